@@ -1,0 +1,2 @@
+//! regen
+fn main() {}

@@ -1,0 +1,5 @@
+//! Symbolic derivation of robot dynamics with closed loops.
+
+pub mod diag;
+pub mod spec;
+pub mod sym;

@@ -1,0 +1,308 @@
+//! The spec as written, validated: every name resolves, every expression is
+//! finite, every label is unique. Nothing here knows dynamics.
+
+use crate::diag::Span;
+use crate::sym::Number;
+
+/// A value and the place in the file that it came from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Spanned<T> {
+    /// The value.
+    pub value: T,
+    /// Where it stands in the file.
+    pub span: Span,
+}
+
+/// A scalar of the spec: its expression as written and its exact value.
+#[derive(Clone, Debug)]
+pub struct Quantity {
+    /// The expression, geometry names unresolved.
+    pub expr: Expr,
+    /// The value at the given geometry.
+    pub value: Number,
+    /// Where it stands in the file.
+    pub span: Span,
+}
+
+/// A function that expressions may call.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Function {
+    /// Square root.
+    Sqrt,
+    /// Sine of radians.
+    Sin,
+    /// Cosine of radians.
+    Cos,
+    /// Tangent of radians.
+    Tan,
+    /// Degrees to radians.
+    Deg,
+}
+
+/// An arithmetic expression over numbers, `pi` and geometry names.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Expr {
+    /// A number from its source text.
+    Number(Number),
+    /// The constant pi.
+    Pi,
+    /// A geometry name.
+    Name(String),
+    /// Negation.
+    Neg(Box<Expr>),
+    /// Sum.
+    Add(Box<Expr>, Box<Expr>),
+    /// Difference.
+    Sub(Box<Expr>, Box<Expr>),
+    /// Product.
+    Mul(Box<Expr>, Box<Expr>),
+    /// Quotient.
+    Div(Box<Expr>, Box<Expr>),
+    /// Power.
+    Pow(Box<Expr>, Box<Expr>),
+    /// A function of one argument.
+    Call(Function, Box<Expr>),
+}
+
+/// A constant plus constant multiples of named things (coordinates, parameters).
+#[derive(Clone, Debug)]
+pub struct LinearForm {
+    /// The constant part.
+    pub constant: Quantity,
+    /// Names with their coefficients, in the order written.
+    pub terms: Vec<(Spanned<String>, Quantity)>,
+    /// Where the whole form stands.
+    pub span: Span,
+}
+
+/// The whole spec.
+#[derive(Clone, Debug)]
+pub struct Spec {
+    /// The generated module's name, a Rust identifier.
+    pub name: Spanned<String>,
+    /// One line about the robot.
+    pub description: Option<String>,
+    /// Gravity in the world frame, m/s^2.
+    pub gravity: [Quantity; 3],
+    /// Named constants in order.
+    pub geometry: Vec<(Spanned<String>, Quantity)>,
+    /// Serial branches in order.
+    pub limbs: Vec<Limb>,
+    /// Joints opened to obtain the tree.
+    pub cuts: Vec<Cut>,
+    /// The independent coordinates, where given.
+    pub independent: Option<Spanned<Vec<Spanned<String>>>>,
+    /// Coordinates tied linearly to others.
+    pub couplings: Vec<(Spanned<String>, LinearForm)>,
+    /// Start of the closure solve by coordinate.
+    pub home: Vec<(Spanned<String>, Quantity)>,
+    /// Where `home` stands, if it is given.
+    pub home_span: Option<Span>,
+    /// Nominal inertias by body label.
+    pub bodies: Vec<(Spanned<String>, BodyInertia)>,
+    /// Choices about the base parameters.
+    pub base: BaseChoices,
+}
+
+/// A serial branch.
+#[derive(Clone, Debug)]
+pub struct Limb {
+    /// Unique name.
+    pub name: Spanned<String>,
+    /// The body it starts from; `None` is the world.
+    pub from: Option<Spanned<String>>,
+    /// Placement of the limb's frame 0 in the `from` frame.
+    pub base: Placement,
+    /// The joints, from the base outward.
+    pub joints: Vec<Joint>,
+    /// Where the limb starts in the file.
+    pub span: Span,
+}
+
+/// A constant pose: translation and fixed-axis roll, pitch, yaw.
+#[derive(Clone, Debug)]
+pub struct Placement {
+    /// Translation, m.
+    pub xyz: [Quantity; 3],
+    /// Roll, pitch, yaw, rad: R = Rz(y) Ry(p) Rx(r).
+    pub rpy: [Quantity; 3],
+}
+
+/// Joint types of `limbs`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum JointKind {
+    /// One rotation.
+    Revolute,
+    /// One translation.
+    Prismatic,
+    /// Rz(n.1) Tz(n.2).
+    Cylindrical,
+    /// Rx(n.1) Ry(n.2).
+    Universal,
+    /// Rz(n.1) Ry(n.2) Rx(n.3).
+    Spherical,
+    /// No coordinate.
+    Fixed,
+}
+
+/// Where a joint's frame stands in the frame before it.
+#[derive(Clone, Debug)]
+pub enum JointFrame {
+    /// Modified Denavit-Hartenberg row: Rx(alpha) Tx(a) Rz(theta) Tz(d).
+    Dh {
+        /// Twist about x, rad.
+        alpha: Quantity,
+        /// Length along x, m.
+        a: Quantity,
+        /// Offset along z, m.
+        d: Quantity,
+        /// Angle about z, rad.
+        theta: Quantity,
+    },
+    /// Any placement.
+    Origin(Placement),
+}
+
+/// An axis of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Axis {
+    /// x
+    X,
+    /// y
+    Y,
+    /// z
+    Z,
+}
+
+/// Friction model of a joint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Friction {
+    /// No friction.
+    None,
+    /// Fv.
+    Viscous,
+    /// Fc.
+    Coulomb,
+    /// Fv, Fc.
+    Linear,
+    /// Fv, Fc+, Fc-.
+    CoulombAsymmetric,
+    /// Fv+, Fc+, Fv-, Fc-.
+    Asymmetric,
+    /// Nonlinear, no columns.
+    Stribeck,
+    /// Nonlinear, no columns.
+    Atan,
+    /// Nonlinear, no columns.
+    Power,
+}
+
+/// A closed interval.
+pub type Interval = [Quantity; 2];
+
+/// Limits of a joint or a cut, all optional.
+#[derive(Clone, Debug, Default)]
+pub struct Limits {
+    /// Position, rad or m.
+    pub position: Option<Interval>,
+    /// Velocity, rad/s or m/s.
+    pub velocity: Option<Interval>,
+    /// Acceleration, rad/s^2 or m/s^2.
+    pub acceleration: Option<Interval>,
+    /// Effort, N m or N.
+    pub effort: Option<Interval>,
+    /// Greatest angle between the z axes before and after, rad.
+    pub cone: Option<Quantity>,
+}
+
+/// A joint of a limb.
+#[derive(Clone, Debug)]
+pub struct Joint {
+    /// Names the coordinate; only `fixed` joints may lack it.
+    pub name: Option<Spanned<String>>,
+    /// Its type.
+    pub kind: Spanned<JointKind>,
+    /// Its frame.
+    pub frame: JointFrame,
+    /// The axis a revolute or prismatic joint moves about or along.
+    pub axis: Axis,
+    /// Label of the body it carries; `None` is massless.
+    pub body: Option<Spanned<String>>,
+    /// Whether each of its coordinates is actuated.
+    pub actuated: bool,
+    /// Friction at each of its coordinates.
+    pub friction: Friction,
+    /// Whether each coordinate has a rotor parameter J.
+    pub rotor_inertia: bool,
+    /// Limits of each coordinate.
+    pub limits: Limits,
+    /// Nominal friction and rotor values by parameter symbol (`Fv`, `Fc`, `J`, ...).
+    pub nominal: Vec<(Spanned<String>, Quantity)>,
+    /// Where the joint starts in the file.
+    pub span: Span,
+}
+
+/// Joint types of `cuts`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum CutKind {
+    /// 3 rows.
+    Spherical,
+    /// 4 rows.
+    Universal,
+    /// 5 rows.
+    Revolute,
+    /// 5 rows.
+    Prismatic,
+    /// 4 rows.
+    Cylindrical,
+    /// 6 rows.
+    Fixed,
+}
+
+/// One side of a cut: a frame on a body.
+#[derive(Clone, Debug)]
+pub struct CutSide {
+    /// Body label; `None` is the world.
+    pub body: Option<Spanned<String>>,
+    /// The frame on that body.
+    pub placement: Placement,
+}
+
+/// A loop closure.
+#[derive(Clone, Debug)]
+pub struct Cut {
+    /// Unique name.
+    pub name: Spanned<String>,
+    /// The joint that was opened.
+    pub kind: Spanned<CutKind>,
+    /// Frame A, then frame B.
+    pub sides: [CutSide; 2],
+    /// Only `cone` is used.
+    pub limits: Limits,
+    /// Where the cut starts in the file.
+    pub span: Span,
+}
+
+/// Nominal inertia of a body.
+#[derive(Clone, Debug)]
+pub struct BodyInertia {
+    /// Mass, kg.
+    pub mass: Quantity,
+    /// Centre of mass in the body's frame, m.
+    pub com: [Quantity; 3],
+    /// `Ixx Ixy Ixz Iyy Iyz Izz` about the centre of mass in body axes, kg m^2.
+    pub inertia: [Quantity; 6],
+}
+
+/// Choices about the base parameters.
+#[derive(Clone, Debug, Default)]
+pub struct BaseChoices {
+    /// Parameters eliminated first, in this order.
+    pub eliminate: Vec<Spanned<String>>,
+    /// Linear forms in the parameters known to be zero.
+    pub zero: Vec<LinearForm>,
+    /// Groups of bodies known to be identical.
+    pub equal: Vec<Vec<Spanned<String>>>,
+    /// Base parameters left out.
+    pub drop: Vec<Spanned<String>>,
+}
