@@ -1,1 +1,16 @@
-//! Exact numbers and expressions.
+//! Exact numbers and expressions: the leaf that knows no robots.
+
+mod angle;
+pub mod eval;
+mod graph;
+mod number;
+pub mod print;
+mod real;
+mod simplify;
+mod surd;
+mod vector;
+
+pub use angle::{Angle, AngleId};
+pub use graph::{Ex, Graph, Node, SymbolId, System, SystemId};
+pub use number::Number;
+pub use vector::{IDENTITY, M3, V3, ZERO3, transposed};

@@ -1,0 +1,158 @@
+//! A chain of links seen from one frame: positions, axes, and the accelerations
+//! that remain where the coordinates' accelerations are zero. Loop closures are
+//! written with these.
+
+use crate::model::MotionKind;
+use crate::sym::{Ex, Graph, IDENTITY, M3, Number, V3, ZERO3};
+
+use super::{Frames, Rates};
+
+/// Where a chain begins: the pose of its first parent in the observing frame.
+#[derive(Clone, Debug)]
+pub struct Start {
+    /// Rotation of the first parent's frame.
+    pub rotation: M3,
+    /// Origin of the first parent's frame.
+    pub origin: V3,
+}
+
+impl Start {
+    /// Seen from the first parent itself.
+    pub fn own() -> Self {
+        Start {
+            rotation: IDENTITY,
+            origin: ZERO3,
+        }
+    }
+}
+
+/// A joint of the chain in the observing frame.
+#[derive(Clone, Copy, Debug)]
+pub struct ChainJoint {
+    /// The coordinate.
+    pub coordinate: usize,
+    /// Turn or slide.
+    pub kind: MotionKind,
+    /// Unit axis.
+    pub axis: V3,
+    /// A point on the axis.
+    pub origin: V3,
+}
+
+/// The last link of a chain and its joints, in the observing frame.
+#[derive(Clone, Debug)]
+pub struct Chain {
+    /// Rotation of the last link.
+    pub rotation: M3,
+    /// Origin of the last link.
+    pub origin: V3,
+    /// Joints from the base outward.
+    pub joints: Vec<ChainJoint>,
+    /// Angular velocity of the last link.
+    pub w: V3,
+    /// Angular reference velocity.
+    pub wr: V3,
+    /// Velocity of the last origin.
+    pub v: V3,
+    /// Reference velocity of the last origin.
+    pub vr: V3,
+    /// Angular acceleration at zero accelerations of the coordinates.
+    pub alpha: V3,
+    /// Acceleration of the last origin at zero accelerations of the coordinates.
+    pub a: V3,
+}
+
+impl Chain {
+    /// Follows `path`, a list of links each standing on the one before.
+    /// Rates may be left out where only the pose and the axes are needed.
+    pub fn follow(g: &mut Graph, frames: &Frames, path: &[usize], start: &Start, rates: Option<&Rates>) -> Chain {
+        let mut chain = Chain {
+            rotation: start.rotation,
+            origin: start.origin,
+            joints: Vec::new(),
+            w: ZERO3,
+            wr: ZERO3,
+            v: ZERO3,
+            vr: ZERO3,
+            alpha: ZERO3,
+            a: ZERO3,
+        };
+        for &link in path {
+            let frame = &frames.links[link];
+            let arm = g.mul_mv(&chain.rotation, &frame.offset);
+            let origin = g.add3(&chain.origin, &arm);
+            let rotation = frames.rotate_columns(g, link, &chain.rotation);
+            let (point_v, point_vr, point_a) = chain.point(g, &arm);
+            chain.origin = origin;
+            chain.rotation = rotation;
+            (chain.v, chain.vr, chain.a) = (point_v, point_vr, point_a);
+            let Some((coordinate, kind, axis)) = frame.joint else {
+                continue;
+            };
+            let axis = g.mul_mv(&chain.rotation, &axis);
+            chain.joints.push(ChainJoint {
+                coordinate,
+                kind,
+                axis,
+                origin,
+            });
+            if let Some(rates) = rates {
+                chain.move_joint(g, kind, &axis, rates.qd[coordinate], rates.rd[coordinate]);
+            }
+        }
+        chain
+    }
+
+    fn move_joint(&mut self, g: &mut Graph, kind: MotionKind, axis: &V3, qd: Ex, rd: Ex) {
+        let with_r = g.cross(&self.w, axis);
+        let with_r = g.scale3(rd, &with_r);
+        let with_q = g.cross(&self.wr, axis);
+        let with_q = g.scale3(qd, &with_q);
+        let both = g.add3(&with_r, &with_q);
+        match kind {
+            MotionKind::Rotation => {
+                let half = half(g);
+                self.alpha = g.add_scaled3(&self.alpha, half, &both);
+                self.w = g.add_scaled3(&self.w, qd, axis);
+                self.wr = g.add_scaled3(&self.wr, rd, axis);
+            }
+            MotionKind::Translation => {
+                self.a = g.add3(&self.a, &both);
+                self.v = g.add_scaled3(&self.v, qd, axis);
+                self.vr = g.add_scaled3(&self.vr, rd, axis);
+            }
+        }
+    }
+
+    /// Velocity, reference velocity and remaining acceleration of a point of
+    /// the last link, `arm` from its origin.
+    pub fn point(&self, g: &mut Graph, arm: &V3) -> (V3, V3, V3) {
+        let swing = g.cross(&self.w, arm);
+        let swing_r = g.cross(&self.wr, arm);
+        let v = g.add3(&self.v, &swing);
+        let vr = g.add3(&self.vr, &swing_r);
+        let tangential = g.cross(&self.alpha, arm);
+        let a = g.add3(&self.a, &tangential);
+        let centripetal = turned_twice(g, &self.w, &self.wr, arm);
+        let a = g.add3(&a, &centripetal);
+        (v, vr, a)
+    }
+}
+
+fn half(g: &mut Graph) -> Ex {
+    Number::ratio(1, 2).map_or(Ex::ONE, |h| g.constant(h))
+}
+
+/// Polar form of w x (w x r).
+pub fn turned_twice(g: &mut Graph, w: &V3, wr: &V3, r: &V3) -> V3 {
+    let inner = g.cross(wr, r);
+    let one = g.cross(w, &inner);
+    if w == wr {
+        return one;
+    }
+    let inner = g.cross(w, r);
+    let two = g.cross(wr, &inner);
+    let sum = g.add3(&one, &two);
+    let half = half(g);
+    g.scale3(half, &sum)
+}

@@ -1,0 +1,268 @@
+//! Where each link's frame stands on its parent: a sequence of turns about
+//! coordinate axes and an offset.
+//!
+//! Turns are applied one after the other, never multiplied out into a matrix:
+//! a turn costs four products for a vector, and nothing where its angle is a
+//! quarter turn.
+
+use crate::model::{Model, MotionKind, Placement, Step};
+use crate::spec::{Axis, Expr, Function, Quantity};
+use crate::sym::{Angle, Ex, Graph, M3, Number, V3, ZERO3};
+
+/// How lengths enter the expressions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Geometry {
+    /// As their exact values: for specialised code.
+    Values,
+    /// As the spec's names: for derivations that a person reads. Angles are
+    /// values all the same.
+    Names,
+}
+
+/// A turn about an axis.
+#[derive(Clone, Copy, Debug)]
+pub struct Turn {
+    axis: Axis,
+    sin: Ex,
+    cos: Ex,
+}
+
+/// The frame of a link on its parent.
+#[derive(Clone, Debug)]
+pub struct LinkFrame {
+    /// Parent link; `None` is the world.
+    pub parent: Option<usize>,
+    /// From the parent's axes to the link's.
+    turns: Vec<Turn>,
+    /// The link's origin in the parent's frame.
+    pub offset: V3,
+    /// The joint's coordinate, its kind, and its axis in the link's frame.
+    pub joint: Option<(usize, MotionKind, V3)>,
+}
+
+/// The frames of all links.
+#[derive(Clone, Debug)]
+pub struct Frames {
+    /// Link by link.
+    pub links: Vec<LinkFrame>,
+    /// Gravity in the world frame.
+    pub gravity: V3,
+    geometry: Geometry,
+}
+
+/// The unit vector of an axis.
+pub fn unit(axis: Axis) -> V3 {
+    let mut v = ZERO3;
+    v[index(axis)] = Ex::ONE;
+    v
+}
+
+fn index(axis: Axis) -> usize {
+    match axis {
+        Axis::X => 0,
+        Axis::Y => 1,
+        Axis::Z => 2,
+    }
+}
+
+impl Turn {
+    /// From the turned frame's axes to the axes before: `R v`.
+    fn out(&self, g: &mut Graph, v: &V3) -> V3 {
+        let (i, j) = match self.axis {
+            Axis::X => (1, 2),
+            Axis::Y => (2, 0),
+            Axis::Z => (0, 1),
+        };
+        let mut r = *v;
+        let (ci, sj) = (g.mul(self.cos, v[i]), g.mul(self.sin, v[j]));
+        let (si, cj) = (g.mul(self.sin, v[i]), g.mul(self.cos, v[j]));
+        r[i] = g.sub(ci, sj);
+        r[j] = g.add(si, cj);
+        r
+    }
+
+    /// From the axes before to the turned frame's: `R^T v`.
+    fn into(&self, g: &mut Graph, v: &V3) -> V3 {
+        let back = Turn {
+            sin: g.neg(self.sin),
+            ..*self
+        };
+        back.out(g, v)
+    }
+}
+
+/// The turns of a placement; neighbours about one axis become one turn.
+fn merged(placement: &Placement, joint: Option<(Axis, Angle)>) -> Vec<(Axis, Angle)> {
+    let mut angles: Vec<(Axis, Angle)> = Vec::new();
+    let steps = placement.iter().filter_map(|step| match step {
+        Step::Rotate(axis, angle) => Some((*axis, Angle::constant(angle.clone()))),
+        Step::Translate(..) => None,
+    });
+    for (axis, angle) in steps.chain(joint) {
+        if angle.terms.is_empty() && angle.constant.is_zero() {
+            continue;
+        }
+        match angles.last_mut() {
+            Some((last, sum)) if *last == axis => *sum = sum.plus(&angle, &Number::one()),
+            _ => angles.push((axis, angle)),
+        }
+    }
+    angles
+}
+
+fn turns(g: &mut Graph, angles: Vec<(Axis, Angle)>) -> Vec<Turn> {
+    let turn = |(axis, angle): (Axis, Angle)| {
+        let (sin, cos) = g.sin_cos(&angle);
+        Turn { axis, sin, cos }
+    };
+    angles.into_iter().map(turn).collect()
+}
+
+/// `R v` for a sequence of turns.
+fn apply_out(g: &mut Graph, turns: &[Turn], v: &V3) -> V3 {
+    turns.iter().rev().fold(*v, |v, turn| turn.out(g, &v))
+}
+
+impl Frames {
+    /// The frames of a mechanism.
+    pub fn new(g: &mut Graph, model: &Model, geometry: Geometry) -> Self {
+        let gravity = {
+            let [x, y, z] = &model.gravity;
+            [x, y, z].map(|q| length(g, q, geometry))
+        };
+        let mut frames = Frames {
+            links: Vec::new(),
+            gravity,
+            geometry,
+        };
+        for link in &model.links {
+            let name = |c: usize| model.coordinates[c].name.as_str();
+            let turning = link.motion.and_then(|m| {
+                (m.kind == MotionKind::Rotation)
+                    .then(|| (m.axis, g.coordinate_angle(name(m.coordinate), &Number::zero())))
+            });
+            let (fixed, mut offset) = frames.placement(g, &link.placement);
+            if let Some(m) = link.motion
+                && m.kind == MotionKind::Translation
+            {
+                let q = g.symbol(name(m.coordinate));
+                let slide = g.scale3(q, &unit(m.axis));
+                let slide = apply_out(g, &fixed, &slide);
+                offset = g.add3(&offset, &slide);
+            }
+            let angles = merged(&link.placement, turning);
+            frames.links.push(LinkFrame {
+                parent: link.parent,
+                turns: turns(g, angles),
+                offset,
+                joint: link.motion.map(|m| (m.coordinate, m.kind, unit(m.axis))),
+            });
+        }
+        frames
+    }
+
+    /// Rotation and translation of a constant placement.
+    fn placement(&self, g: &mut Graph, placement: &Placement) -> (Vec<Turn>, V3) {
+        let mut offset = ZERO3;
+        let mut so_far: Placement = Vec::new();
+        for step in placement {
+            match step {
+                Step::Rotate(..) => so_far.push(step.clone()),
+                Step::Translate(axis, quantity) => {
+                    let shift = length(g, quantity, self.geometry);
+                    let shift = g.scale3(shift, &unit(*axis));
+                    let reached = turns(g, merged(&so_far, None));
+                    let shift = apply_out(g, &reached, &shift);
+                    offset = g.add3(&offset, &shift);
+                }
+            }
+        }
+        (turns(g, merged(&so_far, None)), offset)
+    }
+
+    /// Rotation matrix and translation of a constant placement.
+    pub fn constant(&self, g: &mut Graph, placement: &Placement) -> (M3, V3) {
+        let (turns, offset) = self.placement(g, placement);
+        let columns = [Axis::X, Axis::Y, Axis::Z].map(|axis| apply_out(g, &turns, &unit(axis)));
+        (crate::sym::transposed(&columns), offset)
+    }
+
+    /// A vector from the parent's axes into the link's.
+    pub fn into_link(&self, g: &mut Graph, link: usize, v: &V3) -> V3 {
+        let turns = &self.links[link].turns;
+        turns.iter().fold(*v, |v, turn| turn.into(g, &v))
+    }
+
+    /// A vector from the link's axes into the parent's.
+    pub fn into_parent(&self, g: &mut Graph, link: usize, v: &V3) -> V3 {
+        apply_out(g, &self.links[link].turns, v)
+    }
+
+    /// `M R` for the link's rotation R on its parent.
+    pub fn rotate_columns(&self, g: &mut Graph, link: usize, m: &M3) -> M3 {
+        m.map(|row| self.into_link(g, link, &row))
+    }
+}
+
+/// A length as an expression.
+fn length(g: &mut Graph, quantity: &Quantity, geometry: Geometry) -> Ex {
+    match geometry {
+        Geometry::Values => g.constant(quantity.value.clone()),
+        Geometry::Names => {
+            named(g, &quantity.expr).unwrap_or_else(|| g.constant(quantity.value.clone()))
+        }
+    }
+}
+
+/// An expression of the spec with its names kept; `None` where it is outside
+/// what the graph holds, and its value must do.
+fn named(g: &mut Graph, expr: &Expr) -> Option<Ex> {
+    let pair = |g: &mut Graph, a: &Expr, b: &Expr| Some((named(g, a)?, named(g, b)?));
+    Some(match expr {
+        Expr::Number(n) => g.constant(n.clone()),
+        Expr::Pi => g.constant(Number::pi()),
+        Expr::Name(name) => g.symbol(name),
+        Expr::Neg(a) => {
+            let a = named(g, a)?;
+            g.neg(a)
+        }
+        Expr::Add(a, b) => {
+            let (a, b) = pair(g, a, b)?;
+            g.add(a, b)
+        }
+        Expr::Sub(a, b) => {
+            let (a, b) = pair(g, a, b)?;
+            g.sub(a, b)
+        }
+        Expr::Mul(a, b) => {
+            let (a, b) = pair(g, a, b)?;
+            g.mul(a, b)
+        }
+        Expr::Div(a, b) => {
+            let (a, b) = pair(g, a, b)?;
+            g.div(a, b)?
+        }
+        Expr::Pow(a, b) => {
+            let base = named(g, a)?;
+            let exponent = named(g, b)?;
+            let exponent = g.value(exponent)?.as_i64()?;
+            let mut product = Ex::ONE;
+            for _ in 0..u8::try_from(exponent).ok()? {
+                product = g.mul(product, base);
+            }
+            product
+        }
+        Expr::Call(function, a) => {
+            let a = named(g, a)?;
+            let value = g.value(a)?;
+            let result = match function {
+                Function::Sqrt => value.sqrt()?,
+                Function::Sin => value.sin_cos().0,
+                Function::Cos => value.sin_cos().1,
+                Function::Tan => value.tan()?,
+                Function::Deg => value.mul(&Number::pi()).div(&Number::from_i64(180))?,
+            };
+            g.constant(result)
+        }
+    })
+}

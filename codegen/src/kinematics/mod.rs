@@ -1,0 +1,11 @@
+//! Frames, motions and twists of the links, as expressions.
+
+mod chain;
+mod frames;
+mod motion;
+mod twist;
+
+pub use chain::{Chain, Start};
+pub use frames::{Frames, Geometry, LinkFrame};
+pub use motion::{LinkMotion, Rates, motions};
+pub use twist::{Twist, twists};

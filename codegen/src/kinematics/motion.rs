@@ -1,0 +1,149 @@
+//! Velocities and accelerations of the links in their own frames, from the
+//! base outward (the recursion behind Eq. 1 and 4).
+//!
+//! Everything quadratic in the velocities is carried in polar form, with a
+//! second set of velocities `rd`: where `rd = qd` it is the ordinary motion,
+//! and otherwise the one that passivity-based control needs, since the
+//! symmetric bilinear form of the Coriolis terms is the one of the Christoffel
+//! symbols (Slotine and Li, 1987).
+
+use crate::model::MotionKind;
+use crate::sym::{Ex, Graph, M3, Number, V3, ZERO3};
+
+use super::Frames;
+
+/// Rates of the coordinates.
+#[derive(Clone, Debug)]
+pub struct Rates {
+    /// Velocities.
+    pub qd: Vec<Ex>,
+    /// Reference velocities; the velocities again for the ordinary motion.
+    pub rd: Vec<Ex>,
+    /// Accelerations.
+    pub qdd: Vec<Ex>,
+    /// Whether the base accelerates upward by gravity.
+    pub gravity: bool,
+}
+
+/// The motion of a link, in its own frame, at its own origin.
+#[derive(Clone, Debug)]
+pub struct LinkMotion {
+    /// Angular velocity.
+    pub w: V3,
+    /// Angular reference velocity.
+    pub wr: V3,
+    /// Angular acceleration.
+    pub alpha: V3,
+    /// Acceleration of the origin, less gravity.
+    pub a: V3,
+    /// Polar products of the angular velocities: xx, xy, xz, yy, yz, zz.
+    pub ww: [Ex; 6],
+    /// eta tilde of Eq. 4: (alpha x) + (w x)(w x).
+    pub eta: M3,
+}
+
+/// `(x yr + xr y) / 2`.
+pub(super) fn polar(g: &mut Graph, x: Ex, y: Ex, xr: Ex, yr: Ex) -> Ex {
+    let l = g.mul(x, yr);
+    let r = g.mul(xr, y);
+    let sum = g.add(l, r);
+    let half = Number::ratio(1, 2).map_or(Ex::ONE, |h| g.constant(h));
+    g.mul(half, sum)
+}
+
+/// The motions of all links.
+pub fn motions(g: &mut Graph, frames: &Frames, rates: &Rates, names: Option<&[String]>) -> Vec<LinkMotion> {
+    let mut motions: Vec<LinkMotion> = Vec::new();
+    let base_a = if rates.gravity {
+        g.neg3(&frames.gravity)
+    } else {
+        ZERO3
+    };
+    let base = LinkMotion {
+        w: ZERO3,
+        wr: ZERO3,
+        alpha: ZERO3,
+        a: base_a,
+        ww: [Ex::ZERO; 6],
+        eta: [ZERO3; 3],
+    };
+    for (link, frame) in frames.links.iter().enumerate() {
+        let parent = frame.parent.map_or(&base, |p| &motions[p]).clone();
+        let shift = g.mul_mv(&parent.eta, &frame.offset);
+        let a_parent = g.add3(&parent.a, &shift);
+        let mut w = frames.into_link(g, link, &parent.w);
+        let mut wr = frames.into_link(g, link, &parent.wr);
+        let mut alpha = frames.into_link(g, link, &parent.alpha);
+        let mut a = frames.into_link(g, link, &a_parent);
+        if let Some((coordinate, kind, axis)) = frame.joint {
+            let (qd, rd, qdd) = (
+                rates.qd[coordinate],
+                rates.rd[coordinate],
+                rates.qdd[coordinate],
+            );
+            // polar form of w x (axis qd)
+            let with_r = g.cross(&w, &axis);
+            let with_r = g.scale3(rd, &with_r);
+            let with_q = g.cross(&wr, &axis);
+            let with_q = g.scale3(qd, &with_q);
+            let both = g.add3(&with_r, &with_q);
+            match kind {
+                MotionKind::Rotation => {
+                    let half = Number::ratio(1, 2).map_or(Ex::ONE, |h| g.constant(h));
+                    alpha = g.add_scaled3(&alpha, half, &both);
+                    alpha = g.add_scaled3(&alpha, qdd, &axis);
+                    w = g.add_scaled3(&w, qd, &axis);
+                    wr = g.add_scaled3(&wr, rd, &axis);
+                }
+                MotionKind::Translation => {
+                    a = g.add3(&a, &both);
+                    a = g.add_scaled3(&a, qdd, &axis);
+                }
+            }
+        }
+        let ww = {
+            let mut product = |i: usize, j: usize| polar(g, w[i], w[j], wr[i], wr[j]);
+            [
+                product(0, 0),
+                product(0, 1),
+                product(0, 2),
+                product(1, 1),
+                product(1, 2),
+                product(2, 2),
+            ]
+        };
+        let eta = eta_tilde(g, &ww, &alpha);
+        if let Some(names) = names {
+            let name = &names[link];
+            for (axis, letter) in ["x", "y", "z"].iter().enumerate() {
+                g.name(w[axis], || format!("w_{name}{letter}"));
+                g.name(alpha[axis], || format!("al_{name}{letter}"));
+                g.name(a[axis], || format!("a_{name}{letter}"));
+            }
+        }
+        motions.push(LinkMotion {
+            w,
+            wr,
+            alpha,
+            a,
+            ww,
+            eta,
+        });
+    }
+    motions
+}
+
+/// (alpha x) + (w x)(w x), from the polar products of w.
+pub(super) fn eta_tilde(g: &mut Graph, ww: &[Ex; 6], alpha: &V3) -> M3 {
+    let [xx, xy, xz, yy, yz, zz] = *ww;
+    let mut diagonal = |p: Ex, q: Ex| {
+        let sum = g.add(p, q);
+        g.neg(sum)
+    };
+    let (d0, d1, d2) = (diagonal(yy, zz), diagonal(xx, zz), diagonal(xx, yy));
+    [
+        [d0, g.sub(xy, alpha[2]), g.add(xz, alpha[1])],
+        [g.add(xy, alpha[2]), d1, g.sub(yz, alpha[0])],
+        [g.sub(xz, alpha[1]), g.add(yz, alpha[0]), d2],
+    ]
+}

@@ -1,0 +1,63 @@
+//! Partial velocities: how a unit rate of a coordinate moves each link. In the
+//! Gibbs-Appell equations these are the derivatives of the links' accelerations
+//! by the coordinate's acceleration (Eq. 1).
+
+use crate::model::{Model, MotionKind};
+use crate::sym::{Graph, V3, ZERO3};
+
+use super::Frames;
+
+/// A unit twist in a link's frame, at its origin.
+#[derive(Clone, Copy, Debug)]
+pub struct Twist {
+    /// Angular part.
+    pub e: V3,
+    /// Velocity of the origin.
+    pub u: V3,
+}
+
+impl Twist {
+    /// The unit twist of a joint in the frame of the link that it moves.
+    pub fn of_joint(kind: MotionKind, axis: V3) -> Twist {
+        match kind {
+            MotionKind::Rotation => Twist { e: axis, u: ZERO3 },
+            MotionKind::Translation => Twist { e: ZERO3, u: axis },
+        }
+    }
+
+    /// The twist in the frame of a link that stands on the twist's one.
+    #[must_use]
+    pub fn carried(&self, g: &mut Graph, frames: &Frames, link: usize) -> Twist {
+        let lever = g.cross(&self.e, &frames.links[link].offset);
+        let u = g.add3(&self.u, &lever);
+        Twist {
+            e: frames.into_link(g, link, &self.e),
+            u: frames.into_link(g, link, &u),
+        }
+    }
+}
+
+/// For each link, the unit twists of the coordinates that move it, in the
+/// order from the base outward.
+pub fn twists(g: &mut Graph, frames: &Frames, model: &Model) -> Vec<Vec<(usize, Twist)>> {
+    let mut all: Vec<Vec<(usize, Twist)>> = Vec::new();
+    for (link, frame) in frames.links.iter().enumerate() {
+        let inherited = frame.parent.map_or_else(Vec::new, |p| all[p].clone());
+        let mut own: Vec<(usize, Twist)> = inherited
+            .into_iter()
+            .map(|(c, t)| (c, t.carried(g, frames, link)))
+            .collect();
+        if let Some((coordinate, kind, axis)) = frame.joint {
+            own.push((coordinate, Twist::of_joint(kind, axis)));
+        }
+        for (coordinate, twist) in &own {
+            let (link, coordinate) = (&model.links[link].name, &model.coordinates[*coordinate].name);
+            for (axis, letter) in ["x", "y", "z"].iter().enumerate() {
+                g.name(twist.e[axis], || format!("e_{link}_{coordinate}{letter}"));
+                g.name(twist.u[axis], || format!("u_{link}_{coordinate}{letter}"));
+            }
+        }
+        all.push(own);
+    }
+    all
+}

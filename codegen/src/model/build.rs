@@ -1,0 +1,233 @@
+//! From the validated spec to the mechanism.
+
+use crate::spec::{self, Axis, Joint, JointFrame, JointKind, Spec};
+use crate::sym::Number;
+
+use super::{
+    Body, Coordinate, Coupling, Cut, Link, Model, Motion, MotionKind, Placement, Side, Step,
+    parameters,
+};
+
+/// The single-axis motions that a joint is made of, in order.
+pub(super) fn axes_of(joint: &Joint) -> Vec<(MotionKind, Axis)> {
+    use MotionKind::{Rotation, Translation};
+    match joint.kind.value {
+        JointKind::Revolute => vec![(Rotation, joint.axis)],
+        JointKind::Prismatic => vec![(Translation, joint.axis)],
+        JointKind::Cylindrical => vec![(Rotation, Axis::Z), (Translation, Axis::Z)],
+        JointKind::Universal => vec![(Rotation, Axis::X), (Rotation, Axis::Y)],
+        JointKind::Spherical => vec![
+            (Rotation, Axis::Z),
+            (Rotation, Axis::Y),
+            (Rotation, Axis::X),
+        ],
+        JointKind::Fixed => Vec::new(),
+    }
+}
+
+/// xyz, then R = Rz(y) Ry(p) Rx(r).
+fn placement(p: &spec::Placement) -> Placement {
+    let [x, y, z] = p.xyz.clone();
+    let [roll, pitch, yaw] = p.rpy.clone();
+    vec![
+        Step::Translate(Axis::X, x),
+        Step::Translate(Axis::Y, y),
+        Step::Translate(Axis::Z, z),
+        Step::Rotate(Axis::Z, yaw.value),
+        Step::Rotate(Axis::Y, pitch.value),
+        Step::Rotate(Axis::X, roll.value),
+    ]
+}
+
+/// Rx(alpha) Tx(a) Rz(theta) Tz(d), or any placement.
+fn joint_frame(frame: &JointFrame) -> Placement {
+    match frame {
+        JointFrame::Dh { alpha, a, d, theta } => vec![
+            Step::Rotate(Axis::X, alpha.value.clone()),
+            Step::Translate(Axis::X, a.clone()),
+            Step::Rotate(Axis::Z, theta.value.clone()),
+            Step::Translate(Axis::Z, d.clone()),
+        ],
+        JointFrame::Origin(p) => placement(p),
+    }
+}
+
+/// The mechanism that a validated spec describes.
+pub fn build(spec: &Spec) -> Model {
+    let mut model = Model {
+        gravity: spec.gravity.clone(),
+        links: Vec::new(),
+        coordinates: Vec::new(),
+        bodies: Vec::new(),
+        cuts: Vec::new(),
+        couplings: Vec::new(),
+        independent: Vec::new(),
+        dependent: Vec::new(),
+        actuated: Vec::new(),
+        home: Vec::new(),
+        parameters: Vec::new(),
+    };
+    add_limbs(spec, &mut model);
+    let find_body = |label: &str| {
+        let body = model.bodies.iter().find(|b| b.label == label);
+        body.map(|b| b.link)
+    };
+    let side = |s: &spec::CutSide| Side {
+        link: s.body.as_ref().and_then(|b| find_body(&b.value)),
+        placement: placement(&s.placement),
+    };
+    model.cuts = spec
+        .cuts
+        .iter()
+        .map(|cut| Cut {
+            name: cut.name.value.clone(),
+            kind: cut.kind.value,
+            sides: [side(&cut.sides[0]), side(&cut.sides[1])],
+        })
+        .collect();
+    let find = |name: &str| model.coordinates.iter().position(|c| c.name == name);
+    let couplings = spec.couplings.iter().filter_map(|(key, form)| {
+        Some(Coupling {
+            key: find(&key.value)?,
+            constant: form.constant.value.clone(),
+            terms: form
+                .terms
+                .iter()
+                .filter_map(|(name, factor)| Some((find(&name.value)?, factor.value.clone())))
+                .collect(),
+        })
+    });
+    model.couplings = couplings.collect();
+    let actuated = |m: &Model| -> Vec<usize> {
+        let all = m.coordinates.iter().enumerate();
+        all.filter(|(_, c)| c.actuated).map(|(i, _)| i).collect()
+    };
+    model.actuated = actuated(&model);
+    model.independent = match &spec.independent {
+        Some(names) => {
+            let names = names.value.iter();
+            names.filter_map(|n| find(&n.value)).collect()
+        }
+        None => model.actuated.clone(),
+    };
+    model.dependent = (0..model.coordinates.len())
+        .filter(|c| !model.independent.contains(c))
+        .collect();
+    model.home = vec![Number::zero(); model.coordinates.len()];
+    for (name, value) in &spec.home {
+        if let Some(at) = model.coordinates.iter().position(|c| c.name == name.value) {
+            model.home[at] = value.value.clone();
+        }
+    }
+    model.parameters = parameters::list(spec, &model.bodies, &model.coordinates);
+    model
+}
+
+/// Links, coordinates and bodies. Coordinates and bodies are numbered in the
+/// order of the file; links so that parents come first, which differs where a
+/// limb starts from a body of a later one.
+fn add_limbs(spec: &Spec, model: &mut Model) {
+    let mut first_coordinate = Vec::new();
+    let mut first_body = Vec::new();
+    for limb in &spec.limbs {
+        first_coordinate.push(model.coordinates.len());
+        first_body.push(model.bodies.len());
+        for joint in &limb.joints {
+            let axes = axes_of(joint).len();
+            let base = joint.name.as_ref().map_or("", |n| n.value.as_str());
+            for axis in 0..axes {
+                model.coordinates.push(Coordinate {
+                    name: if axes == 1 {
+                        base.to_owned()
+                    } else {
+                        format!("{base}.{}", axis + 1)
+                    },
+                    link: usize::MAX,
+                    actuated: joint.actuated,
+                    position: joint
+                        .limits
+                        .position
+                        .as_ref()
+                        .map(|[lo, hi]| [lo.value.to_f64(), hi.value.to_f64()]),
+                });
+            }
+            if let Some(body) = &joint.body {
+                model.bodies.push(Body {
+                    label: body.value.clone(),
+                    link: usize::MAX,
+                });
+            }
+        }
+    }
+    // validation has made sure that every limb is rooted at the world
+    let mut waiting = (0..spec.limbs.len()).collect::<Vec<_>>();
+    while !waiting.is_empty() {
+        let before = waiting.len();
+        waiting.retain(|&l| {
+            let limb = &spec.limbs[l];
+            let from = match &limb.from {
+                None => None,
+                Some(label) => {
+                    let body = model.bodies.iter().find(|b| b.label == label.value);
+                    match body {
+                        Some(b) if b.link != usize::MAX => Some(b.link),
+                        _ => return true,
+                    }
+                }
+            };
+            add_limb(limb, from, first_coordinate[l], first_body[l], model);
+            false
+        });
+        if waiting.len() == before {
+            break;
+        }
+    }
+}
+
+fn add_limb(limb: &spec::Limb, from: Option<usize>, coordinate: usize, body: usize, model: &mut Model) {
+    let (mut coordinate, mut body) = (coordinate, body);
+    let mut parent = from;
+    let mut pending = placement(&limb.base);
+    for joint in &limb.joints {
+        pending.extend(joint_frame(&joint.frame));
+        let axes = axes_of(joint);
+        let body_label = joint.body.as_ref().map(|b| b.value.clone());
+        let last = axes.len().saturating_sub(1);
+        for (index, (kind, axis)) in axes.iter().enumerate() {
+            let link = model.links.len();
+            let name = match &body_label {
+                Some(label) if index == last => label.clone(),
+                _ => model.coordinates[coordinate].name.clone(),
+            };
+            model.coordinates[coordinate].link = link;
+            model.links.push(Link {
+                parent,
+                placement: std::mem::take(&mut pending),
+                motion: Some(Motion {
+                    coordinate,
+                    kind: *kind,
+                    axis: *axis,
+                }),
+                name,
+            });
+            parent = Some(link);
+            coordinate += 1;
+        }
+        if let Some(label) = body_label {
+            if axes.is_empty() {
+                let link = model.links.len();
+                model.links.push(Link {
+                    parent,
+                    placement: std::mem::take(&mut pending),
+                    motion: None,
+                    name: label,
+                });
+                parent = Some(link);
+            }
+            if let Some(link) = parent {
+                model.bodies[body].link = link;
+            }
+            body += 1;
+        }
+    }
+}

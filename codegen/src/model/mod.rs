@@ -1,0 +1,174 @@
+//! The mechanism: links, single-axis joints, spanning tree, cuts, and the order
+//! of coordinates and parameters. Compound joints are chains of single-axis
+//! ones with massless links between them.
+
+mod build;
+mod parameters;
+
+pub use build::build;
+pub use parameters::{FrictionColumn, Parameter, ParameterKind};
+
+use crate::spec::{Axis, CutKind, Quantity};
+use crate::sym::Number;
+
+/// One elementary step of a constant placement, in the frame reached so far.
+#[derive(Clone, Debug)]
+pub enum Step {
+    /// A turn about an axis, rad.
+    Rotate(Axis, Number),
+    /// A shift along an axis, m.
+    Translate(Axis, Quantity),
+}
+
+/// A constant placement of one frame in another.
+pub type Placement = Vec<Step>;
+
+/// How a coordinate moves its link.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MotionKind {
+    /// The link turns about the axis.
+    Rotation,
+    /// The link slides along the axis.
+    Translation,
+}
+
+/// The motion of a link in the frame that its placement gives.
+#[derive(Clone, Copy, Debug)]
+pub struct Motion {
+    /// Index of the coordinate.
+    pub coordinate: usize,
+    /// Turn or slide.
+    pub kind: MotionKind,
+    /// About or along which axis of the placed frame.
+    pub axis: Axis,
+}
+
+/// A frame of the tree.
+#[derive(Clone, Debug)]
+pub struct Link {
+    /// The link it stands on; `None` is the world.
+    pub parent: Option<usize>,
+    /// Where it stands on its parent, before the motion.
+    pub placement: Placement,
+    /// Its motion; `None` where it is fixed.
+    pub motion: Option<Motion>,
+    /// A name for generated code: body label or coordinate.
+    pub name: String,
+}
+
+/// A single-axis coordinate.
+#[derive(Clone, Debug)]
+pub struct Coordinate {
+    /// Its name, `s1.2` within compound joints.
+    pub name: String,
+    /// The link that it moves.
+    pub link: usize,
+    /// Whether it is actuated.
+    pub actuated: bool,
+    /// Limits of its position, where given.
+    pub position: Option<[f64; 2]>,
+}
+
+/// A body: a link with inertia.
+#[derive(Clone, Debug)]
+pub struct Body {
+    /// Its label.
+    pub label: String,
+    /// The link whose frame is the body's.
+    pub link: usize,
+}
+
+/// One side of a cut.
+#[derive(Clone, Debug)]
+pub struct Side {
+    /// The link that carries the frame; `None` is the world.
+    pub link: Option<usize>,
+    /// The frame on that link.
+    pub placement: Placement,
+}
+
+/// A loop closure.
+#[derive(Clone, Debug)]
+pub struct Cut {
+    /// Its name.
+    pub name: String,
+    /// The joint that was opened.
+    pub kind: CutKind,
+    /// Frame A, then frame B.
+    pub sides: [Side; 2],
+}
+
+/// A coordinate tied linearly to others: `key = constant + sum`.
+#[derive(Clone, Debug)]
+pub struct Coupling {
+    /// The tied coordinate.
+    pub key: usize,
+    /// The constant part.
+    pub constant: Number,
+    /// Other coordinates with their factors.
+    pub terms: Vec<(usize, Number)>,
+}
+
+/// A mechanism ready to be derived.
+#[derive(Clone, Debug)]
+pub struct Model {
+    /// Gravity in the world frame, m/s^2.
+    pub gravity: [Quantity; 3],
+    /// Frames, parents before children.
+    pub links: Vec<Link>,
+    /// Coordinates in the spec's order.
+    pub coordinates: Vec<Coordinate>,
+    /// Bodies in the order of declaration.
+    pub bodies: Vec<Body>,
+    /// Loop closures in the spec's order.
+    pub cuts: Vec<Cut>,
+    /// Linear ties in the spec's order.
+    pub couplings: Vec<Coupling>,
+    /// Independent coordinates, in the order given.
+    pub independent: Vec<usize>,
+    /// The other coordinates, in the order of coordinates.
+    pub dependent: Vec<usize>,
+    /// Actuated coordinates, in the order of coordinates.
+    pub actuated: Vec<usize>,
+    /// Start of the closure by coordinate.
+    pub home: Vec<Number>,
+    /// The dynamic parameters in order.
+    pub parameters: Vec<Parameter>,
+}
+
+impl Model {
+    /// The links from the world's side down to `link`, itself included.
+    pub fn path(&self, link: Option<usize>) -> Vec<usize> {
+        let mut path = Vec::new();
+        let mut at = link;
+        while let Some(i) = at {
+            path.push(i);
+            at = self.links[i].parent;
+        }
+        path.reverse();
+        path
+    }
+
+    /// The coordinates that move a link.
+    pub fn moved_by(&self, link: Option<usize>) -> Vec<usize> {
+        self.path(link)
+            .into_iter()
+            .filter_map(|l| self.links[l].motion.map(|m| m.coordinate))
+            .collect()
+    }
+
+    /// Whether the mechanism has loops or ties.
+    pub fn is_closed(&self) -> bool {
+        !self.cuts.is_empty() || !self.couplings.is_empty()
+    }
+}
+
+/// How many equations a cut of this kind has.
+pub fn rows_of(kind: CutKind) -> usize {
+    match kind {
+        CutKind::Spherical => 3,
+        CutKind::Universal | CutKind::Cylindrical => 4,
+        CutKind::Revolute | CutKind::Prismatic => 5,
+        CutKind::Fixed => 6,
+    }
+}

@@ -1,0 +1,133 @@
+//! The dynamic parameters and their order.
+
+use crate::spec::{Friction, Spec};
+
+use super::{Body, Coordinate};
+
+/// A linear friction column in the row of its joint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FrictionColumn {
+    /// `Fv`: qd.
+    Viscous,
+    /// `Fc`: sgn(qd).
+    Coulomb,
+    /// `Fv+`: qd where qd > 0.
+    ViscousPositive,
+    /// `Fv-`: qd where qd < 0.
+    ViscousNegative,
+    /// `Fc+`: 1 where qd > 0.
+    CoulombPositive,
+    /// `Fc-`: -1 where qd < 0.
+    CoulombNegative,
+}
+
+impl FrictionColumn {
+    /// The columns of a friction kind, in order (Eq. 14, 15).
+    pub fn of(kind: Friction) -> &'static [FrictionColumn] {
+        use FrictionColumn as C;
+        match kind {
+            Friction::None | Friction::Stribeck | Friction::Atan | Friction::Power => &[],
+            Friction::Viscous => &[C::Viscous],
+            Friction::Coulomb => &[C::Coulomb],
+            Friction::Linear => &[C::Viscous, C::Coulomb],
+            Friction::CoulombAsymmetric => &[C::Viscous, C::CoulombPositive, C::CoulombNegative],
+            Friction::Asymmetric => &[
+                C::ViscousPositive,
+                C::CoulombPositive,
+                C::ViscousNegative,
+                C::CoulombNegative,
+            ],
+        }
+    }
+
+    /// The symbol in labels.
+    pub fn symbol(self) -> &'static str {
+        match self {
+            FrictionColumn::Viscous => "Fv",
+            FrictionColumn::Coulomb => "Fc",
+            FrictionColumn::ViscousPositive => "Fv+",
+            FrictionColumn::ViscousNegative => "Fv-",
+            FrictionColumn::CoulombPositive => "Fc+",
+            FrictionColumn::CoulombNegative => "Fc-",
+        }
+    }
+}
+
+/// The ten inertial parameters of a body, about its frame's origin in its axes.
+pub const INERTIAL: [&str; 10] = [
+    "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "mx", "my", "mz", "m",
+];
+
+/// What a parameter is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ParameterKind {
+    /// One of the ten of a body.
+    Inertial {
+        /// Index of the body.
+        body: usize,
+        /// Index in [`INERTIAL`].
+        entry: usize,
+    },
+    /// A friction coefficient at a coordinate.
+    Friction {
+        /// Index of the coordinate.
+        coordinate: usize,
+        /// Which column.
+        column: FrictionColumn,
+    },
+    /// Rotor and drive inertia at a coordinate (Eq. 18).
+    Rotor {
+        /// Index of the coordinate.
+        coordinate: usize,
+    },
+}
+
+/// A dynamic parameter.
+#[derive(Clone, Debug)]
+pub struct Parameter {
+    /// Its label, such as `Ixx(3)`, `Fc+(q2)`, `J(q2)`.
+    pub label: String,
+    /// What it is.
+    pub kind: ParameterKind,
+}
+
+/// The parameters in order: ten per body, then friction coordinate by
+/// coordinate, then rotors (Eq. 20).
+pub(super) fn list(spec: &Spec, bodies: &[Body], coordinates: &[Coordinate]) -> Vec<Parameter> {
+    let mut parameters = Vec::new();
+    for (index, body) in bodies.iter().enumerate() {
+        for (entry, symbol) in INERTIAL.iter().enumerate() {
+            parameters.push(Parameter {
+                label: format!("{symbol}({})", body.label),
+                kind: ParameterKind::Inertial { body: index, entry },
+            });
+        }
+    }
+    // the joint behind each coordinate, in the order of coordinates
+    let joints = spec
+        .limbs
+        .iter()
+        .flat_map(|limb| &limb.joints)
+        .flat_map(|joint| std::iter::repeat_n(joint, super::build::axes_of(joint).len()))
+        .collect::<Vec<_>>();
+    for (index, (coordinate, joint)) in coordinates.iter().zip(&joints).enumerate() {
+        for column in FrictionColumn::of(joint.friction) {
+            parameters.push(Parameter {
+                label: format!("{}({})", column.symbol(), coordinate.name),
+                kind: ParameterKind::Friction {
+                    coordinate: index,
+                    column: *column,
+                },
+            });
+        }
+    }
+    for (index, (coordinate, joint)) in coordinates.iter().zip(&joints).enumerate() {
+        if joint.rotor_inertia {
+            parameters.push(Parameter {
+                label: format!("J({})", coordinate.name),
+                kind: ParameterKind::Rotor { coordinate: index },
+            });
+        }
+    }
+    parameters
+}

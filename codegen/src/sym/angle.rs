@@ -1,0 +1,143 @@
+//! Angles: linear forms in the symbols, the only arguments of sine and cosine.
+//!
+//! Keeping the argument linear makes the sum of angles about parallel axes an
+//! addition of forms, and lets sines and cosines of related angles share.
+
+use super::graph::{Ex, Graph, Node, SymbolId};
+use super::number::Number;
+
+/// An [`Angle`] of a [`Graph`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct AngleId(pub(super) u32);
+
+impl AngleId {
+    /// The angle's index, in order of creation.
+    pub fn index(self) -> usize {
+        self.0 as usize
+    }
+}
+
+/// A constant plus constant multiples of symbols, in radians.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub struct Angle {
+    /// Coefficients by symbol, in the symbols' order, none zero.
+    pub terms: Vec<(SymbolId, Number)>,
+    /// The constant part.
+    pub constant: Number,
+}
+
+impl Angle {
+    /// A constant angle.
+    pub fn constant(constant: Number) -> Self {
+        Angle {
+            terms: Vec::new(),
+            constant,
+        }
+    }
+
+    /// A symbol alone.
+    pub fn symbol(symbol: SymbolId) -> Self {
+        Angle {
+            terms: vec![(symbol, Number::one())],
+            constant: Number::zero(),
+        }
+    }
+
+    /// `self + factor * other`.
+    #[must_use]
+    pub fn plus(&self, other: &Angle, factor: &Number) -> Angle {
+        let mut terms = self.terms.clone();
+        for (symbol, coefficient) in &other.terms {
+            let coefficient = coefficient.mul(factor);
+            match terms.binary_search_by_key(symbol, |t| t.0) {
+                Ok(at) => {
+                    let sum = terms[at].1.add(&coefficient);
+                    if sum.is_zero() {
+                        terms.remove(at);
+                    } else {
+                        terms[at].1 = sum;
+                    }
+                }
+                Err(at) => terms.insert(at, (*symbol, coefficient)),
+            }
+        }
+        Angle {
+            terms,
+            constant: self.constant.add(&other.constant.mul(factor)),
+        }
+    }
+
+    /// The negative angle.
+    #[must_use]
+    pub fn negated(&self) -> Angle {
+        Angle::constant(Number::zero()).plus(self, &Number::from_i64(-1))
+    }
+
+    pub(super) fn symbol_nodes(&self, graph: &Graph) -> Vec<Ex> {
+        self.terms
+            .iter()
+            .map(|(symbol, _)| graph.symbol_node(*symbol))
+            .collect()
+    }
+
+    /// Splits the constant part into quarter turns (mod 4) and a remainder in
+    /// [0, pi/2), where it is a rational multiple of pi.
+    fn quarter_turns(&self) -> (u8, Number) {
+        let Some(multiple) = self.constant.pi_multiple() else {
+            return (0, self.constant.clone());
+        };
+        // multiple * 2, floored, counts the quarter turns
+        let doubled = Number::from_rational(multiple).mul(&Number::from_i64(2));
+        let floor = doubled.floor_i64().unwrap_or(0);
+        let quarters = Number::from_i64(floor);
+        let half_pi = Number::pi().div(&Number::from_i64(2));
+        let rest = half_pi.map_or_else(
+            || self.constant.clone(),
+            |h| self.constant.sub(&h.mul(&quarters)),
+        );
+        (floor.rem_euclid(4) as u8, rest)
+    }
+}
+
+impl Graph {
+    fn intern_angle(&mut self, angle: Angle) -> AngleId {
+        if let Some(&id) = self.angle_lookup.get(&angle) {
+            return id;
+        }
+        let id = AngleId(u32::try_from(self.angles.len()).unwrap_or(u32::MAX));
+        for (symbol, _) in &angle.terms {
+            self.intern(Node::Symbol(*symbol));
+        }
+        self.angles.push(angle.clone());
+        self.angle_lookup.insert(angle, id);
+        id
+    }
+
+    /// Sine and cosine of an angle.
+    ///
+    /// Constant angles give constants; quarter turns and the sign are taken out
+    /// first, so that `sin(-q)`, `cos(q + pi/2)` and `sin(q)` share one node.
+    pub fn sin_cos(&mut self, angle: &Angle) -> (Ex, Ex) {
+        if angle.terms.is_empty() {
+            let (sin, cos) = angle.constant.sin_cos();
+            return (self.constant(sin), self.constant(cos));
+        }
+        if angle.terms[0].1.is_negative() {
+            let (sin, cos) = self.sin_cos(&angle.negated());
+            return (self.neg(sin), cos);
+        }
+        let (turns, rest) = angle.quarter_turns();
+        let id = self.intern_angle(Angle {
+            terms: angle.terms.clone(),
+            constant: rest,
+        });
+        let sin = self.intern(Node::Sin(id));
+        let cos = self.intern(Node::Cos(id));
+        match turns {
+            0 => (sin, cos),
+            1 => (cos, self.neg(sin)),
+            2 => (self.neg(sin), self.neg(cos)),
+            _ => (self.neg(cos), sin),
+        }
+    }
+}

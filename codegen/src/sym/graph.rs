@@ -1,0 +1,333 @@
+//! The expression DAG: an arena of hash-consed nodes, built only through the
+//! smart constructors of `simplify.rs`.
+//!
+//! Two expressions that are built alike are the same node, so sharing is there
+//! by construction and nothing is ever expanded to be shared again afterwards.
+//! Constants are exact [`Number`]s and never negative: a negative constant is
+//! [`Node::Neg`] of a positive one, like every other negative expression, so
+//! that `x` and `-x` share.
+
+use rustc_hash::FxHashMap;
+
+use super::angle::{Angle, AngleId};
+use super::number::Number;
+
+/// A node of a [`Graph`], valid only with the graph that made it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Ex(pub(super) u32);
+
+impl Ex {
+    /// The constant 0 of every graph.
+    pub const ZERO: Ex = Ex(0);
+    /// The constant 1 of every graph.
+    pub const ONE: Ex = Ex(1);
+
+    /// The node's index in its arena: children have smaller ones.
+    pub fn index(self) -> usize {
+        self.0 as usize
+    }
+
+    /// Whether this is the constant 0. Structural: an expression that merely
+    /// evaluates to 0 is not found.
+    pub fn is_zero(self) -> bool {
+        self == Ex::ZERO
+    }
+}
+
+/// A free symbol (a coordinate, a velocity, a parameter, a geometry name).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct SymbolId(pub(super) u32);
+
+impl SymbolId {
+    /// The symbol's index, in order of creation.
+    pub fn index(self) -> usize {
+        self.0 as usize
+    }
+}
+
+/// A solved linear system of a graph.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct SystemId(pub(super) u32);
+
+impl SystemId {
+    /// The system's index, in order of creation.
+    pub fn index(self) -> usize {
+        self.0 as usize
+    }
+}
+
+/// What a node is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Node {
+    /// A non-negative constant.
+    Constant(u32),
+    /// A free symbol.
+    Symbol(SymbolId),
+    /// The negative of an expression that is itself no negative.
+    Neg(Ex),
+    /// A sum; the smaller id first.
+    Add(Ex, Ex),
+    /// A difference; the smaller id first.
+    Sub(Ex, Ex),
+    /// A product; a constant factor stands first, else the smaller id.
+    Mul(Ex, Ex),
+    /// A quotient by something that is no constant.
+    Div(Ex, Ex),
+    /// Sine of a linear form in the symbols.
+    Sin(AngleId),
+    /// Cosine of a linear form in the symbols.
+    Cos(AngleId),
+    /// -1, 0 or 1 by the sign.
+    Sign(Ex),
+    /// 1 where positive, else 0.
+    Positive(Ex),
+    /// 1 where negative, else 0.
+    Negative(Ex),
+    /// Entry (row, column) of the solution of a linear system.
+    Solved(SystemId, u32, u32),
+}
+
+/// A linear system `A Z = B` with its solution by elimination in a fixed order
+/// of pivots and what is needed to solve it anew where that order is unfit.
+#[derive(Clone, Debug)]
+pub struct System {
+    /// All rows of A, also those that the fixed order leaves out.
+    pub matrix: Vec<Vec<Ex>>,
+    /// All rows of B.
+    pub rhs: Vec<Vec<Ex>>,
+    /// Z by the fixed order of pivots: unknowns by right-hand sides.
+    pub fixed: Vec<Vec<Ex>>,
+    /// The pivots with their usual size over the workspace.
+    pub pivots: Vec<(Ex, f64)>,
+}
+
+/// The arena of expressions.
+#[derive(Debug)]
+pub struct Graph {
+    pub(super) nodes: Vec<Node>,
+    pub(super) lookup: FxHashMap<Node, Ex>,
+    pub(super) numbers: Vec<Number>,
+    pub(super) number_lookup: FxHashMap<Number, u32>,
+    pub(super) angles: Vec<Angle>,
+    pub(super) angle_lookup: FxHashMap<Angle, AngleId>,
+    symbols: Vec<String>,
+    symbol_lookup: FxHashMap<String, SymbolId>,
+    systems: Vec<System>,
+    names: FxHashMap<Ex, String>,
+}
+
+impl Default for Graph {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Graph {
+    /// An empty graph: only 0 and 1.
+    pub fn new() -> Self {
+        let mut graph = Graph {
+            nodes: Vec::new(),
+            lookup: FxHashMap::default(),
+            numbers: Vec::new(),
+            number_lookup: FxHashMap::default(),
+            angles: Vec::new(),
+            angle_lookup: FxHashMap::default(),
+            symbols: Vec::new(),
+            symbol_lookup: FxHashMap::default(),
+            systems: Vec::new(),
+            names: FxHashMap::default(),
+        };
+        graph.constant(Number::zero());
+        graph.constant(Number::one());
+        graph
+    }
+
+    /// What a node is.
+    pub fn node(&self, ex: Ex) -> Node {
+        self.nodes[ex.index()]
+    }
+
+    /// How many nodes there are.
+    pub fn len(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// Never: 0 and 1 are always there.
+    pub fn is_empty(&self) -> bool {
+        self.nodes.is_empty()
+    }
+
+    pub(super) fn intern(&mut self, node: Node) -> Ex {
+        if let Some(&ex) = self.lookup.get(&node) {
+            return ex;
+        }
+        let ex = Ex(u32::try_from(self.nodes.len()).unwrap_or(u32::MAX));
+        self.nodes.push(node);
+        self.lookup.insert(node, ex);
+        ex
+    }
+
+    /// The constant with this exact value.
+    pub fn constant(&mut self, value: Number) -> Ex {
+        if value.is_negative() {
+            let positive = self.constant(value.neg());
+            return self.intern(Node::Neg(positive));
+        }
+        let id = match self.number_lookup.get(&value) {
+            Some(&id) => id,
+            None => {
+                let id = u32::try_from(self.numbers.len()).unwrap_or(u32::MAX);
+                self.numbers.push(value.clone());
+                self.number_lookup.insert(value, id);
+                id
+            }
+        };
+        self.intern(Node::Constant(id))
+    }
+
+    /// A small integer constant.
+    pub fn integer(&mut self, value: i64) -> Ex {
+        self.constant(Number::from_i64(value))
+    }
+
+    /// The value of a constant node, negative ones included.
+    pub fn value(&self, ex: Ex) -> Option<Number> {
+        match self.node(ex) {
+            Node::Constant(id) => Some(self.numbers[id as usize].clone()),
+            Node::Neg(inner) => match self.node(inner) {
+                Node::Constant(id) => Some(self.numbers[id as usize].neg()),
+                _ => None,
+            },
+            _ => None,
+        }
+    }
+
+    /// The number behind a [`Node::Constant`].
+    pub fn number(&self, id: u32) -> &Number {
+        &self.numbers[id as usize]
+    }
+
+    /// The symbol of this name, made at its first use.
+    pub fn symbol(&mut self, name: &str) -> Ex {
+        let id = self.symbol_id(name);
+        self.intern(Node::Symbol(id))
+    }
+
+    /// The id of the symbol of this name, made at its first use.
+    pub fn symbol_id(&mut self, name: &str) -> SymbolId {
+        if let Some(&id) = self.symbol_lookup.get(name) {
+            return id;
+        }
+        let id = SymbolId(u32::try_from(self.symbols.len()).unwrap_or(u32::MAX));
+        self.symbols.push(name.to_owned());
+        self.symbol_lookup.insert(name.to_owned(), id);
+        id
+    }
+
+    /// A symbol's name.
+    pub fn symbol_name(&self, id: SymbolId) -> &str {
+        &self.symbols[id.index()]
+    }
+
+    /// How many symbols there are.
+    pub fn symbol_count(&self) -> usize {
+        self.symbols.len()
+    }
+
+    /// The linear form behind an [`AngleId`].
+    pub fn angle(&self, id: AngleId) -> &Angle {
+        &self.angles[id.index()]
+    }
+
+    /// Keeps a system; its solution is then read with [`Graph::solved`].
+    pub fn add_system(&mut self, system: System) -> SystemId {
+        let id = SystemId(u32::try_from(self.systems.len()).unwrap_or(u32::MAX));
+        self.systems.push(system);
+        id
+    }
+
+    /// The system behind an id.
+    pub fn system(&self, id: SystemId) -> &System {
+        &self.systems[id.index()]
+    }
+
+    /// Entry (row, column) of a system's solution. Where the fixed order of
+    /// pivots gives a constant, that constant.
+    pub fn solved(&mut self, id: SystemId, row: usize, column: usize) -> Ex {
+        let fixed = self.systems[id.index()].fixed[row][column];
+        if self.value(fixed).is_some() {
+            return fixed;
+        }
+        self.intern(Node::Solved(id, row as u32, column as u32))
+    }
+
+    /// Suggests a name for a value in the generated code; the first one stays.
+    /// Constants and symbols have names of their own.
+    pub fn name(&mut self, ex: Ex, name: impl FnOnce() -> String) {
+        let target = match self.node(ex) {
+            Node::Neg(inner) => inner,
+            _ => ex,
+        };
+        if matches!(
+            self.node(target),
+            Node::Constant(_) | Node::Symbol(_) | Node::Sin(_) | Node::Cos(_)
+        ) {
+            return;
+        }
+        self.names.entry(target).or_insert_with(name);
+    }
+
+    /// The suggested name of a value.
+    pub fn name_of(&self, ex: Ex) -> Option<&str> {
+        self.names.get(&ex).map(String::as_str)
+    }
+
+    /// The nodes that a node is computed from directly.
+    pub fn children(&self, ex: Ex) -> Vec<Ex> {
+        match self.node(ex) {
+            Node::Constant(_) | Node::Symbol(_) => Vec::new(),
+            Node::Neg(a) | Node::Sign(a) | Node::Positive(a) | Node::Negative(a) => vec![a],
+            Node::Add(a, b) | Node::Sub(a, b) | Node::Mul(a, b) | Node::Div(a, b) => vec![a, b],
+            Node::Sin(angle) | Node::Cos(angle) => self.angles[angle.index()].symbol_nodes(self),
+            Node::Solved(system, ..) => {
+                let system = &self.systems[system.index()];
+                let rows = system.matrix.iter().chain(&system.rhs).chain(&system.fixed);
+                rows.flatten()
+                    .copied()
+                    .chain(system.pivots.iter().map(|p| p.0))
+                    .collect()
+            }
+        }
+    }
+
+    pub(super) fn symbol_node(&self, id: SymbolId) -> Ex {
+        // A symbol's node is made with its id wherever expressions are built.
+        self.lookup
+            .get(&Node::Symbol(id))
+            .copied()
+            .unwrap_or(Ex::ZERO)
+    }
+
+    /// How many operations the expressions take that are not among `known`
+    /// yet: the price of building them, with everything shared counted once.
+    /// The nodes counted join `known`.
+    pub fn price(&self, roots: impl IntoIterator<Item = Ex>, known: &mut Vec<bool>) -> usize {
+        known.resize(self.nodes.len(), false);
+        let mut stack: Vec<Ex> = roots.into_iter().collect();
+        let mut price = 0;
+        while let Some(ex) = stack.pop() {
+            if std::mem::replace(&mut known[ex.index()], true) {
+                continue;
+            }
+            price += match self.node(ex) {
+                Node::Constant(_) | Node::Symbol(_) | Node::Neg(_) | Node::Solved(..) => 0,
+                Node::Add(..) | Node::Sub(..) | Node::Mul(..) => 1,
+                Node::Sign(_) | Node::Positive(_) | Node::Negative(_) => 1,
+                Node::Div(..) => 6,
+                Node::Sin(_) | Node::Cos(_) => 10,
+            };
+            stack.extend(self.children(ex));
+        }
+        price
+    }
+}
