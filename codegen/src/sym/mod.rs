@@ -1,1 +1,7 @@
 //! Exact numbers and expressions.
+
+mod number;
+mod real;
+mod surd;
+
+pub use number::Number;
