@@ -1,0 +1,535 @@
+//! Exact constants: sums of `rational * sqrt(squarefree integer) * pi^k`.
+//!
+//! Square roots of distinct squarefree integers are independent over the rationals and pi is transcendental,
+//! so such a sum is zero only when it has no terms: the zero test is exact.
+
+use core::cmp::Ordering;
+
+use dashu_int::ops::{BitTest, SquareRoot, UnsignedAbs};
+use dashu_int::{IBig, Sign, UBig};
+use dashu_ratio::RBig;
+
+use super::real::{PRECISION, Real, nearest_f64, pi_fixed, shifted, signed};
+
+const MAX_TERMS: usize = 64;
+const MAX_BITS: usize = 4096;
+const MAX_PI_POWER: u32 = 64;
+/// Division by a sum conjugates once per independent root, doubling the sum each time.
+const MAX_CONJUGATIONS: usize = 4;
+/// Trial division stops here.
+const MAX_TRIAL: u64 = 1_000_000;
+
+/// `coefficient * sqrt(radicand) * pi^pi_power`; the radicand is squarefree, the coefficient nonzero.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Term {
+    pub(super) pi_power: i32,
+    pub(super) radicand: u128,
+    pub(super) coefficient: RBig,
+}
+
+impl Term {
+    fn key(&self) -> (i32, u128) {
+        (self.pi_power, self.radicand)
+    }
+
+    pub(super) fn is_negative(&self) -> bool {
+        self.coefficient.sign() == Sign::Negative
+    }
+}
+
+/// A sum of terms in increasing order of pi's power and the radicand; no terms is zero.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Surd {
+    terms: Vec<Term>,
+}
+
+impl Surd {
+    pub(super) fn zero() -> Self {
+        Self { terms: Vec::new() }
+    }
+
+    pub(super) fn rational(value: RBig) -> Self {
+        Self::monomial(value, 1, 0)
+    }
+
+    /// The radicand must be squarefree.
+    pub(super) fn monomial(coefficient: RBig, radicand: u128, pi_power: i32) -> Self {
+        let term = Term {
+            pi_power,
+            radicand,
+            coefficient,
+        };
+        let terms = if term.coefficient.is_zero() {
+            Vec::new()
+        } else {
+            vec![term]
+        };
+        Self { terms }
+    }
+
+    pub(super) fn terms(&self) -> &[Term] {
+        &self.terms
+    }
+
+    pub(super) fn is_zero(&self) -> bool {
+        self.terms.is_empty()
+    }
+
+    pub(super) fn as_rational(&self) -> Option<RBig> {
+        match self.terms.as_slice() {
+            [] => Some(RBig::ZERO),
+            [term] if term.key() == (0, 1) => Some(term.coefficient.clone()),
+            _ => None,
+        }
+    }
+
+    pub(super) fn is_one(&self) -> bool {
+        matches!(self.terms.as_slice(), [term] if term.key() == (0, 1) && term.coefficient.is_one())
+    }
+
+    /// `Some(r)` of exactly `r * pi`.
+    pub(super) fn pi_multiple(&self) -> Option<RBig> {
+        match self.terms.as_slice() {
+            [] => Some(RBig::ZERO),
+            [term] if term.key() == (1, 1) => Some(term.coefficient.clone()),
+            _ => None,
+        }
+    }
+
+    /// The sign where the terms show it.
+    pub(super) fn obvious_sign(&self) -> Option<Ordering> {
+        let Some(first) = self.terms.first() else {
+            return Some(Ordering::Equal);
+        };
+        let negative = first.is_negative();
+        if self.terms.iter().any(|term| term.is_negative() != negative) {
+            None
+        } else if negative {
+            Some(Ordering::Less)
+        } else {
+            Some(Ordering::Greater)
+        }
+    }
+
+    pub(super) fn neg(&self) -> Self {
+        let mut result = self.clone();
+        for term in &mut result.terms {
+            term.coefficient = -&term.coefficient;
+        }
+        result
+    }
+
+    pub(super) fn add(&self, other: &Self) -> Option<Self> {
+        let mut terms = Vec::with_capacity(self.terms.len() + other.terms.len());
+        let (mut left, mut right) = (self.terms.iter().peekable(), other.terms.iter().peekable());
+        loop {
+            let order = match (left.peek(), right.peek()) {
+                (Some(a), Some(b)) => a.key().cmp(&b.key()),
+                (Some(_), None) => Ordering::Less,
+                (None, Some(_)) => Ordering::Greater,
+                (None, None) => return Self { terms }.bounded(),
+            };
+            let from_left = if order.is_le() { left.next() } else { None };
+            let from_right = if order.is_ge() { right.next() } else { None };
+            match (from_left, from_right) {
+                (Some(a), Some(b)) => {
+                    let coefficient = &a.coefficient + &b.coefficient;
+                    if !coefficient.is_zero() {
+                        terms.push(Term { coefficient, ..*a });
+                    }
+                }
+                (a, b) => terms.extend(a.or(b).cloned()),
+            }
+        }
+    }
+
+    pub(super) fn mul(&self, other: &Self) -> Option<Self> {
+        if self.terms.len() * other.terms.len() > MAX_TERMS * MAX_TERMS {
+            return None;
+        }
+        let mut products = Vec::with_capacity(self.terms.len() * other.terms.len());
+        for a in &self.terms {
+            for b in &other.terms {
+                let common = gcd(a.radicand, b.radicand);
+                let radicand = (a.radicand / common).checked_mul(b.radicand / common)?;
+                let mut coefficient = &a.coefficient * &b.coefficient;
+                if common > 1 {
+                    coefficient = coefficient * UBig::from(common);
+                }
+                products.push(Term {
+                    pi_power: a.pi_power.checked_add(b.pi_power)?,
+                    radicand,
+                    coefficient,
+                });
+            }
+        }
+        products.sort_by_key(Term::key);
+        let mut terms: Vec<Term> = Vec::with_capacity(products.len());
+        for product in products {
+            match terms.last_mut() {
+                Some(last) if last.key() == product.key() => {
+                    last.coefficient += product.coefficient;
+                }
+                _ => terms.push(product),
+            }
+        }
+        terms.retain(|term| !term.coefficient.is_zero());
+        Self { terms }.bounded()
+    }
+
+    /// One over this: of a single term, or of a sum with one common power of pi and few independent roots.
+    pub(super) fn reciprocal(&self) -> Option<Self> {
+        let first = self.terms.first()?;
+        if self
+            .terms
+            .iter()
+            .any(|term| term.pi_power != first.pi_power)
+        {
+            return None;
+        }
+        let pi_power = -first.pi_power;
+        let mut divisor = self.times_pi_power(pi_power);
+        let atoms = coprime_atoms(self.terms.iter().map(|term| term.radicand));
+        let mut numerator = Self::rational(RBig::ONE);
+        if self.terms.len() == 1 {
+            numerator = Self::monomial(RBig::ONE, first.radicand, 0);
+            divisor = divisor.mul(&numerator)?;
+        } else if atoms.len() > MAX_CONJUGATIONS {
+            return None;
+        } else {
+            for atom in atoms {
+                // (A + B sqrt(atom)) (A - B sqrt(atom)) has no sqrt(atom), and is not zero
+                let conjugate = divisor.conjugate(atom);
+                if conjugate != divisor {
+                    numerator = numerator.mul(&conjugate)?;
+                    divisor = divisor.mul(&conjugate)?;
+                }
+            }
+        }
+        let divisor = divisor.as_rational().filter(|value| !value.is_zero())?;
+        numerator.mul(&Self::monomial(RBig::ONE / divisor, 1, pi_power))
+    }
+
+    /// The nonnegative root where it stays within these sums and can be found quickly. The value must not be
+    /// negative.
+    pub(super) fn sqrt(&self) -> Option<Self> {
+        let Some(first) = self.terms.first() else {
+            return Some(Self::zero());
+        };
+        let pi_power = first.pi_power;
+        if pi_power % 2 != 0 || self.terms.iter().any(|term| term.pi_power != pi_power) {
+            return None;
+        }
+        let root = match self.terms.as_slice() {
+            [term] if term.radicand == 1 => sqrt_rational(&term.coefficient)?,
+            // sqrt(a + b sqrt(c)) = sqrt((a + d) / 2) + sign(b) sqrt((a - d) / 2), d = sqrt(a^2 - b^2 c)
+            [a, b] if a.radicand == 1 && !a.is_negative() => {
+                let a = &a.coefficient;
+                let norm = a * a - &b.coefficient * &b.coefficient * UBig::from(b.radicand);
+                let d = sqrt_rational(&norm)?.as_rational()?;
+                let half = RBig::from_parts(IBig::ONE, UBig::from(2u8));
+                let large = sqrt_rational(&((a + &d) * &half))?;
+                let small = sqrt_rational(&((a - &d) * &half))?;
+                if b.is_negative() {
+                    large.add(&small.neg())?
+                } else {
+                    large.add(&small)?
+                }
+            }
+            _ => return None,
+        };
+        root.times_pi_power(pi_power / 2).bounded()
+    }
+
+    /// To within 2^-bits of its own size: `(sign, magnitude, exponent)`.
+    pub(super) fn approximate(&self, bits: usize) -> (Sign, UBig, i64) {
+        const GUARD: usize = 32;
+        const MAX_EXTRA: usize = 1 << 17;
+        let Some(top) = self.terms.iter().map(top_of_term).max() else {
+            return (Sign::Positive, UBig::ZERO, 0);
+        };
+        let mut extra = 0;
+        loop {
+            let scale = signed(bits + GUARD + extra) - top;
+            let working = bits + 2 * GUARD + extra;
+            let mut sum = IBig::ZERO;
+            for term in &self.terms {
+                let magnitude = term_at_scale(term, scale, working);
+                sum += IBig::from_parts(term.coefficient.sign(), magnitude);
+            }
+            let (sign, magnitude) = sum.into_parts();
+            let known = magnitude.bit_len();
+            // terms that cancel need more bits to start with
+            if known >= bits + GUARD / 2 || self.terms.len() == 1 || extra > MAX_EXTRA {
+                return (sign, magnitude, -scale);
+            }
+            extra = 2 * extra + (bits + GUARD - known);
+        }
+    }
+
+    pub(super) fn to_real(&self) -> Real {
+        let (sign, magnitude, exponent) = self.approximate(PRECISION);
+        Real::new(sign, magnitude, exponent)
+    }
+
+    /// The nearest `f64`, ties to even: of the exact value, not of an approximation.
+    pub(super) fn to_f64(&self) -> f64 {
+        if let Some(value) = self.as_rational() {
+            return rational_to_f64(&value);
+        }
+        let mut bits = 2 * 64;
+        loop {
+            let (sign, magnitude, exponent) = self.approximate(bits);
+            // an irrational value is no midpoint: enough bits always tell
+            let slack = UBig::ONE << (magnitude.bit_len().saturating_sub(bits));
+            let above = nearest_f64(sign, &(&magnitude + &slack), exponent, false);
+            if magnitude <= slack {
+                return above;
+            }
+            let below = nearest_f64(sign, &(magnitude - slack), exponent, false);
+            if above.to_bits() == below.to_bits() || bits > 1 << 14 {
+                return above;
+            }
+            bits *= 2;
+        }
+    }
+
+    fn times_pi_power(&self, power: i32) -> Self {
+        let mut result = self.clone();
+        for term in &mut result.terms {
+            term.pi_power += power;
+        }
+        result
+    }
+
+    /// With `sqrt(atom)` replaced by its negative.
+    fn conjugate(&self, atom: u128) -> Self {
+        let mut result = self.clone();
+        for term in &mut result.terms {
+            if term.radicand.is_multiple_of(atom) {
+                term.coefficient = -&term.coefficient;
+            }
+        }
+        result
+    }
+
+    /// `None` of a value too large to keep exact.
+    fn bounded(self) -> Option<Self> {
+        let fits = |term: &Term| {
+            term.coefficient.numerator().bit_len() <= MAX_BITS
+                && term.coefficient.denominator().bit_len() <= MAX_BITS
+                && term.pi_power.unsigned_abs() <= MAX_PI_POWER
+        };
+        (self.terms.len() <= MAX_TERMS && self.terms.iter().all(fits)).then_some(self)
+    }
+}
+
+/// The exact cosine of `turn * pi`, `turn` in `[0, 2)`, where square roots of rationals express it: at
+/// multiples of pi/12 and of pi/5. (No other angles have such cosines.)
+pub(super) fn cos_of_pi_times(turn: &RBig) -> Option<Surd> {
+    let steps = |per_half_turn: u8| {
+        let steps = turn * UBig::from(per_half_turn);
+        (steps.is_int()).then(|| u8::try_from(steps.numerator()).ok())?
+    };
+    let ratio = |n: i8, d: u8, radicand| {
+        Surd::monomial(RBig::from_parts(IBig::from(n), UBig::from(d)), radicand, 0)
+    };
+    if let Some(twelfths) = steps(12) {
+        let twelfths = if twelfths > 12 {
+            24 - twelfths
+        } else {
+            twelfths
+        };
+        let negative = twelfths > 6;
+        let value = match if negative { 12 - twelfths } else { twelfths } {
+            0 => ratio(1, 1, 1),
+            1 => ratio(1, 4, 2).add(&ratio(1, 4, 6))?,
+            2 => ratio(1, 2, 3),
+            3 => ratio(1, 2, 2),
+            4 => ratio(1, 2, 1),
+            5 => ratio(-1, 4, 2).add(&ratio(1, 4, 6))?,
+            _ => Surd::zero(),
+        };
+        return Some(if negative { value.neg() } else { value });
+    }
+    let fifths = steps(5)?;
+    let fifths = if fifths > 5 { 10 - fifths } else { fifths };
+    let (sign, rational) = match fifths {
+        1 => (1, 1),
+        2 => (1, -1),
+        3 => (-1, 1),
+        _ => (-1, -1),
+    };
+    ratio(rational, 4, 1).add(&ratio(sign, 4, 5))
+}
+
+/// An upper bound of the logarithm to base two, at most a few too large.
+fn top_of_term(term: &Term) -> i64 {
+    let power = i64::from(term.pi_power);
+    let pi_bits = if power >= 0 {
+        (5 * power + 2) / 3
+    } else {
+        3 * power / 2 + 1
+    };
+    signed(term.coefficient.numerator().bit_len())
+        - signed(term.coefficient.denominator().bit_len())
+        + 1
+        + i64::from((u128::BITS - term.radicand.leading_zeros()).div_ceil(2))
+        + pi_bits
+}
+
+/// `|term| * 2^scale` rounded down, with roots and powers of pi good to `working` bits.
+fn term_at_scale(term: &Term, scale: i64, working: usize) -> UBig {
+    let mut numerator = term.coefficient.numerator().unsigned_abs();
+    let mut denominator = term.coefficient.denominator().clone();
+    let mut scale = scale;
+    if term.radicand > 1 {
+        numerator *= (UBig::from(term.radicand) << (2 * working)).sqrt();
+        scale -= signed(working);
+    }
+    if term.pi_power != 0 {
+        let pi = pi_fixed(working);
+        let mut power = pi.clone();
+        for _ in 1..term.pi_power.unsigned_abs() {
+            power = (power * &pi) >> working;
+        }
+        if term.pi_power > 0 {
+            numerator *= power;
+            scale -= signed(working);
+        } else {
+            denominator *= power;
+            scale += signed(working);
+        }
+    }
+    if scale >= 0 {
+        shifted(numerator, scale) / denominator
+    } else {
+        numerator / shifted(denominator, -scale)
+    }
+}
+
+fn rational_to_f64(value: &RBig) -> f64 {
+    let numerator = value.numerator().unsigned_abs();
+    let denominator = value.denominator();
+    // a quotient of at least 64 bits, beyond the 53 that stay
+    let shift = 65 + signed(denominator.bit_len()) - signed(numerator.bit_len());
+    let (quotient, exact) = if shift >= 0 {
+        let scaled = shifted(numerator, shift);
+        let quotient = &scaled / denominator;
+        let exact = &quotient * denominator == scaled;
+        (quotient, exact)
+    } else {
+        let scaled = shifted(denominator.clone(), -shift);
+        let quotient = &numerator / &scaled;
+        let exact = &quotient * &scaled == numerator;
+        (quotient, exact)
+    };
+    nearest_f64(value.sign(), &quotient, -shift, !exact)
+}
+
+/// The exact root of a rational, `None` of a negative one and where factors stay unknown.
+fn sqrt_rational(value: &RBig) -> Option<Surd> {
+    if value.is_zero() {
+        return Some(Surd::zero());
+    }
+    if value.sign() == Sign::Negative {
+        return None;
+    }
+    let (root_n, free_n) = square_part(&value.numerator().unsigned_abs())?;
+    let (root_d, free_d) = square_part(value.denominator())?;
+    // numerator and denominator are coprime, so the product stays squarefree
+    let radicand = free_n.checked_mul(free_d)?;
+    let coefficient = RBig::from_parts(IBig::from(root_n), root_d * UBig::from(free_d));
+    Surd::monomial(coefficient, radicand, 0).bounded()
+}
+
+/// `n = root^2 * free` with `free` surely squarefree.
+fn square_part(n: &UBig) -> Option<(UBig, u128)> {
+    let whole = n.sqrt();
+    if &(&whole * &whole) == n {
+        return Some((whole, 1));
+    }
+    let mut rest = n.clone();
+    let (mut root, mut free) = (UBig::ONE, 1u128);
+    for prime in [2u8, 3, 5, 7] {
+        let power = rest.remove(&UBig::from(prime)).unwrap_or(0);
+        root *= UBig::from(prime).pow(power / 2);
+        if power % 2 == 1 {
+            free *= u128::from(prime);
+        }
+    }
+    let whole = rest.sqrt();
+    if whole.clone() * &whole == rest {
+        return Some((root * whole, free));
+    }
+    let mut rest = u128::try_from(&rest).ok()?;
+    let mut trial = 11u64;
+    while trial < MAX_TRIAL && !within_cube(rest, trial) {
+        if remainder(rest, trial) == 0 {
+            rest /= u128::from(trial);
+            if remainder(rest, trial) == 0 {
+                rest /= u128::from(trial);
+                root *= UBig::from(trial);
+                continue;
+            }
+            free = free.checked_mul(u128::from(trial))?;
+        }
+        trial += 2;
+    }
+    // with no factor below `trial`, a number up to its cube is prime, a product of two, or a square
+    let whole = rest.isqrt();
+    if whole * whole == rest {
+        return Some((root * UBig::from(whole), free));
+    }
+    if !within_cube(rest, trial) {
+        return None;
+    }
+    Some((root, free.checked_mul(rest)?))
+}
+
+fn within_cube(n: u128, trial: u64) -> bool {
+    let trial = u128::from(trial);
+    n < trial * trial * trial
+}
+
+/// Division of 64 bits is much faster than of 128.
+fn remainder(n: u128, divisor: u64) -> u64 {
+    match u64::try_from(n) {
+        Ok(n) => n % divisor,
+        Err(_) => (n % u128::from(divisor)) as u64,
+    }
+}
+
+/// Pairwise coprime numbers above one of which every one of these squarefree numbers is a product.
+///
+/// Their roots are independent, as those of primes are, and finding them takes no factoring.
+fn coprime_atoms(numbers: impl Iterator<Item = u128>) -> Vec<u128> {
+    let mut atoms: Vec<u128> = Vec::new();
+    for mut number in numbers {
+        for index in 0..atoms.len() {
+            let common = gcd(number, atoms[index]);
+            if common > 1 {
+                let rest = atoms[index] / common;
+                number /= common;
+                atoms[index] = common;
+                if rest > 1 {
+                    atoms.push(rest);
+                }
+            }
+        }
+        if number > 1 {
+            atoms.push(number);
+        }
+    }
+    atoms
+}
+
+fn gcd(mut a: u128, mut b: u128) -> u128 {
+    if a == 1 || b == 1 {
+        return 1;
+    }
+    while b != 0 {
+        (a, b) = (b, a % b);
+    }
+    a
+}
