@@ -1,1 +1,5 @@
 //! From YAML to a validated spec.
+
+mod types;
+
+pub use types::*;

@@ -3,6 +3,8 @@
 //! Keeping the argument linear makes the sum of angles about parallel axes an
 //! addition of forms, and lets sines and cosines of related angles share.
 
+use dashu_ratio::RBig;
+
 use super::graph::{Ex, Graph, Node, SymbolId};
 use super::number::Number;
 
@@ -86,16 +88,15 @@ impl Angle {
         let Some(multiple) = self.constant.pi_multiple() else {
             return (0, self.constant.clone());
         };
-        // multiple * 2, floored, counts the quarter turns
-        let doubled = Number::from_rational(multiple).mul(&Number::from_i64(2));
-        let floor = doubled.floor_i64().unwrap_or(0);
-        let quarters = Number::from_i64(floor);
+        // twice the multiple, floored, counts the quarter turns
+        let floor = (multiple * RBig::from(2)).floor();
+        let quarters = Number::from_rational(RBig::from(floor.clone()));
         let half_pi = Number::pi().div(&Number::from_i64(2));
         let rest = half_pi.map_or_else(
             || self.constant.clone(),
             |h| self.constant.sub(&h.mul(&quarters)),
         );
-        (floor.rem_euclid(4) as u8, rest)
+        (i64::try_from(floor).map_or(0, |f| f.rem_euclid(4) as u8), rest)
     }
 }
 
