@@ -3,8 +3,9 @@
 //! written with these.
 
 use crate::model::MotionKind;
-use crate::sym::{Ex, Graph, IDENTITY, M3, Number, V3, ZERO3};
+use crate::sym::{Ex, Graph, IDENTITY, M3, V3, ZERO3};
 
+use super::motion::half;
 use super::{Frames, Rates};
 
 /// Where a chain begins: the pose of its first parent in the observing frame.
@@ -137,10 +138,6 @@ impl Chain {
         let a = g.add3(&a, &centripetal);
         (v, vr, a)
     }
-}
-
-fn half(g: &mut Graph) -> Ex {
-    Number::ratio(1, 2).map_or(Ex::ONE, |h| g.constant(h))
 }
 
 /// Polar form of w x (w x r).

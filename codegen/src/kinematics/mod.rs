@@ -5,7 +5,7 @@ mod frames;
 mod motion;
 mod twist;
 
-pub use chain::{Chain, Start};
-pub use frames::{Frames, Geometry, LinkFrame};
+pub use chain::{Chain, ChainJoint, Start, turned_twice};
+pub use frames::{Frames, Geometry, LinkFrame, Turn, unit};
 pub use motion::{LinkMotion, Rates, motions};
 pub use twist::{Twist, twists};

@@ -42,46 +42,74 @@ pub struct LinkMotion {
     pub eta: M3,
 }
 
+pub(super) fn half(g: &mut Graph) -> Ex {
+    Number::ratio(1, 2).map_or(Ex::ONE, |h| g.constant(h))
+}
+
 /// `(x yr + xr y) / 2`.
-pub(super) fn polar(g: &mut Graph, x: Ex, y: Ex, xr: Ex, yr: Ex) -> Ex {
+fn polar(g: &mut Graph, x: Ex, y: Ex, xr: Ex, yr: Ex) -> Ex {
     let l = g.mul(x, yr);
     let r = g.mul(xr, y);
     let sum = g.add(l, r);
-    let half = Number::ratio(1, 2).map_or(Ex::ONE, |h| g.constant(h));
+    let half = half(g);
     g.mul(half, sum)
 }
 
 /// The motions of all links.
-pub fn motions(g: &mut Graph, frames: &Frames, rates: &Rates, names: Option<&[String]>) -> Vec<LinkMotion> {
+pub fn motions(
+    g: &mut Graph,
+    frames: &Frames,
+    rates: &Rates,
+    names: Option<&[String]>,
+) -> Vec<LinkMotion> {
+    let mut base = LinkMotion::rest();
+    if rates.gravity {
+        base.a = g.neg3(&frames.gravity);
+    }
     let mut motions: Vec<LinkMotion> = Vec::new();
-    let base_a = if rates.gravity {
-        g.neg3(&frames.gravity)
-    } else {
-        ZERO3
-    };
-    let base = LinkMotion {
-        w: ZERO3,
-        wr: ZERO3,
-        alpha: ZERO3,
-        a: base_a,
-        ww: [Ex::ZERO; 6],
-        eta: [ZERO3; 3],
-    };
     for (link, frame) in frames.links.iter().enumerate() {
-        let parent = frame.parent.map_or(&base, |p| &motions[p]).clone();
-        let shift = g.mul_mv(&parent.eta, &frame.offset);
-        let a_parent = g.add3(&parent.a, &shift);
-        let mut w = frames.into_link(g, link, &parent.w);
-        let mut wr = frames.into_link(g, link, &parent.wr);
-        let mut alpha = frames.into_link(g, link, &parent.alpha);
+        let parent = frame.parent.map_or(&base, |p| &motions[p]);
+        let motion = parent.carried(g, frames, link, rates);
+        if let Some(names) = names {
+            let name = &names[link];
+            for (axis, letter) in ["x", "y", "z"].iter().enumerate() {
+                g.name(motion.w[axis], || format!("w_{name}{letter}"));
+                g.name(motion.alpha[axis], || format!("al_{name}{letter}"));
+                g.name(motion.a[axis], || format!("a_{name}{letter}"));
+            }
+        }
+        motions.push(motion);
+    }
+    motions
+}
+
+impl LinkMotion {
+    /// No motion.
+    pub fn rest() -> Self {
+        LinkMotion {
+            w: ZERO3,
+            wr: ZERO3,
+            alpha: ZERO3,
+            a: ZERO3,
+            ww: [Ex::ZERO; 6],
+            eta: [ZERO3; 3],
+        }
+    }
+
+    /// The motion of a link that stands on this one.
+    #[must_use]
+    pub fn carried(&self, g: &mut Graph, frames: &Frames, link: usize, rates: &Rates) -> Self {
+        let frame = &frames.links[link];
+        let shift = g.mul_mv(&self.eta, &frame.offset);
+        let a_parent = g.add3(&self.a, &shift);
+        let mut w = frames.into_link(g, link, &self.w);
+        let mut wr = frames.into_link(g, link, &self.wr);
+        let mut alpha = frames.into_link(g, link, &self.alpha);
         let mut a = frames.into_link(g, link, &a_parent);
         if let Some((coordinate, kind, axis)) = frame.joint {
-            let (qd, rd, qdd) = (
-                rates.qd[coordinate],
-                rates.rd[coordinate],
-                rates.qdd[coordinate],
-            );
-            // polar form of w x (axis qd)
+            let (qd, rd) = (rates.qd[coordinate], rates.rd[coordinate]);
+            let qdd = rates.qdd[coordinate];
+            // 2 w x (axis qd), in polar form
             let with_r = g.cross(&w, &axis);
             let with_r = g.scale3(rd, &with_r);
             let with_q = g.cross(&wr, &axis);
@@ -89,7 +117,7 @@ pub fn motions(g: &mut Graph, frames: &Frames, rates: &Rates, names: Option<&[St
             let both = g.add3(&with_r, &with_q);
             match kind {
                 MotionKind::Rotation => {
-                    let half = Number::ratio(1, 2).map_or(Ex::ONE, |h| g.constant(h));
+                    let half = half(g);
                     alpha = g.add_scaled3(&alpha, half, &both);
                     alpha = g.add_scaled3(&alpha, qdd, &axis);
                     w = g.add_scaled3(&w, qd, &axis);
@@ -101,40 +129,29 @@ pub fn motions(g: &mut Graph, frames: &Frames, rates: &Rates, names: Option<&[St
                 }
             }
         }
-        let ww = {
-            let mut product = |i: usize, j: usize| polar(g, w[i], w[j], wr[i], wr[j]);
-            [
-                product(0, 0),
-                product(0, 1),
-                product(0, 2),
-                product(1, 1),
-                product(1, 2),
-                product(2, 2),
-            ]
-        };
+        let mut product = |i: usize, j: usize| polar(g, w[i], w[j], wr[i], wr[j]);
+        let ww = [
+            product(0, 0),
+            product(0, 1),
+            product(0, 2),
+            product(1, 1),
+            product(1, 2),
+            product(2, 2),
+        ];
         let eta = eta_tilde(g, &ww, &alpha);
-        if let Some(names) = names {
-            let name = &names[link];
-            for (axis, letter) in ["x", "y", "z"].iter().enumerate() {
-                g.name(w[axis], || format!("w_{name}{letter}"));
-                g.name(alpha[axis], || format!("al_{name}{letter}"));
-                g.name(a[axis], || format!("a_{name}{letter}"));
-            }
-        }
-        motions.push(LinkMotion {
+        LinkMotion {
             w,
             wr,
             alpha,
             a,
             ww,
             eta,
-        });
+        }
     }
-    motions
 }
 
 /// (alpha x) + (w x)(w x), from the polar products of w.
-pub(super) fn eta_tilde(g: &mut Graph, ww: &[Ex; 6], alpha: &V3) -> M3 {
+fn eta_tilde(g: &mut Graph, ww: &[Ex; 6], alpha: &V3) -> M3 {
     let [xx, xy, xz, yy, yz, zz] = *ww;
     let mut diagonal = |p: Ex, q: Ex| {
         let sum = g.add(p, q);

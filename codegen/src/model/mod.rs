@@ -6,7 +6,7 @@ mod build;
 mod parameters;
 
 pub use build::build;
-pub use parameters::{FrictionColumn, Parameter, ParameterKind};
+pub use parameters::{FrictionColumn, INERTIAL, Parameter, ParameterKind};
 
 use crate::spec::{Axis, CutKind, Quantity};
 use crate::sym::Number;

@@ -1,0 +1,18 @@
+//! Loop closures: the equations f, their Jacobian A and bias b (Eq. 6-7), the
+//! partition into independent and dependent coordinates (Eq. 8-9), and
+//! X = A_e^-1 A_i (Eq. 10) by an elimination laid out for the structure.
+
+mod closed;
+mod elimination;
+mod home;
+mod loops;
+mod rows;
+mod samples;
+mod view;
+
+pub use closed::{Closed, Closure};
+pub use elimination::{Plan, eliminate, plan};
+pub use home::{HomeProblem, close_home};
+pub use loops::{LoopEquations, Viewpoint};
+pub use rows::{Equations, Form, world_equations};
+pub use samples::closed_states;

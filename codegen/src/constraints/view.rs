@@ -1,0 +1,164 @@
+//! One side of a cut, seen from an observing frame.
+
+use crate::kinematics::{Chain, Frames, LinkMotion, Rates, Start, Twist};
+use crate::model::{MotionKind, Side};
+use crate::sym::{Ex, Graph, M3, V3, ZERO3, transposed};
+
+/// How a unit rate of a coordinate moves points of a side.
+#[derive(Clone, Copy, Debug)]
+pub enum Column {
+    /// About an axis through a point.
+    Turn {
+        /// Unit axis.
+        axis: V3,
+        /// A point on it.
+        through: V3,
+    },
+    /// Along an axis.
+    Slide(V3),
+    /// A twist at the observing frame's origin.
+    Twist(Twist),
+}
+
+impl Column {
+    /// Angular part.
+    pub fn angular(&self) -> V3 {
+        match self {
+            Column::Turn { axis, .. } => *axis,
+            Column::Slide(_) => ZERO3,
+            Column::Twist(t) => t.e,
+        }
+    }
+
+    /// Velocity of a point.
+    pub fn at(&self, g: &mut Graph, point: &V3) -> V3 {
+        match self {
+            Column::Turn { axis, through } => {
+                let arm = g.sub3(point, through);
+                g.cross(axis, &arm)
+            }
+            Column::Slide(axis) => *axis,
+            Column::Twist(t) => {
+                let swing = g.cross(&t.e, point);
+                g.add3(&t.u, &swing)
+            }
+        }
+    }
+}
+
+/// A side of a cut in the observing frame.
+#[derive(Clone, Debug)]
+pub struct View {
+    /// Origin of the cut's frame.
+    pub point: V3,
+    /// Axes of the cut's frame, as rows.
+    pub axes: [V3; 3],
+    /// Unit motions by coordinate.
+    pub columns: Vec<(usize, Column)>,
+    /// Angular velocity.
+    pub w: V3,
+    /// Angular reference velocity.
+    pub wr: V3,
+    /// Velocity of the point.
+    pub v: V3,
+    /// Reference velocity of the point.
+    pub vr: V3,
+    /// Angular acceleration at zero accelerations of the coordinates.
+    pub alpha: V3,
+    /// Acceleration of the point at zero accelerations of the coordinates.
+    pub a: V3,
+}
+
+impl View {
+    /// Seen from the frame in which the chain's first parent has the pose `start`.
+    pub fn along(g: &mut Graph, frames: &Frames, path: &[usize], side: &Side, start: &Start, rates: Option<&Rates>) -> View {
+        let (turn, shift) = frames.constant(g, &side.placement);
+        let chain = Chain::follow(g, frames, path, start, rates);
+        let arm = g.mul_mv(&chain.rotation, &shift);
+        let rotation = g.mul_mm(&chain.rotation, &turn);
+        let (v, vr, a) = chain.point(g, &arm);
+        View {
+            point: g.add3(&chain.origin, &arm),
+            axes: transposed(&rotation),
+            columns: chain
+                .joints
+                .iter()
+                .map(|joint| {
+                    let column = match joint.kind {
+                        MotionKind::Rotation => Column::Turn {
+                            axis: joint.axis,
+                            through: joint.origin,
+                        },
+                        MotionKind::Translation => Column::Slide(joint.axis),
+                    };
+                    (joint.coordinate, column)
+                })
+                .collect(),
+            w: chain.w,
+            wr: chain.wr,
+            v,
+            vr,
+            alpha: chain.alpha,
+            a,
+        }
+    }
+
+    /// Seen from the side's own link.
+    pub fn own(g: &mut Graph, frames: &Frames, path: &[usize], side: &Side, rates: Option<&Rates>) -> View {
+        let (turn, point) = frames.constant(g, &side.placement);
+        let mut twists: Vec<(usize, Twist)> = Vec::new();
+        let mut motion = LinkMotion::rest();
+        for &link in path {
+            twists = twists
+                .into_iter()
+                .map(|(c, t)| (c, t.carried(g, frames, link)))
+                .collect();
+            if let Some((coordinate, kind, axis)) = frames.links[link].joint {
+                twists.push((coordinate, Twist::of_joint(kind, axis)));
+            }
+            if let Some(rates) = rates {
+                motion = motion.carried(g, frames, link, rates);
+            }
+        }
+        let columns: Vec<(usize, Column)> = twists
+            .into_iter()
+            .map(|(c, t)| (c, Column::Twist(t)))
+            .collect();
+        let (mut v, mut vr) = (ZERO3, ZERO3);
+        if let Some(rates) = rates {
+            for (coordinate, column) in &columns {
+                let at = column.at(g, &point);
+                v = g.add_scaled3(&v, rates.qd[*coordinate], &at);
+                vr = g.add_scaled3(&vr, rates.rd[*coordinate], &at);
+            }
+        }
+        let shift = g.mul_mv(&motion.eta, &point);
+        View {
+            point,
+            axes: transposed(&turn),
+            columns,
+            w: motion.w,
+            wr: motion.wr,
+            v,
+            vr,
+            alpha: motion.alpha,
+            a: g.add3(&motion.a, &shift),
+        }
+    }
+
+    /// The pose of the chain's first parent, seen from its last link.
+    pub fn back(g: &mut Graph, frames: &Frames, path: &[usize]) -> Start {
+        let chain = Chain::follow(g, frames, path, &Start::own(), None);
+        let rotation: M3 = transposed(&chain.rotation);
+        let origin = g.mul_mv(&rotation, &chain.origin);
+        Start {
+            rotation,
+            origin: g.neg3(&origin),
+        }
+    }
+}
+
+/// Whether every entry is the constant 0.
+pub(super) fn is_zero_row(row: &[Ex]) -> bool {
+    row.iter().all(|e| e.is_zero())
+}
