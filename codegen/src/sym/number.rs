@@ -34,6 +34,18 @@ const MAX_POWER: u64 = 1000;
 /// robots that is out of the question.
 ///
 /// Cloning is cheap.
+///
+/// ```
+/// use regen_codegen::sym::Number;
+///
+/// let sixth = Number::pi().div(&Number::from_i64(6)).expect("6 is not zero");
+/// let (sine, cosine) = sixth.sin_cos();
+/// assert_eq!(sine.to_string(), "1/2");
+/// assert_eq!(cosine.to_string(), "sqrt(3)/2");
+///
+/// let (s, c) = Number::parse_decimal("0.3").expect("a decimal").sin_cos();
+/// assert!(s.mul(&s).add(&c.mul(&c)).is_one());
+/// ```
 #[derive(Clone)]
 pub struct Number(Arc<Inner>);
 
@@ -41,6 +53,8 @@ struct Inner {
     exact: Option<Surd>,
     /// Found on demand if there is an exact value, there from the start if not.
     real: OnceLock<Real>,
+    /// [`Number::to_f64`], found on demand.
+    double: OnceLock<f64>,
 }
 
 impl Number {
@@ -294,10 +308,10 @@ impl Number {
 
     /// The nearest `f64`, ties to even; infinite beyond its range.
     pub fn to_f64(&self) -> f64 {
-        match &self.0.exact {
+        *self.0.double.get_or_init(|| match &self.0.exact {
             Some(exact) => exact.to_f64(),
             None => self.real().to_f64(),
-        }
+        })
     }
 
     /// Whether [`Number::to_f64`] is finite.
@@ -307,27 +321,20 @@ impl Number {
 
     /// The order of the values, `Equal` exactly where `==` holds.
     pub fn cmp_value(&self, other: &Self) -> Ordering {
-        if let (Some(a), Some(b)) = (self.as_rational(), other.as_rational()) {
-            return a.cmp(&b);
-        }
         if self == other {
             return Ordering::Equal;
         }
-        if self.real().agrees(other.real()) {
-            // only exact values are unequal and this close
-            return if self.sub(other).is_negative() {
-                Ordering::Less
-            } else {
-                Ordering::Greater
-            };
+        match (&self.0.exact, &other.0.exact) {
+            (Some(a), Some(b)) if self.real().agrees(other.real()) => a.cmp(b),
+            _ => self.real().cmp(other.real()),
         }
-        self.real().cmp(other.real())
     }
 
     fn exact(value: Surd) -> Self {
         Self(Arc::new(Inner {
             exact: Some(value),
             real: OnceLock::new(),
+            double: OnceLock::new(),
         }))
     }
 
@@ -353,6 +360,7 @@ impl Number {
         Self(Arc::new(Inner {
             exact: None,
             real: OnceLock::from(value),
+            double: OnceLock::new(),
         }))
     }
 

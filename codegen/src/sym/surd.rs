@@ -120,6 +120,22 @@ impl Surd {
     }
 
     pub(super) fn add(&self, other: &Self) -> Option<Self> {
+        self.sum(other).bounded()
+    }
+
+    /// The order of two values, however close.
+    pub(super) fn cmp(&self, other: &Self) -> Ordering {
+        let difference = self.sum(&other.neg());
+        difference.obvious_sign().unwrap_or_else(|| {
+            if difference.approximate(1).0 == Sign::Negative {
+                Ordering::Less
+            } else {
+                Ordering::Greater
+            }
+        })
+    }
+
+    fn sum(&self, other: &Self) -> Self {
         let mut terms = Vec::with_capacity(self.terms.len() + other.terms.len());
         let (mut left, mut right) = (self.terms.iter().peekable(), other.terms.iter().peekable());
         loop {
@@ -127,7 +143,7 @@ impl Surd {
                 (Some(a), Some(b)) => a.key().cmp(&b.key()),
                 (Some(_), None) => Ordering::Less,
                 (None, Some(_)) => Ordering::Greater,
-                (None, None) => return Self { terms }.bounded(),
+                (None, None) => return Self { terms },
             };
             let from_left = if order.is_le() { left.next() } else { None };
             let from_right = if order.is_ge() { right.next() } else { None };
