@@ -1,8 +1,18 @@
-//! Symbolic derivation of robot dynamics with closed loops.
+//! Symbolic derivation of robot dynamics with closed loops, from a YAML spec to
+//! specialised Rust. `pipeline.rs` has the whole derivation on one page.
 
+mod checks;
+pub mod constraints;
 pub mod diag;
+pub mod dynamics;
+pub mod emit;
+pub mod functions;
+pub mod interpret;
 pub mod kinematics;
 pub mod model;
 pub mod numeric;
+pub mod optimize;
+pub mod pipeline;
+pub mod robot;
 pub mod spec;
 pub mod sym;

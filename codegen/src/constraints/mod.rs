@@ -12,7 +12,8 @@ mod view;
 
 pub use closed::{Closed, Closure};
 pub use elimination::{Plan, eliminate, plan};
-pub use home::{HomeProblem, close_home};
+pub use home::{HomeProblem, NumericLoops, close_home};
 pub use loops::{LoopEquations, Viewpoint};
-pub use rows::{Equations, Form, world_equations};
+pub use rows::{Equations, Form, world_equations, world_views};
+pub use view::{Column, View};
 pub use samples::closed_states;

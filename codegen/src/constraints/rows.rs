@@ -78,7 +78,7 @@ impl Equations {
 }
 
 /// The rows of one cut from its two sides, both seen from the same frame.
-pub fn cut_equations(g: &mut Graph, coordinates: usize, kind: CutKind, a: &View, b: &View, form: Form, with_bias: bool) -> Equations {
+pub(super) fn cut_equations(g: &mut Graph, coordinates: usize, kind: CutKind, a: &View, b: &View, form: Form, with_bias: bool) -> Equations {
     let mut equations = Equations::default();
     let gap = g.sub3(&b.point, &a.point);
     for row in rows_of(kind) {
@@ -210,7 +210,7 @@ pub fn world_views(g: &mut Graph, frames: &Frames, model: &Model, cut: &Cut, rat
 }
 
 /// `key - (expression)` of every coupling.
-pub fn coupling_equations(g: &mut Graph, model: &Model, with_bias: bool) -> Equations {
+pub(super) fn coupling_equations(g: &mut Graph, model: &Model, with_bias: bool) -> Equations {
     let mut equations = Equations::default();
     for coupling in &model.couplings {
         let mut jacobian = vec![Ex::ZERO; model.coordinates.len()];

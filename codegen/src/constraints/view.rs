@@ -2,7 +2,7 @@
 
 use crate::kinematics::{Chain, Frames, LinkMotion, Rates, Start, Twist};
 use crate::model::{MotionKind, Side};
-use crate::sym::{Ex, Graph, M3, V3, ZERO3, transposed};
+use crate::sym::{Graph, M3, V3, ZERO3, transposed};
 
 /// How a unit rate of a coordinate moves points of a side.
 #[derive(Clone, Copy, Debug)]
@@ -158,7 +158,3 @@ impl View {
     }
 }
 
-/// Whether every entry is the constant 0.
-pub(super) fn is_zero_row(row: &[Ex]) -> bool {
-    row.iter().all(|e| e.is_zero())
-}

@@ -34,6 +34,8 @@ pub struct LinkFrame {
     pub parent: Option<usize>,
     /// From the parent's axes to the link's.
     turns: Vec<Turn>,
+    /// The constant part of them, before the motion.
+    placed: Vec<Turn>,
     /// The link's origin in the parent's frame.
     pub offset: V3,
     /// The joint's coordinate, its kind, and its axis in the link's frame.
@@ -154,6 +156,7 @@ impl Frames {
             frames.links.push(LinkFrame {
                 parent: link.parent,
                 turns: turns(g, angles),
+                placed: fixed,
                 offset,
                 joint: link.motion.map(|m| (m.coordinate, m.kind, unit(m.axis))),
             });
@@ -185,6 +188,13 @@ impl Frames {
         let (turns, offset) = self.placement(g, placement);
         let columns = [Axis::X, Axis::Y, Axis::Z].map(|axis| apply_out(g, &turns, &unit(axis)));
         (crate::sym::transposed(&columns), offset)
+    }
+
+    /// Rotation matrix, on its parent, of a link before its motion.
+    pub fn placed(&self, g: &mut Graph, link: usize) -> M3 {
+        let turns = &self.links[link].placed;
+        let columns = [Axis::X, Axis::Y, Axis::Z].map(|axis| apply_out(g, turns, &unit(axis)));
+        crate::sym::transposed(&columns)
     }
 
     /// A vector from the parent's axes into the link's.

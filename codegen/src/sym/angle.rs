@@ -3,6 +3,8 @@
 //! Keeping the argument linear makes the sum of angles about parallel axes an
 //! addition of forms, and lets sines and cosines of related angles share.
 
+use dashu_int::IBig;
+use dashu_int::ops::RemEuclid;
 use dashu_ratio::RBig;
 
 use super::graph::{Ex, Graph, Node, SymbolId};
@@ -96,7 +98,7 @@ impl Angle {
             || self.constant.clone(),
             |h| self.constant.sub(&h.mul(&quarters)),
         );
-        (i64::try_from(floor).map_or(0, |f| f.rem_euclid(4) as u8), rest)
+        (floor.rem_euclid(&IBig::from(4)).try_into().unwrap_or(0), rest)
     }
 }
 

@@ -261,6 +261,12 @@ impl Graph {
         self.intern(Node::Solved(id, row as u32, column as u32))
     }
 
+    /// The node of an entry of a system's solution, if it is used anywhere.
+    pub fn find_solved(&self, id: SystemId, row: usize, column: usize) -> Option<Ex> {
+        let node = Node::Solved(id, row as u32, column as u32);
+        self.lookup.get(&node).copied()
+    }
+
     /// Suggests a name for a value in the generated code; the first one stays.
     /// Constants and symbols have names of their own.
     pub fn name(&mut self, ex: Ex, name: impl FnOnce() -> String) {

@@ -1,0 +1,101 @@
+//! Errors that need kinematics, told in the spec's terms: a home that does not
+//! close, independent coordinates that do not fit the mobility, cuts that are
+//! closed with a half turn too much.
+
+use crate::constraints::{HomeProblem, world_views};
+use crate::diag::{Diagnostic, Report, Sink, Source, Span};
+use crate::kinematics::Frames;
+use crate::model::Model;
+use crate::spec::{CutKind, Spec};
+use crate::sym::eval::Evaluator;
+use crate::sym::{Ex, Graph};
+
+fn list(names: impl Iterator<Item = String>) -> String {
+    let names: Vec<String> = names.collect();
+    format!("[{}]", names.join(", "))
+}
+
+/// Where the choice of independent coordinates stands, or else the name.
+fn independent_span(spec: &Spec) -> Span {
+    spec.independent.as_ref().map_or(spec.name.span, |i| i.span)
+}
+
+/// A problem at home as a report.
+pub(crate) fn home_report(source: &Source, spec: &Spec, model: &Model, problem: &HomeProblem) -> Report {
+    let names = |which: &[usize]| list(which.iter().map(|c| model.coordinates[*c].name.clone()));
+    let given = if spec.independent.is_some() {
+        "`independent` lists"
+    } else {
+        "the actuated coordinates are the default, and they are"
+    };
+    let independent = names(&model.independent);
+    let diagnostic = match problem {
+        HomeProblem::NotClosed { residual } => {
+            let span = spec.home_span.unwrap_or(spec.name.span);
+            Diagnostic::new(
+                span,
+                format!("the loops do not close from here (residual {residual:.2e}, in m and rad)"),
+            )
+            .path("home")
+            .label("start of the closure solve")
+            .hint(format!(
+                "the independent coordinates {independent} keep home's values and the others are solved from home's: \
+                 give values close to a closed configuration, and check the cuts' frames"
+            ))
+        }
+        HomeProblem::Mobility { mobility, choice } => Diagnostic::new(
+            independent_span(spec),
+            format!(
+                "the mechanism has {mobility} degrees of freedom at home, but {given} {} coordinates, {independent}",
+                model.independent.len()
+            ),
+        )
+        .path("independent")
+        .label(format!("mobility {mobility}"))
+        .hint(format!("a valid choice is `independent: {}`", names(choice))),
+        HomeProblem::NotIndependent { choice } => Diagnostic::new(
+            independent_span(spec),
+            format!("the other coordinates do not follow from {independent} at home: it is singular for this choice"),
+        )
+        .path("independent")
+        .label("not independent at home")
+        .hint(format!(
+            "a valid choice is `independent: {}`; or start from another home",
+            names(choice)
+        )),
+    };
+    Report::new(source.clone(), vec![diagnostic])
+}
+
+/// Rows of fixed and prismatic cuts vanish at half turns too: the frames must
+/// agree at home.
+pub(crate) fn aligned_at_home(
+    source: &Source,
+    spec: &Spec,
+    g: &mut Graph,
+    frames: &Frames,
+    model: &Model,
+    home: &[f64],
+) -> Result<(), Report> {
+    let mut sink = Sink::new();
+    for (cut, written) in model.cuts.iter().zip(&spec.cuts) {
+        if !matches!(cut.kind, CutKind::Fixed | CutKind::Prismatic) {
+            continue;
+        }
+        let [a, b] = world_views(g, frames, model, cut, None);
+        let cosines: Vec<Ex> = (0..3).map(|i| g.dot3(&a.axes[i], &b.axes[i])).collect();
+        let values = Evaluator::new(g, cosines).run(home);
+        if values.iter().any(|c| *c < 0.5) {
+            sink.push(
+                Diagnostic::new(
+                    written.span,
+                    "the two frames close with a half turn between them at home",
+                )
+                .path(format!("cut '{}'", cut.name))
+                .label("axes of A and B point in opposite directions")
+                .hint("turn one of the frames by its rpy, or start from another home"),
+            );
+        }
+    }
+    sink.finish(source)
+}

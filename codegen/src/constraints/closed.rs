@@ -1,0 +1,223 @@
+//! The closed mechanism: dependent coordinates as functions of independent ones.
+
+use crate::kinematics::{Frames, Rates};
+use crate::model::Model;
+use crate::sym::eval::Evaluator;
+use crate::sym::{Ex, Graph, System};
+
+use super::elimination::{Plan, eliminate, plan};
+use super::home::{HomeProblem, NumericLoops, close_home};
+use super::loops::{LoopEquations, Viewpoint};
+use super::rows::{Equations, coupling_equations, world_equations};
+use super::samples::closed_states;
+
+/// How the loops of a mechanism are solved.
+#[derive(Clone, Debug)]
+pub struct Closure {
+    viewpoints: Vec<Viewpoint>,
+    plan: Plan,
+    /// All rows over all coordinates, seen from within the loops.
+    jacobian: Vec<Vec<Ex>>,
+    /// X of Eq. 10: dependent by independent.
+    pub x: Vec<Vec<Ex>>,
+}
+
+/// A mechanism that is known to close.
+#[derive(Clone, Debug)]
+pub struct Closed {
+    /// The home configuration, closed, by coordinate.
+    pub home: Vec<f64>,
+    /// How its loops are solved; `None` for a tree.
+    pub closure: Option<Closure>,
+}
+
+impl Closed {
+    /// Closes a mechanism at home and lays out the solution of its loops. The
+    /// coordinates must be the graph's first symbols, in order.
+    ///
+    /// # Errors
+    /// Where home does not close or the independent coordinates do not fit.
+    pub fn new(g: &mut Graph, frames: &Frames, model: &Model) -> Result<Closed, HomeProblem> {
+        let world = world_equations(g, frames, model, None);
+        let loops = NumericLoops::new(g, &world, model.coordinates.len());
+        let home = close_home(&loops, model)?;
+        if model.dependent.is_empty() {
+            return Ok(Closed {
+                home,
+                closure: None,
+            });
+        }
+        let states = closed_states(&loops, model, &home);
+        drop(loops);
+        let closure = choose(g, frames, model, &states).ok_or_else(|| {
+            HomeProblem::NotIndependent {
+                choice: model.independent.clone(),
+            }
+        })?;
+        Ok(Closed {
+            home,
+            closure: Some(closure),
+        })
+    }
+}
+
+/// The rows of all cuts from given viewpoints, and of the couplings.
+fn equations(g: &mut Graph, frames: &Frames, model: &Model, viewpoints: &[Viewpoint], rates: Option<&Rates>) -> Equations {
+    let mut all = Equations::default();
+    for (cut, view) in model.cuts.iter().zip(viewpoints) {
+        all.extend(LoopEquations::new(model, cut).seen_from(g, frames, *view, rates));
+    }
+    all.extend(coupling_equations(g, model, rates.is_some()));
+    all
+}
+
+fn columns(rows: &[Vec<Ex>], which: &[usize]) -> Vec<Vec<Ex>> {
+    rows.iter()
+        .map(|row| which.iter().map(|&c| row[c]).collect())
+        .collect()
+}
+
+/// Chooses the viewpoints that make X cheapest, one loop after the other, by
+/// building X and counting its operations.
+fn choose(g: &mut Graph, frames: &Frames, model: &Model, states: &[Vec<f64>]) -> Option<Closure> {
+    let choices: Vec<Vec<Viewpoint>> = model
+        .cuts
+        .iter()
+        .map(|cut| LoopEquations::new(model, cut).viewpoints())
+        .collect();
+    let mut chosen: Vec<Viewpoint> = choices.iter().filter_map(|c| c.first().copied()).collect();
+    let mut best: Option<(usize, Closure)> = None;
+    for cut in 0..chosen.len().max(1) {
+        let options = choices.get(cut).cloned().unwrap_or_default();
+        let mut options_or_none = options.into_iter().map(Some).collect::<Vec<_>>();
+        if options_or_none.is_empty() {
+            options_or_none.push(None);
+        }
+        for option in options_or_none {
+            let mut tried = chosen.clone();
+            if let Some(option) = option {
+                // the choice made so far has been built already
+                if best.is_some() && tried[cut] == option {
+                    continue;
+                }
+                tried[cut] = option;
+            }
+            let Some(closure) = Closure::build(g, frames, model, &tried, states) else {
+                continue;
+            };
+            let price = g.price(closure.x.iter().flatten().copied(), &mut Vec::new());
+            if best.as_ref().is_none_or(|(least, _)| price < *least) {
+                chosen = tried;
+                best = Some((price, closure));
+            }
+        }
+    }
+    best.map(|b| b.1)
+}
+
+impl Closure {
+    fn build(g: &mut Graph, frames: &Frames, model: &Model, viewpoints: &[Viewpoint], states: &[Vec<f64>]) -> Option<Closure> {
+        let jacobian = equations(g, frames, model, viewpoints, None).jacobian;
+        let a_e = columns(&jacobian, &model.dependent);
+        let a_i = columns(&jacobian, &model.independent);
+        let evaluator = Evaluator::new(g, a_e.iter().flatten().copied().collect());
+        let width = model.dependent.len();
+        let samples: Vec<Vec<Vec<f64>>> = states
+            .iter()
+            .map(|q| evaluator.run(q).chunks(width).map(<[f64]>::to_vec).collect())
+            .collect();
+        drop(evaluator);
+        let structure: Vec<Vec<Option<bool>>> = a_e
+            .iter()
+            .map(|row| {
+                row.iter()
+                    .map(|e| (!e.is_zero()).then(|| g.value(*e).is_some()))
+                    .collect()
+            })
+            .collect();
+        let plan = plan(&structure, &samples)?;
+        let (x, _) = eliminate(g, &a_e, &a_i, &plan);
+        Some(Closure {
+            viewpoints: viewpoints.to_vec(),
+            plan,
+            jacobian,
+            x,
+        })
+    }
+
+    /// The rows that are left out of A_e because the others imply them.
+    pub fn redundant_rows(&self) -> &[usize] {
+        &self.plan.left_out
+    }
+
+    /// From where each loop is seen.
+    pub fn viewpoints(&self) -> &[Viewpoint] {
+        &self.viewpoints
+    }
+
+    /// The square A_e on the rows that are kept, row by row in the order of
+    /// pivots.
+    pub fn dependent_jacobian(&self, model: &Model) -> Vec<Vec<Ex>> {
+        let a_e = columns(&self.jacobian, &model.dependent);
+        self.plan.pivots.iter().map(|p| a_e[p.0].clone()).collect()
+    }
+
+    /// The solution of `A_e Z = rhs`, guarded: read from a system that is
+    /// solved anew where the fixed order of pivots is unfit.
+    pub fn solve(&self, g: &mut Graph, model: &Model, rhs: &[Vec<Ex>]) -> Vec<Vec<Ex>> {
+        let a_e = columns(&self.jacobian, &model.dependent);
+        let (fixed, pivots) = eliminate(g, &a_e, rhs, &self.plan);
+        // pivots that are constants never need a second thought
+        let pivots: Vec<(Ex, f64)> = pivots
+            .into_iter()
+            .filter(|p| g.value(p.0).is_none())
+            .collect();
+        if pivots.is_empty() {
+            return fixed;
+        }
+        let (unknowns, sides) = (fixed.len(), rhs.first().map_or(0, Vec::len));
+        let id = g.add_system(System {
+            matrix: a_e,
+            rhs: rhs.to_vec(),
+            fixed,
+            pivots,
+        });
+        (0..unknowns)
+            .map(|row| (0..sides).map(|side| g.solved(id, row, side)).collect())
+            .collect()
+    }
+
+    /// X of Eq. 10, guarded.
+    pub fn solve_x(&self, g: &mut Graph, model: &Model) -> Vec<Vec<Ex>> {
+        let a_i = columns(&self.jacobian, &model.independent);
+        let x = self.solve(g, model, &a_i);
+        for (row, dependent) in x.iter().zip(&model.dependent) {
+            for (entry, independent) in row.iter().zip(&model.independent) {
+                let names = [dependent, independent].map(|c| model.coordinates[*c].name.clone());
+                g.name(*entry, || format!("x_{}_{}", names[0], names[1]));
+            }
+        }
+        x
+    }
+
+    /// `rhs = -A_i v` for rates of the independent coordinates.
+    pub fn independent_part(&self, g: &mut Graph, model: &Model, v: &[Ex]) -> Vec<Ex> {
+        let a_i = columns(&self.jacobian, &model.independent);
+        a_i.iter()
+            .map(|row| {
+                let product = g.dot(row, v);
+                g.neg(product)
+            })
+            .collect()
+    }
+
+    /// The residual f, seen as A is.
+    pub fn residual(&self, g: &mut Graph, frames: &Frames, model: &Model) -> Vec<Ex> {
+        equations(g, frames, model, &self.viewpoints, None).residual
+    }
+
+    /// The bias b, seen as A is.
+    pub fn bias(&self, g: &mut Graph, frames: &Frames, model: &Model, rates: &Rates) -> Vec<Ex> {
+        equations(g, frames, model, &self.viewpoints, Some(rates)).bias
+    }
+}

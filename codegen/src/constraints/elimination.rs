@@ -1,0 +1,186 @@
+//! Gaussian elimination of A_e in a fixed order of pivots, chosen once over
+//! sampled states of the closed mechanism and then carried out on expressions.
+//!
+//! The order is a compromise between little work (Markowitz's count of the
+//! fill-in) and accuracy over the workspace: a pivot must be, at every sampled
+//! state, at least a tenth of the largest entry left in its column, so that no
+//! multiplier exceeds ten there.
+
+use crate::sym::{Ex, Graph};
+
+/// A pivot must reach this part of its column's largest entry at all samples.
+const THRESHOLD: f64 = 0.1;
+/// Scaled rows below this carry nothing: they are redundant.
+const NOTHING: f64 = 1e-9;
+
+/// A fixed order of pivots.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// Row, column and usual size of each pivot, in order.
+    pub pivots: Vec<(usize, usize, f64)>,
+    /// Rows that the order leaves out: redundant on the mechanism's motion.
+    pub left_out: Vec<usize>,
+}
+
+/// Chooses the order of pivots for a matrix with this structure (which entries
+/// are not identically zero, and which are constant) and these sampled values;
+/// `None` where the columns are not independent.
+pub fn plan(structure: &[Vec<Option<bool>>], samples: &[Vec<Vec<f64>>]) -> Option<Plan> {
+    let rows = structure.len();
+    let columns = structure.first().map_or(0, Vec::len);
+    let mut filled: Vec<Vec<bool>> = structure
+        .iter()
+        .map(|row| row.iter().map(Option::is_some).collect())
+        .collect();
+    let mut constant: Vec<Vec<bool>> = structure
+        .iter()
+        .map(|row| row.iter().map(|e| *e == Some(true)).collect())
+        .collect();
+    // one scale per row for all samples: metres and radians compare
+    let scale: Vec<f64> = (0..rows)
+        .map(|i| {
+            let entries = samples.iter().flat_map(|s| &s[i]);
+            let largest = entries.fold(0.0_f64, |m, x| m.max(x.abs()));
+            if largest > 0.0 { largest } else { 1.0 }
+        })
+        .collect();
+    let mut work = samples.to_vec();
+    let mut free_rows = (0..rows).collect::<Vec<_>>();
+    let mut free_columns = (0..columns).collect::<Vec<_>>();
+    let mut pivots = Vec::new();
+    while !free_columns.is_empty() {
+        let mut best: Option<(bool, usize, bool, f64, usize, usize)> = None;
+        for &c in &free_columns {
+            for &r in free_rows.iter().filter(|&&r| filled[r][c]) {
+                let quality = quality(&work, &scale, &free_rows, r, c);
+                if quality <= 0.0 {
+                    continue;
+                }
+                let good = quality >= THRESHOLD;
+                let in_row = free_columns.iter().filter(|&&j| filled[r][j]).count();
+                let in_column = free_rows.iter().filter(|&&i| filled[i][c]).count();
+                let fill = (in_row - 1) * (in_column - 1);
+                let candidate = (good, fill, constant[r][c], quality, r, c);
+                if best.is_none_or(|b| better(&candidate, &b)) {
+                    best = Some(candidate);
+                }
+            }
+        }
+        let (.., r, c) = best?;
+        let mut sizes: Vec<f64> = work.iter().map(|s| s[r][c].abs()).collect();
+        sizes.sort_by(f64::total_cmp);
+        pivots.push((r, c, sizes[sizes.len() / 2]));
+        free_rows.retain(|&i| i != r);
+        free_columns.retain(|&j| j != c);
+        for &i in &free_rows {
+            if !filled[i][c] {
+                continue;
+            }
+            for &j in &free_columns {
+                if filled[r][j] {
+                    let (from, factor) = (constant[r][j], constant[i][c] && constant[r][c]);
+                    constant[i][j] = (constant[i][j] || !filled[i][j]) && from && factor;
+                    filled[i][j] = true;
+                }
+            }
+        }
+        for sample in &mut work {
+            let pivot = sample[r].clone();
+            for &i in &free_rows {
+                let factor = sample[i][c] / pivot[c];
+                for &j in &free_columns {
+                    sample[i][j] -= factor * pivot[j];
+                }
+            }
+        }
+    }
+    Some(Plan {
+        pivots,
+        left_out: free_rows,
+    })
+}
+
+/// The least part, over the samples, of its column's largest entry that a
+/// pivot reaches; 0 where the pivot vanishes.
+fn quality(work: &[Vec<Vec<f64>>], scale: &[f64], rows: &[usize], r: usize, c: usize) -> f64 {
+    let parts = work.iter().map(|sample| {
+        let size = |i: usize| sample[i][c].abs() / scale[i];
+        if size(r) < NOTHING {
+            return 0.0;
+        }
+        let largest = rows.iter().fold(0.0_f64, |m, &i| m.max(size(i)));
+        size(r) / largest
+    });
+    let least = parts.fold(f64::INFINITY, f64::min);
+    if least.is_finite() { least } else { 0.0 }
+}
+
+type Candidate = (bool, usize, bool, f64, usize, usize);
+
+/// Good pivots first; among them the least fill-in, constants, then size; among
+/// poor ones the largest.
+fn better(a: &Candidate, b: &Candidate) -> bool {
+    if a.0 != b.0 {
+        return a.0;
+    }
+    if !a.0 {
+        return a.3 > b.3;
+    }
+    if a.1 != b.1 {
+        return a.1 < b.1;
+    }
+    if a.2 != b.2 {
+        return a.2;
+    }
+    // the first one stays unless another is clearly larger
+    a.3 > 1.25 * b.3
+}
+
+/// The solution of `A Z = B` by elimination in the plan's order, on
+/// expressions: unknowns by right-hand sides, and the pivots with their sizes.
+/// One division per pivot, no square roots.
+pub fn eliminate(g: &mut Graph, matrix: &[Vec<Ex>], rhs: &[Vec<Ex>], plan: &Plan) -> (Vec<Vec<Ex>>, Vec<(Ex, f64)>) {
+    let sides = rhs.first().map_or(0, Vec::len);
+    let columns = matrix.first().map_or(0, Vec::len);
+    let mut a = matrix.to_vec();
+    let mut b = rhs.to_vec();
+    let mut rows: Vec<usize> = plan.pivots.iter().map(|p| p.0).collect();
+    let mut inverses = Vec::new();
+    let mut pivots = Vec::new();
+    for (k, &(r, c, size)) in plan.pivots.iter().enumerate() {
+        rows.retain(|&i| i != r);
+        let pivot = a[r][c];
+        g.name(pivot, || format!("pivot_{}", k + 1));
+        // a plan never chooses a pivot that is identically zero
+        let inverse = g.div(Ex::ONE, pivot).unwrap_or(Ex::ZERO);
+        g.name(inverse, || format!("inv_pivot_{}", k + 1));
+        inverses.push(inverse);
+        pivots.push((pivot, size));
+        for &i in &rows {
+            if a[i][c].is_zero() {
+                continue;
+            }
+            let factor = g.mul(a[i][c], inverse);
+            for &(_, j, _) in &plan.pivots[k + 1..] {
+                let product = g.mul(factor, a[r][j]);
+                a[i][j] = g.sub(a[i][j], product);
+            }
+            for s in 0..sides {
+                let product = g.mul(factor, b[r][s]);
+                b[i][s] = g.sub(b[i][s], product);
+            }
+        }
+    }
+    let mut solution = vec![vec![Ex::ZERO; sides]; columns];
+    for (k, &(r, c, _)) in plan.pivots.iter().enumerate().rev() {
+        for s in 0..sides {
+            let mut value = b[r][s];
+            for &(_, j, _) in &plan.pivots[k + 1..] {
+                let product = g.mul(a[r][j], solution[j][s]);
+                value = g.sub(value, product);
+            }
+            solution[c][s] = g.mul(value, inverses[k]);
+        }
+    }
+    (solution, pivots)
+}

@@ -1,0 +1,214 @@
+//! Closing the mechanism at home, numerically, and its mobility there.
+
+use crate::model::Model;
+use crate::numeric::{rank_and_columns, solve_pivoted};
+use crate::sym::eval::Evaluator;
+use crate::sym::{Ex, Graph};
+
+use super::rows::Equations;
+
+/// Closed: no residual above this times the mechanism's size.
+const CLOSED: f64 = 1e-12;
+/// Pivots below this part of the largest are rank deficiencies.
+const RANK_TOLERANCE: f64 = 1e-8;
+const MAX_STEPS: usize = 100;
+
+/// Why there is no usable home.
+#[derive(Clone, Debug, PartialEq)]
+pub enum HomeProblem {
+    /// The loops cannot be closed from the given start.
+    NotClosed {
+        /// Largest residual that was left.
+        residual: f64,
+    },
+    /// The number of independent coordinates is not the mobility.
+    Mobility {
+        /// Degrees of freedom at home.
+        mobility: usize,
+        /// A valid choice of independent coordinates.
+        choice: Vec<usize>,
+    },
+    /// The number fits, but the dependent coordinates do not follow from these.
+    NotIndependent {
+        /// A valid choice of independent coordinates.
+        choice: Vec<usize>,
+    },
+}
+
+/// Evaluates f and A of a mechanism over all coordinates.
+#[derive(Debug)]
+pub struct NumericLoops<'g> {
+    evaluator: Evaluator<'g>,
+    rows: usize,
+    coordinates: usize,
+}
+
+impl<'g> NumericLoops<'g> {
+    /// From the equations in the world. The coordinates must be the graph's
+    /// first symbols, in order.
+    pub fn new(g: &'g Graph, equations: &Equations, coordinates: usize) -> Self {
+        let jacobian = equations.jacobian.iter().flatten();
+        let roots: Vec<Ex> = equations.residual.iter().chain(jacobian).copied().collect();
+        NumericLoops {
+            evaluator: Evaluator::new(g, roots),
+            rows: equations.residual.len(),
+            coordinates,
+        }
+    }
+
+    /// f and A at a state.
+    pub fn at(&self, q: &[f64]) -> (Vec<f64>, Vec<Vec<f64>>) {
+        let mut values = self.evaluator.run(q);
+        let jacobian = values.split_off(self.rows);
+        let rows = jacobian.chunks(self.coordinates.max(1));
+        (values, rows.map(<[f64]>::to_vec).collect())
+    }
+
+    /// Newton's method over the coordinates in `free`, damped where the
+    /// residual would grow. Returns the largest residual that is left and the
+    /// pivot ratio of the last step.
+    pub fn close(&self, q: &mut Vec<f64>, free: &[usize]) -> (f64, f64) {
+        let (mut f, mut a) = self.at(q);
+        let mut ratio = 1.0;
+        for _ in 0..MAX_STEPS {
+            let before = largest(&f);
+            if before == 0.0 {
+                break;
+            }
+            let matrix = select(&a, free);
+            let rhs = f.iter().map(|x| vec![-x]).collect();
+            let solved = solve_pivoted(matrix, rhs);
+            ratio = solved.pivot_ratio;
+            if ratio == 0.0 {
+                break;
+            }
+            // bounded, so that the iteration keeps to the branch it started on
+            let size = solved
+                .solution
+                .iter()
+                .fold(0.0_f64, |m, x| m.max(x[0].abs()));
+            let mut scale = (0.5 / size).min(1.0);
+            let mut better = None;
+            for _ in 0..12 {
+                let mut next = q.clone();
+                for (c, step) in free.iter().zip(&solved.solution) {
+                    next[*c] += scale * step[0];
+                }
+                let (nf, na) = self.at(&next);
+                let after = largest(&nf);
+                // a full step close to the solution may leave rounding only
+                if after < before || (before < CLOSED && after <= 2.0 * before) {
+                    better = Some((next, nf, na, after));
+                    break;
+                }
+                scale *= 0.5;
+            }
+            let Some((next, nf, na, after)) = better else {
+                break;
+            };
+            let done = before < CLOSED && after >= before;
+            (*q, f, a) = (next, nf, na);
+            if done {
+                break;
+            }
+        }
+        (largest(&f), ratio)
+    }
+}
+
+/// The columns of a matrix that are named.
+pub(super) fn select(a: &[Vec<f64>], columns: &[usize]) -> Vec<Vec<f64>> {
+    a.iter()
+        .map(|row| columns.iter().map(|&c| row[c]).collect())
+        .collect()
+}
+
+fn largest(f: &[f64]) -> f64 {
+    let worst = f.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+    if f.iter().any(|x| x.is_nan()) {
+        f64::INFINITY
+    } else {
+        worst
+    }
+}
+
+/// The home configuration, closed: independent coordinates keep their values.
+///
+/// # Errors
+/// Where the loops do not close, or the independent coordinates do not fit the
+/// mobility.
+pub fn close_home(loops: &NumericLoops<'_>, model: &Model) -> Result<Vec<f64>, HomeProblem> {
+    let start: Vec<f64> = model.home.iter().map(crate::sym::Number::to_f64).collect();
+    let size = 1.0 + largest(&loops.at(&start).0);
+    let mut q = start.clone();
+    let (residual, _) = loops.close(&mut q, &model.dependent);
+    if residual <= CLOSED * size {
+        check_mobility(loops, model, &q)?;
+        return Ok(q);
+    }
+    // perhaps the choice is wrong: close with all coordinates and look there
+    let mut all = start;
+    let every = (0..model.coordinates.len()).collect::<Vec<_>>();
+    let (any_residual, _) = close_least(loops, &mut all, &every);
+    if any_residual <= 1e-9 * size {
+        check_mobility(loops, model, &all)?;
+    }
+    Err(HomeProblem::NotClosed { residual })
+}
+
+/// Newton with more unknowns than equations: the pivot columns move.
+fn close_least(loops: &NumericLoops<'_>, q: &mut Vec<f64>, free: &[usize]) -> (f64, f64) {
+    let mut last = (f64::INFINITY, 0.0);
+    for _ in 0..4 {
+        let (_, a) = loops.at(q);
+        let (rank, columns) = rank_and_columns(select(&a, free), RANK_TOLERANCE);
+        if rank == 0 {
+            break;
+        }
+        let chosen: Vec<usize> = columns.iter().map(|&c| free[c]).collect();
+        last = loops.close(q, &chosen);
+        if last.0 <= CLOSED {
+            break;
+        }
+    }
+    last
+}
+
+fn check_mobility(loops: &NumericLoops<'_>, model: &Model, q: &[f64]) -> Result<(), HomeProblem> {
+    let (_, a) = loops.at(q);
+    let n = model.coordinates.len();
+    let (rank, _) = rank_and_columns(a.clone(), RANK_TOLERANCE);
+    let mobility = n - rank;
+    if mobility != model.independent.len() {
+        let choice = valid_choice(&a, model, rank);
+        return Err(HomeProblem::Mobility { mobility, choice });
+    }
+    let (dependent_rank, _) = rank_and_columns(select(&a, &model.dependent), RANK_TOLERANCE);
+    if dependent_rank < model.dependent.len() {
+        let choice = valid_choice(&a, model, rank);
+        return Err(HomeProblem::NotIndependent { choice });
+    }
+    Ok(())
+}
+
+/// A set of coordinates from which the others follow: actuated ones where
+/// possible.
+fn valid_choice(a: &[Vec<f64>], model: &Model, rank: usize) -> Vec<usize> {
+    let n = model.coordinates.len();
+    let mut order: Vec<usize> = (0..n).filter(|c| !model.actuated.contains(c)).collect();
+    // later coordinates are more often the passive end of a branch
+    order.reverse();
+    order.extend(model.actuated.iter().rev());
+    let mut dependent: Vec<usize> = Vec::new();
+    for c in order {
+        if dependent.len() == rank {
+            break;
+        }
+        let mut tried = dependent.clone();
+        tried.push(c);
+        if rank_and_columns(select(a, &tried), RANK_TOLERANCE).0 == tried.len() {
+            dependent = tried;
+        }
+    }
+    (0..n).filter(|c| !dependent.contains(c)).collect()
+}

@@ -1,0 +1,93 @@
+//! Each loop's equations seen from a body of the loop.
+//!
+//! The frame of observation is free: turning the rows does not change
+//! X = A_e^-1 A_i. It is always a frame of the loop's own, since rows that are
+//! redundant on the loop's motion (the normal of a planar loop) stay the same
+//! rows only there; in the world they change as the loop is carried about.
+
+use crate::kinematics::{Frames, Rates, Start};
+use crate::model::{Cut, Model};
+use crate::sym::{Graph, ZERO3, transposed};
+
+use super::rows::{Equations, Form, cut_equations};
+use super::view::View;
+
+/// From where a loop is seen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Viewpoint {
+    /// The link of one side of the cut (0 is A, 1 is B).
+    Side(usize),
+    /// The frame that carries the first joint of a side's branch, fixed to the
+    /// link that both branches stand on.
+    Base(usize),
+}
+
+impl Viewpoint {
+    /// All choices.
+    pub const ALL: [Viewpoint; 4] = [
+        Viewpoint::Side(0),
+        Viewpoint::Side(1),
+        Viewpoint::Base(0),
+        Viewpoint::Base(1),
+    ];
+}
+
+/// A loop: the cut and the branches from the last common link to its sides.
+#[derive(Clone, Debug)]
+pub struct LoopEquations<'m> {
+    cut: &'m Cut,
+    branches: [Vec<usize>; 2],
+    coordinates: usize,
+}
+
+impl<'m> LoopEquations<'m> {
+    /// The loop that a cut closes.
+    pub fn new(model: &'m Model, cut: &'m Cut) -> Self {
+        let mut a = model.path(cut.sides[0].link);
+        let mut b = model.path(cut.sides[1].link);
+        let common = a.iter().zip(&b).take_while(|(x, y)| x == y).count();
+        a.drain(..common);
+        b.drain(..common);
+        LoopEquations {
+            cut,
+            branches: [a, b],
+            coordinates: model.coordinates.len(),
+        }
+    }
+
+    /// The viewpoints that differ for this loop.
+    pub fn viewpoints(&self) -> Vec<Viewpoint> {
+        Viewpoint::ALL
+            .into_iter()
+            .filter(|v| match v {
+                Viewpoint::Side(s) | Viewpoint::Base(s) => !self.branches[*s].is_empty(),
+            })
+            .collect()
+    }
+
+    /// The rows seen from a viewpoint, in the form that holds on the closure.
+    pub fn seen_from(&self, g: &mut Graph, frames: &Frames, view: Viewpoint, rates: Option<&Rates>) -> Equations {
+        let start = match view {
+            Viewpoint::Side(side) => View::back(g, frames, &self.branches[side]),
+            Viewpoint::Base(side) => {
+                let first = self.branches[side].first();
+                let turned = first.map(|link| frames.placed(g, *link));
+                turned.map_or_else(Start::own, |rotation| Start {
+                    rotation: transposed(&rotation),
+                    origin: ZERO3,
+                })
+            }
+        };
+        let mut seen = |side: usize| {
+            let (path, frame) = (&self.branches[side], &self.cut.sides[side]);
+            if view == Viewpoint::Side(side) {
+                View::own(g, frames, path, frame, rates)
+            } else {
+                View::along(g, frames, path, frame, &start, rates)
+            }
+        };
+        let (a, b) = (seen(0), seen(1));
+        let kind = self.cut.kind;
+        cut_equations(g, self.coordinates, kind, &a, &b, Form::OnClosure, rates.is_some())
+    }
+}

@@ -1,0 +1,89 @@
+//! Closed states near home, reached by small steps so that they stay on its
+//! assembly branch. The same ones in every run.
+
+use crate::model::{Model, MotionKind};
+use crate::numeric::solve_pivoted;
+
+use super::home::{NumericLoops, select};
+
+const STATES: usize = 12;
+const STEPS: usize = 6;
+/// A step that brings A_e closer to singular than this is not taken.
+const LEAST_RATIO: f64 = 1e-3;
+
+/// A small generator of reproducible numbers in [-1, 1).
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> f64 {
+        // xorshift64*, Vigna 2016
+        self.0 ^= self.0 >> 12;
+        self.0 ^= self.0 << 25;
+        self.0 ^= self.0 >> 27;
+        let bits = self.0.wrapping_mul(0x2545_F491_4F6C_DD1D) >> 11;
+        bits as f64 / (1u64 << 52) as f64 - 1.0
+    }
+}
+
+/// Home, and closed states about it.
+pub fn closed_states(loops: &NumericLoops<'_>, model: &Model, home: &[f64]) -> Vec<Vec<f64>> {
+    let mut random = Random(0x9E37_79B9_7F4A_7C15);
+    let ranges: Vec<f64> = model.independent.iter().map(|&c| range(model, home, c)).collect();
+    let mut states = vec![home.to_vec()];
+    for _ in 1..STATES {
+        let target: Vec<f64> = ranges.iter().map(|r| r * random.next()).collect();
+        let mut q = home.to_vec();
+        for _ in 0..STEPS {
+            let mut next = q.clone();
+            for (c, d) in model.independent.iter().zip(&target) {
+                next[*c] += d / STEPS as f64;
+            }
+            predict(loops, model, &q, &mut next);
+            let (residual, _) = loops.close(&mut next, &model.dependent);
+            let (_, a) = loops.at(&next);
+            let rhs = vec![vec![]; a.len()];
+            let ratio = solve_pivoted(select(&a, &model.dependent), rhs).pivot_ratio;
+            // also true for NaN
+            if !(residual < 1e-10 && ratio > LEAST_RATIO) {
+                break;
+            }
+            q = next;
+        }
+        states.push(q);
+    }
+    states
+}
+
+/// Moves the dependent coordinates along with the independent ones, to first
+/// order: dq_e = -X dq_i.
+fn predict(loops: &NumericLoops<'_>, model: &Model, from: &[f64], to: &mut [f64]) {
+    if model.dependent.is_empty() {
+        return;
+    }
+    let (_, a) = loops.at(from);
+    let rhs = a.iter().map(|row| {
+        let moved = model.independent.iter().map(|&c| row[c] * (to[c] - from[c]));
+        vec![-moved.sum::<f64>()]
+    });
+    let solved = solve_pivoted(select(&a, &model.dependent), rhs.collect());
+    if solved.pivot_ratio > 0.0 {
+        for (c, d) in model.dependent.iter().zip(&solved.solution) {
+            to[*c] += d[0];
+        }
+    }
+}
+
+/// How far a coordinate is moved from home: a third of a radian, or a fifth of
+/// its length, or within its limits.
+fn range(model: &Model, home: &[f64], c: usize) -> f64 {
+    let link = &model.links[model.coordinates[c].link];
+    let sliding = link.motion.is_some_and(|m| m.kind == MotionKind::Translation);
+    let usual = if sliding { 0.2 * home[c].abs().max(0.25) } else { 0.35 };
+    match model.coordinates[c].position {
+        Some([lo, hi]) if hi > lo => {
+            let room = (home[c] - lo).min(hi - home[c]);
+            if room > 0.0 { room.min(3.0 * usual) } else { usual }
+        }
+        _ => usual,
+    }
+}

@@ -1,0 +1,181 @@
+//! Inverse dynamics with given parameters: link forces outward, joint efforts
+//! inward, without forming K.
+
+use crate::kinematics::{Frames, LinkMotion, Rates};
+use crate::model::{Model, MotionKind, ParameterKind};
+use crate::sym::{Ex, Graph, V3, ZERO3};
+
+use super::friction_factor;
+
+/// The ten inertial parameters of a body.
+#[derive(Clone, Copy, Debug)]
+pub struct Inertial {
+    /// Tensor about the origin: xx xy xz yy yz zz.
+    pub tensor: [Ex; 6],
+    /// First moments m r.
+    pub moment: V3,
+    /// Mass.
+    pub mass: Ex,
+}
+
+impl Inertial {
+    /// Nothing.
+    pub const ZERO: Inertial = Inertial {
+        tensor: [Ex::ZERO; 6],
+        moment: ZERO3,
+        mass: Ex::ZERO,
+    };
+
+    /// The parameters of a body, from the values of all parameters.
+    pub fn of_body(body: usize, phi: &[Ex]) -> Self {
+        let p = &phi[10 * body..10 * body + 10];
+        Inertial {
+            tensor: [p[0], p[1], p[2], p[3], p[4], p[5]],
+            moment: [p[6], p[7], p[8]],
+            mass: p[9],
+        }
+    }
+
+    /// `I v` with the tensor.
+    pub fn turn(&self, g: &mut Graph, v: &V3) -> V3 {
+        let [xx, xy, xz, yy, yz, zz] = self.tensor;
+        [
+            g.dot3(&[xx, xy, xz], v),
+            g.dot3(&[xy, yy, yz], v),
+            g.dot3(&[xz, yz, zz], v),
+        ]
+    }
+}
+
+/// A force and its moment about a link's origin.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Wrench {
+    pub(super) moment: V3,
+    pub(super) force: V3,
+}
+
+impl Wrench {
+    pub(super) const ZERO: Wrench = Wrench {
+        moment: ZERO3,
+        force: ZERO3,
+    };
+
+    pub(super) fn plus(&self, g: &mut Graph, other: &Wrench) -> Wrench {
+        Wrench {
+            moment: g.add3(&self.moment, &other.moment),
+            force: g.add3(&self.force, &other.force),
+        }
+    }
+
+    /// The wrench about the parent's origin, in its axes.
+    pub(super) fn on_parent(&self, g: &mut Graph, frames: &Frames, link: usize) -> Wrench {
+        let force = frames.into_parent(g, link, &self.force);
+        let moment = frames.into_parent(g, link, &self.moment);
+        let lever = g.cross(&frames.links[link].offset, &force);
+        Wrench {
+            moment: g.add3(&moment, &lever),
+            force,
+        }
+    }
+
+    /// Its power on a joint's unit motion.
+    pub(super) fn along(&self, g: &mut Graph, kind: MotionKind, axis: &V3) -> Ex {
+        match kind {
+            MotionKind::Rotation => g.dot3(axis, &self.moment),
+            MotionKind::Translation => g.dot3(axis, &self.force),
+        }
+    }
+}
+
+/// The effort of every joint of the tree: K phi, with friction and rotors.
+pub fn joint_efforts(
+    g: &mut Graph,
+    frames: &Frames,
+    model: &Model,
+    motions: &[LinkMotion],
+    rates: &Rates,
+    phi: &[Ex],
+) -> Vec<Ex> {
+    let mut wrenches = vec![Wrench::ZERO; frames.links.len()];
+    for (index, body) in model.bodies.iter().enumerate() {
+        let inertial = Inertial::of_body(index, phi);
+        let wrench = body_wrench(g, &motions[body.link], &inertial);
+        wrenches[body.link] = wrenches[body.link].plus(g, &wrench);
+    }
+    let mut efforts = vec![Ex::ZERO; model.coordinates.len()];
+    for link in (0..frames.links.len()).rev() {
+        let wrench = wrenches[link];
+        let frame = &frames.links[link];
+        if let Some((coordinate, kind, axis)) = frame.joint {
+            efforts[coordinate] = wrench.along(g, kind, &axis);
+        }
+        if let Some(parent) = frame.parent {
+            let carried = wrench.on_parent(g, frames, link);
+            wrenches[parent] = wrenches[parent].plus(g, &carried);
+        }
+    }
+    for (parameter, value) in model.parameters.iter().zip(phi) {
+        let (coordinate, factor) = match parameter.kind {
+            ParameterKind::Inertial { .. } => continue,
+            ParameterKind::Friction { coordinate, column } => {
+                let factor = friction_factor(g, column, rates.qd[coordinate], rates.rd[coordinate]);
+                (coordinate, factor)
+            }
+            ParameterKind::Rotor { coordinate } => (coordinate, rates.qdd[coordinate]),
+        };
+        let term = g.mul(factor, *value);
+        efforts[coordinate] = g.add(efforts[coordinate], term);
+    }
+    efforts
+}
+
+/// I alpha + w x I w + m r x a, and m a + eta_tilde m r.
+fn body_wrench(g: &mut Graph, motion: &LinkMotion, inertial: &Inertial) -> Wrench {
+    let inertia_moment = {
+        let [xx, xy, xz, yy, yz, zz] = motion.ww;
+        let [ixx, ixy, ixz, iyy, iyz, izz] = inertial.tensor;
+        let tangential = inertial.turn(g, &motion.alpha);
+        // w x (I w) written with the products of w, which the motion has
+        let x = {
+            let difference = g.sub(izz, iyy);
+            let squares = g.sub(yy, zz);
+            let l = g.mul(difference, yz);
+            let m = g.mul(iyz, squares);
+            let p = g.mul(ixz, xy);
+            let q = g.mul(ixy, xz);
+            let sum = g.add(l, m);
+            let sum = g.add(sum, p);
+            g.sub(sum, q)
+        };
+        let y = {
+            let difference = g.sub(ixx, izz);
+            let squares = g.sub(zz, xx);
+            let l = g.mul(difference, xz);
+            let m = g.mul(ixz, squares);
+            let p = g.mul(ixy, yz);
+            let q = g.mul(iyz, xy);
+            let sum = g.add(l, m);
+            let sum = g.add(sum, p);
+            g.sub(sum, q)
+        };
+        let z = {
+            let difference = g.sub(iyy, ixx);
+            let squares = g.sub(xx, yy);
+            let l = g.mul(difference, xy);
+            let m = g.mul(ixy, squares);
+            let p = g.mul(iyz, xz);
+            let q = g.mul(ixz, yz);
+            let sum = g.add(l, m);
+            let sum = g.add(sum, p);
+            g.sub(sum, q)
+        };
+        g.add3(&tangential, &[x, y, z])
+    };
+    let lever = g.cross(&inertial.moment, &motion.a);
+    let straight = g.scale3(inertial.mass, &motion.a);
+    let swing = g.mul_mv(&motion.eta, &inertial.moment);
+    Wrench {
+        moment: g.add3(&inertia_moment, &lever),
+        force: g.add3(&straight, &swing),
+    }
+}

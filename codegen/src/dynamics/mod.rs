@@ -1,0 +1,12 @@
+//! The linear model of Eq. 4-5 and its reduction (Eq. 8-11), the recursions
+//! with given parameters, and friction and rotor columns (Eq. 14-20).
+
+mod forces;
+mod inertia;
+mod reduction;
+mod regressor;
+
+pub use forces::{Inertial, joint_efforts};
+pub use inertia::mass_matrix;
+pub use reduction::Reduction;
+pub use regressor::{Projection, friction_factor, inertial_row, reduced_regressor};

@@ -1,0 +1,65 @@
+//! From all coordinates to the independent ones: velocities of the closed
+//! mechanism are `qd = J qd_i` with `J = [1; -X]` (Eq. 8, 10).
+
+use crate::model::Model;
+use crate::sym::{Ex, Graph};
+
+/// J: all coordinates by independent ones.
+#[derive(Clone, Debug)]
+pub struct Reduction {
+    rows: Vec<Vec<Ex>>,
+}
+
+impl Reduction {
+    /// From X, which is dependent by independent (empty for a tree).
+    pub fn new(g: &mut Graph, model: &Model, x: &[Vec<Ex>]) -> Self {
+        let width = model.independent.len();
+        let mut rows = vec![vec![Ex::ZERO; width]; model.coordinates.len()];
+        for (j, &c) in model.independent.iter().enumerate() {
+            rows[c][j] = Ex::ONE;
+        }
+        for (row, &c) in x.iter().zip(&model.dependent) {
+            rows[c] = row.iter().map(|e| g.neg(*e)).collect();
+        }
+        Reduction { rows }
+    }
+
+    /// The number of independent coordinates.
+    pub fn width(&self) -> usize {
+        self.rows.first().map_or(0, Vec::len)
+    }
+
+    /// Entry of J.
+    pub fn at(&self, coordinate: usize, independent: usize) -> Ex {
+        self.rows[coordinate][independent]
+    }
+
+    /// `J^T v`: v_i - X^T v_e.
+    pub fn reduce(&self, g: &mut Graph, v: &[Ex]) -> Vec<Ex> {
+        (0..self.width())
+            .map(|j| {
+                let column: Vec<Ex> = self.rows.iter().map(|r| r[j]).collect();
+                g.dot(&column, v)
+            })
+            .collect()
+    }
+
+    /// `J^T M J` for a symmetric M.
+    pub fn reduce_matrix(&self, g: &mut Graph, m: &[Vec<Ex>]) -> Vec<Vec<Ex>> {
+        let width = self.width();
+        let n = self.rows.len();
+        let columns: Vec<Vec<Ex>> = (0..width)
+            .map(|j| self.rows.iter().map(|r| r[j]).collect())
+            .collect();
+        let mut reduced = vec![vec![Ex::ZERO; width]; width];
+        for j in 0..width {
+            let mj: Vec<Ex> = (0..n).map(|k| g.dot(&m[k], &columns[j])).collect();
+            for i in 0..=j {
+                let entry = g.dot(&columns[i], &mj);
+                reduced[i][j] = entry;
+                reduced[j][i] = entry;
+            }
+        }
+        reduced
+    }
+}

@@ -1,0 +1,453 @@
+//! The body of a function: temporaries in blocks, outputs stored as soon as a
+//! column is complete.
+//!
+//! Every block keeps its temporaries to itself and hands on only what later
+//! blocks use. No scope holds more than a few hundred names: rustc's
+//! debug-information writer overflows its stack at some thousands.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+use crate::optimize::{Group, Op, Operand, Program, SolveStep, Temp};
+
+use super::names::{Names, identifier};
+
+/// Steps in a block, at most.
+const BLOCK: usize = 250;
+/// Names in the function's own scope, at most; beyond, blocks hand on arrays.
+const SCOPE: usize = 300;
+const WIDTH: usize = 96;
+
+/// A block: some steps of a group, and the outputs complete after them.
+struct Block {
+    title: String,
+    steps: std::ops::Range<usize>,
+    outputs: std::ops::Range<usize>,
+    /// Temporaries that later blocks use.
+    hands_on: Vec<Temp>,
+}
+
+pub(super) struct Body<'p> {
+    program: &'p Program,
+    runtime: String,
+    names: Vec<String>,
+    inputs: Vec<Vec<String>>,
+    /// Where each temporary is computed.
+    block_of: Vec<usize>,
+    blocks: Vec<Block>,
+    out: String,
+}
+
+/// The statements of a program's function, indented, without its last line.
+pub(super) fn statements(program: &Program, runtime: &str, elements: &[Vec<String>]) -> String {
+    let mut names = Names::new();
+    names.reserve(&program.output.name);
+    for argument in &program.arguments {
+        names.reserve(&argument.name);
+    }
+    let inputs: Vec<Vec<String>> = program
+        .arguments
+        .iter()
+        .zip(elements)
+        .map(|(argument, elements)| {
+            let prefix = match argument.name.as_str() {
+                "q" => "",
+                "qd" | "qd_i" => "d_",
+                "qdd" | "qdd_i" => "dd_",
+                "qd_r" => "r_",
+                "qdd_r" => "dr_",
+                "tau" => "tau_",
+                _ => "p_",
+            };
+            let wish = |e: &String| format!("{prefix}{}", identifier(e));
+            elements.iter().map(|e| names.unique(&wish(e))).collect()
+        })
+        .collect();
+    let mut body = Body {
+        program,
+        runtime: runtime.to_owned(),
+        names: Vec::new(),
+        inputs,
+        block_of: vec![0; program.names.len()],
+        blocks: Vec::new(),
+        out: String::new(),
+    };
+    body.cut_into_blocks();
+    body.name_temporaries(&mut names);
+    body.find_handed_on();
+    body.write();
+    body.out
+}
+
+impl Body<'_> {
+    fn cut_into_blocks(&mut self) {
+        for group in &self.program.groups {
+            let mut start = group.steps.start;
+            let mut part = 0;
+            for at in group.steps.clone() {
+                let solves = matches!(self.program.steps[at].op, Op::Solve(_));
+                let full = at + 1 - start >= BLOCK;
+                if (solves || full) && at + 1 < group.steps.end {
+                    part += 1;
+                    let title = if solves {
+                        "loops: solve with A_e (Eq. 8, 10)".to_owned()
+                    } else {
+                        format!("{}, part {part}", group.title)
+                    };
+                    self.push_block(title, start..at + 1, group.outputs.start..group.outputs.start);
+                    start = at + 1;
+                }
+            }
+            let Group { title, outputs, .. } = group;
+            self.push_block(title.clone(), start..group.steps.end, outputs.clone());
+        }
+        // outputs may be stored only where their steps are done
+        for (index, block) in self.blocks.iter().enumerate() {
+            for step in &self.program.steps[block.steps.clone()] {
+                for result in &step.results {
+                    self.block_of[result.0 as usize] = index;
+                }
+            }
+        }
+    }
+
+    fn push_block(&mut self, title: String, steps: std::ops::Range<usize>, outputs: std::ops::Range<usize>) {
+        self.blocks.push(Block {
+            title,
+            steps,
+            outputs,
+            hands_on: Vec::new(),
+        });
+    }
+
+    /// Suggested names where there are some; else numbers that start anew in
+    /// every block, so that an edit of one body does not renumber the others.
+    fn name_temporaries(&mut self, names: &mut Names) {
+        self.names = vec![String::new(); self.program.names.len()];
+        for (index, block) in self.blocks.iter().enumerate() {
+            let mut number = 0;
+            for step in &self.program.steps[block.steps.clone()] {
+                for result in &step.results {
+                    let at = result.0 as usize;
+                    self.names[at] = match &self.program.names[at] {
+                        Some(name) => names.unique(&identifier(name)),
+                        None => {
+                            number += 1;
+                            names.unique(&format!("t{}_{number}", index + 1))
+                        }
+                    };
+                }
+            }
+        }
+    }
+
+    fn find_handed_on(&mut self) {
+        let mut used_later = vec![false; self.program.names.len()];
+        for (index, block) in self.blocks.iter().enumerate() {
+            let steps = self.program.steps[block.steps.clone()].iter();
+            let operands = steps.flat_map(|s| s.op.operands());
+            let outputs = self.program.outputs[block.outputs.clone()].iter().copied();
+            for operand in operands.chain(outputs) {
+                if let Operand::Temp(t) = operand
+                    && self.block_of[t.0 as usize] != index
+                {
+                    used_later[t.0 as usize] = true;
+                }
+            }
+        }
+        for block in &mut self.blocks {
+            for step in &self.program.steps[block.steps.clone()] {
+                let later = step.results.iter().filter(|t| used_later[t.0 as usize]);
+                block.hands_on.extend(later);
+            }
+        }
+    }
+
+    fn line(&mut self, depth: usize, text: &str) {
+        for _ in 0..depth {
+            self.out.push_str("    ");
+        }
+        self.out.push_str(text);
+        self.out.push('\n');
+    }
+
+    /// `head [ items ] tail`, broken over lines where it is long.
+    fn list(&mut self, depth: usize, head: &str, items: &[String], tail: &str) {
+        let flat = format!("{head}[{}]{tail}", items.join(", "));
+        if flat.len() + 4 * depth <= WIDTH {
+            return self.line(depth, &flat);
+        }
+        self.line(depth, &format!("{head}["));
+        let mut row = String::new();
+        for item in items {
+            if !row.is_empty() && row.len() + item.len() + 4 * depth + 6 > WIDTH {
+                self.line(depth + 1, row.trim_end());
+                row.clear();
+            }
+            let _ = write!(row, "{item}, ");
+        }
+        self.line(depth + 1, row.trim_end());
+        self.line(depth, &format!("]{tail}"));
+    }
+
+    fn write(&mut self) {
+        self.write_inputs();
+        if self.program.solves() {
+            self.line(1, "let mut condition = like.lift(1.0);");
+        }
+        let handed: usize = self.blocks.iter().map(|b| b.hands_on.len()).sum();
+        let arrays = handed > SCOPE;
+        for index in 0..self.blocks.len() {
+            self.write_block(index, arrays);
+        }
+    }
+
+    fn write_inputs(&mut self) {
+        let mut used: Vec<Vec<bool>> = self.inputs.iter().map(|a| vec![false; a.len()]).collect();
+        let steps = self.program.steps.iter().flat_map(|s| s.op.operands());
+        for operand in steps.chain(self.program.outputs.iter().copied()) {
+            if let Operand::Input { argument, element } = operand {
+                used[argument][element] = true;
+            }
+        }
+        self.line(1, &format!("let like = {}[0];", self.program.arguments[0].name));
+        for (argument, used) in used.iter().enumerate() {
+            if !used.contains(&true) {
+                continue;
+            }
+            let items: Vec<String> = self.inputs[argument]
+                .iter()
+                .zip(used)
+                .map(|(name, used)| if *used { name.clone() } else { "_".to_owned() })
+                .collect();
+            let tail = format!(" = *{};", self.program.arguments[argument].name);
+            self.list(1, "let ", &items, &tail);
+        }
+    }
+
+    fn write_block(&mut self, index: usize, arrays: bool) {
+        let block = &self.blocks[index];
+        let (steps, outputs) = (block.steps.clone(), block.outputs.clone());
+        let names: Vec<String> = block
+            .hands_on
+            .iter()
+            .map(|t| self.names[t.0 as usize].clone())
+            .collect();
+        let title = block.title.clone();
+        if steps.is_empty() && outputs.is_empty() {
+            return;
+        }
+        self.line(1, &format!("// {title}"));
+        if names.is_empty() {
+            self.line(1, "{");
+        } else if arrays {
+            self.line(1, &format!("let part_{} = {{", index + 1));
+        } else {
+            self.list(1, "let ", &names, " = {");
+        }
+        if arrays {
+            self.write_imports(index);
+        }
+        let mut stores = self.stores(index, outputs);
+        for at in steps {
+            self.write_step(at);
+            for store in stores.remove(&Some(at)).unwrap_or_default() {
+                self.line(2, &store);
+            }
+        }
+        for store in stores.remove(&None).unwrap_or_default() {
+            self.line(2, &store);
+        }
+        if names.is_empty() {
+            self.line(1, "}");
+        } else {
+            self.list(2, "", &names, "");
+            self.line(1, "};");
+        }
+    }
+
+    /// What a block takes from earlier ones, where those hand on arrays.
+    fn write_imports(&mut self, index: usize) {
+        let block = &self.blocks[index];
+        let mut imports: Vec<Temp> = self.program.steps[block.steps.clone()]
+            .iter()
+            .flat_map(|s| s.op.operands())
+            .chain(self.program.outputs[block.outputs.clone()].iter().copied())
+            .filter_map(|o| match o {
+                Operand::Temp(t) if self.block_of[t.0 as usize] != index => Some(t),
+                _ => None,
+            })
+            .collect();
+        imports.sort_unstable();
+        imports.dedup();
+        for t in imports {
+            let from = self.block_of[t.0 as usize];
+            let place = self.blocks[from].hands_on.iter().position(|x| *x == t);
+            if let Some(place) = place {
+                let name = &self.names[t.0 as usize];
+                let text = format!("let {name} = part_{}[{place}];", from + 1);
+                self.line(2, &text);
+            }
+        }
+    }
+
+    /// Statements that store outputs, by the step after which they can stand:
+    /// whole rows or columns at once. `None` is after the last step.
+    fn stores(&self, index: usize, outputs: std::ops::Range<usize>) -> BTreeMap<Option<usize>, Vec<String>> {
+        let output = &self.program.output;
+        let inner = output.shape.get(1).copied().unwrap_or(1);
+        let first = self.blocks[index].steps.start;
+        let mut defined = BTreeMap::new();
+        for (offset, step) in self.program.steps[self.blocks[index].steps.clone()].iter().enumerate() {
+            for result in &step.results {
+                defined.insert(*result, first + offset);
+            }
+        }
+        let mut stores: BTreeMap<Option<usize>, Vec<String>> = BTreeMap::new();
+        let all = &self.program.outputs;
+        for start in (outputs.start..outputs.end).step_by(inner.max(1)) {
+            let end = (start + inner).min(outputs.end);
+            let operands = &all[start..end];
+            let after = operands
+                .iter()
+                .filter_map(|o| match o {
+                    Operand::Temp(t) => defined.get(t).copied(),
+                    _ => None,
+                })
+                .max();
+            let values: Vec<String> = operands.iter().map(|o| self.operand(o)).collect();
+            let name = &output.name;
+            let text = if output.shape.len() == 2 {
+                format!("{name}[{}] = [{}];", start / inner, values.join(", "))
+            } else {
+                format!("{name}[{start}] = {};", values.join(", "))
+            };
+            // before any step: the first block's first line would do, the end as well
+            stores.entry(after).or_default().push(text);
+        }
+        stores
+    }
+
+    fn operand(&self, operand: &Operand) -> String {
+        match *operand {
+            Operand::Input { argument, element } => self.inputs[argument][element].clone(),
+            Operand::Constant(c) => format!("like.lift({c:?})"),
+            Operand::Temp(t) => self.names[t.0 as usize].clone(),
+        }
+    }
+
+    /// The operand with a minus.
+    fn negated(&self, operand: &Operand) -> String {
+        match operand {
+            Operand::Constant(c) => self.operand(&Operand::Constant(-c)),
+            other => format!("-{}", self.operand(other)),
+        }
+    }
+
+    fn write_step(&mut self, at: usize) {
+        let program = self.program;
+        let step = &program.steps[at];
+        let o = |operand: &Operand| self.operand(operand);
+        let text = match &step.op {
+            Op::Neg(a) => self.negated(a),
+            Op::Add(a, b) => format!("{} + {}", o(a), o(b)),
+            Op::Sub(a, b) => format!("{} - {}", o(a), o(b)),
+            Op::Mul(a, b) => format!("{} * {}", o(a), o(b)),
+            Op::Div(a, b) => format!("{} / {}", o(a), o(b)),
+            Op::MulAdd(a, b, c) => format!("{}.mul_add({}, {})", o(a), o(b), o(c)),
+            Op::NegMulAdd(a @ Operand::Constant(_), b, c) => {
+                format!("{}.mul_add({}, {})", self.negated(a), o(b), o(c))
+            }
+            Op::NegMulAdd(a, b, c) => format!("({}).mul_add({}, {})", self.negated(a), o(b), o(c)),
+            Op::MulSub(a, b, c) => format!("{}.mul_add({}, {})", o(a), o(b), self.negated(c)),
+            Op::Sign(a) => format!("{}.sign()", o(a)),
+            Op::Positive(a) => {
+                format!("T::select(like.lift(0.0).less({}), like.lift(1.0), like.lift(0.0))", o(a))
+            }
+            Op::Negative(a) => {
+                format!("T::select({}.less(like.lift(0.0)), like.lift(1.0), like.lift(0.0))", o(a))
+            }
+            Op::SinCos(a) => {
+                let names: Vec<&str> = step
+                    .results
+                    .iter()
+                    .map(|t| self.names[t.0 as usize].as_str())
+                    .collect();
+                let text = format!("let ({}) = {}.sin_cos();", names.join(", "), o(a));
+                return self.line(2, &text);
+            }
+            Op::Solve(solve) => return self.write_solve(solve, &step.results),
+        };
+        let name = step.results.first().map_or("_", |t| self.names[t.0 as usize].as_str());
+        let text = format!("let {name} = {text};");
+        self.line(2, &text);
+    }
+
+    /// The system solved in the fixed order, guarded by its pivots.
+    fn write_solve(&mut self, solve: &SolveStep, results: &[Temp]) {
+        let mut margins = solve.pivots.iter().map(|(pivot, size)| {
+            format!("({} * like.lift({:?})).abs()", self.operand(pivot), 1.0 / size)
+        });
+        let first = margins.next().unwrap_or_else(|| "like.lift(1.0)".to_owned());
+        let rest: Vec<String> = margins.collect();
+        self.line(2, "// the smallest pivot relative to its usual size");
+        self.line(2, &format!("let margin = {first}"));
+        for margin in &rest {
+            self.line(3, &format!(".min({margin})"));
+        }
+        // the statement ends after its last line
+        self.out.pop();
+        self.out.push_str(";\n");
+        let used: Vec<Temp> = self
+            .program
+            .steps
+            .iter()
+            .flat_map(|s| s.op.operands())
+            .chain(self.program.outputs.iter().copied())
+            .filter_map(|o| match o {
+                Operand::Temp(t) => Some(t),
+                _ => None,
+            })
+            .collect();
+        let sides = solve.rhs.first().map_or(1, Vec::len);
+        let rows: Vec<String> = results
+            .chunks(sides)
+            .map(|row| {
+                let names: Vec<&str> = row
+                    .iter()
+                    .map(|t| {
+                        if used.contains(t) {
+                            self.names[t.0 as usize].as_str()
+                        } else {
+                            "_"
+                        }
+                    })
+                    .collect();
+                format!("[{}]", names.join(", "))
+            })
+            .collect();
+        self.list(2, "let (", &rows, ", found) = ");
+        self.out.pop();
+        let head = format!("{}::guarded(\n", self.runtime);
+        self.out.push_str(&head);
+        let matrix = |body: &Self, rows: &[Vec<Operand>]| -> Vec<String> {
+            rows.iter()
+                .map(|row| {
+                    let entries: Vec<String> = row.iter().map(|o| body.operand(o)).collect();
+                    format!("[{}]", entries.join(", "))
+                })
+                .collect()
+        };
+        let fixed = matrix(self, &solve.fixed);
+        self.list(3, "", &fixed, ",");
+        self.line(3, "margin,");
+        self.line(3, "|| (");
+        let a = matrix(self, &solve.matrix);
+        self.list(4, "", &a, ",");
+        let b = matrix(self, &solve.rhs);
+        self.list(4, "", &b, ",");
+        self.line(3, "),");
+        self.line(2, ");");
+        self.line(2, "condition = condition.min(found);");
+    }
+}

@@ -1,0 +1,8 @@
+//! From programs to Rust text. Knows nothing of how they were derived.
+
+mod body;
+mod module;
+mod names;
+mod trait_impl;
+
+pub use module::{Options, module};

@@ -1,0 +1,290 @@
+//! The module of a robot: names, functions, and the `Model` that ties them.
+
+use std::fmt::Write as _;
+
+use crate::optimize::{Operations, Program};
+use crate::robot::{Function, FunctionKind, Robot};
+
+use super::body::statements;
+use super::trait_impl;
+
+/// How to write a module.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Path of the runtime crate, such as `::regen_runtime`.
+    pub runtime: String,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options {
+            runtime: "::regen_runtime".to_owned(),
+        }
+    }
+}
+
+/// The inside of a robot's module as Rust text, with its documentation as inner
+/// comments.
+pub fn module(robot: &Robot, options: &Options) -> String {
+    let mut out = String::new();
+    header(robot, &mut out);
+    let runtime = &options.runtime;
+    let _ = writeln!(out, "use {runtime}::{{Condition, Cut, Info, Model, Scalar, SizeError}};\n");
+    constants(robot, &mut out);
+    for function in &robot.functions {
+        write_function(robot, function, options, &mut out);
+    }
+    trait_impl::write(robot, options, &mut out);
+    out
+}
+
+fn header(robot: &Robot, out: &mut String) {
+    let description = robot.description.as_deref().unwrap_or("a robot model");
+    // a line of documentation must stay one line
+    let description = description.replace(['\n', '\r'], " ");
+    let _ = writeln!(out, "//! `{}`: {description}.", robot.name);
+    let _ = writeln!(out, "//!");
+    let _ = writeln!(out, "//! Written by `regen` from the robot's spec; edits here are lost.");
+    let _ = writeln!(out, "//!");
+    let _ = writeln!(
+        out,
+        "//! {} coordinates, {} independent; {} bodies, {} parameters; {} closure rows, {} of them redundant.",
+        robot.coordinates.len(),
+        robot.independent.len(),
+        robot.bodies.len(),
+        robot.parameters.len(),
+        robot.rows,
+        robot.redundant_rows.len(),
+    );
+    let _ = writeln!(out, "//!");
+    let _ = writeln!(out, "//! | function | add | mul | div | sin and cos |");
+    let _ = writeln!(out, "//! |---|---|---|---|---|");
+    for function in &robot.functions {
+        let Operations {
+            add,
+            mul,
+            div,
+            sincos,
+            ..
+        } = function.program.operations();
+        let name = function.kind.name();
+        let _ = writeln!(out, "//! | [`{name}`] | {add} | {mul} | {div} | {sincos} |");
+    }
+    let _ = writeln!(out);
+}
+
+fn strings(out: &mut String, doc: &str, name: &str, items: &[String]) {
+    let _ = writeln!(out, "/// {doc}");
+    let _ = writeln!(out, "pub const {name}: [&str; {}] = [", items.len());
+    wrapped(out, items.iter().map(|s| format!("{s:?}")));
+    let _ = writeln!(out, "];");
+}
+
+fn indices(out: &mut String, doc: &str, name: &str, items: &[usize]) {
+    let _ = writeln!(out, "/// {doc}");
+    let list: Vec<String> = items.iter().map(usize::to_string).collect();
+    let _ = writeln!(
+        out,
+        "pub const {name}: [usize; {}] = [{}];",
+        items.len(),
+        list.join(", ")
+    );
+}
+
+fn wrapped(out: &mut String, items: impl Iterator<Item = String>) {
+    let mut row = String::new();
+    for item in items {
+        if !row.is_empty() && row.len() + item.len() > 90 {
+            let _ = writeln!(out, "    {}", row.trim_end());
+            row.clear();
+        }
+        let _ = write!(row, "{item}, ");
+    }
+    if !row.is_empty() {
+        let _ = writeln!(out, "    {}", row.trim_end());
+    }
+}
+
+fn constants(robot: &Robot, out: &mut String) {
+    strings(out, "Names of the coordinates, in the order of `q`.", "COORDINATES", &robot.coordinates);
+    indices(
+        out,
+        "The independent coordinates, as indices: the rows of the regressor.",
+        "INDEPENDENT",
+        &robot.independent,
+    );
+    indices(out, "The other coordinates, as indices.", "DEPENDENT", &robot.dependent);
+    indices(out, "The actuated coordinates, as indices.", "ACTUATED", &robot.actuated);
+    strings(
+        out,
+        "Labels of the parameters, in the order of `phi`: the columns of the regressor.",
+        "PARAMETERS",
+        &robot.parameters,
+    );
+    strings(out, "Labels of the bodies.", "BODIES", &robot.bodies);
+    let _ = writeln!(out, "/// The home configuration, closed; it picks the assembly branch.");
+    let _ = writeln!(out, "pub const HOME: [f64; {}] = [", robot.home.len());
+    wrapped(out, robot.home.iter().map(|x| format!("{x:?}")));
+    let _ = writeln!(out, "];");
+    let _ = writeln!(out, "/// Names and sizes.");
+    let _ = writeln!(out, "pub const INFO: Info<'static> = Info {{");
+    let _ = writeln!(out, "    name: {:?},", robot.name);
+    for (field, constant) in [
+        ("coordinates", "COORDINATES"),
+        ("independent", "INDEPENDENT"),
+        ("dependent", "DEPENDENT"),
+        ("actuated", "ACTUATED"),
+        ("parameters", "PARAMETERS"),
+        ("bodies", "BODIES"),
+    ] {
+        let _ = writeln!(out, "    {field}: &{constant},");
+    }
+    let cuts: Vec<String> = robot
+        .cuts
+        .iter()
+        .map(|c| format!("Cut {{ name: {:?}, rows: {} }}", c.name, c.rows))
+        .collect();
+    let _ = writeln!(out, "    cuts: &[{}],", cuts.join(", "));
+    let _ = writeln!(out, "    home: &HOME,");
+    let _ = writeln!(out, "    rows: {},", robot.rows);
+    let _ = writeln!(out, "}};");
+}
+
+/// The names of the elements of an argument.
+fn elements(robot: &Robot, argument: &str) -> Vec<String> {
+    let of = |which: &[usize]| -> Vec<String> {
+        which.iter().map(|c| robot.coordinates[*c].clone()).collect()
+    };
+    match argument {
+        "phi" => robot.parameters.clone(),
+        "tau" => of(&robot.actuated),
+        "qd_i" | "qdd_i" | "qd_r" | "qdd_r" => of(&robot.independent),
+        _ => robot.coordinates.clone(),
+    }
+}
+
+/// Whether the function reports the condition of its solve.
+pub(super) fn has_condition(kind: FunctionKind) -> bool {
+    !matches!(
+        kind,
+        FunctionKind::Constraints
+            | FunctionKind::Jacobian
+            | FunctionKind::Bias
+            | FunctionKind::DependentJacobian
+            | FunctionKind::Poses
+    )
+}
+
+/// Whether the function writes through an argument: its result is large.
+pub(super) fn writes_through(kind: FunctionKind) -> bool {
+    matches!(kind, FunctionKind::Regressor | FunctionKind::SlotineLi)
+}
+
+/// The type of an array of this shape.
+pub(super) fn array_type(shape: &[usize]) -> String {
+    match shape {
+        [outer, inner] => format!("[[T; {inner}]; {outer}]"),
+        [len] => format!("[T; {len}]"),
+        _ => "T".to_owned(),
+    }
+}
+
+fn formula(kind: FunctionKind) -> &'static str {
+    match kind {
+        FunctionKind::Constraints => "The closure equations f(q) (Eq. 6): every row of every cut in the world frame, then the couplings.",
+        FunctionKind::Jacobian => "The Jacobian A = df/dq (Eq. 7).",
+        FunctionKind::Bias => "The bias b = -(dA/dt) qd of A qdd = b (Eq. 7).",
+        FunctionKind::NewtonStep => "The Newton step of the dependent coordinates, A_e dq_e = -f.",
+        FunctionKind::DependentJacobian => "The square A_e (Eq. 8).",
+        FunctionKind::Velocities => "All velocities from the independent ones: A_e qd_e = -A_i qd_i (Eq. 8).",
+        FunctionKind::Accelerations => "All accelerations from the independent ones: A_e qdd_e = b - A_i qdd_i (Eq. 8).",
+        FunctionKind::Regressor => "The regressor K_i - X^T K_e (Eq. 11) with friction and rotor columns (Eq. 20).",
+        FunctionKind::InverseDynamics => "Inverse dynamics: the regressor times `phi`, without forming it.",
+        FunctionKind::Gravity => "The efforts of gravity.",
+        FunctionKind::BiasForces => "Coriolis, centrifugal and friction efforts.",
+        FunctionKind::MassMatrix => "The mass matrix over the independent coordinates.",
+        FunctionKind::SlotineLi => "The regressor Y(q, qd, qd_r, qdd_r) of passivity-based adaptive control (Slotine and Li, 1987).",
+        FunctionKind::Efforts => "The left side of Eq. 10 from the actuated efforts.",
+        FunctionKind::Poses => "Where the bodies are.",
+    }
+}
+
+fn write_function(robot: &Robot, function: &Function, options: &Options, out: &mut String) {
+    let Function { kind, program } = function;
+    let name = kind.name();
+    let output = &program.output;
+    let result = array_type(&output.shape);
+    let _ = writeln!(out);
+    let _ = writeln!(out, "/// {}", formula(*kind));
+    let _ = writeln!(out, "///");
+    for argument in &program.arguments {
+        let _ = writeln!(out, "/// - `{}`: {}", argument.name, argument.doc);
+    }
+    let _ = writeln!(out, "/// - `{}`: {}", output.name, output.doc);
+    let Operations {
+        add,
+        mul,
+        div,
+        sincos,
+        ..
+    } = program.operations();
+    let _ = writeln!(out, "///");
+    let _ = writeln!(
+        out,
+        "/// {add} additions, {mul} multiplications, {div} divisions, {sincos} sines and cosines."
+    );
+    let mut parameters: Vec<String> = program
+        .arguments
+        .iter()
+        .map(|a| format!("{}: &[T; {}]", a.name, a.len))
+        .collect();
+    let through = writes_through(*kind);
+    if through {
+        parameters.push(format!("{}: &mut {result}", output.name));
+    }
+    let returned = match (has_condition(*kind), through) {
+        (true, true) => "Condition<T>".to_owned(),
+        (true, false) => format!("({result}, Condition<T>)"),
+        (false, _) => result.clone(),
+    };
+    let _ = writeln!(
+        out,
+        "pub fn {name}<T: Scalar>({}) -> {returned} {{",
+        parameters.join(", ")
+    );
+    let elements: Vec<Vec<String>> = program
+        .arguments
+        .iter()
+        .map(|a| elements(robot, &a.name))
+        .collect();
+    let body = statements(program, &options.runtime, &elements);
+    if !through {
+        // after `like` is bound, on the body's first line
+        let (first, rest) = body.split_once('\n').unwrap_or((body.as_str(), ""));
+        let _ = writeln!(out, "{first}");
+        let zeros = zeros(program);
+        let _ = writeln!(out, "    let mut {} = {zeros};", output.name);
+        out.push_str(rest);
+    } else {
+        out.push_str(&body);
+    }
+    let condition = if program.solves() {
+        "Condition { pivot: condition }"
+    } else {
+        "Condition::regular(like)"
+    };
+    let _ = match (has_condition(*kind), through) {
+        (true, true) => writeln!(out, "    {condition}"),
+        (true, false) => writeln!(out, "    ({}, {condition})", output.name),
+        (false, _) => writeln!(out, "    {}", output.name),
+    };
+    let _ = writeln!(out, "}}");
+}
+
+fn zeros(program: &Program) -> String {
+    match program.output.shape.as_slice() {
+        [outer, inner] => format!("[[like.lift(0.0); {inner}]; {outer}]"),
+        [len] => format!("[like.lift(0.0); {len}]"),
+        _ => "like.lift(0.0)".to_owned(),
+    }
+}

@@ -1,0 +1,164 @@
+//! Kinematic functions: constraints, closure, dependent rates, poses.
+
+use crate::constraints::world_equations;
+use crate::kinematics::{Chain, Rates, Start};
+use crate::optimize::Request;
+use crate::sym::{Ex, Graph};
+
+use super::{Context, group, output};
+
+/// Rates in which the coordinates' accelerations do not appear.
+pub(super) fn rates_without_qdd(g: &mut Graph, qd: Vec<Ex>, rd: Vec<Ex>) -> Rates {
+    let _ = g;
+    Rates {
+        qdd: vec![Ex::ZERO; qd.len()],
+        qd,
+        rd,
+        gravity: false,
+    }
+}
+
+pub(super) fn constraints(cx: &mut Context<'_>) -> Request {
+    let f = world_equations(cx.g, cx.frames, cx.model, None).residual;
+    Request {
+        arguments: vec![cx.symbols.q()],
+        output: output("f", &[f.len()], "closure residual f, zero when closed (Eq. 6)"),
+        groups: vec![group("f (Eq. 6)", f)],
+    }
+}
+
+pub(super) fn jacobian(cx: &mut Context<'_>) -> Request {
+    let rows = world_equations(cx.g, cx.frames, cx.model, None).jacobian;
+    let shape = [rows.len(), cx.model.coordinates.len()];
+    Request {
+        arguments: vec![cx.symbols.q()],
+        output: output("a", &shape, "A = df/dq, row by row (Eq. 7)"),
+        groups: rows
+            .into_iter()
+            .enumerate()
+            .map(|(i, row)| group(format!("row {}", i + 1), row))
+            .collect(),
+    }
+}
+
+pub(super) fn bias(cx: &mut Context<'_>) -> Request {
+    let qd = cx.symbols.qd_nodes(cx.g);
+    let rates = rates_without_qdd(cx.g, qd.clone(), qd);
+    let b = world_equations(cx.g, cx.frames, cx.model, Some(&rates)).bias;
+    Request {
+        arguments: vec![cx.symbols.q(), cx.symbols.qd()],
+        output: output("b", &[b.len()], "b = -(dA/dt) qd, so that A qdd = b (Eq. 7)"),
+        groups: vec![group("b (Eq. 7)", b)],
+    }
+}
+
+pub(super) fn newton_step(cx: &mut Context<'_>) -> Option<Request> {
+    let closure = cx.closed.closure.as_ref()?;
+    let f = closure.residual(cx.g, cx.frames, cx.model);
+    let rhs: Vec<Vec<Ex>> = f.iter().map(|e| vec![cx.g.neg(*e)]).collect();
+    let step = closure.solve(cx.g, cx.model, &rhs);
+    let step: Vec<Ex> = step.into_iter().flatten().collect();
+    Some(Request {
+        arguments: vec![cx.symbols.q()],
+        output: output(
+            "dq_e",
+            &[step.len()],
+            "step of the dependent coordinates in the order of `DEPENDENT`: A_e dq_e = -f",
+        ),
+        groups: vec![group("A_e dq_e = -f", step)],
+    })
+}
+
+pub(super) fn dependent_jacobian(cx: &mut Context<'_>) -> Option<Request> {
+    let closure = cx.closed.closure.as_ref()?;
+    let rows = closure.dependent_jacobian(cx.model);
+    Some(Request {
+        arguments: vec![cx.symbols.q()],
+        output: output(
+            "a_e",
+            &[rows.len(), rows.len()],
+            "the square A_e on the rows that are kept, each loop seen from one of its own frames (Eq. 8)",
+        ),
+        groups: vec![group("A_e (Eq. 8)", rows.into_iter().flatten().collect())],
+    })
+}
+
+/// All velocities from the independent ones: `A_e qd_e = -A_i qd_i`.
+pub(super) fn all_velocities(cx: &mut Context<'_>, independent: &[Ex]) -> Vec<Ex> {
+    let zero = vec![Ex::ZERO; cx.model.coordinates.len()];
+    all_rates(cx, independent, &zero, None)
+}
+
+/// All accelerations from the independent ones: `A_e qdd_e = b - A_i qdd_i`,
+/// with the bias polar in the velocities of `rates`.
+pub(super) fn all_accelerations(cx: &mut Context<'_>, independent: &[Ex], rates: &Rates) -> Vec<Ex> {
+    let zero = vec![Ex::ZERO; cx.model.coordinates.len()];
+    all_rates(cx, independent, &zero, Some(rates))
+}
+
+fn all_rates(cx: &mut Context<'_>, independent: &[Ex], start: &[Ex], rates: Option<&Rates>) -> Vec<Ex> {
+    let mut all = start.to_vec();
+    for (c, value) in cx.model.independent.iter().zip(independent) {
+        all[*c] = *value;
+    }
+    let Some(closure) = &cx.closed.closure else {
+        return all;
+    };
+    let mut rhs = closure.independent_part(cx.g, cx.model, independent);
+    if let Some(rates) = rates {
+        let bias = closure.bias(cx.g, cx.frames, cx.model, rates);
+        for (entry, b) in rhs.iter_mut().zip(bias) {
+            *entry = cx.g.add(*entry, b);
+        }
+    }
+    let rhs: Vec<Vec<Ex>> = rhs.into_iter().map(|e| vec![e]).collect();
+    let solution = closure.solve(cx.g, cx.model, &rhs);
+    for (c, value) in cx.model.dependent.iter().zip(solution.iter().flatten()) {
+        all[*c] = *value;
+    }
+    all
+}
+
+pub(super) fn velocities(cx: &mut Context<'_>) -> Request {
+    let qd = cx.symbols.qd_nodes(cx.g);
+    let independent: Vec<Ex> = cx.model.independent.iter().map(|c| qd[*c]).collect();
+    let all = all_velocities(cx, &independent);
+    Request {
+        arguments: vec![cx.symbols.q(), cx.symbols.qd_i()],
+        output: output("qd", &[all.len()], "velocities of all coordinates"),
+        groups: vec![group("A_e qd_e = -A_i qd_i (Eq. 8)", all)],
+    }
+}
+
+pub(super) fn accelerations(cx: &mut Context<'_>) -> Request {
+    let qd = cx.symbols.qd_nodes(cx.g);
+    let qdd = cx.symbols.qdd_nodes(cx.g);
+    let independent: Vec<Ex> = cx.model.independent.iter().map(|c| qdd[*c]).collect();
+    let rates = rates_without_qdd(cx.g, qd.clone(), qd);
+    let all = all_accelerations(cx, &independent, &rates);
+    Request {
+        arguments: vec![cx.symbols.q(), cx.symbols.qd(), cx.symbols.qdd_i()],
+        output: output("qdd", &[all.len()], "accelerations of all coordinates"),
+        groups: vec![group("A_e qdd_e = b - A_i qdd_i (Eq. 8)", all)],
+    }
+}
+
+pub(super) fn poses(cx: &mut Context<'_>) -> Request {
+    let mut groups = Vec::new();
+    for body in &cx.model.bodies {
+        let path = cx.model.path(Some(body.link));
+        let chain = Chain::follow(cx.g, cx.frames, &path, &Start::own(), None);
+        let mut values: Vec<Ex> = chain.rotation.into_iter().flatten().collect();
+        values.extend(chain.origin);
+        groups.push(group(format!("body {}", body.label), values));
+    }
+    Request {
+        arguments: vec![cx.symbols.q()],
+        output: output(
+            "poses",
+            &[cx.model.bodies.len(), 12],
+            "per body in the order of `BODIES`: rotation to the world frame, row by row, then the origin in the world, m",
+        ),
+        groups,
+    }
+}

@@ -1,0 +1,192 @@
+//! Dynamic functions: regressors, forces, mass matrix.
+
+use crate::dynamics::{self, Reduction};
+use crate::kinematics::{LinkMotion, Rates, motions, twists};
+use crate::optimize::Request;
+use crate::sym::Ex;
+
+use super::closure::{all_accelerations, all_velocities, rates_without_qdd};
+use super::{Context, group, output};
+
+fn reduction(cx: &mut Context<'_>) -> Reduction {
+    let x = match &cx.closed.closure {
+        Some(closure) => closure.solve_x(cx.g, cx.model),
+        None => Vec::new(),
+    };
+    Reduction::new(cx.g, cx.model, &x)
+}
+
+fn link_motions(cx: &mut Context<'_>, rates: &Rates) -> Vec<LinkMotion> {
+    let names: Vec<String> = cx.model.links.iter().map(|l| l.name.clone()).collect();
+    motions(cx.g, cx.frames, rates, Some(&names))
+}
+
+/// The ordinary motion: everything given.
+fn given_rates(cx: &mut Context<'_>) -> Rates {
+    let qd = cx.symbols.qd_nodes(cx.g);
+    Rates {
+        rd: qd.clone(),
+        qd,
+        qdd: cx.symbols.qdd_nodes(cx.g),
+        gravity: true,
+    }
+}
+
+/// The columns of W in groups: one per body, one for friction and rotors.
+fn regressor_groups(cx: &mut Context<'_>, rates: &Rates) -> Vec<(String, Vec<Ex>)> {
+    let j = reduction(cx);
+    let motions = link_motions(cx, rates);
+    let twists = twists(cx.g, cx.frames, cx.model);
+    let columns = dynamics::reduced_regressor(cx.g, cx.model, &motions, &twists, rates, &j);
+    for (column, parameter) in columns.iter().zip(&cx.model.parameters) {
+        for (entry, i) in column.iter().zip(&cx.model.independent) {
+            let row = &cx.model.coordinates[*i].name;
+            cx.g.name(*entry, || format!("w_{}_{row}", parameter.label));
+        }
+    }
+    let mut groups = Vec::new();
+    let (inertial, rest) = columns.split_at(10 * cx.model.bodies.len());
+    for (body, columns) in cx.model.bodies.iter().zip(inertial.chunks(10)) {
+        let title = format!("body {}: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m", body.label);
+        groups.push(group(title, columns.concat()));
+    }
+    if !rest.is_empty() {
+        groups.push(group("friction and rotors (Eq. 14-19)", rest.concat()));
+    }
+    groups
+}
+
+pub(super) fn regressor(cx: &mut Context<'_>) -> Request {
+    let rates = given_rates(cx);
+    let groups = regressor_groups(cx, &rates);
+    let shape = [cx.model.parameters.len(), cx.model.independent.len()];
+    Request {
+        arguments: vec![cx.symbols.q(), cx.symbols.qd(), cx.symbols.qdd()],
+        output: output(
+            "w",
+            &shape,
+            "column by column: `w[c][r]` multiplies `PARAMETERS[c]` in the equation of `INDEPENDENT[r]`",
+        ),
+        groups,
+    }
+}
+
+pub(super) fn slotine_li(cx: &mut Context<'_>) -> Request {
+    let (qd_r, qdd_r) = cx.symbols.reference_nodes(cx.g);
+    let rd = all_velocities(cx, &qd_r);
+    let qd = cx.symbols.qd_nodes(cx.g);
+    let polar = rates_without_qdd(cx.g, qd.clone(), rd.clone());
+    let qdd = all_accelerations(cx, &qdd_r, &polar);
+    let rates = Rates {
+        qd,
+        rd,
+        qdd,
+        gravity: true,
+    };
+    let groups = regressor_groups(cx, &rates);
+    let shape = [cx.model.parameters.len(), cx.model.independent.len()];
+    Request {
+        arguments: vec![
+            cx.symbols.q(),
+            cx.symbols.qd(),
+            cx.symbols.qd_r(),
+            cx.symbols.qdd_r(),
+        ],
+        output: output(
+            "y",
+            &shape,
+            "column by column: Y phi = M qdd_r + C(q, qd) qd_r + g, with dM/dt - 2 C skew",
+        ),
+        groups,
+    }
+}
+
+/// J^T K phi for a motion.
+fn reduced_forces(cx: &mut Context<'_>, rates: &Rates) -> Vec<Ex> {
+    let motions = link_motions(cx, rates);
+    let phi = cx.symbols.phi_nodes(cx.g);
+    let tau = dynamics::joint_efforts(cx.g, cx.frames, cx.model, &motions, rates, &phi);
+    let j = reduction(cx);
+    j.reduce(cx.g, &tau)
+}
+
+fn forces_output(cx: &Context<'_>, doc: &str) -> crate::optimize::Output {
+    output("tau", &[cx.model.independent.len()], doc)
+}
+
+pub(super) fn inverse_dynamics(cx: &mut Context<'_>) -> Request {
+    let rates = given_rates(cx);
+    let tau = reduced_forces(cx, &rates);
+    Request {
+        arguments: vec![
+            cx.symbols.q(),
+            cx.symbols.qd(),
+            cx.symbols.qdd(),
+            cx.symbols.phi(),
+        ],
+        output: forces_output(cx, "(K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`"),
+        groups: vec![group("tau (Eq. 11)", tau)],
+    }
+}
+
+pub(super) fn gravity(cx: &mut Context<'_>) -> Request {
+    let still = vec![Ex::ZERO; cx.model.coordinates.len()];
+    let rates = Rates {
+        gravity: true,
+        ..rates_without_qdd(cx.g, still.clone(), still)
+    };
+    let tau = reduced_forces(cx, &rates);
+    Request {
+        arguments: vec![cx.symbols.q(), cx.symbols.phi()],
+        output: forces_output(cx, "the efforts that hold the mechanism at rest"),
+        groups: vec![group("gravity", tau)],
+    }
+}
+
+pub(super) fn bias_forces(cx: &mut Context<'_>) -> Request {
+    let qd = cx.symbols.qd_nodes(cx.g);
+    let mut rates = rates_without_qdd(cx.g, qd.clone(), qd);
+    let still = vec![Ex::ZERO; cx.model.independent.len()];
+    rates.qdd = all_accelerations(cx, &still, &rates);
+    let tau = reduced_forces(cx, &rates);
+    Request {
+        arguments: vec![cx.symbols.q(), cx.symbols.qd(), cx.symbols.phi()],
+        output: forces_output(
+            cx,
+            "Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity",
+        ),
+        groups: vec![group("bias", tau)],
+    }
+}
+
+pub(super) fn mass_matrix(cx: &mut Context<'_>) -> Request {
+    let phi = cx.symbols.phi_nodes(cx.g);
+    let tree = dynamics::mass_matrix(cx.g, cx.frames, cx.model, &phi);
+    let j = reduction(cx);
+    let matrix = j.reduce_matrix(cx.g, &tree);
+    let width = matrix.len();
+    Request {
+        arguments: vec![cx.symbols.q(), cx.symbols.phi()],
+        output: output("m", &[width, width], "M = J^T M_tree J, J = [1; -X]; rotors included"),
+        groups: vec![group("M", matrix.into_iter().flatten().collect())],
+    }
+}
+
+pub(super) fn efforts(cx: &mut Context<'_>) -> Request {
+    let measured = cx.symbols.tau_nodes(cx.g);
+    let mut tau = vec![Ex::ZERO; cx.model.coordinates.len()];
+    for (c, value) in cx.model.actuated.iter().zip(measured) {
+        tau[*c] = value;
+    }
+    let j = reduction(cx);
+    let reduced = j.reduce(cx.g, &tau);
+    Request {
+        arguments: vec![cx.symbols.q(), cx.symbols.tau()],
+        output: output(
+            "left",
+            &[cx.model.independent.len()],
+            "tau_i - X^T tau_e (Eq. 10): what W phi must equal",
+        ),
+        groups: vec![group("tau_i - X^T tau_e (Eq. 10)", reduced)],
+    }
+}

@@ -1,0 +1,65 @@
+//! The functions that a robot gets, each as a request for expressions.
+
+mod closure;
+mod dynamics;
+mod symbols;
+
+pub use symbols::Symbols;
+
+use crate::constraints::Closed;
+use crate::kinematics::Frames;
+use crate::model::Model;
+use crate::optimize::{Output, Request};
+use crate::robot::FunctionKind;
+use crate::sym::{Ex, Graph};
+
+/// A derivation in progress: everything the functions draw on.
+#[derive(Debug)]
+pub struct Context<'a> {
+    /// Where expressions are built.
+    pub g: &'a mut Graph,
+    /// The mechanism.
+    pub model: &'a Model,
+    /// Its frames.
+    pub frames: &'a Frames,
+    /// Its loops.
+    pub closed: &'a Closed,
+    /// Its symbols.
+    pub symbols: Symbols,
+}
+
+/// The request for a function; `None` where the robot does not have it.
+pub fn request(cx: &mut Context<'_>, kind: FunctionKind) -> Option<Request> {
+    if kind.needs_loops() && cx.closed.closure.is_none() {
+        return None;
+    }
+    match kind {
+        FunctionKind::Constraints => Some(closure::constraints(cx)),
+        FunctionKind::Jacobian => Some(closure::jacobian(cx)),
+        FunctionKind::Bias => Some(closure::bias(cx)),
+        FunctionKind::NewtonStep => closure::newton_step(cx),
+        FunctionKind::DependentJacobian => closure::dependent_jacobian(cx),
+        FunctionKind::Velocities => Some(closure::velocities(cx)),
+        FunctionKind::Accelerations => Some(closure::accelerations(cx)),
+        FunctionKind::Regressor => Some(dynamics::regressor(cx)),
+        FunctionKind::InverseDynamics => Some(dynamics::inverse_dynamics(cx)),
+        FunctionKind::Gravity => Some(dynamics::gravity(cx)),
+        FunctionKind::BiasForces => Some(dynamics::bias_forces(cx)),
+        FunctionKind::MassMatrix => Some(dynamics::mass_matrix(cx)),
+        FunctionKind::SlotineLi => Some(dynamics::slotine_li(cx)),
+        FunctionKind::Efforts => Some(dynamics::efforts(cx)),
+        FunctionKind::Poses => Some(closure::poses(cx)),
+    }
+}
+
+fn output(name: &str, shape: &[usize], doc: &str) -> Output {
+    Output {
+        name: name.to_owned(),
+        shape: shape.to_vec(),
+        doc: doc.to_owned(),
+    }
+}
+
+fn group(title: impl Into<String>, values: Vec<Ex>) -> (String, Vec<Ex>) {
+    (title.into(), values)
+}

@@ -1,0 +1,11 @@
+//! From expressions to a straight-line program: order, sines and cosines of
+//! related angles, multiply-add, cost.
+
+mod angles;
+mod lower;
+mod program;
+
+pub use lower::{Request, lower};
+pub use program::{
+    Argument, Group, Op, Operand, Operations, Output, Program, SolveStep, Step, Temp,
+};

@@ -1,0 +1,186 @@
+//! A straight-line program: what is emitted as Rust and what is interpreted.
+
+/// A value computed by a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Temp(pub u32);
+
+/// What a step works on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Operand {
+    /// Element of an argument.
+    Input {
+        /// Index of the argument.
+        argument: usize,
+        /// Index in the argument.
+        element: usize,
+    },
+    /// A constant, rounded once from its exact value.
+    Constant(f64),
+    /// An earlier step's result.
+    Temp(Temp),
+}
+
+/// An operation.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Op {
+    /// `-a`
+    Neg(Operand),
+    /// `a + b`
+    Add(Operand, Operand),
+    /// `a - b`
+    Sub(Operand, Operand),
+    /// `a * b`
+    Mul(Operand, Operand),
+    /// `a * b + c`
+    MulAdd(Operand, Operand, Operand),
+    /// `c - a * b`
+    NegMulAdd(Operand, Operand, Operand),
+    /// `a * b - c`
+    MulSub(Operand, Operand, Operand),
+    /// `a / b`
+    Div(Operand, Operand),
+    /// Sine and cosine: two results.
+    SinCos(Operand),
+    /// -1, 0 or 1.
+    Sign(Operand),
+    /// 1 where positive, else 0.
+    Positive(Operand),
+    /// 1 where negative, else 0.
+    Negative(Operand),
+    /// A linear system: unknowns by right-hand sides, row by row.
+    Solve(Box<SolveStep>),
+}
+
+/// A linear system solved in a fixed order of pivots, with what is needed to
+/// solve it anew where that order is unfit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SolveStep {
+    /// All rows of A.
+    pub matrix: Vec<Vec<Operand>>,
+    /// All rows of B.
+    pub rhs: Vec<Vec<Operand>>,
+    /// The solution by the fixed order: unknowns by right-hand sides.
+    pub fixed: Vec<Vec<Operand>>,
+    /// The pivots with their usual size.
+    pub pivots: Vec<(Operand, f64)>,
+}
+
+/// One step with its results.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Step {
+    /// What is done.
+    pub op: Op,
+    /// Where the results go: one, two of [`Op::SinCos`], all of [`Op::Solve`].
+    pub results: Vec<Temp>,
+}
+
+/// An argument of the function.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Argument {
+    /// Its name in code.
+    pub name: String,
+    /// Its length.
+    pub len: usize,
+    /// What it holds, for documentation.
+    pub doc: String,
+}
+
+/// Steps that belong together, with the outputs they end in.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Group {
+    /// What they compute.
+    pub title: String,
+    /// Their steps.
+    pub steps: std::ops::Range<usize>,
+    /// The outputs that are complete after them.
+    pub outputs: std::ops::Range<usize>,
+}
+
+/// The shape of the result.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Output {
+    /// Its name in code.
+    pub name: String,
+    /// One length for a vector; rows and columns for an array of arrays,
+    /// the outer length first.
+    pub shape: Vec<usize>,
+    /// What it holds, for documentation.
+    pub doc: String,
+}
+
+/// How many operations a program takes; a multiply-add counts as both.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Operations {
+    /// Sums and differences.
+    pub add: usize,
+    /// Products.
+    pub mul: usize,
+    /// Quotients.
+    pub div: usize,
+    /// Sine and cosine pairs.
+    pub sincos: usize,
+    /// Square roots.
+    pub sqrt: usize,
+}
+
+/// A straight-line program.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Program {
+    /// The arguments.
+    pub arguments: Vec<Argument>,
+    /// The steps in order.
+    pub steps: Vec<Step>,
+    /// The steps in groups, in order, all covered.
+    pub groups: Vec<Group>,
+    /// The result's shape.
+    pub output: Output,
+    /// The result, outer index first.
+    pub outputs: Vec<Operand>,
+    /// Suggested names by result.
+    pub names: Vec<Option<String>>,
+}
+
+impl Op {
+    /// The operands, in order.
+    pub fn operands(&self) -> Vec<Operand> {
+        match self {
+            Op::Neg(a) | Op::SinCos(a) | Op::Sign(a) | Op::Positive(a) | Op::Negative(a) => {
+                vec![*a]
+            }
+            Op::Add(a, b) | Op::Sub(a, b) | Op::Mul(a, b) | Op::Div(a, b) => vec![*a, *b],
+            Op::MulAdd(a, b, c) | Op::NegMulAdd(a, b, c) | Op::MulSub(a, b, c) => vec![*a, *b, *c],
+            Op::Solve(s) => {
+                let rows = s.matrix.iter().chain(&s.rhs).chain(&s.fixed);
+                let pivots = s.pivots.iter().map(|p| p.0);
+                rows.flatten().copied().chain(pivots).collect()
+            }
+        }
+    }
+}
+
+impl Program {
+    /// Operation counts. The second way of solving a system, rarely taken, is
+    /// not counted; neither are sign changes and comparisons.
+    pub fn operations(&self) -> Operations {
+        let mut count = Operations::default();
+        for step in &self.steps {
+            match step.op {
+                Op::Add(..) | Op::Sub(..) => count.add += 1,
+                Op::Mul(..) => count.mul += 1,
+                Op::MulAdd(..) | Op::NegMulAdd(..) | Op::MulSub(..) => {
+                    count.add += 1;
+                    count.mul += 1;
+                }
+                Op::Div(..) => count.div += 1,
+                Op::SinCos(_) => count.sincos += 1,
+                Op::Neg(_) | Op::Sign(_) | Op::Positive(_) | Op::Negative(_) | Op::Solve(_) => {}
+            }
+        }
+        count
+    }
+
+    /// Whether the program solves linear systems, so that it has a condition.
+    pub fn solves(&self) -> bool {
+        self.steps.iter().any(|s| matches!(s.op, Op::Solve(_)))
+    }
+}

@@ -1,0 +1,77 @@
+//! The whole derivation on one page: from a spec's text to a robot's programs.
+
+use crate::constraints::Closed;
+use crate::diag::{Report, Source};
+use crate::functions::{Context, Symbols, request};
+use crate::kinematics::{Frames, Geometry};
+use crate::model::{self, Model};
+use crate::optimize::lower;
+use crate::robot::{Function, FunctionKind, Robot};
+use crate::spec::{self, Spec};
+use crate::sym::Graph;
+
+/// Derives a robot from the text of its spec.
+///
+/// # Errors
+/// A report with the place of every mistake in the spec: of its syntax, its
+/// names and values, or of a home that does not close or does not fit the
+/// mobility.
+pub fn derive(source: &Source) -> Result<Robot, Report> {
+    // spec: text -> validated spec
+    let spec = spec::parse(source)?;
+    // model: bodies, joints, spanning tree, cuts, parameter order
+    let model = model::build(&spec);
+    // sym: coordinates are the graph's first symbols
+    let mut g = Graph::new();
+    let symbols = Symbols::new(&mut g, &model);
+    // kinematics: frames of the links
+    let frames = Frames::new(&mut g, &model, Geometry::Values);
+    // constraints: closed at home, loops solved in a fixed order (Eq. 6-10)
+    let closed = Closed::new(&mut g, &frames, &model)
+        .map_err(|problem| crate::checks::home_report(source, &spec, &model, &problem))?;
+    crate::checks::aligned_at_home(source, &spec, &mut g, &frames, &model, &closed.home)?;
+    // dynamics: every function's expressions (Eq. 2-5, 11, 14-20), then its program
+    let mut cx = Context {
+        g: &mut g,
+        model: &model,
+        frames: &frames,
+        closed: &closed,
+        symbols,
+    };
+    let mut functions = Vec::new();
+    for kind in FunctionKind::ALL {
+        if let Some(request) = request(&mut cx, kind) {
+            // optimize: order, related angles, multiply-add
+            let program = lower(cx.g, request);
+            functions.push(Function { kind, program });
+        }
+    }
+    Ok(named(&spec, &model, closed, functions))
+}
+
+/// The robot with its names.
+fn named(spec: &Spec, model: &Model, closed: Closed, functions: Vec<Function>) -> Robot {
+    let cuts = model.cuts.iter().map(|cut| crate::robot::CutInfo {
+        name: cut.name.clone(),
+        rows: model::rows_of(cut.kind),
+    });
+    let cuts: Vec<_> = cuts.collect();
+    Robot {
+        name: spec.name.value.clone(),
+        description: spec.description.clone(),
+        coordinates: model.coordinates.iter().map(|c| c.name.clone()).collect(),
+        independent: model.independent.clone(),
+        dependent: model.dependent.clone(),
+        actuated: model.actuated.clone(),
+        parameters: model.parameters.iter().map(|p| p.label.clone()).collect(),
+        bodies: model.bodies.iter().map(|b| b.label.clone()).collect(),
+        rows: cuts.iter().map(|c| c.rows).sum::<usize>() + model.couplings.len(),
+        cuts,
+        redundant_rows: closed
+            .closure
+            .as_ref()
+            .map_or_else(Vec::new, |c| c.redundant_rows().to_vec()),
+        home: closed.home,
+        functions,
+    }
+}

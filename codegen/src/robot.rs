@@ -1,0 +1,156 @@
+//! A derived robot: its names and its functions as straight-line programs. What
+//! the stages after the derivation work on; it no longer knows expressions.
+
+use crate::optimize::{Operations, Program};
+
+/// What a function computes. `n` coordinates, `n_i` of them independent, `n_e`
+/// dependent, `p` parameters, `m` closure rows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum FunctionKind {
+    /// f(q), m (Eq. 6).
+    Constraints,
+    /// A(q), m x n (Eq. 7).
+    Jacobian,
+    /// b(q, qd), m (Eq. 7).
+    Bias,
+    /// The step of the dependent coordinates, `A_e dq_e = -f`.
+    NewtonStep,
+    /// The square A_e on the rows kept, n_e x n_e (Eq. 8).
+    DependentJacobian,
+    /// qd from qd_i.
+    Velocities,
+    /// qdd from qd and qdd_i.
+    Accelerations,
+    /// K_i - X^T K_e with friction and rotor columns (Eq. 11, 20).
+    Regressor,
+    /// tau from q, qd, qdd and parameters.
+    InverseDynamics,
+    /// The part of tau from gravity.
+    Gravity,
+    /// The part of tau from velocities, friction included.
+    BiasForces,
+    /// M over the independent coordinates.
+    MassMatrix,
+    /// Y(q, qd, qd_r, qdd_r) (Slotine and Li, 1987).
+    SlotineLi,
+    /// tau_i - X^T tau_e from the actuated efforts (Eq. 10).
+    Efforts,
+    /// Rotation and position of every body.
+    Poses,
+}
+
+impl FunctionKind {
+    /// All of them, in the order in which they are emitted.
+    pub const ALL: [FunctionKind; 15] = [
+        FunctionKind::Constraints,
+        FunctionKind::Jacobian,
+        FunctionKind::Bias,
+        FunctionKind::NewtonStep,
+        FunctionKind::DependentJacobian,
+        FunctionKind::Velocities,
+        FunctionKind::Accelerations,
+        FunctionKind::Regressor,
+        FunctionKind::InverseDynamics,
+        FunctionKind::Gravity,
+        FunctionKind::BiasForces,
+        FunctionKind::MassMatrix,
+        FunctionKind::SlotineLi,
+        FunctionKind::Efforts,
+        FunctionKind::Poses,
+    ];
+
+    /// Its name in code.
+    pub fn name(self) -> &'static str {
+        match self {
+            FunctionKind::Constraints => "constraints",
+            FunctionKind::Jacobian => "jacobian",
+            FunctionKind::Bias => "bias",
+            FunctionKind::NewtonStep => "newton_step",
+            FunctionKind::DependentJacobian => "dependent_jacobian",
+            FunctionKind::Velocities => "velocities",
+            FunctionKind::Accelerations => "accelerations",
+            FunctionKind::Regressor => "regressor",
+            FunctionKind::InverseDynamics => "inverse_dynamics",
+            FunctionKind::Gravity => "gravity",
+            FunctionKind::BiasForces => "bias_forces",
+            FunctionKind::MassMatrix => "mass_matrix",
+            FunctionKind::SlotineLi => "slotine_li",
+            FunctionKind::Efforts => "efforts",
+            FunctionKind::Poses => "poses",
+        }
+    }
+
+    /// Whether only mechanisms with loops have it.
+    pub fn needs_loops(self) -> bool {
+        matches!(
+            self,
+            FunctionKind::Constraints
+                | FunctionKind::Jacobian
+                | FunctionKind::Bias
+                | FunctionKind::NewtonStep
+                | FunctionKind::DependentJacobian
+        )
+    }
+}
+
+/// A function of a robot.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Function {
+    /// What it computes.
+    pub kind: FunctionKind,
+    /// How.
+    pub program: Program,
+}
+
+/// A cut and its rows.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CutInfo {
+    /// Its name.
+    pub name: String,
+    /// How many rows of A it has.
+    pub rows: usize,
+}
+
+/// A derived robot.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Robot {
+    /// The spec's name.
+    pub name: String,
+    /// The spec's description.
+    pub description: Option<String>,
+    /// Coordinates in order.
+    pub coordinates: Vec<String>,
+    /// Indices of the independent ones, in the order of the regressor's rows.
+    pub independent: Vec<usize>,
+    /// Indices of the others, ascending.
+    pub dependent: Vec<usize>,
+    /// Indices of the actuated ones, ascending.
+    pub actuated: Vec<usize>,
+    /// Labels of the parameters in order.
+    pub parameters: Vec<String>,
+    /// Labels of the bodies in order.
+    pub bodies: Vec<String>,
+    /// Cuts in order.
+    pub cuts: Vec<CutInfo>,
+    /// Rows of A: cuts, then couplings.
+    pub rows: usize,
+    /// Rows found redundant, by index in the spec's order.
+    pub redundant_rows: Vec<usize>,
+    /// The closed home configuration.
+    pub home: Vec<f64>,
+    /// Its functions.
+    pub functions: Vec<Function>,
+}
+
+impl Robot {
+    /// A function, if the robot has it.
+    pub fn function(&self, kind: FunctionKind) -> Option<&Function> {
+        self.functions.iter().find(|f| f.kind == kind)
+    }
+
+    /// Operations of the full regressor.
+    pub fn operations(&self) -> Operations {
+        self.function(FunctionKind::Regressor)
+            .map_or_else(Operations::default, |f| f.program.operations())
+    }
+}
