@@ -34,14 +34,22 @@ extern crate alloc;
 #[cfg(feature = "std")]
 extern crate std;
 
+#[cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]
+mod closure;
 mod condition;
 mod linear;
 mod model;
+#[cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]
+mod observe;
 mod scalar;
 
+#[cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]
+pub use closure::{Closure, Misuse, Outcome, Solution, State};
 pub use condition::{Condition, NEAR_SINGULAR, SINGULAR, Status};
 pub use linear::solve_pivoted;
 pub use model::{Cut, Info, Model, SizeError, array, array_mut, matrix_mut};
+#[cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]
+pub use observe::{Observation, Sample, observation};
 #[cfg(feature = "dual")]
 pub use scalar::Dual;
 pub use scalar::Scalar;
