@@ -14,7 +14,8 @@
 //! Further scalars:
 //! - `dual`: `Dual` over the crate `num-dual`, derivatives of everything a model computes.
 //!   Needs `std`.
-//! - `simd`: `Lane`, several states at once, by the instruction set found at run time.
+//! - `simd`: `Lane`, several states at once, by the instruction set found at run time. Brings
+//!   `libm` along for targets without `std`.
 //!
 //! Solvers and evaluation over a [`Model`]:
 //! - `closure` (default): loop closure on an assembly branch; observation matrices over
@@ -50,6 +51,8 @@ pub use linear::solve_pivoted;
 pub use model::{Cut, Info, Model, SizeError, array, array_mut, matrix_mut};
 #[cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]
 pub use observe::{Observation, Sample, observation};
+#[cfg(feature = "macros")]
+pub use regen_macros::robot_model;
 #[cfg(feature = "dual")]
 pub use scalar::Dual;
 pub use scalar::Scalar;

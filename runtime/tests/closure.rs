@@ -1,5 +1,6 @@
 //! Loop closure on mechanisms whose branches and singularities are known in closed form.
 
+#![cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]
 #![allow(clippy::unwrap_used, clippy::float_cmp, unreachable_pub)]
 #![allow(clippy::doc_markdown, reason = "formulas")]
 
@@ -8,15 +9,12 @@ use core::f64::consts::{FRAC_PI_2, PI};
 use proptest::prelude::*;
 use regen_runtime::{Closure, Misuse, Model, Outcome, SizeError};
 
-mod four_bars {
-    include!("models/four_bars.rs");
-}
-mod pendulum {
-    include!("models/pendulum.rs");
-}
-mod slider_crank {
-    include!("models/slider_crank.rs");
-}
+#[path = "models/four_bars.rs"]
+mod four_bars;
+#[path = "models/pendulum.rs"]
+mod pendulum;
+#[path = "models/slider_crank.rs"]
+mod slider_crank;
 use four_bars::{FourBars, Loop};
 use pendulum::Pendulum;
 use slider_crank::SliderCrank;

@@ -1,5 +1,5 @@
 //! Emitted code must have no way to panic, so what it calls must have none either: compiled
-//! with optimisation, the solve calls nothing but itself and the copying of memory.
+//! with optimisation, the solve and the checks of lengths name no panic.
 
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 #![cfg(feature = "std")]
@@ -24,6 +24,19 @@ pub fn solve_9(a: &[[f64; 9]; 12], b: &[[f32; 9]; 12]) -> ([[f32; 4]; 9], f32) {
         *to = *from;
     }
     regen_runtime::solve_pivoted(&narrow, &side)
+}
+";
+
+/// What a generated `impl Model` does with its slices.
+const SHAPES: &str = "
+use regen_runtime::{SizeError, array, array_mut, matrix_mut};
+#[inline(never)]
+pub fn shapes(q: &[f64], out: &mut [f64], w: &mut [f64]) -> Result<(), SizeError> {
+    let [a, b] = array(q, \"q\")?;
+    *array_mut(out, \"out\")? = [*a, *b, *a];
+    let columns: &mut [[f64; 3]; 7] = matrix_mut(w, \"w\")?;
+    columns[6] = [*b; 3];
+    Ok(())
 }
 ";
 
@@ -87,6 +100,12 @@ fn the_solve_cannot_panic() {
         "the solve is compiled here"
     );
     assert_eq!(panics(&solve), Vec::<&str>::new());
+}
+
+#[test]
+fn the_checks_of_lengths_cannot_panic() {
+    let shapes = assembly("shapes", SHAPES);
+    assert_eq!(panics(&shapes), Vec::<&str>::new());
 }
 
 #[test]

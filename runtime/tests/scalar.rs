@@ -1,5 +1,6 @@
 //! Every scalar type against `f64`, and the rules about NaN.
 
+#![cfg(any(feature = "std", feature = "libm"))]
 #![allow(clippy::float_cmp, reason = "these values are exact")]
 
 use proptest::prelude::*;

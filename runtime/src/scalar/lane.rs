@@ -13,7 +13,9 @@ use super::Scalar;
 /// A SIMD register of `f64`s as a [`Scalar`]: each lane is a state of its own.
 ///
 /// The token `simd` proves that the instruction set is there. Get one from
-/// `pulp::Arch::new().dispatch(...)`, so that the whole evaluation is compiled for it.
+/// `pulp::Arch::new().dispatch(...)`. Only what is inlined into the dispatched function is
+/// compiled for the instruction set; a function that is not still gives the right values, but
+/// each of its operations becomes a call.
 ///
 /// Sine and cosine are polynomials within 2 ulp where all lanes are up to [`Lane::REACH`] in
 /// size; beyond, and for `atan`, `exp` and `powf`, each lane is computed on its own.

@@ -20,10 +20,27 @@ pub struct FourBars {
 }
 
 const NAMES: [&str; 5] = ["input", "coupler1", "follower1", "coupler2", "follower2"];
-const CUTS: [Cut<'static>; 2] = [Cut { name: "pin1", rows: 2 }, Cut { name: "pin2", rows: 2 }];
+const CUTS: [Cut<'static>; 2] = [
+    Cut {
+        name: "pin1",
+        rows: 2,
+    },
+    Cut {
+        name: "pin2",
+        rows: 2,
+    },
+];
 
 fn sized(argument: &'static str, got: usize, expected: usize) -> Result<(), SizeError> {
-    if got == expected { Ok(()) } else { Err(SizeError { argument, expected, got }) }
+    if got == expected {
+        Ok(())
+    } else {
+        Err(SizeError {
+            argument,
+            expected,
+            got,
+        })
+    }
 }
 
 impl FourBars {
@@ -47,7 +64,11 @@ impl FourBars {
 
     /// -f, or what must be solved for the velocities or the accelerations.
     fn sides(&self, each: impl Fn(usize, &Loop) -> [f64; 2]) -> Vec<f64> {
-        self.loops.iter().enumerate().flat_map(|(k, bars)| each(k, bars)).collect()
+        self.loops
+            .iter()
+            .enumerate()
+            .flat_map(|(k, bars)| each(k, bars))
+            .collect()
     }
 
     fn f(&self, q: &[f64]) -> Vec<f64> {
@@ -169,8 +190,12 @@ impl Model for FourBars {
         sized("qdd_i", qdd_i.len(), 1)?;
         out[0] = qdd_i[0];
         let b = self.b(q, qd);
-        let sides: Vec<f64> =
-            self.driven(q, qdd_i[0]).iter().zip(b).map(|(driven, b)| driven + b).collect();
+        let sides: Vec<f64> = self
+            .driven(q, qdd_i[0])
+            .iter()
+            .zip(b)
+            .map(|(driven, b)| driven + b)
+            .collect();
         Ok(self.solve(q, &sides, &mut out[1..]))
     }
 

@@ -15,7 +15,12 @@ pub struct SliderCrank {
 
 impl Default for SliderCrank {
     fn default() -> Self {
-        Self { crank: 1.0, rod: 2.0, offset: 0.0, home: [0.0, 0.0, 3.0] }
+        Self {
+            crank: 1.0,
+            rod: 2.0,
+            offset: 0.0,
+            home: [0.0, 0.0, 3.0],
+        }
     }
 }
 
@@ -88,7 +93,10 @@ impl<T: regen_runtime::Scalar> regen_runtime::Model<T> for SliderCrank {
             actuated: &[0, 2],
             parameters: &["J(crank)", "Fv(crank)", "m(slider)"],
             bodies: &["crank", "slider"],
-            cuts: &[regen_runtime::Cut { name: "pin", rows: 2 }],
+            cuts: &[regen_runtime::Cut {
+                name: "pin",
+                rows: 2,
+            }],
             home: &self.home,
             rows: 2,
         }
@@ -105,7 +113,10 @@ impl<T: regen_runtime::Scalar> regen_runtime::Model<T> for SliderCrank {
     }
 
     fn bias(&self, q: &[T], qd: &[T], out: &mut [T]) -> Result<(), regen_runtime::SizeError> {
-        let (q, qd) = (regen_runtime::array(q, "q")?, regen_runtime::array(qd, "qd")?);
+        let (q, qd) = (
+            regen_runtime::array(q, "q")?,
+            regen_runtime::array(qd, "qd")?,
+        );
         *regen_runtime::array_mut(out, "out")? = self.b(q, qd);
         Ok(())
     }
@@ -146,7 +157,10 @@ impl<T: regen_runtime::Scalar> regen_runtime::Model<T> for SliderCrank {
         qdd_i: &[T],
         out: &mut [T],
     ) -> Result<regen_runtime::Condition<T>, regen_runtime::SizeError> {
-        let (q, qd) = (regen_runtime::array(q, "q")?, regen_runtime::array(qd, "qd")?);
+        let (q, qd) = (
+            regen_runtime::array(q, "q")?,
+            regen_runtime::array(qd, "qd")?,
+        );
         let [qdd] = *regen_runtime::array(qdd_i, "qdd_i")?;
         *regen_runtime::array_mut(out, "out")? = self.second(q, qd, qdd);
         Ok(self.x(q).1)
@@ -202,7 +216,10 @@ impl<T: regen_runtime::Scalar> regen_runtime::Model<T> for SliderCrank {
         phi: &[T],
         out: &mut [T],
     ) -> Result<regen_runtime::Condition<T>, regen_runtime::SizeError> {
-        let (q, qd) = (regen_runtime::array(q, "q")?, regen_runtime::array(qd, "qd")?);
+        let (q, qd) = (
+            regen_runtime::array(q, "q")?,
+            regen_runtime::array(qd, "qd")?,
+        );
         let (x, condition) = self.x(q);
         let [qdd, _, slide] = self.second(q, qd, x[0].lift(0.0));
         let row = Self::row(x, qd[0], qdd, slide);
@@ -230,13 +247,15 @@ impl<T: regen_runtime::Scalar> regen_runtime::Model<T> for SliderCrank {
         qdd_r_i: &[T],
         out: &mut [T],
     ) -> Result<regen_runtime::Condition<T>, regen_runtime::SizeError> {
-        let (q, qd) = (regen_runtime::array(q, "q")?, regen_runtime::array(qd, "qd")?);
+        let q = regen_runtime::array(q, "q")?;
+        let qd: &[T; 3] = regen_runtime::array(qd, "qd")?;
         let (x, condition) = self.x(q);
         let [qd_r] = *regen_runtime::array(qd_r_i, "qd_r_i")?;
         let [qdd_r] = *regen_runtime::array(qdd_r_i, "qdd_r_i")?;
         // The bias is bilinear: one factor is the velocity, the other the reference.
-        let coast = self.second(q, qd, qd_r.lift(0.0))[2];
-        let slide = coast * qd_r / qd[0] - x[1] * qdd_r;
+        let rates = [x[0].lift(1.0), -x[0], -x[1]];
+        let coast = self.second(q, &rates, qd_r.lift(0.0))[2];
+        let slide = coast * qd[0] * qd_r - x[1] * qdd_r;
         *regen_runtime::array_mut(out, "out")? = Self::row(x, qd_r, qdd_r, slide);
         Ok(condition)
     }
