@@ -1,1 +1,60 @@
-//! placeholder
+//! What generated robot models run on.
+//!
+//! Emitted code is generic over [`Scalar`], falls back on [`solve_pivoted`] where a static
+//! pivot order loses accuracy, and reports the outcome as a [`Condition`]. [`Model`] is the
+//! interface that all robots share, generated or interpreted. The core is `no_std`, allocates
+//! nothing and has no dependencies.
+//!
+//! # Features
+//!
+//! Numbers, from one provider of the elementary functions:
+//! - `std` (default): `f64` and `f32` by the standard library. Wins over `libm`.
+//! - `libm`: `f64` and `f32` by the crate `libm`, for targets without `std`.
+//!
+//! Further scalars:
+//! - `dual`: `Dual` over the crate `num-dual`, derivatives of everything a model computes.
+//!   Needs `std`.
+//! - `simd`: `Lane`, several states at once, by the instruction set found at run time. Brings
+//!   `libm` along for targets without `std`.
+//!
+//! Solvers and evaluation over a [`Model`]:
+//! - `closure` (default): loop closure on an assembly branch; observation matrices over
+//!   samples. Needs an allocator and, through `std` or `libm`, `f64`.
+//! - `alloc`: set by the above; of no use alone.
+//!
+//! The macro:
+//! - `macros`: `robot_model!`, a robot from its YAML file at compile time.
+#![no_std]
+#![allow(
+    clippy::doc_markdown,
+    reason = "A_e and qdd_i are formulas, written as in the equations"
+)]
+
+#[cfg(feature = "alloc")]
+extern crate alloc;
+#[cfg(feature = "std")]
+extern crate std;
+
+#[cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]
+mod closure;
+mod condition;
+mod linear;
+mod model;
+#[cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]
+mod observe;
+mod scalar;
+
+#[cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]
+pub use closure::{Closure, Misuse, Outcome, Solution, State};
+pub use condition::{Condition, NEAR_SINGULAR, SINGULAR, Status};
+pub use linear::solve_pivoted;
+pub use model::{Cut, Info, Model, SizeError, array, array_mut, matrix_mut};
+#[cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]
+pub use observe::{Observation, Sample, observation};
+#[cfg(feature = "macros")]
+pub use regen_macros::robot_model;
+#[cfg(feature = "dual")]
+pub use scalar::Dual;
+pub use scalar::Scalar;
+#[cfg(feature = "simd")]
+pub use scalar::{Lane, LaneMask};

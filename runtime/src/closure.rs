@@ -1,0 +1,371 @@
+//! Loop closure: all coordinates from the independent ones, on one assembly branch.
+//!
+//! The closure equations of a mechanism have several solutions for the same independent
+//! coordinates: its assembly branches. A branch is what can be reached from `home` while A_e
+//! stays regular and its determinant keeps its sign, and a state is found by going there: along
+//! the straight line in the independent coordinates, by a predictor (the velocities, Eq. 9)
+//! and a corrector (Newton's method).
+//!
+//! Each step is accepted only if the corrector contracts and moves little beside the predictor,
+//! and if A_e changes by less than half of what could make it singular, measured as
+//! |A_e(old)^-1 A_e(new) - 1|: every matrix between the two is then regular, so that a step
+//! cannot leap over a singularity, not even over one where the determinant touches zero and
+//! keeps its sign. Otherwise the step is halved, and where no step is short enough the
+//! [`Outcome`] says why.
+
+use alloc::vec;
+use alloc::vec::Vec;
+use core::fmt;
+
+use crate::{Condition, Info, Model, SizeError, Status};
+
+mod lu;
+mod newton;
+mod path;
+
+use newton::Newton;
+use path::Point;
+
+/// What became of a closure solve. A numerical outcome, not an error.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Outcome {
+    /// The loops are closed at the independent coordinates that were asked for.
+    Closed,
+    /// Newton's method found no closed state.
+    NotClosed {
+        /// The fraction of the line that was reached, from 0 to 1.
+        at: f64,
+        /// The largest |f| where it stopped, in m or without unit.
+        residual: f64,
+    },
+    /// The line meets a singularity of A_e: a fold, where the branch ends, or a crossing of
+    /// branches.
+    Singular {
+        /// The fraction of the line that was reached, from 0 to 1.
+        at: f64,
+        /// The condition there.
+        condition: Condition<f64>,
+    },
+    /// A_e does not vary continuously along the line, or its determinant changes sign without
+    /// a zero.
+    BranchLost {
+        /// The fraction of the line that was reached, from 0 to 1.
+        at: f64,
+    },
+}
+
+impl Outcome {
+    /// Whether the loops are closed where they were asked to be.
+    pub fn is_closed(self) -> bool {
+        self == Self::Closed
+    }
+}
+
+impl fmt::Display for Outcome {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Closed => write!(f, "closed"),
+            Self::NotClosed { at, residual } => {
+                write!(f, "not closed at {at} of the way: residual {residual:e}")
+            }
+            Self::Singular { at, condition } => {
+                let pivot = condition.pivot;
+                write!(f, "singular at {at} of the way: smallest pivot {pivot:e}")
+            }
+            Self::BranchLost { at } => write!(f, "branch lost at {at} of the way"),
+        }
+    }
+}
+
+/// A call that no model and no number can make good.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Misuse {
+    /// An argument's length does not fit the model.
+    Size(SizeError),
+    /// An entry of an argument is NaN or infinite.
+    NotFinite {
+        /// The argument's name.
+        argument: &'static str,
+        /// Which entry.
+        index: usize,
+    },
+    /// The model's `Info` does not name each coordinate once as independent or dependent.
+    Partition {
+        /// The coordinate.
+        coordinate: usize,
+    },
+}
+
+impl From<SizeError> for Misuse {
+    fn from(error: SizeError) -> Self {
+        Self::Size(error)
+    }
+}
+
+impl fmt::Display for Misuse {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Size(error) => error.fmt(f),
+            Self::NotFinite { argument, index } => {
+                write!(f, "entry {index} of `{argument}` is not a finite number")
+            }
+            Self::Partition { coordinate } => write!(
+                f,
+                "coordinate {coordinate} is not listed once as independent or dependent"
+            ),
+        }
+    }
+}
+
+impl core::error::Error for Misuse {}
+
+/// A configuration found by [`Closure`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Solution {
+    /// All n coordinates, rad or m: closed at the target if the outcome says so, else the last
+    /// state on the branch.
+    pub q: Vec<f64>,
+    /// The largest |f| (Eq. 6) at `q` over all constraint rows, in m or without unit.
+    pub residual: f64,
+    /// The condition of A_e at `q`.
+    pub condition: Condition<f64>,
+    /// What became of the solve.
+    pub outcome: Outcome,
+    /// The number of continuation steps, refused ones included; of Newton steps for home.
+    pub steps: usize,
+}
+
+/// A state of motion found by [`Closure`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct State {
+    /// All n coordinates, as [`Solution::q`].
+    pub q: Vec<f64>,
+    /// All n velocities (Eq. 9), rad/s or m/s; NaN unless the outcome is [`Outcome::Closed`].
+    pub qd: Vec<f64>,
+    /// All n accelerations (Eq. 7), rad/s^2 or m/s^2; NaN likewise.
+    pub qdd: Vec<f64>,
+    /// The largest |f| (Eq. 6) at `q`, in m or without unit.
+    pub residual: f64,
+    /// The condition of A_e at `q`.
+    pub condition: Condition<f64>,
+    /// What became of the solve.
+    pub outcome: Outcome,
+}
+
+/// The loop closure of one model, from its home and, for trajectories, from the last solution.
+///
+/// Mechanisms without loops need no solve; all below holds for them too.
+///
+/// ```
+/// # mod models { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/models/slider_crank.rs")); }
+/// # use models::SliderCrank;
+/// use regen_runtime::{Closure, Outcome};
+///
+/// // Crank 1 m, rod 2 m; q = (crank angle, rod angle, slider), home at crank angle 0.
+/// let model = SliderCrank::default();
+/// let mut closure = Closure::new(&model)?;
+/// let top = closure.solve(&[core::f64::consts::FRAC_PI_2])?;
+/// assert_eq!(top.outcome, Outcome::Closed);
+/// assert!((top.q[2] - 3.0_f64.sqrt()).abs() < 1e-14);
+///
+/// // At crank speed 1 rad/s the slider there moves as fast as the crank's end.
+/// let state = closure.solve_state(&[core::f64::consts::FRAC_PI_2], &[1.0], &[0.0])?;
+/// assert!((state.qd[2] + 1.0).abs() < 1e-14);
+/// # Ok::<(), regen_runtime::Misuse>(())
+/// ```
+#[derive(Debug)]
+pub struct Closure<'m, M: ?Sized> {
+    newton: Newton<'m, M>,
+    home: Solution,
+    /// Home, and the last solution of a `track` call; absent where home is not closed.
+    ends: Option<(Point, Point)>,
+}
+
+impl<'m, M: Model<f64> + ?Sized> Closure<'m, M> {
+    /// Closes the model's home: the independent coordinates keep their values, the dependent
+    /// ones are solved by damped Newton. What became of it is in [`home`](Closure::home).
+    ///
+    /// # Errors
+    /// When the model's `Info` is inconsistent.
+    pub fn new(model: &'m M) -> Result<Self, Misuse> {
+        let info = model.info();
+        check_info(&info)?;
+        let mut newton = Newton::new(model);
+        let mut q = info.home.to_vec();
+        let steps = newton.close(&mut q)?;
+        let residual = newton.polish(&mut q)?;
+        let point = Point::new(&mut newton, q)?;
+        let closes = residual <= newton.tolerance(&point.q)?;
+        let condition = point.worst();
+        let outcome = if !closes {
+            Outcome::NotClosed { at: 0.0, residual }
+        } else if condition.status() == Status::Singular {
+            Outcome::Singular { at: 0.0, condition }
+        } else {
+            Outcome::Closed
+        };
+        let home = Solution {
+            q: point.q.clone(),
+            residual,
+            condition: point.condition,
+            outcome,
+            steps,
+        };
+        let ends = outcome.is_closed().then(|| (point.clone(), point));
+        Ok(Self { newton, home, ends })
+    }
+
+    /// The closed home, or what kept it from closing.
+    pub fn home(&self) -> &Solution {
+        &self.home
+    }
+
+    /// The state at `q_i` (dof, rad or m) on home's branch, along the straight line from home.
+    ///
+    /// The same `q_i` gives the same result, whatever was solved before.
+    ///
+    /// # Errors
+    /// When `q_i` has a wrong length or an entry that is not finite.
+    pub fn solve(&mut self, q_i: &[f64]) -> Result<Solution, Misuse> {
+        Ok(self.go(q_i, false)?.0)
+    }
+
+    /// As [`solve`](Closure::solve), along the straight line from the last solution of a
+    /// `track` call that closed; at first from home.
+    ///
+    /// For trajectories: short lines are cheap, and the branch is kept along the path itself.
+    ///
+    /// # Errors
+    /// When `q_i` has a wrong length or an entry that is not finite.
+    pub fn track(&mut self, q_i: &[f64]) -> Result<Solution, Misuse> {
+        let (solution, point) = self.go(q_i, true)?;
+        if let (Some(point), Some(ends)) = (point, &mut self.ends) {
+            ends.1 = point;
+        }
+        Ok(solution)
+    }
+
+    /// Lets the next `track` call start from home again.
+    pub fn restart(&mut self) {
+        if let Some((home, last)) = &mut self.ends {
+            last.clone_from(home);
+        }
+    }
+
+    /// As [`solve`](Closure::solve), with all velocities and accelerations from the
+    /// independent ones (dof each; rad/s or m/s, rad/s^2 or m/s^2).
+    ///
+    /// # Errors
+    /// When an argument has a wrong length or an entry that is not finite.
+    pub fn solve_state(
+        &mut self,
+        q_i: &[f64],
+        qd_i: &[f64],
+        qdd_i: &[f64],
+    ) -> Result<State, Misuse> {
+        self.check_rates(qd_i, qdd_i)?;
+        let solution = self.solve(q_i)?;
+        self.motion(solution, qd_i, qdd_i)
+    }
+
+    /// As [`track`](Closure::track), with all velocities and accelerations from the
+    /// independent ones.
+    ///
+    /// # Errors
+    /// When an argument has a wrong length or an entry that is not finite.
+    pub fn track_state(
+        &mut self,
+        q_i: &[f64],
+        qd_i: &[f64],
+        qdd_i: &[f64],
+    ) -> Result<State, Misuse> {
+        self.check_rates(qd_i, qdd_i)?;
+        let solution = self.track(q_i)?;
+        self.motion(solution, qd_i, qdd_i)
+    }
+
+    fn go(&mut self, q_i: &[f64], from_last: bool) -> Result<(Solution, Option<Point>), Misuse> {
+        check("q_i", q_i, self.newton.independent.len())?;
+        let Some((home, last)) = &self.ends else {
+            return Ok((self.home.clone(), None));
+        };
+        let start = if from_last { last } else { home };
+        let (mut point, mut outcome, steps) = path::follow(&mut self.newton, start, q_i)?;
+        let residual = self.newton.polish(&mut point.q)?;
+        let closes = residual <= self.newton.tolerance(&point.q)?;
+        if outcome.is_closed() && !closes {
+            outcome = Outcome::NotClosed { at: 1.0, residual };
+        }
+        let solution = Solution {
+            q: point.q.clone(),
+            residual,
+            condition: point.condition,
+            outcome,
+            steps,
+        };
+        Ok((solution, outcome.is_closed().then_some(point)))
+    }
+
+    fn check_rates(&self, qd_i: &[f64], qdd_i: &[f64]) -> Result<(), Misuse> {
+        check("qd_i", qd_i, self.newton.independent.len())?;
+        check("qdd_i", qdd_i, self.newton.independent.len())
+    }
+
+    fn motion(&self, solution: Solution, qd_i: &[f64], qdd_i: &[f64]) -> Result<State, Misuse> {
+        let Solution {
+            q,
+            residual,
+            condition,
+            outcome,
+            ..
+        } = solution;
+        let mut qd = vec![f64::NAN; q.len()];
+        let mut qdd = vec![f64::NAN; q.len()];
+        let mut worst = condition;
+        if outcome.is_closed() {
+            worst = worst.worst(self.newton.model.velocities(&q, qd_i, &mut qd)?);
+            worst = worst.worst(self.newton.model.accelerations(&q, &qd, qdd_i, &mut qdd)?);
+        }
+        Ok(State {
+            q,
+            qd,
+            qdd,
+            residual,
+            condition: worst,
+            outcome,
+        })
+    }
+}
+
+/// The argument has the length and is finite.
+fn check(argument: &'static str, values: &[f64], expected: usize) -> Result<(), Misuse> {
+    if values.len() != expected {
+        let got = values.len();
+        return Err(Misuse::Size(SizeError {
+            argument,
+            expected,
+            got,
+        }));
+    }
+    match values.iter().position(|x| !x.is_finite()) {
+        Some(index) => Err(Misuse::NotFinite { argument, index }),
+        None => Ok(()),
+    }
+}
+
+/// Home fits, and independent and dependent coordinates are a partition of all.
+fn check_info(info: &Info<'_>) -> Result<(), Misuse> {
+    let n = info.coordinates.len();
+    check("home", info.home, n)?;
+    let mut times = vec![0_usize; n];
+    for at in info.independent.iter().chain(info.dependent) {
+        match times.get_mut(*at) {
+            Some(times) => *times += 1,
+            None => return Err(Misuse::Partition { coordinate: *at }),
+        }
+    }
+    match times.iter().position(|times| *times != 1) {
+        Some(coordinate) => Err(Misuse::Partition { coordinate }),
+        None => Ok(()),
+    }
+}

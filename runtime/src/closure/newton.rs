@@ -1,0 +1,171 @@
+//! Newton's method on the closure equations at fixed independent coordinates.
+
+use alloc::vec;
+use alloc::vec::Vec;
+
+use crate::{Condition, Model, SizeError};
+
+/// The residual of a closed state, in units of what the constraint rows are made of.
+const TOLERANCE: f64 = 1e-12;
+
+/// Newton steps below this, relative to the coordinates, have converged: the next would be
+/// the square of it.
+const CONVERGED: f64 = 1e-9;
+
+/// A model with the memory that the iterations need.
+#[derive(Debug)]
+pub(super) struct Newton<'m, M: ?Sized> {
+    pub(super) model: &'m M,
+    pub(super) independent: Vec<usize>,
+    pub(super) dependent: Vec<usize>,
+    f: Vec<f64>,
+    step: Vec<f64>,
+    jacobian: Vec<f64>,
+}
+
+/// How a correction ended.
+pub(super) enum Correction {
+    /// At a solution near the start.
+    Converged,
+    /// It left the neighbourhood of the start or was slow; a shorter step may do better.
+    Refused,
+    /// It met a value that is not finite, or did not end.
+    Failed,
+}
+
+impl<'m, M: Model<f64> + ?Sized> Newton<'m, M> {
+    pub(super) fn new(model: &'m M) -> Self {
+        let info = model.info();
+        Self {
+            model,
+            independent: info.independent.to_vec(),
+            dependent: info.dependent.to_vec(),
+            f: vec![0.0; info.rows],
+            step: vec![0.0; info.dependent.len()],
+            jacobian: vec![0.0; info.rows * info.coordinates.len()],
+        }
+    }
+
+    /// The largest |f| over all constraint rows, redundant ones included; NaN if any is.
+    pub(super) fn residual(&mut self, q: &[f64]) -> Result<f64, SizeError> {
+        self.model.constraints(q, &mut self.f)?;
+        Ok(largest(&self.f))
+    }
+
+    /// The residual that counts as closed at `q`: [`TOLERANCE`] of the lengths in the rows.
+    ///
+    /// A row's size is what its terms add up to, |A| max(1, |q|); the largest row's is taken
+    /// for all, since redundant rows may have nothing but rounding in them.
+    pub(super) fn tolerance(&mut self, q: &[f64]) -> Result<f64, SizeError> {
+        self.model.jacobian(q, &mut self.jacobian)?;
+        let size = self
+            .jacobian
+            .chunks_exact(q.len().max(1))
+            .map(|row| {
+                row.iter()
+                    .zip(q)
+                    .map(|(a, q)| a.abs() * q.abs().max(1.0))
+                    .sum()
+            })
+            .fold(0.0, f64::max);
+        Ok(TOLERANCE * size)
+    }
+
+    /// Fills `step` with the Newton step; returns its largest entry and the condition.
+    fn newton_step(&mut self, q: &[f64]) -> Result<(f64, Condition<f64>), SizeError> {
+        let condition = self.model.newton_step(q, &mut self.step)?;
+        Ok((largest(&self.step), condition))
+    }
+
+    pub(super) fn condition(&mut self, q: &[f64]) -> Result<Condition<f64>, SizeError> {
+        Ok(self.newton_step(q)?.1)
+    }
+
+    /// Adds a part of the step to the dependent coordinates.
+    fn advance(&self, q: &mut [f64], part: f64) {
+        for (at, step) in self.dependent.iter().zip(&self.step) {
+            q[*at] += part * step;
+        }
+    }
+
+    /// Full Newton steps that must halve at least each time and stay within `reach` together.
+    pub(super) fn correct(&mut self, q: &mut [f64], reach: f64) -> Result<Correction, SizeError> {
+        let floor = CONVERGED * (1.0 + largest_at(q, &self.dependent));
+        let mut moved = 0.0;
+        let mut last = f64::INFINITY;
+        for _ in 0..30 {
+            let (size, _) = self.newton_step(q)?;
+            if !size.is_finite() {
+                return Ok(Correction::Failed);
+            }
+            moved += size;
+            if moved > reach + floor || size > 0.5 * last {
+                return Ok(Correction::Refused);
+            }
+            self.advance(q, 1.0);
+            if size <= floor {
+                return Ok(Correction::Converged);
+            }
+            last = size;
+        }
+        Ok(Correction::Failed)
+    }
+
+    /// Newton steps as long as the residual falls; returns it.
+    pub(super) fn polish(&mut self, q: &mut [f64]) -> Result<f64, SizeError> {
+        let mut best = self.residual(q)?;
+        for _ in 0..8 {
+            let _ = self.newton_step(q)?;
+            let mut trial = q.to_vec();
+            self.advance(&mut trial, 1.0);
+            let residual = self.residual(&trial)?;
+            if residual < best {
+                best = residual;
+                q.copy_from_slice(&trial);
+            } else {
+                break;
+            }
+        }
+        Ok(best)
+    }
+
+    /// Newton's method from far away: each step is halved until the residual falls.
+    /// Returns the number of steps.
+    pub(super) fn close(&mut self, q: &mut [f64]) -> Result<usize, SizeError> {
+        let mut residual = self.residual(q)?;
+        for steps in 0..100 {
+            if residual <= self.tolerance(q)? {
+                return Ok(steps);
+            }
+            let _ = self.newton_step(q)?;
+            let mut part = 1.0;
+            loop {
+                let mut trial = q.to_vec();
+                self.advance(&mut trial, part);
+                let reached = self.residual(&trial)?;
+                if reached < (1.0 - 0.1 * part) * residual {
+                    residual = reached;
+                    q.copy_from_slice(&trial);
+                    break;
+                }
+                part *= 0.5;
+                if part < 1e-6 {
+                    return Ok(steps);
+                }
+            }
+        }
+        Ok(100)
+    }
+}
+
+/// The largest absolute value; NaN if any is.
+pub(super) fn largest(values: &[f64]) -> f64 {
+    values
+        .iter()
+        .map(|x| x.abs())
+        .fold(0.0, |m, x| if x <= m { m } else { x })
+}
+
+fn largest_at(q: &[f64], places: &[usize]) -> f64 {
+    places.iter().map(|at| q[*at].abs()).fold(0.0, f64::max)
+}

@@ -1,0 +1,214 @@
+//! Continuation along a straight line in the independent coordinates, on one branch.
+
+use alloc::vec;
+use alloc::vec::Vec;
+
+use super::lu::Lu;
+use super::newton::{Correction, Newton, largest};
+use super::{Misuse, Outcome};
+use crate::{Condition, Model, Status};
+
+/// The most that any coordinate moves in one step, rad or m.
+const LONGEST: f64 = 0.25;
+
+/// The corrector's move, relative to the predictor's.
+const CORRECTION: f64 = 0.25;
+
+/// How far A_e may change in one step, see [`Lu::distance`]: half of what could be singular.
+const CHANGE: f64 = 0.5;
+
+/// The shortest step, in the independent coordinates relative to 1 + their size.
+const SHORTEST: f64 = 1e-12;
+
+/// Enough for a path of thousands of rad.
+const MOST_STEPS: usize = 50_000;
+
+/// A state on the branch, with its A_e.
+#[derive(Clone, Debug)]
+pub(super) struct Point {
+    pub(super) q: Vec<f64>,
+    pub(super) condition: Condition<f64>,
+    lu: Lu,
+}
+
+/// Why a step was not taken.
+#[derive(Clone, Copy)]
+enum Refusal {
+    /// The corrector's reason, with the residual where it stopped.
+    NotClosed(f64),
+    /// The corrector moved far, or A_e changed much or its determinant's sign.
+    OffBranch,
+}
+
+impl Point {
+    /// The state `q` with its A_e.
+    pub(super) fn new<M: Model<f64> + ?Sized>(
+        newton: &mut Newton<'_, M>,
+        q: Vec<f64>,
+    ) -> Result<Self, Misuse> {
+        let (lu, condition) = factored(newton, &q)?;
+        Ok(Self { q, condition, lu })
+    }
+
+    /// The model's condition, or the pivots of A_e as they are if those are worse: what a
+    /// model scales its pivots by is its own choice.
+    pub(super) fn worst(&self) -> Condition<f64> {
+        self.condition.worst(Condition {
+            pivot: self.lu.ratio(),
+        })
+    }
+}
+
+/// The factored A_e at `q`, and its condition.
+fn factored<M: Model<f64> + ?Sized>(
+    newton: &mut Newton<'_, M>,
+    q: &[f64],
+) -> Result<(Lu, Condition<f64>), Misuse> {
+    let matrix = dependent_jacobian(newton, q)?;
+    let condition = newton.condition(q)?;
+    Ok((Lu::new(&matrix, newton.dependent.len()), condition))
+}
+
+fn dependent_jacobian<M: Model<f64> + ?Sized>(
+    newton: &Newton<'_, M>,
+    q: &[f64],
+) -> Result<Vec<f64>, Misuse> {
+    let mut matrix = vec![0.0; newton.dependent.len() * newton.dependent.len()];
+    newton.model.dependent_jacobian(q, &mut matrix)?;
+    Ok(matrix)
+}
+
+/// Follows the branch from a regular, closed point to the independent coordinates `target`.
+///
+/// Returns the last state on the branch, which is at `target` if the outcome is
+/// [`Outcome::Closed`], and the number of steps taken.
+pub(super) fn follow<M: Model<f64> + ?Sized>(
+    newton: &mut Newton<'_, M>,
+    start: &Point,
+    target: &[f64],
+) -> Result<(Point, Outcome, usize), Misuse> {
+    let origin: Vec<f64> = newton.independent.iter().map(|at| start.q[*at]).collect();
+    let line: Vec<f64> = target
+        .iter()
+        .zip(&origin)
+        .map(|(to, from)| to - from)
+        .collect();
+    let size = 1.0 + largest(target).max(largest(&origin));
+    let length = largest(&line);
+    let shortest = if length > SHORTEST * size {
+        SHORTEST * size / length
+    } else {
+        1.0
+    };
+
+    let mut point = start.clone();
+    let mut done = 0.0;
+    let mut wish = 1.0;
+    let mut steps = 0;
+    while done < 1.0 {
+        let mut tangent = vec![0.0; point.q.len()];
+        let _ = newton.model.velocities(&point.q, &line, &mut tangent)?;
+        let speed = largest(&tangent);
+        let mut part = f64::min(wish, LONGEST / speed.max(LONGEST)).min(1.0 - done);
+        // A rest shorter than the shortest step would not be seen by the corrector.
+        if 1.0 - done - part < shortest {
+            part = 1.0 - done;
+        }
+        let last = part >= 1.0 - done;
+        let to = if last {
+            target.to_vec()
+        } else {
+            let at = done + part;
+            origin.iter().zip(&line).map(|(x, d)| x + at * d).collect()
+        };
+        match step(newton, &point, &tangent, part, &to)? {
+            Ok((next, change)) => {
+                done = if last { 1.0 } else { done + part };
+                point = next;
+                wish = if change < 0.5 * CHANGE {
+                    2.0 * part
+                } else {
+                    part
+                };
+                let condition = point.worst();
+                if condition.status() == Status::Singular {
+                    return Ok((
+                        point,
+                        Outcome::Singular {
+                            at: done,
+                            condition,
+                        },
+                        steps,
+                    ));
+                }
+            }
+            Err(refusal) => {
+                wish = 0.5 * part;
+                if wish < shortest {
+                    let outcome = refused(&point, refusal, done);
+                    return Ok((point, outcome, steps));
+                }
+            }
+        }
+        steps += 1;
+        if steps == MOST_STEPS {
+            let residual = newton.residual(&point.q)?;
+            return Ok((point, Outcome::NotClosed { at: done, residual }, steps));
+        }
+    }
+    Ok((point, Outcome::Closed, steps))
+}
+
+/// What it means that no step from here is short enough.
+fn refused(point: &Point, refusal: Refusal, at: f64) -> Outcome {
+    let condition = point.worst();
+    // At a fold the pivot falls as the square root of the distance, which SHORTEST bounds.
+    if condition.status() != Status::Regular {
+        return Outcome::Singular { at, condition };
+    }
+    match refusal {
+        Refusal::NotClosed(residual) => Outcome::NotClosed { at, residual },
+        Refusal::OffBranch => Outcome::BranchLost { at },
+    }
+}
+
+/// One step to the independent coordinates `to`: predictor along the tangent, corrector, and
+/// the checks that it is on the branch. Returns the new point and how far A_e changed.
+fn step<M: Model<f64> + ?Sized>(
+    newton: &mut Newton<'_, M>,
+    point: &Point,
+    tangent: &[f64],
+    part: f64,
+    to: &[f64],
+) -> Result<Result<(Point, f64), Refusal>, Misuse> {
+    let mut q = point.q.clone();
+    for (q, tangent) in q.iter_mut().zip(tangent) {
+        *q += part * tangent;
+    }
+    for (at, x) in newton.independent.iter().zip(to) {
+        q[*at] = *x;
+    }
+    let reach = CORRECTION * part * largest(tangent);
+    match newton.correct(&mut q, reach)? {
+        Correction::Converged => {}
+        Correction::Refused => return Ok(Err(Refusal::OffBranch)),
+        Correction::Failed => {
+            return Ok(Err(Refusal::NotClosed(newton.residual(&q)?)));
+        }
+    }
+    let residual = newton.residual(&q)?;
+    let matrix = dependent_jacobian(newton, &q)?;
+    let change = point.lu.distance(&matrix);
+    let (lu, condition) = (
+        Lu::new(&matrix, newton.dependent.len()),
+        newton.condition(&q)?,
+    );
+    if !residual.is_finite() {
+        return Ok(Err(Refusal::NotClosed(residual)));
+    }
+    let like = change <= CHANGE && lu.sign() * point.lu.sign() > 0.5;
+    if !like {
+        return Ok(Err(Refusal::OffBranch));
+    }
+    Ok(Ok((Point { q, condition, lu }, change)))
+}

@@ -1,0 +1,89 @@
+//! How well a closure's linear solve is conditioned.
+
+use crate::Scalar;
+
+/// Below this pivot, or at NaN, a state counts as singular: what is solved there means nothing.
+pub const SINGULAR: f64 = 1e-10;
+
+/// Below this pivot a state is near a singularity: about four of sixteen digits are lost.
+pub const NEAR_SINGULAR: f64 = 1e-4;
+
+/// The conditioning of A_e, the constraint Jacobian of the dependent coordinates (Eq. 9).
+///
+/// A numerical outcome, never an error: a singular state has one too.
+///
+/// ```
+/// use regen_runtime::{Condition, Status};
+///
+/// assert_eq!(Condition { pivot: 0.3 }.status(), Status::Regular);
+/// assert_eq!(Condition { pivot: 1e-7 }.status(), Status::NearSingular);
+/// assert_eq!(Condition { pivot: f64::NAN }.status(), Status::Singular);
+/// ```
+#[must_use]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Condition<T> {
+    /// The smallest pivot of A_e relative to its usual size: about 1 in the middle of the
+    /// workspace, 0 at a singularity, NaN if the state is not finite. Without unit.
+    pub pivot: T,
+}
+
+/// The class of a [`Condition`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Status {
+    /// The solve keeps its accuracy.
+    Regular,
+    /// The pivot is below [`NEAR_SINGULAR`]: digits are lost.
+    NearSingular,
+    /// The pivot is below [`SINGULAR`] or NaN.
+    Singular,
+}
+
+impl<T: Scalar> Condition<T> {
+    /// The condition of a mechanism without loops, in the shape of `like`.
+    #[inline]
+    pub fn regular(like: T) -> Self {
+        Self {
+            pivot: like.lift(1.0),
+        }
+    }
+
+    /// The worse of two conditions, lane by lane.
+    ///
+    /// ```
+    /// use regen_runtime::Condition;
+    /// let worst = Condition { pivot: 0.3 }.worst(Condition { pivot: 0.2 });
+    /// assert_eq!(worst.pivot, 0.2);
+    /// ```
+    #[inline]
+    pub fn worst(self, other: Self) -> Self {
+        Self {
+            pivot: Scalar::min(self.pivot, other.pivot),
+        }
+    }
+
+    /// Whether every lane is [`Status::Regular`].
+    ///
+    /// ```
+    /// use regen_runtime::Condition;
+    /// assert!(Condition::regular(0.0_f32).is_regular());
+    /// assert!(!Condition { pivot: f32::NAN }.is_regular());
+    /// ```
+    #[inline]
+    pub fn is_regular(self) -> bool {
+        // At the bound itself too: slightly on the safe side of `status`.
+        T::all(self.pivot.lift(NEAR_SINGULAR).less(self.pivot))
+    }
+}
+
+impl Condition<f64> {
+    /// The class by [`SINGULAR`] and [`NEAR_SINGULAR`].
+    pub fn status(self) -> Status {
+        if self.pivot >= NEAR_SINGULAR {
+            Status::Regular
+        } else if self.pivot >= SINGULAR {
+            Status::NearSingular
+        } else {
+            Status::Singular
+        }
+    }
+}

@@ -1,0 +1,358 @@
+//! The interface of every robot model, generated or interpreted, and the names of its parts.
+
+use core::fmt;
+
+use crate::{Condition, Scalar};
+
+/// One loop closure: a joint that was cut to obtain a tree.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Cut<'a> {
+    /// Its name.
+    pub name: &'a str,
+    /// The number of its constraint equations.
+    pub rows: usize,
+}
+
+/// The names and sizes of a model's parts: borrowed slices, so that generated code can state
+/// them as a constant and a model read at run time can lend its own.
+///
+/// ```
+/// use regen_runtime::{Cut, Info};
+///
+/// const FOUR_BAR: Info<'static> = Info {
+///     name: "four_bar",
+///     coordinates: &["q1", "q2", "q3"],
+///     independent: &[0],
+///     dependent: &[1, 2],
+///     actuated: &[0],
+///     parameters: &["Izz(1)", "mx(1)", "my(1)"],
+///     bodies: &["1", "2", "3"],
+///     cuts: &[Cut { name: "pin", rows: 2 }],
+///     home: &[0.5, 0.3, -0.8],
+///     rows: 2,
+/// };
+/// assert_eq!(FOUR_BAR.dof(), 1);
+/// assert_eq!(FOUR_BAR.index_of("q3"), Some(2));
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Info<'a> {
+    /// The robot's name.
+    pub name: &'a str,
+    /// The names of all coordinates, in the order of `q`; rad or m by the joint's kind.
+    pub coordinates: &'a [&'a str],
+    /// Which coordinates are independent: indices into `coordinates`, in the order of the
+    /// regressor's rows.
+    pub independent: &'a [usize],
+    /// Which coordinates are dependent: indices into `coordinates`, in the order of A_e's
+    /// columns.
+    pub dependent: &'a [usize],
+    /// Which coordinates have a measured effort: indices into `coordinates`.
+    pub actuated: &'a [usize],
+    /// The labels of the dynamic parameters, in the order of the regressor's columns.
+    pub parameters: &'a [&'a str],
+    /// The labels of the bodies, in the order of `poses`.
+    pub bodies: &'a [&'a str],
+    /// The cuts, in the order of their constraint rows.
+    pub cuts: &'a [Cut<'a>],
+    /// A closed state: the start of every closure solve, and the choice of assembly branch.
+    pub home: &'a [f64],
+    /// The number of constraint rows: of all cuts, redundant ones included, then of couplings.
+    pub rows: usize,
+}
+
+impl Info<'_> {
+    /// The number of degrees of freedom: of independent coordinates.
+    pub fn dof(&self) -> usize {
+        self.independent.len()
+    }
+
+    /// The place of a coordinate in `q`, if there is one of that name.
+    pub fn index_of(&self, coordinate: &str) -> Option<usize> {
+        self.coordinates.iter().position(|name| *name == coordinate)
+    }
+
+    /// The place of a parameter among the regressor's columns, if there is one of that label.
+    pub fn parameter_of(&self, label: &str) -> Option<usize> {
+        self.parameters.iter().position(|name| *name == label)
+    }
+}
+
+/// A slice whose length does not fit the model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SizeError {
+    /// The argument's name in the called method.
+    pub argument: &'static str,
+    /// The length it must have.
+    pub expected: usize,
+    /// The length it had.
+    pub got: usize,
+}
+
+impl fmt::Display for SizeError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "`{}` has {} entries, the model needs {}",
+            self.argument, self.got, self.expected
+        )
+    }
+}
+
+impl core::error::Error for SizeError {}
+
+/// The slice as an array of the model's size.
+///
+/// # Errors
+/// When the length is not `N`.
+///
+/// ```
+/// let q = [0.1, 0.2];
+/// assert_eq!(regen_runtime::array::<f64, 2>(&q, "q"), Ok(&[0.1, 0.2]));
+/// let error = regen_runtime::array::<f64, 3>(&q, "q").unwrap_err();
+/// assert_eq!(error.to_string(), "`q` has 2 entries, the model needs 3");
+/// ```
+#[inline]
+pub fn array<'a, T, const N: usize>(
+    slice: &'a [T],
+    argument: &'static str,
+) -> Result<&'a [T; N], SizeError> {
+    slice.try_into().map_err(|_| SizeError {
+        argument,
+        expected: N,
+        got: slice.len(),
+    })
+}
+
+/// The slice as an array of the model's size, to write to.
+///
+/// # Errors
+/// When the length is not `N`.
+#[inline]
+pub fn array_mut<'a, T, const N: usize>(
+    slice: &'a mut [T],
+    argument: &'static str,
+) -> Result<&'a mut [T; N], SizeError> {
+    let got = slice.len();
+    slice.try_into().map_err(|_| SizeError {
+        argument,
+        expected: N,
+        got,
+    })
+}
+
+/// The slice as `OUTER` arrays of `INNER` entries, to write to: the columns of a column-major
+/// matrix, or the rows of a row-major one.
+///
+/// `INNER = 0` does not compile; check such a slice with [`array_mut`] and `N = 0`.
+///
+/// # Errors
+/// When the length is not `OUTER * INNER`.
+///
+/// ```
+/// let mut w = [0.0; 6];
+/// let columns = regen_runtime::matrix_mut::<f64, 3, 2>(&mut w, "out").unwrap();
+/// columns[2] = [5.0, 6.0];
+/// assert_eq!(w, [0.0, 0.0, 0.0, 0.0, 5.0, 6.0]);
+/// assert!(regen_runtime::matrix_mut::<f64, 2, 2>(&mut w, "out").is_err());
+/// ```
+#[inline]
+pub fn matrix_mut<'a, T, const OUTER: usize, const INNER: usize>(
+    slice: &'a mut [T],
+    argument: &'static str,
+) -> Result<&'a mut [[T; INNER]; OUTER], SizeError> {
+    let error = SizeError {
+        argument,
+        expected: OUTER * INNER,
+        got: slice.len(),
+    };
+    let (chunks, rest) = slice.as_chunks_mut::<INNER>();
+    if !rest.is_empty() {
+        return Err(error);
+    }
+    chunks.try_into().map_err(|_| error)
+}
+
+/// A robot's kinematics and dynamics over slices.
+///
+/// Each method checks the lengths once; misuse is a [`SizeError`]. What happens numerically
+/// is in the [`Condition`] of the solve with A_e that the method needed. The trait can be made
+/// into an object: `&dyn Model`.
+///
+/// Sizes: n coordinates, dof of them independent and n_e dependent, p parameters. Units are SI
+/// and radians: positions in m, angles in rad, efforts in N or N m. q, qd, qdd are over all
+/// coordinates; a suffix `_i` means over the independent ones, in `Info::independent` order.
+/// The states are used as given, closed or not.
+pub trait Model<
+    // Without a provider of the elementary functions, f64 is no Scalar and no default.
+    #[cfg(any(feature = "std", feature = "libm"))] T: Scalar = f64,
+    #[cfg(not(any(feature = "std", feature = "libm")))] T: Scalar,
+>
+{
+    /// The names and sizes of the model's parts.
+    fn info(&self) -> Info<'_>;
+
+    /// The closure equations f(q) (Eq. 6), 0 where the loops are closed.
+    ///
+    /// - `q`: n; `out`: `rows`, cuts in file order, then couplings.
+    ///
+    /// # Errors
+    /// When a length does not fit.
+    fn constraints(&self, q: &[T], out: &mut [T]) -> Result<(), SizeError>;
+
+    /// The constraint Jacobian A = df/dq (Eq. 6).
+    ///
+    /// - `q`: n; `out`: `rows * n`, row-major.
+    ///
+    /// # Errors
+    /// When a length does not fit.
+    fn jacobian(&self, q: &[T], out: &mut [T]) -> Result<(), SizeError>;
+
+    /// The bias b of A qdd = b, b = -(dA/dt) qd (Eq. 7).
+    ///
+    /// - `q`, `qd`: n; `out`: `rows`.
+    ///
+    /// # Errors
+    /// When a length does not fit.
+    fn bias(&self, q: &[T], qd: &[T], out: &mut [T]) -> Result<(), SizeError>;
+
+    /// The Newton step of the dependent coordinates: A_e dq_e = -f on the selected rows.
+    ///
+    /// - `q`: n; `out`: n_e, in `Info::dependent` order.
+    ///
+    /// # Errors
+    /// When a length does not fit.
+    fn newton_step(&self, q: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError>;
+
+    /// The square A_e (Eq. 8) on the selected rows, in the frames chosen by the generator.
+    ///
+    /// The sign of its determinant is constant on an assembly branch.
+    ///
+    /// - `q`: n; `out`: `n_e * n_e`, row-major.
+    ///
+    /// # Errors
+    /// When a length does not fit.
+    fn dependent_jacobian(&self, q: &[T], out: &mut [T]) -> Result<(), SizeError>;
+
+    /// All velocities from the independent ones: qd_e = -X qd_i, X = A_e^-1 A_i (Eq. 9-10).
+    ///
+    /// - `q`: n; `qd_i`: dof; `out`: n, qd in coordinate order.
+    ///
+    /// # Errors
+    /// When a length does not fit.
+    fn velocities(&self, q: &[T], qd_i: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError>;
+
+    /// All accelerations from the independent ones: qdd_e = A_e^-1 b - X qdd_i (Eq. 7-10).
+    ///
+    /// - `q`, `qd`: n; `qdd_i`: dof; `out`: n, qdd in coordinate order.
+    ///
+    /// # Errors
+    /// When a length does not fit.
+    fn accelerations(
+        &self,
+        q: &[T],
+        qd: &[T],
+        qdd_i: &[T],
+        out: &mut [T],
+    ) -> Result<Condition<T>, SizeError>;
+
+    /// The reduced regressor W = K_i - X^T K_e (Eq. 11), friction and rotor columns included.
+    ///
+    /// - `q`, `qd`, `qdd`: n; `out`: `dof * p`, column-major: column j starts at `j * dof`.
+    ///   Rows in `Info::independent` order, columns in `Info::parameters` order.
+    ///
+    /// # Errors
+    /// When a length does not fit.
+    fn regressor(
+        &self,
+        q: &[T],
+        qd: &[T],
+        qdd: &[T],
+        out: &mut [T],
+    ) -> Result<Condition<T>, SizeError>;
+
+    /// The efforts W phi of the independent coordinates (Eq. 11) for given parameters.
+    ///
+    /// - `q`, `qd`, `qdd`: n; `phi`: p; `out`: dof.
+    ///
+    /// # Errors
+    /// When a length does not fit.
+    fn inverse_dynamics(
+        &self,
+        q: &[T],
+        qd: &[T],
+        qdd: &[T],
+        phi: &[T],
+        out: &mut [T],
+    ) -> Result<Condition<T>, SizeError>;
+
+    /// The efforts that hold the robot still: the gravity vector of the reduced model.
+    ///
+    /// - `q`: n; `phi`: p; `out`: dof.
+    ///
+    /// # Errors
+    /// When a length does not fit.
+    fn gravity(&self, q: &[T], phi: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError>;
+
+    /// The efforts at zero independent accelerations: Coriolis, centrifugal, friction and
+    /// gravity together. The dependent accelerations are those that the closure then imposes.
+    ///
+    /// - `q`, `qd`: n; `phi`: p; `out`: dof.
+    ///
+    /// # Errors
+    /// When a length does not fit.
+    fn bias_forces(
+        &self,
+        q: &[T],
+        qd: &[T],
+        phi: &[T],
+        out: &mut [T],
+    ) -> Result<Condition<T>, SizeError>;
+
+    /// The mass matrix of the independent coordinates.
+    ///
+    /// - `q`: n; `phi`: p; `out`: `dof * dof`, row-major, symmetric.
+    ///
+    /// # Errors
+    /// When a length does not fit.
+    fn mass_matrix(&self, q: &[T], phi: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError>;
+
+    /// The regressor Y(q, qd, qd_r, qdd_r) of adaptive control, with the reference velocities
+    /// and accelerations of Slotine and Li.
+    ///
+    /// - `q`, `qd`: n; `qd_r_i`, `qdd_r_i`: dof; `out`: `dof * p`, column-major as
+    ///   [`regressor`](Model::regressor).
+    ///
+    /// # Errors
+    /// When a length does not fit.
+    fn slotine_li(
+        &self,
+        q: &[T],
+        qd: &[T],
+        qd_r_i: &[T],
+        qdd_r_i: &[T],
+        out: &mut [T],
+    ) -> Result<Condition<T>, SizeError>;
+
+    /// The left side of the reduced model: tau_i - X^T tau_e (Eq. 10), from the efforts of all
+    /// actuated joints, redundant ones included.
+    ///
+    /// - `q`: n; `tau_actuated`: one entry per `Info::actuated`; `out`: dof.
+    ///
+    /// # Errors
+    /// When a length does not fit.
+    fn efforts(
+        &self,
+        q: &[T],
+        tau_actuated: &[T],
+        out: &mut [T],
+    ) -> Result<Condition<T>, SizeError>;
+
+    /// The bodies' frames in the world.
+    ///
+    /// - `q`: n; `out`: 12 per body in `Info::bodies` order: the rotation matrix row-major
+    ///   (the body's axes are its columns), then the position of the origin in m.
+    ///
+    /// # Errors
+    /// When a length does not fit.
+    fn poses(&self, q: &[T], out: &mut [T]) -> Result<(), SizeError>;
+}

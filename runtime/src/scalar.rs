@@ -1,0 +1,139 @@
+//! The number type that emitted code is generic over.
+
+use core::fmt::Debug;
+use core::ops::{Add, Div, Mul, Neg, Sub};
+
+#[cfg(feature = "dual")]
+mod dual;
+#[cfg(feature = "simd")]
+mod lane;
+#[cfg(any(feature = "std", feature = "libm"))]
+mod real;
+
+#[cfg(feature = "dual")]
+pub use dual::Dual;
+#[cfg(feature = "simd")]
+pub use lane::{Lane, LaneMask};
+
+/// A real number, a number with derivatives, or several numbers at once.
+///
+/// Emitted functions are straight-line code over this trait: no branch depends on a value, every
+/// choice is a [`select`](Scalar::select). One source therefore serves `f64`, `f32`, dual numbers
+/// and SIMD lanes.
+///
+/// # Constants are lifted, not made
+///
+/// There is no `from_f64`. [`lift`](Scalar::lift) takes the shape of a value in hand. A SIMD lane
+/// whose instruction set is found at run time carries a token that proves the set is there; a
+/// constant made from nothing would have no token, and only `unsafe` could invent one.
+///
+/// # `[f64; N]` is no lane
+///
+/// Arrays of `f64` do not implement this trait. The compiler takes each such value apart again,
+/// and in functions of thousands of operations it spills instead of vectorising: slower than
+/// one call per state, and many times slower to compile. Use `Lane` (feature `simd`).
+///
+/// # `mul_add` follows the hardware
+///
+/// [`mul_add`](Scalar::mul_add) is fused only where fused hardware is known to be there: for
+/// `f64` and `f32` under `cfg!(target_feature = "fma")`, for `Lane` where its token says so.
+/// Anywhere else it is a product and a sum, because the fused result would come from a software
+/// routine a hundred times slower. Results may thus differ in the last bits between targets.
+///
+/// # NaN
+///
+/// Every operation passes NaN on, including [`sign`](Scalar::sign), [`min`](Scalar::min) and
+/// [`max`](Scalar::max). Only [`less`](Scalar::less) forgets it: a comparison with NaN is false.
+///
+/// ```
+/// use regen_runtime::Scalar;
+///
+/// fn coulomb<T: Scalar>(qd: T) -> T {
+///     qd.sign() * qd.lift(228.0)
+/// }
+/// assert_eq!(coulomb(-0.3), -228.0);
+/// assert_eq!(coulomb(0.0_f32), 0.0);
+/// ```
+pub trait Scalar:
+    Copy
+    + Debug
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+{
+    /// The outcome of a comparison: one truth value per lane.
+    type Mask: Copy;
+
+    /// The constant `c` in the shape of `self`, whose value does not matter.
+    #[must_use]
+    fn lift(self, c: f64) -> Self;
+
+    /// `self * a + b`, fused where the hardware is known to fuse.
+    #[must_use]
+    fn mul_add(self, a: Self, b: Self) -> Self;
+
+    /// The absolute value.
+    #[must_use]
+    fn abs(self) -> Self;
+
+    /// -1, 0 or 1 by the sign; 0 at both zeros, NaN at NaN.
+    #[must_use]
+    fn sign(self) -> Self;
+
+    /// The square root; NaN below zero.
+    #[must_use]
+    fn sqrt(self) -> Self;
+
+    /// Sine and cosine of an angle in radians.
+    #[must_use]
+    fn sin_cos(self) -> (Self, Self);
+
+    /// The arc tangent, in radians.
+    #[must_use]
+    fn atan(self) -> Self;
+
+    /// e to the power `self`.
+    #[must_use]
+    fn exp(self) -> Self;
+
+    /// `self` to the power `exponent`.
+    #[must_use]
+    fn powf(self, exponent: Self) -> Self;
+
+    /// Where `self < other`; false at NaN.
+    fn less(self, other: Self) -> Self::Mask;
+
+    /// `yes` where the mask holds, `no` elsewhere. Both are evaluated.
+    #[must_use]
+    fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
+
+    /// Whether the mask holds in every lane.
+    fn all(mask: Self::Mask) -> bool;
+
+    /// The smaller of two values; NaN if either is NaN.
+    ///
+    /// On a concrete `f64`, `x.min(y)` is the inherent method, which drops NaN; write
+    /// `Scalar::min(x, y)`.
+    #[inline]
+    #[must_use]
+    fn min(self, other: Self) -> Self {
+        let smaller = Self::select(self.less(other), self, other);
+        Self::select(is_number(self), smaller, self)
+    }
+
+    /// The larger of two values; NaN if either is NaN. See [`min`](Scalar::min).
+    #[inline]
+    #[must_use]
+    fn max(self, other: Self) -> Self {
+        let larger = Self::select(other.less(self), self, other);
+        Self::select(is_number(self), larger, self)
+    }
+}
+
+/// Where the value is not NaN: a sign is a number below two, NaN is below nothing.
+#[inline]
+fn is_number<T: Scalar>(value: T) -> T::Mask {
+    value.sign().less(value.lift(2.0))
+}

@@ -1,0 +1,323 @@
+//! Several numbers at once, by the instruction set found at run time.
+#![allow(
+    clippy::inline_always,
+    reason = "an operation left as a call is compiled without the token's instruction set"
+)]
+
+use core::ops::{Add, Div, Mul, Neg, Sub};
+
+use pulp::{Simd, bytemuck};
+
+use super::Scalar;
+
+/// A SIMD register of `f64`s as a [`Scalar`]: each lane is a state of its own.
+///
+/// The token `simd` proves that the instruction set is there. Get one from
+/// `pulp::Arch::new().dispatch(...)`. Only what is inlined into the dispatched function is
+/// compiled for the instruction set; a function that is not still gives the right values, but
+/// each of its operations becomes a call.
+///
+/// Sine and cosine are polynomials within 2 ulp where all lanes are up to [`Lane::REACH`] in
+/// size; beyond, and for `atan`, `exp` and `powf`, each lane is computed on its own.
+///
+/// ```
+/// use pulp::{Arch, Simd, WithSimd};
+/// use regen_runtime::{Lane, Scalar};
+///
+/// struct Sum<'a>(&'a [f64]);
+/// impl WithSimd for Sum<'_> {
+///     type Output = f64;
+///     fn with_simd<S: Simd>(self, simd: S) -> f64 {
+///         let (lanes, rest) = S::as_simd_f64s(self.0);
+///         let whole: f64 = lanes
+///             .iter()
+///             .map(|v| simd.reduce_sum_f64s(Lane { simd, v: *v }.sin_cos().0.v))
+///             .sum();
+///         whole + rest.iter().map(|x| f64::sin(*x)).sum::<f64>()
+///     }
+/// }
+/// let angles = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9];
+/// let expected: f64 = angles.iter().map(|x| f64::sin(*x)).sum();
+/// assert!((Arch::new().dispatch(Sum(&angles)) - expected).abs() < 1e-14);
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct Lane<S: Simd> {
+    /// The token of the instruction set.
+    pub simd: S,
+    /// The values.
+    pub v: S::f64s,
+}
+
+/// The outcome of a comparison of [`Lane`]s.
+#[derive(Clone, Copy, Debug)]
+pub struct LaneMask<S: Simd> {
+    simd: S,
+    mask: S::m64s,
+}
+
+impl<S: Simd> Lane<S> {
+    /// The greatest angle in size, in rad, that the vector reduction is exact for: 2^20.
+    pub const REACH: f64 = 1_048_576.0;
+
+    /// The constant in every lane.
+    #[inline(always)]
+    pub fn splat(simd: S, value: f64) -> Self {
+        Self {
+            simd,
+            v: simd.splat_f64s(value),
+        }
+    }
+
+    /// The function applied to each lane on its own.
+    #[inline]
+    #[must_use]
+    pub fn map(self, function: impl Fn(f64) -> f64) -> Self {
+        let mut v = self.v;
+        for value in bytemuck::cast_slice_mut::<S::f64s, f64>(core::slice::from_mut(&mut v)) {
+            *value = function(*value);
+        }
+        Self { v, ..self }
+    }
+
+    /// The function applied to each pair of lanes on its own.
+    #[inline]
+    fn map2(self, other: Self, function: impl Fn(f64, f64) -> f64) -> Self {
+        let (mut v, w) = (self.v, other.v);
+        let left = bytemuck::cast_slice_mut::<S::f64s, f64>(core::slice::from_mut(&mut v));
+        let right = bytemuck::cast_slice::<S::f64s, f64>(core::slice::from_ref(&w));
+        for (a, b) in left.iter_mut().zip(right) {
+            *a = function(*a, *b);
+        }
+        Self { v, ..self }
+    }
+
+    /// Sine and cosine for |x| up to [`Lane::REACH`].
+    #[inline(always)]
+    fn sin_cos_near(self) -> (Self, Self) {
+        let quarters = (self * self.lift(TWO_OVER_PI)).round();
+        let (y, tail) = self.reduce(quarters);
+        let z = y * y;
+
+        // sin(y + tail) = y + (y^3 S(y^2) + tail cos y)
+        let half = z * self.lift(0.5);
+        let sin_rest = (y * z).mul_add(polynomial(z, &SIN), tail * (self.lift(1.0) - half));
+        let sin = y + sin_rest;
+
+        // cos(y + tail) = 1 - y^2/2 + (y^4 C(y^2) - y tail); what 1 - y^2/2 rounds off comes back.
+        let leading = self.lift(1.0) - half;
+        let lost = (self.lift(1.0) - leading) - half;
+        let cos = leading + (lost + ((z * z) * polynomial(z, &COS) - y * tail));
+
+        // Quarter turns, from -2 to 2: odd ones swap, and each has its signs.
+        let turn = quarters - (quarters * self.lift(0.25)).round() * self.lift(4.0);
+        let (size, half) = (turn.abs(), self.lift(0.5));
+        let even = Self::select(
+            size.less(half),
+            self.lift(1.0),
+            (size - self.lift(1.0)).abs(),
+        );
+        let swap = even.less(half);
+        let (s, c) = (Self::select(swap, cos, sin), Self::select(swap, sin, cos));
+        let s_negative = Self::select(turn.less(-half), self.lift(1.0), size - self.lift(1.0));
+        let c_negative = Self::select(turn.less(half), -turn - self.lift(1.0), turn);
+        (
+            Self::select(half.less(s_negative), -s, s),
+            Self::select(half.less(c_negative), -c, c),
+        )
+    }
+
+    /// To the nearest integer, for |x| below 2^51.
+    #[inline(always)]
+    fn round(self) -> Self {
+        let magic = self.lift(6_755_399_441_055_744.0);
+        (self + magic) - magic
+    }
+
+    /// `self - quarters * pi/2` as a value and its rounding error (Cody and Waite).
+    ///
+    /// The three leading parts of pi/2 have 33 bits, so that their products with an integer
+    /// of 20 bits are exact; the sums keep what they round off.
+    #[inline(always)]
+    fn reduce(self, quarters: Self) -> (Self, Self) {
+        let first = self - quarters * self.lift(HALF_PI[0]);
+        let (second, error_2) = two_sum(first, -(quarters * self.lift(HALF_PI[1])));
+        let (third, error_3) = two_sum(second, -(quarters * self.lift(HALF_PI[2])));
+        let rest = (error_2 + error_3) - quarters * self.lift(HALF_PI[3]);
+        let y = third + rest;
+        (y, (third - y) + rest)
+    }
+}
+
+const TWO_OVER_PI: f64 = core::f64::consts::FRAC_2_PI;
+
+/// pi/2 in three parts of 33 bits and the rest.
+const HALF_PI: [f64; 4] = [
+    1.570_796_326_734_125_6,
+    6.077_100_506_303_966e-11,
+    2.022_266_248_711_166_5e-21,
+    8.478_427_660_368_9e-32,
+];
+
+/// (sin y - y) / y^3 in powers of y^2 up to |y| = pi/4, interpolated at Chebyshev nodes.
+const SIN: [f64; 6] = [
+    -0.166_666_666_666_666_66,
+    0.008_333_333_333_330_943,
+    -0.000_198_412_698_367_495_6,
+    2.755_731_609_787_775e-6,
+    -2.505_113_087_096_829_7e-8,
+    1.591_805_913_698_281e-10,
+];
+
+/// (cos y - 1 + y^2/2) / y^4 in powers of y^2, likewise.
+const COS: [f64; 6] = [
+    0.041_666_666_666_666_664,
+    -0.001_388_888_888_888_739_3,
+    2.480_158_729_876_004_8e-5,
+    -2.755_731_726_880_539e-7,
+    2.087_614_565_905_934_4e-9,
+    -1.138_258_853_535_252_6e-11,
+];
+
+/// The polynomial with these coefficients, lowest power first.
+#[inline(always)]
+fn polynomial<S: Simd>(z: Lane<S>, coefficients: &[f64; 6]) -> Lane<S> {
+    let [c0, c1, c2, c3, c4, c5] = coefficients.map(|c| z.lift(c));
+    let high = c5.mul_add(z, c4).mul_add(z, c3);
+    high.mul_add(z, c2).mul_add(z, c1).mul_add(z, c0)
+}
+
+/// The rounded sum and exactly what it rounds off.
+#[inline(always)]
+fn two_sum<S: Simd>(a: Lane<S>, b: Lane<S>) -> (Lane<S>, Lane<S>) {
+    let sum = a + b;
+    let from_b = sum - a;
+    let from_a = sum - from_b;
+    (sum, (a - from_a) + (b - from_b))
+}
+
+macro_rules! binary {
+    ($trait:ident, $method:ident, $operation:ident) => {
+        impl<S: Simd> $trait for Lane<S> {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                Self {
+                    v: self.simd.$operation(self.v, other.v),
+                    ..self
+                }
+            }
+        }
+    };
+}
+binary!(Add, add, add_f64s);
+binary!(Sub, sub, sub_f64s);
+binary!(Mul, mul, mul_f64s);
+binary!(Div, div, div_f64s);
+
+impl<S: Simd> Neg for Lane<S> {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        Self {
+            v: self.simd.neg_f64s(self.v),
+            ..self
+        }
+    }
+}
+
+impl<S: Simd> Scalar for Lane<S> {
+    type Mask = LaneMask<S>;
+
+    #[inline(always)]
+    fn lift(self, c: f64) -> Self {
+        Self::splat(self.simd, c)
+    }
+
+    #[inline(always)]
+    fn mul_add(self, a: Self, b: Self) -> Self {
+        Self {
+            v: self.simd.mul_add_e_f64s(self.v, a.v, b.v),
+            ..self
+        }
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        Self {
+            v: self.simd.abs_f64s(self.v),
+            ..self
+        }
+    }
+
+    #[inline(always)]
+    fn sign(self) -> Self {
+        let zero = self.lift(0.0);
+        let negative = Self::select(self.less(zero), self.lift(-1.0), self);
+        Self::select(zero.less(self), self.lift(1.0), negative)
+    }
+
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        Self {
+            v: self.simd.sqrt_f64s(self.v),
+            ..self
+        }
+    }
+
+    #[inline(always)]
+    fn sin_cos(self) -> (Self, Self) {
+        if Self::all(self.abs().less(self.lift(Self::REACH))) {
+            self.sin_cos_near()
+        } else {
+            sin_cos_each(self)
+        }
+    }
+
+    #[inline]
+    fn atan(self) -> Self {
+        self.map(Scalar::atan)
+    }
+
+    #[inline]
+    fn exp(self) -> Self {
+        self.map(Scalar::exp)
+    }
+
+    #[inline]
+    fn powf(self, exponent: Self) -> Self {
+        self.map2(exponent, Scalar::powf)
+    }
+
+    #[inline(always)]
+    fn less(self, other: Self) -> LaneMask<S> {
+        LaneMask {
+            simd: self.simd,
+            mask: self.simd.less_than_f64s(self.v, other.v),
+        }
+    }
+
+    #[inline(always)]
+    fn select(mask: LaneMask<S>, yes: Self, no: Self) -> Self {
+        Self {
+            simd: mask.simd,
+            v: mask.simd.select_f64s(mask.mask, yes.v, no.v),
+        }
+    }
+
+    #[inline(always)]
+    fn all(mask: LaneMask<S>) -> bool {
+        let simd = mask.simd;
+        let truth = simd.select_f64s(mask.mask, simd.splat_f64s(1.0), simd.splat_f64s(0.0));
+        simd.reduce_min_f64s(truth) > 0.5
+    }
+}
+
+/// Sine and cosine of each lane on its own.
+#[cold]
+#[inline(never)]
+fn sin_cos_each<S: Simd>(x: Lane<S>) -> (Lane<S>, Lane<S>) {
+    (
+        x.map(|value| Scalar::sin_cos(value).0),
+        x.map(|value| Scalar::sin_cos(value).1),
+    )
+}

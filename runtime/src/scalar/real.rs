@@ -1,0 +1,125 @@
+//! `f64` and `f32`, over the standard library or over `libm`.
+
+use super::Scalar;
+
+/// The functions of one float type that `core` does not have, by either provider.
+macro_rules! scalar {
+    ($float:ident, $sqrt:ident, $sincos:ident, $atan:ident, $exp:ident, $pow:ident) => {
+        impl Scalar for $float {
+            type Mask = bool;
+
+            #[inline]
+            #[allow(clippy::cast_lossless, reason = "one text for both widths")]
+            fn lift(self, c: f64) -> Self {
+                c as $float
+            }
+
+            #[inline]
+            fn mul_add(self, a: Self, b: Self) -> Self {
+                // Without std there is no fused product that the compiler maps to hardware.
+                #[cfg(all(feature = "std", target_feature = "fma"))]
+                {
+                    $float::mul_add(self, a, b)
+                }
+                #[cfg(not(all(feature = "std", target_feature = "fma")))]
+                {
+                    self * a + b
+                }
+            }
+
+            #[inline]
+            fn abs(self) -> Self {
+                $float::abs(self)
+            }
+
+            #[inline]
+            fn sign(self) -> Self {
+                if self > 0.0 {
+                    1.0
+                } else if self < 0.0 {
+                    -1.0
+                } else {
+                    self
+                }
+            }
+
+            #[inline]
+            fn sqrt(self) -> Self {
+                #[cfg(feature = "std")]
+                {
+                    $float::sqrt(self)
+                }
+                #[cfg(not(feature = "std"))]
+                {
+                    libm::$sqrt(self)
+                }
+            }
+
+            #[inline]
+            fn sin_cos(self) -> (Self, Self) {
+                #[cfg(feature = "std")]
+                {
+                    $float::sin_cos(self)
+                }
+                #[cfg(not(feature = "std"))]
+                {
+                    libm::$sincos(self)
+                }
+            }
+
+            #[inline]
+            fn atan(self) -> Self {
+                #[cfg(feature = "std")]
+                {
+                    $float::atan(self)
+                }
+                #[cfg(not(feature = "std"))]
+                {
+                    libm::$atan(self)
+                }
+            }
+
+            #[inline]
+            fn exp(self) -> Self {
+                #[cfg(feature = "std")]
+                {
+                    $float::exp(self)
+                }
+                #[cfg(not(feature = "std"))]
+                {
+                    libm::$exp(self)
+                }
+            }
+
+            #[inline]
+            fn powf(self, exponent: Self) -> Self {
+                #[cfg(feature = "std")]
+                {
+                    $float::powf(self, exponent)
+                }
+                #[cfg(not(feature = "std"))]
+                {
+                    libm::$pow(self, exponent)
+                }
+            }
+
+            #[inline]
+            fn less(self, other: Self) -> bool {
+                self < other
+            }
+
+            #[inline]
+            fn select(mask: bool, yes: Self, no: Self) -> Self {
+                if mask { yes } else { no }
+            }
+
+            #[inline]
+            fn all(mask: bool) -> bool {
+                mask
+            }
+        }
+    };
+}
+
+scalar!(f64, sqrt, sincos, atan, exp, pow);
+scalar!(f32, sqrtf, sincosf, atanf, expf, powf);

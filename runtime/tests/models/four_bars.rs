@@ -1,0 +1,275 @@
+// Planar four-bars with one common input crank, written by hand.
+
+use regen_runtime::{Condition, Cut, Info, Model, SizeError};
+
+/// One loop: lengths of the input crank, the coupler, the other crank and the ground.
+#[derive(Clone, Copy, Debug)]
+pub struct Loop {
+    pub input: f64,
+    pub coupler: f64,
+    pub follower: f64,
+    pub ground: f64,
+}
+
+/// Loops on one input crank. q = (input angle, then for each loop the coupler's angle relative
+/// to the input and the follower's absolute angle). The only parameter is the crank's inertia.
+#[derive(Clone, Debug)]
+pub struct FourBars {
+    pub loops: Vec<Loop>,
+    pub home: Vec<f64>,
+}
+
+const NAMES: [&str; 5] = ["input", "coupler1", "follower1", "coupler2", "follower2"];
+const CUTS: [Cut<'static>; 2] = [
+    Cut {
+        name: "pin1",
+        rows: 2,
+    },
+    Cut {
+        name: "pin2",
+        rows: 2,
+    },
+];
+
+fn sized(argument: &'static str, got: usize, expected: usize) -> Result<(), SizeError> {
+    if got == expected {
+        Ok(())
+    } else {
+        Err(SizeError {
+            argument,
+            expected,
+            got,
+        })
+    }
+}
+
+impl FourBars {
+    pub fn n(&self) -> usize {
+        1 + 2 * self.loops.len()
+    }
+
+    /// Solves each loop's two equations; returns the worst sine between coupler and follower.
+    fn solve(&self, q: &[f64], sides: &[f64], out: &mut [f64]) -> Condition<f64> {
+        let mut condition = Condition { pivot: 1.0 };
+        for (k, bars) in self.loops.iter().enumerate() {
+            let (coupler, follower) = (q[0] + q[1 + 2 * k], q[2 + 2 * k]);
+            let sine = (coupler - follower).sin();
+            let (x, y) = (sides[2 * k], sides[2 * k + 1]);
+            out[2 * k] = -(x * follower.cos() + y * follower.sin()) / (bars.coupler * sine);
+            out[2 * k + 1] = -(x * coupler.cos() + y * coupler.sin()) / (bars.follower * sine);
+            condition = condition.worst(Condition { pivot: sine.abs() });
+        }
+        condition
+    }
+
+    /// -f, or what must be solved for the velocities or the accelerations.
+    fn sides(&self, each: impl Fn(usize, &Loop) -> [f64; 2]) -> Vec<f64> {
+        self.loops
+            .iter()
+            .enumerate()
+            .flat_map(|(k, bars)| each(k, bars))
+            .collect()
+    }
+
+    fn f(&self, q: &[f64]) -> Vec<f64> {
+        self.sides(|k, bars| {
+            let (input, coupler, follower) = (q[0], q[0] + q[1 + 2 * k], q[2 + 2 * k]);
+            [
+                bars.input * input.cos() + bars.coupler * coupler.cos()
+                    - bars.follower * follower.cos()
+                    - bars.ground,
+                bars.input * input.sin() + bars.coupler * coupler.sin()
+                    - bars.follower * follower.sin(),
+            ]
+        })
+    }
+
+    fn b(&self, q: &[f64], qd: &[f64]) -> Vec<f64> {
+        self.sides(|k, bars| {
+            let (coupler, follower) = (q[0] + q[1 + 2 * k], q[2 + 2 * k]);
+            let input = bars.input * qd[0] * qd[0];
+            let middle = bars.coupler * (qd[0] + qd[1 + 2 * k]).powi(2);
+            let last = bars.follower * qd[2 + 2 * k].powi(2);
+            [
+                input * q[0].cos() + middle * coupler.cos() - last * follower.cos(),
+                input * q[0].sin() + middle * coupler.sin() - last * follower.sin(),
+            ]
+        })
+    }
+
+    /// -A_i times the input's rate.
+    fn driven(&self, q: &[f64], rate: f64) -> Vec<f64> {
+        self.sides(|k, bars| {
+            let coupler = q[0] + q[1 + 2 * k];
+            [
+                rate * (bars.input * q[0].sin() + bars.coupler * coupler.sin()),
+                -rate * (bars.input * q[0].cos() + bars.coupler * coupler.cos()),
+            ]
+        })
+    }
+}
+
+impl Model for FourBars {
+    fn info(&self) -> Info<'_> {
+        let n = self.n();
+        Info {
+            name: "four_bars",
+            coordinates: &NAMES[..n],
+            independent: &[0],
+            dependent: &[1, 2, 3, 4][..n - 1],
+            actuated: &[0],
+            parameters: &["J(input)"],
+            bodies: &[],
+            cuts: &CUTS[..self.loops.len()],
+            home: &self.home,
+            rows: n - 1,
+        }
+    }
+
+    fn constraints(&self, q: &[f64], out: &mut [f64]) -> Result<(), SizeError> {
+        sized("q", q.len(), self.n())?;
+        out.copy_from_slice(&self.f(q));
+        Ok(())
+    }
+
+    fn jacobian(&self, q: &[f64], out: &mut [f64]) -> Result<(), SizeError> {
+        sized("q", q.len(), self.n())?;
+        let n = self.n();
+        out.fill(0.0);
+        let input = self.driven(q, -1.0);
+        for (k, bars) in self.loops.iter().enumerate() {
+            let (coupler, follower) = (q[0] + q[1 + 2 * k], q[2 + 2 * k]);
+            out[2 * k * n] = input[2 * k];
+            out[(2 * k + 1) * n] = input[2 * k + 1];
+            out[2 * k * n + 1 + 2 * k] = -bars.coupler * coupler.sin();
+            out[(2 * k + 1) * n + 1 + 2 * k] = bars.coupler * coupler.cos();
+            out[2 * k * n + 2 + 2 * k] = bars.follower * follower.sin();
+            out[(2 * k + 1) * n + 2 + 2 * k] = -bars.follower * follower.cos();
+        }
+        Ok(())
+    }
+
+    fn bias(&self, q: &[f64], qd: &[f64], out: &mut [f64]) -> Result<(), SizeError> {
+        out.copy_from_slice(&self.b(q, qd));
+        Ok(())
+    }
+
+    fn newton_step(&self, q: &[f64], out: &mut [f64]) -> Result<Condition<f64>, SizeError> {
+        let sides: Vec<f64> = self.f(q).iter().map(|f| -f).collect();
+        Ok(self.solve(q, &sides, out))
+    }
+
+    fn dependent_jacobian(&self, q: &[f64], out: &mut [f64]) -> Result<(), SizeError> {
+        let n = self.n();
+        let mut all = vec![0.0; (n - 1) * n];
+        self.jacobian(q, &mut all)?;
+        for (row, all) in out.chunks_exact_mut(n - 1).zip(all.chunks_exact(n)) {
+            row.copy_from_slice(&all[1..]);
+        }
+        Ok(())
+    }
+
+    fn velocities(
+        &self,
+        q: &[f64],
+        qd_i: &[f64],
+        out: &mut [f64],
+    ) -> Result<Condition<f64>, SizeError> {
+        sized("qd_i", qd_i.len(), 1)?;
+        out[0] = qd_i[0];
+        Ok(self.solve(q, &self.driven(q, qd_i[0]), &mut out[1..]))
+    }
+
+    fn accelerations(
+        &self,
+        q: &[f64],
+        qd: &[f64],
+        qdd_i: &[f64],
+        out: &mut [f64],
+    ) -> Result<Condition<f64>, SizeError> {
+        sized("qdd_i", qdd_i.len(), 1)?;
+        out[0] = qdd_i[0];
+        let b = self.b(q, qd);
+        let sides: Vec<f64> = self
+            .driven(q, qdd_i[0])
+            .iter()
+            .zip(b)
+            .map(|(driven, b)| driven + b)
+            .collect();
+        Ok(self.solve(q, &sides, &mut out[1..]))
+    }
+
+    fn regressor(
+        &self,
+        _: &[f64],
+        _: &[f64],
+        qdd: &[f64],
+        out: &mut [f64],
+    ) -> Result<Condition<f64>, SizeError> {
+        out[0] = qdd[0];
+        Ok(Condition::regular(out[0]))
+    }
+
+    fn inverse_dynamics(
+        &self,
+        _: &[f64],
+        _: &[f64],
+        qdd: &[f64],
+        phi: &[f64],
+        out: &mut [f64],
+    ) -> Result<Condition<f64>, SizeError> {
+        out[0] = phi[0] * qdd[0];
+        Ok(Condition::regular(out[0]))
+    }
+
+    fn gravity(&self, _: &[f64], _: &[f64], out: &mut [f64]) -> Result<Condition<f64>, SizeError> {
+        out[0] = 0.0;
+        Ok(Condition::regular(out[0]))
+    }
+
+    fn bias_forces(
+        &self,
+        q: &[f64],
+        _: &[f64],
+        phi: &[f64],
+        out: &mut [f64],
+    ) -> Result<Condition<f64>, SizeError> {
+        self.gravity(q, phi, out)
+    }
+
+    fn mass_matrix(
+        &self,
+        _: &[f64],
+        phi: &[f64],
+        out: &mut [f64],
+    ) -> Result<Condition<f64>, SizeError> {
+        out[0] = phi[0];
+        Ok(Condition::regular(out[0]))
+    }
+
+    fn slotine_li(
+        &self,
+        _: &[f64],
+        _: &[f64],
+        _: &[f64],
+        qdd_r_i: &[f64],
+        out: &mut [f64],
+    ) -> Result<Condition<f64>, SizeError> {
+        out[0] = qdd_r_i[0];
+        Ok(Condition::regular(out[0]))
+    }
+
+    fn efforts(
+        &self,
+        _: &[f64],
+        tau_actuated: &[f64],
+        out: &mut [f64],
+    ) -> Result<Condition<f64>, SizeError> {
+        out[0] = tau_actuated[0];
+        Ok(Condition::regular(out[0]))
+    }
+
+    fn poses(&self, _: &[f64], out: &mut [f64]) -> Result<(), SizeError> {
+        sized("out", out.len(), 0)
+    }
+}

@@ -1,0 +1,285 @@
+// An offset slider-crank, written by hand: the analytic model of the tests and of the
+// documentation's examples, which include this file.
+
+/// A crank at the origin, a rod, and a slider along x, cut at the rod's end.
+///
+/// q = (crank angle, rod angle relative to the crank, slider position). Gravity is along -x.
+/// Parameters: the crank's inertia and viscous friction, the slider's mass; the rod has no mass.
+#[derive(Clone, Copy, Debug)]
+pub struct SliderCrank {
+    pub crank: f64,
+    pub rod: f64,
+    pub offset: f64,
+    pub home: [f64; 3],
+}
+
+impl Default for SliderCrank {
+    fn default() -> Self {
+        Self {
+            crank: 1.0,
+            rod: 2.0,
+            offset: 0.0,
+            home: [0.0, 0.0, 3.0],
+        }
+    }
+}
+
+impl SliderCrank {
+    const GRAVITY: f64 = 9.81;
+
+    fn rows<T: regen_runtime::Scalar>(&self, q: &[T; 3]) -> [[T; 3]; 2] {
+        let ((s, c), (rs, rc)) = (q[0].sin_cos(), (q[0] + q[1]).sin_cos());
+        let (a, b) = (s.lift(self.crank), s.lift(self.rod));
+        [
+            [-(a * s) - b * rs, -(b * rs), s.lift(-1.0)],
+            [a * c + b * rc, b * rc, s.lift(0.0)],
+        ]
+    }
+
+    /// A_e^-1 times right-hand sides.
+    fn solve<T: regen_runtime::Scalar, const K: usize>(
+        &self,
+        q: &[T; 3],
+        sides: &[[T; K]; 2],
+    ) -> ([[T; K]; 2], regen_runtime::Condition<T>) {
+        let dependent = self.rows(q).map(|[_, rod, slider]| [rod, slider]);
+        let (x, pivot) = regen_runtime::solve_pivoted(&dependent, sides);
+        (x, regen_runtime::Condition { pivot })
+    }
+
+    /// X = A_e^-1 A_i.
+    fn x<T: regen_runtime::Scalar>(&self, q: &[T; 3]) -> ([T; 2], regen_runtime::Condition<T>) {
+        let (x, condition) = self.solve(q, &self.rows(q).map(|[crank, ..]| [crank]));
+        (x.map(|[x]| x), condition)
+    }
+
+    fn residual<T: regen_runtime::Scalar>(&self, q: &[T; 3]) -> [T; 2] {
+        let ((s, c), (rs, rc)) = (q[0].sin_cos(), (q[0] + q[1]).sin_cos());
+        let (a, b) = (s.lift(self.crank), s.lift(self.rod));
+        [a * c + b * rc - q[2], a * s + b * rs - s.lift(self.offset)]
+    }
+
+    fn b<T: regen_runtime::Scalar>(&self, q: &[T; 3], qd: &[T; 3]) -> [T; 2] {
+        let ((s, c), (rs, rc)) = (q[0].sin_cos(), (q[0] + q[1]).sin_cos());
+        let crank = s.lift(self.crank) * qd[0] * qd[0];
+        let rod = s.lift(self.rod) * (qd[0] + qd[1]) * (qd[0] + qd[1]);
+        [crank * c + rod * rc, crank * s + rod * rs]
+    }
+
+    /// The regressor row for given velocity and accelerations of crank and slider.
+    fn row<T: regen_runtime::Scalar>(x: [T; 2], qd: T, qdd: T, slide: T) -> [T; 3] {
+        [qdd, qd, -(x[1] * (slide + slide.lift(Self::GRAVITY)))]
+    }
+
+    /// All accelerations at given velocities.
+    fn second<T: regen_runtime::Scalar>(&self, q: &[T; 3], qd: &[T; 3], qdd: T) -> [T; 3] {
+        let (x, _) = self.x(q);
+        let (y, _) = self.solve(q, &self.b(q, qd).map(|b| [b]));
+        [qdd, y[0][0] - x[0] * qdd, y[1][0] - x[1] * qdd]
+    }
+}
+
+fn dot<T: regen_runtime::Scalar>(row: [T; 3], phi: &[T; 3]) -> T {
+    row[0] * phi[0] + row[1] * phi[1] + row[2] * phi[2]
+}
+
+impl<T: regen_runtime::Scalar> regen_runtime::Model<T> for SliderCrank {
+    fn info(&self) -> regen_runtime::Info<'_> {
+        regen_runtime::Info {
+            name: "slider_crank",
+            coordinates: &["crank", "rod", "slider"],
+            independent: &[0],
+            dependent: &[1, 2],
+            actuated: &[0, 2],
+            parameters: &["J(crank)", "Fv(crank)", "m(slider)"],
+            bodies: &["crank", "slider"],
+            cuts: &[regen_runtime::Cut {
+                name: "pin",
+                rows: 2,
+            }],
+            home: &self.home,
+            rows: 2,
+        }
+    }
+
+    fn constraints(&self, q: &[T], out: &mut [T]) -> Result<(), regen_runtime::SizeError> {
+        *regen_runtime::array_mut(out, "out")? = self.residual(regen_runtime::array(q, "q")?);
+        Ok(())
+    }
+
+    fn jacobian(&self, q: &[T], out: &mut [T]) -> Result<(), regen_runtime::SizeError> {
+        *regen_runtime::matrix_mut(out, "out")? = self.rows(regen_runtime::array(q, "q")?);
+        Ok(())
+    }
+
+    fn bias(&self, q: &[T], qd: &[T], out: &mut [T]) -> Result<(), regen_runtime::SizeError> {
+        let (q, qd) = (
+            regen_runtime::array(q, "q")?,
+            regen_runtime::array(qd, "qd")?,
+        );
+        *regen_runtime::array_mut(out, "out")? = self.b(q, qd);
+        Ok(())
+    }
+
+    fn newton_step(
+        &self,
+        q: &[T],
+        out: &mut [T],
+    ) -> Result<regen_runtime::Condition<T>, regen_runtime::SizeError> {
+        let q = regen_runtime::array(q, "q")?;
+        let (step, condition) = self.solve(q, &self.residual(q).map(|f| [-f]));
+        *regen_runtime::array_mut(out, "out")? = step.map(|[x]| x);
+        Ok(condition)
+    }
+
+    fn dependent_jacobian(&self, q: &[T], out: &mut [T]) -> Result<(), regen_runtime::SizeError> {
+        let rows = self.rows(regen_runtime::array(q, "q")?);
+        *regen_runtime::matrix_mut(out, "out")? = rows.map(|[_, rod, slider]| [rod, slider]);
+        Ok(())
+    }
+
+    fn velocities(
+        &self,
+        q: &[T],
+        qd_i: &[T],
+        out: &mut [T],
+    ) -> Result<regen_runtime::Condition<T>, regen_runtime::SizeError> {
+        let (x, condition) = self.x(regen_runtime::array(q, "q")?);
+        let [qd] = *regen_runtime::array(qd_i, "qd_i")?;
+        *regen_runtime::array_mut(out, "out")? = [qd, -(x[0] * qd), -(x[1] * qd)];
+        Ok(condition)
+    }
+
+    fn accelerations(
+        &self,
+        q: &[T],
+        qd: &[T],
+        qdd_i: &[T],
+        out: &mut [T],
+    ) -> Result<regen_runtime::Condition<T>, regen_runtime::SizeError> {
+        let (q, qd) = (
+            regen_runtime::array(q, "q")?,
+            regen_runtime::array(qd, "qd")?,
+        );
+        let [qdd] = *regen_runtime::array(qdd_i, "qdd_i")?;
+        *regen_runtime::array_mut(out, "out")? = self.second(q, qd, qdd);
+        Ok(self.x(q).1)
+    }
+
+    fn regressor(
+        &self,
+        q: &[T],
+        qd: &[T],
+        qdd: &[T],
+        out: &mut [T],
+    ) -> Result<regen_runtime::Condition<T>, regen_runtime::SizeError> {
+        let (x, condition) = self.x(regen_runtime::array(q, "q")?);
+        let [qd, ..]: [T; 3] = *regen_runtime::array(qd, "qd")?;
+        let [qdd, _, slide] = *regen_runtime::array(qdd, "qdd")?;
+        *regen_runtime::array_mut(out, "out")? = Self::row(x, qd, qdd, slide);
+        Ok(condition)
+    }
+
+    fn inverse_dynamics(
+        &self,
+        q: &[T],
+        qd: &[T],
+        qdd: &[T],
+        phi: &[T],
+        out: &mut [T],
+    ) -> Result<regen_runtime::Condition<T>, regen_runtime::SizeError> {
+        let (x, condition) = self.x(regen_runtime::array(q, "q")?);
+        let [qd, ..]: [T; 3] = *regen_runtime::array(qd, "qd")?;
+        let [qdd, _, slide] = *regen_runtime::array(qdd, "qdd")?;
+        let row = Self::row(x, qd, qdd, slide);
+        *regen_runtime::array_mut(out, "out")? = [dot(row, regen_runtime::array(phi, "phi")?)];
+        Ok(condition)
+    }
+
+    fn gravity(
+        &self,
+        q: &[T],
+        phi: &[T],
+        out: &mut [T],
+    ) -> Result<regen_runtime::Condition<T>, regen_runtime::SizeError> {
+        let (x, condition) = self.x(regen_runtime::array(q, "q")?);
+        let rest = x[0].lift(0.0);
+        let row = Self::row(x, rest, rest, rest);
+        *regen_runtime::array_mut(out, "out")? = [dot(row, regen_runtime::array(phi, "phi")?)];
+        Ok(condition)
+    }
+
+    fn bias_forces(
+        &self,
+        q: &[T],
+        qd: &[T],
+        phi: &[T],
+        out: &mut [T],
+    ) -> Result<regen_runtime::Condition<T>, regen_runtime::SizeError> {
+        let (q, qd) = (
+            regen_runtime::array(q, "q")?,
+            regen_runtime::array(qd, "qd")?,
+        );
+        let (x, condition) = self.x(q);
+        let [qdd, _, slide] = self.second(q, qd, x[0].lift(0.0));
+        let row = Self::row(x, qd[0], qdd, slide);
+        *regen_runtime::array_mut(out, "out")? = [dot(row, regen_runtime::array(phi, "phi")?)];
+        Ok(condition)
+    }
+
+    fn mass_matrix(
+        &self,
+        q: &[T],
+        phi: &[T],
+        out: &mut [T],
+    ) -> Result<regen_runtime::Condition<T>, regen_runtime::SizeError> {
+        let (x, condition) = self.x(regen_runtime::array(q, "q")?);
+        let [inertia, _, mass] = *regen_runtime::array(phi, "phi")?;
+        *regen_runtime::array_mut(out, "out")? = [inertia + x[1] * x[1] * mass];
+        Ok(condition)
+    }
+
+    fn slotine_li(
+        &self,
+        q: &[T],
+        qd: &[T],
+        qd_r_i: &[T],
+        qdd_r_i: &[T],
+        out: &mut [T],
+    ) -> Result<regen_runtime::Condition<T>, regen_runtime::SizeError> {
+        let q = regen_runtime::array(q, "q")?;
+        let qd: &[T; 3] = regen_runtime::array(qd, "qd")?;
+        let (x, condition) = self.x(q);
+        let [qd_r] = *regen_runtime::array(qd_r_i, "qd_r_i")?;
+        let [qdd_r] = *regen_runtime::array(qdd_r_i, "qdd_r_i")?;
+        // The bias is bilinear: one factor is the velocity, the other the reference.
+        let rates = [x[0].lift(1.0), -x[0], -x[1]];
+        let coast = self.second(q, &rates, qd_r.lift(0.0))[2];
+        let slide = coast * qd[0] * qd_r - x[1] * qdd_r;
+        *regen_runtime::array_mut(out, "out")? = Self::row(x, qd_r, qdd_r, slide);
+        Ok(condition)
+    }
+
+    fn efforts(
+        &self,
+        q: &[T],
+        tau_actuated: &[T],
+        out: &mut [T],
+    ) -> Result<regen_runtime::Condition<T>, regen_runtime::SizeError> {
+        let (x, condition) = self.x(regen_runtime::array(q, "q")?);
+        let [crank, slider] = *regen_runtime::array(tau_actuated, "tau_actuated")?;
+        *regen_runtime::array_mut(out, "out")? = [crank - x[1] * slider];
+        Ok(condition)
+    }
+
+    fn poses(&self, q: &[T], out: &mut [T]) -> Result<(), regen_runtime::SizeError> {
+        let q: &[T; 3] = regen_runtime::array(q, "q")?;
+        let (s, c) = q[0].sin_cos();
+        let (o, l, e) = (s.lift(0.0), s.lift(1.0), s.lift(self.offset));
+        *regen_runtime::matrix_mut(out, "out")? = [
+            [c, -s, o, s, c, o, o, o, l, o, o, o],
+            [l, o, o, o, l, o, o, o, l, q[2], e, o],
+        ];
+        Ok(())
+    }
+}

@@ -1,0 +1,114 @@
+//! Emitted code must have no way to panic, so what it calls must have none either: compiled
+//! with optimisation, the solve and the checks of lengths name no panic.
+
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+#![cfg(feature = "std")]
+
+use std::path::Path;
+use std::process::Command;
+
+/// What a solve, and a control that can panic, look like in a crate of a user.
+const USER: &str = "
+#[inline(never)]
+pub fn solve_2(a: &[[f64; 2]; 3], b: &[[f64; 1]; 3]) -> ([[f64; 1]; 2], f64) {
+    regen_runtime::solve_pivoted(a, b)
+}
+#[inline(never)]
+pub fn solve_9(a: &[[f64; 9]; 12], b: &[[f32; 9]; 12]) -> ([[f32; 4]; 9], f32) {
+    let mut narrow = [[0.0; 9]; 12];
+    for (to, from) in narrow.iter_mut().flatten().zip(a.iter().flatten()) {
+        *to = *from as f32;
+    }
+    let mut side = [[0.0; 4]; 12];
+    for (to, from) in side.iter_mut().flatten().zip(b.iter().flatten()) {
+        *to = *from;
+    }
+    regen_runtime::solve_pivoted(&narrow, &side)
+}
+";
+
+/// What a generated `impl Model` does with its slices.
+const SHAPES: &str = "
+use regen_runtime::{SizeError, array, array_mut, matrix_mut};
+#[inline(never)]
+pub fn shapes(q: &[f64], out: &mut [f64], w: &mut [f64]) -> Result<(), SizeError> {
+    let [a, b] = array(q, \"q\")?;
+    *array_mut(out, \"out\")? = [*a, *b, *a];
+    let columns: &mut [[f64; 3]; 7] = matrix_mut(w, \"w\")?;
+    columns[6] = [*b; 3];
+    Ok(())
+}
+";
+
+const CONTROL: &str = "
+#[inline(never)]
+pub fn entry(a: &[f64], i: usize) -> f64 {
+    a[i]
+}
+";
+
+fn run(command: &mut Command) {
+    let output = command.output().expect("rustc runs");
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+}
+
+/// The optimised assembly of a crate that uses the runtime.
+fn assembly(name: &str, source: &str) -> String {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
+    let rustc = std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
+    let runtime = folder.join(format!("libruntime_{name}.rlib"));
+    let common = ["--edition=2024", "-Copt-level=3", "-Ccodegen-units=1"];
+    run(Command::new(&rustc)
+        .args(common)
+        .args(["--crate-name=regen_runtime", "--crate-type=rlib"])
+        .args(["--cfg", "feature=\"alloc\"", "--cfg", "feature=\"std\""])
+        .arg("-o")
+        .arg(&runtime)
+        .arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("src/lib.rs")));
+
+    let user = folder.join(format!("{name}.rs"));
+    let out = folder.join(format!("{name}.s"));
+    std::fs::write(&user, source).unwrap();
+    run(Command::new(&rustc)
+        .args(common)
+        .args(["--crate-type=rlib", "--emit=asm"])
+        .arg("--extern")
+        .arg(format!("regen_runtime={}", runtime.display()))
+        .arg("-o")
+        .arg(&out)
+        .arg(&user));
+    std::fs::read_to_string(&out).unwrap()
+}
+
+/// Lines that name a panic or one of the failures that lead to it.
+fn panics(assembly: &str) -> Vec<&str> {
+    assembly
+        .lines()
+        .filter(|line| ["panic", "_fail"].iter().any(|word| line.contains(word)))
+        .collect()
+}
+
+#[test]
+fn the_solve_cannot_panic() {
+    let solve = assembly("solve", USER);
+    assert!(
+        solve.contains("solve_pivoted"),
+        "the solve is compiled here"
+    );
+    assert_eq!(panics(&solve), Vec::<&str>::new());
+}
+
+#[test]
+fn the_checks_of_lengths_cannot_panic() {
+    let shapes = assembly("shapes", SHAPES);
+    assert_eq!(panics(&shapes), Vec::<&str>::new());
+}
+
+#[test]
+fn an_unchecked_index_is_seen_as_a_panic() {
+    assert!(!panics(&assembly("control", CONTROL)).is_empty());
+}
