@@ -1,10 +1,13 @@
-//! Errors with places.
+//! Errors with places: what went wrong, where in which file, and how to mend it.
+//!
+//! Knows text and byte offsets, nothing of robots or YAML.
 
-/// A span of bytes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Span {
-    /// First byte.
-    pub start: usize,
-    /// One past the last.
-    pub end: usize,
-}
+mod diagnostic;
+mod report;
+mod sink;
+mod source;
+
+pub use diagnostic::Diagnostic;
+pub use report::{Report, Shown};
+pub use sink::Sink;
+pub use source::{Position, Source, Span};

@@ -1,5 +1,47 @@
 //! From YAML to a validated spec.
+//!
+//! In phases, each of which reports all its errors before the next one starts: the YAML itself; the shape of the
+//! records ([`raw`] lists their keys); names, labels and references; values. Nothing here knows dynamics.
 
+mod check;
+mod expression;
+mod labels;
+mod raw;
+mod resolve;
+mod schema;
+mod shape;
+mod suggest;
 mod types;
+mod yaml;
 
+pub use schema::schema;
 pub use types::*;
+
+use crate::diag::{Diagnostic, Report, Sink, Source, Span};
+use shape::{Reader, Shape};
+
+/// Reads and validates a spec.
+///
+/// # Errors
+/// All errors of the first phase that finds some.
+pub fn parse(source: &Source) -> Result<Spec, Report> {
+    let document = yaml::load(source)?;
+    let mut reader = Reader::new();
+    let raw = raw::RawSpec::read(&document, &mut reader);
+    let raw = complete(raw, reader.into_sink(), source)?;
+    let mut sink = Sink::new();
+    check::check(&raw, &mut sink);
+    sink.finish(source)?;
+    let mut sink = Sink::new();
+    let spec = resolve::resolve(&raw, &mut sink);
+    complete(spec, sink, source)
+}
+
+/// The result of a phase, which exists if nothing was reported.
+fn complete<T>(result: Option<T>, sink: Sink, source: &Source) -> Result<T, Report> {
+    sink.finish(source)?;
+    result.ok_or_else(|| {
+        let unexplained = Diagnostic::new(Span::default(), "the file cannot be read as a robot");
+        Report::new(source.clone(), vec![unexplained])
+    })
+}

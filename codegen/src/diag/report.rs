@@ -1,0 +1,189 @@
+//! The errors of a phase, as a value and as text.
+
+use std::fmt;
+
+use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
+
+use super::{Diagnostic, Source, Span};
+
+/// Errors shown at most: a file that is wrong everywhere is not read to the end.
+const SHOWN: usize = 100;
+/// Lines of context above and below a place.
+const CONTEXT: usize = 1;
+
+/// All errors of a phase, ordered by their place.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Report {
+    /// The text they are about.
+    pub source: Source,
+    /// At least one error.
+    pub diagnostics: Vec<Diagnostic>,
+}
+
+/// One error with its place as line and column, as `--format json` shows it.
+#[derive(Clone, Copy, Debug)]
+pub struct Shown<'a> {
+    source: &'a Source,
+    diagnostic: &'a Diagnostic,
+}
+
+impl Report {
+    /// Orders errors by their place, and forgets literal repetitions.
+    pub fn new(source: Source, mut diagnostics: Vec<Diagnostic>) -> Self {
+        for diagnostic in &mut diagnostics {
+            diagnostic.span = source.clamp(diagnostic.span);
+            for (span, _) in &mut diagnostic.secondary {
+                *span = source.clamp(*span);
+            }
+        }
+        diagnostics.sort_by_key(|diagnostic| diagnostic.span);
+        diagnostics.dedup();
+        Self {
+            source,
+            diagnostics,
+        }
+    }
+
+    /// The errors with their lines and columns.
+    pub fn shown(&self) -> impl Iterator<Item = Shown<'_>> {
+        self.diagnostics.iter().map(|diagnostic| Shown {
+            source: &self.source,
+            diagnostic,
+        })
+    }
+
+    /// The errors with source lines and carets, ready to print.
+    pub fn render(&self, color: bool) -> String {
+        let renderer = if color {
+            Renderer::styled()
+        } else {
+            Renderer::plain()
+        };
+        let mut blocks: Vec<String> = self
+            .diagnostics
+            .iter()
+            .take(SHOWN)
+            .map(|diagnostic| self.render_one(diagnostic, &renderer))
+            .collect();
+        if self.diagnostics.len() > SHOWN {
+            blocks.push(format!(
+                "... and {} more errors",
+                self.diagnostics.len() - SHOWN
+            ));
+        }
+        blocks.join("\n\n")
+    }
+
+    fn render_one(&self, diagnostic: &Diagnostic, renderer: &Renderer) -> String {
+        let mut group = Group::with_title(Level::ERROR.primary_title(diagnostic.headline()));
+        // the renderer walks the whole text it is given: show it only the lines around each place
+        let mut spans = vec![(diagnostic.span, diagnostic.label.as_deref(), true)];
+        spans.extend(
+            diagnostic
+                .secondary
+                .iter()
+                .map(|(span, label)| (*span, Some(label.as_str()), false)),
+        );
+        let whole = spans
+            .iter()
+            .map(|(span, ..)| *span)
+            .reduce(Span::to)
+            .unwrap_or_default();
+        let (window, line_start) = self.window(whole);
+        let mut snippet = Snippet::source(&self.source.text[window.start..window.end])
+            .line_start(line_start)
+            .path(self.source.name.as_str());
+        for (span, label, primary) in spans {
+            let kind = if primary {
+                AnnotationKind::Primary
+            } else {
+                AnnotationKind::Context
+            };
+            let range = self.on_one_line(span);
+            snippet = snippet.annotation(
+                kind.span(range.start - window.start..range.end - window.start)
+                    .label(label),
+            );
+        }
+        group = group.element(snippet);
+        if let Some(hint) = &diagnostic.hint {
+            group = group.element(Level::HELP.message(hint.as_str()));
+        }
+        renderer.render(&[group])
+    }
+
+    /// The part of a span on its first line: carets under whole blocks say nothing.
+    fn on_one_line(&self, span: Span) -> Span {
+        let text = &self.source.text[span.start..span.end];
+        let line = text.split(['\n', '\r']).next().unwrap_or(text);
+        Span::new(span.start, span.start + line.trim_end().len())
+    }
+
+    /// Whole lines around a span, and the number of the first.
+    fn window(&self, span: Span) -> (Span, usize) {
+        let text = self.source.text.as_str();
+        let span = Span::new(span.start, self.on_one_line(span).end.max(span.end));
+        let mut start = text[..span.start].rfind('\n').map_or(0, |at| at + 1);
+        for _ in 0..CONTEXT {
+            start = text[..start.saturating_sub(1)]
+                .rfind('\n')
+                .map_or(0, |at| at + 1);
+        }
+        let mut end = span.end;
+        for _ in 0..=CONTEXT {
+            end = text[end..].find('\n').map_or(text.len(), |at| end + at + 1);
+        }
+        let line = self.source.position(Span::new(start, start)).line;
+        (Span::new(start, end), line)
+    }
+}
+
+impl<'a> Shown<'a> {
+    /// The line, from 1.
+    pub fn line(&self) -> usize {
+        self.source.position(self.diagnostic.span).line
+    }
+
+    /// The column in characters, from 1.
+    pub fn column(&self) -> usize {
+        self.source.position(self.diagnostic.span).column
+    }
+
+    /// The error itself.
+    pub fn diagnostic(&self) -> &'a Diagnostic {
+        self.diagnostic
+    }
+}
+
+impl fmt::Display for Shown<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = &self.source.name;
+        let (line, column) = (self.line(), self.column());
+        write!(f, "{name}:{line}:{column}: {}", self.diagnostic.headline())?;
+        match &self.diagnostic.hint {
+            Some(hint) => write!(f, " ({hint})"),
+            None => Ok(()),
+        }
+    }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (index, shown) in self.shown().take(SHOWN).enumerate() {
+            if index > 0 {
+                writeln!(f)?;
+            }
+            write!(f, "{shown}")?;
+        }
+        if self.diagnostics.len() > SHOWN {
+            write!(
+                f,
+                "\n... and {} more errors",
+                self.diagnostics.len() - SHOWN
+            )?;
+        }
+        Ok(())
+    }
+}
+
+impl std::error::Error for Report {}

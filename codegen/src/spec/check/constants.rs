@@ -1,0 +1,160 @@
+//! Names in constant expressions.
+
+use super::super::raw::{RawCut, RawJoint, RawPlacement};
+use super::super::shape::Scalar;
+use super::super::suggest::did_you_mean;
+use super::{Checker, listing};
+use crate::diag::Diagnostic;
+
+impl Checker<'_> {
+    /// Every name in a constant expression is a geometry name; in `geometry` itself, an earlier one.
+    pub(super) fn constants(&mut self) {
+        let raw = self.raw;
+        let geometry = raw
+            .geometry
+            .as_ref()
+            .map_or(&[][..], |geometry| &geometry.0);
+        for (index, (_, scalar)) in geometry.iter().enumerate() {
+            self.constant(scalar, index);
+        }
+        let all = geometry.len();
+        for scalar in &raw.gravity {
+            self.constant(scalar, all);
+        }
+        for limb in &raw.limbs {
+            self.placement(&limb.base);
+            for joint in &limb.joints {
+                self.joint_constants(joint);
+            }
+        }
+        for cut in raw.cuts.iter().flatten() {
+            self.cut_constants(cut);
+        }
+        for (_, scalar) in raw.home.iter().flat_map(|home| &home.0) {
+            self.constant(scalar, all);
+        }
+        for (_, inertia) in raw.bodies.iter().flat_map(|bodies| &bodies.0) {
+            self.constant(&inertia.mass, all);
+            for scalar in inertia.com.iter().chain(&inertia.inertia) {
+                self.constant(scalar, all);
+            }
+        }
+    }
+
+    fn placement(&mut self, placement: &RawPlacement) {
+        for scalar in placement.xyz.iter().chain(&placement.rpy) {
+            self.constant(scalar, usize::MAX);
+        }
+    }
+
+    fn joint_constants(&mut self, joint: &RawJoint) {
+        if let Some(dh) = &joint.dh {
+            for scalar in [&dh.alpha, &dh.a, &dh.d, &dh.theta] {
+                self.constant(scalar, usize::MAX);
+            }
+        }
+        if let Some(origin) = &joint.origin {
+            self.placement(origin);
+        }
+        if let Some(limits) = &joint.limits {
+            let intervals = [
+                &limits.position,
+                &limits.velocity,
+                &limits.acceleration,
+                &limits.effort,
+            ];
+            for scalar in intervals
+                .into_iter()
+                .flatten()
+                .flatten()
+                .chain(&limits.cone)
+            {
+                self.constant(scalar, usize::MAX);
+            }
+        }
+        for (_, scalar) in joint.nominal.iter().flat_map(|nominal| &nominal.0) {
+            self.constant(scalar, usize::MAX);
+        }
+    }
+
+    fn cut_constants(&mut self, cut: &RawCut) {
+        for side in &cut.between {
+            for scalar in side.xyz.iter().chain(&side.rpy) {
+                self.constant(scalar, usize::MAX);
+            }
+        }
+        if let Some(cone) = cut.limits.as_ref().and_then(|limits| limits.cone.as_ref()) {
+            self.constant(cone, usize::MAX);
+        }
+    }
+
+    /// Where a geometry name is defined in the list.
+    pub(super) fn geometry_index(&self, name: &str) -> Option<usize> {
+        let geometry = self.raw.geometry.as_ref()?;
+        geometry
+            .0
+            .iter()
+            .position(|(known, _)| known.0.text == name)
+    }
+
+    /// The geometry names.
+    pub(super) fn geometry_names(&self) -> Vec<String> {
+        let geometry = self.raw.geometry.iter().flat_map(|geometry| &geometry.0);
+        geometry.map(|(name, _)| name.0.text.clone()).collect()
+    }
+
+    /// Checks one expression, which may use the first `visible` geometry names.
+    fn constant(&mut self, scalar: &Scalar, visible: usize) {
+        let mut faults = Vec::new();
+        scalar
+            .ast
+            .names(&mut |ast, name| match self.geometry_index(name) {
+                Some(index) if index < visible => {}
+                Some(index) => {
+                    let message = if index == visible {
+                        format!("'{name}' is defined by itself")
+                    } else {
+                        format!("'{name}' is only defined later")
+                    };
+                    let mut fault = Diagnostic::new(ast.span, message)
+                        .path(&*scalar.path)
+                        .hint("expressions in `geometry` use earlier names; change the order");
+                    if let Some((key, _)) = self
+                        .raw
+                        .geometry
+                        .as_ref()
+                        .and_then(|geometry| geometry.0.get(index))
+                        && index != visible
+                    {
+                        fault = fault.secondary(key.0.span, "defined here");
+                    }
+                    faults.push(fault);
+                }
+                None => faults.push(self.unknown_name(ast.span, name).path(&*scalar.path)),
+            });
+        for fault in faults {
+            self.sink.push(fault);
+        }
+    }
+
+    fn unknown_name(&self, span: crate::diag::Span, name: &str) -> Diagnostic {
+        let known = self.geometry_names();
+        let near = did_you_mean(name, known.iter().map(String::as_str).chain(["pi"]));
+        let fault = Diagnostic::new(span, format!("unknown name '{name}'{near}"));
+        if self
+            .inventory
+            .coordinates
+            .iter()
+            .any(|coordinate| coordinate == name)
+        {
+            fault.hint("it is a coordinate; this value must be constant")
+        } else if near.is_empty() {
+            fault.hint(format!(
+                "names are defined in `geometry`; {}",
+                listing("name there", &known)
+            ))
+        } else {
+            fault
+        }
+    }
+}

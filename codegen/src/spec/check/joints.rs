@@ -1,0 +1,251 @@
+//! Limbs and joints.
+
+use super::super::raw::{RawJoint, RawLimb};
+use super::super::shape::{Choice, Word};
+use super::super::suggest::{did_you_mean, one_of};
+use super::super::types::JointKind;
+use super::{Checker, duplicates, joint_path, limb_path, unknown};
+use crate::diag::{Diagnostic, Span};
+
+impl Checker<'_> {
+    pub(super) fn limbs(&mut self) {
+        let raw = self.raw;
+        duplicates(
+            "limb name",
+            raw.limbs.iter().map(|limb| &limb.name.0),
+            self.sink,
+        );
+        let joints = || raw.limbs.iter().flat_map(|limb| &limb.joints);
+        let names = joints().filter_map(|joint| joint.name.as_ref().map(|name| &name.0));
+        duplicates("joint name", names, self.sink);
+        let bodies = joints().filter_map(|joint| joint.body.as_ref().map(|body| &body.0));
+        duplicates("body label", bodies, self.sink);
+        for limb in &raw.limbs {
+            if limb.joints.is_empty() {
+                self.sink.push(
+                    Diagnostic::new(limb.name.0.span, "a limb without joints")
+                        .path(limb_path(limb))
+                        .hint("remove it, or list its joints under `joints:`"),
+                );
+            }
+            for (index, joint) in limb.joints.iter().enumerate() {
+                self.joint(joint, &joint_path(limb, index));
+            }
+        }
+        self.origins();
+        self.substance();
+    }
+
+    /// A robot has bodies and coordinates.
+    fn substance(&mut self) {
+        let name = &self.raw.name.0;
+        if self.inventory.coordinates.is_empty() {
+            let message = "the robot has no coordinate: no joint of it moves";
+            self.sink.push(Diagnostic::new(name.span, message));
+        }
+        if self.inventory.bodies.is_empty() {
+            self.sink.push(
+                Diagnostic::new(name.span, "the robot has no body: no joint carries one")
+                    .hint("label the moving bodies with `body:` at the joints that carry them"),
+            );
+        }
+    }
+
+    /// Limbs start from bodies that exist, and every chain of them ends at the world.
+    fn origins(&mut self) {
+        let limbs = &self.raw.limbs;
+        // the limb that each limb starts from
+        let mut parents: Vec<Option<usize>> = Vec::new();
+        for (index, limb) in limbs.iter().enumerate() {
+            let from = &limb.from.0;
+            let carrier = limbs.iter().position(|other| carries(other, &from.text));
+            parents.push(carrier.filter(|carrier| *carrier != index));
+            if from.text == "world" {
+                continue;
+            }
+            match carrier {
+                None => self
+                    .sink
+                    .push(unknown("body", from, &self.inventory.bodies)),
+                Some(carrier) if carrier == index => self.sink.push(
+                    from.error(format!(
+                        "limb '{}' starts from its own body '{}'",
+                        limb.name.0.text, from.text
+                    ))
+                    .hint("it must start from the world or from a body of another limb"),
+                ),
+                Some(_) => {}
+            }
+        }
+        for (index, limb) in limbs.iter().enumerate() {
+            if let Some(cycle) = cycle(index, |limb| {
+                parents.get(limb).copied().flatten().into_iter().collect()
+            }) && cycle.iter().all(|member| *member >= index)
+            {
+                let names: Vec<&str> = cycle
+                    .iter()
+                    .chain([&index])
+                    .filter_map(|member| limbs.get(*member))
+                    .map(|limb| limb.name.0.text.as_str())
+                    .collect();
+                let message = format!(
+                    "limbs start from each other in a circle: {}",
+                    names.join(" <- ")
+                );
+                self.sink.push(
+                    limb.from
+                        .0
+                        .error(message)
+                        .hint("one of them must start from the world; close loops with `cuts`"),
+                );
+            }
+        }
+    }
+
+    fn joint(&mut self, joint: &RawJoint, path: &str) {
+        let kind = joint.kind.value;
+        let word = kind.word();
+        let mut refuse = |span: Span, message: String, hint: &str| {
+            self.sink.push(
+                Diagnostic::new(span, message)
+                    .path(path)
+                    .secondary(joint.kind.span, format!("the joint is {word}"))
+                    .hint(hint),
+            );
+        };
+        if let Some(axis) = joint.axis
+            && !matches!(kind, JointKind::Revolute | JointKind::Prismatic)
+        {
+            let message = format!("a {word} joint takes no axis");
+            refuse(
+                axis.span,
+                message,
+                "only revolute and prismatic joints do; turn the frame with `dh` or `origin`",
+            );
+        }
+        if kind == JointKind::Fixed {
+            let hint = "it has no coordinate";
+            if joint.actuated.value {
+                refuse(
+                    joint.actuated.span,
+                    "a fixed joint cannot be actuated".into(),
+                    hint,
+                );
+            }
+            if !joint.friction.value.nominal().is_empty() {
+                refuse(
+                    joint.friction.span,
+                    "a fixed joint has no friction".into(),
+                    hint,
+                );
+            }
+            if joint.rotor_inertia.value {
+                refuse(
+                    joint.rotor_inertia.span,
+                    "a fixed joint has no rotor".into(),
+                    hint,
+                );
+            }
+            if let Some(limits) = &joint.limits {
+                refuse(limits.span, "a fixed joint has no limits".into(), hint);
+            }
+        } else if joint.name.is_none() {
+            self.sink.push(
+                Diagnostic::new(joint.kind.span, format!("a {word} joint needs a name"))
+                    .path(path)
+                    .hint("the name is that of its coordinate; only fixed joints may lack it"),
+            );
+        } else if let Some(cone) = joint
+            .limits
+            .as_ref()
+            .and_then(|limits| limits.cone.as_ref())
+            && !matches!(kind, JointKind::Spherical | JointKind::Universal)
+        {
+            let message = format!("a {word} joint takes no cone");
+            refuse(
+                cone.ast.span,
+                message,
+                "only spherical and universal joints do; use `position`",
+            );
+        }
+        self.nominal(joint);
+    }
+
+    /// `nominal` names parameters that the joint has.
+    fn nominal(&mut self, joint: &RawJoint) {
+        let Some(nominal) = &joint.nominal else {
+            return;
+        };
+        let mut allowed = joint.friction.value.nominal().to_vec();
+        if joint.rotor_inertia.value {
+            allowed.push("J");
+        }
+        for (symbol, _) in &nominal.0 {
+            let symbol = &symbol.0;
+            if !allowed.contains(&symbol.text.as_str()) {
+                self.sink.push(misplaced(symbol, joint, &allowed));
+            }
+            let general = symbol.text.strip_suffix(['+', '-']);
+            let both = nominal
+                .0
+                .iter()
+                .find(|(other, _)| Some(other.0.text.as_str()) == general);
+            if let Some((both, _)) = both {
+                let message = format!("'{}' already sets both signs", both.0.text);
+                self.sink.push(
+                    symbol
+                        .error(message)
+                        .secondary(both.0.span, "given here")
+                        .hint("give either that or the two signs"),
+                );
+            }
+        }
+    }
+}
+
+fn misplaced(symbol: &Word, joint: &RawJoint, allowed: &[&str]) -> Diagnostic {
+    let friction = joint.friction.value.word();
+    if symbol.text == "J" {
+        return symbol
+            .error("'J' without a rotor")
+            .hint("write `rotor_inertia: true` at this joint, or remove the value");
+    }
+    let near = did_you_mean(&symbol.text, allowed.iter().copied());
+    let fault = symbol.error(format!(
+        "'{}' is no parameter of friction '{friction}'{near}",
+        symbol.text
+    ));
+    if allowed.is_empty() {
+        fault.hint("the joint has neither friction nor rotor: choose a kind with `friction:`")
+    } else {
+        fault.hint(format!(
+            "this joint has {}",
+            one_of(allowed.iter().copied()).replace(" or ", " and ")
+        ))
+    }
+}
+
+fn carries(limb: &RawLimb, label: &str) -> bool {
+    let mut bodies = limb.joints.iter().filter_map(|joint| joint.body.as_ref());
+    bodies.any(|body| body.0.text == label)
+}
+
+/// The way from a node back to itself, if there is one.
+pub(super) fn cycle(start: usize, next: impl Fn(usize) -> Vec<usize>) -> Option<Vec<usize>> {
+    let mut stack = vec![vec![start]];
+    let mut seen = std::collections::BTreeSet::new();
+    while let Some(way) = stack.pop() {
+        let end = way.last().copied()?;
+        for node in next(end) {
+            if node == start {
+                return Some(way);
+            }
+            if seen.insert(node) {
+                let mut longer = way.clone();
+                longer.push(node);
+                stack.push(longer);
+            }
+        }
+    }
+    None
+}

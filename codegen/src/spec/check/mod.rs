@@ -1,0 +1,108 @@
+//! Names, labels and references: what can be known before any value is.
+
+mod constants;
+mod joints;
+mod references;
+
+pub(super) use references::canonical;
+
+use super::labels::{Inventory, JointFacts};
+use super::raw::{RawJoint, RawLimb, RawSpec};
+use super::shape::Word;
+use super::suggest::{did_you_mean, one_of};
+use crate::diag::{Diagnostic, Sink, Span};
+
+/// Checks that everything that is named exists, once, where it may stand.
+pub(super) fn check(raw: &RawSpec, sink: &mut Sink) {
+    let mut checker = Checker {
+        raw,
+        inventory: inventory(raw),
+        sink,
+    };
+    checker.constants();
+    checker.limbs();
+    checker.cuts();
+    checker.independent();
+    checker.couplings();
+    checker.home();
+    checker.bodies();
+    checker.base();
+}
+
+struct Checker<'a> {
+    raw: &'a RawSpec,
+    inventory: Inventory,
+    sink: &'a mut Sink,
+}
+
+fn joint_name(joint: &RawJoint) -> &str {
+    joint.name.as_ref().map_or("", |name| name.0.text.as_str())
+}
+
+fn inventory(raw: &RawSpec) -> Inventory {
+    let joints = raw.limbs.iter().flat_map(|limb| &limb.joints);
+    Inventory::of(joints.map(|joint| JointFacts {
+        name: joint_name(joint),
+        kind: joint.kind.value,
+        body: joint.body.as_ref().map(|body| body.0.text.as_str()),
+        friction: joint.friction.value,
+        rotor: joint.rotor_inertia.value,
+    }))
+}
+
+fn limb_path(limb: &RawLimb) -> String {
+    format!("limb '{}'", limb.name.0.text)
+}
+
+fn joint_path(limb: &RawLimb, index: usize) -> String {
+    let name = limb.joints.get(index).map_or("", joint_name);
+    if name.is_empty() {
+        format!("{}, joint number {}", limb_path(limb), index + 1)
+    } else {
+        format!("{}, joint '{name}'", limb_path(limb))
+    }
+}
+
+/// Reports every word that equals an earlier one.
+fn duplicates<'a>(what: &str, words: impl IntoIterator<Item = &'a Word>, sink: &mut Sink) {
+    let mut seen = std::collections::BTreeMap::<&str, Span>::new();
+    for word in words {
+        if let Some(first) = seen.get(word.text.as_str()) {
+            let message = format!("duplicate {what} '{}'", word.text);
+            sink.push(word.error(message).secondary(*first, "first defined here"));
+        } else {
+            seen.insert(&word.text, word.span);
+        }
+    }
+}
+
+/// An error about a word that names nothing, with the nearest known one or the list of them.
+fn unknown(what: &str, word: &Word, known: &[String]) -> Diagnostic {
+    let near = did_you_mean(&word.text, known.iter().map(String::as_str));
+    let diagnostic = word.error(format!("unknown {what} '{}'{near}", word.text));
+    if near.is_empty() {
+        diagnostic.hint(listing(what, known))
+    } else {
+        diagnostic
+    }
+}
+
+/// What there is, unless it is too much to list.
+fn listing(what: &str, known: &[String]) -> String {
+    const MOST: usize = 12;
+    match known.len() {
+        0 => format!("there is no {what}"),
+        1..=MOST => {
+            let all = one_of(known.iter().map(String::as_str));
+            format!("known are {}", all.replace(" or ", " and "))
+        }
+        count => {
+            let first: Vec<String> = known
+                .iter()
+                .take(MOST)
+                .map(|name| format!("'{name}'"))
+                .collect();
+            format!("known are {}, and {} more", first.join(", "), count - MOST)
+        }
+    }
+}

@@ -1,0 +1,365 @@
+//! What refers to limbs, joints and bodies: cuts, independent coordinates, couplings, home, bodies, base choices.
+
+use super::super::expression::{Ast, AstKind};
+use super::super::raw::RawCut;
+use super::super::shape::{Choice, Scalar, Word};
+use super::super::suggest::did_you_mean;
+use super::super::types::CutKind;
+use super::joints::cycle;
+use super::{Checker, duplicates, joint_name, listing, unknown};
+use crate::diag::Diagnostic;
+
+impl Checker<'_> {
+    pub(super) fn cuts(&mut self) {
+        let raw = self.raw;
+        let cuts = raw.cuts.iter().flatten();
+        duplicates("cut name", cuts.clone().map(|cut| &cut.name.0), self.sink);
+        for cut in cuts {
+            self.cut(cut);
+        }
+    }
+
+    fn cut(&mut self, cut: &RawCut) {
+        let [a, b] = [&cut.between[0].body.0, &cut.between[1].body.0];
+        let mut known = true;
+        for body in [a, b] {
+            if body.text != "world" && !self.inventory.bodies.contains(&body.text) {
+                known = false;
+                self.sink
+                    .push(unknown("body", body, &self.inventory.bodies));
+            }
+        }
+        if known && a.text == b.text {
+            let what = if a.text == "world" {
+                "the world".into()
+            } else {
+                format!("body '{}'", a.text)
+            };
+            self.sink.push(
+                b.error(format!("the cut joins {what} to itself"))
+                    .secondary(a.span, "frame A is on it too")
+                    .hint("a cut joins two different bodies, or a body and the world"),
+            );
+        }
+        if let Some(cone) = cut.limits.as_ref().and_then(|limits| limits.cone.as_ref())
+            && !matches!(cut.joint.value, CutKind::Spherical | CutKind::Universal)
+        {
+            let word = cut.joint.value.word();
+            self.sink.push(
+                Diagnostic::new(cone.ast.span, format!("a {word} cut takes no cone"))
+                    .path(&*cone.path)
+                    .secondary(cut.joint.span, format!("the cut is {word}"))
+                    .hint("only spherical and universal cuts do"),
+            );
+        }
+    }
+
+    /// Whether a coordinate exists; reports it if not.
+    fn coordinate(&mut self, word: &Word) -> bool {
+        let known = self.inventory.coordinates.contains(&word.text);
+        if !known {
+            let fault = self.unknown_coordinate(word);
+            self.sink.push(fault);
+        }
+        known
+    }
+
+    fn unknown_coordinate(&self, word: &Word) -> Diagnostic {
+        let joint = word.text.split('.').next().unwrap_or_default();
+        let joints = self.raw.limbs.iter().flat_map(|limb| &limb.joints);
+        let named = joints.clone().find(|known| joint_name(known) == joint);
+        match named {
+            None => unknown("coordinate", word, &self.inventory.coordinates),
+            Some(named) => {
+                let kind = named.kind.value;
+                let own = super::super::labels::coordinates_of(joint, kind);
+                word.error(format!("unknown coordinate '{}'", word.text))
+                    .hint(match own.as_slice() {
+                        [] => format!("joint '{joint}' is fixed and has no coordinate"),
+                        [one] => format!(
+                            "the {} joint '{joint}' has the one coordinate '{one}'",
+                            kind.word()
+                        ),
+                        all => {
+                            format!("the {} joint '{joint}' has {}", kind.word(), all.join(", "))
+                        }
+                    })
+            }
+        }
+    }
+
+    pub(super) fn independent(&mut self) {
+        let raw = self.raw;
+        let Some(independent) = &raw.independent else {
+            self.default_independent();
+            return;
+        };
+        duplicates(
+            "coordinate",
+            independent.iter().map(|name| &name.0),
+            self.sink,
+        );
+        for name in independent {
+            self.coordinate(&name.0);
+            let coupled = raw.couplings.iter().flat_map(|couplings| &couplings.0);
+            for (key, _) in coupled {
+                if key.0.text == name.0.text {
+                    let message =
+                        format!("'{}' is coupled, so it cannot be independent", name.0.text);
+                    self.sink.push(
+                        name.0
+                            .error(message)
+                            .secondary(key.0.span, "it follows the others here"),
+                    );
+                }
+            }
+        }
+        if independent.is_empty() {
+            self.sink.push(
+                Diagnostic::new(raw.name.0.span, "no coordinate is independent")
+                    .path("independent")
+                    .hint("list at least one, or leave the field out to take the actuated ones"),
+            );
+        }
+    }
+
+    /// Without the field, the actuated coordinates are independent.
+    fn default_independent(&mut self) {
+        let raw = self.raw;
+        let joints = || raw.limbs.iter().flat_map(|limb| &limb.joints);
+        if !joints().any(|joint| joint.actuated.value) && !self.inventory.coordinates.is_empty() {
+            self.sink.push(
+                Diagnostic::new(raw.name.0.span, "no joint is actuated, so no coordinate is independent")
+                    .hint("mark the driven joints `actuated: true`, or list coordinates under `independent:`"),
+            );
+        }
+        for (key, _) in raw.couplings.iter().flat_map(|couplings| &couplings.0) {
+            let joint = key.0.text.split('.').next().unwrap_or_default();
+            let driven = joints().find(|known| known.actuated.value && joint_name(known) == joint);
+            if let Some(driven) = driven {
+                self.sink.push(
+                    key.0
+                        .error(format!(
+                            "'{}' is coupled, but actuated and so independent by default",
+                            key.0.text
+                        ))
+                        .secondary(driven.actuated.span, "actuated here")
+                        .hint("name the independent coordinates under `independent:`"),
+                );
+            }
+        }
+    }
+
+    pub(super) fn couplings(&mut self) {
+        let raw = self.raw;
+        let couplings = raw
+            .couplings
+            .as_ref()
+            .map_or(&[][..], |couplings| &couplings.0);
+        let mut sources: Vec<Vec<usize>> = Vec::new();
+        for (key, form) in couplings {
+            self.coordinate(&key.0);
+            let mut faults = Vec::new();
+            let mut used = Vec::new();
+            form.0.ast.names(&mut |ast, name| {
+                used.extend(couplings.iter().position(|(other, _)| other.0.text == name));
+                faults.extend(self.coupling_name(ast, name, &form.0));
+            });
+            sources.push(used);
+            for fault in faults {
+                self.sink.push(fault);
+            }
+        }
+        for (index, (key, _)) in couplings.iter().enumerate() {
+            if let Some(cycle) = cycle(index, |node| sources.get(node).cloned().unwrap_or_default())
+                && cycle.iter().all(|member| *member >= index)
+            {
+                let names: Vec<&str> = cycle
+                    .iter()
+                    .chain([&index])
+                    .filter_map(|member| couplings.get(*member))
+                    .map(|(key, _)| key.0.text.as_str())
+                    .collect();
+                self.sink.push(
+                    key.0
+                        .error(format!("cyclic couplings: {}", names.join(" <- ")))
+                        .hint("a coupled coordinate follows others that do not follow it"),
+                );
+            }
+        }
+    }
+
+    /// A name in a coupling is a coordinate or a geometry name, not both.
+    fn coupling_name(&self, ast: &Ast, name: &str, scalar: &Scalar) -> Option<Diagnostic> {
+        let is_coordinate = self.inventory.coordinates.iter().any(|known| known == name);
+        let constant = self
+            .geometry_index(name)
+            .filter(|_| matches!(ast.kind, AstKind::Name(_)));
+        let word = Word {
+            text: name.to_owned(),
+            span: ast.span,
+            path: scalar.path.clone(),
+        };
+        match (is_coordinate, constant) {
+            (true, None) | (false, Some(_)) => None,
+            (true, Some(index)) => {
+                let fault = word
+                    .error(format!("'{name}' is both a coordinate and a geometry name"))
+                    .hint("rename one of them");
+                let geometry = self
+                    .raw
+                    .geometry
+                    .as_ref()
+                    .and_then(|geometry| geometry.0.get(index));
+                Some(match geometry {
+                    Some((key, _)) => fault.secondary(key.0.span, "the geometry name"),
+                    None => fault,
+                })
+            }
+            (false, None) => {
+                let geometry = self.geometry_names();
+                let known = self
+                    .inventory
+                    .coordinates
+                    .iter()
+                    .chain(&geometry)
+                    .map(String::as_str);
+                let near = did_you_mean(name, known);
+                Some(if near.is_empty() {
+                    self.unknown_coordinate(&word)
+                } else {
+                    word.error(format!("unknown coordinate '{name}'{near}"))
+                })
+            }
+        }
+    }
+
+    pub(super) fn home(&mut self) {
+        for (key, _) in self.raw.home.iter().flat_map(|home| &home.0) {
+            self.coordinate(&key.0);
+        }
+    }
+
+    pub(super) fn bodies(&mut self) {
+        for (label, _) in self.raw.bodies.iter().flat_map(|bodies| &bodies.0) {
+            self.body(&label.0);
+        }
+    }
+
+    fn body(&mut self, word: &Word) {
+        if !self.inventory.bodies.contains(&word.text) {
+            self.sink
+                .push(unknown("body", word, &self.inventory.bodies));
+        }
+    }
+
+    pub(super) fn base(&mut self) {
+        let Some(base) = &self.raw.base else {
+            return;
+        };
+        for list in [&base.eliminate, &base.drop] {
+            let words: Vec<Word> = list.iter().map(|label| canonical(&label.0)).collect();
+            duplicates("parameter", &words, self.sink);
+            for word in &words {
+                if !self.inventory.parameters.contains(&word.text) {
+                    self.sink.push(self.unknown_parameter(word));
+                }
+            }
+        }
+        for form in &base.zero {
+            let mut faults = Vec::new();
+            form.0
+                .ast
+                .names(&mut |ast, name| faults.extend(self.zero_name(ast, name, &form.0)));
+            for fault in faults {
+                self.sink.push(fault);
+            }
+        }
+        duplicates(
+            "body",
+            base.equal.iter().flatten().map(|label| &label.0),
+            self.sink,
+        );
+        for group in &base.equal {
+            for label in group {
+                self.body(&label.0);
+            }
+            if let [only] = group.as_slice() {
+                self.sink.push(
+                    only.0
+                        .error(format!("body '{}' is alone in its group", only.0.text))
+                        .hint("a group lists two or more bodies that are identical"),
+                );
+            }
+        }
+    }
+
+    fn unknown_parameter(&self, word: &Word) -> Diagnostic {
+        let known = &self.inventory.parameters;
+        let near = did_you_mean(&word.text, known.iter().map(String::as_str));
+        let fault = word.error(format!("unknown parameter '{}'{near}", word.text));
+        let label = word
+            .text
+            .split_once('(')
+            .map_or("", |(_, rest)| rest.trim_end_matches(')'));
+        let own: Vec<String> = known
+            .iter()
+            .filter(|parameter| {
+                parameter
+                    .split_once('(')
+                    .is_some_and(|(_, rest)| rest.trim_end_matches(')') == label)
+            })
+            .cloned()
+            .collect();
+        if !own.is_empty() {
+            fault.hint(listing("parameter", &own))
+        } else if near.is_empty() {
+            let mut labels = self.inventory.bodies.clone();
+            labels.extend(self.inventory.coordinates.iter().cloned());
+            fault.hint(format!(
+                "'{label}' has no parameters; {}",
+                listing("body", &labels)
+            ))
+        } else {
+            fault
+        }
+    }
+
+    /// A name in `zero` is a parameter with its label, or a geometry name.
+    fn zero_name(&self, ast: &Ast, name: &str, scalar: &Scalar) -> Option<Diagnostic> {
+        let word = Word {
+            text: name.to_owned(),
+            span: ast.span,
+            path: scalar.path.clone(),
+        };
+        if matches!(ast.kind, AstKind::Variable(_)) {
+            let known = self.inventory.parameters.iter().any(|known| known == name);
+            return (!known).then(|| self.unknown_parameter(&word));
+        }
+        if self.geometry_index(name).is_some() {
+            return None;
+        }
+        let symbols = self
+            .inventory
+            .parameters
+            .iter()
+            .filter_map(|known| known.split('(').next());
+        let fault = unknown("name", &word, &self.geometry_names());
+        Some(if symbols.clone().any(|symbol| symbol == name) {
+            word.error(format!("parameter '{name}' without a label"))
+                .hint(format!(
+                    "write '{name}(...)' with the body or coordinate it belongs to"
+                ))
+        } else {
+            fault
+        })
+    }
+}
+
+/// A parameter's label without blanks.
+pub(in crate::spec) fn canonical(word: &Word) -> Word {
+    Word {
+        text: word.text.chars().filter(|c| !c.is_whitespace()).collect(),
+        ..word.clone()
+    }
+}

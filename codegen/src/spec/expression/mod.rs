@@ -1,0 +1,173 @@
+//! Expressions: their syntax, their value, and the linear forms among them.
+//!
+//! ```text
+//! sum     = product (("+" | "-") product)*
+//! product = sign (("*" | "/") sign)*
+//! sign    = ("-" | "+") sign | power
+//! power   = atom ("^" sign)?
+//! atom    = number | name | "pi" | function "(" sum ")" | "(" sum ")"
+//! ```
+//! so that `-a^2 = -(a^2)` and `^` associates to the right.
+
+mod evaluate;
+mod lexer;
+mod linear;
+mod parser;
+#[cfg(test)]
+mod tests;
+
+pub(super) use evaluate::{evaluate, quantity};
+pub(super) use lexer::INERTIAL;
+pub(super) use linear::linear;
+pub(super) use parser::parse;
+
+use super::types::{Expr, Function};
+use crate::diag::{Diagnostic, Span};
+use crate::sym::Number;
+
+/// Most characters of an expression.
+const MAX_LENGTH: usize = 10_000;
+/// Deepest nesting of parentheses, calls, signs and powers.
+const MAX_NESTING: usize = 100;
+/// Greatest height of the tree, to which long sums and products add.
+const MAX_HEIGHT: usize = 500;
+
+/// What an expression may speak of besides geometry names.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Vocabulary {
+    /// Nothing.
+    Constants,
+    /// Coordinates: `q2`, `s1.1`.
+    Coordinates,
+    /// Parameters: `Ixy(3)`, `Fc+(q2)`.
+    Parameters,
+}
+
+/// An expression that knows where each part of it stands.
+#[derive(Clone, Debug)]
+pub(super) struct Ast {
+    pub(super) kind: AstKind,
+    pub(super) span: Span,
+    height: usize,
+}
+
+/// The forms of expressions.
+#[derive(Clone, Debug)]
+pub(super) enum AstKind {
+    Number(Number),
+    Pi,
+    /// A geometry name, or a coordinate where these are allowed.
+    Name(String),
+    /// Surely a coordinate (`s1.1`) or a parameter (`Ixy(3)`).
+    Variable(String),
+    Neg(Box<Ast>),
+    Binary(Operator, Box<Ast>, Box<Ast>),
+    Call(Function, Box<Ast>),
+}
+
+/// The operators of two arguments.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Operator {
+    Add,
+    Sub,
+    Mul,
+    Div,
+    Pow,
+}
+
+/// What is wrong with an expression, and where.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Fault {
+    pub(super) span: Span,
+    pub(super) message: String,
+    pub(super) hint: Option<String>,
+}
+
+impl Fault {
+    fn new(span: Span, message: impl Into<String>) -> Self {
+        Self {
+            span,
+            message: message.into(),
+            hint: None,
+        }
+    }
+
+    fn hint(mut self, hint: impl Into<String>) -> Self {
+        self.hint = Some(hint.into());
+        self
+    }
+
+    /// The fault as an error of the file.
+    pub(super) fn at(self, path: &str) -> Diagnostic {
+        let diagnostic = Diagnostic::new(self.span, self.message).path(path);
+        match self.hint {
+            Some(hint) => diagnostic.hint(hint),
+            None => diagnostic,
+        }
+    }
+}
+
+impl Ast {
+    fn new(kind: AstKind, span: Span) -> Self {
+        let height = match &kind {
+            AstKind::Neg(a) | AstKind::Call(_, a) => 1 + a.height,
+            AstKind::Binary(_, a, b) => 1 + a.height.max(b.height),
+            _ => 0,
+        };
+        Self { kind, span, height }
+    }
+
+    /// A plain number.
+    pub(super) fn number(value: Number, span: Span) -> Self {
+        Self::new(AstKind::Number(value), span)
+    }
+
+    /// Without the places.
+    pub(super) fn to_expr(&self) -> Expr {
+        let boxed = |ast: &Ast| Box::new(ast.to_expr());
+        match &self.kind {
+            AstKind::Number(value) => Expr::Number(value.clone()),
+            AstKind::Pi => Expr::Pi,
+            AstKind::Name(name) | AstKind::Variable(name) => Expr::Name(name.clone()),
+            AstKind::Neg(a) => Expr::Neg(boxed(a)),
+            AstKind::Binary(operator, a, b) => {
+                let (a, b) = (boxed(a), boxed(b));
+                match operator {
+                    Operator::Add => Expr::Add(a, b),
+                    Operator::Sub => Expr::Sub(a, b),
+                    Operator::Mul => Expr::Mul(a, b),
+                    Operator::Div => Expr::Div(a, b),
+                    Operator::Pow => Expr::Pow(a, b),
+                }
+            }
+            AstKind::Call(function, a) => Expr::Call(*function, boxed(a)),
+        }
+    }
+
+    /// Calls `visit` with every name and variable, from left to right.
+    pub(super) fn names<'a>(&'a self, visit: &mut impl FnMut(&'a Ast, &'a str)) {
+        match &self.kind {
+            AstKind::Number(_) | AstKind::Pi => {}
+            AstKind::Name(name) | AstKind::Variable(name) => visit(self, name),
+            AstKind::Neg(a) | AstKind::Call(_, a) => a.names(visit),
+            AstKind::Binary(_, a, b) => {
+                a.names(visit);
+                b.names(visit);
+            }
+        }
+    }
+}
+
+/// The functions by name.
+pub(super) const FUNCTIONS: [(&str, Function); 5] = [
+    ("sqrt", Function::Sqrt),
+    ("sin", Function::Sin),
+    ("cos", Function::Cos),
+    ("tan", Function::Tan),
+    ("deg", Function::Deg),
+];
+
+/// Whether a name means something else in expressions.
+pub(super) fn is_reserved(name: &str) -> bool {
+    name == "pi" || FUNCTIONS.iter().any(|(function, _)| *function == name)
+}

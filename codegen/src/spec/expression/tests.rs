@@ -1,0 +1,1 @@
+//! Expressions: what they mean, and how bad ones are reported.

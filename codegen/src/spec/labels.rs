@@ -1,0 +1,143 @@
+//! The names that a spec defines: coordinates, bodies, parameters, in their order.
+
+use super::expression::INERTIAL;
+use super::types::{Friction, Joint, JointKind, Quantity, Spec};
+
+impl JointKind {
+    /// How many coordinates it has.
+    pub fn coordinates(self) -> usize {
+        match self {
+            Self::Revolute | Self::Prismatic => 1,
+            Self::Cylindrical | Self::Universal => 2,
+            Self::Spherical => 3,
+            Self::Fixed => 0,
+        }
+    }
+}
+
+impl Friction {
+    /// The symbols of the parameters it adds, in the order of its columns.
+    pub fn parameters(self) -> &'static [&'static str] {
+        match self {
+            Self::None | Self::Stribeck | Self::Atan | Self::Power => &[],
+            Self::Viscous => &["Fv"],
+            Self::Coulomb => &["Fc"],
+            Self::Linear => &["Fv", "Fc"],
+            Self::CoulombAsymmetric => &["Fv", "Fc+", "Fc-"],
+            Self::Asymmetric => &["Fv+", "Fc+", "Fv-", "Fc-"],
+        }
+    }
+
+    /// The symbols that `nominal` may give.
+    pub(super) fn nominal(self) -> &'static [&'static str] {
+        match self {
+            Self::None | Self::Viscous | Self::Coulomb | Self::Linear => self.parameters(),
+            Self::CoulombAsymmetric => &["Fv", "Fc", "Fc+", "Fc-"],
+            Self::Asymmetric => &["Fv", "Fc", "Fv+", "Fv-", "Fc+", "Fc-"],
+            Self::Stribeck => &["Fc", "Fs", "vs", "delta", "Fv"],
+            Self::Atan => &["Fc", "Fv1", "Fv2", "Fv3"],
+            Self::Power => &["Fc", "Fv", "delta"],
+        }
+    }
+}
+
+/// The names of a joint's coordinates: `q2`, or `s1.1`, `s1.2`, `s1.3`.
+pub(super) fn coordinates_of(name: &str, kind: JointKind) -> Vec<String> {
+    match kind.coordinates() {
+        0 => Vec::new(),
+        1 => vec![name.to_owned()],
+        count => (1..=count).map(|index| format!("{name}.{index}")).collect(),
+    }
+}
+
+/// What the labels depend on.
+pub(super) struct JointFacts<'a> {
+    pub(super) name: &'a str,
+    pub(super) kind: JointKind,
+    pub(super) body: Option<&'a str>,
+    pub(super) friction: Friction,
+    pub(super) rotor: bool,
+}
+
+/// All labels of a robot, each list in its order.
+pub(super) struct Inventory {
+    pub(super) coordinates: Vec<String>,
+    pub(super) bodies: Vec<String>,
+    pub(super) parameters: Vec<String>,
+}
+
+impl Inventory {
+    /// The labels that some joints define.
+    pub(super) fn of<'a>(joints: impl IntoIterator<Item = JointFacts<'a>>) -> Self {
+        let mut coordinates = Vec::new();
+        let mut bodies: Vec<String> = Vec::new();
+        let (mut friction, mut rotors) = (Vec::new(), Vec::new());
+        for joint in joints {
+            bodies.extend(joint.body.map(str::to_owned));
+            for coordinate in coordinates_of(joint.name, joint.kind) {
+                let symbols = joint.friction.parameters().iter();
+                friction.extend(symbols.map(|symbol| format!("{symbol}({coordinate})")));
+                if joint.rotor {
+                    rotors.push(format!("J({coordinate})"));
+                }
+                coordinates.push(coordinate);
+            }
+        }
+        let inertial = bodies
+            .iter()
+            .flat_map(|body| INERTIAL.map(|symbol| format!("{symbol}({body})")));
+        let parameters = inertial.chain(friction).chain(rotors).collect();
+        Self {
+            coordinates,
+            bodies,
+            parameters,
+        }
+    }
+}
+
+impl Joint {
+    /// The names of its coordinates.
+    pub fn coordinates(&self) -> Vec<String> {
+        let name = self.name.as_ref().map_or("", |name| name.value.as_str());
+        coordinates_of(name, self.kind.value)
+    }
+
+    /// The nominal value of one of its parameters; `Fv` and `Fc` stand for both signs.
+    pub fn nominal_value(&self, symbol: &str) -> Option<&Quantity> {
+        let find = |wanted: &str| {
+            let mut entries = self.nominal.iter();
+            entries
+                .find(|(name, _)| name.value == wanted)
+                .map(|(_, value)| value)
+        };
+        find(symbol).or_else(|| find(symbol.strip_suffix(['+', '-'])?))
+    }
+}
+
+impl Spec {
+    fn inventory(&self) -> Inventory {
+        let joints = self.limbs.iter().flat_map(|limb| &limb.joints);
+        Inventory::of(joints.map(|joint| JointFacts {
+            name: joint.name.as_ref().map_or("", |name| name.value.as_str()),
+            kind: joint.kind.value,
+            body: joint.body.as_ref().map(|body| body.value.as_str()),
+            friction: joint.friction,
+            rotor: joint.rotor_inertia,
+        }))
+    }
+
+    /// The coordinates, in the order of the limbs.
+    pub fn coordinates(&self) -> Vec<String> {
+        self.inventory().coordinates
+    }
+
+    /// The bodies, in the order in which joints declare them.
+    pub fn body_labels(&self) -> Vec<String> {
+        self.inventory().bodies
+    }
+
+    /// The parameters: ten per body, then friction coordinate by coordinate, then rotors.
+    pub fn parameters(&self) -> Vec<String> {
+        self.inventory().parameters
+    }
+}

@@ -1,0 +1,215 @@
+//! The keys of the format: the one list of them. Reading, errors and the JSON Schema follow from it.
+
+use super::shape::{
+    BodyReference, Chosen, ConstantName, CoordinateReference, CouplingForm, Flag, Label, LabelKey,
+    Name, Ordered, ParameterForm, ParameterReference, ParameterSymbol, RobotName, Scalar, Text,
+    choices, record,
+};
+use super::types::{Axis, CutKind, Friction, JointKind};
+
+choices! { JointKind, "joint type" {
+    "revolute" => Revolute: "one rotation about the axis",
+    "prismatic" => Prismatic: "one translation along the axis",
+    "cylindrical" => Cylindrical: "Rz(n.1) Tz(n.2)",
+    "universal" => Universal: "Rx(n.1) Ry(n.2)",
+    "spherical" => Spherical: "Rz(n.1) Ry(n.2) Rx(n.3)",
+    "fixed" => Fixed: "no coordinate: what it carries is attached rigidly",
+} }
+
+choices! { CutKind, "cut joint" {
+    "spherical" => Spherical: "3 equations",
+    "universal" => Universal: "4 equations",
+    "revolute" => Revolute: "5 equations, about the frames' z axes",
+    "prismatic" => Prismatic: "5 equations, along the frames' z axes",
+    "cylindrical" => Cylindrical: "4 equations, about and along the frames' z axes",
+    "fixed" => Fixed: "6 equations",
+} }
+
+choices! { Axis, "axis" {
+    "x" => X: "the frame's x axis",
+    "y" => Y: "the frame's y axis",
+    "z" => Z: "the frame's z axis",
+} }
+
+choices! { Friction, "friction kind" {
+    "none" => None: "no friction",
+    "viscous" => Viscous: "Fv qd",
+    "coulomb" => Coulomb: "Fc sgn(qd)",
+    "linear" => Linear: "Fv qd + Fc sgn(qd)",
+    "coulomb_asymmetric" => CoulombAsymmetric: "Fv qd, Fc+ where qd > 0, -Fc- where qd < 0",
+    "asymmetric" => Asymmetric: "Fv+ qd + Fc+ where qd > 0, Fv- qd - Fc- where qd < 0",
+    "stribeck" => Stribeck: "sgn(qd) (Fc + (Fs - Fc) exp(-|qd/vs|^delta)) + Fv qd; nonlinear, adds no parameters",
+    "atan" => Atan: "sgn(qd) Fc + Fv1 qd + Fv2 atan(Fv3 qd); nonlinear, adds no parameters",
+    "power" => Power: "sgn(qd) (Fc + Fv |qd|^delta); nonlinear, adds no parameters",
+} }
+
+record! {
+    /// One mechanism: serial limbs from the world or from bodies, and the cuts that close loops. SI units, radians.
+    struct RawSpec, "robot" {
+        /// The robot's name, a Rust identifier: the generated module is called so
+        required name: RobotName,
+        /// One line about the robot
+        optional description: Text,
+        /// Gravity in the world frame, m/s^2
+        default gravity: [Scalar; 3] = "[0, 0, -9.81]",
+        /// Named constants in order: a number, or an expression in earlier names
+        optional geometry: Ordered<ConstantName, Scalar>,
+        /// Serial branches in order; the coordinates are numbered in this order
+        required limbs: Vec<RawLimb>,
+        /// Loop closures: joints opened to obtain the tree
+        optional cuts: Vec<RawCut>,
+        /// The independent coordinates; default: the actuated ones
+        optional independent: Vec<CoordinateReference>,
+        /// Coordinates tied linearly to others (parallelograms, belts, gears)
+        optional couplings: Ordered<CoordinateReference, CouplingForm>,
+        /// Start of the loop-closure solve by coordinate, missing ones 0; picks the assembly branch
+        optional home: Ordered<CoordinateReference, Scalar>,
+        /// Nominal inertias by body label, for simulation and comparison
+        optional bodies: Ordered<LabelKey, RawInertia>,
+        /// Choices about the base parameters; they never change the parameters or the regressor
+        optional base: RawBase,
+    }
+}
+
+record! {
+    /// A serial branch
+    struct RawLimb, "limb" {
+        /// Unique name of the limb
+        required name: Label,
+        /// Where it starts: the world or a body's label
+        default from: BodyReference = "world",
+        /// Placement of the limb's frame 0 in the frame it starts from
+        default base: RawPlacement = "{}",
+        /// The joints, from the base outward
+        required joints: Vec<RawJoint>,
+    }
+}
+
+record! {
+    /// A constant pose
+    struct RawPlacement, "placement" {
+        /// Translation, m
+        default xyz: [Scalar; 3] = "[0, 0, 0]",
+        /// Fixed-axis roll, pitch, yaw, rad: R = Rz(y) Ry(p) Rx(r)
+        default rpy: [Scalar; 3] = "[0, 0, 0]",
+    }
+}
+
+record! {
+    /// A modified Denavit-Hartenberg row: Rx(alpha) Tx(a) Rz(theta) Tz(d)
+    struct RawDh, "DH row" {
+        /// Twist about x, rad
+        default alpha: Scalar = "0",
+        /// Length along x, m
+        default a: Scalar = "0",
+        /// Offset along z, m; the coordinate of a prismatic joint adds to it
+        default d: Scalar = "0",
+        /// Angle about z, rad; the coordinate of a revolute joint adds to it
+        default theta: Scalar = "0",
+    }
+}
+
+record! {
+    /// A joint of a limb, and the body it carries
+    struct RawJoint, "joint" {
+        /// Unique name of the joint and its coordinate; only fixed joints may lack it
+        optional name: Name,
+        /// The joint's type
+        required kind: Chosen<JointKind>,
+        /// Modified Denavit-Hartenberg row; missing entries are 0
+        optional dh: RawDh,
+        /// Any placement of the joint's frame, instead of dh
+        optional origin: RawPlacement,
+        /// The axis of a revolute or prismatic joint; z if missing
+        optional axis: Chosen<Axis>,
+        /// Label of the body carried, a whole number or an identifier; none: massless
+        optional body: Label,
+        /// Whether each of its coordinates is actuated
+        default actuated: Flag = "false",
+        /// Friction at each of its coordinates
+        default friction: Chosen<Friction> = "none",
+        /// Adds the parameter J: rotor and drive, reflected to the joint
+        default rotor_inertia: Flag = "false",
+        /// Limits of each coordinate
+        optional limits: RawLimits,
+        /// Nominal friction and rotor values by symbol (Fv, Fc, J, ...), for simulation and comparison
+        optional nominal: Ordered<ParameterSymbol, Scalar>,
+    }
+    exclusive { "dh" "origin" }
+}
+
+record! {
+    /// Limits of a joint's coordinates
+    struct RawLimits, "set of limits" {
+        /// Lowest and highest position, rad or m
+        optional position: [Scalar; 2],
+        /// Lowest and highest velocity, rad/s or m/s
+        optional velocity: [Scalar; 2],
+        /// Lowest and highest acceleration, rad/s^2 or m/s^2
+        optional acceleration: [Scalar; 2],
+        /// Lowest and highest effort, N m or N
+        optional effort: [Scalar; 2],
+        /// Greatest angle between the z axes before and after a spherical or universal joint, rad
+        optional cone: Scalar,
+    }
+}
+
+record! {
+    /// A loop closure: a joint opened to obtain the tree
+    struct RawCut, "cut" {
+        /// Unique name of the cut
+        required name: Label,
+        /// The joint that was opened
+        required joint: Chosen<CutKind>,
+        /// Frame A, then frame B
+        required between: [RawSide; 2],
+        /// Limits of the opened joint
+        optional limits: RawCutLimits,
+    }
+}
+
+record! {
+    /// A frame on a body
+    struct RawSide, "side" {
+        /// Label of the body, or world
+        required body: BodyReference,
+        /// Translation in the body's frame, m
+        default xyz: [Scalar; 3] = "[0, 0, 0]",
+        /// Fixed-axis roll, pitch, yaw in the body's frame, rad
+        default rpy: [Scalar; 3] = "[0, 0, 0]",
+    }
+}
+
+record! {
+    /// Limits of a cut
+    struct RawCutLimits, "set of cut limits" {
+        /// Greatest angle between the frames' z axes, rad; spherical and universal cuts
+        optional cone: Scalar,
+    }
+}
+
+record! {
+    /// Nominal inertia of a body
+    struct RawInertia, "nominal inertia" {
+        /// Mass, kg
+        required mass: Scalar,
+        /// Centre of mass in the body's frame, m
+        default com: [Scalar; 3] = "[0, 0, 0]",
+        /// Ixx, Ixy, Ixz, Iyy, Iyz, Izz about the centre of mass in body axes, kg m^2; Ixy = -integral of x y dm
+        default inertia: [Scalar; 6] = "[0, 0, 0, 0, 0, 0]",
+    }
+}
+
+record! {
+    /// Choices about the base parameters
+    struct RawBase, "set of base choices" {
+        /// Parameters eliminated first, in this order, where they can be
+        default eliminate: Vec<ParameterReference> = "[]",
+        /// Parameters or linear forms in them known to be zero: the columns are reduced by them first
+        default zero: Vec<ParameterForm> = "[]",
+        /// Groups of bodies known to be identical: their columns are added, under the first one's labels
+        default equal: Vec<Vec<BodyReference>> = "[]",
+        /// Base parameters left out, by the label of the column they are kept at
+        default drop: Vec<ParameterReference> = "[]",
+    }
+}

@@ -1,0 +1,435 @@
+//! The checked names to values: every expression is evaluated, every value checked.
+
+use std::collections::BTreeMap;
+
+use super::check::canonical;
+use super::expression::{Ast, evaluate, linear, quantity};
+use super::raw::{
+    RawBase, RawCut, RawDh, RawInertia, RawJoint, RawLimb, RawLimits, RawPlacement, RawSpec,
+};
+use super::shape::{BodyReference, Scalar, Word};
+use super::types::{
+    Axis, BaseChoices, BodyInertia, Cut, CutSide, Interval, Joint, JointFrame, Limb, Limits,
+    LinearForm, Placement, Quantity, Spanned, Spec,
+};
+use crate::diag::{Diagnostic, Sink, Span};
+use crate::sym::Number;
+
+/// Evaluates a spec whose names are checked; `None` if something was reported.
+pub(super) fn resolve(raw: &RawSpec, sink: &mut Sink) -> Option<Spec> {
+    let mut resolver = Resolver {
+        values: BTreeMap::new(),
+        sink,
+    };
+    // every part is evaluated, also after a bad one
+    let geometry = resolver.geometry(raw);
+    let gravity = resolver.all(&raw.gravity);
+    let limbs = each(&raw.limbs, |limb| resolver.limb(limb));
+    let cuts = each(raw.cuts.iter().flatten(), |cut| resolver.cut(cut));
+    let couplings = each(
+        raw.couplings.iter().flat_map(|couplings| &couplings.0),
+        |(key, form)| {
+            let form = resolver.linear(&form.0)?;
+            Some((spanned(&key.0), form))
+        },
+    );
+    let home = each(raw.home.iter().flat_map(|home| &home.0), |(key, value)| {
+        Some((spanned(&key.0), resolver.quantity(value)?))
+    });
+    let bodies = each(
+        raw.bodies.iter().flat_map(|bodies| &bodies.0),
+        |(label, inertia)| Some((spanned(&label.0), resolver.inertia(inertia, &label.0)?)),
+    );
+    let base = match &raw.base {
+        Some(base) => resolver.base(base),
+        None => Some(BaseChoices::default()),
+    };
+    Some(Spec {
+        name: spanned(&raw.name.0),
+        description: raw.description.as_ref().map(|text| text.0.clone()),
+        gravity: gravity?,
+        geometry: geometry?,
+        limbs: limbs?,
+        cuts: cuts?,
+        independent: raw.independent.as_ref().map(|names| independent(names)),
+        couplings: couplings?,
+        home: home?,
+        home_span: raw.home.as_ref().and_then(|home| {
+            let keys = home.0.iter().map(|(key, _)| key.0.span);
+            keys.reduce(Span::to)
+        }),
+        bodies: bodies?,
+        base: base?,
+    })
+}
+
+/// Applies something to every item, also after a failure.
+fn each<I: IntoIterator, T>(items: I, act: impl FnMut(I::Item) -> Option<T>) -> Option<Vec<T>> {
+    let results: Vec<Option<T>> = items.into_iter().map(act).collect();
+    results.into_iter().collect()
+}
+
+fn spanned(word: &Word) -> Spanned<String> {
+    Spanned {
+        value: word.text.clone(),
+        span: word.span,
+    }
+}
+
+fn independent(names: &[super::shape::CoordinateReference]) -> Spanned<Vec<Spanned<String>>> {
+    let value: Vec<Spanned<String>> = names.iter().map(|name| spanned(&name.0)).collect();
+    let span = value
+        .iter()
+        .map(|name| name.span)
+        .reduce(Span::to)
+        .unwrap_or_default();
+    Spanned { value, span }
+}
+
+/// A body, or nothing for the world.
+fn body(reference: &BodyReference) -> Option<Spanned<String>> {
+    (reference.0.text != "world").then(|| spanned(&reference.0))
+}
+
+struct Resolver<'a> {
+    /// Geometry so far; `None` where a value was reported as bad, so that its uses are not reported too.
+    values: BTreeMap<String, Option<Number>>,
+    sink: &'a mut Sink,
+}
+
+impl Resolver<'_> {
+    fn geometry(&mut self, raw: &RawSpec) -> Option<Vec<(Spanned<String>, Quantity)>> {
+        each(
+            raw.geometry.iter().flat_map(|geometry| &geometry.0),
+            |(name, scalar)| {
+                let quantity = self.quantity(scalar);
+                let value = quantity.as_ref().map(|quantity| quantity.value.clone());
+                self.values.insert(name.0.text.clone(), value);
+                Some((spanned(&name.0), quantity?))
+            },
+        )
+    }
+
+    /// Whether an expression uses a value that was reported already.
+    fn is_spoilt(&self, ast: &Ast) -> bool {
+        let mut spoilt = false;
+        ast.names(&mut |_, name| spoilt |= matches!(self.values.get(name), Some(None)));
+        spoilt
+    }
+
+    fn quantity(&mut self, scalar: &Scalar) -> Option<Quantity> {
+        if self.is_spoilt(&scalar.ast) {
+            return None;
+        }
+        let lookup = |name: &str| self.values.get(name).cloned().flatten();
+        match quantity(&scalar.ast, &lookup) {
+            Ok(quantity) => Some(quantity),
+            Err(fault) => {
+                self.sink.push(fault.at(&scalar.path));
+                None
+            }
+        }
+    }
+
+    fn linear(&mut self, scalar: &Scalar) -> Option<LinearForm> {
+        if self.is_spoilt(&scalar.ast) {
+            return None;
+        }
+        let lookup = |name: &str| self.values.get(name).cloned().flatten();
+        // what is no geometry name is a coordinate or a parameter: the names are checked
+        match linear(
+            &scalar.ast,
+            &|name| !self.values.contains_key(name),
+            &lookup,
+        ) {
+            Ok(form) => Some(form),
+            Err(fault) => {
+                self.sink.push(fault.at(&scalar.path));
+                None
+            }
+        }
+    }
+
+    fn all<const N: usize>(&mut self, scalars: &[Scalar; N]) -> Option<[Quantity; N]> {
+        each(scalars, |scalar| self.quantity(scalar))?
+            .try_into()
+            .ok()
+    }
+
+    fn placement(&mut self, raw: &RawPlacement) -> Option<Placement> {
+        let (xyz, rpy) = (self.all(&raw.xyz), self.all(&raw.rpy));
+        Some(Placement {
+            xyz: xyz?,
+            rpy: rpy?,
+        })
+    }
+
+    fn limb(&mut self, raw: &RawLimb) -> Option<Limb> {
+        let base = self.placement(&raw.base);
+        let joints = each(&raw.joints, |joint| self.joint(joint));
+        Some(Limb {
+            name: spanned(&raw.name.0),
+            from: body(&raw.from),
+            base: base?,
+            joints: joints?,
+            span: raw.span,
+        })
+    }
+
+    fn dh(&mut self, raw: &RawDh) -> Option<JointFrame> {
+        let [alpha, a, d, theta] =
+            [&raw.alpha, &raw.a, &raw.d, &raw.theta].map(|scalar| self.quantity(scalar));
+        Some(JointFrame::Dh {
+            alpha: alpha?,
+            a: a?,
+            d: d?,
+            theta: theta?,
+        })
+    }
+
+    fn joint(&mut self, raw: &RawJoint) -> Option<Joint> {
+        let frame = match (&raw.dh, &raw.origin) {
+            (Some(dh), _) => self.dh(dh),
+            (None, Some(origin)) => self.placement(origin).map(JointFrame::Origin),
+            (None, None) => {
+                let zero = || zero(raw.span);
+                Some(JointFrame::Dh {
+                    alpha: zero(),
+                    a: zero(),
+                    d: zero(),
+                    theta: zero(),
+                })
+            }
+        };
+        let limits = match &raw.limits {
+            Some(limits) => self.limits(limits),
+            None => Some(Limits::default()),
+        };
+        let nominal = each(
+            raw.nominal.iter().flat_map(|nominal| &nominal.0),
+            |(symbol, scalar)| {
+                let quantity = self.quantity(scalar)?;
+                if symbol.0.text == "J" && quantity.value.is_negative() {
+                    self.refuse(scalar, "a rotor inertia must not be negative");
+                    return None;
+                }
+                Some((spanned(&symbol.0), quantity))
+            },
+        );
+        Some(Joint {
+            name: raw.name.as_ref().map(|name| spanned(&name.0)),
+            kind: Spanned {
+                value: raw.kind.value,
+                span: raw.kind.span,
+            },
+            frame: frame?,
+            axis: raw.axis.map_or(Axis::Z, |axis| axis.value),
+            body: raw.body.as_ref().map(|body| spanned(&body.0)),
+            actuated: raw.actuated.value,
+            friction: raw.friction.value,
+            rotor_inertia: raw.rotor_inertia.value,
+            limits: limits?,
+            nominal: nominal?,
+            span: raw.span,
+        })
+    }
+
+    fn refuse(&mut self, scalar: &Scalar, message: &str) {
+        self.sink
+            .push(Diagnostic::new(scalar.ast.span, message).path(&*scalar.path));
+    }
+
+    fn limits(&mut self, raw: &RawLimits) -> Option<Limits> {
+        let intervals = [&raw.position, &raw.velocity, &raw.acceleration, &raw.effort];
+        let [position, velocity, acceleration, effort] = intervals.map(|interval| match interval {
+            Some(interval) => self.interval(interval).map(Some),
+            None => Some(None),
+        });
+        let cone = self.cone(raw.cone.as_ref());
+        Some(Limits {
+            position: position?,
+            velocity: velocity?,
+            acceleration: acceleration?,
+            effort: effort?,
+            cone: cone?,
+        })
+    }
+
+    fn interval(&mut self, raw: &[Scalar; 2]) -> Option<Interval> {
+        let interval = self.all(raw)?;
+        if interval[0].value.cmp_value(&interval[1].value).is_gt() {
+            let [low, high] = [interval[0].value.to_f64(), interval[1].value.to_f64()];
+            let path = raw[0]
+                .path
+                .rsplit_once(", entry")
+                .map_or("", |(path, _)| path);
+            self.sink.push(
+                Diagnostic::new(
+                    raw[0].ast.span.to(raw[1].ast.span),
+                    format!("the lower limit {low} is above the upper limit {high}"),
+                )
+                .path(path)
+                .hint("write [lowest, highest]"),
+            );
+            return None;
+        }
+        Some(interval)
+    }
+
+    fn cone(&mut self, raw: Option<&Scalar>) -> Option<Option<Quantity>> {
+        let Some(raw) = raw else {
+            return Some(None);
+        };
+        let cone = self.quantity(raw)?;
+        let positive = !cone.value.is_negative() && !cone.value.is_zero();
+        if !positive || cone.value.cmp_value(&Number::pi()).is_gt() {
+            self.refuse(raw, "a cone's angle must be above 0 and at most pi");
+            return None;
+        }
+        Some(Some(cone))
+    }
+
+    fn cut(&mut self, raw: &RawCut) -> Option<Cut> {
+        let sides = each(&raw.between, |side| {
+            let (xyz, rpy) = (self.all(&side.xyz), self.all(&side.rpy));
+            Some(CutSide {
+                body: body(&side.body),
+                placement: Placement {
+                    xyz: xyz?,
+                    rpy: rpy?,
+                },
+            })
+        });
+        let cone = self.cone(raw.limits.as_ref().and_then(|limits| limits.cone.as_ref()));
+        Some(Cut {
+            name: spanned(&raw.name.0),
+            kind: Spanned {
+                value: raw.joint.value,
+                span: raw.joint.span,
+            },
+            sides: sides?.try_into().ok()?,
+            limits: Limits {
+                cone: cone?,
+                ..Limits::default()
+            },
+            span: raw.span,
+        })
+    }
+
+    fn inertia(&mut self, raw: &RawInertia, label: &Word) -> Option<BodyInertia> {
+        let mass = self.quantity(&raw.mass);
+        let (com, inertia) = (self.all(&raw.com), self.all(&raw.inertia));
+        let (mass, com, inertia) = (mass?, com?, inertia?);
+        if mass.value.is_negative() {
+            self.refuse(&raw.mass, "a mass must not be negative");
+        }
+        if !is_semidefinite(&inertia.each_ref().map(|entry| entry.value.to_f64())) {
+            let span = raw
+                .inertia
+                .iter()
+                .map(|entry| entry.ast.span)
+                .reduce(Span::to);
+            let path = format!("bodies '{}', inertia", label.text);
+            self.sink.push(
+                Diagnostic::new(
+                    span.unwrap_or(raw.span),
+                    "no body has this inertia: it is not positive semidefinite",
+                )
+                .path(path)
+                .hint("the order is Ixx, Ixy, Ixz, Iyy, Iyz, Izz, about the centre of mass"),
+            );
+        }
+        Some(BodyInertia { mass, com, inertia })
+    }
+
+    fn base(&mut self, raw: &RawBase) -> Option<BaseChoices> {
+        let zero = each(&raw.zero, |form| {
+            let linear = self.linear(&form.0)?;
+            if !linear.constant.value.is_zero() {
+                self.sink.push(
+                    Diagnostic::new(
+                        linear.constant.span,
+                        "a form that is zero has no constant part",
+                    )
+                    .path(&*form.0.path)
+                    .hint("only multiples of parameters may be added"),
+                );
+                return None;
+            }
+            if linear.terms.is_empty() {
+                self.sink.push(
+                    Diagnostic::new(linear.span, "this form has no parameter in it")
+                        .path(&*form.0.path),
+                );
+                return None;
+            }
+            Some(linear)
+        });
+        let labels = |list: &[super::shape::ParameterReference]| {
+            list.iter()
+                .map(|label| spanned(&canonical(&label.0)))
+                .collect()
+        };
+        Some(BaseChoices {
+            eliminate: labels(&raw.eliminate),
+            zero: zero?,
+            equal: raw
+                .equal
+                .iter()
+                .map(|group| group.iter().map(|label| spanned(&label.0)).collect())
+                .collect(),
+            drop: labels(&raw.drop),
+        })
+    }
+}
+
+/// Zero, where nothing is written.
+fn zero(span: Span) -> Quantity {
+    let ast = Ast::number(Number::zero(), span);
+    Quantity {
+        expr: ast.to_expr(),
+        value: evaluate(&ast, &|_| None).unwrap_or_else(|_| Number::zero()),
+        span,
+    }
+}
+
+/// Whether `[[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]` has no negative eigenvalue, up to rounding.
+fn is_semidefinite(entries: &[f64; 6]) -> bool {
+    /// Principal minors of a singular matrix come out this far off at most, relative to the largest entry.
+    const ROUNDING: f64 = 1e-12;
+    let scale = entries
+        .iter()
+        .fold(0.0, |scale: f64, entry| scale.max(entry.abs()));
+    if scale == 0.0 {
+        return true;
+    }
+    let [xx, xy, xz, yy, yz, zz] = entries.map(|entry| entry / scale);
+    let minors = [
+        xx,
+        yy,
+        zz,
+        xx * yy - xy * xy,
+        xx * zz - xz * xz,
+        yy * zz - yz * yz,
+        xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz),
+    ];
+    minors.iter().all(|minor| *minor >= -ROUNDING)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn semidefinite_inertias_are_told_from_others() {
+        assert!(is_semidefinite(&[1.0, 0.0, 0.0, 1.0, 0.0, 1.0]));
+        assert!(is_semidefinite(&[0.0; 6]));
+        // a rod along (1, 1, 0): singular
+        assert!(is_semidefinite(&[1.0, -1.0, 0.0, 1.0, 0.0, 2.0]));
+        assert!(!is_semidefinite(&[1.0, 0.0, 0.0, -1.0, 0.0, 1.0]));
+        assert!(!is_semidefinite(&[1.0, 2.0, 0.0, 1.0, 0.0, 1.0]));
+        assert!(!is_semidefinite(&[
+            1e-9, 0.9e-9, 0.9e-9, 1e-9, -0.9e-9, 1e-9
+        ]));
+    }
+}

@@ -1,0 +1,83 @@
+//! One of some words.
+
+use super::json::{Definitions, Json, defined};
+use super::{Reader, Shape};
+use crate::diag::{Diagnostic, Span};
+use crate::spec::suggest::{did_you_mean, one_of};
+use crate::spec::yaml::{Kind, Node, shorten};
+
+/// A type whose values have a word each.
+pub(in crate::spec) trait Choice: Copy + PartialEq + 'static {
+    /// What it is: `joint type`.
+    const NOUN: &'static str;
+    /// Word, value and meaning of each.
+    const ALL: &'static [(&'static str, Self, &'static str)];
+
+    /// The word of a value.
+    fn word(self) -> &'static str {
+        Self::ALL
+            .iter()
+            .find(|(_, value, _)| *value == self)
+            .map_or("", |(word, ..)| word)
+    }
+}
+
+/// A chosen value and its place.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::spec) struct Chosen<T> {
+    pub(in crate::spec) value: T,
+    pub(in crate::spec) span: Span,
+}
+
+impl<T: Choice> Shape for Chosen<T> {
+    const EXPECTED: &'static str = T::NOUN;
+
+    fn read(node: &Node, reader: &mut Reader) -> Option<Self> {
+        let words = || T::ALL.iter().map(|(word, ..)| *word);
+        let Kind::Scalar(scalar) = &node.kind else {
+            reader.mismatch(&one_of(words()), node);
+            return None;
+        };
+        if let Some((_, value, _)) = T::ALL.iter().find(|(word, ..)| *word == scalar.text) {
+            return Some(Chosen {
+                value: *value,
+                span: node.span,
+            });
+        }
+        if scalar.is_null() {
+            reader.mismatch(&one_of(words()), node);
+            return None;
+        }
+        let near = did_you_mean(&scalar.text, words());
+        let message = format!("unknown {} '{}'{near}", T::NOUN, shorten(&scalar.text));
+        reader.report_above(
+            Diagnostic::new(node.span, message).hint(format!("it is one of {}", one_of(words()))),
+        );
+        None
+    }
+
+    fn schema(definitions: &mut Definitions) -> Json {
+        defined(&T::NOUN.replace(' ', "_"), definitions, |_| {
+            Json::object([
+                ("type", Json::text("string")),
+                ("enum", Json::texts(T::ALL.iter().map(|(word, ..)| *word))),
+                (
+                    "enumDescriptions",
+                    Json::texts(T::ALL.iter().map(|(.., meaning)| *meaning)),
+                ),
+            ])
+        })
+    }
+}
+
+/// Gives the values of a type their words and meanings.
+macro_rules! choices {
+    ($type:ty, $noun:literal { $($word:literal => $value:ident: $meaning:literal,)+ }) => {
+        impl $crate::spec::shape::Choice for $type {
+            const NOUN: &'static str = $noun;
+            const ALL: &'static [(&'static str, Self, &'static str)] =
+                &[$(($word, Self::$value, $meaning)),+];
+        }
+    };
+}
+pub(in crate::spec) use choices;

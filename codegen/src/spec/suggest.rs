@@ -1,0 +1,61 @@
+//! "Did you mean".
+
+/// `; did you mean 'x'?` if a known word is near, or nothing.
+pub(super) fn did_you_mean<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> String {
+    nearest(word, known).map_or_else(String::new, |near| format!("; did you mean '{near}'?"))
+}
+
+/// The known word nearest to a misspelt one, the first of equals.
+pub(super) fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    const LONGEST: usize = 64;
+    if word.chars().count() > LONGEST {
+        return None;
+    }
+    let lower = word.to_lowercase();
+    let mut best: Option<(usize, &str)> = None;
+    for candidate in known {
+        let distance = if candidate.to_lowercase() == lower {
+            0
+        } else {
+            strsim::osa_distance(word, candidate)
+        };
+        // one slip in short words, one in three letters of longer ones
+        let allowed = (word.chars().count().max(candidate.chars().count()) / 3).max(1);
+        let trivial = distance >= candidate.chars().count();
+        if distance <= allowed && !trivial && best.is_none_or(|(least, _)| distance < least) {
+            best = Some((distance, candidate));
+        }
+    }
+    best.map(|(_, candidate)| candidate)
+}
+
+/// `'a', 'b' or 'c'`.
+pub(super) fn one_of<'a>(words: impl IntoIterator<Item = &'a str>) -> String {
+    let quoted: Vec<String> = words.into_iter().map(|word| format!("'{word}'")).collect();
+    match quoted.split_last() {
+        None => String::new(),
+        Some((last, [])) => last.clone(),
+        Some((last, rest)) => format!("{} or {last}", rest.join(", ")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn near_words_are_found_and_far_ones_are_not() {
+        let known = ["prismatic", "revolute", "fixed"];
+        assert_eq!(nearest("prismtic", known), Some("prismatic"));
+        assert_eq!(nearest("Revolute", known), Some("revolute"));
+        assert_eq!(nearest("helical", known), None);
+        assert_eq!(nearest("q", ["a", "b"]), None);
+        assert_eq!(nearest("q7", ["q1", "q2"]), Some("q1"));
+    }
+
+    #[test]
+    fn lists_read_like_sentences() {
+        assert_eq!(one_of(["a"]), "'a'");
+        assert_eq!(one_of(["a", "b", "c"]), "'a', 'b' or 'c'");
+    }
+}
