@@ -21,7 +21,12 @@ fn independent_span(spec: &Spec) -> Span {
 }
 
 /// A problem at home as a report.
-pub(crate) fn home_report(source: &Source, spec: &Spec, model: &Model, problem: &HomeProblem) -> Report {
+pub(crate) fn home_report(
+    source: &Source,
+    spec: &Spec,
+    model: &Model,
+    problem: &HomeProblem,
+) -> Report {
     let names = |which: &[usize]| list(which.iter().map(|c| model.coordinates[*c].name.clone()));
     let given = if spec.independent.is_some() {
         "`independent` lists"

@@ -58,10 +58,18 @@ pub fn solve_pivoted(mut a: Vec<Vec<f64>>, mut b: Vec<Vec<f64>>) -> Solution {
             }
         }
     }
-    let pivot_ratio = if unknowns == 0 { 1.0 } else { smallest / largest };
+    let pivot_ratio = if unknowns == 0 {
+        1.0
+    } else {
+        smallest / largest
+    };
     Solution {
         solution,
-        pivot_ratio: if pivot_ratio.is_finite() { pivot_ratio } else { 0.0 },
+        pivot_ratio: if pivot_ratio.is_finite() {
+            pivot_ratio
+        } else {
+            0.0
+        },
     }
 }
 
@@ -78,7 +86,12 @@ fn scale_rows(a: &mut [Vec<f64>], mut b: Option<&mut Vec<Vec<f64>>>) {
     }
 }
 
-fn largest_entry(a: &[Vec<f64>], from: usize, rows: usize, columns: usize) -> Option<(usize, usize, f64)> {
+fn largest_entry(
+    a: &[Vec<f64>],
+    from: usize,
+    rows: usize,
+    columns: usize,
+) -> Option<(usize, usize, f64)> {
     let mut best: Option<(usize, usize, f64)> = None;
     for (i, row) in a.iter().enumerate().take(rows).skip(from) {
         for (j, x) in row.iter().enumerate().take(columns).skip(from) {
@@ -146,13 +159,20 @@ mod tests {
 
     #[test]
     fn a_singular_system_is_a_zero_ratio_and_no_number() {
-        let s = solve_pivoted(vec![vec![1.0, 2.0], vec![2.0, 4.0]], vec![vec![1.0], vec![2.0]]);
+        let s = solve_pivoted(
+            vec![vec![1.0, 2.0], vec![2.0, 4.0]],
+            vec![vec![1.0], vec![2.0]],
+        );
         assert!(s.pivot_ratio < 1e-15);
     }
 
     #[test]
     fn rank_counts_independent_columns() {
-        let a = vec![vec![1.0, 2.0, 3.0], vec![2.0, 4.0, 6.1], vec![3.0, 6.0, 9.1]];
+        let a = vec![
+            vec![1.0, 2.0, 3.0],
+            vec![2.0, 4.0, 6.1],
+            vec![3.0, 6.0, 9.1],
+        ];
         let (rank, columns) = rank_and_columns(a, 1e-9);
         assert_eq!(rank, 2);
         assert!(columns.contains(&2));

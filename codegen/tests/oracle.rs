@@ -17,7 +17,8 @@ fn oracle(name: &str) -> (Robot, Value) {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/oracle");
     let text = std::fs::read_to_string(format!("{folder}/{name}.yaml")).unwrap();
     let vectors = std::fs::read_to_string(format!("{folder}/{name}.json")).unwrap();
-    let robot = derive(&Source::new(format!("{name}.yaml"), text)).unwrap_or_else(|e| panic!("{e}"));
+    let robot =
+        derive(&Source::new(format!("{name}.yaml"), text)).unwrap_or_else(|e| panic!("{e}"));
     (robot, serde_json::from_str(&vectors).unwrap())
 }
 
@@ -26,19 +27,32 @@ fn oracle(name: &str) -> (Robot, Value) {
 fn row_error(x: &[f64], y: &[f64]) -> f64 {
     assert_eq!(x.len(), y.len());
     let size = y.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-    let worst = x.iter().zip(y).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
-    if worst < 1e-12 && size < 1e-12 { 0.0 } else { worst / size }
+    let worst = x
+        .iter()
+        .zip(y)
+        .fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
+    if worst < 1e-12 && size < 1e-12 {
+        0.0
+    } else {
+        worst / size
+    }
 }
 
 fn check(name: &str) {
     let (robot, vectors) = oracle(name);
     let labels = |key: &str| -> Vec<String> {
         let list = vectors[key].as_array().unwrap();
-        list.iter().map(|v| v.as_str().unwrap().to_owned()).collect()
+        list.iter()
+            .map(|v| v.as_str().unwrap().to_owned())
+            .collect()
     };
     assert_eq!(robot.coordinates, labels("coordinates"));
     assert_eq!(robot.parameters, labels("parameters"));
-    let independent: Vec<String> = robot.independent.iter().map(|c| robot.coordinates[*c].clone()).collect();
+    let independent: Vec<String> = robot
+        .independent
+        .iter()
+        .map(|c| robot.coordinates[*c].clone())
+        .collect();
     assert_eq!(independent, labels("independent"));
     let dof = robot.independent.len();
     for state in vectors["states"].as_array().unwrap() {
@@ -50,7 +64,10 @@ fn check(name: &str) {
             let ours: Vec<f64> = columns.iter().skip(i).step_by(dof).copied().collect();
             let error = row_error(&ours, &numbers(row));
             // both are double precision with a condition below a thousand
-            assert!(error < 1e-11, "{name}: regressor row {i} is off by {error:e}");
+            assert!(
+                error < 1e-11,
+                "{name}: regressor row {i} is off by {error:e}"
+            );
         }
         if let Some(rows) = state["jacobian"].as_array() {
             let jacobian = &robot.function(FunctionKind::Jacobian).unwrap().program;

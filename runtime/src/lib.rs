@@ -38,6 +38,7 @@ extern crate std;
 #[cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]
 mod closure;
 mod condition;
+mod guarded;
 mod linear;
 mod model;
 #[cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]
@@ -47,6 +48,7 @@ mod scalar;
 #[cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]
 pub use closure::{Closure, Misuse, Outcome, Solution, State};
 pub use condition::{Condition, NEAR_SINGULAR, SINGULAR, Status};
+pub use guarded::{PIVOT_BOUND, guarded};
 pub use linear::solve_pivoted;
 pub use model::{Cut, Info, Model, SizeError, array, array_mut, matrix_mut};
 #[cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]

@@ -49,10 +49,11 @@ impl Closed {
         }
         let states = closed_states(&loops, model, &home);
         drop(loops);
-        let closure = choose(g, frames, model, &states).ok_or_else(|| {
-            HomeProblem::NotIndependent {
-                choice: model.independent.clone(),
-            }
+        g.set_naming(false);
+        let chosen = choose(g, frames, model, &states);
+        g.set_naming(true);
+        let closure = chosen.ok_or_else(|| HomeProblem::NotIndependent {
+            choice: model.independent.clone(),
         })?;
         Ok(Closed {
             home,
@@ -62,7 +63,13 @@ impl Closed {
 }
 
 /// The rows of all cuts from given viewpoints, and of the couplings.
-fn equations(g: &mut Graph, frames: &Frames, model: &Model, viewpoints: &[Viewpoint], rates: Option<&Rates>) -> Equations {
+fn equations(
+    g: &mut Graph,
+    frames: &Frames,
+    model: &Model,
+    viewpoints: &[Viewpoint],
+    rates: Option<&Rates>,
+) -> Equations {
     let mut all = Equations::default();
     for (cut, view) in model.cuts.iter().zip(viewpoints) {
         all.extend(LoopEquations::new(model, cut).seen_from(g, frames, *view, rates));
@@ -116,7 +123,13 @@ fn choose(g: &mut Graph, frames: &Frames, model: &Model, states: &[Vec<f64>]) ->
 }
 
 impl Closure {
-    fn build(g: &mut Graph, frames: &Frames, model: &Model, viewpoints: &[Viewpoint], states: &[Vec<f64>]) -> Option<Closure> {
+    fn build(
+        g: &mut Graph,
+        frames: &Frames,
+        model: &Model,
+        viewpoints: &[Viewpoint],
+        states: &[Vec<f64>],
+    ) -> Option<Closure> {
         let jacobian = equations(g, frames, model, viewpoints, None).jacobian;
         let a_e = columns(&jacobian, &model.dependent);
         let a_i = columns(&jacobian, &model.independent);
@@ -124,7 +137,13 @@ impl Closure {
         let width = model.dependent.len();
         let samples: Vec<Vec<Vec<f64>>> = states
             .iter()
-            .map(|q| evaluator.run(q).chunks(width).map(<[f64]>::to_vec).collect())
+            .map(|q| {
+                evaluator
+                    .run(q)
+                    .chunks(width)
+                    .map(<[f64]>::to_vec)
+                    .collect()
+            })
             .collect();
         drop(evaluator);
         let structure: Vec<Vec<Option<bool>>> = a_e

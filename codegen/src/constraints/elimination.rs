@@ -139,7 +139,12 @@ fn better(a: &Candidate, b: &Candidate) -> bool {
 /// The solution of `A Z = B` by elimination in the plan's order, on
 /// expressions: unknowns by right-hand sides, and the pivots with their sizes.
 /// One division per pivot, no square roots.
-pub fn eliminate(g: &mut Graph, matrix: &[Vec<Ex>], rhs: &[Vec<Ex>], plan: &Plan) -> (Vec<Vec<Ex>>, Vec<(Ex, f64)>) {
+pub fn eliminate(
+    g: &mut Graph,
+    matrix: &[Vec<Ex>],
+    rhs: &[Vec<Ex>],
+    plan: &Plan,
+) -> (Vec<Vec<Ex>>, Vec<(Ex, f64)>) {
     let sides = rhs.first().map_or(0, Vec::len);
     let columns = matrix.first().map_or(0, Vec::len);
     let mut a = matrix.to_vec();

@@ -66,7 +66,13 @@ impl<'m> LoopEquations<'m> {
     }
 
     /// The rows seen from a viewpoint, in the form that holds on the closure.
-    pub fn seen_from(&self, g: &mut Graph, frames: &Frames, view: Viewpoint, rates: Option<&Rates>) -> Equations {
+    pub fn seen_from(
+        &self,
+        g: &mut Graph,
+        frames: &Frames,
+        view: Viewpoint,
+        rates: Option<&Rates>,
+    ) -> Equations {
         let start = match view {
             Viewpoint::Side(side) => View::back(g, frames, &self.branches[side]),
             Viewpoint::Base(side) => {
@@ -88,6 +94,14 @@ impl<'m> LoopEquations<'m> {
         };
         let (a, b) = (seen(0), seen(1));
         let kind = self.cut.kind;
-        cut_equations(g, self.coordinates, kind, &a, &b, Form::OnClosure, rates.is_some())
+        cut_equations(
+            g,
+            self.coordinates,
+            kind,
+            &a,
+            &b,
+            Form::OnClosure,
+            rates.is_some(),
+        )
     }
 }

@@ -15,5 +15,5 @@ pub use elimination::{Plan, eliminate, plan};
 pub use home::{HomeProblem, NumericLoops, close_home};
 pub use loops::{LoopEquations, Viewpoint};
 pub use rows::{Equations, Form, world_equations, world_views};
-pub use view::{Column, View};
 pub use samples::closed_states;
+pub use view::{Column, View};

@@ -78,7 +78,15 @@ impl Equations {
 }
 
 /// The rows of one cut from its two sides, both seen from the same frame.
-pub(super) fn cut_equations(g: &mut Graph, coordinates: usize, kind: CutKind, a: &View, b: &View, form: Form, with_bias: bool) -> Equations {
+pub(super) fn cut_equations(
+    g: &mut Graph,
+    coordinates: usize,
+    kind: CutKind,
+    a: &View,
+    b: &View,
+    form: Form,
+    with_bias: bool,
+) -> Equations {
     let mut equations = Equations::default();
     let gap = g.sub3(&b.point, &a.point);
     for row in rows_of(kind) {
@@ -144,12 +152,23 @@ fn is_aligned(kind: CutKind) -> bool {
 
 /// n with d/dt (uA . vB) = n . (wB - wA): vB x uA, which on the closure of an
 /// aligned cut is an axis of A.
-fn normal(g: &mut Graph, kind: CutKind, a: &View, b: &View, (i, j): (usize, usize), form: Form) -> V3 {
+fn normal(
+    g: &mut Graph,
+    kind: CutKind,
+    a: &View,
+    b: &View,
+    (i, j): (usize, usize),
+    form: Form,
+) -> V3 {
     if form == Form::OnClosure && is_aligned(kind) {
         // vB is A's own axis j, and j x i is the third axis up to a sign
         let third = 3 - i - j;
         let axis = a.axes[third];
-        return if (j + 1) % 3 == i { axis } else { g.neg3(&axis) };
+        return if (j + 1) % 3 == i {
+            axis
+        } else {
+            g.neg3(&axis)
+        };
     }
     g.cross(&b.axes[j], &a.axes[i])
 }
@@ -172,7 +191,14 @@ fn aligned_second(g: &mut Graph, kind: CutKind, a: &View, b: &View, axes: (usize
 
 /// Second derivative of uA . v at zero accelerations of the coordinates, polar
 /// in the velocities.
-fn product_rule(g: &mut Graph, a: &View, i: usize, v: &V3, (rate, rate_r): &(V3, V3), acceleration: &V3) -> Ex {
+fn product_rule(
+    g: &mut Graph,
+    a: &View,
+    i: usize,
+    v: &V3,
+    (rate, rate_r): &(V3, V3),
+    acceleration: &V3,
+) -> Ex {
     let u = a.axes[i];
     let tangential = g.cross(&a.alpha, &u);
     let turned = turned_twice(g, &a.w, &a.wr, &u);
@@ -188,7 +214,12 @@ fn product_rule(g: &mut Graph, a: &View, i: usize, v: &V3, (rate, rate_r): &(V3,
 
 /// The equations as the spec states them: every row of every cut in the world
 /// frame, then one row per coupling.
-pub fn world_equations(g: &mut Graph, frames: &Frames, model: &Model, rates: Option<&Rates>) -> Equations {
+pub fn world_equations(
+    g: &mut Graph,
+    frames: &Frames,
+    model: &Model,
+    rates: Option<&Rates>,
+) -> Equations {
     let mut equations = Equations::default();
     for cut in &model.cuts {
         let [a, b] = world_views(g, frames, model, cut, rates);
@@ -201,7 +232,13 @@ pub fn world_equations(g: &mut Graph, frames: &Frames, model: &Model, rates: Opt
 }
 
 /// Both sides of a cut seen from the world.
-pub fn world_views(g: &mut Graph, frames: &Frames, model: &Model, cut: &Cut, rates: Option<&Rates>) -> [View; 2] {
+pub fn world_views(
+    g: &mut Graph,
+    frames: &Frames,
+    model: &Model,
+    cut: &Cut,
+    rates: Option<&Rates>,
+) -> [View; 2] {
     [0, 1].map(|side| {
         let side = &cut.sides[side];
         let path = model.path(side.link);

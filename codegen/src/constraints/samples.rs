@@ -28,7 +28,11 @@ impl Random {
 /// Home, and closed states about it.
 pub fn closed_states(loops: &NumericLoops<'_>, model: &Model, home: &[f64]) -> Vec<Vec<f64>> {
     let mut random = Random(0x9E37_79B9_7F4A_7C15);
-    let ranges: Vec<f64> = model.independent.iter().map(|&c| range(model, home, c)).collect();
+    let ranges: Vec<f64> = model
+        .independent
+        .iter()
+        .map(|&c| range(model, home, c))
+        .collect();
     let mut states = vec![home.to_vec()];
     for _ in 1..STATES {
         let target: Vec<f64> = ranges.iter().map(|r| r * random.next()).collect();
@@ -62,7 +66,10 @@ fn predict(loops: &NumericLoops<'_>, model: &Model, from: &[f64], to: &mut [f64]
     }
     let (_, a) = loops.at(from);
     let rhs = a.iter().map(|row| {
-        let moved = model.independent.iter().map(|&c| row[c] * (to[c] - from[c]));
+        let moved = model
+            .independent
+            .iter()
+            .map(|&c| row[c] * (to[c] - from[c]));
         vec![-moved.sum::<f64>()]
     });
     let solved = solve_pivoted(select(&a, &model.dependent), rhs.collect());
@@ -77,12 +84,22 @@ fn predict(loops: &NumericLoops<'_>, model: &Model, from: &[f64], to: &mut [f64]
 /// its length, or within its limits.
 fn range(model: &Model, home: &[f64], c: usize) -> f64 {
     let link = &model.links[model.coordinates[c].link];
-    let sliding = link.motion.is_some_and(|m| m.kind == MotionKind::Translation);
-    let usual = if sliding { 0.2 * home[c].abs().max(0.25) } else { 0.35 };
+    let sliding = link
+        .motion
+        .is_some_and(|m| m.kind == MotionKind::Translation);
+    let usual = if sliding {
+        0.2 * home[c].abs().max(0.25)
+    } else {
+        0.35
+    };
     match model.coordinates[c].position {
         Some([lo, hi]) if hi > lo => {
             let room = (home[c] - lo).min(hi - home[c]);
-            if room > 0.0 { room.min(3.0 * usual) } else { usual }
+            if room > 0.0 {
+                room.min(3.0 * usual)
+            } else {
+                usual
+            }
         }
         _ => usual,
     }

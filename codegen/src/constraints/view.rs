@@ -71,7 +71,14 @@ pub struct View {
 
 impl View {
     /// Seen from the frame in which the chain's first parent has the pose `start`.
-    pub fn along(g: &mut Graph, frames: &Frames, path: &[usize], side: &Side, start: &Start, rates: Option<&Rates>) -> View {
+    pub fn along(
+        g: &mut Graph,
+        frames: &Frames,
+        path: &[usize],
+        side: &Side,
+        start: &Start,
+        rates: Option<&Rates>,
+    ) -> View {
         let (turn, shift) = frames.constant(g, &side.placement);
         let chain = Chain::follow(g, frames, path, start, rates);
         let arm = g.mul_mv(&chain.rotation, &shift);
@@ -104,7 +111,13 @@ impl View {
     }
 
     /// Seen from the side's own link.
-    pub fn own(g: &mut Graph, frames: &Frames, path: &[usize], side: &Side, rates: Option<&Rates>) -> View {
+    pub fn own(
+        g: &mut Graph,
+        frames: &Frames,
+        path: &[usize],
+        side: &Side,
+        rates: Option<&Rates>,
+    ) -> View {
         let (turn, point) = frames.constant(g, &side.placement);
         let mut twists: Vec<(usize, Twist)> = Vec::new();
         let mut motion = LinkMotion::rest();
@@ -157,4 +170,3 @@ impl View {
         }
     }
 }
-

@@ -126,7 +126,12 @@ pub fn reduced_regressor(
 /// Where several of the coordinates that move the body follow one independent
 /// coordinate, their unit twists are added up first and the body's forces are
 /// projected once; where it is a single one, its row of K is scaled.
-fn body_rows(g: &mut Graph, motion: &LinkMotion, twists: &[(usize, Twist)], j: &Reduction) -> Vec<[Ex; 10]> {
+fn body_rows(
+    g: &mut Graph,
+    motion: &LinkMotion,
+    twists: &[(usize, Twist)],
+    j: &Reduction,
+) -> Vec<[Ex; 10]> {
     let projection = Projection::new(g, motion);
     let mut rows = Vec::new();
     for i in 0..j.width() {

@@ -94,7 +94,11 @@ impl Body<'_> {
                     } else {
                         format!("{}, part {part}", group.title)
                     };
-                    self.push_block(title, start..at + 1, group.outputs.start..group.outputs.start);
+                    self.push_block(
+                        title,
+                        start..at + 1,
+                        group.outputs.start..group.outputs.start,
+                    );
                     start = at + 1;
                 }
             }
@@ -111,7 +115,12 @@ impl Body<'_> {
         }
     }
 
-    fn push_block(&mut self, title: String, steps: std::ops::Range<usize>, outputs: std::ops::Range<usize>) {
+    fn push_block(
+        &mut self,
+        title: String,
+        steps: std::ops::Range<usize>,
+        outputs: std::ops::Range<usize>,
+    ) {
         self.blocks.push(Block {
             title,
             steps,
@@ -210,7 +219,10 @@ impl Body<'_> {
                 used[argument][element] = true;
             }
         }
-        self.line(1, &format!("let like = {}[0];", self.program.arguments[0].name));
+        self.line(
+            1,
+            &format!("let like = {}[0];", self.program.arguments[0].name),
+        );
         for (argument, used) in used.iter().enumerate() {
             if !used.contains(&true) {
                 continue;
@@ -293,12 +305,19 @@ impl Body<'_> {
 
     /// Statements that store outputs, by the step after which they can stand:
     /// whole rows or columns at once. `None` is after the last step.
-    fn stores(&self, index: usize, outputs: std::ops::Range<usize>) -> BTreeMap<Option<usize>, Vec<String>> {
+    fn stores(
+        &self,
+        index: usize,
+        outputs: std::ops::Range<usize>,
+    ) -> BTreeMap<Option<usize>, Vec<String>> {
         let output = &self.program.output;
         let inner = output.shape.get(1).copied().unwrap_or(1);
         let first = self.blocks[index].steps.start;
         let mut defined = BTreeMap::new();
-        for (offset, step) in self.program.steps[self.blocks[index].steps.clone()].iter().enumerate() {
+        for (offset, step) in self.program.steps[self.blocks[index].steps.clone()]
+            .iter()
+            .enumerate()
+        {
             for result in &step.results {
                 defined.insert(*result, first + offset);
             }
@@ -362,10 +381,16 @@ impl Body<'_> {
             Op::MulSub(a, b, c) => format!("{}.mul_add({}, {})", o(a), o(b), self.negated(c)),
             Op::Sign(a) => format!("{}.sign()", o(a)),
             Op::Positive(a) => {
-                format!("T::select(like.lift(0.0).less({}), like.lift(1.0), like.lift(0.0))", o(a))
+                format!(
+                    "T::select(like.lift(0.0).less({}), like.lift(1.0), like.lift(0.0))",
+                    o(a)
+                )
             }
             Op::Negative(a) => {
-                format!("T::select({}.less(like.lift(0.0)), like.lift(1.0), like.lift(0.0))", o(a))
+                format!(
+                    "T::select({}.less(like.lift(0.0)), like.lift(1.0), like.lift(0.0))",
+                    o(a)
+                )
             }
             Op::SinCos(a) => {
                 let names: Vec<&str> = step
@@ -378,7 +403,10 @@ impl Body<'_> {
             }
             Op::Solve(solve) => return self.write_solve(solve, &step.results),
         };
-        let name = step.results.first().map_or("_", |t| self.names[t.0 as usize].as_str());
+        let name = step
+            .results
+            .first()
+            .map_or("_", |t| self.names[t.0 as usize].as_str());
         let text = format!("let {name} = {text};");
         self.line(2, &text);
     }
@@ -386,9 +414,15 @@ impl Body<'_> {
     /// The system solved in the fixed order, guarded by its pivots.
     fn write_solve(&mut self, solve: &SolveStep, results: &[Temp]) {
         let mut margins = solve.pivots.iter().map(|(pivot, size)| {
-            format!("({} * like.lift({:?})).abs()", self.operand(pivot), 1.0 / size)
+            format!(
+                "({} * like.lift({:?})).abs()",
+                self.operand(pivot),
+                1.0 / size
+            )
         });
-        let first = margins.next().unwrap_or_else(|| "like.lift(1.0)".to_owned());
+        let first = margins
+            .next()
+            .unwrap_or_else(|| "like.lift(1.0)".to_owned());
         let rest: Vec<String> = margins.collect();
         self.line(2, "// the smallest pivot relative to its usual size");
         self.line(2, &format!("let margin = {first}"));

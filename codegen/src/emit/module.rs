@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::optimize::{Operations, Program};
+use crate::optimize::{Operand, Operations, Program};
 use crate::robot::{Function, FunctionKind, Robot};
 
 use super::body::statements;
@@ -29,7 +29,15 @@ pub fn module(robot: &Robot, options: &Options) -> String {
     let mut out = String::new();
     header(robot, &mut out);
     let runtime = &options.runtime;
-    let _ = writeln!(out, "use {runtime}::{{Condition, Cut, Info, Model, Scalar, SizeError}};\n");
+    let _ = writeln!(
+        out,
+        "#![allow(clippy::all, clippy::pedantic, reason = \"written by a program\")]\n"
+    );
+    let cut = if robot.cuts.is_empty() { "" } else { "Cut, " };
+    let _ = writeln!(
+        out,
+        "use {runtime}::{{Condition, {cut}Info, Model, Scalar, SizeError}};\n"
+    );
     constants(robot, &mut out);
     for function in &robot.functions {
         write_function(robot, function, options, &mut out);
@@ -44,7 +52,10 @@ fn header(robot: &Robot, out: &mut String) {
     let description = description.replace(['\n', '\r'], " ");
     let _ = writeln!(out, "//! `{}`: {description}.", robot.name);
     let _ = writeln!(out, "//!");
-    let _ = writeln!(out, "//! Written by `regen` from the robot's spec; edits here are lost.");
+    let _ = writeln!(
+        out,
+        "//! Written by `regen` from the robot's spec; edits here are lost."
+    );
     let _ = writeln!(out, "//!");
     let _ = writeln!(
         out,
@@ -106,15 +117,30 @@ fn wrapped(out: &mut String, items: impl Iterator<Item = String>) {
 }
 
 fn constants(robot: &Robot, out: &mut String) {
-    strings(out, "Names of the coordinates, in the order of `q`.", "COORDINATES", &robot.coordinates);
+    strings(
+        out,
+        "Names of the coordinates, in the order of `q`.",
+        "COORDINATES",
+        &robot.coordinates,
+    );
     indices(
         out,
         "The independent coordinates, as indices: the rows of the regressor.",
         "INDEPENDENT",
         &robot.independent,
     );
-    indices(out, "The other coordinates, as indices.", "DEPENDENT", &robot.dependent);
-    indices(out, "The actuated coordinates, as indices.", "ACTUATED", &robot.actuated);
+    indices(
+        out,
+        "The other coordinates, as indices.",
+        "DEPENDENT",
+        &robot.dependent,
+    );
+    indices(
+        out,
+        "The actuated coordinates, as indices.",
+        "ACTUATED",
+        &robot.actuated,
+    );
     strings(
         out,
         "Labels of the parameters, in the order of `phi`: the columns of the regressor.",
@@ -122,7 +148,10 @@ fn constants(robot: &Robot, out: &mut String) {
         &robot.parameters,
     );
     strings(out, "Labels of the bodies.", "BODIES", &robot.bodies);
-    let _ = writeln!(out, "/// The home configuration, closed; it picks the assembly branch.");
+    let _ = writeln!(
+        out,
+        "/// The home configuration, closed; it picks the assembly branch."
+    );
     let _ = writeln!(out, "pub const HOME: [f64; {}] = [", robot.home.len());
     wrapped(out, robot.home.iter().map(|x| format!("{x:?}")));
     let _ = writeln!(out, "];");
@@ -153,7 +182,10 @@ fn constants(robot: &Robot, out: &mut String) {
 /// The names of the elements of an argument.
 fn elements(robot: &Robot, argument: &str) -> Vec<String> {
     let of = |which: &[usize]| -> Vec<String> {
-        which.iter().map(|c| robot.coordinates[*c].clone()).collect()
+        which
+            .iter()
+            .map(|c| robot.coordinates[*c].clone())
+            .collect()
     };
     match argument {
         "phi" => robot.parameters.clone(),
@@ -191,19 +223,31 @@ pub(super) fn array_type(shape: &[usize]) -> String {
 
 fn formula(kind: FunctionKind) -> &'static str {
     match kind {
-        FunctionKind::Constraints => "The closure equations f(q) (Eq. 6): every row of every cut in the world frame, then the couplings.",
+        FunctionKind::Constraints => {
+            "The closure equations f(q) (Eq. 6): every row of every cut in the world frame, then the couplings."
+        }
         FunctionKind::Jacobian => "The Jacobian A = df/dq (Eq. 7).",
         FunctionKind::Bias => "The bias b = -(dA/dt) qd of A qdd = b (Eq. 7).",
         FunctionKind::NewtonStep => "The Newton step of the dependent coordinates, A_e dq_e = -f.",
         FunctionKind::DependentJacobian => "The square A_e (Eq. 8).",
-        FunctionKind::Velocities => "All velocities from the independent ones: A_e qd_e = -A_i qd_i (Eq. 8).",
-        FunctionKind::Accelerations => "All accelerations from the independent ones: A_e qdd_e = b - A_i qdd_i (Eq. 8).",
-        FunctionKind::Regressor => "The regressor K_i - X^T K_e (Eq. 11) with friction and rotor columns (Eq. 20).",
-        FunctionKind::InverseDynamics => "Inverse dynamics: the regressor times `phi`, without forming it.",
+        FunctionKind::Velocities => {
+            "All velocities from the independent ones: A_e qd_e = -A_i qd_i (Eq. 8)."
+        }
+        FunctionKind::Accelerations => {
+            "All accelerations from the independent ones: A_e qdd_e = b - A_i qdd_i (Eq. 8)."
+        }
+        FunctionKind::Regressor => {
+            "The regressor K_i - X^T K_e (Eq. 11) with friction and rotor columns (Eq. 20)."
+        }
+        FunctionKind::InverseDynamics => {
+            "Inverse dynamics: the regressor times `phi`, without forming it."
+        }
         FunctionKind::Gravity => "The efforts of gravity.",
         FunctionKind::BiasForces => "Coriolis, centrifugal and friction efforts.",
         FunctionKind::MassMatrix => "The mass matrix over the independent coordinates.",
-        FunctionKind::SlotineLi => "The regressor Y(q, qd, qd_r, qdd_r) of passivity-based adaptive control (Slotine and Li, 1987).",
+        FunctionKind::SlotineLi => {
+            "The regressor Y(q, qd, qd_r, qdd_r) of passivity-based adaptive control (Slotine and Li, 1987)."
+        }
         FunctionKind::Efforts => "The left side of Eq. 10 from the actuated efforts.",
         FunctionKind::Poses => "Where the bodies are.",
     }
@@ -258,6 +302,7 @@ fn write_function(robot: &Robot, function: &Function, options: &Options, out: &m
         .map(|a| elements(robot, &a.name))
         .collect();
     let body = statements(program, &options.runtime, &elements);
+    let body = mark_unused(program, body);
     if !through {
         // after `like` is bound, on the body's first line
         let (first, rest) = body.split_once('\n').unwrap_or((body.as_str(), ""));
@@ -279,6 +324,20 @@ fn write_function(robot: &Robot, function: &Function, options: &Options, out: &m
         (false, _) => writeln!(out, "    {}", output.name),
     };
     let _ = writeln!(out, "}}");
+}
+
+/// Arguments that the mechanism does not need are named once, so that no
+/// warning comes up.
+fn mark_unused(program: &Program, mut body: String) -> String {
+    for (index, argument) in program.arguments.iter().enumerate().skip(1) {
+        let reads =
+            |o: &Operand| matches!(o, Operand::Input { argument, .. } if *argument == index);
+        let mut steps = program.steps.iter().flat_map(|s| s.op.operands());
+        if !steps.any(|o| reads(&o)) && !program.outputs.iter().any(reads) {
+            let _ = writeln!(body, "    let _ = {};", argument.name);
+        }
+    }
+    body
 }
 
 fn zeros(program: &Program) -> String {

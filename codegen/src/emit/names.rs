@@ -4,12 +4,62 @@ use std::collections::BTreeSet;
 
 /// Rust keywords, strict and reserved, and the names of every emitted body.
 const TAKEN: [&str; 56] = [
-    "as", "async", "await", "box", "break", "const", "continue", "crate", "dyn", "else", "enum",
-    "extern", "false", "fn", "for", "gen", "if", "impl", "in", "let", "loop", "match", "mod",
-    "move", "mut", "pub", "ref", "return", "self", "static", "struct", "super", "trait", "true",
-    "try", "type", "union", "unsafe", "use", "where", "while", "yield", "abstract", "become", "do",
-    "final", "macro", "override", "priv", "typeof", "unsized", "virtual", "like", "condition",
-    "margin", "found",
+    "as",
+    "async",
+    "await",
+    "box",
+    "break",
+    "const",
+    "continue",
+    "crate",
+    "dyn",
+    "else",
+    "enum",
+    "extern",
+    "false",
+    "fn",
+    "for",
+    "gen",
+    "if",
+    "impl",
+    "in",
+    "let",
+    "loop",
+    "match",
+    "mod",
+    "move",
+    "mut",
+    "pub",
+    "ref",
+    "return",
+    "self",
+    "static",
+    "struct",
+    "super",
+    "trait",
+    "true",
+    "try",
+    "type",
+    "union",
+    "unsafe",
+    "use",
+    "where",
+    "while",
+    "yield",
+    "abstract",
+    "become",
+    "do",
+    "final",
+    "macro",
+    "override",
+    "priv",
+    "typeof",
+    "unsized",
+    "virtual",
+    "like",
+    "condition",
+    "margin",
+    "found",
 ];
 
 /// A snake-case identifier that resembles a label: `Fc+(s1.2)` becomes `fc_plus_s1_2`.
@@ -43,7 +93,11 @@ pub(super) fn type_name(module: &str) -> String {
             first.into_iter().chain(chars).collect::<String>()
         })
         .collect();
-    if name.is_empty() { "Robot".to_owned() } else { name }
+    if name.is_empty() {
+        "Robot".to_owned()
+    } else {
+        name
+    }
 }
 
 /// Hands out each identifier once.

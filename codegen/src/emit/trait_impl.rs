@@ -55,7 +55,11 @@ pub(super) fn write(robot: &Robot, options: &Options, out: &mut String) {
         let mut parameters = vec!["&self".to_owned()];
         parameters.extend(arguments(kind).iter().map(|a| format!("{a}: &[T]")));
         parameters.push("out: &mut [T]".to_owned());
-        let result = if has_condition(kind) { "Condition<T>" } else { "()" };
+        let result = if has_condition(kind) {
+            "Condition<T>"
+        } else {
+            "()"
+        };
         let _ = writeln!(out);
         let _ = writeln!(
             out,
@@ -91,7 +95,10 @@ fn method(function: &Function, runtime: &str, out: &mut String) {
         [outer, inner] if *inner > 0 => {
             format!("{runtime}::matrix_mut::<T, {outer}, {inner}>(out, \"out\")?")
         }
-        _ => format!("{runtime}::array_mut::<T, {}>(out, \"out\")?", shape.iter().product::<usize>()),
+        _ => format!(
+            "{runtime}::array_mut::<T, {}>(out, \"out\")?",
+            shape.iter().product::<usize>()
+        ),
     };
     let _ = writeln!(out, "        let out = {target};");
     let name = kind.name();
@@ -99,7 +106,11 @@ fn method(function: &Function, runtime: &str, out: &mut String) {
         calls.push("out".to_owned());
         let _ = writeln!(out, "        Ok({name}({}))", calls.join(", "));
     } else if has_condition(kind) {
-        let _ = writeln!(out, "        let (value, condition) = {name}({});", calls.join(", "));
+        let _ = writeln!(
+            out,
+            "        let (value, condition) = {name}({});",
+            calls.join(", ")
+        );
         let _ = writeln!(out, "        *out = value;");
         let _ = writeln!(out, "        Ok(condition)");
     } else {
@@ -112,10 +123,20 @@ fn method(function: &Function, runtime: &str, out: &mut String) {
 fn without_loops(robot: &Robot, kind: FunctionKind, runtime: &str, out: &mut String) {
     let n = robot.coordinates.len();
     for name in arguments(kind) {
-        let binding = if *name == "q" && has_condition(kind) { "q" } else { "_" };
-        let _ = writeln!(out, "        let {binding} = {runtime}::array::<T, {n}>({name}, {name:?})?;");
+        let binding = if *name == "q" && has_condition(kind) {
+            "q"
+        } else {
+            "_"
+        };
+        let _ = writeln!(
+            out,
+            "        let {binding} = {runtime}::array::<T, {n}>({name}, {name:?})?;"
+        );
     }
-    let _ = writeln!(out, "        let _ = {runtime}::array_mut::<T, 0>(out, \"out\")?;");
+    let _ = writeln!(
+        out,
+        "        let _ = {runtime}::array_mut::<T, 0>(out, \"out\")?;"
+    );
     if has_condition(kind) {
         let _ = writeln!(out, "        Ok(Condition::regular(q[0]))");
     } else {

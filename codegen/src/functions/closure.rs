@@ -22,7 +22,11 @@ pub(super) fn constraints(cx: &mut Context<'_>) -> Request {
     let f = world_equations(cx.g, cx.frames, cx.model, None).residual;
     Request {
         arguments: vec![cx.symbols.q()],
-        output: output("f", &[f.len()], "closure residual f, zero when closed (Eq. 6)"),
+        output: output(
+            "f",
+            &[f.len()],
+            "closure residual f, zero when closed (Eq. 6)",
+        ),
         groups: vec![group("f (Eq. 6)", f)],
     }
 }
@@ -47,7 +51,11 @@ pub(super) fn bias(cx: &mut Context<'_>) -> Request {
     let b = world_equations(cx.g, cx.frames, cx.model, Some(&rates)).bias;
     Request {
         arguments: vec![cx.symbols.q(), cx.symbols.qd()],
-        output: output("b", &[b.len()], "b = -(dA/dt) qd, so that A qdd = b (Eq. 7)"),
+        output: output(
+            "b",
+            &[b.len()],
+            "b = -(dA/dt) qd, so that A qdd = b (Eq. 7)",
+        ),
         groups: vec![group("b (Eq. 7)", b)],
     }
 }
@@ -91,12 +99,21 @@ pub(super) fn all_velocities(cx: &mut Context<'_>, independent: &[Ex]) -> Vec<Ex
 
 /// All accelerations from the independent ones: `A_e qdd_e = b - A_i qdd_i`,
 /// with the bias polar in the velocities of `rates`.
-pub(super) fn all_accelerations(cx: &mut Context<'_>, independent: &[Ex], rates: &Rates) -> Vec<Ex> {
+pub(super) fn all_accelerations(
+    cx: &mut Context<'_>,
+    independent: &[Ex],
+    rates: &Rates,
+) -> Vec<Ex> {
     let zero = vec![Ex::ZERO; cx.model.coordinates.len()];
     all_rates(cx, independent, &zero, Some(rates))
 }
 
-fn all_rates(cx: &mut Context<'_>, independent: &[Ex], start: &[Ex], rates: Option<&Rates>) -> Vec<Ex> {
+fn all_rates(
+    cx: &mut Context<'_>,
+    independent: &[Ex],
+    start: &[Ex],
+    rates: Option<&Rates>,
+) -> Vec<Ex> {
     let mut all = start.to_vec();
     for (c, value) in cx.model.independent.iter().zip(independent) {
         all[*c] = *value;

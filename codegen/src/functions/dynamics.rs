@@ -124,7 +124,10 @@ pub(super) fn inverse_dynamics(cx: &mut Context<'_>) -> Request {
             cx.symbols.qdd(),
             cx.symbols.phi(),
         ],
-        output: forces_output(cx, "(K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`"),
+        output: forces_output(
+            cx,
+            "(K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`",
+        ),
         groups: vec![group("tau (Eq. 11)", tau)],
     }
 }
@@ -167,7 +170,11 @@ pub(super) fn mass_matrix(cx: &mut Context<'_>) -> Request {
     let width = matrix.len();
     Request {
         arguments: vec![cx.symbols.q(), cx.symbols.phi()],
-        output: output("m", &[width, width], "M = J^T M_tree J, J = [1; -X]; rotors included"),
+        output: output(
+            "m",
+            &[width, width],
+            "M = J^T M_tree J, J = [1; -X]; rotors included",
+        ),
         groups: vec![group("M", matrix.into_iter().flatten().collect())],
     }
 }

@@ -81,7 +81,11 @@ impl Symbols {
     }
 
     pub(super) fn q(&self) -> (Argument, Vec<SymbolId>) {
-        Self::argument("q", "coordinates, rad or m, in the order of `COORDINATES`", self.q.clone())
+        Self::argument(
+            "q",
+            "coordinates, rad or m, in the order of `COORDINATES`",
+            self.q.clone(),
+        )
     }
 
     pub(super) fn qd(&self) -> (Argument, Vec<SymbolId>) {
@@ -94,7 +98,11 @@ impl Symbols {
 
     pub(super) fn qd_i(&self) -> (Argument, Vec<SymbolId>) {
         let ids = self.independent.iter().map(|c| self.qd[*c]).collect();
-        Self::argument("qd_i", "velocities of the independent coordinates, in the order of `INDEPENDENT`", ids)
+        Self::argument(
+            "qd_i",
+            "velocities of the independent coordinates, in the order of `INDEPENDENT`",
+            ids,
+        )
     }
 
     pub(super) fn qdd_i(&self) -> (Argument, Vec<SymbolId>) {
@@ -103,18 +111,34 @@ impl Symbols {
     }
 
     pub(super) fn phi(&self) -> (Argument, Vec<SymbolId>) {
-        Self::argument("phi", "dynamic parameters, SI, in the order of `PARAMETERS`", self.phi.clone())
+        Self::argument(
+            "phi",
+            "dynamic parameters, SI, in the order of `PARAMETERS`",
+            self.phi.clone(),
+        )
     }
 
     pub(super) fn tau(&self) -> (Argument, Vec<SymbolId>) {
-        Self::argument("tau", "efforts of the actuated coordinates, N m or N, in the order of `ACTUATED`", self.tau.clone())
+        Self::argument(
+            "tau",
+            "efforts of the actuated coordinates, N m or N, in the order of `ACTUATED`",
+            self.tau.clone(),
+        )
     }
 
     pub(super) fn qd_r(&self) -> (Argument, Vec<SymbolId>) {
-        Self::argument("qd_r", "reference velocities of the independent coordinates", self.qd_r.clone())
+        Self::argument(
+            "qd_r",
+            "reference velocities of the independent coordinates",
+            self.qd_r.clone(),
+        )
     }
 
     pub(super) fn qdd_r(&self) -> (Argument, Vec<SymbolId>) {
-        Self::argument("qdd_r", "reference accelerations of the independent coordinates", self.qdd_r.clone())
+        Self::argument(
+            "qdd_r",
+            "reference accelerations of the independent coordinates",
+            self.qdd_r.clone(),
+        )
     }
 }

@@ -66,7 +66,13 @@ pub struct Chain {
 impl Chain {
     /// Follows `path`, a list of links each standing on the one before.
     /// Rates may be left out where only the pose and the axes are needed.
-    pub fn follow(g: &mut Graph, frames: &Frames, path: &[usize], start: &Start, rates: Option<&Rates>) -> Chain {
+    pub fn follow(
+        g: &mut Graph,
+        frames: &Frames,
+        path: &[usize],
+        start: &Start,
+        rates: Option<&Rates>,
+    ) -> Chain {
         let mut chain = Chain {
             rotation: start.rotation,
             origin: start.origin,

@@ -140,8 +140,12 @@ impl Frames {
         for link in &model.links {
             let name = |c: usize| model.coordinates[c].name.as_str();
             let turning = link.motion.and_then(|m| {
-                (m.kind == MotionKind::Rotation)
-                    .then(|| (m.axis, g.coordinate_angle(name(m.coordinate), &Number::zero())))
+                (m.kind == MotionKind::Rotation).then(|| {
+                    (
+                        m.axis,
+                        g.coordinate_angle(name(m.coordinate), &Number::zero()),
+                    )
+                })
             });
             let (fixed, mut offset) = frames.placement(g, &link.placement);
             if let Some(m) = link.motion

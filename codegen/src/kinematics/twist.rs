@@ -51,7 +51,10 @@ pub fn twists(g: &mut Graph, frames: &Frames, model: &Model) -> Vec<Vec<(usize, 
             own.push((coordinate, Twist::of_joint(kind, axis)));
         }
         for (coordinate, twist) in &own {
-            let (link, coordinate) = (&model.links[link].name, &model.coordinates[*coordinate].name);
+            let (link, coordinate) = (
+                &model.links[link].name,
+                &model.coordinates[*coordinate].name,
+            );
             for (axis, letter) in ["x", "y", "z"].iter().enumerate() {
                 g.name(twist.e[axis], || format!("e_{link}_{coordinate}{letter}"));
                 g.name(twist.u[axis], || format!("u_{link}_{coordinate}{letter}"));

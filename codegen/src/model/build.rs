@@ -184,7 +184,13 @@ fn add_limbs(spec: &Spec, model: &mut Model) {
     }
 }
 
-fn add_limb(limb: &spec::Limb, from: Option<usize>, coordinate: usize, body: usize, model: &mut Model) {
+fn add_limb(
+    limb: &spec::Limb,
+    from: Option<usize>,
+    coordinate: usize,
+    body: usize,
+    model: &mut Model,
+) {
     let (mut coordinate, mut body) = (coordinate, body);
     let mut parent = from;
     let mut pending = placement(&limb.base);

@@ -102,8 +102,13 @@ fn split(angles: &Angles, angle: &Angle) -> Option<(Angle, Angle, bool)> {
         }
         let rest = angle.plus(&part, &if sign { one.neg() } else { one.clone() });
         let leads = rest.terms.first().is_some_and(|t| !t.1.is_negative());
-        let simpler = rest.terms.len() == 1 || angles.wanted(&rest) || split(angles, &rest).is_some();
-        if leads && angles.wanted(&part) && simpler && (rest.terms.len() > 1 || angles.wanted(&rest)) {
+        let simpler =
+            rest.terms.len() == 1 || angles.wanted(&rest) || split(angles, &rest).is_some();
+        if leads
+            && angles.wanted(&part)
+            && simpler
+            && (rest.terms.len() > 1 || angles.wanted(&rest))
+        {
             return Some((rest, part, sign));
         }
     }
@@ -112,8 +117,8 @@ fn split(angles: &Angles, angle: &Angle) -> Option<(Angle, Angle, bool)> {
 
 /// The linear form itself, then its sine and cosine.
 fn direct(target: &mut impl Target, angle: &Angle) -> (Operand, Operand) {
-    let mut sum: Option<Operand> = (!angle.constant.is_zero())
-        .then(|| Operand::Constant(angle.constant.to_f64()));
+    let mut sum: Option<Operand> =
+        (!angle.constant.is_zero()).then(|| Operand::Constant(angle.constant.to_f64()));
     for (symbol, coefficient) in &angle.terms {
         let (operand, _) = target.symbol(*symbol);
         let factor = Operand::Constant(coefficient.to_f64());

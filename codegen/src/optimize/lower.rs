@@ -58,14 +58,16 @@ pub fn lower(g: &Graph, request: Request) -> Program {
             outputs: first_output..outputs.len(),
         });
     }
-    Program {
+    let mut program = Program {
         arguments,
         steps: lowering.steps,
         groups,
         output: request.output,
         outputs,
         names: lowering.names,
-    }
+    };
+    program.drop_unused();
+    program
 }
 
 /// How often each node is used by the nodes that are computed.
@@ -185,7 +187,8 @@ impl Lowering<'_> {
     /// The nodes whose values a node's step takes.
     fn needs(&self, ex: Ex) -> Vec<Ex> {
         match self.g.node(ex) {
-            Node::Add(a, b) | Node::Sub(a, b) => match (self.lone_product(a), self.lone_product(b)) {
+            Node::Add(a, b) | Node::Sub(a, b) => match (self.lone_product(a), self.lone_product(b))
+            {
                 (_, Some((x, y))) => vec![a, x, y],
                 (Some((x, y)), None) => vec![x, y, b],
                 (None, None) => vec![a, b],
@@ -203,7 +206,11 @@ impl Lowering<'_> {
             Node::Constant(id) => return Operand::Constant(self.g.number(id).to_f64()),
             Node::Symbol(id) => {
                 // every symbol of a request's outputs is one of its arguments
-                return self.inputs.get(&id).copied().unwrap_or(Operand::Constant(f64::NAN));
+                return self
+                    .inputs
+                    .get(&id)
+                    .copied()
+                    .unwrap_or(Operand::Constant(f64::NAN));
             }
             Node::Neg(a) => match at(&a) {
                 Operand::Constant(c) => return Operand::Constant(-c),

@@ -179,6 +179,38 @@ impl Program {
         count
     }
 
+    /// Drops steps whose results nobody uses: angles are lowered in pairs, and
+    /// sometimes one of a pair is enough.
+    pub(super) fn drop_unused(&mut self) {
+        let mut used = vec![false; self.names.len()];
+        let mark = |operand: &Operand, used: &mut Vec<bool>| {
+            if let Operand::Temp(t) = operand {
+                used[t.0 as usize] = true;
+            }
+        };
+        self.outputs.iter().for_each(|o| mark(o, &mut used));
+        let mut keep = vec![false; self.steps.len()];
+        for (index, step) in self.steps.iter().enumerate().rev() {
+            if step.results.iter().any(|t| used[t.0 as usize]) {
+                keep[index] = true;
+                step.op.operands().iter().for_each(|o| mark(o, &mut used));
+            }
+        }
+        // new step numbers: how many are kept before each
+        let mut number = Vec::with_capacity(keep.len() + 1);
+        let mut count = 0;
+        for kept in &keep {
+            number.push(count);
+            count += usize::from(*kept);
+        }
+        number.push(count);
+        for group in &mut self.groups {
+            group.steps = number[group.steps.start]..number[group.steps.end];
+        }
+        let mut kept = keep.iter();
+        self.steps.retain(|_| kept.next().copied().unwrap_or(false));
+    }
+
     /// Whether the program solves linear systems, so that it has a condition.
     pub fn solves(&self) -> bool {
         self.steps.iter().any(|s| matches!(s.op, Op::Solve(_)))

@@ -98,7 +98,10 @@ impl Angle {
             || self.constant.clone(),
             |h| self.constant.sub(&h.mul(&quarters)),
         );
-        (floor.rem_euclid(&IBig::from(4)).try_into().unwrap_or(0), rest)
+        (
+            floor.rem_euclid(&IBig::from(4)).try_into().unwrap_or(0),
+            rest,
+        )
     }
 }
 

@@ -114,6 +114,7 @@ pub struct Graph {
     symbol_lookup: FxHashMap<String, SymbolId>,
     systems: Vec<System>,
     names: FxHashMap<Ex, String>,
+    naming: bool,
 }
 
 impl Default for Graph {
@@ -136,6 +137,7 @@ impl Graph {
             symbol_lookup: FxHashMap::default(),
             systems: Vec::new(),
             names: FxHashMap::default(),
+            naming: true,
         };
         graph.constant(Number::zero());
         graph.constant(Number::one());
@@ -270,6 +272,9 @@ impl Graph {
     /// Suggests a name for a value in the generated code; the first one stays.
     /// Constants and symbols have names of their own.
     pub fn name(&mut self, ex: Ex, name: impl FnOnce() -> String) {
+        if !self.naming {
+            return;
+        }
         let target = match self.node(ex) {
             Node::Neg(inner) => inner,
             _ => ex,
@@ -281,6 +286,11 @@ impl Graph {
             return;
         }
         self.names.entry(target).or_insert_with(name);
+    }
+
+    /// Whether suggested names are taken: not while alternatives are tried.
+    pub fn set_naming(&mut self, on: bool) {
+        self.naming = on;
     }
 
     /// The suggested name of a value.

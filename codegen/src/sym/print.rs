@@ -42,13 +42,24 @@ fn render(graph: &Graph, ex: Ex) -> (String, Level) {
             (number, level)
         }
         Node::Symbol(id) => (graph.symbol_name(id).to_owned(), Level::Atom),
-        Node::Neg(a) => (format!("-{}", wrap(sub(a), Level::Product)), Level::Negative),
+        Node::Neg(a) => (
+            format!("-{}", wrap(sub(a), Level::Product)),
+            Level::Negative,
+        ),
         Node::Add(a, b) => (
-            format!("{} + {}", wrap(sub(a), Level::Sum), wrap(sub(b), Level::Negative)),
+            format!(
+                "{} + {}",
+                wrap(sub(a), Level::Sum),
+                wrap(sub(b), Level::Negative)
+            ),
             Level::Sum,
         ),
         Node::Sub(a, b) => (
-            format!("{} - {}", wrap(sub(a), Level::Sum), wrap(sub(b), Level::Product)),
+            format!(
+                "{} - {}",
+                wrap(sub(a), Level::Sum),
+                wrap(sub(b), Level::Product)
+            ),
             Level::Sum,
         ),
         Node::Mul(a, b) => {
@@ -58,14 +69,27 @@ fn render(graph: &Graph, ex: Ex) -> (String, Level) {
                 Node::Mul(..) => format!("({})", sub(b).0),
                 _ => wrap(sub(b), Level::Product),
             };
-            (format!("{}*{}", wrap(sub(a), Level::Product), right), Level::Product)
+            (
+                format!("{}*{}", wrap(sub(a), Level::Product), right),
+                Level::Product,
+            )
         }
         Node::Div(a, b) => (
-            format!("{}/{}", wrap(sub(a), Level::Product), wrap(sub(b), Level::Atom)),
+            format!(
+                "{}/{}",
+                wrap(sub(a), Level::Product),
+                wrap(sub(b), Level::Atom)
+            ),
             Level::Product,
         ),
-        Node::Sin(id) => (format!("sin({})", angle_text(graph, graph.angle(id))), Level::Atom),
-        Node::Cos(id) => (format!("cos({})", angle_text(graph, graph.angle(id))), Level::Atom),
+        Node::Sin(id) => (
+            format!("sin({})", angle_text(graph, graph.angle(id))),
+            Level::Atom,
+        ),
+        Node::Cos(id) => (
+            format!("cos({})", angle_text(graph, graph.angle(id))),
+            Level::Atom,
+        ),
         Node::Sign(a) => (format!("sgn({})", sub(a).0), Level::Atom),
         Node::Positive(a) => (format!("[{} > 0]", sub(a).0), Level::Atom),
         Node::Negative(a) => (format!("[{} < 0]", sub(a).0), Level::Atom),

@@ -213,7 +213,11 @@ impl Graph {
                 });
                 let square = self.mul(other, other);
                 // l - r = 1 - x^2, or x^2 - 1
-                Some(if l.is_empty() { square } else { self.neg(square) })
+                Some(if l.is_empty() {
+                    square
+                } else {
+                    self.neg(square)
+                })
             }
             ([x, y], [z, w]) => {
                 let (x_sin, xa) = trig(self, *x)?;
@@ -498,8 +502,15 @@ mod tests {
         let q = g.coordinate_angle("q", &Number::zero());
         let (s, c) = g.sin_cos(&q);
         let half_pi = Number::pi().div(&Number::from_i64(2)).unwrap();
-        for (turns, sin, cos) in [(1, "cos(q)", "-sin(q)"), (2, "-sin(q)", "-cos(q)"), (-1, "-cos(q)", "sin(q)")] {
-            let angle = q.plus(&Angle::constant(half_pi.mul(&Number::from_i64(turns))), &Number::one());
+        for (turns, sin, cos) in [
+            (1, "cos(q)", "-sin(q)"),
+            (2, "-sin(q)", "-cos(q)"),
+            (-1, "-cos(q)", "sin(q)"),
+        ] {
+            let angle = q.plus(
+                &Angle::constant(half_pi.mul(&Number::from_i64(turns))),
+                &Number::one(),
+            );
             let (s2, c2) = g.sin_cos(&angle);
             assert_eq!((text(&g, s2).as_str(), text(&g, c2).as_str()), (sin, cos));
         }

@@ -20,12 +20,20 @@ pub const IDENTITY: M3 = [
 impl Graph {
     /// `a + b`.
     pub fn add3(&mut self, a: &V3, b: &V3) -> V3 {
-        [self.add(a[0], b[0]), self.add(a[1], b[1]), self.add(a[2], b[2])]
+        [
+            self.add(a[0], b[0]),
+            self.add(a[1], b[1]),
+            self.add(a[2], b[2]),
+        ]
     }
 
     /// `a - b`.
     pub fn sub3(&mut self, a: &V3, b: &V3) -> V3 {
-        [self.sub(a[0], b[0]), self.sub(a[1], b[1]), self.sub(a[2], b[2])]
+        [
+            self.sub(a[0], b[0]),
+            self.sub(a[1], b[1]),
+            self.sub(a[2], b[2]),
+        ]
     }
 
     /// `-a`.
@@ -61,7 +69,11 @@ impl Graph {
 
     /// `M v`.
     pub fn mul_mv(&mut self, m: &M3, v: &V3) -> V3 {
-        [self.dot3(&m[0], v), self.dot3(&m[1], v), self.dot3(&m[2], v)]
+        [
+            self.dot3(&m[0], v),
+            self.dot3(&m[1], v),
+            self.dot3(&m[2], v),
+        ]
     }
 
     /// `M^T v`.
