@@ -1,1 +1,9 @@
-//! placeholder
+//! What the engine is judged by: a second derivation of every quantity, written from the
+//! robotics alone, and the comparison of an engine with it.
+//!
+//! Nothing here uses the derivation of the other crates. The computations are dense, numeric
+//! and naive on purpose: 4x4 matrices, dual numbers, least squares.
+
+pub mod engine;
+pub mod files;
+pub mod reference;

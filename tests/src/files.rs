@@ -1,0 +1,75 @@
+//! Where the spec files stand.
+
+use std::path::{Path, PathBuf};
+
+use crate::reference::Mechanism;
+
+/// The folder of this package.
+pub fn package() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// The folder of the robots that are shipped.
+pub fn robots() -> PathBuf {
+    package().join("../robots")
+}
+
+/// The mechanisms for the harder checks.
+pub fn mechanisms() -> PathBuf {
+    package().join("mechanisms")
+}
+
+/// The published vectors and their specs.
+pub fn oracle() -> PathBuf {
+    package().join("oracle")
+}
+
+/// One folder per mechanism; the files in a folder open it at different joints.
+pub fn pairs() -> PathBuf {
+    package().join("pairs")
+}
+
+/// The files of a folder with an extension, by name.
+///
+/// # Errors
+/// When the folder cannot be read or holds none.
+pub fn list(folder: &Path, extension: &str) -> Result<Vec<PathBuf>, String> {
+    let entries = std::fs::read_dir(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+    let mut files: Vec<PathBuf> = entries
+        .filter_map(Result::ok)
+        .map(|entry| entry.path())
+        .filter(|path| path.extension().is_some_and(|e| e == extension))
+        .collect();
+    files.sort();
+    if files.is_empty() {
+        return Err(format!("{}: no *.{extension}", folder.display()));
+    }
+    Ok(files)
+}
+
+/// The folders within a folder, by name.
+///
+/// # Errors
+/// When the folder cannot be read or holds none.
+pub fn folders(folder: &Path) -> Result<Vec<PathBuf>, String> {
+    let entries = std::fs::read_dir(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+    let mut found: Vec<PathBuf> = entries
+        .filter_map(Result::ok)
+        .map(|entry| entry.path())
+        .filter(|path| path.is_dir())
+        .collect();
+    found.sort();
+    if found.is_empty() {
+        return Err(format!("{}: no folders", folder.display()));
+    }
+    Ok(found)
+}
+
+/// Reads a mechanism from a spec file.
+///
+/// # Errors
+/// When the file cannot be read or is no spec; the message names the file.
+pub fn mechanism(path: &Path) -> Result<Mechanism, String> {
+    let text = std::fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;
+    Mechanism::from_yaml(&text).map_err(|e| format!("{}: {e}", path.display()))
+}

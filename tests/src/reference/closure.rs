@@ -1,0 +1,189 @@
+//! The closure: residual rows, Jacobian and bias by duals, Newton's method and continuation.
+
+use nalgebra::{DMatrix, DVector};
+use num_dual::{Dual, Dual2, Dual2_64, Dual64};
+
+use super::mechanism::{CutKind, CutSide, Mechanism};
+use super::scalar::{Mat4, Scalar, axis, dot, lift, mul, position, sub};
+
+impl Mechanism {
+    /// The rows of f (Eq. 6): cuts in order, then couplings.
+    pub fn constraints<T: Scalar>(&self, q: &[T]) -> Vec<T> {
+        let frames = self.frames(q);
+        let mut out = Vec::with_capacity(self.rows());
+        for cut in &self.cuts {
+            let [a, b] = cut.sides.each_ref().map(|side| place(side, &frames));
+            let gap = sub(&position(&b), &position(&a));
+            // Axis i of A with axis j of B.
+            let angle = |i: usize, j: usize| dot(&axis(&a, i), &axis(&b, j));
+            let along = |i: usize| dot(&axis(&a, i), &gap);
+            match cut.kind {
+                CutKind::Spherical => out.extend(gap),
+                CutKind::Universal => {
+                    out.extend(gap);
+                    out.push(angle(0, 1));
+                }
+                CutKind::Revolute => {
+                    out.extend(gap);
+                    out.extend([angle(0, 2), angle(1, 2)]);
+                }
+                CutKind::Cylindrical => {
+                    out.extend([angle(0, 2), angle(1, 2), along(0), along(1)]);
+                }
+                CutKind::Prismatic => {
+                    out.extend([along(0), along(1)]);
+                    out.extend([angle(0, 1), angle(0, 2), angle(1, 2)]);
+                }
+                CutKind::Fixed => {
+                    out.extend(gap);
+                    out.extend([angle(0, 1), angle(0, 2), angle(1, 2)]);
+                }
+            }
+        }
+        for coupling in &self.couplings {
+            let mut row = q[coupling.key] - coupling.constant;
+            for (c, x) in coupling.coefficients.iter().zip(q) {
+                row -= *x * *c;
+            }
+            out.push(row);
+        }
+        out
+    }
+
+    /// A = df/dq, all rows.
+    pub fn jacobian(&self, q: &[f64]) -> DMatrix<f64> {
+        let mut out = DMatrix::zeros(self.rows(), self.n());
+        for k in 0..self.n() {
+            let mut along: Vec<Dual64> = q.iter().map(|x| Dual::from_re(*x)).collect();
+            along[k].eps = 1.0;
+            for (i, row) in self.constraints(&along).iter().enumerate() {
+                out[(i, k)] = row.eps;
+            }
+        }
+        out
+    }
+
+    /// dA/dt along qd, all rows.
+    pub fn jacobian_rate(&self, q: &[f64], qd: &[f64]) -> DMatrix<f64> {
+        let mut out = DMatrix::zeros(self.rows(), self.n());
+        for k in 0..self.n() {
+            let along: Vec<Dual<Dual64>> = (0..self.n())
+                .map(|i| {
+                    let unit = Dual::from_re(f64::from(u8::from(i == k)));
+                    Dual::new(Dual::new(q[i], qd[i]), unit)
+                })
+                .collect();
+            for (i, row) in self.constraints(&along).iter().enumerate() {
+                out[(i, k)] = row.eps.eps;
+            }
+        }
+        out
+    }
+
+    /// b of A qdd = b (Eq. 7): minus the second derivative of f along q + t qd.
+    pub fn bias(&self, q: &[f64], qd: &[f64]) -> Vec<f64> {
+        let along: Vec<Dual2_64> = (0..self.n())
+            .map(|k| Dual2::new(q[k], qd[k], 0.0))
+            .collect();
+        self.constraints(&along).iter().map(|row| -row.v2).collect()
+    }
+
+    /// The largest entry of f.
+    pub fn residual(&self, q: &[f64]) -> f64 {
+        self.constraints(q).iter().fold(0.0, |m, x| m.max(x.abs()))
+    }
+
+    /// Closes the loops by damped Newton over the dependent coordinates.
+    ///
+    /// # Errors
+    /// When the steps stop reducing the residual above rounding, or A_e loses rank.
+    pub fn close(&self, q: &[f64]) -> Result<Vec<f64>, String> {
+        let mut q = q.to_vec();
+        let mut residual = self.norm(&q);
+        for _ in 0..100 {
+            if residual < 1e-15 {
+                break;
+            }
+            let f = DVector::from_vec(self.constraints(&q));
+            let step = self.solve_dependent(&self.jacobian(&q), &DMatrix::from_columns(&[f]))?;
+            let mut damping = 1.0;
+            let mut better = None;
+            while damping > 1e-4 {
+                let mut trial = q.clone();
+                for (i, k) in self.dependent.iter().enumerate() {
+                    trial[*k] -= damping * step[(i, 0)];
+                }
+                let norm = self.norm(&trial);
+                if norm < residual {
+                    better = Some((trial, norm));
+                    break;
+                }
+                damping /= 2.0;
+            }
+            match better {
+                Some((trial, norm)) => (q, residual) = (trial, norm),
+                None => break,
+            }
+        }
+        // Rows are lengths of metres and cosines: a few roundings of unit numbers remain.
+        if residual < 1e-13 {
+            Ok(q)
+        } else {
+            Err(format!("{}: not closed, residual {residual:e}", self.name))
+        }
+    }
+
+    fn norm(&self, q: &[f64]) -> f64 {
+        DVector::from_vec(self.constraints(q)).norm()
+    }
+
+    /// Home: the guess of the spec, closed.
+    ///
+    /// # Errors
+    /// When it does not close, or closes at a singularity.
+    pub fn home(&self) -> Result<Vec<f64>, String> {
+        self.close(&self.home_guess)
+    }
+
+    /// Follows the straight line of the independent coordinates from a closed state to given
+    /// values, staying on the assembly branch.
+    ///
+    /// # Errors
+    /// When a step does not close, or crosses or comes near a singularity.
+    pub fn follow(&self, start: &[f64], target: &[f64]) -> Result<Vec<f64>, String> {
+        let from: Vec<f64> = self.independent.iter().map(|k| start[*k]).collect();
+        let distance = from
+            .iter()
+            .zip(target)
+            .fold(0.0_f64, |m, (a, b)| m.max((b - a).abs()));
+        let steps = (distance / 0.02).ceil().max(1.0);
+        let mut q = start.to_vec();
+        let mut a_e = self.dependent_columns(&self.jacobian(&q));
+        for step in 1..=steps as usize {
+            let part = step as f64 / steps;
+            let mut move_i = vec![0.0; self.dof()];
+            for (i, k) in self.independent.iter().enumerate() {
+                move_i[i] = from[i] + part * (target[i] - from[i]) - q[*k];
+            }
+            let change = self.velocities(&q, &move_i)?;
+            let predicted: Vec<f64> = q.iter().zip(&change).map(|(x, d)| x + d).collect();
+            q = self.close(&predicted)?;
+            let next = self.dependent_columns(&self.jacobian(&q));
+            // Over a short step det(A^T A') has the sign of det A det A' of any regular rows.
+            if (a_e.transpose() * &next).determinant() <= 0.0 {
+                return Err(format!("{}: a singularity on the way", self.name));
+            }
+            a_e = next;
+        }
+        Ok(q)
+    }
+}
+
+/// The frame of a cut's side in the world.
+fn place<T: Scalar>(side: &CutSide, frames: &[Mat4<T>]) -> Mat4<T> {
+    let offset = lift(&side.offset);
+    match side.node {
+        Some(node) => mul(&frames[node], &offset),
+        None => offset,
+    }
+}

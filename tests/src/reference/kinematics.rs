@@ -1,0 +1,69 @@
+//! Frames by products of matrices, for real and dual coordinates, and motion along a curve.
+
+use num_dual::{Dual2, Dual2_64};
+
+use super::mechanism::{JointMotion, Mechanism};
+use super::scalar::{Mat4, Scalar, lift, mul, shift, turn};
+
+/// The frame of a node with its first and second time derivatives.
+#[derive(Clone, Debug)]
+pub struct Motion {
+    /// The frame.
+    pub pose: Mat4<f64>,
+    /// Its rate.
+    pub rate: Mat4<f64>,
+    /// The rate of its rate.
+    pub second: Mat4<f64>,
+}
+
+impl Mechanism {
+    /// The frames of all nodes in the world.
+    pub fn frames<T: Scalar>(&self, q: &[T]) -> Vec<Mat4<T>> {
+        let mut out: Vec<Mat4<T>> = Vec::with_capacity(self.nodes.len());
+        for node in &self.nodes {
+            let offset = lift(&node.offset);
+            let placed = match node.parent {
+                Some(parent) => mul(&out[parent], &offset),
+                None => offset,
+            };
+            out.push(match node.motion {
+                JointMotion::Fixed => placed,
+                JointMotion::Turn(axis, k) => mul(&placed, &turn(axis.index(), q[k])),
+                JointMotion::Slide(axis, k) => mul(&placed, &shift(axis.index(), q[k])),
+            });
+        }
+        out
+    }
+
+    /// The frames of all nodes and their time derivatives along q(t) with these derivatives.
+    pub fn motions(&self, q: &[f64], qd: &[f64], qdd: &[f64]) -> Vec<Motion> {
+        let along: Vec<Dual2_64> = (0..self.n())
+            .map(|k| Dual2::new(q[k], qd[k], qdd[k]))
+            .collect();
+        self.frames(&along)
+            .iter()
+            .map(|m| Motion {
+                pose: m.map(|row| row.map(|x| x.re)),
+                rate: m.map(|row| row.map(|x| x.v1)),
+                second: m.map(|row| row.map(|x| x.v2)),
+            })
+            .collect()
+    }
+
+    /// The bodies' frames: rotation row by row, then the origin.
+    pub fn poses(&self, q: &[f64]) -> Vec<[f64; 12]> {
+        let frames = self.frames(q);
+        self.bodies
+            .iter()
+            .map(|body| {
+                let m = &frames[body.node];
+                let mut out = [0.0; 12];
+                for i in 0..3 {
+                    out[3 * i..3 * i + 3].copy_from_slice(&m[i][..3]);
+                    out[9 + i] = m[i][3];
+                }
+                out
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,314 @@
+//! A mechanism from the YAML of its spec. It trusts the file: finding a user's mistakes is the
+//! engine's task, here a mistake only has to be some error.
+
+use std::collections::BTreeMap;
+
+use serde_yaml::Value;
+
+use super::expr::evaluate;
+use super::load_fields::{Names, dh, entries, list, placement, scalar, text, vector};
+use super::mechanism::{
+    Axis, Body, Coupling, Cut, CutKind, CutSide, Friction, JointMotion, Mechanism, Node,
+    PARAMETERS_PER_BODY, Parameter,
+};
+use super::random::PhysicalBody;
+use super::scalar::identity;
+
+impl Mechanism {
+    /// Reads a spec.
+    ///
+    /// # Errors
+    /// When the text is no spec.
+    pub fn from_yaml(yaml: &str) -> Result<Mechanism, String> {
+        let spec: Value = serde_yaml::from_str(yaml).map_err(|e| e.to_string())?;
+        let mut names = Names::new();
+        for (name, value) in entries(&spec, "geometry")? {
+            let value = scalar(value, &names)?;
+            names.insert(name, value);
+        }
+        let gravity = spec
+            .get("gravity")
+            .map_or(Ok([0.0, 0.0, -9.81]), |v| vector(v, &names))?;
+        let mut tree = Tree::default();
+        for limb in list(&spec, "limbs")? {
+            tree.limb(limb, &names).map_err(|e| in_item(limb, &e))?;
+        }
+        let cuts = list(&spec, "cuts")?
+            .iter()
+            .map(|cut| tree.cut(cut, &names).map_err(|e| in_item(cut, &e)))
+            .collect::<Result<_, _>>()?;
+        let couplings = entries(&spec, "couplings")?
+            .iter()
+            .map(|(key, form)| tree.coupling(key, form, &names))
+            .collect::<Result<Vec<_>, _>>()?;
+        for (label, value) in entries(&spec, "bodies")? {
+            tree.nominal_body(&label, value, &names)?;
+        }
+        let independent = match spec.get("independent") {
+            None => tree.actuated.clone(),
+            Some(_) => list(&spec, "independent")?
+                .iter()
+                .map(|v| tree.coordinate(&text(v)?))
+                .collect::<Result<_, _>>()?,
+        };
+        let n = tree.coordinates.len();
+        let dependent = (0..n).filter(|k| !independent.contains(k)).collect();
+        let mut home_guess = vec![0.0; n];
+        for (name, value) in entries(&spec, "home")? {
+            home_guess[tree.coordinate(&name)?] = scalar(value, &names)?;
+        }
+        Ok(Mechanism {
+            name: text(spec.get("name").ok_or("no name")?)?,
+            gravity,
+            parameters: tree.parameters(),
+            coordinates: tree.coordinates,
+            nodes: tree.nodes,
+            bodies: tree.bodies,
+            cuts,
+            couplings,
+            independent,
+            dependent,
+            actuated: tree.actuated,
+            friction: tree.friction,
+            rotor: tree.rotor,
+            home_guess,
+            nominal: tree.nominal,
+        })
+    }
+}
+
+fn in_item(item: &Value, error: &str) -> String {
+    let name = item.get("name").map_or(Ok(String::new()), text);
+    format!("'{}': {error}", name.unwrap_or_default())
+}
+
+/// A constant plus multiples of names, from its text: `-q2 + pi`, `Ixy(3)` is no name here.
+///
+/// # Errors
+/// When the text is no expression in the names and the constants.
+pub fn linear_form(
+    form: &str,
+    names: &[String],
+    constants: &BTreeMap<String, f64>,
+) -> Result<(f64, Vec<f64>), String> {
+    let at = |unit: Option<usize>| {
+        evaluate(form, &|name| match names.iter().position(|n| n == name) {
+            Some(k) => Some(if unit == Some(k) { 1.0 } else { 0.0 }),
+            None => constants.get(name).copied(),
+        })
+    };
+    let constant = at(None)?;
+    let coefficients = (0..names.len())
+        .map(|k| Ok(at(Some(k))? - constant))
+        .collect::<Result<_, String>>()?;
+    Ok((constant, coefficients))
+}
+
+#[derive(Default)]
+struct Tree {
+    nodes: Vec<Node>,
+    bodies: Vec<Body>,
+    coordinates: Vec<String>,
+    actuated: Vec<usize>,
+    friction: Vec<Friction>,
+    rotor: Vec<bool>,
+    nominal: BTreeMap<String, f64>,
+}
+
+impl Tree {
+    fn coordinate(&self, name: &str) -> Result<usize, String> {
+        self.coordinates
+            .iter()
+            .position(|c| c == name)
+            .ok_or_else(|| format!("no coordinate {name}"))
+    }
+
+    /// The node of a body, `None` for the world or a missing label.
+    fn node_of(&self, label: Option<&Value>) -> Result<Option<usize>, String> {
+        let Some(label) = label else { return Ok(None) };
+        let label = text(label)?;
+        if label == "world" {
+            return Ok(None);
+        }
+        match self.bodies.iter().find(|b| b.label == label) {
+            Some(body) => Ok(Some(body.node)),
+            None => Err(format!("no body {label}")),
+        }
+    }
+
+    fn limb(&mut self, limb: &Value, names: &Names) -> Result<(), String> {
+        let from = self.node_of(limb.get("from"))?;
+        let base = limb
+            .get("base")
+            .map_or(Ok(identity()), |v| placement(v, names))?;
+        self.nodes.push(Node {
+            parent: from,
+            offset: base,
+            motion: JointMotion::Fixed,
+        });
+        for joint in list(limb, "joints")? {
+            self.joint(joint, names).map_err(|e| in_item(joint, &e))?;
+        }
+        Ok(())
+    }
+
+    fn joint(&mut self, joint: &Value, names: &Names) -> Result<(), String> {
+        let offset = match (joint.get("dh"), joint.get("origin")) {
+            (Some(row), None) => dh(row, names)?,
+            (None, Some(origin)) => placement(origin, names)?,
+            (None, None) => identity(),
+            (Some(_), Some(_)) => return Err("both dh and origin".into()),
+        };
+        let axis = match joint.get("axis").map(text).transpose()?.as_deref() {
+            None | Some("z") => Axis::Z,
+            Some("y") => Axis::Y,
+            Some("x") => Axis::X,
+            Some(other) => return Err(format!("no axis {other}")),
+        };
+        let kind = text(joint.get("type").ok_or("no type")?)?;
+        let turns = JointMotion::Turn as fn(Axis, usize) -> JointMotion;
+        let slides = JointMotion::Slide as fn(Axis, usize) -> JointMotion;
+        let (single, motions) = match kind.as_str() {
+            "revolute" => (true, vec![(turns, axis)]),
+            "prismatic" => (true, vec![(slides, axis)]),
+            "cylindrical" => (false, vec![(turns, Axis::Z), (slides, Axis::Z)]),
+            "universal" => (false, vec![(turns, Axis::X), (turns, Axis::Y)]),
+            "spherical" => (
+                false,
+                vec![(turns, Axis::Z), (turns, Axis::Y), (turns, Axis::X)],
+            ),
+            "fixed" => (false, Vec::new()),
+            _ => return Err(format!("no joint type {kind}")),
+        };
+        self.nodes.push(Node {
+            parent: Some(self.nodes.len() - 1),
+            offset,
+            motion: JointMotion::Fixed,
+        });
+        for (k, (motion, axis)) in motions.iter().enumerate() {
+            let name = text(joint.get("name").ok_or("no name")?)?;
+            let name = if single { name } else { format!("{name}.{}", k + 1) };
+            let coordinate = self.add_coordinate(name, joint, names)?;
+            self.nodes.push(Node {
+                parent: Some(self.nodes.len() - 1),
+                offset: identity(),
+                motion: motion(*axis, coordinate),
+            });
+        }
+        if let Some(label) = joint.get("body") {
+            self.bodies.push(Body {
+                label: text(label)?,
+                node: self.nodes.len() - 1,
+                nominal: None,
+            });
+        }
+        Ok(())
+    }
+
+    fn add_coordinate(
+        &mut self,
+        name: String,
+        joint: &Value,
+        names: &Names,
+    ) -> Result<usize, String> {
+        let index = self.coordinates.len();
+        let flag = |key: &str| joint.get(key).and_then(Value::as_bool).unwrap_or(false);
+        if flag("actuated") {
+            self.actuated.push(index);
+        }
+        self.rotor.push(flag("rotor_inertia"));
+        let friction = joint.get("friction").map(text).transpose()?;
+        self.friction.push(match friction.as_deref() {
+            None | Some("none") => Friction::None,
+            Some("viscous") => Friction::Viscous,
+            Some("coulomb") => Friction::Coulomb,
+            Some("linear") => Friction::Linear,
+            Some("coulomb_asymmetric") => Friction::CoulombAsymmetric,
+            Some("asymmetric") => Friction::Asymmetric,
+            Some("stribeck" | "atan" | "power") => Friction::Nonlinear,
+            Some(other) => return Err(format!("no friction {other}")),
+        });
+        for (symbol, value) in entries(joint, "nominal")? {
+            let value = scalar(value, names)?;
+            // One value for both signs, where the symbol stands without a sign.
+            for sign in ["", "+", "-"] {
+                self.nominal.insert(format!("{symbol}{sign}({name})"), value);
+            }
+        }
+        self.coordinates.push(name);
+        Ok(index)
+    }
+
+    fn cut(&self, cut: &Value, names: &Names) -> Result<Cut, String> {
+        let kind = match text(cut.get("joint").ok_or("no joint")?)?.as_str() {
+            "spherical" => CutKind::Spherical,
+            "universal" => CutKind::Universal,
+            "revolute" => CutKind::Revolute,
+            "prismatic" => CutKind::Prismatic,
+            "cylindrical" => CutKind::Cylindrical,
+            "fixed" => CutKind::Fixed,
+            other => return Err(format!("no cut joint {other}")),
+        };
+        let sides: Vec<CutSide> = list(cut, "between")?
+            .iter()
+            .map(|side| {
+                Ok(CutSide {
+                    node: self.node_of(Some(side.get("body").unwrap_or(side)))?,
+                    offset: placement(side, names)?,
+                })
+            })
+            .collect::<Result<_, String>>()?;
+        Ok(Cut {
+            name: text(cut.get("name").ok_or("no name")?)?,
+            kind,
+            sides: sides.try_into().map_err(|_| "not two sides")?,
+        })
+    }
+
+    fn coupling(&self, key: &str, form: &Value, names: &Names) -> Result<Coupling, String> {
+        let (constant, coefficients) = linear_form(&text(form)?, &self.coordinates, names)?;
+        Ok(Coupling {
+            key: self.coordinate(key)?,
+            constant,
+            coefficients,
+        })
+    }
+
+    fn nominal_body(&mut self, label: &str, value: &Value, names: &Names) -> Result<(), String> {
+        let body = self
+            .bodies
+            .iter_mut()
+            .find(|b| b.label == label)
+            .ok_or_else(|| format!("no body {label}"))?;
+        let field = |key: &str| value.get(key).ok_or_else(|| format!("{label}: no {key}"));
+        let inertia: [f64; 6] = vector(field("inertia")?, names)?;
+        let nominal = PhysicalBody {
+            mass: scalar(field("mass")?, names)?,
+            com: vector(field("com")?, names)?,
+            inertia,
+        };
+        body.nominal = Some(nominal.parameters());
+        Ok(())
+    }
+
+    fn parameters(&self) -> Vec<Parameter> {
+        let mut out = Vec::new();
+        for body in 0..self.bodies.len() {
+            out.extend((0..PARAMETERS_PER_BODY).map(|k| Parameter::Inertial(body, k)));
+        }
+        for (coordinate, friction) in self.friction.iter().enumerate() {
+            let symbols: &[&'static str] = match friction {
+                Friction::None | Friction::Nonlinear => &[],
+                Friction::Viscous => &["Fv"],
+                Friction::Coulomb => &["Fc"],
+                Friction::Linear => &["Fv", "Fc"],
+                Friction::CoulombAsymmetric => &["Fv", "Fc+", "Fc-"],
+                Friction::Asymmetric => &["Fv+", "Fc+", "Fv-", "Fc-"],
+            };
+            out.extend(symbols.iter().map(|s| Parameter::Friction(coordinate, s)));
+        }
+        let rotors = self.rotor.iter().enumerate().filter(|(_, rotor)| **rotor);
+        out.extend(rotors.map(|(coordinate, _)| Parameter::Rotor(coordinate)));
+        out
+    }
+}

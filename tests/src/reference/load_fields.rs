@@ -1,0 +1,97 @@
+//! Reading single fields of a spec: scalars, vectors, placements.
+
+use std::collections::BTreeMap;
+
+use serde_yaml::Value;
+
+use super::expr::evaluate;
+use super::scalar::{Mat4, identity, mul, shift, turn};
+
+/// The geometry names and their values.
+pub(super) type Names = BTreeMap<String, f64>;
+
+/// A label or name as text: integers and identifiers are the same thing.
+pub(super) fn text(value: &Value) -> Result<String, String> {
+    match value {
+        Value::String(s) => Ok(s.clone()),
+        Value::Number(n) => Ok(n.to_string()),
+        _ => Err(format!("{value:?} is no label")),
+    }
+}
+
+/// A number or an expression in the geometry names.
+pub(super) fn scalar(value: &Value, names: &Names) -> Result<f64, String> {
+    match value {
+        Value::Number(n) => n.as_f64().ok_or_else(|| format!("{n} is no number")),
+        Value::String(s) => evaluate(s, &|name| names.get(name).copied()),
+        _ => Err(format!("{value:?} is no scalar")),
+    }
+}
+
+/// The scalar at a key, 0 if it is missing.
+pub(super) fn scalar_at(value: &Value, key: &str, names: &Names) -> Result<f64, String> {
+    value.get(key).map_or(Ok(0.0), |v| scalar(v, names))
+}
+
+/// A list of `N` scalars.
+pub(super) fn vector<const N: usize>(value: &Value, names: &Names) -> Result<[f64; N], String> {
+    let items = value.as_sequence().ok_or("expected a list")?;
+    let values: Vec<f64> = items
+        .iter()
+        .map(|v| scalar(v, names))
+        .collect::<Result<_, _>>()?;
+    values
+        .try_into()
+        .map_err(|v: Vec<f64>| format!("{} entries instead of {N}", v.len()))
+}
+
+/// `{xyz, rpy}`: the translation, then Rz(y) Ry(p) Rx(r).
+pub(super) fn placement(value: &Value, names: &Names) -> Result<Mat4<f64>, String> {
+    let get = |key: &str| value.get(key).map_or(Ok([0.0; 3]), |v| vector(v, names));
+    let (xyz, rpy) = (get("xyz")?, get("rpy")?);
+    let mut out = identity();
+    for (k, x) in xyz.iter().enumerate() {
+        out = mul(&out, &shift(k, *x));
+    }
+    for k in [2, 1, 0] {
+        out = mul(&out, &turn(k, rpy[k]));
+    }
+    Ok(out)
+}
+
+/// A modified Denavit-Hartenberg row: Rx(alpha) Tx(a) Rz(theta) Tz(d).
+pub(super) fn dh(value: &Value, names: &Names) -> Result<Mat4<f64>, String> {
+    let get = |key: &str| scalar_at(value, key, names);
+    let steps = [
+        turn(0, get("alpha")?),
+        shift(0, get("a")?),
+        turn(2, get("theta")?),
+        shift(2, get("d")?),
+    ];
+    Ok(steps.iter().fold(identity(), |out, step| mul(&out, step)))
+}
+
+/// The list at a key, empty if it is missing.
+pub(super) fn list<'a>(value: &'a Value, key: &str) -> Result<&'a [Value], String> {
+    match value.get(key) {
+        None => Ok(&[]),
+        Some(v) => v
+            .as_sequence()
+            .map(Vec::as_slice)
+            .ok_or_else(|| format!("`{key}` is no list")),
+    }
+}
+
+/// The entries of the mapping at a key, in order, empty if it is missing.
+pub(super) fn entries<'a>(
+    value: &'a Value,
+    key: &str,
+) -> Result<Vec<(String, &'a Value)>, String> {
+    let Some(found) = value.get(key) else {
+        return Ok(Vec::new());
+    };
+    let mapping = found
+        .as_mapping()
+        .ok_or_else(|| format!("`{key}` is no mapping"))?;
+    mapping.iter().map(|(k, v)| Ok((text(k)?, v))).collect()
+}

@@ -1,0 +1,36 @@
+//! The reference: a mechanism read straight from its YAML, and everything about it computed
+//! the plain way at given states.
+//!
+//! | what | how |
+//! |---|---|
+//! | poses | products of 4x4 matrices, generic over dual numbers |
+//! | regressor K of the tree | Newton-Euler in the world frame, one parameter at a time |
+//! | the same efforts | Eq. 1 with derivatives by second-order duals; Lagrange by hyper-duals |
+//! | f, A, b | rows of the cuts; Jacobian and bias by duals |
+//! | X, K_i - X^T K_e | singular value decomposition over all rows |
+//! | energy | trace form with the pseudo-inertia, velocities by duals |
+
+mod closure;
+mod energy;
+mod expr;
+mod gibbs_appell;
+mod joints;
+mod kinematics;
+mod load;
+mod load_fields;
+mod mechanism;
+mod newton_euler;
+mod random;
+mod reduced;
+mod scalar;
+mod states;
+
+pub use kinematics::Motion;
+pub use load::linear_form;
+pub use mechanism::{
+    Axis, Body, Coupling, Cut, CutKind, CutSide, Friction, JointMotion, Mechanism, Node,
+    PARAMETERS_PER_BODY, Parameter,
+};
+pub use random::{PhysicalBody, Random};
+pub use scalar::{Mat4, Scalar, Vec3};
+pub use states::State;

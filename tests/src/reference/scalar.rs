@@ -1,0 +1,109 @@
+//! Scalars that may be dual numbers, and the few operations on 3-vectors and 4x4 matrices.
+
+use num_dual::DualNum;
+
+/// A real number or a dual number over one.
+pub trait Scalar: DualNum<Primitive = f64> + Copy {}
+impl<T: DualNum<Primitive = f64> + Copy> Scalar for T {}
+
+/// A vector of space.
+pub type Vec3<T> = [T; 3];
+
+/// A homogeneous matrix.
+pub type Mat4<T> = [[T; 4]; 4];
+
+/// The identity.
+pub(crate) fn identity() -> Mat4<f64> {
+    let mut out = [[0.0; 4]; 4];
+    for (i, row) in out.iter_mut().enumerate() {
+        row[i] = 1.0;
+    }
+    out
+}
+
+/// A constant matrix among dual numbers.
+pub(crate) fn lift<T: Scalar>(m: &Mat4<f64>) -> Mat4<T> {
+    m.map(|row| row.map(T::from))
+}
+
+/// The matrix product.
+pub(crate) fn mul<T: Scalar>(a: &Mat4<T>, b: &Mat4<T>) -> Mat4<T> {
+    let mut out = [[T::from(0.0); 4]; 4];
+    for i in 0..4 {
+        for j in 0..4 {
+            for k in 0..4 {
+                out[i][j] += a[i][k] * b[k][j];
+            }
+        }
+    }
+    out
+}
+
+/// The position in a homogeneous matrix.
+pub(crate) fn position<T: Scalar>(m: &Mat4<T>) -> Vec3<T> {
+    [m[0][3], m[1][3], m[2][3]]
+}
+
+/// An axis of the frame that a homogeneous matrix places.
+pub(crate) fn axis<T: Scalar>(m: &Mat4<T>, k: usize) -> Vec3<T> {
+    [m[0][k], m[1][k], m[2][k]]
+}
+
+/// The rotation part times a vector.
+pub(crate) fn rotate<T: Scalar>(m: &Mat4<T>, v: &Vec3<T>) -> Vec3<T> {
+    let mut out = [T::from(0.0); 3];
+    for i in 0..3 {
+        for j in 0..3 {
+            out[i] += m[i][j] * v[j];
+        }
+    }
+    out
+}
+
+/// The scalar product.
+pub(crate) fn dot<T: Scalar>(a: &Vec3<T>, b: &Vec3<T>) -> T {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// The vector product.
+pub(crate) fn cross<T: Scalar>(a: &Vec3<T>, b: &Vec3<T>) -> Vec3<T> {
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
+}
+
+/// The sum.
+pub(crate) fn add<T: Scalar>(a: &Vec3<T>, b: &Vec3<T>) -> Vec3<T> {
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+}
+
+/// The difference.
+pub(crate) fn sub<T: Scalar>(a: &Vec3<T>, b: &Vec3<T>) -> Vec3<T> {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+/// The multiple.
+pub(crate) fn scale<T: Scalar>(a: &Vec3<T>, s: T) -> Vec3<T> {
+    a.map(|x| x * s)
+}
+
+/// A turn about an axis.
+pub(crate) fn turn<T: Scalar>(k: usize, angle: T) -> Mat4<T> {
+    let mut out = lift(&identity());
+    let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+    let (s, c) = (angle.sin(), angle.cos());
+    out[i][i] = c;
+    out[j][j] = c;
+    out[j][i] = s;
+    out[i][j] = -s;
+    out
+}
+
+/// A shift along an axis.
+pub(crate) fn shift<T: Scalar>(k: usize, distance: T) -> Mat4<T> {
+    let mut out = lift(&identity());
+    out[k][3] = distance;
+    out
+}
