@@ -1,0 +1,157 @@
+//! One engine against the reference: names, kinematics, closure, then the dynamics.
+
+use nalgebra::DMatrix;
+
+use super::compare::{Figures, row_error, size, vector_error};
+use super::{Answer, Engine, Names, dynamics};
+use crate::reference::{Mechanism, Random, State};
+
+/// Agreement asked by the spec's format: per row, relative to the row's largest entry.
+pub(super) const ROW: f64 = 1e-10;
+
+/// Poses and closure rows: some dozen products of numbers about 1, nothing is solved.
+const DIRECT: f64 = 1e-12;
+
+/// Runs every comparison at random closed states of the reference.
+///
+/// # Errors
+/// Lists every comparison that failed, or says what the engine or the reference could not do.
+pub fn check_engine(
+    engine: &dyn Engine,
+    reference: &Mechanism,
+    seed: u64,
+    states: usize,
+) -> Result<Figures, String> {
+    same_names(&engine.names(), &names(reference))
+        .map_err(|e| format!("{}: {e}", reference.name))?;
+    let mut figures = Figures::default();
+    let home = reference.home()?;
+    // Both close home to rounding; A_e's conditioning multiplies it.
+    figures.record("home", vector_error(&engine.home(), &home, 1.0), 1e-9);
+    let mut random = Random::new(seed);
+    for _ in 0..states {
+        let state = reference.random_state(&home, &mut random)?;
+        open(engine, reference, &state.q, &mut random, &mut figures)?;
+        closed(engine, reference, &state, &mut random, &mut figures)?;
+        dynamics::check(engine, reference, &state, &mut random, &mut figures)?;
+    }
+    figures.verdict(&reference.name)
+}
+
+/// The names that the spec implies.
+pub(super) fn names(m: &Mechanism) -> Names {
+    let pick = |indices: &[usize]| indices.iter().map(|k| m.coordinates[*k].clone()).collect();
+    Names {
+        coordinates: m.coordinates.clone(),
+        independent: pick(&m.independent),
+        actuated: pick(&m.actuated),
+        parameters: m.labels(),
+        bodies: m.bodies.iter().map(|b| b.label.clone()).collect(),
+        cuts: m
+            .cuts
+            .iter()
+            .map(|c| (c.name.clone(), c.kind.rows()))
+            .collect(),
+    }
+}
+
+fn same_names(ours: &Names, theirs: &Names) -> Result<(), String> {
+    let lists = [
+        ("coordinates", &ours.coordinates, &theirs.coordinates),
+        ("independent", &ours.independent, &theirs.independent),
+        ("actuated", &ours.actuated, &theirs.actuated),
+        ("parameters", &ours.parameters, &theirs.parameters),
+        ("bodies", &ours.bodies, &theirs.bodies),
+    ];
+    for (what, ours, theirs) in lists {
+        if ours != theirs {
+            return Err(format!("{what}: {ours:?} instead of {theirs:?}"));
+        }
+    }
+    if ours.cuts != theirs.cuts {
+        return Err(format!("cuts: {:?} instead of {:?}", ours.cuts, theirs.cuts));
+    }
+    Ok(())
+}
+
+/// What is defined at any q: poses, f, A, b.
+fn open(
+    engine: &dyn Engine,
+    reference: &Mechanism,
+    q: &[f64],
+    random: &mut Random,
+    figures: &mut Figures,
+) -> Answer<()> {
+    let off = random.vector(q.len(), 0.3);
+    let q: Vec<f64> = q.iter().zip(off).map(|(x, d)| x + d).collect();
+    let qd = random.vector(q.len(), 2.0);
+    let flat = |poses: Vec<[f64; 12]>| poses.concat();
+    let poses = flat(reference.poses(&q));
+    let error = vector_error(&flat(engine.poses(&q)?), &poses, 1.0 + size(&poses));
+    figures.record("poses", error, DIRECT);
+    let f = reference.constraints(&q);
+    let error = vector_error(&engine.constraints(&q)?, &f, 1.0 + size(&f));
+    figures.record("constraints", error, DIRECT);
+    let error = row_error(&engine.jacobian(&q)?, &reference.jacobian(&q));
+    figures.record("jacobian", error, ROW);
+    let b = reference.bias(&q, &qd);
+    // Velocities of 2 make products of 4: a bias of 0 is compared with that.
+    let error = vector_error(&engine.bias(&q, &qd)?, &b, size(&b).max(1e-2));
+    figures.record("bias", error, ROW);
+    Ok(())
+}
+
+/// What is defined at closed states: Newton's step, velocities, accelerations, efforts.
+fn closed(
+    engine: &dyn Engine,
+    reference: &Mechanism,
+    state: &State,
+    random: &mut Random,
+    figures: &mut Figures,
+) -> Answer<()> {
+    let State { q, qd, qdd } = state;
+    let pick = |v: &[f64]| -> Vec<f64> { reference.independent.iter().map(|k| v[*k]).collect() };
+
+    let mut trial = q.clone();
+    for k in &reference.dependent {
+        trial[*k] += random.uniform(-0.01, 0.01);
+    }
+    for _ in 0..6 {
+        let step = engine.newton_step(&trial)?;
+        if step.len() != reference.dependent.len() {
+            return Err(format!("newton_step: {} entries", step.len()));
+        }
+        for (k, d) in reference.dependent.iter().zip(step) {
+            trial[*k] += d;
+        }
+    }
+    // Six quadratic steps from 1e-2 end at rounding times the conditioning.
+    figures.record("newton_step", vector_error(&trial, q, 1.0), 1e-10);
+
+    let error = vector_error(&engine.velocities(q, &pick(qd))?, qd, size(qd));
+    figures.record("velocities", error, ROW);
+    let ours = engine.accelerations(q, qd, &pick(qdd))?;
+    figures.record("accelerations", vector_error(&ours, qdd, size(qdd)), ROW);
+
+    let tau = random.vector(reference.actuated.len(), 10.0);
+    let mut all = vec![0.0; q.len()];
+    for (k, value) in reference.actuated.iter().zip(&tau) {
+        all[*k] = *value;
+    }
+    let theirs = reference.reduce(q, &all)?;
+    let error = vector_error(&engine.efforts(q, &tau)?, &theirs, size(&theirs).max(1.0));
+    figures.record("efforts", error, ROW);
+    Ok(())
+}
+
+/// W phi with the scale that its rounding errors have.
+pub(super) fn apply(w: &DMatrix<f64>, phi: &[f64]) -> (Vec<f64>, f64) {
+    let mut out = vec![0.0; w.nrows()];
+    let mut scale: f64 = 0.0;
+    for (i, entry) in out.iter_mut().enumerate() {
+        let terms = phi.iter().enumerate().map(|(j, p)| w[(i, j)] * p);
+        scale = scale.max(terms.clone().map(f64::abs).sum());
+        *entry = terms.sum();
+    }
+    (out, scale)
+}

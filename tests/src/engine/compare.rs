@@ -1,0 +1,106 @@
+//! Differences, and the record of the largest of each kind.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use nalgebra::DMatrix;
+
+/// Rows below this part of the largest are rounding: a planar loop's rows out of its plane.
+const FLOOR: f64 = 1e-4;
+
+/// The largest difference within a row relative to that row's largest entry; infinite if the
+/// shapes differ or something is no number.
+pub fn row_error(ours: &DMatrix<f64>, theirs: &DMatrix<f64>) -> f64 {
+    if ours.shape() != theirs.shape() || !ours.iter().all(|x| x.is_finite()) {
+        return f64::INFINITY;
+    }
+    let floor = FLOOR * theirs.amax();
+    let rows = ours.row_iter().zip(theirs.row_iter());
+    rows.fold(0.0, |worst, (x, y)| {
+        worst.max(ratio((x - y).amax(), y.amax().max(floor)))
+    })
+}
+
+/// The largest difference of two vectors relative to a scale.
+pub fn vector_error(ours: &[f64], theirs: &[f64], scale: f64) -> f64 {
+    if ours.len() != theirs.len() || !ours.iter().all(|x| x.is_finite()) {
+        return f64::INFINITY;
+    }
+    let differences = ours.iter().zip(theirs).map(|(x, y)| (x - y).abs());
+    ratio(differences.fold(0.0, f64::max), scale)
+}
+
+/// The largest absolute value.
+pub(super) fn size(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |m, x| m.max(x.abs()))
+}
+
+pub(super) fn ratio(difference: f64, scale: f64) -> f64 {
+    if difference > 0.0 {
+        difference / scale
+    } else if difference.is_nan() {
+        f64::INFINITY
+    } else {
+        0.0
+    }
+}
+
+/// One kind of comparison.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Figure {
+    /// The largest relative difference seen.
+    pub worst: f64,
+    /// What is allowed.
+    pub tolerance: f64,
+}
+
+/// The largest difference of every comparison.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Figures(BTreeMap<&'static str, Figure>);
+
+impl Figures {
+    /// The largest difference of a comparison, infinite if it was not made.
+    pub fn worst(&self, name: &str) -> f64 {
+        self.0.get(name).map_or(f64::INFINITY, |f| f.worst)
+    }
+
+    /// The comparisons made, by name.
+    pub fn all(&self) -> impl Iterator<Item = (&'static str, Figure)> + '_ {
+        self.0.iter().map(|(name, figure)| (*name, *figure))
+    }
+
+    pub(super) fn record(&mut self, name: &'static str, error: f64, tolerance: f64) {
+        let figure = self.0.entry(name).or_insert(Figure {
+            worst: 0.0,
+            tolerance,
+        });
+        // `max` would drop what is no number.
+        figure.worst = if error.is_nan() {
+            f64::INFINITY
+        } else {
+            figure.worst.max(error)
+        };
+    }
+
+    pub(super) fn verdict(self, who: &str) -> Result<Figures, String> {
+        let failed: Vec<String> = self
+            .all()
+            .filter(|(_, f)| f.worst > f.tolerance)
+            .map(|(name, f)| format!("{name}: {:.1e} > {:.0e}", f.worst, f.tolerance))
+            .collect();
+        if failed.is_empty() {
+            Ok(self)
+        } else {
+            Err(format!("{who}: {}", failed.join("; ")))
+        }
+    }
+}
+
+impl fmt::Display for Figures {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (name, figure) in self.all() {
+            writeln!(f, "{name:28} {:9.1e}", figure.worst)?;
+        }
+        Ok(())
+    }
+}

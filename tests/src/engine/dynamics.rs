@@ -1,0 +1,194 @@
+//! The dynamics at one closed state, against derivations that share nothing: Newton-Euler per
+//! parameter, Eq. 1, Lagrange, energy.
+
+use nalgebra::DVector;
+
+use super::check::{ROW, apply};
+use super::compare::{Figures, ratio, row_error, size, vector_error};
+use super::{Answer, Engine};
+use crate::reference::{Mechanism, Parameter, PhysicalBody, Random, State};
+
+/// Sums over many terms that cancel: quadratic forms and powers.
+const BALANCE: f64 = 1e-9;
+
+pub(super) fn check(
+    engine: &dyn Engine,
+    reference: &Mechanism,
+    state: &State,
+    random: &mut Random,
+    figures: &mut Figures,
+) -> Answer<()> {
+    let State { q, qd, qdd } = state;
+    let bodies: Vec<PhysicalBody> = reference
+        .bodies
+        .iter()
+        .map(|_| PhysicalBody::random(random))
+        .collect();
+    let inertial = parameters(reference, &bodies, random, false);
+    let all = parameters(reference, &bodies, random, true);
+
+    let w = engine.regressor(q, qd, qdd)?;
+    let error = row_error(&w, &reference.regressor(q, qd, qdd)?);
+    figures.record("regressor", error, ROW);
+
+    // Eq. 1 knows no rotors; they are a diagonal inertia.
+    let mut tau = reference.gibbs_appell(q, qd, qdd, &bodies);
+    for (p, value) in reference.parameters.iter().zip(&inertial) {
+        if let Parameter::Rotor(k) = p {
+            tau[*k] += value * qdd[*k];
+        }
+    }
+    let (ours, scale) = apply(&w, &inertial);
+    let error = vector_error(&ours, &reference.reduce(q, &tau)?, scale);
+    figures.record("equation 1", error, ROW);
+    let tau = reference.lagrange(q, qd, qdd, &inertial);
+    let error = vector_error(&ours, &reference.reduce(q, &tau)?, scale);
+    figures.record("lagrange", error, ROW);
+
+    let (with_friction, scale) = apply(&w, &all);
+    let ours = engine.inverse_dynamics(q, qd, qdd, &all)?;
+    let error = vector_error(&ours, &with_friction, scale);
+    figures.record("inverse dynamics", error, ROW);
+    power(reference, state, &all, &ours, figures);
+
+    matrices(engine, reference, state, &all, scale, figures)?;
+    slotine_li(engine, reference, state, &inertial, random, figures)
+}
+
+/// Random physical bodies and rotors, with or without friction.
+fn parameters(
+    reference: &Mechanism,
+    bodies: &[PhysicalBody],
+    random: &mut Random,
+    friction: bool,
+) -> Vec<f64> {
+    let ten: Vec<[f64; 10]> = bodies.iter().map(PhysicalBody::parameters).collect();
+    let value = |p: &Parameter| match p {
+        Parameter::Inertial(body, k) => ten[*body][*k],
+        Parameter::Friction(..) if !friction => 0.0,
+        _ => random.uniform(0.1, 2.0),
+    };
+    reference.parameters.iter().map(value).collect()
+}
+
+/// The efforts' power is the change of energy and what friction takes.
+fn power(
+    reference: &Mechanism,
+    state: &State,
+    phi: &[f64],
+    tau: &[f64],
+    figures: &mut Figures,
+) {
+    let State { q, qd, qdd } = state;
+    let stored = reference.energy_rate(q, qd, qdd, phi);
+    let mut lost = 0.0;
+    for (p, value) in reference.parameters.iter().zip(phi) {
+        if let Parameter::Friction(k, symbol) = p {
+            let v = qd[*k];
+            let applies = match symbol.chars().last() {
+                Some('+') => v > 0.0,
+                Some('-') => v < 0.0,
+                _ => true,
+            };
+            if applies {
+                let viscous = symbol.starts_with("Fv");
+                lost += value * if viscous { v * v } else { v.abs() };
+            }
+        }
+    }
+    let terms = reference.independent.iter().zip(tau);
+    let powers: Vec<f64> = terms.map(|(k, t)| t * qd[*k]).collect();
+    let scale = powers.iter().map(|p| p.abs()).sum::<f64>() + stored.abs() + lost;
+    let error = ratio((powers.iter().sum::<f64>() - stored - lost).abs(), scale);
+    figures.record("power balance", error, BALANCE);
+}
+
+/// Mass matrix, gravity and bias forces, and that they add up to the inverse dynamics.
+fn matrices(
+    engine: &dyn Engine,
+    reference: &Mechanism,
+    state: &State,
+    phi: &[f64],
+    scale: f64,
+    figures: &mut Figures,
+) -> Answer<()> {
+    let State { q, qd, qdd } = state;
+    let n = reference.n();
+    let rest = vec![0.0; n];
+    let dof = reference.dof();
+    let mass = engine.mass_matrix(q, phi)?;
+    let (theirs, _) = reference.mass_matrix(q, qd, phi)?;
+    figures.record("mass matrix", row_error(&mass, &theirs), ROW);
+    let symmetry = row_error(&mass, &mass.transpose());
+    figures.record("mass matrix symmetry", symmetry, 1e-12);
+    let definite = mass.clone().cholesky().is_some();
+    let error = if definite { 0.0 } else { f64::INFINITY };
+    figures.record("mass matrix definite", error, 0.0);
+
+    let gravity = engine.gravity(q, phi)?;
+    let theirs = reference.regressor(q, &rest, &rest)?;
+    let (theirs, weight) = apply(&theirs, phi);
+    figures.record("gravity", vector_error(&gravity, &theirs, weight), ROW);
+
+    let bias = engine.bias_forces(q, qd, phi)?;
+    let coasting = reference.accelerations(q, qd, &vec![0.0; dof])?;
+    let (theirs, weight) = apply(&reference.regressor(q, qd, &coasting)?, phi);
+    figures.record("bias forces", vector_error(&bias, &theirs, weight), ROW);
+
+    let qdd_i = DVector::from_iterator(dof, reference.independent.iter().map(|k| qdd[*k]));
+    let sum = &mass * qdd_i + DVector::from_vec(bias);
+    let ours = engine.inverse_dynamics(q, qd, qdd, phi)?;
+    let error = vector_error(sum.as_slice(), &ours, scale);
+    figures.record("M qdd + bias", error, ROW);
+
+    for j in 0..dof {
+        let mut unit = vec![0.0; dof];
+        unit[j] = 1.0;
+        let one = engine.accelerations(q, &rest, &unit)?;
+        let moved = engine.inverse_dynamics(q, &rest, &one, phi)?;
+        let column: Vec<f64> = moved.iter().zip(&gravity).map(|(a, g)| a - g).collect();
+        let error = vector_error(&column, mass.column(j).as_slice(), mass.amax() + size(&moved));
+        figures.record("mass matrix columns", error, ROW);
+    }
+    Ok(())
+}
+
+/// Y(q, qd, qd, qdd) = W, and dM/dt - 2 C is skew with the C that Y contains.
+fn slotine_li(
+    engine: &dyn Engine,
+    reference: &Mechanism,
+    state: &State,
+    phi: &[f64],
+    random: &mut Random,
+    figures: &mut Figures,
+) -> Answer<()> {
+    let State { q, qd, qdd } = state;
+    let dof = reference.dof();
+    let pick = |v: &[f64]| -> Vec<f64> { reference.independent.iter().map(|k| v[*k]).collect() };
+    let y = engine.slotine_li(q, qd, &pick(qd), &pick(qdd))?;
+    let error = row_error(&y, &reference.regressor(q, qd, qdd)?);
+    figures.record("Y on the motion", error, ROW);
+
+    let none = vec![0.0; dof];
+    let at = |v: &[f64], a: &[f64]| Ok::<_, String>(apply(&engine.slotine_li(q, qd, v, a)?, phi));
+    let (gravity, weight) = at(&none, &none)?;
+    let theirs = engine.gravity(q, phi)?;
+    // Without friction, references at rest leave gravity, whatever the motion is.
+    let error = vector_error(&gravity, &theirs, weight.max(size(&theirs)));
+    figures.record("Y at rest", error, ROW);
+
+    let (mass, rate) = reference.mass_matrix(q, qd, phi)?;
+    let s = random.vector(dof, 1.0);
+    let (forces, weight) = at(&s, &none)?;
+    let vector = DVector::from_column_slice(&s);
+    let quadratic = vector.dot(&(&rate * &vector));
+    let coriolis: f64 = (0..dof).map(|i| s[i] * (forces[i] - gravity[i])).sum();
+    let error = ratio((quadratic - 2.0 * coriolis).abs(), weight * size(&s));
+    figures.record("dM/dt - 2C skew", error, BALANCE);
+
+    let (forces, weight) = at(&none, &s)?;
+    let ours: Vec<f64> = forces.iter().zip(&gravity).map(|(f, g)| f - g).collect();
+    let theirs = mass * vector;
+    figures.record("Y mass", vector_error(&ours, theirs.as_slice(), weight), ROW);
+    Ok(())
+}

@@ -1,0 +1,146 @@
+//! The reference behind the interface of an engine: the judge tried on itself.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::check::{apply, names};
+use super::{Answer, Engine, Names};
+use crate::reference::{Mechanism, Parameter};
+
+/// The reference as an engine.
+pub struct Naive<'a> {
+    mechanism: &'a Mechanism,
+    home: Vec<f64>,
+}
+
+impl Naive<'_> {
+    /// Closes home.
+    ///
+    /// # Errors
+    /// When it does not close.
+    pub fn new(mechanism: &Mechanism) -> Answer<Naive<'_>> {
+        Ok(Naive {
+            mechanism,
+            home: mechanism.home()?,
+        })
+    }
+}
+
+impl Engine for Naive<'_> {
+    fn names(&self) -> Names {
+        names(self.mechanism)
+    }
+
+    fn home(&self) -> Vec<f64> {
+        self.home.clone()
+    }
+
+    fn constraints(&self, q: &[f64]) -> Answer<Vec<f64>> {
+        Ok(self.mechanism.constraints(q))
+    }
+
+    fn jacobian(&self, q: &[f64]) -> Answer<DMatrix<f64>> {
+        Ok(self.mechanism.jacobian(q))
+    }
+
+    fn bias(&self, q: &[f64], qd: &[f64]) -> Answer<Vec<f64>> {
+        Ok(self.mechanism.bias(q, qd))
+    }
+
+    fn newton_step(&self, q: &[f64]) -> Answer<Vec<f64>> {
+        let f = DVector::from_vec(self.mechanism.constraints(q));
+        let a = self.mechanism.jacobian(q);
+        let step = self
+            .mechanism
+            .solve_dependent(&a, &DMatrix::from_columns(&[-f]))?;
+        Ok(step.as_slice().to_vec())
+    }
+
+    fn velocities(&self, q: &[f64], qd_i: &[f64]) -> Answer<Vec<f64>> {
+        self.mechanism.velocities(q, qd_i)
+    }
+
+    fn accelerations(&self, q: &[f64], qd: &[f64], qdd_i: &[f64]) -> Answer<Vec<f64>> {
+        self.mechanism.accelerations(q, qd, qdd_i)
+    }
+
+    fn regressor(&self, q: &[f64], qd: &[f64], qdd: &[f64]) -> Answer<DMatrix<f64>> {
+        self.mechanism.regressor(q, qd, qdd)
+    }
+
+    fn inverse_dynamics(
+        &self,
+        q: &[f64],
+        qd: &[f64],
+        qdd: &[f64],
+        phi: &[f64],
+    ) -> Answer<Vec<f64>> {
+        Ok(apply(&self.mechanism.regressor(q, qd, qdd)?, phi).0)
+    }
+
+    fn gravity(&self, q: &[f64], phi: &[f64]) -> Answer<Vec<f64>> {
+        let rest = vec![0.0; q.len()];
+        self.inverse_dynamics(q, &rest, &rest, phi)
+    }
+
+    fn bias_forces(&self, q: &[f64], qd: &[f64], phi: &[f64]) -> Answer<Vec<f64>> {
+        let none = vec![0.0; self.mechanism.dof()];
+        let qdd = self.mechanism.accelerations(q, qd, &none)?;
+        self.inverse_dynamics(q, qd, &qdd, phi)
+    }
+
+    fn mass_matrix(&self, q: &[f64], phi: &[f64]) -> Answer<DMatrix<f64>> {
+        let rest = vec![0.0; q.len()];
+        let dof = self.mechanism.dof();
+        let gravity = DVector::from_vec(self.gravity(q, phi)?);
+        let mut out = DMatrix::zeros(dof, dof);
+        for j in 0..dof {
+            let mut unit = vec![0.0; dof];
+            unit[j] = 1.0;
+            let qdd = self.mechanism.accelerations(q, &rest, &unit)?;
+            let tau = DVector::from_vec(self.inverse_dynamics(q, &rest, &qdd, phi)?);
+            out.set_column(j, &(tau - &gravity));
+        }
+        Ok((&out + out.transpose()) / 2.0)
+    }
+
+    /// The Christoffel form: the symmetric bilinear form of the quadratic velocity efforts.
+    fn slotine_li(
+        &self,
+        q: &[f64],
+        qd: &[f64],
+        qd_r_i: &[f64],
+        qdd_r_i: &[f64],
+    ) -> Answer<DMatrix<f64>> {
+        let m = self.mechanism;
+        let rest = vec![0.0; q.len()];
+        let n = m.null_space(q)?;
+        let n_rate = m.null_space_rate(q, qd)?;
+        let v_i = DVector::from_column_slice(qd_r_i);
+        let qd_r = &n * &v_i;
+        let qdd_r = &n * DVector::from_column_slice(qdd_r_i) + n_rate * &v_i;
+        let motion = DVector::from_column_slice(qd);
+        let (sum, difference) = (&motion + &qd_r, &motion - &qd_r);
+        let quadratic = m.tree_regressor(q, sum.as_slice(), &rest)
+            - m.tree_regressor(q, difference.as_slice(), &rest);
+        let mut tree = m.tree_regressor(q, &rest, qdd_r.as_slice()) + quadratic / 4.0;
+        let on_reference = m.tree_regressor(q, qd_r.as_slice(), &rest);
+        for (j, p) in m.parameters.iter().enumerate() {
+            if matches!(p, Parameter::Friction(..)) {
+                tree.set_column(j, &on_reference.column(j));
+            }
+        }
+        Ok(n.transpose() * tree)
+    }
+
+    fn efforts(&self, q: &[f64], tau_actuated: &[f64]) -> Answer<Vec<f64>> {
+        let mut tau = vec![0.0; q.len()];
+        for (k, value) in self.mechanism.actuated.iter().zip(tau_actuated) {
+            tau[*k] = *value;
+        }
+        self.mechanism.reduce(q, &tau)
+    }
+
+    fn poses(&self, q: &[f64]) -> Answer<Vec<[f64; 12]>> {
+        Ok(self.mechanism.poses(q))
+    }
+}

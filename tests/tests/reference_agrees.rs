@@ -1,0 +1,39 @@
+//! The reference's derivations agree with each other on every mechanism of the repository.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+use std::path::PathBuf;
+
+use regen_tests::engine::{Naive, check_engine};
+use regen_tests::files;
+
+fn every_file() -> Vec<PathBuf> {
+    let mut folders = vec![files::robots(), files::mechanisms(), files::oracle()];
+    folders.extend(files::folders(&files::pairs()).unwrap());
+    let lists = folders.iter().map(|f| files::list(f, "yaml").unwrap());
+    lists.flatten().collect()
+}
+
+#[test]
+fn newton_euler_equation_1_lagrange_and_energy_agree_on_every_mechanism() {
+    for file in every_file() {
+        let mechanism = files::mechanism(&file).unwrap();
+        let naive = Naive::new(&mechanism).unwrap();
+        let figures = check_engine(&naive, &mechanism, 11, 2)
+            .unwrap_or_else(|e| panic!("{}: {e}", file.display()));
+        println!("{}\n{figures}", mechanism.name);
+    }
+}
+
+#[test]
+fn homes_as_written_are_closed_and_the_independent_coordinates_fit_the_mobility() {
+    for file in every_file() {
+        let mechanism = files::mechanism(&file).unwrap();
+        let home = mechanism.home().unwrap();
+        assert_eq!(mechanism.mobility(&home), mechanism.dof(), "{}", file.display());
+        assert!(mechanism.conditioning(&home) > 1e-2, "{}", file.display());
+        for k in &mechanism.independent {
+            let same = (home[*k] - mechanism.home_guess[*k]).abs() < f64::EPSILON;
+            assert!(same, "{}: independent coordinates keep home's values", file.display());
+        }
+    }
+}
