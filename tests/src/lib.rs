@@ -4,6 +4,11 @@
 //! Nothing here uses the derivation of the other crates. The computations are dense, numeric
 //! and naive on purpose: 4x4 matrices, dual numbers, least squares.
 
+#![allow(
+    clippy::doc_markdown,
+    reason = "A_e and qdd_i are formulas, written as in the equations"
+)]
+
 pub mod engine;
 pub mod files;
 pub mod reference;

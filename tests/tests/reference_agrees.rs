@@ -29,11 +29,20 @@ fn homes_as_written_are_closed_and_the_independent_coordinates_fit_the_mobility(
     for file in every_file() {
         let mechanism = files::mechanism(&file).unwrap();
         let home = mechanism.home().unwrap();
-        assert_eq!(mechanism.mobility(&home), mechanism.dof(), "{}", file.display());
+        assert_eq!(
+            mechanism.mobility(&home),
+            mechanism.dof(),
+            "{}",
+            file.display()
+        );
         assert!(mechanism.conditioning(&home) > 1e-2, "{}", file.display());
         for k in &mechanism.independent {
             let same = (home[*k] - mechanism.home_guess[*k]).abs() < f64::EPSILON;
-            assert!(same, "{}: independent coordinates keep home's values", file.display());
+            assert!(
+                same,
+                "{}: independent coordinates keep home's values",
+                file.display()
+            );
         }
     }
 }

@@ -69,7 +69,10 @@ fn same_names(ours: &Names, theirs: &Names) -> Result<(), String> {
         }
     }
     if ours.cuts != theirs.cuts {
-        return Err(format!("cuts: {:?} instead of {:?}", ours.cuts, theirs.cuts));
+        return Err(format!(
+            "cuts: {:?} instead of {:?}",
+            ours.cuts, theirs.cuts
+        ));
     }
     Ok(())
 }

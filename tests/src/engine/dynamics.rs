@@ -72,13 +72,7 @@ fn parameters(
 }
 
 /// The efforts' power is the change of energy and what friction takes.
-fn power(
-    reference: &Mechanism,
-    state: &State,
-    phi: &[f64],
-    tau: &[f64],
-    figures: &mut Figures,
-) {
+fn power(reference: &Mechanism, state: &State, phi: &[f64], tau: &[f64], figures: &mut Figures) {
     let State { q, qd, qdd } = state;
     let stored = reference.energy_rate(q, qd, qdd, phi);
     let mut lost = 0.0;
@@ -147,7 +141,11 @@ fn matrices(
         let one = engine.accelerations(q, &rest, &unit)?;
         let moved = engine.inverse_dynamics(q, &rest, &one, phi)?;
         let column: Vec<f64> = moved.iter().zip(&gravity).map(|(a, g)| a - g).collect();
-        let error = vector_error(&column, mass.column(j).as_slice(), mass.amax() + size(&moved));
+        let error = vector_error(
+            &column,
+            mass.column(j).as_slice(),
+            mass.amax() + size(&moved),
+        );
         figures.record("mass matrix columns", error, ROW);
     }
     Ok(())
@@ -189,6 +187,10 @@ fn slotine_li(
     let (forces, weight) = at(&none, &s)?;
     let ours: Vec<f64> = forces.iter().zip(&gravity).map(|(f, g)| f - g).collect();
     let theirs = mass * vector;
-    figures.record("Y mass", vector_error(&ours, theirs.as_slice(), weight), ROW);
+    figures.record(
+        "Y mass",
+        vector_error(&ours, theirs.as_slice(), weight),
+        ROW,
+    );
     Ok(())
 }

@@ -14,12 +14,16 @@ mod check;
 mod compare;
 mod dynamics;
 mod naive;
+mod oracle;
+mod pairs;
 
 use nalgebra::DMatrix;
 
 pub use check::check_engine;
 pub use compare::{Figure, Figures, row_error, vector_error};
 pub use naive::Naive;
+pub use oracle::{ORACLES, check_oracle};
+pub use pairs::{Side, check_pair};
 
 /// What a method answers; the error says which status or misuse the engine reported.
 pub type Answer<T> = Result<T, String>;
@@ -63,7 +67,7 @@ pub trait Engine {
     /// # Errors
     /// What the engine reports.
     fn bias(&self, q: &[f64], qd: &[f64]) -> Answer<Vec<f64>>;
-    /// The change of the dependent coordinates that one Newton step **adds**, in coordinate order.
+    /// What one Newton step adds to the dependent coordinates, in coordinate order.
     ///
     /// # Errors
     /// What the engine reports.

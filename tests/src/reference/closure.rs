@@ -156,11 +156,12 @@ impl Mechanism {
             .iter()
             .zip(target)
             .fold(0.0_f64, |m, (a, b)| m.max((b - a).abs()));
-        let steps = (distance / 0.02).ceil().max(1.0);
+        #[allow(clippy::cast_sign_loss, reason = "at least 1")]
+        let steps = (distance / 0.02).ceil().max(1.0) as usize;
         let mut q = start.to_vec();
         let mut a_e = self.dependent_columns(&self.jacobian(&q));
-        for step in 1..=steps as usize {
-            let part = step as f64 / steps;
+        for step in 1..=steps {
+            let part = step as f64 / steps as f64;
             let mut move_i = vec![0.0; self.dof()];
             for (i, k) in self.independent.iter().enumerate() {
                 move_i[i] = from[i] + part * (target[i] - from[i]) - q[*k];

@@ -83,9 +83,7 @@ impl Mechanism {
                     .map(|i| HyperDual::new(qd[i], unit(i), qdd[i], 0.0))
                     .collect();
                 let momentum_rate = self.kinetic_energy(&along, &rates, phi).eps1eps2;
-                let moved: Vec<Dual64> = (0..self.n())
-                    .map(|i| Dual::new(q[i], unit(i)))
-                    .collect();
+                let moved: Vec<Dual64> = (0..self.n()).map(|i| Dual::new(q[i], unit(i))).collect();
                 let still: Vec<Dual64> = qd.iter().map(|v| Dual::new(*v, 0.0)).collect();
                 momentum_rate - self.kinetic_energy(&moved, &still, phi).eps
                     + self.potential_energy(&moved, phi).eps

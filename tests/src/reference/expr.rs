@@ -127,9 +127,7 @@ impl Parser<'_> {
             }
         }
         let (token, rest) = self.rest.split_at(end);
-        let value = token
-            .parse()
-            .map_err(|_| self.error("not a number"))?;
+        let value = token.parse().map_err(|_| self.error("not a number"))?;
         self.rest = rest;
         Ok(value)
     }

@@ -56,8 +56,7 @@ fn angular(m: &Motion) -> (Vec3<f64>, Vec3<f64>) {
     };
     let vee = |entry: &dyn Fn(usize, usize) -> f64| [entry(2, 1), entry(0, 2), entry(1, 0)];
     let omega = vee(&|i, j| product(&m.pose, &m.rate, i, j));
-    let alpha =
-        vee(&|i, j| product(&m.pose, &m.second, i, j) + product(&m.rate, &m.rate, i, j));
+    let alpha = vee(&|i, j| product(&m.pose, &m.second, i, j) + product(&m.rate, &m.rate, i, j));
     (omega, alpha)
 }
 

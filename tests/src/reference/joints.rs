@@ -24,7 +24,10 @@ mod tests {
             for qd in [-0.7, 0.7] {
                 assert!(friction_column(symbol, qd) * qd >= 0.0, "{symbol} {qd}");
             }
-            assert!(friction_column(symbol, 0.0).abs() < f64::MIN_POSITIVE, "{symbol}");
+            assert!(
+                friction_column(symbol, 0.0).abs() < f64::MIN_POSITIVE,
+                "{symbol}"
+            );
         }
         assert!(friction_column("Fc-", -0.7) < 0.0);
         assert!(friction_column("Fv-", -0.7) < 0.0);

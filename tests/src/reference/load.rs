@@ -187,7 +187,11 @@ impl Tree {
         });
         for (k, (motion, axis)) in motions.iter().enumerate() {
             let name = text(joint.get("name").ok_or("no name")?)?;
-            let name = if single { name } else { format!("{name}.{}", k + 1) };
+            let name = if single {
+                name
+            } else {
+                format!("{name}.{}", k + 1)
+            };
             let coordinate = self.add_coordinate(name, joint, names)?;
             self.nodes.push(Node {
                 parent: Some(self.nodes.len() - 1),
@@ -232,7 +236,8 @@ impl Tree {
             let value = scalar(value, names)?;
             // One value for both signs, where the symbol stands without a sign.
             for sign in ["", "+", "-"] {
-                self.nominal.insert(format!("{symbol}{sign}({name})"), value);
+                self.nominal
+                    .insert(format!("{symbol}{sign}({name})"), value);
             }
         }
         self.coordinates.push(name);

@@ -83,10 +83,7 @@ pub(super) fn list<'a>(value: &'a Value, key: &str) -> Result<&'a [Value], Strin
 }
 
 /// The entries of the mapping at a key, in order, empty if it is missing.
-pub(super) fn entries<'a>(
-    value: &'a Value,
-    key: &str,
-) -> Result<Vec<(String, &'a Value)>, String> {
+pub(super) fn entries<'a>(value: &'a Value, key: &str) -> Result<Vec<(String, &'a Value)>, String> {
     let Some(found) = value.get(key) else {
         return Ok(Vec::new());
     };

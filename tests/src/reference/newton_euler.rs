@@ -3,7 +3,9 @@
 use nalgebra::DMatrix;
 
 use super::mechanism::{JointMotion, Mechanism, Parameter};
-use super::scalar::{Mat4, Vec3, add, axis, cross, dot, identity, mul, position, rotate, scale, sub};
+use super::scalar::{
+    Mat4, Vec3, add, axis, cross, dot, identity, mul, position, rotate, scale, sub,
+};
 
 /// Velocities and accelerations of a node in the world frame.
 struct Spatial {
@@ -71,8 +73,7 @@ impl Mechanism {
             match parameter {
                 Parameter::Inertial(body, k) => {
                     let node = self.bodies[*body].node;
-                    let (force, moment) =
-                        wrench(&frames[node], &motion[node], &self.gravity, *k);
+                    let (force, moment) = wrench(&frames[node], &motion[node], &self.gravity, *k);
                     let at = position(&frames[node]);
                     for ancestor in self.lineage(node) {
                         let frame = &frames[ancestor];
