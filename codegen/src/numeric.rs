@@ -78,9 +78,13 @@ fn scale_rows(a: &mut [Vec<f64>], mut b: Option<&mut Vec<Vec<f64>>>) {
     for (i, row) in a.iter_mut().enumerate() {
         let size = row.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
         if size > 0.0 && size.is_finite() {
-            row.iter_mut().for_each(|x| *x /= size);
+            for x in row.iter_mut() {
+                *x /= size;
+            }
             if let Some(b) = &mut b {
-                b[i].iter_mut().for_each(|x| *x /= size);
+                for x in &mut b[i] {
+                    *x /= size;
+                }
             }
         }
     }

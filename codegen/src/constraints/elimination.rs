@@ -170,9 +170,10 @@ pub fn eliminate(
                 let product = g.mul(factor, a[r][j]);
                 a[i][j] = g.sub(a[i][j], product);
             }
-            for s in 0..sides {
-                let product = g.mul(factor, b[r][s]);
-                b[i][s] = g.sub(b[i][s], product);
+            let pivot_side = b[r].clone();
+            for (entry, from) in b[i].iter_mut().zip(pivot_side) {
+                let product = g.mul(factor, from);
+                *entry = g.sub(*entry, product);
             }
         }
     }

@@ -138,12 +138,11 @@ impl Body<'_> {
             for step in &self.program.steps[block.steps.clone()] {
                 for result in &step.results {
                     let at = result.0 as usize;
-                    self.names[at] = match &self.program.names[at] {
-                        Some(name) => names.unique(&identifier(name)),
-                        None => {
-                            number += 1;
-                            names.unique(&format!("t{}_{number}", index + 1))
-                        }
+                    self.names[at] = if let Some(name) = &self.program.names[at] {
+                        names.unique(&identifier(name))
+                    } else {
+                        number += 1;
+                        names.unique(&format!("t{}_{number}", index + 1))
                     };
                 }
             }

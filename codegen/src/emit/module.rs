@@ -303,15 +303,15 @@ fn write_function(robot: &Robot, function: &Function, options: &Options, out: &m
         .collect();
     let body = statements(program, &options.runtime, &elements);
     let body = mark_unused(program, body);
-    if !through {
+    if through {
+        out.push_str(&body);
+    } else {
         // after `like` is bound, on the body's first line
         let (first, rest) = body.split_once('\n').unwrap_or((body.as_str(), ""));
         let _ = writeln!(out, "{first}");
         let zeros = zeros(program);
         let _ = writeln!(out, "    let mut {} = {zeros};", output.name);
         out.push_str(rest);
-    } else {
-        out.push_str(&body);
     }
     let condition = if program.solves() {
         "Condition { pivot: condition }"

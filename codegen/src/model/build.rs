@@ -98,11 +98,8 @@ pub fn build(spec: &Spec) -> Model {
         })
     });
     model.couplings = couplings.collect();
-    let actuated = |m: &Model| -> Vec<usize> {
-        let all = m.coordinates.iter().enumerate();
-        all.filter(|(_, c)| c.actuated).map(|(i, _)| i).collect()
-    };
-    model.actuated = actuated(&model);
+    let all = model.coordinates.iter().enumerate();
+    model.actuated = all.filter(|(_, c)| c.actuated).map(|(i, _)| i).collect();
     model.independent = match &spec.independent {
         Some(names) => {
             let names = names.value.iter();

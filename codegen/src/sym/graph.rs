@@ -175,14 +175,13 @@ impl Graph {
             let positive = self.constant(value.neg());
             return self.intern(Node::Neg(positive));
         }
-        let id = match self.number_lookup.get(&value) {
-            Some(&id) => id,
-            None => {
-                let id = u32::try_from(self.numbers.len()).unwrap_or(u32::MAX);
-                self.numbers.push(value.clone());
-                self.number_lookup.insert(value, id);
-                id
-            }
+        let id = if let Some(&id) = self.number_lookup.get(&value) {
+            id
+        } else {
+            let id = u32::try_from(self.numbers.len()).unwrap_or(u32::MAX);
+            self.numbers.push(value.clone());
+            self.number_lookup.insert(value, id);
+            id
         };
         self.intern(Node::Constant(id))
     }
@@ -337,8 +336,12 @@ impl Graph {
             }
             price += match self.node(ex) {
                 Node::Constant(_) | Node::Symbol(_) | Node::Neg(_) | Node::Solved(..) => 0,
-                Node::Add(..) | Node::Sub(..) | Node::Mul(..) => 1,
-                Node::Sign(_) | Node::Positive(_) | Node::Negative(_) => 1,
+                Node::Add(..)
+                | Node::Sub(..)
+                | Node::Mul(..)
+                | Node::Sign(_)
+                | Node::Positive(_)
+                | Node::Negative(_) => 1,
                 Node::Div(..) => 6,
                 Node::Sin(_) | Node::Cos(_) => 10,
             };

@@ -445,7 +445,7 @@ mod tests {
         let two = g.integer(2);
         let three = g.integer(3);
 
-        let mut check = |g: &Graph, ex: Ex, goal: &str| assert_eq!(text(g, ex), goal);
+        let check = |g: &Graph, ex: Ex, goal: &str| assert_eq!(text(g, ex), goal);
 
         // constants stand in front
         let l = g.mul(two, x);

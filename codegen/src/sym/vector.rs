@@ -84,8 +84,7 @@ impl Graph {
     /// `A B`.
     pub fn mul_mm(&mut self, a: &M3, b: &M3) -> M3 {
         let columns = transposed(b);
-        let rows = a.map(|row| columns.map(|column| self.dot3(&row, &column)));
-        rows
+        a.map(|row| columns.map(|column| self.dot3(&row, &column)))
     }
 
     /// A constant vector.
