@@ -73,10 +73,16 @@ pub fn solve_pivoted(mut a: Vec<Vec<f64>>, mut b: Vec<Vec<f64>>) -> Solution {
     }
 }
 
+/// Rows below this part of the matrix are not scaled up: a redundant row may
+/// hold nothing but rounding.
+const FLOOR: f64 = 1.0 / 1024.0;
+
 /// Divides every row by its largest entry, so that metres and radians compare.
 fn scale_rows(a: &mut [Vec<f64>], mut b: Option<&mut Vec<Vec<f64>>>) {
+    let size = |row: &[f64]| row.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+    let whole = a.iter().fold(0.0_f64, |m, row| m.max(size(row)));
     for (i, row) in a.iter_mut().enumerate() {
-        let size = row.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+        let size = size(row).max(FLOOR * whole);
         if size > 0.0 && size.is_finite() {
             for x in row.iter_mut() {
                 *x /= size;
@@ -168,6 +174,12 @@ mod tests {
             vec![vec![1.0], vec![2.0]],
         );
         assert!(s.pivot_ratio < 1e-15);
+    }
+
+    #[test]
+    fn a_row_of_rounding_adds_no_rank() {
+        let a = vec![vec![1.0, 2.0], vec![3e-17, -1e-17]];
+        assert_eq!(rank_and_columns(a, 1e-8).0, 1);
     }
 
     #[test]

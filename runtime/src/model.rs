@@ -293,8 +293,9 @@ pub trait Model<
     /// When a length does not fit.
     fn gravity(&self, q: &[T], phi: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError>;
 
-    /// The efforts at zero independent accelerations: Coriolis, centrifugal, friction and
-    /// gravity together. The dependent accelerations are those that the closure then imposes.
+    /// The efforts at zero independent accelerations, less gravity: Coriolis, centrifugal and
+    /// friction, so that tau = M qdd_i + bias + gravity. The dependent accelerations are those
+    /// that the closure then imposes.
     ///
     /// - `q`, `qd`: n; `phi`: p; `out`: dof.
     ///

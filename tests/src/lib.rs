@@ -9,6 +9,7 @@
     reason = "A_e and qdd_i are formulas, written as in the equations"
 )]
 
+pub mod derived;
 pub mod engine;
 pub mod files;
 pub mod reference;

@@ -40,10 +40,12 @@ pub fn plan(structure: &[Vec<Option<bool>>], samples: &[Vec<Vec<f64>>]) -> Optio
     let scale: Vec<f64> = (0..rows)
         .map(|i| {
             let entries = samples.iter().flat_map(|s| &s[i]);
-            let largest = entries.fold(0.0_f64, |m, x| m.max(x.abs()));
-            if largest > 0.0 { largest } else { 1.0 }
+            entries.fold(0.0_f64, |m, x| m.max(x.abs()))
         })
         .collect();
+    // but rows of rounding, where redundant, are not scaled up
+    let whole = scale.iter().fold(f64::MIN_POSITIVE, |m: f64, x| m.max(*x));
+    let scale: Vec<f64> = scale.iter().map(|s| s.max(whole / 1024.0)).collect();
     let mut work = samples.to_vec();
     let mut free_rows = (0..rows).collect::<Vec<_>>();
     let mut free_columns = (0..columns).collect::<Vec<_>>();

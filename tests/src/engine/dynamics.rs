@@ -124,7 +124,8 @@ fn matrices(
     let (theirs, weight) = apply(&theirs, phi);
     figures.record("gravity", vector_error(&gravity, &theirs, weight), ROW);
 
-    let bias = engine.bias_forces(q, qd, phi)?;
+    let still = engine.bias_forces(q, qd, phi)?;
+    let bias: Vec<f64> = still.iter().zip(&gravity).map(|(c, g)| c + g).collect();
     let coasting = reference.accelerations(q, qd, &vec![0.0; dof])?;
     let (theirs, weight) = apply(&reference.regressor(q, qd, &coasting)?, phi);
     figures.record("bias forces", vector_error(&bias, &theirs, weight), ROW);

@@ -98,7 +98,7 @@ pub trait Engine {
     /// # Errors
     /// What the engine reports.
     fn gravity(&self, q: &[f64], phi: &[f64]) -> Answer<Vec<f64>>;
-    /// The efforts at zero independent accelerations, gravity and friction included.
+    /// The efforts at zero independent accelerations less gravity: Coriolis, centrifugal, friction.
     ///
     /// # Errors
     /// What the engine reports.

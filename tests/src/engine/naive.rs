@@ -85,7 +85,9 @@ impl Engine for Naive<'_> {
     fn bias_forces(&self, q: &[f64], qd: &[f64], phi: &[f64]) -> Answer<Vec<f64>> {
         let none = vec![0.0; self.mechanism.dof()];
         let qdd = self.mechanism.accelerations(q, qd, &none)?;
-        self.inverse_dynamics(q, qd, &qdd, phi)
+        let all = self.inverse_dynamics(q, qd, &qdd, phi)?;
+        let gravity = self.gravity(q, phi)?;
+        Ok(all.iter().zip(&gravity).map(|(a, g)| a - g).collect())
     }
 
     fn mass_matrix(&self, q: &[f64], phi: &[f64]) -> Answer<DMatrix<f64>> {
