@@ -1,6 +1,7 @@
 //! Symbolic derivation of robot dynamics with closed loops, from a YAML spec to
 //! specialised Rust. `pipeline.rs` has the whole derivation on one page.
 
+pub mod base;
 mod checks;
 pub mod constraints;
 pub mod diag;

@@ -1,0 +1,125 @@
+//! Quotients of polynomials in lowest terms.
+
+use crate::sym::Number;
+
+use super::{Polynomial, Variables};
+
+/// A quotient; the denominator's leading coefficient is 1.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Ratio {
+    numerator: Polynomial,
+    denominator: Polynomial,
+}
+
+impl Ratio {
+    pub(super) fn zero() -> Self {
+        Ratio::constant(Number::zero())
+    }
+
+    pub(super) fn one() -> Self {
+        Ratio::constant(Number::one())
+    }
+
+    pub(super) fn constant(value: Number) -> Self {
+        Ratio {
+            numerator: Polynomial::constant(value),
+            denominator: Polynomial::constant(Number::one()),
+        }
+    }
+
+    pub(super) fn variable(index: usize) -> Self {
+        Ratio {
+            numerator: Polynomial::variable(index),
+            denominator: Polynomial::constant(Number::one()),
+        }
+    }
+
+    pub(super) fn is_zero(&self) -> bool {
+        self.numerator.is_zero()
+    }
+
+    pub(crate) fn numerator(&self) -> &Polynomial {
+        &self.numerator
+    }
+
+    pub(crate) fn denominator(&self) -> &Polynomial {
+        &self.denominator
+    }
+
+    /// 0 for constants, more the longer the expression is.
+    pub(super) fn weight(&self) -> usize {
+        let size = |p: &Polynomial| -> usize {
+            p.terms
+                .keys()
+                .map(|m| m.iter().map(|e| *e as usize).sum::<usize>())
+                .sum::<usize>()
+                + p.terms.len().saturating_sub(1)
+        };
+        // a denominator makes what follows longer still
+        size(&self.numerator) + 3 * size(&self.denominator)
+    }
+
+    pub(super) fn neg(&self) -> Self {
+        Ratio {
+            numerator: self.numerator.neg(),
+            denominator: self.denominator.clone(),
+        }
+    }
+
+    /// Lowest terms; `None` where it is too long.
+    fn lowest(numerator: Polynomial, denominator: Polynomial) -> Option<Self> {
+        if numerator.is_zero() {
+            return Some(Ratio::zero());
+        }
+        if numerator.too_long() || denominator.too_long() {
+            return None;
+        }
+        let (mut n, mut d) = (numerator, denominator);
+        if d.as_constant().is_none() {
+            let common = n.common_divisor(&d);
+            if common.as_constant().is_none()
+                && let (Some(nn), Some(dd)) = (n.divided(&common), d.divided(&common))
+            {
+                (n, d) = (nn, dd);
+            }
+        }
+        let lead = d.leading().map(|(_, c)| c.clone())?;
+        if !lead.is_one() {
+            let inverse = Number::one().div(&lead)?;
+            n = n.scaled(&inverse);
+            d = d.scaled(&inverse);
+        }
+        Some(Ratio {
+            numerator: n,
+            denominator: d,
+        })
+    }
+
+    pub(super) fn add(&self, other: &Self, variables: &Variables) -> Option<Self> {
+        if self.denominator == other.denominator {
+            let sum = self.numerator.add(&other.numerator);
+            return Ratio::lowest(sum, self.denominator.clone());
+        }
+        let left = self.numerator.mul(&other.denominator, variables);
+        let right = other.numerator.mul(&self.denominator, variables);
+        let bottom = self.denominator.mul(&other.denominator, variables);
+        Ratio::lowest(left.add(&right), bottom)
+    }
+
+    pub(super) fn mul(&self, other: &Self, variables: &Variables) -> Option<Self> {
+        Ratio::lowest(
+            self.numerator.mul(&other.numerator, variables),
+            self.denominator.mul(&other.denominator, variables),
+        )
+    }
+
+    pub(super) fn div(&self, other: &Self, variables: &Variables) -> Option<Self> {
+        if other.is_zero() {
+            return None;
+        }
+        Ratio::lowest(
+            self.numerator.mul(&other.denominator, variables),
+            self.denominator.mul(&other.numerator, variables),
+        )
+    }
+}

@@ -1,0 +1,75 @@
+use super::*;
+
+fn names(field: &mut Field, list: &[(&str, i64)]) -> Vec<Element> {
+    list.iter()
+        .map(|(name, value)| {
+            field.variable(Variable::Name((*name).to_owned()), Number::from_i64(*value))
+        })
+        .collect()
+}
+
+#[test]
+fn quotients_print_as_a_person_writes_them() {
+    let mut f = Field::default();
+    let [a, b] = names(&mut f, &[("a", 2), ("b", 5)]).try_into().unwrap();
+    let root = Element::exact(Number::from_i64(3).sqrt().unwrap());
+    let two = Element::integer(-2);
+    let three = Element::integer(3);
+    let numerator = f.mul(&two, &root);
+    let below = f.mul(&three, &a);
+    let q = f.div(&numerator, &below).unwrap();
+    assert_eq!(f.text(&q), "-2*sqrt(3)/(3*a)");
+    let aa = f.mul(&a, &a);
+    assert_eq!(f.text(&aa), "a^2");
+    let bb = f.mul(&b, &b);
+    let s = f.add(&aa, &bb);
+    assert_eq!(f.text(&s), "a^2 + b^2");
+    let q = f.div(&a, &s).unwrap();
+    assert_eq!(f.text(&q), "a/(a^2 + b^2)");
+    let half = Element::exact(Number::ratio(1, 2).unwrap());
+    let e = f.mul(&half, &a);
+    assert_eq!(f.text(&e), "a/2");
+}
+
+#[test]
+fn common_factors_cancel() {
+    let mut f = Field::default();
+    let [a, b] = names(&mut f, &[("a", 2), ("b", 5)]).try_into().unwrap();
+    let sum = f.add(&a, &b);
+    let difference = f.sub(&a, &b);
+    let squares = f.mul(&sum, &difference);
+    let q = f.div(&squares, &sum).unwrap();
+    assert_eq!(f.text(&q), "a - b");
+    let cubes = f.mul(&squares, &sum);
+    let q = f.div(&sum, &cubes).unwrap();
+    let back = f.mul(&q, &squares);
+    assert_eq!(f.text(&back), "1");
+}
+
+#[test]
+fn a_sum_that_is_zero_only_by_value_is_zero_and_noted() {
+    let mut f = Field::default();
+    let [a, b, c] = names(&mut f, &[("l1", 3), ("l2", 3), ("c", 7)]).try_into().unwrap();
+    let left = f.mul(&a, &c);
+    let right = f.mul(&b, &c);
+    let difference = f.sub(&left, &right);
+    assert!(difference.is_zero());
+    assert_eq!(f.text(&difference), "0");
+    assert_eq!(f.coincidences().collect::<Vec<_>>(), ["l1 = l2"]);
+    // and what is zero by its expression is not worth a note
+    let nothing = f.sub(&left, &left);
+    assert!(nothing.is_zero() && f.coincidences().count() == 1);
+}
+
+#[test]
+fn sines_of_skew_angles_obey_pythagoras_without_a_note() {
+    let mut f = Field::default();
+    let angle = Number::parse_decimal("0.6").unwrap();
+    let (s, c) = f.sin_cos(&angle);
+    let (ss, cc) = (f.mul(&s, &s), f.mul(&c, &c));
+    let one = f.add(&ss, &cc);
+    assert_eq!(f.text(&one), "1");
+    let e = f.mul(&s, &c);
+    assert_eq!(f.text(&e), "cos(3/5)*sin(3/5)");
+    assert_eq!(f.coincidences().count(), 0);
+}

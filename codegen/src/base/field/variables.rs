@@ -1,0 +1,60 @@
+//! The variables of expressions: geometry names, and sines and cosines of
+//! angles that have no exact ones.
+
+use crate::sym::Number;
+
+/// What a variable stands for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Variable {
+    /// A geometry name.
+    Name(String),
+    /// Sine of an angle, rad.
+    Sin(Number),
+    /// Cosine of an angle, rad.
+    Cos(Number),
+    /// A constant that is not a polynomial in the others, as written.
+    Written(String),
+}
+
+/// All variables with their values.
+#[derive(Debug, Default)]
+pub(crate) struct Variables {
+    all: Vec<(Variable, Number)>,
+}
+
+impl Variables {
+    /// The index of a variable, new if it is not there yet.
+    pub(super) fn index(&mut self, variable: Variable, value: Number) -> usize {
+        if let Some(at) = self.all.iter().position(|(v, _)| *v == variable) {
+            return at;
+        }
+        self.all.push((variable, value));
+        self.all.len() - 1
+    }
+
+    /// For a sine, the index of the cosine of the same angle.
+    pub(super) fn cosine_of(&self, index: usize) -> Option<usize> {
+        let (Variable::Sin(angle), _) = self.all.get(index)? else {
+            return None;
+        };
+        let cosine = Variable::Cos(angle.clone());
+        self.all.iter().position(|(v, _)| *v == cosine)
+    }
+
+    /// How the variable is written.
+    pub(super) fn name(&self, index: usize) -> String {
+        match self.all.get(index).map(|v| &v.0) {
+            Some(Variable::Name(name) | Variable::Written(name)) => name.clone(),
+            Some(Variable::Sin(angle)) => format!("sin({angle})"),
+            Some(Variable::Cos(angle)) => format!("cos({angle})"),
+            None => "?".to_owned(),
+        }
+    }
+
+    /// The value of a variable.
+    pub(crate) fn value(&self, index: usize) -> Number {
+        self.all
+            .get(index)
+            .map_or_else(Number::zero, |v| v.1.clone())
+    }
+}
