@@ -42,3 +42,67 @@ fn every_robot_refers_to_the_schema() {
         }
     }
 }
+
+/// Every `$ref` of a JSON value.
+fn references(json: &serde_json::Value, found: &mut Vec<String>) {
+    match json {
+        serde_json::Value::Object(entries) => {
+            for (key, value) in entries {
+                match value.as_str() {
+                    Some(target) if key == "$ref" => found.push(target.to_owned()),
+                    _ => references(value, found),
+                }
+            }
+        }
+        serde_json::Value::Array(items) => items.iter().for_each(|item| references(item, found)),
+        _ => {}
+    }
+}
+
+#[test]
+fn the_schema_is_json_whose_references_lead_somewhere() {
+    let json: serde_json::Value = serde_json::from_str(&schema()).unwrap();
+    let mut found = Vec::new();
+    references(&json, &mut found);
+    assert!(found.len() > 20, "{found:?}");
+    for target in found {
+        let definition = json.pointer(target.trim_start_matches('#'));
+        assert!(
+            definition.is_some_and(serde_json::Value::is_object),
+            "{target}"
+        );
+    }
+}
+
+#[test]
+fn the_schema_describes_every_key_and_closes_every_record() {
+    let json: serde_json::Value = serde_json::from_str(&schema()).unwrap();
+    let definitions = json["$defs"].as_object().unwrap();
+    let mut keys = 0;
+    for (name, definition) in definitions {
+        let Some(properties) = definition["properties"].as_object() else {
+            continue;
+        };
+        assert_eq!(definition["additionalProperties"], false, "{name}");
+        for (key, property) in properties {
+            keys += 1;
+            assert!(property["description"].is_string(), "{name}, {key}");
+        }
+    }
+    assert_eq!(
+        keys, 52,
+        "keys were added or lost: adjust this number knowingly"
+    );
+    assert_eq!(
+        definitions["joint"]["properties"]["type"]["$ref"],
+        "#/$defs/joint_type"
+    );
+    assert_eq!(
+        definitions["joint_type"]["enum"].as_array().unwrap().len(),
+        6
+    );
+    assert_eq!(
+        definitions["limb"]["required"],
+        serde_json::json!(["name", "joints"])
+    );
+}

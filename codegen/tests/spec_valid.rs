@@ -219,3 +219,21 @@ fn spans_find_the_words_that_they_belong_to() {
         }
     }
 }
+
+#[test]
+fn the_robots_of_this_repository_are_valid() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots");
+    let mut count = 0;
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path
+            .extension()
+            .is_some_and(|extension| extension == "yaml")
+        {
+            let spec = read(&std::fs::read_to_string(&path).unwrap());
+            assert!(!spec.coordinates().is_empty());
+            count += 1;
+        }
+    }
+    assert!(count > 0);
+}
