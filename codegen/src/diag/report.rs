@@ -4,7 +4,7 @@ use std::fmt;
 
 use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
 
-use super::{Diagnostic, Source, Span};
+use super::{Diagnostic, Position, Source, Span};
 
 /// Errors shown at most: a file that is wrong everywhere is not read to the end.
 const SHOWN: usize = 100;
@@ -23,7 +23,8 @@ pub struct Report {
 /// One error with its place as line and column, as `--format json` shows it.
 #[derive(Clone, Copy, Debug)]
 pub struct Shown<'a> {
-    source: &'a Source,
+    name: &'a str,
+    position: Position,
     diagnostic: &'a Diagnostic,
 }
 
@@ -46,8 +47,10 @@ impl Report {
 
     /// The errors with their lines and columns.
     pub fn shown(&self) -> impl Iterator<Item = Shown<'_>> {
-        self.diagnostics.iter().map(|diagnostic| Shown {
-            source: &self.source,
+        let lines = self.source.lines();
+        self.diagnostics.iter().map(move |diagnostic| Shown {
+            name: &self.source.name,
+            position: lines.position(diagnostic.span),
             diagnostic,
         })
     }
@@ -141,12 +144,12 @@ impl Report {
 impl<'a> Shown<'a> {
     /// The line, from 1.
     pub fn line(&self) -> usize {
-        self.source.position(self.diagnostic.span).line
+        self.position.line
     }
 
     /// The column in characters, from 1.
     pub fn column(&self) -> usize {
-        self.source.position(self.diagnostic.span).column
+        self.position.column
     }
 
     /// The error itself.
@@ -157,9 +160,13 @@ impl<'a> Shown<'a> {
 
 impl fmt::Display for Shown<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let name = &self.source.name;
-        let (line, column) = (self.line(), self.column());
-        write!(f, "{name}:{line}:{column}: {}", self.diagnostic.headline())?;
+        let Position { line, column } = self.position;
+        write!(
+            f,
+            "{}:{line}:{column}: {}",
+            self.name,
+            self.diagnostic.headline()
+        )?;
         match &self.diagnostic.hint {
             Some(hint) => write!(f, " ({hint})"),
             None => Ok(()),

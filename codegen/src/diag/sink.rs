@@ -2,6 +2,9 @@
 
 use super::{Diagnostic, Report, Source};
 
+/// Errors of a phase after which costly checks may stop.
+const FULL: usize = 500;
+
 /// Collects every error of a phase.
 ///
 /// It must be asked for them with [`Sink::finish`]: errors that nobody asks for are a bug of the caller, so
@@ -31,6 +34,11 @@ impl Sink {
     /// Whether there is no error so far.
     pub fn is_empty(&self) -> bool {
         self.diagnostics.is_empty()
+    }
+
+    /// Whether there are so many errors that costly checks may stop: nobody reads on.
+    pub fn is_full(&self) -> bool {
+        self.diagnostics.len() >= FULL
     }
 
     /// Ends the phase.

@@ -59,11 +59,40 @@ impl Source {
 
     /// Where a span starts.
     pub fn position(&self, span: Span) -> Position {
-        let before = &self.text[..self.clamp(span).start];
-        let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
+        self.lines().position(span)
+    }
+
+    /// The starts of the lines, to find many positions.
+    pub(super) fn lines(&self) -> Lines<'_> {
+        let newlines = self.text.match_indices('\n').map(|(at, _)| at + 1);
+        Lines {
+            source: self,
+            starts: std::iter::once(0).chain(newlines).collect(),
+            ascii: self.text.is_ascii(),
+        }
+    }
+}
+
+/// The lines of a source.
+pub(super) struct Lines<'a> {
+    source: &'a Source,
+    starts: Vec<usize>,
+    ascii: bool,
+}
+
+impl Lines<'_> {
+    /// Where a span starts.
+    pub(super) fn position(&self, span: Span) -> Position {
+        let at = self.source.clamp(span).start;
+        let line = self.starts.partition_point(|start| *start <= at);
+        let start = self.starts[line - 1];
         Position {
-            line: before.bytes().filter(|byte| *byte == b'\n').count() + 1,
-            column: before[line_start..].chars().count() + 1,
+            line,
+            column: 1 + if self.ascii {
+                at - start
+            } else {
+                self.source.text[start..at].chars().count()
+            },
         }
     }
 }

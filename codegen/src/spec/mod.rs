@@ -1,7 +1,7 @@
 //! From YAML to a validated spec.
 //!
 //! In phases, each of which reports all its errors before the next one starts: the YAML itself; the shape of the
-//! records ([`raw`] lists their keys); names, labels and references; values. Nothing here knows dynamics.
+//! records (`raw.rs` lists their keys); names, labels and references; values. Nothing here knows dynamics.
 
 mod check;
 mod expression;

@@ -2,8 +2,8 @@
 
 use super::shape::{
     BodyReference, Chosen, ConstantName, CoordinateReference, CouplingForm, Flag, Label, LabelKey,
-    Name, Ordered, ParameterForm, ParameterReference, ParameterSymbol, RobotName, Scalar, Text,
-    choices, record,
+    Located, Name, Ordered, ParameterForm, ParameterReference, ParameterSymbol, RobotName, Scalar,
+    Text, choices, record,
 };
 use super::types::{Axis, CutKind, Friction, JointKind};
 
@@ -59,11 +59,11 @@ record! {
         /// Loop closures: joints opened to obtain the tree
         optional cuts: Vec<RawCut>,
         /// The independent coordinates; default: the actuated ones
-        optional independent: Vec<CoordinateReference>,
+        optional independent: Located<Vec<CoordinateReference>>,
         /// Coordinates tied linearly to others (parallelograms, belts, gears)
         optional couplings: Ordered<CoordinateReference, CouplingForm>,
         /// Start of the loop-closure solve by coordinate, missing ones 0; picks the assembly branch
-        optional home: Ordered<CoordinateReference, Scalar>,
+        optional home: Located<Ordered<CoordinateReference, Scalar>>,
         /// Nominal inertias by body label, for simulation and comparison
         optional bodies: Ordered<LabelKey, RawInertia>,
         /// Choices about the base parameters; they never change the parameters or the regressor
@@ -112,7 +112,7 @@ record! {
 record! {
     /// A joint of a limb, and the body it carries
     struct RawJoint, "joint" {
-        /// Unique name of the joint and its coordinate; only fixed joints may lack it
+        /// Unique name of the joint, which names its coordinate; only fixed joints may lack it
         optional name: Name,
         /// The joint's type
         required kind: Chosen<JointKind>,
@@ -136,6 +136,7 @@ record! {
         optional nominal: Ordered<ParameterSymbol, Scalar>,
     }
     exclusive { "dh" "origin" }
+    unless { "name" "type" "fixed" }
 }
 
 record! {

@@ -33,9 +33,10 @@ pub(super) fn resolve(raw: &RawSpec, sink: &mut Sink) -> Option<Spec> {
             Some((spanned(&key.0), form))
         },
     );
-    let home = each(raw.home.iter().flat_map(|home| &home.0), |(key, value)| {
-        Some((spanned(&key.0), resolver.quantity(value)?))
-    });
+    let home = each(
+        raw.home.iter().flat_map(|home| &home.value.0),
+        |(key, value)| Some((spanned(&key.0), resolver.quantity(value)?)),
+    );
     let bodies = each(
         raw.bodies.iter().flat_map(|bodies| &bodies.0),
         |(label, inertia)| Some((spanned(&label.0), resolver.inertia(inertia, &label.0)?)),
@@ -51,13 +52,13 @@ pub(super) fn resolve(raw: &RawSpec, sink: &mut Sink) -> Option<Spec> {
         geometry: geometry?,
         limbs: limbs?,
         cuts: cuts?,
-        independent: raw.independent.as_ref().map(|names| independent(names)),
+        independent: raw.independent.as_ref().map(|names| Spanned {
+            value: names.value.iter().map(|name| spanned(&name.0)).collect(),
+            span: names.span,
+        }),
         couplings: couplings?,
         home: home?,
-        home_span: raw.home.as_ref().and_then(|home| {
-            let keys = home.0.iter().map(|(key, _)| key.0.span);
-            keys.reduce(Span::to)
-        }),
+        home_span: raw.home.as_ref().map(|home| home.span),
         bodies: bodies?,
         base: base?,
     })
@@ -76,20 +77,13 @@ fn spanned(word: &Word) -> Spanned<String> {
     }
 }
 
-fn independent(names: &[super::shape::CoordinateReference]) -> Spanned<Vec<Spanned<String>>> {
-    let value: Vec<Spanned<String>> = names.iter().map(|name| spanned(&name.0)).collect();
-    let span = value
-        .iter()
-        .map(|name| name.span)
-        .reduce(Span::to)
-        .unwrap_or_default();
-    Spanned { value, span }
-}
-
 /// A body, or nothing for the world.
 fn body(reference: &BodyReference) -> Option<Spanned<String>> {
     (reference.0.text != "world").then(|| spanned(&reference.0))
 }
+
+/// Something is wrong, and the sink knows it.
+struct Reported;
 
 struct Resolver<'a> {
     /// Geometry so far; `None` where a value was reported as bad, so that its uses are not reported too.
@@ -251,7 +245,7 @@ impl Resolver<'_> {
             velocity: velocity?,
             acceleration: acceleration?,
             effort: effort?,
-            cone: cone?,
+            cone: cone.ok()?,
         })
     }
 
@@ -276,17 +270,18 @@ impl Resolver<'_> {
         Some(interval)
     }
 
-    fn cone(&mut self, raw: Option<&Scalar>) -> Option<Option<Quantity>> {
+    /// The angle, if there is one; an error if it is reported.
+    fn cone(&mut self, raw: Option<&Scalar>) -> Result<Option<Quantity>, Reported> {
         let Some(raw) = raw else {
-            return Some(None);
+            return Ok(None);
         };
-        let cone = self.quantity(raw)?;
+        let cone = self.quantity(raw).ok_or(Reported)?;
         let positive = !cone.value.is_negative() && !cone.value.is_zero();
         if !positive || cone.value.cmp_value(&Number::pi()).is_gt() {
             self.refuse(raw, "a cone's angle must be above 0 and at most pi");
-            return None;
+            return Err(Reported);
         }
-        Some(Some(cone))
+        Ok(Some(cone))
     }
 
     fn cut(&mut self, raw: &RawCut) -> Option<Cut> {
@@ -309,7 +304,7 @@ impl Resolver<'_> {
             },
             sides: sides?.try_into().ok()?,
             limits: Limits {
-                cone: cone?,
+                cone: cone.ok()?,
                 ..Limits::default()
             },
             span: raw.span,

@@ -8,25 +8,36 @@ pub(super) fn did_you_mean<'a>(word: &str, known: impl IntoIterator<Item = &'a s
 /// The known word nearest to a misspelt one, the first of equals.
 pub(super) fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     const LONGEST: usize = 64;
-    if word.chars().count() > LONGEST {
+    const MOST: usize = 1000;
+    // one slip in short words, two in longer ones
+    let length = word.chars().count();
+    let allowed = if length < 4 { 1 } else { 2 };
+    if length > LONGEST {
         return None;
     }
     let lower = word.to_lowercase();
     let mut best: Option<(usize, &str)> = None;
-    for candidate in known {
+    for candidate in known.into_iter().take(MOST) {
+        if candidate.chars().count().abs_diff(length) > allowed {
+            continue;
+        }
         let distance = if candidate.to_lowercase() == lower {
             0
         } else {
             strsim::osa_distance(word, candidate)
         };
-        // one slip in short words, one in three letters of longer ones
-        let allowed = (word.chars().count().max(candidate.chars().count()) / 3).max(1);
-        let trivial = distance >= candidate.chars().count();
+        let trivial = distance >= candidate.chars().count() || differ_in_digits(word, candidate);
         if distance <= allowed && !trivial && best.is_none_or(|(least, _)| distance < least) {
             best = Some((distance, candidate));
         }
     }
     best.map(|(_, candidate)| candidate)
+}
+
+/// Whether two words differ in their digits only: `q7` is no slip for `q1`.
+fn differ_in_digits(a: &str, b: &str) -> bool {
+    let same = |(x, y): (char, char)| x == y || (x.is_ascii_digit() && y.is_ascii_digit());
+    a != b && a.chars().count() == b.chars().count() && a.chars().zip(b.chars()).all(same)
 }
 
 /// `'a', 'b' or 'c'`.
@@ -50,7 +61,10 @@ mod tests {
         assert_eq!(nearest("Revolute", known), Some("revolute"));
         assert_eq!(nearest("helical", known), None);
         assert_eq!(nearest("q", ["a", "b"]), None);
-        assert_eq!(nearest("q7", ["q1", "q2"]), Some("q1"));
+        assert_eq!(nearest("alfa", ["a", "alpha"]), Some("alpha"));
+        assert_eq!(nearest("q22", ["q1", "q2"]), Some("q2"));
+        assert_eq!(nearest("q7", ["q1", "q2"]), None);
+        assert_eq!(nearest("x1", ["y2"]), None);
     }
 
     #[test]

@@ -30,7 +30,7 @@ impl Checker<'_> {
         for cut in raw.cuts.iter().flatten() {
             self.cut_constants(cut);
         }
-        for (_, scalar) in raw.home.iter().flat_map(|home| &home.0) {
+        for (_, scalar) in raw.home.iter().flat_map(|home| &home.value.0) {
             self.constant(scalar, all);
         }
         for (_, inertia) in raw.bodies.iter().flat_map(|bodies| &bodies.0) {
@@ -90,11 +90,7 @@ impl Checker<'_> {
 
     /// Where a geometry name is defined in the list.
     pub(super) fn geometry_index(&self, name: &str) -> Option<usize> {
-        let geometry = self.raw.geometry.as_ref()?;
-        geometry
-            .0
-            .iter()
-            .position(|(known, _)| known.0.text == name)
+        self.geometry.get(name).copied()
     }
 
     /// The geometry names.
@@ -105,6 +101,9 @@ impl Checker<'_> {
 
     /// Checks one expression, which may use the first `visible` geometry names.
     fn constant(&mut self, scalar: &Scalar, visible: usize) {
+        if self.sink.is_full() {
+            return;
+        }
         let mut faults = Vec::new();
         scalar
             .ast
@@ -137,22 +136,20 @@ impl Checker<'_> {
         }
     }
 
-    fn unknown_name(&self, span: crate::diag::Span, name: &str) -> Diagnostic {
+    pub(super) fn unknown_name(&self, span: crate::diag::Span, name: &str) -> Diagnostic {
         let known = self.geometry_names();
         let near = did_you_mean(name, known.iter().map(String::as_str).chain(["pi"]));
         let fault = Diagnostic::new(span, format!("unknown name '{name}'{near}"));
-        if self
-            .inventory
-            .coordinates
-            .iter()
-            .any(|coordinate| coordinate == name)
-        {
+        if self.coordinates.contains(name) {
             fault.hint("it is a coordinate; this value must be constant")
         } else if near.is_empty() {
-            fault.hint(format!(
-                "names are defined in `geometry`; {}",
-                listing("name there", &known)
-            ))
+            fault.hint(match known.as_slice() {
+                [] => "names are defined in `geometry`, which is not there".to_owned(),
+                known => format!(
+                    "names are defined in `geometry`; {}",
+                    listing("name", known)
+                ),
+            })
         } else {
             fault
         }

@@ -4,7 +4,8 @@ use super::super::raw::{RawJoint, RawLimb};
 use super::super::shape::{Choice, Word};
 use super::super::suggest::{did_you_mean, one_of};
 use super::super::types::JointKind;
-use super::{Checker, duplicates, joint_path, limb_path, unknown};
+use super::cycles::cycles;
+use super::{Checker, duplicates, joint_path, limb_path, unknown_body};
 use crate::diag::{Diagnostic, Span};
 
 impl Checker<'_> {
@@ -64,9 +65,7 @@ impl Checker<'_> {
                 continue;
             }
             match carrier {
-                None => self
-                    .sink
-                    .push(unknown("body", from, &self.inventory.bodies)),
+                None => self.sink.push(unknown_body(from, &self.inventory.bodies)),
                 Some(carrier) if carrier == index => self.sink.push(
                     from.error(format!(
                         "limb '{}' starts from its own body '{}'",
@@ -77,26 +76,28 @@ impl Checker<'_> {
                 Some(_) => {}
             }
         }
-        for (index, limb) in limbs.iter().enumerate() {
-            if let Some(cycle) = cycle(index, |limb| {
-                parents.get(limb).copied().flatten().into_iter().collect()
-            }) && cycle.iter().all(|member| *member >= index)
-            {
-                let names: Vec<&str> = cycle
-                    .iter()
-                    .chain([&index])
-                    .filter_map(|member| limbs.get(*member))
+        let edges: Vec<Vec<usize>> = parents
+            .iter()
+            .map(|parent| parent.iter().copied().collect())
+            .collect();
+        for cycle in cycles(&edges) {
+            let mut members = cycle.iter().filter_map(|limb| limbs.get(*limb));
+            if let Some(first) = members.clone().next() {
+                let names: Vec<&str> = members
+                    .by_ref()
                     .map(|limb| limb.name.0.text.as_str())
                     .collect();
+                let start = &first.name.0.text;
                 let message = format!(
-                    "limbs start from each other in a circle: {}",
+                    "limbs start from each other in a circle: {} <- {start}",
                     names.join(" <- ")
                 );
                 self.sink.push(
-                    limb.from
+                    first
+                        .from
                         .0
                         .error(message)
-                        .hint("one of them must start from the world; close loops with `cuts`"),
+                        .hint("one of them must start from the world; loops are closed by `cuts`"),
                 );
             }
         }
@@ -149,12 +150,6 @@ impl Checker<'_> {
             if let Some(limits) = &joint.limits {
                 refuse(limits.span, "a fixed joint has no limits".into(), hint);
             }
-        } else if joint.name.is_none() {
-            self.sink.push(
-                Diagnostic::new(joint.kind.span, format!("a {word} joint needs a name"))
-                    .path(path)
-                    .hint("the name is that of its coordinate; only fixed joints may lack it"),
-            );
         } else if let Some(cone) = joint
             .limits
             .as_ref()
@@ -228,24 +223,4 @@ fn misplaced(symbol: &Word, joint: &RawJoint, allowed: &[&str]) -> Diagnostic {
 fn carries(limb: &RawLimb, label: &str) -> bool {
     let mut bodies = limb.joints.iter().filter_map(|joint| joint.body.as_ref());
     bodies.any(|body| body.0.text == label)
-}
-
-/// The way from a node back to itself, if there is one.
-pub(super) fn cycle(start: usize, next: impl Fn(usize) -> Vec<usize>) -> Option<Vec<usize>> {
-    let mut stack = vec![vec![start]];
-    let mut seen = std::collections::BTreeSet::new();
-    while let Some(way) = stack.pop() {
-        let end = way.last().copied()?;
-        for node in next(end) {
-            if node == start {
-                return Some(way);
-            }
-            if seen.insert(node) {
-                let mut longer = way.clone();
-                longer.push(node);
-                stack.push(longer);
-            }
-        }
-    }
-    None
 }

@@ -1,10 +1,13 @@
 //! Names, labels and references: what can be known before any value is.
 
 mod constants;
+mod cycles;
 mod joints;
 mod references;
 
 pub(super) use references::canonical;
+
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::labels::{Inventory, JointFacts};
 use super::raw::{RawJoint, RawLimb, RawSpec};
@@ -14,9 +17,19 @@ use crate::diag::{Diagnostic, Sink, Span};
 
 /// Checks that everything that is named exists, once, where it may stand.
 pub(super) fn check(raw: &RawSpec, sink: &mut Sink) {
+    let inventory = inventory(raw);
+    let set = |labels: &[String]| labels.iter().cloned().collect();
+    let geometry = raw.geometry.iter().flat_map(|geometry| &geometry.0);
     let mut checker = Checker {
         raw,
-        inventory: inventory(raw),
+        geometry: geometry
+            .enumerate()
+            .map(|(index, (name, _))| (name.0.text.as_str(), index))
+            .collect(),
+        coordinates: set(&inventory.coordinates),
+        bodies: set(&inventory.bodies),
+        parameters: set(&inventory.parameters),
+        inventory,
         sink,
     };
     checker.constants();
@@ -31,6 +44,12 @@ pub(super) fn check(raw: &RawSpec, sink: &mut Sink) {
 
 struct Checker<'a> {
     raw: &'a RawSpec,
+    /// Each geometry name's place in the list.
+    geometry: BTreeMap<&'a str, usize>,
+    coordinates: BTreeSet<String>,
+    bodies: BTreeSet<String>,
+    parameters: BTreeSet<String>,
+    /// The same in order.
     inventory: Inventory,
     sink: &'a mut Sink,
 }
@@ -65,7 +84,7 @@ fn joint_path(limb: &RawLimb, index: usize) -> String {
 
 /// Reports every word that equals an earlier one.
 fn duplicates<'a>(what: &str, words: impl IntoIterator<Item = &'a Word>, sink: &mut Sink) {
-    let mut seen = std::collections::BTreeMap::<&str, Span>::new();
+    let mut seen = BTreeMap::<&str, Span>::new();
     for word in words {
         if let Some(first) = seen.get(word.text.as_str()) {
             let message = format!("duplicate {what} '{}'", word.text);
@@ -87,12 +106,20 @@ fn unknown(what: &str, word: &Word, known: &[String]) -> Diagnostic {
     }
 }
 
+/// The same for bodies, where the world may stand too.
+fn unknown_body(word: &Word, known: &[String]) -> Diagnostic {
+    let mut known = known.to_vec();
+    known.push("world".to_owned());
+    unknown("body", word, &known)
+}
+
 /// What there is, unless it is too much to list.
 fn listing(what: &str, known: &[String]) -> String {
     const MOST: usize = 12;
     match known.len() {
         0 => format!("there is no {what}"),
-        1..=MOST => {
+        1 => format!("known is '{}'", known.concat()),
+        2..=MOST => {
             let all = one_of(known.iter().map(String::as_str));
             format!("known are {}", all.replace(" or ", " and "))
         }

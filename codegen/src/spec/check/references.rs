@@ -1,12 +1,14 @@
 //! What refers to limbs, joints and bodies: cuts, independent coordinates, couplings, home, bodies, base choices.
 
+use std::collections::BTreeMap;
+
 use super::super::expression::{Ast, AstKind};
 use super::super::raw::RawCut;
 use super::super::shape::{Choice, Scalar, Word};
-use super::super::suggest::did_you_mean;
+use super::super::suggest::{did_you_mean, nearest};
 use super::super::types::CutKind;
-use super::joints::cycle;
-use super::{Checker, duplicates, joint_name, listing, unknown};
+use super::cycles::cycles;
+use super::{Checker, duplicates, joint_name, listing, unknown, unknown_body};
 use crate::diag::Diagnostic;
 
 impl Checker<'_> {
@@ -23,10 +25,9 @@ impl Checker<'_> {
         let [a, b] = [&cut.between[0].body.0, &cut.between[1].body.0];
         let mut known = true;
         for body in [a, b] {
-            if body.text != "world" && !self.inventory.bodies.contains(&body.text) {
+            if body.text != "world" && !self.bodies.contains(&body.text) {
                 known = false;
-                self.sink
-                    .push(unknown("body", body, &self.inventory.bodies));
+                self.sink.push(unknown_body(body, &self.inventory.bodies));
             }
         }
         if known && a.text == b.text {
@@ -56,7 +57,7 @@ impl Checker<'_> {
 
     /// Whether a coordinate exists; reports it if not.
     fn coordinate(&mut self, word: &Word) -> bool {
-        let known = self.inventory.coordinates.contains(&word.text);
+        let known = self.coordinates.contains(&word.text);
         if !known {
             let fault = self.unknown_coordinate(word);
             self.sink.push(fault);
@@ -96,10 +97,13 @@ impl Checker<'_> {
         };
         duplicates(
             "coordinate",
-            independent.iter().map(|name| &name.0),
+            independent.value.iter().map(|name| &name.0),
             self.sink,
         );
-        for name in independent {
+        for name in &independent.value {
+            if self.sink.is_full() {
+                break;
+            }
             self.coordinate(&name.0);
             let coupled = raw.couplings.iter().flat_map(|couplings| &couplings.0);
             for (key, _) in coupled {
@@ -114,9 +118,9 @@ impl Checker<'_> {
                 }
             }
         }
-        if independent.is_empty() {
+        if independent.value.is_empty() {
             self.sink.push(
-                Diagnostic::new(raw.name.0.span, "no coordinate is independent")
+                Diagnostic::new(independent.span, "no coordinate is independent")
                     .path("independent")
                     .hint("list at least one, or leave the field out to take the actuated ones"),
             );
@@ -156,33 +160,35 @@ impl Checker<'_> {
             .couplings
             .as_ref()
             .map_or(&[][..], |couplings| &couplings.0);
+        let places = couplings
+            .iter()
+            .enumerate()
+            .map(|(index, (key, _))| (key.0.text.as_str(), index));
+        let places: BTreeMap<&str, usize> = places.collect();
         let mut sources: Vec<Vec<usize>> = Vec::new();
         for (key, form) in couplings {
             self.coordinate(&key.0);
             let mut faults = Vec::new();
             let mut used = Vec::new();
             form.0.ast.names(&mut |ast, name| {
-                used.extend(couplings.iter().position(|(other, _)| other.0.text == name));
-                faults.extend(self.coupling_name(ast, name, &form.0));
+                used.extend(places.get(name).copied());
+                if !self.sink.is_full() {
+                    faults.extend(self.coupling_name(ast, name, &form.0));
+                }
             });
             sources.push(used);
             for fault in faults {
                 self.sink.push(fault);
             }
         }
-        for (index, (key, _)) in couplings.iter().enumerate() {
-            if let Some(cycle) = cycle(index, |node| sources.get(node).cloned().unwrap_or_default())
-                && cycle.iter().all(|member| *member >= index)
-            {
-                let names: Vec<&str> = cycle
-                    .iter()
-                    .chain([&index])
-                    .filter_map(|member| couplings.get(*member))
-                    .map(|(key, _)| key.0.text.as_str())
-                    .collect();
+        for cycle in cycles(&sources) {
+            let members = cycle.iter().filter_map(|member| couplings.get(*member));
+            let mut keys = members.map(|(key, _)| &key.0);
+            if let Some(first) = keys.clone().next() {
+                let names: Vec<&str> = keys.by_ref().map(|key| key.text.as_str()).collect();
+                let message = format!("cyclic couplings: {} <- {}", names.join(" <- "), first.text);
                 self.sink.push(
-                    key.0
-                        .error(format!("cyclic couplings: {}", names.join(" <- ")))
+                    Diagnostic::new(first.span, message)
                         .hint("a coupled coordinate follows others that do not follow it"),
                 );
             }
@@ -191,7 +197,7 @@ impl Checker<'_> {
 
     /// A name in a coupling is a coordinate or a geometry name, not both.
     fn coupling_name(&self, ast: &Ast, name: &str, scalar: &Scalar) -> Option<Diagnostic> {
-        let is_coordinate = self.inventory.coordinates.iter().any(|known| known == name);
+        let is_coordinate = self.coordinates.contains(name);
         let constant = self
             .geometry_index(name)
             .filter(|_| matches!(ast.kind, AstKind::Name(_)));
@@ -235,19 +241,25 @@ impl Checker<'_> {
     }
 
     pub(super) fn home(&mut self) {
-        for (key, _) in self.raw.home.iter().flat_map(|home| &home.0) {
+        for (key, _) in self.raw.home.iter().flat_map(|home| &home.value.0) {
+            if self.sink.is_full() {
+                break;
+            }
             self.coordinate(&key.0);
         }
     }
 
     pub(super) fn bodies(&mut self) {
         for (label, _) in self.raw.bodies.iter().flat_map(|bodies| &bodies.0) {
+            if self.sink.is_full() {
+                break;
+            }
             self.body(&label.0);
         }
     }
 
     fn body(&mut self, word: &Word) {
-        if !self.inventory.bodies.contains(&word.text) {
+        if !self.bodies.contains(&word.text) {
             self.sink
                 .push(unknown("body", word, &self.inventory.bodies));
         }
@@ -261,12 +273,18 @@ impl Checker<'_> {
             let words: Vec<Word> = list.iter().map(|label| canonical(&label.0)).collect();
             duplicates("parameter", &words, self.sink);
             for word in &words {
-                if !self.inventory.parameters.contains(&word.text) {
+                if self.sink.is_full() {
+                    break;
+                }
+                if !self.parameters.contains(&word.text) {
                     self.sink.push(self.unknown_parameter(word));
                 }
             }
         }
         for form in &base.zero {
+            if self.sink.is_full() {
+                break;
+            }
             let mut faults = Vec::new();
             form.0
                 .ast
@@ -294,34 +312,50 @@ impl Checker<'_> {
         }
     }
 
+    /// Either the symbol is wrong or the label is: whichever it is gets the suggestion.
     fn unknown_parameter(&self, word: &Word) -> Diagnostic {
         let known = &self.inventory.parameters;
-        let near = did_you_mean(&word.text, known.iter().map(String::as_str));
-        let fault = word.error(format!("unknown parameter '{}'{near}", word.text));
-        let label = word
-            .text
-            .split_once('(')
-            .map_or("", |(_, rest)| rest.trim_end_matches(')'));
-        let own: Vec<String> = known
+        let split = |parameter: &'_ str| -> Option<(String, String)> {
+            let (symbol, label) = parameter.strip_suffix(')')?.split_once('(')?;
+            Some((symbol.to_owned(), label.to_owned()))
+        };
+        let (symbol, label) = split(&word.text).unwrap_or_default();
+        let parts: Vec<(String, String)> = known
             .iter()
-            .filter(|parameter| {
-                parameter
-                    .split_once('(')
-                    .is_some_and(|(_, rest)| rest.trim_end_matches(')') == label)
-            })
-            .cloned()
+            .filter_map(|parameter| split(parameter))
             .collect();
-        if !own.is_empty() {
-            fault.hint(listing("parameter", &own))
-        } else if near.is_empty() {
-            let mut labels = self.inventory.bodies.clone();
-            labels.extend(self.inventory.coordinates.iter().cloned());
-            fault.hint(format!(
-                "'{label}' has no parameters; {}",
-                listing("body", &labels)
-            ))
-        } else {
-            fault
+        let symbols: Vec<&str> = parts
+            .iter()
+            .filter(|part| part.1 == label)
+            .map(|part| part.0.as_str())
+            .collect();
+        let fault = |near: Option<String>| {
+            let near = near.map_or_else(String::new, |near| format!("; did you mean '{near}'?"));
+            word.error(format!("unknown parameter '{}'{near}", word.text))
+        };
+        if symbols.is_empty() {
+            let labels = parts
+                .iter()
+                .filter(|part| part.0 == symbol)
+                .map(|part| part.1.as_str());
+            let near = nearest(&label, labels.clone()).map(|near| format!("{symbol}({near})"));
+            let owners: Vec<String> = labels.map(|label| format!("{symbol}({label})")).collect();
+            return match (near, owners.as_slice()) {
+                (Some(near), _) => fault(Some(near)),
+                (None, []) => {
+                    fault(None).hint("parameters are written 'Ixx(1)', 'Fv(q2)', 'J(q2)'")
+                }
+                (None, owners) => fault(None).hint(listing("parameter", owners)),
+            };
+        }
+        let near = nearest(&symbol, symbols.iter().copied()).map(|near| format!("{near}({label})"));
+        let own: Vec<String> = symbols
+            .iter()
+            .map(|symbol| format!("{symbol}({label})"))
+            .collect();
+        match near {
+            Some(near) => fault(Some(near)),
+            None => fault(None).hint(listing("parameter", &own)),
         }
     }
 
@@ -333,7 +367,7 @@ impl Checker<'_> {
             path: scalar.path.clone(),
         };
         if matches!(ast.kind, AstKind::Variable(_)) {
-            let known = self.inventory.parameters.iter().any(|known| known == name);
+            let known = self.parameters.contains(name);
             return (!known).then(|| self.unknown_parameter(&word));
         }
         if self.geometry_index(name).is_some() {
@@ -344,14 +378,13 @@ impl Checker<'_> {
             .parameters
             .iter()
             .filter_map(|known| known.split('(').next());
-        let fault = unknown("name", &word, &self.geometry_names());
         Some(if symbols.clone().any(|symbol| symbol == name) {
             word.error(format!("parameter '{name}' without a label"))
                 .hint(format!(
                     "write '{name}(...)' with the body or coordinate it belongs to"
                 ))
         } else {
-            fault
+            self.unknown_name(ast.span, name).path(&*scalar.path)
         })
     }
 }

@@ -2,12 +2,12 @@
 
 use super::json::{Definitions, Json};
 use super::{Reader, Shape};
-use crate::diag::Diagnostic;
+use crate::diag::{Diagnostic, Span};
 use crate::spec::yaml::{Kind, Node};
 
 impl<T: Shape> Shape for Vec<T> {
     const EXPECTED: &'static str = "a list";
-    const NAMES_ITSELF: bool = T::NAMES_ITSELF;
+    const ITEMS_NAME_THEMSELVES: bool = T::NAMES_ITSELF;
 
     fn read(node: &Node, reader: &mut Reader) -> Option<Self> {
         let Kind::List(items) = &node.kind else {
@@ -37,13 +37,11 @@ impl<T: Shape, const N: usize> Shape for [T; N] {
     const EXPECTED: &'static str = "a list";
 
     fn read(node: &Node, reader: &mut Reader) -> Option<Self> {
-        let count = match &node.kind {
-            Kind::List(items) => items.len(),
-            _ => {
-                reader.mismatch(&format!("a list of {N}, each entry {}", T::EXPECTED), node);
-                return None;
-            }
+        let Kind::List(entries) = &node.kind else {
+            reader.mismatch(&format!("a list of {N}, each entry {}", T::EXPECTED), node);
+            return None;
         };
+        let count = entries.len();
         let items = Vec::<T>::read(node, reader);
         if count != N {
             let message = format!("expected {N} entries, found {count}");
@@ -58,6 +56,27 @@ impl<T: Shape, const N: usize> Shape for [T; N] {
         Vec::<T>::schema(definitions)
             .with("minItems", Json::Integer(count))
             .with("maxItems", Json::Integer(count))
+    }
+}
+
+/// Something with the place of the whole of it.
+#[derive(Clone, Debug)]
+pub(in crate::spec) struct Located<T> {
+    pub(in crate::spec) value: T,
+    pub(in crate::spec) span: Span,
+}
+
+impl<T: Shape> Shape for Located<T> {
+    const EXPECTED: &'static str = T::EXPECTED;
+    const ITEMS_NAME_THEMSELVES: bool = T::ITEMS_NAME_THEMSELVES;
+
+    fn read(node: &Node, reader: &mut Reader) -> Option<Self> {
+        let span = node.span;
+        T::read(node, reader).map(|value| Self { value, span })
+    }
+
+    fn schema(definitions: &mut Definitions) -> Json {
+        T::schema(definitions)
     }
 }
 

@@ -68,24 +68,29 @@ const KEYWORDS: &[&str] = &[
     "do", "dyn", "else", "enum", "extern", "false", "final", "fn", "for", "gen", "if", "impl",
     "in", "let", "loop", "macro", "match", "mod", "move", "mut", "override", "priv", "pub", "ref",
     "return", "self", "Self", "static", "struct", "super", "trait", "true", "try", "type",
-    "typeof", "union", "unsafe", "unsized", "use", "virtual", "where", "while", "yield", "_",
+    "typeof", "unsafe", "unsized", "use", "virtual", "where", "while", "yield", "_",
 ];
 
 fn check_identifier(text: &str) -> Result<(), Refusal> {
     if is_identifier(text) {
         return Ok(());
     }
+    Err((
+        "must consist of ASCII letters, digits and '_' and not start with a digit".into(),
+        format!("for instance '{}'", shorten(&mended(text))),
+    ))
+}
+
+/// The nearest identifier.
+fn mended(text: &str) -> String {
     let mut mended: String = text
         .chars()
         .map(|c| if c.is_ascii_alphanumeric() { c } else { '_' })
         .collect();
-    if mended.starts_with(|c: char| c.is_ascii_digit()) {
+    if mended.is_empty() || mended.starts_with(|c: char| c.is_ascii_digit()) {
         mended.insert(0, '_');
     }
-    Err((
-        "must consist of ASCII letters, digits and '_' and not start with a digit".into(),
-        format!("for instance '{}'", shorten(&mended)),
-    ))
+    mended
 }
 
 fn check_robot_name(text: &str) -> Result<(), Refusal> {
@@ -123,7 +128,7 @@ fn check_body_reference(text: &str) -> Result<(), Refusal> {
     }
     Err((
         "must be a whole number, or consist of ASCII letters, digits and '_'".into(),
-        "labels are compared as text".into(),
+        format!("for instance '{}'", shorten(&mended(text))),
     ))
 }
 

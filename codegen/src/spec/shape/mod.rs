@@ -8,12 +8,12 @@ mod leaf;
 mod record;
 
 pub(super) use choice::{Choice, Chosen, choices};
-pub(super) use collection::Ordered;
+pub(super) use collection::{Located, Ordered};
 pub(super) use leaf::{
     BodyReference, ConstantName, CoordinateReference, CouplingForm, Flag, Label, LabelKey, Name,
     ParameterForm, ParameterReference, ParameterSymbol, RobotName, Scalar, Text, Word,
 };
-pub(super) use record::{Field, describe_record, read_default, read_fields, record, record_schema};
+pub(super) use record::{Field, Layout, describe_record, read_default, record};
 
 use std::rc::Rc;
 
@@ -26,8 +26,10 @@ use crate::diag::{Diagnostic, Sink};
 pub(super) trait Shape: Sized {
     /// What errors expect: `a number or an expression`.
     const EXPECTED: &'static str;
-    /// Whether its items say what they are, so that the key above need not be named in paths.
+    /// Whether its title says what it is, so that paths need not name the key above the list.
     const NAMES_ITSELF: bool = false;
+    /// Whether it is a list of such.
+    const ITEMS_NAME_THEMSELVES: bool = false;
 
     /// Reads it, or reports why not.
     fn read(node: &Node, reader: &mut Reader) -> Option<Self>;

@@ -3,7 +3,7 @@
 use super::json::{Definitions, Json, defined};
 use super::{Reader, Shape};
 use crate::diag::{Diagnostic, Span};
-use crate::spec::suggest::{did_you_mean, one_of};
+use crate::spec::suggest::did_you_mean;
 use crate::spec::yaml::{self, Key, Kind, Node, shorten};
 
 /// What a record says about one of its keys.
@@ -16,71 +16,144 @@ pub(in crate::spec) struct Field {
     pub(in crate::spec) schema: fn(&mut Definitions) -> Json,
 }
 
-/// The entries of a record, with unknown, missing and clashing keys reported.
-pub(in crate::spec) fn read_fields<'a>(
-    node: &'a Node,
-    expected: &str,
-    fields: &[Field],
-    exclusive: &[(&str, &str)],
-    reader: &mut Reader,
-) -> Option<&'a [(Key, Node)]> {
-    let Kind::Map(entries) = &node.kind else {
-        reader.mismatch(expected, node);
-        return None;
-    };
-    let keys = || fields.iter().map(|field| field.key);
-    for (key, _) in entries {
-        // merge keys have their own error
-        if keys().any(|known| known == key.text) || key.text == "<<" {
-            continue;
-        }
-        let near = did_you_mean(&key.text, keys());
-        let message = format!("unknown key '{}'{near}", shorten(&key.text));
-        let diagnostic = Diagnostic::new(key.span, message);
-        reader.report(if near.is_empty() {
-            diagnostic.hint(format!(
-                "the keys of {expected} are {}",
-                keys().collect::<Vec<_>>().join(", ")
-            ))
-        } else {
-            diagnostic
-        });
+/// The keys of a record and the rules between them.
+pub(in crate::spec) struct Layout {
+    /// What it is: `joint`.
+    pub(in crate::spec) noun: &'static str,
+    pub(in crate::spec) doc: &'static str,
+    pub(in crate::spec) fields: &'static [Field],
+    /// Keys that exclude each other.
+    pub(in crate::spec) exclusive: &'static [(&'static str, &'static str)],
+    /// Keys that are required unless another key has a certain value.
+    pub(in crate::spec) unless: &'static [(&'static str, &'static str, &'static str)],
+}
+
+impl Layout {
+    fn keys(&self) -> impl Iterator<Item = &'static str> + Clone {
+        self.fields.iter().map(|field| field.key)
     }
-    let find = |wanted: &str| {
-        entries
-            .iter()
-            .find(|(key, _)| key.text == wanted)
-            .map(|(key, _)| key)
-    };
-    for field in fields.iter().filter(|field| field.required) {
-        if find(field.key).is_none() {
+
+    fn expected(&self) -> String {
+        format!(
+            "a {} ({})",
+            self.noun,
+            self.keys().collect::<Vec<_>>().join(", ")
+        )
+    }
+
+    /// The entries of a record, with unknown, missing and clashing keys reported.
+    pub(in crate::spec) fn entries<'a>(
+        &self,
+        node: &'a Node,
+        reader: &mut Reader,
+    ) -> Option<&'a [(Key, Node)]> {
+        let Kind::Map(entries) = &node.kind else {
+            reader.mismatch(&self.expected(), node);
+            return None;
+        };
+        // merge keys have their own error
+        for (key, _) in entries.iter().filter(|(key, _)| key.text != "<<") {
+            if !self.keys().any(|known| known == key.text) {
+                reader.report(self.unknown(key));
+            }
+        }
+        for missing in self.missing(entries) {
             // the first key is a better place than the whole record
             let span = entries.first().map_or(node.span, |(key, _)| key.span);
             reader.report(
-                Diagnostic::new(span, format!("missing key '{}'", field.key))
-                    .label(format!(
-                        "this {} has none",
-                        expected.trim_start_matches("a ")
-                    ))
-                    .hint(format!("{}: {}", field.key, field.doc)),
+                Diagnostic::new(span, format!("missing key '{}'", missing.key))
+                    .label(format!("this {} has none", self.noun))
+                    .hint(format!("{}: {}", missing.key, missing.doc)),
             );
         }
-    }
-    for (first, second) in exclusive {
-        if let (Some(a), Some(b)) = (find(first), find(second)) {
-            let message = format!(
-                "{} exclude each other",
-                one_of([*first, *second]).replace(" or ", " and ")
-            );
-            let (earlier, later) = if a.span <= b.span { (a, b) } else { (b, a) };
-            reader.report(
-                Diagnostic::new(later.span, message)
+        for (first, second) in self.exclusive {
+            if let (Some(a), Some(b)) = (key(entries, first), key(entries, second)) {
+                let (earlier, later) = if a.span <= b.span { (a, b) } else { (b, a) };
+                reader.report(
+                    Diagnostic::new(
+                        later.span,
+                        format!("'{first}' and '{second}' exclude each other"),
+                    )
                     .secondary(earlier.span, format!("'{}' is given here", earlier.text))
                     .hint("keep one of them"),
-            );
+                );
+            }
+        }
+        Some(entries)
+    }
+
+    fn unknown(&self, key: &Key) -> Diagnostic {
+        let near = did_you_mean(&key.text, self.keys());
+        let message = format!("unknown key '{}'{near}", shorten(&key.text));
+        let diagnostic = Diagnostic::new(key.span, message);
+        if near.is_empty() {
+            let all = self.keys().collect::<Vec<_>>().join(", ");
+            diagnostic.hint(format!("the keys here are: {all}"))
+        } else {
+            diagnostic
         }
     }
-    Some(entries)
+
+    fn missing<'a>(&'a self, entries: &'a [(Key, Node)]) -> impl Iterator<Item = &'a Field> {
+        let needed = |field: &Field| {
+            let unless = self.unless.iter().find(|(needed, ..)| *needed == field.key);
+            field.required
+                || unless.is_some_and(|(_, other, value)| {
+                    let other = entries.iter().find(|(key, _)| key.text == *other);
+                    other.is_none_or(|(_, node)| !matches!(&node.kind, Kind::Scalar(scalar) if scalar.text == *value))
+                })
+        };
+        self.fields
+            .iter()
+            .filter(move |field| needed(field) && key(entries, field.key).is_none())
+    }
+
+    /// The schema of the record.
+    pub(in crate::spec) fn schema(&self, definitions: &mut Definitions) -> Json {
+        defined(&self.noun.replace(' ', "_"), definitions, |definitions| {
+            let properties = self.fields.iter().map(|field| {
+                let mut schema =
+                    (field.schema)(definitions).with("description", Json::text(field.doc));
+                if let Some(default) = field.default {
+                    let default = yaml::literal(default, Span::default());
+                    schema = schema.with("default", default.to_json());
+                }
+                (field.key, schema)
+            });
+            let properties = Json::object(properties);
+            let required = self.fields.iter().filter(|field| field.required);
+            let mut schema = Json::object([
+                ("type", Json::text("object")),
+                ("description", Json::text(self.doc)),
+                ("properties", properties),
+                ("required", Json::texts(required.map(|field| field.key))),
+                ("additionalProperties", Json::Bool(false)),
+            ]);
+            let required =
+                |keys: &[&str]| Json::object([("required", Json::texts(keys.iter().copied()))]);
+            let rules = self
+                .exclusive
+                .iter()
+                .map(|(a, b)| Json::object([("not", required(&[a, b]))]));
+            let unless = self.unless.iter().map(|(needed, other, value)| {
+                let is = Json::object([("const", Json::text(*value))]);
+                let condition = required(&[other]).with("properties", Json::object([(*other, is)]));
+                Json::object([("if", condition), ("else", required(&[needed]))])
+            });
+            let rules: Vec<Json> = rules.chain(unless).collect();
+            if !rules.is_empty() {
+                schema = schema.with("allOf", Json::Array(rules));
+            }
+            schema
+        })
+    }
+}
+
+fn key<'a>(entries: &'a [(Key, Node)], wanted: &str) -> Option<&'a Key> {
+    entries
+        .iter()
+        .find(|(key, _)| key.text == wanted)
+        .map(|(key, _)| key)
 }
 
 impl Reader {
@@ -93,11 +166,13 @@ impl Reader {
         let (_, value) = entries.iter().find(|(found, _)| found.text == key)?;
         let read = |reader: &mut Self| T::read(value, reader).ok_or(());
         // `limb 'left'` need not be `limbs, limb 'left'`
-        Some(if T::NAMES_ITSELF && matches!(value.kind, Kind::List(_)) {
-            read(self)
-        } else {
-            self.within(key, read)
-        })
+        Some(
+            if T::ITEMS_NAME_THEMSELVES && matches!(value.kind, Kind::List(_)) {
+                read(self)
+            } else {
+                self.within(key, read)
+            },
+        )
     }
 }
 
@@ -118,42 +193,6 @@ pub(in crate::spec) fn describe_record(noun: &str, node: &Node, index: usize) ->
     }
 }
 
-/// The schema of a record.
-pub(in crate::spec) fn record_schema(
-    name: &str,
-    doc: &str,
-    fields: &[Field],
-    exclusive: &[(&str, &str)],
-    definitions: &mut Definitions,
-) -> Json {
-    defined(name, definitions, |definitions| {
-        let properties = fields.iter().map(|field| {
-            let mut schema = (field.schema)(definitions).with("description", Json::text(field.doc));
-            if let Some(default) = field.default {
-                schema = schema.with("default", yaml::literal(default, Span::default()).to_json());
-            }
-            (field.key, schema)
-        });
-        let properties = Json::object(properties);
-        let required = fields
-            .iter()
-            .filter(|field| field.required)
-            .map(|field| field.key);
-        let mut schema = Json::object([
-            ("type", Json::text("object")),
-            ("description", Json::text(doc)),
-            ("properties", properties),
-            ("required", Json::texts(required)),
-            ("additionalProperties", Json::Bool(false)),
-        ]);
-        for (a, b) in exclusive {
-            let both = Json::object([("required", Json::texts([*a, *b]))]);
-            schema = schema.with("not", both);
-        }
-        schema
-    })
-}
-
 /// Declares a record: its keys with their docs, and for each whether it is `required`, `optional`, or has a
 /// `default` (written as YAML).
 macro_rules! record {
@@ -163,6 +202,7 @@ macro_rules! record {
             $( $(#[doc = $field_doc:literal])+ $mode:ident $field:ident: $type:ty $(= $default:literal)?, )+
         }
         $(exclusive { $($a:literal $b:literal),+ })?
+        $(unless { $($needed:literal $other:literal $value:literal),+ })?
     ) => {
         $(#[doc = $doc])+
         #[derive(Clone, Debug)]
@@ -174,16 +214,21 @@ macro_rules! record {
         }
 
         impl $name {
-            const EXCLUSIVE: &'static [(&'static str, &'static str)] = &[$($(($a, $b)),+)?];
-            const FIELDS: &'static [$crate::spec::shape::Field] = &[$(
-                $crate::spec::shape::Field {
-                    key: record!(@key $field),
-                    doc: record!(@doc $($field_doc)+),
-                    required: record!(@required $mode),
-                    default: record!(@default $($default)?),
-                    schema: <$type as $crate::spec::shape::Shape>::schema,
-                },
-            )+];
+            const LAYOUT: $crate::spec::shape::Layout = $crate::spec::shape::Layout {
+                noun: $noun,
+                doc: record!(@doc $($doc)+),
+                fields: &[$(
+                    $crate::spec::shape::Field {
+                        key: record!(@key $field),
+                        doc: record!(@doc $($field_doc)+),
+                        required: record!(@required $mode),
+                        default: record!(@default $($default)?),
+                        schema: <$type as $crate::spec::shape::Shape>::schema,
+                    },
+                )+],
+                exclusive: &[$($(($a, $b)),+)?],
+                unless: &[$($(($needed, $other, $value)),+)?],
+            };
         }
 
         impl $crate::spec::shape::Shape for $name {
@@ -191,9 +236,7 @@ macro_rules! record {
             const NAMES_ITSELF: bool = true;
 
             fn read(node: &$crate::spec::yaml::Node, reader: &mut $crate::spec::shape::Reader) -> Option<Self> {
-                let entries = $crate::spec::shape::read_fields(
-                    node, Self::EXPECTED, Self::FIELDS, Self::EXCLUSIVE, reader,
-                )?;
+                let entries = Self::LAYOUT.entries(node, reader)?;
                 // every field is read, also after a bad one
                 $( let $field = record!(@read $mode, $type, record!(@key $field), entries, node, reader $(, $default)?); )+
                 Some(Self { $( $field: $field?, )+ span: node.span })
@@ -202,9 +245,7 @@ macro_rules! record {
             fn schema(
                 definitions: &mut $crate::spec::shape::json::Definitions,
             ) -> $crate::spec::shape::json::Json {
-                $crate::spec::shape::record_schema(
-                    &$noun.replace(' ', "_"), record!(@doc $($doc)+), Self::FIELDS, Self::EXCLUSIVE, definitions,
-                )
+                Self::LAYOUT.schema(definitions)
             }
 
             fn title(node: &$crate::spec::yaml::Node, index: usize) -> String {
