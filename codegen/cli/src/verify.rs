@@ -1,0 +1,406 @@
+//! Checks of a derived robot against itself, each figure found in two ways, at random closed
+//! states. The numbers come from the interpreter and a fixed seed: the same on every machine.
+
+use std::collections::BTreeMap;
+
+use regen_codegen::robot::Robot;
+use regen_runtime::{Model, SizeError};
+use serde::Serialize;
+
+use crate::closed::close;
+use crate::exit::Failure;
+use crate::interpreted::Interpreted;
+use crate::states::Motion;
+use crate::table;
+
+/// Closed states that are tried.
+const STATES: usize = 8;
+const SEED: u64 = 1;
+/// Bound of what agrees up to rounding, relative to the larger side.
+const ROUNDING: f64 = 1e-9;
+/// Bound of what is compared with central differences of step [`STEP`].
+const DIFFERENCES: f64 = 1e-6;
+/// Step of central differences: errors of the order of its square and of epsilon over it.
+const STEP: f64 = 1e-5;
+
+/// One identity, and by how much it is missed at worst.
+#[derive(Debug, Serialize)]
+pub(crate) struct Check {
+    name: &'static str,
+    /// NaN, `null` in JSON, where something could not be evaluated.
+    largest: f64,
+    bound: f64,
+    ok: bool,
+}
+
+/// The outcome.
+#[derive(Debug)]
+pub(crate) struct Verified {
+    pub(crate) states: usize,
+    pub(crate) checks: Vec<Check>,
+}
+
+impl Verified {
+    /// The names of the checks that failed.
+    pub(crate) fn failed(&self) -> impl Iterator<Item = &'static str> {
+        self.checks.iter().filter(|c| !c.ok).map(|c| c.name)
+    }
+}
+
+/// Runs every check. `same`: the written source was read back as it should be.
+pub(crate) fn all(robot: &Robot, same: bool) -> Result<Verified, Failure> {
+    let model = Interpreted::new(robot);
+    let mut random = Random(SEED);
+    let mut worst = Worst::default();
+    for _ in 0..STATES {
+        let motion = closed_state(&model, &mut random)?;
+        let phi: Vec<f64> = robot.parameters.iter().map(|_| random.signed()).collect();
+        let at = At {
+            model: &model,
+            motion: &motion,
+            phi: &phi,
+        };
+        if robot.rows > 0 {
+            at.closure(&mut worst)?;
+        }
+        at.dynamics(&mut worst, &mut random)?;
+        at.energy(&mut worst)?;
+    }
+    worst.note(
+        "source on disk is what was emitted",
+        f64::from(u8::from(!same)),
+        0.0,
+    );
+    let checks = worst.order.iter().filter_map(|name| {
+        let &(largest, bound) = worst.figures.get(name)?;
+        Some(Check {
+            name,
+            largest,
+            bound,
+            ok: largest <= bound,
+        })
+    });
+    Ok(Verified {
+        states: STATES,
+        checks: checks.collect(),
+    })
+}
+
+/// The checks as a table.
+pub(crate) fn human(verified: &Verified) -> String {
+    let rows: Vec<Vec<String>> = verified
+        .checks
+        .iter()
+        .map(|check| {
+            vec![
+                check.name.to_owned(),
+                format!("{:.1e}", check.largest),
+                format!("{:.0e}", check.bound),
+                if check.ok { "ok" } else { "FAILED" }.to_owned(),
+            ]
+        })
+        .collect();
+    format!(
+        "verified at {} random closed states, relative errors:\n{}",
+        verified.states,
+        table::columns(&["identity", "largest", "bound", ""], &rows)
+    )
+}
+
+/// The largest figure of each check, in the order in which they first appear.
+#[derive(Default)]
+struct Worst {
+    order: Vec<&'static str>,
+    figures: BTreeMap<&'static str, (f64, f64)>,
+}
+
+impl Worst {
+    fn note(&mut self, name: &'static str, figure: f64, bound: f64) {
+        let entry = self.figures.entry(name).or_insert_with(|| {
+            self.order.push(name);
+            (0.0, bound)
+        });
+        entry.0 = larger(entry.0, figure);
+    }
+
+    /// The difference of two vectors relative to the larger one, or to 1 where both are small
+    /// because they cancel.
+    fn compare(&mut self, name: &'static str, a: &[f64], b: &[f64], scale: f64, bound: f64) {
+        let difference = a.iter().zip(b).map(|(a, b)| (a - b).abs());
+        let figure = difference.fold(0.0, larger) / larger(scale, larger(size(a), size(b)));
+        self.note(name, figure, bound);
+    }
+}
+
+/// The larger of two, NaN if one is.
+fn larger(a: f64, b: f64) -> f64 {
+    if b.is_nan() || b > a { b } else { a }
+}
+
+fn size(values: &[f64]) -> f64 {
+    values.iter().map(|v| v.abs()).fold(0.0, larger)
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Row-major matrix times vector.
+fn times(matrix: &[f64], vector: &[f64]) -> Vec<f64> {
+    matrix
+        .chunks_exact(vector.len().max(1))
+        .map(|row| dot(row, vector))
+        .collect()
+}
+
+/// Runs a method of the model that fills a vector.
+fn fill<C>(
+    size: usize,
+    run: impl FnOnce(&mut [f64]) -> Result<C, SizeError>,
+) -> Result<Vec<f64>, SizeError> {
+    let mut out = vec![0.0; size];
+    run(&mut out).map(|_| out)
+}
+
+/// A random closed state: independent coordinates near home, closer where it does not close.
+fn closed_state(model: &Interpreted<'_>, random: &mut Random) -> Result<Motion, Failure> {
+    let info = model.info();
+    let home: Vec<f64> = info
+        .independent
+        .iter()
+        .filter_map(|&k| info.home.get(k).copied())
+        .collect();
+    // A tree closes anywhere; a loop is about as large as its links, some tenths of a metre.
+    let mut reach = if info.rows == 0 { 1.0 } else { 0.2 };
+    let mut reason = String::new();
+    for _ in 0..8 {
+        let wanted = Motion {
+            q: home.iter().map(|q| q + reach * random.signed()).collect(),
+            qd: home.iter().map(|_| random.signed()).collect(),
+            qdd: home.iter().map(|_| random.signed()).collect(),
+        };
+        match close(model, &wanted) {
+            Ok(motion) => return Ok(motion),
+            Err(error) => reason = error,
+        }
+        reach /= 2.0;
+    }
+    Err(Failure::Numeric(format!(
+        "{}: no closed state was found near home: {reason}",
+        info.name
+    )))
+}
+
+/// A state, its parameters, and what is checked there.
+struct At<'a> {
+    model: &'a Interpreted<'a>,
+    motion: &'a Motion,
+    phi: &'a [f64],
+}
+
+impl At<'_> {
+    /// q + t qd + t^2/2 qdd: closed up to the third order in t.
+    fn moved(&self, t: f64) -> Vec<f64> {
+        let Motion { q, qd, qdd } = self.motion;
+        q.iter()
+            .zip(qd)
+            .zip(qdd)
+            .map(|((q, qd), qdd)| q + t * qd + 0.5 * t * t * qdd)
+            .collect()
+    }
+
+    /// The rate of a function of q along the motion, by central differences.
+    fn rate(
+        &self,
+        f: impl Fn(&[f64]) -> Result<Vec<f64>, SizeError>,
+    ) -> Result<Vec<f64>, SizeError> {
+        let (after, before) = (f(&self.moved(STEP))?, f(&self.moved(-STEP))?);
+        let slope = |(a, b): (f64, f64)| (a - b) / (2.0 * STEP);
+        Ok(after.into_iter().zip(before).map(slope).collect())
+    }
+
+    fn closure(&self, worst: &mut Worst) -> Result<(), SizeError> {
+        let Motion { q, qd, qdd } = self.motion;
+        let info = self.model.info();
+        let (n, rows) = (q.len(), info.rows);
+        let f = |q: &[f64]| fill(rows, |out| self.model.constraints(q, out));
+        let jacobian = |q: &[f64]| fill(rows * n, |out| self.model.jacobian(q, out));
+        let zero = vec![0.0; rows];
+
+        worst.compare("f(q) = 0", &f(q)?, &zero, 1.0, ROUNDING);
+        let a = jacobian(q)?;
+        let mut differences = vec![0.0; rows * n];
+        for column in 0..n {
+            let shifted = |h: f64| {
+                let mut q = q.clone();
+                q[column] += h;
+                f(&q)
+            };
+            let (after, before) = (shifted(STEP)?, shifted(-STEP)?);
+            for (row, (a, b)) in after.iter().zip(&before).enumerate() {
+                differences[row * n + column] = (a - b) / (2.0 * STEP);
+            }
+        }
+        worst.compare("A = df/dq", &a, &differences, 0.0, DIFFERENCES);
+        let scale = size(&a) * size(qd);
+        worst.compare("A qd = 0", &times(&a, qd), &zero, scale, ROUNDING);
+        let b = fill(rows, |out| self.model.bias(q, qd, out))?;
+        let scale = size(&a) * size(qdd);
+        worst.compare("A qdd = b", &times(&a, qdd), &b, scale, ROUNDING);
+        let drift: Vec<f64> = times(&self.rate(jacobian)?, qd)
+            .iter()
+            .map(|x| -x)
+            .collect();
+        worst.compare("b = -(dA/dt) qd", &b, &drift, scale, DIFFERENCES);
+        Ok(())
+    }
+
+    fn dynamics(&self, worst: &mut Worst, random: &mut Random) -> Result<(), SizeError> {
+        let Motion { q, qd, qdd } = self.motion;
+        let (model, phi) = (self.model, self.phi);
+        let info = model.info();
+        let (n, dof) = (q.len(), info.dof());
+        let qd_i = self.independent(qd);
+        let qdd_i = self.independent(qdd);
+
+        let w = fill(dof * phi.len(), |out| model.regressor(q, qd, qdd, out))?;
+        let mut w_phi = vec![0.0; dof];
+        for (column, value) in w.chunks_exact(dof.max(1)).zip(phi) {
+            for (sum, entry) in w_phi.iter_mut().zip(column) {
+                *sum += entry * value;
+            }
+        }
+        let tau = fill(dof, |out| model.inverse_dynamics(q, qd, qdd, phi, out))?;
+        worst.compare("inverse dynamics = W phi", &tau, &w_phi, 1.0, ROUNDING);
+
+        let mass = fill(dof * dof, |out| model.mass_matrix(q, phi, out))?;
+        let rest = fill(dof, |out| model.bias_forces(q, qd, phi, out))?;
+        let sum: Vec<f64> = times(&mass, &qdd_i)
+            .iter()
+            .zip(&rest)
+            .map(|(a, b)| a + b)
+            .collect();
+        worst.compare("W phi = M qdd_i + bias forces", &w_phi, &sum, 1.0, ROUNDING);
+        let transposed: Vec<f64> = (0..dof * dof)
+            .map(|k| mass[(k % dof) * dof + k / dof])
+            .collect();
+        worst.compare("M is symmetric", &mass, &transposed, 1.0, ROUNDING);
+
+        let (still, none) = (vec![0.0; n], vec![0.0; dof]);
+        let held = fill(n, |out| model.accelerations(q, &still, &none, out))?;
+        let hold = fill(dof, |out| {
+            model.inverse_dynamics(q, &still, &held, phi, out)
+        })?;
+        let gravity = fill(dof, |out| model.gravity(q, phi, out))?;
+        worst.compare("gravity = W phi at rest", &gravity, &hold, 1.0, ROUNDING);
+
+        let y = fill(w.len(), |out| model.slotine_li(q, qd, &qd_i, &qdd_i, out))?;
+        worst.compare("Y(q, qd, qd, qdd) = W", &y, &w, 1.0, ROUNDING);
+
+        let drives: Vec<f64> = info.actuated.iter().map(|_| random.signed()).collect();
+        let efforts = fill(dof, |out| model.efforts(q, &drives, out))?;
+        let driven: Vec<f64> = info.actuated.iter().map(|&k| qd[k]).collect();
+        worst.compare(
+            "power of the drives = efforts . qd_i",
+            &[dot(&efforts, &qd_i)],
+            &[dot(&drives, &driven)],
+            1.0,
+            ROUNDING,
+        );
+        Ok(())
+    }
+
+    fn energy(&self, worst: &mut Worst) -> Result<(), SizeError> {
+        let Motion { q, qd, .. } = self.motion;
+        let model = self.model;
+        let info = model.info();
+        let dof = info.dof();
+        let qd_i = self.independent(qd);
+        // Friction takes power that no energy accounts for.
+        let phi: Vec<f64> = info
+            .parameters
+            .iter()
+            .zip(self.phi)
+            .map(|(label, &value)| if label.starts_with('F') { 0.0 } else { value })
+            .collect();
+
+        let mass = |q: &[f64]| fill(dof * dof, |out| model.mass_matrix(q, &phi, out));
+        let twice = dot(&times(&mass(q)?, &qd_i), &qd_i);
+        worst.compare(
+            "kinetic energy of M = of the bodies' poses",
+            &[0.5 * twice],
+            &[self.kinetic(&phi)?],
+            1.0,
+            DIFFERENCES,
+        );
+
+        let rest = fill(dof, |out| model.bias_forces(q, qd, &phi, out))?;
+        let gravity = fill(dof, |out| model.gravity(q, &phi, out))?;
+        let power = dot(&rest, &qd_i) - dot(&gravity, &qd_i);
+        let slope = dot(&times(&self.rate(mass)?, &qd_i), &qd_i);
+        worst.compare(
+            "power of Coriolis forces = qd_i (dM/dt) qd_i / 2",
+            &[power],
+            &[0.5 * slope],
+            1.0,
+            DIFFERENCES,
+        );
+        Ok(())
+    }
+
+    /// The kinetic energy from the bodies' motion, found by differences of their poses.
+    fn kinetic(&self, phi: &[f64]) -> Result<f64, SizeError> {
+        let info = self.model.info();
+        let poses = |q: &[f64]| fill(12 * info.bodies.len(), |out| self.model.poses(q, out));
+        let here = poses(&self.motion.q)?;
+        let rates = self.rate(poses)?;
+        let mut energy = 0.0;
+        for ((pose, rate), p) in here
+            .chunks_exact(12)
+            .zip(rates.chunks_exact(12))
+            .zip(phi.chunks_exact(10))
+        {
+            // Velocities in body axes: v = R^T dp/dt, omega from R^T dR/dt.
+            let column = |m: &[f64], j: usize| [m[j], m[3 + j], m[6 + j]];
+            let v = [0, 1, 2].map(|j| dot(&column(pose, j), &rate[9..12]));
+            let spin = |i: usize, j: usize| dot(&column(pose, i), &column(rate, j));
+            let w = [spin(2, 1), spin(0, 2), spin(1, 0)];
+            let inertia = [p[0], p[1], p[2], p[1], p[3], p[4], p[2], p[4], p[5]];
+            let swept = [
+                v[1] * w[2] - v[2] * w[1],
+                v[2] * w[0] - v[0] * w[2],
+                v[0] * w[1] - v[1] * w[0],
+            ];
+            energy += 0.5 * dot(&times(&inertia, &w), &w)
+                + 0.5 * p[9] * dot(&v, &v)
+                + dot(&swept, &p[6..9]);
+        }
+        for (label, value) in info.parameters.iter().zip(phi) {
+            let rotor = label.strip_prefix("J(").and_then(|l| l.strip_suffix(')'));
+            if let Some(k) = rotor.and_then(|name| info.index_of(name)) {
+                energy += 0.5 * value * self.motion.qd[k].powi(2);
+            }
+        }
+        Ok(energy)
+    }
+
+    fn independent(&self, all: &[f64]) -> Vec<f64> {
+        let which = self.model.info().independent;
+        which.iter().filter_map(|&k| all.get(k).copied()).collect()
+    }
+}
+
+/// `SplitMix64`: a few lines, the same numbers everywhere.
+struct Random(u64);
+
+impl Random {
+    /// Uniform in [-1, 1).
+    fn signed(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^= z >> 31;
+        (z >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+    }
+}
