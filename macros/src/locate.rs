@@ -1,6 +1,7 @@
 //! Where the spec is.
 
 use std::env;
+use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -39,7 +40,7 @@ pub(crate) fn locate(file: &str, source: Option<&Path>) -> Result<Found, String>
     }
     let near = nearest(file, tried.iter().filter_map(|(path, _)| path.parent()));
     if let Some(name) = near {
-        message.push_str(&format!("; did you mean `{name}`?"));
+        let _ = write!(message, "; did you mean `{name}`?");
     }
     Err(message)
 }
@@ -62,7 +63,10 @@ fn nearest<'a>(file: &str, dirs: impl Iterator<Item = &'a Path>) -> Option<Strin
             }
             let path = wanted.with_file_name(&other).display().to_string();
             // By name where two are as near: the order of a directory is not fixed.
-            if best.as_ref().is_none_or(|b| (distance, &path) < (b.0, &b.1)) {
+            if best
+                .as_ref()
+                .is_none_or(|b| (distance, &path) < (b.0, &b.1))
+            {
                 best = Some((distance, path));
             }
         }

@@ -19,9 +19,10 @@ pub(crate) fn expand(input: &Input) -> syn::Result<TokenStream> {
 
     let written_in = span.unwrap().local_file();
     let file = locate(&input.file.value(), written_in.as_deref()).map_err(error)?;
-    let path = file.absolute.to_str().ok_or_else(|| {
-        error(format!("the path of `{}` is not UTF-8", file.shown))
-    })?;
+    let path = file
+        .absolute
+        .to_str()
+        .ok_or_else(|| error(format!("the path of `{}` is not UTF-8", file.shown)))?;
     let text = fs::read_to_string(path)
         .map_err(|e| error(format!("cannot read `{}`: {e}", file.shown)))?;
     let source = Source {
@@ -32,7 +33,9 @@ pub(crate) fn expand(input: &Input) -> syn::Result<TokenStream> {
     let robot = pipeline::derive(&source)
         .map_err(|report| error(format!("`{}`:\n{}", file.shown, report.render(false))))?;
 
-    let options = emit::Options { runtime: runtime().map_err(error)? };
+    let options = emit::Options {
+        runtime: runtime().map_err(error)?,
+    };
     let inside = TokenStream::from_str(&emit::module(&robot, &options))
         .map_err(|e| error(format!("the generated source is no Rust: {e}")))?;
     let name = match &input.module {
@@ -61,8 +64,7 @@ fn runtime() -> Result<String, String> {
         // The runtime's own tests, examples and documentation.
         Ok(FoundCrate::Itself) => Ok("::regen_runtime".to_owned()),
         Err(_) => Err(
-            "robot_model! needs the crate `regen-runtime` as a dependency of this crate"
-                .to_owned(),
+            "robot_model! needs the crate `regen-runtime` as a dependency of this crate".to_owned(),
         ),
     }
 }

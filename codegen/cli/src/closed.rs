@@ -1,40 +1,43 @@
-//! Stand-in until the runtime's closure.
-use regen_runtime::{Model, Status};
+//! Closed states from the independent coordinates.
 
+use regen_runtime::{Closure, Outcome};
+
+use crate::exit::Failure;
 use crate::interpreted::Interpreted;
 use crate::states::Motion;
 
-pub(crate) fn close(model: &Interpreted<'_>, independent: &Motion) -> Result<Motion, String> {
-    let info = model.info();
-    let mut q = info.home.to_vec();
-    let n = q.len();
-    for step in 1..=20 {
-        for (k, &i) in info.independent.iter().enumerate() {
-            q[i] = info.home[i] + (independent.q[k] - info.home[i]) * f64::from(step) / 20.0;
+/// The whole motion; the inner error says why there is none.
+pub(crate) fn close(
+    closure: &mut Closure<'_, Interpreted<'_>>,
+    independent: &Motion,
+) -> Result<Result<Motion, String>, Failure> {
+    let Motion { q, qd, qdd } = independent;
+    let state = closure.solve_state(q, qd, qdd)?;
+    Ok(match state.outcome {
+        Outcome::Closed => Ok(Motion {
+            q: state.q,
+            qd: state.qd,
+            qdd: state.qdd,
+        }),
+        other => Err(reason(other)),
+    })
+}
+
+fn reason(outcome: Outcome) -> String {
+    let percent = |at: f64| format!("{:.0} % of the way from home", 100.0 * at);
+    match outcome {
+        Outcome::Closed => "closed".to_owned(),
+        Outcome::NotClosed { at, residual } => {
+            format!(
+                "the loops cannot be closed at {} (residual {residual:.1e})",
+                percent(at)
+            )
         }
-        for _ in 0..20 {
-            let mut dq = vec![0.0; info.dependent.len()];
-            let c = model.newton_step(&q, &mut dq).map_err(|e| e.to_string())?;
-            if c.status() == Status::Singular {
-                return Err("singular".to_owned());
-            }
-            for (k, &e) in info.dependent.iter().enumerate() {
-                q[e] += dq[k];
-            }
-        }
+        Outcome::Singular { at, condition } => format!(
+            "a singularity lies at {} (pivot {:.1e})",
+            percent(at),
+            condition.pivot
+        ),
+        Outcome::BranchLost { at } => format!("the assembly branch is lost at {}", percent(at)),
     }
-    let mut f = vec![0.0; info.rows];
-    model.constraints(&q, &mut f).map_err(|e| e.to_string())?;
-    if !f.iter().all(|f| f.abs() < 1e-9) {
-        return Err("not closed".to_owned());
-    }
-    let mut qd = vec![0.0; n];
-    let mut qdd = vec![0.0; n];
-    let _ = model
-        .velocities(&q, &independent.qd, &mut qd)
-        .map_err(|e| e.to_string())?;
-    let _ = model
-        .accelerations(&q, &qd, &independent.qdd, &mut qdd)
-        .map_err(|e| e.to_string())?;
-    Ok(Motion { q, qd, qdd })
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use regen_codegen::diag::Source;
 use regen_codegen::robot::Robot;
-use regen_runtime::{Model, Status};
+use regen_runtime::{Closure, Model, Status};
 use serde::Serialize;
 
 use crate::args::{EvalArgs, Format};
@@ -34,9 +34,15 @@ pub(crate) fn run(args: &EvalArgs) -> Result<(), Failure> {
     let source = read(&args.states)?;
     let states = states::parse(&source, &robot).map_err(|report| Failure::Spec(vec![report]))?;
     let model = Interpreted::new(&robot);
+    let mut closure = Closure::new(&model)?;
     let mut results = Vec::with_capacity(states.len());
     for (k, state) in states.into_iter().enumerate() {
-        results.push(evaluate(&model, state, k + 1)?);
+        let motion = match state {
+            State::Full(motion) => motion,
+            State::Independent(motion) => close(&mut closure, &motion)?
+                .map_err(|why| Failure::Numeric(format!("state {}: {why}", k + 1)))?,
+        };
+        results.push(evaluate(&model, motion, k + 1)?);
     }
     terminal::print(&match args.format {
         Format::Human => human(&robot, &results),
@@ -57,12 +63,8 @@ fn read(path: &Path) -> Result<Source, Failure> {
     Ok(Source { name, text })
 }
 
-fn evaluate(model: &Interpreted<'_>, state: State, number: usize) -> Result<Evaluated, Failure> {
-    let Motion { q, qd, qdd } = match state {
-        State::Full(motion) => motion,
-        State::Independent(motion) => close(model, &motion)
-            .map_err(|error| Failure::Numeric(format!("state {number}: {error}")))?,
-    };
+fn evaluate(model: &Interpreted<'_>, motion: Motion, number: usize) -> Result<Evaluated, Failure> {
+    let Motion { q, qd, qdd } = motion;
     let info = model.info();
     let (n, dof) = (q.len(), info.dof());
     let mut residual = vec![0.0; info.rows];

@@ -5,7 +5,7 @@ use std::io;
 use std::path::Path;
 
 use regen_codegen::diag::Report;
-use regen_runtime::SizeError;
+use regen_runtime::{Misuse, SizeError};
 
 /// What ended a run early.
 #[derive(Debug)]
@@ -57,6 +57,12 @@ impl fmt::Display for Failure {
 
 impl From<SizeError> for Failure {
     fn from(error: SizeError) -> Self {
+        Self::Input(error.to_string())
+    }
+}
+
+impl From<Misuse> for Failure {
+    fn from(error: Misuse) -> Self {
         Self::Input(error.to_string())
     }
 }

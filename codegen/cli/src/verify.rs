@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use regen_codegen::robot::Robot;
-use regen_runtime::{Model, SizeError};
+use regen_runtime::{Closure, Model, SizeError};
 use serde::Serialize;
 
 use crate::closed::close;
@@ -50,10 +50,11 @@ impl Verified {
 /// Runs every check. `same`: the written source was read back as it should be.
 pub(crate) fn all(robot: &Robot, same: bool) -> Result<Verified, Failure> {
     let model = Interpreted::new(robot);
+    let mut closure = Closure::new(&model)?;
     let mut random = Random(SEED);
     let mut worst = Worst::default();
     for _ in 0..STATES {
-        let motion = closed_state(&model, &mut random)?;
+        let motion = closed_state(&model, &mut closure, &mut random)?;
         let phi: Vec<f64> = robot.parameters.iter().map(|_| random.signed()).collect();
         let at = At {
             model: &model,
@@ -163,7 +164,11 @@ fn fill<C>(
 }
 
 /// A random closed state: independent coordinates near home, closer where it does not close.
-fn closed_state(model: &Interpreted<'_>, random: &mut Random) -> Result<Motion, Failure> {
+fn closed_state(
+    model: &Interpreted<'_>,
+    closure: &mut Closure<'_, Interpreted<'_>>,
+    random: &mut Random,
+) -> Result<Motion, Failure> {
     let info = model.info();
     let home: Vec<f64> = info
         .independent
@@ -179,7 +184,7 @@ fn closed_state(model: &Interpreted<'_>, random: &mut Random) -> Result<Motion, 
             qd: home.iter().map(|_| random.signed()).collect(),
             qdd: home.iter().map(|_| random.signed()).collect(),
         };
-        match close(model, &wanted) {
+        match close(closure, &wanted)? {
             Ok(motion) => return Ok(motion),
             Err(error) => reason = error,
         }
