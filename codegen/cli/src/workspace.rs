@@ -68,5 +68,14 @@ fn shortened(path: &Path) -> PathBuf {
         .and_then(|dir| dir.canonicalize())
         .ok()
         .and_then(|dir| path.strip_prefix(dir).ok().map(Path::to_owned))
-        .unwrap_or_else(|| path.to_owned())
+        .map_or_else(
+            || path.to_owned(),
+            |path| {
+                if path.as_os_str().is_empty() {
+                    ".".into()
+                } else {
+                    path
+                }
+            },
+        )
 }
