@@ -130,7 +130,7 @@ pub(crate) fn human(robot: &Robot) -> String {
         .iter()
         .map(|function| {
             let count = operations(function);
-            std::iter::once(name(function.kind).to_owned())
+            std::iter::once(function.kind.name().to_owned())
                 .chain(
                     [count.add, count.mul, count.div, count.sincos, count.sqrt]
                         .map(|n| n.to_string()),
@@ -147,25 +147,4 @@ pub(crate) fn human(robot: &Robot) -> String {
         )
     );
     out
-}
-
-/// The function's name in the generated module.
-fn name(kind: FunctionKind) -> &'static str {
-    match kind {
-        FunctionKind::Constraints => "constraints",
-        FunctionKind::Jacobian => "jacobian",
-        FunctionKind::Bias => "bias",
-        FunctionKind::NewtonStep => "newton_step",
-        FunctionKind::DependentJacobian => "dependent_jacobian",
-        FunctionKind::Velocities => "velocities",
-        FunctionKind::Accelerations => "accelerations",
-        FunctionKind::Regressor => "regressor",
-        FunctionKind::InverseDynamics => "inverse_dynamics",
-        FunctionKind::Gravity => "gravity",
-        FunctionKind::BiasForces => "bias_forces",
-        FunctionKind::MassMatrix => "mass_matrix",
-        FunctionKind::SlotineLi => "slotine_li",
-        FunctionKind::Efforts => "efforts",
-        FunctionKind::Poses => "poses",
-    }
 }

@@ -280,12 +280,19 @@ impl At<'_> {
 
         let mass = fill(dof * dof, |out| model.mass_matrix(q, phi, out))?;
         let rest = fill(dof, |out| model.bias_forces(q, qd, phi, out))?;
+        let gravity = fill(dof, |out| model.gravity(q, phi, out))?;
         let sum: Vec<f64> = times(&mass, &qdd_i)
             .iter()
-            .zip(&rest)
-            .map(|(a, b)| a + b)
+            .zip(rest.iter().zip(&gravity))
+            .map(|(inertial, (bias, gravity))| inertial + bias + gravity)
             .collect();
-        worst.compare("W phi = M qdd_i + bias forces", &w_phi, &sum, 1.0, ROUNDING);
+        worst.compare(
+            "W phi = M qdd_i + bias forces + gravity",
+            &w_phi,
+            &sum,
+            1.0,
+            ROUNDING,
+        );
         let transposed: Vec<f64> = (0..dof * dof)
             .map(|k| mass[(k % dof) * dof + k / dof])
             .collect();
@@ -296,7 +303,6 @@ impl At<'_> {
         let hold = fill(dof, |out| {
             model.inverse_dynamics(q, &still, &held, phi, out)
         })?;
-        let gravity = fill(dof, |out| model.gravity(q, phi, out))?;
         worst.compare("gravity = W phi at rest", &gravity, &hold, 1.0, ROUNDING);
 
         let y = fill(w.len(), |out| model.slotine_li(q, qd, &qd_i, &qdd_i, out))?;
@@ -340,11 +346,10 @@ impl At<'_> {
         );
 
         let rest = fill(dof, |out| model.bias_forces(q, qd, &phi, out))?;
-        let gravity = fill(dof, |out| model.gravity(q, &phi, out))?;
-        let power = dot(&rest, &qd_i) - dot(&gravity, &qd_i);
+        let power = dot(&rest, &qd_i);
         let slope = dot(&times(&self.rate(mass)?, &qd_i), &qd_i);
         worst.compare(
-            "power of Coriolis forces = qd_i (dM/dt) qd_i / 2",
+            "power of bias forces = qd_i (dM/dt) qd_i / 2",
             &[power],
             &[0.5 * slope],
             1.0,
