@@ -65,7 +65,7 @@ pub(crate) fn all(robot: &Robot, same: bool) -> Result<Verified, Failure> {
             at.closure(&mut worst)?;
         }
         at.dynamics(&mut worst, &mut random)?;
-        at.energy(&mut worst)?;
+        at.energy(&mut worst, &mut random)?;
     }
     worst.note(
         "source on disk is what was emitted",
@@ -152,6 +152,17 @@ fn times(matrix: &[f64], vector: &[f64]) -> Vec<f64> {
         .chunks_exact(vector.len().max(1))
         .map(|row| dot(row, vector))
         .collect()
+}
+
+/// Column-major matrix times vector.
+fn product(columns: &[f64], vector: &[f64], rows: usize) -> Vec<f64> {
+    let mut sum = vec![0.0; rows];
+    for (column, value) in columns.chunks_exact(rows.max(1)).zip(vector) {
+        for (sum, entry) in sum.iter_mut().zip(column) {
+            *sum += entry * value;
+        }
+    }
+    sum
 }
 
 /// Runs a method of the model that fills a vector.
@@ -269,12 +280,7 @@ impl At<'_> {
         let qdd_i = self.independent(qdd);
 
         let w = fill(dof * phi.len(), |out| model.regressor(q, qd, qdd, out))?;
-        let mut w_phi = vec![0.0; dof];
-        for (column, value) in w.chunks_exact(dof.max(1)).zip(phi) {
-            for (sum, entry) in w_phi.iter_mut().zip(column) {
-                *sum += entry * value;
-            }
-        }
+        let w_phi = product(&w, phi, dof);
         let tau = fill(dof, |out| model.inverse_dynamics(q, qd, qdd, phi, out))?;
         worst.compare("inverse dynamics = W phi", &tau, &w_phi, 1.0, ROUNDING);
 
@@ -321,7 +327,7 @@ impl At<'_> {
         Ok(())
     }
 
-    fn energy(&self, worst: &mut Worst) -> Result<(), SizeError> {
+    fn energy(&self, worst: &mut Worst, random: &mut Random) -> Result<(), SizeError> {
         let Motion { q, qd, .. } = self.motion;
         let model = self.model;
         let info = model.info();
@@ -346,12 +352,28 @@ impl At<'_> {
         );
 
         let rest = fill(dof, |out| model.bias_forces(q, qd, &phi, out))?;
-        let power = dot(&rest, &qd_i);
-        let slope = dot(&times(&self.rate(mass)?, &qd_i), &qd_i);
+        let rise = self.rate(mass)?;
+        let slope = dot(&times(&rise, &qd_i), &qd_i);
         worst.compare(
             "power of bias forces = qd_i (dM/dt) qd_i / 2",
-            &[power],
+            &[dot(&rest, &qd_i)],
             &[0.5 * slope],
+            1.0,
+            DIFFERENCES,
+        );
+
+        // dM/dt - 2 C is skew: what adaptive control rests on. C v is all that Y phi has left
+        // at zero accelerations and without gravity.
+        let v: Vec<f64> = qd_i.iter().map(|_| random.signed()).collect();
+        let none = vec![0.0; dof];
+        let y = fill(dof * phi.len(), |out| {
+            model.slotine_li(q, qd, &v, &none, out)
+        })?;
+        let gravity = fill(dof, |out| model.gravity(q, &phi, out))?;
+        worst.compare(
+            "v C v = v (dM/dt) v / 2",
+            &[dot(&product(&y, &phi, dof), &v) - dot(&gravity, &v)],
+            &[0.5 * dot(&times(&rise, &v), &v)],
             1.0,
             DIFFERENCES,
         );
