@@ -61,7 +61,7 @@ fn a_wrong_spec_exits_with_3_and_shows_the_place() {
     )
     .unwrap();
     for args in [
-        &["bad.yaml"][..],
+        &["bad.yaml", "--out", "o"][..],
         &["info", "bad.yaml"],
         &["generate", "bad.yaml", "--out", "o"],
     ] {
