@@ -92,14 +92,24 @@ fn names<'a>(all: &'a [String], which: &[usize]) -> Vec<&'a str> {
 /// The summary as tables.
 pub(crate) fn human(robot: &Robot) -> String {
     let mut out = match &robot.description {
-        Some(text) => format!("{}: {text}\n\n", robot.name),
-        None => format!("{}\n\n", robot.name),
+        Some(text) => table::paragraph(&format!("{}: {text}", robot.name)),
+        None => table::paragraph(&robot.name),
     };
+    out.push('\n');
     let list = |count: usize, text: &str| match count {
         0 => "none".to_owned(),
         n => format!("{n}: {text}"),
     };
     let some = |which: &[usize]| list(which.len(), &names(&robot.coordinates, which).join(" "));
+    let rows: Vec<String> = robot
+        .redundant_rows
+        .iter()
+        .map(|row| (row + 1).to_string())
+        .collect();
+    let redundant = match rows.len() {
+        0 => "none".to_owned(),
+        n => format!("{n} of {} closure rows: {}", robot.rows, rows.join(" ")),
+    };
     let cuts: Vec<String> = robot
         .cuts
         .iter()
@@ -118,6 +128,7 @@ pub(crate) fn human(robot: &Robot) -> String {
         ("actuated", some(&robot.actuated)),
         ("bodies", list(robot.bodies.len(), &robot.bodies.join(" "))),
         ("cuts", list(cuts.len(), &cuts.join(" "))),
+        ("redundant", redundant),
         (
             "parameters",
             list(robot.parameters.len(), &robot.parameters.join(" ")),

@@ -43,13 +43,23 @@ pub(crate) fn columns(head: &[&str], rows: &[Vec<String>]) -> String {
 /// A named value, wrapped under itself.
 pub(crate) fn field(name: &str, value: &str) -> String {
     const INDENT: usize = 16;
-    let mut out = format!("  {name:<w$}", w = INDENT - 2);
-    let mut column = INDENT;
-    for (k, word) in value.split_whitespace().enumerate() {
+    format!("  {name:<w$}{}", wrapped(value, INDENT), w = INDENT - 2)
+}
+
+/// Words in lines that fit the width.
+pub(crate) fn paragraph(text: &str) -> String {
+    wrapped(text, 0)
+}
+
+/// Words in lines that fit the width, all but the first indented.
+fn wrapped(text: &str, indent: usize) -> String {
+    let mut out = String::new();
+    let mut column = indent;
+    for (k, word) in text.split_whitespace().enumerate() {
         let length = word.chars().count();
         if k > 0 && column + 1 + length > WIDTH {
-            let _ = write!(out, "\n{:INDENT$}", "");
-            column = INDENT;
+            let _ = write!(out, "\n{:indent$}", "");
+            column = indent;
         } else if k > 0 {
             out.push(' ');
             column += 1;
@@ -57,7 +67,6 @@ pub(crate) fn field(name: &str, value: &str) -> String {
         out.push_str(word);
         column += length;
     }
-    out.truncate(out.trim_end().len());
     out.push('\n');
     out
 }
