@@ -6,7 +6,7 @@ use std::str::FromStr;
 use proc_macro_crate::{FoundCrate, crate_name};
 use proc_macro2::{Ident, Span, TokenStream};
 use quote::quote;
-use regen_codegen::diag::Source;
+use regen_codegen::diag::{Report, Source};
 use regen_codegen::{emit, pipeline};
 
 use crate::input::Input;
@@ -29,9 +29,7 @@ pub(crate) fn expand(input: &Input) -> syn::Result<TokenStream> {
         name: file.shown.clone(),
         text,
     };
-    // The report starts with a line of its own: the compiler puts "error: " before the first.
-    let robot = pipeline::derive(&source)
-        .map_err(|report| error(format!("`{}`:\n{}", file.shown, report.render(false))))?;
+    let robot = pipeline::derive(&source).map_err(|report| error(told(&report)))?;
 
     let options = emit::Options {
         runtime: runtime().map_err(error)?,
@@ -47,6 +45,23 @@ pub(crate) fn expand(input: &Input) -> syn::Result<TokenStream> {
         // Names the spec as an input of the crate, so that an edit rebuilds it.
         const _: &[u8] = ::core::include_bytes!(#path);
     })
+}
+
+/// A report under a line of its own: the compiler puts "error: " before the first line.
+fn told(report: &Report) -> String {
+    let mut shown = report.shown();
+    let place = shown.next().map_or_else(String::new, |first| {
+        let (line, column) = (first.line(), first.column());
+        format!("{}:{line}:{column}", report.source.name)
+    });
+    let head = match shown.count() {
+        0 => format!("the robot's spec has an error at {place}"),
+        more => format!(
+            "the robot's spec has {} errors, the first at {place}",
+            more + 1
+        ),
+    };
+    format!("{head}\n{}", report.render(false))
 }
 
 fn module_name(name: &str) -> Result<Ident, String> {
