@@ -1,3 +1,0 @@
-regen_runtime::robot_model!("several_values.yaml");
-
-fn main() {}
