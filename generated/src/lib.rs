@@ -6,4 +6,16 @@
 #![no_std]
 
 // <regen modules>
+#[rustfmt::skip]
+pub mod fivebar;
+#[rustfmt::skip]
+pub mod fourbar;
+#[rustfmt::skip]
+pub mod puma560;
+#[rustfmt::skip]
+pub mod rps3;
+#[rustfmt::skip]
+pub mod rps3_friction;
+#[rustfmt::skip]
+pub mod tree_branch;
 // </regen modules>

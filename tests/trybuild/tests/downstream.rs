@@ -13,10 +13,11 @@ fn root() -> PathBuf {
         .unwrap()
 }
 
-/// A robot's file and the name of its module.
+/// A robot's file, the name of its module, and the path of its model.
 struct Robot {
     file: String,
     module: String,
+    model: String,
 }
 
 /// Every spec of `robots/`.
@@ -32,9 +33,11 @@ fn robots() -> Vec<Robot> {
             .lines()
             .find_map(|line| line.strip_prefix("name:"))
             .unwrap();
+        let module = name.split('#').next().unwrap().trim().to_owned();
         robots.push(Robot {
             file: path.file_name().unwrap().to_str().unwrap().to_owned(),
-            module: name.split('#').next().unwrap().trim().to_owned(),
+            model: format!("{module}::{}", camel_case(&module)),
+            module,
         });
     }
     robots.sort_by(|a, b| a.file.cmp(&b.file));
@@ -43,6 +46,15 @@ fn robots() -> Vec<Robot> {
         "3-RPS, PUMA560, five-bar, four-bar and a tree"
     );
     robots
+}
+
+fn camel_case(name: &str) -> String {
+    let word = |word: &str| -> String {
+        let mut letters = word.chars();
+        let first = letters.next().into_iter().flat_map(char::to_uppercase);
+        first.chain(letters).collect()
+    };
+    name.split('_').map(word).collect()
 }
 
 /// A crate in the target directory: its own workspace, the versions of this one, the specs in
@@ -77,7 +89,7 @@ fn cargo(dir: &Path, args: &[&str]) -> String {
     let output = Command::new(env!("CARGO"))
         .args(args)
         .current_dir(dir)
-        .env("CARGO_TARGET_DIR", dir.join("target"))
+        .env("CARGO_TARGET_DIR", dir.with_file_name("target-downstream"))
         .env_remove("RUSTFLAGS")
         .output()
         .unwrap();
@@ -131,10 +143,10 @@ fn main() {{
 "#
     )
     .unwrap();
-    for Robot { module, .. } in robots() {
+    for Robot { module, model, .. } in robots() {
         writeln!(
             source,
-            "    println!(\"{module} {{:e}}\", evaluate(&{module}::Robot).unwrap());"
+            "    println!(\"{module} {{:e}}\", evaluate(&{model}).unwrap());"
         )
         .unwrap();
     }
@@ -171,8 +183,8 @@ fn a_crate_without_the_standard_library_can_use_every_robot() {
         writeln!(source, "regen_runtime::robot_model!({:?});", robot.file).unwrap();
     }
     source.push_str("\n/// All of them.\npub fn all() -> [&'static dyn regen_runtime::Model<f64>; COUNT] {\n    [");
-    for Robot { module, .. } in robots() {
-        write!(source, "&{module}::Robot, ").unwrap();
+    for Robot { model, .. } in robots() {
+        write!(source, "&{model}, ").unwrap();
     }
     source.push_str("]\n}\n");
     let source = source.replace("COUNT", &robots().len().to_string());
