@@ -444,3 +444,58 @@ impl Random {
         (z >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, clippy::expect_used)]
+
+    use super::*;
+    use regen_codegen::diag::Source;
+    use regen_codegen::optimize::Operand;
+    use regen_codegen::pipeline;
+    use regen_codegen::robot::FunctionKind;
+
+    fn robot(file: &str) -> Robot {
+        let path = format!("{}/../../robots/{file}", env!("CARGO_MANIFEST_DIR"));
+        let text = std::fs::read_to_string(path).unwrap();
+        pipeline::derive(&Source::new(file, text)).unwrap()
+    }
+
+    fn passes(robot: &Robot) -> bool {
+        all(robot, true).is_ok_and(|verified| verified.failed().next().is_none())
+    }
+
+    #[test]
+    fn a_derived_robot_passes() {
+        for file in ["fourbar.yaml", "tree_branch.yaml", "3rps_friction.yaml"] {
+            assert!(passes(&robot(file)), "{file}");
+        }
+    }
+
+    #[test]
+    fn source_that_was_not_written_fails() {
+        let verified = all(&robot("fourbar.yaml"), false).unwrap();
+        let failed: Vec<_> = verified.failed().collect();
+        assert_eq!(failed, ["source on disk is what was emitted"]);
+    }
+
+    /// One output of one function replaced: some check must miss it. The matrix `A_e` is compared
+    /// with nothing here; the closure only asks it for the sign of its determinant.
+    #[test]
+    fn a_wrong_output_of_any_function_is_noticed() {
+        let good = robot("fivebar.yaml");
+        for kind in FunctionKind::ALL {
+            if kind == FunctionKind::DependentJacobian {
+                continue;
+            }
+            let mut bad = good.clone();
+            let function = bad.functions.iter_mut().find(|f| f.kind == kind).unwrap();
+            // The last output that is no constant: one that matters.
+            let outputs = &mut function.program.outputs;
+            let is_computed = |o: &Operand| !matches!(o, Operand::Constant(_));
+            let k = outputs.iter().rposition(is_computed).unwrap();
+            outputs[k] = Operand::Constant(0.321);
+            assert!(!passes(&bad), "{kind:?}, output {k}");
+        }
+    }
+}
