@@ -214,6 +214,21 @@ fn a_crate_without_the_standard_library_can_use_every_robot() {
 }
 
 #[test]
+fn the_readme_s_example_runs() {
+    let readme = fs::read_to_string(root().join("README.md")).unwrap();
+    let (_, rest) = readme.split_once("```rust\n").unwrap();
+    let (example, _) = rest.split_once("```").unwrap();
+    let dir = outside_crate(
+        "readme",
+        "[dependencies]\nregen-runtime = { path = \"RUNTIME\", features = [\"macros\"] }\n",
+        "main.rs",
+        example,
+    );
+    let out = cargo(&dir, &["run"]);
+    assert_eq!(out.matches(',').count(), 2, "three leg forces: {out}");
+}
+
+#[test]
 fn an_edit_of_the_spec_rebuilds_the_crate() {
     let spec = |parameter: &str| {
         format!(
