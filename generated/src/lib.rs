@@ -1,1 +1,21 @@
-//! placeholder
+//! The dynamics of every robot in `robots/`, as `regen generate` writes them.
+//!
+//! One module per robot. Nothing here needs the standard library or an allocator; the
+//! features `std` and `libm` choose where the elementary functions of `f64` and `f32` come
+//! from.
+#![no_std]
+
+// <regen modules>
+#[rustfmt::skip]
+pub mod fivebar;
+#[rustfmt::skip]
+pub mod fourbar;
+#[rustfmt::skip]
+pub mod puma560;
+#[rustfmt::skip]
+pub mod rps3;
+#[rustfmt::skip]
+pub mod rps3_friction;
+#[rustfmt::skip]
+pub mod tree_branch;
+// </regen modules>

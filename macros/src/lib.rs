@@ -1,1 +1,37 @@
-//! placeholder
+//! [`robot_model!`]: a robot's dynamics, derived from its YAML spec at compile time.
+//!
+//! Use it through `regen-runtime` with the feature `macros`.
+
+mod input;
+mod locate;
+mod model;
+
+use proc_macro::TokenStream;
+
+/// Derives a robot from its spec and puts its dynamics into a module of the robot's name.
+///
+/// ```text
+/// regen_runtime::robot_model!("3rps.yaml");                   // pub mod rps3, by the spec's `name`
+/// regen_runtime::robot_model!("3rps.yaml", mod manipulator);  // pub mod manipulator
+/// ```
+///
+/// The file is looked up beside the source file, then in the directory of the crate's
+/// `Cargo.toml`, then in `robots/` there. An edit of it rebuilds the crate. Errors in it appear
+/// at the literal, with the spec's own line and column.
+///
+/// The module is what `regen generate` writes. It works in `no_std` crates and wherever the
+/// runtime is a dependency, also under another name.
+///
+/// Macros are built without optimisation by default. Where a large robot makes that felt:
+///
+/// ```toml
+/// [profile.dev.build-override]
+/// opt-level = 3
+/// ```
+#[proc_macro]
+pub fn robot_model(input: TokenStream) -> TokenStream {
+    let input = syn::parse_macro_input!(input as input::Input);
+    model::expand(&input)
+        .unwrap_or_else(|error| error.to_compile_error())
+        .into()
+}

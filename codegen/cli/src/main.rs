@@ -1,2 +1,51 @@
-//! regen
-fn main() {}
+//! `regen`: derives a robot's dynamics from its YAML spec, writes them as Rust source,
+//! evaluates and verifies them.
+
+mod args;
+mod closed;
+mod eval;
+mod exit;
+mod generate;
+mod info;
+mod interpreted;
+mod load;
+mod model;
+mod modules;
+mod states;
+mod table;
+mod terminal;
+mod verify;
+mod workspace;
+mod write;
+
+use std::process::ExitCode;
+
+use clap::{CommandFactory, Parser};
+
+use args::{Cli, Command};
+use exit::Failure;
+
+fn main() -> ExitCode {
+    match run(Cli::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            terminal::complain(&failure);
+            ExitCode::from(failure.code())
+        }
+    }
+}
+
+fn run(cli: Cli) -> Result<(), Failure> {
+    match cli.command {
+        Some(Command::Generate(args)) => generate::run(&args),
+        Some(Command::Info(args)) => info::run(&args),
+        Some(Command::Eval(args)) => eval::run(&args),
+        Some(Command::Schema) => terminal::print(&regen_codegen::spec::schema()),
+        Some(Command::Completions { shell }) => {
+            let mut text = Vec::new();
+            clap_complete::generate(shell, &mut Cli::command(), "regen", &mut text);
+            terminal::print(&String::from_utf8_lossy(&text))
+        }
+        None => model::run(&cli.model),
+    }
+}

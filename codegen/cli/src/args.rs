@@ -1,0 +1,165 @@
+//! The command line as a user sees it.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+const EXIT_CODES: &str = "\
+Exit codes:
+  0  done; with --check: everything is up to date
+  1  a check failed: generated source is not up to date, or not verified
+  2  the command line is wrong
+  3  the spec or the states are wrong
+  4  a state could not be closed, or is singular
+  5  a file could not be read or written";
+
+const EXAMPLES: &str = "\
+Examples:
+  regen robots/3rps.yaml             derive, write the source, verify it
+  regen info robots/3rps.yaml        coordinates, parameters, operations
+  regen generate                     every robot of the workspace
+  regen generate --check             is generated/ what regen would write?
+  regen eval robots/3rps.yaml --states states.json --format json
+
+A spec that does not parse is explained with line, column and what is allowed.
+Results go to standard output, messages to standard error. Colour is used only
+on a terminal, and never when NO_COLOR is set.";
+
+fn after_help() -> String {
+    format!("{EXAMPLES}\n\n{EXIT_CODES}")
+}
+
+/// Dynamics of robots with closed loops, from a YAML spec to specialised Rust
+///
+/// `regen FILE` derives the robot, prints a summary, writes the source of its
+/// module and verifies it at random closed states.
+#[derive(Debug, Parser)]
+#[command(
+    name = "regen",
+    version,
+    max_term_width = 80,
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true,
+    arg_required_else_help = true,
+    after_help = after_help()
+)]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    pub(crate) command: Option<Command>,
+    #[command(flatten)]
+    pub(crate) model: ModelArgs,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Write the source of every robot, or check that it is up to date
+    Generate(GenerateArgs),
+    /// Print a robot's coordinates, parameters, cuts and operation counts
+    Info(InfoArgs),
+    /// Evaluate closure and regressor at given states
+    Eval(EvalArgs),
+    /// Print the JSON Schema of the spec format, for editors
+    Schema,
+    /// Print a completion script, to be sourced by your shell
+    #[command(after_help = "Example:\n  regen completions bash > \
+        ~/.local/share/bash-completion/completions/regen")]
+    Completions {
+        /// The shell to complete for
+        shell: clap_complete::Shell,
+    },
+}
+
+/// How results are printed
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Format {
+    /// Tables of at most 80 columns
+    #[default]
+    Human,
+    /// JSON, numbers in the shortest form that reads back to the same double
+    Json,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ModelArgs {
+    /// The robot's spec
+    #[arg(required = true)]
+    pub(crate) file: Option<PathBuf>,
+    /// Where the module is written [default: generated/src of the workspace
+    /// that holds FILE, or else the current directory]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// How the summary is printed
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) format: Format,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Without FILES, every robots/*.yaml of the workspace is generated into its
+generated/src, and modules whose robot is gone are removed. The workspace is the
+nearest directory upward that holds both robots/ and generated/src/.
+
+If DIR has a lib.rs or mod.rs with the two lines
+  // <regen modules>
+  // </regen modules>
+the list of modules between them is kept up to date.
+
+Examples:
+  regen generate
+  regen generate --check
+  regen generate my_arm.yaml --out src/robots")]
+pub(crate) struct GenerateArgs {
+    /// Specs to generate [default: robots/*.yaml of the workspace]
+    pub(crate) files: Vec<PathBuf>,
+    /// Write nothing; report every file that differs, is missing or is stale,
+    /// and exit with 1 if there is one
+    #[arg(long)]
+    pub(crate) check: bool,
+    /// Where the modules are written [default: generated/src of the workspace]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// How the list of files is printed
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) format: Format,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  regen info robots/3rps.yaml
+  regen info robots/3rps.yaml --format json
+
+The JSON has robot, coordinates, independent, dof, parameters, cuts and
+operations; the operations are those of the regressor.")]
+pub(crate) struct InfoArgs {
+    /// The robot's spec
+    pub(crate) file: PathBuf,
+    /// How the result is printed
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) format: Format,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+IN is a JSON list. A state is given either over all coordinates, in the order
+that `regen info` prints, and is then used as it is:
+  [{\"q\": [0.1, ...], \"qd\": [...], \"qdd\": [...]}]
+or over the independent ones, and the others are solved from `home`:
+  [{\"independent\": {\"q\": [0.6, 0.6, 0.6], \"qd\": [0, 0, 0], \"qdd\": [0, 0, 0]}}]
+
+The JSON result is a list of q, qd, qdd, residual, jacobian, bias and
+regressor, one object per state.
+
+Examples:
+  regen eval robots/3rps.yaml --states states.json
+  cat states.json | regen eval robots/3rps.yaml --states - --format json")]
+pub(crate) struct EvalArgs {
+    /// The robot's spec
+    pub(crate) file: PathBuf,
+    /// The states, a JSON file; `-` reads standard input
+    #[arg(long, value_name = "IN")]
+    pub(crate) states: PathBuf,
+    /// How the result is printed
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) format: Format,
+}

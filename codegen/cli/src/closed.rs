@@ -1,0 +1,43 @@
+//! Closed states from the independent coordinates.
+
+use regen_runtime::{Closure, Outcome};
+
+use crate::exit::Failure;
+use crate::interpreted::Interpreted;
+use crate::states::Motion;
+
+/// The whole motion; the inner error says why there is none.
+pub(crate) fn close(
+    closure: &mut Closure<'_, Interpreted<'_>>,
+    independent: &Motion,
+) -> Result<Result<Motion, String>, Failure> {
+    let Motion { q, qd, qdd } = independent;
+    let state = closure.solve_state(q, qd, qdd)?;
+    Ok(match state.outcome {
+        Outcome::Closed => Ok(Motion {
+            q: state.q,
+            qd: state.qd,
+            qdd: state.qdd,
+        }),
+        other => Err(reason(other)),
+    })
+}
+
+fn reason(outcome: Outcome) -> String {
+    let percent = |at: f64| format!("{:.0} % of the way from home", 100.0 * at);
+    match outcome {
+        Outcome::Closed => "closed".to_owned(),
+        Outcome::NotClosed { at, residual } => {
+            format!(
+                "the loops cannot be closed at {} (residual {residual:.1e})",
+                percent(at)
+            )
+        }
+        Outcome::Singular { at, condition } => format!(
+            "a singularity lies at {} (pivot {:.1e})",
+            percent(at),
+            condition.pivot
+        ),
+        Outcome::BranchLost { at } => format!("the assembly branch is lost at {}", percent(at)),
+    }
+}

@@ -1,0 +1,68 @@
+//! Why a run ends, and the exit code that says so.
+
+use std::fmt;
+use std::io;
+use std::path::Path;
+
+use regen_codegen::diag::Report;
+use regen_runtime::{Misuse, SizeError};
+
+/// What ended a run early.
+#[derive(Debug)]
+pub(crate) enum Failure {
+    /// Generated source is not up to date, or a figure is beyond its bound; the details are on
+    /// standard output.
+    Check(String),
+    /// Errors in specs.
+    Spec(Vec<Report>),
+    /// Input that is wrong otherwise: states, names.
+    Input(String),
+    /// A state that cannot be closed or is singular.
+    Numeric(String),
+    /// A file or stream that cannot be read or written.
+    Io(String),
+    /// The reader of standard output went away: nobody is left to be told.
+    BrokenPipe,
+}
+
+impl Failure {
+    /// A failed operation on a file, `doing` in the infinitive: `cannot read x: ...`.
+    pub(crate) fn io(doing: &str, path: &Path, error: &io::Error) -> Self {
+        Self::Io(format!("cannot {doing} {}: {error}", path.display()))
+    }
+
+    /// The process's exit code, as documented in `--help`.
+    pub(crate) fn code(&self) -> u8 {
+        match self {
+            Self::BrokenPipe => 0,
+            Self::Check(_) => 1,
+            Self::Spec(_) | Self::Input(_) => 3,
+            Self::Numeric(_) => 4,
+            Self::Io(_) => 5,
+        }
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Check(text) | Self::Input(text) | Self::Numeric(text) | Self::Io(text) => {
+                f.write_str(text)
+            }
+            Self::Spec(reports) => reports.iter().try_for_each(|report| write!(f, "{report}")),
+            Self::BrokenPipe => Ok(()),
+        }
+    }
+}
+
+impl From<SizeError> for Failure {
+    fn from(error: SizeError) -> Self {
+        Self::Input(error.to_string())
+    }
+}
+
+impl From<Misuse> for Failure {
+    fn from(error: Misuse) -> Self {
+        Self::Input(error.to_string())
+    }
+}

@@ -1,0 +1,355 @@
+//! `regen generate`: what the files should be, how they differ, and mending that.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use indicatif::{ProgressBar, ProgressStyle};
+use serde::Serialize;
+
+use crate::args::{Format, GenerateArgs};
+use crate::exit::Failure;
+use crate::workspace::{self, Workspace};
+use crate::{load, modules, table, terminal, write};
+
+/// How a file stands to what it should be.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum State {
+    /// As it should be.
+    Current,
+    /// Not there.
+    Missing,
+    /// There with other text.
+    Differs {
+        /// The first line that differs, from 1.
+        line: usize,
+        /// That line in the file; `None` where the file ends before it.
+        found: Option<String>,
+        /// What it should be; `None` where the file should end before it.
+        expected: Option<String>,
+    },
+    /// Written for a robot that is gone.
+    Stale,
+}
+
+/// One file of the output directory.
+#[derive(Debug)]
+pub(crate) struct Entry {
+    pub(crate) path: PathBuf,
+    pub(crate) state: State,
+    /// What it should hold; `None` if it should not be there.
+    text: Option<String>,
+}
+
+impl Entry {
+    /// Makes the file what it should be.
+    pub(crate) fn mend(&self) -> Result<(), Failure> {
+        match (&self.state, &self.text) {
+            (State::Current, _) => Ok(()),
+            (_, Some(text)) => write::atomically(&self.path, text),
+            (_, None) => fs::remove_file(&self.path)
+                .map_err(|error| Failure::io("remove", &self.path, &error)),
+        }
+    }
+
+    /// Whether the file holds what it should, read anew.
+    pub(crate) fn holds(&self) -> Result<bool, Failure> {
+        let found = read_if_there(&self.path)?;
+        Ok(found.as_ref() == self.text.as_ref())
+    }
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &GenerateArgs) -> Result<(), Failure> {
+    let (files, dir, whole) = sources(args)?;
+    let entries = compare(derive(&files)?, &dir, whole)?;
+    if !args.check {
+        for entry in &entries {
+            entry.mend()?;
+        }
+    }
+    terminal::print(&match args.format {
+        Format::Human => human(&entries, args.check),
+        Format::Json => json(&entries),
+    })?;
+    let wrong = entries.iter().filter(|e| e.state != State::Current).count();
+    if args.check && wrong > 0 {
+        return Err(Failure::Check(format!(
+            "{wrong} of {} files are not what regen writes; mend them with\n  {}",
+            entries.len(),
+            mending(args)
+        )));
+    }
+    Ok(())
+}
+
+/// The specs, the output directory, and whether they are all that belongs there.
+fn sources(args: &GenerateArgs) -> Result<(Vec<PathBuf>, PathBuf, bool), Failure> {
+    if let (false, Some(out)) = (args.files.is_empty(), &args.out) {
+        return Ok((args.files.clone(), out.clone(), false));
+    }
+    let workspace = Workspace::current()?;
+    let dir = args.out.clone().unwrap_or_else(|| workspace.generated());
+    if args.files.is_empty() {
+        Ok((workspace.robots()?, dir, true))
+    } else {
+        Ok((args.files.clone(), dir, false))
+    }
+}
+
+/// The command that mends what `--check` found.
+fn mending(args: &GenerateArgs) -> String {
+    let mut command = if args.files.is_empty() && args.out.is_none() {
+        "cargo run --release --bin regen -- generate".to_owned()
+    } else {
+        "regen generate".to_owned()
+    };
+    for file in &args.files {
+        let _ = write!(command, " {}", file.display());
+    }
+    if let Some(out) = &args.out {
+        let _ = write!(command, " --out {}", out.display());
+    }
+    command
+}
+
+/// The text of each robot's module by its name; the errors of all files at once.
+fn derive(files: &[PathBuf]) -> Result<BTreeMap<String, String>, Failure> {
+    let progress = progress(files.len());
+    let mut texts = BTreeMap::new();
+    let mut reports = Vec::new();
+    for file in files {
+        progress.set_message(file.display().to_string());
+        match load::robot(file) {
+            Ok(robot) => {
+                let text = modules::text(&robot, file)?;
+                if texts.insert(robot.name.clone(), text).is_some() {
+                    return Err(Failure::Input(format!(
+                        "{}: another of these files has `name: {}` too; modules need names of \
+                         their own",
+                        file.display(),
+                        robot.name
+                    )));
+                }
+            }
+            Err(Failure::Spec(more)) => reports.extend(more),
+            Err(other) => return Err(other),
+        }
+        progress.inc(1);
+    }
+    progress.finish_and_clear();
+    if reports.is_empty() {
+        Ok(texts)
+    } else {
+        Err(Failure::Spec(reports))
+    }
+}
+
+/// A bar on a terminal's standard error, nothing elsewhere or for a single file.
+fn progress(files: usize) -> ProgressBar {
+    if files < 2 {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new(files as u64);
+    if let Ok(style) = ProgressStyle::with_template("{bar:24} {pos}/{len} {msg}") {
+        bar.set_style(style);
+    }
+    bar
+}
+
+/// How the directory's files stand to these modules. `whole`: no other modules belong there.
+pub(crate) fn compare(
+    texts: BTreeMap<String, String>,
+    dir: &Path,
+    whole: bool,
+) -> Result<Vec<Entry>, Failure> {
+    let mut names: BTreeSet<String> = texts.keys().cloned().collect();
+    let mut entries = Vec::new();
+    for (name, text) in texts {
+        let path = dir.join(format!("{name}.rs"));
+        let found = read_if_there(&path)?;
+        if let Some(found) = &found
+            && !modules::generated(found)
+        {
+            return Err(Failure::Input(format!(
+                "{} was not written by regen and is left alone; move it away, or name another \
+                 directory with --out",
+                path.display()
+            )));
+        }
+        entries.push(Entry {
+            state: state(found.as_deref(), &text),
+            path,
+            text: Some(text),
+        });
+    }
+    if whole {
+        entries.extend(stale(dir, &names)?);
+    }
+    entries.extend(list(dir, &mut names, whole)?);
+    entries.sort_by(|a, b| a.path.cmp(&b.path));
+    Ok(entries)
+}
+
+/// Generated modules in the directory that are none of these.
+fn stale(dir: &Path, names: &BTreeSet<String>) -> Result<Vec<Entry>, Failure> {
+    let mut found = Vec::new();
+    let paths = match workspace::entries(dir) {
+        Ok(paths) => paths,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Vec::new(),
+        Err(error) => return Err(Failure::io("read", dir, &error)),
+    };
+    for path in paths {
+        let rust = path.extension().is_some_and(|e| e == "rs") && path.is_file();
+        let expected = path
+            .file_stem()
+            .is_some_and(|stem| names.contains(stem.to_string_lossy().as_ref()));
+        if rust && !expected && modules::generated(&load::text(&path)?) {
+            found.push(Entry {
+                path,
+                state: State::Stale,
+                text: None,
+            });
+        }
+    }
+    Ok(found)
+}
+
+/// The directory's list of modules, if it has one.
+fn list(dir: &Path, names: &mut BTreeSet<String>, whole: bool) -> Result<Option<Entry>, Failure> {
+    for file in ["lib.rs", "mod.rs"] {
+        let path = dir.join(file);
+        let Some(found) = read_if_there(&path)? else {
+            continue;
+        };
+        let Some(listed) = modules::listed(&found) else {
+            continue;
+        };
+        if !whole {
+            names.extend(listed);
+        }
+        let text = modules::relisted(&found, names).unwrap_or_else(|| found.clone());
+        return Ok(Some(Entry {
+            state: state(Some(&found), &text),
+            path,
+            text: Some(text),
+        }));
+    }
+    Ok(None)
+}
+
+fn read_if_there(path: &Path) -> Result<Option<String>, Failure> {
+    match fs::read(path) {
+        // Text that is no UTF-8 is never what it should be.
+        Ok(bytes) => Ok(Some(String::from_utf8_lossy(&bytes).into_owned())),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(Failure::io("read", path, &error)),
+    }
+}
+
+fn state(found: Option<&str>, text: &str) -> State {
+    let Some(found) = found else {
+        return State::Missing;
+    };
+    if found == text {
+        return State::Current;
+    }
+    // Split at '\n' alone, so that a missing last newline and a '\r' count as differences.
+    let mut have = found.split('\n');
+    let mut want = text.split('\n');
+    let mut line = 1;
+    loop {
+        match (have.next(), want.next()) {
+            (Some(a), Some(b)) if a == b => line += 1,
+            (a, b) => {
+                return State::Differs {
+                    line,
+                    found: a.map(str::to_owned),
+                    expected: b.map(str::to_owned),
+                };
+            }
+        }
+    }
+}
+
+fn human(entries: &[Entry], check: bool) -> String {
+    let mut out = String::new();
+    for entry in entries {
+        let path = entry.path.display();
+        let _ = match (&entry.state, check) {
+            (State::Current, _) => writeln!(out, "{path}: up to date"),
+            (State::Missing | State::Differs { .. }, false) => {
+                writeln!(out, "{path}: written")
+            }
+            (State::Stale, false) => writeln!(out, "{path}: removed, no robot has this name"),
+            (State::Missing, true) => writeln!(out, "{path}: missing"),
+            (State::Stale, true) => writeln!(out, "{path}: stale, no robot has this name"),
+            (
+                State::Differs {
+                    line,
+                    found,
+                    expected,
+                },
+                true,
+            ) => writeln!(
+                out,
+                "{path}: differs from line {line} on\n    is:        {}\n    should be: {}",
+                excerpt(found.as_deref()),
+                excerpt(expected.as_deref())
+            ),
+        };
+    }
+    out
+}
+
+/// A line cut to the table's width, so that control characters show.
+fn excerpt(line: Option<&str>) -> String {
+    let Some(line) = line else {
+        return "(the file ends)".to_owned();
+    };
+    let mut shown: String = line.trim_start().escape_debug().take(61).collect();
+    if line.trim_start().escape_debug().count() > 61 {
+        shown.push_str("...");
+    }
+    shown
+}
+
+/// The files with their states before anything was written; absent fields are null.
+fn json(entries: &[Entry]) -> String {
+    #[derive(Serialize)]
+    struct Row<'a> {
+        file: String,
+        state: &'static str,
+        line: Option<usize>,
+        found: Option<&'a str>,
+        expected: Option<&'a str>,
+    }
+    let file = |entry: &Entry, state| Row {
+        file: entry.path.display().to_string(),
+        state,
+        line: None,
+        found: None,
+        expected: None,
+    };
+    let files: Vec<Row<'_>> = entries
+        .iter()
+        .map(|entry| match &entry.state {
+            State::Current => file(entry, "current"),
+            State::Missing => file(entry, "missing"),
+            State::Stale => file(entry, "stale"),
+            State::Differs {
+                line,
+                found,
+                expected,
+            } => Row {
+                line: Some(*line),
+                found: found.as_deref(),
+                expected: expected.as_deref(),
+                ..file(entry, "differs")
+            },
+        })
+        .collect();
+    table::json(&files)
+}

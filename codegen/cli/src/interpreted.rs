@@ -1,0 +1,254 @@
+//! A derived robot as a model without compiling it: its programs run by the interpreter.
+
+use regen_codegen::interpret;
+use regen_codegen::robot::{FunctionKind, Robot};
+use regen_runtime::{Condition, Cut, Info, Model, SizeError};
+
+/// A robot and the borrowed names that [`Model::info`] lends.
+pub(crate) struct Interpreted<'a> {
+    robot: &'a Robot,
+    coordinates: Vec<&'a str>,
+    parameters: Vec<&'a str>,
+    bodies: Vec<&'a str>,
+    cuts: Vec<Cut<'a>>,
+}
+
+/// An argument: its name, the length it must have, and its entries.
+type Input<'a> = (&'static str, usize, &'a [f64]);
+
+impl<'a> Interpreted<'a> {
+    /// The model of a robot.
+    pub(crate) fn new(robot: &'a Robot) -> Self {
+        Self {
+            robot,
+            coordinates: robot.coordinates.iter().map(String::as_str).collect(),
+            parameters: robot.parameters.iter().map(String::as_str).collect(),
+            bodies: robot.bodies.iter().map(String::as_str).collect(),
+            cuts: robot
+                .cuts
+                .iter()
+                .map(|cut| Cut {
+                    name: &cut.name,
+                    rows: cut.rows,
+                })
+                .collect(),
+        }
+    }
+
+    fn q<'v>(&self, v: &'v [f64]) -> Input<'v> {
+        ("q", self.coordinates.len(), v)
+    }
+
+    fn qd<'v>(&self, v: &'v [f64]) -> Input<'v> {
+        ("qd", self.coordinates.len(), v)
+    }
+
+    fn qdd<'v>(&self, v: &'v [f64]) -> Input<'v> {
+        ("qdd", self.coordinates.len(), v)
+    }
+
+    fn phi<'v>(&self, v: &'v [f64]) -> Input<'v> {
+        ("phi", self.parameters.len(), v)
+    }
+
+    fn independent<'v>(&self, name: &'static str, v: &'v [f64]) -> Input<'v> {
+        (name, self.dof(), v)
+    }
+
+    fn dof(&self) -> usize {
+        self.robot.independent.len()
+    }
+
+    /// Runs one function; `size` is the length of its output.
+    fn call(
+        &self,
+        kind: FunctionKind,
+        inputs: &[Input<'_>],
+        size: usize,
+        out: &mut [f64],
+    ) -> Result<Condition<f64>, SizeError> {
+        let outputs = ("out", size, &*out);
+        for &(argument, expected, values) in inputs.iter().chain([&outputs]) {
+            if values.len() != expected {
+                return Err(SizeError {
+                    argument,
+                    expected,
+                    got: values.len(),
+                });
+            }
+        }
+        if size == 0 {
+            return Ok(Condition::regular(1.0));
+        }
+        let found = self.robot.functions.iter().find(|f| f.kind == kind);
+        let Some(function) = found else {
+            // Every robot has every function; if one lacked it, its result is unknown.
+            out.fill(f64::NAN);
+            return Ok(Condition { pivot: f64::NAN });
+        };
+        let values: Vec<&[f64]> = inputs.iter().map(|input| input.2).collect();
+        let (results, pivot) = interpret::run(&function.program, &values);
+        let entries = results.into_iter().chain(std::iter::repeat(f64::NAN));
+        for (slot, value) in out.iter_mut().zip(entries) {
+            *slot = value;
+        }
+        Ok(Condition { pivot })
+    }
+}
+
+impl Model<f64> for Interpreted<'_> {
+    fn info(&self) -> Info<'_> {
+        Info {
+            name: &self.robot.name,
+            coordinates: &self.coordinates,
+            independent: &self.robot.independent,
+            dependent: &self.robot.dependent,
+            actuated: &self.robot.actuated,
+            parameters: &self.parameters,
+            bodies: &self.bodies,
+            cuts: &self.cuts,
+            home: &self.robot.home,
+            rows: self.robot.rows,
+        }
+    }
+
+    fn constraints(&self, q: &[f64], out: &mut [f64]) -> Result<(), SizeError> {
+        let inputs = [self.q(q)];
+        self.call(FunctionKind::Constraints, &inputs, self.robot.rows, out)
+            .map(drop)
+    }
+
+    fn jacobian(&self, q: &[f64], out: &mut [f64]) -> Result<(), SizeError> {
+        let size = self.robot.rows * self.coordinates.len();
+        self.call(FunctionKind::Jacobian, &[self.q(q)], size, out)
+            .map(drop)
+    }
+
+    fn bias(&self, q: &[f64], qd: &[f64], out: &mut [f64]) -> Result<(), SizeError> {
+        let inputs = [self.q(q), self.qd(qd)];
+        self.call(FunctionKind::Bias, &inputs, self.robot.rows, out)
+            .map(drop)
+    }
+
+    fn newton_step(&self, q: &[f64], out: &mut [f64]) -> Result<Condition<f64>, SizeError> {
+        let size = self.robot.dependent.len();
+        self.call(FunctionKind::NewtonStep, &[self.q(q)], size, out)
+    }
+
+    fn dependent_jacobian(&self, q: &[f64], out: &mut [f64]) -> Result<(), SizeError> {
+        let size = self.robot.dependent.len().pow(2);
+        self.call(FunctionKind::DependentJacobian, &[self.q(q)], size, out)
+            .map(drop)
+    }
+
+    fn velocities(
+        &self,
+        q: &[f64],
+        qd_i: &[f64],
+        out: &mut [f64],
+    ) -> Result<Condition<f64>, SizeError> {
+        let inputs = [self.q(q), self.independent("qd_i", qd_i)];
+        self.call(FunctionKind::Velocities, &inputs, q.len(), out)
+    }
+
+    fn accelerations(
+        &self,
+        q: &[f64],
+        qd: &[f64],
+        qdd_i: &[f64],
+        out: &mut [f64],
+    ) -> Result<Condition<f64>, SizeError> {
+        let inputs = [self.q(q), self.qd(qd), self.independent("qdd_i", qdd_i)];
+        self.call(FunctionKind::Accelerations, &inputs, q.len(), out)
+    }
+
+    fn regressor(
+        &self,
+        q: &[f64],
+        qd: &[f64],
+        qdd: &[f64],
+        out: &mut [f64],
+    ) -> Result<Condition<f64>, SizeError> {
+        let size = self.dof() * self.parameters.len();
+        let inputs = [self.q(q), self.qd(qd), self.qdd(qdd)];
+        self.call(FunctionKind::Regressor, &inputs, size, out)
+    }
+
+    fn inverse_dynamics(
+        &self,
+        q: &[f64],
+        qd: &[f64],
+        qdd: &[f64],
+        phi: &[f64],
+        out: &mut [f64],
+    ) -> Result<Condition<f64>, SizeError> {
+        let inputs = [self.q(q), self.qd(qd), self.qdd(qdd), self.phi(phi)];
+        self.call(FunctionKind::InverseDynamics, &inputs, self.dof(), out)
+    }
+
+    fn gravity(
+        &self,
+        q: &[f64],
+        phi: &[f64],
+        out: &mut [f64],
+    ) -> Result<Condition<f64>, SizeError> {
+        let inputs = [self.q(q), self.phi(phi)];
+        self.call(FunctionKind::Gravity, &inputs, self.dof(), out)
+    }
+
+    fn bias_forces(
+        &self,
+        q: &[f64],
+        qd: &[f64],
+        phi: &[f64],
+        out: &mut [f64],
+    ) -> Result<Condition<f64>, SizeError> {
+        let inputs = [self.q(q), self.qd(qd), self.phi(phi)];
+        self.call(FunctionKind::BiasForces, &inputs, self.dof(), out)
+    }
+
+    fn mass_matrix(
+        &self,
+        q: &[f64],
+        phi: &[f64],
+        out: &mut [f64],
+    ) -> Result<Condition<f64>, SizeError> {
+        let inputs = [self.q(q), self.phi(phi)];
+        self.call(FunctionKind::MassMatrix, &inputs, self.dof().pow(2), out)
+    }
+
+    fn slotine_li(
+        &self,
+        q: &[f64],
+        qd: &[f64],
+        qd_r_i: &[f64],
+        qdd_r_i: &[f64],
+        out: &mut [f64],
+    ) -> Result<Condition<f64>, SizeError> {
+        let inputs = [
+            self.q(q),
+            self.qd(qd),
+            self.independent("qd_r_i", qd_r_i),
+            self.independent("qdd_r_i", qdd_r_i),
+        ];
+        let size = self.dof() * self.parameters.len();
+        self.call(FunctionKind::SlotineLi, &inputs, size, out)
+    }
+
+    fn efforts(
+        &self,
+        q: &[f64],
+        tau_actuated: &[f64],
+        out: &mut [f64],
+    ) -> Result<Condition<f64>, SizeError> {
+        let actuated = self.robot.actuated.len();
+        let inputs = [self.q(q), ("tau_actuated", actuated, tau_actuated)];
+        self.call(FunctionKind::Efforts, &inputs, self.dof(), out)
+    }
+
+    fn poses(&self, q: &[f64], out: &mut [f64]) -> Result<(), SizeError> {
+        let size = 12 * self.robot.bodies.len();
+        self.call(FunctionKind::Poses, &[self.q(q)], size, out)
+            .map(drop)
+    }
+}

@@ -1,0 +1,32 @@
+//! From a file to a derived robot.
+
+use std::fs;
+use std::path::Path;
+
+use regen_codegen::diag::Source;
+use regen_codegen::pipeline;
+use regen_codegen::robot::Robot;
+
+use crate::exit::Failure;
+
+/// Reads a text file.
+pub(crate) fn text(path: &Path) -> Result<String, Failure> {
+    let bytes = fs::read(path).map_err(|error| Failure::io("read", path, &error))?;
+    String::from_utf8(bytes).map_err(|error| {
+        let at = error.utf8_error().valid_up_to();
+        Failure::Input(format!(
+            "{} is not UTF-8 text (byte {} is not)",
+            path.display(),
+            at + 1
+        ))
+    })
+}
+
+/// Reads and derives one robot.
+pub(crate) fn robot(path: &Path) -> Result<Robot, Failure> {
+    let source = Source {
+        name: path.display().to_string(),
+        text: text(path)?,
+    };
+    pipeline::derive(&source).map_err(|report| Failure::Spec(vec![report]))
+}

@@ -1,0 +1,86 @@
+//! `regen FILE`, the main job: derive, summarise, write the source, verify it.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use serde::Serialize;
+
+use crate::args::{Format, ModelArgs};
+use crate::exit::Failure;
+use crate::generate::{self, State};
+use crate::info;
+use crate::verify::{self, Check};
+use crate::workspace::Workspace;
+use crate::{load, modules, table, terminal};
+
+#[derive(Serialize)]
+struct Summary<'a> {
+    #[serde(flatten)]
+    info: info::Info<'a>,
+    source: String,
+    states: usize,
+    checks: &'a [Check],
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &ModelArgs) -> Result<(), Failure> {
+    let Some(file) = &args.file else {
+        return Err(Failure::Input("no spec was named".to_owned()));
+    };
+    let start = Instant::now();
+    let robot = load::robot(file)?;
+    let text = modules::text(&robot, file)?;
+    terminal::note(&format!(
+        "derived {} in {:.2} s",
+        file.display(),
+        start.elapsed().as_secs_f64()
+    ));
+
+    let dir = args.out.clone().unwrap_or_else(|| default_dir(file));
+    let module = dir.join(format!("{}.rs", robot.name));
+    let lines = text.lines().count();
+    let entries = generate::compare(BTreeMap::from([(robot.name.clone(), text)]), &dir, false)?;
+    let mut same = true;
+    for entry in &entries {
+        entry.mend()?;
+        same &= entry.holds()?;
+    }
+    let changed = entries.iter().any(|entry| entry.state != State::Current);
+
+    let verified = verify::all(&robot, same)?;
+    terminal::print(&match args.format {
+        Format::Human => format!(
+            "{}\n{} {} ({lines} lines)\n\n{}",
+            info::human(&robot),
+            if changed { "wrote" } else { "up to date:" },
+            module.display(),
+            verify::human(&verified)
+        ),
+        Format::Json => table::json(&Summary {
+            info: info::info(&robot),
+            source: module.display().to_string(),
+            states: verified.states,
+            checks: &verified.checks,
+        }),
+    })?;
+    let failed: Vec<&str> = verified.failed().collect();
+    if failed.is_empty() {
+        Ok(())
+    } else {
+        Err(Failure::Check(format!(
+            "{} is not verified: {}",
+            robot.name,
+            failed.join("; ")
+        )))
+    }
+}
+
+/// The workspace's directory for generated source, or the current directory.
+fn default_dir(file: &Path) -> PathBuf {
+    let beside = match file.parent() {
+        Some(dir) if !dir.as_os_str().is_empty() => dir,
+        _ => Path::new("."),
+    };
+    Workspace::above(beside).map_or_else(|| PathBuf::from("."), |w| w.generated())
+}

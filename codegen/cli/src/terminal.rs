@@ -1,0 +1,43 @@
+//! Standard output and standard error.
+
+use std::io::{self, IsTerminal, Write};
+
+use crate::exit::Failure;
+
+/// Writes a result to standard output.
+pub(crate) fn print(text: &str) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    out.write_all(text.as_bytes())
+        .and_then(|()| out.flush())
+        .map_err(|error| match error.kind() {
+            io::ErrorKind::BrokenPipe => Failure::BrokenPipe,
+            _ => Failure::Io(format!("cannot write to standard output: {error}")),
+        })
+}
+
+/// Writes a message to standard error, where nothing can be done about a failure.
+pub(crate) fn note(text: &str) {
+    let _ = writeln!(io::stderr(), "{text}");
+}
+
+/// Says on standard error why the run ended.
+pub(crate) fn complain(failure: &Failure) {
+    let color = colored();
+    match failure {
+        Failure::BrokenPipe => {}
+        Failure::Spec(reports) => {
+            for report in reports {
+                note(report.render(color).trim_end());
+            }
+        }
+        other if color => note(&format!("\x1b[1;31merror\x1b[0m\x1b[1m:\x1b[0m {other}")),
+        other => note(&format!("error: {other}")),
+    }
+}
+
+/// Whether messages are coloured: on a terminal that can, unless `NO_COLOR` is set.
+fn colored() -> bool {
+    let unset = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
+    let able = std::env::var_os("TERM").is_none_or(|term| term != "dumb");
+    unset && able && io::stderr().is_terminal()
+}

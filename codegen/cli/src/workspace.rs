@@ -1,0 +1,81 @@
+//! Where robots and their generated source live.
+
+use std::env;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use crate::exit::Failure;
+
+/// A directory with `robots/` and `generated/src/`.
+#[derive(Debug)]
+pub(crate) struct Workspace {
+    root: PathBuf,
+}
+
+impl Workspace {
+    /// The nearest workspace from `start` upward.
+    pub(crate) fn above(start: &Path) -> Option<Self> {
+        let start = start.canonicalize().ok()?;
+        start
+            .ancestors()
+            .find(|dir| dir.join("robots").is_dir() && dir.join("generated/src").is_dir())
+            .map(|dir| Self {
+                root: dir.to_owned(),
+            })
+    }
+
+    /// The workspace of the current directory.
+    pub(crate) fn current() -> Result<Self, Failure> {
+        Self::above(Path::new(".")).ok_or_else(|| {
+            Failure::Input(
+                "no directory from here upward holds both robots/ and generated/src/; name \
+                 the FILES to generate, and --out DIR"
+                    .to_owned(),
+            )
+        })
+    }
+
+    /// The default place of generated modules.
+    pub(crate) fn generated(&self) -> PathBuf {
+        shortened(&self.root.join("generated/src"))
+    }
+
+    /// Every `robots/*.yaml`, sorted.
+    pub(crate) fn robots(&self) -> Result<Vec<PathBuf>, Failure> {
+        let dir = shortened(&self.root.join("robots"));
+        let mut found = entries(&dir).map_err(|error| Failure::io("read", &dir, &error))?;
+        found.retain(|path| path.extension().is_some_and(|e| e == "yaml") && path.is_file());
+        if found.is_empty() {
+            return Err(Failure::Input(format!("no *.yaml in {}", dir.display())));
+        }
+        Ok(found)
+    }
+}
+
+/// The paths in a directory, sorted.
+pub(crate) fn entries(dir: &Path) -> io::Result<Vec<PathBuf>> {
+    let mut found = fs::read_dir(dir)?
+        .map(|entry| entry.map(|e| e.path()))
+        .collect::<io::Result<Vec<_>>>()?;
+    found.sort();
+    Ok(found)
+}
+
+/// The path as seen from the current directory, where it lies below it.
+fn shortened(path: &Path) -> PathBuf {
+    env::current_dir()
+        .and_then(|dir| dir.canonicalize())
+        .ok()
+        .and_then(|dir| path.strip_prefix(dir).ok().map(Path::to_owned))
+        .map_or_else(
+            || path.to_owned(),
+            |path| {
+                if path.as_os_str().is_empty() {
+                    ".".into()
+                } else {
+                    path
+                }
+            },
+        )
+}

@@ -1,0 +1,108 @@
+//! Runs of the real binary.
+#![allow(
+    dead_code,
+    unreachable_pub,
+    reason = "each test binary uses a part of this"
+)]
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use serde_json::Value;
+
+/// What a run left behind.
+pub struct Run {
+    pub code: i32,
+    pub out: String,
+    pub err: String,
+}
+
+impl Run {
+    /// Standard output as JSON.
+    pub fn json(&self) -> Value {
+        serde_json::from_str(&self.out)
+            .unwrap_or_else(|e| panic!("{e}\n{}\n{}", self.out, self.err))
+    }
+
+    /// Fails with everything the run said unless it ended with this code.
+    #[track_caller]
+    pub fn ended(self, code: i32) -> Self {
+        assert_eq!(self.code, code, "out:\n{}\nerr:\n{}", self.out, self.err);
+        self
+    }
+}
+
+pub fn command(dir: &Path, args: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_regen"));
+    command.current_dir(dir).args(args).env_remove("NO_COLOR");
+    command
+}
+
+pub fn regen(dir: &Path, args: &[&str]) -> Run {
+    regen_with(dir, args, "")
+}
+
+/// A run with a text on standard input.
+pub fn regen_with(dir: &Path, args: &[&str], input: &str) -> Run {
+    let mut child = command(dir, args)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // A run that fails early does not read its input.
+    let _ = child.stdin.take().unwrap().write_all(input.as_bytes());
+    let output = child.wait_with_output().unwrap();
+    Run {
+        code: output.status.code().unwrap(),
+        out: String::from_utf8(output.stdout).unwrap(),
+        err: String::from_utf8(output.stderr).unwrap(),
+    }
+}
+
+/// The repository.
+pub fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../..")
+        .canonicalize()
+        .unwrap()
+}
+
+/// The path of an oracle's file.
+pub fn oracle(file: &str) -> String {
+    root().join("tests/oracle").join(file).display().to_string()
+}
+
+/// An empty directory of the test's own, outside the repository's workspace layout.
+pub fn scratch(test: &str) -> PathBuf {
+    let dir = Path::new(env!("CARGO_TARGET_TMPDIR")).join(test);
+    if dir.exists() {
+        fs::remove_dir_all(&dir).unwrap();
+    }
+    fs::create_dir_all(&dir).unwrap();
+    dir
+}
+
+/// A workspace with the one-joint robots `names`, a marked list and no modules yet.
+pub fn workspace(test: &str, names: &[&str]) -> PathBuf {
+    let dir = scratch(test);
+    fs::create_dir_all(dir.join("robots")).unwrap();
+    fs::create_dir_all(dir.join("generated/src")).unwrap();
+    let list = "//! Robots.\n// <regen modules>\n// </regen modules>\n";
+    fs::write(dir.join("generated/src/lib.rs"), list).unwrap();
+    for name in names {
+        fs::write(dir.join(format!("robots/{name}.yaml")), pendulum(name)).unwrap();
+    }
+    dir
+}
+
+/// A robot of one joint: quick to derive.
+pub fn pendulum(name: &str) -> String {
+    format!(
+        "name: {name}\nlimbs:\n  - name: arm\n    base: {{rpy: [-pi/2, 0, 0]}}\n    joints:\n      \
+         - {{name: q1, type: revolute, body: 1, actuated: true}}\n"
+    )
+}

@@ -1,0 +1,188 @@
+//! `regen generate`: files, their set, and `--check`.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod common;
+
+use std::fs;
+
+use common::{pendulum, regen, scratch, workspace};
+
+#[test]
+fn what_was_generated_passes_the_check_and_is_left_untouched() {
+    let dir = workspace("fresh", &["one", "two"]);
+    regen(&dir, &["generate"]).ended(0);
+    let module = dir.join("generated/src/one.rs");
+    let written = fs::metadata(&module).unwrap().modified().unwrap();
+    let run = regen(&dir, &["generate", "--check"]).ended(0);
+    assert_eq!(run.err, "");
+    regen(&dir, &["generate"]).ended(0);
+    assert_eq!(fs::metadata(&module).unwrap().modified().unwrap(), written);
+
+    let list = fs::read_to_string(dir.join("generated/src/lib.rs")).unwrap();
+    let modules = "#[rustfmt::skip]\npub mod one;\n#[rustfmt::skip]\npub mod two;\n";
+    assert!(list.contains(modules), "{list}");
+    let names: Vec<_> = fs::read_dir(dir.join("generated/src")).unwrap().collect();
+    assert_eq!(names.len(), 3, "no temporary file stays: {names:?}");
+}
+
+#[test]
+fn the_check_names_the_first_line_that_differs_and_the_command_that_mends_it() {
+    let dir = workspace("differs", &["arm"]);
+    regen(&dir, &["generate"]).ended(0);
+    let module = dir.join("generated/src/arm.rs");
+    let good = fs::read_to_string(&module).unwrap();
+    let mut lines: Vec<&str> = good.split('\n').collect();
+    lines[2] = "// edited";
+    fs::write(&module, lines.join("\n")).unwrap();
+
+    let run = regen(&dir, &["generate", "--check"]).ended(1);
+    assert!(
+        run.out
+            .contains("generated/src/arm.rs: differs from line 3 on"),
+        "{}",
+        run.out
+    );
+    assert!(run.out.contains("is:        // edited"), "{}", run.out);
+    assert!(
+        run.err
+            .contains("\n  cargo run --release --bin regen -- generate\n"),
+        "{}",
+        run.err
+    );
+    assert_ne!(
+        fs::read_to_string(&module).unwrap(),
+        good,
+        "--check writes nothing"
+    );
+
+    regen(&dir, &["generate"]).ended(0);
+    assert_eq!(fs::read_to_string(&module).unwrap(), good);
+}
+
+#[test]
+fn a_missing_last_newline_and_other_line_ends_are_differences() {
+    let dir = workspace("ends", &["arm"]);
+    regen(&dir, &["generate"]).ended(0);
+    let module = dir.join("generated/src/arm.rs");
+    let good = fs::read_to_string(&module).unwrap();
+    for bad in [
+        good.trim_end().to_owned(),
+        good.replace('\n', "\r\n"),
+        format!("{good}\n"),
+    ] {
+        fs::write(&module, bad).unwrap();
+        regen(&dir, &["generate", "--check"]).ended(1);
+    }
+}
+
+#[test]
+fn missing_and_stale_modules_are_reported_and_mended() {
+    let dir = workspace("set", &["old", "kept"]);
+    regen(&dir, &["generate"]).ended(0);
+    fs::rename(dir.join("robots/old.yaml"), dir.join("robots/new.yaml")).unwrap();
+    fs::write(dir.join("robots/new.yaml"), pendulum("new")).unwrap();
+    fs::write(dir.join("generated/src/own.rs"), "// by hand\n").unwrap();
+
+    let run = regen(&dir, &["generate", "--check"]).ended(1);
+    assert!(
+        run.out.contains("generated/src/new.rs: missing\n"),
+        "{}",
+        run.out
+    );
+    assert!(
+        run.out.contains("generated/src/old.rs: stale"),
+        "{}",
+        run.out
+    );
+    assert!(
+        run.out.contains("generated/src/lib.rs: differs"),
+        "{}",
+        run.out
+    );
+    assert!(run.err.contains("3 of 4 files"), "{}", run.err);
+
+    regen(&dir, &["generate"]).ended(0);
+    regen(&dir, &["generate", "--check"]).ended(0);
+    assert!(!dir.join("generated/src/old.rs").exists());
+    assert!(
+        dir.join("generated/src/own.rs").exists(),
+        "files of others stay"
+    );
+}
+
+#[test]
+fn naming_files_leaves_the_other_modules_alone() {
+    let dir = workspace("some", &["one", "two"]);
+    regen(&dir, &["generate"]).ended(0);
+    fs::remove_file(dir.join("robots/two.yaml")).unwrap();
+    regen(&dir, &["generate", "robots/one.yaml"]).ended(0);
+    let run = regen(&dir, &["generate", "robots/one.yaml", "--check"]).ended(0);
+    assert!(!run.out.contains("two.rs"), "{}", run.out);
+    assert!(dir.join("generated/src/two.rs").exists());
+    let list = fs::read_to_string(dir.join("generated/src/lib.rs")).unwrap();
+    assert!(list.contains("pub mod two;"), "{list}");
+}
+
+#[test]
+fn a_directory_of_ones_own_needs_no_list() {
+    let dir = scratch("own-directory");
+    fs::write(dir.join("arm.yaml"), pendulum("arm")).unwrap();
+    let args = ["generate", "arm.yaml", "--out", "src/robots"];
+    regen(&dir, &args).ended(0);
+    let names: Vec<_> = fs::read_dir(dir.join("src/robots"))
+        .unwrap()
+        .map(|e| e.unwrap().file_name().into_string().unwrap())
+        .collect();
+    assert_eq!(names, ["arm.rs"]);
+    fs::write(dir.join("src/robots/arm.rs"), "").unwrap();
+    let run = regen(&dir, &args).ended(3);
+    assert!(run.err.contains("was not written by regen"), "{}", run.err);
+}
+
+#[test]
+fn two_robots_of_one_name_are_refused() {
+    let dir = workspace("twice", &["arm"]);
+    fs::write(dir.join("robots/brm.yaml"), pendulum("arm")).unwrap();
+    let run = regen(&dir, &["generate"]).ended(3);
+    assert!(
+        run.err.contains("robots/brm.yaml") && run.err.contains("name: arm"),
+        "{}",
+        run.err
+    );
+}
+
+#[test]
+fn the_list_of_files_can_be_had_as_json() {
+    let dir = workspace("json-list", &["arm"]);
+    let files = regen(&dir, &["generate", "--check", "--format", "json"])
+        .ended(1)
+        .json();
+    let states: Vec<_> = files
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|f| (f["file"].as_str().unwrap(), f["state"].as_str().unwrap()))
+        .collect();
+    assert_eq!(
+        states,
+        [
+            ("generated/src/arm.rs", "missing"),
+            ("generated/src/lib.rs", "differs")
+        ]
+    );
+    assert_eq!(files[1]["line"], 3);
+}
+
+#[test]
+fn the_same_bytes_come_from_every_directory() {
+    let dir = workspace("where", &["arm"]);
+    regen(&dir, &["generate"]).ended(0);
+    let here = fs::read(dir.join("generated/src/arm.rs")).unwrap();
+    regen(&dir.join("robots"), &["generate", "--check"]).ended(0);
+    regen(
+        &dir.join("robots"),
+        &["generate", "arm.yaml", "--out", "../other"],
+    )
+    .ended(0);
+    assert_eq!(fs::read(dir.join("other/arm.rs")).unwrap(), here);
+}

@@ -1,0 +1,85 @@
+//! One call into the generator, and its text as tokens.
+
+use std::fs;
+use std::str::FromStr;
+
+use proc_macro_crate::{FoundCrate, crate_name};
+use proc_macro2::{Ident, Span, TokenStream};
+use quote::quote;
+use regen_codegen::diag::{Report, Source};
+use regen_codegen::{emit, pipeline};
+
+use crate::input::Input;
+use crate::locate::locate;
+
+/// The robot's module, or an error at the literal.
+pub(crate) fn expand(input: &Input) -> syn::Result<TokenStream> {
+    let span = input.file.span();
+    let error = |message: String| syn::Error::new(span, message);
+
+    let written_in = span.unwrap().local_file();
+    let file = locate(&input.file.value(), written_in.as_deref()).map_err(error)?;
+    let path = file
+        .absolute
+        .to_str()
+        .ok_or_else(|| error(format!("the path of `{}` is not UTF-8", file.shown)))?;
+    let text = fs::read_to_string(path)
+        .map_err(|e| error(format!("cannot read `{}`: {e}", file.shown)))?;
+    let source = Source {
+        name: file.shown.clone(),
+        text,
+    };
+    let robot = pipeline::derive(&source).map_err(|report| error(told(&report)))?;
+
+    let options = emit::Options {
+        runtime: runtime().map_err(error)?,
+    };
+    let inside = TokenStream::from_str(&emit::module(&robot, &options))
+        .map_err(|e| error(format!("the generated source is no Rust: {e}")))?;
+    let name = match &input.module {
+        Some(name) => name.clone(),
+        None => module_name(&robot.name).map_err(error)?,
+    };
+    Ok(quote! {
+        pub mod #name { #inside }
+        // Names the spec as an input of the crate, so that an edit rebuilds it.
+        const _: &[u8] = ::core::include_bytes!(#path);
+    })
+}
+
+/// A report under a line of its own: the compiler puts "error: " before the first line.
+fn told(report: &Report) -> String {
+    let mut shown = report.shown();
+    let place = shown.next().map_or_else(String::new, |first| {
+        let (line, column) = (first.line(), first.column());
+        format!("{}:{line}:{column}", report.source.name)
+    });
+    let head = match shown.count() {
+        0 => format!("the robot's spec has an error at {place}"),
+        more => format!(
+            "the robot's spec has {} errors, the first at {place}",
+            more + 1
+        ),
+    };
+    format!("{head}\n{}", report.render(false))
+}
+
+fn module_name(name: &str) -> Result<Ident, String> {
+    syn::parse_str::<Ident>(name)
+        .map(|_| Ident::new(name, Span::call_site()))
+        .map_err(|_| {
+            format!("`name: {name}` cannot name a module; say robot_model!(\"...\", mod name)")
+        })
+}
+
+/// The path of the runtime in the crate that calls the macro, renamed or not.
+fn runtime() -> Result<String, String> {
+    match crate_name("regen-runtime") {
+        Ok(FoundCrate::Name(name)) => Ok(format!("::{name}")),
+        // The runtime's own tests, examples and documentation.
+        Ok(FoundCrate::Itself) => Ok("::regen_runtime".to_owned()),
+        Err(_) => Err(
+            "robot_model! needs the crate `regen-runtime` as a dependency of this crate".to_owned(),
+        ),
+    }
+}

@@ -1,0 +1,101 @@
+//! What a user of the macro or of the generated crate never builds.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+use std::path::Path;
+use std::process::Command;
+
+/// Crates of the solvers and the command line: minutes to build, or of no use in a controller.
+const HEAVY: [&str; 9] = [
+    "faer",
+    "clarabel",
+    "nalgebra",
+    "schemars",
+    "clap",
+    "clap_complete",
+    "indicatif",
+    "serde_json",
+    "num-dual",
+];
+
+/// The crates that building a package takes, itself included, without dev-dependencies.
+fn tree(package: &str, flags: &[&str]) -> Vec<String> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let output = Command::new(env!("CARGO"))
+        .args([
+            "tree",
+            "--edges",
+            "normal,build",
+            "--prefix",
+            "none",
+            "--format",
+            "{p}",
+        ])
+        .args(["--package", package])
+        .args(flags)
+        .current_dir(root)
+        .output()
+        .unwrap();
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{errors}");
+    String::from_utf8(output.stdout)
+        .unwrap()
+        .lines()
+        .filter_map(|line| line.split_whitespace().next())
+        .map(str::to_owned)
+        .collect()
+}
+
+fn holds(tree: &[String], name: &str) -> bool {
+    tree.iter().any(|p| p == name)
+}
+
+#[track_caller]
+fn assert_light(package: &str, flags: &[&str]) {
+    let tree = tree(package, flags);
+    assert!(holds(&tree, package), "the tree is of {package}: {tree:?}");
+    for heavy in HEAVY {
+        assert!(!holds(&tree, heavy), "{package} {flags:?} builds {heavy}");
+    }
+}
+
+#[test]
+fn the_macro_and_what_it_emits_never_build_the_heavy_crates() {
+    assert_light("regen-macros", &[]);
+    assert_light("regen-codegen", &[]);
+    assert_light("regen-generated", &[]);
+    assert_light("regen-generated", &["--features", "std"]);
+    assert_light("regen-generated", &["--features", "libm"]);
+    assert_light("regen-runtime", &[]);
+    assert_light("regen-runtime", &["--features", "macros"]);
+}
+
+/// The same question has the other answer where the crate is there.
+#[test]
+fn a_crate_that_is_built_is_found() {
+    assert!(holds(&tree("regen-macros", &[]), "syn"));
+    assert!(holds(
+        &tree("regen-generated", &["--features", "libm"]),
+        "libm"
+    ));
+    assert!(holds(
+        &tree("regen-runtime", &["--features", "macros"]),
+        "regen-codegen"
+    ));
+    assert!(holds(&tree("regen-cli", &[]), "clap"));
+    assert!(holds(&tree("regen-cli", &[]), "serde_json"));
+}
+
+/// Without the macro the runtime is two crates at most.
+#[test]
+fn the_runtime_has_no_dependencies_of_its_own() {
+    assert_eq!(
+        tree("regen-runtime", &["--no-default-features"]),
+        ["regen-runtime"]
+    );
+    let mut libm = tree(
+        "regen-runtime",
+        &["--no-default-features", "--features", "libm"],
+    );
+    libm.sort_unstable();
+    assert_eq!(libm, ["libm", "regen-runtime"]);
+}

@@ -1,0 +1,3 @@
+regen_runtime::robot_model!("several_errors.yaml");
+
+fn main() {}

@@ -1,0 +1,3 @@
+regen_runtime::robot_model!("several_names.yaml");
+
+fn main() {}

@@ -1,0 +1,3 @@
+regen_runtime::robot_model!("wrong_independent.yaml");
+
+fn main() {}
