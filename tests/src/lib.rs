@@ -9,7 +9,9 @@
     reason = "A_e and qdd_i are formulas, written as in the equations"
 )]
 
+pub mod compiled;
 pub mod derived;
 pub mod engine;
 pub mod files;
+pub mod random_spec;
 pub mod reference;

@@ -1,10 +1,13 @@
 //! The reference's derivations agree with each other on every mechanism of the repository.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use regen_tests::engine::{Naive, check_engine};
 use regen_tests::files;
+use regen_tests::random_spec;
+use regen_tests::reference::Mechanism;
 
 fn every_file() -> Vec<PathBuf> {
     let mut folders = vec![files::robots(), files::mechanisms(), files::oracle()];
@@ -45,4 +48,17 @@ fn homes_as_written_are_closed_and_the_independent_coordinates_fit_the_mobility(
             );
         }
     }
+}
+
+#[test]
+fn derivations_agree_on_random_loops_through_every_kind_of_cut() {
+    let mut cuts = BTreeSet::new();
+    for seed in 0..30 {
+        let spec = random_spec::closed_loop(seed).unwrap();
+        let mechanism = Mechanism::from_yaml(&spec).unwrap();
+        cuts.extend(mechanism.cuts.iter().map(|c| format!("{:?}", c.kind)));
+        let naive = Naive::new(&mechanism).unwrap();
+        check_engine(&naive, &mechanism, seed, 1).unwrap_or_else(|e| panic!("{e}\n{spec}"));
+    }
+    assert_eq!(cuts.len(), 6, "{cuts:?}");
 }

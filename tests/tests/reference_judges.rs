@@ -71,7 +71,7 @@ impl Engine for Wrong<'_> {
         Ok(self.list("bias", self.right.bias(q, qd)?))
     }
     fn newton_step(&self, q: &[f64]) -> Answer<Vec<f64>> {
-        // A slightly wrong step still converges; one that is 2% short does not in six.
+        // A slightly wrong step still converges; one that is a tenth short does not in six.
         let short = if self.mistake == "newton_step" {
             0.9
         } else {

@@ -49,6 +49,8 @@ fn random_closed_states_reach_the_known_number_of_base_parameters() {
         (files::pairs().join("slider_crank/pin.yaml"), 6),
         (files::pairs().join("rsur/universal.yaml"), 14),
         (files::mechanisms().join("rrr3.yaml"), 19),
+        (files::mechanisms().join("prs3.yaml"), 19),
+        (files::mechanisms().join("delta.yaml"), 34),
         (files::mechanisms().join("parallelogram.yaml"), 3),
         (files::mechanisms().join("parallelogram_cut.yaml"), 3),
     ];

@@ -1,0 +1,248 @@
+//! Specs of mechanisms that nobody thought of: random trees, and random single loops that
+//! close at home. The same text for the same seed.
+
+use std::fmt::Write as _;
+
+use crate::reference::{CutKind, Mechanism, Random};
+
+/// A joint that a random spec may have, with its number of coordinates.
+const JOINTS: [(&str, usize); 6] = [
+    ("revolute", 1),
+    ("prismatic", 1),
+    ("cylindrical", 2),
+    ("universal", 2),
+    ("spherical", 3),
+    ("fixed", 0),
+];
+
+const FRICTION: [&str; 6] = [
+    "none",
+    "viscous",
+    "coulomb",
+    "linear",
+    "coulomb_asymmetric",
+    "asymmetric",
+];
+
+const CUTS: [(&str, CutKind); 6] = [
+    ("spherical", CutKind::Spherical),
+    ("universal", CutKind::Universal),
+    ("revolute", CutKind::Revolute),
+    ("prismatic", CutKind::Prismatic),
+    ("cylindrical", CutKind::Cylindrical),
+    ("fixed", CutKind::Fixed),
+];
+
+/// Three limbs with every kind of joint, friction and placement; the second starts at a body.
+pub fn tree(seed: u64) -> String {
+    let mut writer = Writer::new(seed, "tree");
+    for limb in 0..3 {
+        let from = writer.bodies.first().cloned().filter(|_| limb == 1);
+        writer.limb(from.as_deref());
+        for _ in 0..2 {
+            let kind = JOINTS[writer.below(JOINTS.len())];
+            writer.joint(kind, true);
+        }
+    }
+    writer.text
+}
+
+/// A single loop of one or two limbs and a cut, of mobility 1 or 2, regular at home.
+///
+/// # Errors
+/// When no regular loop is found, which no seed has shown.
+pub fn closed_loop(seed: u64) -> Result<String, String> {
+    let mut last = String::new();
+    for attempt in 0..200 {
+        match try_loop(seed.wrapping_mul(1000) + attempt) {
+            Ok(text) => return Ok(text),
+            Err(error) => last = error,
+        }
+    }
+    Err(format!("seed {seed}: {last}"))
+}
+
+fn try_loop(seed: u64) -> Result<String, String> {
+    let mut writer = Writer::new(seed, "loop");
+    let (cut, kind) = CUTS[writer.below(CUTS.len())];
+    let mobility = 1 + writer.below(2);
+    let mut left = mobility + kind.rows();
+    let limbs = 1 + writer.below(2);
+    let mut ends = Vec::new();
+    for limb in 0..limbs {
+        writer.limb(None);
+        let share = if limb + 1 == limbs { left } else { left / 2 };
+        let mut open = share;
+        while open > 0 {
+            let joint = JOINTS[writer.below(JOINTS.len())];
+            // A fixed joint now and then; none takes more coordinates than are left.
+            if joint.1 <= open {
+                writer.joint(joint, false);
+                open -= joint.1;
+            }
+        }
+        left -= share;
+        ends.push(writer.bodies.last().cloned().ok_or("no body")?);
+    }
+    let mut home = String::from("home: {");
+    for (name, slides) in &writer.coordinates {
+        let reach = if *slides { 0.3 } else { 1.0 };
+        let value = writer.random.uniform(-reach, reach);
+        let _ = write!(home, "{name}: {value:.3}, ");
+    }
+    home.push_str("}\n");
+    writer.text.push_str(&home);
+    // The open chain at home says where the cut's second frame must be.
+    let chain = Mechanism::from_yaml(&format!("{}independent: []\n", writer.text))?;
+    let place = |label: &str| {
+        let body = chain.bodies.iter().position(|b| b.label == label);
+        body.map(|b| chain.poses(&chain.home_guess)[b])
+    };
+    let a = place(&ends[0]).ok_or("no body")?;
+    let (label, b) = match ends.get(1) {
+        Some(end) => (end.as_str(), relative(&place(end).ok_or("no body")?, &a)),
+        None => ("world", a),
+    };
+    let [r, p, y] = rpy(&b);
+    let _ = write!(
+        writer.text,
+        "cuts:\n  - {{name: cut, joint: {cut}, between: [{{body: {}}}, {{body: {label}, \
+         xyz: [{}, {}, {}], rpy: [{r}, {p}, {y}]}}]}}\n",
+        ends[0], b[9], b[10], b[11]
+    );
+    let names: Vec<String> = writer.coordinates.iter().map(|c| c.0.clone()).collect();
+    for _ in 0..20 {
+        let mut chosen: Vec<String> = Vec::new();
+        while chosen.len() < mobility {
+            let name = &names[writer.below(names.len())];
+            if !chosen.contains(name) {
+                chosen.push(name.clone());
+            }
+        }
+        let text = format!("{}independent: [{}]\n", writer.text, chosen.join(", "));
+        let mechanism = Mechanism::from_yaml(&text)?;
+        let regular = mechanism.home().is_ok_and(|home| {
+            mechanism.mobility(&home) == mobility && mechanism.conditioning(&home) > 0.03
+        });
+        if regular {
+            return Ok(text);
+        }
+    }
+    Err("no regular choice of independent coordinates".into())
+}
+
+struct Writer {
+    random: Random,
+    text: String,
+    bodies: Vec<String>,
+    /// Names, and whether they slide.
+    coordinates: Vec<(String, bool)>,
+    joints: usize,
+    limbs: usize,
+}
+
+impl Writer {
+    fn new(seed: u64, name: &str) -> Writer {
+        let mut random = Random::new(seed);
+        let g: Vec<f64> = random.vector(3, 9.0);
+        let text = format!(
+            "name: {name}_{seed}\ngravity: [{:.2}, {:.2}, {:.2}]\nlimbs:\n",
+            g[0], g[1], g[2]
+        );
+        Writer {
+            random,
+            text,
+            bodies: Vec::new(),
+            coordinates: Vec::new(),
+            joints: 0,
+            limbs: 0,
+        }
+    }
+
+    fn below(&mut self, n: usize) -> usize {
+        #[allow(clippy::cast_sign_loss, reason = "not negative")]
+        let k = self.random.uniform(0.0, n as f64) as usize;
+        k.min(n - 1)
+    }
+
+    fn placement(&mut self) -> String {
+        let (x, a) = (self.random.vector(3, 0.4), self.random.vector(3, 1.5));
+        format!(
+            "{{xyz: [{:.3}, {:.3}, {:.3}], rpy: [{:.3}, {:.3}, {:.3}]}}",
+            x[0], x[1], x[2], a[0], a[1], a[2]
+        )
+    }
+
+    fn limb(&mut self, from: Option<&str>) {
+        let base = self.placement();
+        let from = from.unwrap_or("world");
+        let name = self.limbs;
+        let _ = write!(
+            self.text,
+            "  - name: limb{name}\n    from: {from}\n    base: {base}\n    joints:\n"
+        );
+        self.limbs += 1;
+    }
+
+    fn joint(&mut self, (kind, coordinates): (&str, usize), actuated: bool) {
+        let name = format!("j{}", self.joints);
+        let body = format!("b{}", self.joints);
+        self.joints += 1;
+        let frame = if self.below(2) == 0 {
+            format!("origin: {}", self.placement())
+        } else {
+            let v = self.random.vector(4, 0.9);
+            format!(
+                "dh: {{alpha: {:.3}, a: {:.3}, d: {:.3}, theta: {:.3}}}",
+                v[0], v[1], v[2], v[3]
+            )
+        };
+        let mut line = format!("      - {{name: {name}, type: {kind}, {frame}, body: {body}");
+        if coordinates == 1 {
+            let _ = write!(line, ", axis: {}", ["x", "y", "z"][self.below(3)]);
+        }
+        if coordinates > 0 {
+            let friction = FRICTION[self.below(FRICTION.len())];
+            let rotor = self.below(3) == 0;
+            let actuated = actuated || self.below(2) == 0;
+            let _ = write!(
+                line,
+                ", friction: {friction}, rotor_inertia: {rotor}, actuated: {actuated}"
+            );
+        }
+        line.push_str("}\n");
+        self.text.push_str(&line);
+        self.bodies.push(body);
+        for k in 0..coordinates {
+            let slides = kind == "prismatic" || (kind == "cylindrical" && k == 1);
+            let coordinate = match coordinates {
+                1 => name.clone(),
+                _ => format!("{name}.{}", k + 1),
+            };
+            self.coordinates.push((coordinate, slides));
+        }
+    }
+}
+
+/// The second frame seen from the first; rotation row by row, then the origin.
+fn relative(from: &[f64; 12], to: &[f64; 12]) -> [f64; 12] {
+    let mut out = [0.0; 12];
+    for i in 0..3 {
+        for j in 0..3 {
+            out[3 * i + j] = (0..3).map(|k| from[3 * k + i] * to[3 * k + j]).sum();
+        }
+        out[9 + i] = (0..3)
+            .map(|k| from[3 * k + i] * (to[9 + k] - from[9 + k]))
+            .sum();
+    }
+    out
+}
+
+/// Roll, pitch and yaw of a rotation.
+fn rpy(m: &[f64; 12]) -> [f64; 3] {
+    [
+        m[7].atan2(m[8]),
+        (-m[6]).atan2(m[7].hypot(m[8])),
+        m[3].atan2(m[0]),
+    ]
+}

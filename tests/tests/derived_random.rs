@@ -1,0 +1,35 @@
+//! What the engine derives for mechanisms that nobody chose, against the second derivation.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+use regen_tests::derived::Derived;
+use regen_tests::engine::{ORACLES, check_engine, check_oracle};
+use regen_tests::reference::Mechanism;
+use regen_tests::{files, random_spec};
+
+/// Judges random specs; a failure shows the spec.
+fn judge(specs: impl Iterator<Item = String>) {
+    for (seed, spec) in (0..).zip(specs) {
+        let mechanism = Mechanism::from_yaml(&spec).unwrap();
+        let derived = Derived::new("random.yaml", &spec).unwrap_or_else(|e| panic!("{e}\n{spec}"));
+        let judged = check_engine(&derived, &mechanism, seed, 2);
+        judged.unwrap_or_else(|e| panic!("{e}\n{spec}"));
+    }
+}
+
+#[test]
+fn random_trees_agree_with_the_second_derivation() {
+    judge((0..15).map(random_spec::tree));
+}
+
+#[test]
+fn random_loops_agree_with_the_second_derivation() {
+    judge((0..30).map(|seed| random_spec::closed_loop(seed).unwrap()));
+}
+
+#[test]
+fn published_vectors_are_met_to_1e_11() {
+    for name in ORACLES {
+        let file = files::oracle().join(format!("{name}.yaml"));
+        check_oracle(&Derived::from_file(&file).unwrap(), name).unwrap();
+    }
+}
