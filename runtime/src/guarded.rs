@@ -21,7 +21,8 @@ pub const PIVOT_BOUND: f64 = 1e-3;
 /// use regen_runtime::guarded;
 ///
 /// // The fixed pivot of x + y = 3, x - y = 1 is the 1 in front of x: fine here.
-/// let (x, condition) = guarded([[2.0], [1.0]], 1.0, || unreachable!());
+/// let system = || ([[1.0, 1.0], [1.0, -1.0]], [[3.0], [1.0]]);
+/// let (x, condition) = guarded([[2.0], [1.0]], 1.0, system);
 /// assert_eq!((x, condition), ([[2.0], [1.0]], 1.0));
 /// // In 0 x + y = 1, x + y = 3 it is gone.
 /// let system = || ([[0.0, 1.0], [1.0, 1.0]], [[1.0], [3.0]]);

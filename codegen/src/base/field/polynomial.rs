@@ -24,7 +24,11 @@ pub(crate) struct Polynomial {
 fn product(a: &Monomial, b: &Monomial) -> Monomial {
     let mut result = vec![0; a.len().max(b.len())];
     for (i, e) in result.iter_mut().enumerate() {
-        let sum = a.get(i).copied().unwrap_or(0).saturating_add(b.get(i).copied().unwrap_or(0));
+        let sum = a
+            .get(i)
+            .copied()
+            .unwrap_or(0)
+            .saturating_add(b.get(i).copied().unwrap_or(0));
         *e = sum;
     }
     result
@@ -215,7 +219,12 @@ impl Polynomial {
         let mut used: Vec<usize> = self
             .terms
             .keys()
-            .flat_map(|m| m.iter().enumerate().filter(|(_, e)| **e > 0).map(|(i, _)| i))
+            .flat_map(|m| {
+                m.iter()
+                    .enumerate()
+                    .filter(|(_, e)| **e > 0)
+                    .map(|(i, _)| i)
+            })
             .collect();
         used.sort_unstable();
         used.dedup();
@@ -310,7 +319,11 @@ fn gcd(a: &Polynomial, b: &Polynomial, budget: &mut usize) -> Option<Polynomial>
         }
         let r = pseudo_remainder(&p, &q, main, budget)?;
         p = q;
-        q = if r.is_zero() { r } else { primitive(&r, main, budget)?.1 };
+        q = if r.is_zero() {
+            r
+        } else {
+            primitive(&r, main, budget)?.1
+        };
     }
     let _ = q;
     Some(content.plain_mul(&p))
@@ -329,7 +342,12 @@ fn primitive(a: &Polynomial, main: usize, budget: &mut usize) -> Option<(Polynom
     Some((content, part))
 }
 
-fn pseudo_remainder(a: &Polynomial, b: &Polynomial, main: usize, budget: &mut usize) -> Option<Polynomial> {
+fn pseudo_remainder(
+    a: &Polynomial,
+    b: &Polynomial,
+    main: usize,
+    budget: &mut usize,
+) -> Option<Polynomial> {
     let b_powers = b.by_powers(main);
     let degree_b = b_powers.len() - 1;
     let lead_b = b_powers.last()?.clone();
@@ -344,7 +362,9 @@ fn pseudo_remainder(a: &Polynomial, b: &Polynomial, main: usize, budget: &mut us
         let mut shift = vec![0; main + 1];
         shift[main] = u8::try_from(powers.len() - 1 - degree_b).ok()?;
         trim(&mut shift);
-        let shifted = Polynomial::from_monomial(shift).plain_mul(&lead).plain_mul(b);
+        let shifted = Polynomial::from_monomial(shift)
+            .plain_mul(&lead)
+            .plain_mul(b);
         rest = rest.plain_mul(&lead_b).add(&shifted.neg());
         if rest.too_long() {
             return None;

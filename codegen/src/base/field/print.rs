@@ -54,16 +54,23 @@ fn guarded(text: String) -> String {
 }
 
 /// One term without its sign, over a denominator's factors.
-fn term(coefficient: &Number, monomial: &Monomial, below: &[String], variables: &Variables) -> String {
+fn term(
+    coefficient: &Number,
+    monomial: &Monomial,
+    below: &[String],
+    variables: &Variables,
+) -> String {
     let (above_number, below_number) = split(coefficient);
     let mut above = Vec::new();
     let names = factors(monomial, variables);
     if above_number != "1" || names.is_empty() {
-        above.push(if names.is_empty() && below.is_empty() && below_number.is_empty() {
-            above_number
-        } else {
-            guarded(above_number)
-        });
+        above.push(
+            if names.is_empty() && below.is_empty() && below_number.is_empty() {
+                above_number
+            } else {
+                guarded(above_number)
+            },
+        );
     }
     above.extend(names);
     let mut under: Vec<String> = Vec::new();
@@ -95,7 +102,11 @@ fn sum(p: &Polynomial, below: &[String], variables: &Variables) -> String {
         });
         text.push_str(&term(&coefficient.abs(), monomial, below, variables));
     }
-    if text.is_empty() { "0".to_owned() } else { text }
+    if text.is_empty() {
+        "0".to_owned()
+    } else {
+        text
+    }
 }
 
 /// A quotient.

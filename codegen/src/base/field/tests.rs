@@ -49,7 +49,9 @@ fn common_factors_cancel() {
 #[test]
 fn a_sum_that_is_zero_only_by_value_is_zero_and_noted() {
     let mut f = Field::default();
-    let [a, b, c] = names(&mut f, &[("l1", 3), ("l2", 3), ("c", 7)]).try_into().unwrap();
+    let [a, b, c] = names(&mut f, &[("l1", 3), ("l2", 3), ("c", 7)])
+        .try_into()
+        .unwrap();
     let left = f.mul(&a, &c);
     let right = f.mul(&b, &c);
     let difference = f.sub(&left, &right);

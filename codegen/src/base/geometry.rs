@@ -1,0 +1,311 @@
+//! The geometry in the field: lengths from their expressions, placements from
+//! their steps, and how twists and parameters pass from frame to frame.
+
+use crate::model::{Placement, Step};
+use crate::spec::{Axis, Expr, Function, Quantity, Spec};
+use crate::sym::Number;
+
+use super::field::{Element, Field, Variable};
+
+/// Three elements.
+pub(super) type E3 = [Element; 3];
+/// A rotation matrix, row by row.
+pub(super) type Rotation = [E3; 3];
+
+/// The geometry names as elements: a name defined by other names is their
+/// expression, any other is a variable.
+#[derive(Debug, Default)]
+pub(super) struct Names {
+    all: Vec<(String, Element)>,
+}
+
+impl Names {
+    pub(super) fn new(field: &mut Field, spec: &Spec) -> Self {
+        let mut names = Names::default();
+        for (name, quantity) in &spec.geometry {
+            let element = if mentions_names(&quantity.expr) {
+                names.element(field, quantity)
+            } else {
+                field.variable(Variable::Name(name.value.clone()), quantity.value.clone())
+            };
+            names.all.push((name.value.clone(), element));
+        }
+        names
+    }
+
+    /// A quantity of the spec.
+    pub(super) fn element(&self, field: &mut Field, quantity: &Quantity) -> Element {
+        self.read(field, &quantity.expr)
+            .unwrap_or_else(|| field.variable(Variable::Written(quantity.value.to_string()), quantity.value.clone()))
+    }
+
+    fn read(&self, field: &mut Field, expr: &Expr) -> Option<Element> {
+        Some(match expr {
+            Expr::Number(n) => constant(field, n),
+            Expr::Pi => Element::exact(Number::pi()),
+            Expr::Name(name) => self.all.iter().find(|(n, _)| n == name)?.1.clone(),
+            Expr::Neg(a) => self.read(field, a)?.neg(),
+            Expr::Add(a, b) => {
+                let (a, b) = (self.read(field, a)?, self.read(field, b)?);
+                field.add(&a, &b)
+            }
+            Expr::Sub(a, b) => {
+                let (a, b) = (self.read(field, a)?, self.read(field, b)?);
+                field.sub(&a, &b)
+            }
+            Expr::Mul(a, b) => {
+                let (a, b) = (self.read(field, a)?, self.read(field, b)?);
+                field.mul(&a, &b)
+            }
+            Expr::Div(a, b) => {
+                let (a, b) = (self.read(field, a)?, self.read(field, b)?);
+                field.div(&a, &b)?
+            }
+            Expr::Pow(a, b) => {
+                let (a, b) = (self.read(field, a)?, self.read(field, b)?);
+                let Some(exponent) = b.value().as_i64() else {
+                    let root = a.value().sqrt()?;
+                    return Some(written(field, "sqrt", &a, root));
+                };
+                let mut power = Element::one();
+                for _ in 0..u8::try_from(exponent.unsigned_abs()).ok()? {
+                    power = field.mul(&power, &a);
+                }
+                if exponent < 0 {
+                    power = field.div(&Element::one(), &power)?;
+                }
+                power
+            }
+            Expr::Call(function, a) => {
+                let a = self.read(field, a)?;
+                match function {
+                    Function::Sqrt => {
+                        let value = a.value().sqrt()?;
+                        written(field, "sqrt", &a, value)
+                    }
+                    Function::Sin => {
+                        let value = a.value().sin_cos().0;
+                        written(field, "sin", &a, value)
+                    }
+                    Function::Cos => {
+                        let value = a.value().sin_cos().1;
+                        written(field, "cos", &a, value)
+                    }
+                    Function::Tan => {
+                        let value = a.value().tan()?;
+                        written(field, "tan", &a, value)
+                    }
+                    Function::Deg => {
+                        let factor = Number::pi().div(&Number::from_i64(180))?;
+                        field.mul(&a, &Element::exact(factor))
+                    }
+                }
+            }
+        })
+    }
+}
+
+fn mentions_names(expr: &Expr) -> bool {
+    match expr {
+        Expr::Number(_) | Expr::Pi => false,
+        Expr::Name(_) => true,
+        Expr::Neg(a) | Expr::Call(_, a) => mentions_names(a),
+        Expr::Add(a, b) | Expr::Sub(a, b) | Expr::Mul(a, b) | Expr::Div(a, b) | Expr::Pow(a, b) => {
+            mentions_names(a) || mentions_names(b)
+        }
+    }
+}
+
+fn constant(field: &mut Field, value: &Number) -> Element {
+    if value.is_exact() {
+        return Element::exact(value.clone());
+    }
+    field.variable(Variable::Written(value.to_string()), value.clone())
+}
+
+/// A function's value: an exact constant where it is one, else a variable that
+/// is written as the call.
+fn written(field: &mut Field, function: &str, argument: &Element, value: Number) -> Element {
+    if argument.weight() == 0 && value.is_exact() {
+        return Element::exact(value);
+    }
+    let text = format!("{function}({})", field.text(argument));
+    field.variable(Variable::Written(text), value)
+}
+
+/// A constant change of frame: the child's frame on the parent.
+#[derive(Clone, Debug)]
+pub(super) struct Placed {
+    pub(super) rotation: Rotation,
+    pub(super) offset: E3,
+}
+
+fn unit(i: usize) -> E3 {
+    let mut v = zero3();
+    v[i] = Element::one();
+    v
+}
+
+fn zero3() -> E3 {
+    [Element::zero(), Element::zero(), Element::zero()]
+}
+
+fn axis_index(axis: Axis) -> usize {
+    match axis {
+        Axis::X => 0,
+        Axis::Y => 1,
+        Axis::Z => 2,
+    }
+}
+
+impl Field {
+    pub(super) fn dot(&mut self, a: &[Element], b: &[Element]) -> Element {
+        let mut sum = Element::zero();
+        for (x, y) in a.iter().zip(b) {
+            if !x.is_zero() && !y.is_zero() {
+                let product = self.mul(x, y);
+                sum = self.add(&sum, &product);
+            }
+        }
+        sum
+    }
+
+    pub(super) fn cross(&mut self, a: &E3, b: &E3) -> E3 {
+        let mut component = |i: usize, j: usize| {
+            let (l, r) = (self.mul(&a[i], &b[j]), self.mul(&a[j], &b[i]));
+            self.sub(&l, &r)
+        };
+        [component(1, 2), component(2, 0), component(0, 1)]
+    }
+
+    pub(super) fn add3(&mut self, a: &E3, b: &E3) -> E3 {
+        [
+            self.add(&a[0], &b[0]),
+            self.add(&a[1], &b[1]),
+            self.add(&a[2], &b[2]),
+        ]
+    }
+}
+
+impl Placed {
+    pub(super) fn identity() -> Self {
+        Placed {
+            rotation: [unit(0), unit(1), unit(2)],
+            offset: zero3(),
+        }
+    }
+
+    /// The placement that the spec's steps describe.
+    pub(super) fn new(field: &mut Field, names: &Names, placement: &Placement) -> Self {
+        let mut placed = Placed::identity();
+        for step in placement {
+            match step {
+                Step::Translate(axis, quantity) => {
+                    let length = names.element(field, quantity);
+                    if length.is_zero() {
+                        continue;
+                    }
+                    let i = axis_index(*axis);
+                    for (offset, row) in placed.offset.iter_mut().zip(&placed.rotation) {
+                        let shift = field.mul(&length, &row[i]);
+                        *offset = field.add(offset, &shift);
+                    }
+                }
+                Step::Rotate(axis, angle) => {
+                    if angle.is_zero() {
+                        continue;
+                    }
+                    let (sin, cos) = field.sin_cos(angle);
+                    // columns j and k turn into each other
+                    let (j, k) = match axis {
+                        Axis::X => (1, 2),
+                        Axis::Y => (2, 0),
+                        Axis::Z => (0, 1),
+                    };
+                    for row in &mut placed.rotation {
+                        let (a, b) = (row[j].clone(), row[k].clone());
+                        row[j] = field.dot(&[a.clone(), b.clone()], &[cos.clone(), sin.clone()]);
+                        row[k] = field.dot(&[a, b], &[sin.neg(), cos.clone()]);
+                    }
+                }
+            }
+        }
+        placed
+    }
+
+    /// The parent's frame on the child.
+    pub(super) fn inverse(&self, field: &mut Field) -> Self {
+        let rotation: Rotation =
+            [0, 1, 2].map(|i| [0, 1, 2].map(|j: usize| self.rotation[j][i].clone()));
+        let offset = [0, 1, 2].map(|i: usize| field.dot(&rotation[i], &self.offset).neg());
+        Placed { rotation, offset }
+    }
+
+    /// `R v`.
+    fn out(&self, field: &mut Field, v: &E3) -> E3 {
+        [0, 1, 2].map(|i: usize| field.dot(&self.rotation[i], v))
+    }
+
+    /// `R^T v`.
+    fn into(&self, field: &mut Field, v: &E3) -> E3 {
+        [0, 1, 2].map(|i: usize| {
+            let column = [0, 1, 2].map(|j: usize| self.rotation[j][i].clone());
+            field.dot(&column, v)
+        })
+    }
+
+    /// A twist (w, v) at the parent's origin as a twist at the child's.
+    pub(super) fn twist_into(&self, field: &mut Field, w: &E3, v: &E3) -> (E3, E3) {
+        let swing = field.cross(w, &self.offset);
+        let v = field.add3(v, &swing);
+        (self.into(field, w), self.into(field, &v))
+    }
+
+    /// The ten parameters of a body that is fixed to the child, about the
+    /// parent's origin in its axes: a 10 x 10 matrix, column by column.
+    pub(super) fn parameters_out(&self, field: &mut Field) -> Vec<Vec<Element>> {
+        (0..10)
+            .map(|entry| {
+                let mut parameters = vec![Element::zero(); 10];
+                parameters[entry] = Element::one();
+                self.carried(field, &parameters)
+            })
+            .collect()
+    }
+
+    fn carried(&self, field: &mut Field, phi: &[Element]) -> Vec<Element> {
+        let e = |i: usize| phi[i].clone();
+        let tensor = [
+            [e(0), e(1), e(2)],
+            [e(1), e(3), e(4)],
+            [e(2), e(4), e(5)],
+        ];
+        // R I R^T, columns first
+        let columns = tensor.map(|column| self.out(field, &column));
+        let rows: Rotation = [0, 1, 2].map(|i| [0, 1, 2].map(|j: usize| columns[j][i].clone()));
+        let full = rows.map(|row| self.out(field, &row));
+        let h = self.out(field, &[e(6), e(7), e(8)]);
+        let mass = e(9);
+        let p = &self.offset;
+        let shift = p.clone().map(|x| field.mul(&mass, &x));
+        let shifted = field.add3(&h, &shift);
+        let (one, two) = (field.dot(p, &shifted), field.dot(p, &h));
+        let trace = field.add(&one, &two);
+        let mut out = Vec::with_capacity(10);
+        for i in 0..3 {
+            for j in i..3 {
+                let one = field.mul(&p[i], &shifted[j]);
+                let two = field.mul(&h[i], &p[j]);
+                let outer = field.add(&one, &two);
+                let mut entry = field.sub(&full[i][j], &outer);
+                if i == j {
+                    entry = field.add(&entry, &trace);
+                }
+                out.push(entry);
+            }
+        }
+        out.extend(shifted);
+        out.push(mass);
+        out
+    }
+}
