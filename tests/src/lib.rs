@@ -1,8 +1,9 @@
 //! What the engine is judged by: a second derivation of every quantity, written from the
 //! robotics alone, and the comparison of an engine with it.
 //!
-//! Nothing here uses the derivation of the other crates. The computations are dense, numeric
-//! and naive on purpose: 4x4 matrices, dual numbers, least squares.
+//! `reference` uses nothing of the other crates. Its computations are dense, numeric and naive
+//! on purpose: 4x4 matrices, dual numbers, least squares. `derived` and `compiled` put what is
+//! judged behind the interface of `engine`.
 
 #![allow(
     clippy::doc_markdown,

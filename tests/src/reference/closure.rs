@@ -157,7 +157,7 @@ impl Mechanism {
             .zip(target)
             .fold(0.0_f64, |m, (a, b)| m.max((b - a).abs()));
         #[allow(clippy::cast_sign_loss, reason = "at least 1")]
-        let steps = (distance / 0.02).ceil().max(1.0) as usize;
+        let steps = (distance / 0.05).ceil().max(1.0) as usize;
         let mut q = start.to_vec();
         let mut a_e = self.dependent_columns(&self.jacobian(&q));
         for step in 1..=steps {

@@ -82,11 +82,8 @@ fn in_item(item: &Value, error: &str) -> String {
     format!("'{}': {error}", name.unwrap_or_default())
 }
 
-/// A constant plus multiples of names, from its text: `-q2 + pi`, `Ixy(3)` is no name here.
-///
-/// # Errors
-/// When the text is no expression in the names and the constants.
-pub fn linear_form(
+/// A constant plus multiples of names, from its text: `-q2 + pi`.
+fn linear_form(
     form: &str,
     names: &[String],
     constants: &BTreeMap<String, f64>,

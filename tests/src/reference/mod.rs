@@ -26,7 +26,6 @@ mod scalar;
 mod states;
 
 pub use kinematics::Motion;
-pub use load::linear_form;
 pub use mechanism::{
     Axis, Body, Coupling, Cut, CutKind, CutSide, Friction, JointMotion, Mechanism, Node,
     PARAMETERS_PER_BODY, Parameter,
