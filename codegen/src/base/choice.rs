@@ -1,10 +1,9 @@
 //! Which columns are kept: row reduction of the null space with the columns in
 //! order of preference. Values decide; expressions follow.
 
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 
 use crate::model::{Model, ParameterKind};
-use crate::sym::Number;
 
 use super::field::{Element, Field};
 use super::span::{Vector, add_scaled};
@@ -34,82 +33,61 @@ pub(super) fn preference(model: &Model, first: &[usize]) -> Vec<usize> {
     first.iter().copied().chain(rest).collect()
 }
 
-/// The columns that are eliminated: the first independent ones of the null
-/// space, by value.
-pub(super) fn eliminated(null: &[Vector], order: &[usize]) -> Vec<usize> {
-    let mut rows: Vec<std::collections::BTreeMap<usize, Number>> = null
-        .iter()
-        .map(|v| v.iter().map(|(i, e)| (*i, e.value().clone())).collect())
-        .collect();
-    let mut chosen = Vec::new();
-    for &column in order {
-        let at = rows.iter().position(|r| r.contains_key(&column));
-        let Some(at) = at else { continue };
-        let pivot = rows.swap_remove(at);
-        let Some(inverse) = pivot.get(&column).and_then(|p| Number::one().div(p)) else {
-            continue;
-        };
-        for row in &mut rows {
-            let Some(entry) = row.get(&column) else { continue };
-            let factor = entry.mul(&inverse).neg();
-            for (i, p) in &pivot {
-                let sum = match row.get(i) {
-                    Some(old) => old.add(&factor.mul(p)),
-                    None => factor.mul(p),
-                };
-                if sum.is_zero() {
-                    row.remove(i);
-                } else {
-                    row.insert(*i, sum);
-                }
-            }
-            row.remove(&column);
-        }
-        chosen.push(column);
-        if rows.is_empty() {
-            break;
-        }
-    }
-    chosen
+/// The null space with a unit matrix at the eliminated columns.
+#[derive(Debug, Default)]
+pub(super) struct Reduced {
+    /// The eliminated columns, in the order of the parameters, each with the
+    /// row that is 1 there: what else stands in the row says on what the column
+    /// depends.
+    pub(super) rows: BTreeMap<usize, Vector>,
 }
 
-/// The null space with a unit matrix at the eliminated columns, row by row in
-/// their order: what is left in a row says on what else the column depends.
-pub(super) fn reduced(field: &mut Field, null: &[Vector], eliminated: &[usize]) -> Vec<Vector> {
-    let mut rows = null.to_vec();
-    let mut open_rows: BTreeSet<usize> = (0..rows.len()).collect();
-    let mut open_columns: BTreeSet<usize> = eliminated.iter().copied().collect();
-    let mut row_of = std::collections::BTreeMap::new();
-    while !open_columns.is_empty() {
-        // the shortest expression, in the row that disturbs least
-        let best = open_rows
-            .iter()
-            .flat_map(|r| rows[*r].iter().map(move |(c, e)| (*r, *c, e)))
-            .filter(|(_, c, _)| open_columns.contains(c))
-            .min_by_key(|(r, c, e)| (e.weight(), rows[*r].len(), *c, *r))
-            .map(|(r, c, _)| (r, c));
-        let Some((r, c)) = best else { break };
-        open_rows.remove(&r);
-        open_columns.remove(&c);
-        row_of.insert(c, r);
-        let pivot = rows[r].get(&c).cloned().unwrap_or_else(Element::one);
-        let Some(inverse) = field.div(&Element::one(), &pivot) else { break };
-        let mut scaled = Vector::new();
-        add_scaled(field, &mut scaled, &inverse, &rows[r]);
-        scaled.insert(c, Element::one());
-        for (i, row) in rows.iter_mut().enumerate() {
-            if i == r {
-                continue;
-            }
-            if let Some(factor) = row.get(&c).map(Element::neg) {
-                add_scaled(field, row, &factor, &scaled);
-                row.remove(&c);
+/// Reduces a null space. The first `asked` columns of the order are eliminated
+/// where they can be, whatever that takes. Of the others those go first that go
+/// without dividing by an expression, since that keeps every coefficient short;
+/// then whatever is left.
+pub(super) fn reduce(field: &mut Field, null: &[Vector], order: &[usize], asked: usize) -> Reduced {
+    let mut open = null.to_vec();
+    let mut reduced = Reduced::default();
+    let (first, rest) = order.split_at(asked.min(order.len()));
+    for column in first {
+        reduced.eliminate(field, &mut open, *column, usize::MAX);
+    }
+    for most in [0, usize::MAX] {
+        for column in rest {
+            if !reduced.rows.contains_key(column) {
+                reduced.eliminate(field, &mut open, *column, most);
             }
         }
-        rows[r] = scaled;
     }
-    eliminated
-        .iter()
-        .filter_map(|c| row_of.get(c).map(|r| rows[*r].clone()))
-        .collect()
+    reduced
+}
+
+impl Reduced {
+    /// Eliminates a column, if some open row has an entry there that weighs at
+    /// most `most`: the shortest such entry is the pivot.
+    fn eliminate(&mut self, field: &mut Field, open: &mut Vec<Vector>, column: usize, most: usize) {
+        let pivot = open
+            .iter()
+            .enumerate()
+            .filter_map(|(r, row)| Some((row.get(&column)?.weight(), row.len(), r)))
+            .min();
+        let Some((weight, _, r)) = pivot else { return };
+        if weight > most {
+            return;
+        }
+        let row = open.swap_remove(r);
+        let inverse = row.get(&column).and_then(|p| field.div(&Element::one(), p));
+        let Some(inverse) = inverse else { return };
+        let mut scaled = Vector::new();
+        add_scaled(field, &mut scaled, &inverse, &row);
+        scaled.insert(column, Element::one());
+        for other in open.iter_mut().chain(self.rows.values_mut()) {
+            if let Some(factor) = other.get(&column).map(Element::neg) {
+                add_scaled(field, other, &factor, &scaled);
+                other.remove(&column);
+            }
+        }
+        self.rows.insert(column, scaled);
+    }
 }

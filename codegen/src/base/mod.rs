@@ -10,6 +10,153 @@ mod span;
 mod tree;
 mod trees;
 
+use crate::model::Model;
+use crate::spec::Spec;
+use crate::sym::Number;
+
+use field::{Element, Field};
+use span::Vector;
+
+/// A parameter in a combination.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Term {
+    /// Its column.
+    pub column: usize,
+    /// The factor as an expression in the geometry's names, in the spec's grammar.
+    pub coefficient: String,
+    /// The factor's exact value.
+    pub value: Number,
+}
+
+/// On what a combination rests.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Layer {
+    /// Derived exactly from trees, or nothing was combined.
+    Derived,
+    /// Completed from samples in multiple precision.
+    Completed,
+}
+
+/// A base parameter: a kept parameter plus multiples of eliminated ones.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BaseParameter {
+    /// The kept column.
+    pub column: usize,
+    /// The combination; the kept parameter first, with factor 1.
+    pub terms: Vec<Term>,
+    /// On what it rests.
+    pub layer: Layer,
+    /// Whether `base.drop` leaves it out.
+    pub dropped: bool,
+}
+
+/// What is known of a parameter that the spec's `base` takes out.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Known {
+    /// The column.
+    pub column: usize,
+    /// What stands for it.
+    pub terms: Vec<Term>,
+}
+
+/// The base parameters of a mechanism.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Base {
+    /// Kept and dropped ones, in the order of the parameters.
+    pub parameters: Vec<BaseParameter>,
+    /// Eliminated columns, each with its row of the null space: the directions
+    /// along which nothing changes.
+    pub null: Vec<(usize, Vec<Term>)>,
+    /// Parameters that `base.zero` and `base.equal` write with others.
+    pub known: Vec<Known>,
+    /// Dimension of the null space that trees account for, over all columns.
+    pub from_trees: usize,
+    /// How many spanning trees were opened.
+    pub trees: usize,
+    /// Equalities of values that the result rests on, beyond the names.
+    pub coincidences: Vec<String>,
+}
+
+/// The base parameters from layers 1 and 2. With a `target`, the dimension of
+/// the null space over all columns, the search ends when it is reached.
+pub fn derive(spec: &Spec, model: &Model, target: Option<usize>) -> Base {
+    let mut field = Field::default();
+    let linkage = linkage::Linkage::new(&mut field, spec, model);
+    let sum = trees::sum(&mut field, &linkage, target);
+    let null: Vec<Vector> = sum.span.vectors().cloned().collect();
+    let known = known::substitutions(&mut field, spec, model);
+    let restricted = known::restricted(&mut field, &null, &known);
+    let asked: Vec<usize> = spec
+        .base
+        .eliminate
+        .iter()
+        .filter_map(|label| column(model, &label.value))
+        .collect();
+    let order = choice::preference(model, &asked);
+    let reduced = choice::reduce(&mut field, &restricted, &order, asked.len());
+    let gone: Vec<usize> = known.iter().map(|k| k.column).collect();
+    let parameters = (0..model.parameters.len())
+        .filter(|c| !reduced.rows.contains_key(c) && !gone.contains(c))
+        .map(|c| {
+            let combined = reduced.rows.iter().filter_map(|(eliminated, row)| {
+                // forces do not change along the row: what is eliminated comes
+                // back with the opposite sign
+                Some((*eliminated, row.get(&c)?.neg()))
+            });
+            let mut terms: Vec<(usize, Element)> = combined.collect();
+            // short coefficients first, outer bodies first
+            terms.sort_by_key(|(column, e)| (e.weight(), usize::MAX - column));
+            let label = &model.parameters[c].label;
+            BaseParameter {
+                column: c,
+                terms: std::iter::once((c, Element::one()))
+                    .chain(terms)
+                    .map(|(column, e)| term(&field, column, &e))
+                    .collect(),
+                layer: Layer::Derived,
+                dropped: spec.base.drop.iter().any(|d| d.value == *label),
+            }
+        })
+        .collect();
+    let null = reduced.rows.iter().map(|(column, row)| {
+        let terms = row.iter().map(|(c, e)| term(&field, *c, e)).collect();
+        (*column, terms)
+    });
+    Base {
+        parameters,
+        null: null.collect(),
+        known: known
+            .iter()
+            .map(|k| Known {
+                column: k.column,
+                terms: k.terms.iter().map(|(c, e)| term(&field, *c, e)).collect(),
+            })
+            .collect(),
+        from_trees: sum.span.dimension(),
+        trees: sum.trees,
+        coincidences: field.coincidences().map(str::to_owned).collect(),
+    }
+}
+
+fn column(model: &Model, label: &str) -> Option<usize> {
+    model.parameters.iter().position(|p| p.label == label)
+}
+
+fn term(field: &Field, column: usize, element: &Element) -> Term {
+    Term {
+        column,
+        coefficient: field.text(element),
+        value: element.value().clone(),
+    }
+}
+
+impl Base {
+    /// The number of base parameters, dropped ones left out.
+    pub fn rank(&self) -> usize {
+        self.parameters.iter().filter(|p| !p.dropped).count()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -17,31 +164,19 @@ mod tests {
 
     #[test]
     fn try_it() {
-        for name in ["3rps", "fivebar", "puma560", "tree_branch"] {
-            let path = format!("{}/../tests/oracle/{name}.yaml", env!("CARGO_MANIFEST_DIR"));
+        for name in ["oracle/3rps", "oracle/fivebar", "oracle/puma560", "oracle/tree_branch", "mechanisms/hexapod","mechanisms/delta","mechanisms/prs3","mechanisms/rrr3","mechanisms/parallelogram"] {
+            let path = format!("{}/../tests/{name}.yaml", env!("CARGO_MANIFEST_DIR"));
             let text = std::fs::read_to_string(path).unwrap();
             let spec = crate::spec::parse(&Source::new(name, text)).unwrap();
             let model = crate::model::build(&spec);
-            let mut field = field::Field::default();
             let t = std::time::Instant::now();
-            let linkage = linkage::Linkage::new(&mut field, &spec, &model);
-            let sum = trees::sum(&mut field, &linkage, None);
-            eprintln!("{name}: {} trees, dim {} rank {} {:?}", sum.trees, sum.span.dimension(), model.parameters.len() - sum.span.dimension(), t.elapsed());
-            let null: Vec<_> = sum.span.vectors().cloned().collect();
-            let first: Vec<usize> = spec.base.eliminate.iter().filter_map(|l| model.parameters.iter().position(|p| p.label == l.value)).collect();
-            let order = choice::preference(&model, &first);
-            let gone = choice::eliminated(&null, &order);
-            let rows = choice::reduced(&mut field, &null, &gone);
-            for kept in 0..model.parameters.len() {
-                if gone.contains(&kept) { continue; }
-                let mut s = model.parameters[kept].label.clone();
-                for (g, row) in gone.iter().zip(&rows) {
-                    if let Some(e) = row.get(&kept) { s += &format!(" + [{}] {}", field.text(&e.neg()), model.parameters[*g].label); }
-                }
-                eprintln!("{s}");
+            let base = derive(&spec, &model, None);
+            eprintln!("{name}: {} trees, dim {} rank {} {:?}", base.trees, base.from_trees, base.rank(), t.elapsed());
+            for p in &base.parameters {
+                let s: Vec<String> = p.terms.iter().map(|t| format!("[{}] {}", t.coefficient, model.parameters[t.column].label)).collect();
+                eprintln!("{}", s.join(" + "));
             }
-            for c in field.coincidences() { eprintln!("note {c}"); }
-            eprintln!("{:?}", t.elapsed());
+            for c in &base.coincidences { eprintln!("note {c}"); }
         }
     }
 }

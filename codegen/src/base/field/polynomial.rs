@@ -266,17 +266,25 @@ impl Polynomial {
         gcd(self, other, &mut budget).unwrap_or_else(|| Polynomial::constant(Number::one()))
     }
 
-    /// The value at given values of the variables.
-    pub(crate) fn at(&self, values: &dyn Fn(usize) -> Number) -> Option<Number> {
-        let mut sum = Number::zero();
-        for (m, c) in &self.terms {
-            let mut term = c.clone();
-            for (i, e) in m.iter().enumerate().filter(|(_, e)| **e > 0) {
-                term = term.mul(&values(i).powi(i64::from(*e))?);
-            }
-            sum = sum.add(&term);
-        }
-        Some(sum)
+    /// The quotient by a sine, with its square taken for 1 - cos^2.
+    pub(super) fn divided_by_sine(&self, sine: usize, variables: &Variables) -> Option<Self> {
+        let cosine = variables.cosine_of(sine)?;
+        let powers = self.by_powers(sine);
+        let (free, with) = match powers.as_slice() {
+            [] => return Some(Polynomial::default()),
+            [free] => (free, Polynomial::default()),
+            [free, with] => (free, with.clone()),
+            _ => return None,
+        };
+        // free = sin^2 x, so free / sin = sin x
+        let square = Polynomial::variable(cosine).plain_mul(&Polynomial::variable(cosine));
+        let square = Polynomial::constant(Number::one()).add(&square.neg());
+        let inner = if free.is_zero() {
+            Polynomial::default()
+        } else {
+            free.divided(&square)?
+        };
+        Some(with.add(&inner.plain_mul(&Polynomial::variable(sine))))
     }
 }
 

@@ -109,6 +109,30 @@ fn sum(p: &Polynomial, below: &[String], variables: &Variables) -> String {
     }
 }
 
+/// A polynomial over a monomial: each term in its lowest terms.
+fn over_monomial(p: &Polynomial, below: &Monomial, variables: &Variables) -> String {
+    let mut terms: Vec<(&Monomial, &Number)> = p.terms.iter().rev().collect();
+    terms.sort_by_key(|(_, c)| c.is_negative());
+    let mut text = String::new();
+    for (monomial, coefficient) in terms {
+        let (mut above, mut under) = (monomial.clone(), below.clone());
+        for (a, u) in above.iter_mut().zip(&mut under) {
+            let common = (*a).min(*u);
+            *a -= common;
+            *u -= common;
+        }
+        text.push_str(match (text.is_empty(), coefficient.is_negative()) {
+            (true, true) => "-",
+            (true, false) => "",
+            (false, true) => " - ",
+            (false, false) => " + ",
+        });
+        let under = factors(&under, variables);
+        text.push_str(&term(&coefficient.abs(), &above, &under, variables));
+    }
+    text
+}
+
 /// A quotient.
 pub(super) fn ratio(r: &Ratio, variables: &Variables) -> String {
     let (n, d) = (r.numerator(), r.denominator());
@@ -116,8 +140,8 @@ pub(super) fn ratio(r: &Ratio, variables: &Variables) -> String {
         return sum(n, &[], variables);
     }
     if d.terms.len() == 1 {
-        let below = d.terms.keys().next().map(|m| factors(m, variables));
-        return sum(n, &below.unwrap_or_default(), variables);
+        let below = d.terms.keys().next().cloned().unwrap_or_default();
+        return over_monomial(n, &below, variables);
     }
     let bottom = format!("({})", sum(d, &[], variables));
     if n.terms.len() == 1 {

@@ -67,7 +67,7 @@ impl Ratio {
     }
 
     /// Lowest terms; `None` where it is too long.
-    fn lowest(numerator: Polynomial, denominator: Polynomial) -> Option<Self> {
+    fn lowest(numerator: Polynomial, denominator: Polynomial, variables: &Variables) -> Option<Self> {
         if numerator.is_zero() {
             return Some(Ratio::zero());
         }
@@ -79,6 +79,17 @@ impl Ratio {
             let common = n.common_divisor(&d);
             if common.as_constant().is_none()
                 && let (Some(nn), Some(dd)) = (n.divided(&common), d.divided(&common))
+            {
+                (n, d) = (nn, dd);
+            }
+        }
+        // the sines that squares of cosines hide
+        for sine in variables.sines() {
+            while d.as_constant().is_none()
+                && let (Some(nn), Some(dd)) = (
+                    n.divided_by_sine(sine, variables),
+                    d.divided_by_sine(sine, variables),
+                )
             {
                 (n, d) = (nn, dd);
             }
@@ -98,18 +109,19 @@ impl Ratio {
     pub(super) fn add(&self, other: &Self, variables: &Variables) -> Option<Self> {
         if self.denominator == other.denominator {
             let sum = self.numerator.add(&other.numerator);
-            return Ratio::lowest(sum, self.denominator.clone());
+            return Ratio::lowest(sum, self.denominator.clone(), variables);
         }
         let left = self.numerator.mul(&other.denominator, variables);
         let right = other.numerator.mul(&self.denominator, variables);
         let bottom = self.denominator.mul(&other.denominator, variables);
-        Ratio::lowest(left.add(&right), bottom)
+        Ratio::lowest(left.add(&right), bottom, variables)
     }
 
     pub(super) fn mul(&self, other: &Self, variables: &Variables) -> Option<Self> {
         Ratio::lowest(
             self.numerator.mul(&other.numerator, variables),
             self.denominator.mul(&other.denominator, variables),
+            variables,
         )
     }
 
@@ -120,6 +132,7 @@ impl Ratio {
         Ratio::lowest(
             self.numerator.mul(&other.denominator, variables),
             self.denominator.mul(&other.numerator, variables),
+            variables,
         )
     }
 }

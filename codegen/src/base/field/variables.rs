@@ -41,6 +41,13 @@ impl Variables {
         self.all.iter().position(|(v, _)| *v == cosine)
     }
 
+    /// The indices of all sines.
+    pub(super) fn sines(&self) -> impl Iterator<Item = usize> + '_ {
+        let all = self.all.iter().enumerate();
+        all.filter(|(_, (v, _))| matches!(v, Variable::Sin(_)))
+            .map(|(i, _)| i)
+    }
+
     /// How the variable is written.
     pub(super) fn name(&self, index: usize) -> String {
         match self.all.get(index).map(|v| &v.0) {
@@ -49,12 +56,5 @@ impl Variables {
             Some(Variable::Cos(angle)) => format!("cos({angle})"),
             None => "?".to_owned(),
         }
-    }
-
-    /// The value of a variable.
-    pub(crate) fn value(&self, index: usize) -> Number {
-        self.all
-            .get(index)
-            .map_or_else(Number::zero, |v| v.1.clone())
     }
 }
