@@ -1,6 +1,7 @@
 //! A derived robot: its names and its functions as straight-line programs. What
 //! the stages after the derivation work on; it no longer knows expressions.
 
+use crate::base::Analysis;
 use crate::optimize::{Operations, Program};
 
 /// What a function computes. `n` coordinates, `n_i` of them independent, `n_e`
@@ -37,11 +38,25 @@ pub enum FunctionKind {
     Efforts,
     /// Rotation and position of every body.
     Poses,
+    /// W at the kept columns (Eq. 23).
+    BaseRegressor,
+    /// Base parameters from parameters.
+    ToBase,
+    /// All parameters with given base parameters.
+    FromBase,
+    /// tau from q, qd, qdd and base parameters.
+    BaseInverseDynamics,
+    /// Gravity from base parameters.
+    BaseGravity,
+    /// The part from velocities, from base parameters.
+    BaseBiasForces,
+    /// M from base parameters.
+    BaseMassMatrix,
 }
 
 impl FunctionKind {
     /// All of them, in the order in which they are emitted.
-    pub const ALL: [FunctionKind; 15] = [
+    pub const ALL: [FunctionKind; 22] = [
         FunctionKind::Constraints,
         FunctionKind::Jacobian,
         FunctionKind::Bias,
@@ -57,6 +72,13 @@ impl FunctionKind {
         FunctionKind::SlotineLi,
         FunctionKind::Efforts,
         FunctionKind::Poses,
+        FunctionKind::BaseRegressor,
+        FunctionKind::ToBase,
+        FunctionKind::FromBase,
+        FunctionKind::BaseInverseDynamics,
+        FunctionKind::BaseGravity,
+        FunctionKind::BaseBiasForces,
+        FunctionKind::BaseMassMatrix,
     ];
 
     /// Its name in code.
@@ -77,7 +99,28 @@ impl FunctionKind {
             FunctionKind::SlotineLi => "slotine_li",
             FunctionKind::Efforts => "efforts",
             FunctionKind::Poses => "poses",
+            FunctionKind::BaseRegressor => "base_regressor",
+            FunctionKind::ToBase => "to_base",
+            FunctionKind::FromBase => "from_base",
+            FunctionKind::BaseInverseDynamics => "base_inverse_dynamics",
+            FunctionKind::BaseGravity => "base_gravity",
+            FunctionKind::BaseBiasForces => "base_bias_forces",
+            FunctionKind::BaseMassMatrix => "base_mass_matrix",
         }
+    }
+
+    /// Whether only robots with base parameters have it.
+    pub fn needs_base(self) -> bool {
+        matches!(
+            self,
+            FunctionKind::BaseRegressor
+                | FunctionKind::ToBase
+                | FunctionKind::FromBase
+                | FunctionKind::BaseInverseDynamics
+                | FunctionKind::BaseGravity
+                | FunctionKind::BaseBiasForces
+                | FunctionKind::BaseMassMatrix
+        )
     }
 
     /// Whether only mechanisms with loops have it.
@@ -140,6 +183,8 @@ pub struct Robot {
     pub home: Vec<f64>,
     /// Its functions.
     pub functions: Vec<Function>,
+    /// Its base parameters, where they were asked for.
+    pub analysis: Option<Analysis>,
 }
 
 impl Robot {

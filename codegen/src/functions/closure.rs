@@ -3,13 +3,12 @@
 use crate::constraints::world_equations;
 use crate::kinematics::{Chain, Rates, Start};
 use crate::optimize::Request;
-use crate::sym::{Ex, Graph};
+use crate::sym::Ex;
 
 use super::{Context, group, output};
 
 /// Rates in which the coordinates' accelerations do not appear.
-pub(super) fn rates_without_qdd(g: &mut Graph, qd: Vec<Ex>, rd: Vec<Ex>) -> Rates {
-    let _ = g;
+pub(super) fn rates_without_qdd(qd: Vec<Ex>, rd: Vec<Ex>) -> Rates {
     Rates {
         qdd: vec![Ex::ZERO; qd.len()],
         qd,
@@ -47,7 +46,7 @@ pub(super) fn jacobian(cx: &mut Context<'_>) -> Request {
 
 pub(super) fn bias(cx: &mut Context<'_>) -> Request {
     let qd = cx.symbols.qd_nodes(cx.g);
-    let rates = rates_without_qdd(cx.g, qd.clone(), qd);
+    let rates = rates_without_qdd(qd.clone(), qd);
     let b = world_equations(cx.g, cx.frames, cx.model, Some(&rates)).bias;
     Request {
         arguments: vec![cx.symbols.q(), cx.symbols.qd()],
@@ -151,7 +150,7 @@ pub(super) fn accelerations(cx: &mut Context<'_>) -> Request {
     let qd = cx.symbols.qd_nodes(cx.g);
     let qdd = cx.symbols.qdd_nodes(cx.g);
     let independent: Vec<Ex> = cx.model.independent.iter().map(|c| qdd[*c]).collect();
-    let rates = rates_without_qdd(cx.g, qd.clone(), qd);
+    let rates = rates_without_qdd(qd.clone(), qd);
     let all = all_accelerations(cx, &independent, &rates);
     Request {
         arguments: vec![cx.symbols.q(), cx.symbols.qd(), cx.symbols.qdd_i()],

@@ -32,8 +32,8 @@ fn given_rates(cx: &mut Context<'_>) -> Rates {
     }
 }
 
-/// The columns of W in groups: one per body, one for friction and rotors.
-fn regressor_groups(cx: &mut Context<'_>, rates: &Rates) -> Vec<(String, Vec<Ex>)> {
+/// The columns of W for a motion.
+fn columns_of(cx: &mut Context<'_>, rates: &Rates) -> Vec<Vec<Ex>> {
     let j = reduction(cx);
     let motions = link_motions(cx, rates);
     let twists = twists(cx.g, cx.frames, cx.model);
@@ -44,6 +44,18 @@ fn regressor_groups(cx: &mut Context<'_>, rates: &Rates) -> Vec<(String, Vec<Ex>
             cx.g.name(*entry, || format!("w_{}_{row}", parameter.label));
         }
     }
+    columns
+}
+
+/// The columns of W for the motion given.
+pub(super) fn regressor_columns(cx: &mut Context<'_>) -> Vec<Vec<Ex>> {
+    let rates = given_rates(cx);
+    columns_of(cx, &rates)
+}
+
+/// The columns of W in groups: one per body, one for friction and rotors.
+fn regressor_groups(cx: &mut Context<'_>, rates: &Rates) -> Vec<(String, Vec<Ex>)> {
+    let columns = columns_of(cx, rates);
     let mut groups = Vec::new();
     let (inertial, rest) = columns.split_at(10 * cx.model.bodies.len());
     for (body, columns) in cx.model.bodies.iter().zip(inertial.chunks(10)) {
@@ -75,7 +87,7 @@ pub(super) fn slotine_li(cx: &mut Context<'_>) -> Request {
     let (qd_r, qdd_r) = cx.symbols.reference_nodes(cx.g);
     let rd = all_velocities(cx, &qd_r);
     let qd = cx.symbols.qd_nodes(cx.g);
-    let polar = rates_without_qdd(cx.g, qd.clone(), rd.clone());
+    let polar = rates_without_qdd(qd.clone(), rd.clone());
     let qdd = all_accelerations(cx, &qdd_r, &polar);
     let rates = Rates {
         qd,
@@ -101,80 +113,92 @@ pub(super) fn slotine_li(cx: &mut Context<'_>) -> Request {
     }
 }
 
-/// J^T K phi for a motion.
-fn reduced_forces(cx: &mut Context<'_>, rates: &Rates) -> Vec<Ex> {
-    let motions = link_motions(cx, rates);
-    let phi = cx.symbols.phi_nodes(cx.g);
-    let tau = dynamics::joint_efforts(cx.g, cx.frames, cx.model, &motions, rates, &phi);
-    let j = reduction(cx);
-    j.reduce(cx.g, &tau)
+/// Which part of the forces is meant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Motion {
+    /// All of them, for the motion given.
+    Given,
+    /// Gravity alone, at rest.
+    Rest,
+    /// Velocities alone: no gravity, and no acceleration of the independent
+    /// coordinates.
+    Coasting,
 }
 
-fn forces_output(cx: &Context<'_>, doc: &str) -> crate::optimize::Output {
-    output("tau", &[cx.model.independent.len()], doc)
+/// J^T K phi for a motion; the parameters are the last argument.
+pub(super) fn forces(cx: &mut Context<'_>, motion: Motion, phi: &[Ex]) -> Request {
+    let n = cx.model.coordinates.len();
+    let (rates, mut arguments, doc) = match motion {
+        Motion::Given => (
+            given_rates(cx),
+            vec![cx.symbols.q(), cx.symbols.qd(), cx.symbols.qdd()],
+            "(K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`",
+        ),
+        Motion::Rest => {
+            let still = vec![Ex::ZERO; n];
+            let rates = Rates {
+                gravity: true,
+                ..rates_without_qdd(still.clone(), still)
+            };
+            (
+                rates,
+                vec![cx.symbols.q()],
+                "the efforts that hold the mechanism at rest",
+            )
+        }
+        Motion::Coasting => {
+            let qd = cx.symbols.qd_nodes(cx.g);
+            let mut rates = rates_without_qdd(qd.clone(), qd);
+            let still = vec![Ex::ZERO; cx.model.independent.len()];
+            rates.qdd = all_accelerations(cx, &still, &rates);
+            (
+                rates,
+                vec![cx.symbols.q(), cx.symbols.qd()],
+                "Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity",
+            )
+        }
+    };
+    let motions = link_motions(cx, &rates);
+    let tau = dynamics::joint_efforts(cx.g, cx.frames, cx.model, &motions, &rates, phi);
+    let j = reduction(cx);
+    let tau = j.reduce(cx.g, &tau);
+    arguments.push(cx.symbols.phi());
+    Request {
+        arguments,
+        output: output("tau", &[cx.model.independent.len()], doc),
+        groups: vec![group("tau", tau)],
+    }
 }
 
 pub(super) fn inverse_dynamics(cx: &mut Context<'_>) -> Request {
-    let rates = given_rates(cx);
-    let tau = reduced_forces(cx, &rates);
-    Request {
-        arguments: vec![
-            cx.symbols.q(),
-            cx.symbols.qd(),
-            cx.symbols.qdd(),
-            cx.symbols.phi(),
-        ],
-        output: forces_output(
-            cx,
-            "(K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`",
-        ),
-        groups: vec![group("tau (Eq. 11)", tau)],
-    }
+    let phi = cx.symbols.phi_nodes(cx.g);
+    forces(cx, Motion::Given, &phi)
 }
 
 pub(super) fn gravity(cx: &mut Context<'_>) -> Request {
-    let still = vec![Ex::ZERO; cx.model.coordinates.len()];
-    let rates = Rates {
-        gravity: true,
-        ..rates_without_qdd(cx.g, still.clone(), still)
-    };
-    let tau = reduced_forces(cx, &rates);
-    Request {
-        arguments: vec![cx.symbols.q(), cx.symbols.phi()],
-        output: forces_output(cx, "the efforts that hold the mechanism at rest"),
-        groups: vec![group("gravity", tau)],
-    }
+    let phi = cx.symbols.phi_nodes(cx.g);
+    forces(cx, Motion::Rest, &phi)
 }
 
 pub(super) fn bias_forces(cx: &mut Context<'_>) -> Request {
-    let qd = cx.symbols.qd_nodes(cx.g);
-    let mut rates = rates_without_qdd(cx.g, qd.clone(), qd);
-    let still = vec![Ex::ZERO; cx.model.independent.len()];
-    rates.qdd = all_accelerations(cx, &still, &rates);
-    let tau = reduced_forces(cx, &rates);
-    Request {
-        arguments: vec![cx.symbols.q(), cx.symbols.qd(), cx.symbols.phi()],
-        output: forces_output(
-            cx,
-            "Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity",
-        ),
-        groups: vec![group("bias", tau)],
-    }
+    let phi = cx.symbols.phi_nodes(cx.g);
+    forces(cx, Motion::Coasting, &phi)
 }
 
 pub(super) fn mass_matrix(cx: &mut Context<'_>) -> Request {
     let phi = cx.symbols.phi_nodes(cx.g);
-    let tree = dynamics::mass_matrix(cx.g, cx.frames, cx.model, &phi);
+    mass_matrix_of(cx, &phi)
+}
+
+/// M for parameters given as expressions; they are the last argument.
+pub(super) fn mass_matrix_of(cx: &mut Context<'_>, phi: &[Ex]) -> Request {
+    let tree = dynamics::mass_matrix(cx.g, cx.frames, cx.model, phi);
     let j = reduction(cx);
     let matrix = j.reduce_matrix(cx.g, &tree);
     let width = matrix.len();
     Request {
         arguments: vec![cx.symbols.q(), cx.symbols.phi()],
-        output: output(
-            "m",
-            &[width, width],
-            "M = J^T M_tree J, J = [1; -X]; rotors included",
-        ),
+        output: output("m", &[width, width], "M = J^T M_tree J, J = [1; -X]; rotors included"),
         groups: vec![group("M", matrix.into_iter().flatten().collect())],
     }
 }

@@ -1,11 +1,13 @@
 //! The functions that a robot gets, each as a request for expressions.
 
+mod base;
 mod closure;
 mod dynamics;
 mod symbols;
 
 pub use symbols::Symbols;
 
+use crate::base::Base;
 use crate::constraints::Closed;
 use crate::kinematics::Frames;
 use crate::model::Model;
@@ -26,12 +28,19 @@ pub struct Context<'a> {
     pub closed: &'a Closed,
     /// Its symbols.
     pub symbols: Symbols,
+    /// Its base parameters, where they were derived.
+    pub base: Option<&'a Base>,
 }
 
 /// The request for a function; `None` where the robot does not have it.
 pub fn request(cx: &mut Context<'_>, kind: FunctionKind) -> Option<Request> {
     if kind.needs_loops() && cx.closed.closure.is_none() {
         return None;
+    }
+    if kind.needs_base() {
+        // a robot without base parameters has nothing to compute from them
+        let base = cx.base.filter(|b| b.rank() > 0)?;
+        return base_request(cx, base, kind);
     }
     match kind {
         FunctionKind::Constraints => Some(closure::constraints(cx)),
@@ -49,7 +58,21 @@ pub fn request(cx: &mut Context<'_>, kind: FunctionKind) -> Option<Request> {
         FunctionKind::SlotineLi => Some(dynamics::slotine_li(cx)),
         FunctionKind::Efforts => Some(dynamics::efforts(cx)),
         FunctionKind::Poses => Some(closure::poses(cx)),
+        _ => None,
     }
+}
+
+fn base_request(cx: &mut Context<'_>, base: &Base, kind: FunctionKind) -> Option<Request> {
+    Some(match kind {
+        FunctionKind::BaseRegressor => base::base_regressor(cx, base),
+        FunctionKind::ToBase => base::to_base(cx, base),
+        FunctionKind::FromBase => base::from_base(cx, base),
+        FunctionKind::BaseInverseDynamics => base::forces(cx, base, dynamics::Motion::Given),
+        FunctionKind::BaseGravity => base::forces(cx, base, dynamics::Motion::Rest),
+        FunctionKind::BaseBiasForces => base::forces(cx, base, dynamics::Motion::Coasting),
+        FunctionKind::BaseMassMatrix => base::mass_matrix(cx, base),
+        _ => return None,
+    })
 }
 
 fn output(name: &str, shape: &[usize], doc: &str) -> Output {
