@@ -11,7 +11,7 @@ use std::sync::{Arc, OnceLock};
 use dashu_int::{IBig, Sign, UBig};
 use dashu_ratio::RBig;
 
-use super::real::{self, AGREEMENT, Real};
+use super::real::{self, AGREEMENT, PRECISION, Real};
 use super::surd::{Surd, cos_of_pi_times};
 
 /// Largest decimal exponent [`Number::parse_decimal`] takes.
@@ -362,6 +362,12 @@ impl Number {
             real: OnceLock::from(value),
             double: OnceLock::new(),
         }))
+    }
+
+    /// The value to 320 bits: whether it is negative, an integer, and the power of two to multiply it by.
+    pub(crate) fn binary(&self) -> (bool, UBig, i64) {
+        let (sign, mantissa, exponent) = self.real().rounded(PRECISION);
+        (sign == Sign::Negative, mantissa, exponent)
     }
 
     fn real(&self) -> &Real {

@@ -1,0 +1,136 @@
+//! Expressions in multiple precision.
+
+use crate::sym::{AngleId, Ex, Graph, Node};
+
+use super::linear::solve;
+use super::wide::Wide;
+
+/// Evaluates a fixed set of expressions many times.
+#[derive(Debug)]
+pub(super) struct Evaluator<'g> {
+    graph: &'g Graph,
+    /// What is needed, children first.
+    order: Vec<Ex>,
+    roots: Vec<Ex>,
+    constants: Vec<Wide>,
+    angles: Vec<Option<LinearForm>>,
+}
+
+/// An angle's coefficients by symbol, and its constant.
+#[derive(Clone, Debug)]
+struct LinearForm {
+    terms: Vec<(usize, Wide)>,
+    constant: Wide,
+}
+
+impl<'g> Evaluator<'g> {
+    /// Prepares the evaluation of `roots`.
+    pub(super) fn new(graph: &'g Graph, roots: Vec<Ex>) -> Self {
+        let mut seen = vec![false; graph.len()];
+        let mut order = Vec::new();
+        let mut stack = roots.clone();
+        while let Some(ex) = stack.pop() {
+            if !std::mem::replace(&mut seen[ex.index()], true) {
+                order.push(ex);
+                stack.extend(graph.children(ex));
+            }
+        }
+        // children have smaller indices
+        order.sort();
+        let mut constants = Vec::new();
+        let mut angles = Vec::new();
+        for &ex in &order {
+            match graph.node(ex) {
+                Node::Constant(id) => {
+                    let value = Wide::from_number(graph.number(id));
+                    put(&mut constants, id as usize, value, Wide::ZERO);
+                }
+                Node::Sin(id) | Node::Cos(id) => {
+                    let angle = graph.angle(id);
+                    let terms = angle.terms.iter();
+                    let form = LinearForm {
+                        terms: terms
+                            .map(|(symbol, c)| (symbol.index(), Wide::from_number(c)))
+                            .collect(),
+                        constant: Wide::from_number(&angle.constant),
+                    };
+                    put(&mut angles, id.index(), Some(form), None);
+                }
+                _ => {}
+            }
+        }
+        Evaluator {
+            graph,
+            order,
+            roots,
+            constants,
+            angles,
+        }
+    }
+
+    /// The values of the roots, with a value for each symbol in order of
+    /// creation (missing ones are 0); `None` where something is divided by 0 or
+    /// a system is singular.
+    pub(super) fn run(&self, symbols: &[Wide]) -> Option<Vec<Wide>> {
+        let mut values = vec![Wide::ZERO; self.graph.len()];
+        let mut turned: Vec<Option<(Wide, Wide)>> = vec![None; self.angles.len()];
+        let mut solutions: Vec<Option<Vec<Vec<Wide>>>> = Vec::new();
+        let whether = |yes: bool| if yes { Wide::ONE } else { Wide::ZERO };
+        for &ex in &self.order {
+            let at = |e: Ex| values[e.index()];
+            let mut sin_cos =
+                |id: AngleId| *turned[id.index()].get_or_insert_with(|| self.turn(id, symbols));
+            let value = match self.graph.node(ex) {
+                Node::Constant(id) => self.constants[id as usize],
+                Node::Symbol(id) => symbols.get(id.index()).copied().unwrap_or(Wide::ZERO),
+                Node::Neg(a) => -at(a),
+                Node::Add(a, b) => at(a) + at(b),
+                Node::Sub(a, b) => at(a) - at(b),
+                Node::Mul(a, b) => at(a) * at(b),
+                Node::Div(a, b) => at(a).checked_div(at(b))?,
+                Node::Sin(id) => sin_cos(id).0,
+                Node::Cos(id) => sin_cos(id).1,
+                Node::Sign(a) => whether(at(a) > Wide::ZERO) - whether(at(a).is_negative()),
+                Node::Positive(a) => whether(at(a) > Wide::ZERO),
+                Node::Negative(a) => whether(at(a).is_negative()),
+                Node::Solved(id, row, column) => {
+                    if solutions.len() <= id.index() {
+                        solutions.resize(id.index() + 1, None);
+                    }
+                    let solution = &mut solutions[id.index()];
+                    if solution.is_none() {
+                        let system = self.graph.system(id);
+                        let wide = |rows: &[Vec<Ex>]| -> Vec<Vec<Wide>> {
+                            rows.iter()
+                                .map(|row| row.iter().map(|e| at(*e)).collect())
+                                .collect()
+                        };
+                        *solution = Some(solve(wide(&system.matrix), wide(&system.rhs))?);
+                    }
+                    solution.as_ref()?[row as usize][column as usize]
+                }
+            };
+            values[ex.index()] = value;
+        }
+        Some(self.roots.iter().map(|r| values[r.index()]).collect())
+    }
+
+    fn turn(&self, id: AngleId, symbols: &[Wide]) -> (Wide, Wide) {
+        let Some(form) = &self.angles[id.index()] else {
+            return (Wide::ZERO, Wide::ONE);
+        };
+        let angle = form.terms.iter().fold(form.constant, |sum, (symbol, c)| {
+            let value = symbols.get(*symbol).copied().unwrap_or(Wide::ZERO);
+            sum + *c * value
+        });
+        angle.sin_cos()
+    }
+}
+
+/// Writes to a place of a vector, which grows to have it.
+fn put<T: Clone>(to: &mut Vec<T>, at: usize, value: T, empty: T) {
+    if to.len() <= at {
+        to.resize(at + 1, empty);
+    }
+    to[at] = value;
+}

@@ -1,0 +1,105 @@
+//! Linear algebra in multiple precision: complete pivoting, and no scaling of
+//! rows, since a row of rounding must stay one.
+
+use super::wide::Wide;
+
+/// What is left below this part of the largest pivot is rounding: 2^-200, or
+/// 1e-60, far from both the rounding of 96 digits and anything that a mechanism
+/// of sane proportions holds.
+const ROUNDING: i32 = 200;
+
+/// A matrix after elimination.
+#[derive(Clone, Debug)]
+pub(super) struct Eliminated {
+    /// Pivot rows, in order: each has zeros at the columns of earlier pivots.
+    pub(super) rows: Vec<Vec<Wide>>,
+    /// The pivots' columns.
+    pub(super) columns: Vec<usize>,
+    /// The largest entry left over: rounding, or 0.
+    pub(super) dropped: Wide,
+}
+
+impl Eliminated {
+    /// The sizes of the pivots.
+    pub(super) fn pivots(&self) -> impl Iterator<Item = Wide> {
+        let pairs = self.rows.iter().zip(&self.columns);
+        pairs.map(|(row, c)| row[*c].abs())
+    }
+}
+
+/// Eliminates the first `width` columns.
+pub(super) fn eliminate(mut rows: Vec<Vec<Wide>>, width: usize) -> Eliminated {
+    let mut done = Eliminated {
+        rows: Vec::new(),
+        columns: Vec::new(),
+        dropped: Wide::ZERO,
+    };
+    let mut free = (0..width).collect::<Vec<_>>();
+    let mut first = None;
+    loop {
+        let mut best = (0, 0, Wide::ZERO);
+        for (i, row) in rows.iter().enumerate() {
+            for &c in &free {
+                if row[c].cmp_abs(&best.2).is_gt() {
+                    best = (i, c, row[c]);
+                }
+            }
+        }
+        let (i, column, pivot) = best;
+        let floor = first.get_or_insert(pivot).abs().scaled(-ROUNDING);
+        let inverse = pivot.reciprocal();
+        let Some(inverse) = inverse.filter(|_| pivot.cmp_abs(&floor).is_gt()) else {
+            done.dropped = pivot.abs();
+            return done;
+        };
+        let pivot_row = rows.swap_remove(i);
+        free.retain(|&c| c != column);
+        let carried: Vec<usize> = free
+            .iter()
+            .copied()
+            .chain(width..pivot_row.len())
+            .filter(|&c| !pivot_row[c].is_zero())
+            .collect();
+        for row in &mut rows {
+            if row[column].is_zero() {
+                continue;
+            }
+            let factor = row[column] * inverse;
+            row[column] = Wide::ZERO;
+            for &c in &carried {
+                row[c] = row[c] - factor * pivot_row[c];
+            }
+        }
+        done.rows.push(pivot_row);
+        done.columns.push(column);
+    }
+}
+
+/// Solves `A Z = B` with at least as many rows as unknowns, consistent where
+/// there are more; unknowns by right-hand sides. `None` where it is singular.
+pub fn solve(mut a: Vec<Vec<Wide>>, b: Vec<Vec<Wide>>) -> Option<Vec<Vec<Wide>>> {
+    let unknowns = a.first().map_or(0, Vec::len);
+    let sides = b.first().map_or(0, Vec::len);
+    for (row, rhs) in a.iter_mut().zip(b) {
+        row.extend(rhs);
+    }
+    let done = eliminate(a, unknowns);
+    if done.columns.len() < unknowns {
+        return None;
+    }
+    let mut solution = vec![Vec::new(); unknowns];
+    for k in (0..unknowns).rev() {
+        let (row, column) = (&done.rows[k], done.columns[k]);
+        let inverse = row[column].reciprocal()?;
+        let values = (0..sides).map(|side| {
+            let known = &done.columns[k + 1..];
+            let rest = known.iter().fold(row[unknowns + side], |rest, &c| {
+                let z: &Vec<Wide> = &solution[c];
+                rest - row[c] * z[side]
+            });
+            rest * inverse
+        });
+        solution[column] = values.collect();
+    }
+    Some(solution)
+}

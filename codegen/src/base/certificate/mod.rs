@@ -1,0 +1,95 @@
+//! The certificate: the rank of rows sampled at random closed states of the
+//! mechanism, on the assembly branch of home, in multiple precision.
+//!
+//! What is sampled are energies, not forces. A combination of inertial and
+//! rotor parameters is without effect exactly when the kinetic energy is 0 and
+//! the potential energy constant whatever the motion, and both need neither
+//! accelerations nor the derivatives of X. With 96 digits, rounding lies tens
+//! of orders of magnitude below everything else, so that no tolerance has to be
+//! chosen. Samples bound the rank from below; directions derived exactly bound
+//! it from above: where the two meet, the base is proven.
+
+mod evaluate;
+mod linear;
+mod rank;
+mod rows;
+mod states;
+mod wide;
+
+use core::fmt;
+
+use crate::kinematics::{Frames, Geometry};
+use crate::model::Model;
+use crate::sym::Graph;
+
+pub use linear::solve;
+pub use rank::{Certificate, Samples};
+pub use wide::{DIGITS, Wide};
+
+use rows::Rows;
+use states::Walk;
+
+/// Why there is no certificate.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CertificateError {
+    /// Home does not close in multiple precision: a closure that holds only to
+    /// the digits of the lengths and angles given has redundant equations that
+    /// contradict each other beyond them.
+    Inexact,
+    /// From home, too few closed states could be reached.
+    Confined {
+        /// How many were.
+        found: usize,
+        /// How many are needed.
+        needed: usize,
+    },
+}
+
+impl fmt::Display for CertificateError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            CertificateError::Inexact => write!(
+                f,
+                "the closure holds only to the digits given for lengths and angles; \
+                 write them as exact expressions"
+            ),
+            CertificateError::Confined { found, needed } => write!(
+                f,
+                "only {found} of {needed} closed states could be reached from home"
+            ),
+        }
+    }
+}
+
+impl core::error::Error for CertificateError {}
+
+/// Samples a mechanism that closes at `home`. The same seed gives the same
+/// states.
+///
+/// # Errors
+/// Where not enough closed states can be reached from home.
+pub fn certify(model: &Model, home: &[f64], seed: u64) -> Result<Samples, CertificateError> {
+    // a graph of its own: only what is sampled, its first symbols the coordinates
+    let mut g = Graph::new();
+    for coordinate in &model.coordinates {
+        g.symbol(&coordinate.name);
+    }
+    g.set_naming(false);
+    let frames = Frames::new(&mut g, model, Geometry::Values);
+    let equations = crate::constraints::world_equations(&mut g, &frames, model, None);
+    let expressions = rows::Expressions::new(&mut g, &frames, model);
+
+    let needed = rows::states_needed(model);
+    let mut walk = Walk::new(&g, &equations, model, home, seed)?;
+    let mut rows = Rows::new(&g, model, &expressions, needed);
+    let mut found = 0;
+    while found < needed {
+        let state = walk
+            .next()
+            .ok_or(CertificateError::Confined { found, needed })?;
+        if rows.sample(&state, walk.random()).is_some() {
+            found += 1;
+        }
+    }
+    Ok(Samples::new(rows.finish(), model.parameters.len(), found))
+}

@@ -1,0 +1,118 @@
+//! The rank of the sampled rows, and questions about their null space.
+
+use super::linear::{eliminate, solve};
+use super::wide::{DIGITS, Wide};
+
+/// A gap of fewer orders of magnitude between kept and dropped leaves the rank
+/// open.
+const LEAST_GAP: f64 = 1e20;
+
+/// The rank of the parameters' columns over sampled states.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Certificate {
+    /// Number of parameters.
+    pub columns: usize,
+    /// Number of base parameters.
+    pub rank: usize,
+    /// Number of closed states sampled.
+    pub states: usize,
+    /// Decimal digits carried.
+    pub digits: usize,
+    /// The smallest pivot kept, as a part of the largest.
+    pub smallest_kept: f64,
+    /// The largest number dropped, as a part of the largest pivot; 0 where
+    /// nothing was left.
+    pub largest_dropped: f64,
+}
+
+impl Certificate {
+    /// Whether the gap between kept and dropped leaves no doubt.
+    pub fn is_certain(&self) -> bool {
+        // nothing is dropped where all columns are kept, nor where all are 0
+        self.largest_dropped == 0.0 || self.smallest_kept >= LEAST_GAP * self.largest_dropped
+    }
+}
+
+/// Sampled rows over the parameters' columns.
+#[derive(Clone, Debug)]
+pub struct Samples {
+    rows: Vec<Vec<Wide>>,
+    /// A basis of the rows' span.
+    basis: Vec<Vec<Wide>>,
+    certificate: Certificate,
+}
+
+impl Samples {
+    pub(super) fn new(rows: Vec<Vec<Wide>>, columns: usize, states: usize) -> Samples {
+        let done = eliminate(rows.clone(), columns);
+        let part = |x: Wide| {
+            let largest = done.pivots().next();
+            let quotient = largest.and_then(|l| x.checked_div(l));
+            quotient.map_or(0.0, |q| q.to_f64())
+        };
+        let smallest = done.pivots().reduce(|a, b| if b < a { b } else { a });
+        let certificate = Certificate {
+            columns,
+            rank: done.rows.len(),
+            states,
+            digits: DIGITS,
+            smallest_kept: smallest.map_or(0.0, part),
+            largest_dropped: part(done.dropped),
+        };
+        Samples {
+            rows,
+            basis: done.rows,
+            certificate,
+        }
+    }
+
+    /// The rank and what it rests on.
+    pub fn certificate(&self) -> Certificate {
+        self.certificate
+    }
+
+    /// The rank of some of the columns.
+    pub fn rank_of(&self, columns: &[usize]) -> usize {
+        let rows = self.basis.iter();
+        let chosen = rows.map(|row| columns.iter().map(|&c| row[c]).collect());
+        eliminate(chosen.collect(), columns.len()).rows.len()
+    }
+
+    /// What the rows make of a direction in the space of the parameters, as a
+    /// part of the largest term that goes into it: rounding for a null
+    /// direction, and of order 1 for a direction at random.
+    pub fn residual(&self, direction: &[Wide]) -> f64 {
+        let (mut largest, mut worst) = (Wide::ZERO, Wide::ZERO);
+        for row in &self.rows {
+            let mut sum = Wide::ZERO;
+            for (x, d) in row.iter().zip(direction) {
+                let term = *x * *d;
+                sum = sum + term;
+                largest = largest.max(term.abs());
+            }
+            worst = worst.max(sum.abs());
+        }
+        worst.checked_div(largest).map_or(0.0, |part| part.to_f64())
+    }
+
+    /// Every column as a combination of the kept ones: by column, the
+    /// coefficients in the order of `kept`. `None` where `kept` is no basis.
+    ///
+    /// A kept column's own coefficients are a unit vector.
+    pub fn combinations(&self, kept: &[usize]) -> Option<Vec<Vec<Wide>>> {
+        if kept.len() != self.basis.len() {
+            return None;
+        }
+        let rows = self.basis.iter();
+        let matrix = rows.map(|row| kept.iter().map(|&c| row[c]).collect());
+        let by_kept = solve(matrix.collect(), self.basis.clone())?;
+        let unit = |k: usize, at: usize| if k == at { Wide::ONE } else { Wide::ZERO };
+        let column = |c: usize| -> Vec<Wide> {
+            match kept.iter().position(|&k| k == c) {
+                Some(at) => (0..kept.len()).map(|k| unit(k, at)).collect(),
+                None => by_kept.iter().map(|row| row[c]).collect(),
+            }
+        };
+        Some((0..self.certificate.columns).map(column).collect())
+    }
+}

@@ -1,0 +1,273 @@
+//! The rows at a state: kinetic energy, power of gravity, and power of friction
+//! sorted by how it depends on the velocities.
+//!
+//! With t_j the twist of a body for a unit rate of the independent coordinate j
+//! (the body's own frame and origin), T = 1/2 sum_jk h(t_j, t_k) qd_j qd_k is
+//! linear in the parameters, and so is gravity's power. Energies of different
+//! degree in the velocities, and of different sign under their reversal, vanish
+//! one by one, and each has rows of its own.
+
+use crate::kinematics::{Frames, twists};
+use crate::model::{FrictionColumn, Model, ParameterKind};
+use crate::sym::{Ex, Graph, V3};
+
+use super::evaluate::Evaluator;
+use super::states::{Random, State};
+use super::wide::Wide;
+
+/// A twist (w, v) of a body in its own frame at its own origin.
+type Twist = [Wide; 6];
+
+/// No fewer states, however many rows each has.
+const LEAST_STATES: usize = 8;
+
+/// How many states give at least twice as many rows as there are columns, also
+/// where only gravity's columns and rows are counted.
+pub(super) fn states_needed(model: &Model) -> usize {
+    let n = model.independent.len();
+    let columns = model.parameters.len();
+    if n == 0 || columns == 0 {
+        return 0;
+    }
+    let by_all = (2 * columns).div_ceil(n * (n + 3) / 2);
+    let by_gravity = (2 * 4 * model.bodies.len()).div_ceil(n);
+    by_all.max(by_gravity).max(LEAST_STATES)
+}
+
+/// What of a mechanism is sampled.
+#[derive(Clone, Debug)]
+pub(super) struct Expressions {
+    bodies: Vec<BodyExpressions>,
+}
+
+#[derive(Clone, Debug)]
+struct BodyExpressions {
+    /// Unit twists by coordinate.
+    twists: Vec<(usize, [Ex; 6])>,
+    /// Gravity in the body's frame.
+    gravity: V3,
+}
+
+impl Expressions {
+    pub(super) fn new(g: &mut Graph, frames: &Frames, model: &Model) -> Expressions {
+        let twists = twists(g, frames, model);
+        let mut gravity: Vec<V3> = Vec::new();
+        for (link, frame) in frames.links.iter().enumerate() {
+            let outside = frame.parent.map_or(frames.gravity, |p| gravity[p]);
+            let inside = frames.into_link(g, link, &outside);
+            gravity.push(inside);
+        }
+        let bodies = model.bodies.iter().map(|body| BodyExpressions {
+            twists: twists[body.link]
+                .iter()
+                .map(|(c, t)| (*c, [t.e[0], t.e[1], t.e[2], t.u[0], t.u[1], t.u[2]]))
+                .collect(),
+            gravity: gravity[body.link],
+        });
+        Expressions {
+            bodies: bodies.collect(),
+        }
+    }
+
+    fn roots(&self) -> Vec<Ex> {
+        let bodies = self.bodies.iter();
+        bodies
+            .flat_map(|b| {
+                let twists = b.twists.iter().flat_map(|(_, t)| *t);
+                twists.chain(b.gravity)
+            })
+            .collect()
+    }
+}
+
+/// The halves of an effort `v qd + e |qd| + c sgn(qd) + o` that a friction
+/// parameter of 1 stands for, in units of 1/2.
+#[derive(Clone, Copy, Debug, Default)]
+struct Effort {
+    v: i8,
+    e: i8,
+    c: i8,
+    o: i8,
+}
+
+impl Effort {
+    fn of(column: FrictionColumn) -> Effort {
+        let none = Effort::default();
+        match column {
+            FrictionColumn::Viscous => Effort { v: 2, ..none },
+            FrictionColumn::Coulomb => Effort { c: 2, ..none },
+            FrictionColumn::ViscousPositive => Effort { v: 1, e: 1, ..none },
+            FrictionColumn::ViscousNegative => Effort {
+                v: 1,
+                e: -1,
+                ..none
+            },
+            FrictionColumn::CoulombPositive => Effort { c: 1, o: 1, ..none },
+            FrictionColumn::CoulombNegative => Effort {
+                c: 1,
+                o: -1,
+                ..none
+            },
+        }
+    }
+}
+
+fn halves(count: i8, of: Wide) -> Wide {
+    Wide::from_f64(f64::from(count)).scaled(-1) * of
+}
+
+/// Collects rows, one column per parameter.
+#[derive(Debug)]
+pub(super) struct Rows<'a> {
+    model: &'a Model,
+    expressions: &'a Expressions,
+    evaluator: Evaluator<'a>,
+    /// Velocities per state for the rows of friction.
+    velocities: usize,
+    collected: Vec<Vec<Wide>>,
+}
+
+impl<'a> Rows<'a> {
+    pub(super) fn new(
+        g: &'a Graph,
+        model: &'a Model,
+        expressions: &'a Expressions,
+        states: usize,
+    ) -> Rows<'a> {
+        let parameters = model.parameters.iter();
+        let friction = parameters
+            .filter(|p| matches!(p.kind, ParameterKind::Friction { .. }))
+            .count();
+        let velocities = match friction {
+            0 => 0,
+            _ => (2 * friction).div_ceil(states).max(3),
+        };
+        Rows {
+            model,
+            expressions,
+            evaluator: Evaluator::new(g, expressions.roots()),
+            velocities,
+            collected: Vec::new(),
+        }
+    }
+
+    pub(super) fn finish(self) -> Vec<Vec<Wide>> {
+        self.collected
+    }
+
+    /// Adds the rows of a state; `None` where it has none.
+    pub(super) fn sample(&mut self, state: &State, random: &mut Random) -> Option<()> {
+        let values = self.evaluator.run(&state.q)?;
+        let width = self.model.independent.len();
+        let mut bodies = Vec::new();
+        let mut at = 0;
+        for body in &self.expressions.bodies {
+            let mut twists = vec![[Wide::ZERO; 6]; width];
+            for (coordinate, _) in &body.twists {
+                let unit = &values[at..at + 6];
+                at += 6;
+                for (twist, weight) in twists.iter_mut().zip(&state.j[*coordinate]) {
+                    if weight.is_zero() {
+                        continue;
+                    }
+                    for (sum, x) in twist.iter_mut().zip(unit) {
+                        *sum = *sum + *weight * *x;
+                    }
+                }
+            }
+            let mut gamma = [Wide::ZERO; 6];
+            gamma[3..].copy_from_slice(&values[at..at + 3]);
+            at += 3;
+            bodies.push((twists, gamma));
+        }
+        for j in 0..width {
+            for k in j..width {
+                let entry = |kind: ParameterKind| match kind {
+                    ParameterKind::Rotor { coordinate } => {
+                        state.j[coordinate][j] * state.j[coordinate][k]
+                    }
+                    ParameterKind::Inertial { .. } | ParameterKind::Friction { .. } => Wide::ZERO,
+                };
+                let blocks = bodies.iter().map(|(t, _)| polar(&t[j], &t[k]));
+                self.push(&blocks.collect::<Vec<_>>(), entry);
+            }
+            let entry = |kind: ParameterKind| match kind {
+                ParameterKind::Friction { coordinate, column } => {
+                    halves(Effort::of(column).o, state.j[coordinate][j])
+                }
+                ParameterKind::Inertial { .. } | ParameterKind::Rotor { .. } => Wide::ZERO,
+            };
+            // of the potential energy: the power that gravity takes
+            let blocks = bodies.iter().map(|(t, gamma)| {
+                let power = polar(gamma, &t[j]);
+                power.map(|x| -x)
+            });
+            self.push(&blocks.collect::<Vec<_>>(), entry);
+        }
+        for _ in 0..self.velocities {
+            self.sample_friction(state, random);
+        }
+        Some(())
+    }
+
+    /// The rows of friction at random velocities, which change their signs.
+    fn sample_friction(&mut self, state: &State, random: &mut Random) {
+        let width = self.model.independent.len();
+        let rates: Vec<Wide> = (0..width).map(|_| Wide::from_f64(random.next())).collect();
+        let qd: Vec<Wide> = state
+            .j
+            .iter()
+            .map(|row| {
+                let terms = row.iter().zip(&rates);
+                terms.fold(Wide::ZERO, |sum, (x, r)| sum + *x * *r)
+            })
+            .collect();
+        let kinds: [fn(Effort, Wide) -> Wide; 3] = [
+            |effort, qd| halves(effort.v, qd * qd),
+            |effort, qd| halves(effort.c, qd.abs()),
+            |effort, qd| halves(effort.e, qd.abs() * qd),
+        ];
+        for power in kinds {
+            let entry = |kind: ParameterKind| match kind {
+                ParameterKind::Friction { coordinate, column } => {
+                    power(Effort::of(column), qd[coordinate])
+                }
+                ParameterKind::Inertial { .. } | ParameterKind::Rotor { .. } => Wide::ZERO,
+            };
+            self.push(&[], entry);
+        }
+    }
+
+    /// Adds a row: blocks of the bodies, or none, and an entry for every other
+    /// parameter.
+    fn push(&mut self, blocks: &[[Wide; 10]], entry: impl Fn(ParameterKind) -> Wide) {
+        let parameters = self.model.parameters.iter();
+        let row = parameters.map(|parameter| match parameter.kind {
+            ParameterKind::Inertial { body, entry } => {
+                blocks.get(body).map_or(Wide::ZERO, |block| block[entry])
+            }
+            kind => entry(kind),
+        });
+        let row: Vec<Wide> = row.collect();
+        if row.iter().any(|x| !x.is_zero()) {
+            self.collected.push(row);
+        }
+    }
+}
+
+/// h with h(V, V) . phi / 2 the kinetic energy of a body, in polar form.
+fn polar(a: &Twist, b: &Twist) -> [Wide; 10] {
+    let ([ax, ay, az, au, av, aw], [bx, by, bz, bu, bv, bw]) = (*a, *b);
+    [
+        ax * bx,
+        ax * by + ay * bx,
+        ax * bz + az * bx,
+        ay * by,
+        ay * bz + az * by,
+        az * bz,
+        (av * bz - aw * by) + (bv * az - bw * ay),
+        (aw * bx - au * bz) + (bw * ax - bu * az),
+        (au * by - av * bx) + (bu * ay - bv * ax),
+        au * bu + av * bv + aw * bw,
+    ]
+}

@@ -1,0 +1,358 @@
+//! Random closed states on the assembly branch of home.
+//!
+//! A walk in small steps of double precision: the independent coordinates move
+//! towards a random target, the dependent ones follow by prediction and
+//! Newton's method. A step that nears a singularity, crosses one, jumps to
+//! another assembly or leaves a coordinate's limits is not taken. Where a leg of
+//! the walk ends, Newton's method in multiple precision makes a state of it.
+
+use crate::constraints::{Equations, NumericLoops};
+use crate::model::{Model, MotionKind};
+use crate::numeric::solve_pivoted;
+use crate::sym::Graph;
+
+use super::CertificateError;
+use super::evaluate::Evaluator;
+use super::linear::solve;
+use super::wide::Wide;
+
+/// A step that brings A_e closer to singular than this is not taken.
+const LEAST_RATIO: f64 = 1e-3;
+/// A turn in a step, rad; slides are in proportion to their range.
+const TURN: f64 = 0.12;
+/// Steps of a leg, at least and at most.
+const STEPS: (u32, u32) = (5, 14);
+/// Of the predicted change of the dependent coordinates, Newton's method may
+/// correct this part; more could be a jump to another assembly.
+const CORRECTION: f64 = 0.25;
+/// In double precision closed to this part of the mechanism's size.
+const CLOSED: f64 = 1e-11;
+/// In multiple precision closed to 1e-80 (log10).
+const CLOSED_WIDE: f64 = -80.0;
+/// From a double solution, digits doubling each time.
+const WIDE_STEPS: usize = 6;
+/// Legs in a row that may fail.
+const PATIENCE: usize = 40;
+
+/// Reproducible numbers.
+#[derive(Clone, Debug)]
+pub(super) struct Random(u64);
+
+impl Random {
+    fn new(seed: u64) -> Random {
+        Random(seed)
+    }
+
+    /// The next number in [-1, 1).
+    pub(super) fn next(&mut self) -> f64 {
+        (self.bits() >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+
+    /// The next number in a range.
+    fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * 0.5 * (self.next() + 1.0)
+    }
+
+    fn bits(&mut self) -> u64 {
+        // splitmix64: Steele, Lea and Flood 2014
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^ (z >> 31)
+    }
+}
+
+/// A closed state in multiple precision.
+#[derive(Clone, Debug)]
+pub(super) struct State {
+    /// By coordinate.
+    pub(super) q: Vec<Wide>,
+    /// J with qd = J qd_i: coordinates by independent coordinates.
+    pub(super) j: Vec<Vec<Wide>>,
+}
+
+/// A walk through the mechanism's closed states.
+#[derive(Debug)]
+pub(super) struct Walk<'a> {
+    model: &'a Model,
+    loops: NumericLoops<'a>,
+    wide: Evaluator<'a>,
+    rows: usize,
+    random: Random,
+    /// The ranges of all coordinates.
+    ranges: Vec<[f64; 2]>,
+    least_ratio: f64,
+    closed: f64,
+    q: Vec<f64>,
+}
+
+impl<'a> Walk<'a> {
+    /// Begins at home.
+    pub(super) fn new(
+        g: &'a Graph,
+        equations: &Equations,
+        model: &'a Model,
+        home: &[f64],
+        seed: u64,
+    ) -> Result<Walk<'a>, CertificateError> {
+        let jacobian = equations.jacobian.iter().flatten();
+        let roots = equations.residual.iter().chain(jacobian).copied();
+        let loops = NumericLoops::new(g, equations, model.coordinates.len());
+        let mut size = 1.0;
+        let mut ratio = 1.0;
+        if !model.dependent.is_empty() {
+            let (_, a) = loops.at(home);
+            ratio = pivot_ratio(&dependent(model, &a));
+            size = a.iter().flatten().fold(size, |m: f64, x| m.max(x.abs()));
+        }
+        let walk = Walk {
+            model,
+            wide: Evaluator::new(g, roots.collect()),
+            loops,
+            rows: equations.residual.len(),
+            random: Random::new(seed),
+            ranges: (0..model.coordinates.len())
+                .map(|c| range(model, home, c))
+                .collect(),
+            least_ratio: LEAST_RATIO.min(0.1 * ratio),
+            closed: CLOSED * size,
+            q: home.to_vec(),
+        };
+        match walk.polish(home) {
+            Some(_) => Ok(walk),
+            None => Err(CertificateError::Inexact),
+        }
+    }
+
+    /// The numbers behind the walk.
+    pub(super) fn random(&mut self) -> &mut Random {
+        &mut self.random
+    }
+
+    /// The next state, or `None` where the walk is stuck.
+    pub(super) fn next(&mut self) -> Option<State> {
+        for _ in 0..PATIENCE {
+            if self.leg()
+                && let Some(state) = self.polish(&self.q)
+            {
+                return Some(state);
+            }
+        }
+        None
+    }
+
+    /// A leg of the walk; whether it went anywhere.
+    fn leg(&mut self) -> bool {
+        if self.model.dependent.is_empty() {
+            for &c in &self.model.independent {
+                let [low, high] = self.ranges[c];
+                self.q[c] = self.random.between(low, high);
+            }
+            return true;
+        }
+        let (least, most) = STEPS;
+        let steps = least + (self.random.bits() % u64::from(most - least + 1)) as u32;
+        let count = f64::from(steps);
+        let mut step = vec![0.0; self.model.independent.len()];
+        for (d, &c) in step.iter_mut().zip(&self.model.independent) {
+            let [low, high] = self.ranges[c];
+            let target = self.random.between(low, high);
+            let length = if self.slides(c) {
+                TURN / core::f64::consts::PI * 0.5 * (high - low)
+            } else {
+                TURN
+            };
+            // a fraction of the way, so that coordinates do not move in step
+            *d = (target - self.q[c]).clamp(-count * length, count * length) / count;
+        }
+        let before = self.q.clone();
+        let mut last = before.clone();
+        for _ in 0..steps {
+            let Some(next) = self.step(&self.q, &step) else {
+                // back from the obstacle
+                self.q = last;
+                break;
+            };
+            last = core::mem::replace(&mut self.q, next);
+        }
+        self.q != before
+    }
+
+    /// A small step of the independent coordinates, where it can be taken.
+    fn step(&self, from: &[f64], step: &[f64]) -> Option<Vec<f64>> {
+        let model = self.model;
+        let (_, a) = self.loops.at(from);
+        let a_before = dependent(model, &a);
+        let mut q = from.to_vec();
+        for (c, d) in model.independent.iter().zip(step) {
+            q[*c] += d;
+        }
+        let moved = a.iter().map(|row| {
+            let terms = model.independent.iter().zip(step);
+            vec![-terms.map(|(&c, d)| row[c] * d).sum::<f64>()]
+        });
+        let solved = solve_pivoted(a_before.clone(), moved.collect());
+        let mut predicted = 0.0_f64;
+        for (c, d) in model.dependent.iter().zip(&solved.solution) {
+            q[*c] += d[0];
+            predicted = predicted.max(d[0].abs());
+        }
+        let start = q.clone();
+        let a_after = self.close(&mut q)?;
+        let corrections = model.dependent.iter().map(|&c| (q[c] - start[c]).abs());
+        let corrected = corrections.fold(0.0, f64::max);
+        let turned = step.iter().fold(predicted, |m, d| m.max(d.abs()));
+        let inside = q
+            .iter()
+            .zip(&self.ranges)
+            .all(|(q, [low, high])| (low..=high).contains(&q));
+        (inside && corrected <= CORRECTION * turned && same_side(&a_before, &a_after)).then_some(q)
+    }
+
+    /// Newton's method in double precision. A_e where it ends, unless too close
+    /// to singular.
+    fn close(&self, q: &mut [f64]) -> Option<Vec<Vec<f64>>> {
+        for _ in 0..8 {
+            let (f, a) = self.loops.at(q);
+            let a_e = dependent(self.model, &a);
+            let size = f.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+            let rhs = f.iter().map(|x| vec![-x]).collect();
+            let solved = solve_pivoted(a_e.clone(), rhs);
+            // also of NaN
+            if !(size.is_finite() && solved.pivot_ratio > self.least_ratio) {
+                return None;
+            }
+            if size <= self.closed {
+                return Some(a_e);
+            }
+            for (c, d) in self.model.dependent.iter().zip(&solved.solution) {
+                q[*c] += d[0];
+            }
+        }
+        None
+    }
+
+    /// The state in multiple precision, by Newton's method over the dependent
+    /// coordinates.
+    fn polish(&self, q: &[f64]) -> Option<State> {
+        let model = self.model;
+        let width = model.independent.len();
+        let mut q: Vec<Wide> = q.iter().map(|x| Wide::from_f64(*x)).collect();
+        let mut j = vec![vec![Wide::ZERO; width]; q.len()];
+        for (k, &c) in model.independent.iter().enumerate() {
+            j[c][k] = Wide::ONE;
+        }
+        if model.dependent.is_empty() {
+            return Some(State { q, j });
+        }
+        for _ in 0..WIDE_STEPS {
+            let mut values = self.wide.run(&q)?;
+            let jacobian = values.split_off(self.rows);
+            let a: Vec<&[Wide]> = jacobian.chunks(q.len()).collect();
+            let pick = |columns: &[usize]| -> Vec<Vec<Wide>> {
+                a.iter()
+                    .map(|row| columns.iter().map(|&c| row[c]).collect())
+                    .collect()
+            };
+            let left = values
+                .iter()
+                .fold(f64::NEG_INFINITY, |m, f| m.max(f.log10()));
+            if left < CLOSED_WIDE {
+                let x = solve(pick(&model.dependent), pick(&model.independent))?;
+                for (&c, row) in model.dependent.iter().zip(x) {
+                    j[c] = row.into_iter().map(|x| -x).collect();
+                }
+                return Some(State { q, j });
+            }
+            let residual = values.into_iter().map(|f| vec![f]).collect();
+            let step = solve(pick(&model.dependent), residual)?;
+            for (&c, d) in model.dependent.iter().zip(step) {
+                q[c] = q[c] - d[0];
+            }
+        }
+        None
+    }
+
+    fn slides(&self, c: usize) -> bool {
+        slides(self.model, c)
+    }
+}
+
+fn slides(model: &Model, c: usize) -> bool {
+    let motion = model.links[model.coordinates[c].link].motion;
+    motion.is_some_and(|m| m.kind == MotionKind::Translation)
+}
+
+/// Where a coordinate may go: within its limits where home is; else half a turn
+/// or a slide about home, and for dependent coordinates anywhere.
+fn range(model: &Model, home: &[f64], c: usize) -> [f64; 2] {
+    if let Some([low, high]) = model.coordinates[c].position
+        && low < high
+        && (low..=high).contains(&home[c])
+    {
+        return [low, high];
+    }
+    let reach = if model.dependent.contains(&c) {
+        f64::INFINITY
+    } else if slides(model, c) {
+        0.75 * home[c].abs().max(0.4)
+    } else {
+        core::f64::consts::PI
+    };
+    [home[c] - reach, home[c] + reach]
+}
+
+/// A_e of all rows.
+fn dependent(model: &Model, a: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    a.iter()
+        .map(|row| model.dependent.iter().map(|&c| row[c]).collect())
+        .collect()
+}
+
+fn pivot_ratio(a_e: &[Vec<f64>]) -> f64 {
+    solve_pivoted(a_e.to_vec(), vec![vec![]; a_e.len()]).pivot_ratio
+}
+
+/// Whether no singularity lies between two close matrices of full column rank.
+///
+/// With more rows than columns there is no determinant, and which rows matter
+/// changes as loops are carried about; but the determinant of `A^T B` is the sum
+/// over all choices of rows of the products of both determinants (Cauchy and
+/// Binet), positive for close matrices and negative across a singularity.
+fn same_side(a: &[Vec<f64>], b: &[Vec<f64>]) -> bool {
+    let n = a.first().map_or(0, Vec::len);
+    let product: Vec<Vec<f64>> = (0..n)
+        .map(|i| {
+            (0..n)
+                .map(|j| a.iter().zip(b).map(|(x, y)| x[i] * y[j]).sum())
+                .collect()
+        })
+        .collect();
+    determinant_is_positive(product)
+}
+
+fn determinant_is_positive(mut m: Vec<Vec<f64>>) -> bool {
+    let n = m.len();
+    let mut positive = true;
+    for k in 0..n {
+        let largest = (k..n).max_by(|&i, &j| m[i][k].abs().total_cmp(&m[j][k].abs()));
+        let row = largest.unwrap_or(k);
+        if row != k {
+            m.swap(k, row);
+            positive = !positive;
+        }
+        let pivot = m[k].clone();
+        if pivot[k] == 0.0 {
+            return false;
+        }
+        positive ^= pivot[k] < 0.0;
+        for other in m.iter_mut().skip(k + 1) {
+            let factor = other[k] / pivot[k];
+            for (x, p) in other.iter_mut().zip(&pivot).skip(k) {
+                *x -= factor * p;
+            }
+        }
+    }
+    positive
+}

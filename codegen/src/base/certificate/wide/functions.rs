@@ -1,0 +1,139 @@
+//! Quotients, roots, sines and cosines.
+
+use std::sync::OnceLock;
+
+use crate::sym::Number;
+
+use super::Wide;
+
+/// Newton steps from the 53 bits of an `f64` to more than 320.
+const STEPS: usize = 3;
+/// How often an angle is halved before its series.
+const HALVINGS: i32 = 8;
+/// Terms of the series: below 2^-8 each of them is worth more than 22 bits.
+const TERMS: usize = 15;
+
+/// What sine and cosine need.
+struct Constants {
+    half_pi: Wide,
+    /// 2/pi.
+    quarters: Wide,
+    /// 1/n! for even n from 2, signs alternating from minus.
+    even: [Wide; TERMS],
+    /// 1/n! for odd n from 3, signs alternating from minus.
+    odd: [Wide; TERMS],
+}
+
+fn constants() -> &'static Constants {
+    static CONSTANTS: OnceLock<Constants> = OnceLock::new();
+    CONSTANTS.get_or_init(|| {
+        let half_pi = Wide::from_number(&Number::pi()).scaled(-1);
+        let mut even = [Wide::ZERO; TERMS];
+        let mut odd = [Wide::ZERO; TERMS];
+        let mut inverse = Wide::ONE;
+        for k in 0..TERMS {
+            let n = 2.0 * k as f64 + 2.0;
+            for (entry, divisor) in [(&mut even[k], n), (&mut odd[k], n + 1.0)] {
+                let quotient = inverse.checked_div(Wide::from_f64(divisor));
+                inverse = quotient.unwrap_or(Wide::ZERO);
+                *entry = if k % 2 == 0 { -inverse } else { inverse };
+            }
+        }
+        Constants {
+            half_pi,
+            quarters: half_pi.reciprocal().unwrap_or(Wide::ZERO),
+            even,
+            odd,
+        }
+    })
+}
+
+impl Wide {
+    /// `1 / self`, `None` of 0.
+    pub fn reciprocal(self) -> Option<Wide> {
+        if self.is_zero() {
+            return None;
+        }
+        // of the mantissa, which an f64 can hold whatever the exponent
+        let mantissa = self.abs().scaled(-self.exponent);
+        let mut y = Wide::from_f64(1.0 / mantissa.to_f64());
+        for _ in 0..STEPS {
+            y = y + y * (Wide::ONE - mantissa * y);
+        }
+        let y = y.scaled(-self.exponent);
+        Some(if self.negative { -y } else { y })
+    }
+
+    /// `self / divisor`, `None` at 0.
+    pub fn checked_div(self, divisor: Wide) -> Option<Wide> {
+        let y = divisor.reciprocal()?;
+        let quotient = self * y;
+        Some(quotient + y * (self - divisor * quotient))
+    }
+
+    /// The square root, `None` of a negative value.
+    pub fn sqrt(self) -> Option<Wide> {
+        if self.is_zero() {
+            return Some(Wide::ZERO);
+        }
+        if self.negative {
+            return None;
+        }
+        let half = self.exponent.div_euclid(2);
+        let x = self.scaled(-2 * half);
+        let mut y = Wide::from_f64(1.0 / libm::sqrt(x.to_f64()));
+        for _ in 0..STEPS {
+            y = y + (y * (Wide::ONE - x * y * y)).scaled(-1);
+        }
+        let root = x * y;
+        let root = root + ((x - root * root) * y).scaled(-1);
+        Some(root.scaled(half))
+    }
+
+    /// Sine and cosine, to some 315 bits of 1.
+    pub fn sin_cos(self) -> (Wide, Wide) {
+        let constants = constants();
+        let mut quadrant = 0u8;
+        let mut rest = self;
+        // once, unless the angle is beyond what an f64 counts in whole turns
+        for _ in 0..8 {
+            let turns = libm::round((rest * constants.quarters).to_f64());
+            if turns == 0.0 {
+                break;
+            }
+            let in_four = turns - 4.0 * libm::floor(turns / 4.0);
+            quadrant += [0, 1, 2, 3]
+                .into_iter()
+                .find(|k| f64::from(*k) >= in_four)
+                .unwrap_or(0);
+            rest = rest - constants.half_pi * Wide::from_f64(turns);
+        }
+        let (sine, cosine) = near_zero(rest, constants);
+        match quadrant % 4 {
+            0 => (sine, cosine),
+            1 => (cosine, -sine),
+            2 => (-sine, -cosine),
+            _ => (-cosine, sine),
+        }
+    }
+}
+
+/// Series of the angle halved some times, then doubled back.
+fn near_zero(angle: Wide, constants: &Constants) -> (Wide, Wide) {
+    let x = angle.scaled(-HALVINGS);
+    let square = x * x;
+    let series = |coefficients: &[Wide; TERMS]| {
+        let start = Wide::ZERO;
+        let sum = coefficients.iter().rev();
+        sum.fold(start, |sum, c| (sum + *c) * square)
+    };
+    let mut sine = x + x * series(&constants.odd);
+    // 1 - cos, whose relative precision survives the doubling
+    let mut versine = -series(&constants.even);
+    for _ in 0..HALVINGS {
+        let cosine = Wide::ONE - versine;
+        versine = (sine * sine).scaled(1);
+        sine = (sine * cosine).scaled(1);
+    }
+    (sine, Wide::ONE - versine)
+}

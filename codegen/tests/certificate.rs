@@ -1,0 +1,317 @@
+//! The ranks that are known for these mechanisms, from samples in multiple
+//! precision.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+use std::fmt::Write;
+use std::path::PathBuf;
+
+use regen_codegen::base::certificate::{CertificateError, Samples, Wide, certify};
+use regen_codegen::constraints::{NumericLoops, close_home, world_equations};
+use regen_codegen::diag::Source;
+use regen_codegen::kinematics::{Frames, Geometry};
+use regen_codegen::model::{self, Model};
+use regen_codegen::spec;
+use regen_codegen::sym::{Graph, Number};
+
+fn file(path: &str) -> String {
+    let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("..");
+    std::fs::read_to_string(root.join(path)).unwrap()
+}
+
+/// A mechanism and its closed home.
+fn mechanism(text: &str) -> (Model, Vec<f64>) {
+    let spec = spec::parse(&Source::new("test.yaml", text)).unwrap_or_else(|e| panic!("{e}"));
+    let model = model::build(&spec);
+    let mut g = Graph::new();
+    for coordinate in &model.coordinates {
+        g.symbol(&coordinate.name);
+    }
+    let frames = Frames::new(&mut g, &model, Geometry::Values);
+    let equations = world_equations(&mut g, &frames, &model, None);
+    let loops = NumericLoops::new(&g, &equations, model.coordinates.len());
+    let home = close_home(&loops, &model).unwrap();
+    (model, home)
+}
+
+fn samples(text: &str) -> (Model, Samples) {
+    let (model, home) = mechanism(text);
+    let samples = certify(&model, &home, 1).unwrap();
+    (model, samples)
+}
+
+/// The rank, with a gap that leaves no doubt.
+fn rank(text: &str) -> usize {
+    let certificate = samples(text).1.certificate();
+    assert!(certificate.is_certain(), "{certificate:?}");
+    assert!(
+        certificate.smallest_kept > 1e60 * certificate.largest_dropped,
+        "{certificate:?}"
+    );
+    certificate.rank
+}
+
+#[test]
+fn trees_and_loops_have_their_known_ranks() {
+    for (path, expected) in [
+        ("tests/oracle/3rps.yaml", 25),
+        ("tests/oracle/fivebar.yaml", 11),
+        ("tests/oracle/puma560.yaml", 36),
+        ("tests/oracle/tree_branch.yaml", 29),
+        ("robots/fourbar.yaml", 8),
+        ("tests/pairs/slider_crank/pin.yaml", 6),
+        ("tests/mechanisms/rrr3.yaml", 19),
+    ] {
+        assert_eq!(rank(&file(path)), expected, "{path}");
+    }
+}
+
+#[test]
+fn where_a_loop_is_cut_does_not_matter() {
+    for (one, other) in [
+        ("slider_crank/pin", "slider_crank/rail"),
+        ("fivebar/base", "fivebar/tip"),
+        ("rsur/universal", "rsur/spherical"),
+        ("rsur/universal", "rsur/revolute"),
+        ("rscr/cylindrical", "rscr/spherical"),
+        ("turntable/pin", "turntable/rocker"),
+    ] {
+        let [one, other] = [one, other].map(|p| rank(&file(&format!("tests/pairs/{p}.yaml"))));
+        assert_eq!(one, other);
+    }
+}
+
+#[test]
+fn a_parallelogram_stays_on_its_branch_and_has_3() {
+    assert_eq!(rank(&file("tests/mechanisms/parallelogram_cut.yaml")), 3);
+    // with viscous and Coulomb friction of q2, and a rotor that is like an inertia
+    assert_eq!(rank(&file("tests/mechanisms/parallelogram.yaml")), 3 + 2);
+}
+
+#[test]
+fn friction_and_rotors_of_the_3_rps_are_independent_of_its_25() {
+    let linear = file("robots/3rps_friction.yaml");
+    let asymmetric = linear.replace("friction: linear", "friction: coulomb_asymmetric");
+    assert_eq!(rank(&linear), 34);
+    assert_eq!(rank(&asymmetric), 37);
+}
+
+#[test]
+fn gravity_along_the_axes_leaves_a_four_bar_4() {
+    let text = file("robots/fourbar.yaml").replace("[0, 0, -9.81]", "[0, -9.81, 0]");
+    assert_eq!(rank(&text), 4);
+}
+
+/// A serial arm from its rows (alpha, a, d), all joints revolute.
+fn arm(rows: &[(&str, &str, &str)]) -> String {
+    let mut text = String::from("name: arm\nlimbs:\n  - name: arm\n    joints:\n");
+    for (k, (alpha, a, d)) in rows.iter().enumerate() {
+        let k = k + 1;
+        write!(
+            text,
+            "      - {{name: q{k}, type: revolute, \
+             dh: {{alpha: {alpha}, a: {a}, d: {d}}}, body: {k}, actuated: true}}\n"
+        )
+        .unwrap();
+    }
+    text
+}
+
+#[test]
+fn arms_have_their_known_ranks() {
+    let seven = arm(&[
+        ("0", "0", "0.333"),
+        ("-pi/2", "0", "0"),
+        ("pi/2", "0", "0.316"),
+        ("pi/2", "0.0825", "0"),
+        ("-pi/2", "-0.0825", "0.384"),
+        ("pi/2", "0", "0"),
+        ("pi/2", "0.088", "0"),
+    ]);
+    assert_eq!(rank(&seven), 43);
+    let skew = arm(&[
+        ("0", "0", "0.3"),
+        ("0.7", "0.11", "0.05"),
+        ("-0.4", "0.2", "0.13"),
+        ("1.1", "0.17", "-0.07"),
+        ("0.9", "0.05", "0.21"),
+        ("-1.3", "0.08", "0.04"),
+    ]);
+    assert_eq!(rank(&skew), 36);
+    let tilted = skew.replace("limbs:", "gravity: [1.1, 0.7, -9.6]\nlimbs:");
+    assert_eq!(rank(&tilted), 38);
+    // rotors: those of the first two joints are like inertias
+    let rotors = seven.replace("actuated: true", "actuated: true, rotor_inertia: true");
+    assert_eq!(rank(&rotors), 48);
+}
+
+/// A SCARA arm; `more` is said of every joint.
+fn scara(more: &str) -> String {
+    format!(
+        "name: scara
+limbs:
+  - name: arm
+    joints:
+      - {{name: q1, type: revolute, body: 1, actuated: true{more}}}
+      - {{name: q2, type: revolute, dh: {{a: 0.325}}, body: 2, actuated: true{more}}}
+      - {{name: q3, type: prismatic, dh: {{a: 0.275}}, body: 3, actuated: true{more}}}
+      - {{name: q4, type: revolute, body: 4, actuated: true{more}}}
+"
+    )
+}
+
+#[test]
+fn on_a_vertical_slide_weight_and_one_sided_friction_are_one() {
+    assert_eq!(rank(&scara("")), 8);
+    assert_eq!(rank(&scara(", rotor_inertia: true")), 11);
+    let all = scara(", rotor_inertia: true, friction: asymmetric");
+    assert_eq!(rank(&all), 11 + 16 - 1);
+    let symmetric = scara(", friction: linear");
+    assert_eq!(rank(&symmetric), 8 + 8);
+}
+
+#[test]
+fn angles_that_add_up_to_a_constant_tie_their_one_sided_friction() {
+    let rail = file("tests/pairs/slider_crank/rail.yaml");
+    let with = |kind: &str| rail.replace(", body:", &format!(", friction: {kind}, body:"));
+    assert_eq!(rank(&with("viscous")), 6 + 3);
+    // |qd| of the three is independent only over changes of their signs
+    assert_eq!(rank(&with("linear")), 6 + 6);
+    // q1 + q2 + q3 is constant: the same offset on all three does no work
+    assert_eq!(rank(&with("coulomb_asymmetric")), 6 + 9 - 1);
+}
+
+#[test]
+fn a_platform_that_never_turns_has_fewer_than_its_trees_say() {
+    // a translational Delta: three legs of a revolute and two universal joints
+    let mut text = String::from(
+        "name: delta
+geometry: {R: 0.2, r: 0.05, la: 0.2, lf: 0.5}
+limbs:
+",
+    );
+    for (k, angle) in [(1, "0"), (2, "2*pi/3"), (3, "-2*pi/3")] {
+        write!(
+            text,
+            "  - name: leg{k}
+    base: {{xyz: [R*cos({angle}), R*sin({angle}), 0], rpy: [0, 0, {angle} + pi/2]}}
+    joints:
+      - {{name: q{k}, type: revolute, axis: x, body: arm{k}, actuated: true}}
+      - {{name: u{k}, type: universal, origin: {{xyz: [0, -la, 0]}}, body: rod{k}}}
+"
+        )
+        .unwrap();
+        if k == 1 {
+            text += "      - {name: v1, type: universal, \
+                     origin: {xyz: [0, 0, -lf], rpy: [0, 0, pi/2]}, body: platform}\n";
+        }
+    }
+    text += "cuts:\n";
+    for (k, angle) in [(2, "2*pi/3"), (3, "-2*pi/3")] {
+        write!(
+            text,
+            "  - name: v{k}
+    joint: universal
+    between:
+      - {{body: rod{k}, xyz: [0, 0, -lf], rpy: [0, 0, pi/2]}}
+      - {{body: platform, xyz: [r - r*cos({angle}), -r*sin({angle}), 0], rpy: [0, 0, {angle}]}}
+"
+        )
+        .unwrap();
+    }
+    text +=
+        "home: {q1: 0.5, q2: 0.5, q3: 0.5, u1.1: 0.209, u2.1: 0.209, u3.1: 0.209, v1.2: 0.709}\n";
+    assert_eq!(rank(&text), 34);
+}
+
+#[test]
+fn combinations_hold_at_states_that_they_were_not_made_from() {
+    let (model, home) = mechanism(&file("robots/3rps_friction.yaml"));
+    let samples = certify(&model, &home, 1).unwrap();
+    let fresh = certify(&model, &home, 2).unwrap();
+    let column = |label: &str| {
+        let found = model.parameters.iter().position(|p| p.label == label);
+        found.unwrap()
+    };
+    // kept: greedily, what the chapter's Table 1 eliminates last in line
+    let last = ["my(3)", "m(3)", "m(2)"].map(column);
+    let others = (0..model.parameters.len())
+        .rev()
+        .filter(|c| !last.contains(c));
+    let mut kept: Vec<usize> = Vec::new();
+    for c in others.chain(last) {
+        kept.push(c);
+        if samples.rank_of(&kept) < kept.len() {
+            kept.pop();
+        }
+    }
+    assert_eq!(kept.len(), samples.certificate().rank);
+    let combinations = samples.combinations(&kept).unwrap();
+    let mut null_directions = 0;
+    for (c, coefficients) in combinations.iter().enumerate() {
+        if kept.contains(&c) {
+            continue;
+        }
+        let mut direction = vec![Wide::ZERO; model.parameters.len()];
+        direction[c] = -Wide::ONE;
+        for (k, x) in kept.iter().zip(coefficients) {
+            direction[*k] = *x;
+        }
+        assert!(fresh.residual(&direction) < 1e-80);
+        direction[kept[0]] = direction[kept[0]] + Wide::from_f64(1e-30);
+        assert!(fresh.residual(&direction) > 1e-40);
+        null_directions += 1;
+    }
+    assert_eq!(null_directions, model.parameters.len() - kept.len());
+
+    // my(3) in m(5) is -2 sqrt(3)/(3 a)
+    assert!(kept.contains(&column("m(5)")));
+    let at = kept.iter().position(|k| *k == column("m(5)")).unwrap();
+    let a = Number::parse_decimal("0.4563").unwrap();
+    let root = Number::from_i64(3).sqrt().unwrap();
+    let exact = root.mul(&Number::ratio(-2, 3).unwrap()).div(&a).unwrap();
+    let found = combinations[column("my(3)")][at];
+    assert!(
+        (found - Wide::from_number(&exact)).log10() < -80.0,
+        "{}",
+        found.to_f64()
+    );
+}
+
+#[test]
+fn the_same_seed_gives_the_same_certificate() {
+    let (model, home) = mechanism(&file("robots/fivebar.yaml"));
+    let [one, again, other] = [7, 7, 8].map(|seed| certify(&model, &home, seed).unwrap());
+    assert_eq!(one.certificate(), again.certificate());
+    assert_ne!(one.certificate(), other.certificate());
+    assert_eq!(one.certificate().rank, other.certificate().rank);
+}
+
+#[test]
+fn a_closure_that_holds_to_rounding_only_is_refused() {
+    // a quarter turn of 17 digits on one side of a planar loop, an exact one on the other
+    let text = file("robots/fourbar.yaml");
+    let rounded = text.replacen("rpy: [pi/2, 0, 0]", "rpy: [1.5707963267948966, 0, 0]", 1);
+    assert_ne!(text, rounded);
+    let (model, home) = mechanism(&rounded);
+    assert_eq!(
+        certify(&model, &home, 1).err(),
+        Some(CertificateError::Inexact)
+    );
+}
+
+#[test]
+fn a_body_that_stands_still_has_no_base_parameters() {
+    let text = "name: still
+limbs:
+  - name: a
+    joints:
+      - {type: fixed, body: 1}
+      - {name: q, type: revolute, actuated: true}
+";
+    let samples = samples(text).1;
+    let certificate = samples.certificate();
+    assert_eq!((certificate.columns, certificate.rank), (10, 0));
+    assert!(certificate.is_certain());
+    assert_eq!(samples.combinations(&[]), Some(vec![vec![]; 10]));
+    assert_eq!(samples.residual(&[Wide::ONE; 10]).to_bits(), 0);
+}
