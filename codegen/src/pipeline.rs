@@ -1,5 +1,6 @@
 //! The whole derivation on one page: from a spec's text to a robot's programs.
 
+use crate::base;
 use crate::constraints::Closed;
 use crate::diag::{Report, Source};
 use crate::functions::{Context, Symbols, request};
@@ -10,13 +11,28 @@ use crate::robot::{Function, FunctionKind, Robot};
 use crate::spec::{self, Spec};
 use crate::sym::Graph;
 
+/// What is derived beside the model itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Options {
+    /// Base parameters with their certificate, and the functions over them.
+    pub base: bool,
+}
+
+/// Derives a robot, with its base parameters, from the text of its spec.
+///
+/// # Errors
+/// As [`derive_with`].
+pub fn derive(source: &Source) -> Result<Robot, Report> {
+    derive_with(source, Options { base: true })
+}
+
 /// Derives a robot from the text of its spec.
 ///
 /// # Errors
 /// A report with the place of every mistake in the spec: of its syntax, its
 /// names and values, or of a home that does not close or does not fit the
 /// mobility.
-pub fn derive(source: &Source) -> Result<Robot, Report> {
+pub fn derive_with(source: &Source, options: Options) -> Result<Robot, Report> {
     // spec: text -> validated spec
     let spec = spec::parse(source)?;
     // model: bodies, joints, spanning tree, cuts, parameter order
@@ -30,14 +46,19 @@ pub fn derive(source: &Source) -> Result<Robot, Report> {
     let closed = Closed::new(&mut g, &frames, &model)
         .map_err(|problem| crate::checks::home_report(source, &spec, &model, &problem))?;
     crate::checks::aligned_at_home(source, &spec, &mut g, &frames, &model, &closed.home)?;
-    // dynamics: every function's expressions (Eq. 2-5, 11, 14-20), then its program
+    // base: which combinations of the parameters count (Eq. 23), certified
+    let analysis = options
+        .base
+        .then(|| base::analyse(&spec, &model, &closed.home));
     let mut cx = Context {
         g: &mut g,
         model: &model,
         frames: &frames,
         closed: &closed,
         symbols,
+        base: analysis.as_ref().map(|a| &a.base),
     };
+    // dynamics: every function's expressions (Eq. 2-5, 11, 14-20), then its program
     let mut functions = Vec::new();
     for kind in FunctionKind::ALL {
         if let Some(request) = request(&mut cx, kind) {
@@ -46,11 +67,15 @@ pub fn derive(source: &Source) -> Result<Robot, Report> {
             functions.push(Function { kind, program });
         }
     }
-    Ok(named(&spec, &model, closed, functions))
+    Ok(Robot {
+        functions,
+        analysis,
+        ..named(&spec, &model, closed)
+    })
 }
 
 /// The robot with its names.
-fn named(spec: &Spec, model: &Model, closed: Closed, functions: Vec<Function>) -> Robot {
+fn named(spec: &Spec, model: &Model, closed: Closed) -> Robot {
     let cuts = model.cuts.iter().map(|cut| crate::robot::CutInfo {
         name: cut.name.clone(),
         rows: model::rows_of(cut.kind),
@@ -72,6 +97,7 @@ fn named(spec: &Spec, model: &Model, closed: Closed, functions: Vec<Function>) -
             .as_ref()
             .map_or_else(Vec::new, |c| c.redundant_rows().to_vec()),
         home: closed.home,
-        functions,
+        functions: Vec::new(),
+        analysis: None,
     }
 }

@@ -5,6 +5,8 @@
 //!
 //! 4 coordinates, 2 independent; 4 bodies, 40 parameters; 5 closure rows, 3 of them redundant.
 //!
+//! 11 base parameters, certified to be minimal.
+//!
 //! | function | add | mul | div | sin and cos |
 //! |---|---|---|---|---|
 //! | [`constraints`] | 9 | 8 | 0 | 4 |
@@ -22,10 +24,18 @@
 //! | [`slotine_li`] | 54 | 134 | 1 | 4 |
 //! | [`efforts`] | 0 | 0 | 0 | 0 |
 //! | [`poses`] | 3 | 4 | 0 | 4 |
+//! | [`base_regressor`] | 33 | 75 | 1 | 4 |
+//! | [`to_base`] | 15 | 9 | 0 | 0 |
+//! | [`from_base`] | 13 | 9 | 0 | 0 |
+//! | [`base_inverse_dynamics`] | 44 | 79 | 1 | 4 |
+//! | [`base_gravity`] | 22 | 41 | 1 | 5 |
+//! | [`base_bias_forces`] | 33 | 74 | 1 | 3 |
+//! | [`base_mass_matrix`] | 27 | 40 | 1 | 3 |
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
 use ::regen_runtime::{Condition, Cut, Info, Model, Scalar, SizeError};
+use ::regen_runtime::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
 pub const COORDINATES: [&str; 4] = [
@@ -65,6 +75,136 @@ pub const INFO: Info<'static> = Info {
     cuts: &[Cut { name: "tip", rows: 5 }],
     home: &HOME,
     rows: 5,
+};
+/// The base parameters, in the order of `beta`: the columns of `base_regressor`.
+pub const BASE: [BaseParameter<'static>; 11] = [
+    BaseParameter {
+        label: "Izz(1)",
+        terms: &[
+            BaseTerm { parameter: "Izz(1)", index: 5, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "mx(3)", index: 26, coefficient: "l1", value: 0.3 },
+            BaseTerm { parameter: "m(4)", index: 39, coefficient: "l1^2", value: 0.09 },
+            BaseTerm { parameter: "m(2)", index: 19, coefficient: "l1^2", value: 0.09 },
+        ],
+    },
+    BaseParameter {
+        label: "mx(1)",
+        terms: &[
+            BaseTerm { parameter: "mx(1)", index: 6, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "mx(3)", index: 26, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "m(4)", index: 39, coefficient: "l1", value: 0.3 },
+            BaseTerm { parameter: "m(2)", index: 19, coefficient: "l1", value: 0.3 },
+        ],
+    },
+    BaseParameter {
+        label: "my(1)",
+        terms: &[
+            BaseTerm { parameter: "my(1)", index: 7, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Izz(2)",
+        terms: &[
+            BaseTerm { parameter: "Izz(2)", index: 15, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "m(4)", index: 39, coefficient: "l2^2", value: 0.16 },
+            BaseTerm { parameter: "mx(3)", index: 26, coefficient: "l2^2/l1", value: 0.5333333333333333 },
+        ],
+    },
+    BaseParameter {
+        label: "mx(2)",
+        terms: &[
+            BaseTerm { parameter: "mx(2)", index: 16, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "m(4)", index: 39, coefficient: "l2", value: 0.4 },
+            BaseTerm { parameter: "mx(3)", index: 26, coefficient: "l2/l1", value: 1.3333333333333333 },
+        ],
+    },
+    BaseParameter {
+        label: "my(2)",
+        terms: &[
+            BaseTerm { parameter: "my(2)", index: 17, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Izz(3)",
+        terms: &[
+            BaseTerm { parameter: "Izz(3)", index: 25, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "mx(3)", index: 26, coefficient: "-l1", value: -0.3 },
+        ],
+    },
+    BaseParameter {
+        label: "my(3)",
+        terms: &[
+            BaseTerm { parameter: "my(3)", index: 27, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Izz(4)",
+        terms: &[
+            BaseTerm { parameter: "Izz(4)", index: 35, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "m(4)", index: 39, coefficient: "-l2^2", value: -0.16 },
+            BaseTerm { parameter: "mx(3)", index: 26, coefficient: "-l2^2/l1", value: -0.5333333333333333 },
+        ],
+    },
+    BaseParameter {
+        label: "mx(4)",
+        terms: &[
+            BaseTerm { parameter: "mx(4)", index: 36, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "m(4)", index: 39, coefficient: "-l2", value: -0.4 },
+            BaseTerm { parameter: "mx(3)", index: 26, coefficient: "-l2/l1", value: -1.3333333333333333 },
+        ],
+    },
+    BaseParameter {
+        label: "my(4)",
+        terms: &[
+            BaseTerm { parameter: "my(4)", index: 37, coefficient: "1", value: 1.0 },
+        ],
+    },
+];
+/// Labels of the eliminated parameters, in the order of `free`.
+pub const FREE: [&str; 29] = [
+    "Ixx(1)",
+    "Ixy(1)",
+    "Ixz(1)",
+    "Iyy(1)",
+    "Iyz(1)",
+    "mz(1)",
+    "m(1)",
+    "Ixx(2)",
+    "Ixy(2)",
+    "Ixz(2)",
+    "Iyy(2)",
+    "Iyz(2)",
+    "mz(2)",
+    "m(2)",
+    "Ixx(3)",
+    "Ixy(3)",
+    "Ixz(3)",
+    "Iyy(3)",
+    "Iyz(3)",
+    "mx(3)",
+    "mz(3)",
+    "m(3)",
+    "Ixx(4)",
+    "Ixy(4)",
+    "Ixz(4)",
+    "Iyy(4)",
+    "Iyz(4)",
+    "mz(4)",
+    "m(4)",
+];
+/// The base and its certificate: certified to be minimal.
+pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
+    base: &BASE,
+    free: &FREE,
+    certificate: Some(Certificate {
+        columns: 40,
+        rank: 11,
+        states: 16,
+        digits: 96,
+        smallest_kept: 0.026067917833699324,
+        largest_dropped: 1.4521854954791756e-96,
+    }),
+    complete: true,
 };
 
 /// The closure equations f(q) (Eq. 6): every row of every cut in the world frame, then the couplings.
@@ -769,7 +909,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], phi: &
         condition = condition.min(found);
         [t1_13, t1_24, sin_q3, cos_q3, sin_q4, cos_q4, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
     };
-    // tau (Eq. 11)
+    // tau
     {
         let t2_1 = (-t1_13).mul_add(x_q2_q1, t1_24);
         let al_4z = dd_q3 + dd_q4;
@@ -896,7 +1036,7 @@ pub fn gravity<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([T; 2], Condition<T>) {
         condition = condition.min(found);
         [t1_10, t1_13, sin_q3, cos_q3, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
     };
-    // gravity
+    // tau
     {
         let t2_1 = (-t1_10).mul_add(x_q2_q1, t1_13);
         let t2_2 = q4 + q3;
@@ -1063,7 +1203,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], phi: &[T; 40]) -> ([T; 2]
         condition = condition.min(found);
         [t2_5, t2_16, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
     };
-    // bias
+    // tau
     {
         let t3_1 = (-t2_5).mul_add(x_q2_q1, t2_16);
         let t3_2 = d_q3 * d_q3;
@@ -1571,6 +1711,817 @@ pub fn poses<T: Scalar>(q: &[T; 4]) -> [[T; 12]; 4] {
     poses
 }
 
+/// The reduced regressor W_red (Eq. 23): only the columns that are kept.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `qd`: velocities of all coordinates
+/// - `qdd`: accelerations of all coordinates
+/// - `w`: W_red (Eq. 23), column by column: `w[c][r]` multiplies `BASE[c]` in the equation of `INDEPENDENT[r]`
+///
+/// 33 additions, 75 multiplications, 1 divisions, 4 sines and cosines.
+pub fn base_regressor<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut [[T; 2]; 11]) -> Condition<T> {
+    let like = q[0];
+    let [q1, q2, q3, q4] = *q;
+    let [d_q1, d_q2, d_q3, d_q4] = *qd;
+    let [dd_q1, dd_q2, dd_q3, dd_q4] = *qdd;
+    let mut condition = like.lift(1.0);
+    // body 1
+    let [sin_q1, cos_q1, a_1y, a_1x] = {
+        let (sin_q1, cos_q1) = q1.sin_cos();
+        let a_1y = like.lift(9.81) * cos_q1;
+        w[1] = [a_1y, like.lift(0.0)];
+        let a_1x = like.lift(9.81) * sin_q1;
+        let t1_1 = -a_1x;
+        w[2] = [t1_1, like.lift(0.0)];
+        w[0] = [dd_q1, like.lift(0.0)];
+        [sin_q1, cos_q1, a_1y, a_1x]
+    };
+    // loops: solve with A_e (Eq. 8, 10)
+    let [
+        al_2z, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, x_q2_q1, x_q2_q3, x_q4_q1,
+        x_q4_q3,
+    ] = {
+        let al_2z = dd_q1 + dd_q2;
+        let (sin_q2, cos_q2) = q2.sin_cos();
+        let t2_1 = cos_q1 * sin_q2;
+        let t2_2 = sin_q1 * sin_q2;
+        let sin_q1_q2 = sin_q1.mul_add(cos_q2, t2_1);
+        let cos_q1_q2 = cos_q1.mul_add(cos_q2, -t2_2);
+        let (sin_q3, cos_q3) = q3.sin_cos();
+        let t2_3 = cos_q1_q2 * sin_q3;
+        let t2_4 = sin_q1_q2 * sin_q3;
+        let sin_q1_q2_minus_q3 = sin_q1_q2.mul_add(cos_q3, -t2_3);
+        let cos_q1_q2_minus_q3 = cos_q1_q2.mul_add(cos_q3, t2_4);
+        let (sin_q4, cos_q4) = q4.sin_cos();
+        let t2_5 = cos_q1_q2_minus_q3 * sin_q4;
+        let t2_6 = sin_q1_q2_minus_q3 * sin_q4;
+        let sin_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(cos_q4, -t2_5);
+        let cos_q1_q2_minus_q3_minus_q4 = cos_q1_q2_minus_q3.mul_add(cos_q4, t2_6);
+        let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
+        let t2_7 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let u_2_q1x = like.lift(0.3) * sin_q2;
+        let t2_8 = -u_2_q1x;
+        let t2_9 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let u_2_q1y = like.lift(0.3) * cos_q2;
+        let t2_10 = like.lift(0.4) + u_2_q1y;
+        let t2_11 = -t2_10;
+        let t2_12 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_7);
+        let t2_13 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_14 = sin_q2 * t2_13;
+        let t2_15 = cos_q1_q2_minus_q3_minus_q4 * t2_14;
+        let t2_16 = like.lift(-0.3).mul_add(t2_15, t2_10);
+        let t2_17 = like.lift(2.5) * t2_16;
+        let t2_18 = t2_9 * t2_13;
+        let t2_19 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_18, t2_12);
+        let t2_20 = like.lift(2.5) * t2_19;
+        let t2_21 = -t2_20;
+        let t2_22 = like.lift(0.75) * t2_14;
+        let t2_23 = -t2_22;
+        let t2_24 = like.lift(2.5) * t2_18;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
+        let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
+            [[t2_17, t2_21], [t2_23, t2_24]],
+            margin,
+            || (
+                [
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_7],
+                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0)],
+                ],
+                [
+                    [t2_8, t2_9], [t2_11, t2_12], [like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
+                ],
+            ),
+        );
+        condition = condition.min(found);
+        [
+            al_2z, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, x_q2_q1, x_q2_q3, x_q4_q1,
+            x_q4_q3,
+        ]
+    };
+    // body 2
+    {
+        let t3_1 = like.lift(1.0) - x_q2_q1;
+        let w_izz_2_q1 = al_2z * t3_1;
+        let w_izz_2_q3 = al_2z * x_q2_q3;
+        let t3_2 = -w_izz_2_q3;
+        w[3] = [w_izz_2_q1, t3_2];
+        let w_2z = d_q1 + d_q2;
+        let t3_3 = w_2z * w_2z;
+        let t3_4 = sin_q2 * t3_3;
+        let t3_5 = like.lift(0.3) * t3_4;
+        let t3_6 = cos_q2 * al_2z;
+        let t3_7 = like.lift(-0.3).mul_add(t3_6, t3_5);
+        let t3_8 = d_q1 * d_q1;
+        let t3_9 = like.lift(0.3).mul_add(t3_8, -a_1x);
+        let t3_10 = sin_q2 * t3_9;
+        let t3_11 = like.lift(0.3).mul_add(dd_q1, a_1y);
+        let a_2y = cos_q2.mul_add(t3_11, t3_10);
+        let w_mx_2_q1 = (-a_2y).mul_add(t3_1, t3_7);
+        let t3_12 = -w_mx_2_q1;
+        let w_mx_2_q3 = a_2y * x_q2_q3;
+        let t3_13 = -w_mx_2_q3;
+        w[4] = [t3_12, t3_13];
+        let t3_14 = sin_q2 * al_2z;
+        let t3_15 = like.lift(0.3) * t3_14;
+        let t3_16 = cos_q2 * t3_3;
+        let t3_17 = like.lift(0.3).mul_add(t3_16, t3_15);
+        let t3_18 = cos_q2 * t3_9;
+        let a_2x = (-sin_q2).mul_add(t3_11, t3_18);
+        let w_my_2_q1 = (-a_2x).mul_add(t3_1, t3_17);
+        let t3_19 = -w_my_2_q1;
+        let w_my_2_q3 = a_2x * x_q2_q3;
+        let t3_20 = -w_my_2_q3;
+        w[5] = [t3_19, t3_20];
+    }
+    // body 3
+    let [a_3x] = {
+        let a_3x = like.lift(9.81) * sin_q3;
+        let t4_1 = -a_3x;
+        w[7] = [like.lift(0.0), t4_1];
+        w[6] = [like.lift(0.0), dd_q3];
+        [a_3x]
+    };
+    // body 4
+    {
+        let al_4z = dd_q3 + dd_q4;
+        let w_izz_4_q1 = al_4z * x_q4_q1;
+        let t5_1 = -w_izz_4_q1;
+        let t5_2 = like.lift(1.0) - x_q4_q3;
+        let w_izz_4_q3 = al_4z * t5_2;
+        w[8] = [t5_1, w_izz_4_q3];
+        let t5_3 = d_q3 * d_q3;
+        let t5_4 = like.lift(-0.3).mul_add(t5_3, a_3x);
+        let t5_5 = sin_q4 * t5_4;
+        let a_3y = like.lift(9.81) * cos_q3;
+        let t5_6 = like.lift(0.3).mul_add(dd_q3, a_3y);
+        let a_4y = (-cos_q4).mul_add(t5_6, t5_5);
+        let w_mx_4_q1 = a_4y * x_q4_q1;
+        let w_4z = d_q3 + d_q4;
+        let t5_7 = w_4z * w_4z;
+        let t5_8 = sin_q4 * t5_7;
+        let t5_9 = like.lift(0.3) * t5_8;
+        let t5_10 = cos_q4 * al_4z;
+        let t5_11 = like.lift(-0.3).mul_add(t5_10, t5_9);
+        let w_mx_4_q3 = a_4y.mul_add(t5_2, t5_11);
+        let t5_12 = -w_mx_4_q3;
+        w[9] = [w_mx_4_q1, t5_12];
+        let t5_13 = cos_q4 * t5_4;
+        let a_4x = sin_q4.mul_add(t5_6, t5_13);
+        let w_my_4_q1 = a_4x * x_q4_q1;
+        let t5_14 = sin_q4 * al_4z;
+        let t5_15 = like.lift(0.3) * t5_14;
+        let t5_16 = cos_q4 * t5_7;
+        let t5_17 = like.lift(0.3).mul_add(t5_16, t5_15);
+        let w_my_4_q3 = a_4x.mul_add(t5_2, t5_17);
+        let t5_18 = -w_my_4_q3;
+        w[10] = [w_my_4_q1, t5_18];
+    }
+    Condition { pivot: condition }
+}
+
+/// The base parameters of given parameters.
+///
+/// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
+/// - `beta`: base parameters, in the order of `BASE`
+///
+/// 15 additions, 9 multiplications, 0 divisions, 0 sines and cosines.
+pub fn to_base<T: Scalar>(phi: &[T; 40]) -> [T; 11] {
+    let like = phi[0];
+    let mut beta = [like.lift(0.0); 11];
+    let [
+        _, _, _, _, _, p_izz_1, p_mx_1, p_my_1, _, _, _, _, _, _, _, p_izz_2, p_mx_2, p_my_2,
+        _, p_m_2, _, _, _, _, _, p_izz_3, p_mx_3, p_my_3, _, _, _, _, _, _, _, p_izz_4, p_mx_4,
+        p_my_4, _, p_m_4,
+    ] = *phi;
+    // combinations
+    {
+        let t1_1 = like.lift(0.3) * p_mx_3;
+        let t1_2 = p_izz_1 + t1_1;
+        let t1_3 = like.lift(0.09).mul_add(p_m_4, t1_2);
+        let t1_4 = like.lift(0.09).mul_add(p_m_2, t1_3);
+        beta[0] = t1_4;
+        let t1_5 = p_mx_1 + p_mx_3;
+        let t1_6 = like.lift(0.3).mul_add(p_m_4, t1_5);
+        let t1_7 = like.lift(0.3).mul_add(p_m_2, t1_6);
+        beta[1] = t1_7;
+        let t1_8 = like.lift(0.16) * p_m_4;
+        let t1_9 = p_izz_2 + t1_8;
+        let t1_10 = like.lift(0.5333333333333333) * p_mx_3;
+        let t1_11 = t1_9 + t1_10;
+        beta[3] = t1_11;
+        let t1_12 = like.lift(0.4) * p_m_4;
+        let t1_13 = p_mx_2 + t1_12;
+        let t1_14 = like.lift(1.3333333333333333) * p_mx_3;
+        let t1_15 = t1_13 + t1_14;
+        beta[4] = t1_15;
+        let t1_16 = p_izz_3 - t1_1;
+        beta[6] = t1_16;
+        let t1_17 = p_izz_4 - t1_8;
+        let t1_18 = t1_10 - t1_17;
+        let t1_19 = -t1_18;
+        beta[8] = t1_19;
+        let t1_20 = p_mx_4 - t1_12;
+        let t1_21 = t1_14 - t1_20;
+        let t1_22 = -t1_21;
+        beta[9] = t1_22;
+        beta[2] = p_my_1;
+        beta[5] = p_my_2;
+        beta[7] = p_my_3;
+        beta[10] = p_my_4;
+    }
+    beta
+}
+
+/// Parameters with given base parameters; all of them, as `free` takes all values.
+///
+/// - `beta`: base parameters, SI, in the order of `BASE`
+/// - `free`: values of the eliminated parameters, in the order of `FREE`
+/// - `phi`: dynamic parameters, in the order of `PARAMETERS`
+///
+/// 13 additions, 9 multiplications, 0 divisions, 0 sines and cosines.
+pub fn from_base<T: Scalar>(beta: &[T; 11], free: &[T; 29]) -> [T; 40] {
+    let like = beta[0];
+    let mut phi = [like.lift(0.0); 40];
+    let [
+        p_izz_1, p_mx_1, p_my_1, p_izz_2, p_mx_2, p_my_2, p_izz_3, p_my_3, p_izz_4, p_mx_4,
+        p_my_4,
+    ] = *beta;
+    let [
+        p_ixx_1, p_ixy_1, p_ixz_1, p_iyy_1, p_iyz_1, p_mz_1, p_m_1, p_ixx_2, p_ixy_2, p_ixz_2,
+        p_iyy_2, p_iyz_2, p_mz_2, p_m_2, p_ixx_3, p_ixy_3, p_ixz_3, p_iyy_3, p_iyz_3, p_mx_3,
+        p_mz_3, p_m_3, p_ixx_4, p_ixy_4, p_ixz_4, p_iyy_4, p_iyz_4, p_mz_4, p_m_4,
+    ] = *free;
+    // phi
+    {
+        let t1_1 = like.lift(0.3) * p_mx_3;
+        let t1_2 = like.lift(0.09).mul_add(p_m_4, t1_1);
+        let t1_3 = like.lift(0.09).mul_add(p_m_2, t1_2);
+        let t1_4 = p_izz_1 - t1_3;
+        phi[5] = t1_4;
+        let t1_5 = like.lift(0.3).mul_add(p_m_4, p_mx_3);
+        let t1_6 = like.lift(0.3).mul_add(p_m_2, t1_5);
+        let t1_7 = p_mx_1 - t1_6;
+        phi[6] = t1_7;
+        let t1_8 = like.lift(0.16) * p_m_4;
+        let t1_9 = like.lift(0.5333333333333333).mul_add(p_mx_3, t1_8);
+        let t1_10 = p_izz_2 - t1_9;
+        phi[15] = t1_10;
+        let t1_11 = like.lift(0.4) * p_m_4;
+        let t1_12 = like.lift(1.3333333333333333).mul_add(p_mx_3, t1_11);
+        let t1_13 = p_mx_2 - t1_12;
+        phi[16] = t1_13;
+        let t1_14 = p_izz_3 + t1_1;
+        phi[25] = t1_14;
+        let t1_15 = p_izz_4 + t1_9;
+        phi[35] = t1_15;
+        let t1_16 = p_mx_4 + t1_12;
+        phi[36] = t1_16;
+        phi[0] = p_ixx_1;
+        phi[1] = p_ixy_1;
+        phi[2] = p_ixz_1;
+        phi[3] = p_iyy_1;
+        phi[4] = p_iyz_1;
+        phi[7] = p_my_1;
+        phi[8] = p_mz_1;
+        phi[9] = p_m_1;
+        phi[10] = p_ixx_2;
+        phi[11] = p_ixy_2;
+        phi[12] = p_ixz_2;
+        phi[13] = p_iyy_2;
+        phi[14] = p_iyz_2;
+        phi[17] = p_my_2;
+        phi[18] = p_mz_2;
+        phi[19] = p_m_2;
+        phi[20] = p_ixx_3;
+        phi[21] = p_ixy_3;
+        phi[22] = p_ixz_3;
+        phi[23] = p_iyy_3;
+        phi[24] = p_iyz_3;
+        phi[26] = p_mx_3;
+        phi[27] = p_my_3;
+        phi[28] = p_mz_3;
+        phi[29] = p_m_3;
+        phi[30] = p_ixx_4;
+        phi[31] = p_ixy_4;
+        phi[32] = p_ixz_4;
+        phi[33] = p_iyy_4;
+        phi[34] = p_iyz_4;
+        phi[37] = p_my_4;
+        phi[38] = p_mz_4;
+        phi[39] = p_m_4;
+    }
+    phi
+}
+
+/// Inverse dynamics from base parameters.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `qd`: velocities of all coordinates
+/// - `qdd`: accelerations of all coordinates
+/// - `beta`: base parameters, SI, in the order of `BASE`
+/// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
+///
+/// 44 additions, 79 multiplications, 1 divisions, 4 sines and cosines.
+pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], beta: &[T; 11]) -> ([T; 2], Condition<T>) {
+    let like = q[0];
+    let mut tau = [like.lift(0.0); 2];
+    let [q1, q2, q3, q4] = *q;
+    let [d_q1, d_q2, d_q3, d_q4] = *qd;
+    let [dd_q1, dd_q2, dd_q3, dd_q4] = *qdd;
+    let [
+        p_izz_1, p_mx_1, p_my_1, p_izz_2, p_mx_2, p_my_2, p_izz_3, p_my_3, p_izz_4, p_mx_4,
+        p_my_4,
+    ] = *beta;
+    let mut condition = like.lift(1.0);
+    // loops: solve with A_e (Eq. 8, 10)
+    let [t1_13, t1_22, sin_q3, cos_q3, sin_q4, cos_q4, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
+        let (sin_q1, cos_q1) = q1.sin_cos();
+        let t1_1 = cos_q1 * p_mx_1;
+        let t1_2 = like.lift(9.81) * t1_1;
+        let t1_3 = sin_q1 * p_my_1;
+        let t1_4 = like.lift(-9.81).mul_add(t1_3, t1_2);
+        let t1_5 = dd_q1.mul_add(p_izz_1, t1_4);
+        let al_2z = dd_q1 + dd_q2;
+        let (sin_q2, cos_q2) = q2.sin_cos();
+        let t1_6 = d_q1 * d_q1;
+        let a_1x = like.lift(9.81) * sin_q1;
+        let t1_7 = like.lift(0.3).mul_add(t1_6, -a_1x);
+        let t1_8 = sin_q2 * t1_7;
+        let a_1y = like.lift(9.81) * cos_q1;
+        let t1_9 = like.lift(0.3).mul_add(dd_q1, a_1y);
+        let a_2y = cos_q2.mul_add(t1_9, t1_8);
+        let t1_10 = a_2y * p_mx_2;
+        let t1_11 = cos_q2 * t1_7;
+        let a_2x = (-sin_q2).mul_add(t1_9, t1_11);
+        let t1_12 = a_2x.mul_add(p_my_2, t1_10);
+        let t1_13 = al_2z.mul_add(p_izz_2, t1_12);
+        let w_2z = d_q1 + d_q2;
+        let t1_14 = w_2z * w_2z;
+        let t1_15 = t1_14 * p_mx_2;
+        let t1_16 = al_2z.mul_add(p_my_2, t1_15);
+        let t1_17 = sin_q2 * t1_16;
+        let t1_18 = al_2z * p_mx_2;
+        let t1_19 = (-t1_14).mul_add(p_my_2, t1_18);
+        let t1_20 = (-cos_q2).mul_add(t1_19, t1_17);
+        let t1_21 = like.lift(-0.3).mul_add(t1_20, t1_13);
+        let t1_22 = t1_5 + t1_21;
+        let t1_23 = cos_q1 * sin_q2;
+        let t1_24 = sin_q1 * sin_q2;
+        let sin_q1_q2 = sin_q1.mul_add(cos_q2, t1_23);
+        let cos_q1_q2 = cos_q1.mul_add(cos_q2, -t1_24);
+        let (sin_q3, cos_q3) = q3.sin_cos();
+        let t1_25 = cos_q1_q2 * sin_q3;
+        let t1_26 = sin_q1_q2 * sin_q3;
+        let sin_q1_q2_minus_q3 = sin_q1_q2.mul_add(cos_q3, -t1_25);
+        let cos_q1_q2_minus_q3 = cos_q1_q2.mul_add(cos_q3, t1_26);
+        let (sin_q4, cos_q4) = q4.sin_cos();
+        let t1_27 = cos_q1_q2_minus_q3 * sin_q4;
+        let t1_28 = sin_q1_q2_minus_q3 * sin_q4;
+        let sin_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(cos_q4, -t1_27);
+        let cos_q1_q2_minus_q3_minus_q4 = cos_q1_q2_minus_q3.mul_add(cos_q4, t1_28);
+        let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
+        let t1_29 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let u_2_q1x = like.lift(0.3) * sin_q2;
+        let t1_30 = -u_2_q1x;
+        let t1_31 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let u_2_q1y = like.lift(0.3) * cos_q2;
+        let t1_32 = like.lift(0.4) + u_2_q1y;
+        let t1_33 = -t1_32;
+        let t1_34 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t1_29);
+        let t1_35 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t1_36 = sin_q2 * t1_35;
+        let t1_37 = cos_q1_q2_minus_q3_minus_q4 * t1_36;
+        let t1_38 = like.lift(-0.3).mul_add(t1_37, t1_32);
+        let t1_39 = like.lift(2.5) * t1_38;
+        let t1_40 = t1_31 * t1_35;
+        let t1_41 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t1_40, t1_34);
+        let t1_42 = like.lift(2.5) * t1_41;
+        let t1_43 = -t1_42;
+        let t1_44 = like.lift(0.75) * t1_36;
+        let t1_45 = -t1_44;
+        let t1_46 = like.lift(2.5) * t1_40;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
+        let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
+            [[t1_39, t1_43], [t1_45, t1_46]],
+            margin,
+            || (
+                [
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t1_29],
+                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0)],
+                ],
+                [
+                    [t1_30, t1_31], [t1_33, t1_34], [like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
+                ],
+            ),
+        );
+        condition = condition.min(found);
+        [t1_13, t1_22, sin_q3, cos_q3, sin_q4, cos_q4, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
+    };
+    // tau
+    {
+        let t2_1 = (-t1_13).mul_add(x_q2_q1, t1_22);
+        let al_4z = dd_q3 + dd_q4;
+        let a_3x = like.lift(9.81) * sin_q3;
+        let t2_2 = d_q3 * d_q3;
+        let t2_3 = like.lift(-0.3).mul_add(t2_2, a_3x);
+        let t2_4 = sin_q4 * t2_3;
+        let a_3y = like.lift(9.81) * cos_q3;
+        let t2_5 = like.lift(0.3).mul_add(dd_q3, a_3y);
+        let a_4y = (-cos_q4).mul_add(t2_5, t2_4);
+        let t2_6 = a_4y * p_mx_4;
+        let t2_7 = cos_q4 * t2_3;
+        let a_4x = sin_q4.mul_add(t2_5, t2_7);
+        let t2_8 = a_4x.mul_add(p_my_4, t2_6);
+        let t2_9 = al_4z.mul_add(p_izz_4, -t2_8);
+        let t2_10 = (-t2_9).mul_add(x_q4_q1, t2_1);
+        tau[0] = t2_10;
+        let t2_11 = dd_q3 * p_izz_3;
+        let t2_12 = sin_q3 * p_my_3;
+        let t2_13 = like.lift(-9.81).mul_add(t2_12, t2_11);
+        let w_4z = d_q3 + d_q4;
+        let t2_14 = w_4z * w_4z;
+        let t2_15 = t2_14 * p_mx_4;
+        let t2_16 = al_4z.mul_add(p_my_4, t2_15);
+        let t2_17 = sin_q4 * t2_16;
+        let t2_18 = al_4z * p_mx_4;
+        let t2_19 = (-t2_14).mul_add(p_my_4, t2_18);
+        let t2_20 = (-cos_q4).mul_add(t2_19, t2_17);
+        let t2_21 = like.lift(-0.3).mul_add(t2_20, t2_9);
+        let t2_22 = t2_13 + t2_21;
+        let t2_23 = (-t1_13).mul_add(x_q2_q3, t2_22);
+        let t2_24 = (-t2_9).mul_add(x_q4_q3, t2_23);
+        tau[1] = t2_24;
+    }
+    (tau, Condition { pivot: condition })
+}
+
+/// The efforts of gravity from base parameters.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `beta`: base parameters, SI, in the order of `BASE`
+/// - `tau`: the efforts that hold the mechanism at rest
+///
+/// 22 additions, 41 multiplications, 1 divisions, 5 sines and cosines.
+pub fn base_gravity<T: Scalar>(q: &[T; 4], beta: &[T; 11]) -> ([T; 2], Condition<T>) {
+    let like = q[0];
+    let mut tau = [like.lift(0.0); 2];
+    let [q1, q2, q3, q4] = *q;
+    let [_, p_mx_1, p_my_1, _, p_mx_2, p_my_2, _, p_my_3, _, p_mx_4, p_my_4] = *beta;
+    let mut condition = like.lift(1.0);
+    // loops: solve with A_e (Eq. 8, 10)
+    let [t1_10, t1_11, sin_q3, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
+        let (sin_q1, cos_q1) = q1.sin_cos();
+        let t1_1 = cos_q1 * p_mx_1;
+        let t1_2 = like.lift(9.81) * t1_1;
+        let t1_3 = sin_q1 * p_my_1;
+        let t1_4 = like.lift(-9.81).mul_add(t1_3, t1_2);
+        let (sin_q2, cos_q2) = q2.sin_cos();
+        let t1_5 = cos_q1 * sin_q2;
+        let t1_6 = sin_q1 * sin_q2;
+        let sin_q1_q2 = sin_q1.mul_add(cos_q2, t1_5);
+        let cos_q1_q2 = cos_q1.mul_add(cos_q2, -t1_6);
+        let t1_7 = cos_q1_q2 * p_mx_2;
+        let t1_8 = like.lift(9.81) * t1_7;
+        let t1_9 = sin_q1_q2 * p_my_2;
+        let t1_10 = like.lift(-9.81).mul_add(t1_9, t1_8);
+        let t1_11 = t1_4 + t1_10;
+        let t1_12 = q2 + q1;
+        let t1_13 = t1_12 - q3;
+        let t1_14 = t1_13 - q4;
+        let (sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4) = t1_14.sin_cos();
+        let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
+        let t1_15 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let u_2_q1x = like.lift(0.3) * sin_q2;
+        let t1_16 = -u_2_q1x;
+        let (sin_q3, cos_q3) = q3.sin_cos();
+        let t1_17 = cos_q1_q2 * sin_q3;
+        let t1_18 = sin_q1_q2 * sin_q3;
+        let sin_q1_q2_minus_q3 = sin_q1_q2.mul_add(cos_q3, -t1_17);
+        let cos_q1_q2_minus_q3 = cos_q1_q2.mul_add(cos_q3, t1_18);
+        let t1_19 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let u_2_q1y = like.lift(0.3) * cos_q2;
+        let t1_20 = like.lift(0.4) + u_2_q1y;
+        let t1_21 = -t1_20;
+        let t1_22 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t1_15);
+        let t1_23 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t1_24 = sin_q2 * t1_23;
+        let t1_25 = cos_q1_q2_minus_q3_minus_q4 * t1_24;
+        let t1_26 = like.lift(-0.3).mul_add(t1_25, t1_20);
+        let t1_27 = like.lift(2.5) * t1_26;
+        let t1_28 = t1_19 * t1_23;
+        let t1_29 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t1_28, t1_22);
+        let t1_30 = like.lift(2.5) * t1_29;
+        let t1_31 = -t1_30;
+        let t1_32 = like.lift(0.75) * t1_24;
+        let t1_33 = -t1_32;
+        let t1_34 = like.lift(2.5) * t1_28;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
+        let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
+            [[t1_27, t1_31], [t1_33, t1_34]],
+            margin,
+            || (
+                [
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t1_15],
+                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0)],
+                ],
+                [
+                    [t1_16, t1_19], [t1_21, t1_22], [like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
+                ],
+            ),
+        );
+        condition = condition.min(found);
+        [t1_10, t1_11, sin_q3, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
+    };
+    // tau
+    {
+        let t2_1 = (-t1_10).mul_add(x_q2_q1, t1_11);
+        let t2_2 = q4 + q3;
+        let (sin_q3_q4, cos_q3_q4) = t2_2.sin_cos();
+        let t2_3 = cos_q3_q4 * p_mx_4;
+        let t2_4 = like.lift(9.81) * t2_3;
+        let t2_5 = sin_q3_q4 * p_my_4;
+        let t2_6 = like.lift(-9.81).mul_add(t2_5, t2_4);
+        let t2_7 = (-t2_6).mul_add(x_q4_q1, t2_1);
+        tau[0] = t2_7;
+        let t2_8 = sin_q3 * p_my_3;
+        let t2_9 = like.lift(9.81).mul_add(t2_8, -t2_6);
+        let t2_10 = t1_10.mul_add(x_q2_q3, t2_9);
+        let t2_11 = t2_6.mul_add(x_q4_q3, t2_10);
+        let t2_12 = -t2_11;
+        tau[1] = t2_12;
+    }
+    (tau, Condition { pivot: condition })
+}
+
+/// Coriolis, centrifugal and friction efforts from base parameters.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `qd`: velocities of all coordinates
+/// - `beta`: base parameters, SI, in the order of `BASE`
+/// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
+///
+/// 33 additions, 74 multiplications, 1 divisions, 3 sines and cosines.
+pub fn base_bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], beta: &[T; 11]) -> ([T; 2], Condition<T>) {
+    let like = q[0];
+    let mut tau = [like.lift(0.0); 2];
+    let [q1, q2, q3, q4] = *q;
+    let [d_q1, d_q2, d_q3, d_q4] = *qd;
+    let [_, _, _, p_izz_2, p_mx_2, p_my_2, _, _, p_izz_4, p_mx_4, p_my_4] = *beta;
+    let mut condition = like.lift(1.0);
+    // loops: solve with A_e (Eq. 8, 10)
+    let [
+        sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4, cos_q1_q2_minus_q3_minus_q4,
+        pivot_2, t1_5, sin_q2, cos_q2, t1_7, t1_8, w_4z, t1_18, t1_26, al_2z, al_4z,
+    ] = {
+        let t1_1 = q2 + q1;
+        let t1_2 = t1_1 - q3;
+        let (sin_q1_q2_minus_q3, cos_q1_q2_minus_q3) = t1_2.sin_cos();
+        let (sin_q4, cos_q4) = q4.sin_cos();
+        let t1_3 = cos_q1_q2_minus_q3 * sin_q4;
+        let t1_4 = sin_q1_q2_minus_q3 * sin_q4;
+        let sin_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(cos_q4, -t1_3);
+        let cos_q1_q2_minus_q3_minus_q4 = cos_q1_q2_minus_q3.mul_add(cos_q4, t1_4);
+        let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
+        let t1_5 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let (sin_q2, cos_q2) = q2.sin_cos();
+        let t1_6 = d_q1 * d_q1;
+        let t1_7 = cos_q2 * t1_6;
+        let a_2x = like.lift(0.3) * t1_7;
+        let w_2z = d_q1 + d_q2;
+        let t1_8 = w_2z * w_2z;
+        let t1_9 = like.lift(0.4).mul_add(t1_8, a_2x);
+        let t1_10 = cos_q1_q2_minus_q3 * d_q3;
+        let t1_11 = d_q3 * t1_10;
+        let t1_12 = like.lift(0.3) * t1_11;
+        let w_4z = d_q3 + d_q4;
+        let t1_13 = cos_q1_q2_minus_q3_minus_q4 * w_4z;
+        let t1_14 = w_4z * t1_13;
+        let t1_15 = like.lift(0.4).mul_add(t1_14, t1_12);
+        let t1_16 = t1_9 - t1_15;
+        let t1_17 = -t1_16;
+        let t1_18 = sin_q2 * t1_6;
+        let a_2y = like.lift(0.3) * t1_18;
+        let t1_19 = sin_q1_q2_minus_q3 * d_q3;
+        let t1_20 = d_q3 * t1_19;
+        let t1_21 = like.lift(0.3) * t1_20;
+        let t1_22 = sin_q1_q2_minus_q3_minus_q4 * w_4z;
+        let t1_23 = w_4z * t1_22;
+        let t1_24 = like.lift(0.4).mul_add(t1_23, t1_21);
+        let t1_25 = a_2y - t1_24;
+        let t1_26 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t1_27 = t1_26 * t1_16;
+        let t1_28 = cos_q1_q2_minus_q3_minus_q4.mul_add(t1_27, t1_25);
+        let t1_29 = like.lift(2.5) * t1_28;
+        let t1_30 = -t1_29;
+        let t1_31 = like.lift(2.5) * t1_27;
+        let t1_32 = -t1_31;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
+        let ([[al_2z], [al_4z]], found) = ::regen_runtime::guarded(
+            [[t1_30], [t1_32]],
+            margin,
+            || (
+                [
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t1_5],
+                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0)],
+                ],
+                [[t1_17], [t1_25], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+            ),
+        );
+        condition = condition.min(found);
+        [
+            sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4,
+            cos_q1_q2_minus_q3_minus_q4, pivot_2, t1_5, sin_q2, cos_q2, t1_7, t1_8, w_4z,
+            t1_18, t1_26, al_2z, al_4z,
+        ]
+    };
+    // loops: solve with A_e (Eq. 8, 10)
+    let [t2_5, t2_12, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
+        let t2_1 = t1_18 * p_mx_2;
+        let t2_2 = like.lift(0.3) * t2_1;
+        let t2_3 = t1_7 * p_my_2;
+        let t2_4 = like.lift(0.3).mul_add(t2_3, t2_2);
+        let t2_5 = p_izz_2.mul_add(al_2z, t2_4);
+        let t2_6 = t1_8 * p_mx_2;
+        let t2_7 = p_my_2.mul_add(al_2z, t2_6);
+        let t2_8 = sin_q2 * t2_7;
+        let t2_9 = t1_8 * p_my_2;
+        let t2_10 = (-p_mx_2).mul_add(al_2z, t2_9);
+        let t2_11 = cos_q2.mul_add(t2_10, t2_8);
+        let t2_12 = like.lift(-0.3).mul_add(t2_11, t2_5);
+        let u_2_q1x = like.lift(0.3) * sin_q2;
+        let t2_13 = -u_2_q1x;
+        let t2_14 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let u_2_q1y = like.lift(0.3) * cos_q2;
+        let t2_15 = like.lift(0.4) + u_2_q1y;
+        let t2_16 = -t2_15;
+        let t2_17 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t1_5);
+        let t2_18 = sin_q2 * t1_26;
+        let t2_19 = cos_q1_q2_minus_q3_minus_q4 * t2_18;
+        let t2_20 = like.lift(-0.3).mul_add(t2_19, t2_15);
+        let t2_21 = like.lift(2.5) * t2_20;
+        let t2_22 = t2_14 * t1_26;
+        let t2_23 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_22, t2_17);
+        let t2_24 = like.lift(2.5) * t2_23;
+        let t2_25 = -t2_24;
+        let t2_26 = like.lift(0.75) * t2_18;
+        let t2_27 = -t2_26;
+        let t2_28 = like.lift(2.5) * t2_22;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
+        let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
+            [[t2_21, t2_25], [t2_27, t2_28]],
+            margin,
+            || (
+                [
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t1_5],
+                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0)],
+                ],
+                [
+                    [t2_13, t2_14], [t2_16, t2_17], [like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
+                ],
+            ),
+        );
+        condition = condition.min(found);
+        [t2_5, t2_12, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
+    };
+    // tau
+    {
+        let t3_1 = (-t2_5).mul_add(x_q2_q1, t2_12);
+        let t3_2 = d_q3 * d_q3;
+        let t3_3 = sin_q4 * t3_2;
+        let t3_4 = t3_3 * p_mx_4;
+        let t3_5 = like.lift(0.3) * t3_4;
+        let t3_6 = cos_q4 * t3_2;
+        let t3_7 = t3_6 * p_my_4;
+        let t3_8 = like.lift(0.3).mul_add(t3_7, t3_5);
+        let t3_9 = p_izz_4.mul_add(al_4z, t3_8);
+        let t3_10 = (-t3_9).mul_add(x_q4_q1, t3_1);
+        tau[0] = t3_10;
+        let t3_11 = w_4z * w_4z;
+        let t3_12 = t3_11 * p_mx_4;
+        let t3_13 = p_my_4.mul_add(al_4z, t3_12);
+        let t3_14 = sin_q4 * t3_13;
+        let t3_15 = t3_11 * p_my_4;
+        let t3_16 = (-p_mx_4).mul_add(al_4z, t3_15);
+        let t3_17 = cos_q4.mul_add(t3_16, t3_14);
+        let t3_18 = like.lift(-0.3).mul_add(t3_17, t3_9);
+        let t3_19 = (-t2_5).mul_add(x_q2_q3, t3_18);
+        let t3_20 = (-t3_9).mul_add(x_q4_q3, t3_19);
+        tau[1] = t3_20;
+    }
+    (tau, Condition { pivot: condition })
+}
+
+/// The mass matrix from base parameters.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `beta`: base parameters, SI, in the order of `BASE`
+/// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
+///
+/// 27 additions, 40 multiplications, 1 divisions, 3 sines and cosines.
+pub fn base_mass_matrix<T: Scalar>(q: &[T; 4], beta: &[T; 11]) -> ([[T; 2]; 2], Condition<T>) {
+    let like = q[0];
+    let mut m = [[like.lift(0.0); 2]; 2];
+    let [q1, q2, q3, q4] = *q;
+    let [p_izz_1, _, _, p_izz_2, p_mx_2, p_my_2, p_izz_3, _, p_izz_4, p_mx_4, p_my_4] = *beta;
+    let mut condition = like.lift(1.0);
+    // loops: solve with A_e (Eq. 8, 10)
+    let [t1_4, t1_5, sin_q4, cos_q4, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
+        let (sin_q2, cos_q2) = q2.sin_cos();
+        let t1_1 = cos_q2 * p_mx_2;
+        let t1_2 = (-sin_q2).mul_add(p_my_2, t1_1);
+        let t1_3 = like.lift(0.6).mul_add(t1_2, p_izz_2);
+        let t1_4 = p_izz_1 + t1_3;
+        let t1_5 = like.lift(0.3).mul_add(t1_2, p_izz_2);
+        let t1_6 = q2 + q1;
+        let t1_7 = t1_6 - q3;
+        let (sin_q1_q2_minus_q3, cos_q1_q2_minus_q3) = t1_7.sin_cos();
+        let (sin_q4, cos_q4) = q4.sin_cos();
+        let t1_8 = cos_q1_q2_minus_q3 * sin_q4;
+        let t1_9 = sin_q1_q2_minus_q3 * sin_q4;
+        let sin_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(cos_q4, -t1_8);
+        let cos_q1_q2_minus_q3_minus_q4 = cos_q1_q2_minus_q3.mul_add(cos_q4, t1_9);
+        let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
+        let t1_10 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let u_2_q1x = like.lift(0.3) * sin_q2;
+        let t1_11 = -u_2_q1x;
+        let t1_12 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let u_2_q1y = like.lift(0.3) * cos_q2;
+        let t1_13 = like.lift(0.4) + u_2_q1y;
+        let t1_14 = -t1_13;
+        let t1_15 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t1_10);
+        let t1_16 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t1_17 = sin_q2 * t1_16;
+        let t1_18 = cos_q1_q2_minus_q3_minus_q4 * t1_17;
+        let t1_19 = like.lift(-0.3).mul_add(t1_18, t1_13);
+        let t1_20 = like.lift(2.5) * t1_19;
+        let t1_21 = t1_12 * t1_16;
+        let t1_22 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t1_21, t1_15);
+        let t1_23 = like.lift(2.5) * t1_22;
+        let t1_24 = -t1_23;
+        let t1_25 = like.lift(0.75) * t1_17;
+        let t1_26 = -t1_25;
+        let t1_27 = like.lift(2.5) * t1_21;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
+        let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
+            [[t1_20, t1_24], [t1_26, t1_27]],
+            margin,
+            || (
+                [
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t1_10],
+                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0)],
+                ],
+                [
+                    [t1_11, t1_12], [t1_14, t1_15], [like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
+                ],
+            ),
+        );
+        condition = condition.min(found);
+        [t1_4, t1_5, sin_q4, cos_q4, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
+    };
+    // M
+    {
+        let t2_1 = (-t1_5).mul_add(x_q2_q1, t1_4);
+        let t2_2 = (-p_izz_2).mul_add(x_q2_q1, t1_5);
+        let t2_3 = (-x_q2_q1).mul_add(t2_2, t2_1);
+        let t2_4 = p_izz_4 * x_q4_q1;
+        let t2_5 = x_q4_q1.mul_add(t2_4, t2_3);
+        let t2_6 = t1_5 * x_q2_q3;
+        let t2_7 = p_izz_2 * x_q2_q3;
+        let t2_8 = (-x_q2_q1).mul_add(t2_7, t2_6);
+        let t2_9 = cos_q4 * p_mx_4;
+        let t2_10 = (-sin_q4).mul_add(p_my_4, t2_9);
+        let t2_11 = like.lift(0.3).mul_add(t2_10, p_izz_4);
+        let t2_12 = (-p_izz_4).mul_add(x_q4_q3, t2_11);
+        let t2_13 = x_q4_q1.mul_add(t2_12, t2_8);
+        let t2_14 = -t2_13;
+        m[0] = [t2_5, t2_14];
+        let t2_15 = like.lift(0.6).mul_add(t2_10, p_izz_4);
+        let t2_16 = p_izz_3 + t2_15;
+        let t2_17 = (-t2_11).mul_add(x_q4_q3, t2_16);
+        let t2_18 = x_q2_q3.mul_add(t2_7, t2_17);
+        let t2_19 = (-x_q4_q3).mul_add(t2_12, t2_18);
+        m[1] = [t2_14, t2_19];
+    }
+    (m, Condition { pivot: condition })
+}
+
 /// The robot as a `Model`, over slices.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Fivebar;
@@ -1706,5 +2657,73 @@ impl<T: Scalar> Model<T> for Fivebar {
         let out = ::regen_runtime::matrix_mut::<T, 4, 12>(out, "out")?;
         *out = poses(q);
         Ok(())
+    }
+}
+
+impl<T: Scalar> BaseModel<T> for Fivebar {
+    fn base_info(&self) -> BaseInfo<'_> {
+        BASE_INFO
+    }
+
+    fn base_regressor(&self, q: &[T], qd: &[T], qdd: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
+        let q = ::regen_runtime::array::<T, 4>(q, "q")?;
+        let qd = ::regen_runtime::array::<T, 4>(qd, "qd")?;
+        let qdd = ::regen_runtime::array::<T, 4>(qdd, "qdd")?;
+        let out = ::regen_runtime::matrix_mut::<T, 11, 2>(out, "out")?;
+        Ok(base_regressor(q, qd, qdd, out))
+    }
+
+    fn to_base(&self, phi: &[T], out: &mut [T]) -> Result<(), SizeError> {
+        let phi = ::regen_runtime::array::<T, 40>(phi, "phi")?;
+        let out = ::regen_runtime::array_mut::<T, 11>(out, "out")?;
+        *out = to_base(phi);
+        Ok(())
+    }
+
+    fn from_base(&self, beta: &[T], free: &[T], out: &mut [T]) -> Result<(), SizeError> {
+        let beta = ::regen_runtime::array::<T, 11>(beta, "beta")?;
+        let free = ::regen_runtime::array::<T, 29>(free, "free")?;
+        let out = ::regen_runtime::array_mut::<T, 40>(out, "out")?;
+        *out = from_base(beta, free);
+        Ok(())
+    }
+
+    fn base_inverse_dynamics(&self, q: &[T], qd: &[T], qdd: &[T], beta: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
+        let q = ::regen_runtime::array::<T, 4>(q, "q")?;
+        let qd = ::regen_runtime::array::<T, 4>(qd, "qd")?;
+        let qdd = ::regen_runtime::array::<T, 4>(qdd, "qdd")?;
+        let beta = ::regen_runtime::array::<T, 11>(beta, "beta")?;
+        let out = ::regen_runtime::array_mut::<T, 2>(out, "out")?;
+        let (value, condition) = base_inverse_dynamics(q, qd, qdd, beta);
+        *out = value;
+        Ok(condition)
+    }
+
+    fn base_gravity(&self, q: &[T], beta: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
+        let q = ::regen_runtime::array::<T, 4>(q, "q")?;
+        let beta = ::regen_runtime::array::<T, 11>(beta, "beta")?;
+        let out = ::regen_runtime::array_mut::<T, 2>(out, "out")?;
+        let (value, condition) = base_gravity(q, beta);
+        *out = value;
+        Ok(condition)
+    }
+
+    fn base_bias_forces(&self, q: &[T], qd: &[T], beta: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
+        let q = ::regen_runtime::array::<T, 4>(q, "q")?;
+        let qd = ::regen_runtime::array::<T, 4>(qd, "qd")?;
+        let beta = ::regen_runtime::array::<T, 11>(beta, "beta")?;
+        let out = ::regen_runtime::array_mut::<T, 2>(out, "out")?;
+        let (value, condition) = base_bias_forces(q, qd, beta);
+        *out = value;
+        Ok(condition)
+    }
+
+    fn base_mass_matrix(&self, q: &[T], beta: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
+        let q = ::regen_runtime::array::<T, 4>(q, "q")?;
+        let beta = ::regen_runtime::array::<T, 11>(beta, "beta")?;
+        let out = ::regen_runtime::matrix_mut::<T, 2, 2>(out, "out")?;
+        let (value, condition) = base_mass_matrix(q, beta);
+        *out = value;
+        Ok(condition)
     }
 }

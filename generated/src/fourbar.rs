@@ -5,6 +5,8 @@
 //!
 //! 3 coordinates, 1 independent; 3 bodies, 30 parameters; 5 closure rows, 3 of them redundant.
 //!
+//! 8 base parameters, certified to be minimal.
+//!
 //! | function | add | mul | div | sin and cos |
 //! |---|---|---|---|---|
 //! | [`constraints`] | 6 | 6 | 0 | 3 |
@@ -22,10 +24,18 @@
 //! | [`slotine_li`] | 28 | 81 | 1 | 3 |
 //! | [`efforts`] | 0 | 0 | 0 | 0 |
 //! | [`poses`] | 1 | 2 | 0 | 3 |
+//! | [`base_regressor`] | 17 | 43 | 1 | 3 |
+//! | [`to_base`] | 9 | 9 | 0 | 0 |
+//! | [`from_base`] | 9 | 9 | 0 | 0 |
+//! | [`base_inverse_dynamics`] | 24 | 47 | 1 | 3 |
+//! | [`base_gravity`] | 11 | 29 | 1 | 3 |
+//! | [`base_bias_forces`] | 17 | 41 | 1 | 2 |
+//! | [`base_mass_matrix`] | 12 | 18 | 1 | 2 |
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
 use ::regen_runtime::{Condition, Cut, Info, Model, Scalar, SizeError};
+use ::regen_runtime::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
 pub const COORDINATES: [&str; 3] = [
@@ -64,6 +74,105 @@ pub const INFO: Info<'static> = Info {
     cuts: &[Cut { name: "pin", rows: 5 }],
     home: &HOME,
     rows: 5,
+};
+/// The base parameters, in the order of `beta`: the columns of `base_regressor`.
+pub const BASE: [BaseParameter<'static>; 8] = [
+    BaseParameter {
+        label: "Izz(1)",
+        terms: &[
+            BaseTerm { parameter: "Izz(1)", index: 5, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "mx(1)", index: 6, coefficient: "-crank", value: -0.12 },
+        ],
+    },
+    BaseParameter {
+        label: "my(1)",
+        terms: &[
+            BaseTerm { parameter: "my(1)", index: 7, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Izz(2)",
+        terms: &[
+            BaseTerm { parameter: "Izz(2)", index: 15, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "m(2)", index: 19, coefficient: "-coupler^2", value: -0.1225 },
+            BaseTerm { parameter: "mx(1)", index: 6, coefficient: "-coupler^2/crank", value: -1.0208333333333333 },
+        ],
+    },
+    BaseParameter {
+        label: "mx(2)",
+        terms: &[
+            BaseTerm { parameter: "mx(2)", index: 16, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "m(2)", index: 19, coefficient: "-coupler", value: -0.35 },
+            BaseTerm { parameter: "mx(1)", index: 6, coefficient: "-coupler/crank", value: -2.9166666666666665 },
+        ],
+    },
+    BaseParameter {
+        label: "my(2)",
+        terms: &[
+            BaseTerm { parameter: "my(2)", index: 17, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Izz(3)",
+        terms: &[
+            BaseTerm { parameter: "Izz(3)", index: 25, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "m(2)", index: 19, coefficient: "rocker^2", value: 0.09 },
+            BaseTerm { parameter: "mx(1)", index: 6, coefficient: "rocker^2/crank", value: 0.75 },
+        ],
+    },
+    BaseParameter {
+        label: "mx(3)",
+        terms: &[
+            BaseTerm { parameter: "mx(3)", index: 26, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "m(2)", index: 19, coefficient: "rocker", value: 0.3 },
+            BaseTerm { parameter: "mx(1)", index: 6, coefficient: "rocker/crank", value: 2.5 },
+        ],
+    },
+    BaseParameter {
+        label: "my(3)",
+        terms: &[
+            BaseTerm { parameter: "my(3)", index: 27, coefficient: "1", value: 1.0 },
+        ],
+    },
+];
+/// Labels of the eliminated parameters, in the order of `free`.
+pub const FREE: [&str; 22] = [
+    "Ixx(1)",
+    "Ixy(1)",
+    "Ixz(1)",
+    "Iyy(1)",
+    "Iyz(1)",
+    "mx(1)",
+    "mz(1)",
+    "m(1)",
+    "Ixx(2)",
+    "Ixy(2)",
+    "Ixz(2)",
+    "Iyy(2)",
+    "Iyz(2)",
+    "mz(2)",
+    "m(2)",
+    "Ixx(3)",
+    "Ixy(3)",
+    "Ixz(3)",
+    "Iyy(3)",
+    "Iyz(3)",
+    "mz(3)",
+    "m(3)",
+];
+/// The base and its certificate: certified to be minimal.
+pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
+    base: &BASE,
+    free: &FREE,
+    certificate: Some(Certificate {
+        columns: 30,
+        rank: 8,
+        states: 30,
+        digits: 96,
+        smallest_kept: 0.003053454251457658,
+        largest_dropped: 1.097871295038212e-96,
+    }),
+    complete: true,
 };
 
 /// The closure equations f(q) (Eq. 6): every row of every cut in the world frame, then the couplings.
@@ -628,7 +737,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], phi: &
         condition = condition.min(found);
         [t1_13, t1_24, sin_q3, cos_q3, x_q2_q1, x_q3_q1]
     };
-    // tau (Eq. 11)
+    // tau
     {
         let t2_1 = (-t1_13).mul_add(x_q2_q1, t1_24);
         let t2_2 = cos_q3 * p_mx_3;
@@ -713,7 +822,7 @@ pub fn gravity<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([T; 1], Condition<T>) {
         condition = condition.min(found);
         [t1_10, t1_13, sin_q3, cos_q3, x_q2_q1, x_q3_q1]
     };
-    // gravity
+    // tau
     {
         let t2_1 = (-t1_10).mul_add(x_q2_q1, t1_13);
         let t2_2 = cos_q3 * p_mx_3;
@@ -843,7 +952,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], phi: &[T; 30]) -> ([T; 1]
         condition = condition.min(found);
         [t2_5, t2_16, x_q2_q1, x_q3_q1]
     };
-    // bias
+    // tau
     {
         let t3_1 = (-t2_5).mul_add(x_q2_q1, t2_16);
         let t3_2 = p_izz_3 * al_3z;
@@ -1201,6 +1310,585 @@ pub fn poses<T: Scalar>(q: &[T; 3]) -> [[T; 12]; 3] {
     poses
 }
 
+/// The reduced regressor W_red (Eq. 23): only the columns that are kept.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `qd`: velocities of all coordinates
+/// - `qdd`: accelerations of all coordinates
+/// - `w`: W_red (Eq. 23), column by column: `w[c][r]` multiplies `BASE[c]` in the equation of `INDEPENDENT[r]`
+///
+/// 17 additions, 43 multiplications, 1 divisions, 3 sines and cosines.
+pub fn base_regressor<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &mut [[T; 1]; 8]) -> Condition<T> {
+    let like = q[0];
+    let [q1, q2, q3] = *q;
+    let [d_q1, d_q2, _] = *qd;
+    let [dd_q1, dd_q2, dd_q3] = *qdd;
+    let mut condition = like.lift(1.0);
+    // body 1
+    let [sin_q1, cos_q1, a_1x] = {
+        let (sin_q1, cos_q1) = q1.sin_cos();
+        let a_1x = like.lift(9.81) * sin_q1;
+        let t1_1 = -a_1x;
+        w[1] = [t1_1];
+        w[0] = [dd_q1];
+        [sin_q1, cos_q1, a_1x]
+    };
+    // loops: solve with A_e (Eq. 8, 10)
+    let [al_2z, sin_q2, cos_q2, sin_q3, cos_q3, x_q2_q1, x_q3_q1] = {
+        let al_2z = dd_q1 + dd_q2;
+        let (sin_q2, cos_q2) = q2.sin_cos();
+        let t2_1 = cos_q1 * sin_q2;
+        let t2_2 = sin_q1 * sin_q2;
+        let sin_q1_q2 = sin_q1.mul_add(cos_q2, t2_1);
+        let cos_q1_q2 = cos_q1.mul_add(cos_q2, -t2_2);
+        let (sin_q3, cos_q3) = q3.sin_cos();
+        let t2_3 = cos_q1_q2 * sin_q3;
+        let t2_4 = sin_q1_q2 * sin_q3;
+        let sin_q1_q2_minus_q3 = sin_q1_q2.mul_add(cos_q3, -t2_3);
+        let cos_q1_q2_minus_q3 = cos_q1_q2.mul_add(cos_q3, t2_4);
+        let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
+        let t2_5 = like.lift(0.3) * cos_q1_q2_minus_q3;
+        let u_2_q1x = like.lift(0.12) * sin_q2;
+        let t2_6 = -u_2_q1x;
+        let u_2_q1y = like.lift(0.12) * cos_q2;
+        let t2_7 = like.lift(0.35) + u_2_q1y;
+        let t2_8 = -t2_7;
+        let t2_9 = like.lift(1.0) / sin_q1_q2_minus_q3;
+        let t2_10 = sin_q2 * t2_9;
+        let t2_11 = cos_q1_q2_minus_q3 * t2_10;
+        let t2_12 = like.lift(-0.12).mul_add(t2_11, t2_7);
+        let t2_13 = like.lift(2.857142857142857) * t2_12;
+        let t2_14 = like.lift(0.4) * t2_10;
+        let t2_15 = -t2_14;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
+        let ([[x_q2_q1], [x_q3_q1]], found) = ::regen_runtime::guarded(
+            [[t2_13], [t2_15]],
+            margin,
+            || (
+                [
+                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t2_5],
+                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0)],
+                ],
+                [[t2_6], [t2_8], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+            ),
+        );
+        condition = condition.min(found);
+        [al_2z, sin_q2, cos_q2, sin_q3, cos_q3, x_q2_q1, x_q3_q1]
+    };
+    // body 2
+    {
+        let t3_1 = like.lift(1.0) - x_q2_q1;
+        let w_izz_2_q1 = al_2z * t3_1;
+        w[2] = [w_izz_2_q1];
+        let w_2z = d_q1 + d_q2;
+        let t3_2 = w_2z * w_2z;
+        let t3_3 = sin_q2 * t3_2;
+        let t3_4 = like.lift(0.12) * t3_3;
+        let t3_5 = cos_q2 * al_2z;
+        let t3_6 = like.lift(-0.12).mul_add(t3_5, t3_4);
+        let t3_7 = d_q1 * d_q1;
+        let t3_8 = like.lift(0.12).mul_add(t3_7, -a_1x);
+        let t3_9 = sin_q2 * t3_8;
+        let a_1y = like.lift(9.81) * cos_q1;
+        let t3_10 = like.lift(0.12).mul_add(dd_q1, a_1y);
+        let a_2y = cos_q2.mul_add(t3_10, t3_9);
+        let w_mx_2_q1 = (-a_2y).mul_add(t3_1, t3_6);
+        let t3_11 = -w_mx_2_q1;
+        w[3] = [t3_11];
+        let t3_12 = sin_q2 * al_2z;
+        let t3_13 = like.lift(0.12) * t3_12;
+        let t3_14 = cos_q2 * t3_2;
+        let t3_15 = like.lift(0.12).mul_add(t3_14, t3_13);
+        let t3_16 = cos_q2 * t3_8;
+        let a_2x = (-sin_q2).mul_add(t3_10, t3_16);
+        let w_my_2_q1 = (-a_2x).mul_add(t3_1, t3_15);
+        let t3_17 = -w_my_2_q1;
+        w[4] = [t3_17];
+    }
+    // body 3
+    {
+        let w_izz_3_q1 = dd_q3 * x_q3_q1;
+        let t4_1 = -w_izz_3_q1;
+        w[5] = [t4_1];
+        let t4_2 = cos_q3 * x_q3_q1;
+        let w_mx_3_q1 = like.lift(9.81) * t4_2;
+        let t4_3 = -w_mx_3_q1;
+        w[6] = [t4_3];
+        let t4_4 = sin_q3 * x_q3_q1;
+        let w_my_3_q1 = like.lift(9.81) * t4_4;
+        w[7] = [w_my_3_q1];
+    }
+    Condition { pivot: condition }
+}
+
+/// The base parameters of given parameters.
+///
+/// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
+/// - `beta`: base parameters, in the order of `BASE`
+///
+/// 9 additions, 9 multiplications, 0 divisions, 0 sines and cosines.
+pub fn to_base<T: Scalar>(phi: &[T; 30]) -> [T; 8] {
+    let like = phi[0];
+    let mut beta = [like.lift(0.0); 8];
+    let [
+        _, _, _, _, _, p_izz_1, p_mx_1, p_my_1, _, _, _, _, _, _, _, p_izz_2, p_mx_2, p_my_2,
+        _, p_m_2, _, _, _, _, _, p_izz_3, p_mx_3, p_my_3, _, _,
+    ] = *phi;
+    // combinations
+    {
+        let t1_1 = like.lift(-0.12).mul_add(p_mx_1, p_izz_1);
+        beta[0] = t1_1;
+        let t1_2 = like.lift(-0.1225).mul_add(p_m_2, p_izz_2);
+        let t1_3 = like.lift(-1.0208333333333333).mul_add(p_mx_1, t1_2);
+        beta[2] = t1_3;
+        let t1_4 = like.lift(-0.35).mul_add(p_m_2, p_mx_2);
+        let t1_5 = like.lift(-2.9166666666666665).mul_add(p_mx_1, t1_4);
+        beta[3] = t1_5;
+        let t1_6 = like.lift(0.09).mul_add(p_m_2, p_izz_3);
+        let t1_7 = like.lift(0.75).mul_add(p_mx_1, t1_6);
+        beta[5] = t1_7;
+        let t1_8 = like.lift(0.3).mul_add(p_m_2, p_mx_3);
+        let t1_9 = like.lift(2.5).mul_add(p_mx_1, t1_8);
+        beta[6] = t1_9;
+        beta[1] = p_my_1;
+        beta[4] = p_my_2;
+        beta[7] = p_my_3;
+    }
+    beta
+}
+
+/// Parameters with given base parameters; all of them, as `free` takes all values.
+///
+/// - `beta`: base parameters, SI, in the order of `BASE`
+/// - `free`: values of the eliminated parameters, in the order of `FREE`
+/// - `phi`: dynamic parameters, in the order of `PARAMETERS`
+///
+/// 9 additions, 9 multiplications, 0 divisions, 0 sines and cosines.
+pub fn from_base<T: Scalar>(beta: &[T; 8], free: &[T; 22]) -> [T; 30] {
+    let like = beta[0];
+    let mut phi = [like.lift(0.0); 30];
+    let [p_izz_1, p_my_1, p_izz_2, p_mx_2, p_my_2, p_izz_3, p_mx_3, p_my_3] = *beta;
+    let [
+        p_ixx_1, p_ixy_1, p_ixz_1, p_iyy_1, p_iyz_1, p_mx_1, p_mz_1, p_m_1, p_ixx_2, p_ixy_2,
+        p_ixz_2, p_iyy_2, p_iyz_2, p_mz_2, p_m_2, p_ixx_3, p_ixy_3, p_ixz_3, p_iyy_3, p_iyz_3,
+        p_mz_3, p_m_3,
+    ] = *free;
+    // phi
+    {
+        let t1_1 = like.lift(0.12).mul_add(p_mx_1, p_izz_1);
+        phi[5] = t1_1;
+        let t1_2 = like.lift(0.1225) * p_m_2;
+        let t1_3 = like.lift(1.0208333333333333).mul_add(p_mx_1, t1_2);
+        let t1_4 = p_izz_2 + t1_3;
+        phi[15] = t1_4;
+        let t1_5 = like.lift(0.35) * p_m_2;
+        let t1_6 = like.lift(2.9166666666666665).mul_add(p_mx_1, t1_5);
+        let t1_7 = p_mx_2 + t1_6;
+        phi[16] = t1_7;
+        let t1_8 = like.lift(0.09) * p_m_2;
+        let t1_9 = like.lift(0.75).mul_add(p_mx_1, t1_8);
+        let t1_10 = p_izz_3 - t1_9;
+        phi[25] = t1_10;
+        let t1_11 = like.lift(0.3) * p_m_2;
+        let t1_12 = like.lift(2.5).mul_add(p_mx_1, t1_11);
+        let t1_13 = p_mx_3 - t1_12;
+        phi[26] = t1_13;
+        phi[0] = p_ixx_1;
+        phi[1] = p_ixy_1;
+        phi[2] = p_ixz_1;
+        phi[3] = p_iyy_1;
+        phi[4] = p_iyz_1;
+        phi[6] = p_mx_1;
+        phi[7] = p_my_1;
+        phi[8] = p_mz_1;
+        phi[9] = p_m_1;
+        phi[10] = p_ixx_2;
+        phi[11] = p_ixy_2;
+        phi[12] = p_ixz_2;
+        phi[13] = p_iyy_2;
+        phi[14] = p_iyz_2;
+        phi[17] = p_my_2;
+        phi[18] = p_mz_2;
+        phi[19] = p_m_2;
+        phi[20] = p_ixx_3;
+        phi[21] = p_ixy_3;
+        phi[22] = p_ixz_3;
+        phi[23] = p_iyy_3;
+        phi[24] = p_iyz_3;
+        phi[27] = p_my_3;
+        phi[28] = p_mz_3;
+        phi[29] = p_m_3;
+    }
+    phi
+}
+
+/// Inverse dynamics from base parameters.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `qd`: velocities of all coordinates
+/// - `qdd`: accelerations of all coordinates
+/// - `beta`: base parameters, SI, in the order of `BASE`
+/// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
+///
+/// 24 additions, 47 multiplications, 1 divisions, 3 sines and cosines.
+pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], beta: &[T; 8]) -> ([T; 1], Condition<T>) {
+    let like = q[0];
+    let mut tau = [like.lift(0.0); 1];
+    let [q1, q2, q3] = *q;
+    let [d_q1, d_q2, _] = *qd;
+    let [dd_q1, dd_q2, dd_q3] = *qdd;
+    let [p_izz_1, p_my_1, p_izz_2, p_mx_2, p_my_2, p_izz_3, p_mx_3, p_my_3] = *beta;
+    let mut condition = like.lift(1.0);
+    // loops: solve with A_e (Eq. 8, 10)
+    let [t1_11, t1_20, sin_q3, cos_q3, x_q2_q1, x_q3_q1] = {
+        let t1_1 = dd_q1 * p_izz_1;
+        let (sin_q1, cos_q1) = q1.sin_cos();
+        let t1_2 = sin_q1 * p_my_1;
+        let t1_3 = like.lift(-9.81).mul_add(t1_2, t1_1);
+        let al_2z = dd_q1 + dd_q2;
+        let (sin_q2, cos_q2) = q2.sin_cos();
+        let t1_4 = d_q1 * d_q1;
+        let a_1x = like.lift(9.81) * sin_q1;
+        let t1_5 = like.lift(0.12).mul_add(t1_4, -a_1x);
+        let t1_6 = sin_q2 * t1_5;
+        let a_1y = like.lift(9.81) * cos_q1;
+        let t1_7 = like.lift(0.12).mul_add(dd_q1, a_1y);
+        let a_2y = cos_q2.mul_add(t1_7, t1_6);
+        let t1_8 = a_2y * p_mx_2;
+        let t1_9 = cos_q2 * t1_5;
+        let a_2x = (-sin_q2).mul_add(t1_7, t1_9);
+        let t1_10 = a_2x.mul_add(p_my_2, t1_8);
+        let t1_11 = al_2z.mul_add(p_izz_2, t1_10);
+        let w_2z = d_q1 + d_q2;
+        let t1_12 = w_2z * w_2z;
+        let t1_13 = t1_12 * p_mx_2;
+        let t1_14 = al_2z.mul_add(p_my_2, t1_13);
+        let t1_15 = sin_q2 * t1_14;
+        let t1_16 = al_2z * p_mx_2;
+        let t1_17 = (-t1_12).mul_add(p_my_2, t1_16);
+        let t1_18 = (-cos_q2).mul_add(t1_17, t1_15);
+        let t1_19 = like.lift(-0.12).mul_add(t1_18, t1_11);
+        let t1_20 = t1_3 + t1_19;
+        let t1_21 = cos_q1 * sin_q2;
+        let t1_22 = sin_q1 * sin_q2;
+        let sin_q1_q2 = sin_q1.mul_add(cos_q2, t1_21);
+        let cos_q1_q2 = cos_q1.mul_add(cos_q2, -t1_22);
+        let (sin_q3, cos_q3) = q3.sin_cos();
+        let t1_23 = cos_q1_q2 * sin_q3;
+        let t1_24 = sin_q1_q2 * sin_q3;
+        let sin_q1_q2_minus_q3 = sin_q1_q2.mul_add(cos_q3, -t1_23);
+        let cos_q1_q2_minus_q3 = cos_q1_q2.mul_add(cos_q3, t1_24);
+        let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
+        let t1_25 = like.lift(0.3) * cos_q1_q2_minus_q3;
+        let u_2_q1x = like.lift(0.12) * sin_q2;
+        let t1_26 = -u_2_q1x;
+        let u_2_q1y = like.lift(0.12) * cos_q2;
+        let t1_27 = like.lift(0.35) + u_2_q1y;
+        let t1_28 = -t1_27;
+        let t1_29 = like.lift(1.0) / sin_q1_q2_minus_q3;
+        let t1_30 = sin_q2 * t1_29;
+        let t1_31 = cos_q1_q2_minus_q3 * t1_30;
+        let t1_32 = like.lift(-0.12).mul_add(t1_31, t1_27);
+        let t1_33 = like.lift(2.857142857142857) * t1_32;
+        let t1_34 = like.lift(0.4) * t1_30;
+        let t1_35 = -t1_34;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
+        let ([[x_q2_q1], [x_q3_q1]], found) = ::regen_runtime::guarded(
+            [[t1_33], [t1_35]],
+            margin,
+            || (
+                [
+                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t1_25],
+                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0)],
+                ],
+                [[t1_26], [t1_28], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+            ),
+        );
+        condition = condition.min(found);
+        [t1_11, t1_20, sin_q3, cos_q3, x_q2_q1, x_q3_q1]
+    };
+    // tau
+    {
+        let t2_1 = (-t1_11).mul_add(x_q2_q1, t1_20);
+        let t2_2 = cos_q3 * p_mx_3;
+        let t2_3 = like.lift(9.81) * t2_2;
+        let t2_4 = sin_q3 * p_my_3;
+        let t2_5 = like.lift(-9.81).mul_add(t2_4, t2_3);
+        let t2_6 = dd_q3.mul_add(p_izz_3, t2_5);
+        let t2_7 = (-t2_6).mul_add(x_q3_q1, t2_1);
+        tau[0] = t2_7;
+    }
+    (tau, Condition { pivot: condition })
+}
+
+/// The efforts of gravity from base parameters.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `beta`: base parameters, SI, in the order of `BASE`
+/// - `tau`: the efforts that hold the mechanism at rest
+///
+/// 11 additions, 29 multiplications, 1 divisions, 3 sines and cosines.
+pub fn base_gravity<T: Scalar>(q: &[T; 3], beta: &[T; 8]) -> ([T; 1], Condition<T>) {
+    let like = q[0];
+    let mut tau = [like.lift(0.0); 1];
+    let [q1, q2, q3] = *q;
+    let [_, p_my_1, _, p_mx_2, p_my_2, _, p_mx_3, p_my_3] = *beta;
+    let mut condition = like.lift(1.0);
+    // loops: solve with A_e (Eq. 8, 10)
+    let [t1_7, t1_8, sin_q3, cos_q3, x_q2_q1, x_q3_q1] = {
+        let (sin_q1, cos_q1) = q1.sin_cos();
+        let t1_1 = sin_q1 * p_my_1;
+        let (sin_q2, cos_q2) = q2.sin_cos();
+        let t1_2 = cos_q1 * sin_q2;
+        let t1_3 = sin_q1 * sin_q2;
+        let sin_q1_q2 = sin_q1.mul_add(cos_q2, t1_2);
+        let cos_q1_q2 = cos_q1.mul_add(cos_q2, -t1_3);
+        let t1_4 = cos_q1_q2 * p_mx_2;
+        let t1_5 = like.lift(9.81) * t1_4;
+        let t1_6 = sin_q1_q2 * p_my_2;
+        let t1_7 = like.lift(-9.81).mul_add(t1_6, t1_5);
+        let t1_8 = like.lift(9.81).mul_add(t1_1, -t1_7);
+        let (sin_q3, cos_q3) = q3.sin_cos();
+        let t1_9 = cos_q1_q2 * sin_q3;
+        let t1_10 = sin_q1_q2 * sin_q3;
+        let sin_q1_q2_minus_q3 = sin_q1_q2.mul_add(cos_q3, -t1_9);
+        let cos_q1_q2_minus_q3 = cos_q1_q2.mul_add(cos_q3, t1_10);
+        let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
+        let t1_11 = like.lift(0.3) * cos_q1_q2_minus_q3;
+        let u_2_q1x = like.lift(0.12) * sin_q2;
+        let t1_12 = -u_2_q1x;
+        let u_2_q1y = like.lift(0.12) * cos_q2;
+        let t1_13 = like.lift(0.35) + u_2_q1y;
+        let t1_14 = -t1_13;
+        let t1_15 = like.lift(1.0) / sin_q1_q2_minus_q3;
+        let t1_16 = sin_q2 * t1_15;
+        let t1_17 = cos_q1_q2_minus_q3 * t1_16;
+        let t1_18 = like.lift(-0.12).mul_add(t1_17, t1_13);
+        let t1_19 = like.lift(2.857142857142857) * t1_18;
+        let t1_20 = like.lift(0.4) * t1_16;
+        let t1_21 = -t1_20;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
+        let ([[x_q2_q1], [x_q3_q1]], found) = ::regen_runtime::guarded(
+            [[t1_19], [t1_21]],
+            margin,
+            || (
+                [
+                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t1_11],
+                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0)],
+                ],
+                [[t1_12], [t1_14], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+            ),
+        );
+        condition = condition.min(found);
+        [t1_7, t1_8, sin_q3, cos_q3, x_q2_q1, x_q3_q1]
+    };
+    // tau
+    {
+        let t2_1 = t1_7.mul_add(x_q2_q1, t1_8);
+        let t2_2 = cos_q3 * p_mx_3;
+        let t2_3 = like.lift(9.81) * t2_2;
+        let t2_4 = sin_q3 * p_my_3;
+        let t2_5 = like.lift(-9.81).mul_add(t2_4, t2_3);
+        let t2_6 = t2_5.mul_add(x_q3_q1, t2_1);
+        let t2_7 = -t2_6;
+        tau[0] = t2_7;
+    }
+    (tau, Condition { pivot: condition })
+}
+
+/// Coriolis, centrifugal and friction efforts from base parameters.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `qd`: velocities of all coordinates
+/// - `beta`: base parameters, SI, in the order of `BASE`
+/// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
+///
+/// 17 additions, 41 multiplications, 1 divisions, 2 sines and cosines.
+pub fn base_bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], beta: &[T; 8]) -> ([T; 1], Condition<T>) {
+    let like = q[0];
+    let mut tau = [like.lift(0.0); 1];
+    let [q1, q2, q3] = *q;
+    let [d_q1, d_q2, d_q3] = *qd;
+    let [_, _, p_izz_2, p_mx_2, p_my_2, p_izz_3, _, _] = *beta;
+    let mut condition = like.lift(1.0);
+    // loops: solve with A_e (Eq. 8, 10)
+    let [
+        cos_q1_q2_minus_q3, pivot_2, t1_3, sin_q2, cos_q2, t1_5, t1_6, t1_12, t1_16, al_2z,
+        al_3z,
+    ] = {
+        let t1_1 = q2 + q1;
+        let t1_2 = t1_1 - q3;
+        let (sin_q1_q2_minus_q3, cos_q1_q2_minus_q3) = t1_2.sin_cos();
+        let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
+        let t1_3 = like.lift(0.3) * cos_q1_q2_minus_q3;
+        let (sin_q2, cos_q2) = q2.sin_cos();
+        let t1_4 = d_q1 * d_q1;
+        let t1_5 = cos_q2 * t1_4;
+        let a_2x = like.lift(0.12) * t1_5;
+        let w_2z = d_q1 + d_q2;
+        let t1_6 = w_2z * w_2z;
+        let t1_7 = like.lift(0.35).mul_add(t1_6, a_2x);
+        let t1_8 = cos_q1_q2_minus_q3 * d_q3;
+        let t1_9 = d_q3 * t1_8;
+        let t1_10 = like.lift(-0.3).mul_add(t1_9, t1_7);
+        let t1_11 = -t1_10;
+        let t1_12 = sin_q2 * t1_4;
+        let a_2y = like.lift(0.12) * t1_12;
+        let t1_13 = sin_q1_q2_minus_q3 * d_q3;
+        let t1_14 = d_q3 * t1_13;
+        let t1_15 = like.lift(-0.3).mul_add(t1_14, a_2y);
+        let t1_16 = like.lift(1.0) / sin_q1_q2_minus_q3;
+        let t1_17 = t1_16 * t1_10;
+        let t1_18 = cos_q1_q2_minus_q3.mul_add(t1_17, t1_15);
+        let t1_19 = like.lift(2.857142857142857) * t1_18;
+        let t1_20 = -t1_19;
+        let t1_21 = like.lift(3.3333333333333335) * t1_17;
+        let t1_22 = -t1_21;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
+        let ([[al_2z], [al_3z]], found) = ::regen_runtime::guarded(
+            [[t1_20], [t1_22]],
+            margin,
+            || (
+                [
+                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t1_3],
+                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0)],
+                ],
+                [[t1_11], [t1_15], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+            ),
+        );
+        condition = condition.min(found);
+        [
+            cos_q1_q2_minus_q3, pivot_2, t1_3, sin_q2, cos_q2, t1_5, t1_6, t1_12, t1_16, al_2z,
+            al_3z,
+        ]
+    };
+    // loops: solve with A_e (Eq. 8, 10)
+    let [t2_5, t2_12, x_q2_q1, x_q3_q1] = {
+        let t2_1 = t1_12 * p_mx_2;
+        let t2_2 = like.lift(0.12) * t2_1;
+        let t2_3 = t1_5 * p_my_2;
+        let t2_4 = like.lift(0.12).mul_add(t2_3, t2_2);
+        let t2_5 = p_izz_2.mul_add(al_2z, t2_4);
+        let t2_6 = t1_6 * p_mx_2;
+        let t2_7 = p_my_2.mul_add(al_2z, t2_6);
+        let t2_8 = sin_q2 * t2_7;
+        let t2_9 = t1_6 * p_my_2;
+        let t2_10 = (-p_mx_2).mul_add(al_2z, t2_9);
+        let t2_11 = cos_q2.mul_add(t2_10, t2_8);
+        let t2_12 = like.lift(-0.12).mul_add(t2_11, t2_5);
+        let u_2_q1x = like.lift(0.12) * sin_q2;
+        let t2_13 = -u_2_q1x;
+        let u_2_q1y = like.lift(0.12) * cos_q2;
+        let t2_14 = like.lift(0.35) + u_2_q1y;
+        let t2_15 = -t2_14;
+        let t2_16 = sin_q2 * t1_16;
+        let t2_17 = cos_q1_q2_minus_q3 * t2_16;
+        let t2_18 = like.lift(-0.12).mul_add(t2_17, t2_14);
+        let t2_19 = like.lift(2.857142857142857) * t2_18;
+        let t2_20 = like.lift(0.4) * t2_16;
+        let t2_21 = -t2_20;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
+        let ([[x_q2_q1], [x_q3_q1]], found) = ::regen_runtime::guarded(
+            [[t2_19], [t2_21]],
+            margin,
+            || (
+                [
+                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t1_3],
+                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0)],
+                ],
+                [[t2_13], [t2_15], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+            ),
+        );
+        condition = condition.min(found);
+        [t2_5, t2_12, x_q2_q1, x_q3_q1]
+    };
+    // tau
+    {
+        let t3_1 = (-t2_5).mul_add(x_q2_q1, t2_12);
+        let t3_2 = p_izz_3 * al_3z;
+        let t3_3 = (-t3_2).mul_add(x_q3_q1, t3_1);
+        tau[0] = t3_3;
+    }
+    (tau, Condition { pivot: condition })
+}
+
+/// The mass matrix from base parameters.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `beta`: base parameters, SI, in the order of `BASE`
+/// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
+///
+/// 12 additions, 18 multiplications, 1 divisions, 2 sines and cosines.
+pub fn base_mass_matrix<T: Scalar>(q: &[T; 3], beta: &[T; 8]) -> ([[T; 1]; 1], Condition<T>) {
+    let like = q[0];
+    let mut m = [[like.lift(0.0); 1]; 1];
+    let [q1, q2, q3] = *q;
+    let [p_izz_1, _, p_izz_2, p_mx_2, p_my_2, p_izz_3, _, _] = *beta;
+    let mut condition = like.lift(1.0);
+    // loops: solve with A_e (Eq. 8, 10)
+    let [t1_4, t1_5, x_q2_q1, x_q3_q1] = {
+        let (sin_q2, cos_q2) = q2.sin_cos();
+        let t1_1 = cos_q2 * p_mx_2;
+        let t1_2 = (-sin_q2).mul_add(p_my_2, t1_1);
+        let t1_3 = like.lift(0.24).mul_add(t1_2, p_izz_2);
+        let t1_4 = p_izz_1 + t1_3;
+        let t1_5 = like.lift(0.12).mul_add(t1_2, p_izz_2);
+        let t1_6 = q2 + q1;
+        let t1_7 = t1_6 - q3;
+        let (sin_q1_q2_minus_q3, cos_q1_q2_minus_q3) = t1_7.sin_cos();
+        let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
+        let t1_8 = like.lift(0.3) * cos_q1_q2_minus_q3;
+        let u_2_q1x = like.lift(0.12) * sin_q2;
+        let t1_9 = -u_2_q1x;
+        let u_2_q1y = like.lift(0.12) * cos_q2;
+        let t1_10 = like.lift(0.35) + u_2_q1y;
+        let t1_11 = -t1_10;
+        let t1_12 = like.lift(1.0) / sin_q1_q2_minus_q3;
+        let t1_13 = sin_q2 * t1_12;
+        let t1_14 = cos_q1_q2_minus_q3 * t1_13;
+        let t1_15 = like.lift(-0.12).mul_add(t1_14, t1_10);
+        let t1_16 = like.lift(2.857142857142857) * t1_15;
+        let t1_17 = like.lift(0.4) * t1_13;
+        let t1_18 = -t1_17;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
+        let ([[x_q2_q1], [x_q3_q1]], found) = ::regen_runtime::guarded(
+            [[t1_16], [t1_18]],
+            margin,
+            || (
+                [
+                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t1_8],
+                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0)],
+                ],
+                [[t1_9], [t1_11], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+            ),
+        );
+        condition = condition.min(found);
+        [t1_4, t1_5, x_q2_q1, x_q3_q1]
+    };
+    // M
+    {
+        let t2_1 = (-t1_5).mul_add(x_q2_q1, t1_4);
+        let t2_2 = (-p_izz_2).mul_add(x_q2_q1, t1_5);
+        let t2_3 = (-x_q2_q1).mul_add(t2_2, t2_1);
+        let t2_4 = p_izz_3 * x_q3_q1;
+        let t2_5 = x_q3_q1.mul_add(t2_4, t2_3);
+        m[0] = [t2_5];
+    }
+    (m, Condition { pivot: condition })
+}
+
 /// The robot as a `Model`, over slices.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Fourbar;
@@ -1336,5 +2024,73 @@ impl<T: Scalar> Model<T> for Fourbar {
         let out = ::regen_runtime::matrix_mut::<T, 3, 12>(out, "out")?;
         *out = poses(q);
         Ok(())
+    }
+}
+
+impl<T: Scalar> BaseModel<T> for Fourbar {
+    fn base_info(&self) -> BaseInfo<'_> {
+        BASE_INFO
+    }
+
+    fn base_regressor(&self, q: &[T], qd: &[T], qdd: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
+        let q = ::regen_runtime::array::<T, 3>(q, "q")?;
+        let qd = ::regen_runtime::array::<T, 3>(qd, "qd")?;
+        let qdd = ::regen_runtime::array::<T, 3>(qdd, "qdd")?;
+        let out = ::regen_runtime::matrix_mut::<T, 8, 1>(out, "out")?;
+        Ok(base_regressor(q, qd, qdd, out))
+    }
+
+    fn to_base(&self, phi: &[T], out: &mut [T]) -> Result<(), SizeError> {
+        let phi = ::regen_runtime::array::<T, 30>(phi, "phi")?;
+        let out = ::regen_runtime::array_mut::<T, 8>(out, "out")?;
+        *out = to_base(phi);
+        Ok(())
+    }
+
+    fn from_base(&self, beta: &[T], free: &[T], out: &mut [T]) -> Result<(), SizeError> {
+        let beta = ::regen_runtime::array::<T, 8>(beta, "beta")?;
+        let free = ::regen_runtime::array::<T, 22>(free, "free")?;
+        let out = ::regen_runtime::array_mut::<T, 30>(out, "out")?;
+        *out = from_base(beta, free);
+        Ok(())
+    }
+
+    fn base_inverse_dynamics(&self, q: &[T], qd: &[T], qdd: &[T], beta: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
+        let q = ::regen_runtime::array::<T, 3>(q, "q")?;
+        let qd = ::regen_runtime::array::<T, 3>(qd, "qd")?;
+        let qdd = ::regen_runtime::array::<T, 3>(qdd, "qdd")?;
+        let beta = ::regen_runtime::array::<T, 8>(beta, "beta")?;
+        let out = ::regen_runtime::array_mut::<T, 1>(out, "out")?;
+        let (value, condition) = base_inverse_dynamics(q, qd, qdd, beta);
+        *out = value;
+        Ok(condition)
+    }
+
+    fn base_gravity(&self, q: &[T], beta: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
+        let q = ::regen_runtime::array::<T, 3>(q, "q")?;
+        let beta = ::regen_runtime::array::<T, 8>(beta, "beta")?;
+        let out = ::regen_runtime::array_mut::<T, 1>(out, "out")?;
+        let (value, condition) = base_gravity(q, beta);
+        *out = value;
+        Ok(condition)
+    }
+
+    fn base_bias_forces(&self, q: &[T], qd: &[T], beta: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
+        let q = ::regen_runtime::array::<T, 3>(q, "q")?;
+        let qd = ::regen_runtime::array::<T, 3>(qd, "qd")?;
+        let beta = ::regen_runtime::array::<T, 8>(beta, "beta")?;
+        let out = ::regen_runtime::array_mut::<T, 1>(out, "out")?;
+        let (value, condition) = base_bias_forces(q, qd, beta);
+        *out = value;
+        Ok(condition)
+    }
+
+    fn base_mass_matrix(&self, q: &[T], beta: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
+        let q = ::regen_runtime::array::<T, 3>(q, "q")?;
+        let beta = ::regen_runtime::array::<T, 8>(beta, "beta")?;
+        let out = ::regen_runtime::matrix_mut::<T, 1, 1>(out, "out")?;
+        let (value, condition) = base_mass_matrix(q, beta);
+        *out = value;
+        Ok(condition)
     }
 }

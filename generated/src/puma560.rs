@@ -5,6 +5,8 @@
 //!
 //! 6 coordinates, 6 independent; 6 bodies, 60 parameters; 0 closure rows, 0 of them redundant.
 //!
+//! 36 base parameters, certified to be minimal.
+//!
 //! | function | add | mul | div | sin and cos |
 //! |---|---|---|---|---|
 //! | [`velocities`] | 0 | 0 | 0 | 0 |
@@ -17,10 +19,18 @@
 //! | [`slotine_li`] | 416 | 616 | 0 | 5 |
 //! | [`efforts`] | 0 | 0 | 0 | 0 |
 //! | [`poses`] | 27 | 55 | 0 | 6 |
+//! | [`base_regressor`] | 298 | 420 | 0 | 5 |
+//! | [`to_base`] | 58 | 37 | 0 | 0 |
+//! | [`from_base`] | 58 | 37 | 0 | 0 |
+//! | [`base_inverse_dynamics`] | 275 | 306 | 0 | 5 |
+//! | [`base_gravity`] | 28 | 64 | 0 | 5 |
+//! | [`base_bias_forces`] | 241 | 283 | 0 | 5 |
+//! | [`base_mass_matrix`] | 153 | 185 | 0 | 5 |
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
 use ::regen_runtime::{Condition, Info, Model, Scalar, SizeError};
+use ::regen_runtime::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
 pub const COORDINATES: [&str; 6] = [
@@ -62,6 +72,324 @@ pub const INFO: Info<'static> = Info {
     cuts: &[],
     home: &HOME,
     rows: 0,
+};
+/// The base parameters, in the order of `beta`: the columns of `base_regressor`.
+pub const BASE: [BaseParameter<'static>; 36] = [
+    BaseParameter {
+        label: "Izz(1)",
+        terms: &[
+            BaseTerm { parameter: "Izz(1)", index: 5, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "Iyy(3)", index: 23, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "Iyy(2)", index: 13, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "mz(2)", index: 18, coefficient: "2*d2", value: 0.487 },
+            BaseTerm { parameter: "m(2)", index: 19, coefficient: "d2^2", value: 0.05929225 },
+            BaseTerm { parameter: "mz(3)", index: 28, coefficient: "2*d2 + 2*d3", value: 0.3002 },
+            BaseTerm { parameter: "m(3)", index: 29, coefficient: "a2^2 + d2^2 + 2*d2*d3 + d3^2", value: 0.20898125 },
+            BaseTerm { parameter: "m(6)", index: 59, coefficient: "a2^2 + a3^2 + d2^2 + 2*d2*d3 + d3^2", value: 0.20939334 },
+            BaseTerm { parameter: "m(5)", index: 49, coefficient: "a2^2 + a3^2 + d2^2 + 2*d2*d3 + d3^2", value: 0.20939334 },
+            BaseTerm { parameter: "m(4)", index: 39, coefficient: "a2^2 + a3^2 + d2^2 + 2*d2*d3 + d3^2", value: 0.20939334 },
+        ],
+    },
+    BaseParameter {
+        label: "Ixx(2)",
+        terms: &[
+            BaseTerm { parameter: "Ixx(2)", index: 10, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "Iyy(2)", index: 13, coefficient: "-1", value: -1.0 },
+            BaseTerm { parameter: "m(6)", index: 59, coefficient: "-a2^2", value: -0.18645124 },
+            BaseTerm { parameter: "m(5)", index: 49, coefficient: "-a2^2", value: -0.18645124 },
+            BaseTerm { parameter: "m(4)", index: 39, coefficient: "-a2^2", value: -0.18645124 },
+            BaseTerm { parameter: "m(3)", index: 29, coefficient: "-a2^2", value: -0.18645124 },
+        ],
+    },
+    BaseParameter {
+        label: "Ixy(2)",
+        terms: &[
+            BaseTerm { parameter: "Ixy(2)", index: 11, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Ixz(2)",
+        terms: &[
+            BaseTerm { parameter: "Ixz(2)", index: 12, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "mz(3)", index: 28, coefficient: "-a2", value: -0.4318 },
+            BaseTerm { parameter: "m(6)", index: 59, coefficient: "-a2*d3", value: 0.04033012 },
+            BaseTerm { parameter: "m(5)", index: 49, coefficient: "-a2*d3", value: 0.04033012 },
+            BaseTerm { parameter: "m(4)", index: 39, coefficient: "-a2*d3", value: 0.04033012 },
+            BaseTerm { parameter: "m(3)", index: 29, coefficient: "-a2*d3", value: 0.04033012 },
+        ],
+    },
+    BaseParameter {
+        label: "Iyz(2)",
+        terms: &[
+            BaseTerm { parameter: "Iyz(2)", index: 14, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Izz(2)",
+        terms: &[
+            BaseTerm { parameter: "Izz(2)", index: 15, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "m(6)", index: 59, coefficient: "a2^2", value: 0.18645124 },
+            BaseTerm { parameter: "m(5)", index: 49, coefficient: "a2^2", value: 0.18645124 },
+            BaseTerm { parameter: "m(4)", index: 39, coefficient: "a2^2", value: 0.18645124 },
+            BaseTerm { parameter: "m(3)", index: 29, coefficient: "a2^2", value: 0.18645124 },
+        ],
+    },
+    BaseParameter {
+        label: "mx(2)",
+        terms: &[
+            BaseTerm { parameter: "mx(2)", index: 16, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "m(6)", index: 59, coefficient: "a2", value: 0.4318 },
+            BaseTerm { parameter: "m(5)", index: 49, coefficient: "a2", value: 0.4318 },
+            BaseTerm { parameter: "m(4)", index: 39, coefficient: "a2", value: 0.4318 },
+            BaseTerm { parameter: "m(3)", index: 29, coefficient: "a2", value: 0.4318 },
+        ],
+    },
+    BaseParameter {
+        label: "my(2)",
+        terms: &[
+            BaseTerm { parameter: "my(2)", index: 17, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Ixx(3)",
+        terms: &[
+            BaseTerm { parameter: "Ixx(3)", index: 20, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "Iyy(4)", index: 33, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "Iyy(3)", index: 23, coefficient: "-1", value: -1.0 },
+            BaseTerm { parameter: "mz(4)", index: 38, coefficient: "2*d4", value: 0.8662 },
+            BaseTerm { parameter: "m(6)", index: 59, coefficient: "d4^2 - a3^2", value: 0.18716352 },
+            BaseTerm { parameter: "m(5)", index: 49, coefficient: "d4^2 - a3^2", value: 0.18716352 },
+            BaseTerm { parameter: "m(4)", index: 39, coefficient: "d4^2 - a3^2", value: 0.18716352 },
+        ],
+    },
+    BaseParameter {
+        label: "Ixy(3)",
+        terms: &[
+            BaseTerm { parameter: "Ixy(3)", index: 21, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "mz(4)", index: 38, coefficient: "a3", value: -0.0203 },
+            BaseTerm { parameter: "m(6)", index: 59, coefficient: "a3*d4", value: -0.00879193 },
+            BaseTerm { parameter: "m(5)", index: 49, coefficient: "a3*d4", value: -0.00879193 },
+            BaseTerm { parameter: "m(4)", index: 39, coefficient: "a3*d4", value: -0.00879193 },
+        ],
+    },
+    BaseParameter {
+        label: "Ixz(3)",
+        terms: &[
+            BaseTerm { parameter: "Ixz(3)", index: 22, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Iyz(3)",
+        terms: &[
+            BaseTerm { parameter: "Iyz(3)", index: 24, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Izz(3)",
+        terms: &[
+            BaseTerm { parameter: "Izz(3)", index: 25, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "Iyy(4)", index: 33, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "mz(4)", index: 38, coefficient: "2*d4", value: 0.8662 },
+            BaseTerm { parameter: "m(6)", index: 59, coefficient: "a3^2 + d4^2", value: 0.1879877 },
+            BaseTerm { parameter: "m(5)", index: 49, coefficient: "a3^2 + d4^2", value: 0.1879877 },
+            BaseTerm { parameter: "m(4)", index: 39, coefficient: "a3^2 + d4^2", value: 0.1879877 },
+        ],
+    },
+    BaseParameter {
+        label: "mx(3)",
+        terms: &[
+            BaseTerm { parameter: "mx(3)", index: 26, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "m(6)", index: 59, coefficient: "a3", value: -0.0203 },
+            BaseTerm { parameter: "m(5)", index: 49, coefficient: "a3", value: -0.0203 },
+            BaseTerm { parameter: "m(4)", index: 39, coefficient: "a3", value: -0.0203 },
+        ],
+    },
+    BaseParameter {
+        label: "my(3)",
+        terms: &[
+            BaseTerm { parameter: "my(3)", index: 27, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "mz(4)", index: 38, coefficient: "-1", value: -1.0 },
+            BaseTerm { parameter: "m(6)", index: 59, coefficient: "-d4", value: -0.4331 },
+            BaseTerm { parameter: "m(5)", index: 49, coefficient: "-d4", value: -0.4331 },
+            BaseTerm { parameter: "m(4)", index: 39, coefficient: "-d4", value: -0.4331 },
+        ],
+    },
+    BaseParameter {
+        label: "Ixx(4)",
+        terms: &[
+            BaseTerm { parameter: "Ixx(4)", index: 30, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "Iyy(5)", index: 43, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "Iyy(4)", index: 33, coefficient: "-1", value: -1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Ixy(4)",
+        terms: &[
+            BaseTerm { parameter: "Ixy(4)", index: 31, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Ixz(4)",
+        terms: &[
+            BaseTerm { parameter: "Ixz(4)", index: 32, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Iyz(4)",
+        terms: &[
+            BaseTerm { parameter: "Iyz(4)", index: 34, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Izz(4)",
+        terms: &[
+            BaseTerm { parameter: "Izz(4)", index: 35, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "Iyy(5)", index: 43, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "mx(4)",
+        terms: &[
+            BaseTerm { parameter: "mx(4)", index: 36, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "my(4)",
+        terms: &[
+            BaseTerm { parameter: "my(4)", index: 37, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "mz(5)", index: 48, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Ixx(5)",
+        terms: &[
+            BaseTerm { parameter: "Ixx(5)", index: 40, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "Iyy(6)", index: 53, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "Iyy(5)", index: 43, coefficient: "-1", value: -1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Ixy(5)",
+        terms: &[
+            BaseTerm { parameter: "Ixy(5)", index: 41, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Ixz(5)",
+        terms: &[
+            BaseTerm { parameter: "Ixz(5)", index: 42, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Iyz(5)",
+        terms: &[
+            BaseTerm { parameter: "Iyz(5)", index: 44, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Izz(5)",
+        terms: &[
+            BaseTerm { parameter: "Izz(5)", index: 45, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "Iyy(6)", index: 53, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "mx(5)",
+        terms: &[
+            BaseTerm { parameter: "mx(5)", index: 46, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "my(5)",
+        terms: &[
+            BaseTerm { parameter: "my(5)", index: 47, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "mz(6)", index: 58, coefficient: "-1", value: -1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Ixx(6)",
+        terms: &[
+            BaseTerm { parameter: "Ixx(6)", index: 50, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "Iyy(6)", index: 53, coefficient: "-1", value: -1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Ixy(6)",
+        terms: &[
+            BaseTerm { parameter: "Ixy(6)", index: 51, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Ixz(6)",
+        terms: &[
+            BaseTerm { parameter: "Ixz(6)", index: 52, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Iyz(6)",
+        terms: &[
+            BaseTerm { parameter: "Iyz(6)", index: 54, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Izz(6)",
+        terms: &[
+            BaseTerm { parameter: "Izz(6)", index: 55, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "mx(6)",
+        terms: &[
+            BaseTerm { parameter: "mx(6)", index: 56, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "my(6)",
+        terms: &[
+            BaseTerm { parameter: "my(6)", index: 57, coefficient: "1", value: 1.0 },
+        ],
+    },
+];
+/// Labels of the eliminated parameters, in the order of `free`.
+pub const FREE: [&str; 24] = [
+    "Ixx(1)",
+    "Ixy(1)",
+    "Ixz(1)",
+    "Iyy(1)",
+    "Iyz(1)",
+    "mx(1)",
+    "my(1)",
+    "mz(1)",
+    "m(1)",
+    "Iyy(2)",
+    "mz(2)",
+    "m(2)",
+    "Iyy(3)",
+    "mz(3)",
+    "m(3)",
+    "Iyy(4)",
+    "mz(4)",
+    "m(4)",
+    "Iyy(5)",
+    "mz(5)",
+    "m(5)",
+    "Iyy(6)",
+    "mz(6)",
+    "m(6)",
+];
+/// The base and its certificate: certified to be minimal.
+pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
+    base: &BASE,
+    free: &FREE,
+    certificate: Some(Certificate {
+        columns: 60,
+        rank: 36,
+        states: 8,
+        digits: 96,
+        smallest_kept: 0.05555989404068727,
+        largest_dropped: 1.7562832969866698e-96,
+    }),
+    complete: true,
 };
 
 /// All velocities from the independent ones: A_e qd_e = -A_i qd_i (Eq. 8).
@@ -1001,7 +1329,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], phi: &
         p_izz_5, p_mx_5, p_my_5, p_mz_5, p_m_5, p_ixx_6, p_ixy_6, p_ixz_6, p_iyy_6, p_iyz_6,
         p_izz_6, p_mx_6, p_my_6, p_mz_6, p_m_6,
     ] = *phi;
-    // tau (Eq. 11), part 1
+    // tau, part 1
     let [
         sin_q2, cos_q2, w_ixz_2_q2, t1_1, al_2x, w_iyz_2_q2, w_2x, t1_3, al_2y, w_ixx_2_q2,
         t1_8, t1_9, t1_15, a_2y, t1_20, sin_q3, cos_q3, al_3x, al_3y, al_3z, t1_30, w_ixx_3_q2,
@@ -1273,7 +1601,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], phi: &
             a_6y, t1_146, t1_153, a_6x, t1_162, t1_164, t1_171, t1_191, t1_192, t1_194,
         ]
     };
-    // tau (Eq. 11)
+    // tau
     {
         let t2_1 = cos_q4 * t1_194;
         let t2_2 = al_4x * p_ixy_4;
@@ -1552,7 +1880,7 @@ pub fn gravity<T: Scalar>(q: &[T; 6], phi: &[T; 60]) -> ([T; 6], Condition<T>) {
         p_m_4, _, _, _, _, _, _, p_mx_5, p_my_5, p_mz_5, p_m_5, _, _, _, _, _, _, p_mx_6,
         p_my_6, p_mz_6, p_m_6,
     ] = *phi;
-    // gravity
+    // tau
     {
         let (sin_q2, cos_q2) = q2.sin_cos();
         let t1_1 = cos_q2 * p_mz_2;
@@ -1731,7 +2059,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 6], qd: &[T; 6], phi: &[T; 60]) -> ([T; 6]
         p_my_5, p_mz_5, p_m_5, p_ixx_6, p_ixy_6, p_ixz_6, p_iyy_6, p_iyz_6, p_izz_6, p_mx_6,
         p_my_6, p_mz_6, p_m_6,
     ] = *phi;
-    // bias, part 1
+    // tau, part 1
     let [
         sin_q2, cos_q2, t1_1, w_2x, al_2y, w_ixx_2_q2, al_2x, t1_6, t1_7, t1_14, sin_q3,
         cos_q3, t1_17, w_ixx_3_q2, t1_18, t1_21, t1_22, al_3x, al_3y, a_3z, t1_37, a_3y, t1_42,
@@ -2001,7 +2329,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 6], qd: &[T; 6], phi: &[T; 60]) -> ([T; 6]
             t1_148, t1_152, t1_175, t1_176, t1_178, t1_179, t1_182, t1_193, t1_198, t1_201,
         ]
     };
-    // bias
+    // tau
     {
         let t2_1 = t1_198 - t1_201;
         let t2_2 = p_mx_5 * a_5y;
@@ -3663,6 +3991,2246 @@ pub fn poses<T: Scalar>(q: &[T; 6]) -> [[T; 12]; 6] {
     poses
 }
 
+/// The reduced regressor W_red (Eq. 23): only the columns that are kept.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `qd`: velocities of all coordinates
+/// - `qdd`: accelerations of all coordinates
+/// - `w`: W_red (Eq. 23), column by column: `w[c][r]` multiplies `BASE[c]` in the equation of `INDEPENDENT[r]`
+///
+/// 298 additions, 420 multiplications, 0 divisions, 5 sines and cosines.
+pub fn base_regressor<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &mut [[T; 6]; 36]) -> Condition<T> {
+    let like = q[0];
+    let [_, q2, q3, q4, q5, q6] = *q;
+    let [d_q1, d_q2, d_q3, d_q4, d_q5, d_q6] = *qd;
+    let [dd_q1, dd_q2, dd_q3, dd_q4, dd_q5, dd_q6] = *qdd;
+    // body 1
+    {
+        w[0] = [dd_q1, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+    }
+    // body 2
+    let [
+        sin_q2, cos_q2, w_ixz_2_q2, al_2x_2, w_iyz_2_q2, al_2y_2, t2_3, t2_9, t2_21, t2_23,
+        a_2y_2, a_2x_2,
+    ] = {
+        let (sin_q2, cos_q2) = q2.sin_cos();
+        let w_ixz_2_q2 = sin_q2 * dd_q1;
+        let w_2y = cos_q2 * d_q1;
+        let al_2x = d_q2 * w_2y;
+        let al_2x_2 = w_ixz_2_q2 + al_2x;
+        let w_2x = sin_q2 * d_q1;
+        let al_2y = d_q2 * w_2x;
+        let t2_1 = cos_q2 * al_2y;
+        let w_ixx_2_q1 = sin_q2.mul_add(al_2x_2, t2_1);
+        let w_ixx_2_q2 = w_2x * w_2y;
+        let t2_2 = -w_ixx_2_q2;
+        w[1] = [w_ixx_2_q1, t2_2, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let w_iyz_2_q2 = cos_q2 * dd_q1;
+        let al_2y_2 = w_iyz_2_q2 - al_2y;
+        let t2_3 = al_2y - al_2y_2;
+        let t2_4 = sin_q2 * t2_3;
+        let t2_5 = al_2x + al_2x_2;
+        let w_ixy_2_q1 = (-cos_q2).mul_add(t2_5, t2_4);
+        let t2_6 = -w_ixy_2_q1;
+        let t2_7 = w_2x * w_2x;
+        let t2_8 = w_2y * w_2y;
+        let w_ixy_2_q2 = t2_7 - t2_8;
+        w[2] = [t2_6, w_ixy_2_q2, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t2_9 = dd_q2 + w_ixx_2_q2;
+        let t2_10 = sin_q2 * t2_9;
+        let t2_11 = d_q2 * d_q2;
+        let t2_12 = t2_7 - t2_11;
+        let w_ixz_2_q1 = (-cos_q2).mul_add(t2_12, t2_10);
+        let t2_13 = -w_ixz_2_q1;
+        let t2_14 = -w_ixz_2_q2;
+        w[3] = [t2_13, t2_14, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t2_15 = t2_8 - t2_11;
+        let t2_16 = dd_q2 - w_ixx_2_q2;
+        let t2_17 = cos_q2 * t2_16;
+        let w_iyz_2_q1 = sin_q2.mul_add(t2_15, t2_17);
+        let t2_18 = -w_iyz_2_q1;
+        let t2_19 = -w_iyz_2_q2;
+        w[4] = [t2_18, t2_19, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let w_izz_2_q1 = (-sin_q2).mul_add(al_2x, t2_1);
+        let t2_20 = -w_izz_2_q1;
+        w[5] = [t2_20, dd_q2, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t2_21 = d_q1 * d_q1;
+        let t2_22 = cos_q2 * t2_21;
+        let t2_23 = t2_8 + t2_11;
+        let t2_24 = cos_q2 * t2_23;
+        let t2_25 = like.lift(0.2435) * t2_24;
+        let t2_26 = like.lift(0.2435).mul_add(t2_10, t2_25);
+        let w_mx_2_q1 = like.lift(0.2435).mul_add(t2_22, -t2_26);
+        let t2_27 = -w_mx_2_q1;
+        let a_2y = like.lift(9.81) * cos_q2;
+        let a_2y_2 = like.lift(0.2435).mul_add(w_ixz_2_q2, -a_2y);
+        w[6] = [t2_27, a_2y_2, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t2_28 = sin_q2 * t2_21;
+        let t2_29 = like.lift(0.2435) * t2_17;
+        let t2_30 = t2_7 + t2_11;
+        let t2_31 = sin_q2 * t2_30;
+        let t2_32 = like.lift(-0.2435).mul_add(t2_31, t2_29);
+        let w_my_2_q1 = like.lift(0.2435).mul_add(t2_28, t2_32);
+        let a_2x = like.lift(9.81) * sin_q2;
+        let a_2x_2 = like.lift(0.2435).mul_add(w_iyz_2_q2, a_2x);
+        w[7] = [w_my_2_q1, a_2x_2, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        [
+            sin_q2, cos_q2, w_ixz_2_q2, al_2x_2, w_iyz_2_q2, al_2y_2, t2_3, t2_9, t2_21, t2_23,
+            a_2y_2, a_2x_2,
+        ]
+    };
+    // body 3
+    let [
+        sin_q3, cos_q3, sin_q2_q3, cos_q2_q3, w_3y, al_3x, w_3x, w_3z, al_3y, t3_10, t3_13,
+        al_3z, t3_17, t3_24, a_3z, t3_30, a_3y, t3_49, a_3x,
+    ] = {
+        let (sin_q3, cos_q3) = q3.sin_cos();
+        let t3_1 = cos_q2 * sin_q3;
+        let t3_2 = sin_q2 * sin_q3;
+        let sin_q2_q3 = sin_q2.mul_add(cos_q3, t3_1);
+        let cos_q2_q3 = cos_q2.mul_add(cos_q3, -t3_2);
+        let t3_3 = cos_q3 * al_2x_2;
+        let t3_4 = sin_q3.mul_add(al_2y_2, t3_3);
+        let w_3y = d_q1 * cos_q2_q3;
+        let al_3x = d_q3.mul_add(w_3y, t3_4);
+        let w_3x = d_q1 * sin_q2_q3;
+        let w_3z = d_q2 + d_q3;
+        let t3_5 = w_3x * w_3z;
+        let t3_6 = cos_q2_q3 * t3_5;
+        let w_ixx_3_q1 = sin_q2_q3.mul_add(al_3x, t3_6);
+        let w_ixx_3_q2 = w_3x * w_3y;
+        let t3_7 = -w_ixx_3_q2;
+        w[8] = [w_ixx_3_q1, t3_7, t3_7, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t3_8 = sin_q3 * al_2x_2;
+        let t3_9 = (-cos_q3).mul_add(al_2y_2, t3_8);
+        let al_3y = d_q3.mul_add(w_3x, t3_9);
+        let t3_10 = al_3y + t3_5;
+        let t3_11 = sin_q2_q3 * t3_10;
+        let t3_12 = w_3y * w_3z;
+        let t3_13 = al_3x + t3_12;
+        let w_ixy_3_q1 = (-cos_q2_q3).mul_add(t3_13, t3_11);
+        let t3_14 = -w_ixy_3_q1;
+        let t3_15 = w_3x * w_3x;
+        let t3_16 = w_3y * w_3y;
+        let w_ixy_3_q2 = t3_15 - t3_16;
+        w[9] = [t3_14, w_ixy_3_q2, w_ixy_3_q2, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let al_3z = dd_q2 + dd_q3;
+        let t3_17 = al_3z + w_ixx_3_q2;
+        let t3_18 = sin_q2_q3 * t3_17;
+        let t3_19 = w_3z * w_3z;
+        let t3_20 = t3_15 - t3_19;
+        let w_ixz_3_q1 = (-cos_q2_q3).mul_add(t3_20, t3_18);
+        let t3_21 = -w_ixz_3_q1;
+        let w_ixz_3_q2 = al_3x - t3_12;
+        let t3_22 = -w_ixz_3_q2;
+        w[10] = [t3_21, t3_22, t3_22, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t3_23 = t3_16 - t3_19;
+        let t3_24 = al_3z - w_ixx_3_q2;
+        let t3_25 = cos_q2_q3 * t3_24;
+        let w_iyz_3_q1 = sin_q2_q3.mul_add(t3_23, t3_25);
+        let t3_26 = -w_iyz_3_q1;
+        let w_iyz_3_q2 = al_3y - t3_5;
+        w[11] = [t3_26, w_iyz_3_q2, w_iyz_3_q2, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let w_izz_3_q1 = (-sin_q2_q3).mul_add(t3_12, t3_6);
+        let t3_27 = -w_izz_3_q1;
+        w[12] = [t3_27, al_3z, al_3z, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let a_2z = like.lift(0.2435) * t2_21;
+        let t3_28 = like.lift(0.4318) * t2_3;
+        let t3_29 = like.lift(-0.0934).mul_add(t2_21, t3_28);
+        let a_3z = a_2z + t3_29;
+        let t3_30 = t3_16 + t3_19;
+        let t3_31 = cos_q2_q3 * t3_30;
+        let t3_32 = like.lift(0.1501) * t3_31;
+        let t3_33 = like.lift(0.1501).mul_add(t3_18, t3_32);
+        let t3_34 = cos_q2 * t3_10;
+        let t3_35 = like.lift(-0.4318).mul_add(t3_34, t3_33);
+        let w_mx_3_q1 = a_3z.mul_add(cos_q2_q3, -t3_35);
+        let t3_36 = -w_mx_3_q1;
+        let t3_37 = like.lift(0.4318) * t2_23;
+        let t3_38 = like.lift(-0.0934).mul_add(w_iyz_2_q2, t3_37);
+        let t3_39 = a_2x_2 + t3_38;
+        let t3_40 = sin_q3 * t3_39;
+        let t3_41 = like.lift(0.4318) * t2_9;
+        let t3_42 = like.lift(-0.0934).mul_add(w_ixz_2_q2, t3_41);
+        let t3_43 = a_2y_2 + t3_42;
+        let a_3y = cos_q3.mul_add(t3_43, t3_40);
+        let t3_44 = sin_q3 * t3_30;
+        let t3_45 = like.lift(0.4318) * t3_44;
+        let t3_46 = cos_q3 * t3_17;
+        let t3_47 = like.lift(-0.4318).mul_add(t3_46, t3_45);
+        let w_mx_3_q2 = a_3y - t3_47;
+        w[13] = [t3_36, w_mx_3_q2, a_3y, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t3_48 = like.lift(0.1501) * t3_25;
+        let t3_49 = t3_15 + t3_19;
+        let t3_50 = sin_q2_q3 * t3_49;
+        let t3_51 = like.lift(-0.1501).mul_add(t3_50, t3_48);
+        let t3_52 = cos_q2 * t3_13;
+        let t3_53 = like.lift(-0.4318).mul_add(t3_52, t3_51);
+        let w_my_3_q1 = a_3z.mul_add(sin_q2_q3, t3_53);
+        let t3_54 = cos_q3 * t3_39;
+        let a_3x = (-sin_q3).mul_add(t3_43, t3_54);
+        let t3_55 = sin_q3 * t3_24;
+        let t3_56 = like.lift(0.4318) * t3_55;
+        let t3_57 = cos_q3 * t3_49;
+        let t3_58 = like.lift(0.4318).mul_add(t3_57, t3_56);
+        let w_my_3_q2 = a_3x - t3_58;
+        w[14] = [w_my_3_q1, w_my_3_q2, a_3x, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        [
+            sin_q3, cos_q3, sin_q2_q3, cos_q2_q3, w_3y, al_3x, w_3x, w_3z, al_3y, t3_10, t3_13,
+            al_3z, t3_17, t3_24, a_3z, t3_30, a_3y, t3_49, a_3x,
+        ]
+    };
+    // body 4
+    let [
+        sin_q4, cos_q4, w_4y, al_4x, e_4_q1x, w_4x, w_4z, e_4_q1y, al_4y, al_4z, a_4y, a_4z,
+        u_4_q1x, u_4_q1y, u_4_q2x, u_4_q2y, u_4_q2z, a_4x,
+    ] = {
+        let (sin_q4, cos_q4) = q4.sin_cos();
+        let t4_1 = cos_q4 * al_3x;
+        let t4_2 = (-sin_q4).mul_add(al_3z, t4_1);
+        let t4_3 = sin_q4 * w_3x;
+        let w_4y = cos_q4.mul_add(w_3z, t4_3);
+        let al_4x = (-d_q4).mul_add(w_4y, t4_2);
+        let e_4_q1x = cos_q4 * sin_q2_q3;
+        let t4_4 = cos_q4 * w_3x;
+        let w_4x = (-sin_q4).mul_add(w_3z, t4_4);
+        let w_4z = d_q4 + w_3y;
+        let t4_5 = w_4x * w_4z;
+        let e_4_q1y = sin_q4 * sin_q2_q3;
+        let t4_6 = t4_5 * e_4_q1y;
+        let t4_7 = al_4x.mul_add(e_4_q1x, -t4_6);
+        let w_ixx_4_q4 = w_4x * w_4y;
+        let w_ixx_4_q1 = cos_q2_q3.mul_add(w_ixx_4_q4, t4_7);
+        let t4_8 = cos_q4 * t4_5;
+        let w_ixx_4_q2 = sin_q4.mul_add(al_4x, t4_8);
+        let t4_9 = -w_ixx_4_q2;
+        w[15] = [w_ixx_4_q1, t4_9, t4_9, w_ixx_4_q4, like.lift(0.0), like.lift(0.0)];
+        let t4_10 = sin_q4 * al_3x;
+        let t4_11 = cos_q4.mul_add(al_3z, t4_10);
+        let al_4y = d_q4.mul_add(w_4x, t4_11);
+        let t4_12 = al_4y + t4_5;
+        let t4_13 = t4_12 * e_4_q1x;
+        let t4_14 = w_4y * w_4z;
+        let t4_15 = al_4x - t4_14;
+        let t4_16 = t4_15.mul_add(e_4_q1y, t4_13);
+        let t4_17 = w_4x * w_4x;
+        let t4_18 = w_4y * w_4y;
+        let w_ixy_4_q4 = t4_17 - t4_18;
+        let w_ixy_4_q1 = (-cos_q2_q3).mul_add(w_ixy_4_q4, t4_16);
+        let t4_19 = -w_ixy_4_q1;
+        let t4_20 = sin_q4 * t4_12;
+        let w_ixy_4_q2 = (-cos_q4).mul_add(t4_15, t4_20);
+        w[16] = [t4_19, w_ixy_4_q2, w_ixy_4_q2, w_ixy_4_q4, like.lift(0.0), like.lift(0.0)];
+        let al_4z = dd_q4 - al_3y;
+        let t4_21 = al_4z - w_ixx_4_q4;
+        let t4_22 = t4_21 * e_4_q1x;
+        let t4_23 = w_4z * w_4z;
+        let t4_24 = t4_17 - t4_23;
+        let t4_25 = e_4_q1y.mul_add(t4_24, t4_22);
+        let w_ixz_4_q4 = al_4x + t4_14;
+        let w_ixz_4_q1 = cos_q2_q3.mul_add(w_ixz_4_q4, t4_25);
+        let t4_26 = -w_ixz_4_q1;
+        let t4_27 = sin_q4 * t4_21;
+        let w_ixz_4_q2 = (-cos_q4).mul_add(t4_24, t4_27);
+        let t4_28 = -w_ixz_4_q4;
+        w[17] = [t4_26, w_ixz_4_q2, w_ixz_4_q2, t4_28, like.lift(0.0), like.lift(0.0)];
+        let t4_29 = t4_18 - t4_23;
+        let t4_30 = e_4_q1x * t4_29;
+        let t4_31 = al_4z + w_ixx_4_q4;
+        let t4_32 = (-t4_31).mul_add(e_4_q1y, t4_30);
+        let w_iyz_4_q4 = al_4y - t4_5;
+        let w_iyz_4_q1 = (-cos_q2_q3).mul_add(w_iyz_4_q4, t4_32);
+        let t4_33 = -w_iyz_4_q1;
+        let t4_34 = cos_q4 * t4_31;
+        let w_iyz_4_q2 = sin_q4.mul_add(t4_29, t4_34);
+        w[18] = [t4_33, w_iyz_4_q2, w_iyz_4_q2, w_iyz_4_q4, like.lift(0.0), like.lift(0.0)];
+        let t4_35 = (-t4_14).mul_add(e_4_q1x, t4_6);
+        let w_izz_4_q1 = cos_q2_q3.mul_add(al_4z, t4_35);
+        let w_izz_4_q2 = sin_q4.mul_add(t4_14, t4_8);
+        w[19] = [w_izz_4_q1, w_izz_4_q2, w_izz_4_q2, al_4z, like.lift(0.0), like.lift(0.0)];
+        let t4_36 = like.lift(0.0203) * t3_30;
+        let t4_37 = like.lift(0.4331).mul_add(t3_24, t4_36);
+        let t4_38 = a_3x - t4_37;
+        let t4_39 = sin_q4 * t4_38;
+        let t4_40 = like.lift(0.0203) * t3_10;
+        let t4_41 = like.lift(0.4331).mul_add(t3_13, t4_40);
+        let t4_42 = a_3z - t4_41;
+        let a_4y = (-cos_q4).mul_add(t4_42, t4_39);
+        let t4_43 = cos_q2_q3 * a_4y;
+        let t4_44 = like.lift(0.0203) * t3_17;
+        let t4_45 = like.lift(-0.4331).mul_add(t3_49, t4_44);
+        let a_4z = a_3y - t4_45;
+        let t4_46 = a_4z.mul_add(e_4_q1y, t4_43);
+        let t4_47 = t4_18 + t4_23;
+        let t4_48 = cos_q4 * cos_q2_q3;
+        let t4_49 = like.lift(0.1501) * t4_48;
+        let u_3_q1z = like.lift(0.4318) * cos_q2;
+        let t4_50 = like.lift(0.4331) * sin_q2_q3;
+        let t4_51 = like.lift(-0.0203).mul_add(cos_q2_q3, t4_50);
+        let t4_52 = u_3_q1z + t4_51;
+        let u_4_q1x = (-sin_q4).mul_add(t4_52, t4_49);
+        let t4_53 = t4_47 * u_4_q1x;
+        let t4_54 = sin_q4 * cos_q2_q3;
+        let t4_55 = like.lift(0.1501) * t4_54;
+        let u_4_q1y = cos_q4.mul_add(t4_52, t4_55);
+        let t4_56 = t4_21.mul_add(u_4_q1y, t4_53);
+        let t4_57 = sin_q2_q3 * t4_12;
+        let t4_58 = like.lift(0.1501).mul_add(t4_57, t4_56);
+        let w_mx_4_q1 = t4_46 + t4_58;
+        let t4_59 = cos_q4 * a_4z;
+        let u_3_q2x = like.lift(0.4318) * sin_q3;
+        let t4_60 = like.lift(0.4331) + u_3_q2x;
+        let u_4_q2x = cos_q4 * t4_60;
+        let t4_61 = t4_47 * u_4_q2x;
+        let u_4_q2y = sin_q4 * t4_60;
+        let t4_62 = t4_21.mul_add(u_4_q2y, t4_61);
+        let u_3_q2y = like.lift(0.4318) * cos_q3;
+        let u_4_q2z = like.lift(0.0203) - u_3_q2y;
+        let t4_63 = t4_12.mul_add(u_4_q2z, t4_62);
+        let w_mx_4_q2 = t4_59 - t4_63;
+        let t4_64 = cos_q4 * t4_47;
+        let t4_65 = like.lift(0.4331) * t4_64;
+        let t4_66 = like.lift(0.4331).mul_add(t4_27, t4_65);
+        let t4_67 = like.lift(0.0203).mul_add(t4_12, t4_66);
+        let w_mx_4_q3 = t4_59 - t4_67;
+        w[20] = [w_mx_4_q1, w_mx_4_q2, w_mx_4_q3, a_4y, like.lift(0.0), like.lift(0.0)];
+        let t4_68 = a_4z * e_4_q1x;
+        let t4_69 = cos_q4 * t4_38;
+        let a_4x = sin_q4.mul_add(t4_42, t4_69);
+        let t4_70 = cos_q2_q3.mul_add(a_4x, t4_68);
+        let t4_71 = t4_31 * u_4_q1x;
+        let t4_72 = t4_17 + t4_23;
+        let t4_73 = (-t4_72).mul_add(u_4_q1y, t4_71);
+        let t4_74 = sin_q2_q3 * t4_15;
+        let t4_75 = like.lift(0.1501).mul_add(t4_74, t4_73);
+        let w_my_4_q1 = t4_70 + t4_75;
+        let t4_76 = sin_q4 * a_4z;
+        let t4_77 = t4_31 * u_4_q2x;
+        let t4_78 = (-t4_72).mul_add(u_4_q2y, t4_77);
+        let t4_79 = t4_15.mul_add(u_4_q2z, t4_78);
+        let w_my_4_q2 = t4_76 + t4_79;
+        let t4_80 = -w_my_4_q2;
+        let t4_81 = like.lift(0.4331) * t4_34;
+        let t4_82 = sin_q4 * t4_72;
+        let t4_83 = like.lift(-0.4331).mul_add(t4_82, t4_81);
+        let t4_84 = like.lift(0.0203).mul_add(t4_15, t4_83);
+        let w_my_4_q3 = t4_76 + t4_84;
+        let t4_85 = -w_my_4_q3;
+        w[21] = [w_my_4_q1, t4_80, t4_85, a_4x, like.lift(0.0), like.lift(0.0)];
+        [
+            sin_q4, cos_q4, w_4y, al_4x, e_4_q1x, w_4x, w_4z, e_4_q1y, al_4y, al_4z, a_4y,
+            a_4z, u_4_q1x, u_4_q1y, u_4_q2x, u_4_q2y, u_4_q2z, a_4x,
+        ]
+    };
+    // body 5
+    let [
+        sin_q5, cos_q5, w_5y, al_5x, e_5_q1x, w_5x, w_5z, e_5_q1y, e_5_q2x, e_5_q2y, al_5y,
+        al_5z, a_5y, u_5_q1x, u_5_q1y, u_5_q2x, u_5_q2y, u_5_q3x, u_5_q3y, a_5x,
+    ] = {
+        let (sin_q5, cos_q5) = q5.sin_cos();
+        let t5_1 = cos_q5 * al_4x;
+        let t5_2 = sin_q5.mul_add(al_4z, t5_1);
+        let t5_3 = sin_q5 * w_4x;
+        let w_5y = (-cos_q5).mul_add(w_4z, t5_3);
+        let al_5x = (-d_q5).mul_add(w_5y, t5_2);
+        let t5_4 = cos_q5 * e_4_q1x;
+        let e_5_q1x = sin_q5.mul_add(cos_q2_q3, t5_4);
+        let t5_5 = cos_q5 * w_4x;
+        let w_5x = sin_q5.mul_add(w_4z, t5_5);
+        let w_5z = d_q5 + w_4y;
+        let t5_6 = w_5x * w_5z;
+        let t5_7 = sin_q5 * e_4_q1x;
+        let e_5_q1y = (-cos_q5).mul_add(cos_q2_q3, t5_7);
+        let t5_8 = t5_6 * e_5_q1y;
+        let t5_9 = al_5x.mul_add(e_5_q1x, -t5_8);
+        let w_ixx_5_q5 = w_5x * w_5y;
+        let w_ixx_5_q1 = w_ixx_5_q5.mul_add(e_4_q1y, t5_9);
+        let e_5_q2x = sin_q4 * cos_q5;
+        let e_5_q2y = sin_q4 * sin_q5;
+        let t5_10 = t5_6 * e_5_q2y;
+        let t5_11 = al_5x.mul_add(e_5_q2x, -t5_10);
+        let w_ixx_5_q2 = (-cos_q4).mul_add(w_ixx_5_q5, t5_11);
+        let t5_12 = -w_ixx_5_q2;
+        let t5_13 = cos_q5 * t5_6;
+        let w_ixx_5_q4 = sin_q5.mul_add(al_5x, t5_13);
+        w[22] = [w_ixx_5_q1, t5_12, t5_12, w_ixx_5_q4, w_ixx_5_q5, like.lift(0.0)];
+        let t5_14 = sin_q5 * al_4x;
+        let t5_15 = (-cos_q5).mul_add(al_4z, t5_14);
+        let al_5y = d_q5.mul_add(w_5x, t5_15);
+        let t5_16 = al_5y + t5_6;
+        let t5_17 = t5_16 * e_5_q1x;
+        let t5_18 = w_5y * w_5z;
+        let t5_19 = al_5x - t5_18;
+        let t5_20 = t5_19.mul_add(e_5_q1y, t5_17);
+        let t5_21 = w_5x * w_5x;
+        let t5_22 = w_5y * w_5y;
+        let w_ixy_5_q5 = t5_21 - t5_22;
+        let w_ixy_5_q1 = (-e_4_q1y).mul_add(w_ixy_5_q5, t5_20);
+        let t5_23 = -w_ixy_5_q1;
+        let t5_24 = t5_16 * e_5_q2x;
+        let t5_25 = t5_19.mul_add(e_5_q2y, t5_24);
+        let w_ixy_5_q2 = cos_q4.mul_add(w_ixy_5_q5, t5_25);
+        let t5_26 = sin_q5 * t5_16;
+        let w_ixy_5_q4 = (-cos_q5).mul_add(t5_19, t5_26);
+        let t5_27 = -w_ixy_5_q4;
+        w[23] = [t5_23, w_ixy_5_q2, w_ixy_5_q2, t5_27, w_ixy_5_q5, like.lift(0.0)];
+        let al_5z = dd_q5 + al_4y;
+        let t5_28 = al_5z - w_ixx_5_q5;
+        let t5_29 = t5_28 * e_5_q1x;
+        let t5_30 = w_5z * w_5z;
+        let t5_31 = t5_21 - t5_30;
+        let t5_32 = e_5_q1y.mul_add(t5_31, t5_29);
+        let w_ixz_5_q5 = al_5x + t5_18;
+        let w_ixz_5_q1 = w_ixz_5_q5.mul_add(e_4_q1y, t5_32);
+        let t5_33 = -w_ixz_5_q1;
+        let t5_34 = t5_28 * e_5_q2x;
+        let t5_35 = e_5_q2y.mul_add(t5_31, t5_34);
+        let w_ixz_5_q2 = (-cos_q4).mul_add(w_ixz_5_q5, t5_35);
+        let t5_36 = sin_q5 * t5_28;
+        let w_ixz_5_q4 = (-cos_q5).mul_add(t5_31, t5_36);
+        let t5_37 = -w_ixz_5_q4;
+        let t5_38 = -w_ixz_5_q5;
+        w[24] = [t5_33, w_ixz_5_q2, w_ixz_5_q2, t5_37, t5_38, like.lift(0.0)];
+        let t5_39 = t5_22 - t5_30;
+        let t5_40 = e_5_q1x * t5_39;
+        let t5_41 = al_5z + w_ixx_5_q5;
+        let t5_42 = (-t5_41).mul_add(e_5_q1y, t5_40);
+        let w_iyz_5_q5 = al_5y - t5_6;
+        let w_iyz_5_q1 = (-w_iyz_5_q5).mul_add(e_4_q1y, t5_42);
+        let t5_43 = -w_iyz_5_q1;
+        let t5_44 = e_5_q2x * t5_39;
+        let t5_45 = (-t5_41).mul_add(e_5_q2y, t5_44);
+        let w_iyz_5_q2 = cos_q4.mul_add(w_iyz_5_q5, t5_45);
+        let t5_46 = sin_q5 * t5_39;
+        let w_iyz_5_q4 = cos_q5.mul_add(t5_41, t5_46);
+        let t5_47 = -w_iyz_5_q4;
+        w[25] = [t5_43, w_iyz_5_q2, w_iyz_5_q2, t5_47, w_iyz_5_q5, like.lift(0.0)];
+        let t5_48 = (-t5_18).mul_add(e_5_q1x, t5_8);
+        let w_izz_5_q1 = al_5z.mul_add(e_4_q1y, t5_48);
+        let t5_49 = (-t5_18).mul_add(e_5_q2x, t5_10);
+        let w_izz_5_q2 = (-cos_q4).mul_add(al_5z, t5_49);
+        let t5_50 = -w_izz_5_q2;
+        let w_izz_5_q4 = sin_q5.mul_add(t5_18, t5_13);
+        let t5_51 = -w_izz_5_q4;
+        w[26] = [w_izz_5_q1, t5_50, t5_50, t5_51, al_5z, like.lift(0.0)];
+        let t5_52 = sin_q5 * a_4x;
+        let a_5y = cos_q5.mul_add(a_4z, t5_52);
+        let t5_53 = a_5y * e_4_q1y;
+        let t5_54 = (-a_4y).mul_add(e_5_q1y, t5_53);
+        let t5_55 = t5_22 + t5_30;
+        let t5_56 = cos_q5 * u_4_q1x;
+        let t5_57 = sin_q5 * sin_q2_q3;
+        let u_5_q1x = like.lift(-0.1501).mul_add(t5_57, t5_56);
+        let t5_58 = t5_55 * u_5_q1x;
+        let t5_59 = sin_q5 * u_4_q1x;
+        let t5_60 = cos_q5 * sin_q2_q3;
+        let u_5_q1y = like.lift(0.1501).mul_add(t5_60, t5_59);
+        let t5_61 = t5_28.mul_add(u_5_q1y, t5_58);
+        let t5_62 = (-t5_16).mul_add(u_4_q1y, t5_61);
+        let w_mx_5_q1 = t5_54 + t5_62;
+        let t5_63 = cos_q4 * a_5y;
+        let t5_64 = a_4y.mul_add(e_5_q2y, t5_63);
+        let t5_65 = cos_q5 * u_4_q2x;
+        let u_5_q2x = (-sin_q5).mul_add(u_4_q2z, t5_65);
+        let t5_66 = t5_55 * u_5_q2x;
+        let t5_67 = sin_q5 * u_4_q2x;
+        let u_5_q2y = cos_q5.mul_add(u_4_q2z, t5_67);
+        let t5_68 = t5_28.mul_add(u_5_q2y, t5_66);
+        let t5_69 = (-t5_16).mul_add(u_4_q2y, t5_68);
+        let w_mx_5_q2 = t5_64 - t5_69;
+        let t5_70 = cos_q4 * cos_q5;
+        let t5_71 = like.lift(0.4331) * t5_70;
+        let u_5_q3x = like.lift(-0.0203).mul_add(sin_q5, t5_71);
+        let t5_72 = t5_55 * u_5_q3x;
+        let t5_73 = cos_q4 * sin_q5;
+        let t5_74 = like.lift(0.4331) * t5_73;
+        let u_5_q3y = like.lift(0.0203).mul_add(cos_q5, t5_74);
+        let t5_75 = t5_28.mul_add(u_5_q3y, t5_72);
+        let t5_76 = sin_q4 * t5_16;
+        let t5_77 = like.lift(-0.4331).mul_add(t5_76, t5_75);
+        let w_mx_5_q3 = t5_64 - t5_77;
+        let w_mx_5_q4 = cos_q5 * a_4y;
+        w[27] = [w_mx_5_q1, w_mx_5_q2, w_mx_5_q3, w_mx_5_q4, a_5y, like.lift(0.0)];
+        let t5_78 = a_4y * e_5_q1x;
+        let t5_79 = cos_q5 * a_4x;
+        let a_5x = (-sin_q5).mul_add(a_4z, t5_79);
+        let t5_80 = (-a_5x).mul_add(e_4_q1y, t5_78);
+        let t5_81 = t5_41 * u_5_q1x;
+        let t5_82 = t5_21 + t5_30;
+        let t5_83 = (-t5_82).mul_add(u_5_q1y, t5_81);
+        let t5_84 = (-t5_19).mul_add(u_4_q1y, t5_83);
+        let w_my_5_q1 = t5_80 - t5_84;
+        let t5_85 = -w_my_5_q1;
+        let t5_86 = a_4y * e_5_q2x;
+        let t5_87 = cos_q4.mul_add(a_5x, t5_86);
+        let t5_88 = t5_41 * u_5_q2x;
+        let t5_89 = (-t5_82).mul_add(u_5_q2y, t5_88);
+        let t5_90 = (-t5_19).mul_add(u_4_q2y, t5_89);
+        let w_my_5_q2 = t5_87 - t5_90;
+        let t5_91 = t5_41 * u_5_q3x;
+        let t5_92 = (-t5_82).mul_add(u_5_q3y, t5_91);
+        let t5_93 = sin_q4 * t5_19;
+        let t5_94 = like.lift(-0.4331).mul_add(t5_93, t5_92);
+        let w_my_5_q3 = t5_87 - t5_94;
+        let w_my_5_q4 = sin_q5 * a_4y;
+        let t5_95 = -w_my_5_q4;
+        w[28] = [t5_85, w_my_5_q2, w_my_5_q3, t5_95, a_5x, like.lift(0.0)];
+        [
+            sin_q5, cos_q5, w_5y, al_5x, e_5_q1x, w_5x, w_5z, e_5_q1y, e_5_q2x, e_5_q2y, al_5y,
+            al_5z, a_5y, u_5_q1x, u_5_q1y, u_5_q2x, u_5_q2y, u_5_q3x, u_5_q3y, a_5x,
+        ]
+    };
+    // body 6
+    {
+        let (sin_q6, cos_q6) = q6.sin_cos();
+        let t6_1 = cos_q6 * al_5x;
+        let t6_2 = (-sin_q6).mul_add(al_5z, t6_1);
+        let t6_3 = sin_q6 * w_5x;
+        let w_6y = cos_q6.mul_add(w_5z, t6_3);
+        let al_6x = (-d_q6).mul_add(w_6y, t6_2);
+        let t6_4 = cos_q6 * e_5_q1x;
+        let e_6_q1x = (-sin_q6).mul_add(e_4_q1y, t6_4);
+        let t6_5 = cos_q6 * w_5x;
+        let w_6x = (-sin_q6).mul_add(w_5z, t6_5);
+        let w_6z = d_q6 - w_5y;
+        let t6_6 = w_6x * w_6z;
+        let t6_7 = sin_q6 * e_5_q1x;
+        let e_6_q1y = cos_q6.mul_add(e_4_q1y, t6_7);
+        let t6_8 = t6_6 * e_6_q1y;
+        let t6_9 = al_6x.mul_add(e_6_q1x, -t6_8);
+        let w_ixx_6_q6 = w_6x * w_6y;
+        let w_ixx_6_q1 = (-w_ixx_6_q6).mul_add(e_5_q1y, t6_9);
+        let t6_10 = cos_q6 * e_5_q2x;
+        let e_6_q2x = cos_q4.mul_add(sin_q6, t6_10);
+        let t6_11 = sin_q6 * e_5_q2x;
+        let e_6_q2y = (-cos_q4).mul_add(cos_q6, t6_11);
+        let t6_12 = t6_6 * e_6_q2y;
+        let t6_13 = al_6x.mul_add(e_6_q2x, -t6_12);
+        let w_ixx_6_q2 = (-w_ixx_6_q6).mul_add(e_5_q2y, t6_13);
+        let t6_14 = -w_ixx_6_q2;
+        let e_6_q4x = sin_q5 * cos_q6;
+        let e_6_q4y = sin_q5 * sin_q6;
+        let t6_15 = t6_6 * e_6_q4y;
+        let t6_16 = al_6x.mul_add(e_6_q4x, -t6_15);
+        let w_ixx_6_q4 = cos_q5.mul_add(w_ixx_6_q6, t6_16);
+        let t6_17 = cos_q6 * t6_6;
+        let w_ixx_6_q5 = sin_q6.mul_add(al_6x, t6_17);
+        let t6_18 = -w_ixx_6_q5;
+        w[29] = [w_ixx_6_q1, t6_14, t6_14, w_ixx_6_q4, t6_18, w_ixx_6_q6];
+        let t6_19 = sin_q6 * al_5x;
+        let t6_20 = cos_q6.mul_add(al_5z, t6_19);
+        let al_6y = d_q6.mul_add(w_6x, t6_20);
+        let t6_21 = al_6y + t6_6;
+        let t6_22 = t6_21 * e_6_q1x;
+        let t6_23 = w_6y * w_6z;
+        let t6_24 = al_6x - t6_23;
+        let t6_25 = t6_24.mul_add(e_6_q1y, t6_22);
+        let t6_26 = w_6x * w_6x;
+        let t6_27 = w_6y * w_6y;
+        let w_ixy_6_q6 = t6_26 - t6_27;
+        let w_ixy_6_q1 = e_5_q1y.mul_add(w_ixy_6_q6, t6_25);
+        let t6_28 = -w_ixy_6_q1;
+        let t6_29 = t6_21 * e_6_q2x;
+        let t6_30 = t6_24.mul_add(e_6_q2y, t6_29);
+        let w_ixy_6_q2 = e_5_q2y.mul_add(w_ixy_6_q6, t6_30);
+        let t6_31 = t6_21 * e_6_q4x;
+        let t6_32 = t6_24.mul_add(e_6_q4y, t6_31);
+        let w_ixy_6_q4 = (-cos_q5).mul_add(w_ixy_6_q6, t6_32);
+        let t6_33 = -w_ixy_6_q4;
+        let t6_34 = sin_q6 * t6_21;
+        let w_ixy_6_q5 = (-cos_q6).mul_add(t6_24, t6_34);
+        w[30] = [t6_28, w_ixy_6_q2, w_ixy_6_q2, t6_33, w_ixy_6_q5, w_ixy_6_q6];
+        let al_6z = dd_q6 - al_5y;
+        let t6_35 = al_6z - w_ixx_6_q6;
+        let t6_36 = t6_35 * e_6_q1x;
+        let t6_37 = w_6z * w_6z;
+        let t6_38 = t6_26 - t6_37;
+        let t6_39 = e_6_q1y.mul_add(t6_38, t6_36);
+        let w_ixz_6_q6 = al_6x + t6_23;
+        let w_ixz_6_q1 = (-w_ixz_6_q6).mul_add(e_5_q1y, t6_39);
+        let t6_40 = -w_ixz_6_q1;
+        let t6_41 = t6_35 * e_6_q2x;
+        let t6_42 = e_6_q2y.mul_add(t6_38, t6_41);
+        let w_ixz_6_q2 = (-w_ixz_6_q6).mul_add(e_5_q2y, t6_42);
+        let t6_43 = t6_35 * e_6_q4x;
+        let t6_44 = e_6_q4y.mul_add(t6_38, t6_43);
+        let w_ixz_6_q4 = cos_q5.mul_add(w_ixz_6_q6, t6_44);
+        let t6_45 = -w_ixz_6_q4;
+        let t6_46 = sin_q6 * t6_35;
+        let w_ixz_6_q5 = (-cos_q6).mul_add(t6_38, t6_46);
+        let t6_47 = -w_ixz_6_q6;
+        w[31] = [t6_40, w_ixz_6_q2, w_ixz_6_q2, t6_45, w_ixz_6_q5, t6_47];
+        let t6_48 = t6_27 - t6_37;
+        let t6_49 = e_6_q1x * t6_48;
+        let t6_50 = al_6z + w_ixx_6_q6;
+        let t6_51 = (-t6_50).mul_add(e_6_q1y, t6_49);
+        let w_iyz_6_q6 = al_6y - t6_6;
+        let w_iyz_6_q1 = w_iyz_6_q6.mul_add(e_5_q1y, t6_51);
+        let t6_52 = -w_iyz_6_q1;
+        let t6_53 = e_6_q2x * t6_48;
+        let t6_54 = (-t6_50).mul_add(e_6_q2y, t6_53);
+        let w_iyz_6_q2 = w_iyz_6_q6.mul_add(e_5_q2y, t6_54);
+        let t6_55 = e_6_q4x * t6_48;
+        let t6_56 = (-t6_50).mul_add(e_6_q4y, t6_55);
+        let w_iyz_6_q4 = (-cos_q5).mul_add(w_iyz_6_q6, t6_56);
+        let t6_57 = -w_iyz_6_q4;
+        let t6_58 = sin_q6 * t6_48;
+        let w_iyz_6_q5 = cos_q6.mul_add(t6_50, t6_58);
+        w[32] = [t6_52, w_iyz_6_q2, w_iyz_6_q2, t6_57, w_iyz_6_q5, w_iyz_6_q6];
+        let t6_59 = (-t6_23).mul_add(e_6_q1x, t6_8);
+        let w_izz_6_q1 = (-al_6z).mul_add(e_5_q1y, t6_59);
+        let t6_60 = (-t6_23).mul_add(e_6_q2x, t6_12);
+        let w_izz_6_q2 = (-al_6z).mul_add(e_5_q2y, t6_60);
+        let t6_61 = -w_izz_6_q2;
+        let t6_62 = (-t6_23).mul_add(e_6_q4x, t6_15);
+        let w_izz_6_q4 = cos_q5.mul_add(al_6z, t6_62);
+        let w_izz_6_q5 = sin_q6.mul_add(t6_23, t6_17);
+        w[33] = [w_izz_6_q1, t6_61, t6_61, w_izz_6_q4, w_izz_6_q5, al_6z];
+        let t6_63 = sin_q6 * a_5x;
+        let a_6y = cos_q6.mul_add(a_4y, t6_63);
+        let t6_64 = a_6y * e_5_q1y;
+        let t6_65 = (-a_5y).mul_add(e_6_q1y, t6_64);
+        let t6_66 = t6_27 + t6_37;
+        let t6_67 = cos_q6 * u_5_q1x;
+        let u_6_q1x = (-sin_q6).mul_add(u_4_q1y, t6_67);
+        let t6_68 = t6_66 * u_6_q1x;
+        let t6_69 = sin_q6 * u_5_q1x;
+        let u_6_q1y = cos_q6.mul_add(u_4_q1y, t6_69);
+        let t6_70 = t6_35.mul_add(u_6_q1y, t6_68);
+        let t6_71 = t6_21.mul_add(u_5_q1y, t6_70);
+        let w_mx_6_q1 = t6_65 - t6_71;
+        let t6_72 = -w_mx_6_q1;
+        let t6_73 = a_6y * e_5_q2y;
+        let t6_74 = (-a_5y).mul_add(e_6_q2y, t6_73);
+        let t6_75 = cos_q6 * u_5_q2x;
+        let u_6_q2x = (-sin_q6).mul_add(u_4_q2y, t6_75);
+        let t6_76 = t6_66 * u_6_q2x;
+        let t6_77 = sin_q6 * u_5_q2x;
+        let u_6_q2y = cos_q6.mul_add(u_4_q2y, t6_77);
+        let t6_78 = t6_35.mul_add(u_6_q2y, t6_76);
+        let t6_79 = t6_21.mul_add(u_5_q2y, t6_78);
+        let w_mx_6_q2 = t6_74 - t6_79;
+        let t6_80 = cos_q6 * u_5_q3x;
+        let t6_81 = sin_q4 * sin_q6;
+        let u_6_q3x = like.lift(-0.4331).mul_add(t6_81, t6_80);
+        let t6_82 = t6_66 * u_6_q3x;
+        let t6_83 = sin_q6 * u_5_q3x;
+        let t6_84 = sin_q4 * cos_q6;
+        let u_6_q3y = like.lift(0.4331).mul_add(t6_84, t6_83);
+        let t6_85 = t6_35.mul_add(u_6_q3y, t6_82);
+        let t6_86 = t6_21.mul_add(u_5_q3y, t6_85);
+        let w_mx_6_q3 = t6_74 - t6_86;
+        let t6_87 = cos_q5 * a_6y;
+        let w_mx_6_q4 = a_5y.mul_add(e_6_q4y, t6_87);
+        let w_mx_6_q5 = cos_q6 * a_5y;
+        w[34] = [t6_72, w_mx_6_q2, w_mx_6_q3, w_mx_6_q4, w_mx_6_q5, a_6y];
+        let t6_88 = a_5y * e_6_q1x;
+        let t6_89 = cos_q6 * a_5x;
+        let a_6x = (-sin_q6).mul_add(a_4y, t6_89);
+        let t6_90 = (-a_6x).mul_add(e_5_q1y, t6_88);
+        let t6_91 = t6_50 * u_6_q1x;
+        let t6_92 = t6_26 + t6_37;
+        let t6_93 = (-t6_92).mul_add(u_6_q1y, t6_91);
+        let t6_94 = t6_24.mul_add(u_5_q1y, t6_93);
+        let w_my_6_q1 = t6_90 + t6_94;
+        let t6_95 = a_5y * e_6_q2x;
+        let t6_96 = (-a_6x).mul_add(e_5_q2y, t6_95);
+        let t6_97 = t6_50 * u_6_q2x;
+        let t6_98 = (-t6_92).mul_add(u_6_q2y, t6_97);
+        let t6_99 = t6_24.mul_add(u_5_q2y, t6_98);
+        let w_my_6_q2 = t6_96 + t6_99;
+        let t6_100 = -w_my_6_q2;
+        let t6_101 = t6_50 * u_6_q3x;
+        let t6_102 = (-t6_92).mul_add(u_6_q3y, t6_101);
+        let t6_103 = t6_24.mul_add(u_5_q3y, t6_102);
+        let w_my_6_q3 = t6_96 + t6_103;
+        let t6_104 = -w_my_6_q3;
+        let t6_105 = a_5y * e_6_q4x;
+        let w_my_6_q4 = cos_q5.mul_add(a_6x, t6_105);
+        let w_my_6_q5 = sin_q6 * a_5y;
+        let t6_106 = -w_my_6_q5;
+        w[35] = [w_my_6_q1, t6_100, t6_104, w_my_6_q4, t6_106, a_6x];
+    }
+    Condition::regular(like)
+}
+
+/// The base parameters of given parameters.
+///
+/// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
+/// - `beta`: base parameters, in the order of `BASE`
+///
+/// 58 additions, 37 multiplications, 0 divisions, 0 sines and cosines.
+pub fn to_base<T: Scalar>(phi: &[T; 60]) -> [T; 36] {
+    let like = phi[0];
+    let mut beta = [like.lift(0.0); 36];
+    let [
+        _, _, _, _, _, p_izz_1, _, _, _, _, p_ixx_2, p_ixy_2, p_ixz_2, p_iyy_2, p_iyz_2,
+        p_izz_2, p_mx_2, p_my_2, p_mz_2, p_m_2, p_ixx_3, p_ixy_3, p_ixz_3, p_iyy_3, p_iyz_3,
+        p_izz_3, p_mx_3, p_my_3, p_mz_3, p_m_3, p_ixx_4, p_ixy_4, p_ixz_4, p_iyy_4, p_iyz_4,
+        p_izz_4, p_mx_4, p_my_4, p_mz_4, p_m_4, p_ixx_5, p_ixy_5, p_ixz_5, p_iyy_5, p_iyz_5,
+        p_izz_5, p_mx_5, p_my_5, p_mz_5, p_m_5, p_ixx_6, p_ixy_6, p_ixz_6, p_iyy_6, p_iyz_6,
+        p_izz_6, p_mx_6, p_my_6, p_mz_6, p_m_6,
+    ] = *phi;
+    // combinations
+    {
+        let t1_1 = p_izz_1 + p_iyy_3;
+        let t1_2 = p_iyy_2 + t1_1;
+        let t1_3 = like.lift(0.487).mul_add(p_mz_2, t1_2);
+        let t1_4 = like.lift(0.05929225).mul_add(p_m_2, t1_3);
+        let t1_5 = like.lift(0.3002).mul_add(p_mz_3, t1_4);
+        let t1_6 = like.lift(0.20898125).mul_add(p_m_3, t1_5);
+        let t1_7 = like.lift(0.20939334).mul_add(p_m_6, t1_6);
+        let t1_8 = like.lift(0.20939334).mul_add(p_m_5, t1_7);
+        let t1_9 = like.lift(0.20939334).mul_add(p_m_4, t1_8);
+        beta[0] = t1_9;
+        let t1_10 = p_ixx_2 - p_iyy_2;
+        let t1_11 = like.lift(0.18645124) * p_m_6;
+        let t1_12 = t1_10 - t1_11;
+        let t1_13 = like.lift(0.18645124) * p_m_5;
+        let t1_14 = t1_12 - t1_13;
+        let t1_15 = like.lift(0.18645124) * p_m_4;
+        let t1_16 = t1_14 - t1_15;
+        let t1_17 = like.lift(0.18645124) * p_m_3;
+        let t1_18 = t1_16 - t1_17;
+        beta[1] = t1_18;
+        let t1_19 = like.lift(-0.4318).mul_add(p_mz_3, p_ixz_2);
+        let t1_20 = like.lift(0.04033012).mul_add(p_m_6, t1_19);
+        let t1_21 = like.lift(0.04033012).mul_add(p_m_5, t1_20);
+        let t1_22 = like.lift(0.04033012).mul_add(p_m_4, t1_21);
+        let t1_23 = like.lift(0.04033012).mul_add(p_m_3, t1_22);
+        beta[3] = t1_23;
+        let t1_24 = p_izz_2 + t1_11;
+        let t1_25 = t1_13 + t1_24;
+        let t1_26 = t1_15 + t1_25;
+        let t1_27 = t1_17 + t1_26;
+        beta[5] = t1_27;
+        let t1_28 = like.lift(0.4318).mul_add(p_m_6, p_mx_2);
+        let t1_29 = like.lift(0.4318).mul_add(p_m_5, t1_28);
+        let t1_30 = like.lift(0.4318).mul_add(p_m_4, t1_29);
+        let t1_31 = like.lift(0.4318).mul_add(p_m_3, t1_30);
+        beta[6] = t1_31;
+        let t1_32 = p_ixx_3 + p_iyy_4;
+        let t1_33 = p_iyy_3 - t1_32;
+        let t1_34 = like.lift(0.8662) * p_mz_4;
+        let t1_35 = t1_33 - t1_34;
+        let t1_36 = like.lift(-0.18716352).mul_add(p_m_6, t1_35);
+        let t1_37 = like.lift(-0.18716352).mul_add(p_m_5, t1_36);
+        let t1_38 = like.lift(-0.18716352).mul_add(p_m_4, t1_37);
+        let t1_39 = -t1_38;
+        beta[8] = t1_39;
+        let t1_40 = like.lift(-0.0203).mul_add(p_mz_4, p_ixy_3);
+        let t1_41 = like.lift(-0.00879193).mul_add(p_m_6, t1_40);
+        let t1_42 = like.lift(-0.00879193).mul_add(p_m_5, t1_41);
+        let t1_43 = like.lift(-0.00879193).mul_add(p_m_4, t1_42);
+        beta[9] = t1_43;
+        let t1_44 = p_izz_3 + p_iyy_4;
+        let t1_45 = t1_34 + t1_44;
+        let t1_46 = like.lift(0.1879877).mul_add(p_m_6, t1_45);
+        let t1_47 = like.lift(0.1879877).mul_add(p_m_5, t1_46);
+        let t1_48 = like.lift(0.1879877).mul_add(p_m_4, t1_47);
+        beta[12] = t1_48;
+        let t1_49 = like.lift(-0.0203).mul_add(p_m_6, p_mx_3);
+        let t1_50 = like.lift(-0.0203).mul_add(p_m_5, t1_49);
+        let t1_51 = like.lift(-0.0203).mul_add(p_m_4, t1_50);
+        beta[13] = t1_51;
+        let t1_52 = p_my_3 - p_mz_4;
+        let t1_53 = like.lift(-0.4331).mul_add(p_m_6, t1_52);
+        let t1_54 = like.lift(-0.4331).mul_add(p_m_5, t1_53);
+        let t1_55 = like.lift(-0.4331).mul_add(p_m_4, t1_54);
+        beta[14] = t1_55;
+        let t1_56 = p_ixx_4 + p_iyy_5;
+        let t1_57 = p_iyy_4 - t1_56;
+        let t1_58 = -t1_57;
+        beta[15] = t1_58;
+        let t1_59 = p_izz_4 + p_iyy_5;
+        beta[19] = t1_59;
+        let t1_60 = p_my_4 + p_mz_5;
+        beta[21] = t1_60;
+        let t1_61 = p_ixx_5 + p_iyy_6;
+        let t1_62 = p_iyy_5 - t1_61;
+        let t1_63 = -t1_62;
+        beta[22] = t1_63;
+        let t1_64 = p_izz_5 + p_iyy_6;
+        beta[26] = t1_64;
+        let t1_65 = p_my_5 - p_mz_6;
+        beta[28] = t1_65;
+        let t1_66 = p_ixx_6 - p_iyy_6;
+        beta[29] = t1_66;
+        beta[2] = p_ixy_2;
+        beta[4] = p_iyz_2;
+        beta[7] = p_my_2;
+        beta[10] = p_ixz_3;
+        beta[11] = p_iyz_3;
+        beta[16] = p_ixy_4;
+        beta[17] = p_ixz_4;
+        beta[18] = p_iyz_4;
+        beta[20] = p_mx_4;
+        beta[23] = p_ixy_5;
+        beta[24] = p_ixz_5;
+        beta[25] = p_iyz_5;
+        beta[27] = p_mx_5;
+        beta[30] = p_ixy_6;
+        beta[31] = p_ixz_6;
+        beta[32] = p_iyz_6;
+        beta[33] = p_izz_6;
+        beta[34] = p_mx_6;
+        beta[35] = p_my_6;
+    }
+    beta
+}
+
+/// Parameters with given base parameters; all of them, as `free` takes all values.
+///
+/// - `beta`: base parameters, SI, in the order of `BASE`
+/// - `free`: values of the eliminated parameters, in the order of `FREE`
+/// - `phi`: dynamic parameters, in the order of `PARAMETERS`
+///
+/// 58 additions, 37 multiplications, 0 divisions, 0 sines and cosines.
+pub fn from_base<T: Scalar>(beta: &[T; 36], free: &[T; 24]) -> [T; 60] {
+    let like = beta[0];
+    let mut phi = [like.lift(0.0); 60];
+    let [
+        p_izz_1, p_ixx_2, p_ixy_2, p_ixz_2, p_iyz_2, p_izz_2, p_mx_2, p_my_2, p_ixx_3, p_ixy_3,
+        p_ixz_3, p_iyz_3, p_izz_3, p_mx_3, p_my_3, p_ixx_4, p_ixy_4, p_ixz_4, p_iyz_4, p_izz_4,
+        p_mx_4, p_my_4, p_ixx_5, p_ixy_5, p_ixz_5, p_iyz_5, p_izz_5, p_mx_5, p_my_5, p_ixx_6,
+        p_ixy_6, p_ixz_6, p_iyz_6, p_izz_6, p_mx_6, p_my_6,
+    ] = *beta;
+    let [
+        p_ixx_1, p_ixy_1, p_ixz_1, p_iyy_1, p_iyz_1, p_mx_1, p_my_1, p_mz_1, p_m_1, p_iyy_2,
+        p_mz_2, p_m_2, p_iyy_3, p_mz_3, p_m_3, p_iyy_4, p_mz_4, p_m_4, p_iyy_5, p_mz_5, p_m_5,
+        p_iyy_6, p_mz_6, p_m_6,
+    ] = *free;
+    // phi
+    {
+        let t1_1 = p_iyy_2 + p_iyy_3;
+        let t1_2 = like.lift(0.487).mul_add(p_mz_2, t1_1);
+        let t1_3 = like.lift(0.05929225).mul_add(p_m_2, t1_2);
+        let t1_4 = like.lift(0.3002).mul_add(p_mz_3, t1_3);
+        let t1_5 = like.lift(0.20898125).mul_add(p_m_3, t1_4);
+        let t1_6 = like.lift(0.20939334).mul_add(p_m_6, t1_5);
+        let t1_7 = like.lift(0.20939334).mul_add(p_m_5, t1_6);
+        let t1_8 = like.lift(0.20939334).mul_add(p_m_4, t1_7);
+        let t1_9 = p_izz_1 - t1_8;
+        phi[5] = t1_9;
+        let t1_10 = like.lift(0.18645124) * p_m_6;
+        let t1_11 = p_iyy_2 + t1_10;
+        let t1_12 = like.lift(0.18645124) * p_m_5;
+        let t1_13 = t1_11 + t1_12;
+        let t1_14 = like.lift(0.18645124) * p_m_4;
+        let t1_15 = t1_13 + t1_14;
+        let t1_16 = like.lift(0.18645124) * p_m_3;
+        let t1_17 = t1_15 + t1_16;
+        let t1_18 = p_ixx_2 + t1_17;
+        phi[10] = t1_18;
+        let t1_19 = like.lift(0.4318) * p_mz_3;
+        let t1_20 = like.lift(-0.04033012).mul_add(p_m_6, t1_19);
+        let t1_21 = like.lift(-0.04033012).mul_add(p_m_5, t1_20);
+        let t1_22 = like.lift(-0.04033012).mul_add(p_m_4, t1_21);
+        let t1_23 = like.lift(-0.04033012).mul_add(p_m_3, t1_22);
+        let t1_24 = p_ixz_2 + t1_23;
+        phi[12] = t1_24;
+        let t1_25 = t1_10 + t1_12;
+        let t1_26 = t1_14 + t1_25;
+        let t1_27 = t1_16 + t1_26;
+        let t1_28 = p_izz_2 - t1_27;
+        phi[15] = t1_28;
+        let t1_29 = like.lift(0.4318) * p_m_6;
+        let t1_30 = like.lift(0.4318).mul_add(p_m_5, t1_29);
+        let t1_31 = like.lift(0.4318).mul_add(p_m_4, t1_30);
+        let t1_32 = like.lift(0.4318).mul_add(p_m_3, t1_31);
+        let t1_33 = p_mx_2 - t1_32;
+        phi[16] = t1_33;
+        let t1_34 = p_iyy_3 - p_iyy_4;
+        let t1_35 = like.lift(0.8662) * p_mz_4;
+        let t1_36 = t1_34 - t1_35;
+        let t1_37 = like.lift(-0.18716352).mul_add(p_m_6, t1_36);
+        let t1_38 = like.lift(-0.18716352).mul_add(p_m_5, t1_37);
+        let t1_39 = like.lift(-0.18716352).mul_add(p_m_4, t1_38);
+        let t1_40 = p_ixx_3 + t1_39;
+        phi[20] = t1_40;
+        let t1_41 = like.lift(0.0203) * p_mz_4;
+        let t1_42 = like.lift(0.00879193).mul_add(p_m_6, t1_41);
+        let t1_43 = like.lift(0.00879193).mul_add(p_m_5, t1_42);
+        let t1_44 = like.lift(0.00879193).mul_add(p_m_4, t1_43);
+        let t1_45 = p_ixy_3 + t1_44;
+        phi[21] = t1_45;
+        let t1_46 = p_iyy_4 + t1_35;
+        let t1_47 = like.lift(0.1879877).mul_add(p_m_6, t1_46);
+        let t1_48 = like.lift(0.1879877).mul_add(p_m_5, t1_47);
+        let t1_49 = like.lift(0.1879877).mul_add(p_m_4, t1_48);
+        let t1_50 = p_izz_3 - t1_49;
+        phi[25] = t1_50;
+        let t1_51 = like.lift(0.0203) * p_m_6;
+        let t1_52 = like.lift(0.0203).mul_add(p_m_5, t1_51);
+        let t1_53 = like.lift(0.0203).mul_add(p_m_4, t1_52);
+        let t1_54 = p_mx_3 + t1_53;
+        phi[26] = t1_54;
+        let t1_55 = like.lift(0.4331).mul_add(p_m_6, p_mz_4);
+        let t1_56 = like.lift(0.4331).mul_add(p_m_5, t1_55);
+        let t1_57 = like.lift(0.4331).mul_add(p_m_4, t1_56);
+        let t1_58 = p_my_3 + t1_57;
+        phi[27] = t1_58;
+        let t1_59 = p_iyy_4 - p_iyy_5;
+        let t1_60 = p_ixx_4 + t1_59;
+        phi[30] = t1_60;
+        let t1_61 = p_izz_4 - p_iyy_5;
+        phi[35] = t1_61;
+        let t1_62 = p_my_4 - p_mz_5;
+        phi[37] = t1_62;
+        let t1_63 = p_iyy_5 - p_iyy_6;
+        let t1_64 = p_ixx_5 + t1_63;
+        phi[40] = t1_64;
+        let t1_65 = p_izz_5 - p_iyy_6;
+        phi[45] = t1_65;
+        let t1_66 = p_my_5 + p_mz_6;
+        phi[47] = t1_66;
+        let t1_67 = p_ixx_6 + p_iyy_6;
+        phi[50] = t1_67;
+        phi[0] = p_ixx_1;
+        phi[1] = p_ixy_1;
+        phi[2] = p_ixz_1;
+        phi[3] = p_iyy_1;
+        phi[4] = p_iyz_1;
+        phi[6] = p_mx_1;
+        phi[7] = p_my_1;
+        phi[8] = p_mz_1;
+        phi[9] = p_m_1;
+        phi[11] = p_ixy_2;
+        phi[13] = p_iyy_2;
+        phi[14] = p_iyz_2;
+        phi[17] = p_my_2;
+        phi[18] = p_mz_2;
+        phi[19] = p_m_2;
+        phi[22] = p_ixz_3;
+        phi[23] = p_iyy_3;
+        phi[24] = p_iyz_3;
+        phi[28] = p_mz_3;
+        phi[29] = p_m_3;
+        phi[31] = p_ixy_4;
+        phi[32] = p_ixz_4;
+        phi[33] = p_iyy_4;
+        phi[34] = p_iyz_4;
+        phi[36] = p_mx_4;
+        phi[38] = p_mz_4;
+        phi[39] = p_m_4;
+        phi[41] = p_ixy_5;
+        phi[42] = p_ixz_5;
+        phi[43] = p_iyy_5;
+        phi[44] = p_iyz_5;
+        phi[46] = p_mx_5;
+        phi[48] = p_mz_5;
+        phi[49] = p_m_5;
+        phi[51] = p_ixy_6;
+        phi[52] = p_ixz_6;
+        phi[53] = p_iyy_6;
+        phi[54] = p_iyz_6;
+        phi[55] = p_izz_6;
+        phi[56] = p_mx_6;
+        phi[57] = p_my_6;
+        phi[58] = p_mz_6;
+        phi[59] = p_m_6;
+    }
+    phi
+}
+
+/// Inverse dynamics from base parameters.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `qd`: velocities of all coordinates
+/// - `qdd`: accelerations of all coordinates
+/// - `beta`: base parameters, SI, in the order of `BASE`
+/// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
+///
+/// 275 additions, 306 multiplications, 0 divisions, 5 sines and cosines.
+pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], beta: &[T; 36]) -> ([T; 6], Condition<T>) {
+    let like = q[0];
+    let mut tau = [like.lift(0.0); 6];
+    let [_, q2, q3, q4, q5, q6] = *q;
+    let [d_q1, d_q2, d_q3, d_q4, d_q5, d_q6] = *qd;
+    let [dd_q1, dd_q2, dd_q3, dd_q4, dd_q5, dd_q6] = *qdd;
+    let [
+        p_izz_1, p_ixx_2, p_ixy_2, p_ixz_2, p_iyz_2, p_izz_2, p_mx_2, p_my_2, p_ixx_3, p_ixy_3,
+        p_ixz_3, p_iyz_3, p_izz_3, p_mx_3, p_my_3, p_ixx_4, p_ixy_4, p_ixz_4, p_iyz_4, p_izz_4,
+        p_mx_4, p_my_4, p_ixx_5, p_ixy_5, p_ixz_5, p_iyz_5, p_izz_5, p_mx_5, p_my_5, p_ixx_6,
+        p_ixy_6, p_ixz_6, p_iyz_6, p_izz_6, p_mx_6, p_my_6,
+    ] = *beta;
+    // tau, part 1
+    let [
+        sin_q2, cos_q2, al_2x, al_2x_2, w_2x, al_2y, al_2y_2, w_ixx_2_q2, t1_5, t1_6, t1_12,
+        t1_14, sin_q3, cos_q3, al_3x, al_3y, al_3z, t1_24, w_ixx_3_q2, t1_25, t1_27, t1_28,
+        a_3z, t1_37, sin_q4, cos_q4, al_4x, al_4y, al_4z, t1_47, w_ixx_4_q4, t1_48, t1_50,
+        t1_51, a_2x_2, t1_57, a_2y_2, t1_62, a_3y, t1_66, t1_68, t1_69, sin_q5, cos_q5, al_5x,
+        al_5y, al_5z, t1_81, w_ixx_5_q5, t1_82, t1_84, t1_85, a_3x, t1_92, t1_94, t1_98,
+        t1_100, a_4y, sin_q6, cos_q6, al_6x, al_6y, al_6z, t1_113, w_ixx_6_q6, t1_114, t1_116,
+        t1_117, a_4x, t1_125, t1_131, t1_137, t1_139, t1_145, a_5x, t1_165, t1_166, t1_168,
+        t1_169, t1_174, t1_180, t1_188, t1_189,
+    ] = {
+        let (sin_q2, cos_q2) = q2.sin_cos();
+        let w_ixz_2_q2 = sin_q2 * dd_q1;
+        let w_2y = cos_q2 * d_q1;
+        let al_2x = d_q2 * w_2y;
+        let al_2x_2 = w_ixz_2_q2 + al_2x;
+        let t1_1 = al_2x_2 * p_ixx_2;
+        let w_iyz_2_q2 = cos_q2 * dd_q1;
+        let w_2x = sin_q2 * d_q1;
+        let al_2y = d_q2 * w_2x;
+        let al_2y_2 = w_iyz_2_q2 - al_2y;
+        let t1_2 = al_2y_2.mul_add(p_ixy_2, t1_1);
+        let t1_3 = (-dd_q2).mul_add(p_ixz_2, t1_2);
+        let w_ixx_2_q2 = w_2x * w_2y;
+        let t1_4 = al_2x * p_izz_2;
+        let t1_5 = w_2y * w_2y;
+        let t1_6 = d_q2 * d_q2;
+        let t1_7 = t1_5 - t1_6;
+        let t1_8 = (-t1_7).mul_add(p_iyz_2, t1_4);
+        let t1_9 = w_ixx_2_q2.mul_add(p_ixz_2, -t1_8);
+        let t1_10 = al_2y.mul_add(p_ixy_2, t1_9);
+        let t1_11 = t1_3 - t1_10;
+        let t1_12 = d_q1 * d_q1;
+        let t1_13 = t1_12 * p_my_2;
+        let t1_14 = like.lift(0.2435).mul_add(t1_13, t1_11);
+        let (sin_q3, cos_q3) = q3.sin_cos();
+        let t1_15 = cos_q3 * al_2x_2;
+        let t1_16 = sin_q3.mul_add(al_2y_2, t1_15);
+        let t1_17 = cos_q2 * sin_q3;
+        let t1_18 = sin_q2 * sin_q3;
+        let sin_q2_q3 = sin_q2.mul_add(cos_q3, t1_17);
+        let cos_q2_q3 = cos_q2.mul_add(cos_q3, -t1_18);
+        let w_3y = d_q1 * cos_q2_q3;
+        let al_3x = d_q3.mul_add(w_3y, t1_16);
+        let t1_19 = al_3x * p_ixx_3;
+        let t1_20 = sin_q3 * al_2x_2;
+        let t1_21 = (-cos_q3).mul_add(al_2y_2, t1_20);
+        let w_3x = d_q1 * sin_q2_q3;
+        let al_3y = d_q3.mul_add(w_3x, t1_21);
+        let t1_22 = (-al_3y).mul_add(p_ixy_3, t1_19);
+        let al_3z = dd_q2 + dd_q3;
+        let t1_23 = (-al_3z).mul_add(p_ixz_3, t1_22);
+        let w_3z = d_q2 + d_q3;
+        let t1_24 = w_3x * w_3z;
+        let w_ixx_3_q2 = w_3x * w_3y;
+        let t1_25 = w_3y * w_3z;
+        let t1_26 = t1_25 * p_izz_3;
+        let t1_27 = w_3y * w_3y;
+        let t1_28 = w_3z * w_3z;
+        let t1_29 = t1_27 - t1_28;
+        let t1_30 = (-t1_29).mul_add(p_iyz_3, t1_26);
+        let t1_31 = w_ixx_3_q2.mul_add(p_ixz_3, -t1_30);
+        let t1_32 = t1_24.mul_add(p_ixy_3, t1_31);
+        let t1_33 = t1_23 - t1_32;
+        let a_2z = like.lift(0.2435) * t1_12;
+        let t1_34 = al_2y - al_2y_2;
+        let t1_35 = like.lift(0.4318) * t1_34;
+        let t1_36 = like.lift(-0.0934).mul_add(t1_12, t1_35);
+        let a_3z = a_2z + t1_36;
+        let t1_37 = a_3z.mul_add(p_my_3, t1_33);
+        let (sin_q4, cos_q4) = q4.sin_cos();
+        let t1_38 = cos_q4 * al_3x;
+        let t1_39 = (-sin_q4).mul_add(al_3z, t1_38);
+        let t1_40 = sin_q4 * w_3x;
+        let w_4y = cos_q4.mul_add(w_3z, t1_40);
+        let al_4x = (-d_q4).mul_add(w_4y, t1_39);
+        let t1_41 = al_4x * p_ixx_4;
+        let t1_42 = sin_q4 * al_3x;
+        let t1_43 = cos_q4.mul_add(al_3z, t1_42);
+        let t1_44 = cos_q4 * w_3x;
+        let w_4x = (-sin_q4).mul_add(w_3z, t1_44);
+        let al_4y = d_q4.mul_add(w_4x, t1_43);
+        let t1_45 = (-al_4y).mul_add(p_ixy_4, t1_41);
+        let al_4z = dd_q4 - al_3y;
+        let t1_46 = (-al_4z).mul_add(p_ixz_4, t1_45);
+        let w_4z = d_q4 + w_3y;
+        let t1_47 = w_4x * w_4z;
+        let w_ixx_4_q4 = w_4x * w_4y;
+        let t1_48 = w_4y * w_4z;
+        let t1_49 = t1_48 * p_izz_4;
+        let t1_50 = w_4y * w_4y;
+        let t1_51 = w_4z * w_4z;
+        let t1_52 = t1_50 - t1_51;
+        let t1_53 = t1_52.mul_add(p_iyz_4, t1_49);
+        let t1_54 = w_ixx_4_q4.mul_add(p_ixz_4, -t1_53);
+        let t1_55 = t1_47.mul_add(p_ixy_4, -t1_54);
+        let t1_56 = t1_46 - t1_55;
+        let a_2x = like.lift(9.81) * sin_q2;
+        let a_2x_2 = like.lift(0.2435).mul_add(w_iyz_2_q2, a_2x);
+        let t1_57 = t1_5 + t1_6;
+        let t1_58 = like.lift(0.4318) * t1_57;
+        let t1_59 = like.lift(-0.0934).mul_add(w_iyz_2_q2, t1_58);
+        let t1_60 = a_2x_2 + t1_59;
+        let t1_61 = sin_q3 * t1_60;
+        let a_2y = like.lift(9.81) * cos_q2;
+        let a_2y_2 = like.lift(0.2435).mul_add(w_ixz_2_q2, -a_2y);
+        let t1_62 = dd_q2 + w_ixx_2_q2;
+        let t1_63 = like.lift(0.4318) * t1_62;
+        let t1_64 = like.lift(-0.0934).mul_add(w_ixz_2_q2, t1_63);
+        let t1_65 = a_2y_2 + t1_64;
+        let a_3y = cos_q3.mul_add(t1_65, t1_61);
+        let t1_66 = al_3z + w_ixx_3_q2;
+        let t1_67 = like.lift(0.0203) * t1_66;
+        let t1_68 = w_3x * w_3x;
+        let t1_69 = t1_68 + t1_28;
+        let t1_70 = like.lift(-0.4331).mul_add(t1_69, t1_67);
+        let a_4z = a_3y - t1_70;
+        let t1_71 = a_4z.mul_add(p_my_4, t1_56);
+        let (sin_q5, cos_q5) = q5.sin_cos();
+        let t1_72 = cos_q5 * al_4x;
+        let t1_73 = sin_q5.mul_add(al_4z, t1_72);
+        let t1_74 = sin_q5 * w_4x;
+        let w_5y = (-cos_q5).mul_add(w_4z, t1_74);
+        let al_5x = (-d_q5).mul_add(w_5y, t1_73);
+        let t1_75 = al_5x * p_ixx_5;
+        let t1_76 = sin_q5 * al_4x;
+        let t1_77 = (-cos_q5).mul_add(al_4z, t1_76);
+        let t1_78 = cos_q5 * w_4x;
+        let w_5x = sin_q5.mul_add(w_4z, t1_78);
+        let al_5y = d_q5.mul_add(w_5x, t1_77);
+        let t1_79 = (-al_5y).mul_add(p_ixy_5, t1_75);
+        let al_5z = dd_q5 + al_4y;
+        let t1_80 = (-al_5z).mul_add(p_ixz_5, t1_79);
+        let w_5z = d_q5 + w_4y;
+        let t1_81 = w_5x * w_5z;
+        let w_ixx_5_q5 = w_5x * w_5y;
+        let t1_82 = w_5y * w_5z;
+        let t1_83 = t1_82 * p_izz_5;
+        let t1_84 = w_5y * w_5y;
+        let t1_85 = w_5z * w_5z;
+        let t1_86 = t1_84 - t1_85;
+        let t1_87 = t1_86.mul_add(p_iyz_5, t1_83);
+        let t1_88 = w_ixx_5_q5.mul_add(p_ixz_5, -t1_87);
+        let t1_89 = t1_81.mul_add(p_ixy_5, -t1_88);
+        let t1_90 = t1_80 - t1_89;
+        let t1_91 = cos_q3 * t1_60;
+        let a_3x = (-sin_q3).mul_add(t1_65, t1_91);
+        let t1_92 = t1_27 + t1_28;
+        let t1_93 = like.lift(0.0203) * t1_92;
+        let t1_94 = al_3z - w_ixx_3_q2;
+        let t1_95 = like.lift(0.4331).mul_add(t1_94, t1_93);
+        let t1_96 = a_3x - t1_95;
+        let t1_97 = sin_q4 * t1_96;
+        let t1_98 = al_3y + t1_24;
+        let t1_99 = like.lift(0.0203) * t1_98;
+        let t1_100 = al_3x + t1_25;
+        let t1_101 = like.lift(0.4331).mul_add(t1_100, t1_99);
+        let t1_102 = a_3z - t1_101;
+        let a_4y = (-cos_q4).mul_add(t1_102, t1_97);
+        let t1_103 = (-a_4y).mul_add(p_my_5, t1_90);
+        let (sin_q6, cos_q6) = q6.sin_cos();
+        let t1_104 = cos_q6 * al_5x;
+        let t1_105 = (-sin_q6).mul_add(al_5z, t1_104);
+        let t1_106 = sin_q6 * w_5x;
+        let w_6y = cos_q6.mul_add(w_5z, t1_106);
+        let al_6x = (-d_q6).mul_add(w_6y, t1_105);
+        let t1_107 = al_6x * p_ixx_6;
+        let t1_108 = sin_q6 * al_5x;
+        let t1_109 = cos_q6.mul_add(al_5z, t1_108);
+        let t1_110 = cos_q6 * w_5x;
+        let w_6x = (-sin_q6).mul_add(w_5z, t1_110);
+        let al_6y = d_q6.mul_add(w_6x, t1_109);
+        let t1_111 = (-al_6y).mul_add(p_ixy_6, t1_107);
+        let al_6z = dd_q6 - al_5y;
+        let t1_112 = (-al_6z).mul_add(p_ixz_6, t1_111);
+        let w_6z = d_q6 - w_5y;
+        let t1_113 = w_6x * w_6z;
+        let w_ixx_6_q6 = w_6x * w_6y;
+        let t1_114 = w_6y * w_6z;
+        let t1_115 = t1_114 * p_izz_6;
+        let t1_116 = w_6y * w_6y;
+        let t1_117 = w_6z * w_6z;
+        let t1_118 = t1_116 - t1_117;
+        let t1_119 = t1_118.mul_add(p_iyz_6, t1_115);
+        let t1_120 = w_ixx_6_q6.mul_add(p_ixz_6, -t1_119);
+        let t1_121 = t1_113.mul_add(p_ixy_6, -t1_120);
+        let t1_122 = t1_112 - t1_121;
+        let t1_123 = cos_q4 * t1_96;
+        let a_4x = sin_q4.mul_add(t1_102, t1_123);
+        let t1_124 = sin_q5 * a_4x;
+        let a_5y = cos_q5.mul_add(a_4z, t1_124);
+        let t1_125 = a_5y.mul_add(p_my_6, t1_122);
+        let t1_126 = cos_q6 * t1_125;
+        let t1_127 = al_6x * p_ixy_6;
+        let t1_128 = (-al_6z).mul_add(p_iyz_6, t1_127);
+        let t1_129 = p_ixx_6 - p_izz_6;
+        let t1_130 = t1_113 * t1_129;
+        let t1_131 = w_6x * w_6x;
+        let t1_132 = t1_131 - t1_117;
+        let t1_133 = t1_132.mul_add(p_ixz_6, t1_130);
+        let t1_134 = t1_114.mul_add(p_ixy_6, -t1_133);
+        let t1_135 = w_ixx_6_q6.mul_add(p_iyz_6, t1_134);
+        let t1_136 = t1_128 - t1_135;
+        let t1_137 = (-a_5y).mul_add(p_mx_6, t1_136);
+        let t1_138 = (-sin_q6).mul_add(t1_137, t1_126);
+        let t1_139 = t1_103 + t1_138;
+        let t1_140 = cos_q5 * t1_139;
+        let t1_141 = al_5x * p_ixy_5;
+        let t1_142 = (-al_5z).mul_add(p_iyz_5, t1_141);
+        let t1_143 = p_ixx_5 - p_izz_5;
+        let t1_144 = t1_81 * t1_143;
+        let t1_145 = w_5x * w_5x;
+        let t1_146 = t1_145 - t1_85;
+        let t1_147 = t1_146.mul_add(p_ixz_5, t1_144);
+        let t1_148 = t1_82.mul_add(p_ixy_5, -t1_147);
+        let t1_149 = w_ixx_5_q5.mul_add(p_iyz_5, t1_148);
+        let t1_150 = t1_142 - t1_149;
+        let t1_151 = a_4y.mul_add(p_mx_5, t1_150);
+        let t1_152 = al_6x * p_ixz_6;
+        let t1_153 = (-al_6y).mul_add(p_iyz_6, t1_152);
+        let t1_154 = (-al_6z).mul_add(p_izz_6, t1_153);
+        let t1_155 = w_ixx_6_q6 * p_ixx_6;
+        let w_ixy_6_q6 = t1_131 - t1_116;
+        let t1_156 = w_ixy_6_q6.mul_add(p_ixy_6, t1_155);
+        let t1_157 = t1_113.mul_add(p_iyz_6, -t1_156);
+        let t1_158 = t1_114.mul_add(p_ixz_6, t1_157);
+        let t1_159 = t1_154 + t1_158;
+        let t1_160 = cos_q5 * a_4x;
+        let a_5x = (-sin_q5).mul_add(a_4z, t1_160);
+        let t1_161 = sin_q6 * a_5x;
+        let a_6y = cos_q6.mul_add(a_4y, t1_161);
+        let t1_162 = a_6y * p_mx_6;
+        let t1_163 = cos_q6 * a_5x;
+        let a_6x = (-sin_q6).mul_add(a_4y, t1_163);
+        let t1_164 = a_6x.mul_add(p_my_6, t1_162);
+        let t1_165 = t1_159 - t1_164;
+        let t1_166 = t1_151 - t1_165;
+        let t1_167 = (-sin_q5).mul_add(t1_166, t1_140);
+        let t1_168 = t1_71 + t1_167;
+        let t1_169 = cos_q4 * t1_168;
+        let t1_170 = al_4x * p_ixy_4;
+        let t1_171 = (-al_4z).mul_add(p_iyz_4, t1_170);
+        let t1_172 = p_ixx_4 - p_izz_4;
+        let t1_173 = t1_47 * t1_172;
+        let t1_174 = w_4x * w_4x;
+        let t1_175 = t1_174 - t1_51;
+        let t1_176 = t1_175.mul_add(p_ixz_4, t1_173);
+        let t1_177 = t1_48.mul_add(p_ixy_4, -t1_176);
+        let t1_178 = w_ixx_4_q4.mul_add(p_iyz_4, t1_177);
+        let t1_179 = t1_171 - t1_178;
+        let t1_180 = (-a_4z).mul_add(p_mx_4, t1_179);
+        let t1_181 = al_5x * p_ixz_5;
+        let t1_182 = (-al_5y).mul_add(p_iyz_5, t1_181);
+        let t1_183 = (-al_5z).mul_add(p_izz_5, t1_182);
+        let t1_184 = w_ixx_5_q5 * p_ixx_5;
+        let w_ixy_5_q5 = t1_145 - t1_84;
+        let t1_185 = w_ixy_5_q5.mul_add(p_ixy_5, t1_184);
+        let t1_186 = t1_81.mul_add(p_iyz_5, -t1_185);
+        let t1_187 = t1_82.mul_add(p_ixz_5, t1_186);
+        let t1_188 = t1_183 + t1_187;
+        let t1_189 = a_5y * p_mx_5;
+        [
+            sin_q2, cos_q2, al_2x, al_2x_2, w_2x, al_2y, al_2y_2, w_ixx_2_q2, t1_5, t1_6,
+            t1_12, t1_14, sin_q3, cos_q3, al_3x, al_3y, al_3z, t1_24, w_ixx_3_q2, t1_25, t1_27,
+            t1_28, a_3z, t1_37, sin_q4, cos_q4, al_4x, al_4y, al_4z, t1_47, w_ixx_4_q4, t1_48,
+            t1_50, t1_51, a_2x_2, t1_57, a_2y_2, t1_62, a_3y, t1_66, t1_68, t1_69, sin_q5,
+            cos_q5, al_5x, al_5y, al_5z, t1_81, w_ixx_5_q5, t1_82, t1_84, t1_85, a_3x, t1_92,
+            t1_94, t1_98, t1_100, a_4y, sin_q6, cos_q6, al_6x, al_6y, al_6z, t1_113,
+            w_ixx_6_q6, t1_114, t1_116, t1_117, a_4x, t1_125, t1_131, t1_137, t1_139, t1_145,
+            a_5x, t1_165, t1_166, t1_168, t1_169, t1_174, t1_180, t1_188, t1_189,
+        ]
+    };
+    // tau
+    {
+        let t2_1 = a_5x.mul_add(p_my_5, t1_189);
+        let t2_2 = t1_188 - t2_1;
+        let t2_3 = sin_q6 * t1_125;
+        let t2_4 = cos_q6.mul_add(t1_137, t2_3);
+        let t2_5 = t2_2 + t2_4;
+        let t2_6 = t1_180 + t2_5;
+        let t2_7 = (-sin_q4).mul_add(t2_6, t1_169);
+        let t2_8 = t1_50 + t1_51;
+        let t2_9 = t2_8 * p_mx_4;
+        let t2_10 = al_4z + w_ixx_4_q4;
+        let t2_11 = t2_10.mul_add(p_my_4, t2_9);
+        let t2_12 = t1_84 + t1_85;
+        let t2_13 = t2_12 * p_mx_5;
+        let t2_14 = al_5z + w_ixx_5_q5;
+        let t2_15 = t2_14.mul_add(p_my_5, t2_13);
+        let t2_16 = t1_116 + t1_117;
+        let t2_17 = t2_16 * p_mx_6;
+        let t2_18 = al_6z + w_ixx_6_q6;
+        let t2_19 = t2_18.mul_add(p_my_6, t2_17);
+        let t2_20 = cos_q6 * t2_19;
+        let t2_21 = al_6z - w_ixx_6_q6;
+        let t2_22 = t2_21 * p_mx_6;
+        let t2_23 = t1_131 + t1_117;
+        let t2_24 = (-t2_23).mul_add(p_my_6, t2_22);
+        let t2_25 = sin_q6.mul_add(t2_24, t2_20);
+        let t2_26 = t2_15 + t2_25;
+        let t2_27 = cos_q5 * t2_26;
+        let t2_28 = al_5z - w_ixx_5_q5;
+        let t2_29 = t2_28 * p_mx_5;
+        let t2_30 = t1_145 + t1_85;
+        let t2_31 = (-t2_30).mul_add(p_my_5, t2_29);
+        let t2_32 = al_6y + t1_113;
+        let t2_33 = t2_32 * p_mx_6;
+        let t2_34 = al_6x - t1_114;
+        let t2_35 = t2_34.mul_add(p_my_6, t2_33);
+        let t2_36 = t2_31 + t2_35;
+        let t2_37 = sin_q5.mul_add(t2_36, t2_27);
+        let t2_38 = t2_11 + t2_37;
+        let t2_39 = sin_q4 * t2_38;
+        let t2_40 = al_4z - w_ixx_4_q4;
+        let t2_41 = t2_40 * p_mx_4;
+        let t2_42 = t1_174 + t1_51;
+        let t2_43 = (-t2_42).mul_add(p_my_4, t2_41);
+        let t2_44 = al_5y + t1_81;
+        let t2_45 = t2_44 * p_mx_5;
+        let t2_46 = al_5x - t1_82;
+        let t2_47 = t2_46.mul_add(p_my_5, t2_45);
+        let t2_48 = sin_q6 * t2_19;
+        let t2_49 = (-cos_q6).mul_add(t2_24, t2_48);
+        let t2_50 = t2_47 + t2_49;
+        let t2_51 = t2_43 - t2_50;
+        let t2_52 = (-cos_q4).mul_add(t2_51, t2_39);
+        let t2_53 = like.lift(-0.4331).mul_add(t2_52, t2_7);
+        let t2_54 = t1_37 + t2_53;
+        let t2_55 = cos_q3 * t2_54;
+        let t2_56 = al_3x * p_ixy_3;
+        let t2_57 = (-al_3z).mul_add(p_iyz_3, t2_56);
+        let t2_58 = p_ixx_3 - p_izz_3;
+        let t2_59 = t1_24 * t2_58;
+        let t2_60 = t1_68 - t1_28;
+        let t2_61 = t2_60.mul_add(p_ixz_3, t2_59);
+        let t2_62 = t1_25.mul_add(p_ixy_3, t2_61);
+        let t2_63 = w_ixx_3_q2.mul_add(p_iyz_3, t2_62);
+        let t2_64 = t2_57 + t2_63;
+        let t2_65 = (-a_3z).mul_add(p_mx_3, t2_64);
+        let t2_66 = al_4x * p_ixz_4;
+        let t2_67 = (-al_4y).mul_add(p_iyz_4, t2_66);
+        let t2_68 = (-al_4z).mul_add(p_izz_4, t2_67);
+        let t2_69 = w_ixx_4_q4 * p_ixx_4;
+        let w_ixy_4_q4 = t1_174 - t1_50;
+        let t2_70 = w_ixy_4_q4.mul_add(p_ixy_4, t2_69);
+        let t2_71 = t1_47.mul_add(p_iyz_4, -t2_70);
+        let t2_72 = t1_48.mul_add(p_ixz_4, t2_71);
+        let t2_73 = t2_68 + t2_72;
+        let t2_74 = a_4y * p_mx_4;
+        let t2_75 = a_4x.mul_add(p_my_4, t2_74);
+        let t2_76 = t2_73 - t2_75;
+        let t2_77 = sin_q5 * t1_139;
+        let t2_78 = cos_q5.mul_add(t1_166, t2_77);
+        let t2_79 = t2_76 - t2_78;
+        let t2_80 = like.lift(-0.0203).mul_add(t2_52, t2_79);
+        let t2_81 = t2_65 - t2_80;
+        let t2_82 = (-sin_q3).mul_add(t2_81, t2_55);
+        let t2_83 = t1_92 * p_mx_3;
+        let t2_84 = t1_94.mul_add(p_my_3, t2_83);
+        let t2_85 = cos_q4 * t2_38;
+        let t2_86 = sin_q4.mul_add(t2_51, t2_85);
+        let t2_87 = t2_84 + t2_86;
+        let t2_88 = sin_q3 * t2_87;
+        let t2_89 = t1_66 * p_mx_3;
+        let t2_90 = (-t1_69).mul_add(p_my_3, t2_89);
+        let t2_91 = al_4y + t1_47;
+        let t2_92 = t2_91 * p_mx_4;
+        let t2_93 = al_4x - t1_48;
+        let t2_94 = t2_93.mul_add(p_my_4, t2_92);
+        let t2_95 = sin_q5 * t2_26;
+        let t2_96 = (-cos_q5).mul_add(t2_36, t2_95);
+        let t2_97 = t2_94 - t2_96;
+        let t2_98 = t2_90 + t2_97;
+        let t2_99 = (-cos_q3).mul_add(t2_98, t2_88);
+        let t2_100 = like.lift(0.0934).mul_add(t2_99, t2_82);
+        let t2_101 = t1_14 + t2_100;
+        let t2_102 = sin_q2 * t2_101;
+        let t2_103 = al_2x_2 * p_ixy_2;
+        let t2_104 = (-dd_q2).mul_add(p_iyz_2, t2_103);
+        let t2_105 = p_ixx_2 - p_izz_2;
+        let t2_106 = al_2y * t2_105;
+        let t2_107 = w_2x * w_2x;
+        let t2_108 = t2_107 - t1_6;
+        let t2_109 = t2_108.mul_add(p_ixz_2, t2_106);
+        let t2_110 = al_2x.mul_add(p_ixy_2, t2_109);
+        let t2_111 = w_ixx_2_q2.mul_add(p_iyz_2, t2_110);
+        let t2_112 = t2_104 + t2_111;
+        let t2_113 = t1_12 * p_mx_2;
+        let t2_114 = like.lift(-0.2435).mul_add(t2_113, t2_112);
+        let t2_115 = sin_q3 * t2_54;
+        let t2_116 = cos_q3.mul_add(t2_81, t2_115);
+        let t2_117 = cos_q3 * t2_87;
+        let t2_118 = sin_q3.mul_add(t2_98, t2_117);
+        let t2_119 = like.lift(0.0934) * t2_118;
+        let t2_120 = t1_98 * p_mx_3;
+        let t2_121 = t1_100.mul_add(p_my_3, t2_120);
+        let t2_122 = t2_121 + t2_52;
+        let t2_123 = like.lift(0.4318).mul_add(t2_122, t2_119);
+        let t2_124 = t2_116 - t2_123;
+        let t2_125 = t2_114 + t2_124;
+        let t2_126 = cos_q2.mul_add(t2_125, t2_102);
+        let t2_127 = t1_57 * p_mx_2;
+        let t2_128 = dd_q2 - w_ixx_2_q2;
+        let t2_129 = t2_128.mul_add(p_my_2, t2_127);
+        let t2_130 = t2_129 + t2_118;
+        let t2_131 = cos_q2 * t2_130;
+        let t2_132 = t1_62 * p_mx_2;
+        let t2_133 = t2_107 + t1_6;
+        let t2_134 = (-t2_133).mul_add(p_my_2, t2_132);
+        let t2_135 = t2_134 - t2_99;
+        let t2_136 = sin_q2.mul_add(t2_135, t2_131);
+        let t2_137 = like.lift(0.2435).mul_add(t2_136, t2_126);
+        let t2_138 = dd_q1.mul_add(p_izz_1, t2_137);
+        tau[0] = t2_138;
+        let t2_139 = al_2x_2 * p_ixz_2;
+        let t2_140 = al_2y_2.mul_add(p_iyz_2, t2_139);
+        let t2_141 = (-dd_q2).mul_add(p_izz_2, t2_140);
+        let t2_142 = w_ixx_2_q2 * p_ixx_2;
+        let w_ixy_2_q2 = t2_107 - t1_5;
+        let t2_143 = (-w_ixy_2_q2).mul_add(p_ixy_2, t2_142);
+        let t2_144 = al_2y.mul_add(p_iyz_2, t2_143);
+        let t2_145 = al_2x.mul_add(p_ixz_2, -t2_144);
+        let t2_146 = t2_141 - t2_145;
+        let t2_147 = a_2y_2 * p_mx_2;
+        let t2_148 = a_2x_2.mul_add(p_my_2, t2_147);
+        let t2_149 = t2_146 - t2_148;
+        let t2_150 = al_3x * p_ixz_3;
+        let t2_151 = (-al_3y).mul_add(p_iyz_3, t2_150);
+        let t2_152 = (-al_3z).mul_add(p_izz_3, t2_151);
+        let t2_153 = w_ixx_3_q2 * p_ixx_3;
+        let w_ixy_3_q2 = t1_68 - t1_27;
+        let t2_154 = (-w_ixy_3_q2).mul_add(p_ixy_3, t2_153);
+        let t2_155 = t1_24.mul_add(p_iyz_3, t2_154);
+        let t2_156 = t1_25.mul_add(p_ixz_3, -t2_155);
+        let t2_157 = t2_152 - t2_156;
+        let t2_158 = a_3y * p_mx_3;
+        let t2_159 = a_3x.mul_add(p_my_3, t2_158);
+        let t2_160 = t2_157 - t2_159;
+        let t2_161 = sin_q4 * t1_168;
+        let t2_162 = cos_q4.mul_add(t2_6, t2_161);
+        let t2_163 = like.lift(0.0203) * t2_97;
+        let t2_164 = like.lift(0.4331).mul_add(t2_86, t2_163);
+        let t2_165 = t2_162 + t2_164;
+        let t2_166 = t2_160 + t2_165;
+        let t2_167 = like.lift(0.4318).mul_add(t2_99, t2_166);
+        let t2_168 = t2_149 + t2_167;
+        let t2_169 = -t2_168;
+        tau[1] = t2_169;
+        let t2_170 = -t2_166;
+        tau[2] = t2_170;
+        let t2_171 = -t2_79;
+        tau[3] = t2_171;
+        let t2_172 = -t2_5;
+        tau[4] = t2_172;
+        let t2_173 = -t1_165;
+        tau[5] = t2_173;
+    }
+    (tau, Condition::regular(like))
+}
+
+/// The efforts of gravity from base parameters.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `beta`: base parameters, SI, in the order of `BASE`
+/// - `tau`: the efforts that hold the mechanism at rest
+///
+/// 28 additions, 64 multiplications, 0 divisions, 5 sines and cosines.
+pub fn base_gravity<T: Scalar>(q: &[T; 6], beta: &[T; 36]) -> ([T; 6], Condition<T>) {
+    let like = q[0];
+    let mut tau = [like.lift(0.0); 6];
+    let [_, q2, q3, q4, q5, q6] = *q;
+    let [
+        _, _, _, _, _, _, p_mx_2, p_my_2, _, _, _, _, _, p_mx_3, p_my_3, _, _, _, _, _, p_mx_4,
+        p_my_4, _, _, _, _, _, p_mx_5, p_my_5, _, _, _, _, _, p_mx_6, p_my_6,
+    ] = *beta;
+    // tau
+    {
+        let (sin_q2, cos_q2) = q2.sin_cos();
+        let (sin_q3, cos_q3) = q3.sin_cos();
+        let (sin_q4, cos_q4) = q4.sin_cos();
+        let t1_1 = cos_q2 * sin_q3;
+        let t1_2 = sin_q2 * sin_q3;
+        let sin_q2_q3 = sin_q2.mul_add(cos_q3, t1_1);
+        let cos_q2_q3 = cos_q2.mul_add(cos_q3, -t1_2);
+        let t1_3 = cos_q2_q3 * p_my_4;
+        let (sin_q5, cos_q5) = q5.sin_cos();
+        let e_4_q1y = sin_q4 * sin_q2_q3;
+        let t1_4 = e_4_q1y * p_my_5;
+        let (sin_q6, cos_q6) = q6.sin_cos();
+        let e_4_q1x = cos_q4 * sin_q2_q3;
+        let t1_5 = sin_q5 * e_4_q1x;
+        let t1_6 = like.lift(9.81) * t1_5;
+        let t1_7 = cos_q5 * cos_q2_q3;
+        let a_5y = like.lift(-9.81).mul_add(t1_7, t1_6);
+        let t1_8 = a_5y * p_my_6;
+        let t1_9 = cos_q6 * t1_8;
+        let t1_10 = a_5y * p_mx_6;
+        let t1_11 = sin_q6.mul_add(t1_10, t1_9);
+        let t1_12 = like.lift(9.81).mul_add(t1_4, -t1_11);
+        let t1_13 = cos_q5 * t1_12;
+        let t1_14 = e_4_q1y * p_mx_5;
+        let t1_15 = cos_q5 * e_4_q1x;
+        let t1_16 = like.lift(9.81) * t1_15;
+        let t1_17 = sin_q5 * cos_q2_q3;
+        let a_5x = like.lift(9.81).mul_add(t1_17, t1_16);
+        let t1_18 = sin_q6 * a_5x;
+        let t1_19 = cos_q6 * e_4_q1y;
+        let a_6y = like.lift(9.81).mul_add(t1_19, t1_18);
+        let t1_20 = a_6y * p_mx_6;
+        let t1_21 = cos_q6 * a_5x;
+        let t1_22 = sin_q6 * e_4_q1y;
+        let a_6x = like.lift(-9.81).mul_add(t1_22, t1_21);
+        let t1_23 = a_6x.mul_add(p_my_6, t1_20);
+        tau[5] = t1_23;
+        let t1_24 = like.lift(9.81).mul_add(t1_14, t1_23);
+        let t1_25 = sin_q5.mul_add(t1_24, t1_13);
+        let t1_26 = like.lift(9.81).mul_add(t1_3, t1_25);
+        let t1_27 = cos_q4 * t1_26;
+        let t1_28 = cos_q2_q3 * p_mx_4;
+        let t1_29 = a_5y * p_mx_5;
+        let t1_30 = a_5x.mul_add(p_my_5, t1_29);
+        let t1_31 = sin_q6 * t1_8;
+        let t1_32 = (-cos_q6).mul_add(t1_10, t1_31);
+        let t1_33 = t1_30 - t1_32;
+        tau[4] = t1_33;
+        let t1_34 = like.lift(9.81).mul_add(t1_28, -t1_33);
+        let t1_35 = sin_q4.mul_add(t1_34, t1_27);
+        let t1_36 = cos_q3 * t1_35;
+        let t1_37 = e_4_q1y * p_mx_4;
+        let t1_38 = like.lift(9.81) * t1_37;
+        let t1_39 = e_4_q1x * p_my_4;
+        let t1_40 = like.lift(9.81).mul_add(t1_39, t1_38);
+        let t1_41 = sin_q5 * t1_12;
+        let t1_42 = (-cos_q5).mul_add(t1_24, t1_41);
+        let t1_43 = t1_40 - t1_42;
+        tau[3] = t1_43;
+        let t1_44 = sin_q3.mul_add(t1_43, t1_36);
+        let t1_45 = sin_q2 * t1_44;
+        let t1_46 = sin_q3 * t1_35;
+        let t1_47 = (-cos_q3).mul_add(t1_43, t1_46);
+        let t1_48 = cos_q2.mul_add(t1_47, t1_45);
+        let t1_49 = -t1_48;
+        tau[0] = t1_49;
+        let t1_50 = cos_q2 * p_mx_2;
+        let t1_51 = like.lift(9.81) * t1_50;
+        let t1_52 = sin_q2 * p_my_2;
+        let t1_53 = like.lift(-9.81).mul_add(t1_52, t1_51);
+        let t1_54 = cos_q2_q3 * p_mx_3;
+        let t1_55 = like.lift(9.81) * t1_54;
+        let t1_56 = sin_q2_q3 * p_my_3;
+        let t1_57 = like.lift(-9.81).mul_add(t1_56, t1_55);
+        let t1_58 = sin_q4 * t1_26;
+        let t1_59 = (-cos_q4).mul_add(t1_34, t1_58);
+        let t1_60 = t1_57 - t1_59;
+        let t1_61 = t1_53 + t1_60;
+        let t1_62 = -t1_61;
+        tau[1] = t1_62;
+        let t1_63 = -t1_60;
+        tau[2] = t1_63;
+    }
+    (tau, Condition::regular(like))
+}
+
+/// Coriolis, centrifugal and friction efforts from base parameters.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `qd`: velocities of all coordinates
+/// - `beta`: base parameters, SI, in the order of `BASE`
+/// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
+///
+/// 241 additions, 283 multiplications, 0 divisions, 5 sines and cosines.
+pub fn base_bias_forces<T: Scalar>(q: &[T; 6], qd: &[T; 6], beta: &[T; 36]) -> ([T; 6], Condition<T>) {
+    let like = q[0];
+    let mut tau = [like.lift(0.0); 6];
+    let [_, q2, q3, q4, q5, q6] = *q;
+    let [d_q1, d_q2, d_q3, d_q4, d_q5, d_q6] = *qd;
+    let [
+        _, p_ixx_2, p_ixy_2, p_ixz_2, p_iyz_2, p_izz_2, p_mx_2, p_my_2, p_ixx_3, p_ixy_3,
+        p_ixz_3, p_iyz_3, p_izz_3, p_mx_3, p_my_3, p_ixx_4, p_ixy_4, p_ixz_4, p_iyz_4, p_izz_4,
+        p_mx_4, p_my_4, p_ixx_5, p_ixy_5, p_ixz_5, p_iyz_5, p_izz_5, p_mx_5, p_my_5, p_ixx_6,
+        p_ixy_6, p_ixz_6, p_iyz_6, p_izz_6, p_mx_6, p_my_6,
+    ] = *beta;
+    // tau, part 1
+    let [
+        sin_q2, cos_q2, t1_1, w_2x, al_2y, w_ixx_2_q2, al_2x, t1_5, t1_6, t1_13, sin_q3,
+        cos_q3, t1_16, w_ixx_3_q2, t1_17, t1_19, t1_20, al_3x, al_3y, a_3z, t1_34, sin_q4,
+        cos_q4, t1_36, w_ixx_4_q4, t1_38, t1_40, t1_41, al_4x, al_4y, t1_52, a_3y, t1_56,
+        t1_57, sin_q5, cos_q5, t1_62, w_ixx_5_q5, t1_64, t1_67, al_5x, al_5y, a_3x, t1_83,
+        t1_88, t1_90, a_4y, sin_q6, cos_q6, t1_95, w_ixx_6_q6, t1_97, al_6x, al_6y, a_4x,
+        t1_129, t1_133, t1_155, t1_156, t1_158, t1_162, t1_184, t1_185, t1_186, t1_190, t1_194,
+        t1_198, t1_199, t1_201,
+    ] = {
+        let (sin_q2, cos_q2) = q2.sin_cos();
+        let t1_1 = d_q1 * d_q1;
+        let t1_2 = t1_1 * p_my_2;
+        let w_2x = sin_q2 * d_q1;
+        let al_2y = d_q2 * w_2x;
+        let t1_3 = al_2y * p_ixy_2;
+        let w_2y = cos_q2 * d_q1;
+        let w_ixx_2_q2 = w_2x * w_2y;
+        let al_2x = d_q2 * w_2y;
+        let t1_4 = al_2x * p_izz_2;
+        let t1_5 = w_2y * w_2y;
+        let t1_6 = d_q2 * d_q2;
+        let t1_7 = t1_5 - t1_6;
+        let t1_8 = (-t1_7).mul_add(p_iyz_2, t1_4);
+        let t1_9 = w_ixx_2_q2.mul_add(p_ixz_2, -t1_8);
+        let t1_10 = t1_3 + t1_9;
+        let t1_11 = (-al_2x).mul_add(p_ixx_2, t1_3);
+        let t1_12 = t1_10 + t1_11;
+        let t1_13 = like.lift(0.2435).mul_add(t1_2, -t1_12);
+        let (sin_q3, cos_q3) = q3.sin_cos();
+        let t1_14 = cos_q2 * sin_q3;
+        let t1_15 = sin_q2 * sin_q3;
+        let sin_q2_q3 = sin_q2.mul_add(cos_q3, t1_14);
+        let cos_q2_q3 = cos_q2.mul_add(cos_q3, -t1_15);
+        let w_3x = d_q1 * sin_q2_q3;
+        let w_3z = d_q2 + d_q3;
+        let t1_16 = w_3x * w_3z;
+        let w_3y = d_q1 * cos_q2_q3;
+        let w_ixx_3_q2 = w_3x * w_3y;
+        let t1_17 = w_3y * w_3z;
+        let t1_18 = t1_17 * p_izz_3;
+        let t1_19 = w_3y * w_3y;
+        let t1_20 = w_3z * w_3z;
+        let t1_21 = t1_19 - t1_20;
+        let t1_22 = (-t1_21).mul_add(p_iyz_3, t1_18);
+        let t1_23 = w_ixx_3_q2.mul_add(p_ixz_3, -t1_22);
+        let t1_24 = t1_16.mul_add(p_ixy_3, t1_23);
+        let t1_25 = d_q3 * w_3y;
+        let t1_26 = d_q2 * cos_q2_q3;
+        let al_3x = d_q1.mul_add(t1_26, t1_25);
+        let t1_27 = al_3x * p_ixx_3;
+        let t1_28 = d_q3 * w_3x;
+        let t1_29 = d_q2 * sin_q2_q3;
+        let al_3y = d_q1.mul_add(t1_29, t1_28);
+        let t1_30 = (-al_3y).mul_add(p_ixy_3, t1_27);
+        let t1_31 = t1_24 - t1_30;
+        let a_2z = like.lift(0.2435) * t1_1;
+        let t1_32 = like.lift(0.0934) * t1_1;
+        let t1_33 = like.lift(-0.8636).mul_add(al_2y, t1_32);
+        let a_3z = a_2z - t1_33;
+        let t1_34 = (-a_3z).mul_add(p_my_3, t1_31);
+        let (sin_q4, cos_q4) = q4.sin_cos();
+        let t1_35 = cos_q4 * w_3x;
+        let w_4x = (-sin_q4).mul_add(w_3z, t1_35);
+        let w_4z = d_q4 + w_3y;
+        let t1_36 = w_4x * w_4z;
+        let t1_37 = sin_q4 * w_3x;
+        let w_4y = cos_q4.mul_add(w_3z, t1_37);
+        let w_ixx_4_q4 = w_4x * w_4y;
+        let t1_38 = w_4y * w_4z;
+        let t1_39 = t1_38 * p_izz_4;
+        let t1_40 = w_4y * w_4y;
+        let t1_41 = w_4z * w_4z;
+        let t1_42 = t1_40 - t1_41;
+        let t1_43 = t1_42.mul_add(p_iyz_4, t1_39);
+        let t1_44 = w_ixx_4_q4.mul_add(p_ixz_4, -t1_43);
+        let t1_45 = t1_36.mul_add(p_ixy_4, -t1_44);
+        let t1_46 = d_q4 * w_4y;
+        let al_4x = (-cos_q4).mul_add(al_3x, t1_46);
+        let t1_47 = al_4x * p_ixx_4;
+        let t1_48 = d_q4 * w_4x;
+        let al_4y = sin_q4.mul_add(al_3x, t1_48);
+        let t1_49 = al_4y.mul_add(p_ixy_4, t1_47);
+        let t1_50 = (-al_3y).mul_add(p_ixz_4, t1_49);
+        let t1_51 = t1_45 + t1_50;
+        let t1_52 = t1_5 + t1_6;
+        let t1_53 = sin_q3 * t1_52;
+        let t1_54 = like.lift(0.4318) * t1_53;
+        let t1_55 = cos_q3 * w_ixx_2_q2;
+        let a_3y = like.lift(0.4318).mul_add(t1_55, t1_54);
+        let t1_56 = w_3x * w_3x;
+        let t1_57 = t1_56 + t1_20;
+        let t1_58 = like.lift(0.4331) * t1_57;
+        let t1_59 = like.lift(-0.0203).mul_add(w_ixx_3_q2, t1_58);
+        let a_4z = a_3y + t1_59;
+        let t1_60 = (-a_4z).mul_add(p_my_4, t1_51);
+        let (sin_q5, cos_q5) = q5.sin_cos();
+        let t1_61 = cos_q5 * w_4x;
+        let w_5x = sin_q5.mul_add(w_4z, t1_61);
+        let w_5z = d_q5 + w_4y;
+        let t1_62 = w_5x * w_5z;
+        let t1_63 = sin_q5 * w_4x;
+        let w_5y = (-cos_q5).mul_add(w_4z, t1_63);
+        let w_ixx_5_q5 = w_5x * w_5y;
+        let t1_64 = w_5y * w_5z;
+        let t1_65 = t1_64 * p_izz_5;
+        let t1_66 = w_5y * w_5y;
+        let t1_67 = w_5z * w_5z;
+        let t1_68 = t1_66 - t1_67;
+        let t1_69 = t1_68.mul_add(p_iyz_5, t1_65);
+        let t1_70 = w_ixx_5_q5.mul_add(p_ixz_5, -t1_69);
+        let t1_71 = t1_62.mul_add(p_ixy_5, -t1_70);
+        let t1_72 = cos_q5 * al_4x;
+        let t1_73 = sin_q5.mul_add(al_3y, t1_72);
+        let al_5x = d_q5.mul_add(w_5y, t1_73);
+        let t1_74 = al_5x * p_ixx_5;
+        let t1_75 = sin_q5 * al_4x;
+        let t1_76 = (-cos_q5).mul_add(al_3y, t1_75);
+        let al_5y = d_q5.mul_add(w_5x, -t1_76);
+        let t1_77 = al_5y.mul_add(p_ixy_5, t1_74);
+        let t1_78 = al_4y.mul_add(p_ixz_5, t1_77);
+        let t1_79 = t1_71 + t1_78;
+        let t1_80 = cos_q3 * t1_52;
+        let t1_81 = like.lift(0.4318) * t1_80;
+        let t1_82 = sin_q3 * w_ixx_2_q2;
+        let a_3x = like.lift(-0.4318).mul_add(t1_82, t1_81);
+        let t1_83 = t1_19 + t1_20;
+        let t1_84 = like.lift(0.0203) * t1_83;
+        let t1_85 = like.lift(-0.4331).mul_add(w_ixx_3_q2, t1_84);
+        let t1_86 = a_3x - t1_85;
+        let t1_87 = sin_q4 * t1_86;
+        let t1_88 = t1_16 + al_3y;
+        let t1_89 = like.lift(0.0203) * t1_88;
+        let t1_90 = t1_17 + al_3x;
+        let t1_91 = like.lift(0.4331).mul_add(t1_90, t1_89);
+        let t1_92 = a_3z - t1_91;
+        let a_4y = (-cos_q4).mul_add(t1_92, t1_87);
+        let t1_93 = a_4y.mul_add(p_my_5, t1_79);
+        let (sin_q6, cos_q6) = q6.sin_cos();
+        let t1_94 = cos_q6 * w_5x;
+        let w_6x = (-sin_q6).mul_add(w_5z, t1_94);
+        let w_6z = d_q6 - w_5y;
+        let t1_95 = w_6x * w_6z;
+        let t1_96 = sin_q6 * w_5x;
+        let w_6y = cos_q6.mul_add(w_5z, t1_96);
+        let w_ixx_6_q6 = w_6x * w_6y;
+        let t1_97 = w_6y * w_6z;
+        let t1_98 = t1_97 * p_izz_6;
+        let t1_99 = w_6y * w_6y;
+        let t1_100 = w_6z * w_6z;
+        let t1_101 = t1_99 - t1_100;
+        let t1_102 = t1_101.mul_add(p_iyz_6, t1_98);
+        let t1_103 = w_ixx_6_q6.mul_add(p_ixz_6, -t1_102);
+        let t1_104 = t1_95.mul_add(p_ixy_6, -t1_103);
+        let t1_105 = cos_q6 * al_5x;
+        let t1_106 = sin_q6.mul_add(al_4y, t1_105);
+        let al_6x = d_q6.mul_add(w_6y, t1_106);
+        let t1_107 = al_6x * p_ixx_6;
+        let t1_108 = sin_q6 * al_5x;
+        let t1_109 = (-cos_q6).mul_add(al_4y, t1_108);
+        let al_6y = d_q6.mul_add(w_6x, -t1_109);
+        let t1_110 = al_6y.mul_add(p_ixy_6, t1_107);
+        let t1_111 = (-al_5y).mul_add(p_ixz_6, t1_110);
+        let t1_112 = t1_104 + t1_111;
+        let t1_113 = cos_q4 * t1_86;
+        let a_4x = sin_q4.mul_add(t1_92, t1_113);
+        let t1_114 = sin_q5 * a_4x;
+        let a_5y = cos_q5.mul_add(a_4z, t1_114);
+        let t1_115 = (-a_5y).mul_add(p_my_6, t1_112);
+        let t1_116 = cos_q6 * t1_115;
+        let t1_117 = p_ixx_6 - p_izz_6;
+        let t1_118 = t1_95 * t1_117;
+        let t1_119 = w_6x * w_6x;
+        let t1_120 = t1_119 - t1_100;
+        let t1_121 = t1_120.mul_add(p_ixz_6, t1_118);
+        let t1_122 = t1_97.mul_add(p_ixy_6, -t1_121);
+        let t1_123 = w_ixx_6_q6.mul_add(p_iyz_6, t1_122);
+        let t1_124 = al_6x * p_ixy_6;
+        let t1_125 = (-al_5y).mul_add(p_iyz_6, t1_124);
+        let t1_126 = t1_123 + t1_125;
+        let t1_127 = a_5y.mul_add(p_mx_6, t1_126);
+        let t1_128 = (-sin_q6).mul_add(t1_127, t1_116);
+        let t1_129 = t1_93 + t1_128;
+        let t1_130 = cos_q5 * t1_129;
+        let t1_131 = p_ixx_5 - p_izz_5;
+        let t1_132 = t1_62 * t1_131;
+        let t1_133 = w_5x * w_5x;
+        let t1_134 = t1_133 - t1_67;
+        let t1_135 = t1_134.mul_add(p_ixz_5, t1_132);
+        let t1_136 = t1_64.mul_add(p_ixy_5, -t1_135);
+        let t1_137 = w_ixx_5_q5.mul_add(p_iyz_5, t1_136);
+        let t1_138 = al_5x * p_ixy_5;
+        let t1_139 = al_4y.mul_add(p_iyz_5, t1_138);
+        let t1_140 = t1_137 + t1_139;
+        let t1_141 = (-a_4y).mul_add(p_mx_5, t1_140);
+        let t1_142 = w_ixx_6_q6 * p_ixx_6;
+        let w_ixy_6_q6 = t1_119 - t1_99;
+        let t1_143 = w_ixy_6_q6.mul_add(p_ixy_6, t1_142);
+        let t1_144 = t1_95.mul_add(p_iyz_6, -t1_143);
+        let t1_145 = t1_97.mul_add(p_ixz_6, t1_144);
+        let t1_146 = al_6x * p_ixz_6;
+        let t1_147 = al_6y.mul_add(p_iyz_6, t1_146);
+        let t1_148 = (-al_5y).mul_add(p_izz_6, t1_147);
+        let t1_149 = t1_145 - t1_148;
+        let t1_150 = cos_q5 * a_4x;
+        let a_5x = (-sin_q5).mul_add(a_4z, t1_150);
+        let t1_151 = sin_q6 * a_5x;
+        let a_6y = cos_q6.mul_add(a_4y, t1_151);
+        let t1_152 = a_6y * p_mx_6;
+        let t1_153 = cos_q6 * a_5x;
+        let a_6x = (-sin_q6).mul_add(a_4y, t1_153);
+        let t1_154 = a_6x.mul_add(p_my_6, t1_152);
+        let t1_155 = t1_149 - t1_154;
+        let t1_156 = t1_141 + t1_155;
+        let t1_157 = (-sin_q5).mul_add(t1_156, t1_130);
+        let t1_158 = t1_60 + t1_157;
+        let t1_159 = cos_q4 * t1_158;
+        let t1_160 = p_ixx_4 - p_izz_4;
+        let t1_161 = t1_36 * t1_160;
+        let t1_162 = w_4x * w_4x;
+        let t1_163 = t1_162 - t1_41;
+        let t1_164 = t1_163.mul_add(p_ixz_4, t1_161);
+        let t1_165 = t1_38.mul_add(p_ixy_4, -t1_164);
+        let t1_166 = w_ixx_4_q4.mul_add(p_iyz_4, t1_165);
+        let t1_167 = al_4x * p_ixy_4;
+        let t1_168 = (-al_3y).mul_add(p_iyz_4, t1_167);
+        let t1_169 = t1_166 + t1_168;
+        let t1_170 = a_4z.mul_add(p_mx_4, t1_169);
+        let t1_171 = w_ixx_5_q5 * p_ixx_5;
+        let w_ixy_5_q5 = t1_133 - t1_66;
+        let t1_172 = w_ixy_5_q5.mul_add(p_ixy_5, t1_171);
+        let t1_173 = t1_62.mul_add(p_iyz_5, -t1_172);
+        let t1_174 = t1_64.mul_add(p_ixz_5, t1_173);
+        let t1_175 = al_5x * p_ixz_5;
+        let t1_176 = al_5y.mul_add(p_iyz_5, t1_175);
+        let t1_177 = al_4y.mul_add(p_izz_5, t1_176);
+        let t1_178 = t1_174 - t1_177;
+        let t1_179 = a_5y * p_mx_5;
+        let t1_180 = a_5x.mul_add(p_my_5, t1_179);
+        let t1_181 = t1_178 - t1_180;
+        let t1_182 = sin_q6 * t1_115;
+        let t1_183 = cos_q6.mul_add(t1_127, t1_182);
+        let t1_184 = t1_181 - t1_183;
+        let t1_185 = t1_170 - t1_184;
+        let t1_186 = (-sin_q4).mul_add(t1_185, t1_159);
+        let t1_187 = t1_40 + t1_41;
+        let t1_188 = t1_187 * p_mx_4;
+        let t1_189 = w_ixx_4_q4 - al_3y;
+        let t1_190 = t1_189.mul_add(p_my_4, t1_188);
+        let t1_191 = t1_66 + t1_67;
+        let t1_192 = t1_191 * p_mx_5;
+        let t1_193 = w_ixx_5_q5 + al_4y;
+        let t1_194 = t1_193.mul_add(p_my_5, t1_192);
+        let t1_195 = t1_99 + t1_100;
+        let t1_196 = t1_195 * p_mx_6;
+        let t1_197 = w_ixx_6_q6 - al_5y;
+        let t1_198 = t1_197.mul_add(p_my_6, t1_196);
+        let t1_199 = cos_q6 * t1_198;
+        let t1_200 = t1_119 + t1_100;
+        let t1_201 = t1_200 * p_my_6;
+        [
+            sin_q2, cos_q2, t1_1, w_2x, al_2y, w_ixx_2_q2, al_2x, t1_5, t1_6, t1_13, sin_q3,
+            cos_q3, t1_16, w_ixx_3_q2, t1_17, t1_19, t1_20, al_3x, al_3y, a_3z, t1_34, sin_q4,
+            cos_q4, t1_36, w_ixx_4_q4, t1_38, t1_40, t1_41, al_4x, al_4y, t1_52, a_3y, t1_56,
+            t1_57, sin_q5, cos_q5, t1_62, w_ixx_5_q5, t1_64, t1_67, al_5x, al_5y, a_3x, t1_83,
+            t1_88, t1_90, a_4y, sin_q6, cos_q6, t1_95, w_ixx_6_q6, t1_97, al_6x, al_6y, a_4x,
+            t1_129, t1_133, t1_155, t1_156, t1_158, t1_162, t1_184, t1_185, t1_186, t1_190,
+            t1_194, t1_198, t1_199, t1_201,
+        ]
+    };
+    // tau
+    {
+        let t2_1 = w_ixx_6_q6 + al_5y;
+        let t2_2 = t2_1.mul_add(p_mx_6, t1_201);
+        let t2_3 = (-sin_q6).mul_add(t2_2, t1_199);
+        let t2_4 = t1_194 + t2_3;
+        let t2_5 = cos_q5 * t2_4;
+        let t2_6 = t1_133 + t1_67;
+        let t2_7 = t2_6 * p_my_5;
+        let t2_8 = w_ixx_5_q5 - al_4y;
+        let t2_9 = t2_8.mul_add(p_mx_5, t2_7);
+        let t2_10 = t1_95 + al_6y;
+        let t2_11 = t2_10 * p_mx_6;
+        let t2_12 = t1_97 + al_6x;
+        let t2_13 = (-t2_12).mul_add(p_my_6, t2_11);
+        let t2_14 = t2_9 - t2_13;
+        let t2_15 = (-sin_q5).mul_add(t2_14, t2_5);
+        let t2_16 = t1_190 + t2_15;
+        let t2_17 = sin_q4 * t2_16;
+        let t2_18 = t1_162 + t1_41;
+        let t2_19 = t2_18 * p_my_4;
+        let t2_20 = w_ixx_4_q4 + al_3y;
+        let t2_21 = t2_20.mul_add(p_mx_4, t2_19);
+        let t2_22 = t1_62 + al_5y;
+        let t2_23 = t2_22 * p_mx_5;
+        let t2_24 = t1_64 + al_5x;
+        let t2_25 = (-t2_24).mul_add(p_my_5, t2_23);
+        let t2_26 = sin_q6 * t1_198;
+        let t2_27 = cos_q6.mul_add(t2_2, t2_26);
+        let t2_28 = t2_25 + t2_27;
+        let t2_29 = t2_21 + t2_28;
+        let t2_30 = cos_q4.mul_add(t2_29, t2_17);
+        let t2_31 = like.lift(0.4331).mul_add(t2_30, t1_186);
+        let t2_32 = t1_34 + t2_31;
+        let t2_33 = cos_q3 * t2_32;
+        let t2_34 = p_ixx_3 - p_izz_3;
+        let t2_35 = t1_16 * t2_34;
+        let t2_36 = t1_56 - t1_20;
+        let t2_37 = t2_36.mul_add(p_ixz_3, t2_35);
+        let t2_38 = t1_17.mul_add(p_ixy_3, t2_37);
+        let t2_39 = w_ixx_3_q2.mul_add(p_iyz_3, t2_38);
+        let t2_40 = al_3x.mul_add(p_ixy_3, t2_39);
+        let t2_41 = (-a_3z).mul_add(p_mx_3, t2_40);
+        let t2_42 = w_ixx_4_q4 * p_ixx_4;
+        let w_ixy_4_q4 = t1_162 - t1_40;
+        let t2_43 = w_ixy_4_q4.mul_add(p_ixy_4, t2_42);
+        let t2_44 = t1_36.mul_add(p_iyz_4, -t2_43);
+        let t2_45 = t1_38.mul_add(p_ixz_4, t2_44);
+        let t2_46 = al_4x * p_ixz_4;
+        let t2_47 = al_4y.mul_add(p_iyz_4, t2_46);
+        let t2_48 = (-al_3y).mul_add(p_izz_4, t2_47);
+        let t2_49 = t2_45 - t2_48;
+        let t2_50 = a_4y * p_mx_4;
+        let t2_51 = a_4x.mul_add(p_my_4, t2_50);
+        let t2_52 = t2_49 - t2_51;
+        let t2_53 = sin_q5 * t1_129;
+        let t2_54 = cos_q5.mul_add(t1_156, t2_53);
+        let t2_55 = t2_52 + t2_54;
+        let t2_56 = like.lift(-0.0203).mul_add(t2_30, t2_55);
+        let t2_57 = t2_41 - t2_56;
+        let t2_58 = sin_q3.mul_add(t2_57, t2_33);
+        let t2_59 = t1_83 * p_mx_3;
+        let t2_60 = (-w_ixx_3_q2).mul_add(p_my_3, t2_59);
+        let t2_61 = cos_q4 * t2_16;
+        let t2_62 = (-sin_q4).mul_add(t2_29, t2_61);
+        let t2_63 = t2_60 + t2_62;
+        let t2_64 = sin_q3 * t2_63;
+        let t2_65 = t1_57 * p_my_3;
+        let t2_66 = (-w_ixx_3_q2).mul_add(p_mx_3, t2_65);
+        let t2_67 = t1_36 + al_4y;
+        let t2_68 = t2_67 * p_mx_4;
+        let t2_69 = t1_38 + al_4x;
+        let t2_70 = (-t2_69).mul_add(p_my_4, t2_68);
+        let t2_71 = sin_q5 * t2_4;
+        let t2_72 = cos_q5.mul_add(t2_14, t2_71);
+        let t2_73 = t2_70 - t2_72;
+        let t2_74 = t2_66 - t2_73;
+        let t2_75 = cos_q3.mul_add(t2_74, t2_64);
+        let t2_76 = like.lift(-0.0934).mul_add(t2_75, t2_58);
+        let t2_77 = t1_13 - t2_76;
+        let t2_78 = sin_q2 * t2_77;
+        let t2_79 = t1_1 * p_mx_2;
+        let t2_80 = al_2x * p_ixy_2;
+        let t2_81 = p_ixx_2 - p_izz_2;
+        let t2_82 = al_2y * t2_81;
+        let t2_83 = w_2x * w_2x;
+        let t2_84 = t2_83 - t1_6;
+        let t2_85 = t2_84.mul_add(p_ixz_2, t2_82);
+        let t2_86 = t2_80 + t2_85;
+        let t2_87 = w_ixx_2_q2.mul_add(p_iyz_2, t2_86);
+        let t2_88 = t2_80 + t2_87;
+        let t2_89 = like.lift(0.2435).mul_add(t2_79, -t2_88);
+        let t2_90 = sin_q3 * t2_32;
+        let t2_91 = (-cos_q3).mul_add(t2_57, t2_90);
+        let t2_92 = cos_q3 * t2_63;
+        let t2_93 = (-sin_q3).mul_add(t2_74, t2_92);
+        let t2_94 = like.lift(0.0934) * t2_93;
+        let t2_95 = t1_88 * p_mx_3;
+        let t2_96 = t1_90.mul_add(p_my_3, t2_95);
+        let t2_97 = t2_96 + t2_30;
+        let t2_98 = like.lift(0.4318).mul_add(t2_97, t2_94);
+        let t2_99 = t2_91 + t2_98;
+        let t2_100 = t2_89 + t2_99;
+        let t2_101 = (-cos_q2).mul_add(t2_100, t2_78);
+        let t2_102 = t1_52 * p_mx_2;
+        let t2_103 = (-w_ixx_2_q2).mul_add(p_my_2, t2_102);
+        let t2_104 = t2_103 + t2_93;
+        let t2_105 = cos_q2 * t2_104;
+        let t2_106 = t2_83 + t1_6;
+        let t2_107 = t2_106 * p_my_2;
+        let t2_108 = (-w_ixx_2_q2).mul_add(p_mx_2, t2_107);
+        let t2_109 = t2_108 + t2_75;
+        let t2_110 = (-sin_q2).mul_add(t2_109, t2_105);
+        let t2_111 = like.lift(0.2435).mul_add(t2_110, t2_101);
+        tau[0] = t2_111;
+        let t2_112 = w_ixx_2_q2 * p_ixx_2;
+        let w_ixy_2_q2 = t2_83 - t1_5;
+        let t2_113 = (-w_ixy_2_q2).mul_add(p_ixy_2, t2_112);
+        let t2_114 = w_ixx_3_q2 * p_ixx_3;
+        let w_ixy_3_q2 = t1_56 - t1_19;
+        let t2_115 = (-w_ixy_3_q2).mul_add(p_ixy_3, t2_114);
+        let t2_116 = t1_16.mul_add(p_iyz_3, t2_115);
+        let t2_117 = t1_17.mul_add(p_ixz_3, -t2_116);
+        let t2_118 = al_3x * p_ixz_3;
+        let t2_119 = (-al_3y).mul_add(p_iyz_3, t2_118);
+        let t2_120 = t2_117 - t2_119;
+        let t2_121 = a_3y * p_mx_3;
+        let t2_122 = a_3x.mul_add(p_my_3, t2_121);
+        let t2_123 = t2_120 + t2_122;
+        let t2_124 = sin_q4 * t1_158;
+        let t2_125 = cos_q4.mul_add(t1_185, t2_124);
+        let t2_126 = like.lift(0.0203) * t2_73;
+        let t2_127 = like.lift(0.4331).mul_add(t2_62, t2_126);
+        let t2_128 = t2_125 - t2_127;
+        let t2_129 = t2_123 + t2_128;
+        tau[2] = t2_129;
+        let t2_130 = like.lift(-0.4318).mul_add(t2_75, t2_129);
+        let t2_131 = t2_113 - t2_130;
+        let t2_132 = -t2_131;
+        tau[1] = t2_132;
+        let t2_133 = -t2_55;
+        tau[3] = t2_133;
+        let t2_134 = -t1_184;
+        tau[4] = t2_134;
+        let t2_135 = -t1_155;
+        tau[5] = t2_135;
+    }
+    (tau, Condition::regular(like))
+}
+
+/// The mass matrix from base parameters.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `beta`: base parameters, SI, in the order of `BASE`
+/// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
+///
+/// 153 additions, 185 multiplications, 0 divisions, 5 sines and cosines.
+pub fn base_mass_matrix<T: Scalar>(q: &[T; 6], beta: &[T; 36]) -> ([[T; 6]; 6], Condition<T>) {
+    let like = q[0];
+    let mut m = [[like.lift(0.0); 6]; 6];
+    let [_, q2, q3, q4, q5, q6] = *q;
+    let [
+        p_izz_1, p_ixx_2, p_ixy_2, p_ixz_2, p_iyz_2, p_izz_2, p_mx_2, p_my_2, p_ixx_3, p_ixy_3,
+        p_ixz_3, p_iyz_3, p_izz_3, p_mx_3, p_my_3, p_ixx_4, p_ixy_4, p_ixz_4, p_iyz_4, p_izz_4,
+        p_mx_4, p_my_4, p_ixx_5, p_ixy_5, p_ixz_5, p_iyz_5, p_izz_5, p_mx_5, p_my_5, p_ixx_6,
+        p_ixy_6, p_ixz_6, p_iyz_6, p_izz_6, p_mx_6, p_my_6,
+    ] = *beta;
+    // M
+    {
+        let (sin_q2, cos_q2) = q2.sin_cos();
+        let (sin_q3, cos_q3) = q3.sin_cos();
+        let (sin_q4, cos_q4) = q4.sin_cos();
+        let (sin_q5, cos_q5) = q5.sin_cos();
+        let (sin_q6, cos_q6) = q6.sin_cos();
+        let t1_1 = sin_q6 * p_ixy_6;
+        let t1_2 = cos_q6.mul_add(p_ixx_6, -t1_1);
+        let t1_3 = cos_q6 * t1_2;
+        let t1_4 = cos_q6 * p_ixy_6;
+        let t1_5 = (-sin_q6).mul_add(t1_4, t1_3);
+        let t1_6 = p_ixx_5 + t1_5;
+        let t1_7 = cos_q6 * p_ixz_6;
+        let t1_8 = (-sin_q6).mul_add(p_iyz_6, t1_7);
+        let t1_9 = p_ixy_5 - t1_8;
+        let t1_10 = sin_q5 * t1_9;
+        let t1_11 = cos_q5.mul_add(t1_6, -t1_10);
+        let t1_12 = cos_q5 * t1_11;
+        let t1_13 = cos_q5 * t1_9;
+        let t1_14 = sin_q5 * p_izz_6;
+        let t1_15 = t1_13 - t1_14;
+        let t1_16 = (-sin_q5).mul_add(t1_15, t1_12);
+        let t1_17 = p_ixx_4 + t1_16;
+        let t1_18 = sin_q6 * t1_2;
+        let t1_19 = cos_q6.mul_add(t1_4, t1_18);
+        let t1_20 = p_ixz_5 + t1_19;
+        let t1_21 = cos_q5 * t1_20;
+        let t1_22 = sin_q6 * p_ixz_6;
+        let t1_23 = cos_q6.mul_add(p_iyz_6, t1_22);
+        let t1_24 = p_iyz_5 - t1_23;
+        let t1_25 = (-sin_q5).mul_add(t1_24, t1_21);
+        let t1_26 = p_ixy_4 + t1_25;
+        let t1_27 = sin_q4 * t1_26;
+        let t1_28 = cos_q4.mul_add(t1_17, -t1_27);
+        let t1_29 = cos_q4 * t1_28;
+        let t1_30 = cos_q4 * t1_26;
+        let t1_31 = sin_q6.mul_add(p_ixx_6, t1_4);
+        let t1_32 = sin_q6 * t1_31;
+        let t1_33 = cos_q6.mul_add(t1_1, t1_32);
+        let t1_34 = p_izz_5 + t1_33;
+        let t1_35 = sin_q4 * t1_34;
+        let t1_36 = t1_30 - t1_35;
+        let t1_37 = (-sin_q4).mul_add(t1_36, t1_29);
+        let t1_38 = cos_q6 * p_mx_6;
+        let t1_39 = (-sin_q6).mul_add(p_my_6, t1_38);
+        let t1_40 = p_mx_5 + t1_39;
+        let t1_41 = cos_q5 * t1_40;
+        let t1_42 = (-sin_q5).mul_add(p_my_5, t1_41);
+        let t1_43 = p_mx_4 + t1_42;
+        let t1_44 = cos_q4 * t1_43;
+        let t1_45 = sin_q6 * p_mx_6;
+        let t1_46 = cos_q6.mul_add(p_my_6, t1_45);
+        let t1_47 = p_my_4 + t1_46;
+        let t1_48 = (-sin_q4).mul_add(t1_47, t1_44);
+        let t1_49 = like.lift(0.0406).mul_add(t1_48, t1_37);
+        let t1_50 = like.lift(0.0203) * t1_48;
+        let t1_51 = sin_q5 * t1_40;
+        let t1_52 = cos_q5.mul_add(p_my_5, t1_51);
+        let t1_53 = like.lift(0.4331).mul_add(t1_52, t1_50);
+        let t1_54 = t1_53 + t1_53;
+        let t1_55 = t1_49 - t1_54;
+        let t1_56 = p_ixx_3 + t1_55;
+        let t1_57 = sin_q5 * t1_11;
+        let t1_58 = cos_q5.mul_add(t1_15, t1_57);
+        let t1_59 = p_ixz_4 - t1_58;
+        let t1_60 = cos_q4 * t1_59;
+        let t1_61 = sin_q5 * t1_20;
+        let t1_62 = cos_q5.mul_add(t1_24, t1_61);
+        let t1_63 = p_iyz_4 - t1_62;
+        let t1_64 = (-sin_q4).mul_add(t1_63, t1_60);
+        let t1_65 = like.lift(0.4331) * t1_48;
+        let t1_66 = like.lift(0.0203).mul_add(t1_52, t1_65);
+        let t1_67 = t1_64 - t1_66;
+        let t1_68 = p_ixy_3 - t1_67;
+        let t1_69 = sin_q3 * t1_68;
+        let t1_70 = cos_q3.mul_add(t1_56, -t1_69);
+        let t1_71 = cos_q3 * t1_70;
+        let t1_72 = cos_q3 * t1_68;
+        let t1_73 = sin_q5.mul_add(t1_6, t1_13);
+        let t1_74 = sin_q5 * t1_73;
+        let t1_75 = cos_q5 * p_izz_6;
+        let t1_76 = t1_10 + t1_75;
+        let t1_77 = cos_q5.mul_add(t1_76, t1_74);
+        let t1_78 = p_izz_4 + t1_77;
+        let t1_79 = like.lift(0.8662).mul_add(t1_52, t1_78);
+        let t1_80 = t1_79 - t1_54;
+        let t1_81 = (-sin_q3).mul_add(t1_80, t1_72);
+        let t1_82 = (-sin_q3).mul_add(t1_81, t1_71);
+        let t1_83 = p_mx_3 + t1_48;
+        let t1_84 = cos_q3 * t1_83;
+        let t1_85 = p_my_3 + t1_52;
+        let t1_86 = (-sin_q3).mul_add(t1_85, t1_84);
+        let t1_87 = like.lift(-0.8636).mul_add(t1_86, t1_82);
+        let t1_88 = like.lift(0.4318) * t1_86;
+        let t1_89 = sin_q4 * t1_43;
+        let t1_90 = cos_q4.mul_add(t1_47, t1_89);
+        let t1_91 = like.lift(-0.0934).mul_add(t1_90, t1_88);
+        let t1_92 = t1_91 + t1_91;
+        let t1_93 = t1_87 + t1_92;
+        let t1_94 = p_ixx_2 + t1_93;
+        let t1_95 = sin_q2 * t1_94;
+        let t1_96 = sin_q3 * t1_70;
+        let t1_97 = cos_q3.mul_add(t1_81, t1_96);
+        let t1_98 = sin_q3 * t1_83;
+        let t1_99 = cos_q3.mul_add(t1_85, t1_98);
+        let t1_100 = like.lift(-0.4318).mul_add(t1_99, t1_97);
+        let t1_101 = p_ixy_2 + t1_100;
+        let t1_102 = cos_q2.mul_add(t1_101, t1_95);
+        let t1_103 = sin_q2 * t1_102;
+        let t1_104 = sin_q2 * t1_101;
+        let t1_105 = sin_q3.mul_add(t1_56, t1_72);
+        let t1_106 = sin_q3 * t1_105;
+        let t1_107 = cos_q3.mul_add(t1_80, t1_69);
+        let t1_108 = cos_q3.mul_add(t1_107, t1_106);
+        let t1_109 = t1_108 + t1_92;
+        let t1_110 = cos_q2.mul_add(t1_109, t1_104);
+        let t1_111 = cos_q2.mul_add(t1_110, t1_103);
+        let t1_112 = like.lift(0.487).mul_add(t1_90, t1_111);
+        let t1_113 = p_izz_1 + t1_112;
+        let t1_114 = sin_q4 * t1_28;
+        let t1_115 = cos_q4.mul_add(t1_36, t1_114);
+        let t1_116 = like.lift(0.0203).mul_add(t1_90, t1_115);
+        let t1_117 = p_ixz_3 + t1_116;
+        let t1_118 = cos_q3 * t1_117;
+        let t1_119 = sin_q4 * t1_59;
+        let t1_120 = cos_q4.mul_add(t1_63, t1_119);
+        let t1_121 = like.lift(-0.4331).mul_add(t1_90, t1_120);
+        let t1_122 = p_iyz_3 - t1_121;
+        let t1_123 = (-sin_q3).mul_add(t1_122, t1_118);
+        let t1_124 = like.lift(0.0934) * t1_86;
+        let t1_125 = like.lift(0.4318).mul_add(t1_90, -t1_124);
+        let t1_126 = t1_123 - t1_125;
+        let t1_127 = p_ixz_2 + t1_126;
+        let t1_128 = sin_q2 * t1_127;
+        let t1_129 = sin_q3 * t1_117;
+        let t1_130 = cos_q3.mul_add(t1_122, t1_129);
+        let t1_131 = like.lift(0.0934).mul_add(t1_99, t1_130);
+        let t1_132 = p_iyz_2 + t1_131;
+        let t1_133 = cos_q2.mul_add(t1_132, t1_128);
+        let t1_134 = p_mx_2 + t1_86;
+        let t1_135 = sin_q2 * t1_134;
+        let t1_136 = p_my_2 + t1_99;
+        let t1_137 = cos_q2.mul_add(t1_136, t1_135);
+        let t1_138 = like.lift(-0.2435).mul_add(t1_137, t1_133);
+        let t1_139 = -t1_138;
+        let t1_140 = t1_123 + t1_124;
+        let t1_141 = sin_q2 * t1_140;
+        let t1_142 = cos_q2.mul_add(t1_131, t1_141);
+        let t1_143 = cos_q2 * t1_99;
+        let t1_144 = sin_q2.mul_add(t1_86, t1_143);
+        let t1_145 = like.lift(-0.2435).mul_add(t1_144, t1_142);
+        let t1_146 = -t1_145;
+        let t1_147 = t1_64 - t1_65;
+        let t1_148 = cos_q3 * t1_147;
+        let t1_149 = t1_78 - t1_50;
+        let t1_150 = sin_q3.mul_add(t1_149, t1_148);
+        let t1_151 = sin_q3 * t1_90;
+        let t1_152 = like.lift(-0.0934).mul_add(t1_151, t1_150);
+        let t1_153 = sin_q2 * t1_152;
+        let t1_154 = sin_q3 * t1_147;
+        let t1_155 = (-cos_q3).mul_add(t1_149, t1_154);
+        let t1_156 = cos_q3 * t1_90;
+        let t1_157 = like.lift(0.0934) * t1_156;
+        let t1_158 = like.lift(-0.4318).mul_add(t1_48, t1_157);
+        let t1_159 = t1_155 + t1_158;
+        let t1_160 = cos_q2.mul_add(t1_159, t1_153);
+        let t1_161 = sin_q2 * sin_q3;
+        let cos_q2_q3 = cos_q2.mul_add(cos_q3, -t1_161);
+        let t1_162 = cos_q2_q3 * t1_90;
+        let t1_163 = like.lift(-0.2435).mul_add(t1_162, t1_160);
+        let t1_164 = -t1_163;
+        let t1_165 = (-cos_q4).mul_add(t1_25, t1_35);
+        let t1_166 = sin_q4 * t1_52;
+        let t1_167 = like.lift(-0.4331).mul_add(t1_166, t1_165);
+        let t1_168 = cos_q3 * t1_167;
+        let t1_169 = like.lift(-0.0203).mul_add(t1_166, t1_62);
+        let t1_170 = sin_q3.mul_add(t1_169, t1_168);
+        let t1_171 = cos_q4 * t1_52;
+        let t1_172 = sin_q3 * t1_171;
+        let t1_173 = (-cos_q3).mul_add(t1_42, t1_172);
+        let t1_174 = like.lift(0.0934).mul_add(t1_173, t1_170);
+        let t1_175 = sin_q2 * t1_174;
+        let t1_176 = sin_q3 * t1_167;
+        let t1_177 = (-cos_q3).mul_add(t1_169, t1_176);
+        let t1_178 = cos_q3 * t1_171;
+        let t1_179 = sin_q3.mul_add(t1_42, t1_178);
+        let t1_180 = like.lift(0.0934) * t1_179;
+        let t1_181 = like.lift(0.4318).mul_add(t1_166, t1_180);
+        let t1_182 = t1_177 - t1_181;
+        let t1_183 = cos_q2.mul_add(t1_182, t1_175);
+        let t1_184 = cos_q2 * t1_179;
+        let t1_185 = (-sin_q2).mul_add(t1_173, t1_184);
+        let t1_186 = like.lift(0.2435).mul_add(t1_185, t1_183);
+        let t1_187 = cos_q5.mul_add(t1_8, t1_14);
+        let t1_188 = cos_q4 * t1_187;
+        let t1_189 = (-sin_q4).mul_add(t1_23, t1_188);
+        let t1_190 = cos_q5 * t1_46;
+        let t1_191 = sin_q4 * t1_190;
+        let t1_192 = (-cos_q4).mul_add(t1_39, t1_191);
+        let t1_193 = like.lift(0.4331).mul_add(t1_192, t1_189);
+        let t1_194 = cos_q3 * t1_193;
+        let t1_195 = (-sin_q5).mul_add(t1_8, t1_75);
+        let t1_196 = like.lift(0.0203).mul_add(t1_192, t1_195);
+        let t1_197 = sin_q3.mul_add(t1_196, t1_194);
+        let t1_198 = cos_q4 * t1_190;
+        let t1_199 = sin_q4.mul_add(t1_39, t1_198);
+        let t1_200 = sin_q3 * t1_199;
+        let t1_201 = sin_q5 * t1_46;
+        let t1_202 = cos_q3.mul_add(t1_201, t1_200);
+        let t1_203 = like.lift(-0.0934).mul_add(t1_202, t1_197);
+        let t1_204 = sin_q2 * t1_203;
+        let t1_205 = sin_q3 * t1_193;
+        let t1_206 = (-cos_q3).mul_add(t1_196, t1_205);
+        let t1_207 = cos_q3 * t1_199;
+        let t1_208 = (-sin_q3).mul_add(t1_201, t1_207);
+        let t1_209 = like.lift(0.0934) * t1_208;
+        let t1_210 = like.lift(0.4318).mul_add(t1_192, t1_209);
+        let t1_211 = t1_206 + t1_210;
+        let t1_212 = cos_q2.mul_add(t1_211, t1_204);
+        let t1_213 = cos_q2 * t1_208;
+        let t1_214 = (-sin_q2).mul_add(t1_202, t1_213);
+        let t1_215 = like.lift(-0.2435).mul_add(t1_214, t1_212);
+        let t1_216 = -t1_215;
+        m[0] = [t1_113, t1_139, t1_146, t1_164, t1_186, t1_216];
+        let t1_217 = sin_q4.mul_add(t1_17, t1_30);
+        let t1_218 = sin_q4 * t1_217;
+        let t1_219 = cos_q4 * t1_34;
+        let t1_220 = t1_27 + t1_219;
+        let t1_221 = cos_q4.mul_add(t1_220, t1_218);
+        let t1_222 = t1_221 - t1_54;
+        let t1_223 = p_izz_3 + t1_222;
+        let t1_224 = like.lift(0.1868).mul_add(t1_90, t1_223);
+        let t1_225 = t1_224 + t1_92;
+        let t1_226 = p_izz_2 + t1_225;
+        let t1_227 = t1_223 + t1_88;
+        let t1_228 = like.lift(-0.4318).mul_add(t1_151, t1_121);
+        let t1_229 = sin_q4.mul_add(t1_25, t1_219);
+        let t1_230 = like.lift(0.0203) * t1_42;
+        let t1_231 = like.lift(0.4331).mul_add(t1_171, t1_230);
+        let t1_232 = t1_229 - t1_231;
+        let t1_233 = like.lift(-0.4318).mul_add(t1_173, t1_232);
+        let t1_234 = sin_q4 * t1_187;
+        let t1_235 = cos_q4.mul_add(t1_23, t1_234);
+        let t1_236 = like.lift(0.0203) * t1_201;
+        let t1_237 = like.lift(-0.4331).mul_add(t1_199, t1_236);
+        let t1_238 = t1_235 + t1_237;
+        m[2] = [t1_146, t1_227, t1_223, t1_121, t1_232, t1_238];
+        let t1_239 = like.lift(-0.4318).mul_add(t1_202, t1_238);
+        m[1] = [t1_139, t1_226, t1_227, t1_228, t1_233, t1_239];
+        m[5] = [t1_216, t1_239, t1_238, t1_195, t1_23, p_izz_6];
+        let t1_240 = -t1_62;
+        m[3] = [t1_164, t1_228, t1_121, t1_78, t1_240, t1_195];
+        m[4] = [t1_186, t1_233, t1_232, t1_240, t1_34, t1_23];
+    }
+    (m, Condition::regular(like))
+}
+
 /// The robot as a `Model`, over slices.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Puma560;
@@ -3792,5 +6360,73 @@ impl<T: Scalar> Model<T> for Puma560 {
         let out = ::regen_runtime::matrix_mut::<T, 6, 12>(out, "out")?;
         *out = poses(q);
         Ok(())
+    }
+}
+
+impl<T: Scalar> BaseModel<T> for Puma560 {
+    fn base_info(&self) -> BaseInfo<'_> {
+        BASE_INFO
+    }
+
+    fn base_regressor(&self, q: &[T], qd: &[T], qdd: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
+        let q = ::regen_runtime::array::<T, 6>(q, "q")?;
+        let qd = ::regen_runtime::array::<T, 6>(qd, "qd")?;
+        let qdd = ::regen_runtime::array::<T, 6>(qdd, "qdd")?;
+        let out = ::regen_runtime::matrix_mut::<T, 36, 6>(out, "out")?;
+        Ok(base_regressor(q, qd, qdd, out))
+    }
+
+    fn to_base(&self, phi: &[T], out: &mut [T]) -> Result<(), SizeError> {
+        let phi = ::regen_runtime::array::<T, 60>(phi, "phi")?;
+        let out = ::regen_runtime::array_mut::<T, 36>(out, "out")?;
+        *out = to_base(phi);
+        Ok(())
+    }
+
+    fn from_base(&self, beta: &[T], free: &[T], out: &mut [T]) -> Result<(), SizeError> {
+        let beta = ::regen_runtime::array::<T, 36>(beta, "beta")?;
+        let free = ::regen_runtime::array::<T, 24>(free, "free")?;
+        let out = ::regen_runtime::array_mut::<T, 60>(out, "out")?;
+        *out = from_base(beta, free);
+        Ok(())
+    }
+
+    fn base_inverse_dynamics(&self, q: &[T], qd: &[T], qdd: &[T], beta: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
+        let q = ::regen_runtime::array::<T, 6>(q, "q")?;
+        let qd = ::regen_runtime::array::<T, 6>(qd, "qd")?;
+        let qdd = ::regen_runtime::array::<T, 6>(qdd, "qdd")?;
+        let beta = ::regen_runtime::array::<T, 36>(beta, "beta")?;
+        let out = ::regen_runtime::array_mut::<T, 6>(out, "out")?;
+        let (value, condition) = base_inverse_dynamics(q, qd, qdd, beta);
+        *out = value;
+        Ok(condition)
+    }
+
+    fn base_gravity(&self, q: &[T], beta: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
+        let q = ::regen_runtime::array::<T, 6>(q, "q")?;
+        let beta = ::regen_runtime::array::<T, 36>(beta, "beta")?;
+        let out = ::regen_runtime::array_mut::<T, 6>(out, "out")?;
+        let (value, condition) = base_gravity(q, beta);
+        *out = value;
+        Ok(condition)
+    }
+
+    fn base_bias_forces(&self, q: &[T], qd: &[T], beta: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
+        let q = ::regen_runtime::array::<T, 6>(q, "q")?;
+        let qd = ::regen_runtime::array::<T, 6>(qd, "qd")?;
+        let beta = ::regen_runtime::array::<T, 36>(beta, "beta")?;
+        let out = ::regen_runtime::array_mut::<T, 6>(out, "out")?;
+        let (value, condition) = base_bias_forces(q, qd, beta);
+        *out = value;
+        Ok(condition)
+    }
+
+    fn base_mass_matrix(&self, q: &[T], beta: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
+        let q = ::regen_runtime::array::<T, 6>(q, "q")?;
+        let beta = ::regen_runtime::array::<T, 36>(beta, "beta")?;
+        let out = ::regen_runtime::matrix_mut::<T, 6, 6>(out, "out")?;
+        let (value, condition) = base_mass_matrix(q, beta);
+        *out = value;
+        Ok(condition)
     }
 }

@@ -5,6 +5,8 @@
 //!
 //! 9 coordinates, 3 independent; 7 bodies, 79 parameters; 6 closure rows, 0 of them redundant.
 //!
+//! 34 base parameters, certified to be minimal.
+//!
 //! | function | add | mul | div | sin and cos |
 //! |---|---|---|---|---|
 //! | [`constraints`] | 25 | 39 | 0 | 6 |
@@ -22,10 +24,18 @@
 //! | [`slotine_li`] | 425 | 794 | 6 | 6 |
 //! | [`efforts`] | 0 | 0 | 0 | 0 |
 //! | [`poses`] | 15 | 44 | 0 | 6 |
+//! | [`base_regressor`] | 226 | 437 | 6 | 6 |
+//! | [`to_base`] | 17 | 8 | 0 | 0 |
+//! | [`from_base`] | 17 | 8 | 0 | 0 |
+//! | [`base_inverse_dynamics`] | 213 | 355 | 6 | 6 |
+//! | [`base_gravity`] | 116 | 249 | 6 | 6 |
+//! | [`base_bias_forces`] | 272 | 472 | 6 | 6 |
+//! | [`base_mass_matrix`] | 206 | 344 | 6 | 6 |
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
 use ::regen_runtime::{Condition, Cut, Info, Model, Scalar, SizeError};
+use ::regen_runtime::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
 pub const COORDINATES: [&str; 9] = [
@@ -70,6 +80,292 @@ pub const INFO: Info<'static> = Info {
     cuts: &[Cut { name: "s2", rows: 3 }, Cut { name: "s3", rows: 3 }],
     home: &HOME,
     rows: 6,
+};
+/// The base parameters, in the order of `beta`: the columns of `base_regressor`.
+pub const BASE: [BaseParameter<'static>; 34] = [
+    BaseParameter {
+        label: "Izz(1)",
+        terms: &[
+            BaseTerm { parameter: "Izz(1)", index: 5, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "Iyy(2)", index: 13, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "mx(1)",
+        terms: &[
+            BaseTerm { parameter: "mx(1)", index: 6, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "my(1)",
+        terms: &[
+            BaseTerm { parameter: "my(1)", index: 7, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "mx(2)",
+        terms: &[
+            BaseTerm { parameter: "mx(2)", index: 16, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "mz(2)",
+        terms: &[
+            BaseTerm { parameter: "mz(2)", index: 18, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Ixx(3)",
+        terms: &[
+            BaseTerm { parameter: "Ixx(3)", index: 20, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "my(3)", index: 27, coefficient: "-sqrt(3)*a/2", value: -0.39516739174683935 },
+        ],
+    },
+    BaseParameter {
+        label: "Ixy(3)",
+        terms: &[
+            BaseTerm { parameter: "Ixy(3)", index: 21, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "my(3)", index: 27, coefficient: "a/2", value: 0.22815 },
+        ],
+    },
+    BaseParameter {
+        label: "Ixz(3)",
+        terms: &[
+            BaseTerm { parameter: "Ixz(3)", index: 22, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Iyy(3)",
+        terms: &[
+            BaseTerm { parameter: "Iyy(3)", index: 23, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "my(3)", index: 27, coefficient: "sqrt(3)*a/2", value: 0.39516739174683935 },
+            BaseTerm { parameter: "m(3)", index: 29, coefficient: "-a^2", value: -0.20820969 },
+            BaseTerm { parameter: "m(2)", index: 19, coefficient: "-a^2", value: -0.20820969 },
+        ],
+    },
+    BaseParameter {
+        label: "Iyz(3)",
+        terms: &[
+            BaseTerm { parameter: "Iyz(3)", index: 24, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Izz(3)",
+        terms: &[
+            BaseTerm { parameter: "Izz(3)", index: 25, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "m(3)", index: 29, coefficient: "-a^2", value: -0.20820969 },
+            BaseTerm { parameter: "m(2)", index: 19, coefficient: "-a^2", value: -0.20820969 },
+        ],
+    },
+    BaseParameter {
+        label: "mx(3)",
+        terms: &[
+            BaseTerm { parameter: "mx(3)", index: 26, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "my(3)", index: 27, coefficient: "sqrt(3)/3", value: 0.5773502691896257 },
+            BaseTerm { parameter: "m(3)", index: 29, coefficient: "-a", value: -0.4563 },
+            BaseTerm { parameter: "m(2)", index: 19, coefficient: "-a", value: -0.4563 },
+        ],
+    },
+    BaseParameter {
+        label: "mz(3)",
+        terms: &[
+            BaseTerm { parameter: "mz(3)", index: 28, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Izz(4)",
+        terms: &[
+            BaseTerm { parameter: "Izz(4)", index: 35, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "Iyy(5)", index: 43, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "mx(4)",
+        terms: &[
+            BaseTerm { parameter: "mx(4)", index: 36, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "my(4)",
+        terms: &[
+            BaseTerm { parameter: "my(4)", index: 37, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "mx(5)",
+        terms: &[
+            BaseTerm { parameter: "mx(5)", index: 46, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "mz(5)",
+        terms: &[
+            BaseTerm { parameter: "mz(5)", index: 48, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "m(5)",
+        terms: &[
+            BaseTerm { parameter: "m(5)", index: 49, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "m(3)", index: 29, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "m(2)", index: 19, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "my(3)", index: 27, coefficient: "-2*sqrt(3)/(3*a)", value: -2.5305731719904703 },
+        ],
+    },
+    BaseParameter {
+        label: "Izz(6)",
+        terms: &[
+            BaseTerm { parameter: "Izz(6)", index: 55, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "Iyy(7)", index: 63, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "mx(6)",
+        terms: &[
+            BaseTerm { parameter: "mx(6)", index: 56, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "my(6)",
+        terms: &[
+            BaseTerm { parameter: "my(6)", index: 57, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "mx(7)",
+        terms: &[
+            BaseTerm { parameter: "mx(7)", index: 66, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "mz(7)",
+        terms: &[
+            BaseTerm { parameter: "mz(7)", index: 68, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "m(7)",
+        terms: &[
+            BaseTerm { parameter: "m(7)", index: 69, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "my(3)", index: 27, coefficient: "2*sqrt(3)/(3*a)", value: 2.5305731719904703 },
+        ],
+    },
+    BaseParameter {
+        label: "Fv(q2)",
+        terms: &[
+            BaseTerm { parameter: "Fv(q2)", index: 70, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Fc(q2)",
+        terms: &[
+            BaseTerm { parameter: "Fc(q2)", index: 71, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Fv(q7)",
+        terms: &[
+            BaseTerm { parameter: "Fv(q7)", index: 72, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Fc(q7)",
+        terms: &[
+            BaseTerm { parameter: "Fc(q7)", index: 73, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Fv(q9)",
+        terms: &[
+            BaseTerm { parameter: "Fv(q9)", index: 74, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Fc(q9)",
+        terms: &[
+            BaseTerm { parameter: "Fc(q9)", index: 75, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "J(q2)",
+        terms: &[
+            BaseTerm { parameter: "J(q2)", index: 76, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "J(q7)",
+        terms: &[
+            BaseTerm { parameter: "J(q7)", index: 77, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "J(q9)",
+        terms: &[
+            BaseTerm { parameter: "J(q9)", index: 78, coefficient: "1", value: 1.0 },
+        ],
+    },
+];
+/// Labels of the eliminated parameters, in the order of `free`.
+pub const FREE: [&str; 45] = [
+    "Ixx(1)",
+    "Ixy(1)",
+    "Ixz(1)",
+    "Iyy(1)",
+    "Iyz(1)",
+    "mz(1)",
+    "m(1)",
+    "Ixx(2)",
+    "Ixy(2)",
+    "Ixz(2)",
+    "Iyy(2)",
+    "Iyz(2)",
+    "Izz(2)",
+    "my(2)",
+    "m(2)",
+    "my(3)",
+    "m(3)",
+    "Ixx(4)",
+    "Ixy(4)",
+    "Ixz(4)",
+    "Iyy(4)",
+    "Iyz(4)",
+    "mz(4)",
+    "m(4)",
+    "Ixx(5)",
+    "Ixy(5)",
+    "Ixz(5)",
+    "Iyy(5)",
+    "Iyz(5)",
+    "Izz(5)",
+    "my(5)",
+    "Ixx(6)",
+    "Ixy(6)",
+    "Ixz(6)",
+    "Iyy(6)",
+    "Iyz(6)",
+    "mz(6)",
+    "m(6)",
+    "Ixx(7)",
+    "Ixy(7)",
+    "Ixz(7)",
+    "Iyy(7)",
+    "Iyz(7)",
+    "Izz(7)",
+    "my(7)",
+];
+/// The base and its certificate: certified to be minimal.
+pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
+    base: &BASE,
+    free: &FREE,
+    certificate: Some(Certificate {
+        columns: 79,
+        rank: 34,
+        states: 19,
+        digits: 96,
+        smallest_kept: 0.0008550537568003082,
+        largest_dropped: 1.7029030802561775e-96,
+    }),
+    complete: true,
 };
 
 /// The closure equations f(q) (Eq. 6): every row of every cut in the world frame, then the couplings.
@@ -2224,7 +2520,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
         p_fc_q9, p_j_q2, p_j_q7, p_j_q9,
     ] = *phi;
     let mut condition = like.lift(1.0);
-    // tau (Eq. 11), part 1
+    // tau, part 1
     let [
         sin_q1, cos_q1, sin_s1_2, cos_s1_2, t1_60, t1_96, t1_110, t1_114, t1_128, t1_133,
         t1_134, t1_136, t1_141, sin_q6, cos_q6, t1_142, t1_144, t1_149, t1_150, t1_152, t1_157,
@@ -2657,7 +2953,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
             x_q8_q7, x_q8_q9,
         ]
     };
-    // tau (Eq. 11)
+    // tau
     {
         let t3_1 = (-t1_128).mul_add(x_q1_q2, t1_60);
         let t3_2 = cos_s1_2 * t1_96;
@@ -2762,7 +3058,7 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 79]) -> ([T; 3], Condition<T>) {
         _, _, _, _, _, p_mx_7, _, p_mz_7, p_m_7, _, _, _, _, _, _, _, _, _,
     ] = *phi;
     let mut condition = like.lift(1.0);
-    // gravity, part 1
+    // tau, part 1
     let [
         cos_q1, sin_s1_2, cos_s1_2, t1_21, t1_35, t1_38, t1_42, t1_54, t1_58, t1_60, t1_64,
         sin_q6, cos_q6, t1_67, t1_73, t1_75, t1_81, t1_82, t1_86, t1_90, pivot_1, t1_96,
@@ -3097,7 +3393,7 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 79]) -> ([T; 3], Condition<T>) {
             x_q8_q7, x_q8_q9,
         ]
     };
-    // gravity
+    // tau
     {
         let t3_1 = t1_54.mul_add(x_q1_q2, t1_21);
         let t3_2 = cos_s1_2 * t1_35;
@@ -3175,7 +3471,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 79]) -> ([T; 3]
         p_fv_q2, p_fc_q2, p_fv_q7, p_fc_q7, p_fv_q9, p_fc_q9, _, _, _,
     ] = *phi;
     let mut condition = like.lift(1.0);
-    // bias, part 1
+    // tau, part 1
     let [
         w_fc_q2_q2, t1_1, a_2z, t1_2, sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1,
         t1_8, t1_10, t1_15, sin_q6, cos_q6, t1_16, t1_18, t1_23, t1_24, t1_26, t1_31, t1_32,
@@ -3796,7 +4092,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 79]) -> ([T; 3]
             x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
         ]
     };
-    // bias
+    // tau
     {
         let t4_1 = (-t3_119).mul_add(x_q1_q2, t3_56);
         let t4_2 = cos_s1_2 * t3_87;
@@ -5710,6 +6006,2966 @@ pub fn poses<T: Scalar>(q: &[T; 9]) -> [[T; 12]; 7] {
     poses
 }
 
+/// The reduced regressor W_red (Eq. 23): only the columns that are kept.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `qd`: velocities of all coordinates
+/// - `qdd`: accelerations of all coordinates
+/// - `w`: W_red (Eq. 23), column by column: `w[c][r]` multiplies `BASE[c]` in the equation of `INDEPENDENT[r]`
+///
+/// 226 additions, 437 multiplications, 6 divisions, 6 sines and cosines.
+pub fn base_regressor<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &mut [[T; 3]; 34]) -> Condition<T> {
+    let like = q[0];
+    let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
+    let [d_q1, d_q2, d_s1_1, d_s1_2, d_s1_3, d_q6, d_q7, d_q8, d_q9] = *qd;
+    let [dd_q1, dd_q2, dd_s1_1, dd_s1_2, dd_s1_3, dd_q6, dd_q7, dd_q8, dd_q9] = *qdd;
+    let mut condition = like.lift(1.0);
+    // loops: solve with A_e (Eq. 8, 10)
+    let [
+        sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, e_s1_2_q1x, sin_q6, cos_q6,
+        sin_s1_3, cos_s1_3, e_s1_2_q1z, e_3_q1y, sin_q8, cos_q8, x_q1_q2, x_q1_q7, x_q1_q9,
+        x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7,
+        x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
+    ] = {
+        let (sin_q1, cos_q1) = q1.sin_cos();
+        let t1_1 = cos_q1 * q2;
+        let (sin_s1_2, cos_s1_2) = s1_2.sin_cos();
+        let t1_2 = cos_q1 * sin_s1_2;
+        let (sin_s1_1, cos_s1_1) = s1_1.sin_cos();
+        let t1_3 = sin_q1 * cos_s1_1;
+        let t1_4 = cos_s1_2.mul_add(t1_3, t1_2);
+        let t1_5 = like.lift(-0.4563).mul_add(t1_4, t1_1);
+        let t1_6 = -t1_5;
+        let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
+        let t1_7 = cos_q1 * e_s1_2_q1x;
+        let t1_8 = like.lift(0.4563) * t1_7;
+        let t1_9 = cos_s1_1 * t1_4;
+        let t1_10 = like.lift(0.4563) * t1_9;
+        let t1_11 = sin_q1 * sin_s1_1;
+        let t1_12 = t1_11 * e_s1_2_q1x;
+        let t1_13 = like.lift(0.4563).mul_add(t1_12, t1_10);
+        let (sin_q6, cos_q6) = q6.sin_cos();
+        let t1_14 = cos_q6 * q7;
+        let t1_15 = like.lift(0.5) * t1_14;
+        let t1_16 = -t1_15;
+        let t1_17 = sin_q1 * q2;
+        let t1_18 = sin_q1 * sin_s1_2;
+        let t1_19 = cos_q1 * cos_s1_1;
+        let t1_20 = (-cos_s1_2).mul_add(t1_19, t1_18);
+        let t1_21 = like.lift(-0.4563).mul_add(t1_20, t1_17);
+        let t1_22 = -t1_21;
+        let t1_23 = sin_q1 * e_s1_2_q1x;
+        let t1_24 = like.lift(0.4563) * t1_23;
+        let t1_25 = cos_q1 * sin_s1_1;
+        let t1_26 = t1_25 * e_s1_2_q1x;
+        let t1_27 = like.lift(0.4563) * t1_26;
+        let t1_28 = cos_s1_1 * t1_20;
+        let t1_29 = like.lift(-0.4563).mul_add(t1_28, t1_27);
+        let t1_30 = -t1_29;
+        let t1_31 = sin_q6 * q7;
+        let t1_32 = cos_q1 * t1_20;
+        let t1_33 = like.lift(0.4563) * t1_32;
+        let t1_34 = sin_q1 * t1_4;
+        let t1_35 = like.lift(-0.4563).mul_add(t1_34, t1_33);
+        let t1_36 = t1_11 * t1_20;
+        let t1_37 = like.lift(0.4563) * t1_36;
+        let t1_38 = t1_25 * t1_4;
+        let t1_39 = like.lift(0.4563).mul_add(t1_38, t1_37);
+        let pivot_1 = like.lift(0.8660254037844386) * t1_14;
+        let t1_40 = like.lift(0.22815) * t1_4;
+        let (sin_s1_3, cos_s1_3) = s1_3.sin_cos();
+        let t1_41 = cos_s1_3 * t1_11;
+        let t1_42 = cos_q1 * cos_s1_2;
+        let t1_43 = (-sin_s1_2).mul_add(t1_3, t1_42);
+        let t1_44 = sin_s1_3.mul_add(t1_43, t1_41);
+        let t1_45 = like.lift(-0.39516739174683935).mul_add(t1_44, t1_40);
+        let t1_46 = t1_1 - t1_45;
+        let t1_47 = -t1_46;
+        let t1_48 = like.lift(0.22815) * e_s1_2_q1x;
+        let t1_49 = cos_s1_1 * cos_s1_3;
+        let e_s1_2_q1z = sin_s1_1 * sin_s1_2;
+        let e_3_q1y = sin_s1_3.mul_add(e_s1_2_q1z, t1_49);
+        let t1_50 = like.lift(0.39516739174683935).mul_add(e_3_q1y, t1_48);
+        let t1_51 = cos_q1 * t1_50;
+        let t1_52 = cos_s1_1 * t1_45;
+        let t1_53 = t1_11.mul_add(t1_50, t1_52);
+        let t1_54 = e_s1_2_q1x * t1_45;
+        let t1_55 = (-t1_4).mul_add(t1_50, t1_54);
+        let (sin_q8, cos_q8) = q8.sin_cos();
+        let t1_56 = cos_q8 * q9;
+        let t1_57 = like.lift(0.5) * t1_56;
+        let t1_58 = -t1_57;
+        let t1_59 = cos_s1_3 * t1_25;
+        let t1_60 = sin_q1 * cos_s1_2;
+        let t1_61 = sin_s1_2.mul_add(t1_19, t1_60);
+        let t1_62 = (-sin_s1_3).mul_add(t1_61, t1_59);
+        let t1_63 = like.lift(0.39516739174683935) * t1_62;
+        let t1_64 = like.lift(0.22815) * t1_20;
+        let t1_65 = t1_17 - t1_64;
+        let t1_66 = t1_63 - t1_65;
+        let t1_67 = sin_q1 * t1_50;
+        let t1_68 = t1_25 * t1_50;
+        let t1_69 = t1_64 + t1_63;
+        let t1_70 = (-cos_s1_1).mul_add(t1_69, t1_68);
+        let t1_71 = -t1_70;
+        let t1_72 = t1_20 * t1_50;
+        let t1_73 = (-e_s1_2_q1x).mul_add(t1_69, t1_72);
+        let t1_74 = -t1_73;
+        let t1_75 = sin_q8 * q9;
+        let t1_76 = cos_q1 * t1_69;
+        let t1_77 = (-sin_q1).mul_add(t1_45, t1_76);
+        let t1_78 = t1_11 * t1_69;
+        let t1_79 = t1_25.mul_add(t1_45, t1_78);
+        let t1_80 = t1_4 * t1_69;
+        let t1_81 = (-t1_20).mul_add(t1_45, t1_80);
+        let t1_82 = -t1_81;
+        let pivot_2 = like.lift(0.8660254037844386) * t1_56;
+        let t1_83 = -pivot_2;
+        let t1_84 = -sin_q1;
+        let t1_85 = like.lift(0.5) * sin_q6;
+        let t1_86 = -t1_85;
+        let t1_87 = -cos_q6;
+        let t1_88 = like.lift(0.8660254037844386) * sin_q6;
+        let t1_89 = like.lift(0.5) * sin_q8;
+        let t1_90 = -t1_89;
+        let t1_91 = -cos_q8;
+        let t1_92 = like.lift(0.8660254037844386) * sin_q8;
+        let t1_93 = -t1_92;
+        let t1_94 = like.lift(0.5773502691896257).mul_add(t1_81, t1_55);
+        let t1_95 = like.lift(1.0) / t1_56;
+        let t1_96 = t1_75 * t1_95;
+        let t1_97 = t1_81 * t1_96;
+        let pivot_3 = like.lift(1.1547005383792515).mul_add(t1_97, t1_73);
+        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let t1_98 = t1_94 * inv_pivot_3;
+        let t1_99 = (-t1_66).mul_add(t1_98, t1_46);
+        let t1_100 = like.lift(0.5773502691896257).mul_add(t1_35, t1_8);
+        let t1_101 = like.lift(-0.5773502691896257).mul_add(t1_77, t1_51);
+        let t1_102 = t1_77 * t1_96;
+        let t1_103 = like.lift(1.1547005383792515).mul_add(t1_102, t1_67);
+        let pivot_4 = t1_103.mul_add(t1_98, t1_101);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t1_104 = t1_100 * inv_pivot_4;
+        let pivot_5 = (-t1_99).mul_add(t1_104, t1_5);
+        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let t1_105 = (-cos_q1).mul_add(t1_98, sin_q1);
+        let t1_106 = (-t1_105).mul_add(t1_104, sin_q1);
+        let t1_107 = like.lift(0.5773502691896257).mul_add(t1_39, t1_13);
+        let t1_108 = like.lift(-0.5773502691896257).mul_add(t1_79, t1_53);
+        let t1_109 = t1_79 * t1_96;
+        let t1_110 = like.lift(-1.1547005383792515).mul_add(t1_109, t1_70);
+        let t1_111 = (-t1_110).mul_add(t1_98, t1_108);
+        let t1_112 = (-t1_111).mul_add(t1_104, t1_107);
+        let t1_113 = like.lift(1.0) / t1_14;
+        let t1_114 = t1_31 * t1_113;
+        let t1_115 = t1_35 * t1_114;
+        let t1_116 = like.lift(-1.1547005383792515).mul_add(t1_115, t1_24);
+        let t1_117 = t1_116 * inv_pivot_4;
+        let t1_118 = t1_105.mul_add(t1_117, cos_q1);
+        let t1_119 = (-t1_99).mul_add(t1_117, t1_21);
+        let t1_120 = t1_119 * inv_pivot_5;
+        let t1_121 = t1_106.mul_add(t1_120, t1_118);
+        let t1_122 = t1_39 * t1_114;
+        let t1_123 = like.lift(1.1547005383792515).mul_add(t1_122, t1_29);
+        let t1_124 = t1_111.mul_add(t1_117, t1_123);
+        let pivot_6 = t1_112.mul_add(t1_120, t1_124);
+        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let t1_125 = t1_121 * inv_pivot_6;
+        let t1_126 = (-t1_112).mul_add(t1_125, t1_106);
+        let t1_127 = inv_pivot_5 * t1_126;
+        let t1_128 = sin_q6.mul_add(t1_114, cos_q6);
+        let t1_129 = t1_128 * inv_pivot_6;
+        let t1_130 = t1_112 * t1_129;
+        let t1_131 = inv_pivot_5 * t1_130;
+        let t1_132 = sin_q8.mul_add(t1_96, cos_q8);
+        let t1_133 = t1_132 * t1_98;
+        let t1_134 = t1_133 * t1_104;
+        let t1_135 = t1_133 * t1_117;
+        let t1_136 = (-t1_134).mul_add(t1_120, t1_135);
+        let t1_137 = t1_136 * inv_pivot_6;
+        let t1_138 = t1_112.mul_add(t1_137, t1_134);
+        let t1_139 = inv_pivot_5 * t1_138;
+        let t1_140 = -t1_139;
+        let t1_141 = (-t1_99).mul_add(t1_127, t1_105);
+        let t1_142 = (-t1_111).mul_add(t1_125, t1_141);
+        let t1_143 = inv_pivot_4 * t1_142;
+        let t1_144 = -t1_143;
+        let t1_145 = t1_99 * t1_131;
+        let t1_146 = (-t1_111).mul_add(t1_129, t1_145);
+        let t1_147 = inv_pivot_4 * t1_146;
+        let t1_148 = t1_99.mul_add(t1_139, t1_133);
+        let t1_149 = (-t1_111).mul_add(t1_137, t1_148);
+        let t1_150 = inv_pivot_4 * t1_149;
+        let t1_151 = -t1_150;
+        let t1_152 = -t1_125;
+        let t1_153 = -t1_137;
+        let t1_154 = t1_103.mul_add(t1_143, cos_q1);
+        let t1_155 = (-t1_66).mul_add(t1_127, t1_154);
+        let t1_156 = (-t1_110).mul_add(t1_125, t1_155);
+        let t1_157 = inv_pivot_3 * t1_156;
+        let t1_158 = -t1_157;
+        let t1_159 = t1_103 * t1_147;
+        let t1_160 = t1_66.mul_add(t1_131, t1_159);
+        let t1_161 = (-t1_110).mul_add(t1_129, t1_160);
+        let t1_162 = inv_pivot_3 * t1_161;
+        let t1_163 = (-t1_103).mul_add(t1_150, t1_132);
+        let t1_164 = (-t1_66).mul_add(t1_139, t1_163);
+        let t1_165 = t1_110.mul_add(t1_137, t1_164);
+        let t1_166 = inv_pivot_3 * t1_165;
+        let t1_167 = t1_35 * t1_143;
+        let t1_168 = t1_39.mul_add(t1_125, t1_167);
+        let t1_169 = t1_113 * t1_168;
+        let t1_170 = like.lift(1.1547005383792515) * t1_169;
+        let t1_171 = (-t1_35).mul_add(t1_147, t1_88);
+        let t1_172 = (-t1_39).mul_add(t1_129, t1_171);
+        let t1_173 = t1_113 * t1_172;
+        let t1_174 = like.lift(1.1547005383792515) * t1_173;
+        let t1_175 = t1_35 * t1_150;
+        let t1_176 = t1_39.mul_add(t1_137, t1_175);
+        let t1_177 = t1_113 * t1_176;
+        let t1_178 = like.lift(1.1547005383792515) * t1_177;
+        let t1_179 = t1_81 * t1_157;
+        let t1_180 = (-t1_77).mul_add(t1_143, t1_179);
+        let t1_181 = (-t1_79).mul_add(t1_125, t1_180);
+        let t1_182 = t1_95 * t1_181;
+        let t1_183 = like.lift(1.1547005383792515) * t1_182;
+        let t1_184 = t1_81 * t1_162;
+        let t1_185 = (-t1_77).mul_add(t1_147, t1_184);
+        let t1_186 = (-t1_79).mul_add(t1_129, t1_185);
+        let t1_187 = t1_95 * t1_186;
+        let t1_188 = like.lift(1.1547005383792515) * t1_187;
+        let t1_189 = -t1_188;
+        let t1_190 = (-t1_81).mul_add(t1_166, t1_92);
+        let t1_191 = (-t1_77).mul_add(t1_150, t1_190);
+        let t1_192 = (-t1_79).mul_add(t1_137, t1_191);
+        let t1_193 = t1_95 * t1_192;
+        let t1_194 = like.lift(1.1547005383792515) * t1_193;
+        let t1_195 = -pivot_3;
+        let t1_196 = -pivot_5;
+        let t1_197 = -pivot_6;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
+            .min((t1_83 * like.lift(1.8955297449982944)).abs())
+            .min((t1_195 * like.lift(2.6463477742948585)).abs())
+            .min((pivot_4 * like.lift(2.1915406530791146)).abs())
+            .min((t1_196 * like.lift(0.8284577646309275)).abs())
+            .min((t1_197 * like.lift(2.1915406530791146)).abs());
+        let ([
+            [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
+            [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
+            [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
+        ], found) = ::regen_runtime::guarded(
+            [
+                [t1_127, t1_131, t1_140], [t1_144, t1_147, t1_151], [t1_152, t1_129, t1_153],
+                [t1_158, t1_162, t1_166], [t1_170, t1_174, t1_178], [t1_183, t1_189, t1_194],
+            ],
+            margin,
+            || (
+                [
+                    [t1_6, t1_8, t1_13, like.lift(0.0), t1_16, like.lift(0.0)],
+                    [t1_22, t1_24, t1_30, like.lift(0.0), t1_31, like.lift(0.0)],
+                    [like.lift(0.0), t1_35, t1_39, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t1_47, t1_51, t1_53, t1_55, like.lift(0.0), t1_58],
+                    [t1_66, t1_67, t1_71, t1_74, like.lift(0.0), t1_75],
+                    [like.lift(0.0), t1_77, t1_79, t1_82, like.lift(0.0), t1_83],
+                ],
+                [
+                    [t1_84, t1_86, like.lift(0.0)], [cos_q1, t1_87, like.lift(0.0)],
+                    [like.lift(0.0), t1_88, like.lift(0.0)], [t1_84, like.lift(0.0), t1_90],
+                    [cos_q1, like.lift(0.0), t1_91], [like.lift(0.0), like.lift(0.0), t1_93],
+                ],
+            ),
+        );
+        condition = condition.min(found);
+        [
+            sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, e_s1_2_q1x, sin_q6, cos_q6,
+            sin_s1_3, cos_s1_3, e_s1_2_q1z, e_3_q1y, sin_q8, cos_q8, x_q1_q2, x_q1_q7, x_q1_q9,
+            x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2,
+            x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
+        ]
+    };
+    // body 1
+    {
+        let w_izz_1_q2 = dd_q1 * x_q1_q2;
+        let t2_1 = -w_izz_1_q2;
+        let w_izz_1_q7 = dd_q1 * x_q1_q7;
+        let t2_2 = -w_izz_1_q7;
+        let w_izz_1_q9 = dd_q1 * x_q1_q9;
+        let t2_3 = -w_izz_1_q9;
+        w[0] = [t2_1, t2_2, t2_3];
+        let t2_4 = cos_q1 * x_q1_q2;
+        let w_mx_1_q2 = like.lift(9.81) * t2_4;
+        let t2_5 = cos_q1 * x_q1_q7;
+        let w_mx_1_q7 = like.lift(9.81) * t2_5;
+        let t2_6 = cos_q1 * x_q1_q9;
+        let w_mx_1_q9 = like.lift(9.81) * t2_6;
+        w[1] = [w_mx_1_q2, w_mx_1_q7, w_mx_1_q9];
+        let t2_7 = sin_q1 * x_q1_q2;
+        let w_my_1_q2 = like.lift(9.81) * t2_7;
+        let t2_8 = -w_my_1_q2;
+        let t2_9 = sin_q1 * x_q1_q7;
+        let w_my_1_q7 = like.lift(9.81) * t2_9;
+        let t2_10 = -w_my_1_q7;
+        let t2_11 = sin_q1 * x_q1_q9;
+        let w_my_1_q9 = like.lift(9.81) * t2_11;
+        let t2_12 = -w_my_1_q9;
+        w[2] = [t2_8, t2_10, t2_12];
+    }
+    // body 2
+    let [a_2z_2, a_2x] = {
+        let a_1y = like.lift(9.81) * cos_q1;
+        let t3_1 = d_q1 * d_q1;
+        let a_2z = q2 * t3_1;
+        let t3_2 = a_1y - a_2z;
+        let a_2z_2 = dd_q2 + t3_2;
+        let t3_3 = q2 * x_q1_q2;
+        let t3_4 = (-t3_1).mul_add(t3_3, dd_q1);
+        let w_mx_2_q2 = a_2z_2.mul_add(x_q1_q2, -t3_4);
+        let t3_5 = dd_q2 + a_1y;
+        let w_mx_2_q7 = t3_5 * x_q1_q7;
+        let w_mx_2_q9 = t3_5 * x_q1_q9;
+        w[3] = [w_mx_2_q2, w_mx_2_q7, w_mx_2_q9];
+        let a_1x = like.lift(9.81) * sin_q1;
+        let t3_6 = q2 * dd_q1;
+        let t3_7 = a_1x - t3_6;
+        let t3_8 = d_q1 * d_q2;
+        let a_2x = like.lift(-2.0).mul_add(t3_8, t3_7);
+        let t3_9 = dd_q1.mul_add(t3_3, t3_1);
+        let w_mz_2_q2 = a_2x.mul_add(x_q1_q2, -t3_9);
+        let t3_10 = t3_6 - a_2x;
+        let w_mz_2_q7 = t3_10 * x_q1_q7;
+        let t3_11 = -w_mz_2_q7;
+        let w_mz_2_q9 = t3_10 * x_q1_q9;
+        let t3_12 = -w_mz_2_q9;
+        w[4] = [w_mz_2_q2, t3_11, t3_12];
+        [a_2z_2, a_2x]
+    };
+    // body 3
+    {
+        let t4_1 = sin_s1_2 * dd_s1_1;
+        let t4_2 = sin_s1_1 * dd_q1;
+        let w_s1_1y = cos_s1_1 * d_q1;
+        let al_s1_1x = d_s1_1.mul_add(w_s1_1y, t4_2);
+        let t4_3 = (-cos_s1_2).mul_add(al_s1_1x, t4_1);
+        let t4_4 = cos_s1_2 * d_s1_1;
+        let w_s1_1x = sin_s1_1 * d_q1;
+        let w_s1_2z = sin_s1_2.mul_add(w_s1_1x, t4_4);
+        let al_s1_2x = d_s1_2.mul_add(w_s1_2z, t4_3);
+        let al_3x = dd_s1_3 - al_s1_2x;
+        let t4_5 = e_s1_2_q1x * x_q1_q2;
+        let t4_6 = (-sin_s1_2).mul_add(x_s1_1_q2, t4_5);
+        let t4_7 = x_s1_3_q2 + t4_6;
+        let w_s1_2y = d_s1_2 + w_s1_1y;
+        let t4_8 = sin_s1_3 * w_s1_2y;
+        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t4_8);
+        let t4_9 = sin_s1_2 * d_s1_1;
+        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t4_9);
+        let w_3x = d_s1_3 - w_s1_2x;
+        let t4_10 = w_3z * w_3x;
+        let t4_11 = e_3_q1y * x_q1_q2;
+        let u_3_q2y = cos_s1_2 * sin_s1_3;
+        let t4_12 = u_3_q2y.mul_add(x_s1_1_q2, t4_11);
+        let t4_13 = cos_s1_3.mul_add(x_s1_2_q2, t4_12);
+        let t4_14 = t4_10 * t4_13;
+        let t4_15 = al_3x.mul_add(t4_7, -t4_14);
+        let t4_16 = cos_s1_3 * w_s1_2y;
+        let w_3y = sin_s1_3.mul_add(w_s1_2z, t4_16);
+        let t4_17 = w_3y * w_3x;
+        let t4_18 = cos_s1_1 * sin_s1_3;
+        let e_3_q1z = (-cos_s1_3).mul_add(e_s1_2_q1z, t4_18);
+        let t4_19 = e_3_q1z * x_q1_q2;
+        let u_3_q2z = cos_s1_2 * cos_s1_3;
+        let t4_20 = (-u_3_q2z).mul_add(x_s1_1_q2, t4_19);
+        let t4_21 = sin_s1_3.mul_add(x_s1_2_q2, t4_20);
+        let t4_22 = t4_17 * t4_21;
+        let w_ixx_3_q2 = t4_15 + t4_22;
+        let t4_23 = -w_ixx_3_q2;
+        let t4_24 = e_s1_2_q1x * x_q1_q7;
+        let t4_25 = (-sin_s1_2).mul_add(x_s1_1_q7, t4_24);
+        let t4_26 = x_s1_3_q7 + t4_25;
+        let t4_27 = e_3_q1y * x_q1_q7;
+        let t4_28 = u_3_q2y.mul_add(x_s1_1_q7, t4_27);
+        let t4_29 = cos_s1_3.mul_add(x_s1_2_q7, t4_28);
+        let t4_30 = t4_10 * t4_29;
+        let t4_31 = al_3x.mul_add(t4_26, -t4_30);
+        let t4_32 = e_3_q1z * x_q1_q7;
+        let t4_33 = (-u_3_q2z).mul_add(x_s1_1_q7, t4_32);
+        let t4_34 = sin_s1_3.mul_add(x_s1_2_q7, t4_33);
+        let t4_35 = t4_17 * t4_34;
+        let w_ixx_3_q7 = t4_31 + t4_35;
+        let t4_36 = -w_ixx_3_q7;
+        let t4_37 = e_s1_2_q1x * x_q1_q9;
+        let t4_38 = (-sin_s1_2).mul_add(x_s1_1_q9, t4_37);
+        let t4_39 = x_s1_3_q9 + t4_38;
+        let t4_40 = e_3_q1y * x_q1_q9;
+        let t4_41 = u_3_q2y.mul_add(x_s1_1_q9, t4_40);
+        let t4_42 = cos_s1_3.mul_add(x_s1_2_q9, t4_41);
+        let t4_43 = t4_10 * t4_42;
+        let t4_44 = al_3x.mul_add(t4_39, -t4_43);
+        let t4_45 = e_3_q1z * x_q1_q9;
+        let t4_46 = (-u_3_q2z).mul_add(x_s1_1_q9, t4_45);
+        let t4_47 = sin_s1_3.mul_add(x_s1_2_q9, t4_46);
+        let t4_48 = t4_17 * t4_47;
+        let w_ixx_3_q9 = t4_44 + t4_48;
+        let t4_49 = -w_ixx_3_q9;
+        w[5] = [t4_23, t4_36, t4_49];
+        let t4_50 = cos_s1_1 * dd_q1;
+        let al_s1_1y = (-d_s1_1).mul_add(w_s1_1x, t4_50);
+        let al_s1_2y = dd_s1_2 + al_s1_1y;
+        let t4_51 = cos_s1_3 * al_s1_2y;
+        let t4_52 = cos_s1_2 * dd_s1_1;
+        let t4_53 = sin_s1_2.mul_add(al_s1_1x, t4_52);
+        let al_s1_2z = (-d_s1_2).mul_add(w_s1_2x, t4_53);
+        let t4_54 = sin_s1_3.mul_add(al_s1_2z, t4_51);
+        let al_3y = (-d_s1_3).mul_add(w_3z, t4_54);
+        let t4_55 = al_3y + t4_10;
+        let t4_56 = t4_55 * t4_7;
+        let t4_57 = w_3y * w_3z;
+        let t4_58 = al_3x - t4_57;
+        let t4_59 = t4_58.mul_add(t4_13, t4_56);
+        let t4_60 = w_3x * w_3x;
+        let t4_61 = w_3y * w_3y;
+        let t4_62 = t4_60 - t4_61;
+        let w_ixy_3_q2 = (-t4_62).mul_add(t4_21, t4_59);
+        let t4_63 = -w_ixy_3_q2;
+        let t4_64 = t4_55 * t4_26;
+        let t4_65 = t4_58.mul_add(t4_29, t4_64);
+        let w_ixy_3_q7 = (-t4_62).mul_add(t4_34, t4_65);
+        let t4_66 = -w_ixy_3_q7;
+        let t4_67 = t4_55 * t4_39;
+        let t4_68 = t4_58.mul_add(t4_42, t4_67);
+        let w_ixy_3_q9 = (-t4_62).mul_add(t4_47, t4_68);
+        let t4_69 = -w_ixy_3_q9;
+        w[6] = [t4_63, t4_66, t4_69];
+        let t4_70 = sin_s1_3 * al_s1_2y;
+        let t4_71 = (-cos_s1_3).mul_add(al_s1_2z, t4_70);
+        let al_3z = d_s1_3.mul_add(w_3y, t4_71);
+        let t4_72 = al_3z - t4_17;
+        let t4_73 = t4_72 * t4_7;
+        let t4_74 = w_3z * w_3z;
+        let t4_75 = t4_60 - t4_74;
+        let t4_76 = t4_75.mul_add(t4_13, t4_73);
+        let t4_77 = al_3x + t4_57;
+        let w_ixz_3_q2 = t4_77.mul_add(t4_21, t4_76);
+        let t4_78 = t4_72 * t4_26;
+        let t4_79 = t4_75.mul_add(t4_29, t4_78);
+        let w_ixz_3_q7 = t4_77.mul_add(t4_34, t4_79);
+        let t4_80 = t4_72 * t4_39;
+        let t4_81 = t4_75.mul_add(t4_42, t4_80);
+        let w_ixz_3_q9 = t4_77.mul_add(t4_47, t4_81);
+        w[7] = [w_ixz_3_q2, w_ixz_3_q7, w_ixz_3_q9];
+        let t4_82 = t4_57 * t4_7;
+        let t4_83 = al_3y.mul_add(t4_13, t4_82);
+        let w_iyy_3_q2 = t4_22 - t4_83;
+        let t4_84 = t4_57 * t4_26;
+        let t4_85 = al_3y.mul_add(t4_29, t4_84);
+        let w_iyy_3_q7 = t4_35 - t4_85;
+        let t4_86 = t4_57 * t4_39;
+        let t4_87 = al_3y.mul_add(t4_42, t4_86);
+        let w_iyy_3_q9 = t4_48 - t4_87;
+        w[8] = [w_iyy_3_q2, w_iyy_3_q7, w_iyy_3_q9];
+        let t4_88 = t4_61 - t4_74;
+        let t4_89 = t4_88 * t4_7;
+        let t4_90 = al_3z + t4_17;
+        let t4_91 = (-t4_90).mul_add(t4_13, t4_89);
+        let t4_92 = al_3y - t4_10;
+        let w_iyz_3_q2 = (-t4_92).mul_add(t4_21, t4_91);
+        let t4_93 = -w_iyz_3_q2;
+        let t4_94 = t4_88 * t4_26;
+        let t4_95 = (-t4_90).mul_add(t4_29, t4_94);
+        let w_iyz_3_q7 = (-t4_92).mul_add(t4_34, t4_95);
+        let t4_96 = -w_iyz_3_q7;
+        let t4_97 = t4_88 * t4_39;
+        let t4_98 = (-t4_90).mul_add(t4_42, t4_97);
+        let w_iyz_3_q9 = (-t4_92).mul_add(t4_47, t4_98);
+        let t4_99 = -w_iyz_3_q9;
+        w[9] = [t4_93, t4_96, t4_99];
+        let t4_100 = t4_14 - t4_82;
+        let w_izz_3_q2 = al_3z.mul_add(t4_21, t4_100);
+        let t4_101 = -w_izz_3_q2;
+        let t4_102 = t4_30 - t4_84;
+        let w_izz_3_q7 = al_3z.mul_add(t4_34, t4_102);
+        let t4_103 = -w_izz_3_q7;
+        let t4_104 = t4_43 - t4_86;
+        let w_izz_3_q9 = al_3z.mul_add(t4_47, t4_104);
+        let t4_105 = -w_izz_3_q9;
+        w[10] = [t4_101, t4_103, t4_105];
+        let a_s1_1y = sin_s1_1 * a_2x;
+        let t4_106 = cos_s1_3 * a_s1_1y;
+        let t4_107 = cos_s1_2 * a_2z_2;
+        let a_s1_1x = cos_s1_1 * a_2x;
+        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t4_107);
+        let a_3y = sin_s1_3.mul_add(a_s1_2z, t4_106);
+        let t4_108 = a_3y * t4_21;
+        let t4_109 = sin_s1_3 * a_s1_1y;
+        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t4_109);
+        let t4_110 = (-a_3z).mul_add(t4_13, t4_108);
+        let t4_111 = t4_61 + t4_74;
+        let u_s1_1_q1x = q2 * cos_s1_1;
+        let u_s1_2_q1x = cos_s1_2 * u_s1_1_q1x;
+        let t4_112 = u_s1_2_q1x.mul_add(x_q1_q2, sin_s1_2);
+        let t4_113 = t4_111 * t4_112;
+        let u_s1_1_q1y = q2 * sin_s1_1;
+        let t4_114 = cos_s1_3 * u_s1_1_q1y;
+        let u_s1_2_q1z = sin_s1_2 * u_s1_1_q1x;
+        let u_3_q1y = (-sin_s1_3).mul_add(u_s1_2_q1z, t4_114);
+        let t4_115 = u_3_q1y.mul_add(x_q1_q2, u_3_q2y);
+        let t4_116 = (-t4_72).mul_add(t4_115, t4_113);
+        let t4_117 = sin_s1_3 * u_s1_1_q1y;
+        let u_3_q1z = cos_s1_3.mul_add(u_s1_2_q1z, t4_117);
+        let t4_118 = (-u_3_q1z).mul_add(x_q1_q2, u_3_q2z);
+        let t4_119 = (-t4_55).mul_add(t4_118, t4_116);
+        let w_mx_3_q2 = t4_110 + t4_119;
+        let t4_120 = a_3y * t4_34;
+        let t4_121 = (-a_3z).mul_add(t4_29, t4_120);
+        let t4_122 = u_s1_2_q1x * x_q1_q7;
+        let t4_123 = t4_111 * t4_122;
+        let t4_124 = u_3_q1y * x_q1_q7;
+        let t4_125 = (-t4_72).mul_add(t4_124, t4_123);
+        let t4_126 = u_3_q1z * x_q1_q7;
+        let t4_127 = t4_55.mul_add(t4_126, t4_125);
+        let w_mx_3_q7 = t4_121 + t4_127;
+        let t4_128 = a_3y * t4_47;
+        let t4_129 = (-a_3z).mul_add(t4_42, t4_128);
+        let t4_130 = u_s1_2_q1x * x_q1_q9;
+        let t4_131 = t4_111 * t4_130;
+        let t4_132 = u_3_q1y * x_q1_q9;
+        let t4_133 = (-t4_72).mul_add(t4_132, t4_131);
+        let t4_134 = u_3_q1z * x_q1_q9;
+        let t4_135 = t4_55.mul_add(t4_134, t4_133);
+        let w_mx_3_q9 = t4_129 + t4_135;
+        w[11] = [w_mx_3_q2, w_mx_3_q7, w_mx_3_q9];
+        let t4_136 = sin_s1_2 * a_2z_2;
+        let a_s1_2x = cos_s1_2.mul_add(a_s1_1x, t4_136);
+        let t4_137 = a_s1_2x * t4_13;
+        let t4_138 = a_3y.mul_add(t4_7, t4_137);
+        let t4_139 = t4_92 * t4_112;
+        let t4_140 = t4_77.mul_add(t4_115, t4_139);
+        let t4_141 = t4_60 + t4_61;
+        let t4_142 = t4_141.mul_add(t4_118, t4_140);
+        let w_mz_3_q2 = t4_138 - t4_142;
+        let t4_143 = a_s1_2x * t4_29;
+        let t4_144 = a_3y.mul_add(t4_26, t4_143);
+        let t4_145 = t4_92 * t4_122;
+        let t4_146 = t4_77.mul_add(t4_124, t4_145);
+        let t4_147 = (-t4_141).mul_add(t4_126, t4_146);
+        let w_mz_3_q7 = t4_144 - t4_147;
+        let t4_148 = a_s1_2x * t4_42;
+        let t4_149 = a_3y.mul_add(t4_39, t4_148);
+        let t4_150 = t4_92 * t4_130;
+        let t4_151 = t4_77.mul_add(t4_132, t4_150);
+        let t4_152 = (-t4_141).mul_add(t4_134, t4_151);
+        let w_mz_3_q9 = t4_149 - t4_152;
+        w[12] = [w_mz_3_q2, w_mz_3_q7, w_mz_3_q9];
+    }
+    // body 4
+    {
+        let w_izz_4_q2 = dd_q6 * x_q6_q2;
+        let t5_1 = -w_izz_4_q2;
+        let w_izz_4_q7 = dd_q6 * x_q6_q7;
+        let t5_2 = -w_izz_4_q7;
+        let w_izz_4_q9 = dd_q6 * x_q6_q9;
+        let t5_3 = -w_izz_4_q9;
+        w[13] = [t5_1, t5_2, t5_3];
+        let t5_4 = cos_q6 * x_q6_q2;
+        let w_mx_4_q2 = like.lift(9.81) * t5_4;
+        let t5_5 = cos_q6 * x_q6_q7;
+        let w_mx_4_q7 = like.lift(9.81) * t5_5;
+        let t5_6 = cos_q6 * x_q6_q9;
+        let w_mx_4_q9 = like.lift(9.81) * t5_6;
+        w[14] = [w_mx_4_q2, w_mx_4_q7, w_mx_4_q9];
+        let t5_7 = sin_q6 * x_q6_q2;
+        let w_my_4_q2 = like.lift(9.81) * t5_7;
+        let t5_8 = -w_my_4_q2;
+        let t5_9 = sin_q6 * x_q6_q7;
+        let w_my_4_q7 = like.lift(9.81) * t5_9;
+        let t5_10 = -w_my_4_q7;
+        let t5_11 = sin_q6 * x_q6_q9;
+        let w_my_4_q9 = like.lift(9.81) * t5_11;
+        let t5_12 = -w_my_4_q9;
+        w[15] = [t5_8, t5_10, t5_12];
+    }
+    // body 5
+    {
+        let a_4y = like.lift(9.81) * cos_q6;
+        let t6_1 = dd_q7 + a_4y;
+        let w_mx_5_q2 = t6_1 * x_q6_q2;
+        let t6_2 = d_q6 * d_q6;
+        let a_5z = q7 * t6_2;
+        let t6_3 = a_4y - a_5z;
+        let a_5z_2 = dd_q7 + t6_3;
+        let t6_4 = q7 * x_q6_q7;
+        let t6_5 = (-t6_2).mul_add(t6_4, dd_q6);
+        let w_mx_5_q7 = a_5z_2.mul_add(x_q6_q7, -t6_5);
+        let w_mx_5_q9 = t6_1 * x_q6_q9;
+        w[16] = [w_mx_5_q2, w_mx_5_q7, w_mx_5_q9];
+        let t6_6 = q7 * dd_q6;
+        let a_4x = like.lift(9.81) * sin_q6;
+        let t6_7 = a_4x - t6_6;
+        let t6_8 = d_q6 * d_q7;
+        let a_5x = like.lift(-2.0).mul_add(t6_8, t6_7);
+        let t6_9 = t6_6 - a_5x;
+        let w_mz_5_q2 = t6_9 * x_q6_q2;
+        let t6_10 = -w_mz_5_q2;
+        let t6_11 = dd_q6.mul_add(t6_4, t6_2);
+        let w_mz_5_q7 = a_5x.mul_add(x_q6_q7, -t6_11);
+        let w_mz_5_q9 = t6_9 * x_q6_q9;
+        let t6_12 = -w_mz_5_q9;
+        w[17] = [t6_10, w_mz_5_q7, t6_12];
+        let t6_13 = q7 * a_5x;
+        let w_m_5_q2 = t6_13 * x_q6_q2;
+        let w_m_5_q7 = a_5x.mul_add(t6_4, a_5z_2);
+        let w_m_5_q9 = t6_13 * x_q6_q9;
+        w[18] = [w_m_5_q2, w_m_5_q7, w_m_5_q9];
+    }
+    // body 6
+    {
+        let w_izz_6_q2 = dd_q8 * x_q8_q2;
+        let t7_1 = -w_izz_6_q2;
+        let w_izz_6_q7 = dd_q8 * x_q8_q7;
+        let t7_2 = -w_izz_6_q7;
+        let w_izz_6_q9 = dd_q8 * x_q8_q9;
+        let t7_3 = -w_izz_6_q9;
+        w[19] = [t7_1, t7_2, t7_3];
+        let t7_4 = cos_q8 * x_q8_q2;
+        let w_mx_6_q2 = like.lift(9.81) * t7_4;
+        let t7_5 = cos_q8 * x_q8_q7;
+        let w_mx_6_q7 = like.lift(9.81) * t7_5;
+        let t7_6 = cos_q8 * x_q8_q9;
+        let w_mx_6_q9 = like.lift(9.81) * t7_6;
+        w[20] = [w_mx_6_q2, w_mx_6_q7, w_mx_6_q9];
+        let t7_7 = sin_q8 * x_q8_q2;
+        let w_my_6_q2 = like.lift(9.81) * t7_7;
+        let t7_8 = -w_my_6_q2;
+        let t7_9 = sin_q8 * x_q8_q7;
+        let w_my_6_q7 = like.lift(9.81) * t7_9;
+        let t7_10 = -w_my_6_q7;
+        let t7_11 = sin_q8 * x_q8_q9;
+        let w_my_6_q9 = like.lift(9.81) * t7_11;
+        let t7_12 = -w_my_6_q9;
+        w[21] = [t7_8, t7_10, t7_12];
+    }
+    // body 7
+    {
+        let a_6y = like.lift(9.81) * cos_q8;
+        let t8_1 = dd_q9 + a_6y;
+        let w_mx_7_q2 = t8_1 * x_q8_q2;
+        let w_mx_7_q7 = t8_1 * x_q8_q7;
+        let t8_2 = d_q8 * d_q8;
+        let a_7z = q9 * t8_2;
+        let t8_3 = a_6y - a_7z;
+        let a_7z_2 = dd_q9 + t8_3;
+        let t8_4 = q9 * x_q8_q9;
+        let t8_5 = (-t8_2).mul_add(t8_4, dd_q8);
+        let w_mx_7_q9 = a_7z_2.mul_add(x_q8_q9, -t8_5);
+        w[22] = [w_mx_7_q2, w_mx_7_q7, w_mx_7_q9];
+        let t8_6 = q9 * dd_q8;
+        let a_6x = like.lift(9.81) * sin_q8;
+        let t8_7 = a_6x - t8_6;
+        let t8_8 = d_q8 * d_q9;
+        let a_7x = like.lift(-2.0).mul_add(t8_8, t8_7);
+        let t8_9 = t8_6 - a_7x;
+        let w_mz_7_q2 = t8_9 * x_q8_q2;
+        let t8_10 = -w_mz_7_q2;
+        let w_mz_7_q7 = t8_9 * x_q8_q7;
+        let t8_11 = -w_mz_7_q7;
+        let t8_12 = dd_q8.mul_add(t8_4, t8_2);
+        let w_mz_7_q9 = a_7x.mul_add(x_q8_q9, -t8_12);
+        w[23] = [t8_10, t8_11, w_mz_7_q9];
+        let t8_13 = q9 * a_7x;
+        let w_m_7_q2 = t8_13 * x_q8_q2;
+        let w_m_7_q7 = t8_13 * x_q8_q7;
+        let w_m_7_q9 = a_7x.mul_add(t8_4, a_7z_2);
+        w[24] = [w_m_7_q2, w_m_7_q7, w_m_7_q9];
+    }
+    // friction and rotors (Eq. 14-19)
+    {
+        let w_fc_q2_q2 = d_q2.sign();
+        w[26] = [w_fc_q2_q2, like.lift(0.0), like.lift(0.0)];
+        let w_fc_q7_q7 = d_q7.sign();
+        w[28] = [like.lift(0.0), w_fc_q7_q7, like.lift(0.0)];
+        let w_fc_q9_q9 = d_q9.sign();
+        w[30] = [like.lift(0.0), like.lift(0.0), w_fc_q9_q9];
+        w[25] = [d_q2, like.lift(0.0), like.lift(0.0)];
+        w[27] = [like.lift(0.0), d_q7, like.lift(0.0)];
+        w[29] = [like.lift(0.0), like.lift(0.0), d_q9];
+        w[31] = [dd_q2, like.lift(0.0), like.lift(0.0)];
+        w[32] = [like.lift(0.0), dd_q7, like.lift(0.0)];
+        w[33] = [like.lift(0.0), like.lift(0.0), dd_q9];
+    }
+    Condition { pivot: condition }
+}
+
+/// The base parameters of given parameters.
+///
+/// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
+/// - `beta`: base parameters, in the order of `BASE`
+///
+/// 17 additions, 8 multiplications, 0 divisions, 0 sines and cosines.
+pub fn to_base<T: Scalar>(phi: &[T; 79]) -> [T; 34] {
+    let like = phi[0];
+    let mut beta = [like.lift(0.0); 34];
+    let [
+        _, _, _, _, _, p_izz_1, p_mx_1, p_my_1, _, _, _, _, _, p_iyy_2, _, _, p_mx_2, _,
+        p_mz_2, p_m_2, p_ixx_3, p_ixy_3, p_ixz_3, p_iyy_3, p_iyz_3, p_izz_3, p_mx_3, p_my_3,
+        p_mz_3, p_m_3, _, _, _, _, _, p_izz_4, p_mx_4, p_my_4, _, _, _, _, _, p_iyy_5, _, _,
+        p_mx_5, _, p_mz_5, p_m_5, _, _, _, _, _, p_izz_6, p_mx_6, p_my_6, _, _, _, _, _,
+        p_iyy_7, _, _, p_mx_7, _, p_mz_7, p_m_7, p_fv_q2, p_fc_q2, p_fv_q7, p_fc_q7, p_fv_q9,
+        p_fc_q9, p_j_q2, p_j_q7, p_j_q9,
+    ] = *phi;
+    // combinations
+    {
+        let t1_1 = p_izz_1 + p_iyy_2;
+        beta[0] = t1_1;
+        let t1_2 = like.lift(0.39516739174683935) * p_my_3;
+        let t1_3 = p_ixx_3 - t1_2;
+        beta[5] = t1_3;
+        let t1_4 = like.lift(0.22815).mul_add(p_my_3, p_ixy_3);
+        beta[6] = t1_4;
+        let t1_5 = p_iyy_3 + t1_2;
+        let t1_6 = like.lift(0.20820969) * p_m_3;
+        let t1_7 = t1_5 - t1_6;
+        let t1_8 = like.lift(0.20820969) * p_m_2;
+        let t1_9 = t1_7 - t1_8;
+        beta[8] = t1_9;
+        let t1_10 = p_izz_3 - t1_6;
+        let t1_11 = t1_8 - t1_10;
+        let t1_12 = -t1_11;
+        beta[10] = t1_12;
+        let t1_13 = like.lift(0.5773502691896257).mul_add(p_my_3, p_mx_3);
+        let t1_14 = like.lift(-0.4563).mul_add(p_m_3, t1_13);
+        let t1_15 = like.lift(-0.4563).mul_add(p_m_2, t1_14);
+        beta[11] = t1_15;
+        let t1_16 = p_izz_4 + p_iyy_5;
+        beta[13] = t1_16;
+        let t1_17 = p_m_3 + p_m_5;
+        let t1_18 = p_m_2 + t1_17;
+        let t1_19 = like.lift(2.5305731719904703) * p_my_3;
+        let t1_20 = t1_18 - t1_19;
+        beta[18] = t1_20;
+        let t1_21 = p_izz_6 + p_iyy_7;
+        beta[19] = t1_21;
+        let t1_22 = p_m_7 + t1_19;
+        beta[24] = t1_22;
+        beta[1] = p_mx_1;
+        beta[2] = p_my_1;
+        beta[3] = p_mx_2;
+        beta[4] = p_mz_2;
+        beta[7] = p_ixz_3;
+        beta[9] = p_iyz_3;
+        beta[12] = p_mz_3;
+        beta[14] = p_mx_4;
+        beta[15] = p_my_4;
+        beta[16] = p_mx_5;
+        beta[17] = p_mz_5;
+        beta[20] = p_mx_6;
+        beta[21] = p_my_6;
+        beta[22] = p_mx_7;
+        beta[23] = p_mz_7;
+        beta[25] = p_fv_q2;
+        beta[26] = p_fc_q2;
+        beta[27] = p_fv_q7;
+        beta[28] = p_fc_q7;
+        beta[29] = p_fv_q9;
+        beta[30] = p_fc_q9;
+        beta[31] = p_j_q2;
+        beta[32] = p_j_q7;
+        beta[33] = p_j_q9;
+    }
+    beta
+}
+
+/// Parameters with given base parameters; all of them, as `free` takes all values.
+///
+/// - `beta`: base parameters, SI, in the order of `BASE`
+/// - `free`: values of the eliminated parameters, in the order of `FREE`
+/// - `phi`: dynamic parameters, in the order of `PARAMETERS`
+///
+/// 17 additions, 8 multiplications, 0 divisions, 0 sines and cosines.
+pub fn from_base<T: Scalar>(beta: &[T; 34], free: &[T; 45]) -> [T; 79] {
+    let like = beta[0];
+    let mut phi = [like.lift(0.0); 79];
+    let [
+        p_izz_1, p_mx_1, p_my_1, p_mx_2, p_mz_2, p_ixx_3, p_ixy_3, p_ixz_3, p_iyy_3, p_iyz_3,
+        p_izz_3, p_mx_3, p_mz_3, p_izz_4, p_mx_4, p_my_4, p_mx_5, p_mz_5, p_m_5, p_izz_6,
+        p_mx_6, p_my_6, p_mx_7, p_mz_7, p_m_7, p_fv_q2, p_fc_q2, p_fv_q7, p_fc_q7, p_fv_q9,
+        p_fc_q9, p_j_q2, p_j_q7, p_j_q9,
+    ] = *beta;
+    let [
+        p_ixx_1, p_ixy_1, p_ixz_1, p_iyy_1, p_iyz_1, p_mz_1, p_m_1, p_ixx_2, p_ixy_2, p_ixz_2,
+        p_iyy_2, p_iyz_2, p_izz_2, p_my_2, p_m_2, p_my_3, p_m_3, p_ixx_4, p_ixy_4, p_ixz_4,
+        p_iyy_4, p_iyz_4, p_mz_4, p_m_4, p_ixx_5, p_ixy_5, p_ixz_5, p_iyy_5, p_iyz_5, p_izz_5,
+        p_my_5, p_ixx_6, p_ixy_6, p_ixz_6, p_iyy_6, p_iyz_6, p_mz_6, p_m_6, p_ixx_7, p_ixy_7,
+        p_ixz_7, p_iyy_7, p_iyz_7, p_izz_7, p_my_7,
+    ] = *free;
+    // phi
+    {
+        let t1_1 = p_izz_1 - p_iyy_2;
+        phi[5] = t1_1;
+        let t1_2 = like.lift(0.39516739174683935) * p_my_3;
+        let t1_3 = p_ixx_3 + t1_2;
+        phi[20] = t1_3;
+        let t1_4 = like.lift(-0.22815).mul_add(p_my_3, p_ixy_3);
+        phi[21] = t1_4;
+        let t1_5 = like.lift(0.20820969) * p_m_3;
+        let t1_6 = t1_2 - t1_5;
+        let t1_7 = like.lift(0.20820969) * p_m_2;
+        let t1_8 = t1_6 - t1_7;
+        let t1_9 = p_iyy_3 - t1_8;
+        phi[23] = t1_9;
+        let t1_10 = t1_5 + t1_7;
+        let t1_11 = p_izz_3 + t1_10;
+        phi[25] = t1_11;
+        let t1_12 = like.lift(0.5773502691896257) * p_my_3;
+        let t1_13 = like.lift(-0.4563).mul_add(p_m_3, t1_12);
+        let t1_14 = like.lift(-0.4563).mul_add(p_m_2, t1_13);
+        let t1_15 = p_mx_3 - t1_14;
+        phi[26] = t1_15;
+        let t1_16 = p_izz_4 - p_iyy_5;
+        phi[35] = t1_16;
+        let t1_17 = p_m_2 + p_m_3;
+        let t1_18 = like.lift(2.5305731719904703) * p_my_3;
+        let t1_19 = t1_17 - t1_18;
+        let t1_20 = p_m_5 - t1_19;
+        phi[49] = t1_20;
+        let t1_21 = p_izz_6 - p_iyy_7;
+        phi[55] = t1_21;
+        let t1_22 = p_m_7 - t1_18;
+        phi[69] = t1_22;
+        phi[0] = p_ixx_1;
+        phi[1] = p_ixy_1;
+        phi[2] = p_ixz_1;
+        phi[3] = p_iyy_1;
+        phi[4] = p_iyz_1;
+        phi[6] = p_mx_1;
+        phi[7] = p_my_1;
+        phi[8] = p_mz_1;
+        phi[9] = p_m_1;
+        phi[10] = p_ixx_2;
+        phi[11] = p_ixy_2;
+        phi[12] = p_ixz_2;
+        phi[13] = p_iyy_2;
+        phi[14] = p_iyz_2;
+        phi[15] = p_izz_2;
+        phi[16] = p_mx_2;
+        phi[17] = p_my_2;
+        phi[18] = p_mz_2;
+        phi[19] = p_m_2;
+        phi[22] = p_ixz_3;
+        phi[24] = p_iyz_3;
+        phi[27] = p_my_3;
+        phi[28] = p_mz_3;
+        phi[29] = p_m_3;
+        phi[30] = p_ixx_4;
+        phi[31] = p_ixy_4;
+        phi[32] = p_ixz_4;
+        phi[33] = p_iyy_4;
+        phi[34] = p_iyz_4;
+        phi[36] = p_mx_4;
+        phi[37] = p_my_4;
+        phi[38] = p_mz_4;
+        phi[39] = p_m_4;
+        phi[40] = p_ixx_5;
+        phi[41] = p_ixy_5;
+        phi[42] = p_ixz_5;
+        phi[43] = p_iyy_5;
+        phi[44] = p_iyz_5;
+        phi[45] = p_izz_5;
+        phi[46] = p_mx_5;
+        phi[47] = p_my_5;
+        phi[48] = p_mz_5;
+        phi[50] = p_ixx_6;
+        phi[51] = p_ixy_6;
+        phi[52] = p_ixz_6;
+        phi[53] = p_iyy_6;
+        phi[54] = p_iyz_6;
+        phi[56] = p_mx_6;
+        phi[57] = p_my_6;
+        phi[58] = p_mz_6;
+        phi[59] = p_m_6;
+        phi[60] = p_ixx_7;
+        phi[61] = p_ixy_7;
+        phi[62] = p_ixz_7;
+        phi[63] = p_iyy_7;
+        phi[64] = p_iyz_7;
+        phi[65] = p_izz_7;
+        phi[66] = p_mx_7;
+        phi[67] = p_my_7;
+        phi[68] = p_mz_7;
+        phi[70] = p_fv_q2;
+        phi[71] = p_fc_q2;
+        phi[72] = p_fv_q7;
+        phi[73] = p_fc_q7;
+        phi[74] = p_fv_q9;
+        phi[75] = p_fc_q9;
+        phi[76] = p_j_q2;
+        phi[77] = p_j_q7;
+        phi[78] = p_j_q9;
+    }
+    phi
+}
+
+/// Inverse dynamics from base parameters.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `qd`: velocities of all coordinates
+/// - `qdd`: accelerations of all coordinates
+/// - `beta`: base parameters, SI, in the order of `BASE`
+/// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
+///
+/// 213 additions, 355 multiplications, 6 divisions, 6 sines and cosines.
+pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], beta: &[T; 34]) -> ([T; 3], Condition<T>) {
+    let like = q[0];
+    let mut tau = [like.lift(0.0); 3];
+    let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
+    let [d_q1, d_q2, d_s1_1, d_s1_2, d_s1_3, d_q6, d_q7, d_q8, d_q9] = *qd;
+    let [dd_q1, dd_q2, dd_s1_1, dd_s1_2, dd_s1_3, dd_q6, dd_q7, dd_q8, dd_q9] = *qdd;
+    let [
+        p_izz_1, p_mx_1, p_my_1, p_mx_2, p_mz_2, p_ixx_3, p_ixy_3, p_ixz_3, p_iyy_3, p_iyz_3,
+        p_izz_3, p_mx_3, p_mz_3, p_izz_4, p_mx_4, p_my_4, p_mx_5, p_mz_5, p_m_5, p_izz_6,
+        p_mx_6, p_my_6, p_mx_7, p_mz_7, p_m_7, p_fv_q2, p_fc_q2, p_fv_q7, p_fc_q7, p_fv_q9,
+        p_fc_q9, p_j_q2, p_j_q7, p_j_q9,
+    ] = *beta;
+    let mut condition = like.lift(1.0);
+    // tau, part 1
+    let [
+        sin_s1_2, cos_s1_2, t1_43, sin_q1, cos_q1, t1_83, t1_95, t1_99, t1_112, t1_117, t1_118,
+        t1_120, t1_125, sin_q6, cos_q6, t1_126, t1_128, t1_133, t1_134, t1_136, t1_141, t1_142,
+        t1_143, t1_147, t1_151, pivot_1, t1_158, t1_159, t1_163, t1_165, t1_167, sin_q8,
+        cos_q8, t1_170, t1_178, t1_179, t1_182, t1_183, t1_186, t1_187, t1_189, t1_191, t1_193,
+        t1_194, t1_195, t1_196, t1_198, t1_199, t1_200, t1_202, t1_203, t1_204, t1_205, t1_206,
+        t1_207, t1_208, pivot_3, inv_pivot_3,
+    ] = {
+        let t1_1 = dd_q1 * p_mx_2;
+        let t1_2 = d_q1 * d_q1;
+        let t1_3 = t1_2.mul_add(p_mz_2, t1_1);
+        let (sin_s1_2, cos_s1_2) = s1_2.sin_cos();
+        let (sin_s1_3, cos_s1_3) = s1_3.sin_cos();
+        let (sin_s1_1, cos_s1_1) = s1_1.sin_cos();
+        let t1_4 = cos_s1_1 * dd_q1;
+        let w_s1_1x = sin_s1_1 * d_q1;
+        let al_s1_1y = (-d_s1_1).mul_add(w_s1_1x, t1_4);
+        let al_s1_2y = dd_s1_2 + al_s1_1y;
+        let t1_5 = sin_s1_3 * al_s1_2y;
+        let t1_6 = cos_s1_2 * dd_s1_1;
+        let t1_7 = sin_s1_1 * dd_q1;
+        let w_s1_1y = cos_s1_1 * d_q1;
+        let al_s1_1x = d_s1_1.mul_add(w_s1_1y, t1_7);
+        let t1_8 = sin_s1_2.mul_add(al_s1_1x, t1_6);
+        let t1_9 = sin_s1_2 * d_s1_1;
+        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t1_9);
+        let al_s1_2z = (-d_s1_2).mul_add(w_s1_2x, t1_8);
+        let t1_10 = (-cos_s1_3).mul_add(al_s1_2z, t1_5);
+        let w_s1_2y = d_s1_2 + w_s1_1y;
+        let t1_11 = cos_s1_3 * w_s1_2y;
+        let t1_12 = cos_s1_2 * d_s1_1;
+        let w_s1_2z = sin_s1_2.mul_add(w_s1_1x, t1_12);
+        let w_3y = sin_s1_3.mul_add(w_s1_2z, t1_11);
+        let al_3z = d_s1_3.mul_add(w_3y, t1_10);
+        let w_3x = d_s1_3 - w_s1_2x;
+        let t1_13 = w_3y * w_3x;
+        let t1_14 = al_3z - t1_13;
+        let t1_15 = t1_14 * p_mx_3;
+        let t1_16 = sin_s1_2 * dd_s1_1;
+        let t1_17 = (-cos_s1_2).mul_add(al_s1_1x, t1_16);
+        let al_s1_2x = d_s1_2.mul_add(w_s1_2z, t1_17);
+        let al_3x = dd_s1_3 - al_s1_2x;
+        let t1_18 = sin_s1_3 * w_s1_2y;
+        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t1_18);
+        let t1_19 = w_3y * w_3z;
+        let t1_20 = al_3x + t1_19;
+        let t1_21 = t1_20.mul_add(p_mz_3, t1_15);
+        let t1_22 = sin_s1_3 * t1_21;
+        let t1_23 = cos_s1_3 * al_s1_2y;
+        let t1_24 = sin_s1_3.mul_add(al_s1_2z, t1_23);
+        let al_3y = (-d_s1_3).mul_add(w_3z, t1_24);
+        let t1_25 = w_3z * w_3x;
+        let t1_26 = al_3y + t1_25;
+        let t1_27 = t1_26 * p_mx_3;
+        let t1_28 = w_3x * w_3x;
+        let t1_29 = w_3y * w_3y;
+        let t1_30 = t1_28 + t1_29;
+        let t1_31 = t1_30.mul_add(p_mz_3, t1_27);
+        let t1_32 = cos_s1_3.mul_add(t1_31, t1_22);
+        let t1_33 = cos_s1_2 * t1_32;
+        let t1_34 = w_3z * w_3z;
+        let t1_35 = t1_29 + t1_34;
+        let t1_36 = t1_35 * p_mx_3;
+        let t1_37 = al_3y - t1_25;
+        let t1_38 = (-t1_37).mul_add(p_mz_3, t1_36);
+        let t1_39 = (-sin_s1_2).mul_add(t1_38, t1_33);
+        let t1_40 = t1_3 + t1_39;
+        let t1_41 = (-d_q2).mul_add(p_fv_q2, t1_40);
+        let w_fc_q2_q2 = d_q2.sign();
+        let t1_42 = (-w_fc_q2_q2).mul_add(p_fc_q2, t1_41);
+        let t1_43 = (-dd_q2).mul_add(p_j_q2, t1_42);
+        let (sin_q1, cos_q1) = q1.sin_cos();
+        let t1_44 = cos_q1 * p_mx_1;
+        let t1_45 = like.lift(9.81) * t1_44;
+        let t1_46 = sin_q1 * p_my_1;
+        let t1_47 = like.lift(-9.81).mul_add(t1_46, t1_45);
+        let t1_48 = dd_q1.mul_add(p_izz_1, -t1_47);
+        let a_1x = like.lift(9.81) * sin_q1;
+        let t1_49 = (-q2).mul_add(dd_q1, a_1x);
+        let t1_50 = d_q1 * d_q2;
+        let a_2x = like.lift(-2.0).mul_add(t1_50, t1_49);
+        let t1_51 = a_2x * p_mz_2;
+        let a_1y = like.lift(9.81) * cos_q1;
+        let a_2z = q2 * t1_2;
+        let t1_52 = a_1y - a_2z;
+        let a_2z_2 = dd_q2 + t1_52;
+        let t1_53 = a_2z_2.mul_add(p_mx_2, t1_51);
+        let t1_54 = al_3x * p_ixy_3;
+        let t1_55 = al_3y.mul_add(p_iyy_3, t1_54);
+        let t1_56 = (-al_3z).mul_add(p_iyz_3, t1_55);
+        let t1_57 = p_ixx_3 - p_izz_3;
+        let t1_58 = t1_25 * t1_57;
+        let t1_59 = t1_28 - t1_34;
+        let t1_60 = t1_59.mul_add(p_ixz_3, t1_58);
+        let t1_61 = t1_19.mul_add(p_ixy_3, t1_60);
+        let t1_62 = t1_13.mul_add(p_iyz_3, t1_61);
+        let t1_63 = t1_56 - t1_62;
+        let t1_64 = sin_s1_2 * a_2z_2;
+        let a_s1_1x = cos_s1_1 * a_2x;
+        let a_s1_2x = cos_s1_2.mul_add(a_s1_1x, t1_64);
+        let t1_65 = a_s1_2x * p_mz_3;
+        let a_s1_1y = sin_s1_1 * a_2x;
+        let t1_66 = sin_s1_3 * a_s1_1y;
+        let t1_67 = cos_s1_2 * a_2z_2;
+        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t1_67);
+        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t1_66);
+        let t1_68 = (-a_3z).mul_add(p_mx_3, t1_65);
+        let t1_69 = t1_63 - t1_68;
+        let t1_70 = sin_s1_3 * t1_69;
+        let t1_71 = al_3x * p_ixz_3;
+        let t1_72 = al_3y.mul_add(p_iyz_3, t1_71);
+        let t1_73 = (-al_3z).mul_add(p_izz_3, t1_72);
+        let t1_74 = p_ixx_3 - p_iyy_3;
+        let t1_75 = t1_13 * t1_74;
+        let t1_76 = t1_28 - t1_29;
+        let t1_77 = (-t1_76).mul_add(p_ixy_3, t1_75);
+        let t1_78 = t1_25.mul_add(p_iyz_3, t1_77);
+        let t1_79 = t1_19.mul_add(p_ixz_3, -t1_78);
+        let t1_80 = t1_73 + t1_79;
+        let t1_81 = cos_s1_3 * a_s1_1y;
+        let a_3y = sin_s1_3.mul_add(a_s1_2z, t1_81);
+        let t1_82 = a_3y.mul_add(p_mx_3, t1_80);
+        let t1_83 = cos_s1_3.mul_add(t1_82, t1_70);
+        let t1_84 = sin_s1_2 * t1_83;
+        let t1_85 = al_3x * p_ixx_3;
+        let t1_86 = al_3y.mul_add(p_ixy_3, t1_85);
+        let t1_87 = (-al_3z).mul_add(p_ixz_3, t1_86);
+        let t1_88 = p_iyy_3 - p_izz_3;
+        let t1_89 = t1_19 * t1_88;
+        let t1_90 = t1_29 - t1_34;
+        let t1_91 = t1_90.mul_add(p_iyz_3, t1_89);
+        let t1_92 = t1_13.mul_add(p_ixz_3, t1_91);
+        let t1_93 = t1_25.mul_add(p_ixy_3, t1_92);
+        let t1_94 = t1_87 + t1_93;
+        let t1_95 = (-a_3y).mul_add(p_mz_3, t1_94);
+        let t1_96 = cos_s1_2.mul_add(t1_95, t1_84);
+        let t1_97 = sin_s1_1 * t1_96;
+        let t1_98 = cos_s1_3 * t1_69;
+        let t1_99 = (-sin_s1_3).mul_add(t1_82, t1_98);
+        let t1_100 = cos_s1_1.mul_add(t1_99, t1_97);
+        let t1_101 = t1_53 - t1_100;
+        let t1_102 = t1_2 * p_mx_2;
+        let t1_103 = (-dd_q1).mul_add(p_mz_2, t1_102);
+        let t1_104 = sin_s1_2 * t1_32;
+        let t1_105 = cos_s1_2.mul_add(t1_38, t1_104);
+        let t1_106 = cos_s1_1 * t1_105;
+        let t1_107 = cos_s1_3 * t1_21;
+        let t1_108 = (-sin_s1_3).mul_add(t1_31, t1_107);
+        let t1_109 = (-sin_s1_1).mul_add(t1_108, t1_106);
+        let t1_110 = t1_103 + t1_109;
+        let t1_111 = q2.mul_add(t1_110, t1_101);
+        let t1_112 = t1_48 - t1_111;
+        let t1_113 = cos_q1 * q2;
+        let t1_114 = cos_q1 * sin_s1_2;
+        let t1_115 = sin_q1 * cos_s1_1;
+        let t1_116 = cos_s1_2.mul_add(t1_115, t1_114);
+        let t1_117 = like.lift(-0.4563).mul_add(t1_116, t1_113);
+        let t1_118 = -t1_117;
+        let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
+        let t1_119 = cos_q1 * e_s1_2_q1x;
+        let t1_120 = like.lift(0.4563) * t1_119;
+        let t1_121 = cos_s1_1 * t1_116;
+        let t1_122 = like.lift(0.4563) * t1_121;
+        let t1_123 = sin_q1 * sin_s1_1;
+        let t1_124 = t1_123 * e_s1_2_q1x;
+        let t1_125 = like.lift(0.4563).mul_add(t1_124, t1_122);
+        let (sin_q6, cos_q6) = q6.sin_cos();
+        let t1_126 = cos_q6 * q7;
+        let t1_127 = like.lift(0.5) * t1_126;
+        let t1_128 = -t1_127;
+        let t1_129 = sin_q1 * q2;
+        let t1_130 = sin_q1 * sin_s1_2;
+        let t1_131 = cos_q1 * cos_s1_1;
+        let t1_132 = (-cos_s1_2).mul_add(t1_131, t1_130);
+        let t1_133 = like.lift(-0.4563).mul_add(t1_132, t1_129);
+        let t1_134 = -t1_133;
+        let t1_135 = sin_q1 * e_s1_2_q1x;
+        let t1_136 = like.lift(0.4563) * t1_135;
+        let t1_137 = cos_q1 * sin_s1_1;
+        let t1_138 = t1_137 * e_s1_2_q1x;
+        let t1_139 = like.lift(0.4563) * t1_138;
+        let t1_140 = cos_s1_1 * t1_132;
+        let t1_141 = like.lift(-0.4563).mul_add(t1_140, t1_139);
+        let t1_142 = -t1_141;
+        let t1_143 = sin_q6 * q7;
+        let t1_144 = cos_q1 * t1_132;
+        let t1_145 = like.lift(0.4563) * t1_144;
+        let t1_146 = sin_q1 * t1_116;
+        let t1_147 = like.lift(-0.4563).mul_add(t1_146, t1_145);
+        let t1_148 = t1_123 * t1_132;
+        let t1_149 = like.lift(0.4563) * t1_148;
+        let t1_150 = t1_137 * t1_116;
+        let t1_151 = like.lift(0.4563).mul_add(t1_150, t1_149);
+        let pivot_1 = like.lift(0.8660254037844386) * t1_126;
+        let t1_152 = like.lift(0.22815) * t1_116;
+        let t1_153 = cos_s1_3 * t1_123;
+        let t1_154 = cos_q1 * cos_s1_2;
+        let t1_155 = (-sin_s1_2).mul_add(t1_115, t1_154);
+        let t1_156 = sin_s1_3.mul_add(t1_155, t1_153);
+        let t1_157 = like.lift(-0.39516739174683935).mul_add(t1_156, t1_152);
+        let t1_158 = t1_113 - t1_157;
+        let t1_159 = -t1_158;
+        let t1_160 = like.lift(0.22815) * e_s1_2_q1x;
+        let t1_161 = cos_s1_1 * cos_s1_3;
+        let e_s1_2_q1z = sin_s1_1 * sin_s1_2;
+        let e_3_q1y = sin_s1_3.mul_add(e_s1_2_q1z, t1_161);
+        let t1_162 = like.lift(0.39516739174683935).mul_add(e_3_q1y, t1_160);
+        let t1_163 = cos_q1 * t1_162;
+        let t1_164 = cos_s1_1 * t1_157;
+        let t1_165 = t1_123.mul_add(t1_162, t1_164);
+        let t1_166 = e_s1_2_q1x * t1_157;
+        let t1_167 = (-t1_116).mul_add(t1_162, t1_166);
+        let (sin_q8, cos_q8) = q8.sin_cos();
+        let t1_168 = cos_q8 * q9;
+        let t1_169 = like.lift(0.5) * t1_168;
+        let t1_170 = -t1_169;
+        let t1_171 = cos_s1_3 * t1_137;
+        let t1_172 = sin_q1 * cos_s1_2;
+        let t1_173 = sin_s1_2.mul_add(t1_131, t1_172);
+        let t1_174 = (-sin_s1_3).mul_add(t1_173, t1_171);
+        let t1_175 = like.lift(0.39516739174683935) * t1_174;
+        let t1_176 = like.lift(0.22815) * t1_132;
+        let t1_177 = t1_129 - t1_176;
+        let t1_178 = t1_175 - t1_177;
+        let t1_179 = sin_q1 * t1_162;
+        let t1_180 = t1_137 * t1_162;
+        let t1_181 = t1_176 + t1_175;
+        let t1_182 = (-cos_s1_1).mul_add(t1_181, t1_180);
+        let t1_183 = -t1_182;
+        let t1_184 = t1_132 * t1_162;
+        let t1_185 = (-e_s1_2_q1x).mul_add(t1_181, t1_184);
+        let t1_186 = -t1_185;
+        let t1_187 = sin_q8 * q9;
+        let t1_188 = cos_q1 * t1_181;
+        let t1_189 = (-sin_q1).mul_add(t1_157, t1_188);
+        let t1_190 = t1_123 * t1_181;
+        let t1_191 = t1_137.mul_add(t1_157, t1_190);
+        let t1_192 = t1_116 * t1_181;
+        let t1_193 = (-t1_132).mul_add(t1_157, t1_192);
+        let t1_194 = -t1_193;
+        let pivot_2 = like.lift(0.8660254037844386) * t1_168;
+        let t1_195 = -pivot_2;
+        let t1_196 = -sin_q1;
+        let t1_197 = like.lift(0.5) * sin_q6;
+        let t1_198 = -t1_197;
+        let t1_199 = -cos_q6;
+        let t1_200 = like.lift(0.8660254037844386) * sin_q6;
+        let t1_201 = like.lift(0.5) * sin_q8;
+        let t1_202 = -t1_201;
+        let t1_203 = -cos_q8;
+        let t1_204 = like.lift(0.8660254037844386) * sin_q8;
+        let t1_205 = -t1_204;
+        let t1_206 = like.lift(0.5773502691896257).mul_add(t1_193, t1_167);
+        let t1_207 = like.lift(1.0) / t1_168;
+        let t1_208 = t1_187 * t1_207;
+        let t1_209 = t1_193 * t1_208;
+        let pivot_3 = like.lift(1.1547005383792515).mul_add(t1_209, t1_185);
+        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        [
+            sin_s1_2, cos_s1_2, t1_43, sin_q1, cos_q1, t1_83, t1_95, t1_99, t1_112, t1_117,
+            t1_118, t1_120, t1_125, sin_q6, cos_q6, t1_126, t1_128, t1_133, t1_134, t1_136,
+            t1_141, t1_142, t1_143, t1_147, t1_151, pivot_1, t1_158, t1_159, t1_163, t1_165,
+            t1_167, sin_q8, cos_q8, t1_170, t1_178, t1_179, t1_182, t1_183, t1_186, t1_187,
+            t1_189, t1_191, t1_193, t1_194, t1_195, t1_196, t1_198, t1_199, t1_200, t1_202,
+            t1_203, t1_204, t1_205, t1_206, t1_207, t1_208, pivot_3, inv_pivot_3,
+        ]
+    };
+    // loops: solve with A_e (Eq. 8, 10)
+    let [
+        x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7,
+        x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2,
+        x_q8_q7, x_q8_q9,
+    ] = {
+        let t2_1 = t1_206 * inv_pivot_3;
+        let t2_2 = (-t1_178).mul_add(t2_1, t1_158);
+        let t2_3 = like.lift(0.5773502691896257).mul_add(t1_147, t1_120);
+        let t2_4 = like.lift(-0.5773502691896257).mul_add(t1_189, t1_163);
+        let t2_5 = t1_189 * t1_208;
+        let t2_6 = like.lift(1.1547005383792515).mul_add(t2_5, t1_179);
+        let pivot_4 = t2_6.mul_add(t2_1, t2_4);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t2_7 = t2_3 * inv_pivot_4;
+        let pivot_5 = (-t2_2).mul_add(t2_7, t1_117);
+        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let t2_8 = (-cos_q1).mul_add(t2_1, sin_q1);
+        let t2_9 = (-t2_8).mul_add(t2_7, sin_q1);
+        let t2_10 = like.lift(0.5773502691896257).mul_add(t1_151, t1_125);
+        let t2_11 = like.lift(-0.5773502691896257).mul_add(t1_191, t1_165);
+        let t2_12 = t1_191 * t1_208;
+        let t2_13 = like.lift(-1.1547005383792515).mul_add(t2_12, t1_182);
+        let t2_14 = (-t2_13).mul_add(t2_1, t2_11);
+        let t2_15 = (-t2_14).mul_add(t2_7, t2_10);
+        let t2_16 = like.lift(1.0) / t1_126;
+        let t2_17 = t1_143 * t2_16;
+        let t2_18 = t1_147 * t2_17;
+        let t2_19 = like.lift(-1.1547005383792515).mul_add(t2_18, t1_136);
+        let t2_20 = t2_19 * inv_pivot_4;
+        let t2_21 = t2_8.mul_add(t2_20, cos_q1);
+        let t2_22 = (-t2_2).mul_add(t2_20, t1_133);
+        let t2_23 = t2_22 * inv_pivot_5;
+        let t2_24 = t2_9.mul_add(t2_23, t2_21);
+        let t2_25 = t1_151 * t2_17;
+        let t2_26 = like.lift(1.1547005383792515).mul_add(t2_25, t1_141);
+        let t2_27 = t2_14.mul_add(t2_20, t2_26);
+        let pivot_6 = t2_15.mul_add(t2_23, t2_27);
+        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let t2_28 = t2_24 * inv_pivot_6;
+        let t2_29 = (-t2_15).mul_add(t2_28, t2_9);
+        let t2_30 = inv_pivot_5 * t2_29;
+        let t2_31 = sin_q6.mul_add(t2_17, cos_q6);
+        let t2_32 = t2_31 * inv_pivot_6;
+        let t2_33 = t2_15 * t2_32;
+        let t2_34 = inv_pivot_5 * t2_33;
+        let t2_35 = sin_q8.mul_add(t1_208, cos_q8);
+        let t2_36 = t2_35 * t2_1;
+        let t2_37 = t2_36 * t2_7;
+        let t2_38 = t2_36 * t2_20;
+        let t2_39 = (-t2_37).mul_add(t2_23, t2_38);
+        let t2_40 = t2_39 * inv_pivot_6;
+        let t2_41 = t2_15.mul_add(t2_40, t2_37);
+        let t2_42 = inv_pivot_5 * t2_41;
+        let t2_43 = -t2_42;
+        let t2_44 = (-t2_2).mul_add(t2_30, t2_8);
+        let t2_45 = (-t2_14).mul_add(t2_28, t2_44);
+        let t2_46 = inv_pivot_4 * t2_45;
+        let t2_47 = -t2_46;
+        let t2_48 = t2_2 * t2_34;
+        let t2_49 = (-t2_14).mul_add(t2_32, t2_48);
+        let t2_50 = inv_pivot_4 * t2_49;
+        let t2_51 = t2_2.mul_add(t2_42, t2_36);
+        let t2_52 = (-t2_14).mul_add(t2_40, t2_51);
+        let t2_53 = inv_pivot_4 * t2_52;
+        let t2_54 = -t2_53;
+        let t2_55 = -t2_28;
+        let t2_56 = -t2_40;
+        let t2_57 = t2_6.mul_add(t2_46, cos_q1);
+        let t2_58 = (-t1_178).mul_add(t2_30, t2_57);
+        let t2_59 = (-t2_13).mul_add(t2_28, t2_58);
+        let t2_60 = inv_pivot_3 * t2_59;
+        let t2_61 = -t2_60;
+        let t2_62 = t2_6 * t2_50;
+        let t2_63 = t1_178.mul_add(t2_34, t2_62);
+        let t2_64 = (-t2_13).mul_add(t2_32, t2_63);
+        let t2_65 = inv_pivot_3 * t2_64;
+        let t2_66 = (-t2_6).mul_add(t2_53, t2_35);
+        let t2_67 = (-t1_178).mul_add(t2_42, t2_66);
+        let t2_68 = t2_13.mul_add(t2_40, t2_67);
+        let t2_69 = inv_pivot_3 * t2_68;
+        let t2_70 = t1_147 * t2_46;
+        let t2_71 = t1_151.mul_add(t2_28, t2_70);
+        let t2_72 = t2_16 * t2_71;
+        let t2_73 = like.lift(1.1547005383792515) * t2_72;
+        let t2_74 = (-t1_147).mul_add(t2_50, t1_200);
+        let t2_75 = (-t1_151).mul_add(t2_32, t2_74);
+        let t2_76 = t2_16 * t2_75;
+        let t2_77 = like.lift(1.1547005383792515) * t2_76;
+        let t2_78 = t1_147 * t2_53;
+        let t2_79 = t1_151.mul_add(t2_40, t2_78);
+        let t2_80 = t2_16 * t2_79;
+        let t2_81 = like.lift(1.1547005383792515) * t2_80;
+        let t2_82 = t1_193 * t2_60;
+        let t2_83 = (-t1_189).mul_add(t2_46, t2_82);
+        let t2_84 = (-t1_191).mul_add(t2_28, t2_83);
+        let t2_85 = t1_207 * t2_84;
+        let t2_86 = like.lift(1.1547005383792515) * t2_85;
+        let t2_87 = t1_193 * t2_65;
+        let t2_88 = (-t1_189).mul_add(t2_50, t2_87);
+        let t2_89 = (-t1_191).mul_add(t2_32, t2_88);
+        let t2_90 = t1_207 * t2_89;
+        let t2_91 = like.lift(1.1547005383792515) * t2_90;
+        let t2_92 = -t2_91;
+        let t2_93 = (-t1_193).mul_add(t2_69, t1_204);
+        let t2_94 = (-t1_189).mul_add(t2_53, t2_93);
+        let t2_95 = (-t1_191).mul_add(t2_40, t2_94);
+        let t2_96 = t1_207 * t2_95;
+        let t2_97 = like.lift(1.1547005383792515) * t2_96;
+        let t2_98 = -pivot_3;
+        let t2_99 = -pivot_5;
+        let t2_100 = -pivot_6;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
+            .min((t1_195 * like.lift(1.8955297449982944)).abs())
+            .min((t2_98 * like.lift(2.6463477742948585)).abs())
+            .min((pivot_4 * like.lift(2.1915406530791146)).abs())
+            .min((t2_99 * like.lift(0.8284577646309275)).abs())
+            .min((t2_100 * like.lift(2.1915406530791146)).abs());
+        let ([
+            [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
+            [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
+            [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
+        ], found) = ::regen_runtime::guarded(
+            [
+                [t2_30, t2_34, t2_43], [t2_47, t2_50, t2_54], [t2_55, t2_32, t2_56],
+                [t2_61, t2_65, t2_69], [t2_73, t2_77, t2_81], [t2_86, t2_92, t2_97],
+            ],
+            margin,
+            || (
+                [
+                    [t1_118, t1_120, t1_125, like.lift(0.0), t1_128, like.lift(0.0)],
+                    [t1_134, t1_136, t1_142, like.lift(0.0), t1_143, like.lift(0.0)],
+                    [like.lift(0.0), t1_147, t1_151, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t1_159, t1_163, t1_165, t1_167, like.lift(0.0), t1_170],
+                    [t1_178, t1_179, t1_183, t1_186, like.lift(0.0), t1_187],
+                    [like.lift(0.0), t1_189, t1_191, t1_194, like.lift(0.0), t1_195],
+                ],
+                [
+                    [t1_196, t1_198, like.lift(0.0)], [cos_q1, t1_199, like.lift(0.0)],
+                    [like.lift(0.0), t1_200, like.lift(0.0)], [t1_196, like.lift(0.0), t1_202],
+                    [cos_q1, like.lift(0.0), t1_203], [like.lift(0.0), like.lift(0.0), t1_205],
+                ],
+            ),
+        );
+        condition = condition.min(found);
+        [
+            x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7,
+            x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2,
+            x_q8_q7, x_q8_q9,
+        ]
+    };
+    // tau
+    {
+        let t3_1 = t1_112.mul_add(x_q1_q2, t1_43);
+        let t3_2 = cos_s1_2 * t1_83;
+        let t3_3 = (-sin_s1_2).mul_add(t1_95, t3_2);
+        let t3_4 = t3_3.mul_add(x_s1_1_q2, t3_1);
+        let t3_5 = t1_99.mul_add(x_s1_2_q2, t3_4);
+        let t3_6 = t1_95.mul_add(x_s1_3_q2, t3_5);
+        let t3_7 = cos_q6 * p_mx_4;
+        let t3_8 = like.lift(9.81) * t3_7;
+        let t3_9 = sin_q6 * p_my_4;
+        let t3_10 = like.lift(-9.81).mul_add(t3_9, t3_8);
+        let t3_11 = dd_q6.mul_add(p_izz_4, -t3_10);
+        let a_4x = like.lift(9.81) * sin_q6;
+        let t3_12 = (-q7).mul_add(dd_q6, a_4x);
+        let t3_13 = d_q6 * d_q7;
+        let a_5x = like.lift(-2.0).mul_add(t3_13, t3_12);
+        let t3_14 = a_5x * p_mz_5;
+        let a_4y = like.lift(9.81) * cos_q6;
+        let t3_15 = d_q6 * d_q6;
+        let a_5z = q7 * t3_15;
+        let t3_16 = a_4y - a_5z;
+        let a_5z_2 = dd_q7 + t3_16;
+        let t3_17 = a_5z_2.mul_add(p_mx_5, t3_14);
+        let t3_18 = t3_15 * p_mx_5;
+        let t3_19 = (-dd_q6).mul_add(p_mz_5, t3_18);
+        let t3_20 = a_5x.mul_add(p_m_5, t3_19);
+        let t3_21 = q7.mul_add(t3_20, t3_17);
+        let t3_22 = t3_11 - t3_21;
+        let t3_23 = t3_22.mul_add(x_q6_q2, t3_6);
+        let t3_24 = cos_q8 * p_mx_6;
+        let t3_25 = like.lift(9.81) * t3_24;
+        let t3_26 = sin_q8 * p_my_6;
+        let t3_27 = like.lift(-9.81).mul_add(t3_26, t3_25);
+        let t3_28 = dd_q8.mul_add(p_izz_6, -t3_27);
+        let a_6x = like.lift(9.81) * sin_q8;
+        let t3_29 = (-q9).mul_add(dd_q8, a_6x);
+        let t3_30 = d_q8 * d_q9;
+        let a_7x = like.lift(-2.0).mul_add(t3_30, t3_29);
+        let t3_31 = a_7x * p_mz_7;
+        let a_6y = like.lift(9.81) * cos_q8;
+        let t3_32 = d_q8 * d_q8;
+        let a_7z = q9 * t3_32;
+        let t3_33 = a_6y - a_7z;
+        let a_7z_2 = dd_q9 + t3_33;
+        let t3_34 = a_7z_2.mul_add(p_mx_7, t3_31);
+        let t3_35 = t3_32 * p_mx_7;
+        let t3_36 = (-dd_q8).mul_add(p_mz_7, t3_35);
+        let t3_37 = a_7x.mul_add(p_m_7, t3_36);
+        let t3_38 = q9.mul_add(t3_37, t3_34);
+        let t3_39 = t3_28 - t3_38;
+        let t3_40 = t3_39.mul_add(x_q8_q2, t3_23);
+        let t3_41 = -t3_40;
+        tau[0] = t3_41;
+        let t3_42 = dd_q6 * p_mx_5;
+        let t3_43 = t3_15.mul_add(p_mz_5, t3_42);
+        let t3_44 = a_5z_2.mul_add(p_m_5, -t3_43);
+        let t3_45 = d_q7.mul_add(p_fv_q7, t3_44);
+        let w_fc_q7_q7 = d_q7.sign();
+        let t3_46 = w_fc_q7_q7.mul_add(p_fc_q7, t3_45);
+        let t3_47 = dd_q7.mul_add(p_j_q7, t3_46);
+        let t3_48 = t1_112 * x_q1_q7;
+        let t3_49 = t3_3.mul_add(x_s1_1_q7, t3_48);
+        let t3_50 = t1_99.mul_add(x_s1_2_q7, t3_49);
+        let t3_51 = t1_95.mul_add(x_s1_3_q7, t3_50);
+        let t3_52 = t3_22.mul_add(x_q6_q7, t3_51);
+        let t3_53 = t3_47 - t3_52;
+        let t3_54 = (-t3_39).mul_add(x_q8_q7, t3_53);
+        tau[1] = t3_54;
+        let t3_55 = dd_q8 * p_mx_7;
+        let t3_56 = t3_32.mul_add(p_mz_7, t3_55);
+        let t3_57 = a_7z_2.mul_add(p_m_7, -t3_56);
+        let t3_58 = d_q9.mul_add(p_fv_q9, t3_57);
+        let w_fc_q9_q9 = d_q9.sign();
+        let t3_59 = w_fc_q9_q9.mul_add(p_fc_q9, t3_58);
+        let t3_60 = dd_q9.mul_add(p_j_q9, t3_59);
+        let t3_61 = t1_112 * x_q1_q9;
+        let t3_62 = t3_3.mul_add(x_s1_1_q9, t3_61);
+        let t3_63 = t1_99.mul_add(x_s1_2_q9, t3_62);
+        let t3_64 = t1_95.mul_add(x_s1_3_q9, t3_63);
+        let t3_65 = t3_22.mul_add(x_q6_q9, t3_64);
+        let t3_66 = t3_39.mul_add(x_q8_q9, t3_65);
+        let t3_67 = t3_60 - t3_66;
+        tau[2] = t3_67;
+    }
+    (tau, Condition { pivot: condition })
+}
+
+/// The efforts of gravity from base parameters.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `beta`: base parameters, SI, in the order of `BASE`
+/// - `tau`: the efforts that hold the mechanism at rest
+///
+/// 116 additions, 249 multiplications, 6 divisions, 6 sines and cosines.
+pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 34]) -> ([T; 3], Condition<T>) {
+    let like = q[0];
+    let mut tau = [like.lift(0.0); 3];
+    let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
+    let [
+        _, p_mx_1, p_my_1, p_mx_2, p_mz_2, _, _, _, _, _, _, p_mx_3, p_mz_3, _, p_mx_4, p_my_4,
+        p_mx_5, p_mz_5, p_m_5, _, p_mx_6, p_my_6, p_mx_7, p_mz_7, p_m_7, _, _, _, _, _, _, _,
+        _, _,
+    ] = *beta;
+    let mut condition = like.lift(1.0);
+    // loops: solve with A_e (Eq. 8, 10)
+    let [
+        sin_s1_2, cos_s1_2, t1_25, t1_27, t1_31, t1_34, sin_q6, cos_q6, sin_q8, cos_q8,
+        x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7,
+        x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2,
+        x_q8_q7, x_q8_q9,
+    ] = {
+        let (sin_q1, cos_q1) = q1.sin_cos();
+        let t1_1 = cos_q1 * p_mx_1;
+        let t1_2 = like.lift(9.81) * t1_1;
+        let t1_3 = sin_q1 * p_my_1;
+        let t1_4 = like.lift(-9.81).mul_add(t1_3, t1_2);
+        let t1_5 = sin_q1 * p_mz_2;
+        let t1_6 = like.lift(9.81) * t1_5;
+        let t1_7 = cos_q1 * p_mx_2;
+        let t1_8 = like.lift(9.81).mul_add(t1_7, t1_6);
+        let (sin_s1_1, cos_s1_1) = s1_1.sin_cos();
+        let (sin_s1_2, cos_s1_2) = s1_2.sin_cos();
+        let (sin_s1_3, cos_s1_3) = s1_3.sin_cos();
+        let t1_9 = cos_q1 * sin_s1_2;
+        let t1_10 = like.lift(9.81) * t1_9;
+        let t1_11 = sin_q1 * cos_s1_1;
+        let t1_12 = cos_s1_2 * t1_11;
+        let a_s1_2x = like.lift(9.81).mul_add(t1_12, t1_10);
+        let t1_13 = a_s1_2x * p_mz_3;
+        let t1_14 = sin_q1 * sin_s1_1;
+        let t1_15 = sin_s1_3 * t1_14;
+        let t1_16 = like.lift(9.81) * t1_15;
+        let t1_17 = cos_q1 * cos_s1_2;
+        let t1_18 = like.lift(9.81) * t1_17;
+        let t1_19 = sin_s1_2 * t1_11;
+        let a_s1_2z = like.lift(-9.81).mul_add(t1_19, t1_18);
+        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t1_16);
+        let t1_20 = (-a_3z).mul_add(p_mx_3, t1_13);
+        let t1_21 = sin_s1_3 * t1_20;
+        let t1_22 = cos_s1_3 * t1_14;
+        let t1_23 = like.lift(9.81) * t1_22;
+        let a_3y = sin_s1_3.mul_add(a_s1_2z, t1_23);
+        let t1_24 = a_3y * p_mx_3;
+        let t1_25 = (-cos_s1_3).mul_add(t1_24, t1_21);
+        let t1_26 = sin_s1_2 * t1_25;
+        let t1_27 = a_3y * p_mz_3;
+        let t1_28 = cos_s1_2.mul_add(t1_27, t1_26);
+        let t1_29 = sin_s1_1 * t1_28;
+        let t1_30 = cos_s1_3 * t1_20;
+        let t1_31 = sin_s1_3.mul_add(t1_24, t1_30);
+        let t1_32 = cos_s1_1.mul_add(t1_31, t1_29);
+        let t1_33 = t1_8 + t1_32;
+        let t1_34 = t1_4 + t1_33;
+        let t1_35 = cos_q1 * q2;
+        let t1_36 = t1_9 + t1_12;
+        let t1_37 = like.lift(-0.4563).mul_add(t1_36, t1_35);
+        let t1_38 = -t1_37;
+        let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
+        let t1_39 = cos_q1 * e_s1_2_q1x;
+        let t1_40 = like.lift(0.4563) * t1_39;
+        let t1_41 = cos_s1_1 * t1_36;
+        let t1_42 = like.lift(0.4563) * t1_41;
+        let t1_43 = t1_14 * e_s1_2_q1x;
+        let t1_44 = like.lift(0.4563).mul_add(t1_43, t1_42);
+        let (sin_q6, cos_q6) = q6.sin_cos();
+        let t1_45 = cos_q6 * q7;
+        let t1_46 = like.lift(0.5) * t1_45;
+        let t1_47 = -t1_46;
+        let t1_48 = sin_q1 * q2;
+        let t1_49 = sin_q1 * sin_s1_2;
+        let t1_50 = cos_q1 * cos_s1_1;
+        let t1_51 = (-cos_s1_2).mul_add(t1_50, t1_49);
+        let t1_52 = like.lift(-0.4563).mul_add(t1_51, t1_48);
+        let t1_53 = -t1_52;
+        let t1_54 = sin_q1 * e_s1_2_q1x;
+        let t1_55 = like.lift(0.4563) * t1_54;
+        let t1_56 = cos_q1 * sin_s1_1;
+        let t1_57 = t1_56 * e_s1_2_q1x;
+        let t1_58 = like.lift(0.4563) * t1_57;
+        let t1_59 = cos_s1_1 * t1_51;
+        let t1_60 = like.lift(-0.4563).mul_add(t1_59, t1_58);
+        let t1_61 = -t1_60;
+        let t1_62 = sin_q6 * q7;
+        let t1_63 = cos_q1 * t1_51;
+        let t1_64 = like.lift(0.4563) * t1_63;
+        let t1_65 = sin_q1 * t1_36;
+        let t1_66 = like.lift(-0.4563).mul_add(t1_65, t1_64);
+        let t1_67 = t1_14 * t1_51;
+        let t1_68 = like.lift(0.4563) * t1_67;
+        let t1_69 = t1_56 * t1_36;
+        let t1_70 = like.lift(0.4563).mul_add(t1_69, t1_68);
+        let pivot_1 = like.lift(0.8660254037844386) * t1_45;
+        let t1_71 = like.lift(0.22815) * t1_36;
+        let t1_72 = t1_17 - t1_19;
+        let t1_73 = sin_s1_3.mul_add(t1_72, t1_22);
+        let t1_74 = like.lift(-0.39516739174683935).mul_add(t1_73, t1_71);
+        let t1_75 = t1_35 - t1_74;
+        let t1_76 = -t1_75;
+        let t1_77 = like.lift(0.22815) * e_s1_2_q1x;
+        let t1_78 = cos_s1_1 * cos_s1_3;
+        let e_s1_2_q1z = sin_s1_1 * sin_s1_2;
+        let e_3_q1y = sin_s1_3.mul_add(e_s1_2_q1z, t1_78);
+        let t1_79 = like.lift(0.39516739174683935).mul_add(e_3_q1y, t1_77);
+        let t1_80 = cos_q1 * t1_79;
+        let t1_81 = cos_s1_1 * t1_74;
+        let t1_82 = t1_14.mul_add(t1_79, t1_81);
+        let t1_83 = e_s1_2_q1x * t1_74;
+        let t1_84 = (-t1_36).mul_add(t1_79, t1_83);
+        let (sin_q8, cos_q8) = q8.sin_cos();
+        let t1_85 = cos_q8 * q9;
+        let t1_86 = like.lift(0.5) * t1_85;
+        let t1_87 = -t1_86;
+        let t1_88 = cos_s1_3 * t1_56;
+        let t1_89 = sin_q1 * cos_s1_2;
+        let t1_90 = sin_s1_2.mul_add(t1_50, t1_89);
+        let t1_91 = (-sin_s1_3).mul_add(t1_90, t1_88);
+        let t1_92 = like.lift(0.39516739174683935) * t1_91;
+        let t1_93 = like.lift(0.22815) * t1_51;
+        let t1_94 = t1_48 - t1_93;
+        let t1_95 = t1_92 - t1_94;
+        let t1_96 = sin_q1 * t1_79;
+        let t1_97 = t1_56 * t1_79;
+        let t1_98 = t1_93 + t1_92;
+        let t1_99 = (-cos_s1_1).mul_add(t1_98, t1_97);
+        let t1_100 = -t1_99;
+        let t1_101 = t1_51 * t1_79;
+        let t1_102 = (-e_s1_2_q1x).mul_add(t1_98, t1_101);
+        let t1_103 = -t1_102;
+        let t1_104 = sin_q8 * q9;
+        let t1_105 = cos_q1 * t1_98;
+        let t1_106 = (-sin_q1).mul_add(t1_74, t1_105);
+        let t1_107 = t1_14 * t1_98;
+        let t1_108 = t1_56.mul_add(t1_74, t1_107);
+        let t1_109 = t1_36 * t1_98;
+        let t1_110 = (-t1_51).mul_add(t1_74, t1_109);
+        let t1_111 = -t1_110;
+        let pivot_2 = like.lift(0.8660254037844386) * t1_85;
+        let t1_112 = -pivot_2;
+        let t1_113 = -sin_q1;
+        let t1_114 = like.lift(0.5) * sin_q6;
+        let t1_115 = -t1_114;
+        let t1_116 = -cos_q6;
+        let t1_117 = like.lift(0.8660254037844386) * sin_q6;
+        let t1_118 = like.lift(0.5) * sin_q8;
+        let t1_119 = -t1_118;
+        let t1_120 = -cos_q8;
+        let t1_121 = like.lift(0.8660254037844386) * sin_q8;
+        let t1_122 = -t1_121;
+        let t1_123 = like.lift(0.5773502691896257).mul_add(t1_110, t1_84);
+        let t1_124 = like.lift(1.0) / t1_85;
+        let t1_125 = t1_104 * t1_124;
+        let t1_126 = t1_110 * t1_125;
+        let pivot_3 = like.lift(1.1547005383792515).mul_add(t1_126, t1_102);
+        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let t1_127 = t1_123 * inv_pivot_3;
+        let t1_128 = (-t1_95).mul_add(t1_127, t1_75);
+        let t1_129 = like.lift(0.5773502691896257).mul_add(t1_66, t1_40);
+        let t1_130 = like.lift(-0.5773502691896257).mul_add(t1_106, t1_80);
+        let t1_131 = t1_106 * t1_125;
+        let t1_132 = like.lift(1.1547005383792515).mul_add(t1_131, t1_96);
+        let pivot_4 = t1_132.mul_add(t1_127, t1_130);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t1_133 = t1_129 * inv_pivot_4;
+        let pivot_5 = (-t1_128).mul_add(t1_133, t1_37);
+        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let t1_134 = (-cos_q1).mul_add(t1_127, sin_q1);
+        let t1_135 = (-t1_134).mul_add(t1_133, sin_q1);
+        let t1_136 = like.lift(0.5773502691896257).mul_add(t1_70, t1_44);
+        let t1_137 = like.lift(-0.5773502691896257).mul_add(t1_108, t1_82);
+        let t1_138 = t1_108 * t1_125;
+        let t1_139 = like.lift(-1.1547005383792515).mul_add(t1_138, t1_99);
+        let t1_140 = (-t1_139).mul_add(t1_127, t1_137);
+        let t1_141 = (-t1_140).mul_add(t1_133, t1_136);
+        let t1_142 = like.lift(1.0) / t1_45;
+        let t1_143 = t1_62 * t1_142;
+        let t1_144 = t1_66 * t1_143;
+        let t1_145 = like.lift(-1.1547005383792515).mul_add(t1_144, t1_55);
+        let t1_146 = t1_145 * inv_pivot_4;
+        let t1_147 = t1_134.mul_add(t1_146, cos_q1);
+        let t1_148 = (-t1_128).mul_add(t1_146, t1_52);
+        let t1_149 = t1_148 * inv_pivot_5;
+        let t1_150 = t1_135.mul_add(t1_149, t1_147);
+        let t1_151 = t1_70 * t1_143;
+        let t1_152 = like.lift(1.1547005383792515).mul_add(t1_151, t1_60);
+        let t1_153 = t1_140.mul_add(t1_146, t1_152);
+        let pivot_6 = t1_141.mul_add(t1_149, t1_153);
+        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let t1_154 = t1_150 * inv_pivot_6;
+        let t1_155 = (-t1_141).mul_add(t1_154, t1_135);
+        let t1_156 = inv_pivot_5 * t1_155;
+        let t1_157 = sin_q6.mul_add(t1_143, cos_q6);
+        let t1_158 = t1_157 * inv_pivot_6;
+        let t1_159 = t1_141 * t1_158;
+        let t1_160 = inv_pivot_5 * t1_159;
+        let t1_161 = sin_q8.mul_add(t1_125, cos_q8);
+        let t1_162 = t1_161 * t1_127;
+        let t1_163 = t1_162 * t1_133;
+        let t1_164 = t1_162 * t1_146;
+        let t1_165 = (-t1_163).mul_add(t1_149, t1_164);
+        let t1_166 = t1_165 * inv_pivot_6;
+        let t1_167 = t1_141.mul_add(t1_166, t1_163);
+        let t1_168 = inv_pivot_5 * t1_167;
+        let t1_169 = -t1_168;
+        let t1_170 = (-t1_128).mul_add(t1_156, t1_134);
+        let t1_171 = (-t1_140).mul_add(t1_154, t1_170);
+        let t1_172 = inv_pivot_4 * t1_171;
+        let t1_173 = -t1_172;
+        let t1_174 = t1_128 * t1_160;
+        let t1_175 = (-t1_140).mul_add(t1_158, t1_174);
+        let t1_176 = inv_pivot_4 * t1_175;
+        let t1_177 = t1_128.mul_add(t1_168, t1_162);
+        let t1_178 = (-t1_140).mul_add(t1_166, t1_177);
+        let t1_179 = inv_pivot_4 * t1_178;
+        let t1_180 = -t1_179;
+        let t1_181 = -t1_154;
+        let t1_182 = -t1_166;
+        let t1_183 = t1_132.mul_add(t1_172, cos_q1);
+        let t1_184 = (-t1_95).mul_add(t1_156, t1_183);
+        let t1_185 = (-t1_139).mul_add(t1_154, t1_184);
+        let t1_186 = inv_pivot_3 * t1_185;
+        let t1_187 = -t1_186;
+        let t1_188 = t1_132 * t1_176;
+        let t1_189 = t1_95.mul_add(t1_160, t1_188);
+        let t1_190 = (-t1_139).mul_add(t1_158, t1_189);
+        let t1_191 = inv_pivot_3 * t1_190;
+        let t1_192 = (-t1_132).mul_add(t1_179, t1_161);
+        let t1_193 = (-t1_95).mul_add(t1_168, t1_192);
+        let t1_194 = t1_139.mul_add(t1_166, t1_193);
+        let t1_195 = inv_pivot_3 * t1_194;
+        let t1_196 = t1_66 * t1_172;
+        let t1_197 = t1_70.mul_add(t1_154, t1_196);
+        let t1_198 = t1_142 * t1_197;
+        let t1_199 = like.lift(1.1547005383792515) * t1_198;
+        let t1_200 = (-t1_66).mul_add(t1_176, t1_117);
+        let t1_201 = (-t1_70).mul_add(t1_158, t1_200);
+        let t1_202 = t1_142 * t1_201;
+        let t1_203 = like.lift(1.1547005383792515) * t1_202;
+        let t1_204 = t1_66 * t1_179;
+        let t1_205 = t1_70.mul_add(t1_166, t1_204);
+        let t1_206 = t1_142 * t1_205;
+        let t1_207 = like.lift(1.1547005383792515) * t1_206;
+        let t1_208 = t1_110 * t1_186;
+        let t1_209 = (-t1_106).mul_add(t1_172, t1_208);
+        let t1_210 = (-t1_108).mul_add(t1_154, t1_209);
+        let t1_211 = t1_124 * t1_210;
+        let t1_212 = like.lift(1.1547005383792515) * t1_211;
+        let t1_213 = t1_110 * t1_191;
+        let t1_214 = (-t1_106).mul_add(t1_176, t1_213);
+        let t1_215 = (-t1_108).mul_add(t1_158, t1_214);
+        let t1_216 = t1_124 * t1_215;
+        let t1_217 = like.lift(1.1547005383792515) * t1_216;
+        let t1_218 = -t1_217;
+        let t1_219 = (-t1_110).mul_add(t1_195, t1_121);
+        let t1_220 = (-t1_106).mul_add(t1_179, t1_219);
+        let t1_221 = (-t1_108).mul_add(t1_166, t1_220);
+        let t1_222 = t1_124 * t1_221;
+        let t1_223 = like.lift(1.1547005383792515) * t1_222;
+        let t1_224 = -pivot_3;
+        let t1_225 = -pivot_5;
+        let t1_226 = -pivot_6;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
+            .min((t1_112 * like.lift(1.8955297449982944)).abs())
+            .min((t1_224 * like.lift(2.6463477742948585)).abs())
+            .min((pivot_4 * like.lift(2.1915406530791146)).abs())
+            .min((t1_225 * like.lift(0.8284577646309275)).abs())
+            .min((t1_226 * like.lift(2.1915406530791146)).abs());
+        let ([
+            [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
+            [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
+            [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
+        ], found) = ::regen_runtime::guarded(
+            [
+                [t1_156, t1_160, t1_169], [t1_173, t1_176, t1_180], [t1_181, t1_158, t1_182],
+                [t1_187, t1_191, t1_195], [t1_199, t1_203, t1_207], [t1_212, t1_218, t1_223],
+            ],
+            margin,
+            || (
+                [
+                    [t1_38, t1_40, t1_44, like.lift(0.0), t1_47, like.lift(0.0)],
+                    [t1_53, t1_55, t1_61, like.lift(0.0), t1_62, like.lift(0.0)],
+                    [like.lift(0.0), t1_66, t1_70, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t1_76, t1_80, t1_82, t1_84, like.lift(0.0), t1_87],
+                    [t1_95, t1_96, t1_100, t1_103, like.lift(0.0), t1_104],
+                    [like.lift(0.0), t1_106, t1_108, t1_111, like.lift(0.0), t1_112],
+                ],
+                [
+                    [t1_113, t1_115, like.lift(0.0)], [cos_q1, t1_116, like.lift(0.0)],
+                    [like.lift(0.0), t1_117, like.lift(0.0)], [t1_113, like.lift(0.0), t1_119],
+                    [cos_q1, like.lift(0.0), t1_120], [like.lift(0.0), like.lift(0.0), t1_122],
+                ],
+            ),
+        );
+        condition = condition.min(found);
+        [
+            sin_s1_2, cos_s1_2, t1_25, t1_27, t1_31, t1_34, sin_q6, cos_q6, sin_q8, cos_q8,
+            x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7,
+            x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2,
+            x_q8_q7, x_q8_q9,
+        ]
+    };
+    // tau
+    {
+        let t2_1 = t1_34 * x_q1_q2;
+        let t2_2 = cos_s1_2 * t1_25;
+        let t2_3 = (-sin_s1_2).mul_add(t1_27, t2_2);
+        let t2_4 = t2_3.mul_add(x_s1_1_q2, t2_1);
+        let t2_5 = t1_31.mul_add(x_s1_2_q2, t2_4);
+        let t2_6 = t1_27.mul_add(x_s1_3_q2, t2_5);
+        let t2_7 = cos_q6 * p_mx_4;
+        let t2_8 = like.lift(9.81) * t2_7;
+        let t2_9 = sin_q6 * p_my_4;
+        let t2_10 = like.lift(-9.81).mul_add(t2_9, t2_8);
+        let t2_11 = sin_q6 * p_mz_5;
+        let t2_12 = like.lift(9.81) * t2_11;
+        let t2_13 = cos_q6 * p_mx_5;
+        let t2_14 = like.lift(9.81).mul_add(t2_13, t2_12);
+        let t2_15 = sin_q6 * p_m_5;
+        let t2_16 = q7 * t2_15;
+        let t2_17 = like.lift(9.81).mul_add(t2_16, t2_14);
+        let t2_18 = t2_10 + t2_17;
+        let t2_19 = t2_18.mul_add(x_q6_q2, t2_6);
+        let t2_20 = cos_q8 * p_mx_6;
+        let t2_21 = like.lift(9.81) * t2_20;
+        let t2_22 = sin_q8 * p_my_6;
+        let t2_23 = like.lift(-9.81).mul_add(t2_22, t2_21);
+        let t2_24 = sin_q8 * p_mz_7;
+        let t2_25 = like.lift(9.81) * t2_24;
+        let t2_26 = cos_q8 * p_mx_7;
+        let t2_27 = like.lift(9.81).mul_add(t2_26, t2_25);
+        let t2_28 = sin_q8 * p_m_7;
+        let t2_29 = q9 * t2_28;
+        let t2_30 = like.lift(9.81).mul_add(t2_29, t2_27);
+        let t2_31 = t2_23 + t2_30;
+        let t2_32 = t2_31.mul_add(x_q8_q2, t2_19);
+        tau[0] = t2_32;
+        let t2_33 = cos_q6 * p_m_5;
+        let t2_34 = t1_34 * x_q1_q7;
+        let t2_35 = t2_3.mul_add(x_s1_1_q7, t2_34);
+        let t2_36 = t1_31.mul_add(x_s1_2_q7, t2_35);
+        let t2_37 = t1_27.mul_add(x_s1_3_q7, t2_36);
+        let t2_38 = t2_18.mul_add(x_q6_q7, t2_37);
+        let t2_39 = like.lift(9.81).mul_add(t2_33, t2_38);
+        let t2_40 = t2_31.mul_add(x_q8_q7, t2_39);
+        tau[1] = t2_40;
+        let t2_41 = cos_q8 * p_m_7;
+        let t2_42 = t1_34 * x_q1_q9;
+        let t2_43 = t2_3.mul_add(x_s1_1_q9, t2_42);
+        let t2_44 = t1_31.mul_add(x_s1_2_q9, t2_43);
+        let t2_45 = t1_27.mul_add(x_s1_3_q9, t2_44);
+        let t2_46 = t2_18.mul_add(x_q6_q9, t2_45);
+        let t2_47 = t2_31.mul_add(x_q8_q9, t2_46);
+        let t2_48 = like.lift(9.81).mul_add(t2_41, t2_47);
+        tau[2] = t2_48;
+    }
+    (tau, Condition { pivot: condition })
+}
+
+/// Coriolis, centrifugal and friction efforts from base parameters.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `qd`: velocities of all coordinates
+/// - `beta`: base parameters, SI, in the order of `BASE`
+/// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
+///
+/// 272 additions, 472 multiplications, 6 divisions, 6 sines and cosines.
+pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 34]) -> ([T; 3], Condition<T>) {
+    let like = q[0];
+    let mut tau = [like.lift(0.0); 3];
+    let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
+    let [d_q1, d_q2, d_s1_1, d_s1_2, d_s1_3, d_q6, d_q7, d_q8, d_q9] = *qd;
+    let [
+        p_izz_1, _, _, p_mx_2, p_mz_2, p_ixx_3, p_ixy_3, p_ixz_3, p_iyy_3, p_iyz_3, p_izz_3,
+        p_mx_3, p_mz_3, p_izz_4, _, _, p_mx_5, p_mz_5, p_m_5, p_izz_6, _, _, p_mx_7, p_mz_7,
+        p_m_7, p_fv_q2, p_fc_q2, p_fv_q7, p_fc_q7, p_fv_q9, p_fc_q9, _, _, _,
+    ] = *beta;
+    let mut condition = like.lift(1.0);
+    // tau, part 1
+    let [
+        w_fc_q2_q2, t1_1, t1_2, sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, t1_8,
+        t1_10, t1_15, sin_q6, cos_q6, t1_16, t1_18, t1_23, t1_24, t1_26, t1_31, t1_32, t1_33,
+        t1_37, t1_41, pivot_1, sin_s1_3, cos_s1_3, t1_49, t1_53, t1_55, t1_57, sin_q8, cos_q8,
+        t1_60, t1_68, t1_69, t1_72, t1_73, t1_76, t1_77, t1_79, t1_81, t1_83, t1_84, t1_85,
+        t1_134, t1_163, t1_173, t1_190, t1_204, t1_212, t1_214, t1_215, pivot_3, inv_pivot_3,
+        t1_217, t1_218, t1_222, pivot_4, inv_pivot_4, t1_223, pivot_5, inv_pivot_5, t1_227,
+        t1_228, t1_229, t1_230, t1_231, t1_232,
+    ] = {
+        let w_fc_q2_q2 = d_q2.sign();
+        let t1_1 = d_q1 * d_q1;
+        let t1_2 = t1_1 * p_mz_2;
+        let (sin_q1, cos_q1) = q1.sin_cos();
+        let t1_3 = cos_q1 * q2;
+        let (sin_s1_2, cos_s1_2) = s1_2.sin_cos();
+        let t1_4 = cos_q1 * sin_s1_2;
+        let (sin_s1_1, cos_s1_1) = s1_1.sin_cos();
+        let t1_5 = sin_q1 * cos_s1_1;
+        let t1_6 = cos_s1_2.mul_add(t1_5, t1_4);
+        let t1_7 = like.lift(-0.4563).mul_add(t1_6, t1_3);
+        let t1_8 = -t1_7;
+        let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
+        let t1_9 = cos_q1 * e_s1_2_q1x;
+        let t1_10 = like.lift(0.4563) * t1_9;
+        let t1_11 = cos_s1_1 * t1_6;
+        let t1_12 = like.lift(0.4563) * t1_11;
+        let t1_13 = sin_q1 * sin_s1_1;
+        let t1_14 = t1_13 * e_s1_2_q1x;
+        let t1_15 = like.lift(0.4563).mul_add(t1_14, t1_12);
+        let (sin_q6, cos_q6) = q6.sin_cos();
+        let t1_16 = cos_q6 * q7;
+        let t1_17 = like.lift(0.5) * t1_16;
+        let t1_18 = -t1_17;
+        let t1_19 = sin_q1 * q2;
+        let t1_20 = sin_q1 * sin_s1_2;
+        let t1_21 = cos_q1 * cos_s1_1;
+        let t1_22 = (-cos_s1_2).mul_add(t1_21, t1_20);
+        let t1_23 = like.lift(-0.4563).mul_add(t1_22, t1_19);
+        let t1_24 = -t1_23;
+        let t1_25 = sin_q1 * e_s1_2_q1x;
+        let t1_26 = like.lift(0.4563) * t1_25;
+        let t1_27 = cos_q1 * sin_s1_1;
+        let t1_28 = t1_27 * e_s1_2_q1x;
+        let t1_29 = like.lift(0.4563) * t1_28;
+        let t1_30 = cos_s1_1 * t1_22;
+        let t1_31 = like.lift(-0.4563).mul_add(t1_30, t1_29);
+        let t1_32 = -t1_31;
+        let t1_33 = sin_q6 * q7;
+        let t1_34 = cos_q1 * t1_22;
+        let t1_35 = like.lift(0.4563) * t1_34;
+        let t1_36 = sin_q1 * t1_6;
+        let t1_37 = like.lift(-0.4563).mul_add(t1_36, t1_35);
+        let t1_38 = t1_13 * t1_22;
+        let t1_39 = like.lift(0.4563) * t1_38;
+        let t1_40 = t1_27 * t1_6;
+        let t1_41 = like.lift(0.4563).mul_add(t1_40, t1_39);
+        let pivot_1 = like.lift(0.8660254037844386) * t1_16;
+        let t1_42 = like.lift(0.22815) * t1_6;
+        let (sin_s1_3, cos_s1_3) = s1_3.sin_cos();
+        let t1_43 = cos_s1_3 * t1_13;
+        let t1_44 = cos_q1 * cos_s1_2;
+        let t1_45 = (-sin_s1_2).mul_add(t1_5, t1_44);
+        let t1_46 = sin_s1_3.mul_add(t1_45, t1_43);
+        let t1_47 = like.lift(-0.39516739174683935).mul_add(t1_46, t1_42);
+        let t1_48 = t1_3 - t1_47;
+        let t1_49 = -t1_48;
+        let t1_50 = like.lift(0.22815) * e_s1_2_q1x;
+        let t1_51 = cos_s1_1 * cos_s1_3;
+        let e_s1_2_q1z = sin_s1_1 * sin_s1_2;
+        let e_3_q1y = sin_s1_3.mul_add(e_s1_2_q1z, t1_51);
+        let t1_52 = like.lift(0.39516739174683935).mul_add(e_3_q1y, t1_50);
+        let t1_53 = cos_q1 * t1_52;
+        let t1_54 = cos_s1_1 * t1_47;
+        let t1_55 = t1_13.mul_add(t1_52, t1_54);
+        let t1_56 = e_s1_2_q1x * t1_47;
+        let t1_57 = (-t1_6).mul_add(t1_52, t1_56);
+        let (sin_q8, cos_q8) = q8.sin_cos();
+        let t1_58 = cos_q8 * q9;
+        let t1_59 = like.lift(0.5) * t1_58;
+        let t1_60 = -t1_59;
+        let t1_61 = cos_s1_3 * t1_27;
+        let t1_62 = sin_q1 * cos_s1_2;
+        let t1_63 = sin_s1_2.mul_add(t1_21, t1_62);
+        let t1_64 = (-sin_s1_3).mul_add(t1_63, t1_61);
+        let t1_65 = like.lift(0.39516739174683935) * t1_64;
+        let t1_66 = like.lift(0.22815) * t1_22;
+        let t1_67 = t1_19 - t1_66;
+        let t1_68 = t1_65 - t1_67;
+        let t1_69 = sin_q1 * t1_52;
+        let t1_70 = t1_27 * t1_52;
+        let t1_71 = t1_66 + t1_65;
+        let t1_72 = (-cos_s1_1).mul_add(t1_71, t1_70);
+        let t1_73 = -t1_72;
+        let t1_74 = t1_22 * t1_52;
+        let t1_75 = (-e_s1_2_q1x).mul_add(t1_71, t1_74);
+        let t1_76 = -t1_75;
+        let t1_77 = sin_q8 * q9;
+        let t1_78 = cos_q1 * t1_71;
+        let t1_79 = (-sin_q1).mul_add(t1_47, t1_78);
+        let t1_80 = t1_13 * t1_71;
+        let t1_81 = t1_27.mul_add(t1_47, t1_80);
+        let t1_82 = t1_6 * t1_71;
+        let t1_83 = (-t1_22).mul_add(t1_47, t1_82);
+        let t1_84 = -t1_83;
+        let pivot_2 = like.lift(0.8660254037844386) * t1_58;
+        let t1_85 = -pivot_2;
+        let t1_86 = t1_19 * d_q1;
+        let t1_87 = d_q1 * t1_86;
+        let t1_88 = cos_q1 * d_q1;
+        let t1_89 = d_q2 * t1_88;
+        let t1_90 = like.lift(-2.0).mul_add(t1_89, t1_87);
+        let t1_91 = sin_s1_1 * d_s1_1;
+        let t1_92 = d_s1_2 * t1_91;
+        let t1_93 = cos_q1 * d_s1_1;
+        let t1_94 = t1_13.mul_add(d_s1_2, t1_93);
+        let t1_95 = t1_22 * t1_94;
+        let t1_96 = sin_q1 * d_s1_1;
+        let t1_97 = (-t1_27).mul_add(d_s1_2, t1_96);
+        let t1_98 = (-t1_6).mul_add(t1_97, t1_95);
+        let t1_99 = d_s1_3.mul_add(t1_98, t1_92);
+        let t1_100 = t1_6 * t1_99;
+        let t1_101 = like.lift(0.4563) * t1_100;
+        let t1_102 = sin_q1 * d_q1;
+        let t1_103 = d_s1_1 * t1_102;
+        let t1_104 = cos_s1_1 * t1_96;
+        let t1_105 = t1_27.mul_add(d_q1, t1_104);
+        let t1_106 = (-d_s1_2).mul_add(t1_105, t1_103);
+        let t1_107 = e_s1_2_q1x * t1_97;
+        let t1_108 = cos_s1_1.mul_add(d_s1_2, d_q1);
+        let t1_109 = t1_22.mul_add(t1_108, t1_107);
+        let t1_110 = (-d_s1_3).mul_add(t1_109, t1_106);
+        let t1_111 = e_s1_2_q1x * t1_110;
+        let t1_112 = like.lift(0.4563).mul_add(t1_111, t1_101);
+        let t1_113 = t1_90 - t1_112;
+        let t1_114 = e_s1_2_q1x.mul_add(d_s1_3, t1_108);
+        let t1_115 = (-t1_22).mul_add(d_s1_3, t1_97);
+        let t1_116 = e_s1_2_q1x * t1_115;
+        let t1_117 = like.lift(0.4563) * t1_116;
+        let t1_118 = t1_22 * t1_114;
+        let t1_119 = like.lift(0.4563).mul_add(t1_118, t1_117);
+        let t1_120 = t1_114 * t1_119;
+        let t1_121 = (-t1_6).mul_add(d_s1_3, t1_94);
+        let t1_122 = t1_22 * t1_121;
+        let t1_123 = like.lift(0.4563) * t1_122;
+        let t1_124 = t1_6 * t1_115;
+        let t1_125 = like.lift(-0.4563).mul_add(t1_124, t1_123);
+        let t1_126 = t1_121.mul_add(t1_125, t1_120);
+        let t1_127 = t1_113 - t1_126;
+        let t1_128 = t1_33 * d_q6;
+        let t1_129 = d_q6 * t1_128;
+        let t1_130 = cos_q6 * d_q6;
+        let t1_131 = d_q7 * t1_130;
+        let t1_132 = like.lift(0.5).mul_add(t1_129, -t1_131);
+        let t1_133 = t1_127 + t1_132;
+        let t1_134 = -t1_133;
+        let t1_135 = t1_3 * d_q1;
+        let t1_136 = d_q1 * t1_135;
+        let t1_137 = d_q2 * t1_102;
+        let t1_138 = like.lift(2.0).mul_add(t1_137, t1_136);
+        let t1_139 = d_s1_1 * t1_88;
+        let t1_140 = t1_13 * d_q1;
+        let t1_141 = (-cos_s1_1).mul_add(t1_93, t1_140);
+        let t1_142 = d_s1_2.mul_add(t1_141, t1_139);
+        let t1_143 = t1_6 * t1_108;
+        let t1_144 = e_s1_2_q1x.mul_add(t1_94, t1_143);
+        let t1_145 = (-d_s1_3).mul_add(t1_144, t1_142);
+        let t1_146 = e_s1_2_q1x * t1_145;
+        let t1_147 = like.lift(0.4563) * t1_146;
+        let t1_148 = t1_22 * t1_99;
+        let t1_149 = like.lift(-0.4563).mul_add(t1_148, t1_147);
+        let t1_150 = t1_138 - t1_149;
+        let t1_151 = t1_115 * t1_125;
+        let t1_152 = t1_6 * t1_114;
+        let t1_153 = like.lift(0.4563) * t1_152;
+        let t1_154 = e_s1_2_q1x * t1_121;
+        let t1_155 = like.lift(0.4563).mul_add(t1_154, t1_153);
+        let t1_156 = (-t1_114).mul_add(t1_155, t1_151);
+        let t1_157 = t1_150 + t1_156;
+        let t1_158 = t1_16 * d_q6;
+        let t1_159 = d_q6 * t1_158;
+        let t1_160 = sin_q6 * d_q6;
+        let t1_161 = d_q7 * t1_160;
+        let t1_162 = like.lift(2.0).mul_add(t1_161, t1_159);
+        let t1_163 = t1_157 - t1_162;
+        let t1_164 = t1_22 * t1_110;
+        let t1_165 = like.lift(0.4563) * t1_164;
+        let t1_166 = t1_6 * t1_145;
+        let t1_167 = like.lift(0.4563).mul_add(t1_166, t1_165);
+        let t1_168 = t1_121 * t1_155;
+        let t1_169 = t1_115.mul_add(t1_119, t1_168);
+        let t1_170 = t1_167 - t1_169;
+        let t1_171 = like.lift(0.8660254037844386) * t1_129;
+        let t1_172 = like.lift(-1.7320508075688772).mul_add(t1_131, t1_171);
+        let t1_173 = t1_170 + t1_172;
+        let t1_174 = t1_47 * t1_99;
+        let t1_175 = t1_52.mul_add(t1_110, t1_174);
+        let t1_176 = t1_90 - t1_175;
+        let t1_177 = t1_52 * t1_115;
+        let t1_178 = t1_71.mul_add(t1_114, t1_177);
+        let t1_179 = t1_114 * t1_178;
+        let t1_180 = t1_71 * t1_121;
+        let t1_181 = (-t1_47).mul_add(t1_115, t1_180);
+        let t1_182 = t1_121.mul_add(t1_181, t1_179);
+        let t1_183 = t1_176 - t1_182;
+        let t1_184 = t1_77 * d_q8;
+        let t1_185 = d_q8 * t1_184;
+        let t1_186 = cos_q8 * d_q8;
+        let t1_187 = d_q9 * t1_186;
+        let t1_188 = like.lift(0.5).mul_add(t1_185, -t1_187);
+        let t1_189 = t1_183 + t1_188;
+        let t1_190 = -t1_189;
+        let t1_191 = t1_52 * t1_145;
+        let t1_192 = (-t1_71).mul_add(t1_99, t1_191);
+        let t1_193 = t1_138 - t1_192;
+        let t1_194 = t1_115 * t1_181;
+        let t1_195 = t1_47 * t1_114;
+        let t1_196 = t1_52.mul_add(t1_121, t1_195);
+        let t1_197 = (-t1_114).mul_add(t1_196, t1_194);
+        let t1_198 = t1_193 + t1_197;
+        let t1_199 = t1_58 * d_q8;
+        let t1_200 = d_q8 * t1_199;
+        let t1_201 = sin_q8 * d_q8;
+        let t1_202 = d_q9 * t1_201;
+        let t1_203 = like.lift(2.0).mul_add(t1_202, t1_200);
+        let t1_204 = t1_198 - t1_203;
+        let t1_205 = t1_71 * t1_110;
+        let t1_206 = t1_47.mul_add(t1_145, t1_205);
+        let t1_207 = t1_121 * t1_196;
+        let t1_208 = t1_115.mul_add(t1_178, t1_207);
+        let t1_209 = t1_206 - t1_208;
+        let t1_210 = like.lift(0.8660254037844386) * t1_185;
+        let t1_211 = like.lift(-1.7320508075688772).mul_add(t1_187, t1_210);
+        let t1_212 = t1_209 - t1_211;
+        let t1_213 = like.lift(0.5773502691896257).mul_add(t1_83, t1_57);
+        let t1_214 = like.lift(1.0) / t1_58;
+        let t1_215 = t1_77 * t1_214;
+        let t1_216 = t1_83 * t1_215;
+        let pivot_3 = like.lift(1.1547005383792515).mul_add(t1_216, t1_75);
+        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let t1_217 = t1_213 * inv_pivot_3;
+        let t1_218 = (-t1_68).mul_add(t1_217, t1_48);
+        let t1_219 = like.lift(0.5773502691896257).mul_add(t1_37, t1_10);
+        let t1_220 = like.lift(-0.5773502691896257).mul_add(t1_79, t1_53);
+        let t1_221 = t1_79 * t1_215;
+        let t1_222 = like.lift(1.1547005383792515).mul_add(t1_221, t1_69);
+        let pivot_4 = t1_222.mul_add(t1_217, t1_220);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t1_223 = t1_219 * inv_pivot_4;
+        let pivot_5 = (-t1_218).mul_add(t1_223, t1_7);
+        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let t1_224 = like.lift(-0.5773502691896257).mul_add(t1_173, t1_133);
+        let t1_225 = like.lift(0.5773502691896257).mul_add(t1_212, t1_189);
+        let t1_226 = t1_215 * t1_212;
+        let t1_227 = like.lift(1.1547005383792515).mul_add(t1_226, t1_204);
+        let t1_228 = (-t1_217).mul_add(t1_227, t1_225);
+        let t1_229 = (-t1_223).mul_add(t1_228, t1_224);
+        let t1_230 = like.lift(0.5773502691896257).mul_add(t1_41, t1_15);
+        let t1_231 = like.lift(-0.5773502691896257).mul_add(t1_81, t1_55);
+        let t1_232 = t1_81 * t1_215;
+        [
+            w_fc_q2_q2, t1_1, t1_2, sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1,
+            t1_8, t1_10, t1_15, sin_q6, cos_q6, t1_16, t1_18, t1_23, t1_24, t1_26, t1_31,
+            t1_32, t1_33, t1_37, t1_41, pivot_1, sin_s1_3, cos_s1_3, t1_49, t1_53, t1_55,
+            t1_57, sin_q8, cos_q8, t1_60, t1_68, t1_69, t1_72, t1_73, t1_76, t1_77, t1_79,
+            t1_81, t1_83, t1_84, t1_85, t1_134, t1_163, t1_173, t1_190, t1_204, t1_212, t1_214,
+            t1_215, pivot_3, inv_pivot_3, t1_217, t1_218, t1_222, pivot_4, inv_pivot_4, t1_223,
+            pivot_5, inv_pivot_5, t1_227, t1_228, t1_229, t1_230, t1_231, t1_232,
+        ]
+    };
+    // loops: solve with A_e (Eq. 8, 10)
+    let [
+        t2_1, t2_2, t2_3, t2_4, t2_5, t2_10, t2_13, inv_pivot_6, t2_41, t2_42, t2_43, al_1z,
+        al_s1_1z, t2_44, t2_45, al_4z, al_6z,
+    ] = {
+        let t2_1 = like.lift(-1.1547005383792515).mul_add(t1_232, t1_72);
+        let t2_2 = (-t2_1).mul_add(t1_217, t1_231);
+        let t2_3 = (-t2_2).mul_add(t1_223, t1_230);
+        let t2_4 = like.lift(1.0) / t1_16;
+        let t2_5 = t1_33 * t2_4;
+        let t2_6 = t1_41 * t2_5;
+        let t2_7 = like.lift(1.1547005383792515).mul_add(t2_6, t1_31);
+        let t2_8 = t1_37 * t2_5;
+        let t2_9 = like.lift(-1.1547005383792515).mul_add(t2_8, t1_26);
+        let t2_10 = t2_9 * inv_pivot_4;
+        let t2_11 = t2_2.mul_add(t2_10, t2_7);
+        let t2_12 = (-t1_218).mul_add(t2_10, t1_23);
+        let t2_13 = t2_12 * inv_pivot_5;
+        let pivot_6 = t2_3.mul_add(t2_13, t2_11);
+        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let t2_14 = t2_5 * t1_173;
+        let t2_15 = like.lift(-1.1547005383792515).mul_add(t2_14, t1_163);
+        let t2_16 = t2_10.mul_add(t1_228, t2_15);
+        let t2_17 = t2_13.mul_add(t1_229, t2_16);
+        let t2_18 = inv_pivot_6 * t2_17;
+        let t2_19 = (-t2_3).mul_add(t2_18, t1_229);
+        let t2_20 = inv_pivot_5 * t2_19;
+        let t2_21 = (-t1_218).mul_add(t2_20, t1_228);
+        let t2_22 = (-t2_2).mul_add(t2_18, t2_21);
+        let t2_23 = inv_pivot_4 * t2_22;
+        let t2_24 = -t2_23;
+        let t2_25 = -t2_18;
+        let t2_26 = t1_222.mul_add(t2_23, t1_227);
+        let t2_27 = (-t1_68).mul_add(t2_20, t2_26);
+        let t2_28 = (-t2_1).mul_add(t2_18, t2_27);
+        let t2_29 = inv_pivot_3 * t2_28;
+        let t2_30 = -t2_29;
+        let t2_31 = t1_37.mul_add(t2_23, t1_173);
+        let t2_32 = t1_41.mul_add(t2_18, t2_31);
+        let t2_33 = t2_4 * t2_32;
+        let t2_34 = like.lift(1.1547005383792515) * t2_33;
+        let t2_35 = (-t1_83).mul_add(t2_29, t1_212);
+        let t2_36 = t1_79.mul_add(t2_23, t2_35);
+        let t2_37 = t1_81.mul_add(t2_18, t2_36);
+        let t2_38 = t1_214 * t2_37;
+        let t2_39 = like.lift(1.1547005383792515) * t2_38;
+        let t2_40 = -t2_39;
+        let t2_41 = -pivot_3;
+        let t2_42 = -pivot_5;
+        let t2_43 = -pivot_6;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
+            .min((t1_85 * like.lift(1.8955297449982944)).abs())
+            .min((t2_41 * like.lift(2.6463477742948585)).abs())
+            .min((pivot_4 * like.lift(2.1915406530791146)).abs())
+            .min((t2_42 * like.lift(0.8284577646309275)).abs())
+            .min((t2_43 * like.lift(2.1915406530791146)).abs());
+        let ([[al_1z], [al_s1_1z], [t2_44], [t2_45], [al_4z], [al_6z]], found) = ::regen_runtime::guarded(
+            [[t2_20], [t2_24], [t2_25], [t2_30], [t2_34], [t2_40]],
+            margin,
+            || (
+                [
+                    [t1_8, t1_10, t1_15, like.lift(0.0), t1_18, like.lift(0.0)],
+                    [t1_24, t1_26, t1_32, like.lift(0.0), t1_33, like.lift(0.0)],
+                    [like.lift(0.0), t1_37, t1_41, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t1_49, t1_53, t1_55, t1_57, like.lift(0.0), t1_60],
+                    [t1_68, t1_69, t1_73, t1_76, like.lift(0.0), t1_77],
+                    [like.lift(0.0), t1_79, t1_81, t1_84, like.lift(0.0), t1_85],
+                ],
+                [[t1_134], [t1_163], [t1_173], [t1_190], [t1_204], [t1_212]],
+            ),
+        );
+        condition = condition.min(found);
+        [
+            t2_1, t2_2, t2_3, t2_4, t2_5, t2_10, t2_13, inv_pivot_6, t2_41, t2_42, t2_43,
+            al_1z, al_s1_1z, t2_44, t2_45, al_4z, al_6z,
+        ]
+    };
+    // loops: solve with A_e (Eq. 8, 10)
+    let [
+        t3_40, t3_74, t3_86, t3_90, t3_103, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7,
+        x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2,
+        x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
+    ] = {
+        let t3_1 = p_mx_2.mul_add(al_1z, t1_2);
+        let w_s1_1y = cos_s1_1 * d_q1;
+        let w_s1_2y = d_s1_2 + w_s1_1y;
+        let t3_2 = cos_s1_3 * w_s1_2y;
+        let t3_3 = cos_s1_2 * d_s1_1;
+        let w_s1_1x = sin_s1_1 * d_q1;
+        let w_s1_2z = sin_s1_2.mul_add(w_s1_1x, t3_3);
+        let w_3y = sin_s1_3.mul_add(w_s1_2z, t3_2);
+        let t3_4 = sin_s1_2 * d_s1_1;
+        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t3_4);
+        let w_3x = d_s1_3 - w_s1_2x;
+        let t3_5 = w_3y * w_3x;
+        let t3_6 = d_s1_1 * w_s1_1x;
+        let al_s1_1y = (-cos_s1_1).mul_add(al_1z, t3_6);
+        let al_s1_2y = t2_44 - al_s1_1y;
+        let t3_7 = sin_s1_3 * al_s1_2y;
+        let t3_8 = cos_s1_2 * al_s1_1z;
+        let t3_9 = d_s1_1 * w_s1_1y;
+        let al_s1_1x = sin_s1_1.mul_add(al_1z, t3_9);
+        let t3_10 = sin_s1_2.mul_add(al_s1_1x, t3_8);
+        let al_s1_2z = d_s1_2.mul_add(w_s1_2x, -t3_10);
+        let t3_11 = cos_s1_3.mul_add(al_s1_2z, t3_7);
+        let al_3z = d_s1_3.mul_add(w_3y, t3_11);
+        let t3_12 = t3_5 - al_3z;
+        let t3_13 = p_mx_3 * t3_12;
+        let t3_14 = sin_s1_3 * w_s1_2y;
+        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t3_14);
+        let t3_15 = w_3y * w_3z;
+        let t3_16 = sin_s1_2 * al_s1_1z;
+        let t3_17 = (-cos_s1_2).mul_add(al_s1_1x, t3_16);
+        let al_s1_2x = d_s1_2.mul_add(w_s1_2z, t3_17);
+        let al_3x = t2_45 - al_s1_2x;
+        let t3_18 = t3_15 + al_3x;
+        let t3_19 = (-p_mz_3).mul_add(t3_18, t3_13);
+        let t3_20 = sin_s1_3 * t3_19;
+        let t3_21 = w_3x * w_3x;
+        let t3_22 = w_3y * w_3y;
+        let t3_23 = t3_21 + t3_22;
+        let t3_24 = t3_23 * p_mz_3;
+        let t3_25 = w_3z * w_3x;
+        let t3_26 = cos_s1_3 * al_s1_2y;
+        let t3_27 = (-sin_s1_3).mul_add(al_s1_2z, t3_26);
+        let al_3y = d_s1_3.mul_add(w_3z, -t3_27);
+        let t3_28 = t3_25 - al_3y;
+        let t3_29 = p_mx_3.mul_add(t3_28, t3_24);
+        let t3_30 = (-cos_s1_3).mul_add(t3_29, t3_20);
+        let t3_31 = cos_s1_2 * t3_30;
+        let t3_32 = w_3z * w_3z;
+        let t3_33 = t3_22 + t3_32;
+        let t3_34 = t3_33 * p_mx_3;
+        let t3_35 = t3_25 + al_3y;
+        let t3_36 = p_mz_3.mul_add(t3_35, t3_34);
+        let t3_37 = sin_s1_2.mul_add(t3_36, t3_31);
+        let t3_38 = t3_1 - t3_37;
+        let t3_39 = d_q2.mul_add(p_fv_q2, -t3_38);
+        let t3_40 = w_fc_q2_q2.mul_add(p_fc_q2, t3_39);
+        let t3_41 = d_q1 * d_q2;
+        let t3_42 = like.lift(2.0) * t3_41;
+        let a_2x = q2.mul_add(al_1z, t3_42);
+        let t3_43 = p_mz_2 * a_2x;
+        let a_2z = q2 * t1_1;
+        let t3_44 = a_2z.mul_add(p_mx_2, t3_43);
+        let t3_45 = p_ixx_3 - p_izz_3;
+        let t3_46 = t3_25 * t3_45;
+        let t3_47 = t3_21 - t3_32;
+        let t3_48 = t3_47.mul_add(p_ixz_3, t3_46);
+        let t3_49 = t3_15.mul_add(p_ixy_3, t3_48);
+        let t3_50 = t3_5.mul_add(p_iyz_3, t3_49);
+        let t3_51 = p_ixy_3 * al_3x;
+        let t3_52 = (-p_iyy_3).mul_add(al_3y, t3_51);
+        let t3_53 = (-p_iyz_3).mul_add(al_3z, t3_52);
+        let t3_54 = t3_50 - t3_53;
+        let t3_55 = sin_s1_2 * a_2z;
+        let a_s1_1x = cos_s1_1 * a_2x;
+        let a_s1_2x = cos_s1_2.mul_add(a_s1_1x, t3_55);
+        let t3_56 = p_mz_3 * a_s1_2x;
+        let a_s1_1y = sin_s1_1 * a_2x;
+        let t3_57 = sin_s1_3 * a_s1_1y;
+        let t3_58 = cos_s1_2 * a_2z;
+        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t3_58);
+        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t3_57);
+        let t3_59 = (-p_mx_3).mul_add(a_3z, t3_56);
+        let t3_60 = t3_54 - t3_59;
+        let t3_61 = sin_s1_3 * t3_60;
+        let t3_62 = p_ixx_3 - p_iyy_3;
+        let t3_63 = t3_5 * t3_62;
+        let t3_64 = t3_21 - t3_22;
+        let t3_65 = (-t3_64).mul_add(p_ixy_3, t3_63);
+        let t3_66 = t3_25.mul_add(p_iyz_3, t3_65);
+        let t3_67 = t3_15.mul_add(p_ixz_3, -t3_66);
+        let t3_68 = p_ixz_3 * al_3x;
+        let t3_69 = (-p_iyz_3).mul_add(al_3y, t3_68);
+        let t3_70 = (-p_izz_3).mul_add(al_3z, t3_69);
+        let t3_71 = t3_67 + t3_70;
+        let t3_72 = cos_s1_3 * a_s1_1y;
+        let a_3y = sin_s1_3.mul_add(a_s1_2z, t3_72);
+        let t3_73 = (-p_mx_3).mul_add(a_3y, t3_71);
+        let t3_74 = (-cos_s1_3).mul_add(t3_73, t3_61);
+        let t3_75 = sin_s1_2 * t3_74;
+        let t3_76 = p_iyy_3 - p_izz_3;
+        let t3_77 = t3_15 * t3_76;
+        let t3_78 = t3_22 - t3_32;
+        let t3_79 = t3_78.mul_add(p_iyz_3, t3_77);
+        let t3_80 = t3_5.mul_add(p_ixz_3, t3_79);
+        let t3_81 = t3_25.mul_add(p_ixy_3, t3_80);
+        let t3_82 = p_ixx_3 * al_3x;
+        let t3_83 = (-p_ixy_3).mul_add(al_3y, t3_82);
+        let t3_84 = (-p_ixz_3).mul_add(al_3z, t3_83);
+        let t3_85 = t3_81 + t3_84;
+        let t3_86 = p_mz_3.mul_add(a_3y, t3_85);
+        let t3_87 = (-cos_s1_2).mul_add(t3_86, t3_75);
+        let t3_88 = sin_s1_1 * t3_87;
+        let t3_89 = cos_s1_3 * t3_60;
+        let t3_90 = sin_s1_3.mul_add(t3_73, t3_89);
+        let t3_91 = cos_s1_1.mul_add(t3_90, t3_88);
+        let t3_92 = t3_44 - t3_91;
+        let t3_93 = t1_1 * p_mx_2;
+        let t3_94 = (-p_mz_2).mul_add(al_1z, t3_93);
+        let t3_95 = sin_s1_2 * t3_30;
+        let t3_96 = (-cos_s1_2).mul_add(t3_36, t3_95);
+        let t3_97 = cos_s1_1 * t3_96;
+        let t3_98 = cos_s1_3 * t3_19;
+        let t3_99 = sin_s1_3.mul_add(t3_29, t3_98);
+        let t3_100 = (-sin_s1_1).mul_add(t3_99, t3_97);
+        let t3_101 = t3_94 - t3_100;
+        let t3_102 = (-q2).mul_add(t3_101, t3_92);
+        let t3_103 = p_izz_1.mul_add(al_1z, t3_102);
+        let t3_104 = -sin_q1;
+        let t3_105 = like.lift(0.5) * sin_q6;
+        let t3_106 = -t3_105;
+        let t3_107 = -cos_q6;
+        let t3_108 = like.lift(0.8660254037844386) * sin_q6;
+        let t3_109 = like.lift(0.5) * sin_q8;
+        let t3_110 = -t3_109;
+        let t3_111 = -cos_q8;
+        let t3_112 = like.lift(0.8660254037844386) * sin_q8;
+        let t3_113 = -t3_112;
+        let t3_114 = (-cos_q1).mul_add(t1_217, sin_q1);
+        let t3_115 = (-t3_114).mul_add(t1_223, sin_q1);
+        let t3_116 = t3_114.mul_add(t2_10, cos_q1);
+        let t3_117 = t3_115.mul_add(t2_13, t3_116);
+        let t3_118 = t3_117 * inv_pivot_6;
+        let t3_119 = (-t2_3).mul_add(t3_118, t3_115);
+        let t3_120 = inv_pivot_5 * t3_119;
+        let t3_121 = sin_q6.mul_add(t2_5, cos_q6);
+        let t3_122 = t3_121 * inv_pivot_6;
+        let t3_123 = t2_3 * t3_122;
+        let t3_124 = inv_pivot_5 * t3_123;
+        let t3_125 = sin_q8.mul_add(t1_215, cos_q8);
+        let t3_126 = t3_125 * t1_217;
+        let t3_127 = t3_126 * t1_223;
+        let t3_128 = t3_126 * t2_10;
+        let t3_129 = (-t3_127).mul_add(t2_13, t3_128);
+        let t3_130 = t3_129 * inv_pivot_6;
+        let t3_131 = t2_3.mul_add(t3_130, t3_127);
+        let t3_132 = inv_pivot_5 * t3_131;
+        let t3_133 = -t3_132;
+        let t3_134 = (-t1_218).mul_add(t3_120, t3_114);
+        let t3_135 = (-t2_2).mul_add(t3_118, t3_134);
+        let t3_136 = inv_pivot_4 * t3_135;
+        let t3_137 = -t3_136;
+        let t3_138 = t1_218 * t3_124;
+        let t3_139 = (-t2_2).mul_add(t3_122, t3_138);
+        let t3_140 = inv_pivot_4 * t3_139;
+        let t3_141 = t1_218.mul_add(t3_132, t3_126);
+        let t3_142 = (-t2_2).mul_add(t3_130, t3_141);
+        let t3_143 = inv_pivot_4 * t3_142;
+        let t3_144 = -t3_143;
+        let t3_145 = -t3_118;
+        let t3_146 = -t3_130;
+        let t3_147 = t1_222.mul_add(t3_136, cos_q1);
+        let t3_148 = (-t1_68).mul_add(t3_120, t3_147);
+        let t3_149 = (-t2_1).mul_add(t3_118, t3_148);
+        let t3_150 = inv_pivot_3 * t3_149;
+        let t3_151 = -t3_150;
+        let t3_152 = t1_222 * t3_140;
+        let t3_153 = t1_68.mul_add(t3_124, t3_152);
+        let t3_154 = (-t2_1).mul_add(t3_122, t3_153);
+        let t3_155 = inv_pivot_3 * t3_154;
+        let t3_156 = (-t1_222).mul_add(t3_143, t3_125);
+        let t3_157 = (-t1_68).mul_add(t3_132, t3_156);
+        let t3_158 = t2_1.mul_add(t3_130, t3_157);
+        let t3_159 = inv_pivot_3 * t3_158;
+        let t3_160 = t1_37 * t3_136;
+        let t3_161 = t1_41.mul_add(t3_118, t3_160);
+        let t3_162 = t2_4 * t3_161;
+        let t3_163 = like.lift(1.1547005383792515) * t3_162;
+        let t3_164 = (-t1_37).mul_add(t3_140, t3_108);
+        let t3_165 = (-t1_41).mul_add(t3_122, t3_164);
+        let t3_166 = t2_4 * t3_165;
+        let t3_167 = like.lift(1.1547005383792515) * t3_166;
+        let t3_168 = t1_37 * t3_143;
+        let t3_169 = t1_41.mul_add(t3_130, t3_168);
+        let t3_170 = t2_4 * t3_169;
+        let t3_171 = like.lift(1.1547005383792515) * t3_170;
+        let t3_172 = t1_83 * t3_150;
+        let t3_173 = (-t1_79).mul_add(t3_136, t3_172);
+        let t3_174 = (-t1_81).mul_add(t3_118, t3_173);
+        let t3_175 = t1_214 * t3_174;
+        let t3_176 = like.lift(1.1547005383792515) * t3_175;
+        let t3_177 = t1_83 * t3_155;
+        let t3_178 = (-t1_79).mul_add(t3_140, t3_177);
+        let t3_179 = (-t1_81).mul_add(t3_122, t3_178);
+        let t3_180 = t1_214 * t3_179;
+        let t3_181 = like.lift(1.1547005383792515) * t3_180;
+        let t3_182 = -t3_181;
+        let t3_183 = (-t1_83).mul_add(t3_159, t3_112);
+        let t3_184 = (-t1_79).mul_add(t3_143, t3_183);
+        let t3_185 = (-t1_81).mul_add(t3_130, t3_184);
+        let t3_186 = t1_214 * t3_185;
+        let t3_187 = like.lift(1.1547005383792515) * t3_186;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
+            .min((t1_85 * like.lift(1.8955297449982944)).abs())
+            .min((t2_41 * like.lift(2.6463477742948585)).abs())
+            .min((pivot_4 * like.lift(2.1915406530791146)).abs())
+            .min((t2_42 * like.lift(0.8284577646309275)).abs())
+            .min((t2_43 * like.lift(2.1915406530791146)).abs());
+        let ([
+            [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
+            [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
+            [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
+        ], found) = ::regen_runtime::guarded(
+            [
+                [t3_120, t3_124, t3_133], [t3_137, t3_140, t3_144], [t3_145, t3_122, t3_146],
+                [t3_151, t3_155, t3_159], [t3_163, t3_167, t3_171], [t3_176, t3_182, t3_187],
+            ],
+            margin,
+            || (
+                [
+                    [t1_8, t1_10, t1_15, like.lift(0.0), t1_18, like.lift(0.0)],
+                    [t1_24, t1_26, t1_32, like.lift(0.0), t1_33, like.lift(0.0)],
+                    [like.lift(0.0), t1_37, t1_41, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t1_49, t1_53, t1_55, t1_57, like.lift(0.0), t1_60],
+                    [t1_68, t1_69, t1_73, t1_76, like.lift(0.0), t1_77],
+                    [like.lift(0.0), t1_79, t1_81, t1_84, like.lift(0.0), t1_85],
+                ],
+                [
+                    [t3_104, t3_106, like.lift(0.0)], [cos_q1, t3_107, like.lift(0.0)],
+                    [like.lift(0.0), t3_108, like.lift(0.0)], [t3_104, like.lift(0.0), t3_110],
+                    [cos_q1, like.lift(0.0), t3_111], [like.lift(0.0), like.lift(0.0), t3_113],
+                ],
+            ),
+        );
+        condition = condition.min(found);
+        [
+            t3_40, t3_74, t3_86, t3_90, t3_103, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2,
+            x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7,
+            x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
+        ]
+    };
+    // tau
+    {
+        let t4_1 = (-t3_103).mul_add(x_q1_q2, t3_40);
+        let t4_2 = cos_s1_2 * t3_74;
+        let t4_3 = sin_s1_2.mul_add(t3_86, t4_2);
+        let t4_4 = t4_3.mul_add(x_s1_1_q2, t4_1);
+        let t4_5 = t3_90.mul_add(x_s1_2_q2, t4_4);
+        let t4_6 = (-t3_86).mul_add(x_s1_3_q2, t4_5);
+        let t4_7 = d_q6 * d_q7;
+        let t4_8 = like.lift(2.0) * t4_7;
+        let a_5x = q7.mul_add(al_4z, t4_8);
+        let t4_9 = p_mz_5 * a_5x;
+        let t4_10 = d_q6 * d_q6;
+        let a_5z = q7 * t4_10;
+        let t4_11 = a_5z.mul_add(p_mx_5, t4_9);
+        let t4_12 = t4_10 * p_mx_5;
+        let t4_13 = (-p_mz_5).mul_add(al_4z, t4_12);
+        let t4_14 = p_m_5.mul_add(a_5x, -t4_13);
+        let t4_15 = q7.mul_add(t4_14, t4_11);
+        let t4_16 = p_izz_4.mul_add(al_4z, t4_15);
+        let t4_17 = (-t4_16).mul_add(x_q6_q2, t4_6);
+        let t4_18 = d_q8 * d_q9;
+        let t4_19 = like.lift(2.0) * t4_18;
+        let a_7x = q9.mul_add(al_6z, t4_19);
+        let t4_20 = p_mz_7 * a_7x;
+        let t4_21 = d_q8 * d_q8;
+        let a_7z = q9 * t4_21;
+        let t4_22 = a_7z.mul_add(p_mx_7, t4_20);
+        let t4_23 = t4_21 * p_mx_7;
+        let t4_24 = (-p_mz_7).mul_add(al_6z, t4_23);
+        let t4_25 = p_m_7.mul_add(a_7x, -t4_24);
+        let t4_26 = q9.mul_add(t4_25, t4_22);
+        let t4_27 = p_izz_6.mul_add(al_6z, t4_26);
+        let t4_28 = (-t4_27).mul_add(x_q8_q2, t4_17);
+        tau[0] = t4_28;
+        let w_fc_q7_q7 = d_q7.sign();
+        let t4_29 = t4_10 * p_mz_5;
+        let t4_30 = p_mx_5.mul_add(al_4z, t4_29);
+        let t4_31 = a_5z.mul_add(p_m_5, t4_30);
+        let t4_32 = d_q7.mul_add(p_fv_q7, -t4_31);
+        let t4_33 = w_fc_q7_q7.mul_add(p_fc_q7, t4_32);
+        let t4_34 = t3_103 * x_q1_q7;
+        let t4_35 = (-t4_3).mul_add(x_s1_1_q7, t4_34);
+        let t4_36 = (-t3_90).mul_add(x_s1_2_q7, t4_35);
+        let t4_37 = t3_86.mul_add(x_s1_3_q7, t4_36);
+        let t4_38 = t4_16.mul_add(x_q6_q7, t4_37);
+        let t4_39 = t4_33 - t4_38;
+        let t4_40 = (-t4_27).mul_add(x_q8_q7, t4_39);
+        tau[1] = t4_40;
+        let w_fc_q9_q9 = d_q9.sign();
+        let t4_41 = t4_21 * p_mz_7;
+        let t4_42 = p_mx_7.mul_add(al_6z, t4_41);
+        let t4_43 = a_7z.mul_add(p_m_7, t4_42);
+        let t4_44 = d_q9.mul_add(p_fv_q9, -t4_43);
+        let t4_45 = w_fc_q9_q9.mul_add(p_fc_q9, t4_44);
+        let t4_46 = t3_103 * x_q1_q9;
+        let t4_47 = (-t4_3).mul_add(x_s1_1_q9, t4_46);
+        let t4_48 = (-t3_90).mul_add(x_s1_2_q9, t4_47);
+        let t4_49 = t3_86.mul_add(x_s1_3_q9, t4_48);
+        let t4_50 = t4_16.mul_add(x_q6_q9, t4_49);
+        let t4_51 = t4_27.mul_add(x_q8_q9, t4_50);
+        let t4_52 = t4_45 - t4_51;
+        tau[2] = t4_52;
+    }
+    (tau, Condition { pivot: condition })
+}
+
+/// The mass matrix from base parameters.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `beta`: base parameters, SI, in the order of `BASE`
+/// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
+///
+/// 206 additions, 344 multiplications, 6 divisions, 6 sines and cosines.
+pub fn base_mass_matrix<T: Scalar>(q: &[T; 9], beta: &[T; 34]) -> ([[T; 3]; 3], Condition<T>) {
+    let like = q[0];
+    let mut m = [[like.lift(0.0); 3]; 3];
+    let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
+    let [
+        p_izz_1, _, _, p_mx_2, p_mz_2, p_ixx_3, p_ixy_3, p_ixz_3, p_iyy_3, p_iyz_3, p_izz_3,
+        p_mx_3, p_mz_3, p_izz_4, _, _, p_mx_5, p_mz_5, p_m_5, p_izz_6, _, _, p_mx_7, p_mz_7,
+        p_m_7, _, _, _, _, _, _, p_j_q2, p_j_q7, p_j_q9,
+    ] = *beta;
+    let mut condition = like.lift(1.0);
+    // loops: solve with A_e (Eq. 8, 10)
+    let [
+        sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, t1_1, t1_3, t1_5, t1_7,
+        x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7,
+        x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2,
+        x_q8_q7, x_q8_q9,
+    ] = {
+        let (sin_s1_1, cos_s1_1) = s1_1.sin_cos();
+        let (sin_s1_2, cos_s1_2) = s1_2.sin_cos();
+        let (sin_s1_3, cos_s1_3) = s1_3.sin_cos();
+        let t1_1 = cos_s1_3 * p_mz_3;
+        let t1_2 = sin_s1_2 * t1_1;
+        let t1_3 = cos_s1_2.mul_add(p_mx_3, t1_2);
+        let t1_4 = cos_s1_1 * t1_3;
+        let t1_5 = sin_s1_3 * p_mz_3;
+        let t1_6 = sin_s1_1.mul_add(t1_5, t1_4);
+        let t1_7 = p_mx_2 + t1_6;
+        let (sin_q1, cos_q1) = q1.sin_cos();
+        let t1_8 = cos_q1 * q2;
+        let t1_9 = cos_q1 * sin_s1_2;
+        let t1_10 = sin_q1 * cos_s1_1;
+        let t1_11 = cos_s1_2.mul_add(t1_10, t1_9);
+        let t1_12 = like.lift(-0.4563).mul_add(t1_11, t1_8);
+        let t1_13 = -t1_12;
+        let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
+        let t1_14 = cos_q1 * e_s1_2_q1x;
+        let t1_15 = like.lift(0.4563) * t1_14;
+        let t1_16 = cos_s1_1 * t1_11;
+        let t1_17 = like.lift(0.4563) * t1_16;
+        let t1_18 = sin_q1 * sin_s1_1;
+        let t1_19 = t1_18 * e_s1_2_q1x;
+        let t1_20 = like.lift(0.4563).mul_add(t1_19, t1_17);
+        let (sin_q6, cos_q6) = q6.sin_cos();
+        let t1_21 = cos_q6 * q7;
+        let t1_22 = like.lift(0.5) * t1_21;
+        let t1_23 = -t1_22;
+        let t1_24 = sin_q1 * q2;
+        let t1_25 = sin_q1 * sin_s1_2;
+        let t1_26 = cos_q1 * cos_s1_1;
+        let t1_27 = (-cos_s1_2).mul_add(t1_26, t1_25);
+        let t1_28 = like.lift(-0.4563).mul_add(t1_27, t1_24);
+        let t1_29 = -t1_28;
+        let t1_30 = sin_q1 * e_s1_2_q1x;
+        let t1_31 = like.lift(0.4563) * t1_30;
+        let t1_32 = cos_q1 * sin_s1_1;
+        let t1_33 = t1_32 * e_s1_2_q1x;
+        let t1_34 = like.lift(0.4563) * t1_33;
+        let t1_35 = cos_s1_1 * t1_27;
+        let t1_36 = like.lift(-0.4563).mul_add(t1_35, t1_34);
+        let t1_37 = -t1_36;
+        let t1_38 = sin_q6 * q7;
+        let t1_39 = cos_q1 * t1_27;
+        let t1_40 = like.lift(0.4563) * t1_39;
+        let t1_41 = sin_q1 * t1_11;
+        let t1_42 = like.lift(-0.4563).mul_add(t1_41, t1_40);
+        let t1_43 = t1_18 * t1_27;
+        let t1_44 = like.lift(0.4563) * t1_43;
+        let t1_45 = t1_32 * t1_11;
+        let t1_46 = like.lift(0.4563).mul_add(t1_45, t1_44);
+        let pivot_1 = like.lift(0.8660254037844386) * t1_21;
+        let t1_47 = like.lift(0.22815) * t1_11;
+        let t1_48 = cos_s1_3 * t1_18;
+        let t1_49 = cos_q1 * cos_s1_2;
+        let t1_50 = (-sin_s1_2).mul_add(t1_10, t1_49);
+        let t1_51 = sin_s1_3.mul_add(t1_50, t1_48);
+        let t1_52 = like.lift(-0.39516739174683935).mul_add(t1_51, t1_47);
+        let t1_53 = t1_8 - t1_52;
+        let t1_54 = -t1_53;
+        let t1_55 = like.lift(0.22815) * e_s1_2_q1x;
+        let t1_56 = cos_s1_1 * cos_s1_3;
+        let e_s1_2_q1z = sin_s1_1 * sin_s1_2;
+        let e_3_q1y = sin_s1_3.mul_add(e_s1_2_q1z, t1_56);
+        let t1_57 = like.lift(0.39516739174683935).mul_add(e_3_q1y, t1_55);
+        let t1_58 = cos_q1 * t1_57;
+        let t1_59 = cos_s1_1 * t1_52;
+        let t1_60 = t1_18.mul_add(t1_57, t1_59);
+        let t1_61 = e_s1_2_q1x * t1_52;
+        let t1_62 = (-t1_11).mul_add(t1_57, t1_61);
+        let (sin_q8, cos_q8) = q8.sin_cos();
+        let t1_63 = cos_q8 * q9;
+        let t1_64 = like.lift(0.5) * t1_63;
+        let t1_65 = -t1_64;
+        let t1_66 = cos_s1_3 * t1_32;
+        let t1_67 = sin_q1 * cos_s1_2;
+        let t1_68 = sin_s1_2.mul_add(t1_26, t1_67);
+        let t1_69 = (-sin_s1_3).mul_add(t1_68, t1_66);
+        let t1_70 = like.lift(0.39516739174683935) * t1_69;
+        let t1_71 = like.lift(0.22815) * t1_27;
+        let t1_72 = t1_24 - t1_71;
+        let t1_73 = t1_70 - t1_72;
+        let t1_74 = sin_q1 * t1_57;
+        let t1_75 = t1_32 * t1_57;
+        let t1_76 = t1_71 + t1_70;
+        let t1_77 = (-cos_s1_1).mul_add(t1_76, t1_75);
+        let t1_78 = -t1_77;
+        let t1_79 = t1_27 * t1_57;
+        let t1_80 = (-e_s1_2_q1x).mul_add(t1_76, t1_79);
+        let t1_81 = -t1_80;
+        let t1_82 = sin_q8 * q9;
+        let t1_83 = cos_q1 * t1_76;
+        let t1_84 = (-sin_q1).mul_add(t1_52, t1_83);
+        let t1_85 = t1_18 * t1_76;
+        let t1_86 = t1_32.mul_add(t1_52, t1_85);
+        let t1_87 = t1_11 * t1_76;
+        let t1_88 = (-t1_27).mul_add(t1_52, t1_87);
+        let t1_89 = -t1_88;
+        let pivot_2 = like.lift(0.8660254037844386) * t1_63;
+        let t1_90 = -pivot_2;
+        let t1_91 = -sin_q1;
+        let t1_92 = like.lift(0.5) * sin_q6;
+        let t1_93 = -t1_92;
+        let t1_94 = -cos_q6;
+        let t1_95 = like.lift(0.8660254037844386) * sin_q6;
+        let t1_96 = like.lift(0.5) * sin_q8;
+        let t1_97 = -t1_96;
+        let t1_98 = -cos_q8;
+        let t1_99 = like.lift(0.8660254037844386) * sin_q8;
+        let t1_100 = -t1_99;
+        let t1_101 = like.lift(0.5773502691896257).mul_add(t1_88, t1_62);
+        let t1_102 = like.lift(1.0) / t1_63;
+        let t1_103 = t1_82 * t1_102;
+        let t1_104 = t1_88 * t1_103;
+        let pivot_3 = like.lift(1.1547005383792515).mul_add(t1_104, t1_80);
+        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let t1_105 = t1_101 * inv_pivot_3;
+        let t1_106 = (-t1_73).mul_add(t1_105, t1_53);
+        let t1_107 = like.lift(0.5773502691896257).mul_add(t1_42, t1_15);
+        let t1_108 = like.lift(-0.5773502691896257).mul_add(t1_84, t1_58);
+        let t1_109 = t1_84 * t1_103;
+        let t1_110 = like.lift(1.1547005383792515).mul_add(t1_109, t1_74);
+        let pivot_4 = t1_110.mul_add(t1_105, t1_108);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t1_111 = t1_107 * inv_pivot_4;
+        let pivot_5 = (-t1_106).mul_add(t1_111, t1_12);
+        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let t1_112 = (-cos_q1).mul_add(t1_105, sin_q1);
+        let t1_113 = (-t1_112).mul_add(t1_111, sin_q1);
+        let t1_114 = like.lift(0.5773502691896257).mul_add(t1_46, t1_20);
+        let t1_115 = like.lift(-0.5773502691896257).mul_add(t1_86, t1_60);
+        let t1_116 = t1_86 * t1_103;
+        let t1_117 = like.lift(-1.1547005383792515).mul_add(t1_116, t1_77);
+        let t1_118 = (-t1_117).mul_add(t1_105, t1_115);
+        let t1_119 = (-t1_118).mul_add(t1_111, t1_114);
+        let t1_120 = like.lift(1.0) / t1_21;
+        let t1_121 = t1_38 * t1_120;
+        let t1_122 = t1_42 * t1_121;
+        let t1_123 = like.lift(-1.1547005383792515).mul_add(t1_122, t1_31);
+        let t1_124 = t1_123 * inv_pivot_4;
+        let t1_125 = t1_112.mul_add(t1_124, cos_q1);
+        let t1_126 = (-t1_106).mul_add(t1_124, t1_28);
+        let t1_127 = t1_126 * inv_pivot_5;
+        let t1_128 = t1_113.mul_add(t1_127, t1_125);
+        let t1_129 = t1_46 * t1_121;
+        let t1_130 = like.lift(1.1547005383792515).mul_add(t1_129, t1_36);
+        let t1_131 = t1_118.mul_add(t1_124, t1_130);
+        let pivot_6 = t1_119.mul_add(t1_127, t1_131);
+        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let t1_132 = t1_128 * inv_pivot_6;
+        let t1_133 = (-t1_119).mul_add(t1_132, t1_113);
+        let t1_134 = inv_pivot_5 * t1_133;
+        let t1_135 = sin_q6.mul_add(t1_121, cos_q6);
+        let t1_136 = t1_135 * inv_pivot_6;
+        let t1_137 = t1_119 * t1_136;
+        let t1_138 = inv_pivot_5 * t1_137;
+        let t1_139 = sin_q8.mul_add(t1_103, cos_q8);
+        let t1_140 = t1_139 * t1_105;
+        let t1_141 = t1_140 * t1_111;
+        let t1_142 = t1_140 * t1_124;
+        let t1_143 = (-t1_141).mul_add(t1_127, t1_142);
+        let t1_144 = t1_143 * inv_pivot_6;
+        let t1_145 = t1_119.mul_add(t1_144, t1_141);
+        let t1_146 = inv_pivot_5 * t1_145;
+        let t1_147 = -t1_146;
+        let t1_148 = (-t1_106).mul_add(t1_134, t1_112);
+        let t1_149 = (-t1_118).mul_add(t1_132, t1_148);
+        let t1_150 = inv_pivot_4 * t1_149;
+        let t1_151 = -t1_150;
+        let t1_152 = t1_106 * t1_138;
+        let t1_153 = (-t1_118).mul_add(t1_136, t1_152);
+        let t1_154 = inv_pivot_4 * t1_153;
+        let t1_155 = t1_106.mul_add(t1_146, t1_140);
+        let t1_156 = (-t1_118).mul_add(t1_144, t1_155);
+        let t1_157 = inv_pivot_4 * t1_156;
+        let t1_158 = -t1_157;
+        let t1_159 = -t1_132;
+        let t1_160 = -t1_144;
+        let t1_161 = t1_110.mul_add(t1_150, cos_q1);
+        let t1_162 = (-t1_73).mul_add(t1_134, t1_161);
+        let t1_163 = (-t1_117).mul_add(t1_132, t1_162);
+        let t1_164 = inv_pivot_3 * t1_163;
+        let t1_165 = -t1_164;
+        let t1_166 = t1_110 * t1_154;
+        let t1_167 = t1_73.mul_add(t1_138, t1_166);
+        let t1_168 = (-t1_117).mul_add(t1_136, t1_167);
+        let t1_169 = inv_pivot_3 * t1_168;
+        let t1_170 = (-t1_110).mul_add(t1_157, t1_139);
+        let t1_171 = (-t1_73).mul_add(t1_146, t1_170);
+        let t1_172 = t1_117.mul_add(t1_144, t1_171);
+        let t1_173 = inv_pivot_3 * t1_172;
+        let t1_174 = t1_42 * t1_150;
+        let t1_175 = t1_46.mul_add(t1_132, t1_174);
+        let t1_176 = t1_120 * t1_175;
+        let t1_177 = like.lift(1.1547005383792515) * t1_176;
+        let t1_178 = (-t1_42).mul_add(t1_154, t1_95);
+        let t1_179 = (-t1_46).mul_add(t1_136, t1_178);
+        let t1_180 = t1_120 * t1_179;
+        let t1_181 = like.lift(1.1547005383792515) * t1_180;
+        let t1_182 = t1_42 * t1_157;
+        let t1_183 = t1_46.mul_add(t1_144, t1_182);
+        let t1_184 = t1_120 * t1_183;
+        let t1_185 = like.lift(1.1547005383792515) * t1_184;
+        let t1_186 = t1_88 * t1_164;
+        let t1_187 = (-t1_84).mul_add(t1_150, t1_186);
+        let t1_188 = (-t1_86).mul_add(t1_132, t1_187);
+        let t1_189 = t1_102 * t1_188;
+        let t1_190 = like.lift(1.1547005383792515) * t1_189;
+        let t1_191 = t1_88 * t1_169;
+        let t1_192 = (-t1_84).mul_add(t1_154, t1_191);
+        let t1_193 = (-t1_86).mul_add(t1_136, t1_192);
+        let t1_194 = t1_102 * t1_193;
+        let t1_195 = like.lift(1.1547005383792515) * t1_194;
+        let t1_196 = -t1_195;
+        let t1_197 = (-t1_88).mul_add(t1_173, t1_99);
+        let t1_198 = (-t1_84).mul_add(t1_157, t1_197);
+        let t1_199 = (-t1_86).mul_add(t1_144, t1_198);
+        let t1_200 = t1_102 * t1_199;
+        let t1_201 = like.lift(1.1547005383792515) * t1_200;
+        let t1_202 = -pivot_3;
+        let t1_203 = -pivot_5;
+        let t1_204 = -pivot_6;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
+            .min((t1_90 * like.lift(1.8955297449982944)).abs())
+            .min((t1_202 * like.lift(2.6463477742948585)).abs())
+            .min((pivot_4 * like.lift(2.1915406530791146)).abs())
+            .min((t1_203 * like.lift(0.8284577646309275)).abs())
+            .min((t1_204 * like.lift(2.1915406530791146)).abs());
+        let ([
+            [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
+            [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
+            [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
+        ], found) = ::regen_runtime::guarded(
+            [
+                [t1_134, t1_138, t1_147], [t1_151, t1_154, t1_158], [t1_159, t1_136, t1_160],
+                [t1_165, t1_169, t1_173], [t1_177, t1_181, t1_185], [t1_190, t1_196, t1_201],
+            ],
+            margin,
+            || (
+                [
+                    [t1_13, t1_15, t1_20, like.lift(0.0), t1_23, like.lift(0.0)],
+                    [t1_29, t1_31, t1_37, like.lift(0.0), t1_38, like.lift(0.0)],
+                    [like.lift(0.0), t1_42, t1_46, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t1_54, t1_58, t1_60, t1_62, like.lift(0.0), t1_65],
+                    [t1_73, t1_74, t1_78, t1_81, like.lift(0.0), t1_82],
+                    [like.lift(0.0), t1_84, t1_86, t1_89, like.lift(0.0), t1_90],
+                ],
+                [
+                    [t1_91, t1_93, like.lift(0.0)], [cos_q1, t1_94, like.lift(0.0)],
+                    [like.lift(0.0), t1_95, like.lift(0.0)], [t1_91, like.lift(0.0), t1_97],
+                    [cos_q1, like.lift(0.0), t1_98], [like.lift(0.0), like.lift(0.0), t1_100],
+                ],
+            ),
+        );
+        condition = condition.min(found);
+        [
+            sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, t1_1, t1_3, t1_5, t1_7,
+            x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7,
+            x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2,
+            x_q8_q7, x_q8_q9,
+        ]
+    };
+    // M
+    {
+        let t2_1 = t1_7.mul_add(x_q1_q2, p_j_q2);
+        let t2_2 = t1_3.mul_add(x_s1_2_q2, t2_1);
+        let t2_3 = cos_s1_2 * t1_5;
+        let t2_4 = t2_3.mul_add(x_s1_3_q2, t2_2);
+        let t2_5 = sin_s1_3 * p_ixy_3;
+        let t2_6 = cos_s1_3.mul_add(p_ixz_3, t2_5);
+        let t2_7 = cos_s1_2 * t2_6;
+        let t2_8 = cos_s1_3 * p_iyz_3;
+        let t2_9 = sin_s1_3.mul_add(p_iyy_3, t2_8);
+        let t2_10 = sin_s1_3 * t2_9;
+        let t2_11 = sin_s1_3 * p_iyz_3;
+        let t2_12 = cos_s1_3.mul_add(p_izz_3, t2_11);
+        let t2_13 = cos_s1_3.mul_add(t2_12, t2_10);
+        let t2_14 = sin_s1_2.mul_add(t2_13, t2_7);
+        let t2_15 = sin_s1_2 * t2_14;
+        let t2_16 = sin_s1_2 * t2_6;
+        let t2_17 = cos_s1_2.mul_add(p_ixx_3, t2_16);
+        let t2_18 = cos_s1_2.mul_add(t2_17, t2_15);
+        let t2_19 = sin_s1_1 * t2_18;
+        let t2_20 = cos_s1_3.mul_add(p_iyy_3, -t2_11);
+        let t2_21 = sin_s1_3 * t2_20;
+        let t2_22 = (-sin_s1_3).mul_add(p_izz_3, t2_8);
+        let t2_23 = cos_s1_3.mul_add(t2_22, t2_21);
+        let t2_24 = sin_s1_2 * t2_23;
+        let t2_25 = cos_s1_3 * p_ixy_3;
+        let t2_26 = (-sin_s1_3).mul_add(p_ixz_3, t2_25);
+        let t2_27 = cos_s1_2.mul_add(t2_26, t2_24);
+        let t2_28 = cos_s1_1.mul_add(t2_27, t2_19);
+        let t2_29 = sin_s1_1 * t2_28;
+        let t2_30 = sin_s1_1 * t2_27;
+        let t2_31 = cos_s1_3 * t2_20;
+        let t2_32 = (-sin_s1_3).mul_add(t2_22, t2_31);
+        let t2_33 = cos_s1_1.mul_add(t2_32, t2_30);
+        let t2_34 = cos_s1_1.mul_add(t2_33, t2_29);
+        let t2_35 = cos_s1_2 * t1_1;
+        let t2_36 = (-sin_s1_2).mul_add(p_mx_3, t2_35);
+        let t2_37 = p_mz_2 + t2_36;
+        let t2_38 = q2 * t2_37;
+        let t2_39 = like.lift(2.0).mul_add(t2_38, t2_34);
+        let t2_40 = p_izz_1 + t2_39;
+        let t2_41 = t2_40.mul_add(x_q1_q2, t1_7);
+        let t2_42 = cos_s1_2 * t2_14;
+        let t2_43 = (-sin_s1_2).mul_add(t2_17, t2_42);
+        let t2_44 = sin_s1_1 * t2_43;
+        let t2_45 = cos_s1_2 * t2_23;
+        let t2_46 = (-sin_s1_2).mul_add(t2_26, t2_45);
+        let t2_47 = cos_s1_1.mul_add(t2_46, t2_44);
+        let t2_48 = sin_s1_1 * t1_3;
+        let t2_49 = (-cos_s1_1).mul_add(t1_5, t2_48);
+        let t2_50 = (-q2).mul_add(t2_49, t2_47);
+        let t2_51 = t2_50.mul_add(x_s1_1_q2, t2_41);
+        let t2_52 = cos_s1_1 * t2_36;
+        let t2_53 = q2.mul_add(t2_52, t2_33);
+        let t2_54 = t2_53.mul_add(x_s1_2_q2, t2_51);
+        let t2_55 = sin_s1_1 * t2_17;
+        let t2_56 = cos_s1_1.mul_add(t2_26, t2_55);
+        let t2_57 = sin_s1_2 * t1_5;
+        let t2_58 = cos_s1_1 * t2_57;
+        let t2_59 = (-sin_s1_1).mul_add(t1_1, t2_58);
+        let t2_60 = (-q2).mul_add(t2_59, t2_56);
+        let t2_61 = t2_60.mul_add(x_s1_3_q2, t2_54);
+        let t2_62 = x_q1_q2.mul_add(t2_61, t2_4);
+        let t2_63 = t2_50 * x_q1_q2;
+        let t2_64 = (-cos_s1_2).mul_add(t2_13, t2_16);
+        let t2_65 = cos_s1_2 * t2_64;
+        let t2_66 = (-sin_s1_2).mul_add(p_ixx_3, t2_7);
+        let t2_67 = sin_s1_2.mul_add(t2_66, t2_65);
+        let t2_68 = (-t2_67).mul_add(x_s1_1_q2, t2_63);
+        let t2_69 = t2_46.mul_add(x_s1_2_q2, t2_68);
+        let t2_70 = t2_66.mul_add(x_s1_3_q2, t2_69);
+        let t2_71 = x_s1_1_q2.mul_add(t2_70, t2_62);
+        let t2_72 = t2_53.mul_add(x_q1_q2, t1_3);
+        let t2_73 = t2_46.mul_add(x_s1_1_q2, t2_72);
+        let t2_74 = t2_32.mul_add(x_s1_2_q2, t2_73);
+        let t2_75 = t2_26.mul_add(x_s1_3_q2, t2_74);
+        let t2_76 = x_s1_2_q2.mul_add(t2_75, t2_71);
+        let t2_77 = t2_60.mul_add(x_q1_q2, t2_3);
+        let t2_78 = t2_66.mul_add(x_s1_1_q2, t2_77);
+        let t2_79 = t2_26.mul_add(x_s1_2_q2, t2_78);
+        let t2_80 = p_ixx_3.mul_add(x_s1_3_q2, t2_79);
+        let t2_81 = x_s1_3_q2.mul_add(t2_80, t2_76);
+        let t2_82 = q7.mul_add(p_m_5, p_mz_5);
+        let t2_83 = q7 * t2_82;
+        let t2_84 = q7.mul_add(p_mz_5, t2_83);
+        let t2_85 = p_izz_4 + t2_84;
+        let t2_86 = t2_85 * x_q6_q2;
+        let t2_87 = x_q6_q2.mul_add(t2_86, t2_81);
+        let t2_88 = q9.mul_add(p_m_7, p_mz_7);
+        let t2_89 = q9 * t2_88;
+        let t2_90 = q9.mul_add(p_mz_7, t2_89);
+        let t2_91 = p_izz_6 + t2_90;
+        let t2_92 = t2_91 * x_q8_q2;
+        let t2_93 = x_q8_q2.mul_add(t2_92, t2_87);
+        let t2_94 = t1_7 * x_q1_q7;
+        let t2_95 = t1_3.mul_add(x_s1_2_q7, t2_94);
+        let t2_96 = t2_3.mul_add(x_s1_3_q7, t2_95);
+        let t2_97 = t2_40 * x_q1_q7;
+        let t2_98 = t2_50.mul_add(x_s1_1_q7, t2_97);
+        let t2_99 = t2_53.mul_add(x_s1_2_q7, t2_98);
+        let t2_100 = t2_60.mul_add(x_s1_3_q7, t2_99);
+        let t2_101 = x_q1_q2.mul_add(t2_100, t2_96);
+        let t2_102 = t2_50 * x_q1_q7;
+        let t2_103 = (-t2_67).mul_add(x_s1_1_q7, t2_102);
+        let t2_104 = t2_46.mul_add(x_s1_2_q7, t2_103);
+        let t2_105 = t2_66.mul_add(x_s1_3_q7, t2_104);
+        let t2_106 = x_s1_1_q2.mul_add(t2_105, t2_101);
+        let t2_107 = t2_53 * x_q1_q7;
+        let t2_108 = t2_46.mul_add(x_s1_1_q7, t2_107);
+        let t2_109 = t2_32.mul_add(x_s1_2_q7, t2_108);
+        let t2_110 = t2_26.mul_add(x_s1_3_q7, t2_109);
+        let t2_111 = x_s1_2_q2.mul_add(t2_110, t2_106);
+        let t2_112 = t2_60 * x_q1_q7;
+        let t2_113 = t2_66.mul_add(x_s1_1_q7, t2_112);
+        let t2_114 = t2_26.mul_add(x_s1_2_q7, t2_113);
+        let t2_115 = p_ixx_3.mul_add(x_s1_3_q7, t2_114);
+        let t2_116 = x_s1_3_q2.mul_add(t2_115, t2_111);
+        let t2_117 = t2_85.mul_add(x_q6_q7, p_mx_5);
+        let t2_118 = x_q6_q2.mul_add(t2_117, t2_116);
+        let t2_119 = t2_91 * x_q8_q7;
+        let t2_120 = x_q8_q2.mul_add(t2_119, t2_118);
+        let t2_121 = t1_7 * x_q1_q9;
+        let t2_122 = t1_3.mul_add(x_s1_2_q9, t2_121);
+        let t2_123 = t2_3.mul_add(x_s1_3_q9, t2_122);
+        let t2_124 = t2_40 * x_q1_q9;
+        let t2_125 = t2_50.mul_add(x_s1_1_q9, t2_124);
+        let t2_126 = t2_53.mul_add(x_s1_2_q9, t2_125);
+        let t2_127 = t2_60.mul_add(x_s1_3_q9, t2_126);
+        let t2_128 = x_q1_q2.mul_add(t2_127, t2_123);
+        let t2_129 = t2_50 * x_q1_q9;
+        let t2_130 = (-t2_67).mul_add(x_s1_1_q9, t2_129);
+        let t2_131 = t2_46.mul_add(x_s1_2_q9, t2_130);
+        let t2_132 = t2_66.mul_add(x_s1_3_q9, t2_131);
+        let t2_133 = x_s1_1_q2.mul_add(t2_132, t2_128);
+        let t2_134 = t2_53 * x_q1_q9;
+        let t2_135 = t2_46.mul_add(x_s1_1_q9, t2_134);
+        let t2_136 = t2_32.mul_add(x_s1_2_q9, t2_135);
+        let t2_137 = t2_26.mul_add(x_s1_3_q9, t2_136);
+        let t2_138 = x_s1_2_q2.mul_add(t2_137, t2_133);
+        let t2_139 = t2_60 * x_q1_q9;
+        let t2_140 = t2_66.mul_add(x_s1_1_q9, t2_139);
+        let t2_141 = t2_26.mul_add(x_s1_2_q9, t2_140);
+        let t2_142 = p_ixx_3.mul_add(x_s1_3_q9, t2_141);
+        let t2_143 = x_s1_3_q2.mul_add(t2_142, t2_138);
+        let t2_144 = t2_85 * x_q6_q9;
+        let t2_145 = x_q6_q2.mul_add(t2_144, t2_143);
+        let t2_146 = t2_91.mul_add(x_q8_q9, p_mx_7);
+        let t2_147 = x_q8_q2.mul_add(t2_146, t2_145);
+        m[0] = [t2_93, t2_120, t2_147];
+        let t2_148 = p_m_5 + p_j_q7;
+        let t2_149 = p_mx_5.mul_add(x_q6_q7, t2_148);
+        let t2_150 = x_q1_q7 * t2_100;
+        let t2_151 = x_s1_1_q7.mul_add(t2_105, t2_150);
+        let t2_152 = x_s1_2_q7.mul_add(t2_110, t2_151);
+        let t2_153 = x_s1_3_q7.mul_add(t2_115, t2_152);
+        let t2_154 = x_q6_q7.mul_add(t2_117, t2_153);
+        let t2_155 = t2_149 + t2_154;
+        let t2_156 = x_q8_q7.mul_add(t2_119, t2_155);
+        let t2_157 = x_q1_q7 * t2_127;
+        let t2_158 = x_s1_1_q7.mul_add(t2_132, t2_157);
+        let t2_159 = x_s1_2_q7.mul_add(t2_137, t2_158);
+        let t2_160 = x_s1_3_q7.mul_add(t2_142, t2_159);
+        let t2_161 = x_q6_q7.mul_add(t2_144, t2_160);
+        let t2_162 = p_mx_5.mul_add(x_q6_q9, t2_161);
+        let t2_163 = x_q8_q7.mul_add(t2_146, t2_162);
+        m[1] = [t2_120, t2_156, t2_163];
+        let t2_164 = p_m_7 + p_j_q9;
+        let t2_165 = p_mx_7.mul_add(x_q8_q9, t2_164);
+        let t2_166 = x_q1_q9 * t2_127;
+        let t2_167 = x_s1_1_q9.mul_add(t2_132, t2_166);
+        let t2_168 = x_s1_2_q9.mul_add(t2_137, t2_167);
+        let t2_169 = x_s1_3_q9.mul_add(t2_142, t2_168);
+        let t2_170 = x_q6_q9.mul_add(t2_144, t2_169);
+        let t2_171 = x_q8_q9.mul_add(t2_146, t2_170);
+        let t2_172 = t2_165 + t2_171;
+        m[2] = [t2_147, t2_163, t2_172];
+    }
+    (m, Condition { pivot: condition })
+}
+
 /// The robot as a `Model`, over slices.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Rps3Friction;
@@ -5845,5 +9101,73 @@ impl<T: Scalar> Model<T> for Rps3Friction {
         let out = ::regen_runtime::matrix_mut::<T, 7, 12>(out, "out")?;
         *out = poses(q);
         Ok(())
+    }
+}
+
+impl<T: Scalar> BaseModel<T> for Rps3Friction {
+    fn base_info(&self) -> BaseInfo<'_> {
+        BASE_INFO
+    }
+
+    fn base_regressor(&self, q: &[T], qd: &[T], qdd: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
+        let q = ::regen_runtime::array::<T, 9>(q, "q")?;
+        let qd = ::regen_runtime::array::<T, 9>(qd, "qd")?;
+        let qdd = ::regen_runtime::array::<T, 9>(qdd, "qdd")?;
+        let out = ::regen_runtime::matrix_mut::<T, 34, 3>(out, "out")?;
+        Ok(base_regressor(q, qd, qdd, out))
+    }
+
+    fn to_base(&self, phi: &[T], out: &mut [T]) -> Result<(), SizeError> {
+        let phi = ::regen_runtime::array::<T, 79>(phi, "phi")?;
+        let out = ::regen_runtime::array_mut::<T, 34>(out, "out")?;
+        *out = to_base(phi);
+        Ok(())
+    }
+
+    fn from_base(&self, beta: &[T], free: &[T], out: &mut [T]) -> Result<(), SizeError> {
+        let beta = ::regen_runtime::array::<T, 34>(beta, "beta")?;
+        let free = ::regen_runtime::array::<T, 45>(free, "free")?;
+        let out = ::regen_runtime::array_mut::<T, 79>(out, "out")?;
+        *out = from_base(beta, free);
+        Ok(())
+    }
+
+    fn base_inverse_dynamics(&self, q: &[T], qd: &[T], qdd: &[T], beta: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
+        let q = ::regen_runtime::array::<T, 9>(q, "q")?;
+        let qd = ::regen_runtime::array::<T, 9>(qd, "qd")?;
+        let qdd = ::regen_runtime::array::<T, 9>(qdd, "qdd")?;
+        let beta = ::regen_runtime::array::<T, 34>(beta, "beta")?;
+        let out = ::regen_runtime::array_mut::<T, 3>(out, "out")?;
+        let (value, condition) = base_inverse_dynamics(q, qd, qdd, beta);
+        *out = value;
+        Ok(condition)
+    }
+
+    fn base_gravity(&self, q: &[T], beta: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
+        let q = ::regen_runtime::array::<T, 9>(q, "q")?;
+        let beta = ::regen_runtime::array::<T, 34>(beta, "beta")?;
+        let out = ::regen_runtime::array_mut::<T, 3>(out, "out")?;
+        let (value, condition) = base_gravity(q, beta);
+        *out = value;
+        Ok(condition)
+    }
+
+    fn base_bias_forces(&self, q: &[T], qd: &[T], beta: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
+        let q = ::regen_runtime::array::<T, 9>(q, "q")?;
+        let qd = ::regen_runtime::array::<T, 9>(qd, "qd")?;
+        let beta = ::regen_runtime::array::<T, 34>(beta, "beta")?;
+        let out = ::regen_runtime::array_mut::<T, 3>(out, "out")?;
+        let (value, condition) = base_bias_forces(q, qd, beta);
+        *out = value;
+        Ok(condition)
+    }
+
+    fn base_mass_matrix(&self, q: &[T], beta: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
+        let q = ::regen_runtime::array::<T, 9>(q, "q")?;
+        let beta = ::regen_runtime::array::<T, 34>(beta, "beta")?;
+        let out = ::regen_runtime::matrix_mut::<T, 3, 3>(out, "out")?;
+        let (value, condition) = base_mass_matrix(q, beta);
+        *out = value;
+        Ok(condition)
     }
 }

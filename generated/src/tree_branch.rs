@@ -5,6 +5,8 @@
 //!
 //! 6 coordinates, 6 independent; 5 bodies, 50 parameters; 0 closure rows, 0 of them redundant.
 //!
+//! 29 base parameters, certified to be minimal.
+//!
 //! | function | add | mul | div | sin and cos |
 //! |---|---|---|---|---|
 //! | [`velocities`] | 0 | 0 | 0 | 0 |
@@ -17,10 +19,18 @@
 //! | [`slotine_li`] | 288 | 464 | 0 | 5 |
 //! | [`efforts`] | 0 | 0 | 0 | 0 |
 //! | [`poses`] | 43 | 82 | 0 | 5 |
+//! | [`base_regressor`] | 223 | 329 | 0 | 5 |
+//! | [`to_base`] | 26 | 17 | 0 | 0 |
+//! | [`from_base`] | 26 | 17 | 0 | 0 |
+//! | [`base_inverse_dynamics`] | 239 | 301 | 0 | 5 |
+//! | [`base_gravity`] | 46 | 75 | 0 | 5 |
+//! | [`base_bias_forces`] | 200 | 269 | 0 | 4 |
+//! | [`base_mass_matrix`] | 137 | 187 | 0 | 4 |
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
 use ::regen_runtime::{Condition, Info, Model, Scalar, SizeError};
+use ::regen_runtime::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
 pub const COORDINATES: [&str; 6] = [
@@ -63,6 +73,247 @@ pub const INFO: Info<'static> = Info {
     cuts: &[],
     home: &HOME,
     rows: 0,
+};
+/// The base parameters, in the order of `beta`: the columns of `base_regressor`.
+pub const BASE: [BaseParameter<'static>; 29] = [
+    BaseParameter {
+        label: "Izz(torso)",
+        terms: &[
+            BaseTerm { parameter: "Izz(torso)", index: 5, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "Izz(mast)", index: 15, coefficient: "cos(3/5)^2", value: 0.6811788772383368 },
+            BaseTerm { parameter: "Iyz(mast)", index: 14, coefficient: "2*cos(3/5)*sin(3/5)", value: 0.9320390859672264 },
+            BaseTerm { parameter: "Iyy(paddle)", index: 43, coefficient: "cos(3/5)*sin(3/5) + 1/2", value: 0.9660195429836131 },
+            BaseTerm { parameter: "Iyy(mast)", index: 13, coefficient: "1 - cos(3/5)^2", value: 0.3188211227616632 },
+            BaseTerm { parameter: "mz(paddle)", index: 48, coefficient: "sqrt(2)*cos(3/5)^2/10 + 3*sqrt(2)*cos(3/5)*sin(3/5)/10 + sqrt(2)/10", value: 0.43546994430206404 },
+            BaseTerm { parameter: "m(lower)", index: 39, coefficient: "3*cos(3/5)^2/100 + 1/100 - cos(3/5)*sin(3/5)/25", value: 0.011794584597805576 },
+            BaseTerm { parameter: "m(upper)", index: 29, coefficient: "3*cos(3/5)^2/100 + 1/100 - cos(3/5)*sin(3/5)/25", value: 0.011794584597805576 },
+            BaseTerm { parameter: "m(paddle)", index: 49, coefficient: "l^2/4 + 3*cos(3/5)^2/100 + cos(3/5)*sin(3/5)/25 + 1/100", value: 0.07970114803649463 },
+        ],
+    },
+    BaseParameter {
+        label: "mx(torso)",
+        terms: &[
+            BaseTerm { parameter: "mx(torso)", index: 6, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "my(torso)",
+        terms: &[
+            BaseTerm { parameter: "my(torso)", index: 7, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "mx(mast)",
+        terms: &[
+            BaseTerm { parameter: "mx(mast)", index: 16, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "m(paddle)", index: 49, coefficient: "l/2", value: 0.175 },
+        ],
+    },
+    BaseParameter {
+        label: "my(mast)",
+        terms: &[
+            BaseTerm { parameter: "my(mast)", index: 17, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "mz(mast)", index: 18, coefficient: "-sin(3/5)/(cos(3/5))", value: -0.6841368083416923 },
+            BaseTerm { parameter: "m(paddle)", index: 49, coefficient: "-1/5 - sin(3/5)/(10*cos(3/5))", value: -0.2684136808341692 },
+            BaseTerm { parameter: "mz(paddle)", index: 48, coefficient: "-sqrt(2)/2 - sqrt(2)*sin(3/5)/(2*cos(3/5))", value: -1.1908645576242796 },
+            BaseTerm { parameter: "m(lower)", index: 39, coefficient: "1/5 - sin(3/5)/(10*cos(3/5))", value: 0.13158631916583077 },
+            BaseTerm { parameter: "m(upper)", index: 29, coefficient: "1/5 - sin(3/5)/(10*cos(3/5))", value: 0.13158631916583077 },
+        ],
+    },
+    BaseParameter {
+        label: "m(mast)",
+        terms: &[
+            BaseTerm { parameter: "m(mast)", index: 19, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "m(paddle)", index: 49, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "m(lower)", index: 39, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "m(upper)", index: 29, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Ixx(upper)",
+        terms: &[
+            BaseTerm { parameter: "Ixx(upper)", index: 20, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "Iyy(lower)", index: 33, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Ixy(upper)",
+        terms: &[
+            BaseTerm { parameter: "Ixy(upper)", index: 21, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "mz(lower)", index: 38, coefficient: "-l", value: -0.35 },
+        ],
+    },
+    BaseParameter {
+        label: "Ixz(upper)",
+        terms: &[
+            BaseTerm { parameter: "Ixz(upper)", index: 22, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Iyy(upper)",
+        terms: &[
+            BaseTerm { parameter: "Iyy(upper)", index: 23, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "m(lower)", index: 39, coefficient: "l^2", value: 0.1225 },
+        ],
+    },
+    BaseParameter {
+        label: "Iyz(upper)",
+        terms: &[
+            BaseTerm { parameter: "Iyz(upper)", index: 24, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Izz(upper)",
+        terms: &[
+            BaseTerm { parameter: "Izz(upper)", index: 25, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "Iyy(lower)", index: 33, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "m(lower)", index: 39, coefficient: "l^2", value: 0.1225 },
+        ],
+    },
+    BaseParameter {
+        label: "mx(upper)",
+        terms: &[
+            BaseTerm { parameter: "mx(upper)", index: 26, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "m(lower)", index: 39, coefficient: "l", value: 0.35 },
+        ],
+    },
+    BaseParameter {
+        label: "my(upper)",
+        terms: &[
+            BaseTerm { parameter: "my(upper)", index: 27, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "mz(lower)", index: 38, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "mz(upper)",
+        terms: &[
+            BaseTerm { parameter: "mz(upper)", index: 28, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Ixx(lower)",
+        terms: &[
+            BaseTerm { parameter: "Ixx(lower)", index: 30, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "Iyy(lower)", index: 33, coefficient: "-1", value: -1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Ixy(lower)",
+        terms: &[
+            BaseTerm { parameter: "Ixy(lower)", index: 31, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Ixz(lower)",
+        terms: &[
+            BaseTerm { parameter: "Ixz(lower)", index: 32, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Iyz(lower)",
+        terms: &[
+            BaseTerm { parameter: "Iyz(lower)", index: 34, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Izz(lower)",
+        terms: &[
+            BaseTerm { parameter: "Izz(lower)", index: 35, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "mx(lower)",
+        terms: &[
+            BaseTerm { parameter: "mx(lower)", index: 36, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "my(lower)",
+        terms: &[
+            BaseTerm { parameter: "my(lower)", index: 37, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Ixx(paddle)",
+        terms: &[
+            BaseTerm { parameter: "Ixx(paddle)", index: 40, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "Iyy(paddle)", index: 43, coefficient: "-1", value: -1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Ixy(paddle)",
+        terms: &[
+            BaseTerm { parameter: "Ixy(paddle)", index: 41, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Ixz(paddle)",
+        terms: &[
+            BaseTerm { parameter: "Ixz(paddle)", index: 42, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Iyz(paddle)",
+        terms: &[
+            BaseTerm { parameter: "Iyz(paddle)", index: 44, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "Izz(paddle)",
+        terms: &[
+            BaseTerm { parameter: "Izz(paddle)", index: 45, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "mx(paddle)",
+        terms: &[
+            BaseTerm { parameter: "mx(paddle)", index: 46, coefficient: "1", value: 1.0 },
+        ],
+    },
+    BaseParameter {
+        label: "my(paddle)",
+        terms: &[
+            BaseTerm { parameter: "my(paddle)", index: 47, coefficient: "1", value: 1.0 },
+        ],
+    },
+];
+/// Labels of the eliminated parameters, in the order of `free`.
+pub const FREE: [&str; 21] = [
+    "Ixx(torso)",
+    "Ixy(torso)",
+    "Ixz(torso)",
+    "Iyy(torso)",
+    "Iyz(torso)",
+    "mz(torso)",
+    "m(torso)",
+    "Ixx(mast)",
+    "Ixy(mast)",
+    "Ixz(mast)",
+    "Iyy(mast)",
+    "Iyz(mast)",
+    "Izz(mast)",
+    "mz(mast)",
+    "m(upper)",
+    "Iyy(lower)",
+    "mz(lower)",
+    "m(lower)",
+    "Iyy(paddle)",
+    "mz(paddle)",
+    "m(paddle)",
+];
+/// The base and its certificate: certified to be minimal.
+pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
+    base: &BASE,
+    free: &FREE,
+    certificate: Some(Certificate {
+        columns: 50,
+        rank: 29,
+        states: 8,
+        digits: 96,
+        smallest_kept: 0.04161296415959255,
+        largest_dropped: 1.16562267457882e-96,
+    }),
+    complete: true,
 };
 
 /// All velocities from the independent ones: A_e qd_e = -A_i qd_i (Eq. 8).
@@ -745,7 +996,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], phi: &
         p_ixx_paddle, p_ixy_paddle, p_ixz_paddle, p_iyy_paddle, p_iyz_paddle, p_izz_paddle,
         p_mx_paddle, p_my_paddle, p_mz_paddle, p_m_paddle,
     ] = *phi;
-    // tau (Eq. 11), part 1
+    // tau, part 1
     let [
         t1_5, t1_8, t1_10, t1_11, t1_13, a_mastx, a_mastz, a_masty, t1_96, t1_111, t1_112,
         t1_129, t1_133, t1_141, t1_142, t1_145, sin_a1_2, cos_a1_2, sin_a1_1_off, cos_a1_1_off,
@@ -1013,7 +1264,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], phi: &
             w_ixx_lower_a1_2, t1_199, t1_202, t1_203, t1_205,
         ]
     };
-    // tau (Eq. 11)
+    // tau
     {
         let t2_1 = w_ixx_lower_a1_2.mul_add(p_ixz_lower, -t1_205);
         let t2_2 = t1_198.mul_add(p_ixy_lower, t2_1);
@@ -1242,7 +1493,7 @@ pub fn gravity<T: Scalar>(q: &[T; 6], phi: &[T; 50]) -> ([T; 6], Condition<T>) {
         _, _, _, _, _, _, p_mx_lower, p_my_lower, p_mz_lower, p_m_lower, _, _, _, _, _, _,
         p_mx_paddle, p_my_paddle, p_mz_paddle, p_m_paddle,
     ] = *phi;
-    // gravity
+    // tau
     {
         let (sin_t1, cos_t1) = t1.sin_cos();
         let t1_1 = like.lift(0.4) * sin_t1;
@@ -1421,7 +1672,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 6], qd: &[T; 6], phi: &[T; 50]) -> ([T; 6]
         p_m_lower, p_ixx_paddle, p_ixy_paddle, p_ixz_paddle, p_iyy_paddle, p_iyz_paddle,
         p_izz_paddle, p_mx_paddle, p_my_paddle, p_mz_paddle, p_m_paddle,
     ] = *phi;
-    // bias, part 1
+    // tau, part 1
     let [
         t1_1, t1_2, t1_4, a_mastx, t1_9, t1_10, t1_69, t1_85, t1_86, t1_105, t1_109, t1_117,
         t1_118, t1_121, sin_a1_2, cos_a1_2, sin_a1_1_off, cos_a1_1_off, t1_128,
@@ -1689,7 +1940,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 6], qd: &[T; 6], phi: &[T; 50]) -> ([T; 6]
             t1_190, a_lowerx, t1_202, t1_210, t1_211,
         ]
     };
-    // bias
+    // tau
     {
         let t2_1 = t1_155 + t1_211;
         let t2_2 = sin_a1_2 * t2_1;
@@ -3011,6 +3262,1922 @@ pub fn poses<T: Scalar>(q: &[T; 6]) -> [[T; 12]; 5] {
     poses
 }
 
+/// The reduced regressor W_red (Eq. 23): only the columns that are kept.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `qd`: velocities of all coordinates
+/// - `qdd`: accelerations of all coordinates
+/// - `w`: W_red (Eq. 23), column by column: `w[c][r]` multiplies `BASE[c]` in the equation of `INDEPENDENT[r]`
+///
+/// 223 additions, 329 multiplications, 0 divisions, 5 sines and cosines.
+pub fn base_regressor<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &mut [[T; 6]; 29]) -> Condition<T> {
+    let like = q[0];
+    let [t1, t2, a1_1, a1_2, a2, b1] = *q;
+    let [d_t1, d_t2, d_a1_1, d_a1_2, d_a2, d_b1] = *qd;
+    let [dd_t1, dd_t2, dd_a1_1, dd_a1_2, dd_a2, dd_b1] = *qdd;
+    // body torso
+    let [a_torsoy, a_torsox] = {
+        let (sin_t1, cos_t1) = t1.sin_cos();
+        let t1_1 = like.lift(0.4) * sin_t1;
+        let a_torsoy = like.lift(1.3).mul_add(cos_t1, t1_1);
+        w[1] = [a_torsoy, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t1_2 = like.lift(0.4) * cos_t1;
+        let a_torsox = like.lift(-1.3).mul_add(sin_t1, t1_2);
+        w[2] = [a_torsox, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        w[0] = [dd_t1, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        [a_torsoy, a_torsox]
+    };
+    // body mast
+    let [t2_1, a_masty, a_mastz, a_mastx] = {
+        let t2_1 = d_t1 * d_t1;
+        let t2_2 = t2 * t2_1;
+        let t2_3 = like.lift(0.5646424733950354) * t2_2;
+        let t2_4 = like.lift(0.1).mul_add(dd_t1, t2_3);
+        let t2_5 = a_torsoy + t2_4;
+        let a_masty = like.lift(0.8253356149096783).mul_add(t2_5, like.lift(5.420567744592339));
+        let t2_6 = like.lift(0.8253356149096783) * a_masty;
+        let t2_7 = like.lift(0.5646424733950354).mul_add(t2_5, like.lift(-7.923221903132911));
+        let a_mastz = dd_t2 - t2_7;
+        let t2_8 = like.lift(-0.5646424733950354).mul_add(a_mastz, t2_6);
+        let t2_9 = like.lift(-0.06811788772383368).mul_add(dd_t1, t2_3);
+        let t2_10 = like.lift(-0.03188211227616632).mul_add(dd_t1, t2_9);
+        let w_mx_mast_t1 = t2_8 - t2_10;
+        let al_masty = like.lift(0.5646424733950354) * dd_t1;
+        let t2_11 = -al_masty;
+        w[3] = [w_mx_mast_t1, t2_11, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t2_12 = like.lift(0.1) * t2_1;
+        let t2_13 = t2 * dd_t1;
+        let t2_14 = like.lift(-0.5646424733950354).mul_add(t2_13, t2_12);
+        let t2_15 = a_torsox + t2_14;
+        let t2_16 = d_t1 * d_t2;
+        let a_mastx = like.lift(-1.1292849467900707).mul_add(t2_16, t2_15);
+        let t2_17 = like.lift(0.4660195429836132) * t2_13;
+        let t2_18 = like.lift(0.0562201187508987).mul_add(t2_1, t2_17);
+        let t2_19 = like.lift(0.026313442740069134).mul_add(t2_1, t2_18);
+        let w_my_mast_t1 = like.lift(0.8253356149096783).mul_add(a_mastx, -t2_19);
+        let w_my_mast_t2 = like.lift(0.4660195429836132) * t2_1;
+        w[4] = [w_my_mast_t1, w_my_mast_t2, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t2_20 = t2 * a_mastx;
+        let t2_21 = like.lift(0.5646424733950354) * t2_20;
+        let t2_22 = like.lift(-0.08253356149096783).mul_add(a_masty, t2_21);
+        let w_m_mast_t1 = like.lift(0.05646424733950354).mul_add(a_mastz, t2_22);
+        let t2_23 = -w_m_mast_t1;
+        w[5] = [t2_23, a_mastz, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        [t2_1, a_masty, a_mastz, a_mastx]
+    };
+    // body upper
+    let [
+        sin_a1_2, cos_a1_2, sin_a1_1_off, cos_a1_1_off, w_upperz, al_upperx, e_upper_t1x,
+        w_upperx, e_a1_1_t1y, w_uppery, e_upper_t1z, al_uppery, t3_26, al_upperz, t3_36,
+        a_a1_1y, a_upperz, t3_68, u_mast_t1x, u_upper_t1x, u_a1_1_t1y, u_upper_t1z, a_upperx,
+    ] = {
+        let (sin_a1_2, cos_a1_2) = a1_2.sin_cos();
+        let t3_1 = a1_1 + like.lift(0.3);
+        let (sin_a1_1_off, cos_a1_1_off) = t3_1.sin_cos();
+        let t3_2 = sin_a1_1_off * dd_t1;
+        let t3_3 = like.lift(0.49552038835413176) * t3_2;
+        let t3_4 = cos_a1_1_off * dd_t1;
+        let t3_5 = like.lift(-0.8253356149096783).mul_add(t3_4, t3_3);
+        let t3_6 = cos_a1_1_off * d_t1;
+        let t3_7 = like.lift(0.49552038835413176) * t3_6;
+        let t3_8 = sin_a1_1_off * d_t1;
+        let w_a1_1y = like.lift(0.8253356149096783).mul_add(t3_8, t3_7);
+        let al_a1_1z = d_a1_1 * w_a1_1y;
+        let al_a1_1z_2 = t3_5 + al_a1_1z;
+        let t3_9 = sin_a1_2 * al_a1_1z_2;
+        let al_a1_1x = like.lift(0.27070402192622417).mul_add(dd_t1, dd_a1_1);
+        let t3_10 = cos_a1_2.mul_add(al_a1_1x, t3_9);
+        let t3_11 = like.lift(0.49552038835413176) * t3_8;
+        let w_a1_1z = like.lift(-0.8253356149096783).mul_add(t3_6, t3_11);
+        let t3_12 = cos_a1_2 * w_a1_1z;
+        let w_a1_1x = like.lift(0.27070402192622417).mul_add(d_t1, d_a1_1);
+        let w_upperz = (-sin_a1_2).mul_add(w_a1_1x, t3_12);
+        let al_upperx = d_a1_2.mul_add(w_upperz, t3_10);
+        let t3_13 = like.lift(0.49552038835413176) * sin_a1_1_off;
+        let e_a1_1_t1z = like.lift(-0.8253356149096783).mul_add(cos_a1_1_off, t3_13);
+        let t3_14 = sin_a1_2 * e_a1_1_t1z;
+        let e_upper_t1x = like.lift(0.27070402192622417).mul_add(cos_a1_2, t3_14);
+        let t3_15 = sin_a1_2 * w_a1_1z;
+        let w_upperx = cos_a1_2.mul_add(w_a1_1x, t3_15);
+        let w_ixx_upper_a1_2 = w_upperz * w_upperx;
+        let t3_16 = like.lift(0.49552038835413176) * cos_a1_1_off;
+        let e_a1_1_t1y = like.lift(0.8253356149096783).mul_add(sin_a1_1_off, t3_16);
+        let t3_17 = w_ixx_upper_a1_2 * e_a1_1_t1y;
+        let t3_18 = al_upperx.mul_add(e_upper_t1x, -t3_17);
+        let w_uppery = d_a1_2 + w_a1_1y;
+        let t3_19 = w_upperx * w_uppery;
+        let t3_20 = cos_a1_2 * e_a1_1_t1z;
+        let e_upper_t1z = like.lift(-0.27070402192622417).mul_add(sin_a1_2, t3_20);
+        let t3_21 = t3_19 * e_upper_t1z;
+        let w_ixx_upper_t1 = t3_18 + t3_21;
+        let t3_22 = sin_a1_2 * t3_19;
+        let w_ixx_upper_a1_1 = cos_a1_2.mul_add(al_upperx, -t3_22);
+        let t3_23 = -w_ixx_upper_a1_2;
+        w[6] = [w_ixx_upper_t1, like.lift(0.0), w_ixx_upper_a1_1, t3_23, like.lift(0.0), like.lift(0.0)];
+        let t3_24 = like.lift(0.49552038835413176) * t3_4;
+        let t3_25 = like.lift(0.8253356149096783).mul_add(t3_2, t3_24);
+        let al_a1_1y = d_a1_1 * w_a1_1z;
+        let al_a1_1y_2 = t3_25 - al_a1_1y;
+        let al_uppery = dd_a1_2 + al_a1_1y_2;
+        let t3_26 = al_uppery + w_ixx_upper_a1_2;
+        let t3_27 = t3_26 * e_upper_t1x;
+        let t3_28 = w_upperz * w_uppery;
+        let w_ixy_upper_a1_2 = al_upperx - t3_28;
+        let t3_29 = w_ixy_upper_a1_2.mul_add(e_a1_1_t1y, t3_27);
+        let t3_30 = w_upperx * w_upperx;
+        let t3_31 = w_uppery * w_uppery;
+        let t3_32 = t3_30 - t3_31;
+        let w_ixy_upper_t1 = (-e_upper_t1z).mul_add(t3_32, t3_29);
+        let t3_33 = cos_a1_2 * t3_26;
+        let w_ixy_upper_a1_1 = sin_a1_2.mul_add(t3_32, t3_33);
+        w[7] = [w_ixy_upper_t1, like.lift(0.0), w_ixy_upper_a1_1, w_ixy_upper_a1_2, like.lift(0.0), like.lift(0.0)];
+        let t3_34 = cos_a1_2 * al_a1_1z_2;
+        let t3_35 = (-sin_a1_2).mul_add(al_a1_1x, t3_34);
+        let al_upperz = (-d_a1_2).mul_add(w_upperx, t3_35);
+        let t3_36 = al_upperz - t3_19;
+        let t3_37 = t3_36 * e_upper_t1x;
+        let t3_38 = w_upperz * w_upperz;
+        let w_ixz_upper_a1_2 = t3_30 - t3_38;
+        let t3_39 = e_a1_1_t1y.mul_add(w_ixz_upper_a1_2, t3_37);
+        let t3_40 = al_upperx + t3_28;
+        let w_ixz_upper_t1 = t3_40.mul_add(e_upper_t1z, t3_39);
+        let t3_41 = -w_ixz_upper_t1;
+        let t3_42 = cos_a1_2 * t3_36;
+        let w_ixz_upper_a1_1 = (-sin_a1_2).mul_add(t3_40, t3_42);
+        let t3_43 = -w_ixz_upper_a1_1;
+        let t3_44 = -w_ixz_upper_a1_2;
+        w[8] = [t3_41, like.lift(0.0), t3_43, t3_44, like.lift(0.0), like.lift(0.0)];
+        let t3_45 = t3_28 * e_upper_t1x;
+        let t3_46 = al_uppery.mul_add(e_a1_1_t1y, t3_45);
+        let w_iyy_upper_t1 = t3_21 - t3_46;
+        let t3_47 = -w_iyy_upper_t1;
+        let t3_48 = cos_a1_2 * t3_28;
+        let w_iyy_upper_a1_1 = t3_22 + t3_48;
+        w[9] = [t3_47, like.lift(0.0), w_iyy_upper_a1_1, al_uppery, like.lift(0.0), like.lift(0.0)];
+        let t3_49 = t3_31 - t3_38;
+        let t3_50 = e_upper_t1x * t3_49;
+        let w_iyz_upper_a1_2 = al_upperz + t3_19;
+        let t3_51 = (-w_iyz_upper_a1_2).mul_add(e_a1_1_t1y, t3_50);
+        let t3_52 = al_uppery - w_ixx_upper_a1_2;
+        let w_iyz_upper_t1 = (-t3_52).mul_add(e_upper_t1z, t3_51);
+        let t3_53 = cos_a1_2 * t3_49;
+        let w_iyz_upper_a1_1 = sin_a1_2.mul_add(t3_52, t3_53);
+        let t3_54 = -w_iyz_upper_a1_2;
+        w[10] = [w_iyz_upper_t1, like.lift(0.0), w_iyz_upper_a1_1, t3_54, like.lift(0.0), like.lift(0.0)];
+        let t3_55 = t3_17 - t3_45;
+        let w_izz_upper_t1 = al_upperz.mul_add(e_upper_t1z, t3_55);
+        let w_izz_upper_a1_1 = sin_a1_2.mul_add(al_upperz, t3_48);
+        let t3_56 = -w_izz_upper_a1_1;
+        w[11] = [w_izz_upper_t1, like.lift(0.0), t3_56, w_ixx_upper_a1_2, like.lift(0.0), like.lift(0.0)];
+        let t3_57 = like.lift(0.10860287564243212).mul_add(dd_t1, a_mastx);
+        let t3_58 = like.lift(0.479425538604203) * t3_57;
+        let t3_59 = like.lift(-0.08963382114930604).mul_add(t2_1, a_masty);
+        let t3_60 = like.lift(0.8775825618903728).mul_add(t3_59, t3_58);
+        let t3_61 = cos_a1_1_off * t3_60;
+        let t3_62 = like.lift(0.061321796320556315).mul_add(t2_1, a_mastz);
+        let a_a1_1y = sin_a1_1_off.mul_add(t3_62, t3_61);
+        let t3_63 = a_a1_1y * e_upper_t1z;
+        let t3_64 = sin_a1_1_off * t3_60;
+        let a_a1_1z = (-cos_a1_1_off).mul_add(t3_62, t3_64);
+        let t3_65 = cos_a1_2 * a_a1_1z;
+        let t3_66 = like.lift(0.8775825618903728) * t3_57;
+        let a_a1_1x = like.lift(-0.479425538604203).mul_add(t3_59, t3_66);
+        let a_upperz = sin_a1_2.mul_add(a_a1_1x, t3_65);
+        let t3_67 = (-a_upperz).mul_add(e_a1_1_t1y, t3_63);
+        let t3_68 = t3_31 + t3_38;
+        let u_mast_t1x = like.lift(0.5646424733950354) * t2;
+        let t3_69 = u_mast_t1x - like.lift(0.10860287564243212);
+        let t3_70 = like.lift(0.479425538604203).mul_add(t3_69, like.lift(-0.07243001433518016));
+        let t3_71 = sin_a1_1_off * t3_70;
+        let u_a1_1_t1z = like.lift(-0.05646424733950354).mul_add(cos_a1_1_off, t3_71);
+        let t3_72 = sin_a1_2 * u_a1_1_t1z;
+        let u_a1_1_t1x = like.lift(0.8775825618903728).mul_add(t3_69, like.lift(0.03956869717073036));
+        let u_upper_t1x = (-cos_a1_2).mul_add(u_a1_1_t1x, t3_72);
+        let t3_73 = t3_68 * u_upper_t1x;
+        let t3_74 = cos_a1_1_off * t3_70;
+        let u_a1_1_t1y = like.lift(0.05646424733950354).mul_add(sin_a1_1_off, t3_74);
+        let t3_75 = t3_36.mul_add(u_a1_1_t1y, t3_73);
+        let t3_76 = cos_a1_2 * u_a1_1_t1z;
+        let u_upper_t1z = sin_a1_2.mul_add(u_a1_1_t1x, t3_76);
+        let t3_77 = (-t3_26).mul_add(u_upper_t1z, t3_75);
+        let w_mx_upper_t1 = t3_67 - t3_77;
+        let t3_78 = -w_mx_upper_t1;
+        let u_upper_t2x = cos_a1_1_off * sin_a1_2;
+        let t3_79 = t3_68 * u_upper_t2x;
+        let t3_80 = (-sin_a1_1_off).mul_add(t3_36, t3_79);
+        let u_upper_t2z = cos_a1_1_off * cos_a1_2;
+        let w_mx_upper_t2 = (-t3_26).mul_add(u_upper_t2z, t3_80);
+        let w_mx_upper_a1_1 = sin_a1_2 * a_a1_1y;
+        w[12] = [t3_78, w_mx_upper_t2, w_mx_upper_a1_1, a_upperz, like.lift(0.0), like.lift(0.0)];
+        let t3_81 = a_upperz * e_upper_t1x;
+        let t3_82 = sin_a1_2 * a_a1_1z;
+        let a_upperx = (-cos_a1_2).mul_add(a_a1_1x, t3_82);
+        let t3_83 = (-a_upperx).mul_add(e_upper_t1z, t3_81);
+        let t3_84 = w_iyz_upper_a1_2 * u_upper_t1x;
+        let t3_85 = t3_30 + t3_38;
+        let t3_86 = (-t3_85).mul_add(u_a1_1_t1y, t3_84);
+        let t3_87 = (-w_ixy_upper_a1_2).mul_add(u_upper_t1z, t3_86);
+        let w_my_upper_t1 = t3_83 + t3_87;
+        let t3_88 = -w_my_upper_t1;
+        let t3_89 = w_iyz_upper_a1_2 * u_upper_t2x;
+        let t3_90 = sin_a1_1_off.mul_add(t3_85, t3_89);
+        let w_my_upper_t2 = (-w_ixy_upper_a1_2).mul_add(u_upper_t2z, t3_90);
+        let t3_91 = -w_my_upper_t2;
+        let t3_92 = cos_a1_2 * a_upperz;
+        let w_my_upper_a1_1 = sin_a1_2.mul_add(a_upperx, t3_92);
+        let t3_93 = -w_my_upper_a1_1;
+        w[13] = [t3_88, t3_91, t3_93, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t3_94 = a_upperx * e_a1_1_t1y;
+        let t3_95 = (-a_a1_1y).mul_add(e_upper_t1x, t3_94);
+        let t3_96 = t3_52 * u_upper_t1x;
+        let t3_97 = (-t3_40).mul_add(u_a1_1_t1y, t3_96);
+        let t3_98 = t3_30 + t3_31;
+        let t3_99 = t3_98.mul_add(u_upper_t1z, t3_97);
+        let w_mz_upper_t1 = t3_95 - t3_99;
+        let t3_100 = t3_52 * u_upper_t2x;
+        let t3_101 = sin_a1_1_off.mul_add(t3_40, t3_100);
+        let w_mz_upper_t2 = t3_98.mul_add(u_upper_t2z, t3_101);
+        let t3_102 = -w_mz_upper_t2;
+        let w_mz_upper_a1_1 = cos_a1_2 * a_a1_1y;
+        let t3_103 = -w_mz_upper_a1_1;
+        w[14] = [w_mz_upper_t1, t3_102, t3_103, a_upperx, like.lift(0.0), like.lift(0.0)];
+        [
+            sin_a1_2, cos_a1_2, sin_a1_1_off, cos_a1_1_off, w_upperz, al_upperx, e_upper_t1x,
+            w_upperx, e_a1_1_t1y, w_uppery, e_upper_t1z, al_uppery, t3_26, al_upperz, t3_36,
+            a_a1_1y, a_upperz, t3_68, u_mast_t1x, u_upper_t1x, u_a1_1_t1y, u_upper_t1z,
+            a_upperx,
+        ]
+    };
+    // body lower
+    {
+        let (sin_a2, cos_a2) = a2.sin_cos();
+        let t4_1 = cos_a2 * al_upperx;
+        let t4_2 = sin_a2.mul_add(al_upperz, t4_1);
+        let t4_3 = sin_a2 * w_upperx;
+        let w_lowery = (-cos_a2).mul_add(w_upperz, t4_3);
+        let al_lowerx = (-d_a2).mul_add(w_lowery, t4_2);
+        let t4_4 = cos_a2 * e_upper_t1x;
+        let e_lower_t1x = sin_a2.mul_add(e_upper_t1z, t4_4);
+        let t4_5 = cos_a2 * w_upperx;
+        let w_lowerx = sin_a2.mul_add(w_upperz, t4_5);
+        let w_lowerz = d_a2 + w_uppery;
+        let t4_6 = w_lowerx * w_lowerz;
+        let t4_7 = sin_a2 * e_upper_t1x;
+        let e_lower_t1y = (-cos_a2).mul_add(e_upper_t1z, t4_7);
+        let t4_8 = t4_6 * e_lower_t1y;
+        let t4_9 = al_lowerx.mul_add(e_lower_t1x, -t4_8);
+        let w_ixx_lower_a1_2 = w_lowerx * w_lowery;
+        let w_ixx_lower_t1 = w_ixx_lower_a1_2.mul_add(e_a1_1_t1y, t4_9);
+        let t4_10 = cos_a1_2 * sin_a2;
+        let t4_11 = sin_a1_2 * sin_a2;
+        let sin_a1_2_a2 = sin_a1_2.mul_add(cos_a2, t4_10);
+        let cos_a1_2_a2 = cos_a1_2.mul_add(cos_a2, -t4_11);
+        let t4_12 = t4_6 * sin_a1_2_a2;
+        let w_ixx_lower_a1_1 = al_lowerx.mul_add(cos_a1_2_a2, -t4_12);
+        w[15] = [w_ixx_lower_t1, like.lift(0.0), w_ixx_lower_a1_1, w_ixx_lower_a1_2, w_ixx_lower_a1_2, like.lift(0.0)];
+        let t4_13 = sin_a2 * al_upperx;
+        let t4_14 = (-cos_a2).mul_add(al_upperz, t4_13);
+        let al_lowery = d_a2.mul_add(w_lowerx, t4_14);
+        let t4_15 = al_lowery + t4_6;
+        let t4_16 = t4_15 * e_lower_t1x;
+        let t4_17 = w_lowery * w_lowerz;
+        let t4_18 = al_lowerx - t4_17;
+        let t4_19 = t4_18.mul_add(e_lower_t1y, t4_16);
+        let t4_20 = w_lowerx * w_lowerx;
+        let t4_21 = w_lowery * w_lowery;
+        let w_ixy_lower_a1_2 = t4_20 - t4_21;
+        let w_ixy_lower_t1 = (-e_a1_1_t1y).mul_add(w_ixy_lower_a1_2, t4_19);
+        let t4_22 = -w_ixy_lower_t1;
+        let t4_23 = t4_15 * cos_a1_2_a2;
+        let w_ixy_lower_a1_1 = t4_18.mul_add(sin_a1_2_a2, t4_23);
+        let t4_24 = -w_ixy_lower_a1_1;
+        w[16] = [t4_22, like.lift(0.0), t4_24, w_ixy_lower_a1_2, w_ixy_lower_a1_2, like.lift(0.0)];
+        let al_lowerz = dd_a2 + al_uppery;
+        let t4_25 = al_lowerz - w_ixx_lower_a1_2;
+        let t4_26 = t4_25 * e_lower_t1x;
+        let t4_27 = w_lowerz * w_lowerz;
+        let t4_28 = t4_20 - t4_27;
+        let t4_29 = e_lower_t1y.mul_add(t4_28, t4_26);
+        let w_ixz_lower_a1_2 = al_lowerx + t4_17;
+        let w_ixz_lower_t1 = w_ixz_lower_a1_2.mul_add(e_a1_1_t1y, t4_29);
+        let t4_30 = t4_25 * cos_a1_2_a2;
+        let w_ixz_lower_a1_1 = sin_a1_2_a2.mul_add(t4_28, t4_30);
+        w[17] = [w_ixz_lower_t1, like.lift(0.0), w_ixz_lower_a1_1, w_ixz_lower_a1_2, w_ixz_lower_a1_2, like.lift(0.0)];
+        let t4_31 = t4_21 - t4_27;
+        let t4_32 = e_lower_t1x * t4_31;
+        let t4_33 = al_lowerz + w_ixx_lower_a1_2;
+        let t4_34 = (-t4_33).mul_add(e_lower_t1y, t4_32);
+        let w_iyz_lower_a1_2 = al_lowery - t4_6;
+        let w_iyz_lower_t1 = (-w_iyz_lower_a1_2).mul_add(e_a1_1_t1y, t4_34);
+        let t4_35 = cos_a1_2_a2 * t4_31;
+        let w_iyz_lower_a1_1 = (-t4_33).mul_add(sin_a1_2_a2, t4_35);
+        let t4_36 = -w_iyz_lower_a1_2;
+        w[18] = [w_iyz_lower_t1, like.lift(0.0), w_iyz_lower_a1_1, t4_36, t4_36, like.lift(0.0)];
+        let t4_37 = (-t4_17).mul_add(e_lower_t1x, t4_8);
+        let w_izz_lower_t1 = al_lowerz.mul_add(e_a1_1_t1y, t4_37);
+        let w_izz_lower_a1_1 = (-t4_17).mul_add(cos_a1_2_a2, t4_12);
+        w[19] = [w_izz_lower_t1, like.lift(0.0), w_izz_lower_a1_1, al_lowerz, al_lowerz, like.lift(0.0)];
+        let t4_38 = like.lift(-0.35).mul_add(t3_68, a_upperx);
+        let t4_39 = sin_a2 * t4_38;
+        let t4_40 = like.lift(0.35).mul_add(t3_26, a_upperz);
+        let a_lowery = (-cos_a2).mul_add(t4_40, t4_39);
+        let t4_41 = a_lowery * e_a1_1_t1y;
+        let a_lowerz = like.lift(-0.35).mul_add(t3_36, a_a1_1y);
+        let t4_42 = (-a_lowerz).mul_add(e_lower_t1y, t4_41);
+        let t4_43 = t4_21 + t4_27;
+        let t4_44 = cos_a2 * u_upper_t1x;
+        let t4_45 = like.lift(-0.35).mul_add(e_a1_1_t1y, u_upper_t1z);
+        let u_lower_t1x = sin_a2.mul_add(t4_45, t4_44);
+        let t4_46 = t4_43 * u_lower_t1x;
+        let t4_47 = sin_a2 * u_upper_t1x;
+        let u_lower_t1y = (-cos_a2).mul_add(t4_45, t4_47);
+        let t4_48 = t4_25.mul_add(u_lower_t1y, t4_46);
+        let u_lower_t1z = like.lift(0.35).mul_add(e_upper_t1z, u_a1_1_t1y);
+        let t4_49 = (-t4_15).mul_add(u_lower_t1z, t4_48);
+        let w_mx_lower_t1 = t4_42 - t4_49;
+        let t4_50 = -w_mx_lower_t1;
+        let u_lower_t2x = cos_a1_1_off * sin_a1_2_a2;
+        let t4_51 = t4_43 * u_lower_t2x;
+        let u_lower_t2y = cos_a1_1_off * cos_a1_2_a2;
+        let t4_52 = (-t4_25).mul_add(u_lower_t2y, t4_51);
+        let w_mx_lower_t2 = sin_a1_1_off.mul_add(t4_15, t4_52);
+        let t4_53 = a_lowerz * sin_a1_2_a2;
+        let t4_54 = sin_a1_2 * t4_15;
+        let w_mx_lower_a1_1 = like.lift(0.35).mul_add(t4_54, t4_53);
+        let t4_55 = sin_a2 * t4_43;
+        let t4_56 = like.lift(0.35) * t4_55;
+        let t4_57 = cos_a2 * t4_25;
+        let t4_58 = like.lift(-0.35).mul_add(t4_57, t4_56);
+        let w_mx_lower_a1_2 = a_lowery + t4_58;
+        let t4_59 = -w_mx_lower_a1_2;
+        let t4_60 = -a_lowery;
+        w[20] = [t4_50, w_mx_lower_t2, w_mx_lower_a1_1, t4_59, t4_60, like.lift(0.0)];
+        let t4_61 = a_lowerz * e_lower_t1x;
+        let t4_62 = cos_a2 * t4_38;
+        let a_lowerx = sin_a2.mul_add(t4_40, t4_62);
+        let t4_63 = (-a_lowerx).mul_add(e_a1_1_t1y, t4_61);
+        let t4_64 = t4_33 * u_lower_t1x;
+        let t4_65 = t4_20 + t4_27;
+        let t4_66 = (-t4_65).mul_add(u_lower_t1y, t4_64);
+        let t4_67 = (-t4_18).mul_add(u_lower_t1z, t4_66);
+        let w_my_lower_t1 = t4_63 + t4_67;
+        let t4_68 = t4_33 * u_lower_t2x;
+        let t4_69 = t4_65.mul_add(u_lower_t2y, t4_68);
+        let w_my_lower_t2 = sin_a1_1_off.mul_add(t4_18, t4_69);
+        let t4_70 = a_lowerz * cos_a1_2_a2;
+        let t4_71 = sin_a1_2 * t4_18;
+        let w_my_lower_a1_1 = like.lift(0.35).mul_add(t4_71, t4_70);
+        let t4_72 = sin_a2 * t4_33;
+        let t4_73 = like.lift(0.35) * t4_72;
+        let t4_74 = cos_a2 * t4_65;
+        let t4_75 = like.lift(0.35).mul_add(t4_74, t4_73);
+        let w_my_lower_a1_2 = a_lowerx + t4_75;
+        let t4_76 = -w_my_lower_a1_2;
+        let t4_77 = -a_lowerx;
+        w[21] = [w_my_lower_t1, w_my_lower_t2, w_my_lower_a1_1, t4_76, t4_77, like.lift(0.0)];
+    }
+    // body paddle
+    {
+        let (sin_b1, cos_b1) = b1.sin_cos();
+        let t5_1 = sin_b1 * dd_t1;
+        let t5_2 = cos_b1 * d_t1;
+        let t5_3 = d_b1 * t5_2;
+        let al_paddlex = like.lift(0.9828629319409767) * t5_3;
+        let al_paddlex_2 = like.lift(0.9828629319409767).mul_add(t5_1, al_paddlex);
+        let t5_4 = sin_b1 * al_paddlex_2;
+        let t5_5 = sin_b1 * d_t1;
+        let w_paddlez = like.lift(0.1843378881738283).mul_add(d_t1, d_b1);
+        let t5_6 = t5_5 * w_paddlez;
+        let t5_7 = cos_b1 * t5_6;
+        let t5_8 = like.lift(0.9660195429836131) * t5_7;
+        let t5_9 = like.lift(0.9828629319409767).mul_add(t5_4, t5_8);
+        let t5_10 = t5_5 * t5_2;
+        let w_ixx_paddle_t1 = like.lift(-0.178074002488246).mul_add(t5_10, t5_9);
+        let w_ixx_paddle_b1 = like.lift(0.9660195429836131) * t5_10;
+        let t5_11 = -w_ixx_paddle_b1;
+        w[22] = [w_ixx_paddle_t1, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), t5_11];
+        let t5_12 = cos_b1 * dd_t1;
+        let t5_13 = d_b1 * t5_5;
+        let al_paddley = like.lift(0.9828629319409767) * t5_13;
+        let al_paddley_2 = like.lift(0.9828629319409767).mul_add(t5_12, -al_paddley);
+        let t5_14 = like.lift(0.9828629319409767) * t5_6;
+        let t5_15 = al_paddley_2 - t5_14;
+        let t5_16 = sin_b1 * t5_15;
+        let t5_17 = like.lift(0.9828629319409767) * t5_16;
+        let t5_18 = t5_2 * w_paddlez;
+        let t5_19 = like.lift(0.9828629319409767) * t5_18;
+        let t5_20 = al_paddlex_2 + t5_19;
+        let t5_21 = cos_b1 * t5_20;
+        let t5_22 = like.lift(0.9828629319409767).mul_add(t5_21, t5_17);
+        let t5_23 = t5_5 * t5_5;
+        let t5_24 = like.lift(0.9660195429836131) * t5_23;
+        let t5_25 = t5_2 * t5_2;
+        let t5_26 = like.lift(0.9660195429836131) * t5_25;
+        let w_ixy_paddle_b1 = t5_24 - t5_26;
+        let w_ixy_paddle_t1 = like.lift(0.1843378881738283).mul_add(w_ixy_paddle_b1, t5_22);
+        w[23] = [w_ixy_paddle_t1, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), w_ixy_paddle_b1];
+        let al_paddlez = like.lift(0.1843378881738283).mul_add(dd_t1, dd_b1);
+        let t5_27 = al_paddlez + w_ixx_paddle_b1;
+        let t5_28 = sin_b1 * t5_27;
+        let t5_29 = like.lift(0.9828629319409767) * t5_28;
+        let t5_30 = w_paddlez * w_paddlez;
+        let t5_31 = t5_24 - t5_30;
+        let t5_32 = cos_b1 * t5_31;
+        let t5_33 = like.lift(-0.9828629319409767).mul_add(t5_32, t5_29);
+        let w_ixz_paddle_b1 = al_paddlex_2 - t5_19;
+        let w_ixz_paddle_t1 = like.lift(0.1843378881738283).mul_add(w_ixz_paddle_b1, t5_33);
+        w[24] = [w_ixz_paddle_t1, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), w_ixz_paddle_b1];
+        let t5_34 = t5_26 - t5_30;
+        let t5_35 = sin_b1 * t5_34;
+        let t5_36 = like.lift(0.9828629319409767) * t5_35;
+        let t5_37 = al_paddlez - w_ixx_paddle_b1;
+        let t5_38 = cos_b1 * t5_37;
+        let t5_39 = like.lift(0.9828629319409767).mul_add(t5_38, t5_36);
+        let w_iyz_paddle_b1 = al_paddley_2 + t5_14;
+        let w_iyz_paddle_t1 = like.lift(0.1843378881738283).mul_add(w_iyz_paddle_b1, t5_39);
+        w[25] = [w_iyz_paddle_t1, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), w_iyz_paddle_b1];
+        let t5_40 = sin_b1 * t5_18;
+        let t5_41 = like.lift(-0.9660195429836131).mul_add(t5_40, t5_8);
+        let w_izz_paddle_t1 = like.lift(-0.1843378881738283).mul_add(al_paddlez, t5_41);
+        let t5_42 = -w_izz_paddle_t1;
+        w[26] = [t5_42, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), al_paddlez];
+        let t5_43 = like.lift(0.16506712298193565) * dd_t1;
+        let t5_44 = like.lift(-0.175).mul_add(t2_1, t5_43);
+        let t5_45 = like.lift(0.05646424733950354).mul_add(dd_t1, t5_44);
+        let t5_46 = a_mastx - t5_45;
+        let t5_47 = sin_b1 * t5_46;
+        let t5_48 = like.lift(0.13623577544766735) * t2_1;
+        let t5_49 = like.lift(0.1444337326091937).mul_add(dd_t1, t5_48);
+        let t5_50 = like.lift(0.046601954298361316).mul_add(t2_1, t5_49);
+        let t5_51 = a_masty + t5_50;
+        let t5_52 = like.lift(0.7071067811865476) * t5_51;
+        let t5_53 = like.lift(0.09320390859672263) * t2_1;
+        let t5_54 = like.lift(0.09881243284413119).mul_add(dd_t1, t5_53);
+        let t5_55 = like.lift(0.03188211227616632).mul_add(t2_1, t5_54);
+        let t5_56 = a_mastz - t5_55;
+        let t5_57 = like.lift(0.7071067811865476) * t5_56;
+        let t5_58 = t5_52 + t5_57;
+        let a_paddley = cos_b1.mul_add(t5_58, t5_47);
+        let t5_59 = like.lift(0.1843378881738283) * a_paddley;
+        let a_paddlez = t5_52 - t5_57;
+        let t5_60 = cos_b1 * a_paddlez;
+        let t5_61 = like.lift(0.9828629319409767).mul_add(t5_60, t5_59);
+        let t5_62 = t5_26 + t5_30;
+        let t5_63 = u_mast_t1x + like.lift(0.22153137032143919);
+        let t5_64 = cos_b1 * t5_63;
+        let u_paddle_t1x = like.lift(0.05069291924780278).mul_add(sin_b1, t5_64);
+        let t5_65 = t5_62 * u_paddle_t1x;
+        let t5_66 = sin_b1 * t5_63;
+        let u_paddle_t1y = like.lift(-0.05069291924780278).mul_add(cos_b1, t5_66);
+        let t5_67 = t5_27.mul_add(u_paddle_t1y, t5_65);
+        let t5_68 = like.lift(-0.2702873062837686).mul_add(t5_15, t5_67);
+        let w_mx_paddle_t1 = t5_61 - t5_68;
+        let t5_69 = sin_b1 * t5_62;
+        let t5_70 = like.lift(0.7071067811865476) * t5_69;
+        let t5_71 = cos_b1 * t5_27;
+        let t5_72 = like.lift(-0.7071067811865476).mul_add(t5_71, t5_70);
+        let w_mx_paddle_t2 = like.lift(0.7071067811865476).mul_add(t5_15, t5_72);
+        let t5_73 = -w_mx_paddle_t2;
+        w[27] = [w_mx_paddle_t1, t5_73, like.lift(0.0), like.lift(0.0), like.lift(0.0), a_paddley];
+        let t5_74 = sin_b1 * a_paddlez;
+        let t5_75 = like.lift(0.9828629319409767) * t5_74;
+        let t5_76 = cos_b1 * t5_46;
+        let a_paddlex = (-sin_b1).mul_add(t5_58, t5_76);
+        let t5_77 = like.lift(-0.1843378881738283).mul_add(a_paddlex, t5_75);
+        let t5_78 = t5_37 * u_paddle_t1x;
+        let t5_79 = t5_24 + t5_30;
+        let t5_80 = (-t5_79).mul_add(u_paddle_t1y, t5_78);
+        let t5_81 = like.lift(0.2702873062837686).mul_add(t5_20, t5_80);
+        let w_my_paddle_t1 = t5_77 + t5_81;
+        let t5_82 = -w_my_paddle_t1;
+        let t5_83 = sin_b1 * t5_37;
+        let t5_84 = like.lift(0.7071067811865476) * t5_83;
+        let t5_85 = cos_b1 * t5_79;
+        let t5_86 = like.lift(0.7071067811865476).mul_add(t5_85, t5_84);
+        let w_my_paddle_t2 = like.lift(-0.7071067811865476).mul_add(t5_20, t5_86);
+        let t5_87 = -w_my_paddle_t2;
+        w[28] = [t5_82, t5_87, like.lift(0.0), like.lift(0.0), like.lift(0.0), a_paddlex];
+    }
+    Condition::regular(like)
+}
+
+/// The base parameters of given parameters.
+///
+/// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
+/// - `beta`: base parameters, in the order of `BASE`
+///
+/// 26 additions, 17 multiplications, 0 divisions, 0 sines and cosines.
+pub fn to_base<T: Scalar>(phi: &[T; 50]) -> [T; 29] {
+    let like = phi[0];
+    let mut beta = [like.lift(0.0); 29];
+    let [
+        _, _, _, _, _, p_izz_torso, p_mx_torso, p_my_torso, _, _, _, _, _, p_iyy_mast,
+        p_iyz_mast, p_izz_mast, p_mx_mast, p_my_mast, p_mz_mast, p_m_mast, p_ixx_upper,
+        p_ixy_upper, p_ixz_upper, p_iyy_upper, p_iyz_upper, p_izz_upper, p_mx_upper,
+        p_my_upper, p_mz_upper, p_m_upper, p_ixx_lower, p_ixy_lower, p_ixz_lower, p_iyy_lower,
+        p_iyz_lower, p_izz_lower, p_mx_lower, p_my_lower, p_mz_lower, p_m_lower, p_ixx_paddle,
+        p_ixy_paddle, p_ixz_paddle, p_iyy_paddle, p_iyz_paddle, p_izz_paddle, p_mx_paddle,
+        p_my_paddle, p_mz_paddle, p_m_paddle,
+    ] = *phi;
+    // combinations
+    {
+        let t1_1 = like.lift(0.6811788772383368).mul_add(p_izz_mast, p_izz_torso);
+        let t1_2 = like.lift(0.9320390859672264).mul_add(p_iyz_mast, t1_1);
+        let t1_3 = like.lift(0.9660195429836131).mul_add(p_iyy_paddle, t1_2);
+        let t1_4 = like.lift(0.3188211227616632).mul_add(p_iyy_mast, t1_3);
+        let t1_5 = like.lift(0.43546994430206404).mul_add(p_mz_paddle, t1_4);
+        let t1_6 = like.lift(0.011794584597805576).mul_add(p_m_lower, t1_5);
+        let t1_7 = like.lift(0.011794584597805576).mul_add(p_m_upper, t1_6);
+        let t1_8 = like.lift(0.07970114803649463).mul_add(p_m_paddle, t1_7);
+        beta[0] = t1_8;
+        let t1_9 = like.lift(0.175).mul_add(p_m_paddle, p_mx_mast);
+        beta[3] = t1_9;
+        let t1_10 = like.lift(-0.6841368083416923).mul_add(p_mz_mast, p_my_mast);
+        let t1_11 = like.lift(-0.2684136808341692).mul_add(p_m_paddle, t1_10);
+        let t1_12 = like.lift(-1.1908645576242796).mul_add(p_mz_paddle, t1_11);
+        let t1_13 = like.lift(0.13158631916583077).mul_add(p_m_lower, t1_12);
+        let t1_14 = like.lift(0.13158631916583077).mul_add(p_m_upper, t1_13);
+        beta[4] = t1_14;
+        let t1_15 = p_m_mast + p_m_paddle;
+        let t1_16 = p_m_lower + t1_15;
+        let t1_17 = p_m_upper + t1_16;
+        beta[5] = t1_17;
+        let t1_18 = p_ixx_upper + p_iyy_lower;
+        beta[6] = t1_18;
+        let t1_19 = like.lift(-0.35).mul_add(p_mz_lower, p_ixy_upper);
+        beta[7] = t1_19;
+        let t1_20 = like.lift(0.1225) * p_m_lower;
+        let t1_21 = p_iyy_upper + t1_20;
+        beta[9] = t1_21;
+        let t1_22 = p_izz_upper + p_iyy_lower;
+        let t1_23 = t1_20 + t1_22;
+        beta[11] = t1_23;
+        let t1_24 = like.lift(0.35).mul_add(p_m_lower, p_mx_upper);
+        beta[12] = t1_24;
+        let t1_25 = p_my_upper + p_mz_lower;
+        beta[13] = t1_25;
+        let t1_26 = p_ixx_lower - p_iyy_lower;
+        beta[15] = t1_26;
+        let t1_27 = p_ixx_paddle - p_iyy_paddle;
+        beta[22] = t1_27;
+        beta[1] = p_mx_torso;
+        beta[2] = p_my_torso;
+        beta[8] = p_ixz_upper;
+        beta[10] = p_iyz_upper;
+        beta[14] = p_mz_upper;
+        beta[16] = p_ixy_lower;
+        beta[17] = p_ixz_lower;
+        beta[18] = p_iyz_lower;
+        beta[19] = p_izz_lower;
+        beta[20] = p_mx_lower;
+        beta[21] = p_my_lower;
+        beta[23] = p_ixy_paddle;
+        beta[24] = p_ixz_paddle;
+        beta[25] = p_iyz_paddle;
+        beta[26] = p_izz_paddle;
+        beta[27] = p_mx_paddle;
+        beta[28] = p_my_paddle;
+    }
+    beta
+}
+
+/// Parameters with given base parameters; all of them, as `free` takes all values.
+///
+/// - `beta`: base parameters, SI, in the order of `BASE`
+/// - `free`: values of the eliminated parameters, in the order of `FREE`
+/// - `phi`: dynamic parameters, in the order of `PARAMETERS`
+///
+/// 26 additions, 17 multiplications, 0 divisions, 0 sines and cosines.
+pub fn from_base<T: Scalar>(beta: &[T; 29], free: &[T; 21]) -> [T; 50] {
+    let like = beta[0];
+    let mut phi = [like.lift(0.0); 50];
+    let [
+        p_izz_torso, p_mx_torso, p_my_torso, p_mx_mast, p_my_mast, p_m_mast, p_ixx_upper,
+        p_ixy_upper, p_ixz_upper, p_iyy_upper, p_iyz_upper, p_izz_upper, p_mx_upper,
+        p_my_upper, p_mz_upper, p_ixx_lower, p_ixy_lower, p_ixz_lower, p_iyz_lower,
+        p_izz_lower, p_mx_lower, p_my_lower, p_ixx_paddle, p_ixy_paddle, p_ixz_paddle,
+        p_iyz_paddle, p_izz_paddle, p_mx_paddle, p_my_paddle,
+    ] = *beta;
+    let [
+        p_ixx_torso, p_ixy_torso, p_ixz_torso, p_iyy_torso, p_iyz_torso, p_mz_torso, p_m_torso,
+        p_ixx_mast, p_ixy_mast, p_ixz_mast, p_iyy_mast, p_iyz_mast, p_izz_mast, p_mz_mast,
+        p_m_upper, p_iyy_lower, p_mz_lower, p_m_lower, p_iyy_paddle, p_mz_paddle, p_m_paddle,
+    ] = *free;
+    // phi
+    {
+        let t1_1 = like.lift(0.6811788772383368) * p_izz_mast;
+        let t1_2 = like.lift(0.9320390859672264).mul_add(p_iyz_mast, t1_1);
+        let t1_3 = like.lift(0.9660195429836131).mul_add(p_iyy_paddle, t1_2);
+        let t1_4 = like.lift(0.3188211227616632).mul_add(p_iyy_mast, t1_3);
+        let t1_5 = like.lift(0.43546994430206404).mul_add(p_mz_paddle, t1_4);
+        let t1_6 = like.lift(0.011794584597805576).mul_add(p_m_lower, t1_5);
+        let t1_7 = like.lift(0.011794584597805576).mul_add(p_m_upper, t1_6);
+        let t1_8 = like.lift(0.07970114803649463).mul_add(p_m_paddle, t1_7);
+        let t1_9 = p_izz_torso - t1_8;
+        phi[5] = t1_9;
+        let t1_10 = like.lift(-0.175).mul_add(p_m_paddle, p_mx_mast);
+        phi[16] = t1_10;
+        let t1_11 = like.lift(0.6841368083416923) * p_mz_mast;
+        let t1_12 = like.lift(0.2684136808341692).mul_add(p_m_paddle, t1_11);
+        let t1_13 = like.lift(1.1908645576242796).mul_add(p_mz_paddle, t1_12);
+        let t1_14 = like.lift(-0.13158631916583077).mul_add(p_m_lower, t1_13);
+        let t1_15 = like.lift(-0.13158631916583077).mul_add(p_m_upper, t1_14);
+        let t1_16 = p_my_mast + t1_15;
+        phi[17] = t1_16;
+        let t1_17 = p_m_lower + p_m_paddle;
+        let t1_18 = p_m_upper + t1_17;
+        let t1_19 = p_m_mast - t1_18;
+        phi[19] = t1_19;
+        let t1_20 = p_ixx_upper - p_iyy_lower;
+        phi[20] = t1_20;
+        let t1_21 = like.lift(0.35).mul_add(p_mz_lower, p_ixy_upper);
+        phi[21] = t1_21;
+        let t1_22 = like.lift(0.1225) * p_m_lower;
+        let t1_23 = p_iyy_upper - t1_22;
+        phi[23] = t1_23;
+        let t1_24 = p_iyy_lower + t1_22;
+        let t1_25 = p_izz_upper - t1_24;
+        phi[25] = t1_25;
+        let t1_26 = like.lift(-0.35).mul_add(p_m_lower, p_mx_upper);
+        phi[26] = t1_26;
+        let t1_27 = p_my_upper - p_mz_lower;
+        phi[27] = t1_27;
+        let t1_28 = p_ixx_lower + p_iyy_lower;
+        phi[30] = t1_28;
+        let t1_29 = p_ixx_paddle + p_iyy_paddle;
+        phi[40] = t1_29;
+        phi[0] = p_ixx_torso;
+        phi[1] = p_ixy_torso;
+        phi[2] = p_ixz_torso;
+        phi[3] = p_iyy_torso;
+        phi[4] = p_iyz_torso;
+        phi[6] = p_mx_torso;
+        phi[7] = p_my_torso;
+        phi[8] = p_mz_torso;
+        phi[9] = p_m_torso;
+        phi[10] = p_ixx_mast;
+        phi[11] = p_ixy_mast;
+        phi[12] = p_ixz_mast;
+        phi[13] = p_iyy_mast;
+        phi[14] = p_iyz_mast;
+        phi[15] = p_izz_mast;
+        phi[18] = p_mz_mast;
+        phi[22] = p_ixz_upper;
+        phi[24] = p_iyz_upper;
+        phi[28] = p_mz_upper;
+        phi[29] = p_m_upper;
+        phi[31] = p_ixy_lower;
+        phi[32] = p_ixz_lower;
+        phi[33] = p_iyy_lower;
+        phi[34] = p_iyz_lower;
+        phi[35] = p_izz_lower;
+        phi[36] = p_mx_lower;
+        phi[37] = p_my_lower;
+        phi[38] = p_mz_lower;
+        phi[39] = p_m_lower;
+        phi[41] = p_ixy_paddle;
+        phi[42] = p_ixz_paddle;
+        phi[43] = p_iyy_paddle;
+        phi[44] = p_iyz_paddle;
+        phi[45] = p_izz_paddle;
+        phi[46] = p_mx_paddle;
+        phi[47] = p_my_paddle;
+        phi[48] = p_mz_paddle;
+        phi[49] = p_m_paddle;
+    }
+    phi
+}
+
+/// Inverse dynamics from base parameters.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `qd`: velocities of all coordinates
+/// - `qdd`: accelerations of all coordinates
+/// - `beta`: base parameters, SI, in the order of `BASE`
+/// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
+///
+/// 239 additions, 301 multiplications, 0 divisions, 5 sines and cosines.
+pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], beta: &[T; 29]) -> ([T; 6], Condition<T>) {
+    let like = q[0];
+    let mut tau = [like.lift(0.0); 6];
+    let [t1, t2, a1_1, a1_2, a2, b1] = *q;
+    let [d_t1, d_t2, d_a1_1, d_a1_2, d_a2, d_b1] = *qd;
+    let [dd_t1, dd_t2, dd_a1_1, dd_a1_2, dd_a2, dd_b1] = *qdd;
+    let [
+        p_izz_torso, p_mx_torso, p_my_torso, p_mx_mast, p_my_mast, p_m_mast, p_ixx_upper,
+        p_ixy_upper, p_ixz_upper, p_iyy_upper, p_iyz_upper, p_izz_upper, p_mx_upper,
+        p_my_upper, p_mz_upper, p_ixx_lower, p_ixy_lower, p_ixz_lower, p_iyz_lower,
+        p_izz_lower, p_mx_lower, p_my_lower, p_ixx_paddle, p_ixy_paddle, p_ixz_paddle,
+        p_iyz_paddle, p_izz_paddle, p_mx_paddle, p_my_paddle,
+    ] = *beta;
+    // tau, part 1
+    let [
+        t1_5, t1_7, a_mastz, a_masty, t1_64, a_mastx, t1_90, t1_91, t1_102, t1_106, t1_111,
+        t1_112, t1_115, sin_a1_2, cos_a1_2, sin_a1_1_off, cos_a1_1_off, w_upperz, al_upperx,
+        al_uppery, al_upperz, t1_136, w_ixx_upper_a1_2, t1_137, t1_140, t1_141, a_a1_1y,
+        a_a1_1z, a_a1_1x, a_upperx, sin_a2, cos_a2, al_lowerx, al_lowery, al_lowerz, t1_168,
+        w_ixx_lower_a1_2, t1_169, t1_171, t1_172, t1_178, t1_179, t1_185, t1_191, t1_196,
+        t1_198, t1_199, t1_202,
+    ] = {
+        let (sin_t1, cos_t1) = t1.sin_cos();
+        let t1_1 = like.lift(0.4) * sin_t1;
+        let a_torsoy = like.lift(1.3).mul_add(cos_t1, t1_1);
+        let t1_2 = a_torsoy * p_mx_torso;
+        let t1_3 = like.lift(0.4) * cos_t1;
+        let a_torsox = like.lift(-1.3).mul_add(sin_t1, t1_3);
+        let t1_4 = a_torsox.mul_add(p_my_torso, t1_2);
+        let t1_5 = dd_t1.mul_add(p_izz_torso, t1_4);
+        let t1_6 = like.lift(0.1) * dd_t1;
+        let t1_7 = d_t1 * d_t1;
+        let t1_8 = t2 * t1_7;
+        let t1_9 = like.lift(0.5646424733950354).mul_add(t1_8, t1_6);
+        let t1_10 = a_torsoy + t1_9;
+        let t1_11 = like.lift(0.5646424733950354).mul_add(t1_10, like.lift(-7.923221903132911));
+        let a_mastz = dd_t2 - t1_11;
+        let (sin_b1, cos_b1) = b1.sin_cos();
+        let t1_12 = sin_b1 * dd_t1;
+        let t1_13 = cos_b1 * d_t1;
+        let t1_14 = d_b1 * t1_13;
+        let al_paddlex = like.lift(0.9828629319409767) * t1_14;
+        let al_paddlex_2 = like.lift(0.9828629319409767).mul_add(t1_12, al_paddlex);
+        let t1_15 = al_paddlex_2 * p_ixx_paddle;
+        let t1_16 = cos_b1 * dd_t1;
+        let t1_17 = sin_b1 * d_t1;
+        let t1_18 = d_b1 * t1_17;
+        let al_paddley = like.lift(0.9828629319409767) * t1_18;
+        let al_paddley_2 = like.lift(0.9828629319409767).mul_add(t1_16, -al_paddley);
+        let t1_19 = al_paddley_2.mul_add(p_ixy_paddle, t1_15);
+        let al_paddlez = like.lift(0.1843378881738283).mul_add(dd_t1, dd_b1);
+        let t1_20 = al_paddlez.mul_add(p_ixz_paddle, t1_19);
+        let w_paddlez = like.lift(0.1843378881738283).mul_add(d_t1, d_b1);
+        let t1_21 = t1_17 * w_paddlez;
+        let t1_22 = t1_21 * p_ixy_paddle;
+        let t1_23 = t1_17 * t1_13;
+        let t1_24 = t1_23 * p_ixz_paddle;
+        let t1_25 = t1_13 * w_paddlez;
+        let t1_26 = t1_25 * p_izz_paddle;
+        let t1_27 = like.lift(0.9828629319409767) * t1_26;
+        let t1_28 = t1_13 * t1_13;
+        let t1_29 = like.lift(0.9660195429836131) * t1_28;
+        let t1_30 = w_paddlez * w_paddlez;
+        let t1_31 = t1_29 - t1_30;
+        let t1_32 = t1_31.mul_add(p_iyz_paddle, t1_27);
+        let t1_33 = like.lift(0.9660195429836131).mul_add(t1_24, t1_32);
+        let t1_34 = like.lift(0.9828629319409767).mul_add(t1_22, -t1_33);
+        let t1_35 = t1_20 - t1_34;
+        let a_masty = like.lift(0.8253356149096783).mul_add(t1_10, like.lift(5.420567744592339));
+        let t1_36 = like.lift(0.13623577544766735) * t1_7;
+        let t1_37 = like.lift(0.1444337326091937).mul_add(dd_t1, t1_36);
+        let t1_38 = like.lift(0.046601954298361316).mul_add(t1_7, t1_37);
+        let t1_39 = a_masty + t1_38;
+        let t1_40 = like.lift(0.7071067811865476) * t1_39;
+        let t1_41 = like.lift(0.09320390859672263) * t1_7;
+        let t1_42 = like.lift(0.09881243284413119).mul_add(dd_t1, t1_41);
+        let t1_43 = like.lift(0.03188211227616632).mul_add(t1_7, t1_42);
+        let t1_44 = a_mastz - t1_43;
+        let t1_45 = like.lift(0.7071067811865476) * t1_44;
+        let a_paddlez = t1_40 - t1_45;
+        let t1_46 = (-a_paddlez).mul_add(p_my_paddle, t1_35);
+        let t1_47 = sin_b1 * t1_46;
+        let t1_48 = al_paddlex_2 * p_ixy_paddle;
+        let t1_49 = al_paddlez.mul_add(p_iyz_paddle, t1_48);
+        let t1_50 = t1_23 * p_iyz_paddle;
+        let t1_51 = t1_25 * p_ixy_paddle;
+        let t1_52 = p_ixx_paddle - p_izz_paddle;
+        let t1_53 = t1_21 * t1_52;
+        let t1_54 = like.lift(0.9828629319409767) * t1_53;
+        let t1_55 = t1_17 * t1_17;
+        let t1_56 = like.lift(0.9660195429836131) * t1_55;
+        let t1_57 = t1_56 - t1_30;
+        let t1_58 = (-t1_57).mul_add(p_ixz_paddle, t1_54);
+        let t1_59 = like.lift(0.9828629319409767).mul_add(t1_51, t1_58);
+        let t1_60 = like.lift(0.9660195429836131).mul_add(t1_50, -t1_59);
+        let t1_61 = t1_49 - t1_60;
+        let t1_62 = a_paddlez.mul_add(p_mx_paddle, t1_61);
+        let t1_63 = cos_b1.mul_add(t1_62, t1_47);
+        let t1_64 = like.lift(0.7071067811865476) * t1_63;
+        let t1_65 = al_paddlex_2 * p_ixz_paddle;
+        let t1_66 = al_paddley_2.mul_add(p_iyz_paddle, t1_65);
+        let t1_67 = al_paddlez.mul_add(p_izz_paddle, t1_66);
+        let t1_68 = t1_25 * p_ixz_paddle;
+        let t1_69 = t1_21 * p_iyz_paddle;
+        let t1_70 = t1_23 * p_ixx_paddle;
+        let t1_71 = like.lift(0.9660195429836131) * t1_70;
+        let w_ixy_paddle_b1 = t1_56 - t1_29;
+        let t1_72 = (-w_ixy_paddle_b1).mul_add(p_ixy_paddle, t1_71);
+        let t1_73 = like.lift(0.9828629319409767).mul_add(t1_69, -t1_72);
+        let t1_74 = like.lift(0.9828629319409767).mul_add(t1_68, -t1_73);
+        let t1_75 = t1_67 - t1_74;
+        let t1_76 = like.lift(0.1) * t1_7;
+        let t1_77 = t2 * dd_t1;
+        let t1_78 = like.lift(-0.5646424733950354).mul_add(t1_77, t1_76);
+        let t1_79 = a_torsox + t1_78;
+        let t1_80 = d_t1 * d_t2;
+        let a_mastx = like.lift(-1.1292849467900707).mul_add(t1_80, t1_79);
+        let t1_81 = like.lift(0.16506712298193565) * dd_t1;
+        let t1_82 = like.lift(-0.175).mul_add(t1_7, t1_81);
+        let t1_83 = like.lift(0.05646424733950354).mul_add(dd_t1, t1_82);
+        let t1_84 = a_mastx - t1_83;
+        let t1_85 = sin_b1 * t1_84;
+        let t1_86 = t1_40 + t1_45;
+        let a_paddley = cos_b1.mul_add(t1_86, t1_85);
+        let t1_87 = a_paddley * p_mx_paddle;
+        let t1_88 = cos_b1 * t1_84;
+        let a_paddlex = (-sin_b1).mul_add(t1_86, t1_88);
+        let t1_89 = a_paddlex.mul_add(p_my_paddle, t1_87);
+        let t1_90 = t1_75 + t1_89;
+        let t1_91 = like.lift(0.7071067811865476) * t1_90;
+        let t1_92 = t1_64 - t1_91;
+        let t1_93 = t1_29 + t1_30;
+        let t1_94 = t1_93 * p_mx_paddle;
+        let w_ixx_paddle_b1 = like.lift(0.9660195429836131) * t1_23;
+        let t1_95 = al_paddlez - w_ixx_paddle_b1;
+        let t1_96 = t1_95.mul_add(p_my_paddle, t1_94);
+        let t1_97 = cos_b1 * t1_96;
+        let t1_98 = al_paddlez + w_ixx_paddle_b1;
+        let t1_99 = t1_98 * p_mx_paddle;
+        let t1_100 = t1_56 + t1_30;
+        let t1_101 = (-t1_100).mul_add(p_my_paddle, t1_99);
+        let t1_102 = sin_b1.mul_add(t1_101, t1_97);
+        let t1_103 = like.lift(0.1) * t1_102;
+        let t1_104 = sin_b1 * t1_96;
+        let t1_105 = (-cos_b1).mul_add(t1_101, t1_104);
+        let t1_106 = like.lift(0.7071067811865476) * t1_105;
+        let t1_107 = like.lift(-0.9828629319409767).mul_add(t1_21, al_paddley_2);
+        let t1_108 = t1_107 * p_mx_paddle;
+        let t1_109 = like.lift(0.9828629319409767).mul_add(t1_25, al_paddlex_2);
+        let t1_110 = (-t1_109).mul_add(p_my_paddle, t1_108);
+        let t1_111 = like.lift(0.7071067811865476) * t1_110;
+        let t1_112 = t1_106 + t1_111;
+        let t1_113 = like.lift(-0.175).mul_add(t1_112, t1_103);
+        let t1_114 = t1_92 - t1_113;
+        let t1_115 = a_mastz.mul_add(p_mx_mast, -t1_114);
+        let (sin_a1_2, cos_a1_2) = a1_2.sin_cos();
+        let t1_116 = a1_1 + like.lift(0.3);
+        let (sin_a1_1_off, cos_a1_1_off) = t1_116.sin_cos();
+        let t1_117 = sin_a1_1_off * dd_t1;
+        let t1_118 = like.lift(0.49552038835413176) * t1_117;
+        let t1_119 = cos_a1_1_off * dd_t1;
+        let t1_120 = like.lift(-0.8253356149096783).mul_add(t1_119, t1_118);
+        let t1_121 = cos_a1_1_off * d_t1;
+        let t1_122 = like.lift(0.49552038835413176) * t1_121;
+        let t1_123 = sin_a1_1_off * d_t1;
+        let w_a1_1y = like.lift(0.8253356149096783).mul_add(t1_123, t1_122);
+        let al_a1_1z = d_a1_1 * w_a1_1y;
+        let al_a1_1z_2 = t1_120 + al_a1_1z;
+        let t1_124 = sin_a1_2 * al_a1_1z_2;
+        let al_a1_1x = like.lift(0.27070402192622417).mul_add(dd_t1, dd_a1_1);
+        let t1_125 = cos_a1_2.mul_add(al_a1_1x, t1_124);
+        let t1_126 = like.lift(0.49552038835413176) * t1_123;
+        let w_a1_1z = like.lift(-0.8253356149096783).mul_add(t1_121, t1_126);
+        let t1_127 = cos_a1_2 * w_a1_1z;
+        let w_a1_1x = like.lift(0.27070402192622417).mul_add(d_t1, d_a1_1);
+        let w_upperz = (-sin_a1_2).mul_add(w_a1_1x, t1_127);
+        let al_upperx = d_a1_2.mul_add(w_upperz, t1_125);
+        let t1_128 = al_upperx * p_ixz_upper;
+        let t1_129 = like.lift(0.49552038835413176) * t1_119;
+        let t1_130 = like.lift(0.8253356149096783).mul_add(t1_117, t1_129);
+        let al_a1_1y = d_a1_1 * w_a1_1z;
+        let al_a1_1y_2 = t1_130 - al_a1_1y;
+        let al_uppery = dd_a1_2 + al_a1_1y_2;
+        let t1_131 = al_uppery.mul_add(p_iyz_upper, t1_128);
+        let t1_132 = cos_a1_2 * al_a1_1z_2;
+        let t1_133 = (-sin_a1_2).mul_add(al_a1_1x, t1_132);
+        let t1_134 = sin_a1_2 * w_a1_1z;
+        let w_upperx = cos_a1_2.mul_add(w_a1_1x, t1_134);
+        let al_upperz = (-d_a1_2).mul_add(w_upperx, t1_133);
+        let t1_135 = (-al_upperz).mul_add(p_izz_upper, t1_131);
+        let w_uppery = d_a1_2 + w_a1_1y;
+        let t1_136 = w_upperz * w_uppery;
+        let w_ixx_upper_a1_2 = w_upperz * w_upperx;
+        let t1_137 = w_upperx * w_uppery;
+        let t1_138 = p_ixx_upper - p_iyy_upper;
+        let t1_139 = t1_137 * t1_138;
+        let t1_140 = w_upperx * w_upperx;
+        let t1_141 = w_uppery * w_uppery;
+        let t1_142 = t1_140 - t1_141;
+        let t1_143 = (-t1_142).mul_add(p_ixy_upper, t1_139);
+        let t1_144 = w_ixx_upper_a1_2.mul_add(p_iyz_upper, t1_143);
+        let t1_145 = t1_136.mul_add(p_ixz_upper, -t1_144);
+        let t1_146 = t1_135 + t1_145;
+        let t1_147 = like.lift(0.10860287564243212).mul_add(dd_t1, a_mastx);
+        let t1_148 = like.lift(0.479425538604203) * t1_147;
+        let t1_149 = like.lift(-0.08963382114930604).mul_add(t1_7, a_masty);
+        let t1_150 = like.lift(0.8775825618903728).mul_add(t1_149, t1_148);
+        let t1_151 = cos_a1_1_off * t1_150;
+        let t1_152 = like.lift(0.061321796320556315).mul_add(t1_7, a_mastz);
+        let a_a1_1y = sin_a1_1_off.mul_add(t1_152, t1_151);
+        let t1_153 = a_a1_1y * p_mx_upper;
+        let t1_154 = sin_a1_1_off * t1_150;
+        let a_a1_1z = (-cos_a1_1_off).mul_add(t1_152, t1_154);
+        let t1_155 = sin_a1_2 * a_a1_1z;
+        let t1_156 = like.lift(0.8775825618903728) * t1_147;
+        let a_a1_1x = like.lift(-0.479425538604203).mul_add(t1_149, t1_156);
+        let a_upperx = (-cos_a1_2).mul_add(a_a1_1x, t1_155);
+        let t1_157 = (-a_upperx).mul_add(p_my_upper, t1_153);
+        let t1_158 = t1_146 + t1_157;
+        let (sin_a2, cos_a2) = a2.sin_cos();
+        let t1_159 = cos_a2 * al_upperx;
+        let t1_160 = sin_a2.mul_add(al_upperz, t1_159);
+        let t1_161 = sin_a2 * w_upperx;
+        let w_lowery = (-cos_a2).mul_add(w_upperz, t1_161);
+        let al_lowerx = (-d_a2).mul_add(w_lowery, t1_160);
+        let t1_162 = al_lowerx * p_ixx_lower;
+        let t1_163 = sin_a2 * al_upperx;
+        let t1_164 = (-cos_a2).mul_add(al_upperz, t1_163);
+        let t1_165 = cos_a2 * w_upperx;
+        let w_lowerx = sin_a2.mul_add(w_upperz, t1_165);
+        let al_lowery = d_a2.mul_add(w_lowerx, t1_164);
+        let t1_166 = (-al_lowery).mul_add(p_ixy_lower, t1_162);
+        let al_lowerz = dd_a2 + al_uppery;
+        let t1_167 = al_lowerz.mul_add(p_ixz_lower, t1_166);
+        let w_lowerz = d_a2 + w_uppery;
+        let t1_168 = w_lowerx * w_lowerz;
+        let w_ixx_lower_a1_2 = w_lowerx * w_lowery;
+        let t1_169 = w_lowery * w_lowerz;
+        let t1_170 = t1_169 * p_izz_lower;
+        let t1_171 = w_lowery * w_lowery;
+        let t1_172 = w_lowerz * w_lowerz;
+        let t1_173 = t1_171 - t1_172;
+        let t1_174 = (-t1_173).mul_add(p_iyz_lower, t1_170);
+        let t1_175 = w_ixx_lower_a1_2.mul_add(p_ixz_lower, t1_174);
+        let t1_176 = t1_168.mul_add(p_ixy_lower, t1_175);
+        let t1_177 = t1_167 - t1_176;
+        let t1_178 = al_upperz - t1_137;
+        let a_lowerz = like.lift(-0.35).mul_add(t1_178, a_a1_1y);
+        let t1_179 = a_lowerz.mul_add(p_my_lower, t1_177);
+        let t1_180 = sin_a2 * t1_179;
+        let t1_181 = al_lowerx * p_ixy_lower;
+        let t1_182 = al_lowerz.mul_add(p_iyz_lower, t1_181);
+        let t1_183 = p_ixx_lower - p_izz_lower;
+        let t1_184 = t1_168 * t1_183;
+        let t1_185 = w_lowerx * w_lowerx;
+        let t1_186 = t1_185 - t1_172;
+        let t1_187 = (-t1_186).mul_add(p_ixz_lower, t1_184);
+        let t1_188 = t1_169.mul_add(p_ixy_lower, -t1_187);
+        let t1_189 = w_ixx_lower_a1_2.mul_add(p_iyz_lower, -t1_188);
+        let t1_190 = t1_182 + t1_189;
+        let t1_191 = (-a_lowerz).mul_add(p_mx_lower, t1_190);
+        let t1_192 = cos_a2.mul_add(t1_191, t1_180);
+        let t1_193 = al_lowery + t1_168;
+        let t1_194 = t1_193 * p_mx_lower;
+        let t1_195 = al_lowerx - t1_169;
+        let t1_196 = t1_195.mul_add(p_my_lower, t1_194);
+        let t1_197 = like.lift(-0.35).mul_add(t1_196, t1_192);
+        let t1_198 = t1_158 - t1_197;
+        let t1_199 = sin_a1_2 * t1_198;
+        let t1_200 = al_upperx * p_ixx_upper;
+        let t1_201 = al_uppery.mul_add(p_ixy_upper, t1_200);
+        let t1_202 = (-al_upperz).mul_add(p_ixz_upper, t1_201);
+        [
+            t1_5, t1_7, a_mastz, a_masty, t1_64, a_mastx, t1_90, t1_91, t1_102, t1_106, t1_111,
+            t1_112, t1_115, sin_a1_2, cos_a1_2, sin_a1_1_off, cos_a1_1_off, w_upperz,
+            al_upperx, al_uppery, al_upperz, t1_136, w_ixx_upper_a1_2, t1_137, t1_140, t1_141,
+            a_a1_1y, a_a1_1z, a_a1_1x, a_upperx, sin_a2, cos_a2, al_lowerx, al_lowery,
+            al_lowerz, t1_168, w_ixx_lower_a1_2, t1_169, t1_171, t1_172, t1_178, t1_179,
+            t1_185, t1_191, t1_196, t1_198, t1_199, t1_202,
+        ]
+    };
+    // tau
+    {
+        let t2_1 = p_iyy_upper - p_izz_upper;
+        let t2_2 = t1_136 * t2_1;
+        let t2_3 = w_upperz * w_upperz;
+        let t2_4 = t1_141 - t2_3;
+        let t2_5 = t2_4.mul_add(p_iyz_upper, t2_2);
+        let t2_6 = t1_137.mul_add(p_ixz_upper, t2_5);
+        let t2_7 = w_ixx_upper_a1_2.mul_add(p_ixy_upper, t2_6);
+        let t2_8 = t1_202 + t2_7;
+        let t2_9 = cos_a1_2 * a_a1_1z;
+        let a_upperz = sin_a1_2.mul_add(a_a1_1x, t2_9);
+        let t2_10 = a_upperz * p_my_upper;
+        let t2_11 = a_a1_1y.mul_add(p_mz_upper, t2_10);
+        let t2_12 = t2_8 - t2_11;
+        let t2_13 = cos_a2 * t1_179;
+        let t2_14 = (-sin_a2).mul_add(t1_191, t2_13);
+        let t2_15 = t2_12 + t2_14;
+        let t2_16 = cos_a1_2.mul_add(t2_15, t1_199);
+        tau[2] = t2_16;
+        let t2_17 = like.lift(0.479425538604203) * t2_16;
+        let t2_18 = al_upperx * p_ixy_upper;
+        let t2_19 = al_uppery.mul_add(p_iyy_upper, t2_18);
+        let t2_20 = (-al_upperz).mul_add(p_iyz_upper, t2_19);
+        let t2_21 = p_ixx_upper - p_izz_upper;
+        let t2_22 = w_ixx_upper_a1_2 * t2_21;
+        let w_ixz_upper_a1_2 = t1_140 - t2_3;
+        let t2_23 = w_ixz_upper_a1_2.mul_add(p_ixz_upper, t2_22);
+        let t2_24 = t1_136.mul_add(p_ixy_upper, t2_23);
+        let t2_25 = t1_137.mul_add(p_iyz_upper, t2_24);
+        let t2_26 = t2_20 - t2_25;
+        let t2_27 = a_upperx * p_mz_upper;
+        let t2_28 = a_upperz.mul_add(p_mx_upper, t2_27);
+        let t2_29 = t2_26 + t2_28;
+        let t2_30 = al_lowerx * p_ixz_lower;
+        let t2_31 = (-al_lowery).mul_add(p_iyz_lower, t2_30);
+        let t2_32 = al_lowerz.mul_add(p_izz_lower, t2_31);
+        let t2_33 = w_ixx_lower_a1_2 * p_ixx_lower;
+        let w_ixy_lower_a1_2 = t1_185 - t1_171;
+        let t2_34 = w_ixy_lower_a1_2.mul_add(p_ixy_lower, t2_33);
+        let t2_35 = t1_168.mul_add(p_iyz_lower, t2_34);
+        let t2_36 = t1_169.mul_add(p_ixz_lower, t2_35);
+        let t2_37 = t2_32 + t2_36;
+        let t2_38 = t1_141 + t2_3;
+        let t2_39 = like.lift(-0.35).mul_add(t2_38, a_upperx);
+        let t2_40 = sin_a2 * t2_39;
+        let t2_41 = al_uppery + w_ixx_upper_a1_2;
+        let t2_42 = like.lift(0.35).mul_add(t2_41, a_upperz);
+        let a_lowery = (-cos_a2).mul_add(t2_42, t2_40);
+        let t2_43 = a_lowery * p_mx_lower;
+        let t2_44 = cos_a2 * t2_39;
+        let a_lowerx = sin_a2.mul_add(t2_42, t2_44);
+        let t2_45 = a_lowerx.mul_add(p_my_lower, t2_43);
+        let t2_46 = t2_37 - t2_45;
+        tau[4] = t2_46;
+        let t2_47 = t1_171 + t1_172;
+        let t2_48 = t2_47 * p_mx_lower;
+        let t2_49 = al_lowerz + w_ixx_lower_a1_2;
+        let t2_50 = t2_49.mul_add(p_my_lower, t2_48);
+        let t2_51 = sin_a2 * t2_50;
+        let t2_52 = al_lowerz - w_ixx_lower_a1_2;
+        let t2_53 = t2_52 * p_mx_lower;
+        let t2_54 = t1_185 + t1_172;
+        let t2_55 = (-t2_54).mul_add(p_my_lower, t2_53);
+        let t2_56 = (-cos_a2).mul_add(t2_55, t2_51);
+        let t2_57 = like.lift(-0.35).mul_add(t2_56, t2_46);
+        let t2_58 = t2_29 + t2_57;
+        tau[3] = t2_58;
+        let t2_59 = cos_a1_1_off * t2_58;
+        let t2_60 = cos_a1_2 * t1_198;
+        let t2_61 = (-sin_a1_2).mul_add(t2_15, t2_60);
+        let t2_62 = (-sin_a1_1_off).mul_add(t2_61, t2_59);
+        let t2_63 = like.lift(0.8775825618903728).mul_add(t2_62, t2_17);
+        let t2_64 = t2_41 * p_mx_upper;
+        let w_ixy_upper_a1_2 = al_upperx - t1_136;
+        let t2_65 = (-w_ixy_upper_a1_2).mul_add(p_my_upper, t2_64);
+        let t2_66 = t1_140 + t1_141;
+        let t2_67 = t2_66.mul_add(p_mz_upper, t2_65);
+        let t2_68 = t2_67 - t2_56;
+        let t2_69 = sin_a1_2 * t2_68;
+        let t2_70 = t2_38 * p_mx_upper;
+        let w_iyz_upper_a1_2 = al_upperz + t1_137;
+        let t2_71 = (-w_iyz_upper_a1_2).mul_add(p_my_upper, t2_70);
+        let t2_72 = al_uppery - w_ixx_upper_a1_2;
+        let t2_73 = (-t2_72).mul_add(p_mz_upper, t2_71);
+        let t2_74 = cos_a2 * t2_50;
+        let t2_75 = sin_a2.mul_add(t2_55, t2_74);
+        let t2_76 = t2_73 + t2_75;
+        let t2_77 = cos_a1_2.mul_add(t2_76, t2_69);
+        let t2_78 = like.lift(0.8775825618903728) * t2_77;
+        let t2_79 = t1_178 * p_mx_upper;
+        let t2_80 = t1_140 + t2_3;
+        let t2_81 = t2_80.mul_add(p_my_upper, t2_79);
+        let t2_82 = al_upperx + t1_136;
+        let t2_83 = t2_82.mul_add(p_mz_upper, t2_81);
+        let t2_84 = t2_83 - t1_196;
+        let t2_85 = cos_a1_1_off * t2_84;
+        let t2_86 = cos_a1_2 * t2_68;
+        let t2_87 = (-sin_a1_2).mul_add(t2_76, t2_86);
+        let t2_88 = (-sin_a1_1_off).mul_add(t2_87, t2_85);
+        let t2_89 = like.lift(-0.479425538604203).mul_add(t2_88, t2_78);
+        let t2_90 = like.lift(-0.1).mul_add(t2_89, t2_63);
+        let t2_91 = t1_115 - t2_90;
+        let t2_92 = like.lift(0.5646424733950354) * t2_91;
+        let t2_93 = a_masty * p_mx_mast;
+        let t2_94 = a_mastx.mul_add(p_my_mast, t2_93);
+        let t2_95 = t1_64 + t1_91;
+        let t2_96 = t1_106 - t1_111;
+        let t2_97 = like.lift(0.175) * t2_96;
+        let t2_98 = like.lift(0.2).mul_add(t1_102, t2_97);
+        let t2_99 = t2_95 - t2_98;
+        let t2_100 = t2_94 + t2_99;
+        let t2_101 = sin_a1_1_off * t2_58;
+        let t2_102 = cos_a1_1_off.mul_add(t2_61, t2_101);
+        let t2_103 = like.lift(0.2).mul_add(t2_89, t2_102);
+        let t2_104 = t2_100 + t2_103;
+        let t2_105 = like.lift(-0.8253356149096783).mul_add(t2_104, t2_92);
+        let t2_106 = dd_t1 * p_mx_mast;
+        let t2_107 = like.lift(0.8253356149096783) * t2_106;
+        let t2_108 = t1_7 * p_my_mast;
+        let t2_109 = like.lift(-0.6811788772383368).mul_add(t2_108, t2_107);
+        let t2_110 = a_masty.mul_add(p_m_mast, t2_109);
+        let t2_111 = t2_110 - t2_96;
+        let t2_112 = like.lift(0.479425538604203) * t2_77;
+        let t2_113 = like.lift(0.8775825618903728).mul_add(t2_88, t2_112);
+        let t2_114 = t2_111 - t2_113;
+        let t2_115 = like.lift(0.8253356149096783) * t2_114;
+        let t2_116 = like.lift(0.5646424733950354) * t2_106;
+        let t2_117 = like.lift(-0.4660195429836132).mul_add(t2_108, t2_116);
+        let t2_118 = a_mastz.mul_add(p_m_mast, -t2_117);
+        let t2_119 = t2_118 - t1_112;
+        let t2_120 = sin_a1_1_off * t2_84;
+        let t2_121 = cos_a1_1_off.mul_add(t2_87, t2_120);
+        let t2_122 = t2_119 - t2_121;
+        tau[1] = t2_122;
+        let t2_123 = like.lift(-0.5646424733950354).mul_add(t2_122, t2_115);
+        let t2_124 = like.lift(0.1) * t2_123;
+        let t2_125 = t1_7 * p_mx_mast;
+        let t2_126 = dd_t1 * p_my_mast;
+        let t2_127 = like.lift(0.8253356149096783).mul_add(t2_126, t2_125);
+        let t2_128 = a_mastx.mul_add(p_m_mast, t2_127);
+        let t2_129 = t2_128 + t1_102;
+        let t2_130 = t2_129 + t2_89;
+        let t2_131 = t2 * t2_130;
+        let t2_132 = like.lift(-0.5646424733950354).mul_add(t2_131, t2_124);
+        let t2_133 = t2_105 - t2_132;
+        let t2_134 = t1_5 - t2_133;
+        tau[0] = t2_134;
+        tau[5] = t1_90;
+    }
+    (tau, Condition::regular(like))
+}
+
+/// The efforts of gravity from base parameters.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `beta`: base parameters, SI, in the order of `BASE`
+/// - `tau`: the efforts that hold the mechanism at rest
+///
+/// 46 additions, 75 multiplications, 0 divisions, 5 sines and cosines.
+pub fn base_gravity<T: Scalar>(q: &[T; 6], beta: &[T; 29]) -> ([T; 6], Condition<T>) {
+    let like = q[0];
+    let mut tau = [like.lift(0.0); 6];
+    let [t1, t2, a1_1, a1_2, a2, b1] = *q;
+    let [
+        _, p_mx_torso, p_my_torso, p_mx_mast, p_my_mast, p_m_mast, _, _, _, _, _, _,
+        p_mx_upper, p_my_upper, p_mz_upper, _, _, _, _, _, p_mx_lower, p_my_lower, _, _, _, _,
+        _, p_mx_paddle, p_my_paddle,
+    ] = *beta;
+    // tau
+    {
+        let (sin_t1, cos_t1) = t1.sin_cos();
+        let t1_1 = like.lift(0.4) * sin_t1;
+        let a_torsoy = like.lift(1.3).mul_add(cos_t1, t1_1);
+        let t1_2 = a_torsoy * p_mx_torso;
+        let t1_3 = like.lift(0.4) * cos_t1;
+        let a_torsox = like.lift(-1.3).mul_add(sin_t1, t1_3);
+        let t1_4 = a_torsox.mul_add(p_my_torso, t1_2);
+        let a_mastz = like.lift(-0.5646424733950354).mul_add(a_torsoy, like.lift(7.923221903132911));
+        let (sin_b1, cos_b1) = b1.sin_cos();
+        let a_masty = like.lift(0.8253356149096783).mul_add(a_torsoy, like.lift(5.420567744592339));
+        let t1_5 = like.lift(0.7071067811865476) * a_masty;
+        let t1_6 = like.lift(0.7071067811865476) * a_mastz;
+        let a_paddlez = t1_5 - t1_6;
+        let t1_7 = a_paddlez * p_my_paddle;
+        let t1_8 = sin_b1 * t1_7;
+        let t1_9 = a_paddlez * p_mx_paddle;
+        let t1_10 = (-cos_b1).mul_add(t1_9, t1_8);
+        let t1_11 = like.lift(0.7071067811865476) * t1_10;
+        let t1_12 = sin_b1 * a_torsox;
+        let t1_13 = t1_5 + t1_6;
+        let a_paddley = cos_b1.mul_add(t1_13, t1_12);
+        let t1_14 = a_paddley * p_mx_paddle;
+        let t1_15 = cos_b1 * a_torsox;
+        let a_paddlex = (-sin_b1).mul_add(t1_13, t1_15);
+        let t1_16 = a_paddlex.mul_add(p_my_paddle, t1_14);
+        tau[5] = t1_16;
+        let t1_17 = like.lift(0.7071067811865476) * t1_16;
+        let t1_18 = t1_11 + t1_17;
+        let t1_19 = a_mastz.mul_add(p_mx_mast, t1_18);
+        let (sin_a1_2, cos_a1_2) = a1_2.sin_cos();
+        let t1_20 = a1_1 + like.lift(0.3);
+        let (sin_a1_1_off, cos_a1_1_off) = t1_20.sin_cos();
+        let t1_21 = like.lift(0.479425538604203) * a_torsox;
+        let t1_22 = like.lift(0.8775825618903728).mul_add(a_masty, t1_21);
+        let t1_23 = cos_a1_1_off * t1_22;
+        let a_a1_1y = sin_a1_1_off.mul_add(a_mastz, t1_23);
+        let t1_24 = a_a1_1y * p_mx_upper;
+        let t1_25 = sin_a1_1_off * t1_22;
+        let a_a1_1z = (-cos_a1_1_off).mul_add(a_mastz, t1_25);
+        let t1_26 = sin_a1_2 * a_a1_1z;
+        let t1_27 = like.lift(0.8775825618903728) * a_torsox;
+        let a_a1_1x = like.lift(-0.479425538604203).mul_add(a_masty, t1_27);
+        let a_upperx = (-cos_a1_2).mul_add(a_a1_1x, t1_26);
+        let t1_28 = (-a_upperx).mul_add(p_my_upper, t1_24);
+        let (sin_a2, cos_a2) = a2.sin_cos();
+        let t1_29 = a_a1_1y * p_my_lower;
+        let t1_30 = sin_a2 * t1_29;
+        let t1_31 = a_a1_1y * p_mx_lower;
+        let t1_32 = (-cos_a2).mul_add(t1_31, t1_30);
+        let t1_33 = t1_28 - t1_32;
+        let t1_34 = sin_a1_2 * t1_33;
+        let t1_35 = cos_a1_2 * a_a1_1z;
+        let a_upperz = sin_a1_2.mul_add(a_a1_1x, t1_35);
+        let t1_36 = a_upperz * p_my_upper;
+        let t1_37 = a_a1_1y.mul_add(p_mz_upper, t1_36);
+        let t1_38 = cos_a2 * t1_29;
+        let t1_39 = sin_a2.mul_add(t1_31, t1_38);
+        let t1_40 = t1_37 - t1_39;
+        let t1_41 = (-cos_a1_2).mul_add(t1_40, t1_34);
+        tau[2] = t1_41;
+        let t1_42 = like.lift(0.479425538604203) * t1_41;
+        let t1_43 = a_upperx * p_mz_upper;
+        let t1_44 = a_upperz.mul_add(p_mx_upper, t1_43);
+        let t1_45 = sin_a2 * a_upperx;
+        let a_lowery = (-cos_a2).mul_add(a_upperz, t1_45);
+        let t1_46 = a_lowery * p_mx_lower;
+        let t1_47 = cos_a2 * a_upperx;
+        let a_lowerx = sin_a2.mul_add(a_upperz, t1_47);
+        let t1_48 = a_lowerx.mul_add(p_my_lower, t1_46);
+        let t1_49 = t1_44 - t1_48;
+        tau[3] = t1_49;
+        let t1_50 = cos_a1_1_off * t1_49;
+        let t1_51 = cos_a1_2 * t1_33;
+        let t1_52 = sin_a1_2.mul_add(t1_40, t1_51);
+        let t1_53 = (-sin_a1_1_off).mul_add(t1_52, t1_50);
+        let t1_54 = like.lift(0.8775825618903728).mul_add(t1_53, t1_42);
+        let t1_55 = t1_19 - t1_54;
+        let t1_56 = like.lift(0.5646424733950354) * t1_55;
+        let t1_57 = a_masty * p_mx_mast;
+        let t1_58 = a_torsox.mul_add(p_my_mast, t1_57);
+        let t1_59 = t1_11 - t1_17;
+        let t1_60 = t1_58 - t1_59;
+        let t1_61 = sin_a1_1_off * t1_49;
+        let t1_62 = cos_a1_1_off.mul_add(t1_52, t1_61);
+        let t1_63 = t1_60 + t1_62;
+        let t1_64 = like.lift(-0.8253356149096783).mul_add(t1_63, t1_56);
+        let t1_65 = a_masty * p_m_mast;
+        let t1_66 = like.lift(0.8253356149096783) * t1_65;
+        let t1_67 = a_mastz * p_m_mast;
+        tau[1] = t1_67;
+        let t1_68 = like.lift(-0.5646424733950354).mul_add(t1_67, t1_66);
+        let t1_69 = like.lift(0.1) * t1_68;
+        let t1_70 = a_torsox * p_m_mast;
+        let t1_71 = t2 * t1_70;
+        let t1_72 = like.lift(-0.5646424733950354).mul_add(t1_71, t1_69);
+        let t1_73 = t1_64 - t1_72;
+        let t1_74 = t1_4 - t1_73;
+        tau[0] = t1_74;
+        let t1_75 = -t1_48;
+        tau[4] = t1_75;
+    }
+    (tau, Condition::regular(like))
+}
+
+/// Coriolis, centrifugal and friction efforts from base parameters.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `qd`: velocities of all coordinates
+/// - `beta`: base parameters, SI, in the order of `BASE`
+/// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
+///
+/// 200 additions, 269 multiplications, 0 divisions, 4 sines and cosines.
+pub fn base_bias_forces<T: Scalar>(q: &[T; 6], qd: &[T; 6], beta: &[T; 29]) -> ([T; 6], Condition<T>) {
+    let like = q[0];
+    let mut tau = [like.lift(0.0); 6];
+    let [_, t2, a1_1, a1_2, a2, b1] = *q;
+    let [d_t1, d_t2, d_a1_1, d_a1_2, d_a2, d_b1] = *qd;
+    let [
+        _, _, _, p_mx_mast, p_my_mast, p_m_mast, p_ixx_upper, p_ixy_upper, p_ixz_upper,
+        p_iyy_upper, p_iyz_upper, p_izz_upper, p_mx_upper, p_my_upper, p_mz_upper, p_ixx_lower,
+        p_ixy_lower, p_ixz_lower, p_iyz_lower, p_izz_lower, p_mx_lower, p_my_lower,
+        p_ixx_paddle, p_ixy_paddle, p_ixz_paddle, p_iyz_paddle, p_izz_paddle, p_mx_paddle,
+        p_my_paddle,
+    ] = *beta;
+    // tau, part 1
+    let [
+        t1_1, t1_2, t1_3, t1_48, a_mastx, t1_69, t1_70, t1_81, t1_85, t1_90, t1_91, t1_94,
+        sin_a1_2, cos_a1_2, sin_a1_1_off, cos_a1_1_off, t1_101, w_ixx_upper_a1_2, t1_103,
+        t1_106, t1_107, al_upperx, al_a1_1y, al_upperz, sin_a2, cos_a2, w_ixx_lower_a1_2,
+        t1_134, t1_135, t1_148, t1_153, t1_166, t1_168, t1_172, a_upperz, t1_187, t1_188,
+        t1_189, t1_201, t1_209, t1_210, t1_211,
+    ] = {
+        let t1_1 = d_t1 * d_t1;
+        let t1_2 = t2 * t1_1;
+        let t1_3 = t1_2 * p_mx_mast;
+        let (sin_b1, cos_b1) = b1.sin_cos();
+        let t1_4 = sin_b1 * d_t1;
+        let w_paddlez = like.lift(0.1843378881738283).mul_add(d_t1, d_b1);
+        let t1_5 = t1_4 * w_paddlez;
+        let t1_6 = t1_5 * p_ixy_paddle;
+        let t1_7 = cos_b1 * d_t1;
+        let t1_8 = t1_4 * t1_7;
+        let t1_9 = t1_8 * p_ixz_paddle;
+        let t1_10 = t1_7 * w_paddlez;
+        let t1_11 = t1_10 * p_izz_paddle;
+        let t1_12 = like.lift(0.9828629319409767) * t1_11;
+        let t1_13 = t1_7 * t1_7;
+        let t1_14 = like.lift(0.9660195429836131) * t1_13;
+        let t1_15 = w_paddlez * w_paddlez;
+        let t1_16 = t1_14 - t1_15;
+        let t1_17 = t1_16.mul_add(p_iyz_paddle, t1_12);
+        let t1_18 = like.lift(0.9660195429836131).mul_add(t1_9, t1_17);
+        let t1_19 = like.lift(0.9828629319409767).mul_add(t1_6, -t1_18);
+        let t1_20 = d_b1 * t1_7;
+        let t1_21 = t1_20 * p_ixx_paddle;
+        let t1_22 = like.lift(0.9828629319409767) * t1_21;
+        let t1_23 = d_b1 * t1_4;
+        let t1_24 = t1_23 * p_ixy_paddle;
+        let t1_25 = like.lift(-0.9828629319409767).mul_add(t1_24, t1_22);
+        let t1_26 = t1_19 - t1_25;
+        let a_masty = like.lift(0.4660195429836132) * t1_2;
+        let t1_27 = like.lift(0.1828377297460287).mul_add(t1_1, a_masty);
+        let t1_28 = like.lift(0.7071067811865476) * t1_27;
+        let a_mastz = like.lift(0.3188211227616632) * t1_2;
+        let t1_29 = like.lift(0.12508602087288895).mul_add(t1_1, a_mastz);
+        let t1_30 = like.lift(0.7071067811865476) * t1_29;
+        let a_paddlez = t1_28 + t1_30;
+        let t1_31 = a_paddlez.mul_add(p_my_paddle, t1_26);
+        let t1_32 = sin_b1 * t1_31;
+        let t1_33 = t1_8 * p_iyz_paddle;
+        let t1_34 = t1_10 * p_ixy_paddle;
+        let t1_35 = p_ixx_paddle - p_izz_paddle;
+        let t1_36 = t1_5 * t1_35;
+        let t1_37 = like.lift(0.9828629319409767) * t1_36;
+        let t1_38 = t1_4 * t1_4;
+        let t1_39 = like.lift(0.9660195429836131) * t1_38;
+        let t1_40 = t1_39 - t1_15;
+        let t1_41 = (-t1_40).mul_add(p_ixz_paddle, t1_37);
+        let t1_42 = like.lift(0.9828629319409767).mul_add(t1_34, t1_41);
+        let t1_43 = like.lift(0.9660195429836131).mul_add(t1_33, -t1_42);
+        let t1_44 = t1_20 * p_ixy_paddle;
+        let t1_45 = like.lift(-0.9828629319409767).mul_add(t1_44, t1_43);
+        let t1_46 = (-a_paddlez).mul_add(p_mx_paddle, t1_45);
+        let t1_47 = cos_b1.mul_add(t1_46, t1_32);
+        let t1_48 = like.lift(0.7071067811865476) * t1_47;
+        let t1_49 = t1_10 * p_ixz_paddle;
+        let t1_50 = t1_5 * p_iyz_paddle;
+        let t1_51 = t1_8 * p_ixx_paddle;
+        let t1_52 = like.lift(0.9660195429836131) * t1_51;
+        let w_ixy_paddle_b1 = t1_39 - t1_14;
+        let t1_53 = (-w_ixy_paddle_b1).mul_add(p_ixy_paddle, t1_52);
+        let t1_54 = like.lift(0.9828629319409767).mul_add(t1_50, -t1_53);
+        let t1_55 = like.lift(0.9828629319409767).mul_add(t1_49, -t1_54);
+        let t1_56 = t1_20 * p_ixz_paddle;
+        let t1_57 = like.lift(0.9828629319409767) * t1_56;
+        let t1_58 = t1_23 * p_iyz_paddle;
+        let t1_59 = like.lift(-0.9828629319409767).mul_add(t1_58, t1_57);
+        let t1_60 = t1_55 - t1_59;
+        let t1_61 = like.lift(0.1) * t1_1;
+        let t1_62 = d_t1 * d_t2;
+        let a_mastx = like.lift(-1.1292849467900707).mul_add(t1_62, t1_61);
+        let t1_63 = like.lift(0.175).mul_add(t1_1, a_mastx);
+        let t1_64 = sin_b1 * t1_63;
+        let t1_65 = t1_28 - t1_30;
+        let a_paddley = cos_b1.mul_add(t1_65, t1_64);
+        let t1_66 = a_paddley * p_mx_paddle;
+        let t1_67 = cos_b1 * t1_63;
+        let a_paddlex = (-sin_b1).mul_add(t1_65, t1_67);
+        let t1_68 = a_paddlex.mul_add(p_my_paddle, t1_66);
+        let t1_69 = t1_60 - t1_68;
+        let t1_70 = like.lift(0.7071067811865476) * t1_69;
+        let t1_71 = t1_48 - t1_70;
+        let t1_72 = t1_14 + t1_15;
+        let t1_73 = t1_72 * p_mx_paddle;
+        let t1_74 = t1_8 * p_my_paddle;
+        let t1_75 = like.lift(-0.9660195429836131).mul_add(t1_74, t1_73);
+        let t1_76 = cos_b1 * t1_75;
+        let t1_77 = t1_39 + t1_15;
+        let t1_78 = t1_77 * p_my_paddle;
+        let t1_79 = t1_8 * p_mx_paddle;
+        let t1_80 = like.lift(-0.9660195429836131).mul_add(t1_79, t1_78);
+        let t1_81 = (-sin_b1).mul_add(t1_80, t1_76);
+        let t1_82 = like.lift(0.1) * t1_81;
+        let t1_83 = sin_b1 * t1_75;
+        let t1_84 = cos_b1.mul_add(t1_80, t1_83);
+        let t1_85 = like.lift(0.7071067811865476) * t1_84;
+        let al_paddley = like.lift(0.9828629319409767) * t1_23;
+        let t1_86 = like.lift(0.9828629319409767).mul_add(t1_5, al_paddley);
+        let t1_87 = t1_86 * p_mx_paddle;
+        let al_paddlex = like.lift(0.9828629319409767) * t1_20;
+        let t1_88 = like.lift(0.9828629319409767).mul_add(t1_10, al_paddlex);
+        let t1_89 = t1_88.mul_add(p_my_paddle, t1_87);
+        let t1_90 = like.lift(0.7071067811865476) * t1_89;
+        let t1_91 = t1_85 - t1_90;
+        let t1_92 = like.lift(-0.175).mul_add(t1_91, t1_82);
+        let t1_93 = t1_71 + t1_92;
+        let t1_94 = like.lift(0.3188211227616632).mul_add(t1_3, -t1_93);
+        let (sin_a1_2, cos_a1_2) = a1_2.sin_cos();
+        let t1_95 = a1_1 + like.lift(0.3);
+        let (sin_a1_1_off, cos_a1_1_off) = t1_95.sin_cos();
+        let t1_96 = sin_a1_1_off * d_t1;
+        let t1_97 = like.lift(0.49552038835413176) * t1_96;
+        let t1_98 = cos_a1_1_off * d_t1;
+        let w_a1_1z = like.lift(-0.8253356149096783).mul_add(t1_98, t1_97);
+        let t1_99 = cos_a1_2 * w_a1_1z;
+        let w_a1_1x = like.lift(0.27070402192622417).mul_add(d_t1, d_a1_1);
+        let w_upperz = (-sin_a1_2).mul_add(w_a1_1x, t1_99);
+        let t1_100 = like.lift(0.49552038835413176) * t1_98;
+        let w_a1_1y = like.lift(0.8253356149096783).mul_add(t1_96, t1_100);
+        let w_uppery = d_a1_2 + w_a1_1y;
+        let t1_101 = w_upperz * w_uppery;
+        let t1_102 = sin_a1_2 * w_a1_1z;
+        let w_upperx = cos_a1_2.mul_add(w_a1_1x, t1_102);
+        let w_ixx_upper_a1_2 = w_upperz * w_upperx;
+        let t1_103 = w_upperx * w_uppery;
+        let t1_104 = p_ixx_upper - p_iyy_upper;
+        let t1_105 = t1_103 * t1_104;
+        let t1_106 = w_upperx * w_upperx;
+        let t1_107 = w_uppery * w_uppery;
+        let t1_108 = t1_106 - t1_107;
+        let t1_109 = (-t1_108).mul_add(p_ixy_upper, t1_105);
+        let t1_110 = w_ixx_upper_a1_2.mul_add(p_iyz_upper, t1_109);
+        let t1_111 = t1_101.mul_add(p_ixz_upper, -t1_110);
+        let t1_112 = d_a1_2 * w_upperz;
+        let al_a1_1z = d_a1_1 * w_a1_1y;
+        let al_upperx = sin_a1_2.mul_add(al_a1_1z, t1_112);
+        let t1_113 = al_upperx * p_ixz_upper;
+        let al_a1_1y = d_a1_1 * w_a1_1z;
+        let t1_114 = (-al_a1_1y).mul_add(p_iyz_upper, t1_113);
+        let t1_115 = d_a1_2 * w_upperx;
+        let al_upperz = (-cos_a1_2).mul_add(al_a1_1z, t1_115);
+        let t1_116 = al_upperz.mul_add(p_izz_upper, t1_114);
+        let t1_117 = t1_111 + t1_116;
+        let t1_118 = like.lift(0.479425538604203) * a_mastx;
+        let t1_119 = like.lift(0.08963382114930604).mul_add(t1_1, -a_masty);
+        let t1_120 = like.lift(-0.8775825618903728).mul_add(t1_119, t1_118);
+        let t1_121 = cos_a1_1_off * t1_120;
+        let t1_122 = like.lift(0.061321796320556315).mul_add(t1_1, -a_mastz);
+        let a_a1_1y = sin_a1_1_off.mul_add(t1_122, t1_121);
+        let t1_123 = a_a1_1y * p_mx_upper;
+        let t1_124 = sin_a1_1_off * t1_120;
+        let a_a1_1z = (-cos_a1_1_off).mul_add(t1_122, t1_124);
+        let t1_125 = sin_a1_2 * a_a1_1z;
+        let t1_126 = like.lift(0.8775825618903728) * a_mastx;
+        let a_a1_1x = like.lift(0.479425538604203).mul_add(t1_119, t1_126);
+        let a_upperx = (-cos_a1_2).mul_add(a_a1_1x, t1_125);
+        let t1_127 = (-a_upperx).mul_add(p_my_upper, t1_123);
+        let t1_128 = t1_117 + t1_127;
+        let (sin_a2, cos_a2) = a2.sin_cos();
+        let t1_129 = cos_a2 * w_upperx;
+        let w_lowerx = sin_a2.mul_add(w_upperz, t1_129);
+        let w_lowerz = d_a2 + w_uppery;
+        let t1_130 = w_lowerx * w_lowerz;
+        let t1_131 = sin_a2 * w_upperx;
+        let w_lowery = (-cos_a2).mul_add(w_upperz, t1_131);
+        let w_ixx_lower_a1_2 = w_lowerx * w_lowery;
+        let t1_132 = w_lowery * w_lowerz;
+        let t1_133 = t1_132 * p_izz_lower;
+        let t1_134 = w_lowery * w_lowery;
+        let t1_135 = w_lowerz * w_lowerz;
+        let t1_136 = t1_134 - t1_135;
+        let t1_137 = (-t1_136).mul_add(p_iyz_lower, t1_133);
+        let t1_138 = w_ixx_lower_a1_2.mul_add(p_ixz_lower, t1_137);
+        let t1_139 = t1_130.mul_add(p_ixy_lower, t1_138);
+        let t1_140 = cos_a2 * al_upperx;
+        let t1_141 = (-sin_a2).mul_add(al_upperz, t1_140);
+        let al_lowerx = d_a2.mul_add(w_lowery, -t1_141);
+        let t1_142 = al_lowerx * p_ixx_lower;
+        let t1_143 = sin_a2 * al_upperx;
+        let t1_144 = cos_a2.mul_add(al_upperz, t1_143);
+        let al_lowery = d_a2.mul_add(w_lowerx, t1_144);
+        let t1_145 = al_lowery.mul_add(p_ixy_lower, t1_142);
+        let t1_146 = al_a1_1y.mul_add(p_ixz_lower, t1_145);
+        let t1_147 = t1_139 + t1_146;
+        let t1_148 = t1_103 + al_upperz;
+        let a_lowerz = like.lift(0.35).mul_add(t1_148, a_a1_1y);
+        let t1_149 = (-a_lowerz).mul_add(p_my_lower, t1_147);
+        let t1_150 = sin_a2 * t1_149;
+        let t1_151 = p_ixx_lower - p_izz_lower;
+        let t1_152 = t1_130 * t1_151;
+        let t1_153 = w_lowerx * w_lowerx;
+        let t1_154 = t1_153 - t1_135;
+        let t1_155 = (-t1_154).mul_add(p_ixz_lower, t1_152);
+        let t1_156 = t1_132.mul_add(p_ixy_lower, -t1_155);
+        let t1_157 = w_ixx_lower_a1_2.mul_add(p_iyz_lower, -t1_156);
+        let t1_158 = al_lowerx * p_ixy_lower;
+        let t1_159 = al_a1_1y.mul_add(p_iyz_lower, t1_158);
+        let t1_160 = t1_157 - t1_159;
+        let t1_161 = (-a_lowerz).mul_add(p_mx_lower, t1_160);
+        let t1_162 = (-cos_a2).mul_add(t1_161, t1_150);
+        let t1_163 = t1_130 + al_lowery;
+        let t1_164 = t1_163 * p_mx_lower;
+        let t1_165 = t1_132 + al_lowerx;
+        let t1_166 = (-t1_165).mul_add(p_my_lower, t1_164);
+        let t1_167 = like.lift(0.35).mul_add(t1_166, t1_162);
+        let t1_168 = t1_128 + t1_167;
+        let t1_169 = sin_a1_2 * t1_168;
+        let t1_170 = p_iyy_upper - p_izz_upper;
+        let t1_171 = t1_101 * t1_170;
+        let t1_172 = w_upperz * w_upperz;
+        let t1_173 = t1_107 - t1_172;
+        let t1_174 = t1_173.mul_add(p_iyz_upper, t1_171);
+        let t1_175 = t1_103.mul_add(p_ixz_upper, t1_174);
+        let t1_176 = w_ixx_upper_a1_2.mul_add(p_ixy_upper, t1_175);
+        let t1_177 = al_upperx * p_ixx_upper;
+        let t1_178 = (-al_a1_1y).mul_add(p_ixy_upper, t1_177);
+        let t1_179 = al_upperz.mul_add(p_ixz_upper, t1_178);
+        let t1_180 = t1_176 + t1_179;
+        let t1_181 = cos_a1_2 * a_a1_1z;
+        let a_upperz = sin_a1_2.mul_add(a_a1_1x, t1_181);
+        let t1_182 = a_upperz * p_my_upper;
+        let t1_183 = a_a1_1y.mul_add(p_mz_upper, t1_182);
+        let t1_184 = t1_180 - t1_183;
+        let t1_185 = cos_a2 * t1_149;
+        let t1_186 = sin_a2.mul_add(t1_161, t1_185);
+        let t1_187 = t1_184 - t1_186;
+        let t1_188 = cos_a1_2.mul_add(t1_187, t1_169);
+        let t1_189 = like.lift(0.479425538604203) * t1_188;
+        let t1_190 = p_ixx_upper - p_izz_upper;
+        let t1_191 = w_ixx_upper_a1_2 * t1_190;
+        let w_ixz_upper_a1_2 = t1_106 - t1_172;
+        let t1_192 = w_ixz_upper_a1_2.mul_add(p_ixz_upper, t1_191);
+        let t1_193 = t1_101.mul_add(p_ixy_upper, t1_192);
+        let t1_194 = t1_103.mul_add(p_iyz_upper, t1_193);
+        let t1_195 = al_upperx * p_ixy_upper;
+        let t1_196 = (-al_a1_1y).mul_add(p_iyy_upper, t1_195);
+        let t1_197 = al_upperz.mul_add(p_iyz_upper, t1_196);
+        let t1_198 = t1_194 - t1_197;
+        let t1_199 = a_upperx * p_mz_upper;
+        let t1_200 = a_upperz.mul_add(p_mx_upper, t1_199);
+        let t1_201 = t1_198 - t1_200;
+        let t1_202 = w_ixx_lower_a1_2 * p_ixx_lower;
+        let w_ixy_lower_a1_2 = t1_153 - t1_134;
+        let t1_203 = w_ixy_lower_a1_2.mul_add(p_ixy_lower, t1_202);
+        let t1_204 = t1_130.mul_add(p_iyz_lower, t1_203);
+        let t1_205 = t1_132.mul_add(p_ixz_lower, t1_204);
+        let t1_206 = al_lowerx * p_ixz_lower;
+        let t1_207 = al_lowery.mul_add(p_iyz_lower, t1_206);
+        let t1_208 = al_a1_1y.mul_add(p_izz_lower, t1_207);
+        let t1_209 = t1_205 - t1_208;
+        let t1_210 = t1_107 + t1_172;
+        let t1_211 = like.lift(0.35).mul_add(t1_210, -a_upperx);
+        [
+            t1_1, t1_2, t1_3, t1_48, a_mastx, t1_69, t1_70, t1_81, t1_85, t1_90, t1_91, t1_94,
+            sin_a1_2, cos_a1_2, sin_a1_1_off, cos_a1_1_off, t1_101, w_ixx_upper_a1_2, t1_103,
+            t1_106, t1_107, al_upperx, al_a1_1y, al_upperz, sin_a2, cos_a2, w_ixx_lower_a1_2,
+            t1_134, t1_135, t1_148, t1_153, t1_166, t1_168, t1_172, a_upperz, t1_187, t1_188,
+            t1_189, t1_201, t1_209, t1_210, t1_211,
+        ]
+    };
+    // tau
+    {
+        let t2_1 = sin_a2 * t1_211;
+        let t2_2 = al_a1_1y - w_ixx_upper_a1_2;
+        let t2_3 = like.lift(-0.35).mul_add(t2_2, a_upperz);
+        let a_lowery = cos_a2.mul_add(t2_3, t2_1);
+        let t2_4 = a_lowery * p_mx_lower;
+        let t2_5 = cos_a2 * t1_211;
+        let a_lowerx = (-sin_a2).mul_add(t2_3, t2_5);
+        let t2_6 = a_lowerx.mul_add(p_my_lower, t2_4);
+        let t2_7 = t1_209 + t2_6;
+        tau[4] = t2_7;
+        let t2_8 = t1_134 + t1_135;
+        let t2_9 = t2_8 * p_mx_lower;
+        let t2_10 = al_a1_1y - w_ixx_lower_a1_2;
+        let t2_11 = (-t2_10).mul_add(p_my_lower, t2_9);
+        let t2_12 = sin_a2 * t2_11;
+        let t2_13 = t1_153 + t1_135;
+        let t2_14 = t2_13 * p_my_lower;
+        let t2_15 = al_a1_1y + w_ixx_lower_a1_2;
+        let t2_16 = t2_15.mul_add(p_mx_lower, t2_14);
+        let t2_17 = cos_a2.mul_add(t2_16, t2_12);
+        let t2_18 = like.lift(-0.35).mul_add(t2_17, t2_7);
+        let t2_19 = t1_201 - t2_18;
+        let t2_20 = cos_a1_1_off * t2_19;
+        let t2_21 = cos_a1_2 * t1_168;
+        let t2_22 = (-sin_a1_2).mul_add(t1_187, t2_21);
+        let t2_23 = sin_a1_1_off.mul_add(t2_22, t2_20);
+        let t2_24 = like.lift(-0.8775825618903728).mul_add(t2_23, t1_189);
+        let t2_25 = t1_106 + t1_107;
+        let t2_26 = t2_2 * p_mx_upper;
+        let t2_27 = t1_101 - al_upperx;
+        let t2_28 = (-t2_27).mul_add(p_my_upper, t2_26);
+        let t2_29 = t2_25.mul_add(p_mz_upper, -t2_28);
+        let t2_30 = t2_29 - t2_17;
+        let t2_31 = sin_a1_2 * t2_30;
+        let t2_32 = t1_210 * p_mx_upper;
+        let t2_33 = t1_103 - al_upperz;
+        let t2_34 = (-t2_33).mul_add(p_my_upper, t2_32);
+        let t2_35 = al_a1_1y + w_ixx_upper_a1_2;
+        let t2_36 = t2_35.mul_add(p_mz_upper, t2_34);
+        let t2_37 = cos_a2 * t2_11;
+        let t2_38 = (-sin_a2).mul_add(t2_16, t2_37);
+        let t2_39 = t2_36 + t2_38;
+        let t2_40 = cos_a1_2.mul_add(t2_39, t2_31);
+        let t2_41 = like.lift(0.8775825618903728) * t2_40;
+        let t2_42 = t1_106 + t1_172;
+        let t2_43 = t2_42 * p_my_upper;
+        let t2_44 = (-t1_148).mul_add(p_mx_upper, t2_43);
+        let t2_45 = t1_101 + al_upperx;
+        let t2_46 = t2_45.mul_add(p_mz_upper, t2_44);
+        let t2_47 = t2_46 - t1_166;
+        let t2_48 = cos_a1_1_off * t2_47;
+        let t2_49 = cos_a1_2 * t2_30;
+        let t2_50 = (-sin_a1_2).mul_add(t2_39, t2_49);
+        let t2_51 = (-sin_a1_1_off).mul_add(t2_50, t2_48);
+        let t2_52 = like.lift(-0.479425538604203).mul_add(t2_51, t2_41);
+        let t2_53 = like.lift(-0.1).mul_add(t2_52, t2_24);
+        let t2_54 = t1_94 + t2_53;
+        let t2_55 = like.lift(0.5646424733950354) * t2_54;
+        let t2_56 = like.lift(0.4660195429836132) * t1_3;
+        let t2_57 = a_mastx.mul_add(p_my_mast, t2_56);
+        let t2_58 = t1_48 + t1_70;
+        let t2_59 = t1_85 + t1_90;
+        let t2_60 = like.lift(0.175) * t2_59;
+        let t2_61 = like.lift(0.2).mul_add(t1_81, t2_60);
+        let t2_62 = t2_58 + t2_61;
+        let t2_63 = t2_57 - t2_62;
+        let t2_64 = sin_a1_1_off * t2_19;
+        let t2_65 = (-cos_a1_1_off).mul_add(t2_22, t2_64);
+        let t2_66 = like.lift(-0.2).mul_add(t2_52, t2_65);
+        let t2_67 = t2_63 - t2_66;
+        let t2_68 = like.lift(0.8253356149096783).mul_add(t2_67, t2_55);
+        let t2_69 = t1_1 * p_my_mast;
+        let t2_70 = like.lift(0.6811788772383368) * t2_69;
+        let t2_71 = t1_2 * p_m_mast;
+        let t2_72 = like.lift(-0.4660195429836132).mul_add(t2_71, t2_70);
+        let t2_73 = t2_72 + t2_59;
+        let t2_74 = like.lift(0.479425538604203) * t2_40;
+        let t2_75 = like.lift(0.8775825618903728).mul_add(t2_51, t2_74);
+        let t2_76 = t2_73 + t2_75;
+        let t2_77 = like.lift(0.8253356149096783) * t2_76;
+        let t2_78 = like.lift(0.4660195429836132) * t2_69;
+        let t2_79 = like.lift(-0.3188211227616632).mul_add(t2_71, t2_78);
+        let t2_80 = t2_79 - t1_91;
+        let t2_81 = sin_a1_1_off * t2_47;
+        let t2_82 = cos_a1_1_off.mul_add(t2_50, t2_81);
+        let t2_83 = t2_80 - t2_82;
+        tau[1] = t2_83;
+        let t2_84 = like.lift(0.5646424733950354).mul_add(t2_83, t2_77);
+        let t2_85 = like.lift(0.1) * t2_84;
+        let t2_86 = t1_1 * p_mx_mast;
+        let t2_87 = a_mastx.mul_add(p_m_mast, t2_86);
+        let t2_88 = t2_87 + t1_81;
+        let t2_89 = t2_88 + t2_52;
+        let t2_90 = t2 * t2_89;
+        let t2_91 = like.lift(0.5646424733950354).mul_add(t2_90, t2_85);
+        let t2_92 = t2_68 - t2_91;
+        tau[0] = t2_92;
+        let t2_93 = -t2_19;
+        tau[3] = t2_93;
+        let t2_94 = -t1_69;
+        tau[5] = t2_94;
+        tau[2] = t1_188;
+    }
+    (tau, Condition::regular(like))
+}
+
+/// The mass matrix from base parameters.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `beta`: base parameters, SI, in the order of `BASE`
+/// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
+///
+/// 137 additions, 187 multiplications, 0 divisions, 4 sines and cosines.
+pub fn base_mass_matrix<T: Scalar>(q: &[T; 6], beta: &[T; 29]) -> ([[T; 6]; 6], Condition<T>) {
+    let like = q[0];
+    let mut m = [[like.lift(0.0); 6]; 6];
+    let [_, t2, a1_1, a1_2, a2, b1] = *q;
+    let [
+        p_izz_torso, _, _, p_mx_mast, p_my_mast, p_m_mast, p_ixx_upper, p_ixy_upper,
+        p_ixz_upper, p_iyy_upper, p_iyz_upper, p_izz_upper, p_mx_upper, p_my_upper, p_mz_upper,
+        p_ixx_lower, p_ixy_lower, p_ixz_lower, p_iyz_lower, p_izz_lower, p_mx_lower,
+        p_my_lower, p_ixx_paddle, p_ixy_paddle, p_ixz_paddle, p_iyz_paddle, p_izz_paddle,
+        p_mx_paddle, p_my_paddle,
+    ] = *beta;
+    // M
+    {
+        let (sin_b1, cos_b1) = b1.sin_cos();
+        let t1_1 = sin_b1 * p_mx_paddle;
+        let t1_2 = cos_b1.mul_add(p_my_paddle, t1_1);
+        let t1_3 = like.lift(0.7071067811865476) * t1_2;
+        let t1_4 = p_my_mast + t1_3;
+        let (sin_a1_2, cos_a1_2) = a1_2.sin_cos();
+        let (sin_a2, cos_a2) = a2.sin_cos();
+        let t1_5 = sin_a2 * p_mx_lower;
+        let t1_6 = cos_a2.mul_add(p_my_lower, t1_5);
+        let t1_7 = p_mz_upper - t1_6;
+        let t1_8 = sin_a1_2 * t1_7;
+        let t1_9 = cos_a2 * p_mx_lower;
+        let t1_10 = (-sin_a2).mul_add(p_my_lower, t1_9);
+        let t1_11 = p_mx_upper + t1_10;
+        let t1_12 = cos_a1_2.mul_add(t1_11, t1_8);
+        let t1_13 = like.lift(0.479425538604203) * t1_12;
+        let t1_14 = a1_1 + like.lift(0.3);
+        let (sin_a1_1_off, cos_a1_1_off) = t1_14.sin_cos();
+        let t1_15 = cos_a1_1_off * p_my_upper;
+        let t1_16 = cos_a1_2 * t1_7;
+        let t1_17 = (-sin_a1_2).mul_add(t1_11, t1_16);
+        let t1_18 = (-sin_a1_1_off).mul_add(t1_17, t1_15);
+        let t1_19 = like.lift(0.8775825618903728).mul_add(t1_18, t1_13);
+        let t1_20 = t1_4 + t1_19;
+        let t1_21 = like.lift(0.8253356149096783) * t1_20;
+        let t1_22 = sin_a1_1_off * p_my_upper;
+        let t1_23 = cos_a1_1_off.mul_add(t1_17, t1_22);
+        let t1_24 = t1_3 + t1_23;
+        let t1_25 = like.lift(-0.5646424733950354).mul_add(t1_24, t1_21);
+        let t1_26 = t2 * t1_25;
+        let t1_27 = cos_b1 * p_mx_paddle;
+        let t1_28 = (-sin_b1).mul_add(p_my_paddle, t1_27);
+        let t1_29 = p_mx_mast + t1_28;
+        let t1_30 = like.lift(0.8775825618903728) * t1_12;
+        let t1_31 = like.lift(-0.479425538604203).mul_add(t1_18, t1_30);
+        let t1_32 = t1_29 + t1_31;
+        let t1_33 = sin_b1 * p_ixx_paddle;
+        let t1_34 = cos_b1.mul_add(p_ixy_paddle, t1_33);
+        let t1_35 = like.lift(0.7071067811865476) * t1_34;
+        let t1_36 = like.lift(0.7071067811865476) * p_ixz_paddle;
+        let t1_37 = t1_35 - t1_36;
+        let t1_38 = sin_b1 * t1_37;
+        let t1_39 = sin_b1 * p_ixy_paddle;
+        let t1_40 = like.lift(0.7071067811865476) * t1_39;
+        let t1_41 = like.lift(0.7071067811865476) * p_iyz_paddle;
+        let t1_42 = t1_40 - t1_41;
+        let t1_43 = cos_b1.mul_add(t1_42, t1_38);
+        let t1_44 = like.lift(0.7071067811865476) * t1_43;
+        let t1_45 = sin_b1 * p_ixz_paddle;
+        let t1_46 = cos_b1.mul_add(p_iyz_paddle, t1_45);
+        let t1_47 = like.lift(0.7071067811865476) * t1_46;
+        let t1_48 = like.lift(0.7071067811865476) * p_izz_paddle;
+        let t1_49 = t1_47 - t1_48;
+        let t1_50 = like.lift(0.7071067811865476) * t1_49;
+        let t1_51 = t1_44 + t1_50;
+        let t1_52 = like.lift(0.07071067811865475) * t1_2;
+        let t1_53 = t1_51 + t1_52;
+        let t1_54 = sin_a2 * p_ixz_lower;
+        let t1_55 = cos_a2.mul_add(p_iyz_lower, t1_54);
+        let t1_56 = p_iyz_upper - t1_55;
+        let t1_57 = sin_a1_2 * t1_56;
+        let t1_58 = cos_a2 * p_ixz_lower;
+        let t1_59 = (-sin_a2).mul_add(p_iyz_lower, t1_58);
+        let t1_60 = p_ixy_upper + t1_59;
+        let t1_61 = cos_a1_2.mul_add(t1_60, t1_57);
+        let t1_62 = like.lift(0.479425538604203) * t1_61;
+        let t1_63 = like.lift(0.7) * t1_10;
+        let t1_64 = p_izz_lower + t1_63;
+        let t1_65 = p_iyy_upper + t1_64;
+        let t1_66 = cos_a1_2 * t1_56;
+        let t1_67 = (-sin_a1_2).mul_add(t1_60, t1_66);
+        let t1_68 = sin_a1_1_off * t1_67;
+        let t1_69 = cos_a1_1_off.mul_add(t1_65, -t1_68);
+        let t1_70 = like.lift(0.8775825618903728).mul_add(t1_69, t1_62);
+        let t1_71 = sin_a1_1_off * t1_70;
+        let t1_72 = sin_a2 * p_ixy_lower;
+        let t1_73 = cos_a2.mul_add(p_ixx_lower, -t1_72);
+        let t1_74 = sin_a2 * t1_73;
+        let t1_75 = cos_a2 * p_ixy_lower;
+        let t1_76 = cos_a2.mul_add(t1_75, t1_74);
+        let t1_77 = like.lift(-0.35).mul_add(t1_6, t1_76);
+        let t1_78 = p_ixz_upper - t1_77;
+        let t1_79 = cos_a1_2 * t1_78;
+        let t1_80 = sin_a2.mul_add(p_ixx_lower, t1_75);
+        let t1_81 = sin_a2 * t1_80;
+        let t1_82 = cos_a2.mul_add(t1_72, t1_81);
+        let t1_83 = t1_82 + t1_63;
+        let t1_84 = p_izz_upper + t1_83;
+        let t1_85 = sin_a1_2.mul_add(t1_84, t1_79);
+        let t1_86 = cos_a1_2 * t1_85;
+        let t1_87 = sin_a1_2 * t1_78;
+        let t1_88 = cos_a2 * t1_73;
+        let t1_89 = (-sin_a2).mul_add(t1_75, t1_88);
+        let t1_90 = p_ixx_upper + t1_89;
+        let t1_91 = cos_a1_2.mul_add(t1_90, t1_87);
+        let t1_92 = (-sin_a1_2).mul_add(t1_91, t1_86);
+        let t1_93 = like.lift(0.479425538604203) * t1_92;
+        let t1_94 = cos_a1_1_off * t1_67;
+        let t1_95 = (-cos_a1_2).mul_add(t1_84, t1_87);
+        let t1_96 = cos_a1_2 * t1_95;
+        let t1_97 = (-sin_a1_2).mul_add(t1_90, t1_79);
+        let t1_98 = sin_a1_2.mul_add(t1_97, t1_96);
+        let t1_99 = sin_a1_1_off.mul_add(t1_98, t1_94);
+        let t1_100 = like.lift(0.8775825618903728).mul_add(t1_99, t1_93);
+        let t1_101 = cos_a1_1_off.mul_add(t1_100, t1_71);
+        let t1_102 = like.lift(0.2) * t1_23;
+        let t1_103 = like.lift(0.1).mul_add(t1_19, t1_102);
+        let t1_104 = t1_101 - t1_103;
+        let t1_105 = t1_53 + t1_104;
+        let t1_106 = like.lift(0.5646424733950354) * t1_105;
+        let t1_107 = t1_35 + t1_36;
+        let t1_108 = sin_b1 * t1_107;
+        let t1_109 = t1_40 + t1_41;
+        let t1_110 = cos_b1.mul_add(t1_109, t1_108);
+        let t1_111 = like.lift(0.7071067811865476) * t1_110;
+        let t1_112 = t1_47 + t1_48;
+        let t1_113 = like.lift(0.7071067811865476).mul_add(t1_112, t1_111);
+        let t1_114 = like.lift(0.1414213562373095) * t1_2;
+        let t1_115 = t1_113 - t1_114;
+        let t1_116 = like.lift(0.175).mul_add(t1_28, -t1_114);
+        let t1_117 = t1_52 + t1_116;
+        let t1_118 = t1_117 + t1_117;
+        let t1_119 = t1_115 + t1_118;
+        let t1_120 = sin_a1_1_off.mul_add(t1_65, t1_94);
+        let t1_121 = sin_a1_1_off * t1_120;
+        let t1_122 = (-cos_a1_1_off).mul_add(t1_98, t1_68);
+        let t1_123 = cos_a1_1_off.mul_add(t1_122, t1_121);
+        let t1_124 = t1_123 - t1_102;
+        let t1_125 = like.lift(0.2) * t1_19;
+        let t1_126 = like.lift(0.1).mul_add(t1_23, t1_125);
+        let t1_127 = t1_126 + t1_126;
+        let t1_128 = t1_124 + t1_127;
+        let t1_129 = t1_119 + t1_128;
+        let t1_130 = like.lift(0.8253356149096783).mul_add(t1_129, t1_106);
+        let t1_131 = t1_44 - t1_50;
+        let t1_132 = like.lift(0.282842712474619).mul_add(t1_2, t1_131);
+        let t1_133 = t1_132 + t1_118;
+        let t1_134 = sin_a1_2 * t1_85;
+        let t1_135 = cos_a1_2.mul_add(t1_91, t1_134);
+        let t1_136 = like.lift(0.479425538604203) * t1_135;
+        let t1_137 = cos_a1_1_off * t1_61;
+        let t1_138 = (-sin_a1_1_off).mul_add(t1_92, t1_137);
+        let t1_139 = like.lift(0.8775825618903728).mul_add(t1_138, t1_136);
+        let t1_140 = like.lift(0.479425538604203) * t1_139;
+        let t1_141 = cos_a1_1_off * t1_70;
+        let t1_142 = (-sin_a1_1_off).mul_add(t1_100, t1_141);
+        let t1_143 = like.lift(0.8775825618903728).mul_add(t1_142, t1_140);
+        let t1_144 = like.lift(-0.4).mul_add(t1_19, t1_143);
+        let t1_145 = t1_144 + t1_127;
+        let t1_146 = t1_133 + t1_145;
+        let t1_147 = like.lift(0.5646424733950354) * t1_146;
+        let t1_148 = like.lift(0.8253356149096783).mul_add(t1_105, t1_147);
+        let t1_149 = like.lift(0.1).mul_add(p_m_mast, t1_32);
+        let t1_150 = like.lift(0.1) * t1_149;
+        let t1_151 = t2 * p_m_mast;
+        let t1_152 = like.lift(-0.5646424733950354).mul_add(t1_151, t1_25);
+        let t1_153 = t2 * t1_152;
+        let t1_154 = like.lift(-0.5646424733950354).mul_add(t1_153, t1_150);
+        let t1_155 = like.lift(0.5646424733950354).mul_add(t1_148, t1_154);
+        let t1_156 = like.lift(0.8253356149096783).mul_add(t1_130, t1_155);
+        let t1_157 = like.lift(0.1).mul_add(t1_32, t1_156);
+        let t1_158 = like.lift(0.5646424733950354).mul_add(t1_26, -t1_157);
+        let t1_159 = p_izz_torso - t1_158;
+        let t1_160 = like.lift(0.5646424733950354) * t1_32;
+        let t1_161 = like.lift(0.05646424733950354).mul_add(p_m_mast, t1_160);
+        let t1_162 = -t1_161;
+        let t1_163 = like.lift(0.0479425538604203).mul_add(t1_23, t1_139);
+        let t1_164 = like.lift(0.5646424733950354) * t1_163;
+        let t1_165 = sin_a1_1_off * t1_61;
+        let t1_166 = cos_a1_1_off.mul_add(t1_92, t1_165);
+        let t1_167 = like.lift(-0.0958851077208406).mul_add(t1_23, t1_166);
+        let t1_168 = like.lift(0.8253356149096783).mul_add(t1_167, t1_164);
+        let t1_169 = like.lift(0.7243001433518016) * t1_23;
+        let t1_170 = like.lift(0.5646424733950354).mul_add(t1_18, t1_169);
+        let t1_171 = like.lift(0.1) * t1_170;
+        let t1_172 = t2 * t1_23;
+        let t1_173 = like.lift(-0.27070402192622417).mul_add(t1_172, t1_171);
+        let t1_174 = t1_168 - t1_173;
+        let t1_175 = like.lift(0.8775825618903728) * t1_17;
+        let t1_176 = sin_a1_1_off * t1_12;
+        let t1_177 = like.lift(-0.479425538604203).mul_add(t1_176, t1_175);
+        let t1_178 = like.lift(0.1).mul_add(t1_177, t1_70);
+        let t1_179 = like.lift(0.5646424733950354) * t1_178;
+        let t1_180 = like.lift(-0.2).mul_add(t1_177, t1_120);
+        let t1_181 = like.lift(0.8253356149096783).mul_add(t1_180, t1_179);
+        let t1_182 = like.lift(0.479425538604203) * t1_17;
+        let t1_183 = like.lift(0.8775825618903728).mul_add(t1_176, t1_182);
+        let t1_184 = like.lift(0.8253356149096783) * t1_183;
+        let t1_185 = cos_a1_1_off * t1_12;
+        let t1_186 = like.lift(0.5646424733950354).mul_add(t1_185, t1_184);
+        let t1_187 = like.lift(0.1) * t1_186;
+        let t1_188 = t2 * t1_177;
+        let t1_189 = like.lift(0.5646424733950354).mul_add(t1_188, t1_187);
+        let t1_190 = t1_181 + t1_189;
+        let t1_191 = sin_a1_2 * t1_55;
+        let t1_192 = (-cos_a1_2).mul_add(t1_59, t1_191);
+        let t1_193 = like.lift(0.479425538604203) * t1_192;
+        let t1_194 = like.lift(0.35).mul_add(t1_10, p_izz_lower);
+        let t1_195 = cos_a1_1_off * t1_194;
+        let t1_196 = cos_a1_2 * t1_55;
+        let t1_197 = sin_a1_2.mul_add(t1_59, t1_196);
+        let t1_198 = sin_a1_1_off.mul_add(t1_197, t1_195);
+        let t1_199 = like.lift(-0.8775825618903728).mul_add(t1_198, t1_193);
+        let t1_200 = sin_a1_2 * t1_10;
+        let t1_201 = cos_a1_2.mul_add(t1_6, t1_200);
+        let t1_202 = like.lift(0.8775825618903728) * t1_201;
+        let t1_203 = cos_a1_2 * t1_10;
+        let t1_204 = (-sin_a1_2).mul_add(t1_6, t1_203);
+        let t1_205 = sin_a1_1_off * t1_204;
+        let t1_206 = like.lift(0.479425538604203).mul_add(t1_205, t1_202);
+        let t1_207 = like.lift(0.1).mul_add(t1_206, t1_199);
+        let t1_208 = like.lift(0.5646424733950354) * t1_207;
+        let t1_209 = sin_a1_1_off * t1_194;
+        let t1_210 = (-cos_a1_1_off).mul_add(t1_197, t1_209);
+        let t1_211 = like.lift(0.2).mul_add(t1_206, t1_210);
+        let t1_212 = like.lift(-0.8253356149096783).mul_add(t1_211, t1_208);
+        let t1_213 = like.lift(0.479425538604203) * t1_201;
+        let t1_214 = like.lift(-0.8775825618903728).mul_add(t1_205, t1_213);
+        let t1_215 = like.lift(0.8253356149096783) * t1_214;
+        let t1_216 = cos_a1_1_off * t1_204;
+        let t1_217 = like.lift(-0.5646424733950354).mul_add(t1_216, t1_215);
+        let t1_218 = like.lift(0.1) * t1_217;
+        let t1_219 = t2 * t1_206;
+        let t1_220 = like.lift(0.5646424733950354).mul_add(t1_219, t1_218);
+        let t1_221 = t1_212 + t1_220;
+        let t1_222 = -t1_221;
+        let t1_223 = like.lift(0.12374368670764582) * t1_28;
+        let t1_224 = like.lift(0.1).mul_add(t1_2, t1_223);
+        let t1_225 = t1_49 - t1_224;
+        let t1_226 = like.lift(0.5646424733950354) * t1_225;
+        let t1_227 = like.lift(-0.2).mul_add(t1_2, t1_223);
+        let t1_228 = t1_112 + t1_227;
+        let t1_229 = like.lift(0.8253356149096783).mul_add(t1_228, t1_226);
+        let t1_230 = like.lift(0.01843378881738283) * t1_28;
+        let t1_231 = t2 * t1_2;
+        let t1_232 = like.lift(-0.5646424733950354).mul_add(t1_231, t1_230);
+        let t1_233 = t1_229 + t1_232;
+        m[0] = [t1_159, t1_162, t1_174, t1_190, t1_222, t1_233];
+        let t1_234 = -t1_185;
+        m[3] = [t1_190, t1_234, t1_61, t1_65, t1_194, like.lift(0.0)];
+        let t1_235 = -t1_216;
+        let t1_236 = like.lift(0.7071067811865476) * t1_28;
+        m[1] = [t1_162, p_m_mast, t1_18, t1_234, t1_235, t1_236];
+        m[5] = [t1_233, t1_236, like.lift(0.0), like.lift(0.0), like.lift(0.0), p_izz_paddle];
+        let t1_237 = -t1_192;
+        m[2] = [t1_174, t1_18, t1_135, t1_61, t1_237, like.lift(0.0)];
+        m[4] = [t1_222, t1_235, t1_237, t1_194, p_izz_lower, like.lift(0.0)];
+    }
+    (m, Condition::regular(like))
+}
+
 /// The robot as a `Model`, over slices.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TreeBranch;
@@ -3140,5 +5307,73 @@ impl<T: Scalar> Model<T> for TreeBranch {
         let out = ::regen_runtime::matrix_mut::<T, 5, 12>(out, "out")?;
         *out = poses(q);
         Ok(())
+    }
+}
+
+impl<T: Scalar> BaseModel<T> for TreeBranch {
+    fn base_info(&self) -> BaseInfo<'_> {
+        BASE_INFO
+    }
+
+    fn base_regressor(&self, q: &[T], qd: &[T], qdd: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
+        let q = ::regen_runtime::array::<T, 6>(q, "q")?;
+        let qd = ::regen_runtime::array::<T, 6>(qd, "qd")?;
+        let qdd = ::regen_runtime::array::<T, 6>(qdd, "qdd")?;
+        let out = ::regen_runtime::matrix_mut::<T, 29, 6>(out, "out")?;
+        Ok(base_regressor(q, qd, qdd, out))
+    }
+
+    fn to_base(&self, phi: &[T], out: &mut [T]) -> Result<(), SizeError> {
+        let phi = ::regen_runtime::array::<T, 50>(phi, "phi")?;
+        let out = ::regen_runtime::array_mut::<T, 29>(out, "out")?;
+        *out = to_base(phi);
+        Ok(())
+    }
+
+    fn from_base(&self, beta: &[T], free: &[T], out: &mut [T]) -> Result<(), SizeError> {
+        let beta = ::regen_runtime::array::<T, 29>(beta, "beta")?;
+        let free = ::regen_runtime::array::<T, 21>(free, "free")?;
+        let out = ::regen_runtime::array_mut::<T, 50>(out, "out")?;
+        *out = from_base(beta, free);
+        Ok(())
+    }
+
+    fn base_inverse_dynamics(&self, q: &[T], qd: &[T], qdd: &[T], beta: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
+        let q = ::regen_runtime::array::<T, 6>(q, "q")?;
+        let qd = ::regen_runtime::array::<T, 6>(qd, "qd")?;
+        let qdd = ::regen_runtime::array::<T, 6>(qdd, "qdd")?;
+        let beta = ::regen_runtime::array::<T, 29>(beta, "beta")?;
+        let out = ::regen_runtime::array_mut::<T, 6>(out, "out")?;
+        let (value, condition) = base_inverse_dynamics(q, qd, qdd, beta);
+        *out = value;
+        Ok(condition)
+    }
+
+    fn base_gravity(&self, q: &[T], beta: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
+        let q = ::regen_runtime::array::<T, 6>(q, "q")?;
+        let beta = ::regen_runtime::array::<T, 29>(beta, "beta")?;
+        let out = ::regen_runtime::array_mut::<T, 6>(out, "out")?;
+        let (value, condition) = base_gravity(q, beta);
+        *out = value;
+        Ok(condition)
+    }
+
+    fn base_bias_forces(&self, q: &[T], qd: &[T], beta: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
+        let q = ::regen_runtime::array::<T, 6>(q, "q")?;
+        let qd = ::regen_runtime::array::<T, 6>(qd, "qd")?;
+        let beta = ::regen_runtime::array::<T, 29>(beta, "beta")?;
+        let out = ::regen_runtime::array_mut::<T, 6>(out, "out")?;
+        let (value, condition) = base_bias_forces(q, qd, beta);
+        *out = value;
+        Ok(condition)
+    }
+
+    fn base_mass_matrix(&self, q: &[T], beta: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
+        let q = ::regen_runtime::array::<T, 6>(q, "q")?;
+        let beta = ::regen_runtime::array::<T, 29>(beta, "beta")?;
+        let out = ::regen_runtime::matrix_mut::<T, 6, 6>(out, "out")?;
+        let (value, condition) = base_mass_matrix(q, beta);
+        *out = value;
+        Ok(condition)
     }
 }

@@ -35,6 +35,7 @@ extern crate alloc;
 #[cfg(feature = "std")]
 extern crate std;
 
+mod base;
 #[cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]
 mod closure;
 mod condition;
@@ -45,6 +46,7 @@ mod model;
 mod observe;
 mod scalar;
 
+pub use base::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
 #[cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]
 pub use closure::{Closure, Misuse, Outcome, Solution, State};
 pub use condition::{Condition, NEAR_SINGULAR, SINGULAR, Status};

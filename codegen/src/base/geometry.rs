@@ -35,8 +35,12 @@ impl Names {
 
     /// A quantity of the spec.
     pub(super) fn element(&self, field: &mut Field, quantity: &Quantity) -> Element {
-        self.read(field, &quantity.expr)
-            .unwrap_or_else(|| field.variable(Variable::Written(quantity.value.to_string()), quantity.value.clone()))
+        self.read(field, &quantity.expr).unwrap_or_else(|| {
+            field.variable(
+                Variable::Written(quantity.value.to_string()),
+                quantity.value.clone(),
+            )
+        })
     }
 
     fn read(&self, field: &mut Field, expr: &Expr) -> Option<Element> {
@@ -275,11 +279,7 @@ impl Placed {
 
     fn carried(&self, field: &mut Field, phi: &[Element]) -> Vec<Element> {
         let e = |i: usize| phi[i].clone();
-        let tensor = [
-            [e(0), e(1), e(2)],
-            [e(1), e(3), e(4)],
-            [e(2), e(4), e(5)],
-        ];
+        let tensor = [[e(0), e(1), e(2)], [e(1), e(3), e(4)], [e(2), e(4), e(5)]];
         // R I R^T, columns first
         let columns = tensor.map(|column| self.out(field, &column));
         let rows: Rotation = [0, 1, 2].map(|i| [0, 1, 2].map(|j: usize| columns[j][i].clone()));

@@ -11,11 +11,11 @@ use super::span::{Vector, add_scaled, dot};
 
 /// A parameter that is written with others.
 #[derive(Clone, Debug)]
-pub struct Substitution {
+pub(super) struct Substitution {
     /// Its column.
-    pub column: usize,
+    pub(super) column: usize,
     /// What stands for it: columns with factors.
-    pub terms: Vec<(usize, Element)>,
+    pub(super) terms: Vec<(usize, Element)>,
 }
 
 /// The substitutions that `base.equal` and `base.zero` ask for, in order: each
@@ -28,7 +28,9 @@ pub(super) fn substitutions(field: &mut Field, spec: &Spec, model: &Model) -> Ve
     let mut forms: Vec<(Option<usize>, Vector)> = Vec::new();
     for group in &spec.base.equal {
         let bodies: Vec<usize> = group.iter().filter_map(|b| body(&b.value)).collect();
-        let Some((first, others)) = bodies.split_first() else { continue };
+        let Some((first, others)) = bodies.split_first() else {
+            continue;
+        };
         for other in others {
             for entry in 0..10 {
                 let form = Vector::from([
@@ -43,7 +45,9 @@ pub(super) fn substitutions(field: &mut Field, spec: &Spec, model: &Model) -> Ve
         let mut form = Vector::new();
         let mut first = None;
         for (label, factor) in &zero.terms {
-            let Some(column) = find(&label.value) else { continue };
+            let Some(column) = find(&label.value) else {
+                continue;
+            };
             let factor = names.element(field, factor);
             let term = Vector::from([(column, Element::one())]);
             add_scaled(field, &mut form, &factor, &term);
@@ -60,10 +64,16 @@ pub(super) fn substitutions(field: &mut Field, spec: &Spec, model: &Model) -> Ve
             }
         }
         // a form that the others imply asks for nothing
-        let column = wish.filter(|c| form.contains_key(c)).or_else(|| form.keys().next().copied());
+        let column = wish
+            .filter(|c| form.contains_key(c))
+            .or_else(|| form.keys().next().copied());
         let Some(column) = column else { continue };
-        let Some(lead) = form.remove(&column) else { continue };
-        let Some(factor) = field.div(&Element::integer(-1), &lead) else { continue };
+        let Some(lead) = form.remove(&column) else {
+            continue;
+        };
+        let Some(factor) = field.div(&Element::integer(-1), &lead) else {
+            continue;
+        };
         let mut terms = Vector::new();
         add_scaled(field, &mut terms, &factor, &form);
         // earlier ones may have used this column
@@ -84,7 +94,11 @@ pub(super) fn substitutions(field: &mut Field, spec: &Spec, model: &Model) -> Ve
 
 /// The null directions that respect what is known, over the columns that are
 /// still there.
-pub(super) fn restricted(field: &mut Field, null: &[Vector], known: &[Substitution]) -> Vec<Vector> {
+pub(super) fn restricted(
+    field: &mut Field,
+    null: &[Vector],
+    known: &[Substitution],
+) -> Vec<Vector> {
     let mut rows = null.to_vec();
     for substitution in known {
         // the form: column - terms

@@ -102,12 +102,16 @@ impl Linkage {
         for cut in &model.cuts {
             let [a, b] = &cut.sides;
             let mut stages = vec![Stage::Fixed(Placed::new(field, &names, &a.placement))];
-            stages.extend(cut_motions(cut.kind).iter().map(|(kind, axis)| Stage::Moving {
-                kind: *kind,
-                axis: *axis,
-                rotor: None,
-                coulomb: None,
-            }));
+            stages.extend(
+                cut_motions(cut.kind)
+                    .iter()
+                    .map(|(kind, axis)| Stage::Moving {
+                        kind: *kind,
+                        axis: *axis,
+                        rotor: None,
+                        coulomb: None,
+                    }),
+            );
             let last = Placed::new(field, &names, &b.placement).inverse(field);
             stages.push(Stage::Fixed(last));
             edges.push(Edge {

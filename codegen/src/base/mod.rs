@@ -1,6 +1,7 @@
 //! The base parameters: which combinations of the dynamic parameters a
 //! mechanism's forces depend on, exactly (`codegen/BASE.md` explains the method).
 
+mod analysis;
 pub mod certificate;
 mod choice;
 pub mod field;
@@ -10,6 +11,8 @@ mod linkage;
 mod span;
 mod tree;
 mod trees;
+
+pub use analysis::{Analysis, analyse};
 
 use crate::model::Model;
 use crate::spec::Spec;
@@ -155,29 +158,5 @@ impl Base {
     /// The number of base parameters, dropped ones left out.
     pub fn rank(&self) -> usize {
         self.parameters.iter().filter(|p| !p.dropped).count()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::diag::Source;
-
-    #[test]
-    fn try_it() {
-        for name in ["oracle/3rps", "oracle/fivebar", "oracle/puma560", "oracle/tree_branch", "mechanisms/hexapod","mechanisms/delta","mechanisms/prs3","mechanisms/rrr3","mechanisms/parallelogram"] {
-            let path = format!("{}/../tests/{name}.yaml", env!("CARGO_MANIFEST_DIR"));
-            let text = std::fs::read_to_string(path).unwrap();
-            let spec = crate::spec::parse(&Source::new(name, text)).unwrap();
-            let model = crate::model::build(&spec);
-            let t = std::time::Instant::now();
-            let base = derive(&spec, &model, None);
-            eprintln!("{name}: {} trees, dim {} rank {} {:?}", base.trees, base.from_trees, base.rank(), t.elapsed());
-            for p in &base.parameters {
-                let s: Vec<String> = p.terms.iter().map(|t| format!("[{}] {}", t.coefficient, model.parameters[t.column].label)).collect();
-                eprintln!("{}", s.join(" + "));
-            }
-            for c in &base.coincidences { eprintln!("note {c}"); }
-        }
     }
 }

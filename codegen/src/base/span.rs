@@ -65,7 +65,11 @@ impl Span {
             }
         }
         // the entry with the shortest expression leads
-        let Some(lead) = rest.iter().min_by_key(|(i, e)| (e.weight(), **i)).map(|(i, _)| *i) else {
+        let Some(lead) = rest
+            .iter()
+            .min_by_key(|(i, e)| (e.weight(), **i))
+            .map(|(i, _)| *i)
+        else {
             return false;
         };
         let factor = rest.get(&lead).and_then(|e| field.div(&Element::one(), e));

@@ -26,9 +26,8 @@ struct Reach {
 pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, tree: &[usize]) -> Vec<Vector> {
     let mut reach: Vec<Option<Reach>> = vec![None; linkage.bodies + 1];
     let mut ground = Reach::default();
-    let mut gravity: Vector = sparse(
-        std::iter::repeat_n(Element::zero(), 3).chain(linkage.gravity.iter().cloned()),
-    );
+    let mut gravity: Vector =
+        sparse(std::iter::repeat_n(Element::zero(), 3).chain(linkage.gravity.iter().cloned()));
     gravity.insert(WEIGHT, Element::one());
     ground.twists.insert(field, &gravity);
     reach[0] = Some(ground);
@@ -52,11 +51,7 @@ pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, tree: &[usiz
         let stages = edge.stages_from(field, parent);
         let (end, found) = pass(field, start, &stages);
         reach[child] = Some(end);
-        directions.extend(
-            found
-                .into_iter()
-                .map(|d| d.placed(field, parent, child)),
-        );
+        directions.extend(found.into_iter().map(|d| d.placed(field, parent, child)));
     }
     directions
 }
@@ -77,7 +72,12 @@ impl Passing {
             let offset = 10 * (body - 1);
             v.iter().map(|(i, e)| (offset + i, e.clone())).collect()
         };
-        add_scaled(field, &mut vector, &Element::one(), &shifted(&self.child, child));
+        add_scaled(
+            field,
+            &mut vector,
+            &Element::one(),
+            &shifted(&self.child, child),
+        );
         if parent > 0 {
             add_scaled(field, &mut vector, &minus, &shifted(&self.image, parent));
         }
@@ -103,7 +103,9 @@ fn pass(field: &mut Field, start: Reach, stages: &[Stage]) -> (Reach, Vec<Passin
     let mut functionals: Vec<Vector> = Vec::new();
     let mut own: Vec<Own> = Vec::new();
     // from the frame reached back to the parent, column by column
-    let mut back: Vec<Vector> = (0..10).map(|i| Vector::from([(i, Element::one())])).collect();
+    let mut back: Vec<Vector> = (0..10)
+        .map(|i| Vector::from([(i, Element::one())]))
+        .collect();
     for stage in stages {
         match stage {
             Stage::Fixed(placed) => {
@@ -165,29 +167,35 @@ fn pass(field: &mut Field, start: Reach, stages: &[Stage]) -> (Reach, Vec<Passin
     for functional in &functionals {
         span.insert(field, functional);
     }
-    let passing = span.annihilator(10 + own.len()).into_iter().map(|direction| {
-        let child: Vector = direction.range(..10).map(|(i, e)| (*i, e.clone())).collect();
-        let mut image = Vector::new();
-        for (i, entry) in &child {
-            add_scaled(field, &mut image, entry, &back[*i]);
-        }
-        let mut columns = Vec::new();
-        for (at, entry) in direction.range(10..) {
-            match own[at - 10] {
-                Own::Rotor(column) => columns.push((column, entry.clone())),
-                // an offset is half the difference of Fc+ and Fc-
-                Own::Offset(positive, negative) => {
-                    columns.push((positive, entry.clone()));
-                    columns.push((negative, entry.neg()));
+    let passing = span
+        .annihilator(10 + own.len())
+        .into_iter()
+        .map(|direction| {
+            let child: Vector = direction
+                .range(..10)
+                .map(|(i, e)| (*i, e.clone()))
+                .collect();
+            let mut image = Vector::new();
+            for (i, entry) in &child {
+                add_scaled(field, &mut image, entry, &back[*i]);
+            }
+            let mut columns = Vec::new();
+            for (at, entry) in direction.range(10..) {
+                match own[at - 10] {
+                    Own::Rotor(column) => columns.push((column, entry.clone())),
+                    // an offset is half the difference of Fc+ and Fc-
+                    Own::Offset(positive, negative) => {
+                        columns.push((positive, entry.clone()));
+                        columns.push((negative, entry.neg()));
+                    }
                 }
             }
-        }
-        Passing {
-            child,
-            image,
-            own: columns,
-        }
-    });
+            Passing {
+                child,
+                image,
+                own: columns,
+            }
+        });
     let passing = passing.collect();
     (reach, passing)
 }
@@ -276,7 +284,10 @@ impl Joint {
     fn ad(&self, field: &mut Field, twist: &Vector) -> Vector {
         let e = |i: usize| twist.get(&i).cloned().unwrap_or_else(Element::zero);
         let s = self.twist.map(Element::integer);
-        let [sw, sv] = [[s[0].clone(), s[1].clone(), s[2].clone()], [s[3].clone(), s[4].clone(), s[5].clone()]];
+        let [sw, sv] = [
+            [s[0].clone(), s[1].clone(), s[2].clone()],
+            [s[3].clone(), s[4].clone(), s[5].clone()],
+        ];
         let (w, v) = ([e(0), e(1), e(2)], [e(3), e(4), e(5)]);
         let turned = field.cross(&sw, &w);
         let one = field.cross(&sw, &v);
@@ -320,7 +331,13 @@ impl Joint {
     /// The reach behind the joint, and the functionals that a direction must be
     /// orthogonal to: in ten entries, and in those of the rotor (1 in the
     /// generator h(S, S) alone) and of the friction's offset (against gravity).
-    fn extend(&self, field: &mut Field, before: &Reach, rotor: Option<usize>, offset: Option<usize>) -> (Reach, Vec<Vector>) {
+    fn extend(
+        &self,
+        field: &mut Field,
+        before: &Reach,
+        rotor: Option<usize>,
+        offset: Option<usize>,
+    ) -> (Reach, Vec<Vector>) {
         let mut twists = before.twists.clone();
         close(field, &mut twists, |f, t| self.ad(f, t));
         // what is inherited counts only as far as the joint changes it

@@ -1,5 +1,6 @@
 //! From programs to Rust text. Knows nothing of how they were derived.
 
+mod base;
 mod body;
 mod module;
 mod names;

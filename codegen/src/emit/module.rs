@@ -2,11 +2,12 @@
 
 use std::fmt::Write as _;
 
+use crate::base::Analysis;
 use crate::optimize::{Operand, Operations, Program};
 use crate::robot::{Function, FunctionKind, Robot};
 
 use super::body::statements;
-use super::trait_impl;
+use super::{base, trait_impl};
 
 /// How to write a module.
 #[derive(Clone, Debug)]
@@ -36,9 +37,24 @@ pub fn module(robot: &Robot, options: &Options) -> String {
     let cut = if robot.cuts.is_empty() { "" } else { "Cut, " };
     let _ = writeln!(
         out,
-        "use {runtime}::{{Condition, {cut}Info, Model, Scalar, SizeError}};\n"
+        "use {runtime}::{{Condition, {cut}Info, Model, Scalar, SizeError}};"
     );
+    if let Some(analysis) = base_of(robot) {
+        let certificate = if analysis.certificate.is_ok() {
+            ", Certificate"
+        } else {
+            ""
+        };
+        let _ = writeln!(
+            out,
+            "use {runtime}::{{BaseInfo, BaseModel, BaseParameter, BaseTerm{certificate}}};"
+        );
+    }
+    let _ = writeln!(out);
     constants(robot, &mut out);
+    if let Some(analysis) = base_of(robot) {
+        base::constants(robot, analysis, &mut out);
+    }
     for function in &robot.functions {
         write_function(robot, function, options, &mut out);
     }
@@ -68,6 +84,16 @@ fn header(robot: &Robot, out: &mut String) {
         robot.redundant_rows.len(),
     );
     let _ = writeln!(out, "//!");
+    if let Some(analysis) = base_of(robot) {
+        let certified = if analysis.complete {
+            "certified to be minimal"
+        } else {
+            "not certified to be minimal"
+        };
+        let rank = analysis.base.rank();
+        let _ = writeln!(out, "//! {rank} base parameters, {certified}.");
+        let _ = writeln!(out, "//!");
+    }
     let _ = writeln!(out, "//! | function | add | mul | div | sin and cos |");
     let _ = writeln!(out, "//! |---|---|---|---|---|");
     for function in &robot.functions {
@@ -179,6 +205,12 @@ fn constants(robot: &Robot, out: &mut String) {
     let _ = writeln!(out, "}};");
 }
 
+/// The base parameters, where there are functions over them.
+pub(super) fn base_of(robot: &Robot) -> Option<&Analysis> {
+    robot.function(FunctionKind::ToBase)?;
+    robot.analysis.as_ref()
+}
+
 /// The names of the elements of an argument.
 fn elements(robot: &Robot, argument: &str) -> Vec<String> {
     let of = |which: &[usize]| -> Vec<String> {
@@ -189,6 +221,8 @@ fn elements(robot: &Robot, argument: &str) -> Vec<String> {
     };
     match argument {
         "phi" => robot.parameters.clone(),
+        "beta" => base::kept(robot),
+        "free" => base::free(robot),
         "tau" => of(&robot.actuated),
         "qd_i" | "qdd_i" | "qd_r" | "qdd_r" => of(&robot.independent),
         _ => robot.coordinates.clone(),
@@ -204,12 +238,17 @@ pub(super) fn has_condition(kind: FunctionKind) -> bool {
             | FunctionKind::Bias
             | FunctionKind::DependentJacobian
             | FunctionKind::Poses
+            | FunctionKind::ToBase
+            | FunctionKind::FromBase
     )
 }
 
 /// Whether the function writes through an argument: its result is large.
 pub(super) fn writes_through(kind: FunctionKind) -> bool {
-    matches!(kind, FunctionKind::Regressor | FunctionKind::SlotineLi)
+    matches!(
+        kind,
+        FunctionKind::Regressor | FunctionKind::SlotineLi | FunctionKind::BaseRegressor
+    )
 }
 
 /// The type of an array of this shape.
@@ -250,6 +289,19 @@ fn formula(kind: FunctionKind) -> &'static str {
         }
         FunctionKind::Efforts => "The left side of Eq. 10 from the actuated efforts.",
         FunctionKind::Poses => "Where the bodies are.",
+        FunctionKind::BaseRegressor => {
+            "The reduced regressor W_red (Eq. 23): only the columns that are kept."
+        }
+        FunctionKind::ToBase => "The base parameters of given parameters.",
+        FunctionKind::FromBase => {
+            "Parameters with given base parameters; all of them, as `free` takes all values."
+        }
+        FunctionKind::BaseInverseDynamics => "Inverse dynamics from base parameters.",
+        FunctionKind::BaseGravity => "The efforts of gravity from base parameters.",
+        FunctionKind::BaseBiasForces => {
+            "Coriolis, centrifugal and friction efforts from base parameters."
+        }
+        FunctionKind::BaseMassMatrix => "The mass matrix from base parameters.",
     }
 }
 

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 use crate::robot::{Function, FunctionKind, Robot};
 
-use super::module::{Options, has_condition, writes_through};
+use super::module::{Options, base_of, has_condition, writes_through};
 use super::names::type_name;
 
 /// The trait's arguments that are not named as in the functions.
@@ -36,6 +36,12 @@ fn arguments(kind: FunctionKind) -> &'static [&'static str] {
         | FunctionKind::NewtonStep
         | FunctionKind::DependentJacobian
         | FunctionKind::Poses => &["q"],
+        FunctionKind::BaseRegressor => &["q", "qd", "qdd"],
+        FunctionKind::ToBase => &["phi"],
+        FunctionKind::FromBase => &["beta", "free"],
+        FunctionKind::BaseInverseDynamics => &["q", "qd", "qdd", "beta"],
+        FunctionKind::BaseGravity | FunctionKind::BaseMassMatrix => &["q", "beta"],
+        FunctionKind::BaseBiasForces => &["q", "qd", "beta"],
     }
 }
 
@@ -50,30 +56,45 @@ pub(super) fn write(robot: &Robot, options: &Options, out: &mut String) {
     let _ = writeln!(out, "    fn info(&self) -> Info<'_> {{");
     let _ = writeln!(out, "        INFO");
     let _ = writeln!(out, "    }}");
-    for kind in FunctionKind::ALL {
-        let function = robot.function(kind);
-        let mut parameters = vec!["&self".to_owned()];
-        parameters.extend(arguments(kind).iter().map(|a| format!("{a}: &[T]")));
-        parameters.push("out: &mut [T]".to_owned());
-        let result = if has_condition(kind) {
-            "Condition<T>"
-        } else {
-            "()"
-        };
-        let _ = writeln!(out);
-        let _ = writeln!(
-            out,
-            "    fn {}({}) -> Result<{result}, SizeError> {{",
-            kind.name(),
-            parameters.join(", ")
-        );
-        match function {
-            Some(function) => method(function, runtime, out),
-            None => without_loops(robot, kind, runtime, out),
-        }
-        let _ = writeln!(out, "    }}");
+    for kind in FunctionKind::ALL.into_iter().filter(|k| !k.needs_base()) {
+        trait_method(robot, kind, runtime, out);
     }
     let _ = writeln!(out, "}}");
+    if base_of(robot).is_none() {
+        return;
+    }
+    let _ = writeln!(out);
+    let _ = writeln!(out, "impl<T: Scalar> BaseModel<T> for {name} {{");
+    let _ = writeln!(out, "    fn base_info(&self) -> BaseInfo<'_> {{");
+    let _ = writeln!(out, "        BASE_INFO");
+    let _ = writeln!(out, "    }}");
+    for kind in FunctionKind::ALL.into_iter().filter(|k| k.needs_base()) {
+        trait_method(robot, kind, runtime, out);
+    }
+    let _ = writeln!(out, "}}");
+}
+
+fn trait_method(robot: &Robot, kind: FunctionKind, runtime: &str, out: &mut String) {
+    let mut parameters = vec!["&self".to_owned()];
+    parameters.extend(arguments(kind).iter().map(|a| format!("{a}: &[T]")));
+    parameters.push("out: &mut [T]".to_owned());
+    let result = if has_condition(kind) {
+        "Condition<T>"
+    } else {
+        "()"
+    };
+    let _ = writeln!(out);
+    let _ = writeln!(
+        out,
+        "    fn {}({}) -> Result<{result}, SizeError> {{",
+        kind.name(),
+        parameters.join(", ")
+    );
+    match robot.function(kind) {
+        Some(function) => method(function, runtime, out),
+        None => without_loops(robot, kind, runtime, out),
+    }
+    let _ = writeln!(out, "    }}");
 }
 
 fn method(function: &Function, runtime: &str, out: &mut String) {

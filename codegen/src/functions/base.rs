@@ -17,12 +17,17 @@ fn symbols(g: &mut Graph, prefix: &str, labels: &[String]) -> (Vec<SymbolId>, Ve
 }
 
 fn labels(cx: &Context<'_>, columns: impl Iterator<Item = usize>) -> Vec<String> {
-    columns.map(|c| cx.model.parameters[c].label.clone()).collect()
+    columns
+        .map(|c| cx.model.parameters[c].label.clone())
+        .collect()
 }
 
 /// Columns of the base parameters that are not dropped.
 fn kept(base: &Base) -> impl Iterator<Item = usize> + '_ {
-    base.parameters.iter().filter(|p| !p.dropped).map(|p| p.column)
+    base.parameters
+        .iter()
+        .filter(|p| !p.dropped)
+        .map(|p| p.column)
 }
 
 fn argument(name: &str, doc: &str, ids: Vec<SymbolId>) -> (Argument, Vec<SymbolId>) {
@@ -37,7 +42,10 @@ fn argument(name: &str, doc: &str, ids: Vec<SymbolId>) -> (Argument, Vec<SymbolI
 fn beta(cx: &mut Context<'_>, base: &Base) -> ((Argument, Vec<SymbolId>), Vec<Ex>) {
     let labels = labels(cx, kept(base));
     let (ids, nodes) = symbols(cx.g, "base:", &labels);
-    (argument("beta", "base parameters, SI, in the order of `BASE`", ids), nodes)
+    (
+        argument("beta", "base parameters, SI, in the order of `BASE`", ids),
+        nodes,
+    )
 }
 
 fn combination(g: &mut Graph, terms: &[Term], phi: &[Ex]) -> Ex {
@@ -109,7 +117,11 @@ pub(super) fn to_base(cx: &mut Context<'_>, base: &Base) -> Request {
         .collect();
     Request {
         arguments: vec![cx.symbols.phi()],
-        output: output("beta", &[base.rank()], "base parameters, in the order of `BASE`"),
+        output: output(
+            "beta",
+            &[base.rank()],
+            "base parameters, in the order of `BASE`",
+        ),
         groups: vec![group("combinations", values)],
     }
 }
@@ -134,10 +146,18 @@ pub(super) fn from_base(cx: &mut Context<'_>, base: &Base) -> Request {
     for known in &base.known {
         phi[known.column] = combination(cx.g, &known.terms, &phi);
     }
-    let free = argument("free", "values of the eliminated parameters, in the order of `FREE`", ids);
+    let free = argument(
+        "free",
+        "values of the eliminated parameters, in the order of `FREE`",
+        ids,
+    );
     Request {
         arguments: vec![beta_argument, free],
-        output: output("phi", &[phi.len()], "dynamic parameters, in the order of `PARAMETERS`"),
+        output: output(
+            "phi",
+            &[phi.len()],
+            "dynamic parameters, in the order of `PARAMETERS`",
+        ),
         groups: vec![group("phi", phi)],
     }
 }

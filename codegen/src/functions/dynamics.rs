@@ -198,7 +198,11 @@ pub(super) fn mass_matrix_of(cx: &mut Context<'_>, phi: &[Ex]) -> Request {
     let width = matrix.len();
     Request {
         arguments: vec![cx.symbols.q(), cx.symbols.phi()],
-        output: output("m", &[width, width], "M = J^T M_tree J, J = [1; -X]; rotors included"),
+        output: output(
+            "m",
+            &[width, width],
+            "M = J^T M_tree J, J = [1; -X]; rotors included",
+        ),
         groups: vec![group("M", matrix.into_iter().flatten().collect())],
     }
 }

@@ -67,7 +67,11 @@ impl Ratio {
     }
 
     /// Lowest terms; `None` where it is too long.
-    fn lowest(numerator: Polynomial, denominator: Polynomial, variables: &Variables) -> Option<Self> {
+    fn lowest(
+        numerator: Polynomial,
+        denominator: Polynomial,
+        variables: &Variables,
+    ) -> Option<Self> {
         if numerator.is_zero() {
             return Some(Ratio::zero());
         }

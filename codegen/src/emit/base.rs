@@ -1,0 +1,96 @@
+//! The base parameters as data.
+
+use std::fmt::Write as _;
+
+use crate::base::Analysis;
+use crate::robot::Robot;
+
+/// Labels of the base parameters that functions take.
+pub(super) fn kept(robot: &Robot) -> Vec<String> {
+    let analysis = robot.analysis.iter();
+    let parameters = analysis.flat_map(|a| &a.base.parameters);
+    parameters
+        .filter(|p| !p.dropped)
+        .map(|p| robot.parameters[p.column].clone())
+        .collect()
+}
+
+/// Labels of the eliminated parameters.
+pub(super) fn free(robot: &Robot) -> Vec<String> {
+    let analysis = robot.analysis.iter();
+    let columns = analysis.flat_map(|a| &a.base.null).map(|n| n.0);
+    columns.map(|c| robot.parameters[c].clone()).collect()
+}
+
+pub(super) fn constants(robot: &Robot, analysis: &Analysis, out: &mut String) {
+    let base = &analysis.base;
+    let kept: Vec<_> = base.parameters.iter().filter(|p| !p.dropped).collect();
+    let _ = writeln!(
+        out,
+        "/// The base parameters, in the order of `beta`: the columns of `base_regressor`."
+    );
+    let _ = writeln!(
+        out,
+        "pub const BASE: [BaseParameter<'static>; {}] = [",
+        kept.len()
+    );
+    for parameter in kept {
+        let label = &robot.parameters[parameter.column];
+        let _ = writeln!(out, "    BaseParameter {{");
+        let _ = writeln!(out, "        label: {label:?},");
+        let _ = writeln!(out, "        terms: &[");
+        for term in &parameter.terms {
+            let _ = writeln!(
+                out,
+                "            BaseTerm {{ parameter: {:?}, index: {}, coefficient: {:?}, value: {:?} }},",
+                robot.parameters[term.column],
+                term.column,
+                term.coefficient,
+                term.value.to_f64(),
+            );
+        }
+        let _ = writeln!(out, "        ],");
+        let _ = writeln!(out, "    }},");
+    }
+    let _ = writeln!(out, "];");
+    let free = free(robot);
+    let _ = writeln!(
+        out,
+        "/// Labels of the eliminated parameters, in the order of `free`."
+    );
+    let _ = writeln!(out, "pub const FREE: [&str; {}] = [", free.len());
+    for label in &free {
+        let _ = writeln!(out, "    {label:?},");
+    }
+    let _ = writeln!(out, "];");
+    let minimal = if analysis.complete {
+        "certified to be minimal"
+    } else {
+        "NOT certified to be minimal"
+    };
+    let _ = writeln!(out, "/// The base and its certificate: {minimal}.");
+    let _ = writeln!(out, "pub const BASE_INFO: BaseInfo<'static> = BaseInfo {{");
+    let _ = writeln!(out, "    base: &BASE,");
+    let _ = writeln!(out, "    free: &FREE,");
+    match &analysis.certificate {
+        Ok(c) => {
+            let _ = writeln!(out, "    certificate: Some(Certificate {{");
+            for (field, value) in [
+                ("columns", c.columns),
+                ("rank", c.rank),
+                ("states", c.states),
+                ("digits", c.digits),
+            ] {
+                let _ = writeln!(out, "        {field}: {value},");
+            }
+            let _ = writeln!(out, "        smallest_kept: {:?},", c.smallest_kept);
+            let _ = writeln!(out, "        largest_dropped: {:?},", c.largest_dropped);
+            let _ = writeln!(out, "    }}),");
+        }
+        Err(_) => {
+            let _ = writeln!(out, "    certificate: None,");
+        }
+    }
+    let _ = writeln!(out, "    complete: {},", analysis.complete);
+    let _ = writeln!(out, "}};");
+}
