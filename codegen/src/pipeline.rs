@@ -11,19 +11,46 @@ use crate::robot::{Function, FunctionKind, Robot};
 use crate::spec::{self, Spec};
 use crate::sym::Graph;
 
-/// What is derived beside the model itself.
+/// Where base parameters with their certificate, and the functions over them,
+/// come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Options {
-    /// Base parameters with their certificate, and the functions over them.
-    pub base: bool,
+pub enum BaseFrom<'a> {
+    /// They are left out.
+    Nowhere,
+    /// They are derived, however long it takes.
+    Derivation,
+    /// They are read from what was stored; derived where nothing was and it is
+    /// quick (see [`base::is_heavy`]).
+    Store(Option<&'a str>),
+}
+
+/// Why there is no robot.
+#[derive(Clone, Debug)]
+pub enum DeriveError {
+    /// The spec has errors.
+    Spec(Box<Report>),
+    /// The stored base parameters cannot be used.
+    Store(base::StoreProblem),
+    /// The base parameters should be stored, and are not.
+    NotStored,
+}
+
+impl From<Report> for DeriveError {
+    fn from(report: Report) -> Self {
+        DeriveError::Spec(Box::new(report))
+    }
 }
 
 /// Derives a robot, with its base parameters, from the text of its spec.
 ///
 /// # Errors
-/// As [`derive_with`].
+/// A report with the place of every mistake in the spec.
 pub fn derive(source: &Source) -> Result<Robot, Report> {
-    derive_with(source, Options { base: true })
+    derive_with(source, BaseFrom::Derivation).map_err(|error| match error {
+        DeriveError::Spec(report) => *report,
+        // only a store has such errors
+        DeriveError::Store(_) | DeriveError::NotStored => Report::new(source.clone(), Vec::new()),
+    })
 }
 
 /// Derives a robot from the text of its spec.
@@ -31,8 +58,8 @@ pub fn derive(source: &Source) -> Result<Robot, Report> {
 /// # Errors
 /// A report with the place of every mistake in the spec: of its syntax, its
 /// names and values, or of a home that does not close or does not fit the
-/// mobility.
-pub fn derive_with(source: &Source, options: Options) -> Result<Robot, Report> {
+/// mobility. Or why what was stored cannot be used.
+pub fn derive_with(source: &Source, from: BaseFrom<'_>) -> Result<Robot, DeriveError> {
     // spec: text -> validated spec
     let spec = spec::parse(source)?;
     // model: bodies, joints, spanning tree, cuts, parameter order
@@ -47,9 +74,16 @@ pub fn derive_with(source: &Source, options: Options) -> Result<Robot, Report> {
         .map_err(|problem| crate::checks::home_report(source, &spec, &model, &problem))?;
     crate::checks::aligned_at_home(source, &spec, &mut g, &frames, &model, &closed.home)?;
     // base: which combinations of the parameters count (Eq. 23), certified
-    let analysis = options
-        .base
-        .then(|| base::analyse(&spec, &model, &closed.home));
+    let analysis = match from {
+        BaseFrom::Nowhere => None,
+        BaseFrom::Store(Some(text)) => {
+            Some(base::restore(text, source, &spec, &model).map_err(DeriveError::Store)?)
+        }
+        BaseFrom::Store(None) if base::is_heavy(&model) => return Err(DeriveError::NotStored),
+        BaseFrom::Store(None) | BaseFrom::Derivation => {
+            Some(base::analyse(&spec, &model, &closed.home))
+        }
+    };
     let mut cx = Context {
         g: &mut g,
         model: &model,

@@ -101,7 +101,7 @@ impl FunctionKind {
             FunctionKind::Poses => "poses",
             FunctionKind::BaseRegressor => "base_regressor",
             FunctionKind::ToBase => "to_base",
-            FunctionKind::FromBase => "from_base",
+            FunctionKind::FromBase => "parameters_from_base",
             FunctionKind::BaseInverseDynamics => "base_inverse_dynamics",
             FunctionKind::BaseGravity => "base_gravity",
             FunctionKind::BaseBiasForces => "base_bias_forces",

@@ -26,7 +26,7 @@
 //! | [`poses`] | 3 | 4 | 0 | 4 |
 //! | [`base_regressor`] | 33 | 75 | 1 | 4 |
 //! | [`to_base`] | 15 | 9 | 0 | 0 |
-//! | [`from_base`] | 13 | 9 | 0 | 0 |
+//! | [`parameters_from_base`] | 13 | 9 | 0 | 0 |
 //! | [`base_inverse_dynamics`] | 44 | 79 | 1 | 4 |
 //! | [`base_gravity`] | 22 | 41 | 1 | 5 |
 //! | [`base_bias_forces`] | 33 | 74 | 1 | 3 |
@@ -1942,7 +1942,7 @@ pub fn to_base<T: Scalar>(phi: &[T; 40]) -> [T; 11] {
 /// - `phi`: dynamic parameters, in the order of `PARAMETERS`
 ///
 /// 13 additions, 9 multiplications, 0 divisions, 0 sines and cosines.
-pub fn from_base<T: Scalar>(beta: &[T; 11], free: &[T; 29]) -> [T; 40] {
+pub fn parameters_from_base<T: Scalar>(beta: &[T; 11], free: &[T; 29]) -> [T; 40] {
     let like = beta[0];
     let mut phi = [like.lift(0.0); 40];
     let [
@@ -2680,11 +2680,11 @@ impl<T: Scalar> BaseModel<T> for Fivebar {
         Ok(())
     }
 
-    fn from_base(&self, beta: &[T], free: &[T], out: &mut [T]) -> Result<(), SizeError> {
+    fn parameters_from_base(&self, beta: &[T], free: &[T], out: &mut [T]) -> Result<(), SizeError> {
         let beta = ::regen_runtime::array::<T, 11>(beta, "beta")?;
         let free = ::regen_runtime::array::<T, 29>(free, "free")?;
         let out = ::regen_runtime::array_mut::<T, 40>(out, "out")?;
-        *out = from_base(beta, free);
+        *out = parameters_from_base(beta, free);
         Ok(())
     }
 

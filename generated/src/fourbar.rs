@@ -26,7 +26,7 @@
 //! | [`poses`] | 1 | 2 | 0 | 3 |
 //! | [`base_regressor`] | 17 | 43 | 1 | 3 |
 //! | [`to_base`] | 9 | 9 | 0 | 0 |
-//! | [`from_base`] | 9 | 9 | 0 | 0 |
+//! | [`parameters_from_base`] | 9 | 9 | 0 | 0 |
 //! | [`base_inverse_dynamics`] | 24 | 47 | 1 | 3 |
 //! | [`base_gravity`] | 11 | 29 | 1 | 3 |
 //! | [`base_bias_forces`] | 17 | 41 | 1 | 2 |
@@ -1466,7 +1466,7 @@ pub fn to_base<T: Scalar>(phi: &[T; 30]) -> [T; 8] {
 /// - `phi`: dynamic parameters, in the order of `PARAMETERS`
 ///
 /// 9 additions, 9 multiplications, 0 divisions, 0 sines and cosines.
-pub fn from_base<T: Scalar>(beta: &[T; 8], free: &[T; 22]) -> [T; 30] {
+pub fn parameters_from_base<T: Scalar>(beta: &[T; 8], free: &[T; 22]) -> [T; 30] {
     let like = beta[0];
     let mut phi = [like.lift(0.0); 30];
     let [p_izz_1, p_my_1, p_izz_2, p_mx_2, p_my_2, p_izz_3, p_mx_3, p_my_3] = *beta;
@@ -2047,11 +2047,11 @@ impl<T: Scalar> BaseModel<T> for Fourbar {
         Ok(())
     }
 
-    fn from_base(&self, beta: &[T], free: &[T], out: &mut [T]) -> Result<(), SizeError> {
+    fn parameters_from_base(&self, beta: &[T], free: &[T], out: &mut [T]) -> Result<(), SizeError> {
         let beta = ::regen_runtime::array::<T, 8>(beta, "beta")?;
         let free = ::regen_runtime::array::<T, 22>(free, "free")?;
         let out = ::regen_runtime::array_mut::<T, 30>(out, "out")?;
-        *out = from_base(beta, free);
+        *out = parameters_from_base(beta, free);
         Ok(())
     }
 

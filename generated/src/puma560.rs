@@ -21,7 +21,7 @@
 //! | [`poses`] | 27 | 55 | 0 | 6 |
 //! | [`base_regressor`] | 298 | 420 | 0 | 5 |
 //! | [`to_base`] | 58 | 37 | 0 | 0 |
-//! | [`from_base`] | 58 | 37 | 0 | 0 |
+//! | [`parameters_from_base`] | 58 | 37 | 0 | 0 |
 //! | [`base_inverse_dynamics`] | 275 | 306 | 0 | 5 |
 //! | [`base_gravity`] | 28 | 64 | 0 | 5 |
 //! | [`base_bias_forces`] | 241 | 283 | 0 | 5 |
@@ -4786,7 +4786,7 @@ pub fn to_base<T: Scalar>(phi: &[T; 60]) -> [T; 36] {
 /// - `phi`: dynamic parameters, in the order of `PARAMETERS`
 ///
 /// 58 additions, 37 multiplications, 0 divisions, 0 sines and cosines.
-pub fn from_base<T: Scalar>(beta: &[T; 36], free: &[T; 24]) -> [T; 60] {
+pub fn parameters_from_base<T: Scalar>(beta: &[T; 36], free: &[T; 24]) -> [T; 60] {
     let like = beta[0];
     let mut phi = [like.lift(0.0); 60];
     let [
@@ -6383,11 +6383,11 @@ impl<T: Scalar> BaseModel<T> for Puma560 {
         Ok(())
     }
 
-    fn from_base(&self, beta: &[T], free: &[T], out: &mut [T]) -> Result<(), SizeError> {
+    fn parameters_from_base(&self, beta: &[T], free: &[T], out: &mut [T]) -> Result<(), SizeError> {
         let beta = ::regen_runtime::array::<T, 36>(beta, "beta")?;
         let free = ::regen_runtime::array::<T, 24>(free, "free")?;
         let out = ::regen_runtime::array_mut::<T, 60>(out, "out")?;
-        *out = from_base(beta, free);
+        *out = parameters_from_base(beta, free);
         Ok(())
     }
 

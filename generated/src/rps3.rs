@@ -26,7 +26,7 @@
 //! | [`poses`] | 15 | 44 | 0 | 6 |
 //! | [`base_regressor`] | 226 | 437 | 6 | 6 |
 //! | [`to_base`] | 17 | 8 | 0 | 0 |
-//! | [`from_base`] | 17 | 8 | 0 | 0 |
+//! | [`parameters_from_base`] | 17 | 8 | 0 | 0 |
 //! | [`base_inverse_dynamics`] | 204 | 346 | 6 | 6 |
 //! | [`base_gravity`] | 116 | 249 | 6 | 6 |
 //! | [`base_bias_forces`] | 266 | 466 | 6 | 6 |
@@ -6649,7 +6649,7 @@ pub fn to_base<T: Scalar>(phi: &[T; 70]) -> [T; 25] {
 /// - `phi`: dynamic parameters, in the order of `PARAMETERS`
 ///
 /// 17 additions, 8 multiplications, 0 divisions, 0 sines and cosines.
-pub fn from_base<T: Scalar>(beta: &[T; 25], free: &[T; 45]) -> [T; 70] {
+pub fn parameters_from_base<T: Scalar>(beta: &[T; 25], free: &[T; 45]) -> [T; 70] {
     let like = beta[0];
     let mut phi = [like.lift(0.0); 70];
     let [
@@ -8960,11 +8960,11 @@ impl<T: Scalar> BaseModel<T> for Rps3 {
         Ok(())
     }
 
-    fn from_base(&self, beta: &[T], free: &[T], out: &mut [T]) -> Result<(), SizeError> {
+    fn parameters_from_base(&self, beta: &[T], free: &[T], out: &mut [T]) -> Result<(), SizeError> {
         let beta = ::regen_runtime::array::<T, 25>(beta, "beta")?;
         let free = ::regen_runtime::array::<T, 45>(free, "free")?;
         let out = ::regen_runtime::array_mut::<T, 70>(out, "out")?;
-        *out = from_base(beta, free);
+        *out = parameters_from_base(beta, free);
         Ok(())
     }
 

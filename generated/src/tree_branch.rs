@@ -21,7 +21,7 @@
 //! | [`poses`] | 43 | 82 | 0 | 5 |
 //! | [`base_regressor`] | 223 | 329 | 0 | 5 |
 //! | [`to_base`] | 26 | 17 | 0 | 0 |
-//! | [`from_base`] | 26 | 17 | 0 | 0 |
+//! | [`parameters_from_base`] | 26 | 17 | 0 | 0 |
 //! | [`base_inverse_dynamics`] | 239 | 301 | 0 | 5 |
 //! | [`base_gravity`] | 46 | 75 | 0 | 5 |
 //! | [`base_bias_forces`] | 200 | 269 | 0 | 4 |
@@ -3848,7 +3848,7 @@ pub fn to_base<T: Scalar>(phi: &[T; 50]) -> [T; 29] {
 /// - `phi`: dynamic parameters, in the order of `PARAMETERS`
 ///
 /// 26 additions, 17 multiplications, 0 divisions, 0 sines and cosines.
-pub fn from_base<T: Scalar>(beta: &[T; 29], free: &[T; 21]) -> [T; 50] {
+pub fn parameters_from_base<T: Scalar>(beta: &[T; 29], free: &[T; 21]) -> [T; 50] {
     let like = beta[0];
     let mut phi = [like.lift(0.0); 50];
     let [
@@ -5330,11 +5330,11 @@ impl<T: Scalar> BaseModel<T> for TreeBranch {
         Ok(())
     }
 
-    fn from_base(&self, beta: &[T], free: &[T], out: &mut [T]) -> Result<(), SizeError> {
+    fn parameters_from_base(&self, beta: &[T], free: &[T], out: &mut [T]) -> Result<(), SizeError> {
         let beta = ::regen_runtime::array::<T, 29>(beta, "beta")?;
         let free = ::regen_runtime::array::<T, 21>(free, "free")?;
         let out = ::regen_runtime::array_mut::<T, 50>(out, "out")?;
-        *out = from_base(beta, free);
+        *out = parameters_from_base(beta, free);
         Ok(())
     }
 

@@ -7,7 +7,8 @@ use proc_macro_crate::{FoundCrate, crate_name};
 use proc_macro2::{Ident, Span, TokenStream};
 use quote::quote;
 use regen_codegen::diag::{Report, Source};
-use regen_codegen::{emit, pipeline};
+use regen_codegen::emit;
+use regen_codegen::pipeline::{self, BaseFrom, DeriveError};
 
 use crate::input::Input;
 use crate::locate::locate;
@@ -29,7 +30,22 @@ pub(crate) fn expand(input: &Input) -> syn::Result<TokenStream> {
         name: file.shown.clone(),
         text,
     };
-    let robot = pipeline::derive(&source).map_err(|report| error(told(&report)))?;
+    let store = file.absolute.with_extension("base");
+    let stored = fs::read_to_string(&store).ok();
+    let command = format!("run: regen base {} --store", file.shown);
+    let robot =
+        pipeline::derive_with(&source, BaseFrom::Store(stored.as_deref())).map_err(|problem| {
+            match problem {
+                DeriveError::Spec(report) => error(told(&report)),
+                DeriveError::Store(problem) => {
+                    let name = file.shown.replace(".yaml", ".base");
+                    error(format!("`{name}` {problem}; {command}"))
+                }
+                DeriveError::NotStored => error(format!(
+                    "the base parameters of this robot take long to derive in a macro; {command}"
+                )),
+            }
+        })?;
 
     let options = emit::Options {
         runtime: runtime().map_err(error)?,
@@ -40,8 +56,13 @@ pub(crate) fn expand(input: &Input) -> syn::Result<TokenStream> {
         Some(name) => name.clone(),
         None => module_name(&robot.name).map_err(error)?,
     };
+    let inputs = match store.to_str().filter(|_| stored.is_some()) {
+        Some(store) => quote! { const _: &[u8] = ::core::include_bytes!(#store); },
+        None => TokenStream::new(),
+    };
     Ok(quote! {
         pub mod #name { #inside }
+        #inputs
         // Names the spec as an input of the crate, so that an edit rebuilds it.
         const _: &[u8] = ::core::include_bytes!(#path);
     })

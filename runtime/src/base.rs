@@ -92,7 +92,7 @@ pub trait BaseModel<
     ///
     /// # Errors
     /// When a length does not fit.
-    fn from_base(&self, beta: &[T], free: &[T], out: &mut [T]) -> Result<(), SizeError>;
+    fn parameters_from_base(&self, beta: &[T], free: &[T], out: &mut [T]) -> Result<(), SizeError>;
 
     /// Inverse dynamics from base parameters.
     ///

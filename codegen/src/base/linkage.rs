@@ -11,7 +11,7 @@ use super::geometry::{Names, Placed};
 #[derive(Clone, Debug)]
 pub(super) enum Stage {
     /// A constant change of frame.
-    Fixed(Placed),
+    Fixed(Box<Placed>),
     /// A motion about or along an axis of the frame reached.
     Moving {
         kind: MotionKind,
@@ -60,6 +60,10 @@ fn cut_motions(kind: CutKind) -> &'static [(MotionKind, usize)] {
     }
 }
 
+fn fixed(placed: Placed) -> Stage {
+    Stage::Fixed(Box::new(placed))
+}
+
 impl Linkage {
     pub(super) fn new(field: &mut Field, spec: &Spec, model: &Model) -> Self {
         let names = Names::new(field, spec);
@@ -83,7 +87,7 @@ impl Linkage {
             let mut stages = Vec::new();
             for link in chain.into_iter().rev() {
                 let link = &model.links[link];
-                stages.push(Stage::Fixed(Placed::new(field, &names, &link.placement)));
+                stages.push(fixed(Placed::new(field, &names, &link.placement)));
                 if let Some(motion) = link.motion {
                     stages.push(Stage::Moving {
                         kind: motion.kind,
@@ -101,7 +105,7 @@ impl Linkage {
         }
         for cut in &model.cuts {
             let [a, b] = &cut.sides;
-            let mut stages = vec![Stage::Fixed(Placed::new(field, &names, &a.placement))];
+            let mut stages = vec![fixed(Placed::new(field, &names, &a.placement))];
             stages.extend(
                 cut_motions(cut.kind)
                     .iter()
@@ -113,7 +117,7 @@ impl Linkage {
                     }),
             );
             let last = Placed::new(field, &names, &b.placement).inverse(field);
-            stages.push(Stage::Fixed(last));
+            stages.push(fixed(last));
             edges.push(Edge {
                 ends: (node(a.link), node(b.link)),
                 stages,
@@ -137,7 +141,7 @@ impl Edge {
         let reversed = self.stages.iter().rev();
         reversed
             .map(|stage| match stage {
-                Stage::Fixed(placed) => Stage::Fixed(placed.inverse(field)),
+                Stage::Fixed(placed) => fixed(placed.inverse(field)),
                 // the sign of a motion does not matter to a span
                 moving @ Stage::Moving { .. } => moving.clone(),
             })

@@ -9,10 +9,12 @@ mod geometry;
 mod known;
 mod linkage;
 mod span;
+mod store;
 mod tree;
 mod trees;
 
 pub use analysis::{Analysis, analyse};
+pub use store::{StoreProblem, is_heavy, restore, store};
 
 use crate::model::Model;
 use crate::spec::Spec;

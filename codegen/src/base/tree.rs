@@ -244,6 +244,10 @@ impl Joint {
         let place = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
         // rate[i][j]: how fast parameter i of the parent grows with parameter j
         let mut rate = [[0_i64; 10]; 10];
+        #[expect(
+            clippy::needless_range_loop,
+            reason = "j names a parameter, and goes through columns"
+        )]
         for j in 0..10 {
             let mut tensor = [[0; 3]; 3];
             for a in 0..3 {

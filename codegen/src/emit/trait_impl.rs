@@ -25,7 +25,7 @@ fn arguments(kind: FunctionKind) -> &'static [&'static str] {
         FunctionKind::Bias => &["q", "qd"],
         FunctionKind::Velocities => &["q", "qd_i"],
         FunctionKind::Accelerations => &["q", "qd", "qdd_i"],
-        FunctionKind::Regressor => &["q", "qd", "qdd"],
+        FunctionKind::Regressor | FunctionKind::BaseRegressor => &["q", "qd", "qdd"],
         FunctionKind::InverseDynamics => &["q", "qd", "qdd", "phi"],
         FunctionKind::Gravity | FunctionKind::MassMatrix => &["q", "phi"],
         FunctionKind::BiasForces => &["q", "qd", "phi"],
@@ -36,7 +36,6 @@ fn arguments(kind: FunctionKind) -> &'static [&'static str] {
         | FunctionKind::NewtonStep
         | FunctionKind::DependentJacobian
         | FunctionKind::Poses => &["q"],
-        FunctionKind::BaseRegressor => &["q", "qd", "qdd"],
         FunctionKind::ToBase => &["phi"],
         FunctionKind::FromBase => &["beta", "free"],
         FunctionKind::BaseInverseDynamics => &["q", "qd", "qdd", "beta"],

@@ -128,7 +128,7 @@ pub(super) fn to_base(cx: &mut Context<'_>, base: &Base) -> Request {
 
 /// Every set of parameters with these base parameters: `free` are the values of
 /// the eliminated ones.
-pub(super) fn from_base(cx: &mut Context<'_>, base: &Base) -> Request {
+pub(super) fn parameters_from_base(cx: &mut Context<'_>, base: &Base) -> Request {
     let (beta_argument, beta) = beta(cx, base);
     let eliminated: Vec<usize> = base.null.iter().map(|n| n.0).collect();
     let names = labels(cx, eliminated.iter().copied());

@@ -66,7 +66,7 @@ fn base_request(cx: &mut Context<'_>, base: &Base, kind: FunctionKind) -> Option
     Some(match kind {
         FunctionKind::BaseRegressor => base::base_regressor(cx, base),
         FunctionKind::ToBase => base::to_base(cx, base),
-        FunctionKind::FromBase => base::from_base(cx, base),
+        FunctionKind::FromBase => base::parameters_from_base(cx, base),
         FunctionKind::BaseInverseDynamics => base::forces(cx, base, dynamics::Motion::Given),
         FunctionKind::BaseGravity => base::forces(cx, base, dynamics::Motion::Rest),
         FunctionKind::BaseBiasForces => base::forces(cx, base, dynamics::Motion::Coasting),

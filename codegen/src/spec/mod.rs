@@ -45,3 +45,18 @@ fn complete<T>(result: Option<T>, sink: Sink, source: &Source) -> Result<T, Repo
         Report::new(source.clone(), vec![unexplained])
     })
 }
+
+impl Spec {
+    /// The exact value of an expression in the geometry names; `None` where it
+    /// is none.
+    pub fn evaluate(&self, text: &str) -> Option<crate::sym::Number> {
+        use expression::{Vocabulary, evaluate, parse};
+        let ast = parse(text, Span::default(), None, Vocabulary::Constants).ok()?;
+        let geometry = &self.geometry;
+        let lookup = |name: &str| {
+            let found = geometry.iter().find(|(n, _)| n.value == name);
+            found.map(|(_, quantity)| quantity.value.clone())
+        };
+        evaluate(&ast, &lookup).ok()
+    }
+}

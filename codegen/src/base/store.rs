@@ -1,0 +1,268 @@
+//! Base parameters kept beside the spec. Where deriving them would take long in
+//! an unoptimised build, as macros are, `regen base FILE --store` writes them
+//! once, with a digest of the spec that they belong to.
+//!
+//! The format is one line per thing, the first word says what:
+//!
+//! ```text
+//! regen-base 1
+//! spec 6f1c...                        digest of the spec's bytes (SHA-256)
+//! certificate 70 25 19 96 1.2e-3 4e-95  columns rank states digits kept dropped
+//! sums 4 45 true                      trees, dimension, complete
+//! equal l1 = l2                       coincidences
+//! base 23 kept                        a base parameter: column, kept or dropped
+//! term 23 1                           column and factor, of the line above
+//! null 19                             a direction: the eliminated column
+//! known 12                            a parameter written with others
+//! ```
+
+use std::fmt::Write as _;
+
+use sha2::{Digest, Sha256};
+
+use crate::diag::Source;
+use crate::model::Model;
+use crate::spec::Spec;
+
+use super::certificate::Certificate;
+use super::{Analysis, Base, BaseParameter, Known, Layer, Term};
+
+const HEAD: &str = "regen-base 1";
+
+/// Why stored base parameters cannot be used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StoreProblem {
+    /// They belong to another version of the spec.
+    OutOfDate,
+    /// They are not what `regen` writes.
+    Malformed,
+}
+
+impl core::fmt::Display for StoreProblem {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(match self {
+            StoreProblem::OutOfDate => "belongs to another version of the spec",
+            StoreProblem::Malformed => "is not what regen writes",
+        })
+    }
+}
+
+impl core::error::Error for StoreProblem {}
+
+fn digest(source: &Source) -> String {
+    let mut text = String::new();
+    for byte in Sha256::digest(source.text.as_bytes()) {
+        let _ = write!(text, "{byte:02x}");
+    }
+    text
+}
+
+/// How long the base takes in an unoptimised build, in rough units: the rank
+/// grows with the cube of the columns, the trees with the loops besides.
+fn effort(model: &Model) -> usize {
+    let columns = model.parameters.len();
+    columns
+        .saturating_pow(3)
+        .saturating_mul(1 + model.cuts.len())
+}
+
+/// Whether deriving the base would take over about a second in an unoptimised
+/// build, so that it should be stored.
+pub fn is_heavy(model: &Model) -> bool {
+    // 70 columns and two cuts, 1.0 million, take a third of a second
+    effort(model) > 3_000_000
+}
+
+/// The text that keeps an analysis.
+pub fn store(source: &Source, analysis: &Analysis) -> String {
+    let Analysis {
+        base,
+        certificate,
+        complete,
+    } = analysis;
+    let mut out = format!("{HEAD}\nspec {}\n", digest(source));
+    match certificate {
+        Ok(c) => {
+            let _ = writeln!(
+                out,
+                "certificate {} {} {} {} {:?} {:?}",
+                c.columns, c.rank, c.states, c.digits, c.smallest_kept, c.largest_dropped
+            );
+        }
+        Err(reason) => {
+            let _ = writeln!(out, "uncertified {}", reason.replace('\n', " "));
+        }
+    }
+    let _ = writeln!(out, "sums {} {} {complete}", base.trees, base.from_trees);
+    for equation in &base.coincidences {
+        let _ = writeln!(out, "equal {equation}");
+    }
+    let terms = |out: &mut String, terms: &[Term]| {
+        for term in terms {
+            let _ = writeln!(out, "term {} {}", term.column, term.coefficient);
+        }
+    };
+    for parameter in &base.parameters {
+        let kept = if parameter.dropped { "dropped" } else { "kept" };
+        let layer = match parameter.layer {
+            Layer::Derived => "derived",
+            Layer::Completed => "completed",
+        };
+        let _ = writeln!(out, "base {} {kept} {layer}", parameter.column);
+        terms(&mut out, &parameter.terms);
+    }
+    for (column, row) in &base.null {
+        let _ = writeln!(out, "null {column}");
+        terms(&mut out, row);
+    }
+    for known in &base.known {
+        let _ = writeln!(out, "known {}", known.column);
+        terms(&mut out, &known.terms);
+    }
+    out
+}
+
+/// The analysis from its text.
+///
+/// # Errors
+/// Where the text belongs to another version of the spec, or is malformed.
+pub fn restore(
+    text: &str,
+    source: &Source,
+    spec: &Spec,
+    model: &Model,
+) -> Result<Analysis, StoreProblem> {
+    let mut lines = text.lines();
+    if lines.next() != Some(HEAD) {
+        return Err(StoreProblem::Malformed);
+    }
+    let owner = lines.next().and_then(|l| l.strip_prefix("spec "));
+    if owner.ok_or(StoreProblem::Malformed)? != digest(source) {
+        return Err(StoreProblem::OutOfDate);
+    }
+    read(lines, spec, model.parameters.len()).ok_or(StoreProblem::Malformed)
+}
+
+fn read<'a>(lines: impl Iterator<Item = &'a str>, spec: &Spec, columns: usize) -> Option<Analysis> {
+    let mut analysis = Analysis {
+        base: Base {
+            parameters: Vec::new(),
+            null: Vec::new(),
+            known: Vec::new(),
+            from_trees: 0,
+            trees: 0,
+            coincidences: Vec::new(),
+        },
+        certificate: Err("none".to_owned()),
+        complete: false,
+    };
+    let base = &mut analysis.base;
+    // where terms go: 0 base, 1 null, 2 known
+    let mut open = None;
+    for line in lines {
+        let (word, rest) = line.split_once(' ')?;
+        let parts: Vec<&str> = rest.split(' ').collect();
+        let number = |i: usize| parts.get(i)?.parse::<usize>().ok();
+        let column = || number(0).filter(|c| *c < columns);
+        match word {
+            "certificate" => {
+                analysis.certificate = Ok(Certificate {
+                    columns: number(0)?,
+                    rank: number(1)?,
+                    states: number(2)?,
+                    digits: number(3)?,
+                    smallest_kept: parts.get(4)?.parse().ok()?,
+                    largest_dropped: parts.get(5)?.parse().ok()?,
+                });
+            }
+            "uncertified" => analysis.certificate = Err(rest.to_owned()),
+            "sums" => {
+                base.trees = number(0)?;
+                base.from_trees = number(1)?;
+                analysis.complete = parts.get(2)?.parse().ok()?;
+            }
+            "equal" => base.coincidences.push(rest.to_owned()),
+            "base" => {
+                base.parameters.push(BaseParameter {
+                    column: column()?,
+                    terms: Vec::new(),
+                    layer: match *parts.get(2)? {
+                        "derived" => Layer::Derived,
+                        "completed" => Layer::Completed,
+                        _ => return None,
+                    },
+                    dropped: *parts.get(1)? == "dropped",
+                });
+                open = Some(0);
+            }
+            "null" => {
+                base.null.push((column()?, Vec::new()));
+                open = Some(1);
+            }
+            "known" => {
+                base.known.push(Known {
+                    column: column()?,
+                    terms: Vec::new(),
+                });
+                open = Some(2);
+            }
+            "term" => {
+                let coefficient = rest.split_once(' ')?.1.to_owned();
+                let term = Term {
+                    column: column()?,
+                    value: spec.evaluate(&coefficient)?,
+                    coefficient,
+                };
+                match open? {
+                    0 => base.parameters.last_mut()?.terms.push(term),
+                    1 => base.null.last_mut()?.1.push(term),
+                    _ => base.known.last_mut()?.terms.push(term),
+                }
+            }
+            _ => return None,
+        }
+    }
+    Some(analysis)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn five_bar() -> (Source, Spec, Model, Analysis) {
+        let text = include_str!("../../../tests/oracle/fivebar.yaml");
+        let source = Source::new("fivebar.yaml", text);
+        let spec = crate::spec::parse(&source).unwrap();
+        let model = crate::model::build(&spec);
+        let robot = crate::pipeline::derive(&source).unwrap();
+        (source, spec, model, robot.analysis.unwrap())
+    }
+
+    #[test]
+    fn what_is_stored_comes_back() {
+        let (source, spec, model, analysis) = five_bar();
+        let text = store(&source, &analysis);
+        assert_eq!(restore(&text, &source, &spec, &model), Ok(analysis));
+    }
+
+    #[test]
+    fn another_spec_is_noticed_and_so_is_a_broken_file() {
+        let (source, spec, model, analysis) = five_bar();
+        let text = store(&source, &analysis);
+        let edited = Source::new("fivebar.yaml", format!("{} ", source.text));
+        assert_eq!(
+            restore(&text, &edited, &spec, &model),
+            Err(StoreProblem::OutOfDate)
+        );
+        for broken in [
+            text.replace("term 25 ", "term 99 "),
+            text.replace("null ", "nil "),
+            String::new(),
+        ] {
+            assert_eq!(
+                restore(&broken, &source, &spec, &model),
+                Err(StoreProblem::Malformed)
+            );
+        }
+    }
+}
