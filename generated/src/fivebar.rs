@@ -21,7 +21,7 @@
 //! | [`gravity`] | 25 | 47 | 1 | 5 |
 //! | [`bias_forces`] | 37 | 82 | 1 | 3 |
 //! | [`mass_matrix`] | 31 | 42 | 1 | 3 |
-//! | [`slotine_li`] | 54 | 134 | 1 | 4 |
+//! | [`slotine_li`] | 50 | 118 | 1 | 4 |
 //! | [`efforts`] | 0 | 0 | 0 | 0 |
 //! | [`poses`] | 3 | 4 | 0 | 4 |
 //! | [`base_regressor`] | 33 | 75 | 1 | 4 |
@@ -1349,7 +1349,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([[T; 2]; 2], Condit
 /// - `qdd_r`: reference accelerations of the independent coordinates
 /// - `y`: column by column: Y phi = M qdd_r + C(q, qd) qd_r + g, with dM/dt - 2 C skew
 ///
-/// 54 additions, 134 multiplications, 1 divisions, 4 sines and cosines.
+/// 50 additions, 118 multiplications, 1 divisions, 4 sines and cosines.
 pub fn slotine_li<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd_r: &[T; 2], y: &mut [[T; 2]; 40]) -> Condition<T> {
     let like = q[0];
     let [q1, q2, q3, q4] = *q;
@@ -1442,56 +1442,40 @@ pub fn slotine_li<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd_r: &[T;
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
-    let [t3_2, w_4z, t3_11, t3_45, t3_46] = {
+    let [t3_2, w_4z, t3_7, t3_29, t3_30] = {
         let t3_1 = r_q1 + t2_28;
         let t3_2 = w_2z * t3_1;
         let t3_3 = like.lift(0.4).mul_add(t3_2, t2_14);
         let t3_4 = cos_q1_q2_minus_q3 * r_q3;
         let t3_5 = d_q3 * t3_4;
         let t3_6 = like.lift(0.3) * t3_5;
-        let t3_7 = cos_q1_q2_minus_q3 * d_q3;
-        let t3_8 = t3_7 * r_q3;
-        let t3_9 = like.lift(0.3).mul_add(t3_8, t3_6);
-        let t3_10 = like.lift(0.5) * t3_9;
         let w_4z = d_q3 + d_q4;
-        let t3_11 = r_q3 + t2_29;
-        let t3_12 = cos_q1_q2_minus_q3_minus_q4 * t3_11;
-        let t3_13 = w_4z * t3_12;
-        let t3_14 = like.lift(0.4) * t3_13;
-        let t3_15 = cos_q1_q2_minus_q3_minus_q4 * w_4z;
-        let t3_16 = t3_15 * t3_11;
-        let t3_17 = like.lift(0.4).mul_add(t3_16, t3_14);
-        let t3_18 = like.lift(0.5).mul_add(t3_17, t3_10);
-        let t3_19 = t3_3 - t3_18;
-        let t3_20 = t2_11 - t3_19;
-        let t3_21 = t2_18 * dr_q1;
-        let t3_22 = (-t2_20).mul_add(dr_q3, t3_21);
-        let t3_23 = sin_q2 * t2_12;
-        let t3_24 = sin_q1_q2_minus_q3 * r_q3;
-        let t3_25 = d_q3 * t3_24;
-        let t3_26 = like.lift(0.3) * t3_25;
-        let t3_27 = sin_q1_q2_minus_q3 * d_q3;
-        let t3_28 = t3_27 * r_q3;
-        let t3_29 = like.lift(0.3).mul_add(t3_28, t3_26);
-        let t3_30 = like.lift(0.5) * t3_29;
-        let t3_31 = sin_q1_q2_minus_q3_minus_q4 * t3_11;
-        let t3_32 = w_4z * t3_31;
-        let t3_33 = like.lift(0.4) * t3_32;
-        let t3_34 = sin_q1_q2_minus_q3_minus_q4 * w_4z;
-        let t3_35 = t3_34 * t3_11;
-        let t3_36 = like.lift(0.4).mul_add(t3_35, t3_33);
-        let t3_37 = like.lift(0.5).mul_add(t3_36, t3_30);
-        let t3_38 = like.lift(0.3).mul_add(t3_23, -t3_37);
-        let t3_39 = t3_22 + t3_38;
-        let t3_40 = t2_22 * t3_20;
-        let t3_41 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t3_40, t3_39);
-        let t3_42 = like.lift(2.5) * t3_41;
-        let t3_43 = -t3_42;
-        let t3_44 = like.lift(2.5) * t3_40;
+        let t3_7 = r_q3 + t2_29;
+        let t3_8 = cos_q1_q2_minus_q3_minus_q4 * t3_7;
+        let t3_9 = w_4z * t3_8;
+        let t3_10 = like.lift(0.4).mul_add(t3_9, t3_6);
+        let t3_11 = t3_3 - t3_10;
+        let t3_12 = t2_11 - t3_11;
+        let t3_13 = t2_18 * dr_q1;
+        let t3_14 = (-t2_20).mul_add(dr_q3, t3_13);
+        let t3_15 = sin_q2 * t2_12;
+        let t3_16 = sin_q1_q2_minus_q3 * r_q3;
+        let t3_17 = d_q3 * t3_16;
+        let t3_18 = like.lift(0.3) * t3_17;
+        let t3_19 = sin_q1_q2_minus_q3_minus_q4 * t3_7;
+        let t3_20 = w_4z * t3_19;
+        let t3_21 = like.lift(0.4).mul_add(t3_20, t3_18);
+        let t3_22 = like.lift(0.3).mul_add(t3_15, -t3_21);
+        let t3_23 = t3_14 + t3_22;
+        let t3_24 = t2_22 * t3_12;
+        let t3_25 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t3_24, t3_23);
+        let t3_26 = like.lift(2.5) * t3_25;
+        let t3_27 = -t3_26;
+        let t3_28 = like.lift(2.5) * t3_24;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
-        let ([[t3_45], [t3_46]], found) = ::regen_runtime::guarded(
-            [[t3_43], [t3_44]],
+        let ([[t3_29], [t3_30]], found) = ::regen_runtime::guarded(
+            [[t3_27], [t3_28]],
             margin,
             || (
                 [
@@ -1499,15 +1483,15 @@ pub fn slotine_li<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd_r: &[T;
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t3_20], [t3_39], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t3_12], [t3_23], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        [t3_2, w_4z, t3_11, t3_45, t3_46]
+        [t3_2, w_4z, t3_7, t3_29, t3_30]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [al_2z, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
-        let al_2z = dr_q1 + t3_45;
+        let al_2z = dr_q1 + t3_29;
         let u_2_q1x = like.lift(0.3) * sin_q2;
         let t4_1 = -u_2_q1x;
         let t4_2 = -t2_18;
@@ -1602,7 +1586,7 @@ pub fn slotine_li<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd_r: &[T;
     };
     // body 4: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let al_4z = dr_q3 + t3_46;
+        let al_4z = dr_q3 + t3_30;
         let w_izz_4_q1 = x_q4_q1 * al_4z;
         let t7_1 = -w_izz_4_q1;
         let t7_2 = like.lift(1.0) - x_q4_q3;
@@ -1614,7 +1598,7 @@ pub fn slotine_li<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd_r: &[T;
         let t7_6 = like.lift(0.3).mul_add(dr_q3, a_3y);
         let a_4y = (-cos_q4).mul_add(t7_6, t7_5);
         let w_mx_4_q1 = x_q4_q1 * a_4y;
-        let t7_7 = w_4z * t3_11;
+        let t7_7 = w_4z * t3_7;
         let t7_8 = sin_q4 * t7_7;
         let t7_9 = like.lift(0.3) * t7_8;
         let t7_10 = cos_q4 * al_4z;

@@ -21,7 +21,7 @@
 //! | [`gravity`] | 13 | 33 | 1 | 3 |
 //! | [`bias_forces`] | 19 | 45 | 1 | 2 |
 //! | [`mass_matrix`] | 14 | 19 | 1 | 2 |
-//! | [`slotine_li`] | 28 | 81 | 1 | 3 |
+//! | [`slotine_li`] | 26 | 73 | 1 | 3 |
 //! | [`efforts`] | 0 | 0 | 0 | 0 |
 //! | [`poses`] | 1 | 2 | 0 | 3 |
 //! | [`base_regressor`] | 17 | 43 | 1 | 3 |
@@ -1043,7 +1043,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([[T; 1]; 1], Condit
 /// - `qdd_r`: reference accelerations of the independent coordinates
 /// - `y`: column by column: Y phi = M qdd_r + C(q, qd) qd_r + g, with dM/dt - 2 C skew
 ///
-/// 28 additions, 81 multiplications, 1 divisions, 3 sines and cosines.
+/// 26 additions, 73 multiplications, 1 divisions, 3 sines and cosines.
 pub fn slotine_li<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd_r: &[T; 1], y: &mut [[T; 1]; 30]) -> Condition<T> {
     let like = q[0];
     let [q1, q2, q3] = *q;
@@ -1124,37 +1124,29 @@ pub fn slotine_li<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd_r: &[T;
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
-    let [t3_2, t3_27, al_3z] = {
+    let [t3_2, t3_19, al_3z] = {
         let t3_1 = r_q1 + t2_21;
         let t3_2 = w_2z * t3_1;
         let t3_3 = like.lift(0.35).mul_add(t3_2, t2_9);
         let t3_4 = cos_q1_q2_minus_q3 * t2_22;
         let t3_5 = d_q3 * t3_4;
-        let t3_6 = like.lift(0.3) * t3_5;
-        let t3_7 = cos_q1_q2_minus_q3 * d_q3;
-        let t3_8 = t3_7 * t2_22;
-        let t3_9 = like.lift(0.3).mul_add(t3_8, t3_6);
-        let t3_10 = like.lift(-0.5).mul_add(t3_9, t3_3);
-        let t3_11 = like.lift(0.12).mul_add(t2_6, -t3_10);
-        let t3_12 = sin_q2 * t2_7;
-        let t3_13 = like.lift(0.12) * t3_12;
-        let t3_14 = sin_q1_q2_minus_q3 * t2_22;
-        let t3_15 = d_q3 * t3_14;
-        let t3_16 = like.lift(0.3) * t3_15;
-        let t3_17 = sin_q1_q2_minus_q3 * d_q3;
-        let t3_18 = t3_17 * t2_22;
-        let t3_19 = like.lift(0.3).mul_add(t3_18, t3_16);
-        let t3_20 = like.lift(-0.5).mul_add(t3_19, t3_13);
-        let t3_21 = t2_12.mul_add(dr_q1, t3_20);
-        let t3_22 = t2_14 * t3_11;
-        let t3_23 = (-cos_q1_q2_minus_q3).mul_add(t3_22, t3_21);
-        let t3_24 = like.lift(2.857142857142857) * t3_23;
-        let t3_25 = -t3_24;
-        let t3_26 = like.lift(3.3333333333333335) * t3_22;
+        let t3_6 = like.lift(-0.3).mul_add(t3_5, t3_3);
+        let t3_7 = like.lift(0.12).mul_add(t2_6, -t3_6);
+        let t3_8 = sin_q2 * t2_7;
+        let t3_9 = like.lift(0.12) * t3_8;
+        let t3_10 = sin_q1_q2_minus_q3 * t2_22;
+        let t3_11 = d_q3 * t3_10;
+        let t3_12 = like.lift(-0.3).mul_add(t3_11, t3_9);
+        let t3_13 = t2_12.mul_add(dr_q1, t3_12);
+        let t3_14 = t2_14 * t3_7;
+        let t3_15 = (-cos_q1_q2_minus_q3).mul_add(t3_14, t3_13);
+        let t3_16 = like.lift(2.857142857142857) * t3_15;
+        let t3_17 = -t3_16;
+        let t3_18 = like.lift(3.3333333333333335) * t3_14;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
-        let ([[t3_27], [al_3z]], found) = ::regen_runtime::guarded(
-            [[t3_25], [t3_26]],
+        let ([[t3_19], [al_3z]], found) = ::regen_runtime::guarded(
+            [[t3_17], [t3_18]],
             margin,
             || (
                 [
@@ -1162,15 +1154,15 @@ pub fn slotine_li<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd_r: &[T;
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t3_11], [t3_21], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t3_7], [t3_13], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        [t3_2, t3_27, al_3z]
+        [t3_2, t3_19, al_3z]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [al_2z, x_q2_q1, x_q3_q1] = {
-        let al_2z = dr_q1 + t3_27;
+        let al_2z = dr_q1 + t3_19;
         let u_2_q1x = like.lift(0.12) * sin_q2;
         let t4_1 = -u_2_q1x;
         let t4_2 = -t2_12;

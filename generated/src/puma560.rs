@@ -11,15 +11,15 @@
 //! |---|---|---|---|---|
 //! | [`velocities`] | 0 | 0 | 0 | 0 |
 //! | [`accelerations`] | 0 | 0 | 0 | 0 |
-//! | [`regressor`] | 383 | 526 | 0 | 5 |
+//! | [`regressor`] | 381 | 526 | 0 | 5 |
 //! | [`inverse_dynamics`] | 339 | 349 | 0 | 5 |
 //! | [`gravity`] | 66 | 128 | 0 | 5 |
 //! | [`bias_forces`] | 299 | 320 | 0 | 5 |
 //! | [`mass_matrix`] | 179 | 197 | 0 | 5 |
-//! | [`slotine_li`] | 416 | 616 | 0 | 5 |
+//! | [`slotine_li`] | 414 | 612 | 0 | 5 |
 //! | [`efforts`] | 0 | 0 | 0 | 0 |
 //! | [`poses`] | 27 | 55 | 0 | 6 |
-//! | [`base_regressor`] | 298 | 420 | 0 | 5 |
+//! | [`base_regressor`] | 296 | 418 | 0 | 5 |
 //! | [`to_base`] | 58 | 37 | 0 | 0 |
 //! | [`parameters_from_base`] | 58 | 37 | 0 | 0 |
 //! | [`base_inverse_dynamics`] | 275 | 306 | 0 | 5 |
@@ -447,7 +447,7 @@ pub fn accelerations<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd_i: &[T; 6]) -> ([T;
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: column by column: `w[c][r]` multiplies `PARAMETERS[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 383 additions, 526 multiplications, 0 divisions, 5 sines and cosines.
+/// 381 additions, 526 multiplications, 0 divisions, 5 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &mut [[T; 6]; 60]) -> Condition<T> {
     let like = q[0];
     let [_, q2, q3, q4, q5, q6] = *q;
@@ -468,7 +468,7 @@ pub fn regressor<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &mut [[T; 
     }
     // body 2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [
-        sin_q2, cos_q2, w_ixz_2_q2, al_2x, w_iyz_2_q2, al_2y, t2_5, t2_11, t2_25, t2_26, t2_27,
+        sin_q2, cos_q2, w_ixz_2_q2, al_2x, w_iyz_2_q2, al_2y, t2_5, t2_11, t2_24, t2_25, t2_26,
         a_2y, a_2x,
     ] = {
         let (sin_q2, cos_q2) = q2.sin_cos();
@@ -476,16 +476,16 @@ pub fn regressor<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &mut [[T; 
         let w_2y = cos_q2 * d_q1;
         let t2_1 = d_q2 * w_2y;
         let al_2x = w_ixz_2_q2 + t2_1;
+        let t2_2 = sin_q2 * al_2x;
         let w_2x = sin_q2 * d_q1;
-        let t2_2 = d_q2 * w_2x;
-        let t2_3 = cos_q2 * t2_2;
-        let w_ixx_2_q1 = sin_q2.mul_add(al_2x, t2_3);
+        let t2_3 = d_q2 * w_2x;
+        let w_ixx_2_q1 = cos_q2.mul_add(t2_3, t2_2);
         let w_ixx_2_q2 = w_2x * w_2y;
         let t2_4 = -w_ixx_2_q2;
         w[10] = [w_ixx_2_q1, t2_4, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         let w_iyz_2_q2 = cos_q2 * dd_q1;
-        let al_2y = w_iyz_2_q2 - t2_2;
-        let t2_5 = t2_2 - al_2y;
+        let al_2y = w_iyz_2_q2 - t2_3;
+        let t2_5 = t2_3 - al_2y;
         let t2_6 = sin_q2 * t2_5;
         let t2_7 = t2_1 + al_2x;
         let w_ixy_2_q1 = (-cos_q2).mul_add(t2_7, t2_6);
@@ -513,46 +513,44 @@ pub fn regressor<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &mut [[T; 
         let t2_22 = -w_iyz_2_q1;
         let t2_23 = -w_iyz_2_q2;
         w[14] = [t2_22, t2_23, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let w_izz_2_q1 = t2_3 - t2_17;
-        let t2_24 = -w_izz_2_q1;
-        w[15] = [t2_24, dd_q2, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t2_25 = d_q1 * d_q1;
-        let t2_26 = cos_q2 * t2_25;
-        let t2_27 = t2_10 + t2_13;
-        let t2_28 = cos_q2 * t2_27;
-        let t2_29 = like.lift(0.2435) * t2_28;
-        let t2_30 = like.lift(0.2435).mul_add(t2_12, t2_29);
-        let w_mx_2_q1 = like.lift(0.2435).mul_add(t2_26, -t2_30);
-        let t2_31 = -w_mx_2_q1;
-        let t2_32 = like.lift(0.2435) * w_ixz_2_q2;
-        let a_2y = like.lift(-9.81).mul_add(cos_q2, t2_32);
-        w[16] = [t2_31, a_2y, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t2_33 = sin_q2 * t2_25;
-        let t2_34 = like.lift(0.2435) * t2_21;
-        let t2_35 = t2_9 + t2_13;
-        let t2_36 = sin_q2 * t2_35;
-        let t2_37 = like.lift(-0.2435).mul_add(t2_36, t2_34);
-        let w_my_2_q1 = like.lift(0.2435).mul_add(t2_33, t2_37);
-        let t2_38 = like.lift(0.2435) * w_iyz_2_q2;
-        let a_2x = like.lift(9.81).mul_add(sin_q2, t2_38);
+        let t2_24 = d_q1 * d_q1;
+        let t2_25 = cos_q2 * t2_24;
+        let t2_26 = t2_10 + t2_13;
+        let t2_27 = cos_q2 * t2_26;
+        let t2_28 = like.lift(0.2435) * t2_27;
+        let t2_29 = like.lift(0.2435).mul_add(t2_12, t2_28);
+        let w_mx_2_q1 = like.lift(0.2435).mul_add(t2_25, -t2_29);
+        let t2_30 = -w_mx_2_q1;
+        let t2_31 = like.lift(0.2435) * w_ixz_2_q2;
+        let a_2y = like.lift(-9.81).mul_add(cos_q2, t2_31);
+        w[16] = [t2_30, a_2y, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t2_32 = sin_q2 * t2_24;
+        let t2_33 = like.lift(0.2435) * t2_21;
+        let t2_34 = t2_9 + t2_13;
+        let t2_35 = sin_q2 * t2_34;
+        let t2_36 = like.lift(-0.2435).mul_add(t2_35, t2_33);
+        let w_my_2_q1 = like.lift(0.2435).mul_add(t2_32, t2_36);
+        let t2_37 = like.lift(0.2435) * w_iyz_2_q2;
+        let a_2x = like.lift(9.81).mul_add(sin_q2, t2_37);
         w[17] = [w_my_2_q1, a_2x, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t2_39 = cos_q2 * a_2x;
-        let t2_40 = sin_q2 * a_2y;
-        let t2_41 = t2_39 + t2_40;
-        let w_mz_2_q1 = like.lift(0.2435).mul_add(dd_q1, t2_41);
+        let t2_38 = cos_q2 * a_2x;
+        let t2_39 = sin_q2 * a_2y;
+        let t2_40 = t2_38 + t2_39;
+        let w_mz_2_q1 = like.lift(0.2435).mul_add(dd_q1, t2_40);
         w[18] = [w_mz_2_q1, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t2_42 = like.lift(0.2435) * t2_39;
-        let w_m_2_q1 = like.lift(0.2435).mul_add(t2_40, t2_42);
+        let t2_41 = like.lift(0.2435) * t2_38;
+        let w_m_2_q1 = like.lift(0.2435).mul_add(t2_39, t2_41);
         w[19] = [w_m_2_q1, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        w[15] = [like.lift(0.0), dd_q2, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         [
-            sin_q2, cos_q2, w_ixz_2_q2, al_2x, w_iyz_2_q2, al_2y, t2_5, t2_11, t2_25, t2_26,
-            t2_27, a_2y, a_2x,
+            sin_q2, cos_q2, w_ixz_2_q2, al_2x, w_iyz_2_q2, al_2y, t2_5, t2_11, t2_24, t2_25,
+            t2_26, a_2y, a_2x,
         ]
     };
     // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [
         sin_q3, cos_q3, sin_q2_q3, cos_q2_q3, w_3y, al_3x, w_3x, w_3z, al_3y, t3_10, t3_13,
-        al_3z, t3_17, t3_26, a_3z, t3_32, a_3y, t3_51, a_3x,
+        al_3z, t3_17, t3_26, a_3z, t3_31, a_3y, t3_50, a_3x,
     ] = {
         let (sin_q3, cos_q3) = q3.sin_cos();
         let t3_1 = cos_q2 * sin_q3;
@@ -563,18 +561,18 @@ pub fn regressor<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &mut [[T; 
         let t3_4 = sin_q3.mul_add(al_2y, t3_3);
         let w_3y = d_q1 * cos_q2_q3;
         let al_3x = d_q3.mul_add(w_3y, t3_4);
+        let t3_5 = sin_q2_q3 * al_3x;
         let w_3x = d_q1 * sin_q2_q3;
         let w_3z = d_q2 + d_q3;
-        let t3_5 = w_3x * w_3z;
-        let t3_6 = cos_q2_q3 * t3_5;
-        let w_ixx_3_q1 = sin_q2_q3.mul_add(al_3x, t3_6);
+        let t3_6 = w_3x * w_3z;
+        let w_ixx_3_q1 = cos_q2_q3.mul_add(t3_6, t3_5);
         let w_ixx_3_q2 = w_3x * w_3y;
         let t3_7 = -w_ixx_3_q2;
         w[20] = [w_ixx_3_q1, t3_7, t3_7, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         let t3_8 = sin_q3 * al_2x;
         let t3_9 = (-cos_q3).mul_add(al_2y, t3_8);
         let al_3y = d_q3.mul_add(w_3x, t3_9);
-        let t3_10 = al_3y + t3_5;
+        let t3_10 = al_3y + t3_6;
         let t3_11 = sin_q2_q3 * t3_10;
         let t3_12 = w_3y * w_3z;
         let t3_13 = al_3x + t3_12;
@@ -585,6 +583,7 @@ pub fn regressor<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &mut [[T; 
         let w_ixy_3_q2 = t3_15 - t3_16;
         w[21] = [t3_14, w_ixy_3_q2, w_ixy_3_q2, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         let al_3z = dd_q2 + dd_q3;
+        w[25] = [like.lift(0.0), al_3z, al_3z, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         let t3_17 = al_3z + w_ixx_3_q2;
         let t3_18 = sin_q2_q3 * t3_17;
         let t3_19 = w_3z * w_3z;
@@ -603,79 +602,76 @@ pub fn regressor<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &mut [[T; 
         let t3_27 = cos_q2_q3 * t3_26;
         let w_iyz_3_q1 = sin_q2_q3.mul_add(t3_25, t3_27);
         let t3_28 = -w_iyz_3_q1;
-        let w_iyz_3_q2 = al_3y - t3_5;
+        let w_iyz_3_q2 = al_3y - t3_6;
         w[24] = [t3_28, w_iyz_3_q2, w_iyz_3_q2, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let w_izz_3_q1 = t3_6 - t3_23;
-        let t3_29 = -w_izz_3_q1;
-        w[25] = [t3_29, al_3z, al_3z, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let a_2z = like.lift(0.2435) * t2_25;
-        let t3_30 = like.lift(0.4318) * t2_5;
-        let t3_31 = like.lift(-0.0934).mul_add(t2_25, t3_30);
-        let a_3z = a_2z + t3_31;
-        let t3_32 = t3_16 + t3_19;
-        let t3_33 = cos_q2_q3 * t3_32;
-        let t3_34 = like.lift(0.1501) * t3_33;
-        let t3_35 = like.lift(0.1501).mul_add(t3_18, t3_34);
-        let t3_36 = cos_q2 * t3_10;
-        let t3_37 = like.lift(-0.4318).mul_add(t3_36, t3_35);
-        let w_mx_3_q1 = a_3z.mul_add(cos_q2_q3, -t3_37);
-        let t3_38 = -w_mx_3_q1;
-        let t3_39 = like.lift(0.4318) * t2_27;
-        let t3_40 = like.lift(-0.0934).mul_add(w_iyz_2_q2, t3_39);
-        let t3_41 = a_2x + t3_40;
-        let t3_42 = sin_q3 * t3_41;
-        let t3_43 = like.lift(0.4318) * t2_11;
-        let t3_44 = like.lift(-0.0934).mul_add(w_ixz_2_q2, t3_43);
-        let t3_45 = a_2y + t3_44;
-        let a_3y = cos_q3.mul_add(t3_45, t3_42);
-        let t3_46 = sin_q3 * t3_32;
-        let t3_47 = like.lift(0.4318) * t3_46;
-        let t3_48 = cos_q3 * t3_17;
-        let t3_49 = like.lift(-0.4318).mul_add(t3_48, t3_47);
-        let w_mx_3_q2 = a_3y - t3_49;
-        w[26] = [t3_38, w_mx_3_q2, a_3y, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t3_50 = like.lift(0.1501) * t3_27;
-        let t3_51 = t3_15 + t3_19;
-        let t3_52 = sin_q2_q3 * t3_51;
-        let t3_53 = like.lift(-0.1501).mul_add(t3_52, t3_50);
-        let t3_54 = cos_q2 * t3_13;
-        let t3_55 = like.lift(-0.4318).mul_add(t3_54, t3_53);
-        let w_my_3_q1 = a_3z.mul_add(sin_q2_q3, t3_55);
-        let t3_56 = cos_q3 * t3_41;
-        let a_3x = (-sin_q3).mul_add(t3_45, t3_56);
-        let t3_57 = sin_q3 * t3_26;
-        let t3_58 = like.lift(0.4318) * t3_57;
-        let t3_59 = cos_q3 * t3_51;
-        let t3_60 = like.lift(0.4318).mul_add(t3_59, t3_58);
-        let w_my_3_q2 = a_3x - t3_60;
+        let a_2z = like.lift(0.2435) * t2_24;
+        let t3_29 = like.lift(0.4318) * t2_5;
+        let t3_30 = like.lift(-0.0934).mul_add(t2_24, t3_29);
+        let a_3z = a_2z + t3_30;
+        let t3_31 = t3_16 + t3_19;
+        let t3_32 = cos_q2_q3 * t3_31;
+        let t3_33 = like.lift(0.1501) * t3_32;
+        let t3_34 = like.lift(0.1501).mul_add(t3_18, t3_33);
+        let t3_35 = cos_q2 * t3_10;
+        let t3_36 = like.lift(-0.4318).mul_add(t3_35, t3_34);
+        let w_mx_3_q1 = a_3z.mul_add(cos_q2_q3, -t3_36);
+        let t3_37 = -w_mx_3_q1;
+        let t3_38 = like.lift(0.4318) * t2_26;
+        let t3_39 = like.lift(-0.0934).mul_add(w_iyz_2_q2, t3_38);
+        let t3_40 = a_2x + t3_39;
+        let t3_41 = sin_q3 * t3_40;
+        let t3_42 = like.lift(0.4318) * t2_11;
+        let t3_43 = like.lift(-0.0934).mul_add(w_ixz_2_q2, t3_42);
+        let t3_44 = a_2y + t3_43;
+        let a_3y = cos_q3.mul_add(t3_44, t3_41);
+        let t3_45 = sin_q3 * t3_31;
+        let t3_46 = like.lift(0.4318) * t3_45;
+        let t3_47 = cos_q3 * t3_17;
+        let t3_48 = like.lift(-0.4318).mul_add(t3_47, t3_46);
+        let w_mx_3_q2 = a_3y - t3_48;
+        w[26] = [t3_37, w_mx_3_q2, a_3y, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t3_49 = like.lift(0.1501) * t3_27;
+        let t3_50 = t3_15 + t3_19;
+        let t3_51 = sin_q2_q3 * t3_50;
+        let t3_52 = like.lift(-0.1501).mul_add(t3_51, t3_49);
+        let t3_53 = cos_q2 * t3_13;
+        let t3_54 = like.lift(-0.4318).mul_add(t3_53, t3_52);
+        let w_my_3_q1 = a_3z.mul_add(sin_q2_q3, t3_54);
+        let t3_55 = cos_q3 * t3_40;
+        let a_3x = (-sin_q3).mul_add(t3_44, t3_55);
+        let t3_56 = sin_q3 * t3_26;
+        let t3_57 = like.lift(0.4318) * t3_56;
+        let t3_58 = cos_q3 * t3_50;
+        let t3_59 = like.lift(0.4318).mul_add(t3_58, t3_57);
+        let w_my_3_q2 = a_3x - t3_59;
         w[27] = [w_my_3_q1, w_my_3_q2, a_3x, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t3_61 = cos_q2_q3 * a_3x;
-        let t3_62 = sin_q2_q3 * a_3y;
-        let t3_63 = t3_61 + t3_62;
-        let t3_64 = cos_q2_q3 * w_iyz_3_q2;
-        let t3_65 = like.lift(0.1501) * t3_64;
-        let t3_66 = sin_q2_q3 * w_ixz_3_q2;
-        let t3_67 = like.lift(-0.1501).mul_add(t3_66, t3_65);
-        let t3_68 = like.lift(0.4318).mul_add(t2_26, t3_67);
-        let w_mz_3_q1 = t3_63 - t3_68;
-        let t3_69 = sin_q3 * w_iyz_3_q2;
-        let t3_70 = like.lift(0.4318) * t3_69;
-        let t3_71 = cos_q3 * w_ixz_3_q2;
-        let w_mz_3_q2 = like.lift(0.4318).mul_add(t3_71, t3_70);
+        let t3_60 = cos_q2_q3 * a_3x;
+        let t3_61 = sin_q2_q3 * a_3y;
+        let t3_62 = t3_60 + t3_61;
+        let t3_63 = cos_q2_q3 * w_iyz_3_q2;
+        let t3_64 = like.lift(0.1501) * t3_63;
+        let t3_65 = sin_q2_q3 * w_ixz_3_q2;
+        let t3_66 = like.lift(-0.1501).mul_add(t3_65, t3_64);
+        let t3_67 = like.lift(0.4318).mul_add(t2_25, t3_66);
+        let w_mz_3_q1 = t3_62 - t3_67;
+        let t3_68 = sin_q3 * w_iyz_3_q2;
+        let t3_69 = like.lift(0.4318) * t3_68;
+        let t3_70 = cos_q3 * w_ixz_3_q2;
+        let w_mz_3_q2 = like.lift(0.4318).mul_add(t3_70, t3_69);
         w[28] = [w_mz_3_q1, w_mz_3_q2, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t3_72 = like.lift(0.1501) * t3_61;
-        let t3_73 = like.lift(0.1501).mul_add(t3_62, t3_72);
-        let t3_74 = cos_q2 * a_3z;
-        let w_m_3_q1 = like.lift(-0.4318).mul_add(t3_74, t3_73);
-        let t3_75 = sin_q3 * a_3x;
-        let t3_76 = like.lift(0.4318) * t3_75;
-        let t3_77 = cos_q3 * a_3y;
-        let w_m_3_q2 = like.lift(-0.4318).mul_add(t3_77, t3_76);
-        let t3_78 = -w_m_3_q2;
-        w[29] = [w_m_3_q1, t3_78, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t3_71 = like.lift(0.1501) * t3_60;
+        let t3_72 = like.lift(0.1501).mul_add(t3_61, t3_71);
+        let t3_73 = cos_q2 * a_3z;
+        let w_m_3_q1 = like.lift(-0.4318).mul_add(t3_73, t3_72);
+        let t3_74 = sin_q3 * a_3x;
+        let t3_75 = like.lift(0.4318) * t3_74;
+        let t3_76 = cos_q3 * a_3y;
+        let w_m_3_q2 = like.lift(-0.4318).mul_add(t3_76, t3_75);
+        let t3_77 = -w_m_3_q2;
+        w[29] = [w_m_3_q1, t3_77, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         [
             sin_q3, cos_q3, sin_q2_q3, cos_q2_q3, w_3y, al_3x, w_3x, w_3z, al_3y, t3_10, t3_13,
-            al_3z, t3_17, t3_26, a_3z, t3_32, a_3y, t3_51, a_3x,
+            al_3z, t3_17, t3_26, a_3z, t3_31, a_3y, t3_50, a_3x,
         ]
     };
     // body 4: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
@@ -756,7 +752,7 @@ pub fn regressor<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &mut [[T; 
         let w_izz_4_q1 = cos_q2_q3.mul_add(al_4z, t4_42);
         let w_izz_4_q2 = t4_9 + t4_33;
         w[35] = [w_izz_4_q1, w_izz_4_q2, w_izz_4_q2, al_4z, like.lift(0.0), like.lift(0.0)];
-        let t4_43 = like.lift(0.0203) * t3_32;
+        let t4_43 = like.lift(0.0203) * t3_31;
         let t4_44 = like.lift(0.4331).mul_add(t3_26, t4_43);
         let t4_45 = a_3x - t4_44;
         let t4_46 = sin_q4 * t4_45;
@@ -766,7 +762,7 @@ pub fn regressor<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &mut [[T; 
         let a_4y = (-cos_q4).mul_add(t4_49, t4_46);
         let t4_50 = cos_q2_q3 * a_4y;
         let t4_51 = like.lift(0.0203) * t3_17;
-        let t4_52 = like.lift(-0.4331).mul_add(t3_51, t4_51);
+        let t4_52 = like.lift(-0.4331).mul_add(t3_50, t4_51);
         let a_4z = a_3y - t4_52;
         let t4_53 = a_4z.mul_add(e_4_q1y, t4_50);
         let t4_54 = t4_19 + t4_24;
@@ -2878,7 +2874,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 6], phi: &[T; 60]) -> ([[T; 6]; 6], Condit
 /// - `qdd_r`: reference accelerations of the independent coordinates
 /// - `y`: column by column: Y phi = M qdd_r + C(q, qd) qd_r + g, with dM/dt - 2 C skew
 ///
-/// 416 additions, 616 multiplications, 0 divisions, 5 sines and cosines.
+/// 414 additions, 612 multiplications, 0 divisions, 5 sines and cosines.
 pub fn slotine_li<T: Scalar>(q: &[T; 6], qd: &[T; 6], qd_r: &[T; 6], qdd_r: &[T; 6], y: &mut [[T; 6]; 60]) -> Condition<T> {
     let like = q[0];
     let [_, q2, q3, q4, q5, q6] = *q;
@@ -2900,8 +2896,8 @@ pub fn slotine_li<T: Scalar>(q: &[T; 6], qd: &[T; 6], qd_r: &[T; 6], qdd_r: &[T;
     }
     // body 2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [
-        sin_q2, cos_q2, w_ixz_2_q2, al_2x, w_iyz_2_q2, al_2y, t2_14, t2_20, t2_35, t2_36,
-        t2_37, a_2y_2, a_2x_2,
+        sin_q2, cos_q2, w_ixz_2_q2, al_2x, w_iyz_2_q2, al_2y, t2_12, t2_18, t2_33, t2_34,
+        t2_35, a_2y_2, a_2x_2,
     ] = {
         let (sin_q2, cos_q2) = q2.sin_cos();
         let w_ixz_2_q2 = sin_q2 * dr_q1;
@@ -2918,84 +2914,82 @@ pub fn slotine_li<T: Scalar>(q: &[T; 6], qd: &[T; 6], qd_r: &[T; 6], qdd_r: &[T;
         let t2_8 = cos_q2 * t2_7;
         let t2_9 = like.lift(0.5) * t2_8;
         let w_ixx_2_q1 = sin_q2.mul_add(al_2x, t2_9);
-        let t2_10 = w_2x * t2_2;
-        let t2_11 = w_2y.mul_add(t2_6, t2_10);
-        let w_ixx_2_q2 = like.lift(0.5) * t2_11;
-        let t2_12 = -w_ixx_2_q2;
-        y[10] = [w_ixx_2_q1, t2_12, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t2_13 = like.lift(0.5) * t2_7;
+        let w_ixx_2_q2 = w_2x * t2_2;
+        let t2_10 = -w_ixx_2_q2;
+        y[10] = [w_ixx_2_q1, t2_10, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t2_11 = like.lift(0.5) * t2_7;
         let w_iyz_2_q2 = cos_q2 * dr_q1;
-        let al_2y = w_iyz_2_q2 - t2_13;
-        let t2_14 = t2_13 - al_2y;
-        let t2_15 = sin_q2 * t2_14;
-        let t2_16 = t2_4 + al_2x;
-        let w_ixy_2_q1 = (-cos_q2).mul_add(t2_16, t2_15);
-        let t2_17 = -w_ixy_2_q1;
-        let t2_18 = w_2x * t2_6;
-        let t2_19 = w_2y * t2_2;
-        let w_ixy_2_q2 = t2_18 - t2_19;
-        y[11] = [t2_17, w_ixy_2_q2, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t2_20 = dr_q2 + w_ixx_2_q2;
-        let t2_21 = sin_q2 * t2_20;
-        let t2_22 = d_q2 * r_q2;
-        let t2_23 = t2_18 - t2_22;
-        let w_ixz_2_q1 = (-cos_q2).mul_add(t2_23, t2_21);
-        let t2_24 = -w_ixz_2_q1;
-        let t2_25 = -w_ixz_2_q2;
-        y[12] = [t2_24, t2_25, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t2_26 = sin_q2 * t2_3;
-        let t2_27 = like.lift(0.5) * t2_26;
-        let w_iyy_2_q1 = (-cos_q2).mul_add(al_2y, t2_27);
-        let t2_28 = -w_iyy_2_q1;
-        y[13] = [t2_28, w_ixx_2_q2, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t2_29 = t2_19 - t2_22;
-        let t2_30 = dr_q2 - w_ixx_2_q2;
-        let t2_31 = cos_q2 * t2_30;
-        let w_iyz_2_q1 = sin_q2.mul_add(t2_29, t2_31);
-        let t2_32 = -w_iyz_2_q1;
-        let t2_33 = -w_iyz_2_q2;
-        y[14] = [t2_32, t2_33, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let w_izz_2_q1 = t2_9 - t2_27;
-        let t2_34 = -w_izz_2_q1;
-        y[15] = [t2_34, dr_q2, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t2_35 = d_q1 * r_q1;
+        let al_2y = w_iyz_2_q2 - t2_11;
+        let t2_12 = t2_11 - al_2y;
+        let t2_13 = sin_q2 * t2_12;
+        let t2_14 = t2_4 + al_2x;
+        let w_ixy_2_q1 = (-cos_q2).mul_add(t2_14, t2_13);
+        let t2_15 = -w_ixy_2_q1;
+        let t2_16 = w_2x * t2_6;
+        let t2_17 = w_2y * t2_2;
+        let w_ixy_2_q2 = t2_16 - t2_17;
+        y[11] = [t2_15, w_ixy_2_q2, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t2_18 = dr_q2 + w_ixx_2_q2;
+        let t2_19 = sin_q2 * t2_18;
+        let t2_20 = d_q2 * r_q2;
+        let t2_21 = t2_16 - t2_20;
+        let w_ixz_2_q1 = (-cos_q2).mul_add(t2_21, t2_19);
+        let t2_22 = -w_ixz_2_q1;
+        let t2_23 = -w_ixz_2_q2;
+        y[12] = [t2_22, t2_23, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t2_24 = sin_q2 * t2_3;
+        let t2_25 = like.lift(0.5) * t2_24;
+        let w_iyy_2_q1 = (-cos_q2).mul_add(al_2y, t2_25);
+        let t2_26 = -w_iyy_2_q1;
+        y[13] = [t2_26, w_ixx_2_q2, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t2_27 = t2_17 - t2_20;
+        let t2_28 = dr_q2 - w_ixx_2_q2;
+        let t2_29 = cos_q2 * t2_28;
+        let w_iyz_2_q1 = sin_q2.mul_add(t2_27, t2_29);
+        let t2_30 = -w_iyz_2_q1;
+        let t2_31 = -w_iyz_2_q2;
+        y[14] = [t2_30, t2_31, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let w_izz_2_q1 = t2_9 - t2_25;
+        let t2_32 = -w_izz_2_q1;
+        y[15] = [t2_32, dr_q2, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t2_33 = d_q1 * r_q1;
+        let t2_34 = cos_q2 * t2_33;
+        let t2_35 = t2_17 + t2_20;
         let t2_36 = cos_q2 * t2_35;
-        let t2_37 = t2_19 + t2_22;
-        let t2_38 = cos_q2 * t2_37;
-        let t2_39 = like.lift(0.2435) * t2_38;
-        let t2_40 = like.lift(0.2435).mul_add(t2_21, t2_39);
-        let w_mx_2_q1 = like.lift(0.2435).mul_add(t2_36, -t2_40);
-        let t2_41 = -w_mx_2_q1;
+        let t2_37 = like.lift(0.2435) * t2_36;
+        let t2_38 = like.lift(0.2435).mul_add(t2_19, t2_37);
+        let w_mx_2_q1 = like.lift(0.2435).mul_add(t2_34, -t2_38);
+        let t2_39 = -w_mx_2_q1;
         let a_2y = like.lift(9.81) * cos_q2;
         let a_2y_2 = like.lift(-0.2435).mul_add(w_ixz_2_q2, a_2y);
-        let t2_42 = -a_2y_2;
-        y[16] = [t2_41, t2_42, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t2_43 = sin_q2 * t2_35;
-        let t2_44 = like.lift(0.2435) * t2_31;
-        let t2_45 = t2_18 + t2_22;
-        let t2_46 = sin_q2 * t2_45;
-        let t2_47 = like.lift(-0.2435).mul_add(t2_46, t2_44);
-        let w_my_2_q1 = like.lift(0.2435).mul_add(t2_43, t2_47);
+        let t2_40 = -a_2y_2;
+        y[16] = [t2_39, t2_40, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t2_41 = sin_q2 * t2_33;
+        let t2_42 = like.lift(0.2435) * t2_29;
+        let t2_43 = t2_16 + t2_20;
+        let t2_44 = sin_q2 * t2_43;
+        let t2_45 = like.lift(-0.2435).mul_add(t2_44, t2_42);
+        let w_my_2_q1 = like.lift(0.2435).mul_add(t2_41, t2_45);
         let a_2x = like.lift(9.81) * sin_q2;
         let a_2x_2 = like.lift(0.2435).mul_add(w_iyz_2_q2, a_2x);
         y[17] = [w_my_2_q1, a_2x_2, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t2_48 = cos_q2 * a_2x_2;
-        let t2_49 = sin_q2 * a_2y_2;
-        let t2_50 = t2_48 - t2_49;
-        let w_mz_2_q1 = like.lift(0.2435).mul_add(dr_q1, t2_50);
+        let t2_46 = cos_q2 * a_2x_2;
+        let t2_47 = sin_q2 * a_2y_2;
+        let t2_48 = t2_46 - t2_47;
+        let w_mz_2_q1 = like.lift(0.2435).mul_add(dr_q1, t2_48);
         y[18] = [w_mz_2_q1, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t2_51 = like.lift(0.2435) * t2_48;
-        let w_m_2_q1 = like.lift(-0.2435).mul_add(t2_49, t2_51);
+        let t2_49 = like.lift(0.2435) * t2_46;
+        let w_m_2_q1 = like.lift(-0.2435).mul_add(t2_47, t2_49);
         y[19] = [w_m_2_q1, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         [
-            sin_q2, cos_q2, w_ixz_2_q2, al_2x, w_iyz_2_q2, al_2y, t2_14, t2_20, t2_35, t2_36,
-            t2_37, a_2y_2, a_2x_2,
+            sin_q2, cos_q2, w_ixz_2_q2, al_2x, w_iyz_2_q2, al_2y, t2_12, t2_18, t2_33, t2_34,
+            t2_35, a_2y_2, a_2x_2,
         ]
     };
     // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [
         sin_q3, cos_q3, sin_q2_q3, cos_q2_q3, w_3y, t3_6, al_3x, w_3x, t3_8, w_3z, t3_10,
-        al_3y, t3_22, t3_27, al_3z, t3_31, t3_41, a_3z, t3_47, a_3y, t3_66, a_3x,
+        al_3y, t3_20, t3_25, al_3z, t3_29, t3_39, a_3z, t3_45, a_3y, t3_64, a_3x,
     ] = {
         let (sin_q3, cos_q3) = q3.sin_cos();
         let t3_1 = cos_q2 * sin_q3;
@@ -3018,122 +3012,120 @@ pub fn slotine_li<T: Scalar>(q: &[T; 6], qd: &[T; 6], qd_r: &[T; 6], qdd_r: &[T;
         let t3_12 = cos_q2_q3 * t3_11;
         let t3_13 = like.lift(0.5) * t3_12;
         let w_ixx_3_q1 = sin_q2_q3.mul_add(al_3x, t3_13);
-        let t3_14 = w_3x * t3_6;
-        let t3_15 = w_3y.mul_add(t3_10, t3_14);
-        let w_ixx_3_q2 = like.lift(0.5) * t3_15;
-        let t3_16 = -w_ixx_3_q2;
-        y[20] = [w_ixx_3_q1, t3_16, t3_16, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t3_17 = sin_q3 * al_2x;
-        let t3_18 = (-cos_q3).mul_add(al_2y, t3_17);
-        let t3_19 = w_3x * r_q3;
-        let t3_20 = d_q3.mul_add(t3_10, t3_19);
-        let al_3y = like.lift(0.5).mul_add(t3_20, t3_18);
-        let t3_21 = like.lift(0.5) * t3_11;
-        let t3_22 = al_3y + t3_21;
-        let t3_23 = sin_q2_q3 * t3_22;
-        let t3_24 = w_3y * t3_8;
-        let t3_25 = w_3z.mul_add(t3_6, t3_24);
-        let t3_26 = like.lift(0.5) * t3_25;
-        let t3_27 = al_3x + t3_26;
-        let w_ixy_3_q1 = (-cos_q2_q3).mul_add(t3_27, t3_23);
-        let t3_28 = -w_ixy_3_q1;
-        let t3_29 = w_3x * t3_10;
-        let t3_30 = w_3y * t3_6;
-        let w_ixy_3_q2 = t3_29 - t3_30;
-        y[21] = [t3_28, w_ixy_3_q2, w_ixy_3_q2, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let w_ixx_3_q2 = w_3x * t3_6;
+        let t3_14 = -w_ixx_3_q2;
+        y[20] = [w_ixx_3_q1, t3_14, t3_14, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t3_15 = sin_q3 * al_2x;
+        let t3_16 = (-cos_q3).mul_add(al_2y, t3_15);
+        let t3_17 = w_3x * r_q3;
+        let t3_18 = d_q3.mul_add(t3_10, t3_17);
+        let al_3y = like.lift(0.5).mul_add(t3_18, t3_16);
+        let t3_19 = like.lift(0.5) * t3_11;
+        let t3_20 = al_3y + t3_19;
+        let t3_21 = sin_q2_q3 * t3_20;
+        let t3_22 = w_3y * t3_8;
+        let t3_23 = w_3z.mul_add(t3_6, t3_22);
+        let t3_24 = like.lift(0.5) * t3_23;
+        let t3_25 = al_3x + t3_24;
+        let w_ixy_3_q1 = (-cos_q2_q3).mul_add(t3_25, t3_21);
+        let t3_26 = -w_ixy_3_q1;
+        let t3_27 = w_3x * t3_10;
+        let t3_28 = w_3y * t3_6;
+        let w_ixy_3_q2 = t3_27 - t3_28;
+        y[21] = [t3_26, w_ixy_3_q2, w_ixy_3_q2, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         let al_3z = dr_q2 + dr_q3;
-        let t3_31 = al_3z + w_ixx_3_q2;
-        let t3_32 = sin_q2_q3 * t3_31;
-        let t3_33 = w_3z * t3_8;
-        let t3_34 = t3_29 - t3_33;
-        let w_ixz_3_q1 = (-cos_q2_q3).mul_add(t3_34, t3_32);
-        let t3_35 = -w_ixz_3_q1;
-        let w_ixz_3_q2 = al_3x - t3_26;
-        let t3_36 = -w_ixz_3_q2;
-        y[22] = [t3_35, t3_36, t3_36, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t3_37 = sin_q2_q3 * t3_25;
-        let t3_38 = like.lift(0.5) * t3_37;
-        let w_iyy_3_q1 = cos_q2_q3.mul_add(al_3y, t3_38);
-        let t3_39 = -w_iyy_3_q1;
-        y[23] = [t3_39, w_ixx_3_q2, w_ixx_3_q2, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t3_40 = t3_30 - t3_33;
-        let t3_41 = al_3z - w_ixx_3_q2;
-        let t3_42 = cos_q2_q3 * t3_41;
-        let w_iyz_3_q1 = sin_q2_q3.mul_add(t3_40, t3_42);
-        let t3_43 = -w_iyz_3_q1;
-        let w_iyz_3_q2 = al_3y - t3_21;
-        y[24] = [t3_43, w_iyz_3_q2, w_iyz_3_q2, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let w_izz_3_q1 = t3_13 - t3_38;
-        let t3_44 = -w_izz_3_q1;
-        y[25] = [t3_44, al_3z, al_3z, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let a_2z = like.lift(0.2435) * t2_35;
-        let t3_45 = like.lift(0.4318) * t2_14;
-        let t3_46 = like.lift(-0.0934).mul_add(t2_35, t3_45);
-        let a_3z = a_2z + t3_46;
-        let t3_47 = t3_30 + t3_33;
-        let t3_48 = cos_q2_q3 * t3_47;
-        let t3_49 = like.lift(0.1501) * t3_48;
-        let t3_50 = like.lift(0.1501).mul_add(t3_32, t3_49);
-        let t3_51 = cos_q2 * t3_22;
-        let t3_52 = like.lift(-0.4318).mul_add(t3_51, t3_50);
-        let w_mx_3_q1 = cos_q2_q3.mul_add(a_3z, -t3_52);
-        let t3_53 = -w_mx_3_q1;
-        let t3_54 = like.lift(0.4318) * t2_37;
-        let t3_55 = like.lift(-0.0934).mul_add(w_iyz_2_q2, t3_54);
-        let t3_56 = a_2x_2 + t3_55;
-        let t3_57 = sin_q3 * t3_56;
-        let t3_58 = like.lift(0.4318) * t2_20;
-        let t3_59 = like.lift(-0.0934).mul_add(w_ixz_2_q2, t3_58);
-        let t3_60 = a_2y_2 - t3_59;
-        let a_3y = (-cos_q3).mul_add(t3_60, t3_57);
-        let t3_61 = sin_q3 * t3_47;
-        let t3_62 = like.lift(0.4318) * t3_61;
-        let t3_63 = cos_q3 * t3_31;
-        let t3_64 = like.lift(-0.4318).mul_add(t3_63, t3_62);
-        let w_mx_3_q2 = a_3y - t3_64;
-        y[26] = [t3_53, w_mx_3_q2, a_3y, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t3_65 = like.lift(0.1501) * t3_42;
-        let t3_66 = t3_29 + t3_33;
-        let t3_67 = sin_q2_q3 * t3_66;
-        let t3_68 = like.lift(-0.1501).mul_add(t3_67, t3_65);
-        let t3_69 = cos_q2 * t3_27;
-        let t3_70 = like.lift(-0.4318).mul_add(t3_69, t3_68);
-        let w_my_3_q1 = sin_q2_q3.mul_add(a_3z, t3_70);
-        let t3_71 = cos_q3 * t3_56;
-        let a_3x = sin_q3.mul_add(t3_60, t3_71);
-        let t3_72 = sin_q3 * t3_41;
-        let t3_73 = like.lift(0.4318) * t3_72;
-        let t3_74 = cos_q3 * t3_66;
-        let t3_75 = like.lift(0.4318).mul_add(t3_74, t3_73);
-        let w_my_3_q2 = a_3x - t3_75;
+        let t3_29 = al_3z + w_ixx_3_q2;
+        let t3_30 = sin_q2_q3 * t3_29;
+        let t3_31 = w_3z * t3_8;
+        let t3_32 = t3_27 - t3_31;
+        let w_ixz_3_q1 = (-cos_q2_q3).mul_add(t3_32, t3_30);
+        let t3_33 = -w_ixz_3_q1;
+        let w_ixz_3_q2 = al_3x - t3_24;
+        let t3_34 = -w_ixz_3_q2;
+        y[22] = [t3_33, t3_34, t3_34, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t3_35 = sin_q2_q3 * t3_23;
+        let t3_36 = like.lift(0.5) * t3_35;
+        let w_iyy_3_q1 = cos_q2_q3.mul_add(al_3y, t3_36);
+        let t3_37 = -w_iyy_3_q1;
+        y[23] = [t3_37, w_ixx_3_q2, w_ixx_3_q2, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t3_38 = t3_28 - t3_31;
+        let t3_39 = al_3z - w_ixx_3_q2;
+        let t3_40 = cos_q2_q3 * t3_39;
+        let w_iyz_3_q1 = sin_q2_q3.mul_add(t3_38, t3_40);
+        let t3_41 = -w_iyz_3_q1;
+        let w_iyz_3_q2 = al_3y - t3_19;
+        y[24] = [t3_41, w_iyz_3_q2, w_iyz_3_q2, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let w_izz_3_q1 = t3_13 - t3_36;
+        let t3_42 = -w_izz_3_q1;
+        y[25] = [t3_42, al_3z, al_3z, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let a_2z = like.lift(0.2435) * t2_33;
+        let t3_43 = like.lift(0.4318) * t2_12;
+        let t3_44 = like.lift(-0.0934).mul_add(t2_33, t3_43);
+        let a_3z = a_2z + t3_44;
+        let t3_45 = t3_28 + t3_31;
+        let t3_46 = cos_q2_q3 * t3_45;
+        let t3_47 = like.lift(0.1501) * t3_46;
+        let t3_48 = like.lift(0.1501).mul_add(t3_30, t3_47);
+        let t3_49 = cos_q2 * t3_20;
+        let t3_50 = like.lift(-0.4318).mul_add(t3_49, t3_48);
+        let w_mx_3_q1 = cos_q2_q3.mul_add(a_3z, -t3_50);
+        let t3_51 = -w_mx_3_q1;
+        let t3_52 = like.lift(0.4318) * t2_35;
+        let t3_53 = like.lift(-0.0934).mul_add(w_iyz_2_q2, t3_52);
+        let t3_54 = a_2x_2 + t3_53;
+        let t3_55 = sin_q3 * t3_54;
+        let t3_56 = like.lift(0.4318) * t2_18;
+        let t3_57 = like.lift(-0.0934).mul_add(w_ixz_2_q2, t3_56);
+        let t3_58 = a_2y_2 - t3_57;
+        let a_3y = (-cos_q3).mul_add(t3_58, t3_55);
+        let t3_59 = sin_q3 * t3_45;
+        let t3_60 = like.lift(0.4318) * t3_59;
+        let t3_61 = cos_q3 * t3_29;
+        let t3_62 = like.lift(-0.4318).mul_add(t3_61, t3_60);
+        let w_mx_3_q2 = a_3y - t3_62;
+        y[26] = [t3_51, w_mx_3_q2, a_3y, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t3_63 = like.lift(0.1501) * t3_40;
+        let t3_64 = t3_27 + t3_31;
+        let t3_65 = sin_q2_q3 * t3_64;
+        let t3_66 = like.lift(-0.1501).mul_add(t3_65, t3_63);
+        let t3_67 = cos_q2 * t3_25;
+        let t3_68 = like.lift(-0.4318).mul_add(t3_67, t3_66);
+        let w_my_3_q1 = sin_q2_q3.mul_add(a_3z, t3_68);
+        let t3_69 = cos_q3 * t3_54;
+        let a_3x = sin_q3.mul_add(t3_58, t3_69);
+        let t3_70 = sin_q3 * t3_39;
+        let t3_71 = like.lift(0.4318) * t3_70;
+        let t3_72 = cos_q3 * t3_64;
+        let t3_73 = like.lift(0.4318).mul_add(t3_72, t3_71);
+        let w_my_3_q2 = a_3x - t3_73;
         y[27] = [w_my_3_q1, w_my_3_q2, a_3x, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t3_76 = cos_q2_q3 * a_3x;
-        let t3_77 = sin_q2_q3 * a_3y;
-        let t3_78 = t3_76 + t3_77;
-        let t3_79 = cos_q2_q3 * w_iyz_3_q2;
-        let t3_80 = like.lift(0.1501) * t3_79;
-        let t3_81 = sin_q2_q3 * w_ixz_3_q2;
-        let t3_82 = like.lift(-0.1501).mul_add(t3_81, t3_80);
-        let t3_83 = like.lift(0.4318).mul_add(t2_36, t3_82);
-        let w_mz_3_q1 = t3_78 - t3_83;
-        let t3_84 = sin_q3 * w_iyz_3_q2;
-        let t3_85 = like.lift(0.4318) * t3_84;
-        let t3_86 = cos_q3 * w_ixz_3_q2;
-        let w_mz_3_q2 = like.lift(0.4318).mul_add(t3_86, t3_85);
+        let t3_74 = cos_q2_q3 * a_3x;
+        let t3_75 = sin_q2_q3 * a_3y;
+        let t3_76 = t3_74 + t3_75;
+        let t3_77 = cos_q2_q3 * w_iyz_3_q2;
+        let t3_78 = like.lift(0.1501) * t3_77;
+        let t3_79 = sin_q2_q3 * w_ixz_3_q2;
+        let t3_80 = like.lift(-0.1501).mul_add(t3_79, t3_78);
+        let t3_81 = like.lift(0.4318).mul_add(t2_34, t3_80);
+        let w_mz_3_q1 = t3_76 - t3_81;
+        let t3_82 = sin_q3 * w_iyz_3_q2;
+        let t3_83 = like.lift(0.4318) * t3_82;
+        let t3_84 = cos_q3 * w_ixz_3_q2;
+        let w_mz_3_q2 = like.lift(0.4318).mul_add(t3_84, t3_83);
         y[28] = [w_mz_3_q1, w_mz_3_q2, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t3_87 = like.lift(0.1501) * t3_76;
-        let t3_88 = like.lift(0.1501).mul_add(t3_77, t3_87);
-        let t3_89 = cos_q2 * a_3z;
-        let w_m_3_q1 = like.lift(-0.4318).mul_add(t3_89, t3_88);
-        let t3_90 = sin_q3 * a_3x;
-        let t3_91 = like.lift(0.4318) * t3_90;
-        let t3_92 = cos_q3 * a_3y;
-        let w_m_3_q2 = like.lift(-0.4318).mul_add(t3_92, t3_91);
-        let t3_93 = -w_m_3_q2;
-        y[29] = [w_m_3_q1, t3_93, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t3_85 = like.lift(0.1501) * t3_74;
+        let t3_86 = like.lift(0.1501).mul_add(t3_75, t3_85);
+        let t3_87 = cos_q2 * a_3z;
+        let w_m_3_q1 = like.lift(-0.4318).mul_add(t3_87, t3_86);
+        let t3_88 = sin_q3 * a_3x;
+        let t3_89 = like.lift(0.4318) * t3_88;
+        let t3_90 = cos_q3 * a_3y;
+        let w_m_3_q2 = like.lift(-0.4318).mul_add(t3_90, t3_89);
+        let t3_91 = -w_m_3_q2;
+        y[29] = [w_m_3_q1, t3_91, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         [
             sin_q3, cos_q3, sin_q2_q3, cos_q2_q3, w_3y, t3_6, al_3x, w_3x, t3_8, w_3z, t3_10,
-            al_3y, t3_22, t3_27, al_3z, t3_31, t3_41, a_3z, t3_47, a_3y, t3_66, a_3x,
+            al_3y, t3_20, t3_25, al_3z, t3_29, t3_39, a_3z, t3_45, a_3y, t3_64, a_3x,
         ]
     };
     // body 4: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
@@ -3235,17 +3227,17 @@ pub fn slotine_li<T: Scalar>(q: &[T; 6], qd: &[T; 6], qd_r: &[T; 6], qdd_r: &[T;
         let w_izz_4_q1 = cos_q2_q3.mul_add(al_4z, t4_62);
         let w_izz_4_q2 = t4_22 + t4_53;
         y[35] = [w_izz_4_q1, w_izz_4_q2, w_izz_4_q2, al_4z, like.lift(0.0), like.lift(0.0)];
-        let t4_63 = like.lift(0.0203) * t3_47;
-        let t4_64 = like.lift(0.4331).mul_add(t3_41, t4_63);
+        let t4_63 = like.lift(0.0203) * t3_45;
+        let t4_64 = like.lift(0.4331).mul_add(t3_39, t4_63);
         let t4_65 = a_3x - t4_64;
         let t4_66 = sin_q4 * t4_65;
-        let t4_67 = like.lift(0.0203) * t3_22;
-        let t4_68 = like.lift(0.4331).mul_add(t3_27, t4_67);
+        let t4_67 = like.lift(0.0203) * t3_20;
+        let t4_68 = like.lift(0.4331).mul_add(t3_25, t4_67);
         let t4_69 = a_3z - t4_68;
         let a_4y = (-cos_q4).mul_add(t4_69, t4_66);
         let t4_70 = cos_q2_q3 * a_4y;
-        let t4_71 = like.lift(0.0203) * t3_31;
-        let t4_72 = like.lift(-0.4331).mul_add(t3_66, t4_71);
+        let t4_71 = like.lift(0.0203) * t3_29;
+        let t4_72 = like.lift(-0.4331).mul_add(t3_64, t4_71);
         let a_4z = a_3y - t4_72;
         let t4_73 = e_4_q1y.mul_add(a_4z, t4_70);
         let t4_74 = cos_q4 * cos_q2_q3;
@@ -3998,7 +3990,7 @@ pub fn poses<T: Scalar>(q: &[T; 6]) -> [[T; 12]; 6] {
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: W_red (Eq. 23), column by column: `w[c][r]` multiplies `BASE[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 298 additions, 420 multiplications, 0 divisions, 5 sines and cosines.
+/// 296 additions, 418 multiplications, 0 divisions, 5 sines and cosines.
 pub fn base_regressor<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &mut [[T; 6]; 36]) -> Condition<T> {
     let like = q[0];
     let [_, q2, q3, q4, q5, q6] = *q;
@@ -4010,7 +4002,7 @@ pub fn base_regressor<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &mut 
     }
     // body 2
     let [
-        sin_q2, cos_q2, w_ixz_2_q2, al_2x_2, w_iyz_2_q2, al_2y_2, t2_3, t2_9, t2_21, t2_23,
+        sin_q2, cos_q2, w_ixz_2_q2, al_2x_2, w_iyz_2_q2, al_2y_2, t2_3, t2_9, t2_20, t2_22,
         a_2y_2, a_2x_2,
     ] = {
         let (sin_q2, cos_q2) = q2.sin_cos();
@@ -4018,10 +4010,10 @@ pub fn base_regressor<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &mut 
         let w_2y = cos_q2 * d_q1;
         let al_2x = d_q2 * w_2y;
         let al_2x_2 = w_ixz_2_q2 + al_2x;
+        let t2_1 = sin_q2 * al_2x_2;
         let w_2x = sin_q2 * d_q1;
         let al_2y = d_q2 * w_2x;
-        let t2_1 = cos_q2 * al_2y;
-        let w_ixx_2_q1 = sin_q2.mul_add(al_2x_2, t2_1);
+        let w_ixx_2_q1 = cos_q2.mul_add(al_2y, t2_1);
         let w_ixx_2_q2 = w_2x * w_2y;
         let t2_2 = -w_ixx_2_q2;
         w[1] = [w_ixx_2_q1, t2_2, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
@@ -4051,38 +4043,36 @@ pub fn base_regressor<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &mut 
         let t2_18 = -w_iyz_2_q1;
         let t2_19 = -w_iyz_2_q2;
         w[4] = [t2_18, t2_19, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let w_izz_2_q1 = (-sin_q2).mul_add(al_2x, t2_1);
-        let t2_20 = -w_izz_2_q1;
-        w[5] = [t2_20, dd_q2, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t2_21 = d_q1 * d_q1;
-        let t2_22 = cos_q2 * t2_21;
-        let t2_23 = t2_8 + t2_11;
-        let t2_24 = cos_q2 * t2_23;
-        let t2_25 = like.lift(0.2435) * t2_24;
-        let t2_26 = like.lift(0.2435).mul_add(t2_10, t2_25);
-        let w_mx_2_q1 = like.lift(0.2435).mul_add(t2_22, -t2_26);
-        let t2_27 = -w_mx_2_q1;
+        let t2_20 = d_q1 * d_q1;
+        let t2_21 = cos_q2 * t2_20;
+        let t2_22 = t2_8 + t2_11;
+        let t2_23 = cos_q2 * t2_22;
+        let t2_24 = like.lift(0.2435) * t2_23;
+        let t2_25 = like.lift(0.2435).mul_add(t2_10, t2_24);
+        let w_mx_2_q1 = like.lift(0.2435).mul_add(t2_21, -t2_25);
+        let t2_26 = -w_mx_2_q1;
         let a_2y = like.lift(9.81) * cos_q2;
         let a_2y_2 = like.lift(0.2435).mul_add(w_ixz_2_q2, -a_2y);
-        w[6] = [t2_27, a_2y_2, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t2_28 = sin_q2 * t2_21;
-        let t2_29 = like.lift(0.2435) * t2_17;
-        let t2_30 = t2_7 + t2_11;
-        let t2_31 = sin_q2 * t2_30;
-        let t2_32 = like.lift(-0.2435).mul_add(t2_31, t2_29);
-        let w_my_2_q1 = like.lift(0.2435).mul_add(t2_28, t2_32);
+        w[6] = [t2_26, a_2y_2, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t2_27 = sin_q2 * t2_20;
+        let t2_28 = like.lift(0.2435) * t2_17;
+        let t2_29 = t2_7 + t2_11;
+        let t2_30 = sin_q2 * t2_29;
+        let t2_31 = like.lift(-0.2435).mul_add(t2_30, t2_28);
+        let w_my_2_q1 = like.lift(0.2435).mul_add(t2_27, t2_31);
         let a_2x = like.lift(9.81) * sin_q2;
         let a_2x_2 = like.lift(0.2435).mul_add(w_iyz_2_q2, a_2x);
         w[7] = [w_my_2_q1, a_2x_2, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        w[5] = [like.lift(0.0), dd_q2, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         [
-            sin_q2, cos_q2, w_ixz_2_q2, al_2x_2, w_iyz_2_q2, al_2y_2, t2_3, t2_9, t2_21, t2_23,
+            sin_q2, cos_q2, w_ixz_2_q2, al_2x_2, w_iyz_2_q2, al_2y_2, t2_3, t2_9, t2_20, t2_22,
             a_2y_2, a_2x_2,
         ]
     };
     // body 3
     let [
         sin_q3, cos_q3, sin_q2_q3, cos_q2_q3, w_3y, al_3x, w_3x, w_3z, al_3y, t3_10, t3_13,
-        al_3z, t3_17, t3_24, a_3z, t3_30, a_3y, t3_49, a_3x,
+        al_3z, t3_17, t3_24, a_3z, t3_29, a_3y, t3_48, a_3x,
     ] = {
         let (sin_q3, cos_q3) = q3.sin_cos();
         let t3_1 = cos_q2 * sin_q3;
@@ -4093,18 +4083,18 @@ pub fn base_regressor<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &mut 
         let t3_4 = sin_q3.mul_add(al_2y_2, t3_3);
         let w_3y = d_q1 * cos_q2_q3;
         let al_3x = d_q3.mul_add(w_3y, t3_4);
+        let t3_5 = sin_q2_q3 * al_3x;
         let w_3x = d_q1 * sin_q2_q3;
         let w_3z = d_q2 + d_q3;
-        let t3_5 = w_3x * w_3z;
-        let t3_6 = cos_q2_q3 * t3_5;
-        let w_ixx_3_q1 = sin_q2_q3.mul_add(al_3x, t3_6);
+        let t3_6 = w_3x * w_3z;
+        let w_ixx_3_q1 = cos_q2_q3.mul_add(t3_6, t3_5);
         let w_ixx_3_q2 = w_3x * w_3y;
         let t3_7 = -w_ixx_3_q2;
         w[8] = [w_ixx_3_q1, t3_7, t3_7, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         let t3_8 = sin_q3 * al_2x_2;
         let t3_9 = (-cos_q3).mul_add(al_2y_2, t3_8);
         let al_3y = d_q3.mul_add(w_3x, t3_9);
-        let t3_10 = al_3y + t3_5;
+        let t3_10 = al_3y + t3_6;
         let t3_11 = sin_q2_q3 * t3_10;
         let t3_12 = w_3y * w_3z;
         let t3_13 = al_3x + t3_12;
@@ -4115,6 +4105,7 @@ pub fn base_regressor<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &mut 
         let w_ixy_3_q2 = t3_15 - t3_16;
         w[9] = [t3_14, w_ixy_3_q2, w_ixy_3_q2, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         let al_3z = dd_q2 + dd_q3;
+        w[12] = [like.lift(0.0), al_3z, al_3z, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         let t3_17 = al_3z + w_ixx_3_q2;
         let t3_18 = sin_q2_q3 * t3_17;
         let t3_19 = w_3z * w_3z;
@@ -4129,55 +4120,52 @@ pub fn base_regressor<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &mut 
         let t3_25 = cos_q2_q3 * t3_24;
         let w_iyz_3_q1 = sin_q2_q3.mul_add(t3_23, t3_25);
         let t3_26 = -w_iyz_3_q1;
-        let w_iyz_3_q2 = al_3y - t3_5;
+        let w_iyz_3_q2 = al_3y - t3_6;
         w[11] = [t3_26, w_iyz_3_q2, w_iyz_3_q2, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let w_izz_3_q1 = (-sin_q2_q3).mul_add(t3_12, t3_6);
-        let t3_27 = -w_izz_3_q1;
-        w[12] = [t3_27, al_3z, al_3z, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let a_2z = like.lift(0.2435) * t2_21;
-        let t3_28 = like.lift(0.4318) * t2_3;
-        let t3_29 = like.lift(-0.0934).mul_add(t2_21, t3_28);
-        let a_3z = a_2z + t3_29;
-        let t3_30 = t3_16 + t3_19;
-        let t3_31 = cos_q2_q3 * t3_30;
-        let t3_32 = like.lift(0.1501) * t3_31;
-        let t3_33 = like.lift(0.1501).mul_add(t3_18, t3_32);
-        let t3_34 = cos_q2 * t3_10;
-        let t3_35 = like.lift(-0.4318).mul_add(t3_34, t3_33);
-        let w_mx_3_q1 = a_3z.mul_add(cos_q2_q3, -t3_35);
-        let t3_36 = -w_mx_3_q1;
-        let t3_37 = like.lift(0.4318) * t2_23;
-        let t3_38 = like.lift(-0.0934).mul_add(w_iyz_2_q2, t3_37);
-        let t3_39 = a_2x_2 + t3_38;
-        let t3_40 = sin_q3 * t3_39;
-        let t3_41 = like.lift(0.4318) * t2_9;
-        let t3_42 = like.lift(-0.0934).mul_add(w_ixz_2_q2, t3_41);
-        let t3_43 = a_2y_2 + t3_42;
-        let a_3y = cos_q3.mul_add(t3_43, t3_40);
-        let t3_44 = sin_q3 * t3_30;
-        let t3_45 = like.lift(0.4318) * t3_44;
-        let t3_46 = cos_q3 * t3_17;
-        let t3_47 = like.lift(-0.4318).mul_add(t3_46, t3_45);
-        let w_mx_3_q2 = a_3y - t3_47;
-        w[13] = [t3_36, w_mx_3_q2, a_3y, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t3_48 = like.lift(0.1501) * t3_25;
-        let t3_49 = t3_15 + t3_19;
-        let t3_50 = sin_q2_q3 * t3_49;
-        let t3_51 = like.lift(-0.1501).mul_add(t3_50, t3_48);
-        let t3_52 = cos_q2 * t3_13;
-        let t3_53 = like.lift(-0.4318).mul_add(t3_52, t3_51);
-        let w_my_3_q1 = a_3z.mul_add(sin_q2_q3, t3_53);
-        let t3_54 = cos_q3 * t3_39;
-        let a_3x = (-sin_q3).mul_add(t3_43, t3_54);
-        let t3_55 = sin_q3 * t3_24;
-        let t3_56 = like.lift(0.4318) * t3_55;
-        let t3_57 = cos_q3 * t3_49;
-        let t3_58 = like.lift(0.4318).mul_add(t3_57, t3_56);
-        let w_my_3_q2 = a_3x - t3_58;
+        let a_2z = like.lift(0.2435) * t2_20;
+        let t3_27 = like.lift(0.4318) * t2_3;
+        let t3_28 = like.lift(-0.0934).mul_add(t2_20, t3_27);
+        let a_3z = a_2z + t3_28;
+        let t3_29 = t3_16 + t3_19;
+        let t3_30 = cos_q2_q3 * t3_29;
+        let t3_31 = like.lift(0.1501) * t3_30;
+        let t3_32 = like.lift(0.1501).mul_add(t3_18, t3_31);
+        let t3_33 = cos_q2 * t3_10;
+        let t3_34 = like.lift(-0.4318).mul_add(t3_33, t3_32);
+        let w_mx_3_q1 = a_3z.mul_add(cos_q2_q3, -t3_34);
+        let t3_35 = -w_mx_3_q1;
+        let t3_36 = like.lift(0.4318) * t2_22;
+        let t3_37 = like.lift(-0.0934).mul_add(w_iyz_2_q2, t3_36);
+        let t3_38 = a_2x_2 + t3_37;
+        let t3_39 = sin_q3 * t3_38;
+        let t3_40 = like.lift(0.4318) * t2_9;
+        let t3_41 = like.lift(-0.0934).mul_add(w_ixz_2_q2, t3_40);
+        let t3_42 = a_2y_2 + t3_41;
+        let a_3y = cos_q3.mul_add(t3_42, t3_39);
+        let t3_43 = sin_q3 * t3_29;
+        let t3_44 = like.lift(0.4318) * t3_43;
+        let t3_45 = cos_q3 * t3_17;
+        let t3_46 = like.lift(-0.4318).mul_add(t3_45, t3_44);
+        let w_mx_3_q2 = a_3y - t3_46;
+        w[13] = [t3_35, w_mx_3_q2, a_3y, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t3_47 = like.lift(0.1501) * t3_25;
+        let t3_48 = t3_15 + t3_19;
+        let t3_49 = sin_q2_q3 * t3_48;
+        let t3_50 = like.lift(-0.1501).mul_add(t3_49, t3_47);
+        let t3_51 = cos_q2 * t3_13;
+        let t3_52 = like.lift(-0.4318).mul_add(t3_51, t3_50);
+        let w_my_3_q1 = a_3z.mul_add(sin_q2_q3, t3_52);
+        let t3_53 = cos_q3 * t3_38;
+        let a_3x = (-sin_q3).mul_add(t3_42, t3_53);
+        let t3_54 = sin_q3 * t3_24;
+        let t3_55 = like.lift(0.4318) * t3_54;
+        let t3_56 = cos_q3 * t3_48;
+        let t3_57 = like.lift(0.4318).mul_add(t3_56, t3_55);
+        let w_my_3_q2 = a_3x - t3_57;
         w[14] = [w_my_3_q1, w_my_3_q2, a_3x, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         [
             sin_q3, cos_q3, sin_q2_q3, cos_q2_q3, w_3y, al_3x, w_3x, w_3z, al_3y, t3_10, t3_13,
-            al_3z, t3_17, t3_24, a_3z, t3_30, a_3y, t3_49, a_3x,
+            al_3z, t3_17, t3_24, a_3z, t3_29, a_3y, t3_48, a_3x,
         ]
     };
     // body 4
@@ -4248,7 +4236,7 @@ pub fn base_regressor<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &mut 
         let w_izz_4_q1 = cos_q2_q3.mul_add(al_4z, t4_35);
         let w_izz_4_q2 = sin_q4.mul_add(t4_14, t4_8);
         w[19] = [w_izz_4_q1, w_izz_4_q2, w_izz_4_q2, al_4z, like.lift(0.0), like.lift(0.0)];
-        let t4_36 = like.lift(0.0203) * t3_30;
+        let t4_36 = like.lift(0.0203) * t3_29;
         let t4_37 = like.lift(0.4331).mul_add(t3_24, t4_36);
         let t4_38 = a_3x - t4_37;
         let t4_39 = sin_q4 * t4_38;
@@ -4258,7 +4246,7 @@ pub fn base_regressor<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &mut 
         let a_4y = (-cos_q4).mul_add(t4_42, t4_39);
         let t4_43 = cos_q2_q3 * a_4y;
         let t4_44 = like.lift(0.0203) * t3_17;
-        let t4_45 = like.lift(-0.4331).mul_add(t3_49, t4_44);
+        let t4_45 = like.lift(-0.4331).mul_add(t3_48, t4_44);
         let a_4z = a_3y - t4_45;
         let t4_46 = a_4z.mul_add(e_4_q1y, t4_43);
         let t4_47 = t4_18 + t4_23;

@@ -42,6 +42,7 @@ fn call_model(model: &dyn Model<f64>, kind: FunctionKind, inputs: &[&[f64]]) -> 
         | FunctionKind::BiasForces
         | FunctionKind::Efforts => dof,
         FunctionKind::Poses => 12 * info.bodies.len(),
+        other => return Err(format!("{} is no method of Model", other.name())),
     };
     // What is not written stays recognisable.
     let mut out = vec![f64::NAN; size];

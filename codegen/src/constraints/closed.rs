@@ -169,6 +169,11 @@ impl Closure {
         &self.plan.left_out
     }
 
+    /// The order in which A_e is eliminated.
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
     /// From where each loop is seen.
     pub fn viewpoints(&self) -> &[Viewpoint] {
         &self.viewpoints

@@ -9,12 +9,17 @@ use super::graph::{Ex, Graph, Node};
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Level {
     Sum,
-    Negative,
     Product,
+    Quotient,
+    Power,
     Atom,
 }
 
 /// The whole expression, nothing abbreviated.
+///
+/// Sums and products are shown flat, factors in the order numbers, symbols,
+/// functions, sums: the text has the expression's value, not its order of
+/// operations.
 pub fn text(graph: &Graph, ex: Ex) -> String {
     render(graph, ex).0
 }
@@ -42,45 +47,15 @@ fn render(graph: &Graph, ex: Ex) -> (String, Level) {
             (number, level)
         }
         Node::Symbol(id) => (graph.symbol_name(id).to_owned(), Level::Atom),
-        Node::Neg(a) => (
-            format!("-{}", wrap(sub(a), Level::Product)),
-            Level::Negative,
-        ),
-        Node::Add(a, b) => (
-            format!(
-                "{} + {}",
-                wrap(sub(a), Level::Sum),
-                wrap(sub(b), Level::Negative)
-            ),
-            Level::Sum,
-        ),
-        Node::Sub(a, b) => (
-            format!(
-                "{} - {}",
-                wrap(sub(a), Level::Sum),
-                wrap(sub(b), Level::Product)
-            ),
-            Level::Sum,
-        ),
-        Node::Mul(a, b) => {
-            let right = match graph.node(b) {
-                // a constant in front of a product needs no parentheses
-                Node::Mul(..) if matches!(graph.node(a), Node::Constant(_)) => sub(b).0,
-                Node::Mul(..) => format!("({})", sub(b).0),
-                _ => wrap(sub(b), Level::Product),
-            };
-            (
-                format!("{}*{}", wrap(sub(a), Level::Product), right),
-                Level::Product,
-            )
-        }
+        Node::Neg(_) | Node::Add(..) | Node::Sub(..) => (sum(graph, ex), Level::Sum),
+        Node::Mul(..) => product(graph, ex),
         Node::Div(a, b) => (
             format!(
                 "{}/{}",
                 wrap(sub(a), Level::Product),
-                wrap(sub(b), Level::Atom)
+                wrap(sub(b), Level::Power)
             ),
-            Level::Product,
+            Level::Quotient,
         ),
         Node::Sin(id) => (
             format!("sin({})", angle_text(graph, graph.angle(id))),
@@ -98,6 +73,73 @@ fn render(graph: &Graph, ex: Ex) -> (String, Level) {
             (name, Level::Atom)
         }
     }
+}
+
+/// The terms of a sum with their signs, a positive one in front where there is
+/// one.
+fn sum(graph: &Graph, ex: Ex) -> String {
+    let mut terms = Vec::new();
+    let mut stack = vec![(ex, false)];
+    while let Some((ex, negative)) = stack.pop() {
+        match graph.node(ex) {
+            Node::Neg(a) => stack.push((a, !negative)),
+            // the left one is taken from the stack first
+            Node::Add(a, b) => stack.extend([(b, negative), (a, negative)]),
+            Node::Sub(a, b) => stack.extend([(b, !negative), (a, negative)]),
+            _ => terms.push((ex, negative)),
+        }
+    }
+    if let Some(first) = terms.iter().position(|(_, negative)| !negative) {
+        let first = terms.remove(first);
+        terms.insert(0, first);
+    }
+    let mut out = String::new();
+    for (ex, negative) in terms {
+        out.push_str(match (out.is_empty(), negative) {
+            (true, true) => "-",
+            (true, false) => "",
+            (false, true) => " - ",
+            (false, false) => " + ",
+        });
+        out.push_str(&wrap(render(graph, ex), Level::Product));
+    }
+    out
+}
+
+/// The factors of a product, equal ones as powers.
+fn product(graph: &Graph, ex: Ex) -> (String, Level) {
+    let mut factors: Vec<(Ex, usize)> = Vec::new();
+    let mut stack = vec![ex];
+    while let Some(ex) = stack.pop() {
+        match graph.node(ex) {
+            Node::Mul(a, b) => stack.extend([b, a]),
+            _ => match factors.iter_mut().find(|(factor, _)| *factor == ex) {
+                Some((_, power)) => *power += 1,
+                None => factors.push((ex, 1)),
+            },
+        }
+    }
+    factors.sort_by_key(|(factor, _)| match graph.node(*factor) {
+        Node::Constant(_) => 0,
+        Node::Symbol(_) => 1,
+        Node::Neg(_) | Node::Add(..) | Node::Sub(..) => 3,
+        _ => 2,
+    });
+    let level = match factors.as_slice() {
+        [(_, 2..)] => Level::Power,
+        _ => Level::Product,
+    };
+    let mut texts = Vec::new();
+    for (factor, power) in factors {
+        let inner = render(graph, factor);
+        texts.push(match power {
+            // only a leading quotient reads the same without parentheses
+            1 if texts.is_empty() => wrap(inner, Level::Product),
+            1 => wrap(inner, Level::Power),
+            _ => format!("{}^{power}", wrap(inner, Level::Atom)),
+        });
+    }
+    (texts.join("*"), level)
 }
 
 /// A linear form as text: `a + b`, `2*a - pi/3`.

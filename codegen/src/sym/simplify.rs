@@ -187,6 +187,11 @@ impl Graph {
                 true
             }
         });
+        if left.is_empty() && right.is_empty() {
+            // the same product, built in another order
+            let sum = a.coefficient.add(&b.coefficient);
+            return (single || sum.is_zero()).then(|| self.scaled(&sum, a.core));
+        }
         let merged = self.combine_trigonometric(&left, &right, same)?;
         let mut product = merged;
         for factor in common {
@@ -454,7 +459,9 @@ mod tests {
         check(&g, e, "6*x*y");
         // signs move outward, and opposite differences share
         let d = g.sub(y, x);
-        check(&g, d, "-(x - y)");
+        check(&g, d, "y - x");
+        let opposite = g.sub(x, y);
+        assert_eq!(g.node(d), Node::Neg(opposite));
         let nx = g.neg(x);
         let e = g.mul(nx, y);
         check(&g, e, "-x*y");
@@ -462,6 +469,13 @@ mod tests {
         let s = g.add(x, y);
         let e = g.sub(s, x);
         check(&g, e, "y");
+        // also where a product was built in another order
+        let xy = g.mul(x, y);
+        let l = g.mul(xy, p);
+        let yp = g.mul(y, p);
+        let r = g.mul(x, yp);
+        let e = g.sub(l, r);
+        check(&g, e, "0");
         let tx = g.mul(two, x);
         let e = g.sub(tx, x);
         check(&g, e, "x");
@@ -473,7 +487,7 @@ mod tests {
         let e = g.add(pss, pcc);
         check(&g, e, "p");
         let e = g.sub(p, pss);
-        check(&g, e, "p*(cos(a)*cos(a))");
+        check(&g, e, "p*cos(a)^2");
         // angles about parallel axes
         let cc = g.mul(pc, cb);
         let ss = g.mul(ps, sb);

@@ -1,0 +1,206 @@
+//! Derived expressions as text, to be held against the chapter by a person.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use regen_codegen::constraints::{Closed, world_equations};
+use regen_codegen::diag::Source;
+use regen_codegen::dynamics::{Reduction, reduced_regressor};
+use regen_codegen::functions::Symbols;
+use regen_codegen::kinematics::{Frames, Geometry, Rates, motions, twists};
+use regen_codegen::model::{self, Model};
+use regen_codegen::spec::parse;
+use regen_codegen::sym::{Ex, Graph, print::text};
+
+/// A vertical planar arm of two bars; the axes point out of the plane.
+const ARM: &str = "
+name: arm
+geometry: {l1: 2/5, g: 9.81}
+gravity: [0, -g, 0]
+limbs:
+  - name: arm
+    joints:
+      - {name: q1, type: revolute, body: 1, actuated: true, friction: linear}
+      - {name: q2, type: revolute, dh: {a: l1}, body: 2, actuated: true, rotor_inertia: true}
+";
+
+fn read(name: &str, text: &str) -> Model {
+    let source = Source::new(name, text);
+    model::build(&parse(&source).unwrap_or_else(|e| panic!("{e}")))
+}
+
+fn file(name: &str) -> Model {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/oracle");
+    let text = std::fs::read_to_string(path.join(name)).unwrap();
+    read(name, &text)
+}
+
+/// The nonzero entries of a matrix, a line each.
+fn entries(
+    g: &Graph,
+    name: &str,
+    rows: &[String],
+    columns: &[String],
+    at: impl Fn(usize, usize) -> Ex,
+) -> String {
+    let mut out = String::new();
+    for (j, column) in columns.iter().enumerate() {
+        for (i, row) in rows.iter().enumerate() {
+            let entry = at(i, j);
+            if !entry.is_zero() {
+                writeln!(out, "{name}[{row}, {column}] = {}", text(g, entry)).unwrap();
+            }
+        }
+    }
+    out
+}
+
+fn coordinates(model: &Model) -> Vec<String> {
+    model.coordinates.iter().map(|c| c.name.clone()).collect()
+}
+
+fn rates(g: &mut Graph, model: &Model) -> Rates {
+    let mut all = |suffix: &str| -> Vec<Ex> {
+        let names = model.coordinates.iter();
+        names
+            .map(|c| g.symbol(&format!("{}{suffix}", c.name)))
+            .collect()
+    };
+    let (qd, qdd) = (all("'"), all("''"));
+    Rates {
+        rd: qd.clone(),
+        qd,
+        qdd,
+        gravity: true,
+    }
+}
+
+/// Checked by hand against Eq. 4, with w the angular velocity, al its rate, a
+/// the acceleration of a frame's origin less gravity, r = r_OkOi:
+///
+/// - Body 1 stands still but for its turn: a_1 = R_1^T (0, g, 0) =
+///   (g sin q1, g cos q1, 0). With r = 0, Eq. 4 leaves z.(eta_hat I - a_1 x m r):
+///   Izz: al, mx: a_1y, my: -a_1x.
+/// - Body 2: w = q1' + q2', al = q1'' + q2'', and its origin adds eta_tilde_1 (l1, 0, 0) =
+///   (-l1 q1'^2, l1 q1'', 0) to a_1, turned back by q2:
+///   a_2x = cos(q2) (g sin q1 - l1 q1'^2) + sin(q2) (g cos q1 + l1 q1''),
+///   a_2y = -sin(q2) (g sin q1 - l1 q1'^2) + cos(q2) (g cos q1 + l1 q1'').
+///   In row q2 again r = 0: mx: a_2y, my: -a_2x.
+/// - Row q1 of body 2 has r = l1 (cos q2, -sin q2, 0) in frame 2, from O1 to O2:
+///   r x eta_tilde m r adds l1 (cos(q2) al - sin(q2) w^2) to mx and
+///   -l1 (cos(q2) w^2 + sin(q2) al) to my, and r x a_2 m is
+///   l1 (cos(q2) a_2y + sin(q2) a_2x), with l1^2 q1'' > 0 in it.
+///   Read as the chapter's words have it, from Oi to Ok, these three would change
+///   sign, and a mass at the elbow would help to accelerate the arm.
+/// - No entry for mz, for Ixx ... Iyz, or in row q2 for body 1 and m(2).
+/// - Friction opposes: +Fv q' and +Fc sgn(q') on the side of the effort (Eq. 14 with its
+///   sign mended); a rotor takes its own row's q'' (Eq. 18).
+#[test]
+fn columns_of_a_planar_arm_are_those_of_equation_4() {
+    let model = read("arm.yaml", ARM);
+    let mut g = Graph::new();
+    let _ = Symbols::new(&mut g, &model);
+    let frames = Frames::new(&mut g, &model, Geometry::Names);
+    let rates = rates(&mut g, &model);
+    let motions = motions(&mut g, &frames, &rates, None);
+    let twists = twists(&mut g, &frames, &model);
+    let j = Reduction::new(&mut g, &model, &[]);
+    let columns = reduced_regressor(&mut g, &model, &motions, &twists, &rates, &j);
+    let parameters: Vec<String> = model.parameters.iter().map(|p| p.label.clone()).collect();
+    let shown = entries(&g, "K", &coordinates(&model), &parameters, |i, j| {
+        columns[j][i]
+    });
+    insta::assert_snapshot!(shown);
+}
+
+/// Checked by hand: a leg's pivot is r (cos p, sin p, 0), p = 0, 120, -120 degrees, and the
+/// leg goes q (cos p sin t, sin p sin t, cos t) for its length q and tilt t about the
+/// tangent. So f of s2 ends in -r/2 - q7 sin(q6)/2, sqrt(3)/2 (r + q7 sin(q6)), q7 cos(q6),
+/// and begins with minus the joint on the platform, r + q2 sin(q1), 0, q2 cos(q1) and the
+/// platform's side a along its x axis. s3 is half of that along x and sqrt(3)/2 a along y.
+/// A's columns are the partial derivatives; s1.3 turns about the side to s2, which s2
+/// therefore does not feel.
+#[test]
+fn closure_equations_of_the_3rps_are_those_of_its_legs() {
+    let model = file("3rps.yaml");
+    let mut g = Graph::new();
+    let _ = Symbols::new(&mut g, &model);
+    let frames = Frames::new(&mut g, &model, Geometry::Names);
+    let equations = world_equations(&mut g, &frames, &model, None);
+    let rows: Vec<String> = row_names(&model);
+    let mut shown = String::new();
+    for (row, f) in rows.iter().zip(&equations.residual) {
+        writeln!(shown, "f[{row}] = {}", text(&g, *f)).unwrap();
+    }
+    shown.push_str(&entries(&g, "A", &rows, &coordinates(&model), |i, j| {
+        equations.jacobian[i][j]
+    }));
+    insta::assert_snapshot!(shown);
+}
+
+/// `s2.1`: row 1 of the cut s2.
+fn row_names(model: &Model) -> Vec<String> {
+    let cuts = model.cuts.iter().flat_map(|cut| {
+        let rows = 1..=model::rows_of(cut.kind);
+        rows.map(|row| format!("{}.{row}", cut.name))
+    });
+    let ties = model.couplings.iter();
+    let ties = ties.map(|tie| format!("tie of {}", model.coordinates[tie.key].name));
+    cuts.chain(ties).collect()
+}
+
+/// What each stage hands to the next, in words.
+fn stages(model: &Model) -> String {
+    let mut g = Graph::new();
+    let _ = Symbols::new(&mut g, model);
+    let frames = Frames::new(&mut g, model, Geometry::Values);
+    let closed = Closed::new(&mut g, &frames, model).unwrap();
+    let closure = closed.closure.unwrap();
+    let names = |which: &[usize]| -> String {
+        let all = coordinates(model);
+        let names: Vec<&str> = which.iter().map(|c| all[*c].as_str()).collect();
+        names.join(" ")
+    };
+    let mut out = String::new();
+    writeln!(out, "independent: {}", names(&model.independent)).unwrap();
+    writeln!(out, "dependent: {}", names(&model.dependent)).unwrap();
+    writeln!(out, "home:").unwrap();
+    for (coordinate, value) in model.coordinates.iter().zip(&closed.home) {
+        // + 0.0: no minus in front of a zero
+        let rounded = (value * 1e6).round() / 1e6 + 0.0;
+        writeln!(out, "  {} = {rounded}", coordinate.name).unwrap();
+    }
+    for (cut, view) in model.cuts.iter().zip(closure.viewpoints()) {
+        writeln!(out, "loop of {}: seen from {view:?}", cut.name).unwrap();
+    }
+    let rows = row_names(model);
+    for (row, column, size) in &closure.plan().pivots {
+        let column = names(&[model.dependent[*column]]);
+        writeln!(
+            out,
+            "pivot: row {}, {column}, usually {size:.2}",
+            rows[*row]
+        )
+        .unwrap();
+    }
+    for row in closure.redundant_rows() {
+        writeln!(out, "redundant: row {}", rows[*row]).unwrap();
+    }
+    for chunk in model.parameters.chunks(10) {
+        let labels: Vec<&str> = chunk.iter().map(|p| p.label.as_str()).collect();
+        writeln!(out, "parameters: {}", labels.join(" ")).unwrap();
+    }
+    out
+}
+
+/// The planar loop keeps the two rows in its plane, whichever way the plane is carried.
+#[test]
+fn stages_of_the_fivebar() {
+    insta::assert_snapshot!(stages(&file("fivebar.yaml")));
+}
+
+#[test]
+fn stages_of_the_3rps() {
+    insta::assert_snapshot!(stages(&file("3rps.yaml")));
+}
