@@ -258,6 +258,11 @@ impl Placed {
         })
     }
 
+    /// A direction of the parent, in the child's axes.
+    pub(super) fn direction_into(&self, field: &mut Field, v: &E3) -> E3 {
+        self.into(field, v)
+    }
+
     /// A twist (w, v) at the parent's origin as a twist at the child's.
     pub(super) fn twist_into(&self, field: &mut Field, w: &E3, v: &E3) -> (E3, E3) {
         let swing = field.cross(w, &self.offset);

@@ -16,6 +16,8 @@ pub(super) enum Stage {
     Moving {
         kind: MotionKind,
         axis: usize,
+        /// The coordinate; cuts have none.
+        coordinate: Option<usize>,
         /// Column of the rotor parameter.
         rotor: Option<usize>,
         /// Columns of Fc+ and Fc-.
@@ -92,6 +94,7 @@ impl Linkage {
                     stages.push(Stage::Moving {
                         kind: motion.kind,
                         axis: index(motion.axis),
+                        coordinate: Some(motion.coordinate),
                         rotor: rotor_column(model, motion.coordinate),
                         coulomb: coulomb_columns(model, motion.coordinate),
                     });
@@ -112,6 +115,7 @@ impl Linkage {
                     .map(|(kind, axis)| Stage::Moving {
                         kind: *kind,
                         axis: *axis,
+                        coordinate: None,
                         rotor: None,
                         coulomb: None,
                     }),

@@ -8,6 +8,7 @@ pub mod field;
 mod geometry;
 mod known;
 mod linkage;
+mod rates;
 mod span;
 mod store;
 mod tree;
@@ -21,7 +22,7 @@ use crate::spec::Spec;
 use crate::sym::Number;
 
 use field::{Element, Field};
-use span::Vector;
+use span::{Span, Vector};
 
 /// A parameter in a combination.
 #[derive(Clone, Debug, PartialEq)]
@@ -88,7 +89,11 @@ pub struct Base {
 pub fn derive(spec: &Spec, model: &Model, target: Option<usize>) -> Base {
     let mut field = Field::default();
     let linkage = linkage::Linkage::new(&mut field, spec, model);
-    let sum = trees::sum(&mut field, &linkage, target);
+    let mut start = Span::default();
+    for direction in rates::null_directions(&mut field, &linkage, model) {
+        start.insert(&mut field, &direction);
+    }
+    let sum = trees::sum(&mut field, &linkage, start, target);
     let null: Vec<Vector> = sum.span.vectors().cloned().collect();
     let known = known::substitutions(&mut field, spec, model);
     let restricted = known::restricted(&mut field, &null, &known);

@@ -145,6 +145,7 @@ fn pass(field: &mut Field, start: Reach, stages: &[Stage]) -> (Reach, Vec<Passin
             Stage::Moving {
                 kind,
                 axis,
+                coordinate: _,
                 rotor,
                 coulomb,
             } => {

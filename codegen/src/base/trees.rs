@@ -20,14 +20,14 @@ pub(super) struct Sum {
     pub(super) trees: usize,
 }
 
-/// Adds up trees until the sum has `target` dimensions, or until no exchange of
+/// Adds trees to what is there at the start, until the sum has `target` dimensions, or until no exchange of
 /// one joint of one loop, in any tree used, adds anything.
-pub(super) fn sum(field: &mut Field, linkage: &Linkage, target: Option<usize>) -> Sum {
+pub(super) fn sum(field: &mut Field, linkage: &Linkage, start: Span, target: Option<usize>) -> Sum {
     let first: BTreeSet<usize> = (0..linkage.edges.len())
         .filter(|e| linkage.edges[*e].in_spec_tree)
         .collect();
     let mut result = Sum {
-        span: Span::default(),
+        span: start,
         trees: 0,
     };
     let mut seen = BTreeSet::from([first.clone()]);
@@ -81,7 +81,12 @@ fn neighbours(linkage: &Linkage, tree: &BTreeSet<usize>) -> Vec<BTreeSet<usize>>
 }
 
 /// The joints of a tree between two bodies.
-fn path(linkage: &Linkage, tree: &BTreeSet<usize>, from: usize, to: usize) -> Vec<usize> {
+pub(super) fn path(
+    linkage: &Linkage,
+    tree: &BTreeSet<usize>,
+    from: usize,
+    to: usize,
+) -> Vec<usize> {
     let mut reached = vec![None; linkage.bodies + 1];
     let mut order = VecDeque::from([from]);
     let mut visited = vec![false; linkage.bodies + 1];

@@ -1,0 +1,260 @@
+//! Null directions of friction alone: where coordinates' rates are tied by
+//! constant factors all the time, their friction is not independent.
+//!
+//! Such ties are couplings, and loops whose turning axes are all parallel: the
+//! turns around the loop add up to nothing, unless the cut turns too. By
+//! homogeneity (see `BASE.md`, friction) each kind of friction is tied by itself:
+//! offsets o (half of Fc+ less Fc-) by any tie, since their power is linear in
+//! the rates; v, c and e, whose powers are v qd^2, c |qd|, e |qd| qd, only by
+//! ties of two coordinates, or of one, which then does not move at all.
+
+use crate::model::{FrictionColumn, Model, MotionKind, ParameterKind};
+use crate::sym::Number;
+
+use super::field::{Element, Field};
+use super::geometry::Placed;
+use super::linkage::{Linkage, Stage};
+use super::span::{Vector, add_scaled};
+use super::trees::path;
+
+/// The directions that ties of rates give.
+pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Model) -> Vec<Vector> {
+    let mut ties = couplings(model);
+    ties.extend(planar_loops(field, linkage));
+    let mut directions = Vec::new();
+    let n = model.coordinates.len();
+    let offsets: Vec<Option<Vector>> = (0..n).map(|c| offset(model, c)).collect();
+    let with_offset: Vec<usize> = (0..n).filter(|c| offsets[*c].is_some()).collect();
+    for tie in within(field, &ties, &with_offset) {
+        let mut direction = Vector::new();
+        for (coordinate, factor) in &tie {
+            if let Some(offset) = &offsets[*coordinate] {
+                add_scaled(field, &mut direction, factor, offset);
+            }
+        }
+        directions.push(direction);
+    }
+    for a in 0..n {
+        for b in a..n {
+            let both = if a == b { vec![a] } else { vec![a, b] };
+            for tie in within(field, &ties, &both) {
+                // a coordinate that stands still is met on its own
+                if tie.len() < both.len() {
+                    continue;
+                }
+                directions.extend(pair_directions(field, model, &tie));
+            }
+        }
+    }
+    directions
+}
+
+/// v, c and e of two tied coordinates, or of one that stands still.
+fn pair_directions(field: &mut Field, model: &Model, tie: &Vector) -> Vec<Vector> {
+    let mut entries = tie.iter();
+    let (Some((a, ra)), second) = (entries.next(), entries.next()) else {
+        return Vec::new();
+    };
+    let kinds: [fn(&Model, usize) -> Option<Vector>; 3] = [viscous, coulomb, viscous_difference];
+    let Some((b, rb)) = second else {
+        return kinds.iter().filter_map(|kind| kind(model, *a)).collect();
+    };
+    // qd_a = k qd_b
+    let Some(k) = field.div(&rb.neg(), ra) else {
+        return Vec::new();
+    };
+    let size = if k.value().is_negative() {
+        k.neg()
+    } else {
+        k.clone()
+    };
+    let factors = [field.mul(&k, &k), size.clone(), field.mul(&k, &size)];
+    let mut directions = Vec::new();
+    for (kind, factor) in kinds.iter().zip(factors) {
+        if let (Some(on_a), Some(on_b)) = (kind(model, *a), kind(model, *b)) {
+            let mut direction = on_a;
+            add_scaled(field, &mut direction, &factor.neg(), &on_b);
+            directions.push(direction);
+        }
+    }
+    directions
+}
+
+fn column(model: &Model, coordinate: usize, column: FrictionColumn) -> Option<usize> {
+    let wanted = ParameterKind::Friction { coordinate, column };
+    model.parameters.iter().position(|p| p.kind == wanted)
+}
+
+fn pair(plus: Option<usize>, minus: Option<usize>, sign: i64) -> Option<Vector> {
+    Some(Vector::from([
+        (plus?, Element::one()),
+        (minus?, Element::integer(sign)),
+    ]))
+}
+
+/// The direction in which only o grows.
+fn offset(model: &Model, c: usize) -> Option<Vector> {
+    pair(
+        column(model, c, FrictionColumn::CoulombPositive),
+        column(model, c, FrictionColumn::CoulombNegative),
+        -1,
+    )
+}
+
+/// The direction in which only c grows.
+fn coulomb(model: &Model, c: usize) -> Option<Vector> {
+    match column(model, c, FrictionColumn::Coulomb) {
+        Some(at) => Some(Vector::from([(at, Element::one())])),
+        None => pair(
+            column(model, c, FrictionColumn::CoulombPositive),
+            column(model, c, FrictionColumn::CoulombNegative),
+            1,
+        ),
+    }
+}
+
+/// The direction in which only v grows.
+fn viscous(model: &Model, c: usize) -> Option<Vector> {
+    match column(model, c, FrictionColumn::Viscous) {
+        Some(at) => Some(Vector::from([(at, Element::one())])),
+        None => pair(
+            column(model, c, FrictionColumn::ViscousPositive),
+            column(model, c, FrictionColumn::ViscousNegative),
+            1,
+        ),
+    }
+}
+
+/// The direction in which only e grows.
+fn viscous_difference(model: &Model, c: usize) -> Option<Vector> {
+    pair(
+        column(model, c, FrictionColumn::ViscousPositive),
+        column(model, c, FrictionColumn::ViscousNegative),
+        -1,
+    )
+}
+
+/// The combinations of ties that speak of these coordinates only.
+fn within(field: &mut Field, ties: &[Vector], coordinates: &[usize]) -> Vec<Vector> {
+    let mut rows = ties.to_vec();
+    while let Some((r, outside)) = rows.iter().enumerate().find_map(|(r, row)| {
+        let outside = row.keys().find(|c| !coordinates.contains(c));
+        outside.map(|c| (r, *c))
+    }) {
+        let pivot = rows.swap_remove(r);
+        let Some(lead) = pivot.get(&outside).cloned() else {
+            continue;
+        };
+        for row in &mut rows {
+            let factor = row.get(&outside).and_then(|e| field.div(&e.neg(), &lead));
+            if let Some(factor) = factor {
+                add_scaled(field, row, &factor, &pivot);
+                row.remove(&outside);
+            }
+        }
+    }
+    // what is left may still hold one tie twice
+    let mut span = super::span::Span::default();
+    for row in &rows {
+        span.insert(field, row);
+    }
+    span.vectors().cloned().collect()
+}
+
+fn couplings(model: &Model) -> Vec<Vector> {
+    let tie = |coupling: &crate::model::Coupling| -> Vector {
+        let mut tie = Vector::from([(coupling.key, Element::one())]);
+        for (coordinate, factor) in &coupling.terms {
+            tie.insert(*coordinate, Element::exact(factor.neg()));
+        }
+        tie
+    };
+    model.couplings.iter().map(tie).collect()
+}
+
+/// Loops in which everything turns about one direction.
+fn planar_loops(field: &mut Field, linkage: &Linkage) -> Vec<Vector> {
+    let tree = (0..linkage.edges.len())
+        .filter(|e| linkage.edges[*e].in_spec_tree)
+        .collect();
+    let cuts = linkage.edges.iter().filter(|e| !e.in_spec_tree);
+    let mut ties = Vec::new();
+    for cut in cuts {
+        // from one side of the cut back through it to the other
+        let (from, to) = cut.ends;
+        let mut edges = path(linkage, &tree, from, to);
+        edges.reverse();
+        let mut at = from;
+        let mut walk = Turning::default();
+        let mut planar = true;
+        for edge in edges {
+            let edge = &linkage.edges[edge];
+            let Some(next) = edge.other(at) else { break };
+            let outward = edge.ends.0 == at;
+            let stages = edge.stages_from(field, at);
+            planar &= walk.follow(field, &stages, outward);
+            at = next;
+        }
+        let stages = cut.stages_from(field, to);
+        planar &= walk.follow(field, &stages, false);
+        if planar && !walk.free && !walk.tie.is_empty() {
+            ties.push(walk.tie);
+        }
+    }
+    ties
+}
+
+/// Turns met on the way around a loop.
+#[derive(Default)]
+struct Turning {
+    /// The common direction, in the frame reached.
+    axis: Option<[Element; 3]>,
+    tie: Vector,
+    /// Whether a joint without coordinate turns about it too.
+    free: bool,
+}
+
+impl Turning {
+    /// Whether all turns are about the common direction.
+    fn follow(&mut self, field: &mut Field, stages: &[Stage], outward: bool) -> bool {
+        for stage in stages {
+            match stage {
+                Stage::Fixed(placed) => {
+                    let placed: &Placed = placed;
+                    if let Some(axis) = &self.axis {
+                        self.axis = Some(placed.direction_into(field, axis));
+                    }
+                }
+                Stage::Moving {
+                    kind: MotionKind::Rotation,
+                    axis,
+                    coordinate,
+                    ..
+                } => {
+                    let direction = self.axis.get_or_insert_with(|| {
+                        let mut unit = [Element::zero(), Element::zero(), Element::zero()];
+                        unit[*axis] = Element::one();
+                        unit
+                    });
+                    let along = direction[*axis].value().clone();
+                    let parallel = along.is_one() || along.neg().is_one();
+                    if !parallel {
+                        return false;
+                    }
+                    let Some(coordinate) = coordinate else {
+                        self.free = true;
+                        continue;
+                    };
+                    let sign = if along.is_negative() == outward {
+                        Number::from_i64(-1)
+                    } else {
+                        Number::one()
+                    };
+                    self.tie.insert(*coordinate, Element::exact(sign));
+                }
+                Stage::Moving { .. } => {}
+            }
+        }
+        true
+    }
+}
