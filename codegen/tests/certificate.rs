@@ -266,6 +266,24 @@ fn a_closure_that_holds_to_rounding_only_is_refused() {
 }
 
 #[test]
+fn limits_that_hold_home_in_a_corner_are_said_to() {
+    let text = file("robots/fourbar.yaml");
+    let rocker = mechanism(&text).1[2];
+    let (low, high) = (rocker - 1e-9, rocker + 1e-9);
+    let narrow = text.replace(
+        "body: 3}\n\ncuts",
+        &format!("body: 3, limits: {{position: [{low}, {high}]}}}}\n\ncuts"),
+    );
+    assert_ne!(text, narrow);
+    let (model, home) = mechanism(&narrow);
+    let (found, needed) = (0, 30);
+    assert_eq!(
+        certify(&model, &home, 1).err(),
+        Some(CertificateError::Confined { found, needed })
+    );
+}
+
+#[test]
 fn a_body_that_stands_still_has_no_base_parameters() {
     let text = "name: still
 limbs:
