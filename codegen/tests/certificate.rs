@@ -60,9 +60,16 @@ fn trees_and_loops_have_their_known_ranks() {
         ("robots/fourbar.yaml", 8),
         ("tests/pairs/slider_crank/pin.yaml", 6),
         ("tests/mechanisms/rrr3.yaml", 19),
+        // and 12 columns of friction
+        ("tests/mechanisms/prs3.yaml", 19 + 12),
     ] {
         assert_eq!(rank(&file(path)), expected, "{path}");
     }
+}
+
+#[test]
+fn a_six_legged_platform_has_82() {
+    assert_eq!(rank(&file("tests/mechanisms/hexapod.yaml")), 82);
 }
 
 #[test]
@@ -106,10 +113,10 @@ fn arm(rows: &[(&str, &str, &str)]) -> String {
     let mut text = String::from("name: arm\nlimbs:\n  - name: arm\n    joints:\n");
     for (k, (alpha, a, d)) in rows.iter().enumerate() {
         let k = k + 1;
-        write!(
+        writeln!(
             text,
             "      - {{name: q{k}, type: revolute, \
-             dh: {{alpha: {alpha}, a: {a}, d: {d}}}, body: {k}, actuated: true}}\n"
+             dh: {{alpha: {alpha}, a: {a}, d: {d}}}, body: {k}, actuated: true}}"
         )
         .unwrap();
     }
@@ -182,45 +189,7 @@ fn angles_that_add_up_to_a_constant_tie_their_one_sided_friction() {
 
 #[test]
 fn a_platform_that_never_turns_has_fewer_than_its_trees_say() {
-    // a translational Delta: three legs of a revolute and two universal joints
-    let mut text = String::from(
-        "name: delta
-geometry: {R: 0.2, r: 0.05, la: 0.2, lf: 0.5}
-limbs:
-",
-    );
-    for (k, angle) in [(1, "0"), (2, "2*pi/3"), (3, "-2*pi/3")] {
-        write!(
-            text,
-            "  - name: leg{k}
-    base: {{xyz: [R*cos({angle}), R*sin({angle}), 0], rpy: [0, 0, {angle} + pi/2]}}
-    joints:
-      - {{name: q{k}, type: revolute, axis: x, body: arm{k}, actuated: true}}
-      - {{name: u{k}, type: universal, origin: {{xyz: [0, -la, 0]}}, body: rod{k}}}
-"
-        )
-        .unwrap();
-        if k == 1 {
-            text += "      - {name: v1, type: universal, \
-                     origin: {xyz: [0, 0, -lf], rpy: [0, 0, pi/2]}, body: platform}\n";
-        }
-    }
-    text += "cuts:\n";
-    for (k, angle) in [(2, "2*pi/3"), (3, "-2*pi/3")] {
-        write!(
-            text,
-            "  - name: v{k}
-    joint: universal
-    between:
-      - {{body: rod{k}, xyz: [0, 0, -lf], rpy: [0, 0, pi/2]}}
-      - {{body: platform, xyz: [r - r*cos({angle}), -r*sin({angle}), 0], rpy: [0, 0, {angle}]}}
-"
-        )
-        .unwrap();
-    }
-    text +=
-        "home: {q1: 0.5, q2: 0.5, q3: 0.5, u1.1: 0.209, u2.1: 0.209, u3.1: 0.209, v1.2: 0.709}\n";
-    assert_eq!(rank(&text), 34);
+    assert_eq!(rank(&file("tests/mechanisms/delta.yaml")), 34);
 }
 
 #[test]
@@ -237,13 +206,10 @@ fn combinations_hold_at_states_that_they_were_not_made_from() {
     let others = (0..model.parameters.len())
         .rev()
         .filter(|c| !last.contains(c));
-    let mut kept: Vec<usize> = Vec::new();
-    for c in others.chain(last) {
-        kept.push(c);
-        if samples.rank_of(&kept) < kept.len() {
-            kept.pop();
-        }
-    }
+    let order: Vec<usize> = others.chain(last).collect();
+    let kept = samples.independent(&order);
+    assert_eq!(samples.rank_of(&kept), kept.len());
+    assert!(last.iter().all(|c| !kept.contains(c)));
     assert_eq!(kept.len(), samples.certificate().rank);
     let combinations = samples.combinations(&kept).unwrap();
     let mut null_directions = 0;
@@ -296,6 +262,24 @@ fn a_closure_that_holds_to_rounding_only_is_refused() {
     assert_eq!(
         certify(&model, &home, 1).err(),
         Some(CertificateError::Inexact)
+    );
+}
+
+#[test]
+fn limits_that_hold_home_in_a_corner_are_said_to() {
+    let text = file("robots/fourbar.yaml");
+    let rocker = mechanism(&text).1[2];
+    let (low, high) = (rocker - 1e-9, rocker + 1e-9);
+    let narrow = text.replace(
+        "body: 3}\n\ncuts",
+        &format!("body: 3, limits: {{position: [{low}, {high}]}}}}\n\ncuts"),
+    );
+    assert_ne!(text, narrow);
+    let (model, home) = mechanism(&narrow);
+    let (found, needed) = (0, 30);
+    assert_eq!(
+        certify(&model, &home, 1).err(),
+        Some(CertificateError::Confined { found, needed })
     );
 }
 

@@ -134,3 +134,58 @@ fn put<T: Clone>(to: &mut Vec<T>, at: usize, value: T, empty: T) {
     }
     to[at] = value;
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+    use crate::sym::{Angle, Number, System};
+
+    #[test]
+    fn values_are_those_of_double_precision() {
+        let mut g = Graph::new();
+        let (x, y) = (g.symbol("x"), g.symbol("y"));
+        let third = g.constant(Number::ratio(-1, 3).unwrap());
+        let angle = Angle {
+            terms: vec![
+                (g.symbol_id("x"), Number::from_i64(2)),
+                (g.symbol_id("y"), Number::from_i64(-1)),
+            ],
+            constant: Number::parse_decimal("0.3").unwrap(),
+        };
+        let (sine, cosine) = g.sin_cos(&angle);
+        let scaled = g.mul(third, cosine);
+        let quotient = g.div(sine, y).unwrap();
+        let sum = g.add(quotient, scaled);
+        let difference = g.sub(x, sum);
+        let system = g.add_system(System {
+            matrix: vec![vec![x, sine], vec![cosine, y]],
+            rhs: vec![vec![sum], vec![x]],
+            fixed: vec![vec![x], vec![y]],
+            pivots: vec![],
+        });
+        let solved = [g.solved(system, 0, 0), g.solved(system, 1, 0)];
+        let signs = [g.sign(difference), g.positive(sum), g.negative(sum)];
+        let mut roots = vec![difference, sum];
+        roots.extend(solved);
+        roots.extend(signs);
+        let point = [0.7, -1.9];
+        let doubles = crate::sym::eval::Evaluator::new(&g, roots.clone()).run(&point);
+        let wide = Evaluator::new(&g, roots);
+        let wide = wide.run(&point.map(Wide::from_f64)).unwrap();
+        assert_eq!(wide.len(), doubles.len());
+        for (w, d) in wide.iter().zip(&doubles) {
+            assert!((w.to_f64() - d).abs() < 1e-14, "{} {d}", w.to_f64());
+        }
+    }
+
+    #[test]
+    fn a_division_by_zero_has_no_value() {
+        let mut g = Graph::new();
+        let (x, y) = (g.symbol("x"), g.symbol("y"));
+        let quotient = g.div(x, y).unwrap();
+        let evaluator = Evaluator::new(&g, vec![quotient]);
+        assert!(evaluator.run(&[Wide::ONE, Wide::ZERO]).is_none());
+    }
+}

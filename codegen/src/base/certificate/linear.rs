@@ -75,9 +75,39 @@ pub(super) fn eliminate(mut rows: Vec<Vec<Wide>>, width: usize) -> Eliminated {
     }
 }
 
+/// The first columns, in a given order, that do not follow from those before.
+pub(super) fn independent(mut rows: Vec<Vec<Wide>>, order: &[usize]) -> Vec<usize> {
+    let entries = rows.iter().flatten().map(|x| x.abs());
+    let floor = entries.fold(Wide::ZERO, Wide::max).scaled(-ROUNDING);
+    let mut found = Vec::new();
+    for (k, &column) in order.iter().enumerate() {
+        let largest = (0..rows.len()).max_by(|&i, &j| rows[i][column].cmp_abs(&rows[j][column]));
+        let Some(i) = largest.filter(|&i| rows[i][column].cmp_abs(&floor).is_gt()) else {
+            continue;
+        };
+        let pivot_row = rows.swap_remove(i);
+        let Some(inverse) = pivot_row[column].reciprocal() else {
+            continue;
+        };
+        for row in &mut rows {
+            if row[column].is_zero() {
+                continue;
+            }
+            let factor = row[column] * inverse;
+            for &c in &order[k + 1..] {
+                if !pivot_row[c].is_zero() {
+                    row[c] = row[c] - factor * pivot_row[c];
+                }
+            }
+        }
+        found.push(column);
+    }
+    found
+}
+
 /// Solves `A Z = B` with at least as many rows as unknowns, consistent where
 /// there are more; unknowns by right-hand sides. `None` where it is singular.
-pub fn solve(mut a: Vec<Vec<Wide>>, b: Vec<Vec<Wide>>) -> Option<Vec<Vec<Wide>>> {
+pub(super) fn solve(mut a: Vec<Vec<Wide>>, b: Vec<Vec<Wide>>) -> Option<Vec<Vec<Wide>>> {
     let unknowns = a.first().map_or(0, Vec::len);
     let sides = b.first().map_or(0, Vec::len);
     for (row, rhs) in a.iter_mut().zip(b) {
@@ -102,4 +132,41 @@ pub fn solve(mut a: Vec<Vec<Wide>>, b: Vec<Vec<Wide>>) -> Option<Vec<Vec<Wide>>>
         solution[column] = values.collect();
     }
     Some(solution)
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+
+    fn wide(rows: &[&[f64]]) -> Vec<Vec<Wide>> {
+        let row = |r: &&[f64]| r.iter().map(|x| Wide::from_f64(*x)).collect();
+        rows.iter().map(row).collect()
+    }
+
+    #[test]
+    fn a_consistent_system_with_a_redundant_row_is_solved() {
+        let a = wide(&[&[0.0, 2.0], &[3.0, 4.0], &[3.0, 6.0]]);
+        let b = wide(&[&[-2.0, 2.0], &[-1.0, 7.0], &[-3.0, 9.0]]);
+        let expected = wide(&[&[1.0, 1.0], &[-1.0, 1.0]]);
+        for (found, expected) in solve(a, b).unwrap().iter().zip(&expected) {
+            for (x, y) in found.iter().zip(expected) {
+                assert!((*x - *y).log10() < -95.0);
+            }
+        }
+    }
+
+    #[test]
+    fn a_singular_system_has_no_solution() {
+        let a = wide(&[&[1.0, 2.0], &[2.0, 4.0]]);
+        assert!(solve(a, wide(&[&[1.0], &[2.0]])).is_none());
+    }
+
+    #[test]
+    fn the_columns_asked_for_first_are_kept() {
+        let rows = wide(&[&[1.0, 2.0, 0.0, 1.0], &[0.0, 0.0, 3.0, 1.0]]);
+        assert_eq!(independent(rows.clone(), &[0, 1, 2, 3]), [0, 2]);
+        assert_eq!(independent(rows, &[3, 1, 0, 2]), [3, 1]);
+    }
 }

@@ -22,7 +22,6 @@ use crate::kinematics::{Frames, Geometry};
 use crate::model::Model;
 use crate::sym::Graph;
 
-pub use linear::solve;
 pub use rank::{Certificate, Samples};
 pub use wide::{DIGITS, Wide};
 

@@ -1,6 +1,6 @@
 //! The rank of the sampled rows, and questions about their null space.
 
-use super::linear::{eliminate, solve};
+use super::linear::{eliminate, independent, solve};
 use super::wide::{DIGITS, Wide};
 
 /// A gap of fewer orders of magnitude between kept and dropped leaves the rank
@@ -78,6 +78,12 @@ impl Samples {
         eliminate(chosen.collect(), columns.len()).rows.len()
     }
 
+    /// The first columns, in this order, that do not follow from those before:
+    /// the base that keeps what comes first.
+    pub fn independent(&self, order: &[usize]) -> Vec<usize> {
+        independent(self.basis.clone(), order)
+    }
+
     /// What the rows make of a direction in the space of the parameters, as a
     /// part of the largest term that goes into it: rounding for a null
     /// direction, and of order 1 for a direction at random.
@@ -114,5 +120,42 @@ impl Samples {
             }
         };
         Some((0..self.certificate.columns).map(column).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn certificate(diagonal: &[f64]) -> Certificate {
+        let n = diagonal.len();
+        let rows = diagonal.iter().enumerate().map(|(i, x)| {
+            let mut row = vec![Wide::ZERO; n];
+            row[i] = Wide::from_f64(*x);
+            row
+        });
+        Samples::new(rows.collect(), n, 1).certificate()
+    }
+
+    #[test]
+    fn a_row_of_rounding_adds_no_rank() {
+        let found = certificate(&[1.0, 1e-6, 3e-96]);
+        assert_eq!(found.rank, 2);
+        assert!((found.smallest_kept - 1e-6).abs() < 1e-18);
+        assert!((found.largest_dropped - 3e-96).abs() < 1e-108);
+        assert!(found.is_certain());
+    }
+
+    #[test]
+    fn a_narrow_gap_is_not_certain() {
+        assert!(!certificate(&[1.0, 1e-50, 1e-62]).is_certain());
+        assert!(certificate(&[1.0, 1e-30]).is_certain());
+    }
+
+    #[test]
+    fn where_nothing_is_left_nothing_is_dropped() {
+        let found = certificate(&[2.0, 0.0]);
+        assert_eq!((found.rank, found.largest_dropped.to_bits()), (1, 0));
+        assert!(found.is_certain());
     }
 }

@@ -18,8 +18,10 @@ use super::wide::Wide;
 
 /// A step that brings A_e closer to singular than this is not taken.
 const LEAST_RATIO: f64 = 1e-3;
-/// A turn in a step, rad; slides are in proportion to their range.
-const TURN: f64 = 0.12;
+/// The largest turn in a step, rad.
+const TURN: f64 = 0.18;
+/// The largest slide in a step, in proportion to its range.
+const SLIDE: f64 = 0.03;
 /// Steps of a leg, at least and at most.
 const STEPS: (u32, u32) = (5, 14);
 /// Of the predicted change of the dependent coordinates, Newton's method may
@@ -31,8 +33,10 @@ const CLOSED: f64 = 1e-11;
 const CLOSED_WIDE: f64 = -80.0;
 /// From a double solution, digits doubling each time.
 const WIDE_STEPS: usize = 6;
-/// Legs in a row that may fail.
-const PATIENCE: usize = 40;
+/// Legs in a row that may fail before the walk begins anew at home.
+const PATIENCE: usize = 4;
+/// How often it may do so before a state is found.
+const BEGINNINGS: usize = 25;
 
 /// Reproducible numbers.
 #[derive(Clone, Debug)]
@@ -84,6 +88,7 @@ pub(super) struct Walk<'a> {
     ranges: Vec<[f64; 2]>,
     least_ratio: f64,
     closed: f64,
+    home: Vec<f64>,
     q: Vec<f64>,
 }
 
@@ -117,6 +122,7 @@ impl<'a> Walk<'a> {
                 .collect(),
             least_ratio: LEAST_RATIO.min(0.1 * ratio),
             closed: CLOSED * size,
+            home: home.to_vec(),
             q: home.to_vec(),
         };
         match walk.polish(home) {
@@ -132,12 +138,16 @@ impl<'a> Walk<'a> {
 
     /// The next state, or `None` where the walk is stuck.
     pub(super) fn next(&mut self) -> Option<State> {
-        for _ in 0..PATIENCE {
-            if self.leg()
-                && let Some(state) = self.polish(&self.q)
-            {
-                return Some(state);
+        for _ in 0..BEGINNINGS {
+            for _ in 0..PATIENCE {
+                if self.leg()
+                    && let Some(state) = self.polish(&self.q)
+                {
+                    return Some(state);
+                }
             }
+            // into a corner
+            self.q.clone_from(&self.home);
         }
         None
     }
@@ -146,7 +156,11 @@ impl<'a> Walk<'a> {
     fn leg(&mut self) -> bool {
         if self.model.dependent.is_empty() {
             for &c in &self.model.independent {
-                let [low, high] = self.ranges[c];
+                let turn = core::f64::consts::PI;
+                let [low, high] = match self.ranges[c] {
+                    [low, _] if low.is_infinite() => [-turn, turn],
+                    range => range,
+                };
                 self.q[c] = self.random.between(low, high);
             }
             return true;
@@ -157,14 +171,18 @@ impl<'a> Walk<'a> {
         let mut step = vec![0.0; self.model.independent.len()];
         for (d, &c) in step.iter_mut().zip(&self.model.independent) {
             let [low, high] = self.ranges[c];
-            let target = self.random.between(low, high);
-            let length = if self.slides(c) {
-                TURN / core::f64::consts::PI * 0.5 * (high - low)
+            if low.is_infinite() {
+                *d = TURN * self.random.next();
+                continue;
+            }
+            let length = if slides(self.model, c) {
+                SLIDE * (high - low)
             } else {
                 TURN
             };
             // a fraction of the way, so that coordinates do not move in step
-            *d = (target - self.q[c]).clamp(-count * length, count * length) / count;
+            let way = self.random.between(low, high) - self.q[c];
+            *d = way.clamp(-count * length, count * length) / count;
         }
         let before = self.q.clone();
         let mut last = before.clone();
@@ -273,10 +291,6 @@ impl<'a> Walk<'a> {
         }
         None
     }
-
-    fn slides(&self, c: usize) -> bool {
-        slides(self.model, c)
-    }
 }
 
 fn slides(model: &Model, c: usize) -> bool {
@@ -284,8 +298,8 @@ fn slides(model: &Model, c: usize) -> bool {
     motion.is_some_and(|m| m.kind == MotionKind::Translation)
 }
 
-/// Where a coordinate may go: within its limits where home is; else half a turn
-/// or a slide about home, and for dependent coordinates anywhere.
+/// Where a coordinate may go: within its limits where home is; else a slide about
+/// home, and for angles and dependent coordinates anywhere.
 fn range(model: &Model, home: &[f64], c: usize) -> [f64; 2] {
     if let Some([low, high]) = model.coordinates[c].position
         && low < high
@@ -293,12 +307,10 @@ fn range(model: &Model, home: &[f64], c: usize) -> [f64; 2] {
     {
         return [low, high];
     }
-    let reach = if model.dependent.contains(&c) {
-        f64::INFINITY
-    } else if slides(model, c) {
+    let reach = if slides(model, c) && model.independent.contains(&c) {
         0.75 * home[c].abs().max(0.4)
     } else {
-        core::f64::consts::PI
+        f64::INFINITY
     };
     [home[c] - reach, home[c] + reach]
 }
@@ -356,3 +368,6 @@ fn determinant_is_positive(mut m: Vec<Vec<f64>>) -> bool {
     }
     positive
 }
+
+#[cfg(test)]
+mod tests;
