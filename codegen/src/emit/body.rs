@@ -2,20 +2,26 @@
 //! column is complete.
 //!
 //! Every block keeps its temporaries to itself and hands on only what later
-//! blocks use. No scope holds more than a few hundred names: rustc's
-//! debug-information writer overflows its stack at some thousands.
+//! blocks use. No scope holds more than 800 variables, whatever the robot: rustc's
+//! debug-information writer overflows its stack at some thousands. Where there
+//! would be more, values stay in arrays and are read from there by index.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use crate::optimize::{Group, Op, Operand, Program, SolveStep, Temp};
+use crate::optimize::{Group, Op, Operand, Program, SolveStep, Step, Temp};
 
 use super::names::{Names, identifier};
 
 /// Steps in a block, at most.
 const BLOCK: usize = 250;
-/// Names in the function's own scope, at most; beyond, blocks hand on arrays.
+/// Arguments' elements, and values handed on, that get names in the function's
+/// own scope, at most.
 const SCOPE: usize = 300;
+/// Values from the array that get names in a block, at most.
+const IMPORTS: usize = 200;
+/// Results of a solve that get names, at most.
+const SOLVED: usize = 100;
 const WIDTH: usize = 96;
 
 /// A block: some steps of a group, and the outputs complete after them.
@@ -35,6 +41,8 @@ pub(super) struct Body<'p> {
     /// Where each temporary is computed.
     block_of: Vec<usize>,
     blocks: Vec<Block>,
+    /// Where each temporary stands in the array `kept`, if blocks hand on in one.
+    kept: BTreeMap<Temp, usize>,
     out: String,
 }
 
@@ -70,6 +78,7 @@ pub(super) fn statements(program: &Program, runtime: &str, elements: &[Vec<Strin
         inputs,
         block_of: vec![0; program.names.len()],
         blocks: Vec::new(),
+        kept: BTreeMap::new(),
         out: String::new(),
     };
     body.cut_into_blocks();
@@ -77,6 +86,11 @@ pub(super) fn statements(program: &Program, runtime: &str, elements: &[Vec<Strin
     body.find_handed_on();
     body.write();
     body.out
+}
+
+/// How many right-hand sides a system has.
+fn sides(solve: &SolveStep) -> usize {
+    solve.rhs.first().map_or(1, |row| row.len().max(1))
 }
 
 impl Body<'_> {
@@ -136,6 +150,16 @@ impl Body<'_> {
         for (index, block) in self.blocks.iter().enumerate() {
             let mut number = 0;
             for step in &self.program.steps[block.steps.clone()] {
+                if let Op::Solve(solve) = &step.op
+                    && step.results.len() > SOLVED
+                {
+                    let sides = sides(solve);
+                    for (i, result) in step.results.iter().enumerate() {
+                        self.names[result.0 as usize] =
+                            format!("solved[{}][{}]", i / sides, i % sides);
+                    }
+                    continue;
+                }
                 for result in &step.results {
                     let at = result.0 as usize;
                     self.names[at] = if let Some(name) = &self.program.names[at] {
@@ -203,10 +227,18 @@ impl Body<'_> {
         if self.program.solves() {
             self.line(1, "let mut condition = like.lift(1.0);");
         }
-        let handed: usize = self.blocks.iter().map(|b| b.hands_on.len()).sum();
-        let arrays = handed > SCOPE;
+        let handed: Vec<Temp> = self
+            .blocks
+            .iter()
+            .flat_map(|b| b.hands_on.clone())
+            .collect();
+        let unnamed = |step: &Step| matches!(step.op, Op::Solve(_)) && step.results.len() > SOLVED;
+        if handed.len() > SCOPE || self.program.steps.iter().any(unnamed) {
+            self.line(1, &format!("let mut kept = [like; {}];", handed.len()));
+            self.kept = handed.into_iter().zip(0..).collect();
+        }
         for index in 0..self.blocks.len() {
-            self.write_block(index, arrays);
+            self.write_block(index);
         }
     }
 
@@ -222,8 +254,15 @@ impl Body<'_> {
             1,
             &format!("let like = {}[0];", self.program.arguments[0].name),
         );
+        let count = used.iter().flatten().filter(|used| **used).count();
         for (argument, used) in used.iter().enumerate() {
             if !used.contains(&true) {
+                continue;
+            }
+            if count > SCOPE {
+                let name = &self.program.arguments[argument].name;
+                let elements = (0..used.len()).map(|element| format!("{name}[{element}]"));
+                self.inputs[argument] = elements.collect();
                 continue;
             }
             let items: Vec<String> = self.inputs[argument]
@@ -236,29 +275,27 @@ impl Body<'_> {
         }
     }
 
-    fn write_block(&mut self, index: usize, arrays: bool) {
+    fn write_block(&mut self, index: usize) {
         let block = &self.blocks[index];
         let (steps, outputs) = (block.steps.clone(), block.outputs.clone());
-        let names: Vec<String> = block
-            .hands_on
-            .iter()
-            .map(|t| self.names[t.0 as usize].clone())
-            .collect();
+        let hands_on = block.hands_on.clone();
         let title = block.title.clone();
         if steps.is_empty() && outputs.is_empty() {
             return;
         }
+        let names = |body: &Self| -> Vec<String> {
+            let names = hands_on.iter();
+            names.map(|t| body.names[t.0 as usize].clone()).collect()
+        };
+        let in_array = !self.kept.is_empty();
         self.line(1, &format!("// {title}"));
-        if names.is_empty() {
+        if hands_on.is_empty() || in_array {
             self.line(1, "{");
-        } else if arrays {
-            self.line(1, &format!("let part_{} = {{", index + 1));
         } else {
+            let names = names(self);
             self.list(1, "let ", &names, " = {");
         }
-        if arrays {
-            self.write_imports(index);
-        }
+        let renamed = self.take_from_array(index);
         let mut stores = self.stores(index, outputs);
         for at in steps {
             self.write_step(at);
@@ -269,37 +306,55 @@ impl Body<'_> {
         for store in stores.remove(&None).unwrap_or_default() {
             self.line(2, &store);
         }
+        let names = names(self);
         if names.is_empty() {
+            self.line(1, "}");
+        } else if in_array {
+            for (t, name) in hands_on.iter().zip(names) {
+                let text = format!("kept[{}] = {name};", self.kept[t]);
+                self.line(2, &text);
+            }
             self.line(1, "}");
         } else {
             self.list(2, "", &names, "");
             self.line(1, "};");
         }
+        for (t, name) in renamed {
+            self.names[t.0 as usize] = name;
+        }
     }
 
-    /// What a block takes from earlier ones, where those hand on arrays.
-    fn write_imports(&mut self, index: usize) {
+    /// Names for what a block takes from the array: variables, or, where they
+    /// would be many, the places in the array themselves. Returns the names to
+    /// be set again after the block.
+    fn take_from_array(&mut self, index: usize) -> Vec<(Temp, String)> {
         let block = &self.blocks[index];
-        let mut imports: Vec<Temp> = self.program.steps[block.steps.clone()]
+        let operands = self.program.steps[block.steps.clone()]
             .iter()
             .flat_map(|s| s.op.operands())
-            .chain(self.program.outputs[block.outputs.clone()].iter().copied())
+            .chain(self.program.outputs[block.outputs.clone()].iter().copied());
+        let imports: BTreeMap<Temp, usize> = operands
             .filter_map(|o| match o {
-                Operand::Temp(t) if self.block_of[t.0 as usize] != index => Some(t),
+                Operand::Temp(t) if self.block_of[t.0 as usize] != index => {
+                    self.kept.get(&t).map(|place| (t, *place))
+                }
                 _ => None,
             })
             .collect();
-        imports.sort_unstable();
-        imports.dedup();
-        for t in imports {
-            let from = self.block_of[t.0 as usize];
-            let place = self.blocks[from].hands_on.iter().position(|x| *x == t);
-            if let Some(place) = place {
-                let name = &self.names[t.0 as usize];
-                let text = format!("let {name} = part_{}[{place}];", from + 1);
-                self.line(2, &text);
+        let mut renamed = Vec::new();
+        let few = imports.len() <= IMPORTS;
+        for (t, place) in imports {
+            let name = self.names[t.0 as usize].clone();
+            let in_array = format!("kept[{place}]");
+            // results of a large solve never had a variable
+            if few && !name.contains('[') {
+                self.line(2, &format!("let {name} = {in_array};"));
+            } else {
+                self.names[t.0 as usize] = in_array;
+                renamed.push((t, name));
             }
         }
+        renamed
     }
 
     /// Statements that store outputs, by the step after which they can stand:
@@ -442,9 +497,8 @@ impl Body<'_> {
                 _ => None,
             })
             .collect();
-        let sides = solve.rhs.first().map_or(1, Vec::len);
         let rows: Vec<String> = results
-            .chunks(sides)
+            .chunks(sides(solve))
             .map(|row| {
                 let names: Vec<&str> = row
                     .iter()
@@ -459,7 +513,11 @@ impl Body<'_> {
                 format!("[{}]", names.join(", "))
             })
             .collect();
-        self.list(2, "let (", &rows, ", found) = ");
+        if results.len() > SOLVED {
+            self.line(2, "let (solved, found) = ");
+        } else {
+            self.list(2, "let (", &rows, ", found) = ");
+        }
         self.out.pop();
         let head = format!("{}::guarded(\n", self.runtime);
         self.out.push_str(&head);

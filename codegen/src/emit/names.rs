@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 /// Rust keywords, strict and reserved, and the names of every emitted body.
-const TAKEN: [&str; 56] = [
+const TAKEN: [&str; 58] = [
     "as",
     "async",
     "await",
@@ -60,6 +60,8 @@ const TAKEN: [&str; 56] = [
     "condition",
     "margin",
     "found",
+    "kept",
+    "solved",
 ];
 
 /// A snake-case identifier that resembles a label: `Fc+(s1.2)` becomes `fc_plus_s1_2`.

@@ -1,0 +1,205 @@
+//! The shape of emitted functions, which decides whether the compiler survives them: rustc's
+//! debug-information writer overflows its stack at some thousands of variables in a scope.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod files;
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use files::files;
+use regen_codegen::diag::Source;
+use regen_codegen::emit::{Options, module};
+use regen_codegen::pipeline::derive;
+
+/// Variables in a scope, at most.
+const MOST: usize = 800;
+
+fn emit(text: &str) -> String {
+    let robot = derive(&Source::new("robot.yaml", text)).unwrap_or_else(|e| panic!("{e}"));
+    module(&robot, &Options::default())
+}
+
+/// The words and signs of Rust text, comments and strings left out.
+fn tokens(text: &str) -> Vec<&str> {
+    let mut tokens = Vec::new();
+    for line in text.lines() {
+        let code = line.split("//").next().unwrap_or("");
+        // every second part stands between quotes
+        for part in code.split('"').step_by(2) {
+            let mut rest = part.trim_start();
+            while let Some(first) = rest.chars().next() {
+                let word = |c: char| c.is_alphanumeric() || c == '_';
+                let end = if word(first) {
+                    rest.find(|c| !word(c)).unwrap_or(rest.len())
+                } else {
+                    first.len_utf8()
+                };
+                tokens.push(&rest[..end]);
+                rest = rest[end..].trim_start();
+            }
+        }
+    }
+    tokens
+}
+
+/// The largest number of variables that one scope of the text binds.
+fn largest_scope(text: &str) -> usize {
+    let mut open = vec![0_usize];
+    let mut largest = 0;
+    let mut tokens = tokens(text).into_iter();
+    while let Some(token) = tokens.next() {
+        match token {
+            "{" => open.push(0),
+            "}" => largest = largest.max(open.pop().unwrap()),
+            "let" => {
+                let pattern = tokens.by_ref().take_while(|token| *token != "=");
+                let bound = pattern.filter(|token| {
+                    let first = token.chars().next();
+                    let name = first.is_some_and(|c| c.is_alphabetic() || c == '_');
+                    name && !["_", "mut"].contains(token)
+                });
+                *open.last_mut().unwrap() += bound.count();
+            }
+            _ => {}
+        }
+    }
+    assert_eq!(open.len(), 1, "braces do not match");
+    largest.max(open[0])
+}
+
+#[test]
+fn variables_are_counted_scope_by_scope() {
+    let text = "fn f() {\n let [a, _, b] = {\n let (c, mut d) = g(\"let x = {\"); // let y = {\n [c, d]\n };\n let e = a;\n}";
+    assert_eq!(largest_scope(text), 3);
+    let many: String = (0..900).fold("fn f() {".to_owned(), |mut text, i| {
+        write!(text, "let t{i} = x;").unwrap();
+        text
+    });
+    assert_eq!(largest_scope(&(many + "}")), 900);
+}
+
+/// A chain of ball joints and hinges: 80 coordinates.
+fn chain() -> String {
+    let mut text = "name: chain\nlimbs:\n  - name: chain\n    joints:\n".to_owned();
+    for joint in 1..=40 {
+        let kind = if joint % 2 == 0 {
+            "spherical"
+        } else {
+            "revolute"
+        };
+        writeln!(
+            text,
+            "      - {{name: j{joint}, type: {kind}, dh: {{a: 0.1, alpha: pi/5}}, body: {joint}, actuated: true}}"
+        )
+        .unwrap();
+    }
+    text
+}
+
+/// A platform on twelve legs, every one with a length of its own: six of them would do.
+fn twelve_legs() -> String {
+    const LEGS: usize = 12;
+    const BASE: f64 = 0.5;
+    const PLATFORM: f64 = 0.3;
+    const HEIGHT: f64 = 0.6;
+    let mut text = "name: twelve_legs\nlimbs:\n".to_owned();
+    let (mut cuts, mut home) = ("cuts:\n".to_owned(), "home:\n".to_owned());
+    for leg in 0..LEGS {
+        // the legs lean to the left and to the right in turn
+        let at = 0.5 * leg as f64;
+        let lean = if leg % 2 == 0 { 0.4 } else { -0.4 };
+        let on_platform = [PLATFORM * (at + lean).cos(), PLATFORM * (at + lean).sin()];
+        let [x, y] = [PLATFORM * lean.cos() - BASE, PLATFORM * lean.sin()];
+        let length = (x * x + y * y + HEIGHT * HEIGHT).sqrt();
+        let (first, second) = ((-y).atan2(HEIGHT), (x / length).asin());
+        writeln!(
+            text,
+            "  - name: leg{leg}\n    base: {{xyz: [{}, {}, 0], rpy: [0, 0, {at}]}}\n    joints:\n      \
+             - {{name: u{leg}, type: universal, body: cylinder{leg}}}\n      \
+             - {{name: p{leg}, type: prismatic, body: rod{leg}, actuated: true}}",
+            BASE * at.cos(),
+            BASE * at.sin(),
+        )
+        .unwrap();
+        writeln!(
+            home,
+            "  u{leg}.1: {first}\n  u{leg}.2: {second}\n  p{leg}: {length}"
+        )
+        .unwrap();
+        if leg == 0 {
+            writeln!(
+                text,
+                "      - {{name: ball, type: spherical}}\n      \
+                 - {{name: centre, type: fixed, origin: {{xyz: [{}, {}, 0]}}, body: platform}}",
+                -on_platform[0], -on_platform[1],
+            )
+            .unwrap();
+            writeln!(home, "  ball.2: {}\n  ball.3: {}", -second, -first).unwrap();
+        } else {
+            writeln!(
+                cuts,
+                "  - {{name: ball{leg}, joint: spherical, between: [{{body: platform, xyz: [{}, {}, 0]}}, {{body: rod{leg}}}]}}",
+                on_platform[0], on_platform[1],
+            )
+            .unwrap();
+        }
+    }
+    format!("{text}{cuts}independent: [p0, p1, p2, p3, p4, p5]\n{home}")
+}
+
+#[test]
+fn no_scope_of_the_repositorys_robots_holds_many_variables() {
+    let folders = ["robots", "tests/oracle", "tests/mechanisms"];
+    let paths: Vec<_> = folders.iter().flat_map(|folder| files(folder)).collect();
+    assert!(paths.len() > 15);
+    for path in paths {
+        let text = emit(&std::fs::read_to_string(&path).unwrap());
+        let largest = largest_scope(&text);
+        assert!(largest <= MOST, "{}: {largest}", path.display());
+    }
+}
+
+#[test]
+fn large_robots_keep_their_values_in_arrays() {
+    // the arguments of the one, the results of a solve of the other are too many to be named
+    for (spec, part) in [(chain(), ", phi["), (twelve_legs(), "let (solved, found)")] {
+        let text = emit(&spec);
+        for part in [part, " = kept[0];", "[kept["] {
+            assert!(text.contains(part), "{part}");
+        }
+        let largest = largest_scope(&text);
+        assert!(largest <= MOST, "{largest}");
+    }
+}
+
+/// The checked-in modules were written by another process, optimised, on some other day.
+#[test]
+fn every_process_writes_the_same_bytes() {
+    for path in files("robots") {
+        let text = emit(&std::fs::read_to_string(&path).unwrap());
+        let name = text.split('`').nth(1).unwrap();
+        let generated = Path::new(env!("CARGO_MANIFEST_DIR")).join("../generated/src");
+        let written = std::fs::read_to_string(generated.join(format!("{name}.rs"))).unwrap();
+        // a line in front says where it comes from
+        let (banner, written) = written.split_once('\n').unwrap();
+        assert!(banner.starts_with("// @generated"));
+        assert!(written == text, "{name} differs");
+    }
+}
+
+#[test]
+fn what_was_derived_before_leaves_no_trace() {
+    let paths = files("tests/oracle");
+    let specs: Vec<String> = paths
+        .iter()
+        .map(|path| std::fs::read_to_string(path).unwrap())
+        .collect();
+    let forwards: Vec<String> = specs.iter().map(|spec| emit(spec)).collect();
+    let elsewhere = std::thread::spawn(move || {
+        let backwards = specs.iter().rev().map(|spec| emit(spec));
+        backwards.collect::<Vec<String>>()
+    });
+    let backwards = elsewhere.join().unwrap();
+    assert!(forwards.iter().eq(backwards.iter().rev()));
+}

@@ -1,0 +1,99 @@
+//! Bad input never panics in the derivation either: specs that were valid before they were
+//! mutated, from text to Rust.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod files;
+mod mutations;
+
+use files::files;
+use mutations::{change, check_report, mutate, mutation};
+use proptest::prelude::*;
+use proptest::sample::Index;
+use regen_codegen::diag::Source;
+use regen_codegen::emit::{Options, module};
+use regen_codegen::interpret;
+use regen_codegen::pipeline::derive;
+
+/// Small robots: a derivation each time.
+fn seeds() -> Vec<String> {
+    let folders = [
+        "robots",
+        "tests/oracle",
+        "tests/mechanisms",
+        "tests/pairs/fourbar",
+        "tests/pairs/slider_crank",
+        "tests/pairs/rsur",
+        "tests/pairs/turntable",
+    ];
+    let paths: Vec<_> = folders.iter().flat_map(|folder| files(folder)).collect();
+    assert!(paths.len() > 20);
+    paths
+        .iter()
+        .filter(|path| !path.ends_with("hexapod.yaml"))
+        .map(|path| std::fs::read_to_string(path).unwrap())
+        .collect()
+}
+
+/// Derives, writes and runs what the text describes; says whether it describes a robot.
+fn survive(text: &str) -> bool {
+    let robot = match derive(&Source::new("fuzz.yaml", text)) {
+        Ok(robot) => robot,
+        Err(report) => {
+            check_report(text, &report);
+            return false;
+        }
+    };
+    let source = module(&robot, &Options::default());
+    // a number that is none would not compile
+    for word in ["NaN", "inf)", "inf,"] {
+        assert!(!source.contains(word), "{word} in\n{source}");
+    }
+    for function in &robot.functions {
+        let arguments = function.program.arguments.iter();
+        let arguments: Vec<Vec<f64>> = arguments.map(|a| vec![0.3; a.len]).collect();
+        let arguments: Vec<&[f64]> = arguments.iter().map(Vec::as_slice).collect();
+        let (values, _) = interpret::run(&function.program, &arguments);
+        assert_eq!(
+            values.len(),
+            function.program.output.shape.iter().product::<usize>()
+        );
+    }
+    true
+}
+
+#[test]
+fn unmutated_seeds_are_derived() {
+    for text in seeds() {
+        assert!(survive(&text));
+    }
+}
+
+/// More with `PROPTEST_CASES`.
+fn config() -> ProptestConfig {
+    let config = ProptestConfig::default();
+    let cases = if std::env::var_os("PROPTEST_CASES").is_some() {
+        config.cases
+    } else {
+        150
+    };
+    ProptestConfig {
+        cases,
+        failure_persistence: None,
+        ..config
+    }
+}
+
+proptest! {
+    #![proptest_config(config())]
+
+    #[test]
+    fn mutated_specs_are_derived_or_refused(
+        seed in any::<Index>(),
+        mutations in prop::collection::vec(prop_oneof![1 => mutation(), 2 => change()], 1..4),
+    ) {
+        let seeds = seeds();
+        let seed = seeds[seed.index(seeds.len())].clone();
+        let text = mutations.iter().fold(seed, |text, mutation| mutate(&text, mutation));
+        survive(&text);
+    }
+}
