@@ -7,7 +7,8 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 const EXIT_CODES: &str = "\
 Exit codes:
   0  done; with --check: everything is up to date
-  1  a check failed: generated source is not up to date, or not verified
+  1  a check failed: generated source is not up to date or not verified, or the
+     base parameters are incomplete
   2  the command line is wrong
   3  the spec or the states are wrong
   4  a state could not be closed, or is singular
@@ -17,6 +18,8 @@ const EXAMPLES: &str = "\
 Examples:
   regen robots/3rps.yaml             derive, write the source, verify it
   regen info robots/3rps.yaml        coordinates, parameters, operations
+  regen base robots/3rps.yaml        base parameters with their certificate
+  regen verify robots/3rps.yaml      every check, and the numeric path beside it
   regen generate                     every robot of the workspace
   regen generate --check             is generated/ what regen would write?
   regen eval robots/3rps.yaml --states states.json --format json
@@ -56,6 +59,10 @@ pub(crate) enum Command {
     Generate(GenerateArgs),
     /// Print a robot's coordinates, parameters, cuts and operation counts
     Info(InfoArgs),
+    /// Print the base parameters and what is certain about them
+    Base(BaseArgs),
+    /// Check a robot against itself and its base parameters against SVD and QR
+    Verify(VerifyArgs),
     /// Evaluate closure and regressor at given states
     Eval(EvalArgs),
     /// Print the JSON Schema of the spec format, for editors
@@ -147,8 +154,8 @@ that `regen info` prints, and is then used as it is:
 or over the independent ones, and the others are solved from `home`:
   [{\"independent\": {\"q\": [0.6, 0.6, 0.6], \"qd\": [0, 0, 0], \"qdd\": [0, 0, 0]}}]
 
-The JSON result is a list of q, qd, qdd, residual, jacobian, bias and
-regressor, one object per state.
+The JSON result is a list of q, qd, qdd, residual, jacobian, bias, regressor
+and base_regressor, one object per state.
 
 Examples:
   regen eval robots/3rps.yaml --states states.json
@@ -159,6 +166,71 @@ pub(crate) struct EvalArgs {
     /// The states, a JSON file; `-` reads standard input
     #[arg(long, value_name = "IN")]
     pub(crate) states: PathBuf,
+    /// How the result is printed
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) format: Format,
+}
+
+/// How base parameters are printed
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum TableFormat {
+    /// A table of 80 columns
+    #[default]
+    Human,
+    /// A Markdown table
+    Markdown,
+    /// A LaTeX table in math mode, for the package booktabs
+    Latex,
+    /// JSON with expressions and numbers
+    Json,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Each row is a kept parameter plus multiples of eliminated ones. `derived` rows
+are exact consequences of the spanning trees of the mechanism; `completed` rows
+were recognised in samples of many digits and verified at others. The
+certificate is the rank of such samples: where it differs from what was derived,
+the table is headed INCOMPLETE and the exit code is 1.
+
+Coefficients of more than 60 characters are printed as numbers marked with ~.
+
+Examples:
+  regen base robots/3rps.yaml
+  regen base robots/3rps.yaml --numbers
+  regen base robots/3rps.yaml --format latex > table1.tex")]
+pub(crate) struct BaseArgs {
+    /// The robot's spec
+    pub(crate) file: PathBuf,
+    /// How the result is printed
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) format: TableFormat,
+    /// Coefficients as numbers of four digits
+    #[arg(long, conflicts_with = "expressions")]
+    pub(crate) numbers: bool,
+    /// Coefficients as expressions, however long
+    #[arg(long)]
+    pub(crate) expressions: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Runs the checks of `regen FILE`, and the numeric path to the base parameters
+(Gautier, 1991) beside the analytic one: the regressor over random closed
+states, its columns scaled to unit length, by singular values and by a QR
+decomposition with pivoting. The numeric rank is where the numbers drop most;
+where double precision leaves a doubt, that is said and does not count.
+
+Examples:
+  regen verify robots/3rps.yaml
+  regen verify robots/3rps.yaml --states 200 --format json")]
+pub(crate) struct VerifyArgs {
+    /// The robot's spec
+    pub(crate) file: PathBuf,
+    /// Random closed states of the observation matrix [default: enough for
+    /// four rows per column]
+    #[arg(long, value_name = "N")]
+    pub(crate) states: Option<usize>,
     /// How the result is printed
     #[arg(long, value_enum, default_value_t)]
     pub(crate) format: Format,

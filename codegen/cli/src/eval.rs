@@ -1,4 +1,4 @@
-//! `regen eval`: closure and regressor at given states.
+//! `regen eval`: closure and regressors at given states.
 
 use std::fmt::Write as _;
 use std::io::{self, Read};
@@ -26,6 +26,7 @@ struct Evaluated {
     jacobian: Vec<Vec<f64>>,
     bias: Vec<f64>,
     regressor: Vec<Vec<f64>>,
+    base_regressor: Vec<Vec<f64>>,
 }
 
 /// Runs the command.
@@ -75,8 +76,9 @@ fn evaluate(model: &Interpreted<'_>, motion: Motion, number: usize) -> Result<Ev
     model.bias(&q, &qd, &mut bias)?;
     let mut columns = vec![0.0; dof * info.parameters.len()];
     let condition = model.regressor(&q, &qd, &qdd, &mut columns)?;
+    let base = model.base_regressor(&q, &qd, &qdd)?;
 
-    let results = [&residual, &jacobian, &bias, &columns];
+    let results = [&residual, &jacobian, &bias, &columns, &base];
     let finite = results.iter().all(|r| r.iter().all(|x| x.is_finite()));
     match condition.status() {
         Status::Regular if finite => {}
@@ -97,13 +99,9 @@ fn evaluate(model: &Interpreted<'_>, motion: Motion, number: usize) -> Result<Ev
             )));
         }
     }
-    let row = |r: usize| {
-        columns
-            .iter()
-            .skip(r)
-            .step_by(dof.max(1))
-            .copied()
-            .collect()
+    let rows = |columns: &[f64]| -> Vec<Vec<f64>> {
+        let row = |r: usize| columns.iter().skip(r).step_by(dof.max(1)).copied();
+        (0..dof).map(|r| row(r).collect()).collect()
     };
     Ok(Evaluated {
         residual,
@@ -112,7 +110,8 @@ fn evaluate(model: &Interpreted<'_>, motion: Motion, number: usize) -> Result<Ev
             .map(<[f64]>::to_vec)
             .collect(),
         bias,
-        regressor: (0..dof).map(row).collect(),
+        regressor: rows(&columns),
+        base_regressor: rows(&base),
         q,
         qd,
         qdd,

@@ -59,6 +59,76 @@ impl<'a> Interpreted<'a> {
         self.robot.independent.len()
     }
 
+    /// The number of base parameters.
+    fn rank(&self) -> usize {
+        let analysis = self.robot.analysis.as_ref();
+        analysis.map_or(0, |analysis| analysis.base.rank())
+    }
+
+    /// The regressor of the base parameters, column by column.
+    pub(crate) fn base_regressor(
+        &self,
+        q: &[f64],
+        qd: &[f64],
+        qdd: &[f64],
+    ) -> Result<Vec<f64>, SizeError> {
+        let inputs = [self.q(q), self.qd(qd), self.qdd(qdd)];
+        let size = self.dof() * self.rank();
+        self.filled(FunctionKind::BaseRegressor, &inputs, size)
+    }
+
+    /// The base parameters of given parameters.
+    pub(crate) fn to_base(&self, phi: &[f64]) -> Result<Vec<f64>, SizeError> {
+        self.filled(FunctionKind::ToBase, &[self.phi(phi)], self.rank())
+    }
+
+    /// Parameters with given base parameters; `free` are the eliminated ones.
+    pub(crate) fn with_base(&self, beta: &[f64], free: &[f64]) -> Result<Vec<f64>, SizeError> {
+        let analysis = self.robot.analysis.as_ref();
+        let eliminated = analysis.map_or(0, |analysis| analysis.base.null.len());
+        let inputs = [self.beta(beta), ("free", eliminated, free)];
+        self.filled(FunctionKind::FromBase, &inputs, self.parameters.len())
+    }
+
+    /// Inverse dynamics, gravity and bias forces from base parameters.
+    pub(crate) fn base_forces(
+        &self,
+        q: &[f64],
+        qd: &[f64],
+        qdd: &[f64],
+        beta: &[f64],
+    ) -> Result<[Vec<f64>; 3], SizeError> {
+        use FunctionKind as Kind;
+        let (q, qd, qdd, beta) = (self.q(q), self.qd(qd), self.qdd(qdd), self.beta(beta));
+        let dof = self.dof();
+        Ok([
+            self.filled(Kind::BaseInverseDynamics, &[q, qd, qdd, beta], dof)?,
+            self.filled(Kind::BaseGravity, &[q, beta], dof)?,
+            self.filled(Kind::BaseBiasForces, &[q, qd, beta], dof)?,
+        ])
+    }
+
+    /// The mass matrix from base parameters.
+    pub(crate) fn base_mass_matrix(&self, q: &[f64], beta: &[f64]) -> Result<Vec<f64>, SizeError> {
+        let inputs = [self.q(q), self.beta(beta)];
+        self.filled(FunctionKind::BaseMassMatrix, &inputs, self.dof().pow(2))
+    }
+
+    fn beta<'v>(&self, v: &'v [f64]) -> Input<'v> {
+        ("beta", self.rank(), v)
+    }
+
+    fn filled(
+        &self,
+        kind: FunctionKind,
+        inputs: &[Input<'_>],
+        size: usize,
+    ) -> Result<Vec<f64>, SizeError> {
+        let mut out = vec![0.0; size];
+        self.call(kind, inputs, size, &mut out).map(drop)?;
+        Ok(out)
+    }
+
     /// Runs one function; `size` is the length of its output.
     fn call(
         &self,

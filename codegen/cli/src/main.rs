@@ -2,6 +2,10 @@
 //! evaluates and verifies them.
 
 mod args;
+mod base;
+mod base_factor;
+mod base_latex;
+mod base_table;
 mod closed;
 mod eval;
 mod exit;
@@ -11,10 +15,13 @@ mod interpreted;
 mod load;
 mod model;
 mod modules;
+mod numeric;
 mod states;
 mod table;
 mod terminal;
 mod verify;
+mod verify_base;
+mod verify_run;
 mod workspace;
 mod write;
 
@@ -39,6 +46,8 @@ fn run(cli: Cli) -> Result<(), Failure> {
     match cli.command {
         Some(Command::Generate(args)) => generate::run(&args),
         Some(Command::Info(args)) => info::run(&args),
+        Some(Command::Base(args)) => base::run(&args),
+        Some(Command::Verify(args)) => verify_run::run(&args),
         Some(Command::Eval(args)) => eval::run(&args),
         Some(Command::Schema) => terminal::print(&regen_codegen::spec::schema()),
         Some(Command::Completions { shell }) => {

@@ -12,12 +12,13 @@ use crate::generate::{self, State};
 use crate::info;
 use crate::verify::{self, Check};
 use crate::workspace::Workspace;
-use crate::{load, modules, table, terminal};
+use crate::{base, load, modules, table, terminal};
 
 #[derive(Serialize)]
 struct Summary<'a> {
     #[serde(flatten)]
     info: info::Info<'a>,
+    base: Option<base::Summary>,
     source: String,
     states: usize,
     checks: &'a [Check],
@@ -48,17 +49,22 @@ pub(crate) fn run(args: &ModelArgs) -> Result<(), Failure> {
     }
     let changed = entries.iter().any(|entry| entry.state != State::Current);
 
-    let verified = verify::all(&robot, same)?;
+    let verified = verify::all(&robot, Some(same))?;
     terminal::print(&match args.format {
         Format::Human => format!(
-            "{}\n{} {} ({lines} lines)\n\n{}",
+            "{}{}\n{} {} ({lines} lines)\n\n{}",
             info::human(&robot),
+            robot
+                .analysis
+                .as_ref()
+                .map_or_else(String::new, base::lines),
             if changed { "wrote" } else { "up to date:" },
             module.display(),
             verify::human(&verified)
         ),
         Format::Json => table::json(&Summary {
             info: info::info(&robot),
+            base: robot.analysis.as_ref().map(base::summary),
             source: module.display().to_string(),
             states: verified.states,
             checks: &verified.checks,
@@ -77,7 +83,7 @@ pub(crate) fn run(args: &ModelArgs) -> Result<(), Failure> {
 }
 
 /// The workspace's directory for generated source, or the current directory.
-fn default_dir(file: &Path) -> PathBuf {
+pub(crate) fn default_dir(file: &Path) -> PathBuf {
     let beside = match file.parent() {
         Some(dir) if !dir.as_os_str().is_empty() => dir,
         _ => Path::new("."),

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use serde::Serialize;
 
-const WIDTH: usize = 80;
+pub(crate) const WIDTH: usize = 80;
 
 /// A value as JSON text. Maps have string keys and numbers are finite in all that is printed,
 /// so that writing to a string cannot fail.

@@ -11,26 +11,39 @@ use crate::closed::close;
 use crate::exit::Failure;
 use crate::interpreted::Interpreted;
 use crate::states::Motion;
-use crate::table;
+use crate::{table, verify_base};
 
 /// Closed states that are tried.
 const STATES: usize = 8;
-const SEED: u64 = 1;
+pub(crate) const SEED: u64 = 1;
 /// Bound of what agrees up to rounding, relative to the larger side.
-const ROUNDING: f64 = 1e-9;
+pub(crate) const ROUNDING: f64 = 1e-9;
 /// Bound of what is compared with differences of step [`STEP`].
 const DIFFERENCES: f64 = 1e-6;
 /// Step of differences: errors of the order of its fourth power and of epsilon over it.
 const STEP: f64 = 1e-4;
+/// How far from home the independent coordinates go, rad and m: trees close anywhere, a loop is
+/// about as large as its links, some tenths of a metre.
+const REACH: Reach = Reach {
+    tree: 1.0,
+    loops: 0.2,
+};
+
+/// How far from home states are tried first.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Reach {
+    pub(crate) tree: f64,
+    pub(crate) loops: f64,
+}
 
 /// One identity, and by how much it is missed at worst.
 #[derive(Debug, Serialize)]
 pub(crate) struct Check {
-    name: &'static str,
+    pub(crate) name: &'static str,
     /// NaN, `null` in JSON, where something could not be evaluated.
-    largest: f64,
-    bound: f64,
-    ok: bool,
+    pub(crate) largest: f64,
+    pub(crate) bound: f64,
+    pub(crate) ok: bool,
 }
 
 /// The outcome.
@@ -47,14 +60,15 @@ impl Verified {
     }
 }
 
-/// Runs every check. `same`: the written source was read back as it should be.
-pub(crate) fn all(robot: &Robot, same: bool) -> Result<Verified, Failure> {
+/// Runs every check. `same`: whether the written source was read back as it should be, if any was
+/// written.
+pub(crate) fn all(robot: &Robot, same: Option<bool>) -> Result<Verified, Failure> {
     let model = Interpreted::new(robot);
     let mut closure = Closure::new(&model)?;
     let mut random = Random(SEED);
     let mut worst = Worst::default();
     for _ in 0..STATES {
-        let motion = closed_state(&model, &mut closure, &mut random)?;
+        let motion = closed_state(&model, &mut closure, &mut random, REACH)?;
         let phi: Vec<f64> = robot.parameters.iter().map(|_| random.signed()).collect();
         let at = At {
             model: &model,
@@ -66,12 +80,15 @@ pub(crate) fn all(robot: &Robot, same: bool) -> Result<Verified, Failure> {
         }
         at.dynamics(&mut worst, &mut random)?;
         at.energy(&mut worst, &mut random)?;
+        if let Some(analysis) = &robot.analysis {
+            let base = &analysis.base;
+            verify_base::functions(&model, &motion, base, &mut worst, &mut random)?;
+        }
     }
-    worst.note(
-        "source on disk is what was emitted",
-        f64::from(u8::from(!same)),
-        0.0,
-    );
+    if let Some(same) = same {
+        let wrong = f64::from(u8::from(!same));
+        worst.note("source on disk is what was emitted", wrong, 0.0);
+    }
     let checks = worst.order.iter().filter_map(|name| {
         let &(largest, bound) = worst.figures.get(name)?;
         Some(Check {
@@ -89,8 +106,16 @@ pub(crate) fn all(robot: &Robot, same: bool) -> Result<Verified, Failure> {
 
 /// The checks as a table.
 pub(crate) fn human(verified: &Verified) -> String {
-    let rows: Vec<Vec<String>> = verified
-        .checks
+    format!(
+        "verified at {} random closed states, relative errors:\n{}",
+        verified.states,
+        checks(&verified.checks)
+    )
+}
+
+/// Checks as a table.
+pub(crate) fn checks(checks: &[Check]) -> String {
+    let rows: Vec<Vec<String>> = checks
         .iter()
         .map(|check| {
             vec![
@@ -101,22 +126,18 @@ pub(crate) fn human(verified: &Verified) -> String {
             ]
         })
         .collect();
-    format!(
-        "verified at {} random closed states, relative errors:\n{}",
-        verified.states,
-        table::columns(&["identity", "largest", "bound", ""], &rows)
-    )
+    table::columns(&["identity", "largest", "bound", ""], &rows)
 }
 
 /// The largest figure of each check, in the order in which they first appear.
 #[derive(Default)]
-struct Worst {
+pub(crate) struct Worst {
     order: Vec<&'static str>,
     figures: BTreeMap<&'static str, (f64, f64)>,
 }
 
 impl Worst {
-    fn note(&mut self, name: &'static str, figure: f64, bound: f64) {
+    pub(crate) fn note(&mut self, name: &'static str, figure: f64, bound: f64) {
         let entry = self.figures.entry(name).or_insert_with(|| {
             self.order.push(name);
             (0.0, bound)
@@ -126,7 +147,14 @@ impl Worst {
 
     /// The difference of two vectors relative to the larger one, or to 1 where both are small
     /// because they cancel.
-    fn compare(&mut self, name: &'static str, a: &[f64], b: &[f64], scale: f64, bound: f64) {
+    pub(crate) fn compare(
+        &mut self,
+        name: &'static str,
+        a: &[f64],
+        b: &[f64],
+        scale: f64,
+        bound: f64,
+    ) {
         let difference = a.iter().zip(b).map(|(a, b)| (a - b).abs());
         let figure = difference.fold(0.0, larger) / larger(scale, larger(size(a), size(b)));
         self.note(name, figure, bound);
@@ -134,15 +162,15 @@ impl Worst {
 }
 
 /// The larger of two, NaN if one is.
-fn larger(a: f64, b: f64) -> f64 {
+pub(crate) fn larger(a: f64, b: f64) -> f64 {
     if b.is_nan() || b > a { b } else { a }
 }
 
-fn size(values: &[f64]) -> f64 {
+pub(crate) fn size(values: &[f64]) -> f64 {
     values.iter().map(|v| v.abs()).fold(0.0, larger)
 }
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
@@ -155,7 +183,7 @@ fn times(matrix: &[f64], vector: &[f64]) -> Vec<f64> {
 }
 
 /// Column-major matrix times vector.
-fn product(columns: &[f64], vector: &[f64], rows: usize) -> Vec<f64> {
+pub(crate) fn product(columns: &[f64], vector: &[f64], rows: usize) -> Vec<f64> {
     let mut sum = vec![0.0; rows];
     for (column, value) in columns.chunks_exact(rows.max(1)).zip(vector) {
         for (sum, entry) in sum.iter_mut().zip(column) {
@@ -180,7 +208,7 @@ fn slope(f: impl Fn(f64) -> Result<Vec<f64>, SizeError>) -> Result<Vec<f64>, Siz
 }
 
 /// Runs a method of the model that fills a vector.
-fn fill<C>(
+pub(crate) fn fill<C>(
     size: usize,
     run: impl FnOnce(&mut [f64]) -> Result<C, SizeError>,
 ) -> Result<Vec<f64>, SizeError> {
@@ -189,10 +217,11 @@ fn fill<C>(
 }
 
 /// A random closed state: independent coordinates near home, closer where it does not close.
-fn closed_state(
+pub(crate) fn closed_state(
     model: &Interpreted<'_>,
     closure: &mut Closure<'_, Interpreted<'_>>,
     random: &mut Random,
+    reach: Reach,
 ) -> Result<Motion, Failure> {
     let info = model.info();
     let home: Vec<f64> = info
@@ -200,8 +229,11 @@ fn closed_state(
         .iter()
         .filter_map(|&k| info.home.get(k).copied())
         .collect();
-    // A tree closes anywhere; a loop is about as large as its links, some tenths of a metre.
-    let mut reach = if info.rows == 0 { 1.0 } else { 0.2 };
+    let mut reach = if info.rows == 0 {
+        reach.tree
+    } else {
+        reach.loops
+    };
     let mut reason = String::new();
     for _ in 0..8 {
         let wanted = Motion {
@@ -431,11 +463,11 @@ impl At<'_> {
 }
 
 /// `SplitMix64`: a few lines, the same numbers everywhere.
-struct Random(u64);
+pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
     /// Uniform in [-1, 1).
-    fn signed(&mut self) -> f64 {
+    pub(crate) fn signed(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -462,7 +494,7 @@ mod tests {
     }
 
     fn passes(robot: &Robot) -> bool {
-        all(robot, true).is_ok_and(|verified| verified.failed().next().is_none())
+        all(robot, Some(true)).is_ok_and(|verified| verified.failed().next().is_none())
     }
 
     #[test]
@@ -474,7 +506,7 @@ mod tests {
 
     #[test]
     fn source_that_was_not_written_fails() {
-        let verified = all(&robot("fourbar.yaml"), false).unwrap();
+        let verified = all(&robot("fourbar.yaml"), Some(false)).unwrap();
         let failed: Vec<_> = verified.failed().collect();
         assert_eq!(failed, ["source on disk is what was emitted"]);
     }

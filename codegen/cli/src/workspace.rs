@@ -41,6 +41,13 @@ impl Workspace {
         shortened(&self.root.join("generated/src"))
     }
 
+    /// Whether the file is one of the workspace's `robots/*.yaml`.
+    pub(crate) fn holds_robot(&self, file: &Path) -> bool {
+        let dir = self.root.join("robots").canonicalize();
+        let file = file.canonicalize();
+        dir.is_ok_and(|dir| file.is_ok_and(|file| file.parent() == Some(&dir)))
+    }
+
     /// Every `robots/*.yaml`, sorted.
     pub(crate) fn robots(&self) -> Result<Vec<PathBuf>, Failure> {
         let dir = shortened(&self.root.join("robots"));

@@ -1,0 +1,237 @@
+//! `regen base`: the base parameters, and what is certain about them.
+
+use regen_codegen::base::certificate::Certificate;
+use regen_codegen::base::{Analysis, BaseParameter, Layer, Term};
+use regen_codegen::robot::Robot;
+use serde::Serialize;
+
+use crate::args::{BaseArgs, TableFormat};
+use crate::base_factor::Style;
+use crate::base_table::Table;
+use crate::exit::Failure;
+use crate::{load, table, terminal};
+
+/// Runs the command.
+pub(crate) fn run(args: &BaseArgs) -> Result<(), Failure> {
+    let robot = load::robot(&args.file)?;
+    let analysis = analysis(&robot)?;
+    let style = match (args.numbers, args.expressions) {
+        (true, _) => Style::Numbers,
+        (_, true) => Style::Expressions,
+        _ => Style::Short,
+    };
+    let table = Table::new(&robot, analysis, style);
+    terminal::print(&match args.format {
+        TableFormat::Human => table.human(),
+        TableFormat::Markdown => table.markdown(),
+        TableFormat::Latex => table.latex(),
+        TableFormat::Json => table::json(&json(&robot, analysis)),
+    })?;
+    match doubt(analysis) {
+        Some(why) => Err(Failure::Check(format!(
+            "the base parameters of {} are INCOMPLETE: {why}",
+            robot.name
+        ))),
+        None => Ok(()),
+    }
+}
+
+/// The analysis of a robot.
+pub(crate) fn analysis(robot: &Robot) -> Result<&Analysis, Failure> {
+    let analysis = robot.analysis.as_ref();
+    analysis.ok_or_else(|| Failure::Check(format!("{} has no base parameters", robot.name)))
+}
+
+/// Why a base is not known to be complete.
+pub(crate) fn doubt(analysis: &Analysis) -> Option<String> {
+    if analysis.complete {
+        return None;
+    }
+    Some(match &analysis.certificate {
+        Err(why) => format!("there is no certificate: {why}"),
+        Ok(c) if !c.is_certain() => {
+            format!(
+                "the certificate leaves the rank open, with {:.1e} the smallest number kept and \
+                 {:.1e} the largest dropped",
+                c.smallest_kept, c.largest_dropped
+            )
+        }
+        Ok(c) => format!(
+            "the directions derived leave {} parameters, the certified rank is {}",
+            bound(analysis, c),
+            c.rank
+        ),
+    })
+}
+
+/// What the derived null directions leave of all columns: a bound of the rank from above.
+fn bound(analysis: &Analysis, certificate: &Certificate) -> usize {
+    let null = analysis.base.from_trees + completed(analysis);
+    certificate.columns.saturating_sub(null)
+}
+
+/// Dimension of the null space beyond what trees account for.
+pub(crate) fn completed(analysis: &Analysis) -> usize {
+    match &analysis.certificate {
+        Ok(c) if analysis.complete => c
+            .columns
+            .saturating_sub(c.rank)
+            .saturating_sub(analysis.base.from_trees),
+        _ => 0,
+    }
+}
+
+/// How a layer is called.
+pub(crate) fn layer(layer: Layer) -> &'static str {
+    match layer {
+        Layer::Derived => "derived",
+        Layer::Completed => "completed",
+    }
+}
+
+/// The label of a column.
+pub(crate) fn label(robot: &Robot, column: usize) -> &str {
+    robot.parameters.get(column).map_or("?", String::as_str)
+}
+
+/// The JSON of `regen base`.
+#[derive(Serialize)]
+struct Json<'a> {
+    robot: &'a str,
+    parameters: &'a [String],
+    rank: usize,
+    base: Vec<Row<'a>>,
+    null_directions: NullDirections,
+    certificate: Option<CertificateJson>,
+    complete: bool,
+    /// Why it is not.
+    reason: Option<String>,
+    trees_opened: usize,
+    equal_by_value: &'a [String],
+    known: Vec<KnownJson<'a>>,
+    dropped: Vec<Row<'a>>,
+}
+
+#[derive(Serialize)]
+struct Row<'a> {
+    label: &'a str,
+    terms: Vec<TermJson<'a>>,
+    layer: &'static str,
+}
+
+#[derive(Serialize)]
+struct TermJson<'a> {
+    parameter: &'a str,
+    coefficient: &'a str,
+    value: f64,
+}
+
+#[derive(Serialize)]
+struct KnownJson<'a> {
+    parameter: &'a str,
+    terms: Vec<TermJson<'a>>,
+}
+
+#[derive(Serialize)]
+struct NullDirections {
+    trees: usize,
+    completed: usize,
+}
+
+/// A certificate in the JSON of `regen base` and of the main job.
+#[derive(Serialize)]
+struct CertificateJson {
+    columns: usize,
+    rank: usize,
+    states: usize,
+    digits: usize,
+    smallest_kept: f64,
+    largest_dropped: f64,
+}
+
+fn json<'a>(robot: &'a Robot, analysis: &'a Analysis) -> Json<'a> {
+    let base = &analysis.base;
+    let rows = |dropped: bool| -> Vec<Row<'a>> {
+        let rows = base.parameters.iter().filter(|p| p.dropped == dropped);
+        rows.map(|p| row(robot, p)).collect()
+    };
+    Json {
+        robot: &robot.name,
+        parameters: &robot.parameters,
+        rank: base.rank(),
+        base: rows(false),
+        null_directions: NullDirections {
+            trees: base.from_trees,
+            completed: completed(analysis),
+        },
+        certificate: analysis.certificate.as_ref().ok().map(certificate),
+        complete: analysis.complete,
+        reason: doubt(analysis),
+        trees_opened: base.trees,
+        equal_by_value: &base.coincidences,
+        known: base
+            .known
+            .iter()
+            .map(|known| KnownJson {
+                parameter: label(robot, known.column),
+                terms: terms(robot, &known.terms),
+            })
+            .collect(),
+        dropped: rows(true),
+    }
+}
+
+fn row<'a>(robot: &'a Robot, parameter: &'a BaseParameter) -> Row<'a> {
+    Row {
+        label: label(robot, parameter.column),
+        terms: terms(robot, &parameter.terms),
+        layer: layer(parameter.layer),
+    }
+}
+
+fn terms<'a>(robot: &'a Robot, terms: &'a [Term]) -> Vec<TermJson<'a>> {
+    let term = |term: &'a Term| TermJson {
+        parameter: label(robot, term.column),
+        coefficient: &term.coefficient,
+        value: term.value.to_f64(),
+    };
+    terms.iter().map(term).collect()
+}
+
+fn certificate(c: &Certificate) -> CertificateJson {
+    CertificateJson {
+        columns: c.columns,
+        rank: c.rank,
+        states: c.states,
+        digits: c.digits,
+        smallest_kept: c.smallest_kept,
+        largest_dropped: c.largest_dropped,
+    }
+}
+
+/// What the main job says of the base parameters.
+#[derive(Serialize)]
+pub(crate) struct Summary {
+    rank: usize,
+    complete: bool,
+    certificate: Option<CertificateJson>,
+}
+
+/// The base parameters in two figures.
+pub(crate) fn summary(analysis: &Analysis) -> Summary {
+    Summary {
+        rank: analysis.base.rank(),
+        complete: analysis.complete,
+        certificate: analysis.certificate.as_ref().ok().map(certificate),
+    }
+}
+
+/// Lines on the base parameters for the main job.
+pub(crate) fn lines(analysis: &Analysis) -> String {
+    let rank = match doubt(analysis) {
+        None => format!("{} base parameters", analysis.base.rank()),
+        Some(why) => format!("INCOMPLETE: {why}"),
+    };
+    let certificate = crate::base_table::certificate(analysis);
+    table::field("base", &rank) + &table::field("certificate", &certificate)
+}

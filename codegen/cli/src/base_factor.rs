@@ -1,0 +1,223 @@
+//! Factors of combinations as they are printed: signs apart, so that they can be joined.
+
+use regen_codegen::base::Term;
+
+/// Longer expressions are printed as numbers unless they are asked for.
+const LONGEST: usize = 60;
+/// Digits of numbers, as in the tables of papers.
+const DIGITS: usize = 4;
+
+/// What is printed of a coefficient.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Style {
+    /// Expressions, long ones as numbers.
+    Short,
+    /// Expressions of any length.
+    Expressions,
+    /// Numbers.
+    Numbers,
+}
+
+/// The absolute value of a coefficient.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Factor {
+    /// 1, which is not printed.
+    One,
+    /// An expression; whether it is a sum.
+    Expression(String, bool),
+    /// A number, because numbers were asked for.
+    Number(String),
+    /// A number in place of a long expression.
+    Instead(String),
+}
+
+/// A coefficient: whether it is subtracted, and its absolute value.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Signed {
+    pub(crate) negative: bool,
+    pub(crate) factor: Factor,
+}
+
+impl Signed {
+    /// The coefficient of a term.
+    pub(crate) fn new(term: &Term, style: Style) -> Self {
+        let (negative, text, is_sum) = unsigned(&term.coefficient);
+        let number = || digits(term.value.to_f64().abs());
+        let factor = match style {
+            _ if text == "1" => Factor::One,
+            Style::Numbers => Factor::Number(number()),
+            Style::Short if text.chars().count() > LONGEST => Factor::Instead(number()),
+            Style::Short | Style::Expressions => Factor::Expression(text, is_sum),
+        };
+        let negative = match factor {
+            Factor::Number(_) | Factor::Instead(_) => term.value.is_negative(),
+            Factor::One | Factor::Expression(..) => negative,
+        };
+        Self { negative, factor }
+    }
+}
+
+/// A sign that can be taken out of an expression, the rest, and whether that is a sum. The sign
+/// of a sum can be taken out where all its terms have it.
+fn unsigned(text: &str) -> (bool, String, bool) {
+    // positive terms are printed first: one in front says that all are negative
+    let Some(rest) = text.strip_prefix('-') else {
+        let is_sum = !signs(text).is_empty();
+        return (false, text.to_owned(), is_sum);
+    };
+    let signs = signs(rest);
+    if signs.iter().any(|&(_, sign)| sign == '+') {
+        return (false, text.to_owned(), true);
+    }
+    let mut turned = rest.to_owned();
+    for &(at, _) in &signs {
+        turned.replace_range(at..=at, "+");
+    }
+    (true, turned, !signs.is_empty())
+}
+
+/// The binary signs outside parentheses, with their places.
+fn signs(text: &str) -> Vec<(usize, char)> {
+    let mut depth = 0_usize;
+    let mut found = Vec::new();
+    for (at, c) in text.char_indices() {
+        match c {
+            '(' => depth += 1,
+            ')' => depth = depth.saturating_sub(1),
+            '+' | '-' if depth == 0 && text[..at].ends_with(' ') => found.push((at, c)),
+            _ => {}
+        }
+    }
+    found
+}
+
+/// A number in four digits, fewer where they are all it has. What is rounded is the decimal that
+/// reads back to the double: 0.22815 becomes 0.2282 as on paper, not by its binary neighbour.
+pub(crate) fn digits(value: f64) -> String {
+    let whole = format!("{value:e}");
+    let (mantissa, exponent) = whole.split_once('e').unwrap_or((&whole, "0"));
+    let all: Vec<u8> = mantissa.bytes().filter(u8::is_ascii_digit).collect();
+    let mut exponent: i32 = exponent.parse().unwrap_or(0);
+    let mut kept: Vec<u8> = all.iter().copied().take(DIGITS).collect();
+    if all.get(DIGITS).is_some_and(|&next| next >= b'5') {
+        let nines = kept.iter().rev().take_while(|&&d| d == b'9').count();
+        let end = kept.len() - nines;
+        for digit in kept.iter_mut().skip(end) {
+            *digit = b'0';
+        }
+        match kept.get_mut(end.wrapping_sub(1)) {
+            Some(digit) => *digit += 1,
+            None => {
+                kept.rotate_right(1);
+                if let Some(first) = kept.first_mut() {
+                    *first = b'1';
+                }
+                exponent += 1;
+            }
+        }
+    }
+    let mut text: String = kept.iter().map(|&d| char::from(d)).collect();
+    match usize::try_from(exponent) {
+        Ok(places) if places < DIGITS => {
+            // digits before the point
+            while text.len() <= places {
+                text.push('0');
+            }
+            if text.len() > places + 1 {
+                text.insert(places + 1, '.');
+            }
+            text
+        }
+        Err(_) if exponent >= -4 => {
+            let zeros = usize::try_from(-1 - exponent).unwrap_or(0);
+            format!("0.{}{text}", "0".repeat(zeros))
+        }
+        _ => {
+            if text.len() > 1 {
+                text.insert(1, '.');
+            }
+            format!("{text}e{exponent}")
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use regen_codegen::sym::Number;
+
+    fn signed(coefficient: &str, value: Number, style: Style) -> Signed {
+        let term = Term {
+            column: 0,
+            coefficient: coefficient.to_owned(),
+            value,
+        };
+        Signed::new(&term, style)
+    }
+
+    #[test]
+    fn signs_are_taken_out_where_all_terms_have_them() {
+        for (text, expected) in [
+            ("a", (false, "a", false)),
+            ("-a", (true, "a", false)),
+            ("-a*(b - c)", (true, "a*(b - c)", false)),
+            ("a - b", (false, "a - b", true)),
+            ("-a - b", (true, "a + b", true)),
+            ("-a - b*(c - d)", (true, "a + b*(c - d)", true)),
+            ("-a + b", (false, "-a + b", true)),
+            ("2^-1", (false, "2^-1", false)),
+        ] {
+            let (negative, rest, is_sum) = unsigned(text);
+            assert_eq!((negative, rest.as_str(), is_sum), expected, "{text}");
+        }
+    }
+
+    #[test]
+    fn numbers_have_four_digits_unless_they_need_fewer() {
+        for (value, text) in [
+            (2.530_66, "2.531"),
+            (0.208_209_7, "0.2082"),
+            (0.456_3, "0.4563"),
+            (0.228_15, "0.2282"),
+            (0.5, "0.5"),
+            (0.0, "0"),
+            (20.0, "20"),
+            (9.9999, "10.00"),
+            (9_999.9, "1.000e4"),
+            (2.0, "2"),
+            (1.999_96, "2.000"),
+            (99.999, "100.0"),
+            (12_346.0, "1.235e4"),
+            (1000.0, "1000"),
+            (0.000_123_456, "0.0001235"),
+            (0.000_012_345_6, "1.235e-5"),
+        ] {
+            assert_eq!(digits(value), text);
+        }
+    }
+
+    #[test]
+    fn long_expressions_give_way_to_numbers_until_they_are_asked_for() {
+        let long = format!("-{}a", "b*".repeat(30));
+        let half = Number::ratio(-1, 2).unwrap_or_else(Number::zero);
+        let instead = signed(&long, half.clone(), Style::Short);
+        assert!(instead.negative);
+        assert_eq!(instead.factor, Factor::Instead("0.5".to_owned()));
+        let full = signed(&long, half.clone(), Style::Expressions);
+        assert_eq!(full.factor, Factor::Expression(long[1..].to_owned(), false));
+        let just = signed(&long[..=60], half, Style::Short);
+        assert_eq!(
+            just.factor,
+            Factor::Expression(long[1..=60].to_owned(), false)
+        );
+    }
+
+    #[test]
+    fn one_is_not_printed_but_what_rounds_to_it_is() {
+        let one = signed("-1", Number::from_i64(-1), Style::Numbers);
+        assert_eq!((one.negative, one.factor), (true, Factor::One));
+        let near = Number::ratio(1_000_001, 1_000_000).unwrap_or_else(Number::zero);
+        let near = signed("a", near, Style::Numbers);
+        assert_eq!(near.factor, Factor::Number("1.000".to_owned()));
+    }
+}

@@ -1,0 +1,370 @@
+//! The base parameters as a table, like Table 1 of the chapter: for reading, in Markdown and in
+//! LaTeX.
+
+use std::fmt::Write as _;
+
+use regen_codegen::base::{Analysis, Known, Layer, Term};
+use regen_codegen::robot::Robot;
+
+use crate::base::{completed, doubt, label, layer};
+use crate::base_factor::{Factor, Signed, Style};
+use crate::base_latex as latex;
+use crate::table::{self, WIDTH};
+
+/// The kinds of a body's parameters, in their order.
+const PER_BODY: usize = 10;
+
+/// A factor and the label of a parameter.
+struct Part {
+    signed: Signed,
+    label: String,
+}
+
+struct Row {
+    parts: Vec<Part>,
+    layer: Layer,
+}
+
+/// What every format shows.
+pub(crate) struct Table {
+    robot: String,
+    rows: Vec<Row>,
+    /// Why it is not complete.
+    doubt: Option<String>,
+    /// What is known about the table as a whole: a title and a text.
+    facts: Vec<(&'static str, String)>,
+}
+
+impl Table {
+    pub(crate) fn new(robot: &Robot, analysis: &Analysis, style: Style) -> Self {
+        let base = &analysis.base;
+        let kept = base.parameters.iter().filter(|p| !p.dropped);
+        let rows: Vec<Row> = kept
+            .map(|parameter| Row {
+                parts: parts(robot, &parameter.terms, style),
+                layer: parameter.layer,
+            })
+            .collect();
+        let instead = |part: &Part| matches!(part.signed.factor, Factor::Instead(_));
+        let shortened = rows.iter().any(|row| row.parts.iter().any(instead));
+        let mut facts = facts(robot, analysis);
+        if shortened {
+            let text = "a number for an expression of more than 60 characters; --expressions \
+                        prints it";
+            facts.push(("~", text.to_owned()));
+        }
+        Self {
+            robot: robot.name.clone(),
+            rows,
+            doubt: doubt(analysis),
+            facts,
+        }
+    }
+
+    fn title(&self) -> String {
+        match &self.doubt {
+            None => format!("{}: {} base parameters", self.robot, self.rows.len()),
+            Some(why) => format!("{}: INCOMPLETE base parameters: {why}", self.robot),
+        }
+    }
+
+    /// For reading in 80 columns.
+    pub(crate) fn human(&self) -> String {
+        const GAP: &str = "  ";
+        let mut out = table::paragraph(&self.title());
+        out.push('\n');
+        for (name, text) in &self.facts {
+            out.push_str(&table::field(name, text));
+        }
+        if self.rows.is_empty() {
+            return out;
+        }
+        let numbers = self.rows.len().to_string().len().max(2);
+        let layers = self.rows.iter().map(|row| layer(row.layer).len());
+        let layers = layers.max().unwrap_or(0).max("rests on".len());
+        let indent = 3 * GAP.len() + numbers + layers;
+        let _ = writeln!(
+            out,
+            "\n{GAP}{:>numbers$}{GAP}{:<layers$}{GAP}base parameter",
+            "no", "rests on"
+        );
+        for (k, row) in self.rows.iter().enumerate() {
+            let mut lines = row.lines(WIDTH - indent).into_iter();
+            let _ = writeln!(
+                out,
+                "{GAP}{:>numbers$}{GAP}{:<layers$}{GAP}{}",
+                k + 1,
+                layer(row.layer),
+                lines.next().unwrap_or_default()
+            );
+            for line in lines {
+                let _ = writeln!(out, "{:indent$}{line}", "");
+            }
+        }
+        out
+    }
+
+    /// A Markdown table.
+    pub(crate) fn markdown(&self) -> String {
+        let mut out = format!("## {}\n\n", self.title());
+        for (name, text) in &self.facts {
+            let _ = writeln!(out, "- {name}: {text}");
+        }
+        out.push_str("\n| No | Base parameter | Rests on |\n| --: | :-- | :-- |\n");
+        for (k, row) in self.rows.iter().enumerate() {
+            let text: String = row
+                .parts
+                .iter()
+                .enumerate()
+                .map(|(k, p)| p.plain(k))
+                .collect();
+            let _ = writeln!(out, "| {} | `{text}` | {} |", k + 1, layer(row.layer));
+        }
+        out
+    }
+
+    /// A LaTeX table.
+    pub(crate) fn latex(&self) -> String {
+        let mut out = format!("% {}\n", self.title());
+        out.push_str(
+            "% needs \\usepackage{booktabs}\n\
+             \\begin{tabular}{r p{0.75\\linewidth} l}\n\\toprule\n",
+        );
+        if self.doubt.is_some() {
+            let title = latex::escaped(&self.title());
+            let _ = writeln!(
+                out,
+                "\\multicolumn{{3}}{{p{{0.95\\linewidth}}}}{{\\textbf{{{title}}}}} \\\\\n\\midrule"
+            );
+        }
+        out.push_str("No & Base parameter & Rests on \\\\\n\\midrule\n");
+        for (k, row) in self.rows.iter().enumerate() {
+            let text: String = row
+                .parts
+                .iter()
+                .enumerate()
+                .map(|(k, p)| p.latex(k))
+                .collect();
+            let _ = writeln!(out, "{} & ${text}$ & {} \\\\", k + 1, layer(row.layer));
+        }
+        out.push_str("\\bottomrule\n\\end{tabular}\n\n{\\footnotesize\\noindent\n");
+        for (name, text) in &self.facts {
+            let (name, text) = (latex::escaped(name), latex::escaped(text));
+            let _ = writeln!(out, "{name}: {text}.\\\\");
+        }
+        out.push_str("}\n");
+        out
+    }
+}
+
+impl Part {
+    /// The sign that joins the part at place `k` to what stands before it.
+    fn sign(&self, k: usize) -> &'static str {
+        match (k, self.signed.negative) {
+            (0, false) => "",
+            (0, true) => "-",
+            (_, false) => " + ",
+            (_, true) => " - ",
+        }
+    }
+
+    fn plain(&self, k: usize) -> String {
+        let factor = match &self.signed.factor {
+            Factor::One => String::new(),
+            Factor::Expression(text, true) => format!("({text}) "),
+            Factor::Expression(text, false) | Factor::Number(text) => format!("{text} "),
+            Factor::Instead(text) => format!("~{text} "),
+        };
+        format!("{}{factor}{}", self.sign(k), self.label)
+    }
+
+    fn latex(&self, k: usize) -> String {
+        let factor = match &self.signed.factor {
+            Factor::One => String::new(),
+            Factor::Expression(text, true) => {
+                format!("\\left({}\\right) \\, ", latex::expression(text))
+            }
+            Factor::Expression(text, false) | Factor::Number(text) => {
+                format!("{} \\, ", latex::expression(text))
+            }
+            Factor::Instead(text) => format!("{{\\sim}}{} \\, ", latex::expression(text)),
+        };
+        format!("{}{factor}{}", self.sign(k), latex::label(&self.label))
+    }
+}
+
+impl Row {
+    /// Lines of the combination: broken between terms, or else between the words of a term.
+    fn lines(&self, width: usize) -> Vec<String> {
+        let mut lines = vec![String::new()];
+        let mut append = |piece: &str, joint: &str| {
+            let fits = |line: &String| {
+                line.is_empty() || line.chars().count() + (joint.len() + piece.len()) <= width
+            };
+            match lines.last_mut() {
+                Some(line) if fits(line) => {
+                    if !line.is_empty() {
+                        line.push_str(joint);
+                    }
+                    line.push_str(piece);
+                }
+                _ => lines.push(piece.to_owned()),
+            }
+        };
+        for (k, part) in self.parts.iter().enumerate() {
+            let text = part.plain(k);
+            let text = text.trim_start();
+            if text.len() <= width {
+                append(text, " ");
+                continue;
+            }
+            let mut sign = String::new();
+            for word in text.split(' ') {
+                if matches!(word, "+" | "-") {
+                    // a sign stays with what it belongs to
+                    word.clone_into(&mut sign);
+                    sign.push(' ');
+                    continue;
+                }
+                let word = std::mem::take(&mut sign) + word;
+                for (n, piece) in pieces(&word, width).into_iter().enumerate() {
+                    append(piece, if n == 0 { " " } else { "" });
+                }
+            }
+        }
+        lines
+    }
+}
+
+/// A word in pieces that fit, broken after operators where there are some.
+fn pieces(word: &str, width: usize) -> Vec<&str> {
+    let mut pieces = Vec::new();
+    let mut rest = word;
+    while rest.chars().count() > width {
+        let limit = rest
+            .char_indices()
+            .nth(width)
+            .map_or(rest.len(), |(at, _)| at);
+        let end = rest[..limit]
+            .rfind(['*', '/', '('])
+            .map_or(limit, |at| at + 1);
+        let (piece, after) = rest.split_at(end);
+        pieces.push(piece);
+        rest = after;
+    }
+    pieces.push(rest);
+    pieces
+}
+
+fn parts(robot: &Robot, terms: &[Term], style: Style) -> Vec<Part> {
+    let part = |term: &Term| Part {
+        signed: Signed::new(term, style),
+        label: label(robot, term.column).to_owned(),
+    };
+    terms.iter().map(part).collect()
+}
+
+fn facts(robot: &Robot, analysis: &Analysis) -> Vec<(&'static str, String)> {
+    let base = &analysis.base;
+    let columns = robot.parameters.len();
+    let mut facts = Vec::new();
+    let what = if analysis.complete { "rank" } else { "at most" };
+    let mut rank = format!("{} of {columns} columns", base.rank());
+    if !base.known.is_empty() {
+        let _ = write!(rank, ", {} of them known", base.known.len());
+    }
+    facts.push((what, rank));
+    let plural = if base.trees == 1 { "" } else { "s" };
+    facts.push((
+        "derived",
+        format!(
+            "{} null directions from {} spanning tree{plural}",
+            base.from_trees, base.trees
+        ),
+    ));
+    if completed(analysis) > 0 {
+        let text = format!("{} more null directions from samples", completed(analysis));
+        facts.push(("completed", text));
+    }
+    facts.push(("certificate", certificate(analysis)));
+    if !base.coincidences.is_empty() {
+        let text = format!("equal only by value: {}", base.coincidences.join("; "));
+        facts.push(("values", text));
+    }
+    if !base.known.is_empty() {
+        facts.push(("known", known(robot, &base.known)));
+    }
+    let dropped: Vec<&str> = base
+        .parameters
+        .iter()
+        .filter(|p| p.dropped)
+        .map(|p| label(robot, p.column))
+        .collect();
+    if !dropped.is_empty() {
+        facts.push((
+            "dropped",
+            format!("the base parameters kept at {}", dropped.join(" ")),
+        ));
+    }
+    facts
+}
+
+/// The certificate in a line.
+pub(crate) fn certificate(analysis: &Analysis) -> String {
+    match &analysis.certificate {
+        Err(why) => format!("none: {why}"),
+        Ok(c) => format!(
+            "{} columns have rank {} at {} closed states in {} digits; smallest kept {:.1e}, \
+             largest dropped {}",
+            c.columns,
+            c.rank,
+            c.states,
+            c.digits,
+            c.smallest_kept,
+            if c.largest_dropped == 0.0 {
+                "0".to_owned()
+            } else {
+                format!("{:.1e}", c.largest_dropped)
+            }
+        ),
+    }
+}
+
+/// What `base.zero` and `base.equal` say, identical bodies in one word.
+fn known(robot: &Robot, all: &[Known]) -> String {
+    // the body whose parameter stands for one of another body's, if that is all there is
+    let twin = |known: &Known| match known.terms.as_slice() {
+        [one] if one.value.is_one() && one.column % PER_BODY == known.column % PER_BODY => {
+            let bodies = (known.column / PER_BODY, one.column / PER_BODY);
+            let real = bodies.0.max(bodies.1) < robot.bodies.len();
+            real.then_some(bodies)
+        }
+        _ => None,
+    };
+    let whole = |pair: (usize, usize)| {
+        let same = all.iter().filter(|&known| twin(known) == Some(pair));
+        same.count() == PER_BODY
+    };
+    let body = |k: usize| robot.bodies.get(k).map_or("?", String::as_str);
+    let mut parts: Vec<String> = Vec::new();
+    for known in all {
+        let text = if let Some((of, like)) = twin(known).filter(|&pair| whole(pair)) {
+            format!("body {} as body {}", body(of), body(like))
+        } else {
+            let terms = parts_text(robot, &known.terms);
+            format!("{} = {terms}", label(robot, known.column))
+        };
+        if !parts.contains(&text) {
+            parts.push(text);
+        }
+    }
+    parts.join("; ")
+}
+
+fn parts_text(robot: &Robot, terms: &[Term]) -> String {
+    if terms.is_empty() {
+        return "0".to_owned();
+    }
+    let parts = parts(robot, terms, Style::Short);
+    parts.iter().enumerate().map(|(k, p)| p.plain(k)).collect()
+}

@@ -1,0 +1,50 @@
+//! The functions over base parameters against those over all parameters.
+
+use regen_codegen::base::Base;
+use regen_runtime::{Model, SizeError};
+
+use crate::interpreted::Interpreted;
+use crate::states::Motion;
+use crate::verify::{ROUNDING, Random, Worst, fill, product};
+
+/// Every set of parameters with the same base parameters has the same forces, which the functions
+/// over base parameters compute.
+pub(crate) fn functions(
+    model: &Interpreted<'_>,
+    motion: &Motion,
+    base: &Base,
+    worst: &mut Worst,
+    random: &mut Random,
+) -> Result<(), SizeError> {
+    let Motion { q, qd, qdd } = motion;
+    let info = model.info();
+    let dof = info.dof();
+    let beta: Vec<f64> = (0..base.rank()).map(|_| random.signed()).collect();
+    let free: Vec<f64> = base.null.iter().map(|_| random.signed()).collect();
+    let phi = model.with_base(&beta, &free)?;
+    let mut compare = |name, a: &[f64], b: &[f64]| worst.compare(name, a, b, 1.0, ROUNDING);
+    compare(
+        "to_base(from_base(beta, free)) = beta",
+        &model.to_base(&phi)?,
+        &beta,
+    );
+
+    let w = fill(dof * phi.len(), |out| model.regressor(q, qd, qdd, out))?;
+    let w_phi = product(&w, &phi, dof);
+    let w_base = model.base_regressor(q, qd, qdd)?;
+    compare("W_red beta = W phi", &product(&w_base, &beta, dof), &w_phi);
+
+    let [tau, gravity, rest] = model.base_forces(q, qd, qdd, &beta)?;
+    compare("base inverse dynamics = W phi", &tau, &w_phi);
+    let of_phi = fill(dof, |out| model.gravity(q, &phi, out))?;
+    compare("base gravity = gravity of phi", &gravity, &of_phi);
+    let of_phi = fill(dof, |out| model.bias_forces(q, qd, &phi, out))?;
+    compare("base bias forces = those of phi", &rest, &of_phi);
+    let of_phi = fill(dof * dof, |out| model.mass_matrix(q, &phi, out))?;
+    compare(
+        "base mass matrix = that of phi",
+        &model.base_mass_matrix(q, &beta)?,
+        &of_phi,
+    );
+    Ok(())
+}
