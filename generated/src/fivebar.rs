@@ -201,8 +201,8 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
         rank: 11,
         states: 16,
         digits: 96,
-        smallest_kept: 0.026067917833699324,
-        largest_dropped: 1.4521854954791756e-96,
+        smallest_kept: 0.018923013063554168,
+        largest_dropped: 1.3976892997416853e-96,
     }),
     complete: true,
 };

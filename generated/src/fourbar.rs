@@ -169,8 +169,8 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
         rank: 8,
         states: 30,
         digits: 96,
-        smallest_kept: 0.003053454251457658,
-        largest_dropped: 1.097871295038212e-96,
+        smallest_kept: 0.004906395273031517,
+        largest_dropped: 1.4269713348055868e-96,
     }),
     complete: true,
 };

@@ -307,8 +307,8 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
         rank: 25,
         states: 19,
         digits: 96,
-        smallest_kept: 0.0003596031173694747,
-        largest_dropped: 1.5065022809443808e-96,
+        smallest_kept: 0.0008429150910824601,
+        largest_dropped: 1.5445830867002911e-96,
     }),
     complete: true,
 };

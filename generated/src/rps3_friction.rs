@@ -362,8 +362,8 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
         rank: 34,
         states: 19,
         digits: 96,
-        smallest_kept: 0.0008550537568003082,
-        largest_dropped: 1.7029030802561775e-96,
+        smallest_kept: 0.0008413924441972498,
+        largest_dropped: 9.450895767402804e-97,
     }),
     complete: true,
 };
