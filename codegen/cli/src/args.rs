@@ -211,6 +211,10 @@ pub(crate) struct BaseArgs {
     /// Coefficients as expressions, however long
     #[arg(long)]
     pub(crate) expressions: bool,
+    /// Keep the result beside the spec, as NAME.base: robot_model! then reads it
+    /// instead of deriving it in an unoptimised build
+    #[arg(long)]
+    pub(crate) store: bool,
 }
 
 #[derive(Debug, Args)]

@@ -1,7 +1,7 @@
 //! `regen base`: the base parameters, and what is certain about them.
 
 use regen_codegen::base::certificate::Certificate;
-use regen_codegen::base::{Analysis, BaseParameter, Layer, Term};
+use regen_codegen::base::{Analysis, BaseParameter, Layer, Term, store};
 use regen_codegen::robot::Robot;
 use serde::Serialize;
 
@@ -9,12 +9,18 @@ use crate::args::{BaseArgs, TableFormat};
 use crate::base_factor::Style;
 use crate::base_table::Table;
 use crate::exit::Failure;
-use crate::{load, table, terminal};
+use crate::{load, table, terminal, write};
 
 /// Runs the command.
 pub(crate) fn run(args: &BaseArgs) -> Result<(), Failure> {
-    let robot = load::robot(&args.file)?;
+    let source = load::source(&args.file)?;
+    let robot = load::derived(&source)?;
     let analysis = analysis(&robot)?;
+    if args.store {
+        let beside = args.file.with_extension("base");
+        write::atomically(&beside, &store(&source, analysis))?;
+        eprintln!("{}: written", beside.display());
+    }
     let style = match (args.numbers, args.expressions) {
         (true, _) => Style::Numbers,
         (_, true) => Style::Expressions,

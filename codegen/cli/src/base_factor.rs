@@ -105,15 +105,14 @@ pub(crate) fn digits(value: f64) -> String {
         for digit in kept.iter_mut().skip(end) {
             *digit = b'0';
         }
-        match kept.get_mut(end.wrapping_sub(1)) {
-            Some(digit) => *digit += 1,
-            None => {
-                kept.rotate_right(1);
-                if let Some(first) = kept.first_mut() {
-                    *first = b'1';
-                }
-                exponent += 1;
+        if let Some(digit) = kept.get_mut(end.wrapping_sub(1)) {
+            *digit += 1;
+        } else {
+            kept.rotate_right(1);
+            if let Some(first) = kept.first_mut() {
+                *first = b'1';
             }
+            exponent += 1;
         }
     }
     let mut text: String = kept.iter().map(|&d| char::from(d)).collect();

@@ -22,11 +22,20 @@ pub(crate) fn text(path: &Path) -> Result<String, Failure> {
     })
 }
 
-/// Reads and derives one robot.
-pub(crate) fn robot(path: &Path) -> Result<Robot, Failure> {
-    let source = Source {
+/// Reads a spec's text.
+pub(crate) fn source(path: &Path) -> Result<Source, Failure> {
+    Ok(Source {
         name: path.display().to_string(),
         text: text(path)?,
-    };
-    pipeline::derive(&source).map_err(|report| Failure::Spec(vec![report]))
+    })
+}
+
+/// Reads and derives one robot.
+pub(crate) fn robot(path: &Path) -> Result<Robot, Failure> {
+    derived(&source(path)?)
+}
+
+/// Derives one robot.
+pub(crate) fn derived(source: &Source) -> Result<Robot, Failure> {
+    pipeline::derive(source).map_err(|report| Failure::Spec(vec![report]))
 }
