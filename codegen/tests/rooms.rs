@@ -1,0 +1,174 @@
+//! Every room of the generator keeps to what `ARCHITECTURE.md` lets it know.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+/// The rooms, and which others each may name. A room names only rooms above it.
+const ROOMS: &[(&str, &[&str])] = &[
+    ("numeric", &[]),
+    ("diag", &[]),
+    ("sym", &["numeric"]),
+    ("spec", &["diag", "sym"]),
+    ("model", &["spec", "sym"]),
+    ("kinematics", &["model", "spec", "sym"]),
+    ("dynamics", &["kinematics", "model", "sym"]),
+    (
+        "constraints",
+        &["kinematics", "model", "numeric", "spec", "sym"],
+    ),
+    (
+        "base",
+        &[
+            "constraints",
+            "diag",
+            "kinematics",
+            "model",
+            "numeric",
+            "spec",
+            "sym",
+        ],
+    ),
+    ("optimize", &["sym"]),
+    // a derived robot: names and programs, no expressions
+    ("robot", &["base", "optimize"]),
+    (
+        "functions",
+        &[
+            "base",
+            "constraints",
+            "dynamics",
+            "kinematics",
+            "model",
+            "optimize",
+            "robot",
+            "sym",
+        ],
+    ),
+    ("interpret", &["numeric", "optimize"]),
+    ("emit", &["base", "optimize", "robot"]),
+    (
+        "checks",
+        &["constraints", "diag", "kinematics", "model", "spec", "sym"],
+    ),
+    (
+        "pipeline",
+        &[
+            "base",
+            "checks",
+            "constraints",
+            "diag",
+            "functions",
+            "kinematics",
+            "model",
+            "optimize",
+            "robot",
+            "spec",
+            "sym",
+        ],
+    ),
+];
+
+/// The rooms that a file's text names after `crate::`, its unit tests left out.
+fn named(text: &str) -> BTreeSet<String> {
+    let shipped = text.split("#[cfg(test)]\nmod tests {").next().unwrap_or("");
+    let code = shipped
+        .lines()
+        .filter(|line| !line.trim_start().starts_with("//"));
+    let mut named = BTreeSet::new();
+    for line in code {
+        for after in line.split("crate::").skip(1) {
+            let end = after.find(|c: char| !(c.is_alphanumeric() || c == '_'));
+            named.insert(after[..end.unwrap_or(after.len())].to_owned());
+        }
+    }
+    named
+}
+
+/// What a room names that it must not know.
+fn trespasses(room: &str, text: &str) -> Vec<String> {
+    let allowed = ROOMS.iter().find(|(name, _)| *name == room).unwrap().1;
+    let known = |other: &String| other == room || allowed.contains(&other.as_str());
+    named(text)
+        .into_iter()
+        .filter(|other| !known(other))
+        .collect()
+}
+
+/// The texts of a room's files.
+fn texts(path: &Path) -> Vec<String> {
+    if path.ends_with("tests.rs") {
+        return Vec::new();
+    }
+    if path.is_file() {
+        return vec![std::fs::read_to_string(path).unwrap()];
+    }
+    let entries = std::fs::read_dir(path).unwrap();
+    entries
+        .flat_map(|entry| texts(&entry.unwrap().path()))
+        .collect()
+}
+
+fn sources() -> Vec<(String, Vec<String>)> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let entries = std::fs::read_dir(folder).unwrap();
+    let rooms = entries.map(|entry| {
+        let path = entry.unwrap().path();
+        let name = path.file_stem().unwrap().to_str().unwrap().to_owned();
+        (name, texts(&path))
+    });
+    rooms.filter(|(name, _)| name != "lib").collect()
+}
+
+#[test]
+fn no_room_names_what_it_must_not_know() {
+    for (room, texts) in sources() {
+        for text in texts {
+            let found = trespasses(&room, &text);
+            assert!(found.is_empty(), "{room} names {found:?}");
+        }
+    }
+}
+
+#[test]
+fn the_table_lists_every_room_and_nothing_else() {
+    let listed: BTreeSet<String> = ROOMS.iter().map(|(name, _)| (*name).to_owned()).collect();
+    let built: BTreeSet<String> = sources().into_iter().map(|(name, _)| name).collect();
+    assert_eq!(listed, built);
+    let chapter = Path::new(env!("CARGO_MANIFEST_DIR")).join("ARCHITECTURE.md");
+    let chapter = std::fs::read_to_string(chapter).unwrap();
+    for room in &listed {
+        assert!(chapter.contains(&format!("| `{room}` |")), "{room}");
+    }
+}
+
+#[test]
+fn rooms_name_only_rooms_above_them() {
+    for (place, (room, allowed)) in ROOMS.iter().enumerate() {
+        for other in *allowed {
+            let above = ROOMS[..place].iter().any(|(name, _)| name == other);
+            assert!(above, "{room} names {other}");
+        }
+    }
+}
+
+#[test]
+fn a_trespass_is_noticed() {
+    assert_eq!(trespasses("sym", "use crate::spec::Spec;"), ["spec"]);
+    assert_eq!(
+        trespasses(
+            "emit",
+            "let x = crate::sym::Graph::new();\nuse crate::robot::Robot;"
+        ),
+        ["sym"]
+    );
+    assert!(trespasses("emit", "// crate::sym\n").is_empty());
+    assert!(trespasses("emit", "#[cfg(test)]\nmod tests {\nuse crate::sym::Graph;").is_empty());
+    // the rooms that the rules are about do name others
+    let named: usize = sources()
+        .iter()
+        .flat_map(|(_, texts)| texts)
+        .map(|text| named(text).len())
+        .sum();
+    assert!(named > 100);
+}
