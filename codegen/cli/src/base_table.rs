@@ -332,24 +332,31 @@ pub(crate) fn certificate(analysis: &Analysis) -> String {
 
 /// What `base.zero` and `base.equal` say, identical bodies in one word.
 fn known(robot: &Robot, all: &[Known]) -> String {
-    // the body whose parameter stands for one of another body's, if that is all there is
-    let twin = |known: &Known| match known.terms.as_slice() {
-        [one] if one.value.is_one() && one.column % PER_BODY == known.column % PER_BODY => {
-            let bodies = (known.column / PER_BODY, one.column / PER_BODY);
-            let real = bodies.0.max(bodies.1) < robot.bodies.len();
-            real.then_some(bodies)
-        }
-        _ => None,
+    let terms = |column: usize| {
+        let known = all.iter().find(|known| known.column == column);
+        known.map(|known| known.terms.as_slice())
     };
-    let whole = |pair: (usize, usize)| {
-        let same = all.iter().filter(|&known| twin(known) == Some(pair));
-        same.count() == PER_BODY
+    // every parameter of a body is the other's, or is known by the same terms
+    let like = |body: usize, other: usize| {
+        (0..PER_BODY).all(|k| {
+            let twin = PER_BODY * other + k;
+            match (terms(PER_BODY * body + k), terms(twin)) {
+                (Some(of), Some(twin)) => of == twin,
+                (Some([one]), None) => one.column == twin && one.value.is_one(),
+                _ => false,
+            }
+        })
     };
-    let body = |k: usize| robot.bodies.get(k).map_or("?", String::as_str);
+    let whole = |body: usize| (0..PER_BODY).all(|k| terms(PER_BODY * body + k).is_some());
+    let bodies = robot.bodies.len();
+    let twin = |body: usize| (0..bodies).find(|&other| !whole(other) && like(body, other));
+    let name = |body: usize| robot.bodies.get(body).map_or("?", String::as_str);
     let mut parts: Vec<String> = Vec::new();
     for known in all {
-        let text = if let Some((of, like)) = twin(known).filter(|&pair| whole(pair)) {
-            format!("body {} as body {}", body(of), body(like))
+        let body = known.column / PER_BODY;
+        let twin = twin(body).filter(|_| body < bodies);
+        let text = if let Some(twin) = twin {
+            format!("body {} as body {}", name(body), name(twin))
         } else {
             let terms = parts_text(robot, &known.terms);
             format!("{} = {terms}", label(robot, known.column))

@@ -50,7 +50,8 @@ impl Rank {
             count: rank,
             last_kept: part(rank.saturating_sub(1)),
             first_dropped: part(rank),
-            certain: widest >= LEAST_GAP && widest >= LEAST_LEAD * next,
+            // what is dropped must be no more than rounding, or it may be a small truth
+            certain: widest >= LEAST_GAP && widest >= LEAST_LEAD * next && part(rank) <= floor,
         }
     }
 }
@@ -161,6 +162,8 @@ mod tests {
     fn numbers_that_fade_away_are_a_doubt() {
         let fading: Vec<f64> = (0..15).map(|k| 10_f64.powi(-k)).collect();
         assert!(!Rank::new(fading, 15).certain);
+        let small_truth = Rank::new(vec![1.0, 0.5, 1e-12], 4);
+        assert!(!small_truth.certain, "{small_truth:?}");
         let two_gaps = Rank::new(vec![1.0, 1e-6, 1e-13], 4);
         assert!(!two_gaps.certain, "{two_gaps:?}");
     }

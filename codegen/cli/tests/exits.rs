@@ -195,7 +195,15 @@ fn help_documents_every_exit_code_in_80_columns() {
     for code in 0..=5 {
         assert!(run.out.contains(&format!("\n  {code}  ")), "{code}");
     }
-    for command in ["generate", "info", "eval", "schema", "completions"] {
+    for command in [
+        "generate",
+        "info",
+        "base",
+        "verify",
+        "eval",
+        "schema",
+        "completions",
+    ] {
         let run = regen(&dir, &[command, "--help"]).ended(0);
         assert!(run.out.contains("Usage: regen"), "{command}");
         for line in run.out.lines() {

@@ -93,6 +93,7 @@ fn eval_uses_full_states_as_given_and_agrees_with_the_oracle() {
             assert_eq!(
                 keys(got),
                 [
+                    "base_regressor",
                     "bias",
                     "jacobian",
                     "q",
@@ -200,8 +201,13 @@ fn the_main_job_verifies_every_oracle_robot() {
         let out = dir.join("generated/src").display().to_string();
         let run = regen(&dir, &[&file, "--out", &out, "--format", "json"]).ended(0);
         let summary = run.json();
+        assert_eq!(summary["base"]["complete"], true, "{name}");
+        assert_eq!(
+            summary["base"]["rank"],
+            summary["base"]["certificate"]["rank"]
+        );
         let checks = summary["checks"].as_array().unwrap();
-        assert!(checks.len() >= 9, "{checks:?}");
+        assert!(checks.len() >= 15, "{checks:?}");
         assert!(checks.iter().all(|c| c["ok"] == true), "{checks:?}");
         let source = summary["source"].as_str().unwrap();
         assert!(Path::new(source).is_file(), "{source}");
@@ -217,6 +223,8 @@ fn the_human_tables_fit_80_columns() {
     let main = regen(&dir, &[&file, "--out", "."]).ended(0);
     let wrong = regen_with(&dir, &["eval", &file, "--states", "-"], states).ended(3);
     assert!(wrong.err.contains("has 0 entries"), "{}", wrong.err);
+    assert!(main.out.contains("11 base parameters"), "{}", main.out);
+    assert!(main.out.contains("in 96 digits"), "{}", main.out);
     for line in home.out.lines().chain(main.out.lines()) {
         assert!(line.chars().count() <= 80, "{line}");
     }

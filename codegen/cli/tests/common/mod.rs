@@ -76,6 +76,12 @@ pub fn oracle(file: &str) -> String {
     root().join("tests/oracle").join(file).display().to_string()
 }
 
+/// The path of a mechanism that tests are made of.
+pub fn mechanism(file: &str) -> String {
+    let dir = root().join("tests/mechanisms");
+    dir.join(file).display().to_string()
+}
+
 /// An empty directory of the test's own, outside the repository's workspace layout.
 pub fn scratch(test: &str) -> PathBuf {
     let dir = Path::new(env!("CARGO_TARGET_TMPDIR")).join(test);

@@ -1,0 +1,284 @@
+//! `regen base`: tables, JSON, and what is not certified.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod common;
+
+use std::fs;
+
+use common::{mechanism, oracle, regen, regen_with, scratch};
+use serde_json::{Value, json};
+
+fn keys(value: &Value) -> Vec<&str> {
+    let keys = value.as_object().unwrap().keys();
+    keys.map(String::as_str).collect()
+}
+
+fn base_json(file: &str, code: i32) -> Value {
+    let dir = scratch("base-json");
+    let run = regen(&dir, &["base", file, "--format", "json"]);
+    run.ended(code).json()
+}
+
+#[test]
+fn the_tables_of_the_3rps_are_those_of_the_chapter() {
+    let dir = scratch("base-tables");
+    let file = oracle("3rps.yaml");
+    let print = |args: &[&str]| {
+        let all: Vec<&str> = ["base", &file].iter().chain(args).copied().collect();
+        regen(&dir, &all).ended(0).out
+    };
+    insta::assert_snapshot!("3rps_human", print(&[]));
+    insta::assert_snapshot!("3rps_numbers", print(&["--numbers"]));
+    insta::assert_snapshot!("3rps_markdown", print(&["--format", "markdown"]));
+    insta::assert_snapshot!("3rps_latex", print(&["--format", "latex"]));
+}
+
+#[test]
+fn numbers_are_rounded_as_the_chapter_prints_them() {
+    let dir = scratch("base-numbers");
+    let file = oracle("3rps.yaml");
+    let out = regen(&dir, &["base", &file, "--numbers"]).ended(0).out;
+    for part in [
+        "m(5) + m(3) + m(2) - 2.531 my(3)",
+        "m(7) + 2.531 my(3)",
+        "Ixx(3) - 0.3952 my(3)",
+        "Ixy(3) + 0.2282 my(3)",
+        "Iyy(3) + 0.3952 my(3) - 0.2082 m(3) - 0.2082 m(2)",
+        "mx(3) + 0.5774 my(3) - 0.4563 m(3) - 0.4563 m(2)",
+    ] {
+        assert!(out.contains(&format!("  {part}\n")), "no {part} in\n{out}");
+    }
+}
+
+#[test]
+fn the_json_has_the_keys_of_the_format() {
+    let base = base_json(&oracle("3rps.yaml"), 0);
+    for key in [
+        "robot",
+        "parameters",
+        "rank",
+        "base",
+        "null_directions",
+        "certificate",
+    ] {
+        assert!(base.get(key).is_some(), "{key}");
+    }
+    assert_eq!(base["robot"], "rps3");
+    assert_eq!(base["parameters"].as_array().unwrap().len(), 70);
+    assert_eq!(
+        (&base["rank"], &base["complete"]),
+        (&json!(25), &json!(true))
+    );
+    assert_eq!(
+        base["null_directions"],
+        json!({"trees": 45, "completed": 0})
+    );
+    let certificate = &base["certificate"];
+    let mut found = keys(certificate);
+    found.sort_unstable();
+    assert_eq!(
+        found,
+        [
+            "columns",
+            "digits",
+            "largest_dropped",
+            "rank",
+            "smallest_kept",
+            "states"
+        ]
+    );
+    assert_eq!(
+        (&certificate["columns"], &certificate["rank"]),
+        (&json!(70), &json!(25))
+    );
+    let part = |key: &str| certificate[key].as_f64().unwrap();
+    assert!(part("smallest_kept") > 1e20 * part("largest_dropped"));
+
+    let rows = base["base"].as_array().unwrap();
+    assert_eq!(rows.len(), 25);
+    for row in rows {
+        assert_eq!(row["terms"][0]["parameter"], row["label"], "{row}");
+        assert_eq!(row["terms"][0]["coefficient"], "1");
+        assert_eq!(row["layer"], "derived");
+    }
+    let platform = rows.iter().find(|row| row["label"] == "m(5)").unwrap();
+    let term = platform["terms"].as_array().unwrap().last().unwrap();
+    let expected = -2.0 * 3_f64.sqrt() / (3.0 * 0.4563);
+    assert_eq!(term["parameter"], "my(3)");
+    assert_eq!(term["coefficient"], "-2*sqrt(3)/(3*a)");
+    assert!((term["value"].as_f64().unwrap() - expected).abs() < 1e-15);
+}
+
+/// A four-bar that closes to the digits of a decimal angle only: nothing certifies its base.
+fn uncertified() -> String {
+    let text = fs::read_to_string(common::root().join("robots/fourbar.yaml")).unwrap();
+    let (before, after) = text.split_once("name: following").unwrap();
+    let after = after.replacen("rpy: [pi/2,", "rpy: [1.5707963267949,", 1);
+    format!("{before}name: following{after}")
+}
+
+#[test]
+fn a_base_without_certificate_is_headed_incomplete_in_every_format() {
+    let dir = scratch("base-uncertified");
+    fs::write(dir.join("f.yaml"), uncertified()).unwrap();
+    for format in ["human", "markdown", "latex"] {
+        let run = regen(&dir, &["base", "f.yaml", "--format", format]).ended(1);
+        let head: String = run.out.lines().take(6).collect();
+        assert!(head.contains("INCOMPLETE"), "{format}: {}", run.out);
+        assert!(
+            run.out.contains("at most") && !run.out.contains("rank: 8"),
+            "{format}: {}",
+            run.out
+        );
+        assert!(run.err.contains("INCOMPLETE"), "{}", run.err);
+    }
+    let run = regen(&dir, &["base", "f.yaml", "--format", "json"]).ended(1);
+    let base = run.json();
+    assert_eq!(base["complete"], false);
+    assert_eq!(base["certificate"], Value::Null);
+    let reason = base["reason"].as_str().unwrap();
+    assert!(reason.contains("no certificate"), "{reason}");
+
+    let run = regen(&dir, &["f.yaml", "--out", "."]).ended(0);
+    assert!(run.out.contains("INCOMPLETE"), "{}", run.out);
+    let run = regen(&dir, &["verify", "f.yaml"]).ended(1);
+    assert!(run.err.contains("certified complete"), "{}", run.err);
+}
+
+#[test]
+fn derived_directions_that_miss_some_are_held_against_the_certificate() {
+    let base = base_json(&mechanism("parallelogram.yaml"), 1);
+    assert_eq!(base["complete"], false);
+    let rank = base["certificate"]["rank"].as_u64().unwrap();
+    let left = 33 - base["null_directions"]["trees"].as_u64().unwrap();
+    assert!(rank < left, "{rank} < {left}");
+    assert_eq!(
+        base["reason"],
+        format!("the directions derived leave {left} parameters, the certified rank is {rank}")
+    );
+}
+
+/// The 3-RPS with more choices about its base.
+fn chosen(choices: &str) -> String {
+    let text = fs::read_to_string(oracle("3rps.yaml")).unwrap();
+    format!("{}\n{choices}", text.trim_end())
+}
+
+#[test]
+fn what_the_spec_knows_and_leaves_out_is_said() {
+    let dir = scratch("base-known");
+    let choices = "  equal: [[1, 4, 6], [2, 5, 7]]\n  zero: [mx(1), Ixy(3) + a/2*my(3)]\n  \
+                   drop: [mz(3)]\n";
+    fs::write(dir.join("c.yaml"), chosen(choices)).unwrap();
+    let run = regen(&dir, &["base", "c.yaml"]).ended(0);
+    let text = run.out.split_whitespace().collect::<Vec<_>>().join(" ");
+    for part in [
+        "body 4 as body 1; body 6 as body 1; body 5 as body 2; body 7 as body 2; mx(1) = 0",
+        "Ixy(3) = -a/2 my(3)",
+        "dropped the base parameters kept at mz(3)",
+        "columns, 42 of them known",
+    ] {
+        assert!(text.contains(part), "no {part:?} in\n{}", run.out);
+    }
+    assert!(!run.out.contains("derived   mz(3)\n"), "{}", run.out);
+
+    let base = regen(&dir, &["base", "c.yaml", "--format", "json"])
+        .ended(0)
+        .json();
+    let rows = base["base"].as_array().unwrap().len();
+    assert_eq!(base["rank"], rows);
+    assert_eq!(base["dropped"][0]["label"], "mz(3)");
+    assert_eq!(base["known"].as_array().unwrap().len(), 42);
+    // the numeric path on the columns that are left
+    let run = regen(&dir, &["verify", "c.yaml", "--format", "json"])
+        .ended(0)
+        .json();
+    assert_eq!(run["base"]["reduced"]["svd"]["rank"], rows + 1);
+    assert_eq!(run["base"]["svd"]["rank"], 25);
+}
+
+#[test]
+fn names_that_are_equal_only_by_value_are_told() {
+    let dir = scratch("base-coincidence");
+    let arm = |b: &str| {
+        format!(
+            "name: arm\ngravity: [0, 0, 0]\ngeometry: {{a: 0.3, b: {b}}}\nlimbs:\n  - name: l\n    joints:\n      \
+             - {{name: q1, type: revolute, body: 1, actuated: true}}\n      \
+             - {{name: q2, type: revolute, dh: {{a: a - b}}, body: 2, actuated: true}}\n"
+        )
+    };
+    fs::write(dir.join("equal.yaml"), arm("0.3")).unwrap();
+    fs::write(dir.join("other.yaml"), arm("0.2")).unwrap();
+    let equal = regen(&dir, &["base", "equal.yaml"]).ended(0).out;
+    assert!(equal.contains("equal only by value: a = b\n"), "{equal}");
+    let other = regen(&dir, &["base", "other.yaml"]).ended(0).out;
+    assert!(!other.contains("by value"), "{other}");
+}
+
+/// Choices that make coefficients fill lines.
+const LONG: &str = "\
+name: long
+geometry: {a: 0.31, b: 0.42, c: 0.17, d: 0.23, e: 0.5, f: 0.11}
+limbs:
+  - name: arm
+    base: {rpy: [0.3, 0.4, 0.5]}
+    joints:
+      - {name: q1, type: revolute, dh: {alpha: 0.3, a: a, d: b}, body: 1, actuated: true}
+      - {name: q2, type: revolute, dh: {alpha: 0.7, a: c, d: d}, body: 2, actuated: true}
+      - {name: q3, type: revolute, dh: {alpha: 1.1, a: e, d: f}, body: 3, actuated: true}
+base:
+  eliminate: [mx(2), my(1), Ixx(2), Ixy(1), mx(1), Iyy(1), Izz(1)]
+";
+
+#[test]
+fn long_coefficients_are_numbers_unless_expressions_are_asked_for() {
+    let dir = scratch("base-long");
+    fs::write(dir.join("long.yaml"), LONG).unwrap();
+    for format in ["human", "markdown", "latex"] {
+        let mark = if format == "latex" {
+            "{\\sim}0."
+        } else {
+            "~0."
+        };
+        let args = ["base", "long.yaml", "--format", format, "--expressions"];
+        let short = regen(&dir, &args[..4]).ended(0).out;
+        let long = regen(&dir, &args).ended(0).out;
+        assert!(short.contains(mark) && !long.contains(mark), "{format}");
+        assert!(short.contains("--expressions") && !long.contains("--expressions"));
+        assert!(long.len() > short.len());
+        if format == "human" {
+            for line in short.lines().chain(long.lines()) {
+                assert!(line.chars().count() <= 80, "{line}");
+                assert!(!line.ends_with([' ', '+', '-']), "{line:?}");
+            }
+        }
+    }
+    let args = ["base", "long.yaml", "--numbers", "--expressions"];
+    regen(&dir, &args).ended(2);
+}
+
+#[test]
+fn eval_gives_the_regressor_of_the_base_parameters() {
+    let dir = scratch("base-eval");
+    let file = oracle("3rps.yaml");
+    let states =
+        r#"[{"independent": {"q": [0.6, 0.62, 0.58], "qd": [0.1, 0, -0.1], "qdd": [1, 2, 3]}}]"#;
+    let args = ["eval", &file, "--states", "-", "--format", "json"];
+    let state = regen_with(&dir, &args, states).ended(0).json();
+    let base = base_json(&file, 0);
+    let names = base["parameters"].as_array().unwrap();
+    let rows = |key: &str| state[0][key].as_array().unwrap().clone();
+    assert_eq!(rows("base_regressor").len(), 3);
+    for (reduced, full) in rows("base_regressor").iter().zip(rows("regressor")) {
+        assert_eq!(reduced.as_array().unwrap().len(), 25);
+        for (k, row) in base["base"].as_array().unwrap().iter().enumerate() {
+            let column = names.iter().position(|n| *n == row["label"]).unwrap();
+            let (a, b) = (reduced[k].as_f64().unwrap(), full[column].as_f64().unwrap());
+            assert!(
+                (a - b).abs() <= 1e-12 * b.abs().max(1.0),
+                "{}: {a} {b}",
+                row["label"]
+            );
+        }
+    }
+}
