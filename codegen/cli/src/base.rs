@@ -19,7 +19,7 @@ pub(crate) fn run(args: &BaseArgs) -> Result<(), Failure> {
     if args.store {
         let beside = args.file.with_extension("base");
         write::atomically(&beside, &store(&source, analysis))?;
-        eprintln!("{}: written", beside.display());
+        terminal::note(&format!("{}: written", beside.display()));
     }
     let style = match (args.numbers, args.expressions) {
         (true, _) => Style::Numbers,

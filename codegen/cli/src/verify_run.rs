@@ -367,8 +367,8 @@ fn human(beside: &Beside, analysis: &Analysis) -> String {
     if beside.doubt {
         out.push('\n');
         out.push_str(&table::paragraph(
-            "Double precision leaves a doubt: the numbers above fade away without a gap that \
-             stands out. A rank found so is not held against the analytic one.",
+            "Double precision leaves a doubt: the first number dropped is more than rounding, or no \
+             gap stands out. A rank found so is not held against the analytic one.",
         ));
     }
     out.push('\n');
