@@ -258,3 +258,65 @@ impl Turning {
         true
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::diag::Source;
+    use crate::pipeline::derive;
+
+    fn combinations(text: &str) -> (bool, Vec<String>) {
+        let robot = derive(&Source::new("test.yaml", text)).unwrap();
+        let analysis = robot.analysis.unwrap();
+        let written = analysis.base.parameters.iter().map(|p| {
+            let terms = p.terms.iter();
+            let terms = terms.map(|t| format!("{} {}", t.coefficient, robot.parameters[t.column]));
+            terms.collect::<Vec<_>>().join(" + ")
+        });
+        (analysis.complete, written.collect())
+    }
+
+    /// The turns around the loop add up to nothing, so what the three offsets
+    /// have in common cannot be told apart.
+    #[test]
+    fn a_slider_crank_cut_at_its_slider_has_one_coulomb_offset_less() {
+        let (complete, base) = combinations(
+            "name: crank
+geometry: {l1: 0.15, l2: 0.40}
+limbs:
+  - name: driven
+    base: {rpy: [pi/2, 0, 0]}
+    joints:
+      - {name: q1, type: revolute, body: 1, actuated: true, friction: coulomb_asymmetric}
+      - {name: q2, type: revolute, dh: {a: l1}, body: 2, friction: coulomb_asymmetric}
+      - {name: q3, type: revolute, dh: {a: l2}, body: 3, friction: coulomb_asymmetric}
+cuts:
+  - {name: rail, joint: prismatic, between: [{body: world, rpy: [pi/2, 0, pi/2]}, {body: 3, rpy: [0, pi/2, 0]}]}
+home: {q1: 0.7, q2: -0.944, q3: 0.244}
+",
+        );
+        assert!(complete);
+        // 6 of the bodies, 9 of friction, less one
+        assert_eq!(base.len(), 6 + 9 - 1);
+        assert!(base.contains(&"1 Fc+(q2) + -1 Fc+(q1)".to_owned()), "{base:?}");
+    }
+
+    /// q2 = -2 q1: friction at one is seen at the other.
+    #[test]
+    fn friction_of_coupled_joints_is_told_apart_by_the_ratio_only() {
+        let (_, base) = combinations(
+            "name: geared
+limbs:
+  - name: one
+    joints:
+      - {name: q1, type: revolute, body: 1, actuated: true, friction: linear}
+  - name: two
+    base: {xyz: [1, 0, 0]}
+    joints:
+      - {name: q2, type: revolute, body: 2, friction: linear}
+couplings: {q2: -2*q1}
+",
+        );
+        assert!(base.contains(&"1 Fc(q2) + 1/2 Fc(q1)".to_owned()), "{base:?}");
+        assert!(base.contains(&"1 Fv(q2) + 1/4 Fv(q1)".to_owned()), "{base:?}");
+    }
+}
