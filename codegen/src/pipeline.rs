@@ -1,6 +1,6 @@
 //! The whole derivation on one page: from a spec's text to a robot's programs.
 
-use crate::base;
+use crate::base::{self, Analysis};
 use crate::constraints::Closed;
 use crate::diag::{Report, Source};
 use crate::functions::{Context, Symbols, request};
@@ -44,22 +44,36 @@ impl From<Report> for DeriveError {
 /// Derives a robot, with its base parameters, from the text of its spec.
 ///
 /// # Errors
-/// A report with the place of every mistake in the spec.
+/// A report with the place of every mistake in the spec: of its syntax, its
+/// names and values, or of a home that does not close or does not fit the
+/// mobility.
 pub fn derive(source: &Source) -> Result<Robot, Report> {
-    derive_with(source, BaseFrom::Derivation).map_err(|error| match error {
-        DeriveError::Spec(report) => *report,
-        // only a store has such errors
-        DeriveError::Store(_) | DeriveError::NotStored => Report::new(source.clone(), Vec::new()),
+    assemble(source, |spec, model, home| {
+        Ok(Some(base::analyse(spec, model, home)))
     })
 }
 
-/// Derives a robot from the text of its spec.
+/// Derives a robot from the text of its spec, with base parameters from where
+/// they are wanted from.
 ///
 /// # Errors
-/// A report with the place of every mistake in the spec: of its syntax, its
-/// names and values, or of a home that does not close or does not fit the
-/// mobility. Or why what was stored cannot be used.
+/// As [`derive`]; or why what was stored cannot be used.
 pub fn derive_with(source: &Source, from: BaseFrom<'_>) -> Result<Robot, DeriveError> {
+    assemble(source, |spec, model, home| match from {
+        BaseFrom::Nowhere => Ok(None),
+        BaseFrom::Store(Some(text)) => base::restore(text, source, spec, model)
+            .map(Some)
+            .map_err(DeriveError::Store),
+        BaseFrom::Store(None) if base::is_heavy(model) => Err(DeriveError::NotStored),
+        BaseFrom::Store(None) | BaseFrom::Derivation => Ok(Some(base::analyse(spec, model, home))),
+    })
+}
+
+/// The derivation, stage by stage.
+fn assemble<E: From<Report>>(
+    source: &Source,
+    base: impl FnOnce(&Spec, &Model, &[f64]) -> Result<Option<Analysis>, E>,
+) -> Result<Robot, E> {
     // spec: text -> validated spec
     let spec = spec::parse(source)?;
     // model: bodies, joints, spanning tree, cuts, parameter order
@@ -74,16 +88,7 @@ pub fn derive_with(source: &Source, from: BaseFrom<'_>) -> Result<Robot, DeriveE
         .map_err(|problem| crate::checks::home_report(source, &spec, &model, &problem))?;
     crate::checks::aligned_at_home(source, &spec, &mut g, &frames, &model, &closed.home)?;
     // base: which combinations of the parameters count (Eq. 23), certified
-    let analysis = match from {
-        BaseFrom::Nowhere => None,
-        BaseFrom::Store(Some(text)) => {
-            Some(base::restore(text, source, &spec, &model).map_err(DeriveError::Store)?)
-        }
-        BaseFrom::Store(None) if base::is_heavy(&model) => return Err(DeriveError::NotStored),
-        BaseFrom::Store(None) | BaseFrom::Derivation => {
-            Some(base::analyse(&spec, &model, &closed.home))
-        }
-    };
+    let analysis = base(&spec, &model, &closed.home)?;
     let mut cx = Context {
         g: &mut g,
         model: &model,

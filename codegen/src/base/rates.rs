@@ -297,7 +297,10 @@ home: {q1: 0.7, q2: -0.944, q3: 0.244}
         assert!(complete);
         // 6 of the bodies, 9 of friction, less one
         assert_eq!(base.len(), 6 + 9 - 1);
-        assert!(base.contains(&"1 Fc+(q2) + -1 Fc+(q1)".to_owned()), "{base:?}");
+        assert!(
+            base.contains(&"1 Fc+(q2) + -1 Fc+(q1)".to_owned()),
+            "{base:?}"
+        );
     }
 
     /// q2 = -2 q1: friction at one is seen at the other.
@@ -316,7 +319,13 @@ limbs:
 couplings: {q2: -2*q1}
 ",
         );
-        assert!(base.contains(&"1 Fc(q2) + 1/2 Fc(q1)".to_owned()), "{base:?}");
-        assert!(base.contains(&"1 Fv(q2) + 1/4 Fv(q1)".to_owned()), "{base:?}");
+        assert!(
+            base.contains(&"1 Fc(q2) + 1/2 Fc(q1)".to_owned()),
+            "{base:?}"
+        );
+        assert!(
+            base.contains(&"1 Fv(q2) + 1/4 Fv(q1)".to_owned()),
+            "{base:?}"
+        );
     }
 }
