@@ -12,6 +12,11 @@ fn specs_that_are_not_found_are_said_to_be_looked_for() {
 }
 
 #[test]
+fn base_parameters_that_must_be_stored_anew_name_the_command() {
+    trybuild::TestCases::new().compile_fail("ui/base/*.rs");
+}
+
+#[test]
 fn other_uses_of_the_macro_are_explained() {
     trybuild::TestCases::new().compile_fail("ui/usage/*.rs");
 }

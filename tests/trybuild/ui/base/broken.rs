@@ -1,0 +1,3 @@
+regen_runtime::robot_model!("broken.yaml");
+
+fn main() {}

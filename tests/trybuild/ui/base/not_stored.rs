@@ -1,0 +1,3 @@
+regen_runtime::robot_model!("not_stored.yaml");
+
+fn main() {}
