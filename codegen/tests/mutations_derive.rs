@@ -81,7 +81,7 @@ fn config() -> ProptestConfig {
     let cases = if std::env::var_os("PROPTEST_CASES").is_some() {
         config.cases
     } else {
-        150
+        100
     };
     ProptestConfig {
         cases,

@@ -5,6 +5,8 @@ use std::fmt::Write as _;
 use crate::base::Analysis;
 use crate::robot::Robot;
 
+use super::names::literal;
+
 /// Labels of the base parameters that functions take.
 pub(super) fn kept(robot: &Robot) -> Vec<String> {
     let analysis = robot.analysis.iter();
@@ -42,11 +44,11 @@ pub(super) fn constants(robot: &Robot, analysis: &Analysis, out: &mut String) {
         for term in &parameter.terms {
             let _ = writeln!(
                 out,
-                "            BaseTerm {{ parameter: {:?}, index: {}, coefficient: {:?}, value: {:?} }},",
+                "            BaseTerm {{ parameter: {:?}, index: {}, coefficient: {:?}, value: {} }},",
                 robot.parameters[term.column],
                 term.column,
                 term.coefficient,
-                term.value.to_f64(),
+                literal(term.value.to_f64()),
             );
         }
         let _ = writeln!(out, "        ],");
@@ -83,8 +85,12 @@ pub(super) fn constants(robot: &Robot, analysis: &Analysis, out: &mut String) {
             ] {
                 let _ = writeln!(out, "        {field}: {value},");
             }
-            let _ = writeln!(out, "        smallest_kept: {:?},", c.smallest_kept);
-            let _ = writeln!(out, "        largest_dropped: {:?},", c.largest_dropped);
+            let _ = writeln!(out, "        smallest_kept: {},", literal(c.smallest_kept));
+            let _ = writeln!(
+                out,
+                "        largest_dropped: {},",
+                literal(c.largest_dropped)
+            );
             let _ = writeln!(out, "    }}),");
         }
         Err(_) => {

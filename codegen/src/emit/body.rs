@@ -11,7 +11,7 @@ use std::fmt::Write as _;
 
 use crate::optimize::{Group, Op, Operand, Program, SolveStep, Step, Temp};
 
-use super::names::{Names, identifier};
+use super::names::{Names, identifier, literal};
 
 /// Steps in a block, at most.
 const BLOCK: usize = 250;
@@ -404,7 +404,7 @@ impl Body<'_> {
     fn operand(&self, operand: &Operand) -> String {
         match *operand {
             Operand::Input { argument, element } => self.inputs[argument][element].clone(),
-            Operand::Constant(c) => format!("like.lift({c:?})"),
+            Operand::Constant(c) => format!("like.lift({})", literal(c)),
             Operand::Temp(t) => self.names[t.0 as usize].clone(),
         }
     }
@@ -469,9 +469,9 @@ impl Body<'_> {
     fn write_solve(&mut self, solve: &SolveStep, results: &[Temp]) {
         let mut margins = solve.pivots.iter().map(|(pivot, size)| {
             format!(
-                "({} * like.lift({:?})).abs()",
+                "({} * like.lift({})).abs()",
                 self.operand(pivot),
-                1.0 / size
+                literal(1.0 / size)
             )
         });
         let first = margins

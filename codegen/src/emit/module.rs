@@ -7,6 +7,7 @@ use crate::optimize::{Operand, Operations, Program};
 use crate::robot::{Function, FunctionKind, Robot};
 
 use super::body::statements;
+use super::names::literal;
 use super::{base, trait_impl};
 
 /// How to write a module.
@@ -179,7 +180,7 @@ fn constants(robot: &Robot, out: &mut String) {
         "/// The home configuration, closed; it picks the assembly branch."
     );
     let _ = writeln!(out, "pub const HOME: [f64; {}] = [", robot.home.len());
-    wrapped(out, robot.home.iter().map(|x| format!("{x:?}")));
+    wrapped(out, robot.home.iter().copied().map(literal));
     let _ = writeln!(out, "];");
     let _ = writeln!(out, "/// Names and sizes.");
     let _ = writeln!(out, "pub const INFO: Info<'static> = Info {{");

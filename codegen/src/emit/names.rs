@@ -102,6 +102,19 @@ pub(super) fn type_name(module: &str) -> String {
     }
 }
 
+/// A number as Rust text; exact constants may be too large for a double.
+pub(super) fn literal(value: f64) -> String {
+    if value.is_finite() {
+        format!("{value:?}")
+    } else if value.is_nan() {
+        "f64::NAN".to_owned()
+    } else if value > 0.0 {
+        "f64::INFINITY".to_owned()
+    } else {
+        "f64::NEG_INFINITY".to_owned()
+    }
+}
+
 /// Hands out each identifier once.
 #[derive(Debug)]
 pub(super) struct Names {
@@ -147,6 +160,21 @@ mod tests {
         ] {
             assert_eq!(identifier(label), name);
         }
+    }
+
+    #[test]
+    fn every_number_is_rust() {
+        let numbers = [1.0, -1e-300, f64::INFINITY, f64::NEG_INFINITY, f64::NAN];
+        assert_eq!(
+            numbers.map(literal),
+            [
+                "1.0",
+                "-1e-300",
+                "f64::INFINITY",
+                "f64::NEG_INFINITY",
+                "f64::NAN"
+            ]
+        );
     }
 
     #[test]
