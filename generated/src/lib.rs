@@ -7,9 +7,23 @@
 
 // <regen modules>
 #[rustfmt::skip]
+pub mod delta;
+#[rustfmt::skip]
 pub mod fivebar;
 #[rustfmt::skip]
 pub mod fourbar;
+#[rustfmt::skip]
+pub mod hybrid;
+#[rustfmt::skip]
+pub mod iiwa14;
+#[rustfmt::skip]
+pub mod linear_delta;
+#[rustfmt::skip]
+pub mod palletiser;
+#[rustfmt::skip]
+pub mod panda;
+#[rustfmt::skip]
+pub mod prs3;
 #[rustfmt::skip]
 pub mod puma560;
 #[rustfmt::skip]
@@ -17,5 +31,19 @@ pub mod rps3;
 #[rustfmt::skip]
 pub mod rps3_friction;
 #[rustfmt::skip]
+pub mod rrr3;
+#[rustfmt::skip]
+pub mod rx90;
+#[rustfmt::skip]
+pub mod scara;
+#[rustfmt::skip]
+pub mod slider_crank;
+#[rustfmt::skip]
+pub mod stanford;
+#[rustfmt::skip]
+pub mod stewart;
+#[rustfmt::skip]
 pub mod tree_branch;
+#[rustfmt::skip]
+pub mod ur5e;
 // </regen modules>

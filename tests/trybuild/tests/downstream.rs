@@ -64,8 +64,13 @@ fn outside_crate(name: &str, manifest: &str, source_file: &str, source: &str) ->
     fs::create_dir_all(dir.join("src")).unwrap();
     fs::create_dir_all(dir.join("robots")).unwrap();
     for robot in robots() {
-        let spec = fs::read(root().join("robots").join(&robot.file)).unwrap();
-        fs::write(dir.join("robots").join(&robot.file), spec).unwrap();
+        let spec = root().join("robots").join(&robot.file);
+        let copy = dir.join("robots").join(&robot.file);
+        fs::copy(&spec, &copy).unwrap();
+        // Base parameters that are too heavy for a macro are kept beside the spec.
+        if spec.with_extension("base").exists() {
+            fs::copy(spec.with_extension("base"), copy.with_extension("base")).unwrap();
+        }
     }
     let runtime = root()
         .join("runtime")
