@@ -4733,7 +4733,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 19]) -> ([T; 3], Condition
         let t2_8 = like.lift(-9.81).mul_add(t2_7, t2_6);
         let t2_9 = (-t2_8).mul_add(x_q5_q1, t2_3);
         let t2_10 = q7 + q6;
-        let (sin_q6_q7, cos_q6_q7) = t2_10.sin_cos();
+        let (sin_q6_q7, _) = t2_10.sin_cos();
         let t2_11 = sin_q6_q7 * p_my_rod3;
         let t2_12 = t2_11 * x_q7_q1;
         let t2_13 = like.lift(9.81).mul_add(t2_12, t2_9);

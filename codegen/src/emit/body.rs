@@ -38,6 +38,8 @@ pub(super) struct Body<'p> {
     runtime: String,
     names: Vec<String>,
     inputs: Vec<Vec<String>>,
+    /// Whether anything reads each temporary.
+    read: Vec<bool>,
     /// Where each temporary is computed.
     block_of: Vec<usize>,
     blocks: Vec<Block>,
@@ -76,6 +78,7 @@ pub(super) fn statements(program: &Program, runtime: &str, elements: &[Vec<Strin
         runtime: runtime.to_owned(),
         names: Vec::new(),
         inputs,
+        read: read(program),
         block_of: vec![0; program.names.len()],
         blocks: Vec::new(),
         kept: BTreeMap::new(),
@@ -93,7 +96,28 @@ fn sides(solve: &SolveStep) -> usize {
     solve.rhs.first().map_or(1, |row| row.len().max(1))
 }
 
+/// Whether anything reads each temporary of a program.
+fn read(program: &Program) -> Vec<bool> {
+    let mut read = vec![false; program.names.len()];
+    let operands = program.steps.iter().flat_map(|s| s.op.operands());
+    for operand in operands.chain(program.outputs.iter().copied()) {
+        if let Operand::Temp(t) = operand {
+            read[t.0 as usize] = true;
+        }
+    }
+    read
+}
+
 impl Body<'_> {
+    /// The name that a result is bound to: none where nothing reads it.
+    fn bound(&self, t: Temp) -> &str {
+        if self.read[t.0 as usize] {
+            &self.names[t.0 as usize]
+        } else {
+            "_"
+        }
+    }
+
     fn cut_into_blocks(&mut self) {
         for group in &self.program.groups {
             let mut start = group.steps.start;
@@ -447,11 +471,7 @@ impl Body<'_> {
                 )
             }
             Op::SinCos(a) => {
-                let names: Vec<&str> = step
-                    .results
-                    .iter()
-                    .map(|t| self.names[t.0 as usize].as_str())
-                    .collect();
+                let names: Vec<&str> = step.results.iter().map(|t| self.bound(*t)).collect();
                 let text = format!("let ({}) = {}.sin_cos();", names.join(", "), o(a));
                 return self.line(2, &text);
             }
@@ -486,30 +506,10 @@ impl Body<'_> {
         // the statement ends after its last line
         self.out.pop();
         self.out.push_str(";\n");
-        let used: Vec<Temp> = self
-            .program
-            .steps
-            .iter()
-            .flat_map(|s| s.op.operands())
-            .chain(self.program.outputs.iter().copied())
-            .filter_map(|o| match o {
-                Operand::Temp(t) => Some(t),
-                _ => None,
-            })
-            .collect();
         let rows: Vec<String> = results
             .chunks(sides(solve))
             .map(|row| {
-                let names: Vec<&str> = row
-                    .iter()
-                    .map(|t| {
-                        if used.contains(t) {
-                            self.names[t.0 as usize].as_str()
-                        } else {
-                            "_"
-                        }
-                    })
-                    .collect();
+                let names: Vec<&str> = row.iter().map(|t| self.bound(*t)).collect();
                 format!("[{}]", names.join(", "))
             })
             .collect();
