@@ -2,6 +2,7 @@
 //! close, independent coordinates that do not fit the mobility, cuts that are
 //! closed with a half turn too much.
 
+use crate::base::Base;
 use crate::constraints::{HomeProblem, world_views};
 use crate::diag::{Diagnostic, Report, Sink, Source, Span};
 use crate::kinematics::Frames;
@@ -57,7 +58,11 @@ pub(crate) fn home_report(
         )
         .path("independent")
         .label(format!("mobility {mobility}"))
-        .hint(format!("a valid choice is `independent: {}`", names(choice))),
+        .hint(if *mobility == 0 {
+            "it cannot move at home: a cut or a coupling is too many, or home is singular".to_owned()
+        } else {
+            format!("a valid choice is `independent: {}`", names(choice))
+        }),
         HomeProblem::NotIndependent { choice } => Diagnostic::new(
             independent_span(spec),
             format!("the other coordinates do not follow from {independent} at home: it is singular for this choice"),
@@ -101,6 +106,38 @@ pub(crate) fn aligned_at_home(
                 .hint("turn one of the frames by its rpy, or start from another home"),
             );
         }
+    }
+    sink.finish(source)
+}
+
+/// Base parameters can be left out only where they are kept.
+pub(crate) fn dropped_are_kept(
+    source: &Source,
+    spec: &Spec,
+    model: &Model,
+    base: &Base,
+) -> Result<(), Report> {
+    let kept: Vec<&str> = base
+        .parameters
+        .iter()
+        .map(|p| model.parameters[p.column].label.as_str())
+        .collect();
+    let mut sink = Sink::new();
+    for label in spec
+        .base
+        .drop
+        .iter()
+        .filter(|d| !kept.contains(&d.value.as_str()))
+    {
+        sink.push(
+            Diagnostic::new(
+                label.span,
+                format!("no base parameter is kept at the column {}", label.value),
+            )
+            .path("base, drop")
+            .label("not kept")
+            .hint(format!("kept are {}", kept.join(", "))),
+        );
     }
     sink.finish(source)
 }

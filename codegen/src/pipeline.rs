@@ -89,6 +89,9 @@ fn assemble<E: From<Report>>(
     crate::checks::aligned_at_home(source, &spec, &mut g, &frames, &model, &closed.home)?;
     // base: which combinations of the parameters count (Eq. 23), certified
     let analysis = base(&spec, &model, &closed.home)?;
+    if let Some(analysis) = &analysis {
+        crate::checks::dropped_are_kept(source, &spec, &model, &analysis.base)?;
+    }
     let mut cx = Context {
         g: &mut g,
         model: &model,

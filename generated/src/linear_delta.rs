@@ -5,7 +5,7 @@
 //!
 //! 11 coordinates, 3 independent; 7 bodies, 70 parameters; 8 closure rows, 0 of them redundant.
 //!
-//! 37 base parameters, not certified to be minimal.
+//! 37 base parameters, NOT certified to be minimal.
 //!
 //! | function | add | mul | div | sin and cos |
 //! |---|---|---|---|---|

@@ -5,7 +5,7 @@
 //!
 //! 7 coordinates, 4 independent; 7 bodies, 70 parameters; 6 closure rows, 3 of them redundant.
 //!
-//! 41 base parameters, not certified to be minimal.
+//! 41 base parameters, NOT certified to be minimal.
 //!
 //! | function | add | mul | div | sin and cos |
 //! |---|---|---|---|---|

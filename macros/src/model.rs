@@ -1,6 +1,7 @@
 //! One call into the generator, and its text as tokens.
 
 use std::fs;
+use std::path::Path;
 use std::str::FromStr;
 
 use proc_macro_crate::{FoundCrate, crate_name};
@@ -38,7 +39,10 @@ pub(crate) fn expand(input: &Input) -> syn::Result<TokenStream> {
             match problem {
                 DeriveError::Spec(report) => error(told(&report)),
                 DeriveError::Store(problem) => {
-                    let name = file.shown.replace(".yaml", ".base");
+                    let name = Path::new(&file.shown)
+                        .with_extension("base")
+                        .display()
+                        .to_string();
                     error(format!("`{name}` {problem}; {command}"))
                 }
                 DeriveError::NotStored => error(format!(
@@ -61,6 +65,7 @@ pub(crate) fn expand(input: &Input) -> syn::Result<TokenStream> {
         None => TokenStream::new(),
     };
     Ok(quote! {
+        #[allow(non_snake_case)]
         pub mod #name { #inside }
         #inputs
         // Names the spec as an input of the crate, so that an edit rebuilds it.

@@ -86,6 +86,15 @@ impl Numeric {
         }
         let (rows, columns) = scaled.shape();
         let size = rows.max(columns);
+        if rows == 0 || columns == 0 {
+            // nothing to decompose: the rank is 0 and every direction is null
+            return Some(Self {
+                svd: Rank::new(Vec::new(), size),
+                qr: Rank::new(Vec::new(), size),
+                null: DMatrix::identity(columns, columns),
+                scale,
+            });
+        }
         // the triangle has the same singular values and null space, and at most as many rows as
         // columns; filled up with zeros it has all right singular vectors
         let mut triangle = scaled.clone().qr().r();

@@ -80,7 +80,9 @@ pub(crate) fn all(robot: &Robot, same: Option<bool>) -> Result<Verified, Failure
         }
         at.dynamics(&mut worst, &mut random)?;
         at.energy(&mut worst, &mut random)?;
-        if let Some(analysis) = &robot.analysis {
+        // without base parameters there is nothing to compute from them
+        let analysis = robot.analysis.as_ref();
+        if let Some(analysis) = analysis.filter(|a| a.base.rank() > 0) {
             let base = &analysis.base;
             verify_base::functions(&model, &motion, base, &mut worst, &mut random)?;
         }

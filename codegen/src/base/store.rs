@@ -5,7 +5,7 @@
 //! The format is one line per thing, the first word says what:
 //!
 //! ```text
-//! regen-base 1
+//! regen-base 0.1.0                    the version that wrote it
 //! spec 6f1c...                        digest of the spec's bytes (SHA-256)
 //! certificate 70 25 19 96 1.2e-3 4e-95  columns rank states digits kept dropped
 //! sums 4 45 true                      trees, dimension, complete
@@ -14,6 +14,7 @@
 //! term 23 1                           column and factor, of the line above
 //! null 19                             a direction: the eliminated column
 //! known 12                            a parameter written with others
+//! end                                 nothing is cut off
 //! ```
 
 use std::fmt::Write as _;
@@ -27,7 +28,10 @@ use crate::spec::Spec;
 use super::certificate::Certificate;
 use super::{Analysis, Base, BaseParameter, Known, Layer, Term};
 
-const HEAD: &str = "regen-base 1";
+/// With the version: another one may choose other columns.
+const HEAD: &str = concat!("regen-base ", env!("CARGO_PKG_VERSION"));
+/// A file without it is cut off.
+const END: &str = "end";
 
 /// Why stored base parameters cannot be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -119,6 +123,7 @@ pub fn store(source: &Source, analysis: &Analysis) -> String {
         let _ = writeln!(out, "known {}", known.column);
         terms(&mut out, &known.terms);
     }
+    let _ = writeln!(out, "{END}");
     out
 }
 
@@ -132,7 +137,8 @@ pub fn restore(
     spec: &Spec,
     model: &Model,
 ) -> Result<Analysis, StoreProblem> {
-    let mut lines = text.lines();
+    let body = text.trim_end().strip_suffix(END).unwrap_or("");
+    let mut lines = body.lines();
     if lines.next() != Some(HEAD) {
         return Err(StoreProblem::Malformed);
     }
@@ -257,6 +263,7 @@ mod tests {
         for broken in [
             text.replace("term 25 ", "term 99 "),
             text.replace("null ", "nil "),
+            text[..text.len() / 2].to_owned(),
             String::new(),
         ] {
             assert_eq!(

@@ -24,6 +24,32 @@ pub(super) fn free(robot: &Robot) -> Vec<String> {
     columns.map(|c| robot.parameters[c].clone()).collect()
 }
 
+/// What is certain about a base, in words.
+pub(super) fn certified(analysis: &Analysis) -> String {
+    let mut words = if analysis.complete {
+        "certified to be minimal".to_owned()
+    } else {
+        "NOT certified to be minimal".to_owned()
+    };
+    let dropped = analysis
+        .base
+        .parameters
+        .iter()
+        .filter(|p| p.dropped)
+        .count();
+    if dropped > 0 {
+        let _ = write!(words, " before `base.drop` left {dropped} out");
+    }
+    if !analysis.base.known.is_empty() {
+        let known = analysis.base.known.len();
+        let _ = write!(
+            words,
+            ", with {known} parameters known by `base.zero` and `base.equal`"
+        );
+    }
+    words
+}
+
 pub(super) fn constants(robot: &Robot, analysis: &Analysis, out: &mut String) {
     let base = &analysis.base;
     let kept: Vec<_> = base.parameters.iter().filter(|p| !p.dropped).collect();
@@ -65,11 +91,7 @@ pub(super) fn constants(robot: &Robot, analysis: &Analysis, out: &mut String) {
         let _ = writeln!(out, "    {label:?},");
     }
     let _ = writeln!(out, "];");
-    let minimal = if analysis.complete {
-        "certified to be minimal"
-    } else {
-        "NOT certified to be minimal"
-    };
+    let minimal = certified(analysis);
     let _ = writeln!(out, "/// The base and its certificate: {minimal}.");
     let _ = writeln!(out, "pub const BASE_INFO: BaseInfo<'static> = BaseInfo {{");
     let _ = writeln!(out, "    base: &BASE,");

@@ -66,7 +66,11 @@ pub fn module(robot: &Robot, options: &Options) -> String {
 fn header(robot: &Robot, out: &mut String) {
     let description = robot.description.as_deref().unwrap_or("a robot model");
     // a line of documentation must stay one line
-    let description = description.replace(['\n', '\r'], " ");
+    let mut description = description.replace(['\n', '\r'], " ");
+    // and must not be taken for links or markup
+    for mark in ["[", "]", "<", ">", "`", "*"] {
+        description = description.replace(mark, &format!("\\{mark}"));
+    }
     let _ = writeln!(out, "//! `{}`: {description}.", robot.name);
     let _ = writeln!(out, "//!");
     let _ = writeln!(
@@ -86,11 +90,7 @@ fn header(robot: &Robot, out: &mut String) {
     );
     let _ = writeln!(out, "//!");
     if let Some(analysis) = base_of(robot) {
-        let certified = if analysis.complete {
-            "certified to be minimal"
-        } else {
-            "not certified to be minimal"
-        };
+        let certified = base::certified(analysis);
         let rank = analysis.base.rank();
         let _ = writeln!(out, "//! {rank} base parameters, {certified}.");
         let _ = writeln!(out, "//!");

@@ -95,12 +95,30 @@ pub(super) fn type_name(module: &str) -> String {
             first.into_iter().chain(chars).collect::<String>()
         })
         .collect();
-    if name.is_empty() {
+    if IMPORTED.contains(&name.as_str()) {
+        format!("{name}Robot")
+    } else if name.is_empty() {
         "Robot".to_owned()
     } else {
         name
     }
 }
+
+/// What a module imports, and its type parameter.
+const IMPORTED: [&str; 12] = [
+    "BaseInfo",
+    "BaseModel",
+    "BaseParameter",
+    "BaseTerm",
+    "Certificate",
+    "Condition",
+    "Cut",
+    "Info",
+    "Model",
+    "Scalar",
+    "SizeError",
+    "T",
+];
 
 /// A number as Rust text; exact constants may be too large for a double.
 pub(super) fn literal(value: f64) -> String {
@@ -175,6 +193,15 @@ mod tests {
                 "f64::NAN"
             ]
         );
+    }
+
+    #[test]
+    fn a_robot_named_like_an_import_gets_a_type_of_its_own() {
+        assert_eq!(type_name("rps3"), "Rps3");
+        assert_eq!(type_name("puma_560"), "Puma560");
+        assert_eq!(type_name("scalar"), "ScalarRobot");
+        assert_eq!(type_name("size_error"), "SizeErrorRobot");
+        assert_eq!(type_name("_"), "Robot");
     }
 
     #[test]
