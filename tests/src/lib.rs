@@ -10,6 +10,7 @@
     reason = "A_e and qdd_i are formulas, written as in the equations"
 )]
 
+pub mod base;
 pub mod compiled;
 pub mod derived;
 pub mod engine;

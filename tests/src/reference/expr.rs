@@ -1,7 +1,10 @@
 //! Expressions of the spec, evaluated in f64 by recursive descent.
 
 /// Evaluates an expression; `lookup` gives the value of a name.
-pub(super) fn evaluate(text: &str, lookup: &dyn Fn(&str) -> Option<f64>) -> Result<f64, String> {
+///
+/// # Errors
+/// When the text is no expression, or its value is not finite.
+pub fn evaluate(text: &str, lookup: &dyn Fn(&str) -> Option<f64>) -> Result<f64, String> {
     let mut parser = Parser {
         rest: text,
         text,

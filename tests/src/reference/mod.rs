@@ -25,6 +25,7 @@ mod reduced;
 mod scalar;
 mod states;
 
+pub use expr::evaluate;
 pub use kinematics::Motion;
 pub use mechanism::{
     Axis, Body, Coupling, Cut, CutKind, CutSide, Friction, JointMotion, Mechanism, Node,

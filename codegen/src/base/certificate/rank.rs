@@ -66,6 +66,25 @@ impl Samples {
         }
     }
 
+    /// Adds the rows of more states; whether they raised the rank.
+    pub(super) fn extend(&mut self, fresh: Vec<Vec<Wide>>, states: usize) -> bool {
+        let columns = self.certificate.columns;
+        let together = self.basis.iter().chain(&fresh).cloned();
+        let done = eliminate(together.collect(), columns);
+        let grown = done.rows.len() > self.certificate.rank;
+        self.rows.extend(fresh);
+        if grown {
+            *self = Samples::new(core::mem::take(&mut self.rows), columns, states);
+        } else {
+            let largest = done.pivots().next();
+            let part = largest.and_then(|l| done.dropped.checked_div(l));
+            let dropped = part.map_or(0.0, |p| p.to_f64());
+            self.certificate.largest_dropped = self.certificate.largest_dropped.max(dropped);
+            self.certificate.states = states;
+        }
+        grown
+    }
+
     /// The rank and what it rests on.
     pub fn certificate(&self) -> Certificate {
         self.certificate

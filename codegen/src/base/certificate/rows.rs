@@ -151,8 +151,9 @@ impl<'a> Rows<'a> {
         }
     }
 
-    pub(super) fn finish(self) -> Vec<Vec<Wide>> {
-        self.collected
+    /// The rows since they were taken last.
+    pub(super) fn take(&mut self) -> Vec<Vec<Wide>> {
+        core::mem::take(&mut self.collected)
     }
 
     /// Adds the rows of a state; `None` where it has none.

@@ -12,7 +12,9 @@ mod print;
 mod ratio;
 mod variables;
 
+use std::borrow::Cow;
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 use crate::sym::Number;
 
@@ -20,12 +22,21 @@ pub(crate) use polynomial::Polynomial;
 pub(crate) use ratio::Ratio;
 pub(crate) use variables::{Variable, Variables};
 
-/// An element of the field.
+/// An element of the field. Cloning is cheap.
 #[derive(Clone, Debug)]
 pub struct Element {
     value: Number,
-    /// The expression; `None` where it grew beyond what anyone would read.
-    form: Option<Ratio>,
+    form: Form,
+}
+
+/// The expression of an element.
+#[derive(Clone, Debug)]
+enum Form {
+    /// A constant: its value. Most elements are, and need no more.
+    Constant,
+    Expression(Arc<Ratio>),
+    /// It grew beyond what anyone would read.
+    TooLong,
 }
 
 /// The field: its variables, and which coincidences of their values were used.
@@ -38,31 +49,56 @@ pub struct Field {
 impl Element {
     /// 0.
     pub fn zero() -> Self {
-        Element {
-            value: Number::zero(),
-            form: Some(Ratio::zero()),
-        }
+        Element::exact(Number::zero())
     }
 
     /// 1.
     pub fn one() -> Self {
-        Element {
-            value: Number::one(),
-            form: Some(Ratio::one()),
-        }
+        Element::exact(Number::one())
     }
 
     /// An integer.
     pub fn integer(value: i64) -> Self {
-        Element::exact(Number::from_i64(value))
+        Element::exact(match value {
+            0 => Number::zero(),
+            1 => Number::one(),
+            other => Number::from_i64(other),
+        })
     }
 
     /// An exact constant.
     pub fn exact(value: Number) -> Self {
         Element {
-            form: Some(Ratio::constant(value.clone())),
             value,
+            form: Form::Constant,
         }
+    }
+
+    fn new(value: Number, expression: Option<Ratio>) -> Self {
+        let Some(ratio) = expression else {
+            let form = Form::TooLong;
+            return Element { value, form };
+        };
+        // what is left of an expression may be exact where the value was not
+        match ratio.as_constant() {
+            Some(constant) => Element::exact(constant),
+            None => Element {
+                value,
+                form: Form::Expression(Arc::new(ratio)),
+            },
+        }
+    }
+
+    fn expression(&self) -> Option<Cow<'_, Ratio>> {
+        match &self.form {
+            Form::Constant => Some(Cow::Owned(Ratio::constant(self.value.clone()))),
+            Form::Expression(ratio) => Some(Cow::Borrowed(ratio)),
+            Form::TooLong => None,
+        }
+    }
+
+    fn is_constant(&self) -> bool {
+        matches!(self.form, Form::Constant)
     }
 
     /// The exact value at the given geometry.
@@ -75,23 +111,34 @@ impl Element {
         self.value.is_zero()
     }
 
+    fn is_one(&self) -> bool {
+        self.is_constant() && self.value.is_one()
+    }
+
     /// The negative.
     #[must_use]
     pub fn neg(&self) -> Self {
         Element {
             value: self.value.neg(),
-            form: self.form.as_ref().map(Ratio::neg),
+            form: match &self.form {
+                Form::Expression(ratio) => Form::Expression(Arc::new(ratio.neg())),
+                other => other.clone(),
+            },
         }
     }
 
     /// How much there is to write: 0 for a constant.
     pub fn weight(&self) -> usize {
-        self.form.as_ref().map_or(usize::MAX, Ratio::weight)
+        match &self.form {
+            Form::Constant => 0,
+            Form::Expression(ratio) => ratio.weight(),
+            Form::TooLong => usize::MAX,
+        }
     }
 
     /// Whether the expression is known.
     pub fn has_form(&self) -> bool {
-        self.form.is_some()
+        !matches!(self.form, Form::TooLong)
     }
 }
 
@@ -109,10 +156,7 @@ impl Field {
                 .insert(format!("{} = 0", self.variables.name(index)));
             return Element::zero();
         }
-        Element {
-            value,
-            form: Some(Ratio::variable(index)),
-        }
+        Element::new(value, Some(Ratio::variable(index)))
     }
 
     /// Sine and cosine of a constant angle.
@@ -125,6 +169,19 @@ impl Field {
             let (sin, cos) = self.sin_cos(&angle.neg());
             return (sin.neg(), cos);
         }
+        // sines and cosines of x and of x plus quarter turns are the same numbers
+        for turns in [1, 2, 3, -1, -2, -3] {
+            let rest = Number::pi().mul(&Number::from_i64(turns));
+            let rest = rest.div(&Number::from_i64(2)).map(|t| angle.sub(&t));
+            if let Some(rest) = rest.filter(|r| r.as_rational().is_some()) {
+                let (sin, cos) = self.sin_cos(&rest);
+                return match turns.rem_euclid(4) {
+                    1 => (cos, sin.neg()),
+                    2 => (sin.neg(), cos.neg()),
+                    _ => (cos.neg(), sin),
+                };
+            }
+        }
         // the cosine first: the sine's square is written with it
         let cos = self.variable(Variable::Cos(angle.clone()), cos);
         let sin = self.variable(Variable::Sin(angle.clone()), sin);
@@ -133,9 +190,18 @@ impl Field {
 
     /// `a + b`.
     pub fn add(&mut self, a: &Element, b: &Element) -> Element {
+        if a.is_zero() {
+            return b.clone();
+        }
+        if b.is_zero() {
+            return a.clone();
+        }
         let value = a.value.add(&b.value);
-        let form = match (&a.form, &b.form) {
-            (Some(x), Some(y)) => x.add(y, &self.variables),
+        if a.is_constant() && b.is_constant() {
+            return Element::exact(value);
+        }
+        let form = match (a.expression(), b.expression()) {
+            (Some(x), Some(y)) => x.add(&y, &self.variables),
             _ => None,
         };
         if value.is_zero() {
@@ -144,7 +210,7 @@ impl Field {
             }
             return Element::zero();
         }
-        Element { value, form }
+        Element::new(value, form)
     }
 
     fn note(&mut self, form: &Ratio) {
@@ -162,13 +228,21 @@ impl Field {
         if a.is_zero() || b.is_zero() {
             return Element::zero();
         }
-        Element {
-            value: a.value.mul(&b.value),
-            form: match (&a.form, &b.form) {
-                (Some(x), Some(y)) => x.mul(y, &self.variables),
-                _ => None,
-            },
+        if a.is_one() {
+            return b.clone();
         }
+        if b.is_one() {
+            return a.clone();
+        }
+        let value = a.value.mul(&b.value);
+        if a.is_constant() && b.is_constant() {
+            return Element::exact(value);
+        }
+        let form = match (a.expression(), b.expression()) {
+            (Some(x), Some(y)) => x.mul(&y, &self.variables),
+            _ => None,
+        };
+        Element::new(value, form)
     }
 
     /// `a / b`; `None` where b is zero.
@@ -179,21 +253,26 @@ impl Field {
         if a.is_zero() {
             return Some(Element::zero());
         }
-        Some(Element {
-            value: a.value.div(&b.value)?,
-            form: match (&a.form, &b.form) {
-                (Some(x), Some(y)) => x.div(y, &self.variables),
-                _ => None,
-            },
-        })
+        if b.is_one() {
+            return Some(a.clone());
+        }
+        let value = a.value.div(&b.value)?;
+        if a.is_constant() && b.is_constant() {
+            return Some(Element::exact(value));
+        }
+        let form = match (a.expression(), b.expression()) {
+            (Some(x), Some(y)) => x.div(&y, &self.variables),
+            _ => None,
+        };
+        Some(Element::new(value, form))
     }
 
     /// The expression as text in the spec's grammar; the value where there is
     /// no expression short enough.
     pub fn text(&self, a: &Element) -> String {
         match &a.form {
-            Some(form) => print::ratio(form, &self.variables),
-            None => a.value.to_string(),
+            Form::Expression(ratio) => print::ratio(ratio, &self.variables),
+            Form::Constant | Form::TooLong => a.value.to_string(),
         }
     }
 }

@@ -44,9 +44,22 @@ fn split(value: &Number) -> (String, String) {
     (text, String::new())
 }
 
-/// A sum needs parentheses as a factor.
+/// Whether any of these signs stands outside of parentheses.
+fn has_outside(text: &str, signs: &[char]) -> bool {
+    let mut depth = 0_usize;
+    text.chars().any(|c| {
+        match c {
+            '(' => depth += 1,
+            ')' => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        depth == 0 && signs.contains(&c)
+    })
+}
+
+/// A sum needs parentheses as a factor, and behind a minus.
 fn guarded(text: String) -> String {
-    if text.contains(" + ") || text.contains(" - ") {
+    if has_outside(&text, &[' ']) {
         format!("({text})")
     } else {
         text
@@ -60,17 +73,16 @@ fn term(
     below: &[String],
     variables: &Variables,
 ) -> String {
-    let (above_number, below_number) = split(coefficient);
+    let (above_number, below_number) = split(&coefficient.abs());
     let mut above = Vec::new();
     let names = factors(monomial, variables);
     if above_number != "1" || names.is_empty() {
-        above.push(
-            if names.is_empty() && below.is_empty() && below_number.is_empty() {
-                above_number
-            } else {
-                guarded(above_number)
-            },
-        );
+        let alone = names.is_empty() && below.is_empty() && below_number.is_empty();
+        above.push(if alone && !coefficient.is_negative() {
+            above_number
+        } else {
+            guarded(above_number)
+        });
     }
     above.extend(names);
     let mut under: Vec<String> = Vec::new();
@@ -81,8 +93,7 @@ fn term(
     let above = above.join("*");
     match under.as_slice() {
         [] => above,
-        [one] if !one.contains(['*', '/', ' ']) => format!("{above}/{one}"),
-        [one] if one.starts_with('(') && one.ends_with(')') => format!("{above}/{one}"),
+        [one] if !has_outside(one, &['*', '/', ' ']) => format!("{above}/{one}"),
         _ => format!("{above}/({})", under.join("*")),
     }
 }
@@ -100,7 +111,7 @@ fn sum(p: &Polynomial, below: &[String], variables: &Variables) -> String {
             (false, true) => " - ",
             (false, false) => " + ",
         });
-        text.push_str(&term(&coefficient.abs(), monomial, below, variables));
+        text.push_str(&term(coefficient, monomial, below, variables));
     }
     if text.is_empty() {
         "0".to_owned()
@@ -128,7 +139,7 @@ fn over_monomial(p: &Polynomial, below: &Monomial, variables: &Variables) -> Str
             (false, false) => " + ",
         });
         let under = factors(&under, variables);
-        text.push_str(&term(&coefficient.abs(), &above, &under, variables));
+        text.push_str(&term(coefficient, &above, &under, variables));
     }
     text
 }

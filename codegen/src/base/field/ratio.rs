@@ -16,10 +16,6 @@ impl Ratio {
         Ratio::constant(Number::zero())
     }
 
-    pub(super) fn one() -> Self {
-        Ratio::constant(Number::one())
-    }
-
     pub(super) fn constant(value: Number) -> Self {
         Ratio {
             numerator: Polynomial::constant(value),
@@ -32,6 +28,12 @@ impl Ratio {
             numerator: Polynomial::variable(index),
             denominator: Polynomial::constant(Number::one()),
         }
+    }
+
+    /// The constant, if it is one.
+    pub(super) fn as_constant(&self) -> Option<Number> {
+        let denominator = self.denominator.as_constant()?;
+        self.numerator.as_constant()?.div(&denominator)
     }
 
     pub(super) fn is_zero(&self) -> bool {
@@ -89,11 +91,10 @@ impl Ratio {
         }
         // the sines that squares of cosines hide
         for sine in variables.sines() {
+            // the denominator is short, and seldom divisible
             while d.as_constant().is_none()
-                && let (Some(nn), Some(dd)) = (
-                    n.divided_by_sine(sine, variables),
-                    d.divided_by_sine(sine, variables),
-                )
+                && let Some(dd) = d.divided_by_sine(sine, variables)
+                && let Some(nn) = n.divided_by_sine(sine, variables)
             {
                 (n, d) = (nn, dd);
             }

@@ -75,3 +75,56 @@ fn sines_of_skew_angles_obey_pythagoras_without_a_note() {
     assert_eq!(f.text(&e), "cos(3/5)*sin(3/5)");
     assert_eq!(f.coincidences().count(), 0);
 }
+
+#[test]
+fn quotients_by_a_sine_have_no_idle_parentheses() {
+    let mut f = Field::default();
+    let (s, c) = f.sin_cos(&Number::parse_decimal("0.6").unwrap());
+    let tangent = f.div(&s, &c).unwrap().neg();
+    assert_eq!(f.text(&tangent), "-sin(3/5)/cos(3/5)");
+    let below = f.mul(&c, &Element::integer(10));
+    let q = f.div(&s, &below).unwrap();
+    assert_eq!(f.text(&q), "sin(3/5)/(10*cos(3/5))");
+}
+
+#[test]
+fn a_negative_sum_of_roots_keeps_its_sign() {
+    let mut f = Field::default();
+    let root = |n: i64| Number::from_i64(n).sqrt().unwrap();
+    let difference = root(2).sub(&root(6));
+    let constant = Element::exact(difference.clone());
+    assert_eq!(f.text(&constant), "sqrt(2) - sqrt(6)");
+    let [a] = names(&mut f, &[("a", 2)]).try_into().unwrap();
+    let sum = f.add(&a, &constant);
+    assert_eq!(f.text(&sum), "a - (sqrt(6) - sqrt(2))");
+    let product = f.mul(&a, &constant);
+    assert_eq!(f.text(&product), "-(sqrt(6) - sqrt(2))*a");
+}
+
+#[test]
+fn quarter_turns_bring_no_new_sines() {
+    let mut f = Field::default();
+    let x = Number::parse_decimal("0.3").unwrap();
+    let quarter = Number::pi().div(&Number::from_i64(2)).unwrap();
+    for turns in -3..=3 {
+        let angle = x.add(&quarter.mul(&Number::from_i64(turns)));
+        let (expected_sin, expected_cos) = angle.sin_cos();
+        let (sin, cos) = f.sin_cos(&angle);
+        assert!(sin.value().sub(&expected_sin).is_zero());
+        assert!(cos.value().sub(&expected_cos).is_zero());
+        let texts = format!("{} {}", f.text(&sin), f.text(&cos));
+        assert!(!texts.contains("pi"), "{texts}");
+    }
+}
+
+#[test]
+fn what_is_left_of_sines_is_exact() {
+    let mut f = Field::default();
+    let (s, c) = f.sin_cos(&Number::parse_decimal("0.6").unwrap());
+    let seventh = Element::exact(Number::ratio(1, 7).unwrap());
+    let (ss, cc) = (f.mul(&s, &s), f.mul(&c, &c));
+    let one = f.add(&ss, &cc);
+    let e = f.mul(&one, &seventh);
+    assert!(e.value().is_exact());
+    assert_eq!(f.text(&e), "1/7");
+}

@@ -1,0 +1,184 @@
+//! The numbers of base parameters that are known for these mechanisms, and how
+//! far trees account for them.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod base_support;
+
+use regen_codegen::diag::Source;
+use regen_codegen::pipeline::derive;
+
+use base_support::{base, base_with, file};
+
+fn rank(text: &str) -> usize {
+    base(text).1.rank()
+}
+
+/// A rotor on every joint.
+fn with_rotors(text: &str) -> String {
+    text.replace("actuated: true", "actuated: true, rotor_inertia: true")
+}
+
+#[test]
+fn serial_arms_have_their_known_ranks_and_one_tree_suffices() {
+    for (path, plain, rotors) in [
+        ("robots/puma560.yaml", 36, 40),
+        ("tests/base/rx90.yaml", 36, 40),
+        ("tests/base/ur5.yaml", 36, 40),
+        ("tests/base/panda.yaml", 43, 48),
+        ("tests/base/iiwa.yaml", 43, 48),
+        ("tests/base/stanford.yaml", 33, 37),
+        ("tests/base/scara.yaml", 8, 11),
+        ("tests/base/skew6r.yaml", 36, 41),
+    ] {
+        let text = file(path);
+        let (_, found) = base(&text);
+        assert_eq!((found.rank(), found.trees), (plain, 1), "{path}");
+        assert_eq!(rank(&with_rotors(&text)), rotors, "{path} with rotors");
+    }
+}
+
+#[test]
+fn gravity_off_the_first_axis_shows_two_more_parameters() {
+    let text = file("tests/base/skew6r.yaml");
+    let tilted = text.replace("limbs:", "gravity: [1.1, 0.7, -9.6]\nlimbs:");
+    assert_eq!(rank(&tilted), rank(&text) + 2);
+    assert_eq!(rank(&tilted), 38);
+}
+
+/// Path, base parameters by the spec's own tree, by the sum over trees, and
+/// how many there are.
+const LOOPS: [(&str, usize, usize, usize); 12] = [
+    ("robots/fourbar.yaml", 9, 8, 8),
+    ("tests/pairs/slider_crank/pin.yaml", 7, 6, 6),
+    ("tests/oracle/fivebar.yaml", 12, 11, 11),
+    ("tests/mechanisms/rrr3.yaml", 21, 19, 19),
+    ("tests/oracle/3rps.yaml", 27, 25, 25),
+    ("tests/mechanisms/hexapod.yaml", 87, 82, 82),
+    ("tests/pairs/rsur/universal.yaml", 15, 14, 14),
+    // 12 friction parameters and rotors beside 21 and 19
+    ("tests/mechanisms/prs3.yaml", 33, 31, 31),
+    // what no tree shows
+    ("tests/mechanisms/delta.yaml", 45, 43, 34),
+    ("tests/mechanisms/parallelogram_cut.yaml", 9, 8, 3),
+    ("tests/pairs/turntable/pin.yaml", 24, 22, 21),
+    ("tests/base/fourbar_two_names.yaml", 9, 8, 3),
+];
+
+#[test]
+fn sums_over_trees_reach_the_known_ranks_of_loops() {
+    for (path, first, sum, _) in LOOPS {
+        let text = file(path);
+        let (model, one) = base_with(&text, Some(0));
+        assert_eq!(one.trees, 1, "{path}");
+        let (_, all) = base(&text);
+        let columns = model.parameters.len();
+        assert_eq!(
+            (columns - one.from_trees, columns - all.from_trees),
+            (first, sum),
+            "{path}"
+        );
+    }
+}
+
+#[test]
+fn a_base_is_complete_exactly_where_trees_reach_the_certified_rank() {
+    for (path, _, sum, known) in LOOPS {
+        let source = Source::new(path, file(path));
+        let robot = derive(&source).unwrap_or_else(|e| panic!("{e}"));
+        let analysis = robot.analysis.unwrap();
+        let certificate = analysis.certificate.unwrap();
+        assert!(certificate.is_certain(), "{path}: {certificate:?}");
+        assert_eq!(certificate.rank, known, "{path}");
+        assert_eq!(analysis.complete, sum == known, "{path}");
+    }
+}
+
+#[test]
+fn a_target_ends_the_search_with_the_same_null_space() {
+    for (path, _, sum, known) in LOOPS {
+        if sum != known {
+            continue;
+        }
+        let text = file(path);
+        let (model, all) = base(&text);
+        let (_, targeted) = base_with(&text, Some(model.parameters.len() - known));
+        assert!(targeted.trees <= all.trees, "{path}");
+        // the reduced form of a null space does not depend on how it was found
+        assert_eq!(targeted.null.len(), all.null.len(), "{path}");
+        assert_eq!(targeted.parameters, all.parameters, "{path}");
+    }
+}
+
+#[test]
+fn gravity_along_the_axes_leaves_a_four_bar_4() {
+    let text = file("robots/fourbar.yaml").replace("[0, 0, -9.81]", "[0, -9.81, 0]");
+    assert_eq!(rank(&text), 4);
+}
+
+#[test]
+fn identical_legs_leave_the_known_numbers() {
+    let with = |path: &str, groups: &str| {
+        let text = file(path);
+        let text = text.split("\nbase:").next().unwrap();
+        rank(&format!("{text}\nbase: {{equal: [{groups}]}}\n"))
+    };
+    assert_eq!(with("tests/oracle/3rps.yaml", "[1, 4, 6], [2, 5, 7]"), 15);
+    assert_eq!(
+        with("tests/mechanisms/rrr3.yaml", "[1, 4, 6], [2, 5, 7]"),
+        9
+    );
+    // 12 friction parameters and rotors stay
+    let prs = "[slider1, slider2, slider3], [rod1, rod2, rod3]";
+    assert_eq!(with("tests/mechanisms/prs3.yaml", prs), 13 + 12);
+    let ups = "[1, 3, 5, 7, 9, 11], [2, 4, 6, 8, 10, 12]";
+    assert_eq!(with("tests/mechanisms/hexapod.yaml", ups), 22);
+}
+
+#[test]
+fn friction_and_rotors_of_the_3_rps_are_independent_of_its_25() {
+    let linear = file("robots/3rps_friction.yaml");
+    assert_eq!(rank(&linear), 34);
+    let asymmetric = linear.replace("friction: linear", "friction: coulomb_asymmetric");
+    assert_eq!(rank(&asymmetric), 37);
+}
+
+#[test]
+fn on_a_vertical_slide_weight_and_one_sided_friction_are_one() {
+    let text = with_rotors(&file("tests/base/scara.yaml"));
+    let asymmetric = text.replace("actuated: true", "actuated: true, friction: asymmetric");
+    let (model, found) = base(&asymmetric);
+    assert_eq!(model.parameters.len(), 40 + 16 + 4);
+    assert_eq!(found.rank(), 11 + 16 - 1);
+    let (_, symmetric) = base(&text.replace("actuated: true", "actuated: true, friction: linear"));
+    assert_eq!(symmetric.rank(), 11 + 8);
+    // the one that is combined: m(4) with Fc+(q4) and Fc-(q4), weighing 9.81 N/kg
+    let label = |c: usize| model.parameters[c].label.as_str();
+    let mixed: Vec<Vec<(&str, String)>> = found
+        .null
+        .iter()
+        .map(|(c, terms)| {
+            let terms = terms.iter().map(|t| (label(t.column), t.value.to_string()));
+            let mut all: Vec<(&str, String)> = terms.collect();
+            all.sort();
+            assert!(all.iter().any(|(l, _)| *l == label(*c)));
+            all
+        })
+        .filter(|row| row.iter().any(|(l, _)| l.starts_with('F')))
+        .collect();
+    assert_eq!(mixed.len(), 1, "{mixed:?}");
+    let labels: Vec<&str> = mixed[0].iter().map(|(l, _)| *l).collect();
+    insta::assert_debug_snapshot!((labels, &mixed[0]));
+}
+
+#[test]
+fn a_rotor_merges_where_its_joint_is_the_first_on_the_ground() {
+    // J(q1) acts as Izz(1) does where nothing else moves body 1
+    let (model, found) = base(&with_rotors(&file("robots/puma560.yaml")));
+    let label = |c: usize| model.parameters[c].label.as_str();
+    let together = found.null.iter().any(|(_, terms)| {
+        let mut names: Vec<&str> = terms.iter().map(|t| label(t.column)).collect();
+        names.sort_unstable();
+        names == ["Izz(1)", "J(q1)"]
+    });
+    assert!(together);
+}

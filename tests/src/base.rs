@@ -1,0 +1,183 @@
+//! Base parameters by numbers: the regressor of the second derivation against the combinations
+//! that the engine derived.
+
+use nalgebra::DMatrix;
+use regen_codegen::base::{Base, Term, derive};
+use regen_codegen::diag::Source;
+use regen_codegen::spec::{self, Spec};
+
+use crate::reference::{Mechanism, State, evaluate};
+
+/// Singular values below this part of the largest are rounding.
+const ROUNDING: f64 = 1e-9;
+
+/// Base parameters of a spec from trees alone.
+#[derive(Debug)]
+pub struct Derivation {
+    /// The spec.
+    pub spec: Spec,
+    /// Its base parameters.
+    pub base: Base,
+    columns: usize,
+}
+
+/// How well combinations reproduce the regressor, and how independent the kept columns are.
+#[derive(Clone, Copy, Debug)]
+pub struct Agreement {
+    /// Largest error of a row of W(all) - W(base) combinations, relative to the row's largest entry.
+    pub error: f64,
+    /// Smallest over largest singular value of the kept columns, each scaled to 1.
+    pub independence: f64,
+    /// The rank of all columns, from their singular values.
+    pub rank: usize,
+    /// The gap behind that rank, as a quotient.
+    pub gap: f64,
+}
+
+impl Derivation {
+    /// Derives the base parameters of a spec's text.
+    ///
+    /// # Errors
+    /// The report of the spec's mistakes.
+    pub fn new(text: &str) -> Result<Derivation, String> {
+        let spec = spec::parse(&Source::new("test.yaml", text)).map_err(|e| e.to_string())?;
+        let model = regen_codegen::model::build(&spec);
+        Ok(Derivation {
+            base: derive(&spec, &model, None),
+            columns: model.parameters.len(),
+            spec,
+        })
+    }
+
+    /// The value of a coefficient as derived.
+    ///
+    /// # Errors
+    /// None: the signature is that of [`Derivation::agreement`].
+    pub fn value(term: &Term) -> Result<f64, String> {
+        Ok(term.value.to_f64())
+    }
+
+    /// The value of a coefficient's text at the geometry of another spec, by the second
+    /// derivation's reader of expressions.
+    ///
+    /// # Errors
+    /// When the text is no expression in the other's names.
+    pub fn value_at(term: &Term, other: &Spec) -> Result<f64, String> {
+        evaluate(&term.coefficient, &|name| {
+            let found = other.geometry.iter().find(|(n, _)| n.value == name);
+            found.map(|(_, quantity)| quantity.value.to_f64())
+        })
+    }
+
+    /// Columns kept, dropped ones among them.
+    pub fn kept(&self) -> Vec<usize> {
+        self.base.parameters.iter().map(|p| p.column).collect()
+    }
+
+    /// From all parameters to the kept ones: the combinations as rows.
+    fn combinations(
+        &self,
+        value: &dyn Fn(&Term) -> Result<f64, String>,
+    ) -> Result<DMatrix<f64>, String> {
+        let mut c = DMatrix::zeros(self.base.parameters.len(), self.columns);
+        for (i, parameter) in self.base.parameters.iter().enumerate() {
+            for term in &parameter.terms {
+                c[(i, term.column)] += value(term)?;
+            }
+        }
+        Ok(c)
+    }
+
+    /// The regressor with what `base.zero` and `base.equal` know put in: the columns of known
+    /// parameters are added to those that they are written with.
+    fn known(
+        &self,
+        w: &DMatrix<f64>,
+        value: &dyn Fn(&Term) -> Result<f64, String>,
+    ) -> Result<DMatrix<f64>, String> {
+        let mut out = w.clone();
+        for known in &self.base.known {
+            for term in &known.terms {
+                let factor = value(term)?;
+                let column = w.column(known.column) * factor;
+                let mut target = out.column_mut(term.column);
+                target += column;
+            }
+            out.column_mut(known.column).fill(0.0);
+        }
+        Ok(out)
+    }
+
+    /// Compares at states of a mechanism.
+    ///
+    /// # Errors
+    /// At a singular state, or when a coefficient has no value.
+    pub fn agreement(
+        &self,
+        mechanism: &Mechanism,
+        states: &[State],
+        value: &dyn Fn(&Term) -> Result<f64, String>,
+    ) -> Result<Agreement, String> {
+        let combinations = self.combinations(value)?;
+        let kept = self.kept();
+        let mut all = DMatrix::zeros(0, self.columns);
+        let mut error = 0.0_f64;
+        for state in states {
+            let w = mechanism.regressor(&state.q, &state.qd, &state.qdd)?;
+            let w = self.known(&w, value)?;
+            let again = w.select_columns(&kept) * &combinations;
+            for (row, other) in w.row_iter().zip(again.row_iter()) {
+                let size = row.amax();
+                let off = (row - other).amax();
+                // a row of nothing but rounding
+                if size > 1e-12 || off > 1e-12 {
+                    error = error.max(off / size);
+                }
+            }
+            let at = all.nrows();
+            all = all.insert_rows(at, w.nrows(), 0.0);
+            all.rows_mut(at, w.nrows()).copy_from(&w);
+        }
+        let singular = |m: DMatrix<f64>| -> Vec<f64> {
+            let mut values: Vec<f64> = m.singular_values().iter().copied().collect();
+            values.sort_by(|a, b| b.total_cmp(a));
+            values
+        };
+        let of_kept = singular(scaled(all.select_columns(&kept)));
+        let independence = match (of_kept.first(), of_kept.last()) {
+            (Some(first), Some(last)) if of_kept.len() == kept.len() => last / first,
+            _ => f64::from(u8::from(kept.is_empty())),
+        };
+        let values = singular(scaled(all));
+        let bound = ROUNDING * values.first().copied().unwrap_or(0.0);
+        let rank = values.iter().filter(|v| **v > bound).count();
+        let gap = match (rank.checked_sub(1), values.get(rank)) {
+            (Some(last), Some(next)) => values[last] / next.max(1e-18),
+            _ => f64::INFINITY,
+        };
+        Ok(Agreement {
+            error,
+            independence,
+            rank,
+            gap,
+        })
+    }
+}
+
+/// Columns scaled to 1, those of rounding to 0.
+fn scaled(mut w: DMatrix<f64>) -> DMatrix<f64> {
+    for mut column in w.column_iter_mut() {
+        let norm = column.norm();
+        if norm > 1e-9 {
+            column /= norm;
+        } else {
+            column.fill(0.0);
+        }
+    }
+    w
+}
+
+/// How many states give half again as many rows as there are columns.
+pub fn states_for(mechanism: &Mechanism) -> usize {
+    (3 * mechanism.parameters.len() / 2).div_ceil(mechanism.dof().max(1)) + 4
+}

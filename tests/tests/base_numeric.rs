@@ -1,0 +1,235 @@
+//! The analytic base beside the numeric path: singular values of the scaled observation matrix
+//! (Gautier, 1991), from the regressor of the second derivation.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+use std::path::{Path, PathBuf};
+
+use regen_tests::base::{Derivation, states_for};
+use regen_tests::reference::Mechanism;
+use regen_tests::{files, random_spec};
+
+/// Mechanisms that have fewer base parameters than trees show, with both numbers.
+const SPECIAL: [(&str, usize, usize); 7] = [
+    ("delta.yaml", 43, 34),
+    ("geared_fivebar.yaml", 16, 15),
+    ("parallelogram.yaml", 11, 5),
+    ("parallelogram_cut.yaml", 8, 3),
+    ("fourbar_two_names.yaml", 8, 3),
+    ("pin.yaml", 22, 21),
+    ("rocker.yaml", 22, 21),
+];
+
+fn all_files() -> Vec<PathBuf> {
+    let mut folders = vec![
+        files::robots(),
+        files::mechanisms(),
+        files::oracle(),
+        files::package().join("base"),
+    ];
+    folders.extend(files::folders(&files::pairs()).unwrap());
+    folders
+        .iter()
+        .flat_map(|folder| files::list(folder, "yaml").unwrap())
+        .collect()
+}
+
+fn text_of(path: &Path) -> String {
+    std::fs::read_to_string(path).unwrap()
+}
+
+#[test]
+fn combinations_reproduce_the_regressor_and_kept_columns_are_independent() {
+    for path in all_files() {
+        let text = text_of(&path);
+        let mechanism = Mechanism::from_yaml(&text).unwrap();
+        let derivation = Derivation::new(&text).unwrap();
+        let states = mechanism.random_states(3, states_for(&mechanism)).unwrap();
+        let found = derivation
+            .agreement(&mechanism, &states, &Derivation::value)
+            .unwrap();
+        let file = path.display();
+        assert!(found.error < 1e-10, "{file}: {found:?}");
+        assert!(found.gap > 1e3, "{file}: {found:?}");
+        let kept = derivation.kept().len();
+        let name = path.file_name().unwrap().to_string_lossy();
+        match SPECIAL.iter().find(|s| s.0 == name && s.1 == kept) {
+            Some((_, _, rank)) => assert_eq!(found.rank, *rank, "{file}"),
+            None => {
+                assert_eq!(found.rank, kept, "{file}: {found:?}");
+                assert!(found.independence > 1e-9, "{file}: {found:?}");
+            }
+        }
+    }
+}
+
+/// A file, how many base parameters it has, and what to replace in its geometry, thrice.
+type Variations = (
+    &'static str,
+    usize,
+    [&'static [(&'static str, &'static str)]; 3],
+);
+
+/// Relations among values are kept where the result rests on them.
+const OTHER_GEOMETRIES: [Variations; 7] = [
+    (
+        "oracle/3rps.yaml",
+        25,
+        [
+            &[("a: 0.4563 ", "a: 0.39 ")],
+            &[("a: 0.4563 ", "a: 0.5 ")],
+            &[
+                ("a: 0.4563 ", "a: sqrt(0.3) "),
+                ("r: 0.4563/sqrt(3)", "r: 0.3"),
+            ],
+        ],
+    ),
+    (
+        "oracle/fivebar.yaml",
+        11,
+        [
+            &[("l1: 0.30, l2: 0.40, w: 0.20", "l1: 0.27, l2: 0.44, w: 0.25")],
+            &[("l1: 0.30, l2: 0.40, w: 0.20", "l1: 0.33, l2: 0.41, w: 0.15")],
+            &[("l1: 0.30, l2: 0.40, w: 0.20", "l1: 1/3, l2: 0.37, w: 0.2")],
+        ],
+    ),
+    (
+        "oracle/puma560.yaml",
+        36,
+        [
+            &[(
+                "{a2: 0.4318, a3: -0.0203, d2: 0.2435, d3: -0.0934, d4: 0.4331}",
+                "{a2: 0.5, a3: 0.07, d2: 0.1, d3: 0.3, d4: 0.6}",
+            )],
+            &[("d3: -0.0934", "d3: 0"), ("d2: 0.2435", "d2: 0.15")],
+            &[("a3: -0.0203", "a3: 0"), ("a2: 0.4318", "a2: sqrt(0.2)")],
+        ],
+    ),
+    (
+        "mechanisms/rrr3.yaml",
+        19,
+        [
+            &[("R: 0.5, l: 0.3, b: 0.12", "R: 0.52, l: 0.31, b: 0.11")],
+            &[("R: 0.5, l: 0.3, b: 0.12", "R: 0.48, l: 0.3, b: 0.14")],
+            &[("R: 0.5, l: 0.3, b: 0.12", "R: 0.5, l: 1/3, b: sqrt(0.01)")],
+        ],
+    ),
+    (
+        "mechanisms/hexapod.yaml",
+        82,
+        [
+            &[("rb: 0.5, rp: 0.28", "rb: 0.5, rp: 0.25")],
+            &[("rb: 0.5, rp: 0.28", "rb: 0.6, rp: 0.3")],
+            &[("rb: 0.5, rp: 0.28", "rb: 0.45, rp: 2/7")],
+        ],
+    ),
+    (
+        "pairs/slider_crank/pin.yaml",
+        6,
+        [
+            &[("l1: 0.15, l2: 0.40, e: 0.05", "l1: 0.2, l2: 0.5, e: 0.05")],
+            &[("l1: 0.15, l2: 0.40, e: 0.05", "l1: 0.1, l2: 0.35, e: 0.02")],
+            &[("l1: 0.15, l2: 0.40, e: 0.05", "l1: 0.15, l2: 0.45, e: -0.1")],
+        ],
+    ),
+    (
+        "base/panda.yaml",
+        43,
+        [
+            &[("d3: 0.316", "d3: 0.4"), ("a4: 0.0825", "a4: 0.1")],
+            &[("d5: 0.384", "d5: -0.2"), ("a7: 0.088", "a7: 0.3")],
+            &[("d1: 0.333", "d1: 0"), ("a4: 0.0825", "a4: -0.05")],
+        ],
+    ),
+];
+
+#[test]
+fn one_derivation_holds_at_other_geometries() {
+    for (file, count, variations) in OTHER_GEOMETRIES {
+        let text = text_of(&files::package().join(file));
+        let derivation = Derivation::new(&text).unwrap();
+        assert_eq!(derivation.kept().len(), count, "{file}");
+        assert!(
+            derivation.base.coincidences.is_empty(),
+            "{file}: {:?}",
+            derivation.base.coincidences
+        );
+        for replacements in variations {
+            let mut other = text.clone();
+            for (from, to) in replacements {
+                assert!(other.contains(from), "{file}: {from}");
+                other = other.replacen(from, to, 1);
+            }
+            let mechanism = Mechanism::from_yaml(&other).unwrap();
+            let spec = Derivation::new(&other).unwrap().spec;
+            let states = mechanism
+                .random_states(5, states_for(&mechanism))
+                .unwrap_or_else(|e| panic!("{file} with {replacements:?}: {e}"));
+            let found = derivation
+                .agreement(&mechanism, &states, &|term| {
+                    Derivation::value_at(term, &spec)
+                })
+                .unwrap();
+            // the null space of the derivation is that of the singular values: as large, and
+            // inside
+            assert!(found.error < 1e-10, "{file} {replacements:?}: {found:?}");
+            assert_eq!(found.rank, count, "{file} {replacements:?}: {found:?}");
+            assert!(found.gap > 1e3, "{file} {replacements:?}: {found:?}");
+            assert!(found.independence > 1e-9, "{file} {replacements:?}");
+        }
+    }
+}
+
+#[test]
+fn the_texts_of_coefficients_have_their_values() {
+    for path in all_files() {
+        let text = text_of(&path);
+        let derivation = Derivation::new(&text).unwrap();
+        let null = derivation.base.null.iter().flat_map(|(_, terms)| terms);
+        let kept = derivation.base.parameters.iter().flat_map(|p| &p.terms);
+        for term in null.chain(kept) {
+            let value = Derivation::value_at(term, &derivation.spec).unwrap();
+            let expected = term.value.to_f64();
+            assert!(
+                (value - expected).abs() <= 1e-13 * expected.abs(),
+                "{}: {} is {value}, not {expected}",
+                path.display(),
+                term.coefficient
+            );
+        }
+    }
+}
+
+/// Random specs: what the derivation says is dependent is so.
+fn judge(specs: impl Iterator<Item = String>, complete: bool) {
+    for (seed, text) in (0..).zip(specs) {
+        let mechanism = Mechanism::from_yaml(&text).unwrap();
+        if mechanism.dof() == 0 {
+            continue;
+        }
+        let derivation = Derivation::new(&text).unwrap();
+        let states = mechanism
+            .random_states(seed, states_for(&mechanism))
+            .unwrap();
+        let found = derivation
+            .agreement(&mechanism, &states, &Derivation::value)
+            .unwrap();
+        assert!(found.error < 1e-10, "{found:?}\n{text}");
+        if complete {
+            let kept = derivation.kept().len();
+            assert!(found.independence > 1e-9, "{kept} {found:?}\n{text}");
+        }
+    }
+}
+
+#[test]
+fn combinations_hold_on_random_trees_and_kept_columns_are_independent() {
+    judge((0..25).map(random_spec::tree), true);
+}
+
+#[test]
+fn combinations_hold_on_random_loops() {
+    judge(
+        (0..12).map(|seed| random_spec::closed_loop(seed).unwrap()),
+        false,
+    );
+}
