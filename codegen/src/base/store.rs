@@ -5,10 +5,11 @@
 //! The format is one line per thing, the first word says what:
 //!
 //! ```text
-//! regen-base 1
+//! regen-base 2
 //! spec 6f1c...                        digest of the spec's bytes (SHA-256)
 //! certificate 70 25 19 96 1.2e-3 4e-95  columns rank states digits kept dropped
-//! sums 4 45 true                      trees, dimension, complete
+//! sums 4 45 0 true                    trees, dimension, completed, complete
+//! number Ixx(2) in Iyy(3)             a factor that is a number only
 //! equal l1 = l2                       coincidences
 //! base 23 kept                        a base parameter: column, kept or dropped
 //! term 23 1                           column and factor, of the line above
@@ -27,7 +28,7 @@ use crate::spec::Spec;
 use super::certificate::Certificate;
 use super::{Analysis, Base, BaseParameter, Known, Layer, Term};
 
-const HEAD: &str = "regen-base 1";
+const HEAD: &str = "regen-base 2";
 
 /// Why stored base parameters cannot be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -93,7 +94,14 @@ pub fn store(source: &Source, analysis: &Analysis) -> String {
             let _ = writeln!(out, "uncertified {}", reason.replace('\n', " "));
         }
     }
-    let _ = writeln!(out, "sums {} {} {complete}", base.trees, base.from_trees);
+    let _ = writeln!(
+        out,
+        "sums {} {} {} {complete}",
+        base.trees, base.from_trees, base.completed
+    );
+    for note in &base.unrecognised {
+        let _ = writeln!(out, "number {note}");
+    }
     for equation in &base.coincidences {
         let _ = writeln!(out, "equal {equation}");
     }
@@ -151,6 +159,8 @@ fn read<'a>(lines: impl Iterator<Item = &'a str>, spec: &Spec, columns: usize) -
             known: Vec::new(),
             from_trees: 0,
             trees: 0,
+            completed: 0,
+            unrecognised: Vec::new(),
             coincidences: Vec::new(),
         },
         certificate: Err("none".to_owned()),
@@ -179,8 +189,10 @@ fn read<'a>(lines: impl Iterator<Item = &'a str>, spec: &Spec, columns: usize) -
             "sums" => {
                 base.trees = number(0)?;
                 base.from_trees = number(1)?;
-                analysis.complete = parts.get(2)?.parse().ok()?;
+                base.completed = number(2)?;
+                analysis.complete = parts.get(3)?.parse().ok()?;
             }
+            "number" => base.unrecognised.push(rest.to_owned()),
             "equal" => base.coincidences.push(rest.to_owned()),
             "base" => {
                 base.parameters.push(BaseParameter {
