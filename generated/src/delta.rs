@@ -5,7 +5,7 @@
 //!
 //! 11 coordinates, 3 independent; 7 bodies, 70 parameters; 8 closure rows, 0 of them redundant.
 //!
-//! 43 base parameters, NOT certified to be minimal.
+//! 34 base parameters, certified to be minimal.
 //!
 //! | function | add | mul | div | sin and cos |
 //! |---|---|---|---|---|
@@ -24,13 +24,13 @@
 //! | [`slotine_li`] | 1011 | 1554 | 8 | 11 |
 //! | [`efforts`] | 0 | 0 | 0 | 0 |
 //! | [`poses`] | 26 | 68 | 0 | 11 |
-//! | [`base_regressor`] | 622 | 924 | 8 | 11 |
-//! | [`to_base`] | 54 | 34 | 0 | 0 |
-//! | [`parameters_from_base`] | 49 | 34 | 0 | 0 |
-//! | [`base_inverse_dynamics`] | 568 | 757 | 8 | 11 |
-//! | [`base_gravity`] | 347 | 542 | 8 | 11 |
-//! | [`base_bias_forces`] | 726 | 1010 | 8 | 11 |
-//! | [`base_mass_matrix`] | 488 | 688 | 8 | 11 |
+//! | [`base_regressor`] | 483 | 745 | 8 | 11 |
+//! | [`to_base`] | 35 | 18 | 0 | 0 |
+//! | [`parameters_from_base`] | 31 | 18 | 0 | 0 |
+//! | [`base_inverse_dynamics`] | 472 | 657 | 8 | 11 |
+//! | [`base_gravity`] | 329 | 517 | 8 | 11 |
+//! | [`base_bias_forces`] | 637 | 928 | 8 | 11 |
+//! | [`base_mass_matrix`] | 392 | 572 | 8 | 11 |
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
@@ -86,23 +86,27 @@ pub const INFO: Info<'static> = Info {
     rows: 8,
 };
 /// The base parameters, in the order of `beta`: the columns of `base_regressor`.
-pub const BASE: [BaseParameter<'static>; 43] = [
+pub const BASE: [BaseParameter<'static>; 34] = [
     BaseParameter {
         label: "Ixx(crank1)",
         terms: &[
             BaseTerm { parameter: "Ixx(crank1)", index: 0, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "lc^2/3", value: 0.09152533333333333 },
+            BaseTerm { parameter: "my(crank3)", index: 57, coefficient: "lc", value: 0.524 },
+            BaseTerm { parameter: "m(rod3)", index: 69, coefficient: "lc^2", value: 0.274576 },
+            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "lc^2", value: 0.274576 },
             BaseTerm { parameter: "m(rod1)", index: 19, coefficient: "lc^2", value: 0.274576 },
-            BaseTerm { parameter: "my(platform)", index: 27, coefficient: "2*lc^2/(3*rp)", value: 4.1602424242424245 },
+            BaseTerm { parameter: "mz(rod2)", index: 48, coefficient: "-lc^2/l", value: -0.22072025723472669 },
         ],
     },
     BaseParameter {
         label: "my(crank1)",
         terms: &[
             BaseTerm { parameter: "my(crank1)", index: 7, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "lc/3", value: 0.17466666666666666 },
+            BaseTerm { parameter: "my(crank3)", index: 57, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "m(rod3)", index: 69, coefficient: "lc", value: 0.524 },
+            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "lc", value: 0.524 },
             BaseTerm { parameter: "m(rod1)", index: 19, coefficient: "lc", value: 0.524 },
-            BaseTerm { parameter: "my(platform)", index: 27, coefficient: "2*lc/(3*rp)", value: 7.9393939393939394 },
+            BaseTerm { parameter: "mz(rod2)", index: 48, coefficient: "-lc/l", value: -0.4212218649517685 },
         ],
     },
     BaseParameter {
@@ -115,8 +119,10 @@ pub const BASE: [BaseParameter<'static>; 43] = [
         label: "Ixx(rod1)",
         terms: &[
             BaseTerm { parameter: "Ixx(rod1)", index: 10, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "l^2/3", value: 0.5158453333333334 },
-            BaseTerm { parameter: "my(platform)", index: 27, coefficient: "2*l^2/(3*rp)", value: 23.44751515151515 },
+            BaseTerm { parameter: "mz(rod2)", index: 48, coefficient: "-l", value: -1.244 },
+            BaseTerm { parameter: "m(rod3)", index: 69, coefficient: "l^2", value: 1.547536 },
+            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "l^2", value: 1.547536 },
+            BaseTerm { parameter: "my(crank3)", index: 57, coefficient: "l^2/lc", value: 2.9533129770992366 },
         ],
     },
     BaseParameter {
@@ -135,8 +141,10 @@ pub const BASE: [BaseParameter<'static>; 43] = [
         label: "Iyy(rod1)",
         terms: &[
             BaseTerm { parameter: "Iyy(rod1)", index: 13, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "l^2/3", value: 0.5158453333333334 },
-            BaseTerm { parameter: "my(platform)", index: 27, coefficient: "2*l^2/(3*rp)", value: 23.44751515151515 },
+            BaseTerm { parameter: "mz(rod2)", index: 48, coefficient: "-l", value: -1.244 },
+            BaseTerm { parameter: "m(rod3)", index: 69, coefficient: "l^2", value: 1.547536 },
+            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "l^2", value: 1.547536 },
+            BaseTerm { parameter: "my(crank3)", index: 57, coefficient: "l^2/lc", value: 2.9533129770992366 },
         ],
     },
     BaseParameter {
@@ -167,91 +175,26 @@ pub const BASE: [BaseParameter<'static>; 43] = [
         label: "mz(rod1)",
         terms: &[
             BaseTerm { parameter: "mz(rod1)", index: 18, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "-l/3", value: -0.4146666666666667 },
-            BaseTerm { parameter: "my(platform)", index: 27, coefficient: "-2*l/(3*rp)", value: -18.848484848484848 },
-        ],
-    },
-    BaseParameter {
-        label: "Ixx(platform)",
-        terms: &[
-            BaseTerm { parameter: "Ixx(platform)", index: 20, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "my(platform)", index: 27, coefficient: "-rp/2", value: -0.022 },
-            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "-rp^2/2", value: -0.000968 },
-        ],
-    },
-    BaseParameter {
-        label: "Ixy(platform)",
-        terms: &[
-            BaseTerm { parameter: "Ixy(platform)", index: 21, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "my(platform)", index: 27, coefficient: "-sqrt(3)*rp/6", value: -0.012701705922171767 },
-            BaseTerm { parameter: "m(rod3)", index: 69, coefficient: "sqrt(3)*rp^2/2", value: 0.0016766251817266732 },
-            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "sqrt(3)*rp^2/6", value: 0.0005588750605755577 },
-            BaseTerm { parameter: "my(crank3)", index: 57, coefficient: "sqrt(3)*rp^2/(2*lc)", value: 0.0031996663773409795 },
-        ],
-    },
-    BaseParameter {
-        label: "Ixz(platform)",
-        terms: &[
-            BaseTerm { parameter: "Ixz(platform)", index: 22, coefficient: "1", value: 1.0 },
-        ],
-    },
-    BaseParameter {
-        label: "Iyy(platform)",
-        terms: &[
-            BaseTerm { parameter: "Iyy(platform)", index: 23, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "my(platform)", index: 27, coefficient: "rp/2", value: 0.022 },
-            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "-rp^2/2", value: -0.000968 },
-        ],
-    },
-    BaseParameter {
-        label: "Iyz(platform)",
-        terms: &[
-            BaseTerm { parameter: "Iyz(platform)", index: 24, coefficient: "1", value: 1.0 },
-        ],
-    },
-    BaseParameter {
-        label: "Izz(platform)",
-        terms: &[
-            BaseTerm { parameter: "Izz(platform)", index: 25, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "-rp^2", value: -0.001936 },
-        ],
-    },
-    BaseParameter {
-        label: "mx(platform)",
-        terms: &[
-            BaseTerm { parameter: "mx(platform)", index: 26, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "my(platform)", index: 27, coefficient: "-sqrt(3)/3", value: -0.5773502691896257 },
-            BaseTerm { parameter: "m(rod3)", index: 69, coefficient: "sqrt(3)*rp", value: 0.0762102355330306 },
-            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "sqrt(3)*rp/3", value: 0.025403411844343533 },
-            BaseTerm { parameter: "my(crank3)", index: 57, coefficient: "sqrt(3)*rp/lc", value: 0.14543938078822632 },
-        ],
-    },
-    BaseParameter {
-        label: "mz(platform)",
-        terms: &[
-            BaseTerm { parameter: "mz(platform)", index: 28, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "mz(rod2)", index: 48, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "m(rod3)", index: 69, coefficient: "-l", value: -1.244 },
+            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "-l", value: -1.244 },
+            BaseTerm { parameter: "my(crank3)", index: 57, coefficient: "-l/lc", value: -2.3740458015267176 },
         ],
     },
     BaseParameter {
         label: "Ixx(crank2)",
         terms: &[
             BaseTerm { parameter: "Ixx(crank2)", index: 30, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "my(crank3)", index: 57, coefficient: "lc", value: 0.524 },
-            BaseTerm { parameter: "m(rod3)", index: 69, coefficient: "lc^2", value: 0.274576 },
             BaseTerm { parameter: "m(rod2)", index: 49, coefficient: "lc^2", value: 0.274576 },
-            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "2*lc^2/3", value: 0.18305066666666667 },
-            BaseTerm { parameter: "my(platform)", index: 27, coefficient: "-2*lc^2/(3*rp)", value: -4.1602424242424245 },
+            BaseTerm { parameter: "mz(rod2)", index: 48, coefficient: "lc^2/l", value: 0.22072025723472669 },
         ],
     },
     BaseParameter {
         label: "my(crank2)",
         terms: &[
             BaseTerm { parameter: "my(crank2)", index: 37, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "my(crank3)", index: 57, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "m(rod3)", index: 69, coefficient: "lc", value: 0.524 },
             BaseTerm { parameter: "m(rod2)", index: 49, coefficient: "lc", value: 0.524 },
-            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "2*lc/3", value: 0.34933333333333333 },
-            BaseTerm { parameter: "my(platform)", index: 27, coefficient: "-2*lc/(3*rp)", value: -7.9393939393939394 },
+            BaseTerm { parameter: "mz(rod2)", index: 48, coefficient: "lc/l", value: 0.4212218649517685 },
         ],
     },
     BaseParameter {
@@ -264,10 +207,7 @@ pub const BASE: [BaseParameter<'static>; 43] = [
         label: "Ixx(rod2)",
         terms: &[
             BaseTerm { parameter: "Ixx(rod2)", index: 40, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "m(rod3)", index: 69, coefficient: "l^2", value: 1.547536 },
-            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "2*l^2/3", value: 1.0316906666666668 },
-            BaseTerm { parameter: "my(crank3)", index: 57, coefficient: "l^2/lc", value: 2.9533129770992366 },
-            BaseTerm { parameter: "my(platform)", index: 27, coefficient: "-2*l^2/(3*rp)", value: -23.44751515151515 },
+            BaseTerm { parameter: "mz(rod2)", index: 48, coefficient: "l", value: 1.244 },
         ],
     },
     BaseParameter {
@@ -286,10 +226,7 @@ pub const BASE: [BaseParameter<'static>; 43] = [
         label: "Iyy(rod2)",
         terms: &[
             BaseTerm { parameter: "Iyy(rod2)", index: 43, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "m(rod3)", index: 69, coefficient: "l^2", value: 1.547536 },
-            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "2*l^2/3", value: 1.0316906666666668 },
-            BaseTerm { parameter: "my(crank3)", index: 57, coefficient: "l^2/lc", value: 2.9533129770992366 },
-            BaseTerm { parameter: "my(platform)", index: 27, coefficient: "-2*l^2/(3*rp)", value: -23.44751515151515 },
+            BaseTerm { parameter: "mz(rod2)", index: 48, coefficient: "l", value: 1.244 },
         ],
     },
     BaseParameter {
@@ -314,16 +251,6 @@ pub const BASE: [BaseParameter<'static>; 43] = [
         label: "my(rod2)",
         terms: &[
             BaseTerm { parameter: "my(rod2)", index: 47, coefficient: "1", value: 1.0 },
-        ],
-    },
-    BaseParameter {
-        label: "mz(rod2)",
-        terms: &[
-            BaseTerm { parameter: "mz(rod2)", index: 48, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "m(rod3)", index: 69, coefficient: "-l", value: -1.244 },
-            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "-2*l/3", value: -0.8293333333333334 },
-            BaseTerm { parameter: "my(crank3)", index: 57, coefficient: "-l/lc", value: -2.3740458015267176 },
-            BaseTerm { parameter: "my(platform)", index: 27, coefficient: "2*l/(3*rp)", value: 18.848484848484848 },
         ],
     },
     BaseParameter {
@@ -401,7 +328,7 @@ pub const BASE: [BaseParameter<'static>; 43] = [
     },
 ];
 /// Labels of the eliminated parameters, in the order of `free`.
-pub const FREE: [&str; 27] = [
+pub const FREE: [&str; 36] = [
     "Ixy(crank1)",
     "Ixz(crank1)",
     "Iyy(crank1)",
@@ -410,7 +337,15 @@ pub const FREE: [&str; 27] = [
     "mx(crank1)",
     "m(crank1)",
     "m(rod1)",
+    "Ixx(platform)",
+    "Ixy(platform)",
+    "Ixz(platform)",
+    "Iyy(platform)",
+    "Iyz(platform)",
+    "Izz(platform)",
+    "mx(platform)",
     "my(platform)",
+    "mz(platform)",
     "m(platform)",
     "Ixy(crank2)",
     "Ixz(crank2)",
@@ -419,6 +354,7 @@ pub const FREE: [&str; 27] = [
     "Izz(crank2)",
     "mx(crank2)",
     "m(crank2)",
+    "mz(rod2)",
     "m(rod2)",
     "Ixy(crank3)",
     "Ixz(crank3)",
@@ -430,19 +366,19 @@ pub const FREE: [&str; 27] = [
     "m(crank3)",
     "m(rod3)",
 ];
-/// The base and its certificate: NOT certified to be minimal.
+/// The base and its certificate: certified to be minimal.
 pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
     base: &BASE,
     free: &FREE,
     certificate: Some(Certificate {
         columns: 70,
         rank: 34,
-        states: 19,
+        states: 21,
         digits: 96,
         smallest_kept: 0.015178556814995657,
         largest_dropped: 8.069873751479045e-87,
     }),
-    complete: false,
+    complete: true,
 };
 
 /// The closure equations f(q) (Eq. 6): every row of every cut in the world frame, then the couplings.
@@ -13510,14 +13446,13 @@ pub fn poses<T: Scalar>(q: &[T; 11]) -> [[T; 12]; 7] {
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: W_red (Eq. 23), column by column: `w[c][r]` multiplies `BASE[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 622 additions, 924 multiplications, 8 divisions, 11 sines and cosines.
-pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[T; 3]; 43]) -> Condition<T> {
+/// 483 additions, 745 multiplications, 8 divisions, 11 sines and cosines.
+pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[T; 3]; 34]) -> Condition<T> {
     let like = q[0];
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
-    let [d_q1, d_u1_1, d_u1_2, d_e1y, d_e1x, d_q2, d_u2_1, d_u2_2, d_q3, d_u3_1, d_u3_2] = *qd;
+    let [d_q1, d_u1_1, d_u1_2, _, _, d_q2, d_u2_1, d_u2_2, d_q3, d_u3_1, d_u3_2] = *qd;
     let [
-        dd_q1, dd_u1_1, dd_u1_2, dd_e1y, dd_e1x, dd_q2, dd_u2_1, dd_u2_2, dd_q3, dd_u3_1,
-        dd_u3_2,
+        dd_q1, dd_u1_1, dd_u1_2, _, _, dd_q2, dd_u2_1, dd_u2_2, dd_q3, dd_u3_1, dd_u3_2,
     ] = *qdd;
     let mut condition = like.lift(1.0);
     // body crank1
@@ -13534,15 +13469,15 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
     // body rod1, part 1
     let [
         sin_u1_2, cos_u1_2, w_u1_1x, w_rod1z, t2_1, al_u1_1x, t2_2, al_rod1x, sin_e1x, cos_e1x,
-        sin_e1y, cos_e1y, sin_u1_2_e1y, cos_u1_2_e1y, e_e1x_q1z, t2_5, t2_6, u_platform_u1_2x,
-        t2_7, t2_8, e_e1x_q1y, sin_u1_1, cos_u1_1, t2_16, t2_40, sin_q2, cos_q2, sin_u2_2,
-        cos_u2_2, sin_u2_1, cos_u2_1, t2_54, t2_56, t2_65, t2_78, t2_80, t2_85, t2_86, t2_87,
-        t2_88, t2_89, t2_90, t2_91, t2_92, t2_93, t2_94, t2_103, t2_117, t2_119, t2_122,
-        pivot_1, t2_127, u_platform_u1_1z, t2_128, t2_129, t2_130, t2_131, t2_132, u_e1x_u1_2z,
-        t2_133, t2_134, t2_135, t2_137, t2_139, t2_146, t2_147, t2_150, t2_151, t2_152, t2_157,
-        t2_158, t2_163, t2_164, t2_165, t2_167, sin_q3, cos_q3, sin_u3_2, cos_u3_2, sin_u3_1,
-        cos_u3_1, t2_177, t2_179, t2_180, t2_183, t2_194, t2_195, t2_196, t2_198, t2_201,
-        t2_202, t2_203, t2_204, t2_205, t2_206, t2_208, t2_211, t2_212, t2_215, t2_218, t2_220,
+        sin_u1_2_e1y, cos_u1_2_e1y, e_e1x_q1z, t2_5, t2_6, t2_7, t2_8, e_e1x_q1y, sin_u1_1,
+        cos_u1_1, t2_16, t2_40, sin_q2, cos_q2, sin_u2_2, cos_u2_2, sin_u2_1, cos_u2_1, t2_54,
+        t2_56, t2_65, t2_78, t2_80, t2_85, t2_86, t2_88, t2_89, t2_90, t2_92, t2_93, t2_94,
+        t2_103, t2_117, t2_119, t2_122, pivot_1, t2_127, u_platform_u1_1z, t2_128, t2_129,
+        t2_130, t2_131, u_e1x_u1_2z, t2_133, t2_134, t2_135, t2_137, t2_139, t2_146, t2_147,
+        t2_150, t2_151, t2_152, t2_157, t2_158, t2_163, t2_164, t2_165, t2_167, sin_q3, cos_q3,
+        sin_u3_2, cos_u3_2, sin_u3_1, cos_u3_1, t2_177, t2_179, t2_180, t2_183, t2_194, t2_195,
+        t2_196, t2_198, t2_201, t2_202, t2_203, t2_204, t2_205, t2_206, t2_208, t2_211, t2_212,
+        t2_215, t2_218, t2_220,
     ] = {
         let (sin_u1_2, cos_u1_2) = u1_2.sin_cos();
         let w_u1_1x = d_q1 + d_u1_1;
@@ -13796,27 +13731,26 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
         let t2_220 = like.lift(1.244).mul_add(t2_219, t2_212);
         [
             sin_u1_2, cos_u1_2, w_u1_1x, w_rod1z, t2_1, al_u1_1x, t2_2, al_rod1x, sin_e1x,
-            cos_e1x, sin_e1y, cos_e1y, sin_u1_2_e1y, cos_u1_2_e1y, e_e1x_q1z, t2_5, t2_6,
-            u_platform_u1_2x, t2_7, t2_8, e_e1x_q1y, sin_u1_1, cos_u1_1, t2_16, t2_40, sin_q2,
-            cos_q2, sin_u2_2, cos_u2_2, sin_u2_1, cos_u2_1, t2_54, t2_56, t2_65, t2_78, t2_80,
-            t2_85, t2_86, t2_87, t2_88, t2_89, t2_90, t2_91, t2_92, t2_93, t2_94, t2_103,
-            t2_117, t2_119, t2_122, pivot_1, t2_127, u_platform_u1_1z, t2_128, t2_129, t2_130,
-            t2_131, t2_132, u_e1x_u1_2z, t2_133, t2_134, t2_135, t2_137, t2_139, t2_146,
-            t2_147, t2_150, t2_151, t2_152, t2_157, t2_158, t2_163, t2_164, t2_165, t2_167,
-            sin_q3, cos_q3, sin_u3_2, cos_u3_2, sin_u3_1, cos_u3_1, t2_177, t2_179, t2_180,
-            t2_183, t2_194, t2_195, t2_196, t2_198, t2_201, t2_202, t2_203, t2_204, t2_205,
-            t2_206, t2_208, t2_211, t2_212, t2_215, t2_218, t2_220,
+            cos_e1x, sin_u1_2_e1y, cos_u1_2_e1y, e_e1x_q1z, t2_5, t2_6, t2_7, t2_8, e_e1x_q1y,
+            sin_u1_1, cos_u1_1, t2_16, t2_40, sin_q2, cos_q2, sin_u2_2, cos_u2_2, sin_u2_1,
+            cos_u2_1, t2_54, t2_56, t2_65, t2_78, t2_80, t2_85, t2_86, t2_88, t2_89, t2_90,
+            t2_92, t2_93, t2_94, t2_103, t2_117, t2_119, t2_122, pivot_1, t2_127,
+            u_platform_u1_1z, t2_128, t2_129, t2_130, t2_131, u_e1x_u1_2z, t2_133, t2_134,
+            t2_135, t2_137, t2_139, t2_146, t2_147, t2_150, t2_151, t2_152, t2_157, t2_158,
+            t2_163, t2_164, t2_165, t2_167, sin_q3, cos_q3, sin_u3_2, cos_u3_2, sin_u3_1,
+            cos_u3_1, t2_177, t2_179, t2_180, t2_183, t2_194, t2_195, t2_196, t2_198, t2_201,
+            t2_202, t2_203, t2_204, t2_205, t2_206, t2_208, t2_211, t2_212, t2_215, t2_218,
+            t2_220,
         ]
     };
     // body rod1, part 2
     let [
-        t3_3, t3_8, t3_10, t3_11, t3_13, t3_16, t3_24, t3_27, t3_29, t3_35, t3_40,
-        u_platform_q1x, t3_42, t3_46, u_e1x_q1y, t3_50, t3_51, t3_54, u_platform_q1z, t3_57,
-        t3_59, t3_63, t3_65, t3_68, t3_69, t3_71, inv_pivot_1, t3_75, pivot_2, inv_pivot_2,
-        t3_83, t3_84, pivot_4, inv_pivot_4, t3_88, t3_91, t3_96, t3_99, t3_102, pivot_5,
-        t3_112, t3_113, t3_120, pivot_6, pivot_7, pivot_8, t3_167, t3_169, t3_172, t3_176,
-        t3_179, t3_181, t3_184, t3_200, t3_202, t3_205, t3_209, t3_212, t3_219, t3_221, t3_224,
-        t3_228,
+        t3_3, t3_8, t3_10, t3_11, t3_13, t3_16, t3_24, t3_27, t3_29, t3_35, t3_40, t3_42,
+        t3_46, t3_50, t3_51, t3_54, t3_57, t3_59, t3_63, t3_65, t3_68, t3_69, t3_71,
+        inv_pivot_1, t3_75, pivot_2, inv_pivot_2, t3_83, t3_84, pivot_4, inv_pivot_4, t3_88,
+        t3_91, t3_96, t3_99, t3_102, pivot_5, t3_112, t3_113, t3_120, pivot_6, pivot_7,
+        pivot_8, t3_167, t3_169, t3_172, t3_176, t3_179, t3_181, t3_184, t3_200, t3_202,
+        t3_205, t3_209, t3_212, t3_219, t3_221, t3_224, t3_228,
     ] = {
         let t3_1 = t2_212 - t2_220;
         let t3_2 = t2_177 * t3_1;
@@ -14069,20 +14003,19 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
         let t3_227 = (-t3_40).mul_add(t3_219, t3_226);
         let t3_228 = inv_pivot_5 * t3_227;
         [
-            t3_3, t3_8, t3_10, t3_11, t3_13, t3_16, t3_24, t3_27, t3_29, t3_35, t3_40,
-            u_platform_q1x, t3_42, t3_46, u_e1x_q1y, t3_50, t3_51, t3_54, u_platform_q1z,
-            t3_57, t3_59, t3_63, t3_65, t3_68, t3_69, t3_71, inv_pivot_1, t3_75, pivot_2,
-            inv_pivot_2, t3_83, t3_84, pivot_4, inv_pivot_4, t3_88, t3_91, t3_96, t3_99,
-            t3_102, pivot_5, t3_112, t3_113, t3_120, pivot_6, pivot_7, pivot_8, t3_167, t3_169,
-            t3_172, t3_176, t3_179, t3_181, t3_184, t3_200, t3_202, t3_205, t3_209, t3_212,
-            t3_219, t3_221, t3_224, t3_228,
+            t3_3, t3_8, t3_10, t3_11, t3_13, t3_16, t3_24, t3_27, t3_29, t3_35, t3_40, t3_42,
+            t3_46, t3_50, t3_51, t3_54, t3_57, t3_59, t3_63, t3_65, t3_68, t3_69, t3_71,
+            inv_pivot_1, t3_75, pivot_2, inv_pivot_2, t3_83, t3_84, pivot_4, inv_pivot_4,
+            t3_88, t3_91, t3_96, t3_99, t3_102, pivot_5, t3_112, t3_113, t3_120, pivot_6,
+            pivot_7, pivot_8, t3_167, t3_169, t3_172, t3_176, t3_179, t3_181, t3_184, t3_200,
+            t3_202, t3_205, t3_209, t3_212, t3_219, t3_221, t3_224, t3_228,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        x_u1_1_q1, x_u1_1_q2, x_u1_1_q3, x_u1_2_q1, x_u1_2_q2, x_u1_2_q3, x_e1y_q1, x_e1y_q2,
-        x_e1y_q3, x_e1x_q1, x_e1x_q2, x_e1x_q3, x_u2_1_q1, x_u2_1_q2, x_u2_1_q3, x_u2_2_q1,
-        x_u2_2_q2, x_u2_2_q3, x_u3_1_q1, x_u3_1_q2, x_u3_1_q3, x_u3_2_q1, x_u3_2_q2, x_u3_2_q3,
+        x_u1_1_q1, x_u1_1_q2, x_u1_1_q3, x_u1_2_q1, x_u1_2_q2, x_u1_2_q3, x_u2_1_q1, x_u2_1_q2,
+        x_u2_1_q3, x_u2_2_q1, x_u2_2_q2, x_u2_2_q3, x_u3_1_q1, x_u3_1_q2, x_u3_1_q3, x_u3_2_q1,
+        x_u3_2_q2, x_u3_2_q3,
     ] = {
         let t4_1 = t3_102 * t3_228;
         let t4_2 = t3_120.mul_add(t3_224, t4_1);
@@ -14151,9 +14084,8 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
             .min((pivot_7 * like.lift(1.0351966873706007)).abs())
             .min((t4_57 * like.lift(0.6961619001482627)).abs());
         let ([
-            [x_u1_1_q1, x_u1_1_q2, x_u1_1_q3], [x_u1_2_q1, x_u1_2_q2, x_u1_2_q3],
-            [x_e1y_q1, x_e1y_q2, x_e1y_q3], [x_e1x_q1, x_e1x_q2, x_e1x_q3],
-            [x_u2_1_q1, x_u2_1_q2, x_u2_1_q3], [x_u2_2_q1, x_u2_2_q2, x_u2_2_q3],
+            [x_u1_1_q1, x_u1_1_q2, x_u1_1_q3], [x_u1_2_q1, x_u1_2_q2, x_u1_2_q3], [_, _, _],
+            [_, _, _], [x_u2_1_q1, x_u2_1_q2, x_u2_1_q3], [x_u2_2_q1, x_u2_2_q2, x_u2_2_q3],
             [x_u3_1_q1, x_u3_1_q2, x_u3_1_q3], [x_u3_2_q1, x_u3_2_q2, x_u3_2_q3],
         ], found) = ::regen_runtime::guarded(
             [
@@ -14183,14 +14115,13 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
         );
         condition = condition.min(found);
         [
-            x_u1_1_q1, x_u1_1_q2, x_u1_1_q3, x_u1_2_q1, x_u1_2_q2, x_u1_2_q3, x_e1y_q1,
-            x_e1y_q2, x_e1y_q3, x_e1x_q1, x_e1x_q2, x_e1x_q3, x_u2_1_q1, x_u2_1_q2, x_u2_1_q3,
-            x_u2_2_q1, x_u2_2_q2, x_u2_2_q3, x_u3_1_q1, x_u3_1_q2, x_u3_1_q3, x_u3_2_q1,
-            x_u3_2_q2, x_u3_2_q3,
+            x_u1_1_q1, x_u1_1_q2, x_u1_1_q3, x_u1_2_q1, x_u1_2_q2, x_u1_2_q3, x_u2_1_q1,
+            x_u2_1_q2, x_u2_1_q3, x_u2_2_q1, x_u2_2_q2, x_u2_2_q3, x_u3_1_q1, x_u3_1_q2,
+            x_u3_1_q3, x_u3_2_q1, x_u3_2_q2, x_u3_2_q3,
         ]
     };
     // body rod1
-    let [al_rod1z, t5_35, t5_49, a_u1_1y, a_rod1z, a_rod1x, t5_91] = {
+    {
         let t5_1 = (-cos_u1_2).mul_add(x_u1_1_q1, cos_u1_2);
         let w_rod1x = cos_u1_2 * w_u1_1x;
         let t5_2 = w_rod1z * w_rod1x;
@@ -14331,563 +14262,311 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
         let t5_98 = a_rod1x * x_u1_2_q3;
         let w_mz_rod1_q3 = (-a_u1_1y).mul_add(t5_13, t5_98);
         w[11] = [t5_96, w_mz_rod1_q2, w_mz_rod1_q3];
-        [al_rod1z, t5_35, t5_49, a_u1_1y, a_rod1z, a_rod1x, t5_91]
-    };
-    // body platform
-    {
-        let w_e1yz = sin_u1_2_e1y * w_u1_1x;
-        let t6_1 = sin_e1y * al_rod1z;
-        let t6_2 = cos_e1y.mul_add(al_rod1x, t6_1);
-        let al_e1yx = d_e1y.mul_add(w_e1yz, t6_2);
-        let al_e1xx = dd_e1x - al_e1yx;
-        let t6_3 = (-cos_u1_2_e1y).mul_add(x_u1_1_q1, cos_u1_2_e1y);
-        let t6_4 = x_e1x_q1 - t6_3;
-        let w_e1yy = d_u1_2 + d_e1y;
-        let t6_5 = sin_e1x * w_e1yy;
-        let w_e1xz = (-cos_e1x).mul_add(w_e1yz, t6_5);
-        let w_e1yx = cos_u1_2_e1y * w_u1_1x;
-        let w_e1xx = d_e1x + w_e1yx;
-        let t6_6 = w_e1xz * w_e1xx;
-        let t6_7 = (-e_e1x_q1y).mul_add(x_u1_1_q1, e_e1x_q1y);
-        let t6_8 = (-cos_e1x).mul_add(x_u1_2_q1, t6_7);
-        let t6_9 = (-cos_e1x).mul_add(x_e1y_q1, t6_8);
-        let t6_10 = t6_6 * t6_9;
-        let t6_11 = al_e1xx.mul_add(t6_4, t6_10);
-        let t6_12 = cos_e1x * w_e1yy;
-        let w_e1xy = sin_e1x.mul_add(w_e1yz, t6_12);
-        let t6_13 = w_e1xy * w_e1xx;
-        let t6_14 = e_e1x_q1z * x_u1_1_q1;
-        let t6_15 = e_e1x_q1z - t6_14;
-        let t6_16 = sin_e1x.mul_add(x_u1_2_q1, t6_15);
-        let t6_17 = sin_e1x * x_e1y_q1;
-        let t6_18 = t6_16 + t6_17;
-        let t6_19 = t6_13 * t6_18;
-        let w_ixx_platform_q1 = t6_11 + t6_19;
-        let t6_20 = -w_ixx_platform_q1;
-        let t6_21 = cos_u1_2_e1y.mul_add(x_u1_1_q2, x_e1x_q2);
-        let t6_22 = e_e1x_q1y * x_u1_1_q2;
-        let t6_23 = cos_e1x.mul_add(x_u1_2_q2, t6_22);
-        let t6_24 = cos_e1x.mul_add(x_e1y_q2, t6_23);
-        let t6_25 = t6_6 * t6_24;
-        let t6_26 = al_e1xx.mul_add(t6_21, -t6_25);
-        let t6_27 = e_e1x_q1z * x_u1_1_q2;
-        let t6_28 = (-sin_e1x).mul_add(x_u1_2_q2, t6_27);
-        let t6_29 = sin_e1x * x_e1y_q2;
-        let t6_30 = t6_28 - t6_29;
-        let t6_31 = t6_13 * t6_30;
-        let w_ixx_platform_q2 = t6_26 - t6_31;
-        let t6_32 = -w_ixx_platform_q2;
-        let t6_33 = cos_u1_2_e1y.mul_add(x_u1_1_q3, x_e1x_q3);
-        let t6_34 = e_e1x_q1y * x_u1_1_q3;
-        let t6_35 = cos_e1x.mul_add(x_u1_2_q3, t6_34);
-        let t6_36 = cos_e1x.mul_add(x_e1y_q3, t6_35);
-        let t6_37 = t6_6 * t6_36;
-        let t6_38 = al_e1xx.mul_add(t6_33, -t6_37);
-        let t6_39 = e_e1x_q1z * x_u1_1_q3;
-        let t6_40 = (-sin_e1x).mul_add(x_u1_2_q3, t6_39);
-        let t6_41 = sin_e1x * x_e1y_q3;
-        let t6_42 = t6_40 - t6_41;
-        let t6_43 = t6_13 * t6_42;
-        let w_ixx_platform_q3 = t6_38 - t6_43;
-        let t6_44 = -w_ixx_platform_q3;
-        w[12] = [t6_20, t6_32, t6_44];
-        let al_e1yy = dd_u1_2 + dd_e1y;
-        let t6_45 = cos_e1x * al_e1yy;
-        let t6_46 = cos_e1y * al_rod1z;
-        let t6_47 = (-sin_e1y).mul_add(al_rod1x, t6_46);
-        let al_e1yz = d_e1y.mul_add(w_e1yx, t6_47);
-        let t6_48 = sin_e1x.mul_add(al_e1yz, t6_45);
-        let al_e1xy = d_e1x.mul_add(w_e1xz, -t6_48);
-        let t6_49 = t6_6 - al_e1xy;
-        let t6_50 = t6_49 * t6_4;
-        let t6_51 = w_e1xy * w_e1xz;
-        let t6_52 = t6_51 - al_e1xx;
-        let t6_53 = t6_52.mul_add(t6_9, t6_50);
-        let t6_54 = w_e1xx * w_e1xx;
-        let t6_55 = w_e1xy * w_e1xy;
-        let t6_56 = t6_54 - t6_55;
-        let w_ixy_platform_q1 = (-t6_56).mul_add(t6_18, t6_53);
-        let t6_57 = -w_ixy_platform_q1;
-        let t6_58 = t6_49 * t6_21;
-        let t6_59 = (-t6_52).mul_add(t6_24, t6_58);
-        let w_ixy_platform_q2 = t6_56.mul_add(t6_30, t6_59);
-        let t6_60 = -w_ixy_platform_q2;
-        let t6_61 = t6_49 * t6_33;
-        let t6_62 = (-t6_52).mul_add(t6_36, t6_61);
-        let w_ixy_platform_q3 = t6_56.mul_add(t6_42, t6_62);
-        let t6_63 = -w_ixy_platform_q3;
-        w[13] = [t6_57, t6_60, t6_63];
-        let t6_64 = sin_e1x * al_e1yy;
-        let t6_65 = (-cos_e1x).mul_add(al_e1yz, t6_64);
-        let al_e1xz = d_e1x.mul_add(w_e1xy, t6_65);
-        let t6_66 = t6_13 - al_e1xz;
-        let t6_67 = t6_66 * t6_4;
-        let t6_68 = w_e1xz * w_e1xz;
-        let t6_69 = t6_54 - t6_68;
-        let t6_70 = t6_69.mul_add(t6_9, t6_67);
-        let t6_71 = t6_51 + al_e1xx;
-        let w_ixz_platform_q1 = (-t6_71).mul_add(t6_18, t6_70);
-        let t6_72 = -w_ixz_platform_q1;
-        let t6_73 = t6_66 * t6_21;
-        let t6_74 = (-t6_69).mul_add(t6_24, t6_73);
-        let w_ixz_platform_q2 = t6_71.mul_add(t6_30, t6_74);
-        let t6_75 = -w_ixz_platform_q2;
-        let t6_76 = t6_66 * t6_33;
-        let t6_77 = (-t6_69).mul_add(t6_36, t6_76);
-        let w_ixz_platform_q3 = t6_71.mul_add(t6_42, t6_77);
-        let t6_78 = -w_ixz_platform_q3;
-        w[14] = [t6_72, t6_75, t6_78];
-        let t6_79 = t6_51 * t6_4;
-        let t6_80 = al_e1xy.mul_add(t6_9, t6_79);
-        let w_iyy_platform_q1 = t6_19 - t6_80;
-        let t6_81 = t6_51 * t6_21;
-        let t6_82 = (-al_e1xy).mul_add(t6_24, t6_81);
-        let w_iyy_platform_q2 = t6_31 + t6_82;
-        let t6_83 = -w_iyy_platform_q2;
-        let t6_84 = t6_51 * t6_33;
-        let t6_85 = (-al_e1xy).mul_add(t6_36, t6_84);
-        let w_iyy_platform_q3 = t6_43 + t6_85;
-        let t6_86 = -w_iyy_platform_q3;
-        w[15] = [w_iyy_platform_q1, t6_83, t6_86];
-        let t6_87 = t6_55 - t6_68;
-        let t6_88 = t6_87 * t6_4;
-        let t6_89 = t6_13 + al_e1xz;
-        let t6_90 = t6_89.mul_add(t6_9, t6_88);
-        let t6_91 = t6_6 + al_e1xy;
-        let w_iyz_platform_q1 = t6_91.mul_add(t6_18, t6_90);
-        let t6_92 = -w_iyz_platform_q1;
-        let t6_93 = t6_87 * t6_21;
-        let t6_94 = (-t6_89).mul_add(t6_24, t6_93);
-        let w_iyz_platform_q2 = (-t6_91).mul_add(t6_30, t6_94);
-        let t6_95 = -w_iyz_platform_q2;
-        let t6_96 = t6_87 * t6_33;
-        let t6_97 = (-t6_89).mul_add(t6_36, t6_96);
-        let w_iyz_platform_q3 = (-t6_91).mul_add(t6_42, t6_97);
-        let t6_98 = -w_iyz_platform_q3;
-        w[16] = [t6_92, t6_95, t6_98];
-        let t6_99 = t6_10 + t6_79;
-        let w_izz_platform_q1 = (-al_e1xz).mul_add(t6_18, t6_99);
-        let t6_100 = t6_25 - t6_81;
-        let w_izz_platform_q2 = (-al_e1xz).mul_add(t6_30, t6_100);
-        let t6_101 = -w_izz_platform_q2;
-        let t6_102 = t6_37 - t6_84;
-        let w_izz_platform_q3 = (-al_e1xz).mul_add(t6_42, t6_102);
-        let t6_103 = -w_izz_platform_q3;
-        w[17] = [w_izz_platform_q1, t6_101, t6_103];
-        let t6_104 = t6_54 + t6_68;
-        let a_e1yy = like.lift(1.244).mul_add(t5_35, a_u1_1y);
-        let t6_105 = cos_e1x * a_e1yy;
-        let t6_106 = like.lift(1.244).mul_add(t5_91, a_rod1z);
-        let t6_107 = cos_e1y * t6_106;
-        let t6_108 = like.lift(1.244).mul_add(t5_49, a_rod1x);
-        let a_e1yz = (-sin_e1y).mul_add(t6_108, t6_107);
-        let a_e1xy = (-sin_e1x).mul_add(a_e1yz, t6_105);
-        let a_platformy = like.lift(0.044).mul_add(t6_104, -a_e1xy);
-        let t6_109 = a_platformy * t6_18;
-        let t6_110 = sin_e1x * a_e1yy;
-        let a_e1xz = cos_e1x.mul_add(a_e1yz, t6_110);
-        let a_platformz = like.lift(0.044).mul_add(t6_52, a_e1xz);
-        let t6_111 = (-a_platformz).mul_add(t6_9, t6_109);
-        let t6_112 = t6_55 + t6_68;
-        let t6_113 = like.lift(0.044).mul_add(t6_14, u_platform_q1x);
-        let t6_114 = (-u_platform_u1_2x).mul_add(x_u1_2_q1, t6_113);
-        let t6_115 = like.lift(-0.044).mul_add(t6_17, t6_114);
-        let t6_116 = t6_112 * t6_115;
-        let t6_117 = t2_87 * x_u1_1_q1;
-        let t6_118 = like.lift(-1.244).mul_add(t6_117, u_e1x_q1y);
-        let t6_119 = t2_91 * x_u1_2_q1;
-        let t6_120 = like.lift(1.244).mul_add(t6_119, t6_118);
-        let t6_121 = t6_66.mul_add(t6_120, t6_116);
-        let t6_122 = (-u_platform_u1_1z).mul_add(x_u1_1_q1, u_platform_q1z);
-        let t6_123 = t2_132 * x_u1_2_q1;
-        let t6_124 = like.lift(-1.244).mul_add(t6_123, t6_122);
-        let t6_125 = like.lift(-0.044).mul_add(x_e1x_q1, t6_124);
-        let t6_126 = t6_49.mul_add(t6_125, t6_121);
-        let w_mx_platform_q1 = t6_111 + t6_126;
-        let t6_127 = a_platformy * t6_30;
-        let t6_128 = (-a_platformz).mul_add(t6_24, t6_127);
-        let t6_129 = like.lift(0.044) * t6_27;
-        let t6_130 = (-u_platform_u1_2x).mul_add(x_u1_2_q2, t6_129);
-        let t6_131 = like.lift(-0.044).mul_add(t6_29, t6_130);
-        let t6_132 = t6_112 * t6_131;
-        let t6_133 = t2_87 * x_u1_1_q2;
-        let t6_134 = like.lift(1.244) * t6_133;
-        let t6_135 = t2_91 * x_u1_2_q2;
-        let t6_136 = like.lift(-1.244).mul_add(t6_135, t6_134);
-        let t6_137 = (-t6_66).mul_add(t6_136, t6_132);
-        let t6_138 = u_platform_u1_1z * x_u1_1_q2;
-        let t6_139 = t2_132 * x_u1_2_q2;
-        let t6_140 = like.lift(1.244).mul_add(t6_139, t6_138);
-        let t6_141 = like.lift(0.044).mul_add(x_e1x_q2, t6_140);
-        let t6_142 = (-t6_49).mul_add(t6_141, t6_137);
-        let w_mx_platform_q2 = t6_128 - t6_142;
-        let t6_143 = -w_mx_platform_q2;
-        let t6_144 = a_platformy * t6_42;
-        let t6_145 = (-a_platformz).mul_add(t6_36, t6_144);
-        let t6_146 = like.lift(0.044) * t6_39;
-        let t6_147 = (-u_platform_u1_2x).mul_add(x_u1_2_q3, t6_146);
-        let t6_148 = like.lift(-0.044).mul_add(t6_41, t6_147);
-        let t6_149 = t6_112 * t6_148;
-        let t6_150 = t2_87 * x_u1_1_q3;
-        let t6_151 = like.lift(1.244) * t6_150;
-        let t6_152 = t2_91 * x_u1_2_q3;
-        let t6_153 = like.lift(-1.244).mul_add(t6_152, t6_151);
-        let t6_154 = (-t6_66).mul_add(t6_153, t6_149);
-        let t6_155 = u_platform_u1_1z * x_u1_1_q3;
-        let t6_156 = t2_132 * x_u1_2_q3;
-        let t6_157 = like.lift(1.244).mul_add(t6_156, t6_155);
-        let t6_158 = like.lift(0.044).mul_add(x_e1x_q3, t6_157);
-        let t6_159 = (-t6_49).mul_add(t6_158, t6_154);
-        let w_mx_platform_q3 = t6_145 - t6_159;
-        let t6_160 = -w_mx_platform_q3;
-        w[18] = [w_mx_platform_q1, t6_143, t6_160];
-        let t6_161 = sin_e1y * t6_106;
-        let a_e1yx = cos_e1y.mul_add(t6_108, t6_161);
-        let a_platformx = like.lift(0.044).mul_add(t6_89, a_e1yx);
-        let t6_162 = a_platformx * t6_9;
-        let t6_163 = (-a_platformy).mul_add(t6_4, t6_162);
-        let t6_164 = t6_91 * t6_115;
-        let t6_165 = (-t6_71).mul_add(t6_120, t6_164);
-        let t6_166 = t6_54 + t6_55;
-        let t6_167 = t6_166.mul_add(t6_125, t6_165);
-        let w_mz_platform_q1 = t6_163 - t6_167;
-        let t6_168 = -w_mz_platform_q1;
-        let t6_169 = a_platformx * t6_24;
-        let t6_170 = a_platformy.mul_add(t6_21, t6_169);
-        let t6_171 = t6_91 * t6_131;
-        let t6_172 = t6_71.mul_add(t6_136, t6_171);
-        let t6_173 = (-t6_166).mul_add(t6_141, t6_172);
-        let w_mz_platform_q2 = t6_170 + t6_173;
-        let t6_174 = a_platformx * t6_36;
-        let t6_175 = a_platformy.mul_add(t6_33, t6_174);
-        let t6_176 = t6_91 * t6_148;
-        let t6_177 = t6_71.mul_add(t6_153, t6_176);
-        let t6_178 = (-t6_166).mul_add(t6_158, t6_177);
-        let w_mz_platform_q3 = t6_175 + t6_178;
-        w[19] = [t6_168, w_mz_platform_q2, w_mz_platform_q3];
     }
     // body crank2
     let [a_crank2z, a_crank2y] = {
         let a_crank2z = like.lift(9.81) * cos_q2;
-        w[21] = [like.lift(0.0), a_crank2z, like.lift(0.0)];
+        w[13] = [like.lift(0.0), a_crank2z, like.lift(0.0)];
         let a_crank2y = like.lift(9.81) * sin_q2;
-        let t7_1 = -a_crank2y;
-        w[22] = [like.lift(0.0), t7_1, like.lift(0.0)];
-        w[20] = [like.lift(0.0), dd_q2, like.lift(0.0)];
+        let t6_1 = -a_crank2y;
+        w[14] = [like.lift(0.0), t6_1, like.lift(0.0)];
+        w[12] = [like.lift(0.0), dd_q2, like.lift(0.0)];
         [a_crank2z, a_crank2y]
     };
     // body rod2
     {
         let al_u2_1x = dd_q2 + dd_u2_1;
-        let t8_1 = cos_u2_2 * al_u2_1x;
+        let t7_1 = cos_u2_2 * al_u2_1x;
         let w_u2_1x = d_q2 + d_u2_1;
         let w_rod2z = sin_u2_2 * w_u2_1x;
-        let t8_2 = d_u2_2 * w_rod2z;
-        let al_rod2x = t8_1 - t8_2;
-        let t8_3 = cos_u2_2 * x_u2_1_q1;
+        let t7_2 = d_u2_2 * w_rod2z;
+        let al_rod2x = t7_1 - t7_2;
+        let t7_3 = cos_u2_2 * x_u2_1_q1;
         let w_rod2x = cos_u2_2 * w_u2_1x;
-        let t8_4 = w_rod2z * w_rod2x;
-        let t8_5 = t8_4 * x_u2_2_q1;
-        let t8_6 = al_rod2x.mul_add(t8_3, t8_5);
-        let t8_7 = d_u2_2 * w_rod2x;
-        let t8_8 = sin_u2_2 * x_u2_1_q1;
-        let w_ixx_rod2_q1 = (-t8_7).mul_add(t8_8, t8_6);
-        let t8_9 = -w_ixx_rod2_q1;
-        let t8_10 = (-cos_u2_2).mul_add(x_u2_1_q2, cos_u2_2);
-        let t8_11 = t8_4 * x_u2_2_q2;
-        let t8_12 = al_rod2x.mul_add(t8_10, -t8_11);
-        let t8_13 = (-sin_u2_2).mul_add(x_u2_1_q2, sin_u2_2);
-        let t8_14 = t8_7 * t8_13;
-        let w_ixx_rod2_q2 = t8_12 - t8_14;
-        let t8_15 = cos_u2_2 * x_u2_1_q3;
-        let t8_16 = t8_4 * x_u2_2_q3;
-        let t8_17 = al_rod2x.mul_add(t8_15, t8_16);
-        let t8_18 = sin_u2_2 * x_u2_1_q3;
-        let w_ixx_rod2_q3 = (-t8_7).mul_add(t8_18, t8_17);
-        let t8_19 = -w_ixx_rod2_q3;
-        w[23] = [t8_9, w_ixx_rod2_q2, t8_19];
-        let t8_20 = dd_u2_2 - t8_4;
-        let t8_21 = t8_20 * t8_3;
-        let t8_22 = t8_1.mul_add(x_u2_2_q1, t8_21);
-        let t8_23 = w_rod2x * w_rod2x;
-        let t8_24 = d_u2_2 * d_u2_2;
-        let t8_25 = t8_23 - t8_24;
-        let w_ixy_rod2_q1 = t8_25.mul_add(t8_8, t8_22);
-        let t8_26 = -w_ixy_rod2_q1;
-        let t8_27 = t8_20 * t8_10;
-        let t8_28 = (-t8_1).mul_add(x_u2_2_q2, t8_27);
-        let w_ixy_rod2_q2 = t8_25.mul_add(t8_13, t8_28);
-        let t8_29 = t8_20 * t8_15;
-        let t8_30 = t8_1.mul_add(x_u2_2_q3, t8_29);
-        let w_ixy_rod2_q3 = t8_25.mul_add(t8_18, t8_30);
-        let t8_31 = -w_ixy_rod2_q3;
-        w[24] = [t8_26, w_ixy_rod2_q2, t8_31];
-        let t8_32 = sin_u2_2 * al_u2_1x;
-        let al_rod2z = t8_32 + t8_7;
-        let t8_33 = t8_7 + al_rod2z;
-        let t8_34 = t8_33 * t8_3;
-        let t8_35 = w_rod2z * w_rod2z;
-        let t8_36 = t8_23 - t8_35;
-        let t8_37 = (-t8_36).mul_add(x_u2_2_q1, t8_34);
-        let t8_38 = t8_2 - al_rod2x;
-        let w_ixz_rod2_q1 = (-t8_38).mul_add(t8_8, t8_37);
-        let t8_39 = -w_ixz_rod2_q1;
-        let t8_40 = t8_33 * t8_10;
-        let t8_41 = t8_36.mul_add(x_u2_2_q2, t8_40);
-        let w_ixz_rod2_q2 = (-t8_38).mul_add(t8_13, t8_41);
-        let t8_42 = t8_33 * t8_15;
-        let t8_43 = (-t8_36).mul_add(x_u2_2_q3, t8_42);
-        let w_ixz_rod2_q3 = (-t8_38).mul_add(t8_18, t8_43);
-        let t8_44 = -w_ixz_rod2_q3;
-        w[25] = [t8_39, w_ixz_rod2_q2, t8_44];
+        let t7_4 = w_rod2z * w_rod2x;
+        let t7_5 = t7_4 * x_u2_2_q1;
+        let t7_6 = al_rod2x.mul_add(t7_3, t7_5);
+        let t7_7 = d_u2_2 * w_rod2x;
+        let t7_8 = sin_u2_2 * x_u2_1_q1;
+        let w_ixx_rod2_q1 = (-t7_7).mul_add(t7_8, t7_6);
+        let t7_9 = -w_ixx_rod2_q1;
+        let t7_10 = (-cos_u2_2).mul_add(x_u2_1_q2, cos_u2_2);
+        let t7_11 = t7_4 * x_u2_2_q2;
+        let t7_12 = al_rod2x.mul_add(t7_10, -t7_11);
+        let t7_13 = (-sin_u2_2).mul_add(x_u2_1_q2, sin_u2_2);
+        let t7_14 = t7_7 * t7_13;
+        let w_ixx_rod2_q2 = t7_12 - t7_14;
+        let t7_15 = cos_u2_2 * x_u2_1_q3;
+        let t7_16 = t7_4 * x_u2_2_q3;
+        let t7_17 = al_rod2x.mul_add(t7_15, t7_16);
+        let t7_18 = sin_u2_2 * x_u2_1_q3;
+        let w_ixx_rod2_q3 = (-t7_7).mul_add(t7_18, t7_17);
+        let t7_19 = -w_ixx_rod2_q3;
+        w[15] = [t7_9, w_ixx_rod2_q2, t7_19];
+        let t7_20 = dd_u2_2 - t7_4;
+        let t7_21 = t7_20 * t7_3;
+        let t7_22 = t7_1.mul_add(x_u2_2_q1, t7_21);
+        let t7_23 = w_rod2x * w_rod2x;
+        let t7_24 = d_u2_2 * d_u2_2;
+        let t7_25 = t7_23 - t7_24;
+        let w_ixy_rod2_q1 = t7_25.mul_add(t7_8, t7_22);
+        let t7_26 = -w_ixy_rod2_q1;
+        let t7_27 = t7_20 * t7_10;
+        let t7_28 = (-t7_1).mul_add(x_u2_2_q2, t7_27);
+        let w_ixy_rod2_q2 = t7_25.mul_add(t7_13, t7_28);
+        let t7_29 = t7_20 * t7_15;
+        let t7_30 = t7_1.mul_add(x_u2_2_q3, t7_29);
+        let w_ixy_rod2_q3 = t7_25.mul_add(t7_18, t7_30);
+        let t7_31 = -w_ixy_rod2_q3;
+        w[16] = [t7_26, w_ixy_rod2_q2, t7_31];
+        let t7_32 = sin_u2_2 * al_u2_1x;
+        let al_rod2z = t7_32 + t7_7;
+        let t7_33 = t7_7 + al_rod2z;
+        let t7_34 = t7_33 * t7_3;
+        let t7_35 = w_rod2z * w_rod2z;
+        let t7_36 = t7_23 - t7_35;
+        let t7_37 = (-t7_36).mul_add(x_u2_2_q1, t7_34);
+        let t7_38 = t7_2 - al_rod2x;
+        let w_ixz_rod2_q1 = (-t7_38).mul_add(t7_8, t7_37);
+        let t7_39 = -w_ixz_rod2_q1;
+        let t7_40 = t7_33 * t7_10;
+        let t7_41 = t7_36.mul_add(x_u2_2_q2, t7_40);
+        let w_ixz_rod2_q2 = (-t7_38).mul_add(t7_13, t7_41);
+        let t7_42 = t7_33 * t7_15;
+        let t7_43 = (-t7_36).mul_add(x_u2_2_q3, t7_42);
+        let w_ixz_rod2_q3 = (-t7_38).mul_add(t7_18, t7_43);
+        let t7_44 = -w_ixz_rod2_q3;
+        w[17] = [t7_39, w_ixz_rod2_q2, t7_44];
         let w_iyy_rod2_q1 = dd_u2_2 * x_u2_2_q1;
-        let t8_45 = -w_iyy_rod2_q1;
-        let t8_46 = t8_2 * t8_10;
-        let t8_47 = dd_u2_2.mul_add(x_u2_2_q2, t8_46);
-        let w_iyy_rod2_q2 = t8_14 - t8_47;
+        let t7_45 = -w_iyy_rod2_q1;
+        let t7_46 = t7_2 * t7_10;
+        let t7_47 = dd_u2_2.mul_add(x_u2_2_q2, t7_46);
+        let w_iyy_rod2_q2 = t7_14 - t7_47;
         let w_iyy_rod2_q3 = dd_u2_2 * x_u2_2_q3;
-        let t8_48 = -w_iyy_rod2_q3;
-        w[26] = [t8_45, w_iyy_rod2_q2, t8_48];
-        let t8_49 = t8_24 - t8_35;
-        let t8_50 = t8_49 * t8_3;
-        let t8_51 = t8_32.mul_add(x_u2_2_q1, t8_50);
-        let t8_52 = dd_u2_2 + t8_4;
-        let w_iyz_rod2_q1 = t8_52.mul_add(t8_8, t8_51);
-        let t8_53 = -w_iyz_rod2_q1;
-        let t8_54 = t8_49 * t8_10;
-        let t8_55 = (-t8_32).mul_add(x_u2_2_q2, t8_54);
-        let w_iyz_rod2_q2 = t8_52.mul_add(t8_13, t8_55);
-        let t8_56 = t8_49 * t8_15;
-        let t8_57 = t8_32.mul_add(x_u2_2_q3, t8_56);
-        let w_iyz_rod2_q3 = t8_52.mul_add(t8_18, t8_57);
-        let t8_58 = -w_iyz_rod2_q3;
-        w[27] = [t8_53, w_iyz_rod2_q2, t8_58];
-        let t8_59 = (-t8_2).mul_add(t8_3, t8_5);
-        let w_izz_rod2_q1 = (-al_rod2z).mul_add(t8_8, t8_59);
-        let t8_60 = t8_11 + t8_46;
-        let w_izz_rod2_q2 = al_rod2z.mul_add(t8_13, t8_60);
-        let t8_61 = (-t8_2).mul_add(t8_15, t8_16);
-        let w_izz_rod2_q3 = (-al_rod2z).mul_add(t8_18, t8_61);
-        w[28] = [w_izz_rod2_q1, w_izz_rod2_q2, w_izz_rod2_q3];
-        let t8_62 = d_q2 * d_q2;
-        let t8_63 = like.lift(-0.524).mul_add(t8_62, a_crank2y);
-        let t8_64 = cos_u2_1 * t8_63;
-        let t8_65 = like.lift(0.524).mul_add(dd_q2, a_crank2z);
-        let a_u2_1y = sin_u2_1.mul_add(t8_65, t8_64);
-        let t8_66 = a_u2_1y * t8_8;
-        let t8_67 = sin_u2_1 * t8_63;
-        let a_u2_1z = (-cos_u2_1).mul_add(t8_65, t8_67);
+        let t7_48 = -w_iyy_rod2_q3;
+        w[18] = [t7_45, w_iyy_rod2_q2, t7_48];
+        let t7_49 = t7_24 - t7_35;
+        let t7_50 = t7_49 * t7_3;
+        let t7_51 = t7_32.mul_add(x_u2_2_q1, t7_50);
+        let t7_52 = dd_u2_2 + t7_4;
+        let w_iyz_rod2_q1 = t7_52.mul_add(t7_8, t7_51);
+        let t7_53 = -w_iyz_rod2_q1;
+        let t7_54 = t7_49 * t7_10;
+        let t7_55 = (-t7_32).mul_add(x_u2_2_q2, t7_54);
+        let w_iyz_rod2_q2 = t7_52.mul_add(t7_13, t7_55);
+        let t7_56 = t7_49 * t7_15;
+        let t7_57 = t7_32.mul_add(x_u2_2_q3, t7_56);
+        let w_iyz_rod2_q3 = t7_52.mul_add(t7_18, t7_57);
+        let t7_58 = -w_iyz_rod2_q3;
+        w[19] = [t7_53, w_iyz_rod2_q2, t7_58];
+        let t7_59 = (-t7_2).mul_add(t7_3, t7_5);
+        let w_izz_rod2_q1 = (-al_rod2z).mul_add(t7_8, t7_59);
+        let t7_60 = t7_11 + t7_46;
+        let w_izz_rod2_q2 = al_rod2z.mul_add(t7_13, t7_60);
+        let t7_61 = (-t7_2).mul_add(t7_15, t7_16);
+        let w_izz_rod2_q3 = (-al_rod2z).mul_add(t7_18, t7_61);
+        w[20] = [w_izz_rod2_q1, w_izz_rod2_q2, w_izz_rod2_q3];
+        let t7_62 = d_q2 * d_q2;
+        let t7_63 = like.lift(-0.524).mul_add(t7_62, a_crank2y);
+        let t7_64 = cos_u2_1 * t7_63;
+        let t7_65 = like.lift(0.524).mul_add(dd_q2, a_crank2z);
+        let a_u2_1y = sin_u2_1.mul_add(t7_65, t7_64);
+        let t7_66 = a_u2_1y * t7_8;
+        let t7_67 = sin_u2_1 * t7_63;
+        let a_u2_1z = (-cos_u2_1).mul_add(t7_65, t7_67);
         let a_rod2z = cos_u2_2 * a_u2_1z;
-        let w_mx_rod2_q1 = a_rod2z.mul_add(x_u2_2_q1, t8_66);
-        let t8_68 = -w_mx_rod2_q1;
-        let t8_69 = cos_u2_1 * sin_u2_2;
-        let t8_70 = t8_24 + t8_35;
-        let t8_71 = t8_69 * t8_70;
-        let t8_72 = like.lift(0.524) * t8_71;
-        let t8_73 = sin_u2_1 * t8_33;
-        let t8_74 = like.lift(0.524).mul_add(t8_73, t8_72);
-        let t8_75 = cos_u2_1 * cos_u2_2;
-        let t8_76 = t8_75 * t8_20;
-        let t8_77 = like.lift(-0.524).mul_add(t8_76, t8_74);
-        let t8_78 = a_u2_1y * t8_13;
-        let t8_79 = (-a_rod2z).mul_add(x_u2_2_q2, t8_78);
-        let w_mx_rod2_q2 = t8_77 + t8_79;
-        let t8_80 = a_u2_1y * t8_18;
-        let w_mx_rod2_q3 = a_rod2z.mul_add(x_u2_2_q3, t8_80);
-        let t8_81 = -w_mx_rod2_q3;
-        w[29] = [t8_68, w_mx_rod2_q2, t8_81];
+        let w_mx_rod2_q1 = a_rod2z.mul_add(x_u2_2_q1, t7_66);
+        let t7_68 = -w_mx_rod2_q1;
+        let t7_69 = cos_u2_1 * sin_u2_2;
+        let t7_70 = t7_24 + t7_35;
+        let t7_71 = t7_69 * t7_70;
+        let t7_72 = like.lift(0.524) * t7_71;
+        let t7_73 = sin_u2_1 * t7_33;
+        let t7_74 = like.lift(0.524).mul_add(t7_73, t7_72);
+        let t7_75 = cos_u2_1 * cos_u2_2;
+        let t7_76 = t7_75 * t7_20;
+        let t7_77 = like.lift(-0.524).mul_add(t7_76, t7_74);
+        let t7_78 = a_u2_1y * t7_13;
+        let t7_79 = (-a_rod2z).mul_add(x_u2_2_q2, t7_78);
+        let w_mx_rod2_q2 = t7_77 + t7_79;
+        let t7_80 = a_u2_1y * t7_18;
+        let w_mx_rod2_q3 = a_rod2z.mul_add(x_u2_2_q3, t7_80);
+        let t7_81 = -w_mx_rod2_q3;
+        w[21] = [t7_68, w_mx_rod2_q2, t7_81];
         let w_my_rod2_q1 = a_u2_1z * x_u2_1_q1;
-        let t8_82 = w_u2_1x * w_u2_1x;
-        let t8_83 = sin_u2_1 * t8_82;
-        let t8_84 = like.lift(0.524) * t8_83;
-        let t8_85 = cos_u2_1 * al_u2_1x;
-        let t8_86 = like.lift(-0.524).mul_add(t8_85, t8_84);
-        let t8_87 = a_rod2z * t8_10;
+        let t7_82 = w_u2_1x * w_u2_1x;
+        let t7_83 = sin_u2_1 * t7_82;
+        let t7_84 = like.lift(0.524) * t7_83;
+        let t7_85 = cos_u2_1 * al_u2_1x;
+        let t7_86 = like.lift(-0.524).mul_add(t7_85, t7_84);
+        let t7_87 = a_rod2z * t7_10;
         let a_rod2x = sin_u2_2 * a_u2_1z;
-        let t8_88 = a_rod2x.mul_add(t8_13, t8_87);
-        let w_my_rod2_q2 = t8_86 + t8_88;
-        let t8_89 = -w_my_rod2_q2;
+        let t7_88 = a_rod2x.mul_add(t7_13, t7_87);
+        let w_my_rod2_q2 = t7_86 + t7_88;
+        let t7_89 = -w_my_rod2_q2;
         let w_my_rod2_q3 = a_u2_1z * x_u2_1_q3;
-        w[30] = [w_my_rod2_q1, t8_89, w_my_rod2_q3];
-        let t8_90 = a_rod2x * x_u2_2_q1;
-        let w_mz_rod2_q1 = (-a_u2_1y).mul_add(t8_3, t8_90);
-        let t8_91 = -w_mz_rod2_q1;
-        let t8_92 = t8_69 * t8_52;
-        let t8_93 = like.lift(0.524) * t8_92;
-        let t8_94 = sin_u2_1 * t8_38;
-        let t8_95 = like.lift(-0.524).mul_add(t8_94, t8_93);
-        let t8_96 = t8_23 + t8_24;
-        let t8_97 = t8_75 * t8_96;
-        let t8_98 = like.lift(0.524).mul_add(t8_97, t8_95);
-        let t8_99 = a_rod2x * x_u2_2_q2;
-        let t8_100 = a_u2_1y.mul_add(t8_10, t8_99);
-        let w_mz_rod2_q2 = t8_98 + t8_100;
-        let t8_101 = -w_mz_rod2_q2;
-        let t8_102 = a_rod2x * x_u2_2_q3;
-        let w_mz_rod2_q3 = (-a_u2_1y).mul_add(t8_15, t8_102);
-        let t8_103 = -w_mz_rod2_q3;
-        w[31] = [t8_91, t8_101, t8_103];
+        w[22] = [w_my_rod2_q1, t7_89, w_my_rod2_q3];
     }
     // body crank3
     let [a_crank3y] = {
         let a_crank3y = like.lift(9.81) * sin_q3;
-        let t9_1 = -a_crank3y;
-        w[33] = [like.lift(0.0), like.lift(0.0), t9_1];
-        w[32] = [like.lift(0.0), like.lift(0.0), dd_q3];
+        let t8_1 = -a_crank3y;
+        w[24] = [like.lift(0.0), like.lift(0.0), t8_1];
+        w[23] = [like.lift(0.0), like.lift(0.0), dd_q3];
         [a_crank3y]
     };
     // body rod3
     {
         let al_u3_1x = dd_q3 + dd_u3_1;
-        let t10_1 = cos_u3_2 * al_u3_1x;
+        let t9_1 = cos_u3_2 * al_u3_1x;
         let w_u3_1x = d_q3 + d_u3_1;
         let w_rod3z = sin_u3_2 * w_u3_1x;
-        let t10_2 = d_u3_2 * w_rod3z;
-        let al_rod3x = t10_1 - t10_2;
-        let t10_3 = cos_u3_2 * x_u3_1_q1;
+        let t9_2 = d_u3_2 * w_rod3z;
+        let al_rod3x = t9_1 - t9_2;
+        let t9_3 = cos_u3_2 * x_u3_1_q1;
         let w_rod3x = cos_u3_2 * w_u3_1x;
-        let t10_4 = w_rod3z * w_rod3x;
-        let t10_5 = t10_4 * x_u3_2_q1;
-        let t10_6 = al_rod3x.mul_add(t10_3, t10_5);
-        let t10_7 = d_u3_2 * w_rod3x;
-        let t10_8 = sin_u3_2 * x_u3_1_q1;
-        let w_ixx_rod3_q1 = (-t10_7).mul_add(t10_8, t10_6);
-        let t10_9 = -w_ixx_rod3_q1;
-        let t10_10 = cos_u3_2 * x_u3_1_q2;
-        let t10_11 = t10_4 * x_u3_2_q2;
-        let t10_12 = al_rod3x.mul_add(t10_10, t10_11);
-        let t10_13 = sin_u3_2 * x_u3_1_q2;
-        let w_ixx_rod3_q2 = (-t10_7).mul_add(t10_13, t10_12);
-        let t10_14 = -w_ixx_rod3_q2;
-        let t10_15 = (-cos_u3_2).mul_add(x_u3_1_q3, cos_u3_2);
-        let t10_16 = t10_4 * x_u3_2_q3;
-        let t10_17 = al_rod3x.mul_add(t10_15, -t10_16);
-        let t10_18 = (-sin_u3_2).mul_add(x_u3_1_q3, sin_u3_2);
-        let t10_19 = t10_7 * t10_18;
-        let w_ixx_rod3_q3 = t10_17 - t10_19;
-        w[34] = [t10_9, t10_14, w_ixx_rod3_q3];
-        let t10_20 = dd_u3_2 - t10_4;
-        let t10_21 = t10_20 * t10_3;
-        let t10_22 = t10_1.mul_add(x_u3_2_q1, t10_21);
-        let t10_23 = w_rod3x * w_rod3x;
-        let t10_24 = d_u3_2 * d_u3_2;
-        let t10_25 = t10_23 - t10_24;
-        let w_ixy_rod3_q1 = t10_25.mul_add(t10_8, t10_22);
-        let t10_26 = -w_ixy_rod3_q1;
-        let t10_27 = t10_20 * t10_10;
-        let t10_28 = t10_1.mul_add(x_u3_2_q2, t10_27);
-        let w_ixy_rod3_q2 = t10_25.mul_add(t10_13, t10_28);
-        let t10_29 = -w_ixy_rod3_q2;
-        let t10_30 = t10_20 * t10_15;
-        let t10_31 = (-t10_1).mul_add(x_u3_2_q3, t10_30);
-        let w_ixy_rod3_q3 = t10_25.mul_add(t10_18, t10_31);
-        w[35] = [t10_26, t10_29, w_ixy_rod3_q3];
-        let t10_32 = sin_u3_2 * al_u3_1x;
-        let al_rod3z = t10_32 + t10_7;
-        let t10_33 = t10_7 + al_rod3z;
-        let t10_34 = t10_33 * t10_3;
-        let t10_35 = w_rod3z * w_rod3z;
-        let t10_36 = t10_23 - t10_35;
-        let t10_37 = (-t10_36).mul_add(x_u3_2_q1, t10_34);
-        let t10_38 = t10_2 - al_rod3x;
-        let w_ixz_rod3_q1 = (-t10_38).mul_add(t10_8, t10_37);
-        let t10_39 = -w_ixz_rod3_q1;
-        let t10_40 = t10_33 * t10_10;
-        let t10_41 = (-t10_36).mul_add(x_u3_2_q2, t10_40);
-        let w_ixz_rod3_q2 = (-t10_38).mul_add(t10_13, t10_41);
-        let t10_42 = -w_ixz_rod3_q2;
-        let t10_43 = t10_33 * t10_15;
-        let t10_44 = t10_36.mul_add(x_u3_2_q3, t10_43);
-        let w_ixz_rod3_q3 = (-t10_38).mul_add(t10_18, t10_44);
-        w[36] = [t10_39, t10_42, w_ixz_rod3_q3];
+        let t9_4 = w_rod3z * w_rod3x;
+        let t9_5 = t9_4 * x_u3_2_q1;
+        let t9_6 = al_rod3x.mul_add(t9_3, t9_5);
+        let t9_7 = d_u3_2 * w_rod3x;
+        let t9_8 = sin_u3_2 * x_u3_1_q1;
+        let w_ixx_rod3_q1 = (-t9_7).mul_add(t9_8, t9_6);
+        let t9_9 = -w_ixx_rod3_q1;
+        let t9_10 = cos_u3_2 * x_u3_1_q2;
+        let t9_11 = t9_4 * x_u3_2_q2;
+        let t9_12 = al_rod3x.mul_add(t9_10, t9_11);
+        let t9_13 = sin_u3_2 * x_u3_1_q2;
+        let w_ixx_rod3_q2 = (-t9_7).mul_add(t9_13, t9_12);
+        let t9_14 = -w_ixx_rod3_q2;
+        let t9_15 = (-cos_u3_2).mul_add(x_u3_1_q3, cos_u3_2);
+        let t9_16 = t9_4 * x_u3_2_q3;
+        let t9_17 = al_rod3x.mul_add(t9_15, -t9_16);
+        let t9_18 = (-sin_u3_2).mul_add(x_u3_1_q3, sin_u3_2);
+        let t9_19 = t9_7 * t9_18;
+        let w_ixx_rod3_q3 = t9_17 - t9_19;
+        w[25] = [t9_9, t9_14, w_ixx_rod3_q3];
+        let t9_20 = dd_u3_2 - t9_4;
+        let t9_21 = t9_20 * t9_3;
+        let t9_22 = t9_1.mul_add(x_u3_2_q1, t9_21);
+        let t9_23 = w_rod3x * w_rod3x;
+        let t9_24 = d_u3_2 * d_u3_2;
+        let t9_25 = t9_23 - t9_24;
+        let w_ixy_rod3_q1 = t9_25.mul_add(t9_8, t9_22);
+        let t9_26 = -w_ixy_rod3_q1;
+        let t9_27 = t9_20 * t9_10;
+        let t9_28 = t9_1.mul_add(x_u3_2_q2, t9_27);
+        let w_ixy_rod3_q2 = t9_25.mul_add(t9_13, t9_28);
+        let t9_29 = -w_ixy_rod3_q2;
+        let t9_30 = t9_20 * t9_15;
+        let t9_31 = (-t9_1).mul_add(x_u3_2_q3, t9_30);
+        let w_ixy_rod3_q3 = t9_25.mul_add(t9_18, t9_31);
+        w[26] = [t9_26, t9_29, w_ixy_rod3_q3];
+        let t9_32 = sin_u3_2 * al_u3_1x;
+        let al_rod3z = t9_32 + t9_7;
+        let t9_33 = t9_7 + al_rod3z;
+        let t9_34 = t9_33 * t9_3;
+        let t9_35 = w_rod3z * w_rod3z;
+        let t9_36 = t9_23 - t9_35;
+        let t9_37 = (-t9_36).mul_add(x_u3_2_q1, t9_34);
+        let t9_38 = t9_2 - al_rod3x;
+        let w_ixz_rod3_q1 = (-t9_38).mul_add(t9_8, t9_37);
+        let t9_39 = -w_ixz_rod3_q1;
+        let t9_40 = t9_33 * t9_10;
+        let t9_41 = (-t9_36).mul_add(x_u3_2_q2, t9_40);
+        let w_ixz_rod3_q2 = (-t9_38).mul_add(t9_13, t9_41);
+        let t9_42 = -w_ixz_rod3_q2;
+        let t9_43 = t9_33 * t9_15;
+        let t9_44 = t9_36.mul_add(x_u3_2_q3, t9_43);
+        let w_ixz_rod3_q3 = (-t9_38).mul_add(t9_18, t9_44);
+        w[27] = [t9_39, t9_42, w_ixz_rod3_q3];
         let w_iyy_rod3_q1 = dd_u3_2 * x_u3_2_q1;
-        let t10_45 = -w_iyy_rod3_q1;
+        let t9_45 = -w_iyy_rod3_q1;
         let w_iyy_rod3_q2 = dd_u3_2 * x_u3_2_q2;
-        let t10_46 = -w_iyy_rod3_q2;
-        let t10_47 = t10_2 * t10_15;
-        let t10_48 = dd_u3_2.mul_add(x_u3_2_q3, t10_47);
-        let w_iyy_rod3_q3 = t10_19 - t10_48;
-        w[37] = [t10_45, t10_46, w_iyy_rod3_q3];
-        let t10_49 = t10_24 - t10_35;
-        let t10_50 = t10_49 * t10_3;
-        let t10_51 = t10_32.mul_add(x_u3_2_q1, t10_50);
-        let t10_52 = dd_u3_2 + t10_4;
-        let w_iyz_rod3_q1 = t10_52.mul_add(t10_8, t10_51);
-        let t10_53 = -w_iyz_rod3_q1;
-        let t10_54 = t10_49 * t10_10;
-        let t10_55 = t10_32.mul_add(x_u3_2_q2, t10_54);
-        let w_iyz_rod3_q2 = t10_52.mul_add(t10_13, t10_55);
-        let t10_56 = -w_iyz_rod3_q2;
-        let t10_57 = t10_49 * t10_15;
-        let t10_58 = (-t10_32).mul_add(x_u3_2_q3, t10_57);
-        let w_iyz_rod3_q3 = t10_52.mul_add(t10_18, t10_58);
-        w[38] = [t10_53, t10_56, w_iyz_rod3_q3];
-        let t10_59 = (-t10_2).mul_add(t10_3, t10_5);
-        let w_izz_rod3_q1 = (-al_rod3z).mul_add(t10_8, t10_59);
-        let t10_60 = (-t10_2).mul_add(t10_10, t10_11);
-        let w_izz_rod3_q2 = (-al_rod3z).mul_add(t10_13, t10_60);
-        let t10_61 = t10_16 + t10_47;
-        let w_izz_rod3_q3 = al_rod3z.mul_add(t10_18, t10_61);
-        w[39] = [w_izz_rod3_q1, w_izz_rod3_q2, w_izz_rod3_q3];
-        let t10_62 = d_q3 * d_q3;
-        let t10_63 = like.lift(-0.524).mul_add(t10_62, a_crank3y);
-        let t10_64 = cos_u3_1 * t10_63;
+        let t9_46 = -w_iyy_rod3_q2;
+        let t9_47 = t9_2 * t9_15;
+        let t9_48 = dd_u3_2.mul_add(x_u3_2_q3, t9_47);
+        let w_iyy_rod3_q3 = t9_19 - t9_48;
+        w[28] = [t9_45, t9_46, w_iyy_rod3_q3];
+        let t9_49 = t9_24 - t9_35;
+        let t9_50 = t9_49 * t9_3;
+        let t9_51 = t9_32.mul_add(x_u3_2_q1, t9_50);
+        let t9_52 = dd_u3_2 + t9_4;
+        let w_iyz_rod3_q1 = t9_52.mul_add(t9_8, t9_51);
+        let t9_53 = -w_iyz_rod3_q1;
+        let t9_54 = t9_49 * t9_10;
+        let t9_55 = t9_32.mul_add(x_u3_2_q2, t9_54);
+        let w_iyz_rod3_q2 = t9_52.mul_add(t9_13, t9_55);
+        let t9_56 = -w_iyz_rod3_q2;
+        let t9_57 = t9_49 * t9_15;
+        let t9_58 = (-t9_32).mul_add(x_u3_2_q3, t9_57);
+        let w_iyz_rod3_q3 = t9_52.mul_add(t9_18, t9_58);
+        w[29] = [t9_53, t9_56, w_iyz_rod3_q3];
+        let t9_59 = (-t9_2).mul_add(t9_3, t9_5);
+        let w_izz_rod3_q1 = (-al_rod3z).mul_add(t9_8, t9_59);
+        let t9_60 = (-t9_2).mul_add(t9_10, t9_11);
+        let w_izz_rod3_q2 = (-al_rod3z).mul_add(t9_13, t9_60);
+        let t9_61 = t9_16 + t9_47;
+        let w_izz_rod3_q3 = al_rod3z.mul_add(t9_18, t9_61);
+        w[30] = [w_izz_rod3_q1, w_izz_rod3_q2, w_izz_rod3_q3];
+        let t9_62 = d_q3 * d_q3;
+        let t9_63 = like.lift(-0.524).mul_add(t9_62, a_crank3y);
+        let t9_64 = cos_u3_1 * t9_63;
         let a_crank3z = like.lift(9.81) * cos_q3;
-        let t10_65 = like.lift(0.524).mul_add(dd_q3, a_crank3z);
-        let a_u3_1y = sin_u3_1.mul_add(t10_65, t10_64);
-        let t10_66 = a_u3_1y * t10_8;
-        let t10_67 = sin_u3_1 * t10_63;
-        let a_u3_1z = (-cos_u3_1).mul_add(t10_65, t10_67);
+        let t9_65 = like.lift(0.524).mul_add(dd_q3, a_crank3z);
+        let a_u3_1y = sin_u3_1.mul_add(t9_65, t9_64);
+        let t9_66 = a_u3_1y * t9_8;
+        let t9_67 = sin_u3_1 * t9_63;
+        let a_u3_1z = (-cos_u3_1).mul_add(t9_65, t9_67);
         let a_rod3z = cos_u3_2 * a_u3_1z;
-        let w_mx_rod3_q1 = a_rod3z.mul_add(x_u3_2_q1, t10_66);
-        let t10_68 = -w_mx_rod3_q1;
-        let t10_69 = a_u3_1y * t10_13;
-        let w_mx_rod3_q2 = a_rod3z.mul_add(x_u3_2_q2, t10_69);
-        let t10_70 = -w_mx_rod3_q2;
-        let t10_71 = cos_u3_1 * sin_u3_2;
-        let t10_72 = t10_24 + t10_35;
-        let t10_73 = t10_71 * t10_72;
-        let t10_74 = like.lift(0.524) * t10_73;
-        let t10_75 = sin_u3_1 * t10_33;
-        let t10_76 = like.lift(0.524).mul_add(t10_75, t10_74);
-        let t10_77 = cos_u3_1 * cos_u3_2;
-        let t10_78 = t10_77 * t10_20;
-        let t10_79 = like.lift(-0.524).mul_add(t10_78, t10_76);
-        let t10_80 = a_u3_1y * t10_18;
-        let t10_81 = (-a_rod3z).mul_add(x_u3_2_q3, t10_80);
-        let w_mx_rod3_q3 = t10_79 + t10_81;
-        w[40] = [t10_68, t10_70, w_mx_rod3_q3];
+        let w_mx_rod3_q1 = a_rod3z.mul_add(x_u3_2_q1, t9_66);
+        let t9_68 = -w_mx_rod3_q1;
+        let t9_69 = a_u3_1y * t9_13;
+        let w_mx_rod3_q2 = a_rod3z.mul_add(x_u3_2_q2, t9_69);
+        let t9_70 = -w_mx_rod3_q2;
+        let t9_71 = cos_u3_1 * sin_u3_2;
+        let t9_72 = t9_24 + t9_35;
+        let t9_73 = t9_71 * t9_72;
+        let t9_74 = like.lift(0.524) * t9_73;
+        let t9_75 = sin_u3_1 * t9_33;
+        let t9_76 = like.lift(0.524).mul_add(t9_75, t9_74);
+        let t9_77 = cos_u3_1 * cos_u3_2;
+        let t9_78 = t9_77 * t9_20;
+        let t9_79 = like.lift(-0.524).mul_add(t9_78, t9_76);
+        let t9_80 = a_u3_1y * t9_18;
+        let t9_81 = (-a_rod3z).mul_add(x_u3_2_q3, t9_80);
+        let w_mx_rod3_q3 = t9_79 + t9_81;
+        w[31] = [t9_68, t9_70, w_mx_rod3_q3];
         let w_my_rod3_q1 = a_u3_1z * x_u3_1_q1;
         let w_my_rod3_q2 = a_u3_1z * x_u3_1_q2;
-        let t10_82 = w_u3_1x * w_u3_1x;
-        let t10_83 = sin_u3_1 * t10_82;
-        let t10_84 = like.lift(0.524) * t10_83;
-        let t10_85 = cos_u3_1 * al_u3_1x;
-        let t10_86 = like.lift(-0.524).mul_add(t10_85, t10_84);
-        let t10_87 = a_rod3z * t10_15;
+        let t9_82 = w_u3_1x * w_u3_1x;
+        let t9_83 = sin_u3_1 * t9_82;
+        let t9_84 = like.lift(0.524) * t9_83;
+        let t9_85 = cos_u3_1 * al_u3_1x;
+        let t9_86 = like.lift(-0.524).mul_add(t9_85, t9_84);
+        let t9_87 = a_rod3z * t9_15;
         let a_rod3x = sin_u3_2 * a_u3_1z;
-        let t10_88 = a_rod3x.mul_add(t10_18, t10_87);
-        let w_my_rod3_q3 = t10_86 + t10_88;
-        let t10_89 = -w_my_rod3_q3;
-        w[41] = [w_my_rod3_q1, w_my_rod3_q2, t10_89];
-        let t10_90 = a_rod3x * x_u3_2_q1;
-        let w_mz_rod3_q1 = (-a_u3_1y).mul_add(t10_3, t10_90);
-        let t10_91 = -w_mz_rod3_q1;
-        let t10_92 = a_rod3x * x_u3_2_q2;
-        let w_mz_rod3_q2 = (-a_u3_1y).mul_add(t10_10, t10_92);
-        let t10_93 = -w_mz_rod3_q2;
-        let t10_94 = t10_71 * t10_52;
-        let t10_95 = like.lift(0.524) * t10_94;
-        let t10_96 = sin_u3_1 * t10_38;
-        let t10_97 = like.lift(-0.524).mul_add(t10_96, t10_95);
-        let t10_98 = t10_23 + t10_24;
-        let t10_99 = t10_77 * t10_98;
-        let t10_100 = like.lift(0.524).mul_add(t10_99, t10_97);
-        let t10_101 = a_rod3x * x_u3_2_q3;
-        let t10_102 = a_u3_1y.mul_add(t10_15, t10_101);
-        let w_mz_rod3_q3 = t10_100 + t10_102;
-        let t10_103 = -w_mz_rod3_q3;
-        w[42] = [t10_91, t10_93, t10_103];
+        let t9_88 = a_rod3x.mul_add(t9_18, t9_87);
+        let w_my_rod3_q3 = t9_86 + t9_88;
+        let t9_89 = -w_my_rod3_q3;
+        w[32] = [w_my_rod3_q1, w_my_rod3_q2, t9_89];
+        let t9_90 = a_rod3x * x_u3_2_q1;
+        let w_mz_rod3_q1 = (-a_u3_1y).mul_add(t9_3, t9_90);
+        let t9_91 = -w_mz_rod3_q1;
+        let t9_92 = a_rod3x * x_u3_2_q2;
+        let w_mz_rod3_q2 = (-a_u3_1y).mul_add(t9_10, t9_92);
+        let t9_93 = -w_mz_rod3_q2;
+        let t9_94 = t9_71 * t9_52;
+        let t9_95 = like.lift(0.524) * t9_94;
+        let t9_96 = sin_u3_1 * t9_38;
+        let t9_97 = like.lift(-0.524).mul_add(t9_96, t9_95);
+        let t9_98 = t9_23 + t9_24;
+        let t9_99 = t9_77 * t9_98;
+        let t9_100 = like.lift(0.524).mul_add(t9_99, t9_97);
+        let t9_101 = a_rod3x * x_u3_2_q3;
+        let t9_102 = a_u3_1y.mul_add(t9_15, t9_101);
+        let w_mz_rod3_q3 = t9_100 + t9_102;
+        let t9_103 = -w_mz_rod3_q3;
+        w[33] = [t9_91, t9_93, t9_103];
     }
     Condition { pivot: condition }
 }
@@ -14897,116 +14576,81 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `beta`: base parameters, in the order of `BASE`
 ///
-/// 54 additions, 34 multiplications, 0 divisions, 0 sines and cosines.
-pub fn to_base<T: Scalar>(phi: &[T; 70]) -> [T; 43] {
+/// 35 additions, 18 multiplications, 0 divisions, 0 sines and cosines.
+pub fn to_base<T: Scalar>(phi: &[T; 70]) -> [T; 34] {
     let like = phi[0];
-    let mut beta = [like.lift(0.0); 43];
+    let mut beta = [like.lift(0.0); 34];
     let [
         p_ixx_crank1, _, _, _, _, _, _, p_my_crank1, p_mz_crank1, _, p_ixx_rod1, p_ixy_rod1,
         p_ixz_rod1, p_iyy_rod1, p_iyz_rod1, p_izz_rod1, p_mx_rod1, p_my_rod1, p_mz_rod1,
-        p_m_rod1, p_ixx_platform, p_ixy_platform, p_ixz_platform, p_iyy_platform,
-        p_iyz_platform, p_izz_platform, p_mx_platform, p_my_platform, p_mz_platform,
-        p_m_platform, p_ixx_crank2, _, _, _, _, _, _, p_my_crank2, p_mz_crank2, _, p_ixx_rod2,
-        p_ixy_rod2, p_ixz_rod2, p_iyy_rod2, p_iyz_rod2, p_izz_rod2, p_mx_rod2, p_my_rod2,
-        p_mz_rod2, p_m_rod2, p_ixx_crank3, _, _, _, _, _, _, p_my_crank3, p_mz_crank3, _,
-        p_ixx_rod3, p_ixy_rod3, p_ixz_rod3, p_iyy_rod3, p_iyz_rod3, p_izz_rod3, p_mx_rod3,
-        p_my_rod3, p_mz_rod3, p_m_rod3,
+        p_m_rod1, _, _, _, _, _, _, _, _, _, p_m_platform, p_ixx_crank2, _, _, _, _, _, _,
+        p_my_crank2, p_mz_crank2, _, p_ixx_rod2, p_ixy_rod2, p_ixz_rod2, p_iyy_rod2,
+        p_iyz_rod2, p_izz_rod2, p_mx_rod2, p_my_rod2, p_mz_rod2, p_m_rod2, p_ixx_crank3, _, _,
+        _, _, _, _, p_my_crank3, p_mz_crank3, _, p_ixx_rod3, p_ixy_rod3, p_ixz_rod3,
+        p_iyy_rod3, p_iyz_rod3, p_izz_rod3, p_mx_rod3, p_my_rod3, p_mz_rod3, p_m_rod3,
     ] = *phi;
     // combinations
     {
-        let t1_1 = like.lift(0.09152533333333333).mul_add(p_m_platform, p_ixx_crank1);
-        let t1_2 = like.lift(0.274576).mul_add(p_m_rod1, t1_1);
-        let t1_3 = like.lift(4.1602424242424245) * p_my_platform;
-        let t1_4 = t1_2 + t1_3;
-        beta[0] = t1_4;
-        let t1_5 = like.lift(0.17466666666666666).mul_add(p_m_platform, p_my_crank1);
-        let t1_6 = like.lift(0.524).mul_add(p_m_rod1, t1_5);
-        let t1_7 = like.lift(7.9393939393939394) * p_my_platform;
-        let t1_8 = t1_6 + t1_7;
-        beta[1] = t1_8;
-        let t1_9 = like.lift(0.5158453333333334) * p_m_platform;
-        let t1_10 = p_ixx_rod1 + t1_9;
-        let t1_11 = like.lift(23.44751515151515) * p_my_platform;
-        let t1_12 = t1_10 + t1_11;
-        beta[3] = t1_12;
-        let t1_13 = p_iyy_rod1 + t1_9;
-        let t1_14 = t1_11 + t1_13;
-        beta[6] = t1_14;
-        let t1_15 = like.lift(-0.4146666666666667).mul_add(p_m_platform, p_mz_rod1);
-        let t1_16 = like.lift(18.848484848484848) * p_my_platform;
-        let t1_17 = t1_15 - t1_16;
-        beta[11] = t1_17;
-        let t1_18 = like.lift(0.022) * p_my_platform;
-        let t1_19 = p_ixx_platform - t1_18;
-        let t1_20 = like.lift(0.000968) * p_m_platform;
-        let t1_21 = t1_19 - t1_20;
-        beta[12] = t1_21;
-        let t1_22 = like.lift(-0.012701705922171767).mul_add(p_my_platform, p_ixy_platform);
-        let t1_23 = like.lift(0.0016766251817266732).mul_add(p_m_rod3, t1_22);
-        let t1_24 = like.lift(0.0005588750605755577).mul_add(p_m_platform, t1_23);
-        let t1_25 = like.lift(0.0031996663773409795).mul_add(p_my_crank3, t1_24);
-        beta[13] = t1_25;
-        let t1_26 = p_iyy_platform + t1_18;
-        let t1_27 = t1_20 - t1_26;
-        let t1_28 = -t1_27;
-        beta[15] = t1_28;
-        let t1_29 = like.lift(-0.001936).mul_add(p_m_platform, p_izz_platform);
-        beta[17] = t1_29;
-        let t1_30 = like.lift(-0.5773502691896257).mul_add(p_my_platform, p_mx_platform);
-        let t1_31 = like.lift(0.0762102355330306).mul_add(p_m_rod3, t1_30);
-        let t1_32 = like.lift(0.025403411844343533).mul_add(p_m_platform, t1_31);
-        let t1_33 = like.lift(0.14543938078822632).mul_add(p_my_crank3, t1_32);
-        beta[18] = t1_33;
-        let t1_34 = like.lift(0.524) * p_my_crank3;
-        let t1_35 = p_ixx_crank2 + t1_34;
-        let t1_36 = like.lift(0.274576).mul_add(p_m_rod3, t1_35);
-        let t1_37 = like.lift(0.274576).mul_add(p_m_rod2, t1_36);
-        let t1_38 = like.lift(0.18305066666666667).mul_add(p_m_platform, t1_37);
-        let t1_39 = t1_3 - t1_38;
-        let t1_40 = -t1_39;
-        beta[20] = t1_40;
-        let t1_41 = p_my_crank2 + p_my_crank3;
-        let t1_42 = like.lift(0.524).mul_add(p_m_rod3, t1_41);
-        let t1_43 = like.lift(0.524).mul_add(p_m_rod2, t1_42);
-        let t1_44 = like.lift(0.34933333333333333).mul_add(p_m_platform, t1_43);
-        let t1_45 = t1_7 - t1_44;
-        let t1_46 = -t1_45;
-        beta[21] = t1_46;
-        let t1_47 = like.lift(1.547536) * p_m_rod3;
-        let t1_48 = p_ixx_rod2 + t1_47;
-        let t1_49 = like.lift(1.0316906666666668) * p_m_platform;
-        let t1_50 = t1_48 + t1_49;
-        let t1_51 = like.lift(2.9533129770992366) * p_my_crank3;
-        let t1_52 = t1_50 + t1_51;
-        let t1_53 = t1_11 - t1_52;
-        let t1_54 = -t1_53;
-        beta[23] = t1_54;
-        let t1_55 = p_iyy_rod2 + t1_47;
-        let t1_56 = t1_49 + t1_55;
-        let t1_57 = t1_51 + t1_56;
-        let t1_58 = t1_11 - t1_57;
-        let t1_59 = -t1_58;
-        beta[26] = t1_59;
-        let t1_60 = like.lift(1.244) * p_m_rod3;
-        let t1_61 = p_mz_rod2 - t1_60;
-        let t1_62 = like.lift(-0.8293333333333334).mul_add(p_m_platform, t1_61);
-        let t1_63 = like.lift(2.3740458015267176) * p_my_crank3;
-        let t1_64 = t1_62 - t1_63;
-        let t1_65 = t1_16 + t1_64;
-        beta[31] = t1_65;
-        let t1_66 = p_ixx_crank3 - t1_34;
-        beta[32] = t1_66;
-        let t1_67 = p_ixx_rod3 - t1_47;
-        let t1_68 = t1_51 - t1_67;
-        let t1_69 = -t1_68;
-        beta[34] = t1_69;
-        let t1_70 = p_iyy_rod3 - t1_47;
-        let t1_71 = t1_51 - t1_70;
-        let t1_72 = -t1_71;
-        beta[37] = t1_72;
-        let t1_73 = p_mz_rod3 + t1_60;
-        let t1_74 = t1_63 + t1_73;
-        beta[42] = t1_74;
+        let t1_1 = like.lift(0.524) * p_my_crank3;
+        let t1_2 = p_ixx_crank1 + t1_1;
+        let t1_3 = like.lift(0.274576).mul_add(p_m_rod3, t1_2);
+        let t1_4 = like.lift(0.274576).mul_add(p_m_platform, t1_3);
+        let t1_5 = like.lift(0.274576).mul_add(p_m_rod1, t1_4);
+        let t1_6 = like.lift(0.22072025723472669) * p_mz_rod2;
+        let t1_7 = t1_5 - t1_6;
+        beta[0] = t1_7;
+        let t1_8 = p_my_crank1 + p_my_crank3;
+        let t1_9 = like.lift(0.524).mul_add(p_m_rod3, t1_8);
+        let t1_10 = like.lift(0.524).mul_add(p_m_platform, t1_9);
+        let t1_11 = like.lift(0.524).mul_add(p_m_rod1, t1_10);
+        let t1_12 = like.lift(0.4212218649517685) * p_mz_rod2;
+        let t1_13 = t1_11 - t1_12;
+        beta[1] = t1_13;
+        let t1_14 = like.lift(1.244) * p_mz_rod2;
+        let t1_15 = p_ixx_rod1 - t1_14;
+        let t1_16 = like.lift(1.547536) * p_m_rod3;
+        let t1_17 = t1_15 + t1_16;
+        let t1_18 = like.lift(1.547536) * p_m_platform;
+        let t1_19 = t1_17 + t1_18;
+        let t1_20 = like.lift(2.9533129770992366) * p_my_crank3;
+        let t1_21 = t1_19 + t1_20;
+        beta[3] = t1_21;
+        let t1_22 = p_iyy_rod1 - t1_14;
+        let t1_23 = t1_16 + t1_22;
+        let t1_24 = t1_18 + t1_23;
+        let t1_25 = t1_20 + t1_24;
+        beta[6] = t1_25;
+        let t1_26 = p_mz_rod1 + p_mz_rod2;
+        let t1_27 = like.lift(1.244) * p_m_rod3;
+        let t1_28 = t1_26 - t1_27;
+        let t1_29 = like.lift(1.244).mul_add(p_m_platform, -t1_28);
+        let t1_30 = like.lift(2.3740458015267176) * p_my_crank3;
+        let t1_31 = t1_29 + t1_30;
+        let t1_32 = -t1_31;
+        beta[11] = t1_32;
+        let t1_33 = like.lift(0.274576).mul_add(p_m_rod2, p_ixx_crank2);
+        let t1_34 = t1_6 + t1_33;
+        beta[12] = t1_34;
+        let t1_35 = like.lift(0.524).mul_add(p_m_rod2, p_my_crank2);
+        let t1_36 = t1_12 + t1_35;
+        beta[13] = t1_36;
+        let t1_37 = p_ixx_rod2 + t1_14;
+        beta[15] = t1_37;
+        let t1_38 = p_iyy_rod2 + t1_14;
+        beta[18] = t1_38;
+        let t1_39 = p_ixx_crank3 - t1_1;
+        beta[23] = t1_39;
+        let t1_40 = p_ixx_rod3 - t1_16;
+        let t1_41 = t1_20 - t1_40;
+        let t1_42 = -t1_41;
+        beta[25] = t1_42;
+        let t1_43 = p_iyy_rod3 - t1_16;
+        let t1_44 = t1_20 - t1_43;
+        let t1_45 = -t1_44;
+        beta[28] = t1_45;
+        let t1_46 = p_mz_rod3 + t1_27;
+        let t1_47 = t1_30 + t1_46;
+        beta[33] = t1_47;
         beta[2] = p_mz_crank1;
         beta[4] = p_ixy_rod1;
         beta[5] = p_ixz_rod1;
@@ -15014,23 +14658,20 @@ pub fn to_base<T: Scalar>(phi: &[T; 70]) -> [T; 43] {
         beta[8] = p_izz_rod1;
         beta[9] = p_mx_rod1;
         beta[10] = p_my_rod1;
-        beta[14] = p_ixz_platform;
-        beta[16] = p_iyz_platform;
-        beta[19] = p_mz_platform;
-        beta[22] = p_mz_crank2;
-        beta[24] = p_ixy_rod2;
-        beta[25] = p_ixz_rod2;
-        beta[27] = p_iyz_rod2;
-        beta[28] = p_izz_rod2;
-        beta[29] = p_mx_rod2;
-        beta[30] = p_my_rod2;
-        beta[33] = p_mz_crank3;
-        beta[35] = p_ixy_rod3;
-        beta[36] = p_ixz_rod3;
-        beta[38] = p_iyz_rod3;
-        beta[39] = p_izz_rod3;
-        beta[40] = p_mx_rod3;
-        beta[41] = p_my_rod3;
+        beta[14] = p_mz_crank2;
+        beta[16] = p_ixy_rod2;
+        beta[17] = p_ixz_rod2;
+        beta[19] = p_iyz_rod2;
+        beta[20] = p_izz_rod2;
+        beta[21] = p_mx_rod2;
+        beta[22] = p_my_rod2;
+        beta[24] = p_mz_crank3;
+        beta[26] = p_ixy_rod3;
+        beta[27] = p_ixz_rod3;
+        beta[29] = p_iyz_rod3;
+        beta[30] = p_izz_rod3;
+        beta[31] = p_mx_rod3;
+        beta[32] = p_my_rod3;
     }
     beta
 }
@@ -15041,111 +14682,79 @@ pub fn to_base<T: Scalar>(phi: &[T; 70]) -> [T; 43] {
 /// - `free`: values of the eliminated parameters, in the order of `FREE`
 /// - `phi`: dynamic parameters, in the order of `PARAMETERS`
 ///
-/// 49 additions, 34 multiplications, 0 divisions, 0 sines and cosines.
-pub fn parameters_from_base<T: Scalar>(beta: &[T; 43], free: &[T; 27]) -> [T; 70] {
+/// 31 additions, 18 multiplications, 0 divisions, 0 sines and cosines.
+pub fn parameters_from_base<T: Scalar>(beta: &[T; 34], free: &[T; 36]) -> [T; 70] {
     let like = beta[0];
     let mut phi = [like.lift(0.0); 70];
     let [
         p_ixx_crank1, p_my_crank1, p_mz_crank1, p_ixx_rod1, p_ixy_rod1, p_ixz_rod1, p_iyy_rod1,
-        p_iyz_rod1, p_izz_rod1, p_mx_rod1, p_my_rod1, p_mz_rod1, p_ixx_platform,
-        p_ixy_platform, p_ixz_platform, p_iyy_platform, p_iyz_platform, p_izz_platform,
-        p_mx_platform, p_mz_platform, p_ixx_crank2, p_my_crank2, p_mz_crank2, p_ixx_rod2,
-        p_ixy_rod2, p_ixz_rod2, p_iyy_rod2, p_iyz_rod2, p_izz_rod2, p_mx_rod2, p_my_rod2,
-        p_mz_rod2, p_ixx_crank3, p_mz_crank3, p_ixx_rod3, p_ixy_rod3, p_ixz_rod3, p_iyy_rod3,
-        p_iyz_rod3, p_izz_rod3, p_mx_rod3, p_my_rod3, p_mz_rod3,
+        p_iyz_rod1, p_izz_rod1, p_mx_rod1, p_my_rod1, p_mz_rod1, p_ixx_crank2, p_my_crank2,
+        p_mz_crank2, p_ixx_rod2, p_ixy_rod2, p_ixz_rod2, p_iyy_rod2, p_iyz_rod2, p_izz_rod2,
+        p_mx_rod2, p_my_rod2, p_ixx_crank3, p_mz_crank3, p_ixx_rod3, p_ixy_rod3, p_ixz_rod3,
+        p_iyy_rod3, p_iyz_rod3, p_izz_rod3, p_mx_rod3, p_my_rod3, p_mz_rod3,
     ] = *beta;
     let [
         p_ixy_crank1, p_ixz_crank1, p_iyy_crank1, p_iyz_crank1, p_izz_crank1, p_mx_crank1,
-        p_m_crank1, p_m_rod1, p_my_platform, p_m_platform, p_ixy_crank2, p_ixz_crank2,
-        p_iyy_crank2, p_iyz_crank2, p_izz_crank2, p_mx_crank2, p_m_crank2, p_m_rod2,
-        p_ixy_crank3, p_ixz_crank3, p_iyy_crank3, p_iyz_crank3, p_izz_crank3, p_mx_crank3,
-        p_my_crank3, p_m_crank3, p_m_rod3,
+        p_m_crank1, p_m_rod1, p_ixx_platform, p_ixy_platform, p_ixz_platform, p_iyy_platform,
+        p_iyz_platform, p_izz_platform, p_mx_platform, p_my_platform, p_mz_platform,
+        p_m_platform, p_ixy_crank2, p_ixz_crank2, p_iyy_crank2, p_iyz_crank2, p_izz_crank2,
+        p_mx_crank2, p_m_crank2, p_mz_rod2, p_m_rod2, p_ixy_crank3, p_ixz_crank3, p_iyy_crank3,
+        p_iyz_crank3, p_izz_crank3, p_mx_crank3, p_my_crank3, p_m_crank3, p_m_rod3,
     ] = *free;
     // phi
     {
-        let t1_1 = like.lift(0.09152533333333333) * p_m_platform;
-        let t1_2 = like.lift(0.274576).mul_add(p_m_rod1, t1_1);
-        let t1_3 = like.lift(4.1602424242424245) * p_my_platform;
-        let t1_4 = t1_2 + t1_3;
-        let t1_5 = p_ixx_crank1 - t1_4;
-        phi[0] = t1_5;
-        let t1_6 = like.lift(0.17466666666666666) * p_m_platform;
-        let t1_7 = like.lift(0.524).mul_add(p_m_rod1, t1_6);
-        let t1_8 = like.lift(7.9393939393939394) * p_my_platform;
-        let t1_9 = t1_7 + t1_8;
-        let t1_10 = p_my_crank1 - t1_9;
-        phi[7] = t1_10;
-        let t1_11 = like.lift(23.44751515151515) * p_my_platform;
-        let t1_12 = like.lift(0.5158453333333334).mul_add(p_m_platform, t1_11);
-        let t1_13 = p_ixx_rod1 - t1_12;
-        phi[10] = t1_13;
-        let t1_14 = p_iyy_rod1 - t1_12;
-        phi[13] = t1_14;
-        let t1_15 = like.lift(18.848484848484848) * p_my_platform;
-        let t1_16 = like.lift(0.4146666666666667).mul_add(p_m_platform, t1_15);
-        let t1_17 = p_mz_rod1 + t1_16;
-        phi[18] = t1_17;
-        let t1_18 = like.lift(0.022) * p_my_platform;
-        let t1_19 = like.lift(0.000968) * p_m_platform;
-        let t1_20 = t1_18 + t1_19;
-        let t1_21 = p_ixx_platform + t1_20;
-        phi[20] = t1_21;
-        let t1_22 = like.lift(0.012701705922171767) * p_my_platform;
-        let t1_23 = like.lift(-0.0016766251817266732).mul_add(p_m_rod3, t1_22);
-        let t1_24 = like.lift(-0.0005588750605755577).mul_add(p_m_platform, t1_23);
-        let t1_25 = like.lift(-0.0031996663773409795).mul_add(p_my_crank3, t1_24);
-        let t1_26 = p_ixy_platform + t1_25;
-        phi[21] = t1_26;
-        let t1_27 = t1_18 - t1_19;
-        let t1_28 = p_iyy_platform - t1_27;
-        phi[23] = t1_28;
-        let t1_29 = like.lift(0.001936).mul_add(p_m_platform, p_izz_platform);
-        phi[25] = t1_29;
-        let t1_30 = like.lift(0.5773502691896257) * p_my_platform;
-        let t1_31 = like.lift(-0.0762102355330306).mul_add(p_m_rod3, t1_30);
-        let t1_32 = like.lift(-0.025403411844343533).mul_add(p_m_platform, t1_31);
-        let t1_33 = like.lift(-0.14543938078822632).mul_add(p_my_crank3, t1_32);
-        let t1_34 = p_mx_platform + t1_33;
-        phi[26] = t1_34;
-        let t1_35 = like.lift(0.524) * p_my_crank3;
-        let t1_36 = like.lift(0.274576).mul_add(p_m_rod3, t1_35);
-        let t1_37 = like.lift(0.274576).mul_add(p_m_rod2, t1_36);
-        let t1_38 = like.lift(0.18305066666666667).mul_add(p_m_platform, t1_37);
-        let t1_39 = t1_3 - t1_38;
-        let t1_40 = p_ixx_crank2 + t1_39;
-        phi[30] = t1_40;
-        let t1_41 = like.lift(0.524).mul_add(p_m_rod3, p_my_crank3);
-        let t1_42 = like.lift(0.524).mul_add(p_m_rod2, t1_41);
-        let t1_43 = like.lift(0.34933333333333333).mul_add(p_m_platform, t1_42);
-        let t1_44 = t1_8 - t1_43;
-        let t1_45 = p_my_crank2 + t1_44;
-        phi[37] = t1_45;
-        let t1_46 = like.lift(1.547536) * p_m_rod3;
-        let t1_47 = like.lift(1.0316906666666668).mul_add(p_m_platform, t1_46);
-        let t1_48 = like.lift(2.9533129770992366) * p_my_crank3;
-        let t1_49 = t1_47 + t1_48;
-        let t1_50 = t1_11 - t1_49;
-        let t1_51 = p_ixx_rod2 + t1_50;
-        phi[40] = t1_51;
-        let t1_52 = p_iyy_rod2 + t1_50;
-        phi[43] = t1_52;
-        let t1_53 = like.lift(1.244) * p_m_rod3;
-        let t1_54 = like.lift(0.8293333333333334).mul_add(p_m_platform, t1_53);
-        let t1_55 = like.lift(2.3740458015267176) * p_my_crank3;
-        let t1_56 = t1_54 + t1_55;
-        let t1_57 = t1_15 - t1_56;
-        let t1_58 = p_mz_rod2 - t1_57;
-        phi[48] = t1_58;
-        let t1_59 = p_ixx_crank3 + t1_35;
-        phi[50] = t1_59;
-        let t1_60 = t1_46 + t1_48;
-        let t1_61 = p_ixx_rod3 + t1_60;
-        phi[60] = t1_61;
-        let t1_62 = p_iyy_rod3 + t1_60;
-        phi[63] = t1_62;
-        let t1_63 = t1_53 + t1_55;
-        let t1_64 = p_mz_rod3 - t1_63;
-        phi[68] = t1_64;
+        let t1_1 = like.lift(0.524) * p_my_crank3;
+        let t1_2 = like.lift(0.274576).mul_add(p_m_rod3, t1_1);
+        let t1_3 = like.lift(0.274576).mul_add(p_m_platform, t1_2);
+        let t1_4 = like.lift(0.274576).mul_add(p_m_rod1, t1_3);
+        let t1_5 = like.lift(0.22072025723472669) * p_mz_rod2;
+        let t1_6 = t1_4 - t1_5;
+        let t1_7 = p_ixx_crank1 - t1_6;
+        phi[0] = t1_7;
+        let t1_8 = like.lift(0.524).mul_add(p_m_rod3, p_my_crank3);
+        let t1_9 = like.lift(0.524).mul_add(p_m_platform, t1_8);
+        let t1_10 = like.lift(0.524).mul_add(p_m_rod1, t1_9);
+        let t1_11 = like.lift(0.4212218649517685) * p_mz_rod2;
+        let t1_12 = t1_10 - t1_11;
+        let t1_13 = p_my_crank1 - t1_12;
+        phi[7] = t1_13;
+        let t1_14 = like.lift(1.244) * p_mz_rod2;
+        let t1_15 = like.lift(1.547536) * p_m_rod3;
+        let t1_16 = t1_14 - t1_15;
+        let t1_17 = like.lift(-1.547536).mul_add(p_m_platform, t1_16);
+        let t1_18 = like.lift(2.9533129770992366) * p_my_crank3;
+        let t1_19 = t1_17 - t1_18;
+        let t1_20 = p_ixx_rod1 + t1_19;
+        phi[10] = t1_20;
+        let t1_21 = p_iyy_rod1 + t1_19;
+        phi[13] = t1_21;
+        let t1_22 = like.lift(1.244) * p_m_rod3;
+        let t1_23 = p_mz_rod2 - t1_22;
+        let t1_24 = like.lift(-1.244).mul_add(p_m_platform, t1_23);
+        let t1_25 = like.lift(2.3740458015267176) * p_my_crank3;
+        let t1_26 = t1_24 - t1_25;
+        let t1_27 = p_mz_rod1 - t1_26;
+        phi[18] = t1_27;
+        let t1_28 = like.lift(0.274576).mul_add(p_m_rod2, t1_5);
+        let t1_29 = p_ixx_crank2 - t1_28;
+        phi[30] = t1_29;
+        let t1_30 = like.lift(0.524).mul_add(p_m_rod2, t1_11);
+        let t1_31 = p_my_crank2 - t1_30;
+        phi[37] = t1_31;
+        let t1_32 = p_ixx_rod2 - t1_14;
+        phi[40] = t1_32;
+        let t1_33 = p_iyy_rod2 - t1_14;
+        phi[43] = t1_33;
+        let t1_34 = p_ixx_crank3 + t1_1;
+        phi[50] = t1_34;
+        let t1_35 = t1_15 + t1_18;
+        let t1_36 = p_ixx_rod3 + t1_35;
+        phi[60] = t1_36;
+        let t1_37 = p_iyy_rod3 + t1_35;
+        phi[63] = t1_37;
+        let t1_38 = t1_22 + t1_25;
+        let t1_39 = p_mz_rod3 - t1_38;
+        phi[68] = t1_39;
         phi[1] = p_ixy_crank1;
         phi[2] = p_ixz_crank1;
         phi[3] = p_iyy_crank1;
@@ -15161,8 +14770,13 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 43], free: &[T; 27]) -> [T; 70
         phi[16] = p_mx_rod1;
         phi[17] = p_my_rod1;
         phi[19] = p_m_rod1;
+        phi[20] = p_ixx_platform;
+        phi[21] = p_ixy_platform;
         phi[22] = p_ixz_platform;
+        phi[23] = p_iyy_platform;
         phi[24] = p_iyz_platform;
+        phi[25] = p_izz_platform;
+        phi[26] = p_mx_platform;
         phi[27] = p_my_platform;
         phi[28] = p_mz_platform;
         phi[29] = p_m_platform;
@@ -15180,6 +14794,7 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 43], free: &[T; 27]) -> [T; 70
         phi[45] = p_izz_rod2;
         phi[46] = p_mx_rod2;
         phi[47] = p_my_rod2;
+        phi[48] = p_mz_rod2;
         phi[49] = p_m_rod2;
         phi[51] = p_ixy_crank3;
         phi[52] = p_ixz_crank3;
@@ -15209,34 +14824,35 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 43], free: &[T; 27]) -> [T; 70
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
 ///
-/// 568 additions, 757 multiplications, 8 divisions, 11 sines and cosines.
-pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], beta: &[T; 43]) -> ([T; 3], Condition<T>) {
+/// 472 additions, 657 multiplications, 8 divisions, 11 sines and cosines.
+pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], beta: &[T; 34]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
-    let [d_q1, d_u1_1, d_u1_2, d_e1y, d_e1x, d_q2, d_u2_1, d_u2_2, d_q3, d_u3_1, d_u3_2] = *qd;
+    let [d_q1, d_u1_1, d_u1_2, _, _, d_q2, d_u2_1, d_u2_2, d_q3, d_u3_1, d_u3_2] = *qd;
     let [
-        dd_q1, dd_u1_1, dd_u1_2, dd_e1y, dd_e1x, dd_q2, dd_u2_1, dd_u2_2, dd_q3, dd_u3_1,
-        dd_u3_2,
+        dd_q1, dd_u1_1, dd_u1_2, _, _, dd_q2, dd_u2_1, dd_u2_2, dd_q3, dd_u3_1, dd_u3_2,
     ] = *qdd;
     let [
         p_ixx_crank1, p_my_crank1, p_mz_crank1, p_ixx_rod1, p_ixy_rod1, p_ixz_rod1, p_iyy_rod1,
-        p_iyz_rod1, p_izz_rod1, p_mx_rod1, p_my_rod1, p_mz_rod1, p_ixx_platform,
-        p_ixy_platform, p_ixz_platform, p_iyy_platform, p_iyz_platform, p_izz_platform,
-        p_mx_platform, p_mz_platform, p_ixx_crank2, p_my_crank2, p_mz_crank2, p_ixx_rod2,
-        p_ixy_rod2, p_ixz_rod2, p_iyy_rod2, p_iyz_rod2, p_izz_rod2, p_mx_rod2, p_my_rod2,
-        p_mz_rod2, p_ixx_crank3, p_mz_crank3, p_ixx_rod3, p_ixy_rod3, p_ixz_rod3, p_iyy_rod3,
-        p_iyz_rod3, p_izz_rod3, p_mx_rod3, p_my_rod3, p_mz_rod3,
+        p_iyz_rod1, p_izz_rod1, p_mx_rod1, p_my_rod1, p_mz_rod1, p_ixx_crank2, p_my_crank2,
+        p_mz_crank2, p_ixx_rod2, p_ixy_rod2, p_ixz_rod2, p_iyy_rod2, p_iyz_rod2, p_izz_rod2,
+        p_mx_rod2, p_my_rod2, p_ixx_crank3, p_mz_crank3, p_ixx_rod3, p_ixy_rod3, p_ixz_rod3,
+        p_iyy_rod3, p_iyz_rod3, p_izz_rod3, p_mx_rod3, p_my_rod3, p_mz_rod3,
     ] = *beta;
     let mut condition = like.lift(1.0);
     // tau, part 1
     let [
         cos_u1_2, t1_6, al_rod1x, t1_10, al_rod1z, t1_13, t1_16, sin_u1_1, cos_u1_1, a_rod1x,
-        sin_e1y, sin_e1x, cos_e1x, sin_u1_2_e1y, cos_u1_2_e1y, a_rod1z, t1_70, t1_90, t1_108,
-        t1_117, t1_136, t1_159, t1_164, e_e1x_q1z, t1_165, t1_166, t1_167, t1_168, e_e1x_q1y,
-        t1_169, sin_q1_u1_1, cos_q1_u1_1, t1_174, t1_175, t1_176, t1_178, t1_181, t1_185,
-        t1_189, t1_194, t1_195, t1_196, t1_197, t1_198, t1_200, sin_q2, cos_q2, t1_201, t1_202,
-        t1_203,
+        t1_37, a_rod1z, t1_46, t1_68, sin_e1x, cos_e1x, sin_u1_2_e1y, cos_u1_2_e1y, e_e1x_q1z,
+        t1_71, t1_72, t1_73, t1_74, e_e1x_q1y, t1_75, t1_81, t1_82, t1_95, t1_100, t1_102,
+        t1_103, t1_104, t1_106, sin_q2, cos_q2, t1_107, t1_108, sin_u2_2, cos_u2_2, sin_u2_1,
+        cos_u2_1, t1_118, t1_119, t1_120, t1_122, t1_127, t1_128, t1_129, t1_131, t1_132,
+        t1_133, t1_144, t1_146, t1_148, t1_151, t1_152, u_e1x_u1_1y, t1_154, t1_155, t1_156,
+        u_e1x_u1_2y, t1_158, t1_159, t1_160, t1_164, t1_165, t1_166, t1_167, t1_169, t1_170,
+        t1_171, t1_181, t1_182, t1_183, t1_185, t1_188, t1_191, pivot_1, t1_193,
+        u_platform_u1_1z, t1_194, t1_195, t1_196, t1_197, u_e1x_u1_2z, t1_199, t1_200, t1_201,
+        t1_203, t1_205, t1_211, t1_212, t1_213, t1_215,
     ] = {
         let (sin_q1, cos_q1) = q1.sin_cos();
         let t1_1 = cos_q1 * p_my_crank1;
@@ -15282,803 +14898,694 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
         let a_rod1x = sin_u1_2 * a_u1_1z;
         let t1_29 = (-a_rod1x).mul_add(p_my_rod1, t1_27);
         let t1_30 = t1_22 + t1_29;
-        let (sin_e1y, cos_e1y) = e1y.sin_cos();
-        let (sin_e1x, cos_e1x) = e1x.sin_cos();
-        let t1_31 = cos_u1_2 * sin_e1y;
-        let t1_32 = sin_u1_2 * sin_e1y;
-        let sin_u1_2_e1y = sin_u1_2.mul_add(cos_e1y, t1_31);
-        let cos_u1_2_e1y = cos_u1_2.mul_add(cos_e1y, -t1_32);
-        let w_e1yz = sin_u1_2_e1y * w_u1_1x;
-        let t1_33 = sin_e1y * al_rod1z;
-        let t1_34 = cos_e1y.mul_add(al_rod1x, t1_33);
-        let al_e1yx = d_e1y.mul_add(w_e1yz, t1_34);
-        let al_e1xx = dd_e1x - al_e1yx;
-        let t1_35 = al_e1xx * p_ixy_platform;
-        let w_e1yy = d_u1_2 + d_e1y;
-        let t1_36 = sin_e1x * w_e1yy;
-        let w_e1xz = (-cos_e1x).mul_add(w_e1yz, t1_36);
-        let al_e1yy = dd_u1_2 + dd_e1y;
-        let t1_37 = cos_e1x * al_e1yy;
-        let w_e1yx = cos_u1_2_e1y * w_u1_1x;
-        let t1_38 = cos_e1y * al_rod1z;
-        let t1_39 = (-sin_e1y).mul_add(al_rod1x, t1_38);
-        let al_e1yz = d_e1y.mul_add(w_e1yx, t1_39);
-        let t1_40 = sin_e1x.mul_add(al_e1yz, t1_37);
-        let al_e1xy = d_e1x.mul_add(w_e1xz, -t1_40);
-        let t1_41 = (-al_e1xy).mul_add(p_iyy_platform, t1_35);
-        let t1_42 = cos_e1x * w_e1yy;
-        let w_e1xy = sin_e1x.mul_add(w_e1yz, t1_42);
-        let t1_43 = sin_e1x * al_e1yy;
-        let t1_44 = (-cos_e1x).mul_add(al_e1yz, t1_43);
-        let al_e1xz = d_e1x.mul_add(w_e1xy, t1_44);
-        let t1_45 = (-al_e1xz).mul_add(p_iyz_platform, t1_41);
-        let w_e1xx = d_e1x + w_e1yx;
-        let t1_46 = w_e1xy * w_e1xx;
-        let t1_47 = w_e1xy * w_e1xz;
-        let t1_48 = w_e1xz * w_e1xx;
-        let t1_49 = p_ixx_platform - p_izz_platform;
-        let t1_50 = t1_48 * t1_49;
-        let t1_51 = w_e1xx * w_e1xx;
-        let t1_52 = w_e1xz * w_e1xz;
-        let t1_53 = t1_51 - t1_52;
-        let t1_54 = t1_53.mul_add(p_ixz_platform, t1_50);
-        let t1_55 = t1_47.mul_add(p_ixy_platform, t1_54);
-        let t1_56 = t1_46.mul_add(p_iyz_platform, t1_55);
-        let t1_57 = t1_45 - t1_56;
-        let t1_58 = t1_16 + t1_17;
+        let t1_31 = sin_u1_2 * t1_30;
+        let t1_32 = al_rod1x * p_ixx_rod1;
+        let t1_33 = (-dd_u1_2).mul_add(p_ixy_rod1, t1_32);
+        let t1_34 = (-al_rod1z).mul_add(p_ixz_rod1, t1_33);
+        let t1_35 = p_iyy_rod1 - p_izz_rod1;
+        let t1_36 = t1_6 * t1_35;
+        let t1_37 = w_rod1z * w_rod1z;
+        let t1_38 = t1_17 - t1_37;
+        let t1_39 = (-t1_38).mul_add(p_iyz_rod1, t1_36);
+        let t1_40 = t1_10.mul_add(p_ixz_rod1, -t1_39);
+        let t1_41 = t1_13.mul_add(p_ixy_rod1, -t1_40);
+        let t1_42 = t1_34 + t1_41;
         let a_rod1z = cos_u1_2 * a_u1_1z;
-        let t1_59 = like.lift(1.244).mul_add(t1_58, a_rod1z);
-        let t1_60 = sin_e1y * t1_59;
-        let t1_61 = dd_u1_2 + t1_13;
-        let t1_62 = like.lift(1.244).mul_add(t1_61, a_rod1x);
-        let a_e1yx = cos_e1y.mul_add(t1_62, t1_60);
-        let t1_63 = t1_46 + al_e1xz;
-        let a_platformx = like.lift(0.044).mul_add(t1_63, a_e1yx);
-        let t1_64 = a_platformx * p_mz_platform;
-        let t1_65 = t1_6 + al_rod1x;
-        let a_e1yy = like.lift(1.244).mul_add(t1_65, a_u1_1y);
-        let t1_66 = sin_e1x * a_e1yy;
-        let t1_67 = cos_e1y * t1_59;
-        let a_e1yz = (-sin_e1y).mul_add(t1_62, t1_67);
-        let a_e1xz = cos_e1x.mul_add(a_e1yz, t1_66);
-        let t1_68 = t1_47 - al_e1xx;
-        let a_platformz = like.lift(0.044).mul_add(t1_68, a_e1xz);
-        let t1_69 = a_platformz.mul_add(p_mx_platform, t1_64);
-        let t1_70 = t1_57 - t1_69;
-        let t1_71 = sin_e1x * t1_70;
-        let t1_72 = al_e1xx * p_ixz_platform;
-        let t1_73 = (-al_e1xy).mul_add(p_iyz_platform, t1_72);
-        let t1_74 = (-al_e1xz).mul_add(p_izz_platform, t1_73);
-        let t1_75 = p_ixx_platform - p_iyy_platform;
-        let t1_76 = t1_46 * t1_75;
-        let t1_77 = w_e1xy * w_e1xy;
-        let t1_78 = t1_51 - t1_77;
-        let t1_79 = (-t1_78).mul_add(p_ixy_platform, t1_76);
-        let t1_80 = t1_48.mul_add(p_iyz_platform, t1_79);
-        let t1_81 = t1_47.mul_add(p_ixz_platform, -t1_80);
-        let t1_82 = t1_74 + t1_81;
-        let t1_83 = t1_51 + t1_52;
-        let t1_84 = cos_e1x * a_e1yy;
-        let a_e1xy = (-sin_e1x).mul_add(a_e1yz, t1_84);
-        let a_platformy = like.lift(0.044).mul_add(t1_83, -a_e1xy);
-        let t1_85 = a_platformy.mul_add(p_mx_platform, t1_82);
-        let t1_86 = t1_77 + t1_52;
-        let t1_87 = t1_86 * p_mx_platform;
-        let t1_88 = t1_48 + al_e1xy;
-        let t1_89 = t1_88.mul_add(p_mz_platform, t1_87);
-        let t1_90 = like.lift(-0.044).mul_add(t1_89, t1_85);
-        let t1_91 = cos_e1x.mul_add(t1_90, t1_71);
-        let t1_92 = cos_e1y * t1_91;
-        let t1_93 = al_e1xx * p_ixx_platform;
-        let t1_94 = (-al_e1xy).mul_add(p_ixy_platform, t1_93);
-        let t1_95 = (-al_e1xz).mul_add(p_ixz_platform, t1_94);
-        let t1_96 = p_iyy_platform - p_izz_platform;
-        let t1_97 = t1_47 * t1_96;
-        let t1_98 = t1_77 - t1_52;
-        let t1_99 = t1_98.mul_add(p_iyz_platform, t1_97);
-        let t1_100 = t1_46.mul_add(p_ixz_platform, t1_99);
-        let t1_101 = t1_48.mul_add(p_ixy_platform, t1_100);
-        let t1_102 = t1_95 + t1_101;
-        let t1_103 = (-a_platformy).mul_add(p_mz_platform, t1_102);
-        let t1_104 = t1_48 - al_e1xy;
-        let t1_105 = t1_104 * p_mx_platform;
-        let t1_106 = t1_51 + t1_77;
-        let t1_107 = t1_106.mul_add(p_mz_platform, t1_105);
-        let t1_108 = like.lift(0.044).mul_add(t1_107, t1_103);
-        let t1_109 = (-sin_e1y).mul_add(t1_108, t1_92);
-        let t1_110 = t1_30 - t1_109;
-        let t1_111 = sin_u1_2 * t1_110;
-        let t1_112 = al_rod1x * p_ixx_rod1;
-        let t1_113 = (-dd_u1_2).mul_add(p_ixy_rod1, t1_112);
-        let t1_114 = (-al_rod1z).mul_add(p_ixz_rod1, t1_113);
-        let t1_115 = p_iyy_rod1 - p_izz_rod1;
-        let t1_116 = t1_6 * t1_115;
-        let t1_117 = w_rod1z * w_rod1z;
-        let t1_118 = t1_17 - t1_117;
-        let t1_119 = (-t1_118).mul_add(p_iyz_rod1, t1_116);
-        let t1_120 = t1_10.mul_add(p_ixz_rod1, -t1_119);
-        let t1_121 = t1_13.mul_add(p_ixy_rod1, -t1_120);
-        let t1_122 = t1_114 + t1_121;
-        let t1_123 = a_rod1z * p_my_rod1;
-        let t1_124 = a_u1_1y.mul_add(p_mz_rod1, t1_123);
-        let t1_125 = t1_122 - t1_124;
-        let t1_126 = sin_e1y * t1_91;
-        let t1_127 = cos_e1y.mul_add(t1_108, t1_126);
-        let t1_128 = t1_46 - al_e1xz;
-        let t1_129 = t1_128 * p_mx_platform;
-        let t1_130 = t1_47 + al_e1xx;
-        let t1_131 = (-t1_130).mul_add(p_mz_platform, t1_129);
-        let t1_132 = cos_e1x * t1_131;
-        let t1_133 = sin_e1x.mul_add(t1_107, t1_132);
-        let t1_134 = like.lift(1.244).mul_add(t1_133, t1_127);
-        let t1_135 = t1_125 - t1_134;
-        let t1_136 = cos_u1_2.mul_add(t1_135, t1_111);
-        let t1_137 = t1_10 + al_rod1z;
-        let t1_138 = t1_137 * p_mx_rod1;
-        let t1_139 = w_u1_1x * w_u1_1x;
-        let t1_140 = (-t1_139).mul_add(p_my_rod1, t1_138);
-        let t1_141 = t1_65.mul_add(p_mz_rod1, t1_140);
-        let t1_142 = t1_141 + t1_133;
-        let t1_143 = sin_u1_1 * t1_142;
-        let t1_144 = dd_u1_2 - t1_13;
-        let t1_145 = t1_144 * p_mx_rod1;
-        let t1_146 = (-t1_7).mul_add(p_my_rod1, t1_145);
-        let t1_147 = t1_58.mul_add(p_mz_rod1, t1_146);
-        let t1_148 = sin_e1x * t1_131;
-        let t1_149 = (-cos_e1x).mul_add(t1_107, t1_148);
-        let t1_150 = cos_e1y * t1_149;
-        let t1_151 = sin_e1y.mul_add(t1_89, t1_150);
-        let t1_152 = t1_147 - t1_151;
-        let t1_153 = cos_u1_2 * t1_152;
-        let t1_154 = t1_17 + t1_117;
-        let t1_155 = t1_154 * p_mx_rod1;
-        let t1_156 = t1_11.mul_add(p_my_rod1, t1_155);
-        let t1_157 = (-t1_61).mul_add(p_mz_rod1, t1_156);
-        let t1_158 = sin_e1y * t1_149;
-        let t1_159 = (-cos_e1y).mul_add(t1_89, t1_158);
-        let t1_160 = t1_157 - t1_159;
-        let t1_161 = (-sin_u1_2).mul_add(t1_160, t1_153);
-        let t1_162 = (-cos_u1_1).mul_add(t1_161, t1_143);
-        let t1_163 = like.lift(-0.524).mul_add(t1_162, t1_136);
-        let t1_164 = t1_5 - t1_163;
+        let t1_43 = a_rod1z * p_my_rod1;
+        let t1_44 = a_u1_1y.mul_add(p_mz_rod1, t1_43);
+        let t1_45 = t1_42 - t1_44;
+        let t1_46 = cos_u1_2.mul_add(t1_45, t1_31);
+        let t1_47 = t1_10 + al_rod1z;
+        let t1_48 = t1_47 * p_mx_rod1;
+        let t1_49 = w_u1_1x * w_u1_1x;
+        let t1_50 = (-t1_49).mul_add(p_my_rod1, t1_48);
+        let t1_51 = t1_6 + al_rod1x;
+        let t1_52 = t1_51.mul_add(p_mz_rod1, t1_50);
+        let t1_53 = sin_u1_1 * t1_52;
+        let t1_54 = dd_u1_2 - t1_13;
+        let t1_55 = t1_54 * p_mx_rod1;
+        let t1_56 = (-t1_7).mul_add(p_my_rod1, t1_55);
+        let t1_57 = t1_16 + t1_17;
+        let t1_58 = t1_57.mul_add(p_mz_rod1, t1_56);
+        let t1_59 = cos_u1_2 * t1_58;
+        let t1_60 = t1_17 + t1_37;
+        let t1_61 = t1_60 * p_mx_rod1;
+        let t1_62 = t1_11.mul_add(p_my_rod1, t1_61);
+        let t1_63 = dd_u1_2 + t1_13;
+        let t1_64 = (-t1_63).mul_add(p_mz_rod1, t1_62);
+        let t1_65 = (-sin_u1_2).mul_add(t1_64, t1_59);
+        let t1_66 = (-cos_u1_1).mul_add(t1_65, t1_53);
+        let t1_67 = like.lift(-0.524).mul_add(t1_66, t1_46);
+        let t1_68 = t1_5 - t1_67;
+        let (sin_e1x, cos_e1x) = e1x.sin_cos();
+        let (sin_e1y, cos_e1y) = e1y.sin_cos();
+        let t1_69 = cos_u1_2 * sin_e1y;
+        let t1_70 = sin_u1_2 * sin_e1y;
+        let sin_u1_2_e1y = sin_u1_2.mul_add(cos_e1y, t1_69);
+        let cos_u1_2_e1y = cos_u1_2.mul_add(cos_e1y, -t1_70);
         let e_e1x_q1z = cos_e1x * sin_u1_2_e1y;
-        let t1_165 = like.lift(0.066) * e_e1x_q1z;
-        let t1_166 = -t1_165;
+        let t1_71 = like.lift(0.066) * e_e1x_q1z;
+        let t1_72 = -t1_71;
         let u_e1y_u1_2x = like.lift(1.244) * cos_e1y;
         let u_platform_e1yx = like.lift(0.044) * sin_e1x;
         let u_platform_u1_2x = u_e1y_u1_2x + u_platform_e1yx;
-        let t1_167 = like.lift(0.022).mul_add(sin_e1x, u_platform_u1_2x);
-        let t1_168 = like.lift(0.066) * sin_e1x;
+        let t1_73 = like.lift(0.022).mul_add(sin_e1x, u_platform_u1_2x);
+        let t1_74 = like.lift(0.066) * sin_e1x;
         let e_e1x_q1y = sin_e1x * sin_u1_2_e1y;
-        let t1_169 = like.lift(0.5) * e_e1x_q1y;
-        let t1_170 = cos_q1 * sin_u1_1;
-        let t1_171 = sin_q1 * sin_u1_1;
-        let sin_q1_u1_1 = sin_q1.mul_add(cos_u1_1, t1_170);
-        let cos_q1_u1_1 = cos_q1.mul_add(cos_u1_1, -t1_171);
-        let t1_172 = cos_e1x * cos_q1_u1_1;
-        let t1_173 = sin_q1_u1_1 * cos_u1_2_e1y;
-        let t1_174 = (-sin_e1x).mul_add(t1_173, t1_172);
-        let t1_175 = like.lift(0.8660254037844386) * t1_174;
-        let t1_176 = t1_169 - t1_175;
-        let t1_177 = like.lift(1.244) * sin_u1_2;
-        let t1_178 = like.lift(0.044).mul_add(e_e1x_q1y, t1_177);
-        let t1_179 = e_e1x_q1z * t1_178;
-        let t1_180 = sin_e1x * cos_q1_u1_1;
-        let t1_181 = cos_e1x.mul_add(t1_173, t1_180);
-        let t1_182 = like.lift(0.524).mul_add(cos_q1, like.lift(0.164));
-        let t1_183 = cos_u1_2 * sin_q1_u1_1;
-        let t1_184 = like.lift(1.244).mul_add(t1_183, t1_182);
-        let t1_185 = like.lift(-0.044).mul_add(t1_174, t1_184);
-        let t1_186 = t1_181.mul_add(t1_185, t1_179);
-        let t1_187 = sin_e1x * sin_q1_u1_1;
-        let t1_188 = cos_q1_u1_1 * cos_u1_2_e1y;
-        let t1_189 = (-cos_e1x).mul_add(t1_188, t1_187);
-        let t1_190 = like.lift(0.524) * sin_q1;
-        let t1_191 = cos_u1_2 * cos_q1_u1_1;
-        let t1_192 = like.lift(-1.244).mul_add(t1_191, t1_190);
-        let t1_193 = cos_e1x * sin_q1_u1_1;
-        let t1_194 = sin_e1x.mul_add(t1_188, t1_193);
-        let t1_195 = like.lift(-0.044).mul_add(t1_194, t1_192);
-        let t1_196 = t1_189.mul_add(t1_195, t1_186);
-        let t1_197 = like.lift(0.14202816622064793) * e_e1x_q1z;
-        let t1_198 = like.lift(0.082) * t1_181;
-        let t1_199 = t1_197 - t1_198;
-        let t1_200 = t1_196 - t1_199;
+        let t1_75 = like.lift(0.5) * e_e1x_q1y;
+        let t1_76 = cos_q1 * sin_u1_1;
+        let t1_77 = sin_q1 * sin_u1_1;
+        let sin_q1_u1_1 = sin_q1.mul_add(cos_u1_1, t1_76);
+        let cos_q1_u1_1 = cos_q1.mul_add(cos_u1_1, -t1_77);
+        let t1_78 = cos_e1x * cos_q1_u1_1;
+        let t1_79 = sin_q1_u1_1 * cos_u1_2_e1y;
+        let t1_80 = (-sin_e1x).mul_add(t1_79, t1_78);
+        let t1_81 = like.lift(0.8660254037844386) * t1_80;
+        let t1_82 = t1_75 - t1_81;
+        let t1_83 = like.lift(1.244) * sin_u1_2;
+        let t1_84 = like.lift(0.044).mul_add(e_e1x_q1y, t1_83);
+        let t1_85 = e_e1x_q1z * t1_84;
+        let t1_86 = sin_e1x * cos_q1_u1_1;
+        let t1_87 = cos_e1x.mul_add(t1_79, t1_86);
+        let t1_88 = like.lift(0.524).mul_add(cos_q1, like.lift(0.164));
+        let t1_89 = cos_u1_2 * sin_q1_u1_1;
+        let t1_90 = like.lift(1.244).mul_add(t1_89, t1_88);
+        let t1_91 = like.lift(-0.044).mul_add(t1_80, t1_90);
+        let t1_92 = t1_87.mul_add(t1_91, t1_85);
+        let t1_93 = sin_e1x * sin_q1_u1_1;
+        let t1_94 = cos_q1_u1_1 * cos_u1_2_e1y;
+        let t1_95 = (-cos_e1x).mul_add(t1_94, t1_93);
+        let t1_96 = like.lift(0.524) * sin_q1;
+        let t1_97 = cos_u1_2 * cos_q1_u1_1;
+        let t1_98 = like.lift(-1.244).mul_add(t1_97, t1_96);
+        let t1_99 = cos_e1x * sin_q1_u1_1;
+        let t1_100 = sin_e1x.mul_add(t1_94, t1_99);
+        let t1_101 = like.lift(-0.044).mul_add(t1_100, t1_98);
+        let t1_102 = t1_95.mul_add(t1_101, t1_92);
+        let t1_103 = like.lift(0.14202816622064793) * e_e1x_q1z;
+        let t1_104 = like.lift(0.082) * t1_87;
+        let t1_105 = t1_103 - t1_104;
+        let t1_106 = t1_102 - t1_105;
         let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_201 = like.lift(0.8660254037844386) * e_e1x_q1z;
-        let t1_202 = like.lift(0.5) * t1_181;
-        let t1_203 = t1_201 - t1_202;
+        let t1_107 = like.lift(0.8660254037844386) * e_e1x_q1z;
+        let t1_108 = like.lift(0.5) * t1_87;
+        let t1_109 = t1_107 - t1_108;
+        let t1_110 = cos_q2 * t1_109;
+        let t1_111 = sin_q2.mul_add(t1_95, t1_110);
+        let t1_112 = like.lift(-0.524).mul_add(t1_111, t1_106);
+        let (sin_u2_2, cos_u2_2) = u2_2.sin_cos();
+        let (sin_u2_1, cos_u2_1) = u2_1.sin_cos();
+        let t1_113 = sin_u2_1 * t1_111;
+        let t1_114 = sin_q2 * t1_109;
+        let t1_115 = (-cos_q2).mul_add(t1_95, t1_114);
+        let t1_116 = cos_u2_1.mul_add(t1_115, t1_113);
+        let t1_117 = cos_u2_2 * t1_116;
+        let t1_118 = like.lift(0.5) * e_e1x_q1z;
+        let t1_119 = like.lift(0.8660254037844386) * t1_87;
+        let t1_120 = t1_118 + t1_119;
+        let t1_121 = (-sin_u2_2).mul_add(t1_120, t1_117);
+        let t1_122 = like.lift(-1.244).mul_add(t1_121, t1_112);
+        let t1_123 = t1_112 - t1_122;
+        let t1_124 = t1_82 * t1_123;
+        let t1_125 = e_e1x_q1y * t1_84;
+        let t1_126 = (-t1_80).mul_add(t1_91, t1_125);
+        let t1_127 = (-t1_100).mul_add(t1_101, t1_126);
+        let t1_128 = like.lift(0.14202816622064793) * e_e1x_q1y;
+        let t1_129 = like.lift(0.082) * t1_80;
+        let t1_130 = t1_128 + t1_129;
+        let t1_131 = t1_127 - t1_130;
+        let t1_132 = like.lift(0.8660254037844386) * e_e1x_q1y;
+        let t1_133 = like.lift(0.5) * t1_80;
+        let t1_134 = t1_132 + t1_133;
+        let t1_135 = cos_q2 * t1_134;
+        let t1_136 = (-sin_q2).mul_add(t1_100, t1_135);
+        let t1_137 = like.lift(-0.524).mul_add(t1_136, t1_131);
+        let t1_138 = sin_u2_1 * t1_136;
+        let t1_139 = sin_q2 * t1_134;
+        let t1_140 = cos_q2.mul_add(t1_100, t1_139);
+        let t1_141 = cos_u2_1.mul_add(t1_140, t1_138);
+        let t1_142 = cos_u2_2 * t1_141;
+        let t1_143 = (-sin_u2_2).mul_add(t1_82, t1_142);
+        let t1_144 = like.lift(-1.244).mul_add(t1_143, t1_137);
+        let t1_145 = t1_137 - t1_144;
+        let t1_146 = (-t1_120).mul_add(t1_145, t1_124);
+        let t1_147 = cos_u2_1 * t1_136;
+        let t1_148 = (-sin_u2_1).mul_add(t1_140, t1_147);
+        let t1_149 = t1_148 * t1_123;
+        let t1_150 = cos_u2_1 * t1_111;
+        let t1_151 = (-sin_u2_1).mul_add(t1_115, t1_150);
+        let t1_152 = (-t1_151).mul_add(t1_145, t1_149);
+        let t1_153 = cos_u1_2 * cos_e1x;
+        let u_e1x_u1_1y = like.lift(1.244) * t1_153;
+        let t1_154 = like.lift(0.0381051177665153) * e_e1x_q1z;
+        let t1_155 = u_e1x_u1_1y - t1_154;
+        let t1_156 = -t1_155;
+        let t1_157 = sin_e1y * sin_e1x;
+        let u_e1x_u1_2y = like.lift(1.244) * t1_157;
+        let t1_158 = like.lift(0.0381051177665153) * sin_e1x;
+        let t1_159 = u_e1x_u1_2y - t1_158;
+        let t1_160 = -t1_158;
+        let t1_161 = cos_u1_2_e1y * t1_84;
+        let t1_162 = sin_q1_u1_1 * sin_u1_2_e1y;
+        let t1_163 = (-t1_162).mul_add(t1_91, t1_161);
+        let t1_164 = cos_q1_u1_1 * sin_u1_2_e1y;
+        let t1_165 = t1_164.mul_add(t1_101, t1_163);
+        let t1_166 = like.lift(0.14202816622064793) * cos_u1_2_e1y;
+        let t1_167 = like.lift(0.082) * t1_162;
+        let t1_168 = t1_166 + t1_167;
+        let t1_169 = t1_165 - t1_168;
+        let t1_170 = like.lift(0.8660254037844386) * cos_u1_2_e1y;
+        let t1_171 = like.lift(0.5) * t1_162;
+        let t1_172 = t1_170 + t1_171;
+        let t1_173 = cos_q2 * t1_172;
+        let t1_174 = sin_q2.mul_add(t1_164, t1_173);
+        let t1_175 = like.lift(-0.524).mul_add(t1_174, t1_169);
+        let t1_176 = sin_u2_1 * t1_174;
+        let t1_177 = sin_q2 * t1_172;
+        let t1_178 = (-cos_q2).mul_add(t1_164, t1_177);
+        let t1_179 = cos_u2_1.mul_add(t1_178, t1_176);
+        let t1_180 = cos_u2_2 * t1_179;
+        let t1_181 = like.lift(0.5) * cos_u1_2_e1y;
+        let t1_182 = like.lift(0.8660254037844386) * t1_162;
+        let t1_183 = t1_181 - t1_182;
+        let t1_184 = (-sin_u2_2).mul_add(t1_183, t1_180);
+        let t1_185 = like.lift(-1.244).mul_add(t1_184, t1_175);
+        let t1_186 = t1_175 - t1_185;
+        let t1_187 = t1_120 * t1_186;
+        let t1_188 = (-t1_183).mul_add(t1_123, t1_187);
+        let t1_189 = t1_151 * t1_186;
+        let t1_190 = cos_u2_1 * t1_174;
+        let t1_191 = (-sin_u2_1).mul_add(t1_178, t1_190);
+        let pivot_1 = (-t1_191).mul_add(t1_123, t1_189);
+        let t1_192 = cos_u1_2 * sin_e1x;
+        let u_e1x_u1_1z = like.lift(1.244) * t1_192;
+        let t1_193 = like.lift(0.044) * cos_u1_2_e1y;
+        let u_platform_u1_1z = u_e1x_u1_1z + t1_193;
+        let t1_194 = like.lift(0.022) * cos_u1_2_e1y;
+        let t1_195 = like.lift(0.0381051177665153) * e_e1x_q1y;
+        let t1_196 = t1_194 - t1_195;
+        let t1_197 = u_platform_u1_1z + t1_196;
+        let t1_198 = sin_e1y * cos_e1x;
+        let u_e1x_u1_2z = like.lift(1.244) * t1_198;
+        let t1_199 = like.lift(0.0381051177665153) * cos_e1x;
+        let t1_200 = u_e1x_u1_2z - t1_199;
+        let t1_201 = -t1_199;
+        let t1_202 = t1_183 * t1_145;
+        let t1_203 = (-t1_82).mul_add(t1_186, t1_202);
+        let t1_204 = t1_191 * t1_145;
+        let t1_205 = (-t1_148).mul_add(t1_186, t1_204);
+        let t1_206 = cos_u1_2_e1y * t1_151;
+        let t1_207 = like.lift(0.8660254037844386) * t1_206;
+        let t1_208 = e_e1x_q1y * t1_151;
+        let t1_209 = like.lift(0.5).mul_add(t1_208, t1_207);
+        let t1_210 = like.lift(0.8660254037844386) * t1_191;
+        let t1_211 = like.lift(0.5).mul_add(t1_148, t1_210);
+        let t1_212 = (-e_e1x_q1z).mul_add(t1_211, t1_209);
+        let t1_213 = -t1_212;
+        let t1_214 = cos_e1x * t1_151;
+        let t1_215 = like.lift(0.5) * t1_214;
         [
             cos_u1_2, t1_6, al_rod1x, t1_10, al_rod1z, t1_13, t1_16, sin_u1_1, cos_u1_1,
-            a_rod1x, sin_e1y, sin_e1x, cos_e1x, sin_u1_2_e1y, cos_u1_2_e1y, a_rod1z, t1_70,
-            t1_90, t1_108, t1_117, t1_136, t1_159, t1_164, e_e1x_q1z, t1_165, t1_166, t1_167,
-            t1_168, e_e1x_q1y, t1_169, sin_q1_u1_1, cos_q1_u1_1, t1_174, t1_175, t1_176,
-            t1_178, t1_181, t1_185, t1_189, t1_194, t1_195, t1_196, t1_197, t1_198, t1_200,
-            sin_q2, cos_q2, t1_201, t1_202, t1_203,
+            a_rod1x, t1_37, a_rod1z, t1_46, t1_68, sin_e1x, cos_e1x, sin_u1_2_e1y,
+            cos_u1_2_e1y, e_e1x_q1z, t1_71, t1_72, t1_73, t1_74, e_e1x_q1y, t1_75, t1_81,
+            t1_82, t1_95, t1_100, t1_102, t1_103, t1_104, t1_106, sin_q2, cos_q2, t1_107,
+            t1_108, sin_u2_2, cos_u2_2, sin_u2_1, cos_u2_1, t1_118, t1_119, t1_120, t1_122,
+            t1_127, t1_128, t1_129, t1_131, t1_132, t1_133, t1_144, t1_146, t1_148, t1_151,
+            t1_152, u_e1x_u1_1y, t1_154, t1_155, t1_156, u_e1x_u1_2y, t1_158, t1_159, t1_160,
+            t1_164, t1_165, t1_166, t1_167, t1_169, t1_170, t1_171, t1_181, t1_182, t1_183,
+            t1_185, t1_188, t1_191, pivot_1, t1_193, u_platform_u1_1z, t1_194, t1_195, t1_196,
+            t1_197, u_e1x_u1_2z, t1_199, t1_200, t1_201, t1_203, t1_205, t1_211, t1_212,
+            t1_213, t1_215,
         ]
     };
     // tau, part 2
     let [
-        sin_u2_2, cos_u2_2, sin_u2_1, cos_u2_1, t2_37, t2_42, t2_43, t2_45, t2_46, t2_47,
-        t2_49, t2_50, t2_51, t2_74, t2_79, pivot_1, t2_84, t2_87, t2_88, t2_90, t2_91, t2_92,
-        t2_94, t2_96, t2_103, t2_104, t2_107, t2_108, t2_109, t2_114, t2_115, t2_120, t2_121,
-        t2_122, t2_124, sin_q3, cos_q3, sin_u3_2, cos_u3_2, sin_u3_1, cos_u3_1, t2_134, t2_136,
-        t2_140, t2_151, t2_153, t2_158, t2_159, t2_160, t2_161, t2_162, t2_163, t2_165, t2_175,
-        t2_177, t2_180, t2_184, t2_185, t2_186, t2_187, t2_188, t2_190, t2_192, t2_193, t2_200,
-        t2_201, t2_204, t2_206, t2_211, t2_212, t2_217, t2_219, t2_222, t2_223, u_e1y_q1y,
-        t2_225, u_e1x_q1y, t2_227, t2_228, t2_229, t2_231,
+        t2_2, t2_3, t2_8, t2_9, t2_15, sin_q3, cos_q3, sin_u3_2, cos_u3_2, sin_u3_1, cos_u3_1,
+        t2_47, t2_54, t2_56, t2_57, t2_74, t2_78, t2_79, t2_81, t2_82, t2_84, t2_87, t2_95,
+        t2_98, t2_100, t2_105, t2_106, t2_111, t2_113, t2_117, t2_121, t2_122, t2_125, t2_128,
+        t2_130, t2_134, t2_136, t2_139, t2_140, t2_142, inv_pivot_1, t2_143, t2_145, t2_146,
+        pivot_2, inv_pivot_2, t2_148, t2_150, t2_153, t2_154, t2_155, pivot_4, inv_pivot_4,
+        t2_159, t2_162, t2_165, t2_167, t2_170, t2_173, t2_174, t2_177, pivot_5, inv_pivot_5,
+        t2_179, t2_183, t2_184, t2_191, t2_192, t2_193, t2_198, pivot_6, inv_pivot_6, t2_201,
+        t2_202, t2_203, t2_206, t2_208, t2_209, t2_214, pivot_7, inv_pivot_7, t2_218, t2_220,
+        t2_221, t2_222, t2_225, t2_226,
     ] = {
-        let t2_1 = cos_q2 * t1_203;
-        let t2_2 = sin_q2.mul_add(t1_189, t2_1);
-        let t2_3 = like.lift(-0.524).mul_add(t2_2, t1_200);
-        let (sin_u2_2, cos_u2_2) = u2_2.sin_cos();
-        let (sin_u2_1, cos_u2_1) = u2_1.sin_cos();
-        let t2_4 = sin_u2_1 * t2_2;
-        let t2_5 = sin_q2 * t1_203;
-        let t2_6 = (-cos_q2).mul_add(t1_189, t2_5);
-        let t2_7 = cos_u2_1.mul_add(t2_6, t2_4);
-        let t2_8 = cos_u2_2 * t2_7;
-        let t2_9 = like.lift(0.5) * e_e1x_q1z;
-        let t2_10 = like.lift(0.8660254037844386) * t1_181;
-        let t2_11 = t2_9 + t2_10;
-        let t2_12 = (-sin_u2_2).mul_add(t2_11, t2_8);
-        let t2_13 = like.lift(-1.244).mul_add(t2_12, t2_3);
-        let t2_14 = t2_3 - t2_13;
-        let t2_15 = t1_176 * t2_14;
-        let t2_16 = e_e1x_q1y * t1_178;
-        let t2_17 = (-t1_174).mul_add(t1_185, t2_16);
-        let t2_18 = (-t1_194).mul_add(t1_195, t2_17);
-        let t2_19 = like.lift(0.14202816622064793) * e_e1x_q1y;
-        let t2_20 = like.lift(0.082) * t1_174;
-        let t2_21 = t2_19 + t2_20;
-        let t2_22 = t2_18 - t2_21;
-        let t2_23 = like.lift(0.8660254037844386) * e_e1x_q1y;
-        let t2_24 = like.lift(0.5) * t1_174;
-        let t2_25 = t2_23 + t2_24;
-        let t2_26 = cos_q2 * t2_25;
-        let t2_27 = (-sin_q2).mul_add(t1_194, t2_26);
-        let t2_28 = like.lift(-0.524).mul_add(t2_27, t2_22);
-        let t2_29 = sin_u2_1 * t2_27;
-        let t2_30 = sin_q2 * t2_25;
-        let t2_31 = cos_q2.mul_add(t1_194, t2_30);
-        let t2_32 = cos_u2_1.mul_add(t2_31, t2_29);
-        let t2_33 = cos_u2_2 * t2_32;
-        let t2_34 = (-sin_u2_2).mul_add(t1_176, t2_33);
-        let t2_35 = like.lift(-1.244).mul_add(t2_34, t2_28);
-        let t2_36 = t2_28 - t2_35;
-        let t2_37 = (-t2_11).mul_add(t2_36, t2_15);
-        let t2_38 = cos_u2_1 * t2_27;
-        let t2_39 = (-sin_u2_1).mul_add(t2_31, t2_38);
-        let t2_40 = t2_39 * t2_14;
-        let t2_41 = cos_u2_1 * t2_2;
-        let t2_42 = (-sin_u2_1).mul_add(t2_6, t2_41);
-        let t2_43 = (-t2_42).mul_add(t2_36, t2_40);
-        let t2_44 = cos_u1_2 * cos_e1x;
-        let u_e1x_u1_1y = like.lift(1.244) * t2_44;
-        let t2_45 = like.lift(0.0381051177665153) * e_e1x_q1z;
-        let t2_46 = u_e1x_u1_1y - t2_45;
-        let t2_47 = -t2_46;
-        let t2_48 = sin_e1y * sin_e1x;
-        let u_e1x_u1_2y = like.lift(1.244) * t2_48;
-        let t2_49 = like.lift(0.0381051177665153) * sin_e1x;
-        let t2_50 = u_e1x_u1_2y - t2_49;
-        let t2_51 = -t2_49;
-        let t2_52 = cos_u1_2_e1y * t1_178;
-        let t2_53 = sin_q1_u1_1 * sin_u1_2_e1y;
-        let t2_54 = (-t2_53).mul_add(t1_185, t2_52);
-        let t2_55 = cos_q1_u1_1 * sin_u1_2_e1y;
-        let t2_56 = t2_55.mul_add(t1_195, t2_54);
-        let t2_57 = like.lift(0.14202816622064793) * cos_u1_2_e1y;
-        let t2_58 = like.lift(0.082) * t2_53;
-        let t2_59 = t2_57 + t2_58;
-        let t2_60 = t2_56 - t2_59;
-        let t2_61 = like.lift(0.8660254037844386) * cos_u1_2_e1y;
-        let t2_62 = like.lift(0.5) * t2_53;
-        let t2_63 = t2_61 + t2_62;
-        let t2_64 = cos_q2 * t2_63;
-        let t2_65 = sin_q2.mul_add(t2_55, t2_64);
-        let t2_66 = like.lift(-0.524).mul_add(t2_65, t2_60);
-        let t2_67 = sin_u2_1 * t2_65;
-        let t2_68 = sin_q2 * t2_63;
-        let t2_69 = (-cos_q2).mul_add(t2_55, t2_68);
-        let t2_70 = cos_u2_1.mul_add(t2_69, t2_67);
-        let t2_71 = cos_u2_2 * t2_70;
-        let t2_72 = like.lift(0.5) * cos_u1_2_e1y;
-        let t2_73 = like.lift(0.8660254037844386) * t2_53;
-        let t2_74 = t2_72 - t2_73;
-        let t2_75 = (-sin_u2_2).mul_add(t2_74, t2_71);
-        let t2_76 = like.lift(-1.244).mul_add(t2_75, t2_66);
-        let t2_77 = t2_66 - t2_76;
-        let t2_78 = t2_11 * t2_77;
-        let t2_79 = (-t2_74).mul_add(t2_14, t2_78);
-        let t2_80 = t2_42 * t2_77;
-        let t2_81 = cos_u2_1 * t2_65;
-        let t2_82 = (-sin_u2_1).mul_add(t2_69, t2_81);
-        let pivot_1 = (-t2_82).mul_add(t2_14, t2_80);
-        let t2_83 = cos_u1_2 * sin_e1x;
-        let u_e1x_u1_1z = like.lift(1.244) * t2_83;
-        let t2_84 = like.lift(0.044) * cos_u1_2_e1y;
-        let u_platform_u1_1z = u_e1x_u1_1z + t2_84;
-        let t2_85 = like.lift(0.022) * cos_u1_2_e1y;
-        let t2_86 = like.lift(0.0381051177665153) * e_e1x_q1y;
-        let t2_87 = t2_85 - t2_86;
-        let t2_88 = u_platform_u1_1z + t2_87;
-        let t2_89 = sin_e1y * cos_e1x;
-        let u_e1x_u1_2z = like.lift(1.244) * t2_89;
-        let t2_90 = like.lift(0.0381051177665153) * cos_e1x;
-        let t2_91 = u_e1x_u1_2z - t2_90;
-        let t2_92 = -t2_90;
-        let t2_93 = t2_74 * t2_36;
-        let t2_94 = (-t1_176).mul_add(t2_77, t2_93);
-        let t2_95 = t2_82 * t2_36;
-        let t2_96 = (-t2_39).mul_add(t2_77, t2_95);
-        let t2_97 = cos_u1_2_e1y * t2_42;
-        let t2_98 = like.lift(0.8660254037844386) * t2_97;
-        let t2_99 = e_e1x_q1y * t2_42;
-        let t2_100 = like.lift(0.5).mul_add(t2_99, t2_98);
-        let t2_101 = like.lift(0.8660254037844386) * t2_82;
-        let t2_102 = like.lift(0.5).mul_add(t2_39, t2_101);
-        let t2_103 = (-e_e1x_q1z).mul_add(t2_102, t2_100);
-        let t2_104 = -t2_103;
-        let t2_105 = cos_e1x * t2_42;
-        let t2_106 = like.lift(0.5) * t2_105;
-        let t2_107 = sin_e1x.mul_add(t2_102, t2_106);
-        let t2_108 = -t2_107;
-        let pivot_3 = like.lift(0.8660254037844386) * t2_42;
-        let t2_109 = -pivot_3;
-        let t2_110 = t2_74 * t2_42;
-        let t2_111 = like.lift(0.8660254037844386) * t2_110;
-        let t2_112 = t1_176 * t2_42;
-        let t2_113 = like.lift(0.5).mul_add(t2_112, t2_111);
-        let t2_114 = (-t2_11).mul_add(t2_102, t2_113);
-        let t2_115 = -t2_114;
-        let t2_116 = t2_82 * t2_42;
-        let t2_117 = like.lift(0.8660254037844386) * t2_116;
-        let t2_118 = t2_39 * t2_42;
-        let t2_119 = like.lift(0.5).mul_add(t2_118, t2_117);
-        let t2_120 = (-t2_42).mul_add(t2_102, t2_119);
-        let t2_121 = -t2_120;
-        let t2_122 = t1_169 + t1_175;
-        let t2_123 = t1_197 + t1_198;
-        let t2_124 = t1_196 + t2_123;
+        let t2_1 = sin_e1x.mul_add(t1_211, t1_215);
+        let t2_2 = -t2_1;
+        let pivot_3 = like.lift(0.8660254037844386) * t1_151;
+        let t2_3 = -pivot_3;
+        let t2_4 = t1_183 * t1_151;
+        let t2_5 = like.lift(0.8660254037844386) * t2_4;
+        let t2_6 = t1_82 * t1_151;
+        let t2_7 = like.lift(0.5).mul_add(t2_6, t2_5);
+        let t2_8 = (-t1_120).mul_add(t1_211, t2_7);
+        let t2_9 = -t2_8;
+        let t2_10 = t1_191 * t1_151;
+        let t2_11 = like.lift(0.8660254037844386) * t2_10;
+        let t2_12 = t1_148 * t1_151;
+        let t2_13 = like.lift(0.5).mul_add(t2_12, t2_11);
+        let t2_14 = (-t1_151).mul_add(t1_211, t2_13);
+        let t2_15 = -t2_14;
+        let t2_16 = t1_75 + t1_81;
+        let t2_17 = t1_103 + t1_104;
+        let t2_18 = t1_102 + t2_17;
         let (sin_q3, cos_q3) = q3.sin_cos();
-        let t2_125 = t1_201 + t1_202;
-        let t2_126 = cos_q3 * t2_125;
-        let t2_127 = (-sin_q3).mul_add(t1_189, t2_126);
-        let t2_128 = like.lift(0.524).mul_add(t2_127, t2_124);
+        let t2_19 = t1_107 + t1_108;
+        let t2_20 = cos_q3 * t2_19;
+        let t2_21 = (-sin_q3).mul_add(t1_95, t2_20);
+        let t2_22 = like.lift(0.524).mul_add(t2_21, t2_18);
         let (sin_u3_2, cos_u3_2) = u3_2.sin_cos();
         let (sin_u3_1, cos_u3_1) = u3_1.sin_cos();
-        let t2_129 = sin_u3_1 * t2_127;
-        let t2_130 = sin_q3 * t2_125;
-        let t2_131 = cos_q3.mul_add(t1_189, t2_130);
-        let t2_132 = cos_u3_1.mul_add(t2_131, t2_129);
-        let t2_133 = cos_u3_2 * t2_132;
-        let t2_134 = t2_9 - t2_10;
-        let t2_135 = sin_u3_2.mul_add(t2_134, t2_133);
-        let t2_136 = like.lift(1.244).mul_add(t2_135, t2_128);
-        let t2_137 = t2_128 - t2_136;
-        let t2_138 = t2_122 * t2_137;
-        let t2_139 = t2_19 - t2_20;
-        let t2_140 = t2_18 + t2_139;
-        let t2_141 = t2_23 - t2_24;
-        let t2_142 = cos_q3 * t2_141;
-        let t2_143 = sin_q3.mul_add(t1_194, t2_142);
-        let t2_144 = like.lift(0.524).mul_add(t2_143, t2_140);
-        let t2_145 = sin_u3_1 * t2_143;
-        let t2_146 = sin_q3 * t2_141;
-        let t2_147 = (-cos_q3).mul_add(t1_194, t2_146);
-        let t2_148 = cos_u3_1.mul_add(t2_147, t2_145);
-        let t2_149 = cos_u3_2 * t2_148;
-        let t2_150 = sin_u3_2.mul_add(t2_122, t2_149);
-        let t2_151 = like.lift(1.244).mul_add(t2_150, t2_144);
-        let t2_152 = t2_144 - t2_151;
-        let t2_153 = (-t2_134).mul_add(t2_152, t2_138);
-        let t2_154 = cos_u3_1 * t2_143;
-        let t2_155 = (-sin_u3_1).mul_add(t2_147, t2_154);
-        let t2_156 = t2_155 * t2_137;
-        let t2_157 = cos_u3_1 * t2_127;
-        let t2_158 = (-sin_u3_1).mul_add(t2_131, t2_157);
-        let t2_159 = (-t2_158).mul_add(t2_152, t2_156);
-        let t2_160 = -t2_159;
-        let t2_161 = u_e1x_u1_1y + t2_45;
-        let t2_162 = -t2_161;
-        let t2_163 = u_e1x_u1_2y + t2_49;
-        let t2_164 = t2_57 - t2_58;
-        let t2_165 = t2_56 + t2_164;
-        let t2_166 = t2_61 - t2_62;
-        let t2_167 = cos_q3 * t2_166;
-        let t2_168 = (-sin_q3).mul_add(t2_55, t2_167);
-        let t2_169 = like.lift(0.524).mul_add(t2_168, t2_165);
-        let t2_170 = sin_u3_1 * t2_168;
-        let t2_171 = sin_q3 * t2_166;
-        let t2_172 = cos_q3.mul_add(t2_55, t2_171);
-        let t2_173 = cos_u3_1.mul_add(t2_172, t2_170);
-        let t2_174 = cos_u3_2 * t2_173;
-        let t2_175 = t2_72 + t2_73;
-        let t2_176 = sin_u3_2.mul_add(t2_175, t2_174);
-        let t2_177 = like.lift(1.244).mul_add(t2_176, t2_169);
-        let t2_178 = t2_169 - t2_177;
-        let t2_179 = t2_134 * t2_178;
-        let t2_180 = (-t2_175).mul_add(t2_137, t2_179);
-        let t2_181 = t2_158 * t2_178;
-        let t2_182 = cos_u3_1 * t2_168;
-        let t2_183 = (-sin_u3_1).mul_add(t2_172, t2_182);
-        let t2_184 = (-t2_183).mul_add(t2_137, t2_181);
-        let t2_185 = -t2_184;
-        let t2_186 = t2_85 + t2_86;
-        let t2_187 = u_platform_u1_1z + t2_186;
-        let t2_188 = u_e1x_u1_2z + t2_90;
-        let t2_189 = t2_175 * t2_152;
-        let t2_190 = (-t2_122).mul_add(t2_178, t2_189);
-        let t2_191 = t2_183 * t2_152;
-        let t2_192 = (-t2_155).mul_add(t2_178, t2_191);
-        let t2_193 = -t2_192;
-        let t2_194 = cos_u1_2_e1y * t2_158;
-        let t2_195 = like.lift(0.8660254037844386) * t2_194;
-        let t2_196 = e_e1x_q1y * t2_158;
-        let t2_197 = like.lift(-0.5).mul_add(t2_196, t2_195);
-        let t2_198 = like.lift(0.8660254037844386) * t2_183;
-        let t2_199 = like.lift(-0.5).mul_add(t2_155, t2_198);
-        let t2_200 = (-e_e1x_q1z).mul_add(t2_199, t2_197);
-        let t2_201 = -t2_200;
-        let t2_202 = cos_e1x * t2_158;
-        let t2_203 = like.lift(0.5) * t2_202;
-        let t2_204 = (-sin_e1x).mul_add(t2_199, t2_203);
-        let t2_205 = like.lift(0.8660254037844386) * t2_158;
-        let t2_206 = -t2_205;
-        let t2_207 = t2_175 * t2_158;
-        let t2_208 = like.lift(0.8660254037844386) * t2_207;
-        let t2_209 = t2_122 * t2_158;
-        let t2_210 = like.lift(-0.5).mul_add(t2_209, t2_208);
-        let t2_211 = (-t2_134).mul_add(t2_199, t2_210);
-        let t2_212 = -t2_211;
-        let t2_213 = t2_183 * t2_158;
-        let t2_214 = like.lift(0.8660254037844386) * t2_213;
-        let t2_215 = t2_155 * t2_158;
-        let t2_216 = like.lift(-0.5).mul_add(t2_215, t2_214);
-        let t2_217 = (-t2_158).mul_add(t2_199, t2_216);
-        let t2_218 = cos_u1_1 * sin_u1_2_e1y;
-        let u_e1y_q1x = like.lift(0.524) * t2_218;
+        let t2_23 = sin_u3_1 * t2_21;
+        let t2_24 = sin_q3 * t2_19;
+        let t2_25 = cos_q3.mul_add(t1_95, t2_24);
+        let t2_26 = cos_u3_1.mul_add(t2_25, t2_23);
+        let t2_27 = cos_u3_2 * t2_26;
+        let t2_28 = t1_118 - t1_119;
+        let t2_29 = sin_u3_2.mul_add(t2_28, t2_27);
+        let t2_30 = like.lift(1.244).mul_add(t2_29, t2_22);
+        let t2_31 = t2_22 - t2_30;
+        let t2_32 = t2_16 * t2_31;
+        let t2_33 = t1_128 - t1_129;
+        let t2_34 = t1_127 + t2_33;
+        let t2_35 = t1_132 - t1_133;
+        let t2_36 = cos_q3 * t2_35;
+        let t2_37 = sin_q3.mul_add(t1_100, t2_36);
+        let t2_38 = like.lift(0.524).mul_add(t2_37, t2_34);
+        let t2_39 = sin_u3_1 * t2_37;
+        let t2_40 = sin_q3 * t2_35;
+        let t2_41 = (-cos_q3).mul_add(t1_100, t2_40);
+        let t2_42 = cos_u3_1.mul_add(t2_41, t2_39);
+        let t2_43 = cos_u3_2 * t2_42;
+        let t2_44 = sin_u3_2.mul_add(t2_16, t2_43);
+        let t2_45 = like.lift(1.244).mul_add(t2_44, t2_38);
+        let t2_46 = t2_38 - t2_45;
+        let t2_47 = (-t2_28).mul_add(t2_46, t2_32);
+        let t2_48 = cos_u3_1 * t2_37;
+        let t2_49 = (-sin_u3_1).mul_add(t2_41, t2_48);
+        let t2_50 = t2_49 * t2_31;
+        let t2_51 = cos_u3_1 * t2_21;
+        let t2_52 = (-sin_u3_1).mul_add(t2_25, t2_51);
+        let t2_53 = (-t2_52).mul_add(t2_46, t2_50);
+        let t2_54 = -t2_53;
+        let t2_55 = u_e1x_u1_1y + t1_154;
+        let t2_56 = -t2_55;
+        let t2_57 = u_e1x_u1_2y + t1_158;
+        let t2_58 = t1_166 - t1_167;
+        let t2_59 = t1_165 + t2_58;
+        let t2_60 = t1_170 - t1_171;
+        let t2_61 = cos_q3 * t2_60;
+        let t2_62 = (-sin_q3).mul_add(t1_164, t2_61);
+        let t2_63 = like.lift(0.524).mul_add(t2_62, t2_59);
+        let t2_64 = sin_u3_1 * t2_62;
+        let t2_65 = sin_q3 * t2_60;
+        let t2_66 = cos_q3.mul_add(t1_164, t2_65);
+        let t2_67 = cos_u3_1.mul_add(t2_66, t2_64);
+        let t2_68 = cos_u3_2 * t2_67;
+        let t2_69 = t1_181 + t1_182;
+        let t2_70 = sin_u3_2.mul_add(t2_69, t2_68);
+        let t2_71 = like.lift(1.244).mul_add(t2_70, t2_63);
+        let t2_72 = t2_63 - t2_71;
+        let t2_73 = t2_28 * t2_72;
+        let t2_74 = (-t2_69).mul_add(t2_31, t2_73);
+        let t2_75 = t2_52 * t2_72;
+        let t2_76 = cos_u3_1 * t2_62;
+        let t2_77 = (-sin_u3_1).mul_add(t2_66, t2_76);
+        let t2_78 = (-t2_77).mul_add(t2_31, t2_75);
+        let t2_79 = -t2_78;
+        let t2_80 = t1_194 + t1_195;
+        let t2_81 = u_platform_u1_1z + t2_80;
+        let t2_82 = u_e1x_u1_2z + t1_199;
+        let t2_83 = t2_69 * t2_46;
+        let t2_84 = (-t2_16).mul_add(t2_72, t2_83);
+        let t2_85 = t2_77 * t2_46;
+        let t2_86 = (-t2_49).mul_add(t2_72, t2_85);
+        let t2_87 = -t2_86;
+        let t2_88 = cos_u1_2_e1y * t2_52;
+        let t2_89 = like.lift(0.8660254037844386) * t2_88;
+        let t2_90 = e_e1x_q1y * t2_52;
+        let t2_91 = like.lift(-0.5).mul_add(t2_90, t2_89);
+        let t2_92 = like.lift(0.8660254037844386) * t2_77;
+        let t2_93 = like.lift(-0.5).mul_add(t2_49, t2_92);
+        let t2_94 = (-e_e1x_q1z).mul_add(t2_93, t2_91);
+        let t2_95 = -t2_94;
+        let t2_96 = cos_e1x * t2_52;
+        let t2_97 = like.lift(0.5) * t2_96;
+        let t2_98 = (-sin_e1x).mul_add(t2_93, t2_97);
+        let t2_99 = like.lift(0.8660254037844386) * t2_52;
+        let t2_100 = -t2_99;
+        let t2_101 = t2_69 * t2_52;
+        let t2_102 = like.lift(0.8660254037844386) * t2_101;
+        let t2_103 = t2_16 * t2_52;
+        let t2_104 = like.lift(-0.5).mul_add(t2_103, t2_102);
+        let t2_105 = (-t2_28).mul_add(t2_93, t2_104);
+        let t2_106 = -t2_105;
+        let t2_107 = t2_77 * t2_52;
+        let t2_108 = like.lift(0.8660254037844386) * t2_107;
+        let t2_109 = t2_49 * t2_52;
+        let t2_110 = like.lift(-0.5).mul_add(t2_109, t2_108);
+        let t2_111 = (-t2_52).mul_add(t2_93, t2_110);
+        let t2_112 = cos_u1_1 * sin_u1_2_e1y;
+        let u_e1y_q1x = like.lift(0.524) * t2_112;
         let u_platform_u1_1x = like.lift(0.044) * e_e1x_q1z;
         let u_platform_q1x = u_e1y_q1x - u_platform_u1_1x;
-        let t2_219 = like.lift(-0.022).mul_add(e_e1x_q1z, u_platform_q1x);
-        let t2_220 = t1_200 - t2_13;
-        let t2_221 = t1_176 * t2_220;
-        let t2_222 = t2_22 - t2_35;
-        let t2_223 = (-t2_11).mul_add(t2_222, t2_221);
+        let t2_113 = like.lift(-0.022).mul_add(e_e1x_q1z, u_platform_q1x);
+        let t2_114 = t1_106 - t1_122;
+        let t2_115 = t1_82 * t2_114;
+        let t2_116 = t1_131 - t1_144;
+        let t2_117 = (-t1_120).mul_add(t2_116, t2_115);
         let u_u1_1_q1y = like.lift(0.524) * sin_u1_1;
         let u_e1y_u1_1y = like.lift(1.244) * cos_u1_2;
         let u_e1y_q1y = u_u1_1_q1y + u_e1y_u1_1y;
-        let t2_224 = cos_e1x * u_e1y_q1y;
-        let t2_225 = cos_u1_1 * cos_u1_2_e1y;
-        let t2_226 = sin_e1x * t2_225;
-        let u_e1x_q1y = like.lift(0.524).mul_add(t2_226, t2_224);
-        let t2_227 = u_e1x_q1y - t2_45;
-        let t2_228 = -t2_227;
-        let t2_229 = t2_60 - t2_76;
-        let t2_230 = t2_11 * t2_229;
-        let t2_231 = (-t2_74).mul_add(t2_220, t2_230);
+        let t2_118 = cos_e1x * u_e1y_q1y;
+        let t2_119 = cos_u1_1 * cos_u1_2_e1y;
+        let t2_120 = sin_e1x * t2_119;
+        let u_e1x_q1y = like.lift(0.524).mul_add(t2_120, t2_118);
+        let t2_121 = u_e1x_q1y - t1_154;
+        let t2_122 = -t2_121;
+        let t2_123 = t1_169 - t1_185;
+        let t2_124 = t1_120 * t2_123;
+        let t2_125 = (-t1_183).mul_add(t2_114, t2_124);
+        let t2_126 = sin_e1x * u_e1y_q1y;
+        let t2_127 = cos_e1x * t2_119;
+        let u_e1x_q1z = like.lift(-0.524).mul_add(t2_127, t2_126);
+        let u_platform_q1z = u_e1x_q1z + t1_193;
+        let t2_128 = u_platform_q1z + t1_196;
+        let t2_129 = t1_183 * t2_116;
+        let t2_130 = (-t1_82).mul_add(t2_123, t2_129);
+        let t2_131 = t2_18 - t2_30;
+        let t2_132 = t2_16 * t2_131;
+        let t2_133 = t2_34 - t2_45;
+        let t2_134 = (-t2_28).mul_add(t2_133, t2_132);
+        let t2_135 = u_e1x_q1y + t1_154;
+        let t2_136 = -t2_135;
+        let t2_137 = t2_59 - t2_71;
+        let t2_138 = t2_28 * t2_137;
+        let t2_139 = (-t2_69).mul_add(t2_131, t2_138);
+        let t2_140 = u_platform_q1z + t2_80;
+        let t2_141 = t2_69 * t2_133;
+        let t2_142 = (-t2_16).mul_add(t2_137, t2_141);
+        let inv_pivot_1 = like.lift(1.0) / pivot_1;
+        let t2_143 = t1_205 * inv_pivot_1;
+        let t2_144 = t1_155.mul_add(t2_143, t1_197);
+        let t2_145 = t1_152 * inv_pivot_1;
+        let t2_146 = (-t1_155).mul_add(t2_145, t1_71);
+        let t2_147 = (-t1_188).mul_add(t2_143, t1_203);
+        let pivot_2 = (-t1_188).mul_add(t2_145, t1_146);
+        let inv_pivot_2 = like.lift(1.0) / pivot_2;
+        let t2_148 = t2_147 * inv_pivot_2;
+        let t2_149 = t2_146.mul_add(t2_148, t2_144);
+        let t2_150 = t2_14 * inv_pivot_1;
+        let t2_151 = t1_155.mul_add(t2_150, t1_212);
+        let t2_152 = (-t1_188).mul_add(t2_150, t2_8);
+        let t2_153 = t2_152 * inv_pivot_2;
+        let t2_154 = t2_146.mul_add(t2_153, t2_151);
+        let t2_155 = like.lift(1.0) / t1_151;
+        let t2_156 = t2_154 * t2_155;
+        let t2_157 = like.lift(0.0762102355330306) * t2_156;
+        let pivot_4 = t2_149 - t2_157;
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t2_158 = t2_121.mul_add(t2_143, t2_128);
+        let t2_159 = t2_121.mul_add(t2_145, t2_113);
+        let t2_160 = (-t2_159).mul_add(t2_148, t2_158);
+        let t2_161 = t2_121.mul_add(t2_150, t1_212);
+        let t2_162 = (-t2_159).mul_add(t2_153, t2_161);
+        let t2_163 = t2_162 * t2_155;
+        let t2_164 = like.lift(0.0762102355330306) * t2_163;
+        let t2_165 = t2_160 - t2_164;
+        let t2_166 = (-t1_159).mul_add(t2_143, t1_200);
+        let t2_167 = (-t1_159).mul_add(t2_145, t1_73);
+        let t2_168 = (-t2_167).mul_add(t2_148, t2_166);
+        let t2_169 = (-t1_159).mul_add(t2_150, t2_1);
+        let t2_170 = (-t2_167).mul_add(t2_153, t2_169);
+        let t2_171 = t2_170 * t2_155;
+        let t2_172 = like.lift(0.0762102355330306) * t2_171;
+        let t2_173 = t2_168 - t2_172;
+        let t2_174 = t2_52 * t2_155;
+        let t2_175 = t2_170.mul_add(t2_174, t2_98);
+        let t2_176 = (-t2_154).mul_add(t2_174, t2_94);
+        let t2_177 = t2_176 * inv_pivot_4;
+        let pivot_5 = t2_173.mul_add(t2_177, t2_175);
+        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let t2_178 = (-t2_162).mul_add(t2_174, t2_94);
+        let t2_179 = (-t2_165).mul_add(t2_177, t2_178);
+        let t2_180 = sin_e1x * t2_150;
+        let t2_181 = like.lift(0.0381051177665153).mul_add(t2_180, t2_1);
+        let t2_182 = sin_e1x * t2_145;
+        let t2_183 = like.lift(0.0381051177665153).mul_add(t2_182, t1_74);
+        let t2_184 = (-t2_183).mul_add(t2_153, t2_181);
+        let t2_185 = t2_184.mul_add(t2_174, t2_98);
+        let t2_186 = sin_e1x * t2_143;
+        let t2_187 = like.lift(-0.0381051177665153).mul_add(t2_186, t1_199);
+        let t2_188 = t2_183.mul_add(t2_148, t2_187);
+        let t2_189 = t2_184 * t2_155;
+        let t2_190 = like.lift(0.0762102355330306) * t2_189;
+        let t2_191 = t2_188 + t2_190;
+        let t2_192 = (-t2_191).mul_add(t2_177, t2_185);
+        let t2_193 = e_e1x_q1z * inv_pivot_4;
+        let t2_194 = t2_191 * t2_193;
+        let t2_195 = like.lift(-0.066).mul_add(t2_194, t1_74);
+        let t2_196 = t2_173 * t2_193;
+        let t2_197 = like.lift(0.066).mul_add(t2_196, t1_73);
+        let t2_198 = t2_197 * inv_pivot_5;
+        let pivot_6 = (-t2_192).mul_add(t2_198, t2_195);
+        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let t2_199 = t2_165 * t2_193;
+        let t2_200 = like.lift(0.066).mul_add(t2_199, t2_113);
+        let t2_201 = t2_179.mul_add(t2_198, t2_200);
+        let t2_202 = t2_105 * t2_198;
+        let t2_203 = t2_47 + t2_202;
+        let t2_204 = t2_82 - t2_172;
+        let t2_205 = t2_81 - t2_157;
+        let t2_206 = t2_205 * inv_pivot_4;
+        let t2_207 = (-t2_173).mul_add(t2_206, t2_204);
+        let t2_208 = t2_207 * inv_pivot_5;
+        let t2_209 = t2_105 * t2_208;
+        let t2_210 = t2_84 + t2_209;
+        let t2_211 = t1_199 - t2_190;
+        let t2_212 = t2_191.mul_add(t2_206, t2_211);
+        let t2_213 = (-t2_192).mul_add(t2_208, t2_212);
+        let t2_214 = t2_213 * inv_pivot_6;
+        let pivot_7 = (-t2_203).mul_add(t2_214, t2_210);
+        let inv_pivot_7 = like.lift(1.0) / pivot_7;
+        let t2_215 = t2_140 - t2_164;
+        let t2_216 = (-t2_165).mul_add(t2_206, t2_215);
+        let t2_217 = t2_179.mul_add(t2_208, t2_216);
+        let t2_218 = (-t2_201).mul_add(t2_214, t2_217);
+        let t2_219 = t2_111.mul_add(t2_208, t2_86);
+        let t2_220 = t2_111.mul_add(t2_198, t2_53);
+        let t2_221 = (-t2_220).mul_add(t2_214, t2_219);
+        let t2_222 = t2_55 * inv_pivot_4;
+        let t2_223 = (-t2_165).mul_add(t2_222, t2_135);
+        let t2_224 = t2_173.mul_add(t2_222, t2_57);
+        let t2_225 = t2_224 * inv_pivot_5;
+        let t2_226 = (-t2_179).mul_add(t2_225, t2_223);
         [
-            sin_u2_2, cos_u2_2, sin_u2_1, cos_u2_1, t2_37, t2_42, t2_43, t2_45, t2_46, t2_47,
-            t2_49, t2_50, t2_51, t2_74, t2_79, pivot_1, t2_84, t2_87, t2_88, t2_90, t2_91,
-            t2_92, t2_94, t2_96, t2_103, t2_104, t2_107, t2_108, t2_109, t2_114, t2_115,
-            t2_120, t2_121, t2_122, t2_124, sin_q3, cos_q3, sin_u3_2, cos_u3_2, sin_u3_1,
-            cos_u3_1, t2_134, t2_136, t2_140, t2_151, t2_153, t2_158, t2_159, t2_160, t2_161,
-            t2_162, t2_163, t2_165, t2_175, t2_177, t2_180, t2_184, t2_185, t2_186, t2_187,
-            t2_188, t2_190, t2_192, t2_193, t2_200, t2_201, t2_204, t2_206, t2_211, t2_212,
-            t2_217, t2_219, t2_222, t2_223, u_e1y_q1y, t2_225, u_e1x_q1y, t2_227, t2_228,
-            t2_229, t2_231,
+            t2_2, t2_3, t2_8, t2_9, t2_15, sin_q3, cos_q3, sin_u3_2, cos_u3_2, sin_u3_1,
+            cos_u3_1, t2_47, t2_54, t2_56, t2_57, t2_74, t2_78, t2_79, t2_81, t2_82, t2_84,
+            t2_87, t2_95, t2_98, t2_100, t2_105, t2_106, t2_111, t2_113, t2_117, t2_121,
+            t2_122, t2_125, t2_128, t2_130, t2_134, t2_136, t2_139, t2_140, t2_142,
+            inv_pivot_1, t2_143, t2_145, t2_146, pivot_2, inv_pivot_2, t2_148, t2_150, t2_153,
+            t2_154, t2_155, pivot_4, inv_pivot_4, t2_159, t2_162, t2_165, t2_167, t2_170,
+            t2_173, t2_174, t2_177, pivot_5, inv_pivot_5, t2_179, t2_183, t2_184, t2_191,
+            t2_192, t2_193, t2_198, pivot_6, inv_pivot_6, t2_201, t2_202, t2_203, t2_206,
+            t2_208, t2_209, t2_214, pivot_7, inv_pivot_7, t2_218, t2_220, t2_221, t2_222,
+            t2_225, t2_226,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        x_u1_1_q1, x_u1_1_q2, x_u1_1_q3, x_u1_2_q1, x_u1_2_q2, x_u1_2_q3, x_e1y_q1, x_e1y_q2,
-        x_e1y_q3, x_e1x_q1, x_e1x_q2, x_e1x_q3, x_u2_1_q1, x_u2_1_q2, x_u2_1_q3, x_u2_2_q1,
-        x_u2_2_q2, x_u2_2_q3, x_u3_1_q1, x_u3_1_q2, x_u3_1_q3, x_u3_2_q1, x_u3_2_q2, x_u3_2_q3,
+        x_u1_1_q1, x_u1_1_q2, x_u1_1_q3, x_u1_2_q1, x_u1_2_q2, x_u1_2_q3, x_u2_1_q1, x_u2_1_q2,
+        x_u2_1_q3, x_u2_2_q1, x_u2_2_q2, x_u2_2_q3, x_u3_1_q1, x_u3_1_q2, x_u3_1_q3, x_u3_2_q1,
+        x_u3_2_q2, x_u3_2_q3,
     ] = {
-        let t3_1 = sin_e1x * u_e1y_q1y;
-        let t3_2 = cos_e1x * t2_225;
-        let u_e1x_q1z = like.lift(-0.524).mul_add(t3_2, t3_1);
-        let u_platform_q1z = u_e1x_q1z + t2_84;
-        let t3_3 = u_platform_q1z + t2_87;
-        let t3_4 = t2_74 * t2_222;
-        let t3_5 = (-t1_176).mul_add(t2_229, t3_4);
-        let t3_6 = t2_124 - t2_136;
-        let t3_7 = t2_122 * t3_6;
-        let t3_8 = t2_140 - t2_151;
-        let t3_9 = (-t2_134).mul_add(t3_8, t3_7);
-        let t3_10 = u_e1x_q1y + t2_45;
-        let t3_11 = -t3_10;
-        let t3_12 = t2_165 - t2_177;
-        let t3_13 = t2_134 * t3_12;
-        let t3_14 = (-t2_175).mul_add(t3_6, t3_13);
-        let t3_15 = u_platform_q1z + t2_186;
-        let t3_16 = t2_175 * t3_8;
-        let t3_17 = (-t2_122).mul_add(t3_12, t3_16);
-        let inv_pivot_1 = like.lift(1.0) / pivot_1;
-        let t3_18 = t2_96 * inv_pivot_1;
-        let t3_19 = t2_46.mul_add(t3_18, t2_88);
-        let t3_20 = t2_43 * inv_pivot_1;
-        let t3_21 = (-t2_46).mul_add(t3_20, t1_165);
-        let t3_22 = (-t2_79).mul_add(t3_18, t2_94);
-        let pivot_2 = (-t2_79).mul_add(t3_20, t2_37);
-        let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t3_23 = t3_22 * inv_pivot_2;
-        let t3_24 = t3_21.mul_add(t3_23, t3_19);
-        let t3_25 = t2_120 * inv_pivot_1;
-        let t3_26 = t2_46.mul_add(t3_25, t2_103);
-        let t3_27 = (-t2_79).mul_add(t3_25, t2_114);
-        let t3_28 = t3_27 * inv_pivot_2;
-        let t3_29 = t3_21.mul_add(t3_28, t3_26);
-        let t3_30 = like.lift(1.0) / t2_42;
-        let t3_31 = t3_29 * t3_30;
-        let t3_32 = like.lift(0.0762102355330306) * t3_31;
-        let pivot_4 = t3_24 - t3_32;
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t3_33 = t2_227.mul_add(t3_18, t3_3);
-        let t3_34 = t2_227.mul_add(t3_20, t2_219);
-        let t3_35 = (-t3_34).mul_add(t3_23, t3_33);
-        let t3_36 = t2_227.mul_add(t3_25, t2_103);
-        let t3_37 = (-t3_34).mul_add(t3_28, t3_36);
-        let t3_38 = t3_37 * t3_30;
-        let t3_39 = like.lift(0.0762102355330306) * t3_38;
-        let t3_40 = t3_35 - t3_39;
-        let t3_41 = (-t2_50).mul_add(t3_18, t2_91);
-        let t3_42 = (-t2_50).mul_add(t3_20, t1_167);
-        let t3_43 = (-t3_42).mul_add(t3_23, t3_41);
-        let t3_44 = (-t2_50).mul_add(t3_25, t2_107);
-        let t3_45 = (-t3_42).mul_add(t3_28, t3_44);
-        let t3_46 = t3_45 * t3_30;
-        let t3_47 = like.lift(0.0762102355330306) * t3_46;
-        let t3_48 = t3_43 - t3_47;
-        let t3_49 = t2_158 * t3_30;
-        let t3_50 = t3_45.mul_add(t3_49, t2_204);
-        let t3_51 = (-t3_29).mul_add(t3_49, t2_200);
-        let t3_52 = t3_51 * inv_pivot_4;
-        let pivot_5 = t3_48.mul_add(t3_52, t3_50);
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t3_53 = (-t3_37).mul_add(t3_49, t2_200);
-        let t3_54 = (-t3_40).mul_add(t3_52, t3_53);
-        let t3_55 = sin_e1x * t3_25;
-        let t3_56 = like.lift(0.0381051177665153).mul_add(t3_55, t2_107);
-        let t3_57 = sin_e1x * t3_20;
-        let t3_58 = like.lift(0.0381051177665153).mul_add(t3_57, t1_168);
-        let t3_59 = (-t3_58).mul_add(t3_28, t3_56);
-        let t3_60 = t3_59.mul_add(t3_49, t2_204);
-        let t3_61 = sin_e1x * t3_18;
-        let t3_62 = like.lift(-0.0381051177665153).mul_add(t3_61, t2_90);
-        let t3_63 = t3_58.mul_add(t3_23, t3_62);
-        let t3_64 = t3_59 * t3_30;
-        let t3_65 = like.lift(0.0762102355330306) * t3_64;
-        let t3_66 = t3_63 + t3_65;
-        let t3_67 = (-t3_66).mul_add(t3_52, t3_60);
-        let t3_68 = e_e1x_q1z * inv_pivot_4;
-        let t3_69 = t3_66 * t3_68;
-        let t3_70 = like.lift(-0.066).mul_add(t3_69, t1_168);
-        let t3_71 = t3_48 * t3_68;
-        let t3_72 = like.lift(0.066).mul_add(t3_71, t1_167);
-        let t3_73 = t3_72 * inv_pivot_5;
-        let pivot_6 = (-t3_67).mul_add(t3_73, t3_70);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t3_74 = t3_40 * t3_68;
-        let t3_75 = like.lift(0.066).mul_add(t3_74, t2_219);
-        let t3_76 = t3_54.mul_add(t3_73, t3_75);
-        let t3_77 = t2_211 * t3_73;
-        let t3_78 = t2_153 + t3_77;
-        let t3_79 = t2_188 - t3_47;
-        let t3_80 = t2_187 - t3_32;
-        let t3_81 = t3_80 * inv_pivot_4;
-        let t3_82 = (-t3_48).mul_add(t3_81, t3_79);
-        let t3_83 = t3_82 * inv_pivot_5;
-        let t3_84 = t2_211 * t3_83;
-        let t3_85 = t2_190 + t3_84;
-        let t3_86 = t2_90 - t3_65;
-        let t3_87 = t3_66.mul_add(t3_81, t3_86);
-        let t3_88 = (-t3_67).mul_add(t3_83, t3_87);
-        let t3_89 = t3_88 * inv_pivot_6;
-        let pivot_7 = (-t3_78).mul_add(t3_89, t3_85);
-        let inv_pivot_7 = like.lift(1.0) / pivot_7;
-        let t3_90 = t3_15 - t3_39;
-        let t3_91 = (-t3_40).mul_add(t3_81, t3_90);
-        let t3_92 = t3_54.mul_add(t3_83, t3_91);
-        let t3_93 = (-t3_76).mul_add(t3_89, t3_92);
-        let t3_94 = t2_217.mul_add(t3_83, t2_192);
-        let t3_95 = t2_217.mul_add(t3_73, t2_159);
-        let t3_96 = (-t3_95).mul_add(t3_89, t3_94);
-        let t3_97 = t2_161 * inv_pivot_4;
-        let t3_98 = (-t3_40).mul_add(t3_97, t3_10);
-        let t3_99 = t3_48.mul_add(t3_97, t2_163);
-        let t3_100 = t3_99 * inv_pivot_5;
-        let t3_101 = (-t3_54).mul_add(t3_100, t3_98);
-        let t3_102 = (-t3_66).mul_add(t3_97, t2_49);
-        let t3_103 = (-t3_67).mul_add(t3_100, t3_102);
-        let t3_104 = t3_103 * inv_pivot_6;
-        let t3_105 = t3_76.mul_add(t3_104, t3_101);
-        let t3_106 = t2_211 * t3_100;
-        let t3_107 = t2_180 + t3_106;
-        let t3_108 = (-t3_78).mul_add(t3_104, t3_107);
-        let t3_109 = t3_108 * inv_pivot_7;
-        let t3_110 = t3_93.mul_add(t3_109, t3_105);
-        let t3_111 = t2_217.mul_add(t3_100, t2_184);
-        let t3_112 = (-t3_95).mul_add(t3_104, t3_111);
-        let pivot_8 = (-t3_96).mul_add(t3_109, t3_112);
+        let t3_1 = (-t2_191).mul_add(t2_222, t1_158);
+        let t3_2 = (-t2_192).mul_add(t2_225, t3_1);
+        let t3_3 = t3_2 * inv_pivot_6;
+        let t3_4 = t2_201.mul_add(t3_3, t2_226);
+        let t3_5 = t2_105 * t2_225;
+        let t3_6 = t2_74 + t3_5;
+        let t3_7 = (-t2_203).mul_add(t3_3, t3_6);
+        let t3_8 = t3_7 * inv_pivot_7;
+        let t3_9 = t2_218.mul_add(t3_8, t3_4);
+        let t3_10 = t2_111.mul_add(t2_225, t2_78);
+        let t3_11 = (-t2_220).mul_add(t3_3, t3_10);
+        let pivot_8 = (-t2_221).mul_add(t3_8, t3_11);
         let inv_pivot_8 = like.lift(1.0) / pivot_8;
-        let t3_113 = t3_110 * inv_pivot_8;
-        let t3_114 = t3_96.mul_add(t3_113, t3_93);
-        let t3_115 = inv_pivot_7 * t3_114;
-        let t3_116 = (-t3_78).mul_add(t3_115, t3_76);
-        let t3_117 = t3_95.mul_add(t3_113, t3_116);
-        let t3_118 = inv_pivot_6 * t3_117;
-        let t3_119 = t3_67.mul_add(t3_118, t3_54);
-        let t3_120 = (-t2_211).mul_add(t3_115, t3_119);
-        let t3_121 = t2_217.mul_add(t3_113, t3_120);
-        let t3_122 = inv_pivot_5 * t3_121;
-        let t3_123 = t3_48.mul_add(t3_122, t3_40);
-        let t3_124 = t3_66.mul_add(t3_118, t3_123);
-        let t3_125 = inv_pivot_4 * t3_124;
-        let t3_126 = (-t2_231).mul_add(t3_18, t3_5);
-        let t3_127 = (-t2_231).mul_add(t3_20, t2_223);
-        let t3_128 = (-t3_127).mul_add(t3_23, t3_126);
-        let t3_129 = (-t2_231).mul_add(t3_25, t2_114);
-        let t3_130 = (-t3_127).mul_add(t3_28, t3_129);
-        let t3_131 = t3_130 * t3_30;
-        let t3_132 = like.lift(0.0762102355330306) * t3_131;
-        let t3_133 = t3_128 - t3_132;
-        let t3_134 = t3_130 * t3_49;
-        let t3_135 = t3_133.mul_add(t3_52, t3_134);
-        let t3_136 = t3_133 * t3_68;
-        let t3_137 = like.lift(0.066) * t3_136;
-        let t3_138 = (-t3_135).mul_add(t3_73, t3_137);
-        let t3_139 = t3_133.mul_add(t3_81, t3_132);
-        let t3_140 = t3_135.mul_add(t3_83, t3_139);
-        let t3_141 = t3_138.mul_add(t3_89, t3_140);
-        let t3_142 = t3_133 * t3_97;
-        let t3_143 = (-t3_135).mul_add(t3_100, t3_142);
-        let t3_144 = (-t3_138).mul_add(t3_104, t3_143);
-        let t3_145 = t3_141.mul_add(t3_109, t3_144);
-        let t3_146 = t3_145 * inv_pivot_8;
-        let t3_147 = t3_96.mul_add(t3_146, t3_141);
-        let t3_148 = inv_pivot_7 * t3_147;
-        let t3_149 = t3_78.mul_add(t3_148, t3_138);
-        let t3_150 = (-t3_95).mul_add(t3_146, t3_149);
-        let t3_151 = inv_pivot_6 * t3_150;
-        let t3_152 = (-t3_67).mul_add(t3_151, t3_135);
-        let t3_153 = (-t2_211).mul_add(t3_148, t3_152);
-        let t3_154 = t2_217.mul_add(t3_146, t3_153);
-        let t3_155 = inv_pivot_5 * t3_154;
-        let t3_156 = (-t3_48).mul_add(t3_155, t3_133);
-        let t3_157 = t3_66.mul_add(t3_151, t3_156);
-        let t3_158 = inv_pivot_4 * t3_157;
-        let t3_159 = t3_9 + t3_77;
-        let t3_160 = t3_17 + t3_84;
-        let t3_161 = (-t3_159).mul_add(t3_89, t3_160);
-        let t3_162 = t3_14 + t3_106;
-        let t3_163 = (-t3_159).mul_add(t3_104, t3_162);
-        let t3_164 = (-t3_161).mul_add(t3_109, t3_163);
-        let t3_165 = t3_164 * inv_pivot_8;
-        let t3_166 = (-t3_96).mul_add(t3_165, t3_161);
-        let t3_167 = inv_pivot_7 * t3_166;
-        let t3_168 = (-t3_78).mul_add(t3_167, t3_159);
-        let t3_169 = (-t3_95).mul_add(t3_165, t3_168);
-        let t3_170 = inv_pivot_6 * t3_169;
-        let t3_171 = t3_67.mul_add(t3_170, t2_211);
-        let t3_172 = (-t2_211).mul_add(t3_167, t3_171);
-        let t3_173 = (-t2_217).mul_add(t3_165, t3_172);
-        let t3_174 = inv_pivot_5 * t3_173;
-        let t3_175 = t3_48 * t3_174;
-        let t3_176 = t3_66.mul_add(t3_170, t3_175);
-        let t3_177 = inv_pivot_4 * t3_176;
-        let t3_178 = -t3_122;
-        let t3_179 = -t3_174;
-        let t3_180 = (-t3_29).mul_add(t3_125, t3_37);
-        let t3_181 = t3_45.mul_add(t3_122, t3_180);
-        let t3_182 = (-t3_59).mul_add(t3_118, t3_181);
-        let t3_183 = t3_30 * t3_182;
-        let t3_184 = like.lift(1.1547005383792515) * t3_183;
-        let t3_185 = (-t3_29).mul_add(t3_158, t3_130);
-        let t3_186 = (-t3_45).mul_add(t3_155, t3_185);
-        let t3_187 = (-t3_59).mul_add(t3_151, t3_186);
-        let t3_188 = t3_30 * t3_187;
-        let t3_189 = like.lift(1.1547005383792515) * t3_188;
-        let t3_190 = t3_29 * t3_177;
-        let t3_191 = (-t3_45).mul_add(t3_174, t3_190);
-        let t3_192 = t3_59.mul_add(t3_170, t3_191);
-        let t3_193 = t3_30 * t3_192;
-        let t3_194 = like.lift(1.1547005383792515) * t3_193;
-        let t3_195 = -t3_194;
-        let t3_196 = t3_21.mul_add(t3_125, t3_34);
-        let t3_197 = t3_42.mul_add(t3_122, t3_196);
-        let t3_198 = (-t3_58).mul_add(t3_118, t3_197);
-        let t3_199 = inv_pivot_2 * t3_198;
-        let t3_200 = t3_21.mul_add(t3_158, t3_127);
-        let t3_201 = (-t3_42).mul_add(t3_155, t3_200);
-        let t3_202 = (-t3_58).mul_add(t3_151, t3_201);
-        let t3_203 = inv_pivot_2 * t3_202;
-        let t3_204 = t3_21 * t3_177;
-        let t3_205 = t3_42.mul_add(t3_174, t3_204);
-        let t3_206 = (-t3_58).mul_add(t3_170, t3_205);
-        let t3_207 = inv_pivot_2 * t3_206;
-        let t3_208 = t2_79.mul_add(t3_199, t2_227);
-        let t3_209 = (-t2_46).mul_add(t3_125, t3_208);
-        let t3_210 = (-t2_50).mul_add(t3_122, t3_209);
-        let t3_211 = sin_e1x * t3_118;
-        let t3_212 = like.lift(-0.0381051177665153).mul_add(t3_211, t3_210);
-        let t3_213 = inv_pivot_1 * t3_212;
-        let t3_214 = -t3_213;
-        let t3_215 = (-t2_79).mul_add(t3_203, t2_231);
-        let t3_216 = t2_46.mul_add(t3_158, t3_215);
-        let t3_217 = (-t2_50).mul_add(t3_155, t3_216);
-        let t3_218 = sin_e1x * t3_151;
-        let t3_219 = like.lift(0.0381051177665153).mul_add(t3_218, t3_217);
-        let t3_220 = inv_pivot_1 * t3_219;
-        let t3_221 = t2_79 * t3_207;
-        let t3_222 = (-t2_46).mul_add(t3_177, t3_221);
-        let t3_223 = (-t2_50).mul_add(t3_174, t3_222);
-        let t3_224 = sin_e1x * t3_170;
-        let t3_225 = like.lift(-0.0381051177665153).mul_add(t3_224, t3_223);
-        let t3_226 = inv_pivot_1 * t3_225;
-        let t3_227 = -t3_226;
-        let t3_228 = -t3_148;
-        let t3_229 = -t3_146;
-        let t3_230 = -t3_165;
-        let t3_231 = -pivot_8;
+        let t3_12 = t3_9 * inv_pivot_8;
+        let t3_13 = t2_221.mul_add(t3_12, t2_218);
+        let t3_14 = inv_pivot_7 * t3_13;
+        let t3_15 = (-t2_203).mul_add(t3_14, t2_201);
+        let t3_16 = t2_220.mul_add(t3_12, t3_15);
+        let t3_17 = inv_pivot_6 * t3_16;
+        let t3_18 = t2_192.mul_add(t3_17, t2_179);
+        let t3_19 = (-t2_105).mul_add(t3_14, t3_18);
+        let t3_20 = t2_111.mul_add(t3_12, t3_19);
+        let t3_21 = inv_pivot_5 * t3_20;
+        let t3_22 = t2_173.mul_add(t3_21, t2_165);
+        let t3_23 = t2_191.mul_add(t3_17, t3_22);
+        let t3_24 = inv_pivot_4 * t3_23;
+        let t3_25 = (-t2_125).mul_add(t2_143, t2_130);
+        let t3_26 = (-t2_125).mul_add(t2_145, t2_117);
+        let t3_27 = (-t3_26).mul_add(t2_148, t3_25);
+        let t3_28 = (-t2_125).mul_add(t2_150, t2_8);
+        let t3_29 = (-t3_26).mul_add(t2_153, t3_28);
+        let t3_30 = t3_29 * t2_155;
+        let t3_31 = like.lift(0.0762102355330306) * t3_30;
+        let t3_32 = t3_27 - t3_31;
+        let t3_33 = t3_29 * t2_174;
+        let t3_34 = t3_32.mul_add(t2_177, t3_33);
+        let t3_35 = t3_32 * t2_193;
+        let t3_36 = like.lift(0.066) * t3_35;
+        let t3_37 = (-t3_34).mul_add(t2_198, t3_36);
+        let t3_38 = t3_32.mul_add(t2_206, t3_31);
+        let t3_39 = t3_34.mul_add(t2_208, t3_38);
+        let t3_40 = t3_37.mul_add(t2_214, t3_39);
+        let t3_41 = t3_32 * t2_222;
+        let t3_42 = (-t3_34).mul_add(t2_225, t3_41);
+        let t3_43 = (-t3_37).mul_add(t3_3, t3_42);
+        let t3_44 = t3_40.mul_add(t3_8, t3_43);
+        let t3_45 = t3_44 * inv_pivot_8;
+        let t3_46 = t2_221.mul_add(t3_45, t3_40);
+        let t3_47 = inv_pivot_7 * t3_46;
+        let t3_48 = t2_203.mul_add(t3_47, t3_37);
+        let t3_49 = (-t2_220).mul_add(t3_45, t3_48);
+        let t3_50 = inv_pivot_6 * t3_49;
+        let t3_51 = (-t2_192).mul_add(t3_50, t3_34);
+        let t3_52 = (-t2_105).mul_add(t3_47, t3_51);
+        let t3_53 = t2_111.mul_add(t3_45, t3_52);
+        let t3_54 = inv_pivot_5 * t3_53;
+        let t3_55 = (-t2_173).mul_add(t3_54, t3_32);
+        let t3_56 = t2_191.mul_add(t3_50, t3_55);
+        let t3_57 = inv_pivot_4 * t3_56;
+        let t3_58 = t2_134 + t2_202;
+        let t3_59 = t2_142 + t2_209;
+        let t3_60 = (-t3_58).mul_add(t2_214, t3_59);
+        let t3_61 = t2_139 + t3_5;
+        let t3_62 = (-t3_58).mul_add(t3_3, t3_61);
+        let t3_63 = (-t3_60).mul_add(t3_8, t3_62);
+        let t3_64 = t3_63 * inv_pivot_8;
+        let t3_65 = (-t2_221).mul_add(t3_64, t3_60);
+        let t3_66 = inv_pivot_7 * t3_65;
+        let t3_67 = (-t2_203).mul_add(t3_66, t3_58);
+        let t3_68 = (-t2_220).mul_add(t3_64, t3_67);
+        let t3_69 = inv_pivot_6 * t3_68;
+        let t3_70 = t2_192.mul_add(t3_69, t2_105);
+        let t3_71 = (-t2_105).mul_add(t3_66, t3_70);
+        let t3_72 = (-t2_111).mul_add(t3_64, t3_71);
+        let t3_73 = inv_pivot_5 * t3_72;
+        let t3_74 = t2_173 * t3_73;
+        let t3_75 = t2_191.mul_add(t3_69, t3_74);
+        let t3_76 = inv_pivot_4 * t3_75;
+        let t3_77 = -t3_21;
+        let t3_78 = -t3_73;
+        let t3_79 = (-t2_154).mul_add(t3_24, t2_162);
+        let t3_80 = t2_170.mul_add(t3_21, t3_79);
+        let t3_81 = (-t2_184).mul_add(t3_17, t3_80);
+        let t3_82 = t2_155 * t3_81;
+        let t3_83 = like.lift(1.1547005383792515) * t3_82;
+        let t3_84 = (-t2_154).mul_add(t3_57, t3_29);
+        let t3_85 = (-t2_170).mul_add(t3_54, t3_84);
+        let t3_86 = (-t2_184).mul_add(t3_50, t3_85);
+        let t3_87 = t2_155 * t3_86;
+        let t3_88 = like.lift(1.1547005383792515) * t3_87;
+        let t3_89 = t2_154 * t3_76;
+        let t3_90 = (-t2_170).mul_add(t3_73, t3_89);
+        let t3_91 = t2_184.mul_add(t3_69, t3_90);
+        let t3_92 = t2_155 * t3_91;
+        let t3_93 = like.lift(1.1547005383792515) * t3_92;
+        let t3_94 = -t3_93;
+        let t3_95 = t2_146.mul_add(t3_24, t2_159);
+        let t3_96 = t2_167.mul_add(t3_21, t3_95);
+        let t3_97 = (-t2_183).mul_add(t3_17, t3_96);
+        let t3_98 = inv_pivot_2 * t3_97;
+        let t3_99 = t2_146.mul_add(t3_57, t3_26);
+        let t3_100 = (-t2_167).mul_add(t3_54, t3_99);
+        let t3_101 = (-t2_183).mul_add(t3_50, t3_100);
+        let t3_102 = inv_pivot_2 * t3_101;
+        let t3_103 = t2_146 * t3_76;
+        let t3_104 = t2_167.mul_add(t3_73, t3_103);
+        let t3_105 = (-t2_183).mul_add(t3_69, t3_104);
+        let t3_106 = inv_pivot_2 * t3_105;
+        let t3_107 = t1_188.mul_add(t3_98, t2_121);
+        let t3_108 = (-t1_155).mul_add(t3_24, t3_107);
+        let t3_109 = (-t1_159).mul_add(t3_21, t3_108);
+        let t3_110 = sin_e1x * t3_17;
+        let t3_111 = like.lift(-0.0381051177665153).mul_add(t3_110, t3_109);
+        let t3_112 = inv_pivot_1 * t3_111;
+        let t3_113 = -t3_112;
+        let t3_114 = (-t1_188).mul_add(t3_102, t2_125);
+        let t3_115 = t1_155.mul_add(t3_57, t3_114);
+        let t3_116 = (-t1_159).mul_add(t3_54, t3_115);
+        let t3_117 = sin_e1x * t3_50;
+        let t3_118 = like.lift(0.0381051177665153).mul_add(t3_117, t3_116);
+        let t3_119 = inv_pivot_1 * t3_118;
+        let t3_120 = t1_188 * t3_106;
+        let t3_121 = (-t1_155).mul_add(t3_76, t3_120);
+        let t3_122 = (-t1_159).mul_add(t3_73, t3_121);
+        let t3_123 = sin_e1x * t3_69;
+        let t3_124 = like.lift(-0.0381051177665153).mul_add(t3_123, t3_122);
+        let t3_125 = inv_pivot_1 * t3_124;
+        let t3_126 = -t3_125;
+        let t3_127 = -t3_47;
+        let t3_128 = -t3_45;
+        let t3_129 = -t3_64;
+        let t3_130 = -pivot_8;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(0.9379407993771961)).abs()
             .min((pivot_2 * like.lift(0.8419561199081981)).abs())
-            .min((t2_109 * like.lift(2.101432136451623)).abs())
+            .min((t2_3 * like.lift(2.101432136451623)).abs())
             .min((pivot_4 * like.lift(1.018866869624108)).abs())
             .min((pivot_5 * like.lift(0.7972052055720686)).abs())
             .min((pivot_6 * like.lift(0.8046174018437734)).abs())
             .min((pivot_7 * like.lift(1.0351966873706007)).abs())
-            .min((t3_231 * like.lift(0.6961619001482627)).abs());
+            .min((t3_130 * like.lift(0.6961619001482627)).abs());
         let ([
-            [x_u1_1_q1, x_u1_1_q2, x_u1_1_q3], [x_u1_2_q1, x_u1_2_q2, x_u1_2_q3],
-            [x_e1y_q1, x_e1y_q2, x_e1y_q3], [x_e1x_q1, x_e1x_q2, x_e1x_q3],
-            [x_u2_1_q1, x_u2_1_q2, x_u2_1_q3], [x_u2_2_q1, x_u2_2_q2, x_u2_2_q3],
+            [x_u1_1_q1, x_u1_1_q2, x_u1_1_q3], [x_u1_2_q1, x_u1_2_q2, x_u1_2_q3], [_, _, _],
+            [_, _, _], [x_u2_1_q1, x_u2_1_q2, x_u2_1_q3], [x_u2_2_q1, x_u2_2_q2, x_u2_2_q3],
             [x_u3_1_q1, x_u3_1_q2, x_u3_1_q3], [x_u3_2_q1, x_u3_2_q2, x_u3_2_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t3_125, t3_158, t3_177], [t3_178, t3_155, t3_179], [t3_118, t3_151, t3_170],
-                [t3_184, t3_189, t3_195], [t3_199, t3_203, t3_207], [t3_214, t3_220, t3_227],
-                [t3_115, t3_228, t3_167], [t3_113, t3_229, t3_230],
+                [t3_24, t3_57, t3_76], [t3_77, t3_54, t3_78], [t3_17, t3_50, t3_69],
+                [t3_83, t3_88, t3_94], [t3_98, t3_102, t3_106], [t3_113, t3_119, t3_126],
+                [t3_14, t3_127, t3_66], [t3_12, t3_128, t3_129],
             ],
             margin,
             || (
                 [
-                    [t1_166, t1_167, t1_168, like.lift(0.0), t2_37, t2_43, like.lift(0.0), like.lift(0.0)],
-                    [t2_47, t2_50, t2_51, like.lift(0.0), t2_79, pivot_1, like.lift(0.0), like.lift(0.0)],
-                    [t2_88, t2_91, t2_92, like.lift(0.066), t2_94, t2_96, like.lift(0.0), like.lift(0.0)],
-                    [t2_104, t2_108, t2_108, t2_109, t2_115, t2_121, like.lift(0.0), like.lift(0.0)],
-                    [t1_166, t1_167, t1_168, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_153, t2_160],
-                    [t2_162, t2_163, t2_49, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_180, t2_185],
-                    [t2_187, t2_188, t2_90, like.lift(0.066), like.lift(0.0), like.lift(0.0), t2_190, t2_193],
-                    [t2_201, t2_204, t2_204, t2_206, like.lift(0.0), like.lift(0.0), t2_212, t2_217],
+                    [t1_72, t1_73, t1_74, like.lift(0.0), t1_146, t1_152, like.lift(0.0), like.lift(0.0)],
+                    [t1_156, t1_159, t1_160, like.lift(0.0), t1_188, pivot_1, like.lift(0.0), like.lift(0.0)],
+                    [t1_197, t1_200, t1_201, like.lift(0.066), t1_203, t1_205, like.lift(0.0), like.lift(0.0)],
+                    [t1_213, t2_2, t2_2, t2_3, t2_9, t2_15, like.lift(0.0), like.lift(0.0)],
+                    [t1_72, t1_73, t1_74, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_47, t2_54],
+                    [t2_56, t2_57, t1_158, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_74, t2_79],
+                    [t2_81, t2_82, t1_199, like.lift(0.066), like.lift(0.0), like.lift(0.0), t2_84, t2_87],
+                    [t2_95, t2_98, t2_98, t2_100, like.lift(0.0), like.lift(0.0), t2_106, t2_111],
                 ],
                 [
-                    [t2_219, t2_223, like.lift(0.0)], [t2_228, t2_231, like.lift(0.0)],
-                    [t3_3, t3_5, like.lift(0.0)], [t2_104, t2_115, like.lift(0.0)],
-                    [t2_219, like.lift(0.0), t3_9], [t3_11, like.lift(0.0), t3_14],
-                    [t3_15, like.lift(0.0), t3_17], [t2_201, like.lift(0.0), t2_212],
+                    [t2_113, t2_117, like.lift(0.0)], [t2_122, t2_125, like.lift(0.0)],
+                    [t2_128, t2_130, like.lift(0.0)], [t1_213, t2_9, like.lift(0.0)],
+                    [t2_113, like.lift(0.0), t2_134], [t2_136, like.lift(0.0), t2_139],
+                    [t2_140, like.lift(0.0), t2_142], [t2_95, like.lift(0.0), t2_106],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            x_u1_1_q1, x_u1_1_q2, x_u1_1_q3, x_u1_2_q1, x_u1_2_q2, x_u1_2_q3, x_e1y_q1,
-            x_e1y_q2, x_e1y_q3, x_e1x_q1, x_e1x_q2, x_e1x_q3, x_u2_1_q1, x_u2_1_q2, x_u2_1_q3,
-            x_u2_2_q1, x_u2_2_q2, x_u2_2_q3, x_u3_1_q1, x_u3_1_q2, x_u3_1_q3, x_u3_2_q1,
-            x_u3_2_q2, x_u3_2_q3,
+            x_u1_1_q1, x_u1_1_q2, x_u1_1_q3, x_u1_2_q1, x_u1_2_q2, x_u1_2_q3, x_u2_1_q1,
+            x_u2_1_q2, x_u2_1_q3, x_u2_2_q1, x_u2_2_q2, x_u2_2_q3, x_u3_1_q1, x_u3_1_q2,
+            x_u3_1_q3, x_u3_2_q1, x_u3_2_q2, x_u3_2_q3,
         ]
     };
     // tau
     {
-        let t4_1 = t1_136.mul_add(x_u1_1_q1, t1_164);
+        let t4_1 = t1_46.mul_add(x_u1_1_q1, t1_68);
         let t4_2 = al_rod1x * p_ixy_rod1;
         let t4_3 = (-dd_u1_2).mul_add(p_iyy_rod1, t4_2);
         let t4_4 = (-al_rod1z).mul_add(p_iyz_rod1, t4_3);
         let t4_5 = p_ixx_rod1 - p_izz_rod1;
         let t4_6 = t1_13 * t4_5;
-        let t4_7 = t1_16 - t1_117;
+        let t4_7 = t1_16 - t1_37;
         let t4_8 = (-t4_7).mul_add(p_ixz_rod1, t4_6);
         let t4_9 = t1_6.mul_add(p_ixy_rod1, t4_8);
         let t4_10 = t1_10.mul_add(p_iyz_rod1, -t4_9);
@@ -16086,222 +15593,202 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
         let t4_12 = a_rod1x * p_mz_rod1;
         let t4_13 = a_rod1z.mul_add(p_mx_rod1, t4_12);
         let t4_14 = t4_11 + t4_13;
-        let t4_15 = cos_e1x * t1_70;
-        let t4_16 = (-sin_e1x).mul_add(t1_90, t4_15);
-        let t4_17 = like.lift(-1.244).mul_add(t1_159, t4_16);
-        let t4_18 = t4_14 - t4_17;
-        let t4_19 = t4_18.mul_add(x_u1_2_q1, t4_1);
-        let t4_20 = (-t4_16).mul_add(x_e1y_q1, t4_19);
-        let t4_21 = (-t1_108).mul_add(x_e1x_q1, t4_20);
+        let t4_15 = t4_14.mul_add(x_u1_2_q1, t4_1);
         let al_u2_1x = dd_q2 + dd_u2_1;
-        let t4_22 = cos_u2_2 * al_u2_1x;
+        let t4_16 = cos_u2_2 * al_u2_1x;
         let w_u2_1x = d_q2 + d_u2_1;
         let w_rod2z = sin_u2_2 * w_u2_1x;
-        let t4_23 = d_u2_2 * w_rod2z;
-        let al_rod2x = t4_22 - t4_23;
-        let t4_24 = al_rod2x * p_ixz_rod2;
-        let t4_25 = dd_u2_2.mul_add(p_iyz_rod2, t4_24);
-        let t4_26 = sin_u2_2 * al_u2_1x;
+        let t4_17 = d_u2_2 * w_rod2z;
+        let al_rod2x = t4_16 - t4_17;
+        let t4_18 = al_rod2x * p_ixz_rod2;
+        let t4_19 = dd_u2_2.mul_add(p_iyz_rod2, t4_18);
+        let t4_20 = sin_u2_2 * al_u2_1x;
         let w_rod2x = cos_u2_2 * w_u2_1x;
-        let t4_27 = d_u2_2 * w_rod2x;
-        let al_rod2z = t4_26 + t4_27;
-        let t4_28 = al_rod2z.mul_add(p_izz_rod2, t4_25);
-        let t4_29 = w_rod2z * w_rod2x;
-        let t4_30 = p_ixx_rod2 - p_iyy_rod2;
-        let t4_31 = t4_27 * t4_30;
-        let t4_32 = w_rod2x * w_rod2x;
-        let t4_33 = d_u2_2 * d_u2_2;
-        let t4_34 = t4_32 - t4_33;
-        let t4_35 = (-t4_34).mul_add(p_ixy_rod2, t4_31);
-        let t4_36 = t4_29.mul_add(p_iyz_rod2, -t4_35);
-        let t4_37 = t4_23.mul_add(p_ixz_rod2, -t4_36);
-        let t4_38 = t4_28 - t4_37;
+        let t4_21 = d_u2_2 * w_rod2x;
+        let al_rod2z = t4_20 + t4_21;
+        let t4_22 = al_rod2z.mul_add(p_izz_rod2, t4_19);
+        let t4_23 = w_rod2z * w_rod2x;
+        let t4_24 = p_ixx_rod2 - p_iyy_rod2;
+        let t4_25 = t4_21 * t4_24;
+        let t4_26 = w_rod2x * w_rod2x;
+        let t4_27 = d_u2_2 * d_u2_2;
+        let t4_28 = t4_26 - t4_27;
+        let t4_29 = (-t4_28).mul_add(p_ixy_rod2, t4_25);
+        let t4_30 = t4_23.mul_add(p_iyz_rod2, -t4_29);
+        let t4_31 = t4_17.mul_add(p_ixz_rod2, -t4_30);
+        let t4_32 = t4_22 - t4_31;
         let a_crank2y = like.lift(9.81) * sin_q2;
-        let t4_39 = d_q2 * d_q2;
-        let t4_40 = like.lift(-0.524).mul_add(t4_39, a_crank2y);
-        let t4_41 = cos_u2_1 * t4_40;
+        let t4_33 = d_q2 * d_q2;
+        let t4_34 = like.lift(-0.524).mul_add(t4_33, a_crank2y);
+        let t4_35 = cos_u2_1 * t4_34;
         let a_crank2z = like.lift(9.81) * cos_q2;
-        let t4_42 = like.lift(0.524).mul_add(dd_q2, a_crank2z);
-        let a_u2_1y = sin_u2_1.mul_add(t4_42, t4_41);
-        let t4_43 = a_u2_1y * p_mx_rod2;
-        let t4_44 = sin_u2_1 * t4_40;
-        let a_u2_1z = (-cos_u2_1).mul_add(t4_42, t4_44);
+        let t4_36 = like.lift(0.524).mul_add(dd_q2, a_crank2z);
+        let a_u2_1y = sin_u2_1.mul_add(t4_36, t4_35);
+        let t4_37 = a_u2_1y * p_mx_rod2;
+        let t4_38 = sin_u2_1 * t4_34;
+        let a_u2_1z = (-cos_u2_1).mul_add(t4_36, t4_38);
         let a_rod2x = sin_u2_2 * a_u2_1z;
-        let t4_45 = (-a_rod2x).mul_add(p_my_rod2, t4_43);
-        let t4_46 = t4_38 + t4_45;
-        let t4_47 = sin_u2_2 * t4_46;
-        let t4_48 = al_rod2x * p_ixx_rod2;
-        let t4_49 = dd_u2_2.mul_add(p_ixy_rod2, t4_48);
-        let t4_50 = al_rod2z.mul_add(p_ixz_rod2, t4_49);
-        let t4_51 = p_iyy_rod2 - p_izz_rod2;
-        let t4_52 = t4_23 * t4_51;
-        let t4_53 = w_rod2z * w_rod2z;
-        let t4_54 = t4_33 - t4_53;
-        let t4_55 = (-t4_54).mul_add(p_iyz_rod2, t4_52);
-        let t4_56 = t4_27.mul_add(p_ixz_rod2, -t4_55);
-        let t4_57 = t4_29.mul_add(p_ixy_rod2, -t4_56);
-        let t4_58 = t4_50 - t4_57;
+        let t4_39 = (-a_rod2x).mul_add(p_my_rod2, t4_37);
+        let t4_40 = t4_32 + t4_39;
+        let t4_41 = sin_u2_2 * t4_40;
+        let t4_42 = al_rod2x * p_ixx_rod2;
+        let t4_43 = dd_u2_2.mul_add(p_ixy_rod2, t4_42);
+        let t4_44 = al_rod2z.mul_add(p_ixz_rod2, t4_43);
+        let t4_45 = p_iyy_rod2 - p_izz_rod2;
+        let t4_46 = t4_17 * t4_45;
+        let t4_47 = w_rod2z * w_rod2z;
+        let t4_48 = t4_27 - t4_47;
+        let t4_49 = (-t4_48).mul_add(p_iyz_rod2, t4_46);
+        let t4_50 = t4_21.mul_add(p_ixz_rod2, -t4_49);
+        let t4_51 = t4_23.mul_add(p_ixy_rod2, -t4_50);
+        let t4_52 = t4_44 - t4_51;
         let a_rod2z = cos_u2_2 * a_u2_1z;
-        let t4_59 = a_rod2z * p_my_rod2;
-        let t4_60 = a_u2_1y.mul_add(p_mz_rod2, t4_59);
-        let t4_61 = t4_58 - t4_60;
-        let t4_62 = cos_u2_2.mul_add(t4_61, t4_47);
-        let t4_63 = (-t4_62).mul_add(x_u2_1_q1, t4_21);
-        let t4_64 = al_rod2x * p_ixy_rod2;
-        let t4_65 = dd_u2_2.mul_add(p_iyy_rod2, t4_64);
-        let t4_66 = al_rod2z.mul_add(p_iyz_rod2, t4_65);
-        let t4_67 = p_ixx_rod2 - p_izz_rod2;
-        let t4_68 = t4_29 * t4_67;
-        let t4_69 = t4_32 - t4_53;
-        let t4_70 = (-t4_69).mul_add(p_ixz_rod2, t4_68);
-        let t4_71 = t4_23.mul_add(p_ixy_rod2, t4_70);
-        let t4_72 = t4_27.mul_add(p_iyz_rod2, -t4_71);
-        let t4_73 = t4_66 - t4_72;
-        let t4_74 = a_rod2x * p_mz_rod2;
-        let t4_75 = a_rod2z.mul_add(p_mx_rod2, t4_74);
-        let t4_76 = t4_73 + t4_75;
-        let t4_77 = (-t4_76).mul_add(x_u2_2_q1, t4_63);
+        let t4_53 = (-a_rod2z).mul_add(p_my_rod2, t4_52);
+        let t4_54 = cos_u2_2.mul_add(t4_53, t4_41);
+        let t4_55 = (-t4_54).mul_add(x_u2_1_q1, t4_15);
+        let t4_56 = al_rod2x * p_ixy_rod2;
+        let t4_57 = dd_u2_2.mul_add(p_iyy_rod2, t4_56);
+        let t4_58 = al_rod2z.mul_add(p_iyz_rod2, t4_57);
+        let t4_59 = p_ixx_rod2 - p_izz_rod2;
+        let t4_60 = t4_23 * t4_59;
+        let t4_61 = t4_26 - t4_47;
+        let t4_62 = (-t4_61).mul_add(p_ixz_rod2, t4_60);
+        let t4_63 = t4_17.mul_add(p_ixy_rod2, t4_62);
+        let t4_64 = t4_21.mul_add(p_iyz_rod2, -t4_63);
+        let t4_65 = t4_58 - t4_64;
+        let t4_66 = a_rod2z.mul_add(p_mx_rod2, t4_65);
+        let t4_67 = (-t4_66).mul_add(x_u2_2_q1, t4_55);
         let al_u3_1x = dd_q3 + dd_u3_1;
-        let t4_78 = cos_u3_2 * al_u3_1x;
+        let t4_68 = cos_u3_2 * al_u3_1x;
         let w_u3_1x = d_q3 + d_u3_1;
         let w_rod3z = sin_u3_2 * w_u3_1x;
-        let t4_79 = d_u3_2 * w_rod3z;
-        let al_rod3x = t4_78 - t4_79;
-        let t4_80 = al_rod3x * p_ixz_rod3;
-        let t4_81 = dd_u3_2.mul_add(p_iyz_rod3, t4_80);
-        let t4_82 = sin_u3_2 * al_u3_1x;
+        let t4_69 = d_u3_2 * w_rod3z;
+        let al_rod3x = t4_68 - t4_69;
+        let t4_70 = al_rod3x * p_ixz_rod3;
+        let t4_71 = dd_u3_2.mul_add(p_iyz_rod3, t4_70);
+        let t4_72 = sin_u3_2 * al_u3_1x;
         let w_rod3x = cos_u3_2 * w_u3_1x;
-        let t4_83 = d_u3_2 * w_rod3x;
-        let al_rod3z = t4_82 + t4_83;
-        let t4_84 = al_rod3z.mul_add(p_izz_rod3, t4_81);
-        let t4_85 = w_rod3z * w_rod3x;
-        let t4_86 = p_ixx_rod3 - p_iyy_rod3;
-        let t4_87 = t4_83 * t4_86;
-        let t4_88 = w_rod3x * w_rod3x;
-        let t4_89 = d_u3_2 * d_u3_2;
-        let t4_90 = t4_88 - t4_89;
-        let t4_91 = (-t4_90).mul_add(p_ixy_rod3, t4_87);
-        let t4_92 = t4_85.mul_add(p_iyz_rod3, -t4_91);
-        let t4_93 = t4_79.mul_add(p_ixz_rod3, -t4_92);
-        let t4_94 = t4_84 - t4_93;
+        let t4_73 = d_u3_2 * w_rod3x;
+        let al_rod3z = t4_72 + t4_73;
+        let t4_74 = al_rod3z.mul_add(p_izz_rod3, t4_71);
+        let t4_75 = w_rod3z * w_rod3x;
+        let t4_76 = p_ixx_rod3 - p_iyy_rod3;
+        let t4_77 = t4_73 * t4_76;
+        let t4_78 = w_rod3x * w_rod3x;
+        let t4_79 = d_u3_2 * d_u3_2;
+        let t4_80 = t4_78 - t4_79;
+        let t4_81 = (-t4_80).mul_add(p_ixy_rod3, t4_77);
+        let t4_82 = t4_75.mul_add(p_iyz_rod3, -t4_81);
+        let t4_83 = t4_69.mul_add(p_ixz_rod3, -t4_82);
+        let t4_84 = t4_74 - t4_83;
         let a_crank3y = like.lift(9.81) * sin_q3;
-        let t4_95 = d_q3 * d_q3;
-        let t4_96 = like.lift(-0.524).mul_add(t4_95, a_crank3y);
-        let t4_97 = cos_u3_1 * t4_96;
+        let t4_85 = d_q3 * d_q3;
+        let t4_86 = like.lift(-0.524).mul_add(t4_85, a_crank3y);
+        let t4_87 = cos_u3_1 * t4_86;
         let a_crank3z = like.lift(9.81) * cos_q3;
-        let t4_98 = like.lift(0.524).mul_add(dd_q3, a_crank3z);
-        let a_u3_1y = sin_u3_1.mul_add(t4_98, t4_97);
-        let t4_99 = a_u3_1y * p_mx_rod3;
-        let t4_100 = sin_u3_1 * t4_96;
-        let a_u3_1z = (-cos_u3_1).mul_add(t4_98, t4_100);
+        let t4_88 = like.lift(0.524).mul_add(dd_q3, a_crank3z);
+        let a_u3_1y = sin_u3_1.mul_add(t4_88, t4_87);
+        let t4_89 = a_u3_1y * p_mx_rod3;
+        let t4_90 = sin_u3_1 * t4_86;
+        let a_u3_1z = (-cos_u3_1).mul_add(t4_88, t4_90);
         let a_rod3x = sin_u3_2 * a_u3_1z;
-        let t4_101 = (-a_rod3x).mul_add(p_my_rod3, t4_99);
-        let t4_102 = t4_94 + t4_101;
-        let t4_103 = sin_u3_2 * t4_102;
-        let t4_104 = al_rod3x * p_ixx_rod3;
-        let t4_105 = dd_u3_2.mul_add(p_ixy_rod3, t4_104);
-        let t4_106 = al_rod3z.mul_add(p_ixz_rod3, t4_105);
-        let t4_107 = p_iyy_rod3 - p_izz_rod3;
-        let t4_108 = t4_79 * t4_107;
-        let t4_109 = w_rod3z * w_rod3z;
-        let t4_110 = t4_89 - t4_109;
-        let t4_111 = (-t4_110).mul_add(p_iyz_rod3, t4_108);
-        let t4_112 = t4_83.mul_add(p_ixz_rod3, -t4_111);
-        let t4_113 = t4_85.mul_add(p_ixy_rod3, -t4_112);
-        let t4_114 = t4_106 - t4_113;
+        let t4_91 = (-a_rod3x).mul_add(p_my_rod3, t4_89);
+        let t4_92 = t4_84 + t4_91;
+        let t4_93 = sin_u3_2 * t4_92;
+        let t4_94 = al_rod3x * p_ixx_rod3;
+        let t4_95 = dd_u3_2.mul_add(p_ixy_rod3, t4_94);
+        let t4_96 = al_rod3z.mul_add(p_ixz_rod3, t4_95);
+        let t4_97 = p_iyy_rod3 - p_izz_rod3;
+        let t4_98 = t4_69 * t4_97;
+        let t4_99 = w_rod3z * w_rod3z;
+        let t4_100 = t4_79 - t4_99;
+        let t4_101 = (-t4_100).mul_add(p_iyz_rod3, t4_98);
+        let t4_102 = t4_73.mul_add(p_ixz_rod3, -t4_101);
+        let t4_103 = t4_75.mul_add(p_ixy_rod3, -t4_102);
+        let t4_104 = t4_96 - t4_103;
         let a_rod3z = cos_u3_2 * a_u3_1z;
-        let t4_115 = a_rod3z * p_my_rod3;
-        let t4_116 = a_u3_1y.mul_add(p_mz_rod3, t4_115);
-        let t4_117 = t4_114 - t4_116;
-        let t4_118 = cos_u3_2.mul_add(t4_117, t4_103);
-        let t4_119 = (-t4_118).mul_add(x_u3_1_q1, t4_77);
-        let t4_120 = al_rod3x * p_ixy_rod3;
-        let t4_121 = dd_u3_2.mul_add(p_iyy_rod3, t4_120);
-        let t4_122 = al_rod3z.mul_add(p_iyz_rod3, t4_121);
-        let t4_123 = p_ixx_rod3 - p_izz_rod3;
-        let t4_124 = t4_85 * t4_123;
-        let t4_125 = t4_88 - t4_109;
-        let t4_126 = (-t4_125).mul_add(p_ixz_rod3, t4_124);
-        let t4_127 = t4_79.mul_add(p_ixy_rod3, t4_126);
-        let t4_128 = t4_83.mul_add(p_iyz_rod3, -t4_127);
-        let t4_129 = t4_122 - t4_128;
-        let t4_130 = a_rod3x * p_mz_rod3;
-        let t4_131 = a_rod3z.mul_add(p_mx_rod3, t4_130);
-        let t4_132 = t4_129 + t4_131;
-        let t4_133 = (-t4_132).mul_add(x_u3_2_q1, t4_119);
-        tau[0] = t4_133;
-        let t4_134 = cos_q2 * p_my_crank2;
-        let t4_135 = like.lift(9.81) * t4_134;
-        let t4_136 = sin_q2 * p_mz_crank2;
-        let t4_137 = like.lift(-9.81).mul_add(t4_136, t4_135);
-        let t4_138 = dd_q2.mul_add(p_ixx_crank2, t4_137);
-        let t4_139 = t4_27 + al_rod2z;
-        let t4_140 = t4_139 * p_mx_rod2;
-        let t4_141 = w_u2_1x * w_u2_1x;
-        let t4_142 = (-t4_141).mul_add(p_my_rod2, t4_140);
-        let t4_143 = t4_23 - al_rod2x;
-        let t4_144 = t4_143.mul_add(p_mz_rod2, t4_142);
-        let t4_145 = sin_u2_1 * t4_144;
-        let t4_146 = dd_u2_2 - t4_29;
-        let t4_147 = t4_146 * p_mx_rod2;
-        let t4_148 = (-t4_22).mul_add(p_my_rod2, t4_147);
-        let t4_149 = t4_32 + t4_33;
-        let t4_150 = t4_149.mul_add(p_mz_rod2, t4_148);
-        let t4_151 = cos_u2_2 * t4_150;
-        let t4_152 = t4_33 + t4_53;
-        let t4_153 = t4_152 * p_mx_rod2;
-        let t4_154 = t4_26.mul_add(p_my_rod2, t4_153);
-        let t4_155 = dd_u2_2 + t4_29;
-        let t4_156 = (-t4_155).mul_add(p_mz_rod2, t4_154);
-        let t4_157 = (-sin_u2_2).mul_add(t4_156, t4_151);
-        let t4_158 = (-cos_u2_1).mul_add(t4_157, t4_145);
-        let t4_159 = like.lift(0.524).mul_add(t4_158, t4_62);
-        let t4_160 = t4_138 + t4_159;
-        let t4_161 = t1_136 * x_u1_1_q2;
-        let t4_162 = t4_18.mul_add(x_u1_2_q2, t4_161);
-        let t4_163 = (-t4_16).mul_add(x_e1y_q2, t4_162);
-        let t4_164 = (-t1_108).mul_add(x_e1x_q2, t4_163);
-        let t4_165 = t4_160 + t4_164;
-        let t4_166 = (-t4_62).mul_add(x_u2_1_q2, t4_165);
-        let t4_167 = (-t4_76).mul_add(x_u2_2_q2, t4_166);
-        let t4_168 = (-t4_118).mul_add(x_u3_1_q2, t4_167);
-        let t4_169 = (-t4_132).mul_add(x_u3_2_q2, t4_168);
-        tau[1] = t4_169;
-        let t4_170 = dd_q3 * p_ixx_crank3;
-        let t4_171 = sin_q3 * p_mz_crank3;
-        let t4_172 = like.lift(-9.81).mul_add(t4_171, t4_170);
-        let t4_173 = t4_83 + al_rod3z;
-        let t4_174 = t4_173 * p_mx_rod3;
-        let t4_175 = w_u3_1x * w_u3_1x;
-        let t4_176 = (-t4_175).mul_add(p_my_rod3, t4_174);
-        let t4_177 = t4_79 - al_rod3x;
-        let t4_178 = t4_177.mul_add(p_mz_rod3, t4_176);
-        let t4_179 = sin_u3_1 * t4_178;
-        let t4_180 = dd_u3_2 - t4_85;
-        let t4_181 = t4_180 * p_mx_rod3;
-        let t4_182 = (-t4_78).mul_add(p_my_rod3, t4_181);
-        let t4_183 = t4_88 + t4_89;
-        let t4_184 = t4_183.mul_add(p_mz_rod3, t4_182);
-        let t4_185 = cos_u3_2 * t4_184;
-        let t4_186 = t4_89 + t4_109;
-        let t4_187 = t4_186 * p_mx_rod3;
-        let t4_188 = t4_82.mul_add(p_my_rod3, t4_187);
-        let t4_189 = dd_u3_2 + t4_85;
-        let t4_190 = (-t4_189).mul_add(p_mz_rod3, t4_188);
-        let t4_191 = (-sin_u3_2).mul_add(t4_190, t4_185);
-        let t4_192 = (-cos_u3_1).mul_add(t4_191, t4_179);
-        let t4_193 = like.lift(0.524).mul_add(t4_192, t4_118);
-        let t4_194 = t4_172 + t4_193;
-        let t4_195 = t1_136 * x_u1_1_q3;
-        let t4_196 = t4_18.mul_add(x_u1_2_q3, t4_195);
-        let t4_197 = (-t4_16).mul_add(x_e1y_q3, t4_196);
-        let t4_198 = (-t1_108).mul_add(x_e1x_q3, t4_197);
-        let t4_199 = (-t4_62).mul_add(x_u2_1_q3, t4_198);
-        let t4_200 = (-t4_76).mul_add(x_u2_2_q3, t4_199);
-        let t4_201 = t4_194 + t4_200;
-        let t4_202 = (-t4_118).mul_add(x_u3_1_q3, t4_201);
-        let t4_203 = (-t4_132).mul_add(x_u3_2_q3, t4_202);
-        tau[2] = t4_203;
+        let t4_105 = a_rod3z * p_my_rod3;
+        let t4_106 = a_u3_1y.mul_add(p_mz_rod3, t4_105);
+        let t4_107 = t4_104 - t4_106;
+        let t4_108 = cos_u3_2.mul_add(t4_107, t4_93);
+        let t4_109 = (-t4_108).mul_add(x_u3_1_q1, t4_67);
+        let t4_110 = al_rod3x * p_ixy_rod3;
+        let t4_111 = dd_u3_2.mul_add(p_iyy_rod3, t4_110);
+        let t4_112 = al_rod3z.mul_add(p_iyz_rod3, t4_111);
+        let t4_113 = p_ixx_rod3 - p_izz_rod3;
+        let t4_114 = t4_75 * t4_113;
+        let t4_115 = t4_78 - t4_99;
+        let t4_116 = (-t4_115).mul_add(p_ixz_rod3, t4_114);
+        let t4_117 = t4_69.mul_add(p_ixy_rod3, t4_116);
+        let t4_118 = t4_73.mul_add(p_iyz_rod3, -t4_117);
+        let t4_119 = t4_112 - t4_118;
+        let t4_120 = a_rod3x * p_mz_rod3;
+        let t4_121 = a_rod3z.mul_add(p_mx_rod3, t4_120);
+        let t4_122 = t4_119 + t4_121;
+        let t4_123 = (-t4_122).mul_add(x_u3_2_q1, t4_109);
+        tau[0] = t4_123;
+        let t4_124 = cos_q2 * p_my_crank2;
+        let t4_125 = like.lift(9.81) * t4_124;
+        let t4_126 = sin_q2 * p_mz_crank2;
+        let t4_127 = like.lift(-9.81).mul_add(t4_126, t4_125);
+        let t4_128 = dd_q2.mul_add(p_ixx_crank2, t4_127);
+        let t4_129 = t4_21 + al_rod2z;
+        let t4_130 = t4_129 * p_mx_rod2;
+        let t4_131 = w_u2_1x * w_u2_1x;
+        let t4_132 = (-t4_131).mul_add(p_my_rod2, t4_130);
+        let t4_133 = sin_u2_1 * t4_132;
+        let t4_134 = dd_u2_2 - t4_23;
+        let t4_135 = t4_134 * p_mx_rod2;
+        let t4_136 = (-t4_16).mul_add(p_my_rod2, t4_135);
+        let t4_137 = cos_u2_2 * t4_136;
+        let t4_138 = t4_27 + t4_47;
+        let t4_139 = t4_138 * p_mx_rod2;
+        let t4_140 = t4_20.mul_add(p_my_rod2, t4_139);
+        let t4_141 = (-sin_u2_2).mul_add(t4_140, t4_137);
+        let t4_142 = (-cos_u2_1).mul_add(t4_141, t4_133);
+        let t4_143 = like.lift(0.524).mul_add(t4_142, t4_54);
+        let t4_144 = t4_128 + t4_143;
+        let t4_145 = t1_46 * x_u1_1_q2;
+        let t4_146 = t4_14.mul_add(x_u1_2_q2, t4_145);
+        let t4_147 = t4_144 + t4_146;
+        let t4_148 = (-t4_54).mul_add(x_u2_1_q2, t4_147);
+        let t4_149 = (-t4_66).mul_add(x_u2_2_q2, t4_148);
+        let t4_150 = (-t4_108).mul_add(x_u3_1_q2, t4_149);
+        let t4_151 = (-t4_122).mul_add(x_u3_2_q2, t4_150);
+        tau[1] = t4_151;
+        let t4_152 = dd_q3 * p_ixx_crank3;
+        let t4_153 = sin_q3 * p_mz_crank3;
+        let t4_154 = like.lift(-9.81).mul_add(t4_153, t4_152);
+        let t4_155 = t4_73 + al_rod3z;
+        let t4_156 = t4_155 * p_mx_rod3;
+        let t4_157 = w_u3_1x * w_u3_1x;
+        let t4_158 = (-t4_157).mul_add(p_my_rod3, t4_156);
+        let t4_159 = t4_69 - al_rod3x;
+        let t4_160 = t4_159.mul_add(p_mz_rod3, t4_158);
+        let t4_161 = sin_u3_1 * t4_160;
+        let t4_162 = dd_u3_2 - t4_75;
+        let t4_163 = t4_162 * p_mx_rod3;
+        let t4_164 = (-t4_68).mul_add(p_my_rod3, t4_163);
+        let t4_165 = t4_78 + t4_79;
+        let t4_166 = t4_165.mul_add(p_mz_rod3, t4_164);
+        let t4_167 = cos_u3_2 * t4_166;
+        let t4_168 = t4_79 + t4_99;
+        let t4_169 = t4_168 * p_mx_rod3;
+        let t4_170 = t4_72.mul_add(p_my_rod3, t4_169);
+        let t4_171 = dd_u3_2 + t4_75;
+        let t4_172 = (-t4_171).mul_add(p_mz_rod3, t4_170);
+        let t4_173 = (-sin_u3_2).mul_add(t4_172, t4_167);
+        let t4_174 = (-cos_u3_1).mul_add(t4_173, t4_161);
+        let t4_175 = like.lift(0.524).mul_add(t4_174, t4_108);
+        let t4_176 = t4_154 + t4_175;
+        let t4_177 = t1_46 * x_u1_1_q3;
+        let t4_178 = t4_14.mul_add(x_u1_2_q3, t4_177);
+        let t4_179 = (-t4_54).mul_add(x_u2_1_q3, t4_178);
+        let t4_180 = (-t4_66).mul_add(x_u2_2_q3, t4_179);
+        let t4_181 = t4_176 + t4_180;
+        let t4_182 = (-t4_108).mul_add(x_u3_1_q3, t4_181);
+        let t4_183 = (-t4_122).mul_add(x_u3_2_q3, t4_182);
+        tau[2] = t4_183;
     }
     (tau, Condition { pivot: condition })
 }
@@ -16312,30 +15799,29 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: the efforts that hold the mechanism at rest
 ///
-/// 347 additions, 542 multiplications, 8 divisions, 11 sines and cosines.
-pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 43]) -> ([T; 3], Condition<T>) {
+/// 329 additions, 517 multiplications, 8 divisions, 11 sines and cosines.
+pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     let [
-        _, p_my_crank1, p_mz_crank1, _, _, _, _, _, _, p_mx_rod1, p_my_rod1, p_mz_rod1, _, _,
-        _, _, _, _, p_mx_platform, p_mz_platform, _, p_my_crank2, p_mz_crank2, _, _, _, _, _,
-        _, p_mx_rod2, p_my_rod2, p_mz_rod2, _, p_mz_crank3, _, _, _, _, _, _, p_mx_rod3,
-        p_my_rod3, p_mz_rod3,
+        _, p_my_crank1, p_mz_crank1, _, _, _, _, _, _, p_mx_rod1, p_my_rod1, p_mz_rod1, _,
+        p_my_crank2, p_mz_crank2, _, _, _, _, _, _, p_mx_rod2, p_my_rod2, _, p_mz_crank3, _, _,
+        _, _, _, _, p_mx_rod3, p_my_rod3, p_mz_rod3,
     ] = *beta;
     let mut condition = like.lift(1.0);
     // tau, part 1
     let [
-        cos_u1_2, sin_u1_1, cos_u1_1, t1_9, sin_e1x, cos_e1x, sin_u1_2_e1y, cos_u1_2_e1y,
-        t1_14, t1_21, t1_26, t1_29, t1_33, t1_41, t1_42, e_e1x_q1z, t1_43, t1_44, t1_45, t1_46,
-        e_e1x_q1y, t1_52, t1_72, sin_q2, cos_q2, sin_u2_2, cos_u2_2, sin_u2_1, cos_u2_1, t1_86,
-        t1_88, t1_97, t1_110, t1_112, t1_117, t1_118, u_e1x_u1_1y, t1_120, t1_121, t1_122,
-        u_e1x_u1_2y, t1_124, t1_125, t1_126, t1_130, t1_131, t1_132, t1_134, t1_135, t1_136,
-        t1_146, t1_147, t1_148, t1_150, t1_153, pivot_1, t1_158, u_platform_u1_1z, t1_159,
-        t1_160, t1_161, t1_162, u_e1x_u1_2z, t1_164, t1_165, t1_166, t1_168, t1_170, t1_177,
-        t1_178, t1_181, t1_182, t1_183, t1_188, t1_189, t1_194, t1_195, t1_196, t1_198, sin_q3,
-        cos_q3, t1_201, sin_u3_2, cos_u3_2, sin_u3_1, cos_u3_1, t1_205, t1_208, t1_210, t1_211,
-        t1_212, t1_214, t1_217, t1_218, t1_219, t1_221,
+        cos_u1_2, sin_u1_1, cos_u1_1, t1_9, t1_13, t1_18, t1_19, sin_e1x, cos_e1x,
+        sin_u1_2_e1y, cos_u1_2_e1y, e_e1x_q1z, t1_22, t1_23, t1_24, t1_25, e_e1x_q1y, t1_31,
+        t1_54, sin_q2, cos_q2, sin_u2_2, cos_u2_2, sin_u2_1, cos_u2_1, t1_68, t1_70, t1_79,
+        t1_92, t1_94, t1_99, t1_100, t1_102, t1_103, t1_104, t1_106, t1_107, t1_108, t1_112,
+        t1_117, t1_129, t1_130, t1_131, t1_133, t1_136, pivot_1, t1_141, u_platform_u1_1z,
+        t1_142, t1_143, t1_144, t1_145, u_e1x_u1_2z, t1_147, t1_148, t1_149, t1_151, t1_153,
+        t1_160, t1_161, t1_164, t1_165, t1_166, t1_171, t1_172, t1_177, t1_178, t1_179, t1_181,
+        sin_q3, cos_q3, sin_u3_2, cos_u3_2, sin_u3_1, cos_u3_1, t1_191, t1_193, t1_194, t1_197,
+        t1_208, t1_209, t1_210, t1_212, t1_215, t1_216, t1_217, t1_218, t1_219, t1_220, t1_222,
+        t1_223,
     ] = {
         let (sin_q1, cos_q1) = q1.sin_cos();
         let t1_1 = cos_q1 * p_my_crank1;
@@ -16353,753 +15839,718 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 43]) -> ([T; 3], Conditio
         let t1_9 = sin_u1_2 * cos_q1_u1_1;
         let t1_10 = t1_9 * p_my_rod1;
         let t1_11 = like.lift(9.81).mul_add(t1_10, t1_8);
-        let (sin_e1y, cos_e1y) = e1y.sin_cos();
+        let t1_12 = sin_u1_2 * t1_11;
+        let t1_13 = cos_u1_2 * cos_q1_u1_1;
+        let t1_14 = t1_13 * p_my_rod1;
+        let t1_15 = like.lift(9.81) * t1_14;
+        let t1_16 = sin_q1_u1_1 * p_mz_rod1;
+        let t1_17 = like.lift(-9.81).mul_add(t1_16, t1_15);
+        let t1_18 = cos_u1_2.mul_add(t1_17, t1_12);
+        let t1_19 = t1_4 + t1_18;
         let (sin_e1x, cos_e1x) = e1x.sin_cos();
-        let t1_12 = cos_u1_2 * sin_e1y;
-        let t1_13 = sin_u1_2 * sin_e1y;
-        let sin_u1_2_e1y = sin_u1_2.mul_add(cos_e1y, t1_12);
-        let cos_u1_2_e1y = cos_u1_2.mul_add(cos_e1y, -t1_13);
-        let t1_14 = cos_q1_u1_1 * sin_u1_2_e1y;
-        let t1_15 = t1_14 * p_mz_platform;
-        let t1_16 = like.lift(9.81) * t1_15;
-        let t1_17 = sin_e1x * sin_q1_u1_1;
-        let t1_18 = like.lift(9.81) * t1_17;
-        let t1_19 = cos_q1_u1_1 * cos_u1_2_e1y;
-        let t1_20 = cos_e1x * t1_19;
-        let a_e1xz = like.lift(-9.81).mul_add(t1_20, t1_18);
-        let t1_21 = (-a_e1xz).mul_add(p_mx_platform, t1_16);
-        let t1_22 = sin_e1x * t1_21;
-        let t1_23 = cos_e1x * sin_q1_u1_1;
-        let t1_24 = like.lift(9.81) * t1_23;
-        let t1_25 = sin_e1x * t1_19;
-        let a_e1xy = like.lift(9.81).mul_add(t1_25, t1_24);
-        let t1_26 = a_e1xy * p_mx_platform;
-        let t1_27 = (-cos_e1x).mul_add(t1_26, t1_22);
-        let t1_28 = cos_e1y * t1_27;
-        let t1_29 = a_e1xy * p_mz_platform;
-        let t1_30 = (-sin_e1y).mul_add(t1_29, t1_28);
-        let t1_31 = t1_11 - t1_30;
-        let t1_32 = sin_u1_2 * t1_31;
-        let t1_33 = cos_u1_2 * cos_q1_u1_1;
-        let t1_34 = t1_33 * p_my_rod1;
-        let t1_35 = like.lift(9.81) * t1_34;
-        let t1_36 = sin_q1_u1_1 * p_mz_rod1;
-        let t1_37 = like.lift(-9.81).mul_add(t1_36, t1_35);
-        let t1_38 = sin_e1y * t1_27;
-        let t1_39 = cos_e1y.mul_add(t1_29, t1_38);
-        let t1_40 = t1_37 - t1_39;
-        let t1_41 = cos_u1_2.mul_add(t1_40, t1_32);
-        let t1_42 = t1_4 + t1_41;
+        let (sin_e1y, cos_e1y) = e1y.sin_cos();
+        let t1_20 = cos_u1_2 * sin_e1y;
+        let t1_21 = sin_u1_2 * sin_e1y;
+        let sin_u1_2_e1y = sin_u1_2.mul_add(cos_e1y, t1_20);
+        let cos_u1_2_e1y = cos_u1_2.mul_add(cos_e1y, -t1_21);
         let e_e1x_q1z = cos_e1x * sin_u1_2_e1y;
-        let t1_43 = like.lift(0.066) * e_e1x_q1z;
-        let t1_44 = -t1_43;
+        let t1_22 = like.lift(0.066) * e_e1x_q1z;
+        let t1_23 = -t1_22;
         let u_e1y_u1_2x = like.lift(1.244) * cos_e1y;
         let u_platform_e1yx = like.lift(0.044) * sin_e1x;
         let u_platform_u1_2x = u_e1y_u1_2x + u_platform_e1yx;
-        let t1_45 = like.lift(0.022).mul_add(sin_e1x, u_platform_u1_2x);
-        let t1_46 = like.lift(0.066) * sin_e1x;
+        let t1_24 = like.lift(0.022).mul_add(sin_e1x, u_platform_u1_2x);
+        let t1_25 = like.lift(0.066) * sin_e1x;
         let e_e1x_q1y = sin_e1x * sin_u1_2_e1y;
-        let t1_47 = like.lift(0.5) * e_e1x_q1y;
-        let t1_48 = cos_e1x * cos_q1_u1_1;
-        let t1_49 = sin_q1_u1_1 * cos_u1_2_e1y;
-        let t1_50 = (-sin_e1x).mul_add(t1_49, t1_48);
-        let t1_51 = like.lift(0.8660254037844386) * t1_50;
-        let t1_52 = t1_47 - t1_51;
-        let t1_53 = like.lift(1.244) * sin_u1_2;
-        let t1_54 = like.lift(0.044).mul_add(e_e1x_q1y, t1_53);
-        let t1_55 = e_e1x_q1z * t1_54;
-        let t1_56 = sin_e1x * cos_q1_u1_1;
-        let t1_57 = cos_e1x.mul_add(t1_49, t1_56);
-        let t1_58 = like.lift(0.524).mul_add(cos_q1, like.lift(0.164));
-        let t1_59 = cos_u1_2 * sin_q1_u1_1;
-        let t1_60 = like.lift(1.244).mul_add(t1_59, t1_58);
-        let t1_61 = like.lift(-0.044).mul_add(t1_50, t1_60);
-        let t1_62 = t1_57.mul_add(t1_61, t1_55);
-        let t1_63 = t1_17 - t1_20;
-        let t1_64 = like.lift(0.524) * sin_q1;
-        let t1_65 = like.lift(-1.244).mul_add(t1_33, t1_64);
-        let t1_66 = t1_23 + t1_25;
-        let t1_67 = like.lift(-0.044).mul_add(t1_66, t1_65);
-        let t1_68 = t1_63.mul_add(t1_67, t1_62);
-        let t1_69 = like.lift(0.14202816622064793) * e_e1x_q1z;
-        let t1_70 = like.lift(0.082) * t1_57;
-        let t1_71 = t1_69 - t1_70;
-        let t1_72 = t1_68 - t1_71;
+        let t1_26 = like.lift(0.5) * e_e1x_q1y;
+        let t1_27 = cos_e1x * cos_q1_u1_1;
+        let t1_28 = sin_q1_u1_1 * cos_u1_2_e1y;
+        let t1_29 = (-sin_e1x).mul_add(t1_28, t1_27);
+        let t1_30 = like.lift(0.8660254037844386) * t1_29;
+        let t1_31 = t1_26 - t1_30;
+        let t1_32 = like.lift(1.244) * sin_u1_2;
+        let t1_33 = like.lift(0.044).mul_add(e_e1x_q1y, t1_32);
+        let t1_34 = e_e1x_q1z * t1_33;
+        let t1_35 = sin_e1x * cos_q1_u1_1;
+        let t1_36 = cos_e1x.mul_add(t1_28, t1_35);
+        let t1_37 = like.lift(0.524).mul_add(cos_q1, like.lift(0.164));
+        let t1_38 = cos_u1_2 * sin_q1_u1_1;
+        let t1_39 = like.lift(1.244).mul_add(t1_38, t1_37);
+        let t1_40 = like.lift(-0.044).mul_add(t1_29, t1_39);
+        let t1_41 = t1_36.mul_add(t1_40, t1_34);
+        let t1_42 = sin_e1x * sin_q1_u1_1;
+        let t1_43 = cos_q1_u1_1 * cos_u1_2_e1y;
+        let t1_44 = (-cos_e1x).mul_add(t1_43, t1_42);
+        let t1_45 = like.lift(0.524) * sin_q1;
+        let t1_46 = like.lift(-1.244).mul_add(t1_13, t1_45);
+        let t1_47 = cos_e1x * sin_q1_u1_1;
+        let t1_48 = sin_e1x.mul_add(t1_43, t1_47);
+        let t1_49 = like.lift(-0.044).mul_add(t1_48, t1_46);
+        let t1_50 = t1_44.mul_add(t1_49, t1_41);
+        let t1_51 = like.lift(0.14202816622064793) * e_e1x_q1z;
+        let t1_52 = like.lift(0.082) * t1_36;
+        let t1_53 = t1_51 - t1_52;
+        let t1_54 = t1_50 - t1_53;
         let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_73 = like.lift(0.8660254037844386) * e_e1x_q1z;
-        let t1_74 = like.lift(0.5) * t1_57;
-        let t1_75 = t1_73 - t1_74;
-        let t1_76 = cos_q2 * t1_75;
-        let t1_77 = sin_q2.mul_add(t1_63, t1_76);
-        let t1_78 = like.lift(-0.524).mul_add(t1_77, t1_72);
+        let t1_55 = like.lift(0.8660254037844386) * e_e1x_q1z;
+        let t1_56 = like.lift(0.5) * t1_36;
+        let t1_57 = t1_55 - t1_56;
+        let t1_58 = cos_q2 * t1_57;
+        let t1_59 = sin_q2.mul_add(t1_44, t1_58);
+        let t1_60 = like.lift(-0.524).mul_add(t1_59, t1_54);
         let (sin_u2_2, cos_u2_2) = u2_2.sin_cos();
         let (sin_u2_1, cos_u2_1) = u2_1.sin_cos();
-        let t1_79 = sin_u2_1 * t1_77;
-        let t1_80 = sin_q2 * t1_75;
-        let t1_81 = (-cos_q2).mul_add(t1_63, t1_80);
-        let t1_82 = cos_u2_1.mul_add(t1_81, t1_79);
-        let t1_83 = cos_u2_2 * t1_82;
-        let t1_84 = like.lift(0.5) * e_e1x_q1z;
-        let t1_85 = like.lift(0.8660254037844386) * t1_57;
-        let t1_86 = t1_84 + t1_85;
-        let t1_87 = (-sin_u2_2).mul_add(t1_86, t1_83);
-        let t1_88 = like.lift(-1.244).mul_add(t1_87, t1_78);
-        let t1_89 = t1_78 - t1_88;
-        let t1_90 = t1_52 * t1_89;
-        let t1_91 = e_e1x_q1y * t1_54;
-        let t1_92 = (-t1_50).mul_add(t1_61, t1_91);
-        let t1_93 = (-t1_66).mul_add(t1_67, t1_92);
-        let t1_94 = like.lift(0.14202816622064793) * e_e1x_q1y;
-        let t1_95 = like.lift(0.082) * t1_50;
-        let t1_96 = t1_94 + t1_95;
-        let t1_97 = t1_93 - t1_96;
-        let t1_98 = like.lift(0.8660254037844386) * e_e1x_q1y;
-        let t1_99 = like.lift(0.5) * t1_50;
-        let t1_100 = t1_98 + t1_99;
-        let t1_101 = cos_q2 * t1_100;
-        let t1_102 = (-sin_q2).mul_add(t1_66, t1_101);
-        let t1_103 = like.lift(-0.524).mul_add(t1_102, t1_97);
-        let t1_104 = sin_u2_1 * t1_102;
-        let t1_105 = sin_q2 * t1_100;
-        let t1_106 = cos_q2.mul_add(t1_66, t1_105);
-        let t1_107 = cos_u2_1.mul_add(t1_106, t1_104);
-        let t1_108 = cos_u2_2 * t1_107;
-        let t1_109 = (-sin_u2_2).mul_add(t1_52, t1_108);
-        let t1_110 = like.lift(-1.244).mul_add(t1_109, t1_103);
-        let t1_111 = t1_103 - t1_110;
-        let t1_112 = (-t1_86).mul_add(t1_111, t1_90);
-        let t1_113 = cos_u2_1 * t1_102;
-        let t1_114 = (-sin_u2_1).mul_add(t1_106, t1_113);
-        let t1_115 = t1_114 * t1_89;
-        let t1_116 = cos_u2_1 * t1_77;
-        let t1_117 = (-sin_u2_1).mul_add(t1_81, t1_116);
-        let t1_118 = (-t1_117).mul_add(t1_111, t1_115);
-        let t1_119 = cos_u1_2 * cos_e1x;
-        let u_e1x_u1_1y = like.lift(1.244) * t1_119;
-        let t1_120 = like.lift(0.0381051177665153) * e_e1x_q1z;
-        let t1_121 = u_e1x_u1_1y - t1_120;
-        let t1_122 = -t1_121;
-        let t1_123 = sin_e1y * sin_e1x;
-        let u_e1x_u1_2y = like.lift(1.244) * t1_123;
-        let t1_124 = like.lift(0.0381051177665153) * sin_e1x;
-        let t1_125 = u_e1x_u1_2y - t1_124;
-        let t1_126 = -t1_124;
-        let t1_127 = cos_u1_2_e1y * t1_54;
-        let t1_128 = sin_q1_u1_1 * sin_u1_2_e1y;
-        let t1_129 = (-t1_128).mul_add(t1_61, t1_127);
-        let t1_130 = t1_14.mul_add(t1_67, t1_129);
-        let t1_131 = like.lift(0.14202816622064793) * cos_u1_2_e1y;
-        let t1_132 = like.lift(0.082) * t1_128;
-        let t1_133 = t1_131 + t1_132;
-        let t1_134 = t1_130 - t1_133;
-        let t1_135 = like.lift(0.8660254037844386) * cos_u1_2_e1y;
-        let t1_136 = like.lift(0.5) * t1_128;
-        let t1_137 = t1_135 + t1_136;
-        let t1_138 = cos_q2 * t1_137;
-        let t1_139 = sin_q2.mul_add(t1_14, t1_138);
-        let t1_140 = like.lift(-0.524).mul_add(t1_139, t1_134);
-        let t1_141 = sin_u2_1 * t1_139;
-        let t1_142 = sin_q2 * t1_137;
-        let t1_143 = (-cos_q2).mul_add(t1_14, t1_142);
-        let t1_144 = cos_u2_1.mul_add(t1_143, t1_141);
-        let t1_145 = cos_u2_2 * t1_144;
-        let t1_146 = like.lift(0.5) * cos_u1_2_e1y;
-        let t1_147 = like.lift(0.8660254037844386) * t1_128;
-        let t1_148 = t1_146 - t1_147;
-        let t1_149 = (-sin_u2_2).mul_add(t1_148, t1_145);
-        let t1_150 = like.lift(-1.244).mul_add(t1_149, t1_140);
-        let t1_151 = t1_140 - t1_150;
-        let t1_152 = t1_86 * t1_151;
-        let t1_153 = (-t1_148).mul_add(t1_89, t1_152);
-        let t1_154 = t1_117 * t1_151;
-        let t1_155 = cos_u2_1 * t1_139;
-        let t1_156 = (-sin_u2_1).mul_add(t1_143, t1_155);
-        let pivot_1 = (-t1_156).mul_add(t1_89, t1_154);
-        let t1_157 = cos_u1_2 * sin_e1x;
-        let u_e1x_u1_1z = like.lift(1.244) * t1_157;
-        let t1_158 = like.lift(0.044) * cos_u1_2_e1y;
-        let u_platform_u1_1z = u_e1x_u1_1z + t1_158;
-        let t1_159 = like.lift(0.022) * cos_u1_2_e1y;
-        let t1_160 = like.lift(0.0381051177665153) * e_e1x_q1y;
-        let t1_161 = t1_159 - t1_160;
-        let t1_162 = u_platform_u1_1z + t1_161;
-        let t1_163 = sin_e1y * cos_e1x;
-        let u_e1x_u1_2z = like.lift(1.244) * t1_163;
-        let t1_164 = like.lift(0.0381051177665153) * cos_e1x;
-        let t1_165 = u_e1x_u1_2z - t1_164;
-        let t1_166 = -t1_164;
-        let t1_167 = t1_148 * t1_111;
-        let t1_168 = (-t1_52).mul_add(t1_151, t1_167);
-        let t1_169 = t1_156 * t1_111;
-        let t1_170 = (-t1_114).mul_add(t1_151, t1_169);
-        let t1_171 = cos_u1_2_e1y * t1_117;
-        let t1_172 = like.lift(0.8660254037844386) * t1_171;
-        let t1_173 = e_e1x_q1y * t1_117;
-        let t1_174 = like.lift(0.5).mul_add(t1_173, t1_172);
-        let t1_175 = like.lift(0.8660254037844386) * t1_156;
-        let t1_176 = like.lift(0.5).mul_add(t1_114, t1_175);
-        let t1_177 = (-e_e1x_q1z).mul_add(t1_176, t1_174);
+        let t1_61 = sin_u2_1 * t1_59;
+        let t1_62 = sin_q2 * t1_57;
+        let t1_63 = (-cos_q2).mul_add(t1_44, t1_62);
+        let t1_64 = cos_u2_1.mul_add(t1_63, t1_61);
+        let t1_65 = cos_u2_2 * t1_64;
+        let t1_66 = like.lift(0.5) * e_e1x_q1z;
+        let t1_67 = like.lift(0.8660254037844386) * t1_36;
+        let t1_68 = t1_66 + t1_67;
+        let t1_69 = (-sin_u2_2).mul_add(t1_68, t1_65);
+        let t1_70 = like.lift(-1.244).mul_add(t1_69, t1_60);
+        let t1_71 = t1_60 - t1_70;
+        let t1_72 = t1_31 * t1_71;
+        let t1_73 = e_e1x_q1y * t1_33;
+        let t1_74 = (-t1_29).mul_add(t1_40, t1_73);
+        let t1_75 = (-t1_48).mul_add(t1_49, t1_74);
+        let t1_76 = like.lift(0.14202816622064793) * e_e1x_q1y;
+        let t1_77 = like.lift(0.082) * t1_29;
+        let t1_78 = t1_76 + t1_77;
+        let t1_79 = t1_75 - t1_78;
+        let t1_80 = like.lift(0.8660254037844386) * e_e1x_q1y;
+        let t1_81 = like.lift(0.5) * t1_29;
+        let t1_82 = t1_80 + t1_81;
+        let t1_83 = cos_q2 * t1_82;
+        let t1_84 = (-sin_q2).mul_add(t1_48, t1_83);
+        let t1_85 = like.lift(-0.524).mul_add(t1_84, t1_79);
+        let t1_86 = sin_u2_1 * t1_84;
+        let t1_87 = sin_q2 * t1_82;
+        let t1_88 = cos_q2.mul_add(t1_48, t1_87);
+        let t1_89 = cos_u2_1.mul_add(t1_88, t1_86);
+        let t1_90 = cos_u2_2 * t1_89;
+        let t1_91 = (-sin_u2_2).mul_add(t1_31, t1_90);
+        let t1_92 = like.lift(-1.244).mul_add(t1_91, t1_85);
+        let t1_93 = t1_85 - t1_92;
+        let t1_94 = (-t1_68).mul_add(t1_93, t1_72);
+        let t1_95 = cos_u2_1 * t1_84;
+        let t1_96 = (-sin_u2_1).mul_add(t1_88, t1_95);
+        let t1_97 = t1_96 * t1_71;
+        let t1_98 = cos_u2_1 * t1_59;
+        let t1_99 = (-sin_u2_1).mul_add(t1_63, t1_98);
+        let t1_100 = (-t1_99).mul_add(t1_93, t1_97);
+        let t1_101 = cos_u1_2 * cos_e1x;
+        let u_e1x_u1_1y = like.lift(1.244) * t1_101;
+        let t1_102 = like.lift(0.0381051177665153) * e_e1x_q1z;
+        let t1_103 = u_e1x_u1_1y - t1_102;
+        let t1_104 = -t1_103;
+        let t1_105 = sin_e1y * sin_e1x;
+        let u_e1x_u1_2y = like.lift(1.244) * t1_105;
+        let t1_106 = like.lift(0.0381051177665153) * sin_e1x;
+        let t1_107 = u_e1x_u1_2y - t1_106;
+        let t1_108 = -t1_106;
+        let t1_109 = cos_u1_2_e1y * t1_33;
+        let t1_110 = sin_q1_u1_1 * sin_u1_2_e1y;
+        let t1_111 = (-t1_110).mul_add(t1_40, t1_109);
+        let t1_112 = cos_q1_u1_1 * sin_u1_2_e1y;
+        let t1_113 = t1_112.mul_add(t1_49, t1_111);
+        let t1_114 = like.lift(0.14202816622064793) * cos_u1_2_e1y;
+        let t1_115 = like.lift(0.082) * t1_110;
+        let t1_116 = t1_114 + t1_115;
+        let t1_117 = t1_113 - t1_116;
+        let t1_118 = like.lift(0.8660254037844386) * cos_u1_2_e1y;
+        let t1_119 = like.lift(0.5) * t1_110;
+        let t1_120 = t1_118 + t1_119;
+        let t1_121 = cos_q2 * t1_120;
+        let t1_122 = sin_q2.mul_add(t1_112, t1_121);
+        let t1_123 = like.lift(-0.524).mul_add(t1_122, t1_117);
+        let t1_124 = sin_u2_1 * t1_122;
+        let t1_125 = sin_q2 * t1_120;
+        let t1_126 = (-cos_q2).mul_add(t1_112, t1_125);
+        let t1_127 = cos_u2_1.mul_add(t1_126, t1_124);
+        let t1_128 = cos_u2_2 * t1_127;
+        let t1_129 = like.lift(0.5) * cos_u1_2_e1y;
+        let t1_130 = like.lift(0.8660254037844386) * t1_110;
+        let t1_131 = t1_129 - t1_130;
+        let t1_132 = (-sin_u2_2).mul_add(t1_131, t1_128);
+        let t1_133 = like.lift(-1.244).mul_add(t1_132, t1_123);
+        let t1_134 = t1_123 - t1_133;
+        let t1_135 = t1_68 * t1_134;
+        let t1_136 = (-t1_131).mul_add(t1_71, t1_135);
+        let t1_137 = t1_99 * t1_134;
+        let t1_138 = cos_u2_1 * t1_122;
+        let t1_139 = (-sin_u2_1).mul_add(t1_126, t1_138);
+        let pivot_1 = (-t1_139).mul_add(t1_71, t1_137);
+        let t1_140 = cos_u1_2 * sin_e1x;
+        let u_e1x_u1_1z = like.lift(1.244) * t1_140;
+        let t1_141 = like.lift(0.044) * cos_u1_2_e1y;
+        let u_platform_u1_1z = u_e1x_u1_1z + t1_141;
+        let t1_142 = like.lift(0.022) * cos_u1_2_e1y;
+        let t1_143 = like.lift(0.0381051177665153) * e_e1x_q1y;
+        let t1_144 = t1_142 - t1_143;
+        let t1_145 = u_platform_u1_1z + t1_144;
+        let t1_146 = sin_e1y * cos_e1x;
+        let u_e1x_u1_2z = like.lift(1.244) * t1_146;
+        let t1_147 = like.lift(0.0381051177665153) * cos_e1x;
+        let t1_148 = u_e1x_u1_2z - t1_147;
+        let t1_149 = -t1_147;
+        let t1_150 = t1_131 * t1_93;
+        let t1_151 = (-t1_31).mul_add(t1_134, t1_150);
+        let t1_152 = t1_139 * t1_93;
+        let t1_153 = (-t1_96).mul_add(t1_134, t1_152);
+        let t1_154 = cos_u1_2_e1y * t1_99;
+        let t1_155 = like.lift(0.8660254037844386) * t1_154;
+        let t1_156 = e_e1x_q1y * t1_99;
+        let t1_157 = like.lift(0.5).mul_add(t1_156, t1_155);
+        let t1_158 = like.lift(0.8660254037844386) * t1_139;
+        let t1_159 = like.lift(0.5).mul_add(t1_96, t1_158);
+        let t1_160 = (-e_e1x_q1z).mul_add(t1_159, t1_157);
+        let t1_161 = -t1_160;
+        let t1_162 = cos_e1x * t1_99;
+        let t1_163 = like.lift(0.5) * t1_162;
+        let t1_164 = sin_e1x.mul_add(t1_159, t1_163);
+        let t1_165 = -t1_164;
+        let pivot_3 = like.lift(0.8660254037844386) * t1_99;
+        let t1_166 = -pivot_3;
+        let t1_167 = t1_131 * t1_99;
+        let t1_168 = like.lift(0.8660254037844386) * t1_167;
+        let t1_169 = t1_31 * t1_99;
+        let t1_170 = like.lift(0.5).mul_add(t1_169, t1_168);
+        let t1_171 = (-t1_68).mul_add(t1_159, t1_170);
+        let t1_172 = -t1_171;
+        let t1_173 = t1_139 * t1_99;
+        let t1_174 = like.lift(0.8660254037844386) * t1_173;
+        let t1_175 = t1_96 * t1_99;
+        let t1_176 = like.lift(0.5).mul_add(t1_175, t1_174);
+        let t1_177 = (-t1_99).mul_add(t1_159, t1_176);
         let t1_178 = -t1_177;
-        let t1_179 = cos_e1x * t1_117;
-        let t1_180 = like.lift(0.5) * t1_179;
-        let t1_181 = sin_e1x.mul_add(t1_176, t1_180);
-        let t1_182 = -t1_181;
-        let pivot_3 = like.lift(0.8660254037844386) * t1_117;
-        let t1_183 = -pivot_3;
-        let t1_184 = t1_148 * t1_117;
-        let t1_185 = like.lift(0.8660254037844386) * t1_184;
-        let t1_186 = t1_52 * t1_117;
-        let t1_187 = like.lift(0.5).mul_add(t1_186, t1_185);
-        let t1_188 = (-t1_86).mul_add(t1_176, t1_187);
-        let t1_189 = -t1_188;
-        let t1_190 = t1_156 * t1_117;
-        let t1_191 = like.lift(0.8660254037844386) * t1_190;
-        let t1_192 = t1_114 * t1_117;
-        let t1_193 = like.lift(0.5).mul_add(t1_192, t1_191);
-        let t1_194 = (-t1_117).mul_add(t1_176, t1_193);
-        let t1_195 = -t1_194;
-        let t1_196 = t1_47 + t1_51;
-        let t1_197 = t1_69 + t1_70;
-        let t1_198 = t1_68 + t1_197;
+        let t1_179 = t1_26 + t1_30;
+        let t1_180 = t1_51 + t1_52;
+        let t1_181 = t1_50 + t1_180;
         let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_199 = t1_73 + t1_74;
-        let t1_200 = cos_q3 * t1_199;
-        let t1_201 = (-sin_q3).mul_add(t1_63, t1_200);
-        let t1_202 = like.lift(0.524).mul_add(t1_201, t1_198);
+        let t1_182 = t1_55 + t1_56;
+        let t1_183 = cos_q3 * t1_182;
+        let t1_184 = (-sin_q3).mul_add(t1_44, t1_183);
+        let t1_185 = like.lift(0.524).mul_add(t1_184, t1_181);
         let (sin_u3_2, cos_u3_2) = u3_2.sin_cos();
         let (sin_u3_1, cos_u3_1) = u3_1.sin_cos();
-        let t1_203 = sin_u3_1 * t1_201;
-        let t1_204 = sin_q3 * t1_199;
-        let t1_205 = cos_q3.mul_add(t1_63, t1_204);
-        let t1_206 = cos_u3_1.mul_add(t1_205, t1_203);
-        let t1_207 = cos_u3_2 * t1_206;
-        let t1_208 = t1_84 - t1_85;
-        let t1_209 = sin_u3_2.mul_add(t1_208, t1_207);
-        let t1_210 = like.lift(1.244).mul_add(t1_209, t1_202);
-        let t1_211 = t1_202 - t1_210;
-        let t1_212 = t1_196 * t1_211;
-        let t1_213 = t1_94 - t1_95;
-        let t1_214 = t1_93 + t1_213;
-        let t1_215 = t1_98 - t1_99;
-        let t1_216 = cos_q3 * t1_215;
-        let t1_217 = sin_q3.mul_add(t1_66, t1_216);
-        let t1_218 = like.lift(0.524).mul_add(t1_217, t1_214);
-        let t1_219 = sin_u3_1 * t1_217;
-        let t1_220 = sin_q3 * t1_215;
-        let t1_221 = (-cos_q3).mul_add(t1_66, t1_220);
+        let t1_186 = sin_u3_1 * t1_184;
+        let t1_187 = sin_q3 * t1_182;
+        let t1_188 = cos_q3.mul_add(t1_44, t1_187);
+        let t1_189 = cos_u3_1.mul_add(t1_188, t1_186);
+        let t1_190 = cos_u3_2 * t1_189;
+        let t1_191 = t1_66 - t1_67;
+        let t1_192 = sin_u3_2.mul_add(t1_191, t1_190);
+        let t1_193 = like.lift(1.244).mul_add(t1_192, t1_185);
+        let t1_194 = t1_185 - t1_193;
+        let t1_195 = t1_179 * t1_194;
+        let t1_196 = t1_76 - t1_77;
+        let t1_197 = t1_75 + t1_196;
+        let t1_198 = t1_80 - t1_81;
+        let t1_199 = cos_q3 * t1_198;
+        let t1_200 = sin_q3.mul_add(t1_48, t1_199);
+        let t1_201 = like.lift(0.524).mul_add(t1_200, t1_197);
+        let t1_202 = sin_u3_1 * t1_200;
+        let t1_203 = sin_q3 * t1_198;
+        let t1_204 = (-cos_q3).mul_add(t1_48, t1_203);
+        let t1_205 = cos_u3_1.mul_add(t1_204, t1_202);
+        let t1_206 = cos_u3_2 * t1_205;
+        let t1_207 = sin_u3_2.mul_add(t1_179, t1_206);
+        let t1_208 = like.lift(1.244).mul_add(t1_207, t1_201);
+        let t1_209 = t1_201 - t1_208;
+        let t1_210 = (-t1_191).mul_add(t1_209, t1_195);
+        let t1_211 = cos_u3_1 * t1_200;
+        let t1_212 = (-sin_u3_1).mul_add(t1_204, t1_211);
+        let t1_213 = t1_212 * t1_194;
+        let t1_214 = cos_u3_1 * t1_184;
+        let t1_215 = (-sin_u3_1).mul_add(t1_188, t1_214);
+        let t1_216 = (-t1_215).mul_add(t1_209, t1_213);
+        let t1_217 = -t1_216;
+        let t1_218 = u_e1x_u1_1y + t1_102;
+        let t1_219 = -t1_218;
+        let t1_220 = u_e1x_u1_2y + t1_106;
+        let t1_221 = t1_114 - t1_115;
+        let t1_222 = t1_113 + t1_221;
+        let t1_223 = t1_118 - t1_119;
         [
-            cos_u1_2, sin_u1_1, cos_u1_1, t1_9, sin_e1x, cos_e1x, sin_u1_2_e1y, cos_u1_2_e1y,
-            t1_14, t1_21, t1_26, t1_29, t1_33, t1_41, t1_42, e_e1x_q1z, t1_43, t1_44, t1_45,
-            t1_46, e_e1x_q1y, t1_52, t1_72, sin_q2, cos_q2, sin_u2_2, cos_u2_2, sin_u2_1,
-            cos_u2_1, t1_86, t1_88, t1_97, t1_110, t1_112, t1_117, t1_118, u_e1x_u1_1y, t1_120,
-            t1_121, t1_122, u_e1x_u1_2y, t1_124, t1_125, t1_126, t1_130, t1_131, t1_132,
-            t1_134, t1_135, t1_136, t1_146, t1_147, t1_148, t1_150, t1_153, pivot_1, t1_158,
-            u_platform_u1_1z, t1_159, t1_160, t1_161, t1_162, u_e1x_u1_2z, t1_164, t1_165,
-            t1_166, t1_168, t1_170, t1_177, t1_178, t1_181, t1_182, t1_183, t1_188, t1_189,
-            t1_194, t1_195, t1_196, t1_198, sin_q3, cos_q3, t1_201, sin_u3_2, cos_u3_2,
-            sin_u3_1, cos_u3_1, t1_205, t1_208, t1_210, t1_211, t1_212, t1_214, t1_217, t1_218,
-            t1_219, t1_221,
+            cos_u1_2, sin_u1_1, cos_u1_1, t1_9, t1_13, t1_18, t1_19, sin_e1x, cos_e1x,
+            sin_u1_2_e1y, cos_u1_2_e1y, e_e1x_q1z, t1_22, t1_23, t1_24, t1_25, e_e1x_q1y,
+            t1_31, t1_54, sin_q2, cos_q2, sin_u2_2, cos_u2_2, sin_u2_1, cos_u2_1, t1_68, t1_70,
+            t1_79, t1_92, t1_94, t1_99, t1_100, t1_102, t1_103, t1_104, t1_106, t1_107, t1_108,
+            t1_112, t1_117, t1_129, t1_130, t1_131, t1_133, t1_136, pivot_1, t1_141,
+            u_platform_u1_1z, t1_142, t1_143, t1_144, t1_145, u_e1x_u1_2z, t1_147, t1_148,
+            t1_149, t1_151, t1_153, t1_160, t1_161, t1_164, t1_165, t1_166, t1_171, t1_172,
+            t1_177, t1_178, t1_179, t1_181, sin_q3, cos_q3, sin_u3_2, cos_u3_2, sin_u3_1,
+            cos_u3_1, t1_191, t1_193, t1_194, t1_197, t1_208, t1_209, t1_210, t1_212, t1_215,
+            t1_216, t1_217, t1_218, t1_219, t1_220, t1_222, t1_223,
         ]
     };
     // tau, part 2
     let [
-        t2_6, t2_13, t2_15, t2_16, t2_33, t2_38, t2_40, t2_41, t2_43, t2_46, t2_54, t2_57,
-        t2_59, t2_64, t2_65, t2_70, t2_72, t2_76, t2_80, t2_81, t2_84, t2_87, t2_89, t2_93,
-        t2_95, t2_98, t2_99, t2_101, inv_pivot_1, t2_105, pivot_2, inv_pivot_2, t2_113, t2_114,
-        pivot_4, inv_pivot_4, t2_118, t2_121, t2_126, t2_129, t2_132, pivot_5, inv_pivot_5,
-        t2_142, t2_143, t2_150, t2_151, pivot_6, inv_pivot_6, t2_161, t2_162, t2_168, t2_173,
-        pivot_7, inv_pivot_7, t2_179, t2_180, t2_188, t2_190, t2_193, pivot_8, inv_pivot_8,
-        t2_197, t2_199, t2_202, t2_206, t2_209, t2_211, t2_214, t2_217, t2_219, t2_222, t2_225,
-        t2_228,
+        t2_14, t2_19, t2_21, t2_22, t2_24, t2_27, t2_35, t2_38, t2_40, t2_45, t2_46, t2_51,
+        t2_53, t2_57, t2_61, t2_62, t2_65, t2_68, t2_70, t2_74, t2_76, t2_79, t2_80, t2_82,
+        inv_pivot_1, t2_86, pivot_2, inv_pivot_2, t2_94, t2_95, pivot_4, inv_pivot_4, t2_99,
+        t2_102, t2_107, t2_110, t2_113, pivot_5, inv_pivot_5, t2_123, t2_124, t2_131, t2_132,
+        pivot_6, inv_pivot_6, t2_143, pivot_7, inv_pivot_7, t2_160, t2_161, t2_174, pivot_8,
+        inv_pivot_8, t2_178, t2_180, t2_183, t2_187, t2_190, t2_192, t2_195, t2_211, t2_213,
+        t2_216, t2_220, t2_223, t2_224, t2_226, t2_228,
     ] = {
-        let t2_1 = cos_u3_1.mul_add(t1_221, t1_219);
-        let t2_2 = cos_u3_2 * t2_1;
-        let t2_3 = sin_u3_2.mul_add(t1_196, t2_2);
-        let t2_4 = like.lift(1.244).mul_add(t2_3, t1_218);
-        let t2_5 = t1_218 - t2_4;
-        let t2_6 = (-t1_208).mul_add(t2_5, t1_212);
-        let t2_7 = cos_u3_1 * t1_217;
-        let t2_8 = (-sin_u3_1).mul_add(t1_221, t2_7);
-        let t2_9 = t2_8 * t1_211;
-        let t2_10 = cos_u3_1 * t1_201;
-        let t2_11 = (-sin_u3_1).mul_add(t1_205, t2_10);
-        let t2_12 = (-t2_11).mul_add(t2_5, t2_9);
-        let t2_13 = -t2_12;
-        let t2_14 = u_e1x_u1_1y + t1_120;
-        let t2_15 = -t2_14;
-        let t2_16 = u_e1x_u1_2y + t1_124;
-        let t2_17 = t1_131 - t1_132;
-        let t2_18 = t1_130 + t2_17;
-        let t2_19 = t1_135 - t1_136;
-        let t2_20 = cos_q3 * t2_19;
-        let t2_21 = (-sin_q3).mul_add(t1_14, t2_20);
-        let t2_22 = like.lift(0.524).mul_add(t2_21, t2_18);
-        let t2_23 = sin_u3_1 * t2_21;
-        let t2_24 = sin_q3 * t2_19;
-        let t2_25 = cos_q3.mul_add(t1_14, t2_24);
-        let t2_26 = cos_u3_1.mul_add(t2_25, t2_23);
-        let t2_27 = cos_u3_2 * t2_26;
-        let t2_28 = t1_146 + t1_147;
-        let t2_29 = sin_u3_2.mul_add(t2_28, t2_27);
-        let t2_30 = like.lift(1.244).mul_add(t2_29, t2_22);
-        let t2_31 = t2_22 - t2_30;
-        let t2_32 = t1_208 * t2_31;
-        let t2_33 = (-t2_28).mul_add(t1_211, t2_32);
-        let t2_34 = t2_11 * t2_31;
-        let t2_35 = cos_u3_1 * t2_21;
-        let t2_36 = (-sin_u3_1).mul_add(t2_25, t2_35);
-        let t2_37 = (-t2_36).mul_add(t1_211, t2_34);
-        let t2_38 = -t2_37;
-        let t2_39 = t1_159 + t1_160;
-        let t2_40 = u_platform_u1_1z + t2_39;
-        let t2_41 = u_e1x_u1_2z + t1_164;
-        let t2_42 = t2_28 * t2_5;
-        let t2_43 = (-t1_196).mul_add(t2_31, t2_42);
-        let t2_44 = t2_36 * t2_5;
-        let t2_45 = (-t2_8).mul_add(t2_31, t2_44);
+        let t2_1 = cos_q3 * t1_223;
+        let t2_2 = (-sin_q3).mul_add(t1_112, t2_1);
+        let t2_3 = like.lift(0.524).mul_add(t2_2, t1_222);
+        let t2_4 = sin_u3_1 * t2_2;
+        let t2_5 = sin_q3 * t1_223;
+        let t2_6 = cos_q3.mul_add(t1_112, t2_5);
+        let t2_7 = cos_u3_1.mul_add(t2_6, t2_4);
+        let t2_8 = cos_u3_2 * t2_7;
+        let t2_9 = t1_129 + t1_130;
+        let t2_10 = sin_u3_2.mul_add(t2_9, t2_8);
+        let t2_11 = like.lift(1.244).mul_add(t2_10, t2_3);
+        let t2_12 = t2_3 - t2_11;
+        let t2_13 = t1_191 * t2_12;
+        let t2_14 = (-t2_9).mul_add(t1_194, t2_13);
+        let t2_15 = t1_215 * t2_12;
+        let t2_16 = cos_u3_1 * t2_2;
+        let t2_17 = (-sin_u3_1).mul_add(t2_6, t2_16);
+        let t2_18 = (-t2_17).mul_add(t1_194, t2_15);
+        let t2_19 = -t2_18;
+        let t2_20 = t1_142 + t1_143;
+        let t2_21 = u_platform_u1_1z + t2_20;
+        let t2_22 = u_e1x_u1_2z + t1_147;
+        let t2_23 = t2_9 * t1_209;
+        let t2_24 = (-t1_179).mul_add(t2_12, t2_23);
+        let t2_25 = t2_17 * t1_209;
+        let t2_26 = (-t1_212).mul_add(t2_12, t2_25);
+        let t2_27 = -t2_26;
+        let t2_28 = cos_u1_2_e1y * t1_215;
+        let t2_29 = like.lift(0.8660254037844386) * t2_28;
+        let t2_30 = e_e1x_q1y * t1_215;
+        let t2_31 = like.lift(-0.5).mul_add(t2_30, t2_29);
+        let t2_32 = like.lift(0.8660254037844386) * t2_17;
+        let t2_33 = like.lift(-0.5).mul_add(t1_212, t2_32);
+        let t2_34 = (-e_e1x_q1z).mul_add(t2_33, t2_31);
+        let t2_35 = -t2_34;
+        let t2_36 = cos_e1x * t1_215;
+        let t2_37 = like.lift(0.5) * t2_36;
+        let t2_38 = (-sin_e1x).mul_add(t2_33, t2_37);
+        let t2_39 = like.lift(0.8660254037844386) * t1_215;
+        let t2_40 = -t2_39;
+        let t2_41 = t2_9 * t1_215;
+        let t2_42 = like.lift(0.8660254037844386) * t2_41;
+        let t2_43 = t1_179 * t1_215;
+        let t2_44 = like.lift(-0.5).mul_add(t2_43, t2_42);
+        let t2_45 = (-t1_191).mul_add(t2_33, t2_44);
         let t2_46 = -t2_45;
-        let t2_47 = cos_u1_2_e1y * t2_11;
+        let t2_47 = t2_17 * t1_215;
         let t2_48 = like.lift(0.8660254037844386) * t2_47;
-        let t2_49 = e_e1x_q1y * t2_11;
+        let t2_49 = t1_212 * t1_215;
         let t2_50 = like.lift(-0.5).mul_add(t2_49, t2_48);
-        let t2_51 = like.lift(0.8660254037844386) * t2_36;
-        let t2_52 = like.lift(-0.5).mul_add(t2_8, t2_51);
-        let t2_53 = (-e_e1x_q1z).mul_add(t2_52, t2_50);
-        let t2_54 = -t2_53;
-        let t2_55 = cos_e1x * t2_11;
-        let t2_56 = like.lift(0.5) * t2_55;
-        let t2_57 = (-sin_e1x).mul_add(t2_52, t2_56);
-        let t2_58 = like.lift(0.8660254037844386) * t2_11;
-        let t2_59 = -t2_58;
-        let t2_60 = t2_28 * t2_11;
-        let t2_61 = like.lift(0.8660254037844386) * t2_60;
-        let t2_62 = t1_196 * t2_11;
-        let t2_63 = like.lift(-0.5).mul_add(t2_62, t2_61);
-        let t2_64 = (-t1_208).mul_add(t2_52, t2_63);
-        let t2_65 = -t2_64;
-        let t2_66 = t2_36 * t2_11;
-        let t2_67 = like.lift(0.8660254037844386) * t2_66;
-        let t2_68 = t2_8 * t2_11;
-        let t2_69 = like.lift(-0.5).mul_add(t2_68, t2_67);
-        let t2_70 = (-t2_11).mul_add(t2_52, t2_69);
-        let t2_71 = cos_u1_1 * sin_u1_2_e1y;
-        let u_e1y_q1x = like.lift(0.524) * t2_71;
+        let t2_51 = (-t1_215).mul_add(t2_33, t2_50);
+        let t2_52 = cos_u1_1 * sin_u1_2_e1y;
+        let u_e1y_q1x = like.lift(0.524) * t2_52;
         let u_platform_u1_1x = like.lift(0.044) * e_e1x_q1z;
         let u_platform_q1x = u_e1y_q1x - u_platform_u1_1x;
-        let t2_72 = like.lift(-0.022).mul_add(e_e1x_q1z, u_platform_q1x);
-        let t2_73 = t1_72 - t1_88;
-        let t2_74 = t1_52 * t2_73;
-        let t2_75 = t1_97 - t1_110;
-        let t2_76 = (-t1_86).mul_add(t2_75, t2_74);
+        let t2_53 = like.lift(-0.022).mul_add(e_e1x_q1z, u_platform_q1x);
+        let t2_54 = t1_54 - t1_70;
+        let t2_55 = t1_31 * t2_54;
+        let t2_56 = t1_79 - t1_92;
+        let t2_57 = (-t1_68).mul_add(t2_56, t2_55);
         let u_u1_1_q1y = like.lift(0.524) * sin_u1_1;
         let u_e1y_u1_1y = like.lift(1.244) * cos_u1_2;
         let u_e1y_q1y = u_u1_1_q1y + u_e1y_u1_1y;
-        let t2_77 = cos_e1x * u_e1y_q1y;
-        let t2_78 = cos_u1_1 * cos_u1_2_e1y;
-        let t2_79 = sin_e1x * t2_78;
-        let u_e1x_q1y = like.lift(0.524).mul_add(t2_79, t2_77);
-        let t2_80 = u_e1x_q1y - t1_120;
-        let t2_81 = -t2_80;
-        let t2_82 = t1_134 - t1_150;
-        let t2_83 = t1_86 * t2_82;
-        let t2_84 = (-t1_148).mul_add(t2_73, t2_83);
-        let t2_85 = sin_e1x * u_e1y_q1y;
-        let t2_86 = cos_e1x * t2_78;
-        let u_e1x_q1z = like.lift(-0.524).mul_add(t2_86, t2_85);
-        let u_platform_q1z = u_e1x_q1z + t1_158;
-        let t2_87 = u_platform_q1z + t1_161;
-        let t2_88 = t1_148 * t2_75;
-        let t2_89 = (-t1_52).mul_add(t2_82, t2_88);
-        let t2_90 = t1_198 - t1_210;
-        let t2_91 = t1_196 * t2_90;
-        let t2_92 = t1_214 - t2_4;
-        let t2_93 = (-t1_208).mul_add(t2_92, t2_91);
-        let t2_94 = u_e1x_q1y + t1_120;
-        let t2_95 = -t2_94;
-        let t2_96 = t2_18 - t2_30;
-        let t2_97 = t1_208 * t2_96;
-        let t2_98 = (-t2_28).mul_add(t2_90, t2_97);
-        let t2_99 = u_platform_q1z + t2_39;
-        let t2_100 = t2_28 * t2_92;
-        let t2_101 = (-t1_196).mul_add(t2_96, t2_100);
+        let t2_58 = cos_e1x * u_e1y_q1y;
+        let t2_59 = cos_u1_1 * cos_u1_2_e1y;
+        let t2_60 = sin_e1x * t2_59;
+        let u_e1x_q1y = like.lift(0.524).mul_add(t2_60, t2_58);
+        let t2_61 = u_e1x_q1y - t1_102;
+        let t2_62 = -t2_61;
+        let t2_63 = t1_117 - t1_133;
+        let t2_64 = t1_68 * t2_63;
+        let t2_65 = (-t1_131).mul_add(t2_54, t2_64);
+        let t2_66 = sin_e1x * u_e1y_q1y;
+        let t2_67 = cos_e1x * t2_59;
+        let u_e1x_q1z = like.lift(-0.524).mul_add(t2_67, t2_66);
+        let u_platform_q1z = u_e1x_q1z + t1_141;
+        let t2_68 = u_platform_q1z + t1_144;
+        let t2_69 = t1_131 * t2_56;
+        let t2_70 = (-t1_31).mul_add(t2_63, t2_69);
+        let t2_71 = t1_181 - t1_193;
+        let t2_72 = t1_179 * t2_71;
+        let t2_73 = t1_197 - t1_208;
+        let t2_74 = (-t1_191).mul_add(t2_73, t2_72);
+        let t2_75 = u_e1x_q1y + t1_102;
+        let t2_76 = -t2_75;
+        let t2_77 = t1_222 - t2_11;
+        let t2_78 = t1_191 * t2_77;
+        let t2_79 = (-t2_9).mul_add(t2_71, t2_78);
+        let t2_80 = u_platform_q1z + t2_20;
+        let t2_81 = t2_9 * t2_73;
+        let t2_82 = (-t1_179).mul_add(t2_77, t2_81);
         let inv_pivot_1 = like.lift(1.0) / pivot_1;
-        let t2_102 = t1_170 * inv_pivot_1;
-        let t2_103 = t1_121.mul_add(t2_102, t1_162);
-        let t2_104 = t1_118 * inv_pivot_1;
-        let t2_105 = (-t1_121).mul_add(t2_104, t1_43);
-        let t2_106 = (-t1_153).mul_add(t2_102, t1_168);
-        let pivot_2 = (-t1_153).mul_add(t2_104, t1_112);
+        let t2_83 = t1_153 * inv_pivot_1;
+        let t2_84 = t1_103.mul_add(t2_83, t1_145);
+        let t2_85 = t1_100 * inv_pivot_1;
+        let t2_86 = (-t1_103).mul_add(t2_85, t1_22);
+        let t2_87 = (-t1_136).mul_add(t2_83, t1_151);
+        let pivot_2 = (-t1_136).mul_add(t2_85, t1_94);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_107 = t2_106 * inv_pivot_2;
-        let t2_108 = t2_105.mul_add(t2_107, t2_103);
-        let t2_109 = t1_194 * inv_pivot_1;
-        let t2_110 = t1_121.mul_add(t2_109, t1_177);
-        let t2_111 = (-t1_153).mul_add(t2_109, t1_188);
-        let t2_112 = t2_111 * inv_pivot_2;
-        let t2_113 = t2_105.mul_add(t2_112, t2_110);
-        let t2_114 = like.lift(1.0) / t1_117;
-        let t2_115 = t2_113 * t2_114;
-        let t2_116 = like.lift(0.0762102355330306) * t2_115;
-        let pivot_4 = t2_108 - t2_116;
+        let t2_88 = t2_87 * inv_pivot_2;
+        let t2_89 = t2_86.mul_add(t2_88, t2_84);
+        let t2_90 = t1_177 * inv_pivot_1;
+        let t2_91 = t1_103.mul_add(t2_90, t1_160);
+        let t2_92 = (-t1_136).mul_add(t2_90, t1_171);
+        let t2_93 = t2_92 * inv_pivot_2;
+        let t2_94 = t2_86.mul_add(t2_93, t2_91);
+        let t2_95 = like.lift(1.0) / t1_99;
+        let t2_96 = t2_94 * t2_95;
+        let t2_97 = like.lift(0.0762102355330306) * t2_96;
+        let pivot_4 = t2_89 - t2_97;
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_117 = t2_80.mul_add(t2_102, t2_87);
-        let t2_118 = t2_80.mul_add(t2_104, t2_72);
-        let t2_119 = (-t2_118).mul_add(t2_107, t2_117);
-        let t2_120 = t2_80.mul_add(t2_109, t1_177);
-        let t2_121 = (-t2_118).mul_add(t2_112, t2_120);
-        let t2_122 = t2_121 * t2_114;
-        let t2_123 = like.lift(0.0762102355330306) * t2_122;
-        let t2_124 = t2_119 - t2_123;
-        let t2_125 = (-t1_125).mul_add(t2_102, t1_165);
-        let t2_126 = (-t1_125).mul_add(t2_104, t1_45);
-        let t2_127 = (-t2_126).mul_add(t2_107, t2_125);
-        let t2_128 = (-t1_125).mul_add(t2_109, t1_181);
-        let t2_129 = (-t2_126).mul_add(t2_112, t2_128);
-        let t2_130 = t2_129 * t2_114;
-        let t2_131 = like.lift(0.0762102355330306) * t2_130;
-        let t2_132 = t2_127 - t2_131;
-        let t2_133 = t2_11 * t2_114;
-        let t2_134 = t2_129.mul_add(t2_133, t2_57);
-        let t2_135 = (-t2_113).mul_add(t2_133, t2_53);
-        let t2_136 = t2_135 * inv_pivot_4;
-        let pivot_5 = t2_132.mul_add(t2_136, t2_134);
+        let t2_98 = t2_61.mul_add(t2_83, t2_68);
+        let t2_99 = t2_61.mul_add(t2_85, t2_53);
+        let t2_100 = (-t2_99).mul_add(t2_88, t2_98);
+        let t2_101 = t2_61.mul_add(t2_90, t1_160);
+        let t2_102 = (-t2_99).mul_add(t2_93, t2_101);
+        let t2_103 = t2_102 * t2_95;
+        let t2_104 = like.lift(0.0762102355330306) * t2_103;
+        let t2_105 = t2_100 - t2_104;
+        let t2_106 = (-t1_107).mul_add(t2_83, t1_148);
+        let t2_107 = (-t1_107).mul_add(t2_85, t1_24);
+        let t2_108 = (-t2_107).mul_add(t2_88, t2_106);
+        let t2_109 = (-t1_107).mul_add(t2_90, t1_164);
+        let t2_110 = (-t2_107).mul_add(t2_93, t2_109);
+        let t2_111 = t2_110 * t2_95;
+        let t2_112 = like.lift(0.0762102355330306) * t2_111;
+        let t2_113 = t2_108 - t2_112;
+        let t2_114 = t1_215 * t2_95;
+        let t2_115 = t2_110.mul_add(t2_114, t2_38);
+        let t2_116 = (-t2_94).mul_add(t2_114, t2_34);
+        let t2_117 = t2_116 * inv_pivot_4;
+        let pivot_5 = t2_113.mul_add(t2_117, t2_115);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_137 = (-t2_121).mul_add(t2_133, t2_53);
-        let t2_138 = (-t2_124).mul_add(t2_136, t2_137);
-        let t2_139 = sin_e1x * t2_109;
-        let t2_140 = like.lift(0.0381051177665153).mul_add(t2_139, t1_181);
-        let t2_141 = sin_e1x * t2_104;
-        let t2_142 = like.lift(0.0381051177665153).mul_add(t2_141, t1_46);
-        let t2_143 = (-t2_142).mul_add(t2_112, t2_140);
-        let t2_144 = t2_143.mul_add(t2_133, t2_57);
-        let t2_145 = sin_e1x * t2_102;
-        let t2_146 = like.lift(-0.0381051177665153).mul_add(t2_145, t1_164);
-        let t2_147 = t2_142.mul_add(t2_107, t2_146);
-        let t2_148 = t2_143 * t2_114;
-        let t2_149 = like.lift(0.0762102355330306) * t2_148;
-        let t2_150 = t2_147 + t2_149;
-        let t2_151 = (-t2_150).mul_add(t2_136, t2_144);
-        let t2_152 = e_e1x_q1z * inv_pivot_4;
-        let t2_153 = t2_150 * t2_152;
-        let t2_154 = like.lift(-0.066).mul_add(t2_153, t1_46);
-        let t2_155 = t2_132 * t2_152;
-        let t2_156 = like.lift(0.066).mul_add(t2_155, t1_45);
-        let t2_157 = t2_156 * inv_pivot_5;
-        let pivot_6 = (-t2_151).mul_add(t2_157, t2_154);
+        let t2_118 = (-t2_102).mul_add(t2_114, t2_34);
+        let t2_119 = (-t2_105).mul_add(t2_117, t2_118);
+        let t2_120 = sin_e1x * t2_90;
+        let t2_121 = like.lift(0.0381051177665153).mul_add(t2_120, t1_164);
+        let t2_122 = sin_e1x * t2_85;
+        let t2_123 = like.lift(0.0381051177665153).mul_add(t2_122, t1_25);
+        let t2_124 = (-t2_123).mul_add(t2_93, t2_121);
+        let t2_125 = t2_124.mul_add(t2_114, t2_38);
+        let t2_126 = sin_e1x * t2_83;
+        let t2_127 = like.lift(-0.0381051177665153).mul_add(t2_126, t1_147);
+        let t2_128 = t2_123.mul_add(t2_88, t2_127);
+        let t2_129 = t2_124 * t2_95;
+        let t2_130 = like.lift(0.0762102355330306) * t2_129;
+        let t2_131 = t2_128 + t2_130;
+        let t2_132 = (-t2_131).mul_add(t2_117, t2_125);
+        let t2_133 = e_e1x_q1z * inv_pivot_4;
+        let t2_134 = t2_131 * t2_133;
+        let t2_135 = like.lift(-0.066).mul_add(t2_134, t1_25);
+        let t2_136 = t2_113 * t2_133;
+        let t2_137 = like.lift(0.066).mul_add(t2_136, t1_24);
+        let t2_138 = t2_137 * inv_pivot_5;
+        let pivot_6 = (-t2_132).mul_add(t2_138, t2_135);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_158 = t2_124 * t2_152;
-        let t2_159 = like.lift(0.066).mul_add(t2_158, t2_72);
-        let t2_160 = t2_138.mul_add(t2_157, t2_159);
-        let t2_161 = t2_64 * t2_157;
-        let t2_162 = t2_6 + t2_161;
-        let t2_163 = t2_41 - t2_131;
-        let t2_164 = t2_40 - t2_116;
-        let t2_165 = t2_164 * inv_pivot_4;
-        let t2_166 = (-t2_132).mul_add(t2_165, t2_163);
-        let t2_167 = t2_166 * inv_pivot_5;
-        let t2_168 = t2_64 * t2_167;
-        let t2_169 = t2_43 + t2_168;
-        let t2_170 = t1_164 - t2_149;
-        let t2_171 = t2_150.mul_add(t2_165, t2_170);
-        let t2_172 = (-t2_151).mul_add(t2_167, t2_171);
-        let t2_173 = t2_172 * inv_pivot_6;
-        let pivot_7 = (-t2_162).mul_add(t2_173, t2_169);
+        let t2_139 = t2_105 * t2_133;
+        let t2_140 = like.lift(0.066).mul_add(t2_139, t2_53);
+        let t2_141 = t2_119.mul_add(t2_138, t2_140);
+        let t2_142 = t2_45 * t2_138;
+        let t2_143 = t1_210 + t2_142;
+        let t2_144 = t2_22 - t2_112;
+        let t2_145 = t2_21 - t2_97;
+        let t2_146 = t2_145 * inv_pivot_4;
+        let t2_147 = (-t2_113).mul_add(t2_146, t2_144);
+        let t2_148 = t2_147 * inv_pivot_5;
+        let t2_149 = t2_45 * t2_148;
+        let t2_150 = t2_24 + t2_149;
+        let t2_151 = t1_147 - t2_130;
+        let t2_152 = t2_131.mul_add(t2_146, t2_151);
+        let t2_153 = (-t2_132).mul_add(t2_148, t2_152);
+        let t2_154 = t2_153 * inv_pivot_6;
+        let pivot_7 = (-t2_143).mul_add(t2_154, t2_150);
         let inv_pivot_7 = like.lift(1.0) / pivot_7;
-        let t2_174 = t2_99 - t2_123;
-        let t2_175 = (-t2_124).mul_add(t2_165, t2_174);
-        let t2_176 = t2_138.mul_add(t2_167, t2_175);
-        let t2_177 = (-t2_160).mul_add(t2_173, t2_176);
-        let t2_178 = t2_70.mul_add(t2_167, t2_45);
-        let t2_179 = t2_70.mul_add(t2_157, t2_12);
-        let t2_180 = (-t2_179).mul_add(t2_173, t2_178);
-        let t2_181 = t2_14 * inv_pivot_4;
-        let t2_182 = (-t2_124).mul_add(t2_181, t2_94);
-        let t2_183 = t2_132.mul_add(t2_181, t2_16);
-        let t2_184 = t2_183 * inv_pivot_5;
-        let t2_185 = (-t2_138).mul_add(t2_184, t2_182);
-        let t2_186 = (-t2_150).mul_add(t2_181, t1_124);
-        let t2_187 = (-t2_151).mul_add(t2_184, t2_186);
-        let t2_188 = t2_187 * inv_pivot_6;
-        let t2_189 = t2_160.mul_add(t2_188, t2_185);
-        let t2_190 = t2_64 * t2_184;
-        let t2_191 = t2_33 + t2_190;
-        let t2_192 = (-t2_162).mul_add(t2_188, t2_191);
-        let t2_193 = t2_192 * inv_pivot_7;
-        let t2_194 = t2_177.mul_add(t2_193, t2_189);
-        let t2_195 = t2_70.mul_add(t2_184, t2_37);
-        let t2_196 = (-t2_179).mul_add(t2_188, t2_195);
-        let pivot_8 = (-t2_180).mul_add(t2_193, t2_196);
+        let t2_155 = t2_80 - t2_104;
+        let t2_156 = (-t2_105).mul_add(t2_146, t2_155);
+        let t2_157 = t2_119.mul_add(t2_148, t2_156);
+        let t2_158 = (-t2_141).mul_add(t2_154, t2_157);
+        let t2_159 = t2_51.mul_add(t2_148, t2_26);
+        let t2_160 = t2_51.mul_add(t2_138, t1_216);
+        let t2_161 = (-t2_160).mul_add(t2_154, t2_159);
+        let t2_162 = t1_218 * inv_pivot_4;
+        let t2_163 = (-t2_105).mul_add(t2_162, t2_75);
+        let t2_164 = t2_113.mul_add(t2_162, t1_220);
+        let t2_165 = t2_164 * inv_pivot_5;
+        let t2_166 = (-t2_119).mul_add(t2_165, t2_163);
+        let t2_167 = (-t2_131).mul_add(t2_162, t1_106);
+        let t2_168 = (-t2_132).mul_add(t2_165, t2_167);
+        let t2_169 = t2_168 * inv_pivot_6;
+        let t2_170 = t2_141.mul_add(t2_169, t2_166);
+        let t2_171 = t2_45 * t2_165;
+        let t2_172 = t2_14 + t2_171;
+        let t2_173 = (-t2_143).mul_add(t2_169, t2_172);
+        let t2_174 = t2_173 * inv_pivot_7;
+        let t2_175 = t2_158.mul_add(t2_174, t2_170);
+        let t2_176 = t2_51.mul_add(t2_165, t2_18);
+        let t2_177 = (-t2_160).mul_add(t2_169, t2_176);
+        let pivot_8 = (-t2_161).mul_add(t2_174, t2_177);
         let inv_pivot_8 = like.lift(1.0) / pivot_8;
-        let t2_197 = t2_194 * inv_pivot_8;
-        let t2_198 = t2_180.mul_add(t2_197, t2_177);
-        let t2_199 = inv_pivot_7 * t2_198;
-        let t2_200 = (-t2_162).mul_add(t2_199, t2_160);
-        let t2_201 = t2_179.mul_add(t2_197, t2_200);
-        let t2_202 = inv_pivot_6 * t2_201;
-        let t2_203 = t2_151.mul_add(t2_202, t2_138);
-        let t2_204 = (-t2_64).mul_add(t2_199, t2_203);
-        let t2_205 = t2_70.mul_add(t2_197, t2_204);
-        let t2_206 = inv_pivot_5 * t2_205;
-        let t2_207 = t2_132.mul_add(t2_206, t2_124);
-        let t2_208 = t2_150.mul_add(t2_202, t2_207);
-        let t2_209 = inv_pivot_4 * t2_208;
-        let t2_210 = (-t2_84).mul_add(t2_102, t2_89);
-        let t2_211 = (-t2_84).mul_add(t2_104, t2_76);
-        let t2_212 = (-t2_211).mul_add(t2_107, t2_210);
-        let t2_213 = (-t2_84).mul_add(t2_109, t1_188);
-        let t2_214 = (-t2_211).mul_add(t2_112, t2_213);
-        let t2_215 = t2_214 * t2_114;
-        let t2_216 = like.lift(0.0762102355330306) * t2_215;
-        let t2_217 = t2_212 - t2_216;
-        let t2_218 = t2_214 * t2_133;
-        let t2_219 = t2_217.mul_add(t2_136, t2_218);
-        let t2_220 = t2_217 * t2_152;
-        let t2_221 = like.lift(0.066) * t2_220;
-        let t2_222 = (-t2_219).mul_add(t2_157, t2_221);
-        let t2_223 = t2_217.mul_add(t2_165, t2_216);
-        let t2_224 = t2_219.mul_add(t2_167, t2_223);
-        let t2_225 = t2_222.mul_add(t2_173, t2_224);
-        let t2_226 = t2_217 * t2_181;
-        let t2_227 = (-t2_219).mul_add(t2_184, t2_226);
-        let t2_228 = (-t2_222).mul_add(t2_188, t2_227);
+        let t2_178 = t2_175 * inv_pivot_8;
+        let t2_179 = t2_161.mul_add(t2_178, t2_158);
+        let t2_180 = inv_pivot_7 * t2_179;
+        let t2_181 = (-t2_143).mul_add(t2_180, t2_141);
+        let t2_182 = t2_160.mul_add(t2_178, t2_181);
+        let t2_183 = inv_pivot_6 * t2_182;
+        let t2_184 = t2_132.mul_add(t2_183, t2_119);
+        let t2_185 = (-t2_45).mul_add(t2_180, t2_184);
+        let t2_186 = t2_51.mul_add(t2_178, t2_185);
+        let t2_187 = inv_pivot_5 * t2_186;
+        let t2_188 = t2_113.mul_add(t2_187, t2_105);
+        let t2_189 = t2_131.mul_add(t2_183, t2_188);
+        let t2_190 = inv_pivot_4 * t2_189;
+        let t2_191 = (-t2_65).mul_add(t2_83, t2_70);
+        let t2_192 = (-t2_65).mul_add(t2_85, t2_57);
+        let t2_193 = (-t2_192).mul_add(t2_88, t2_191);
+        let t2_194 = (-t2_65).mul_add(t2_90, t1_171);
+        let t2_195 = (-t2_192).mul_add(t2_93, t2_194);
+        let t2_196 = t2_195 * t2_95;
+        let t2_197 = like.lift(0.0762102355330306) * t2_196;
+        let t2_198 = t2_193 - t2_197;
+        let t2_199 = t2_195 * t2_114;
+        let t2_200 = t2_198.mul_add(t2_117, t2_199);
+        let t2_201 = t2_198 * t2_133;
+        let t2_202 = like.lift(0.066) * t2_201;
+        let t2_203 = (-t2_200).mul_add(t2_138, t2_202);
+        let t2_204 = t2_198.mul_add(t2_146, t2_197);
+        let t2_205 = t2_200.mul_add(t2_148, t2_204);
+        let t2_206 = t2_203.mul_add(t2_154, t2_205);
+        let t2_207 = t2_198 * t2_162;
+        let t2_208 = (-t2_200).mul_add(t2_165, t2_207);
+        let t2_209 = (-t2_203).mul_add(t2_169, t2_208);
+        let t2_210 = t2_206.mul_add(t2_174, t2_209);
+        let t2_211 = t2_210 * inv_pivot_8;
+        let t2_212 = t2_161.mul_add(t2_211, t2_206);
+        let t2_213 = inv_pivot_7 * t2_212;
+        let t2_214 = t2_143.mul_add(t2_213, t2_203);
+        let t2_215 = (-t2_160).mul_add(t2_211, t2_214);
+        let t2_216 = inv_pivot_6 * t2_215;
+        let t2_217 = (-t2_132).mul_add(t2_216, t2_200);
+        let t2_218 = (-t2_45).mul_add(t2_213, t2_217);
+        let t2_219 = t2_51.mul_add(t2_211, t2_218);
+        let t2_220 = inv_pivot_5 * t2_219;
+        let t2_221 = (-t2_113).mul_add(t2_220, t2_198);
+        let t2_222 = t2_131.mul_add(t2_216, t2_221);
+        let t2_223 = inv_pivot_4 * t2_222;
+        let t2_224 = t2_74 + t2_142;
+        let t2_225 = t2_82 + t2_149;
+        let t2_226 = (-t2_224).mul_add(t2_154, t2_225);
+        let t2_227 = t2_79 + t2_171;
+        let t2_228 = (-t2_224).mul_add(t2_169, t2_227);
         [
-            t2_6, t2_13, t2_15, t2_16, t2_33, t2_38, t2_40, t2_41, t2_43, t2_46, t2_54, t2_57,
-            t2_59, t2_64, t2_65, t2_70, t2_72, t2_76, t2_80, t2_81, t2_84, t2_87, t2_89, t2_93,
-            t2_95, t2_98, t2_99, t2_101, inv_pivot_1, t2_105, pivot_2, inv_pivot_2, t2_113,
-            t2_114, pivot_4, inv_pivot_4, t2_118, t2_121, t2_126, t2_129, t2_132, pivot_5,
-            inv_pivot_5, t2_142, t2_143, t2_150, t2_151, pivot_6, inv_pivot_6, t2_161, t2_162,
-            t2_168, t2_173, pivot_7, inv_pivot_7, t2_179, t2_180, t2_188, t2_190, t2_193,
-            pivot_8, inv_pivot_8, t2_197, t2_199, t2_202, t2_206, t2_209, t2_211, t2_214,
-            t2_217, t2_219, t2_222, t2_225, t2_228,
+            t2_14, t2_19, t2_21, t2_22, t2_24, t2_27, t2_35, t2_38, t2_40, t2_45, t2_46, t2_51,
+            t2_53, t2_57, t2_61, t2_62, t2_65, t2_68, t2_70, t2_74, t2_76, t2_79, t2_80, t2_82,
+            inv_pivot_1, t2_86, pivot_2, inv_pivot_2, t2_94, t2_95, pivot_4, inv_pivot_4,
+            t2_99, t2_102, t2_107, t2_110, t2_113, pivot_5, inv_pivot_5, t2_123, t2_124,
+            t2_131, t2_132, pivot_6, inv_pivot_6, t2_143, pivot_7, inv_pivot_7, t2_160, t2_161,
+            t2_174, pivot_8, inv_pivot_8, t2_178, t2_180, t2_183, t2_187, t2_190, t2_192,
+            t2_195, t2_211, t2_213, t2_216, t2_220, t2_223, t2_224, t2_226, t2_228,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        x_u1_1_q1, x_u1_1_q2, x_u1_1_q3, x_u1_2_q1, x_u1_2_q2, x_u1_2_q3, x_e1y_q1, x_e1y_q2,
-        x_e1y_q3, x_e1x_q1, x_e1x_q2, x_e1x_q3, x_u2_1_q1, x_u2_1_q2, x_u2_1_q3, x_u2_2_q1,
-        x_u2_2_q2, x_u2_2_q3, x_u3_1_q1, x_u3_1_q2, x_u3_1_q3, x_u3_2_q1, x_u3_2_q2, x_u3_2_q3,
+        x_u1_1_q1, x_u1_1_q2, x_u1_1_q3, x_u1_2_q1, x_u1_2_q2, x_u1_2_q3, x_u2_1_q1, x_u2_1_q2,
+        x_u2_1_q3, x_u2_2_q1, x_u2_2_q2, x_u2_2_q3, x_u3_1_q1, x_u3_1_q2, x_u3_1_q3, x_u3_2_q1,
+        x_u3_2_q2, x_u3_2_q3,
     ] = {
-        let t3_1 = t2_225.mul_add(t2_193, t2_228);
+        let t3_1 = (-t2_226).mul_add(t2_174, t2_228);
         let t3_2 = t3_1 * inv_pivot_8;
-        let t3_3 = t2_180.mul_add(t3_2, t2_225);
+        let t3_3 = (-t2_161).mul_add(t3_2, t2_226);
         let t3_4 = inv_pivot_7 * t3_3;
-        let t3_5 = t2_162.mul_add(t3_4, t2_222);
-        let t3_6 = (-t2_179).mul_add(t3_2, t3_5);
+        let t3_5 = (-t2_143).mul_add(t3_4, t2_224);
+        let t3_6 = (-t2_160).mul_add(t3_2, t3_5);
         let t3_7 = inv_pivot_6 * t3_6;
-        let t3_8 = (-t2_151).mul_add(t3_7, t2_219);
-        let t3_9 = (-t2_64).mul_add(t3_4, t3_8);
-        let t3_10 = t2_70.mul_add(t3_2, t3_9);
+        let t3_8 = t2_132.mul_add(t3_7, t2_45);
+        let t3_9 = (-t2_45).mul_add(t3_4, t3_8);
+        let t3_10 = (-t2_51).mul_add(t3_2, t3_9);
         let t3_11 = inv_pivot_5 * t3_10;
-        let t3_12 = (-t2_132).mul_add(t3_11, t2_217);
-        let t3_13 = t2_150.mul_add(t3_7, t3_12);
+        let t3_12 = t2_113 * t3_11;
+        let t3_13 = t2_131.mul_add(t3_7, t3_12);
         let t3_14 = inv_pivot_4 * t3_13;
-        let t3_15 = t2_93 + t2_161;
-        let t3_16 = t2_101 + t2_168;
-        let t3_17 = (-t3_15).mul_add(t2_173, t3_16);
-        let t3_18 = t2_98 + t2_190;
-        let t3_19 = (-t3_15).mul_add(t2_188, t3_18);
-        let t3_20 = (-t3_17).mul_add(t2_193, t3_19);
-        let t3_21 = t3_20 * inv_pivot_8;
-        let t3_22 = (-t2_180).mul_add(t3_21, t3_17);
-        let t3_23 = inv_pivot_7 * t3_22;
-        let t3_24 = (-t2_162).mul_add(t3_23, t3_15);
-        let t3_25 = (-t2_179).mul_add(t3_21, t3_24);
-        let t3_26 = inv_pivot_6 * t3_25;
-        let t3_27 = t2_151.mul_add(t3_26, t2_64);
-        let t3_28 = (-t2_64).mul_add(t3_23, t3_27);
-        let t3_29 = (-t2_70).mul_add(t3_21, t3_28);
-        let t3_30 = inv_pivot_5 * t3_29;
-        let t3_31 = t2_132 * t3_30;
-        let t3_32 = t2_150.mul_add(t3_26, t3_31);
-        let t3_33 = inv_pivot_4 * t3_32;
-        let t3_34 = -t2_206;
-        let t3_35 = -t3_30;
-        let t3_36 = (-t2_113).mul_add(t2_209, t2_121);
-        let t3_37 = t2_129.mul_add(t2_206, t3_36);
-        let t3_38 = (-t2_143).mul_add(t2_202, t3_37);
-        let t3_39 = t2_114 * t3_38;
-        let t3_40 = like.lift(1.1547005383792515) * t3_39;
-        let t3_41 = (-t2_113).mul_add(t3_14, t2_214);
-        let t3_42 = (-t2_129).mul_add(t3_11, t3_41);
-        let t3_43 = (-t2_143).mul_add(t3_7, t3_42);
-        let t3_44 = t2_114 * t3_43;
-        let t3_45 = like.lift(1.1547005383792515) * t3_44;
-        let t3_46 = t2_113 * t3_33;
-        let t3_47 = (-t2_129).mul_add(t3_30, t3_46);
-        let t3_48 = t2_143.mul_add(t3_26, t3_47);
-        let t3_49 = t2_114 * t3_48;
-        let t3_50 = like.lift(1.1547005383792515) * t3_49;
+        let t3_15 = -t2_187;
+        let t3_16 = -t3_11;
+        let t3_17 = (-t2_94).mul_add(t2_190, t2_102);
+        let t3_18 = t2_110.mul_add(t2_187, t3_17);
+        let t3_19 = (-t2_124).mul_add(t2_183, t3_18);
+        let t3_20 = t2_95 * t3_19;
+        let t3_21 = like.lift(1.1547005383792515) * t3_20;
+        let t3_22 = (-t2_94).mul_add(t2_223, t2_195);
+        let t3_23 = (-t2_110).mul_add(t2_220, t3_22);
+        let t3_24 = (-t2_124).mul_add(t2_216, t3_23);
+        let t3_25 = t2_95 * t3_24;
+        let t3_26 = like.lift(1.1547005383792515) * t3_25;
+        let t3_27 = t2_94 * t3_14;
+        let t3_28 = (-t2_110).mul_add(t3_11, t3_27);
+        let t3_29 = t2_124.mul_add(t3_7, t3_28);
+        let t3_30 = t2_95 * t3_29;
+        let t3_31 = like.lift(1.1547005383792515) * t3_30;
+        let t3_32 = -t3_31;
+        let t3_33 = t2_86.mul_add(t2_190, t2_99);
+        let t3_34 = t2_107.mul_add(t2_187, t3_33);
+        let t3_35 = (-t2_123).mul_add(t2_183, t3_34);
+        let t3_36 = inv_pivot_2 * t3_35;
+        let t3_37 = t2_86.mul_add(t2_223, t2_192);
+        let t3_38 = (-t2_107).mul_add(t2_220, t3_37);
+        let t3_39 = (-t2_123).mul_add(t2_216, t3_38);
+        let t3_40 = inv_pivot_2 * t3_39;
+        let t3_41 = t2_86 * t3_14;
+        let t3_42 = t2_107.mul_add(t3_11, t3_41);
+        let t3_43 = (-t2_123).mul_add(t3_7, t3_42);
+        let t3_44 = inv_pivot_2 * t3_43;
+        let t3_45 = t1_136.mul_add(t3_36, t2_61);
+        let t3_46 = (-t1_103).mul_add(t2_190, t3_45);
+        let t3_47 = (-t1_107).mul_add(t2_187, t3_46);
+        let t3_48 = sin_e1x * t2_183;
+        let t3_49 = like.lift(-0.0381051177665153).mul_add(t3_48, t3_47);
+        let t3_50 = inv_pivot_1 * t3_49;
         let t3_51 = -t3_50;
-        let t3_52 = t2_105.mul_add(t2_209, t2_118);
-        let t3_53 = t2_126.mul_add(t2_206, t3_52);
-        let t3_54 = (-t2_142).mul_add(t2_202, t3_53);
-        let t3_55 = inv_pivot_2 * t3_54;
-        let t3_56 = t2_105.mul_add(t3_14, t2_211);
-        let t3_57 = (-t2_126).mul_add(t3_11, t3_56);
-        let t3_58 = (-t2_142).mul_add(t3_7, t3_57);
-        let t3_59 = inv_pivot_2 * t3_58;
-        let t3_60 = t2_105 * t3_33;
-        let t3_61 = t2_126.mul_add(t3_30, t3_60);
-        let t3_62 = (-t2_142).mul_add(t3_26, t3_61);
-        let t3_63 = inv_pivot_2 * t3_62;
-        let t3_64 = t1_153.mul_add(t3_55, t2_80);
-        let t3_65 = (-t1_121).mul_add(t2_209, t3_64);
-        let t3_66 = (-t1_125).mul_add(t2_206, t3_65);
-        let t3_67 = sin_e1x * t2_202;
-        let t3_68 = like.lift(-0.0381051177665153).mul_add(t3_67, t3_66);
-        let t3_69 = inv_pivot_1 * t3_68;
-        let t3_70 = -t3_69;
-        let t3_71 = (-t1_153).mul_add(t3_59, t2_84);
-        let t3_72 = t1_121.mul_add(t3_14, t3_71);
-        let t3_73 = (-t1_125).mul_add(t3_11, t3_72);
-        let t3_74 = sin_e1x * t3_7;
-        let t3_75 = like.lift(0.0381051177665153).mul_add(t3_74, t3_73);
-        let t3_76 = inv_pivot_1 * t3_75;
-        let t3_77 = t1_153 * t3_63;
-        let t3_78 = (-t1_121).mul_add(t3_33, t3_77);
-        let t3_79 = (-t1_125).mul_add(t3_30, t3_78);
-        let t3_80 = sin_e1x * t3_26;
-        let t3_81 = like.lift(-0.0381051177665153).mul_add(t3_80, t3_79);
-        let t3_82 = inv_pivot_1 * t3_81;
-        let t3_83 = -t3_82;
-        let t3_84 = -t3_4;
-        let t3_85 = -t3_2;
-        let t3_86 = -t3_21;
-        let t3_87 = -pivot_8;
+        let t3_52 = (-t1_136).mul_add(t3_40, t2_65);
+        let t3_53 = t1_103.mul_add(t2_223, t3_52);
+        let t3_54 = (-t1_107).mul_add(t2_220, t3_53);
+        let t3_55 = sin_e1x * t2_216;
+        let t3_56 = like.lift(0.0381051177665153).mul_add(t3_55, t3_54);
+        let t3_57 = inv_pivot_1 * t3_56;
+        let t3_58 = t1_136 * t3_44;
+        let t3_59 = (-t1_103).mul_add(t3_14, t3_58);
+        let t3_60 = (-t1_107).mul_add(t3_11, t3_59);
+        let t3_61 = sin_e1x * t3_7;
+        let t3_62 = like.lift(-0.0381051177665153).mul_add(t3_61, t3_60);
+        let t3_63 = inv_pivot_1 * t3_62;
+        let t3_64 = -t3_63;
+        let t3_65 = -t2_213;
+        let t3_66 = -t2_211;
+        let t3_67 = -t3_2;
+        let t3_68 = -pivot_8;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(0.9379407993771961)).abs()
             .min((pivot_2 * like.lift(0.8419561199081981)).abs())
-            .min((t1_183 * like.lift(2.101432136451623)).abs())
+            .min((t1_166 * like.lift(2.101432136451623)).abs())
             .min((pivot_4 * like.lift(1.018866869624108)).abs())
             .min((pivot_5 * like.lift(0.7972052055720686)).abs())
             .min((pivot_6 * like.lift(0.8046174018437734)).abs())
             .min((pivot_7 * like.lift(1.0351966873706007)).abs())
-            .min((t3_87 * like.lift(0.6961619001482627)).abs());
+            .min((t3_68 * like.lift(0.6961619001482627)).abs());
         let ([
-            [x_u1_1_q1, x_u1_1_q2, x_u1_1_q3], [x_u1_2_q1, x_u1_2_q2, x_u1_2_q3],
-            [x_e1y_q1, x_e1y_q2, x_e1y_q3], [x_e1x_q1, x_e1x_q2, x_e1x_q3],
-            [x_u2_1_q1, x_u2_1_q2, x_u2_1_q3], [x_u2_2_q1, x_u2_2_q2, x_u2_2_q3],
+            [x_u1_1_q1, x_u1_1_q2, x_u1_1_q3], [x_u1_2_q1, x_u1_2_q2, x_u1_2_q3], [_, _, _],
+            [_, _, _], [x_u2_1_q1, x_u2_1_q2, x_u2_1_q3], [x_u2_2_q1, x_u2_2_q2, x_u2_2_q3],
             [x_u3_1_q1, x_u3_1_q2, x_u3_1_q3], [x_u3_2_q1, x_u3_2_q2, x_u3_2_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_209, t3_14, t3_33], [t3_34, t3_11, t3_35], [t2_202, t3_7, t3_26],
-                [t3_40, t3_45, t3_51], [t3_55, t3_59, t3_63], [t3_70, t3_76, t3_83],
-                [t2_199, t3_84, t3_23], [t2_197, t3_85, t3_86],
+                [t2_190, t2_223, t3_14], [t3_15, t2_220, t3_16], [t2_183, t2_216, t3_7],
+                [t3_21, t3_26, t3_32], [t3_36, t3_40, t3_44], [t3_51, t3_57, t3_64],
+                [t2_180, t3_65, t3_4], [t2_178, t3_66, t3_67],
             ],
             margin,
             || (
                 [
-                    [t1_44, t1_45, t1_46, like.lift(0.0), t1_112, t1_118, like.lift(0.0), like.lift(0.0)],
-                    [t1_122, t1_125, t1_126, like.lift(0.0), t1_153, pivot_1, like.lift(0.0), like.lift(0.0)],
-                    [t1_162, t1_165, t1_166, like.lift(0.066), t1_168, t1_170, like.lift(0.0), like.lift(0.0)],
-                    [t1_178, t1_182, t1_182, t1_183, t1_189, t1_195, like.lift(0.0), like.lift(0.0)],
-                    [t1_44, t1_45, t1_46, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_6, t2_13],
-                    [t2_15, t2_16, t1_124, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_33, t2_38],
-                    [t2_40, t2_41, t1_164, like.lift(0.066), like.lift(0.0), like.lift(0.0), t2_43, t2_46],
-                    [t2_54, t2_57, t2_57, t2_59, like.lift(0.0), like.lift(0.0), t2_65, t2_70],
+                    [t1_23, t1_24, t1_25, like.lift(0.0), t1_94, t1_100, like.lift(0.0), like.lift(0.0)],
+                    [t1_104, t1_107, t1_108, like.lift(0.0), t1_136, pivot_1, like.lift(0.0), like.lift(0.0)],
+                    [t1_145, t1_148, t1_149, like.lift(0.066), t1_151, t1_153, like.lift(0.0), like.lift(0.0)],
+                    [t1_161, t1_165, t1_165, t1_166, t1_172, t1_178, like.lift(0.0), like.lift(0.0)],
+                    [t1_23, t1_24, t1_25, like.lift(0.0), like.lift(0.0), like.lift(0.0), t1_210, t1_217],
+                    [t1_219, t1_220, t1_106, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_14, t2_19],
+                    [t2_21, t2_22, t1_147, like.lift(0.066), like.lift(0.0), like.lift(0.0), t2_24, t2_27],
+                    [t2_35, t2_38, t2_38, t2_40, like.lift(0.0), like.lift(0.0), t2_46, t2_51],
                 ],
                 [
-                    [t2_72, t2_76, like.lift(0.0)], [t2_81, t2_84, like.lift(0.0)],
-                    [t2_87, t2_89, like.lift(0.0)], [t1_178, t1_189, like.lift(0.0)],
-                    [t2_72, like.lift(0.0), t2_93], [t2_95, like.lift(0.0), t2_98],
-                    [t2_99, like.lift(0.0), t2_101], [t2_54, like.lift(0.0), t2_65],
+                    [t2_53, t2_57, like.lift(0.0)], [t2_62, t2_65, like.lift(0.0)],
+                    [t2_68, t2_70, like.lift(0.0)], [t1_161, t1_172, like.lift(0.0)],
+                    [t2_53, like.lift(0.0), t2_74], [t2_76, like.lift(0.0), t2_79],
+                    [t2_80, like.lift(0.0), t2_82], [t2_35, like.lift(0.0), t2_46],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            x_u1_1_q1, x_u1_1_q2, x_u1_1_q3, x_u1_2_q1, x_u1_2_q2, x_u1_2_q3, x_e1y_q1,
-            x_e1y_q2, x_e1y_q3, x_e1x_q1, x_e1x_q2, x_e1x_q3, x_u2_1_q1, x_u2_1_q2, x_u2_1_q3,
-            x_u2_2_q1, x_u2_2_q2, x_u2_2_q3, x_u3_1_q1, x_u3_1_q2, x_u3_1_q3, x_u3_2_q1,
-            x_u3_2_q2, x_u3_2_q3,
+            x_u1_1_q1, x_u1_1_q2, x_u1_1_q3, x_u1_2_q1, x_u1_2_q2, x_u1_2_q3, x_u2_1_q1,
+            x_u2_1_q2, x_u2_1_q3, x_u2_2_q1, x_u2_2_q2, x_u2_2_q3, x_u3_1_q1, x_u3_1_q2,
+            x_u3_1_q3, x_u3_2_q1, x_u3_2_q2, x_u3_2_q3,
         ]
     };
     // tau
     {
-        let t4_1 = (-t1_41).mul_add(x_u1_1_q1, t1_42);
+        let t4_1 = (-t1_18).mul_add(x_u1_1_q1, t1_19);
         let t4_2 = t1_9 * p_mz_rod1;
         let t4_3 = like.lift(9.81) * t4_2;
-        let t4_4 = t1_33 * p_mx_rod1;
+        let t4_4 = t1_13 * p_mx_rod1;
         let t4_5 = like.lift(9.81).mul_add(t4_4, t4_3);
-        let t4_6 = cos_e1x * t1_21;
-        let t4_7 = sin_e1x.mul_add(t1_26, t4_6);
-        let t4_8 = t4_5 + t4_7;
-        let t4_9 = t4_8.mul_add(x_u1_2_q1, t4_1);
-        let t4_10 = t4_7.mul_add(x_e1y_q1, t4_9);
-        let t4_11 = t1_29.mul_add(x_e1x_q1, t4_10);
-        let t4_12 = cos_q2 * sin_u2_1;
-        let t4_13 = sin_q2 * sin_u2_1;
-        let sin_q2_u2_1 = sin_q2.mul_add(cos_u2_1, t4_12);
-        let cos_q2_u2_1 = cos_q2.mul_add(cos_u2_1, -t4_13);
-        let t4_14 = sin_q2_u2_1 * p_mx_rod2;
-        let t4_15 = like.lift(9.81) * t4_14;
-        let t4_16 = sin_u2_2 * cos_q2_u2_1;
-        let t4_17 = t4_16 * p_my_rod2;
-        let t4_18 = like.lift(9.81).mul_add(t4_17, t4_15);
-        let t4_19 = sin_u2_2 * t4_18;
-        let t4_20 = cos_u2_2 * cos_q2_u2_1;
-        let t4_21 = t4_20 * p_my_rod2;
-        let t4_22 = like.lift(9.81) * t4_21;
-        let t4_23 = sin_q2_u2_1 * p_mz_rod2;
-        let t4_24 = like.lift(-9.81).mul_add(t4_23, t4_22);
-        let t4_25 = cos_u2_2.mul_add(t4_24, t4_19);
-        let t4_26 = (-t4_25).mul_add(x_u2_1_q1, t4_11);
-        let t4_27 = t4_16 * p_mz_rod2;
-        let t4_28 = like.lift(9.81) * t4_27;
-        let t4_29 = t4_20 * p_mx_rod2;
-        let t4_30 = like.lift(9.81).mul_add(t4_29, t4_28);
-        let t4_31 = t4_30.mul_add(x_u2_2_q1, t4_26);
-        let t4_32 = cos_q3 * sin_u3_1;
-        let t4_33 = sin_q3 * sin_u3_1;
-        let sin_q3_u3_1 = sin_q3.mul_add(cos_u3_1, t4_32);
-        let cos_q3_u3_1 = cos_q3.mul_add(cos_u3_1, -t4_33);
-        let t4_34 = sin_q3_u3_1 * p_mx_rod3;
-        let t4_35 = like.lift(9.81) * t4_34;
-        let t4_36 = sin_u3_2 * cos_q3_u3_1;
-        let t4_37 = t4_36 * p_my_rod3;
-        let t4_38 = like.lift(9.81).mul_add(t4_37, t4_35);
-        let t4_39 = sin_u3_2 * t4_38;
-        let t4_40 = cos_u3_2 * cos_q3_u3_1;
-        let t4_41 = t4_40 * p_my_rod3;
-        let t4_42 = like.lift(9.81) * t4_41;
-        let t4_43 = sin_q3_u3_1 * p_mz_rod3;
-        let t4_44 = like.lift(-9.81).mul_add(t4_43, t4_42);
-        let t4_45 = cos_u3_2.mul_add(t4_44, t4_39);
-        let t4_46 = (-t4_45).mul_add(x_u3_1_q1, t4_31);
-        let t4_47 = t4_36 * p_mz_rod3;
-        let t4_48 = like.lift(9.81) * t4_47;
-        let t4_49 = t4_40 * p_mx_rod3;
-        let t4_50 = like.lift(9.81).mul_add(t4_49, t4_48);
-        let t4_51 = t4_50.mul_add(x_u3_2_q1, t4_46);
-        tau[0] = t4_51;
-        let t4_52 = cos_q2 * p_my_crank2;
-        let t4_53 = like.lift(9.81) * t4_52;
-        let t4_54 = sin_q2 * p_mz_crank2;
-        let t4_55 = like.lift(-9.81).mul_add(t4_54, t4_53);
-        let t4_56 = t4_55 + t4_25;
-        let t4_57 = t1_41 * x_u1_1_q2;
-        let t4_58 = (-t4_8).mul_add(x_u1_2_q2, t4_57);
-        let t4_59 = (-t4_7).mul_add(x_e1y_q2, t4_58);
-        let t4_60 = (-t1_29).mul_add(x_e1x_q2, t4_59);
-        let t4_61 = t4_56 - t4_60;
-        let t4_62 = (-t4_25).mul_add(x_u2_1_q2, t4_61);
-        let t4_63 = t4_30.mul_add(x_u2_2_q2, t4_62);
-        let t4_64 = (-t4_45).mul_add(x_u3_1_q2, t4_63);
-        let t4_65 = t4_50.mul_add(x_u3_2_q2, t4_64);
-        tau[1] = t4_65;
-        let t4_66 = sin_q3 * p_mz_crank3;
-        let t4_67 = like.lift(9.81).mul_add(t4_66, -t4_45);
-        let t4_68 = t1_41 * x_u1_1_q3;
-        let t4_69 = (-t4_8).mul_add(x_u1_2_q3, t4_68);
-        let t4_70 = (-t4_7).mul_add(x_e1y_q3, t4_69);
-        let t4_71 = (-t1_29).mul_add(x_e1x_q3, t4_70);
-        let t4_72 = t4_25.mul_add(x_u2_1_q3, t4_71);
-        let t4_73 = (-t4_30).mul_add(x_u2_2_q3, t4_72);
-        let t4_74 = t4_67 + t4_73;
-        let t4_75 = t4_45.mul_add(x_u3_1_q3, t4_74);
-        let t4_76 = (-t4_50).mul_add(x_u3_2_q3, t4_75);
-        let t4_77 = -t4_76;
-        tau[2] = t4_77;
+        let t4_6 = t4_5.mul_add(x_u1_2_q1, t4_1);
+        let t4_7 = cos_q2 * sin_u2_1;
+        let t4_8 = sin_q2 * sin_u2_1;
+        let sin_q2_u2_1 = sin_q2.mul_add(cos_u2_1, t4_7);
+        let cos_q2_u2_1 = cos_q2.mul_add(cos_u2_1, -t4_8);
+        let t4_9 = sin_q2_u2_1 * p_mx_rod2;
+        let t4_10 = like.lift(9.81) * t4_9;
+        let t4_11 = sin_u2_2 * cos_q2_u2_1;
+        let t4_12 = t4_11 * p_my_rod2;
+        let t4_13 = like.lift(9.81).mul_add(t4_12, t4_10);
+        let t4_14 = sin_u2_2 * t4_13;
+        let t4_15 = cos_u2_2 * cos_q2_u2_1;
+        let t4_16 = t4_15 * p_my_rod2;
+        let t4_17 = cos_u2_2 * t4_16;
+        let t4_18 = like.lift(9.81).mul_add(t4_17, t4_14);
+        let t4_19 = (-t4_18).mul_add(x_u2_1_q1, t4_6);
+        let t4_20 = t4_15 * p_mx_rod2;
+        let t4_21 = t4_20 * x_u2_2_q1;
+        let t4_22 = like.lift(9.81).mul_add(t4_21, t4_19);
+        let t4_23 = cos_q3 * sin_u3_1;
+        let t4_24 = sin_q3 * sin_u3_1;
+        let sin_q3_u3_1 = sin_q3.mul_add(cos_u3_1, t4_23);
+        let cos_q3_u3_1 = cos_q3.mul_add(cos_u3_1, -t4_24);
+        let t4_25 = sin_q3_u3_1 * p_mx_rod3;
+        let t4_26 = like.lift(9.81) * t4_25;
+        let t4_27 = sin_u3_2 * cos_q3_u3_1;
+        let t4_28 = t4_27 * p_my_rod3;
+        let t4_29 = like.lift(9.81).mul_add(t4_28, t4_26);
+        let t4_30 = sin_u3_2 * t4_29;
+        let t4_31 = cos_u3_2 * cos_q3_u3_1;
+        let t4_32 = t4_31 * p_my_rod3;
+        let t4_33 = like.lift(9.81) * t4_32;
+        let t4_34 = sin_q3_u3_1 * p_mz_rod3;
+        let t4_35 = like.lift(-9.81).mul_add(t4_34, t4_33);
+        let t4_36 = cos_u3_2.mul_add(t4_35, t4_30);
+        let t4_37 = (-t4_36).mul_add(x_u3_1_q1, t4_22);
+        let t4_38 = t4_27 * p_mz_rod3;
+        let t4_39 = like.lift(9.81) * t4_38;
+        let t4_40 = t4_31 * p_mx_rod3;
+        let t4_41 = like.lift(9.81).mul_add(t4_40, t4_39);
+        let t4_42 = t4_41.mul_add(x_u3_2_q1, t4_37);
+        tau[0] = t4_42;
+        let t4_43 = cos_q2 * p_my_crank2;
+        let t4_44 = like.lift(9.81) * t4_43;
+        let t4_45 = sin_q2 * p_mz_crank2;
+        let t4_46 = like.lift(-9.81).mul_add(t4_45, t4_44);
+        let t4_47 = t4_46 + t4_18;
+        let t4_48 = t1_18 * x_u1_1_q2;
+        let t4_49 = (-t4_5).mul_add(x_u1_2_q2, t4_48);
+        let t4_50 = t4_47 - t4_49;
+        let t4_51 = (-t4_18).mul_add(x_u2_1_q2, t4_50);
+        let t4_52 = t4_20 * x_u2_2_q2;
+        let t4_53 = like.lift(9.81).mul_add(t4_52, t4_51);
+        let t4_54 = (-t4_36).mul_add(x_u3_1_q2, t4_53);
+        let t4_55 = t4_41.mul_add(x_u3_2_q2, t4_54);
+        tau[1] = t4_55;
+        let t4_56 = sin_q3 * p_mz_crank3;
+        let t4_57 = like.lift(9.81).mul_add(t4_56, -t4_36);
+        let t4_58 = t1_18 * x_u1_1_q3;
+        let t4_59 = (-t4_5).mul_add(x_u1_2_q3, t4_58);
+        let t4_60 = t4_18.mul_add(x_u2_1_q3, t4_59);
+        let t4_61 = t4_20 * x_u2_2_q3;
+        let t4_62 = like.lift(-9.81).mul_add(t4_61, t4_60);
+        let t4_63 = t4_57 + t4_62;
+        let t4_64 = t4_36.mul_add(x_u3_1_q3, t4_63);
+        let t4_65 = (-t4_41).mul_add(x_u3_2_q3, t4_64);
+        let t4_66 = -t4_65;
+        tau[2] = t4_66;
     }
     (tau, Condition { pivot: condition })
 }
@@ -17111,24 +16562,33 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 43]) -> ([T; 3], Conditio
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
 ///
-/// 726 additions, 1010 multiplications, 8 divisions, 11 sines and cosines.
-pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 43]) -> ([T; 3], Condition<T>) {
+/// 637 additions, 928 multiplications, 8 divisions, 11 sines and cosines.
+pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     let [d_q1, d_u1_1, d_u1_2, d_e1y, d_e1x, d_q2, d_u2_1, d_u2_2, d_q3, d_u3_1, d_u3_2] = *qd;
     let [
         _, _, _, p_ixx_rod1, p_ixy_rod1, p_ixz_rod1, p_iyy_rod1, p_iyz_rod1, p_izz_rod1,
-        p_mx_rod1, p_my_rod1, p_mz_rod1, p_ixx_platform, p_ixy_platform, p_ixz_platform,
-        p_iyy_platform, p_iyz_platform, p_izz_platform, p_mx_platform, p_mz_platform, _, _, _,
-        p_ixx_rod2, p_ixy_rod2, p_ixz_rod2, p_iyy_rod2, p_iyz_rod2, p_izz_rod2, p_mx_rod2,
-        p_my_rod2, p_mz_rod2, _, _, p_ixx_rod3, p_ixy_rod3, p_ixz_rod3, p_iyy_rod3, p_iyz_rod3,
-        p_izz_rod3, p_mx_rod3, p_my_rod3, p_mz_rod3,
+        p_mx_rod1, p_my_rod1, p_mz_rod1, _, _, _, p_ixx_rod2, p_ixy_rod2, p_ixz_rod2,
+        p_iyy_rod2, p_iyz_rod2, p_izz_rod2, p_mx_rod2, p_my_rod2, _, _, p_ixx_rod3, p_ixy_rod3,
+        p_ixz_rod3, p_iyy_rod3, p_iyz_rod3, p_izz_rod3, p_mx_rod3, p_my_rod3, p_mz_rod3,
     ] = *beta;
     let mut condition = like.lift(1.0);
-    let mut kept = [like; 306];
     // tau, part 1
-    {
+    let [
+        sin_u1_2, cos_u1_2, w_u1_1x, w_rod1z, t1_1, t1_2, t1_3, t1_6, t1_7, t1_11, sin_e1x,
+        cos_e1x, sin_e1y, cos_e1y, sin_u1_2_e1y, cos_u1_2_e1y, e_e1x_q1z, t1_14, t1_15, t1_16,
+        t1_17, e_e1x_q1y, sin_u1_1, cos_u1_1, t1_25, t1_49, t1_54, sin_u2_2, cos_u2_2,
+        sin_u2_1, cos_u2_1, t1_63, t1_64, t1_65, t1_74, t1_79, t1_86, t1_87, t1_89, t1_91,
+        t1_94, t1_95, t1_97, t1_98, t1_99, t1_101, t1_102, t1_103, t1_107, t1_112, t1_117,
+        t1_124, t1_125, t1_126, t1_127, t1_128, t1_131, t1_134, pivot_1, t1_136,
+        u_platform_u1_1z, t1_137, t1_138, t1_139, t1_140, u_e1x_u1_2z, t1_142, t1_143, t1_144,
+        t1_146, t1_148, t1_155, t1_156, t1_159, t1_160, t1_161, t1_166, t1_167, t1_172, t1_173,
+        t1_174, t1_176, sin_q3, cos_q3, t1_179, sin_u3_2, cos_u3_2, sin_u3_1, cos_u3_1, t1_186,
+        t1_187, t1_188, t1_189, t1_192, t1_195, t1_202, t1_203, t1_204, t1_205, t1_207, t1_210,
+        t1_211, t1_212, t1_213, t1_214, t1_215, t1_217, t1_218, t1_220,
+    ] = {
         let (sin_u1_2, cos_u1_2) = u1_2.sin_cos();
         let w_u1_1x = d_q1 + d_u1_1;
         let w_rod1z = sin_u1_2 * w_u1_1x;
@@ -17379,171 +16839,29 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 43]) ->
         let t1_218 = t1_113 - t1_114;
         let t1_219 = cos_q3 * t1_218;
         let t1_220 = (-sin_q3).mul_add(t1_107, t1_219);
-        kept[0] = sin_u1_2;
-        kept[1] = cos_u1_2;
-        kept[2] = w_u1_1x;
-        kept[3] = w_rod1z;
-        kept[4] = t1_1;
-        kept[5] = t1_2;
-        kept[6] = t1_3;
-        kept[7] = t1_6;
-        kept[8] = t1_7;
-        kept[9] = t1_11;
-        kept[10] = sin_e1x;
-        kept[11] = cos_e1x;
-        kept[12] = sin_e1y;
-        kept[13] = cos_e1y;
-        kept[14] = sin_u1_2_e1y;
-        kept[15] = cos_u1_2_e1y;
-        kept[16] = e_e1x_q1z;
-        kept[17] = t1_14;
-        kept[18] = t1_15;
-        kept[19] = t1_16;
-        kept[20] = t1_17;
-        kept[21] = e_e1x_q1y;
-        kept[22] = sin_u1_1;
-        kept[23] = cos_u1_1;
-        kept[24] = t1_25;
-        kept[25] = t1_49;
-        kept[26] = t1_54;
-        kept[27] = sin_u2_2;
-        kept[28] = cos_u2_2;
-        kept[29] = sin_u2_1;
-        kept[30] = cos_u2_1;
-        kept[31] = t1_63;
-        kept[32] = t1_64;
-        kept[33] = t1_65;
-        kept[34] = t1_74;
-        kept[35] = t1_79;
-        kept[36] = t1_86;
-        kept[37] = t1_87;
-        kept[38] = t1_89;
-        kept[39] = t1_91;
-        kept[40] = t1_94;
-        kept[41] = t1_95;
-        kept[42] = t1_97;
-        kept[43] = t1_98;
-        kept[44] = t1_99;
-        kept[45] = t1_101;
-        kept[46] = t1_102;
-        kept[47] = t1_103;
-        kept[48] = t1_107;
-        kept[49] = t1_112;
-        kept[50] = t1_117;
-        kept[51] = t1_124;
-        kept[52] = t1_125;
-        kept[53] = t1_126;
-        kept[54] = t1_127;
-        kept[55] = t1_128;
-        kept[56] = t1_131;
-        kept[57] = t1_134;
-        kept[58] = pivot_1;
-        kept[59] = t1_136;
-        kept[60] = u_platform_u1_1z;
-        kept[61] = t1_137;
-        kept[62] = t1_138;
-        kept[63] = t1_139;
-        kept[64] = t1_140;
-        kept[65] = u_e1x_u1_2z;
-        kept[66] = t1_142;
-        kept[67] = t1_143;
-        kept[68] = t1_144;
-        kept[69] = t1_146;
-        kept[70] = t1_148;
-        kept[71] = t1_155;
-        kept[72] = t1_156;
-        kept[73] = t1_159;
-        kept[74] = t1_160;
-        kept[75] = t1_161;
-        kept[76] = t1_166;
-        kept[77] = t1_167;
-        kept[78] = t1_172;
-        kept[79] = t1_173;
-        kept[80] = t1_174;
-        kept[81] = t1_176;
-        kept[82] = sin_q3;
-        kept[83] = cos_q3;
-        kept[84] = t1_179;
-        kept[85] = sin_u3_2;
-        kept[86] = cos_u3_2;
-        kept[87] = sin_u3_1;
-        kept[88] = cos_u3_1;
-        kept[89] = t1_186;
-        kept[90] = t1_187;
-        kept[91] = t1_188;
-        kept[92] = t1_189;
-        kept[93] = t1_192;
-        kept[94] = t1_195;
-        kept[95] = t1_202;
-        kept[96] = t1_203;
-        kept[97] = t1_204;
-        kept[98] = t1_205;
-        kept[99] = t1_207;
-        kept[100] = t1_210;
-        kept[101] = t1_211;
-        kept[102] = t1_212;
-        kept[103] = t1_213;
-        kept[104] = t1_214;
-        kept[105] = t1_215;
-        kept[106] = t1_217;
-        kept[107] = t1_218;
-        kept[108] = t1_220;
-    }
+        [
+            sin_u1_2, cos_u1_2, w_u1_1x, w_rod1z, t1_1, t1_2, t1_3, t1_6, t1_7, t1_11, sin_e1x,
+            cos_e1x, sin_e1y, cos_e1y, sin_u1_2_e1y, cos_u1_2_e1y, e_e1x_q1z, t1_14, t1_15,
+            t1_16, t1_17, e_e1x_q1y, sin_u1_1, cos_u1_1, t1_25, t1_49, t1_54, sin_u2_2,
+            cos_u2_2, sin_u2_1, cos_u2_1, t1_63, t1_64, t1_65, t1_74, t1_79, t1_86, t1_87,
+            t1_89, t1_91, t1_94, t1_95, t1_97, t1_98, t1_99, t1_101, t1_102, t1_103, t1_107,
+            t1_112, t1_117, t1_124, t1_125, t1_126, t1_127, t1_128, t1_131, t1_134, pivot_1,
+            t1_136, u_platform_u1_1z, t1_137, t1_138, t1_139, t1_140, u_e1x_u1_2z, t1_142,
+            t1_143, t1_144, t1_146, t1_148, t1_155, t1_156, t1_159, t1_160, t1_161, t1_166,
+            t1_167, t1_172, t1_173, t1_174, t1_176, sin_q3, cos_q3, t1_179, sin_u3_2, cos_u3_2,
+            sin_u3_1, cos_u3_1, t1_186, t1_187, t1_188, t1_189, t1_192, t1_195, t1_202, t1_203,
+            t1_204, t1_205, t1_207, t1_210, t1_211, t1_212, t1_213, t1_214, t1_215, t1_217,
+            t1_218, t1_220,
+        ]
+    };
     // tau, part 2
-    {
-        let sin_u1_2 = kept[0];
-        let cos_u1_2 = kept[1];
-        let w_u1_1x = kept[2];
-        let t1_1 = kept[4];
-        let t1_2 = kept[5];
-        let t1_6 = kept[7];
-        let t1_7 = kept[8];
-        let sin_e1x = kept[10];
-        let cos_e1x = kept[11];
-        let sin_e1y = kept[12];
-        let cos_e1y = kept[13];
-        let sin_u1_2_e1y = kept[14];
-        let cos_u1_2_e1y = kept[15];
-        let e_e1x_q1z = kept[16];
-        let e_e1x_q1y = kept[21];
-        let sin_u1_1 = kept[22];
-        let cos_u1_1 = kept[23];
-        let t1_25 = kept[24];
-        let t1_54 = kept[26];
-        let t1_63 = kept[31];
-        let t1_64 = kept[32];
-        let t1_79 = kept[35];
-        let t1_86 = kept[36];
-        let t1_91 = kept[39];
-        let t1_94 = kept[40];
-        let t1_107 = kept[48];
-        let t1_117 = kept[50];
-        let t1_124 = kept[51];
-        let t1_125 = kept[52];
-        let t1_126 = kept[53];
-        let t1_127 = kept[54];
-        let t1_134 = kept[57];
-        let u_platform_u1_1z = kept[60];
-        let t1_137 = kept[61];
-        let t1_138 = kept[62];
-        let u_e1x_u1_2z = kept[65];
-        let t1_142 = kept[66];
-        let t1_174 = kept[80];
-        let sin_q3 = kept[82];
-        let cos_q3 = kept[83];
-        let sin_u3_2 = kept[85];
-        let cos_u3_2 = kept[86];
-        let sin_u3_1 = kept[87];
-        let cos_u3_1 = kept[88];
-        let t1_186 = kept[89];
-        let t1_189 = kept[92];
-        let t1_195 = kept[94];
-        let t1_204 = kept[97];
-        let t1_207 = kept[99];
-        let t1_210 = kept[100];
-        let t1_217 = kept[106];
-        let t1_218 = kept[107];
-        let t1_220 = kept[108];
+    let [
+        t2_7, t2_8, t2_9, t2_12, t2_15, t2_16, t2_17, t2_18, t2_19, t2_20, t2_22, t2_24, t2_25,
+        t2_32, t2_33, t2_36, t2_38, t2_43, t2_44, t2_49, t2_52, t2_53, t2_56, w_e1xy, w_e1xx,
+        w_e1xz, t2_116, t2_117, t2_118, t2_125, t2_127, t2_128, t2_152, t2_153, t2_161, t2_166,
+        t2_167, t2_180, t2_191, t2_192, t2_195, t2_196, t2_200, t2_201, t2_205, t2_206, t2_208,
+        t2_209, t2_227, t2_228, t2_230, t2_231, t2_232, t2_236, t2_237, t2_238, t2_240, t2_241,
+    ] = {
         let t2_1 = like.lift(0.524).mul_add(t1_220, t1_217);
         let t2_2 = sin_u3_1 * t1_220;
         let t2_3 = sin_q3 * t1_218;
@@ -17605,718 +16923,462 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 43]) ->
         let t2_57 = like.lift(1.244).mul_add(t1_2, a_rod1x);
         let t2_58 = cos_e1y.mul_add(t2_57, t2_55);
         let t2_59 = cos_u1_2_e1y * d_u1_2;
+        let t2_60 = w_u1_1x * t2_59;
         let w_e1yx = cos_u1_2_e1y * w_u1_1x;
-        let t2_60 = d_e1y * w_e1yx;
-        let t2_61 = w_u1_1x.mul_add(t2_59, t2_60);
+        let t2_61 = d_e1y.mul_add(w_e1yx, t2_60);
+        let t2_62 = cos_e1x * t2_61;
         let w_e1yy = d_u1_2 + d_e1y;
-        let t2_62 = cos_e1x * w_e1yy;
+        let t2_63 = cos_e1x * w_e1yy;
         let w_e1yz = sin_u1_2_e1y * w_u1_1x;
-        let w_e1xy = sin_e1x.mul_add(w_e1yz, t2_62);
-        let t2_63 = d_e1x * w_e1xy;
-        let t2_64 = cos_e1x.mul_add(t2_61, -t2_63);
+        let w_e1xy = sin_e1x.mul_add(w_e1yz, t2_63);
+        let t2_64 = (-d_e1x).mul_add(w_e1xy, t2_62);
         let w_e1xx = d_e1x + w_e1yx;
         let t2_65 = w_e1xy * w_e1xx;
         let t2_66 = t2_64 - t2_65;
         let t2_67 = like.lift(-0.044).mul_add(t2_66, t2_58);
-        let t2_68 = w_e1xy * w_e1xy;
-        let t2_69 = sin_e1x * w_e1yy;
-        let w_e1xz = (-cos_e1x).mul_add(w_e1yz, t2_69);
-        let t2_70 = w_e1xz * w_e1xz;
-        let t2_71 = t2_68 + t2_70;
-        let t2_72 = like.lift(0.0381051177665153) * t2_71;
-        let t2_73 = like.lift(0.022) * t2_66;
-        let t2_74 = t2_72 + t2_73;
-        let t2_75 = t2_67 - t2_74;
-        let t2_76 = t1_25 * d_q2;
-        let t2_77 = t1_126 * d_q2;
-        let t2_78 = t1_79 * t2_77;
-        let t2_79 = like.lift(0.524) * t2_78;
-        let t2_80 = t1_117 * t2_76;
-        let t2_81 = like.lift(-0.524).mul_add(t2_80, t2_79);
-        let t2_82 = t2_76 * t2_81;
-        let t2_83 = t1_63 * d_q2;
-        let t2_84 = t1_117 * t2_83;
-        let t2_85 = like.lift(0.524) * t2_84;
-        let t2_86 = t1_54 * t2_77;
-        let t2_87 = like.lift(-0.524).mul_add(t2_86, t2_85);
-        let t2_88 = (-t2_83).mul_add(t2_87, t2_82);
-        let t2_89 = t1_63.mul_add(d_u2_1, t2_83);
-        let t2_90 = t1_134 * t2_89;
-        let t2_91 = t1_126.mul_add(d_u2_1, t2_77);
-        let t2_92 = (-t1_94).mul_add(t2_91, t2_90);
-        let t2_93 = d_u2_2 * t2_92;
-        let t2_94 = t1_64 * t2_93;
-        let t2_95 = like.lift(1.244) * t2_94;
-        let t2_96 = t1_91 * t2_91;
-        let t2_97 = t1_25.mul_add(d_u2_1, t2_76);
-        let t2_98 = (-t1_134).mul_add(t2_97, t2_96);
-        let t2_99 = d_u2_2 * t2_98;
-        let t2_100 = t1_86 * t2_99;
-        let t2_101 = like.lift(-1.244).mul_add(t2_100, t2_95);
-        let t2_102 = t2_88 + t2_101;
-        let t2_103 = t1_91.mul_add(d_u2_2, t2_97);
-        let t2_104 = t1_134.mul_add(d_u2_2, t2_91);
-        let t2_105 = t1_86 * t2_104;
-        let t2_106 = like.lift(1.244) * t2_105;
-        let t2_107 = t1_127 * t2_103;
-        let t2_108 = like.lift(-1.244).mul_add(t2_107, t2_106);
-        let t2_109 = t2_103 * t2_108;
-        let t2_110 = t1_94.mul_add(d_u2_2, t2_89);
-        let t2_111 = t1_127 * t2_110;
-        let t2_112 = like.lift(1.244) * t2_111;
-        let t2_113 = t1_64 * t2_104;
-        let t2_114 = like.lift(-1.244).mul_add(t2_113, t2_112);
-        let t2_115 = (-t2_110).mul_add(t2_114, t2_109);
-        let t2_116 = t2_102 + t2_115;
-        let t2_117 = t2_75 - t2_116;
-        let t2_118 = -t2_117;
-        let t2_119 = cos_u1_1 * t2_50;
-        let a_u1_1y = like.lift(0.524) * t2_119;
-        let t2_120 = like.lift(2.488).mul_add(t1_1, a_u1_1y);
-        let t2_121 = cos_e1x * t2_120;
-        let t2_122 = cos_e1y * t2_54;
-        let t2_123 = (-sin_e1y).mul_add(t2_57, t2_122);
-        let t2_124 = (-sin_e1x).mul_add(t2_123, t2_121);
-        let t2_125 = w_e1xx * w_e1xx;
-        let t2_126 = t2_125 + t2_70;
-        let t2_127 = like.lift(0.044) * t2_126;
-        let t2_128 = t2_124 - t2_127;
-        let t2_129 = t2_64 + t2_65;
-        let t2_130 = like.lift(0.0381051177665153) * t2_129;
-        let t2_131 = like.lift(0.022) * t2_126;
-        let t2_132 = t2_130 - t2_131;
-        let t2_133 = t2_128 + t2_132;
-        let t2_134 = t1_54 * t2_76;
-        let t2_135 = like.lift(0.524) * t2_134;
-        let t2_136 = t1_79 * t2_83;
-        let t2_137 = like.lift(-0.524).mul_add(t2_136, t2_135);
-        let t2_138 = t2_83 * t2_137;
-        let t2_139 = (-t2_77).mul_add(t2_81, t2_138);
-        let t2_140 = t1_127 * t2_99;
-        let t2_141 = like.lift(1.244) * t2_140;
-        let t2_142 = t1_94 * t2_97;
-        let t2_143 = (-t1_91).mul_add(t2_89, t2_142);
-        let t2_144 = d_u2_2 * t2_143;
-        let t2_145 = t1_64 * t2_144;
-        let t2_146 = like.lift(-1.244).mul_add(t2_145, t2_141);
-        let t2_147 = t2_139 + t2_146;
-        let t2_148 = t1_64 * t2_103;
-        let t2_149 = like.lift(1.244) * t2_148;
-        let t2_150 = t1_86 * t2_110;
-        let t2_151 = like.lift(-1.244).mul_add(t2_150, t2_149);
-        let t2_152 = t2_110 * t2_151;
-        let t2_153 = (-t2_104).mul_add(t2_108, t2_152);
-        let t2_154 = t2_147 + t2_153;
-        let t2_155 = t2_133 - t2_154;
-        let t2_156 = -t2_155;
-        let t2_157 = sin_e1x * t2_120;
-        let t2_158 = cos_e1x.mul_add(t2_123, t2_157);
-        let t2_159 = sin_u1_2_e1y * d_u1_2;
-        let t2_160 = d_e1y * w_e1yz;
-        let t2_161 = w_u1_1x.mul_add(t2_159, t2_160);
-        let t2_162 = w_e1xy * w_e1xz;
-        let t2_163 = t2_161 + t2_162;
-        let t2_164 = like.lift(0.044).mul_add(t2_163, t2_158);
-        let t2_165 = d_e1x * w_e1xz;
-        let t2_166 = sin_e1x.mul_add(t2_61, -t2_165);
-        let t2_167 = w_e1xz * w_e1xx;
+        let t2_68 = sin_e1x * w_e1yy;
+        let w_e1xz = (-cos_e1x).mul_add(w_e1yz, t2_68);
+        let t2_69 = w_e1xz * w_e1xz;
+        let t2_70 = w_e1xy.mul_add(w_e1xy, t2_69);
+        let t2_71 = like.lift(0.0381051177665153) * t2_70;
+        let t2_72 = like.lift(0.022) * t2_66;
+        let t2_73 = t2_71 + t2_72;
+        let t2_74 = t2_67 - t2_73;
+        let t2_75 = t1_25 * d_q2;
+        let t2_76 = t1_126 * d_q2;
+        let t2_77 = t1_79 * t2_76;
+        let t2_78 = like.lift(0.524) * t2_77;
+        let t2_79 = t1_117 * t2_75;
+        let t2_80 = like.lift(-0.524).mul_add(t2_79, t2_78);
+        let t2_81 = t2_75 * t2_80;
+        let t2_82 = t1_63 * d_q2;
+        let t2_83 = t1_117 * t2_82;
+        let t2_84 = like.lift(0.524) * t2_83;
+        let t2_85 = t1_54 * t2_76;
+        let t2_86 = like.lift(-0.524).mul_add(t2_85, t2_84);
+        let t2_87 = (-t2_82).mul_add(t2_86, t2_81);
+        let t2_88 = t1_63.mul_add(d_u2_1, t2_82);
+        let t2_89 = t1_134 * t2_88;
+        let t2_90 = t1_126.mul_add(d_u2_1, t2_76);
+        let t2_91 = (-t1_94).mul_add(t2_90, t2_89);
+        let t2_92 = d_u2_2 * t2_91;
+        let t2_93 = t1_64 * t2_92;
+        let t2_94 = like.lift(1.244) * t2_93;
+        let t2_95 = t1_91 * t2_90;
+        let t2_96 = t1_25.mul_add(d_u2_1, t2_75);
+        let t2_97 = (-t1_134).mul_add(t2_96, t2_95);
+        let t2_98 = d_u2_2 * t2_97;
+        let t2_99 = t1_86 * t2_98;
+        let t2_100 = like.lift(-1.244).mul_add(t2_99, t2_94);
+        let t2_101 = t2_87 + t2_100;
+        let t2_102 = t1_91.mul_add(d_u2_2, t2_96);
+        let t2_103 = t1_134.mul_add(d_u2_2, t2_90);
+        let t2_104 = t1_86 * t2_103;
+        let t2_105 = like.lift(1.244) * t2_104;
+        let t2_106 = t1_127 * t2_102;
+        let t2_107 = like.lift(-1.244).mul_add(t2_106, t2_105);
+        let t2_108 = t2_102 * t2_107;
+        let t2_109 = t1_94.mul_add(d_u2_2, t2_88);
+        let t2_110 = t1_127 * t2_109;
+        let t2_111 = like.lift(1.244) * t2_110;
+        let t2_112 = t1_64 * t2_103;
+        let t2_113 = like.lift(-1.244).mul_add(t2_112, t2_111);
+        let t2_114 = (-t2_109).mul_add(t2_113, t2_108);
+        let t2_115 = t2_101 + t2_114;
+        let t2_116 = t2_74 - t2_115;
+        let t2_117 = -t2_116;
+        let t2_118 = cos_u1_1 * t2_50;
+        let a_u1_1y = like.lift(0.524) * t2_118;
+        let t2_119 = like.lift(2.488).mul_add(t1_1, a_u1_1y);
+        let t2_120 = cos_e1x * t2_119;
+        let t2_121 = cos_e1y * t2_54;
+        let t2_122 = (-sin_e1y).mul_add(t2_57, t2_121);
+        let t2_123 = (-sin_e1x).mul_add(t2_122, t2_120);
+        let t2_124 = w_e1xx.mul_add(w_e1xx, t2_69);
+        let t2_125 = like.lift(-0.044).mul_add(t2_124, t2_123);
+        let t2_126 = t2_64 + t2_65;
+        let t2_127 = like.lift(0.0381051177665153) * t2_126;
+        let t2_128 = like.lift(0.022) * t2_124;
+        let t2_129 = t2_127 - t2_128;
+        let t2_130 = t2_125 + t2_129;
+        let t2_131 = t1_54 * t2_75;
+        let t2_132 = like.lift(0.524) * t2_131;
+        let t2_133 = t1_79 * t2_82;
+        let t2_134 = like.lift(-0.524).mul_add(t2_133, t2_132);
+        let t2_135 = t2_82 * t2_134;
+        let t2_136 = (-t2_76).mul_add(t2_80, t2_135);
+        let t2_137 = t1_127 * t2_98;
+        let t2_138 = like.lift(1.244) * t2_137;
+        let t2_139 = t1_94 * t2_96;
+        let t2_140 = (-t1_91).mul_add(t2_88, t2_139);
+        let t2_141 = d_u2_2 * t2_140;
+        let t2_142 = t1_64 * t2_141;
+        let t2_143 = like.lift(-1.244).mul_add(t2_142, t2_138);
+        let t2_144 = t2_136 + t2_143;
+        let t2_145 = t1_64 * t2_102;
+        let t2_146 = like.lift(1.244) * t2_145;
+        let t2_147 = t1_86 * t2_109;
+        let t2_148 = like.lift(-1.244).mul_add(t2_147, t2_146);
+        let t2_149 = t2_109 * t2_148;
+        let t2_150 = (-t2_103).mul_add(t2_107, t2_149);
+        let t2_151 = t2_144 + t2_150;
+        let t2_152 = t2_130 - t2_151;
+        let t2_153 = -t2_152;
+        let t2_154 = sin_e1x * t2_119;
+        let t2_155 = cos_e1x.mul_add(t2_122, t2_154);
+        let t2_156 = sin_u1_2_e1y * d_u1_2;
+        let t2_157 = w_u1_1x * t2_156;
+        let t2_158 = d_e1y.mul_add(w_e1yz, t2_157);
+        let t2_159 = w_e1xy * w_e1xz;
+        let t2_160 = t2_158 + t2_159;
+        let t2_161 = like.lift(0.044).mul_add(t2_160, t2_155);
+        let t2_162 = sin_e1x * t2_61;
+        let t2_163 = (-d_e1x).mul_add(w_e1xz, t2_162);
+        let t2_164 = w_e1xz * w_e1xx;
+        let t2_165 = t2_163 + t2_164;
+        let t2_166 = like.lift(0.0381051177665153) * t2_165;
+        let t2_167 = like.lift(0.022) * t2_160;
         let t2_168 = t2_166 + t2_167;
-        let t2_169 = like.lift(0.0381051177665153) * t2_168;
-        let t2_170 = like.lift(0.022) * t2_163;
-        let t2_171 = t2_169 + t2_170;
-        let t2_172 = t2_164 + t2_171;
-        let t2_173 = t2_77 * t2_87;
-        let t2_174 = (-t2_76).mul_add(t2_137, t2_173);
-        let t2_175 = t1_86 * t2_144;
-        let t2_176 = like.lift(1.244) * t2_175;
-        let t2_177 = t1_127 * t2_93;
-        let t2_178 = like.lift(-1.244).mul_add(t2_177, t2_176);
-        let t2_179 = t2_174 + t2_178;
-        let t2_180 = t2_104 * t2_114;
-        let t2_181 = (-t2_103).mul_add(t2_151, t2_180);
-        let t2_182 = t2_179 + t2_181;
-        let t2_183 = t2_172 + t2_182;
-        let t2_184 = t1_94 * t2_103;
-        let t2_185 = (-t1_91).mul_add(t2_110, t2_184);
-        let t2_186 = w_e1xz * t2_185;
-        let t2_187 = like.lift(0.8660254037844386) * t2_186;
-        let t2_188 = t1_134 * t2_110;
-        let t2_189 = (-t1_94).mul_add(t2_104, t2_188);
-        let t2_190 = w_e1xz * t2_189;
-        let t2_191 = like.lift(0.5).mul_add(t2_190, t2_187);
-        let t2_192 = t1_91 * t2_104;
-        let t2_193 = (-t1_134).mul_add(t2_103, t2_192);
-        let t2_194 = like.lift(0.8660254037844386) * w_e1xx;
-        let t2_195 = like.lift(0.5) * w_e1xy;
-        let t2_196 = t2_194 + t2_195;
-        let t2_197 = t2_193.mul_add(t2_196, t2_191);
-        let t2_198 = like.lift(0.8660254037844386) * t2_64;
-        let t2_199 = like.lift(0.5) * t2_70;
-        let t2_200 = w_e1xy.mul_add(t2_196, t2_199);
-        let t2_201 = t2_198 - t2_200;
-        let t2_202 = t1_134 * t2_201;
-        let t2_203 = like.lift(0.5) * t2_64;
-        let t2_204 = like.lift(0.8660254037844386) * t2_70;
-        let t2_205 = w_e1xx.mul_add(t2_196, t2_204);
-        let t2_206 = t2_203 + t2_205;
-        let t2_207 = t1_91.mul_add(t2_206, t2_202);
-        let t2_208 = like.lift(0.8660254037844386) * t2_161;
-        let t2_209 = like.lift(0.5) * t2_166;
+        let t2_169 = t2_161 + t2_168;
+        let t2_170 = t2_76 * t2_86;
+        let t2_171 = (-t2_75).mul_add(t2_134, t2_170);
+        let t2_172 = t1_86 * t2_141;
+        let t2_173 = like.lift(1.244) * t2_172;
+        let t2_174 = t1_127 * t2_92;
+        let t2_175 = like.lift(-1.244).mul_add(t2_174, t2_173);
+        let t2_176 = t2_171 + t2_175;
+        let t2_177 = t2_103 * t2_113;
+        let t2_178 = (-t2_102).mul_add(t2_148, t2_177);
+        let t2_179 = t2_176 + t2_178;
+        let t2_180 = t2_169 + t2_179;
+        let t2_181 = t1_94 * t2_102;
+        let t2_182 = (-t1_91).mul_add(t2_109, t2_181);
+        let t2_183 = w_e1xz * t2_182;
+        let t2_184 = like.lift(0.8660254037844386) * t2_183;
+        let t2_185 = t1_134 * t2_109;
+        let t2_186 = (-t1_94).mul_add(t2_103, t2_185);
+        let t2_187 = w_e1xz * t2_186;
+        let t2_188 = like.lift(0.5).mul_add(t2_187, t2_184);
+        let t2_189 = t1_91 * t2_103;
+        let t2_190 = (-t1_134).mul_add(t2_102, t2_189);
+        let t2_191 = like.lift(0.8660254037844386) * w_e1xx;
+        let t2_192 = like.lift(0.5) * w_e1xy;
+        let t2_193 = t2_191 + t2_192;
+        let t2_194 = t2_190.mul_add(t2_193, t2_188);
+        let t2_195 = like.lift(0.8660254037844386) * t2_64;
+        let t2_196 = like.lift(0.5) * t2_69;
+        let t2_197 = w_e1xy.mul_add(t2_193, t2_196);
+        let t2_198 = t2_195 - t2_197;
+        let t2_199 = t1_134 * t2_198;
+        let t2_200 = like.lift(0.5) * t2_64;
+        let t2_201 = like.lift(0.8660254037844386) * t2_69;
+        let t2_202 = w_e1xx.mul_add(t2_193, t2_201);
+        let t2_203 = t2_200 + t2_202;
+        let t2_204 = t1_91.mul_add(t2_203, t2_199);
+        let t2_205 = like.lift(0.8660254037844386) * t2_158;
+        let t2_206 = like.lift(0.5) * t2_163;
+        let t2_207 = t2_205 - t2_206;
+        let t2_208 = like.lift(0.5) * t2_164;
+        let t2_209 = like.lift(0.8660254037844386) * t2_159;
         let t2_210 = t2_208 - t2_209;
-        let t2_211 = like.lift(0.5) * t2_167;
-        let t2_212 = like.lift(0.8660254037844386) * t2_162;
-        let t2_213 = t2_211 - t2_212;
-        let t2_214 = t2_210 - t2_213;
-        let t2_215 = t1_94.mul_add(t2_214, t2_207);
-        let t2_216 = t2_215 + t2_197;
-        let t2_217 = t2_197 + t2_216;
-        let t2_218 = t2_103 * t2_193;
-        let t2_219 = (-t2_110).mul_add(t2_189, t2_218);
-        let t2_220 = t1_94 * t2_93;
-        let t2_221 = (-t1_91).mul_add(t2_99, t2_220);
-        let t2_222 = t2_219 + t2_221;
-        let t2_223 = like.lift(0.5) * t2_222;
-        let t2_224 = t2_110 * t2_185;
-        let t2_225 = (-t2_104).mul_add(t2_193, t2_224);
-        let t2_226 = t1_134 * t2_99;
-        let t2_227 = (-t1_94).mul_add(t2_144, t2_226);
-        let t2_228 = t2_225 + t2_227;
-        let t2_229 = like.lift(-0.8660254037844386).mul_add(t2_228, t2_223);
-        let t2_230 = t2_217 + t2_229;
-        let t2_231 = -t2_230;
-        let t2_232 = t2_72 - t2_73;
-        let t2_233 = t2_67 + t2_232;
-        let t2_234 = t1_174 * d_q3;
-        let t2_235 = t2_7 * d_q3;
-        let t2_236 = t1_195 * t2_235;
-        let t2_237 = like.lift(0.524) * t2_236;
-        let t2_238 = t1_220 * t2_234;
-        let t2_239 = like.lift(-0.524).mul_add(t2_238, t2_237);
-        let t2_240 = t2_234 * t2_239;
-        let t2_241 = t1_186 * d_q3;
-        kept[109] = t2_7;
-        kept[110] = t2_8;
-        kept[111] = t2_9;
-        kept[112] = t2_12;
-        kept[113] = t2_15;
-        kept[114] = t2_16;
-        kept[115] = t2_17;
-        kept[116] = t2_18;
-        kept[117] = t2_19;
-        kept[118] = t2_20;
-        kept[119] = t2_22;
-        kept[120] = t2_24;
-        kept[121] = t2_25;
-        kept[122] = t2_32;
-        kept[123] = t2_33;
-        kept[124] = t2_36;
-        kept[125] = t2_38;
-        kept[126] = t2_43;
-        kept[127] = t2_44;
-        kept[128] = t2_49;
-        kept[129] = t2_52;
-        kept[130] = t2_53;
-        kept[131] = t2_55;
-        kept[132] = t2_56;
-        kept[133] = a_rod1x;
-        kept[134] = t2_60;
-        kept[135] = w_e1xy;
-        kept[136] = t2_63;
-        kept[137] = w_e1xx;
-        kept[138] = t2_65;
-        kept[139] = t2_68;
-        kept[140] = w_e1xz;
-        kept[141] = t2_70;
-        kept[142] = t2_71;
-        kept[143] = t2_117;
-        kept[144] = t2_118;
-        kept[145] = t2_119;
-        kept[146] = a_u1_1y;
-        kept[147] = t2_122;
-        kept[148] = t2_125;
-        kept[149] = t2_127;
-        kept[150] = t2_128;
-        kept[151] = t2_130;
-        kept[152] = t2_131;
-        kept[153] = t2_155;
-        kept[154] = t2_156;
-        kept[155] = t2_160;
-        kept[156] = t2_162;
-        kept[157] = t2_164;
-        kept[158] = t2_165;
-        kept[159] = t2_167;
-        kept[160] = t2_169;
-        kept[161] = t2_170;
-        kept[162] = t2_183;
-        kept[163] = t2_194;
-        kept[164] = t2_195;
-        kept[165] = t2_198;
-        kept[166] = t2_199;
-        kept[167] = t2_203;
-        kept[168] = t2_204;
-        kept[169] = t2_208;
-        kept[170] = t2_209;
-        kept[171] = t2_211;
-        kept[172] = t2_212;
-        kept[173] = t2_230;
-        kept[174] = t2_231;
-        kept[175] = t2_233;
-        kept[176] = t2_234;
-        kept[177] = t2_235;
-        kept[178] = t2_239;
-        kept[179] = t2_240;
-        kept[180] = t2_241;
-    }
-    // tau, part 3
-    {
-        let sin_e1x = kept[10];
-        let e_e1x_q1z = kept[16];
-        let t1_14 = kept[17];
-        let t1_16 = kept[19];
-        let t1_17 = kept[20];
-        let t1_89 = kept[38];
-        let t1_94 = kept[40];
-        let t1_95 = kept[41];
-        let t1_98 = kept[43];
-        let t1_101 = kept[45];
-        let t1_102 = kept[46];
-        let t1_131 = kept[56];
-        let pivot_1 = kept[58];
-        let t1_140 = kept[64];
-        let t1_142 = kept[66];
-        let t1_143 = kept[67];
-        let t1_146 = kept[69];
-        let t1_148 = kept[70];
-        let t1_155 = kept[71];
-        let t1_159 = kept[73];
-        let t1_166 = kept[76];
-        let t1_172 = kept[78];
-        let t1_174 = kept[80];
-        let t1_179 = kept[84];
-        let t1_186 = kept[89];
-        let t1_187 = kept[90];
-        let t1_195 = kept[94];
-        let t1_202 = kept[95];
-        let t1_205 = kept[98];
-        let t1_207 = kept[99];
-        let t1_210 = kept[100];
-        let t1_211 = kept[101];
-        let t1_213 = kept[103];
-        let t1_215 = kept[105];
-        let t1_220 = kept[108];
-        let t2_7 = kept[109];
-        let t2_8 = kept[110];
-        let t2_12 = kept[112];
-        let t2_15 = kept[113];
-        let t2_16 = kept[114];
-        let t2_19 = kept[117];
-        let t2_20 = kept[118];
-        let t2_22 = kept[119];
-        let t2_24 = kept[120];
-        let t2_32 = kept[122];
-        let t2_36 = kept[124];
-        let t2_43 = kept[126];
-        let t2_49 = kept[128];
-        let w_e1xy = kept[135];
-        let w_e1xx = kept[137];
-        let w_e1xz = kept[140];
-        let t2_117 = kept[143];
-        let t2_128 = kept[150];
-        let t2_130 = kept[151];
-        let t2_131 = kept[152];
-        let t2_155 = kept[153];
-        let t2_164 = kept[157];
-        let t2_169 = kept[160];
-        let t2_170 = kept[161];
-        let t2_183 = kept[162];
-        let t2_194 = kept[163];
-        let t2_195 = kept[164];
-        let t2_198 = kept[165];
-        let t2_199 = kept[166];
-        let t2_203 = kept[167];
-        let t2_204 = kept[168];
-        let t2_208 = kept[169];
-        let t2_209 = kept[170];
-        let t2_211 = kept[171];
-        let t2_212 = kept[172];
-        let t2_230 = kept[173];
-        let t2_233 = kept[175];
-        let t2_234 = kept[176];
-        let t2_235 = kept[177];
-        let t2_239 = kept[178];
-        let t2_240 = kept[179];
-        let t2_241 = kept[180];
-        let t3_1 = t1_220 * t2_241;
-        let t3_2 = like.lift(0.524) * t3_1;
-        let t3_3 = t1_179 * t2_235;
-        let t3_4 = like.lift(-0.524).mul_add(t3_3, t3_2);
-        let t3_5 = (-t2_241).mul_add(t3_4, t2_240);
-        let t3_6 = t1_186.mul_add(d_u3_1, t2_241);
-        let t3_7 = t2_15 * t3_6;
-        let t3_8 = t2_7.mul_add(d_u3_1, t2_235);
-        let t3_9 = (-t1_210).mul_add(t3_8, t3_7);
-        let t3_10 = d_u3_2 * t3_9;
-        let t3_11 = t1_187 * t3_10;
-        let t3_12 = like.lift(1.244) * t3_11;
-        let t3_13 = t1_207 * t3_8;
-        let t3_14 = t1_174.mul_add(d_u3_1, t2_234);
-        let t3_15 = (-t2_15).mul_add(t3_14, t3_13);
-        let t3_16 = d_u3_2 * t3_15;
-        let t3_17 = t1_202 * t3_16;
-        let t3_18 = like.lift(-1.244).mul_add(t3_17, t3_12);
-        let t3_19 = t3_5 - t3_18;
-        let t3_20 = (-t1_207).mul_add(d_u3_2, t3_14);
-        let t3_21 = (-t2_15).mul_add(d_u3_2, t3_8);
-        let t3_22 = t1_202 * t3_21;
-        let t3_23 = like.lift(1.244) * t3_22;
-        let t3_24 = t2_8 * t3_20;
-        let t3_25 = like.lift(-1.244).mul_add(t3_24, t3_23);
-        let t3_26 = t3_20 * t3_25;
-        let t3_27 = (-t1_210).mul_add(d_u3_2, t3_6);
-        let t3_28 = t2_8 * t3_27;
-        let t3_29 = like.lift(1.244) * t3_28;
-        let t3_30 = t1_187 * t3_21;
-        let t3_31 = like.lift(-1.244).mul_add(t3_30, t3_29);
-        let t3_32 = (-t3_27).mul_add(t3_31, t3_26);
-        let t3_33 = t3_19 + t3_32;
-        let t3_34 = t2_233 + t3_33;
-        let t3_35 = -t3_34;
-        let t3_36 = t2_130 + t2_131;
-        let t3_37 = t2_128 - t3_36;
-        let t3_38 = t1_179 * t2_234;
-        let t3_39 = like.lift(0.524) * t3_38;
-        let t3_40 = t1_195 * t2_241;
-        let t3_41 = like.lift(-0.524).mul_add(t3_40, t3_39);
-        let t3_42 = t2_241 * t3_41;
-        let t3_43 = (-t2_235).mul_add(t2_239, t3_42);
-        let t3_44 = t2_8 * t3_16;
-        let t3_45 = like.lift(1.244) * t3_44;
-        let t3_46 = t1_210 * t3_14;
-        let t3_47 = (-t1_207).mul_add(t3_6, t3_46);
-        let t3_48 = d_u3_2 * t3_47;
-        let t3_49 = t1_187 * t3_48;
-        let t3_50 = like.lift(-1.244).mul_add(t3_49, t3_45);
-        let t3_51 = t3_43 - t3_50;
-        let t3_52 = t1_187 * t3_20;
-        let t3_53 = like.lift(1.244) * t3_52;
-        let t3_54 = t1_202 * t3_27;
-        let t3_55 = like.lift(-1.244).mul_add(t3_54, t3_53);
-        let t3_56 = t3_27 * t3_55;
-        let t3_57 = (-t3_21).mul_add(t3_25, t3_56);
-        let t3_58 = t3_51 + t3_57;
-        let t3_59 = t3_37 + t3_58;
-        let t3_60 = -t3_59;
-        let t3_61 = t2_169 - t2_170;
-        let t3_62 = t2_164 - t3_61;
-        let t3_63 = t2_235 * t3_4;
-        let t3_64 = (-t2_234).mul_add(t3_41, t3_63);
-        let t3_65 = t1_202 * t3_48;
-        let t3_66 = like.lift(1.244) * t3_65;
-        let t3_67 = t2_8 * t3_10;
-        let t3_68 = like.lift(-1.244).mul_add(t3_67, t3_66);
-        let t3_69 = t3_64 - t3_68;
-        let t3_70 = t3_21 * t3_31;
-        let t3_71 = (-t3_20).mul_add(t3_55, t3_70);
-        let t3_72 = t3_69 + t3_71;
-        let t3_73 = t3_62 - t3_72;
-        let t3_74 = t1_210 * t3_20;
-        let t3_75 = (-t1_207).mul_add(t3_27, t3_74);
-        let t3_76 = w_e1xz * t3_75;
-        let t3_77 = like.lift(0.8660254037844386) * t3_76;
-        let t3_78 = t2_15 * t3_27;
-        let t3_79 = (-t1_210).mul_add(t3_21, t3_78);
-        let t3_80 = w_e1xz * t3_79;
-        let t3_81 = like.lift(-0.5).mul_add(t3_80, t3_77);
-        let t3_82 = t1_207 * t3_21;
-        let t3_83 = (-t2_15).mul_add(t3_20, t3_82);
-        let t3_84 = t2_194 - t2_195;
-        let t3_85 = t3_83.mul_add(t3_84, t3_81);
-        let t3_86 = (-w_e1xy).mul_add(t3_84, t2_199);
-        let t3_87 = t2_198 + t3_86;
-        let t3_88 = t2_15 * t3_87;
-        let t3_89 = w_e1xx.mul_add(t3_84, t2_204);
-        let t3_90 = t2_203 - t3_89;
-        let t3_91 = (-t1_207).mul_add(t3_90, t3_88);
-        let t3_92 = t2_208 + t2_209;
-        let t3_93 = t2_211 + t2_212;
-        let t3_94 = t3_92 + t3_93;
-        let t3_95 = t1_210.mul_add(t3_94, t3_91);
-        let t3_96 = t3_95 + t3_85;
-        let t3_97 = t3_85 + t3_96;
-        let t3_98 = t3_20 * t3_83;
-        let t3_99 = (-t3_27).mul_add(t3_79, t3_98);
-        let t3_100 = t1_210 * t3_10;
-        let t3_101 = (-t1_207).mul_add(t3_16, t3_100);
-        let t3_102 = t3_99 - t3_101;
-        let t3_103 = like.lift(0.5) * t3_102;
-        let t3_104 = t3_27 * t3_75;
-        let t3_105 = (-t3_21).mul_add(t3_83, t3_104);
-        let t3_106 = t2_15 * t3_16;
-        let t3_107 = (-t1_210).mul_add(t3_48, t3_106);
-        let t3_108 = t3_105 - t3_107;
-        let t3_109 = like.lift(0.8660254037844386).mul_add(t3_108, t3_103);
-        let t3_110 = t3_97 - t3_109;
-        let t3_111 = -t3_110;
-        let inv_pivot_1 = like.lift(1.0) / pivot_1;
-        let t3_112 = t1_148 * inv_pivot_1;
-        let t3_113 = t1_98.mul_add(t3_112, t1_140);
-        let t3_114 = t1_95 * inv_pivot_1;
-        let t3_115 = (-t1_98).mul_add(t3_114, t1_14);
-        let t3_116 = (-t1_131).mul_add(t3_112, t1_146);
-        let pivot_2 = (-t1_131).mul_add(t3_114, t1_89);
-        let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t3_117 = t3_116 * inv_pivot_2;
-        let t3_118 = t3_115.mul_add(t3_117, t3_113);
-        let t3_119 = t1_172 * inv_pivot_1;
-        let t3_120 = t1_98.mul_add(t3_119, t1_155);
-        let t3_121 = (-t1_131).mul_add(t3_119, t1_166);
-        let t3_122 = t3_121 * inv_pivot_2;
-        let t3_123 = t3_115.mul_add(t3_122, t3_120);
-        let t3_124 = like.lift(1.0) / t1_94;
-        let t3_125 = t3_123 * t3_124;
-        let t3_126 = like.lift(0.0762102355330306) * t3_125;
-        let pivot_4 = t3_118 - t3_126;
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t3_127 = t3_112.mul_add(t2_155, t2_183);
-        let t3_128 = (-t3_114).mul_add(t2_155, t2_117);
-        let t3_129 = t3_117.mul_add(t3_128, t3_127);
-        let t3_130 = t3_119.mul_add(t2_155, t2_230);
-        let t3_131 = t3_122.mul_add(t3_128, t3_130);
-        let t3_132 = t3_124 * t3_131;
-        let t3_133 = like.lift(0.0762102355330306) * t3_132;
-        let t3_134 = t3_129 - t3_133;
-        let t3_135 = (-t1_102).mul_add(t3_112, t1_143);
-        let t3_136 = (-t1_102).mul_add(t3_114, t1_16);
-        let t3_137 = (-t3_136).mul_add(t3_117, t3_135);
-        let t3_138 = (-t1_102).mul_add(t3_119, t1_159);
-        let t3_139 = (-t3_136).mul_add(t3_122, t3_138);
-        let t3_140 = t3_139 * t3_124;
-        let t3_141 = like.lift(0.0762102355330306) * t3_140;
-        let t3_142 = t3_137 - t3_141;
-        let t3_143 = t1_210 * t3_124;
-        let t3_144 = t3_139.mul_add(t3_143, t2_36);
-        let t3_145 = (-t3_123).mul_add(t3_143, t2_32);
-        let t3_146 = t3_145 * inv_pivot_4;
-        let pivot_5 = t3_142.mul_add(t3_146, t3_144);
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t3_147 = (-t3_143).mul_add(t3_131, t3_110);
-        let t3_148 = (-t3_146).mul_add(t3_134, t3_147);
-        let t3_149 = sin_e1x * t3_119;
-        let t3_150 = like.lift(0.0381051177665153).mul_add(t3_149, t1_159);
-        let t3_151 = sin_e1x * t3_114;
-        let t3_152 = like.lift(0.0381051177665153).mul_add(t3_151, t1_17);
-        let t3_153 = (-t3_152).mul_add(t3_122, t3_150);
-        let t3_154 = t3_153.mul_add(t3_143, t2_36);
-        let t3_155 = sin_e1x * t3_112;
-        let t3_156 = like.lift(-0.0381051177665153).mul_add(t3_155, t1_142);
-        let t3_157 = t3_152.mul_add(t3_117, t3_156);
-        let t3_158 = t3_153 * t3_124;
-        let t3_159 = like.lift(0.0762102355330306) * t3_158;
-        let t3_160 = t3_157 + t3_159;
-        let t3_161 = (-t3_160).mul_add(t3_146, t3_154);
-        let t3_162 = e_e1x_q1z * inv_pivot_4;
-        let t3_163 = t3_160 * t3_162;
-        let t3_164 = like.lift(-0.066).mul_add(t3_163, t1_17);
-        let t3_165 = t3_142 * t3_162;
-        let t3_166 = like.lift(0.066).mul_add(t3_165, t1_16);
-        let t3_167 = t3_166 * inv_pivot_5;
-        let pivot_6 = (-t3_161).mul_add(t3_167, t3_164);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t3_168 = t3_162 * t3_134;
-        let t3_169 = like.lift(-0.066).mul_add(t3_168, t3_34);
-        let t3_170 = (-t3_167).mul_add(t3_148, t3_169);
-        let t3_171 = t2_43 * t3_167;
-        let t3_172 = t1_205 + t3_171;
-        let t3_173 = t2_20 - t3_141;
-        let t3_174 = t2_19 - t3_126;
-        let t3_175 = t3_174 * inv_pivot_4;
-        let t3_176 = (-t3_142).mul_add(t3_175, t3_173);
-        let t3_177 = t3_176 * inv_pivot_5;
-        let t3_178 = t2_43 * t3_177;
-        let t3_179 = t2_22 + t3_178;
-        let t3_180 = t1_142 - t3_159;
-        let t3_181 = t3_160.mul_add(t3_175, t3_180);
-        let t3_182 = (-t3_161).mul_add(t3_177, t3_181);
-        let t3_183 = t3_182 * inv_pivot_6;
-        let pivot_7 = (-t3_172).mul_add(t3_183, t3_179);
-        let inv_pivot_7 = like.lift(1.0) / pivot_7;
-        let t3_184 = t3_73 - t3_133;
-        let t3_185 = (-t3_175).mul_add(t3_134, t3_184);
-        let t3_186 = t3_177.mul_add(t3_148, t3_185);
-        let t3_187 = t3_183.mul_add(t3_170, t3_186);
-        let t3_188 = t2_49.mul_add(t3_177, t2_24);
-        let t3_189 = t2_49.mul_add(t3_167, t1_211);
-        let t3_190 = (-t3_189).mul_add(t3_183, t3_188);
-        let t3_191 = t1_213 * inv_pivot_4;
-        let t3_192 = t3_142.mul_add(t3_191, t1_215);
-        let t3_193 = t3_192 * inv_pivot_5;
-        let t3_194 = t2_49.mul_add(t3_193, t2_16);
-        let t3_195 = (-t3_160).mul_add(t3_191, t1_101);
-        let t3_196 = (-t3_161).mul_add(t3_193, t3_195);
-        let t3_197 = t3_196 * inv_pivot_6;
-        let t3_198 = (-t3_189).mul_add(t3_197, t3_194);
-        let t3_199 = t2_43 * t3_193;
-        let t3_200 = t2_12 + t3_199;
-        let t3_201 = (-t3_172).mul_add(t3_197, t3_200);
-        let t3_202 = t3_201 * inv_pivot_7;
-        let pivot_8 = (-t3_190).mul_add(t3_202, t3_198);
-        let inv_pivot_8 = like.lift(1.0) / pivot_8;
-        let t3_203 = (-t3_191).mul_add(t3_134, t3_59);
-        let t3_204 = (-t3_193).mul_add(t3_148, t3_203);
-        let t3_205 = (-t3_197).mul_add(t3_170, t3_204);
-        let t3_206 = t3_202.mul_add(t3_187, t3_205);
-        let t3_207 = inv_pivot_8 * t3_206;
-        let t3_208 = t3_190.mul_add(t3_207, t3_187);
-        let t3_209 = inv_pivot_7 * t3_208;
-        let t3_210 = t3_172.mul_add(t3_209, t3_170);
-        let t3_211 = (-t3_189).mul_add(t3_207, t3_210);
-        let t3_212 = inv_pivot_6 * t3_211;
-        let t3_213 = (-t3_161).mul_add(t3_212, t3_148);
-        let t3_214 = (-t2_43).mul_add(t3_209, t3_213);
-        let t3_215 = t2_49.mul_add(t3_207, t3_214);
-        let t3_216 = inv_pivot_5 * t3_215;
-        let t3_217 = t3_142.mul_add(t3_216, t3_134);
-        let t3_218 = (-t3_160).mul_add(t3_212, t3_217);
-        let t3_219 = inv_pivot_4 * t3_218;
-        let t3_220 = -t3_216;
-        let t3_221 = -t3_212;
-        let t3_222 = (-t3_123).mul_add(t3_219, t3_131);
-        let t3_223 = t3_139.mul_add(t3_216, t3_222);
-        let t3_224 = t3_153.mul_add(t3_212, t3_223);
-        let t3_225 = t3_124 * t3_224;
-        let t3_226 = like.lift(1.1547005383792515) * t3_225;
-        let t3_227 = (-t3_115).mul_add(t3_219, t3_128);
-        let t3_228 = (-t3_136).mul_add(t3_216, t3_227);
-        let t3_229 = (-t3_152).mul_add(t3_212, t3_228);
-        let t3_230 = inv_pivot_2 * t3_229;
-        let t3_231 = -t3_230;
-        let t3_232 = (-t1_131).mul_add(t3_230, t2_155);
-        let t3_233 = (-t1_98).mul_add(t3_219, t3_232);
-        let t3_234 = (-t1_102).mul_add(t3_216, t3_233);
-        let t3_235 = sin_e1x * t3_212;
-        let t3_236 = like.lift(0.0381051177665153).mul_add(t3_235, t3_234);
-        let t3_237 = inv_pivot_1 * t3_236;
-        kept[181] = t3_35;
-        kept[182] = t3_60;
-        kept[183] = t3_73;
-        kept[184] = t3_111;
-        kept[185] = inv_pivot_1;
-        kept[186] = t3_112;
-        kept[187] = t3_114;
-        kept[188] = t3_115;
-        kept[189] = pivot_2;
-        kept[190] = inv_pivot_2;
-        kept[191] = t3_117;
-        kept[192] = t3_119;
-        kept[193] = t3_122;
-        kept[194] = t3_123;
-        kept[195] = t3_124;
-        kept[196] = pivot_4;
-        kept[197] = inv_pivot_4;
-        kept[198] = t3_136;
-        kept[199] = t3_139;
-        kept[200] = t3_142;
-        kept[201] = t3_143;
-        kept[202] = t3_146;
-        kept[203] = pivot_5;
-        kept[204] = inv_pivot_5;
-        kept[205] = t3_152;
-        kept[206] = t3_153;
-        kept[207] = t3_160;
-        kept[208] = t3_161;
-        kept[209] = t3_162;
-        kept[210] = t3_167;
-        kept[211] = pivot_6;
-        kept[212] = inv_pivot_6;
-        kept[213] = t3_171;
-        kept[214] = t3_172;
-        kept[215] = t3_175;
-        kept[216] = t3_177;
-        kept[217] = t3_178;
-        kept[218] = t3_183;
-        kept[219] = pivot_7;
-        kept[220] = inv_pivot_7;
-        kept[221] = t3_189;
-        kept[222] = t3_190;
-        kept[223] = t3_191;
-        kept[224] = t3_193;
-        kept[225] = t3_197;
-        kept[226] = t3_199;
-        kept[227] = t3_202;
-        kept[228] = pivot_8;
-        kept[229] = inv_pivot_8;
-        kept[230] = t3_207;
-        kept[231] = t3_209;
-        kept[232] = t3_219;
-        kept[233] = t3_220;
-        kept[234] = t3_221;
-        kept[235] = t3_226;
-        kept[236] = t3_231;
-        kept[237] = t3_237;
-    }
+        let t2_211 = t2_207 - t2_210;
+        let t2_212 = t1_94.mul_add(t2_211, t2_204);
+        let t2_213 = t2_212 + t2_194;
+        let t2_214 = t2_194 + t2_213;
+        let t2_215 = t2_102 * t2_190;
+        let t2_216 = (-t2_109).mul_add(t2_186, t2_215);
+        let t2_217 = t1_94 * t2_92;
+        let t2_218 = (-t1_91).mul_add(t2_98, t2_217);
+        let t2_219 = t2_216 + t2_218;
+        let t2_220 = like.lift(0.5) * t2_219;
+        let t2_221 = t2_109 * t2_182;
+        let t2_222 = (-t2_103).mul_add(t2_190, t2_221);
+        let t2_223 = t1_134 * t2_98;
+        let t2_224 = (-t1_94).mul_add(t2_141, t2_223);
+        let t2_225 = t2_222 + t2_224;
+        let t2_226 = like.lift(-0.8660254037844386).mul_add(t2_225, t2_220);
+        let t2_227 = t2_214 + t2_226;
+        let t2_228 = -t2_227;
+        let t2_229 = t2_71 - t2_72;
+        let t2_230 = t2_67 + t2_229;
+        let t2_231 = t1_174 * d_q3;
+        let t2_232 = t2_7 * d_q3;
+        let t2_233 = t1_195 * t2_232;
+        let t2_234 = like.lift(0.524) * t2_233;
+        let t2_235 = t1_220 * t2_231;
+        let t2_236 = like.lift(-0.524).mul_add(t2_235, t2_234);
+        let t2_237 = t2_231 * t2_236;
+        let t2_238 = t1_186 * d_q3;
+        let t2_239 = t1_220 * t2_238;
+        let t2_240 = like.lift(0.524) * t2_239;
+        let t2_241 = t1_179 * t2_232;
+        [
+            t2_7, t2_8, t2_9, t2_12, t2_15, t2_16, t2_17, t2_18, t2_19, t2_20, t2_22, t2_24,
+            t2_25, t2_32, t2_33, t2_36, t2_38, t2_43, t2_44, t2_49, t2_52, t2_53, t2_56,
+            w_e1xy, w_e1xx, w_e1xz, t2_116, t2_117, t2_118, t2_125, t2_127, t2_128, t2_152,
+            t2_153, t2_161, t2_166, t2_167, t2_180, t2_191, t2_192, t2_195, t2_196, t2_200,
+            t2_201, t2_205, t2_206, t2_208, t2_209, t2_227, t2_228, t2_230, t2_231, t2_232,
+            t2_236, t2_237, t2_238, t2_240, t2_241,
+        ]
+    };
     // loops: solve with A_e (Eq. 8, 10)
-    {
-        let t1_15 = kept[18];
-        let t1_16 = kept[19];
-        let t1_17 = kept[20];
-        let t1_89 = kept[38];
-        let t1_95 = kept[41];
-        let t1_99 = kept[44];
-        let t1_101 = kept[45];
-        let t1_102 = kept[46];
-        let t1_103 = kept[47];
-        let t1_131 = kept[56];
-        let pivot_1 = kept[58];
-        let t1_140 = kept[64];
-        let t1_142 = kept[66];
-        let t1_143 = kept[67];
-        let t1_144 = kept[68];
-        let t1_146 = kept[69];
-        let t1_148 = kept[70];
-        let t1_156 = kept[72];
-        let t1_160 = kept[74];
-        let t1_161 = kept[75];
-        let t1_167 = kept[77];
-        let t1_173 = kept[79];
-        let t1_205 = kept[98];
-        let t1_212 = kept[102];
-        let t1_214 = kept[104];
-        let t1_215 = kept[105];
-        let t2_12 = kept[112];
-        let t2_17 = kept[115];
-        let t2_19 = kept[117];
-        let t2_20 = kept[118];
-        let t2_22 = kept[119];
-        let t2_25 = kept[121];
-        let t2_33 = kept[123];
-        let t2_36 = kept[124];
-        let t2_38 = kept[125];
-        let t2_44 = kept[127];
-        let t2_49 = kept[128];
-        let t2_118 = kept[144];
-        let t2_156 = kept[154];
-        let t2_183 = kept[162];
-        let t2_231 = kept[174];
-        let t3_35 = kept[181];
-        let t3_60 = kept[182];
-        let t3_73 = kept[183];
-        let t3_111 = kept[184];
-        let pivot_2 = kept[189];
-        let pivot_4 = kept[196];
-        let pivot_5 = kept[203];
-        let pivot_6 = kept[211];
-        let pivot_7 = kept[219];
-        let pivot_8 = kept[228];
-        let t3_207 = kept[230];
-        let t3_209 = kept[231];
-        let t3_219 = kept[232];
-        let t3_220 = kept[233];
-        let t3_221 = kept[234];
-        let t3_226 = kept[235];
-        let t3_231 = kept[236];
-        let t3_237 = kept[237];
-        let t4_1 = -t3_237;
-        let t4_2 = -pivot_8;
+    let [
+        inv_pivot_1, t3_109, t3_111, t3_112, pivot_2, inv_pivot_2, t3_114, t3_116, t3_119,
+        t3_120, t3_121, pivot_4, inv_pivot_4, t3_133, t3_136, t3_139, t3_140, t3_143, pivot_5,
+        inv_pivot_5, t3_149, t3_150, t3_157, t3_158, t3_159, t3_164, pivot_6, inv_pivot_6,
+        t3_168, t3_169, t3_172, t3_174, t3_175, t3_180, pivot_7, inv_pivot_7, t3_186, t3_187,
+        t3_188, t3_190, t3_194, t3_196, t3_199, inv_pivot_8, t3_236, al_u1_1x, al_rod1y,
+        al_u2_1x, al_rod2y, al_u3_1x, al_rod3y,
+    ] = {
+        let t3_1 = like.lift(-0.524).mul_add(t2_241, t2_240);
+        let t3_2 = (-t2_238).mul_add(t3_1, t2_237);
+        let t3_3 = t1_186.mul_add(d_u3_1, t2_238);
+        let t3_4 = t2_15 * t3_3;
+        let t3_5 = t2_7.mul_add(d_u3_1, t2_232);
+        let t3_6 = (-t1_210).mul_add(t3_5, t3_4);
+        let t3_7 = d_u3_2 * t3_6;
+        let t3_8 = t1_187 * t3_7;
+        let t3_9 = like.lift(1.244) * t3_8;
+        let t3_10 = t1_207 * t3_5;
+        let t3_11 = t1_174.mul_add(d_u3_1, t2_231);
+        let t3_12 = (-t2_15).mul_add(t3_11, t3_10);
+        let t3_13 = d_u3_2 * t3_12;
+        let t3_14 = t1_202 * t3_13;
+        let t3_15 = like.lift(-1.244).mul_add(t3_14, t3_9);
+        let t3_16 = t3_2 - t3_15;
+        let t3_17 = (-t1_207).mul_add(d_u3_2, t3_11);
+        let t3_18 = (-t2_15).mul_add(d_u3_2, t3_5);
+        let t3_19 = t1_202 * t3_18;
+        let t3_20 = like.lift(1.244) * t3_19;
+        let t3_21 = t2_8 * t3_17;
+        let t3_22 = like.lift(-1.244).mul_add(t3_21, t3_20);
+        let t3_23 = t3_17 * t3_22;
+        let t3_24 = (-t1_210).mul_add(d_u3_2, t3_3);
+        let t3_25 = t2_8 * t3_24;
+        let t3_26 = like.lift(1.244) * t3_25;
+        let t3_27 = t1_187 * t3_18;
+        let t3_28 = like.lift(-1.244).mul_add(t3_27, t3_26);
+        let t3_29 = (-t3_24).mul_add(t3_28, t3_23);
+        let t3_30 = t3_16 + t3_29;
+        let t3_31 = t2_230 + t3_30;
+        let t3_32 = -t3_31;
+        let t3_33 = t2_127 + t2_128;
+        let t3_34 = t2_125 - t3_33;
+        let t3_35 = t1_179 * t2_231;
+        let t3_36 = like.lift(0.524) * t3_35;
+        let t3_37 = t1_195 * t2_238;
+        let t3_38 = like.lift(-0.524).mul_add(t3_37, t3_36);
+        let t3_39 = t2_238 * t3_38;
+        let t3_40 = (-t2_232).mul_add(t2_236, t3_39);
+        let t3_41 = t2_8 * t3_13;
+        let t3_42 = like.lift(1.244) * t3_41;
+        let t3_43 = t1_210 * t3_11;
+        let t3_44 = (-t1_207).mul_add(t3_3, t3_43);
+        let t3_45 = d_u3_2 * t3_44;
+        let t3_46 = t1_187 * t3_45;
+        let t3_47 = like.lift(-1.244).mul_add(t3_46, t3_42);
+        let t3_48 = t3_40 - t3_47;
+        let t3_49 = t1_187 * t3_17;
+        let t3_50 = like.lift(1.244) * t3_49;
+        let t3_51 = t1_202 * t3_24;
+        let t3_52 = like.lift(-1.244).mul_add(t3_51, t3_50);
+        let t3_53 = t3_24 * t3_52;
+        let t3_54 = (-t3_18).mul_add(t3_22, t3_53);
+        let t3_55 = t3_48 + t3_54;
+        let t3_56 = t3_34 + t3_55;
+        let t3_57 = -t3_56;
+        let t3_58 = t2_166 - t2_167;
+        let t3_59 = t2_161 - t3_58;
+        let t3_60 = t2_232 * t3_1;
+        let t3_61 = (-t2_231).mul_add(t3_38, t3_60);
+        let t3_62 = t1_202 * t3_45;
+        let t3_63 = like.lift(1.244) * t3_62;
+        let t3_64 = t2_8 * t3_7;
+        let t3_65 = like.lift(-1.244).mul_add(t3_64, t3_63);
+        let t3_66 = t3_61 - t3_65;
+        let t3_67 = t3_18 * t3_28;
+        let t3_68 = (-t3_17).mul_add(t3_52, t3_67);
+        let t3_69 = t3_66 + t3_68;
+        let t3_70 = t3_59 - t3_69;
+        let t3_71 = t1_210 * t3_17;
+        let t3_72 = (-t1_207).mul_add(t3_24, t3_71);
+        let t3_73 = w_e1xz * t3_72;
+        let t3_74 = like.lift(0.8660254037844386) * t3_73;
+        let t3_75 = t2_15 * t3_24;
+        let t3_76 = (-t1_210).mul_add(t3_18, t3_75);
+        let t3_77 = w_e1xz * t3_76;
+        let t3_78 = like.lift(-0.5).mul_add(t3_77, t3_74);
+        let t3_79 = t1_207 * t3_18;
+        let t3_80 = (-t2_15).mul_add(t3_17, t3_79);
+        let t3_81 = t2_191 - t2_192;
+        let t3_82 = t3_80.mul_add(t3_81, t3_78);
+        let t3_83 = (-w_e1xy).mul_add(t3_81, t2_196);
+        let t3_84 = t2_195 + t3_83;
+        let t3_85 = t2_15 * t3_84;
+        let t3_86 = w_e1xx.mul_add(t3_81, t2_201);
+        let t3_87 = t2_200 - t3_86;
+        let t3_88 = (-t1_207).mul_add(t3_87, t3_85);
+        let t3_89 = t2_205 + t2_206;
+        let t3_90 = t2_208 + t2_209;
+        let t3_91 = t3_89 + t3_90;
+        let t3_92 = t1_210.mul_add(t3_91, t3_88);
+        let t3_93 = t3_92 + t3_82;
+        let t3_94 = t3_82 + t3_93;
+        let t3_95 = t3_17 * t3_80;
+        let t3_96 = (-t3_24).mul_add(t3_76, t3_95);
+        let t3_97 = t1_210 * t3_7;
+        let t3_98 = (-t1_207).mul_add(t3_13, t3_97);
+        let t3_99 = t3_96 - t3_98;
+        let t3_100 = like.lift(0.5) * t3_99;
+        let t3_101 = t3_24 * t3_72;
+        let t3_102 = (-t3_18).mul_add(t3_80, t3_101);
+        let t3_103 = t2_15 * t3_13;
+        let t3_104 = (-t1_210).mul_add(t3_45, t3_103);
+        let t3_105 = t3_102 - t3_104;
+        let t3_106 = like.lift(0.8660254037844386).mul_add(t3_105, t3_100);
+        let t3_107 = t3_94 - t3_106;
+        let t3_108 = -t3_107;
+        let inv_pivot_1 = like.lift(1.0) / pivot_1;
+        let t3_109 = t1_148 * inv_pivot_1;
+        let t3_110 = t1_98.mul_add(t3_109, t1_140);
+        let t3_111 = t1_95 * inv_pivot_1;
+        let t3_112 = (-t1_98).mul_add(t3_111, t1_14);
+        let t3_113 = (-t1_131).mul_add(t3_109, t1_146);
+        let pivot_2 = (-t1_131).mul_add(t3_111, t1_89);
+        let inv_pivot_2 = like.lift(1.0) / pivot_2;
+        let t3_114 = t3_113 * inv_pivot_2;
+        let t3_115 = t3_112.mul_add(t3_114, t3_110);
+        let t3_116 = t1_172 * inv_pivot_1;
+        let t3_117 = t1_98.mul_add(t3_116, t1_155);
+        let t3_118 = (-t1_131).mul_add(t3_116, t1_166);
+        let t3_119 = t3_118 * inv_pivot_2;
+        let t3_120 = t3_112.mul_add(t3_119, t3_117);
+        let t3_121 = like.lift(1.0) / t1_94;
+        let t3_122 = t3_120 * t3_121;
+        let t3_123 = like.lift(0.0762102355330306) * t3_122;
+        let pivot_4 = t3_115 - t3_123;
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t3_124 = t3_109.mul_add(t2_152, t2_180);
+        let t3_125 = (-t3_111).mul_add(t2_152, t2_116);
+        let t3_126 = t3_114.mul_add(t3_125, t3_124);
+        let t3_127 = t3_116.mul_add(t2_152, t2_227);
+        let t3_128 = t3_119.mul_add(t3_125, t3_127);
+        let t3_129 = t3_121 * t3_128;
+        let t3_130 = like.lift(0.0762102355330306) * t3_129;
+        let t3_131 = t3_126 - t3_130;
+        let t3_132 = (-t1_102).mul_add(t3_109, t1_143);
+        let t3_133 = (-t1_102).mul_add(t3_111, t1_16);
+        let t3_134 = (-t3_133).mul_add(t3_114, t3_132);
+        let t3_135 = (-t1_102).mul_add(t3_116, t1_159);
+        let t3_136 = (-t3_133).mul_add(t3_119, t3_135);
+        let t3_137 = t3_136 * t3_121;
+        let t3_138 = like.lift(0.0762102355330306) * t3_137;
+        let t3_139 = t3_134 - t3_138;
+        let t3_140 = t1_210 * t3_121;
+        let t3_141 = t3_136.mul_add(t3_140, t2_36);
+        let t3_142 = (-t3_120).mul_add(t3_140, t2_32);
+        let t3_143 = t3_142 * inv_pivot_4;
+        let pivot_5 = t3_139.mul_add(t3_143, t3_141);
+        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let t3_144 = (-t3_140).mul_add(t3_128, t3_107);
+        let t3_145 = (-t3_143).mul_add(t3_131, t3_144);
+        let t3_146 = sin_e1x * t3_116;
+        let t3_147 = like.lift(0.0381051177665153).mul_add(t3_146, t1_159);
+        let t3_148 = sin_e1x * t3_111;
+        let t3_149 = like.lift(0.0381051177665153).mul_add(t3_148, t1_17);
+        let t3_150 = (-t3_149).mul_add(t3_119, t3_147);
+        let t3_151 = t3_150.mul_add(t3_140, t2_36);
+        let t3_152 = sin_e1x * t3_109;
+        let t3_153 = like.lift(-0.0381051177665153).mul_add(t3_152, t1_142);
+        let t3_154 = t3_149.mul_add(t3_114, t3_153);
+        let t3_155 = t3_150 * t3_121;
+        let t3_156 = like.lift(0.0762102355330306) * t3_155;
+        let t3_157 = t3_154 + t3_156;
+        let t3_158 = (-t3_157).mul_add(t3_143, t3_151);
+        let t3_159 = e_e1x_q1z * inv_pivot_4;
+        let t3_160 = t3_157 * t3_159;
+        let t3_161 = like.lift(-0.066).mul_add(t3_160, t1_17);
+        let t3_162 = t3_139 * t3_159;
+        let t3_163 = like.lift(0.066).mul_add(t3_162, t1_16);
+        let t3_164 = t3_163 * inv_pivot_5;
+        let pivot_6 = (-t3_158).mul_add(t3_164, t3_161);
+        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let t3_165 = t3_159 * t3_131;
+        let t3_166 = like.lift(-0.066).mul_add(t3_165, t3_31);
+        let t3_167 = (-t3_164).mul_add(t3_145, t3_166);
+        let t3_168 = t2_43 * t3_164;
+        let t3_169 = t1_205 + t3_168;
+        let t3_170 = t2_20 - t3_138;
+        let t3_171 = t2_19 - t3_123;
+        let t3_172 = t3_171 * inv_pivot_4;
+        let t3_173 = (-t3_139).mul_add(t3_172, t3_170);
+        let t3_174 = t3_173 * inv_pivot_5;
+        let t3_175 = t2_43 * t3_174;
+        let t3_176 = t2_22 + t3_175;
+        let t3_177 = t1_142 - t3_156;
+        let t3_178 = t3_157.mul_add(t3_172, t3_177);
+        let t3_179 = (-t3_158).mul_add(t3_174, t3_178);
+        let t3_180 = t3_179 * inv_pivot_6;
+        let pivot_7 = (-t3_169).mul_add(t3_180, t3_176);
+        let inv_pivot_7 = like.lift(1.0) / pivot_7;
+        let t3_181 = t3_70 - t3_130;
+        let t3_182 = (-t3_172).mul_add(t3_131, t3_181);
+        let t3_183 = t3_174.mul_add(t3_145, t3_182);
+        let t3_184 = t3_180.mul_add(t3_167, t3_183);
+        let t3_185 = t2_49.mul_add(t3_174, t2_24);
+        let t3_186 = t2_49.mul_add(t3_164, t1_211);
+        let t3_187 = (-t3_186).mul_add(t3_180, t3_185);
+        let t3_188 = t1_213 * inv_pivot_4;
+        let t3_189 = t3_139.mul_add(t3_188, t1_215);
+        let t3_190 = t3_189 * inv_pivot_5;
+        let t3_191 = t2_49.mul_add(t3_190, t2_16);
+        let t3_192 = (-t3_157).mul_add(t3_188, t1_101);
+        let t3_193 = (-t3_158).mul_add(t3_190, t3_192);
+        let t3_194 = t3_193 * inv_pivot_6;
+        let t3_195 = (-t3_186).mul_add(t3_194, t3_191);
+        let t3_196 = t2_43 * t3_190;
+        let t3_197 = t2_12 + t3_196;
+        let t3_198 = (-t3_169).mul_add(t3_194, t3_197);
+        let t3_199 = t3_198 * inv_pivot_7;
+        let pivot_8 = (-t3_187).mul_add(t3_199, t3_195);
+        let inv_pivot_8 = like.lift(1.0) / pivot_8;
+        let t3_200 = (-t3_188).mul_add(t3_131, t3_56);
+        let t3_201 = (-t3_190).mul_add(t3_145, t3_200);
+        let t3_202 = (-t3_194).mul_add(t3_167, t3_201);
+        let t3_203 = t3_199.mul_add(t3_184, t3_202);
+        let t3_204 = inv_pivot_8 * t3_203;
+        let t3_205 = t3_187.mul_add(t3_204, t3_184);
+        let t3_206 = inv_pivot_7 * t3_205;
+        let t3_207 = t3_169.mul_add(t3_206, t3_167);
+        let t3_208 = (-t3_186).mul_add(t3_204, t3_207);
+        let t3_209 = inv_pivot_6 * t3_208;
+        let t3_210 = (-t3_158).mul_add(t3_209, t3_145);
+        let t3_211 = (-t2_43).mul_add(t3_206, t3_210);
+        let t3_212 = t2_49.mul_add(t3_204, t3_211);
+        let t3_213 = inv_pivot_5 * t3_212;
+        let t3_214 = t3_139.mul_add(t3_213, t3_131);
+        let t3_215 = (-t3_157).mul_add(t3_209, t3_214);
+        let t3_216 = inv_pivot_4 * t3_215;
+        let t3_217 = -t3_213;
+        let t3_218 = -t3_209;
+        let t3_219 = (-t3_120).mul_add(t3_216, t3_128);
+        let t3_220 = t3_136.mul_add(t3_213, t3_219);
+        let t3_221 = t3_150.mul_add(t3_209, t3_220);
+        let t3_222 = t3_121 * t3_221;
+        let t3_223 = like.lift(1.1547005383792515) * t3_222;
+        let t3_224 = (-t3_112).mul_add(t3_216, t3_125);
+        let t3_225 = (-t3_133).mul_add(t3_213, t3_224);
+        let t3_226 = (-t3_149).mul_add(t3_209, t3_225);
+        let t3_227 = inv_pivot_2 * t3_226;
+        let t3_228 = -t3_227;
+        let t3_229 = (-t1_131).mul_add(t3_227, t2_152);
+        let t3_230 = (-t1_98).mul_add(t3_216, t3_229);
+        let t3_231 = (-t1_102).mul_add(t3_213, t3_230);
+        let t3_232 = sin_e1x * t3_209;
+        let t3_233 = like.lift(0.0381051177665153).mul_add(t3_232, t3_231);
+        let t3_234 = inv_pivot_1 * t3_233;
+        let t3_235 = -t3_234;
+        let t3_236 = -pivot_8;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(0.9379407993771961)).abs()
             .min((pivot_2 * like.lift(0.8419561199081981)).abs())
@@ -18325,12 +17387,11 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 43]) ->
             .min((pivot_5 * like.lift(0.7972052055720686)).abs())
             .min((pivot_6 * like.lift(0.8046174018437734)).abs())
             .min((pivot_7 * like.lift(1.0351966873706007)).abs())
-            .min((t4_2 * like.lift(0.6961619001482627)).abs());
+            .min((t3_236 * like.lift(0.6961619001482627)).abs());
         let ([
-            [al_u1_1x], [al_rod1y], [t4_3], [t4_4], [al_u2_1x], [al_rod2y], [al_u3_1x],
-            [al_rod3y],
+            [al_u1_1x], [al_rod1y], [_], [_], [al_u2_1x], [al_rod2y], [al_u3_1x], [al_rod3y],
         ], found) = ::regen_runtime::guarded(
-            [[t3_219], [t3_220], [t3_221], [t3_226], [t3_231], [t4_1], [t3_209], [t3_207]],
+            [[t3_216], [t3_217], [t3_218], [t3_223], [t3_228], [t3_235], [t3_206], [t3_204]],
             margin,
             || (
                 [
@@ -18343,580 +17404,255 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 43]) ->
                     [t2_19, t2_20, t1_142, like.lift(0.066), like.lift(0.0), like.lift(0.0), t2_22, t2_25],
                     [t2_33, t2_36, t2_36, t2_38, like.lift(0.0), like.lift(0.0), t2_44, t2_49],
                 ],
-                [[t2_118], [t2_156], [t2_183], [t2_231], [t3_35], [t3_60], [t3_73], [t3_111]],
+                [[t2_117], [t2_153], [t2_180], [t2_228], [t3_32], [t3_57], [t3_70], [t3_108]],
             ),
         );
         condition = condition.min(found);
-        kept[238] = t4_2;
-        kept[239] = al_u1_1x;
-        kept[240] = al_rod1y;
-        kept[241] = t4_3;
-        kept[242] = t4_4;
-        kept[243] = al_u2_1x;
-        kept[244] = al_rod2y;
-        kept[245] = al_u3_1x;
-        kept[246] = al_rod3y;
-    }
-    // tau, part 5
-    {
-        let sin_u1_2 = kept[0];
-        let cos_u1_2 = kept[1];
-        let w_u1_1x = kept[2];
-        let w_rod1z = kept[3];
-        let t1_1 = kept[4];
-        let t1_2 = kept[5];
-        let t1_3 = kept[6];
-        let t1_7 = kept[8];
-        let t1_11 = kept[9];
-        let sin_e1x = kept[10];
-        let cos_e1x = kept[11];
-        let sin_e1y = kept[12];
-        let cos_e1y = kept[13];
-        let sin_u1_2_e1y = kept[14];
-        let cos_u1_2_e1y = kept[15];
-        let e_e1x_q1z = kept[16];
-        let sin_u1_1 = kept[22];
-        let cos_u1_1 = kept[23];
-        let t1_25 = kept[24];
-        let t1_49 = kept[25];
-        let t1_63 = kept[31];
-        let t1_65 = kept[33];
-        let t1_74 = kept[34];
-        let t1_87 = kept[37];
-        let t1_97 = kept[42];
-        let t1_112 = kept[49];
-        let t1_126 = kept[53];
-        let t1_128 = kept[55];
-        let t1_136 = kept[59];
-        let t1_139 = kept[63];
-        let t1_155 = kept[71];
-        let t1_166 = kept[76];
-        let t1_174 = kept[80];
-        let t1_176 = kept[81];
-        let t1_186 = kept[89];
-        let t1_188 = kept[91];
-        let t1_192 = kept[93];
-        let t1_203 = kept[96];
-        let t1_217 = kept[106];
-        let t2_7 = kept[109];
-        let t2_9 = kept[111];
-        let t2_18 = kept[116];
-        let t2_32 = kept[122];
-        let t2_43 = kept[126];
-        let t2_49 = kept[128];
-        let t2_52 = kept[129];
-        let t2_53 = kept[130];
-        let t2_55 = kept[131];
-        let t2_56 = kept[132];
-        let a_rod1x = kept[133];
-        let t2_60 = kept[134];
-        let t2_63 = kept[136];
-        let t2_65 = kept[138];
-        let t2_68 = kept[139];
-        let t2_70 = kept[141];
-        let t2_71 = kept[142];
-        let t2_119 = kept[145];
-        let a_u1_1y = kept[146];
-        let t2_122 = kept[147];
-        let t2_125 = kept[148];
-        let t2_127 = kept[149];
-        let t2_160 = kept[155];
-        let t2_162 = kept[156];
-        let t2_165 = kept[158];
-        let t2_167 = kept[159];
-        let t3_112 = kept[186];
-        let t3_114 = kept[187];
-        let t3_117 = kept[191];
-        let t3_119 = kept[192];
-        let t3_122 = kept[193];
-        let t3_124 = kept[195];
-        let inv_pivot_4 = kept[197];
-        let t3_142 = kept[200];
-        let t3_143 = kept[201];
-        let t3_146 = kept[202];
-        let inv_pivot_5 = kept[204];
-        let t3_160 = kept[207];
-        let t3_161 = kept[208];
-        let t3_162 = kept[209];
-        let t3_167 = kept[210];
-        let inv_pivot_6 = kept[212];
-        let t3_172 = kept[214];
-        let t3_175 = kept[215];
-        let t3_177 = kept[216];
-        let t3_183 = kept[218];
-        let inv_pivot_7 = kept[220];
-        let t3_189 = kept[221];
-        let t3_190 = kept[222];
-        let t3_191 = kept[223];
-        let t3_193 = kept[224];
-        let t3_197 = kept[225];
-        let t3_202 = kept[227];
-        let inv_pivot_8 = kept[229];
-        let al_u1_1x = kept[239];
-        let al_rod1y = kept[240];
-        let t4_3 = kept[241];
-        let t4_4 = kept[242];
-        let t5_1 = cos_u1_2 * al_u1_1x;
-        let al_rod1x = t1_1 - t5_1;
-        let t5_2 = p_ixz_rod1 * al_rod1x;
-        let t5_3 = (-p_iyz_rod1).mul_add(al_rod1y, t5_2);
-        let t5_4 = sin_u1_2 * al_u1_1x;
-        let al_rod1z = t1_3 + t5_4;
-        let t5_5 = (-p_izz_rod1).mul_add(al_rod1z, t5_3);
-        let t5_6 = t1_11 + t5_5;
-        let t5_7 = t2_119 * p_mx_rod1;
-        let t5_8 = like.lift(0.524) * t5_7;
-        let t5_9 = t2_56 * p_my_rod1;
-        let t5_10 = like.lift(-0.524).mul_add(t5_9, t5_8);
-        let t5_11 = t5_6 + t5_10;
-        let t5_12 = p_ixx_platform - p_izz_platform;
-        let t5_13 = t2_167 * t5_12;
-        let t5_14 = t2_125 - t2_70;
-        let t5_15 = t5_14.mul_add(p_ixz_platform, t5_13);
-        let t5_16 = t2_162.mul_add(p_ixy_platform, t5_15);
-        let t5_17 = t2_65.mul_add(p_iyz_platform, t5_16);
-        let t5_18 = sin_e1y * al_rod1z;
-        let t5_19 = cos_e1y.mul_add(al_rod1x, t5_18);
-        let al_e1yx = t2_160 + t5_19;
-        let al_e1xx = t4_4 - al_e1yx;
-        let t5_20 = p_ixy_platform * al_e1xx;
-        let al_e1yy = al_rod1y + t4_3;
-        let t5_21 = cos_e1x * al_e1yy;
-        let t5_22 = cos_e1y * al_rod1z;
-        let t5_23 = (-sin_e1y).mul_add(al_rod1x, t5_22);
-        let al_e1yz = t2_60 + t5_23;
-        let t5_24 = sin_e1x.mul_add(al_e1yz, t5_21);
-        let al_e1xy = t2_165 - t5_24;
-        let t5_25 = (-p_iyy_platform).mul_add(al_e1xy, t5_20);
-        let t5_26 = sin_e1x * al_e1yy;
-        let t5_27 = (-cos_e1x).mul_add(al_e1yz, t5_26);
-        let al_e1xz = t2_63 + t5_27;
-        let t5_28 = (-p_iyz_platform).mul_add(al_e1xz, t5_25);
-        let t5_29 = t5_17 - t5_28;
-        let t5_30 = t1_2 + al_rod1y;
-        let t5_31 = like.lift(1.244).mul_add(t5_30, a_rod1x);
-        let a_e1yx = cos_e1y.mul_add(t5_31, t2_55);
-        let t5_32 = t2_65 + al_e1xz;
-        let a_platformx = like.lift(0.044).mul_add(t5_32, a_e1yx);
-        let t5_33 = p_mz_platform * a_platformx;
-        let t5_34 = t1_1 + al_rod1x;
-        let a_e1yy = like.lift(1.244).mul_add(t5_34, a_u1_1y);
-        let t5_35 = sin_e1x * a_e1yy;
-        let a_e1yz = (-sin_e1y).mul_add(t5_31, t2_122);
-        let a_e1xz = cos_e1x.mul_add(a_e1yz, t5_35);
-        let t5_36 = t2_162 - al_e1xx;
-        let a_platformz = like.lift(0.044).mul_add(t5_36, a_e1xz);
-        let t5_37 = p_mx_platform.mul_add(a_platformz, t5_33);
-        let t5_38 = t5_29 + t5_37;
-        let t5_39 = sin_e1x * t5_38;
-        let t5_40 = p_ixx_platform - p_iyy_platform;
-        let t5_41 = t2_65 * t5_40;
-        let t5_42 = t2_125 - t2_68;
-        let t5_43 = (-t5_42).mul_add(p_ixy_platform, t5_41);
-        let t5_44 = t2_167.mul_add(p_iyz_platform, t5_43);
-        let t5_45 = t2_162.mul_add(p_ixz_platform, -t5_44);
-        let t5_46 = p_ixz_platform * al_e1xx;
-        let t5_47 = (-p_iyz_platform).mul_add(al_e1xy, t5_46);
-        let t5_48 = (-p_izz_platform).mul_add(al_e1xz, t5_47);
-        let t5_49 = t5_45 + t5_48;
-        let t5_50 = cos_e1x * a_e1yy;
-        let a_e1xy = (-sin_e1x).mul_add(a_e1yz, t5_50);
-        let a_platformy = t2_127 - a_e1xy;
-        let t5_51 = p_mx_platform.mul_add(a_platformy, t5_49);
-        let t5_52 = t2_71 * p_mx_platform;
-        let t5_53 = t2_167 + al_e1xy;
-        let t5_54 = p_mz_platform.mul_add(t5_53, t5_52);
-        let t5_55 = like.lift(-0.044).mul_add(t5_54, t5_51);
-        let t5_56 = (-cos_e1x).mul_add(t5_55, t5_39);
-        let t5_57 = cos_e1y * t5_56;
-        let t5_58 = p_iyy_platform - p_izz_platform;
-        let t5_59 = t2_162 * t5_58;
-        let t5_60 = t2_68 - t2_70;
-        let t5_61 = t5_60.mul_add(p_iyz_platform, t5_59);
-        let t5_62 = t2_65.mul_add(p_ixz_platform, t5_61);
-        let t5_63 = t2_167.mul_add(p_ixy_platform, t5_62);
-        let t5_64 = p_ixx_platform * al_e1xx;
-        let t5_65 = (-p_ixy_platform).mul_add(al_e1xy, t5_64);
-        let t5_66 = (-p_ixz_platform).mul_add(al_e1xz, t5_65);
-        let t5_67 = t5_63 + t5_66;
-        let t5_68 = (-p_mz_platform).mul_add(a_platformy, t5_67);
-        let t5_69 = t2_125 + t2_68;
-        let t5_70 = t5_69 * p_mz_platform;
-        let t5_71 = t2_167 - al_e1xy;
-        let t5_72 = p_mx_platform.mul_add(t5_71, t5_70);
-        let t5_73 = like.lift(0.044).mul_add(t5_72, t5_68);
-        let t5_74 = sin_e1y.mul_add(t5_73, t5_57);
-        let t5_75 = t5_11 + t5_74;
-        let t5_76 = sin_u1_2 * t5_75;
-        let t5_77 = p_iyy_rod1 - p_izz_rod1;
-        let t5_78 = t1_1 * t5_77;
-        let t5_79 = w_rod1z * w_rod1z;
-        let t5_80 = t1_7 - t5_79;
-        let t5_81 = (-t5_80).mul_add(p_iyz_rod1, t5_78);
-        let t5_82 = t1_3.mul_add(p_ixz_rod1, -t5_81);
-        let t5_83 = t1_2.mul_add(p_ixy_rod1, -t5_82);
-        let t5_84 = p_ixx_rod1 * al_rod1x;
-        let t5_85 = (-p_ixy_rod1).mul_add(al_rod1y, t5_84);
-        let t5_86 = (-p_ixz_rod1).mul_add(al_rod1z, t5_85);
-        let t5_87 = t5_83 + t5_86;
-        let t5_88 = t2_52 * p_my_rod1;
-        let t5_89 = like.lift(0.524) * t5_88;
-        let t5_90 = t2_119 * p_mz_rod1;
-        let t5_91 = like.lift(0.524).mul_add(t5_90, t5_89);
-        let t5_92 = t5_87 - t5_91;
-        let t5_93 = sin_e1y * t5_56;
-        let t5_94 = (-cos_e1y).mul_add(t5_73, t5_93);
-        let t5_95 = t2_65 - al_e1xz;
-        let t5_96 = p_mx_platform * t5_95;
-        let t5_97 = t2_162 + al_e1xx;
-        let t5_98 = (-p_mz_platform).mul_add(t5_97, t5_96);
-        let t5_99 = cos_e1x * t5_98;
-        let t5_100 = sin_e1x.mul_add(t5_72, t5_99);
-        let t5_101 = like.lift(-1.244).mul_add(t5_100, t5_94);
-        let t5_102 = t5_92 + t5_101;
-        let t5_103 = cos_u1_2.mul_add(t5_102, t5_76);
-        let t5_104 = w_u1_1x * w_u1_1x;
-        let t5_105 = t5_104 * p_my_rod1;
-        let t5_106 = t1_3 + al_rod1z;
-        let t5_107 = (-p_mx_rod1).mul_add(t5_106, t5_105);
-        let t5_108 = (-p_mz_rod1).mul_add(t5_34, t5_107);
-        let t5_109 = t5_108 - t5_100;
-        let t5_110 = sin_u1_1 * t5_109;
-        let t5_111 = t1_2 - al_rod1y;
-        let t5_112 = p_mx_rod1 * t5_111;
-        let t5_113 = p_my_rod1.mul_add(t5_1, t5_112);
-        let t5_114 = t2_53.mul_add(p_mz_rod1, -t5_113);
-        let t5_115 = sin_e1x * t5_98;
-        let t5_116 = (-cos_e1x).mul_add(t5_72, t5_115);
-        let t5_117 = cos_e1y * t5_116;
-        let t5_118 = sin_e1y.mul_add(t5_54, t5_117);
-        let t5_119 = t5_114 - t5_118;
-        let t5_120 = cos_u1_2 * t5_119;
-        let t5_121 = t1_7 + t5_79;
-        let t5_122 = t5_121 * p_mx_rod1;
-        let t5_123 = p_my_rod1.mul_add(t5_4, t5_122);
-        let t5_124 = (-p_mz_rod1).mul_add(t5_30, t5_123);
-        let t5_125 = sin_e1y * t5_116;
-        let t5_126 = (-cos_e1y).mul_add(t5_54, t5_125);
-        let t5_127 = t5_124 - t5_126;
-        let t5_128 = (-sin_u1_2).mul_add(t5_127, t5_120);
-        let t5_129 = cos_u1_1.mul_add(t5_128, t5_110);
-        let t5_130 = like.lift(0.524).mul_add(t5_129, t5_103);
-        let t5_131 = cos_u1_1 * sin_u1_2_e1y;
-        let u_e1y_q1x = like.lift(0.524) * t5_131;
+        [
+            inv_pivot_1, t3_109, t3_111, t3_112, pivot_2, inv_pivot_2, t3_114, t3_116, t3_119,
+            t3_120, t3_121, pivot_4, inv_pivot_4, t3_133, t3_136, t3_139, t3_140, t3_143,
+            pivot_5, inv_pivot_5, t3_149, t3_150, t3_157, t3_158, t3_159, t3_164, pivot_6,
+            inv_pivot_6, t3_168, t3_169, t3_172, t3_174, t3_175, t3_180, pivot_7, inv_pivot_7,
+            t3_186, t3_187, t3_188, t3_190, t3_194, t3_196, t3_199, inv_pivot_8, t3_236,
+            al_u1_1x, al_rod1y, al_u2_1x, al_rod2y, al_u3_1x, al_rod3y,
+        ]
+    };
+    // loops: solve with A_e (Eq. 8, 10)
+    let [
+        al_rod1x, al_rod1z, t4_15, t4_29, t4_49, x_u1_1_q1, x_u1_1_q2, x_u1_1_q3, x_u1_2_q1,
+        x_u1_2_q2, x_u1_2_q3, x_u2_1_q1, x_u2_1_q2, x_u2_1_q3, x_u2_2_q1, x_u2_2_q2, x_u2_2_q3,
+        x_u3_1_q1, x_u3_1_q2, x_u3_1_q3, x_u3_2_q1, x_u3_2_q2, x_u3_2_q3,
+    ] = {
+        let t4_1 = cos_u1_2 * al_u1_1x;
+        let al_rod1x = t1_1 - t4_1;
+        let t4_2 = p_ixz_rod1 * al_rod1x;
+        let t4_3 = (-p_iyz_rod1).mul_add(al_rod1y, t4_2);
+        let t4_4 = sin_u1_2 * al_u1_1x;
+        let al_rod1z = t1_3 + t4_4;
+        let t4_5 = (-p_izz_rod1).mul_add(al_rod1z, t4_3);
+        let t4_6 = t1_11 + t4_5;
+        let t4_7 = t2_118 * p_mx_rod1;
+        let t4_8 = like.lift(0.524) * t4_7;
+        let t4_9 = t2_56 * p_my_rod1;
+        let t4_10 = like.lift(-0.524).mul_add(t4_9, t4_8);
+        let t4_11 = t4_6 + t4_10;
+        let t4_12 = sin_u1_2 * t4_11;
+        let t4_13 = p_iyy_rod1 - p_izz_rod1;
+        let t4_14 = t1_1 * t4_13;
+        let t4_15 = w_rod1z * w_rod1z;
+        let t4_16 = t1_7 - t4_15;
+        let t4_17 = (-t4_16).mul_add(p_iyz_rod1, t4_14);
+        let t4_18 = t1_3.mul_add(p_ixz_rod1, -t4_17);
+        let t4_19 = t1_2.mul_add(p_ixy_rod1, -t4_18);
+        let t4_20 = p_ixx_rod1 * al_rod1x;
+        let t4_21 = (-p_ixy_rod1).mul_add(al_rod1y, t4_20);
+        let t4_22 = (-p_ixz_rod1).mul_add(al_rod1z, t4_21);
+        let t4_23 = t4_19 + t4_22;
+        let t4_24 = t2_52 * p_my_rod1;
+        let t4_25 = like.lift(0.524) * t4_24;
+        let t4_26 = t2_118 * p_mz_rod1;
+        let t4_27 = like.lift(0.524).mul_add(t4_26, t4_25);
+        let t4_28 = t4_23 - t4_27;
+        let t4_29 = cos_u1_2.mul_add(t4_28, t4_12);
+        let t4_30 = w_u1_1x * w_u1_1x;
+        let t4_31 = t4_30 * p_my_rod1;
+        let t4_32 = t1_3 + al_rod1z;
+        let t4_33 = (-p_mx_rod1).mul_add(t4_32, t4_31);
+        let t4_34 = t1_1 + al_rod1x;
+        let t4_35 = (-p_mz_rod1).mul_add(t4_34, t4_33);
+        let t4_36 = sin_u1_1 * t4_35;
+        let t4_37 = t1_2 - al_rod1y;
+        let t4_38 = p_mx_rod1 * t4_37;
+        let t4_39 = p_my_rod1.mul_add(t4_1, t4_38);
+        let t4_40 = t2_53.mul_add(p_mz_rod1, -t4_39);
+        let t4_41 = cos_u1_2 * t4_40;
+        let t4_42 = t1_7 + t4_15;
+        let t4_43 = t4_42 * p_mx_rod1;
+        let t4_44 = p_my_rod1.mul_add(t4_4, t4_43);
+        let t4_45 = t1_2 + al_rod1y;
+        let t4_46 = (-p_mz_rod1).mul_add(t4_45, t4_44);
+        let t4_47 = (-sin_u1_2).mul_add(t4_46, t4_41);
+        let t4_48 = cos_u1_1.mul_add(t4_47, t4_36);
+        let t4_49 = like.lift(0.524).mul_add(t4_48, t4_29);
+        let t4_50 = cos_u1_1 * sin_u1_2_e1y;
+        let u_e1y_q1x = like.lift(0.524) * t4_50;
         let u_platform_u1_1x = like.lift(0.044) * e_e1x_q1z;
         let u_platform_q1x = u_e1y_q1x - u_platform_u1_1x;
-        let t5_132 = like.lift(-0.022).mul_add(e_e1x_q1z, u_platform_q1x);
-        let t5_133 = t1_49 - t1_65;
-        let t5_134 = t1_25 * t5_133;
-        let t5_135 = t1_74 - t1_87;
-        let t5_136 = (-t1_63).mul_add(t5_135, t5_134);
+        let t4_51 = like.lift(-0.022).mul_add(e_e1x_q1z, u_platform_q1x);
+        let t4_52 = t1_49 - t1_65;
+        let t4_53 = t1_25 * t4_52;
+        let t4_54 = t1_74 - t1_87;
+        let t4_55 = (-t1_63).mul_add(t4_54, t4_53);
         let u_u1_1_q1y = like.lift(0.524) * sin_u1_1;
         let u_e1y_u1_1y = like.lift(1.244) * cos_u1_2;
         let u_e1y_q1y = u_u1_1_q1y + u_e1y_u1_1y;
-        let t5_137 = cos_e1x * u_e1y_q1y;
-        let t5_138 = cos_u1_1 * cos_u1_2_e1y;
-        let t5_139 = sin_e1x * t5_138;
-        let u_e1x_q1y = like.lift(0.524).mul_add(t5_139, t5_137);
-        let t5_140 = u_e1x_q1y - t1_97;
-        let t5_141 = -t5_140;
-        let t5_142 = t1_112 - t1_128;
-        let t5_143 = t1_63 * t5_142;
-        let t5_144 = (-t1_126).mul_add(t5_133, t5_143);
-        let t5_145 = sin_e1x * u_e1y_q1y;
-        let t5_146 = cos_e1x * t5_138;
-        let u_e1x_q1z = like.lift(-0.524).mul_add(t5_146, t5_145);
+        let t4_56 = cos_e1x * u_e1y_q1y;
+        let t4_57 = cos_u1_1 * cos_u1_2_e1y;
+        let t4_58 = sin_e1x * t4_57;
+        let u_e1x_q1y = like.lift(0.524).mul_add(t4_58, t4_56);
+        let t4_59 = u_e1x_q1y - t1_97;
+        let t4_60 = -t4_59;
+        let t4_61 = t1_112 - t1_128;
+        let t4_62 = t1_63 * t4_61;
+        let t4_63 = (-t1_126).mul_add(t4_52, t4_62);
+        let t4_64 = sin_e1x * u_e1y_q1y;
+        let t4_65 = cos_e1x * t4_57;
+        let u_e1x_q1z = like.lift(-0.524).mul_add(t4_65, t4_64);
         let u_platform_q1z = u_e1x_q1z + t1_136;
-        let t5_147 = u_platform_q1z + t1_139;
-        let t5_148 = t1_126 * t5_135;
-        let t5_149 = (-t1_25).mul_add(t5_142, t5_148);
-        let t5_150 = t1_176 - t1_188;
-        let t5_151 = t1_174 * t5_150;
-        let t5_152 = t1_192 - t1_203;
-        let t5_153 = (-t1_186).mul_add(t5_152, t5_151);
-        let t5_154 = u_e1x_q1y + t1_97;
-        let t5_155 = -t5_154;
-        let t5_156 = t1_217 - t2_9;
-        let t5_157 = t1_186 * t5_156;
-        let t5_158 = (-t2_7).mul_add(t5_150, t5_157);
-        let t5_159 = u_platform_q1z + t2_18;
-        let t5_160 = t2_7 * t5_152;
-        let t5_161 = (-t1_174).mul_add(t5_156, t5_160);
-        let t5_162 = t5_140.mul_add(t3_112, t5_147);
-        let t5_163 = t5_140.mul_add(t3_114, t5_132);
-        let t5_164 = (-t5_163).mul_add(t3_117, t5_162);
-        let t5_165 = t5_140.mul_add(t3_119, t1_155);
-        let t5_166 = (-t5_163).mul_add(t3_122, t5_165);
-        let t5_167 = t5_166 * t3_124;
-        let t5_168 = like.lift(0.0762102355330306) * t5_167;
-        let t5_169 = t5_164 - t5_168;
-        let t5_170 = (-t5_166).mul_add(t3_143, t2_32);
-        let t5_171 = (-t5_169).mul_add(t3_146, t5_170);
-        let t5_172 = t5_169 * t3_162;
-        let t5_173 = like.lift(0.066).mul_add(t5_172, t5_132);
-        let t5_174 = t5_171.mul_add(t3_167, t5_173);
-        let t5_175 = t5_159 - t5_168;
-        let t5_176 = (-t5_169).mul_add(t3_175, t5_175);
-        let t5_177 = t5_171.mul_add(t3_177, t5_176);
-        let t5_178 = (-t5_174).mul_add(t3_183, t5_177);
-        let t5_179 = (-t5_169).mul_add(t3_191, t5_154);
-        let t5_180 = (-t5_171).mul_add(t3_193, t5_179);
-        let t5_181 = t5_174.mul_add(t3_197, t5_180);
-        let t5_182 = t5_178.mul_add(t3_202, t5_181);
-        let t5_183 = t5_182 * inv_pivot_8;
-        let t5_184 = t3_190.mul_add(t5_183, t5_178);
-        let t5_185 = inv_pivot_7 * t5_184;
-        let t5_186 = (-t3_172).mul_add(t5_185, t5_174);
-        let t5_187 = t3_189.mul_add(t5_183, t5_186);
-        let t5_188 = inv_pivot_6 * t5_187;
-        let t5_189 = t3_161.mul_add(t5_188, t5_171);
-        let t5_190 = (-t2_43).mul_add(t5_185, t5_189);
-        let t5_191 = t2_49.mul_add(t5_183, t5_190);
-        let t5_192 = inv_pivot_5 * t5_191;
-        let t5_193 = t3_142.mul_add(t5_192, t5_169);
-        let t5_194 = t3_160.mul_add(t5_188, t5_193);
-        let t5_195 = inv_pivot_4 * t5_194;
-        let t5_196 = (-t5_144).mul_add(t3_112, t5_149);
-        let t5_197 = (-t5_144).mul_add(t3_114, t5_136);
-        let t5_198 = (-t5_197).mul_add(t3_117, t5_196);
-        let t5_199 = (-t5_144).mul_add(t3_119, t1_166);
-        let t5_200 = (-t5_197).mul_add(t3_122, t5_199);
-        let t5_201 = t5_200 * t3_124;
-        let t5_202 = like.lift(0.0762102355330306) * t5_201;
-        let t5_203 = t5_198 - t5_202;
-        let t5_204 = t5_200 * t3_143;
-        let t5_205 = t5_203.mul_add(t3_146, t5_204);
-        let t5_206 = t5_203 * t3_162;
-        let t5_207 = like.lift(0.066) * t5_206;
-        let t5_208 = (-t5_205).mul_add(t3_167, t5_207);
-        let t5_209 = t5_203.mul_add(t3_175, t5_202);
-        let t5_210 = t5_205.mul_add(t3_177, t5_209);
-        let t5_211 = t5_208.mul_add(t3_183, t5_210);
-        let t5_212 = t5_203 * t3_191;
-        let t5_213 = (-t5_205).mul_add(t3_193, t5_212);
-        let t5_214 = (-t5_208).mul_add(t3_197, t5_213);
-        let t5_215 = t5_211.mul_add(t3_202, t5_214);
-        let t5_216 = t5_215 * inv_pivot_8;
-        let t5_217 = t3_190.mul_add(t5_216, t5_211);
-        let t5_218 = inv_pivot_7 * t5_217;
-        let t5_219 = t3_172.mul_add(t5_218, t5_208);
-        let t5_220 = (-t3_189).mul_add(t5_216, t5_219);
-        let t5_221 = inv_pivot_6 * t5_220;
-        let t5_222 = (-t3_161).mul_add(t5_221, t5_205);
-        let t5_223 = (-t2_43).mul_add(t5_218, t5_222);
-        let t5_224 = t2_49.mul_add(t5_216, t5_223);
-        let t5_225 = inv_pivot_5 * t5_224;
-        kept[247] = al_rod1x;
-        kept[248] = al_rod1z;
-        kept[249] = t5_38;
-        kept[250] = t5_55;
-        kept[251] = t5_73;
-        kept[252] = t5_79;
-        kept[253] = t5_103;
-        kept[254] = t5_126;
-        kept[255] = t5_130;
-        kept[256] = t5_132;
-        kept[257] = t5_136;
-        kept[258] = t5_140;
-        kept[259] = t5_141;
-        kept[260] = t5_144;
-        kept[261] = t5_147;
-        kept[262] = t5_149;
-        kept[263] = t5_153;
-        kept[264] = t5_155;
-        kept[265] = t5_158;
-        kept[266] = t5_159;
-        kept[267] = t5_161;
-        kept[268] = t5_163;
-        kept[269] = t5_166;
-        kept[270] = t5_183;
-        kept[271] = t5_185;
-        kept[272] = t5_188;
-        kept[273] = t5_192;
-        kept[274] = t5_195;
-        kept[275] = t5_197;
-        kept[276] = t5_200;
-        kept[277] = t5_203;
-        kept[278] = t5_216;
-        kept[279] = t5_218;
-        kept[280] = t5_221;
-        kept[281] = t5_225;
-    }
-    // loops: solve with A_e (Eq. 8, 10)
-    {
-        let sin_e1x = kept[10];
-        let t1_15 = kept[18];
-        let t1_16 = kept[19];
-        let t1_17 = kept[20];
-        let t1_89 = kept[38];
-        let t1_95 = kept[41];
-        let t1_98 = kept[43];
-        let t1_99 = kept[44];
-        let t1_101 = kept[45];
-        let t1_102 = kept[46];
-        let t1_103 = kept[47];
-        let t1_131 = kept[56];
-        let pivot_1 = kept[58];
-        let t1_140 = kept[64];
-        let t1_142 = kept[66];
-        let t1_143 = kept[67];
-        let t1_144 = kept[68];
-        let t1_146 = kept[69];
-        let t1_148 = kept[70];
-        let t1_156 = kept[72];
-        let t1_160 = kept[74];
-        let t1_161 = kept[75];
-        let t1_167 = kept[77];
-        let t1_173 = kept[79];
-        let t1_205 = kept[98];
-        let t1_212 = kept[102];
-        let t1_214 = kept[104];
-        let t1_215 = kept[105];
-        let t2_12 = kept[112];
-        let t2_17 = kept[115];
-        let t2_19 = kept[117];
-        let t2_20 = kept[118];
-        let t2_22 = kept[119];
-        let t2_25 = kept[121];
-        let t2_33 = kept[123];
-        let t2_36 = kept[124];
-        let t2_38 = kept[125];
-        let t2_43 = kept[126];
-        let t2_44 = kept[127];
-        let t2_49 = kept[128];
-        let inv_pivot_1 = kept[185];
-        let t3_115 = kept[188];
-        let pivot_2 = kept[189];
-        let inv_pivot_2 = kept[190];
-        let t3_123 = kept[194];
-        let t3_124 = kept[195];
-        let pivot_4 = kept[196];
-        let inv_pivot_4 = kept[197];
-        let t3_136 = kept[198];
-        let t3_139 = kept[199];
-        let t3_142 = kept[200];
-        let pivot_5 = kept[203];
-        let inv_pivot_5 = kept[204];
-        let t3_152 = kept[205];
-        let t3_153 = kept[206];
-        let t3_160 = kept[207];
-        let t3_161 = kept[208];
-        let pivot_6 = kept[211];
-        let inv_pivot_6 = kept[212];
-        let t3_171 = kept[213];
-        let t3_172 = kept[214];
-        let t3_178 = kept[217];
-        let t3_183 = kept[218];
-        let pivot_7 = kept[219];
-        let inv_pivot_7 = kept[220];
-        let t3_189 = kept[221];
-        let t3_190 = kept[222];
-        let t3_197 = kept[225];
-        let t3_199 = kept[226];
-        let t3_202 = kept[227];
-        let inv_pivot_8 = kept[229];
-        let t4_2 = kept[238];
-        let t5_132 = kept[256];
-        let t5_136 = kept[257];
-        let t5_140 = kept[258];
-        let t5_141 = kept[259];
-        let t5_144 = kept[260];
-        let t5_147 = kept[261];
-        let t5_149 = kept[262];
-        let t5_153 = kept[263];
-        let t5_155 = kept[264];
-        let t5_158 = kept[265];
-        let t5_159 = kept[266];
-        let t5_161 = kept[267];
-        let t5_163 = kept[268];
-        let t5_166 = kept[269];
-        let t5_183 = kept[270];
-        let t5_185 = kept[271];
-        let t5_188 = kept[272];
-        let t5_192 = kept[273];
-        let t5_195 = kept[274];
-        let t5_197 = kept[275];
-        let t5_200 = kept[276];
-        let t5_203 = kept[277];
-        let t5_216 = kept[278];
-        let t5_218 = kept[279];
-        let t5_221 = kept[280];
-        let t5_225 = kept[281];
-        let t6_1 = (-t3_142).mul_add(t5_225, t5_203);
-        let t6_2 = t3_160.mul_add(t5_221, t6_1);
-        let t6_3 = inv_pivot_4 * t6_2;
-        let t6_4 = t5_153 + t3_171;
-        let t6_5 = t5_161 + t3_178;
-        let t6_6 = (-t6_4).mul_add(t3_183, t6_5);
-        let t6_7 = t5_158 + t3_199;
-        let t6_8 = (-t6_4).mul_add(t3_197, t6_7);
-        let t6_9 = (-t6_6).mul_add(t3_202, t6_8);
-        let t6_10 = t6_9 * inv_pivot_8;
-        let t6_11 = (-t3_190).mul_add(t6_10, t6_6);
-        let t6_12 = inv_pivot_7 * t6_11;
-        let t6_13 = (-t3_172).mul_add(t6_12, t6_4);
-        let t6_14 = (-t3_189).mul_add(t6_10, t6_13);
-        let t6_15 = inv_pivot_6 * t6_14;
-        let t6_16 = t3_161.mul_add(t6_15, t2_43);
-        let t6_17 = (-t2_43).mul_add(t6_12, t6_16);
-        let t6_18 = (-t2_49).mul_add(t6_10, t6_17);
-        let t6_19 = inv_pivot_5 * t6_18;
-        let t6_20 = t3_142 * t6_19;
-        let t6_21 = t3_160.mul_add(t6_15, t6_20);
-        let t6_22 = inv_pivot_4 * t6_21;
-        let t6_23 = -t5_192;
-        let t6_24 = -t6_19;
-        let t6_25 = (-t3_123).mul_add(t5_195, t5_166);
-        let t6_26 = t3_139.mul_add(t5_192, t6_25);
-        let t6_27 = (-t3_153).mul_add(t5_188, t6_26);
-        let t6_28 = t3_124 * t6_27;
-        let t6_29 = like.lift(1.1547005383792515) * t6_28;
-        let t6_30 = (-t3_123).mul_add(t6_3, t5_200);
-        let t6_31 = (-t3_139).mul_add(t5_225, t6_30);
-        let t6_32 = (-t3_153).mul_add(t5_221, t6_31);
-        let t6_33 = t3_124 * t6_32;
-        let t6_34 = like.lift(1.1547005383792515) * t6_33;
-        let t6_35 = t3_123 * t6_22;
-        let t6_36 = (-t3_139).mul_add(t6_19, t6_35);
-        let t6_37 = t3_153.mul_add(t6_15, t6_36);
-        let t6_38 = t3_124 * t6_37;
-        let t6_39 = like.lift(1.1547005383792515) * t6_38;
-        let t6_40 = -t6_39;
-        let t6_41 = t3_115.mul_add(t5_195, t5_163);
-        let t6_42 = t3_136.mul_add(t5_192, t6_41);
-        let t6_43 = (-t3_152).mul_add(t5_188, t6_42);
-        let t6_44 = inv_pivot_2 * t6_43;
-        let t6_45 = t3_115.mul_add(t6_3, t5_197);
-        let t6_46 = (-t3_136).mul_add(t5_225, t6_45);
-        let t6_47 = (-t3_152).mul_add(t5_221, t6_46);
-        let t6_48 = inv_pivot_2 * t6_47;
-        let t6_49 = t3_115 * t6_22;
-        let t6_50 = t3_136.mul_add(t6_19, t6_49);
-        let t6_51 = (-t3_152).mul_add(t6_15, t6_50);
-        let t6_52 = inv_pivot_2 * t6_51;
-        let t6_53 = t1_131.mul_add(t6_44, t5_140);
-        let t6_54 = (-t1_98).mul_add(t5_195, t6_53);
-        let t6_55 = (-t1_102).mul_add(t5_192, t6_54);
-        let t6_56 = sin_e1x * t5_188;
-        let t6_57 = like.lift(-0.0381051177665153).mul_add(t6_56, t6_55);
-        let t6_58 = inv_pivot_1 * t6_57;
-        let t6_59 = -t6_58;
-        let t6_60 = (-t1_131).mul_add(t6_48, t5_144);
-        let t6_61 = t1_98.mul_add(t6_3, t6_60);
-        let t6_62 = (-t1_102).mul_add(t5_225, t6_61);
-        let t6_63 = sin_e1x * t5_221;
-        let t6_64 = like.lift(0.0381051177665153).mul_add(t6_63, t6_62);
-        let t6_65 = inv_pivot_1 * t6_64;
-        let t6_66 = t1_131 * t6_52;
-        let t6_67 = (-t1_98).mul_add(t6_22, t6_66);
-        let t6_68 = (-t1_102).mul_add(t6_19, t6_67);
-        let t6_69 = sin_e1x * t6_15;
-        let t6_70 = like.lift(-0.0381051177665153).mul_add(t6_69, t6_68);
-        let t6_71 = inv_pivot_1 * t6_70;
-        let t6_72 = -t6_71;
-        let t6_73 = -t5_218;
-        let t6_74 = -t5_216;
-        let t6_75 = -t6_10;
+        let t4_66 = u_platform_q1z + t1_139;
+        let t4_67 = t1_126 * t4_54;
+        let t4_68 = (-t1_25).mul_add(t4_61, t4_67);
+        let t4_69 = t1_176 - t1_188;
+        let t4_70 = t1_174 * t4_69;
+        let t4_71 = t1_192 - t1_203;
+        let t4_72 = (-t1_186).mul_add(t4_71, t4_70);
+        let t4_73 = u_e1x_q1y + t1_97;
+        let t4_74 = -t4_73;
+        let t4_75 = t1_217 - t2_9;
+        let t4_76 = t1_186 * t4_75;
+        let t4_77 = (-t2_7).mul_add(t4_69, t4_76);
+        let t4_78 = u_platform_q1z + t2_18;
+        let t4_79 = t2_7 * t4_71;
+        let t4_80 = (-t1_174).mul_add(t4_75, t4_79);
+        let t4_81 = t4_59.mul_add(t3_109, t4_66);
+        let t4_82 = t4_59.mul_add(t3_111, t4_51);
+        let t4_83 = (-t4_82).mul_add(t3_114, t4_81);
+        let t4_84 = t4_59.mul_add(t3_116, t1_155);
+        let t4_85 = (-t4_82).mul_add(t3_119, t4_84);
+        let t4_86 = t4_85 * t3_121;
+        let t4_87 = like.lift(0.0762102355330306) * t4_86;
+        let t4_88 = t4_83 - t4_87;
+        let t4_89 = (-t4_85).mul_add(t3_140, t2_32);
+        let t4_90 = (-t4_88).mul_add(t3_143, t4_89);
+        let t4_91 = t4_88 * t3_159;
+        let t4_92 = like.lift(0.066).mul_add(t4_91, t4_51);
+        let t4_93 = t4_90.mul_add(t3_164, t4_92);
+        let t4_94 = t4_78 - t4_87;
+        let t4_95 = (-t4_88).mul_add(t3_172, t4_94);
+        let t4_96 = t4_90.mul_add(t3_174, t4_95);
+        let t4_97 = (-t4_93).mul_add(t3_180, t4_96);
+        let t4_98 = (-t4_88).mul_add(t3_188, t4_73);
+        let t4_99 = (-t4_90).mul_add(t3_190, t4_98);
+        let t4_100 = t4_93.mul_add(t3_194, t4_99);
+        let t4_101 = t4_97.mul_add(t3_199, t4_100);
+        let t4_102 = t4_101 * inv_pivot_8;
+        let t4_103 = t3_187.mul_add(t4_102, t4_97);
+        let t4_104 = inv_pivot_7 * t4_103;
+        let t4_105 = (-t3_169).mul_add(t4_104, t4_93);
+        let t4_106 = t3_186.mul_add(t4_102, t4_105);
+        let t4_107 = inv_pivot_6 * t4_106;
+        let t4_108 = t3_158.mul_add(t4_107, t4_90);
+        let t4_109 = (-t2_43).mul_add(t4_104, t4_108);
+        let t4_110 = t2_49.mul_add(t4_102, t4_109);
+        let t4_111 = inv_pivot_5 * t4_110;
+        let t4_112 = t3_139.mul_add(t4_111, t4_88);
+        let t4_113 = t3_157.mul_add(t4_107, t4_112);
+        let t4_114 = inv_pivot_4 * t4_113;
+        let t4_115 = (-t4_63).mul_add(t3_109, t4_68);
+        let t4_116 = (-t4_63).mul_add(t3_111, t4_55);
+        let t4_117 = (-t4_116).mul_add(t3_114, t4_115);
+        let t4_118 = (-t4_63).mul_add(t3_116, t1_166);
+        let t4_119 = (-t4_116).mul_add(t3_119, t4_118);
+        let t4_120 = t4_119 * t3_121;
+        let t4_121 = like.lift(0.0762102355330306) * t4_120;
+        let t4_122 = t4_117 - t4_121;
+        let t4_123 = t4_119 * t3_140;
+        let t4_124 = t4_122.mul_add(t3_143, t4_123);
+        let t4_125 = t4_122 * t3_159;
+        let t4_126 = like.lift(0.066) * t4_125;
+        let t4_127 = (-t4_124).mul_add(t3_164, t4_126);
+        let t4_128 = t4_122.mul_add(t3_172, t4_121);
+        let t4_129 = t4_124.mul_add(t3_174, t4_128);
+        let t4_130 = t4_127.mul_add(t3_180, t4_129);
+        let t4_131 = t4_122 * t3_188;
+        let t4_132 = (-t4_124).mul_add(t3_190, t4_131);
+        let t4_133 = (-t4_127).mul_add(t3_194, t4_132);
+        let t4_134 = t4_130.mul_add(t3_199, t4_133);
+        let t4_135 = t4_134 * inv_pivot_8;
+        let t4_136 = t3_187.mul_add(t4_135, t4_130);
+        let t4_137 = inv_pivot_7 * t4_136;
+        let t4_138 = t3_169.mul_add(t4_137, t4_127);
+        let t4_139 = (-t3_186).mul_add(t4_135, t4_138);
+        let t4_140 = inv_pivot_6 * t4_139;
+        let t4_141 = (-t3_158).mul_add(t4_140, t4_124);
+        let t4_142 = (-t2_43).mul_add(t4_137, t4_141);
+        let t4_143 = t2_49.mul_add(t4_135, t4_142);
+        let t4_144 = inv_pivot_5 * t4_143;
+        let t4_145 = (-t3_139).mul_add(t4_144, t4_122);
+        let t4_146 = t3_157.mul_add(t4_140, t4_145);
+        let t4_147 = inv_pivot_4 * t4_146;
+        let t4_148 = t4_72 + t3_168;
+        let t4_149 = t4_80 + t3_175;
+        let t4_150 = (-t4_148).mul_add(t3_180, t4_149);
+        let t4_151 = t4_77 + t3_196;
+        let t4_152 = (-t4_148).mul_add(t3_194, t4_151);
+        let t4_153 = (-t4_150).mul_add(t3_199, t4_152);
+        let t4_154 = t4_153 * inv_pivot_8;
+        let t4_155 = (-t3_187).mul_add(t4_154, t4_150);
+        let t4_156 = inv_pivot_7 * t4_155;
+        let t4_157 = (-t3_169).mul_add(t4_156, t4_148);
+        let t4_158 = (-t3_186).mul_add(t4_154, t4_157);
+        let t4_159 = inv_pivot_6 * t4_158;
+        let t4_160 = t3_158.mul_add(t4_159, t2_43);
+        let t4_161 = (-t2_43).mul_add(t4_156, t4_160);
+        let t4_162 = (-t2_49).mul_add(t4_154, t4_161);
+        let t4_163 = inv_pivot_5 * t4_162;
+        let t4_164 = t3_139 * t4_163;
+        let t4_165 = t3_157.mul_add(t4_159, t4_164);
+        let t4_166 = inv_pivot_4 * t4_165;
+        let t4_167 = -t4_111;
+        let t4_168 = -t4_163;
+        let t4_169 = (-t3_120).mul_add(t4_114, t4_85);
+        let t4_170 = t3_136.mul_add(t4_111, t4_169);
+        let t4_171 = (-t3_150).mul_add(t4_107, t4_170);
+        let t4_172 = t3_121 * t4_171;
+        let t4_173 = like.lift(1.1547005383792515) * t4_172;
+        let t4_174 = (-t3_120).mul_add(t4_147, t4_119);
+        let t4_175 = (-t3_136).mul_add(t4_144, t4_174);
+        let t4_176 = (-t3_150).mul_add(t4_140, t4_175);
+        let t4_177 = t3_121 * t4_176;
+        let t4_178 = like.lift(1.1547005383792515) * t4_177;
+        let t4_179 = t3_120 * t4_166;
+        let t4_180 = (-t3_136).mul_add(t4_163, t4_179);
+        let t4_181 = t3_150.mul_add(t4_159, t4_180);
+        let t4_182 = t3_121 * t4_181;
+        let t4_183 = like.lift(1.1547005383792515) * t4_182;
+        let t4_184 = -t4_183;
+        let t4_185 = t3_112.mul_add(t4_114, t4_82);
+        let t4_186 = t3_133.mul_add(t4_111, t4_185);
+        let t4_187 = (-t3_149).mul_add(t4_107, t4_186);
+        let t4_188 = inv_pivot_2 * t4_187;
+        let t4_189 = t3_112.mul_add(t4_147, t4_116);
+        let t4_190 = (-t3_133).mul_add(t4_144, t4_189);
+        let t4_191 = (-t3_149).mul_add(t4_140, t4_190);
+        let t4_192 = inv_pivot_2 * t4_191;
+        let t4_193 = t3_112 * t4_166;
+        let t4_194 = t3_133.mul_add(t4_163, t4_193);
+        let t4_195 = (-t3_149).mul_add(t4_159, t4_194);
+        let t4_196 = inv_pivot_2 * t4_195;
+        let t4_197 = t1_131.mul_add(t4_188, t4_59);
+        let t4_198 = (-t1_98).mul_add(t4_114, t4_197);
+        let t4_199 = (-t1_102).mul_add(t4_111, t4_198);
+        let t4_200 = sin_e1x * t4_107;
+        let t4_201 = like.lift(-0.0381051177665153).mul_add(t4_200, t4_199);
+        let t4_202 = inv_pivot_1 * t4_201;
+        let t4_203 = -t4_202;
+        let t4_204 = (-t1_131).mul_add(t4_192, t4_63);
+        let t4_205 = t1_98.mul_add(t4_147, t4_204);
+        let t4_206 = (-t1_102).mul_add(t4_144, t4_205);
+        let t4_207 = sin_e1x * t4_140;
+        let t4_208 = like.lift(0.0381051177665153).mul_add(t4_207, t4_206);
+        let t4_209 = inv_pivot_1 * t4_208;
+        let t4_210 = t1_131 * t4_196;
+        let t4_211 = (-t1_98).mul_add(t4_166, t4_210);
+        let t4_212 = (-t1_102).mul_add(t4_163, t4_211);
+        let t4_213 = sin_e1x * t4_159;
+        let t4_214 = like.lift(-0.0381051177665153).mul_add(t4_213, t4_212);
+        let t4_215 = inv_pivot_1 * t4_214;
+        let t4_216 = -t4_215;
+        let t4_217 = -t4_137;
+        let t4_218 = -t4_135;
+        let t4_219 = -t4_154;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(0.9379407993771961)).abs()
             .min((pivot_2 * like.lift(0.8419561199081981)).abs())
@@ -18925,17 +17661,16 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 43]) ->
             .min((pivot_5 * like.lift(0.7972052055720686)).abs())
             .min((pivot_6 * like.lift(0.8046174018437734)).abs())
             .min((pivot_7 * like.lift(1.0351966873706007)).abs())
-            .min((t4_2 * like.lift(0.6961619001482627)).abs());
+            .min((t3_236 * like.lift(0.6961619001482627)).abs());
         let ([
-            [x_u1_1_q1, x_u1_1_q2, x_u1_1_q3], [x_u1_2_q1, x_u1_2_q2, x_u1_2_q3],
-            [x_e1y_q1, x_e1y_q2, x_e1y_q3], [x_e1x_q1, x_e1x_q2, x_e1x_q3],
-            [x_u2_1_q1, x_u2_1_q2, x_u2_1_q3], [x_u2_2_q1, x_u2_2_q2, x_u2_2_q3],
+            [x_u1_1_q1, x_u1_1_q2, x_u1_1_q3], [x_u1_2_q1, x_u1_2_q2, x_u1_2_q3], [_, _, _],
+            [_, _, _], [x_u2_1_q1, x_u2_1_q2, x_u2_1_q3], [x_u2_2_q1, x_u2_2_q2, x_u2_2_q3],
             [x_u3_1_q1, x_u3_1_q2, x_u3_1_q3], [x_u3_2_q1, x_u3_2_q2, x_u3_2_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t5_195, t6_3, t6_22], [t6_23, t5_225, t6_24], [t5_188, t5_221, t6_15],
-                [t6_29, t6_34, t6_40], [t6_44, t6_48, t6_52], [t6_59, t6_65, t6_72],
-                [t5_185, t6_73, t6_12], [t5_183, t6_74, t6_75],
+                [t4_114, t4_147, t4_166], [t4_167, t4_144, t4_168], [t4_107, t4_140, t4_159],
+                [t4_173, t4_178, t4_184], [t4_188, t4_192, t4_196], [t4_203, t4_209, t4_216],
+                [t4_104, t4_217, t4_156], [t4_102, t4_218, t4_219],
             ],
             margin,
             || (
@@ -18950,318 +17685,224 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 43]) ->
                     [t2_33, t2_36, t2_36, t2_38, like.lift(0.0), like.lift(0.0), t2_44, t2_49],
                 ],
                 [
-                    [t5_132, t5_136, like.lift(0.0)], [t5_141, t5_144, like.lift(0.0)],
-                    [t5_147, t5_149, like.lift(0.0)], [t1_156, t1_167, like.lift(0.0)],
-                    [t5_132, like.lift(0.0), t5_153], [t5_155, like.lift(0.0), t5_158],
-                    [t5_159, like.lift(0.0), t5_161], [t2_33, like.lift(0.0), t2_44],
+                    [t4_51, t4_55, like.lift(0.0)], [t4_60, t4_63, like.lift(0.0)],
+                    [t4_66, t4_68, like.lift(0.0)], [t1_156, t1_167, like.lift(0.0)],
+                    [t4_51, like.lift(0.0), t4_72], [t4_74, like.lift(0.0), t4_77],
+                    [t4_78, like.lift(0.0), t4_80], [t2_33, like.lift(0.0), t2_44],
                 ],
             ),
         );
         condition = condition.min(found);
-        kept[282] = x_u1_1_q1;
-        kept[283] = x_u1_1_q2;
-        kept[284] = x_u1_1_q3;
-        kept[285] = x_u1_2_q1;
-        kept[286] = x_u1_2_q2;
-        kept[287] = x_u1_2_q3;
-        kept[288] = x_e1y_q1;
-        kept[289] = x_e1y_q2;
-        kept[290] = x_e1y_q3;
-        kept[291] = x_e1x_q1;
-        kept[292] = x_e1x_q2;
-        kept[293] = x_e1x_q3;
-        kept[294] = x_u2_1_q1;
-        kept[295] = x_u2_1_q2;
-        kept[296] = x_u2_1_q3;
-        kept[297] = x_u2_2_q1;
-        kept[298] = x_u2_2_q2;
-        kept[299] = x_u2_2_q3;
-        kept[300] = x_u3_1_q1;
-        kept[301] = x_u3_1_q2;
-        kept[302] = x_u3_1_q3;
-        kept[303] = x_u3_2_q1;
-        kept[304] = x_u3_2_q2;
-        kept[305] = x_u3_2_q3;
-    }
+        [
+            al_rod1x, al_rod1z, t4_15, t4_29, t4_49, x_u1_1_q1, x_u1_1_q2, x_u1_1_q3,
+            x_u1_2_q1, x_u1_2_q2, x_u1_2_q3, x_u2_1_q1, x_u2_1_q2, x_u2_1_q3, x_u2_2_q1,
+            x_u2_2_q2, x_u2_2_q3, x_u3_1_q1, x_u3_1_q2, x_u3_1_q3, x_u3_2_q1, x_u3_2_q2,
+            x_u3_2_q3,
+        ]
+    };
     // tau
     {
-        let t1_1 = kept[4];
-        let t1_2 = kept[5];
-        let t1_3 = kept[6];
-        let t1_6 = kept[7];
-        let sin_e1x = kept[10];
-        let cos_e1x = kept[11];
-        let sin_u2_2 = kept[27];
-        let cos_u2_2 = kept[28];
-        let sin_u2_1 = kept[29];
-        let cos_u2_1 = kept[30];
-        let sin_u3_2 = kept[85];
-        let cos_u3_2 = kept[86];
-        let sin_u3_1 = kept[87];
-        let cos_u3_1 = kept[88];
-        let t2_52 = kept[129];
-        let t2_56 = kept[132];
-        let al_rod1y = kept[240];
-        let al_u2_1x = kept[243];
-        let al_rod2y = kept[244];
-        let al_u3_1x = kept[245];
-        let al_rod3y = kept[246];
-        let al_rod1x = kept[247];
-        let al_rod1z = kept[248];
-        let t5_38 = kept[249];
-        let t5_55 = kept[250];
-        let t5_73 = kept[251];
-        let t5_79 = kept[252];
-        let t5_103 = kept[253];
-        let t5_126 = kept[254];
-        let t5_130 = kept[255];
-        let x_u1_1_q1 = kept[282];
-        let x_u1_1_q2 = kept[283];
-        let x_u1_1_q3 = kept[284];
-        let x_u1_2_q1 = kept[285];
-        let x_u1_2_q2 = kept[286];
-        let x_u1_2_q3 = kept[287];
-        let x_e1y_q1 = kept[288];
-        let x_e1y_q2 = kept[289];
-        let x_e1y_q3 = kept[290];
-        let x_e1x_q1 = kept[291];
-        let x_e1x_q2 = kept[292];
-        let x_e1x_q3 = kept[293];
-        let x_u2_1_q1 = kept[294];
-        let x_u2_1_q2 = kept[295];
-        let x_u2_1_q3 = kept[296];
-        let x_u2_2_q1 = kept[297];
-        let x_u2_2_q2 = kept[298];
-        let x_u2_2_q3 = kept[299];
-        let x_u3_1_q1 = kept[300];
-        let x_u3_1_q2 = kept[301];
-        let x_u3_1_q3 = kept[302];
-        let x_u3_2_q1 = kept[303];
-        let x_u3_2_q2 = kept[304];
-        let x_u3_2_q3 = kept[305];
-        let t7_1 = (-t5_103).mul_add(x_u1_1_q1, t5_130);
-        let t7_2 = p_ixx_rod1 - p_izz_rod1;
-        let t7_3 = t1_2 * t7_2;
-        let t7_4 = t1_6 - t5_79;
-        let t7_5 = (-t7_4).mul_add(p_ixz_rod1, t7_3);
-        let t7_6 = t1_1.mul_add(p_ixy_rod1, t7_5);
-        let t7_7 = t1_3.mul_add(p_iyz_rod1, -t7_6);
-        let t7_8 = p_ixy_rod1 * al_rod1x;
-        let t7_9 = (-p_iyy_rod1).mul_add(al_rod1y, t7_8);
-        let t7_10 = (-p_iyz_rod1).mul_add(al_rod1z, t7_9);
-        let t7_11 = t7_7 + t7_10;
-        let t7_12 = t2_56 * p_mz_rod1;
-        let t7_13 = like.lift(0.524) * t7_12;
-        let t7_14 = t2_52 * p_mx_rod1;
-        let t7_15 = like.lift(0.524).mul_add(t7_14, t7_13);
-        let t7_16 = t7_11 + t7_15;
-        let t7_17 = cos_e1x * t5_38;
-        let t7_18 = sin_e1x.mul_add(t5_55, t7_17);
-        let t7_19 = like.lift(1.244).mul_add(t5_126, t7_18);
-        let t7_20 = t7_16 + t7_19;
-        let t7_21 = (-t7_20).mul_add(x_u1_2_q1, t7_1);
-        let t7_22 = (-t7_18).mul_add(x_e1y_q1, t7_21);
-        let t7_23 = t5_73.mul_add(x_e1x_q1, t7_22);
+        let t5_1 = (-t4_29).mul_add(x_u1_1_q1, t4_49);
+        let t5_2 = p_ixx_rod1 - p_izz_rod1;
+        let t5_3 = t1_2 * t5_2;
+        let t5_4 = t1_6 - t4_15;
+        let t5_5 = (-t5_4).mul_add(p_ixz_rod1, t5_3);
+        let t5_6 = t1_1.mul_add(p_ixy_rod1, t5_5);
+        let t5_7 = t1_3.mul_add(p_iyz_rod1, -t5_6);
+        let t5_8 = p_ixy_rod1 * al_rod1x;
+        let t5_9 = (-p_iyy_rod1).mul_add(al_rod1y, t5_8);
+        let t5_10 = (-p_iyz_rod1).mul_add(al_rod1z, t5_9);
+        let t5_11 = t5_7 + t5_10;
+        let t5_12 = t2_56 * p_mz_rod1;
+        let t5_13 = like.lift(0.524) * t5_12;
+        let t5_14 = t2_52 * p_mx_rod1;
+        let t5_15 = like.lift(0.524).mul_add(t5_14, t5_13);
+        let t5_16 = t5_11 + t5_15;
+        let t5_17 = (-t5_16).mul_add(x_u1_2_q1, t5_1);
         let w_u2_1x = d_q2 + d_u2_1;
         let w_rod2z = sin_u2_2 * w_u2_1x;
-        let t7_24 = d_u2_2 * w_rod2z;
+        let t5_18 = d_u2_2 * w_rod2z;
         let w_rod2x = cos_u2_2 * w_u2_1x;
-        let t7_25 = w_rod2z * w_rod2x;
-        let t7_26 = d_u2_2 * w_rod2x;
-        let t7_27 = p_ixx_rod2 - p_iyy_rod2;
-        let t7_28 = t7_26 * t7_27;
-        let t7_29 = w_rod2x * w_rod2x;
-        let t7_30 = d_u2_2 * d_u2_2;
-        let t7_31 = t7_29 - t7_30;
-        let t7_32 = (-t7_31).mul_add(p_ixy_rod2, t7_28);
-        let t7_33 = t7_25.mul_add(p_iyz_rod2, -t7_32);
-        let t7_34 = t7_24.mul_add(p_ixz_rod2, -t7_33);
-        let t7_35 = cos_u2_2 * al_u2_1x;
-        let al_rod2x = t7_24 - t7_35;
-        let t7_36 = p_ixz_rod2 * al_rod2x;
-        let t7_37 = (-p_iyz_rod2).mul_add(al_rod2y, t7_36);
-        let t7_38 = sin_u2_2 * al_u2_1x;
-        let al_rod2z = t7_26 + t7_38;
-        let t7_39 = (-p_izz_rod2).mul_add(al_rod2z, t7_37);
-        let t7_40 = t7_34 + t7_39;
-        let t7_41 = d_q2 * d_q2;
-        let t7_42 = cos_u2_1 * t7_41;
-        let t7_43 = t7_42 * p_mx_rod2;
-        let t7_44 = like.lift(0.524) * t7_43;
-        let t7_45 = sin_u2_1 * t7_41;
-        let t7_46 = sin_u2_2 * t7_45;
-        let t7_47 = t7_46 * p_my_rod2;
-        let t7_48 = like.lift(-0.524).mul_add(t7_47, t7_44);
-        let t7_49 = t7_40 + t7_48;
-        let t7_50 = sin_u2_2 * t7_49;
-        let t7_51 = p_iyy_rod2 - p_izz_rod2;
-        let t7_52 = t7_24 * t7_51;
-        let t7_53 = w_rod2z * w_rod2z;
-        let t7_54 = t7_30 - t7_53;
-        let t7_55 = (-t7_54).mul_add(p_iyz_rod2, t7_52);
-        let t7_56 = t7_26.mul_add(p_ixz_rod2, -t7_55);
-        let t7_57 = t7_25.mul_add(p_ixy_rod2, -t7_56);
-        let t7_58 = p_ixx_rod2 * al_rod2x;
-        let t7_59 = (-p_ixy_rod2).mul_add(al_rod2y, t7_58);
-        let t7_60 = (-p_ixz_rod2).mul_add(al_rod2z, t7_59);
-        let t7_61 = t7_57 + t7_60;
-        let t7_62 = cos_u2_2 * t7_45;
-        let t7_63 = t7_62 * p_my_rod2;
-        let t7_64 = like.lift(0.524) * t7_63;
-        let t7_65 = t7_42 * p_mz_rod2;
-        let t7_66 = like.lift(0.524).mul_add(t7_65, t7_64);
-        let t7_67 = t7_61 - t7_66;
-        let t7_68 = cos_u2_2.mul_add(t7_67, t7_50);
-        let t7_69 = (-t7_68).mul_add(x_u2_1_q1, t7_23);
-        let t7_70 = p_ixx_rod2 - p_izz_rod2;
-        let t7_71 = t7_25 * t7_70;
-        let t7_72 = t7_29 - t7_53;
-        let t7_73 = (-t7_72).mul_add(p_ixz_rod2, t7_71);
-        let t7_74 = t7_24.mul_add(p_ixy_rod2, t7_73);
-        let t7_75 = t7_26.mul_add(p_iyz_rod2, -t7_74);
-        let t7_76 = p_ixy_rod2 * al_rod2x;
-        let t7_77 = (-p_iyy_rod2).mul_add(al_rod2y, t7_76);
-        let t7_78 = (-p_iyz_rod2).mul_add(al_rod2z, t7_77);
-        let t7_79 = t7_75 + t7_78;
-        let t7_80 = t7_46 * p_mz_rod2;
-        let t7_81 = like.lift(0.524) * t7_80;
-        let t7_82 = t7_62 * p_mx_rod2;
-        let t7_83 = like.lift(0.524).mul_add(t7_82, t7_81);
-        let t7_84 = t7_79 + t7_83;
-        let t7_85 = (-t7_84).mul_add(x_u2_2_q1, t7_69);
+        let t5_19 = w_rod2z * w_rod2x;
+        let t5_20 = d_u2_2 * w_rod2x;
+        let t5_21 = p_ixx_rod2 - p_iyy_rod2;
+        let t5_22 = t5_20 * t5_21;
+        let t5_23 = w_rod2x * w_rod2x;
+        let t5_24 = d_u2_2 * d_u2_2;
+        let t5_25 = t5_23 - t5_24;
+        let t5_26 = (-t5_25).mul_add(p_ixy_rod2, t5_22);
+        let t5_27 = t5_19.mul_add(p_iyz_rod2, -t5_26);
+        let t5_28 = t5_18.mul_add(p_ixz_rod2, -t5_27);
+        let t5_29 = cos_u2_2 * al_u2_1x;
+        let al_rod2x = t5_18 - t5_29;
+        let t5_30 = p_ixz_rod2 * al_rod2x;
+        let t5_31 = (-p_iyz_rod2).mul_add(al_rod2y, t5_30);
+        let t5_32 = sin_u2_2 * al_u2_1x;
+        let al_rod2z = t5_20 + t5_32;
+        let t5_33 = (-p_izz_rod2).mul_add(al_rod2z, t5_31);
+        let t5_34 = t5_28 + t5_33;
+        let t5_35 = d_q2 * d_q2;
+        let t5_36 = cos_u2_1 * t5_35;
+        let t5_37 = t5_36 * p_mx_rod2;
+        let t5_38 = like.lift(0.524) * t5_37;
+        let t5_39 = sin_u2_1 * t5_35;
+        let t5_40 = sin_u2_2 * t5_39;
+        let t5_41 = t5_40 * p_my_rod2;
+        let t5_42 = like.lift(-0.524).mul_add(t5_41, t5_38);
+        let t5_43 = t5_34 + t5_42;
+        let t5_44 = sin_u2_2 * t5_43;
+        let t5_45 = p_iyy_rod2 - p_izz_rod2;
+        let t5_46 = t5_18 * t5_45;
+        let t5_47 = w_rod2z * w_rod2z;
+        let t5_48 = t5_24 - t5_47;
+        let t5_49 = (-t5_48).mul_add(p_iyz_rod2, t5_46);
+        let t5_50 = t5_20.mul_add(p_ixz_rod2, -t5_49);
+        let t5_51 = t5_19.mul_add(p_ixy_rod2, -t5_50);
+        let t5_52 = p_ixx_rod2 * al_rod2x;
+        let t5_53 = (-p_ixy_rod2).mul_add(al_rod2y, t5_52);
+        let t5_54 = (-p_ixz_rod2).mul_add(al_rod2z, t5_53);
+        let t5_55 = t5_51 + t5_54;
+        let t5_56 = cos_u2_2 * t5_39;
+        let t5_57 = t5_56 * p_my_rod2;
+        let t5_58 = like.lift(-0.524).mul_add(t5_57, t5_55);
+        let t5_59 = cos_u2_2.mul_add(t5_58, t5_44);
+        let t5_60 = (-t5_59).mul_add(x_u2_1_q1, t5_17);
+        let t5_61 = p_ixx_rod2 - p_izz_rod2;
+        let t5_62 = t5_19 * t5_61;
+        let t5_63 = t5_23 - t5_47;
+        let t5_64 = (-t5_63).mul_add(p_ixz_rod2, t5_62);
+        let t5_65 = t5_18.mul_add(p_ixy_rod2, t5_64);
+        let t5_66 = t5_20.mul_add(p_iyz_rod2, -t5_65);
+        let t5_67 = p_ixy_rod2 * al_rod2x;
+        let t5_68 = (-p_iyy_rod2).mul_add(al_rod2y, t5_67);
+        let t5_69 = (-p_iyz_rod2).mul_add(al_rod2z, t5_68);
+        let t5_70 = t5_66 + t5_69;
+        let t5_71 = t5_56 * p_mx_rod2;
+        let t5_72 = like.lift(0.524).mul_add(t5_71, t5_70);
+        let t5_73 = (-t5_72).mul_add(x_u2_2_q1, t5_60);
         let w_u3_1x = d_q3 + d_u3_1;
         let w_rod3z = sin_u3_2 * w_u3_1x;
-        let t7_86 = d_u3_2 * w_rod3z;
+        let t5_74 = d_u3_2 * w_rod3z;
         let w_rod3x = cos_u3_2 * w_u3_1x;
-        let t7_87 = w_rod3z * w_rod3x;
-        let t7_88 = d_u3_2 * w_rod3x;
-        let t7_89 = p_ixx_rod3 - p_iyy_rod3;
-        let t7_90 = t7_88 * t7_89;
-        let t7_91 = w_rod3x * w_rod3x;
-        let t7_92 = d_u3_2 * d_u3_2;
-        let t7_93 = t7_91 - t7_92;
-        let t7_94 = (-t7_93).mul_add(p_ixy_rod3, t7_90);
-        let t7_95 = t7_87.mul_add(p_iyz_rod3, -t7_94);
-        let t7_96 = t7_86.mul_add(p_ixz_rod3, -t7_95);
-        let t7_97 = cos_u3_2 * al_u3_1x;
-        let al_rod3x = t7_86 - t7_97;
-        let t7_98 = p_ixz_rod3 * al_rod3x;
-        let t7_99 = (-p_iyz_rod3).mul_add(al_rod3y, t7_98);
-        let t7_100 = sin_u3_2 * al_u3_1x;
-        let al_rod3z = t7_88 + t7_100;
-        let t7_101 = (-p_izz_rod3).mul_add(al_rod3z, t7_99);
-        let t7_102 = t7_96 + t7_101;
-        let t7_103 = d_q3 * d_q3;
-        let t7_104 = cos_u3_1 * t7_103;
-        let t7_105 = t7_104 * p_mx_rod3;
-        let t7_106 = like.lift(0.524) * t7_105;
-        let t7_107 = sin_u3_1 * t7_103;
-        let t7_108 = sin_u3_2 * t7_107;
-        let t7_109 = t7_108 * p_my_rod3;
-        let t7_110 = like.lift(-0.524).mul_add(t7_109, t7_106);
-        let t7_111 = t7_102 + t7_110;
-        let t7_112 = sin_u3_2 * t7_111;
-        let t7_113 = p_iyy_rod3 - p_izz_rod3;
-        let t7_114 = t7_86 * t7_113;
-        let t7_115 = w_rod3z * w_rod3z;
-        let t7_116 = t7_92 - t7_115;
-        let t7_117 = (-t7_116).mul_add(p_iyz_rod3, t7_114);
-        let t7_118 = t7_88.mul_add(p_ixz_rod3, -t7_117);
-        let t7_119 = t7_87.mul_add(p_ixy_rod3, -t7_118);
-        let t7_120 = p_ixx_rod3 * al_rod3x;
-        let t7_121 = (-p_ixy_rod3).mul_add(al_rod3y, t7_120);
-        let t7_122 = (-p_ixz_rod3).mul_add(al_rod3z, t7_121);
-        let t7_123 = t7_119 + t7_122;
-        let t7_124 = cos_u3_2 * t7_107;
-        let t7_125 = t7_124 * p_my_rod3;
-        let t7_126 = like.lift(0.524) * t7_125;
-        let t7_127 = t7_104 * p_mz_rod3;
-        let t7_128 = like.lift(0.524).mul_add(t7_127, t7_126);
-        let t7_129 = t7_123 - t7_128;
-        let t7_130 = cos_u3_2.mul_add(t7_129, t7_112);
-        let t7_131 = (-t7_130).mul_add(x_u3_1_q1, t7_85);
-        let t7_132 = p_ixx_rod3 - p_izz_rod3;
-        let t7_133 = t7_87 * t7_132;
-        let t7_134 = t7_91 - t7_115;
-        let t7_135 = (-t7_134).mul_add(p_ixz_rod3, t7_133);
-        let t7_136 = t7_86.mul_add(p_ixy_rod3, t7_135);
-        let t7_137 = t7_88.mul_add(p_iyz_rod3, -t7_136);
-        let t7_138 = p_ixy_rod3 * al_rod3x;
-        let t7_139 = (-p_iyy_rod3).mul_add(al_rod3y, t7_138);
-        let t7_140 = (-p_iyz_rod3).mul_add(al_rod3z, t7_139);
-        let t7_141 = t7_137 + t7_140;
-        let t7_142 = t7_108 * p_mz_rod3;
-        let t7_143 = like.lift(0.524) * t7_142;
-        let t7_144 = t7_124 * p_mx_rod3;
-        let t7_145 = like.lift(0.524).mul_add(t7_144, t7_143);
-        let t7_146 = t7_141 + t7_145;
-        let t7_147 = (-t7_146).mul_add(x_u3_2_q1, t7_131);
-        let t7_148 = -t7_147;
-        tau[0] = t7_148;
-        let t7_149 = w_u2_1x * w_u2_1x;
-        let t7_150 = t7_149 * p_my_rod2;
-        let t7_151 = t7_26 + al_rod2z;
-        let t7_152 = (-p_mx_rod2).mul_add(t7_151, t7_150);
-        let t7_153 = t7_24 + al_rod2x;
-        let t7_154 = (-p_mz_rod2).mul_add(t7_153, t7_152);
-        let t7_155 = sin_u2_1 * t7_154;
-        let t7_156 = t7_29 + t7_30;
-        let t7_157 = t7_25 - al_rod2y;
-        let t7_158 = p_mx_rod2 * t7_157;
-        let t7_159 = p_my_rod2.mul_add(t7_35, t7_158);
-        let t7_160 = t7_156.mul_add(p_mz_rod2, -t7_159);
-        let t7_161 = cos_u2_2 * t7_160;
-        let t7_162 = t7_30 + t7_53;
-        let t7_163 = t7_162 * p_mx_rod2;
-        let t7_164 = p_my_rod2.mul_add(t7_38, t7_163);
-        let t7_165 = t7_25 + al_rod2y;
-        let t7_166 = (-p_mz_rod2).mul_add(t7_165, t7_164);
-        let t7_167 = (-sin_u2_2).mul_add(t7_166, t7_161);
-        let t7_168 = cos_u2_1.mul_add(t7_167, t7_155);
-        let t7_169 = like.lift(0.524).mul_add(t7_168, t7_68);
-        let t7_170 = t5_103 * x_u1_1_q2;
-        let t7_171 = t7_20.mul_add(x_u1_2_q2, t7_170);
-        let t7_172 = t7_18.mul_add(x_e1y_q2, t7_171);
-        let t7_173 = (-t5_73).mul_add(x_e1x_q2, t7_172);
-        let t7_174 = t7_169 - t7_173;
-        let t7_175 = (-t7_68).mul_add(x_u2_1_q2, t7_174);
-        let t7_176 = (-t7_84).mul_add(x_u2_2_q2, t7_175);
-        let t7_177 = (-t7_130).mul_add(x_u3_1_q2, t7_176);
-        let t7_178 = (-t7_146).mul_add(x_u3_2_q2, t7_177);
-        let t7_179 = -t7_178;
-        tau[1] = t7_179;
-        let t7_180 = w_u3_1x * w_u3_1x;
-        let t7_181 = t7_180 * p_my_rod3;
-        let t7_182 = t7_88 + al_rod3z;
-        let t7_183 = (-p_mx_rod3).mul_add(t7_182, t7_181);
-        let t7_184 = t7_86 + al_rod3x;
-        let t7_185 = (-p_mz_rod3).mul_add(t7_184, t7_183);
-        let t7_186 = sin_u3_1 * t7_185;
-        let t7_187 = t7_91 + t7_92;
-        let t7_188 = t7_87 - al_rod3y;
-        let t7_189 = p_mx_rod3 * t7_188;
-        let t7_190 = p_my_rod3.mul_add(t7_97, t7_189);
-        let t7_191 = t7_187.mul_add(p_mz_rod3, -t7_190);
-        let t7_192 = cos_u3_2 * t7_191;
-        let t7_193 = t7_92 + t7_115;
-        let t7_194 = t7_193 * p_mx_rod3;
-        let t7_195 = p_my_rod3.mul_add(t7_100, t7_194);
-        let t7_196 = t7_87 + al_rod3y;
-        let t7_197 = (-p_mz_rod3).mul_add(t7_196, t7_195);
-        let t7_198 = (-sin_u3_2).mul_add(t7_197, t7_192);
-        let t7_199 = cos_u3_1.mul_add(t7_198, t7_186);
-        let t7_200 = like.lift(0.524).mul_add(t7_199, t7_130);
-        let t7_201 = t5_103 * x_u1_1_q3;
-        let t7_202 = t7_20.mul_add(x_u1_2_q3, t7_201);
-        let t7_203 = t7_18.mul_add(x_e1y_q3, t7_202);
-        let t7_204 = (-t5_73).mul_add(x_e1x_q3, t7_203);
-        let t7_205 = t7_68.mul_add(x_u2_1_q3, t7_204);
-        let t7_206 = t7_84.mul_add(x_u2_2_q3, t7_205);
-        let t7_207 = t7_200 - t7_206;
-        let t7_208 = (-t7_130).mul_add(x_u3_1_q3, t7_207);
-        let t7_209 = (-t7_146).mul_add(x_u3_2_q3, t7_208);
-        let t7_210 = -t7_209;
-        tau[2] = t7_210;
+        let t5_75 = w_rod3z * w_rod3x;
+        let t5_76 = d_u3_2 * w_rod3x;
+        let t5_77 = p_ixx_rod3 - p_iyy_rod3;
+        let t5_78 = t5_76 * t5_77;
+        let t5_79 = w_rod3x * w_rod3x;
+        let t5_80 = d_u3_2 * d_u3_2;
+        let t5_81 = t5_79 - t5_80;
+        let t5_82 = (-t5_81).mul_add(p_ixy_rod3, t5_78);
+        let t5_83 = t5_75.mul_add(p_iyz_rod3, -t5_82);
+        let t5_84 = t5_74.mul_add(p_ixz_rod3, -t5_83);
+        let t5_85 = cos_u3_2 * al_u3_1x;
+        let al_rod3x = t5_74 - t5_85;
+        let t5_86 = p_ixz_rod3 * al_rod3x;
+        let t5_87 = (-p_iyz_rod3).mul_add(al_rod3y, t5_86);
+        let t5_88 = sin_u3_2 * al_u3_1x;
+        let al_rod3z = t5_76 + t5_88;
+        let t5_89 = (-p_izz_rod3).mul_add(al_rod3z, t5_87);
+        let t5_90 = t5_84 + t5_89;
+        let t5_91 = d_q3 * d_q3;
+        let t5_92 = cos_u3_1 * t5_91;
+        let t5_93 = t5_92 * p_mx_rod3;
+        let t5_94 = like.lift(0.524) * t5_93;
+        let t5_95 = sin_u3_1 * t5_91;
+        let t5_96 = sin_u3_2 * t5_95;
+        let t5_97 = t5_96 * p_my_rod3;
+        let t5_98 = like.lift(-0.524).mul_add(t5_97, t5_94);
+        let t5_99 = t5_90 + t5_98;
+        let t5_100 = sin_u3_2 * t5_99;
+        let t5_101 = p_iyy_rod3 - p_izz_rod3;
+        let t5_102 = t5_74 * t5_101;
+        let t5_103 = w_rod3z * w_rod3z;
+        let t5_104 = t5_80 - t5_103;
+        let t5_105 = (-t5_104).mul_add(p_iyz_rod3, t5_102);
+        let t5_106 = t5_76.mul_add(p_ixz_rod3, -t5_105);
+        let t5_107 = t5_75.mul_add(p_ixy_rod3, -t5_106);
+        let t5_108 = p_ixx_rod3 * al_rod3x;
+        let t5_109 = (-p_ixy_rod3).mul_add(al_rod3y, t5_108);
+        let t5_110 = (-p_ixz_rod3).mul_add(al_rod3z, t5_109);
+        let t5_111 = t5_107 + t5_110;
+        let t5_112 = cos_u3_2 * t5_95;
+        let t5_113 = t5_112 * p_my_rod3;
+        let t5_114 = like.lift(0.524) * t5_113;
+        let t5_115 = t5_92 * p_mz_rod3;
+        let t5_116 = like.lift(0.524).mul_add(t5_115, t5_114);
+        let t5_117 = t5_111 - t5_116;
+        let t5_118 = cos_u3_2.mul_add(t5_117, t5_100);
+        let t5_119 = (-t5_118).mul_add(x_u3_1_q1, t5_73);
+        let t5_120 = p_ixx_rod3 - p_izz_rod3;
+        let t5_121 = t5_75 * t5_120;
+        let t5_122 = t5_79 - t5_103;
+        let t5_123 = (-t5_122).mul_add(p_ixz_rod3, t5_121);
+        let t5_124 = t5_74.mul_add(p_ixy_rod3, t5_123);
+        let t5_125 = t5_76.mul_add(p_iyz_rod3, -t5_124);
+        let t5_126 = p_ixy_rod3 * al_rod3x;
+        let t5_127 = (-p_iyy_rod3).mul_add(al_rod3y, t5_126);
+        let t5_128 = (-p_iyz_rod3).mul_add(al_rod3z, t5_127);
+        let t5_129 = t5_125 + t5_128;
+        let t5_130 = t5_96 * p_mz_rod3;
+        let t5_131 = like.lift(0.524) * t5_130;
+        let t5_132 = t5_112 * p_mx_rod3;
+        let t5_133 = like.lift(0.524).mul_add(t5_132, t5_131);
+        let t5_134 = t5_129 + t5_133;
+        let t5_135 = (-t5_134).mul_add(x_u3_2_q1, t5_119);
+        let t5_136 = -t5_135;
+        tau[0] = t5_136;
+        let t5_137 = w_u2_1x * w_u2_1x;
+        let t5_138 = t5_137 * p_my_rod2;
+        let t5_139 = t5_20 + al_rod2z;
+        let t5_140 = (-p_mx_rod2).mul_add(t5_139, t5_138);
+        let t5_141 = sin_u2_1 * t5_140;
+        let t5_142 = t5_19 - al_rod2y;
+        let t5_143 = p_mx_rod2 * t5_142;
+        let t5_144 = p_my_rod2.mul_add(t5_29, t5_143);
+        let t5_145 = cos_u2_2 * t5_144;
+        let t5_146 = t5_24 + t5_47;
+        let t5_147 = t5_146 * p_mx_rod2;
+        let t5_148 = p_my_rod2.mul_add(t5_32, t5_147);
+        let t5_149 = sin_u2_2.mul_add(t5_148, t5_145);
+        let t5_150 = (-cos_u2_1).mul_add(t5_149, t5_141);
+        let t5_151 = like.lift(0.524).mul_add(t5_150, t5_59);
+        let t5_152 = t4_29 * x_u1_1_q2;
+        let t5_153 = t5_16.mul_add(x_u1_2_q2, t5_152);
+        let t5_154 = t5_151 - t5_153;
+        let t5_155 = (-t5_59).mul_add(x_u2_1_q2, t5_154);
+        let t5_156 = (-t5_72).mul_add(x_u2_2_q2, t5_155);
+        let t5_157 = (-t5_118).mul_add(x_u3_1_q2, t5_156);
+        let t5_158 = (-t5_134).mul_add(x_u3_2_q2, t5_157);
+        let t5_159 = -t5_158;
+        tau[1] = t5_159;
+        let t5_160 = w_u3_1x * w_u3_1x;
+        let t5_161 = t5_160 * p_my_rod3;
+        let t5_162 = t5_76 + al_rod3z;
+        let t5_163 = (-p_mx_rod3).mul_add(t5_162, t5_161);
+        let t5_164 = t5_74 + al_rod3x;
+        let t5_165 = (-p_mz_rod3).mul_add(t5_164, t5_163);
+        let t5_166 = sin_u3_1 * t5_165;
+        let t5_167 = t5_79 + t5_80;
+        let t5_168 = t5_75 - al_rod3y;
+        let t5_169 = p_mx_rod3 * t5_168;
+        let t5_170 = p_my_rod3.mul_add(t5_85, t5_169);
+        let t5_171 = t5_167.mul_add(p_mz_rod3, -t5_170);
+        let t5_172 = cos_u3_2 * t5_171;
+        let t5_173 = t5_80 + t5_103;
+        let t5_174 = t5_173 * p_mx_rod3;
+        let t5_175 = p_my_rod3.mul_add(t5_88, t5_174);
+        let t5_176 = t5_75 + al_rod3y;
+        let t5_177 = (-p_mz_rod3).mul_add(t5_176, t5_175);
+        let t5_178 = (-sin_u3_2).mul_add(t5_177, t5_172);
+        let t5_179 = cos_u3_1.mul_add(t5_178, t5_166);
+        let t5_180 = like.lift(0.524).mul_add(t5_179, t5_118);
+        let t5_181 = t4_29 * x_u1_1_q3;
+        let t5_182 = t5_16.mul_add(x_u1_2_q3, t5_181);
+        let t5_183 = t5_59.mul_add(x_u2_1_q3, t5_182);
+        let t5_184 = t5_72.mul_add(x_u2_2_q3, t5_183);
+        let t5_185 = t5_180 - t5_184;
+        let t5_186 = (-t5_118).mul_add(x_u3_1_q3, t5_185);
+        let t5_187 = (-t5_134).mul_add(x_u3_2_q3, t5_186);
+        let t5_188 = -t5_187;
+        tau[2] = t5_188;
     }
     (tau, Condition { pivot: condition })
 }
@@ -19272,956 +17913,819 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 43]) ->
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
 ///
-/// 488 additions, 688 multiplications, 8 divisions, 11 sines and cosines.
-pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 43]) -> ([[T; 3]; 3], Condition<T>) {
+/// 392 additions, 572 multiplications, 8 divisions, 11 sines and cosines.
+pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([[T; 3]; 3], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 3]; 3];
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     let [
         p_ixx_crank1, _, _, p_ixx_rod1, p_ixy_rod1, p_ixz_rod1, p_iyy_rod1, p_iyz_rod1,
-        p_izz_rod1, p_mx_rod1, p_my_rod1, p_mz_rod1, p_ixx_platform, p_ixy_platform,
-        p_ixz_platform, p_iyy_platform, p_iyz_platform, p_izz_platform, p_mx_platform,
-        p_mz_platform, p_ixx_crank2, _, _, p_ixx_rod2, p_ixy_rod2, p_ixz_rod2, p_iyy_rod2,
-        p_iyz_rod2, p_izz_rod2, p_mx_rod2, p_my_rod2, p_mz_rod2, p_ixx_crank3, _, p_ixx_rod3,
-        p_ixy_rod3, p_ixz_rod3, p_iyy_rod3, p_iyz_rod3, p_izz_rod3, p_mx_rod3, p_my_rod3,
-        p_mz_rod3,
+        p_izz_rod1, p_mx_rod1, p_my_rod1, p_mz_rod1, p_ixx_crank2, _, _, p_ixx_rod2,
+        p_ixy_rod2, p_ixz_rod2, p_iyy_rod2, p_iyz_rod2, p_izz_rod2, p_mx_rod2, p_my_rod2,
+        p_ixx_crank3, _, p_ixx_rod3, p_ixy_rod3, p_ixz_rod3, p_iyy_rod3, p_iyz_rod3,
+        p_izz_rod3, p_mx_rod3, p_my_rod3, p_mz_rod3,
     ] = *beta;
     let mut condition = like.lift(1.0);
     // M, part 1
     let [
-        sin_u1_2, cos_u1_2, sin_e1y, cos_e1y, sin_e1x, cos_e1x, t1_1, t1_6, t1_9, t1_15, t1_17,
-        t1_19, t1_25, t1_34, t1_35, t1_39, sin_u1_1, cos_u1_1, t1_40, t1_43, t1_45, t1_49,
-        t1_50, sin_u1_2_e1y, cos_u1_2_e1y, e_e1x_q1z, t1_53, t1_54, t1_55, t1_56, e_e1x_q1y,
-        t1_64, t1_82, t1_88, sin_u2_2, cos_u2_2, sin_u2_1, cos_u2_1, t1_100, t1_101, t1_102,
-        t1_104, t1_109, t1_110, t1_111, t1_113, t1_114, t1_115, t1_126, t1_128, t1_133, t1_134,
-        u_e1x_u1_1y, t1_136, t1_137, t1_138, u_e1x_u1_2y, t1_140, t1_141, t1_142, t1_146,
-        t1_147, t1_148, t1_149, t1_151, t1_152, t1_153, t1_163, t1_164, t1_165, t1_167, t1_170,
-        pivot_1, t1_175, u_platform_u1_1z, t1_176, t1_177, t1_178, t1_179, u_e1x_u1_2z, t1_181,
-        t1_182, t1_183, t1_185, t1_187, t1_194, t1_195, t1_198, t1_199, t1_200, t1_205, t1_206,
-        t1_211, t1_212, t1_213, t1_215, sin_q3, cos_q3, t1_218, t1_219, sin_u3_2, cos_u3_2,
-        sin_u3_1, cos_u3_1, t1_222, t1_223,
+        sin_u1_2, cos_u1_2, t1_6, sin_u1_1, cos_u1_1, t1_12, t1_13, sin_e1x, cos_e1x,
+        sin_u1_2_e1y, cos_u1_2_e1y, e_e1x_q1z, t1_16, t1_17, t1_18, t1_19, e_e1x_q1y, t1_27,
+        t1_51, sin_u2_2, cos_u2_2, sin_u2_1, cos_u2_1, t1_65, t1_67, t1_76, t1_89, t1_91,
+        t1_96, t1_97, t1_99, t1_100, t1_101, t1_103, t1_104, t1_105, t1_109, t1_114, t1_126,
+        t1_127, t1_128, t1_130, t1_133, pivot_1, t1_138, u_platform_u1_1z, t1_139, t1_140,
+        t1_141, t1_142, u_e1x_u1_2z, t1_144, t1_145, t1_146, t1_148, t1_150, t1_157, t1_158,
+        t1_161, t1_162, t1_163, t1_168, t1_169, t1_174, t1_175, t1_176, t1_178, sin_q3, cos_q3,
+        sin_u3_2, cos_u3_2, sin_u3_1, cos_u3_1, t1_188, t1_190, t1_191, t1_194, t1_205, t1_206,
+        t1_207, t1_209, t1_212, t1_213, t1_214, t1_215, t1_216, t1_217, t1_219, t1_220, t1_222,
+        t1_223,
     ] = {
         let (sin_u1_2, cos_u1_2) = u1_2.sin_cos();
-        let (sin_e1y, cos_e1y) = e1y.sin_cos();
-        let (sin_e1x, cos_e1x) = e1x.sin_cos();
-        let t1_1 = like.lift(0.044).mul_add(p_mx_platform, p_ixy_platform);
-        let t1_2 = sin_e1x * t1_1;
-        let t1_3 = cos_e1x.mul_add(p_ixz_platform, t1_2);
-        let t1_4 = cos_e1y * t1_3;
-        let t1_5 = like.lift(0.044).mul_add(p_mz_platform, p_iyz_platform);
-        let t1_6 = cos_e1x * t1_5;
-        let t1_7 = sin_e1x.mul_add(p_iyy_platform, t1_6);
-        let t1_8 = sin_e1x * t1_7;
-        let t1_9 = sin_e1x * t1_5;
-        let t1_10 = cos_e1x.mul_add(p_izz_platform, t1_9);
-        let t1_11 = cos_e1x.mul_add(t1_10, t1_8);
-        let t1_12 = sin_e1y.mul_add(t1_11, t1_4);
-        let t1_13 = cos_e1y * t1_12;
-        let t1_14 = sin_e1y * t1_3;
-        let t1_15 = cos_e1y.mul_add(p_ixx_platform, t1_14);
-        let t1_16 = (-sin_e1y).mul_add(t1_15, t1_13);
-        let t1_17 = cos_e1x * p_mz_platform;
-        let t1_18 = sin_e1y * t1_17;
-        let t1_19 = cos_e1y.mul_add(p_mx_platform, t1_18);
-        let t1_20 = like.lift(1.244).mul_add(t1_19, t1_16);
-        let t1_21 = p_ixz_rod1 + t1_20;
-        let t1_22 = cos_u1_2 * t1_21;
-        let t1_23 = (-cos_e1y).mul_add(t1_11, t1_14);
-        let t1_24 = cos_e1y * t1_23;
-        let t1_25 = (-sin_e1y).mul_add(p_ixx_platform, t1_4);
-        let t1_26 = sin_e1y.mul_add(t1_25, t1_24);
-        let t1_27 = p_izz_rod1 - t1_26;
-        let t1_28 = sin_u1_2.mul_add(t1_27, t1_22);
-        let t1_29 = sin_u1_2 * t1_28;
-        let t1_30 = sin_u1_2 * t1_21;
-        let t1_31 = sin_e1y * t1_12;
-        let t1_32 = cos_e1y.mul_add(t1_15, t1_31);
-        let t1_33 = cos_e1y * t1_17;
-        let t1_34 = (-sin_e1y).mul_add(p_mx_platform, t1_33);
-        let t1_35 = like.lift(2.488) * t1_34;
-        let t1_36 = t1_32 - t1_35;
-        let t1_37 = p_ixx_rod1 + t1_36;
-        let t1_38 = cos_u1_2.mul_add(t1_37, t1_30);
-        let t1_39 = cos_u1_2.mul_add(t1_38, t1_29);
+        let t1_1 = cos_u1_2 * p_ixz_rod1;
+        let t1_2 = sin_u1_2.mul_add(p_izz_rod1, t1_1);
+        let t1_3 = sin_u1_2 * t1_2;
+        let t1_4 = sin_u1_2 * p_ixz_rod1;
+        let t1_5 = cos_u1_2.mul_add(p_ixx_rod1, t1_4);
+        let t1_6 = cos_u1_2.mul_add(t1_5, t1_3);
         let (sin_u1_1, cos_u1_1) = u1_1.sin_cos();
-        let t1_40 = sin_e1x * p_mz_platform;
-        let t1_41 = p_my_rod1 - t1_40;
-        let t1_42 = cos_u1_1 * t1_41;
-        let t1_43 = p_mz_rod1 + t1_34;
-        let t1_44 = cos_u1_2 * t1_43;
-        let t1_45 = p_mx_rod1 + t1_19;
-        let t1_46 = (-sin_u1_2).mul_add(t1_45, t1_44);
-        let t1_47 = (-sin_u1_1).mul_add(t1_46, t1_42);
-        let t1_48 = like.lift(1.048).mul_add(t1_47, t1_39);
-        let t1_49 = p_ixx_crank1 + t1_48;
-        let t1_50 = like.lift(0.524).mul_add(t1_47, t1_39);
-        let t1_51 = cos_u1_2 * sin_e1y;
-        let t1_52 = sin_u1_2 * sin_e1y;
-        let sin_u1_2_e1y = sin_u1_2.mul_add(cos_e1y, t1_51);
-        let cos_u1_2_e1y = cos_u1_2.mul_add(cos_e1y, -t1_52);
+        let t1_7 = cos_u1_1 * p_my_rod1;
+        let t1_8 = cos_u1_2 * p_mz_rod1;
+        let t1_9 = (-sin_u1_2).mul_add(p_mx_rod1, t1_8);
+        let t1_10 = (-sin_u1_1).mul_add(t1_9, t1_7);
+        let t1_11 = like.lift(1.048).mul_add(t1_10, t1_6);
+        let t1_12 = p_ixx_crank1 + t1_11;
+        let t1_13 = like.lift(0.524).mul_add(t1_10, t1_6);
+        let (sin_e1x, cos_e1x) = e1x.sin_cos();
+        let (sin_e1y, cos_e1y) = e1y.sin_cos();
+        let t1_14 = cos_u1_2 * sin_e1y;
+        let t1_15 = sin_u1_2 * sin_e1y;
+        let sin_u1_2_e1y = sin_u1_2.mul_add(cos_e1y, t1_14);
+        let cos_u1_2_e1y = cos_u1_2.mul_add(cos_e1y, -t1_15);
         let e_e1x_q1z = cos_e1x * sin_u1_2_e1y;
-        let t1_53 = like.lift(0.066) * e_e1x_q1z;
-        let t1_54 = -t1_53;
+        let t1_16 = like.lift(0.066) * e_e1x_q1z;
+        let t1_17 = -t1_16;
         let u_e1y_u1_2x = like.lift(1.244) * cos_e1y;
         let u_platform_e1yx = like.lift(0.044) * sin_e1x;
         let u_platform_u1_2x = u_e1y_u1_2x + u_platform_e1yx;
-        let t1_55 = like.lift(0.022).mul_add(sin_e1x, u_platform_u1_2x);
-        let t1_56 = like.lift(0.066) * sin_e1x;
+        let t1_18 = like.lift(0.022).mul_add(sin_e1x, u_platform_u1_2x);
+        let t1_19 = like.lift(0.066) * sin_e1x;
         let e_e1x_q1y = sin_e1x * sin_u1_2_e1y;
-        let t1_57 = like.lift(0.5) * e_e1x_q1y;
+        let t1_20 = like.lift(0.5) * e_e1x_q1y;
         let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_58 = cos_q1 * sin_u1_1;
-        let t1_59 = sin_q1 * sin_u1_1;
-        let sin_q1_u1_1 = sin_q1.mul_add(cos_u1_1, t1_58);
-        let cos_q1_u1_1 = cos_q1.mul_add(cos_u1_1, -t1_59);
-        let t1_60 = cos_e1x * cos_q1_u1_1;
-        let t1_61 = sin_q1_u1_1 * cos_u1_2_e1y;
-        let t1_62 = (-sin_e1x).mul_add(t1_61, t1_60);
-        let t1_63 = like.lift(0.8660254037844386) * t1_62;
-        let t1_64 = t1_57 - t1_63;
-        let t1_65 = like.lift(1.244) * sin_u1_2;
-        let t1_66 = like.lift(0.044).mul_add(e_e1x_q1y, t1_65);
-        let t1_67 = e_e1x_q1z * t1_66;
-        let t1_68 = sin_e1x * cos_q1_u1_1;
-        let t1_69 = cos_e1x.mul_add(t1_61, t1_68);
-        let t1_70 = like.lift(0.524).mul_add(cos_q1, like.lift(0.164));
-        let t1_71 = cos_u1_2 * sin_q1_u1_1;
-        let t1_72 = like.lift(1.244).mul_add(t1_71, t1_70);
-        let t1_73 = like.lift(-0.044).mul_add(t1_62, t1_72);
-        let t1_74 = t1_69.mul_add(t1_73, t1_67);
-        let t1_75 = sin_e1x * sin_q1_u1_1;
-        let t1_76 = cos_q1_u1_1 * cos_u1_2_e1y;
-        let t1_77 = (-cos_e1x).mul_add(t1_76, t1_75);
-        let t1_78 = like.lift(0.524) * sin_q1;
-        let t1_79 = cos_u1_2 * cos_q1_u1_1;
-        let t1_80 = like.lift(-1.244).mul_add(t1_79, t1_78);
-        let t1_81 = cos_e1x * sin_q1_u1_1;
-        let t1_82 = sin_e1x.mul_add(t1_76, t1_81);
-        let t1_83 = like.lift(-0.044).mul_add(t1_82, t1_80);
-        let t1_84 = t1_77.mul_add(t1_83, t1_74);
-        let t1_85 = like.lift(0.14202816622064793) * e_e1x_q1z;
-        let t1_86 = like.lift(0.082) * t1_69;
-        let t1_87 = t1_85 - t1_86;
-        let t1_88 = t1_84 - t1_87;
+        let t1_21 = cos_q1 * sin_u1_1;
+        let t1_22 = sin_q1 * sin_u1_1;
+        let sin_q1_u1_1 = sin_q1.mul_add(cos_u1_1, t1_21);
+        let cos_q1_u1_1 = cos_q1.mul_add(cos_u1_1, -t1_22);
+        let t1_23 = cos_e1x * cos_q1_u1_1;
+        let t1_24 = sin_q1_u1_1 * cos_u1_2_e1y;
+        let t1_25 = (-sin_e1x).mul_add(t1_24, t1_23);
+        let t1_26 = like.lift(0.8660254037844386) * t1_25;
+        let t1_27 = t1_20 - t1_26;
+        let t1_28 = like.lift(1.244) * sin_u1_2;
+        let t1_29 = like.lift(0.044).mul_add(e_e1x_q1y, t1_28);
+        let t1_30 = e_e1x_q1z * t1_29;
+        let t1_31 = sin_e1x * cos_q1_u1_1;
+        let t1_32 = cos_e1x.mul_add(t1_24, t1_31);
+        let t1_33 = like.lift(0.524).mul_add(cos_q1, like.lift(0.164));
+        let t1_34 = cos_u1_2 * sin_q1_u1_1;
+        let t1_35 = like.lift(1.244).mul_add(t1_34, t1_33);
+        let t1_36 = like.lift(-0.044).mul_add(t1_25, t1_35);
+        let t1_37 = t1_32.mul_add(t1_36, t1_30);
+        let t1_38 = sin_e1x * sin_q1_u1_1;
+        let t1_39 = cos_q1_u1_1 * cos_u1_2_e1y;
+        let t1_40 = (-cos_e1x).mul_add(t1_39, t1_38);
+        let t1_41 = like.lift(0.524) * sin_q1;
+        let t1_42 = cos_u1_2 * cos_q1_u1_1;
+        let t1_43 = like.lift(-1.244).mul_add(t1_42, t1_41);
+        let t1_44 = cos_e1x * sin_q1_u1_1;
+        let t1_45 = sin_e1x.mul_add(t1_39, t1_44);
+        let t1_46 = like.lift(-0.044).mul_add(t1_45, t1_43);
+        let t1_47 = t1_40.mul_add(t1_46, t1_37);
+        let t1_48 = like.lift(0.14202816622064793) * e_e1x_q1z;
+        let t1_49 = like.lift(0.082) * t1_32;
+        let t1_50 = t1_48 - t1_49;
+        let t1_51 = t1_47 - t1_50;
         let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_89 = like.lift(0.8660254037844386) * e_e1x_q1z;
-        let t1_90 = like.lift(0.5) * t1_69;
-        let t1_91 = t1_89 - t1_90;
-        let t1_92 = cos_q2 * t1_91;
-        let t1_93 = sin_q2.mul_add(t1_77, t1_92);
-        let t1_94 = like.lift(-0.524).mul_add(t1_93, t1_88);
+        let t1_52 = like.lift(0.8660254037844386) * e_e1x_q1z;
+        let t1_53 = like.lift(0.5) * t1_32;
+        let t1_54 = t1_52 - t1_53;
+        let t1_55 = cos_q2 * t1_54;
+        let t1_56 = sin_q2.mul_add(t1_40, t1_55);
+        let t1_57 = like.lift(-0.524).mul_add(t1_56, t1_51);
         let (sin_u2_2, cos_u2_2) = u2_2.sin_cos();
         let (sin_u2_1, cos_u2_1) = u2_1.sin_cos();
-        let t1_95 = sin_u2_1 * t1_93;
-        let t1_96 = sin_q2 * t1_91;
-        let t1_97 = (-cos_q2).mul_add(t1_77, t1_96);
-        let t1_98 = cos_u2_1.mul_add(t1_97, t1_95);
-        let t1_99 = cos_u2_2 * t1_98;
-        let t1_100 = like.lift(0.5) * e_e1x_q1z;
-        let t1_101 = like.lift(0.8660254037844386) * t1_69;
-        let t1_102 = t1_100 + t1_101;
-        let t1_103 = (-sin_u2_2).mul_add(t1_102, t1_99);
-        let t1_104 = like.lift(-1.244).mul_add(t1_103, t1_94);
-        let t1_105 = t1_94 - t1_104;
-        let t1_106 = t1_64 * t1_105;
-        let t1_107 = e_e1x_q1y * t1_66;
-        let t1_108 = (-t1_62).mul_add(t1_73, t1_107);
-        let t1_109 = (-t1_82).mul_add(t1_83, t1_108);
-        let t1_110 = like.lift(0.14202816622064793) * e_e1x_q1y;
-        let t1_111 = like.lift(0.082) * t1_62;
-        let t1_112 = t1_110 + t1_111;
-        let t1_113 = t1_109 - t1_112;
-        let t1_114 = like.lift(0.8660254037844386) * e_e1x_q1y;
-        let t1_115 = like.lift(0.5) * t1_62;
-        let t1_116 = t1_114 + t1_115;
-        let t1_117 = cos_q2 * t1_116;
-        let t1_118 = (-sin_q2).mul_add(t1_82, t1_117);
-        let t1_119 = like.lift(-0.524).mul_add(t1_118, t1_113);
-        let t1_120 = sin_u2_1 * t1_118;
-        let t1_121 = sin_q2 * t1_116;
-        let t1_122 = cos_q2.mul_add(t1_82, t1_121);
-        let t1_123 = cos_u2_1.mul_add(t1_122, t1_120);
-        let t1_124 = cos_u2_2 * t1_123;
-        let t1_125 = (-sin_u2_2).mul_add(t1_64, t1_124);
-        let t1_126 = like.lift(-1.244).mul_add(t1_125, t1_119);
-        let t1_127 = t1_119 - t1_126;
-        let t1_128 = (-t1_102).mul_add(t1_127, t1_106);
-        let t1_129 = cos_u2_1 * t1_118;
-        let t1_130 = (-sin_u2_1).mul_add(t1_122, t1_129);
-        let t1_131 = t1_130 * t1_105;
-        let t1_132 = cos_u2_1 * t1_93;
-        let t1_133 = (-sin_u2_1).mul_add(t1_97, t1_132);
-        let t1_134 = (-t1_133).mul_add(t1_127, t1_131);
-        let t1_135 = cos_u1_2 * cos_e1x;
-        let u_e1x_u1_1y = like.lift(1.244) * t1_135;
-        let t1_136 = like.lift(0.0381051177665153) * e_e1x_q1z;
-        let t1_137 = u_e1x_u1_1y - t1_136;
-        let t1_138 = -t1_137;
-        let t1_139 = sin_e1y * sin_e1x;
-        let u_e1x_u1_2y = like.lift(1.244) * t1_139;
-        let t1_140 = like.lift(0.0381051177665153) * sin_e1x;
-        let t1_141 = u_e1x_u1_2y - t1_140;
-        let t1_142 = -t1_140;
-        let t1_143 = cos_u1_2_e1y * t1_66;
-        let t1_144 = sin_q1_u1_1 * sin_u1_2_e1y;
-        let t1_145 = (-t1_144).mul_add(t1_73, t1_143);
-        let t1_146 = cos_q1_u1_1 * sin_u1_2_e1y;
-        let t1_147 = t1_146.mul_add(t1_83, t1_145);
-        let t1_148 = like.lift(0.14202816622064793) * cos_u1_2_e1y;
-        let t1_149 = like.lift(0.082) * t1_144;
-        let t1_150 = t1_148 + t1_149;
-        let t1_151 = t1_147 - t1_150;
-        let t1_152 = like.lift(0.8660254037844386) * cos_u1_2_e1y;
-        let t1_153 = like.lift(0.5) * t1_144;
-        let t1_154 = t1_152 + t1_153;
-        let t1_155 = cos_q2 * t1_154;
-        let t1_156 = sin_q2.mul_add(t1_146, t1_155);
-        let t1_157 = like.lift(-0.524).mul_add(t1_156, t1_151);
-        let t1_158 = sin_u2_1 * t1_156;
-        let t1_159 = sin_q2 * t1_154;
-        let t1_160 = (-cos_q2).mul_add(t1_146, t1_159);
-        let t1_161 = cos_u2_1.mul_add(t1_160, t1_158);
-        let t1_162 = cos_u2_2 * t1_161;
-        let t1_163 = like.lift(0.5) * cos_u1_2_e1y;
-        let t1_164 = like.lift(0.8660254037844386) * t1_144;
-        let t1_165 = t1_163 - t1_164;
-        let t1_166 = (-sin_u2_2).mul_add(t1_165, t1_162);
-        let t1_167 = like.lift(-1.244).mul_add(t1_166, t1_157);
-        let t1_168 = t1_157 - t1_167;
-        let t1_169 = t1_102 * t1_168;
-        let t1_170 = (-t1_165).mul_add(t1_105, t1_169);
-        let t1_171 = t1_133 * t1_168;
-        let t1_172 = cos_u2_1 * t1_156;
-        let t1_173 = (-sin_u2_1).mul_add(t1_160, t1_172);
-        let pivot_1 = (-t1_173).mul_add(t1_105, t1_171);
-        let t1_174 = cos_u1_2 * sin_e1x;
-        let u_e1x_u1_1z = like.lift(1.244) * t1_174;
-        let t1_175 = like.lift(0.044) * cos_u1_2_e1y;
-        let u_platform_u1_1z = u_e1x_u1_1z + t1_175;
-        let t1_176 = like.lift(0.022) * cos_u1_2_e1y;
-        let t1_177 = like.lift(0.0381051177665153) * e_e1x_q1y;
-        let t1_178 = t1_176 - t1_177;
-        let t1_179 = u_platform_u1_1z + t1_178;
-        let t1_180 = sin_e1y * cos_e1x;
-        let u_e1x_u1_2z = like.lift(1.244) * t1_180;
-        let t1_181 = like.lift(0.0381051177665153) * cos_e1x;
-        let t1_182 = u_e1x_u1_2z - t1_181;
-        let t1_183 = -t1_181;
-        let t1_184 = t1_165 * t1_127;
-        let t1_185 = (-t1_64).mul_add(t1_168, t1_184);
-        let t1_186 = t1_173 * t1_127;
-        let t1_187 = (-t1_130).mul_add(t1_168, t1_186);
-        let t1_188 = cos_u1_2_e1y * t1_133;
-        let t1_189 = like.lift(0.8660254037844386) * t1_188;
-        let t1_190 = e_e1x_q1y * t1_133;
-        let t1_191 = like.lift(0.5).mul_add(t1_190, t1_189);
-        let t1_192 = like.lift(0.8660254037844386) * t1_173;
-        let t1_193 = like.lift(0.5).mul_add(t1_130, t1_192);
-        let t1_194 = (-e_e1x_q1z).mul_add(t1_193, t1_191);
-        let t1_195 = -t1_194;
-        let t1_196 = cos_e1x * t1_133;
-        let t1_197 = like.lift(0.5) * t1_196;
-        let t1_198 = sin_e1x.mul_add(t1_193, t1_197);
-        let t1_199 = -t1_198;
-        let pivot_3 = like.lift(0.8660254037844386) * t1_133;
-        let t1_200 = -pivot_3;
-        let t1_201 = t1_165 * t1_133;
-        let t1_202 = like.lift(0.8660254037844386) * t1_201;
-        let t1_203 = t1_64 * t1_133;
-        let t1_204 = like.lift(0.5).mul_add(t1_203, t1_202);
-        let t1_205 = (-t1_102).mul_add(t1_193, t1_204);
-        let t1_206 = -t1_205;
-        let t1_207 = t1_173 * t1_133;
-        let t1_208 = like.lift(0.8660254037844386) * t1_207;
-        let t1_209 = t1_130 * t1_133;
-        let t1_210 = like.lift(0.5).mul_add(t1_209, t1_208);
-        let t1_211 = (-t1_133).mul_add(t1_193, t1_210);
-        let t1_212 = -t1_211;
-        let t1_213 = t1_57 + t1_63;
-        let t1_214 = t1_85 + t1_86;
-        let t1_215 = t1_84 + t1_214;
+        let t1_58 = sin_u2_1 * t1_56;
+        let t1_59 = sin_q2 * t1_54;
+        let t1_60 = (-cos_q2).mul_add(t1_40, t1_59);
+        let t1_61 = cos_u2_1.mul_add(t1_60, t1_58);
+        let t1_62 = cos_u2_2 * t1_61;
+        let t1_63 = like.lift(0.5) * e_e1x_q1z;
+        let t1_64 = like.lift(0.8660254037844386) * t1_32;
+        let t1_65 = t1_63 + t1_64;
+        let t1_66 = (-sin_u2_2).mul_add(t1_65, t1_62);
+        let t1_67 = like.lift(-1.244).mul_add(t1_66, t1_57);
+        let t1_68 = t1_57 - t1_67;
+        let t1_69 = t1_27 * t1_68;
+        let t1_70 = e_e1x_q1y * t1_29;
+        let t1_71 = (-t1_25).mul_add(t1_36, t1_70);
+        let t1_72 = (-t1_45).mul_add(t1_46, t1_71);
+        let t1_73 = like.lift(0.14202816622064793) * e_e1x_q1y;
+        let t1_74 = like.lift(0.082) * t1_25;
+        let t1_75 = t1_73 + t1_74;
+        let t1_76 = t1_72 - t1_75;
+        let t1_77 = like.lift(0.8660254037844386) * e_e1x_q1y;
+        let t1_78 = like.lift(0.5) * t1_25;
+        let t1_79 = t1_77 + t1_78;
+        let t1_80 = cos_q2 * t1_79;
+        let t1_81 = (-sin_q2).mul_add(t1_45, t1_80);
+        let t1_82 = like.lift(-0.524).mul_add(t1_81, t1_76);
+        let t1_83 = sin_u2_1 * t1_81;
+        let t1_84 = sin_q2 * t1_79;
+        let t1_85 = cos_q2.mul_add(t1_45, t1_84);
+        let t1_86 = cos_u2_1.mul_add(t1_85, t1_83);
+        let t1_87 = cos_u2_2 * t1_86;
+        let t1_88 = (-sin_u2_2).mul_add(t1_27, t1_87);
+        let t1_89 = like.lift(-1.244).mul_add(t1_88, t1_82);
+        let t1_90 = t1_82 - t1_89;
+        let t1_91 = (-t1_65).mul_add(t1_90, t1_69);
+        let t1_92 = cos_u2_1 * t1_81;
+        let t1_93 = (-sin_u2_1).mul_add(t1_85, t1_92);
+        let t1_94 = t1_93 * t1_68;
+        let t1_95 = cos_u2_1 * t1_56;
+        let t1_96 = (-sin_u2_1).mul_add(t1_60, t1_95);
+        let t1_97 = (-t1_96).mul_add(t1_90, t1_94);
+        let t1_98 = cos_u1_2 * cos_e1x;
+        let u_e1x_u1_1y = like.lift(1.244) * t1_98;
+        let t1_99 = like.lift(0.0381051177665153) * e_e1x_q1z;
+        let t1_100 = u_e1x_u1_1y - t1_99;
+        let t1_101 = -t1_100;
+        let t1_102 = sin_e1y * sin_e1x;
+        let u_e1x_u1_2y = like.lift(1.244) * t1_102;
+        let t1_103 = like.lift(0.0381051177665153) * sin_e1x;
+        let t1_104 = u_e1x_u1_2y - t1_103;
+        let t1_105 = -t1_103;
+        let t1_106 = cos_u1_2_e1y * t1_29;
+        let t1_107 = sin_q1_u1_1 * sin_u1_2_e1y;
+        let t1_108 = (-t1_107).mul_add(t1_36, t1_106);
+        let t1_109 = cos_q1_u1_1 * sin_u1_2_e1y;
+        let t1_110 = t1_109.mul_add(t1_46, t1_108);
+        let t1_111 = like.lift(0.14202816622064793) * cos_u1_2_e1y;
+        let t1_112 = like.lift(0.082) * t1_107;
+        let t1_113 = t1_111 + t1_112;
+        let t1_114 = t1_110 - t1_113;
+        let t1_115 = like.lift(0.8660254037844386) * cos_u1_2_e1y;
+        let t1_116 = like.lift(0.5) * t1_107;
+        let t1_117 = t1_115 + t1_116;
+        let t1_118 = cos_q2 * t1_117;
+        let t1_119 = sin_q2.mul_add(t1_109, t1_118);
+        let t1_120 = like.lift(-0.524).mul_add(t1_119, t1_114);
+        let t1_121 = sin_u2_1 * t1_119;
+        let t1_122 = sin_q2 * t1_117;
+        let t1_123 = (-cos_q2).mul_add(t1_109, t1_122);
+        let t1_124 = cos_u2_1.mul_add(t1_123, t1_121);
+        let t1_125 = cos_u2_2 * t1_124;
+        let t1_126 = like.lift(0.5) * cos_u1_2_e1y;
+        let t1_127 = like.lift(0.8660254037844386) * t1_107;
+        let t1_128 = t1_126 - t1_127;
+        let t1_129 = (-sin_u2_2).mul_add(t1_128, t1_125);
+        let t1_130 = like.lift(-1.244).mul_add(t1_129, t1_120);
+        let t1_131 = t1_120 - t1_130;
+        let t1_132 = t1_65 * t1_131;
+        let t1_133 = (-t1_128).mul_add(t1_68, t1_132);
+        let t1_134 = t1_96 * t1_131;
+        let t1_135 = cos_u2_1 * t1_119;
+        let t1_136 = (-sin_u2_1).mul_add(t1_123, t1_135);
+        let pivot_1 = (-t1_136).mul_add(t1_68, t1_134);
+        let t1_137 = cos_u1_2 * sin_e1x;
+        let u_e1x_u1_1z = like.lift(1.244) * t1_137;
+        let t1_138 = like.lift(0.044) * cos_u1_2_e1y;
+        let u_platform_u1_1z = u_e1x_u1_1z + t1_138;
+        let t1_139 = like.lift(0.022) * cos_u1_2_e1y;
+        let t1_140 = like.lift(0.0381051177665153) * e_e1x_q1y;
+        let t1_141 = t1_139 - t1_140;
+        let t1_142 = u_platform_u1_1z + t1_141;
+        let t1_143 = sin_e1y * cos_e1x;
+        let u_e1x_u1_2z = like.lift(1.244) * t1_143;
+        let t1_144 = like.lift(0.0381051177665153) * cos_e1x;
+        let t1_145 = u_e1x_u1_2z - t1_144;
+        let t1_146 = -t1_144;
+        let t1_147 = t1_128 * t1_90;
+        let t1_148 = (-t1_27).mul_add(t1_131, t1_147);
+        let t1_149 = t1_136 * t1_90;
+        let t1_150 = (-t1_93).mul_add(t1_131, t1_149);
+        let t1_151 = cos_u1_2_e1y * t1_96;
+        let t1_152 = like.lift(0.8660254037844386) * t1_151;
+        let t1_153 = e_e1x_q1y * t1_96;
+        let t1_154 = like.lift(0.5).mul_add(t1_153, t1_152);
+        let t1_155 = like.lift(0.8660254037844386) * t1_136;
+        let t1_156 = like.lift(0.5).mul_add(t1_93, t1_155);
+        let t1_157 = (-e_e1x_q1z).mul_add(t1_156, t1_154);
+        let t1_158 = -t1_157;
+        let t1_159 = cos_e1x * t1_96;
+        let t1_160 = like.lift(0.5) * t1_159;
+        let t1_161 = sin_e1x.mul_add(t1_156, t1_160);
+        let t1_162 = -t1_161;
+        let pivot_3 = like.lift(0.8660254037844386) * t1_96;
+        let t1_163 = -pivot_3;
+        let t1_164 = t1_128 * t1_96;
+        let t1_165 = like.lift(0.8660254037844386) * t1_164;
+        let t1_166 = t1_27 * t1_96;
+        let t1_167 = like.lift(0.5).mul_add(t1_166, t1_165);
+        let t1_168 = (-t1_65).mul_add(t1_156, t1_167);
+        let t1_169 = -t1_168;
+        let t1_170 = t1_136 * t1_96;
+        let t1_171 = like.lift(0.8660254037844386) * t1_170;
+        let t1_172 = t1_93 * t1_96;
+        let t1_173 = like.lift(0.5).mul_add(t1_172, t1_171);
+        let t1_174 = (-t1_96).mul_add(t1_156, t1_173);
+        let t1_175 = -t1_174;
+        let t1_176 = t1_20 + t1_26;
+        let t1_177 = t1_48 + t1_49;
+        let t1_178 = t1_47 + t1_177;
         let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_216 = t1_89 + t1_90;
-        let t1_217 = cos_q3 * t1_216;
-        let t1_218 = (-sin_q3).mul_add(t1_77, t1_217);
-        let t1_219 = like.lift(0.524).mul_add(t1_218, t1_215);
+        let t1_179 = t1_52 + t1_53;
+        let t1_180 = cos_q3 * t1_179;
+        let t1_181 = (-sin_q3).mul_add(t1_40, t1_180);
+        let t1_182 = like.lift(0.524).mul_add(t1_181, t1_178);
         let (sin_u3_2, cos_u3_2) = u3_2.sin_cos();
         let (sin_u3_1, cos_u3_1) = u3_1.sin_cos();
-        let t1_220 = sin_u3_1 * t1_218;
-        let t1_221 = sin_q3 * t1_216;
-        let t1_222 = cos_q3.mul_add(t1_77, t1_221);
-        let t1_223 = cos_u3_1.mul_add(t1_222, t1_220);
+        let t1_183 = sin_u3_1 * t1_181;
+        let t1_184 = sin_q3 * t1_179;
+        let t1_185 = cos_q3.mul_add(t1_40, t1_184);
+        let t1_186 = cos_u3_1.mul_add(t1_185, t1_183);
+        let t1_187 = cos_u3_2 * t1_186;
+        let t1_188 = t1_63 - t1_64;
+        let t1_189 = sin_u3_2.mul_add(t1_188, t1_187);
+        let t1_190 = like.lift(1.244).mul_add(t1_189, t1_182);
+        let t1_191 = t1_182 - t1_190;
+        let t1_192 = t1_176 * t1_191;
+        let t1_193 = t1_73 - t1_74;
+        let t1_194 = t1_72 + t1_193;
+        let t1_195 = t1_77 - t1_78;
+        let t1_196 = cos_q3 * t1_195;
+        let t1_197 = sin_q3.mul_add(t1_45, t1_196);
+        let t1_198 = like.lift(0.524).mul_add(t1_197, t1_194);
+        let t1_199 = sin_u3_1 * t1_197;
+        let t1_200 = sin_q3 * t1_195;
+        let t1_201 = (-cos_q3).mul_add(t1_45, t1_200);
+        let t1_202 = cos_u3_1.mul_add(t1_201, t1_199);
+        let t1_203 = cos_u3_2 * t1_202;
+        let t1_204 = sin_u3_2.mul_add(t1_176, t1_203);
+        let t1_205 = like.lift(1.244).mul_add(t1_204, t1_198);
+        let t1_206 = t1_198 - t1_205;
+        let t1_207 = (-t1_188).mul_add(t1_206, t1_192);
+        let t1_208 = cos_u3_1 * t1_197;
+        let t1_209 = (-sin_u3_1).mul_add(t1_201, t1_208);
+        let t1_210 = t1_209 * t1_191;
+        let t1_211 = cos_u3_1 * t1_181;
+        let t1_212 = (-sin_u3_1).mul_add(t1_185, t1_211);
+        let t1_213 = (-t1_212).mul_add(t1_206, t1_210);
+        let t1_214 = -t1_213;
+        let t1_215 = u_e1x_u1_1y + t1_99;
+        let t1_216 = -t1_215;
+        let t1_217 = u_e1x_u1_2y + t1_103;
+        let t1_218 = t1_111 - t1_112;
+        let t1_219 = t1_110 + t1_218;
+        let t1_220 = t1_115 - t1_116;
+        let t1_221 = cos_q3 * t1_220;
+        let t1_222 = (-sin_q3).mul_add(t1_109, t1_221);
+        let t1_223 = like.lift(0.524).mul_add(t1_222, t1_219);
         [
-            sin_u1_2, cos_u1_2, sin_e1y, cos_e1y, sin_e1x, cos_e1x, t1_1, t1_6, t1_9, t1_15,
-            t1_17, t1_19, t1_25, t1_34, t1_35, t1_39, sin_u1_1, cos_u1_1, t1_40, t1_43, t1_45,
-            t1_49, t1_50, sin_u1_2_e1y, cos_u1_2_e1y, e_e1x_q1z, t1_53, t1_54, t1_55, t1_56,
-            e_e1x_q1y, t1_64, t1_82, t1_88, sin_u2_2, cos_u2_2, sin_u2_1, cos_u2_1, t1_100,
-            t1_101, t1_102, t1_104, t1_109, t1_110, t1_111, t1_113, t1_114, t1_115, t1_126,
-            t1_128, t1_133, t1_134, u_e1x_u1_1y, t1_136, t1_137, t1_138, u_e1x_u1_2y, t1_140,
-            t1_141, t1_142, t1_146, t1_147, t1_148, t1_149, t1_151, t1_152, t1_153, t1_163,
-            t1_164, t1_165, t1_167, t1_170, pivot_1, t1_175, u_platform_u1_1z, t1_176, t1_177,
-            t1_178, t1_179, u_e1x_u1_2z, t1_181, t1_182, t1_183, t1_185, t1_187, t1_194,
-            t1_195, t1_198, t1_199, t1_200, t1_205, t1_206, t1_211, t1_212, t1_213, t1_215,
-            sin_q3, cos_q3, t1_218, t1_219, sin_u3_2, cos_u3_2, sin_u3_1, cos_u3_1, t1_222,
-            t1_223,
+            sin_u1_2, cos_u1_2, t1_6, sin_u1_1, cos_u1_1, t1_12, t1_13, sin_e1x, cos_e1x,
+            sin_u1_2_e1y, cos_u1_2_e1y, e_e1x_q1z, t1_16, t1_17, t1_18, t1_19, e_e1x_q1y,
+            t1_27, t1_51, sin_u2_2, cos_u2_2, sin_u2_1, cos_u2_1, t1_65, t1_67, t1_76, t1_89,
+            t1_91, t1_96, t1_97, t1_99, t1_100, t1_101, t1_103, t1_104, t1_105, t1_109, t1_114,
+            t1_126, t1_127, t1_128, t1_130, t1_133, pivot_1, t1_138, u_platform_u1_1z, t1_139,
+            t1_140, t1_141, t1_142, u_e1x_u1_2z, t1_144, t1_145, t1_146, t1_148, t1_150,
+            t1_157, t1_158, t1_161, t1_162, t1_163, t1_168, t1_169, t1_174, t1_175, t1_176,
+            t1_178, sin_q3, cos_q3, sin_u3_2, cos_u3_2, sin_u3_1, cos_u3_1, t1_188, t1_190,
+            t1_191, t1_194, t1_205, t1_206, t1_207, t1_209, t1_212, t1_213, t1_214, t1_215,
+            t1_216, t1_217, t1_219, t1_220, t1_222, t1_223,
         ]
     };
     // M, part 2
     let [
-        t2_21, t2_28, t2_30, t2_31, t2_48, t2_53, t2_55, t2_56, t2_58, t2_61, t2_69, t2_72,
-        t2_74, t2_79, t2_80, t2_85, t2_87, t2_91, t2_95, t2_96, t2_99, t2_102, t2_104, t2_108,
-        t2_110, t2_113, t2_114, t2_116, inv_pivot_1, t2_120, pivot_2, inv_pivot_2, t2_127,
-        t2_128, t2_129, pivot_4, inv_pivot_4, t2_133, t2_136, t2_141, t2_144, t2_147, t2_148,
-        t2_151, pivot_5, inv_pivot_5, t2_157, t2_158, t2_165, t2_166, t2_167, t2_172, pivot_6,
-        inv_pivot_6, t2_176, t2_177, t2_180, t2_182, t2_183, t2_188, pivot_7, inv_pivot_7,
-        t2_194, t2_195, t2_196, t2_199, t2_203, t2_205, t2_208, pivot_8, inv_pivot_8, t2_212,
-        t2_214, t2_217, t2_221, t2_224, t2_226, t2_227, t2_228,
+        t2_11, t2_16, t2_18, t2_19, t2_21, t2_24, t2_32, t2_35, t2_37, t2_42, t2_43, t2_48,
+        t2_50, t2_54, t2_58, t2_59, t2_62, t2_65, t2_67, t2_71, t2_73, t2_76, t2_77, t2_79,
+        inv_pivot_1, t2_83, pivot_2, inv_pivot_2, t2_91, t2_92, pivot_4, inv_pivot_4, t2_96,
+        t2_99, t2_104, t2_107, t2_110, pivot_5, inv_pivot_5, t2_120, t2_121, t2_128, t2_129,
+        pivot_6, inv_pivot_6, t2_140, pivot_7, inv_pivot_7, t2_157, pivot_8, t2_175, t2_177,
+        t2_180, t2_184, t2_187, t2_189, t2_192, t2_208, t2_210, t2_213, t2_217, t2_220, t2_221,
+        t2_227, t2_228,
     ] = {
-        let t2_1 = cos_u3_2 * t1_223;
-        let t2_2 = t1_100 - t1_101;
-        let t2_3 = sin_u3_2.mul_add(t2_2, t2_1);
-        let t2_4 = like.lift(1.244).mul_add(t2_3, t1_219);
-        let t2_5 = t1_219 - t2_4;
-        let t2_6 = t1_213 * t2_5;
-        let t2_7 = t1_110 - t1_111;
-        let t2_8 = t1_109 + t2_7;
-        let t2_9 = t1_114 - t1_115;
-        let t2_10 = cos_q3 * t2_9;
-        let t2_11 = sin_q3.mul_add(t1_82, t2_10);
-        let t2_12 = like.lift(0.524).mul_add(t2_11, t2_8);
-        let t2_13 = sin_u3_1 * t2_11;
-        let t2_14 = sin_q3 * t2_9;
-        let t2_15 = (-cos_q3).mul_add(t1_82, t2_14);
-        let t2_16 = cos_u3_1.mul_add(t2_15, t2_13);
-        let t2_17 = cos_u3_2 * t2_16;
-        let t2_18 = sin_u3_2.mul_add(t1_213, t2_17);
-        let t2_19 = like.lift(1.244).mul_add(t2_18, t2_12);
-        let t2_20 = t2_12 - t2_19;
-        let t2_21 = (-t2_2).mul_add(t2_20, t2_6);
-        let t2_22 = cos_u3_1 * t2_11;
-        let t2_23 = (-sin_u3_1).mul_add(t2_15, t2_22);
-        let t2_24 = t2_23 * t2_5;
-        let t2_25 = cos_u3_1 * t1_218;
-        let t2_26 = (-sin_u3_1).mul_add(t1_222, t2_25);
-        let t2_27 = (-t2_26).mul_add(t2_20, t2_24);
-        let t2_28 = -t2_27;
-        let t2_29 = u_e1x_u1_1y + t1_136;
-        let t2_30 = -t2_29;
-        let t2_31 = u_e1x_u1_2y + t1_140;
-        let t2_32 = t1_148 - t1_149;
-        let t2_33 = t1_147 + t2_32;
-        let t2_34 = t1_152 - t1_153;
-        let t2_35 = cos_q3 * t2_34;
-        let t2_36 = (-sin_q3).mul_add(t1_146, t2_35);
-        let t2_37 = like.lift(0.524).mul_add(t2_36, t2_33);
-        let t2_38 = sin_u3_1 * t2_36;
-        let t2_39 = sin_q3 * t2_34;
-        let t2_40 = cos_q3.mul_add(t1_146, t2_39);
-        let t2_41 = cos_u3_1.mul_add(t2_40, t2_38);
-        let t2_42 = cos_u3_2 * t2_41;
-        let t2_43 = t1_163 + t1_164;
-        let t2_44 = sin_u3_2.mul_add(t2_43, t2_42);
-        let t2_45 = like.lift(1.244).mul_add(t2_44, t2_37);
-        let t2_46 = t2_37 - t2_45;
-        let t2_47 = t2_2 * t2_46;
-        let t2_48 = (-t2_43).mul_add(t2_5, t2_47);
-        let t2_49 = t2_26 * t2_46;
-        let t2_50 = cos_u3_1 * t2_36;
-        let t2_51 = (-sin_u3_1).mul_add(t2_40, t2_50);
-        let t2_52 = (-t2_51).mul_add(t2_5, t2_49);
-        let t2_53 = -t2_52;
-        let t2_54 = t1_176 + t1_177;
-        let t2_55 = u_platform_u1_1z + t2_54;
-        let t2_56 = u_e1x_u1_2z + t1_181;
-        let t2_57 = t2_43 * t2_20;
-        let t2_58 = (-t1_213).mul_add(t2_46, t2_57);
-        let t2_59 = t2_51 * t2_20;
-        let t2_60 = (-t2_23).mul_add(t2_46, t2_59);
-        let t2_61 = -t2_60;
-        let t2_62 = cos_u1_2_e1y * t2_26;
-        let t2_63 = like.lift(0.8660254037844386) * t2_62;
-        let t2_64 = e_e1x_q1y * t2_26;
-        let t2_65 = like.lift(-0.5).mul_add(t2_64, t2_63);
-        let t2_66 = like.lift(0.8660254037844386) * t2_51;
-        let t2_67 = like.lift(-0.5).mul_add(t2_23, t2_66);
-        let t2_68 = (-e_e1x_q1z).mul_add(t2_67, t2_65);
-        let t2_69 = -t2_68;
-        let t2_70 = cos_e1x * t2_26;
-        let t2_71 = like.lift(0.5) * t2_70;
-        let t2_72 = (-sin_e1x).mul_add(t2_67, t2_71);
-        let t2_73 = like.lift(0.8660254037844386) * t2_26;
-        let t2_74 = -t2_73;
-        let t2_75 = t2_43 * t2_26;
-        let t2_76 = like.lift(0.8660254037844386) * t2_75;
-        let t2_77 = t1_213 * t2_26;
-        let t2_78 = like.lift(-0.5).mul_add(t2_77, t2_76);
-        let t2_79 = (-t2_2).mul_add(t2_67, t2_78);
-        let t2_80 = -t2_79;
-        let t2_81 = t2_51 * t2_26;
-        let t2_82 = like.lift(0.8660254037844386) * t2_81;
-        let t2_83 = t2_23 * t2_26;
-        let t2_84 = like.lift(-0.5).mul_add(t2_83, t2_82);
-        let t2_85 = (-t2_26).mul_add(t2_67, t2_84);
-        let t2_86 = cos_u1_1 * sin_u1_2_e1y;
-        let u_e1y_q1x = like.lift(0.524) * t2_86;
+        let t2_1 = sin_u3_1 * t1_222;
+        let t2_2 = sin_q3 * t1_220;
+        let t2_3 = cos_q3.mul_add(t1_109, t2_2);
+        let t2_4 = cos_u3_1.mul_add(t2_3, t2_1);
+        let t2_5 = cos_u3_2 * t2_4;
+        let t2_6 = t1_126 + t1_127;
+        let t2_7 = sin_u3_2.mul_add(t2_6, t2_5);
+        let t2_8 = like.lift(1.244).mul_add(t2_7, t1_223);
+        let t2_9 = t1_223 - t2_8;
+        let t2_10 = t1_188 * t2_9;
+        let t2_11 = (-t2_6).mul_add(t1_191, t2_10);
+        let t2_12 = t1_212 * t2_9;
+        let t2_13 = cos_u3_1 * t1_222;
+        let t2_14 = (-sin_u3_1).mul_add(t2_3, t2_13);
+        let t2_15 = (-t2_14).mul_add(t1_191, t2_12);
+        let t2_16 = -t2_15;
+        let t2_17 = t1_139 + t1_140;
+        let t2_18 = u_platform_u1_1z + t2_17;
+        let t2_19 = u_e1x_u1_2z + t1_144;
+        let t2_20 = t2_6 * t1_206;
+        let t2_21 = (-t1_176).mul_add(t2_9, t2_20);
+        let t2_22 = t2_14 * t1_206;
+        let t2_23 = (-t1_209).mul_add(t2_9, t2_22);
+        let t2_24 = -t2_23;
+        let t2_25 = cos_u1_2_e1y * t1_212;
+        let t2_26 = like.lift(0.8660254037844386) * t2_25;
+        let t2_27 = e_e1x_q1y * t1_212;
+        let t2_28 = like.lift(-0.5).mul_add(t2_27, t2_26);
+        let t2_29 = like.lift(0.8660254037844386) * t2_14;
+        let t2_30 = like.lift(-0.5).mul_add(t1_209, t2_29);
+        let t2_31 = (-e_e1x_q1z).mul_add(t2_30, t2_28);
+        let t2_32 = -t2_31;
+        let t2_33 = cos_e1x * t1_212;
+        let t2_34 = like.lift(0.5) * t2_33;
+        let t2_35 = (-sin_e1x).mul_add(t2_30, t2_34);
+        let t2_36 = like.lift(0.8660254037844386) * t1_212;
+        let t2_37 = -t2_36;
+        let t2_38 = t2_6 * t1_212;
+        let t2_39 = like.lift(0.8660254037844386) * t2_38;
+        let t2_40 = t1_176 * t1_212;
+        let t2_41 = like.lift(-0.5).mul_add(t2_40, t2_39);
+        let t2_42 = (-t1_188).mul_add(t2_30, t2_41);
+        let t2_43 = -t2_42;
+        let t2_44 = t2_14 * t1_212;
+        let t2_45 = like.lift(0.8660254037844386) * t2_44;
+        let t2_46 = t1_209 * t1_212;
+        let t2_47 = like.lift(-0.5).mul_add(t2_46, t2_45);
+        let t2_48 = (-t1_212).mul_add(t2_30, t2_47);
+        let t2_49 = cos_u1_1 * sin_u1_2_e1y;
+        let u_e1y_q1x = like.lift(0.524) * t2_49;
         let u_platform_u1_1x = like.lift(0.044) * e_e1x_q1z;
         let u_platform_q1x = u_e1y_q1x - u_platform_u1_1x;
-        let t2_87 = like.lift(-0.022).mul_add(e_e1x_q1z, u_platform_q1x);
-        let t2_88 = t1_88 - t1_104;
-        let t2_89 = t1_64 * t2_88;
-        let t2_90 = t1_113 - t1_126;
-        let t2_91 = (-t1_102).mul_add(t2_90, t2_89);
+        let t2_50 = like.lift(-0.022).mul_add(e_e1x_q1z, u_platform_q1x);
+        let t2_51 = t1_51 - t1_67;
+        let t2_52 = t1_27 * t2_51;
+        let t2_53 = t1_76 - t1_89;
+        let t2_54 = (-t1_65).mul_add(t2_53, t2_52);
         let u_u1_1_q1y = like.lift(0.524) * sin_u1_1;
         let u_e1y_u1_1y = like.lift(1.244) * cos_u1_2;
         let u_e1y_q1y = u_u1_1_q1y + u_e1y_u1_1y;
-        let t2_92 = cos_e1x * u_e1y_q1y;
-        let t2_93 = cos_u1_1 * cos_u1_2_e1y;
-        let t2_94 = sin_e1x * t2_93;
-        let u_e1x_q1y = like.lift(0.524).mul_add(t2_94, t2_92);
-        let t2_95 = u_e1x_q1y - t1_136;
-        let t2_96 = -t2_95;
-        let t2_97 = t1_151 - t1_167;
-        let t2_98 = t1_102 * t2_97;
-        let t2_99 = (-t1_165).mul_add(t2_88, t2_98);
-        let t2_100 = sin_e1x * u_e1y_q1y;
-        let t2_101 = cos_e1x * t2_93;
-        let u_e1x_q1z = like.lift(-0.524).mul_add(t2_101, t2_100);
-        let u_platform_q1z = u_e1x_q1z + t1_175;
-        let t2_102 = u_platform_q1z + t1_178;
-        let t2_103 = t1_165 * t2_90;
-        let t2_104 = (-t1_64).mul_add(t2_97, t2_103);
-        let t2_105 = t1_215 - t2_4;
-        let t2_106 = t1_213 * t2_105;
-        let t2_107 = t2_8 - t2_19;
-        let t2_108 = (-t2_2).mul_add(t2_107, t2_106);
-        let t2_109 = u_e1x_q1y + t1_136;
-        let t2_110 = -t2_109;
-        let t2_111 = t2_33 - t2_45;
-        let t2_112 = t2_2 * t2_111;
-        let t2_113 = (-t2_43).mul_add(t2_105, t2_112);
-        let t2_114 = u_platform_q1z + t2_54;
-        let t2_115 = t2_43 * t2_107;
-        let t2_116 = (-t1_213).mul_add(t2_111, t2_115);
+        let t2_55 = cos_e1x * u_e1y_q1y;
+        let t2_56 = cos_u1_1 * cos_u1_2_e1y;
+        let t2_57 = sin_e1x * t2_56;
+        let u_e1x_q1y = like.lift(0.524).mul_add(t2_57, t2_55);
+        let t2_58 = u_e1x_q1y - t1_99;
+        let t2_59 = -t2_58;
+        let t2_60 = t1_114 - t1_130;
+        let t2_61 = t1_65 * t2_60;
+        let t2_62 = (-t1_128).mul_add(t2_51, t2_61);
+        let t2_63 = sin_e1x * u_e1y_q1y;
+        let t2_64 = cos_e1x * t2_56;
+        let u_e1x_q1z = like.lift(-0.524).mul_add(t2_64, t2_63);
+        let u_platform_q1z = u_e1x_q1z + t1_138;
+        let t2_65 = u_platform_q1z + t1_141;
+        let t2_66 = t1_128 * t2_53;
+        let t2_67 = (-t1_27).mul_add(t2_60, t2_66);
+        let t2_68 = t1_178 - t1_190;
+        let t2_69 = t1_176 * t2_68;
+        let t2_70 = t1_194 - t1_205;
+        let t2_71 = (-t1_188).mul_add(t2_70, t2_69);
+        let t2_72 = u_e1x_q1y + t1_99;
+        let t2_73 = -t2_72;
+        let t2_74 = t1_219 - t2_8;
+        let t2_75 = t1_188 * t2_74;
+        let t2_76 = (-t2_6).mul_add(t2_68, t2_75);
+        let t2_77 = u_platform_q1z + t2_17;
+        let t2_78 = t2_6 * t2_70;
+        let t2_79 = (-t1_176).mul_add(t2_74, t2_78);
         let inv_pivot_1 = like.lift(1.0) / pivot_1;
-        let t2_117 = t1_187 * inv_pivot_1;
-        let t2_118 = t1_137.mul_add(t2_117, t1_179);
-        let t2_119 = t1_134 * inv_pivot_1;
-        let t2_120 = (-t1_137).mul_add(t2_119, t1_53);
-        let t2_121 = (-t1_170).mul_add(t2_117, t1_185);
-        let pivot_2 = (-t1_170).mul_add(t2_119, t1_128);
+        let t2_80 = t1_150 * inv_pivot_1;
+        let t2_81 = t1_100.mul_add(t2_80, t1_142);
+        let t2_82 = t1_97 * inv_pivot_1;
+        let t2_83 = (-t1_100).mul_add(t2_82, t1_16);
+        let t2_84 = (-t1_133).mul_add(t2_80, t1_148);
+        let pivot_2 = (-t1_133).mul_add(t2_82, t1_91);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_122 = t2_121 * inv_pivot_2;
-        let t2_123 = t2_120.mul_add(t2_122, t2_118);
-        let t2_124 = t1_211 * inv_pivot_1;
-        let t2_125 = t1_137.mul_add(t2_124, t1_194);
-        let t2_126 = (-t1_170).mul_add(t2_124, t1_205);
-        let t2_127 = t2_126 * inv_pivot_2;
-        let t2_128 = t2_120.mul_add(t2_127, t2_125);
-        let t2_129 = like.lift(1.0) / t1_133;
-        let t2_130 = t2_128 * t2_129;
-        let t2_131 = like.lift(0.0762102355330306) * t2_130;
-        let pivot_4 = t2_123 - t2_131;
+        let t2_85 = t2_84 * inv_pivot_2;
+        let t2_86 = t2_83.mul_add(t2_85, t2_81);
+        let t2_87 = t1_174 * inv_pivot_1;
+        let t2_88 = t1_100.mul_add(t2_87, t1_157);
+        let t2_89 = (-t1_133).mul_add(t2_87, t1_168);
+        let t2_90 = t2_89 * inv_pivot_2;
+        let t2_91 = t2_83.mul_add(t2_90, t2_88);
+        let t2_92 = like.lift(1.0) / t1_96;
+        let t2_93 = t2_91 * t2_92;
+        let t2_94 = like.lift(0.0762102355330306) * t2_93;
+        let pivot_4 = t2_86 - t2_94;
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_132 = t2_95.mul_add(t2_117, t2_102);
-        let t2_133 = t2_95.mul_add(t2_119, t2_87);
-        let t2_134 = (-t2_133).mul_add(t2_122, t2_132);
-        let t2_135 = t2_95.mul_add(t2_124, t1_194);
-        let t2_136 = (-t2_133).mul_add(t2_127, t2_135);
-        let t2_137 = t2_136 * t2_129;
-        let t2_138 = like.lift(0.0762102355330306) * t2_137;
-        let t2_139 = t2_134 - t2_138;
-        let t2_140 = (-t1_141).mul_add(t2_117, t1_182);
-        let t2_141 = (-t1_141).mul_add(t2_119, t1_55);
-        let t2_142 = (-t2_141).mul_add(t2_122, t2_140);
-        let t2_143 = (-t1_141).mul_add(t2_124, t1_198);
-        let t2_144 = (-t2_141).mul_add(t2_127, t2_143);
-        let t2_145 = t2_144 * t2_129;
-        let t2_146 = like.lift(0.0762102355330306) * t2_145;
-        let t2_147 = t2_142 - t2_146;
-        let t2_148 = t2_26 * t2_129;
-        let t2_149 = t2_144.mul_add(t2_148, t2_72);
-        let t2_150 = (-t2_128).mul_add(t2_148, t2_68);
-        let t2_151 = t2_150 * inv_pivot_4;
-        let pivot_5 = t2_147.mul_add(t2_151, t2_149);
+        let t2_95 = t2_58.mul_add(t2_80, t2_65);
+        let t2_96 = t2_58.mul_add(t2_82, t2_50);
+        let t2_97 = (-t2_96).mul_add(t2_85, t2_95);
+        let t2_98 = t2_58.mul_add(t2_87, t1_157);
+        let t2_99 = (-t2_96).mul_add(t2_90, t2_98);
+        let t2_100 = t2_99 * t2_92;
+        let t2_101 = like.lift(0.0762102355330306) * t2_100;
+        let t2_102 = t2_97 - t2_101;
+        let t2_103 = (-t1_104).mul_add(t2_80, t1_145);
+        let t2_104 = (-t1_104).mul_add(t2_82, t1_18);
+        let t2_105 = (-t2_104).mul_add(t2_85, t2_103);
+        let t2_106 = (-t1_104).mul_add(t2_87, t1_161);
+        let t2_107 = (-t2_104).mul_add(t2_90, t2_106);
+        let t2_108 = t2_107 * t2_92;
+        let t2_109 = like.lift(0.0762102355330306) * t2_108;
+        let t2_110 = t2_105 - t2_109;
+        let t2_111 = t1_212 * t2_92;
+        let t2_112 = t2_107.mul_add(t2_111, t2_35);
+        let t2_113 = (-t2_91).mul_add(t2_111, t2_31);
+        let t2_114 = t2_113 * inv_pivot_4;
+        let pivot_5 = t2_110.mul_add(t2_114, t2_112);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_152 = (-t2_136).mul_add(t2_148, t2_68);
-        let t2_153 = (-t2_139).mul_add(t2_151, t2_152);
-        let t2_154 = sin_e1x * t2_124;
-        let t2_155 = like.lift(0.0381051177665153).mul_add(t2_154, t1_198);
-        let t2_156 = sin_e1x * t2_119;
-        let t2_157 = like.lift(0.0381051177665153).mul_add(t2_156, t1_56);
-        let t2_158 = (-t2_157).mul_add(t2_127, t2_155);
-        let t2_159 = t2_158.mul_add(t2_148, t2_72);
-        let t2_160 = sin_e1x * t2_117;
-        let t2_161 = like.lift(-0.0381051177665153).mul_add(t2_160, t1_181);
-        let t2_162 = t2_157.mul_add(t2_122, t2_161);
-        let t2_163 = t2_158 * t2_129;
-        let t2_164 = like.lift(0.0762102355330306) * t2_163;
-        let t2_165 = t2_162 + t2_164;
-        let t2_166 = (-t2_165).mul_add(t2_151, t2_159);
-        let t2_167 = e_e1x_q1z * inv_pivot_4;
-        let t2_168 = t2_165 * t2_167;
-        let t2_169 = like.lift(-0.066).mul_add(t2_168, t1_56);
-        let t2_170 = t2_147 * t2_167;
-        let t2_171 = like.lift(0.066).mul_add(t2_170, t1_55);
-        let t2_172 = t2_171 * inv_pivot_5;
-        let pivot_6 = (-t2_166).mul_add(t2_172, t2_169);
+        let t2_115 = (-t2_99).mul_add(t2_111, t2_31);
+        let t2_116 = (-t2_102).mul_add(t2_114, t2_115);
+        let t2_117 = sin_e1x * t2_87;
+        let t2_118 = like.lift(0.0381051177665153).mul_add(t2_117, t1_161);
+        let t2_119 = sin_e1x * t2_82;
+        let t2_120 = like.lift(0.0381051177665153).mul_add(t2_119, t1_19);
+        let t2_121 = (-t2_120).mul_add(t2_90, t2_118);
+        let t2_122 = t2_121.mul_add(t2_111, t2_35);
+        let t2_123 = sin_e1x * t2_80;
+        let t2_124 = like.lift(-0.0381051177665153).mul_add(t2_123, t1_144);
+        let t2_125 = t2_120.mul_add(t2_85, t2_124);
+        let t2_126 = t2_121 * t2_92;
+        let t2_127 = like.lift(0.0762102355330306) * t2_126;
+        let t2_128 = t2_125 + t2_127;
+        let t2_129 = (-t2_128).mul_add(t2_114, t2_122);
+        let t2_130 = e_e1x_q1z * inv_pivot_4;
+        let t2_131 = t2_128 * t2_130;
+        let t2_132 = like.lift(-0.066).mul_add(t2_131, t1_19);
+        let t2_133 = t2_110 * t2_130;
+        let t2_134 = like.lift(0.066).mul_add(t2_133, t1_18);
+        let t2_135 = t2_134 * inv_pivot_5;
+        let pivot_6 = (-t2_129).mul_add(t2_135, t2_132);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_173 = t2_139 * t2_167;
-        let t2_174 = like.lift(0.066).mul_add(t2_173, t2_87);
-        let t2_175 = t2_153.mul_add(t2_172, t2_174);
-        let t2_176 = t2_79 * t2_172;
-        let t2_177 = t2_21 + t2_176;
-        let t2_178 = t2_56 - t2_146;
-        let t2_179 = t2_55 - t2_131;
-        let t2_180 = t2_179 * inv_pivot_4;
-        let t2_181 = (-t2_147).mul_add(t2_180, t2_178);
-        let t2_182 = t2_181 * inv_pivot_5;
-        let t2_183 = t2_79 * t2_182;
-        let t2_184 = t2_58 + t2_183;
-        let t2_185 = t1_181 - t2_164;
-        let t2_186 = t2_165.mul_add(t2_180, t2_185);
-        let t2_187 = (-t2_166).mul_add(t2_182, t2_186);
-        let t2_188 = t2_187 * inv_pivot_6;
-        let pivot_7 = (-t2_177).mul_add(t2_188, t2_184);
+        let t2_136 = t2_102 * t2_130;
+        let t2_137 = like.lift(0.066).mul_add(t2_136, t2_50);
+        let t2_138 = t2_116.mul_add(t2_135, t2_137);
+        let t2_139 = t2_42 * t2_135;
+        let t2_140 = t1_207 + t2_139;
+        let t2_141 = t2_19 - t2_109;
+        let t2_142 = t2_18 - t2_94;
+        let t2_143 = t2_142 * inv_pivot_4;
+        let t2_144 = (-t2_110).mul_add(t2_143, t2_141);
+        let t2_145 = t2_144 * inv_pivot_5;
+        let t2_146 = t2_42 * t2_145;
+        let t2_147 = t2_21 + t2_146;
+        let t2_148 = t1_144 - t2_127;
+        let t2_149 = t2_128.mul_add(t2_143, t2_148);
+        let t2_150 = (-t2_129).mul_add(t2_145, t2_149);
+        let t2_151 = t2_150 * inv_pivot_6;
+        let pivot_7 = (-t2_140).mul_add(t2_151, t2_147);
         let inv_pivot_7 = like.lift(1.0) / pivot_7;
-        let t2_189 = t2_114 - t2_138;
-        let t2_190 = (-t2_139).mul_add(t2_180, t2_189);
-        let t2_191 = t2_153.mul_add(t2_182, t2_190);
-        let t2_192 = (-t2_175).mul_add(t2_188, t2_191);
-        let t2_193 = t2_85.mul_add(t2_182, t2_60);
-        let t2_194 = t2_85.mul_add(t2_172, t2_27);
-        let t2_195 = (-t2_194).mul_add(t2_188, t2_193);
-        let t2_196 = t2_29 * inv_pivot_4;
-        let t2_197 = (-t2_139).mul_add(t2_196, t2_109);
-        let t2_198 = t2_147.mul_add(t2_196, t2_31);
-        let t2_199 = t2_198 * inv_pivot_5;
-        let t2_200 = (-t2_153).mul_add(t2_199, t2_197);
-        let t2_201 = (-t2_165).mul_add(t2_196, t1_140);
-        let t2_202 = (-t2_166).mul_add(t2_199, t2_201);
-        let t2_203 = t2_202 * inv_pivot_6;
-        let t2_204 = t2_175.mul_add(t2_203, t2_200);
-        let t2_205 = t2_79 * t2_199;
-        let t2_206 = t2_48 + t2_205;
-        let t2_207 = (-t2_177).mul_add(t2_203, t2_206);
-        let t2_208 = t2_207 * inv_pivot_7;
-        let t2_209 = t2_192.mul_add(t2_208, t2_204);
-        let t2_210 = t2_85.mul_add(t2_199, t2_52);
-        let t2_211 = (-t2_194).mul_add(t2_203, t2_210);
-        let pivot_8 = (-t2_195).mul_add(t2_208, t2_211);
+        let t2_152 = t2_77 - t2_101;
+        let t2_153 = (-t2_102).mul_add(t2_143, t2_152);
+        let t2_154 = t2_116.mul_add(t2_145, t2_153);
+        let t2_155 = (-t2_138).mul_add(t2_151, t2_154);
+        let t2_156 = t2_48.mul_add(t2_145, t2_23);
+        let t2_157 = t2_48.mul_add(t2_135, t1_213);
+        let t2_158 = (-t2_157).mul_add(t2_151, t2_156);
+        let t2_159 = t1_215 * inv_pivot_4;
+        let t2_160 = (-t2_102).mul_add(t2_159, t2_72);
+        let t2_161 = t2_110.mul_add(t2_159, t1_217);
+        let t2_162 = t2_161 * inv_pivot_5;
+        let t2_163 = (-t2_116).mul_add(t2_162, t2_160);
+        let t2_164 = (-t2_128).mul_add(t2_159, t1_103);
+        let t2_165 = (-t2_129).mul_add(t2_162, t2_164);
+        let t2_166 = t2_165 * inv_pivot_6;
+        let t2_167 = t2_138.mul_add(t2_166, t2_163);
+        let t2_168 = t2_42 * t2_162;
+        let t2_169 = t2_11 + t2_168;
+        let t2_170 = (-t2_140).mul_add(t2_166, t2_169);
+        let t2_171 = t2_170 * inv_pivot_7;
+        let t2_172 = t2_155.mul_add(t2_171, t2_167);
+        let t2_173 = t2_48.mul_add(t2_162, t2_15);
+        let t2_174 = (-t2_157).mul_add(t2_166, t2_173);
+        let pivot_8 = (-t2_158).mul_add(t2_171, t2_174);
         let inv_pivot_8 = like.lift(1.0) / pivot_8;
-        let t2_212 = t2_209 * inv_pivot_8;
-        let t2_213 = t2_195.mul_add(t2_212, t2_192);
-        let t2_214 = inv_pivot_7 * t2_213;
-        let t2_215 = (-t2_177).mul_add(t2_214, t2_175);
-        let t2_216 = t2_194.mul_add(t2_212, t2_215);
-        let t2_217 = inv_pivot_6 * t2_216;
-        let t2_218 = t2_166.mul_add(t2_217, t2_153);
-        let t2_219 = (-t2_79).mul_add(t2_214, t2_218);
-        let t2_220 = t2_85.mul_add(t2_212, t2_219);
-        let t2_221 = inv_pivot_5 * t2_220;
-        let t2_222 = t2_147.mul_add(t2_221, t2_139);
-        let t2_223 = t2_165.mul_add(t2_217, t2_222);
-        let t2_224 = inv_pivot_4 * t2_223;
-        let t2_225 = (-t2_99).mul_add(t2_117, t2_104);
-        let t2_226 = (-t2_99).mul_add(t2_119, t2_91);
-        let t2_227 = (-t2_226).mul_add(t2_122, t2_225);
-        let t2_228 = (-t2_99).mul_add(t2_124, t1_205);
+        let t2_175 = t2_172 * inv_pivot_8;
+        let t2_176 = t2_158.mul_add(t2_175, t2_155);
+        let t2_177 = inv_pivot_7 * t2_176;
+        let t2_178 = (-t2_140).mul_add(t2_177, t2_138);
+        let t2_179 = t2_157.mul_add(t2_175, t2_178);
+        let t2_180 = inv_pivot_6 * t2_179;
+        let t2_181 = t2_129.mul_add(t2_180, t2_116);
+        let t2_182 = (-t2_42).mul_add(t2_177, t2_181);
+        let t2_183 = t2_48.mul_add(t2_175, t2_182);
+        let t2_184 = inv_pivot_5 * t2_183;
+        let t2_185 = t2_110.mul_add(t2_184, t2_102);
+        let t2_186 = t2_128.mul_add(t2_180, t2_185);
+        let t2_187 = inv_pivot_4 * t2_186;
+        let t2_188 = (-t2_62).mul_add(t2_80, t2_67);
+        let t2_189 = (-t2_62).mul_add(t2_82, t2_54);
+        let t2_190 = (-t2_189).mul_add(t2_85, t2_188);
+        let t2_191 = (-t2_62).mul_add(t2_87, t1_168);
+        let t2_192 = (-t2_189).mul_add(t2_90, t2_191);
+        let t2_193 = t2_192 * t2_92;
+        let t2_194 = like.lift(0.0762102355330306) * t2_193;
+        let t2_195 = t2_190 - t2_194;
+        let t2_196 = t2_192 * t2_111;
+        let t2_197 = t2_195.mul_add(t2_114, t2_196);
+        let t2_198 = t2_195 * t2_130;
+        let t2_199 = like.lift(0.066) * t2_198;
+        let t2_200 = (-t2_197).mul_add(t2_135, t2_199);
+        let t2_201 = t2_195.mul_add(t2_143, t2_194);
+        let t2_202 = t2_197.mul_add(t2_145, t2_201);
+        let t2_203 = t2_200.mul_add(t2_151, t2_202);
+        let t2_204 = t2_195 * t2_159;
+        let t2_205 = (-t2_197).mul_add(t2_162, t2_204);
+        let t2_206 = (-t2_200).mul_add(t2_166, t2_205);
+        let t2_207 = t2_203.mul_add(t2_171, t2_206);
+        let t2_208 = t2_207 * inv_pivot_8;
+        let t2_209 = t2_158.mul_add(t2_208, t2_203);
+        let t2_210 = inv_pivot_7 * t2_209;
+        let t2_211 = t2_140.mul_add(t2_210, t2_200);
+        let t2_212 = (-t2_157).mul_add(t2_208, t2_211);
+        let t2_213 = inv_pivot_6 * t2_212;
+        let t2_214 = (-t2_129).mul_add(t2_213, t2_197);
+        let t2_215 = (-t2_42).mul_add(t2_210, t2_214);
+        let t2_216 = t2_48.mul_add(t2_208, t2_215);
+        let t2_217 = inv_pivot_5 * t2_216;
+        let t2_218 = (-t2_110).mul_add(t2_217, t2_195);
+        let t2_219 = t2_128.mul_add(t2_213, t2_218);
+        let t2_220 = inv_pivot_4 * t2_219;
+        let t2_221 = t2_71 + t2_139;
+        let t2_222 = t2_79 + t2_146;
+        let t2_223 = (-t2_221).mul_add(t2_151, t2_222);
+        let t2_224 = t2_76 + t2_168;
+        let t2_225 = (-t2_221).mul_add(t2_166, t2_224);
+        let t2_226 = (-t2_223).mul_add(t2_171, t2_225);
+        let t2_227 = t2_226 * inv_pivot_8;
+        let t2_228 = (-t2_158).mul_add(t2_227, t2_223);
         [
-            t2_21, t2_28, t2_30, t2_31, t2_48, t2_53, t2_55, t2_56, t2_58, t2_61, t2_69, t2_72,
-            t2_74, t2_79, t2_80, t2_85, t2_87, t2_91, t2_95, t2_96, t2_99, t2_102, t2_104,
-            t2_108, t2_110, t2_113, t2_114, t2_116, inv_pivot_1, t2_120, pivot_2, inv_pivot_2,
-            t2_127, t2_128, t2_129, pivot_4, inv_pivot_4, t2_133, t2_136, t2_141, t2_144,
-            t2_147, t2_148, t2_151, pivot_5, inv_pivot_5, t2_157, t2_158, t2_165, t2_166,
-            t2_167, t2_172, pivot_6, inv_pivot_6, t2_176, t2_177, t2_180, t2_182, t2_183,
-            t2_188, pivot_7, inv_pivot_7, t2_194, t2_195, t2_196, t2_199, t2_203, t2_205,
-            t2_208, pivot_8, inv_pivot_8, t2_212, t2_214, t2_217, t2_221, t2_224, t2_226,
-            t2_227, t2_228,
+            t2_11, t2_16, t2_18, t2_19, t2_21, t2_24, t2_32, t2_35, t2_37, t2_42, t2_43, t2_48,
+            t2_50, t2_54, t2_58, t2_59, t2_62, t2_65, t2_67, t2_71, t2_73, t2_76, t2_77, t2_79,
+            inv_pivot_1, t2_83, pivot_2, inv_pivot_2, t2_91, t2_92, pivot_4, inv_pivot_4,
+            t2_96, t2_99, t2_104, t2_107, t2_110, pivot_5, inv_pivot_5, t2_120, t2_121, t2_128,
+            t2_129, pivot_6, inv_pivot_6, t2_140, pivot_7, inv_pivot_7, t2_157, pivot_8,
+            t2_175, t2_177, t2_180, t2_184, t2_187, t2_189, t2_192, t2_208, t2_210, t2_213,
+            t2_217, t2_220, t2_221, t2_227, t2_228,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        x_u1_1_q1, x_u1_1_q2, x_u1_1_q3, x_u1_2_q1, x_u1_2_q2, x_u1_2_q3, x_e1y_q1, x_e1y_q2,
-        x_e1y_q3, x_e1x_q1, x_e1x_q2, x_e1x_q3, x_u2_1_q1, x_u2_1_q2, x_u2_1_q3, x_u2_2_q1,
-        x_u2_2_q2, x_u2_2_q3, x_u3_1_q1, x_u3_1_q2, x_u3_1_q3, x_u3_2_q1, x_u3_2_q2, x_u3_2_q3,
+        x_u1_1_q1, x_u1_1_q2, x_u1_1_q3, x_u1_2_q1, x_u1_2_q2, x_u1_2_q3, x_u2_1_q1, x_u2_1_q2,
+        x_u2_1_q3, x_u2_2_q1, x_u2_2_q2, x_u2_2_q3, x_u3_1_q1, x_u3_1_q2, x_u3_1_q3, x_u3_2_q1,
+        x_u3_2_q2, x_u3_2_q3,
     ] = {
-        let t3_1 = (-t2_226).mul_add(t2_127, t2_228);
-        let t3_2 = t3_1 * t2_129;
-        let t3_3 = like.lift(0.0762102355330306) * t3_2;
-        let t3_4 = t2_227 - t3_3;
-        let t3_5 = t3_1 * t2_148;
-        let t3_6 = t3_4.mul_add(t2_151, t3_5);
-        let t3_7 = t3_4 * t2_167;
-        let t3_8 = like.lift(0.066) * t3_7;
-        let t3_9 = (-t3_6).mul_add(t2_172, t3_8);
-        let t3_10 = t3_4.mul_add(t2_180, t3_3);
-        let t3_11 = t3_6.mul_add(t2_182, t3_10);
-        let t3_12 = t3_9.mul_add(t2_188, t3_11);
-        let t3_13 = t3_4 * t2_196;
-        let t3_14 = (-t3_6).mul_add(t2_199, t3_13);
-        let t3_15 = (-t3_9).mul_add(t2_203, t3_14);
-        let t3_16 = t3_12.mul_add(t2_208, t3_15);
-        let t3_17 = t3_16 * inv_pivot_8;
-        let t3_18 = t2_195.mul_add(t3_17, t3_12);
-        let t3_19 = inv_pivot_7 * t3_18;
-        let t3_20 = t2_177.mul_add(t3_19, t3_9);
-        let t3_21 = (-t2_194).mul_add(t3_17, t3_20);
-        let t3_22 = inv_pivot_6 * t3_21;
-        let t3_23 = (-t2_166).mul_add(t3_22, t3_6);
-        let t3_24 = (-t2_79).mul_add(t3_19, t3_23);
-        let t3_25 = t2_85.mul_add(t3_17, t3_24);
-        let t3_26 = inv_pivot_5 * t3_25;
-        let t3_27 = (-t2_147).mul_add(t3_26, t3_4);
-        let t3_28 = t2_165.mul_add(t3_22, t3_27);
-        let t3_29 = inv_pivot_4 * t3_28;
-        let t3_30 = t2_108 + t2_176;
-        let t3_31 = t2_116 + t2_183;
-        let t3_32 = (-t3_30).mul_add(t2_188, t3_31);
-        let t3_33 = t2_113 + t2_205;
-        let t3_34 = (-t3_30).mul_add(t2_203, t3_33);
-        let t3_35 = (-t3_32).mul_add(t2_208, t3_34);
-        let t3_36 = t3_35 * inv_pivot_8;
-        let t3_37 = (-t2_195).mul_add(t3_36, t3_32);
-        let t3_38 = inv_pivot_7 * t3_37;
-        let t3_39 = (-t2_177).mul_add(t3_38, t3_30);
-        let t3_40 = (-t2_194).mul_add(t3_36, t3_39);
-        let t3_41 = inv_pivot_6 * t3_40;
-        let t3_42 = t2_166.mul_add(t3_41, t2_79);
-        let t3_43 = (-t2_79).mul_add(t3_38, t3_42);
-        let t3_44 = (-t2_85).mul_add(t3_36, t3_43);
-        let t3_45 = inv_pivot_5 * t3_44;
-        let t3_46 = t2_147 * t3_45;
-        let t3_47 = t2_165.mul_add(t3_41, t3_46);
-        let t3_48 = inv_pivot_4 * t3_47;
-        let t3_49 = -t2_221;
-        let t3_50 = -t3_45;
-        let t3_51 = (-t2_128).mul_add(t2_224, t2_136);
-        let t3_52 = t2_144.mul_add(t2_221, t3_51);
-        let t3_53 = (-t2_158).mul_add(t2_217, t3_52);
-        let t3_54 = t2_129 * t3_53;
-        let t3_55 = like.lift(1.1547005383792515) * t3_54;
-        let t3_56 = (-t2_128).mul_add(t3_29, t3_1);
-        let t3_57 = (-t2_144).mul_add(t3_26, t3_56);
-        let t3_58 = (-t2_158).mul_add(t3_22, t3_57);
-        let t3_59 = t2_129 * t3_58;
-        let t3_60 = like.lift(1.1547005383792515) * t3_59;
-        let t3_61 = t2_128 * t3_48;
-        let t3_62 = (-t2_144).mul_add(t3_45, t3_61);
-        let t3_63 = t2_158.mul_add(t3_41, t3_62);
-        let t3_64 = t2_129 * t3_63;
-        let t3_65 = like.lift(1.1547005383792515) * t3_64;
-        let t3_66 = -t3_65;
-        let t3_67 = t2_120.mul_add(t2_224, t2_133);
-        let t3_68 = t2_141.mul_add(t2_221, t3_67);
-        let t3_69 = (-t2_157).mul_add(t2_217, t3_68);
-        let t3_70 = inv_pivot_2 * t3_69;
-        let t3_71 = t2_120.mul_add(t3_29, t2_226);
-        let t3_72 = (-t2_141).mul_add(t3_26, t3_71);
-        let t3_73 = (-t2_157).mul_add(t3_22, t3_72);
-        let t3_74 = inv_pivot_2 * t3_73;
-        let t3_75 = t2_120 * t3_48;
-        let t3_76 = t2_141.mul_add(t3_45, t3_75);
-        let t3_77 = (-t2_157).mul_add(t3_41, t3_76);
-        let t3_78 = inv_pivot_2 * t3_77;
-        let t3_79 = t1_170.mul_add(t3_70, t2_95);
-        let t3_80 = (-t1_137).mul_add(t2_224, t3_79);
-        let t3_81 = (-t1_141).mul_add(t2_221, t3_80);
-        let t3_82 = sin_e1x * t2_217;
-        let t3_83 = like.lift(-0.0381051177665153).mul_add(t3_82, t3_81);
-        let t3_84 = inv_pivot_1 * t3_83;
-        let t3_85 = -t3_84;
-        let t3_86 = (-t1_170).mul_add(t3_74, t2_99);
-        let t3_87 = t1_137.mul_add(t3_29, t3_86);
-        let t3_88 = (-t1_141).mul_add(t3_26, t3_87);
-        let t3_89 = sin_e1x * t3_22;
-        let t3_90 = like.lift(0.0381051177665153).mul_add(t3_89, t3_88);
-        let t3_91 = inv_pivot_1 * t3_90;
-        let t3_92 = t1_170 * t3_78;
-        let t3_93 = (-t1_137).mul_add(t3_48, t3_92);
-        let t3_94 = (-t1_141).mul_add(t3_45, t3_93);
-        let t3_95 = sin_e1x * t3_41;
-        let t3_96 = like.lift(-0.0381051177665153).mul_add(t3_95, t3_94);
-        let t3_97 = inv_pivot_1 * t3_96;
-        let t3_98 = -t3_97;
-        let t3_99 = -t3_19;
-        let t3_100 = -t3_17;
-        let t3_101 = -t3_36;
-        let t3_102 = -pivot_8;
+        let t3_1 = inv_pivot_7 * t2_228;
+        let t3_2 = (-t2_140).mul_add(t3_1, t2_221);
+        let t3_3 = (-t2_157).mul_add(t2_227, t3_2);
+        let t3_4 = inv_pivot_6 * t3_3;
+        let t3_5 = t2_129.mul_add(t3_4, t2_42);
+        let t3_6 = (-t2_42).mul_add(t3_1, t3_5);
+        let t3_7 = (-t2_48).mul_add(t2_227, t3_6);
+        let t3_8 = inv_pivot_5 * t3_7;
+        let t3_9 = t2_110 * t3_8;
+        let t3_10 = t2_128.mul_add(t3_4, t3_9);
+        let t3_11 = inv_pivot_4 * t3_10;
+        let t3_12 = -t2_184;
+        let t3_13 = -t3_8;
+        let t3_14 = (-t2_91).mul_add(t2_187, t2_99);
+        let t3_15 = t2_107.mul_add(t2_184, t3_14);
+        let t3_16 = (-t2_121).mul_add(t2_180, t3_15);
+        let t3_17 = t2_92 * t3_16;
+        let t3_18 = like.lift(1.1547005383792515) * t3_17;
+        let t3_19 = (-t2_91).mul_add(t2_220, t2_192);
+        let t3_20 = (-t2_107).mul_add(t2_217, t3_19);
+        let t3_21 = (-t2_121).mul_add(t2_213, t3_20);
+        let t3_22 = t2_92 * t3_21;
+        let t3_23 = like.lift(1.1547005383792515) * t3_22;
+        let t3_24 = t2_91 * t3_11;
+        let t3_25 = (-t2_107).mul_add(t3_8, t3_24);
+        let t3_26 = t2_121.mul_add(t3_4, t3_25);
+        let t3_27 = t2_92 * t3_26;
+        let t3_28 = like.lift(1.1547005383792515) * t3_27;
+        let t3_29 = -t3_28;
+        let t3_30 = t2_83.mul_add(t2_187, t2_96);
+        let t3_31 = t2_104.mul_add(t2_184, t3_30);
+        let t3_32 = (-t2_120).mul_add(t2_180, t3_31);
+        let t3_33 = inv_pivot_2 * t3_32;
+        let t3_34 = t2_83.mul_add(t2_220, t2_189);
+        let t3_35 = (-t2_104).mul_add(t2_217, t3_34);
+        let t3_36 = (-t2_120).mul_add(t2_213, t3_35);
+        let t3_37 = inv_pivot_2 * t3_36;
+        let t3_38 = t2_83 * t3_11;
+        let t3_39 = t2_104.mul_add(t3_8, t3_38);
+        let t3_40 = (-t2_120).mul_add(t3_4, t3_39);
+        let t3_41 = inv_pivot_2 * t3_40;
+        let t3_42 = t1_133.mul_add(t3_33, t2_58);
+        let t3_43 = (-t1_100).mul_add(t2_187, t3_42);
+        let t3_44 = (-t1_104).mul_add(t2_184, t3_43);
+        let t3_45 = sin_e1x * t2_180;
+        let t3_46 = like.lift(-0.0381051177665153).mul_add(t3_45, t3_44);
+        let t3_47 = inv_pivot_1 * t3_46;
+        let t3_48 = -t3_47;
+        let t3_49 = (-t1_133).mul_add(t3_37, t2_62);
+        let t3_50 = t1_100.mul_add(t2_220, t3_49);
+        let t3_51 = (-t1_104).mul_add(t2_217, t3_50);
+        let t3_52 = sin_e1x * t2_213;
+        let t3_53 = like.lift(0.0381051177665153).mul_add(t3_52, t3_51);
+        let t3_54 = inv_pivot_1 * t3_53;
+        let t3_55 = t1_133 * t3_41;
+        let t3_56 = (-t1_100).mul_add(t3_11, t3_55);
+        let t3_57 = (-t1_104).mul_add(t3_8, t3_56);
+        let t3_58 = sin_e1x * t3_4;
+        let t3_59 = like.lift(-0.0381051177665153).mul_add(t3_58, t3_57);
+        let t3_60 = inv_pivot_1 * t3_59;
+        let t3_61 = -t3_60;
+        let t3_62 = -t2_210;
+        let t3_63 = -t2_208;
+        let t3_64 = -t2_227;
+        let t3_65 = -pivot_8;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(0.9379407993771961)).abs()
             .min((pivot_2 * like.lift(0.8419561199081981)).abs())
-            .min((t1_200 * like.lift(2.101432136451623)).abs())
+            .min((t1_163 * like.lift(2.101432136451623)).abs())
             .min((pivot_4 * like.lift(1.018866869624108)).abs())
             .min((pivot_5 * like.lift(0.7972052055720686)).abs())
             .min((pivot_6 * like.lift(0.8046174018437734)).abs())
             .min((pivot_7 * like.lift(1.0351966873706007)).abs())
-            .min((t3_102 * like.lift(0.6961619001482627)).abs());
+            .min((t3_65 * like.lift(0.6961619001482627)).abs());
         let ([
-            [x_u1_1_q1, x_u1_1_q2, x_u1_1_q3], [x_u1_2_q1, x_u1_2_q2, x_u1_2_q3],
-            [x_e1y_q1, x_e1y_q2, x_e1y_q3], [x_e1x_q1, x_e1x_q2, x_e1x_q3],
-            [x_u2_1_q1, x_u2_1_q2, x_u2_1_q3], [x_u2_2_q1, x_u2_2_q2, x_u2_2_q3],
+            [x_u1_1_q1, x_u1_1_q2, x_u1_1_q3], [x_u1_2_q1, x_u1_2_q2, x_u1_2_q3], [_, _, _],
+            [_, _, _], [x_u2_1_q1, x_u2_1_q2, x_u2_1_q3], [x_u2_2_q1, x_u2_2_q2, x_u2_2_q3],
             [x_u3_1_q1, x_u3_1_q2, x_u3_1_q3], [x_u3_2_q1, x_u3_2_q2, x_u3_2_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_224, t3_29, t3_48], [t3_49, t3_26, t3_50], [t2_217, t3_22, t3_41],
-                [t3_55, t3_60, t3_66], [t3_70, t3_74, t3_78], [t3_85, t3_91, t3_98],
-                [t2_214, t3_99, t3_38], [t2_212, t3_100, t3_101],
+                [t2_187, t2_220, t3_11], [t3_12, t2_217, t3_13], [t2_180, t2_213, t3_4],
+                [t3_18, t3_23, t3_29], [t3_33, t3_37, t3_41], [t3_48, t3_54, t3_61],
+                [t2_177, t3_62, t3_1], [t2_175, t3_63, t3_64],
             ],
             margin,
             || (
                 [
-                    [t1_54, t1_55, t1_56, like.lift(0.0), t1_128, t1_134, like.lift(0.0), like.lift(0.0)],
-                    [t1_138, t1_141, t1_142, like.lift(0.0), t1_170, pivot_1, like.lift(0.0), like.lift(0.0)],
-                    [t1_179, t1_182, t1_183, like.lift(0.066), t1_185, t1_187, like.lift(0.0), like.lift(0.0)],
-                    [t1_195, t1_199, t1_199, t1_200, t1_206, t1_212, like.lift(0.0), like.lift(0.0)],
-                    [t1_54, t1_55, t1_56, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_21, t2_28],
-                    [t2_30, t2_31, t1_140, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_48, t2_53],
-                    [t2_55, t2_56, t1_181, like.lift(0.066), like.lift(0.0), like.lift(0.0), t2_58, t2_61],
-                    [t2_69, t2_72, t2_72, t2_74, like.lift(0.0), like.lift(0.0), t2_80, t2_85],
+                    [t1_17, t1_18, t1_19, like.lift(0.0), t1_91, t1_97, like.lift(0.0), like.lift(0.0)],
+                    [t1_101, t1_104, t1_105, like.lift(0.0), t1_133, pivot_1, like.lift(0.0), like.lift(0.0)],
+                    [t1_142, t1_145, t1_146, like.lift(0.066), t1_148, t1_150, like.lift(0.0), like.lift(0.0)],
+                    [t1_158, t1_162, t1_162, t1_163, t1_169, t1_175, like.lift(0.0), like.lift(0.0)],
+                    [t1_17, t1_18, t1_19, like.lift(0.0), like.lift(0.0), like.lift(0.0), t1_207, t1_214],
+                    [t1_216, t1_217, t1_103, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_11, t2_16],
+                    [t2_18, t2_19, t1_144, like.lift(0.066), like.lift(0.0), like.lift(0.0), t2_21, t2_24],
+                    [t2_32, t2_35, t2_35, t2_37, like.lift(0.0), like.lift(0.0), t2_43, t2_48],
                 ],
                 [
-                    [t2_87, t2_91, like.lift(0.0)], [t2_96, t2_99, like.lift(0.0)],
-                    [t2_102, t2_104, like.lift(0.0)], [t1_195, t1_206, like.lift(0.0)],
-                    [t2_87, like.lift(0.0), t2_108], [t2_110, like.lift(0.0), t2_113],
-                    [t2_114, like.lift(0.0), t2_116], [t2_69, like.lift(0.0), t2_80],
+                    [t2_50, t2_54, like.lift(0.0)], [t2_59, t2_62, like.lift(0.0)],
+                    [t2_65, t2_67, like.lift(0.0)], [t1_158, t1_169, like.lift(0.0)],
+                    [t2_50, like.lift(0.0), t2_71], [t2_73, like.lift(0.0), t2_76],
+                    [t2_77, like.lift(0.0), t2_79], [t2_32, like.lift(0.0), t2_43],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            x_u1_1_q1, x_u1_1_q2, x_u1_1_q3, x_u1_2_q1, x_u1_2_q2, x_u1_2_q3, x_e1y_q1,
-            x_e1y_q2, x_e1y_q3, x_e1x_q1, x_e1x_q2, x_e1x_q3, x_u2_1_q1, x_u2_1_q2, x_u2_1_q3,
-            x_u2_2_q1, x_u2_2_q2, x_u2_2_q3, x_u3_1_q1, x_u3_1_q2, x_u3_1_q3, x_u3_2_q1,
-            x_u3_2_q2, x_u3_2_q3,
+            x_u1_1_q1, x_u1_1_q2, x_u1_1_q3, x_u1_2_q1, x_u1_2_q2, x_u1_2_q3, x_u2_1_q1,
+            x_u2_1_q2, x_u2_1_q3, x_u2_2_q1, x_u2_2_q2, x_u2_2_q3, x_u3_1_q1, x_u3_1_q2,
+            x_u3_1_q3, x_u3_2_q1, x_u3_2_q2, x_u3_2_q3,
         ]
     };
     // M
     {
-        let t4_1 = (-t1_50).mul_add(x_u1_1_q1, t1_49);
-        let t4_2 = cos_e1x.mul_add(p_iyy_platform, -t1_9);
-        let t4_3 = sin_e1x * t4_2;
-        let t4_4 = (-sin_e1x).mul_add(p_izz_platform, t1_6);
-        let t4_5 = cos_e1x.mul_add(t4_4, t4_3);
-        let t4_6 = cos_e1y * t4_5;
-        let t4_7 = cos_e1x * t1_1;
-        let t4_8 = (-sin_e1x).mul_add(p_ixz_platform, t4_7);
-        let t4_9 = (-sin_e1y).mul_add(t4_8, t4_6);
-        let t4_10 = like.lift(-1.244).mul_add(t1_40, t4_9);
-        let t4_11 = p_iyz_rod1 + t4_10;
-        let t4_12 = sin_u1_2 * t4_11;
-        let t4_13 = sin_e1y * t4_5;
-        let t4_14 = cos_e1y.mul_add(t4_8, t4_13);
-        let t4_15 = p_ixy_rod1 + t4_14;
-        let t4_16 = cos_u1_2.mul_add(t4_15, t4_12);
-        let t4_17 = sin_u1_2 * t1_43;
-        let t4_18 = cos_u1_2.mul_add(t1_45, t4_17);
-        let t4_19 = cos_u1_1 * t4_18;
-        let t4_20 = like.lift(-0.524).mul_add(t4_19, t4_16);
-        let t4_21 = (-t4_20).mul_add(x_u1_2_q1, t4_1);
-        let t4_22 = sin_u1_2 * t4_9;
-        let t4_23 = cos_u1_2.mul_add(t4_14, t4_22);
-        let t4_24 = cos_u1_2 * t1_19;
-        let t4_25 = sin_u1_2.mul_add(t1_34, t4_24);
-        let t4_26 = cos_u1_1 * t4_25;
-        let t4_27 = like.lift(-0.524).mul_add(t4_26, t4_23);
-        let t4_28 = (-t4_27).mul_add(x_e1y_q1, t4_21);
-        let t4_29 = sin_u1_2 * t1_25;
-        let t4_30 = like.lift(-1.244).mul_add(t1_17, t1_15);
-        let t4_31 = cos_u1_2.mul_add(t4_30, t4_29);
-        let t4_32 = sin_u1_1 * t1_17;
-        let t4_33 = sin_e1x * cos_u1_2_e1y;
-        let t4_34 = p_mz_platform * t4_33;
-        let t4_35 = cos_u1_1.mul_add(t4_34, t4_32);
-        let t4_36 = like.lift(-0.524).mul_add(t4_35, t4_31);
-        let t4_37 = (-t4_36).mul_add(x_e1x_q1, t4_28);
-        let t4_38 = (-t1_39).mul_add(x_u1_1_q1, t1_50);
-        let t4_39 = (-t4_16).mul_add(x_u1_2_q1, t4_38);
-        let t4_40 = (-t4_23).mul_add(x_e1y_q1, t4_39);
-        let t4_41 = (-t4_31).mul_add(x_e1x_q1, t4_40);
-        let t4_42 = (-x_u1_1_q1).mul_add(t4_41, t4_37);
-        let t4_43 = (-t4_16).mul_add(x_u1_1_q1, t4_20);
-        let t4_44 = cos_e1x * t4_2;
-        let t4_45 = (-sin_e1x).mul_add(t4_4, t4_44);
-        let t4_46 = t4_45 - t1_35;
-        let t4_47 = p_iyy_rod1 + t4_46;
-        let t4_48 = (-t4_47).mul_add(x_u1_2_q1, t4_43);
-        let t4_49 = like.lift(-1.244).mul_add(t1_34, t4_45);
-        let t4_50 = (-t4_49).mul_add(x_e1y_q1, t4_48);
-        let t4_51 = sin_e1y * t1_40;
-        let t4_52 = like.lift(1.244).mul_add(t4_51, t4_8);
-        let t4_53 = (-t4_52).mul_add(x_e1x_q1, t4_50);
-        let t4_54 = (-x_u1_2_q1).mul_add(t4_53, t4_42);
-        let t4_55 = (-t4_23).mul_add(x_u1_1_q1, t4_27);
-        let t4_56 = (-t4_49).mul_add(x_u1_2_q1, t4_55);
-        let t4_57 = (-t4_45).mul_add(x_e1y_q1, t4_56);
-        let t4_58 = (-t4_8).mul_add(x_e1x_q1, t4_57);
-        let t4_59 = (-x_e1y_q1).mul_add(t4_58, t4_54);
-        let t4_60 = (-t4_31).mul_add(x_u1_1_q1, t4_36);
-        let t4_61 = (-t4_52).mul_add(x_u1_2_q1, t4_60);
-        let t4_62 = (-t4_8).mul_add(x_e1y_q1, t4_61);
-        let t4_63 = (-p_ixx_platform).mul_add(x_e1x_q1, t4_62);
-        let t4_64 = (-x_e1x_q1).mul_add(t4_63, t4_59);
-        let t4_65 = cos_u2_2 * p_ixz_rod2;
-        let t4_66 = sin_u2_2.mul_add(p_izz_rod2, t4_65);
-        let t4_67 = sin_u2_2 * t4_66;
-        let t4_68 = sin_u2_2 * p_ixz_rod2;
-        let t4_69 = cos_u2_2.mul_add(p_ixx_rod2, t4_68);
-        let t4_70 = cos_u2_2.mul_add(t4_69, t4_67);
-        let t4_71 = t4_70 * x_u2_1_q1;
-        let t4_72 = sin_u2_2 * p_iyz_rod2;
-        let t4_73 = cos_u2_2.mul_add(p_ixy_rod2, t4_72);
-        let t4_74 = t4_73.mul_add(x_u2_2_q1, t4_71);
-        let t4_75 = x_u2_1_q1.mul_add(t4_74, t4_64);
-        let t4_76 = t4_73 * x_u2_1_q1;
-        let t4_77 = p_iyy_rod2.mul_add(x_u2_2_q1, t4_76);
-        let t4_78 = x_u2_2_q1.mul_add(t4_77, t4_75);
-        let t4_79 = cos_u3_2 * p_ixz_rod3;
-        let t4_80 = sin_u3_2.mul_add(p_izz_rod3, t4_79);
-        let t4_81 = sin_u3_2 * t4_80;
-        let t4_82 = sin_u3_2 * p_ixz_rod3;
-        let t4_83 = cos_u3_2.mul_add(p_ixx_rod3, t4_82);
-        let t4_84 = cos_u3_2.mul_add(t4_83, t4_81);
-        let t4_85 = t4_84 * x_u3_1_q1;
-        let t4_86 = sin_u3_2 * p_iyz_rod3;
-        let t4_87 = cos_u3_2.mul_add(p_ixy_rod3, t4_86);
-        let t4_88 = t4_87.mul_add(x_u3_2_q1, t4_85);
-        let t4_89 = x_u3_1_q1.mul_add(t4_88, t4_78);
-        let t4_90 = t4_87 * x_u3_1_q1;
-        let t4_91 = p_iyy_rod3.mul_add(x_u3_2_q1, t4_90);
-        let t4_92 = x_u3_2_q1.mul_add(t4_91, t4_89);
-        let t4_93 = t1_50 * x_u1_1_q2;
-        let t4_94 = t4_20.mul_add(x_u1_2_q2, t4_93);
-        let t4_95 = t4_27.mul_add(x_e1y_q2, t4_94);
-        let t4_96 = t4_36.mul_add(x_e1x_q2, t4_95);
-        let t4_97 = t1_39 * x_u1_1_q2;
-        let t4_98 = t4_16.mul_add(x_u1_2_q2, t4_97);
-        let t4_99 = t4_23.mul_add(x_e1y_q2, t4_98);
-        let t4_100 = t4_31.mul_add(x_e1x_q2, t4_99);
-        let t4_101 = (-x_u1_1_q1).mul_add(t4_100, t4_96);
-        let t4_102 = t4_16 * x_u1_1_q2;
-        let t4_103 = t4_47.mul_add(x_u1_2_q2, t4_102);
-        let t4_104 = t4_49.mul_add(x_e1y_q2, t4_103);
-        let t4_105 = t4_52.mul_add(x_e1x_q2, t4_104);
-        let t4_106 = (-x_u1_2_q1).mul_add(t4_105, t4_101);
-        let t4_107 = t4_23 * x_u1_1_q2;
-        let t4_108 = t4_49.mul_add(x_u1_2_q2, t4_107);
-        let t4_109 = t4_45.mul_add(x_e1y_q2, t4_108);
-        let t4_110 = t4_8.mul_add(x_e1x_q2, t4_109);
-        let t4_111 = (-x_e1y_q1).mul_add(t4_110, t4_106);
-        let t4_112 = t4_31 * x_u1_1_q2;
-        let t4_113 = t4_52.mul_add(x_u1_2_q2, t4_112);
-        let t4_114 = t4_8.mul_add(x_e1y_q2, t4_113);
-        let t4_115 = p_ixx_platform.mul_add(x_e1x_q2, t4_114);
-        let t4_116 = (-x_e1x_q1).mul_add(t4_115, t4_111);
-        let t4_117 = cos_u2_1 * p_my_rod2;
-        let t4_118 = cos_u2_2 * p_mz_rod2;
-        let t4_119 = (-sin_u2_2).mul_add(p_mx_rod2, t4_118);
-        let t4_120 = (-sin_u2_1).mul_add(t4_119, t4_117);
-        let t4_121 = like.lift(0.524).mul_add(t4_120, t4_70);
-        let t4_122 = (-t4_70).mul_add(x_u2_1_q2, t4_121);
-        let t4_123 = (-t4_73).mul_add(x_u2_2_q2, t4_122);
-        let t4_124 = x_u2_1_q1.mul_add(t4_123, t4_116);
-        let t4_125 = sin_u2_2 * p_mz_rod2;
-        let t4_126 = cos_u2_2.mul_add(p_mx_rod2, t4_125);
-        let t4_127 = cos_u2_1 * t4_126;
-        let t4_128 = like.lift(-0.524).mul_add(t4_127, t4_73);
-        let t4_129 = (-t4_73).mul_add(x_u2_1_q2, t4_128);
-        let t4_130 = (-p_iyy_rod2).mul_add(x_u2_2_q2, t4_129);
-        let t4_131 = x_u2_2_q1.mul_add(t4_130, t4_124);
-        let t4_132 = t4_84 * x_u3_1_q2;
-        let t4_133 = t4_87.mul_add(x_u3_2_q2, t4_132);
-        let t4_134 = (-x_u3_1_q1).mul_add(t4_133, t4_131);
-        let t4_135 = t4_87 * x_u3_1_q2;
-        let t4_136 = p_iyy_rod3.mul_add(x_u3_2_q2, t4_135);
-        let t4_137 = (-x_u3_2_q1).mul_add(t4_136, t4_134);
-        let t4_138 = -t4_137;
-        let t4_139 = t1_50 * x_u1_1_q3;
-        let t4_140 = t4_20.mul_add(x_u1_2_q3, t4_139);
-        let t4_141 = t4_27.mul_add(x_e1y_q3, t4_140);
-        let t4_142 = t4_36.mul_add(x_e1x_q3, t4_141);
-        let t4_143 = t1_39 * x_u1_1_q3;
-        let t4_144 = t4_16.mul_add(x_u1_2_q3, t4_143);
-        let t4_145 = t4_23.mul_add(x_e1y_q3, t4_144);
-        let t4_146 = t4_31.mul_add(x_e1x_q3, t4_145);
-        let t4_147 = (-x_u1_1_q1).mul_add(t4_146, t4_142);
-        let t4_148 = t4_16 * x_u1_1_q3;
-        let t4_149 = t4_47.mul_add(x_u1_2_q3, t4_148);
-        let t4_150 = t4_49.mul_add(x_e1y_q3, t4_149);
-        let t4_151 = t4_52.mul_add(x_e1x_q3, t4_150);
-        let t4_152 = (-x_u1_2_q1).mul_add(t4_151, t4_147);
-        let t4_153 = t4_23 * x_u1_1_q3;
-        let t4_154 = t4_49.mul_add(x_u1_2_q3, t4_153);
-        let t4_155 = t4_45.mul_add(x_e1y_q3, t4_154);
-        let t4_156 = t4_8.mul_add(x_e1x_q3, t4_155);
-        let t4_157 = (-x_e1y_q1).mul_add(t4_156, t4_152);
-        let t4_158 = t4_31 * x_u1_1_q3;
-        let t4_159 = t4_52.mul_add(x_u1_2_q3, t4_158);
-        let t4_160 = t4_8.mul_add(x_e1y_q3, t4_159);
-        let t4_161 = p_ixx_platform.mul_add(x_e1x_q3, t4_160);
-        let t4_162 = (-x_e1x_q1).mul_add(t4_161, t4_157);
-        let t4_163 = t4_70 * x_u2_1_q3;
-        let t4_164 = t4_73.mul_add(x_u2_2_q3, t4_163);
-        let t4_165 = (-x_u2_1_q1).mul_add(t4_164, t4_162);
-        let t4_166 = t4_73 * x_u2_1_q3;
-        let t4_167 = p_iyy_rod2.mul_add(x_u2_2_q3, t4_166);
-        let t4_168 = (-x_u2_2_q1).mul_add(t4_167, t4_165);
-        let t4_169 = cos_u3_1 * p_my_rod3;
-        let t4_170 = cos_u3_2 * p_mz_rod3;
-        let t4_171 = (-sin_u3_2).mul_add(p_mx_rod3, t4_170);
-        let t4_172 = (-sin_u3_1).mul_add(t4_171, t4_169);
-        let t4_173 = like.lift(0.524).mul_add(t4_172, t4_84);
-        let t4_174 = (-t4_84).mul_add(x_u3_1_q3, t4_173);
-        let t4_175 = (-t4_87).mul_add(x_u3_2_q3, t4_174);
-        let t4_176 = x_u3_1_q1.mul_add(t4_175, t4_168);
-        let t4_177 = sin_u3_2 * p_mz_rod3;
-        let t4_178 = cos_u3_2.mul_add(p_mx_rod3, t4_177);
-        let t4_179 = cos_u3_1 * t4_178;
-        let t4_180 = like.lift(-0.524).mul_add(t4_179, t4_87);
-        let t4_181 = (-t4_87).mul_add(x_u3_1_q3, t4_180);
-        let t4_182 = (-p_iyy_rod3).mul_add(x_u3_2_q3, t4_181);
-        let t4_183 = x_u3_2_q1.mul_add(t4_182, t4_176);
-        let t4_184 = -t4_183;
-        m[0] = [t4_92, t4_138, t4_184];
-        let t4_185 = like.lift(1.048).mul_add(t4_120, t4_70);
-        let t4_186 = p_ixx_crank2 + t4_185;
-        let t4_187 = (-t4_121).mul_add(x_u2_1_q2, t4_186);
-        let t4_188 = (-t4_128).mul_add(x_u2_2_q2, t4_187);
-        let t4_189 = x_u1_1_q2 * t4_100;
-        let t4_190 = x_u1_2_q2.mul_add(t4_105, t4_189);
-        let t4_191 = x_e1y_q2.mul_add(t4_110, t4_190);
-        let t4_192 = x_e1x_q2.mul_add(t4_115, t4_191);
-        let t4_193 = t4_188 + t4_192;
-        let t4_194 = (-x_u2_1_q2).mul_add(t4_123, t4_193);
-        let t4_195 = (-x_u2_2_q2).mul_add(t4_130, t4_194);
-        let t4_196 = x_u3_1_q2.mul_add(t4_133, t4_195);
-        let t4_197 = x_u3_2_q2.mul_add(t4_136, t4_196);
-        let t4_198 = t4_121 * x_u2_1_q3;
-        let t4_199 = t4_128.mul_add(x_u2_2_q3, t4_198);
-        let t4_200 = x_u1_1_q2 * t4_146;
-        let t4_201 = x_u1_2_q2.mul_add(t4_151, t4_200);
-        let t4_202 = x_e1y_q2.mul_add(t4_156, t4_201);
-        let t4_203 = x_e1x_q2.mul_add(t4_161, t4_202);
-        let t4_204 = t4_199 - t4_203;
-        let t4_205 = (-x_u2_1_q2).mul_add(t4_164, t4_204);
-        let t4_206 = (-x_u2_2_q2).mul_add(t4_167, t4_205);
-        let t4_207 = x_u3_1_q2.mul_add(t4_175, t4_206);
-        let t4_208 = x_u3_2_q2.mul_add(t4_182, t4_207);
-        let t4_209 = -t4_208;
-        m[1] = [t4_138, t4_197, t4_209];
-        let t4_210 = like.lift(1.048).mul_add(t4_172, t4_84);
-        let t4_211 = p_ixx_crank3 + t4_210;
-        let t4_212 = (-t4_173).mul_add(x_u3_1_q3, t4_211);
-        let t4_213 = (-t4_180).mul_add(x_u3_2_q3, t4_212);
-        let t4_214 = x_u1_1_q3 * t4_146;
-        let t4_215 = x_u1_2_q3.mul_add(t4_151, t4_214);
-        let t4_216 = x_e1y_q3.mul_add(t4_156, t4_215);
-        let t4_217 = x_e1x_q3.mul_add(t4_161, t4_216);
-        let t4_218 = x_u2_1_q3.mul_add(t4_164, t4_217);
-        let t4_219 = x_u2_2_q3.mul_add(t4_167, t4_218);
-        let t4_220 = t4_213 + t4_219;
-        let t4_221 = (-x_u3_1_q3).mul_add(t4_175, t4_220);
-        let t4_222 = (-x_u3_2_q3).mul_add(t4_182, t4_221);
-        m[2] = [t4_184, t4_209, t4_222];
+        let t4_1 = (-t1_13).mul_add(x_u1_1_q1, t1_12);
+        let t4_2 = sin_u1_2 * p_iyz_rod1;
+        let t4_3 = cos_u1_2.mul_add(p_ixy_rod1, t4_2);
+        let t4_4 = sin_u1_2 * p_mz_rod1;
+        let t4_5 = cos_u1_2.mul_add(p_mx_rod1, t4_4);
+        let t4_6 = cos_u1_1 * t4_5;
+        let t4_7 = like.lift(-0.524).mul_add(t4_6, t4_3);
+        let t4_8 = (-t4_7).mul_add(x_u1_2_q1, t4_1);
+        let t4_9 = (-t1_6).mul_add(x_u1_1_q1, t1_13);
+        let t4_10 = (-t4_3).mul_add(x_u1_2_q1, t4_9);
+        let t4_11 = (-x_u1_1_q1).mul_add(t4_10, t4_8);
+        let t4_12 = (-t4_3).mul_add(x_u1_1_q1, t4_7);
+        let t4_13 = (-p_iyy_rod1).mul_add(x_u1_2_q1, t4_12);
+        let t4_14 = (-x_u1_2_q1).mul_add(t4_13, t4_11);
+        let t4_15 = cos_u2_2 * p_ixz_rod2;
+        let t4_16 = sin_u2_2.mul_add(p_izz_rod2, t4_15);
+        let t4_17 = sin_u2_2 * t4_16;
+        let t4_18 = sin_u2_2 * p_ixz_rod2;
+        let t4_19 = cos_u2_2.mul_add(p_ixx_rod2, t4_18);
+        let t4_20 = cos_u2_2.mul_add(t4_19, t4_17);
+        let t4_21 = t4_20 * x_u2_1_q1;
+        let t4_22 = sin_u2_2 * p_iyz_rod2;
+        let t4_23 = cos_u2_2.mul_add(p_ixy_rod2, t4_22);
+        let t4_24 = t4_23.mul_add(x_u2_2_q1, t4_21);
+        let t4_25 = x_u2_1_q1.mul_add(t4_24, t4_14);
+        let t4_26 = t4_23 * x_u2_1_q1;
+        let t4_27 = p_iyy_rod2.mul_add(x_u2_2_q1, t4_26);
+        let t4_28 = x_u2_2_q1.mul_add(t4_27, t4_25);
+        let t4_29 = cos_u3_2 * p_ixz_rod3;
+        let t4_30 = sin_u3_2.mul_add(p_izz_rod3, t4_29);
+        let t4_31 = sin_u3_2 * t4_30;
+        let t4_32 = sin_u3_2 * p_ixz_rod3;
+        let t4_33 = cos_u3_2.mul_add(p_ixx_rod3, t4_32);
+        let t4_34 = cos_u3_2.mul_add(t4_33, t4_31);
+        let t4_35 = t4_34 * x_u3_1_q1;
+        let t4_36 = sin_u3_2 * p_iyz_rod3;
+        let t4_37 = cos_u3_2.mul_add(p_ixy_rod3, t4_36);
+        let t4_38 = t4_37.mul_add(x_u3_2_q1, t4_35);
+        let t4_39 = x_u3_1_q1.mul_add(t4_38, t4_28);
+        let t4_40 = t4_37 * x_u3_1_q1;
+        let t4_41 = p_iyy_rod3.mul_add(x_u3_2_q1, t4_40);
+        let t4_42 = x_u3_2_q1.mul_add(t4_41, t4_39);
+        let t4_43 = t1_13 * x_u1_1_q2;
+        let t4_44 = t4_7.mul_add(x_u1_2_q2, t4_43);
+        let t4_45 = t1_6 * x_u1_1_q2;
+        let t4_46 = t4_3.mul_add(x_u1_2_q2, t4_45);
+        let t4_47 = (-x_u1_1_q1).mul_add(t4_46, t4_44);
+        let t4_48 = t4_3 * x_u1_1_q2;
+        let t4_49 = p_iyy_rod1.mul_add(x_u1_2_q2, t4_48);
+        let t4_50 = (-x_u1_2_q1).mul_add(t4_49, t4_47);
+        let t4_51 = cos_u2_1 * p_my_rod2;
+        let t4_52 = sin_u2_2 * p_mx_rod2;
+        let t4_53 = sin_u2_1.mul_add(t4_52, t4_51);
+        let t4_54 = like.lift(0.524).mul_add(t4_53, t4_20);
+        let t4_55 = (-t4_20).mul_add(x_u2_1_q2, t4_54);
+        let t4_56 = (-t4_23).mul_add(x_u2_2_q2, t4_55);
+        let t4_57 = x_u2_1_q1.mul_add(t4_56, t4_50);
+        let t4_58 = cos_u2_2 * p_mx_rod2;
+        let t4_59 = cos_u2_1 * t4_58;
+        let t4_60 = like.lift(-0.524).mul_add(t4_59, t4_23);
+        let t4_61 = (-t4_23).mul_add(x_u2_1_q2, t4_60);
+        let t4_62 = (-p_iyy_rod2).mul_add(x_u2_2_q2, t4_61);
+        let t4_63 = x_u2_2_q1.mul_add(t4_62, t4_57);
+        let t4_64 = t4_34 * x_u3_1_q2;
+        let t4_65 = t4_37.mul_add(x_u3_2_q2, t4_64);
+        let t4_66 = (-x_u3_1_q1).mul_add(t4_65, t4_63);
+        let t4_67 = t4_37 * x_u3_1_q2;
+        let t4_68 = p_iyy_rod3.mul_add(x_u3_2_q2, t4_67);
+        let t4_69 = (-x_u3_2_q1).mul_add(t4_68, t4_66);
+        let t4_70 = -t4_69;
+        let t4_71 = t1_13 * x_u1_1_q3;
+        let t4_72 = t4_7.mul_add(x_u1_2_q3, t4_71);
+        let t4_73 = t1_6 * x_u1_1_q3;
+        let t4_74 = t4_3.mul_add(x_u1_2_q3, t4_73);
+        let t4_75 = (-x_u1_1_q1).mul_add(t4_74, t4_72);
+        let t4_76 = t4_3 * x_u1_1_q3;
+        let t4_77 = p_iyy_rod1.mul_add(x_u1_2_q3, t4_76);
+        let t4_78 = (-x_u1_2_q1).mul_add(t4_77, t4_75);
+        let t4_79 = t4_20 * x_u2_1_q3;
+        let t4_80 = t4_23.mul_add(x_u2_2_q3, t4_79);
+        let t4_81 = (-x_u2_1_q1).mul_add(t4_80, t4_78);
+        let t4_82 = t4_23 * x_u2_1_q3;
+        let t4_83 = p_iyy_rod2.mul_add(x_u2_2_q3, t4_82);
+        let t4_84 = (-x_u2_2_q1).mul_add(t4_83, t4_81);
+        let t4_85 = cos_u3_1 * p_my_rod3;
+        let t4_86 = cos_u3_2 * p_mz_rod3;
+        let t4_87 = (-sin_u3_2).mul_add(p_mx_rod3, t4_86);
+        let t4_88 = (-sin_u3_1).mul_add(t4_87, t4_85);
+        let t4_89 = like.lift(0.524).mul_add(t4_88, t4_34);
+        let t4_90 = (-t4_34).mul_add(x_u3_1_q3, t4_89);
+        let t4_91 = (-t4_37).mul_add(x_u3_2_q3, t4_90);
+        let t4_92 = x_u3_1_q1.mul_add(t4_91, t4_84);
+        let t4_93 = sin_u3_2 * p_mz_rod3;
+        let t4_94 = cos_u3_2.mul_add(p_mx_rod3, t4_93);
+        let t4_95 = cos_u3_1 * t4_94;
+        let t4_96 = like.lift(-0.524).mul_add(t4_95, t4_37);
+        let t4_97 = (-t4_37).mul_add(x_u3_1_q3, t4_96);
+        let t4_98 = (-p_iyy_rod3).mul_add(x_u3_2_q3, t4_97);
+        let t4_99 = x_u3_2_q1.mul_add(t4_98, t4_92);
+        let t4_100 = -t4_99;
+        m[0] = [t4_42, t4_70, t4_100];
+        let t4_101 = like.lift(1.048).mul_add(t4_53, t4_20);
+        let t4_102 = p_ixx_crank2 + t4_101;
+        let t4_103 = (-t4_54).mul_add(x_u2_1_q2, t4_102);
+        let t4_104 = (-t4_60).mul_add(x_u2_2_q2, t4_103);
+        let t4_105 = x_u1_1_q2 * t4_46;
+        let t4_106 = x_u1_2_q2.mul_add(t4_49, t4_105);
+        let t4_107 = t4_104 + t4_106;
+        let t4_108 = (-x_u2_1_q2).mul_add(t4_56, t4_107);
+        let t4_109 = (-x_u2_2_q2).mul_add(t4_62, t4_108);
+        let t4_110 = x_u3_1_q2.mul_add(t4_65, t4_109);
+        let t4_111 = x_u3_2_q2.mul_add(t4_68, t4_110);
+        let t4_112 = t4_54 * x_u2_1_q3;
+        let t4_113 = t4_60.mul_add(x_u2_2_q3, t4_112);
+        let t4_114 = x_u1_1_q2 * t4_74;
+        let t4_115 = x_u1_2_q2.mul_add(t4_77, t4_114);
+        let t4_116 = t4_113 - t4_115;
+        let t4_117 = (-x_u2_1_q2).mul_add(t4_80, t4_116);
+        let t4_118 = (-x_u2_2_q2).mul_add(t4_83, t4_117);
+        let t4_119 = x_u3_1_q2.mul_add(t4_91, t4_118);
+        let t4_120 = x_u3_2_q2.mul_add(t4_98, t4_119);
+        let t4_121 = -t4_120;
+        m[1] = [t4_70, t4_111, t4_121];
+        let t4_122 = like.lift(1.048).mul_add(t4_88, t4_34);
+        let t4_123 = p_ixx_crank3 + t4_122;
+        let t4_124 = (-t4_89).mul_add(x_u3_1_q3, t4_123);
+        let t4_125 = (-t4_96).mul_add(x_u3_2_q3, t4_124);
+        let t4_126 = x_u1_1_q3 * t4_74;
+        let t4_127 = x_u1_2_q3.mul_add(t4_77, t4_126);
+        let t4_128 = x_u2_1_q3.mul_add(t4_80, t4_127);
+        let t4_129 = x_u2_2_q3.mul_add(t4_83, t4_128);
+        let t4_130 = t4_125 + t4_129;
+        let t4_131 = (-x_u3_1_q3).mul_add(t4_91, t4_130);
+        let t4_132 = (-x_u3_2_q3).mul_add(t4_98, t4_131);
+        m[2] = [t4_100, t4_121, t4_132];
     }
     (m, Condition { pivot: condition })
 }
@@ -20373,20 +18877,20 @@ impl<T: Scalar> BaseModel<T> for Delta {
         let q = ::regen_runtime::array::<T, 11>(q, "q")?;
         let qd = ::regen_runtime::array::<T, 11>(qd, "qd")?;
         let qdd = ::regen_runtime::array::<T, 11>(qdd, "qdd")?;
-        let out = ::regen_runtime::matrix_mut::<T, 43, 3>(out, "out")?;
+        let out = ::regen_runtime::matrix_mut::<T, 34, 3>(out, "out")?;
         Ok(base_regressor(q, qd, qdd, out))
     }
 
     fn to_base(&self, phi: &[T], out: &mut [T]) -> Result<(), SizeError> {
         let phi = ::regen_runtime::array::<T, 70>(phi, "phi")?;
-        let out = ::regen_runtime::array_mut::<T, 43>(out, "out")?;
+        let out = ::regen_runtime::array_mut::<T, 34>(out, "out")?;
         *out = to_base(phi);
         Ok(())
     }
 
     fn parameters_from_base(&self, beta: &[T], free: &[T], out: &mut [T]) -> Result<(), SizeError> {
-        let beta = ::regen_runtime::array::<T, 43>(beta, "beta")?;
-        let free = ::regen_runtime::array::<T, 27>(free, "free")?;
+        let beta = ::regen_runtime::array::<T, 34>(beta, "beta")?;
+        let free = ::regen_runtime::array::<T, 36>(free, "free")?;
         let out = ::regen_runtime::array_mut::<T, 70>(out, "out")?;
         *out = parameters_from_base(beta, free);
         Ok(())
@@ -20396,7 +18900,7 @@ impl<T: Scalar> BaseModel<T> for Delta {
         let q = ::regen_runtime::array::<T, 11>(q, "q")?;
         let qd = ::regen_runtime::array::<T, 11>(qd, "qd")?;
         let qdd = ::regen_runtime::array::<T, 11>(qdd, "qdd")?;
-        let beta = ::regen_runtime::array::<T, 43>(beta, "beta")?;
+        let beta = ::regen_runtime::array::<T, 34>(beta, "beta")?;
         let out = ::regen_runtime::array_mut::<T, 3>(out, "out")?;
         let (value, condition) = base_inverse_dynamics(q, qd, qdd, beta);
         *out = value;
@@ -20405,7 +18909,7 @@ impl<T: Scalar> BaseModel<T> for Delta {
 
     fn base_gravity(&self, q: &[T], beta: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
         let q = ::regen_runtime::array::<T, 11>(q, "q")?;
-        let beta = ::regen_runtime::array::<T, 43>(beta, "beta")?;
+        let beta = ::regen_runtime::array::<T, 34>(beta, "beta")?;
         let out = ::regen_runtime::array_mut::<T, 3>(out, "out")?;
         let (value, condition) = base_gravity(q, beta);
         *out = value;
@@ -20415,7 +18919,7 @@ impl<T: Scalar> BaseModel<T> for Delta {
     fn base_bias_forces(&self, q: &[T], qd: &[T], beta: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
         let q = ::regen_runtime::array::<T, 11>(q, "q")?;
         let qd = ::regen_runtime::array::<T, 11>(qd, "qd")?;
-        let beta = ::regen_runtime::array::<T, 43>(beta, "beta")?;
+        let beta = ::regen_runtime::array::<T, 34>(beta, "beta")?;
         let out = ::regen_runtime::array_mut::<T, 3>(out, "out")?;
         let (value, condition) = base_bias_forces(q, qd, beta);
         *out = value;
@@ -20424,7 +18928,7 @@ impl<T: Scalar> BaseModel<T> for Delta {
 
     fn base_mass_matrix(&self, q: &[T], beta: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
         let q = ::regen_runtime::array::<T, 11>(q, "q")?;
-        let beta = ::regen_runtime::array::<T, 43>(beta, "beta")?;
+        let beta = ::regen_runtime::array::<T, 34>(beta, "beta")?;
         let out = ::regen_runtime::matrix_mut::<T, 3, 3>(out, "out")?;
         let (value, condition) = base_mass_matrix(q, beta);
         *out = value;

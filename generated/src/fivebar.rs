@@ -199,7 +199,7 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
     certificate: Some(Certificate {
         columns: 40,
         rank: 11,
-        states: 16,
+        states: 18,
         digits: 96,
         smallest_kept: 0.018923013063554168,
         largest_dropped: 1.3976892997416853e-96,

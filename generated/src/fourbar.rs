@@ -167,7 +167,7 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
     certificate: Some(Certificate {
         columns: 30,
         rank: 8,
-        states: 30,
+        states: 32,
         digits: 96,
         smallest_kept: 0.004906395273031517,
         largest_dropped: 1.4269713348055868e-96,

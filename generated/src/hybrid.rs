@@ -550,7 +550,7 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
     certificate: Some(Certificate {
         columns: 100,
         rank: 48,
-        states: 16,
+        states: 18,
         digits: 96,
         smallest_kept: 0.0012026965282561526,
         largest_dropped: 5.072130685807249e-97,

@@ -422,7 +422,7 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
     certificate: Some(Certificate {
         columns: 70,
         rank: 43,
-        states: 8,
+        states: 10,
         digits: 96,
         smallest_kept: 0.06915506454399549,
         largest_dropped: 1.994133453043627e-96,

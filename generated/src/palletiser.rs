@@ -5,7 +5,7 @@
 //!
 //! 7 coordinates, 4 independent; 7 bodies, 70 parameters; 6 closure rows, 3 of them redundant.
 //!
-//! 41 base parameters, NOT certified to be minimal.
+//! 22 base parameters, certified to be minimal.
 //!
 //! | function | add | mul | div | sin and cos |
 //! |---|---|---|---|---|
@@ -24,13 +24,13 @@
 //! | [`slotine_li`] | 335 | 564 | 1 | 6 |
 //! | [`efforts`] | 0 | 0 | 0 | 0 |
 //! | [`poses`] | 20 | 41 | 0 | 7 |
-//! | [`base_regressor`] | 235 | 365 | 1 | 6 |
-//! | [`to_base`] | 60 | 24 | 0 | 0 |
-//! | [`parameters_from_base`] | 59 | 24 | 0 | 0 |
-//! | [`base_inverse_dynamics`] | 309 | 370 | 1 | 6 |
-//! | [`base_gravity`] | 41 | 92 | 1 | 6 |
-//! | [`base_bias_forces`] | 273 | 365 | 1 | 6 |
-//! | [`base_mass_matrix`] | 159 | 203 | 1 | 6 |
+//! | [`base_regressor`] | 180 | 284 | 1 | 6 |
+//! | [`to_base`] | 51 | 19 | 0 | 0 |
+//! | [`parameters_from_base`] | 51 | 19 | 0 | 0 |
+//! | [`base_inverse_dynamics`] | 211 | 283 | 1 | 6 |
+//! | [`base_gravity`] | 40 | 90 | 1 | 6 |
+//! | [`base_bias_forces`] | 183 | 288 | 1 | 6 |
+//! | [`base_mass_matrix`] | 104 | 156 | 1 | 6 |
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
@@ -84,7 +84,7 @@ pub const INFO: Info<'static> = Info {
     rows: 6,
 };
 /// The base parameters, in the order of `beta`: the columns of `base_regressor`.
-pub const BASE: [BaseParameter<'static>; 41] = [
+pub const BASE: [BaseParameter<'static>; 22] = [
     BaseParameter {
         label: "Izz(column)",
         terms: &[
@@ -106,8 +106,9 @@ pub const BASE: [BaseParameter<'static>; 41] = [
         label: "Ixx(arm)",
         terms: &[
             BaseTerm { parameter: "Ixx(arm)", index: 10, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "Iyy(rod)", index: 63, coefficient: "-1", value: -1.0 },
+            BaseTerm { parameter: "Ixx(rod)", index: 60, coefficient: "1", value: 1.0 },
             BaseTerm { parameter: "Iyy(arm)", index: 13, coefficient: "-1", value: -1.0 },
-            BaseTerm { parameter: "mx(rod)", index: 66, coefficient: "-arm", value: -0.95 },
             BaseTerm { parameter: "m(flange)", index: 49, coefficient: "-arm^2", value: -0.9025 },
             BaseTerm { parameter: "m(wrist)", index: 39, coefficient: "-arm^2", value: -0.9025 },
             BaseTerm { parameter: "m(forearm)", index: 29, coefficient: "-arm^2", value: -0.9025 },
@@ -117,6 +118,7 @@ pub const BASE: [BaseParameter<'static>; 41] = [
         label: "Ixy(arm)",
         terms: &[
             BaseTerm { parameter: "Ixy(arm)", index: 11, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "Ixy(rod)", index: 61, coefficient: "1", value: 1.0 },
         ],
     },
     BaseParameter {
@@ -132,13 +134,14 @@ pub const BASE: [BaseParameter<'static>; 41] = [
         label: "Iyz(arm)",
         terms: &[
             BaseTerm { parameter: "Iyz(arm)", index: 14, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "Iyz(rod)", index: 64, coefficient: "1", value: 1.0 },
         ],
     },
     BaseParameter {
         label: "Izz(arm)",
         terms: &[
             BaseTerm { parameter: "Izz(arm)", index: 15, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "mx(rod)", index: 66, coefficient: "arm", value: 0.95 },
+            BaseTerm { parameter: "Izz(rod)", index: 65, coefficient: "1", value: 1.0 },
             BaseTerm { parameter: "m(flange)", index: 49, coefficient: "arm^2", value: 0.9025 },
             BaseTerm { parameter: "m(wrist)", index: 39, coefficient: "arm^2", value: 0.9025 },
             BaseTerm { parameter: "m(forearm)", index: 29, coefficient: "arm^2", value: 0.9025 },
@@ -164,39 +167,45 @@ pub const BASE: [BaseParameter<'static>; 41] = [
         label: "Ixx(forearm)",
         terms: &[
             BaseTerm { parameter: "Ixx(forearm)", index: 20, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "Iyy(crank)", index: 53, coefficient: "-1", value: -1.0 },
+            BaseTerm { parameter: "Ixx(crank)", index: 50, coefficient: "1", value: 1.0 },
             BaseTerm { parameter: "Iyy(forearm)", index: 23, coefficient: "-1", value: -1.0 },
+            BaseTerm { parameter: "m(rod)", index: 69, coefficient: "-c^2", value: -0.09 },
             BaseTerm { parameter: "m(flange)", index: 49, coefficient: "-fore^2", value: -1.0 },
             BaseTerm { parameter: "m(wrist)", index: 39, coefficient: "-fore^2", value: -1.0 },
-            BaseTerm { parameter: "mx(rod)", index: 66, coefficient: "-c^2/arm", value: -0.09473684210526316 },
         ],
     },
     BaseParameter {
         label: "Ixy(forearm)",
         terms: &[
             BaseTerm { parameter: "Ixy(forearm)", index: 21, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "Ixy(crank)", index: 51, coefficient: "1", value: 1.0 },
         ],
     },
     BaseParameter {
         label: "Ixz(forearm)",
         terms: &[
             BaseTerm { parameter: "Ixz(forearm)", index: 22, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "Ixz(crank)", index: 52, coefficient: "-1", value: -1.0 },
+            BaseTerm { parameter: "mz(rod)", index: 68, coefficient: "c", value: 0.3 },
             BaseTerm { parameter: "mz(wrist)", index: 38, coefficient: "-fore", value: -1.0 },
-            BaseTerm { parameter: "Ixz(rod)", index: 62, coefficient: "-c/arm", value: -0.3157894736842105 },
         ],
     },
     BaseParameter {
         label: "Iyz(forearm)",
         terms: &[
             BaseTerm { parameter: "Iyz(forearm)", index: 24, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "Iyz(crank)", index: 54, coefficient: "-1", value: -1.0 },
         ],
     },
     BaseParameter {
         label: "Izz(forearm)",
         terms: &[
             BaseTerm { parameter: "Izz(forearm)", index: 25, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "Izz(crank)", index: 55, coefficient: "1", value: 1.0 },
+            BaseTerm { parameter: "m(rod)", index: 69, coefficient: "c^2", value: 0.09 },
             BaseTerm { parameter: "m(flange)", index: 49, coefficient: "fore^2", value: 1.0 },
             BaseTerm { parameter: "m(wrist)", index: 39, coefficient: "fore^2", value: 1.0 },
-            BaseTerm { parameter: "mx(rod)", index: 66, coefficient: "c^2/arm", value: 0.09473684210526316 },
         ],
     },
     BaseParameter {
@@ -215,78 +224,10 @@ pub const BASE: [BaseParameter<'static>; 41] = [
         ],
     },
     BaseParameter {
-        label: "Ixx(wrist)",
-        terms: &[
-            BaseTerm { parameter: "Ixx(wrist)", index: 30, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "Iyy(flange)", index: 43, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "Iyy(wrist)", index: 33, coefficient: "-1", value: -1.0 },
-            BaseTerm { parameter: "m(flange)", index: 49, coefficient: "-f^2", value: -0.0484 },
-        ],
-    },
-    BaseParameter {
-        label: "Ixy(wrist)",
-        terms: &[
-            BaseTerm { parameter: "Ixy(wrist)", index: 31, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "mz(flange)", index: 48, coefficient: "f", value: 0.22 },
-        ],
-    },
-    BaseParameter {
-        label: "Ixz(wrist)",
-        terms: &[
-            BaseTerm { parameter: "Ixz(wrist)", index: 32, coefficient: "1", value: 1.0 },
-        ],
-    },
-    BaseParameter {
-        label: "Iyz(wrist)",
-        terms: &[
-            BaseTerm { parameter: "Iyz(wrist)", index: 34, coefficient: "1", value: 1.0 },
-        ],
-    },
-    BaseParameter {
-        label: "Izz(wrist)",
-        terms: &[
-            BaseTerm { parameter: "Izz(wrist)", index: 35, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "Iyy(flange)", index: 43, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "m(flange)", index: 49, coefficient: "f^2", value: 0.0484 },
-        ],
-    },
-    BaseParameter {
         label: "mx(wrist)",
         terms: &[
             BaseTerm { parameter: "mx(wrist)", index: 36, coefficient: "1", value: 1.0 },
             BaseTerm { parameter: "m(flange)", index: 49, coefficient: "f", value: 0.22 },
-        ],
-    },
-    BaseParameter {
-        label: "my(wrist)",
-        terms: &[
-            BaseTerm { parameter: "my(wrist)", index: 37, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "mz(flange)", index: 48, coefficient: "-1", value: -1.0 },
-        ],
-    },
-    BaseParameter {
-        label: "Ixx(flange)",
-        terms: &[
-            BaseTerm { parameter: "Ixx(flange)", index: 40, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "Iyy(flange)", index: 43, coefficient: "-1", value: -1.0 },
-        ],
-    },
-    BaseParameter {
-        label: "Ixy(flange)",
-        terms: &[
-            BaseTerm { parameter: "Ixy(flange)", index: 41, coefficient: "1", value: 1.0 },
-        ],
-    },
-    BaseParameter {
-        label: "Ixz(flange)",
-        terms: &[
-            BaseTerm { parameter: "Ixz(flange)", index: 42, coefficient: "1", value: 1.0 },
-        ],
-    },
-    BaseParameter {
-        label: "Iyz(flange)",
-        terms: &[
-            BaseTerm { parameter: "Iyz(flange)", index: 44, coefficient: "1", value: 1.0 },
         ],
     },
     BaseParameter {
@@ -308,43 +249,6 @@ pub const BASE: [BaseParameter<'static>; 41] = [
         ],
     },
     BaseParameter {
-        label: "Ixx(crank)",
-        terms: &[
-            BaseTerm { parameter: "Ixx(crank)", index: 50, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "Iyy(crank)", index: 53, coefficient: "-1", value: -1.0 },
-            BaseTerm { parameter: "m(rod)", index: 69, coefficient: "-c^2", value: -0.09 },
-            BaseTerm { parameter: "mx(rod)", index: 66, coefficient: "c^2/arm", value: 0.09473684210526316 },
-        ],
-    },
-    BaseParameter {
-        label: "Ixy(crank)",
-        terms: &[
-            BaseTerm { parameter: "Ixy(crank)", index: 51, coefficient: "1", value: 1.0 },
-        ],
-    },
-    BaseParameter {
-        label: "Ixz(crank)",
-        terms: &[
-            BaseTerm { parameter: "Ixz(crank)", index: 52, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "mz(rod)", index: 68, coefficient: "-c", value: -0.3 },
-            BaseTerm { parameter: "Ixz(rod)", index: 62, coefficient: "-c/arm", value: -0.3157894736842105 },
-        ],
-    },
-    BaseParameter {
-        label: "Iyz(crank)",
-        terms: &[
-            BaseTerm { parameter: "Iyz(crank)", index: 54, coefficient: "1", value: 1.0 },
-        ],
-    },
-    BaseParameter {
-        label: "Izz(crank)",
-        terms: &[
-            BaseTerm { parameter: "Izz(crank)", index: 55, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "m(rod)", index: 69, coefficient: "c^2", value: 0.09 },
-            BaseTerm { parameter: "mx(rod)", index: 66, coefficient: "-c^2/arm", value: -0.09473684210526316 },
-        ],
-    },
-    BaseParameter {
         label: "mx(crank)",
         terms: &[
             BaseTerm { parameter: "mx(crank)", index: 56, coefficient: "1", value: 1.0 },
@@ -359,33 +263,6 @@ pub const BASE: [BaseParameter<'static>; 41] = [
         ],
     },
     BaseParameter {
-        label: "Ixx(rod)",
-        terms: &[
-            BaseTerm { parameter: "Ixx(rod)", index: 60, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "Iyy(rod)", index: 63, coefficient: "-1", value: -1.0 },
-            BaseTerm { parameter: "mx(rod)", index: 66, coefficient: "arm", value: 0.95 },
-        ],
-    },
-    BaseParameter {
-        label: "Ixy(rod)",
-        terms: &[
-            BaseTerm { parameter: "Ixy(rod)", index: 61, coefficient: "1", value: 1.0 },
-        ],
-    },
-    BaseParameter {
-        label: "Iyz(rod)",
-        terms: &[
-            BaseTerm { parameter: "Iyz(rod)", index: 64, coefficient: "1", value: 1.0 },
-        ],
-    },
-    BaseParameter {
-        label: "Izz(rod)",
-        terms: &[
-            BaseTerm { parameter: "Izz(rod)", index: 65, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "mx(rod)", index: 66, coefficient: "-arm", value: -0.95 },
-        ],
-    },
-    BaseParameter {
         label: "my(rod)",
         terms: &[
             BaseTerm { parameter: "my(rod)", index: 67, coefficient: "1", value: 1.0 },
@@ -393,7 +270,7 @@ pub const BASE: [BaseParameter<'static>; 41] = [
     },
 ];
 /// Labels of the eliminated parameters, in the order of `free`.
-pub const FREE: [&str; 29] = [
+pub const FREE: [&str; 48] = [
     "Ixx(column)",
     "Ixy(column)",
     "Ixz(column)",
@@ -409,34 +286,53 @@ pub const FREE: [&str; 29] = [
     "Iyy(forearm)",
     "mz(forearm)",
     "m(forearm)",
+    "Ixx(wrist)",
+    "Ixy(wrist)",
+    "Ixz(wrist)",
     "Iyy(wrist)",
+    "Iyz(wrist)",
+    "Izz(wrist)",
+    "my(wrist)",
     "mz(wrist)",
     "m(wrist)",
+    "Ixx(flange)",
+    "Ixy(flange)",
+    "Ixz(flange)",
     "Iyy(flange)",
+    "Iyz(flange)",
     "mz(flange)",
     "m(flange)",
+    "Ixx(crank)",
+    "Ixy(crank)",
+    "Ixz(crank)",
     "Iyy(crank)",
+    "Iyz(crank)",
+    "Izz(crank)",
     "mz(crank)",
     "m(crank)",
+    "Ixx(rod)",
+    "Ixy(rod)",
     "Ixz(rod)",
     "Iyy(rod)",
+    "Iyz(rod)",
+    "Izz(rod)",
     "mx(rod)",
     "mz(rod)",
     "m(rod)",
 ];
-/// The base and its certificate: NOT certified to be minimal.
+/// The base and its certificate: certified to be minimal.
 pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
     base: &BASE,
     free: &FREE,
     certificate: Some(Certificate {
         columns: 70,
         rank: 22,
-        states: 14,
+        states: 16,
         digits: 96,
         smallest_kept: 0.02842003724722249,
         largest_dropped: 1.8636364861522268e-94,
     }),
-    complete: false,
+    complete: true,
 };
 
 /// The closure equations f(q) (Eq. 6): every row of every cut in the world frame, then the couplings.
@@ -5114,8 +5010,8 @@ pub fn poses<T: Scalar>(q: &[T; 7]) -> [[T; 12]; 7] {
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: W_red (Eq. 23), column by column: `w[c][r]` multiplies `BASE[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 235 additions, 365 multiplications, 1 divisions, 6 sines and cosines.
-pub fn base_regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 4]; 41]) -> Condition<T> {
+/// 180 additions, 284 multiplications, 1 divisions, 6 sines and cosines.
+pub fn base_regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 4]; 22]) -> Condition<T> {
     let like = q[0];
     let [_, q2, elbow, wrist, q4, q3, pin] = *q;
     let [d_q1, d_q2, d_elbow, d_wrist, d_q4, d_q3, d_pin] = *qd;
@@ -5379,319 +5275,197 @@ pub fn base_regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut 
     };
     // body wrist
     let [
-        sin_wrist, cos_wrist, sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristy, al_wristx,
-        w_wristx, w_wristz, al_wristy, t5_12, al_wristz, t5_22, a_wristz, u_wrist_q1z,
-        a_wristy, t5_39, u_wrist_q2x, u_wrist_q2y, a_wristx,
+        a_wristz, sin_wrist, cos_wrist, sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristx,
+        al_wristy, w_wristz, t5_6, u_wrist_q1z, t5_7, t5_9, a_wristy, w_wristy, t5_12,
+        u_wrist_q2x, al_wristz, t5_18, u_wrist_q2y,
     ] = {
+        let a_wristz = a_forearmz - t4_5;
         let (sin_wrist, cos_wrist) = wrist.sin_cos();
         let t5_1 = cos_q2_elbow * sin_wrist;
         let t5_2 = sin_q2_elbow * sin_wrist;
         let sin_q2_elbow_wrist = sin_q2_elbow.mul_add(cos_wrist, t5_1);
         let cos_q2_elbow_wrist = cos_q2_elbow.mul_add(cos_wrist, -t5_2);
-        let t5_3 = cos_wrist * al_forearmx;
-        let t5_4 = (-sin_wrist).mul_add(al_forearmy, t5_3);
-        let w_wristy = d_q1 * cos_q2_elbow_wrist;
-        let al_wristx = d_wrist.mul_add(w_wristy, t5_4);
-        let t5_5 = sin_q2_elbow_wrist * al_wristx;
+        let t5_3 = a_wristz * cos_q2_elbow_wrist;
+        let t5_4 = sin_wrist * al_forearmx;
+        let t5_5 = cos_wrist.mul_add(al_forearmy, t5_4);
         let w_wristx = d_q1 * sin_q2_elbow_wrist;
+        let al_wristy = d_wrist.mul_add(w_wristx, t5_5);
         let w_wristz = d_wrist + w_forearmz;
-        let t5_6 = w_wristx * w_wristz;
-        let w_ixx_wrist_q1 = cos_q2_elbow_wrist.mul_add(t5_6, t5_5);
-        let t5_7 = w_wristx * w_wristy;
-        let t5_8 = x_wrist_q2 - t4_1;
-        let w_ixx_wrist_q2 = t5_7 * t5_8;
-        let t5_9 = x_elbow_q3 + x_wrist_q3;
-        let w_ixx_wrist_q3 = t5_7 * t5_9;
-        w[15] = [w_ixx_wrist_q1, w_ixx_wrist_q2, like.lift(0.0), w_ixx_wrist_q3];
-        let t5_10 = sin_wrist * al_forearmx;
-        let t5_11 = cos_wrist.mul_add(al_forearmy, t5_10);
-        let al_wristy = d_wrist.mul_add(w_wristx, t5_11);
-        let t5_12 = al_wristy + t5_6;
-        let t5_13 = sin_q2_elbow_wrist * t5_12;
-        let t5_14 = w_wristy * w_wristz;
-        let t5_15 = al_wristx + t5_14;
-        let w_ixy_wrist_q1 = (-cos_q2_elbow_wrist).mul_add(t5_15, t5_13);
-        let t5_16 = -w_ixy_wrist_q1;
-        let t5_17 = w_wristx * w_wristx;
-        let t5_18 = w_wristy * w_wristy;
-        let t5_19 = t5_17 - t5_18;
-        let w_ixy_wrist_q2 = t5_19 * t5_8;
-        let t5_20 = -w_ixy_wrist_q2;
-        let w_ixy_wrist_q3 = t5_19 * t5_9;
-        let t5_21 = -w_ixy_wrist_q3;
-        w[16] = [t5_16, t5_20, like.lift(0.0), t5_21];
-        let al_wristz = dd_wrist + al_forearmz;
-        let t5_22 = al_wristz + t5_7;
-        let t5_23 = sin_q2_elbow_wrist * t5_22;
-        let t5_24 = w_wristz * w_wristz;
-        let t5_25 = t5_17 - t5_24;
-        let w_ixz_wrist_q1 = (-cos_q2_elbow_wrist).mul_add(t5_25, t5_23);
-        let t5_26 = al_wristx - t5_14;
-        let w_ixz_wrist_q2 = t5_26 * t5_8;
-        let t5_27 = -w_ixz_wrist_q2;
-        let w_ixz_wrist_q3 = t5_26 * t5_9;
-        let t5_28 = -w_ixz_wrist_q3;
-        w[17] = [w_ixz_wrist_q1, t5_27, like.lift(0.0), t5_28];
-        let t5_29 = t5_18 - t5_24;
-        let t5_30 = sin_q2_elbow_wrist * t5_29;
-        let t5_31 = al_wristz - t5_7;
-        let w_iyz_wrist_q1 = cos_q2_elbow_wrist.mul_add(t5_31, t5_30);
-        let t5_32 = al_wristy - t5_6;
-        let w_iyz_wrist_q2 = t5_32 * t5_8;
-        let w_iyz_wrist_q3 = t5_32 * t5_9;
-        w[18] = [w_iyz_wrist_q1, w_iyz_wrist_q2, like.lift(0.0), w_iyz_wrist_q3];
-        let w_izz_wrist_q2 = al_wristz * t5_8;
-        let t5_33 = -w_izz_wrist_q2;
-        let w_izz_wrist_q3 = al_wristz * t5_9;
-        let t5_34 = -w_izz_wrist_q3;
-        w[19] = [like.lift(0.0), t5_33, like.lift(0.0), t5_34];
-        let a_wristz = a_forearmz - t4_5;
-        let t5_35 = a_wristz * cos_q2_elbow_wrist;
+        let t5_6 = w_wristx.mul_add(w_wristz, al_wristy);
         let u_wrist_q1z = cos_q2_elbow + u_forearm_q1z;
-        let w_mx_wrist_q1 = (-t5_12).mul_add(u_wrist_q1z, t5_35);
-        let t5_36 = a_forearmx + t4_27;
-        let t5_37 = sin_wrist * t5_36;
-        let t5_38 = a_forearmy + t4_14;
-        let a_wristy = cos_wrist.mul_add(t5_38, t5_37);
-        let t5_39 = t5_18 + t5_24;
-        let t5_40 = sin_elbow * cos_wrist;
-        let t5_41 = like.lift(0.95) * t5_40;
+        let w_mx_wrist_q1 = (-t5_6).mul_add(u_wrist_q1z, t5_3);
+        let t5_7 = a_forearmx + t4_27;
+        let t5_8 = sin_wrist * t5_7;
+        let t5_9 = a_forearmy + t4_14;
+        let a_wristy = cos_wrist.mul_add(t5_9, t5_8);
+        let t5_10 = x_wrist_q2 - t4_1;
+        let w_wristy = d_q1 * cos_q2_elbow_wrist;
+        let t5_11 = w_wristy * w_wristy;
+        let t5_12 = w_wristz.mul_add(w_wristz, t5_11);
+        let t5_13 = sin_elbow * cos_wrist;
+        let t5_14 = like.lift(0.95) * t5_13;
         let u_forearm_q2y = like.lift(0.95) * cos_elbow;
-        let t5_42 = like.lift(1.0) + u_forearm_q2y;
-        let u_wrist_q2x = sin_wrist.mul_add(t5_42, t5_41);
-        let t5_43 = (-sin_wrist).mul_add(x_elbow_q2, u_wrist_q2x);
-        let t5_44 = t5_39 * t5_43;
-        let t5_45 = sin_elbow * sin_wrist;
-        let t5_46 = like.lift(0.95) * t5_45;
-        let u_wrist_q2y = (-cos_wrist).mul_add(t5_42, t5_46);
-        let t5_47 = cos_wrist.mul_add(x_elbow_q2, u_wrist_q2y);
-        let t5_48 = t5_22.mul_add(t5_47, t5_44);
-        let w_mx_wrist_q2 = a_wristy.mul_add(t5_8, t5_48);
-        let t5_49 = -w_mx_wrist_q2;
-        let t5_50 = sin_wrist * x_elbow_q3;
-        let t5_51 = t5_39 * t5_50;
-        let t5_52 = cos_wrist * x_elbow_q3;
-        let t5_53 = (-t5_22).mul_add(t5_52, t5_51);
-        let w_mx_wrist_q3 = a_wristy.mul_add(t5_9, -t5_53);
-        let t5_54 = -w_mx_wrist_q3;
-        w[20] = [w_mx_wrist_q1, t5_49, like.lift(0.0), t5_54];
-        let t5_55 = a_wristz * sin_q2_elbow_wrist;
-        let w_my_wrist_q1 = t5_15.mul_add(u_wrist_q1z, t5_55);
-        let t5_56 = -w_my_wrist_q1;
-        let t5_57 = cos_wrist * t5_36;
-        let a_wristx = (-sin_wrist).mul_add(t5_38, t5_57);
-        let t5_58 = t5_31 * t5_43;
-        let t5_59 = t5_17 + t5_24;
-        let t5_60 = (-t5_59).mul_add(t5_47, t5_58);
-        let w_my_wrist_q2 = a_wristx.mul_add(t5_8, t5_60);
-        let t5_61 = -w_my_wrist_q2;
-        let t5_62 = t5_31 * t5_50;
-        let t5_63 = t5_59.mul_add(t5_52, t5_62);
-        let w_my_wrist_q3 = a_wristx.mul_add(t5_9, -t5_63);
-        let t5_64 = -w_my_wrist_q3;
-        w[21] = [t5_56, t5_61, like.lift(0.0), t5_64];
+        let t5_15 = like.lift(1.0) + u_forearm_q2y;
+        let u_wrist_q2x = sin_wrist.mul_add(t5_15, t5_14);
+        let t5_16 = (-sin_wrist).mul_add(x_elbow_q2, u_wrist_q2x);
+        let t5_17 = t5_12 * t5_16;
+        let al_wristz = dd_wrist + al_forearmz;
+        let t5_18 = w_wristx.mul_add(w_wristy, al_wristz);
+        let t5_19 = sin_elbow * sin_wrist;
+        let t5_20 = like.lift(0.95) * t5_19;
+        let u_wrist_q2y = (-cos_wrist).mul_add(t5_15, t5_20);
+        let t5_21 = cos_wrist.mul_add(x_elbow_q2, u_wrist_q2y);
+        let t5_22 = t5_18.mul_add(t5_21, t5_17);
+        let w_mx_wrist_q2 = a_wristy.mul_add(t5_10, t5_22);
+        let t5_23 = -w_mx_wrist_q2;
+        let t5_24 = x_elbow_q3 + x_wrist_q3;
+        let t5_25 = sin_wrist * x_elbow_q3;
+        let t5_26 = t5_12 * t5_25;
+        let t5_27 = cos_wrist * x_elbow_q3;
+        let t5_28 = (-t5_18).mul_add(t5_27, t5_26);
+        let w_mx_wrist_q3 = a_wristy.mul_add(t5_24, -t5_28);
+        let t5_29 = -w_mx_wrist_q3;
+        w[15] = [w_mx_wrist_q1, t5_23, like.lift(0.0), t5_29];
         [
-            sin_wrist, cos_wrist, sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristy, al_wristx,
-            w_wristx, w_wristz, al_wristy, t5_12, al_wristz, t5_22, a_wristz, u_wrist_q1z,
-            a_wristy, t5_39, u_wrist_q2x, u_wrist_q2y, a_wristx,
+            a_wristz, sin_wrist, cos_wrist, sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristx,
+            al_wristy, w_wristz, t5_6, u_wrist_q1z, t5_7, t5_9, a_wristy, w_wristy, t5_12,
+            u_wrist_q2x, al_wristz, t5_18, u_wrist_q2y,
         ]
     };
     // body flange
     {
         let (sin_q4, cos_q4) = q4.sin_cos();
-        let t6_1 = cos_q4 * al_wristx;
-        let t6_2 = sin_q4.mul_add(al_wristz, t6_1);
-        let t6_3 = sin_q4 * w_wristx;
-        let w_flangey = (-cos_q4).mul_add(w_wristz, t6_3);
-        let al_flangex = (-d_q4).mul_add(w_flangey, t6_2);
-        let e_flange_q1x = cos_q4 * sin_q2_elbow_wrist;
-        let t6_4 = cos_q4 * w_wristx;
-        let w_flangex = sin_q4.mul_add(w_wristz, t6_4);
+        let t6_1 = cos_q4 * w_wristx;
+        let w_flangex = sin_q4.mul_add(w_wristz, t6_1);
         let w_flangez = d_q4 - w_wristy;
-        let t6_5 = w_flangex * w_flangez;
+        let t6_2 = w_flangex * w_flangez;
         let e_flange_q1y = sin_q4 * sin_q2_elbow_wrist;
-        let t6_6 = t6_5 * e_flange_q1y;
-        let t6_7 = al_flangex.mul_add(e_flange_q1x, -t6_6);
-        let w_ixx_flange_q4 = w_flangex * w_flangey;
-        let w_ixx_flange_q1 = (-cos_q2_elbow_wrist).mul_add(w_ixx_flange_q4, t6_7);
-        let t6_8 = (-sin_q4).mul_add(x_elbow_q2, sin_q4);
-        let t6_9 = (-sin_q4).mul_add(x_wrist_q2, t6_8);
-        let t6_10 = (-cos_q4).mul_add(x_elbow_q2, cos_q4);
-        let t6_11 = (-cos_q4).mul_add(x_wrist_q2, t6_10);
-        let t6_12 = t6_5 * t6_11;
-        let w_ixx_flange_q2 = al_flangex.mul_add(t6_9, t6_12);
-        let t6_13 = sin_q4 * x_elbow_q3;
-        let t6_14 = sin_q4.mul_add(x_wrist_q3, t6_13);
-        let t6_15 = cos_q4 * x_elbow_q3;
-        let t6_16 = cos_q4.mul_add(x_wrist_q3, t6_15);
-        let t6_17 = t6_5 * t6_16;
-        let w_ixx_flange_q3 = al_flangex.mul_add(t6_14, t6_17);
-        let t6_18 = -w_ixx_flange_q3;
-        w[22] = [w_ixx_flange_q1, w_ixx_flange_q2, w_ixx_flange_q4, t6_18];
-        let t6_19 = sin_q4 * al_wristx;
-        let t6_20 = (-cos_q4).mul_add(al_wristz, t6_19);
-        let al_flangey = d_q4.mul_add(w_flangex, t6_20);
-        let t6_21 = al_flangey + t6_5;
-        let t6_22 = t6_21 * e_flange_q1x;
-        let t6_23 = w_flangey * w_flangez;
-        let t6_24 = al_flangex - t6_23;
-        let t6_25 = t6_24.mul_add(e_flange_q1y, t6_22);
-        let t6_26 = w_flangex * w_flangex;
-        let t6_27 = w_flangey * w_flangey;
-        let w_ixy_flange_q4 = t6_26 - t6_27;
-        let w_ixy_flange_q1 = cos_q2_elbow_wrist.mul_add(w_ixy_flange_q4, t6_25);
-        let t6_28 = -w_ixy_flange_q1;
-        let t6_29 = t6_21 * t6_9;
-        let w_ixy_flange_q2 = (-t6_24).mul_add(t6_11, t6_29);
-        let t6_30 = -w_ixy_flange_q2;
-        let t6_31 = t6_21 * t6_14;
-        let w_ixy_flange_q3 = (-t6_24).mul_add(t6_16, t6_31);
-        w[23] = [t6_28, t6_30, w_ixy_flange_q4, w_ixy_flange_q3];
+        let t6_3 = t6_2 * e_flange_q1y;
+        let t6_4 = sin_q4 * w_wristx;
+        let w_flangey = (-cos_q4).mul_add(w_wristz, t6_4);
+        let t6_5 = w_flangey * w_flangez;
+        let e_flange_q1x = cos_q4 * sin_q2_elbow_wrist;
+        let t6_6 = (-t6_5).mul_add(e_flange_q1x, t6_3);
         let al_flangez = dd_q4 + al_wristy;
-        let t6_32 = al_flangez - w_ixx_flange_q4;
-        let t6_33 = t6_32 * e_flange_q1x;
-        let t6_34 = w_flangez * w_flangez;
-        let t6_35 = t6_26 - t6_34;
-        let t6_36 = e_flange_q1y.mul_add(t6_35, t6_33);
-        let w_ixz_flange_q4 = al_flangex + t6_23;
-        let w_ixz_flange_q1 = (-cos_q2_elbow_wrist).mul_add(w_ixz_flange_q4, t6_36);
-        let t6_37 = t6_32 * t6_9;
-        let w_ixz_flange_q2 = (-t6_35).mul_add(t6_11, t6_37);
-        let t6_38 = t6_32 * t6_14;
-        let w_ixz_flange_q3 = (-t6_35).mul_add(t6_16, t6_38);
-        let t6_39 = -w_ixz_flange_q3;
-        w[24] = [w_ixz_flange_q1, w_ixz_flange_q2, w_ixz_flange_q4, t6_39];
-        let t6_40 = t6_27 - t6_34;
-        let t6_41 = e_flange_q1x * t6_40;
-        let t6_42 = al_flangez + w_ixx_flange_q4;
-        let t6_43 = (-t6_42).mul_add(e_flange_q1y, t6_41);
-        let w_iyz_flange_q4 = al_flangey - t6_5;
-        let w_iyz_flange_q1 = cos_q2_elbow_wrist.mul_add(w_iyz_flange_q4, t6_43);
-        let t6_44 = t6_40 * t6_9;
-        let w_iyz_flange_q2 = t6_42.mul_add(t6_11, t6_44);
-        let t6_45 = -w_iyz_flange_q4;
-        let t6_46 = t6_40 * t6_14;
-        let w_iyz_flange_q3 = t6_42.mul_add(t6_16, t6_46);
-        let t6_47 = -w_iyz_flange_q3;
-        w[25] = [w_iyz_flange_q1, w_iyz_flange_q2, t6_45, t6_47];
-        let t6_48 = (-t6_23).mul_add(e_flange_q1x, t6_6);
-        let w_izz_flange_q1 = (-cos_q2_elbow_wrist).mul_add(al_flangez, t6_48);
-        let w_izz_flange_q2 = t6_23.mul_add(t6_9, t6_12);
-        let t6_49 = -w_izz_flange_q2;
-        let w_izz_flange_q3 = t6_23.mul_add(t6_14, t6_17);
-        w[26] = [w_izz_flange_q1, t6_49, al_flangez, w_izz_flange_q3];
-        let t6_50 = like.lift(0.22).mul_add(t5_39, a_wristx);
-        let t6_51 = sin_q4 * t6_50;
-        let t6_52 = like.lift(-0.22).mul_add(t5_12, a_wristz);
-        let a_flangey = (-cos_q4).mul_add(t6_52, t6_51);
-        let t6_53 = cos_q2_elbow_wrist * a_flangey;
-        let a_flangez = like.lift(0.22).mul_add(t5_22, a_wristy);
-        let t6_54 = a_flangez.mul_add(e_flange_q1y, t6_53);
-        let t6_55 = t6_27 + t6_34;
-        let t6_56 = like.lift(0.22).mul_add(cos_q2_elbow_wrist, u_wrist_q1z);
-        let u_flange_q1x = sin_q4 * t6_56;
-        let t6_57 = t6_55 * u_flange_q1x;
-        let u_flange_q1y = cos_q4 * t6_56;
-        let t6_58 = (-t6_32).mul_add(u_flange_q1y, t6_57);
-        let w_mx_flange_q1 = t6_54 - t6_58;
-        let t6_59 = -w_mx_flange_q1;
+        let w_izz_flange_q1 = (-cos_q2_elbow_wrist).mul_add(al_flangez, t6_6);
+        let t6_7 = (-cos_q4).mul_add(x_elbow_q2, cos_q4);
+        let t6_8 = (-cos_q4).mul_add(x_wrist_q2, t6_7);
+        let t6_9 = t6_2 * t6_8;
+        let t6_10 = (-sin_q4).mul_add(x_elbow_q2, sin_q4);
+        let t6_11 = (-sin_q4).mul_add(x_wrist_q2, t6_10);
+        let w_izz_flange_q2 = t6_5.mul_add(t6_11, t6_9);
+        let t6_12 = -w_izz_flange_q2;
+        let t6_13 = cos_q4 * x_elbow_q3;
+        let t6_14 = cos_q4.mul_add(x_wrist_q3, t6_13);
+        let t6_15 = t6_2 * t6_14;
+        let t6_16 = sin_q4 * x_elbow_q3;
+        let t6_17 = sin_q4.mul_add(x_wrist_q3, t6_16);
+        let w_izz_flange_q3 = t6_5.mul_add(t6_17, t6_15);
+        w[16] = [w_izz_flange_q1, t6_12, al_flangez, w_izz_flange_q3];
+        let t6_18 = cos_wrist * t5_7;
+        let a_wristx = (-sin_wrist).mul_add(t5_9, t6_18);
+        let t6_19 = like.lift(0.22).mul_add(t5_12, a_wristx);
+        let t6_20 = sin_q4 * t6_19;
+        let t6_21 = like.lift(-0.22).mul_add(t5_6, a_wristz);
+        let a_flangey = (-cos_q4).mul_add(t6_21, t6_20);
+        let t6_22 = cos_q2_elbow_wrist * a_flangey;
+        let a_flangez = like.lift(0.22).mul_add(t5_18, a_wristy);
+        let t6_23 = a_flangez.mul_add(e_flange_q1y, t6_22);
+        let t6_24 = w_flangez * w_flangez;
+        let t6_25 = w_flangey.mul_add(w_flangey, t6_24);
+        let t6_26 = like.lift(0.22).mul_add(cos_q2_elbow_wrist, u_wrist_q1z);
+        let u_flange_q1x = sin_q4 * t6_26;
+        let t6_27 = t6_25 * u_flange_q1x;
+        let w_ixx_flange_q4 = w_flangex * w_flangey;
+        let t6_28 = al_flangez - w_ixx_flange_q4;
+        let u_flange_q1y = cos_q4 * t6_26;
+        let t6_29 = (-t6_28).mul_add(u_flange_q1y, t6_27);
+        let w_mx_flange_q1 = t6_23 - t6_29;
+        let t6_30 = -w_mx_flange_q1;
         let u_flange_q2x = cos_q4 * u_wrist_q2x;
         let u_flange_elbowx = sin_wrist * cos_q4;
-        let t6_60 = (-u_flange_elbowx).mul_add(x_elbow_q2, u_flange_q2x);
-        let t6_61 = t6_55 * t6_60;
+        let t6_31 = (-u_flange_elbowx).mul_add(x_elbow_q2, u_flange_q2x);
+        let t6_32 = t6_25 * t6_31;
         let u_flange_q2y = sin_q4 * u_wrist_q2x;
         let u_flange_elbowy = sin_wrist * sin_q4;
-        let t6_62 = (-u_flange_elbowy).mul_add(x_elbow_q2, u_flange_q2y);
-        let t6_63 = t6_32.mul_add(t6_62, t6_61);
+        let t6_33 = (-u_flange_elbowy).mul_add(x_elbow_q2, u_flange_q2y);
+        let t6_34 = t6_28.mul_add(t6_33, t6_32);
+        let t6_35 = cos_wrist * al_forearmx;
+        let t6_36 = (-sin_wrist).mul_add(al_forearmy, t6_35);
+        let al_wristx = d_wrist.mul_add(w_wristy, t6_36);
+        let t6_37 = sin_q4 * al_wristx;
+        let t6_38 = (-cos_q4).mul_add(al_wristz, t6_37);
+        let al_flangey = d_q4.mul_add(w_flangex, t6_38);
+        let t6_39 = al_flangey + t6_2;
         let u_flange_q2z = like.lift(0.22) - u_wrist_q2y;
         let u_flange_elbowz = cos_wrist + like.lift(0.22);
-        let t6_64 = (-u_flange_elbowz).mul_add(x_elbow_q2, u_flange_q2z);
-        let t6_65 = like.lift(-0.22).mul_add(x_wrist_q2, t6_64);
-        let t6_66 = t6_21.mul_add(t6_65, t6_63);
-        let w_mx_flange_q2 = a_flangez.mul_add(t6_11, -t6_66);
-        let t6_67 = u_flange_elbowx * x_elbow_q3;
-        let t6_68 = t6_55 * t6_67;
-        let t6_69 = u_flange_elbowy * x_elbow_q3;
-        let t6_70 = t6_32.mul_add(t6_69, t6_68);
-        let t6_71 = u_flange_elbowz * x_elbow_q3;
-        let t6_72 = like.lift(0.22).mul_add(x_wrist_q3, t6_71);
-        let t6_73 = t6_21.mul_add(t6_72, t6_70);
-        let w_mx_flange_q3 = a_flangez.mul_add(t6_16, -t6_73);
-        let t6_74 = -w_mx_flange_q3;
-        w[27] = [t6_59, w_mx_flange_q2, a_flangey, t6_74];
-        let t6_75 = a_flangez * e_flange_q1x;
-        let t6_76 = cos_q4 * t6_50;
-        let a_flangex = sin_q4.mul_add(t6_52, t6_76);
-        let t6_77 = cos_q2_elbow_wrist.mul_add(a_flangex, t6_75);
-        let t6_78 = t6_42 * u_flange_q1x;
-        let t6_79 = t6_26 + t6_34;
-        let t6_80 = t6_79.mul_add(u_flange_q1y, t6_78);
-        let w_my_flange_q1 = t6_77 - t6_80;
-        let t6_81 = -w_my_flange_q1;
-        let t6_82 = t6_42 * t6_60;
-        let t6_83 = (-t6_79).mul_add(t6_62, t6_82);
-        let t6_84 = t6_24.mul_add(t6_65, t6_83);
-        let w_my_flange_q2 = a_flangez.mul_add(t6_9, t6_84);
-        let t6_85 = -w_my_flange_q2;
-        let t6_86 = t6_42 * t6_67;
-        let t6_87 = (-t6_79).mul_add(t6_69, t6_86);
-        let t6_88 = t6_24.mul_add(t6_72, t6_87);
-        let w_my_flange_q3 = a_flangez.mul_add(t6_14, t6_88);
-        w[28] = [t6_81, t6_85, a_flangex, w_my_flange_q3];
+        let t6_40 = (-u_flange_elbowz).mul_add(x_elbow_q2, u_flange_q2z);
+        let t6_41 = like.lift(-0.22).mul_add(x_wrist_q2, t6_40);
+        let t6_42 = t6_39.mul_add(t6_41, t6_34);
+        let w_mx_flange_q2 = a_flangez.mul_add(t6_8, -t6_42);
+        let t6_43 = u_flange_elbowx * x_elbow_q3;
+        let t6_44 = t6_25 * t6_43;
+        let t6_45 = u_flange_elbowy * x_elbow_q3;
+        let t6_46 = t6_28.mul_add(t6_45, t6_44);
+        let t6_47 = u_flange_elbowz * x_elbow_q3;
+        let t6_48 = like.lift(0.22).mul_add(x_wrist_q3, t6_47);
+        let t6_49 = t6_39.mul_add(t6_48, t6_46);
+        let w_mx_flange_q3 = a_flangez.mul_add(t6_14, -t6_49);
+        let t6_50 = -w_mx_flange_q3;
+        w[17] = [t6_30, w_mx_flange_q2, a_flangey, t6_50];
+        let t6_51 = a_flangez * e_flange_q1x;
+        let t6_52 = cos_q4 * t6_19;
+        let a_flangex = sin_q4.mul_add(t6_21, t6_52);
+        let t6_53 = cos_q2_elbow_wrist.mul_add(a_flangex, t6_51);
+        let t6_54 = al_flangez + w_ixx_flange_q4;
+        let t6_55 = t6_54 * u_flange_q1x;
+        let t6_56 = w_flangex.mul_add(w_flangex, t6_24);
+        let t6_57 = t6_56.mul_add(u_flange_q1y, t6_55);
+        let w_my_flange_q1 = t6_53 - t6_57;
+        let t6_58 = -w_my_flange_q1;
+        let t6_59 = t6_54 * t6_31;
+        let t6_60 = (-t6_56).mul_add(t6_33, t6_59);
+        let t6_61 = cos_q4 * al_wristx;
+        let t6_62 = sin_q4.mul_add(al_wristz, t6_61);
+        let al_flangex = (-d_q4).mul_add(w_flangey, t6_62);
+        let t6_63 = al_flangex - t6_5;
+        let t6_64 = t6_63.mul_add(t6_41, t6_60);
+        let w_my_flange_q2 = a_flangez.mul_add(t6_11, t6_64);
+        let t6_65 = -w_my_flange_q2;
+        let t6_66 = t6_54 * t6_43;
+        let t6_67 = (-t6_56).mul_add(t6_45, t6_66);
+        let t6_68 = t6_63.mul_add(t6_48, t6_67);
+        let w_my_flange_q3 = a_flangez.mul_add(t6_17, t6_68);
+        w[18] = [t6_58, t6_65, a_flangex, w_my_flange_q3];
     }
     // body crank
-    let [al_crankx_2, al_cranky_2, t7_3, t7_8, t7_9, t7_11, a_cranky_3, a_crankx_3] = {
+    let [w_crankx, al_cranky_2, t7_2, a_cranky_3, w_cranky, al_crankx_2, a_crankx_3] = {
+        let w_iyz_crank_q3 = cos_q3 * dd_q1;
+        let t7_1 = like.lift(0.26) * w_iyz_crank_q3;
+        let w_crankx = sin_q3 * d_q1;
+        let al_cranky = d_q3 * w_crankx;
+        let al_cranky_2 = w_iyz_crank_q3 - al_cranky;
+        let t7_2 = al_cranky - al_cranky_2;
+        let w_mx_crank_q1 = like.lift(-0.26).mul_add(t7_2, t7_1);
+        let t7_3 = sin_q3 * t2_17;
+        let a_cranky = like.lift(0.26) * t7_3;
+        let a_cranky_2 = like.lift(9.81) * cos_q3;
+        let a_cranky_3 = a_cranky + a_cranky_2;
+        w[19] = [w_mx_crank_q1, like.lift(0.0), like.lift(0.0), a_cranky_3];
         let w_ixz_crank_q3 = sin_q3 * dd_q1;
+        let t7_4 = like.lift(0.26) * w_ixz_crank_q3;
         let w_cranky = cos_q3 * d_q1;
         let al_crankx = d_q3 * w_cranky;
         let al_crankx_2 = w_ixz_crank_q3 + al_crankx;
-        let t7_1 = sin_q3 * al_crankx_2;
-        let w_crankx = sin_q3 * d_q1;
-        let al_cranky = d_q3 * w_crankx;
-        let w_ixx_crank_q1 = cos_q3.mul_add(al_cranky, t7_1);
-        let w_ixx_crank_q3 = w_crankx * w_cranky;
-        let t7_2 = -w_ixx_crank_q3;
-        w[29] = [w_ixx_crank_q1, like.lift(0.0), like.lift(0.0), t7_2];
-        let w_iyz_crank_q3 = cos_q3 * dd_q1;
-        let al_cranky_2 = w_iyz_crank_q3 - al_cranky;
-        let t7_3 = al_cranky - al_cranky_2;
-        let t7_4 = sin_q3 * t7_3;
         let t7_5 = al_crankx + al_crankx_2;
-        let w_ixy_crank_q1 = (-cos_q3).mul_add(t7_5, t7_4);
-        let t7_6 = -w_ixy_crank_q1;
-        let t7_7 = w_crankx * w_crankx;
-        let t7_8 = w_cranky * w_cranky;
-        let w_ixy_crank_q3 = t7_7 - t7_8;
-        w[30] = [t7_6, like.lift(0.0), like.lift(0.0), w_ixy_crank_q3];
-        let t7_9 = dd_q3 + w_ixx_crank_q3;
-        let t7_10 = sin_q3 * t7_9;
-        let t7_11 = d_q3 * d_q3;
-        let t7_12 = t7_11 - t7_7;
-        let w_ixz_crank_q1 = cos_q3.mul_add(t7_12, t7_10);
-        w[31] = [w_ixz_crank_q1, like.lift(0.0), like.lift(0.0), w_ixz_crank_q3];
-        let t7_13 = t7_11 - t7_8;
-        let t7_14 = sin_q3 * t7_13;
-        let t7_15 = dd_q3 - w_ixx_crank_q3;
-        let w_iyz_crank_q1 = (-cos_q3).mul_add(t7_15, t7_14);
-        let t7_16 = -w_iyz_crank_q1;
-        w[32] = [t7_16, like.lift(0.0), like.lift(0.0), w_iyz_crank_q3];
-        let t7_17 = like.lift(0.26) * w_iyz_crank_q3;
-        let w_mx_crank_q1 = like.lift(-0.26).mul_add(t7_3, t7_17);
-        let t7_18 = sin_q3 * t2_17;
-        let a_cranky = like.lift(0.26) * t7_18;
-        let a_cranky_2 = like.lift(9.81) * cos_q3;
-        let a_cranky_3 = a_cranky + a_cranky_2;
-        w[34] = [w_mx_crank_q1, like.lift(0.0), like.lift(0.0), a_cranky_3];
-        let t7_19 = like.lift(0.26) * w_ixz_crank_q3;
-        let w_my_crank_q1 = like.lift(0.26).mul_add(t7_5, t7_19);
-        let t7_20 = -w_my_crank_q1;
-        let t7_21 = cos_q3 * t2_17;
-        let a_crankx = like.lift(0.26) * t7_21;
+        let w_my_crank_q1 = like.lift(0.26).mul_add(t7_5, t7_4);
+        let t7_6 = -w_my_crank_q1;
+        let t7_7 = cos_q3 * t2_17;
+        let a_crankx = like.lift(0.26) * t7_7;
         let a_crankx_2 = like.lift(9.81) * sin_q3;
         let a_crankx_3 = a_crankx - a_crankx_2;
-        w[35] = [t7_20, like.lift(0.0), like.lift(0.0), a_crankx_3];
-        w[33] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), dd_q3];
-        [al_crankx_2, al_cranky_2, t7_3, t7_8, t7_9, t7_11, a_cranky_3, a_crankx_3]
+        w[20] = [t7_6, like.lift(0.0), like.lift(0.0), a_crankx_3];
+        [w_crankx, al_cranky_2, t7_2, a_cranky_3, w_cranky, al_crankx_2, a_crankx_3]
     };
     // body rod
     {
@@ -5699,72 +5473,40 @@ pub fn base_regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut 
         let t8_2 = sin_q3 * sin_pin;
         let sin_q3_pin = sin_q3.mul_add(cos_pin, t8_1);
         let cos_q3_pin = cos_q3.mul_add(cos_pin, -t8_2);
-        let t8_3 = cos_pin * al_crankx_2;
-        let t8_4 = sin_pin.mul_add(al_cranky_2, t8_3);
-        let w_rody = cos_q3_pin * d_q1;
-        let al_rodx = d_pin.mul_add(w_rody, t8_4);
-        let t8_5 = sin_q3_pin * al_rodx;
-        let w_rodz = d_q3 + d_pin;
-        let w_rodx = sin_q3_pin * d_q1;
-        let t8_6 = w_rodz * w_rodx;
-        let w_ixx_rod_q1 = cos_q3_pin.mul_add(t8_6, t8_5);
-        let t8_7 = w_rodx * w_rody;
-        let w_ixx_rod_q2 = t8_7 * x_pin_q2;
-        let t8_8 = like.lift(1.0) - x_pin_q3;
-        let w_ixx_rod_q3 = t8_7 * t8_8;
-        let t8_9 = -w_ixx_rod_q3;
-        w[36] = [w_ixx_rod_q1, w_ixx_rod_q2, like.lift(0.0), t8_9];
-        let t8_10 = sin_pin * al_crankx_2;
-        let t8_11 = (-cos_pin).mul_add(al_cranky_2, t8_10);
-        let al_rody = d_pin.mul_add(w_rodx, t8_11);
-        let t8_12 = al_rody + t8_6;
-        let t8_13 = sin_q3_pin * t8_12;
-        let t8_14 = w_rodz.mul_add(w_rody, al_rodx);
-        let w_ixy_rod_q1 = (-cos_q3_pin).mul_add(t8_14, t8_13);
-        let t8_15 = -w_ixy_rod_q1;
-        let t8_16 = w_rodx * w_rodx;
-        let t8_17 = w_rody * w_rody;
-        let t8_18 = t8_16 - t8_17;
-        let w_ixy_rod_q2 = t8_18 * x_pin_q2;
-        let t8_19 = -w_ixy_rod_q2;
-        let w_ixy_rod_q3 = t8_18 * t8_8;
-        w[37] = [t8_15, t8_19, like.lift(0.0), w_ixy_rod_q3];
-        let t8_20 = w_rodz * w_rodz;
-        let t8_21 = t8_20 - t8_17;
-        let t8_22 = sin_q3_pin * t8_21;
-        let al_rodz = dd_q3 + dd_pin;
-        let t8_23 = al_rodz - t8_7;
-        let w_iyz_rod_q1 = (-cos_q3_pin).mul_add(t8_23, t8_22);
-        let t8_24 = -w_iyz_rod_q1;
-        let t8_25 = al_rody - t8_6;
-        let w_iyz_rod_q2 = t8_25 * x_pin_q2;
-        let w_iyz_rod_q3 = t8_25 * t8_8;
-        let t8_26 = -w_iyz_rod_q3;
-        w[38] = [t8_24, w_iyz_rod_q2, like.lift(0.0), t8_26];
-        let w_izz_rod_q2 = al_rodz * x_pin_q2;
-        let t8_27 = -w_izz_rod_q2;
-        let w_izz_rod_q3 = al_rodz * t8_8;
-        w[39] = [like.lift(0.0), t8_27, like.lift(0.0), w_izz_rod_q3];
-        let a_rodz = like.lift(-0.3).mul_add(t7_3, a_armz);
-        let t8_28 = sin_q3_pin * a_rodz;
+        let a_rodz = like.lift(-0.3).mul_add(t7_2, a_armz);
+        let t8_3 = sin_q3_pin * a_rodz;
         let u_rod_q1z = like.lift(0.3).mul_add(cos_q3, like.lift(0.26));
-        let w_my_rod_q1 = u_rod_q1z.mul_add(t8_14, t8_28);
-        let t8_29 = -w_my_rod_q1;
-        let t8_30 = t7_11 + t7_8;
-        let t8_31 = like.lift(0.3).mul_add(t8_30, a_crankx_3);
-        let t8_32 = cos_pin * t8_31;
-        let t8_33 = like.lift(0.3).mul_add(t7_9, a_cranky_3);
-        let a_rodx = (-sin_pin).mul_add(t8_33, t8_32);
+        let t8_4 = cos_pin * al_crankx_2;
+        let t8_5 = sin_pin.mul_add(al_cranky_2, t8_4);
+        let w_rody = cos_q3_pin * d_q1;
+        let al_rodx = d_pin.mul_add(w_rody, t8_5);
+        let w_rodz = d_q3 + d_pin;
+        let t8_6 = w_rodz.mul_add(w_rody, al_rodx);
+        let w_my_rod_q1 = u_rod_q1z.mul_add(t8_6, t8_3);
+        let t8_7 = -w_my_rod_q1;
+        let t8_8 = d_q3 * d_q3;
+        let t8_9 = w_cranky.mul_add(w_cranky, t8_8);
+        let t8_10 = like.lift(0.3).mul_add(t8_9, a_crankx_3);
+        let t8_11 = cos_pin * t8_10;
+        let w_ixx_crank_q3 = w_crankx * w_cranky;
+        let t8_12 = dd_q3 + w_ixx_crank_q3;
+        let t8_13 = like.lift(0.3).mul_add(t8_12, a_cranky_3);
+        let a_rodx = (-sin_pin).mul_add(t8_13, t8_11);
         let w_my_rod_q2 = a_rodx * x_pin_q2;
-        let t8_34 = -w_my_rod_q2;
-        let t8_35 = sin_pin * t8_23;
-        let t8_36 = like.lift(0.3) * t8_35;
-        let t8_37 = t8_20 + t8_16;
-        let t8_38 = cos_pin * t8_37;
-        let t8_39 = like.lift(0.3).mul_add(t8_38, t8_36);
-        let w_my_rod_q3 = (-a_rodx).mul_add(t8_8, t8_39);
-        let t8_40 = -w_my_rod_q3;
-        w[40] = [t8_29, t8_34, like.lift(0.0), t8_40];
+        let t8_14 = -w_my_rod_q2;
+        let al_rodz = dd_q3 + dd_pin;
+        let w_rodx = sin_q3_pin * d_q1;
+        let t8_15 = (-w_rodx).mul_add(w_rody, al_rodz);
+        let t8_16 = sin_pin * t8_15;
+        let t8_17 = like.lift(0.3) * t8_16;
+        let t8_18 = w_rodz * w_rodz;
+        let t8_19 = w_rodx.mul_add(w_rodx, t8_18);
+        let t8_20 = cos_pin * t8_19;
+        let t8_21 = like.lift(0.3).mul_add(t8_20, t8_17);
+        let t8_22 = like.lift(1.0) - x_pin_q3;
+        let w_my_rod_q3 = (-a_rodx).mul_add(t8_22, t8_21);
+        let t8_23 = -w_my_rod_q3;
+        w[21] = [t8_7, t8_14, like.lift(0.0), t8_23];
     }
     Condition { pivot: condition }
 }
@@ -5774,21 +5516,19 @@ pub fn base_regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut 
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `beta`: base parameters, in the order of `BASE`
 ///
-/// 60 additions, 24 multiplications, 0 divisions, 0 sines and cosines.
-pub fn to_base<T: Scalar>(phi: &[T; 70]) -> [T; 41] {
+/// 51 additions, 19 multiplications, 0 divisions, 0 sines and cosines.
+pub fn to_base<T: Scalar>(phi: &[T; 70]) -> [T; 22] {
     let like = phi[0];
-    let mut beta = [like.lift(0.0); 41];
+    let mut beta = [like.lift(0.0); 22];
     let [
         _, _, _, _, _, p_izz_column, _, _, _, _, p_ixx_arm, p_ixy_arm, p_ixz_arm, p_iyy_arm,
         p_iyz_arm, p_izz_arm, p_mx_arm, p_my_arm, _, p_m_arm, p_ixx_forearm, p_ixy_forearm,
         p_ixz_forearm, p_iyy_forearm, p_iyz_forearm, p_izz_forearm, p_mx_forearm, p_my_forearm,
-        p_mz_forearm, p_m_forearm, p_ixx_wrist, p_ixy_wrist, p_ixz_wrist, p_iyy_wrist,
-        p_iyz_wrist, p_izz_wrist, p_mx_wrist, p_my_wrist, p_mz_wrist, p_m_wrist, p_ixx_flange,
-        p_ixy_flange, p_ixz_flange, p_iyy_flange, p_iyz_flange, p_izz_flange, p_mx_flange,
-        p_my_flange, p_mz_flange, p_m_flange, p_ixx_crank, p_ixy_crank, p_ixz_crank,
-        p_iyy_crank, p_iyz_crank, p_izz_crank, p_mx_crank, p_my_crank, _, p_m_crank, p_ixx_rod,
-        p_ixy_rod, p_ixz_rod, p_iyy_rod, p_iyz_rod, p_izz_rod, p_mx_rod, p_my_rod, p_mz_rod,
-        p_m_rod,
+        p_mz_forearm, p_m_forearm, _, _, _, p_iyy_wrist, _, _, p_mx_wrist, _, p_mz_wrist,
+        p_m_wrist, _, _, _, _, _, p_izz_flange, p_mx_flange, p_my_flange, _, p_m_flange,
+        p_ixx_crank, p_ixy_crank, p_ixz_crank, p_iyy_crank, p_iyz_crank, p_izz_crank,
+        p_mx_crank, p_my_crank, _, p_m_crank, p_ixx_rod, p_ixy_rod, p_ixz_rod, p_iyy_rod,
+        p_iyz_rod, p_izz_rod, p_mx_rod, p_my_rod, p_mz_rod, p_m_rod,
     ] = *phi;
     // combinations
     {
@@ -5804,109 +5544,76 @@ pub fn to_base<T: Scalar>(phi: &[T; 70]) -> [T; 41] {
         let t1_10 = like.lift(1.9701).mul_add(p_m_wrist, t1_9);
         let t1_11 = like.lift(2.0185).mul_add(p_m_flange, t1_10);
         beta[0] = t1_11;
-        let t1_12 = p_ixx_arm - p_iyy_arm;
-        let t1_13 = like.lift(0.95) * p_mx_rod;
-        let t1_14 = t1_12 - t1_13;
+        let t1_12 = p_ixx_arm - p_iyy_rod;
+        let t1_13 = p_ixx_rod + t1_12;
+        let t1_14 = p_iyy_arm - t1_13;
         let t1_15 = like.lift(0.9025) * p_m_flange;
-        let t1_16 = t1_14 - t1_15;
+        let t1_16 = t1_14 + t1_15;
         let t1_17 = like.lift(0.9025) * p_m_wrist;
-        let t1_18 = t1_16 - t1_17;
+        let t1_18 = t1_16 + t1_17;
         let t1_19 = like.lift(0.9025) * p_m_forearm;
-        let t1_20 = t1_18 - t1_19;
-        beta[1] = t1_20;
-        let t1_21 = p_ixz_arm + p_ixz_rod;
-        let t1_22 = like.lift(-0.95).mul_add(p_mz_wrist, t1_21);
-        let t1_23 = like.lift(-0.95).mul_add(p_mz_forearm, t1_22);
-        beta[3] = t1_23;
-        let t1_24 = p_izz_arm + t1_13;
-        let t1_25 = t1_15 + t1_24;
-        let t1_26 = t1_17 + t1_25;
-        let t1_27 = t1_19 + t1_26;
-        beta[5] = t1_27;
-        let t1_28 = p_mx_arm + p_mx_rod;
-        let t1_29 = like.lift(0.95).mul_add(p_m_flange, t1_28);
-        let t1_30 = like.lift(0.95).mul_add(p_m_wrist, t1_29);
-        let t1_31 = like.lift(0.95).mul_add(p_m_forearm, t1_30);
-        beta[6] = t1_31;
-        let t1_32 = p_ixx_forearm - p_iyy_forearm;
-        let t1_33 = p_m_flange - t1_32;
-        let t1_34 = p_m_wrist + t1_33;
-        let t1_35 = like.lift(0.09473684210526316) * p_mx_rod;
-        let t1_36 = t1_34 + t1_35;
-        let t1_37 = -t1_36;
-        beta[8] = t1_37;
-        let t1_38 = p_ixz_forearm - p_mz_wrist;
-        let t1_39 = like.lift(0.3157894736842105) * p_ixz_rod;
-        let t1_40 = t1_38 - t1_39;
-        beta[10] = t1_40;
-        let t1_41 = p_izz_forearm + p_m_flange;
-        let t1_42 = p_m_wrist + t1_41;
-        let t1_43 = t1_35 + t1_42;
-        beta[12] = t1_43;
-        let t1_44 = p_mx_forearm + p_m_flange;
-        let t1_45 = p_m_wrist + t1_44;
-        let t1_46 = like.lift(0.3157894736842105) * p_mx_rod;
-        let t1_47 = t1_45 - t1_46;
-        beta[13] = t1_47;
-        let t1_48 = p_ixx_wrist + p_iyy_flange;
-        let t1_49 = p_iyy_wrist - t1_48;
-        let t1_50 = like.lift(0.0484) * p_m_flange;
-        let t1_51 = t1_49 + t1_50;
-        let t1_52 = -t1_51;
-        beta[15] = t1_52;
-        let t1_53 = like.lift(0.22).mul_add(p_mz_flange, p_ixy_wrist);
-        beta[16] = t1_53;
-        let t1_54 = p_izz_wrist + p_iyy_flange;
-        let t1_55 = t1_50 + t1_54;
-        beta[19] = t1_55;
-        let t1_56 = like.lift(0.22).mul_add(p_m_flange, p_mx_wrist);
-        beta[20] = t1_56;
-        let t1_57 = p_my_wrist - p_mz_flange;
-        beta[21] = t1_57;
-        let t1_58 = p_ixx_flange - p_iyy_flange;
-        beta[22] = t1_58;
-        let t1_59 = p_ixx_crank - p_iyy_crank;
-        let t1_60 = like.lift(0.09) * p_m_rod;
-        let t1_61 = t1_59 - t1_60;
-        let t1_62 = t1_35 + t1_61;
-        beta[29] = t1_62;
-        let t1_63 = like.lift(-0.3).mul_add(p_mz_rod, p_ixz_crank);
-        let t1_64 = t1_39 - t1_63;
-        let t1_65 = -t1_64;
-        beta[31] = t1_65;
-        let t1_66 = p_izz_crank + t1_60;
-        let t1_67 = t1_35 - t1_66;
-        let t1_68 = -t1_67;
-        beta[33] = t1_68;
-        let t1_69 = like.lift(0.3).mul_add(p_m_rod, p_mx_crank);
-        let t1_70 = t1_46 - t1_69;
-        let t1_71 = -t1_70;
-        beta[34] = t1_71;
-        let t1_72 = p_ixx_rod - p_iyy_rod;
-        let t1_73 = t1_72 + t1_13;
-        beta[36] = t1_73;
-        let t1_74 = p_izz_rod - t1_13;
-        beta[39] = t1_74;
-        beta[2] = p_ixy_arm;
-        beta[4] = p_iyz_arm;
+        let t1_20 = t1_18 + t1_19;
+        let t1_21 = -t1_20;
+        beta[1] = t1_21;
+        let t1_22 = p_ixy_arm + p_ixy_rod;
+        beta[2] = t1_22;
+        let t1_23 = p_ixz_arm + p_ixz_rod;
+        let t1_24 = like.lift(-0.95).mul_add(p_mz_wrist, t1_23);
+        let t1_25 = like.lift(-0.95).mul_add(p_mz_forearm, t1_24);
+        beta[3] = t1_25;
+        let t1_26 = p_iyz_arm + p_iyz_rod;
+        beta[4] = t1_26;
+        let t1_27 = p_izz_arm + p_izz_rod;
+        let t1_28 = t1_15 + t1_27;
+        let t1_29 = t1_17 + t1_28;
+        let t1_30 = t1_19 + t1_29;
+        beta[5] = t1_30;
+        let t1_31 = p_mx_arm + p_mx_rod;
+        let t1_32 = like.lift(0.95).mul_add(p_m_flange, t1_31);
+        let t1_33 = like.lift(0.95).mul_add(p_m_wrist, t1_32);
+        let t1_34 = like.lift(0.95).mul_add(p_m_forearm, t1_33);
+        beta[6] = t1_34;
+        let t1_35 = p_ixx_forearm - p_iyy_crank;
+        let t1_36 = p_ixx_crank + t1_35;
+        let t1_37 = p_iyy_forearm - t1_36;
+        let t1_38 = like.lift(0.09) * p_m_rod;
+        let t1_39 = t1_37 + t1_38;
+        let t1_40 = p_m_flange + t1_39;
+        let t1_41 = p_m_wrist + t1_40;
+        let t1_42 = -t1_41;
+        beta[8] = t1_42;
+        let t1_43 = p_ixy_forearm + p_ixy_crank;
+        beta[9] = t1_43;
+        let t1_44 = p_ixz_forearm - p_ixz_crank;
+        let t1_45 = like.lift(0.3).mul_add(p_mz_rod, t1_44);
+        let t1_46 = p_mz_wrist - t1_45;
+        let t1_47 = -t1_46;
+        beta[10] = t1_47;
+        let t1_48 = p_iyz_forearm - p_iyz_crank;
+        beta[11] = t1_48;
+        let t1_49 = p_izz_forearm + p_izz_crank;
+        let t1_50 = t1_38 + t1_49;
+        let t1_51 = p_m_flange + t1_50;
+        let t1_52 = p_m_wrist + t1_51;
+        beta[12] = t1_52;
+        let t1_53 = p_mx_forearm + p_m_flange;
+        let t1_54 = p_m_wrist + t1_53;
+        let t1_55 = like.lift(0.3157894736842105) * p_mx_rod;
+        let t1_56 = t1_54 - t1_55;
+        beta[13] = t1_56;
+        let t1_57 = like.lift(0.22).mul_add(p_m_flange, p_mx_wrist);
+        beta[15] = t1_57;
+        let t1_58 = like.lift(0.3).mul_add(p_m_rod, p_mx_crank);
+        let t1_59 = t1_55 - t1_58;
+        let t1_60 = -t1_59;
+        beta[19] = t1_60;
         beta[7] = p_my_arm;
-        beta[9] = p_ixy_forearm;
-        beta[11] = p_iyz_forearm;
         beta[14] = p_my_forearm;
-        beta[17] = p_ixz_wrist;
-        beta[18] = p_iyz_wrist;
-        beta[23] = p_ixy_flange;
-        beta[24] = p_ixz_flange;
-        beta[25] = p_iyz_flange;
-        beta[26] = p_izz_flange;
-        beta[27] = p_mx_flange;
-        beta[28] = p_my_flange;
-        beta[30] = p_ixy_crank;
-        beta[32] = p_iyz_crank;
-        beta[35] = p_my_crank;
-        beta[37] = p_ixy_rod;
-        beta[38] = p_iyz_rod;
-        beta[40] = p_my_rod;
+        beta[16] = p_izz_flange;
+        beta[17] = p_mx_flange;
+        beta[18] = p_my_flange;
+        beta[20] = p_my_crank;
+        beta[21] = p_my_rod;
     }
     beta
 }
@@ -5917,25 +5624,25 @@ pub fn to_base<T: Scalar>(phi: &[T; 70]) -> [T; 41] {
 /// - `free`: values of the eliminated parameters, in the order of `FREE`
 /// - `phi`: dynamic parameters, in the order of `PARAMETERS`
 ///
-/// 59 additions, 24 multiplications, 0 divisions, 0 sines and cosines.
-pub fn parameters_from_base<T: Scalar>(beta: &[T; 41], free: &[T; 29]) -> [T; 70] {
+/// 51 additions, 19 multiplications, 0 divisions, 0 sines and cosines.
+pub fn parameters_from_base<T: Scalar>(beta: &[T; 22], free: &[T; 48]) -> [T; 70] {
     let like = beta[0];
     let mut phi = [like.lift(0.0); 70];
     let [
         p_izz_column, p_ixx_arm, p_ixy_arm, p_ixz_arm, p_iyz_arm, p_izz_arm, p_mx_arm,
         p_my_arm, p_ixx_forearm, p_ixy_forearm, p_ixz_forearm, p_iyz_forearm, p_izz_forearm,
-        p_mx_forearm, p_my_forearm, p_ixx_wrist, p_ixy_wrist, p_ixz_wrist, p_iyz_wrist,
-        p_izz_wrist, p_mx_wrist, p_my_wrist, p_ixx_flange, p_ixy_flange, p_ixz_flange,
-        p_iyz_flange, p_izz_flange, p_mx_flange, p_my_flange, p_ixx_crank, p_ixy_crank,
-        p_ixz_crank, p_iyz_crank, p_izz_crank, p_mx_crank, p_my_crank, p_ixx_rod, p_ixy_rod,
-        p_iyz_rod, p_izz_rod, p_my_rod,
+        p_mx_forearm, p_my_forearm, p_mx_wrist, p_izz_flange, p_mx_flange, p_my_flange,
+        p_mx_crank, p_my_crank, p_my_rod,
     ] = *beta;
     let [
         p_ixx_column, p_ixy_column, p_ixz_column, p_iyy_column, p_iyz_column, p_mx_column,
         p_my_column, p_mz_column, p_m_column, p_iyy_arm, p_mz_arm, p_m_arm, p_iyy_forearm,
-        p_mz_forearm, p_m_forearm, p_iyy_wrist, p_mz_wrist, p_m_wrist, p_iyy_flange,
-        p_mz_flange, p_m_flange, p_iyy_crank, p_mz_crank, p_m_crank, p_ixz_rod, p_iyy_rod,
-        p_mx_rod, p_mz_rod, p_m_rod,
+        p_mz_forearm, p_m_forearm, p_ixx_wrist, p_ixy_wrist, p_ixz_wrist, p_iyy_wrist,
+        p_iyz_wrist, p_izz_wrist, p_my_wrist, p_mz_wrist, p_m_wrist, p_ixx_flange,
+        p_ixy_flange, p_ixz_flange, p_iyy_flange, p_iyz_flange, p_mz_flange, p_m_flange,
+        p_ixx_crank, p_ixy_crank, p_ixz_crank, p_iyy_crank, p_iyz_crank, p_izz_crank,
+        p_mz_crank, p_m_crank, p_ixx_rod, p_ixy_rod, p_ixz_rod, p_iyy_rod, p_iyz_rod,
+        p_izz_rod, p_mx_rod, p_mz_rod, p_m_rod,
     ] = *free;
     // phi
     {
@@ -5951,8 +5658,8 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 41], free: &[T; 29]) -> [T; 70
         let t1_10 = like.lift(2.0185).mul_add(p_m_flange, t1_9);
         let t1_11 = p_izz_column - t1_10;
         phi[5] = t1_11;
-        let t1_12 = like.lift(0.95) * p_mx_rod;
-        let t1_13 = p_iyy_arm + t1_12;
+        let t1_12 = p_ixx_rod - p_iyy_rod;
+        let t1_13 = p_iyy_arm - t1_12;
         let t1_14 = like.lift(0.9025) * p_m_flange;
         let t1_15 = t1_13 + t1_14;
         let t1_16 = like.lift(0.9025) * p_m_wrist;
@@ -5961,73 +5668,55 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 41], free: &[T; 29]) -> [T; 70
         let t1_19 = t1_17 + t1_18;
         let t1_20 = p_ixx_arm + t1_19;
         phi[10] = t1_20;
-        let t1_21 = like.lift(-0.95).mul_add(p_mz_wrist, p_ixz_rod);
-        let t1_22 = like.lift(-0.95).mul_add(p_mz_forearm, t1_21);
-        let t1_23 = p_ixz_arm - t1_22;
-        phi[12] = t1_23;
-        let t1_24 = t1_12 + t1_14;
-        let t1_25 = t1_16 + t1_24;
-        let t1_26 = t1_18 + t1_25;
-        let t1_27 = p_izz_arm - t1_26;
-        phi[15] = t1_27;
-        let t1_28 = like.lift(0.95).mul_add(p_m_flange, p_mx_rod);
-        let t1_29 = like.lift(0.95).mul_add(p_m_wrist, t1_28);
-        let t1_30 = like.lift(0.95).mul_add(p_m_forearm, t1_29);
-        let t1_31 = p_mx_arm - t1_30;
-        phi[16] = t1_31;
-        let t1_32 = p_iyy_forearm + p_m_flange;
-        let t1_33 = p_m_wrist + t1_32;
-        let t1_34 = like.lift(0.09473684210526316) * p_mx_rod;
-        let t1_35 = t1_33 + t1_34;
-        let t1_36 = p_ixx_forearm + t1_35;
-        phi[20] = t1_36;
-        let t1_37 = like.lift(0.3157894736842105) * p_ixz_rod;
-        let t1_38 = p_mz_wrist + t1_37;
-        let t1_39 = p_ixz_forearm + t1_38;
-        phi[22] = t1_39;
-        let t1_40 = p_m_wrist + p_m_flange;
-        let t1_41 = t1_34 + t1_40;
-        let t1_42 = p_izz_forearm - t1_41;
-        phi[25] = t1_42;
-        let t1_43 = like.lift(0.3157894736842105) * p_mx_rod;
-        let t1_44 = t1_40 - t1_43;
-        let t1_45 = p_mx_forearm - t1_44;
-        phi[26] = t1_45;
-        let t1_46 = p_iyy_wrist - p_iyy_flange;
-        let t1_47 = like.lift(0.0484) * p_m_flange;
-        let t1_48 = t1_46 + t1_47;
-        let t1_49 = p_ixx_wrist + t1_48;
-        phi[30] = t1_49;
-        let t1_50 = like.lift(-0.22).mul_add(p_mz_flange, p_ixy_wrist);
-        phi[31] = t1_50;
-        let t1_51 = p_iyy_flange + t1_47;
-        let t1_52 = p_izz_wrist - t1_51;
-        phi[35] = t1_52;
-        let t1_53 = like.lift(-0.22).mul_add(p_m_flange, p_mx_wrist);
-        phi[36] = t1_53;
-        let t1_54 = p_my_wrist + p_mz_flange;
-        phi[37] = t1_54;
-        let t1_55 = p_ixx_flange + p_iyy_flange;
-        phi[40] = t1_55;
-        let t1_56 = like.lift(0.09) * p_m_rod;
-        let t1_57 = p_iyy_crank + t1_56;
-        let t1_58 = t1_34 - t1_57;
-        let t1_59 = p_ixx_crank - t1_58;
-        phi[50] = t1_59;
-        let t1_60 = like.lift(0.3).mul_add(p_mz_rod, t1_37);
-        let t1_61 = p_ixz_crank + t1_60;
-        phi[52] = t1_61;
-        let t1_62 = t1_34 - t1_56;
-        let t1_63 = p_izz_crank + t1_62;
-        phi[55] = t1_63;
-        let t1_64 = like.lift(-0.3).mul_add(p_m_rod, t1_43);
-        let t1_65 = p_mx_crank + t1_64;
-        phi[56] = t1_65;
-        let t1_66 = p_iyy_rod - t1_12;
-        let t1_67 = p_ixx_rod + t1_66;
-        phi[60] = t1_67;
-        let t1_68 = p_izz_rod + t1_12;
-        phi[65] = t1_68;
+        let t1_21 = p_ixy_arm - p_ixy_rod;
+        phi[11] = t1_21;
+        let t1_22 = like.lift(-0.95).mul_add(p_mz_wrist, p_ixz_rod);
+        let t1_23 = like.lift(-0.95).mul_add(p_mz_forearm, t1_22);
+        let t1_24 = p_ixz_arm - t1_23;
+        phi[12] = t1_24;
+        let t1_25 = p_iyz_arm - p_iyz_rod;
+        phi[14] = t1_25;
+        let t1_26 = p_izz_rod + t1_14;
+        let t1_27 = t1_16 + t1_26;
+        let t1_28 = t1_18 + t1_27;
+        let t1_29 = p_izz_arm - t1_28;
+        phi[15] = t1_29;
+        let t1_30 = like.lift(0.95).mul_add(p_m_flange, p_mx_rod);
+        let t1_31 = like.lift(0.95).mul_add(p_m_wrist, t1_30);
+        let t1_32 = like.lift(0.95).mul_add(p_m_forearm, t1_31);
+        let t1_33 = p_mx_arm - t1_32;
+        phi[16] = t1_33;
+        let t1_34 = p_ixx_crank - p_iyy_crank;
+        let t1_35 = p_iyy_forearm - t1_34;
+        let t1_36 = like.lift(0.09) * p_m_rod;
+        let t1_37 = t1_35 + t1_36;
+        let t1_38 = p_m_flange + t1_37;
+        let t1_39 = p_m_wrist + t1_38;
+        let t1_40 = p_ixx_forearm + t1_39;
+        phi[20] = t1_40;
+        let t1_41 = p_ixy_forearm - p_ixy_crank;
+        phi[21] = t1_41;
+        let t1_42 = like.lift(-0.3).mul_add(p_mz_rod, p_ixz_crank);
+        let t1_43 = p_mz_wrist + t1_42;
+        let t1_44 = p_ixz_forearm + t1_43;
+        phi[22] = t1_44;
+        let t1_45 = p_iyz_forearm + p_iyz_crank;
+        phi[24] = t1_45;
+        let t1_46 = p_izz_crank + t1_36;
+        let t1_47 = p_m_flange + t1_46;
+        let t1_48 = p_m_wrist + t1_47;
+        let t1_49 = p_izz_forearm - t1_48;
+        phi[25] = t1_49;
+        let t1_50 = p_m_wrist + p_m_flange;
+        let t1_51 = like.lift(0.3157894736842105) * p_mx_rod;
+        let t1_52 = t1_50 - t1_51;
+        let t1_53 = p_mx_forearm - t1_52;
+        phi[26] = t1_53;
+        let t1_54 = like.lift(-0.22).mul_add(p_m_flange, p_mx_wrist);
+        phi[36] = t1_54;
+        let t1_55 = like.lift(-0.3).mul_add(p_m_rod, t1_51);
+        let t1_56 = p_mx_crank + t1_55;
+        phi[56] = t1_56;
         phi[0] = p_ixx_column;
         phi[1] = p_ixy_column;
         phi[2] = p_ixz_column;
@@ -6037,23 +5726,24 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 41], free: &[T; 29]) -> [T; 70
         phi[7] = p_my_column;
         phi[8] = p_mz_column;
         phi[9] = p_m_column;
-        phi[11] = p_ixy_arm;
         phi[13] = p_iyy_arm;
-        phi[14] = p_iyz_arm;
         phi[17] = p_my_arm;
         phi[18] = p_mz_arm;
         phi[19] = p_m_arm;
-        phi[21] = p_ixy_forearm;
         phi[23] = p_iyy_forearm;
-        phi[24] = p_iyz_forearm;
         phi[27] = p_my_forearm;
         phi[28] = p_mz_forearm;
         phi[29] = p_m_forearm;
+        phi[30] = p_ixx_wrist;
+        phi[31] = p_ixy_wrist;
         phi[32] = p_ixz_wrist;
         phi[33] = p_iyy_wrist;
         phi[34] = p_iyz_wrist;
+        phi[35] = p_izz_wrist;
+        phi[37] = p_my_wrist;
         phi[38] = p_mz_wrist;
         phi[39] = p_m_wrist;
+        phi[40] = p_ixx_flange;
         phi[41] = p_ixy_flange;
         phi[42] = p_ixz_flange;
         phi[43] = p_iyy_flange;
@@ -6063,16 +5753,21 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 41], free: &[T; 29]) -> [T; 70
         phi[47] = p_my_flange;
         phi[48] = p_mz_flange;
         phi[49] = p_m_flange;
+        phi[50] = p_ixx_crank;
         phi[51] = p_ixy_crank;
+        phi[52] = p_ixz_crank;
         phi[53] = p_iyy_crank;
         phi[54] = p_iyz_crank;
+        phi[55] = p_izz_crank;
         phi[57] = p_my_crank;
         phi[58] = p_mz_crank;
         phi[59] = p_m_crank;
+        phi[60] = p_ixx_rod;
         phi[61] = p_ixy_rod;
         phi[62] = p_ixz_rod;
         phi[63] = p_iyy_rod;
         phi[64] = p_iyz_rod;
+        phi[65] = p_izz_rod;
         phi[66] = p_mx_rod;
         phi[67] = p_my_rod;
         phi[68] = p_mz_rod;
@@ -6089,8 +5784,8 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 41], free: &[T; 29]) -> [T; 70
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
 ///
-/// 309 additions, 370 multiplications, 1 divisions, 6 sines and cosines.
-pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], beta: &[T; 41]) -> ([T; 4], Condition<T>) {
+/// 211 additions, 283 multiplications, 1 divisions, 6 sines and cosines.
+pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], beta: &[T; 22]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 4];
     let [_, q2, elbow, wrist, q4, q3, pin] = *q;
@@ -6099,499 +5794,363 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
     let [
         p_izz_column, p_ixx_arm, p_ixy_arm, p_ixz_arm, p_iyz_arm, p_izz_arm, p_mx_arm,
         p_my_arm, p_ixx_forearm, p_ixy_forearm, p_ixz_forearm, p_iyz_forearm, p_izz_forearm,
-        p_mx_forearm, p_my_forearm, p_ixx_wrist, p_ixy_wrist, p_ixz_wrist, p_iyz_wrist,
-        p_izz_wrist, p_mx_wrist, p_my_wrist, p_ixx_flange, p_ixy_flange, p_ixz_flange,
-        p_iyz_flange, p_izz_flange, p_mx_flange, p_my_flange, p_ixx_crank, p_ixy_crank,
-        p_ixz_crank, p_iyz_crank, p_izz_crank, p_mx_crank, p_my_crank, p_ixx_rod, p_ixy_rod,
-        p_iyz_rod, p_izz_rod, p_my_rod,
+        p_mx_forearm, p_my_forearm, p_mx_wrist, p_izz_flange, p_mx_flange, p_my_flange,
+        p_mx_crank, p_my_crank, p_my_rod,
     ] = *beta;
     let mut condition = like.lift(1.0);
     // tau, part 1
     let [
-        sin_q3, cos_q3, al_crankx, al_crankx_2, al_cranky, al_cranky_2, w_ixx_crank_q3, t1_5,
-        t1_6, sin_pin, cos_pin, w_rodx, al_rody, t1_22, t1_25, t1_26, al_rodz, t1_36, t1_49,
-        t1_69, sin_q2, cos_q2, al_armx, al_armx_2, w_armx, al_army, al_army_2, w_ixx_arm_q2,
-        t1_74, t1_75, t1_82, sin_elbow, cos_elbow, sin_q2_elbow, cos_q2_elbow, al_forearmx,
-        w_forearmx, al_forearmy, al_forearmz, t1_92, t1_93, t1_94, t1_96, t1_97, t1_103,
-        a_forearmz, t1_104, sin_wrist, cos_wrist, al_wristx, al_wristy, al_wristz, t1_114,
-        t1_115, t1_116, t1_118, t1_119, t1_125, a_wristz, sin_q4, cos_q4, al_flangex,
-        al_flangey, al_flangez, t1_136, w_ixx_flange_q4, t1_137, t1_139, t1_140, t1_146,
-        a_armx_3, a_army_3, a_forearmx, t1_154, t1_155, a_forearmy, t1_158, t1_159, a_wristy,
-        t1_160, t1_161, t1_167, t1_173, t1_175, t1_176, t1_178, t1_180, t1_181,
+        sin_q3, cos_q3, sin_pin, cos_pin, w_crankx, w_cranky, sin_q3_pin, w_rody, w_rodz,
+        sin_q2, cos_q2, sin_elbow, cos_elbow, sin_q2_elbow, cos_q2_elbow, al_forearmx,
+        al_forearmy, al_forearmz, t1_47, t1_51, sin_wrist, cos_wrist, sin_q4, cos_q4,
+        w_flangey, w_wristy, t1_62, t1_64, t1_72, t1_76, a_wristy, al_wristz, t1_78, t1_79,
+        w_flangex, t1_82, t1_84, t1_92, t1_100, t1_105, t1_110, t1_121, t1_162, t1_173, t1_182,
+        t1_184,
     ] = {
         let (sin_q3, cos_q3) = q3.sin_cos();
+        let t1_1 = dd_q1 * p_my_crank;
+        let t1_2 = like.lift(0.26) * t1_1;
+        let (sin_pin, cos_pin) = pin.sin_cos();
+        let a_armz = like.lift(0.26) * dd_q1;
+        let w_crankx = sin_q3 * d_q1;
+        let al_cranky = d_q3 * w_crankx;
+        let w_iyz_crank_q3 = cos_q3 * dd_q1;
+        let al_cranky_2 = w_iyz_crank_q3 - al_cranky;
+        let t1_3 = al_cranky - al_cranky_2;
+        let a_rodz = like.lift(-0.3).mul_add(t1_3, a_armz);
+        let t1_4 = a_rodz * p_my_rod;
+        let t1_5 = cos_pin.mul_add(t1_4, t1_2);
+        let t1_6 = sin_q3 * t1_5;
+        let t1_7 = dd_q1 * p_mx_crank;
+        let t1_8 = sin_pin * t1_4;
         let w_ixz_crank_q3 = sin_q3 * dd_q1;
         let w_cranky = cos_q3 * d_q1;
         let al_crankx = d_q3 * w_cranky;
         let al_crankx_2 = w_ixz_crank_q3 + al_crankx;
-        let t1_1 = al_crankx_2 * p_ixx_crank;
-        let w_iyz_crank_q3 = cos_q3 * dd_q1;
-        let w_crankx = sin_q3 * d_q1;
-        let al_cranky = d_q3 * w_crankx;
-        let al_cranky_2 = w_iyz_crank_q3 - al_cranky;
-        let t1_2 = al_cranky_2.mul_add(p_ixy_crank, t1_1);
-        let t1_3 = dd_q3.mul_add(p_ixz_crank, t1_2);
-        let w_ixx_crank_q3 = w_crankx * w_cranky;
-        let t1_4 = al_crankx * p_izz_crank;
-        let t1_5 = d_q3 * d_q3;
-        let t1_6 = w_cranky * w_cranky;
-        let t1_7 = t1_5 - t1_6;
-        let t1_8 = (-t1_7).mul_add(p_iyz_crank, t1_4);
-        let t1_9 = w_ixx_crank_q3.mul_add(p_ixz_crank, t1_8);
-        let t1_10 = al_cranky.mul_add(p_ixy_crank, -t1_9);
-        let t1_11 = t1_3 - t1_10;
-        let t1_12 = dd_q1 * p_my_crank;
-        let t1_13 = like.lift(-0.26).mul_add(t1_12, t1_11);
-        let (sin_pin, cos_pin) = pin.sin_cos();
-        let t1_14 = cos_pin * al_crankx_2;
-        let t1_15 = sin_pin.mul_add(al_cranky_2, t1_14);
-        let t1_16 = cos_q3 * sin_pin;
-        let t1_17 = sin_q3 * sin_pin;
-        let sin_q3_pin = sin_q3.mul_add(cos_pin, t1_16);
-        let cos_q3_pin = cos_q3.mul_add(cos_pin, -t1_17);
+        let t1_9 = cos_pin * al_crankx_2;
+        let t1_10 = sin_pin.mul_add(al_cranky_2, t1_9);
+        let t1_11 = cos_q3 * sin_pin;
+        let t1_12 = sin_q3 * sin_pin;
+        let sin_q3_pin = sin_q3.mul_add(cos_pin, t1_11);
+        let cos_q3_pin = cos_q3.mul_add(cos_pin, -t1_12);
         let w_rody = cos_q3_pin * d_q1;
-        let al_rodx = d_pin.mul_add(w_rody, t1_15);
-        let t1_18 = al_rodx * p_ixx_rod;
-        let t1_19 = sin_pin * al_crankx_2;
-        let t1_20 = (-cos_pin).mul_add(al_cranky_2, t1_19);
-        let w_rodx = sin_q3_pin * d_q1;
-        let al_rody = d_pin.mul_add(w_rodx, t1_20);
-        let t1_21 = (-al_rody).mul_add(p_ixy_rod, t1_18);
+        let al_rodx = d_pin.mul_add(w_rody, t1_10);
         let w_rodz = d_q3 + d_pin;
-        let t1_22 = w_rodz * w_rodx;
-        let t1_23 = w_rodz * w_rody;
-        let t1_24 = t1_23 * p_izz_rod;
-        let t1_25 = w_rodz * w_rodz;
-        let t1_26 = w_rody * w_rody;
-        let t1_27 = t1_25 - t1_26;
-        let t1_28 = (-t1_27).mul_add(p_iyz_rod, t1_24);
-        let t1_29 = t1_22.mul_add(p_ixy_rod, -t1_28);
-        let t1_30 = t1_21 - t1_29;
-        let a_armz = like.lift(0.26) * dd_q1;
-        let t1_31 = al_cranky - al_cranky_2;
-        let a_rodz = like.lift(-0.3).mul_add(t1_31, a_armz);
-        let t1_32 = (-a_rodz).mul_add(p_my_rod, t1_30);
-        let t1_33 = cos_pin * t1_32;
-        let t1_34 = al_rodx * p_ixy_rod;
-        let al_rodz = dd_q3 + dd_pin;
-        let t1_35 = al_rodz.mul_add(p_iyz_rod, t1_34);
-        let t1_36 = w_rodx * w_rody;
-        let t1_37 = p_ixx_rod - p_izz_rod;
-        let t1_38 = t1_22 * t1_37;
-        let t1_39 = t1_23.mul_add(p_ixy_rod, t1_38);
-        let t1_40 = t1_36.mul_add(p_iyz_rod, -t1_39);
-        let t1_41 = t1_35 - t1_40;
-        let t1_42 = (-sin_pin).mul_add(t1_41, t1_33);
-        let t1_43 = t1_13 + t1_42;
-        let t1_44 = sin_q3 * t1_43;
-        let t1_45 = al_crankx_2 * p_ixy_crank;
-        let t1_46 = dd_q3.mul_add(p_iyz_crank, t1_45);
-        let t1_47 = p_ixx_crank - p_izz_crank;
-        let t1_48 = al_cranky * t1_47;
-        let t1_49 = w_crankx * w_crankx;
-        let t1_50 = t1_5 - t1_49;
-        let t1_51 = t1_50.mul_add(p_ixz_crank, t1_48);
-        let t1_52 = al_crankx.mul_add(p_ixy_crank, t1_51);
-        let t1_53 = w_ixx_crank_q3.mul_add(p_iyz_crank, -t1_52);
-        let t1_54 = t1_46 - t1_53;
-        let t1_55 = dd_q1 * p_mx_crank;
-        let t1_56 = like.lift(0.26).mul_add(t1_55, t1_54);
-        let t1_57 = sin_pin * t1_32;
-        let t1_58 = cos_pin.mul_add(t1_41, t1_57);
-        let t1_59 = al_rodx + t1_23;
-        let t1_60 = t1_59 * p_my_rod;
-        let t1_61 = like.lift(-0.3).mul_add(t1_60, t1_58);
-        let t1_62 = t1_56 + t1_61;
-        let t1_63 = cos_q3.mul_add(t1_62, t1_44);
-        let t1_64 = t1_31 * p_mx_crank;
-        let t1_65 = al_crankx + al_crankx_2;
-        let t1_66 = t1_65.mul_add(p_my_crank, t1_64);
-        let t1_67 = t1_66 + t1_60;
-        let t1_68 = like.lift(-0.26).mul_add(t1_67, t1_63);
-        let t1_69 = dd_q1.mul_add(p_izz_column, t1_68);
+        let t1_13 = w_rodz.mul_add(w_rody, al_rodx);
+        let t1_14 = t1_13 * p_my_rod;
+        let t1_15 = like.lift(0.3).mul_add(t1_14, t1_8);
+        let t1_16 = like.lift(0.26).mul_add(t1_7, -t1_15);
+        let t1_17 = (-cos_q3).mul_add(t1_16, t1_6);
+        let t1_18 = t1_3 * p_mx_crank;
+        let t1_19 = al_crankx + al_crankx_2;
+        let t1_20 = t1_19.mul_add(p_my_crank, t1_18);
+        let t1_21 = t1_20 + t1_14;
+        let t1_22 = like.lift(0.26).mul_add(t1_21, t1_17);
+        let t1_23 = dd_q1.mul_add(p_izz_column, -t1_22);
         let (sin_q2, cos_q2) = q2.sin_cos();
         let w_ixz_arm_q2 = sin_q2 * dd_q1;
         let w_army = cos_q2 * d_q1;
         let al_armx = d_q2 * w_army;
         let al_armx_2 = w_ixz_arm_q2 + al_armx;
-        let t1_70 = al_armx_2 * p_ixx_arm;
+        let t1_24 = al_armx_2 * p_ixx_arm;
         let w_iyz_arm_q2 = cos_q2 * dd_q1;
         let w_armx = sin_q2 * d_q1;
         let al_army = d_q2 * w_armx;
         let al_army_2 = w_iyz_arm_q2 - al_army;
-        let t1_71 = al_army_2.mul_add(p_ixy_arm, t1_70);
-        let t1_72 = dd_q2.mul_add(p_ixz_arm, t1_71);
+        let t1_25 = al_army_2.mul_add(p_ixy_arm, t1_24);
+        let t1_26 = dd_q2.mul_add(p_ixz_arm, t1_25);
         let w_ixx_arm_q2 = w_armx * w_army;
-        let t1_73 = al_armx * p_izz_arm;
-        let t1_74 = w_army * w_army;
-        let t1_75 = d_q2 * d_q2;
-        let t1_76 = t1_74 - t1_75;
-        let t1_77 = t1_76.mul_add(p_iyz_arm, t1_73);
-        let t1_78 = w_ixx_arm_q2.mul_add(p_ixz_arm, t1_77);
-        let t1_79 = al_army.mul_add(p_ixy_arm, -t1_78);
-        let t1_80 = t1_72 - t1_79;
-        let t1_81 = dd_q1 * p_my_arm;
-        let t1_82 = like.lift(-0.26).mul_add(t1_81, t1_80);
+        let t1_27 = al_armx * p_izz_arm;
+        let t1_28 = w_army * w_army;
+        let t1_29 = d_q2 * d_q2;
+        let t1_30 = t1_28 - t1_29;
+        let t1_31 = t1_30.mul_add(p_iyz_arm, t1_27);
+        let t1_32 = w_ixx_arm_q2.mul_add(p_ixz_arm, t1_31);
+        let t1_33 = al_army.mul_add(p_ixy_arm, -t1_32);
+        let t1_34 = t1_26 - t1_33;
+        let t1_35 = dd_q1 * p_my_arm;
+        let t1_36 = like.lift(-0.26).mul_add(t1_35, t1_34);
         let (sin_elbow, cos_elbow) = elbow.sin_cos();
-        let t1_83 = cos_elbow * al_armx_2;
-        let t1_84 = sin_elbow.mul_add(al_army_2, t1_83);
-        let t1_85 = cos_q2 * sin_elbow;
-        let t1_86 = sin_q2 * sin_elbow;
-        let sin_q2_elbow = sin_q2.mul_add(cos_elbow, t1_85);
-        let cos_q2_elbow = cos_q2.mul_add(cos_elbow, -t1_86);
+        let t1_37 = cos_elbow * al_armx_2;
+        let t1_38 = sin_elbow.mul_add(al_army_2, t1_37);
+        let t1_39 = cos_q2 * sin_elbow;
+        let t1_40 = sin_q2 * sin_elbow;
+        let sin_q2_elbow = sin_q2.mul_add(cos_elbow, t1_39);
+        let cos_q2_elbow = cos_q2.mul_add(cos_elbow, -t1_40);
         let w_forearmy = cos_q2_elbow * d_q1;
-        let al_forearmx = d_elbow.mul_add(w_forearmy, t1_84);
-        let t1_87 = al_forearmx * p_ixx_forearm;
-        let t1_88 = sin_elbow * al_armx_2;
-        let t1_89 = (-cos_elbow).mul_add(al_army_2, t1_88);
+        let al_forearmx = d_elbow.mul_add(w_forearmy, t1_38);
+        let t1_41 = al_forearmx * p_ixx_forearm;
+        let t1_42 = sin_elbow * al_armx_2;
+        let t1_43 = (-cos_elbow).mul_add(al_army_2, t1_42);
         let w_forearmx = sin_q2_elbow * d_q1;
-        let al_forearmy = d_elbow.mul_add(w_forearmx, t1_89);
-        let t1_90 = (-al_forearmy).mul_add(p_ixy_forearm, t1_87);
+        let al_forearmy = d_elbow.mul_add(w_forearmx, t1_43);
+        let t1_44 = (-al_forearmy).mul_add(p_ixy_forearm, t1_41);
         let al_forearmz = dd_q2 + dd_elbow;
-        let t1_91 = al_forearmz.mul_add(p_ixz_forearm, t1_90);
+        let t1_45 = al_forearmz.mul_add(p_ixz_forearm, t1_44);
         let w_forearmz = d_q2 + d_elbow;
-        let t1_92 = w_forearmz * w_forearmx;
-        let t1_93 = w_forearmx * w_forearmy;
-        let t1_94 = w_forearmz * w_forearmy;
-        let t1_95 = t1_94 * p_izz_forearm;
-        let t1_96 = w_forearmy * w_forearmy;
-        let t1_97 = w_forearmz * w_forearmz;
-        let t1_98 = t1_96 - t1_97;
-        let t1_99 = t1_98.mul_add(p_iyz_forearm, t1_95);
-        let t1_100 = t1_93.mul_add(p_ixz_forearm, t1_99);
-        let t1_101 = t1_92.mul_add(p_ixy_forearm, -t1_100);
-        let t1_102 = t1_91 - t1_101;
-        let t1_103 = al_army - al_army_2;
-        let a_forearmz = like.lift(-0.95).mul_add(t1_103, a_armz);
-        let t1_104 = (-a_forearmz).mul_add(p_my_forearm, t1_102);
+        let t1_46 = w_forearmz * w_forearmx;
+        let t1_47 = w_forearmx * w_forearmy;
+        let t1_48 = w_forearmz * w_forearmy;
+        let t1_49 = t1_48 * p_izz_forearm;
+        let t1_50 = w_forearmy * w_forearmy;
+        let t1_51 = w_forearmz * w_forearmz;
+        let t1_52 = t1_50 - t1_51;
+        let t1_53 = t1_52.mul_add(p_iyz_forearm, t1_49);
+        let t1_54 = t1_47.mul_add(p_ixz_forearm, t1_53);
+        let t1_55 = t1_46.mul_add(p_ixy_forearm, -t1_54);
+        let t1_56 = t1_45 - t1_55;
+        let t1_57 = al_army - al_army_2;
+        let a_forearmz = like.lift(-0.95).mul_add(t1_57, a_armz);
+        let t1_58 = (-a_forearmz).mul_add(p_my_forearm, t1_56);
         let (sin_wrist, cos_wrist) = wrist.sin_cos();
-        let t1_105 = cos_wrist * al_forearmx;
-        let t1_106 = (-sin_wrist).mul_add(al_forearmy, t1_105);
-        let t1_107 = cos_q2_elbow * sin_wrist;
-        let t1_108 = sin_q2_elbow * sin_wrist;
-        let sin_q2_elbow_wrist = sin_q2_elbow.mul_add(cos_wrist, t1_107);
-        let cos_q2_elbow_wrist = cos_q2_elbow.mul_add(cos_wrist, -t1_108);
-        let w_wristy = d_q1 * cos_q2_elbow_wrist;
-        let al_wristx = d_wrist.mul_add(w_wristy, t1_106);
-        let t1_109 = al_wristx * p_ixx_wrist;
-        let t1_110 = sin_wrist * al_forearmx;
-        let t1_111 = cos_wrist.mul_add(al_forearmy, t1_110);
-        let w_wristx = d_q1 * sin_q2_elbow_wrist;
-        let al_wristy = d_wrist.mul_add(w_wristx, t1_111);
-        let t1_112 = (-al_wristy).mul_add(p_ixy_wrist, t1_109);
-        let al_wristz = dd_wrist + al_forearmz;
-        let t1_113 = al_wristz.mul_add(p_ixz_wrist, t1_112);
-        let w_wristz = d_wrist + w_forearmz;
-        let t1_114 = w_wristx * w_wristz;
-        let t1_115 = w_wristx * w_wristy;
-        let t1_116 = w_wristy * w_wristz;
-        let t1_117 = t1_116 * p_izz_wrist;
-        let t1_118 = w_wristy * w_wristy;
-        let t1_119 = w_wristz * w_wristz;
-        let t1_120 = t1_118 - t1_119;
-        let t1_121 = t1_120.mul_add(p_iyz_wrist, t1_117);
-        let t1_122 = t1_115.mul_add(p_ixz_wrist, t1_121);
-        let t1_123 = t1_114.mul_add(p_ixy_wrist, -t1_122);
-        let t1_124 = t1_113 - t1_123;
-        let t1_125 = al_forearmy + t1_92;
-        let a_wristz = a_forearmz - t1_125;
-        let t1_126 = (-a_wristz).mul_add(p_my_wrist, t1_124);
         let (sin_q4, cos_q4) = q4.sin_cos();
-        let t1_127 = cos_q4 * al_wristx;
-        let t1_128 = sin_q4.mul_add(al_wristz, t1_127);
-        let t1_129 = sin_q4 * w_wristx;
-        let w_flangey = (-cos_q4).mul_add(w_wristz, t1_129);
-        let al_flangex = (-d_q4).mul_add(w_flangey, t1_128);
-        let t1_130 = al_flangex * p_ixx_flange;
-        let t1_131 = sin_q4 * al_wristx;
-        let t1_132 = (-cos_q4).mul_add(al_wristz, t1_131);
-        let t1_133 = cos_q4 * w_wristx;
-        let w_flangex = sin_q4.mul_add(w_wristz, t1_133);
-        let al_flangey = d_q4.mul_add(w_flangex, t1_132);
-        let t1_134 = (-al_flangey).mul_add(p_ixy_flange, t1_130);
-        let al_flangez = dd_q4 + al_wristy;
-        let t1_135 = al_flangez.mul_add(p_ixz_flange, t1_134);
+        let t1_59 = cos_q2_elbow * sin_wrist;
+        let t1_60 = sin_q2_elbow * sin_wrist;
+        let sin_q2_elbow_wrist = sin_q2_elbow.mul_add(cos_wrist, t1_59);
+        let cos_q2_elbow_wrist = cos_q2_elbow.mul_add(cos_wrist, -t1_60);
+        let w_wristx = d_q1 * sin_q2_elbow_wrist;
+        let t1_61 = sin_q4 * w_wristx;
+        let w_wristz = d_wrist + w_forearmz;
+        let w_flangey = (-cos_q4).mul_add(w_wristz, t1_61);
+        let w_wristy = d_q1 * cos_q2_elbow_wrist;
         let w_flangez = d_q4 - w_wristy;
-        let t1_136 = w_flangex * w_flangez;
-        let w_ixx_flange_q4 = w_flangex * w_flangey;
-        let t1_137 = w_flangey * w_flangez;
-        let t1_138 = t1_137 * p_izz_flange;
-        let t1_139 = w_flangey * w_flangey;
-        let t1_140 = w_flangez * w_flangez;
-        let t1_141 = t1_139 - t1_140;
-        let t1_142 = (-t1_141).mul_add(p_iyz_flange, t1_138);
-        let t1_143 = w_ixx_flange_q4.mul_add(p_ixz_flange, t1_142);
-        let t1_144 = t1_136.mul_add(p_ixy_flange, t1_143);
-        let t1_145 = t1_135 - t1_144;
-        let t1_146 = d_q1 * d_q1;
-        let t1_147 = cos_q2 * t1_146;
-        let a_armx = like.lift(0.26) * t1_147;
+        let t1_62 = w_flangey * w_flangez;
+        let t1_63 = t1_62 * p_izz_flange;
+        let t1_64 = d_q1 * d_q1;
+        let t1_65 = cos_q2 * t1_64;
+        let a_armx = like.lift(0.26) * t1_65;
         let a_armx_2 = like.lift(9.81) * sin_q2;
         let a_armx_3 = a_armx - a_armx_2;
-        let t1_148 = t1_74 + t1_75;
-        let t1_149 = like.lift(0.95).mul_add(t1_148, a_armx_3);
-        let t1_150 = cos_elbow * t1_149;
-        let t1_151 = sin_q2 * t1_146;
-        let a_army = like.lift(0.26) * t1_151;
+        let t1_66 = t1_28 + t1_29;
+        let t1_67 = like.lift(0.95).mul_add(t1_66, a_armx_3);
+        let t1_68 = cos_elbow * t1_67;
+        let t1_69 = sin_q2 * t1_64;
+        let a_army = like.lift(0.26) * t1_69;
         let a_army_2 = like.lift(9.81) * cos_q2;
         let a_army_3 = a_army + a_army_2;
-        let t1_152 = dd_q2 + w_ixx_arm_q2;
-        let t1_153 = like.lift(0.95).mul_add(t1_152, a_army_3);
-        let a_forearmx = (-sin_elbow).mul_add(t1_153, t1_150);
-        let t1_154 = t1_96 + t1_97;
-        let t1_155 = a_forearmx + t1_154;
-        let t1_156 = sin_wrist * t1_155;
-        let t1_157 = sin_elbow * t1_149;
-        let a_forearmy = cos_elbow.mul_add(t1_153, t1_157);
-        let t1_158 = al_forearmz + t1_93;
-        let t1_159 = a_forearmy + t1_158;
-        let a_wristy = cos_wrist.mul_add(t1_159, t1_156);
-        let t1_160 = al_wristz + t1_115;
-        let a_flangez = like.lift(0.22).mul_add(t1_160, a_wristy);
-        let t1_161 = (-a_flangez).mul_add(p_my_flange, t1_145);
-        let t1_162 = cos_q4 * t1_161;
-        let t1_163 = al_flangex * p_ixy_flange;
-        let t1_164 = al_flangez.mul_add(p_iyz_flange, t1_163);
-        let t1_165 = p_ixx_flange - p_izz_flange;
-        let t1_166 = t1_136 * t1_165;
-        let t1_167 = w_flangex * w_flangex;
-        let t1_168 = t1_167 - t1_140;
-        let t1_169 = (-t1_168).mul_add(p_ixz_flange, t1_166);
-        let t1_170 = t1_137.mul_add(p_ixy_flange, -t1_169);
-        let t1_171 = w_ixx_flange_q4.mul_add(p_iyz_flange, -t1_170);
-        let t1_172 = t1_164 + t1_171;
-        let t1_173 = a_flangez.mul_add(p_mx_flange, t1_172);
-        let t1_174 = (-sin_q4).mul_add(t1_173, t1_162);
-        let t1_175 = t1_126 + t1_174;
-        let t1_176 = cos_wrist * t1_175;
-        let t1_177 = al_wristx * p_ixy_wrist;
-        let t1_178 = al_wristz.mul_add(p_iyz_wrist, t1_177);
-        let t1_179 = p_ixx_wrist - p_izz_wrist;
-        let t1_180 = t1_114 * t1_179;
-        let t1_181 = w_wristx * w_wristx;
+        let t1_70 = dd_q2 + w_ixx_arm_q2;
+        let t1_71 = like.lift(0.95).mul_add(t1_70, a_army_3);
+        let a_forearmx = (-sin_elbow).mul_add(t1_71, t1_68);
+        let t1_72 = t1_50 + t1_51;
+        let t1_73 = a_forearmx + t1_72;
+        let t1_74 = sin_wrist * t1_73;
+        let t1_75 = sin_elbow * t1_67;
+        let a_forearmy = cos_elbow.mul_add(t1_71, t1_75);
+        let t1_76 = al_forearmz + t1_47;
+        let t1_77 = a_forearmy + t1_76;
+        let a_wristy = cos_wrist.mul_add(t1_77, t1_74);
+        let al_wristz = dd_wrist + al_forearmz;
+        let t1_78 = w_wristx.mul_add(w_wristy, al_wristz);
+        let a_flangez = like.lift(0.22).mul_add(t1_78, a_wristy);
+        let t1_79 = a_flangez.mul_add(p_my_flange, t1_63);
+        let t1_80 = cos_q4 * t1_79;
+        let t1_81 = cos_q4 * w_wristx;
+        let w_flangex = sin_q4.mul_add(w_wristz, t1_81);
+        let t1_82 = w_flangex * w_flangez;
+        let t1_83 = t1_82 * p_izz_flange;
+        let t1_84 = (-a_flangez).mul_add(p_mx_flange, t1_83);
+        let t1_85 = (-sin_q4).mul_add(t1_84, t1_80);
+        let t1_86 = cos_wrist * t1_85;
+        let t1_87 = al_forearmy + t1_46;
+        let a_wristz = a_forearmz - t1_87;
+        let t1_88 = sin_wrist * al_forearmx;
+        let t1_89 = cos_wrist.mul_add(al_forearmy, t1_88);
+        let al_wristy = d_wrist.mul_add(w_wristx, t1_89);
+        let al_flangez = dd_q4 + al_wristy;
+        let t1_90 = cos_wrist * t1_73;
+        let a_wristx = (-sin_wrist).mul_add(t1_77, t1_90);
+        let t1_91 = w_wristy * w_wristy;
+        let t1_92 = w_wristz.mul_add(w_wristz, t1_91);
+        let t1_93 = like.lift(0.22).mul_add(t1_92, a_wristx);
+        let t1_94 = sin_q4 * t1_93;
+        let t1_95 = w_wristx.mul_add(w_wristz, al_wristy);
+        let t1_96 = like.lift(-0.22).mul_add(t1_95, a_wristz);
+        let a_flangey = (-cos_q4).mul_add(t1_96, t1_94);
+        let t1_97 = a_flangey * p_mx_flange;
+        let t1_98 = cos_q4 * t1_93;
+        let a_flangex = sin_q4.mul_add(t1_96, t1_98);
+        let t1_99 = a_flangex.mul_add(p_my_flange, t1_97);
+        let t1_100 = al_flangez.mul_add(p_izz_flange, t1_99);
+        let t1_101 = w_flangez * w_flangez;
+        let t1_102 = w_flangey.mul_add(w_flangey, t1_101);
+        let t1_103 = t1_102 * p_mx_flange;
+        let w_ixx_flange_q4 = w_flangex * w_flangey;
+        let t1_104 = al_flangez + w_ixx_flange_q4;
+        let t1_105 = t1_104.mul_add(p_my_flange, t1_103);
+        let t1_106 = sin_q4 * t1_105;
+        let t1_107 = al_flangez - w_ixx_flange_q4;
+        let t1_108 = t1_107 * p_mx_flange;
+        let t1_109 = w_flangex.mul_add(w_flangex, t1_101);
+        let t1_110 = (-t1_109).mul_add(p_my_flange, t1_108);
+        let t1_111 = (-cos_q4).mul_add(t1_110, t1_106);
+        let t1_112 = like.lift(-0.22).mul_add(t1_111, t1_100);
+        let t1_113 = a_wristz.mul_add(p_mx_wrist, -t1_112);
+        let t1_114 = sin_wrist.mul_add(t1_113, t1_86);
+        let t1_115 = t1_58 - t1_114;
+        let t1_116 = cos_elbow * t1_115;
+        let t1_117 = al_forearmx * p_ixy_forearm;
+        let t1_118 = al_forearmz.mul_add(p_iyz_forearm, t1_117);
+        let t1_119 = p_ixx_forearm - p_izz_forearm;
+        let t1_120 = t1_46 * t1_119;
+        let t1_121 = w_forearmx * w_forearmx;
+        let t1_122 = t1_121 - t1_51;
+        let t1_123 = (-t1_122).mul_add(p_ixz_forearm, t1_120);
+        let t1_124 = t1_48.mul_add(p_ixy_forearm, t1_123);
+        let t1_125 = t1_47.mul_add(p_iyz_forearm, -t1_124);
+        let t1_126 = t1_118 - t1_125;
+        let t1_127 = a_forearmz.mul_add(p_mx_forearm, t1_126);
+        let t1_128 = t1_95.mul_add(p_mx_wrist, -t1_111);
+        let t1_129 = sin_wrist * t1_85;
+        let t1_130 = (-cos_wrist).mul_add(t1_113, t1_129);
+        let t1_131 = t1_128 + t1_130;
+        let t1_132 = t1_127 - t1_131;
+        let t1_133 = (-sin_elbow).mul_add(t1_132, t1_116);
+        let t1_134 = t1_36 + t1_133;
+        let t1_135 = sin_q2 * t1_134;
+        let t1_136 = al_armx_2 * p_ixy_arm;
+        let t1_137 = dd_q2.mul_add(p_iyz_arm, t1_136);
+        let t1_138 = p_ixx_arm - p_izz_arm;
+        let t1_139 = al_army * t1_138;
+        let t1_140 = w_armx * w_armx;
+        let t1_141 = t1_140 - t1_29;
+        let t1_142 = (-t1_141).mul_add(p_ixz_arm, t1_139);
+        let t1_143 = al_armx.mul_add(p_ixy_arm, t1_142);
+        let t1_144 = w_ixx_arm_q2.mul_add(p_iyz_arm, -t1_143);
+        let t1_145 = t1_137 - t1_144;
+        let t1_146 = dd_q1 * p_mx_arm;
+        let t1_147 = like.lift(0.26).mul_add(t1_146, t1_145);
+        let t1_148 = sin_elbow * t1_115;
+        let t1_149 = cos_elbow.mul_add(t1_132, t1_148);
+        let t1_150 = t1_87 * p_mx_forearm;
+        let t1_151 = al_forearmx + t1_48;
+        let t1_152 = t1_151.mul_add(p_my_forearm, t1_150);
+        let t1_153 = t1_152 + t1_128;
+        let t1_154 = like.lift(-0.95).mul_add(t1_153, t1_149);
+        let t1_155 = t1_147 + t1_154;
+        let t1_156 = cos_q2.mul_add(t1_155, t1_135);
+        let t1_157 = t1_57 * p_mx_arm;
+        let t1_158 = al_armx + al_armx_2;
+        let t1_159 = t1_158.mul_add(p_my_arm, t1_157);
+        let t1_160 = t1_159 + t1_153;
+        let t1_161 = like.lift(-0.26).mul_add(t1_160, t1_156);
+        let t1_162 = t1_23 + t1_161;
+        let t1_163 = al_armx_2 * p_ixz_arm;
+        let t1_164 = al_army_2.mul_add(p_iyz_arm, t1_163);
+        let t1_165 = dd_q2.mul_add(p_izz_arm, t1_164);
+        let t1_166 = w_ixx_arm_q2 * p_ixx_arm;
+        let w_ixy_arm_q2 = t1_140 - t1_28;
+        let t1_167 = (-w_ixy_arm_q2).mul_add(p_ixy_arm, t1_166);
+        let t1_168 = al_army.mul_add(p_iyz_arm, -t1_167);
+        let t1_169 = al_armx.mul_add(p_ixz_arm, -t1_168);
+        let t1_170 = t1_165 - t1_169;
+        let t1_171 = a_army_3 * p_mx_arm;
+        let t1_172 = a_armx_3.mul_add(p_my_arm, t1_171);
+        let t1_173 = t1_170 + t1_172;
+        let t1_174 = al_forearmx * p_ixz_forearm;
+        let t1_175 = (-al_forearmy).mul_add(p_iyz_forearm, t1_174);
+        let t1_176 = al_forearmz.mul_add(p_izz_forearm, t1_175);
+        let t1_177 = t1_47 * p_ixx_forearm;
+        let t1_178 = t1_121 - t1_50;
+        let t1_179 = (-t1_178).mul_add(p_ixy_forearm, t1_177);
+        let t1_180 = t1_46.mul_add(p_iyz_forearm, -t1_179);
+        let t1_181 = t1_48.mul_add(p_ixz_forearm, -t1_180);
+        let t1_182 = t1_176 - t1_181;
+        let t1_183 = a_forearmy * p_mx_forearm;
+        let t1_184 = a_forearmx.mul_add(p_my_forearm, t1_183);
         [
-            sin_q3, cos_q3, al_crankx, al_crankx_2, al_cranky, al_cranky_2, w_ixx_crank_q3,
-            t1_5, t1_6, sin_pin, cos_pin, w_rodx, al_rody, t1_22, t1_25, t1_26, al_rodz, t1_36,
-            t1_49, t1_69, sin_q2, cos_q2, al_armx, al_armx_2, w_armx, al_army, al_army_2,
-            w_ixx_arm_q2, t1_74, t1_75, t1_82, sin_elbow, cos_elbow, sin_q2_elbow,
-            cos_q2_elbow, al_forearmx, w_forearmx, al_forearmy, al_forearmz, t1_92, t1_93,
-            t1_94, t1_96, t1_97, t1_103, a_forearmz, t1_104, sin_wrist, cos_wrist, al_wristx,
-            al_wristy, al_wristz, t1_114, t1_115, t1_116, t1_118, t1_119, t1_125, a_wristz,
-            sin_q4, cos_q4, al_flangex, al_flangey, al_flangez, t1_136, w_ixx_flange_q4,
-            t1_137, t1_139, t1_140, t1_146, a_armx_3, a_army_3, a_forearmx, t1_154, t1_155,
-            a_forearmy, t1_158, t1_159, a_wristy, t1_160, t1_161, t1_167, t1_173, t1_175,
-            t1_176, t1_178, t1_180, t1_181,
+            sin_q3, cos_q3, sin_pin, cos_pin, w_crankx, w_cranky, sin_q3_pin, w_rody, w_rodz,
+            sin_q2, cos_q2, sin_elbow, cos_elbow, sin_q2_elbow, cos_q2_elbow, al_forearmx,
+            al_forearmy, al_forearmz, t1_47, t1_51, sin_wrist, cos_wrist, sin_q4, cos_q4,
+            w_flangey, w_wristy, t1_62, t1_64, t1_72, t1_76, a_wristy, al_wristz, t1_78, t1_79,
+            w_flangex, t1_82, t1_84, t1_92, t1_100, t1_105, t1_110, t1_121, t1_162, t1_173,
+            t1_182, t1_184,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t2_24, t2_88, t2_131, t2_145, t2_159, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3,
-        x_pin_q2, x_pin_q3,
+        t2_15, t2_23, t2_37, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2,
+        x_pin_q3,
     ] = {
-        let t2_1 = t1_181 - t1_119;
-        let t2_2 = (-t2_1).mul_add(p_ixz_wrist, t1_180);
-        let t2_3 = t1_116.mul_add(p_ixy_wrist, t2_2);
-        let t2_4 = t1_115.mul_add(p_iyz_wrist, -t2_3);
-        let t2_5 = t1_178 - t2_4;
-        let t2_6 = a_wristz.mul_add(p_mx_wrist, t2_5);
-        let t2_7 = al_flangex * p_ixz_flange;
-        let t2_8 = (-al_flangey).mul_add(p_iyz_flange, t2_7);
-        let t2_9 = al_flangez.mul_add(p_izz_flange, t2_8);
-        let t2_10 = w_ixx_flange_q4 * p_ixx_flange;
-        let w_ixy_flange_q4 = t1_167 - t1_139;
-        let t2_11 = w_ixy_flange_q4.mul_add(p_ixy_flange, t2_10);
-        let t2_12 = t1_136.mul_add(p_iyz_flange, t2_11);
-        let t2_13 = t1_137.mul_add(p_ixz_flange, t2_12);
-        let t2_14 = t2_9 + t2_13;
-        let t2_15 = cos_wrist * t1_155;
-        let a_wristx = (-sin_wrist).mul_add(t1_159, t2_15);
-        let t2_16 = t1_118 + t1_119;
-        let t2_17 = like.lift(0.22).mul_add(t2_16, a_wristx);
-        let t2_18 = sin_q4 * t2_17;
-        let t2_19 = al_wristy + t1_114;
-        let t2_20 = like.lift(-0.22).mul_add(t2_19, a_wristz);
-        let a_flangey = (-cos_q4).mul_add(t2_20, t2_18);
-        let t2_21 = a_flangey * p_mx_flange;
-        let t2_22 = cos_q4 * t2_17;
-        let a_flangex = sin_q4.mul_add(t2_20, t2_22);
-        let t2_23 = a_flangex.mul_add(p_my_flange, t2_21);
-        let t2_24 = t2_14 + t2_23;
-        let t2_25 = t1_139 + t1_140;
-        let t2_26 = t2_25 * p_mx_flange;
-        let t2_27 = al_flangez + w_ixx_flange_q4;
-        let t2_28 = t2_27.mul_add(p_my_flange, t2_26);
-        let t2_29 = sin_q4 * t2_28;
-        let t2_30 = al_flangez - w_ixx_flange_q4;
-        let t2_31 = t2_30 * p_mx_flange;
-        let t2_32 = t1_167 + t1_140;
-        let t2_33 = (-t2_32).mul_add(p_my_flange, t2_31);
-        let t2_34 = (-cos_q4).mul_add(t2_33, t2_29);
-        let t2_35 = like.lift(-0.22).mul_add(t2_34, t2_24);
-        let t2_36 = t2_6 - t2_35;
-        let t2_37 = (-sin_wrist).mul_add(t2_36, t1_176);
-        let t2_38 = t1_104 + t2_37;
-        let t2_39 = cos_elbow * t2_38;
-        let t2_40 = al_forearmx * p_ixy_forearm;
-        let t2_41 = al_forearmz.mul_add(p_iyz_forearm, t2_40);
-        let t2_42 = p_ixx_forearm - p_izz_forearm;
-        let t2_43 = t1_92 * t2_42;
-        let t2_44 = w_forearmx * w_forearmx;
-        let t2_45 = t2_44 - t1_97;
-        let t2_46 = (-t2_45).mul_add(p_ixz_forearm, t2_43);
-        let t2_47 = t1_94.mul_add(p_ixy_forearm, t2_46);
-        let t2_48 = t1_93.mul_add(p_iyz_forearm, -t2_47);
-        let t2_49 = t2_41 - t2_48;
-        let t2_50 = a_forearmz.mul_add(p_mx_forearm, t2_49);
-        let t2_51 = t2_19 * p_mx_wrist;
-        let t2_52 = al_wristx + t1_116;
-        let t2_53 = t2_52.mul_add(p_my_wrist, t2_51);
-        let t2_54 = t2_53 - t2_34;
-        let t2_55 = sin_wrist * t1_175;
-        let t2_56 = cos_wrist.mul_add(t2_36, t2_55);
-        let t2_57 = t2_54 - t2_56;
-        let t2_58 = t2_50 - t2_57;
-        let t2_59 = (-sin_elbow).mul_add(t2_58, t2_39);
-        let t2_60 = t1_82 + t2_59;
-        let t2_61 = sin_q2 * t2_60;
-        let t2_62 = al_armx_2 * p_ixy_arm;
-        let t2_63 = dd_q2.mul_add(p_iyz_arm, t2_62);
-        let t2_64 = p_ixx_arm - p_izz_arm;
-        let t2_65 = al_army * t2_64;
-        let t2_66 = w_armx * w_armx;
-        let t2_67 = t2_66 - t1_75;
-        let t2_68 = (-t2_67).mul_add(p_ixz_arm, t2_65);
-        let t2_69 = al_armx.mul_add(p_ixy_arm, t2_68);
-        let t2_70 = w_ixx_arm_q2.mul_add(p_iyz_arm, -t2_69);
-        let t2_71 = t2_63 - t2_70;
-        let t2_72 = dd_q1 * p_mx_arm;
-        let t2_73 = like.lift(0.26).mul_add(t2_72, t2_71);
-        let t2_74 = sin_elbow * t2_38;
-        let t2_75 = cos_elbow.mul_add(t2_58, t2_74);
-        let t2_76 = t1_125 * p_mx_forearm;
-        let t2_77 = al_forearmx + t1_94;
-        let t2_78 = t2_77.mul_add(p_my_forearm, t2_76);
-        let t2_79 = t2_78 + t2_54;
-        let t2_80 = like.lift(-0.95).mul_add(t2_79, t2_75);
-        let t2_81 = t2_73 + t2_80;
-        let t2_82 = cos_q2.mul_add(t2_81, t2_61);
-        let t2_83 = t1_103 * p_mx_arm;
-        let t2_84 = al_armx + al_armx_2;
-        let t2_85 = t2_84.mul_add(p_my_arm, t2_83);
-        let t2_86 = t2_85 + t2_79;
-        let t2_87 = like.lift(-0.26).mul_add(t2_86, t2_82);
-        let t2_88 = t1_69 + t2_87;
-        let t2_89 = al_armx_2 * p_ixz_arm;
-        let t2_90 = al_army_2.mul_add(p_iyz_arm, t2_89);
-        let t2_91 = dd_q2.mul_add(p_izz_arm, t2_90);
-        let t2_92 = w_ixx_arm_q2 * p_ixx_arm;
-        let w_ixy_arm_q2 = t2_66 - t1_74;
-        let t2_93 = (-w_ixy_arm_q2).mul_add(p_ixy_arm, t2_92);
-        let t2_94 = al_army.mul_add(p_iyz_arm, -t2_93);
-        let t2_95 = al_armx.mul_add(p_ixz_arm, -t2_94);
-        let t2_96 = t2_91 - t2_95;
-        let t2_97 = a_army_3 * p_mx_arm;
-        let t2_98 = a_armx_3.mul_add(p_my_arm, t2_97);
-        let t2_99 = t2_96 + t2_98;
-        let t2_100 = al_forearmx * p_ixz_forearm;
-        let t2_101 = (-al_forearmy).mul_add(p_iyz_forearm, t2_100);
-        let t2_102 = al_forearmz.mul_add(p_izz_forearm, t2_101);
-        let t2_103 = t1_93 * p_ixx_forearm;
-        let t2_104 = t2_44 - t1_96;
-        let t2_105 = (-t2_104).mul_add(p_ixy_forearm, t2_103);
-        let t2_106 = t1_92.mul_add(p_iyz_forearm, -t2_105);
-        let t2_107 = t1_94.mul_add(p_ixz_forearm, -t2_106);
-        let t2_108 = t2_102 - t2_107;
-        let t2_109 = a_forearmy * p_mx_forearm;
-        let t2_110 = a_forearmx.mul_add(p_my_forearm, t2_109);
-        let t2_111 = t2_108 + t2_110;
-        let t2_112 = al_wristx * p_ixz_wrist;
-        let t2_113 = (-al_wristy).mul_add(p_iyz_wrist, t2_112);
-        let t2_114 = al_wristz.mul_add(p_izz_wrist, t2_113);
-        let t2_115 = t1_115 * p_ixx_wrist;
-        let t2_116 = t1_181 - t1_118;
-        let t2_117 = (-t2_116).mul_add(p_ixy_wrist, t2_115);
-        let t2_118 = t1_114.mul_add(p_iyz_wrist, -t2_117);
-        let t2_119 = t1_116.mul_add(p_ixz_wrist, -t2_118);
-        let t2_120 = t2_114 - t2_119;
-        let t2_121 = a_wristy * p_mx_wrist;
-        let t2_122 = a_wristx.mul_add(p_my_wrist, t2_121);
-        let t2_123 = t2_120 + t2_122;
-        let t2_124 = sin_q4 * t1_161;
-        let t2_125 = cos_q4.mul_add(t1_173, t2_124);
-        let t2_126 = al_flangey + t1_136;
-        let t2_127 = t2_126 * p_mx_flange;
-        let t2_128 = al_flangex - t1_137;
-        let t2_129 = t2_128.mul_add(p_my_flange, t2_127);
-        let t2_130 = like.lift(-0.22).mul_add(t2_129, t2_125);
-        let t2_131 = t2_123 + t2_130;
-        let t2_132 = t2_16 * p_mx_wrist;
-        let t2_133 = al_wristz - t1_115;
-        let t2_134 = t2_133.mul_add(p_my_wrist, t2_132);
-        let t2_135 = cos_q4 * t2_28;
-        let t2_136 = sin_q4.mul_add(t2_33, t2_135);
-        let t2_137 = t2_134 + t2_136;
-        let t2_138 = sin_wrist * t2_137;
-        let t2_139 = t1_160 * p_mx_wrist;
-        let t2_140 = t1_181 + t1_119;
-        let t2_141 = (-t2_140).mul_add(p_my_wrist, t2_139);
-        let t2_142 = t2_141 - t2_129;
-        let t2_143 = (-cos_wrist).mul_add(t2_142, t2_138);
-        let t2_144 = t2_131 - t2_143;
-        let t2_145 = t2_111 + t2_144;
-        let t2_146 = t1_154 * p_mx_forearm;
-        let t2_147 = al_forearmz - t1_93;
-        let t2_148 = t2_147.mul_add(p_my_forearm, t2_146);
-        let t2_149 = cos_wrist * t2_137;
-        let t2_150 = sin_wrist.mul_add(t2_142, t2_149);
-        let t2_151 = t2_148 + t2_150;
-        let t2_152 = sin_elbow * t2_151;
-        let t2_153 = t1_158 * p_mx_forearm;
-        let t2_154 = t2_44 + t1_97;
-        let t2_155 = (-t2_154).mul_add(p_my_forearm, t2_153);
-        let t2_156 = t2_155 - t2_143;
-        let t2_157 = (-cos_elbow).mul_add(t2_156, t2_152);
-        let t2_158 = like.lift(-0.95).mul_add(t2_157, t2_145);
-        let t2_159 = t2_99 + t2_158;
-        let t2_160 = cos_q2_elbow * sin_q3;
-        let t2_161 = sin_q2_elbow * sin_q3;
-        let sin_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(cos_q3, -t2_160);
-        let cos_q2_elbow_minus_q3 = cos_q2_elbow.mul_add(cos_q3, t2_161);
-        let t2_162 = cos_q2_elbow_minus_q3 * sin_pin;
-        let t2_163 = sin_q2_elbow_minus_q3 * sin_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(cos_pin, -t2_162);
-        let cos_q2_elbow_minus_q3_minus_pin = cos_q2_elbow_minus_q3.mul_add(cos_pin, t2_163);
+        let t2_1 = t1_182 + t1_184;
+        let t2_2 = sin_q4 * t1_79;
+        let t2_3 = cos_q4.mul_add(t1_84, t2_2);
+        let t2_4 = cos_wrist * al_forearmx;
+        let t2_5 = (-sin_wrist).mul_add(al_forearmy, t2_4);
+        let al_wristx = d_wrist.mul_add(w_wristy, t2_5);
+        let t2_6 = sin_q4 * al_wristx;
+        let t2_7 = (-cos_q4).mul_add(al_wristz, t2_6);
+        let al_flangey = d_q4.mul_add(w_flangex, t2_7);
+        let t2_8 = al_flangey + t1_82;
+        let t2_9 = t2_8 * p_mx_flange;
+        let t2_10 = cos_q4 * al_wristx;
+        let t2_11 = sin_q4.mul_add(al_wristz, t2_10);
+        let al_flangex = (-d_q4).mul_add(w_flangey, t2_11);
+        let t2_12 = al_flangex - t1_62;
+        let t2_13 = t2_12.mul_add(p_my_flange, t2_9);
+        let t2_14 = like.lift(0.22).mul_add(t2_13, t2_3);
+        let t2_15 = a_wristy.mul_add(p_mx_wrist, -t2_14);
+        let t2_16 = cos_q4 * t1_105;
+        let t2_17 = sin_q4.mul_add(t1_110, t2_16);
+        let t2_18 = t1_92.mul_add(p_mx_wrist, t2_17);
+        let t2_19 = sin_wrist * t2_18;
+        let t2_20 = t1_78.mul_add(p_mx_wrist, -t2_13);
+        let t2_21 = (-cos_wrist).mul_add(t2_20, t2_19);
+        let t2_22 = t2_15 - t2_21;
+        let t2_23 = t2_1 + t2_22;
+        let t2_24 = t1_72 * p_mx_forearm;
+        let t2_25 = al_forearmz - t1_47;
+        let t2_26 = t2_25.mul_add(p_my_forearm, t2_24);
+        let t2_27 = cos_wrist * t2_18;
+        let t2_28 = sin_wrist.mul_add(t2_20, t2_27);
+        let t2_29 = t2_26 + t2_28;
+        let t2_30 = sin_elbow * t2_29;
+        let t2_31 = t1_76 * p_mx_forearm;
+        let t2_32 = t1_121 + t1_51;
+        let t2_33 = (-t2_32).mul_add(p_my_forearm, t2_31);
+        let t2_34 = t2_33 - t2_21;
+        let t2_35 = (-cos_elbow).mul_add(t2_34, t2_30);
+        let t2_36 = like.lift(-0.95).mul_add(t2_35, t2_23);
+        let t2_37 = t1_173 + t2_36;
+        let t2_38 = cos_q2_elbow * sin_q3;
+        let t2_39 = sin_q2_elbow * sin_q3;
+        let sin_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(cos_q3, -t2_38);
+        let cos_q2_elbow_minus_q3 = cos_q2_elbow.mul_add(cos_q3, t2_39);
+        let t2_40 = cos_q2_elbow_minus_q3 * sin_pin;
+        let t2_41 = sin_q2_elbow_minus_q3 * sin_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(cos_pin, -t2_40);
+        let cos_q2_elbow_minus_q3_minus_pin = cos_q2_elbow_minus_q3.mul_add(cos_pin, t2_41);
         let pivot_3 = like.lift(0.3) * sin_q2_elbow_minus_q3_minus_pin;
-        let t2_164 = like.lift(0.3) * cos_q2_elbow_minus_q3_minus_pin;
-        let t2_165 = -t2_164;
-        let t2_166 = cos_q2 * sin_q3;
-        let t2_167 = sin_q2 * sin_q3;
-        let sin_q2_minus_q3 = sin_q2.mul_add(cos_q3, -t2_166);
-        let cos_q2_minus_q3 = cos_q2.mul_add(cos_q3, t2_167);
-        let t2_168 = cos_q2_minus_q3 * sin_pin;
-        let t2_169 = sin_q2_minus_q3 * sin_pin;
-        let sin_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(cos_pin, -t2_168);
-        let cos_q2_minus_q3_minus_pin = cos_q2_minus_q3.mul_add(cos_pin, t2_169);
-        let t2_170 = like.lift(0.95).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t2_171 = -t2_170;
+        let t2_42 = like.lift(0.3) * cos_q2_elbow_minus_q3_minus_pin;
+        let t2_43 = -t2_42;
+        let t2_44 = cos_q2 * sin_q3;
+        let t2_45 = sin_q2 * sin_q3;
+        let sin_q2_minus_q3 = sin_q2.mul_add(cos_q3, -t2_44);
+        let cos_q2_minus_q3 = cos_q2.mul_add(cos_q3, t2_45);
+        let t2_46 = cos_q2_minus_q3 * sin_pin;
+        let t2_47 = sin_q2_minus_q3 * sin_pin;
+        let sin_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(cos_pin, -t2_46);
+        let cos_q2_minus_q3_minus_pin = cos_q2_minus_q3.mul_add(cos_pin, t2_47);
+        let t2_48 = like.lift(0.95).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
+        let t2_49 = -t2_48;
         let u_rod_q3x = like.lift(0.3) * sin_pin;
-        let t2_172 = -u_rod_q3x;
-        let t2_173 = like.lift(0.95).mul_add(cos_q2_minus_q3_minus_pin, -t2_164);
+        let t2_50 = -u_rod_q3x;
+        let t2_51 = like.lift(0.95).mul_add(cos_q2_minus_q3_minus_pin, -t2_42);
         let u_rod_q3y = like.lift(0.3) * cos_pin;
-        let t2_174 = like.lift(0.95) + u_rod_q3y;
-        let t2_175 = -t2_174;
-        let t2_176 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t2_177 = t2_170 * t2_176;
-        let t2_178 = like.lift(3.3333333333333335) * t2_177;
-        let t2_179 = -t2_178;
-        let t2_180 = sin_pin * t2_176;
-        let t2_181 = -t2_180;
-        let t2_182 = like.lift(1.0) + t2_178;
-        let t2_183 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_177, t2_173);
-        let t2_184 = like.lift(1.0526315789473684) * t2_183;
-        let t2_185 = -t2_184;
-        let t2_186 = cos_q2_elbow_minus_q3_minus_pin * t2_180;
-        let t2_187 = like.lift(0.3).mul_add(t2_186, t2_174);
-        let t2_188 = like.lift(1.0526315789473684) * t2_187;
+        let t2_52 = like.lift(0.95) + u_rod_q3y;
+        let t2_53 = -t2_52;
+        let t2_54 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t2_55 = t2_48 * t2_54;
+        let t2_56 = like.lift(3.3333333333333335) * t2_55;
+        let t2_57 = -t2_56;
+        let t2_58 = sin_pin * t2_54;
+        let t2_59 = -t2_58;
+        let t2_60 = like.lift(1.0) + t2_56;
+        let t2_61 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_55, t2_51);
+        let t2_62 = like.lift(1.0526315789473684) * t2_61;
+        let t2_63 = -t2_62;
+        let t2_64 = cos_q2_elbow_minus_q3_minus_pin * t2_58;
+        let t2_65 = like.lift(0.3).mul_add(t2_64, t2_52);
+        let t2_66 = like.lift(1.0526315789473684) * t2_65;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(3.3708373397707017)).abs();
         let ([
@@ -6599,23 +6158,23 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t2_179, like.lift(0.0), t2_181],
-                [like.lift(0.0), t2_182, like.lift(0.0), t2_180],
-                [like.lift(0.0), t2_185, like.lift(0.0), t2_188],
+                [like.lift(0.0), t2_57, like.lift(0.0), t2_59],
+                [like.lift(0.0), t2_60, like.lift(0.0), t2_58],
+                [like.lift(0.0), t2_63, like.lift(0.0), t2_66],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t2_165, like.lift(0.0), like.lift(-0.95)],
+                    [t2_43, like.lift(0.0), like.lift(-0.95)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t2_171, like.lift(0.0), t2_172],
-                    [like.lift(0.0), t2_173, like.lift(0.0), t2_175],
+                    [like.lift(0.0), t2_49, like.lift(0.0), t2_50],
+                    [like.lift(0.0), t2_51, like.lift(0.0), t2_53],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -6625,66 +6184,53 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
         );
         condition = condition.min(found);
         [
-            t2_24, t2_88, t2_131, t2_145, t2_159, x_elbow_q2, x_elbow_q3, x_wrist_q2,
-            x_wrist_q3, x_pin_q2, x_pin_q3,
+            t2_15, t2_23, t2_37, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2,
+            x_pin_q3,
         ]
     };
     // tau
     {
-        let t3_1 = (-t2_145).mul_add(x_elbow_q2, t2_159);
-        let t3_2 = (-t2_131).mul_add(x_wrist_q2, t3_1);
-        let t3_3 = al_rody * p_iyz_rod;
-        let t3_4 = (-al_rodz).mul_add(p_izz_rod, t3_3);
-        let t3_5 = t1_36 * p_ixx_rod;
-        let t3_6 = w_rodx * w_rodx;
-        let t3_7 = t3_6 - t1_26;
-        let t3_8 = (-t3_7).mul_add(p_ixy_rod, t3_5);
-        let t3_9 = t1_22.mul_add(p_iyz_rod, -t3_8);
-        let t3_10 = t3_4 - t3_9;
-        let t3_11 = cos_q3 * t1_146;
-        let a_crankx = like.lift(0.26) * t3_11;
+        let t3_1 = (-t2_23).mul_add(x_elbow_q2, t2_37);
+        let t3_2 = (-t2_15).mul_add(x_wrist_q2, t3_1);
+        let t3_3 = cos_q3 * t1_64;
+        let a_crankx = like.lift(0.26) * t3_3;
         let a_crankx_2 = like.lift(9.81) * sin_q3;
         let a_crankx_3 = a_crankx - a_crankx_2;
-        let t3_12 = t1_5 + t1_6;
-        let t3_13 = like.lift(0.3).mul_add(t3_12, a_crankx_3);
-        let t3_14 = cos_pin * t3_13;
-        let t3_15 = sin_q3 * t1_146;
-        let a_cranky = like.lift(0.26) * t3_15;
+        let t3_4 = d_q3 * d_q3;
+        let t3_5 = w_cranky.mul_add(w_cranky, t3_4);
+        let t3_6 = like.lift(0.3).mul_add(t3_5, a_crankx_3);
+        let t3_7 = cos_pin * t3_6;
+        let t3_8 = sin_q3 * t1_64;
+        let a_cranky = like.lift(0.26) * t3_8;
         let a_cranky_2 = like.lift(9.81) * cos_q3;
         let a_cranky_3 = a_cranky + a_cranky_2;
-        let t3_16 = dd_q3 + w_ixx_crank_q3;
-        let t3_17 = like.lift(0.3).mul_add(t3_16, a_cranky_3);
-        let a_rodx = (-sin_pin).mul_add(t3_17, t3_14);
-        let t3_18 = (-a_rodx).mul_add(p_my_rod, t3_10);
-        let t3_19 = t3_18.mul_add(x_pin_q2, t3_2);
-        tau[1] = t3_19;
-        let t3_20 = al_crankx_2 * p_ixz_crank;
-        let t3_21 = al_cranky_2.mul_add(p_iyz_crank, t3_20);
-        let t3_22 = dd_q3.mul_add(p_izz_crank, t3_21);
-        let t3_23 = w_ixx_crank_q3 * p_ixx_crank;
-        let w_ixy_crank_q3 = t1_49 - t1_6;
-        let t3_24 = (-w_ixy_crank_q3).mul_add(p_ixy_crank, t3_23);
-        let t3_25 = al_cranky.mul_add(p_iyz_crank, -t3_24);
-        let t3_26 = al_crankx.mul_add(p_ixz_crank, -t3_25);
-        let t3_27 = t3_22 - t3_26;
-        let t3_28 = a_cranky_3 * p_mx_crank;
-        let t3_29 = a_crankx_3.mul_add(p_my_crank, t3_28);
-        let t3_30 = t3_27 + t3_29;
-        let t3_31 = al_rodz - t1_36;
-        let t3_32 = t3_31 * p_my_rod;
-        let t3_33 = sin_pin * t3_32;
-        let t3_34 = t1_25 + t3_6;
-        let t3_35 = t3_34 * p_my_rod;
-        let t3_36 = cos_pin.mul_add(t3_35, t3_33);
-        let t3_37 = like.lift(0.3).mul_add(t3_36, t3_18);
-        let t3_38 = t3_30 - t3_37;
-        let t3_39 = t2_145 * x_elbow_q3;
-        let t3_40 = t2_131.mul_add(x_wrist_q3, t3_39);
-        let t3_41 = t3_38 - t3_40;
-        let t3_42 = t3_18.mul_add(x_pin_q3, t3_41);
-        tau[3] = t3_42;
-        tau[0] = t2_88;
-        tau[2] = t2_24;
+        let w_ixx_crank_q3 = w_crankx * w_cranky;
+        let t3_9 = dd_q3 + w_ixx_crank_q3;
+        let t3_10 = like.lift(0.3).mul_add(t3_9, a_cranky_3);
+        let a_rodx = (-sin_pin).mul_add(t3_10, t3_7);
+        let t3_11 = a_rodx * p_my_rod;
+        let t3_12 = (-t3_11).mul_add(x_pin_q2, t3_2);
+        tau[1] = t3_12;
+        let t3_13 = a_cranky_3 * p_mx_crank;
+        let t3_14 = a_crankx_3.mul_add(p_my_crank, t3_13);
+        let al_rodz = dd_q3 + dd_pin;
+        let w_rodx = sin_q3_pin * d_q1;
+        let t3_15 = (-w_rodx).mul_add(w_rody, al_rodz);
+        let t3_16 = t3_15 * p_my_rod;
+        let t3_17 = sin_pin * t3_16;
+        let t3_18 = w_rodz * w_rodz;
+        let t3_19 = w_rodx.mul_add(w_rodx, t3_18);
+        let t3_20 = t3_19 * p_my_rod;
+        let t3_21 = cos_pin.mul_add(t3_20, t3_17);
+        let t3_22 = like.lift(-0.3).mul_add(t3_21, t3_11);
+        let t3_23 = t3_14 + t3_22;
+        let t3_24 = t2_23 * x_elbow_q3;
+        let t3_25 = t2_15.mul_add(x_wrist_q3, t3_24);
+        let t3_26 = t3_23 - t3_25;
+        let t3_27 = (-t3_11).mul_add(x_pin_q3, t3_26);
+        tau[3] = t3_27;
+        tau[0] = t1_162;
+        tau[2] = t1_100;
     }
     (tau, Condition { pivot: condition })
 }
@@ -6695,20 +6241,19 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: the efforts that hold the mechanism at rest
 ///
-/// 41 additions, 92 multiplications, 1 divisions, 6 sines and cosines.
-pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 41]) -> ([T; 4], Condition<T>) {
+/// 40 additions, 90 multiplications, 1 divisions, 6 sines and cosines.
+pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 22]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 4];
     let [_, q2, elbow, wrist, q4, q3, pin] = *q;
     let [
-        _, _, _, _, _, _, p_mx_arm, p_my_arm, _, _, _, _, _, p_mx_forearm, p_my_forearm, _, _,
-        _, _, _, p_mx_wrist, p_my_wrist, _, _, _, _, _, p_mx_flange, p_my_flange, _, _, _, _,
-        _, p_mx_crank, p_my_crank, _, _, _, _, p_my_rod,
+        _, _, _, _, _, _, p_mx_arm, p_my_arm, _, _, _, _, _, p_mx_forearm, p_my_forearm,
+        p_mx_wrist, _, p_mx_flange, p_my_flange, p_mx_crank, p_my_crank, p_my_rod,
     ] = *beta;
     let mut condition = like.lift(1.0);
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t1_15, t1_25, t1_42, t1_43, t1_44, sin_q3, cos_q3, sin_pin, cos_pin, x_elbow_q2,
+        t1_15, t1_25, t1_39, t1_40, t1_41, sin_q3, cos_q3, sin_pin, cos_pin, x_elbow_q2,
         x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
     ] = {
         let (sin_q2, cos_q2) = q2.sin_cos();
@@ -6755,58 +6300,55 @@ pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 41]) -> ([T; 4], Condition
         let t1_32 = sin_q2_elbow * p_my_forearm;
         let t1_33 = like.lift(-9.81).mul_add(t1_32, t1_31);
         let t1_34 = cos_q2_elbow_wrist * p_mx_wrist;
-        let t1_35 = like.lift(9.81) * t1_34;
-        let t1_36 = sin_q2_elbow_wrist * p_my_wrist;
-        let t1_37 = like.lift(-9.81).mul_add(t1_36, t1_35);
-        let t1_38 = sin_q4 * t1_5;
-        let t1_39 = like.lift(9.81) * t1_38;
-        let t1_40 = cos_q4 * t1_8;
-        let t1_41 = like.lift(-9.81).mul_add(t1_40, t1_39);
-        let t1_42 = t1_37 - t1_41;
-        let t1_43 = t1_33 + t1_42;
-        let t1_44 = t1_29 + t1_43;
+        let t1_35 = sin_q4 * t1_5;
+        let t1_36 = like.lift(9.81) * t1_35;
+        let t1_37 = cos_q4 * t1_8;
+        let t1_38 = like.lift(-9.81).mul_add(t1_37, t1_36);
+        let t1_39 = like.lift(9.81).mul_add(t1_34, -t1_38);
+        let t1_40 = t1_33 + t1_39;
+        let t1_41 = t1_29 + t1_40;
         let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_45 = cos_q2_elbow * sin_q3;
-        let t1_46 = sin_q2_elbow * sin_q3;
-        let sin_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(cos_q3, -t1_45);
-        let cos_q2_elbow_minus_q3 = cos_q2_elbow.mul_add(cos_q3, t1_46);
+        let t1_42 = cos_q2_elbow * sin_q3;
+        let t1_43 = sin_q2_elbow * sin_q3;
+        let sin_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(cos_q3, -t1_42);
+        let cos_q2_elbow_minus_q3 = cos_q2_elbow.mul_add(cos_q3, t1_43);
         let (sin_pin, cos_pin) = pin.sin_cos();
-        let t1_47 = cos_q2_elbow_minus_q3 * sin_pin;
-        let t1_48 = sin_q2_elbow_minus_q3 * sin_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(cos_pin, -t1_47);
-        let cos_q2_elbow_minus_q3_minus_pin = cos_q2_elbow_minus_q3.mul_add(cos_pin, t1_48);
+        let t1_44 = cos_q2_elbow_minus_q3 * sin_pin;
+        let t1_45 = sin_q2_elbow_minus_q3 * sin_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(cos_pin, -t1_44);
+        let cos_q2_elbow_minus_q3_minus_pin = cos_q2_elbow_minus_q3.mul_add(cos_pin, t1_45);
         let pivot_3 = like.lift(0.3) * sin_q2_elbow_minus_q3_minus_pin;
-        let t1_49 = like.lift(0.3) * cos_q2_elbow_minus_q3_minus_pin;
-        let t1_50 = -t1_49;
-        let t1_51 = cos_q2 * sin_q3;
-        let t1_52 = sin_q2 * sin_q3;
-        let sin_q2_minus_q3 = sin_q2.mul_add(cos_q3, -t1_51);
-        let cos_q2_minus_q3 = cos_q2.mul_add(cos_q3, t1_52);
-        let t1_53 = cos_q2_minus_q3 * sin_pin;
-        let t1_54 = sin_q2_minus_q3 * sin_pin;
-        let sin_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(cos_pin, -t1_53);
-        let cos_q2_minus_q3_minus_pin = cos_q2_minus_q3.mul_add(cos_pin, t1_54);
-        let t1_55 = like.lift(0.95).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t1_56 = -t1_55;
+        let t1_46 = like.lift(0.3) * cos_q2_elbow_minus_q3_minus_pin;
+        let t1_47 = -t1_46;
+        let t1_48 = cos_q2 * sin_q3;
+        let t1_49 = sin_q2 * sin_q3;
+        let sin_q2_minus_q3 = sin_q2.mul_add(cos_q3, -t1_48);
+        let cos_q2_minus_q3 = cos_q2.mul_add(cos_q3, t1_49);
+        let t1_50 = cos_q2_minus_q3 * sin_pin;
+        let t1_51 = sin_q2_minus_q3 * sin_pin;
+        let sin_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(cos_pin, -t1_50);
+        let cos_q2_minus_q3_minus_pin = cos_q2_minus_q3.mul_add(cos_pin, t1_51);
+        let t1_52 = like.lift(0.95).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
+        let t1_53 = -t1_52;
         let u_rod_q3x = like.lift(0.3) * sin_pin;
-        let t1_57 = -u_rod_q3x;
-        let t1_58 = like.lift(0.95).mul_add(cos_q2_minus_q3_minus_pin, -t1_49);
+        let t1_54 = -u_rod_q3x;
+        let t1_55 = like.lift(0.95).mul_add(cos_q2_minus_q3_minus_pin, -t1_46);
         let u_rod_q3y = like.lift(0.3) * cos_pin;
-        let t1_59 = like.lift(0.95) + u_rod_q3y;
-        let t1_60 = -t1_59;
-        let t1_61 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t1_62 = t1_55 * t1_61;
-        let t1_63 = like.lift(3.3333333333333335) * t1_62;
-        let t1_64 = -t1_63;
-        let t1_65 = sin_pin * t1_61;
-        let t1_66 = -t1_65;
-        let t1_67 = like.lift(1.0) + t1_63;
-        let t1_68 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t1_62, t1_58);
-        let t1_69 = like.lift(1.0526315789473684) * t1_68;
-        let t1_70 = -t1_69;
-        let t1_71 = cos_q2_elbow_minus_q3_minus_pin * t1_65;
-        let t1_72 = like.lift(0.3).mul_add(t1_71, t1_59);
-        let t1_73 = like.lift(1.0526315789473684) * t1_72;
+        let t1_56 = like.lift(0.95) + u_rod_q3y;
+        let t1_57 = -t1_56;
+        let t1_58 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t1_59 = t1_52 * t1_58;
+        let t1_60 = like.lift(3.3333333333333335) * t1_59;
+        let t1_61 = -t1_60;
+        let t1_62 = sin_pin * t1_58;
+        let t1_63 = -t1_62;
+        let t1_64 = like.lift(1.0) + t1_60;
+        let t1_65 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t1_59, t1_55);
+        let t1_66 = like.lift(1.0526315789473684) * t1_65;
+        let t1_67 = -t1_66;
+        let t1_68 = cos_q2_elbow_minus_q3_minus_pin * t1_62;
+        let t1_69 = like.lift(0.3).mul_add(t1_68, t1_56);
+        let t1_70 = like.lift(1.0526315789473684) * t1_69;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(3.3708373397707017)).abs();
         let ([
@@ -6814,23 +6356,23 @@ pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 41]) -> ([T; 4], Condition
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t1_64, like.lift(0.0), t1_66],
-                [like.lift(0.0), t1_67, like.lift(0.0), t1_65],
-                [like.lift(0.0), t1_70, like.lift(0.0), t1_73],
+                [like.lift(0.0), t1_61, like.lift(0.0), t1_63],
+                [like.lift(0.0), t1_64, like.lift(0.0), t1_62],
+                [like.lift(0.0), t1_67, like.lift(0.0), t1_70],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t1_50, like.lift(0.0), like.lift(-0.95)],
+                    [t1_47, like.lift(0.0), like.lift(-0.95)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t1_56, like.lift(0.0), t1_57],
-                    [like.lift(0.0), t1_58, like.lift(0.0), t1_60],
+                    [like.lift(0.0), t1_53, like.lift(0.0), t1_54],
+                    [like.lift(0.0), t1_55, like.lift(0.0), t1_57],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -6840,14 +6382,14 @@ pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 41]) -> ([T; 4], Condition
         );
         condition = condition.min(found);
         [
-            t1_15, t1_25, t1_42, t1_43, t1_44, sin_q3, cos_q3, sin_pin, cos_pin, x_elbow_q2,
+            t1_15, t1_25, t1_39, t1_40, t1_41, sin_q3, cos_q3, sin_pin, cos_pin, x_elbow_q2,
             x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
         ]
     };
     // tau
     {
-        let t2_1 = (-t1_43).mul_add(x_elbow_q2, t1_44);
-        let t2_2 = (-t1_42).mul_add(x_wrist_q2, t2_1);
+        let t2_1 = (-t1_40).mul_add(x_elbow_q2, t1_41);
+        let t2_2 = (-t1_39).mul_add(x_wrist_q2, t2_1);
         let t2_3 = cos_q3 * sin_pin;
         let sin_q3_pin = sin_q3.mul_add(cos_pin, t2_3);
         let t2_4 = sin_q3_pin * p_my_rod;
@@ -6861,8 +6403,8 @@ pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 41]) -> ([T; 4], Condition
         let t2_10 = sin_q3 * p_my_crank;
         let t2_11 = like.lift(-9.81).mul_add(t2_10, t2_9);
         let t2_12 = like.lift(-9.81).mul_add(t2_4, t2_11);
-        let t2_13 = t1_43 * x_elbow_q3;
-        let t2_14 = t1_42.mul_add(x_wrist_q3, t2_13);
+        let t2_13 = t1_40 * x_elbow_q3;
+        let t2_14 = t1_39.mul_add(x_wrist_q3, t2_13);
         let t2_15 = t2_12 - t2_14;
         let t2_16 = t2_4 * x_pin_q3;
         let t2_17 = like.lift(9.81).mul_add(t2_16, t2_15);
@@ -6879,8 +6421,8 @@ pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 41]) -> ([T; 4], Condition
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
 ///
-/// 273 additions, 365 multiplications, 1 divisions, 6 sines and cosines.
-pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 41]) -> ([T; 4], Condition<T>) {
+/// 183 additions, 288 multiplications, 1 divisions, 6 sines and cosines.
+pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 22]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 4];
     let [_, q2, elbow, wrist, q4, q3, pin] = *q;
@@ -6888,522 +6430,384 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 41]) -> (
     let [
         _, p_ixx_arm, p_ixy_arm, p_ixz_arm, p_iyz_arm, p_izz_arm, p_mx_arm, p_my_arm,
         p_ixx_forearm, p_ixy_forearm, p_ixz_forearm, p_iyz_forearm, p_izz_forearm,
-        p_mx_forearm, p_my_forearm, p_ixx_wrist, p_ixy_wrist, p_ixz_wrist, p_iyz_wrist,
-        p_izz_wrist, p_mx_wrist, p_my_wrist, p_ixx_flange, p_ixy_flange, p_ixz_flange,
-        p_iyz_flange, p_izz_flange, p_mx_flange, p_my_flange, p_ixx_crank, p_ixy_crank,
-        p_ixz_crank, p_iyz_crank, p_izz_crank, p_mx_crank, p_my_crank, p_ixx_rod, p_ixy_rod,
-        p_iyz_rod, p_izz_rod, p_my_rod,
+        p_mx_forearm, p_my_forearm, p_mx_wrist, p_izz_flange, p_mx_flange, p_my_flange,
+        p_mx_crank, p_my_crank, p_my_rod,
     ] = *beta;
     let mut condition = like.lift(1.0);
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        sin_q3, cos_q3, w_crankx, al_cranky, w_ixx_crank_q3, al_crankx, t1_3, t1_4, t1_10,
-        sin_pin, cos_pin, w_rodx, t1_13, t1_14, t1_16, t1_17, al_rodx, al_rody, t1_29, t1_30,
-        t1_31, t1_35, t1_36, sin_q2, cos_q2, sin_elbow, cos_elbow, sin_q2_elbow, cos_q2_elbow,
-        cos_q2_elbow_minus_q3_minus_pin, pivot_3, t1_43, t1_44, sin_q2_minus_q3_minus_pin,
-        cos_q2_minus_q3_minus_pin, w_forearmz, t1_68, al_forearmz, t1_75, al_rodz,
+        sin_q3, cos_q3, sin_pin, cos_pin, w_crankx, sin_q3_pin, w_rody, w_cranky, t1_20,
+        sin_q2, cos_q2, w_armx, al_army, w_ixx_arm_q2, al_armx, t1_23, t1_24, t1_30, sin_elbow,
+        cos_elbow, w_forearmz, sin_q2_elbow, cos_q2_elbow, w_forearmx, t1_33, t1_34, t1_35,
+        t1_37, t1_38, t1_42, al_forearmx, al_forearmy, t1_48, cos_q2_elbow_minus_q3_minus_pin,
+        pivot_3, t1_53, t1_54, t1_55, t1_58, sin_q2_minus_q3_minus_pin,
+        cos_q2_minus_q3_minus_pin, t1_80, al_forearmz, t1_87, al_rodz,
     ] = {
         let (sin_q3, cos_q3) = q3.sin_cos();
+        let (sin_pin, cos_pin) = pin.sin_cos();
         let w_crankx = sin_q3 * d_q1;
         let al_cranky = d_q3 * w_crankx;
-        let t1_1 = al_cranky * p_ixy_crank;
-        let w_cranky = cos_q3 * d_q1;
-        let w_ixx_crank_q3 = w_crankx * w_cranky;
-        let al_crankx = d_q3 * w_cranky;
-        let t1_2 = al_crankx * p_izz_crank;
-        let t1_3 = d_q3 * d_q3;
-        let t1_4 = w_cranky * w_cranky;
-        let t1_5 = t1_3 - t1_4;
-        let t1_6 = (-t1_5).mul_add(p_iyz_crank, t1_2);
-        let t1_7 = w_ixx_crank_q3.mul_add(p_ixz_crank, t1_6);
-        let t1_8 = t1_1 - t1_7;
-        let t1_9 = (-al_crankx).mul_add(p_ixx_crank, t1_1);
-        let t1_10 = t1_8 + t1_9;
-        let (sin_pin, cos_pin) = pin.sin_cos();
+        let t1_1 = al_cranky * p_my_rod;
+        let t1_2 = cos_pin * t1_1;
+        let t1_3 = sin_q3 * t1_2;
+        let t1_4 = like.lift(0.6) * t1_3;
+        let t1_5 = sin_pin * t1_1;
+        let t1_6 = like.lift(0.6) * t1_5;
         let w_rodz = d_q3 + d_pin;
-        let t1_11 = cos_q3 * sin_pin;
-        let t1_12 = sin_q3 * sin_pin;
-        let sin_q3_pin = sin_q3.mul_add(cos_pin, t1_11);
-        let cos_q3_pin = cos_q3.mul_add(cos_pin, -t1_12);
-        let w_rodx = sin_q3_pin * d_q1;
-        let t1_13 = w_rodz * w_rodx;
+        let t1_7 = cos_q3 * sin_pin;
+        let t1_8 = sin_q3 * sin_pin;
+        let sin_q3_pin = sin_q3.mul_add(cos_pin, t1_7);
+        let cos_q3_pin = cos_q3.mul_add(cos_pin, -t1_8);
         let w_rody = cos_q3_pin * d_q1;
-        let t1_14 = w_rodz * w_rody;
-        let t1_15 = t1_14 * p_izz_rod;
-        let t1_16 = w_rodz * w_rodz;
-        let t1_17 = w_rody * w_rody;
-        let t1_18 = t1_16 - t1_17;
-        let t1_19 = (-t1_18).mul_add(p_iyz_rod, t1_15);
-        let t1_20 = t1_13.mul_add(p_ixy_rod, -t1_19);
-        let t1_21 = d_pin * w_rody;
-        let t1_22 = cos_q3_pin * d_q3;
-        let al_rodx = d_q1.mul_add(t1_22, t1_21);
-        let t1_23 = al_rodx * p_ixx_rod;
-        let t1_24 = d_pin * w_rodx;
-        let t1_25 = sin_q3_pin * d_q3;
-        let al_rody = d_q1.mul_add(t1_25, t1_24);
-        let t1_26 = (-al_rody).mul_add(p_ixy_rod, t1_23);
-        let t1_27 = t1_20 - t1_26;
-        let t1_28 = al_cranky * p_my_rod;
-        let t1_29 = like.lift(-0.6).mul_add(t1_28, t1_27);
-        let t1_30 = cos_pin * t1_29;
-        let t1_31 = w_rodx * w_rody;
-        let t1_32 = p_ixx_rod - p_izz_rod;
-        let t1_33 = t1_13 * t1_32;
-        let t1_34 = t1_14.mul_add(p_ixy_rod, t1_33);
-        let t1_35 = t1_31.mul_add(p_iyz_rod, -t1_34);
-        let t1_36 = al_rodx * p_ixy_rod;
+        let t1_9 = d_pin * w_rody;
+        let t1_10 = cos_q3_pin * d_q3;
+        let al_rodx = d_q1.mul_add(t1_10, t1_9);
+        let t1_11 = w_rodz.mul_add(w_rody, al_rodx);
+        let t1_12 = t1_11 * p_my_rod;
+        let t1_13 = like.lift(-0.3).mul_add(t1_12, t1_6);
+        let t1_14 = cos_q3.mul_add(t1_13, t1_4);
+        let t1_15 = al_cranky * p_mx_crank;
+        let t1_16 = like.lift(2.0) * t1_15;
+        let w_cranky = cos_q3 * d_q1;
+        let al_crankx = d_q3 * w_cranky;
+        let t1_17 = al_crankx * p_my_crank;
+        let t1_18 = like.lift(2.0).mul_add(t1_17, t1_16);
+        let t1_19 = t1_18 + t1_12;
+        let t1_20 = like.lift(-0.26).mul_add(t1_19, t1_14);
         let (sin_q2, cos_q2) = q2.sin_cos();
+        let w_armx = sin_q2 * d_q1;
+        let al_army = d_q2 * w_armx;
+        let t1_21 = al_army * p_ixy_arm;
+        let w_army = cos_q2 * d_q1;
+        let w_ixx_arm_q2 = w_armx * w_army;
+        let al_armx = d_q2 * w_army;
+        let t1_22 = al_armx * p_izz_arm;
+        let t1_23 = w_army * w_army;
+        let t1_24 = d_q2 * d_q2;
+        let t1_25 = t1_23 - t1_24;
+        let t1_26 = t1_25.mul_add(p_iyz_arm, t1_22);
+        let t1_27 = w_ixx_arm_q2.mul_add(p_ixz_arm, t1_26);
+        let t1_28 = t1_21 - t1_27;
+        let t1_29 = (-al_armx).mul_add(p_ixx_arm, t1_21);
+        let t1_30 = t1_28 + t1_29;
         let (sin_elbow, cos_elbow) = elbow.sin_cos();
-        let t1_37 = cos_q2 * sin_elbow;
-        let t1_38 = sin_q2 * sin_elbow;
-        let sin_q2_elbow = sin_q2.mul_add(cos_elbow, t1_37);
-        let cos_q2_elbow = cos_q2.mul_add(cos_elbow, -t1_38);
-        let t1_39 = cos_q2_elbow * sin_q3;
-        let t1_40 = sin_q2_elbow * sin_q3;
-        let sin_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(cos_q3, -t1_39);
-        let cos_q2_elbow_minus_q3 = cos_q2_elbow.mul_add(cos_q3, t1_40);
-        let t1_41 = cos_q2_elbow_minus_q3 * sin_pin;
-        let t1_42 = sin_q2_elbow_minus_q3 * sin_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(cos_pin, -t1_41);
-        let cos_q2_elbow_minus_q3_minus_pin = cos_q2_elbow_minus_q3.mul_add(cos_pin, t1_42);
-        let pivot_3 = like.lift(0.3) * sin_q2_elbow_minus_q3_minus_pin;
-        let t1_43 = like.lift(0.3) * cos_q2_elbow_minus_q3_minus_pin;
-        let t1_44 = -t1_43;
-        let t1_45 = cos_pin * t1_3;
-        let t1_46 = like.lift(0.3) * t1_45;
-        let t1_47 = like.lift(0.95).mul_add(t1_16, t1_46);
-        let t1_48 = cos_q2 * sin_q3;
-        let t1_49 = sin_q2 * sin_q3;
-        let sin_q2_minus_q3 = sin_q2.mul_add(cos_q3, -t1_48);
-        let cos_q2_minus_q3 = cos_q2.mul_add(cos_q3, t1_49);
-        let t1_50 = cos_q2_minus_q3 * sin_pin;
-        let t1_51 = sin_q2_minus_q3 * sin_pin;
-        let sin_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(cos_pin, -t1_50);
-        let cos_q2_minus_q3_minus_pin = cos_q2_minus_q3.mul_add(cos_pin, t1_51);
-        let t1_52 = cos_q2_minus_q3_minus_pin * d_q2;
-        let t1_53 = d_q2 * t1_52;
-        let t1_54 = like.lift(0.95) * t1_53;
         let w_forearmz = d_q2 + d_elbow;
-        let t1_55 = cos_q2_elbow_minus_q3_minus_pin * w_forearmz;
-        let t1_56 = w_forearmz * t1_55;
-        let t1_57 = like.lift(-0.3).mul_add(t1_56, t1_54);
-        let t1_58 = t1_47 - t1_57;
-        let t1_59 = -t1_58;
-        let t1_60 = sin_pin * t1_3;
-        let t1_61 = sin_q2_minus_q3_minus_pin * d_q2;
-        let t1_62 = d_q2 * t1_61;
-        let t1_63 = like.lift(0.95) * t1_62;
-        let t1_64 = sin_q2_elbow_minus_q3_minus_pin * w_forearmz;
-        let t1_65 = w_forearmz * t1_64;
-        let t1_66 = like.lift(-0.3).mul_add(t1_65, t1_63);
-        let t1_67 = like.lift(0.3).mul_add(t1_60, t1_66);
-        let t1_68 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t1_69 = t1_68 * t1_58;
-        let t1_70 = like.lift(3.3333333333333335) * t1_69;
+        let t1_31 = cos_q2 * sin_elbow;
+        let t1_32 = sin_q2 * sin_elbow;
+        let sin_q2_elbow = sin_q2.mul_add(cos_elbow, t1_31);
+        let cos_q2_elbow = cos_q2.mul_add(cos_elbow, -t1_32);
+        let w_forearmx = sin_q2_elbow * d_q1;
+        let t1_33 = w_forearmz * w_forearmx;
+        let w_forearmy = cos_q2_elbow * d_q1;
+        let t1_34 = w_forearmx * w_forearmy;
+        let t1_35 = w_forearmz * w_forearmy;
+        let t1_36 = t1_35 * p_izz_forearm;
+        let t1_37 = w_forearmy * w_forearmy;
+        let t1_38 = w_forearmz * w_forearmz;
+        let t1_39 = t1_37 - t1_38;
+        let t1_40 = t1_39.mul_add(p_iyz_forearm, t1_36);
+        let t1_41 = t1_34.mul_add(p_ixz_forearm, t1_40);
+        let t1_42 = t1_33.mul_add(p_ixy_forearm, -t1_41);
+        let t1_43 = d_elbow * w_forearmy;
+        let t1_44 = cos_q2_elbow * d_q2;
+        let al_forearmx = d_q1.mul_add(t1_44, t1_43);
+        let t1_45 = al_forearmx * p_ixx_forearm;
+        let t1_46 = d_elbow * w_forearmx;
+        let t1_47 = sin_q2_elbow * d_q2;
+        let al_forearmy = d_q1.mul_add(t1_47, t1_46);
+        let t1_48 = (-al_forearmy).mul_add(p_ixy_forearm, t1_45);
+        let t1_49 = cos_q2_elbow * sin_q3;
+        let t1_50 = sin_q2_elbow * sin_q3;
+        let sin_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(cos_q3, -t1_49);
+        let cos_q2_elbow_minus_q3 = cos_q2_elbow.mul_add(cos_q3, t1_50);
+        let t1_51 = cos_q2_elbow_minus_q3 * sin_pin;
+        let t1_52 = sin_q2_elbow_minus_q3 * sin_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(cos_pin, -t1_51);
+        let cos_q2_elbow_minus_q3_minus_pin = cos_q2_elbow_minus_q3.mul_add(cos_pin, t1_52);
+        let pivot_3 = like.lift(0.3) * sin_q2_elbow_minus_q3_minus_pin;
+        let t1_53 = like.lift(0.3) * cos_q2_elbow_minus_q3_minus_pin;
+        let t1_54 = -t1_53;
+        let t1_55 = d_q3 * d_q3;
+        let t1_56 = cos_pin * t1_55;
+        let t1_57 = like.lift(0.3) * t1_56;
+        let t1_58 = w_rodz * w_rodz;
+        let t1_59 = like.lift(0.95).mul_add(t1_58, t1_57);
+        let t1_60 = cos_q2 * sin_q3;
+        let t1_61 = sin_q2 * sin_q3;
+        let sin_q2_minus_q3 = sin_q2.mul_add(cos_q3, -t1_60);
+        let cos_q2_minus_q3 = cos_q2.mul_add(cos_q3, t1_61);
+        let t1_62 = cos_q2_minus_q3 * sin_pin;
+        let t1_63 = sin_q2_minus_q3 * sin_pin;
+        let sin_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(cos_pin, -t1_62);
+        let cos_q2_minus_q3_minus_pin = cos_q2_minus_q3.mul_add(cos_pin, t1_63);
+        let t1_64 = cos_q2_minus_q3_minus_pin * d_q2;
+        let t1_65 = d_q2 * t1_64;
+        let t1_66 = like.lift(0.95) * t1_65;
+        let t1_67 = cos_q2_elbow_minus_q3_minus_pin * w_forearmz;
+        let t1_68 = w_forearmz * t1_67;
+        let t1_69 = like.lift(-0.3).mul_add(t1_68, t1_66);
+        let t1_70 = t1_59 - t1_69;
         let t1_71 = -t1_70;
-        let t1_72 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t1_69, t1_67);
-        let t1_73 = like.lift(1.0526315789473684) * t1_72;
-        let t1_74 = -t1_73;
+        let t1_72 = sin_pin * t1_55;
+        let t1_73 = sin_q2_minus_q3_minus_pin * d_q2;
+        let t1_74 = d_q2 * t1_73;
+        let t1_75 = like.lift(0.95) * t1_74;
+        let t1_76 = sin_q2_elbow_minus_q3_minus_pin * w_forearmz;
+        let t1_77 = w_forearmz * t1_76;
+        let t1_78 = like.lift(-0.3).mul_add(t1_77, t1_75);
+        let t1_79 = like.lift(0.3).mul_add(t1_72, t1_78);
+        let t1_80 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t1_81 = t1_80 * t1_70;
+        let t1_82 = like.lift(3.3333333333333335) * t1_81;
+        let t1_83 = -t1_82;
+        let t1_84 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t1_81, t1_79);
+        let t1_85 = like.lift(1.0526315789473684) * t1_84;
+        let t1_86 = -t1_85;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(3.3708373397707017)).abs();
-        let ([[al_forearmz], [t1_75], [al_rodz]], found) = ::regen_runtime::guarded(
-            [[t1_71], [t1_70], [t1_74]],
+        let ([[al_forearmz], [t1_87], [al_rodz]], found) = ::regen_runtime::guarded(
+            [[t1_83], [t1_82], [t1_86]],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t1_44, like.lift(0.0), like.lift(-0.95)],
+                    [t1_54, like.lift(0.0), like.lift(-0.95)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [t1_59], [t1_67], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t1_71], [t1_79], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
                     [like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            sin_q3, cos_q3, w_crankx, al_cranky, w_ixx_crank_q3, al_crankx, t1_3, t1_4, t1_10,
-            sin_pin, cos_pin, w_rodx, t1_13, t1_14, t1_16, t1_17, al_rodx, al_rody, t1_29,
-            t1_30, t1_31, t1_35, t1_36, sin_q2, cos_q2, sin_elbow, cos_elbow, sin_q2_elbow,
-            cos_q2_elbow, cos_q2_elbow_minus_q3_minus_pin, pivot_3, t1_43, t1_44,
-            sin_q2_minus_q3_minus_pin, cos_q2_minus_q3_minus_pin, w_forearmz, t1_68,
-            al_forearmz, t1_75, al_rodz,
-        ]
-    };
-    // tau, part 2
-    let [
-        t2_9, t2_27, al_army, w_ixx_arm_q2, al_armx, t2_30, t2_38, t2_39, t2_40, t2_42, t2_43,
-        al_forearmx, al_forearmy, sin_wrist, cos_wrist, t2_60, t2_61, t2_62, t2_64, t2_65,
-        al_wristx, al_wristy, al_wristz, sin_q4, cos_q4, t2_81, t2_83, al_flangex, al_flangey,
-        t2_99, t2_100, t2_101, t2_105, a_forearmx, a_forearmy, t2_110, a_wristy, t2_112,
-        t2_113, t2_125, t2_131, t2_151, a_wristx, t2_157, t2_161, t2_166, t2_175, t2_199,
-        t2_210, t2_213,
-    ] = {
-        let t2_1 = p_iyz_rod.mul_add(al_rodz, t1_36);
-        let t2_2 = t1_35 - t2_1;
-        let t2_3 = (-sin_pin).mul_add(t2_2, t1_30);
-        let t2_4 = t1_10 + t2_3;
-        let t2_5 = sin_q3 * t2_4;
-        let t2_6 = al_crankx * p_ixy_crank;
-        let t2_7 = p_ixx_crank - p_izz_crank;
-        let t2_8 = al_cranky * t2_7;
-        let t2_9 = w_crankx * w_crankx;
-        let t2_10 = t1_3 - t2_9;
-        let t2_11 = t2_10.mul_add(p_ixz_crank, t2_8);
-        let t2_12 = t2_6 + t2_11;
-        let t2_13 = w_ixx_crank_q3.mul_add(p_iyz_crank, -t2_12);
-        let t2_14 = t2_6 - t2_13;
-        let t2_15 = sin_pin * t1_29;
-        let t2_16 = cos_pin.mul_add(t2_2, t2_15);
-        let t2_17 = t1_14 + al_rodx;
-        let t2_18 = t2_17 * p_my_rod;
-        let t2_19 = like.lift(0.3).mul_add(t2_18, t2_16);
-        let t2_20 = t2_14 - t2_19;
-        let t2_21 = (-cos_q3).mul_add(t2_20, t2_5);
-        let t2_22 = al_cranky * p_mx_crank;
-        let t2_23 = like.lift(2.0) * t2_22;
-        let t2_24 = al_crankx * p_my_crank;
-        let t2_25 = like.lift(2.0).mul_add(t2_24, t2_23);
-        let t2_26 = t2_25 + t2_18;
-        let t2_27 = like.lift(0.26).mul_add(t2_26, t2_21);
-        let w_armx = sin_q2 * d_q1;
-        let al_army = d_q2 * w_armx;
-        let t2_28 = al_army * p_ixy_arm;
-        let w_army = cos_q2 * d_q1;
-        let w_ixx_arm_q2 = w_armx * w_army;
-        let al_armx = d_q2 * w_army;
-        let t2_29 = al_armx * p_izz_arm;
-        let t2_30 = w_army * w_army;
-        let t2_31 = d_q2 * d_q2;
-        let t2_32 = t2_30 - t2_31;
-        let t2_33 = t2_32.mul_add(p_iyz_arm, t2_29);
-        let t2_34 = w_ixx_arm_q2.mul_add(p_ixz_arm, t2_33);
-        let t2_35 = t2_28 - t2_34;
-        let t2_36 = (-al_armx).mul_add(p_ixx_arm, t2_28);
-        let t2_37 = t2_35 + t2_36;
-        let w_forearmx = sin_q2_elbow * d_q1;
-        let t2_38 = w_forearmz * w_forearmx;
-        let w_forearmy = cos_q2_elbow * d_q1;
-        let t2_39 = w_forearmx * w_forearmy;
-        let t2_40 = w_forearmz * w_forearmy;
-        let t2_41 = t2_40 * p_izz_forearm;
-        let t2_42 = w_forearmy * w_forearmy;
-        let t2_43 = w_forearmz * w_forearmz;
-        let t2_44 = t2_42 - t2_43;
-        let t2_45 = t2_44.mul_add(p_iyz_forearm, t2_41);
-        let t2_46 = t2_39.mul_add(p_ixz_forearm, t2_45);
-        let t2_47 = t2_38.mul_add(p_ixy_forearm, -t2_46);
-        let t2_48 = d_elbow * w_forearmy;
-        let t2_49 = cos_q2_elbow * d_q2;
-        let al_forearmx = d_q1.mul_add(t2_49, t2_48);
-        let t2_50 = al_forearmx * p_ixx_forearm;
-        let t2_51 = d_elbow * w_forearmx;
-        let t2_52 = sin_q2_elbow * d_q2;
-        let al_forearmy = d_q1.mul_add(t2_52, t2_51);
-        let t2_53 = (-al_forearmy).mul_add(p_ixy_forearm, t2_50);
-        let t2_54 = p_ixz_forearm.mul_add(al_forearmz, t2_53);
-        let t2_55 = t2_47 - t2_54;
-        let t2_56 = al_army * p_my_forearm;
-        let t2_57 = like.lift(-1.9).mul_add(t2_56, t2_55);
-        let (sin_wrist, cos_wrist) = wrist.sin_cos();
-        let t2_58 = cos_q2_elbow * sin_wrist;
-        let t2_59 = sin_q2_elbow * sin_wrist;
-        let sin_q2_elbow_wrist = sin_q2_elbow.mul_add(cos_wrist, t2_58);
-        let cos_q2_elbow_wrist = cos_q2_elbow.mul_add(cos_wrist, -t2_59);
-        let w_wristx = d_q1 * sin_q2_elbow_wrist;
-        let w_wristz = d_wrist + w_forearmz;
-        let t2_60 = w_wristx * w_wristz;
-        let w_wristy = d_q1 * cos_q2_elbow_wrist;
-        let t2_61 = w_wristx * w_wristy;
-        let t2_62 = w_wristy * w_wristz;
-        let t2_63 = t2_62 * p_izz_wrist;
-        let t2_64 = w_wristy * w_wristy;
-        let t2_65 = w_wristz * w_wristz;
-        let t2_66 = t2_64 - t2_65;
-        let t2_67 = t2_66.mul_add(p_iyz_wrist, t2_63);
-        let t2_68 = t2_61.mul_add(p_ixz_wrist, t2_67);
-        let t2_69 = t2_60.mul_add(p_ixy_wrist, -t2_68);
-        let t2_70 = cos_wrist * al_forearmx;
-        let t2_71 = (-sin_wrist).mul_add(al_forearmy, t2_70);
-        let al_wristx = d_wrist.mul_add(w_wristy, t2_71);
-        let t2_72 = al_wristx * p_ixx_wrist;
-        let t2_73 = sin_wrist * al_forearmx;
-        let t2_74 = cos_wrist.mul_add(al_forearmy, t2_73);
-        let al_wristy = d_wrist.mul_add(w_wristx, t2_74);
-        let t2_75 = (-al_wristy).mul_add(p_ixy_wrist, t2_72);
-        let al_wristz = al_forearmz + t1_75;
-        let t2_76 = p_ixz_wrist.mul_add(al_wristz, t2_75);
-        let t2_77 = t2_69 - t2_76;
-        let a_forearmz = like.lift(1.9) * al_army;
-        let t2_78 = t2_38 + al_forearmy;
-        let a_wristz = a_forearmz + t2_78;
-        let t2_79 = (-a_wristz).mul_add(p_my_wrist, t2_77);
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t2_80 = cos_q4 * w_wristx;
-        let w_flangex = sin_q4.mul_add(w_wristz, t2_80);
-        let w_flangez = d_q4 - w_wristy;
-        let t2_81 = w_flangex * w_flangez;
-        let t2_82 = sin_q4 * w_wristx;
-        let w_flangey = (-cos_q4).mul_add(w_wristz, t2_82);
-        let w_ixx_flange_q4 = w_flangex * w_flangey;
-        let t2_83 = w_flangey * w_flangez;
-        let t2_84 = t2_83 * p_izz_flange;
-        let t2_85 = w_flangey * w_flangey;
-        let t2_86 = w_flangez * w_flangez;
-        let t2_87 = t2_85 - t2_86;
-        let t2_88 = (-t2_87).mul_add(p_iyz_flange, t2_84);
-        let t2_89 = w_ixx_flange_q4.mul_add(p_ixz_flange, t2_88);
-        let t2_90 = t2_81.mul_add(p_ixy_flange, t2_89);
-        let t2_91 = cos_q4 * al_wristx;
-        let t2_92 = sin_q4.mul_add(al_wristz, t2_91);
-        let al_flangex = d_q4.mul_add(w_flangey, -t2_92);
-        let t2_93 = p_ixx_flange * al_flangex;
-        let t2_94 = sin_q4 * al_wristx;
-        let t2_95 = (-cos_q4).mul_add(al_wristz, t2_94);
-        let al_flangey = d_q4.mul_add(w_flangex, t2_95);
-        let t2_96 = p_ixy_flange.mul_add(al_flangey, t2_93);
-        let t2_97 = (-al_wristy).mul_add(p_ixz_flange, t2_96);
-        let t2_98 = t2_90 + t2_97;
-        let t2_99 = t2_42 + t2_43;
-        let t2_100 = d_q1 * d_q1;
-        let t2_101 = cos_q2 * t2_100;
-        let a_armx = like.lift(0.26) * t2_101;
-        let t2_102 = t2_30 + t2_31;
-        let t2_103 = like.lift(0.95).mul_add(t2_102, a_armx);
-        let t2_104 = cos_elbow * t2_103;
-        let t2_105 = sin_q2 * t2_100;
-        let a_army = like.lift(0.26) * t2_105;
-        let t2_106 = like.lift(0.95).mul_add(w_ixx_arm_q2, a_army);
-        let a_forearmx = (-sin_elbow).mul_add(t2_106, t2_104);
-        let t2_107 = t2_99 + a_forearmx;
-        let t2_108 = sin_wrist * t2_107;
-        let t2_109 = sin_elbow * t2_103;
-        let a_forearmy = cos_elbow.mul_add(t2_106, t2_109);
-        let t2_110 = t2_39 + al_forearmz;
-        let t2_111 = a_forearmy + t2_110;
-        let a_wristy = cos_wrist.mul_add(t2_111, t2_108);
-        let t2_112 = t2_61 + al_wristz;
-        let a_flangez = like.lift(0.22).mul_add(t2_112, a_wristy);
-        let t2_113 = p_my_flange.mul_add(a_flangez, t2_98);
-        let t2_114 = cos_q4 * t2_113;
-        let t2_115 = p_ixx_flange - p_izz_flange;
-        let t2_116 = t2_81 * t2_115;
-        let t2_117 = w_flangex * w_flangex;
-        let t2_118 = t2_117 - t2_86;
-        let t2_119 = (-t2_118).mul_add(p_ixz_flange, t2_116);
-        let t2_120 = t2_83.mul_add(p_ixy_flange, -t2_119);
-        let t2_121 = w_ixx_flange_q4.mul_add(p_iyz_flange, -t2_120);
-        let t2_122 = p_ixy_flange * al_flangex;
-        let t2_123 = (-al_wristy).mul_add(p_iyz_flange, t2_122);
-        let t2_124 = t2_121 - t2_123;
-        let t2_125 = p_mx_flange.mul_add(a_flangez, t2_124);
-        let t2_126 = sin_q4.mul_add(t2_125, t2_114);
-        let t2_127 = t2_79 + t2_126;
-        let t2_128 = cos_wrist * t2_127;
-        let t2_129 = p_ixx_wrist - p_izz_wrist;
-        let t2_130 = t2_60 * t2_129;
-        let t2_131 = w_wristx * w_wristx;
-        let t2_132 = t2_131 - t2_65;
-        let t2_133 = (-t2_132).mul_add(p_ixz_wrist, t2_130);
-        let t2_134 = t2_62.mul_add(p_ixy_wrist, t2_133);
-        let t2_135 = t2_61.mul_add(p_iyz_wrist, -t2_134);
-        let t2_136 = al_wristx * p_ixy_wrist;
-        let t2_137 = p_iyz_wrist.mul_add(al_wristz, t2_136);
-        let t2_138 = t2_135 - t2_137;
-        let t2_139 = a_wristz.mul_add(p_mx_wrist, t2_138);
-        let t2_140 = w_ixx_flange_q4 * p_ixx_flange;
-        let w_ixy_flange_q4 = t2_117 - t2_85;
-        let t2_141 = w_ixy_flange_q4.mul_add(p_ixy_flange, t2_140);
-        let t2_142 = t2_81.mul_add(p_iyz_flange, t2_141);
-        let t2_143 = t2_83.mul_add(p_ixz_flange, t2_142);
-        let t2_144 = p_ixz_flange * al_flangex;
-        let t2_145 = p_iyz_flange.mul_add(al_flangey, t2_144);
-        let t2_146 = (-al_wristy).mul_add(p_izz_flange, t2_145);
-        let t2_147 = t2_143 - t2_146;
-        let t2_148 = t2_60 + al_wristy;
-        let t2_149 = like.lift(0.22).mul_add(t2_148, a_wristz);
-        let t2_150 = cos_q4 * t2_149;
-        let t2_151 = t2_64 + t2_65;
-        let t2_152 = cos_wrist * t2_107;
-        let a_wristx = (-sin_wrist).mul_add(t2_111, t2_152);
-        let t2_153 = like.lift(0.22).mul_add(t2_151, a_wristx);
-        let a_flangey = sin_q4.mul_add(t2_153, t2_150);
-        let t2_154 = p_mx_flange * a_flangey;
-        let t2_155 = sin_q4 * t2_149;
-        let a_flangex = (-cos_q4).mul_add(t2_153, t2_155);
-        let t2_156 = (-p_my_flange).mul_add(a_flangex, t2_154);
-        let t2_157 = t2_147 + t2_156;
-        let t2_158 = t2_85 + t2_86;
-        let t2_159 = t2_158 * p_mx_flange;
-        let t2_160 = w_ixx_flange_q4 + al_wristy;
-        let t2_161 = t2_160.mul_add(p_my_flange, t2_159);
-        let t2_162 = sin_q4 * t2_161;
-        let t2_163 = t2_117 + t2_86;
-        let t2_164 = t2_163 * p_my_flange;
-        let t2_165 = w_ixx_flange_q4 - al_wristy;
-        let t2_166 = t2_165.mul_add(p_mx_flange, t2_164);
-        let t2_167 = cos_q4.mul_add(t2_166, t2_162);
-        let t2_168 = like.lift(-0.22).mul_add(t2_167, t2_157);
-        let t2_169 = t2_139 + t2_168;
-        let t2_170 = (-sin_wrist).mul_add(t2_169, t2_128);
-        let t2_171 = t2_57 + t2_170;
-        let t2_172 = cos_elbow * t2_171;
-        let t2_173 = p_ixx_forearm - p_izz_forearm;
-        let t2_174 = t2_38 * t2_173;
-        let t2_175 = w_forearmx * w_forearmx;
-        let t2_176 = t2_175 - t2_43;
-        let t2_177 = (-t2_176).mul_add(p_ixz_forearm, t2_174);
-        let t2_178 = t2_40.mul_add(p_ixy_forearm, t2_177);
-        let t2_179 = t2_39.mul_add(p_iyz_forearm, -t2_178);
-        let t2_180 = al_forearmx * p_ixy_forearm;
-        let t2_181 = p_iyz_forearm.mul_add(al_forearmz, t2_180);
-        let t2_182 = t2_179 - t2_181;
-        let t2_183 = al_army * p_mx_forearm;
-        let t2_184 = like.lift(1.9).mul_add(t2_183, t2_182);
-        let t2_185 = t2_148 * p_mx_wrist;
-        let t2_186 = t2_62 + al_wristx;
-        let t2_187 = t2_186.mul_add(p_my_wrist, t2_185);
-        let t2_188 = t2_187 - t2_167;
-        let t2_189 = sin_wrist * t2_127;
-        let t2_190 = cos_wrist.mul_add(t2_169, t2_189);
-        let t2_191 = t2_188 + t2_190;
-        let t2_192 = t2_184 + t2_191;
-        let t2_193 = (-sin_elbow).mul_add(t2_192, t2_172);
-        let t2_194 = t2_37 + t2_193;
-        let t2_195 = sin_q2 * t2_194;
-        let t2_196 = al_armx * p_ixy_arm;
-        let t2_197 = p_ixx_arm - p_izz_arm;
-        let t2_198 = al_army * t2_197;
-        let t2_199 = w_armx * w_armx;
-        let t2_200 = t2_199 - t2_31;
-        let t2_201 = (-t2_200).mul_add(p_ixz_arm, t2_198);
-        let t2_202 = t2_196 + t2_201;
-        let t2_203 = w_ixx_arm_q2.mul_add(p_iyz_arm, -t2_202);
-        let t2_204 = t2_196 - t2_203;
-        let t2_205 = sin_elbow * t2_171;
-        let t2_206 = cos_elbow.mul_add(t2_192, t2_205);
-        let t2_207 = t2_78 * p_mx_forearm;
-        let t2_208 = t2_40 + al_forearmx;
-        let t2_209 = t2_208.mul_add(p_my_forearm, t2_207);
-        let t2_210 = t2_209 + t2_188;
-        let t2_211 = like.lift(0.95).mul_add(t2_210, t2_206);
-        let t2_212 = t2_204 - t2_211;
-        let t2_213 = (-cos_q2).mul_add(t2_212, t2_195);
-        [
-            t2_9, t2_27, al_army, w_ixx_arm_q2, al_armx, t2_30, t2_38, t2_39, t2_40, t2_42,
-            t2_43, al_forearmx, al_forearmy, sin_wrist, cos_wrist, t2_60, t2_61, t2_62, t2_64,
-            t2_65, al_wristx, al_wristy, al_wristz, sin_q4, cos_q4, t2_81, t2_83, al_flangex,
-            al_flangey, t2_99, t2_100, t2_101, t2_105, a_forearmx, a_forearmy, t2_110,
-            a_wristy, t2_112, t2_113, t2_125, t2_131, t2_151, a_wristx, t2_157, t2_161, t2_166,
-            t2_175, t2_199, t2_210, t2_213,
+            sin_q3, cos_q3, sin_pin, cos_pin, w_crankx, sin_q3_pin, w_rody, w_cranky, t1_20,
+            sin_q2, cos_q2, w_armx, al_army, w_ixx_arm_q2, al_armx, t1_23, t1_24, t1_30,
+            sin_elbow, cos_elbow, w_forearmz, sin_q2_elbow, cos_q2_elbow, w_forearmx, t1_33,
+            t1_34, t1_35, t1_37, t1_38, t1_42, al_forearmx, al_forearmy, t1_48,
+            cos_q2_elbow_minus_q3_minus_pin, pivot_3, t1_53, t1_54, t1_55, t1_58,
+            sin_q2_minus_q3_minus_pin, cos_q2_minus_q3_minus_pin, t1_80, al_forearmz, t1_87,
+            al_rodz,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t3_8, t3_47, t3_61, t3_75, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2,
-        x_pin_q3,
+        t2_11, t2_45, t2_106, t2_139, t2_147, t2_161, x_elbow_q2, x_elbow_q3, x_wrist_q2,
+        x_wrist_q3, x_pin_q2, x_pin_q3,
     ] = {
-        let t3_1 = al_army * p_mx_arm;
-        let t3_2 = like.lift(2.0) * t3_1;
-        let t3_3 = al_armx * p_my_arm;
-        let t3_4 = like.lift(2.0).mul_add(t3_3, t3_2);
-        let t3_5 = t3_4 + t2_210;
-        let t3_6 = like.lift(0.26).mul_add(t3_5, t2_213);
-        let t3_7 = t2_27 + t3_6;
-        let t3_8 = -t3_7;
-        let t3_9 = w_ixx_arm_q2 * p_ixx_arm;
-        let w_ixy_arm_q2 = t2_199 - t2_30;
-        let t3_10 = (-w_ixy_arm_q2).mul_add(p_ixy_arm, t3_9);
-        let t3_11 = t2_105 * p_mx_arm;
-        let t3_12 = like.lift(0.26) * t3_11;
-        let t3_13 = t2_101 * p_my_arm;
-        let t3_14 = like.lift(0.26).mul_add(t3_13, t3_12);
-        let t3_15 = t3_10 - t3_14;
-        let t3_16 = t2_39 * p_ixx_forearm;
-        let t3_17 = t2_175 - t2_42;
-        let t3_18 = (-t3_17).mul_add(p_ixy_forearm, t3_16);
-        let t3_19 = t2_38.mul_add(p_iyz_forearm, -t3_18);
-        let t3_20 = t2_40.mul_add(p_ixz_forearm, -t3_19);
-        let t3_21 = al_forearmx * p_ixz_forearm;
-        let t3_22 = (-al_forearmy).mul_add(p_iyz_forearm, t3_21);
-        let t3_23 = p_izz_forearm.mul_add(al_forearmz, t3_22);
-        let t3_24 = t3_20 - t3_23;
-        let t3_25 = a_forearmy * p_mx_forearm;
-        let t3_26 = a_forearmx.mul_add(p_my_forearm, t3_25);
-        let t3_27 = t3_24 - t3_26;
-        let t3_28 = t2_61 * p_ixx_wrist;
-        let t3_29 = t2_131 - t2_64;
-        let t3_30 = (-t3_29).mul_add(p_ixy_wrist, t3_28);
-        let t3_31 = t2_60.mul_add(p_iyz_wrist, -t3_30);
-        let t3_32 = t2_62.mul_add(p_ixz_wrist, -t3_31);
-        let t3_33 = al_wristx * p_ixz_wrist;
-        let t3_34 = (-al_wristy).mul_add(p_iyz_wrist, t3_33);
-        let t3_35 = p_izz_wrist.mul_add(al_wristz, t3_34);
-        let t3_36 = t3_32 - t3_35;
-        let t3_37 = p_mx_wrist * a_wristy;
-        let t3_38 = p_my_wrist.mul_add(a_wristx, t3_37);
-        let t3_39 = t3_36 - t3_38;
-        let t3_40 = sin_q4 * t2_113;
-        let t3_41 = (-cos_q4).mul_add(t2_125, t3_40);
-        let t3_42 = t2_81 + al_flangey;
-        let t3_43 = p_mx_flange * t3_42;
-        let t3_44 = t2_83 + al_flangex;
-        let t3_45 = (-p_my_flange).mul_add(t3_44, t3_43);
-        let t3_46 = like.lift(0.22).mul_add(t3_45, t3_41);
-        let t3_47 = t3_39 + t3_46;
-        let t3_48 = t2_151 * p_mx_wrist;
-        let t3_49 = t2_61 - al_wristz;
-        let t3_50 = (-p_my_wrist).mul_add(t3_49, t3_48);
-        let t3_51 = cos_q4 * t2_161;
-        let t3_52 = (-sin_q4).mul_add(t2_166, t3_51);
-        let t3_53 = t3_50 + t3_52;
-        let t3_54 = sin_wrist * t3_53;
-        let t3_55 = t2_131 + t2_65;
-        let t3_56 = t3_55 * p_my_wrist;
-        let t3_57 = (-p_mx_wrist).mul_add(t2_112, t3_56);
-        let t3_58 = t3_57 + t3_45;
-        let t3_59 = cos_wrist.mul_add(t3_58, t3_54);
-        let t3_60 = t3_47 + t3_59;
-        let t3_61 = t3_27 + t3_60;
-        let t3_62 = t2_99 * p_mx_forearm;
-        let t3_63 = t2_39 - al_forearmz;
-        let t3_64 = (-p_my_forearm).mul_add(t3_63, t3_62);
-        let t3_65 = cos_wrist * t3_53;
-        let t3_66 = (-sin_wrist).mul_add(t3_58, t3_65);
-        let t3_67 = t3_64 + t3_66;
-        let t3_68 = sin_elbow * t3_67;
-        let t3_69 = t2_175 + t2_43;
-        let t3_70 = t3_69 * p_my_forearm;
-        let t3_71 = (-p_mx_forearm).mul_add(t2_110, t3_70);
-        let t3_72 = t3_71 + t3_59;
-        let t3_73 = cos_elbow.mul_add(t3_72, t3_68);
-        let t3_74 = like.lift(0.95).mul_add(t3_73, t3_61);
-        let t3_75 = t3_15 + t3_74;
-        let t3_76 = like.lift(0.95).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t3_77 = -t3_76;
+        let t2_1 = p_ixz_forearm.mul_add(al_forearmz, t1_48);
+        let t2_2 = t1_42 - t2_1;
+        let t2_3 = al_army * p_my_forearm;
+        let t2_4 = like.lift(-1.9).mul_add(t2_3, t2_2);
+        let (sin_wrist, cos_wrist) = wrist.sin_cos();
+        let (sin_q4, cos_q4) = q4.sin_cos();
+        let t2_5 = cos_q2_elbow * sin_wrist;
+        let t2_6 = sin_q2_elbow * sin_wrist;
+        let sin_q2_elbow_wrist = sin_q2_elbow.mul_add(cos_wrist, t2_5);
+        let cos_q2_elbow_wrist = cos_q2_elbow.mul_add(cos_wrist, -t2_6);
+        let w_wristx = d_q1 * sin_q2_elbow_wrist;
+        let t2_7 = sin_q4 * w_wristx;
+        let w_wristz = d_wrist + w_forearmz;
+        let w_flangey = (-cos_q4).mul_add(w_wristz, t2_7);
+        let w_wristy = d_q1 * cos_q2_elbow_wrist;
+        let w_flangez = d_q4 - w_wristy;
+        let t2_8 = w_flangey * w_flangez;
+        let t2_9 = t2_8 * p_izz_flange;
+        let t2_10 = t1_37 + t1_38;
+        let t2_11 = d_q1 * d_q1;
+        let t2_12 = cos_q2 * t2_11;
+        let a_armx = like.lift(0.26) * t2_12;
+        let t2_13 = t1_23 + t1_24;
+        let t2_14 = like.lift(0.95).mul_add(t2_13, a_armx);
+        let t2_15 = cos_elbow * t2_14;
+        let t2_16 = sin_q2 * t2_11;
+        let a_army = like.lift(0.26) * t2_16;
+        let t2_17 = like.lift(0.95).mul_add(w_ixx_arm_q2, a_army);
+        let a_forearmx = (-sin_elbow).mul_add(t2_17, t2_15);
+        let t2_18 = t2_10 + a_forearmx;
+        let t2_19 = sin_wrist * t2_18;
+        let t2_20 = sin_elbow * t2_14;
+        let a_forearmy = cos_elbow.mul_add(t2_17, t2_20);
+        let t2_21 = t1_34 + al_forearmz;
+        let t2_22 = a_forearmy + t2_21;
+        let a_wristy = cos_wrist.mul_add(t2_22, t2_19);
+        let al_wristz = al_forearmz + t1_87;
+        let t2_23 = w_wristx.mul_add(w_wristy, al_wristz);
+        let a_flangez = like.lift(0.22).mul_add(t2_23, a_wristy);
+        let t2_24 = p_my_flange.mul_add(a_flangez, t2_9);
+        let t2_25 = cos_q4 * t2_24;
+        let t2_26 = cos_q4 * w_wristx;
+        let w_flangex = sin_q4.mul_add(w_wristz, t2_26);
+        let t2_27 = w_flangex * w_flangez;
+        let t2_28 = t2_27 * p_izz_flange;
+        let t2_29 = (-p_mx_flange).mul_add(a_flangez, t2_28);
+        let t2_30 = (-sin_q4).mul_add(t2_29, t2_25);
+        let t2_31 = cos_wrist * t2_30;
+        let a_forearmz = like.lift(1.9) * al_army;
+        let t2_32 = t1_33 + al_forearmy;
+        let a_wristz = a_forearmz + t2_32;
+        let t2_33 = sin_wrist * al_forearmx;
+        let t2_34 = cos_wrist.mul_add(al_forearmy, t2_33);
+        let al_wristy = d_wrist.mul_add(w_wristx, t2_34);
+        let t2_35 = w_wristx.mul_add(w_wristz, al_wristy);
+        let t2_36 = like.lift(0.22).mul_add(t2_35, a_wristz);
+        let t2_37 = cos_q4 * t2_36;
+        let t2_38 = w_wristy * w_wristy;
+        let t2_39 = w_wristz.mul_add(w_wristz, t2_38);
+        let t2_40 = cos_wrist * t2_18;
+        let a_wristx = (-sin_wrist).mul_add(t2_22, t2_40);
+        let t2_41 = like.lift(0.22).mul_add(t2_39, a_wristx);
+        let a_flangey = sin_q4.mul_add(t2_41, t2_37);
+        let t2_42 = p_mx_flange * a_flangey;
+        let t2_43 = sin_q4 * t2_36;
+        let a_flangex = (-cos_q4).mul_add(t2_41, t2_43);
+        let t2_44 = (-p_my_flange).mul_add(a_flangex, t2_42);
+        let t2_45 = al_wristy.mul_add(p_izz_flange, t2_44);
+        let t2_46 = w_flangez * w_flangez;
+        let t2_47 = w_flangey.mul_add(w_flangey, t2_46);
+        let t2_48 = t2_47 * p_mx_flange;
+        let w_ixx_flange_q4 = w_flangex * w_flangey;
+        let t2_49 = w_ixx_flange_q4 + al_wristy;
+        let t2_50 = t2_49.mul_add(p_my_flange, t2_48);
+        let t2_51 = sin_q4 * t2_50;
+        let t2_52 = w_flangex.mul_add(w_flangex, t2_46);
+        let t2_53 = t2_52 * p_my_flange;
+        let t2_54 = w_ixx_flange_q4 - al_wristy;
+        let t2_55 = t2_54.mul_add(p_mx_flange, t2_53);
+        let t2_56 = cos_q4.mul_add(t2_55, t2_51);
+        let t2_57 = like.lift(-0.22).mul_add(t2_56, t2_45);
+        let t2_58 = a_wristz.mul_add(p_mx_wrist, t2_57);
+        let t2_59 = (-sin_wrist).mul_add(t2_58, t2_31);
+        let t2_60 = t2_4 + t2_59;
+        let t2_61 = cos_elbow * t2_60;
+        let t2_62 = p_ixx_forearm - p_izz_forearm;
+        let t2_63 = t1_33 * t2_62;
+        let t2_64 = w_forearmx * w_forearmx;
+        let t2_65 = t2_64 - t1_38;
+        let t2_66 = (-t2_65).mul_add(p_ixz_forearm, t2_63);
+        let t2_67 = t1_35.mul_add(p_ixy_forearm, t2_66);
+        let t2_68 = t1_34.mul_add(p_iyz_forearm, -t2_67);
+        let t2_69 = al_forearmx * p_ixy_forearm;
+        let t2_70 = p_iyz_forearm.mul_add(al_forearmz, t2_69);
+        let t2_71 = t2_68 - t2_70;
+        let t2_72 = al_army * p_mx_forearm;
+        let t2_73 = like.lift(1.9).mul_add(t2_72, t2_71);
+        let t2_74 = t2_35.mul_add(p_mx_wrist, -t2_56);
+        let t2_75 = sin_wrist * t2_30;
+        let t2_76 = cos_wrist.mul_add(t2_58, t2_75);
+        let t2_77 = t2_74 + t2_76;
+        let t2_78 = t2_73 + t2_77;
+        let t2_79 = (-sin_elbow).mul_add(t2_78, t2_61);
+        let t2_80 = t1_30 + t2_79;
+        let t2_81 = sin_q2 * t2_80;
+        let t2_82 = al_armx * p_ixy_arm;
+        let t2_83 = p_ixx_arm - p_izz_arm;
+        let t2_84 = al_army * t2_83;
+        let t2_85 = w_armx * w_armx;
+        let t2_86 = t2_85 - t1_24;
+        let t2_87 = (-t2_86).mul_add(p_ixz_arm, t2_84);
+        let t2_88 = t2_82 + t2_87;
+        let t2_89 = w_ixx_arm_q2.mul_add(p_iyz_arm, -t2_88);
+        let t2_90 = t2_82 - t2_89;
+        let t2_91 = sin_elbow * t2_60;
+        let t2_92 = cos_elbow.mul_add(t2_78, t2_91);
+        let t2_93 = t2_32 * p_mx_forearm;
+        let t2_94 = t1_35 + al_forearmx;
+        let t2_95 = t2_94.mul_add(p_my_forearm, t2_93);
+        let t2_96 = t2_95 + t2_74;
+        let t2_97 = like.lift(0.95).mul_add(t2_96, t2_92);
+        let t2_98 = t2_90 - t2_97;
+        let t2_99 = (-cos_q2).mul_add(t2_98, t2_81);
+        let t2_100 = al_army * p_mx_arm;
+        let t2_101 = like.lift(2.0) * t2_100;
+        let t2_102 = al_armx * p_my_arm;
+        let t2_103 = like.lift(2.0).mul_add(t2_102, t2_101);
+        let t2_104 = t2_103 + t2_96;
+        let t2_105 = like.lift(0.26).mul_add(t2_104, t2_99);
+        let t2_106 = t1_20 - t2_105;
+        let t2_107 = w_ixx_arm_q2 * p_ixx_arm;
+        let w_ixy_arm_q2 = t2_85 - t1_23;
+        let t2_108 = (-w_ixy_arm_q2).mul_add(p_ixy_arm, t2_107);
+        let t2_109 = t2_16 * p_mx_arm;
+        let t2_110 = like.lift(0.26) * t2_109;
+        let t2_111 = t2_12 * p_my_arm;
+        let t2_112 = like.lift(0.26).mul_add(t2_111, t2_110);
+        let t2_113 = t2_108 - t2_112;
+        let t2_114 = t1_34 * p_ixx_forearm;
+        let t2_115 = t2_64 - t1_37;
+        let t2_116 = (-t2_115).mul_add(p_ixy_forearm, t2_114);
+        let t2_117 = t1_33.mul_add(p_iyz_forearm, -t2_116);
+        let t2_118 = t1_35.mul_add(p_ixz_forearm, -t2_117);
+        let t2_119 = al_forearmx * p_ixz_forearm;
+        let t2_120 = (-al_forearmy).mul_add(p_iyz_forearm, t2_119);
+        let t2_121 = p_izz_forearm.mul_add(al_forearmz, t2_120);
+        let t2_122 = t2_118 - t2_121;
+        let t2_123 = a_forearmy * p_mx_forearm;
+        let t2_124 = a_forearmx.mul_add(p_my_forearm, t2_123);
+        let t2_125 = t2_122 - t2_124;
+        let t2_126 = sin_q4 * t2_24;
+        let t2_127 = cos_q4.mul_add(t2_29, t2_126);
+        let t2_128 = cos_wrist * al_forearmx;
+        let t2_129 = (-sin_wrist).mul_add(al_forearmy, t2_128);
+        let al_wristx = d_wrist.mul_add(w_wristy, t2_129);
+        let t2_130 = sin_q4 * al_wristx;
+        let t2_131 = (-cos_q4).mul_add(al_wristz, t2_130);
+        let al_flangey = d_q4.mul_add(w_flangex, t2_131);
+        let t2_132 = t2_27 + al_flangey;
+        let t2_133 = p_mx_flange * t2_132;
+        let t2_134 = cos_q4 * al_wristx;
+        let t2_135 = sin_q4.mul_add(al_wristz, t2_134);
+        let al_flangex = d_q4.mul_add(w_flangey, -t2_135);
+        let t2_136 = t2_8 + al_flangex;
+        let t2_137 = (-p_my_flange).mul_add(t2_136, t2_133);
+        let t2_138 = like.lift(0.22).mul_add(t2_137, t2_127);
+        let t2_139 = p_mx_wrist.mul_add(a_wristy, -t2_138);
+        let t2_140 = cos_q4 * t2_50;
+        let t2_141 = (-sin_q4).mul_add(t2_55, t2_140);
+        let t2_142 = t2_39.mul_add(p_mx_wrist, t2_141);
+        let t2_143 = sin_wrist * t2_142;
+        let t2_144 = p_mx_wrist.mul_add(t2_23, -t2_137);
+        let t2_145 = (-cos_wrist).mul_add(t2_144, t2_143);
+        let t2_146 = t2_139 - t2_145;
+        let t2_147 = t2_125 - t2_146;
+        let t2_148 = t2_10 * p_mx_forearm;
+        let t2_149 = t1_34 - al_forearmz;
+        let t2_150 = (-p_my_forearm).mul_add(t2_149, t2_148);
+        let t2_151 = cos_wrist * t2_142;
+        let t2_152 = sin_wrist.mul_add(t2_144, t2_151);
+        let t2_153 = t2_150 + t2_152;
+        let t2_154 = sin_elbow * t2_153;
+        let t2_155 = t2_64 + t1_38;
+        let t2_156 = t2_155 * p_my_forearm;
+        let t2_157 = (-p_mx_forearm).mul_add(t2_21, t2_156);
+        let t2_158 = t2_157 + t2_145;
+        let t2_159 = cos_elbow.mul_add(t2_158, t2_154);
+        let t2_160 = like.lift(0.95).mul_add(t2_159, t2_147);
+        let t2_161 = t2_113 + t2_160;
+        let t2_162 = like.lift(0.95).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
+        let t2_163 = -t2_162;
         let u_rod_q3x = like.lift(0.3) * sin_pin;
-        let t3_78 = -u_rod_q3x;
-        let t3_79 = like.lift(0.95).mul_add(cos_q2_minus_q3_minus_pin, -t1_43);
+        let t2_164 = -u_rod_q3x;
+        let t2_165 = like.lift(0.95).mul_add(cos_q2_minus_q3_minus_pin, -t1_53);
         let u_rod_q3y = like.lift(0.3) * cos_pin;
-        let t3_80 = like.lift(0.95) + u_rod_q3y;
-        let t3_81 = -t3_80;
-        let t3_82 = t3_76 * t1_68;
-        let t3_83 = like.lift(3.3333333333333335) * t3_82;
-        let t3_84 = -t3_83;
-        let t3_85 = sin_pin * t1_68;
-        let t3_86 = -t3_85;
-        let t3_87 = like.lift(1.0) + t3_83;
-        let t3_88 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t3_82, t3_79);
-        let t3_89 = like.lift(1.0526315789473684) * t3_88;
-        let t3_90 = -t3_89;
-        let t3_91 = cos_q2_elbow_minus_q3_minus_pin * t3_85;
-        let t3_92 = like.lift(0.3).mul_add(t3_91, t3_80);
-        let t3_93 = like.lift(1.0526315789473684) * t3_92;
+        let t2_166 = like.lift(0.95) + u_rod_q3y;
+        let t2_167 = -t2_166;
+        let t2_168 = t2_162 * t1_80;
+        let t2_169 = like.lift(3.3333333333333335) * t2_168;
+        let t2_170 = -t2_169;
+        let t2_171 = sin_pin * t1_80;
+        let t2_172 = -t2_171;
+        let t2_173 = like.lift(1.0) + t2_169;
+        let t2_174 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_168, t2_165);
+        let t2_175 = like.lift(1.0526315789473684) * t2_174;
+        let t2_176 = -t2_175;
+        let t2_177 = cos_q2_elbow_minus_q3_minus_pin * t2_171;
+        let t2_178 = like.lift(0.3).mul_add(t2_177, t2_166);
+        let t2_179 = like.lift(1.0526315789473684) * t2_178;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(3.3708373397707017)).abs();
         let ([
@@ -7411,23 +6815,23 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 41]) -> (
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t3_84, like.lift(0.0), t3_86],
-                [like.lift(0.0), t3_87, like.lift(0.0), t3_85],
-                [like.lift(0.0), t3_90, like.lift(0.0), t3_93],
+                [like.lift(0.0), t2_170, like.lift(0.0), t2_172],
+                [like.lift(0.0), t2_173, like.lift(0.0), t2_171],
+                [like.lift(0.0), t2_176, like.lift(0.0), t2_179],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t1_44, like.lift(0.0), like.lift(-0.95)],
+                    [t1_54, like.lift(0.0), like.lift(-0.95)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t3_77, like.lift(0.0), t3_78],
-                    [like.lift(0.0), t3_79, like.lift(0.0), t3_81],
+                    [like.lift(0.0), t2_163, like.lift(0.0), t2_164],
+                    [like.lift(0.0), t2_165, like.lift(0.0), t2_167],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -7437,59 +6841,48 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 41]) -> (
         );
         condition = condition.min(found);
         [
-            t3_8, t3_47, t3_61, t3_75, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3,
-            x_pin_q2, x_pin_q3,
+            t2_11, t2_45, t2_106, t2_139, t2_147, t2_161, x_elbow_q2, x_elbow_q3, x_wrist_q2,
+            x_wrist_q3, x_pin_q2, x_pin_q3,
         ]
     };
     // tau
     {
-        let t4_1 = (-t3_61).mul_add(x_elbow_q2, t3_75);
-        let t4_2 = (-t3_47).mul_add(x_wrist_q2, t4_1);
-        let t4_3 = t1_31 * p_ixx_rod;
-        let t4_4 = w_rodx * w_rodx;
-        let t4_5 = t4_4 - t1_17;
-        let t4_6 = (-t4_5).mul_add(p_ixy_rod, t4_3);
-        let t4_7 = t1_13.mul_add(p_iyz_rod, -t4_6);
-        let t4_8 = al_rody * p_iyz_rod;
-        let t4_9 = (-p_izz_rod).mul_add(al_rodz, t4_8);
-        let t4_10 = t4_7 - t4_9;
-        let t4_11 = cos_q3 * t2_100;
-        let a_crankx = like.lift(0.26) * t4_11;
-        let t4_12 = t1_3 + t1_4;
-        let t4_13 = like.lift(0.3).mul_add(t4_12, a_crankx);
-        let t4_14 = cos_pin * t4_13;
-        let t4_15 = sin_q3 * t2_100;
-        let a_cranky = like.lift(0.26) * t4_15;
-        let t4_16 = like.lift(0.3).mul_add(w_ixx_crank_q3, a_cranky);
-        let a_rodx = (-sin_pin).mul_add(t4_16, t4_14);
-        let t4_17 = a_rodx.mul_add(p_my_rod, t4_10);
-        let t4_18 = t4_17.mul_add(x_pin_q2, t4_2);
-        let t4_19 = -t4_18;
-        tau[1] = t4_19;
-        let t4_20 = w_ixx_crank_q3 * p_ixx_crank;
-        let w_ixy_crank_q3 = t2_9 - t1_4;
-        let t4_21 = (-w_ixy_crank_q3).mul_add(p_ixy_crank, t4_20);
-        let t4_22 = t4_15 * p_mx_crank;
-        let t4_23 = like.lift(0.26) * t4_22;
-        let t4_24 = t4_11 * p_my_crank;
-        let t4_25 = like.lift(0.26).mul_add(t4_24, t4_23);
-        let t4_26 = t4_21 - t4_25;
-        let t4_27 = t1_16 + t4_4;
-        let t4_28 = t4_27 * p_my_rod;
-        let t4_29 = cos_pin * t4_28;
-        let t4_30 = t1_31 - al_rodz;
-        let t4_31 = p_my_rod * t4_30;
-        let t4_32 = (-sin_pin).mul_add(t4_31, t4_29);
-        let t4_33 = like.lift(-0.3).mul_add(t4_32, t4_17);
-        let t4_34 = t4_26 - t4_33;
-        let t4_35 = t3_61 * x_elbow_q3;
-        let t4_36 = t3_47.mul_add(x_wrist_q3, t4_35);
-        let t4_37 = t4_34 - t4_36;
-        let t4_38 = t4_17.mul_add(x_pin_q3, t4_37);
-        let t4_39 = -t4_38;
-        tau[3] = t4_39;
-        tau[0] = t3_8;
-        tau[2] = t2_157;
+        let t3_1 = (-t2_147).mul_add(x_elbow_q2, t2_161);
+        let t3_2 = t2_139.mul_add(x_wrist_q2, t3_1);
+        let t3_3 = cos_q3 * t2_11;
+        let a_crankx = like.lift(0.26) * t3_3;
+        let t3_4 = w_cranky.mul_add(w_cranky, t1_55);
+        let t3_5 = like.lift(0.3).mul_add(t3_4, a_crankx);
+        let t3_6 = cos_pin * t3_5;
+        let t3_7 = sin_q3 * t2_11;
+        let a_cranky = like.lift(0.26) * t3_7;
+        let w_ixx_crank_q3 = w_crankx * w_cranky;
+        let t3_8 = like.lift(0.3).mul_add(w_ixx_crank_q3, a_cranky);
+        let a_rodx = (-sin_pin).mul_add(t3_8, t3_6);
+        let t3_9 = a_rodx * p_my_rod;
+        let t3_10 = t3_9.mul_add(x_pin_q2, t3_2);
+        let t3_11 = -t3_10;
+        tau[1] = t3_11;
+        let t3_12 = t3_7 * p_mx_crank;
+        let t3_13 = like.lift(0.26) * t3_12;
+        let t3_14 = t3_3 * p_my_crank;
+        let t3_15 = like.lift(0.26).mul_add(t3_14, t3_13);
+        let w_rodx = sin_q3_pin * d_q1;
+        let t3_16 = w_rodx.mul_add(w_rodx, t1_58);
+        let t3_17 = t3_16 * p_my_rod;
+        let t3_18 = cos_pin * t3_17;
+        let t3_19 = w_rodx.mul_add(w_rody, -al_rodz);
+        let t3_20 = p_my_rod * t3_19;
+        let t3_21 = (-sin_pin).mul_add(t3_20, t3_18);
+        let t3_22 = like.lift(-0.3).mul_add(t3_21, t3_9);
+        let t3_23 = t3_15 + t3_22;
+        let t3_24 = t2_147 * x_elbow_q3;
+        let t3_25 = (-t2_139).mul_add(x_wrist_q3, t3_24);
+        let t3_26 = t3_23 + t3_25;
+        let t3_27 = (-t3_9).mul_add(x_pin_q3, t3_26);
+        tau[3] = t3_27;
+        tau[0] = t2_106;
+        tau[2] = t2_45;
     }
     (tau, Condition { pivot: condition })
 }
@@ -7500,204 +6893,157 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 41]) -> (
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
 ///
-/// 159 additions, 203 multiplications, 1 divisions, 6 sines and cosines.
-pub fn base_mass_matrix<T: Scalar>(q: &[T; 7], beta: &[T; 41]) -> ([[T; 4]; 4], Condition<T>) {
+/// 104 additions, 156 multiplications, 1 divisions, 6 sines and cosines.
+pub fn base_mass_matrix<T: Scalar>(q: &[T; 7], beta: &[T; 22]) -> ([[T; 4]; 4], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 4]; 4];
     let [_, q2, elbow, wrist, q4, q3, pin] = *q;
     let [
         p_izz_column, p_ixx_arm, p_ixy_arm, p_ixz_arm, p_iyz_arm, p_izz_arm, p_mx_arm,
         p_my_arm, p_ixx_forearm, p_ixy_forearm, p_ixz_forearm, p_iyz_forearm, p_izz_forearm,
-        p_mx_forearm, p_my_forearm, p_ixx_wrist, p_ixy_wrist, p_ixz_wrist, p_iyz_wrist,
-        p_izz_wrist, p_mx_wrist, p_my_wrist, p_ixx_flange, p_ixy_flange, p_ixz_flange,
-        p_iyz_flange, p_izz_flange, p_mx_flange, p_my_flange, p_ixx_crank, p_ixy_crank,
-        p_ixz_crank, p_iyz_crank, p_izz_crank, p_mx_crank, p_my_crank, p_ixx_rod, p_ixy_rod,
-        p_iyz_rod, p_izz_rod, p_my_rod,
+        p_mx_forearm, p_my_forearm, p_mx_wrist, p_izz_flange, p_mx_flange, p_my_flange,
+        p_mx_crank, p_my_crank, p_my_rod,
     ] = *beta;
     let mut condition = like.lift(1.0);
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        sin_q3, cos_q3, sin_pin, cos_pin, t1_19, t1_20, sin_q2, cos_q2, sin_elbow, cos_elbow,
-        sin_wrist, cos_wrist, sin_q4, cos_q4, t1_30, t1_33, t1_37, t1_44, t1_45, t1_54, t1_66,
-        t1_67, t1_89, t1_90, t1_99, t1_101, t1_108, t1_110, t1_115, t1_124, t1_126, x_elbow_q2,
-        x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
+        t1_7, sin_q2, cos_q2, sin_elbow, cos_elbow, sin_wrist, cos_wrist, t1_18, t1_19, t1_23,
+        t1_32, t1_33, t1_55, t1_56, t1_65, t1_67, t1_72, t1_81, t1_83, sin_q2_elbow,
+        cos_q2_elbow, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
     ] = {
         let (sin_q3, cos_q3) = q3.sin_cos();
         let (sin_pin, cos_pin) = pin.sin_cos();
-        let t1_1 = sin_pin * p_ixy_rod;
-        let t1_2 = cos_pin.mul_add(p_ixx_rod, -t1_1);
-        let t1_3 = cos_pin * t1_2;
-        let t1_4 = cos_pin * p_ixy_rod;
-        let t1_5 = (-sin_pin).mul_add(t1_4, t1_3);
-        let t1_6 = p_ixx_crank + t1_5;
-        let t1_7 = sin_q3 * t1_6;
-        let t1_8 = sin_pin * t1_2;
-        let t1_9 = cos_pin.mul_add(t1_4, t1_8);
-        let t1_10 = cos_pin * p_my_rod;
-        let t1_11 = like.lift(-0.3).mul_add(t1_10, t1_9);
-        let t1_12 = p_ixy_crank + t1_11;
-        let t1_13 = cos_q3.mul_add(t1_12, t1_7);
-        let t1_14 = sin_q3 * t1_13;
-        let t1_15 = sin_q3 * t1_12;
-        let t1_16 = sin_pin.mul_add(p_ixx_rod, t1_4);
-        let t1_17 = sin_pin * t1_16;
-        let t1_18 = cos_pin.mul_add(t1_1, t1_17);
-        let t1_19 = sin_pin * p_my_rod;
-        let t1_20 = like.lift(0.6) * t1_19;
-        let t1_21 = t1_18 - t1_20;
-        let t1_22 = cos_q3.mul_add(t1_21, t1_15);
-        let t1_23 = cos_q3.mul_add(t1_22, t1_14);
-        let t1_24 = p_mx_crank - t1_19;
-        let t1_25 = cos_q3 * t1_24;
-        let t1_26 = p_my_crank + t1_10;
-        let t1_27 = (-sin_q3).mul_add(t1_26, t1_25);
-        let t1_28 = like.lift(0.52).mul_add(t1_27, t1_23);
-        let t1_29 = p_izz_column + t1_28;
+        let t1_1 = cos_pin * p_my_rod;
+        let t1_2 = cos_q3 * t1_1;
+        let t1_3 = sin_q3 * t1_2;
+        let t1_4 = like.lift(0.3) * t1_3;
+        let t1_5 = sin_q3 * t1_1;
+        let t1_6 = like.lift(0.3) * t1_5;
+        let t1_7 = sin_pin * p_my_rod;
+        let t1_8 = cos_q3 * t1_7;
+        let t1_9 = like.lift(0.6).mul_add(t1_8, t1_6);
+        let t1_10 = cos_q3.mul_add(t1_9, t1_4);
+        let t1_11 = p_mx_crank - t1_7;
+        let t1_12 = cos_q3 * t1_11;
+        let t1_13 = p_my_crank + t1_1;
+        let t1_14 = (-sin_q3).mul_add(t1_13, t1_12);
+        let t1_15 = like.lift(-0.52).mul_add(t1_14, t1_10);
+        let t1_16 = p_izz_column - t1_15;
         let (sin_q2, cos_q2) = q2.sin_cos();
         let (sin_elbow, cos_elbow) = elbow.sin_cos();
         let (sin_wrist, cos_wrist) = wrist.sin_cos();
         let (sin_q4, cos_q4) = q4.sin_cos();
-        let t1_30 = sin_q4 * p_ixy_flange;
-        let t1_31 = cos_q4.mul_add(p_ixx_flange, -t1_30);
-        let t1_32 = cos_q4 * t1_31;
-        let t1_33 = cos_q4 * p_ixy_flange;
-        let t1_34 = (-sin_q4).mul_add(t1_33, t1_32);
-        let t1_35 = p_ixx_wrist + t1_34;
-        let t1_36 = cos_q4 * p_ixz_flange;
-        let t1_37 = (-sin_q4).mul_add(p_iyz_flange, t1_36);
-        let t1_38 = p_ixy_wrist - t1_37;
-        let t1_39 = sin_wrist * t1_38;
-        let t1_40 = cos_wrist.mul_add(t1_35, -t1_39);
-        let t1_41 = cos_wrist * t1_40;
-        let t1_42 = cos_wrist * t1_38;
-        let t1_43 = cos_q4 * p_mx_flange;
-        let t1_44 = (-sin_q4).mul_add(p_my_flange, t1_43);
-        let t1_45 = like.lift(0.44) * t1_44;
-        let t1_46 = p_izz_flange + t1_45;
-        let t1_47 = (-sin_wrist).mul_add(t1_46, t1_42);
-        let t1_48 = (-sin_wrist).mul_add(t1_47, t1_41);
-        let t1_49 = p_ixx_forearm + t1_48;
-        let t1_50 = sin_wrist * t1_40;
-        let t1_51 = cos_wrist.mul_add(t1_47, t1_50);
-        let t1_52 = p_mx_wrist + t1_44;
-        let t1_53 = sin_wrist * t1_52;
-        let t1_54 = cos_wrist.mul_add(p_my_wrist, t1_53);
-        let t1_55 = t1_51 - t1_54;
-        let t1_56 = p_ixy_forearm + t1_55;
-        let t1_57 = sin_elbow * t1_56;
-        let t1_58 = cos_elbow.mul_add(t1_49, -t1_57);
-        let t1_59 = cos_elbow * t1_58;
-        let t1_60 = cos_elbow * t1_56;
-        let t1_61 = sin_wrist.mul_add(t1_35, t1_42);
-        let t1_62 = sin_wrist * t1_61;
-        let t1_63 = cos_wrist.mul_add(t1_46, t1_39);
-        let t1_64 = cos_wrist.mul_add(t1_63, t1_62);
-        let t1_65 = cos_wrist * t1_52;
-        let t1_66 = (-sin_wrist).mul_add(p_my_wrist, t1_65);
-        let t1_67 = t1_66 + t1_66;
-        let t1_68 = t1_64 + t1_67;
-        let t1_69 = (-sin_elbow).mul_add(t1_68, t1_60);
-        let t1_70 = (-sin_elbow).mul_add(t1_69, t1_59);
-        let t1_71 = p_ixx_arm + t1_70;
-        let t1_72 = sin_q2 * t1_71;
-        let t1_73 = sin_elbow * t1_58;
-        let t1_74 = cos_elbow.mul_add(t1_69, t1_73);
-        let t1_75 = p_mx_forearm + t1_66;
-        let t1_76 = sin_elbow * t1_75;
-        let t1_77 = p_my_forearm + t1_54;
-        let t1_78 = cos_elbow.mul_add(t1_77, t1_76);
-        let t1_79 = like.lift(-0.95).mul_add(t1_78, t1_74);
-        let t1_80 = p_ixy_arm + t1_79;
-        let t1_81 = cos_q2.mul_add(t1_80, t1_72);
-        let t1_82 = sin_q2 * t1_81;
-        let t1_83 = sin_q2 * t1_80;
-        let t1_84 = sin_elbow.mul_add(t1_49, t1_60);
-        let t1_85 = sin_elbow * t1_84;
-        let t1_86 = cos_elbow.mul_add(t1_68, t1_57);
-        let t1_87 = cos_elbow.mul_add(t1_86, t1_85);
-        let t1_88 = cos_elbow * t1_75;
-        let t1_89 = (-sin_elbow).mul_add(t1_77, t1_88);
-        let t1_90 = like.lift(1.9) * t1_89;
-        let t1_91 = t1_87 + t1_90;
-        let t1_92 = cos_q2.mul_add(t1_91, t1_83);
-        let t1_93 = cos_q2.mul_add(t1_92, t1_82);
-        let t1_94 = p_mx_arm + t1_89;
-        let t1_95 = cos_q2 * t1_94;
-        let t1_96 = p_my_arm + t1_78;
-        let t1_97 = (-sin_q2).mul_add(t1_96, t1_95);
-        let t1_98 = like.lift(0.52).mul_add(t1_97, t1_93);
-        let t1_99 = t1_29 + t1_98;
-        let t1_100 = sin_q4 * p_mx_flange;
-        let t1_101 = cos_q4.mul_add(p_my_flange, t1_100);
-        let t1_102 = sin_q4 * t1_31;
-        let t1_103 = cos_q4.mul_add(t1_33, t1_102);
-        let t1_104 = like.lift(-0.22).mul_add(t1_101, t1_103);
-        let t1_105 = p_ixz_wrist + t1_104;
-        let t1_106 = cos_wrist * t1_105;
-        let t1_107 = sin_q4 * p_ixz_flange;
-        let t1_108 = cos_q4.mul_add(p_iyz_flange, t1_107);
-        let t1_109 = p_iyz_wrist - t1_108;
-        let t1_110 = (-sin_wrist).mul_add(t1_109, t1_106);
-        let t1_111 = t1_101 - t1_110;
-        let t1_112 = p_ixz_forearm - t1_111;
-        let t1_113 = cos_elbow * t1_112;
-        let t1_114 = sin_wrist * t1_105;
-        let t1_115 = cos_wrist.mul_add(t1_109, t1_114);
-        let t1_116 = p_iyz_forearm + t1_115;
-        let t1_117 = (-sin_elbow).mul_add(t1_116, t1_113);
-        let t1_118 = like.lift(-0.95).mul_add(t1_101, t1_117);
-        let t1_119 = p_ixz_arm + t1_118;
-        let t1_120 = sin_q2 * t1_119;
-        let t1_121 = sin_elbow * t1_112;
-        let t1_122 = cos_elbow.mul_add(t1_116, t1_121);
-        let t1_123 = p_iyz_arm + t1_122;
-        let t1_124 = cos_q2.mul_add(t1_123, t1_120);
-        let t1_125 = sin_q2 * t1_117;
-        let t1_126 = cos_q2.mul_add(t1_122, t1_125);
-        let t1_127 = cos_q2 * sin_elbow;
-        let t1_128 = sin_q2 * sin_elbow;
-        let sin_q2_elbow = sin_q2.mul_add(cos_elbow, t1_127);
-        let cos_q2_elbow = cos_q2.mul_add(cos_elbow, -t1_128);
-        let t1_129 = cos_q2_elbow * sin_q3;
-        let t1_130 = sin_q2_elbow * sin_q3;
-        let sin_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(cos_q3, -t1_129);
-        let cos_q2_elbow_minus_q3 = cos_q2_elbow.mul_add(cos_q3, t1_130);
-        let t1_131 = cos_q2_elbow_minus_q3 * sin_pin;
-        let t1_132 = sin_q2_elbow_minus_q3 * sin_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(cos_pin, -t1_131);
-        let cos_q2_elbow_minus_q3_minus_pin = cos_q2_elbow_minus_q3.mul_add(cos_pin, t1_132);
+        let t1_17 = cos_q4 * p_mx_flange;
+        let t1_18 = (-sin_q4).mul_add(p_my_flange, t1_17);
+        let t1_19 = like.lift(0.44) * t1_18;
+        let t1_20 = p_izz_flange + t1_19;
+        let t1_21 = sin_wrist * t1_20;
+        let t1_22 = sin_wrist.mul_add(t1_21, p_ixx_forearm);
+        let t1_23 = p_mx_wrist + t1_18;
+        let t1_24 = sin_wrist * t1_23;
+        let t1_25 = cos_wrist.mul_add(t1_21, t1_24);
+        let t1_26 = p_ixy_forearm - t1_25;
+        let t1_27 = sin_elbow * t1_26;
+        let t1_28 = cos_elbow.mul_add(t1_22, -t1_27);
+        let t1_29 = cos_elbow * t1_28;
+        let t1_30 = cos_elbow * t1_26;
+        let t1_31 = cos_wrist * t1_20;
+        let t1_32 = cos_wrist * t1_23;
+        let t1_33 = like.lift(2.0) * t1_32;
+        let t1_34 = cos_wrist.mul_add(t1_31, t1_33);
+        let t1_35 = (-sin_elbow).mul_add(t1_34, t1_30);
+        let t1_36 = (-sin_elbow).mul_add(t1_35, t1_29);
+        let t1_37 = p_ixx_arm + t1_36;
+        let t1_38 = sin_q2 * t1_37;
+        let t1_39 = sin_elbow * t1_28;
+        let t1_40 = cos_elbow.mul_add(t1_35, t1_39);
+        let t1_41 = p_mx_forearm + t1_32;
+        let t1_42 = sin_elbow * t1_41;
+        let t1_43 = p_my_forearm + t1_24;
+        let t1_44 = cos_elbow.mul_add(t1_43, t1_42);
+        let t1_45 = like.lift(-0.95).mul_add(t1_44, t1_40);
+        let t1_46 = p_ixy_arm + t1_45;
+        let t1_47 = cos_q2.mul_add(t1_46, t1_38);
+        let t1_48 = sin_q2 * t1_47;
+        let t1_49 = sin_q2 * t1_46;
+        let t1_50 = sin_elbow.mul_add(t1_22, t1_30);
+        let t1_51 = sin_elbow * t1_50;
+        let t1_52 = cos_elbow.mul_add(t1_34, t1_27);
+        let t1_53 = cos_elbow.mul_add(t1_52, t1_51);
+        let t1_54 = cos_elbow * t1_41;
+        let t1_55 = (-sin_elbow).mul_add(t1_43, t1_54);
+        let t1_56 = like.lift(1.9) * t1_55;
+        let t1_57 = t1_53 + t1_56;
+        let t1_58 = cos_q2.mul_add(t1_57, t1_49);
+        let t1_59 = cos_q2.mul_add(t1_58, t1_48);
+        let t1_60 = p_mx_arm + t1_55;
+        let t1_61 = cos_q2 * t1_60;
+        let t1_62 = p_my_arm + t1_44;
+        let t1_63 = (-sin_q2).mul_add(t1_62, t1_61);
+        let t1_64 = like.lift(0.52).mul_add(t1_63, t1_59);
+        let t1_65 = t1_16 + t1_64;
+        let t1_66 = sin_q4 * p_mx_flange;
+        let t1_67 = cos_q4.mul_add(p_my_flange, t1_66);
+        let t1_68 = cos_wrist * t1_67;
+        let t1_69 = like.lift(0.22).mul_add(t1_68, t1_67);
+        let t1_70 = p_ixz_forearm - t1_69;
+        let t1_71 = cos_elbow * t1_70;
+        let t1_72 = sin_wrist * t1_67;
+        let t1_73 = like.lift(-0.22).mul_add(t1_72, p_iyz_forearm);
+        let t1_74 = (-sin_elbow).mul_add(t1_73, t1_71);
+        let t1_75 = like.lift(-0.95).mul_add(t1_67, t1_74);
+        let t1_76 = p_ixz_arm + t1_75;
+        let t1_77 = sin_q2 * t1_76;
+        let t1_78 = sin_elbow * t1_70;
+        let t1_79 = cos_elbow.mul_add(t1_73, t1_78);
+        let t1_80 = p_iyz_arm + t1_79;
+        let t1_81 = cos_q2.mul_add(t1_80, t1_77);
+        let t1_82 = sin_q2 * t1_74;
+        let t1_83 = cos_q2.mul_add(t1_79, t1_82);
+        let t1_84 = cos_q2 * sin_elbow;
+        let t1_85 = sin_q2 * sin_elbow;
+        let sin_q2_elbow = sin_q2.mul_add(cos_elbow, t1_84);
+        let cos_q2_elbow = cos_q2.mul_add(cos_elbow, -t1_85);
+        let t1_86 = cos_q2_elbow * sin_q3;
+        let t1_87 = sin_q2_elbow * sin_q3;
+        let sin_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(cos_q3, -t1_86);
+        let cos_q2_elbow_minus_q3 = cos_q2_elbow.mul_add(cos_q3, t1_87);
+        let t1_88 = cos_q2_elbow_minus_q3 * sin_pin;
+        let t1_89 = sin_q2_elbow_minus_q3 * sin_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(cos_pin, -t1_88);
+        let cos_q2_elbow_minus_q3_minus_pin = cos_q2_elbow_minus_q3.mul_add(cos_pin, t1_89);
         let pivot_3 = like.lift(0.3) * sin_q2_elbow_minus_q3_minus_pin;
-        let t1_133 = like.lift(0.3) * cos_q2_elbow_minus_q3_minus_pin;
-        let t1_134 = -t1_133;
-        let t1_135 = cos_q2 * sin_q3;
-        let t1_136 = sin_q2 * sin_q3;
-        let sin_q2_minus_q3 = sin_q2.mul_add(cos_q3, -t1_135);
-        let cos_q2_minus_q3 = cos_q2.mul_add(cos_q3, t1_136);
-        let t1_137 = cos_q2_minus_q3 * sin_pin;
-        let t1_138 = sin_q2_minus_q3 * sin_pin;
-        let sin_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(cos_pin, -t1_137);
-        let cos_q2_minus_q3_minus_pin = cos_q2_minus_q3.mul_add(cos_pin, t1_138);
-        let t1_139 = like.lift(0.95).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t1_140 = -t1_139;
+        let t1_90 = like.lift(0.3) * cos_q2_elbow_minus_q3_minus_pin;
+        let t1_91 = -t1_90;
+        let t1_92 = cos_q2 * sin_q3;
+        let t1_93 = sin_q2 * sin_q3;
+        let sin_q2_minus_q3 = sin_q2.mul_add(cos_q3, -t1_92);
+        let cos_q2_minus_q3 = cos_q2.mul_add(cos_q3, t1_93);
+        let t1_94 = cos_q2_minus_q3 * sin_pin;
+        let t1_95 = sin_q2_minus_q3 * sin_pin;
+        let sin_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(cos_pin, -t1_94);
+        let cos_q2_minus_q3_minus_pin = cos_q2_minus_q3.mul_add(cos_pin, t1_95);
+        let t1_96 = like.lift(0.95).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
+        let t1_97 = -t1_96;
         let u_rod_q3x = like.lift(0.3) * sin_pin;
-        let t1_141 = -u_rod_q3x;
-        let t1_142 = like.lift(0.95).mul_add(cos_q2_minus_q3_minus_pin, -t1_133);
+        let t1_98 = -u_rod_q3x;
+        let t1_99 = like.lift(0.95).mul_add(cos_q2_minus_q3_minus_pin, -t1_90);
         let u_rod_q3y = like.lift(0.3) * cos_pin;
-        let t1_143 = like.lift(0.95) + u_rod_q3y;
-        let t1_144 = -t1_143;
-        let t1_145 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t1_146 = t1_139 * t1_145;
-        let t1_147 = like.lift(3.3333333333333335) * t1_146;
-        let t1_148 = -t1_147;
-        let t1_149 = sin_pin * t1_145;
-        let t1_150 = -t1_149;
-        let t1_151 = like.lift(1.0) + t1_147;
-        let t1_152 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t1_146, t1_142);
-        let t1_153 = like.lift(1.0526315789473684) * t1_152;
-        let t1_154 = -t1_153;
-        let t1_155 = cos_q2_elbow_minus_q3_minus_pin * t1_149;
-        let t1_156 = like.lift(0.3).mul_add(t1_155, t1_143);
-        let t1_157 = like.lift(1.0526315789473684) * t1_156;
+        let t1_100 = like.lift(0.95) + u_rod_q3y;
+        let t1_101 = -t1_100;
+        let t1_102 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t1_103 = t1_96 * t1_102;
+        let t1_104 = like.lift(3.3333333333333335) * t1_103;
+        let t1_105 = -t1_104;
+        let t1_106 = sin_pin * t1_102;
+        let t1_107 = -t1_106;
+        let t1_108 = like.lift(1.0) + t1_104;
+        let t1_109 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t1_103, t1_99);
+        let t1_110 = like.lift(1.0526315789473684) * t1_109;
+        let t1_111 = -t1_110;
+        let t1_112 = cos_q2_elbow_minus_q3_minus_pin * t1_106;
+        let t1_113 = like.lift(0.3).mul_add(t1_112, t1_100);
+        let t1_114 = like.lift(1.0526315789473684) * t1_113;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(3.3708373397707017)).abs();
         let ([
@@ -7705,23 +7051,23 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 7], beta: &[T; 41]) -> ([[T; 4]; 4], 
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t1_148, like.lift(0.0), t1_150],
-                [like.lift(0.0), t1_151, like.lift(0.0), t1_149],
-                [like.lift(0.0), t1_154, like.lift(0.0), t1_157],
+                [like.lift(0.0), t1_105, like.lift(0.0), t1_107],
+                [like.lift(0.0), t1_108, like.lift(0.0), t1_106],
+                [like.lift(0.0), t1_111, like.lift(0.0), t1_114],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t1_134, like.lift(0.0), like.lift(-0.95)],
+                    [t1_91, like.lift(0.0), like.lift(-0.95)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t1_140, like.lift(0.0), t1_141],
-                    [like.lift(0.0), t1_142, like.lift(0.0), t1_144],
+                    [like.lift(0.0), t1_97, like.lift(0.0), t1_98],
+                    [like.lift(0.0), t1_99, like.lift(0.0), t1_101],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -7731,105 +7077,82 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 7], beta: &[T; 41]) -> ([[T; 4]; 4], 
         );
         condition = condition.min(found);
         [
-            sin_q3, cos_q3, sin_pin, cos_pin, t1_19, t1_20, sin_q2, cos_q2, sin_elbow,
-            cos_elbow, sin_wrist, cos_wrist, sin_q4, cos_q4, t1_30, t1_33, t1_37, t1_44, t1_45,
-            t1_54, t1_66, t1_67, t1_89, t1_90, t1_99, t1_101, t1_108, t1_110, t1_115, t1_124,
-            t1_126, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
+            t1_7, sin_q2, cos_q2, sin_elbow, cos_elbow, sin_wrist, cos_wrist, t1_18, t1_19,
+            t1_23, t1_32, t1_33, t1_55, t1_56, t1_65, t1_67, t1_72, t1_81, t1_83, sin_q2_elbow,
+            cos_q2_elbow, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
         ]
     };
     // M
     {
-        let t2_1 = (-t1_126).mul_add(x_elbow_q2, t1_124);
-        let t2_2 = cos_elbow * t1_110;
-        let t2_3 = (-sin_elbow).mul_add(t1_115, t2_2);
-        let t2_4 = sin_q2 * t2_3;
-        let t2_5 = sin_elbow * t1_110;
-        let t2_6 = cos_elbow.mul_add(t1_115, t2_5);
-        let t2_7 = cos_q2.mul_add(t2_6, t2_4);
-        let t2_8 = (-t2_7).mul_add(x_wrist_q2, t2_1);
-        let t2_9 = sin_q3 * sin_pin;
-        let cos_q3_pin = cos_q3.mul_add(cos_pin, -t2_9);
-        let t2_10 = cos_q3_pin * p_iyz_rod;
-        let t2_11 = (-t2_10).mul_add(x_pin_q2, t2_8);
-        let t2_12 = cos_wrist * t1_37;
-        let t2_13 = like.lift(0.22).mul_add(t1_44, p_izz_flange);
-        let t2_14 = sin_wrist.mul_add(t2_13, t2_12);
-        let t2_15 = cos_elbow * t2_14;
-        let t2_16 = sin_wrist * t1_37;
-        let t2_17 = (-cos_wrist).mul_add(t2_13, t2_16);
-        let t2_18 = t1_44 - t2_17;
-        let t2_19 = sin_elbow.mul_add(t2_18, t2_15);
-        let t2_20 = sin_q2 * t2_19;
-        let t2_21 = sin_elbow * t2_14;
-        let t2_22 = (-cos_elbow).mul_add(t2_18, t2_21);
-        let t2_23 = like.lift(-0.95).mul_add(t1_44, t2_22);
-        let t2_24 = cos_q2.mul_add(t2_23, t2_20);
-        let t2_25 = like.lift(-0.26).mul_add(t1_44, t2_24);
-        let t2_26 = (-sin_pin).mul_add(p_iyz_rod, p_ixz_crank);
-        let t2_27 = sin_q3 * t2_26;
-        let t2_28 = cos_pin.mul_add(p_iyz_rod, p_iyz_crank);
-        let t2_29 = cos_q3.mul_add(t2_28, t2_27);
-        let t2_30 = t1_126 * x_elbow_q3;
-        let t2_31 = t2_7.mul_add(x_wrist_q3, t2_30);
-        let t2_32 = t2_29 - t2_31;
-        let t2_33 = (-t2_10).mul_add(x_pin_q3, t2_32);
-        m[0] = [t1_99, t2_11, t2_25, t2_33];
-        let t2_34 = sin_q4.mul_add(p_ixx_flange, t1_33);
-        let t2_35 = sin_q4 * t2_34;
-        let t2_36 = cos_q4.mul_add(t1_30, t2_35);
-        let t2_37 = t2_36 + t1_45;
-        let t2_38 = p_izz_wrist + t2_37;
-        let t2_39 = t2_38 + t1_67;
-        let t2_40 = p_izz_forearm + t2_39;
-        let t2_41 = t2_40 + t1_90;
-        let t2_42 = p_izz_arm + t2_41;
-        let t2_43 = like.lift(0.95).mul_add(t1_89, t2_40);
-        let t2_44 = (-t2_43).mul_add(x_elbow_q2, t2_42);
-        let t2_45 = t2_38 + t1_66;
-        let t2_46 = sin_elbow * t1_54;
-        let t2_47 = (-cos_elbow).mul_add(t1_66, t2_46);
-        let t2_48 = like.lift(-0.95).mul_add(t2_47, t2_45);
-        let t2_49 = (-t2_48).mul_add(x_wrist_q2, t2_44);
-        let t2_50 = (-t2_40).mul_add(x_elbow_q2, t2_43);
-        let t2_51 = (-t2_45).mul_add(x_wrist_q2, t2_50);
-        let t2_52 = (-x_elbow_q2).mul_add(t2_51, t2_49);
-        let t2_53 = (-t2_45).mul_add(x_elbow_q2, t2_48);
-        let t2_54 = (-t2_38).mul_add(x_wrist_q2, t2_53);
-        let t2_55 = (-x_wrist_q2).mul_add(t2_54, t2_52);
-        let t2_56 = p_izz_rod * x_pin_q2;
-        let t2_57 = x_pin_q2.mul_add(t2_56, t2_55);
-        let t2_58 = (-sin_wrist).mul_add(t1_101, t1_108);
-        let t2_59 = cos_elbow * sin_wrist;
-        let sin_elbow_wrist = sin_elbow.mul_add(cos_wrist, t2_59);
-        let t2_60 = sin_elbow_wrist * t1_101;
-        let t2_61 = like.lift(-0.95).mul_add(t2_60, t2_58);
-        let t2_62 = (-t2_58).mul_add(x_elbow_q2, t2_61);
-        let t2_63 = (-t1_108).mul_add(x_wrist_q2, t2_62);
-        let t2_64 = t2_43 * x_elbow_q3;
-        let t2_65 = t2_48.mul_add(x_wrist_q3, t2_64);
-        let t2_66 = t2_40 * x_elbow_q3;
-        let t2_67 = t2_45.mul_add(x_wrist_q3, t2_66);
-        let t2_68 = (-x_elbow_q2).mul_add(t2_67, t2_65);
-        let t2_69 = t2_45 * x_elbow_q3;
-        let t2_70 = t2_38.mul_add(x_wrist_q3, t2_69);
-        let t2_71 = (-x_wrist_q2).mul_add(t2_70, t2_68);
-        let t2_72 = like.lift(-0.3).mul_add(t1_19, p_izz_rod);
-        let t2_73 = (-p_izz_rod).mul_add(x_pin_q3, t2_72);
-        let t2_74 = x_pin_q2.mul_add(t2_73, t2_71);
-        let t2_75 = -t2_74;
-        m[1] = [t2_11, t2_57, t2_63, t2_75];
-        let t2_76 = t2_58 * x_elbow_q3;
-        let t2_77 = t1_108.mul_add(x_wrist_q3, t2_76);
-        let t2_78 = -t2_77;
-        m[2] = [t2_25, t2_63, p_izz_flange, t2_78];
-        let t2_79 = p_izz_rod - t1_20;
-        let t2_80 = p_izz_crank + t2_79;
-        let t2_81 = (-t2_72).mul_add(x_pin_q3, t2_80);
-        let t2_82 = x_elbow_q3 * t2_67;
-        let t2_83 = x_wrist_q3.mul_add(t2_70, t2_82);
-        let t2_84 = t2_81 + t2_83;
-        let t2_85 = (-x_pin_q3).mul_add(t2_73, t2_84);
-        m[3] = [t2_33, t2_75, t2_78, t2_85];
+        let t2_1 = (-t1_83).mul_add(x_elbow_q2, t1_81);
+        let t2_2 = cos_q2_elbow * sin_wrist;
+        let sin_q2_elbow_wrist = sin_q2_elbow.mul_add(cos_wrist, t2_2);
+        let t2_3 = sin_q2_elbow_wrist * t1_67;
+        let t2_4 = t2_3 * x_wrist_q2;
+        let t2_5 = like.lift(0.22).mul_add(t2_4, t2_1);
+        let t2_6 = like.lift(0.22).mul_add(t1_18, p_izz_flange);
+        let t2_7 = sin_wrist * t2_6;
+        let t2_8 = cos_elbow * t2_7;
+        let t2_9 = cos_wrist.mul_add(t2_6, t1_18);
+        let t2_10 = sin_elbow.mul_add(t2_9, t2_8);
+        let t2_11 = sin_q2 * t2_10;
+        let t2_12 = sin_elbow * t2_7;
+        let t2_13 = (-cos_elbow).mul_add(t2_9, t2_12);
+        let t2_14 = like.lift(-0.95).mul_add(t1_18, t2_13);
+        let t2_15 = cos_q2.mul_add(t2_14, t2_11);
+        let t2_16 = like.lift(-0.26).mul_add(t1_18, t2_15);
+        let t2_17 = t1_83 * x_elbow_q3;
+        let t2_18 = t2_3 * x_wrist_q3;
+        let t2_19 = like.lift(-0.22).mul_add(t2_18, t2_17);
+        let t2_20 = -t2_19;
+        m[0] = [t1_65, t2_5, t2_16, t2_20];
+        let t2_21 = t1_19 + t1_33;
+        let t2_22 = p_izz_forearm + t2_21;
+        let t2_23 = t2_22 + t1_56;
+        let t2_24 = p_izz_arm + t2_23;
+        let t2_25 = like.lift(0.95).mul_add(t1_55, t2_22);
+        let t2_26 = (-t2_25).mul_add(x_elbow_q2, t2_24);
+        let t2_27 = t1_19 + t1_32;
+        let t2_28 = cos_elbow * sin_wrist;
+        let t2_29 = sin_elbow * sin_wrist;
+        let sin_elbow_wrist = sin_elbow.mul_add(cos_wrist, t2_28);
+        let cos_elbow_wrist = cos_elbow.mul_add(cos_wrist, -t2_29);
+        let t2_30 = cos_elbow_wrist * t1_23;
+        let t2_31 = like.lift(0.95).mul_add(t2_30, t2_27);
+        let t2_32 = (-t2_31).mul_add(x_wrist_q2, t2_26);
+        let t2_33 = (-t2_22).mul_add(x_elbow_q2, t2_25);
+        let t2_34 = (-t2_27).mul_add(x_wrist_q2, t2_33);
+        let t2_35 = (-x_elbow_q2).mul_add(t2_34, t2_32);
+        let t2_36 = (-t2_27).mul_add(x_elbow_q2, t2_31);
+        let t2_37 = t1_18 * x_wrist_q2;
+        let t2_38 = like.lift(-0.44).mul_add(t2_37, t2_36);
+        let t2_39 = (-x_wrist_q2).mul_add(t2_38, t2_35);
+        let t2_40 = sin_elbow_wrist * t1_67;
+        let t2_41 = like.lift(0.95).mul_add(t2_40, t1_72);
+        let t2_42 = (-t1_72).mul_add(x_elbow_q2, t2_41);
+        let t2_43 = -t2_42;
+        let t2_44 = t1_7 * x_pin_q2;
+        let t2_45 = t2_25 * x_elbow_q3;
+        let t2_46 = t2_31.mul_add(x_wrist_q3, t2_45);
+        let t2_47 = t2_22 * x_elbow_q3;
+        let t2_48 = t2_27.mul_add(x_wrist_q3, t2_47);
+        let t2_49 = (-x_elbow_q2).mul_add(t2_48, t2_46);
+        let t2_50 = t2_27 * x_elbow_q3;
+        let t2_51 = t1_18 * x_wrist_q3;
+        let t2_52 = like.lift(0.44).mul_add(t2_51, t2_50);
+        let t2_53 = (-x_wrist_q2).mul_add(t2_52, t2_49);
+        let t2_54 = like.lift(0.3).mul_add(t2_44, -t2_53);
+        m[1] = [t2_5, t2_39, t2_43, t2_54];
+        let t2_55 = t1_72 * x_elbow_q3;
+        m[2] = [t2_16, t2_43, p_izz_flange, t2_55];
+        let t2_56 = t1_7 * x_pin_q3;
+        let t2_57 = like.lift(0.3) * t2_56;
+        let t2_58 = like.lift(0.6).mul_add(t1_7, -t2_57);
+        let t2_59 = x_elbow_q3 * t2_48;
+        let t2_60 = x_wrist_q3.mul_add(t2_52, t2_59);
+        let t2_61 = t2_58 - t2_60;
+        let t2_62 = t2_57 - t2_61;
+        m[3] = [t2_20, t2_54, t2_55, t2_62];
     }
     (m, Condition { pivot: condition })
 }
@@ -7981,20 +7304,20 @@ impl<T: Scalar> BaseModel<T> for Palletiser {
         let q = ::regen_runtime::array::<T, 7>(q, "q")?;
         let qd = ::regen_runtime::array::<T, 7>(qd, "qd")?;
         let qdd = ::regen_runtime::array::<T, 7>(qdd, "qdd")?;
-        let out = ::regen_runtime::matrix_mut::<T, 41, 4>(out, "out")?;
+        let out = ::regen_runtime::matrix_mut::<T, 22, 4>(out, "out")?;
         Ok(base_regressor(q, qd, qdd, out))
     }
 
     fn to_base(&self, phi: &[T], out: &mut [T]) -> Result<(), SizeError> {
         let phi = ::regen_runtime::array::<T, 70>(phi, "phi")?;
-        let out = ::regen_runtime::array_mut::<T, 41>(out, "out")?;
+        let out = ::regen_runtime::array_mut::<T, 22>(out, "out")?;
         *out = to_base(phi);
         Ok(())
     }
 
     fn parameters_from_base(&self, beta: &[T], free: &[T], out: &mut [T]) -> Result<(), SizeError> {
-        let beta = ::regen_runtime::array::<T, 41>(beta, "beta")?;
-        let free = ::regen_runtime::array::<T, 29>(free, "free")?;
+        let beta = ::regen_runtime::array::<T, 22>(beta, "beta")?;
+        let free = ::regen_runtime::array::<T, 48>(free, "free")?;
         let out = ::regen_runtime::array_mut::<T, 70>(out, "out")?;
         *out = parameters_from_base(beta, free);
         Ok(())
@@ -8004,7 +7327,7 @@ impl<T: Scalar> BaseModel<T> for Palletiser {
         let q = ::regen_runtime::array::<T, 7>(q, "q")?;
         let qd = ::regen_runtime::array::<T, 7>(qd, "qd")?;
         let qdd = ::regen_runtime::array::<T, 7>(qdd, "qdd")?;
-        let beta = ::regen_runtime::array::<T, 41>(beta, "beta")?;
+        let beta = ::regen_runtime::array::<T, 22>(beta, "beta")?;
         let out = ::regen_runtime::array_mut::<T, 4>(out, "out")?;
         let (value, condition) = base_inverse_dynamics(q, qd, qdd, beta);
         *out = value;
@@ -8013,7 +7336,7 @@ impl<T: Scalar> BaseModel<T> for Palletiser {
 
     fn base_gravity(&self, q: &[T], beta: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
         let q = ::regen_runtime::array::<T, 7>(q, "q")?;
-        let beta = ::regen_runtime::array::<T, 41>(beta, "beta")?;
+        let beta = ::regen_runtime::array::<T, 22>(beta, "beta")?;
         let out = ::regen_runtime::array_mut::<T, 4>(out, "out")?;
         let (value, condition) = base_gravity(q, beta);
         *out = value;
@@ -8023,7 +7346,7 @@ impl<T: Scalar> BaseModel<T> for Palletiser {
     fn base_bias_forces(&self, q: &[T], qd: &[T], beta: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
         let q = ::regen_runtime::array::<T, 7>(q, "q")?;
         let qd = ::regen_runtime::array::<T, 7>(qd, "qd")?;
-        let beta = ::regen_runtime::array::<T, 41>(beta, "beta")?;
+        let beta = ::regen_runtime::array::<T, 22>(beta, "beta")?;
         let out = ::regen_runtime::array_mut::<T, 4>(out, "out")?;
         let (value, condition) = base_bias_forces(q, qd, beta);
         *out = value;
@@ -8032,7 +7355,7 @@ impl<T: Scalar> BaseModel<T> for Palletiser {
 
     fn base_mass_matrix(&self, q: &[T], beta: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
         let q = ::regen_runtime::array::<T, 7>(q, "q")?;
-        let beta = ::regen_runtime::array::<T, 41>(beta, "beta")?;
+        let beta = ::regen_runtime::array::<T, 22>(beta, "beta")?;
         let out = ::regen_runtime::matrix_mut::<T, 4, 4>(out, "out")?;
         let (value, condition) = base_mass_matrix(q, beta);
         *out = value;

@@ -446,7 +446,7 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
     certificate: Some(Certificate {
         columns: 70,
         rank: 43,
-        states: 8,
+        states: 10,
         digits: 96,
         smallest_kept: 0.06443587991857339,
         largest_dropped: 1.75304699983182e-96,

@@ -384,7 +384,7 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
     certificate: Some(Certificate {
         columns: 60,
         rank: 36,
-        states: 8,
+        states: 10,
         digits: 96,
         smallest_kept: 0.05555989404068727,
         largest_dropped: 1.7562832969866698e-96,

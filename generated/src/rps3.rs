@@ -305,7 +305,7 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
     certificate: Some(Certificate {
         columns: 70,
         rank: 25,
-        states: 19,
+        states: 21,
         digits: 96,
         smallest_kept: 0.0008429150910824601,
         largest_dropped: 1.5445830867002911e-96,

@@ -295,7 +295,7 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
     certificate: Some(Certificate {
         columns: 70,
         rank: 19,
-        states: 19,
+        states: 21,
         digits: 96,
         smallest_kept: 0.050361074339580245,
         largest_dropped: 2.4459974530361532e-96,

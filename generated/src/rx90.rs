@@ -370,7 +370,7 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
     certificate: Some(Certificate {
         columns: 60,
         rank: 36,
-        states: 8,
+        states: 10,
         digits: 96,
         smallest_kept: 0.05858241463806308,
         largest_dropped: 1.945601668076987e-96,

@@ -170,10 +170,10 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
     certificate: Some(Certificate {
         columns: 40,
         rank: 8,
-        states: 8,
+        states: 10,
         digits: 96,
         smallest_kept: 0.06032199522744946,
-        largest_dropped: 8.670136066825402e-98,
+        largest_dropped: 1.0909346522768129e-97,
     }),
     complete: true,
 };

@@ -154,10 +154,10 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
     certificate: Some(Certificate {
         columns: 30,
         rank: 6,
-        states: 30,
+        states: 32,
         digits: 96,
         smallest_kept: 0.0006846352660579492,
-        largest_dropped: 2.5320544884747634e-97,
+        largest_dropped: 3.2345441359480887e-97,
     }),
     complete: true,
 };

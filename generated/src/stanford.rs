@@ -342,7 +342,7 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
     certificate: Some(Certificate {
         columns: 60,
         rank: 33,
-        states: 8,
+        states: 10,
         digits: 96,
         smallest_kept: 0.045346270067556954,
         largest_dropped: 7.78937268241906e-97,

@@ -723,7 +723,7 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
     certificate: Some(Certificate {
         columns: 130,
         rank: 82,
-        states: 18,
+        states: 20,
         digits: 96,
         smallest_kept: 0.005870814000069189,
         largest_dropped: 3.9763814154507477e-97,

@@ -113,7 +113,7 @@ pub const BASE: [BaseParameter<'static>; 29] = [
         label: "my(mast)",
         terms: &[
             BaseTerm { parameter: "my(mast)", index: 17, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "mz(mast)", index: 18, coefficient: "-sin(3/5)/(cos(3/5))", value: -0.6841368083416923 },
+            BaseTerm { parameter: "mz(mast)", index: 18, coefficient: "-sin(3/5)/cos(3/5)", value: -0.6841368083416923 },
             BaseTerm { parameter: "m(paddle)", index: 49, coefficient: "-1/5 - sin(3/5)/(10*cos(3/5))", value: -0.2684136808341692 },
             BaseTerm { parameter: "mz(paddle)", index: 48, coefficient: "-sqrt(2)/2 - sqrt(2)*sin(3/5)/(2*cos(3/5))", value: -1.1908645576242796 },
             BaseTerm { parameter: "m(lower)", index: 39, coefficient: "1/5 - sin(3/5)/(10*cos(3/5))", value: 0.13158631916583077 },
@@ -308,10 +308,10 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
     certificate: Some(Certificate {
         columns: 50,
         rank: 29,
-        states: 8,
+        states: 10,
         digits: 96,
         smallest_kept: 0.04161296415959255,
-        largest_dropped: 1.16562267457882e-96,
+        largest_dropped: 1.1826028542905984e-96,
     }),
     complete: true,
 };

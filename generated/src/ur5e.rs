@@ -389,7 +389,7 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
     certificate: Some(Certificate {
         columns: 60,
         rank: 36,
-        states: 8,
+        states: 10,
         digits: 96,
         smallest_kept: 0.017840319349909307,
         largest_dropped: 1.5272462053182776e-96,

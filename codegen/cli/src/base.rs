@@ -78,13 +78,7 @@ fn bound(analysis: &Analysis, certificate: &Certificate) -> usize {
 
 /// Dimension of the null space beyond what trees account for.
 pub(crate) fn completed(analysis: &Analysis) -> usize {
-    match &analysis.certificate {
-        Ok(c) if analysis.complete => c
-            .columns
-            .saturating_sub(c.rank)
-            .saturating_sub(analysis.base.from_trees),
-        _ => 0,
-    }
+    analysis.base.completed
 }
 
 /// How a layer is called.

@@ -286,6 +286,10 @@ fn facts(robot: &Robot, analysis: &Analysis) -> Vec<(&'static str, String)> {
         let text = format!("{} more null directions from samples", completed(analysis));
         facts.push(("completed", text));
     }
+    if !base.unrecognised.is_empty() {
+        let text = format!("not exact: {}", base.unrecognised.join("; "));
+        facts.push(("numbers", text));
+    }
     facts.push(("certificate", certificate(analysis)));
     if !base.coincidences.is_empty() {
         let text = format!("equal only by value: {}", base.coincidences.join("; "));

@@ -161,16 +161,19 @@ fn a_base_without_certificate_is_headed_incomplete_in_every_format() {
 }
 
 #[test]
-fn derived_directions_that_miss_some_are_held_against_the_certificate() {
-    let base = base_json(&mechanism("parallelogram.yaml"), 1);
-    assert_eq!(base["complete"], false);
-    let rank = base["certificate"]["rank"].as_u64().unwrap();
-    let left = 33 - base["null_directions"]["trees"].as_u64().unwrap();
-    assert!(rank < left, "{rank} < {left}");
-    assert_eq!(
-        base["reason"],
-        format!("the directions derived leave {left} parameters, the certified rank is {rank}")
+fn directions_that_trees_miss_are_completed_and_marked() {
+    let base = base_json(&mechanism("parallelogram_cut.yaml"), 0);
+    assert_eq!(base["complete"], true);
+    assert_eq!(base["rank"], 3);
+    assert_eq!(base["null_directions"]["completed"], 5);
+    let dir = scratch("base-completed");
+    let run = regen(&dir, &["base", &mechanism("parallelogram_cut.yaml")]).ended(0);
+    assert!(
+        run.out.contains("5 more null directions from samples"),
+        "{}",
+        run.out
     );
+    assert!(run.out.contains("completed  mx(1)"), "{}", run.out);
 }
 
 /// The 3-RPS with more choices about its base.

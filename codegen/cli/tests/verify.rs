@@ -58,17 +58,11 @@ fn the_report_fits_80_columns_and_names_every_way() {
 }
 
 #[test]
-fn a_rank_that_is_not_the_certified_one_fails() {
+fn completed_base_parameters_pass() {
     let dir = scratch("verify-parallelogram");
-    let run = regen(&dir, &["verify", &mechanism("parallelogram.yaml")]).ended(1);
-    assert!(run.out.contains("INCOMPLETE"), "{}", run.out);
-    assert!(run.out.contains("FAILED"), "{}", run.out);
-    assert!(
-        run.err.contains("base parameters are certified complete")
-            && run.err.contains("SVD rank = analytic rank"),
-        "{}",
-        run.err
-    );
+    let run = regen(&dir, &["verify", &mechanism("parallelogram.yaml")]).ended(0);
+    assert!(!run.out.contains("INCOMPLETE"), "{}", run.out);
+    assert!(!run.out.contains("FAILED"), "{}", run.out);
 }
 
 /// Axes so nearly parallel that some parameters act below double precision's reach.

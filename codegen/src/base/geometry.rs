@@ -109,7 +109,7 @@ impl Names {
     }
 }
 
-fn mentions_names(expr: &Expr) -> bool {
+pub(super) fn mentions_names(expr: &Expr) -> bool {
     match expr {
         Expr::Number(_) | Expr::Pi => false,
         Expr::Name(_) => true,

@@ -4,6 +4,7 @@
 mod analysis;
 pub mod certificate;
 mod choice;
+mod completion;
 pub mod field;
 mod geometry;
 mod known;
@@ -80,6 +81,11 @@ pub struct Base {
     pub from_trees: usize,
     /// How many spanning trees were opened.
     pub trees: usize,
+    /// How many null directions beyond those of trees were completed from
+    /// samples.
+    pub completed: usize,
+    /// Factors of completed directions that are numbers only, and why.
+    pub unrecognised: Vec<String>,
     /// Equalities of values that the result rests on, beyond the names.
     pub coincidences: Vec<String>,
 }
@@ -87,6 +93,17 @@ pub struct Base {
 /// The base parameters from layers 1 and 2. With a `target`, the dimension of
 /// the null space over all columns, the search ends when it is reached.
 pub fn derive(spec: &Spec, model: &Model, target: Option<usize>) -> Base {
+    derive_all(spec, model, target, None)
+}
+
+/// The base parameters from all layers: what trees leave open is completed from
+/// samples, where there are some.
+fn derive_all(
+    spec: &Spec,
+    model: &Model,
+    target: Option<usize>,
+    sampled: Option<&completion::Sampled<'_>>,
+) -> Base {
     let mut field = Field::default();
     let linkage = linkage::Linkage::new(&mut field, spec, model);
     let mut start = Span::default();
@@ -94,9 +111,8 @@ pub fn derive(spec: &Spec, model: &Model, target: Option<usize>) -> Base {
         start.insert(&mut field, &direction);
     }
     let sum = trees::sum(&mut field, &linkage, start, target);
-    let null: Vec<Vector> = sum.span.vectors().cloned().collect();
-    let known = known::substitutions(&mut field, spec, model);
-    let restricted = known::restricted(&mut field, &null, &known);
+    let mut null: Vec<Vector> = sum.span.vectors().cloned().collect();
+    let from_trees = null.len();
     let asked: Vec<usize> = spec
         .base
         .eliminate
@@ -104,15 +120,34 @@ pub fn derive(spec: &Spec, model: &Model, target: Option<usize>) -> Base {
         .filter_map(|label| column(model, &label.value))
         .collect();
     let order = choice::preference(model, &asked);
+    let columns = model.parameters.len();
+    let mut unrecognised = Vec::new();
+    if let Some(sampled) = sampled {
+        let found = sampled.complete(&mut field, spec, model, &null, &order, asked.len());
+        unrecognised = found.unrecognised;
+        // an entry beyond the columns tells on what a row rests
+        for (k, mut direction) in found.directions.into_iter().enumerate() {
+            direction.insert(columns + k, Element::one());
+            null.push(direction);
+        }
+    }
+    let null_dimension = null.len();
+    let known = known::substitutions(&mut field, spec, model);
+    let restricted = known::restricted(&mut field, &null, &known);
     let reduced = choice::reduce(&mut field, &restricted, &order, asked.len());
     let gone: Vec<usize> = known.iter().map(|k| k.column).collect();
     let parameters = (0..model.parameters.len())
         .filter(|c| !reduced.rows.contains_key(c) && !gone.contains(c))
         .map(|c| {
+            let mut layer = Layer::Derived;
             let combined = reduced.rows.iter().filter_map(|(eliminated, row)| {
                 // forces do not change along the row: what is eliminated comes
                 // back with the opposite sign
-                Some((*eliminated, row.get(&c)?.neg()))
+                let factor = row.get(&c)?.neg();
+                if row.range(columns..).next().is_some() {
+                    layer = Layer::Completed;
+                }
+                Some((*eliminated, factor))
             });
             let mut terms: Vec<(usize, Element)> = combined.collect();
             // short coefficients first, outer bodies first
@@ -124,13 +159,14 @@ pub fn derive(spec: &Spec, model: &Model, target: Option<usize>) -> Base {
                     .chain(terms)
                     .map(|(column, e)| term(&field, column, &e))
                     .collect(),
-                layer: Layer::Derived,
+                layer,
                 dropped: spec.base.drop.iter().any(|d| d.value == *label),
             }
         })
         .collect();
     let null = reduced.rows.iter().map(|(column, row)| {
-        let terms = row.iter().map(|(c, e)| term(&field, *c, e)).collect();
+        let entries = row.range(..columns);
+        let terms = entries.map(|(c, e)| term(&field, *c, e)).collect();
         (*column, terms)
     });
     Base {
@@ -143,8 +179,10 @@ pub fn derive(spec: &Spec, model: &Model, target: Option<usize>) -> Base {
                 terms: k.terms.iter().map(|(c, e)| term(&field, *c, e)).collect(),
             })
             .collect(),
-        from_trees: sum.span.dimension(),
+        from_trees,
         trees: sum.trees,
+        completed: null_dimension - from_trees,
+        unrecognised,
         coincidences: field.coincidences().map(str::to_owned).collect(),
     }
 }

@@ -8,7 +8,8 @@
 //! regen-base 0.1.0                    the version that wrote it
 //! spec 6f1c...                        digest of the spec's bytes (SHA-256)
 //! certificate 70 25 19 96 1.2e-3 4e-95  columns rank states digits kept dropped
-//! sums 4 45 true                      trees, dimension, complete
+//! sums 4 45 0 true                    trees, dimension, completed, complete
+//! number Ixx(2) in Iyy(3)             a factor that is a number only
 //! equal l1 = l2                       coincidences
 //! base 23 kept                        a base parameter: column, kept or dropped
 //! term 23 1                           column and factor, of the line above
@@ -97,7 +98,14 @@ pub fn store(source: &Source, analysis: &Analysis) -> String {
             let _ = writeln!(out, "uncertified {}", reason.replace('\n', " "));
         }
     }
-    let _ = writeln!(out, "sums {} {} {complete}", base.trees, base.from_trees);
+    let _ = writeln!(
+        out,
+        "sums {} {} {} {complete}",
+        base.trees, base.from_trees, base.completed
+    );
+    for note in &base.unrecognised {
+        let _ = writeln!(out, "number {note}");
+    }
     for equation in &base.coincidences {
         let _ = writeln!(out, "equal {equation}");
     }
@@ -157,6 +165,8 @@ fn read<'a>(lines: impl Iterator<Item = &'a str>, spec: &Spec, columns: usize) -
             known: Vec::new(),
             from_trees: 0,
             trees: 0,
+            completed: 0,
+            unrecognised: Vec::new(),
             coincidences: Vec::new(),
         },
         certificate: Err("none".to_owned()),
@@ -185,8 +195,10 @@ fn read<'a>(lines: impl Iterator<Item = &'a str>, spec: &Spec, columns: usize) -
             "sums" => {
                 base.trees = number(0)?;
                 base.from_trees = number(1)?;
-                analysis.complete = parts.get(2)?.parse().ok()?;
+                base.completed = number(2)?;
+                analysis.complete = parts.get(3)?.parse().ok()?;
             }
+            "number" => base.unrecognised.push(rest.to_owned()),
             "equal" => base.coincidences.push(rest.to_owned()),
             "base" => {
                 base.parameters.push(BaseParameter {

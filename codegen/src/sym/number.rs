@@ -370,6 +370,16 @@ impl Number {
         (sign == Sign::Negative, mantissa, exponent)
     }
 
+    /// From what [`Number::binary`] gives: an inexact number of 320 bits.
+    pub(crate) fn from_binary(negative: bool, magnitude: UBig, exponent: i64) -> Self {
+        let sign = if negative {
+            Sign::Negative
+        } else {
+            Sign::Positive
+        };
+        Self::inexact(Real::new(sign, magnitude, exponent))
+    }
+
     fn real(&self) -> &Real {
         self.0
             .real

@@ -120,6 +120,41 @@ impl Samples {
         worst.checked_div(largest).map_or(0.0, |part| part.to_f64())
     }
 
+    /// What the rows make of a direction, as a part of the largest entry of all:
+    /// rounding for a null direction, also for one of columns that are all zero.
+    pub fn left_over(&self, direction: &[Wide]) -> f64 {
+        let size = |values: &[Wide]| values.iter().fold(Wide::ZERO, |m, x| m.max(x.abs()));
+        let entries = self.rows.iter().map(|row| size(row));
+        let largest = entries.fold(Wide::ZERO, Wide::max) * size(direction);
+        let sums = self.rows.iter().map(|row| {
+            let terms = row.iter().zip(direction);
+            terms.fold(Wide::ZERO, |sum, (x, d)| sum + *x * *d).abs()
+        });
+        let worst = sums.fold(Wide::ZERO, Wide::max);
+        worst.checked_div(largest).map_or(0.0, |part| part.to_f64())
+    }
+
+    /// The one null direction within some columns, with 1 at the first of them:
+    /// `None` where there is none or more than one. Entries in the order given.
+    pub fn circuit(&self, columns: &[usize]) -> Option<Vec<Wide>> {
+        let (first, others) = columns.split_first()?;
+        let pick = |columns: &[usize]| -> Vec<Vec<Wide>> {
+            let rows = self.basis.iter();
+            rows.map(|row| columns.iter().map(|&c| row[c]).collect())
+                .collect()
+        };
+        let order: Vec<usize> = others.iter().chain([first]).copied().collect();
+        if self.independent(&order) != others {
+            return None;
+        }
+        if others.is_empty() {
+            return Some(vec![Wide::ONE]);
+        }
+        let solution = solve(pick(others), pick(&[*first]))?;
+        let found = solution.iter().map(|row| -row[0]);
+        Some(std::iter::once(Wide::ONE).chain(found).collect())
+    }
+
     /// Every column as a combination of the kept ones: by column, the
     /// coefficients in the order of `kept`. `None` where `kept` is no basis.
     ///

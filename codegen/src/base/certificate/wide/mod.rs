@@ -12,6 +12,8 @@ mod tests;
 use core::cmp::Ordering;
 use core::ops::{Add, Mul, Neg, Sub};
 
+use dashu_int::UBig;
+
 use crate::sym::Number;
 
 /// Words of a mantissa.
@@ -92,6 +94,17 @@ impl Wide {
         let limit = i64::from(EXPONENT_LIMIT);
         let exponent = (exponent + i64::from(BITS)).clamp(-limit, limit);
         Wide::normalised(guarded, exponent as i32, negative)
+    }
+
+    /// Sign, an integer and the power of two to multiply it by.
+    pub(crate) fn binary(&self) -> (bool, UBig, i64) {
+        let bytes: Vec<u8> = self.words.iter().flat_map(|w| w.to_le_bytes()).collect();
+        let exponent = if self.is_zero() {
+            0
+        } else {
+            i64::from(self.exponent) - i64::from(BITS)
+        };
+        (self.negative, UBig::from_le_bytes(&bytes), exponent)
     }
 
     /// The nearest `f64`, give or take its last bit; infinite or 0 beyond its

@@ -1,0 +1,147 @@
+//! The same mechanism with other values of its geometry names. What the values
+//! have in common stays so: names of equal size are scaled together, and names
+//! defined by others follow.
+
+use crate::base::certificate::{Samples, certify};
+use crate::base::geometry::mentions_names;
+use crate::constraints::{NumericLoops, close_home, world_equations};
+use crate::kinematics::{Frames, Geometry};
+use crate::model::{self, Model};
+use crate::spec::{Expr, Function, JointFrame, LinearForm, Placement, Quantity, Spec};
+use crate::sym::{Graph, Number};
+
+/// Names that are scaled together.
+#[derive(Clone, Debug)]
+pub(super) struct Group {
+    /// The name that stands for them.
+    pub(super) name: String,
+    /// Its value.
+    pub(super) value: Number,
+    members: Vec<String>,
+}
+
+/// The groups of a spec. Angles that are fractions of pi are left as they are:
+/// others have no exact sines.
+pub(super) fn groups(spec: &Spec) -> Vec<Group> {
+    let mut groups: Vec<Group> = Vec::new();
+    for (name, quantity) in &spec.geometry {
+        let value = &quantity.value;
+        if mentions_names(&quantity.expr) || value.is_zero() || value.pi_multiple().is_some() {
+            continue;
+        }
+        let size = value.abs();
+        match groups.iter_mut().find(|g| g.value.abs() == size) {
+            Some(group) => group.members.push(name.value.clone()),
+            None => groups.push(Group {
+                name: name.value.clone(),
+                value: value.clone(),
+                members: vec![name.value.clone()],
+            }),
+        }
+    }
+    groups
+}
+
+/// A mechanism with each group scaled by a factor, sampled: `None` where it
+/// does not close or where its rank is in doubt.
+pub(super) fn sample(spec: &Spec, scales: &[(&Group, Number)], seed: u64) -> Option<Samples> {
+    let spec = scaled(spec, scales)?;
+    let model = model::build(&spec);
+    let home = home(&model)?;
+    let samples = certify(&model, &home, seed).ok()?;
+    samples.certificate().is_certain().then_some(samples)
+}
+
+/// Home closed again.
+fn home(model: &Model) -> Option<Vec<f64>> {
+    let mut g = Graph::new();
+    for coordinate in &model.coordinates {
+        g.symbol(&coordinate.name);
+    }
+    g.set_naming(false);
+    let frames = Frames::new(&mut g, model, Geometry::Values);
+    let equations = world_equations(&mut g, &frames, model, None);
+    let loops = NumericLoops::new(&g, &equations, model.coordinates.len());
+    close_home(&loops, model).ok()
+}
+
+/// The spec with other values.
+fn scaled(spec: &Spec, scales: &[(&Group, Number)]) -> Option<Spec> {
+    let mut spec = spec.clone();
+    let mut names: Vec<(String, Number)> = Vec::new();
+    for (name, quantity) in &mut spec.geometry {
+        let scale = scales.iter().find(|(g, _)| g.members.contains(&name.value));
+        quantity.value = match scale {
+            Some((_, scale)) => quantity.value.mul(scale),
+            None => value(&quantity.expr, &names)?,
+        };
+        names.push((name.value.clone(), quantity.value.clone()));
+    }
+    let again = |quantity: &mut Quantity| -> Option<()> {
+        quantity.value = value(&quantity.expr, &names)?;
+        Some(())
+    };
+    spec.gravity.iter_mut().try_for_each(again)?;
+    for limb in &mut spec.limbs {
+        placement(&mut limb.base, again)?;
+        for joint in &mut limb.joints {
+            match &mut joint.frame {
+                JointFrame::Dh { alpha, a, d, theta } => {
+                    [alpha, a, d, theta].into_iter().try_for_each(again)?;
+                }
+                JointFrame::Origin(origin) => placement(origin, again)?,
+            }
+        }
+    }
+    for cut in &mut spec.cuts {
+        for side in &mut cut.sides {
+            placement(&mut side.placement, again)?;
+        }
+    }
+    for (_, form) in &mut spec.couplings {
+        let LinearForm {
+            constant, terms, ..
+        } = form;
+        again(constant)?;
+        terms.iter_mut().try_for_each(|(_, factor)| again(factor))?;
+    }
+    spec.home.iter_mut().try_for_each(|(_, q)| again(q))?;
+    Some(spec)
+}
+
+fn placement(of: &mut Placement, again: impl Fn(&mut Quantity) -> Option<()>) -> Option<()> {
+    of.xyz.iter_mut().chain(&mut of.rpy).try_for_each(again)
+}
+
+/// An expression's value.
+fn value(expr: &Expr, names: &[(String, Number)]) -> Option<Number> {
+    let of = |e: &Expr| value(e, names);
+    Some(match expr {
+        Expr::Number(n) => n.clone(),
+        Expr::Pi => Number::pi(),
+        Expr::Name(name) => names.iter().find(|(n, _)| n == name)?.1.clone(),
+        Expr::Neg(a) => of(a)?.neg(),
+        Expr::Add(a, b) => of(a)?.add(&of(b)?),
+        Expr::Sub(a, b) => of(a)?.sub(&of(b)?),
+        Expr::Mul(a, b) => of(a)?.mul(&of(b)?),
+        Expr::Div(a, b) => of(a)?.div(&of(b)?)?,
+        Expr::Pow(a, b) => {
+            let (a, b) = (of(a)?, of(b)?);
+            match b.as_i64() {
+                Some(exponent) => a.powi(exponent)?,
+                // the only other exponent that a spec may hold is 1/2
+                None => a.sqrt()?,
+            }
+        }
+        Expr::Call(function, a) => {
+            let a = of(a)?;
+            match function {
+                Function::Sqrt => a.sqrt()?,
+                Function::Sin => a.sin_cos().0,
+                Function::Cos => a.sin_cos().1,
+                Function::Tan => a.tan()?,
+                Function::Deg => a.mul(&Number::pi()).div(&Number::from_i64(180))?,
+            }
+        }
+    })
+}

@@ -1,0 +1,182 @@
+//! Factors as functions of the geometry names: what a factor does when one name
+//! after the other changes.
+
+use crate::base::certificate::Wide;
+use crate::base::field::{Element, Field, Variable};
+use crate::sym::Number;
+
+use super::elsewhere::Group;
+use super::recognise::{agree, factors, is_rounding, recognise};
+
+/// The largest power of a name that is looked for.
+const POWER: i64 = 4;
+/// The largest power of a name in a sum.
+const POWER_IN_SUM: i64 = 2;
+/// The most terms that are tried in a sum.
+const CANDIDATES: usize = 14;
+
+/// A factor at other values of the names.
+#[derive(Clone, Debug)]
+pub(super) struct Elsewhere {
+    /// By group, what it was scaled by.
+    pub(super) scales: Vec<Number>,
+    /// The factor there.
+    pub(super) value: Wide,
+}
+
+/// What is known of a factor: its value as given, with each group scaled alone
+/// (`None` for a group that cannot be), and with all of them scaled.
+#[derive(Clone, Debug)]
+pub(super) struct Observed {
+    pub(super) value: Wide,
+    pub(super) alone: Vec<Option<Wide>>,
+    pub(super) together: Vec<Elsewhere>,
+}
+
+/// A product of powers of groups, with a factor.
+#[derive(Clone, Debug)]
+struct Product {
+    factor: Number,
+    powers: Vec<i64>,
+}
+
+/// A sum of products of powers.
+#[derive(Clone, Debug)]
+pub(super) struct Fit(Vec<Product>);
+
+impl Fit {
+    /// The function that a factor is: a constant times powers of the names, or a
+    /// short sum of such.
+    pub(super) fn find(observed: &Observed, groups: &[Group], scale: &Number) -> Option<Fit> {
+        if is_rounding(&observed.value) {
+            let zero = observed.together.iter().all(|e| is_rounding(&e.value));
+            return zero.then(|| Fit(Vec::new()));
+        }
+        let fit = monomial(observed, groups, scale).or_else(|| sum(observed, groups, scale))?;
+        let everywhere = observed.together.iter();
+        let holds = everywhere
+            .map(|e| (fit.value(groups, Some(&e.scales)), e.value))
+            .chain([(fit.value(groups, None), observed.value)])
+            .all(|(found, value)| found.is_some_and(|f| agree(&value, &f)));
+        (holds && !observed.together.is_empty()).then_some(fit)
+    }
+
+    fn value(&self, groups: &[Group], scales: Option<&[Number]>) -> Option<Number> {
+        let mut sum = Number::zero();
+        for product in &self.0 {
+            let powers = powers_of(groups, scales, &product.powers)?;
+            sum = sum.add(&product.factor.mul(&powers));
+        }
+        Some(sum)
+    }
+
+    /// The expression.
+    pub(super) fn element(&self, field: &mut Field, groups: &[Group]) -> Element {
+        let mut sum = Element::zero();
+        for product in &self.0 {
+            let mut term = Element::exact(product.factor.clone());
+            for (group, power) in groups.iter().zip(&product.powers) {
+                let name = Variable::Name(group.name.clone());
+                let variable = field.variable(name, group.value.clone());
+                for _ in 0..power.unsigned_abs() {
+                    term = if *power > 0 {
+                        field.mul(&term, &variable)
+                    } else {
+                        // a group's value is not zero
+                        field.div(&term, &variable).unwrap_or_else(Element::zero)
+                    };
+                }
+            }
+            sum = field.add(&sum, &term);
+        }
+        sum
+    }
+}
+
+/// The product of powers of the names.
+fn powers_of(groups: &[Group], scales: Option<&[Number]>, powers: &[i64]) -> Option<Number> {
+    let mut product = Number::one();
+    for (k, (group, power)) in groups.iter().zip(powers).enumerate() {
+        let scale = scales.and_then(|s| s.get(k));
+        let value = scale.map_or_else(|| group.value.clone(), |s| group.value.mul(s));
+        product = product.mul(&value.powi(*power)?);
+    }
+    Some(product)
+}
+
+/// How a factor grows with a group: its power, or `None`.
+fn power(before: &Wide, after: &Wide, scale: &Number) -> Option<i64> {
+    let ratio = after.checked_div(*before)?;
+    (-POWER..=POWER).find(|p| scale.powi(*p).is_some_and(|s| agree(&ratio, &s)))
+}
+
+fn monomial(observed: &Observed, groups: &[Group], scale: &Number) -> Option<Fit> {
+    let powers: Option<Vec<i64>> = observed
+        .alone
+        .iter()
+        .map(|after| after.map_or(Some(0), |a| power(&observed.value, &a, scale)))
+        .collect();
+    let powers = powers?;
+    let product = powers_of(groups, None, &powers)?;
+    let factor = recognise(&observed.value.checked_div(Wide::from_number(&product))?)?;
+    Some(Fit(vec![Product { factor, powers }]))
+}
+
+/// A sum: an integer relation among products of powers at values that have
+/// nothing else in common.
+fn sum(observed: &Observed, groups: &[Group], scale: &Number) -> Option<Fit> {
+    let place = observed.together.first()?;
+    let involved: Vec<bool> = observed
+        .alone
+        .iter()
+        .map(|a| a.is_some_and(|a| power(&observed.value, &a, scale) != Some(0)))
+        .collect();
+    let mut all = vec![vec![]];
+    for is_involved in involved {
+        let range = if is_involved { POWER_IN_SUM } else { 0 };
+        all = all
+            .into_iter()
+            .flat_map(|powers: Vec<i64>| {
+                (-range..=range).map(move |p| {
+                    let mut powers = powers.clone();
+                    powers.push(p);
+                    powers
+                })
+            })
+            .collect();
+        if all.len() > 1000 {
+            return None;
+        }
+    }
+    let roots = [Number::one(), Number::from_i64(3).sqrt()?];
+    // lengths have a dimension, and so has a factor
+    for degree in [0, 1, -1, 2, -2] {
+        let mut candidates: Vec<&Vec<i64>> = all
+            .iter()
+            .filter(|p| p.iter().sum::<i64>() == degree)
+            .collect();
+        candidates.sort_by_key(|p| p.iter().map(|e| e.abs()).sum::<i64>());
+        for roots in [&roots[..1], &roots[..]] {
+            let most = CANDIDATES / roots.len();
+            let mut products = Vec::new();
+            let mut values = Vec::new();
+            for powers in candidates.iter().take(most) {
+                for root in roots {
+                    let value = powers_of(groups, Some(&place.scales), powers)?;
+                    values.push(value.mul(root));
+                    products.push((root, (*powers).clone()));
+                }
+            }
+            let Some(found) = factors(&place.value, &values) else {
+                continue;
+            };
+            let terms = products.into_iter().zip(found);
+            let terms = terms.map(|((root, powers), f)| Product {
+                factor: root.mul(&Number::from_rational(f)),
+                powers,
+            });
+            return Some(Fit(terms.filter(|t| !t.factor.is_zero()).collect()));
+        }
+    }
+    None
+}

@@ -1,0 +1,174 @@
+//! Exact numbers from their first digits.
+//!
+//! A fraction is told by its continued fraction: where numerator and denominator
+//! are short and still agree to 60 digits, no other number is meant. Of sums
+//! with square roots, an integer relation tells the same.
+
+use dashu_int::{IBig, Sign, UBig};
+use dashu_ratio::RBig;
+
+use crate::base::certificate::Wide;
+use crate::sym::Number;
+
+use super::relation::relation;
+
+/// Bits to which a value must agree: 60 digits.
+const AGREEMENT: usize = 200;
+/// Bits that numerator and denominator may have together.
+const LENGTH: usize = 100;
+
+/// Whether a value is zero up to rounding.
+pub(super) fn is_rounding(value: &Wide) -> bool {
+    value.log10() < -60.0
+}
+
+/// The exact number: a fraction, a fraction times a root of one, or a sum of
+/// fractions times square roots of small integers.
+pub(super) fn recognise(value: &Wide) -> Option<Number> {
+    if is_rounding(value) {
+        return Some(Number::zero());
+    }
+    if let Some(found) = fraction(value) {
+        return Some(Number::from_rational(found));
+    }
+    if let Some(square) = fraction(&(*value * *value)) {
+        let root = Number::from_rational(square).sqrt()?;
+        if root.is_exact()
+            && agree(
+                value,
+                &if value.is_negative() {
+                    root.neg()
+                } else {
+                    root.clone()
+                },
+            )
+        {
+            return Some(if value.is_negative() {
+                root.neg()
+            } else {
+                root
+            });
+        }
+    }
+    const ROOTS: [&[i64]; 4] = [&[3], &[2], &[5], &[2, 3, 6]];
+    ROOTS.iter().find_map(|roots| {
+        let mut constants = vec![Number::one()];
+        for root in *roots {
+            constants.push(Number::from_i64(*root).sqrt()?);
+        }
+        combination(value, &constants)
+    })
+}
+
+/// A value as a combination of constants with short fractions as factors.
+pub(super) fn combination(value: &Wide, constants: &[Number]) -> Option<Number> {
+    let factors = factors(value, constants)?;
+    let mut sum = Number::zero();
+    for (factor, constant) in factors.into_iter().zip(constants) {
+        sum = sum.add(&Number::from_rational(factor).mul(constant));
+    }
+    agree(value, &sum).then_some(sum)
+}
+
+/// The factors of such a combination.
+pub(super) fn factors(value: &Wide, constants: &[Number]) -> Option<Vec<RBig>> {
+    let all: Vec<Wide> = std::iter::once(*value)
+        .chain(constants.iter().map(Wide::from_number))
+        .collect();
+    let integers = relation(&all)?;
+    let (first, rest) = integers.split_first()?;
+    if *first == IBig::ZERO {
+        return None;
+    }
+    let factor = |n: &IBig| RBig::from(-n.clone()) / RBig::from(first.clone());
+    Some(rest.iter().map(factor).collect())
+}
+
+/// Whether an exact number has these digits.
+pub(super) fn agree(value: &Wide, exact: &Number) -> bool {
+    let off = *value - Wide::from_number(exact);
+    off.is_zero() || off.log10() < value.log10().max(-10.0) - 58.0
+}
+
+/// A short fraction that agrees to 60 digits.
+fn fraction(value: &Wide) -> Option<RBig> {
+    let (negative, magnitude, exponent) = value.binary();
+    // value = n / d exactly
+    let shift = usize::try_from(exponent.unsigned_abs()).ok()?;
+    if shift > 2000 {
+        return None;
+    }
+    let (n, d) = if exponent < 0 {
+        (magnitude, UBig::ONE << shift)
+    } else {
+        (magnitude << shift, UBig::ONE)
+    };
+    let (mut a, mut b) = (n.clone(), d.clone());
+    // convergents
+    let (mut p0, mut q0) = (UBig::ZERO, UBig::ONE);
+    let (mut p1, mut q1) = (UBig::ONE, UBig::ZERO);
+    while b != UBig::ZERO {
+        let quotient = &a / &b;
+        let rest = &a - &quotient * &b;
+        (a, b) = (b, rest);
+        let (p2, q2) = (&quotient * &p1 + &p0, &quotient * &q1 + &q0);
+        (p0, q0, p1, q1) = (p1, q1, p2, q2);
+        if bits(&p1) + bits(&q1) > LENGTH {
+            return None;
+        }
+        // |n/d - p/q| < 2^-200 n/d
+        let (left, right) = (&n * &q1, &p1 * &d);
+        let off = if left > right {
+            &left - &right
+        } else {
+            &right - &left
+        };
+        if (off << AGREEMENT) < left {
+            let sign = if negative {
+                Sign::Negative
+            } else {
+                Sign::Positive
+            };
+            return Some(RBig::from_parts(IBig::from_parts(sign, p1), q1));
+        }
+    }
+    None
+}
+
+fn bits(n: &UBig) -> usize {
+    use dashu_int::ops::BitTest;
+    n.bit_len()
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    fn found(exact: &Number) -> Option<Number> {
+        recognise(&Wide::from_number(exact))
+    }
+
+    #[test]
+    fn fractions_and_roots_are_told_by_their_digits() {
+        let root = |n: i64| Number::from_i64(n).sqrt().unwrap();
+        let third = Number::ratio(-1, 3).unwrap();
+        let decimal = Number::parse_decimal("12.345").unwrap();
+        for exact in [
+            Number::zero(),
+            third.clone(),
+            decimal.clone(),
+            root(7).mul(&decimal),
+            third.mul(&root(3)).add(&decimal),
+            third.mul(&root(6)).sub(&root(2)),
+        ] {
+            assert_eq!(found(&exact), Some(exact));
+        }
+    }
+
+    #[test]
+    fn other_numbers_are_not_taken_for_fractions() {
+        assert_eq!(found(&Number::pi()), None);
+        assert_eq!(found(&Number::ratio(3, 10).unwrap().sin_cos().0), None);
+    }
+}

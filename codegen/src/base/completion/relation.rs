@@ -1,0 +1,150 @@
+//! Integer relations among values, by lattice reduction.
+
+use dashu_int::IBig;
+use dashu_int::ops::{Abs, BitTest, DivEuclid};
+
+use crate::base::certificate::Wide;
+
+/// Bits of the values that go into the lattice.
+const BITS: i32 = 230;
+/// Bits that the integers of a relation may have together.
+const LENGTH: usize = 130;
+
+/// Integers, not all zero, that combine the values to nothing; `None` where
+/// only long ones do, which any values have.
+pub(super) fn relation(values: &[Wide]) -> Option<Vec<IBig>> {
+    let n = values.len();
+    let largest = values
+        .iter()
+        .map(Wide::log10)
+        .fold(f64::NEG_INFINITY, f64::max);
+    if !largest.is_finite() {
+        return None;
+    }
+    let top = (largest / core::f64::consts::LOG10_2).ceil() as i32;
+    let mut basis: Vec<Vec<IBig>> = Vec::new();
+    for (i, value) in values.iter().enumerate() {
+        let mut row = vec![IBig::ZERO; n + 1];
+        row[i] = IBig::ONE;
+        row[n] = integer(&value.scaled(BITS - top))?;
+        basis.push(row);
+    }
+    reduce(&mut basis);
+    let found = basis.iter().find(|row| {
+        let (of, left) = row.split_at(n);
+        let lengths = of.iter().map(BitTest::bit_len);
+        let longest = lengths.clone().max().unwrap_or(0);
+        lengths.sum::<usize>() <= LENGTH && left.iter().all(|x| x.bit_len() <= longest + 8)
+    });
+    found.map(|row| row[..n].to_vec())
+}
+
+/// The nearest integer below in size.
+fn integer(value: &Wide) -> Option<IBig> {
+    let (negative, magnitude, exponent) = value.binary();
+    let shift = usize::try_from(exponent.unsigned_abs()).ok()?;
+    if exponent > 0 && shift > 1000 {
+        return None;
+    }
+    let size = if exponent < 0 {
+        magnitude >> shift
+    } else {
+        magnitude << shift
+    };
+    let size = IBig::from(size);
+    Some(if negative { -size } else { size })
+}
+
+fn dot(a: &[IBig], b: &[IBig]) -> IBig {
+    let products = a.iter().zip(b).map(|(x, y)| x * y);
+    products.fold(IBig::ZERO, |sum, x| sum + x)
+}
+
+/// The lattice reduction of Lenstra, Lenstra and Lovasz in integers alone, after
+/// de Weger: `d` are Gram determinants, `lambda` the coefficients of
+/// orthogonalisation times them.
+struct Lattice<'a> {
+    basis: &'a mut [Vec<IBig>],
+    d: Vec<IBig>,
+    lambda: Vec<Vec<IBig>>,
+}
+
+fn reduce(basis: &mut [Vec<IBig>]) {
+    let n = basis.len();
+    let mut lattice = Lattice {
+        basis,
+        d: vec![IBig::ONE; n + 1],
+        lambda: vec![vec![IBig::ZERO; n]; n],
+    };
+    lattice.orthogonalise();
+    let mut k = 1;
+    while k < n {
+        lattice.shorten(k, k - 1);
+        let (d, l) = (&lattice.d, &lattice.lambda[k][k - 1]);
+        // Lovasz's condition with 3/4
+        if (&d[k + 1] * &d[k - 1] + l * l) * 4 < &d[k] * &d[k] * 3 {
+            lattice.exchange(k);
+            k = (k - 1).max(1);
+        } else {
+            for l in (0..k - 1).rev() {
+                lattice.shorten(k, l);
+            }
+            k += 1;
+        }
+    }
+}
+
+impl Lattice<'_> {
+    fn orthogonalise(&mut self) {
+        for k in 0..self.basis.len() {
+            for j in 0..=k {
+                let mut u = dot(&self.basis[k], &self.basis[j]);
+                for i in 0..j {
+                    let rest = &self.d[i + 1] * u - &self.lambda[k][i] * &self.lambda[j][i];
+                    u = rest / &self.d[i];
+                }
+                if j < k {
+                    self.lambda[k][j] = u;
+                } else {
+                    self.d[k + 1] = u;
+                }
+            }
+        }
+    }
+
+    /// Takes the nearest multiple of an earlier vector away.
+    fn shorten(&mut self, k: usize, l: usize) {
+        let (of, d) = (&self.lambda[k][l], &self.d[l + 1]);
+        if of.abs() * 2 <= *d {
+            return;
+        }
+        // rounded: floor(x / d + 1/2)
+        let q = (of * IBig::from(2) + d).div_euclid(d * IBig::from(2));
+        let (before, after) = self.basis.split_at_mut(k);
+        for (x, y) in after[0].iter_mut().zip(&before[l]) {
+            *x -= &q * y;
+        }
+        let (before, after) = self.lambda.split_at_mut(k);
+        for (x, y) in after[0].iter_mut().zip(&before[l]).take(l) {
+            *x -= &q * y;
+        }
+        after[0][l] -= &q * &self.d[l + 1];
+    }
+
+    /// Exchanges a vector with the one before.
+    fn exchange(&mut self, k: usize) {
+        self.basis.swap(k, k - 1);
+        let (before, after) = self.lambda.split_at_mut(k);
+        for (x, y) in before[k - 1].iter_mut().zip(&mut after[0]).take(k - 1) {
+            core::mem::swap(x, y);
+        }
+        let l = self.lambda[k][k - 1].clone();
+        let b = (&self.d[k - 1] * &self.d[k + 1] + &l * &l) / &self.d[k];
+        for row in &mut self.lambda[k + 1..] {
+            let t = row[k].clone();
+            row[k] = (&self.d[k + 1] * &row[k - 1] - &l * &t) / &self.d[k];
+            row[k - 1] = (&b * &t + &l * &row[k]) / &self.d[k + 1];
+        }
+        self.d[k] = b;
+    }
+}

@@ -1,0 +1,201 @@
+//! Mechanisms whose base parameters trees do not show.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use regen_codegen::base::certificate::{Wide, certify};
+use regen_codegen::base::{Analysis, Layer, analyse, restore, store};
+use regen_codegen::constraints::{NumericLoops, close_home, world_equations};
+use regen_codegen::diag::Source;
+use regen_codegen::kinematics::{Frames, Geometry};
+use regen_codegen::model::{self, Model};
+use regen_codegen::spec;
+use regen_codegen::sym::Graph;
+
+fn file(path: &str) -> String {
+    let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../tests");
+    std::fs::read_to_string(root.join(path)).unwrap()
+}
+
+fn analysed(text: &str) -> (Model, Vec<f64>, Analysis) {
+    let spec = spec::parse(&Source::new("test.yaml", text)).unwrap_or_else(|e| panic!("{e}"));
+    let model = model::build(&spec);
+    let mut g = Graph::new();
+    for coordinate in &model.coordinates {
+        g.symbol(&coordinate.name);
+    }
+    let frames = Frames::new(&mut g, &model, Geometry::Values);
+    let equations = world_equations(&mut g, &frames, &model, None);
+    let loops = NumericLoops::new(&g, &equations, model.coordinates.len());
+    let home = close_home(&loops, &model).unwrap();
+    let analysis = analyse(&spec, &model, &home);
+    (model, home, analysis)
+}
+
+fn table(model: &Model, analysis: &Analysis) -> String {
+    let mut text = String::new();
+    let label = |c: usize| &model.parameters[c].label;
+    for parameter in &analysis.base.parameters {
+        let terms = parameter.terms.iter();
+        let terms: Vec<String> = terms
+            .map(|t| format!("[{}] {}", t.coefficient, label(t.column)))
+            .collect();
+        writeln!(text, "{:?} {}", parameter.layer, terms.join(" + ")).unwrap();
+    }
+    text
+}
+
+/// The analysis of a mechanism with some completed directions: complete, of this
+/// rank, all of it recognised, and with directions that are null at states of
+/// their own.
+fn complete(path: &str, text: &str, rank: usize, completed: usize) -> (Model, Analysis) {
+    let (model, home, analysis) = analysed(text);
+    let table = table(&model, &analysis);
+    assert!(
+        analysis.complete,
+        "{path}: {} completed\n{table}",
+        analysis.base.completed
+    );
+    assert_eq!(analysis.base.rank(), rank, "{path}\n{table}");
+    assert_eq!(analysis.base.completed, completed, "{path}");
+    assert_eq!(analysis.base.unrecognised, [""; 0], "{path}\n{table}");
+    // W(all) phi is W(base) beta
+    let fresh = certify(&model, &home, 99).unwrap();
+    let phi: Vec<Wide> = (0..model.parameters.len())
+        .map(|c| Wide::from_f64(((c * 7919 + 13) % 101) as f64 / 16.0 - 3.0))
+        .collect();
+    let mut difference = phi.clone();
+    for parameter in &analysis.base.parameters {
+        let terms = parameter.terms.iter();
+        let beta = terms.fold(Wide::ZERO, |sum, t| {
+            sum + Wide::from_number(&t.value) * phi[t.column]
+        });
+        difference[parameter.column] = difference[parameter.column] - beta;
+    }
+    assert!(fresh.left_over(&phi) > 1e-9, "{path}");
+    assert!(fresh.left_over(&difference) < 1e-60, "{path}\n{table}");
+    for parameter in &analysis.base.parameters {
+        for term in &parameter.terms {
+            let text = &term.coefficient;
+            assert!(!text.contains('.'), "{path}: a bare number: {text}");
+        }
+    }
+    let parameters = analysis.base.parameters.iter();
+    let marked = parameters.filter(|p| p.layer == Layer::Completed).count();
+    assert!(marked > 0, "{path}");
+    (model, analysis)
+}
+
+/// The combination with a kept parameter.
+fn combination(model: &Model, analysis: &Analysis, kept: &str) -> Vec<String> {
+    let label = |c: usize| model.parameters[c].label.as_str();
+    let mut parameters = analysis.base.parameters.iter();
+    let found = parameters.find(|p| label(p.column) == kept);
+    let found = found.unwrap_or_else(|| panic!("{}", table(model, analysis)));
+    let mut terms: Vec<String> = found
+        .terms
+        .iter()
+        .map(|t| format!("{} {}", t.coefficient, label(t.column)))
+        .collect();
+    terms.sort();
+    terms
+}
+
+#[test]
+fn a_parallelogram_has_3() {
+    let path = "mechanisms/parallelogram_cut.yaml";
+    let (model, analysis) = complete(path, &file(path), 3, 5);
+    assert_eq!(
+        combination(&model, &analysis, "Izz(1)"),
+        ["1 Izz(1)", "1 Izz(3)", "l^2 m(2)"]
+    );
+    assert_eq!(
+        combination(&model, &analysis, "mx(1)"),
+        ["1 mx(1)", "1 mx(3)", "l m(2)"]
+    );
+    assert_eq!(
+        combination(&model, &analysis, "my(1)"),
+        ["1 my(1)", "1 my(3)"]
+    );
+}
+
+#[test]
+fn sides_that_are_equal_by_value_only_stay_equal() {
+    let path = "mechanisms/parallelogram_cut.yaml";
+    let text = file(path)
+        .replace("w: 0.25", "w: 0.25, l2: 0.4, w2: 0.25")
+        .replace("{body: 2, xyz: [w, 0, 0]}", "{body: 2, xyz: [w2, 0, 0]}")
+        .replace("{body: 3, xyz: [l, 0, 0]}", "{body: 3, xyz: [l2, 0, 0]}");
+    let (model, analysis) = complete("four names", &text, 3, 5);
+    assert_eq!(
+        combination(&model, &analysis, "mx(3)"),
+        ["1 mx(3)", "l2 m(2)", "l2/l mx(1)"]
+    );
+}
+
+#[test]
+fn a_parallelogram_of_couplings_has_3_and_friction() {
+    let path = "mechanisms/parallelogram.yaml";
+    let (model, analysis) = complete(path, &file(path), 5, 6);
+    assert_eq!(
+        combination(&model, &analysis, "my(1)"),
+        ["1 my(1)", "1 my(3)"]
+    );
+}
+
+#[test]
+fn a_translational_delta_has_34() {
+    let path = "mechanisms/delta.yaml";
+    let (model, analysis) = complete(path, &file(path), 34, 9);
+    // its platform never rotates: nothing but its mass counts
+    for parameter in &analysis.base.parameters {
+        for term in &parameter.terms {
+            let label = &model.parameters[term.column].label;
+            assert!(!label.ends_with("(platform)") || label == "m(platform)");
+        }
+    }
+}
+
+#[test]
+fn geared_cranks_leave_one_inertia_of_both() {
+    let path = "mechanisms/geared_fivebar.yaml";
+    complete(path, &file(path), 15, 1);
+}
+
+#[test]
+fn a_four_bar_on_a_turntable_has_one_direction_more_than_its_trees() {
+    let path = "pairs/turntable/pin.yaml";
+    complete(path, &file(path), 21, 1);
+}
+
+#[test]
+fn a_four_bar_on_a_rotating_base_has_19() {
+    let text = "name: rotating
+geometry: {crank: 0.12, coupler: 0.35, rocker: 0.30, ground: 0.40, h: 0.1}
+limbs:
+  - name: driven
+    joints:
+      - {name: t, type: revolute, body: 0, actuated: true}
+      - {name: q1, type: revolute, origin: {xyz: [h, 0, 0], rpy: [pi/2, 0, 0]}, body: 1, actuated: true}
+      - {name: q2, type: revolute, dh: {a: crank}, body: 2}
+  - name: following
+    from: 0
+    base: {xyz: [h + ground, 0, 0], rpy: [pi/2, 0, 0]}
+    joints:
+      - {name: q3, type: revolute, body: 3}
+cuts:
+  - {name: pin, joint: revolute, between: [{body: 2, xyz: [coupler, 0, 0]}, {body: 3, xyz: [rocker, 0, 0]}]}
+home: {q1: pi/3, q2: -0.46557, q3: 1.72997}
+";
+    complete("rotating base", text, 19, 1);
+}
+
+#[test]
+fn what_was_completed_can_be_stored() {
+    let source = Source::new("test.yaml", file("mechanisms/parallelogram_cut.yaml"));
+    let spec = spec::parse(&source).unwrap();
+    let (model, _, analysis) = analysed(&source.text);
+    let text = store(&source, &analysis);
+    assert_eq!(restore(&text, &source, &spec, &model), Ok(analysis));
+}
