@@ -172,3 +172,34 @@ fn a_trespass_is_noticed() {
         .sum();
     assert!(named > 100);
 }
+
+/// Files of the base room that decide anything in layers 1 and 2.
+const EXACT: [&str; 13] = [
+    "choice.rs",
+    "geometry.rs",
+    "known.rs",
+    "linkage.rs",
+    "rates.rs",
+    "span.rs",
+    "tree.rs",
+    "trees.rs",
+    "field/mod.rs",
+    "field/polynomial.rs",
+    "field/print.rs",
+    "field/ratio.rs",
+    "field/variables.rs",
+];
+
+#[test]
+fn layers_1_and_2_hold_no_double() {
+    let base = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/base");
+    let holds = |file: &str| {
+        let text = std::fs::read_to_string(base.join(file)).unwrap();
+        text.contains("f64") || text.contains("f32")
+    };
+    for file in EXACT {
+        assert!(!holds(file), "{file} speaks of doubles");
+    }
+    // where doubles belong, they are found
+    assert!(holds("analysis.rs"));
+}

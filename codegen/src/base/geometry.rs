@@ -87,6 +87,9 @@ impl Names {
                         let value = a.value().sqrt()?;
                         written(field, "sqrt", &a, value)
                     }
+                    // of a constant, the same variables as a placement's
+                    Function::Sin if a.weight() == 0 => field.sin_cos(a.value()).0,
+                    Function::Cos if a.weight() == 0 => field.sin_cos(a.value()).1,
                     Function::Sin => {
                         let value = a.value().sin_cos().0;
                         written(field, "sin", &a, value)

@@ -16,6 +16,8 @@ use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
+use dashu_ratio::RBig;
+
 use crate::sym::Number;
 
 pub(crate) use polynomial::Polynomial;
@@ -169,18 +171,14 @@ impl Field {
             let (sin, cos) = self.sin_cos(&angle.neg());
             return (sin.neg(), cos);
         }
-        // sines and cosines of x and of x plus quarter turns are the same numbers
-        for turns in [1, 2, 3, -1, -2, -3] {
-            let rest = Number::pi().mul(&Number::from_i64(turns));
-            let rest = rest.div(&Number::from_i64(2)).map(|t| angle.sub(&t));
-            if let Some(rest) = rest.filter(|r| r.as_rational().is_some()) {
-                let (sin, cos) = self.sin_cos(&rest);
-                return match turns.rem_euclid(4) {
-                    1 => (cos, sin.neg()),
-                    2 => (sin.neg(), cos.neg()),
-                    _ => (cos.neg(), sin),
-                };
-            }
+        if let Some((turns, rest)) = quarter_turns(angle) {
+            let (sin, cos) = self.sin_cos(&rest);
+            return match turns.rem_euclid(4) {
+                1 => (cos, sin.neg()),
+                2 => (sin.neg(), cos.neg()),
+                3 => (cos.neg(), sin),
+                _ => (sin, cos),
+            };
         }
         // the cosine first: the sine's square is written with it
         let cos = self.variable(Variable::Cos(angle.clone()), cos);
@@ -275,6 +273,22 @@ impl Field {
             Form::Constant | Form::TooLong => a.value.to_string(),
         }
     }
+}
+
+/// An angle as quarter turns, not none, and a rest whose sine and cosine are
+/// written instead: without pi, or at most an eighth turn.
+fn quarter_turns(angle: &Number) -> Option<(i64, Number)> {
+    let rest = |turns: i64| -> Option<Number> {
+        let turned = Number::pi().mul(&Number::ratio(turns, 2)?);
+        Some(angle.sub(&turned))
+    };
+    if let Some(halves) = angle.pi_multiple() {
+        let turns = i64::try_from((halves * RBig::from(2)).round()).ok()?;
+        return (turns != 0).then_some((turns, rest(turns)?));
+    }
+    let few = [1, 2, 3, -1, -2, -3].into_iter();
+    few.filter_map(|turns| Some((turns, rest(turns)?)))
+        .find(|(_, rest)| rest.as_rational().is_some())
 }
 
 #[cfg(test)]

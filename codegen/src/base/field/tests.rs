@@ -118,6 +118,25 @@ fn quarter_turns_bring_no_new_sines() {
 }
 
 #[test]
+fn multiples_of_pi_are_written_within_an_eighth_turn() {
+    let mut f = Field::default();
+    for n in -40..=40 {
+        let angle = Number::pi().mul(&Number::ratio(n, 18).unwrap());
+        let (expected_sin, expected_cos) = angle.sin_cos();
+        let (sin, cos) = f.sin_cos(&angle);
+        assert!(sin.value().sub(&expected_sin).is_zero());
+        assert!(cos.value().sub(&expected_cos).is_zero());
+        for e in [sin, cos] {
+            let text = f.text(&e);
+            let known = ["(pi/18)", "(pi/9)", "(2*pi/9)"];
+            let exact = !text.contains("pi");
+            assert!(exact || known.iter().any(|k| text.ends_with(k)), "{text}");
+        }
+    }
+    assert_eq!(f.coincidences().count(), 0);
+}
+
+#[test]
 fn what_is_left_of_sines_is_exact() {
     let mut f = Field::default();
     let (s, c) = f.sin_cos(&Number::parse_decimal("0.6").unwrap());
