@@ -196,23 +196,23 @@ pub const BASE: [BaseParameter<'static>; 82] = [
         label: "Ixx(platform)",
         terms: &[
             BaseTerm { parameter: "Ixx(platform)", index: 20, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "-rp^2*sin(5*pi/18)^2", value: -0.0028754380352839794 },
-            BaseTerm { parameter: "m(rod6)", index: 129, coefficient: "rp^2*sin(29*pi/18)^2 - rp^2*sin(5*pi/18)^2", value: 0.0014513708503575168 },
-            BaseTerm { parameter: "m(rod5)", index: 109, coefficient: "rp^2*sin(17*pi/18)^2 - rp^2*sin(5*pi/18)^2", value: -0.0027276849562094547 },
-            BaseTerm { parameter: "m(rod4)", index: 89, coefficient: "rp^2*sin(17*pi/18)^2 - rp^2*sin(5*pi/18)^2", value: -0.0027276849562094547 },
-            BaseTerm { parameter: "m(rod3)", index: 69, coefficient: "rp^2*sin(29*pi/18)^2 - rp^2*sin(5*pi/18)^2", value: 0.0014513708503575168 },
+            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "-rp^2*cos(2*pi/9)^2", value: -0.0028754380352839794 },
+            BaseTerm { parameter: "m(rod6)", index: 129, coefficient: "rp^2*cos(pi/9)^2 - rp^2*cos(2*pi/9)^2", value: 0.0014513708503575168 },
+            BaseTerm { parameter: "m(rod3)", index: 69, coefficient: "rp^2*cos(pi/9)^2 - rp^2*cos(2*pi/9)^2", value: 0.0014513708503575168 },
+            BaseTerm { parameter: "m(rod5)", index: 109, coefficient: "rp^2 - rp^2*cos(pi/18)^2 - rp^2*cos(2*pi/9)^2", value: -0.0027276849562094547 },
+            BaseTerm { parameter: "m(rod4)", index: 89, coefficient: "rp^2 - rp^2*cos(pi/18)^2 - rp^2*cos(2*pi/9)^2", value: -0.0027276849562094547 },
         ],
     },
     BaseParameter {
         label: "Ixy(platform)",
         terms: &[
             BaseTerm { parameter: "Ixy(platform)", index: 21, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "rp^2*cos(-5*pi/18)*sin(-5*pi/18)", value: -0.0024127789948799098 },
-            BaseTerm { parameter: "m(rod6)", index: 129, coefficient: "rp^2*cos(-5*pi/18)*sin(-5*pi/18) - rp^2*cos(29*pi/18)*sin(29*pi/18)", value: -0.0008379493511478884 },
-            BaseTerm { parameter: "m(rod5)", index: 109, coefficient: "rp^2*cos(-5*pi/18)*sin(-5*pi/18) - rp^2*cos(19*pi/18)*sin(19*pi/18)", value: -0.003250728346027798 },
-            BaseTerm { parameter: "m(rod4)", index: 89, coefficient: "rp^2*cos(-5*pi/18)*sin(-5*pi/18) - rp^2*cos(17*pi/18)*sin(17*pi/18)", value: -0.0015748296437320213 },
-            BaseTerm { parameter: "m(rod3)", index: 69, coefficient: "rp^2*cos(-5*pi/18)*sin(-5*pi/18) - rp^2*cos(7*pi/18)*sin(7*pi/18)", value: -0.003987608638611931 },
-            BaseTerm { parameter: "m(rod2)", index: 49, coefficient: "rp^2*cos(-5*pi/18)*sin(-5*pi/18) - rp^2*cos(5*pi/18)*sin(5*pi/18)", value: -0.0048255579897598195 },
+            BaseTerm { parameter: "m(rod2)", index: 49, coefficient: "-2*rp^2*cos(2*pi/9)*sin(2*pi/9)", value: -0.0048255579897598195 },
+            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "-rp^2*cos(2*pi/9)*sin(2*pi/9)", value: -0.0024127789948799098 },
+            BaseTerm { parameter: "m(rod6)", index: 129, coefficient: "rp^2*cos(pi/9)*sin(pi/9) - rp^2*cos(2*pi/9)*sin(2*pi/9)", value: -0.0008379493511478884 },
+            BaseTerm { parameter: "m(rod5)", index: 109, coefficient: "-rp^2*cos(pi/18)*sin(pi/18) - rp^2*cos(2*pi/9)*sin(2*pi/9)", value: -0.003250728346027798 },
+            BaseTerm { parameter: "m(rod4)", index: 89, coefficient: "rp^2*cos(pi/18)*sin(pi/18) - rp^2*cos(2*pi/9)*sin(2*pi/9)", value: -0.0015748296437320213 },
+            BaseTerm { parameter: "m(rod3)", index: 69, coefficient: "-rp^2*cos(2*pi/9)*sin(2*pi/9) - rp^2*cos(pi/9)*sin(pi/9)", value: -0.003987608638611931 },
         ],
     },
     BaseParameter {
@@ -225,11 +225,11 @@ pub const BASE: [BaseParameter<'static>; 82] = [
         label: "Iyy(platform)",
         terms: &[
             BaseTerm { parameter: "Iyy(platform)", index: 23, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "-rp^2*cos(5*pi/18)^2", value: -0.002024561964716021 },
-            BaseTerm { parameter: "m(rod6)", index: 129, coefficient: "rp^2*cos(29*pi/18)^2 - rp^2*cos(5*pi/18)^2", value: -0.0014513708503575168 },
-            BaseTerm { parameter: "m(rod5)", index: 109, coefficient: "rp^2*cos(17*pi/18)^2 - rp^2*cos(5*pi/18)^2", value: 0.0027276849562094547 },
-            BaseTerm { parameter: "m(rod4)", index: 89, coefficient: "rp^2*cos(17*pi/18)^2 - rp^2*cos(5*pi/18)^2", value: 0.0027276849562094547 },
-            BaseTerm { parameter: "m(rod3)", index: 69, coefficient: "rp^2*cos(29*pi/18)^2 - rp^2*cos(5*pi/18)^2", value: -0.0014513708503575168 },
+            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "rp^2*cos(2*pi/9)^2 - rp^2", value: -0.002024561964716021 },
+            BaseTerm { parameter: "m(rod6)", index: 129, coefficient: "rp^2*cos(2*pi/9)^2 - rp^2*cos(pi/9)^2", value: -0.0014513708503575168 },
+            BaseTerm { parameter: "m(rod3)", index: 69, coefficient: "rp^2*cos(2*pi/9)^2 - rp^2*cos(pi/9)^2", value: -0.0014513708503575168 },
+            BaseTerm { parameter: "m(rod5)", index: 109, coefficient: "rp^2*cos(pi/18)^2 + rp^2*cos(2*pi/9)^2 - rp^2", value: 0.0027276849562094547 },
+            BaseTerm { parameter: "m(rod4)", index: 89, coefficient: "rp^2*cos(pi/18)^2 + rp^2*cos(2*pi/9)^2 - rp^2", value: 0.0027276849562094547 },
         ],
     },
     BaseParameter {
@@ -242,30 +242,30 @@ pub const BASE: [BaseParameter<'static>; 82] = [
         label: "Izz(platform)",
         terms: &[
             BaseTerm { parameter: "Izz(platform)", index: 25, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "-rp^2*cos(5*pi/18)^2 - rp^2*sin(5*pi/18)^2", value: -0.0049 },
+            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "-rp^2", value: -0.0049 },
         ],
     },
     BaseParameter {
         label: "mx(platform)",
         terms: &[
             BaseTerm { parameter: "mx(platform)", index: 26, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "-rp*cos(5*pi/18)", value: -0.044995132678057756 },
-            BaseTerm { parameter: "m(rod6)", index: 129, coefficient: "rp*cos(29*pi/18) - rp*cos(5*pi/18)", value: -0.021053722645260942 },
-            BaseTerm { parameter: "m(rod5)", index: 109, coefficient: "rp*cos(17*pi/18) - rp*cos(5*pi/18)", value: -0.11393167538891232 },
-            BaseTerm { parameter: "m(rod4)", index: 89, coefficient: "rp*cos(17*pi/18) - rp*cos(5*pi/18)", value: -0.11393167538891232 },
-            BaseTerm { parameter: "m(rod3)", index: 69, coefficient: "rp*cos(29*pi/18) - rp*cos(5*pi/18)", value: -0.021053722645260942 },
+            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "-rp*sin(2*pi/9)", value: -0.044995132678057756 },
+            BaseTerm { parameter: "m(rod6)", index: 129, coefficient: "rp*sin(pi/9) - rp*sin(2*pi/9)", value: -0.021053722645260942 },
+            BaseTerm { parameter: "m(rod5)", index: 109, coefficient: "-rp*cos(pi/18) - rp*sin(2*pi/9)", value: -0.11393167538891232 },
+            BaseTerm { parameter: "m(rod4)", index: 89, coefficient: "-rp*cos(pi/18) - rp*sin(2*pi/9)", value: -0.11393167538891232 },
+            BaseTerm { parameter: "m(rod3)", index: 69, coefficient: "rp*sin(pi/9) - rp*sin(2*pi/9)", value: -0.021053722645260942 },
         ],
     },
     BaseParameter {
         label: "my(platform)",
         terms: &[
             BaseTerm { parameter: "my(platform)", index: 27, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "-rp*sin(-5*pi/18)", value: 0.053623111018328465 },
-            BaseTerm { parameter: "m(rod6)", index: 129, coefficient: "rp*sin(29*pi/18) - rp*sin(-5*pi/18)", value: -0.012155372436685125 },
-            BaseTerm { parameter: "m(rod5)", index: 109, coefficient: "rp*sin(19*pi/18) - rp*sin(-5*pi/18)", value: 0.041467738581643335 },
-            BaseTerm { parameter: "m(rod4)", index: 89, coefficient: "rp*sin(17*pi/18) - rp*sin(-5*pi/18)", value: 0.06577848345501358 },
-            BaseTerm { parameter: "m(rod3)", index: 69, coefficient: "rp*sin(7*pi/18) - rp*sin(-5*pi/18)", value: 0.11940159447334205 },
-            BaseTerm { parameter: "m(rod2)", index: 49, coefficient: "rp*sin(5*pi/18) - rp*sin(-5*pi/18)", value: 0.10724622203665693 },
+            BaseTerm { parameter: "m(rod2)", index: 49, coefficient: "2*rp*cos(2*pi/9)", value: 0.10724622203665693 },
+            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "rp*cos(2*pi/9)", value: 0.053623111018328465 },
+            BaseTerm { parameter: "m(rod6)", index: 129, coefficient: "rp*cos(2*pi/9) - rp*cos(pi/9)", value: -0.012155372436685125 },
+            BaseTerm { parameter: "m(rod5)", index: 109, coefficient: "rp*cos(2*pi/9) - rp*sin(pi/18)", value: 0.041467738581643335 },
+            BaseTerm { parameter: "m(rod4)", index: 89, coefficient: "rp*sin(pi/18) + rp*cos(2*pi/9)", value: 0.06577848345501358 },
+            BaseTerm { parameter: "m(rod3)", index: 69, coefficient: "rp*cos(2*pi/9) + rp*cos(pi/9)", value: 0.11940159447334205 },
         ],
     },
     BaseParameter {
@@ -39352,102 +39352,101 @@ pub fn to_base<T: Scalar>(phi: &[T; 130]) -> [T; 82] {
         let t1_13 = like.lift(-0.0028754380352839794).mul_add(p_m_platform, p_ixx_platform);
         let t1_14 = like.lift(0.0014513708503575168) * p_m_rod6;
         let t1_15 = t1_13 + t1_14;
-        let t1_16 = like.lift(0.0027276849562094547) * p_m_rod5;
-        let t1_17 = t1_15 - t1_16;
-        let t1_18 = like.lift(0.0027276849562094547) * p_m_rod4;
+        let t1_16 = like.lift(0.0014513708503575168) * p_m_rod3;
+        let t1_17 = t1_15 + t1_16;
+        let t1_18 = like.lift(0.0027276849562094547) * p_m_rod5;
         let t1_19 = t1_17 - t1_18;
-        let t1_20 = like.lift(0.0014513708503575168) * p_m_rod3;
-        let t1_21 = t1_19 + t1_20;
+        let t1_20 = like.lift(0.0027276849562094547) * p_m_rod4;
+        let t1_21 = t1_19 - t1_20;
         beta[13] = t1_21;
-        let t1_22 = like.lift(-0.0024127789948799098).mul_add(p_m_platform, p_ixy_platform);
-        let t1_23 = like.lift(-0.0008379493511478884).mul_add(p_m_rod6, t1_22);
-        let t1_24 = like.lift(-0.003250728346027798).mul_add(p_m_rod5, t1_23);
-        let t1_25 = like.lift(-0.0015748296437320213).mul_add(p_m_rod4, t1_24);
-        let t1_26 = like.lift(-0.003987608638611931).mul_add(p_m_rod3, t1_25);
-        let t1_27 = like.lift(-0.0048255579897598195).mul_add(p_m_rod2, t1_26);
+        let t1_22 = like.lift(-0.0048255579897598195).mul_add(p_m_rod2, p_ixy_platform);
+        let t1_23 = like.lift(-0.0024127789948799098).mul_add(p_m_platform, t1_22);
+        let t1_24 = like.lift(-0.0008379493511478884).mul_add(p_m_rod6, t1_23);
+        let t1_25 = like.lift(-0.003250728346027798).mul_add(p_m_rod5, t1_24);
+        let t1_26 = like.lift(-0.0015748296437320213).mul_add(p_m_rod4, t1_25);
+        let t1_27 = like.lift(-0.003987608638611931).mul_add(p_m_rod3, t1_26);
         beta[14] = t1_27;
         let t1_28 = like.lift(-0.002024561964716021).mul_add(p_m_platform, p_iyy_platform);
         let t1_29 = t1_14 - t1_28;
-        let t1_30 = t1_16 - t1_29;
-        let t1_31 = t1_18 + t1_30;
-        let t1_32 = t1_20 - t1_31;
-        let t1_33 = -t1_32;
-        beta[16] = t1_33;
-        let t1_34 = like.lift(-0.0049).mul_add(p_m_platform, p_izz_platform);
-        beta[18] = t1_34;
-        let t1_35 = like.lift(-0.044995132678057756).mul_add(p_m_platform, p_mx_platform);
-        let t1_36 = like.lift(-0.021053722645260942).mul_add(p_m_rod6, t1_35);
-        let t1_37 = like.lift(-0.11393167538891232).mul_add(p_m_rod5, t1_36);
-        let t1_38 = like.lift(-0.11393167538891232).mul_add(p_m_rod4, t1_37);
-        let t1_39 = like.lift(-0.021053722645260942).mul_add(p_m_rod3, t1_38);
-        beta[19] = t1_39;
-        let t1_40 = like.lift(0.053623111018328465).mul_add(p_m_platform, p_my_platform);
+        let t1_30 = t1_16 + t1_29;
+        let t1_31 = t1_18 - t1_30;
+        let t1_32 = t1_20 + t1_31;
+        beta[16] = t1_32;
+        let t1_33 = like.lift(-0.0049).mul_add(p_m_platform, p_izz_platform);
+        beta[18] = t1_33;
+        let t1_34 = like.lift(-0.044995132678057756).mul_add(p_m_platform, p_mx_platform);
+        let t1_35 = like.lift(-0.021053722645260942).mul_add(p_m_rod6, t1_34);
+        let t1_36 = like.lift(-0.11393167538891232).mul_add(p_m_rod5, t1_35);
+        let t1_37 = like.lift(-0.11393167538891232).mul_add(p_m_rod4, t1_36);
+        let t1_38 = like.lift(-0.021053722645260942).mul_add(p_m_rod3, t1_37);
+        beta[19] = t1_38;
+        let t1_39 = like.lift(0.10724622203665693).mul_add(p_m_rod2, p_my_platform);
+        let t1_40 = like.lift(0.053623111018328465).mul_add(p_m_platform, t1_39);
         let t1_41 = like.lift(-0.012155372436685125).mul_add(p_m_rod6, t1_40);
         let t1_42 = like.lift(0.041467738581643335).mul_add(p_m_rod5, t1_41);
         let t1_43 = like.lift(0.06577848345501358).mul_add(p_m_rod4, t1_42);
         let t1_44 = like.lift(0.11940159447334205).mul_add(p_m_rod3, t1_43);
-        let t1_45 = like.lift(0.10724622203665693).mul_add(p_m_rod2, t1_44);
-        beta[20] = t1_45;
-        let t1_46 = p_ixx_housing2 + p_ixx_rod2;
-        beta[22] = t1_46;
-        let t1_47 = p_ixy_housing2 + p_ixy_rod2;
-        beta[23] = t1_47;
-        let t1_48 = p_ixz_housing2 + p_ixz_rod2;
-        beta[24] = t1_48;
-        let t1_49 = p_iyy_housing2 + p_iyy_rod2;
-        beta[25] = t1_49;
-        let t1_50 = p_iyz_housing2 + p_iyz_rod2;
-        beta[26] = t1_50;
-        let t1_51 = p_izz_housing2 + p_izz_rod2;
-        beta[27] = t1_51;
-        let t1_52 = p_ixx_housing3 + p_ixx_rod3;
-        beta[34] = t1_52;
-        let t1_53 = p_ixy_housing3 + p_ixy_rod3;
-        beta[35] = t1_53;
-        let t1_54 = p_ixz_housing3 + p_ixz_rod3;
-        beta[36] = t1_54;
-        let t1_55 = p_iyy_housing3 + p_iyy_rod3;
-        beta[37] = t1_55;
-        let t1_56 = p_iyz_housing3 + p_iyz_rod3;
-        beta[38] = t1_56;
-        let t1_57 = p_izz_housing3 + p_izz_rod3;
-        beta[39] = t1_57;
-        let t1_58 = p_ixx_housing4 + p_ixx_rod4;
-        beta[46] = t1_58;
-        let t1_59 = p_ixy_housing4 + p_ixy_rod4;
-        beta[47] = t1_59;
-        let t1_60 = p_ixz_housing4 + p_ixz_rod4;
-        beta[48] = t1_60;
-        let t1_61 = p_iyy_housing4 + p_iyy_rod4;
-        beta[49] = t1_61;
-        let t1_62 = p_iyz_housing4 + p_iyz_rod4;
-        beta[50] = t1_62;
-        let t1_63 = p_izz_housing4 + p_izz_rod4;
-        beta[51] = t1_63;
-        let t1_64 = p_ixx_housing5 + p_ixx_rod5;
-        beta[58] = t1_64;
-        let t1_65 = p_ixy_housing5 + p_ixy_rod5;
-        beta[59] = t1_65;
-        let t1_66 = p_ixz_housing5 + p_ixz_rod5;
-        beta[60] = t1_66;
-        let t1_67 = p_iyy_housing5 + p_iyy_rod5;
-        beta[61] = t1_67;
-        let t1_68 = p_iyz_housing5 + p_iyz_rod5;
-        beta[62] = t1_68;
-        let t1_69 = p_izz_housing5 + p_izz_rod5;
-        beta[63] = t1_69;
-        let t1_70 = p_ixx_housing6 + p_ixx_rod6;
-        beta[70] = t1_70;
-        let t1_71 = p_ixy_housing6 + p_ixy_rod6;
-        beta[71] = t1_71;
-        let t1_72 = p_ixz_housing6 + p_ixz_rod6;
-        beta[72] = t1_72;
-        let t1_73 = p_iyy_housing6 + p_iyy_rod6;
-        beta[73] = t1_73;
-        let t1_74 = p_iyz_housing6 + p_iyz_rod6;
-        beta[74] = t1_74;
-        let t1_75 = p_izz_housing6 + p_izz_rod6;
-        beta[75] = t1_75;
+        beta[20] = t1_44;
+        let t1_45 = p_ixx_housing2 + p_ixx_rod2;
+        beta[22] = t1_45;
+        let t1_46 = p_ixy_housing2 + p_ixy_rod2;
+        beta[23] = t1_46;
+        let t1_47 = p_ixz_housing2 + p_ixz_rod2;
+        beta[24] = t1_47;
+        let t1_48 = p_iyy_housing2 + p_iyy_rod2;
+        beta[25] = t1_48;
+        let t1_49 = p_iyz_housing2 + p_iyz_rod2;
+        beta[26] = t1_49;
+        let t1_50 = p_izz_housing2 + p_izz_rod2;
+        beta[27] = t1_50;
+        let t1_51 = p_ixx_housing3 + p_ixx_rod3;
+        beta[34] = t1_51;
+        let t1_52 = p_ixy_housing3 + p_ixy_rod3;
+        beta[35] = t1_52;
+        let t1_53 = p_ixz_housing3 + p_ixz_rod3;
+        beta[36] = t1_53;
+        let t1_54 = p_iyy_housing3 + p_iyy_rod3;
+        beta[37] = t1_54;
+        let t1_55 = p_iyz_housing3 + p_iyz_rod3;
+        beta[38] = t1_55;
+        let t1_56 = p_izz_housing3 + p_izz_rod3;
+        beta[39] = t1_56;
+        let t1_57 = p_ixx_housing4 + p_ixx_rod4;
+        beta[46] = t1_57;
+        let t1_58 = p_ixy_housing4 + p_ixy_rod4;
+        beta[47] = t1_58;
+        let t1_59 = p_ixz_housing4 + p_ixz_rod4;
+        beta[48] = t1_59;
+        let t1_60 = p_iyy_housing4 + p_iyy_rod4;
+        beta[49] = t1_60;
+        let t1_61 = p_iyz_housing4 + p_iyz_rod4;
+        beta[50] = t1_61;
+        let t1_62 = p_izz_housing4 + p_izz_rod4;
+        beta[51] = t1_62;
+        let t1_63 = p_ixx_housing5 + p_ixx_rod5;
+        beta[58] = t1_63;
+        let t1_64 = p_ixy_housing5 + p_ixy_rod5;
+        beta[59] = t1_64;
+        let t1_65 = p_ixz_housing5 + p_ixz_rod5;
+        beta[60] = t1_65;
+        let t1_66 = p_iyy_housing5 + p_iyy_rod5;
+        beta[61] = t1_66;
+        let t1_67 = p_iyz_housing5 + p_iyz_rod5;
+        beta[62] = t1_67;
+        let t1_68 = p_izz_housing5 + p_izz_rod5;
+        beta[63] = t1_68;
+        let t1_69 = p_ixx_housing6 + p_ixx_rod6;
+        beta[70] = t1_69;
+        let t1_70 = p_ixy_housing6 + p_ixy_rod6;
+        beta[71] = t1_70;
+        let t1_71 = p_ixz_housing6 + p_ixz_rod6;
+        beta[72] = t1_71;
+        let t1_72 = p_iyy_housing6 + p_iyy_rod6;
+        beta[73] = t1_72;
+        let t1_73 = p_iyz_housing6 + p_iyz_rod6;
+        beta[74] = t1_73;
+        let t1_74 = p_izz_housing6 + p_izz_rod6;
+        beta[75] = t1_74;
         beta[6] = p_mx_housing1;
         beta[7] = p_my_housing1;
         beta[8] = p_mz_housing1;
@@ -39550,27 +39549,27 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 82], free: &[T; 48]) -> [T; 13
         phi[19] = t1_12;
         let t1_13 = like.lift(0.0014513708503575168) * p_m_rod6;
         let t1_14 = like.lift(0.0028754380352839794).mul_add(p_m_platform, -t1_13);
-        let t1_15 = like.lift(0.0027276849562094547) * p_m_rod5;
-        let t1_16 = t1_14 + t1_15;
-        let t1_17 = like.lift(0.0027276849562094547) * p_m_rod4;
+        let t1_15 = like.lift(0.0014513708503575168) * p_m_rod3;
+        let t1_16 = t1_14 - t1_15;
+        let t1_17 = like.lift(0.0027276849562094547) * p_m_rod5;
         let t1_18 = t1_16 + t1_17;
-        let t1_19 = like.lift(0.0014513708503575168) * p_m_rod3;
-        let t1_20 = t1_18 - t1_19;
+        let t1_19 = like.lift(0.0027276849562094547) * p_m_rod4;
+        let t1_20 = t1_18 + t1_19;
         let t1_21 = p_ixx_platform + t1_20;
         phi[20] = t1_21;
-        let t1_22 = like.lift(0.0024127789948799098) * p_m_platform;
-        let t1_23 = like.lift(0.0008379493511478884).mul_add(p_m_rod6, t1_22);
-        let t1_24 = like.lift(0.003250728346027798).mul_add(p_m_rod5, t1_23);
-        let t1_25 = like.lift(0.0015748296437320213).mul_add(p_m_rod4, t1_24);
-        let t1_26 = like.lift(0.003987608638611931).mul_add(p_m_rod3, t1_25);
-        let t1_27 = like.lift(0.0048255579897598195).mul_add(p_m_rod2, t1_26);
+        let t1_22 = like.lift(0.0048255579897598195) * p_m_rod2;
+        let t1_23 = like.lift(0.0024127789948799098).mul_add(p_m_platform, t1_22);
+        let t1_24 = like.lift(0.0008379493511478884).mul_add(p_m_rod6, t1_23);
+        let t1_25 = like.lift(0.003250728346027798).mul_add(p_m_rod5, t1_24);
+        let t1_26 = like.lift(0.0015748296437320213).mul_add(p_m_rod4, t1_25);
+        let t1_27 = like.lift(0.003987608638611931).mul_add(p_m_rod3, t1_26);
         let t1_28 = p_ixy_platform + t1_27;
         phi[21] = t1_28;
         let t1_29 = like.lift(0.002024561964716021).mul_add(p_m_platform, t1_13);
-        let t1_30 = t1_15 - t1_29;
-        let t1_31 = t1_17 + t1_30;
-        let t1_32 = t1_19 - t1_31;
-        let t1_33 = p_iyy_platform + t1_32;
+        let t1_30 = t1_15 + t1_29;
+        let t1_31 = t1_17 - t1_30;
+        let t1_32 = t1_19 + t1_31;
+        let t1_33 = p_iyy_platform - t1_32;
         phi[23] = t1_33;
         let t1_34 = like.lift(0.0049).mul_add(p_m_platform, p_izz_platform);
         phi[25] = t1_34;
@@ -39581,12 +39580,12 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 82], free: &[T; 48]) -> [T; 13
         let t1_39 = like.lift(0.021053722645260942).mul_add(p_m_rod3, t1_38);
         let t1_40 = p_mx_platform + t1_39;
         phi[26] = t1_40;
-        let t1_41 = like.lift(0.053623111018328465) * p_m_platform;
-        let t1_42 = like.lift(-0.012155372436685125).mul_add(p_m_rod6, t1_41);
-        let t1_43 = like.lift(0.041467738581643335).mul_add(p_m_rod5, t1_42);
-        let t1_44 = like.lift(0.06577848345501358).mul_add(p_m_rod4, t1_43);
-        let t1_45 = like.lift(0.11940159447334205).mul_add(p_m_rod3, t1_44);
-        let t1_46 = like.lift(0.10724622203665693).mul_add(p_m_rod2, t1_45);
+        let t1_41 = like.lift(0.10724622203665693) * p_m_rod2;
+        let t1_42 = like.lift(0.053623111018328465).mul_add(p_m_platform, t1_41);
+        let t1_43 = like.lift(-0.012155372436685125).mul_add(p_m_rod6, t1_42);
+        let t1_44 = like.lift(0.041467738581643335).mul_add(p_m_rod5, t1_43);
+        let t1_45 = like.lift(0.06577848345501358).mul_add(p_m_rod4, t1_44);
+        let t1_46 = like.lift(0.11940159447334205).mul_add(p_m_rod3, t1_45);
         let t1_47 = p_my_platform - t1_46;
         phi[27] = t1_47;
         let t1_48 = p_ixx_housing2 - p_ixx_rod2;
