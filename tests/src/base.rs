@@ -4,6 +4,7 @@
 use nalgebra::DMatrix;
 use regen_codegen::base::{Base, Term, derive};
 use regen_codegen::diag::Source;
+use regen_codegen::pipeline;
 use regen_codegen::spec::{self, Spec};
 
 use crate::reference::{Mechanism, State, evaluate};
@@ -46,6 +47,18 @@ impl Derivation {
             base: derive(&spec, &model, None),
             columns: model.parameters.len(),
             spec,
+        })
+    }
+
+    /// Derives and completes the base parameters of a spec's text.
+    ///
+    /// # Errors
+    /// The report of the spec's mistakes.
+    pub fn completed(text: &str) -> Result<Derivation, String> {
+        let robot = pipeline::derive(&Source::new("test.yaml", text)).map_err(|e| e.to_string())?;
+        Ok(Derivation {
+            base: robot.analysis.ok_or("no analysis")?.base,
+            ..Derivation::new(text)?
         })
     }
 
