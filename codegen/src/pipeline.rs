@@ -57,7 +57,7 @@ pub fn derive(source: &Source) -> Result<Robot, Report> {
 /// they are wanted from.
 ///
 /// # Errors
-/// As [`derive`]; or why what was stored cannot be used.
+/// As [`derive()`]; or why what was stored cannot be used.
 pub fn derive_with(source: &Source, from: BaseFrom<'_>) -> Result<Robot, DeriveError> {
     assemble(source, |spec, model, home| match from {
         BaseFrom::Nowhere => Ok(None),
