@@ -49,7 +49,15 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("emit", &["base", "optimize", "robot"]),
     (
         "checks",
-        &["constraints", "diag", "kinematics", "model", "spec", "sym"],
+        &[
+            "base",
+            "constraints",
+            "diag",
+            "kinematics",
+            "model",
+            "spec",
+            "sym",
+        ],
     ),
     (
         "pipeline",
