@@ -24,7 +24,7 @@ pub(crate) fn functions(
     let phi = model.with_base(&beta, &free)?;
     let mut compare = |name, a: &[f64], b: &[f64]| worst.compare(name, a, b, 1.0, ROUNDING);
     compare(
-        "to_base(from_base(beta, free)) = beta",
+        "to_base(parameters_from_base) = beta",
         &model.to_base(&phi)?,
         &beta,
     );
