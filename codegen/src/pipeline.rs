@@ -123,6 +123,10 @@ fn named(spec: &Spec, model: &Model, closed: Closed) -> Robot {
         rows: model::rows_of(cut.kind),
     });
     let cuts: Vec<_> = cuts.collect();
+    let cones = model.cones.iter().map(|cone| crate::robot::ConeInfo {
+        name: cone.name.clone(),
+        greatest: cone.greatest.to_f64(),
+    });
     Robot {
         name: spec.name.value.clone(),
         description: spec.description.clone(),
@@ -134,6 +138,12 @@ fn named(spec: &Spec, model: &Model, closed: Closed) -> Robot {
         bodies: model.bodies.iter().map(|b| b.label.clone()).collect(),
         rows: cuts.iter().map(|c| c.rows).sum::<usize>() + model.couplings.len(),
         cuts,
+        joints: crate::robot::joints(spec, model),
+        cones: cones.collect(),
+        nominal: model::nominal(spec, model)
+            .into_iter()
+            .map(|value| value.map(|v| v.to_f64()))
+            .collect(),
         redundant_rows: closed
             .closure
             .as_ref()

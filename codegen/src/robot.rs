@@ -2,7 +2,9 @@
 //! the stages after the derivation work on; it no longer knows expressions.
 
 use crate::base::Analysis;
+use crate::model::{self, Model, MotionKind};
 use crate::optimize::{Operations, Program};
+use crate::spec::{Friction, Interval, Spec};
 
 /// What a function computes. `n` coordinates, `n_i` of them independent, `n_e`
 /// dependent, `p` parameters, `m` closure rows.
@@ -38,6 +40,8 @@ pub enum FunctionKind {
     Efforts,
     /// Rotation and position of every body.
     Poses,
+    /// Cosines of the angles that cones limit.
+    Cones,
     /// W at the kept columns (Eq. 23).
     BaseRegressor,
     /// Base parameters from parameters.
@@ -56,7 +60,7 @@ pub enum FunctionKind {
 
 impl FunctionKind {
     /// All of them, in the order in which they are emitted.
-    pub const ALL: [FunctionKind; 22] = [
+    pub const ALL: [FunctionKind; 23] = [
         FunctionKind::Constraints,
         FunctionKind::Jacobian,
         FunctionKind::Bias,
@@ -72,6 +76,7 @@ impl FunctionKind {
         FunctionKind::SlotineLi,
         FunctionKind::Efforts,
         FunctionKind::Poses,
+        FunctionKind::Cones,
         FunctionKind::BaseRegressor,
         FunctionKind::ToBase,
         FunctionKind::FromBase,
@@ -99,6 +104,7 @@ impl FunctionKind {
             FunctionKind::SlotineLi => "slotine_li",
             FunctionKind::Efforts => "efforts",
             FunctionKind::Poses => "poses",
+            FunctionKind::Cones => "cones",
             FunctionKind::BaseRegressor => "base_regressor",
             FunctionKind::ToBase => "to_base",
             FunctionKind::FromBase => "parameters_from_base",
@@ -154,6 +160,53 @@ pub struct CutInfo {
     pub rows: usize,
 }
 
+/// What the spec states about the joint of one coordinate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JointInfo {
+    /// Turn or shift.
+    pub motion: MotionKind,
+    /// Its friction model.
+    pub friction: Friction,
+    /// Limits of position, velocity, acceleration and effort, where given.
+    pub limits: [Option<[f64; 2]>; 4],
+    /// Nominal values of the friction model's symbols, in their order.
+    pub nominal: [Option<f64>; 5],
+}
+
+impl JointInfo {
+    /// The motion's name in code.
+    pub fn motion_name(&self) -> &'static str {
+        match self.motion {
+            MotionKind::Rotation => "Turn",
+            MotionKind::Translation => "Shift",
+        }
+    }
+
+    /// The friction model's name in code.
+    pub fn friction_name(&self) -> &'static str {
+        match self.friction {
+            Friction::None => "None",
+            Friction::Viscous => "Viscous",
+            Friction::Coulomb => "Coulomb",
+            Friction::Linear => "Linear",
+            Friction::CoulombAsymmetric => "CoulombAsymmetric",
+            Friction::Asymmetric => "Asymmetric",
+            Friction::Stribeck => "Stribeck",
+            Friction::Atan => "Atan",
+            Friction::Power => "Power",
+        }
+    }
+}
+
+/// A limit of the angle between two z axes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ConeInfo {
+    /// The joint or the cut.
+    pub name: String,
+    /// The greatest angle, rad.
+    pub greatest: f64,
+}
+
 /// A derived robot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Robot {
@@ -175,6 +228,12 @@ pub struct Robot {
     pub bodies: Vec<String>,
     /// Cuts in order.
     pub cuts: Vec<CutInfo>,
+    /// What is stated about the joint of each coordinate.
+    pub joints: Vec<JointInfo>,
+    /// Cones in order: joints, then cuts.
+    pub cones: Vec<ConeInfo>,
+    /// Nominal values of the parameters, in their order.
+    pub nominal: Vec<Option<f64>>,
     /// Rows of A: cuts, then couplings.
     pub rows: usize,
     /// Rows found redundant, by index in the spec's order.
@@ -185,6 +244,34 @@ pub struct Robot {
     pub functions: Vec<Function>,
     /// Its base parameters, where they were asked for.
     pub analysis: Option<Analysis>,
+}
+
+/// The joint of each coordinate, as the spec states it.
+pub fn joints(spec: &Spec, model: &Model) -> Vec<JointInfo> {
+    let interval = |stated: &Option<Interval>| {
+        let stated = stated.as_ref()?;
+        Some([stated[0].value.to_f64(), stated[1].value.to_f64()])
+    };
+    let joints = model::joints_of_coordinates(spec);
+    let with_joints = model.coordinates.iter().zip(joints);
+    with_joints
+        .map(|(coordinate, joint)| JointInfo {
+            motion: model.links[coordinate.link]
+                .motion
+                .map_or(MotionKind::Rotation, |m| m.kind),
+            friction: joint.friction,
+            limits: [
+                interval(&joint.limits.position),
+                interval(&joint.limits.velocity),
+                interval(&joint.limits.acceleration),
+                interval(&joint.limits.effort),
+            ],
+            nominal: std::array::from_fn(|k| {
+                let symbol = joint.friction.symbols().get(k)?;
+                Some(joint.nominal_value(symbol)?.value.to_f64())
+            }),
+        })
+        .collect()
 }
 
 impl Robot {

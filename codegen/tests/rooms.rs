@@ -31,7 +31,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ),
     ("optimize", &["sym"]),
     // a derived robot: names and programs, no expressions
-    ("robot", &["base", "optimize"]),
+    ("robot", &["base", "model", "optimize", "spec"]),
     (
         "functions",
         &[

@@ -34,7 +34,8 @@
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
-use ::regen_runtime::{Condition, Cut, Info, Model, Scalar, SizeError};
+use ::regen_runtime::{
+ Condition, Cone, Cut, Info, Joint, Limits, Model, Scalar, SizeError, };
 use ::regen_runtime::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
@@ -63,7 +64,27 @@ pub const BODIES: [&str; 4] = [
 pub const HOME: [f64; 4] = [
     2.0, -1.0550411011636618, 1.1, 1.0730863484052808,
 ];
-/// Names and sizes.
+/// What is stated about the joint of each coordinate: units rad or m, N m or N.
+pub const JOINTS: [Joint; 4] = [
+    Joint { limits: Limits { velocity: Some([-6.0, 6.0]), effort: Some([-20.0, 20.0]), ..Limits::NONE }, ..Joint::TURN },
+    Joint::TURN,
+    Joint { limits: Limits { velocity: Some([-6.0, 6.0]), effort: Some([-20.0, 20.0]), ..Limits::NONE }, ..Joint::TURN },
+    Joint::TURN,
+];
+/// The cones that limit joints and cuts, in the order of `cones`.
+pub const CONES: [Cone<'static>; 0] = [
+];
+/// Nominal values of the parameters, in the order of `PARAMETERS`, about the origins of
+/// the bodies' frames.
+pub const NOMINAL: [Option<f64>; 40] = [
+    Some(1e-5), Some(0.0), Some(0.0), Some(0.0072), Some(0.0), Some(0.0072), Some(0.036),
+    Some(0.0), Some(0.0), Some(0.24), Some(1e-5), Some(0.0), Some(0.0), Some(0.01707),
+    Some(0.0), Some(0.01707), Some(0.064), Some(0.0), Some(0.0), Some(0.32), Some(1e-5),
+    Some(0.0), Some(0.0), Some(0.0072), Some(0.0), Some(0.0072), Some(0.036), Some(0.0),
+    Some(0.0), Some(0.24), Some(1e-5), Some(0.0), Some(0.0), Some(0.01707), Some(0.0),
+    Some(0.01707), Some(0.064), Some(0.0), Some(0.0), Some(0.32),
+];
+/// Names, sizes, and what is stated about joints.
 pub const INFO: Info<'static> = Info {
     name: "fivebar",
     coordinates: &COORDINATES,
@@ -75,6 +96,9 @@ pub const INFO: Info<'static> = Info {
     cuts: &[Cut { name: "tip", rows: 5 }],
     home: &HOME,
     rows: 5,
+    joints: &JOINTS,
+    cones: &CONES,
+    nominal: &NOMINAL,
 };
 /// The base parameters, in the order of `beta`: the columns of `base_regressor`.
 pub const BASE: [BaseParameter<'static>; 11] = [

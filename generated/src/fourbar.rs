@@ -34,7 +34,8 @@
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
-use ::regen_runtime::{Condition, Cut, Info, Model, Scalar, SizeError};
+use ::regen_runtime::{
+ Condition, Cone, Cut, Info, Joint, Limits, Model, Scalar, SizeError, };
 use ::regen_runtime::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
@@ -62,7 +63,25 @@ pub const BODIES: [&str; 3] = [
 pub const HOME: [f64; 3] = [
     1.0471975511965979, -0.46557020523532916, 1.7299696105694098,
 ];
-/// Names and sizes.
+/// What is stated about the joint of each coordinate: units rad or m, N m or N.
+pub const JOINTS: [Joint; 3] = [
+    Joint { limits: Limits { velocity: Some([-10.0, 10.0]), effort: Some([-15.0, 15.0]), ..Limits::NONE }, ..Joint::TURN },
+    Joint::TURN,
+    Joint::TURN,
+];
+/// The cones that limit joints and cuts, in the order of `cones`.
+pub const CONES: [Cone<'static>; 0] = [
+];
+/// Nominal values of the parameters, in the order of `PARAMETERS`, about the origins of
+/// the bodies' frames.
+pub const NOMINAL: [Option<f64>; 30] = [
+    Some(2e-5), Some(0.0), Some(0.0), Some(0.001152), Some(0.0), Some(0.001152), Some(0.0144),
+    Some(0.0), Some(0.0), Some(0.24), Some(5e-5), Some(0.0), Some(0.0), Some(0.0285875),
+    Some(0.0), Some(0.0285875), Some(0.1225), Some(0.0), Some(0.0), Some(0.7), Some(4e-5),
+    Some(0.0), Some(0.0), Some(0.018), Some(0.0), Some(0.018), Some(0.09), Some(0.0),
+    Some(0.0), Some(0.6),
+];
+/// Names, sizes, and what is stated about joints.
 pub const INFO: Info<'static> = Info {
     name: "fourbar",
     coordinates: &COORDINATES,
@@ -74,6 +93,9 @@ pub const INFO: Info<'static> = Info {
     cuts: &[Cut { name: "pin", rows: 5 }],
     home: &HOME,
     rows: 5,
+    joints: &JOINTS,
+    cones: &CONES,
+    nominal: &NOMINAL,
 };
 /// The base parameters, in the order of `beta`: the columns of `base_regressor`.
 pub const BASE: [BaseParameter<'static>; 8] = [

@@ -29,7 +29,8 @@
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
-use ::regen_runtime::{Condition, Info, Model, Scalar, SizeError};
+use ::regen_runtime::{
+ Condition, Cone, Info, Joint, Model, Scalar, SizeError, };
 use ::regen_runtime::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
@@ -61,7 +62,29 @@ pub const BODIES: [&str; 7] = [
 pub const HOME: [f64; 7] = [
     0.0, 0.5235987755982989, 0.0, -1.5707963267948966, 0.0, 1.0471975511965979, 0.0,
 ];
-/// Names and sizes.
+/// What is stated about the joint of each coordinate: units rad or m, N m or N.
+pub const JOINTS: [Joint; 7] = [
+    Joint::TURN,
+    Joint::TURN,
+    Joint::TURN,
+    Joint::TURN,
+    Joint::TURN,
+    Joint::TURN,
+    Joint::TURN,
+];
+/// The cones that limit joints and cuts, in the order of `cones`.
+pub const CONES: [Cone<'static>; 0] = [
+];
+/// Nominal values of the parameters, in the order of `PARAMETERS`, about the origins of
+/// the bodies' frames.
+pub const NOMINAL: [Option<f64>; 70] = [
+    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
+    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
+    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
+    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
+    None, None, None, None, None, None, None, None, None, None,
+];
+/// Names, sizes, and what is stated about joints.
 pub const INFO: Info<'static> = Info {
     name: "iiwa14",
     coordinates: &COORDINATES,
@@ -73,6 +96,9 @@ pub const INFO: Info<'static> = Info {
     cuts: &[],
     home: &HOME,
     rows: 0,
+    joints: &JOINTS,
+    cones: &CONES,
+    nominal: &NOMINAL,
 };
 /// The base parameters, in the order of `beta`: the columns of `base_regressor`.
 pub const BASE: [BaseParameter<'static>; 43] = [

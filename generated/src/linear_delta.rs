@@ -34,7 +34,8 @@
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
-use ::regen_runtime::{Condition, Cut, Info, Model, Scalar, SizeError};
+use ::regen_runtime::{
+ Condition, Cone, Cut, Info, Joint, Model, Scalar, SizeError, };
 use ::regen_runtime::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
@@ -73,7 +74,33 @@ pub const HOME: [f64; 11] = [
     0.5134241539456633, 0.0, -0.5134241539456633, 3.1494060411797784e-17, 0.0,
     -0.5134241539456633, -3.1494009646298775e-17,
 ];
-/// Names and sizes.
+/// What is stated about the joint of each coordinate: units rad or m, N m or N.
+pub const JOINTS: [Joint; 11] = [
+    Joint::SHIFT,
+    Joint::TURN,
+    Joint::TURN,
+    Joint::TURN,
+    Joint::TURN,
+    Joint::SHIFT,
+    Joint::TURN,
+    Joint::TURN,
+    Joint::SHIFT,
+    Joint::TURN,
+    Joint::TURN,
+];
+/// The cones that limit joints and cuts, in the order of `cones`.
+pub const CONES: [Cone<'static>; 0] = [
+];
+/// Nominal values of the parameters, in the order of `PARAMETERS`, about the origins of
+/// the bodies' frames.
+pub const NOMINAL: [Option<f64>; 70] = [
+    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
+    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
+    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
+    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
+    None, None, None, None, None, None, None, None, None, None,
+];
+/// Names, sizes, and what is stated about joints.
 pub const INFO: Info<'static> = Info {
     name: "linear_delta",
     coordinates: &COORDINATES,
@@ -85,6 +112,9 @@ pub const INFO: Info<'static> = Info {
     cuts: &[Cut { name: "e2", rows: 4 }, Cut { name: "e3", rows: 4 }],
     home: &HOME,
     rows: 8,
+    joints: &JOINTS,
+    cones: &CONES,
+    nominal: &NOMINAL,
 };
 /// The base parameters, in the order of `beta`: the columns of `base_regressor`.
 pub const BASE: [BaseParameter<'static>; 28] = [

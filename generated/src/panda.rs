@@ -29,7 +29,8 @@
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
-use ::regen_runtime::{Condition, Info, Model, Scalar, SizeError};
+use ::regen_runtime::{
+ Condition, Cone, Info, Joint, Limits, Model, Scalar, SizeError, };
 use ::regen_runtime::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
@@ -62,7 +63,29 @@ pub const HOME: [f64; 7] = [
     0.0, -0.7853981633974483, 0.0, -2.356194490192345, 0.0, 1.5707963267948966,
     0.7853981633974483,
 ];
-/// Names and sizes.
+/// What is stated about the joint of each coordinate: units rad or m, N m or N.
+pub const JOINTS: [Joint; 7] = [
+    Joint { limits: Limits { position: Some([-2.8973, 2.8973]), velocity: Some([-2.175, 2.175]), effort: Some([-87.0, 87.0]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-1.7628, 1.7628]), velocity: Some([-2.175, 2.175]), effort: Some([-87.0, 87.0]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-2.8973, 2.8973]), velocity: Some([-2.175, 2.175]), effort: Some([-87.0, 87.0]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-3.0718, -0.0698]), velocity: Some([-2.175, 2.175]), effort: Some([-87.0, 87.0]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-2.8973, 2.8973]), velocity: Some([-2.61, 2.61]), effort: Some([-12.0, 12.0]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-0.0175, 3.7525]), velocity: Some([-2.61, 2.61]), effort: Some([-12.0, 12.0]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-2.8973, 2.8973]), velocity: Some([-2.61, 2.61]), effort: Some([-12.0, 12.0]), ..Limits::NONE }, ..Joint::TURN },
+];
+/// The cones that limit joints and cuts, in the order of `cones`.
+pub const CONES: [Cone<'static>; 0] = [
+];
+/// Nominal values of the parameters, in the order of `PARAMETERS`, about the origins of
+/// the bodies' frames.
+pub const NOMINAL: [Option<f64>; 70] = [
+    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
+    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
+    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
+    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
+    None, None, None, None, None, None, None, None, None, None,
+];
+/// Names, sizes, and what is stated about joints.
 pub const INFO: Info<'static> = Info {
     name: "panda",
     coordinates: &COORDINATES,
@@ -74,6 +97,9 @@ pub const INFO: Info<'static> = Info {
     cuts: &[],
     home: &HOME,
     rows: 0,
+    joints: &JOINTS,
+    cones: &CONES,
+    nominal: &NOMINAL,
 };
 /// The base parameters, in the order of `beta`: the columns of `base_regressor`.
 pub const BASE: [BaseParameter<'static>; 43] = [

@@ -29,7 +29,8 @@
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
-use ::regen_runtime::{Condition, Info, Model, Scalar, SizeError};
+use ::regen_runtime::{
+ Condition, Cone, Info, Joint, Model, Scalar, SizeError, };
 use ::regen_runtime::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
@@ -60,7 +61,32 @@ pub const BODIES: [&str; 6] = [
 pub const HOME: [f64; 6] = [
     0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
 ];
-/// Names and sizes.
+/// What is stated about the joint of each coordinate: units rad or m, N m or N.
+pub const JOINTS: [Joint; 6] = [
+    Joint::TURN,
+    Joint::TURN,
+    Joint::TURN,
+    Joint::TURN,
+    Joint::TURN,
+    Joint::TURN,
+];
+/// The cones that limit joints and cuts, in the order of `cones`.
+pub const CONES: [Cone<'static>; 0] = [
+];
+/// Nominal values of the parameters, in the order of `PARAMETERS`, about the origins of
+/// the bodies' frames.
+pub const NOMINAL: [Option<f64>; 60] = [
+    Some(0.35), Some(0.0), Some(0.0), Some(0.35), Some(0.0), Some(0.35), Some(0.0), Some(0.0),
+    Some(0.0), Some(13.0), Some(0.1350808), Some(-0.0070992), Some(0.0189312), Some(0.608912),
+    Some(0.0016704), Some(0.620084), Some(1.1832), Some(0.1044), Some(-0.2784), Some(17.4),
+    Some(0.0904608), Some(0.0), Some(0.0), Some(0.0134408), Some(0.004704), Some(0.08952),
+    Some(0.0), Some(-0.336), Some(0.0672), Some(4.8), Some(0.00209602), Some(0.0), Some(0.0),
+    Some(0.00209602), Some(0.0), Some(0.0013), Some(0.0), Some(0.0), Some(-0.01558),
+    Some(0.82), Some(0.0003), Some(0.0), Some(0.0), Some(0.0003), Some(0.0), Some(0.0004),
+    Some(0.0), Some(0.0), Some(0.0), Some(0.34), Some(0.00024216), Some(0.0), Some(0.0),
+    Some(0.00024216), Some(0.0), Some(4e-5), Some(0.0), Some(0.0), Some(0.00288), Some(0.09),
+];
+/// Names, sizes, and what is stated about joints.
 pub const INFO: Info<'static> = Info {
     name: "puma560",
     coordinates: &COORDINATES,
@@ -72,6 +98,9 @@ pub const INFO: Info<'static> = Info {
     cuts: &[],
     home: &HOME,
     rows: 0,
+    joints: &JOINTS,
+    cones: &CONES,
+    nominal: &NOMINAL,
 };
 /// The base parameters, in the order of `beta`: the columns of `base_regressor`.
 pub const BASE: [BaseParameter<'static>; 36] = [

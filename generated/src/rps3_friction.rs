@@ -24,6 +24,7 @@
 //! | [`slotine_li`] | 417 | 770 | 6 | 6 |
 //! | [`efforts`] | 0 | 0 | 0 | 0 |
 //! | [`poses`] | 15 | 44 | 0 | 6 |
+//! | [`cones`] | 9 | 26 | 0 | 6 |
 //! | [`base_regressor`] | 226 | 437 | 6 | 6 |
 //! | [`to_base`] | 17 | 8 | 0 | 0 |
 //! | [`parameters_from_base`] | 17 | 8 | 0 | 0 |
@@ -34,7 +35,8 @@
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
-use ::regen_runtime::{Condition, Cut, Info, Model, Scalar, SizeError};
+use ::regen_runtime::{
+ Condition, Cone, Cut, Friction, Info, Joint, Limits, Model, Scalar, SizeError, };
 use ::regen_runtime::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
@@ -68,7 +70,41 @@ pub const HOME: [f64; 9] = [
     -4.6259292692714864e-17, 0.6, 2.6179938779914944, -4.0061722632990907e-17,
     2.3129646346357426e-17, -2.6707815088660607e-17, 0.6, 2.6707815088660607e-17, 0.6,
 ];
-/// Names and sizes.
+/// What is stated about the joint of each coordinate: units rad or m, N m or N.
+pub const JOINTS: [Joint; 9] = [
+    Joint { limits: Limits { position: Some([-0.6, 0.6]), velocity: Some([-2.0, 2.0]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { friction: Friction::Linear, limits: Limits { position: Some([0.45, 0.8]), velocity: Some([-0.4, 0.4]), acceleration: Some([-3.0, 3.0]), effort: Some([-3000.0, 3000.0]) }, nominal: [Some(3272.0), Some(228.0), None, None, None], ..Joint::SHIFT },
+    Joint::TURN,
+    Joint::TURN,
+    Joint::TURN,
+    Joint { limits: Limits { position: Some([-0.6, 0.6]), velocity: Some([-2.0, 2.0]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { friction: Friction::Linear, limits: Limits { position: Some([0.45, 0.8]), velocity: Some([-0.4, 0.4]), acceleration: Some([-3.0, 3.0]), effort: Some([-3000.0, 3000.0]) }, nominal: [Some(3272.0), Some(228.0), None, None, None], ..Joint::SHIFT },
+    Joint { limits: Limits { position: Some([-0.6, 0.6]), velocity: Some([-2.0, 2.0]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { friction: Friction::Linear, limits: Limits { position: Some([0.45, 0.8]), velocity: Some([-0.4, 0.4]), acceleration: Some([-3.0, 3.0]), effort: Some([-3000.0, 3000.0]) }, nominal: [Some(3272.0), Some(228.0), None, None, None], ..Joint::SHIFT },
+];
+/// The cones that limit joints and cuts, in the order of `cones`.
+pub const CONES: [Cone<'static>; 3] = [
+    Cone { name: "s1", greatest: 0.8 },
+    Cone { name: "s2", greatest: 0.8 },
+    Cone { name: "s3", greatest: 0.8 },
+];
+/// Nominal values of the parameters, in the order of `PARAMETERS`, about the origins of
+/// the bodies' frames.
+pub const NOMINAL: [Option<f64>; 79] = [
+    Some(0.0535), Some(0.0), Some(0.0), Some(0.0027), Some(0.0), Some(0.0535), Some(0.0),
+    Some(-0.4), Some(0.0), Some(5.0), Some(0.102), Some(0.0), Some(0.0), Some(0.102),
+    Some(0.0), Some(0.0004), Some(0.0), Some(0.0), Some(-0.51), Some(3.4), Some(0.22363768376),
+    Some(-0.18175739990091547), Some(0.0), Some(0.43351305128), Some(0.0), Some(0.65685073504),
+    Some(1.3798512), Some(0.7966574617616281), Some(0.0), Some(6.048), Some(0.0535), Some(0.0),
+    Some(0.0), Some(0.0027), Some(0.0), Some(0.0535), Some(0.0), Some(-0.4), Some(0.0),
+    Some(5.0), Some(0.102), Some(0.0), Some(0.0), Some(0.102), Some(0.0), Some(0.0004),
+    Some(0.0), Some(0.0), Some(-0.51), Some(3.4), Some(0.0535), Some(0.0), Some(0.0),
+    Some(0.0027), Some(0.0), Some(0.0535), Some(0.0), Some(-0.4), Some(0.0), Some(5.0),
+    Some(0.102), Some(0.0), Some(0.0), Some(0.102), Some(0.0), Some(0.0004), Some(0.0),
+    Some(0.0), Some(-0.51), Some(3.4), Some(3272.0), Some(228.0), Some(3272.0), Some(228.0),
+    Some(3272.0), Some(228.0), Some(483.1), Some(483.1), Some(483.1),
+];
+/// Names, sizes, and what is stated about joints.
 pub const INFO: Info<'static> = Info {
     name: "rps3_friction",
     coordinates: &COORDINATES,
@@ -80,6 +116,9 @@ pub const INFO: Info<'static> = Info {
     cuts: &[Cut { name: "s2", rows: 3 }, Cut { name: "s3", rows: 3 }],
     home: &HOME,
     rows: 6,
+    joints: &JOINTS,
+    cones: &CONES,
+    nominal: &NOMINAL,
 };
 /// The base parameters, in the order of `beta`: the columns of `base_regressor`.
 pub const BASE: [BaseParameter<'static>; 34] = [
@@ -5982,6 +6021,67 @@ pub fn poses<T: Scalar>(q: &[T; 9]) -> [[T; 12]; 7] {
     poses
 }
 
+/// The cosines of the angles that cones limit.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `cosines`: per cone in the order of `INFO.cones`: the cosine of the angle between the two z axes
+///
+/// 9 additions, 26 multiplications, 0 divisions, 6 sines and cosines.
+pub fn cones<T: Scalar>(q: &[T; 9]) -> [T; 3] {
+    let like = q[0];
+    let mut cosines = [like.lift(0.0); 3];
+    let [q1, _, s1_1, s1_2, s1_3, q6, _, q8, _] = *q;
+    // cone of s1
+    let [sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3] = {
+        let (sin_s1_2, cos_s1_2) = s1_2.sin_cos();
+        let (sin_s1_3, cos_s1_3) = s1_3.sin_cos();
+        let u_3_q2z = cos_s1_2 * cos_s1_3;
+        cosines[0] = u_3_q2z;
+        [sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3]
+    };
+    // cone of s2
+    let [t2_6, t2_12, e_3_q1z] = {
+        let (sin_q6, cos_q6) = q6.sin_cos();
+        let (sin_q1, cos_q1) = q1.sin_cos();
+        let (sin_s1_1, cos_s1_1) = s1_1.sin_cos();
+        let t2_1 = sin_q1 * sin_s1_1;
+        let t2_2 = sin_s1_3 * t2_1;
+        let t2_3 = cos_q1 * cos_s1_2;
+        let t2_4 = sin_q1 * cos_s1_1;
+        let t2_5 = (-sin_s1_2).mul_add(t2_4, t2_3);
+        let t2_6 = (-cos_s1_3).mul_add(t2_5, t2_2);
+        let t2_7 = cos_q1 * sin_s1_1;
+        let t2_8 = sin_s1_3 * t2_7;
+        let t2_9 = sin_q1 * cos_s1_2;
+        let t2_10 = cos_q1 * cos_s1_1;
+        let t2_11 = sin_s1_2.mul_add(t2_10, t2_9);
+        let t2_12 = cos_s1_3.mul_add(t2_11, t2_8);
+        let t2_13 = sin_q6 * t2_12;
+        let t2_14 = like.lift(0.5) * t2_13;
+        let t2_15 = cos_s1_1 * sin_s1_3;
+        let e_s1_2_q1z = sin_s1_1 * sin_s1_2;
+        let e_3_q1z = (-cos_s1_3).mul_add(e_s1_2_q1z, t2_15);
+        let t2_16 = sin_q6 * e_3_q1z;
+        let t2_17 = like.lift(0.8660254037844386).mul_add(t2_16, t2_14);
+        let t2_18 = cos_q6.mul_add(t2_6, t2_17);
+        let t2_19 = -t2_18;
+        cosines[1] = t2_19;
+        [t2_6, t2_12, e_3_q1z]
+    };
+    // cone of s3
+    {
+        let (sin_q8, cos_q8) = q8.sin_cos();
+        let t3_1 = sin_q8 * t2_12;
+        let t3_2 = like.lift(0.5) * t3_1;
+        let t3_3 = sin_q8 * e_3_q1z;
+        let t3_4 = like.lift(-0.8660254037844386).mul_add(t3_3, t3_2);
+        let t3_5 = cos_q8.mul_add(t2_6, t3_4);
+        let t3_6 = -t3_5;
+        cosines[2] = t3_6;
+    }
+    cosines
+}
+
 /// The reduced regressor W_red (Eq. 23): only the columns that are kept.
 ///
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
@@ -9076,6 +9176,13 @@ impl<T: Scalar> Model<T> for Rps3Friction {
         let q = ::regen_runtime::array::<T, 9>(q, "q")?;
         let out = ::regen_runtime::matrix_mut::<T, 7, 12>(out, "out")?;
         *out = poses(q);
+        Ok(())
+    }
+
+    fn cones(&self, q: &[T], out: &mut [T]) -> Result<(), SizeError> {
+        let q = ::regen_runtime::array::<T, 9>(q, "q")?;
+        let out = ::regen_runtime::array_mut::<T, 3>(out, "out")?;
+        *out = cones(q);
         Ok(())
     }
 }

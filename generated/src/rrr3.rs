@@ -34,7 +34,8 @@
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
-use ::regen_runtime::{Condition, Cut, Info, Model, Scalar, SizeError};
+use ::regen_runtime::{
+ Condition, Cone, Cut, Info, Joint, Model, Scalar, SizeError, };
 use ::regen_runtime::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
@@ -71,7 +72,29 @@ pub const HOME: [f64; 7] = [
     -0.5235987755982989, -2.0943951023931957, 2.6179938779914944, 1.5707963267948966,
     -2.0943951023931957, 3.6651914291880923, -2.0943951023931957,
 ];
-/// Names and sizes.
+/// What is stated about the joint of each coordinate: units rad or m, N m or N.
+pub const JOINTS: [Joint; 7] = [
+    Joint::TURN,
+    Joint::TURN,
+    Joint::TURN,
+    Joint::TURN,
+    Joint::TURN,
+    Joint::TURN,
+    Joint::TURN,
+];
+/// The cones that limit joints and cuts, in the order of `cones`.
+pub const CONES: [Cone<'static>; 0] = [
+];
+/// Nominal values of the parameters, in the order of `PARAMETERS`, about the origins of
+/// the bodies' frames.
+pub const NOMINAL: [Option<f64>; 70] = [
+    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
+    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
+    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
+    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
+    None, None, None, None, None, None, None, None, None, None,
+];
+/// Names, sizes, and what is stated about joints.
 pub const INFO: Info<'static> = Info {
     name: "rrr3",
     coordinates: &COORDINATES,
@@ -83,6 +106,9 @@ pub const INFO: Info<'static> = Info {
     cuts: &[Cut { name: "p2", rows: 5 }, Cut { name: "p3", rows: 5 }],
     home: &HOME,
     rows: 10,
+    joints: &JOINTS,
+    cones: &CONES,
+    nominal: &NOMINAL,
 };
 /// The base parameters, in the order of `beta`: the columns of `base_regressor`.
 pub const BASE: [BaseParameter<'static>; 19] = [

@@ -34,7 +34,8 @@
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
-use ::regen_runtime::{Condition, Cut, Info, Model, Scalar, SizeError};
+use ::regen_runtime::{
+ Condition, Cone, Cut, Info, Joint, Model, Scalar, SizeError, };
 use ::regen_runtime::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
@@ -62,7 +63,22 @@ pub const BODIES: [&str; 3] = [
 pub const HOME: [f64; 3] = [
     1.0471975511965979, -1.321247995852249, 0.17902921800749363,
 ];
-/// Names and sizes.
+/// What is stated about the joint of each coordinate: units rad or m, N m or N.
+pub const JOINTS: [Joint; 3] = [
+    Joint::TURN,
+    Joint::TURN,
+    Joint::SHIFT,
+];
+/// The cones that limit joints and cuts, in the order of `cones`.
+pub const CONES: [Cone<'static>; 0] = [
+];
+/// Nominal values of the parameters, in the order of `PARAMETERS`, about the origins of
+/// the bodies' frames.
+pub const NOMINAL: [Option<f64>; 30] = [
+    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
+    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
+];
+/// Names, sizes, and what is stated about joints.
 pub const INFO: Info<'static> = Info {
     name: "slider_crank",
     coordinates: &COORDINATES,
@@ -74,6 +90,9 @@ pub const INFO: Info<'static> = Info {
     cuts: &[Cut { name: "pin", rows: 5 }],
     home: &HOME,
     rows: 5,
+    joints: &JOINTS,
+    cones: &CONES,
+    nominal: &NOMINAL,
 };
 /// The base parameters, in the order of `beta`: the columns of `base_regressor`.
 pub const BASE: [BaseParameter<'static>; 6] = [

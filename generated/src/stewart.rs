@@ -34,7 +34,8 @@
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
-use ::regen_runtime::{Condition, Cut, Info, Model, Scalar, SizeError};
+use ::regen_runtime::{
+ Condition, Cone, Cut, Info, Joint, Model, Scalar, SizeError, };
 use ::regen_runtime::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
@@ -87,7 +88,47 @@ pub const HOME: [f64; 21] = [
     0.08335, -0.7579506071889625, -0.1333965660230127, 0.08335, -0.30357504631165483,
     0.7162322279417619, 0.08335,
 ];
-/// Names and sizes.
+/// What is stated about the joint of each coordinate: units rad or m, N m or N.
+pub const JOINTS: [Joint; 21] = [
+    Joint::TURN,
+    Joint::TURN,
+    Joint::SHIFT,
+    Joint::TURN,
+    Joint::TURN,
+    Joint::TURN,
+    Joint::TURN,
+    Joint::TURN,
+    Joint::SHIFT,
+    Joint::TURN,
+    Joint::TURN,
+    Joint::SHIFT,
+    Joint::TURN,
+    Joint::TURN,
+    Joint::SHIFT,
+    Joint::TURN,
+    Joint::TURN,
+    Joint::SHIFT,
+    Joint::TURN,
+    Joint::TURN,
+    Joint::SHIFT,
+];
+/// The cones that limit joints and cuts, in the order of `cones`.
+pub const CONES: [Cone<'static>; 0] = [
+];
+/// Nominal values of the parameters, in the order of `PARAMETERS`, about the origins of
+/// the bodies' frames.
+pub const NOMINAL: [Option<f64>; 130] = [
+    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
+    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
+    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
+    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
+    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
+    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
+    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
+    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
+    None, None, None, None, None, None, None, None, None, None,
+];
+/// Names, sizes, and what is stated about joints.
 pub const INFO: Info<'static> = Info {
     name: "stewart",
     coordinates: &COORDINATES,
@@ -99,6 +140,9 @@ pub const INFO: Info<'static> = Info {
     cuts: &[Cut { name: "s2", rows: 3 }, Cut { name: "s3", rows: 3 }, Cut { name: "s4", rows: 3 }, Cut { name: "s5", rows: 3 }, Cut { name: "s6", rows: 3 }],
     home: &HOME,
     rows: 15,
+    joints: &JOINTS,
+    cones: &CONES,
+    nominal: &NOMINAL,
 };
 /// The base parameters, in the order of `beta`: the columns of `base_regressor`.
 pub const BASE: [BaseParameter<'static>; 82] = [

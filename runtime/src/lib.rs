@@ -40,6 +40,7 @@ mod base;
 mod closure;
 mod condition;
 mod guarded;
+mod info;
 mod linear;
 mod model;
 #[cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]
@@ -51,8 +52,9 @@ pub use base::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
 pub use closure::{Closure, Misuse, Outcome, Solution, State};
 pub use condition::{Condition, NEAR_SINGULAR, SINGULAR, Status};
 pub use guarded::{PIVOT_BOUND, guarded};
+pub use info::{Cone, Cut, Friction, Info, Joint, Limits, Motion};
 pub use linear::solve_pivoted;
-pub use model::{Cut, Info, Model, SizeError, array, array_mut, matrix_mut};
+pub use model::{Model, SizeError, array, array_mut, matrix_mut};
 #[cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]
 pub use observe::{Observation, Sample, observation};
 #[cfg(feature = "macros")]

@@ -1,81 +1,8 @@
-//! The interface of every robot model, generated or interpreted, and the names of its parts.
+//! The interface of every robot model, generated or interpreted.
 
 use core::fmt;
 
-use crate::{Condition, Scalar};
-
-/// One loop closure: a joint that was cut to obtain a tree.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Cut<'a> {
-    /// Its name.
-    pub name: &'a str,
-    /// The number of its constraint equations.
-    pub rows: usize,
-}
-
-/// The names and sizes of a model's parts: borrowed slices, so that generated code can state
-/// them as a constant and a model read at run time can lend its own.
-///
-/// ```
-/// use regen_runtime::{Cut, Info};
-///
-/// const FOUR_BAR: Info<'static> = Info {
-///     name: "four_bar",
-///     coordinates: &["q1", "q2", "q3"],
-///     independent: &[0],
-///     dependent: &[1, 2],
-///     actuated: &[0],
-///     parameters: &["Izz(1)", "mx(1)", "my(1)"],
-///     bodies: &["1", "2", "3"],
-///     cuts: &[Cut { name: "pin", rows: 2 }],
-///     home: &[0.5, 0.3, -0.8],
-///     rows: 2,
-/// };
-/// assert_eq!(FOUR_BAR.dof(), 1);
-/// assert_eq!(FOUR_BAR.index_of("q3"), Some(2));
-/// ```
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Info<'a> {
-    /// The robot's name.
-    pub name: &'a str,
-    /// The names of all coordinates, in the order of `q`; rad or m by the joint's kind.
-    pub coordinates: &'a [&'a str],
-    /// Which coordinates are independent: indices into `coordinates`, in the order of the
-    /// regressor's rows.
-    pub independent: &'a [usize],
-    /// Which coordinates are dependent: indices into `coordinates`, in the order of A_e's
-    /// columns.
-    pub dependent: &'a [usize],
-    /// Which coordinates have a measured effort: indices into `coordinates`.
-    pub actuated: &'a [usize],
-    /// The labels of the dynamic parameters, in the order of the regressor's columns.
-    pub parameters: &'a [&'a str],
-    /// The labels of the bodies, in the order of `poses`.
-    pub bodies: &'a [&'a str],
-    /// The cuts, in the order of their constraint rows.
-    pub cuts: &'a [Cut<'a>],
-    /// A closed state: the start of every closure solve, and the choice of assembly branch.
-    pub home: &'a [f64],
-    /// The number of constraint rows: of all cuts, redundant ones included, then of couplings.
-    pub rows: usize,
-}
-
-impl Info<'_> {
-    /// The number of degrees of freedom: of independent coordinates.
-    pub fn dof(&self) -> usize {
-        self.independent.len()
-    }
-
-    /// The place of a coordinate in `q`, if there is one of that name.
-    pub fn index_of(&self, coordinate: &str) -> Option<usize> {
-        self.coordinates.iter().position(|name| *name == coordinate)
-    }
-
-    /// The place of a parameter among the regressor's columns, if there is one of that label.
-    pub fn parameter_of(&self, label: &str) -> Option<usize> {
-        self.parameters.iter().position(|name| *name == label)
-    }
-}
+use crate::{Condition, Info, Scalar};
 
 /// A slice whose length does not fit the model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -356,4 +283,16 @@ pub trait Model<
     /// # Errors
     /// When a length does not fit.
     fn poses(&self, q: &[T], out: &mut [T]) -> Result<(), SizeError>;
+
+    /// The cosines of the angles that cones limit: those between the two z axes of each of
+    /// `Info::cones`. Inside the cone they are at least the cosine of its greatest angle; they
+    /// are smooth where the angle is not, at zero.
+    ///
+    /// - `q`: n; `out`: one per cone.
+    ///
+    /// # Errors
+    /// When a length does not fit. A model that does not say otherwise has no cones.
+    fn cones(&self, _q: &[T], out: &mut [T]) -> Result<(), SizeError> {
+        array_mut::<T, 0>(out, "out").map(drop)
+    }
 }

@@ -42,6 +42,7 @@ fn call_model(model: &dyn Model<f64>, kind: FunctionKind, inputs: &[&[f64]]) -> 
         | FunctionKind::BiasForces
         | FunctionKind::Efforts => dof,
         FunctionKind::Poses => 12 * info.bodies.len(),
+        FunctionKind::Cones => info.cones.len(),
         other => return Err(format!("{} is no method of Model", other.name())),
     };
     // What is not written stays recognisable.
@@ -66,6 +67,7 @@ fn call_model(model: &dyn Model<f64>, kind: FunctionKind, inputs: &[&[f64]]) -> 
         (FunctionKind::SlotineLi, [q, qd, v, a]) => model.slotine_li(q, qd, v, a, o),
         (FunctionKind::Efforts, [q, tau]) => model.efforts(q, tau, o),
         (FunctionKind::Poses, [q]) => regular(model.poses(q, o)),
+        (FunctionKind::Cones, [q]) => regular(model.cones(q, o)),
         _ => return Err(format!("{}: {} arguments", kind.name(), inputs.len())),
     };
     let condition = condition.map_err(|e| format!("{}: {e}", kind.name()))?;
@@ -94,6 +96,12 @@ impl Engine for Compiled<'_> {
                 .iter()
                 .map(|c| (c.name.to_owned(), c.rows))
                 .collect(),
+            cones: info
+                .cones
+                .iter()
+                .map(|c| (c.name.to_owned(), c.greatest))
+                .collect(),
+            nominal: info.nominal.to_vec(),
         }
     }
 
@@ -171,5 +179,9 @@ impl Engine for Compiled<'_> {
     fn poses(&self, q: &[f64]) -> Answer<Vec<[f64; 12]>> {
         let flat = self.call(FunctionKind::Poses, &[q])?;
         Ok(flat.as_chunks::<12>().0.to_vec())
+    }
+
+    fn cones(&self, q: &[f64]) -> Answer<Vec<f64>> {
+        self.call(FunctionKind::Cones, &[q])
     }
 }

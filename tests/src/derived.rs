@@ -78,6 +78,12 @@ impl Engine for Derived {
                 .iter()
                 .map(|c| (c.name.clone(), c.rows))
                 .collect(),
+            cones: robot
+                .cones
+                .iter()
+                .map(|c| (c.name.clone(), c.greatest))
+                .collect(),
+            nominal: robot.nominal.clone(),
         }
     }
 
@@ -154,5 +160,12 @@ impl Engine for Derived {
         let values = self.call(FunctionKind::Poses, &[q])?;
         let (poses, _) = values.as_chunks::<12>();
         Ok(poses.to_vec())
+    }
+
+    fn cones(&self, q: &[f64]) -> Answer<Vec<f64>> {
+        if self.robot.cones.is_empty() {
+            return Ok(Vec::new());
+        }
+        self.call(FunctionKind::Cones, &[q])
     }
 }

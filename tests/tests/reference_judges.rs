@@ -7,7 +7,7 @@ use regen_tests::files;
 use regen_tests::reference::Mechanism;
 
 /// The mistakes that are tried, each with the comparison that must notice it.
-const MISTAKES: [(&str, &str); 15] = [
+const MISTAKES: [(&str, &str); 16] = [
     ("constraints", "constraints"),
     ("jacobian", "jacobian"),
     ("bias", "bias"),
@@ -23,6 +23,7 @@ const MISTAKES: [(&str, &str); 15] = [
     ("slotine_li", "dM/dt - 2C skew"),
     ("efforts", "efforts"),
     ("poses", "poses"),
+    ("cones", "cones"),
 ];
 
 /// An engine that is right but for one method, off by a part in a million.
@@ -137,6 +138,9 @@ impl Engine for Wrong<'_> {
             poses[0][9] += 1e-6;
         }
         Ok(poses)
+    }
+    fn cones(&self, q: &[f64]) -> Answer<Vec<f64>> {
+        Ok(self.list("cones", self.right.cones(q)?))
     }
 }
 

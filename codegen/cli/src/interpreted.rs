@@ -1,8 +1,12 @@
 //! A derived robot as a model without compiling it: its programs run by the interpreter.
 
 use regen_codegen::interpret;
-use regen_codegen::robot::{FunctionKind, Robot};
-use regen_runtime::{Condition, Cut, Info, Model, SizeError};
+use regen_codegen::model::MotionKind;
+use regen_codegen::robot::{FunctionKind, JointInfo, Robot};
+use regen_codegen::spec;
+use regen_runtime::{
+    Condition, Cone, Cut, Friction, Info, Joint, Limits, Model, Motion, SizeError,
+};
 
 /// A robot and the borrowed names that [`Model::info`] lends.
 pub(crate) struct Interpreted<'a> {
@@ -11,6 +15,8 @@ pub(crate) struct Interpreted<'a> {
     parameters: Vec<&'a str>,
     bodies: Vec<&'a str>,
     cuts: Vec<Cut<'a>>,
+    joints: Vec<Joint>,
+    cones: Vec<Cone<'a>>,
 }
 
 /// An argument: its name, the length it must have, and its entries.
@@ -30,6 +36,15 @@ impl<'a> Interpreted<'a> {
                 .map(|cut| Cut {
                     name: &cut.name,
                     rows: cut.rows,
+                })
+                .collect(),
+            joints: robot.joints.iter().map(stated).collect(),
+            cones: robot
+                .cones
+                .iter()
+                .map(|cone| Cone {
+                    name: &cone.name,
+                    greatest: cone.greatest,
                 })
                 .collect(),
         }
@@ -166,6 +181,35 @@ impl<'a> Interpreted<'a> {
     }
 }
 
+/// A joint in the runtime's terms.
+fn stated(joint: &JointInfo) -> Joint {
+    let [position, velocity, acceleration, effort] = joint.limits;
+    Joint {
+        motion: match joint.motion {
+            MotionKind::Rotation => Motion::Turn,
+            MotionKind::Translation => Motion::Shift,
+        },
+        friction: match joint.friction {
+            spec::Friction::None => Friction::None,
+            spec::Friction::Viscous => Friction::Viscous,
+            spec::Friction::Coulomb => Friction::Coulomb,
+            spec::Friction::Linear => Friction::Linear,
+            spec::Friction::CoulombAsymmetric => Friction::CoulombAsymmetric,
+            spec::Friction::Asymmetric => Friction::Asymmetric,
+            spec::Friction::Stribeck => Friction::Stribeck,
+            spec::Friction::Atan => Friction::Atan,
+            spec::Friction::Power => Friction::Power,
+        },
+        limits: Limits {
+            position,
+            velocity,
+            acceleration,
+            effort,
+        },
+        nominal: joint.nominal,
+    }
+}
+
 impl Model<f64> for Interpreted<'_> {
     fn info(&self) -> Info<'_> {
         Info {
@@ -179,6 +223,9 @@ impl Model<f64> for Interpreted<'_> {
             cuts: &self.cuts,
             home: &self.robot.home,
             rows: self.robot.rows,
+            joints: &self.joints,
+            cones: &self.cones,
+            nominal: &self.robot.nominal,
         }
     }
 
@@ -319,6 +366,12 @@ impl Model<f64> for Interpreted<'_> {
     fn poses(&self, q: &[f64], out: &mut [f64]) -> Result<(), SizeError> {
         let size = 12 * self.robot.bodies.len();
         self.call(FunctionKind::Poses, &[self.q(q)], size, out)
+            .map(drop)
+    }
+
+    fn cones(&self, q: &[f64], out: &mut [f64]) -> Result<(), SizeError> {
+        let size = self.cones.len();
+        self.call(FunctionKind::Cones, &[self.q(q)], size, out)
             .map(drop)
     }
 }

@@ -4,6 +4,7 @@ mod base;
 mod body;
 mod module;
 mod names;
+mod stated;
 mod trait_impl;
 
 pub use module::{Options, module};

@@ -8,7 +8,7 @@ use crate::robot::{Function, FunctionKind, Robot};
 
 use super::body::statements;
 use super::names::literal;
-use super::{base, trait_impl};
+use super::{base, stated, trait_impl};
 
 /// How to write a module.
 #[derive(Clone, Debug)]
@@ -35,11 +35,33 @@ pub fn module(robot: &Robot, options: &Options) -> String {
         out,
         "#![allow(clippy::all, clippy::pedantic, reason = \"written by a program\")]\n"
     );
-    let cut = if robot.cuts.is_empty() { "" } else { "Cut, " };
-    let _ = writeln!(
-        out,
-        "use {runtime}::{{Condition, {cut}Info, Model, Scalar, SizeError}};"
-    );
+    let _ = writeln!(out, "use {runtime}::{{");
+    for (name, used) in [
+        ("Condition", true),
+        ("Cone", true),
+        ("Cut", !robot.cuts.is_empty()),
+        (
+            "Friction",
+            robot.joints.iter().any(|j| j.friction_name() != "None"),
+        ),
+        ("Info", true),
+        ("Joint", true),
+        (
+            "Limits",
+            robot
+                .joints
+                .iter()
+                .any(|j| j.limits.iter().any(Option::is_some)),
+        ),
+        ("Model", true),
+        ("Scalar", true),
+        ("SizeError", true),
+    ] {
+        if used {
+            let _ = write!(out, " {name},");
+        }
+    }
+    let _ = writeln!(out, " }};");
     if let Some(analysis) = base_of(robot) {
         let certificate = if analysis.certificate.is_ok() {
             ", Certificate"
@@ -129,7 +151,7 @@ fn indices(out: &mut String, doc: &str, name: &str, items: &[usize]) {
     );
 }
 
-fn wrapped(out: &mut String, items: impl Iterator<Item = String>) {
+pub(super) fn wrapped(out: &mut String, items: impl Iterator<Item = String>) {
     let mut row = String::new();
     for item in items {
         if !row.is_empty() && row.len() + item.len() > 90 {
@@ -182,7 +204,8 @@ fn constants(robot: &Robot, out: &mut String) {
     let _ = writeln!(out, "pub const HOME: [f64; {}] = [", robot.home.len());
     wrapped(out, robot.home.iter().copied().map(literal));
     let _ = writeln!(out, "];");
-    let _ = writeln!(out, "/// Names and sizes.");
+    stated::constants(robot, out);
+    let _ = writeln!(out, "/// Names, sizes, and what is stated about joints.");
     let _ = writeln!(out, "pub const INFO: Info<'static> = Info {{");
     let _ = writeln!(out, "    name: {:?},", robot.name);
     for (field, constant) in [
@@ -203,6 +226,9 @@ fn constants(robot: &Robot, out: &mut String) {
     let _ = writeln!(out, "    cuts: &[{}],", cuts.join(", "));
     let _ = writeln!(out, "    home: &HOME,");
     let _ = writeln!(out, "    rows: {},", robot.rows);
+    let _ = writeln!(out, "    joints: &JOINTS,");
+    let _ = writeln!(out, "    cones: &CONES,");
+    let _ = writeln!(out, "    nominal: &NOMINAL,");
     let _ = writeln!(out, "}};");
 }
 
@@ -239,6 +265,7 @@ pub(super) fn has_condition(kind: FunctionKind) -> bool {
             | FunctionKind::Bias
             | FunctionKind::DependentJacobian
             | FunctionKind::Poses
+            | FunctionKind::Cones
             | FunctionKind::ToBase
             | FunctionKind::FromBase
     )
@@ -290,6 +317,7 @@ fn formula(kind: FunctionKind) -> &'static str {
         }
         FunctionKind::Efforts => "The left side of Eq. 10 from the actuated efforts.",
         FunctionKind::Poses => "Where the bodies are.",
+        FunctionKind::Cones => "The cosines of the angles that cones limit.",
         FunctionKind::BaseRegressor => {
             "The reduced regressor W_red (Eq. 23): only the columns that are kept."
         }

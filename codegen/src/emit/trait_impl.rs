@@ -35,7 +35,8 @@ fn arguments(kind: FunctionKind) -> &'static [&'static str] {
         | FunctionKind::Jacobian
         | FunctionKind::NewtonStep
         | FunctionKind::DependentJacobian
-        | FunctionKind::Poses => &["q"],
+        | FunctionKind::Poses
+        | FunctionKind::Cones => &["q"],
         FunctionKind::ToBase => &["phi"],
         FunctionKind::FromBase => &["beta", "free"],
         FunctionKind::BaseInverseDynamics => &["q", "qd", "qdd", "beta"],
@@ -56,6 +57,10 @@ pub(super) fn write(robot: &Robot, options: &Options, out: &mut String) {
     let _ = writeln!(out, "        INFO");
     let _ = writeln!(out, "    }}");
     for kind in FunctionKind::ALL.into_iter().filter(|k| !k.needs_base()) {
+        if kind == FunctionKind::Cones && robot.cones.is_empty() {
+            // the trait's own serves
+            continue;
+        }
         trait_method(robot, kind, runtime, out);
     }
     let _ = writeln!(out, "}}");

@@ -1,7 +1,8 @@
 //! Kinematic functions: constraints, closure, dependent rates, poses.
 
-use crate::constraints::world_equations;
+use crate::constraints::{View, world_equations};
 use crate::kinematics::{Chain, Rates, Start};
+use crate::model::Side;
 use crate::optimize::Request;
 use crate::sym::Ex;
 
@@ -177,4 +178,35 @@ pub(super) fn poses(cx: &mut Context<'_>) -> Request {
         ),
         groups,
     }
+}
+
+/// The cosines of the angles between the z axes that cones limit; `None` without cones.
+pub(super) fn cones(cx: &mut Context<'_>) -> Option<Request> {
+    if cx.model.cones.is_empty() {
+        return None;
+    }
+    let mut groups = Vec::new();
+    for cone in &cx.model.cones {
+        let [a, b] = &cone.sides;
+        let (path_a, path_b) = (cx.model.path(a.link), cx.model.path(b.link));
+        // seen from the last link that carries both
+        let shared = path_a.iter().zip(&path_b).take_while(|(x, y)| x == y);
+        let shared = shared.count();
+        let mut axis = |path: &[usize], side: &Side| {
+            let own = &path[shared..];
+            View::along(cx.g, cx.frames, own, side, &Start::own(), None).axes[2]
+        };
+        let (z_a, z_b) = (axis(&path_a, a), axis(&path_b, b));
+        let cosine = cx.g.dot3(&z_a, &z_b);
+        groups.push(group(format!("cone of {}", cone.name), vec![cosine]));
+    }
+    Some(Request {
+        arguments: vec![cx.symbols.q()],
+        output: output(
+            "cosines",
+            &[cx.model.cones.len()],
+            "per cone in the order of `INFO.cones`: the cosine of the angle between the two z axes",
+        ),
+        groups,
+    })
 }

@@ -58,6 +58,7 @@ pub fn request(cx: &mut Context<'_>, kind: FunctionKind) -> Option<Request> {
         FunctionKind::SlotineLi => Some(dynamics::slotine_li(cx)),
         FunctionKind::Efforts => Some(dynamics::efforts(cx)),
         FunctionKind::Poses => Some(closure::poses(cx)),
+        FunctionKind::Cones => closure::cones(cx),
         _ => None,
     }
 }

@@ -4,7 +4,7 @@ use crate::spec::{self, Axis, Joint, JointFrame, JointKind, Spec};
 use crate::sym::Number;
 
 use super::{
-    Body, Coordinate, Coupling, Cut, Link, Model, Motion, MotionKind, Placement, Side, Step,
+    Body, Cone, Coordinate, Coupling, Cut, Link, Model, Motion, MotionKind, Placement, Side, Step,
     parameters,
 };
 
@@ -60,6 +60,7 @@ pub fn build(spec: &Spec) -> Model {
         coordinates: Vec::new(),
         bodies: Vec::new(),
         cuts: Vec::new(),
+        cones: Vec::new(),
         couplings: Vec::new(),
         independent: Vec::new(),
         dependent: Vec::new(),
@@ -85,6 +86,7 @@ pub fn build(spec: &Spec) -> Model {
             sides: [side(&cut.sides[0]), side(&cut.sides[1])],
         })
         .collect();
+    model.cones = cones(spec, &model);
     let find = |name: &str| model.coordinates.iter().position(|c| c.name == name);
     let couplings = spec.couplings.iter().filter_map(|(key, form)| {
         Some(Coupling {
@@ -118,6 +120,45 @@ pub fn build(spec: &Spec) -> Model {
     }
     model.parameters = parameters::list(spec, &model.bodies, &model.coordinates);
     model
+}
+
+/// The cones of joints, between the frame that a joint's row gives and the one it
+/// moves, and those of cuts.
+fn cones(spec: &Spec, model: &Model) -> Vec<Cone> {
+    let mut cones = Vec::new();
+    let mut coordinate = 0;
+    for joint in spec.limbs.iter().flat_map(|limb| &limb.joints) {
+        let axes = axes_of(joint).len();
+        if let (Some(greatest), Some(name)) = (&joint.limits.cone, &joint.name)
+            && axes > 0
+        {
+            let first = &model.links[model.coordinates[coordinate].link];
+            let before = Side {
+                link: first.parent,
+                placement: first.placement.clone(),
+            };
+            let after = Side {
+                link: Some(model.coordinates[coordinate + axes - 1].link),
+                placement: Vec::new(),
+            };
+            cones.push(Cone {
+                name: name.value.clone(),
+                greatest: greatest.value.clone(),
+                sides: [before, after],
+            });
+        }
+        coordinate += axes;
+    }
+    for (cut, of_model) in spec.cuts.iter().zip(&model.cuts) {
+        if let Some(greatest) = &cut.limits.cone {
+            cones.push(Cone {
+                name: cut.name.value.clone(),
+                greatest: greatest.value.clone(),
+                sides: of_model.sides.clone(),
+            });
+        }
+    }
+    cones
 }
 
 /// Links, coordinates and bodies. Coordinates and bodies are numbered in the

@@ -4,9 +4,11 @@
 
 mod build;
 mod parameters;
+mod stated;
 
 pub use build::build;
 pub use parameters::{FrictionColumn, INERTIAL, Parameter, ParameterKind};
+pub use stated::{joints_of_coordinates, nominal};
 
 use crate::spec::{Axis, CutKind, Quantity};
 use crate::sym::Number;
@@ -98,6 +100,17 @@ pub struct Cut {
     pub sides: [Side; 2],
 }
 
+/// A limit of the angle between the z axes of two frames.
+#[derive(Clone, Debug)]
+pub struct Cone {
+    /// The joint or the cut.
+    pub name: String,
+    /// The greatest angle, rad.
+    pub greatest: Number,
+    /// The two frames.
+    pub sides: [Side; 2],
+}
+
 /// A coordinate tied linearly to others: `key = constant + sum`.
 #[derive(Clone, Debug)]
 pub struct Coupling {
@@ -122,6 +135,8 @@ pub struct Model {
     pub bodies: Vec<Body>,
     /// Loop closures in the spec's order.
     pub cuts: Vec<Cut>,
+    /// Cones of joints in the order of coordinates, then of cuts.
+    pub cones: Vec<Cone>,
     /// Linear ties in the spec's order.
     pub couplings: Vec<Coupling>,
     /// Independent coordinates, in the order given.

@@ -103,13 +103,7 @@ pub(super) fn list(spec: &Spec, bodies: &[Body], coordinates: &[Coordinate]) -> 
             });
         }
     }
-    // the joint behind each coordinate, in the order of coordinates
-    let joints = spec
-        .limbs
-        .iter()
-        .flat_map(|limb| &limb.joints)
-        .flat_map(|joint| std::iter::repeat_n(joint, super::build::axes_of(joint).len()))
-        .collect::<Vec<_>>();
+    let joints = super::joints_of_coordinates(spec);
     for (index, (coordinate, joint)) in coordinates.iter().zip(&joints).enumerate() {
         for column in FrictionColumn::of(joint.friction) {
             parameters.push(Parameter {

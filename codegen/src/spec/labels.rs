@@ -28,15 +28,22 @@ impl Friction {
         }
     }
 
-    /// The symbols that `nominal` may give.
-    pub(super) fn nominal(self) -> &'static [&'static str] {
+    /// The symbols of all coefficients: of the columns, or of a nonlinear model.
+    pub fn symbols(self) -> &'static [&'static str] {
         match self {
-            Self::None | Self::Viscous | Self::Coulomb | Self::Linear => self.parameters(),
-            Self::CoulombAsymmetric => &["Fv", "Fc", "Fc+", "Fc-"],
-            Self::Asymmetric => &["Fv", "Fc", "Fv+", "Fv-", "Fc+", "Fc-"],
             Self::Stribeck => &["Fc", "Fs", "vs", "delta", "Fv"],
             Self::Atan => &["Fc", "Fv1", "Fv2", "Fv3"],
             Self::Power => &["Fc", "Fv", "delta"],
+            _ => self.parameters(),
+        }
+    }
+
+    /// The symbols that `nominal` may give.
+    pub(super) fn nominal(self) -> &'static [&'static str] {
+        match self {
+            Self::CoulombAsymmetric => &["Fv", "Fc", "Fc+", "Fc-"],
+            Self::Asymmetric => &["Fv", "Fc", "Fv+", "Fv-", "Fc+", "Fc-"],
+            other => other.symbols(),
         }
     }
 }

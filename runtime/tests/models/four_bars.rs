@@ -123,6 +123,7 @@ impl Model for FourBars {
             cuts: &CUTS[..self.loops.len()],
             home: &self.home,
             rows: n - 1,
+            ..Info::EMPTY
         }
     }
 

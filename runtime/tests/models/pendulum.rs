@@ -33,6 +33,7 @@ impl<T: Scalar> Model<T> for Pendulum {
             cuts: &[],
             home: &[0.0],
             rows: 0,
+            ..Info::EMPTY
         }
     }
 

@@ -99,6 +99,7 @@ impl<T: regen_runtime::Scalar> regen_runtime::Model<T> for SliderCrank {
             }],
             home: &self.home,
             rows: 2,
+            ..regen_runtime::Info::EMPTY
         }
     }
 

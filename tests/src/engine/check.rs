@@ -52,6 +52,12 @@ pub(super) fn names(m: &Mechanism) -> Names {
             .iter()
             .map(|c| (c.name.clone(), c.kind.rows()))
             .collect(),
+        cones: m
+            .cones
+            .iter()
+            .map(|c| (c.name.clone(), c.greatest))
+            .collect(),
+        nominal: m.nominal_values(),
     }
 }
 
@@ -74,6 +80,29 @@ fn same_names(ours: &Names, theirs: &Names) -> Result<(), String> {
             ours.cuts, theirs.cuts
         ));
     }
+    // both read the same text to the nearest double, expressions to some roundings
+    let near = |a: f64, b: f64| (a - b).abs() <= 1e-12 * b.abs().max(1e-9);
+    let cones = ours.cones.iter().zip(&theirs.cones);
+    if ours.cones.len() != theirs.cones.len()
+        || !cones.into_iter().all(|(a, b)| a.0 == b.0 && near(a.1, b.1))
+    {
+        return Err(format!(
+            "cones: {:?} instead of {:?}",
+            ours.cones, theirs.cones
+        ));
+    }
+    let nominal = ours.nominal.iter().zip(&theirs.nominal);
+    let same = |pair: (&Option<f64>, &Option<f64>)| match pair {
+        (Some(a), Some(b)) => near(*a, *b),
+        (None, None) => true,
+        _ => false,
+    };
+    if ours.nominal.len() != theirs.nominal.len() || !nominal.into_iter().all(same) {
+        return Err(format!(
+            "nominal: {:?} instead of {:?}",
+            ours.nominal, theirs.nominal
+        ));
+    }
     Ok(())
 }
 
@@ -92,6 +121,9 @@ fn open(
     let poses = flat(reference.poses(&q));
     let error = vector_error(&flat(engine.poses(&q)?), &poses, 1.0 + size(&poses));
     figures.record("poses", error, DIRECT);
+    let cones = reference.cone_cosines(&q);
+    let error = vector_error(&engine.cones(&q)?, &cones, 1.0);
+    figures.record("cones", error, DIRECT);
     let f = reference.constraints(&q);
     let error = vector_error(&engine.constraints(&q)?, &f, 1.0 + size(&f));
     figures.record("constraints", error, DIRECT);

@@ -29,7 +29,7 @@ pub use pairs::{Side, check_pair};
 pub type Answer<T> = Result<T, String>;
 
 /// The names that an engine gives to its parts.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Names {
     /// All coordinates, in the order of `q`.
     pub coordinates: Vec<String>,
@@ -43,6 +43,10 @@ pub struct Names {
     pub bodies: Vec<String>,
     /// The cuts with their numbers of rows.
     pub cuts: Vec<(String, usize)>,
+    /// The cones with their greatest angles.
+    pub cones: Vec<(String, f64)>,
+    /// Nominal parameters.
+    pub nominal: Vec<Option<f64>>,
 }
 
 /// An engine over plain vectors. `q`, `qd`, `qdd` are over all coordinates; a suffix `_i` means
@@ -129,4 +133,9 @@ pub trait Engine {
     /// # Errors
     /// What the engine reports.
     fn poses(&self, q: &[f64]) -> Answer<Vec<[f64; 12]>>;
+    /// The cosines of the angles between the z axes that cones limit.
+    ///
+    /// # Errors
+    /// What the engine reports.
+    fn cones(&self, q: &[f64]) -> Answer<Vec<f64>>;
 }

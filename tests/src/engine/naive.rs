@@ -145,4 +145,8 @@ impl Engine for Naive<'_> {
     fn poses(&self, q: &[f64]) -> Answer<Vec<[f64; 12]>> {
         Ok(self.mechanism.poses(q))
     }
+
+    fn cones(&self, q: &[f64]) -> Answer<Vec<f64>> {
+        Ok(self.mechanism.cone_cosines(q))
+    }
 }

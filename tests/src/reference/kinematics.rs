@@ -2,7 +2,7 @@
 
 use num_dual::{Dual2, Dual2_64};
 
-use super::mechanism::{JointMotion, Mechanism};
+use super::mechanism::{Cone, CutSide, JointMotion, Mechanism};
 use super::scalar::{Mat4, Scalar, lift, mul, shift, turn};
 
 /// The frame of a node with its first and second time derivatives.
@@ -65,5 +65,22 @@ impl Mechanism {
                 out
             })
             .collect()
+    }
+
+    /// The cosines of the angles between the z axes that cones limit.
+    pub fn cone_cosines(&self, q: &[f64]) -> Vec<f64> {
+        let frames = self.frames(q);
+        let z = |side: &CutSide| {
+            let frame = match side.node {
+                Some(node) => mul(&frames[node], &side.offset),
+                None => side.offset,
+            };
+            [frame[0][2], frame[1][2], frame[2][2]]
+        };
+        let cosine = |cone: &Cone| {
+            let (a, b) = (z(&cone.sides[0]), z(&cone.sides[1]));
+            a.iter().zip(b).map(|(x, y)| x * y).sum()
+        };
+        self.cones.iter().map(cosine).collect()
     }
 }

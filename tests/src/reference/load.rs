@@ -8,7 +8,7 @@ use serde_yaml::Value;
 use super::expr::evaluate;
 use super::load_fields::{Names, dh, entries, list, placement, scalar, text, vector};
 use super::mechanism::{
-    Axis, Body, Coupling, Cut, CutKind, CutSide, Friction, JointMotion, Mechanism, Node,
+    Axis, Body, Cone, Coupling, Cut, CutKind, CutSide, Friction, JointMotion, Mechanism, Node,
     PARAMETERS_PER_BODY, Parameter,
 };
 use super::random::PhysicalBody;
@@ -33,7 +33,7 @@ impl Mechanism {
         for limb in list(&spec, "limbs")? {
             tree.limb(limb, &names).map_err(|e| in_item(limb, &e))?;
         }
-        let cuts = list(&spec, "cuts")?
+        let cuts: Vec<Cut> = list(&spec, "cuts")?
             .iter()
             .map(|cut| tree.cut(cut, &names).map_err(|e| in_item(cut, &e)))
             .collect::<Result<_, _>>()?;
@@ -57,6 +57,16 @@ impl Mechanism {
         for (name, value) in entries(&spec, "home")? {
             home_guess[tree.coordinate(&name)?] = scalar(value, &names)?;
         }
+        let mut cones = std::mem::take(&mut tree.cones);
+        for (cut, item) in cuts.iter().zip(list(&spec, "cuts")?) {
+            if let Some(cone) = item.get("limits").and_then(|l| l.get("cone")) {
+                cones.push(Cone {
+                    name: cut.name.clone(),
+                    greatest: scalar(cone, &names)?,
+                    sides: cut.sides.clone(),
+                });
+            }
+        }
         Ok(Mechanism {
             name: text(spec.get("name").ok_or("no name")?)?,
             gravity,
@@ -65,6 +75,7 @@ impl Mechanism {
             nodes: tree.nodes,
             bodies: tree.bodies,
             cuts,
+            cones,
             couplings,
             independent,
             dependent,
@@ -110,6 +121,7 @@ struct Tree {
     friction: Vec<Friction>,
     rotor: Vec<bool>,
     nominal: BTreeMap<String, f64>,
+    cones: Vec<Cone>,
 }
 
 impl Tree {
@@ -194,6 +206,19 @@ impl Tree {
                 parent: Some(self.nodes.len() - 1),
                 offset: identity(),
                 motion: motion(*axis, coordinate),
+            });
+        }
+        if let Some(cone) = joint.get("limits").and_then(|l| l.get("cone")) {
+            // between the row's own frame and the frame after all motions
+            let last = self.nodes.len() - 1;
+            let side = |node| CutSide {
+                node: Some(node),
+                offset: identity(),
+            };
+            self.cones.push(Cone {
+                name: text(joint.get("name").ok_or("no name")?)?,
+                greatest: scalar(cone, names)?,
+                sides: [side(last - motions.len()), side(last)],
             });
         }
         if let Some(label) = joint.get("body") {

@@ -111,6 +111,17 @@ pub struct Cut {
     pub sides: [CutSide; 2],
 }
 
+/// A limit of the angle between two z axes.
+#[derive(Clone, Debug)]
+pub struct Cone {
+    /// The joint or the cut.
+    pub name: String,
+    /// The greatest angle.
+    pub greatest: f64,
+    /// The two frames.
+    pub sides: [CutSide; 2],
+}
+
 /// `key = constant + sum of coefficients times coordinates`.
 #[derive(Clone, Debug)]
 pub struct Coupling {
@@ -167,6 +178,8 @@ pub struct Mechanism {
     pub bodies: Vec<Body>,
     /// Cuts in the order of the file.
     pub cuts: Vec<Cut>,
+    /// Cones of joints, then of cuts.
+    pub cones: Vec<Cone>,
     /// Couplings in the order of the file.
     pub couplings: Vec<Coupling>,
     /// The independent coordinates.
@@ -234,6 +247,11 @@ impl Mechanism {
 
     /// The nominal parameter vector, if the spec gives every value.
     pub fn nominal_parameters(&self) -> Option<Vec<f64>> {
+        self.nominal_values().into_iter().collect()
+    }
+
+    /// The nominal value of each parameter that has one.
+    pub fn nominal_values(&self) -> Vec<Option<f64>> {
         self.parameters
             .iter()
             .map(|p| match p {

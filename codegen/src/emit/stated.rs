@@ -1,0 +1,90 @@
+//! What the spec states beside the mechanism, as constants: joints with their limits
+//! and nominal values, cones, nominal parameters.
+
+use std::fmt::Write as _;
+
+use crate::robot::{JointInfo, Robot};
+
+use super::module::wrapped;
+use super::names::literal;
+
+/// `JOINTS`, `CONES` and `NOMINAL`.
+pub(super) fn constants(robot: &Robot, out: &mut String) {
+    let _ = writeln!(
+        out,
+        "/// What is stated about the joint of each coordinate: units rad or m, N m or N."
+    );
+    let _ = writeln!(out, "pub const JOINTS: [Joint; {}] = [", robot.joints.len());
+    for joint in &robot.joints {
+        let _ = writeln!(out, "    {},", self::joint(joint));
+    }
+    let _ = writeln!(out, "];");
+    let _ = writeln!(
+        out,
+        "/// The cones that limit joints and cuts, in the order of `cones`."
+    );
+    let _ = writeln!(
+        out,
+        "pub const CONES: [Cone<'static>; {}] = [",
+        robot.cones.len()
+    );
+    for cone in &robot.cones {
+        let greatest = literal(cone.greatest);
+        let _ = writeln!(
+            out,
+            "    Cone {{ name: {:?}, greatest: {greatest} }},",
+            cone.name
+        );
+    }
+    let _ = writeln!(out, "];");
+    let _ = writeln!(
+        out,
+        "/// Nominal values of the parameters, in the order of `PARAMETERS`, about the origins of"
+    );
+    let _ = writeln!(out, "/// the bodies' frames.");
+    let _ = writeln!(
+        out,
+        "pub const NOMINAL: [Option<f64>; {}] = [",
+        robot.nominal.len()
+    );
+    wrapped(out, robot.nominal.iter().copied().map(optional));
+    let _ = writeln!(out, "];");
+}
+
+fn optional(value: Option<f64>) -> String {
+    value.map_or_else(|| "None".to_owned(), |v| format!("Some({})", literal(v)))
+}
+
+/// A joint, only what is stated.
+fn joint(joint: &JointInfo) -> String {
+    let bare = format!("Joint::{}", joint.motion_name().to_uppercase());
+    let mut fields = Vec::new();
+    if joint.friction_name() != "None" {
+        fields.push(format!("friction: Friction::{}", joint.friction_name()));
+    }
+    let limits: Vec<String> = ["position", "velocity", "acceleration", "effort"]
+        .iter()
+        .zip(&joint.limits)
+        .filter_map(|(name, limit)| {
+            let [lo, hi] = (*limit)?;
+            Some(format!("{name}: Some([{}, {}])", literal(lo), literal(hi)))
+        })
+        .collect();
+    match limits.len() {
+        0 => {}
+        4 => fields.push(format!("limits: Limits {{ {} }}", limits.join(", "))),
+        _ => fields.push(format!(
+            "limits: Limits {{ {}, ..Limits::NONE }}",
+            limits.join(", ")
+        )),
+    }
+    if joint.nominal.iter().any(Option::is_some) {
+        let values: Vec<String> = joint.nominal.iter().copied().map(optional).collect();
+        fields.push(format!("nominal: [{}]", values.join(", ")));
+    }
+    if fields.is_empty() {
+        bare
+    } else {
+        format!("Joint {{ {}, ..{bare} }}", fields.join(", "))
+    }
+}

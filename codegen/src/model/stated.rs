@@ -1,0 +1,56 @@
+//! What the spec states beside the mechanism: nominal values of the parameters.
+
+use crate::spec::{BodyInertia, Joint, Spec};
+use crate::sym::Number;
+
+use super::{Model, ParameterKind};
+
+/// The joint behind each coordinate, in the order of coordinates.
+pub fn joints_of_coordinates(spec: &Spec) -> Vec<&Joint> {
+    spec.limbs
+        .iter()
+        .flat_map(|limb| &limb.joints)
+        .flat_map(|joint| std::iter::repeat_n(joint, super::build::axes_of(joint).len()))
+        .collect()
+}
+
+/// The nominal value of each parameter, in their order; `None` where the spec gives none.
+pub fn nominal(spec: &Spec, model: &Model) -> Vec<Option<Number>> {
+    let joints = joints_of_coordinates(spec);
+    let at_joint = |coordinate: usize, symbol: &str| {
+        let value = joints.get(coordinate)?.nominal_value(symbol)?;
+        Some(value.value.clone())
+    };
+    let value = |kind: &ParameterKind| match *kind {
+        ParameterKind::Inertial { body, entry } => {
+            let label = &model.bodies.get(body)?.label;
+            let given = spec.bodies.iter().find(|(l, _)| l.value == *label);
+            given.map(|(_, inertia)| about_origin(inertia, entry))
+        }
+        ParameterKind::Friction { coordinate, column } => at_joint(coordinate, column.symbol()),
+        ParameterKind::Rotor { coordinate } => at_joint(coordinate, "J"),
+    };
+    model.parameters.iter().map(|p| value(&p.kind)).collect()
+}
+
+/// One of the ten parameters about the frame's origin: the tensor is moved there from the
+/// centre of mass (Huygens and Steiner).
+fn about_origin(body: &BodyInertia, entry: usize) -> Number {
+    let mass = &body.mass.value;
+    let com = [0, 1, 2].map(|i: usize| &body.com[i].value);
+    // the axes of Ixx Ixy Ixz Iyy Iyz Izz
+    const AXES: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
+    match (AXES.get(entry), entry) {
+        (Some(&(i, j)), _) => {
+            let mut arm = com[i].mul(com[j]).neg();
+            if i == j {
+                for c in com {
+                    arm = arm.add(&c.mul(c));
+                }
+            }
+            body.inertia[entry].value.add(&mass.mul(&arm))
+        }
+        (None, 6..=8) => mass.mul(com[entry - 6]),
+        _ => mass.clone(),
+    }
+}

@@ -1,0 +1,239 @@
+//! What a model states about itself: names, sizes, limits, nominal values.
+
+/// One loop closure: a joint that was cut to obtain a tree.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Cut<'a> {
+    /// Its name.
+    pub name: &'a str,
+    /// The number of its constraint equations.
+    pub rows: usize,
+}
+
+/// How a coordinate moves: it decides the units of positions and efforts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Motion {
+    /// A turn: rad, N m.
+    Turn,
+    /// A shift: m, N.
+    Shift,
+}
+
+/// The friction model of a joint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Friction {
+    /// None.
+    None,
+    /// `Fv qd`.
+    Viscous,
+    /// `Fc sgn(qd)`.
+    Coulomb,
+    /// `Fv qd + Fc sgn(qd)` (Eq. 14).
+    Linear,
+    /// Viscous, and Coulomb with a coefficient for each direction.
+    CoulombAsymmetric,
+    /// Viscous and Coulomb with coefficients for each direction (Eq. 15).
+    Asymmetric,
+    /// `sgn(qd) (Fc + (Fs - Fc) exp(-|qd/vs|^delta)) + Fv qd` (Eq. 32); no columns.
+    Stribeck,
+    /// `sgn(qd) Fc + Fv1 qd + Fv2 atan(Fv3 qd)` (Eq. 16); no columns.
+    Atan,
+    /// `sgn(qd) (Fc + Fv |qd|^delta)` (Eq. 17); no columns.
+    Power,
+}
+
+impl Friction {
+    /// The symbols of its coefficients, in the order of [`Joint::nominal`]: of columns where it
+    /// is linear in them.
+    ///
+    /// ```
+    /// use regen_runtime::Friction;
+    ///
+    /// assert_eq!(Friction::Linear.symbols(), ["Fv", "Fc"]);
+    /// assert_eq!(Friction::Stribeck.symbols(), ["Fc", "Fs", "vs", "delta", "Fv"]);
+    /// ```
+    pub fn symbols(self) -> &'static [&'static str] {
+        match self {
+            Friction::None => &[],
+            Friction::Viscous => &["Fv"],
+            Friction::Coulomb => &["Fc"],
+            Friction::Linear => &["Fv", "Fc"],
+            Friction::CoulombAsymmetric => &["Fv", "Fc+", "Fc-"],
+            Friction::Asymmetric => &["Fv+", "Fc+", "Fv-", "Fc-"],
+            Friction::Stribeck => &["Fc", "Fs", "vs", "delta", "Fv"],
+            Friction::Atan => &["Fc", "Fv1", "Fv2", "Fv3"],
+            Friction::Power => &["Fc", "Fv", "delta"],
+        }
+    }
+
+    /// Whether it is linear in its coefficients, which then are parameters with columns.
+    pub fn is_linear(self) -> bool {
+        !matches!(self, Friction::Stribeck | Friction::Atan | Friction::Power)
+    }
+}
+
+/// The limits of a coordinate that are stated: lowest and highest value.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Limits {
+    /// Of the position, rad or m.
+    pub position: Option<[f64; 2]>,
+    /// Of the velocity, rad/s or m/s.
+    pub velocity: Option<[f64; 2]>,
+    /// Of the acceleration, rad/s^2 or m/s^2.
+    pub acceleration: Option<[f64; 2]>,
+    /// Of the effort, N m or N.
+    pub effort: Option<[f64; 2]>,
+}
+
+/// What is stated about the joint of one coordinate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Joint {
+    /// How it moves.
+    pub motion: Motion,
+    /// Its friction model.
+    pub friction: Friction,
+    /// Its limits.
+    pub limits: Limits,
+    /// The nominal values of the friction model's coefficients, in the order of
+    /// [`Friction::symbols`], SI units; those of nonlinear models too, which have no place
+    /// among the parameters. `None` where none is stated, and beyond the symbols.
+    pub nominal: [Option<f64>; 5],
+}
+
+/// A limit of the angle between two z axes: those before and after a spherical or universal
+/// joint, or those of a cut's two frames.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cone<'a> {
+    /// The joint or the cut.
+    pub name: &'a str,
+    /// The greatest angle, rad.
+    pub greatest: f64,
+}
+
+/// The names, sizes and stated values of a model: borrowed slices, so that generated code can
+/// state them as a constant and a model read at run time can lend its own.
+///
+/// ```
+/// use regen_runtime::{Cut, Info};
+///
+/// const FOUR_BAR: Info<'static> = Info {
+///     name: "four_bar",
+///     coordinates: &["q1", "q2", "q3"],
+///     independent: &[0],
+///     dependent: &[1, 2],
+///     actuated: &[0],
+///     parameters: &["Izz(1)", "mx(1)", "my(1)"],
+///     bodies: &["1", "2", "3"],
+///     cuts: &[Cut { name: "pin", rows: 2 }],
+///     home: &[0.5, 0.3, -0.8],
+///     rows: 2,
+///     // no limits, no nominal values
+///     ..Info::EMPTY
+/// };
+/// assert_eq!(FOUR_BAR.dof(), 1);
+/// assert_eq!(FOUR_BAR.index_of("q3"), Some(2));
+/// assert_eq!(FOUR_BAR.nominal_parameters(), None);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Info<'a> {
+    /// The robot's name.
+    pub name: &'a str,
+    /// The names of all coordinates, in the order of `q`; rad or m by the joint's kind.
+    pub coordinates: &'a [&'a str],
+    /// Which coordinates are independent: indices into `coordinates`, in the order of the
+    /// regressor's rows.
+    pub independent: &'a [usize],
+    /// Which coordinates are dependent: indices into `coordinates`, in the order of A_e's
+    /// columns.
+    pub dependent: &'a [usize],
+    /// Which coordinates have a measured effort: indices into `coordinates`.
+    pub actuated: &'a [usize],
+    /// The labels of the dynamic parameters, in the order of the regressor's columns.
+    pub parameters: &'a [&'a str],
+    /// The labels of the bodies, in the order of `poses`.
+    pub bodies: &'a [&'a str],
+    /// The cuts, in the order of their constraint rows.
+    pub cuts: &'a [Cut<'a>],
+    /// A closed state: the start of every closure solve, and the choice of assembly branch.
+    pub home: &'a [f64],
+    /// The number of constraint rows: of all cuts, redundant ones included, then of couplings.
+    pub rows: usize,
+    /// What is stated about each coordinate's joint, in the order of `coordinates`; empty
+    /// where nothing is known about any.
+    pub joints: &'a [Joint],
+    /// The cones that limit spherical and universal joints: joints in the order of their
+    /// coordinates, then cuts. The order of [`Model::cones`](crate::Model::cones).
+    pub cones: &'a [Cone<'a>],
+    /// The nominal value of each parameter, in the order of `parameters`, about the origin of
+    /// the body's frame; `None` where the spec gives none. Empty where nothing is known.
+    pub nominal: &'a [Option<f64>],
+}
+
+impl Limits {
+    /// None stated.
+    pub const NONE: Limits = Limits {
+        position: None,
+        velocity: None,
+        acceleration: None,
+        effort: None,
+    };
+}
+
+impl Joint {
+    /// A turn, nothing else stated.
+    pub const TURN: Joint = Joint {
+        motion: Motion::Turn,
+        friction: Friction::None,
+        limits: Limits::NONE,
+        nominal: [None; 5],
+    };
+    /// A shift, nothing else stated.
+    pub const SHIFT: Joint = Joint {
+        motion: Motion::Shift,
+        ..Joint::TURN
+    };
+}
+
+impl Info<'static> {
+    /// Without coordinates, parameters or anything stated: for `..Info::EMPTY`.
+    pub const EMPTY: Info<'static> = Info {
+        name: "",
+        coordinates: &[],
+        independent: &[],
+        dependent: &[],
+        actuated: &[],
+        parameters: &[],
+        bodies: &[],
+        cuts: &[],
+        home: &[],
+        rows: 0,
+        joints: &[],
+        cones: &[],
+        nominal: &[],
+    };
+}
+
+impl Info<'_> {
+    /// The number of degrees of freedom: of independent coordinates.
+    pub fn dof(&self) -> usize {
+        self.independent.len()
+    }
+
+    /// The place of a coordinate in `q`, if there is one of that name.
+    pub fn index_of(&self, coordinate: &str) -> Option<usize> {
+        self.coordinates.iter().position(|name| *name == coordinate)
+    }
+
+    /// The place of a parameter among the regressor's columns, if there is one of that label.
+    pub fn parameter_of(&self, label: &str) -> Option<usize> {
+        self.parameters.iter().position(|name| *name == label)
+    }
+
+    /// The nominal parameters in the order of `parameters`, if every one has a value.
+    #[cfg(feature = "alloc")]
+    pub fn nominal_parameters(&self) -> Option<alloc::vec::Vec<f64>> {
+        if self.nominal.len() != self.parameters.len() {
+            return None;
+        }
+        self.nominal.iter().copied().collect()
+    }
+}
