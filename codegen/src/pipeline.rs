@@ -148,6 +148,7 @@ fn named(spec: &Spec, model: &Model, closed: Closed) -> Robot {
             .closure
             .as_ref()
             .map_or_else(Vec::new, |c| c.redundant_rows().to_vec()),
+        gravity: model.gravity.each_ref().map(|g| g.value.to_f64()),
         home: closed.home,
         functions: Vec::new(),
         analysis: None,

@@ -238,6 +238,8 @@ pub struct Robot {
     pub rows: usize,
     /// Rows found redundant, by index in the spec's order.
     pub redundant_rows: Vec<usize>,
+    /// Gravity in the world frame, m/s^2.
+    pub gravity: [f64; 3],
     /// The closed home configuration.
     pub home: Vec<f64>,
     /// Its functions.

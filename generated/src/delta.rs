@@ -110,6 +110,7 @@ pub const INFO: Info<'static> = Info {
     bodies: &BODIES,
     cuts: &[Cut { name: "e2", rows: 4 }, Cut { name: "e3", rows: 4 }],
     home: &HOME,
+    gravity: [0.0, 0.0, -9.81],
     rows: 8,
     joints: &JOINTS,
     cones: &CONES,

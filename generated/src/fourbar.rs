@@ -92,6 +92,7 @@ pub const INFO: Info<'static> = Info {
     bodies: &BODIES,
     cuts: &[Cut { name: "pin", rows: 5 }],
     home: &HOME,
+    gravity: [0.0, 0.0, -9.81],
     rows: 5,
     joints: &JOINTS,
     cones: &CONES,

@@ -104,6 +104,7 @@ pub const INFO: Info<'static> = Info {
     bodies: &BODIES,
     cuts: &[Cut { name: "heel", rows: 5 }],
     home: &HOME,
+    gravity: [0.0, 0.0, -9.81],
     rows: 6,
     joints: &JOINTS,
     cones: &CONES,

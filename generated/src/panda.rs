@@ -96,6 +96,7 @@ pub const INFO: Info<'static> = Info {
     bodies: &BODIES,
     cuts: &[],
     home: &HOME,
+    gravity: [0.0, 0.0, -9.81],
     rows: 0,
     joints: &JOINTS,
     cones: &CONES,

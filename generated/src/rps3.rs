@@ -113,6 +113,7 @@ pub const INFO: Info<'static> = Info {
     bodies: &BODIES,
     cuts: &[Cut { name: "s2", rows: 3 }, Cut { name: "s3", rows: 3 }],
     home: &HOME,
+    gravity: [0.0, 0.0, -9.81],
     rows: 6,
     joints: &JOINTS,
     cones: &CONES,

@@ -105,6 +105,7 @@ pub const INFO: Info<'static> = Info {
     bodies: &BODIES,
     cuts: &[Cut { name: "p2", rows: 5 }, Cut { name: "p3", rows: 5 }],
     home: &HOME,
+    gravity: [0.0, 0.0, -9.81],
     rows: 10,
     joints: &JOINTS,
     cones: &CONES,

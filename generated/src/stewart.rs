@@ -139,6 +139,7 @@ pub const INFO: Info<'static> = Info {
     bodies: &BODIES,
     cuts: &[Cut { name: "s2", rows: 3 }, Cut { name: "s3", rows: 3 }, Cut { name: "s4", rows: 3 }, Cut { name: "s5", rows: 3 }, Cut { name: "s6", rows: 3 }],
     home: &HOME,
+    gravity: [0.0, 0.0, -9.81],
     rows: 15,
     joints: &JOINTS,
     cones: &CONES,

@@ -93,6 +93,7 @@ pub const INFO: Info<'static> = Info {
     bodies: &BODIES,
     cuts: &[],
     home: &HOME,
+    gravity: [0.4, -1.3, -9.6],
     rows: 0,
     joints: &JOINTS,
     cones: &CONES,

@@ -27,11 +27,11 @@ pub enum Friction {
     Viscous,
     /// `Fc sgn(qd)`.
     Coulomb,
-    /// `Fv qd + Fc sgn(qd)` (Eq. 14).
+    /// `Fv qd + Fc sgn(qd)`.
     Linear,
     /// Viscous, and Coulomb with a coefficient for each direction.
     CoulombAsymmetric,
-    /// Viscous and Coulomb with coefficients for each direction (Eq. 15).
+    /// Viscous and Coulomb with coefficients for each direction (Eq. 14).
     Asymmetric,
     /// `sgn(qd) (Fc + (Fs - Fc) exp(-|qd/vs|^delta)) + Fv qd` (Eq. 32); no columns.
     Stribeck,
@@ -155,6 +155,8 @@ pub struct Info<'a> {
     pub cuts: &'a [Cut<'a>],
     /// A closed state: the start of every closure solve, and the choice of assembly branch.
     pub home: &'a [f64],
+    /// Gravity in the world frame, m/s^2.
+    pub gravity: [f64; 3],
     /// The number of constraint rows: of all cuts, redundant ones included, then of couplings.
     pub rows: usize,
     /// What is stated about each coordinate's joint, in the order of `coordinates`; empty
@@ -205,6 +207,7 @@ impl Info<'static> {
         bodies: &[],
         cuts: &[],
         home: &[],
+        gravity: [0.0; 3],
         rows: 0,
         joints: &[],
         cones: &[],

@@ -222,6 +222,7 @@ impl Model<f64> for Interpreted<'_> {
             bodies: &self.bodies,
             cuts: &self.cuts,
             home: &self.robot.home,
+            gravity: self.robot.gravity,
             rows: self.robot.rows,
             joints: &self.joints,
             cones: &self.cones,

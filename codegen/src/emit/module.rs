@@ -225,6 +225,8 @@ fn constants(robot: &Robot, out: &mut String) {
         .collect();
     let _ = writeln!(out, "    cuts: &[{}],", cuts.join(", "));
     let _ = writeln!(out, "    home: &HOME,");
+    let [x, y, z] = robot.gravity.map(literal);
+    let _ = writeln!(out, "    gravity: [{x}, {y}, {z}],");
     let _ = writeln!(out, "    rows: {},", robot.rows);
     let _ = writeln!(out, "    joints: &JOINTS,");
     let _ = writeln!(out, "    cones: &CONES,");
