@@ -20,6 +20,8 @@
 //! Solvers and evaluation over a [`Model`]:
 //! - `closure` (default): loop closure on an assembly branch; observation matrices over
 //!   samples. Needs an allocator and, through `std` or `libm`, `f64`.
+//! - `simulation`: a simulated robot, `simulate`: forward dynamics of closed chains, control,
+//!   friction and sensors.
 //! - `alloc`: set by the above; of no use alone.
 //!
 //! The macro:
@@ -46,6 +48,8 @@ mod model;
 #[cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]
 mod observe;
 mod scalar;
+#[cfg(feature = "simulation")]
+pub mod simulate;
 
 pub use base::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
 #[cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]
