@@ -11,31 +11,31 @@
 //! |---|---|---|---|---|
 //! | [`constraints`] | 58 | 87 | 0 | 8 |
 //! | [`jacobian`] | 130 | 180 | 0 | 8 |
-//! | [`bias`] | 221 | 349 | 0 | 8 |
+//! | [`bias`] | 223 | 351 | 0 | 8 |
 //! | [`newton_step`] | 76 | 137 | 6 | 6 |
 //! | [`dependent_jacobian`] | 26 | 74 | 0 | 6 |
 //! | [`velocities`] | 65 | 138 | 6 | 6 |
 //! | [`accelerations`] | 131 | 251 | 6 | 6 |
-//! | [`regressor`] | 749 | 1104 | 6 | 7 |
-//! | [`inverse_dynamics`] | 663 | 784 | 6 | 7 |
-//! | [`gravity`] | 218 | 423 | 6 | 7 |
-//! | [`bias_forces`] | 697 | 896 | 6 | 7 |
-//! | [`mass_matrix`] | 496 | 644 | 6 | 7 |
-//! | [`slotine_li`] | 961 | 1493 | 6 | 7 |
+//! | [`regressor`] | 758 | 1116 | 6 | 7 |
+//! | [`inverse_dynamics`] | 673 | 793 | 6 | 7 |
+//! | [`gravity`] | 219 | 424 | 6 | 7 |
+//! | [`bias_forces`] | 707 | 905 | 6 | 7 |
+//! | [`mass_matrix`] | 512 | 658 | 6 | 7 |
+//! | [`slotine_li`] | 970 | 1505 | 6 | 7 |
 //! | [`efforts`] | 0 | 0 | 0 | 0 |
-//! | [`poses`] | 64 | 106 | 0 | 8 |
-//! | [`base_regressor`] | 620 | 1002 | 6 | 7 |
-//! | [`to_base`] | 111 | 57 | 0 | 0 |
-//! | [`parameters_from_base`] | 106 | 57 | 0 | 0 |
-//! | [`base_inverse_dynamics`] | 506 | 644 | 6 | 7 |
+//! | [`poses`] | 66 | 108 | 0 | 8 |
+//! | [`base_regressor`] | 626 | 1011 | 6 | 7 |
+//! | [`to_base`] | 112 | 59 | 0 | 0 |
+//! | [`parameters_from_base`] | 107 | 59 | 0 | 0 |
+//! | [`base_inverse_dynamics`] | 514 | 654 | 6 | 7 |
 //! | [`base_gravity`] | 158 | 330 | 6 | 7 |
-//! | [`base_bias_forces`] | 550 | 763 | 6 | 7 |
-//! | [`base_mass_matrix`] | 432 | 620 | 6 | 7 |
+//! | [`base_bias_forces`] | 557 | 772 | 6 | 7 |
+//! | [`base_mass_matrix`] | 445 | 632 | 6 | 7 |
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
 use ::regen_runtime::{
- Condition, Cone, Cut, Info, Joint, Model, Scalar, SizeError, };
+ Condition, Cone, Cut, Info, Joint, Limits, Model, Scalar, SizeError, };
 use ::regen_runtime::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
@@ -70,23 +70,23 @@ pub const BODIES: [&str; 10] = [
 ];
 /// The home configuration, closed; it picks the assembly branch.
 pub const HOME: [f64; 11] = [
-    0.0, 0.7853981633974483, -4.2014923506225715e-17, 0.6, 2.6179938779914944,
-    -7.939750924818184e-17, -5.349067299981935e-17, 2.3129646346357414e-17, 0.6,
+    0.0, 0.7853981633974483, -4.201492350622573e-17, 0.6, 2.6179938779914944,
+    -7.939750924818187e-17, -5.349067299981935e-17, 2.312964634635742e-17, 0.6,
     5.2411462293115804e-17, 0.6,
 ];
 /// What is stated about the joint of each coordinate: units rad or m, N m or N.
 pub const JOINTS: [Joint; 11] = [
+    Joint { limits: Limits { position: Some([-3.22885911618951, 3.22885911618951]), velocity: Some([-2.1467549799530254, 2.1467549799530254]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([0.08726646259971647, 2.356194490192345]), velocity: Some([-2.007128639793479, 2.007128639793479]), ..Limits::NONE }, ..Joint::TURN },
+    Joint::TURN,
+    Joint { limits: Limits { position: Some([0.45, 0.8]), velocity: Some([-0.4, 0.4]), acceleration: Some([-3.0, 3.0]), effort: Some([-3000.0, 3000.0]) }, ..Joint::SHIFT },
     Joint::TURN,
     Joint::TURN,
     Joint::TURN,
-    Joint::SHIFT,
     Joint::TURN,
+    Joint { limits: Limits { position: Some([0.45, 0.8]), velocity: Some([-0.4, 0.4]), acceleration: Some([-3.0, 3.0]), effort: Some([-3000.0, 3000.0]) }, ..Joint::SHIFT },
     Joint::TURN,
-    Joint::TURN,
-    Joint::TURN,
-    Joint::SHIFT,
-    Joint::TURN,
-    Joint::SHIFT,
+    Joint { limits: Limits { position: Some([0.45, 0.8]), velocity: Some([-0.4, 0.4]), acceleration: Some([-3.0, 3.0]), effort: Some([-3000.0, 3000.0]) }, ..Joint::SHIFT },
 ];
 /// The cones that limit joints and cuts, in the order of `cones`.
 pub const CONES: [Cone<'static>; 0] = [
@@ -94,13 +94,21 @@ pub const CONES: [Cone<'static>; 0] = [
 /// Nominal values of the parameters, in the order of `PARAMETERS`, about the origins of
 /// the bodies' frames.
 pub const NOMINAL: [Option<f64>; 100] = [
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None, None, None, None, None, None,
+    Some(74.3), Some(0.0), Some(0.0), Some(74.3), Some(0.0), Some(18.0), Some(0.0), Some(0.0),
+    Some(-140.0), Some(400.0), Some(3.0), Some(0.0), Some(0.0), Some(105.625), Some(0.0),
+    Some(105.625), Some(125.0), Some(0.0), Some(0.0), Some(200.0), Some(0.679), Some(0.0),
+    Some(0.0), Some(0.679), Some(0.0), Some(1.35), Some(0.0), Some(0.0), Some(-0.3),
+    Some(30.0), Some(0.0535), Some(0.0), Some(0.0), Some(0.0027), Some(0.0), Some(0.0535),
+    Some(0.0), Some(-0.4), Some(0.0), Some(5.0), Some(0.102), Some(0.0), Some(0.0),
+    Some(0.102), Some(0.0), Some(0.0004), Some(0.0), Some(0.0), Some(-0.51), Some(3.4),
+    Some(0.22363768376), Some(-0.18175739990091547), Some(0.0), Some(0.43351305128), Some(0.0),
+    Some(0.65685073504), Some(1.3798512), Some(0.7966574617616281), Some(0.0), Some(6.048),
+    Some(0.0535), Some(0.0), Some(0.0), Some(0.0027), Some(0.0), Some(0.0535), Some(0.0),
+    Some(-0.4), Some(0.0), Some(5.0), Some(0.102), Some(0.0), Some(0.0), Some(0.102),
+    Some(0.0), Some(0.0004), Some(0.0), Some(0.0), Some(-0.51), Some(3.4), Some(0.0535),
+    Some(0.0), Some(0.0), Some(0.0027), Some(0.0), Some(0.0535), Some(0.0), Some(-0.4),
+    Some(0.0), Some(5.0), Some(0.102), Some(0.0), Some(0.0), Some(0.102), Some(0.0),
+    Some(0.0004), Some(0.0), Some(0.0), Some(-0.51), Some(3.4),
 ];
 /// Names, sizes, and what is stated about joints.
 pub const INFO: Info<'static> = Info {
@@ -133,11 +141,12 @@ pub const BASE: [BaseParameter<'static>; 48] = [
             BaseTerm { parameter: "Iyy(boom)", index: 13, coefficient: "1", value: 1.0 },
             BaseTerm { parameter: "mz(6)", index: 88, coefficient: "-sqrt(3)*r/2", value: -0.22815 },
             BaseTerm { parameter: "mz(4)", index: 68, coefficient: "sqrt(3)*r/2", value: 0.22815 },
-            BaseTerm { parameter: "mz(base)", index: 28, coefficient: "2*arm", value: 1.2 },
-            BaseTerm { parameter: "m(base)", index: 29, coefficient: "arm^2", value: 0.36 },
-            BaseTerm { parameter: "m(6)", index: 89, coefficient: "arm^2 + r^2/4", value: 0.3773508075 },
-            BaseTerm { parameter: "m(4)", index: 69, coefficient: "arm^2 + r^2/4", value: 0.3773508075 },
-            BaseTerm { parameter: "m(1)", index: 39, coefficient: "arm^2 + r^2", value: 0.42940323 },
+            BaseTerm { parameter: "mz(base)", index: 28, coefficient: "2*arm", value: 2.5 },
+            BaseTerm { parameter: "m(boom)", index: 19, coefficient: "e^2", value: 0.1225 },
+            BaseTerm { parameter: "m(base)", index: 29, coefficient: "e^2 + arm^2", value: 1.685 },
+            BaseTerm { parameter: "m(6)", index: 89, coefficient: "e^2 + arm^2 + r^2/4", value: 1.7023508075 },
+            BaseTerm { parameter: "m(4)", index: 69, coefficient: "e^2 + arm^2 + r^2/4", value: 1.7023508075 },
+            BaseTerm { parameter: "m(1)", index: 39, coefficient: "e^2 + arm^2 + r^2", value: 1.75440323 },
         ],
     },
     BaseParameter {
@@ -155,11 +164,11 @@ pub const BASE: [BaseParameter<'static>; 48] = [
             BaseTerm { parameter: "Iyy(boom)", index: 13, coefficient: "-1", value: -1.0 },
             BaseTerm { parameter: "mz(6)", index: 88, coefficient: "sqrt(3)*r/2", value: 0.22815 },
             BaseTerm { parameter: "mz(4)", index: 68, coefficient: "-sqrt(3)*r/2", value: -0.22815 },
-            BaseTerm { parameter: "mz(base)", index: 28, coefficient: "-2*arm", value: -1.2 },
-            BaseTerm { parameter: "m(1)", index: 39, coefficient: "-arm^2", value: -0.36 },
-            BaseTerm { parameter: "m(base)", index: 29, coefficient: "-arm^2", value: -0.36 },
-            BaseTerm { parameter: "m(6)", index: 89, coefficient: "3*r^2/4 - arm^2", value: -0.3079475775 },
-            BaseTerm { parameter: "m(4)", index: 69, coefficient: "3*r^2/4 - arm^2", value: -0.3079475775 },
+            BaseTerm { parameter: "mz(base)", index: 28, coefficient: "-2*arm", value: -2.5 },
+            BaseTerm { parameter: "m(1)", index: 39, coefficient: "-arm^2", value: -1.5625 },
+            BaseTerm { parameter: "m(base)", index: 29, coefficient: "-arm^2", value: -1.5625 },
+            BaseTerm { parameter: "m(6)", index: 89, coefficient: "3*r^2/4 - arm^2", value: -1.5104475775 },
+            BaseTerm { parameter: "m(4)", index: 69, coefficient: "3*r^2/4 - arm^2", value: -1.5104475775 },
         ],
     },
     BaseParameter {
@@ -167,12 +176,12 @@ pub const BASE: [BaseParameter<'static>; 48] = [
         terms: &[
             BaseTerm { parameter: "Ixy(boom)", index: 11, coefficient: "1", value: 1.0 },
             BaseTerm { parameter: "Iyz(base)", index: 24, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "mz(6)", index: 88, coefficient: "arm/2", value: 0.3 },
-            BaseTerm { parameter: "mz(4)", index: 68, coefficient: "arm/2", value: 0.3 },
-            BaseTerm { parameter: "mz(1)", index: 38, coefficient: "-arm", value: -0.6 },
-            BaseTerm { parameter: "my(base)", index: 27, coefficient: "-arm", value: -0.6 },
-            BaseTerm { parameter: "m(6)", index: 89, coefficient: "sqrt(3)*arm*r/2", value: 0.13689 },
-            BaseTerm { parameter: "m(4)", index: 69, coefficient: "-sqrt(3)*arm*r/2", value: -0.13689 },
+            BaseTerm { parameter: "mz(6)", index: 88, coefficient: "arm/2", value: 0.625 },
+            BaseTerm { parameter: "mz(4)", index: 68, coefficient: "arm/2", value: 0.625 },
+            BaseTerm { parameter: "mz(1)", index: 38, coefficient: "-arm", value: -1.25 },
+            BaseTerm { parameter: "my(base)", index: 27, coefficient: "-arm", value: -1.25 },
+            BaseTerm { parameter: "m(6)", index: 89, coefficient: "sqrt(3)*arm*r/2", value: 0.2851875 },
+            BaseTerm { parameter: "m(4)", index: 69, coefficient: "-sqrt(3)*arm*r/2", value: -0.2851875 },
         ],
     },
     BaseParameter {
@@ -180,12 +189,12 @@ pub const BASE: [BaseParameter<'static>; 48] = [
         terms: &[
             BaseTerm { parameter: "Ixz(boom)", index: 12, coefficient: "1", value: 1.0 },
             BaseTerm { parameter: "Ixz(base)", index: 22, coefficient: "-1", value: -1.0 },
-            BaseTerm { parameter: "mz(6)", index: 88, coefficient: "sqrt(3)*arm/2", value: 0.5196152422706631 },
-            BaseTerm { parameter: "mz(4)", index: 68, coefficient: "-sqrt(3)*arm/2", value: -0.5196152422706631 },
-            BaseTerm { parameter: "mx(base)", index: 26, coefficient: "arm", value: 0.6 },
-            BaseTerm { parameter: "m(6)", index: 89, coefficient: "-arm*r/2", value: -0.07903347834936787 },
-            BaseTerm { parameter: "m(4)", index: 69, coefficient: "-arm*r/2", value: -0.07903347834936787 },
-            BaseTerm { parameter: "m(1)", index: 39, coefficient: "arm*r", value: 0.15806695669873574 },
+            BaseTerm { parameter: "mz(6)", index: 88, coefficient: "sqrt(3)*arm/2", value: 1.0825317547305484 },
+            BaseTerm { parameter: "mz(4)", index: 68, coefficient: "-sqrt(3)*arm/2", value: -1.0825317547305484 },
+            BaseTerm { parameter: "mx(base)", index: 26, coefficient: "arm", value: 1.25 },
+            BaseTerm { parameter: "m(6)", index: 89, coefficient: "-arm*r/2", value: -0.16465307989451639 },
+            BaseTerm { parameter: "m(4)", index: 69, coefficient: "-arm*r/2", value: -0.16465307989451639 },
+            BaseTerm { parameter: "m(1)", index: 39, coefficient: "arm*r", value: 0.32930615978903277 },
         ],
     },
     BaseParameter {
@@ -193,10 +202,10 @@ pub const BASE: [BaseParameter<'static>; 48] = [
         terms: &[
             BaseTerm { parameter: "mx(boom)", index: 16, coefficient: "1", value: 1.0 },
             BaseTerm { parameter: "mz(base)", index: 28, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "m(6)", index: 89, coefficient: "arm", value: 0.6 },
-            BaseTerm { parameter: "m(4)", index: 69, coefficient: "arm", value: 0.6 },
-            BaseTerm { parameter: "m(1)", index: 39, coefficient: "arm", value: 0.6 },
-            BaseTerm { parameter: "m(base)", index: 29, coefficient: "arm", value: 0.6 },
+            BaseTerm { parameter: "m(6)", index: 89, coefficient: "arm", value: 1.25 },
+            BaseTerm { parameter: "m(4)", index: 69, coefficient: "arm", value: 1.25 },
+            BaseTerm { parameter: "m(1)", index: 39, coefficient: "arm", value: 1.25 },
+            BaseTerm { parameter: "m(base)", index: 29, coefficient: "arm", value: 1.25 },
         ],
     },
     BaseParameter {
@@ -224,11 +233,11 @@ pub const BASE: [BaseParameter<'static>; 48] = [
             BaseTerm { parameter: "Izz(boom)", index: 15, coefficient: "1", value: 1.0 },
             BaseTerm { parameter: "mz(6)", index: 88, coefficient: "sqrt(3)*r/2", value: 0.22815 },
             BaseTerm { parameter: "mz(4)", index: 68, coefficient: "-sqrt(3)*r/2", value: -0.22815 },
-            BaseTerm { parameter: "mz(base)", index: 28, coefficient: "2*arm", value: 1.2 },
-            BaseTerm { parameter: "m(1)", index: 39, coefficient: "arm^2", value: 0.36 },
-            BaseTerm { parameter: "m(base)", index: 29, coefficient: "arm^2", value: 0.36 },
-            BaseTerm { parameter: "m(6)", index: 89, coefficient: "arm^2 + 3*r^2/4", value: 0.4120524225 },
-            BaseTerm { parameter: "m(4)", index: 69, coefficient: "arm^2 + 3*r^2/4", value: 0.4120524225 },
+            BaseTerm { parameter: "mz(base)", index: 28, coefficient: "2*arm", value: 2.5 },
+            BaseTerm { parameter: "m(1)", index: 39, coefficient: "arm^2", value: 1.5625 },
+            BaseTerm { parameter: "m(base)", index: 29, coefficient: "arm^2", value: 1.5625 },
+            BaseTerm { parameter: "m(6)", index: 89, coefficient: "arm^2 + 3*r^2/4", value: 1.6145524225 },
+            BaseTerm { parameter: "m(4)", index: 69, coefficient: "arm^2 + 3*r^2/4", value: 1.6145524225 },
         ],
     },
     BaseParameter {
@@ -585,8 +594,8 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
         rank: 48,
         states: 18,
         digits: 96,
-        smallest_kept: 0.0012026965282561526,
-        largest_dropped: 5.072130685807249e-97,
+        smallest_kept: 0.0008173241034657865,
+        largest_dropped: 2.0738327786891316e-96,
     }),
     complete: true,
 };
@@ -622,14 +631,14 @@ pub fn constraints<T: Scalar>(q: &[T; 11]) -> [T; 6] {
         let t1_12 = like.lift(0.26344492783122625) * sin_waist;
         let t1_13 = like.lift(0.13172246391561312) * sin_waist;
         let t1_14 = like.lift(0.22815) * t1_8;
-        let t1_15 = t1_13 - t1_14;
         let (sin_q6, cos_q6) = q6.sin_cos();
-        let t1_16 = like.lift(0.5) * sin_waist;
-        let t1_17 = like.lift(0.8660254037844386) * t1_8;
-        let t1_18 = t1_16 - t1_17;
-        let t1_19 = sin_q6 * t1_18;
-        let t1_20 = cos_q6.mul_add(t1_2, t1_19);
-        let t1_21 = q7.mul_add(t1_20, t1_15);
+        let t1_15 = like.lift(0.5) * sin_waist;
+        let t1_16 = like.lift(0.8660254037844386) * t1_8;
+        let t1_17 = t1_15 - t1_16;
+        let t1_18 = sin_q6 * t1_17;
+        let t1_19 = cos_q6.mul_add(t1_2, t1_18);
+        let t1_20 = (-q7).mul_add(t1_19, t1_14);
+        let t1_21 = t1_13 - t1_20;
         let t1_22 = t1_12 + t1_21;
         let t1_23 = t1_11 + t1_22;
         let t1_24 = like.lift(0.4563).mul_add(t1_10, -t1_23);
@@ -649,13 +658,13 @@ pub fn constraints<T: Scalar>(q: &[T; 11]) -> [T; 6] {
         let t1_37 = like.lift(0.26344492783122625) * cos_waist;
         let t1_38 = like.lift(0.13172246391561312) * cos_waist;
         let t1_39 = like.lift(0.22815) * t1_33;
-        let t1_40 = t1_38 + t1_39;
-        let t1_41 = like.lift(0.5) * cos_waist;
-        let t1_42 = like.lift(0.8660254037844386) * t1_33;
-        let t1_43 = t1_41 + t1_42;
-        let t1_44 = sin_q6 * t1_43;
-        let t1_45 = (-cos_q6).mul_add(t1_27, t1_44);
-        let t1_46 = q7.mul_add(t1_45, t1_40);
+        let t1_40 = like.lift(0.5) * cos_waist;
+        let t1_41 = like.lift(0.8660254037844386) * t1_33;
+        let t1_42 = t1_40 + t1_41;
+        let t1_43 = sin_q6 * t1_42;
+        let t1_44 = (-cos_q6).mul_add(t1_27, t1_43);
+        let t1_45 = q7.mul_add(t1_44, t1_39);
+        let t1_46 = t1_38 + t1_45;
         let t1_47 = t1_37 + t1_46;
         let t1_48 = t1_36 + t1_47;
         let t1_49 = like.lift(0.4563).mul_add(t1_35, -t1_48);
@@ -682,12 +691,12 @@ pub fn constraints<T: Scalar>(q: &[T; 11]) -> [T; 6] {
         let t1_67 = cos_s1_2 * t1_3;
         let t1_68 = sin_s1_2.mul_add(t1_9, t1_67);
         let t1_69 = (-sin_s1_3).mul_add(t1_68, t1_66);
-        let t1_70 = t1_13 + t1_14;
         let (sin_q8, cos_q8) = q8.sin_cos();
-        let t1_71 = t1_16 + t1_17;
-        let t1_72 = sin_q8 * t1_71;
-        let t1_73 = cos_q8.mul_add(t1_2, t1_72);
-        let t1_74 = q9.mul_add(t1_73, t1_70);
+        let t1_70 = t1_15 + t1_16;
+        let t1_71 = sin_q8 * t1_70;
+        let t1_72 = cos_q8.mul_add(t1_2, t1_71);
+        let t1_73 = q9.mul_add(t1_72, t1_14);
+        let t1_74 = t1_13 + t1_73;
         let t1_75 = t1_12 + t1_74;
         let t1_76 = t1_11 + t1_75;
         let t1_77 = like.lift(0.22815).mul_add(t1_10, -t1_76);
@@ -700,11 +709,11 @@ pub fn constraints<T: Scalar>(q: &[T; 11]) -> [T; 6] {
         let t1_83 = cos_s1_2 * t1_28;
         let t1_84 = sin_s1_2.mul_add(t1_34, t1_83);
         let t1_85 = (-sin_s1_3).mul_add(t1_84, t1_82);
-        let t1_86 = t1_38 - t1_39;
-        let t1_87 = t1_41 - t1_42;
-        let t1_88 = sin_q8 * t1_87;
-        let t1_89 = (-cos_q8).mul_add(t1_27, t1_88);
-        let t1_90 = q9.mul_add(t1_89, t1_86);
+        let t1_86 = t1_40 - t1_41;
+        let t1_87 = sin_q8 * t1_86;
+        let t1_88 = (-cos_q8).mul_add(t1_27, t1_87);
+        let t1_89 = (-q9).mul_add(t1_88, t1_39);
+        let t1_90 = t1_38 - t1_89;
         let t1_91 = t1_37 + t1_90;
         let t1_92 = t1_36 + t1_91;
         let t1_93 = like.lift(0.22815).mul_add(t1_35, -t1_92);
@@ -742,10 +751,10 @@ pub fn jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 11]; 6] {
     // row 1
     let [
         sin_waist, cos_waist, t1_1, sin_shoulder, cos_shoulder, t1_2, t1_3, t1_6, t1_7, t1_8,
-        t1_9, t1_10, sin_s1_2, cos_s1_2, sin_q1, cos_q1, t1_12, sin_s1_1, cos_s1_1, t1_17,
-        t1_18, t1_19, t1_20, t1_21, t1_22, t1_27, t1_31, t1_32, t1_34, t1_35, t1_36, t1_37,
-        t1_41, t1_42, t1_43, t1_45, t1_48, t1_50, t1_53, t1_54, t1_60, t1_64, t1_68, t1_69,
-        t1_70, t1_75, t1_76, t1_77, t1_80,
+        t1_9, t1_10, t1_11, sin_q1, cos_q1, t1_13, t1_14, sin_s1_2, cos_s1_2, sin_s1_1,
+        cos_s1_1, t1_19, t1_20, t1_21, t1_22, t1_27, t1_31, t1_32, t1_34, t1_35, t1_36, t1_37,
+        t1_41, t1_42, t1_43, t1_45, t1_48, t1_52, t1_53, t1_59, t1_63, t1_67, t1_68, t1_69,
+        t1_74, t1_75, t1_76, t1_79,
     ] = {
         let (sin_q6, cos_q6) = q6.sin_cos();
         let (sin_waist, cos_waist) = waist.sin_cos();
@@ -760,23 +769,23 @@ pub fn jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 11]; 6] {
         let t1_8 = q7 * t1_7;
         let t1_9 = like.lift(0.22815) * t1_2;
         let t1_10 = like.lift(0.13172246391561312) * cos_waist;
-        let (sin_s1_2, cos_s1_2) = s1_2.sin_cos();
+        let t1_11 = like.lift(0.26344492783122625) * cos_waist;
         let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_11 = cos_waist * sin_q1;
-        let t1_12 = cos_q1.mul_add(t1_6, t1_11);
-        let t1_13 = sin_s1_2 * t1_12;
+        let t1_12 = cos_waist * sin_q1;
+        let t1_13 = cos_q1.mul_add(t1_6, t1_12);
+        let t1_14 = q2 * t1_13;
+        let (sin_s1_2, cos_s1_2) = s1_2.sin_cos();
+        let t1_15 = sin_s1_2 * t1_13;
         let (sin_s1_1, cos_s1_1) = s1_1.sin_cos();
-        let t1_14 = cos_waist * cos_q1;
-        let t1_15 = (-sin_q1).mul_add(t1_6, t1_14);
-        let t1_16 = cos_s1_1 * t1_15;
-        let t1_17 = (-sin_s1_1).mul_add(t1_2, t1_16);
-        let t1_18 = (-cos_s1_2).mul_add(t1_17, t1_13);
-        let t1_19 = like.lift(0.4563) * t1_18;
-        let t1_20 = like.lift(0.26344492783122625) * cos_waist;
-        let t1_21 = q2 * t1_12;
-        let t1_22 = t1_20 + t1_21;
-        let t1_23 = t1_19 - t1_22;
-        let t1_24 = t1_10 - t1_23;
+        let t1_16 = cos_waist * cos_q1;
+        let t1_17 = (-sin_q1).mul_add(t1_6, t1_16);
+        let t1_18 = cos_s1_1 * t1_17;
+        let t1_19 = (-sin_s1_1).mul_add(t1_2, t1_18);
+        let t1_20 = (-cos_s1_2).mul_add(t1_19, t1_15);
+        let t1_21 = like.lift(0.4563) * t1_20;
+        let t1_22 = t1_14 - t1_21;
+        let t1_23 = t1_11 + t1_22;
+        let t1_24 = t1_10 + t1_23;
         let t1_25 = t1_9 + t1_24;
         let t1_26 = t1_8 + t1_25;
         let t1_27 = sin_shoulder * cos_q1;
@@ -786,7 +795,7 @@ pub fn jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 11]; 6] {
         let t1_31 = (-cos_shoulder).mul_add(sin_s1_1, t1_30);
         let t1_32 = cos_s1_2.mul_add(t1_31, t1_28);
         let t1_33 = like.lift(0.4563) * t1_32;
-        let t1_34 = like.lift(0.6) * sin_shoulder;
+        let t1_34 = like.lift(1.25) * sin_shoulder;
         let t1_35 = q2 * t1_27;
         let t1_36 = t1_34 + t1_35;
         let t1_37 = t1_33 - t1_36;
@@ -802,279 +811,277 @@ pub fn jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 11]; 6] {
         let t1_47 = -t1_46;
         let t1_48 = t1_35 - t1_33;
         let t1_49 = t1_2 * t1_48;
-        let t1_50 = t1_21 - t1_19;
-        let t1_51 = cos_shoulder.mul_add(t1_50, t1_49);
-        let t1_52 = sin_waist * sin_q1;
-        let t1_53 = cos_waist * cos_shoulder;
-        let t1_54 = (-cos_q1).mul_add(t1_53, t1_52);
-        let t1_55 = t1_12 * t1_32;
-        let t1_56 = like.lift(0.4563) * t1_55;
-        let t1_57 = t1_27 * t1_18;
-        let t1_58 = like.lift(-0.4563).mul_add(t1_57, t1_56);
-        let t1_59 = sin_s1_1 * t1_15;
-        let t1_60 = cos_s1_1.mul_add(t1_2, t1_59);
-        let t1_61 = t1_60 * t1_32;
-        let t1_62 = like.lift(0.4563) * t1_61;
-        let t1_63 = sin_s1_1 * t1_29;
-        let t1_64 = cos_shoulder.mul_add(cos_s1_1, t1_63);
-        let t1_65 = t1_64 * t1_18;
-        let t1_66 = like.lift(0.4563).mul_add(t1_65, t1_62);
-        let t1_67 = -t1_66;
-        let t1_68 = like.lift(0.8660254037844386) * cos_waist;
-        let t1_69 = like.lift(0.5) * t1_2;
-        let t1_70 = t1_68 - t1_69;
-        let t1_71 = t1_70 * t1_42;
-        let t1_72 = cos_shoulder * t1_8;
-        let t1_73 = like.lift(0.5).mul_add(t1_72, t1_71);
-        let t1_74 = -t1_73;
-        let t1_75 = like.lift(0.5) * sin_waist;
-        let t1_76 = cos_waist * sin_shoulder;
-        let t1_77 = like.lift(0.8660254037844386) * t1_76;
-        let t1_78 = t1_75 - t1_77;
-        let t1_79 = sin_q6 * t1_78;
-        let t1_80 = cos_q6.mul_add(t1_53, t1_79);
-        a[0] = [t1_26, t1_47, t1_51, t1_54, t1_58, t1_67, like.lift(0.0), t1_74, t1_80, like.lift(0.0), like.lift(0.0)];
+        let t1_50 = cos_shoulder.mul_add(t1_22, t1_49);
+        let t1_51 = sin_waist * sin_q1;
+        let t1_52 = cos_waist * cos_shoulder;
+        let t1_53 = (-cos_q1).mul_add(t1_52, t1_51);
+        let t1_54 = t1_13 * t1_32;
+        let t1_55 = like.lift(0.4563) * t1_54;
+        let t1_56 = t1_27 * t1_20;
+        let t1_57 = like.lift(-0.4563).mul_add(t1_56, t1_55);
+        let t1_58 = sin_s1_1 * t1_17;
+        let t1_59 = cos_s1_1.mul_add(t1_2, t1_58);
+        let t1_60 = t1_59 * t1_32;
+        let t1_61 = like.lift(0.4563) * t1_60;
+        let t1_62 = sin_s1_1 * t1_29;
+        let t1_63 = cos_shoulder.mul_add(cos_s1_1, t1_62);
+        let t1_64 = t1_63 * t1_20;
+        let t1_65 = like.lift(0.4563).mul_add(t1_64, t1_61);
+        let t1_66 = -t1_65;
+        let t1_67 = like.lift(0.8660254037844386) * cos_waist;
+        let t1_68 = like.lift(0.5) * t1_2;
+        let t1_69 = t1_67 - t1_68;
+        let t1_70 = t1_69 * t1_42;
+        let t1_71 = cos_shoulder * t1_8;
+        let t1_72 = like.lift(0.5).mul_add(t1_71, t1_70);
+        let t1_73 = -t1_72;
+        let t1_74 = like.lift(0.5) * sin_waist;
+        let t1_75 = cos_waist * sin_shoulder;
+        let t1_76 = like.lift(0.8660254037844386) * t1_75;
+        let t1_77 = t1_74 - t1_76;
+        let t1_78 = sin_q6 * t1_77;
+        let t1_79 = cos_q6.mul_add(t1_52, t1_78);
+        a[0] = [t1_26, t1_47, t1_50, t1_53, t1_57, t1_66, like.lift(0.0), t1_73, t1_79, like.lift(0.0), like.lift(0.0)];
         [
             sin_waist, cos_waist, t1_1, sin_shoulder, cos_shoulder, t1_2, t1_3, t1_6, t1_7,
-            t1_8, t1_9, t1_10, sin_s1_2, cos_s1_2, sin_q1, cos_q1, t1_12, sin_s1_1, cos_s1_1,
-            t1_17, t1_18, t1_19, t1_20, t1_21, t1_22, t1_27, t1_31, t1_32, t1_34, t1_35, t1_36,
-            t1_37, t1_41, t1_42, t1_43, t1_45, t1_48, t1_50, t1_53, t1_54, t1_60, t1_64, t1_68,
-            t1_69, t1_70, t1_75, t1_76, t1_77, t1_80,
+            t1_8, t1_9, t1_10, t1_11, sin_q1, cos_q1, t1_13, t1_14, sin_s1_2, cos_s1_2,
+            sin_s1_1, cos_s1_1, t1_19, t1_20, t1_21, t1_22, t1_27, t1_31, t1_32, t1_34, t1_35,
+            t1_36, t1_37, t1_41, t1_42, t1_43, t1_45, t1_48, t1_52, t1_53, t1_59, t1_63, t1_67,
+            t1_68, t1_69, t1_74, t1_75, t1_76, t1_79,
         ]
     };
     // row 2
     let [
-        t2_1, t2_2, t2_3, t2_8, t2_9, t2_10, t2_11, t2_12, t2_13, t2_21, t2_24, t2_33, t2_39,
-        t2_40, t2_41,
+        t2_1, t2_2, t2_3, t2_4, t2_5, t2_10, t2_11, t2_12, t2_13, t2_23, t2_32, t2_38, t2_39,
+        t2_40,
     ] = {
-        let t2_1 = q7 * t1_80;
-        let t2_2 = like.lift(0.22815) * t1_76;
+        let t2_1 = q7 * t1_79;
+        let t2_2 = like.lift(0.22815) * t1_75;
         let t2_3 = like.lift(0.13172246391561312) * sin_waist;
-        let t2_4 = sin_s1_2 * t1_54;
-        let t2_5 = sin_waist * cos_q1;
-        let t2_6 = sin_q1.mul_add(t1_53, t2_5);
-        let t2_7 = cos_s1_1 * t2_6;
-        let t2_8 = sin_s1_1.mul_add(t1_76, t2_7);
-        let t2_9 = (-cos_s1_2).mul_add(t2_8, t2_4);
-        let t2_10 = like.lift(0.4563) * t2_9;
-        let t2_11 = like.lift(0.26344492783122625) * sin_waist;
-        let t2_12 = q2 * t1_54;
-        let t2_13 = t2_11 + t2_12;
-        let t2_14 = t2_10 - t2_13;
-        let t2_15 = t2_3 - t2_14;
+        let t2_4 = like.lift(0.26344492783122625) * sin_waist;
+        let t2_5 = q2 * t1_53;
+        let t2_6 = sin_s1_2 * t1_53;
+        let t2_7 = sin_waist * cos_q1;
+        let t2_8 = sin_q1.mul_add(t1_52, t2_7);
+        let t2_9 = cos_s1_1 * t2_8;
+        let t2_10 = sin_s1_1.mul_add(t1_75, t2_9);
+        let t2_11 = (-cos_s1_2).mul_add(t2_10, t2_6);
+        let t2_12 = like.lift(0.4563) * t2_11;
+        let t2_13 = t2_5 - t2_12;
+        let t2_14 = t2_4 + t2_13;
+        let t2_15 = t2_3 + t2_14;
         let t2_16 = t2_2 - t2_15;
         let t2_17 = t2_1 - t2_16;
         let t2_18 = sin_waist * t1_37;
         let t2_19 = sin_waist.mul_add(t1_45, t2_18);
         let t2_20 = -t2_19;
-        let t2_21 = t2_12 - t2_10;
-        let t2_22 = cos_shoulder * t2_21;
-        let t2_23 = (-t1_76).mul_add(t1_48, t2_22);
-        let t2_24 = -t1_12;
-        let t2_25 = t1_27 * t2_9;
-        let t2_26 = like.lift(0.4563) * t2_25;
-        let t2_27 = t1_54 * t1_32;
-        let t2_28 = like.lift(-0.4563).mul_add(t2_27, t2_26);
-        let t2_29 = -t2_28;
-        let t2_30 = t1_64 * t2_9;
-        let t2_31 = like.lift(0.4563) * t2_30;
-        let t2_32 = sin_s1_1 * t2_6;
-        let t2_33 = (-cos_s1_1).mul_add(t1_76, t2_32);
-        let t2_34 = t2_33 * t1_32;
-        let t2_35 = like.lift(0.4563).mul_add(t2_34, t2_31);
-        let t2_36 = -t2_35;
-        let t2_37 = cos_shoulder * t2_1;
-        let t2_38 = like.lift(0.5) * t2_37;
-        let t2_39 = like.lift(0.8660254037844386) * sin_waist;
-        let t2_40 = like.lift(0.5) * t1_76;
-        let t2_41 = t2_39 + t2_40;
-        let t2_42 = t2_41.mul_add(t1_42, t2_38);
-        let t2_43 = -t2_42;
-        let t2_44 = -t1_7;
-        a[1] = [t2_17, t2_20, t2_23, t2_24, t2_29, t2_36, like.lift(0.0), t2_43, t2_44, like.lift(0.0), like.lift(0.0)];
+        let t2_21 = cos_shoulder * t2_13;
+        let t2_22 = (-t1_75).mul_add(t1_48, t2_21);
+        let t2_23 = -t1_13;
+        let t2_24 = t1_27 * t2_11;
+        let t2_25 = like.lift(0.4563) * t2_24;
+        let t2_26 = t1_53 * t1_32;
+        let t2_27 = like.lift(-0.4563).mul_add(t2_26, t2_25);
+        let t2_28 = -t2_27;
+        let t2_29 = t1_63 * t2_11;
+        let t2_30 = like.lift(0.4563) * t2_29;
+        let t2_31 = sin_s1_1 * t2_8;
+        let t2_32 = (-cos_s1_1).mul_add(t1_75, t2_31);
+        let t2_33 = t2_32 * t1_32;
+        let t2_34 = like.lift(0.4563).mul_add(t2_33, t2_30);
+        let t2_35 = -t2_34;
+        let t2_36 = cos_shoulder * t2_1;
+        let t2_37 = like.lift(0.5) * t2_36;
+        let t2_38 = like.lift(0.8660254037844386) * sin_waist;
+        let t2_39 = like.lift(0.5) * t1_75;
+        let t2_40 = t2_38 + t2_39;
+        let t2_41 = t2_40.mul_add(t1_42, t2_37);
+        let t2_42 = -t2_41;
+        let t2_43 = -t1_7;
+        a[1] = [t2_17, t2_20, t2_22, t2_23, t2_28, t2_35, like.lift(0.0), t2_42, t2_43, like.lift(0.0), like.lift(0.0)];
         [
-            t2_1, t2_2, t2_3, t2_8, t2_9, t2_10, t2_11, t2_12, t2_13, t2_21, t2_24, t2_33,
-            t2_39, t2_40, t2_41,
+            t2_1, t2_2, t2_3, t2_4, t2_5, t2_10, t2_11, t2_12, t2_13, t2_23, t2_32, t2_38,
+            t2_39, t2_40,
         ]
     };
     // row 3
-    let [t3_1, t3_3, t3_6, t3_8, t3_23] = {
-        let t3_1 = like.lift(0.6) * t1_6;
-        let t3_2 = t3_1 + t1_20;
-        let t3_3 = t3_2 + t1_21;
-        let t3_4 = t3_3 - t1_19;
+    let [t3_3, t3_8, t3_11, t3_15, t3_22] = {
+        let t3_1 = like.lift(1.25) * t1_6;
+        let t3_2 = t3_1 + t1_11;
+        let t3_3 = t1_14 + t3_2;
+        let t3_4 = t1_21 - t3_3;
         let t3_5 = sin_waist * t3_4;
-        let t3_6 = like.lift(0.6) * t1_53;
-        let t3_7 = t3_6 - t2_11;
-        let t3_8 = t3_7 - t2_12;
-        let t3_9 = t3_8 + t2_10;
-        let t3_10 = cos_waist.mul_add(t3_9, t3_5);
-        let t3_11 = t1_10 + t1_9;
-        let t3_12 = t3_1 - t3_11;
-        let t3_13 = t3_12 - t1_8;
+        let t3_6 = like.lift(1.25) * t1_52;
+        let t3_7 = t3_6 - t2_4;
+        let t3_8 = t2_5 - t3_7;
+        let t3_9 = t2_12 - t3_8;
+        let t3_10 = (-cos_waist).mul_add(t3_9, t3_5);
+        let t3_11 = t3_1 - t1_10;
+        let t3_12 = t1_9 - t3_11;
+        let t3_13 = t1_8 + t3_12;
         let t3_14 = sin_waist * t3_13;
-        let t3_15 = t2_3 - t2_2;
-        let t3_16 = t3_6 + t3_15;
-        let t3_17 = t3_16 + t2_1;
-        let t3_18 = cos_waist.mul_add(t3_17, t3_14);
+        let t3_15 = t3_6 + t2_3;
+        let t3_16 = t2_2 - t3_15;
+        let t3_17 = t2_1 - t3_16;
+        let t3_18 = (-cos_waist).mul_add(t3_17, t3_14);
         let t3_19 = t3_10 - t3_18;
-        let t3_20 = -t3_19;
-        let t3_21 = t1_76 * t1_50;
-        let t3_22 = t1_2.mul_add(t2_21, t3_21);
-        let t3_23 = -t1_27;
-        let t3_24 = t1_54 * t1_18;
-        let t3_25 = like.lift(0.4563) * t3_24;
-        let t3_26 = t1_12 * t2_9;
-        let t3_27 = like.lift(-0.4563).mul_add(t3_26, t3_25);
-        let t3_28 = -t3_27;
-        let t3_29 = t2_33 * t1_18;
-        let t3_30 = like.lift(0.4563) * t3_29;
-        let t3_31 = t1_60 * t2_9;
-        let t3_32 = like.lift(-0.4563).mul_add(t3_31, t3_30);
-        let t3_33 = t2_41 * t1_8;
-        let t3_34 = (-t1_70).mul_add(t2_1, t3_33);
-        let t3_35 = -t3_34;
-        a[2] = [like.lift(0.0), t3_20, t3_22, t3_23, t3_28, t3_32, like.lift(0.0), t3_35, t1_41, like.lift(0.0), like.lift(0.0)];
-        [t3_1, t3_3, t3_6, t3_8, t3_23]
+        let t3_20 = t1_75 * t1_22;
+        let t3_21 = t1_2.mul_add(t2_13, t3_20);
+        let t3_22 = -t1_27;
+        let t3_23 = t1_53 * t1_20;
+        let t3_24 = like.lift(0.4563) * t3_23;
+        let t3_25 = t1_13 * t2_11;
+        let t3_26 = like.lift(-0.4563).mul_add(t3_25, t3_24);
+        let t3_27 = -t3_26;
+        let t3_28 = t2_32 * t1_20;
+        let t3_29 = like.lift(0.4563) * t3_28;
+        let t3_30 = t1_59 * t2_11;
+        let t3_31 = like.lift(-0.4563).mul_add(t3_30, t3_29);
+        let t3_32 = t2_40 * t1_8;
+        let t3_33 = (-t1_69).mul_add(t2_1, t3_32);
+        let t3_34 = -t3_33;
+        a[2] = [like.lift(0.0), t3_19, t3_21, t3_22, t3_27, t3_31, like.lift(0.0), t3_34, t1_41, like.lift(0.0), like.lift(0.0)];
+        [t3_3, t3_8, t3_11, t3_15, t3_22]
     };
     // row 4
     let [
-        t4_3, t4_4, sin_s1_3, cos_s1_3, t4_23, t4_27, t4_28, t4_30, t4_33, t4_36, t4_39, t4_41,
-        t4_49, t4_56,
+        t4_3, t4_4, t4_5, sin_s1_3, cos_s1_3, t4_10, t4_24, t4_28, t4_29, t4_31, t4_34, t4_37,
+        t4_40, t4_42, t4_50, t4_57,
     ] = {
         let (sin_q8, cos_q8) = q8.sin_cos();
         let t4_1 = t1_1 - t1_3;
         let t4_2 = sin_q8 * t4_1;
         let t4_3 = (-cos_q8).mul_add(t1_6, t4_2);
         let t4_4 = q9 * t4_3;
+        let t4_5 = like.lift(0.22815) * t1_20;
         let (sin_s1_3, cos_s1_3) = s1_3.sin_cos();
-        let t4_5 = cos_s1_3 * t1_60;
-        let t4_6 = cos_s1_2 * t1_12;
-        let t4_7 = sin_s1_2.mul_add(t1_17, t4_6);
-        let t4_8 = (-sin_s1_3).mul_add(t4_7, t4_5);
-        let t4_9 = like.lift(0.39516739174683935) * t4_8;
-        let t4_10 = like.lift(0.22815) * t1_18;
-        let t4_11 = t1_22 - t4_10;
-        let t4_12 = t4_9 - t4_11;
-        let t4_13 = t1_10 - t4_12;
-        let t4_14 = t1_9 - t4_13;
-        let t4_15 = t4_4 - t4_14;
-        let t4_16 = cos_s1_3 * t1_64;
-        let t4_17 = cos_s1_2 * t1_27;
-        let t4_18 = (-sin_s1_2).mul_add(t1_31, t4_17);
-        let t4_19 = sin_s1_3.mul_add(t4_18, t4_16);
-        let t4_20 = like.lift(0.39516739174683935) * t4_19;
-        let t4_21 = like.lift(0.22815) * t1_32;
-        let t4_22 = t1_36 - t4_21;
-        let t4_23 = t4_20 + t4_22;
-        let t4_24 = cos_waist * t4_23;
-        let t4_25 = cos_shoulder * sin_q8;
-        let t4_26 = like.lift(0.8660254037844386) * t4_25;
-        let t4_27 = (-sin_shoulder).mul_add(cos_q8, t4_26);
-        let t4_28 = q9 * t4_27;
-        let t4_29 = t1_34 - t1_43;
-        let t4_30 = t4_28 - t4_29;
-        let t4_31 = cos_waist.mul_add(t4_30, t4_24);
-        let t4_32 = t1_35 + t4_20;
-        let t4_33 = t4_21 - t4_32;
-        let t4_34 = t1_2 * t4_33;
-        let t4_35 = t1_21 - t4_9;
-        let t4_36 = t4_10 - t4_35;
-        let t4_37 = cos_shoulder.mul_add(t4_36, t4_34);
-        let t4_38 = -t4_37;
-        let t4_39 = t4_21 - t4_20;
-        let t4_40 = t1_12 * t4_39;
-        let t4_41 = t4_10 + t4_9;
-        let t4_42 = (-t1_27).mul_add(t4_41, t4_40);
-        let t4_43 = t1_60 * t4_39;
-        let t4_44 = t1_64.mul_add(t4_41, t4_43);
-        let t4_45 = -t4_44;
-        let t4_46 = t1_18 * t4_39;
-        let t4_47 = (-t1_32).mul_add(t4_41, t4_46);
-        let t4_48 = -t4_47;
-        let t4_49 = t1_68 + t1_69;
-        let t4_50 = t4_49 * t4_28;
-        let t4_51 = cos_shoulder * t4_4;
-        let t4_52 = like.lift(0.5).mul_add(t4_51, t4_50);
-        let t4_53 = -t4_52;
-        let t4_54 = t1_75 + t1_77;
-        let t4_55 = sin_q8 * t4_54;
-        let t4_56 = cos_q8.mul_add(t1_53, t4_55);
-        a[3] = [t4_15, t4_31, t4_38, t1_54, t4_42, t4_45, t4_48, like.lift(0.0), like.lift(0.0), t4_53, t4_56];
+        let t4_6 = cos_s1_3 * t1_59;
+        let t4_7 = cos_s1_2 * t1_13;
+        let t4_8 = sin_s1_2.mul_add(t1_19, t4_7);
+        let t4_9 = (-sin_s1_3).mul_add(t4_8, t4_6);
+        let t4_10 = like.lift(0.39516739174683935) * t4_9;
+        let t4_11 = t1_14 - t4_10;
+        let t4_12 = t1_11 + t4_11;
+        let t4_13 = t4_5 - t4_12;
+        let t4_14 = t1_10 - t4_13;
+        let t4_15 = t1_9 - t4_14;
+        let t4_16 = t4_4 - t4_15;
+        let t4_17 = cos_s1_3 * t1_63;
+        let t4_18 = cos_s1_2 * t1_27;
+        let t4_19 = (-sin_s1_2).mul_add(t1_31, t4_18);
+        let t4_20 = sin_s1_3.mul_add(t4_19, t4_17);
+        let t4_21 = like.lift(0.39516739174683935) * t4_20;
+        let t4_22 = like.lift(0.22815) * t1_32;
+        let t4_23 = t1_36 - t4_22;
+        let t4_24 = t4_21 + t4_23;
+        let t4_25 = cos_waist * t4_24;
+        let t4_26 = cos_shoulder * sin_q8;
+        let t4_27 = like.lift(0.8660254037844386) * t4_26;
+        let t4_28 = (-sin_shoulder).mul_add(cos_q8, t4_27);
+        let t4_29 = q9 * t4_28;
+        let t4_30 = t1_34 - t1_43;
+        let t4_31 = t4_29 - t4_30;
+        let t4_32 = cos_waist.mul_add(t4_31, t4_25);
+        let t4_33 = t1_35 + t4_21;
+        let t4_34 = t4_22 - t4_33;
+        let t4_35 = t1_2 * t4_34;
+        let t4_36 = t1_14 - t4_5;
+        let t4_37 = t4_10 - t4_36;
+        let t4_38 = cos_shoulder.mul_add(t4_37, t4_35);
+        let t4_39 = -t4_38;
+        let t4_40 = t4_22 - t4_21;
+        let t4_41 = t1_13 * t4_40;
+        let t4_42 = t4_5 + t4_10;
+        let t4_43 = (-t1_27).mul_add(t4_42, t4_41);
+        let t4_44 = t1_59 * t4_40;
+        let t4_45 = t1_63.mul_add(t4_42, t4_44);
+        let t4_46 = -t4_45;
+        let t4_47 = t1_20 * t4_40;
+        let t4_48 = (-t1_32).mul_add(t4_42, t4_47);
+        let t4_49 = -t4_48;
+        let t4_50 = t1_67 + t1_68;
+        let t4_51 = t4_50 * t4_29;
+        let t4_52 = cos_shoulder * t4_4;
+        let t4_53 = like.lift(0.5).mul_add(t4_52, t4_51);
+        let t4_54 = -t4_53;
+        let t4_55 = t1_74 + t1_76;
+        let t4_56 = sin_q8 * t4_55;
+        let t4_57 = cos_q8.mul_add(t1_52, t4_56);
+        a[3] = [t4_16, t4_32, t4_39, t1_53, t4_43, t4_46, t4_49, like.lift(0.0), like.lift(0.0), t4_54, t4_57];
         [
-            t4_3, t4_4, sin_s1_3, cos_s1_3, t4_23, t4_27, t4_28, t4_30, t4_33, t4_36, t4_39,
-            t4_41, t4_49, t4_56,
+            t4_3, t4_4, t4_5, sin_s1_3, cos_s1_3, t4_10, t4_24, t4_28, t4_29, t4_31, t4_34,
+            t4_37, t4_40, t4_42, t4_50, t4_57,
         ]
     };
     // row 5
-    let [t5_1, t5_16, t5_20, t5_31] = {
-        let t5_1 = q9 * t4_56;
-        let t5_2 = cos_s1_3 * t2_33;
-        let t5_3 = cos_s1_2 * t1_54;
-        let t5_4 = sin_s1_2.mul_add(t2_8, t5_3);
-        let t5_5 = (-sin_s1_3).mul_add(t5_4, t5_2);
-        let t5_6 = like.lift(0.39516739174683935) * t5_5;
-        let t5_7 = like.lift(0.22815) * t2_9;
-        let t5_8 = t2_13 - t5_7;
-        let t5_9 = t5_6 - t5_8;
-        let t5_10 = t2_3 - t5_9;
-        let t5_11 = t2_2 + t5_10;
-        let t5_12 = t5_1 + t5_11;
-        let t5_13 = sin_waist * t4_23;
-        let t5_14 = sin_waist.mul_add(t4_30, t5_13);
-        let t5_15 = t2_12 - t5_6;
-        let t5_16 = t5_7 - t5_15;
-        let t5_17 = cos_shoulder * t5_16;
-        let t5_18 = (-t1_76).mul_add(t4_33, t5_17);
-        let t5_19 = -t5_18;
-        let t5_20 = t5_7 + t5_6;
-        let t5_21 = t1_27 * t5_20;
-        let t5_22 = (-t1_54).mul_add(t4_39, t5_21);
-        let t5_23 = -t5_22;
-        let t5_24 = t1_64 * t5_20;
-        let t5_25 = t2_33.mul_add(t4_39, t5_24);
-        let t5_26 = -t5_25;
-        let t5_27 = t1_32 * t5_20;
-        let t5_28 = (-t2_9).mul_add(t4_39, t5_27);
-        let t5_29 = cos_shoulder * t5_1;
-        let t5_30 = like.lift(0.5) * t5_29;
-        let t5_31 = t2_39 - t2_40;
-        let t5_32 = t5_31.mul_add(t4_28, t5_30);
-        let t5_33 = -t5_32;
-        let t5_34 = -t4_3;
-        a[4] = [t5_12, t5_14, t5_19, t2_24, t5_23, t5_26, t5_28, like.lift(0.0), like.lift(0.0), t5_33, t5_34];
-        [t5_1, t5_16, t5_20, t5_31]
+    let [t5_1, t5_2, t5_7, t5_17, t5_21, t5_32] = {
+        let t5_1 = q9 * t4_57;
+        let t5_2 = like.lift(0.22815) * t2_11;
+        let t5_3 = cos_s1_3 * t2_32;
+        let t5_4 = cos_s1_2 * t1_53;
+        let t5_5 = sin_s1_2.mul_add(t2_10, t5_4);
+        let t5_6 = (-sin_s1_3).mul_add(t5_5, t5_3);
+        let t5_7 = like.lift(0.39516739174683935) * t5_6;
+        let t5_8 = t2_5 - t5_7;
+        let t5_9 = t2_4 + t5_8;
+        let t5_10 = t5_2 - t5_9;
+        let t5_11 = t2_3 - t5_10;
+        let t5_12 = t2_2 + t5_11;
+        let t5_13 = t5_1 + t5_12;
+        let t5_14 = sin_waist * t4_24;
+        let t5_15 = sin_waist.mul_add(t4_31, t5_14);
+        let t5_16 = t2_5 - t5_2;
+        let t5_17 = t5_7 - t5_16;
+        let t5_18 = cos_shoulder * t5_17;
+        let t5_19 = (-t1_75).mul_add(t4_34, t5_18);
+        let t5_20 = -t5_19;
+        let t5_21 = t5_2 + t5_7;
+        let t5_22 = t1_27 * t5_21;
+        let t5_23 = (-t1_53).mul_add(t4_40, t5_22);
+        let t5_24 = -t5_23;
+        let t5_25 = t1_63 * t5_21;
+        let t5_26 = t2_32.mul_add(t4_40, t5_25);
+        let t5_27 = -t5_26;
+        let t5_28 = t1_32 * t5_21;
+        let t5_29 = (-t2_11).mul_add(t4_40, t5_28);
+        let t5_30 = cos_shoulder * t5_1;
+        let t5_31 = like.lift(0.5) * t5_30;
+        let t5_32 = t2_38 - t2_39;
+        let t5_33 = t5_32.mul_add(t4_29, t5_31);
+        let t5_34 = -t5_33;
+        let t5_35 = -t4_3;
+        a[4] = [t5_13, t5_15, t5_20, t2_23, t5_24, t5_27, t5_29, like.lift(0.0), like.lift(0.0), t5_34, t5_35];
+        [t5_1, t5_2, t5_7, t5_17, t5_21, t5_32]
     };
     // row 6
     {
-        let t6_1 = t3_3 - t4_41;
-        let t6_2 = sin_waist * t6_1;
-        let t6_3 = t3_8 + t5_20;
-        let t6_4 = cos_waist.mul_add(t6_3, t6_2);
-        let t6_5 = t1_10 - t1_9;
-        let t6_6 = t3_1 - t6_5;
-        let t6_7 = t6_6 - t4_4;
-        let t6_8 = sin_waist * t6_7;
-        let t6_9 = t2_3 + t2_2;
-        let t6_10 = t3_6 + t6_9;
-        let t6_11 = t6_10 + t5_1;
-        let t6_12 = cos_waist.mul_add(t6_11, t6_8);
-        let t6_13 = t6_4 - t6_12;
-        let t6_14 = -t6_13;
-        let t6_15 = t1_76 * t4_36;
-        let t6_16 = t1_2.mul_add(t5_16, t6_15);
-        let t6_17 = -t6_16;
-        let t6_18 = t1_54 * t4_41;
-        let t6_19 = (-t1_12).mul_add(t5_20, t6_18);
-        let t6_20 = -t6_19;
-        let t6_21 = t2_33 * t4_41;
-        let t6_22 = (-t1_60).mul_add(t5_20, t6_21);
-        let t6_23 = t2_9 * t4_41;
-        let t6_24 = (-t1_18).mul_add(t5_20, t6_23);
-        let t6_25 = t5_31 * t4_4;
-        let t6_26 = (-t4_49).mul_add(t5_1, t6_25);
-        let t6_27 = -t4_27;
-        a[5] = [like.lift(0.0), t6_14, t6_17, t3_23, t6_20, t6_22, t6_24, like.lift(0.0), like.lift(0.0), t6_26, t6_27];
+        let t6_1 = t3_3 - t4_5;
+        let t6_2 = t4_10 - t6_1;
+        let t6_3 = sin_waist * t6_2;
+        let t6_4 = t3_8 - t5_2;
+        let t6_5 = t5_7 - t6_4;
+        let t6_6 = (-cos_waist).mul_add(t6_5, t6_3);
+        let t6_7 = t1_9 + t3_11;
+        let t6_8 = t4_4 - t6_7;
+        let t6_9 = sin_waist * t6_8;
+        let t6_10 = t2_2 + t3_15;
+        let t6_11 = t5_1 + t6_10;
+        let t6_12 = (-cos_waist).mul_add(t6_11, t6_9);
+        let t6_13 = t6_6 - t6_12;
+        let t6_14 = t1_75 * t4_37;
+        let t6_15 = t1_2.mul_add(t5_17, t6_14);
+        let t6_16 = -t6_15;
+        let t6_17 = t1_53 * t4_42;
+        let t6_18 = (-t1_13).mul_add(t5_21, t6_17);
+        let t6_19 = -t6_18;
+        let t6_20 = t2_32 * t4_42;
+        let t6_21 = (-t1_59).mul_add(t5_21, t6_20);
+        let t6_22 = t2_11 * t4_42;
+        let t6_23 = (-t1_20).mul_add(t5_21, t6_22);
+        let t6_24 = t5_32 * t4_4;
+        let t6_25 = (-t4_50).mul_add(t5_1, t6_24);
+        let t6_26 = -t4_28;
+        a[5] = [like.lift(0.0), t6_13, t6_16, t3_22, t6_19, t6_21, t6_23, like.lift(0.0), like.lift(0.0), t6_25, t6_26];
     }
     a
 }
@@ -1085,7 +1092,7 @@ pub fn jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 11]; 6] {
 /// - `qd`: velocities of all coordinates
 /// - `b`: b = -(dA/dt) qd, so that A qdd = b (Eq. 7)
 ///
-/// 221 additions, 349 multiplications, 0 divisions, 8 sines and cosines.
+/// 223 additions, 351 multiplications, 0 divisions, 8 sines and cosines.
 pub fn bias<T: Scalar>(q: &[T; 11], qd: &[T; 11]) -> [T; 6] {
     let like = q[0];
     let mut b = [like.lift(0.0); 6];
@@ -1093,453 +1100,460 @@ pub fn bias<T: Scalar>(q: &[T; 11], qd: &[T; 11]) -> [T; 6] {
     let [d_waist, d_shoulder, d_q1, d_q2, d_s1_1, d_s1_2, d_s1_3, d_q6, d_q7, d_q8, d_q9] = *qd;
     // b (Eq. 7), part 1
     let [
-        sin_shoulder, cos_shoulder, t1_2, t1_4, t1_8, t1_11, t1_13, t1_15, t1_18, t1_23, t1_26,
-        t1_27, t1_28, t1_34, t1_35, t1_38, t1_39, t1_44, t1_50, sin_s1_2, cos_s1_2, t1_54,
-        t1_55, t1_62, t1_66, t1_72, t1_73, t1_78, t1_85, t1_86, t1_88, t1_91, t1_99, t1_103,
-        t1_104, t1_110, t1_114, t1_118, t1_120, t1_121, t1_122, t1_124, t1_125, t1_126, t1_129,
-        t1_130, t1_135, t1_137, t1_138, t1_140, t1_142, t1_144, t1_145, t1_148, t1_149, t1_150,
-        t1_151, t1_158, t1_159, t1_161, t1_162, t1_165, t1_166, t1_172, t1_179, t1_181, t1_186,
-        t1_190, t1_196, t1_200, t1_205, t1_214, t1_221, t1_224, t1_226, t1_228, t1_229, t1_234,
-        t1_236, t1_240, t1_243, t1_244,
+        sin_shoulder, cos_shoulder, t1_5, t1_8, t1_12, t1_15, t1_17, t1_19, t1_22, t1_27,
+        t1_30, t1_31, t1_32, t1_38, t1_39, t1_42, t1_43, t1_48, t1_54, sin_s1_2, cos_s1_2,
+        t1_58, t1_59, t1_66, t1_70, t1_76, t1_77, t1_82, t1_89, t1_90, t1_92, t1_95, t1_103,
+        t1_107, t1_108, t1_114, t1_118, t1_122, t1_124, t1_125, t1_126, t1_128, t1_129, t1_130,
+        t1_133, t1_134, t1_139, t1_141, t1_142, t1_144, t1_146, t1_148, t1_149, t1_152, t1_153,
+        t1_154, t1_155, t1_162, t1_163, t1_165, t1_166, t1_169, t1_170, t1_171, t1_174, t1_176,
+        t1_184, t1_186, t1_192, t1_196, t1_201, t1_205, t1_210, t1_219, t1_226, t1_229, t1_231,
+        t1_233, t1_234, t1_239, t1_241, t1_243, t1_244,
     ] = {
-        let (sin_shoulder, cos_shoulder) = shoulder.sin_cos();
         let (sin_waist, cos_waist) = waist.sin_cos();
-        let t1_1 = sin_waist * d_waist;
-        let t1_2 = d_shoulder * t1_1;
-        let t1_3 = sin_shoulder * t1_2;
-        let t1_4 = cos_waist * d_shoulder;
-        let t1_5 = cos_shoulder * d_shoulder;
-        let t1_6 = t1_4 * t1_5;
-        let t1_7 = like.lift(0.6) * t1_6;
-        let t1_8 = cos_waist * cos_shoulder;
-        let t1_9 = t1_8 * d_waist;
-        let t1_10 = like.lift(0.6) * t1_9;
-        let t1_11 = sin_waist * d_shoulder;
-        let t1_12 = sin_shoulder * t1_11;
-        let t1_13 = like.lift(-0.6).mul_add(t1_12, t1_10);
-        let t1_14 = d_waist.mul_add(t1_13, t1_7);
-        let t1_15 = like.lift(0.6).mul_add(t1_3, -t1_14);
-        let t1_16 = d_waist * t1_1;
-        let t1_17 = like.lift(0.26344492783122625).mul_add(t1_16, t1_15);
+        let t1_1 = cos_waist * d_waist;
+        let t1_2 = d_waist * t1_1;
+        let t1_3 = like.lift(0.35) * t1_2;
+        let (sin_shoulder, cos_shoulder) = shoulder.sin_cos();
+        let t1_4 = sin_waist * d_waist;
+        let t1_5 = d_shoulder * t1_4;
+        let t1_6 = sin_shoulder * t1_5;
+        let t1_7 = like.lift(-1.25).mul_add(t1_6, t1_3);
+        let t1_8 = cos_waist * d_shoulder;
+        let t1_9 = cos_shoulder * d_shoulder;
+        let t1_10 = t1_8 * t1_9;
+        let t1_11 = like.lift(1.25) * t1_10;
+        let t1_12 = cos_waist * cos_shoulder;
+        let t1_13 = t1_12 * d_waist;
+        let t1_14 = like.lift(1.25) * t1_13;
+        let t1_15 = sin_waist * d_shoulder;
+        let t1_16 = sin_shoulder * t1_15;
+        let t1_17 = like.lift(-1.25).mul_add(t1_16, t1_14);
+        let t1_18 = d_waist.mul_add(t1_17, t1_11);
+        let t1_19 = t1_7 + t1_18;
+        let t1_20 = d_waist * t1_4;
+        let t1_21 = like.lift(-0.26344492783122625).mul_add(t1_20, t1_19);
         let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_18 = sin_shoulder * cos_q1;
-        let t1_19 = q2 * t1_18;
-        let t1_20 = cos_waist * sin_shoulder;
-        let t1_21 = cos_shoulder * t1_11;
-        let t1_22 = t1_20.mul_add(d_waist, t1_21);
-        let t1_23 = (-d_q1).mul_add(t1_22, t1_2);
-        let t1_24 = t1_19 * t1_23;
-        let t1_25 = cos_waist * sin_q1;
-        let t1_26 = sin_waist * cos_shoulder;
-        let t1_27 = cos_q1.mul_add(t1_26, t1_25);
-        let t1_28 = q2 * t1_27;
-        let t1_29 = sin_shoulder * d_shoulder;
-        let t1_30 = d_q1 * t1_29;
-        let t1_31 = t1_28.mul_add(t1_30, t1_24);
-        let t1_32 = t1_17 + t1_31;
-        let t1_33 = sin_waist * sin_shoulder;
-        let t1_34 = t1_33.mul_add(d_q1, t1_4);
-        let t1_35 = (-t1_20).mul_add(d_q1, t1_11);
-        let t1_36 = t1_28 * t1_35;
-        let t1_37 = sin_waist * sin_q1;
-        let t1_38 = (-cos_q1).mul_add(t1_8, t1_37);
-        let t1_39 = q2 * t1_38;
-        let t1_40 = (-t1_39).mul_add(t1_34, t1_36);
-        let t1_41 = t1_34 * t1_40;
-        let t1_42 = cos_shoulder.mul_add(d_q1, d_waist);
-        let t1_43 = t1_39 * t1_42;
-        let t1_44 = t1_19.mul_add(t1_35, t1_43);
-        let t1_45 = (-t1_42).mul_add(t1_44, t1_41);
-        let t1_46 = t1_32 - t1_45;
-        let t1_47 = t1_18 * t1_34;
-        let t1_48 = t1_27.mul_add(t1_42, t1_47);
-        let t1_49 = d_q2 * t1_48;
-        let t1_50 = like.lift(-2.0).mul_add(t1_49, t1_46);
+        let t1_22 = sin_shoulder * cos_q1;
+        let t1_23 = q2 * t1_22;
+        let t1_24 = cos_waist * sin_shoulder;
+        let t1_25 = cos_shoulder * t1_15;
+        let t1_26 = t1_24.mul_add(d_waist, t1_25);
+        let t1_27 = (-d_q1).mul_add(t1_26, t1_5);
+        let t1_28 = t1_23 * t1_27;
+        let t1_29 = cos_waist * sin_q1;
+        let t1_30 = sin_waist * cos_shoulder;
+        let t1_31 = cos_q1.mul_add(t1_30, t1_29);
+        let t1_32 = q2 * t1_31;
+        let t1_33 = sin_shoulder * d_shoulder;
+        let t1_34 = d_q1 * t1_33;
+        let t1_35 = t1_32.mul_add(t1_34, t1_28);
+        let t1_36 = t1_21 - t1_35;
+        let t1_37 = sin_waist * sin_shoulder;
+        let t1_38 = t1_37.mul_add(d_q1, t1_8);
+        let t1_39 = (-t1_24).mul_add(d_q1, t1_15);
+        let t1_40 = t1_32 * t1_39;
+        let t1_41 = sin_waist * sin_q1;
+        let t1_42 = (-cos_q1).mul_add(t1_12, t1_41);
+        let t1_43 = q2 * t1_42;
+        let t1_44 = (-t1_43).mul_add(t1_38, t1_40);
+        let t1_45 = t1_38 * t1_44;
+        let t1_46 = cos_shoulder.mul_add(d_q1, d_waist);
+        let t1_47 = t1_43 * t1_46;
+        let t1_48 = t1_23.mul_add(t1_39, t1_47);
+        let t1_49 = (-t1_46).mul_add(t1_48, t1_45);
+        let t1_50 = t1_36 + t1_49;
+        let t1_51 = t1_22 * t1_38;
+        let t1_52 = t1_31.mul_add(t1_46, t1_51);
+        let t1_53 = d_q2 * t1_52;
+        let t1_54 = like.lift(2.0).mul_add(t1_53, t1_50);
         let (sin_s1_2, cos_s1_2) = s1_2.sin_cos();
-        let t1_51 = sin_s1_2 * t1_18;
+        let t1_55 = sin_s1_2 * t1_22;
         let (sin_s1_1, cos_s1_1) = s1_1.sin_cos();
-        let t1_52 = sin_shoulder * sin_q1;
-        let t1_53 = cos_s1_1 * t1_52;
-        let t1_54 = (-cos_shoulder).mul_add(sin_s1_1, t1_53);
-        let t1_55 = cos_s1_2.mul_add(t1_54, t1_51);
-        let t1_56 = t1_38 * t1_42;
-        let t1_57 = t1_18.mul_add(t1_35, t1_56);
-        let t1_58 = (-d_s1_1).mul_add(t1_57, t1_23);
-        let t1_59 = sin_waist * cos_q1;
-        let t1_60 = sin_q1.mul_add(t1_8, t1_59);
-        let t1_61 = sin_s1_1 * t1_60;
-        let t1_62 = (-cos_s1_1).mul_add(t1_20, t1_61);
-        let t1_63 = t1_18.mul_add(d_s1_1, t1_42);
-        let t1_64 = t1_62 * t1_63;
-        let t1_65 = sin_s1_1 * t1_52;
-        let t1_66 = cos_shoulder.mul_add(cos_s1_1, t1_65);
-        let t1_67 = (-t1_38).mul_add(d_s1_1, t1_35);
-        let t1_68 = (-t1_66).mul_add(t1_67, t1_64);
-        let t1_69 = d_s1_2.mul_add(t1_68, t1_58);
-        let t1_70 = sin_s1_2 * t1_38;
-        let t1_71 = cos_s1_1 * t1_60;
-        let t1_72 = sin_s1_1.mul_add(t1_20, t1_71);
-        let t1_73 = (-cos_s1_2).mul_add(t1_72, t1_70);
-        let t1_74 = t1_66.mul_add(d_s1_2, t1_63);
-        let t1_75 = t1_73 * t1_74;
-        let t1_76 = t1_62.mul_add(d_s1_2, t1_67);
-        let t1_77 = t1_55.mul_add(t1_76, t1_75);
-        let t1_78 = d_s1_3.mul_add(t1_77, t1_69);
-        let t1_79 = t1_55 * t1_78;
-        let t1_80 = like.lift(0.4563) * t1_79;
-        let t1_81 = sin_s1_2 * t1_27;
-        let t1_82 = cos_waist * cos_q1;
-        let t1_83 = (-sin_q1).mul_add(t1_26, t1_82);
-        let t1_84 = cos_s1_1 * t1_83;
-        let t1_85 = (-sin_s1_1).mul_add(t1_33, t1_84);
-        let t1_86 = (-cos_s1_2).mul_add(t1_85, t1_81);
-        let t1_87 = t1_27 * t1_35;
-        let t1_88 = (-t1_38).mul_add(t1_34, t1_87);
-        let t1_89 = (-d_s1_1).mul_add(t1_88, t1_30);
-        let t1_90 = sin_s1_1 * t1_83;
-        let t1_91 = cos_s1_1.mul_add(t1_33, t1_90);
-        let t1_92 = t1_91 * t1_67;
-        let t1_93 = (-t1_27).mul_add(d_s1_1, t1_34);
-        let t1_94 = (-t1_62).mul_add(t1_93, t1_92);
-        let t1_95 = d_s1_2.mul_add(t1_94, t1_89);
-        let t1_96 = t1_86 * t1_76;
-        let t1_97 = t1_91.mul_add(d_s1_2, t1_93);
-        let t1_98 = (-t1_73).mul_add(t1_97, t1_96);
-        let t1_99 = d_s1_3.mul_add(t1_98, t1_95);
-        let t1_100 = t1_86 * t1_99;
-        let t1_101 = like.lift(0.4563).mul_add(t1_100, t1_80);
-        let t1_102 = t1_50 - t1_101;
-        let t1_103 = t1_86.mul_add(d_s1_3, t1_97);
-        let t1_104 = t1_73.mul_add(d_s1_3, t1_76);
-        let t1_105 = t1_86 * t1_104;
-        let t1_106 = like.lift(0.4563) * t1_105;
-        let t1_107 = t1_73 * t1_103;
-        let t1_108 = like.lift(-0.4563).mul_add(t1_107, t1_106);
-        let t1_109 = t1_103 * t1_108;
-        let t1_110 = (-t1_55).mul_add(d_s1_3, t1_74);
-        let t1_111 = t1_73 * t1_110;
-        let t1_112 = like.lift(0.4563) * t1_111;
-        let t1_113 = t1_55 * t1_104;
-        let t1_114 = like.lift(0.4563).mul_add(t1_113, t1_112);
-        let t1_115 = (-t1_110).mul_add(t1_114, t1_109);
-        let t1_116 = t1_102 + t1_115;
-        let t1_117 = cos_shoulder * t1_2;
-        let t1_118 = like.lift(0.22815) * t1_117;
-        let t1_119 = t1_15 + t1_118;
-        let t1_120 = like.lift(0.13172246391561312) * cos_waist;
-        let t1_121 = like.lift(0.22815) * t1_33;
-        let t1_122 = t1_120 + t1_121;
-        let t1_123 = t1_122 * t1_11;
-        let t1_124 = like.lift(0.13172246391561312) * sin_waist;
-        let t1_125 = like.lift(0.22815) * t1_20;
-        let t1_126 = t1_124 - t1_125;
-        let t1_127 = (-t1_126).mul_add(t1_4, t1_123);
-        let t1_128 = t1_4 * t1_127;
-        let t1_129 = like.lift(0.22815) * t1_21;
-        let t1_130 = t1_126.mul_add(d_waist, -t1_129);
-        let t1_131 = (-d_waist).mul_add(t1_130, t1_128);
-        let t1_132 = t1_119 + t1_131;
+        let t1_56 = sin_shoulder * sin_q1;
+        let t1_57 = cos_s1_1 * t1_56;
+        let t1_58 = (-cos_shoulder).mul_add(sin_s1_1, t1_57);
+        let t1_59 = cos_s1_2.mul_add(t1_58, t1_55);
+        let t1_60 = t1_42 * t1_46;
+        let t1_61 = t1_22.mul_add(t1_39, t1_60);
+        let t1_62 = (-d_s1_1).mul_add(t1_61, t1_27);
+        let t1_63 = sin_waist * cos_q1;
+        let t1_64 = sin_q1.mul_add(t1_12, t1_63);
+        let t1_65 = sin_s1_1 * t1_64;
+        let t1_66 = (-cos_s1_1).mul_add(t1_24, t1_65);
+        let t1_67 = t1_22.mul_add(d_s1_1, t1_46);
+        let t1_68 = t1_66 * t1_67;
+        let t1_69 = sin_s1_1 * t1_56;
+        let t1_70 = cos_shoulder.mul_add(cos_s1_1, t1_69);
+        let t1_71 = (-t1_42).mul_add(d_s1_1, t1_39);
+        let t1_72 = (-t1_70).mul_add(t1_71, t1_68);
+        let t1_73 = d_s1_2.mul_add(t1_72, t1_62);
+        let t1_74 = sin_s1_2 * t1_42;
+        let t1_75 = cos_s1_1 * t1_64;
+        let t1_76 = sin_s1_1.mul_add(t1_24, t1_75);
+        let t1_77 = (-cos_s1_2).mul_add(t1_76, t1_74);
+        let t1_78 = t1_70.mul_add(d_s1_2, t1_67);
+        let t1_79 = t1_77 * t1_78;
+        let t1_80 = t1_66.mul_add(d_s1_2, t1_71);
+        let t1_81 = t1_59.mul_add(t1_80, t1_79);
+        let t1_82 = d_s1_3.mul_add(t1_81, t1_73);
+        let t1_83 = t1_59 * t1_82;
+        let t1_84 = like.lift(0.4563) * t1_83;
+        let t1_85 = sin_s1_2 * t1_31;
+        let t1_86 = cos_waist * cos_q1;
+        let t1_87 = (-sin_q1).mul_add(t1_30, t1_86);
+        let t1_88 = cos_s1_1 * t1_87;
+        let t1_89 = (-sin_s1_1).mul_add(t1_37, t1_88);
+        let t1_90 = (-cos_s1_2).mul_add(t1_89, t1_85);
+        let t1_91 = t1_31 * t1_39;
+        let t1_92 = (-t1_42).mul_add(t1_38, t1_91);
+        let t1_93 = (-d_s1_1).mul_add(t1_92, t1_34);
+        let t1_94 = sin_s1_1 * t1_87;
+        let t1_95 = cos_s1_1.mul_add(t1_37, t1_94);
+        let t1_96 = t1_95 * t1_71;
+        let t1_97 = (-t1_31).mul_add(d_s1_1, t1_38);
+        let t1_98 = (-t1_66).mul_add(t1_97, t1_96);
+        let t1_99 = d_s1_2.mul_add(t1_98, t1_93);
+        let t1_100 = t1_90 * t1_80;
+        let t1_101 = t1_95.mul_add(d_s1_2, t1_97);
+        let t1_102 = (-t1_77).mul_add(t1_101, t1_100);
+        let t1_103 = d_s1_3.mul_add(t1_102, t1_99);
+        let t1_104 = t1_90 * t1_103;
+        let t1_105 = like.lift(0.4563).mul_add(t1_104, t1_84);
+        let t1_106 = t1_54 + t1_105;
+        let t1_107 = t1_90.mul_add(d_s1_3, t1_101);
+        let t1_108 = t1_77.mul_add(d_s1_3, t1_80);
+        let t1_109 = t1_90 * t1_108;
+        let t1_110 = like.lift(0.4563) * t1_109;
+        let t1_111 = t1_77 * t1_107;
+        let t1_112 = like.lift(-0.4563).mul_add(t1_111, t1_110);
+        let t1_113 = t1_107 * t1_112;
+        let t1_114 = (-t1_59).mul_add(d_s1_3, t1_78);
+        let t1_115 = t1_77 * t1_114;
+        let t1_116 = like.lift(0.4563) * t1_115;
+        let t1_117 = t1_59 * t1_108;
+        let t1_118 = like.lift(0.4563).mul_add(t1_117, t1_116);
+        let t1_119 = (-t1_114).mul_add(t1_118, t1_113);
+        let t1_120 = t1_106 - t1_119;
+        let t1_121 = cos_shoulder * t1_5;
+        let t1_122 = like.lift(0.22815) * t1_121;
+        let t1_123 = t1_19 - t1_122;
+        let t1_124 = like.lift(0.13172246391561312) * cos_waist;
+        let t1_125 = like.lift(0.22815) * t1_37;
+        let t1_126 = t1_124 + t1_125;
+        let t1_127 = t1_126 * t1_15;
+        let t1_128 = like.lift(0.13172246391561312) * sin_waist;
+        let t1_129 = like.lift(0.22815) * t1_24;
+        let t1_130 = t1_128 - t1_129;
+        let t1_131 = (-t1_130).mul_add(t1_8, t1_127);
+        let t1_132 = t1_8 * t1_131;
+        let t1_133 = like.lift(0.22815) * t1_25;
+        let t1_134 = t1_130.mul_add(d_waist, -t1_133);
+        let t1_135 = (-d_waist).mul_add(t1_134, t1_132);
+        let t1_136 = t1_123 - t1_135;
         let (sin_q6, cos_q6) = q6.sin_cos();
-        let t1_133 = cos_shoulder * sin_q6;
-        let t1_134 = like.lift(0.8660254037844386) * t1_133;
-        let t1_135 = sin_shoulder.mul_add(cos_q6, t1_134);
-        let t1_136 = q7 * t1_135;
-        let t1_137 = like.lift(0.8660254037844386) * sin_waist;
-        let t1_138 = like.lift(0.5) * t1_20;
-        let t1_139 = t1_137 + t1_138;
-        let t1_140 = like.lift(0.5) * t1_21;
-        let t1_141 = t1_139.mul_add(d_waist, t1_140);
-        let t1_142 = d_q6.mul_add(t1_141, t1_2);
-        let t1_143 = t1_136 * t1_142;
-        let t1_144 = like.lift(0.5) * cos_waist;
-        let t1_145 = like.lift(0.8660254037844386) * t1_33;
-        let t1_146 = t1_144 + t1_145;
-        let t1_147 = sin_q6 * t1_146;
-        let t1_148 = (-cos_q6).mul_add(t1_26, t1_147);
-        let t1_149 = q7 * t1_148;
-        let t1_150 = like.lift(0.8660254037844386) * cos_waist;
-        let t1_151 = like.lift(0.5) * t1_33;
-        let t1_152 = t1_150 - t1_151;
-        let t1_153 = t1_152 * t1_11;
-        let t1_154 = (-t1_139).mul_add(t1_4, t1_153);
-        let t1_155 = d_q6 * t1_154;
-        let t1_156 = (-t1_149).mul_add(t1_155, t1_143);
-        let t1_157 = t1_132 + t1_156;
-        let t1_158 = t1_152.mul_add(d_q6, t1_4);
-        let t1_159 = t1_139.mul_add(d_q6, t1_11);
-        let t1_160 = t1_149 * t1_159;
-        let t1_161 = like.lift(0.5) * sin_waist;
-        let t1_162 = like.lift(0.8660254037844386) * t1_20;
-        let t1_163 = t1_161 - t1_162;
-        let t1_164 = sin_q6 * t1_163;
-        let t1_165 = cos_q6.mul_add(t1_8, t1_164);
-        let t1_166 = q7 * t1_165;
-        let t1_167 = (-t1_166).mul_add(t1_158, t1_160);
-        let t1_168 = t1_158 * t1_167;
-        let t1_169 = cos_shoulder * d_q6;
-        let t1_170 = like.lift(-0.5).mul_add(t1_169, d_waist);
-        let t1_171 = t1_166 * t1_170;
-        let t1_172 = (-t1_136).mul_add(t1_159, t1_171);
-        let t1_173 = (-t1_170).mul_add(t1_172, t1_168);
-        let t1_174 = t1_157 + t1_173;
-        let t1_175 = t1_135 * t1_158;
-        let t1_176 = (-t1_148).mul_add(t1_170, t1_175);
-        let t1_177 = d_q7 * t1_176;
-        let t1_178 = like.lift(-2.0).mul_add(t1_177, t1_174);
-        let t1_179 = t1_116 - t1_178;
-        let t1_180 = cos_waist * d_waist;
-        let t1_181 = d_shoulder * t1_180;
-        let t1_182 = sin_shoulder * t1_181;
-        let t1_183 = sin_shoulder * t1_4;
-        let t1_184 = like.lift(0.6) * t1_183;
-        let t1_185 = t1_26 * d_waist;
-        let t1_186 = like.lift(0.6).mul_add(t1_185, t1_184);
-        let t1_187 = d_waist * t1_186;
-        let t1_188 = t1_11 * t1_5;
-        let t1_189 = like.lift(0.6).mul_add(t1_188, t1_187);
-        let t1_190 = like.lift(0.6).mul_add(t1_182, t1_189);
-        let t1_191 = d_waist * t1_180;
-        let t1_192 = like.lift(0.26344492783122625).mul_add(t1_191, t1_190);
-        let t1_193 = t1_39 * t1_30;
-        let t1_194 = cos_shoulder * t1_4;
-        let t1_195 = (-t1_33).mul_add(d_waist, t1_194);
-        let t1_196 = (-d_q1).mul_add(t1_195, t1_181);
-        let t1_197 = (-t1_19).mul_add(t1_196, t1_193);
-        let t1_198 = t1_192 - t1_197;
-        let t1_199 = t1_19 * t1_34;
-        let t1_200 = t1_28.mul_add(t1_42, t1_199);
-        let t1_201 = t1_42 * t1_200;
-        let t1_202 = t1_35.mul_add(t1_40, t1_201);
-        let t1_203 = t1_198 + t1_202;
-        let t1_204 = d_q2 * t1_57;
-        let t1_205 = like.lift(2.0).mul_add(t1_204, t1_203);
-        let t1_206 = t1_73 * t1_99;
-        let t1_207 = like.lift(0.4563) * t1_206;
-        let t1_208 = (-d_s1_1).mul_add(t1_48, t1_196);
-        let t1_209 = t1_66 * t1_93;
-        let t1_210 = (-t1_91).mul_add(t1_63, t1_209);
-        let t1_211 = (-d_s1_2).mul_add(t1_210, t1_208);
-        let t1_212 = t1_55 * t1_97;
-        let t1_213 = t1_86.mul_add(t1_74, t1_212);
-        let t1_214 = d_s1_3.mul_add(t1_213, t1_211);
-        let t1_215 = t1_55 * t1_214;
-        let t1_216 = like.lift(-0.4563).mul_add(t1_215, t1_207);
-        let t1_217 = t1_205 + t1_216;
-        let t1_218 = t1_55 * t1_103;
-        let t1_219 = like.lift(0.4563) * t1_218;
-        let t1_220 = t1_86 * t1_110;
-        let t1_221 = like.lift(0.4563).mul_add(t1_220, t1_219);
-        let t1_222 = t1_110 * t1_221;
-        let t1_223 = t1_104.mul_add(t1_108, t1_222);
-        let t1_224 = t1_217 - t1_223;
-        let t1_225 = cos_shoulder * t1_181;
-        let t1_226 = like.lift(0.22815) * t1_225;
-        let t1_227 = t1_190 + t1_226;
-        let t1_228 = like.lift(0.22815) * t1_194;
-        let t1_229 = (-t1_122).mul_add(d_waist, t1_228);
-        let t1_230 = d_waist * t1_229;
-        let t1_231 = (-t1_11).mul_add(t1_127, t1_230);
-        let t1_232 = t1_227 + t1_231;
-        let t1_233 = t1_166 * t1_155;
-        let t1_234 = like.lift(0.5) * t1_194;
-        let t1_235 = t1_152.mul_add(d_waist, t1_234);
-        let t1_236 = d_q6.mul_add(t1_235, t1_181);
-        let t1_237 = t1_136.mul_add(t1_236, t1_233);
-        let t1_238 = t1_232 + t1_237;
-        let t1_239 = t1_136 * t1_158;
-        let t1_240 = (-t1_149).mul_add(t1_170, t1_239);
-        let t1_241 = t1_170 * t1_240;
-        let t1_242 = (-t1_159).mul_add(t1_167, t1_241);
-        let t1_243 = t1_238 + t1_242;
-        let t1_244 = t1_165 * t1_170;
+        let t1_137 = cos_shoulder * sin_q6;
+        let t1_138 = like.lift(0.8660254037844386) * t1_137;
+        let t1_139 = sin_shoulder.mul_add(cos_q6, t1_138);
+        let t1_140 = q7 * t1_139;
+        let t1_141 = like.lift(0.8660254037844386) * sin_waist;
+        let t1_142 = like.lift(0.5) * t1_24;
+        let t1_143 = t1_141 + t1_142;
+        let t1_144 = like.lift(0.5) * t1_25;
+        let t1_145 = t1_143.mul_add(d_waist, t1_144);
+        let t1_146 = d_q6.mul_add(t1_145, t1_5);
+        let t1_147 = t1_140 * t1_146;
+        let t1_148 = like.lift(0.5) * cos_waist;
+        let t1_149 = like.lift(0.8660254037844386) * t1_37;
+        let t1_150 = t1_148 + t1_149;
+        let t1_151 = sin_q6 * t1_150;
+        let t1_152 = (-cos_q6).mul_add(t1_30, t1_151);
+        let t1_153 = q7 * t1_152;
+        let t1_154 = like.lift(0.8660254037844386) * cos_waist;
+        let t1_155 = like.lift(0.5) * t1_37;
+        let t1_156 = t1_154 - t1_155;
+        let t1_157 = t1_156 * t1_15;
+        let t1_158 = (-t1_143).mul_add(t1_8, t1_157);
+        let t1_159 = d_q6 * t1_158;
+        let t1_160 = (-t1_153).mul_add(t1_159, t1_147);
+        let t1_161 = t1_136 - t1_160;
+        let t1_162 = t1_156.mul_add(d_q6, t1_8);
+        let t1_163 = t1_143.mul_add(d_q6, t1_15);
+        let t1_164 = t1_153 * t1_163;
+        let t1_165 = like.lift(0.5) * sin_waist;
+        let t1_166 = like.lift(0.8660254037844386) * t1_24;
+        let t1_167 = t1_165 - t1_166;
+        let t1_168 = sin_q6 * t1_167;
+        let t1_169 = cos_q6.mul_add(t1_12, t1_168);
+        let t1_170 = q7 * t1_169;
+        let t1_171 = (-t1_170).mul_add(t1_162, t1_164);
+        let t1_172 = t1_162 * t1_171;
+        let t1_173 = cos_shoulder * d_q6;
+        let t1_174 = like.lift(-0.5).mul_add(t1_173, d_waist);
+        let t1_175 = t1_170 * t1_174;
+        let t1_176 = (-t1_140).mul_add(t1_163, t1_175);
+        let t1_177 = (-t1_174).mul_add(t1_176, t1_172);
+        let t1_178 = t1_161 - t1_177;
+        let t1_179 = t1_139 * t1_162;
+        let t1_180 = (-t1_152).mul_add(t1_174, t1_179);
+        let t1_181 = d_q7 * t1_180;
+        let t1_182 = like.lift(2.0).mul_add(t1_181, t1_178);
+        let t1_183 = t1_120 - t1_182;
+        let t1_184 = -t1_183;
+        let t1_185 = like.lift(0.35) * t1_20;
+        let t1_186 = d_shoulder * t1_1;
+        let t1_187 = sin_shoulder * t1_186;
+        let t1_188 = like.lift(1.25).mul_add(t1_187, t1_185);
+        let t1_189 = sin_shoulder * t1_8;
+        let t1_190 = like.lift(1.25) * t1_189;
+        let t1_191 = t1_30 * d_waist;
+        let t1_192 = like.lift(1.25).mul_add(t1_191, t1_190);
+        let t1_193 = d_waist * t1_192;
+        let t1_194 = t1_15 * t1_9;
+        let t1_195 = like.lift(1.25).mul_add(t1_194, t1_193);
+        let t1_196 = t1_188 + t1_195;
+        let t1_197 = like.lift(0.26344492783122625).mul_add(t1_2, t1_196);
+        let t1_198 = t1_43 * t1_34;
+        let t1_199 = cos_shoulder * t1_8;
+        let t1_200 = (-t1_37).mul_add(d_waist, t1_199);
+        let t1_201 = (-d_q1).mul_add(t1_200, t1_186);
+        let t1_202 = (-t1_23).mul_add(t1_201, t1_198);
+        let t1_203 = t1_197 - t1_202;
+        let t1_204 = t1_23 * t1_38;
+        let t1_205 = t1_32.mul_add(t1_46, t1_204);
+        let t1_206 = t1_46 * t1_205;
+        let t1_207 = t1_39.mul_add(t1_44, t1_206);
+        let t1_208 = t1_203 + t1_207;
+        let t1_209 = d_q2 * t1_61;
+        let t1_210 = like.lift(2.0).mul_add(t1_209, t1_208);
+        let t1_211 = t1_77 * t1_103;
+        let t1_212 = like.lift(0.4563) * t1_211;
+        let t1_213 = (-d_s1_1).mul_add(t1_52, t1_201);
+        let t1_214 = t1_70 * t1_97;
+        let t1_215 = (-t1_95).mul_add(t1_67, t1_214);
+        let t1_216 = (-d_s1_2).mul_add(t1_215, t1_213);
+        let t1_217 = t1_59 * t1_101;
+        let t1_218 = t1_90.mul_add(t1_78, t1_217);
+        let t1_219 = d_s1_3.mul_add(t1_218, t1_216);
+        let t1_220 = t1_59 * t1_219;
+        let t1_221 = like.lift(-0.4563).mul_add(t1_220, t1_212);
+        let t1_222 = t1_210 + t1_221;
+        let t1_223 = t1_59 * t1_107;
+        let t1_224 = like.lift(0.4563) * t1_223;
+        let t1_225 = t1_90 * t1_114;
+        let t1_226 = like.lift(0.4563).mul_add(t1_225, t1_224);
+        let t1_227 = t1_114 * t1_226;
+        let t1_228 = t1_108.mul_add(t1_112, t1_227);
+        let t1_229 = t1_222 - t1_228;
+        let t1_230 = cos_shoulder * t1_186;
+        let t1_231 = like.lift(0.22815) * t1_230;
+        let t1_232 = t1_196 + t1_231;
+        let t1_233 = like.lift(0.22815) * t1_199;
+        let t1_234 = (-t1_126).mul_add(d_waist, t1_233);
+        let t1_235 = d_waist * t1_234;
+        let t1_236 = (-t1_15).mul_add(t1_131, t1_235);
+        let t1_237 = t1_232 + t1_236;
+        let t1_238 = t1_170 * t1_159;
+        let t1_239 = like.lift(0.5) * t1_199;
+        let t1_240 = t1_156.mul_add(d_waist, t1_239);
+        let t1_241 = d_q6.mul_add(t1_240, t1_186);
+        let t1_242 = t1_140.mul_add(t1_241, t1_238);
+        let t1_243 = t1_237 + t1_242;
+        let t1_244 = t1_140 * t1_162;
         [
-            sin_shoulder, cos_shoulder, t1_2, t1_4, t1_8, t1_11, t1_13, t1_15, t1_18, t1_23,
-            t1_26, t1_27, t1_28, t1_34, t1_35, t1_38, t1_39, t1_44, t1_50, sin_s1_2, cos_s1_2,
-            t1_54, t1_55, t1_62, t1_66, t1_72, t1_73, t1_78, t1_85, t1_86, t1_88, t1_91, t1_99,
-            t1_103, t1_104, t1_110, t1_114, t1_118, t1_120, t1_121, t1_122, t1_124, t1_125,
-            t1_126, t1_129, t1_130, t1_135, t1_137, t1_138, t1_140, t1_142, t1_144, t1_145,
-            t1_148, t1_149, t1_150, t1_151, t1_158, t1_159, t1_161, t1_162, t1_165, t1_166,
-            t1_172, t1_179, t1_181, t1_186, t1_190, t1_196, t1_200, t1_205, t1_214, t1_221,
-            t1_224, t1_226, t1_228, t1_229, t1_234, t1_236, t1_240, t1_243, t1_244,
+            sin_shoulder, cos_shoulder, t1_5, t1_8, t1_12, t1_15, t1_17, t1_19, t1_22, t1_27,
+            t1_30, t1_31, t1_32, t1_38, t1_39, t1_42, t1_43, t1_48, t1_54, sin_s1_2, cos_s1_2,
+            t1_58, t1_59, t1_66, t1_70, t1_76, t1_77, t1_82, t1_89, t1_90, t1_92, t1_95,
+            t1_103, t1_107, t1_108, t1_114, t1_118, t1_122, t1_124, t1_125, t1_126, t1_128,
+            t1_129, t1_130, t1_133, t1_134, t1_139, t1_141, t1_142, t1_144, t1_146, t1_148,
+            t1_149, t1_152, t1_153, t1_154, t1_155, t1_162, t1_163, t1_165, t1_166, t1_169,
+            t1_170, t1_171, t1_174, t1_176, t1_184, t1_186, t1_192, t1_196, t1_201, t1_205,
+            t1_210, t1_219, t1_226, t1_229, t1_231, t1_233, t1_234, t1_239, t1_241, t1_243,
+            t1_244,
         ]
     };
     // b (Eq. 7)
     {
-        let t2_1 = (-t1_135).mul_add(t1_159, t1_244);
-        let t2_2 = d_q7 * t2_1;
-        let t2_3 = like.lift(-2.0).mul_add(t2_2, t1_243);
-        let t2_4 = t1_224 - t2_3;
-        let t2_5 = -t2_4;
-        b[1] = t2_5;
-        let t2_6 = t1_11 * t1_13;
-        let t2_7 = (-t1_4).mul_add(t1_186, t2_6);
-        let t2_8 = t1_28 * t1_196;
-        let t2_9 = t1_39.mul_add(t1_23, t2_8);
-        let t2_10 = t2_7 + t2_9;
-        let t2_11 = t1_35 * t1_44;
-        let t2_12 = t1_34.mul_add(t1_200, t2_11);
-        let t2_13 = t2_10 - t2_12;
-        let t2_14 = d_q2 * t1_88;
-        let t2_15 = like.lift(2.0).mul_add(t2_14, t2_13);
-        let t2_16 = t1_86 * t1_214;
-        let t2_17 = like.lift(0.4563) * t2_16;
-        let t2_18 = t1_73 * t1_78;
-        let t2_19 = like.lift(0.4563).mul_add(t2_18, t2_17);
-        let t2_20 = t2_15 - t2_19;
-        let t2_21 = t1_104 * t1_114;
-        let t2_22 = t1_103.mul_add(t1_221, t2_21);
-        let t2_23 = t2_20 + t2_22;
-        let t2_24 = t1_122 * t1_181;
-        let t2_25 = t1_126.mul_add(t1_2, t2_24);
-        let t2_26 = t2_7 - t2_25;
-        let t2_27 = t1_11 * t1_130;
-        let t2_28 = (-t1_4).mul_add(t1_229, t2_27);
-        let t2_29 = t2_26 + t2_28;
-        let t2_30 = t1_149 * t1_236;
-        let t2_31 = t1_166.mul_add(t1_142, t2_30);
-        let t2_32 = t2_29 - t2_31;
-        let t2_33 = t1_159 * t1_172;
-        let t2_34 = (-t1_158).mul_add(t1_240, t2_33);
-        let t2_35 = t2_32 + t2_34;
-        let t2_36 = t1_148 * t1_159;
-        let t2_37 = (-t1_165).mul_add(t1_158, t2_36);
-        let t2_38 = d_q7 * t2_37;
-        let t2_39 = like.lift(-2.0).mul_add(t2_38, t2_35);
-        let t2_40 = t2_23 - t2_39;
-        b[2] = t2_40;
-        let t2_41 = like.lift(0.22815) * t1_55;
+        let t2_1 = (-t1_153).mul_add(t1_174, t1_244);
+        let t2_2 = t1_174 * t2_1;
+        let t2_3 = (-t1_163).mul_add(t1_171, t2_2);
+        let t2_4 = t1_243 + t2_3;
+        let t2_5 = t1_169 * t1_174;
+        let t2_6 = (-t1_139).mul_add(t1_163, t2_5);
+        let t2_7 = d_q7 * t2_6;
+        let t2_8 = like.lift(-2.0).mul_add(t2_7, t2_4);
+        let t2_9 = t1_229 - t2_8;
+        let t2_10 = -t2_9;
+        b[1] = t2_10;
+        let t2_11 = t1_15 * t1_17;
+        let t2_12 = (-t1_8).mul_add(t1_192, t2_11);
+        let t2_13 = t1_32 * t1_201;
+        let t2_14 = t1_43.mul_add(t1_27, t2_13);
+        let t2_15 = t2_12 + t2_14;
+        let t2_16 = t1_39 * t1_48;
+        let t2_17 = t1_38.mul_add(t1_205, t2_16);
+        let t2_18 = t2_15 - t2_17;
+        let t2_19 = d_q2 * t1_92;
+        let t2_20 = like.lift(2.0).mul_add(t2_19, t2_18);
+        let t2_21 = t1_90 * t1_219;
+        let t2_22 = like.lift(0.4563) * t2_21;
+        let t2_23 = t1_77 * t1_82;
+        let t2_24 = like.lift(0.4563).mul_add(t2_23, t2_22);
+        let t2_25 = t2_20 - t2_24;
+        let t2_26 = t1_108 * t1_118;
+        let t2_27 = t1_107.mul_add(t1_226, t2_26);
+        let t2_28 = t2_25 + t2_27;
+        let t2_29 = t1_126 * t1_186;
+        let t2_30 = t1_130.mul_add(t1_5, t2_29);
+        let t2_31 = t2_12 - t2_30;
+        let t2_32 = t1_15 * t1_134;
+        let t2_33 = (-t1_8).mul_add(t1_234, t2_32);
+        let t2_34 = t2_31 + t2_33;
+        let t2_35 = t1_153 * t1_241;
+        let t2_36 = t1_170.mul_add(t1_146, t2_35);
+        let t2_37 = t2_34 - t2_36;
+        let t2_38 = t1_163 * t1_176;
+        let t2_39 = (-t1_162).mul_add(t2_1, t2_38);
+        let t2_40 = t2_37 + t2_39;
+        let t2_41 = t1_152 * t1_163;
+        let t2_42 = (-t1_169).mul_add(t1_162, t2_41);
+        let t2_43 = d_q7 * t2_42;
+        let t2_44 = like.lift(-2.0).mul_add(t2_43, t2_40);
+        let t2_45 = t2_28 - t2_44;
+        b[2] = t2_45;
+        let t2_46 = like.lift(0.22815) * t1_59;
         let (sin_s1_3, cos_s1_3) = s1_3.sin_cos();
-        let t2_42 = cos_s1_3 * t1_66;
-        let t2_43 = cos_s1_2 * t1_18;
-        let t2_44 = (-sin_s1_2).mul_add(t1_54, t2_43);
-        let t2_45 = sin_s1_3.mul_add(t2_44, t2_42);
-        let t2_46 = like.lift(-0.39516739174683935).mul_add(t2_45, t2_41);
-        let t2_47 = t2_46 * t1_78;
-        let t2_48 = like.lift(0.22815) * t1_86;
-        let t2_49 = cos_s1_3 * t1_91;
-        let t2_50 = cos_s1_2 * t1_27;
-        let t2_51 = sin_s1_2.mul_add(t1_85, t2_50);
-        let t2_52 = (-sin_s1_3).mul_add(t2_51, t2_49);
-        let t2_53 = like.lift(0.39516739174683935).mul_add(t2_52, t2_48);
-        let t2_54 = t2_53.mul_add(t1_99, t2_47);
-        let t2_55 = t1_50 - t2_54;
-        let t2_56 = t2_53 * t1_104;
-        let t2_57 = like.lift(0.22815) * t1_73;
-        let t2_58 = cos_s1_3 * t1_62;
-        let t2_59 = cos_s1_2 * t1_38;
-        let t2_60 = sin_s1_2.mul_add(t1_72, t2_59);
-        let t2_61 = (-sin_s1_3).mul_add(t2_60, t2_58);
-        let t2_62 = like.lift(0.39516739174683935).mul_add(t2_61, t2_57);
-        let t2_63 = (-t2_62).mul_add(t1_103, t2_56);
-        let t2_64 = t1_103 * t2_63;
-        let t2_65 = t2_62 * t1_110;
-        let t2_66 = t2_46.mul_add(t1_104, t2_65);
-        let t2_67 = (-t1_110).mul_add(t2_66, t2_64);
-        let t2_68 = t2_55 + t2_67;
-        let t2_69 = t1_15 - t1_118;
-        let t2_70 = t1_120 - t1_121;
-        let t2_71 = t2_70 * t1_11;
-        let t2_72 = t1_124 + t1_125;
-        let t2_73 = (-t2_72).mul_add(t1_4, t2_71);
-        let t2_74 = t1_4 * t2_73;
-        let t2_75 = t2_72.mul_add(d_waist, t1_129);
-        let t2_76 = (-d_waist).mul_add(t2_75, t2_74);
-        let t2_77 = t2_69 + t2_76;
+        let t2_47 = cos_s1_3 * t1_70;
+        let t2_48 = cos_s1_2 * t1_22;
+        let t2_49 = (-sin_s1_2).mul_add(t1_58, t2_48);
+        let t2_50 = sin_s1_3.mul_add(t2_49, t2_47);
+        let t2_51 = like.lift(-0.39516739174683935).mul_add(t2_50, t2_46);
+        let t2_52 = t2_51 * t1_82;
+        let t2_53 = like.lift(0.22815) * t1_90;
+        let t2_54 = cos_s1_3 * t1_95;
+        let t2_55 = cos_s1_2 * t1_31;
+        let t2_56 = sin_s1_2.mul_add(t1_89, t2_55);
+        let t2_57 = (-sin_s1_3).mul_add(t2_56, t2_54);
+        let t2_58 = like.lift(0.39516739174683935).mul_add(t2_57, t2_53);
+        let t2_59 = t2_58.mul_add(t1_103, t2_52);
+        let t2_60 = t1_54 + t2_59;
+        let t2_61 = t2_58 * t1_108;
+        let t2_62 = like.lift(0.22815) * t1_77;
+        let t2_63 = cos_s1_3 * t1_66;
+        let t2_64 = cos_s1_2 * t1_42;
+        let t2_65 = sin_s1_2.mul_add(t1_76, t2_64);
+        let t2_66 = (-sin_s1_3).mul_add(t2_65, t2_63);
+        let t2_67 = like.lift(0.39516739174683935).mul_add(t2_66, t2_62);
+        let t2_68 = (-t2_67).mul_add(t1_107, t2_61);
+        let t2_69 = t1_107 * t2_68;
+        let t2_70 = t2_67 * t1_114;
+        let t2_71 = t2_51.mul_add(t1_108, t2_70);
+        let t2_72 = (-t1_114).mul_add(t2_71, t2_69);
+        let t2_73 = t2_60 - t2_72;
+        let t2_74 = t1_19 + t1_122;
+        let t2_75 = t1_124 - t1_125;
+        let t2_76 = t2_75 * t1_15;
+        let t2_77 = t1_128 + t1_129;
+        let t2_78 = (-t2_77).mul_add(t1_8, t2_76);
+        let t2_79 = t1_8 * t2_78;
+        let t2_80 = t2_77.mul_add(d_waist, t1_133);
+        let t2_81 = (-d_waist).mul_add(t2_80, t2_79);
+        let t2_82 = t2_74 - t2_81;
         let (sin_q8, cos_q8) = q8.sin_cos();
-        let t2_78 = cos_shoulder * sin_q8;
-        let t2_79 = like.lift(0.8660254037844386) * t2_78;
-        let t2_80 = (-sin_shoulder).mul_add(cos_q8, t2_79);
-        let t2_81 = q9 * t2_80;
-        let t2_82 = t1_137 - t1_138;
-        let t2_83 = (-t2_82).mul_add(d_waist, t1_140);
-        let t2_84 = d_q8.mul_add(t2_83, t1_2);
-        let t2_85 = t2_81 * t2_84;
-        let t2_86 = t1_144 - t1_145;
-        let t2_87 = sin_q8 * t2_86;
-        let t2_88 = (-cos_q8).mul_add(t1_26, t2_87);
-        let t2_89 = q9 * t2_88;
-        let t2_90 = t1_150 + t1_151;
-        let t2_91 = t2_90 * t1_11;
-        let t2_92 = (-t2_82).mul_add(t1_4, t2_91);
-        let t2_93 = d_q8 * t2_92;
-        let t2_94 = (-t2_89).mul_add(t2_93, t2_85);
-        let t2_95 = t2_77 - t2_94;
-        let t2_96 = (-t2_90).mul_add(d_q8, t1_4);
-        let t2_97 = (-t2_82).mul_add(d_q8, t1_11);
-        let t2_98 = t2_89 * t2_97;
-        let t2_99 = t1_161 + t1_162;
-        let t2_100 = sin_q8 * t2_99;
-        let t2_101 = cos_q8.mul_add(t1_8, t2_100);
-        let t2_102 = q9 * t2_101;
-        let t2_103 = (-t2_102).mul_add(t2_96, t2_98);
-        let t2_104 = t2_96 * t2_103;
-        let t2_105 = cos_shoulder * d_q8;
-        let t2_106 = like.lift(-0.5).mul_add(t2_105, d_waist);
-        let t2_107 = t2_102 * t2_106;
-        let t2_108 = t2_81.mul_add(t2_97, t2_107);
-        let t2_109 = (-t2_106).mul_add(t2_108, t2_104);
-        let t2_110 = t2_95 + t2_109;
-        let t2_111 = t2_80 * t2_96;
-        let t2_112 = t2_88.mul_add(t2_106, t2_111);
-        let t2_113 = d_q9 * t2_112;
-        let t2_114 = like.lift(2.0).mul_add(t2_113, t2_110);
-        let t2_115 = t2_68 - t2_114;
-        b[3] = t2_115;
-        let t2_116 = t2_62 * t1_99;
-        let t2_117 = (-t2_46).mul_add(t1_214, t2_116);
-        let t2_118 = t1_205 + t2_117;
-        let t2_119 = t2_46 * t1_103;
-        let t2_120 = t2_53.mul_add(t1_110, t2_119);
-        let t2_121 = t1_110 * t2_120;
-        let t2_122 = t1_104.mul_add(t2_63, t2_121);
-        let t2_123 = t2_118 - t2_122;
-        let t2_124 = t1_190 - t1_226;
-        let t2_125 = t2_70.mul_add(d_waist, t1_228);
-        let t2_126 = d_waist * t2_125;
-        let t2_127 = t1_11.mul_add(t2_73, t2_126);
-        let t2_128 = t2_124 - t2_127;
-        let t2_129 = t2_102 * t2_93;
-        let t2_130 = (-t2_90).mul_add(d_waist, t1_234);
-        let t2_131 = d_q8.mul_add(t2_130, t1_181);
-        let t2_132 = t2_81.mul_add(t2_131, t2_129);
-        let t2_133 = t2_128 - t2_132;
-        let t2_134 = t2_81 * t2_96;
-        let t2_135 = t2_89.mul_add(t2_106, t2_134);
-        let t2_136 = t2_106 * t2_135;
-        let t2_137 = t2_97.mul_add(t2_103, t2_136);
-        let t2_138 = t2_133 - t2_137;
-        let t2_139 = t2_101 * t2_106;
-        let t2_140 = t2_80.mul_add(t2_97, t2_139);
-        let t2_141 = d_q9 * t2_140;
-        let t2_142 = like.lift(-2.0).mul_add(t2_141, t2_138);
-        let t2_143 = t2_123 - t2_142;
-        let t2_144 = -t2_143;
-        b[4] = t2_144;
-        let t2_145 = t2_53 * t1_214;
-        let t2_146 = t2_62.mul_add(t1_78, t2_145);
-        let t2_147 = t2_15 - t2_146;
-        let t2_148 = t1_104 * t2_66;
-        let t2_149 = t1_103.mul_add(t2_120, t2_148);
-        let t2_150 = t2_147 + t2_149;
-        let t2_151 = t2_70 * t1_181;
-        let t2_152 = t2_72.mul_add(t1_2, t2_151);
-        let t2_153 = t2_7 - t2_152;
-        let t2_154 = t1_11 * t2_75;
-        let t2_155 = t1_4.mul_add(t2_125, t2_154);
+        let t2_83 = cos_shoulder * sin_q8;
+        let t2_84 = like.lift(0.8660254037844386) * t2_83;
+        let t2_85 = (-sin_shoulder).mul_add(cos_q8, t2_84);
+        let t2_86 = q9 * t2_85;
+        let t2_87 = t1_141 - t1_142;
+        let t2_88 = (-t2_87).mul_add(d_waist, t1_144);
+        let t2_89 = d_q8.mul_add(t2_88, t1_5);
+        let t2_90 = t2_86 * t2_89;
+        let t2_91 = t1_148 - t1_149;
+        let t2_92 = sin_q8 * t2_91;
+        let t2_93 = (-cos_q8).mul_add(t1_30, t2_92);
+        let t2_94 = q9 * t2_93;
+        let t2_95 = t1_154 + t1_155;
+        let t2_96 = t2_95 * t1_15;
+        let t2_97 = (-t2_87).mul_add(t1_8, t2_96);
+        let t2_98 = d_q8 * t2_97;
+        let t2_99 = (-t2_94).mul_add(t2_98, t2_90);
+        let t2_100 = t2_82 + t2_99;
+        let t2_101 = (-t2_95).mul_add(d_q8, t1_8);
+        let t2_102 = (-t2_87).mul_add(d_q8, t1_15);
+        let t2_103 = t2_94 * t2_102;
+        let t2_104 = t1_165 + t1_166;
+        let t2_105 = sin_q8 * t2_104;
+        let t2_106 = cos_q8.mul_add(t1_12, t2_105);
+        let t2_107 = q9 * t2_106;
+        let t2_108 = (-t2_107).mul_add(t2_101, t2_103);
+        let t2_109 = t2_101 * t2_108;
+        let t2_110 = cos_shoulder * d_q8;
+        let t2_111 = like.lift(-0.5).mul_add(t2_110, d_waist);
+        let t2_112 = t2_107 * t2_111;
+        let t2_113 = t2_86.mul_add(t2_102, t2_112);
+        let t2_114 = (-t2_111).mul_add(t2_113, t2_109);
+        let t2_115 = t2_100 - t2_114;
+        let t2_116 = t2_85 * t2_101;
+        let t2_117 = t2_93.mul_add(t2_111, t2_116);
+        let t2_118 = d_q9 * t2_117;
+        let t2_119 = like.lift(-2.0).mul_add(t2_118, t2_115);
+        let t2_120 = t2_73 - t2_119;
+        let t2_121 = -t2_120;
+        b[3] = t2_121;
+        let t2_122 = t2_67 * t1_103;
+        let t2_123 = (-t2_51).mul_add(t1_219, t2_122);
+        let t2_124 = t1_210 + t2_123;
+        let t2_125 = t2_51 * t1_107;
+        let t2_126 = t2_58.mul_add(t1_114, t2_125);
+        let t2_127 = t1_114 * t2_126;
+        let t2_128 = t1_108.mul_add(t2_68, t2_127);
+        let t2_129 = t2_124 - t2_128;
+        let t2_130 = t1_196 - t1_231;
+        let t2_131 = t2_75.mul_add(d_waist, t1_233);
+        let t2_132 = d_waist * t2_131;
+        let t2_133 = t1_15.mul_add(t2_78, t2_132);
+        let t2_134 = t2_130 - t2_133;
+        let t2_135 = t2_107 * t2_98;
+        let t2_136 = (-t2_95).mul_add(d_waist, t1_239);
+        let t2_137 = d_q8.mul_add(t2_136, t1_186);
+        let t2_138 = t2_86.mul_add(t2_137, t2_135);
+        let t2_139 = t2_134 - t2_138;
+        let t2_140 = t2_86 * t2_101;
+        let t2_141 = t2_94.mul_add(t2_111, t2_140);
+        let t2_142 = t2_111 * t2_141;
+        let t2_143 = t2_102.mul_add(t2_108, t2_142);
+        let t2_144 = t2_139 - t2_143;
+        let t2_145 = t2_106 * t2_111;
+        let t2_146 = t2_85.mul_add(t2_102, t2_145);
+        let t2_147 = d_q9 * t2_146;
+        let t2_148 = like.lift(-2.0).mul_add(t2_147, t2_144);
+        let t2_149 = t2_129 - t2_148;
+        let t2_150 = -t2_149;
+        b[4] = t2_150;
+        let t2_151 = t2_58 * t1_219;
+        let t2_152 = t2_67.mul_add(t1_82, t2_151);
+        let t2_153 = t2_20 - t2_152;
+        let t2_154 = t1_108 * t2_71;
+        let t2_155 = t1_107.mul_add(t2_126, t2_154);
         let t2_156 = t2_153 + t2_155;
-        let t2_157 = t2_89 * t2_131;
-        let t2_158 = t2_102.mul_add(t2_84, t2_157);
-        let t2_159 = t2_156 - t2_158;
-        let t2_160 = t2_97 * t2_108;
-        let t2_161 = t2_96.mul_add(t2_135, t2_160);
+        let t2_157 = t2_75 * t1_186;
+        let t2_158 = t2_77.mul_add(t1_5, t2_157);
+        let t2_159 = t2_12 - t2_158;
+        let t2_160 = t1_15 * t2_80;
+        let t2_161 = t1_8.mul_add(t2_131, t2_160);
         let t2_162 = t2_159 + t2_161;
-        let t2_163 = t2_88 * t2_97;
-        let t2_164 = (-t2_101).mul_add(t2_96, t2_163);
-        let t2_165 = d_q9 * t2_164;
-        let t2_166 = like.lift(-2.0).mul_add(t2_165, t2_162);
-        let t2_167 = t2_150 - t2_166;
-        b[5] = t2_167;
-        b[0] = t1_179;
+        let t2_163 = t2_94 * t2_137;
+        let t2_164 = t2_107.mul_add(t2_89, t2_163);
+        let t2_165 = t2_162 - t2_164;
+        let t2_166 = t2_102 * t2_113;
+        let t2_167 = t2_101.mul_add(t2_141, t2_166);
+        let t2_168 = t2_165 + t2_167;
+        let t2_169 = t2_93 * t2_102;
+        let t2_170 = (-t2_106).mul_add(t2_101, t2_169);
+        let t2_171 = d_q9 * t2_170;
+        let t2_172 = like.lift(-2.0).mul_add(t2_171, t2_168);
+        let t2_173 = t2_156 - t2_172;
+        b[5] = t2_173;
+        b[0] = t1_184;
     }
     b
 }
@@ -1734,12 +1748,12 @@ pub fn newton_step<T: Scalar>(q: &[T; 11]) -> ([T; 6], Condition<T>) {
         let t1_159 = -t1_158;
         let t1_160 = -pivot_5;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(1.9150361620118772)).abs()
-            .min((t1_86 * like.lift(1.8751412991819398)).abs())
-            .min((pivot_3 * like.lift(2.6162535605710207)).abs())
-            .min((pivot_4 * like.lift(2.2558640767950906)).abs())
-            .min((t1_160 * like.lift(0.8083910306721919)).abs())
-            .min((pivot_6 * like.lift(2.191678505501337)).abs());
+        let margin = (pivot_1 * like.lift(1.9131671434315987)).abs()
+            .min((t1_86 * like.lift(1.863195236951264)).abs())
+            .min((pivot_3 * like.lift(2.6695171222054848)).abs())
+            .min((pivot_4 * like.lift(2.294035647929491)).abs())
+            .min((t1_160 * like.lift(0.786868847408929)).abs())
+            .min((pivot_6 * like.lift(2.1945756748652077)).abs());
         let ([[t1_161], [t1_162], [t1_163], [t1_164], [t1_165], [t1_166]], found) = ::regen_runtime::guarded(
             [[t1_141], [t1_144], [t1_138], [t1_148], [t1_153], [t1_159]],
             margin,
@@ -2069,12 +2083,12 @@ pub fn velocities<T: Scalar>(q: &[T; 11], qd_i: &[T; 5]) -> ([T; 11], Condition<
         let t1_155 = -t1_154;
         let t1_156 = -pivot_5;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(1.9150361620118772)).abs()
-            .min((t1_85 * like.lift(1.8751412991819398)).abs())
-            .min((pivot_3 * like.lift(2.6162535605710207)).abs())
-            .min((pivot_4 * like.lift(2.2558640767950906)).abs())
-            .min((t1_156 * like.lift(0.8083910306721919)).abs())
-            .min((pivot_6 * like.lift(2.191678505501337)).abs());
+        let margin = (pivot_1 * like.lift(1.9131671434315987)).abs()
+            .min((t1_85 * like.lift(1.863195236951264)).abs())
+            .min((pivot_3 * like.lift(2.6695171222054848)).abs())
+            .min((pivot_4 * like.lift(2.294035647929491)).abs())
+            .min((t1_156 * like.lift(0.786868847408929)).abs())
+            .min((pivot_6 * like.lift(2.1945756748652077)).abs());
         let ([[t1_157], [t1_158], [t1_159], [t1_160], [t1_161], [t1_162]], found) = ::regen_runtime::guarded(
             [[t1_135], [t1_138], [t1_139], [t1_144], [t1_149], [t1_155]],
             margin,
@@ -2445,12 +2459,12 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 5]) -> ([
         let t2_50 = -t2_49;
         let t2_51 = -pivot_5;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(1.9150361620118772)).abs()
-            .min((t1_85 * like.lift(1.8751412991819398)).abs())
-            .min((pivot_3 * like.lift(2.6162535605710207)).abs())
-            .min((pivot_4 * like.lift(2.2558640767950906)).abs())
-            .min((t2_51 * like.lift(0.8083910306721919)).abs())
-            .min((pivot_6 * like.lift(2.191678505501337)).abs());
+        let margin = (pivot_1 * like.lift(1.9131671434315987)).abs()
+            .min((t1_85 * like.lift(1.863195236951264)).abs())
+            .min((pivot_3 * like.lift(2.6695171222054848)).abs())
+            .min((pivot_4 * like.lift(2.294035647929491)).abs())
+            .min((t2_51 * like.lift(0.786868847408929)).abs())
+            .min((pivot_6 * like.lift(2.1945756748652077)).abs());
         let ([[t2_52], [t2_53], [t2_54], [t2_55], [t2_56], [t2_57]], found) = ::regen_runtime::guarded(
             [[t2_30], [t2_33], [t2_34], [t2_39], [t2_44], [t2_50]],
             margin,
@@ -2489,7 +2503,7 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 5]) -> ([
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: column by column: `w[c][r]` multiplies `PARAMETERS[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 749 additions, 1104 multiplications, 6 divisions, 7 sines and cosines.
+/// 758 additions, 1116 multiplications, 6 divisions, 7 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[T; 5]; 100]) -> Condition<T> {
     let like = q[0];
     let [_, shoulder, q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
@@ -2499,7 +2513,7 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         dd_q9,
     ] = *qdd;
     let mut condition = like.lift(1.0);
-    let mut kept = [like; 381];
+    let mut kept = [like; 380];
     // body column: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
         w[0] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
@@ -2532,36 +2546,48 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         let t2_5 = t2_3 - al_boomy;
         let t2_6 = sin_shoulder * t2_5;
         let t2_7 = t2_1 + al_boomx;
-        let t2_8 = cos_shoulder * t2_7;
-        let w_ixy_boom_waist = t2_6 - t2_8;
-        let t2_9 = -w_ixy_boom_waist;
-        let t2_10 = w_boomx * w_boomx;
-        let t2_11 = w_boomy * w_boomy;
-        let w_ixy_boom_shoulder = t2_10 - t2_11;
-        w[11] = [t2_9, w_ixy_boom_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t2_12 = dd_shoulder + w_ixx_boom_shoulder;
-        let t2_13 = sin_shoulder * t2_12;
-        let t2_14 = d_shoulder * d_shoulder;
-        let t2_15 = t2_10 - t2_14;
-        let w_ixz_boom_waist = (-cos_shoulder).mul_add(t2_15, t2_13);
+        let w_ixy_boom_waist = (-cos_shoulder).mul_add(t2_7, t2_6);
+        let t2_8 = -w_ixy_boom_waist;
+        let t2_9 = w_boomx * w_boomx;
+        let t2_10 = w_boomy * w_boomy;
+        let w_ixy_boom_shoulder = t2_9 - t2_10;
+        w[11] = [t2_8, w_ixy_boom_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t2_11 = dd_shoulder + w_ixx_boom_shoulder;
+        let t2_12 = sin_shoulder * t2_11;
+        let t2_13 = d_shoulder * d_shoulder;
+        let t2_14 = t2_9 - t2_13;
+        let w_ixz_boom_waist = (-cos_shoulder).mul_add(t2_14, t2_12);
         w[12] = [w_ixz_boom_waist, w_ixz_boom_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t2_16 = sin_shoulder * t2_1;
-        let w_iyy_boom_waist = (-cos_shoulder).mul_add(al_boomy, t2_16);
-        let t2_17 = -w_iyy_boom_waist;
-        w[13] = [t2_17, w_ixx_boom_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t2_18 = t2_11 - t2_14;
-        let t2_19 = sin_shoulder * t2_18;
-        let t2_20 = dd_shoulder - w_ixx_boom_shoulder;
-        let w_iyz_boom_waist = cos_shoulder.mul_add(t2_20, t2_19);
+        let t2_15 = sin_shoulder * t2_1;
+        let w_iyy_boom_waist = (-cos_shoulder).mul_add(al_boomy, t2_15);
+        let t2_16 = -w_iyy_boom_waist;
+        w[13] = [t2_16, w_ixx_boom_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t2_17 = t2_10 - t2_13;
+        let t2_18 = sin_shoulder * t2_17;
+        let t2_19 = dd_shoulder - w_ixx_boom_shoulder;
+        let w_iyz_boom_waist = cos_shoulder.mul_add(t2_19, t2_18);
         w[14] = [w_iyz_boom_waist, w_iyz_boom_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let a_boomy = like.lift(9.81) * cos_shoulder;
-        w[16] = [like.lift(0.0), a_boomy, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let a_boomx = like.lift(9.81) * sin_shoulder;
-        let t2_21 = -a_boomx;
-        w[17] = [like.lift(0.0), t2_21, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t2_20 = like.lift(0.35) * w_iyz_boom_shoulder;
+        let w_mx_boom_waist = like.lift(-0.35).mul_add(t2_5, t2_20);
+        let t2_21 = d_waist * d_waist;
+        let t2_22 = sin_shoulder * t2_21;
+        let t2_23 = like.lift(0.35) * t2_22;
+        let a_boomy = like.lift(9.81).mul_add(cos_shoulder, t2_23);
+        w[16] = [w_mx_boom_waist, a_boomy, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t2_24 = like.lift(0.35) * w_ixz_boom_shoulder;
+        let w_my_boom_waist = like.lift(0.35).mul_add(t2_7, t2_24);
+        let t2_25 = -w_my_boom_waist;
+        let t2_26 = cos_shoulder * t2_21;
+        let t2_27 = like.lift(0.35) * t2_26;
+        let a_boomx = like.lift(-9.81).mul_add(sin_shoulder, t2_27);
+        w[17] = [t2_25, a_boomx, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t2_28 = cos_shoulder * a_boomx;
+        let t2_29 = sin_shoulder.mul_add(a_boomy, t2_28);
+        let w_mz_boom_waist = like.lift(0.35).mul_add(t2_21, -t2_29);
+        w[18] = [w_mz_boom_waist, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let w_m_boom_waist = like.lift(0.1225) * dd_waist;
+        w[19] = [w_m_boom_waist, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         w[15] = [like.lift(0.0), dd_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[18] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[19] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         kept[0] = sin_shoulder;
         kept[1] = cos_shoulder;
         kept[2] = w_ixz_boom_shoulder;
@@ -2574,21 +2600,20 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         kept[9] = w_iyz_boom_shoulder;
         kept[10] = al_boomy;
         kept[11] = t2_5;
-        kept[12] = t2_6;
-        kept[13] = t2_7;
-        kept[14] = t2_8;
-        kept[15] = t2_9;
-        kept[16] = t2_10;
+        kept[12] = t2_7;
+        kept[13] = t2_8;
+        kept[14] = t2_9;
+        kept[15] = t2_10;
+        kept[16] = w_ixy_boom_shoulder;
         kept[17] = t2_11;
-        kept[18] = w_ixy_boom_shoulder;
-        kept[19] = t2_12;
-        kept[20] = t2_14;
-        kept[21] = w_ixz_boom_waist;
-        kept[22] = t2_17;
-        kept[23] = t2_20;
-        kept[24] = w_iyz_boom_waist;
-        kept[25] = a_boomy;
-        kept[26] = a_boomx;
+        kept[18] = t2_13;
+        kept[19] = w_ixz_boom_waist;
+        kept[20] = t2_16;
+        kept[21] = t2_19;
+        kept[22] = w_iyz_boom_waist;
+        kept[23] = t2_21;
+        kept[24] = a_boomy;
+        kept[25] = a_boomx;
     }
     // body base: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
@@ -2600,59 +2625,59 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         let t2_4 = kept[8];
         let w_iyz_boom_shoulder = kept[9];
         let t2_5 = kept[11];
-        let t2_6 = kept[12];
-        let t2_8 = kept[14];
-        let t2_9 = kept[15];
-        let t2_10 = kept[16];
+        let t2_7 = kept[12];
+        let t2_8 = kept[13];
+        let t2_9 = kept[14];
+        let t2_10 = kept[15];
+        let w_ixy_boom_shoulder = kept[16];
         let t2_11 = kept[17];
-        let w_ixy_boom_shoulder = kept[18];
-        let t2_12 = kept[19];
-        let t2_14 = kept[20];
-        let w_ixz_boom_waist = kept[21];
-        let t2_17 = kept[22];
-        let w_iyz_boom_waist = kept[24];
-        let a_boomy = kept[25];
-        let a_boomx = kept[26];
+        let t2_13 = kept[18];
+        let w_ixz_boom_waist = kept[19];
+        let t2_16 = kept[20];
+        let w_iyz_boom_waist = kept[22];
+        let t2_21 = kept[23];
+        let a_boomy = kept[24];
+        let a_boomx = kept[25];
         let t3_1 = -w_iyz_boom_waist;
         let t3_2 = -w_iyz_boom_shoulder;
         w[21] = [t3_1, t3_2, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         let t3_3 = -w_ixz_boom_waist;
         let t3_4 = -w_ixz_boom_shoulder;
         w[22] = [t3_3, t3_4, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t3_5 = like.lift(0.6) * t2_12;
+        let t3_5 = like.lift(1.25) * t2_11;
         let a_basey = a_boomy + t3_5;
         let t3_6 = sin_shoulder * a_basey;
-        let t3_7 = t2_11 + t2_14;
-        let a_basez = like.lift(-0.6).mul_add(t3_7, a_boomx);
-        let t3_8 = (-cos_shoulder).mul_add(a_basez, t3_6);
-        let t3_9 = d_waist * d_waist;
-        let t3_10 = cos_shoulder * t3_9;
-        let w_mx_base_waist = like.lift(-0.6).mul_add(t3_10, t3_8);
-        let w_mx_base_shoulder = like.lift(0.6) * w_ixz_boom_shoulder;
+        let t3_7 = t2_10 + t2_13;
+        let a_basez = like.lift(1.25).mul_add(t3_7, a_boomx);
+        let t3_8 = cos_shoulder.mul_add(a_basez, t3_6);
+        let u_base_waistx = like.lift(1.25).mul_add(cos_shoulder, like.lift(0.35));
+        let w_mx_base_waist = (-t2_21).mul_add(u_base_waistx, t3_8);
+        let w_mx_base_shoulder = like.lift(1.25) * w_ixz_boom_shoulder;
         w[26] = [w_mx_base_waist, w_mx_base_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t3_11 = like.lift(0.6) * t2_6;
-        let w_my_base_waist = like.lift(-0.6).mul_add(t2_8, t3_11);
-        let t3_12 = t2_10 + t2_14;
-        let w_my_base_shoulder = like.lift(0.6).mul_add(t3_12, a_basez);
-        let t3_13 = -w_my_base_shoulder;
-        w[27] = [w_my_base_waist, t3_13, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t3_14 = cos_shoulder * t2_5;
-        let w_mz_base_waist = like.lift(1.2) * t3_14;
-        let t3_15 = -w_mz_base_waist;
+        let a_boomz = like.lift(0.35) * dd_waist;
+        let a_basex = like.lift(-1.25).mul_add(t2_5, a_boomz);
+        let t3_9 = sin_shoulder * a_basex;
+        let w_my_base_waist = t2_7.mul_add(u_base_waistx, t3_9);
+        let t3_10 = -w_my_base_waist;
+        let t3_11 = t2_9 + t2_13;
+        let w_my_base_shoulder = like.lift(-1.25).mul_add(t3_11, a_basez);
+        w[27] = [t3_10, w_my_base_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t3_12 = cos_shoulder * a_basex;
+        let w_mz_base_waist = (-t2_5).mul_add(u_base_waistx, t3_12);
         let w_mz_base_shoulder = t3_5 + a_basey;
-        w[28] = [t3_15, w_mz_base_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let w_m_base_waist = like.lift(0.36) * t3_14;
-        let t3_16 = -w_m_base_waist;
-        let w_m_base_shoulder = like.lift(0.6) * a_basey;
-        w[29] = [t3_16, w_m_base_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        w[28] = [w_mz_base_waist, w_mz_base_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let w_m_base_waist = a_basex * u_base_waistx;
+        let w_m_base_shoulder = like.lift(1.25) * a_basey;
+        w[29] = [w_m_base_waist, w_m_base_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         w[20] = [like.lift(0.0), dd_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[23] = [t2_17, w_ixx_boom_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[24] = [t2_9, w_ixy_boom_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        w[23] = [t2_16, w_ixx_boom_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        w[24] = [t2_8, w_ixy_boom_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         w[25] = [w_ixx_boom_waist, t2_4, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        kept[27] = a_basey;
-        kept[28] = a_basez;
-        kept[29] = t3_9;
-        kept[30] = t3_12;
+        kept[26] = a_basey;
+        kept[27] = a_basez;
+        kept[28] = u_base_waistx;
+        kept[29] = a_basex;
+        kept[30] = t3_11;
     }
     // loops: solve with A_e (Eq. 8, 10)
     {
@@ -2891,12 +2916,12 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         let t4_194 = like.lift(1.1547005383792515) * t4_193;
         let t4_195 = -pivot_5;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(1.9150361620118772)).abs()
-            .min((t4_88 * like.lift(1.8751412991819398)).abs())
-            .min((pivot_3 * like.lift(2.6162535605710207)).abs())
-            .min((pivot_4 * like.lift(2.2558640767950906)).abs())
-            .min((t4_195 * like.lift(0.8083910306721919)).abs())
-            .min((pivot_6 * like.lift(2.191678505501337)).abs());
+        let margin = (pivot_1 * like.lift(1.9131671434315987)).abs()
+            .min((t4_88 * like.lift(1.863195236951264)).abs())
+            .min((pivot_3 * like.lift(2.6695171222054848)).abs())
+            .min((pivot_4 * like.lift(2.294035647929491)).abs())
+            .min((t4_195 * like.lift(0.786868847408929)).abs())
+            .min((pivot_6 * like.lift(2.1945756748652077)).abs());
         let ([
             [_, _, x_q1_q2, x_q1_q7, x_q1_q9], [_, _, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [_, _, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [_, _, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
@@ -2994,10 +3019,11 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         let al_boomx = kept[4];
         let w_iyz_boom_shoulder = kept[9];
         let al_boomy = kept[10];
-        let t2_5 = kept[11];
-        let a_basey = kept[27];
-        let a_basez = kept[28];
-        let t3_9 = kept[29];
+        let t2_21 = kept[23];
+        let a_basey = kept[26];
+        let a_basez = kept[27];
+        let u_base_waistx = kept[28];
+        let a_basex = kept[29];
         let sin_q1 = kept[31];
         let cos_q1 = kept[32];
         let e_1_waistx = kept[33];
@@ -3105,77 +3131,70 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         let w_izz_1_q9 = x_q1_q9 * al_1z;
         let t5_56 = -w_izz_1_q9;
         w[35] = [t5_53, w_izz_1_shoulder, t5_54, t5_55, t5_56];
-        let a_basex = like.lift(0.6) * t2_5;
-        let t5_57 = like.lift(0.26344492783122625).mul_add(t3_9, a_basex);
+        let t5_57 = like.lift(-0.26344492783122625).mul_add(t2_21, a_basex);
         let t5_58 = sin_q1 * t5_57;
-        let t5_59 = like.lift(-0.26344492783122625).mul_add(w_iyz_boom_shoulder, a_basez);
+        let t5_59 = like.lift(0.26344492783122625).mul_add(w_iyz_boom_shoulder, a_basez);
         let a_1y = (-cos_q1).mul_add(t5_59, t5_58);
         let t5_60 = cos_shoulder * a_1y;
         let a_1z = like.lift(0.26344492783122625).mul_add(w_ixz_boom_shoulder, a_basey);
-        let t5_61 = e_1_waisty.mul_add(a_1z, t5_60);
+        let t5_61 = (-e_1_waisty).mul_add(a_1z, t5_60);
         let t5_62 = t5_13 + t5_24;
-        let t5_63 = cos_shoulder * cos_q1;
-        let t5_64 = like.lift(0.6) * t5_63;
-        let t5_65 = cos_shoulder * sin_q1;
-        let u_1_waistx = like.lift(0.26344492783122625).mul_add(t5_65, t5_64);
-        let t5_66 = like.lift(0.6) * t5_65;
-        let u_1_waisty = like.lift(-0.26344492783122625).mul_add(t5_63, t5_66);
+        let t5_63 = cos_q1 * u_base_waistx;
+        let t5_64 = cos_shoulder * sin_q1;
+        let u_1_waistx = like.lift(0.26344492783122625).mul_add(t5_64, t5_63);
+        let t5_65 = sin_q1 * u_base_waistx;
+        let t5_66 = cos_shoulder * cos_q1;
+        let u_1_waisty = like.lift(-0.26344492783122625).mul_add(t5_66, t5_65);
         let t5_67 = t5_22 * u_1_waisty;
         let t5_68 = t5_62.mul_add(u_1_waistx, t5_67);
         let t5_69 = sin_shoulder * t5_6;
         let t5_70 = like.lift(0.26344492783122625).mul_add(t5_69, t5_68);
-        let w_mx_1_waist = t5_61 - t5_70;
-        let t5_71 = sin_q1 * a_1z;
-        let w_mx_1_shoulder = like.lift(0.6).mul_add(t5_6, t5_71);
-        let t5_72 = -w_mx_1_shoulder;
+        let w_mx_1_waist = t5_61 + t5_70;
+        let t5_71 = -w_mx_1_waist;
+        let t5_72 = sin_q1 * a_1z;
+        let w_mx_1_shoulder = like.lift(1.25).mul_add(t5_6, t5_72);
+        let t5_73 = -w_mx_1_shoulder;
         let w_mx_1_q2 = x_q1_q2 * a_1y;
-        let t5_73 = -w_mx_1_q2;
         let w_mx_1_q7 = x_q1_q7 * a_1y;
-        let t5_74 = -w_mx_1_q7;
         let w_mx_1_q9 = x_q1_q9 * a_1y;
-        let t5_75 = -w_mx_1_q9;
-        w[36] = [w_mx_1_waist, t5_72, t5_73, t5_74, t5_75];
-        let t5_76 = e_1_waistx * a_1z;
-        let t5_77 = cos_q1 * t5_57;
-        let a_1x = sin_q1.mul_add(t5_59, t5_77);
-        let t5_78 = (-cos_shoulder).mul_add(a_1x, t5_76);
-        let t5_79 = t5_12 + t5_24;
-        let t5_80 = t5_79 * u_1_waisty;
-        let t5_81 = t5_40.mul_add(u_1_waistx, -t5_80);
-        let t5_82 = sin_shoulder * t5_9;
-        let t5_83 = like.lift(0.26344492783122625).mul_add(t5_82, t5_81);
-        let w_my_1_waist = t5_78 + t5_83;
-        let t5_84 = -w_my_1_waist;
-        let t5_85 = cos_q1 * a_1z;
-        let w_my_1_shoulder = like.lift(0.6).mul_add(t5_9, t5_85);
-        let t5_86 = -w_my_1_shoulder;
+        w[36] = [t5_71, t5_73, w_mx_1_q2, w_mx_1_q7, w_mx_1_q9];
+        let t5_74 = e_1_waistx * a_1z;
+        let t5_75 = cos_q1 * t5_57;
+        let a_1x = sin_q1.mul_add(t5_59, t5_75);
+        let t5_76 = cos_shoulder.mul_add(a_1x, t5_74);
+        let t5_77 = t5_12 + t5_24;
+        let t5_78 = t5_77 * u_1_waisty;
+        let t5_79 = t5_40.mul_add(u_1_waistx, -t5_78);
+        let t5_80 = sin_shoulder * t5_9;
+        let t5_81 = like.lift(0.26344492783122625).mul_add(t5_80, t5_79);
+        let w_my_1_waist = t5_76 + t5_81;
+        let t5_82 = -w_my_1_waist;
+        let t5_83 = cos_q1 * a_1z;
+        let w_my_1_shoulder = like.lift(1.25).mul_add(t5_9, t5_83);
+        let t5_84 = -w_my_1_shoulder;
         let w_my_1_q2 = x_q1_q2 * a_1x;
-        let t5_87 = -w_my_1_q2;
         let w_my_1_q7 = x_q1_q7 * a_1x;
-        let t5_88 = -w_my_1_q7;
         let w_my_1_q9 = x_q1_q9 * a_1x;
-        let t5_89 = -w_my_1_q9;
-        w[37] = [t5_84, t5_86, t5_87, t5_88, t5_89];
-        let t5_90 = e_1_waisty * a_1x;
-        let t5_91 = e_1_waistx.mul_add(a_1y, t5_90);
-        let t5_92 = t5_28 * u_1_waisty;
-        let t5_93 = t5_43.mul_add(u_1_waistx, -t5_92);
-        let t5_94 = t5_12 + t5_13;
-        let t5_95 = sin_shoulder * t5_94;
-        let t5_96 = like.lift(-0.26344492783122625).mul_add(t5_95, t5_93);
-        let w_mz_1_waist = t5_91 + t5_96;
-        let t5_97 = sin_q1 * a_1x;
-        let t5_98 = (-cos_q1).mul_add(a_1y, t5_97);
-        let w_mz_1_shoulder = like.lift(0.6).mul_add(t5_94, t5_98);
-        let t5_99 = -w_mz_1_shoulder;
-        w[38] = [w_mz_1_waist, t5_99, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t5_100 = a_1x * u_1_waistx;
-        let t5_101 = a_1y.mul_add(u_1_waisty, t5_100);
-        let t5_102 = sin_shoulder * a_1z;
-        let w_m_1_waist = like.lift(-0.26344492783122625).mul_add(t5_102, t5_101);
-        let t5_103 = -w_m_1_waist;
-        let w_m_1_shoulder = like.lift(0.6) * a_1z;
-        w[39] = [t5_103, w_m_1_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        w[37] = [t5_82, t5_84, w_my_1_q2, w_my_1_q7, w_my_1_q9];
+        let t5_85 = e_1_waisty * a_1x;
+        let t5_86 = e_1_waistx.mul_add(a_1y, t5_85);
+        let t5_87 = t5_28 * u_1_waisty;
+        let t5_88 = t5_43.mul_add(u_1_waistx, -t5_87);
+        let t5_89 = t5_12 + t5_13;
+        let t5_90 = sin_shoulder * t5_89;
+        let t5_91 = like.lift(-0.26344492783122625).mul_add(t5_90, t5_88);
+        let w_mz_1_waist = t5_86 - t5_91;
+        let t5_92 = -w_mz_1_waist;
+        let t5_93 = sin_q1 * a_1x;
+        let t5_94 = (-cos_q1).mul_add(a_1y, t5_93);
+        let w_mz_1_shoulder = like.lift(-1.25).mul_add(t5_89, t5_94);
+        w[38] = [t5_92, w_mz_1_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t5_95 = a_1x * u_1_waistx;
+        let t5_96 = a_1y.mul_add(u_1_waisty, t5_95);
+        let t5_97 = sin_shoulder * a_1z;
+        let w_m_1_waist = like.lift(0.26344492783122625).mul_add(t5_97, t5_96);
+        let w_m_1_shoulder = like.lift(1.25) * a_1z;
+        w[39] = [w_m_1_waist, w_m_1_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         kept[85] = w_ixx_1_q2;
         kept[86] = t5_1;
         kept[87] = w_ixx_1_q7;
@@ -3219,18 +3238,17 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         kept[125] = t5_54;
         kept[126] = t5_55;
         kept[127] = t5_56;
-        kept[128] = a_basex;
-        kept[129] = a_1y;
-        kept[130] = a_1z;
-        kept[131] = t5_62;
-        kept[132] = u_1_waistx;
-        kept[133] = u_1_waisty;
-        kept[134] = t5_67;
-        kept[135] = a_1x;
-        kept[136] = t5_79;
-        kept[137] = t5_80;
-        kept[138] = t5_92;
-        kept[139] = t5_94;
+        kept[128] = a_1y;
+        kept[129] = a_1z;
+        kept[130] = t5_62;
+        kept[131] = u_1_waistx;
+        kept[132] = u_1_waisty;
+        kept[133] = t5_67;
+        kept[134] = a_1x;
+        kept[135] = t5_77;
+        kept[136] = t5_78;
+        kept[137] = t5_87;
+        kept[138] = t5_89;
     }
     // body 2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
@@ -3291,17 +3309,17 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         let t5_54 = kept[125];
         let t5_55 = kept[126];
         let t5_56 = kept[127];
-        let a_1y = kept[129];
-        let a_1z = kept[130];
-        let t5_62 = kept[131];
-        let u_1_waistx = kept[132];
-        let u_1_waisty = kept[133];
-        let t5_67 = kept[134];
-        let a_1x = kept[135];
-        let t5_79 = kept[136];
-        let t5_80 = kept[137];
-        let t5_92 = kept[138];
-        let t5_94 = kept[139];
+        let a_1y = kept[128];
+        let a_1z = kept[129];
+        let t5_62 = kept[130];
+        let u_1_waistx = kept[131];
+        let u_1_waisty = kept[132];
+        let t5_67 = kept[133];
+        let a_1x = kept[134];
+        let t5_77 = kept[135];
+        let t5_78 = kept[136];
+        let t5_87 = kept[137];
+        let t5_89 = kept[138];
         let t6_1 = t4_4 + t4_10;
         let w_ixx_2_waist = t4_7 + t6_1;
         w[40] = [w_ixx_2_waist, w_ixx_1_shoulder, t5_1, t5_2, t5_3];
@@ -3327,8 +3345,8 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         let t6_11 = d_q2 * w_1x;
         let a_2y = like.lift(2.0).mul_add(t6_11, t6_10);
         let t6_12 = e_1_waisty * a_2y;
-        let t6_13 = q2.mul_add(t5_79, a_1y);
-        let a_2z = dd_q2 - t6_13;
+        let t6_13 = (-q2).mul_add(t5_77, a_1y);
+        let a_2z = dd_q2 + t6_13;
         let t6_14 = (-cos_shoulder).mul_add(a_2z, t6_12);
         let u_2_waistx = cos_shoulder.mul_add(q2, u_1_waistx);
         let t6_15 = t5_62 * u_2_waistx;
@@ -3338,7 +3356,7 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         let t6_17 = t5_67 + t6_16;
         let w_mx_2_waist = t6_14 - t6_17;
         let t6_18 = sin_q1 * a_2y;
-        let u_2_shouldery = like.lift(0.6) + t4_12;
+        let u_2_shouldery = like.lift(1.25) + t4_12;
         let w_mx_2_shoulder = t5_6.mul_add(u_2_shouldery, t6_18);
         let t6_19 = -w_mx_2_shoulder;
         let t6_20 = q2 * x_q1_q2;
@@ -3350,18 +3368,18 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         w[46] = [w_mx_2_waist, t6_19, w_mx_2_q2, w_mx_2_q7, w_mx_2_q9];
         let t6_23 = e_1_waistx * a_2z;
         let t6_24 = q2 * t5_40;
-        let t6_25 = a_1x - t6_24;
+        let t6_25 = a_1x + t6_24;
         let t6_26 = d_q2 * w_1z;
-        let a_2x = like.lift(-2.0).mul_add(t6_26, t6_25);
-        let t6_27 = (-e_1_waisty).mul_add(a_2x, t6_23);
+        let a_2x = like.lift(2.0).mul_add(t6_26, t6_25);
+        let t6_27 = e_1_waisty.mul_add(a_2x, t6_23);
         let t6_28 = t5_43 * u_2_waistx;
-        let t6_29 = (-t5_94).mul_add(u_2_waisty, t6_28);
-        let t6_30 = t5_92 - t6_29;
+        let t6_29 = (-t5_89).mul_add(u_2_waisty, t6_28);
+        let t6_30 = t5_87 - t6_29;
         let w_my_2_waist = t6_27 + t6_30;
         let t6_31 = -w_my_2_waist;
         let t6_32 = cos_q1 * a_2z;
-        let t6_33 = sin_q1.mul_add(a_2x, t6_32);
-        let w_my_2_shoulder = t5_94.mul_add(u_2_shouldery, t6_33);
+        let t6_33 = (-sin_q1).mul_add(a_2x, t6_32);
+        let w_my_2_shoulder = t5_89.mul_add(u_2_shouldery, t6_33);
         let t6_34 = -w_my_2_shoulder;
         let w_my_2_q2 = t5_43.mul_add(t6_20, t5_28);
         let t6_35 = -w_my_2_q2;
@@ -3372,38 +3390,39 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         let t6_38 = -w_my_2_q9;
         w[47] = [t6_31, t6_34, t6_35, t6_37, t6_38];
         let t6_39 = cos_shoulder * a_2x;
-        let t6_40 = (-e_1_waistx).mul_add(a_2y, t6_39);
+        let t6_40 = e_1_waistx.mul_add(a_2y, t6_39);
         let t6_41 = t5_40 * u_2_waistx;
         let t6_42 = t5_9.mul_add(u_2_waisty, t6_41);
-        let t6_43 = t5_80 - t6_42;
-        let w_mz_2_waist = t6_40 + t6_43;
-        let t6_44 = -w_mz_2_waist;
-        let t6_45 = cos_q1 * a_2y;
-        let w_mz_2_shoulder = t5_9.mul_add(u_2_shouldery, t6_45);
-        let t6_46 = t5_40.mul_add(t6_20, t5_79);
-        let w_mz_2_q2 = x_q1_q2.mul_add(a_2x, -t6_46);
-        let t6_47 = t6_24 - a_2x;
+        let t6_43 = t5_78 - t6_42;
+        let w_mz_2_waist = t6_40 - t6_43;
+        let t6_44 = cos_q1 * a_2y;
+        let w_mz_2_shoulder = t5_9.mul_add(u_2_shouldery, t6_44);
+        let t6_45 = t5_40.mul_add(t6_20, t5_77);
+        let w_mz_2_q2 = x_q1_q2.mul_add(a_2x, t6_45);
+        let t6_46 = -w_mz_2_q2;
+        let t6_47 = t6_24 + a_2x;
         let w_mz_2_q7 = x_q1_q7 * t6_47;
         let t6_48 = -w_mz_2_q7;
         let w_mz_2_q9 = x_q1_q9 * t6_47;
         let t6_49 = -w_mz_2_q9;
-        w[48] = [t6_44, w_mz_2_shoulder, w_mz_2_q2, t6_48, t6_49];
+        w[48] = [w_mz_2_waist, w_mz_2_shoulder, t6_46, t6_48, t6_49];
         let t6_50 = a_2x * u_2_waistx;
-        let t6_51 = (-a_2y).mul_add(u_2_waisty, t6_50);
-        let w_m_2_waist = (-a_2z).mul_add(u_1_waisty, t6_51);
-        let t6_52 = -w_m_2_waist;
+        let t6_51 = a_2y.mul_add(u_2_waisty, t6_50);
+        let w_m_2_waist = a_2z.mul_add(u_1_waisty, t6_51);
         let w_m_2_shoulder = a_2y * u_2_shouldery;
-        let w_m_2_q2 = a_2x.mul_add(t6_20, a_2z);
-        let t6_53 = q2 * a_2x;
-        let w_m_2_q7 = x_q1_q7 * t6_53;
-        let w_m_2_q9 = x_q1_q9 * t6_53;
-        w[49] = [t6_52, w_m_2_shoulder, w_m_2_q2, w_m_2_q7, w_m_2_q9];
-        kept[140] = a_2y;
-        kept[141] = a_2z;
-        kept[142] = u_2_waistx;
-        kept[143] = u_2_waisty;
-        kept[144] = u_2_shouldery;
-        kept[145] = a_2x;
+        let w_m_2_q2 = (-a_2x).mul_add(t6_20, a_2z);
+        let t6_52 = q2 * a_2x;
+        let w_m_2_q7 = x_q1_q7 * t6_52;
+        let t6_53 = -w_m_2_q7;
+        let w_m_2_q9 = x_q1_q9 * t6_52;
+        let t6_54 = -w_m_2_q9;
+        w[49] = [w_m_2_waist, w_m_2_shoulder, w_m_2_q2, t6_53, t6_54];
+        kept[139] = a_2y;
+        kept[140] = a_2z;
+        kept[141] = u_2_waistx;
+        kept[142] = u_2_waisty;
+        kept[143] = u_2_shouldery;
+        kept[144] = a_2x;
     }
     // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m, part 1
     {
@@ -3441,13 +3460,13 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         let x_s1_3_q9 = kept[78];
         let al_1y = kept[91];
         let al_1z = kept[101];
-        let u_1_waisty = kept[133];
-        let a_2y = kept[140];
-        let a_2z = kept[141];
-        let u_2_waistx = kept[142];
-        let u_2_waisty = kept[143];
-        let u_2_shouldery = kept[144];
-        let a_2x = kept[145];
+        let u_1_waisty = kept[132];
+        let a_2y = kept[139];
+        let a_2z = kept[140];
+        let u_2_waistx = kept[141];
+        let u_2_waisty = kept[142];
+        let u_2_shouldery = kept[143];
+        let a_2x = kept[144];
         let t7_1 = sin_s1_2 * e_1_waisty;
         let t7_2 = cos_s1_1 * e_1_waistx;
         let e_s1_1_waistx = (-cos_shoulder).mul_add(sin_s1_1, t7_2);
@@ -3653,16 +3672,16 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         let w_izz_3_q9 = al_3z.mul_add(t7_64, t7_145);
         let t7_146 = -w_izz_3_q9;
         let t7_147 = sin_s1_1 * a_2x;
-        let a_s1_1y = cos_s1_1.mul_add(a_2y, t7_147);
+        let a_s1_1y = (-cos_s1_1).mul_add(a_2y, t7_147);
         let t7_148 = cos_s1_3 * a_s1_1y;
         let t7_149 = cos_s1_2 * a_2z;
         let t7_150 = cos_s1_1 * a_2x;
-        let a_s1_1x = (-sin_s1_1).mul_add(a_2y, t7_150);
-        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t7_149);
-        let a_3y = sin_s1_3.mul_add(a_s1_2z, t7_148);
+        let a_s1_1x = sin_s1_1.mul_add(a_2y, t7_150);
+        let a_s1_2z = sin_s1_2.mul_add(a_s1_1x, t7_149);
+        let a_3y = (-sin_s1_3).mul_add(a_s1_2z, t7_148);
         let t7_151 = e_3_waistz * a_3y;
         let t7_152 = sin_s1_3 * a_s1_1y;
-        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t7_152);
+        let a_3z = cos_s1_3.mul_add(a_s1_2z, t7_152);
         let t7_153 = (-e_3_waisty).mul_add(a_3z, t7_151);
         let t7_154 = t7_79 + t7_97;
         let t7_155 = sin_s1_2 * u_1_waisty;
@@ -3680,98 +3699,98 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         let t7_162 = sin_s1_3 * u_s1_1_waisty;
         let u_3_waistz = cos_s1_3.mul_add(u_s1_2_waistz, t7_162);
         let t7_163 = (-t7_73).mul_add(u_3_waistz, t7_161);
-        let w_mx_3_waist = t7_153 - t7_163;
-        let t7_164 = -w_mx_3_waist;
-        let t7_165 = e_3_shoulderz * a_3y;
-        let t7_166 = (-e_3_shouldery).mul_add(a_3z, t7_165);
+        let w_mx_3_waist = t7_153 + t7_163;
+        let t7_164 = e_3_shoulderz * a_3y;
+        let t7_165 = (-e_3_shouldery).mul_add(a_3z, t7_164);
         let u_s1_1_shoulderx = sin_s1_1 * u_2_shouldery;
         let u_s1_2_shoulderx = cos_s1_2 * u_s1_1_shoulderx;
-        let t7_167 = t7_154 * u_s1_2_shoulderx;
+        let t7_166 = t7_154 * u_s1_2_shoulderx;
         let u_s1_1_shouldery = cos_s1_1 * u_2_shouldery;
-        let t7_168 = cos_s1_3 * u_s1_1_shouldery;
+        let t7_167 = cos_s1_3 * u_s1_1_shouldery;
         let u_s1_2_shoulderz = sin_s1_2 * u_s1_1_shoulderx;
-        let u_3_shouldery = sin_s1_3.mul_add(u_s1_2_shoulderz, t7_168);
-        let t7_169 = t7_95.mul_add(u_3_shouldery, t7_167);
-        let t7_170 = sin_s1_3 * u_s1_1_shouldery;
-        let u_3_shoulderz = (-cos_s1_3).mul_add(u_s1_2_shoulderz, t7_170);
-        let t7_171 = (-t7_73).mul_add(u_3_shoulderz, t7_169);
-        let w_mx_3_shoulder = t7_166 + t7_171;
-        let t7_172 = -w_mx_3_shoulder;
-        let t7_173 = a_3y * t7_38;
-        kept[146] = e_s1_2_waistx;
-        kept[147] = e_3_waisty;
-        kept[148] = e_3_waistz;
-        kept[149] = t7_22;
-        kept[150] = e_3_shoulderz;
-        kept[151] = w_ixx_3_shoulder;
-        kept[152] = t7_29;
-        kept[153] = u_3_q2y;
-        kept[154] = t7_32;
-        kept[155] = u_3_q2z;
-        kept[156] = t7_38;
-        kept[157] = t7_40;
-        kept[158] = t7_43;
-        kept[159] = t7_46;
-        kept[160] = t7_51;
-        kept[161] = t7_53;
-        kept[162] = t7_56;
-        kept[163] = t7_59;
-        kept[164] = t7_64;
-        kept[165] = t7_66;
-        kept[166] = t7_73;
-        kept[167] = t7_76;
-        kept[168] = t7_78;
-        kept[169] = t7_79;
-        kept[170] = t7_81;
-        kept[171] = w_ixy_3_shoulder;
-        kept[172] = t7_86;
-        kept[173] = t7_89;
-        kept[174] = t7_92;
-        kept[175] = t7_95;
-        kept[176] = t7_97;
-        kept[177] = t7_100;
-        kept[178] = w_ixz_3_waist;
-        kept[179] = t7_103;
-        kept[180] = w_ixz_3_q2;
-        kept[181] = w_ixz_3_q7;
-        kept[182] = w_ixz_3_q9;
-        kept[183] = t7_112;
-        kept[184] = t7_115;
-        kept[185] = w_iyy_3_q2;
-        kept[186] = w_iyy_3_q7;
-        kept[187] = w_iyy_3_q9;
-        kept[188] = t7_124;
-        kept[189] = t7_126;
-        kept[190] = t7_127;
-        kept[191] = w_iyz_3_shoulder;
-        kept[192] = t7_132;
-        kept[193] = t7_135;
-        kept[194] = t7_138;
-        kept[195] = w_izz_3_waist;
-        kept[196] = w_izz_3_shoulder;
-        kept[197] = t7_142;
-        kept[198] = t7_144;
-        kept[199] = t7_146;
-        kept[200] = a_s1_1x;
-        kept[201] = a_3y;
-        kept[202] = a_3z;
-        kept[203] = t7_154;
-        kept[204] = u_s1_2_waistx;
-        kept[205] = u_3_waisty;
-        kept[206] = u_3_waistz;
-        kept[207] = t7_164;
-        kept[208] = u_s1_2_shoulderx;
-        kept[209] = u_3_shouldery;
-        kept[210] = u_3_shoulderz;
+        let u_3_shouldery = sin_s1_3.mul_add(u_s1_2_shoulderz, t7_167);
+        let t7_168 = t7_95.mul_add(u_3_shouldery, t7_166);
+        let t7_169 = sin_s1_3 * u_s1_1_shouldery;
+        let u_3_shoulderz = (-cos_s1_3).mul_add(u_s1_2_shoulderz, t7_169);
+        let t7_170 = (-t7_73).mul_add(u_3_shoulderz, t7_168);
+        let w_mx_3_shoulder = t7_165 - t7_170;
+        let t7_171 = a_3y * t7_38;
+        let t7_172 = (-a_3z).mul_add(t7_32, t7_171);
+        let u_s1_1_q1x = q2 * cos_s1_1;
+        kept[145] = e_s1_2_waistx;
+        kept[146] = e_3_waisty;
+        kept[147] = e_3_waistz;
+        kept[148] = t7_22;
+        kept[149] = e_3_shoulderz;
+        kept[150] = w_ixx_3_shoulder;
+        kept[151] = t7_29;
+        kept[152] = u_3_q2y;
+        kept[153] = t7_32;
+        kept[154] = u_3_q2z;
+        kept[155] = t7_38;
+        kept[156] = t7_40;
+        kept[157] = t7_43;
+        kept[158] = t7_46;
+        kept[159] = t7_51;
+        kept[160] = t7_53;
+        kept[161] = t7_56;
+        kept[162] = t7_59;
+        kept[163] = t7_64;
+        kept[164] = t7_66;
+        kept[165] = t7_73;
+        kept[166] = t7_76;
+        kept[167] = t7_78;
+        kept[168] = t7_79;
+        kept[169] = t7_81;
+        kept[170] = w_ixy_3_shoulder;
+        kept[171] = t7_86;
+        kept[172] = t7_89;
+        kept[173] = t7_92;
+        kept[174] = t7_95;
+        kept[175] = t7_97;
+        kept[176] = t7_100;
+        kept[177] = w_ixz_3_waist;
+        kept[178] = t7_103;
+        kept[179] = w_ixz_3_q2;
+        kept[180] = w_ixz_3_q7;
+        kept[181] = w_ixz_3_q9;
+        kept[182] = t7_112;
+        kept[183] = t7_115;
+        kept[184] = w_iyy_3_q2;
+        kept[185] = w_iyy_3_q7;
+        kept[186] = w_iyy_3_q9;
+        kept[187] = t7_124;
+        kept[188] = t7_126;
+        kept[189] = t7_127;
+        kept[190] = w_iyz_3_shoulder;
+        kept[191] = t7_132;
+        kept[192] = t7_135;
+        kept[193] = t7_138;
+        kept[194] = w_izz_3_waist;
+        kept[195] = w_izz_3_shoulder;
+        kept[196] = t7_142;
+        kept[197] = t7_144;
+        kept[198] = t7_146;
+        kept[199] = a_s1_1x;
+        kept[200] = a_3y;
+        kept[201] = a_3z;
+        kept[202] = t7_154;
+        kept[203] = u_s1_2_waistx;
+        kept[204] = u_3_waisty;
+        kept[205] = u_3_waistz;
+        kept[206] = w_mx_3_waist;
+        kept[207] = u_s1_2_shoulderx;
+        kept[208] = u_3_shouldery;
+        kept[209] = u_3_shoulderz;
+        kept[210] = w_mx_3_shoulder;
         kept[211] = t7_172;
-        kept[212] = t7_173;
+        kept[212] = u_s1_1_q1x;
     }
     // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
         let sin_s1_2 = kept[48];
         let cos_s1_2 = kept[49];
         let sin_s1_1 = kept[50];
-        let cos_s1_1 = kept[51];
         let e_s1_2_shoulderx = kept[56];
         let sin_s1_3 = kept[58];
         let cos_s1_3 = kept[59];
@@ -3779,90 +3798,90 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         let x_q1_q2 = kept[67];
         let x_q1_q7 = kept[68];
         let x_q1_q9 = kept[69];
-        let a_2z = kept[141];
-        let e_s1_2_waistx = kept[146];
-        let e_3_waisty = kept[147];
-        let e_3_waistz = kept[148];
-        let t7_22 = kept[149];
-        let e_3_shoulderz = kept[150];
-        let w_ixx_3_shoulder = kept[151];
-        let t7_29 = kept[152];
-        let u_3_q2y = kept[153];
-        let t7_32 = kept[154];
-        let u_3_q2z = kept[155];
-        let t7_38 = kept[156];
-        let t7_40 = kept[157];
-        let t7_43 = kept[158];
-        let t7_46 = kept[159];
-        let t7_51 = kept[160];
-        let t7_53 = kept[161];
-        let t7_56 = kept[162];
-        let t7_59 = kept[163];
-        let t7_64 = kept[164];
-        let t7_66 = kept[165];
-        let t7_73 = kept[166];
-        let t7_76 = kept[167];
-        let t7_78 = kept[168];
-        let t7_79 = kept[169];
-        let t7_81 = kept[170];
-        let w_ixy_3_shoulder = kept[171];
-        let t7_86 = kept[172];
-        let t7_89 = kept[173];
-        let t7_92 = kept[174];
-        let t7_95 = kept[175];
-        let t7_97 = kept[176];
-        let t7_100 = kept[177];
-        let w_ixz_3_waist = kept[178];
-        let t7_103 = kept[179];
-        let w_ixz_3_q2 = kept[180];
-        let w_ixz_3_q7 = kept[181];
-        let w_ixz_3_q9 = kept[182];
-        let t7_112 = kept[183];
-        let t7_115 = kept[184];
-        let w_iyy_3_q2 = kept[185];
-        let w_iyy_3_q7 = kept[186];
-        let w_iyy_3_q9 = kept[187];
-        let t7_124 = kept[188];
-        let t7_126 = kept[189];
-        let t7_127 = kept[190];
-        let w_iyz_3_shoulder = kept[191];
-        let t7_132 = kept[192];
-        let t7_135 = kept[193];
-        let t7_138 = kept[194];
-        let w_izz_3_waist = kept[195];
-        let w_izz_3_shoulder = kept[196];
-        let t7_142 = kept[197];
-        let t7_144 = kept[198];
-        let t7_146 = kept[199];
-        let a_s1_1x = kept[200];
-        let a_3y = kept[201];
-        let a_3z = kept[202];
-        let t7_154 = kept[203];
-        let u_s1_2_waistx = kept[204];
-        let u_3_waisty = kept[205];
-        let u_3_waistz = kept[206];
-        let t7_164 = kept[207];
-        let u_s1_2_shoulderx = kept[208];
-        let u_3_shouldery = kept[209];
-        let u_3_shoulderz = kept[210];
+        let a_2z = kept[140];
+        let e_s1_2_waistx = kept[145];
+        let e_3_waisty = kept[146];
+        let e_3_waistz = kept[147];
+        let t7_22 = kept[148];
+        let e_3_shoulderz = kept[149];
+        let w_ixx_3_shoulder = kept[150];
+        let t7_29 = kept[151];
+        let u_3_q2y = kept[152];
+        let t7_32 = kept[153];
+        let u_3_q2z = kept[154];
+        let t7_38 = kept[155];
+        let t7_40 = kept[156];
+        let t7_43 = kept[157];
+        let t7_46 = kept[158];
+        let t7_51 = kept[159];
+        let t7_53 = kept[160];
+        let t7_56 = kept[161];
+        let t7_59 = kept[162];
+        let t7_64 = kept[163];
+        let t7_66 = kept[164];
+        let t7_73 = kept[165];
+        let t7_76 = kept[166];
+        let t7_78 = kept[167];
+        let t7_79 = kept[168];
+        let t7_81 = kept[169];
+        let w_ixy_3_shoulder = kept[170];
+        let t7_86 = kept[171];
+        let t7_89 = kept[172];
+        let t7_92 = kept[173];
+        let t7_95 = kept[174];
+        let t7_97 = kept[175];
+        let t7_100 = kept[176];
+        let w_ixz_3_waist = kept[177];
+        let t7_103 = kept[178];
+        let w_ixz_3_q2 = kept[179];
+        let w_ixz_3_q7 = kept[180];
+        let w_ixz_3_q9 = kept[181];
+        let t7_112 = kept[182];
+        let t7_115 = kept[183];
+        let w_iyy_3_q2 = kept[184];
+        let w_iyy_3_q7 = kept[185];
+        let w_iyy_3_q9 = kept[186];
+        let t7_124 = kept[187];
+        let t7_126 = kept[188];
+        let t7_127 = kept[189];
+        let w_iyz_3_shoulder = kept[190];
+        let t7_132 = kept[191];
+        let t7_135 = kept[192];
+        let t7_138 = kept[193];
+        let w_izz_3_waist = kept[194];
+        let w_izz_3_shoulder = kept[195];
+        let t7_142 = kept[196];
+        let t7_144 = kept[197];
+        let t7_146 = kept[198];
+        let a_s1_1x = kept[199];
+        let a_3y = kept[200];
+        let a_3z = kept[201];
+        let t7_154 = kept[202];
+        let u_s1_2_waistx = kept[203];
+        let u_3_waisty = kept[204];
+        let u_3_waistz = kept[205];
+        let w_mx_3_waist = kept[206];
+        let u_s1_2_shoulderx = kept[207];
+        let u_3_shouldery = kept[208];
+        let u_3_shoulderz = kept[209];
+        let w_mx_3_shoulder = kept[210];
         let t7_172 = kept[211];
-        let t7_173 = kept[212];
-        let t8_1 = (-a_3z).mul_add(t7_32, t7_173);
-        let u_s1_1_q1x = q2 * cos_s1_1;
+        let u_s1_1_q1x = kept[212];
         let u_s1_2_q1x = cos_s1_2 * u_s1_1_q1x;
-        let t8_2 = u_s1_2_q1x.mul_add(x_q1_q2, sin_s1_2);
-        let t8_3 = t7_154 * t8_2;
+        let t8_1 = u_s1_2_q1x.mul_add(x_q1_q2, sin_s1_2);
+        let t8_2 = t7_154 * t8_1;
         let u_s1_1_q1y = q2 * sin_s1_1;
-        let t8_4 = cos_s1_3 * u_s1_1_q1y;
+        let t8_3 = cos_s1_3 * u_s1_1_q1y;
         let u_s1_2_q1z = sin_s1_2 * u_s1_1_q1x;
-        let u_3_q1y = (-sin_s1_3).mul_add(u_s1_2_q1z, t8_4);
-        let t8_5 = u_3_q1y.mul_add(x_q1_q2, u_3_q2y);
-        let t8_6 = (-t7_95).mul_add(t8_5, t8_3);
-        let t8_7 = sin_s1_3 * u_s1_1_q1y;
-        let u_3_q1z = cos_s1_3.mul_add(u_s1_2_q1z, t8_7);
-        let t8_8 = (-u_3_q1z).mul_add(x_q1_q2, u_3_q2z);
-        let t8_9 = (-t7_73).mul_add(t8_8, t8_6);
-        let w_mx_3_q2 = t8_1 + t8_9;
+        let u_3_q1y = (-sin_s1_3).mul_add(u_s1_2_q1z, t8_3);
+        let t8_4 = u_3_q1y.mul_add(x_q1_q2, u_3_q2y);
+        let t8_5 = (-t7_95).mul_add(t8_4, t8_2);
+        let t8_6 = sin_s1_3 * u_s1_1_q1y;
+        let u_3_q1z = cos_s1_3.mul_add(u_s1_2_q1z, t8_6);
+        let t8_7 = (-u_3_q1z).mul_add(x_q1_q2, u_3_q2z);
+        let t8_8 = (-t7_73).mul_add(t8_7, t8_5);
+        let w_mx_3_q2 = t7_172 - t8_8;
+        let t8_9 = -w_mx_3_q2;
         let t8_10 = a_3y * t7_51;
         let t8_11 = (-a_3z).mul_add(t7_46, t8_10);
         let t8_12 = u_s1_2_q1x * x_q1_q7;
@@ -3871,103 +3890,108 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         let t8_15 = (-t7_95).mul_add(t8_14, t8_13);
         let t8_16 = u_3_q1z * x_q1_q7;
         let t8_17 = t7_73.mul_add(t8_16, t8_15);
-        let w_mx_3_q7 = t8_11 + t8_17;
-        let t8_18 = a_3y * t7_64;
-        let t8_19 = (-a_3z).mul_add(t7_59, t8_18);
-        let t8_20 = u_s1_2_q1x * x_q1_q9;
-        let t8_21 = t7_154 * t8_20;
-        let t8_22 = u_3_q1y * x_q1_q9;
-        let t8_23 = (-t7_95).mul_add(t8_22, t8_21);
-        let t8_24 = u_3_q1z * x_q1_q9;
-        let t8_25 = t7_73.mul_add(t8_24, t8_23);
-        let w_mx_3_q9 = t8_19 + t8_25;
-        w[56] = [t7_164, t7_172, w_mx_3_q2, w_mx_3_q7, w_mx_3_q9];
-        let t8_26 = e_s1_2_waistx * a_3z;
-        let t8_27 = sin_s1_2 * a_2z;
-        let a_s1_2x = cos_s1_2.mul_add(a_s1_1x, t8_27);
-        let t8_28 = (-e_3_waistz).mul_add(a_s1_2x, t8_26);
-        let t8_29 = t7_124 * u_s1_2_waistx;
-        let t8_30 = t7_78 + t7_97;
-        let t8_31 = (-t8_30).mul_add(u_3_waisty, t8_29);
-        let t8_32 = (-t7_76).mul_add(u_3_waistz, t8_31);
-        let w_my_3_waist = t8_28 - t8_32;
-        let t8_33 = e_s1_2_shoulderx * a_3z;
-        let t8_34 = e_3_shoulderz.mul_add(a_s1_2x, t8_33);
-        let t8_35 = t7_124 * u_s1_2_shoulderx;
-        let t8_36 = (-t8_30).mul_add(u_3_shouldery, t8_35);
-        let t8_37 = (-t7_76).mul_add(u_3_shoulderz, t8_36);
-        let w_my_3_shoulder = t8_34 - t8_37;
-        let t8_38 = -w_my_3_shoulder;
-        let t8_39 = a_3z * t7_29;
-        let t8_40 = a_s1_2x.mul_add(t7_38, t8_39);
-        let t8_41 = t7_124 * t8_2;
-        let t8_42 = t8_30.mul_add(t8_5, t8_41);
-        let t8_43 = (-t7_76).mul_add(t8_8, t8_42);
-        let w_my_3_q2 = t8_40 - t8_43;
-        let t8_44 = a_3z * t7_43;
-        let t8_45 = a_s1_2x.mul_add(t7_51, t8_44);
-        let t8_46 = t7_124 * t8_12;
-        let t8_47 = t8_30.mul_add(t8_14, t8_46);
-        let t8_48 = t7_76.mul_add(t8_16, t8_47);
-        let w_my_3_q7 = t8_45 - t8_48;
-        let t8_49 = a_3z * t7_56;
-        let t8_50 = a_s1_2x.mul_add(t7_64, t8_49);
-        let t8_51 = t7_124 * t8_20;
-        let t8_52 = t8_30.mul_add(t8_22, t8_51);
-        let t8_53 = t7_76.mul_add(t8_24, t8_52);
-        let w_my_3_q9 = t8_50 - t8_53;
-        w[57] = [w_my_3_waist, t8_38, w_my_3_q2, w_my_3_q7, w_my_3_q9];
-        let t8_54 = e_3_waisty * a_s1_2x;
-        let t8_55 = (-e_s1_2_waistx).mul_add(a_3y, t8_54);
-        let t8_56 = t7_126 * u_s1_2_waistx;
-        let t8_57 = (-t7_100).mul_add(u_3_waisty, t8_56);
-        let t8_58 = t7_78 + t7_79;
-        let t8_59 = t8_58.mul_add(u_3_waistz, t8_57);
-        let w_mz_3_waist = t8_55 + t8_59;
-        let t8_60 = -w_mz_3_waist;
-        let t8_61 = e_3_shouldery * a_s1_2x;
-        let t8_62 = e_s1_2_shoulderx.mul_add(a_3y, t8_61);
-        let t8_63 = t7_126 * u_s1_2_shoulderx;
-        let t8_64 = (-t7_100).mul_add(u_3_shouldery, t8_63);
-        let t8_65 = t8_58.mul_add(u_3_shoulderz, t8_64);
-        let w_mz_3_shoulder = t8_62 - t8_65;
-        let t8_66 = -w_mz_3_shoulder;
-        let t8_67 = a_s1_2x * t7_32;
-        let t8_68 = a_3y.mul_add(t7_29, t8_67);
-        let t8_69 = t7_126 * t8_2;
-        let t8_70 = t7_100.mul_add(t8_5, t8_69);
-        let t8_71 = t8_58.mul_add(t8_8, t8_70);
-        let w_mz_3_q2 = t8_68 - t8_71;
-        let t8_72 = a_s1_2x * t7_46;
-        let t8_73 = a_3y.mul_add(t7_43, t8_72);
-        let t8_74 = t7_126 * t8_12;
-        let t8_75 = t7_100.mul_add(t8_14, t8_74);
-        let t8_76 = (-t8_58).mul_add(t8_16, t8_75);
-        let w_mz_3_q7 = t8_73 - t8_76;
-        let t8_77 = a_s1_2x * t7_59;
-        let t8_78 = a_3y.mul_add(t7_56, t8_77);
-        let t8_79 = t7_126 * t8_20;
-        let t8_80 = t7_100.mul_add(t8_22, t8_79);
-        let t8_81 = (-t8_58).mul_add(t8_24, t8_80);
-        let w_mz_3_q9 = t8_78 - t8_81;
-        w[58] = [t8_60, t8_66, w_mz_3_q2, w_mz_3_q7, w_mz_3_q9];
-        let t8_82 = a_s1_2x * u_s1_2_waistx;
-        let t8_83 = (-a_3y).mul_add(u_3_waisty, t8_82);
-        let w_m_3_waist = (-a_3z).mul_add(u_3_waistz, t8_83);
-        let t8_84 = a_s1_2x * u_s1_2_shoulderx;
-        let t8_85 = (-a_3y).mul_add(u_3_shouldery, t8_84);
-        let w_m_3_shoulder = (-a_3z).mul_add(u_3_shoulderz, t8_85);
-        let t8_86 = -w_m_3_shoulder;
-        let t8_87 = a_s1_2x * t8_2;
-        let t8_88 = a_3y.mul_add(t8_5, t8_87);
-        let w_m_3_q2 = (-a_3z).mul_add(t8_8, t8_88);
-        let t8_89 = a_s1_2x * t8_12;
-        let t8_90 = a_3y.mul_add(t8_14, t8_89);
-        let w_m_3_q7 = a_3z.mul_add(t8_16, t8_90);
-        let t8_91 = a_s1_2x * t8_20;
-        let t8_92 = a_3y.mul_add(t8_22, t8_91);
-        let w_m_3_q9 = a_3z.mul_add(t8_24, t8_92);
-        w[59] = [w_m_3_waist, t8_86, w_m_3_q2, w_m_3_q7, w_m_3_q9];
+        let w_mx_3_q7 = t8_11 - t8_17;
+        let t8_18 = -w_mx_3_q7;
+        let t8_19 = a_3y * t7_64;
+        let t8_20 = (-a_3z).mul_add(t7_59, t8_19);
+        let t8_21 = u_s1_2_q1x * x_q1_q9;
+        let t8_22 = t7_154 * t8_21;
+        let t8_23 = u_3_q1y * x_q1_q9;
+        let t8_24 = (-t7_95).mul_add(t8_23, t8_22);
+        let t8_25 = u_3_q1z * x_q1_q9;
+        let t8_26 = t7_73.mul_add(t8_25, t8_24);
+        let w_mx_3_q9 = t8_20 - t8_26;
+        let t8_27 = -w_mx_3_q9;
+        w[56] = [w_mx_3_waist, w_mx_3_shoulder, t8_9, t8_18, t8_27];
+        let t8_28 = e_s1_2_waistx * a_3z;
+        let t8_29 = sin_s1_2 * a_2z;
+        let a_s1_2x = (-cos_s1_2).mul_add(a_s1_1x, t8_29);
+        let t8_30 = e_3_waistz.mul_add(a_s1_2x, t8_28);
+        let t8_31 = t7_124 * u_s1_2_waistx;
+        let t8_32 = t7_78 + t7_97;
+        let t8_33 = (-t8_32).mul_add(u_3_waisty, t8_31);
+        let t8_34 = (-t7_76).mul_add(u_3_waistz, t8_33);
+        let w_my_3_waist = t8_30 + t8_34;
+        let t8_35 = -w_my_3_waist;
+        let t8_36 = e_s1_2_shoulderx * a_3z;
+        let t8_37 = (-e_3_shoulderz).mul_add(a_s1_2x, t8_36);
+        let t8_38 = t7_124 * u_s1_2_shoulderx;
+        let t8_39 = (-t8_32).mul_add(u_3_shouldery, t8_38);
+        let t8_40 = (-t7_76).mul_add(u_3_shoulderz, t8_39);
+        let w_my_3_shoulder = t8_37 + t8_40;
+        let t8_41 = a_3z * t7_29;
+        let t8_42 = (-a_s1_2x).mul_add(t7_38, t8_41);
+        let t8_43 = t7_124 * t8_1;
+        let t8_44 = t8_32.mul_add(t8_4, t8_43);
+        let t8_45 = (-t7_76).mul_add(t8_7, t8_44);
+        let w_my_3_q2 = t8_42 + t8_45;
+        let t8_46 = -w_my_3_q2;
+        let t8_47 = a_3z * t7_43;
+        let t8_48 = (-a_s1_2x).mul_add(t7_51, t8_47);
+        let t8_49 = t7_124 * t8_12;
+        let t8_50 = t8_32.mul_add(t8_14, t8_49);
+        let t8_51 = t7_76.mul_add(t8_16, t8_50);
+        let w_my_3_q7 = t8_48 + t8_51;
+        let t8_52 = -w_my_3_q7;
+        let t8_53 = a_3z * t7_56;
+        let t8_54 = (-a_s1_2x).mul_add(t7_64, t8_53);
+        let t8_55 = t7_124 * t8_21;
+        let t8_56 = t8_32.mul_add(t8_23, t8_55);
+        let t8_57 = t7_76.mul_add(t8_25, t8_56);
+        let w_my_3_q9 = t8_54 + t8_57;
+        let t8_58 = -w_my_3_q9;
+        w[57] = [t8_35, w_my_3_shoulder, t8_46, t8_52, t8_58];
+        let t8_59 = e_3_waisty * a_s1_2x;
+        let t8_60 = e_s1_2_waistx.mul_add(a_3y, t8_59);
+        let t8_61 = t7_126 * u_s1_2_waistx;
+        let t8_62 = (-t7_100).mul_add(u_3_waisty, t8_61);
+        let t8_63 = t7_78 + t7_79;
+        let t8_64 = t8_63.mul_add(u_3_waistz, t8_62);
+        let w_mz_3_waist = t8_60 + t8_64;
+        let t8_65 = -w_mz_3_waist;
+        let t8_66 = e_3_shouldery * a_s1_2x;
+        let t8_67 = (-e_s1_2_shoulderx).mul_add(a_3y, t8_66);
+        let t8_68 = t7_126 * u_s1_2_shoulderx;
+        let t8_69 = (-t7_100).mul_add(u_3_shouldery, t8_68);
+        let t8_70 = t8_63.mul_add(u_3_shoulderz, t8_69);
+        let w_mz_3_shoulder = t8_67 - t8_70;
+        let t8_71 = -w_mz_3_shoulder;
+        let t8_72 = a_s1_2x * t7_32;
+        let t8_73 = (-a_3y).mul_add(t7_29, t8_72);
+        let t8_74 = t7_126 * t8_1;
+        let t8_75 = t7_100.mul_add(t8_4, t8_74);
+        let t8_76 = t8_63.mul_add(t8_7, t8_75);
+        let w_mz_3_q2 = t8_73 - t8_76;
+        let t8_77 = a_s1_2x * t7_46;
+        let t8_78 = (-a_3y).mul_add(t7_43, t8_77);
+        let t8_79 = t7_126 * t8_12;
+        let t8_80 = t7_100.mul_add(t8_14, t8_79);
+        let t8_81 = (-t8_63).mul_add(t8_16, t8_80);
+        let w_mz_3_q7 = t8_78 - t8_81;
+        let t8_82 = a_s1_2x * t7_59;
+        let t8_83 = (-a_3y).mul_add(t7_56, t8_82);
+        let t8_84 = t7_126 * t8_21;
+        let t8_85 = t7_100.mul_add(t8_23, t8_84);
+        let t8_86 = (-t8_63).mul_add(t8_25, t8_85);
+        let w_mz_3_q9 = t8_83 - t8_86;
+        w[58] = [t8_65, t8_71, w_mz_3_q2, w_mz_3_q7, w_mz_3_q9];
+        let t8_87 = a_s1_2x * u_s1_2_waistx;
+        let t8_88 = a_3y.mul_add(u_3_waisty, t8_87);
+        let w_m_3_waist = a_3z.mul_add(u_3_waistz, t8_88);
+        let t8_89 = a_s1_2x * u_s1_2_shoulderx;
+        let t8_90 = a_3y.mul_add(u_3_shouldery, t8_89);
+        let w_m_3_shoulder = a_3z.mul_add(u_3_shoulderz, t8_90);
+        let t8_91 = -w_m_3_shoulder;
+        let t8_92 = a_s1_2x * t8_1;
+        let t8_93 = (-a_3y).mul_add(t8_4, t8_92);
+        let w_m_3_q2 = a_3z.mul_add(t8_7, t8_93);
+        let t8_94 = a_s1_2x * t8_12;
+        let t8_95 = (-a_3y).mul_add(t8_14, t8_94);
+        let w_m_3_q7 = (-a_3z).mul_add(t8_16, t8_95);
+        let t8_96 = a_s1_2x * t8_21;
+        let t8_97 = (-a_3y).mul_add(t8_23, t8_96);
+        let w_m_3_q9 = (-a_3z).mul_add(t8_25, t8_97);
+        w[59] = [w_m_3_waist, t8_91, w_m_3_q2, w_m_3_q7, w_m_3_q9];
         w[50] = [t7_22, w_ixx_3_shoulder, t7_40, t7_53, t7_66];
         w[51] = [t7_81, w_ixy_3_shoulder, t7_86, t7_89, t7_92];
         w[52] = [w_ixz_3_waist, t7_103, w_ixz_3_q2, w_ixz_3_q7, w_ixz_3_q9];
@@ -3985,18 +4009,19 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         let w_boomx = kept[5];
         let w_iyz_boom_shoulder = kept[9];
         let al_boomy = kept[10];
-        let t2_7 = kept[13];
-        let t2_20 = kept[23];
-        let a_basey = kept[27];
-        let a_basez = kept[28];
-        let t3_9 = kept[29];
-        let t3_12 = kept[30];
+        let t2_7 = kept[12];
+        let t2_19 = kept[21];
+        let t2_21 = kept[23];
+        let a_basey = kept[26];
+        let a_basez = kept[27];
+        let u_base_waistx = kept[28];
+        let a_basex = kept[29];
+        let t3_11 = kept[30];
         let sin_q6 = kept[53];
         let cos_q6 = kept[54];
         let x_q6_q2 = kept[79];
         let x_q6_q7 = kept[80];
         let x_q6_q9 = kept[81];
-        let a_basex = kept[128];
         let t9_1 = cos_shoulder * cos_q6;
         let t9_2 = like.lift(0.8660254037844386) * t9_1;
         let e_4_waistx = (-sin_shoulder).mul_add(sin_q6, t9_2);
@@ -4147,29 +4172,28 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         let w_izz_4_q9 = x_q6_q9 * al_4z;
         let t9_109 = -w_izz_4_q9;
         w[65] = [w_izz_4_waist, w_izz_4_shoulder, t9_107, t9_108, t9_109];
-        let t9_110 = like.lift(0.13172246391561312) * t3_9;
+        let t9_110 = like.lift(0.13172246391561312) * t2_21;
         let t9_111 = like.lift(0.22815) * t2_7;
         let t9_112 = t9_110 - t9_111;
-        let t9_113 = a_basex - t9_112;
+        let t9_113 = a_basex + t9_112;
         let t9_114 = like.lift(0.5) * t9_113;
         let t9_115 = like.lift(0.13172246391561312) * w_ixz_boom_shoulder;
-        let t9_116 = like.lift(0.22815) * t3_12;
+        let t9_116 = like.lift(0.22815) * t3_11;
         let t9_117 = t9_115 + t9_116;
         let t9_118 = a_basey - t9_117;
-        let t9_119 = like.lift(0.8660254037844386).mul_add(t9_118, t9_114);
+        let t9_119 = like.lift(-0.8660254037844386).mul_add(t9_118, t9_114);
         let t9_120 = sin_q6 * t9_119;
         let t9_121 = like.lift(0.13172246391561312) * w_iyz_boom_shoulder;
-        let t9_122 = like.lift(0.22815) * t2_20;
+        let t9_122 = like.lift(0.22815) * t2_19;
         let t9_123 = t9_121 - t9_122;
-        let t9_124 = a_basez + t9_123;
+        let t9_124 = a_basez - t9_123;
         let a_4y = cos_q6.mul_add(t9_124, t9_120);
         let t9_125 = cos_shoulder * a_4y;
         let t9_126 = like.lift(0.5) * t9_125;
         let t9_127 = like.lift(0.8660254037844386) * t9_113;
-        let a_4z = like.lift(-0.5).mul_add(t9_118, t9_127);
+        let a_4z = like.lift(0.5).mul_add(t9_118, t9_127);
         let t9_128 = e_4_waisty.mul_add(a_4z, t9_126);
         let t9_129 = t9_43 + t9_63;
-        let u_base_waistx = like.lift(0.6) * cos_shoulder;
         let t9_130 = like.lift(0.22815) * sin_shoulder;
         let t9_131 = u_base_waistx - t9_130;
         let t9_132 = like.lift(0.114075) * sin_shoulder;
@@ -4183,70 +4207,76 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         let t9_138 = like.lift(0.06586123195780656) * sin_shoulder;
         let u_4_waistz = like.lift(0.8660254037844386).mul_add(t9_131, -t9_138);
         let t9_139 = (-t9_36).mul_add(u_4_waistz, t9_137);
-        let w_mx_4_waist = t9_128 + t9_139;
-        let t9_140 = like.lift(0.8660254037844386) * a_4y;
-        let t9_141 = sin_q6 * a_4z;
-        let t9_142 = like.lift(-0.5).mul_add(t9_141, t9_140);
-        let t9_143 = like.lift(0.5196152422706631) * cos_q6;
-        let u_4_shoulderx = like.lift(0.22815).mul_add(sin_q6, t9_143);
-        let t9_144 = like.lift(0.5196152422706631) * sin_q6;
-        let u_4_shouldery = like.lift(-0.22815).mul_add(cos_q6, t9_144);
-        let t9_145 = t9_61 * u_4_shouldery;
-        let t9_146 = t9_129.mul_add(u_4_shoulderx, t9_145);
-        let t9_147 = like.lift(0.3).mul_add(t9_36, t9_146);
-        let w_mx_4_shoulder = t9_142 + t9_147;
-        let t9_148 = -w_mx_4_shoulder;
+        let w_mx_4_waist = t9_128 - t9_139;
+        let t9_140 = -w_mx_4_waist;
+        let t9_141 = like.lift(0.8660254037844386) * a_4y;
+        let t9_142 = sin_q6 * a_4z;
+        let t9_143 = like.lift(-0.5).mul_add(t9_142, t9_141);
+        let t9_144 = like.lift(1.0825317547305484) * cos_q6;
+        let u_4_shoulderx = like.lift(0.22815).mul_add(sin_q6, t9_144);
+        let t9_145 = like.lift(1.0825317547305484) * sin_q6;
+        let u_4_shouldery = like.lift(-0.22815).mul_add(cos_q6, t9_145);
+        let t9_146 = t9_61 * u_4_shouldery;
+        let t9_147 = t9_129.mul_add(u_4_shoulderx, t9_146);
+        let t9_148 = like.lift(0.625).mul_add(t9_36, t9_147);
+        let w_mx_4_shoulder = t9_143 - t9_148;
         let w_mx_4_q2 = x_q6_q2 * a_4y;
+        let t9_149 = -w_mx_4_q2;
         let w_mx_4_q7 = x_q6_q7 * a_4y;
+        let t9_150 = -w_mx_4_q7;
         let w_mx_4_q9 = x_q6_q9 * a_4y;
-        w[66] = [w_mx_4_waist, t9_148, w_mx_4_q2, w_mx_4_q7, w_mx_4_q9];
-        let t9_149 = e_4_waistx * a_4z;
-        let t9_150 = cos_q6 * t9_119;
-        let a_4x = (-sin_q6).mul_add(t9_124, t9_150);
-        let t9_151 = cos_shoulder * a_4x;
-        let t9_152 = like.lift(0.5).mul_add(t9_151, t9_149);
-        let t9_153 = t9_42 + t9_63;
-        let t9_154 = t9_153 * u_4_waisty;
-        let t9_155 = t9_90.mul_add(u_4_waistx, -t9_154);
-        let t9_156 = (-t9_39).mul_add(u_4_waistz, t9_155);
-        let w_my_4_waist = t9_152 + t9_156;
-        let t9_157 = cos_q6 * a_4z;
-        let t9_158 = like.lift(0.5) * t9_157;
-        let t9_159 = like.lift(-0.8660254037844386).mul_add(a_4x, t9_158);
-        let t9_160 = t9_153 * u_4_shouldery;
-        let t9_161 = t9_90.mul_add(u_4_shoulderx, -t9_160);
-        let t9_162 = like.lift(0.3).mul_add(t9_39, t9_161);
-        let w_my_4_shoulder = t9_159 - t9_162;
+        let t9_151 = -w_mx_4_q9;
+        w[66] = [t9_140, w_mx_4_shoulder, t9_149, t9_150, t9_151];
+        let t9_152 = e_4_waistx * a_4z;
+        let t9_153 = cos_q6 * t9_119;
+        let a_4x = (-sin_q6).mul_add(t9_124, t9_153);
+        let t9_154 = cos_shoulder * a_4x;
+        let t9_155 = like.lift(0.5).mul_add(t9_154, t9_152);
+        let t9_156 = t9_42 + t9_63;
+        let t9_157 = t9_156 * u_4_waisty;
+        let t9_158 = t9_90.mul_add(u_4_waistx, -t9_157);
+        let t9_159 = (-t9_39).mul_add(u_4_waistz, t9_158);
+        let w_my_4_waist = t9_155 - t9_159;
+        let t9_160 = -w_my_4_waist;
+        let t9_161 = cos_q6 * a_4z;
+        let t9_162 = like.lift(0.5) * t9_161;
+        let t9_163 = like.lift(-0.8660254037844386).mul_add(a_4x, t9_162);
+        let t9_164 = t9_156 * u_4_shouldery;
+        let t9_165 = t9_90.mul_add(u_4_shoulderx, -t9_164);
+        let t9_166 = like.lift(0.625).mul_add(t9_39, t9_165);
+        let w_my_4_shoulder = t9_163 + t9_166;
+        let t9_167 = -w_my_4_shoulder;
         let w_my_4_q2 = x_q6_q2 * a_4x;
+        let t9_168 = -w_my_4_q2;
         let w_my_4_q7 = x_q6_q7 * a_4x;
+        let t9_169 = -w_my_4_q7;
         let w_my_4_q9 = x_q6_q9 * a_4x;
-        w[67] = [w_my_4_waist, w_my_4_shoulder, w_my_4_q2, w_my_4_q7, w_my_4_q9];
-        let t9_163 = e_4_waisty * a_4x;
-        let t9_164 = (-e_4_waistx).mul_add(a_4y, t9_163);
-        let t9_165 = t9_67 * u_4_waisty;
-        let t9_166 = t9_93.mul_add(u_4_waistx, -t9_165);
-        let t9_167 = t9_42 + t9_43;
-        let t9_168 = t9_167.mul_add(u_4_waistz, t9_166);
-        let w_mz_4_waist = t9_164 - t9_168;
-        let t9_169 = -w_mz_4_waist;
-        let t9_170 = sin_q6 * a_4x;
-        let t9_171 = like.lift(0.5) * t9_170;
-        let t9_172 = cos_q6 * a_4y;
-        let t9_173 = like.lift(-0.5).mul_add(t9_172, t9_171);
-        let t9_174 = t9_67 * u_4_shouldery;
-        let t9_175 = t9_93.mul_add(u_4_shoulderx, -t9_174);
-        let t9_176 = like.lift(-0.3).mul_add(t9_167, t9_175);
-        let w_mz_4_shoulder = t9_173 + t9_176;
-        let t9_177 = -w_mz_4_shoulder;
-        w[68] = [t9_169, t9_177, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t9_178 = a_4x * u_4_waistx;
-        let t9_179 = a_4y.mul_add(u_4_waisty, t9_178);
-        let w_m_4_waist = a_4z.mul_add(u_4_waistz, t9_179);
-        let t9_180 = -w_m_4_waist;
-        let t9_181 = a_4x * u_4_shoulderx;
-        let t9_182 = a_4y.mul_add(u_4_shouldery, t9_181);
-        let w_m_4_shoulder = like.lift(-0.3).mul_add(a_4z, t9_182);
-        w[69] = [t9_180, w_m_4_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t9_170 = -w_my_4_q9;
+        w[67] = [t9_160, t9_167, t9_168, t9_169, t9_170];
+        let t9_171 = e_4_waisty * a_4x;
+        let t9_172 = (-e_4_waistx).mul_add(a_4y, t9_171);
+        let t9_173 = t9_67 * u_4_waisty;
+        let t9_174 = t9_93.mul_add(u_4_waistx, -t9_173);
+        let t9_175 = t9_42 + t9_43;
+        let t9_176 = t9_175.mul_add(u_4_waistz, t9_174);
+        let w_mz_4_waist = t9_172 + t9_176;
+        let t9_177 = sin_q6 * a_4x;
+        let t9_178 = like.lift(0.5) * t9_177;
+        let t9_179 = cos_q6 * a_4y;
+        let t9_180 = like.lift(-0.5).mul_add(t9_179, t9_178);
+        let t9_181 = t9_67 * u_4_shouldery;
+        let t9_182 = t9_93.mul_add(u_4_shoulderx, -t9_181);
+        let t9_183 = like.lift(-0.625).mul_add(t9_175, t9_182);
+        let w_mz_4_shoulder = t9_180 - t9_183;
+        w[68] = [w_mz_4_waist, w_mz_4_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t9_184 = a_4x * u_4_waistx;
+        let t9_185 = a_4y.mul_add(u_4_waisty, t9_184);
+        let w_m_4_waist = a_4z.mul_add(u_4_waistz, t9_185);
+        let t9_186 = a_4x * u_4_shoulderx;
+        let t9_187 = a_4y.mul_add(u_4_shouldery, t9_186);
+        let w_m_4_shoulder = like.lift(-0.625).mul_add(a_4z, t9_187);
+        let t9_188 = -w_m_4_shoulder;
+        w[69] = [w_m_4_waist, t9_188, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         kept[213] = e_4_waistx;
         kept[214] = t9_3;
         kept[215] = t9_4;
@@ -4322,24 +4352,23 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         kept[285] = a_4y;
         kept[286] = a_4z;
         kept[287] = t9_129;
-        kept[288] = u_base_waistx;
-        kept[289] = t9_130;
-        kept[290] = t9_132;
-        kept[291] = u_4_waistx;
-        kept[292] = u_4_waisty;
-        kept[293] = t9_136;
-        kept[294] = t9_138;
-        kept[295] = u_4_waistz;
-        kept[296] = u_4_shoulderx;
-        kept[297] = u_4_shouldery;
-        kept[298] = t9_145;
-        kept[299] = a_4x;
-        kept[300] = t9_153;
-        kept[301] = t9_154;
-        kept[302] = t9_160;
-        kept[303] = t9_165;
-        kept[304] = t9_167;
-        kept[305] = t9_174;
+        kept[288] = t9_130;
+        kept[289] = t9_132;
+        kept[290] = u_4_waistx;
+        kept[291] = u_4_waisty;
+        kept[292] = t9_136;
+        kept[293] = t9_138;
+        kept[294] = u_4_waistz;
+        kept[295] = u_4_shoulderx;
+        kept[296] = u_4_shouldery;
+        kept[297] = t9_146;
+        kept[298] = a_4x;
+        kept[299] = t9_156;
+        kept[300] = t9_157;
+        kept[301] = t9_164;
+        kept[302] = t9_173;
+        kept[303] = t9_175;
+        kept[304] = t9_181;
     }
     // body 5: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
@@ -4411,20 +4440,20 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         let a_4y = kept[285];
         let a_4z = kept[286];
         let t9_129 = kept[287];
-        let u_4_waistx = kept[291];
-        let u_4_waisty = kept[292];
-        let t9_136 = kept[293];
-        let u_4_waistz = kept[295];
-        let u_4_shoulderx = kept[296];
-        let u_4_shouldery = kept[297];
-        let t9_145 = kept[298];
-        let a_4x = kept[299];
-        let t9_153 = kept[300];
-        let t9_154 = kept[301];
-        let t9_160 = kept[302];
-        let t9_165 = kept[303];
-        let t9_167 = kept[304];
-        let t9_174 = kept[305];
+        let u_4_waistx = kept[290];
+        let u_4_waisty = kept[291];
+        let t9_136 = kept[292];
+        let u_4_waistz = kept[294];
+        let u_4_shoulderx = kept[295];
+        let u_4_shouldery = kept[296];
+        let t9_146 = kept[297];
+        let a_4x = kept[298];
+        let t9_156 = kept[299];
+        let t9_157 = kept[300];
+        let t9_164 = kept[301];
+        let t9_173 = kept[302];
+        let t9_175 = kept[303];
+        let t9_181 = kept[304];
         let t10_1 = t9_12 - t9_24;
         let w_ixx_5_waist = t9_20 - t10_1;
         let t10_2 = -w_ixx_5_waist;
@@ -4460,98 +4489,97 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         let t10_17 = t9_30 - t9_83;
         let w_izz_5_shoulder = t9_85 - t10_17;
         w[75] = [w_izz_5_waist, w_izz_5_shoulder, w_ixx_4_q2, w_ixx_4_q7, w_ixx_4_q9];
-        let t10_18 = (-q7).mul_add(t9_39, a_4z);
+        let t10_18 = q7.mul_add(t9_39, a_4z);
         let t10_19 = d_q7 * w_4x;
-        let a_5y = like.lift(-2.0).mul_add(t10_19, t10_18);
+        let a_5y = like.lift(2.0).mul_add(t10_19, t10_18);
         let t10_20 = e_4_waisty * a_5y;
-        let t10_21 = (-q7).mul_add(t9_153, a_4y);
-        let a_5z = dd_q7 + t10_21;
+        let t10_21 = q7.mul_add(t9_156, a_4y);
+        let a_5z = dd_q7 - t10_21;
         let t10_22 = cos_shoulder * a_5z;
-        let t10_23 = like.lift(0.5).mul_add(t10_22, t10_20);
+        let t10_23 = like.lift(-0.5).mul_add(t10_22, t10_20);
         let t10_24 = cos_shoulder * q7;
         let u_5_waistx = like.lift(0.5).mul_add(t10_24, u_4_waistx);
         let t10_25 = t9_129 * u_5_waistx;
         let u_5_waisty = q7.mul_add(e_4_waistx, u_4_waistz);
         let t10_26 = (-t9_36).mul_add(u_5_waisty, t10_25);
         let t10_27 = t9_136 + t10_26;
-        let w_mx_5_waist = t10_23 + t10_27;
-        let t10_28 = sin_q6 * a_5y;
-        let t10_29 = like.lift(0.5) * t10_28;
-        let t10_30 = like.lift(-0.8660254037844386).mul_add(a_5z, t10_29);
+        let w_mx_5_waist = t10_23 - t10_27;
+        let t10_28 = -w_mx_5_waist;
+        let t10_29 = sin_q6 * a_5y;
+        let t10_30 = like.lift(0.5) * t10_29;
+        let t10_31 = like.lift(0.8660254037844386).mul_add(a_5z, t10_30);
         let u_5_shoulderx = like.lift(0.8660254037844386).mul_add(q7, u_4_shoulderx);
-        let t10_31 = t9_129 * u_5_shoulderx;
-        let u_5_shouldery = t4_26 + like.lift(0.3);
-        let t10_32 = t9_36.mul_add(u_5_shouldery, t10_31);
-        let t10_33 = t9_145 + t10_32;
-        let w_mx_5_shoulder = t10_30 - t10_33;
-        let t10_34 = q7.mul_add(t9_129, a_5z);
-        let w_mx_5_q2 = x_q6_q2 * t10_34;
-        let t10_35 = q7 * x_q6_q7;
-        let t10_36 = (-t9_129).mul_add(t10_35, t9_61);
-        let w_mx_5_q7 = x_q6_q7.mul_add(a_5z, -t10_36);
-        let w_mx_5_q9 = x_q6_q9 * t10_34;
-        w[76] = [w_mx_5_waist, w_mx_5_shoulder, w_mx_5_q2, w_mx_5_q7, w_mx_5_q9];
-        let t10_37 = e_4_waistx * a_5z;
-        let t10_38 = q7 * t9_90;
-        let t10_39 = a_4x + t10_38;
-        let t10_40 = d_q7 * w_4z;
-        let a_5x = like.lift(2.0).mul_add(t10_40, t10_39);
-        let t10_41 = (-e_4_waisty).mul_add(a_5x, t10_37);
-        let t10_42 = t9_93 * u_5_waistx;
-        let t10_43 = t9_167.mul_add(u_5_waisty, t10_42);
-        let t10_44 = t9_165 - t10_43;
-        let w_my_5_waist = t10_41 - t10_44;
-        let t10_45 = cos_q6 * a_5z;
-        let t10_46 = like.lift(0.5) * t10_45;
-        let t10_47 = sin_q6 * a_5x;
-        let t10_48 = like.lift(-0.5).mul_add(t10_47, t10_46);
-        let t10_49 = t9_93 * u_5_shoulderx;
-        let t10_50 = (-t9_167).mul_add(u_5_shouldery, t10_49);
-        let t10_51 = t9_174 - t10_50;
-        let w_my_5_shoulder = t10_48 + t10_51;
-        let t10_52 = q7 * t9_93;
-        let w_my_5_q2 = x_q6_q2 * t10_52;
-        let w_my_5_q7 = t9_93.mul_add(t10_35, t9_67);
-        let w_my_5_q9 = x_q6_q9 * t10_52;
+        let t10_32 = t9_129 * u_5_shoulderx;
+        let u_5_shouldery = t4_26 + like.lift(0.625);
+        let t10_33 = t9_36.mul_add(u_5_shouldery, t10_32);
+        let t10_34 = t9_146 + t10_33;
+        let w_mx_5_shoulder = t10_31 + t10_34;
+        let t10_35 = -w_mx_5_shoulder;
+        let t10_36 = q7.mul_add(t9_129, a_5z);
+        let w_mx_5_q2 = x_q6_q2 * t10_36;
+        let t10_37 = q7 * x_q6_q7;
+        let t10_38 = (-t9_129).mul_add(t10_37, t9_61);
+        let w_mx_5_q7 = x_q6_q7.mul_add(a_5z, -t10_38);
+        let w_mx_5_q9 = x_q6_q9 * t10_36;
+        w[76] = [t10_28, t10_35, w_mx_5_q2, w_mx_5_q7, w_mx_5_q9];
+        let t10_39 = e_4_waistx * a_5z;
+        let t10_40 = q7 * t9_90;
+        let t10_41 = a_4x - t10_40;
+        let t10_42 = d_q7 * w_4z;
+        let a_5x = like.lift(-2.0).mul_add(t10_42, t10_41);
+        let t10_43 = e_4_waisty.mul_add(a_5x, t10_39);
+        let t10_44 = t9_93 * u_5_waistx;
+        let t10_45 = t9_175.mul_add(u_5_waisty, t10_44);
+        let t10_46 = t9_173 - t10_45;
+        let w_my_5_waist = t10_43 - t10_46;
+        let t10_47 = cos_q6 * a_5z;
+        let t10_48 = like.lift(0.5) * t10_47;
+        let t10_49 = sin_q6 * a_5x;
+        let t10_50 = like.lift(0.5).mul_add(t10_49, t10_48);
+        let t10_51 = t9_93 * u_5_shoulderx;
+        let t10_52 = (-t9_175).mul_add(u_5_shouldery, t10_51);
+        let t10_53 = t9_181 - t10_52;
+        let w_my_5_shoulder = t10_50 + t10_53;
+        let t10_54 = q7 * t9_93;
+        let w_my_5_q2 = x_q6_q2 * t10_54;
+        let w_my_5_q7 = t9_93.mul_add(t10_37, t9_67);
+        let w_my_5_q9 = x_q6_q9 * t10_54;
         w[77] = [w_my_5_waist, w_my_5_shoulder, w_my_5_q2, w_my_5_q7, w_my_5_q9];
-        let t10_53 = cos_shoulder * a_5x;
-        let t10_54 = like.lift(0.5) * t10_53;
-        let t10_55 = e_4_waistx.mul_add(a_5y, t10_54);
-        let t10_56 = t9_90 * u_5_waistx;
-        let t10_57 = (-t9_39).mul_add(u_5_waisty, t10_56);
-        let t10_58 = t9_154 - t10_57;
-        let w_mz_5_waist = t10_55 - t10_58;
-        let t10_59 = -w_mz_5_waist;
-        let t10_60 = like.lift(0.8660254037844386) * a_5x;
-        let t10_61 = cos_q6 * a_5y;
-        let t10_62 = like.lift(-0.5).mul_add(t10_61, t10_60);
-        let t10_63 = t9_90 * u_5_shoulderx;
-        let t10_64 = t9_39.mul_add(u_5_shouldery, t10_63);
-        let t10_65 = t9_160 - t10_64;
-        let w_mz_5_shoulder = t10_62 - t10_65;
-        let t10_66 = t10_38 + a_5x;
-        let w_mz_5_q2 = x_q6_q2 * t10_66;
-        let t10_67 = -w_mz_5_q2;
-        let t10_68 = t9_90.mul_add(t10_35, t9_153);
-        let w_mz_5_q7 = x_q6_q7.mul_add(a_5x, t10_68);
-        let t10_69 = -w_mz_5_q7;
-        let w_mz_5_q9 = x_q6_q9 * t10_66;
-        let t10_70 = -w_mz_5_q9;
-        w[78] = [t10_59, w_mz_5_shoulder, t10_67, t10_69, t10_70];
-        let t10_71 = a_5x * u_5_waistx;
-        let t10_72 = a_5y.mul_add(u_5_waisty, t10_71);
-        let w_m_5_waist = a_5z.mul_add(u_4_waisty, t10_72);
-        let t10_73 = -w_m_5_waist;
+        let t10_55 = cos_shoulder * a_5x;
+        let t10_56 = like.lift(0.5) * t10_55;
+        let t10_57 = e_4_waistx.mul_add(a_5y, t10_56);
+        let t10_58 = t9_90 * u_5_waistx;
+        let t10_59 = (-t9_39).mul_add(u_5_waisty, t10_58);
+        let t10_60 = t9_157 - t10_59;
+        let w_mz_5_waist = t10_57 + t10_60;
+        let t10_61 = like.lift(0.8660254037844386) * a_5x;
+        let t10_62 = cos_q6 * a_5y;
+        let t10_63 = like.lift(-0.5).mul_add(t10_62, t10_61);
+        let t10_64 = t9_90 * u_5_shoulderx;
+        let t10_65 = t9_39.mul_add(u_5_shouldery, t10_64);
+        let t10_66 = t9_164 - t10_65;
+        let w_mz_5_shoulder = t10_63 + t10_66;
+        let t10_67 = -w_mz_5_shoulder;
+        let t10_68 = t10_40 - a_5x;
+        let w_mz_5_q2 = x_q6_q2 * t10_68;
+        let t10_69 = -w_mz_5_q2;
+        let t10_70 = t9_90.mul_add(t10_37, t9_156);
+        let w_mz_5_q7 = x_q6_q7.mul_add(a_5x, -t10_70);
+        let w_mz_5_q9 = x_q6_q9 * t10_68;
+        let t10_71 = -w_mz_5_q9;
+        w[78] = [w_mz_5_waist, t10_67, t10_69, w_mz_5_q7, t10_71];
+        let t10_72 = a_5x * u_5_waistx;
+        let t10_73 = a_5y.mul_add(u_5_waisty, t10_72);
+        let w_m_5_waist = (-a_5z).mul_add(u_4_waisty, t10_73);
         let t10_74 = a_5x * u_5_shoulderx;
         let t10_75 = (-a_5y).mul_add(u_5_shouldery, t10_74);
-        let w_m_5_shoulder = a_5z.mul_add(u_4_shouldery, t10_75);
-        let t10_76 = q7 * a_5x;
-        let w_m_5_q2 = x_q6_q2 * t10_76;
-        let t10_77 = -w_m_5_q2;
-        let w_m_5_q7 = (-a_5x).mul_add(t10_35, a_5z);
-        let w_m_5_q9 = x_q6_q9 * t10_76;
-        let t10_78 = -w_m_5_q9;
-        w[79] = [t10_73, w_m_5_shoulder, t10_77, w_m_5_q7, t10_78];
+        let w_m_5_shoulder = (-a_5z).mul_add(u_4_shouldery, t10_75);
+        let t10_76 = -w_m_5_shoulder;
+        let t10_77 = q7 * a_5x;
+        let w_m_5_q2 = x_q6_q2 * t10_77;
+        let w_m_5_q7 = a_5x.mul_add(t10_37, a_5z);
+        let w_m_5_q9 = x_q6_q9 * t10_77;
+        w[79] = [w_m_5_waist, t10_76, w_m_5_q2, w_m_5_q7, w_m_5_q9];
     }
     // body 6: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
@@ -4559,14 +4587,15 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         let cos_shoulder = kept[1];
         let al_boomx = kept[4];
         let w_boomx = kept[5];
-        let a_basey = kept[27];
-        let a_basez = kept[28];
+        let a_basey = kept[26];
+        let a_basez = kept[27];
+        let u_base_waistx = kept[28];
+        let a_basex = kept[29];
         let sin_q8 = kept[62];
         let cos_q8 = kept[63];
         let x_q8_q2 = kept[82];
         let x_q8_q7 = kept[83];
         let x_q8_q9 = kept[84];
-        let a_basex = kept[128];
         let t9_3 = kept[214];
         let t9_4 = kept[215];
         let t9_8 = kept[216];
@@ -4581,10 +4610,9 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         let t9_116 = kept[282];
         let t9_121 = kept[283];
         let t9_122 = kept[284];
-        let u_base_waistx = kept[288];
-        let t9_130 = kept[289];
-        let t9_132 = kept[290];
-        let t9_138 = kept[294];
+        let t9_130 = kept[288];
+        let t9_132 = kept[289];
+        let t9_138 = kept[293];
         let t11_1 = cos_shoulder * cos_q8;
         let t11_2 = like.lift(0.8660254037844386) * t11_1;
         let e_6_waistx = sin_shoulder.mul_add(sin_q8, t11_2);
@@ -4730,19 +4758,19 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         let t11_103 = -w_izz_6_q9;
         w[85] = [t11_98, w_izz_6_shoulder, t11_101, t11_102, t11_103];
         let t11_104 = t9_110 + t9_111;
-        let t11_105 = a_basex - t11_104;
+        let t11_105 = a_basex + t11_104;
         let t11_106 = like.lift(0.5) * t11_105;
         let t11_107 = t9_115 - t9_116;
         let t11_108 = a_basey - t11_107;
-        let t11_109 = like.lift(-0.8660254037844386).mul_add(t11_108, t11_106);
+        let t11_109 = like.lift(0.8660254037844386).mul_add(t11_108, t11_106);
         let t11_110 = sin_q8 * t11_109;
         let t11_111 = t9_121 + t9_122;
-        let t11_112 = a_basez + t11_111;
+        let t11_112 = a_basez - t11_111;
         let a_6y = cos_q8.mul_add(t11_112, t11_110);
         let t11_113 = cos_shoulder * a_6y;
         let t11_114 = like.lift(0.5) * t11_113;
         let t11_115 = like.lift(0.8660254037844386) * t11_105;
-        let a_6z = like.lift(0.5).mul_add(t11_108, t11_115);
+        let a_6z = like.lift(-0.5).mul_add(t11_108, t11_115);
         let t11_116 = e_6_waisty.mul_add(a_6z, t11_114);
         let t11_117 = t11_38 + t11_55;
         let t11_118 = u_base_waistx + t9_130;
@@ -4755,144 +4783,152 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         let t11_123 = t11_117.mul_add(u_6_waistx, t11_122);
         let u_6_waistz = like.lift(0.8660254037844386).mul_add(t11_118, t9_138);
         let t11_124 = (-t11_31).mul_add(u_6_waistz, t11_123);
-        let w_mx_6_waist = t11_116 - t11_124;
-        let t11_125 = like.lift(0.8660254037844386) * a_6y;
-        let t11_126 = sin_q8 * a_6z;
-        let t11_127 = like.lift(-0.5).mul_add(t11_126, t11_125);
-        let t11_128 = like.lift(0.5196152422706631) * cos_q8;
-        let u_6_shoulderx = like.lift(0.22815).mul_add(sin_q8, t11_128);
-        let t11_129 = like.lift(0.5196152422706631) * sin_q8;
-        let u_6_shouldery = like.lift(-0.22815).mul_add(cos_q8, t11_129);
-        let t11_130 = t11_53 * u_6_shouldery;
-        let t11_131 = t11_117.mul_add(u_6_shoulderx, t11_130);
-        let t11_132 = like.lift(-0.3).mul_add(t11_31, t11_131);
-        let w_mx_6_shoulder = t11_127 + t11_132;
+        let w_mx_6_waist = t11_116 + t11_124;
+        let t11_125 = -w_mx_6_waist;
+        let t11_126 = like.lift(0.8660254037844386) * a_6y;
+        let t11_127 = sin_q8 * a_6z;
+        let t11_128 = like.lift(-0.5).mul_add(t11_127, t11_126);
+        let t11_129 = like.lift(1.0825317547305484) * cos_q8;
+        let u_6_shoulderx = like.lift(0.22815).mul_add(sin_q8, t11_129);
+        let t11_130 = like.lift(1.0825317547305484) * sin_q8;
+        let u_6_shouldery = like.lift(-0.22815).mul_add(cos_q8, t11_130);
+        let t11_131 = t11_53 * u_6_shouldery;
+        let t11_132 = t11_117.mul_add(u_6_shoulderx, t11_131);
+        let t11_133 = like.lift(-0.625).mul_add(t11_31, t11_132);
+        let w_mx_6_shoulder = t11_128 - t11_133;
+        let t11_134 = -w_mx_6_shoulder;
         let w_mx_6_q2 = x_q8_q2 * a_6y;
+        let t11_135 = -w_mx_6_q2;
         let w_mx_6_q7 = x_q8_q7 * a_6y;
+        let t11_136 = -w_mx_6_q7;
         let w_mx_6_q9 = x_q8_q9 * a_6y;
-        w[86] = [w_mx_6_waist, w_mx_6_shoulder, w_mx_6_q2, w_mx_6_q7, w_mx_6_q9];
-        let t11_133 = e_6_waistx * a_6z;
-        let t11_134 = cos_q8 * t11_109;
-        let a_6x = (-sin_q8).mul_add(t11_112, t11_134);
-        let t11_135 = cos_shoulder * a_6x;
-        let t11_136 = like.lift(0.5).mul_add(t11_135, t11_133);
-        let t11_137 = t11_37 + t11_55;
-        let t11_138 = t11_137 * u_6_waisty;
-        let t11_139 = t11_82.mul_add(u_6_waistx, -t11_138);
-        let t11_140 = (-t11_34).mul_add(u_6_waistz, t11_139);
-        let w_my_6_waist = t11_136 - t11_140;
-        let t11_141 = cos_q8 * a_6z;
-        let t11_142 = like.lift(0.5) * t11_141;
-        let t11_143 = like.lift(-0.8660254037844386).mul_add(a_6x, t11_142);
-        let t11_144 = t11_137 * u_6_shouldery;
-        let t11_145 = t11_82.mul_add(u_6_shoulderx, -t11_144);
-        let t11_146 = like.lift(-0.3).mul_add(t11_34, t11_145);
-        let w_my_6_shoulder = t11_143 - t11_146;
-        let t11_147 = -w_my_6_shoulder;
+        let t11_137 = -w_mx_6_q9;
+        w[86] = [t11_125, t11_134, t11_135, t11_136, t11_137];
+        let t11_138 = e_6_waistx * a_6z;
+        let t11_139 = cos_q8 * t11_109;
+        let a_6x = (-sin_q8).mul_add(t11_112, t11_139);
+        let t11_140 = cos_shoulder * a_6x;
+        let t11_141 = like.lift(0.5).mul_add(t11_140, t11_138);
+        let t11_142 = t11_37 + t11_55;
+        let t11_143 = t11_142 * u_6_waisty;
+        let t11_144 = t11_82.mul_add(u_6_waistx, -t11_143);
+        let t11_145 = (-t11_34).mul_add(u_6_waistz, t11_144);
+        let w_my_6_waist = t11_141 + t11_145;
+        let t11_146 = -w_my_6_waist;
+        let t11_147 = cos_q8 * a_6z;
+        let t11_148 = like.lift(0.5) * t11_147;
+        let t11_149 = like.lift(-0.8660254037844386).mul_add(a_6x, t11_148);
+        let t11_150 = t11_142 * u_6_shouldery;
+        let t11_151 = t11_82.mul_add(u_6_shoulderx, -t11_150);
+        let t11_152 = like.lift(-0.625).mul_add(t11_34, t11_151);
+        let w_my_6_shoulder = t11_149 + t11_152;
         let w_my_6_q2 = x_q8_q2 * a_6x;
+        let t11_153 = -w_my_6_q2;
         let w_my_6_q7 = x_q8_q7 * a_6x;
+        let t11_154 = -w_my_6_q7;
         let w_my_6_q9 = x_q8_q9 * a_6x;
-        w[87] = [w_my_6_waist, t11_147, w_my_6_q2, w_my_6_q7, w_my_6_q9];
-        let t11_148 = e_6_waisty * a_6x;
-        let t11_149 = (-e_6_waistx).mul_add(a_6y, t11_148);
-        let t11_150 = t11_59 * u_6_waisty;
-        let t11_151 = t11_85.mul_add(u_6_waistx, -t11_150);
-        let t11_152 = t11_37 + t11_38;
-        let t11_153 = t11_152.mul_add(u_6_waistz, t11_151);
-        let w_mz_6_waist = t11_149 - t11_153;
-        let t11_154 = sin_q8 * a_6x;
-        let t11_155 = like.lift(0.5) * t11_154;
-        let t11_156 = cos_q8 * a_6y;
-        let t11_157 = like.lift(-0.5).mul_add(t11_156, t11_155);
-        let t11_158 = t11_59 * u_6_shouldery;
-        let t11_159 = t11_85.mul_add(u_6_shoulderx, -t11_158);
-        let t11_160 = like.lift(0.3).mul_add(t11_152, t11_159);
-        let w_mz_6_shoulder = t11_157 - t11_160;
-        let t11_161 = -w_mz_6_shoulder;
-        w[88] = [w_mz_6_waist, t11_161, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t11_162 = a_6x * u_6_waistx;
-        let t11_163 = a_6y.mul_add(u_6_waisty, t11_162);
-        let w_m_6_waist = (-a_6z).mul_add(u_6_waistz, t11_163);
-        let t11_164 = a_6x * u_6_shoulderx;
-        let t11_165 = a_6y.mul_add(u_6_shouldery, t11_164);
-        let w_m_6_shoulder = like.lift(-0.3).mul_add(a_6z, t11_165);
-        let t11_166 = -w_m_6_shoulder;
-        w[89] = [w_m_6_waist, t11_166, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        kept[306] = e_6_waistx;
-        kept[307] = t11_8;
-        kept[308] = e_6_waisty;
-        kept[309] = w_6x;
-        kept[310] = w_6z;
-        kept[311] = t11_14;
-        kept[312] = t11_18;
-        kept[313] = t11_21;
-        kept[314] = t11_23;
-        kept[315] = t11_25;
-        kept[316] = w_ixx_6_q2;
-        kept[317] = t11_26;
-        kept[318] = w_ixx_6_q7;
-        kept[319] = t11_27;
-        kept[320] = w_ixx_6_q9;
-        kept[321] = t11_28;
-        kept[322] = t11_31;
-        kept[323] = t11_32;
-        kept[324] = t11_34;
-        kept[325] = t11_35;
-        kept[326] = t11_41;
-        kept[327] = t11_43;
-        kept[328] = t11_45;
-        kept[329] = t11_47;
-        kept[330] = w_ixy_6_q2;
-        kept[331] = w_ixy_6_q7;
-        kept[332] = w_ixy_6_q9;
-        kept[333] = t11_53;
-        kept[334] = t11_54;
-        kept[335] = t11_57;
-        kept[336] = t11_59;
-        kept[337] = t11_61;
-        kept[338] = t11_64;
-        kept[339] = t11_66;
-        kept[340] = t11_68;
-        kept[341] = t11_69;
-        kept[342] = t11_70;
-        kept[343] = t11_71;
-        kept[344] = t11_72;
-        kept[345] = t11_73;
-        kept[346] = t11_76;
-        kept[347] = t11_78;
-        kept[348] = t11_81;
-        kept[349] = t11_82;
-        kept[350] = t11_83;
-        kept[351] = t11_85;
-        kept[352] = t11_87;
-        kept[353] = t11_90;
-        kept[354] = t11_92;
-        kept[355] = t11_94;
-        kept[356] = w_iyz_6_q2;
-        kept[357] = w_iyz_6_q7;
-        kept[358] = w_iyz_6_q9;
-        kept[359] = t11_97;
-        kept[360] = t11_100;
-        kept[361] = t11_101;
-        kept[362] = t11_102;
-        kept[363] = t11_103;
-        kept[364] = a_6y;
-        kept[365] = a_6z;
-        kept[366] = t11_117;
-        kept[367] = u_6_waistx;
-        kept[368] = u_6_waisty;
-        kept[369] = t11_122;
-        kept[370] = u_6_waistz;
-        kept[371] = u_6_shoulderx;
-        kept[372] = u_6_shouldery;
-        kept[373] = t11_130;
-        kept[374] = a_6x;
-        kept[375] = t11_137;
-        kept[376] = t11_138;
-        kept[377] = t11_144;
-        kept[378] = t11_150;
-        kept[379] = t11_152;
-        kept[380] = t11_158;
+        let t11_155 = -w_my_6_q9;
+        w[87] = [t11_146, w_my_6_shoulder, t11_153, t11_154, t11_155];
+        let t11_156 = e_6_waisty * a_6x;
+        let t11_157 = (-e_6_waistx).mul_add(a_6y, t11_156);
+        let t11_158 = t11_59 * u_6_waisty;
+        let t11_159 = t11_85.mul_add(u_6_waistx, -t11_158);
+        let t11_160 = t11_37 + t11_38;
+        let t11_161 = t11_160.mul_add(u_6_waistz, t11_159);
+        let w_mz_6_waist = t11_157 + t11_161;
+        let t11_162 = -w_mz_6_waist;
+        let t11_163 = sin_q8 * a_6x;
+        let t11_164 = like.lift(0.5) * t11_163;
+        let t11_165 = cos_q8 * a_6y;
+        let t11_166 = like.lift(-0.5).mul_add(t11_165, t11_164);
+        let t11_167 = t11_59 * u_6_shouldery;
+        let t11_168 = t11_85.mul_add(u_6_shoulderx, -t11_167);
+        let t11_169 = like.lift(0.625).mul_add(t11_160, t11_168);
+        let w_mz_6_shoulder = t11_166 + t11_169;
+        w[88] = [t11_162, w_mz_6_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t11_170 = a_6x * u_6_waistx;
+        let t11_171 = a_6y.mul_add(u_6_waisty, t11_170);
+        let w_m_6_waist = (-a_6z).mul_add(u_6_waistz, t11_171);
+        let t11_172 = -w_m_6_waist;
+        let t11_173 = a_6x * u_6_shoulderx;
+        let t11_174 = a_6y.mul_add(u_6_shouldery, t11_173);
+        let w_m_6_shoulder = like.lift(-0.625).mul_add(a_6z, t11_174);
+        w[89] = [t11_172, w_m_6_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        kept[305] = e_6_waistx;
+        kept[306] = t11_8;
+        kept[307] = e_6_waisty;
+        kept[308] = w_6x;
+        kept[309] = w_6z;
+        kept[310] = t11_14;
+        kept[311] = t11_18;
+        kept[312] = t11_21;
+        kept[313] = t11_23;
+        kept[314] = t11_25;
+        kept[315] = w_ixx_6_q2;
+        kept[316] = t11_26;
+        kept[317] = w_ixx_6_q7;
+        kept[318] = t11_27;
+        kept[319] = w_ixx_6_q9;
+        kept[320] = t11_28;
+        kept[321] = t11_31;
+        kept[322] = t11_32;
+        kept[323] = t11_34;
+        kept[324] = t11_35;
+        kept[325] = t11_41;
+        kept[326] = t11_43;
+        kept[327] = t11_45;
+        kept[328] = t11_47;
+        kept[329] = w_ixy_6_q2;
+        kept[330] = w_ixy_6_q7;
+        kept[331] = w_ixy_6_q9;
+        kept[332] = t11_53;
+        kept[333] = t11_54;
+        kept[334] = t11_57;
+        kept[335] = t11_59;
+        kept[336] = t11_61;
+        kept[337] = t11_64;
+        kept[338] = t11_66;
+        kept[339] = t11_68;
+        kept[340] = t11_69;
+        kept[341] = t11_70;
+        kept[342] = t11_71;
+        kept[343] = t11_72;
+        kept[344] = t11_73;
+        kept[345] = t11_76;
+        kept[346] = t11_78;
+        kept[347] = t11_81;
+        kept[348] = t11_82;
+        kept[349] = t11_83;
+        kept[350] = t11_85;
+        kept[351] = t11_87;
+        kept[352] = t11_90;
+        kept[353] = t11_92;
+        kept[354] = t11_94;
+        kept[355] = w_iyz_6_q2;
+        kept[356] = w_iyz_6_q7;
+        kept[357] = w_iyz_6_q9;
+        kept[358] = t11_97;
+        kept[359] = t11_100;
+        kept[360] = t11_101;
+        kept[361] = t11_102;
+        kept[362] = t11_103;
+        kept[363] = a_6y;
+        kept[364] = a_6z;
+        kept[365] = t11_117;
+        kept[366] = u_6_waistx;
+        kept[367] = u_6_waisty;
+        kept[368] = t11_122;
+        kept[369] = u_6_waistz;
+        kept[370] = u_6_shoulderx;
+        kept[371] = u_6_shouldery;
+        kept[372] = t11_131;
+        kept[373] = a_6x;
+        kept[374] = t11_142;
+        kept[375] = t11_143;
+        kept[376] = t11_150;
+        kept[377] = t11_158;
+        kept[378] = t11_160;
+        kept[379] = t11_167;
     }
     // body 7: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
@@ -4903,81 +4939,81 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         let x_q8_q2 = kept[82];
         let x_q8_q7 = kept[83];
         let x_q8_q9 = kept[84];
-        let e_6_waistx = kept[306];
-        let t11_8 = kept[307];
-        let e_6_waisty = kept[308];
-        let w_6x = kept[309];
-        let w_6z = kept[310];
-        let t11_14 = kept[311];
-        let t11_18 = kept[312];
-        let t11_21 = kept[313];
-        let t11_23 = kept[314];
-        let t11_25 = kept[315];
-        let w_ixx_6_q2 = kept[316];
-        let t11_26 = kept[317];
-        let w_ixx_6_q7 = kept[318];
-        let t11_27 = kept[319];
-        let w_ixx_6_q9 = kept[320];
-        let t11_28 = kept[321];
-        let t11_31 = kept[322];
-        let t11_32 = kept[323];
-        let t11_34 = kept[324];
-        let t11_35 = kept[325];
-        let t11_41 = kept[326];
-        let t11_43 = kept[327];
-        let t11_45 = kept[328];
-        let t11_47 = kept[329];
-        let w_ixy_6_q2 = kept[330];
-        let w_ixy_6_q7 = kept[331];
-        let w_ixy_6_q9 = kept[332];
-        let t11_53 = kept[333];
-        let t11_54 = kept[334];
-        let t11_57 = kept[335];
-        let t11_59 = kept[336];
-        let t11_61 = kept[337];
-        let t11_64 = kept[338];
-        let t11_66 = kept[339];
-        let t11_68 = kept[340];
-        let t11_69 = kept[341];
-        let t11_70 = kept[342];
-        let t11_71 = kept[343];
-        let t11_72 = kept[344];
-        let t11_73 = kept[345];
-        let t11_76 = kept[346];
-        let t11_78 = kept[347];
-        let t11_81 = kept[348];
-        let t11_82 = kept[349];
-        let t11_83 = kept[350];
-        let t11_85 = kept[351];
-        let t11_87 = kept[352];
-        let t11_90 = kept[353];
-        let t11_92 = kept[354];
-        let t11_94 = kept[355];
-        let w_iyz_6_q2 = kept[356];
-        let w_iyz_6_q7 = kept[357];
-        let w_iyz_6_q9 = kept[358];
-        let t11_97 = kept[359];
-        let t11_100 = kept[360];
-        let t11_101 = kept[361];
-        let t11_102 = kept[362];
-        let t11_103 = kept[363];
-        let a_6y = kept[364];
-        let a_6z = kept[365];
-        let t11_117 = kept[366];
-        let u_6_waistx = kept[367];
-        let u_6_waisty = kept[368];
-        let t11_122 = kept[369];
-        let u_6_waistz = kept[370];
-        let u_6_shoulderx = kept[371];
-        let u_6_shouldery = kept[372];
-        let t11_130 = kept[373];
-        let a_6x = kept[374];
-        let t11_137 = kept[375];
-        let t11_138 = kept[376];
-        let t11_144 = kept[377];
-        let t11_150 = kept[378];
-        let t11_152 = kept[379];
-        let t11_158 = kept[380];
+        let e_6_waistx = kept[305];
+        let t11_8 = kept[306];
+        let e_6_waisty = kept[307];
+        let w_6x = kept[308];
+        let w_6z = kept[309];
+        let t11_14 = kept[310];
+        let t11_18 = kept[311];
+        let t11_21 = kept[312];
+        let t11_23 = kept[313];
+        let t11_25 = kept[314];
+        let w_ixx_6_q2 = kept[315];
+        let t11_26 = kept[316];
+        let w_ixx_6_q7 = kept[317];
+        let t11_27 = kept[318];
+        let w_ixx_6_q9 = kept[319];
+        let t11_28 = kept[320];
+        let t11_31 = kept[321];
+        let t11_32 = kept[322];
+        let t11_34 = kept[323];
+        let t11_35 = kept[324];
+        let t11_41 = kept[325];
+        let t11_43 = kept[326];
+        let t11_45 = kept[327];
+        let t11_47 = kept[328];
+        let w_ixy_6_q2 = kept[329];
+        let w_ixy_6_q7 = kept[330];
+        let w_ixy_6_q9 = kept[331];
+        let t11_53 = kept[332];
+        let t11_54 = kept[333];
+        let t11_57 = kept[334];
+        let t11_59 = kept[335];
+        let t11_61 = kept[336];
+        let t11_64 = kept[337];
+        let t11_66 = kept[338];
+        let t11_68 = kept[339];
+        let t11_69 = kept[340];
+        let t11_70 = kept[341];
+        let t11_71 = kept[342];
+        let t11_72 = kept[343];
+        let t11_73 = kept[344];
+        let t11_76 = kept[345];
+        let t11_78 = kept[346];
+        let t11_81 = kept[347];
+        let t11_82 = kept[348];
+        let t11_83 = kept[349];
+        let t11_85 = kept[350];
+        let t11_87 = kept[351];
+        let t11_90 = kept[352];
+        let t11_92 = kept[353];
+        let t11_94 = kept[354];
+        let w_iyz_6_q2 = kept[355];
+        let w_iyz_6_q7 = kept[356];
+        let w_iyz_6_q9 = kept[357];
+        let t11_97 = kept[358];
+        let t11_100 = kept[359];
+        let t11_101 = kept[360];
+        let t11_102 = kept[361];
+        let t11_103 = kept[362];
+        let a_6y = kept[363];
+        let a_6z = kept[364];
+        let t11_117 = kept[365];
+        let u_6_waistx = kept[366];
+        let u_6_waisty = kept[367];
+        let t11_122 = kept[368];
+        let u_6_waistz = kept[369];
+        let u_6_shoulderx = kept[370];
+        let u_6_shouldery = kept[371];
+        let t11_131 = kept[372];
+        let a_6x = kept[373];
+        let t11_142 = kept[374];
+        let t11_143 = kept[375];
+        let t11_150 = kept[376];
+        let t11_158 = kept[377];
+        let t11_160 = kept[378];
+        let t11_167 = kept[379];
         let t12_1 = t11_8 + t11_18;
         let w_ixx_7_waist = t11_14 - t12_1;
         let t12_2 = t11_21 - t11_25;
@@ -5017,56 +5053,56 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         let t12_21 = t11_25 + t11_76;
         let w_izz_7_shoulder = t11_78 + t12_21;
         w[95] = [t12_20, w_izz_7_shoulder, w_ixx_6_q2, w_ixx_6_q7, w_ixx_6_q9];
-        let t12_22 = q9.mul_add(t11_34, a_6z);
+        let t12_22 = (-q9).mul_add(t11_34, a_6z);
         let t12_23 = d_q9 * w_6x;
-        let a_7y = like.lift(2.0).mul_add(t12_23, t12_22);
+        let a_7y = like.lift(-2.0).mul_add(t12_23, t12_22);
         let t12_24 = e_6_waisty * a_7y;
-        let t12_25 = (-q9).mul_add(t11_137, a_6y);
-        let a_7z = dd_q9 + t12_25;
+        let t12_25 = q9.mul_add(t11_142, a_6y);
+        let a_7z = dd_q9 - t12_25;
         let t12_26 = cos_shoulder * a_7z;
-        let t12_27 = like.lift(0.5).mul_add(t12_26, t12_24);
+        let t12_27 = like.lift(-0.5).mul_add(t12_26, t12_24);
         let t12_28 = cos_shoulder * q9;
         let u_7_waistx = like.lift(-0.5).mul_add(t12_28, u_6_waistx);
         let t12_29 = t11_117 * u_7_waistx;
         let u_7_waisty = q9.mul_add(e_6_waistx, u_6_waistz);
         let t12_30 = (-t11_31).mul_add(u_7_waisty, t12_29);
         let t12_31 = t11_122 + t12_30;
-        let w_mx_7_waist = t12_27 - t12_31;
-        let t12_32 = sin_q8 * a_7y;
-        let t12_33 = like.lift(0.5) * t12_32;
-        let t12_34 = like.lift(-0.8660254037844386).mul_add(a_7z, t12_33);
+        let w_mx_7_waist = t12_27 + t12_31;
+        let t12_32 = -w_mx_7_waist;
+        let t12_33 = sin_q8 * a_7y;
+        let t12_34 = like.lift(0.5) * t12_33;
+        let t12_35 = like.lift(0.8660254037844386).mul_add(a_7z, t12_34);
         let u_7_shoulderx = like.lift(0.8660254037844386).mul_add(q9, u_6_shoulderx);
-        let t12_35 = t11_117 * u_7_shoulderx;
-        let u_7_shouldery = t4_66 + like.lift(0.3);
-        let t12_36 = (-t11_31).mul_add(u_7_shouldery, t12_35);
-        let t12_37 = t11_130 + t12_36;
-        let w_mx_7_shoulder = t12_34 - t12_37;
-        let t12_38 = -w_mx_7_shoulder;
+        let t12_36 = t11_117 * u_7_shoulderx;
+        let u_7_shouldery = t4_66 + like.lift(0.625);
+        let t12_37 = (-t11_31).mul_add(u_7_shouldery, t12_36);
+        let t12_38 = t11_131 + t12_37;
+        let w_mx_7_shoulder = t12_35 + t12_38;
         let t12_39 = q9.mul_add(t11_117, a_7z);
         let w_mx_7_q2 = x_q8_q2 * t12_39;
         let w_mx_7_q7 = x_q8_q7 * t12_39;
         let t12_40 = q9 * x_q8_q9;
         let t12_41 = (-t11_117).mul_add(t12_40, t11_53);
         let w_mx_7_q9 = x_q8_q9.mul_add(a_7z, -t12_41);
-        w[96] = [w_mx_7_waist, t12_38, w_mx_7_q2, w_mx_7_q7, w_mx_7_q9];
+        w[96] = [t12_32, w_mx_7_shoulder, w_mx_7_q2, w_mx_7_q7, w_mx_7_q9];
         let t12_42 = e_6_waistx * a_7z;
         let t12_43 = q9 * t11_82;
-        let t12_44 = a_6x + t12_43;
+        let t12_44 = a_6x - t12_43;
         let t12_45 = d_q9 * w_6z;
-        let a_7x = like.lift(2.0).mul_add(t12_45, t12_44);
-        let t12_46 = (-e_6_waisty).mul_add(a_7x, t12_42);
+        let a_7x = like.lift(-2.0).mul_add(t12_45, t12_44);
+        let t12_46 = e_6_waisty.mul_add(a_7x, t12_42);
         let t12_47 = t11_85 * u_7_waistx;
-        let t12_48 = t11_152.mul_add(u_7_waisty, t12_47);
-        let t12_49 = t11_150 - t12_48;
+        let t12_48 = t11_160.mul_add(u_7_waisty, t12_47);
+        let t12_49 = t11_158 - t12_48;
         let w_my_7_waist = t12_46 - t12_49;
         let t12_50 = -w_my_7_waist;
         let t12_51 = cos_q8 * a_7z;
         let t12_52 = like.lift(0.5) * t12_51;
         let t12_53 = sin_q8 * a_7x;
-        let t12_54 = like.lift(-0.5).mul_add(t12_53, t12_52);
+        let t12_54 = like.lift(0.5).mul_add(t12_53, t12_52);
         let t12_55 = t11_85 * u_7_shoulderx;
-        let t12_56 = t11_152.mul_add(u_7_shouldery, t12_55);
-        let t12_57 = t11_158 - t12_56;
+        let t12_56 = t11_160.mul_add(u_7_shouldery, t12_55);
+        let t12_57 = t11_167 - t12_56;
         let w_my_7_shoulder = t12_54 - t12_57;
         let t12_58 = q9 * t11_85;
         let w_my_7_q2 = x_q8_q2 * t12_58;
@@ -5078,40 +5114,35 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         let t12_61 = e_6_waistx.mul_add(a_7y, t12_60);
         let t12_62 = t11_82 * u_7_waistx;
         let t12_63 = (-t11_34).mul_add(u_7_waisty, t12_62);
-        let t12_64 = t11_138 - t12_63;
-        let w_mz_7_waist = t12_61 + t12_64;
-        let t12_65 = -w_mz_7_waist;
-        let t12_66 = like.lift(0.8660254037844386) * a_7x;
-        let t12_67 = cos_q8 * a_7y;
-        let t12_68 = like.lift(-0.5).mul_add(t12_67, t12_66);
-        let t12_69 = t11_82 * u_7_shoulderx;
-        let t12_70 = (-t11_34).mul_add(u_7_shouldery, t12_69);
-        let t12_71 = t11_144 - t12_70;
-        let w_mz_7_shoulder = t12_68 - t12_71;
-        let t12_72 = -w_mz_7_shoulder;
-        let t12_73 = t12_43 + a_7x;
-        let w_mz_7_q2 = x_q8_q2 * t12_73;
-        let t12_74 = -w_mz_7_q2;
-        let w_mz_7_q7 = x_q8_q7 * t12_73;
-        let t12_75 = -w_mz_7_q7;
-        let t12_76 = t11_82.mul_add(t12_40, t11_137);
-        let w_mz_7_q9 = x_q8_q9.mul_add(a_7x, t12_76);
-        let t12_77 = -w_mz_7_q9;
-        w[98] = [t12_65, t12_72, t12_74, t12_75, t12_77];
-        let t12_78 = a_7x * u_7_waistx;
-        let t12_79 = (-a_7y).mul_add(u_7_waisty, t12_78);
-        let w_m_7_waist = a_7z.mul_add(u_6_waisty, t12_79);
-        let t12_80 = a_7x * u_7_shoulderx;
-        let t12_81 = (-a_7y).mul_add(u_7_shouldery, t12_80);
-        let w_m_7_shoulder = a_7z.mul_add(u_6_shouldery, t12_81);
-        let t12_82 = -w_m_7_shoulder;
-        let t12_83 = q9 * a_7x;
-        let w_m_7_q2 = x_q8_q2 * t12_83;
-        let t12_84 = -w_m_7_q2;
-        let w_m_7_q7 = x_q8_q7 * t12_83;
-        let t12_85 = -w_m_7_q7;
-        let w_m_7_q9 = (-a_7x).mul_add(t12_40, a_7z);
-        w[99] = [w_m_7_waist, t12_82, t12_84, t12_85, w_m_7_q9];
+        let t12_64 = t11_143 - t12_63;
+        let w_mz_7_waist = t12_61 - t12_64;
+        let t12_65 = like.lift(0.8660254037844386) * a_7x;
+        let t12_66 = cos_q8 * a_7y;
+        let t12_67 = like.lift(-0.5).mul_add(t12_66, t12_65);
+        let t12_68 = t11_82 * u_7_shoulderx;
+        let t12_69 = (-t11_34).mul_add(u_7_shouldery, t12_68);
+        let t12_70 = t11_150 - t12_69;
+        let w_mz_7_shoulder = t12_67 + t12_70;
+        let t12_71 = t12_43 - a_7x;
+        let w_mz_7_q2 = x_q8_q2 * t12_71;
+        let t12_72 = -w_mz_7_q2;
+        let w_mz_7_q7 = x_q8_q7 * t12_71;
+        let t12_73 = -w_mz_7_q7;
+        let t12_74 = t11_82.mul_add(t12_40, t11_142);
+        let w_mz_7_q9 = x_q8_q9.mul_add(a_7x, -t12_74);
+        w[98] = [w_mz_7_waist, w_mz_7_shoulder, t12_72, t12_73, w_mz_7_q9];
+        let t12_75 = a_7x * u_7_waistx;
+        let t12_76 = (-a_7y).mul_add(u_7_waisty, t12_75);
+        let w_m_7_waist = (-a_7z).mul_add(u_6_waisty, t12_76);
+        let t12_77 = -w_m_7_waist;
+        let t12_78 = a_7x * u_7_shoulderx;
+        let t12_79 = (-a_7y).mul_add(u_7_shouldery, t12_78);
+        let w_m_7_shoulder = (-a_7z).mul_add(u_6_shouldery, t12_79);
+        let t12_80 = q9 * a_7x;
+        let w_m_7_q2 = x_q8_q2 * t12_80;
+        let w_m_7_q7 = x_q8_q7 * t12_80;
+        let w_m_7_q9 = a_7x.mul_add(t12_40, a_7z);
+        w[99] = [t12_77, w_m_7_shoulder, w_m_7_q2, w_m_7_q7, w_m_7_q9];
     }
     Condition { pivot: condition }
 }
@@ -5124,7 +5155,7 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
 ///
-/// 663 additions, 784 multiplications, 6 divisions, 7 sines and cosines.
+/// 673 additions, 793 multiplications, 6 divisions, 7 sines and cosines.
 pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi: &[T; 100]) -> ([T; 5], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 5];
@@ -5136,27 +5167,27 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
     ] = *qdd;
     let [
         _, _, _, _, _, p_izz_column, _, _, _, _, p_ixx_boom, p_ixy_boom, p_ixz_boom,
-        p_iyy_boom, p_iyz_boom, p_izz_boom, p_mx_boom, p_my_boom, p_mz_boom, _, p_ixx_base,
-        p_ixy_base, p_ixz_base, p_iyy_base, p_iyz_base, p_izz_base, p_mx_base, p_my_base,
-        p_mz_base, p_m_base, p_ixx_1, p_ixy_1, p_ixz_1, p_iyy_1, p_iyz_1, p_izz_1, p_mx_1,
-        p_my_1, p_mz_1, p_m_1, p_ixx_2, p_ixy_2, p_ixz_2, p_iyy_2, p_iyz_2, p_izz_2, p_mx_2,
-        p_my_2, p_mz_2, p_m_2, p_ixx_3, p_ixy_3, p_ixz_3, p_iyy_3, p_iyz_3, p_izz_3, p_mx_3,
-        p_my_3, p_mz_3, p_m_3, p_ixx_4, p_ixy_4, p_ixz_4, p_iyy_4, p_iyz_4, p_izz_4, p_mx_4,
-        p_my_4, p_mz_4, p_m_4, p_ixx_5, p_ixy_5, p_ixz_5, p_iyy_5, p_iyz_5, p_izz_5, p_mx_5,
-        p_my_5, p_mz_5, p_m_5, p_ixx_6, p_ixy_6, p_ixz_6, p_iyy_6, p_iyz_6, p_izz_6, p_mx_6,
-        p_my_6, p_mz_6, p_m_6, p_ixx_7, p_ixy_7, p_ixz_7, p_iyy_7, p_iyz_7, p_izz_7, p_mx_7,
-        p_my_7, p_mz_7, p_m_7,
+        p_iyy_boom, p_iyz_boom, p_izz_boom, p_mx_boom, p_my_boom, p_mz_boom, p_m_boom,
+        p_ixx_base, p_ixy_base, p_ixz_base, p_iyy_base, p_iyz_base, p_izz_base, p_mx_base,
+        p_my_base, p_mz_base, p_m_base, p_ixx_1, p_ixy_1, p_ixz_1, p_iyy_1, p_iyz_1, p_izz_1,
+        p_mx_1, p_my_1, p_mz_1, p_m_1, p_ixx_2, p_ixy_2, p_ixz_2, p_iyy_2, p_iyz_2, p_izz_2,
+        p_mx_2, p_my_2, p_mz_2, p_m_2, p_ixx_3, p_ixy_3, p_ixz_3, p_iyy_3, p_iyz_3, p_izz_3,
+        p_mx_3, p_my_3, p_mz_3, p_m_3, p_ixx_4, p_ixy_4, p_ixz_4, p_iyy_4, p_iyz_4, p_izz_4,
+        p_mx_4, p_my_4, p_mz_4, p_m_4, p_ixx_5, p_ixy_5, p_ixz_5, p_iyy_5, p_iyz_5, p_izz_5,
+        p_mx_5, p_my_5, p_mz_5, p_m_5, p_ixx_6, p_ixy_6, p_ixz_6, p_iyy_6, p_iyz_6, p_izz_6,
+        p_mx_6, p_my_6, p_mz_6, p_m_6, p_ixx_7, p_ixy_7, p_ixz_7, p_iyy_7, p_iyz_7, p_izz_7,
+        p_mx_7, p_my_7, p_mz_7, p_m_7,
     ] = *phi;
     let mut condition = like.lift(1.0);
     // tau, part 1
     let [
         sin_shoulder, cos_shoulder, w_ixz_boom_shoulder, w_boomy, t1_1, al_boomx,
-        w_iyz_boom_shoulder, w_boomx, t1_3, al_boomy, w_ixx_boom_shoulder, t1_8, t1_9, t1_16,
-        t1_26, a_basey, t1_28, sin_q8, cos_q8, al_6x, al_6y, al_6z, t1_53, t1_54, t1_55, t1_58,
-        a_basex, t1_65, t1_67, t1_73, t1_74, a_basez, t1_83, t1_85, a_6y, t1_99, a_7z, t1_115,
-        a_6x, a_7x, t1_146, t1_157, t1_158, t1_169, t1_170, t1_178, t1_181, t1_184, sin_q6,
-        cos_q6, al_4x, w_4x, al_4y, al_4z, w_4z, t1_198, t1_199, t1_200, t1_203, t1_204,
-        t1_205, t1_209, t1_214, a_4z, t1_215, t1_216,
+        w_iyz_boom_shoulder, w_boomx, t1_3, al_boomy, w_ixx_boom_shoulder, t1_8, t1_9, t1_17,
+        a_boomy, t1_21, t1_31, a_basey, t1_33, a_basex, sin_q8, cos_q8, al_6x, al_6y, al_6z,
+        t1_57, t1_58, t1_59, t1_62, t1_70, t1_75, t1_76, t1_77, t1_78, a_boomx, a_basez, t1_88,
+        t1_90, a_6y, t1_104, a_7z, t1_120, a_6x, a_7x, t1_151, t1_162, t1_163, t1_174, t1_175,
+        t1_183, t1_186, t1_189, sin_q6, cos_q6, al_4x, w_4x, al_4y, al_4z, w_4z, t1_203,
+        t1_204, t1_205, t1_208, t1_209, t1_210, t1_214, t1_216,
     ] = {
         let (sin_shoulder, cos_shoulder) = shoulder.sin_cos();
         let w_ixz_boom_shoulder = sin_shoulder * dd_waist;
@@ -5180,1039 +5211,1041 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
         let t1_12 = w_ixx_boom_shoulder.mul_add(p_ixz_boom, -t1_11);
         let t1_13 = t1_3.mul_add(p_ixy_boom, -t1_12);
         let t1_14 = t1_5 - t1_13;
-        let t1_15 = cos_shoulder * p_mz_boom;
-        let t1_16 = like.lift(-9.81).mul_add(t1_15, t1_14);
-        let t1_17 = dd_shoulder * p_ixz_base;
-        let t1_18 = (-al_boomy).mul_add(p_iyz_base, t1_17);
-        let t1_19 = (-al_boomx).mul_add(p_izz_base, t1_18);
-        let t1_20 = p_ixx_base - p_iyy_base;
-        let t1_21 = t1_1 * t1_20;
-        let t1_22 = (-t1_10).mul_add(p_ixy_base, t1_21);
-        let t1_23 = t1_3.mul_add(p_iyz_base, -t1_22);
-        let t1_24 = w_ixx_boom_shoulder.mul_add(p_ixz_base, t1_23);
-        let t1_25 = t1_19 + t1_24;
-        let a_boomy = like.lift(9.81) * cos_shoulder;
-        let t1_26 = dd_shoulder + w_ixx_boom_shoulder;
-        let a_basey = like.lift(0.6).mul_add(t1_26, a_boomy);
-        let t1_27 = a_basey * p_mx_base;
-        let t1_28 = t1_3 - al_boomy;
-        let t1_29 = t1_28 * p_my_base;
-        let t1_30 = like.lift(0.6).mul_add(t1_29, t1_27);
-        let t1_31 = t1_25 - t1_30;
+        let t1_15 = dd_waist * p_my_boom;
+        let t1_16 = like.lift(0.35) * t1_15;
+        let t1_17 = d_waist * d_waist;
+        let t1_18 = sin_shoulder * t1_17;
+        let t1_19 = like.lift(0.35) * t1_18;
+        let a_boomy = like.lift(9.81).mul_add(cos_shoulder, t1_19);
+        let t1_20 = a_boomy.mul_add(p_mz_boom, t1_16);
+        let t1_21 = t1_14 - t1_20;
+        let t1_22 = dd_shoulder * p_ixz_base;
+        let t1_23 = (-al_boomy).mul_add(p_iyz_base, t1_22);
+        let t1_24 = (-al_boomx).mul_add(p_izz_base, t1_23);
+        let t1_25 = p_ixx_base - p_iyy_base;
+        let t1_26 = t1_1 * t1_25;
+        let t1_27 = (-t1_10).mul_add(p_ixy_base, t1_26);
+        let t1_28 = t1_3.mul_add(p_iyz_base, -t1_27);
+        let t1_29 = w_ixx_boom_shoulder.mul_add(p_ixz_base, t1_28);
+        let t1_30 = t1_24 + t1_29;
+        let t1_31 = dd_shoulder + w_ixx_boom_shoulder;
+        let a_basey = like.lift(1.25).mul_add(t1_31, a_boomy);
+        let t1_32 = a_basey * p_mx_base;
+        let a_boomz = like.lift(0.35) * dd_waist;
+        let t1_33 = t1_3 - al_boomy;
+        let a_basex = like.lift(-1.25).mul_add(t1_33, a_boomz);
+        let t1_34 = (-a_basex).mul_add(p_my_base, t1_32);
+        let t1_35 = t1_30 - t1_34;
         let (sin_q8, cos_q8) = q8.sin_cos();
-        let t1_32 = like.lift(0.5) * dd_shoulder;
-        let t1_33 = like.lift(0.8660254037844386) * al_boomy;
-        let t1_34 = t1_32 - t1_33;
-        let t1_35 = cos_q8 * t1_34;
-        let t1_36 = (-sin_q8).mul_add(al_boomx, t1_35);
-        let t1_37 = like.lift(0.5) * d_shoulder;
-        let t1_38 = like.lift(0.8660254037844386) * w_boomy;
-        let t1_39 = t1_37 - t1_38;
-        let t1_40 = sin_q8 * t1_39;
-        let w_6y = cos_q8.mul_add(w_boomx, t1_40);
-        let al_6x = (-d_q8).mul_add(w_6y, t1_36);
-        let t1_41 = al_6x * p_ixx_6;
-        let t1_42 = sin_q8 * t1_34;
-        let t1_43 = cos_q8.mul_add(al_boomx, t1_42);
-        let t1_44 = cos_q8 * t1_39;
-        let w_6x = (-sin_q8).mul_add(w_boomx, t1_44);
-        let al_6y = d_q8.mul_add(w_6x, t1_43);
-        let t1_45 = (-al_6y).mul_add(p_ixy_6, t1_41);
-        let t1_46 = like.lift(0.8660254037844386) * dd_shoulder;
-        let t1_47 = like.lift(0.5) * al_boomy;
-        let t1_48 = t1_46 + t1_47;
-        let al_6z = dd_q8 - t1_48;
-        let t1_49 = al_6z.mul_add(p_ixz_6, t1_45);
-        let t1_50 = like.lift(0.8660254037844386) * d_shoulder;
-        let t1_51 = like.lift(0.5) * w_boomy;
+        let t1_36 = like.lift(0.5) * dd_shoulder;
+        let t1_37 = like.lift(0.8660254037844386) * al_boomy;
+        let t1_38 = t1_36 - t1_37;
+        let t1_39 = cos_q8 * t1_38;
+        let t1_40 = (-sin_q8).mul_add(al_boomx, t1_39);
+        let t1_41 = like.lift(0.5) * d_shoulder;
+        let t1_42 = like.lift(0.8660254037844386) * w_boomy;
+        let t1_43 = t1_41 - t1_42;
+        let t1_44 = sin_q8 * t1_43;
+        let w_6y = cos_q8.mul_add(w_boomx, t1_44);
+        let al_6x = (-d_q8).mul_add(w_6y, t1_40);
+        let t1_45 = al_6x * p_ixx_6;
+        let t1_46 = sin_q8 * t1_38;
+        let t1_47 = cos_q8.mul_add(al_boomx, t1_46);
+        let t1_48 = cos_q8 * t1_43;
+        let w_6x = (-sin_q8).mul_add(w_boomx, t1_48);
+        let al_6y = d_q8.mul_add(w_6x, t1_47);
+        let t1_49 = (-al_6y).mul_add(p_ixy_6, t1_45);
+        let t1_50 = like.lift(0.8660254037844386) * dd_shoulder;
+        let t1_51 = like.lift(0.5) * al_boomy;
         let t1_52 = t1_50 + t1_51;
-        let w_6z = d_q8 - t1_52;
-        let t1_53 = w_6x * w_6z;
-        let t1_54 = w_6x * w_6y;
-        let t1_55 = w_6y * w_6z;
-        let t1_56 = p_iyy_6 - p_izz_6;
-        let t1_57 = t1_55 * t1_56;
-        let t1_58 = w_6y * w_6y;
-        let t1_59 = w_6z * w_6z;
-        let t1_60 = t1_58 - t1_59;
-        let t1_61 = t1_60.mul_add(p_iyz_6, t1_57);
-        let t1_62 = t1_54.mul_add(p_ixz_6, -t1_61);
-        let t1_63 = t1_53.mul_add(p_ixy_6, t1_62);
-        let t1_64 = t1_49 - t1_63;
-        let a_basex = like.lift(0.6) * t1_28;
-        let t1_65 = d_waist * d_waist;
-        let t1_66 = like.lift(0.13172246391561312) * t1_65;
-        let t1_67 = t1_1 + al_boomx;
-        let t1_68 = like.lift(0.22815) * t1_67;
-        let t1_69 = t1_66 + t1_68;
-        let t1_70 = a_basex - t1_69;
-        let t1_71 = like.lift(0.8660254037844386) * t1_70;
-        let t1_72 = like.lift(0.13172246391561312) * w_ixz_boom_shoulder;
-        let t1_73 = w_boomx * w_boomx;
-        let t1_74 = t1_73 + t1_9;
-        let t1_75 = like.lift(0.22815) * t1_74;
-        let t1_76 = t1_72 - t1_75;
-        let t1_77 = a_basey - t1_76;
-        let a_6z = like.lift(0.5).mul_add(t1_77, t1_71);
-        let t1_78 = a_6z * p_my_6;
-        let t1_79 = like.lift(0.5) * t1_70;
-        let t1_80 = like.lift(-0.8660254037844386).mul_add(t1_77, t1_79);
-        let t1_81 = sin_q8 * t1_80;
-        let a_boomx = like.lift(9.81) * sin_shoulder;
-        let t1_82 = t1_8 + t1_9;
-        let a_basez = like.lift(-0.6).mul_add(t1_82, a_boomx);
-        let t1_83 = like.lift(0.13172246391561312) * w_iyz_boom_shoulder;
-        let t1_84 = dd_shoulder - w_ixx_boom_shoulder;
-        let t1_85 = like.lift(0.22815) * t1_84;
-        let t1_86 = t1_83 + t1_85;
-        let t1_87 = a_basez + t1_86;
-        let a_6y = cos_q8.mul_add(t1_87, t1_81);
-        let t1_88 = (-a_6y).mul_add(p_mz_6, t1_78);
-        let t1_89 = t1_64 - t1_88;
-        let t1_90 = al_6x * p_ixx_7;
-        let t1_91 = al_6z.mul_add(p_ixy_7, t1_90);
-        let t1_92 = al_6y.mul_add(p_ixz_7, t1_91);
-        let t1_93 = p_iyy_7 - p_izz_7;
-        let t1_94 = t1_55 * t1_93;
-        let t1_95 = t1_60.mul_add(p_iyz_7, t1_94);
-        let t1_96 = t1_53.mul_add(p_ixz_7, -t1_95);
-        let t1_97 = t1_54.mul_add(p_ixy_7, -t1_96);
-        let t1_98 = t1_92 - t1_97;
-        let t1_99 = w_6x * w_6x;
-        let t1_100 = t1_99 + t1_59;
-        let t1_101 = (-q9).mul_add(t1_100, a_6y);
-        let a_7z = dd_q9 + t1_101;
-        let t1_102 = a_7z * p_my_7;
-        let t1_103 = al_6x - t1_55;
-        let t1_104 = q9.mul_add(t1_103, a_6z);
-        let t1_105 = d_q9 * w_6x;
-        let a_7y = like.lift(2.0).mul_add(t1_105, t1_104);
-        let t1_106 = a_7y.mul_add(p_mz_7, t1_102);
-        let t1_107 = t1_98 + t1_106;
-        let t1_108 = al_6y + t1_53;
-        let t1_109 = t1_108 * p_mx_7;
-        let t1_110 = t1_99 + t1_58;
-        let t1_111 = (-t1_110).mul_add(p_my_7, t1_109);
-        let t1_112 = (-t1_103).mul_add(p_mz_7, t1_111);
-        let t1_113 = a_7y.mul_add(p_m_7, -t1_112);
-        let t1_114 = q9.mul_add(t1_113, t1_107);
-        let t1_115 = t1_89 + t1_114;
-        let t1_116 = sin_q8 * t1_115;
-        let t1_117 = al_6x * p_ixy_6;
-        let t1_118 = (-al_6y).mul_add(p_iyy_6, t1_117);
-        let t1_119 = al_6z.mul_add(p_iyz_6, t1_118);
-        let t1_120 = p_ixx_6 - p_izz_6;
-        let t1_121 = t1_53 * t1_120;
-        let t1_122 = t1_99 - t1_59;
-        let t1_123 = (-t1_122).mul_add(p_ixz_6, t1_121);
-        let t1_124 = t1_55.mul_add(p_ixy_6, -t1_123);
-        let t1_125 = t1_54.mul_add(p_iyz_6, -t1_124);
-        let t1_126 = t1_119 + t1_125;
-        let t1_127 = cos_q8 * t1_80;
-        let a_6x = (-sin_q8).mul_add(t1_87, t1_127);
-        let t1_128 = a_6x * p_mz_6;
-        let t1_129 = a_6z.mul_add(p_mx_6, t1_128);
-        let t1_130 = t1_126 + t1_129;
-        let t1_131 = al_6x * p_ixz_7;
-        let t1_132 = al_6z.mul_add(p_iyz_7, t1_131);
-        let t1_133 = al_6y.mul_add(p_izz_7, t1_132);
-        let t1_134 = p_ixx_7 - p_iyy_7;
-        let t1_135 = t1_53 * t1_134;
-        let t1_136 = (-t1_122).mul_add(p_ixy_7, t1_135);
-        let t1_137 = t1_54.mul_add(p_iyz_7, -t1_136);
-        let t1_138 = t1_55.mul_add(p_ixz_7, -t1_137);
-        let t1_139 = t1_133 - t1_138;
-        let t1_140 = a_7y * p_mx_7;
-        let t1_141 = al_6z + t1_54;
-        let t1_142 = q9.mul_add(t1_141, a_6x);
-        let t1_143 = d_q9 * w_6z;
-        let a_7x = like.lift(2.0).mul_add(t1_143, t1_142);
-        let t1_144 = a_7x.mul_add(p_my_7, t1_140);
-        let t1_145 = t1_139 - t1_144;
-        let t1_146 = t1_130 - t1_145;
-        let t1_147 = cos_q8.mul_add(t1_146, t1_116);
-        let t1_148 = t1_58 + t1_59;
-        let t1_149 = t1_148 * p_mx_6;
-        let t1_150 = t1_141.mul_add(p_my_6, t1_149);
-        let t1_151 = al_6y - t1_53;
-        let t1_152 = t1_151.mul_add(p_mz_6, t1_150);
-        let t1_153 = a_6x.mul_add(p_m_6, -t1_152);
-        let t1_154 = t1_148 * p_mx_7;
-        let t1_155 = t1_151.mul_add(p_my_7, t1_154);
-        let t1_156 = (-t1_141).mul_add(p_mz_7, t1_155);
-        let t1_157 = a_7x.mul_add(p_m_7, -t1_156);
-        let t1_158 = t1_153 + t1_157;
-        let t1_159 = cos_q8 * t1_158;
-        let t1_160 = al_6z - t1_54;
-        let t1_161 = t1_160 * p_mx_6;
-        let t1_162 = (-t1_100).mul_add(p_my_6, t1_161);
-        let t1_163 = al_6x + t1_55;
-        let t1_164 = (-t1_163).mul_add(p_mz_6, t1_162);
-        let t1_165 = a_6y.mul_add(p_m_6, -t1_164);
-        let t1_166 = t1_160 * p_mx_7;
-        let t1_167 = (-t1_163).mul_add(p_my_7, t1_166);
-        let t1_168 = t1_100.mul_add(p_mz_7, t1_167);
-        let t1_169 = a_7z.mul_add(p_m_7, -t1_168);
-        let t1_170 = t1_165 + t1_169;
-        let t1_171 = sin_q8.mul_add(t1_170, t1_159);
-        let t1_172 = like.lift(0.8660254037844386) * t1_171;
-        let t1_173 = t1_108 * p_mx_6;
-        let t1_174 = t1_103.mul_add(p_my_6, t1_173);
-        let t1_175 = (-t1_110).mul_add(p_mz_6, t1_174);
-        let t1_176 = a_6z.mul_add(p_m_6, -t1_175);
-        let t1_177 = t1_176 + t1_113;
-        let t1_178 = like.lift(-0.5).mul_add(t1_177, t1_172);
-        let t1_179 = like.lift(0.13172246391561312) * t1_178;
-        let t1_180 = like.lift(0.5) * t1_171;
-        let t1_181 = like.lift(0.8660254037844386).mul_add(t1_177, t1_180);
-        let t1_182 = like.lift(-0.22815).mul_add(t1_181, t1_179);
-        let t1_183 = t1_147 - t1_182;
-        let t1_184 = t1_31 + t1_183;
+        let al_6z = dd_q8 - t1_52;
+        let t1_53 = al_6z.mul_add(p_ixz_6, t1_49);
+        let t1_54 = like.lift(0.8660254037844386) * d_shoulder;
+        let t1_55 = like.lift(0.5) * w_boomy;
+        let t1_56 = t1_54 + t1_55;
+        let w_6z = d_q8 - t1_56;
+        let t1_57 = w_6x * w_6z;
+        let t1_58 = w_6x * w_6y;
+        let t1_59 = w_6y * w_6z;
+        let t1_60 = p_iyy_6 - p_izz_6;
+        let t1_61 = t1_59 * t1_60;
+        let t1_62 = w_6y * w_6y;
+        let t1_63 = w_6z * w_6z;
+        let t1_64 = t1_62 - t1_63;
+        let t1_65 = t1_64.mul_add(p_iyz_6, t1_61);
+        let t1_66 = t1_58.mul_add(p_ixz_6, -t1_65);
+        let t1_67 = t1_57.mul_add(p_ixy_6, t1_66);
+        let t1_68 = t1_53 - t1_67;
+        let t1_69 = like.lift(0.13172246391561312) * t1_17;
+        let t1_70 = t1_1 + al_boomx;
+        let t1_71 = like.lift(0.22815) * t1_70;
+        let t1_72 = t1_69 + t1_71;
+        let t1_73 = a_basex + t1_72;
+        let t1_74 = like.lift(0.8660254037844386) * t1_73;
+        let t1_75 = like.lift(0.13172246391561312) * w_ixz_boom_shoulder;
+        let t1_76 = w_boomx * w_boomx;
+        let t1_77 = t1_76 + t1_9;
+        let t1_78 = like.lift(0.22815) * t1_77;
+        let t1_79 = t1_75 - t1_78;
+        let t1_80 = a_basey - t1_79;
+        let a_6z = like.lift(-0.5).mul_add(t1_80, t1_74);
+        let t1_81 = a_6z * p_my_6;
+        let t1_82 = like.lift(0.5) * t1_73;
+        let t1_83 = like.lift(0.8660254037844386).mul_add(t1_80, t1_82);
+        let t1_84 = sin_q8 * t1_83;
+        let t1_85 = cos_shoulder * t1_17;
+        let t1_86 = like.lift(0.35) * t1_85;
+        let a_boomx = like.lift(-9.81).mul_add(sin_shoulder, t1_86);
+        let t1_87 = t1_8 + t1_9;
+        let a_basez = like.lift(1.25).mul_add(t1_87, a_boomx);
+        let t1_88 = like.lift(0.13172246391561312) * w_iyz_boom_shoulder;
+        let t1_89 = dd_shoulder - w_ixx_boom_shoulder;
+        let t1_90 = like.lift(0.22815) * t1_89;
+        let t1_91 = t1_88 + t1_90;
+        let t1_92 = a_basez - t1_91;
+        let a_6y = cos_q8.mul_add(t1_92, t1_84);
+        let t1_93 = (-a_6y).mul_add(p_mz_6, t1_81);
+        let t1_94 = t1_68 + t1_93;
+        let t1_95 = al_6x * p_ixx_7;
+        let t1_96 = al_6z.mul_add(p_ixy_7, t1_95);
+        let t1_97 = al_6y.mul_add(p_ixz_7, t1_96);
+        let t1_98 = p_iyy_7 - p_izz_7;
+        let t1_99 = t1_59 * t1_98;
+        let t1_100 = t1_64.mul_add(p_iyz_7, t1_99);
+        let t1_101 = t1_57.mul_add(p_ixz_7, -t1_100);
+        let t1_102 = t1_58.mul_add(p_ixy_7, -t1_101);
+        let t1_103 = t1_97 - t1_102;
+        let t1_104 = w_6x * w_6x;
+        let t1_105 = t1_104 + t1_63;
+        let t1_106 = q9.mul_add(t1_105, a_6y);
+        let a_7z = dd_q9 - t1_106;
+        let t1_107 = a_7z * p_my_7;
+        let t1_108 = al_6x - t1_59;
+        let t1_109 = (-q9).mul_add(t1_108, a_6z);
+        let t1_110 = d_q9 * w_6x;
+        let a_7y = like.lift(-2.0).mul_add(t1_110, t1_109);
+        let t1_111 = (-a_7y).mul_add(p_mz_7, t1_107);
+        let t1_112 = t1_103 + t1_111;
+        let t1_113 = al_6y + t1_57;
+        let t1_114 = t1_113 * p_mx_7;
+        let t1_115 = t1_104 + t1_62;
+        let t1_116 = (-t1_115).mul_add(p_my_7, t1_114);
+        let t1_117 = (-t1_108).mul_add(p_mz_7, t1_116);
+        let t1_118 = a_7y.mul_add(p_m_7, t1_117);
+        let t1_119 = (-q9).mul_add(t1_118, t1_112);
+        let t1_120 = t1_94 + t1_119;
+        let t1_121 = sin_q8 * t1_120;
+        let t1_122 = al_6x * p_ixy_6;
+        let t1_123 = (-al_6y).mul_add(p_iyy_6, t1_122);
+        let t1_124 = al_6z.mul_add(p_iyz_6, t1_123);
+        let t1_125 = p_ixx_6 - p_izz_6;
+        let t1_126 = t1_57 * t1_125;
+        let t1_127 = t1_104 - t1_63;
+        let t1_128 = (-t1_127).mul_add(p_ixz_6, t1_126);
+        let t1_129 = t1_59.mul_add(p_ixy_6, -t1_128);
+        let t1_130 = t1_58.mul_add(p_iyz_6, -t1_129);
+        let t1_131 = t1_124 + t1_130;
+        let t1_132 = cos_q8 * t1_83;
+        let a_6x = (-sin_q8).mul_add(t1_92, t1_132);
+        let t1_133 = a_6x * p_mz_6;
+        let t1_134 = a_6z.mul_add(p_mx_6, t1_133);
+        let t1_135 = t1_131 - t1_134;
+        let t1_136 = al_6x * p_ixz_7;
+        let t1_137 = al_6z.mul_add(p_iyz_7, t1_136);
+        let t1_138 = al_6y.mul_add(p_izz_7, t1_137);
+        let t1_139 = p_ixx_7 - p_iyy_7;
+        let t1_140 = t1_57 * t1_139;
+        let t1_141 = (-t1_127).mul_add(p_ixy_7, t1_140);
+        let t1_142 = t1_58.mul_add(p_iyz_7, -t1_141);
+        let t1_143 = t1_59.mul_add(p_ixz_7, -t1_142);
+        let t1_144 = t1_138 - t1_143;
+        let t1_145 = a_7y * p_mx_7;
+        let t1_146 = al_6z + t1_58;
+        let t1_147 = (-q9).mul_add(t1_146, a_6x);
+        let t1_148 = d_q9 * w_6z;
+        let a_7x = like.lift(-2.0).mul_add(t1_148, t1_147);
+        let t1_149 = a_7x.mul_add(p_my_7, t1_145);
+        let t1_150 = t1_144 + t1_149;
+        let t1_151 = t1_135 - t1_150;
+        let t1_152 = cos_q8.mul_add(t1_151, t1_121);
+        let t1_153 = t1_62 + t1_63;
+        let t1_154 = t1_153 * p_mx_6;
+        let t1_155 = t1_146.mul_add(p_my_6, t1_154);
+        let t1_156 = al_6y - t1_57;
+        let t1_157 = t1_156.mul_add(p_mz_6, t1_155);
+        let t1_158 = a_6x.mul_add(p_m_6, t1_157);
+        let t1_159 = t1_153 * p_mx_7;
+        let t1_160 = t1_156.mul_add(p_my_7, t1_159);
+        let t1_161 = (-t1_146).mul_add(p_mz_7, t1_160);
+        let t1_162 = a_7x.mul_add(p_m_7, t1_161);
+        let t1_163 = t1_158 + t1_162;
+        let t1_164 = cos_q8 * t1_163;
+        let t1_165 = al_6z - t1_58;
+        let t1_166 = t1_165 * p_mx_6;
+        let t1_167 = (-t1_105).mul_add(p_my_6, t1_166);
+        let t1_168 = al_6x + t1_59;
+        let t1_169 = (-t1_168).mul_add(p_mz_6, t1_167);
+        let t1_170 = a_6y.mul_add(p_m_6, t1_169);
+        let t1_171 = t1_165 * p_mx_7;
+        let t1_172 = (-t1_168).mul_add(p_my_7, t1_171);
+        let t1_173 = t1_105.mul_add(p_mz_7, t1_172);
+        let t1_174 = a_7z.mul_add(p_m_7, -t1_173);
+        let t1_175 = t1_170 - t1_174;
+        let t1_176 = sin_q8.mul_add(t1_175, t1_164);
+        let t1_177 = like.lift(0.8660254037844386) * t1_176;
+        let t1_178 = t1_113 * p_mx_6;
+        let t1_179 = t1_108.mul_add(p_my_6, t1_178);
+        let t1_180 = (-t1_115).mul_add(p_mz_6, t1_179);
+        let t1_181 = a_6z.mul_add(p_m_6, t1_180);
+        let t1_182 = t1_181 + t1_118;
+        let t1_183 = like.lift(-0.5).mul_add(t1_182, t1_177);
+        let t1_184 = like.lift(0.13172246391561312) * t1_183;
+        let t1_185 = like.lift(0.5) * t1_176;
+        let t1_186 = like.lift(0.8660254037844386).mul_add(t1_182, t1_185);
+        let t1_187 = like.lift(-0.22815).mul_add(t1_186, t1_184);
+        let t1_188 = t1_152 + t1_187;
+        let t1_189 = t1_35 + t1_188;
         let (sin_q6, cos_q6) = q6.sin_cos();
-        let t1_185 = t1_32 + t1_33;
-        let t1_186 = cos_q6 * t1_185;
-        let t1_187 = (-sin_q6).mul_add(al_boomx, t1_186);
-        let t1_188 = t1_37 + t1_38;
-        let t1_189 = sin_q6 * t1_188;
-        let w_4y = cos_q6.mul_add(w_boomx, t1_189);
-        let al_4x = (-d_q6).mul_add(w_4y, t1_187);
-        let t1_190 = al_4x * p_ixx_4;
-        let t1_191 = sin_q6 * t1_185;
-        let t1_192 = cos_q6.mul_add(al_boomx, t1_191);
-        let t1_193 = cos_q6 * t1_188;
-        let w_4x = (-sin_q6).mul_add(w_boomx, t1_193);
-        let al_4y = d_q6.mul_add(w_4x, t1_192);
-        let t1_194 = (-al_4y).mul_add(p_ixy_4, t1_190);
-        let t1_195 = t1_46 - t1_47;
-        let al_4z = dd_q6 + t1_195;
-        let t1_196 = al_4z.mul_add(p_ixz_4, t1_194);
-        let t1_197 = t1_50 - t1_51;
-        let w_4z = d_q6 + t1_197;
-        let t1_198 = w_4x * w_4z;
-        let t1_199 = w_4x * w_4y;
-        let t1_200 = w_4y * w_4z;
-        let t1_201 = p_iyy_4 - p_izz_4;
-        let t1_202 = t1_200 * t1_201;
-        let t1_203 = w_4y * w_4y;
-        let t1_204 = w_4z * w_4z;
-        let t1_205 = t1_203 - t1_204;
-        let t1_206 = t1_205.mul_add(p_iyz_4, t1_202);
-        let t1_207 = t1_199.mul_add(p_ixz_4, -t1_206);
-        let t1_208 = t1_198.mul_add(p_ixy_4, t1_207);
-        let t1_209 = t1_196 - t1_208;
-        let t1_210 = t1_66 - t1_68;
-        let t1_211 = a_basex - t1_210;
-        let t1_212 = like.lift(0.8660254037844386) * t1_211;
-        let t1_213 = t1_72 + t1_75;
-        let t1_214 = a_basey - t1_213;
-        let a_4z = like.lift(-0.5).mul_add(t1_214, t1_212);
-        let t1_215 = a_4z * p_my_4;
-        let t1_216 = like.lift(0.5) * t1_211;
+        let t1_190 = t1_36 + t1_37;
+        let t1_191 = cos_q6 * t1_190;
+        let t1_192 = (-sin_q6).mul_add(al_boomx, t1_191);
+        let t1_193 = t1_41 + t1_42;
+        let t1_194 = sin_q6 * t1_193;
+        let w_4y = cos_q6.mul_add(w_boomx, t1_194);
+        let al_4x = (-d_q6).mul_add(w_4y, t1_192);
+        let t1_195 = al_4x * p_ixx_4;
+        let t1_196 = sin_q6 * t1_190;
+        let t1_197 = cos_q6.mul_add(al_boomx, t1_196);
+        let t1_198 = cos_q6 * t1_193;
+        let w_4x = (-sin_q6).mul_add(w_boomx, t1_198);
+        let al_4y = d_q6.mul_add(w_4x, t1_197);
+        let t1_199 = (-al_4y).mul_add(p_ixy_4, t1_195);
+        let t1_200 = t1_50 - t1_51;
+        let al_4z = dd_q6 + t1_200;
+        let t1_201 = al_4z.mul_add(p_ixz_4, t1_199);
+        let t1_202 = t1_54 - t1_55;
+        let w_4z = d_q6 + t1_202;
+        let t1_203 = w_4x * w_4z;
+        let t1_204 = w_4x * w_4y;
+        let t1_205 = w_4y * w_4z;
+        let t1_206 = p_iyy_4 - p_izz_4;
+        let t1_207 = t1_205 * t1_206;
+        let t1_208 = w_4y * w_4y;
+        let t1_209 = w_4z * w_4z;
+        let t1_210 = t1_208 - t1_209;
+        let t1_211 = t1_210.mul_add(p_iyz_4, t1_207);
+        let t1_212 = t1_204.mul_add(p_ixz_4, -t1_211);
+        let t1_213 = t1_203.mul_add(p_ixy_4, t1_212);
+        let t1_214 = t1_201 - t1_213;
+        let t1_215 = t1_69 - t1_71;
+        let t1_216 = a_basex + t1_215;
         [
             sin_shoulder, cos_shoulder, w_ixz_boom_shoulder, w_boomy, t1_1, al_boomx,
             w_iyz_boom_shoulder, w_boomx, t1_3, al_boomy, w_ixx_boom_shoulder, t1_8, t1_9,
-            t1_16, t1_26, a_basey, t1_28, sin_q8, cos_q8, al_6x, al_6y, al_6z, t1_53, t1_54,
-            t1_55, t1_58, a_basex, t1_65, t1_67, t1_73, t1_74, a_basez, t1_83, t1_85, a_6y,
-            t1_99, a_7z, t1_115, a_6x, a_7x, t1_146, t1_157, t1_158, t1_169, t1_170, t1_178,
-            t1_181, t1_184, sin_q6, cos_q6, al_4x, w_4x, al_4y, al_4z, w_4z, t1_198, t1_199,
-            t1_200, t1_203, t1_204, t1_205, t1_209, t1_214, a_4z, t1_215, t1_216,
+            t1_17, a_boomy, t1_21, t1_31, a_basey, t1_33, a_basex, sin_q8, cos_q8, al_6x,
+            al_6y, al_6z, t1_57, t1_58, t1_59, t1_62, t1_70, t1_75, t1_76, t1_77, t1_78,
+            a_boomx, a_basez, t1_88, t1_90, a_6y, t1_104, a_7z, t1_120, a_6x, a_7x, t1_151,
+            t1_162, t1_163, t1_174, t1_175, t1_183, t1_186, t1_189, sin_q6, cos_q6, al_4x,
+            w_4x, al_4y, al_4z, w_4z, t1_203, t1_204, t1_205, t1_208, t1_209, t1_210, t1_214,
+            t1_216,
         ]
     };
     // tau, part 2
     let [
-        a_4y, t2_16, a_5z, t2_32, a_4x, a_5x, t2_63, t2_74, t2_75, t2_86, t2_87, t2_95, t2_98,
-        t2_101, sin_q1, cos_q1, al_1x, al_1y, al_1z, t2_111, t2_112, t2_113, t2_116, t2_117,
-        a_1z, a_1y, t2_128, t2_138, t2_139, a_2z, t2_142, a_2y, t2_146, sin_s1_1, cos_s1_1,
-        sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, al_3x, al_3y, al_3z, t2_168, t2_169, t2_170,
-        t2_173, t2_174, a_1x, t2_182, a_2x, a_s1_2x, a_3z, t2_191, t2_192, t2_198, t2_203,
-        a_3y, t2_205,
+        a_4y, t2_21, a_5z, t2_37, a_4x, a_5x, t2_68, t2_79, t2_80, t2_91, t2_92, t2_100,
+        t2_103, t2_106, sin_q1, cos_q1, al_1x, al_1y, al_1z, t2_116, t2_117, t2_118, t2_121,
+        t2_122, a_1z, a_1y, t2_133, t2_143, t2_144, a_2z, t2_147, a_2y, t2_151, sin_s1_1,
+        cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, al_3x, al_3y, al_3z, t2_173, t2_174,
+        t2_175, t2_178, t2_179, a_1x, t2_187, a_2x, a_s1_2x, a_s1_1y, a_s1_2z, a_3z, t2_196,
+        t2_197, t2_200, t2_203, t2_205,
     ] = {
-        let t2_1 = like.lift(0.8660254037844386).mul_add(t1_214, t1_216);
-        let t2_2 = sin_q6 * t2_1;
-        let t2_3 = t1_83 - t1_85;
-        let t2_4 = a_basez + t2_3;
-        let a_4y = cos_q6.mul_add(t2_4, t2_2);
-        let t2_5 = a_4y.mul_add(p_mz_4, t1_215);
-        let t2_6 = t1_209 + t2_5;
-        let t2_7 = al_4x * p_ixx_5;
-        let t2_8 = al_4z.mul_add(p_ixy_5, t2_7);
-        let t2_9 = al_4y.mul_add(p_ixz_5, t2_8);
-        let t2_10 = p_iyy_5 - p_izz_5;
-        let t2_11 = t1_200 * t2_10;
-        let t2_12 = t1_205.mul_add(p_iyz_5, t2_11);
-        let t2_13 = t1_198.mul_add(p_ixz_5, -t2_12);
-        let t2_14 = t1_199.mul_add(p_ixy_5, -t2_13);
-        let t2_15 = t2_9 - t2_14;
-        let t2_16 = w_4x * w_4x;
-        let t2_17 = t2_16 + t1_204;
-        let t2_18 = (-q7).mul_add(t2_17, a_4y);
-        let a_5z = dd_q7 + t2_18;
-        let t2_19 = a_5z * p_my_5;
-        let t2_20 = al_4x - t1_200;
-        let t2_21 = (-q7).mul_add(t2_20, a_4z);
-        let t2_22 = d_q7 * w_4x;
-        let a_5y = like.lift(-2.0).mul_add(t2_22, t2_21);
-        let t2_23 = (-a_5y).mul_add(p_mz_5, t2_19);
-        let t2_24 = t2_15 + t2_23;
-        let t2_25 = al_4y + t1_198;
-        let t2_26 = t2_25 * p_mx_5;
-        let t2_27 = t2_16 + t1_203;
-        let t2_28 = (-t2_27).mul_add(p_my_5, t2_26);
-        let t2_29 = (-t2_20).mul_add(p_mz_5, t2_28);
-        let t2_30 = a_5y.mul_add(p_m_5, t2_29);
-        let t2_31 = (-q7).mul_add(t2_30, t2_24);
-        let t2_32 = t2_6 + t2_31;
-        let t2_33 = sin_q6 * t2_32;
-        let t2_34 = al_4x * p_ixy_4;
-        let t2_35 = (-al_4y).mul_add(p_iyy_4, t2_34);
-        let t2_36 = al_4z.mul_add(p_iyz_4, t2_35);
-        let t2_37 = p_ixx_4 - p_izz_4;
-        let t2_38 = t1_198 * t2_37;
-        let t2_39 = t2_16 - t1_204;
-        let t2_40 = (-t2_39).mul_add(p_ixz_4, t2_38);
-        let t2_41 = t1_200.mul_add(p_ixy_4, -t2_40);
-        let t2_42 = t1_199.mul_add(p_iyz_4, -t2_41);
-        let t2_43 = t2_36 + t2_42;
-        let t2_44 = cos_q6 * t2_1;
-        let a_4x = (-sin_q6).mul_add(t2_4, t2_44);
-        let t2_45 = a_4x * p_mz_4;
-        let t2_46 = (-a_4z).mul_add(p_mx_4, t2_45);
-        let t2_47 = t2_43 + t2_46;
-        let t2_48 = al_4x * p_ixz_5;
-        let t2_49 = al_4z.mul_add(p_iyz_5, t2_48);
-        let t2_50 = al_4y.mul_add(p_izz_5, t2_49);
-        let t2_51 = p_ixx_5 - p_iyy_5;
-        let t2_52 = t1_198 * t2_51;
-        let t2_53 = (-t2_39).mul_add(p_ixy_5, t2_52);
-        let t2_54 = t1_199.mul_add(p_iyz_5, -t2_53);
-        let t2_55 = t1_200.mul_add(p_ixz_5, -t2_54);
-        let t2_56 = t2_50 - t2_55;
-        let t2_57 = a_5y * p_mx_5;
-        let t2_58 = al_4z + t1_199;
-        let t2_59 = q7.mul_add(t2_58, a_4x);
-        let t2_60 = d_q7 * w_4z;
-        let a_5x = like.lift(2.0).mul_add(t2_60, t2_59);
-        let t2_61 = (-a_5x).mul_add(p_my_5, t2_57);
-        let t2_62 = t2_56 + t2_61;
-        let t2_63 = t2_47 - t2_62;
-        let t2_64 = cos_q6.mul_add(t2_63, t2_33);
-        let t2_65 = t1_203 + t1_204;
-        let t2_66 = t2_65 * p_mx_4;
-        let t2_67 = t2_58.mul_add(p_my_4, t2_66);
-        let t2_68 = al_4y - t1_198;
-        let t2_69 = t2_68.mul_add(p_mz_4, t2_67);
-        let t2_70 = a_4x.mul_add(p_m_4, -t2_69);
-        let t2_71 = t2_65 * p_mx_5;
-        let t2_72 = t2_68.mul_add(p_my_5, t2_71);
-        let t2_73 = (-t2_58).mul_add(p_mz_5, t2_72);
-        let t2_74 = a_5x.mul_add(p_m_5, -t2_73);
-        let t2_75 = t2_70 + t2_74;
-        let t2_76 = cos_q6 * t2_75;
-        let t2_77 = al_4z - t1_199;
-        let t2_78 = t2_77 * p_mx_4;
-        let t2_79 = (-t2_17).mul_add(p_my_4, t2_78);
-        let t2_80 = al_4x + t1_200;
-        let t2_81 = (-t2_80).mul_add(p_mz_4, t2_79);
-        let t2_82 = a_4y.mul_add(p_m_4, -t2_81);
-        let t2_83 = t2_77 * p_mx_5;
-        let t2_84 = (-t2_80).mul_add(p_my_5, t2_83);
-        let t2_85 = t2_17.mul_add(p_mz_5, t2_84);
-        let t2_86 = a_5z.mul_add(p_m_5, -t2_85);
-        let t2_87 = t2_82 + t2_86;
-        let t2_88 = sin_q6.mul_add(t2_87, t2_76);
-        let t2_89 = like.lift(0.8660254037844386) * t2_88;
-        let t2_90 = t2_25 * p_mx_4;
-        let t2_91 = t2_20.mul_add(p_my_4, t2_90);
-        let t2_92 = (-t2_27).mul_add(p_mz_4, t2_91);
-        let t2_93 = a_4z.mul_add(p_m_4, t2_92);
-        let t2_94 = t2_93 + t2_30;
-        let t2_95 = like.lift(-0.5).mul_add(t2_94, t2_89);
-        let t2_96 = like.lift(0.13172246391561312) * t2_95;
-        let t2_97 = like.lift(0.5) * t2_88;
-        let t2_98 = like.lift(0.8660254037844386).mul_add(t2_94, t2_97);
-        let t2_99 = like.lift(-0.22815).mul_add(t2_98, t2_96);
-        let t2_100 = t2_64 + t2_99;
-        let t2_101 = t1_184 + t2_100;
+        let t2_1 = like.lift(0.8660254037844386) * t1_216;
+        let t2_2 = t1_75 + t1_78;
+        let t2_3 = a_basey - t2_2;
+        let a_4z = like.lift(0.5).mul_add(t2_3, t2_1);
+        let t2_4 = a_4z * p_my_4;
+        let t2_5 = like.lift(0.5) * t1_216;
+        let t2_6 = like.lift(-0.8660254037844386).mul_add(t2_3, t2_5);
+        let t2_7 = sin_q6 * t2_6;
+        let t2_8 = t1_88 - t1_90;
+        let t2_9 = a_basez - t2_8;
+        let a_4y = cos_q6.mul_add(t2_9, t2_7);
+        let t2_10 = a_4y.mul_add(p_mz_4, t2_4);
+        let t2_11 = t1_214 - t2_10;
+        let t2_12 = al_4x * p_ixx_5;
+        let t2_13 = al_4z.mul_add(p_ixy_5, t2_12);
+        let t2_14 = al_4y.mul_add(p_ixz_5, t2_13);
+        let t2_15 = p_iyy_5 - p_izz_5;
+        let t2_16 = t1_205 * t2_15;
+        let t2_17 = t1_210.mul_add(p_iyz_5, t2_16);
+        let t2_18 = t1_203.mul_add(p_ixz_5, -t2_17);
+        let t2_19 = t1_204.mul_add(p_ixy_5, -t2_18);
+        let t2_20 = t2_14 - t2_19;
+        let t2_21 = w_4x * w_4x;
+        let t2_22 = t2_21 + t1_209;
+        let t2_23 = q7.mul_add(t2_22, a_4y);
+        let a_5z = dd_q7 - t2_23;
+        let t2_24 = a_5z * p_my_5;
+        let t2_25 = al_4x - t1_205;
+        let t2_26 = q7.mul_add(t2_25, a_4z);
+        let t2_27 = d_q7 * w_4x;
+        let a_5y = like.lift(2.0).mul_add(t2_27, t2_26);
+        let t2_28 = a_5y.mul_add(p_mz_5, t2_24);
+        let t2_29 = t2_20 + t2_28;
+        let t2_30 = al_4y + t1_203;
+        let t2_31 = t2_30 * p_mx_5;
+        let t2_32 = t2_21 + t1_208;
+        let t2_33 = (-t2_32).mul_add(p_my_5, t2_31);
+        let t2_34 = (-t2_25).mul_add(p_mz_5, t2_33);
+        let t2_35 = a_5y.mul_add(p_m_5, -t2_34);
+        let t2_36 = q7.mul_add(t2_35, t2_29);
+        let t2_37 = t2_11 + t2_36;
+        let t2_38 = sin_q6 * t2_37;
+        let t2_39 = al_4x * p_ixy_4;
+        let t2_40 = (-al_4y).mul_add(p_iyy_4, t2_39);
+        let t2_41 = al_4z.mul_add(p_iyz_4, t2_40);
+        let t2_42 = p_ixx_4 - p_izz_4;
+        let t2_43 = t1_203 * t2_42;
+        let t2_44 = t2_21 - t1_209;
+        let t2_45 = (-t2_44).mul_add(p_ixz_4, t2_43);
+        let t2_46 = t1_205.mul_add(p_ixy_4, -t2_45);
+        let t2_47 = t1_204.mul_add(p_iyz_4, -t2_46);
+        let t2_48 = t2_41 + t2_47;
+        let t2_49 = cos_q6 * t2_6;
+        let a_4x = (-sin_q6).mul_add(t2_9, t2_49);
+        let t2_50 = a_4x * p_mz_4;
+        let t2_51 = (-a_4z).mul_add(p_mx_4, t2_50);
+        let t2_52 = t2_48 - t2_51;
+        let t2_53 = al_4x * p_ixz_5;
+        let t2_54 = al_4z.mul_add(p_iyz_5, t2_53);
+        let t2_55 = al_4y.mul_add(p_izz_5, t2_54);
+        let t2_56 = p_ixx_5 - p_iyy_5;
+        let t2_57 = t1_203 * t2_56;
+        let t2_58 = (-t2_44).mul_add(p_ixy_5, t2_57);
+        let t2_59 = t1_204.mul_add(p_iyz_5, -t2_58);
+        let t2_60 = t1_205.mul_add(p_ixz_5, -t2_59);
+        let t2_61 = t2_55 - t2_60;
+        let t2_62 = a_5y * p_mx_5;
+        let t2_63 = al_4z + t1_204;
+        let t2_64 = (-q7).mul_add(t2_63, a_4x);
+        let t2_65 = d_q7 * w_4z;
+        let a_5x = like.lift(-2.0).mul_add(t2_65, t2_64);
+        let t2_66 = (-a_5x).mul_add(p_my_5, t2_62);
+        let t2_67 = t2_61 - t2_66;
+        let t2_68 = t2_52 - t2_67;
+        let t2_69 = cos_q6.mul_add(t2_68, t2_38);
+        let t2_70 = t1_208 + t1_209;
+        let t2_71 = t2_70 * p_mx_4;
+        let t2_72 = t2_63.mul_add(p_my_4, t2_71);
+        let t2_73 = al_4y - t1_203;
+        let t2_74 = t2_73.mul_add(p_mz_4, t2_72);
+        let t2_75 = a_4x.mul_add(p_m_4, t2_74);
+        let t2_76 = t2_70 * p_mx_5;
+        let t2_77 = t2_73.mul_add(p_my_5, t2_76);
+        let t2_78 = (-t2_63).mul_add(p_mz_5, t2_77);
+        let t2_79 = a_5x.mul_add(p_m_5, t2_78);
+        let t2_80 = t2_75 + t2_79;
+        let t2_81 = cos_q6 * t2_80;
+        let t2_82 = al_4z - t1_204;
+        let t2_83 = t2_82 * p_mx_4;
+        let t2_84 = (-t2_22).mul_add(p_my_4, t2_83);
+        let t2_85 = al_4x + t1_205;
+        let t2_86 = (-t2_85).mul_add(p_mz_4, t2_84);
+        let t2_87 = a_4y.mul_add(p_m_4, t2_86);
+        let t2_88 = t2_82 * p_mx_5;
+        let t2_89 = (-t2_85).mul_add(p_my_5, t2_88);
+        let t2_90 = t2_22.mul_add(p_mz_5, t2_89);
+        let t2_91 = a_5z.mul_add(p_m_5, -t2_90);
+        let t2_92 = t2_87 - t2_91;
+        let t2_93 = sin_q6.mul_add(t2_92, t2_81);
+        let t2_94 = like.lift(0.8660254037844386) * t2_93;
+        let t2_95 = t2_30 * p_mx_4;
+        let t2_96 = t2_25.mul_add(p_my_4, t2_95);
+        let t2_97 = (-t2_32).mul_add(p_mz_4, t2_96);
+        let t2_98 = a_4z.mul_add(p_m_4, -t2_97);
+        let t2_99 = t2_98 + t2_35;
+        let t2_100 = like.lift(-0.5).mul_add(t2_99, t2_94);
+        let t2_101 = like.lift(0.13172246391561312) * t2_100;
+        let t2_102 = like.lift(0.5) * t2_93;
+        let t2_103 = like.lift(0.8660254037844386).mul_add(t2_99, t2_102);
+        let t2_104 = like.lift(-0.22815).mul_add(t2_103, t2_101);
+        let t2_105 = t2_69 - t2_104;
+        let t2_106 = t1_189 + t2_105;
         let (sin_q1, cos_q1) = q1.sin_cos();
-        let t2_102 = cos_q1 * dd_shoulder;
-        let t2_103 = sin_q1.mul_add(al_boomx, t2_102);
-        let t2_104 = sin_q1 * d_shoulder;
-        let w_1y = (-cos_q1).mul_add(w_boomx, t2_104);
-        let al_1x = (-d_q1).mul_add(w_1y, t2_103);
-        let t2_105 = al_1x * p_ixx_1;
-        let t2_106 = sin_q1 * dd_shoulder;
-        let t2_107 = (-cos_q1).mul_add(al_boomx, t2_106);
-        let t2_108 = cos_q1 * d_shoulder;
-        let w_1x = sin_q1.mul_add(w_boomx, t2_108);
-        let al_1y = d_q1.mul_add(w_1x, t2_107);
-        let t2_109 = (-al_1y).mul_add(p_ixy_1, t2_105);
+        let t2_107 = cos_q1 * dd_shoulder;
+        let t2_108 = sin_q1.mul_add(al_boomx, t2_107);
+        let t2_109 = sin_q1 * d_shoulder;
+        let w_1y = (-cos_q1).mul_add(w_boomx, t2_109);
+        let al_1x = (-d_q1).mul_add(w_1y, t2_108);
+        let t2_110 = al_1x * p_ixx_1;
+        let t2_111 = sin_q1 * dd_shoulder;
+        let t2_112 = (-cos_q1).mul_add(al_boomx, t2_111);
+        let t2_113 = cos_q1 * d_shoulder;
+        let w_1x = sin_q1.mul_add(w_boomx, t2_113);
+        let al_1y = d_q1.mul_add(w_1x, t2_112);
+        let t2_114 = (-al_1y).mul_add(p_ixy_1, t2_110);
         let al_1z = dd_q1 + al_boomy;
-        let t2_110 = (-al_1z).mul_add(p_ixz_1, t2_109);
+        let t2_115 = (-al_1z).mul_add(p_ixz_1, t2_114);
         let w_1z = d_q1 + w_boomy;
-        let t2_111 = w_1x * w_1z;
-        let t2_112 = w_1x * w_1y;
-        let t2_113 = w_1y * w_1z;
-        let t2_114 = p_iyy_1 - p_izz_1;
-        let t2_115 = t2_113 * t2_114;
-        let t2_116 = w_1y * w_1y;
-        let t2_117 = w_1z * w_1z;
-        let t2_118 = t2_116 - t2_117;
-        let t2_119 = (-t2_118).mul_add(p_iyz_1, t2_115);
-        let t2_120 = t2_112.mul_add(p_ixz_1, t2_119);
-        let t2_121 = t2_111.mul_add(p_ixy_1, -t2_120);
-        let t2_122 = t2_110 - t2_121;
+        let t2_116 = w_1x * w_1z;
+        let t2_117 = w_1x * w_1y;
+        let t2_118 = w_1y * w_1z;
+        let t2_119 = p_iyy_1 - p_izz_1;
+        let t2_120 = t2_118 * t2_119;
+        let t2_121 = w_1y * w_1y;
+        let t2_122 = w_1z * w_1z;
+        let t2_123 = t2_121 - t2_122;
+        let t2_124 = (-t2_123).mul_add(p_iyz_1, t2_120);
+        let t2_125 = t2_117.mul_add(p_ixz_1, t2_124);
+        let t2_126 = t2_116.mul_add(p_ixy_1, -t2_125);
+        let t2_127 = t2_115 - t2_126;
         let a_1z = like.lift(0.26344492783122625).mul_add(w_ixz_boom_shoulder, a_basey);
-        let t2_123 = a_1z * p_my_1;
-        let t2_124 = like.lift(0.26344492783122625).mul_add(t1_65, a_basex);
-        let t2_125 = sin_q1 * t2_124;
-        let t2_126 = like.lift(-0.26344492783122625).mul_add(w_iyz_boom_shoulder, a_basez);
-        let a_1y = (-cos_q1).mul_add(t2_126, t2_125);
-        let t2_127 = (-a_1y).mul_add(p_mz_1, t2_123);
-        let t2_128 = t2_122 - t2_127;
-        let t2_129 = al_1x * p_ixx_2;
-        let t2_130 = (-al_1z).mul_add(p_ixy_2, t2_129);
-        let t2_131 = al_1y.mul_add(p_ixz_2, t2_130);
-        let t2_132 = p_iyy_2 - p_izz_2;
-        let t2_133 = t2_113 * t2_132;
-        let t2_134 = (-t2_118).mul_add(p_iyz_2, t2_133);
-        let t2_135 = t2_111.mul_add(p_ixz_2, -t2_134);
-        let t2_136 = t2_112.mul_add(p_ixy_2, t2_135);
-        let t2_137 = t2_131 + t2_136;
-        let t2_138 = w_1x * w_1x;
-        let t2_139 = t2_138 + t2_117;
-        let t2_140 = q2.mul_add(t2_139, a_1y);
-        let a_2z = dd_q2 - t2_140;
-        let t2_141 = a_2z * p_my_2;
-        let t2_142 = al_1x - t2_113;
-        let t2_143 = q2.mul_add(t2_142, a_1z);
-        let t2_144 = d_q2 * w_1x;
-        let a_2y = like.lift(2.0).mul_add(t2_144, t2_143);
-        let t2_145 = (-a_2y).mul_add(p_mz_2, t2_141);
-        let t2_146 = t2_137 - t2_145;
+        let t2_128 = a_1z * p_my_1;
+        let t2_129 = like.lift(-0.26344492783122625).mul_add(t1_17, a_basex);
+        let t2_130 = sin_q1 * t2_129;
+        let t2_131 = like.lift(0.26344492783122625).mul_add(w_iyz_boom_shoulder, a_basez);
+        let a_1y = (-cos_q1).mul_add(t2_131, t2_130);
+        let t2_132 = a_1y.mul_add(p_mz_1, t2_128);
+        let t2_133 = t2_127 - t2_132;
+        let t2_134 = al_1x * p_ixx_2;
+        let t2_135 = (-al_1z).mul_add(p_ixy_2, t2_134);
+        let t2_136 = al_1y.mul_add(p_ixz_2, t2_135);
+        let t2_137 = p_iyy_2 - p_izz_2;
+        let t2_138 = t2_118 * t2_137;
+        let t2_139 = (-t2_123).mul_add(p_iyz_2, t2_138);
+        let t2_140 = t2_116.mul_add(p_ixz_2, -t2_139);
+        let t2_141 = t2_117.mul_add(p_ixy_2, t2_140);
+        let t2_142 = t2_136 + t2_141;
+        let t2_143 = w_1x * w_1x;
+        let t2_144 = t2_143 + t2_122;
+        let t2_145 = (-q2).mul_add(t2_144, a_1y);
+        let a_2z = dd_q2 + t2_145;
+        let t2_146 = a_2z * p_my_2;
+        let t2_147 = al_1x - t2_118;
+        let t2_148 = q2.mul_add(t2_147, a_1z);
+        let t2_149 = d_q2 * w_1x;
+        let a_2y = like.lift(2.0).mul_add(t2_149, t2_148);
+        let t2_150 = (-a_2y).mul_add(p_mz_2, t2_146);
+        let t2_151 = t2_142 - t2_150;
         let (sin_s1_1, cos_s1_1) = s1_1.sin_cos();
         let (sin_s1_2, cos_s1_2) = s1_2.sin_cos();
         let (sin_s1_3, cos_s1_3) = s1_3.sin_cos();
         let al_s1_1z = dd_s1_1 - al_1y;
-        let t2_147 = sin_s1_2 * al_s1_1z;
-        let t2_148 = cos_s1_1 * al_1x;
-        let t2_149 = (-sin_s1_1).mul_add(al_1z, t2_148);
-        let t2_150 = sin_s1_1 * w_1x;
-        let w_s1_1y = cos_s1_1.mul_add(w_1z, t2_150);
-        let al_s1_1x = (-d_s1_1).mul_add(w_s1_1y, t2_149);
-        let t2_151 = cos_s1_2.mul_add(al_s1_1x, t2_147);
+        let t2_152 = sin_s1_2 * al_s1_1z;
+        let t2_153 = cos_s1_1 * al_1x;
+        let t2_154 = (-sin_s1_1).mul_add(al_1z, t2_153);
+        let t2_155 = sin_s1_1 * w_1x;
+        let w_s1_1y = cos_s1_1.mul_add(w_1z, t2_155);
+        let al_s1_1x = (-d_s1_1).mul_add(w_s1_1y, t2_154);
+        let t2_156 = cos_s1_2.mul_add(al_s1_1x, t2_152);
         let w_s1_1z = d_s1_1 - w_1y;
-        let t2_152 = cos_s1_2 * w_s1_1z;
-        let t2_153 = cos_s1_1 * w_1x;
-        let w_s1_1x = (-sin_s1_1).mul_add(w_1z, t2_153);
-        let w_s1_2z = (-sin_s1_2).mul_add(w_s1_1x, t2_152);
-        let al_s1_2x = d_s1_2.mul_add(w_s1_2z, t2_151);
+        let t2_157 = cos_s1_2 * w_s1_1z;
+        let t2_158 = cos_s1_1 * w_1x;
+        let w_s1_1x = (-sin_s1_1).mul_add(w_1z, t2_158);
+        let w_s1_2z = (-sin_s1_2).mul_add(w_s1_1x, t2_157);
+        let al_s1_2x = d_s1_2.mul_add(w_s1_2z, t2_156);
         let al_3x = dd_s1_3 - al_s1_2x;
-        let t2_154 = al_3x * p_ixy_3;
-        let t2_155 = sin_s1_1 * al_1x;
-        let t2_156 = cos_s1_1.mul_add(al_1z, t2_155);
-        let al_s1_1y = d_s1_1.mul_add(w_s1_1x, t2_156);
+        let t2_159 = al_3x * p_ixy_3;
+        let t2_160 = sin_s1_1 * al_1x;
+        let t2_161 = cos_s1_1.mul_add(al_1z, t2_160);
+        let al_s1_1y = d_s1_1.mul_add(w_s1_1x, t2_161);
         let al_s1_2y = dd_s1_2 + al_s1_1y;
-        let t2_157 = cos_s1_3 * al_s1_2y;
-        let t2_158 = cos_s1_2 * al_s1_1z;
-        let t2_159 = (-sin_s1_2).mul_add(al_s1_1x, t2_158);
-        let t2_160 = sin_s1_2 * w_s1_1z;
-        let w_s1_2x = cos_s1_2.mul_add(w_s1_1x, t2_160);
-        let al_s1_2z = (-d_s1_2).mul_add(w_s1_2x, t2_159);
-        let t2_161 = sin_s1_3.mul_add(al_s1_2z, t2_157);
+        let t2_162 = cos_s1_3 * al_s1_2y;
+        let t2_163 = cos_s1_2 * al_s1_1z;
+        let t2_164 = (-sin_s1_2).mul_add(al_s1_1x, t2_163);
+        let t2_165 = sin_s1_2 * w_s1_1z;
+        let w_s1_2x = cos_s1_2.mul_add(w_s1_1x, t2_165);
+        let al_s1_2z = (-d_s1_2).mul_add(w_s1_2x, t2_164);
+        let t2_166 = sin_s1_3.mul_add(al_s1_2z, t2_162);
         let w_s1_2y = d_s1_2 + w_s1_1y;
-        let t2_162 = sin_s1_3 * w_s1_2y;
-        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t2_162);
-        let al_3y = (-d_s1_3).mul_add(w_3z, t2_161);
-        let t2_163 = al_3y.mul_add(p_iyy_3, t2_154);
-        let t2_164 = sin_s1_3 * al_s1_2y;
-        let t2_165 = (-cos_s1_3).mul_add(al_s1_2z, t2_164);
-        let t2_166 = cos_s1_3 * w_s1_2y;
-        let w_3y = sin_s1_3.mul_add(w_s1_2z, t2_166);
-        let al_3z = d_s1_3.mul_add(w_3y, t2_165);
-        let t2_167 = (-al_3z).mul_add(p_iyz_3, t2_163);
+        let t2_167 = sin_s1_3 * w_s1_2y;
+        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t2_167);
+        let al_3y = (-d_s1_3).mul_add(w_3z, t2_166);
+        let t2_168 = al_3y.mul_add(p_iyy_3, t2_159);
+        let t2_169 = sin_s1_3 * al_s1_2y;
+        let t2_170 = (-cos_s1_3).mul_add(al_s1_2z, t2_169);
+        let t2_171 = cos_s1_3 * w_s1_2y;
+        let w_3y = sin_s1_3.mul_add(w_s1_2z, t2_171);
+        let al_3z = d_s1_3.mul_add(w_3y, t2_170);
+        let t2_172 = (-al_3z).mul_add(p_iyz_3, t2_168);
         let w_3x = d_s1_3 - w_s1_2x;
-        let t2_168 = w_3y * w_3x;
-        let t2_169 = w_3y * w_3z;
-        let t2_170 = w_3z * w_3x;
-        let t2_171 = p_ixx_3 - p_izz_3;
-        let t2_172 = t2_170 * t2_171;
-        let t2_173 = w_3x * w_3x;
-        let t2_174 = w_3z * w_3z;
-        let t2_175 = t2_173 - t2_174;
-        let t2_176 = t2_175.mul_add(p_ixz_3, t2_172);
-        let t2_177 = t2_169.mul_add(p_ixy_3, t2_176);
-        let t2_178 = t2_168.mul_add(p_iyz_3, t2_177);
-        let t2_179 = t2_167 - t2_178;
-        let t2_180 = sin_s1_2 * a_2z;
-        let t2_181 = cos_q1 * t2_124;
-        let a_1x = sin_q1.mul_add(t2_126, t2_181);
-        let t2_182 = al_1z + t2_112;
-        let t2_183 = (-q2).mul_add(t2_182, a_1x);
-        let t2_184 = d_q2 * w_1z;
-        let a_2x = like.lift(-2.0).mul_add(t2_184, t2_183);
-        let t2_185 = cos_s1_1 * a_2x;
-        let a_s1_1x = (-sin_s1_1).mul_add(a_2y, t2_185);
-        let a_s1_2x = cos_s1_2.mul_add(a_s1_1x, t2_180);
-        let t2_186 = a_s1_2x * p_mz_3;
-        let t2_187 = sin_s1_1 * a_2x;
-        let a_s1_1y = cos_s1_1.mul_add(a_2y, t2_187);
-        let t2_188 = sin_s1_3 * a_s1_1y;
-        let t2_189 = cos_s1_2 * a_2z;
-        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t2_189);
-        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t2_188);
-        let t2_190 = (-a_3z).mul_add(p_mx_3, t2_186);
-        let t2_191 = t2_179 - t2_190;
-        let t2_192 = sin_s1_3 * t2_191;
-        let t2_193 = al_3x * p_ixz_3;
-        let t2_194 = al_3y.mul_add(p_iyz_3, t2_193);
-        let t2_195 = (-al_3z).mul_add(p_izz_3, t2_194);
-        let t2_196 = p_ixx_3 - p_iyy_3;
-        let t2_197 = t2_168 * t2_196;
-        let t2_198 = w_3y * w_3y;
-        let t2_199 = t2_173 - t2_198;
-        let t2_200 = (-t2_199).mul_add(p_ixy_3, t2_197);
-        let t2_201 = t2_170.mul_add(p_iyz_3, t2_200);
-        let t2_202 = t2_169.mul_add(p_ixz_3, -t2_201);
-        let t2_203 = t2_195 + t2_202;
-        let t2_204 = cos_s1_3 * a_s1_1y;
-        let a_3y = sin_s1_3.mul_add(a_s1_2z, t2_204);
-        let t2_205 = a_3y * p_mx_3;
+        let t2_173 = w_3y * w_3x;
+        let t2_174 = w_3y * w_3z;
+        let t2_175 = w_3z * w_3x;
+        let t2_176 = p_ixx_3 - p_izz_3;
+        let t2_177 = t2_175 * t2_176;
+        let t2_178 = w_3x * w_3x;
+        let t2_179 = w_3z * w_3z;
+        let t2_180 = t2_178 - t2_179;
+        let t2_181 = t2_180.mul_add(p_ixz_3, t2_177);
+        let t2_182 = t2_174.mul_add(p_ixy_3, t2_181);
+        let t2_183 = t2_173.mul_add(p_iyz_3, t2_182);
+        let t2_184 = t2_172 - t2_183;
+        let t2_185 = sin_s1_2 * a_2z;
+        let t2_186 = cos_q1 * t2_129;
+        let a_1x = sin_q1.mul_add(t2_131, t2_186);
+        let t2_187 = al_1z + t2_117;
+        let t2_188 = q2.mul_add(t2_187, a_1x);
+        let t2_189 = d_q2 * w_1z;
+        let a_2x = like.lift(2.0).mul_add(t2_189, t2_188);
+        let t2_190 = cos_s1_1 * a_2x;
+        let a_s1_1x = sin_s1_1.mul_add(a_2y, t2_190);
+        let a_s1_2x = (-cos_s1_2).mul_add(a_s1_1x, t2_185);
+        let t2_191 = a_s1_2x * p_mz_3;
+        let t2_192 = sin_s1_1 * a_2x;
+        let a_s1_1y = (-cos_s1_1).mul_add(a_2y, t2_192);
+        let t2_193 = sin_s1_3 * a_s1_1y;
+        let t2_194 = cos_s1_2 * a_2z;
+        let a_s1_2z = sin_s1_2.mul_add(a_s1_1x, t2_194);
+        let a_3z = cos_s1_3.mul_add(a_s1_2z, t2_193);
+        let t2_195 = a_3z.mul_add(p_mx_3, t2_191);
+        let t2_196 = t2_184 - t2_195;
+        let t2_197 = sin_s1_3 * t2_196;
+        let t2_198 = al_3x * p_ixz_3;
+        let t2_199 = al_3y.mul_add(p_iyz_3, t2_198);
+        let t2_200 = (-al_3z).mul_add(p_izz_3, t2_199);
+        let t2_201 = p_ixx_3 - p_iyy_3;
+        let t2_202 = t2_173 * t2_201;
+        let t2_203 = w_3y * w_3y;
+        let t2_204 = t2_178 - t2_203;
+        let t2_205 = (-t2_204).mul_add(p_ixy_3, t2_202);
         [
-            a_4y, t2_16, a_5z, t2_32, a_4x, a_5x, t2_63, t2_74, t2_75, t2_86, t2_87, t2_95,
-            t2_98, t2_101, sin_q1, cos_q1, al_1x, al_1y, al_1z, t2_111, t2_112, t2_113, t2_116,
-            t2_117, a_1z, a_1y, t2_128, t2_138, t2_139, a_2z, t2_142, a_2y, t2_146, sin_s1_1,
-            cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, al_3x, al_3y, al_3z, t2_168,
-            t2_169, t2_170, t2_173, t2_174, a_1x, t2_182, a_2x, a_s1_2x, a_3z, t2_191, t2_192,
-            t2_198, t2_203, a_3y, t2_205,
+            a_4y, t2_21, a_5z, t2_37, a_4x, a_5x, t2_68, t2_79, t2_80, t2_91, t2_92, t2_100,
+            t2_103, t2_106, sin_q1, cos_q1, al_1x, al_1y, al_1z, t2_116, t2_117, t2_118,
+            t2_121, t2_122, a_1z, a_1y, t2_133, t2_143, t2_144, a_2z, t2_147, a_2y, t2_151,
+            sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, al_3x, al_3y, al_3z,
+            t2_173, t2_174, t2_175, t2_178, t2_179, a_1x, t2_187, a_2x, a_s1_2x, a_s1_1y,
+            a_s1_2z, a_3z, t2_196, t2_197, t2_200, t2_203, t2_205,
         ]
     };
     // tau, part 3
     let [
-        t3_17, t3_21, t3_45, t3_53, t3_61, t3_89, t3_91, t3_97, t3_101, t3_113, t3_123, t3_128,
-        t3_156, t3_159, t3_163, t3_191, t3_194, t3_196, t3_235, t3_240, t3_241, t3_247, t3_250,
+        t3_22, t3_26, t3_50, t3_58, t3_66, t3_94, t3_96, t3_102, t3_106, t3_120, t3_134,
+        t3_162, t3_165, t3_169, t3_197, t3_200, t3_202, t3_241, t3_246, t3_247, t3_248, t3_249,
     ] = {
-        let t3_1 = a_s1_2x.mul_add(p_my_3, t2_205);
-        let t3_2 = t2_203 + t3_1;
-        let t3_3 = cos_s1_3.mul_add(t3_2, t2_192);
-        let t3_4 = sin_s1_2 * t3_3;
-        let t3_5 = al_3x * p_ixx_3;
-        let t3_6 = al_3y.mul_add(p_ixy_3, t3_5);
-        let t3_7 = (-al_3z).mul_add(p_ixz_3, t3_6);
-        let t3_8 = p_iyy_3 - p_izz_3;
-        let t3_9 = t2_169 * t3_8;
-        let t3_10 = t2_198 - t2_174;
-        let t3_11 = t3_10.mul_add(p_iyz_3, t3_9);
-        let t3_12 = t2_168.mul_add(p_ixz_3, t3_11);
-        let t3_13 = t2_170.mul_add(p_ixy_3, t3_12);
-        let t3_14 = t3_7 + t3_13;
-        let t3_15 = a_3z * p_my_3;
-        let t3_16 = a_3y.mul_add(p_mz_3, t3_15);
-        let t3_17 = t3_14 - t3_16;
-        let t3_18 = cos_s1_2.mul_add(t3_17, t3_4);
-        let t3_19 = cos_s1_1 * t3_18;
-        let t3_20 = cos_s1_3 * t2_191;
-        let t3_21 = (-sin_s1_3).mul_add(t3_2, t3_20);
-        let t3_22 = (-sin_s1_1).mul_add(t3_21, t3_19);
-        let t3_23 = t2_146 - t3_22;
-        let t3_24 = al_1y + t2_111;
-        let t3_25 = t3_24 * p_mx_2;
-        let t3_26 = t2_138 + t2_116;
-        let t3_27 = t3_26.mul_add(p_my_2, t3_25);
-        let t3_28 = (-t2_142).mul_add(p_mz_2, t3_27);
-        let t3_29 = a_2y.mul_add(p_m_2, -t3_28);
-        let t3_30 = al_3z - t2_168;
-        let t3_31 = t3_30 * p_mx_3;
-        let t3_32 = t2_173 + t2_174;
-        let t3_33 = t3_32.mul_add(p_my_3, t3_31);
-        let t3_34 = al_3x + t2_169;
-        let t3_35 = t3_34.mul_add(p_mz_3, t3_33);
-        let t3_36 = a_3y.mul_add(p_m_3, -t3_35);
-        let t3_37 = sin_s1_3 * t3_36;
-        let t3_38 = al_3y + t2_170;
-        let t3_39 = t3_38 * p_mx_3;
-        let t3_40 = al_3x - t2_169;
-        let t3_41 = (-t3_40).mul_add(p_my_3, t3_39);
-        let t3_42 = t2_173 + t2_198;
-        let t3_43 = t3_42.mul_add(p_mz_3, t3_41);
-        let t3_44 = a_3z.mul_add(p_m_3, t3_43);
-        let t3_45 = (-cos_s1_3).mul_add(t3_44, t3_37);
-        let t3_46 = sin_s1_2 * t3_45;
-        let t3_47 = t2_198 + t2_174;
-        let t3_48 = t3_47 * p_mx_3;
-        let t3_49 = al_3z + t2_168;
-        let t3_50 = (-t3_49).mul_add(p_my_3, t3_48);
-        let t3_51 = al_3y - t2_170;
-        let t3_52 = (-t3_51).mul_add(p_mz_3, t3_50);
-        let t3_53 = a_s1_2x.mul_add(p_m_3, t3_52);
-        let t3_54 = (-cos_s1_2).mul_add(t3_53, t3_46);
-        let t3_55 = sin_s1_1 * t3_54;
-        let t3_56 = cos_s1_3 * t3_36;
-        let t3_57 = sin_s1_3.mul_add(t3_44, t3_56);
-        let t3_58 = cos_s1_1.mul_add(t3_57, t3_55);
-        let t3_59 = t3_29 + t3_58;
-        let t3_60 = q2.mul_add(t3_59, t3_23);
-        let t3_61 = t2_128 + t3_60;
-        let t3_62 = sin_q1 * t3_61;
-        let t3_63 = al_1x * p_ixy_1;
-        let t3_64 = (-al_1y).mul_add(p_iyy_1, t3_63);
-        let t3_65 = (-al_1z).mul_add(p_iyz_1, t3_64);
-        let t3_66 = p_ixx_1 - p_izz_1;
-        let t3_67 = t2_111 * t3_66;
-        let t3_68 = t2_138 - t2_117;
-        let t3_69 = t3_68.mul_add(p_ixz_1, t3_67);
-        let t3_70 = t2_113.mul_add(p_ixy_1, -t3_69);
-        let t3_71 = t2_112.mul_add(p_iyz_1, t3_70);
-        let t3_72 = t3_65 - t3_71;
-        let t3_73 = a_1x * p_mz_1;
-        let t3_74 = a_1z.mul_add(p_mx_1, t3_73);
-        let t3_75 = t3_72 + t3_74;
-        let t3_76 = al_1x * p_ixz_2;
-        let t3_77 = (-al_1z).mul_add(p_iyz_2, t3_76);
-        let t3_78 = al_1y.mul_add(p_izz_2, t3_77);
-        let t3_79 = p_ixx_2 - p_iyy_2;
-        let t3_80 = t2_111 * t3_79;
-        let t3_81 = t3_68.mul_add(p_ixy_2, t3_80);
-        let t3_82 = t2_112.mul_add(p_iyz_2, t3_81);
-        let t3_83 = t2_113.mul_add(p_ixz_2, t3_82);
-        let t3_84 = t3_78 - t3_83;
-        let t3_85 = a_2y * p_mx_2;
-        let t3_86 = a_2x.mul_add(p_my_2, t3_85);
-        let t3_87 = t3_84 - t3_86;
-        let t3_88 = cos_s1_2 * t3_3;
-        let t3_89 = (-sin_s1_2).mul_add(t3_17, t3_88);
-        let t3_90 = t3_87 - t3_89;
-        let t3_91 = t3_75 - t3_90;
-        let t3_92 = cos_q1.mul_add(t3_91, t3_62);
-        let t3_93 = t3_24 * p_mx_1;
-        let t3_94 = t2_142.mul_add(p_my_1, t3_93);
-        let t3_95 = t3_26.mul_add(p_mz_1, t3_94);
-        let t3_96 = a_1z.mul_add(p_m_1, -t3_95);
-        let t3_97 = t3_96 + t3_59;
-        let t3_98 = like.lift(0.26344492783122625).mul_add(t3_97, t3_92);
-        let t3_99 = t2_101 - t3_98;
-        let t3_100 = t1_16 - t3_99;
-        let t3_101 = sin_shoulder * t3_100;
-        let t3_102 = al_boomx * p_ixy_boom;
-        let t3_103 = al_boomy.mul_add(p_iyy_boom, t3_102);
-        let t3_104 = dd_shoulder.mul_add(p_iyz_boom, t3_103);
-        let t3_105 = p_ixx_boom - p_izz_boom;
-        let t3_106 = t1_3 * t3_105;
-        let t3_107 = t1_73 - t1_9;
-        let t3_108 = (-t3_107).mul_add(p_ixz_boom, t3_106);
-        let t3_109 = t1_1.mul_add(p_ixy_boom, t3_108);
-        let t3_110 = w_ixx_boom_shoulder.mul_add(p_iyz_boom, -t3_109);
-        let t3_111 = t3_104 - t3_110;
-        let t3_112 = sin_shoulder * p_mz_boom;
-        let t3_113 = like.lift(9.81).mul_add(t3_112, t3_111);
-        let t3_114 = dd_shoulder * p_ixy_base;
-        let t3_115 = (-al_boomy).mul_add(p_iyy_base, t3_114);
-        let t3_116 = (-al_boomx).mul_add(p_iyz_base, t3_115);
-        let t3_117 = p_ixx_base - p_izz_base;
-        let t3_118 = t1_3 * t3_117;
-        let t3_119 = (-t3_107).mul_add(p_ixz_base, t3_118);
-        let t3_120 = w_ixx_boom_shoulder.mul_add(p_ixy_base, -t3_119);
-        let t3_121 = t1_1.mul_add(p_iyz_base, t3_120);
-        let t3_122 = t3_116 - t3_121;
-        let t3_123 = t1_28 * p_mz_base;
-        let t3_124 = like.lift(0.6) * t3_123;
-        let t3_125 = a_basez.mul_add(p_mx_base, t3_124);
-        let t3_126 = t3_122 + t3_125;
-        let t3_127 = cos_q8 * t1_115;
-        let t3_128 = (-sin_q8).mul_add(t1_146, t3_127);
-        let t3_129 = like.lift(0.8660254037844386) * t3_128;
-        let t3_130 = al_6x * p_ixz_6;
-        let t3_131 = (-al_6y).mul_add(p_iyz_6, t3_130);
-        let t3_132 = al_6z.mul_add(p_izz_6, t3_131);
-        let t3_133 = p_ixx_6 - p_iyy_6;
-        let t3_134 = t1_54 * t3_133;
-        let t3_135 = t1_99 - t1_58;
-        let t3_136 = t3_135.mul_add(p_ixy_6, t3_134);
-        let t3_137 = t1_53.mul_add(p_iyz_6, t3_136);
-        let t3_138 = t1_55.mul_add(p_ixz_6, t3_137);
-        let t3_139 = t3_132 + t3_138;
-        let t3_140 = a_6y * p_mx_6;
-        let t3_141 = a_6x.mul_add(p_my_6, t3_140);
-        let t3_142 = t3_139 - t3_141;
-        let t3_143 = al_6x * p_ixy_7;
-        let t3_144 = al_6z.mul_add(p_iyy_7, t3_143);
-        let t3_145 = al_6y.mul_add(p_iyz_7, t3_144);
-        let t3_146 = p_ixx_7 - p_izz_7;
-        let t3_147 = t1_54 * t3_146;
-        let t3_148 = (-t3_135).mul_add(p_ixz_7, t3_147);
-        let t3_149 = t1_55.mul_add(p_ixy_7, t3_148);
-        let t3_150 = t1_53.mul_add(p_iyz_7, -t3_149);
-        let t3_151 = t3_145 - t3_150;
-        let t3_152 = a_7x * p_mz_7;
-        let t3_153 = (-a_7z).mul_add(p_mx_7, t3_152);
-        let t3_154 = t3_151 + t3_153;
-        let t3_155 = q9.mul_add(t1_157, t3_154);
-        let t3_156 = t3_142 + t3_155;
-        let t3_157 = like.lift(0.5).mul_add(t3_156, t3_129);
-        let t3_158 = sin_q8 * t1_158;
-        let t3_159 = (-cos_q8).mul_add(t1_170, t3_158);
-        let t3_160 = like.lift(0.13172246391561312).mul_add(t3_159, t3_157);
-        let t3_161 = t3_126 + t3_160;
-        let t3_162 = cos_q6 * t2_32;
-        let t3_163 = (-sin_q6).mul_add(t2_63, t3_162);
-        let t3_164 = like.lift(0.8660254037844386) * t3_163;
-        let t3_165 = al_4x * p_ixz_4;
-        let t3_166 = (-al_4y).mul_add(p_iyz_4, t3_165);
-        let t3_167 = al_4z.mul_add(p_izz_4, t3_166);
-        let t3_168 = p_ixx_4 - p_iyy_4;
-        let t3_169 = t1_199 * t3_168;
-        let t3_170 = t2_16 - t1_203;
-        let t3_171 = t3_170.mul_add(p_ixy_4, t3_169);
-        let t3_172 = t1_198.mul_add(p_iyz_4, t3_171);
-        let t3_173 = t1_200.mul_add(p_ixz_4, t3_172);
-        let t3_174 = t3_167 + t3_173;
-        let t3_175 = a_4y * p_mx_4;
-        let t3_176 = a_4x.mul_add(p_my_4, t3_175);
-        let t3_177 = t3_174 - t3_176;
-        let t3_178 = al_4x * p_ixy_5;
-        let t3_179 = al_4z.mul_add(p_iyy_5, t3_178);
-        let t3_180 = al_4y.mul_add(p_iyz_5, t3_179);
-        let t3_181 = p_ixx_5 - p_izz_5;
-        let t3_182 = t1_199 * t3_181;
-        let t3_183 = (-t3_170).mul_add(p_ixz_5, t3_182);
-        let t3_184 = t1_200.mul_add(p_ixy_5, t3_183);
-        let t3_185 = t1_198.mul_add(p_iyz_5, -t3_184);
-        let t3_186 = t3_180 - t3_185;
-        let t3_187 = a_5x * p_mz_5;
-        let t3_188 = (-a_5z).mul_add(p_mx_5, t3_187);
-        let t3_189 = t3_186 + t3_188;
-        let t3_190 = q7.mul_add(t2_74, t3_189);
-        let t3_191 = t3_177 + t3_190;
-        let t3_192 = like.lift(-0.5).mul_add(t3_191, t3_164);
-        let t3_193 = sin_q6 * t2_75;
-        let t3_194 = (-cos_q6).mul_add(t2_87, t3_193);
-        let t3_195 = like.lift(-0.13172246391561312).mul_add(t3_194, t3_192);
-        let t3_196 = t3_161 - t3_195;
-        let t3_197 = al_1x * p_ixz_1;
-        let t3_198 = (-al_1y).mul_add(p_iyz_1, t3_197);
-        let t3_199 = (-al_1z).mul_add(p_izz_1, t3_198);
-        let t3_200 = p_ixx_1 - p_iyy_1;
-        let t3_201 = t2_112 * t3_200;
-        let t3_202 = t2_138 - t2_116;
-        let t3_203 = t3_202.mul_add(p_ixy_1, t3_201);
-        let t3_204 = t2_111.mul_add(p_iyz_1, -t3_203);
-        let t3_205 = t2_113.mul_add(p_ixz_1, t3_204);
-        let t3_206 = t3_199 + t3_205;
-        let t3_207 = a_1y * p_mx_1;
-        let t3_208 = a_1x.mul_add(p_my_1, t3_207);
-        let t3_209 = t3_206 - t3_208;
-        let t3_210 = al_1x * p_ixy_2;
-        let t3_211 = (-al_1z).mul_add(p_iyy_2, t3_210);
-        let t3_212 = al_1y.mul_add(p_iyz_2, t3_211);
-        let t3_213 = p_ixx_2 - p_izz_2;
-        let t3_214 = t2_112 * t3_213;
-        let t3_215 = (-t3_202).mul_add(p_ixz_2, t3_214);
-        let t3_216 = t2_113.mul_add(p_ixy_2, -t3_215);
-        let t3_217 = t2_111.mul_add(p_iyz_2, -t3_216);
-        let t3_218 = t3_212 - t3_217;
-        let t3_219 = a_2x * p_mz_2;
-        let t3_220 = a_2z.mul_add(p_mx_2, t3_219);
-        let t3_221 = t3_218 + t3_220;
-        let t3_222 = sin_s1_1 * t3_18;
-        let t3_223 = cos_s1_1.mul_add(t3_21, t3_222);
-        let t3_224 = t3_221 - t3_223;
-        let t3_225 = t2_116 + t2_117;
-        let t3_226 = t3_225 * p_mx_2;
-        let t3_227 = al_1y - t2_111;
-        let t3_228 = (-t3_227).mul_add(p_my_2, t3_226);
-        let t3_229 = (-t2_182).mul_add(p_mz_2, t3_228);
-        let t3_230 = a_2x.mul_add(p_m_2, t3_229);
-        let t3_231 = cos_s1_1 * t3_54;
-        let t3_232 = (-sin_s1_1).mul_add(t3_57, t3_231);
-        let t3_233 = t3_230 - t3_232;
-        let t3_234 = q2.mul_add(t3_233, t3_224);
-        let t3_235 = t3_209 + t3_234;
-        let t3_236 = t3_225 * p_mx_1;
-        let t3_237 = t2_182.mul_add(p_my_1, t3_236);
-        let t3_238 = (-t3_227).mul_add(p_mz_1, t3_237);
-        let t3_239 = a_1x.mul_add(p_m_1, t3_238);
-        let t3_240 = t3_239 + t3_233;
-        let t3_241 = sin_q1 * t3_240;
-        let t3_242 = al_1z - t2_112;
-        let t3_243 = t3_242 * p_mx_1;
-        let t3_244 = (-t2_139).mul_add(p_my_1, t3_243);
-        let t3_245 = al_1x + t2_113;
-        let t3_246 = t3_245.mul_add(p_mz_1, t3_244);
-        let t3_247 = a_1y.mul_add(p_m_1, t3_246);
-        let t3_248 = t3_242 * p_mx_2;
-        let t3_249 = t3_245.mul_add(p_my_2, t3_248);
-        let t3_250 = t2_139.mul_add(p_mz_2, t3_249);
+        let t3_1 = t2_175.mul_add(p_iyz_3, t2_205);
+        let t3_2 = t2_174.mul_add(p_ixz_3, -t3_1);
+        let t3_3 = t2_200 + t3_2;
+        let t3_4 = cos_s1_3 * a_s1_1y;
+        let a_3y = (-sin_s1_3).mul_add(a_s1_2z, t3_4);
+        let t3_5 = a_3y * p_mx_3;
+        let t3_6 = (-a_s1_2x).mul_add(p_my_3, t3_5);
+        let t3_7 = t3_3 - t3_6;
+        let t3_8 = cos_s1_3.mul_add(t3_7, t2_197);
+        let t3_9 = sin_s1_2 * t3_8;
+        let t3_10 = al_3x * p_ixx_3;
+        let t3_11 = al_3y.mul_add(p_ixy_3, t3_10);
+        let t3_12 = (-al_3z).mul_add(p_ixz_3, t3_11);
+        let t3_13 = p_iyy_3 - p_izz_3;
+        let t3_14 = t2_174 * t3_13;
+        let t3_15 = t2_203 - t2_179;
+        let t3_16 = t3_15.mul_add(p_iyz_3, t3_14);
+        let t3_17 = t2_173.mul_add(p_ixz_3, t3_16);
+        let t3_18 = t2_175.mul_add(p_ixy_3, t3_17);
+        let t3_19 = t3_12 + t3_18;
+        let t3_20 = a_3z * p_my_3;
+        let t3_21 = a_3y.mul_add(p_mz_3, t3_20);
+        let t3_22 = t3_19 + t3_21;
+        let t3_23 = cos_s1_2.mul_add(t3_22, t3_9);
+        let t3_24 = cos_s1_1 * t3_23;
+        let t3_25 = cos_s1_3 * t2_196;
+        let t3_26 = (-sin_s1_3).mul_add(t3_7, t3_25);
+        let t3_27 = (-sin_s1_1).mul_add(t3_26, t3_24);
+        let t3_28 = t2_151 - t3_27;
+        let t3_29 = al_1y + t2_116;
+        let t3_30 = t3_29 * p_mx_2;
+        let t3_31 = t2_143 + t2_121;
+        let t3_32 = t3_31.mul_add(p_my_2, t3_30);
+        let t3_33 = (-t2_147).mul_add(p_mz_2, t3_32);
+        let t3_34 = a_2y.mul_add(p_m_2, -t3_33);
+        let t3_35 = al_3z - t2_173;
+        let t3_36 = t3_35 * p_mx_3;
+        let t3_37 = t2_178 + t2_179;
+        let t3_38 = t3_37.mul_add(p_my_3, t3_36);
+        let t3_39 = al_3x + t2_174;
+        let t3_40 = t3_39.mul_add(p_mz_3, t3_38);
+        let t3_41 = a_3y.mul_add(p_m_3, t3_40);
+        let t3_42 = sin_s1_3 * t3_41;
+        let t3_43 = al_3y + t2_175;
+        let t3_44 = t3_43 * p_mx_3;
+        let t3_45 = al_3x - t2_174;
+        let t3_46 = (-t3_45).mul_add(p_my_3, t3_44);
+        let t3_47 = t2_178 + t2_203;
+        let t3_48 = t3_47.mul_add(p_mz_3, t3_46);
+        let t3_49 = a_3z.mul_add(p_m_3, -t3_48);
+        let t3_50 = (-cos_s1_3).mul_add(t3_49, t3_42);
+        let t3_51 = sin_s1_2 * t3_50;
+        let t3_52 = t2_203 + t2_179;
+        let t3_53 = t3_52 * p_mx_3;
+        let t3_54 = al_3z + t2_173;
+        let t3_55 = (-t3_54).mul_add(p_my_3, t3_53);
+        let t3_56 = al_3y - t2_175;
+        let t3_57 = (-t3_56).mul_add(p_mz_3, t3_55);
+        let t3_58 = a_s1_2x.mul_add(p_m_3, t3_57);
+        let t3_59 = cos_s1_2.mul_add(t3_58, t3_51);
+        let t3_60 = sin_s1_1 * t3_59;
+        let t3_61 = cos_s1_3 * t3_41;
+        let t3_62 = sin_s1_3.mul_add(t3_49, t3_61);
+        let t3_63 = cos_s1_1.mul_add(t3_62, t3_60);
+        let t3_64 = t3_34 - t3_63;
+        let t3_65 = q2.mul_add(t3_64, t3_28);
+        let t3_66 = t2_133 + t3_65;
+        let t3_67 = sin_q1 * t3_66;
+        let t3_68 = al_1x * p_ixy_1;
+        let t3_69 = (-al_1y).mul_add(p_iyy_1, t3_68);
+        let t3_70 = (-al_1z).mul_add(p_iyz_1, t3_69);
+        let t3_71 = p_ixx_1 - p_izz_1;
+        let t3_72 = t2_116 * t3_71;
+        let t3_73 = t2_143 - t2_122;
+        let t3_74 = t3_73.mul_add(p_ixz_1, t3_72);
+        let t3_75 = t2_118.mul_add(p_ixy_1, -t3_74);
+        let t3_76 = t2_117.mul_add(p_iyz_1, t3_75);
+        let t3_77 = t3_70 - t3_76;
+        let t3_78 = a_1x * p_mz_1;
+        let t3_79 = (-a_1z).mul_add(p_mx_1, t3_78);
+        let t3_80 = t3_77 - t3_79;
+        let t3_81 = al_1x * p_ixz_2;
+        let t3_82 = (-al_1z).mul_add(p_iyz_2, t3_81);
+        let t3_83 = al_1y.mul_add(p_izz_2, t3_82);
+        let t3_84 = p_ixx_2 - p_iyy_2;
+        let t3_85 = t2_116 * t3_84;
+        let t3_86 = t3_73.mul_add(p_ixy_2, t3_85);
+        let t3_87 = t2_117.mul_add(p_iyz_2, t3_86);
+        let t3_88 = t2_118.mul_add(p_ixz_2, t3_87);
+        let t3_89 = t3_83 - t3_88;
+        let t3_90 = a_2y * p_mx_2;
+        let t3_91 = (-a_2x).mul_add(p_my_2, t3_90);
+        let t3_92 = t3_89 - t3_91;
+        let t3_93 = cos_s1_2 * t3_8;
+        let t3_94 = (-sin_s1_2).mul_add(t3_22, t3_93);
+        let t3_95 = t3_92 - t3_94;
+        let t3_96 = t3_80 - t3_95;
+        let t3_97 = cos_q1.mul_add(t3_96, t3_67);
+        let t3_98 = t3_29 * p_mx_1;
+        let t3_99 = t2_147.mul_add(p_my_1, t3_98);
+        let t3_100 = t3_31.mul_add(p_mz_1, t3_99);
+        let t3_101 = a_1z.mul_add(p_m_1, -t3_100);
+        let t3_102 = t3_101 + t3_64;
+        let t3_103 = like.lift(0.26344492783122625).mul_add(t3_102, t3_97);
+        let t3_104 = t2_106 - t3_103;
+        let t3_105 = t1_21 - t3_104;
+        let t3_106 = sin_shoulder * t3_105;
+        let t3_107 = al_boomx * p_ixy_boom;
+        let t3_108 = al_boomy.mul_add(p_iyy_boom, t3_107);
+        let t3_109 = dd_shoulder.mul_add(p_iyz_boom, t3_108);
+        let t3_110 = p_ixx_boom - p_izz_boom;
+        let t3_111 = t1_3 * t3_110;
+        let t3_112 = t1_76 - t1_9;
+        let t3_113 = (-t3_112).mul_add(p_ixz_boom, t3_111);
+        let t3_114 = t1_1.mul_add(p_ixy_boom, t3_113);
+        let t3_115 = w_ixx_boom_shoulder.mul_add(p_iyz_boom, -t3_114);
+        let t3_116 = t3_109 - t3_115;
+        let t3_117 = a_boomx * p_mz_boom;
+        let t3_118 = dd_waist * p_mx_boom;
+        let t3_119 = like.lift(-0.35).mul_add(t3_118, t3_117);
+        let t3_120 = t3_116 - t3_119;
+        let t3_121 = dd_shoulder * p_ixy_base;
+        let t3_122 = (-al_boomy).mul_add(p_iyy_base, t3_121);
+        let t3_123 = (-al_boomx).mul_add(p_iyz_base, t3_122);
+        let t3_124 = p_ixx_base - p_izz_base;
+        let t3_125 = t1_3 * t3_124;
+        let t3_126 = (-t3_112).mul_add(p_ixz_base, t3_125);
+        let t3_127 = w_ixx_boom_shoulder.mul_add(p_ixy_base, -t3_126);
+        let t3_128 = t1_1.mul_add(p_iyz_base, t3_127);
+        let t3_129 = t3_123 - t3_128;
+        let t3_130 = a_basex * p_mz_base;
+        let t3_131 = a_basez.mul_add(p_mx_base, t3_130);
+        let t3_132 = t3_129 - t3_131;
+        let t3_133 = cos_q8 * t1_120;
+        let t3_134 = (-sin_q8).mul_add(t1_151, t3_133);
+        let t3_135 = like.lift(0.8660254037844386) * t3_134;
+        let t3_136 = al_6x * p_ixz_6;
+        let t3_137 = (-al_6y).mul_add(p_iyz_6, t3_136);
+        let t3_138 = al_6z.mul_add(p_izz_6, t3_137);
+        let t3_139 = p_ixx_6 - p_iyy_6;
+        let t3_140 = t1_58 * t3_139;
+        let t3_141 = t1_104 - t1_62;
+        let t3_142 = t3_141.mul_add(p_ixy_6, t3_140);
+        let t3_143 = t1_57.mul_add(p_iyz_6, t3_142);
+        let t3_144 = t1_59.mul_add(p_ixz_6, t3_143);
+        let t3_145 = t3_138 + t3_144;
+        let t3_146 = a_6y * p_mx_6;
+        let t3_147 = a_6x.mul_add(p_my_6, t3_146);
+        let t3_148 = t3_145 + t3_147;
+        let t3_149 = al_6x * p_ixy_7;
+        let t3_150 = al_6z.mul_add(p_iyy_7, t3_149);
+        let t3_151 = al_6y.mul_add(p_iyz_7, t3_150);
+        let t3_152 = p_ixx_7 - p_izz_7;
+        let t3_153 = t1_58 * t3_152;
+        let t3_154 = (-t3_141).mul_add(p_ixz_7, t3_153);
+        let t3_155 = t1_59.mul_add(p_ixy_7, t3_154);
+        let t3_156 = t1_57.mul_add(p_iyz_7, -t3_155);
+        let t3_157 = t3_151 - t3_156;
+        let t3_158 = a_7x * p_mz_7;
+        let t3_159 = a_7z.mul_add(p_mx_7, t3_158);
+        let t3_160 = t3_157 - t3_159;
+        let t3_161 = (-q9).mul_add(t1_162, t3_160);
+        let t3_162 = t3_148 + t3_161;
+        let t3_163 = like.lift(0.5).mul_add(t3_162, t3_135);
+        let t3_164 = sin_q8 * t1_163;
+        let t3_165 = (-cos_q8).mul_add(t1_175, t3_164);
+        let t3_166 = like.lift(-0.13172246391561312).mul_add(t3_165, t3_163);
+        let t3_167 = t3_132 + t3_166;
+        let t3_168 = cos_q6 * t2_37;
+        let t3_169 = (-sin_q6).mul_add(t2_68, t3_168);
+        let t3_170 = like.lift(0.8660254037844386) * t3_169;
+        let t3_171 = al_4x * p_ixz_4;
+        let t3_172 = (-al_4y).mul_add(p_iyz_4, t3_171);
+        let t3_173 = al_4z.mul_add(p_izz_4, t3_172);
+        let t3_174 = p_ixx_4 - p_iyy_4;
+        let t3_175 = t1_204 * t3_174;
+        let t3_176 = t2_21 - t1_208;
+        let t3_177 = t3_176.mul_add(p_ixy_4, t3_175);
+        let t3_178 = t1_203.mul_add(p_iyz_4, t3_177);
+        let t3_179 = t1_205.mul_add(p_ixz_4, t3_178);
+        let t3_180 = t3_173 + t3_179;
+        let t3_181 = a_4y * p_mx_4;
+        let t3_182 = a_4x.mul_add(p_my_4, t3_181);
+        let t3_183 = t3_180 + t3_182;
+        let t3_184 = al_4x * p_ixy_5;
+        let t3_185 = al_4z.mul_add(p_iyy_5, t3_184);
+        let t3_186 = al_4y.mul_add(p_iyz_5, t3_185);
+        let t3_187 = p_ixx_5 - p_izz_5;
+        let t3_188 = t1_204 * t3_187;
+        let t3_189 = (-t3_176).mul_add(p_ixz_5, t3_188);
+        let t3_190 = t1_205.mul_add(p_ixy_5, t3_189);
+        let t3_191 = t1_203.mul_add(p_iyz_5, -t3_190);
+        let t3_192 = t3_186 - t3_191;
+        let t3_193 = a_5x * p_mz_5;
+        let t3_194 = a_5z.mul_add(p_mx_5, t3_193);
+        let t3_195 = t3_192 - t3_194;
+        let t3_196 = (-q7).mul_add(t2_79, t3_195);
+        let t3_197 = t3_183 + t3_196;
+        let t3_198 = like.lift(-0.5).mul_add(t3_197, t3_170);
+        let t3_199 = sin_q6 * t2_80;
+        let t3_200 = (-cos_q6).mul_add(t2_92, t3_199);
+        let t3_201 = like.lift(0.13172246391561312).mul_add(t3_200, t3_198);
+        let t3_202 = t3_167 - t3_201;
+        let t3_203 = al_1x * p_ixz_1;
+        let t3_204 = (-al_1y).mul_add(p_iyz_1, t3_203);
+        let t3_205 = (-al_1z).mul_add(p_izz_1, t3_204);
+        let t3_206 = p_ixx_1 - p_iyy_1;
+        let t3_207 = t2_117 * t3_206;
+        let t3_208 = t2_143 - t2_121;
+        let t3_209 = t3_208.mul_add(p_ixy_1, t3_207);
+        let t3_210 = t2_116.mul_add(p_iyz_1, -t3_209);
+        let t3_211 = t2_118.mul_add(p_ixz_1, t3_210);
+        let t3_212 = t3_205 + t3_211;
+        let t3_213 = a_1y * p_mx_1;
+        let t3_214 = a_1x.mul_add(p_my_1, t3_213);
+        let t3_215 = t3_212 + t3_214;
+        let t3_216 = al_1x * p_ixy_2;
+        let t3_217 = (-al_1z).mul_add(p_iyy_2, t3_216);
+        let t3_218 = al_1y.mul_add(p_iyz_2, t3_217);
+        let t3_219 = p_ixx_2 - p_izz_2;
+        let t3_220 = t2_117 * t3_219;
+        let t3_221 = (-t3_208).mul_add(p_ixz_2, t3_220);
+        let t3_222 = t2_118.mul_add(p_ixy_2, -t3_221);
+        let t3_223 = t2_116.mul_add(p_iyz_2, -t3_222);
+        let t3_224 = t3_218 - t3_223;
+        let t3_225 = a_2x * p_mz_2;
+        let t3_226 = (-a_2z).mul_add(p_mx_2, t3_225);
+        let t3_227 = t3_224 - t3_226;
+        let t3_228 = sin_s1_1 * t3_23;
+        let t3_229 = cos_s1_1.mul_add(t3_26, t3_228);
+        let t3_230 = t3_227 - t3_229;
+        let t3_231 = t2_121 + t2_122;
+        let t3_232 = t3_231 * p_mx_2;
+        let t3_233 = al_1y - t2_116;
+        let t3_234 = (-t3_233).mul_add(p_my_2, t3_232);
+        let t3_235 = (-t2_187).mul_add(p_mz_2, t3_234);
+        let t3_236 = a_2x.mul_add(p_m_2, -t3_235);
+        let t3_237 = cos_s1_1 * t3_59;
+        let t3_238 = (-sin_s1_1).mul_add(t3_62, t3_237);
+        let t3_239 = t3_236 - t3_238;
+        let t3_240 = (-q2).mul_add(t3_239, t3_230);
+        let t3_241 = t3_215 + t3_240;
+        let t3_242 = t3_231 * p_mx_1;
+        let t3_243 = t2_187.mul_add(p_my_1, t3_242);
+        let t3_244 = (-t3_233).mul_add(p_mz_1, t3_243);
+        let t3_245 = a_1x.mul_add(p_m_1, -t3_244);
+        let t3_246 = t3_245 + t3_239;
+        let t3_247 = sin_q1 * t3_246;
+        let t3_248 = al_1z - t2_117;
+        let t3_249 = t3_248 * p_mx_1;
         [
-            t3_17, t3_21, t3_45, t3_53, t3_61, t3_89, t3_91, t3_97, t3_101, t3_113, t3_123,
-            t3_128, t3_156, t3_159, t3_163, t3_191, t3_194, t3_196, t3_235, t3_240, t3_241,
-            t3_247, t3_250,
+            t3_22, t3_26, t3_50, t3_58, t3_66, t3_94, t3_96, t3_102, t3_106, t3_120, t3_134,
+            t3_162, t3_165, t3_169, t3_197, t3_200, t3_202, t3_241, t3_246, t3_247, t3_248,
+            t3_249,
         ]
     };
     // tau, part 4
     let [
-        t4_4, t4_22, t4_68, t4_74, t4_76, t4_81, t4_84, t4_88, t4_90, t4_94, t4_95, t4_99,
-        t4_100, t4_104, pivot_1, t4_112, t4_116, t4_118, t4_121, t4_124, t4_130, t4_131,
-        t4_134, t4_136, t4_137, t4_139, t4_140, t4_142, t4_144, t4_145, t4_146, t4_147, t4_148,
-        t4_149, t4_150, t4_151, t4_152, t4_153, t4_155, pivot_3, pivot_4, pivot_5, t4_173,
-        pivot_6, t4_185, t4_187, t4_189, t4_192, t4_196, t4_198, t4_201, t4_202, t4_205,
-        t4_206, t4_209, t4_210, t4_214, t4_218, t4_222, t4_223, t4_228, t4_229,
+        t4_11, t4_35, t4_79, t4_85, t4_87, t4_92, t4_95, t4_99, t4_101, t4_105, t4_106, t4_110,
+        t4_111, t4_115, pivot_1, t4_123, t4_127, t4_129, t4_132, t4_135, t4_141, t4_142,
+        t4_145, t4_147, t4_148, t4_150, t4_151, t4_153, t4_155, t4_156, t4_157, t4_158, t4_159,
+        t4_160, t4_161, t4_162, t4_163, t4_164, t4_166, pivot_3, inv_pivot_3, pivot_4, t4_173,
+        pivot_5, t4_180, t4_184, pivot_6, t4_196, t4_198, t4_200, t4_203, t4_204, t4_207,
+        t4_209, t4_212, t4_213, t4_216, t4_217, t4_220, t4_221, t4_225, t4_229,
     ] = {
-        let t4_1 = a_2z.mul_add(p_m_2, -t3_250);
-        let t4_2 = cos_s1_2 * t3_45;
-        let t4_3 = sin_s1_2.mul_add(t3_53, t4_2);
-        let t4_4 = t4_1 + t4_3;
-        let t4_5 = t3_247 - t4_4;
-        let t4_6 = (-cos_q1).mul_add(t4_5, t3_241);
-        let t4_7 = like.lift(0.26344492783122625).mul_add(t4_6, t3_235);
-        let t4_8 = t3_196 + t4_7;
-        let t4_9 = t1_28 * p_m_base;
-        let t4_10 = t1_65 * p_mx_base;
-        let t4_11 = t1_67.mul_add(p_my_base, t4_10);
-        let t4_12 = t3_123 + t4_11;
-        let t4_13 = like.lift(0.6).mul_add(t4_9, t4_12);
-        let t4_14 = t4_13 + t1_181;
-        let t4_15 = t4_14 + t2_98;
-        let t4_16 = cos_q1 * t3_240;
-        let t4_17 = sin_q1.mul_add(t4_5, t4_16);
-        let t4_18 = t4_15 + t4_17;
-        let t4_19 = like.lift(0.6).mul_add(t4_18, t4_8);
-        let t4_20 = t3_113 - t4_19;
-        let t4_21 = cos_shoulder.mul_add(t4_20, t3_101);
-        let t4_22 = dd_waist.mul_add(p_izz_column, t4_21);
-        let t4_23 = al_boomx * p_ixz_boom;
-        let t4_24 = al_boomy.mul_add(p_iyz_boom, t4_23);
-        let t4_25 = dd_shoulder.mul_add(p_izz_boom, t4_24);
-        let t4_26 = p_ixx_boom - p_iyy_boom;
-        let t4_27 = w_ixx_boom_shoulder * t4_26;
-        let w_ixy_boom_shoulder = t1_73 - t1_8;
-        let t4_28 = (-w_ixy_boom_shoulder).mul_add(p_ixy_boom, t4_27);
-        let t4_29 = t1_3.mul_add(p_iyz_boom, -t4_28);
-        let t4_30 = t1_1.mul_add(p_ixz_boom, -t4_29);
-        let t4_31 = t4_25 - t4_30;
-        let t4_32 = cos_shoulder * p_mx_boom;
-        let t4_33 = like.lift(9.81) * t4_32;
-        let t4_34 = sin_shoulder * p_my_boom;
-        let t4_35 = like.lift(-9.81).mul_add(t4_34, t4_33);
-        let t4_36 = t4_31 + t4_35;
-        let t4_37 = dd_shoulder * p_ixx_base;
-        let t4_38 = (-al_boomy).mul_add(p_ixy_base, t4_37);
-        let t4_39 = (-al_boomx).mul_add(p_ixz_base, t4_38);
-        let t4_40 = p_iyy_base - p_izz_base;
-        let t4_41 = w_ixx_boom_shoulder * t4_40;
-        let t4_42 = w_ixy_boom_shoulder.mul_add(p_iyz_base, t4_41);
-        let t4_43 = t1_1.mul_add(p_ixz_base, t4_42);
-        let t4_44 = t1_3.mul_add(p_ixy_base, -t4_43);
-        let t4_45 = t4_39 - t4_44;
-        let t4_46 = a_basez * p_my_base;
-        let t4_47 = (-a_basey).mul_add(p_mz_base, t4_46);
-        let t4_48 = t4_45 - t4_47;
-        let t4_49 = like.lift(0.5) * t3_128;
-        let t4_50 = like.lift(-0.8660254037844386).mul_add(t3_156, t4_49);
-        let t4_51 = like.lift(-0.22815).mul_add(t3_159, t4_50);
-        let t4_52 = t4_48 + t4_51;
-        let t4_53 = like.lift(0.5) * t3_163;
-        let t4_54 = like.lift(0.8660254037844386).mul_add(t3_191, t4_53);
-        let t4_55 = like.lift(0.22815).mul_add(t3_194, t4_54);
-        let t4_56 = t4_52 + t4_55;
-        let t4_57 = cos_q1 * t3_61;
-        let t4_58 = (-sin_q1).mul_add(t3_91, t4_57);
+        let t4_1 = (-t2_144).mul_add(p_my_1, t3_249);
+        let t4_2 = al_1x + t2_118;
+        let t4_3 = t4_2.mul_add(p_mz_1, t4_1);
+        let t4_4 = a_1y.mul_add(p_m_1, -t4_3);
+        let t4_5 = t3_248 * p_mx_2;
+        let t4_6 = t4_2.mul_add(p_my_2, t4_5);
+        let t4_7 = t2_144.mul_add(p_mz_2, t4_6);
+        let t4_8 = a_2z.mul_add(p_m_2, -t4_7);
+        let t4_9 = cos_s1_2 * t3_50;
+        let t4_10 = (-sin_s1_2).mul_add(t3_58, t4_9);
+        let t4_11 = t4_8 - t4_10;
+        let t4_12 = t4_4 + t4_11;
+        let t4_13 = (-cos_q1).mul_add(t4_12, t3_247);
+        let t4_14 = like.lift(-0.26344492783122625).mul_add(t4_13, t3_241);
+        let t4_15 = t3_202 + t4_14;
+        let t4_16 = t1_17 * p_mx_base;
+        let t4_17 = t1_70.mul_add(p_my_base, t4_16);
+        let t4_18 = t1_33.mul_add(p_mz_base, t4_17);
+        let t4_19 = a_basex.mul_add(p_m_base, -t4_18);
+        let t4_20 = t4_19 + t1_186;
+        let t4_21 = t4_20 + t2_103;
+        let t4_22 = cos_q1 * t3_246;
+        let t4_23 = sin_q1.mul_add(t4_12, t4_22);
+        let t4_24 = t4_21 + t4_23;
+        let t4_25 = like.lift(-1.25).mul_add(t4_24, t4_15);
+        let t4_26 = t3_120 - t4_25;
+        let t4_27 = cos_shoulder.mul_add(t4_26, t3_106);
+        let t4_28 = dd_waist * p_m_boom;
+        let t4_29 = t1_33 * p_mx_boom;
+        let t4_30 = t1_70.mul_add(p_my_boom, t4_29);
+        let t4_31 = (-t1_17).mul_add(p_mz_boom, t4_30);
+        let t4_32 = like.lift(0.35).mul_add(t4_28, -t4_31);
+        let t4_33 = t4_32 + t4_24;
+        let t4_34 = like.lift(0.35).mul_add(t4_33, t4_27);
+        let t4_35 = dd_waist.mul_add(p_izz_column, t4_34);
+        let t4_36 = al_boomx * p_ixz_boom;
+        let t4_37 = al_boomy.mul_add(p_iyz_boom, t4_36);
+        let t4_38 = dd_shoulder.mul_add(p_izz_boom, t4_37);
+        let t4_39 = p_ixx_boom - p_iyy_boom;
+        let t4_40 = w_ixx_boom_shoulder * t4_39;
+        let w_ixy_boom_shoulder = t1_76 - t1_8;
+        let t4_41 = (-w_ixy_boom_shoulder).mul_add(p_ixy_boom, t4_40);
+        let t4_42 = t1_3.mul_add(p_iyz_boom, -t4_41);
+        let t4_43 = t1_1.mul_add(p_ixz_boom, -t4_42);
+        let t4_44 = t4_38 - t4_43;
+        let t4_45 = a_boomy * p_mx_boom;
+        let t4_46 = a_boomx.mul_add(p_my_boom, t4_45);
+        let t4_47 = t4_44 + t4_46;
+        let t4_48 = dd_shoulder * p_ixx_base;
+        let t4_49 = (-al_boomy).mul_add(p_ixy_base, t4_48);
+        let t4_50 = (-al_boomx).mul_add(p_ixz_base, t4_49);
+        let t4_51 = p_iyy_base - p_izz_base;
+        let t4_52 = w_ixx_boom_shoulder * t4_51;
+        let t4_53 = w_ixy_boom_shoulder.mul_add(p_iyz_base, t4_52);
+        let t4_54 = t1_1.mul_add(p_ixz_base, t4_53);
+        let t4_55 = t1_3.mul_add(p_ixy_base, -t4_54);
+        let t4_56 = t4_50 - t4_55;
+        let t4_57 = a_basez * p_my_base;
+        let t4_58 = a_basey.mul_add(p_mz_base, t4_57);
         let t4_59 = t4_56 + t4_58;
-        let t4_60 = w_ixz_boom_shoulder * p_mx_base;
-        let t4_61 = (-t1_74).mul_add(p_my_base, t4_60);
-        let t4_62 = t1_26.mul_add(p_mz_base, t4_61);
-        let t4_63 = a_basey.mul_add(p_m_base, t4_62);
-        let t4_64 = t4_63 - t1_178;
-        let t4_65 = t4_64 + t2_95;
-        let t4_66 = t4_65 + t3_97;
-        let t4_67 = like.lift(0.6).mul_add(t4_66, t4_59);
-        let t4_68 = t4_36 + t4_67;
-        let t4_69 = cos_q1 * q2;
-        let t4_70 = cos_q1 * sin_s1_2;
-        let t4_71 = sin_q1 * cos_s1_1;
-        let t4_72 = cos_s1_2.mul_add(t4_71, t4_70);
-        let t4_73 = like.lift(-0.4563).mul_add(t4_72, t4_69);
-        let t4_74 = -t4_73;
+        let t4_60 = like.lift(0.5) * t3_134;
+        let t4_61 = like.lift(-0.8660254037844386).mul_add(t3_162, t4_60);
+        let t4_62 = like.lift(0.22815).mul_add(t3_165, t4_61);
+        let t4_63 = t4_59 + t4_62;
+        let t4_64 = like.lift(0.5) * t3_169;
+        let t4_65 = like.lift(0.8660254037844386).mul_add(t3_197, t4_64);
+        let t4_66 = like.lift(-0.22815).mul_add(t3_200, t4_65);
+        let t4_67 = t4_63 + t4_66;
+        let t4_68 = cos_q1 * t3_66;
+        let t4_69 = (-sin_q1).mul_add(t3_96, t4_68);
+        let t4_70 = t4_67 + t4_69;
+        let t4_71 = w_ixz_boom_shoulder * p_mx_base;
+        let t4_72 = (-t1_77).mul_add(p_my_base, t4_71);
+        let t4_73 = t1_31.mul_add(p_mz_base, t4_72);
+        let t4_74 = a_basey.mul_add(p_m_base, t4_73);
+        let t4_75 = t4_74 + t1_183;
+        let t4_76 = t4_75 - t2_100;
+        let t4_77 = t4_76 + t3_102;
+        let t4_78 = like.lift(1.25).mul_add(t4_77, t4_70);
+        let t4_79 = t4_47 + t4_78;
+        let t4_80 = cos_q1 * q2;
+        let t4_81 = cos_q1 * sin_s1_2;
+        let t4_82 = sin_q1 * cos_s1_1;
+        let t4_83 = cos_s1_2.mul_add(t4_82, t4_81);
+        let t4_84 = like.lift(-0.4563).mul_add(t4_83, t4_80);
+        let t4_85 = -t4_84;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t4_75 = cos_q1 * e_s1_2_q1x;
-        let t4_76 = like.lift(0.4563) * t4_75;
-        let t4_77 = sin_q1 * sin_s1_1;
-        let t4_78 = t4_77 * e_s1_2_q1x;
-        let t4_79 = like.lift(0.4563) * t4_78;
-        let t4_80 = cos_s1_1 * t4_72;
-        let t4_81 = like.lift(0.4563).mul_add(t4_80, t4_79);
-        let t4_82 = cos_q6 * q7;
-        let t4_83 = like.lift(0.5) * t4_82;
-        let t4_84 = -t4_83;
-        let t4_85 = sin_q1 * q2;
-        let t4_86 = sin_q1 * sin_s1_2;
-        let e_s1_1_shoulderx = cos_q1 * cos_s1_1;
-        let e_s1_2_shoulderx = (-cos_s1_2).mul_add(e_s1_1_shoulderx, t4_86);
-        let t4_87 = like.lift(-0.4563).mul_add(e_s1_2_shoulderx, t4_85);
-        let t4_88 = -t4_87;
-        let t4_89 = sin_q1 * e_s1_2_q1x;
+        let t4_86 = cos_q1 * e_s1_2_q1x;
+        let t4_87 = like.lift(0.4563) * t4_86;
+        let t4_88 = sin_q1 * sin_s1_1;
+        let t4_89 = t4_88 * e_s1_2_q1x;
         let t4_90 = like.lift(0.4563) * t4_89;
-        let t4_91 = cos_s1_1 * e_s1_2_shoulderx;
-        let t4_92 = like.lift(0.4563) * t4_91;
+        let t4_91 = cos_s1_1 * t4_83;
+        let t4_92 = like.lift(0.4563).mul_add(t4_91, t4_90);
+        let t4_93 = cos_q6 * q7;
+        let t4_94 = like.lift(0.5) * t4_93;
+        let t4_95 = -t4_94;
+        let t4_96 = sin_q1 * q2;
+        let t4_97 = sin_q1 * sin_s1_2;
+        let e_s1_1_shoulderx = cos_q1 * cos_s1_1;
+        let e_s1_2_shoulderx = (-cos_s1_2).mul_add(e_s1_1_shoulderx, t4_97);
+        let t4_98 = like.lift(-0.4563).mul_add(e_s1_2_shoulderx, t4_96);
+        let t4_99 = -t4_98;
+        let t4_100 = sin_q1 * e_s1_2_q1x;
+        let t4_101 = like.lift(0.4563) * t4_100;
+        let t4_102 = cos_s1_1 * e_s1_2_shoulderx;
+        let t4_103 = like.lift(0.4563) * t4_102;
         let e_s1_1_shouldery = cos_q1 * sin_s1_1;
-        let t4_93 = e_s1_1_shouldery * e_s1_2_q1x;
-        let t4_94 = like.lift(-0.4563).mul_add(t4_93, t4_92);
-        let t4_95 = sin_q6 * q7;
-        let t4_96 = sin_q1 * t4_72;
-        let t4_97 = like.lift(0.4563) * t4_96;
-        let t4_98 = cos_q1 * e_s1_2_shoulderx;
-        let t4_99 = like.lift(-0.4563).mul_add(t4_98, t4_97);
-        let t4_100 = -t4_99;
-        let t4_101 = e_s1_1_shouldery * t4_72;
-        let t4_102 = like.lift(0.4563) * t4_101;
-        let t4_103 = t4_77 * e_s1_2_shoulderx;
-        let t4_104 = like.lift(0.4563).mul_add(t4_103, t4_102);
-        let pivot_1 = like.lift(0.8660254037844386) * t4_82;
-        let t4_105 = like.lift(0.22815) * t4_72;
-        let t4_106 = cos_s1_3 * t4_77;
-        let t4_107 = cos_q1 * cos_s1_2;
-        let t4_108 = (-sin_s1_2).mul_add(t4_71, t4_107);
-        let t4_109 = sin_s1_3.mul_add(t4_108, t4_106);
-        let t4_110 = like.lift(-0.39516739174683935).mul_add(t4_109, t4_105);
-        let t4_111 = t4_69 - t4_110;
-        let t4_112 = -t4_111;
-        let t4_113 = like.lift(0.22815) * e_s1_2_q1x;
-        let t4_114 = cos_s1_1 * cos_s1_3;
+        let t4_104 = e_s1_1_shouldery * e_s1_2_q1x;
+        let t4_105 = like.lift(-0.4563).mul_add(t4_104, t4_103);
+        let t4_106 = sin_q6 * q7;
+        let t4_107 = sin_q1 * t4_83;
+        let t4_108 = like.lift(0.4563) * t4_107;
+        let t4_109 = cos_q1 * e_s1_2_shoulderx;
+        let t4_110 = like.lift(-0.4563).mul_add(t4_109, t4_108);
+        let t4_111 = -t4_110;
+        let t4_112 = e_s1_1_shouldery * t4_83;
+        let t4_113 = like.lift(0.4563) * t4_112;
+        let t4_114 = t4_88 * e_s1_2_shoulderx;
+        let t4_115 = like.lift(0.4563).mul_add(t4_114, t4_113);
+        let pivot_1 = like.lift(0.8660254037844386) * t4_93;
+        let t4_116 = like.lift(0.22815) * t4_83;
+        let t4_117 = cos_s1_3 * t4_88;
+        let t4_118 = cos_q1 * cos_s1_2;
+        let t4_119 = (-sin_s1_2).mul_add(t4_82, t4_118);
+        let t4_120 = sin_s1_3.mul_add(t4_119, t4_117);
+        let t4_121 = like.lift(-0.39516739174683935).mul_add(t4_120, t4_116);
+        let t4_122 = t4_80 - t4_121;
+        let t4_123 = -t4_122;
+        let t4_124 = like.lift(0.22815) * e_s1_2_q1x;
+        let t4_125 = cos_s1_1 * cos_s1_3;
         let e_s1_2_q1z = sin_s1_1 * sin_s1_2;
-        let e_3_q1y = sin_s1_3.mul_add(e_s1_2_q1z, t4_114);
-        let t4_115 = like.lift(0.39516739174683935).mul_add(e_3_q1y, t4_113);
-        let t4_116 = cos_q1 * t4_115;
-        let t4_117 = t4_77 * t4_115;
-        let t4_118 = cos_s1_1.mul_add(t4_110, t4_117);
-        let t4_119 = t4_72 * t4_115;
-        let t4_120 = (-e_s1_2_q1x).mul_add(t4_110, t4_119);
-        let t4_121 = -t4_120;
-        let t4_122 = cos_q8 * q9;
-        let t4_123 = like.lift(0.5) * t4_122;
-        let t4_124 = -t4_123;
-        let t4_125 = cos_s1_3 * e_s1_1_shouldery;
-        let t4_126 = sin_q1 * cos_s1_2;
-        let e_s1_2_shoulderz = sin_s1_2.mul_add(e_s1_1_shoulderx, t4_126);
-        let e_3_shouldery = (-sin_s1_3).mul_add(e_s1_2_shoulderz, t4_125);
-        let t4_127 = like.lift(0.39516739174683935) * e_3_shouldery;
-        let t4_128 = like.lift(0.22815) * e_s1_2_shoulderx;
-        let t4_129 = t4_85 - t4_128;
-        let t4_130 = t4_127 - t4_129;
-        let t4_131 = sin_q1 * t4_115;
-        let t4_132 = t4_128 + t4_127;
-        let t4_133 = cos_s1_1 * t4_132;
-        let t4_134 = (-e_s1_1_shouldery).mul_add(t4_115, t4_133);
-        let t4_135 = e_s1_2_q1x * t4_132;
-        let t4_136 = (-e_s1_2_shoulderx).mul_add(t4_115, t4_135);
-        let t4_137 = sin_q8 * q9;
-        let t4_138 = sin_q1 * t4_110;
-        let t4_139 = (-cos_q1).mul_add(t4_132, t4_138);
-        let t4_140 = -t4_139;
-        let t4_141 = e_s1_1_shouldery * t4_110;
-        let t4_142 = t4_77.mul_add(t4_132, t4_141);
-        let t4_143 = e_s1_2_shoulderx * t4_110;
-        let t4_144 = (-t4_72).mul_add(t4_132, t4_143);
-        let pivot_2 = like.lift(0.8660254037844386) * t4_122;
-        let t4_145 = -pivot_2;
-        let t4_146 = -sin_q1;
+        let e_3_q1y = sin_s1_3.mul_add(e_s1_2_q1z, t4_125);
+        let t4_126 = like.lift(0.39516739174683935).mul_add(e_3_q1y, t4_124);
+        let t4_127 = cos_q1 * t4_126;
+        let t4_128 = t4_88 * t4_126;
+        let t4_129 = cos_s1_1.mul_add(t4_121, t4_128);
+        let t4_130 = t4_83 * t4_126;
+        let t4_131 = (-e_s1_2_q1x).mul_add(t4_121, t4_130);
+        let t4_132 = -t4_131;
+        let t4_133 = cos_q8 * q9;
+        let t4_134 = like.lift(0.5) * t4_133;
+        let t4_135 = -t4_134;
+        let t4_136 = cos_s1_3 * e_s1_1_shouldery;
+        let t4_137 = sin_q1 * cos_s1_2;
+        let e_s1_2_shoulderz = sin_s1_2.mul_add(e_s1_1_shoulderx, t4_137);
+        let e_3_shouldery = (-sin_s1_3).mul_add(e_s1_2_shoulderz, t4_136);
+        let t4_138 = like.lift(0.39516739174683935) * e_3_shouldery;
+        let t4_139 = like.lift(0.22815) * e_s1_2_shoulderx;
+        let t4_140 = t4_96 - t4_139;
+        let t4_141 = t4_138 - t4_140;
+        let t4_142 = sin_q1 * t4_126;
+        let t4_143 = t4_139 + t4_138;
+        let t4_144 = cos_s1_1 * t4_143;
+        let t4_145 = (-e_s1_1_shouldery).mul_add(t4_126, t4_144);
+        let t4_146 = e_s1_2_q1x * t4_143;
+        let t4_147 = (-e_s1_2_shoulderx).mul_add(t4_126, t4_146);
+        let t4_148 = sin_q8 * q9;
+        let t4_149 = sin_q1 * t4_121;
+        let t4_150 = (-cos_q1).mul_add(t4_143, t4_149);
+        let t4_151 = -t4_150;
+        let t4_152 = e_s1_1_shouldery * t4_121;
+        let t4_153 = t4_88.mul_add(t4_143, t4_152);
+        let t4_154 = e_s1_2_shoulderx * t4_121;
+        let t4_155 = (-t4_83).mul_add(t4_143, t4_154);
+        let pivot_2 = like.lift(0.8660254037844386) * t4_133;
+        let t4_156 = -pivot_2;
+        let t4_157 = -sin_q1;
         let e_4_shouldery = like.lift(0.5) * sin_q6;
-        let t4_147 = -e_4_shouldery;
-        let t4_148 = -cos_q6;
-        let t4_149 = like.lift(0.8660254037844386) * sin_q6;
+        let t4_158 = -e_4_shouldery;
+        let t4_159 = -cos_q6;
+        let t4_160 = like.lift(0.8660254037844386) * sin_q6;
         let e_6_shouldery = like.lift(0.5) * sin_q8;
-        let t4_150 = -e_6_shouldery;
-        let t4_151 = -cos_q8;
-        let t4_152 = like.lift(0.8660254037844386) * sin_q8;
-        let t4_153 = -t4_152;
-        let t4_154 = like.lift(0.5773502691896257).mul_add(t4_144, t4_120);
-        let t4_155 = like.lift(1.0) / t4_122;
-        let t4_156 = t4_137 * t4_155;
-        let t4_157 = t4_144 * t4_156;
-        let pivot_3 = like.lift(1.1547005383792515).mul_add(t4_157, t4_136);
+        let t4_161 = -e_6_shouldery;
+        let t4_162 = -cos_q8;
+        let t4_163 = like.lift(0.8660254037844386) * sin_q8;
+        let t4_164 = -t4_163;
+        let t4_165 = like.lift(0.5773502691896257).mul_add(t4_155, t4_131);
+        let t4_166 = like.lift(1.0) / t4_133;
+        let t4_167 = t4_148 * t4_166;
+        let t4_168 = t4_155 * t4_167;
+        let pivot_3 = like.lift(1.1547005383792515).mul_add(t4_168, t4_147);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t4_158 = t4_154 * inv_pivot_3;
-        let t4_159 = (-t4_130).mul_add(t4_158, t4_111);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t4_99, t4_76);
+        let t4_169 = t4_165 * inv_pivot_3;
+        let t4_170 = (-t4_141).mul_add(t4_169, t4_122);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t4_110, t4_87);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t4_160 = like.lift(0.5773502691896257).mul_add(t4_139, t4_116);
-        let t4_161 = t4_139 * t4_156;
-        let t4_162 = like.lift(-1.1547005383792515).mul_add(t4_161, t4_131);
-        let t4_163 = t4_162.mul_add(t4_158, t4_160);
-        let t4_164 = inv_pivot_4 * t4_163;
-        let pivot_5 = (-t4_73).mul_add(t4_164, t4_159);
+        let t4_171 = like.lift(0.5773502691896257).mul_add(t4_150, t4_127);
+        let t4_172 = t4_150 * t4_167;
+        let t4_173 = like.lift(-1.1547005383792515).mul_add(t4_172, t4_142);
+        let t4_174 = t4_173.mul_add(t4_169, t4_171);
+        let t4_175 = inv_pivot_4 * t4_174;
+        let pivot_5 = (-t4_84).mul_add(t4_175, t4_170);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t4_165 = (-cos_q1).mul_add(t4_158, sin_q1);
-        let t4_166 = (-sin_q1).mul_add(t4_164, t4_165);
-        let t4_167 = like.lift(-0.5773502691896257).mul_add(t4_142, t4_118);
-        let t4_168 = t4_142 * t4_156;
-        let t4_169 = like.lift(1.1547005383792515).mul_add(t4_168, t4_134);
-        let t4_170 = t4_169.mul_add(t4_158, t4_167);
-        let t4_171 = like.lift(0.5773502691896257).mul_add(t4_104, t4_81);
-        let t4_172 = (-t4_171).mul_add(t4_164, t4_170);
-        let t4_173 = like.lift(1.0) / t4_82;
-        let t4_174 = t4_95 * t4_173;
-        let t4_175 = t4_99 * t4_174;
-        let t4_176 = like.lift(1.1547005383792515).mul_add(t4_175, t4_90);
-        let t4_177 = t4_176 * inv_pivot_4;
-        let t4_178 = sin_q1.mul_add(t4_177, cos_q1);
-        let t4_179 = (-t4_73).mul_add(t4_177, t4_87);
-        let t4_180 = t4_179 * inv_pivot_5;
-        let t4_181 = t4_166.mul_add(t4_180, t4_178);
-        let t4_182 = t4_104 * t4_174;
-        let t4_183 = like.lift(-1.1547005383792515).mul_add(t4_182, t4_94);
-        let t4_184 = (-t4_171).mul_add(t4_177, t4_183);
-        let pivot_6 = (-t4_172).mul_add(t4_180, t4_184);
+        let t4_176 = (-cos_q1).mul_add(t4_169, sin_q1);
+        let t4_177 = (-sin_q1).mul_add(t4_175, t4_176);
+        let t4_178 = like.lift(-0.5773502691896257).mul_add(t4_153, t4_129);
+        let t4_179 = t4_153 * t4_167;
+        let t4_180 = like.lift(1.1547005383792515).mul_add(t4_179, t4_145);
+        let t4_181 = t4_180.mul_add(t4_169, t4_178);
+        let t4_182 = like.lift(0.5773502691896257).mul_add(t4_115, t4_92);
+        let t4_183 = (-t4_182).mul_add(t4_175, t4_181);
+        let t4_184 = like.lift(1.0) / t4_93;
+        let t4_185 = t4_106 * t4_184;
+        let t4_186 = t4_110 * t4_185;
+        let t4_187 = like.lift(1.1547005383792515).mul_add(t4_186, t4_101);
+        let t4_188 = t4_187 * inv_pivot_4;
+        let t4_189 = sin_q1.mul_add(t4_188, cos_q1);
+        let t4_190 = (-t4_84).mul_add(t4_188, t4_98);
+        let t4_191 = t4_190 * inv_pivot_5;
+        let t4_192 = t4_177.mul_add(t4_191, t4_189);
+        let t4_193 = t4_115 * t4_185;
+        let t4_194 = like.lift(-1.1547005383792515).mul_add(t4_193, t4_105);
+        let t4_195 = (-t4_182).mul_add(t4_188, t4_194);
+        let pivot_6 = (-t4_183).mul_add(t4_191, t4_195);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t4_185 = t4_181 * inv_pivot_6;
-        let t4_186 = t4_172.mul_add(t4_185, t4_166);
-        let t4_187 = inv_pivot_5 * t4_186;
-        let t4_188 = sin_q6.mul_add(t4_174, cos_q6);
-        let t4_189 = t4_188 * inv_pivot_6;
-        let t4_190 = t4_172 * t4_189;
-        let t4_191 = inv_pivot_5 * t4_190;
-        let t4_192 = -t4_191;
-        let t4_193 = sin_q8.mul_add(t4_156, cos_q8);
-        let t4_194 = t4_193 * t4_158;
-        let t4_195 = t4_194 * t4_180;
-        let t4_196 = t4_195 * inv_pivot_6;
-        let t4_197 = t4_172.mul_add(t4_196, t4_194);
+        let t4_196 = t4_192 * inv_pivot_6;
+        let t4_197 = t4_183.mul_add(t4_196, t4_177);
         let t4_198 = inv_pivot_5 * t4_197;
-        let t4_199 = (-t4_73).mul_add(t4_187, sin_q1);
-        let t4_200 = t4_171.mul_add(t4_185, t4_199);
-        let t4_201 = inv_pivot_4 * t4_200;
-        let t4_202 = -t4_201;
-        let t4_203 = t4_73 * t4_191;
-        let t4_204 = (-t4_171).mul_add(t4_189, t4_203);
-        let t4_205 = inv_pivot_4 * t4_204;
-        let t4_206 = -t4_205;
-        let t4_207 = t4_73 * t4_198;
-        let t4_208 = (-t4_171).mul_add(t4_196, t4_207);
-        let t4_209 = inv_pivot_4 * t4_208;
-        let t4_210 = -t4_189;
-        let t4_211 = t4_162.mul_add(t4_201, cos_q1);
-        let t4_212 = (-t4_130).mul_add(t4_187, t4_211);
-        let t4_213 = (-t4_169).mul_add(t4_185, t4_212);
-        let t4_214 = inv_pivot_3 * t4_213;
-        let t4_215 = t4_162 * t4_205;
-        let t4_216 = t4_130.mul_add(t4_191, t4_215);
-        let t4_217 = t4_169.mul_add(t4_189, t4_216);
-        let t4_218 = inv_pivot_3 * t4_217;
-        let t4_219 = t4_162.mul_add(t4_209, t4_193);
-        let t4_220 = t4_130.mul_add(t4_198, t4_219);
-        let t4_221 = t4_169.mul_add(t4_196, t4_220);
-        let t4_222 = inv_pivot_3 * t4_221;
-        let t4_223 = -t4_222;
-        let t4_224 = t4_99 * t4_201;
-        let t4_225 = t4_104.mul_add(t4_185, t4_224);
-        let t4_226 = t4_173 * t4_225;
-        let t4_227 = like.lift(1.1547005383792515) * t4_226;
-        let t4_228 = -t4_227;
-        let t4_229 = (-t4_99).mul_add(t4_205, t4_149);
+        let t4_199 = sin_q6.mul_add(t4_185, cos_q6);
+        let t4_200 = t4_199 * inv_pivot_6;
+        let t4_201 = t4_183 * t4_200;
+        let t4_202 = inv_pivot_5 * t4_201;
+        let t4_203 = -t4_202;
+        let t4_204 = sin_q8.mul_add(t4_167, cos_q8);
+        let t4_205 = t4_204 * t4_169;
+        let t4_206 = t4_205 * t4_191;
+        let t4_207 = t4_206 * inv_pivot_6;
+        let t4_208 = t4_183.mul_add(t4_207, t4_205);
+        let t4_209 = inv_pivot_5 * t4_208;
+        let t4_210 = (-t4_84).mul_add(t4_198, sin_q1);
+        let t4_211 = t4_182.mul_add(t4_196, t4_210);
+        let t4_212 = inv_pivot_4 * t4_211;
+        let t4_213 = -t4_212;
+        let t4_214 = t4_84 * t4_202;
+        let t4_215 = (-t4_182).mul_add(t4_200, t4_214);
+        let t4_216 = inv_pivot_4 * t4_215;
+        let t4_217 = -t4_216;
+        let t4_218 = t4_84 * t4_209;
+        let t4_219 = (-t4_182).mul_add(t4_207, t4_218);
+        let t4_220 = inv_pivot_4 * t4_219;
+        let t4_221 = -t4_200;
+        let t4_222 = t4_173.mul_add(t4_212, cos_q1);
+        let t4_223 = (-t4_141).mul_add(t4_198, t4_222);
+        let t4_224 = (-t4_180).mul_add(t4_196, t4_223);
+        let t4_225 = inv_pivot_3 * t4_224;
+        let t4_226 = t4_173 * t4_216;
+        let t4_227 = t4_141.mul_add(t4_202, t4_226);
+        let t4_228 = t4_180.mul_add(t4_200, t4_227);
+        let t4_229 = inv_pivot_3 * t4_228;
         [
-            t4_4, t4_22, t4_68, t4_74, t4_76, t4_81, t4_84, t4_88, t4_90, t4_94, t4_95, t4_99,
-            t4_100, t4_104, pivot_1, t4_112, t4_116, t4_118, t4_121, t4_124, t4_130, t4_131,
-            t4_134, t4_136, t4_137, t4_139, t4_140, t4_142, t4_144, t4_145, t4_146, t4_147,
-            t4_148, t4_149, t4_150, t4_151, t4_152, t4_153, t4_155, pivot_3, pivot_4, pivot_5,
-            t4_173, pivot_6, t4_185, t4_187, t4_189, t4_192, t4_196, t4_198, t4_201, t4_202,
-            t4_205, t4_206, t4_209, t4_210, t4_214, t4_218, t4_222, t4_223, t4_228, t4_229,
+            t4_11, t4_35, t4_79, t4_85, t4_87, t4_92, t4_95, t4_99, t4_101, t4_105, t4_106,
+            t4_110, t4_111, t4_115, pivot_1, t4_123, t4_127, t4_129, t4_132, t4_135, t4_141,
+            t4_142, t4_145, t4_147, t4_148, t4_150, t4_151, t4_153, t4_155, t4_156, t4_157,
+            t4_158, t4_159, t4_160, t4_161, t4_162, t4_163, t4_164, t4_166, pivot_3,
+            inv_pivot_3, pivot_4, t4_173, pivot_5, t4_180, t4_184, pivot_6, t4_196, t4_198,
+            t4_200, t4_203, t4_204, t4_207, t4_209, t4_212, t4_213, t4_216, t4_217, t4_220,
+            t4_221, t4_225, t4_229,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -6221,66 +6254,77 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
         x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2,
         x_q8_q7, x_q8_q9,
     ] = {
-        let t5_1 = t4_104.mul_add(t4_189, t4_229);
-        let t5_2 = t4_173 * t5_1;
-        let t5_3 = like.lift(1.1547005383792515) * t5_2;
-        let t5_4 = t4_99 * t4_209;
-        let t5_5 = (-t4_104).mul_add(t4_196, t5_4);
-        let t5_6 = t4_173 * t5_5;
-        let t5_7 = like.lift(1.1547005383792515) * t5_6;
-        let t5_8 = t4_144 * t4_214;
-        let t5_9 = t4_139.mul_add(t4_201, t5_8);
-        let t5_10 = t4_142.mul_add(t4_185, t5_9);
-        let t5_11 = t4_155 * t5_10;
-        let t5_12 = like.lift(1.1547005383792515) * t5_11;
-        let t5_13 = t4_144 * t4_218;
-        let t5_14 = t4_139.mul_add(t4_205, t5_13);
-        let t5_15 = (-t4_142).mul_add(t4_189, t5_14);
-        let t5_16 = t4_155 * t5_15;
-        let t5_17 = like.lift(1.1547005383792515) * t5_16;
-        let t5_18 = (-t4_144).mul_add(t4_222, t4_152);
-        let t5_19 = (-t4_139).mul_add(t4_209, t5_18);
-        let t5_20 = t4_142.mul_add(t4_196, t5_19);
-        let t5_21 = t4_155 * t5_20;
-        let t5_22 = like.lift(1.1547005383792515) * t5_21;
-        let t5_23 = -pivot_5;
+        let t5_1 = t4_173.mul_add(t4_220, t4_204);
+        let t5_2 = t4_141.mul_add(t4_209, t5_1);
+        let t5_3 = t4_180.mul_add(t4_207, t5_2);
+        let t5_4 = inv_pivot_3 * t5_3;
+        let t5_5 = -t5_4;
+        let t5_6 = t4_110 * t4_212;
+        let t5_7 = t4_115.mul_add(t4_196, t5_6);
+        let t5_8 = t4_184 * t5_7;
+        let t5_9 = like.lift(1.1547005383792515) * t5_8;
+        let t5_10 = -t5_9;
+        let t5_11 = (-t4_110).mul_add(t4_216, t4_160);
+        let t5_12 = t4_115.mul_add(t4_200, t5_11);
+        let t5_13 = t4_184 * t5_12;
+        let t5_14 = like.lift(1.1547005383792515) * t5_13;
+        let t5_15 = t4_110 * t4_220;
+        let t5_16 = (-t4_115).mul_add(t4_207, t5_15);
+        let t5_17 = t4_184 * t5_16;
+        let t5_18 = like.lift(1.1547005383792515) * t5_17;
+        let t5_19 = t4_155 * t4_225;
+        let t5_20 = t4_150.mul_add(t4_212, t5_19);
+        let t5_21 = t4_153.mul_add(t4_196, t5_20);
+        let t5_22 = t4_166 * t5_21;
+        let t5_23 = like.lift(1.1547005383792515) * t5_22;
+        let t5_24 = t4_155 * t4_229;
+        let t5_25 = t4_150.mul_add(t4_216, t5_24);
+        let t5_26 = (-t4_153).mul_add(t4_200, t5_25);
+        let t5_27 = t4_166 * t5_26;
+        let t5_28 = like.lift(1.1547005383792515) * t5_27;
+        let t5_29 = (-t4_155).mul_add(t5_4, t4_163);
+        let t5_30 = (-t4_150).mul_add(t4_220, t5_29);
+        let t5_31 = t4_153.mul_add(t4_207, t5_30);
+        let t5_32 = t4_166 * t5_31;
+        let t5_33 = like.lift(1.1547005383792515) * t5_32;
+        let t5_34 = -pivot_5;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(1.9150361620118772)).abs()
-            .min((t4_145 * like.lift(1.8751412991819398)).abs())
-            .min((pivot_3 * like.lift(2.6162535605710207)).abs())
-            .min((pivot_4 * like.lift(2.2558640767950906)).abs())
-            .min((t5_23 * like.lift(0.8083910306721919)).abs())
-            .min((pivot_6 * like.lift(2.191678505501337)).abs());
+        let margin = (pivot_1 * like.lift(1.9131671434315987)).abs()
+            .min((t4_156 * like.lift(1.863195236951264)).abs())
+            .min((pivot_3 * like.lift(2.6695171222054848)).abs())
+            .min((pivot_4 * like.lift(2.294035647929491)).abs())
+            .min((t5_34 * like.lift(0.786868847408929)).abs())
+            .min((pivot_6 * like.lift(2.1945756748652077)).abs());
         let ([
             [_, _, x_q1_q2, x_q1_q7, x_q1_q9], [_, _, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [_, _, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [_, _, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [_, _, x_q6_q2, x_q6_q7, x_q6_q9], [_, _, x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), like.lift(0.0), t4_187, t4_192, t4_198],
-                [like.lift(0.0), like.lift(0.0), t4_202, t4_206, t4_209],
-                [like.lift(0.0), like.lift(0.0), t4_185, t4_210, t4_196],
-                [like.lift(0.0), like.lift(0.0), t4_214, t4_218, t4_223],
-                [like.lift(0.0), like.lift(0.0), t4_228, t5_3, t5_7],
-                [like.lift(0.0), like.lift(0.0), t5_12, t5_17, t5_22],
+                [like.lift(0.0), like.lift(0.0), t4_198, t4_203, t4_209],
+                [like.lift(0.0), like.lift(0.0), t4_213, t4_217, t4_220],
+                [like.lift(0.0), like.lift(0.0), t4_196, t4_221, t4_207],
+                [like.lift(0.0), like.lift(0.0), t4_225, t4_229, t5_5],
+                [like.lift(0.0), like.lift(0.0), t5_10, t5_14, t5_18],
+                [like.lift(0.0), like.lift(0.0), t5_23, t5_28, t5_33],
             ],
             margin,
             || (
                 [
-                    [t4_74, t4_76, t4_81, like.lift(0.0), t4_84, like.lift(0.0)],
-                    [t4_88, t4_90, t4_94, like.lift(0.0), t4_95, like.lift(0.0)],
-                    [like.lift(0.0), t4_100, t4_104, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t4_112, t4_116, t4_118, t4_121, like.lift(0.0), t4_124],
-                    [t4_130, t4_131, t4_134, t4_136, like.lift(0.0), t4_137],
-                    [like.lift(0.0), t4_140, t4_142, t4_144, like.lift(0.0), t4_145],
+                    [t4_85, t4_87, t4_92, like.lift(0.0), t4_95, like.lift(0.0)],
+                    [t4_99, t4_101, t4_105, like.lift(0.0), t4_106, like.lift(0.0)],
+                    [like.lift(0.0), t4_111, t4_115, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t4_123, t4_127, t4_129, t4_132, like.lift(0.0), t4_135],
+                    [t4_141, t4_142, t4_145, t4_147, like.lift(0.0), t4_148],
+                    [like.lift(0.0), t4_151, t4_153, t4_155, like.lift(0.0), t4_156],
                 ],
                 [
-                    [like.lift(0.0), like.lift(0.0), t4_146, t4_147, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), cos_q1, t4_148, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), t4_149, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), t4_146, like.lift(0.0), t4_150],
-                    [like.lift(0.0), like.lift(0.0), cos_q1, like.lift(0.0), t4_151],
-                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), t4_153],
+                    [like.lift(0.0), like.lift(0.0), t4_157, t4_158, like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), cos_q1, t4_159, like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), t4_160, like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), t4_157, like.lift(0.0), t4_161],
+                    [like.lift(0.0), like.lift(0.0), cos_q1, like.lift(0.0), t4_162],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), t4_164],
                 ],
             ),
         );
@@ -6293,31 +6337,31 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
     };
     // tau
     {
-        let t6_1 = t3_235.mul_add(x_q1_q2, t4_4);
-        let t6_2 = (-t3_89).mul_add(x_s1_1_q2, t6_1);
-        let t6_3 = (-t3_21).mul_add(x_s1_2_q2, t6_2);
-        let t6_4 = (-t3_17).mul_add(x_s1_3_q2, t6_3);
-        let t6_5 = (-t3_191).mul_add(x_q6_q2, t6_4);
-        let t6_6 = (-t3_156).mul_add(x_q8_q2, t6_5);
+        let t6_1 = t3_241.mul_add(x_q1_q2, t4_11);
+        let t6_2 = (-t3_94).mul_add(x_s1_1_q2, t6_1);
+        let t6_3 = (-t3_26).mul_add(x_s1_2_q2, t6_2);
+        let t6_4 = (-t3_22).mul_add(x_s1_3_q2, t6_3);
+        let t6_5 = (-t3_197).mul_add(x_q6_q2, t6_4);
+        let t6_6 = (-t3_162).mul_add(x_q8_q2, t6_5);
         tau[2] = t6_6;
-        let t6_7 = t3_235 * x_q1_q7;
-        let t6_8 = (-t3_89).mul_add(x_s1_1_q7, t6_7);
-        let t6_9 = (-t3_21).mul_add(x_s1_2_q7, t6_8);
-        let t6_10 = (-t3_17).mul_add(x_s1_3_q7, t6_9);
-        let t6_11 = (-t3_191).mul_add(x_q6_q7, t6_10);
-        let t6_12 = t2_86 + t6_11;
-        let t6_13 = (-t3_156).mul_add(x_q8_q7, t6_12);
+        let t6_7 = t3_241 * x_q1_q7;
+        let t6_8 = (-t3_94).mul_add(x_s1_1_q7, t6_7);
+        let t6_9 = (-t3_26).mul_add(x_s1_2_q7, t6_8);
+        let t6_10 = (-t3_22).mul_add(x_s1_3_q7, t6_9);
+        let t6_11 = (-t3_197).mul_add(x_q6_q7, t6_10);
+        let t6_12 = t2_91 + t6_11;
+        let t6_13 = (-t3_162).mul_add(x_q8_q7, t6_12);
         tau[3] = t6_13;
-        let t6_14 = t3_235 * x_q1_q9;
-        let t6_15 = (-t3_89).mul_add(x_s1_1_q9, t6_14);
-        let t6_16 = (-t3_21).mul_add(x_s1_2_q9, t6_15);
-        let t6_17 = (-t3_17).mul_add(x_s1_3_q9, t6_16);
-        let t6_18 = (-t3_191).mul_add(x_q6_q9, t6_17);
-        let t6_19 = (-t3_156).mul_add(x_q8_q9, t6_18);
-        let t6_20 = t1_169 + t6_19;
+        let t6_14 = t3_241 * x_q1_q9;
+        let t6_15 = (-t3_94).mul_add(x_s1_1_q9, t6_14);
+        let t6_16 = (-t3_26).mul_add(x_s1_2_q9, t6_15);
+        let t6_17 = (-t3_22).mul_add(x_s1_3_q9, t6_16);
+        let t6_18 = (-t3_197).mul_add(x_q6_q9, t6_17);
+        let t6_19 = (-t3_162).mul_add(x_q8_q9, t6_18);
+        let t6_20 = t1_174 + t6_19;
         tau[4] = t6_20;
-        tau[0] = t4_22;
-        tau[1] = t4_68;
+        tau[0] = t4_35;
+        tau[1] = t4_79;
     }
     (tau, Condition { pivot: condition })
 }
@@ -6328,7 +6372,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: the efforts that hold the mechanism at rest
 ///
-/// 218 additions, 423 multiplications, 6 divisions, 7 sines and cosines.
+/// 219 additions, 424 multiplications, 6 divisions, 7 sines and cosines.
 pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 100]) -> ([T; 5], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 5];
@@ -6347,7 +6391,7 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 100]) -> ([T; 5], Condition<T>)
         cos_shoulder, sin_q8, cos_q8, t1_31, t1_38, sin_q6, cos_q6, t1_73, t1_80, sin_q1,
         cos_q1, sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, t1_115, t1_119,
         t1_136, t1_147, t1_149, t1_152, t1_160, t1_167, t1_170, t1_174, t1_181, t1_184, t1_203,
-        t1_211, t1_223, t1_227, t1_231,
+        t1_211, t1_224, t1_228, t1_230, t1_231,
     ] = {
         let (sin_shoulder, cos_shoulder) = shoulder.sin_cos();
         let t1_1 = cos_shoulder * p_mz_boom;
@@ -6587,295 +6631,296 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 100]) -> ([T; 5], Condition<T>)
         let t1_217 = cos_q1 * t1_205;
         let t1_218 = (-sin_q1).mul_add(t1_212, t1_217);
         let t1_219 = t1_216 - t1_218;
-        let t1_220 = like.lift(-0.6).mul_add(t1_219, t1_215);
+        let t1_220 = like.lift(-1.25).mul_add(t1_219, t1_215);
         let t1_221 = like.lift(9.81).mul_add(t1_157, -t1_220);
         let t1_222 = (-cos_shoulder).mul_add(t1_221, t1_156);
-        let t1_223 = -t1_222;
-        let t1_224 = cos_shoulder * p_mx_boom;
-        let t1_225 = like.lift(9.81) * t1_224;
-        let t1_226 = sin_shoulder * p_my_boom;
-        let t1_227 = like.lift(-9.81).mul_add(t1_226, t1_225);
-        let t1_228 = sin_shoulder * p_my_base;
-        let t1_229 = like.lift(9.81) * t1_228;
-        let t1_230 = cos_shoulder * p_mz_base;
-        let t1_231 = like.lift(-9.81).mul_add(t1_230, t1_229);
+        let t1_223 = like.lift(-0.35).mul_add(t1_219, t1_222);
+        let t1_224 = -t1_223;
+        let t1_225 = cos_shoulder * p_mx_boom;
+        let t1_226 = like.lift(9.81) * t1_225;
+        let t1_227 = sin_shoulder * p_my_boom;
+        let t1_228 = like.lift(-9.81).mul_add(t1_227, t1_226);
+        let t1_229 = sin_shoulder * p_my_base;
+        let t1_230 = like.lift(9.81) * t1_229;
+        let t1_231 = cos_shoulder * p_mz_base;
         [
             cos_shoulder, sin_q8, cos_q8, t1_31, t1_38, sin_q6, cos_q6, t1_73, t1_80, sin_q1,
             cos_q1, sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, t1_115, t1_119,
             t1_136, t1_147, t1_149, t1_152, t1_160, t1_167, t1_170, t1_174, t1_181, t1_184,
-            t1_203, t1_211, t1_223, t1_227, t1_231,
+            t1_203, t1_211, t1_224, t1_228, t1_230, t1_231,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t2_17, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2,
+        t2_18, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2,
         x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9,
         x_q8_q2, x_q8_q7, x_q8_q9,
     ] = {
-        let t2_1 = like.lift(0.5) * t1_160;
-        let t2_2 = like.lift(0.8660254037844386).mul_add(t1_167, t2_1);
-        let t2_3 = like.lift(-0.22815).mul_add(t1_170, t2_2);
-        let t2_4 = t1_231 + t2_3;
-        let t2_5 = like.lift(0.5) * t1_174;
-        let t2_6 = like.lift(0.8660254037844386).mul_add(t1_181, t2_5);
-        let t2_7 = like.lift(-0.22815).mul_add(t1_184, t2_6);
-        let t2_8 = t2_4 + t2_7;
-        let t2_9 = cos_q1 * t1_136;
-        let t2_10 = sin_q1.mul_add(t1_149, t2_9);
-        let t2_11 = t2_8 + t2_10;
-        let t2_12 = cos_shoulder * p_m_base;
-        let t2_13 = like.lift(9.81).mul_add(t2_12, t1_38);
-        let t2_14 = t2_13 + t1_80;
-        let t2_15 = t2_14 + t1_152;
-        let t2_16 = like.lift(-0.6).mul_add(t2_15, t2_11);
-        let t2_17 = t1_227 - t2_16;
-        let t2_18 = cos_q1 * q2;
-        let t2_19 = cos_q1 * sin_s1_2;
-        let t2_20 = sin_q1 * cos_s1_1;
-        let t2_21 = cos_s1_2.mul_add(t2_20, t2_19);
-        let t2_22 = like.lift(-0.4563).mul_add(t2_21, t2_18);
-        let t2_23 = -t2_22;
+        let t2_1 = like.lift(-9.81).mul_add(t1_231, t1_230);
+        let t2_2 = like.lift(0.5) * t1_160;
+        let t2_3 = like.lift(0.8660254037844386).mul_add(t1_167, t2_2);
+        let t2_4 = like.lift(-0.22815).mul_add(t1_170, t2_3);
+        let t2_5 = t2_1 + t2_4;
+        let t2_6 = like.lift(0.5) * t1_174;
+        let t2_7 = like.lift(0.8660254037844386).mul_add(t1_181, t2_6);
+        let t2_8 = like.lift(-0.22815).mul_add(t1_184, t2_7);
+        let t2_9 = t2_5 + t2_8;
+        let t2_10 = cos_q1 * t1_136;
+        let t2_11 = sin_q1.mul_add(t1_149, t2_10);
+        let t2_12 = t2_9 + t2_11;
+        let t2_13 = cos_shoulder * p_m_base;
+        let t2_14 = like.lift(9.81).mul_add(t2_13, t1_38);
+        let t2_15 = t2_14 + t1_80;
+        let t2_16 = t2_15 + t1_152;
+        let t2_17 = like.lift(-1.25).mul_add(t2_16, t2_12);
+        let t2_18 = t1_228 - t2_17;
+        let t2_19 = cos_q1 * q2;
+        let t2_20 = cos_q1 * sin_s1_2;
+        let t2_21 = sin_q1 * cos_s1_1;
+        let t2_22 = cos_s1_2.mul_add(t2_21, t2_20);
+        let t2_23 = like.lift(-0.4563).mul_add(t2_22, t2_19);
+        let t2_24 = -t2_23;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t2_24 = cos_q1 * e_s1_2_q1x;
-        let t2_25 = like.lift(0.4563) * t2_24;
-        let t2_26 = sin_q1 * sin_s1_1;
-        let t2_27 = t2_26 * e_s1_2_q1x;
-        let t2_28 = like.lift(0.4563) * t2_27;
-        let t2_29 = cos_s1_1 * t2_21;
-        let t2_30 = like.lift(0.4563).mul_add(t2_29, t2_28);
-        let t2_31 = cos_q6 * q7;
-        let t2_32 = like.lift(0.5) * t2_31;
-        let t2_33 = -t2_32;
-        let t2_34 = sin_q1 * q2;
-        let t2_35 = sin_q1 * sin_s1_2;
+        let t2_25 = cos_q1 * e_s1_2_q1x;
+        let t2_26 = like.lift(0.4563) * t2_25;
+        let t2_27 = sin_q1 * sin_s1_1;
+        let t2_28 = t2_27 * e_s1_2_q1x;
+        let t2_29 = like.lift(0.4563) * t2_28;
+        let t2_30 = cos_s1_1 * t2_22;
+        let t2_31 = like.lift(0.4563).mul_add(t2_30, t2_29);
+        let t2_32 = cos_q6 * q7;
+        let t2_33 = like.lift(0.5) * t2_32;
+        let t2_34 = -t2_33;
+        let t2_35 = sin_q1 * q2;
+        let t2_36 = sin_q1 * sin_s1_2;
         let e_s1_1_shoulderx = cos_q1 * cos_s1_1;
-        let e_s1_2_shoulderx = (-cos_s1_2).mul_add(e_s1_1_shoulderx, t2_35);
-        let t2_36 = like.lift(-0.4563).mul_add(e_s1_2_shoulderx, t2_34);
-        let t2_37 = -t2_36;
-        let t2_38 = sin_q1 * e_s1_2_q1x;
-        let t2_39 = like.lift(0.4563) * t2_38;
-        let t2_40 = cos_s1_1 * e_s1_2_shoulderx;
-        let t2_41 = like.lift(0.4563) * t2_40;
+        let e_s1_2_shoulderx = (-cos_s1_2).mul_add(e_s1_1_shoulderx, t2_36);
+        let t2_37 = like.lift(-0.4563).mul_add(e_s1_2_shoulderx, t2_35);
+        let t2_38 = -t2_37;
+        let t2_39 = sin_q1 * e_s1_2_q1x;
+        let t2_40 = like.lift(0.4563) * t2_39;
+        let t2_41 = cos_s1_1 * e_s1_2_shoulderx;
+        let t2_42 = like.lift(0.4563) * t2_41;
         let e_s1_1_shouldery = cos_q1 * sin_s1_1;
-        let t2_42 = e_s1_1_shouldery * e_s1_2_q1x;
-        let t2_43 = like.lift(-0.4563).mul_add(t2_42, t2_41);
-        let t2_44 = sin_q6 * q7;
-        let t2_45 = sin_q1 * t2_21;
-        let t2_46 = like.lift(0.4563) * t2_45;
-        let t2_47 = cos_q1 * e_s1_2_shoulderx;
-        let t2_48 = like.lift(-0.4563).mul_add(t2_47, t2_46);
-        let t2_49 = -t2_48;
-        let t2_50 = e_s1_1_shouldery * t2_21;
-        let t2_51 = like.lift(0.4563) * t2_50;
-        let t2_52 = t2_26 * e_s1_2_shoulderx;
-        let t2_53 = like.lift(0.4563).mul_add(t2_52, t2_51);
-        let pivot_1 = like.lift(0.8660254037844386) * t2_31;
-        let t2_54 = like.lift(0.22815) * t2_21;
-        let t2_55 = cos_s1_3 * t2_26;
-        let t2_56 = cos_q1 * cos_s1_2;
-        let t2_57 = (-sin_s1_2).mul_add(t2_20, t2_56);
-        let t2_58 = sin_s1_3.mul_add(t2_57, t2_55);
-        let t2_59 = like.lift(-0.39516739174683935).mul_add(t2_58, t2_54);
-        let t2_60 = t2_18 - t2_59;
-        let t2_61 = -t2_60;
-        let t2_62 = like.lift(0.22815) * e_s1_2_q1x;
-        let t2_63 = cos_s1_1 * cos_s1_3;
+        let t2_43 = e_s1_1_shouldery * e_s1_2_q1x;
+        let t2_44 = like.lift(-0.4563).mul_add(t2_43, t2_42);
+        let t2_45 = sin_q6 * q7;
+        let t2_46 = sin_q1 * t2_22;
+        let t2_47 = like.lift(0.4563) * t2_46;
+        let t2_48 = cos_q1 * e_s1_2_shoulderx;
+        let t2_49 = like.lift(-0.4563).mul_add(t2_48, t2_47);
+        let t2_50 = -t2_49;
+        let t2_51 = e_s1_1_shouldery * t2_22;
+        let t2_52 = like.lift(0.4563) * t2_51;
+        let t2_53 = t2_27 * e_s1_2_shoulderx;
+        let t2_54 = like.lift(0.4563).mul_add(t2_53, t2_52);
+        let pivot_1 = like.lift(0.8660254037844386) * t2_32;
+        let t2_55 = like.lift(0.22815) * t2_22;
+        let t2_56 = cos_s1_3 * t2_27;
+        let t2_57 = cos_q1 * cos_s1_2;
+        let t2_58 = (-sin_s1_2).mul_add(t2_21, t2_57);
+        let t2_59 = sin_s1_3.mul_add(t2_58, t2_56);
+        let t2_60 = like.lift(-0.39516739174683935).mul_add(t2_59, t2_55);
+        let t2_61 = t2_19 - t2_60;
+        let t2_62 = -t2_61;
+        let t2_63 = like.lift(0.22815) * e_s1_2_q1x;
+        let t2_64 = cos_s1_1 * cos_s1_3;
         let e_s1_2_q1z = sin_s1_1 * sin_s1_2;
-        let e_3_q1y = sin_s1_3.mul_add(e_s1_2_q1z, t2_63);
-        let t2_64 = like.lift(0.39516739174683935).mul_add(e_3_q1y, t2_62);
-        let t2_65 = cos_q1 * t2_64;
-        let t2_66 = t2_26 * t2_64;
-        let t2_67 = cos_s1_1.mul_add(t2_59, t2_66);
-        let t2_68 = t2_21 * t2_64;
-        let t2_69 = (-e_s1_2_q1x).mul_add(t2_59, t2_68);
-        let t2_70 = -t2_69;
-        let t2_71 = cos_q8 * q9;
-        let t2_72 = like.lift(0.5) * t2_71;
-        let t2_73 = -t2_72;
-        let t2_74 = cos_s1_3 * e_s1_1_shouldery;
-        let t2_75 = sin_q1 * cos_s1_2;
-        let e_s1_2_shoulderz = sin_s1_2.mul_add(e_s1_1_shoulderx, t2_75);
-        let e_3_shouldery = (-sin_s1_3).mul_add(e_s1_2_shoulderz, t2_74);
-        let t2_76 = like.lift(0.39516739174683935) * e_3_shouldery;
-        let t2_77 = like.lift(0.22815) * e_s1_2_shoulderx;
-        let t2_78 = t2_34 - t2_77;
-        let t2_79 = t2_76 - t2_78;
-        let t2_80 = sin_q1 * t2_64;
-        let t2_81 = t2_77 + t2_76;
-        let t2_82 = cos_s1_1 * t2_81;
-        let t2_83 = (-e_s1_1_shouldery).mul_add(t2_64, t2_82);
-        let t2_84 = e_s1_2_q1x * t2_81;
-        let t2_85 = (-e_s1_2_shoulderx).mul_add(t2_64, t2_84);
-        let t2_86 = sin_q8 * q9;
-        let t2_87 = sin_q1 * t2_59;
-        let t2_88 = (-cos_q1).mul_add(t2_81, t2_87);
-        let t2_89 = -t2_88;
-        let t2_90 = e_s1_1_shouldery * t2_59;
-        let t2_91 = t2_26.mul_add(t2_81, t2_90);
-        let t2_92 = e_s1_2_shoulderx * t2_59;
-        let t2_93 = (-t2_21).mul_add(t2_81, t2_92);
-        let pivot_2 = like.lift(0.8660254037844386) * t2_71;
-        let t2_94 = -pivot_2;
-        let t2_95 = -sin_q1;
+        let e_3_q1y = sin_s1_3.mul_add(e_s1_2_q1z, t2_64);
+        let t2_65 = like.lift(0.39516739174683935).mul_add(e_3_q1y, t2_63);
+        let t2_66 = cos_q1 * t2_65;
+        let t2_67 = t2_27 * t2_65;
+        let t2_68 = cos_s1_1.mul_add(t2_60, t2_67);
+        let t2_69 = t2_22 * t2_65;
+        let t2_70 = (-e_s1_2_q1x).mul_add(t2_60, t2_69);
+        let t2_71 = -t2_70;
+        let t2_72 = cos_q8 * q9;
+        let t2_73 = like.lift(0.5) * t2_72;
+        let t2_74 = -t2_73;
+        let t2_75 = cos_s1_3 * e_s1_1_shouldery;
+        let t2_76 = sin_q1 * cos_s1_2;
+        let e_s1_2_shoulderz = sin_s1_2.mul_add(e_s1_1_shoulderx, t2_76);
+        let e_3_shouldery = (-sin_s1_3).mul_add(e_s1_2_shoulderz, t2_75);
+        let t2_77 = like.lift(0.39516739174683935) * e_3_shouldery;
+        let t2_78 = like.lift(0.22815) * e_s1_2_shoulderx;
+        let t2_79 = t2_35 - t2_78;
+        let t2_80 = t2_77 - t2_79;
+        let t2_81 = sin_q1 * t2_65;
+        let t2_82 = t2_78 + t2_77;
+        let t2_83 = cos_s1_1 * t2_82;
+        let t2_84 = (-e_s1_1_shouldery).mul_add(t2_65, t2_83);
+        let t2_85 = e_s1_2_q1x * t2_82;
+        let t2_86 = (-e_s1_2_shoulderx).mul_add(t2_65, t2_85);
+        let t2_87 = sin_q8 * q9;
+        let t2_88 = sin_q1 * t2_60;
+        let t2_89 = (-cos_q1).mul_add(t2_82, t2_88);
+        let t2_90 = -t2_89;
+        let t2_91 = e_s1_1_shouldery * t2_60;
+        let t2_92 = t2_27.mul_add(t2_82, t2_91);
+        let t2_93 = e_s1_2_shoulderx * t2_60;
+        let t2_94 = (-t2_22).mul_add(t2_82, t2_93);
+        let pivot_2 = like.lift(0.8660254037844386) * t2_72;
+        let t2_95 = -pivot_2;
+        let t2_96 = -sin_q1;
         let e_4_shouldery = like.lift(0.5) * sin_q6;
-        let t2_96 = -e_4_shouldery;
-        let t2_97 = -cos_q6;
-        let t2_98 = like.lift(0.8660254037844386) * sin_q6;
+        let t2_97 = -e_4_shouldery;
+        let t2_98 = -cos_q6;
+        let t2_99 = like.lift(0.8660254037844386) * sin_q6;
         let e_6_shouldery = like.lift(0.5) * sin_q8;
-        let t2_99 = -e_6_shouldery;
-        let t2_100 = -cos_q8;
-        let t2_101 = like.lift(0.8660254037844386) * sin_q8;
-        let t2_102 = -t2_101;
-        let t2_103 = like.lift(0.5773502691896257).mul_add(t2_93, t2_69);
-        let t2_104 = like.lift(1.0) / t2_71;
-        let t2_105 = t2_86 * t2_104;
-        let t2_106 = t2_93 * t2_105;
-        let pivot_3 = like.lift(1.1547005383792515).mul_add(t2_106, t2_85);
+        let t2_100 = -e_6_shouldery;
+        let t2_101 = -cos_q8;
+        let t2_102 = like.lift(0.8660254037844386) * sin_q8;
+        let t2_103 = -t2_102;
+        let t2_104 = like.lift(0.5773502691896257).mul_add(t2_94, t2_70);
+        let t2_105 = like.lift(1.0) / t2_72;
+        let t2_106 = t2_87 * t2_105;
+        let t2_107 = t2_94 * t2_106;
+        let pivot_3 = like.lift(1.1547005383792515).mul_add(t2_107, t2_86);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_107 = t2_103 * inv_pivot_3;
-        let t2_108 = (-t2_79).mul_add(t2_107, t2_60);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_48, t2_25);
+        let t2_108 = t2_104 * inv_pivot_3;
+        let t2_109 = (-t2_80).mul_add(t2_108, t2_61);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_49, t2_26);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_109 = like.lift(0.5773502691896257).mul_add(t2_88, t2_65);
-        let t2_110 = t2_88 * t2_105;
-        let t2_111 = like.lift(-1.1547005383792515).mul_add(t2_110, t2_80);
-        let t2_112 = t2_111.mul_add(t2_107, t2_109);
-        let t2_113 = inv_pivot_4 * t2_112;
-        let pivot_5 = (-t2_22).mul_add(t2_113, t2_108);
+        let t2_110 = like.lift(0.5773502691896257).mul_add(t2_89, t2_66);
+        let t2_111 = t2_89 * t2_106;
+        let t2_112 = like.lift(-1.1547005383792515).mul_add(t2_111, t2_81);
+        let t2_113 = t2_112.mul_add(t2_108, t2_110);
+        let t2_114 = inv_pivot_4 * t2_113;
+        let pivot_5 = (-t2_23).mul_add(t2_114, t2_109);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_114 = (-cos_q1).mul_add(t2_107, sin_q1);
-        let t2_115 = (-sin_q1).mul_add(t2_113, t2_114);
-        let t2_116 = like.lift(-0.5773502691896257).mul_add(t2_91, t2_67);
-        let t2_117 = t2_91 * t2_105;
-        let t2_118 = like.lift(1.1547005383792515).mul_add(t2_117, t2_83);
-        let t2_119 = t2_118.mul_add(t2_107, t2_116);
-        let t2_120 = like.lift(0.5773502691896257).mul_add(t2_53, t2_30);
-        let t2_121 = (-t2_120).mul_add(t2_113, t2_119);
-        let t2_122 = like.lift(1.0) / t2_31;
-        let t2_123 = t2_44 * t2_122;
-        let t2_124 = t2_48 * t2_123;
-        let t2_125 = like.lift(1.1547005383792515).mul_add(t2_124, t2_39);
-        let t2_126 = t2_125 * inv_pivot_4;
-        let t2_127 = sin_q1.mul_add(t2_126, cos_q1);
-        let t2_128 = (-t2_22).mul_add(t2_126, t2_36);
-        let t2_129 = t2_128 * inv_pivot_5;
-        let t2_130 = t2_115.mul_add(t2_129, t2_127);
-        let t2_131 = t2_53 * t2_123;
-        let t2_132 = like.lift(-1.1547005383792515).mul_add(t2_131, t2_43);
-        let t2_133 = (-t2_120).mul_add(t2_126, t2_132);
-        let pivot_6 = (-t2_121).mul_add(t2_129, t2_133);
+        let t2_115 = (-cos_q1).mul_add(t2_108, sin_q1);
+        let t2_116 = (-sin_q1).mul_add(t2_114, t2_115);
+        let t2_117 = like.lift(-0.5773502691896257).mul_add(t2_92, t2_68);
+        let t2_118 = t2_92 * t2_106;
+        let t2_119 = like.lift(1.1547005383792515).mul_add(t2_118, t2_84);
+        let t2_120 = t2_119.mul_add(t2_108, t2_117);
+        let t2_121 = like.lift(0.5773502691896257).mul_add(t2_54, t2_31);
+        let t2_122 = (-t2_121).mul_add(t2_114, t2_120);
+        let t2_123 = like.lift(1.0) / t2_32;
+        let t2_124 = t2_45 * t2_123;
+        let t2_125 = t2_49 * t2_124;
+        let t2_126 = like.lift(1.1547005383792515).mul_add(t2_125, t2_40);
+        let t2_127 = t2_126 * inv_pivot_4;
+        let t2_128 = sin_q1.mul_add(t2_127, cos_q1);
+        let t2_129 = (-t2_23).mul_add(t2_127, t2_37);
+        let t2_130 = t2_129 * inv_pivot_5;
+        let t2_131 = t2_116.mul_add(t2_130, t2_128);
+        let t2_132 = t2_54 * t2_124;
+        let t2_133 = like.lift(-1.1547005383792515).mul_add(t2_132, t2_44);
+        let t2_134 = (-t2_121).mul_add(t2_127, t2_133);
+        let pivot_6 = (-t2_122).mul_add(t2_130, t2_134);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_134 = t2_130 * inv_pivot_6;
-        let t2_135 = t2_121.mul_add(t2_134, t2_115);
-        let t2_136 = inv_pivot_5 * t2_135;
-        let t2_137 = sin_q6.mul_add(t2_123, cos_q6);
-        let t2_138 = t2_137 * inv_pivot_6;
-        let t2_139 = t2_121 * t2_138;
-        let t2_140 = inv_pivot_5 * t2_139;
-        let t2_141 = -t2_140;
-        let t2_142 = sin_q8.mul_add(t2_105, cos_q8);
-        let t2_143 = t2_142 * t2_107;
-        let t2_144 = t2_143 * t2_129;
-        let t2_145 = t2_144 * inv_pivot_6;
-        let t2_146 = t2_121.mul_add(t2_145, t2_143);
-        let t2_147 = inv_pivot_5 * t2_146;
-        let t2_148 = (-t2_22).mul_add(t2_136, sin_q1);
-        let t2_149 = t2_120.mul_add(t2_134, t2_148);
-        let t2_150 = inv_pivot_4 * t2_149;
-        let t2_151 = -t2_150;
-        let t2_152 = t2_22 * t2_140;
-        let t2_153 = (-t2_120).mul_add(t2_138, t2_152);
-        let t2_154 = inv_pivot_4 * t2_153;
-        let t2_155 = -t2_154;
-        let t2_156 = t2_22 * t2_147;
-        let t2_157 = (-t2_120).mul_add(t2_145, t2_156);
-        let t2_158 = inv_pivot_4 * t2_157;
-        let t2_159 = -t2_138;
-        let t2_160 = t2_111.mul_add(t2_150, cos_q1);
-        let t2_161 = (-t2_79).mul_add(t2_136, t2_160);
-        let t2_162 = (-t2_118).mul_add(t2_134, t2_161);
-        let t2_163 = inv_pivot_3 * t2_162;
-        let t2_164 = t2_111 * t2_154;
-        let t2_165 = t2_79.mul_add(t2_140, t2_164);
-        let t2_166 = t2_118.mul_add(t2_138, t2_165);
-        let t2_167 = inv_pivot_3 * t2_166;
-        let t2_168 = t2_111.mul_add(t2_158, t2_142);
-        let t2_169 = t2_79.mul_add(t2_147, t2_168);
-        let t2_170 = t2_118.mul_add(t2_145, t2_169);
-        let t2_171 = inv_pivot_3 * t2_170;
-        let t2_172 = -t2_171;
-        let t2_173 = t2_48 * t2_150;
-        let t2_174 = t2_53.mul_add(t2_134, t2_173);
-        let t2_175 = t2_122 * t2_174;
-        let t2_176 = like.lift(1.1547005383792515) * t2_175;
-        let t2_177 = -t2_176;
-        let t2_178 = (-t2_48).mul_add(t2_154, t2_98);
-        let t2_179 = t2_53.mul_add(t2_138, t2_178);
-        let t2_180 = t2_122 * t2_179;
-        let t2_181 = like.lift(1.1547005383792515) * t2_180;
-        let t2_182 = t2_48 * t2_158;
-        let t2_183 = (-t2_53).mul_add(t2_145, t2_182);
-        let t2_184 = t2_122 * t2_183;
-        let t2_185 = like.lift(1.1547005383792515) * t2_184;
-        let t2_186 = t2_93 * t2_163;
-        let t2_187 = t2_88.mul_add(t2_150, t2_186);
-        let t2_188 = t2_91.mul_add(t2_134, t2_187);
-        let t2_189 = t2_104 * t2_188;
-        let t2_190 = like.lift(1.1547005383792515) * t2_189;
-        let t2_191 = t2_93 * t2_167;
-        let t2_192 = t2_88.mul_add(t2_154, t2_191);
-        let t2_193 = (-t2_91).mul_add(t2_138, t2_192);
-        let t2_194 = t2_104 * t2_193;
-        let t2_195 = like.lift(1.1547005383792515) * t2_194;
-        let t2_196 = (-t2_93).mul_add(t2_171, t2_101);
-        let t2_197 = (-t2_88).mul_add(t2_158, t2_196);
-        let t2_198 = t2_91.mul_add(t2_145, t2_197);
-        let t2_199 = t2_104 * t2_198;
-        let t2_200 = like.lift(1.1547005383792515) * t2_199;
-        let t2_201 = -pivot_5;
+        let t2_135 = t2_131 * inv_pivot_6;
+        let t2_136 = t2_122.mul_add(t2_135, t2_116);
+        let t2_137 = inv_pivot_5 * t2_136;
+        let t2_138 = sin_q6.mul_add(t2_124, cos_q6);
+        let t2_139 = t2_138 * inv_pivot_6;
+        let t2_140 = t2_122 * t2_139;
+        let t2_141 = inv_pivot_5 * t2_140;
+        let t2_142 = -t2_141;
+        let t2_143 = sin_q8.mul_add(t2_106, cos_q8);
+        let t2_144 = t2_143 * t2_108;
+        let t2_145 = t2_144 * t2_130;
+        let t2_146 = t2_145 * inv_pivot_6;
+        let t2_147 = t2_122.mul_add(t2_146, t2_144);
+        let t2_148 = inv_pivot_5 * t2_147;
+        let t2_149 = (-t2_23).mul_add(t2_137, sin_q1);
+        let t2_150 = t2_121.mul_add(t2_135, t2_149);
+        let t2_151 = inv_pivot_4 * t2_150;
+        let t2_152 = -t2_151;
+        let t2_153 = t2_23 * t2_141;
+        let t2_154 = (-t2_121).mul_add(t2_139, t2_153);
+        let t2_155 = inv_pivot_4 * t2_154;
+        let t2_156 = -t2_155;
+        let t2_157 = t2_23 * t2_148;
+        let t2_158 = (-t2_121).mul_add(t2_146, t2_157);
+        let t2_159 = inv_pivot_4 * t2_158;
+        let t2_160 = -t2_139;
+        let t2_161 = t2_112.mul_add(t2_151, cos_q1);
+        let t2_162 = (-t2_80).mul_add(t2_137, t2_161);
+        let t2_163 = (-t2_119).mul_add(t2_135, t2_162);
+        let t2_164 = inv_pivot_3 * t2_163;
+        let t2_165 = t2_112 * t2_155;
+        let t2_166 = t2_80.mul_add(t2_141, t2_165);
+        let t2_167 = t2_119.mul_add(t2_139, t2_166);
+        let t2_168 = inv_pivot_3 * t2_167;
+        let t2_169 = t2_112.mul_add(t2_159, t2_143);
+        let t2_170 = t2_80.mul_add(t2_148, t2_169);
+        let t2_171 = t2_119.mul_add(t2_146, t2_170);
+        let t2_172 = inv_pivot_3 * t2_171;
+        let t2_173 = -t2_172;
+        let t2_174 = t2_49 * t2_151;
+        let t2_175 = t2_54.mul_add(t2_135, t2_174);
+        let t2_176 = t2_123 * t2_175;
+        let t2_177 = like.lift(1.1547005383792515) * t2_176;
+        let t2_178 = -t2_177;
+        let t2_179 = (-t2_49).mul_add(t2_155, t2_99);
+        let t2_180 = t2_54.mul_add(t2_139, t2_179);
+        let t2_181 = t2_123 * t2_180;
+        let t2_182 = like.lift(1.1547005383792515) * t2_181;
+        let t2_183 = t2_49 * t2_159;
+        let t2_184 = (-t2_54).mul_add(t2_146, t2_183);
+        let t2_185 = t2_123 * t2_184;
+        let t2_186 = like.lift(1.1547005383792515) * t2_185;
+        let t2_187 = t2_94 * t2_164;
+        let t2_188 = t2_89.mul_add(t2_151, t2_187);
+        let t2_189 = t2_92.mul_add(t2_135, t2_188);
+        let t2_190 = t2_105 * t2_189;
+        let t2_191 = like.lift(1.1547005383792515) * t2_190;
+        let t2_192 = t2_94 * t2_168;
+        let t2_193 = t2_89.mul_add(t2_155, t2_192);
+        let t2_194 = (-t2_92).mul_add(t2_139, t2_193);
+        let t2_195 = t2_105 * t2_194;
+        let t2_196 = like.lift(1.1547005383792515) * t2_195;
+        let t2_197 = (-t2_94).mul_add(t2_172, t2_102);
+        let t2_198 = (-t2_89).mul_add(t2_159, t2_197);
+        let t2_199 = t2_92.mul_add(t2_146, t2_198);
+        let t2_200 = t2_105 * t2_199;
+        let t2_201 = like.lift(1.1547005383792515) * t2_200;
+        let t2_202 = -pivot_5;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(1.9150361620118772)).abs()
-            .min((t2_94 * like.lift(1.8751412991819398)).abs())
-            .min((pivot_3 * like.lift(2.6162535605710207)).abs())
-            .min((pivot_4 * like.lift(2.2558640767950906)).abs())
-            .min((t2_201 * like.lift(0.8083910306721919)).abs())
-            .min((pivot_6 * like.lift(2.191678505501337)).abs());
+        let margin = (pivot_1 * like.lift(1.9131671434315987)).abs()
+            .min((t2_95 * like.lift(1.863195236951264)).abs())
+            .min((pivot_3 * like.lift(2.6695171222054848)).abs())
+            .min((pivot_4 * like.lift(2.294035647929491)).abs())
+            .min((t2_202 * like.lift(0.786868847408929)).abs())
+            .min((pivot_6 * like.lift(2.1945756748652077)).abs());
         let ([
             [_, _, x_q1_q2, x_q1_q7, x_q1_q9], [_, _, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [_, _, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [_, _, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [_, _, x_q6_q2, x_q6_q7, x_q6_q9], [_, _, x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), like.lift(0.0), t2_136, t2_141, t2_147],
-                [like.lift(0.0), like.lift(0.0), t2_151, t2_155, t2_158],
-                [like.lift(0.0), like.lift(0.0), t2_134, t2_159, t2_145],
-                [like.lift(0.0), like.lift(0.0), t2_163, t2_167, t2_172],
-                [like.lift(0.0), like.lift(0.0), t2_177, t2_181, t2_185],
-                [like.lift(0.0), like.lift(0.0), t2_190, t2_195, t2_200],
+                [like.lift(0.0), like.lift(0.0), t2_137, t2_142, t2_148],
+                [like.lift(0.0), like.lift(0.0), t2_152, t2_156, t2_159],
+                [like.lift(0.0), like.lift(0.0), t2_135, t2_160, t2_146],
+                [like.lift(0.0), like.lift(0.0), t2_164, t2_168, t2_173],
+                [like.lift(0.0), like.lift(0.0), t2_178, t2_182, t2_186],
+                [like.lift(0.0), like.lift(0.0), t2_191, t2_196, t2_201],
             ],
             margin,
             || (
                 [
-                    [t2_23, t2_25, t2_30, like.lift(0.0), t2_33, like.lift(0.0)],
-                    [t2_37, t2_39, t2_43, like.lift(0.0), t2_44, like.lift(0.0)],
-                    [like.lift(0.0), t2_49, t2_53, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_61, t2_65, t2_67, t2_70, like.lift(0.0), t2_73],
-                    [t2_79, t2_80, t2_83, t2_85, like.lift(0.0), t2_86],
-                    [like.lift(0.0), t2_89, t2_91, t2_93, like.lift(0.0), t2_94],
+                    [t2_24, t2_26, t2_31, like.lift(0.0), t2_34, like.lift(0.0)],
+                    [t2_38, t2_40, t2_44, like.lift(0.0), t2_45, like.lift(0.0)],
+                    [like.lift(0.0), t2_50, t2_54, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_62, t2_66, t2_68, t2_71, like.lift(0.0), t2_74],
+                    [t2_80, t2_81, t2_84, t2_86, like.lift(0.0), t2_87],
+                    [like.lift(0.0), t2_90, t2_92, t2_94, like.lift(0.0), t2_95],
                 ],
                 [
-                    [like.lift(0.0), like.lift(0.0), t2_95, t2_96, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), cos_q1, t2_97, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_98, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), t2_95, like.lift(0.0), t2_99],
-                    [like.lift(0.0), like.lift(0.0), cos_q1, like.lift(0.0), t2_100],
-                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_102],
+                    [like.lift(0.0), like.lift(0.0), t2_96, t2_97, like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), cos_q1, t2_98, like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_99, like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), t2_96, like.lift(0.0), t2_100],
+                    [like.lift(0.0), like.lift(0.0), cos_q1, like.lift(0.0), t2_101],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_103],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            t2_17, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2,
+            t2_18, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2,
             x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9,
             x_q8_q2, x_q8_q7, x_q8_q9,
         ]
@@ -6906,8 +6951,8 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 100]) -> ([T; 5], Condition<T>)
         let t3_20 = t1_31 - t3_19;
         let t3_21 = -t3_20;
         tau[4] = t3_21;
-        tau[0] = t1_223;
-        tau[1] = t2_17;
+        tau[0] = t1_224;
+        tau[1] = t2_18;
     }
     (tau, Condition { pivot: condition })
 }
@@ -6919,7 +6964,7 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 100]) -> ([T; 5], Condition<T>)
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
 ///
-/// 697 additions, 896 multiplications, 6 divisions, 7 sines and cosines.
+/// 707 additions, 905 multiplications, 6 divisions, 7 sines and cosines.
 pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 100]) -> ([T; 5], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 5];
@@ -6927,28 +6972,29 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 100]) -> ([T;
     let [d_waist, d_shoulder, d_q1, d_q2, d_s1_1, d_s1_2, d_s1_3, d_q6, d_q7, d_q8, d_q9] = *qd;
     let [
         _, _, _, _, _, _, _, _, _, _, p_ixx_boom, p_ixy_boom, p_ixz_boom, p_iyy_boom,
-        p_iyz_boom, p_izz_boom, _, _, _, _, p_ixx_base, p_ixy_base, p_ixz_base, p_iyy_base,
-        p_iyz_base, p_izz_base, p_mx_base, p_my_base, p_mz_base, p_m_base, p_ixx_1, p_ixy_1,
-        p_ixz_1, p_iyy_1, p_iyz_1, p_izz_1, p_mx_1, p_my_1, p_mz_1, p_m_1, p_ixx_2, p_ixy_2,
-        p_ixz_2, p_iyy_2, p_iyz_2, p_izz_2, p_mx_2, p_my_2, p_mz_2, p_m_2, p_ixx_3, p_ixy_3,
-        p_ixz_3, p_iyy_3, p_iyz_3, p_izz_3, p_mx_3, p_my_3, p_mz_3, p_m_3, p_ixx_4, p_ixy_4,
-        p_ixz_4, p_iyy_4, p_iyz_4, p_izz_4, p_mx_4, p_my_4, p_mz_4, p_m_4, p_ixx_5, p_ixy_5,
-        p_ixz_5, p_iyy_5, p_iyz_5, p_izz_5, p_mx_5, p_my_5, p_mz_5, p_m_5, p_ixx_6, p_ixy_6,
-        p_ixz_6, p_iyy_6, p_iyz_6, p_izz_6, p_mx_6, p_my_6, p_mz_6, p_m_6, p_ixx_7, p_ixy_7,
-        p_ixz_7, p_iyy_7, p_iyz_7, p_izz_7, p_mx_7, p_my_7, p_mz_7, p_m_7,
+        p_iyz_boom, p_izz_boom, p_mx_boom, p_my_boom, p_mz_boom, _, p_ixx_base, p_ixy_base,
+        p_ixz_base, p_iyy_base, p_iyz_base, p_izz_base, p_mx_base, p_my_base, p_mz_base,
+        p_m_base, p_ixx_1, p_ixy_1, p_ixz_1, p_iyy_1, p_iyz_1, p_izz_1, p_mx_1, p_my_1, p_mz_1,
+        p_m_1, p_ixx_2, p_ixy_2, p_ixz_2, p_iyy_2, p_iyz_2, p_izz_2, p_mx_2, p_my_2, p_mz_2,
+        p_m_2, p_ixx_3, p_ixy_3, p_ixz_3, p_iyy_3, p_iyz_3, p_izz_3, p_mx_3, p_my_3, p_mz_3,
+        p_m_3, p_ixx_4, p_ixy_4, p_ixz_4, p_iyy_4, p_iyz_4, p_izz_4, p_mx_4, p_my_4, p_mz_4,
+        p_m_4, p_ixx_5, p_ixy_5, p_ixz_5, p_iyy_5, p_iyz_5, p_izz_5, p_mx_5, p_my_5, p_mz_5,
+        p_m_5, p_ixx_6, p_ixy_6, p_ixz_6, p_iyy_6, p_iyz_6, p_izz_6, p_mx_6, p_my_6, p_mz_6,
+        p_m_6, p_ixx_7, p_ixy_7, p_ixz_7, p_iyy_7, p_iyz_7, p_izz_7, p_mx_7, p_my_7, p_mz_7,
+        p_m_7,
     ] = *phi;
     let mut condition = like.lift(1.0);
     // tau, part 1
     let [
         sin_shoulder, cos_shoulder, w_boomx, al_boomy, w_boomy, w_ixx_boom_shoulder, al_boomx,
-        t1_4, t1_5, t1_11, t1_24, sin_q8, cos_q8, t1_25, t1_26, w_6x, t1_29, t1_30, w_6z,
-        t1_32, t1_34, t1_35, t1_38, t1_39, t1_40, t1_43, al_6x, al_6y, t1_51, sin_q1, cos_q1,
-        sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, t1_56, t1_57, t1_59, t1_64, sin_q6, cos_q6,
-        t1_65, t1_67, t1_70, t1_71, t1_73, t1_77, t1_78, t1_82, t1_83, t1_87, pivot_1,
-        sin_s1_3, cos_s1_3, t1_93, t1_94, t1_95, t1_98, t1_99, t1_101, t1_103, t1_104, t1_105,
-        t1_107, t1_113, t1_114, t1_115, t1_117, t1_119, t1_120, t1_122, t1_123, t1_125, t1_127,
-        t1_128, t1_144, t1_153, t1_157, t1_158, t1_164, t1_176, t1_177, t1_181, t1_190, t1_206,
-        t1_216, t1_219, t1_221, t1_222, t1_223,
+        t1_4, t1_5, t1_12, t1_13, t1_15, a_basey, t1_27, sin_q8, cos_q8, t1_28, t1_29, w_6x,
+        t1_32, t1_33, w_6z, t1_35, t1_37, t1_38, t1_41, t1_42, t1_43, t1_46, al_6x, al_6y,
+        t1_54, sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, t1_59, t1_60, t1_62,
+        t1_67, sin_q6, cos_q6, t1_68, t1_70, t1_73, t1_74, t1_76, t1_80, t1_81, t1_85, t1_86,
+        t1_90, pivot_1, sin_s1_3, cos_s1_3, t1_96, t1_97, t1_98, t1_101, t1_102, t1_104,
+        t1_106, t1_107, t1_108, t1_110, t1_116, t1_117, t1_118, t1_120, t1_122, t1_123, t1_125,
+        t1_126, t1_128, t1_130, t1_131, t1_136, t1_147, t1_156, t1_160, t1_161, t1_167, t1_179,
+        t1_180, t1_184, t1_193, t1_209, t1_219, t1_221,
     ] = {
         let (sin_shoulder, cos_shoulder) = shoulder.sin_cos();
         let w_boomx = sin_shoulder * d_waist;
@@ -6967,443 +7013,449 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 100]) -> ([T;
         let t1_9 = t1_1 - t1_8;
         let t1_10 = (-al_boomx).mul_add(p_ixx_boom, t1_1);
         let t1_11 = t1_9 + t1_10;
-        let t1_12 = al_boomy * p_iyz_base;
-        let t1_13 = p_ixx_base - p_iyy_base;
-        let t1_14 = al_boomx * t1_13;
-        let t1_15 = (-t1_6).mul_add(p_ixy_base, t1_14);
-        let t1_16 = t1_12 - t1_15;
-        let t1_17 = w_ixx_boom_shoulder.mul_add(p_ixz_base, t1_16);
-        let t1_18 = (-al_boomx).mul_add(p_izz_base, t1_12);
-        let t1_19 = t1_17 + t1_18;
-        let t1_20 = w_ixx_boom_shoulder * p_mx_base;
-        let t1_21 = like.lift(0.6) * t1_20;
-        let t1_22 = al_boomy * p_my_base;
-        let t1_23 = like.lift(1.2).mul_add(t1_22, t1_21);
-        let t1_24 = t1_19 - t1_23;
+        let t1_12 = d_waist * d_waist;
+        let t1_13 = sin_shoulder * t1_12;
+        let t1_14 = t1_13 * p_mz_boom;
+        let t1_15 = like.lift(0.35).mul_add(t1_14, t1_11);
+        let t1_16 = al_boomy * p_iyz_base;
+        let t1_17 = p_ixx_base - p_iyy_base;
+        let t1_18 = al_boomx * t1_17;
+        let t1_19 = (-t1_6).mul_add(p_ixy_base, t1_18);
+        let t1_20 = t1_16 - t1_19;
+        let t1_21 = w_ixx_boom_shoulder.mul_add(p_ixz_base, t1_20);
+        let t1_22 = (-al_boomx).mul_add(p_izz_base, t1_16);
+        let t1_23 = t1_21 + t1_22;
+        let a_boomy = like.lift(0.35) * t1_13;
+        let a_basey = like.lift(1.25).mul_add(w_ixx_boom_shoulder, a_boomy);
+        let t1_24 = p_mx_base * a_basey;
+        let t1_25 = al_boomy * p_my_base;
+        let t1_26 = like.lift(2.5).mul_add(t1_25, t1_24);
+        let t1_27 = t1_23 - t1_26;
         let (sin_q8, cos_q8) = q8.sin_cos();
-        let t1_25 = like.lift(0.5) * d_shoulder;
-        let t1_26 = like.lift(0.8660254037844386) * w_boomy;
-        let t1_27 = t1_25 - t1_26;
-        let t1_28 = cos_q8 * t1_27;
-        let w_6x = (-sin_q8).mul_add(w_boomx, t1_28);
-        let t1_29 = like.lift(0.8660254037844386) * d_shoulder;
-        let t1_30 = like.lift(0.5) * w_boomy;
-        let t1_31 = t1_29 + t1_30;
-        let w_6z = d_q8 - t1_31;
-        let t1_32 = w_6x * w_6z;
-        let t1_33 = sin_q8 * t1_27;
-        let w_6y = cos_q8.mul_add(w_boomx, t1_33);
-        let t1_34 = w_6x * w_6y;
-        let t1_35 = w_6y * w_6z;
-        let t1_36 = p_iyy_6 - p_izz_6;
-        let t1_37 = t1_35 * t1_36;
-        let t1_38 = w_6y * w_6y;
-        let t1_39 = w_6z * w_6z;
-        let t1_40 = t1_38 - t1_39;
-        let t1_41 = t1_40.mul_add(p_iyz_6, t1_37);
-        let t1_42 = t1_34.mul_add(p_ixz_6, -t1_41);
-        let t1_43 = t1_32.mul_add(p_ixy_6, t1_42);
-        let t1_44 = cos_q8 * al_boomy;
-        let t1_45 = like.lift(0.8660254037844386) * t1_44;
-        let t1_46 = (-sin_q8).mul_add(al_boomx, t1_45);
-        let al_6x = d_q8.mul_add(w_6y, -t1_46);
-        let t1_47 = p_ixx_6 * al_6x;
-        let t1_48 = sin_q8 * al_boomy;
-        let t1_49 = like.lift(0.8660254037844386) * t1_48;
-        let t1_50 = cos_q8.mul_add(al_boomx, t1_49);
-        let al_6y = d_q8.mul_add(w_6x, t1_50);
-        let t1_51 = p_ixy_6.mul_add(al_6y, t1_47);
+        let t1_28 = like.lift(0.5) * d_shoulder;
+        let t1_29 = like.lift(0.8660254037844386) * w_boomy;
+        let t1_30 = t1_28 - t1_29;
+        let t1_31 = cos_q8 * t1_30;
+        let w_6x = (-sin_q8).mul_add(w_boomx, t1_31);
+        let t1_32 = like.lift(0.8660254037844386) * d_shoulder;
+        let t1_33 = like.lift(0.5) * w_boomy;
+        let t1_34 = t1_32 + t1_33;
+        let w_6z = d_q8 - t1_34;
+        let t1_35 = w_6x * w_6z;
+        let t1_36 = sin_q8 * t1_30;
+        let w_6y = cos_q8.mul_add(w_boomx, t1_36);
+        let t1_37 = w_6x * w_6y;
+        let t1_38 = w_6y * w_6z;
+        let t1_39 = p_iyy_6 - p_izz_6;
+        let t1_40 = t1_38 * t1_39;
+        let t1_41 = w_6y * w_6y;
+        let t1_42 = w_6z * w_6z;
+        let t1_43 = t1_41 - t1_42;
+        let t1_44 = t1_43.mul_add(p_iyz_6, t1_40);
+        let t1_45 = t1_37.mul_add(p_ixz_6, -t1_44);
+        let t1_46 = t1_35.mul_add(p_ixy_6, t1_45);
+        let t1_47 = cos_q8 * al_boomy;
+        let t1_48 = like.lift(0.8660254037844386) * t1_47;
+        let t1_49 = (-sin_q8).mul_add(al_boomx, t1_48);
+        let al_6x = d_q8.mul_add(w_6y, -t1_49);
+        let t1_50 = p_ixx_6 * al_6x;
+        let t1_51 = sin_q8 * al_boomy;
+        let t1_52 = like.lift(0.8660254037844386) * t1_51;
+        let t1_53 = cos_q8.mul_add(al_boomx, t1_52);
+        let al_6y = d_q8.mul_add(w_6x, t1_53);
+        let t1_54 = p_ixy_6.mul_add(al_6y, t1_50);
         let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_52 = cos_q1 * q2;
+        let t1_55 = cos_q1 * q2;
         let (sin_s1_2, cos_s1_2) = s1_2.sin_cos();
-        let t1_53 = cos_q1 * sin_s1_2;
+        let t1_56 = cos_q1 * sin_s1_2;
         let (sin_s1_1, cos_s1_1) = s1_1.sin_cos();
-        let t1_54 = sin_q1 * cos_s1_1;
-        let t1_55 = cos_s1_2.mul_add(t1_54, t1_53);
-        let t1_56 = like.lift(-0.4563).mul_add(t1_55, t1_52);
-        let t1_57 = -t1_56;
+        let t1_57 = sin_q1 * cos_s1_1;
+        let t1_58 = cos_s1_2.mul_add(t1_57, t1_56);
+        let t1_59 = like.lift(-0.4563).mul_add(t1_58, t1_55);
+        let t1_60 = -t1_59;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t1_58 = cos_q1 * e_s1_2_q1x;
-        let t1_59 = like.lift(0.4563) * t1_58;
-        let t1_60 = sin_q1 * sin_s1_1;
-        let t1_61 = t1_60 * e_s1_2_q1x;
+        let t1_61 = cos_q1 * e_s1_2_q1x;
         let t1_62 = like.lift(0.4563) * t1_61;
-        let t1_63 = cos_s1_1 * t1_55;
-        let t1_64 = like.lift(0.4563).mul_add(t1_63, t1_62);
+        let t1_63 = sin_q1 * sin_s1_1;
+        let t1_64 = t1_63 * e_s1_2_q1x;
+        let t1_65 = like.lift(0.4563) * t1_64;
+        let t1_66 = cos_s1_1 * t1_58;
+        let t1_67 = like.lift(0.4563).mul_add(t1_66, t1_65);
         let (sin_q6, cos_q6) = q6.sin_cos();
-        let t1_65 = cos_q6 * q7;
-        let t1_66 = like.lift(0.5) * t1_65;
-        let t1_67 = -t1_66;
-        let t1_68 = sin_q1 * q2;
-        let t1_69 = sin_q1 * sin_s1_2;
+        let t1_68 = cos_q6 * q7;
+        let t1_69 = like.lift(0.5) * t1_68;
+        let t1_70 = -t1_69;
+        let t1_71 = sin_q1 * q2;
+        let t1_72 = sin_q1 * sin_s1_2;
         let e_s1_1_shoulderx = cos_q1 * cos_s1_1;
-        let e_s1_2_shoulderx = (-cos_s1_2).mul_add(e_s1_1_shoulderx, t1_69);
-        let t1_70 = like.lift(-0.4563).mul_add(e_s1_2_shoulderx, t1_68);
-        let t1_71 = -t1_70;
-        let t1_72 = sin_q1 * e_s1_2_q1x;
-        let t1_73 = like.lift(0.4563) * t1_72;
-        let t1_74 = cos_s1_1 * e_s1_2_shoulderx;
-        let t1_75 = like.lift(0.4563) * t1_74;
+        let e_s1_2_shoulderx = (-cos_s1_2).mul_add(e_s1_1_shoulderx, t1_72);
+        let t1_73 = like.lift(-0.4563).mul_add(e_s1_2_shoulderx, t1_71);
+        let t1_74 = -t1_73;
+        let t1_75 = sin_q1 * e_s1_2_q1x;
+        let t1_76 = like.lift(0.4563) * t1_75;
+        let t1_77 = cos_s1_1 * e_s1_2_shoulderx;
+        let t1_78 = like.lift(0.4563) * t1_77;
         let e_s1_1_shouldery = cos_q1 * sin_s1_1;
-        let t1_76 = e_s1_1_shouldery * e_s1_2_q1x;
-        let t1_77 = like.lift(-0.4563).mul_add(t1_76, t1_75);
-        let t1_78 = sin_q6 * q7;
-        let t1_79 = sin_q1 * t1_55;
-        let t1_80 = like.lift(0.4563) * t1_79;
-        let t1_81 = cos_q1 * e_s1_2_shoulderx;
-        let t1_82 = like.lift(-0.4563).mul_add(t1_81, t1_80);
-        let t1_83 = -t1_82;
-        let t1_84 = e_s1_1_shouldery * t1_55;
-        let t1_85 = like.lift(0.4563) * t1_84;
-        let t1_86 = t1_60 * e_s1_2_shoulderx;
-        let t1_87 = like.lift(0.4563).mul_add(t1_86, t1_85);
-        let pivot_1 = like.lift(0.8660254037844386) * t1_65;
-        let t1_88 = like.lift(0.22815) * t1_55;
+        let t1_79 = e_s1_1_shouldery * e_s1_2_q1x;
+        let t1_80 = like.lift(-0.4563).mul_add(t1_79, t1_78);
+        let t1_81 = sin_q6 * q7;
+        let t1_82 = sin_q1 * t1_58;
+        let t1_83 = like.lift(0.4563) * t1_82;
+        let t1_84 = cos_q1 * e_s1_2_shoulderx;
+        let t1_85 = like.lift(-0.4563).mul_add(t1_84, t1_83);
+        let t1_86 = -t1_85;
+        let t1_87 = e_s1_1_shouldery * t1_58;
+        let t1_88 = like.lift(0.4563) * t1_87;
+        let t1_89 = t1_63 * e_s1_2_shoulderx;
+        let t1_90 = like.lift(0.4563).mul_add(t1_89, t1_88);
+        let pivot_1 = like.lift(0.8660254037844386) * t1_68;
+        let t1_91 = like.lift(0.22815) * t1_58;
         let (sin_s1_3, cos_s1_3) = s1_3.sin_cos();
-        let t1_89 = cos_s1_3 * t1_60;
-        let t1_90 = cos_q1 * cos_s1_2;
-        let t1_91 = (-sin_s1_2).mul_add(t1_54, t1_90);
-        let t1_92 = sin_s1_3.mul_add(t1_91, t1_89);
-        let t1_93 = like.lift(-0.39516739174683935).mul_add(t1_92, t1_88);
-        let t1_94 = t1_52 - t1_93;
-        let t1_95 = -t1_94;
-        let t1_96 = like.lift(0.22815) * e_s1_2_q1x;
-        let t1_97 = cos_s1_1 * cos_s1_3;
+        let t1_92 = cos_s1_3 * t1_63;
+        let t1_93 = cos_q1 * cos_s1_2;
+        let t1_94 = (-sin_s1_2).mul_add(t1_57, t1_93);
+        let t1_95 = sin_s1_3.mul_add(t1_94, t1_92);
+        let t1_96 = like.lift(-0.39516739174683935).mul_add(t1_95, t1_91);
+        let t1_97 = t1_55 - t1_96;
+        let t1_98 = -t1_97;
+        let t1_99 = like.lift(0.22815) * e_s1_2_q1x;
+        let t1_100 = cos_s1_1 * cos_s1_3;
         let e_s1_2_q1z = sin_s1_1 * sin_s1_2;
-        let e_3_q1y = sin_s1_3.mul_add(e_s1_2_q1z, t1_97);
-        let t1_98 = like.lift(0.39516739174683935).mul_add(e_3_q1y, t1_96);
-        let t1_99 = cos_q1 * t1_98;
-        let t1_100 = t1_60 * t1_98;
-        let t1_101 = cos_s1_1.mul_add(t1_93, t1_100);
-        let t1_102 = t1_55 * t1_98;
-        let t1_103 = (-e_s1_2_q1x).mul_add(t1_93, t1_102);
-        let t1_104 = -t1_103;
-        let t1_105 = cos_q8 * q9;
-        let t1_106 = like.lift(0.5) * t1_105;
+        let e_3_q1y = sin_s1_3.mul_add(e_s1_2_q1z, t1_100);
+        let t1_101 = like.lift(0.39516739174683935).mul_add(e_3_q1y, t1_99);
+        let t1_102 = cos_q1 * t1_101;
+        let t1_103 = t1_63 * t1_101;
+        let t1_104 = cos_s1_1.mul_add(t1_96, t1_103);
+        let t1_105 = t1_58 * t1_101;
+        let t1_106 = (-e_s1_2_q1x).mul_add(t1_96, t1_105);
         let t1_107 = -t1_106;
-        let t1_108 = cos_s1_3 * e_s1_1_shouldery;
-        let t1_109 = sin_q1 * cos_s1_2;
-        let e_s1_2_shoulderz = sin_s1_2.mul_add(e_s1_1_shoulderx, t1_109);
-        let e_3_shouldery = (-sin_s1_3).mul_add(e_s1_2_shoulderz, t1_108);
-        let t1_110 = like.lift(0.39516739174683935) * e_3_shouldery;
-        let t1_111 = like.lift(0.22815) * e_s1_2_shoulderx;
-        let t1_112 = t1_68 - t1_111;
-        let t1_113 = t1_110 - t1_112;
-        let t1_114 = sin_q1 * t1_98;
-        let t1_115 = t1_111 + t1_110;
-        let t1_116 = cos_s1_1 * t1_115;
-        let t1_117 = (-e_s1_1_shouldery).mul_add(t1_98, t1_116);
-        let t1_118 = e_s1_2_q1x * t1_115;
-        let t1_119 = (-e_s1_2_shoulderx).mul_add(t1_98, t1_118);
-        let t1_120 = sin_q8 * q9;
-        let t1_121 = sin_q1 * t1_93;
-        let t1_122 = (-cos_q1).mul_add(t1_115, t1_121);
-        let t1_123 = -t1_122;
-        let t1_124 = e_s1_1_shouldery * t1_93;
-        let t1_125 = t1_60.mul_add(t1_115, t1_124);
-        let t1_126 = e_s1_2_shoulderx * t1_93;
-        let t1_127 = (-t1_55).mul_add(t1_115, t1_126);
-        let pivot_2 = like.lift(0.8660254037844386) * t1_105;
-        let t1_128 = -pivot_2;
-        let t1_129 = t1_68 * d_q1;
-        let t1_130 = d_q1 * t1_129;
-        let t1_131 = cos_q1 * d_q1;
-        let t1_132 = d_q2 * t1_131;
-        let t1_133 = like.lift(-2.0).mul_add(t1_132, t1_130);
-        let t1_134 = sin_q1 * d_q1;
-        let t1_135 = d_s1_1 * t1_134;
-        let t1_136 = e_s1_1_shouldery * d_q1;
-        let t1_137 = sin_q1 * d_s1_1;
-        let t1_138 = cos_s1_1.mul_add(t1_137, t1_136);
-        let t1_139 = (-d_s1_2).mul_add(t1_138, t1_135);
-        let t1_140 = cos_s1_1.mul_add(d_s1_2, d_q1);
-        let t1_141 = e_s1_2_shoulderx * t1_140;
-        let t1_142 = (-e_s1_1_shouldery).mul_add(d_s1_2, t1_137);
-        let t1_143 = e_s1_2_q1x.mul_add(t1_142, t1_141);
-        let t1_144 = (-d_s1_3).mul_add(t1_143, t1_139);
-        let t1_145 = e_s1_2_q1x * t1_144;
-        let t1_146 = like.lift(0.4563) * t1_145;
-        let t1_147 = sin_s1_1 * d_s1_1;
-        let t1_148 = d_s1_2 * t1_147;
-        let t1_149 = t1_55 * t1_142;
-        let t1_150 = cos_q1 * d_s1_1;
-        let t1_151 = t1_60.mul_add(d_s1_2, t1_150);
-        let t1_152 = (-e_s1_2_shoulderx).mul_add(t1_151, t1_149);
-        let t1_153 = (-d_s1_3).mul_add(t1_152, t1_148);
-        let t1_154 = t1_55 * t1_153;
-        let t1_155 = like.lift(0.4563).mul_add(t1_154, t1_146);
-        let t1_156 = t1_133 - t1_155;
-        let t1_157 = (-t1_55).mul_add(d_s1_3, t1_151);
-        let t1_158 = (-e_s1_2_shoulderx).mul_add(d_s1_3, t1_142);
-        let t1_159 = t1_55 * t1_158;
-        let t1_160 = like.lift(0.4563) * t1_159;
-        let t1_161 = e_s1_2_shoulderx * t1_157;
-        let t1_162 = like.lift(-0.4563).mul_add(t1_161, t1_160);
-        let t1_163 = t1_157 * t1_162;
-        let t1_164 = e_s1_2_q1x.mul_add(d_s1_3, t1_140);
-        let t1_165 = e_s1_2_shoulderx * t1_164;
-        let t1_166 = like.lift(0.4563) * t1_165;
-        let t1_167 = e_s1_2_q1x * t1_158;
-        let t1_168 = like.lift(0.4563).mul_add(t1_167, t1_166);
-        let t1_169 = (-t1_164).mul_add(t1_168, t1_163);
-        let t1_170 = t1_156 + t1_169;
-        let t1_171 = t1_78 * d_q6;
-        let t1_172 = d_q6 * t1_171;
-        let t1_173 = cos_q6 * d_q6;
-        let t1_174 = d_q7 * t1_173;
-        let t1_175 = like.lift(0.5).mul_add(t1_172, -t1_174);
-        let t1_176 = t1_170 + t1_175;
-        let t1_177 = -t1_176;
-        let t1_178 = t1_52 * d_q1;
-        let t1_179 = d_q1 * t1_178;
-        let t1_180 = d_q2 * t1_134;
-        let t1_181 = like.lift(2.0).mul_add(t1_180, t1_179);
-        let t1_182 = e_s1_2_shoulderx * t1_153;
-        let t1_183 = like.lift(0.4563) * t1_182;
-        let t1_184 = d_s1_1 * t1_131;
-        let t1_185 = cos_s1_1 * t1_150;
-        let t1_186 = (-t1_60).mul_add(d_q1, t1_185);
-        let t1_187 = (-d_s1_2).mul_add(t1_186, t1_184);
-        let t1_188 = e_s1_2_q1x * t1_151;
-        let t1_189 = t1_55.mul_add(t1_140, t1_188);
-        let t1_190 = (-d_s1_3).mul_add(t1_189, t1_187);
-        let t1_191 = e_s1_2_q1x * t1_190;
-        let t1_192 = like.lift(-0.4563).mul_add(t1_191, t1_183);
-        let t1_193 = t1_181 + t1_192;
-        let t1_194 = e_s1_2_q1x * t1_157;
-        let t1_195 = like.lift(0.4563) * t1_194;
-        let t1_196 = t1_55 * t1_164;
-        let t1_197 = like.lift(0.4563).mul_add(t1_196, t1_195);
-        let t1_198 = t1_164 * t1_197;
-        let t1_199 = t1_158.mul_add(t1_162, t1_198);
-        let t1_200 = t1_193 - t1_199;
-        let t1_201 = t1_65 * d_q6;
-        let t1_202 = d_q6 * t1_201;
-        let t1_203 = sin_q6 * d_q6;
-        let t1_204 = d_q7 * t1_203;
-        let t1_205 = like.lift(2.0).mul_add(t1_204, t1_202);
-        let t1_206 = t1_200 - t1_205;
-        let t1_207 = t1_55 * t1_190;
-        let t1_208 = like.lift(0.4563) * t1_207;
-        let t1_209 = e_s1_2_shoulderx * t1_144;
-        let t1_210 = like.lift(0.4563).mul_add(t1_209, t1_208);
-        let t1_211 = t1_158 * t1_168;
-        let t1_212 = t1_157.mul_add(t1_197, t1_211);
-        let t1_213 = t1_210 - t1_212;
-        let t1_214 = like.lift(0.8660254037844386) * t1_172;
-        let t1_215 = like.lift(-1.7320508075688772).mul_add(t1_174, t1_214);
-        let t1_216 = t1_213 + t1_215;
-        let t1_217 = t1_98 * t1_144;
-        let t1_218 = t1_93.mul_add(t1_153, t1_217);
-        let t1_219 = t1_133 - t1_218;
-        let t1_220 = t1_93 * t1_158;
-        let t1_221 = (-t1_115).mul_add(t1_157, t1_220);
-        let t1_222 = t1_157 * t1_221;
-        let t1_223 = t1_115 * t1_164;
+        let t1_108 = cos_q8 * q9;
+        let t1_109 = like.lift(0.5) * t1_108;
+        let t1_110 = -t1_109;
+        let t1_111 = cos_s1_3 * e_s1_1_shouldery;
+        let t1_112 = sin_q1 * cos_s1_2;
+        let e_s1_2_shoulderz = sin_s1_2.mul_add(e_s1_1_shoulderx, t1_112);
+        let e_3_shouldery = (-sin_s1_3).mul_add(e_s1_2_shoulderz, t1_111);
+        let t1_113 = like.lift(0.39516739174683935) * e_3_shouldery;
+        let t1_114 = like.lift(0.22815) * e_s1_2_shoulderx;
+        let t1_115 = t1_71 - t1_114;
+        let t1_116 = t1_113 - t1_115;
+        let t1_117 = sin_q1 * t1_101;
+        let t1_118 = t1_114 + t1_113;
+        let t1_119 = cos_s1_1 * t1_118;
+        let t1_120 = (-e_s1_1_shouldery).mul_add(t1_101, t1_119);
+        let t1_121 = e_s1_2_q1x * t1_118;
+        let t1_122 = (-e_s1_2_shoulderx).mul_add(t1_101, t1_121);
+        let t1_123 = sin_q8 * q9;
+        let t1_124 = sin_q1 * t1_96;
+        let t1_125 = (-cos_q1).mul_add(t1_118, t1_124);
+        let t1_126 = -t1_125;
+        let t1_127 = e_s1_1_shouldery * t1_96;
+        let t1_128 = t1_63.mul_add(t1_118, t1_127);
+        let t1_129 = e_s1_2_shoulderx * t1_96;
+        let t1_130 = (-t1_58).mul_add(t1_118, t1_129);
+        let pivot_2 = like.lift(0.8660254037844386) * t1_108;
+        let t1_131 = -pivot_2;
+        let t1_132 = t1_71 * d_q1;
+        let t1_133 = d_q1 * t1_132;
+        let t1_134 = cos_q1 * d_q1;
+        let t1_135 = d_q2 * t1_134;
+        let t1_136 = like.lift(-2.0).mul_add(t1_135, t1_133);
+        let t1_137 = sin_q1 * d_q1;
+        let t1_138 = d_s1_1 * t1_137;
+        let t1_139 = e_s1_1_shouldery * d_q1;
+        let t1_140 = sin_q1 * d_s1_1;
+        let t1_141 = cos_s1_1.mul_add(t1_140, t1_139);
+        let t1_142 = (-d_s1_2).mul_add(t1_141, t1_138);
+        let t1_143 = cos_s1_1.mul_add(d_s1_2, d_q1);
+        let t1_144 = e_s1_2_shoulderx * t1_143;
+        let t1_145 = (-e_s1_1_shouldery).mul_add(d_s1_2, t1_140);
+        let t1_146 = e_s1_2_q1x.mul_add(t1_145, t1_144);
+        let t1_147 = (-d_s1_3).mul_add(t1_146, t1_142);
+        let t1_148 = e_s1_2_q1x * t1_147;
+        let t1_149 = like.lift(0.4563) * t1_148;
+        let t1_150 = sin_s1_1 * d_s1_1;
+        let t1_151 = d_s1_2 * t1_150;
+        let t1_152 = t1_58 * t1_145;
+        let t1_153 = cos_q1 * d_s1_1;
+        let t1_154 = t1_63.mul_add(d_s1_2, t1_153);
+        let t1_155 = (-e_s1_2_shoulderx).mul_add(t1_154, t1_152);
+        let t1_156 = (-d_s1_3).mul_add(t1_155, t1_151);
+        let t1_157 = t1_58 * t1_156;
+        let t1_158 = like.lift(0.4563).mul_add(t1_157, t1_149);
+        let t1_159 = t1_136 - t1_158;
+        let t1_160 = (-t1_58).mul_add(d_s1_3, t1_154);
+        let t1_161 = (-e_s1_2_shoulderx).mul_add(d_s1_3, t1_145);
+        let t1_162 = t1_58 * t1_161;
+        let t1_163 = like.lift(0.4563) * t1_162;
+        let t1_164 = e_s1_2_shoulderx * t1_160;
+        let t1_165 = like.lift(-0.4563).mul_add(t1_164, t1_163);
+        let t1_166 = t1_160 * t1_165;
+        let t1_167 = e_s1_2_q1x.mul_add(d_s1_3, t1_143);
+        let t1_168 = e_s1_2_shoulderx * t1_167;
+        let t1_169 = like.lift(0.4563) * t1_168;
+        let t1_170 = e_s1_2_q1x * t1_161;
+        let t1_171 = like.lift(0.4563).mul_add(t1_170, t1_169);
+        let t1_172 = (-t1_167).mul_add(t1_171, t1_166);
+        let t1_173 = t1_159 + t1_172;
+        let t1_174 = t1_81 * d_q6;
+        let t1_175 = d_q6 * t1_174;
+        let t1_176 = cos_q6 * d_q6;
+        let t1_177 = d_q7 * t1_176;
+        let t1_178 = like.lift(0.5).mul_add(t1_175, -t1_177);
+        let t1_179 = t1_173 + t1_178;
+        let t1_180 = -t1_179;
+        let t1_181 = t1_55 * d_q1;
+        let t1_182 = d_q1 * t1_181;
+        let t1_183 = d_q2 * t1_137;
+        let t1_184 = like.lift(2.0).mul_add(t1_183, t1_182);
+        let t1_185 = e_s1_2_shoulderx * t1_156;
+        let t1_186 = like.lift(0.4563) * t1_185;
+        let t1_187 = d_s1_1 * t1_134;
+        let t1_188 = cos_s1_1 * t1_153;
+        let t1_189 = (-t1_63).mul_add(d_q1, t1_188);
+        let t1_190 = (-d_s1_2).mul_add(t1_189, t1_187);
+        let t1_191 = e_s1_2_q1x * t1_154;
+        let t1_192 = t1_58.mul_add(t1_143, t1_191);
+        let t1_193 = (-d_s1_3).mul_add(t1_192, t1_190);
+        let t1_194 = e_s1_2_q1x * t1_193;
+        let t1_195 = like.lift(-0.4563).mul_add(t1_194, t1_186);
+        let t1_196 = t1_184 + t1_195;
+        let t1_197 = e_s1_2_q1x * t1_160;
+        let t1_198 = like.lift(0.4563) * t1_197;
+        let t1_199 = t1_58 * t1_167;
+        let t1_200 = like.lift(0.4563).mul_add(t1_199, t1_198);
+        let t1_201 = t1_167 * t1_200;
+        let t1_202 = t1_161.mul_add(t1_165, t1_201);
+        let t1_203 = t1_196 - t1_202;
+        let t1_204 = t1_68 * d_q6;
+        let t1_205 = d_q6 * t1_204;
+        let t1_206 = sin_q6 * d_q6;
+        let t1_207 = d_q7 * t1_206;
+        let t1_208 = like.lift(2.0).mul_add(t1_207, t1_205);
+        let t1_209 = t1_203 - t1_208;
+        let t1_210 = t1_58 * t1_193;
+        let t1_211 = like.lift(0.4563) * t1_210;
+        let t1_212 = e_s1_2_shoulderx * t1_147;
+        let t1_213 = like.lift(0.4563).mul_add(t1_212, t1_211);
+        let t1_214 = t1_161 * t1_171;
+        let t1_215 = t1_160.mul_add(t1_200, t1_214);
+        let t1_216 = t1_213 - t1_215;
+        let t1_217 = like.lift(0.8660254037844386) * t1_175;
+        let t1_218 = like.lift(-1.7320508075688772).mul_add(t1_177, t1_217);
+        let t1_219 = t1_216 + t1_218;
+        let t1_220 = t1_101 * t1_147;
+        let t1_221 = t1_96.mul_add(t1_156, t1_220);
         [
             sin_shoulder, cos_shoulder, w_boomx, al_boomy, w_boomy, w_ixx_boom_shoulder,
-            al_boomx, t1_4, t1_5, t1_11, t1_24, sin_q8, cos_q8, t1_25, t1_26, w_6x, t1_29,
-            t1_30, w_6z, t1_32, t1_34, t1_35, t1_38, t1_39, t1_40, t1_43, al_6x, al_6y, t1_51,
-            sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, t1_56, t1_57, t1_59, t1_64,
-            sin_q6, cos_q6, t1_65, t1_67, t1_70, t1_71, t1_73, t1_77, t1_78, t1_82, t1_83,
-            t1_87, pivot_1, sin_s1_3, cos_s1_3, t1_93, t1_94, t1_95, t1_98, t1_99, t1_101,
-            t1_103, t1_104, t1_105, t1_107, t1_113, t1_114, t1_115, t1_117, t1_119, t1_120,
-            t1_122, t1_123, t1_125, t1_127, t1_128, t1_144, t1_153, t1_157, t1_158, t1_164,
-            t1_176, t1_177, t1_181, t1_190, t1_206, t1_216, t1_219, t1_221, t1_222, t1_223,
+            al_boomx, t1_4, t1_5, t1_12, t1_13, t1_15, a_basey, t1_27, sin_q8, cos_q8, t1_28,
+            t1_29, w_6x, t1_32, t1_33, w_6z, t1_35, t1_37, t1_38, t1_41, t1_42, t1_43, t1_46,
+            al_6x, al_6y, t1_54, sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, t1_59,
+            t1_60, t1_62, t1_67, sin_q6, cos_q6, t1_68, t1_70, t1_73, t1_74, t1_76, t1_80,
+            t1_81, t1_85, t1_86, t1_90, pivot_1, sin_s1_3, cos_s1_3, t1_96, t1_97, t1_98,
+            t1_101, t1_102, t1_104, t1_106, t1_107, t1_108, t1_110, t1_116, t1_117, t1_118,
+            t1_120, t1_122, t1_123, t1_125, t1_126, t1_128, t1_130, t1_131, t1_136, t1_147,
+            t1_156, t1_160, t1_161, t1_167, t1_179, t1_180, t1_184, t1_193, t1_209, t1_219,
+            t1_221,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t2_34, t2_35, pivot_3, inv_pivot_3, t2_37, pivot_4, inv_pivot_4, t2_41, t2_43,
-        inv_pivot_5, t2_52, t2_54, t2_55, t2_56, t2_57, t2_62, t2_65, pivot_6, inv_pivot_6,
-        t2_91, t2_92, t2_93, t2_94, t2_95, t2_96, t2_97,
+        t2_39, t2_40, pivot_3, inv_pivot_3, t2_42, pivot_4, inv_pivot_4, t2_46, t2_48,
+        inv_pivot_5, t2_57, t2_59, t2_60, t2_61, t2_62, t2_67, t2_70, pivot_6, inv_pivot_6,
+        t2_96, t2_97, t2_98, t2_99, t2_100, t2_101, t2_102,
     ] = {
-        let t2_1 = t1_98.mul_add(t1_158, t1_223);
-        let t2_2 = (-t1_164).mul_add(t2_1, t1_222);
-        let t2_3 = t1_219 + t2_2;
-        let t2_4 = t1_120 * d_q8;
-        let t2_5 = d_q8 * t2_4;
-        let t2_6 = cos_q8 * d_q8;
-        let t2_7 = d_q9 * t2_6;
-        let t2_8 = like.lift(0.5).mul_add(t2_5, -t2_7);
-        let t2_9 = t2_3 + t2_8;
-        let t2_10 = -t2_9;
-        let t2_11 = t1_115 * t1_153;
-        let t2_12 = (-t1_98).mul_add(t1_190, t2_11);
-        let t2_13 = t1_181 + t2_12;
-        let t2_14 = t1_98 * t1_157;
-        let t2_15 = t1_93.mul_add(t1_164, t2_14);
-        let t2_16 = t1_164 * t2_15;
-        let t2_17 = t1_158.mul_add(t1_221, t2_16);
-        let t2_18 = t2_13 - t2_17;
-        let t2_19 = t1_105 * d_q8;
-        let t2_20 = d_q8 * t2_19;
-        let t2_21 = sin_q8 * d_q8;
-        let t2_22 = d_q9 * t2_21;
-        let t2_23 = like.lift(2.0).mul_add(t2_22, t2_20);
-        let t2_24 = t2_18 - t2_23;
-        let t2_25 = t1_93 * t1_190;
-        let t2_26 = t1_115.mul_add(t1_144, t2_25);
-        let t2_27 = t1_158 * t2_1;
-        let t2_28 = t1_157.mul_add(t2_15, t2_27);
-        let t2_29 = t2_26 - t2_28;
-        let t2_30 = like.lift(0.8660254037844386) * t2_5;
-        let t2_31 = like.lift(-1.7320508075688772).mul_add(t2_7, t2_30);
-        let t2_32 = t2_29 - t2_31;
-        let t2_33 = like.lift(0.5773502691896257).mul_add(t1_127, t1_103);
-        let t2_34 = like.lift(1.0) / t1_105;
-        let t2_35 = t1_120 * t2_34;
-        let t2_36 = t1_127 * t2_35;
-        let pivot_3 = like.lift(1.1547005383792515).mul_add(t2_36, t1_119);
+        let t2_1 = t1_136 - t1_221;
+        let t2_2 = t1_96 * t1_161;
+        let t2_3 = (-t1_118).mul_add(t1_160, t2_2);
+        let t2_4 = t1_160 * t2_3;
+        let t2_5 = t1_118 * t1_167;
+        let t2_6 = t1_101.mul_add(t1_161, t2_5);
+        let t2_7 = (-t1_167).mul_add(t2_6, t2_4);
+        let t2_8 = t2_1 + t2_7;
+        let t2_9 = t1_123 * d_q8;
+        let t2_10 = d_q8 * t2_9;
+        let t2_11 = cos_q8 * d_q8;
+        let t2_12 = d_q9 * t2_11;
+        let t2_13 = like.lift(0.5).mul_add(t2_10, -t2_12);
+        let t2_14 = t2_8 + t2_13;
+        let t2_15 = -t2_14;
+        let t2_16 = t1_118 * t1_156;
+        let t2_17 = (-t1_101).mul_add(t1_193, t2_16);
+        let t2_18 = t1_184 + t2_17;
+        let t2_19 = t1_101 * t1_160;
+        let t2_20 = t1_96.mul_add(t1_167, t2_19);
+        let t2_21 = t1_167 * t2_20;
+        let t2_22 = t1_161.mul_add(t2_3, t2_21);
+        let t2_23 = t2_18 - t2_22;
+        let t2_24 = t1_108 * d_q8;
+        let t2_25 = d_q8 * t2_24;
+        let t2_26 = sin_q8 * d_q8;
+        let t2_27 = d_q9 * t2_26;
+        let t2_28 = like.lift(2.0).mul_add(t2_27, t2_25);
+        let t2_29 = t2_23 - t2_28;
+        let t2_30 = t1_96 * t1_193;
+        let t2_31 = t1_118.mul_add(t1_147, t2_30);
+        let t2_32 = t1_161 * t2_6;
+        let t2_33 = t1_160.mul_add(t2_20, t2_32);
+        let t2_34 = t2_31 - t2_33;
+        let t2_35 = like.lift(0.8660254037844386) * t2_10;
+        let t2_36 = like.lift(-1.7320508075688772).mul_add(t2_12, t2_35);
+        let t2_37 = t2_34 - t2_36;
+        let t2_38 = like.lift(0.5773502691896257).mul_add(t1_130, t1_106);
+        let t2_39 = like.lift(1.0) / t1_108;
+        let t2_40 = t1_123 * t2_39;
+        let t2_41 = t1_130 * t2_40;
+        let pivot_3 = like.lift(1.1547005383792515).mul_add(t2_41, t1_122);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_37 = t2_33 * inv_pivot_3;
-        let t2_38 = (-t1_113).mul_add(t2_37, t1_94);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t1_82, t1_59);
+        let t2_42 = t2_38 * inv_pivot_3;
+        let t2_43 = (-t1_116).mul_add(t2_42, t1_97);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t1_85, t1_62);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_39 = like.lift(0.5773502691896257).mul_add(t1_122, t1_99);
-        let t2_40 = t1_122 * t2_35;
-        let t2_41 = like.lift(-1.1547005383792515).mul_add(t2_40, t1_114);
-        let t2_42 = t2_41.mul_add(t2_37, t2_39);
-        let t2_43 = inv_pivot_4 * t2_42;
-        let pivot_5 = (-t1_56).mul_add(t2_43, t2_38);
+        let t2_44 = like.lift(0.5773502691896257).mul_add(t1_125, t1_102);
+        let t2_45 = t1_125 * t2_40;
+        let t2_46 = like.lift(-1.1547005383792515).mul_add(t2_45, t1_117);
+        let t2_47 = t2_46.mul_add(t2_42, t2_44);
+        let t2_48 = inv_pivot_4 * t2_47;
+        let pivot_5 = (-t1_59).mul_add(t2_48, t2_43);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_44 = like.lift(0.5773502691896257).mul_add(t2_32, t2_9);
-        let t2_45 = t2_35 * t2_32;
-        let t2_46 = like.lift(1.1547005383792515).mul_add(t2_45, t2_24);
-        let t2_47 = (-t2_37).mul_add(t2_46, t2_44);
-        let t2_48 = like.lift(-0.5773502691896257).mul_add(t1_216, t1_176);
-        let t2_49 = (-t2_43).mul_add(t2_48, t2_47);
-        let t2_50 = like.lift(-0.5773502691896257).mul_add(t1_125, t1_101);
-        let t2_51 = t1_125 * t2_35;
-        let t2_52 = like.lift(1.1547005383792515).mul_add(t2_51, t1_117);
-        let t2_53 = t2_52.mul_add(t2_37, t2_50);
-        let t2_54 = like.lift(0.5773502691896257).mul_add(t1_87, t1_64);
-        let t2_55 = (-t2_54).mul_add(t2_43, t2_53);
-        let t2_56 = like.lift(1.0) / t1_65;
-        let t2_57 = t1_78 * t2_56;
-        let t2_58 = t1_87 * t2_57;
-        let t2_59 = like.lift(-1.1547005383792515).mul_add(t2_58, t1_77);
-        let t2_60 = t1_82 * t2_57;
-        let t2_61 = like.lift(1.1547005383792515).mul_add(t2_60, t1_73);
-        let t2_62 = t2_61 * inv_pivot_4;
-        let t2_63 = (-t2_54).mul_add(t2_62, t2_59);
-        let t2_64 = (-t1_56).mul_add(t2_62, t1_70);
-        let t2_65 = t2_64 * inv_pivot_5;
-        let pivot_6 = (-t2_55).mul_add(t2_65, t2_63);
+        let t2_49 = like.lift(0.5773502691896257).mul_add(t2_37, t2_14);
+        let t2_50 = t2_40 * t2_37;
+        let t2_51 = like.lift(1.1547005383792515).mul_add(t2_50, t2_29);
+        let t2_52 = (-t2_42).mul_add(t2_51, t2_49);
+        let t2_53 = like.lift(-0.5773502691896257).mul_add(t1_219, t1_179);
+        let t2_54 = (-t2_48).mul_add(t2_53, t2_52);
+        let t2_55 = like.lift(-0.5773502691896257).mul_add(t1_128, t1_104);
+        let t2_56 = t1_128 * t2_40;
+        let t2_57 = like.lift(1.1547005383792515).mul_add(t2_56, t1_120);
+        let t2_58 = t2_57.mul_add(t2_42, t2_55);
+        let t2_59 = like.lift(0.5773502691896257).mul_add(t1_90, t1_67);
+        let t2_60 = (-t2_59).mul_add(t2_48, t2_58);
+        let t2_61 = like.lift(1.0) / t1_68;
+        let t2_62 = t1_81 * t2_61;
+        let t2_63 = t1_90 * t2_62;
+        let t2_64 = like.lift(-1.1547005383792515).mul_add(t2_63, t1_80);
+        let t2_65 = t1_85 * t2_62;
+        let t2_66 = like.lift(1.1547005383792515).mul_add(t2_65, t1_76);
+        let t2_67 = t2_66 * inv_pivot_4;
+        let t2_68 = (-t2_59).mul_add(t2_67, t2_64);
+        let t2_69 = (-t1_59).mul_add(t2_67, t1_73);
+        let t2_70 = t2_69 * inv_pivot_5;
+        let pivot_6 = (-t2_60).mul_add(t2_70, t2_68);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_66 = t2_57 * t1_216;
-        let t2_67 = like.lift(-1.1547005383792515).mul_add(t2_66, t1_206);
-        let t2_68 = t2_62.mul_add(t2_48, t2_67);
-        let t2_69 = t2_65.mul_add(t2_49, t2_68);
-        let t2_70 = inv_pivot_6 * t2_69;
-        let t2_71 = t2_55.mul_add(t2_70, t2_49);
-        let t2_72 = inv_pivot_5 * t2_71;
-        let t2_73 = (-t1_56).mul_add(t2_72, t2_48);
-        let t2_74 = t2_54.mul_add(t2_70, t2_73);
-        let t2_75 = inv_pivot_4 * t2_74;
-        let t2_76 = -t2_75;
-        let t2_77 = t2_41.mul_add(t2_75, t2_46);
-        let t2_78 = (-t1_113).mul_add(t2_72, t2_77);
-        let t2_79 = (-t2_52).mul_add(t2_70, t2_78);
-        let t2_80 = inv_pivot_3 * t2_79;
-        let t2_81 = (-t1_82).mul_add(t2_75, t1_216);
-        let t2_82 = (-t1_87).mul_add(t2_70, t2_81);
-        let t2_83 = t2_56 * t2_82;
-        let t2_84 = like.lift(1.1547005383792515) * t2_83;
-        let t2_85 = (-t1_127).mul_add(t2_80, t2_32);
-        let t2_86 = (-t1_122).mul_add(t2_75, t2_85);
-        let t2_87 = (-t1_125).mul_add(t2_70, t2_86);
-        let t2_88 = t2_34 * t2_87;
+        let t2_71 = t2_62 * t1_219;
+        let t2_72 = like.lift(-1.1547005383792515).mul_add(t2_71, t1_209);
+        let t2_73 = t2_67.mul_add(t2_53, t2_72);
+        let t2_74 = t2_70.mul_add(t2_54, t2_73);
+        let t2_75 = inv_pivot_6 * t2_74;
+        let t2_76 = t2_60.mul_add(t2_75, t2_54);
+        let t2_77 = inv_pivot_5 * t2_76;
+        let t2_78 = (-t1_59).mul_add(t2_77, t2_53);
+        let t2_79 = t2_59.mul_add(t2_75, t2_78);
+        let t2_80 = inv_pivot_4 * t2_79;
+        let t2_81 = -t2_80;
+        let t2_82 = t2_46.mul_add(t2_80, t2_51);
+        let t2_83 = (-t1_116).mul_add(t2_77, t2_82);
+        let t2_84 = (-t2_57).mul_add(t2_75, t2_83);
+        let t2_85 = inv_pivot_3 * t2_84;
+        let t2_86 = (-t1_85).mul_add(t2_80, t1_219);
+        let t2_87 = (-t1_90).mul_add(t2_75, t2_86);
+        let t2_88 = t2_61 * t2_87;
         let t2_89 = like.lift(1.1547005383792515) * t2_88;
-        let t2_90 = -t2_89;
-        let t2_91 = -pivot_5;
+        let t2_90 = (-t1_130).mul_add(t2_85, t2_37);
+        let t2_91 = (-t1_125).mul_add(t2_80, t2_90);
+        let t2_92 = (-t1_128).mul_add(t2_75, t2_91);
+        let t2_93 = t2_39 * t2_92;
+        let t2_94 = like.lift(1.1547005383792515) * t2_93;
+        let t2_95 = -t2_94;
+        let t2_96 = -pivot_5;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(1.9150361620118772)).abs()
-            .min((t1_128 * like.lift(1.8751412991819398)).abs())
-            .min((pivot_3 * like.lift(2.6162535605710207)).abs())
-            .min((pivot_4 * like.lift(2.2558640767950906)).abs())
-            .min((t2_91 * like.lift(0.8083910306721919)).abs())
-            .min((pivot_6 * like.lift(2.191678505501337)).abs());
-        let ([[t2_92], [t2_93], [t2_94], [t2_95], [t2_96], [t2_97]], found) = ::regen_runtime::guarded(
-            [[t2_72], [t2_76], [t2_70], [t2_80], [t2_84], [t2_90]],
+        let margin = (pivot_1 * like.lift(1.9131671434315987)).abs()
+            .min((t1_131 * like.lift(1.863195236951264)).abs())
+            .min((pivot_3 * like.lift(2.6695171222054848)).abs())
+            .min((pivot_4 * like.lift(2.294035647929491)).abs())
+            .min((t2_96 * like.lift(0.786868847408929)).abs())
+            .min((pivot_6 * like.lift(2.1945756748652077)).abs());
+        let ([[t2_97], [t2_98], [t2_99], [t2_100], [t2_101], [t2_102]], found) = ::regen_runtime::guarded(
+            [[t2_77], [t2_81], [t2_75], [t2_85], [t2_89], [t2_95]],
             margin,
             || (
                 [
-                    [t1_57, t1_59, t1_64, like.lift(0.0), t1_67, like.lift(0.0)],
-                    [t1_71, t1_73, t1_77, like.lift(0.0), t1_78, like.lift(0.0)],
-                    [like.lift(0.0), t1_83, t1_87, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t1_95, t1_99, t1_101, t1_104, like.lift(0.0), t1_107],
-                    [t1_113, t1_114, t1_117, t1_119, like.lift(0.0), t1_120],
-                    [like.lift(0.0), t1_123, t1_125, t1_127, like.lift(0.0), t1_128],
+                    [t1_60, t1_62, t1_67, like.lift(0.0), t1_70, like.lift(0.0)],
+                    [t1_74, t1_76, t1_80, like.lift(0.0), t1_81, like.lift(0.0)],
+                    [like.lift(0.0), t1_86, t1_90, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t1_98, t1_102, t1_104, t1_107, like.lift(0.0), t1_110],
+                    [t1_116, t1_117, t1_120, t1_122, like.lift(0.0), t1_123],
+                    [like.lift(0.0), t1_126, t1_128, t1_130, like.lift(0.0), t1_131],
                 ],
-                [[t1_177], [t1_206], [t1_216], [t2_10], [t2_24], [t2_32]],
+                [[t1_180], [t1_209], [t1_219], [t2_15], [t2_29], [t2_37]],
             ),
         );
         condition = condition.min(found);
         [
-            t2_34, t2_35, pivot_3, inv_pivot_3, t2_37, pivot_4, inv_pivot_4, t2_41, t2_43,
-            inv_pivot_5, t2_52, t2_54, t2_55, t2_56, t2_57, t2_62, t2_65, pivot_6, inv_pivot_6,
-            t2_91, t2_92, t2_93, t2_94, t2_95, t2_96, t2_97,
+            t2_39, t2_40, pivot_3, inv_pivot_3, t2_42, pivot_4, inv_pivot_4, t2_46, t2_48,
+            inv_pivot_5, t2_57, t2_59, t2_60, t2_61, t2_62, t2_67, t2_70, pivot_6, inv_pivot_6,
+            t2_96, t2_97, t2_98, t2_99, t2_100, t2_101, t2_102,
         ]
     };
     // tau, part 3
     let [
-        al_6z, a_basex, t3_4, t3_10, t3_11, a_basey, t3_18, a_6y, t3_32, a_7z, t3_47, a_6x,
-        a_7x, t3_78, t3_89, t3_90, t3_101, t3_102, t3_110, t3_113, t3_116, t3_120, t3_122,
-        t3_123, t3_126, al_4x, al_4y, al_4z, a_4z, a_4y, t3_162, t3_163, a_5z, t3_166, t3_170,
-        t3_172, t3_175, t3_177, a_4x, a_5x, t3_208, t3_209, t3_219, t3_220, t3_221, t3_225,
-        t3_227, t3_228,
+        al_6z, a_basex, t3_9, t3_10, t3_17, a_basez, a_6y, t3_32, a_7z, t3_47, a_6x, a_7x,
+        t3_78, t3_89, t3_90, t3_101, t3_102, t3_110, t3_113, t3_116, t3_120, t3_122, t3_123,
+        t3_126, al_4x, al_4y, al_4z, a_4z, a_4y, t3_162, t3_163, a_5z, t3_166, t3_170, t3_172,
+        t3_175, t3_177, a_4x, a_5x, t3_208, t3_209, t3_219, t3_220, t3_221, t3_225, t3_227,
+        t3_228,
     ] = {
         let t3_1 = like.lift(0.5) * al_boomy;
-        let al_6z = t2_97 + t3_1;
-        let t3_2 = (-p_ixz_6).mul_add(al_6z, t1_51);
-        let t3_3 = t1_43 + t3_2;
-        let a_basex = like.lift(1.2) * al_boomy;
-        let t3_4 = d_waist * d_waist;
-        let t3_5 = like.lift(0.13172246391561312) * t3_4;
-        let t3_6 = like.lift(0.4563) * al_boomx;
-        let t3_7 = t3_5 + t3_6;
-        let t3_8 = a_basex - t3_7;
-        let t3_9 = like.lift(0.8660254037844386) * t3_8;
-        let t3_10 = w_boomx * w_boomx;
-        let t3_11 = t3_10 + t1_5;
-        let t3_12 = like.lift(0.22815) * t3_11;
-        let a_basey = like.lift(0.6) * w_ixx_boom_shoulder;
-        let t3_13 = t3_12 + a_basey;
-        let a_6z = like.lift(0.5).mul_add(t3_13, t3_9);
-        let t3_14 = p_my_6 * a_6z;
-        let t3_15 = like.lift(0.5) * t3_8;
-        let t3_16 = like.lift(-0.8660254037844386).mul_add(t3_13, t3_15);
-        let t3_17 = sin_q8 * t3_16;
+        let al_6z = t2_102 + t3_1;
+        let t3_2 = (-p_ixz_6).mul_add(al_6z, t1_54);
+        let t3_3 = t1_46 + t3_2;
+        let a_basex = like.lift(2.5) * al_boomy;
+        let t3_4 = like.lift(0.13172246391561312) * t1_12;
+        let t3_5 = like.lift(0.4563) * al_boomx;
+        let t3_6 = t3_4 + t3_5;
+        let t3_7 = a_basex - t3_6;
+        let t3_8 = like.lift(0.8660254037844386) * t3_7;
+        let t3_9 = w_boomx * w_boomx;
+        let t3_10 = t3_9 + t1_5;
+        let t3_11 = like.lift(0.22815) * t3_10;
+        let t3_12 = t3_11 + a_basey;
+        let a_6z = like.lift(0.5).mul_add(t3_12, t3_8);
+        let t3_13 = p_my_6 * a_6z;
+        let t3_14 = like.lift(0.5) * t3_7;
+        let t3_15 = like.lift(-0.8660254037844386).mul_add(t3_12, t3_14);
+        let t3_16 = sin_q8 * t3_15;
+        let t3_17 = cos_shoulder * t1_12;
+        let a_boomx = like.lift(0.35) * t3_17;
         let t3_18 = t1_4 + t1_5;
-        let a_basez = like.lift(0.6) * t3_18;
+        let a_basez = like.lift(1.25).mul_add(t3_18, a_boomx);
         let t3_19 = like.lift(0.22815) * w_ixx_boom_shoulder;
         let t3_20 = a_basez + t3_19;
-        let a_6y = (-cos_q8).mul_add(t3_20, t3_17);
-        let t3_21 = (-p_mz_6).mul_add(a_6y, t3_14);
+        let a_6y = (-cos_q8).mul_add(t3_20, t3_16);
+        let t3_21 = (-p_mz_6).mul_add(a_6y, t3_13);
         let t3_22 = t3_3 + t3_21;
         let t3_23 = p_iyy_7 - p_izz_7;
-        let t3_24 = t1_35 * t3_23;
-        let t3_25 = t1_40.mul_add(p_iyz_7, t3_24);
-        let t3_26 = t1_32.mul_add(p_ixz_7, -t3_25);
-        let t3_27 = t1_34.mul_add(p_ixy_7, -t3_26);
+        let t3_24 = t1_38 * t3_23;
+        let t3_25 = t1_43.mul_add(p_iyz_7, t3_24);
+        let t3_26 = t1_35.mul_add(p_ixz_7, -t3_25);
+        let t3_27 = t1_37.mul_add(p_ixy_7, -t3_26);
         let t3_28 = p_ixx_7 * al_6x;
         let t3_29 = (-p_ixy_7).mul_add(al_6z, t3_28);
         let t3_30 = (-p_ixz_7).mul_add(al_6y, t3_29);
         let t3_31 = t3_27 + t3_30;
         let t3_32 = w_6x * w_6x;
-        let t3_33 = t3_32 + t1_39;
+        let t3_33 = t3_32 + t1_42;
         let a_7z = q9.mul_add(t3_33, -a_6y);
         let t3_34 = p_my_7 * a_7z;
         let t3_35 = d_q9 * w_6x;
-        let t3_36 = t1_35 + al_6x;
+        let t3_36 = t1_38 + al_6x;
         let t3_37 = (-q9).mul_add(t3_36, a_6z);
         let a_7y = like.lift(2.0).mul_add(t3_35, t3_37);
         let t3_38 = (-p_mz_7).mul_add(a_7y, t3_34);
         let t3_39 = t3_31 + t3_38;
-        let t3_40 = t3_32 + t1_38;
+        let t3_40 = t3_32 + t1_41;
         let t3_41 = t3_40 * p_my_7;
-        let t3_42 = t1_32 + al_6y;
+        let t3_42 = t1_35 + al_6y;
         let t3_43 = (-p_mx_7).mul_add(t3_42, t3_41);
         let t3_44 = (-p_mz_7).mul_add(t3_36, t3_43);
         let t3_45 = p_m_7.mul_add(a_7y, t3_44);
@@ -7411,42 +7463,42 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 100]) -> ([T;
         let t3_47 = t3_22 + t3_46;
         let t3_48 = sin_q8 * t3_47;
         let t3_49 = p_ixx_6 - p_izz_6;
-        let t3_50 = t1_32 * t3_49;
-        let t3_51 = t3_32 - t1_39;
+        let t3_50 = t1_35 * t3_49;
+        let t3_51 = t3_32 - t1_42;
         let t3_52 = (-t3_51).mul_add(p_ixz_6, t3_50);
-        let t3_53 = t1_35.mul_add(p_ixy_6, -t3_52);
-        let t3_54 = t1_34.mul_add(p_iyz_6, -t3_53);
+        let t3_53 = t1_38.mul_add(p_ixy_6, -t3_52);
+        let t3_54 = t1_37.mul_add(p_iyz_6, -t3_53);
         let t3_55 = p_ixy_6 * al_6x;
         let t3_56 = p_iyy_6.mul_add(al_6y, t3_55);
         let t3_57 = (-p_iyz_6).mul_add(al_6z, t3_56);
         let t3_58 = t3_54 - t3_57;
-        let t3_59 = cos_q8 * t3_16;
+        let t3_59 = cos_q8 * t3_15;
         let a_6x = sin_q8.mul_add(t3_20, t3_59);
         let t3_60 = p_mz_6 * a_6x;
         let t3_61 = p_mx_6.mul_add(a_6z, t3_60);
         let t3_62 = t3_58 + t3_61;
         let t3_63 = p_ixx_7 - p_iyy_7;
-        let t3_64 = t1_32 * t3_63;
+        let t3_64 = t1_35 * t3_63;
         let t3_65 = (-t3_51).mul_add(p_ixy_7, t3_64);
-        let t3_66 = t1_34.mul_add(p_iyz_7, -t3_65);
-        let t3_67 = t1_35.mul_add(p_ixz_7, -t3_66);
+        let t3_66 = t1_37.mul_add(p_iyz_7, -t3_65);
+        let t3_67 = t1_38.mul_add(p_ixz_7, -t3_66);
         let t3_68 = p_ixz_7 * al_6x;
         let t3_69 = (-p_iyz_7).mul_add(al_6z, t3_68);
         let t3_70 = (-p_izz_7).mul_add(al_6y, t3_69);
         let t3_71 = t3_67 + t3_70;
         let t3_72 = p_mx_7 * a_7y;
         let t3_73 = d_q9 * w_6z;
-        let t3_74 = t1_34 + al_6z;
+        let t3_74 = t1_37 + al_6z;
         let t3_75 = q9.mul_add(t3_74, a_6x);
         let a_7x = like.lift(2.0).mul_add(t3_73, t3_75);
         let t3_76 = p_my_7.mul_add(a_7x, t3_72);
         let t3_77 = t3_71 + t3_76;
         let t3_78 = t3_62 + t3_77;
         let t3_79 = (-cos_q8).mul_add(t3_78, t3_48);
-        let t3_80 = t1_38 + t1_39;
+        let t3_80 = t1_41 + t1_42;
         let t3_81 = t3_80 * p_mx_6;
         let t3_82 = p_my_6.mul_add(t3_74, t3_81);
-        let t3_83 = t1_32 - al_6y;
+        let t3_83 = t1_35 - al_6y;
         let t3_84 = (-p_mz_6).mul_add(t3_83, t3_82);
         let t3_85 = p_m_6.mul_add(a_6x, -t3_84);
         let t3_86 = t3_80 * p_mx_7;
@@ -7456,9 +7508,9 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 100]) -> ([T;
         let t3_90 = t3_85 + t3_89;
         let t3_91 = cos_q8 * t3_90;
         let t3_92 = t3_33 * p_my_6;
-        let t3_93 = t1_34 - al_6z;
+        let t3_93 = t1_37 - al_6z;
         let t3_94 = p_mx_6.mul_add(t3_93, t3_92);
-        let t3_95 = t1_35 - al_6x;
+        let t3_95 = t1_38 - al_6x;
         let t3_96 = p_mz_6.mul_add(t3_95, t3_94);
         let t3_97 = p_m_6.mul_add(a_6y, t3_96);
         let t3_98 = p_mx_7 * t3_93;
@@ -7479,11 +7531,11 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 100]) -> ([T;
         let t3_113 = like.lift(0.8660254037844386).mul_add(t3_109, t3_112);
         let t3_114 = like.lift(-0.22815).mul_add(t3_113, t3_111);
         let t3_115 = t3_79 + t3_114;
-        let t3_116 = t1_24 - t3_115;
-        let t3_117 = t1_25 + t1_26;
+        let t3_116 = t1_27 - t3_115;
+        let t3_117 = t1_28 + t1_29;
         let t3_118 = cos_q6 * t3_117;
         let w_4x = (-sin_q6).mul_add(w_boomx, t3_118);
-        let t3_119 = t1_29 - t1_30;
+        let t3_119 = t1_32 - t1_33;
         let w_4z = d_q6 + t3_119;
         let t3_120 = w_4x * w_4z;
         let t3_121 = sin_q6 * t3_117;
@@ -7508,13 +7560,13 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 100]) -> ([T;
         let t3_138 = (-cos_q6).mul_add(al_boomx, t3_137);
         let al_4y = d_q6.mul_add(w_4x, -t3_138);
         let t3_139 = p_ixy_4.mul_add(al_4y, t3_135);
-        let al_4z = t2_96 + t3_1;
+        let al_4z = t2_101 + t3_1;
         let t3_140 = (-p_ixz_4).mul_add(al_4z, t3_139);
         let t3_141 = t3_131 + t3_140;
-        let t3_142 = t3_5 - t3_6;
+        let t3_142 = t3_4 - t3_5;
         let t3_143 = a_basex - t3_142;
         let t3_144 = like.lift(0.8660254037844386) * t3_143;
-        let t3_145 = t3_12 - a_basey;
+        let t3_145 = t3_11 - a_basey;
         let a_4z = like.lift(0.5).mul_add(t3_145, t3_144);
         let t3_146 = p_my_4 * a_4z;
         let t3_147 = like.lift(0.5) * t3_143;
@@ -7605,8 +7657,8 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 100]) -> ([T;
         let t3_227 = p_m_4.mul_add(a_4y, t3_226);
         let t3_228 = p_mx_5 * t3_223;
         [
-            al_6z, a_basex, t3_4, t3_10, t3_11, a_basey, t3_18, a_6y, t3_32, a_7z, t3_47, a_6x,
-            a_7x, t3_78, t3_89, t3_90, t3_101, t3_102, t3_110, t3_113, t3_116, t3_120, t3_122,
+            al_6z, a_basex, t3_9, t3_10, t3_17, a_basez, a_6y, t3_32, a_7z, t3_47, a_6x, a_7x,
+            t3_78, t3_89, t3_90, t3_101, t3_102, t3_110, t3_113, t3_116, t3_120, t3_122,
             t3_123, t3_126, al_4x, al_4y, al_4z, a_4z, a_4y, t3_162, t3_163, a_5z, t3_166,
             t3_170, t3_172, t3_175, t3_177, a_4x, a_5x, t3_208, t3_209, t3_219, t3_220, t3_221,
             t3_225, t3_227, t3_228,
@@ -7615,9 +7667,8 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 100]) -> ([T;
     // tau, part 4
     let [
         t4_3, t4_4, t4_12, t4_15, t4_18, t4_20, t4_22, t4_23, t4_26, t4_27, al_1x, al_1y,
-        al_1z, a_1y, t4_54, t4_55, a_2z, t4_58, a_1x, t4_99, a_2x, t4_138, t4_139, t4_142,
-        t4_145, t4_147, t4_166, t4_174, t4_175, t4_178, t4_180, t4_182, t4_211, t4_213, t4_214,
-        t4_215,
+        al_1z, a_1y, t4_52, t4_53, a_2z, a_1x, t4_96, a_2x, t4_135, t4_136, t4_139, t4_163,
+        t4_171, t4_172, t4_175, t4_179, t4_207, t4_209, t4_210, t4_215,
     ] = {
         let t4_1 = p_my_5.mul_add(t3_225, t3_228);
         let t4_2 = t3_163.mul_add(p_mz_5, -t4_1);
@@ -7659,483 +7710,482 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 100]) -> ([T;
         let t4_34 = d_q1 * w_1x;
         let al_1y = (-cos_q1).mul_add(al_boomx, t4_34);
         let t4_35 = p_ixy_1.mul_add(al_1y, t4_33);
-        let al_1z = al_boomy - t2_92;
+        let al_1z = al_boomy - t2_97;
         let t4_36 = (-p_ixz_1).mul_add(al_1z, t4_35);
         let t4_37 = t4_31 + t4_36;
-        let t4_38 = w_ixx_boom_shoulder * p_my_1;
-        let t4_39 = like.lift(0.6) * t4_38;
-        let t4_40 = like.lift(0.26344492783122625).mul_add(t3_4, a_basex);
-        let t4_41 = sin_q1 * t4_40;
-        let t4_42 = cos_q1 * t3_18;
-        let a_1y = like.lift(0.6).mul_add(t4_42, t4_41);
-        let t4_43 = (-p_mz_1).mul_add(a_1y, t4_39);
-        let t4_44 = t4_37 + t4_43;
-        let t4_45 = p_iyy_2 - p_izz_2;
-        let t4_46 = t4_23 * t4_45;
-        let t4_47 = (-t4_28).mul_add(p_iyz_2, t4_46);
-        let t4_48 = t4_20.mul_add(p_ixz_2, -t4_47);
-        let t4_49 = t4_22.mul_add(p_ixy_2, t4_48);
-        let t4_50 = p_ixx_2 * al_1x;
-        let t4_51 = (-p_ixy_2).mul_add(al_1z, t4_50);
-        let t4_52 = (-p_ixz_2).mul_add(al_1y, t4_51);
-        let t4_53 = t4_49 - t4_52;
-        let t4_54 = w_1x * w_1x;
-        let t4_55 = t4_54 + t4_27;
-        let a_2z = q2.mul_add(t4_55, a_1y);
-        let t4_56 = p_my_2 * a_2z;
-        let t4_57 = d_q2 * w_1x;
-        let t4_58 = t4_23 + al_1x;
-        let t4_59 = (-q2).mul_add(t4_58, a_basey);
-        let a_2y = like.lift(2.0).mul_add(t4_57, t4_59);
-        let t4_60 = p_mz_2.mul_add(a_2y, t4_56);
-        let t4_61 = t4_53 + t4_60;
-        let t4_62 = sin_s1_1 * w_1x;
-        let w_s1_1y = cos_s1_1.mul_add(w_1z, t4_62);
+        let t4_38 = p_my_1 * a_basey;
+        let t4_39 = like.lift(0.26344492783122625).mul_add(t1_12, a_basex);
+        let t4_40 = sin_q1 * t4_39;
+        let a_1y = cos_q1.mul_add(a_basez, t4_40);
+        let t4_41 = (-p_mz_1).mul_add(a_1y, t4_38);
+        let t4_42 = t4_37 + t4_41;
+        let t4_43 = p_iyy_2 - p_izz_2;
+        let t4_44 = t4_23 * t4_43;
+        let t4_45 = (-t4_28).mul_add(p_iyz_2, t4_44);
+        let t4_46 = t4_20.mul_add(p_ixz_2, -t4_45);
+        let t4_47 = t4_22.mul_add(p_ixy_2, t4_46);
+        let t4_48 = p_ixx_2 * al_1x;
+        let t4_49 = (-p_ixy_2).mul_add(al_1z, t4_48);
+        let t4_50 = (-p_ixz_2).mul_add(al_1y, t4_49);
+        let t4_51 = t4_47 - t4_50;
+        let t4_52 = w_1x * w_1x;
+        let t4_53 = t4_52 + t4_27;
+        let a_2z = q2.mul_add(t4_53, a_1y);
+        let t4_54 = p_my_2 * a_2z;
+        let t4_55 = d_q2 * w_1x;
+        let t4_56 = t4_23 + al_1x;
+        let t4_57 = (-q2).mul_add(t4_56, a_basey);
+        let a_2y = like.lift(2.0).mul_add(t4_55, t4_57);
+        let t4_58 = p_mz_2.mul_add(a_2y, t4_54);
+        let t4_59 = t4_51 + t4_58;
+        let t4_60 = sin_s1_1 * w_1x;
+        let w_s1_1y = cos_s1_1.mul_add(w_1z, t4_60);
         let w_s1_2y = d_s1_2 + w_s1_1y;
-        let t4_63 = cos_s1_3 * w_s1_2y;
+        let t4_61 = cos_s1_3 * w_s1_2y;
         let w_s1_1z = d_s1_1 - w_1y;
-        let t4_64 = cos_s1_2 * w_s1_1z;
-        let t4_65 = cos_s1_1 * w_1x;
-        let w_s1_1x = (-sin_s1_1).mul_add(w_1z, t4_65);
-        let w_s1_2z = (-sin_s1_2).mul_add(w_s1_1x, t4_64);
-        let w_3y = sin_s1_3.mul_add(w_s1_2z, t4_63);
-        let t4_66 = sin_s1_2 * w_s1_1z;
-        let w_s1_2x = cos_s1_2.mul_add(w_s1_1x, t4_66);
+        let t4_62 = cos_s1_2 * w_s1_1z;
+        let t4_63 = cos_s1_1 * w_1x;
+        let w_s1_1x = (-sin_s1_1).mul_add(w_1z, t4_63);
+        let w_s1_2z = (-sin_s1_2).mul_add(w_s1_1x, t4_62);
+        let w_3y = sin_s1_3.mul_add(w_s1_2z, t4_61);
+        let t4_64 = sin_s1_2 * w_s1_1z;
+        let w_s1_2x = cos_s1_2.mul_add(w_s1_1x, t4_64);
         let w_3x = d_s1_3 - w_s1_2x;
-        let t4_67 = w_3y * w_3x;
-        let t4_68 = sin_s1_3 * w_s1_2y;
-        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t4_68);
-        let t4_69 = w_3y * w_3z;
-        let t4_70 = w_3z * w_3x;
-        let t4_71 = p_ixx_3 - p_izz_3;
-        let t4_72 = t4_70 * t4_71;
-        let t4_73 = w_3x * w_3x;
-        let t4_74 = w_3z * w_3z;
-        let t4_75 = t4_73 - t4_74;
-        let t4_76 = t4_75.mul_add(p_ixz_3, t4_72);
-        let t4_77 = t4_69.mul_add(p_ixy_3, t4_76);
-        let t4_78 = t4_67.mul_add(p_iyz_3, t4_77);
-        let al_s1_1z = t2_93 - al_1y;
-        let t4_79 = sin_s1_2 * al_s1_1z;
-        let t4_80 = cos_s1_1 * al_1x;
-        let t4_81 = (-sin_s1_1).mul_add(al_1z, t4_80);
-        let al_s1_1x = d_s1_1.mul_add(w_s1_1y, t4_81);
-        let t4_82 = (-cos_s1_2).mul_add(al_s1_1x, t4_79);
-        let al_s1_2x = d_s1_2.mul_add(w_s1_2z, t4_82);
-        let al_3x = t2_95 - al_s1_2x;
-        let t4_83 = p_ixy_3 * al_3x;
-        let t4_84 = sin_s1_1 * al_1x;
-        let t4_85 = cos_s1_1.mul_add(al_1z, t4_84);
-        let al_s1_1y = d_s1_1.mul_add(w_s1_1x, -t4_85);
-        let al_s1_2y = t2_94 + al_s1_1y;
-        let t4_86 = cos_s1_3 * al_s1_2y;
-        let t4_87 = cos_s1_2 * al_s1_1z;
-        let t4_88 = sin_s1_2.mul_add(al_s1_1x, t4_87);
-        let al_s1_2z = d_s1_2.mul_add(w_s1_2x, -t4_88);
-        let t4_89 = (-sin_s1_3).mul_add(al_s1_2z, t4_86);
-        let al_3y = d_s1_3.mul_add(w_3z, -t4_89);
-        let t4_90 = (-p_iyy_3).mul_add(al_3y, t4_83);
-        let t4_91 = sin_s1_3 * al_s1_2y;
-        let t4_92 = cos_s1_3.mul_add(al_s1_2z, t4_91);
-        let al_3z = d_s1_3.mul_add(w_3y, t4_92);
-        let t4_93 = (-p_iyz_3).mul_add(al_3z, t4_90);
-        let t4_94 = t4_78 - t4_93;
-        let t4_95 = sin_s1_2 * a_2z;
-        let t4_96 = d_q2 * w_1z;
-        let t4_97 = cos_q1 * t4_40;
-        let t4_98 = sin_q1 * t3_18;
-        let a_1x = like.lift(-0.6).mul_add(t4_98, t4_97);
-        let t4_99 = t4_22 - al_1z;
-        let t4_100 = (-q2).mul_add(t4_99, a_1x);
-        let a_2x = like.lift(2.0).mul_add(t4_96, -t4_100);
-        let t4_101 = cos_s1_1 * a_2x;
-        let a_s1_1x = sin_s1_1.mul_add(a_2y, t4_101);
-        let a_s1_2x = cos_s1_2.mul_add(a_s1_1x, t4_95);
-        let t4_102 = p_mz_3 * a_s1_2x;
-        let t4_103 = sin_s1_1 * a_2x;
-        let a_s1_1y = (-cos_s1_1).mul_add(a_2y, t4_103);
-        let t4_104 = sin_s1_3 * a_s1_1y;
-        let t4_105 = cos_s1_2 * a_2z;
-        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t4_105);
-        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t4_104);
-        let t4_106 = (-p_mx_3).mul_add(a_3z, t4_102);
-        let t4_107 = t4_94 - t4_106;
-        let t4_108 = sin_s1_3 * t4_107;
-        let t4_109 = p_ixx_3 - p_iyy_3;
-        let t4_110 = t4_67 * t4_109;
-        let t4_111 = w_3y * w_3y;
-        let t4_112 = t4_73 - t4_111;
-        let t4_113 = (-t4_112).mul_add(p_ixy_3, t4_110);
-        let t4_114 = t4_70.mul_add(p_iyz_3, t4_113);
-        let t4_115 = t4_69.mul_add(p_ixz_3, -t4_114);
-        let t4_116 = p_ixz_3 * al_3x;
-        let t4_117 = (-p_iyz_3).mul_add(al_3y, t4_116);
-        let t4_118 = (-p_izz_3).mul_add(al_3z, t4_117);
-        let t4_119 = t4_115 + t4_118;
-        let t4_120 = cos_s1_3 * a_s1_1y;
-        let a_3y = sin_s1_3.mul_add(a_s1_2z, t4_120);
-        let t4_121 = p_mx_3 * a_3y;
-        let t4_122 = p_my_3.mul_add(a_s1_2x, t4_121);
-        let t4_123 = t4_119 - t4_122;
-        let t4_124 = (-cos_s1_3).mul_add(t4_123, t4_108);
-        let t4_125 = sin_s1_2 * t4_124;
-        let t4_126 = p_iyy_3 - p_izz_3;
-        let t4_127 = t4_69 * t4_126;
-        let t4_128 = t4_111 - t4_74;
-        let t4_129 = t4_128.mul_add(p_iyz_3, t4_127);
-        let t4_130 = t4_67.mul_add(p_ixz_3, t4_129);
-        let t4_131 = t4_70.mul_add(p_ixy_3, t4_130);
-        let t4_132 = p_ixx_3 * al_3x;
-        let t4_133 = (-p_ixy_3).mul_add(al_3y, t4_132);
-        let t4_134 = (-p_ixz_3).mul_add(al_3z, t4_133);
-        let t4_135 = t4_131 + t4_134;
-        let t4_136 = p_my_3 * a_3z;
-        let t4_137 = p_mz_3.mul_add(a_3y, t4_136);
-        let t4_138 = t4_135 + t4_137;
-        let t4_139 = (-cos_s1_2).mul_add(t4_138, t4_125);
-        let t4_140 = cos_s1_1 * t4_139;
-        let t4_141 = cos_s1_3 * t4_107;
-        let t4_142 = sin_s1_3.mul_add(t4_123, t4_141);
-        let t4_143 = (-sin_s1_1).mul_add(t4_142, t4_140);
-        let t4_144 = t4_61 + t4_143;
-        let t4_145 = t4_54 + t4_26;
-        let t4_146 = t4_145 * p_my_2;
-        let t4_147 = t4_20 + al_1y;
-        let t4_148 = p_mx_2.mul_add(t4_147, t4_146);
-        let t4_149 = p_mz_2.mul_add(t4_58, t4_148);
-        let t4_150 = p_m_2.mul_add(a_2y, -t4_149);
-        let t4_151 = t4_73 + t4_74;
-        let t4_152 = t4_151 * p_my_3;
-        let t4_153 = t4_67 - al_3z;
-        let t4_154 = (-p_mx_3).mul_add(t4_153, t4_152);
-        let t4_155 = t4_69 + al_3x;
-        let t4_156 = p_mz_3.mul_add(t4_155, t4_154);
-        let t4_157 = p_m_3.mul_add(a_3y, t4_156);
-        let t4_158 = sin_s1_3 * t4_157;
-        let t4_159 = t4_73 + t4_111;
-        let t4_160 = t4_70 - al_3y;
-        let t4_161 = p_mx_3 * t4_160;
-        let t4_162 = t4_69 - al_3x;
-        let t4_163 = p_my_3.mul_add(t4_162, t4_161);
-        let t4_164 = t4_159.mul_add(p_mz_3, t4_163);
-        let t4_165 = p_m_3.mul_add(a_3z, -t4_164);
-        let t4_166 = (-cos_s1_3).mul_add(t4_165, t4_158);
-        let t4_167 = sin_s1_2 * t4_166;
-        let t4_168 = t4_111 + t4_74;
-        let t4_169 = t4_168 * p_mx_3;
-        let t4_170 = t4_67 + al_3z;
-        let t4_171 = (-p_my_3).mul_add(t4_170, t4_169);
-        let t4_172 = t4_70 + al_3y;
-        let t4_173 = p_mz_3.mul_add(t4_172, t4_171);
-        let t4_174 = p_m_3.mul_add(a_s1_2x, -t4_173);
-        let t4_175 = (-cos_s1_2).mul_add(t4_174, t4_167);
-        let t4_176 = sin_s1_1 * t4_175;
-        let t4_177 = cos_s1_3 * t4_157;
-        let t4_178 = sin_s1_3.mul_add(t4_165, t4_177);
-        let t4_179 = cos_s1_1.mul_add(t4_178, t4_176);
-        let t4_180 = t4_150 - t4_179;
-        let t4_181 = q2.mul_add(t4_180, t4_144);
-        let t4_182 = t4_44 - t4_181;
-        let t4_183 = sin_q1 * t4_182;
-        let t4_184 = p_ixx_1 - p_izz_1;
-        let t4_185 = t4_20 * t4_184;
-        let t4_186 = t4_54 - t4_27;
-        let t4_187 = t4_186.mul_add(p_ixz_1, t4_185);
-        let t4_188 = t4_23.mul_add(p_ixy_1, -t4_187);
-        let t4_189 = t4_22.mul_add(p_iyz_1, t4_188);
-        let t4_190 = p_ixy_1 * al_1x;
-        let t4_191 = p_iyy_1.mul_add(al_1y, t4_190);
-        let t4_192 = (-p_iyz_1).mul_add(al_1z, t4_191);
-        let t4_193 = t4_189 + t4_192;
-        let t4_194 = p_mz_1 * a_1x;
-        let t4_195 = w_ixx_boom_shoulder * p_mx_1;
-        let t4_196 = like.lift(0.6).mul_add(t4_195, t4_194);
-        let t4_197 = t4_193 - t4_196;
-        let t4_198 = p_ixx_2 - p_iyy_2;
-        let t4_199 = t4_20 * t4_198;
-        let t4_200 = t4_186.mul_add(p_ixy_2, t4_199);
-        let t4_201 = t4_22.mul_add(p_iyz_2, t4_200);
-        let t4_202 = t4_23.mul_add(p_ixz_2, t4_201);
-        let t4_203 = p_ixz_2 * al_1x;
-        let t4_204 = (-p_iyz_2).mul_add(al_1z, t4_203);
-        let t4_205 = (-p_izz_2).mul_add(al_1y, t4_204);
-        let t4_206 = t4_202 + t4_205;
-        let t4_207 = p_mx_2 * a_2y;
-        let t4_208 = (-p_my_2).mul_add(a_2x, t4_207);
-        let t4_209 = t4_206 + t4_208;
-        let t4_210 = cos_s1_2 * t4_124;
-        let t4_211 = sin_s1_2.mul_add(t4_138, t4_210);
-        let t4_212 = t4_209 - t4_211;
-        let t4_213 = t4_197 - t4_212;
-        let t4_214 = cos_q1.mul_add(t4_213, t4_183);
-        let t4_215 = w_ixx_boom_shoulder * p_m_1;
+        let t4_65 = w_3y * w_3x;
+        let t4_66 = sin_s1_3 * w_s1_2y;
+        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t4_66);
+        let t4_67 = w_3y * w_3z;
+        let t4_68 = w_3z * w_3x;
+        let t4_69 = p_ixx_3 - p_izz_3;
+        let t4_70 = t4_68 * t4_69;
+        let t4_71 = w_3x * w_3x;
+        let t4_72 = w_3z * w_3z;
+        let t4_73 = t4_71 - t4_72;
+        let t4_74 = t4_73.mul_add(p_ixz_3, t4_70);
+        let t4_75 = t4_67.mul_add(p_ixy_3, t4_74);
+        let t4_76 = t4_65.mul_add(p_iyz_3, t4_75);
+        let al_s1_1z = t2_98 - al_1y;
+        let t4_77 = sin_s1_2 * al_s1_1z;
+        let t4_78 = cos_s1_1 * al_1x;
+        let t4_79 = (-sin_s1_1).mul_add(al_1z, t4_78);
+        let al_s1_1x = d_s1_1.mul_add(w_s1_1y, t4_79);
+        let t4_80 = (-cos_s1_2).mul_add(al_s1_1x, t4_77);
+        let al_s1_2x = d_s1_2.mul_add(w_s1_2z, t4_80);
+        let al_3x = t2_100 - al_s1_2x;
+        let t4_81 = p_ixy_3 * al_3x;
+        let t4_82 = sin_s1_1 * al_1x;
+        let t4_83 = cos_s1_1.mul_add(al_1z, t4_82);
+        let al_s1_1y = d_s1_1.mul_add(w_s1_1x, -t4_83);
+        let al_s1_2y = t2_99 + al_s1_1y;
+        let t4_84 = cos_s1_3 * al_s1_2y;
+        let t4_85 = cos_s1_2 * al_s1_1z;
+        let t4_86 = sin_s1_2.mul_add(al_s1_1x, t4_85);
+        let al_s1_2z = d_s1_2.mul_add(w_s1_2x, -t4_86);
+        let t4_87 = (-sin_s1_3).mul_add(al_s1_2z, t4_84);
+        let al_3y = d_s1_3.mul_add(w_3z, -t4_87);
+        let t4_88 = (-p_iyy_3).mul_add(al_3y, t4_81);
+        let t4_89 = sin_s1_3 * al_s1_2y;
+        let t4_90 = cos_s1_3.mul_add(al_s1_2z, t4_89);
+        let al_3z = d_s1_3.mul_add(w_3y, t4_90);
+        let t4_91 = (-p_iyz_3).mul_add(al_3z, t4_88);
+        let t4_92 = t4_76 - t4_91;
+        let t4_93 = sin_s1_2 * a_2z;
+        let t4_94 = d_q2 * w_1z;
+        let t4_95 = cos_q1 * t4_39;
+        let a_1x = (-sin_q1).mul_add(a_basez, t4_95);
+        let t4_96 = t4_22 - al_1z;
+        let t4_97 = (-q2).mul_add(t4_96, a_1x);
+        let a_2x = like.lift(2.0).mul_add(t4_94, -t4_97);
+        let t4_98 = cos_s1_1 * a_2x;
+        let a_s1_1x = sin_s1_1.mul_add(a_2y, t4_98);
+        let a_s1_2x = cos_s1_2.mul_add(a_s1_1x, t4_93);
+        let t4_99 = p_mz_3 * a_s1_2x;
+        let t4_100 = sin_s1_1 * a_2x;
+        let a_s1_1y = (-cos_s1_1).mul_add(a_2y, t4_100);
+        let t4_101 = sin_s1_3 * a_s1_1y;
+        let t4_102 = cos_s1_2 * a_2z;
+        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t4_102);
+        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t4_101);
+        let t4_103 = (-p_mx_3).mul_add(a_3z, t4_99);
+        let t4_104 = t4_92 - t4_103;
+        let t4_105 = sin_s1_3 * t4_104;
+        let t4_106 = p_ixx_3 - p_iyy_3;
+        let t4_107 = t4_65 * t4_106;
+        let t4_108 = w_3y * w_3y;
+        let t4_109 = t4_71 - t4_108;
+        let t4_110 = (-t4_109).mul_add(p_ixy_3, t4_107);
+        let t4_111 = t4_68.mul_add(p_iyz_3, t4_110);
+        let t4_112 = t4_67.mul_add(p_ixz_3, -t4_111);
+        let t4_113 = p_ixz_3 * al_3x;
+        let t4_114 = (-p_iyz_3).mul_add(al_3y, t4_113);
+        let t4_115 = (-p_izz_3).mul_add(al_3z, t4_114);
+        let t4_116 = t4_112 + t4_115;
+        let t4_117 = cos_s1_3 * a_s1_1y;
+        let a_3y = sin_s1_3.mul_add(a_s1_2z, t4_117);
+        let t4_118 = p_mx_3 * a_3y;
+        let t4_119 = p_my_3.mul_add(a_s1_2x, t4_118);
+        let t4_120 = t4_116 - t4_119;
+        let t4_121 = (-cos_s1_3).mul_add(t4_120, t4_105);
+        let t4_122 = sin_s1_2 * t4_121;
+        let t4_123 = p_iyy_3 - p_izz_3;
+        let t4_124 = t4_67 * t4_123;
+        let t4_125 = t4_108 - t4_72;
+        let t4_126 = t4_125.mul_add(p_iyz_3, t4_124);
+        let t4_127 = t4_65.mul_add(p_ixz_3, t4_126);
+        let t4_128 = t4_68.mul_add(p_ixy_3, t4_127);
+        let t4_129 = p_ixx_3 * al_3x;
+        let t4_130 = (-p_ixy_3).mul_add(al_3y, t4_129);
+        let t4_131 = (-p_ixz_3).mul_add(al_3z, t4_130);
+        let t4_132 = t4_128 + t4_131;
+        let t4_133 = p_my_3 * a_3z;
+        let t4_134 = p_mz_3.mul_add(a_3y, t4_133);
+        let t4_135 = t4_132 + t4_134;
+        let t4_136 = (-cos_s1_2).mul_add(t4_135, t4_122);
+        let t4_137 = cos_s1_1 * t4_136;
+        let t4_138 = cos_s1_3 * t4_104;
+        let t4_139 = sin_s1_3.mul_add(t4_120, t4_138);
+        let t4_140 = (-sin_s1_1).mul_add(t4_139, t4_137);
+        let t4_141 = t4_59 + t4_140;
+        let t4_142 = t4_52 + t4_26;
+        let t4_143 = t4_142 * p_my_2;
+        let t4_144 = t4_20 + al_1y;
+        let t4_145 = p_mx_2.mul_add(t4_144, t4_143);
+        let t4_146 = p_mz_2.mul_add(t4_56, t4_145);
+        let t4_147 = p_m_2.mul_add(a_2y, -t4_146);
+        let t4_148 = t4_71 + t4_72;
+        let t4_149 = t4_148 * p_my_3;
+        let t4_150 = t4_65 - al_3z;
+        let t4_151 = (-p_mx_3).mul_add(t4_150, t4_149);
+        let t4_152 = t4_67 + al_3x;
+        let t4_153 = p_mz_3.mul_add(t4_152, t4_151);
+        let t4_154 = p_m_3.mul_add(a_3y, t4_153);
+        let t4_155 = sin_s1_3 * t4_154;
+        let t4_156 = t4_71 + t4_108;
+        let t4_157 = t4_68 - al_3y;
+        let t4_158 = p_mx_3 * t4_157;
+        let t4_159 = t4_67 - al_3x;
+        let t4_160 = p_my_3.mul_add(t4_159, t4_158);
+        let t4_161 = t4_156.mul_add(p_mz_3, t4_160);
+        let t4_162 = p_m_3.mul_add(a_3z, -t4_161);
+        let t4_163 = (-cos_s1_3).mul_add(t4_162, t4_155);
+        let t4_164 = sin_s1_2 * t4_163;
+        let t4_165 = t4_108 + t4_72;
+        let t4_166 = t4_165 * p_mx_3;
+        let t4_167 = t4_65 + al_3z;
+        let t4_168 = (-p_my_3).mul_add(t4_167, t4_166);
+        let t4_169 = t4_68 + al_3y;
+        let t4_170 = p_mz_3.mul_add(t4_169, t4_168);
+        let t4_171 = p_m_3.mul_add(a_s1_2x, -t4_170);
+        let t4_172 = (-cos_s1_2).mul_add(t4_171, t4_164);
+        let t4_173 = sin_s1_1 * t4_172;
+        let t4_174 = cos_s1_3 * t4_154;
+        let t4_175 = sin_s1_3.mul_add(t4_162, t4_174);
+        let t4_176 = cos_s1_1.mul_add(t4_175, t4_173);
+        let t4_177 = t4_147 - t4_176;
+        let t4_178 = q2.mul_add(t4_177, t4_141);
+        let t4_179 = t4_42 - t4_178;
+        let t4_180 = sin_q1 * t4_179;
+        let t4_181 = p_ixx_1 - p_izz_1;
+        let t4_182 = t4_20 * t4_181;
+        let t4_183 = t4_52 - t4_27;
+        let t4_184 = t4_183.mul_add(p_ixz_1, t4_182);
+        let t4_185 = t4_23.mul_add(p_ixy_1, -t4_184);
+        let t4_186 = t4_22.mul_add(p_iyz_1, t4_185);
+        let t4_187 = p_ixy_1 * al_1x;
+        let t4_188 = p_iyy_1.mul_add(al_1y, t4_187);
+        let t4_189 = (-p_iyz_1).mul_add(al_1z, t4_188);
+        let t4_190 = t4_186 + t4_189;
+        let t4_191 = p_mz_1 * a_1x;
+        let t4_192 = p_mx_1.mul_add(a_basey, t4_191);
+        let t4_193 = t4_190 - t4_192;
+        let t4_194 = p_ixx_2 - p_iyy_2;
+        let t4_195 = t4_20 * t4_194;
+        let t4_196 = t4_183.mul_add(p_ixy_2, t4_195);
+        let t4_197 = t4_22.mul_add(p_iyz_2, t4_196);
+        let t4_198 = t4_23.mul_add(p_ixz_2, t4_197);
+        let t4_199 = p_ixz_2 * al_1x;
+        let t4_200 = (-p_iyz_2).mul_add(al_1z, t4_199);
+        let t4_201 = (-p_izz_2).mul_add(al_1y, t4_200);
+        let t4_202 = t4_198 + t4_201;
+        let t4_203 = p_mx_2 * a_2y;
+        let t4_204 = (-p_my_2).mul_add(a_2x, t4_203);
+        let t4_205 = t4_202 + t4_204;
+        let t4_206 = cos_s1_2 * t4_121;
+        let t4_207 = sin_s1_2.mul_add(t4_135, t4_206);
+        let t4_208 = t4_205 - t4_207;
+        let t4_209 = t4_193 - t4_208;
+        let t4_210 = cos_q1.mul_add(t4_209, t4_180);
+        let t4_211 = p_mx_1 * t4_144;
+        let t4_212 = (-p_my_1).mul_add(t4_56, t4_211);
+        let t4_213 = t4_142.mul_add(p_mz_1, t4_212);
+        let t4_214 = p_m_1.mul_add(a_basey, -t4_213);
+        let t4_215 = t4_214 + t4_177;
         [
             t4_3, t4_4, t4_12, t4_15, t4_18, t4_20, t4_22, t4_23, t4_26, t4_27, al_1x, al_1y,
-            al_1z, a_1y, t4_54, t4_55, a_2z, t4_58, a_1x, t4_99, a_2x, t4_138, t4_139, t4_142,
-            t4_145, t4_147, t4_166, t4_174, t4_175, t4_178, t4_180, t4_182, t4_211, t4_213,
-            t4_214, t4_215,
+            al_1z, a_1y, t4_52, t4_53, a_2z, a_1x, t4_96, a_2x, t4_135, t4_136, t4_139, t4_163,
+            t4_171, t4_172, t4_175, t4_179, t4_207, t4_209, t4_210, t4_215,
         ]
     };
     // tau, part 5
     let [
-        t5_61, t5_96, t5_140, t5_159, t5_178, t5_209, t5_210, t5_211, t5_212, t5_213, t5_214,
-        t5_215, t5_216, t5_217, t5_222, t5_224, t5_226, t5_228, t5_229, t5_230, t5_233, t5_235,
-        t5_238, t5_239, t5_242, t5_243, t5_246, t5_247,
+        t5_57, t5_92, t5_136, t5_155, t5_181, t5_215, t5_216, t5_217, t5_218, t5_219, t5_220,
+        t5_221, t5_222, t5_223, t5_228, t5_230, t5_232, t5_234, t5_235, t5_236, t5_239, t5_241,
+        t5_244, t5_245, t5_247,
     ] = {
-        let t5_1 = p_mx_1 * t4_147;
-        let t5_2 = (-p_my_1).mul_add(t4_58, t5_1);
-        let t5_3 = t4_145.mul_add(p_mz_1, t5_2);
-        let t5_4 = like.lift(0.6).mul_add(t4_215, -t5_3);
-        let t5_5 = t5_4 + t4_180;
-        let t5_6 = like.lift(-0.26344492783122625).mul_add(t5_5, t4_214);
-        let t5_7 = t4_18 + t5_6;
-        let t5_8 = t1_11 + t5_7;
-        let t5_9 = sin_shoulder * t5_8;
-        let t5_10 = al_boomx * p_ixy_boom;
-        let t5_11 = p_ixx_boom - p_izz_boom;
-        let t5_12 = al_boomy * t5_11;
-        let t5_13 = t3_10 - t1_5;
-        let t5_14 = (-t5_13).mul_add(p_ixz_boom, t5_12);
-        let t5_15 = t5_10 + t5_14;
-        let t5_16 = w_ixx_boom_shoulder.mul_add(p_iyz_boom, -t5_15);
-        let t5_17 = (-al_boomy).mul_add(p_iyy_boom, t5_10);
-        let t5_18 = t5_16 - t5_17;
-        let t5_19 = al_boomx * p_iyz_base;
-        let t5_20 = p_ixx_base - p_izz_base;
-        let t5_21 = al_boomy * t5_20;
-        let t5_22 = (-t5_13).mul_add(p_ixz_base, t5_21);
-        let t5_23 = w_ixx_boom_shoulder.mul_add(p_ixy_base, -t5_22);
-        let t5_24 = t5_19 + t5_23;
-        let t5_25 = (-al_boomy).mul_add(p_iyy_base, t5_19);
-        let t5_26 = t5_24 + t5_25;
-        let t5_27 = al_boomy * p_mz_base;
-        let t5_28 = like.lift(1.2) * t5_27;
-        let t5_29 = t3_18 * p_mx_base;
-        let t5_30 = like.lift(-0.6).mul_add(t5_29, t5_28);
-        let t5_31 = t5_26 - t5_30;
-        let t5_32 = cos_q8 * t3_47;
-        let t5_33 = sin_q8.mul_add(t3_78, t5_32);
-        let t5_34 = like.lift(0.8660254037844386) * t5_33;
-        let t5_35 = p_ixx_6 - p_iyy_6;
-        let t5_36 = t1_34 * t5_35;
-        let t5_37 = t3_32 - t1_38;
-        let t5_38 = t5_37.mul_add(p_ixy_6, t5_36);
-        let t5_39 = t1_32.mul_add(p_iyz_6, t5_38);
-        let t5_40 = t1_35.mul_add(p_ixz_6, t5_39);
-        let t5_41 = p_ixz_6 * al_6x;
-        let t5_42 = p_iyz_6.mul_add(al_6y, t5_41);
-        let t5_43 = (-p_izz_6).mul_add(al_6z, t5_42);
-        let t5_44 = t5_40 - t5_43;
-        let t5_45 = p_mx_6 * a_6y;
-        let t5_46 = p_my_6.mul_add(a_6x, t5_45);
-        let t5_47 = t5_44 - t5_46;
-        let t5_48 = p_ixx_7 - p_izz_7;
-        let t5_49 = t1_34 * t5_48;
-        let t5_50 = (-t5_37).mul_add(p_ixz_7, t5_49);
-        let t5_51 = t1_35.mul_add(p_ixy_7, t5_50);
-        let t5_52 = t1_32.mul_add(p_iyz_7, -t5_51);
-        let t5_53 = p_ixy_7 * al_6x;
-        let t5_54 = (-p_iyy_7).mul_add(al_6z, t5_53);
-        let t5_55 = (-p_iyz_7).mul_add(al_6y, t5_54);
-        let t5_56 = t5_52 + t5_55;
-        let t5_57 = p_mz_7 * a_7x;
-        let t5_58 = p_mx_7.mul_add(a_7z, t5_57);
-        let t5_59 = t5_56 - t5_58;
-        let t5_60 = (-q9).mul_add(t3_89, t5_59);
-        let t5_61 = t5_47 - t5_60;
-        let t5_62 = like.lift(-0.5).mul_add(t5_61, t5_34);
-        let t5_63 = sin_q8 * t3_90;
-        let t5_64 = (-cos_q8).mul_add(t3_102, t5_63);
-        let t5_65 = like.lift(-0.13172246391561312).mul_add(t5_64, t5_62);
-        let t5_66 = t5_31 + t5_65;
-        let t5_67 = cos_q6 * t3_177;
-        let t5_68 = sin_q6.mul_add(t3_208, t5_67);
-        let t5_69 = like.lift(0.8660254037844386) * t5_68;
-        let t5_70 = p_ixx_4 - p_iyy_4;
-        let t5_71 = t3_122 * t5_70;
-        let t5_72 = t3_162 - t3_126;
-        let t5_73 = t5_72.mul_add(p_ixy_4, t5_71);
-        let t5_74 = t3_120.mul_add(p_iyz_4, t5_73);
-        let t5_75 = t3_123.mul_add(p_ixz_4, t5_74);
-        let t5_76 = p_ixz_4 * al_4x;
-        let t5_77 = p_iyz_4.mul_add(al_4y, t5_76);
-        let t5_78 = (-p_izz_4).mul_add(al_4z, t5_77);
-        let t5_79 = t5_75 - t5_78;
-        let t5_80 = p_mx_4 * a_4y;
-        let t5_81 = p_my_4.mul_add(a_4x, t5_80);
-        let t5_82 = t5_79 - t5_81;
-        let t5_83 = p_ixx_5 - p_izz_5;
-        let t5_84 = t3_122 * t5_83;
-        let t5_85 = (-t5_72).mul_add(p_ixz_5, t5_84);
-        let t5_86 = t3_123.mul_add(p_ixy_5, t5_85);
-        let t5_87 = t3_120.mul_add(p_iyz_5, -t5_86);
-        let t5_88 = p_ixy_5 * al_4x;
-        let t5_89 = (-p_iyy_5).mul_add(al_4z, t5_88);
-        let t5_90 = (-p_iyz_5).mul_add(al_4y, t5_89);
-        let t5_91 = t5_87 + t5_90;
-        let t5_92 = p_mz_5 * a_5x;
-        let t5_93 = p_mx_5.mul_add(a_5z, t5_92);
-        let t5_94 = t5_91 - t5_93;
-        let t5_95 = (-q7).mul_add(t3_219, t5_94);
-        let t5_96 = t5_82 - t5_95;
-        let t5_97 = like.lift(0.5).mul_add(t5_96, t5_69);
-        let t5_98 = sin_q6 * t3_220;
-        let t5_99 = (-cos_q6).mul_add(t4_4, t5_98);
-        let t5_100 = like.lift(0.13172246391561312).mul_add(t5_99, t5_97);
-        let t5_101 = t5_66 - t5_100;
-        let t5_102 = p_ixx_1 - p_iyy_1;
-        let t5_103 = t4_22 * t5_102;
-        let t5_104 = t4_54 - t4_26;
-        let t5_105 = t5_104.mul_add(p_ixy_1, t5_103);
-        let t5_106 = t4_20.mul_add(p_iyz_1, -t5_105);
-        let t5_107 = t4_23.mul_add(p_ixz_1, t5_106);
-        let t5_108 = p_ixz_1 * al_1x;
-        let t5_109 = p_iyz_1.mul_add(al_1y, t5_108);
-        let t5_110 = (-p_izz_1).mul_add(al_1z, t5_109);
-        let t5_111 = t5_107 - t5_110;
-        let t5_112 = p_mx_1 * a_1y;
-        let t5_113 = p_my_1.mul_add(a_1x, t5_112);
-        let t5_114 = t5_111 - t5_113;
-        let t5_115 = p_ixx_2 - p_izz_2;
-        let t5_116 = t4_22 * t5_115;
-        let t5_117 = (-t5_104).mul_add(p_ixz_2, t5_116);
-        let t5_118 = t4_23.mul_add(p_ixy_2, -t5_117);
-        let t5_119 = t4_20.mul_add(p_iyz_2, -t5_118);
-        let t5_120 = p_ixy_2 * al_1x;
-        let t5_121 = (-p_iyy_2).mul_add(al_1z, t5_120);
-        let t5_122 = (-p_iyz_2).mul_add(al_1y, t5_121);
-        let t5_123 = t5_119 + t5_122;
-        let t5_124 = p_mz_2 * a_2x;
-        let t5_125 = p_mx_2.mul_add(a_2z, t5_124);
-        let t5_126 = t5_123 + t5_125;
-        let t5_127 = sin_s1_1 * t4_139;
-        let t5_128 = cos_s1_1.mul_add(t4_142, t5_127);
-        let t5_129 = t5_126 - t5_128;
-        let t5_130 = t4_26 + t4_27;
-        let t5_131 = t5_130 * p_mx_2;
-        let t5_132 = t4_20 - al_1y;
-        let t5_133 = p_my_2.mul_add(t5_132, t5_131);
-        let t5_134 = (-p_mz_2).mul_add(t4_99, t5_133);
-        let t5_135 = p_m_2.mul_add(a_2x, -t5_134);
-        let t5_136 = cos_s1_1 * t4_175;
-        let t5_137 = (-sin_s1_1).mul_add(t4_178, t5_136);
-        let t5_138 = t5_135 - t5_137;
-        let t5_139 = q2.mul_add(t5_138, t5_129);
-        let t5_140 = t5_114 - t5_139;
-        let t5_141 = t5_130 * p_mx_1;
-        let t5_142 = p_my_1.mul_add(t4_99, t5_141);
-        let t5_143 = p_mz_1.mul_add(t5_132, t5_142);
-        let t5_144 = p_m_1.mul_add(a_1x, t5_143);
-        let t5_145 = t5_144 - t5_138;
-        let t5_146 = sin_q1 * t5_145;
-        let t5_147 = t4_55 * p_my_1;
-        let t5_148 = t4_22 + al_1z;
-        let t5_149 = p_mx_1.mul_add(t5_148, t5_147);
-        let t5_150 = t4_23 - al_1x;
-        let t5_151 = (-p_mz_1).mul_add(t5_150, t5_149);
-        let t5_152 = p_m_1.mul_add(a_1y, -t5_151);
-        let t5_153 = p_mx_2 * t5_148;
-        let t5_154 = (-p_my_2).mul_add(t5_150, t5_153);
-        let t5_155 = t4_55.mul_add(p_mz_2, -t5_154);
-        let t5_156 = p_m_2.mul_add(a_2z, t5_155);
-        let t5_157 = cos_s1_2 * t4_166;
-        let t5_158 = sin_s1_2.mul_add(t4_174, t5_157);
-        let t5_159 = t5_156 + t5_158;
-        let t5_160 = t5_152 + t5_159;
-        let t5_161 = (-cos_q1).mul_add(t5_160, t5_146);
-        let t5_162 = like.lift(0.26344492783122625).mul_add(t5_161, t5_140);
-        let t5_163 = t5_101 - t5_162;
-        let t5_164 = al_boomy * p_m_base;
-        let t5_165 = t3_4 * p_mx_base;
-        let t5_166 = al_boomx * p_my_base;
-        let t5_167 = like.lift(2.0).mul_add(t5_166, t5_165);
-        let t5_168 = like.lift(2.0).mul_add(t5_27, t5_167);
-        let t5_169 = like.lift(1.2).mul_add(t5_164, t5_168);
-        let t5_170 = t5_169 + t3_113;
-        let t5_171 = t5_170 + t4_15;
-        let t5_172 = cos_q1 * t5_145;
-        let t5_173 = sin_q1.mul_add(t5_160, t5_172);
-        let t5_174 = t5_171 + t5_173;
-        let t5_175 = like.lift(-0.6).mul_add(t5_174, t5_163);
-        let t5_176 = t5_18 - t5_175;
-        let t5_177 = cos_shoulder.mul_add(t5_176, t5_9);
-        let t5_178 = -t5_177;
-        let t5_179 = p_ixx_boom - p_iyy_boom;
-        let t5_180 = w_ixx_boom_shoulder * t5_179;
-        let w_ixy_boom_shoulder = t3_10 - t1_4;
-        let t5_181 = (-w_ixy_boom_shoulder).mul_add(p_ixy_boom, t5_180);
-        let t5_182 = p_iyy_base - p_izz_base;
+        let t5_1 = like.lift(-0.26344492783122625).mul_add(t4_215, t4_210);
+        let t5_2 = t4_18 + t5_1;
+        let t5_3 = t1_15 + t5_2;
+        let t5_4 = sin_shoulder * t5_3;
+        let t5_5 = al_boomx * p_ixy_boom;
+        let t5_6 = p_ixx_boom - p_izz_boom;
+        let t5_7 = al_boomy * t5_6;
+        let t5_8 = t3_9 - t1_5;
+        let t5_9 = (-t5_8).mul_add(p_ixz_boom, t5_7);
+        let t5_10 = t5_5 + t5_9;
+        let t5_11 = w_ixx_boom_shoulder.mul_add(p_iyz_boom, -t5_10);
+        let t5_12 = (-al_boomy).mul_add(p_iyy_boom, t5_5);
+        let t5_13 = t5_11 - t5_12;
+        let t5_14 = t3_17 * p_mz_boom;
+        let t5_15 = like.lift(0.35).mul_add(t5_14, t5_13);
+        let t5_16 = al_boomx * p_iyz_base;
+        let t5_17 = p_ixx_base - p_izz_base;
+        let t5_18 = al_boomy * t5_17;
+        let t5_19 = (-t5_8).mul_add(p_ixz_base, t5_18);
+        let t5_20 = w_ixx_boom_shoulder.mul_add(p_ixy_base, -t5_19);
+        let t5_21 = t5_16 + t5_20;
+        let t5_22 = (-al_boomy).mul_add(p_iyy_base, t5_16);
+        let t5_23 = t5_21 + t5_22;
+        let t5_24 = al_boomy * p_mz_base;
+        let t5_25 = like.lift(2.5) * t5_24;
+        let t5_26 = (-p_mx_base).mul_add(a_basez, t5_25);
+        let t5_27 = t5_23 - t5_26;
+        let t5_28 = cos_q8 * t3_47;
+        let t5_29 = sin_q8.mul_add(t3_78, t5_28);
+        let t5_30 = like.lift(0.8660254037844386) * t5_29;
+        let t5_31 = p_ixx_6 - p_iyy_6;
+        let t5_32 = t1_37 * t5_31;
+        let t5_33 = t3_32 - t1_41;
+        let t5_34 = t5_33.mul_add(p_ixy_6, t5_32);
+        let t5_35 = t1_35.mul_add(p_iyz_6, t5_34);
+        let t5_36 = t1_38.mul_add(p_ixz_6, t5_35);
+        let t5_37 = p_ixz_6 * al_6x;
+        let t5_38 = p_iyz_6.mul_add(al_6y, t5_37);
+        let t5_39 = (-p_izz_6).mul_add(al_6z, t5_38);
+        let t5_40 = t5_36 - t5_39;
+        let t5_41 = p_mx_6 * a_6y;
+        let t5_42 = p_my_6.mul_add(a_6x, t5_41);
+        let t5_43 = t5_40 - t5_42;
+        let t5_44 = p_ixx_7 - p_izz_7;
+        let t5_45 = t1_37 * t5_44;
+        let t5_46 = (-t5_33).mul_add(p_ixz_7, t5_45);
+        let t5_47 = t1_38.mul_add(p_ixy_7, t5_46);
+        let t5_48 = t1_35.mul_add(p_iyz_7, -t5_47);
+        let t5_49 = p_ixy_7 * al_6x;
+        let t5_50 = (-p_iyy_7).mul_add(al_6z, t5_49);
+        let t5_51 = (-p_iyz_7).mul_add(al_6y, t5_50);
+        let t5_52 = t5_48 + t5_51;
+        let t5_53 = p_mz_7 * a_7x;
+        let t5_54 = p_mx_7.mul_add(a_7z, t5_53);
+        let t5_55 = t5_52 - t5_54;
+        let t5_56 = (-q9).mul_add(t3_89, t5_55);
+        let t5_57 = t5_43 - t5_56;
+        let t5_58 = like.lift(-0.5).mul_add(t5_57, t5_30);
+        let t5_59 = sin_q8 * t3_90;
+        let t5_60 = (-cos_q8).mul_add(t3_102, t5_59);
+        let t5_61 = like.lift(-0.13172246391561312).mul_add(t5_60, t5_58);
+        let t5_62 = t5_27 + t5_61;
+        let t5_63 = cos_q6 * t3_177;
+        let t5_64 = sin_q6.mul_add(t3_208, t5_63);
+        let t5_65 = like.lift(0.8660254037844386) * t5_64;
+        let t5_66 = p_ixx_4 - p_iyy_4;
+        let t5_67 = t3_122 * t5_66;
+        let t5_68 = t3_162 - t3_126;
+        let t5_69 = t5_68.mul_add(p_ixy_4, t5_67);
+        let t5_70 = t3_120.mul_add(p_iyz_4, t5_69);
+        let t5_71 = t3_123.mul_add(p_ixz_4, t5_70);
+        let t5_72 = p_ixz_4 * al_4x;
+        let t5_73 = p_iyz_4.mul_add(al_4y, t5_72);
+        let t5_74 = (-p_izz_4).mul_add(al_4z, t5_73);
+        let t5_75 = t5_71 - t5_74;
+        let t5_76 = p_mx_4 * a_4y;
+        let t5_77 = p_my_4.mul_add(a_4x, t5_76);
+        let t5_78 = t5_75 - t5_77;
+        let t5_79 = p_ixx_5 - p_izz_5;
+        let t5_80 = t3_122 * t5_79;
+        let t5_81 = (-t5_68).mul_add(p_ixz_5, t5_80);
+        let t5_82 = t3_123.mul_add(p_ixy_5, t5_81);
+        let t5_83 = t3_120.mul_add(p_iyz_5, -t5_82);
+        let t5_84 = p_ixy_5 * al_4x;
+        let t5_85 = (-p_iyy_5).mul_add(al_4z, t5_84);
+        let t5_86 = (-p_iyz_5).mul_add(al_4y, t5_85);
+        let t5_87 = t5_83 + t5_86;
+        let t5_88 = p_mz_5 * a_5x;
+        let t5_89 = p_mx_5.mul_add(a_5z, t5_88);
+        let t5_90 = t5_87 - t5_89;
+        let t5_91 = (-q7).mul_add(t3_219, t5_90);
+        let t5_92 = t5_78 - t5_91;
+        let t5_93 = like.lift(0.5).mul_add(t5_92, t5_65);
+        let t5_94 = sin_q6 * t3_220;
+        let t5_95 = (-cos_q6).mul_add(t4_4, t5_94);
+        let t5_96 = like.lift(0.13172246391561312).mul_add(t5_95, t5_93);
+        let t5_97 = t5_62 - t5_96;
+        let t5_98 = p_ixx_1 - p_iyy_1;
+        let t5_99 = t4_22 * t5_98;
+        let t5_100 = t4_52 - t4_26;
+        let t5_101 = t5_100.mul_add(p_ixy_1, t5_99);
+        let t5_102 = t4_20.mul_add(p_iyz_1, -t5_101);
+        let t5_103 = t4_23.mul_add(p_ixz_1, t5_102);
+        let t5_104 = p_ixz_1 * al_1x;
+        let t5_105 = p_iyz_1.mul_add(al_1y, t5_104);
+        let t5_106 = (-p_izz_1).mul_add(al_1z, t5_105);
+        let t5_107 = t5_103 - t5_106;
+        let t5_108 = p_mx_1 * a_1y;
+        let t5_109 = p_my_1.mul_add(a_1x, t5_108);
+        let t5_110 = t5_107 - t5_109;
+        let t5_111 = p_ixx_2 - p_izz_2;
+        let t5_112 = t4_22 * t5_111;
+        let t5_113 = (-t5_100).mul_add(p_ixz_2, t5_112);
+        let t5_114 = t4_23.mul_add(p_ixy_2, -t5_113);
+        let t5_115 = t4_20.mul_add(p_iyz_2, -t5_114);
+        let t5_116 = p_ixy_2 * al_1x;
+        let t5_117 = (-p_iyy_2).mul_add(al_1z, t5_116);
+        let t5_118 = (-p_iyz_2).mul_add(al_1y, t5_117);
+        let t5_119 = t5_115 + t5_118;
+        let t5_120 = p_mz_2 * a_2x;
+        let t5_121 = p_mx_2.mul_add(a_2z, t5_120);
+        let t5_122 = t5_119 + t5_121;
+        let t5_123 = sin_s1_1 * t4_136;
+        let t5_124 = cos_s1_1.mul_add(t4_139, t5_123);
+        let t5_125 = t5_122 - t5_124;
+        let t5_126 = t4_26 + t4_27;
+        let t5_127 = t5_126 * p_mx_2;
+        let t5_128 = t4_20 - al_1y;
+        let t5_129 = p_my_2.mul_add(t5_128, t5_127);
+        let t5_130 = (-p_mz_2).mul_add(t4_96, t5_129);
+        let t5_131 = p_m_2.mul_add(a_2x, -t5_130);
+        let t5_132 = cos_s1_1 * t4_172;
+        let t5_133 = (-sin_s1_1).mul_add(t4_175, t5_132);
+        let t5_134 = t5_131 - t5_133;
+        let t5_135 = q2.mul_add(t5_134, t5_125);
+        let t5_136 = t5_110 - t5_135;
+        let t5_137 = t5_126 * p_mx_1;
+        let t5_138 = p_my_1.mul_add(t4_96, t5_137);
+        let t5_139 = p_mz_1.mul_add(t5_128, t5_138);
+        let t5_140 = p_m_1.mul_add(a_1x, t5_139);
+        let t5_141 = t5_140 - t5_134;
+        let t5_142 = sin_q1 * t5_141;
+        let t5_143 = t4_53 * p_my_1;
+        let t5_144 = t4_22 + al_1z;
+        let t5_145 = p_mx_1.mul_add(t5_144, t5_143);
+        let t5_146 = t4_23 - al_1x;
+        let t5_147 = (-p_mz_1).mul_add(t5_146, t5_145);
+        let t5_148 = p_m_1.mul_add(a_1y, -t5_147);
+        let t5_149 = p_mx_2 * t5_144;
+        let t5_150 = (-p_my_2).mul_add(t5_146, t5_149);
+        let t5_151 = t4_53.mul_add(p_mz_2, -t5_150);
+        let t5_152 = p_m_2.mul_add(a_2z, t5_151);
+        let t5_153 = cos_s1_2 * t4_163;
+        let t5_154 = sin_s1_2.mul_add(t4_171, t5_153);
+        let t5_155 = t5_152 + t5_154;
+        let t5_156 = t5_148 + t5_155;
+        let t5_157 = (-cos_q1).mul_add(t5_156, t5_142);
+        let t5_158 = like.lift(0.26344492783122625).mul_add(t5_157, t5_136);
+        let t5_159 = t5_97 - t5_158;
+        let t5_160 = al_boomy * p_m_base;
+        let t5_161 = t1_12 * p_mx_base;
+        let t5_162 = al_boomx * p_my_base;
+        let t5_163 = like.lift(2.0).mul_add(t5_162, t5_161);
+        let t5_164 = like.lift(2.0).mul_add(t5_24, t5_163);
+        let t5_165 = like.lift(2.5).mul_add(t5_160, t5_164);
+        let t5_166 = t5_165 + t3_113;
+        let t5_167 = t5_166 + t4_15;
+        let t5_168 = cos_q1 * t5_141;
+        let t5_169 = sin_q1.mul_add(t5_156, t5_168);
+        let t5_170 = t5_167 + t5_169;
+        let t5_171 = like.lift(-1.25).mul_add(t5_170, t5_159);
+        let t5_172 = t5_15 - t5_171;
+        let t5_173 = cos_shoulder.mul_add(t5_172, t5_4);
+        let t5_174 = al_boomy * p_mx_boom;
+        let t5_175 = like.lift(2.0) * t5_174;
+        let t5_176 = al_boomx * p_my_boom;
+        let t5_177 = like.lift(2.0).mul_add(t5_176, t5_175);
+        let t5_178 = t1_12.mul_add(p_mz_boom, -t5_177);
+        let t5_179 = t5_178 - t5_170;
+        let t5_180 = like.lift(-0.35).mul_add(t5_179, t5_173);
+        let t5_181 = -t5_180;
+        let t5_182 = p_ixx_boom - p_iyy_boom;
         let t5_183 = w_ixx_boom_shoulder * t5_182;
-        let t5_184 = w_ixy_boom_shoulder.mul_add(p_iyz_base, t5_183);
-        let t5_185 = t3_18 * p_my_base;
-        let t5_186 = like.lift(0.6) * t5_185;
-        let t5_187 = w_ixx_boom_shoulder * p_mz_base;
-        let t5_188 = like.lift(0.6).mul_add(t5_187, t5_186);
-        let t5_189 = t5_184 + t5_188;
-        let t5_190 = like.lift(0.5) * t5_33;
-        let t5_191 = like.lift(0.8660254037844386).mul_add(t5_61, t5_190);
-        let t5_192 = like.lift(0.22815).mul_add(t5_64, t5_191);
-        let t5_193 = t5_189 - t5_192;
-        let t5_194 = like.lift(0.5) * t5_68;
-        let t5_195 = like.lift(-0.8660254037844386).mul_add(t5_96, t5_194);
-        let t5_196 = like.lift(-0.22815).mul_add(t5_99, t5_195);
-        let t5_197 = t5_193 - t5_196;
-        let t5_198 = cos_q1 * t4_182;
-        let t5_199 = (-sin_q1).mul_add(t4_213, t5_198);
-        let t5_200 = t5_197 - t5_199;
-        let t5_201 = w_ixx_boom_shoulder * p_m_base;
-        let t5_202 = t3_11.mul_add(p_my_base, -t5_187);
-        let t5_203 = like.lift(0.6).mul_add(t5_201, -t5_202);
-        let t5_204 = t5_203 - t3_110;
-        let t5_205 = t5_204 + t4_12;
-        let t5_206 = t5_205 + t5_5;
-        let t5_207 = like.lift(0.6).mul_add(t5_206, t5_200);
-        let t5_208 = t5_181 - t5_207;
-        let t5_209 = -t5_208;
-        let t5_210 = -sin_q1;
+        let w_ixy_boom_shoulder = t3_9 - t1_4;
+        let t5_184 = (-w_ixy_boom_shoulder).mul_add(p_ixy_boom, t5_183);
+        let t5_185 = t1_13 * p_mx_boom;
+        let t5_186 = like.lift(0.35) * t5_185;
+        let t5_187 = t3_17 * p_my_boom;
+        let t5_188 = like.lift(0.35).mul_add(t5_187, t5_186);
+        let t5_189 = t5_184 - t5_188;
+        let t5_190 = p_iyy_base - p_izz_base;
+        let t5_191 = w_ixx_boom_shoulder * t5_190;
+        let t5_192 = w_ixy_boom_shoulder.mul_add(p_iyz_base, t5_191);
+        let t5_193 = p_my_base * a_basez;
+        let t5_194 = p_mz_base.mul_add(a_basey, t5_193);
+        let t5_195 = t5_192 + t5_194;
+        let t5_196 = like.lift(0.5) * t5_29;
+        let t5_197 = like.lift(0.8660254037844386).mul_add(t5_57, t5_196);
+        let t5_198 = like.lift(0.22815).mul_add(t5_60, t5_197);
+        let t5_199 = t5_195 - t5_198;
+        let t5_200 = like.lift(0.5) * t5_64;
+        let t5_201 = like.lift(-0.8660254037844386).mul_add(t5_92, t5_200);
+        let t5_202 = like.lift(-0.22815).mul_add(t5_95, t5_201);
+        let t5_203 = t5_199 - t5_202;
+        let t5_204 = cos_q1 * t4_179;
+        let t5_205 = (-sin_q1).mul_add(t4_209, t5_204);
+        let t5_206 = t5_203 - t5_205;
+        let t5_207 = t3_10 * p_my_base;
+        let t5_208 = (-w_ixx_boom_shoulder).mul_add(p_mz_base, t5_207);
+        let t5_209 = p_m_base.mul_add(a_basey, -t5_208);
+        let t5_210 = t5_209 - t3_110;
+        let t5_211 = t5_210 + t4_12;
+        let t5_212 = t5_211 + t4_215;
+        let t5_213 = like.lift(1.25).mul_add(t5_212, t5_206);
+        let t5_214 = t5_189 - t5_213;
+        let t5_215 = -t5_214;
+        let t5_216 = -sin_q1;
         let e_4_shouldery = like.lift(0.5) * sin_q6;
-        let t5_211 = -e_4_shouldery;
-        let t5_212 = -cos_q6;
-        let t5_213 = like.lift(0.8660254037844386) * sin_q6;
+        let t5_217 = -e_4_shouldery;
+        let t5_218 = -cos_q6;
+        let t5_219 = like.lift(0.8660254037844386) * sin_q6;
         let e_6_shouldery = like.lift(0.5) * sin_q8;
-        let t5_214 = -e_6_shouldery;
-        let t5_215 = -cos_q8;
-        let t5_216 = like.lift(0.8660254037844386) * sin_q8;
-        let t5_217 = -t5_216;
-        let t5_218 = (-cos_q1).mul_add(t2_37, sin_q1);
-        let t5_219 = (-sin_q1).mul_add(t2_43, t5_218);
-        let t5_220 = sin_q1.mul_add(t2_62, cos_q1);
-        let t5_221 = t5_219.mul_add(t2_65, t5_220);
-        let t5_222 = t5_221 * inv_pivot_6;
-        let t5_223 = t2_55.mul_add(t5_222, t5_219);
-        let t5_224 = inv_pivot_5 * t5_223;
-        let t5_225 = sin_q6.mul_add(t2_57, cos_q6);
-        let t5_226 = t5_225 * inv_pivot_6;
-        let t5_227 = t2_55 * t5_226;
-        let t5_228 = inv_pivot_5 * t5_227;
-        let t5_229 = -t5_228;
-        let t5_230 = sin_q8.mul_add(t2_35, cos_q8);
-        let t5_231 = t5_230 * t2_37;
-        let t5_232 = t5_231 * t2_65;
-        let t5_233 = t5_232 * inv_pivot_6;
-        let t5_234 = t2_55.mul_add(t5_233, t5_231);
-        let t5_235 = inv_pivot_5 * t5_234;
-        let t5_236 = (-t1_56).mul_add(t5_224, sin_q1);
-        let t5_237 = t2_54.mul_add(t5_222, t5_236);
-        let t5_238 = inv_pivot_4 * t5_237;
-        let t5_239 = -t5_238;
-        let t5_240 = t1_56 * t5_228;
-        let t5_241 = (-t2_54).mul_add(t5_226, t5_240);
-        let t5_242 = inv_pivot_4 * t5_241;
-        let t5_243 = -t5_242;
-        let t5_244 = t1_56 * t5_235;
-        let t5_245 = (-t2_54).mul_add(t5_233, t5_244);
-        let t5_246 = inv_pivot_4 * t5_245;
-        let t5_247 = -t5_226;
+        let t5_220 = -e_6_shouldery;
+        let t5_221 = -cos_q8;
+        let t5_222 = like.lift(0.8660254037844386) * sin_q8;
+        let t5_223 = -t5_222;
+        let t5_224 = (-cos_q1).mul_add(t2_42, sin_q1);
+        let t5_225 = (-sin_q1).mul_add(t2_48, t5_224);
+        let t5_226 = sin_q1.mul_add(t2_67, cos_q1);
+        let t5_227 = t5_225.mul_add(t2_70, t5_226);
+        let t5_228 = t5_227 * inv_pivot_6;
+        let t5_229 = t2_60.mul_add(t5_228, t5_225);
+        let t5_230 = inv_pivot_5 * t5_229;
+        let t5_231 = sin_q6.mul_add(t2_62, cos_q6);
+        let t5_232 = t5_231 * inv_pivot_6;
+        let t5_233 = t2_60 * t5_232;
+        let t5_234 = inv_pivot_5 * t5_233;
+        let t5_235 = -t5_234;
+        let t5_236 = sin_q8.mul_add(t2_40, cos_q8);
+        let t5_237 = t5_236 * t2_42;
+        let t5_238 = t5_237 * t2_70;
+        let t5_239 = t5_238 * inv_pivot_6;
+        let t5_240 = t2_60.mul_add(t5_239, t5_237);
+        let t5_241 = inv_pivot_5 * t5_240;
+        let t5_242 = (-t1_59).mul_add(t5_230, sin_q1);
+        let t5_243 = t2_59.mul_add(t5_228, t5_242);
+        let t5_244 = inv_pivot_4 * t5_243;
+        let t5_245 = -t5_244;
+        let t5_246 = t1_59 * t5_234;
+        let t5_247 = (-t2_59).mul_add(t5_232, t5_246);
         [
-            t5_61, t5_96, t5_140, t5_159, t5_178, t5_209, t5_210, t5_211, t5_212, t5_213,
-            t5_214, t5_215, t5_216, t5_217, t5_222, t5_224, t5_226, t5_228, t5_229, t5_230,
-            t5_233, t5_235, t5_238, t5_239, t5_242, t5_243, t5_246, t5_247,
+            t5_57, t5_92, t5_136, t5_155, t5_181, t5_215, t5_216, t5_217, t5_218, t5_219,
+            t5_220, t5_221, t5_222, t5_223, t5_228, t5_230, t5_232, t5_234, t5_235, t5_236,
+            t5_239, t5_241, t5_244, t5_245, t5_247,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -8144,84 +8194,90 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 100]) -> ([T;
         x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2,
         x_q8_q7, x_q8_q9,
     ] = {
-        let t6_1 = t2_41.mul_add(t5_238, cos_q1);
-        let t6_2 = (-t1_113).mul_add(t5_224, t6_1);
-        let t6_3 = (-t2_52).mul_add(t5_222, t6_2);
-        let t6_4 = inv_pivot_3 * t6_3;
-        let t6_5 = t2_41 * t5_242;
-        let t6_6 = t1_113.mul_add(t5_228, t6_5);
-        let t6_7 = t2_52.mul_add(t5_226, t6_6);
-        let t6_8 = inv_pivot_3 * t6_7;
-        let t6_9 = t2_41.mul_add(t5_246, t5_230);
-        let t6_10 = t1_113.mul_add(t5_235, t6_9);
-        let t6_11 = t2_52.mul_add(t5_233, t6_10);
-        let t6_12 = inv_pivot_3 * t6_11;
-        let t6_13 = -t6_12;
-        let t6_14 = t1_82 * t5_238;
-        let t6_15 = t1_87.mul_add(t5_222, t6_14);
-        let t6_16 = t2_56 * t6_15;
-        let t6_17 = like.lift(1.1547005383792515) * t6_16;
-        let t6_18 = -t6_17;
-        let t6_19 = (-t1_82).mul_add(t5_242, t5_213);
-        let t6_20 = t1_87.mul_add(t5_226, t6_19);
-        let t6_21 = t2_56 * t6_20;
-        let t6_22 = like.lift(1.1547005383792515) * t6_21;
-        let t6_23 = t1_82 * t5_246;
-        let t6_24 = (-t1_87).mul_add(t5_233, t6_23);
-        let t6_25 = t2_56 * t6_24;
-        let t6_26 = like.lift(1.1547005383792515) * t6_25;
-        let t6_27 = t1_127 * t6_4;
-        let t6_28 = t1_122.mul_add(t5_238, t6_27);
-        let t6_29 = t1_125.mul_add(t5_222, t6_28);
-        let t6_30 = t2_34 * t6_29;
-        let t6_31 = like.lift(1.1547005383792515) * t6_30;
-        let t6_32 = t1_127 * t6_8;
-        let t6_33 = t1_122.mul_add(t5_242, t6_32);
-        let t6_34 = (-t1_125).mul_add(t5_226, t6_33);
-        let t6_35 = t2_34 * t6_34;
-        let t6_36 = like.lift(1.1547005383792515) * t6_35;
-        let t6_37 = (-t1_127).mul_add(t6_12, t5_216);
-        let t6_38 = (-t1_122).mul_add(t5_246, t6_37);
-        let t6_39 = t1_125.mul_add(t5_233, t6_38);
-        let t6_40 = t2_34 * t6_39;
-        let t6_41 = like.lift(1.1547005383792515) * t6_40;
+        let t6_1 = inv_pivot_4 * t5_247;
+        let t6_2 = -t6_1;
+        let t6_3 = t1_59 * t5_241;
+        let t6_4 = (-t2_59).mul_add(t5_239, t6_3);
+        let t6_5 = inv_pivot_4 * t6_4;
+        let t6_6 = -t5_232;
+        let t6_7 = t2_46.mul_add(t5_244, cos_q1);
+        let t6_8 = (-t1_116).mul_add(t5_230, t6_7);
+        let t6_9 = (-t2_57).mul_add(t5_228, t6_8);
+        let t6_10 = inv_pivot_3 * t6_9;
+        let t6_11 = t2_46 * t6_1;
+        let t6_12 = t1_116.mul_add(t5_234, t6_11);
+        let t6_13 = t2_57.mul_add(t5_232, t6_12);
+        let t6_14 = inv_pivot_3 * t6_13;
+        let t6_15 = t2_46.mul_add(t6_5, t5_236);
+        let t6_16 = t1_116.mul_add(t5_241, t6_15);
+        let t6_17 = t2_57.mul_add(t5_239, t6_16);
+        let t6_18 = inv_pivot_3 * t6_17;
+        let t6_19 = -t6_18;
+        let t6_20 = t1_85 * t5_244;
+        let t6_21 = t1_90.mul_add(t5_228, t6_20);
+        let t6_22 = t2_61 * t6_21;
+        let t6_23 = like.lift(1.1547005383792515) * t6_22;
+        let t6_24 = -t6_23;
+        let t6_25 = (-t1_85).mul_add(t6_1, t5_219);
+        let t6_26 = t1_90.mul_add(t5_232, t6_25);
+        let t6_27 = t2_61 * t6_26;
+        let t6_28 = like.lift(1.1547005383792515) * t6_27;
+        let t6_29 = t1_85 * t6_5;
+        let t6_30 = (-t1_90).mul_add(t5_239, t6_29);
+        let t6_31 = t2_61 * t6_30;
+        let t6_32 = like.lift(1.1547005383792515) * t6_31;
+        let t6_33 = t1_130 * t6_10;
+        let t6_34 = t1_125.mul_add(t5_244, t6_33);
+        let t6_35 = t1_128.mul_add(t5_228, t6_34);
+        let t6_36 = t2_39 * t6_35;
+        let t6_37 = like.lift(1.1547005383792515) * t6_36;
+        let t6_38 = t1_130 * t6_14;
+        let t6_39 = t1_125.mul_add(t6_1, t6_38);
+        let t6_40 = (-t1_128).mul_add(t5_232, t6_39);
+        let t6_41 = t2_39 * t6_40;
+        let t6_42 = like.lift(1.1547005383792515) * t6_41;
+        let t6_43 = (-t1_130).mul_add(t6_18, t5_222);
+        let t6_44 = (-t1_125).mul_add(t6_5, t6_43);
+        let t6_45 = t1_128.mul_add(t5_239, t6_44);
+        let t6_46 = t2_39 * t6_45;
+        let t6_47 = like.lift(1.1547005383792515) * t6_46;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(1.9150361620118772)).abs()
-            .min((t1_128 * like.lift(1.8751412991819398)).abs())
-            .min((pivot_3 * like.lift(2.6162535605710207)).abs())
-            .min((pivot_4 * like.lift(2.2558640767950906)).abs())
-            .min((t2_91 * like.lift(0.8083910306721919)).abs())
-            .min((pivot_6 * like.lift(2.191678505501337)).abs());
+        let margin = (pivot_1 * like.lift(1.9131671434315987)).abs()
+            .min((t1_131 * like.lift(1.863195236951264)).abs())
+            .min((pivot_3 * like.lift(2.6695171222054848)).abs())
+            .min((pivot_4 * like.lift(2.294035647929491)).abs())
+            .min((t2_96 * like.lift(0.786868847408929)).abs())
+            .min((pivot_6 * like.lift(2.1945756748652077)).abs());
         let ([
             [_, _, x_q1_q2, x_q1_q7, x_q1_q9], [_, _, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [_, _, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [_, _, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [_, _, x_q6_q2, x_q6_q7, x_q6_q9], [_, _, x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), like.lift(0.0), t5_224, t5_229, t5_235],
-                [like.lift(0.0), like.lift(0.0), t5_239, t5_243, t5_246],
-                [like.lift(0.0), like.lift(0.0), t5_222, t5_247, t5_233],
-                [like.lift(0.0), like.lift(0.0), t6_4, t6_8, t6_13],
-                [like.lift(0.0), like.lift(0.0), t6_18, t6_22, t6_26],
-                [like.lift(0.0), like.lift(0.0), t6_31, t6_36, t6_41],
+                [like.lift(0.0), like.lift(0.0), t5_230, t5_235, t5_241],
+                [like.lift(0.0), like.lift(0.0), t5_245, t6_2, t6_5],
+                [like.lift(0.0), like.lift(0.0), t5_228, t6_6, t5_239],
+                [like.lift(0.0), like.lift(0.0), t6_10, t6_14, t6_19],
+                [like.lift(0.0), like.lift(0.0), t6_24, t6_28, t6_32],
+                [like.lift(0.0), like.lift(0.0), t6_37, t6_42, t6_47],
             ],
             margin,
             || (
                 [
-                    [t1_57, t1_59, t1_64, like.lift(0.0), t1_67, like.lift(0.0)],
-                    [t1_71, t1_73, t1_77, like.lift(0.0), t1_78, like.lift(0.0)],
-                    [like.lift(0.0), t1_83, t1_87, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t1_95, t1_99, t1_101, t1_104, like.lift(0.0), t1_107],
-                    [t1_113, t1_114, t1_117, t1_119, like.lift(0.0), t1_120],
-                    [like.lift(0.0), t1_123, t1_125, t1_127, like.lift(0.0), t1_128],
+                    [t1_60, t1_62, t1_67, like.lift(0.0), t1_70, like.lift(0.0)],
+                    [t1_74, t1_76, t1_80, like.lift(0.0), t1_81, like.lift(0.0)],
+                    [like.lift(0.0), t1_86, t1_90, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t1_98, t1_102, t1_104, t1_107, like.lift(0.0), t1_110],
+                    [t1_116, t1_117, t1_120, t1_122, like.lift(0.0), t1_123],
+                    [like.lift(0.0), t1_126, t1_128, t1_130, like.lift(0.0), t1_131],
                 ],
                 [
-                    [like.lift(0.0), like.lift(0.0), t5_210, t5_211, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), cos_q1, t5_212, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), t5_213, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), t5_210, like.lift(0.0), t5_214],
-                    [like.lift(0.0), like.lift(0.0), cos_q1, like.lift(0.0), t5_215],
-                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), t5_217],
+                    [like.lift(0.0), like.lift(0.0), t5_216, t5_217, like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), cos_q1, t5_218, like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), t5_219, like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), t5_216, like.lift(0.0), t5_220],
+                    [like.lift(0.0), like.lift(0.0), cos_q1, like.lift(0.0), t5_221],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), t5_223],
                 ],
             ),
         );
@@ -8234,34 +8290,34 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 100]) -> ([T;
     };
     // tau
     {
-        let t7_1 = (-t5_140).mul_add(x_q1_q2, t5_159);
-        let t7_2 = (-t4_211).mul_add(x_s1_1_q2, t7_1);
-        let t7_3 = (-t4_142).mul_add(x_s1_2_q2, t7_2);
-        let t7_4 = t4_138.mul_add(x_s1_3_q2, t7_3);
-        let t7_5 = t5_96.mul_add(x_q6_q2, t7_4);
-        let t7_6 = t5_61.mul_add(x_q8_q2, t7_5);
+        let t7_1 = (-t5_136).mul_add(x_q1_q2, t5_155);
+        let t7_2 = (-t4_207).mul_add(x_s1_1_q2, t7_1);
+        let t7_3 = (-t4_139).mul_add(x_s1_2_q2, t7_2);
+        let t7_4 = t4_135.mul_add(x_s1_3_q2, t7_3);
+        let t7_5 = t5_92.mul_add(x_q6_q2, t7_4);
+        let t7_6 = t5_57.mul_add(x_q8_q2, t7_5);
         let t7_7 = -t7_6;
         tau[2] = t7_7;
-        let t7_8 = t5_140 * x_q1_q7;
-        let t7_9 = t4_211.mul_add(x_s1_1_q7, t7_8);
-        let t7_10 = t4_142.mul_add(x_s1_2_q7, t7_9);
-        let t7_11 = (-t4_138).mul_add(x_s1_3_q7, t7_10);
-        let t7_12 = (-t5_96).mul_add(x_q6_q7, t7_11);
+        let t7_8 = t5_136 * x_q1_q7;
+        let t7_9 = t4_207.mul_add(x_s1_1_q7, t7_8);
+        let t7_10 = t4_139.mul_add(x_s1_2_q7, t7_9);
+        let t7_11 = (-t4_135).mul_add(x_s1_3_q7, t7_10);
+        let t7_12 = (-t5_92).mul_add(x_q6_q7, t7_11);
         let t7_13 = t4_3 - t7_12;
-        let t7_14 = t5_61.mul_add(x_q8_q7, t7_13);
+        let t7_14 = t5_57.mul_add(x_q8_q7, t7_13);
         let t7_15 = -t7_14;
         tau[3] = t7_15;
-        let t7_16 = t5_140 * x_q1_q9;
-        let t7_17 = t4_211.mul_add(x_s1_1_q9, t7_16);
-        let t7_18 = t4_142.mul_add(x_s1_2_q9, t7_17);
-        let t7_19 = (-t4_138).mul_add(x_s1_3_q9, t7_18);
-        let t7_20 = (-t5_96).mul_add(x_q6_q9, t7_19);
-        let t7_21 = (-t5_61).mul_add(x_q8_q9, t7_20);
+        let t7_16 = t5_136 * x_q1_q9;
+        let t7_17 = t4_207.mul_add(x_s1_1_q9, t7_16);
+        let t7_18 = t4_139.mul_add(x_s1_2_q9, t7_17);
+        let t7_19 = (-t4_135).mul_add(x_s1_3_q9, t7_18);
+        let t7_20 = (-t5_92).mul_add(x_q6_q9, t7_19);
+        let t7_21 = (-t5_57).mul_add(x_q8_q9, t7_20);
         let t7_22 = t3_101 - t7_21;
         let t7_23 = -t7_22;
         tau[4] = t7_23;
-        tau[0] = t5_178;
-        tau[1] = t5_209;
+        tau[0] = t5_181;
+        tau[1] = t5_215;
     }
     (tau, Condition { pivot: condition })
 }
@@ -8272,34 +8328,35 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 100]) -> ([T;
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
 ///
-/// 496 additions, 644 multiplications, 6 divisions, 7 sines and cosines.
+/// 512 additions, 658 multiplications, 6 divisions, 7 sines and cosines.
 pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 100]) -> ([[T; 5]; 5], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 5]; 5];
     let [_, shoulder, q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     let [
         _, _, _, _, _, p_izz_column, _, _, _, _, p_ixx_boom, p_ixy_boom, p_ixz_boom,
-        p_iyy_boom, p_iyz_boom, p_izz_boom, _, _, _, _, p_ixx_base, p_ixy_base, p_ixz_base,
-        p_iyy_base, p_iyz_base, p_izz_base, p_mx_base, p_my_base, p_mz_base, p_m_base, p_ixx_1,
-        p_ixy_1, p_ixz_1, p_iyy_1, p_iyz_1, p_izz_1, p_mx_1, p_my_1, p_mz_1, p_m_1, p_ixx_2,
-        p_ixy_2, p_ixz_2, p_iyy_2, p_iyz_2, p_izz_2, p_mx_2, p_my_2, p_mz_2, p_m_2, p_ixx_3,
-        p_ixy_3, p_ixz_3, p_iyy_3, p_iyz_3, p_izz_3, p_mx_3, p_my_3, p_mz_3, p_m_3, p_ixx_4,
-        p_ixy_4, p_ixz_4, p_iyy_4, p_iyz_4, p_izz_4, p_mx_4, p_my_4, p_mz_4, p_m_4, p_ixx_5,
-        p_ixy_5, p_ixz_5, p_iyy_5, p_iyz_5, p_izz_5, p_mx_5, p_my_5, p_mz_5, p_m_5, p_ixx_6,
-        p_ixy_6, p_ixz_6, p_iyy_6, p_iyz_6, p_izz_6, p_mx_6, p_my_6, p_mz_6, p_m_6, p_ixx_7,
-        p_ixy_7, p_ixz_7, p_iyy_7, p_iyz_7, p_izz_7, p_mx_7, p_my_7, p_mz_7, p_m_7,
+        p_iyy_boom, p_iyz_boom, p_izz_boom, p_mx_boom, p_my_boom, _, p_m_boom, p_ixx_base,
+        p_ixy_base, p_ixz_base, p_iyy_base, p_iyz_base, p_izz_base, p_mx_base, p_my_base,
+        p_mz_base, p_m_base, p_ixx_1, p_ixy_1, p_ixz_1, p_iyy_1, p_iyz_1, p_izz_1, p_mx_1,
+        p_my_1, p_mz_1, p_m_1, p_ixx_2, p_ixy_2, p_ixz_2, p_iyy_2, p_iyz_2, p_izz_2, p_mx_2,
+        p_my_2, p_mz_2, p_m_2, p_ixx_3, p_ixy_3, p_ixz_3, p_iyy_3, p_iyz_3, p_izz_3, p_mx_3,
+        p_my_3, p_mz_3, p_m_3, p_ixx_4, p_ixy_4, p_ixz_4, p_iyy_4, p_iyz_4, p_izz_4, p_mx_4,
+        p_my_4, p_mz_4, p_m_4, p_ixx_5, p_ixy_5, p_ixz_5, p_iyy_5, p_iyz_5, p_izz_5, p_mx_5,
+        p_my_5, p_mz_5, p_m_5, p_ixx_6, p_ixy_6, p_ixz_6, p_iyy_6, p_iyz_6, p_izz_6, p_mx_6,
+        p_my_6, p_mz_6, p_m_6, p_ixx_7, p_ixy_7, p_ixz_7, p_iyy_7, p_iyz_7, p_izz_7, p_mx_7,
+        p_my_7, p_mz_7, p_m_7,
     ] = *phi;
     let mut condition = like.lift(1.0);
     // M, part 1
     let [
         sin_shoulder, cos_shoulder, sin_q8, cos_q8, t1_5, sin_q6, cos_q6, t1_11, sin_q1,
         cos_q1, sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, t1_14, t1_16,
-        t1_19, t1_20, t1_21, t1_25, t1_27, t1_30, t1_40, t1_55, t1_58, t1_59, t1_63, t1_64,
-        t1_67, t1_86, t1_89, t1_90, t1_94, t1_95, t1_98, t1_115, t1_116, t1_123, t1_125,
-        t1_128, t1_130, t1_131, t1_135, t1_137, t1_142, t1_143, t1_147, t1_150, t1_152, t1_153,
-        t1_154, t1_157, t1_162, t1_163, t1_164, t1_171, t1_173, t1_176, t1_179, t1_184, t1_186,
-        t1_189, t1_192, t1_200, t1_203, t1_206, t1_207, t1_209, t1_210, t1_214, t1_219, t1_220,
-        t1_222, t1_225, t1_226, t1_232, t1_234, t1_237, t1_238, t1_243,
+        t1_19, t1_20, t1_21, t1_25, t1_27, t1_30, t1_37, t1_38, t1_40, t1_55, t1_58, t1_59,
+        t1_63, t1_64, t1_67, t1_86, t1_89, t1_90, t1_94, t1_95, t1_98, t1_115, t1_116, t1_123,
+        t1_125, t1_128, t1_130, t1_131, t1_135, t1_137, t1_142, t1_143, t1_147, t1_150, t1_152,
+        t1_153, t1_154, t1_157, t1_162, t1_163, t1_164, t1_171, t1_173, t1_176, t1_179, t1_184,
+        t1_186, t1_189, t1_192, t1_200, t1_203, t1_206, t1_207, t1_209, t1_210, t1_214, t1_215,
+        t1_219, t1_220, t1_222, t1_225, t1_226, t1_232, t1_234, t1_237, t1_238, t1_243,
     ] = {
         let (sin_shoulder, cos_shoulder) = shoulder.sin_cos();
         let (sin_q8, cos_q8) = q8.sin_cos();
@@ -8345,9 +8402,9 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 100]) -> ([[T; 5]; 5], Cond
         let t1_35 = t1_33 + t1_34;
         let t1_36 = p_m_1 + t1_27;
         let t1_37 = t1_35 + t1_36;
-        let t1_38 = like.lift(0.6).mul_add(t1_37, t1_31);
-        let t1_39 = like.lift(0.6) * t1_38;
-        let t1_40 = like.lift(0.6).mul_add(t1_31, t1_39);
+        let t1_38 = like.lift(1.25).mul_add(t1_37, t1_31);
+        let t1_39 = like.lift(1.25) * t1_38;
+        let t1_40 = like.lift(1.25).mul_add(t1_31, t1_39);
         let t1_41 = q9 * t1_3;
         let t1_42 = q9.mul_add(p_mz_7, t1_41);
         let t1_43 = p_ixx_7 + t1_42;
@@ -8523,7 +8580,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 100]) -> ([[T; 5]; 5], Cond
         let t1_213 = t1_212 + t1_94;
         let t1_214 = p_mz_1 + t1_207;
         let t1_215 = t1_213 + t1_214;
-        let t1_216 = like.lift(-0.6).mul_add(t1_215, t1_211);
+        let t1_216 = like.lift(-1.25).mul_add(t1_215, t1_211);
         let t1_217 = p_ixy_boom + t1_216;
         let t1_218 = cos_shoulder.mul_add(t1_217, t1_170);
         let t1_219 = sin_shoulder * t1_218;
@@ -8554,24 +8611,24 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 100]) -> ([[T; 5]; 5], Cond
         [
             sin_shoulder, cos_shoulder, sin_q8, cos_q8, t1_5, sin_q6, cos_q6, t1_11, sin_q1,
             cos_q1, sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, t1_14, t1_16,
-            t1_19, t1_20, t1_21, t1_25, t1_27, t1_30, t1_40, t1_55, t1_58, t1_59, t1_63, t1_64,
-            t1_67, t1_86, t1_89, t1_90, t1_94, t1_95, t1_98, t1_115, t1_116, t1_123, t1_125,
-            t1_128, t1_130, t1_131, t1_135, t1_137, t1_142, t1_143, t1_147, t1_150, t1_152,
-            t1_153, t1_154, t1_157, t1_162, t1_163, t1_164, t1_171, t1_173, t1_176, t1_179,
-            t1_184, t1_186, t1_189, t1_192, t1_200, t1_203, t1_206, t1_207, t1_209, t1_210,
-            t1_214, t1_219, t1_220, t1_222, t1_225, t1_226, t1_232, t1_234, t1_237, t1_238,
-            t1_243,
+            t1_19, t1_20, t1_21, t1_25, t1_27, t1_30, t1_37, t1_38, t1_40, t1_55, t1_58, t1_59,
+            t1_63, t1_64, t1_67, t1_86, t1_89, t1_90, t1_94, t1_95, t1_98, t1_115, t1_116,
+            t1_123, t1_125, t1_128, t1_130, t1_131, t1_135, t1_137, t1_142, t1_143, t1_147,
+            t1_150, t1_152, t1_153, t1_154, t1_157, t1_162, t1_163, t1_164, t1_171, t1_173,
+            t1_176, t1_179, t1_184, t1_186, t1_189, t1_192, t1_200, t1_203, t1_206, t1_207,
+            t1_209, t1_210, t1_214, t1_215, t1_219, t1_220, t1_222, t1_225, t1_226, t1_232,
+            t1_234, t1_237, t1_238, t1_243,
         ]
     };
     // M, part 2
     let [
-        t2_4, t2_8, t2_15, t2_32, t2_34, t2_45, t2_48, t2_55, t2_58, t2_65, t2_69, t2_76,
-        t2_80, t2_86, t2_88, t2_93, t2_96, t2_100, t2_102, t2_106, t2_107, t2_111, t2_112,
-        t2_116, pivot_1, t2_124, t2_128, t2_130, t2_133, t2_136, t2_142, t2_143, t2_146,
-        t2_148, t2_149, t2_151, t2_152, t2_154, t2_156, t2_157, t2_158, t2_159, t2_160, t2_161,
-        t2_162, t2_163, t2_164, t2_165, t2_167, pivot_3, inv_pivot_3, pivot_4, t2_174, pivot_5,
-        t2_181, t2_185, pivot_6, t2_197, t2_199, t2_201, t2_204, t2_205, t2_208, t2_210,
-        t2_213, t2_214, t2_217, t2_218, t2_221, t2_222, t2_226, t2_230,
+        t2_4, t2_8, t2_24, t2_41, t2_43, t2_54, t2_57, t2_64, t2_67, t2_74, t2_78, t2_86,
+        t2_91, t2_97, t2_99, t2_104, t2_107, t2_111, t2_113, t2_117, t2_118, t2_122, t2_123,
+        t2_127, pivot_1, t2_135, t2_139, t2_141, t2_144, t2_147, t2_153, t2_154, t2_157,
+        t2_159, t2_160, t2_162, t2_163, t2_165, t2_167, t2_168, t2_169, t2_170, t2_171, t2_172,
+        t2_173, t2_174, t2_175, t2_176, t2_178, pivot_3, inv_pivot_3, pivot_4, inv_pivot_4,
+        t2_185, pivot_5, t2_192, t2_194, t2_196, pivot_6, t2_208, t2_210, t2_212, t2_214,
+        t2_215, t2_216, t2_219, t2_221, t2_224, t2_225, t2_228, t2_229, t2_230,
     ] = {
         let t2_1 = t1_232 - t1_243;
         let t2_2 = sin_s1_1.mul_add(t1_116, t1_128);
@@ -8587,250 +8644,251 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 100]) -> ([[T; 5]; 5], Cond
         let t2_12 = p_iyy_boom + t2_11;
         let t2_13 = cos_shoulder.mul_add(t2_12, t1_220);
         let t2_14 = cos_shoulder.mul_add(t2_13, t1_219);
-        let t2_15 = p_izz_column + t2_14;
-        let t2_16 = like.lift(0.5) * t1_171;
-        let t2_17 = like.lift(-0.8660254037844386).mul_add(t1_173, t2_16);
-        let t2_18 = sin_q8 * t2_17;
-        let t2_19 = like.lift(0.5) * t1_176;
-        let t2_20 = like.lift(-0.8660254037844386).mul_add(t1_179, t2_19);
-        let t2_21 = cos_q8.mul_add(t2_20, t2_18);
-        let t2_22 = like.lift(-0.13172246391561312).mul_add(t1_5, t2_21);
-        let t2_23 = p_ixz_base + t2_22;
-        let t2_24 = like.lift(0.5) * t1_184;
-        let t2_25 = like.lift(0.8660254037844386).mul_add(t1_186, t2_24);
-        let t2_26 = sin_q6 * t2_25;
-        let t2_27 = like.lift(0.5) * t1_189;
-        let t2_28 = like.lift(0.8660254037844386).mul_add(t1_192, t2_27);
-        let t2_29 = cos_q6.mul_add(t2_28, t2_26);
-        let t2_30 = like.lift(-0.13172246391561312).mul_add(t1_11, t2_29);
-        let t2_31 = t2_23 + t2_30;
-        let t2_32 = cos_q1.mul_add(t1_137, -t1_150);
-        let t2_33 = sin_q1 * t2_32;
-        let t2_34 = (-sin_q1).mul_add(t1_157, t1_147);
-        let t2_35 = cos_q1.mul_add(t2_34, t2_33);
-        let t2_36 = like.lift(-0.26344492783122625).mul_add(t1_30, t2_35);
-        let t2_37 = t2_31 - t2_36;
-        let t2_38 = p_mx_base - t1_59;
-        let t2_39 = t2_38 - t1_90;
-        let t2_40 = t2_39 + t1_162;
-        let t2_41 = like.lift(-0.6).mul_add(t2_40, t2_37);
-        let t2_42 = p_ixz_boom - t2_41;
-        let t2_43 = sin_shoulder * t2_42;
-        let t2_44 = cos_q8 * t2_17;
-        let t2_45 = (-sin_q8).mul_add(t2_20, t2_44);
-        let t2_46 = like.lift(0.8660254037844386) * t2_45;
-        let t2_47 = like.lift(0.5) * t1_222;
-        let t2_48 = like.lift(-0.8660254037844386).mul_add(t1_225, t2_47);
-        let t2_49 = like.lift(0.5).mul_add(t2_48, t2_46);
-        let t2_50 = like.lift(0.13172246391561312) * t1_63;
-        let t2_51 = like.lift(0.22815).mul_add(t1_58, t2_50);
-        let t2_52 = t2_49 - t2_51;
-        let t2_53 = p_ixy_base + t2_52;
-        let t2_54 = cos_q6 * t2_25;
-        let t2_55 = (-sin_q6).mul_add(t2_28, t2_54);
-        let t2_56 = like.lift(0.8660254037844386) * t2_55;
-        let t2_57 = like.lift(0.5) * t1_234;
-        let t2_58 = like.lift(0.8660254037844386).mul_add(t1_237, t2_57);
-        let t2_59 = like.lift(-0.5).mul_add(t2_58, t2_56);
-        let t2_60 = like.lift(0.13172246391561312) * t1_94;
-        let t2_61 = like.lift(0.22815).mul_add(t1_89, t2_60);
-        let t2_62 = t2_59 - t2_61;
-        let t2_63 = t2_53 - t2_62;
-        let t2_64 = cos_q1 * t1_200;
-        let t2_65 = (-sin_q1).mul_add(t1_209, t2_64);
-        let t2_66 = like.lift(-0.26344492783122625).mul_add(t1_214, t2_65);
-        let t2_67 = t2_63 + t2_66;
-        let t2_68 = p_iyz_boom - t2_67;
-        let t2_69 = cos_shoulder.mul_add(t2_68, t2_43);
-        let t2_70 = sin_q1 * t1_207;
-        let t2_71 = sin_shoulder * t2_70;
-        let t2_72 = cos_q1 * t1_27;
-        let t2_73 = like.lift(0.26344492783122625).mul_add(t2_72, t1_21);
-        let t2_74 = sin_q1 * t1_27;
-        let t2_75 = like.lift(-0.6).mul_add(t2_74, t2_73);
-        let t2_76 = cos_shoulder.mul_add(t2_75, t2_71);
-        let t2_77 = sin_shoulder * t1_210;
-        let t2_78 = t2_8 + t1_163;
-        let t2_79 = like.lift(-0.6).mul_add(t1_30, t2_78);
-        let t2_80 = (-cos_shoulder).mul_add(t2_79, t2_77);
-        let t2_81 = cos_q1 * q2;
-        let t2_82 = cos_q1 * sin_s1_2;
-        let t2_83 = sin_q1 * cos_s1_1;
-        let t2_84 = cos_s1_2.mul_add(t2_83, t2_82);
-        let t2_85 = like.lift(-0.4563).mul_add(t2_84, t2_81);
-        let t2_86 = -t2_85;
+        let t2_15 = p_mx_boom + t1_38;
+        let t2_16 = cos_shoulder * t2_15;
+        let t2_17 = p_my_boom + t1_215;
+        let t2_18 = (-sin_shoulder).mul_add(t2_17, t2_16);
+        let t2_19 = p_m_boom + t1_37;
+        let t2_20 = like.lift(0.35).mul_add(t2_19, t2_18);
+        let t2_21 = like.lift(0.35) * t2_20;
+        let t2_22 = like.lift(0.35).mul_add(t2_18, t2_21);
+        let t2_23 = t2_14 + t2_22;
+        let t2_24 = p_izz_column + t2_23;
+        let t2_25 = like.lift(0.5) * t1_171;
+        let t2_26 = like.lift(-0.8660254037844386).mul_add(t1_173, t2_25);
+        let t2_27 = sin_q8 * t2_26;
+        let t2_28 = like.lift(0.5) * t1_176;
+        let t2_29 = like.lift(-0.8660254037844386).mul_add(t1_179, t2_28);
+        let t2_30 = cos_q8.mul_add(t2_29, t2_27);
+        let t2_31 = like.lift(-0.13172246391561312).mul_add(t1_5, t2_30);
+        let t2_32 = p_ixz_base + t2_31;
+        let t2_33 = like.lift(0.5) * t1_184;
+        let t2_34 = like.lift(0.8660254037844386).mul_add(t1_186, t2_33);
+        let t2_35 = sin_q6 * t2_34;
+        let t2_36 = like.lift(0.5) * t1_189;
+        let t2_37 = like.lift(0.8660254037844386).mul_add(t1_192, t2_36);
+        let t2_38 = cos_q6.mul_add(t2_37, t2_35);
+        let t2_39 = like.lift(-0.13172246391561312).mul_add(t1_11, t2_38);
+        let t2_40 = t2_32 + t2_39;
+        let t2_41 = cos_q1.mul_add(t1_137, -t1_150);
+        let t2_42 = sin_q1 * t2_41;
+        let t2_43 = (-sin_q1).mul_add(t1_157, t1_147);
+        let t2_44 = cos_q1.mul_add(t2_43, t2_42);
+        let t2_45 = like.lift(-0.26344492783122625).mul_add(t1_30, t2_44);
+        let t2_46 = t2_40 - t2_45;
+        let t2_47 = p_mx_base - t1_59;
+        let t2_48 = t2_47 - t1_90;
+        let t2_49 = t2_48 + t1_162;
+        let t2_50 = like.lift(-1.25).mul_add(t2_49, t2_46);
+        let t2_51 = p_ixz_boom - t2_50;
+        let t2_52 = sin_shoulder * t2_51;
+        let t2_53 = cos_q8 * t2_26;
+        let t2_54 = (-sin_q8).mul_add(t2_29, t2_53);
+        let t2_55 = like.lift(0.8660254037844386) * t2_54;
+        let t2_56 = like.lift(0.5) * t1_222;
+        let t2_57 = like.lift(-0.8660254037844386).mul_add(t1_225, t2_56);
+        let t2_58 = like.lift(0.5).mul_add(t2_57, t2_55);
+        let t2_59 = like.lift(0.13172246391561312) * t1_63;
+        let t2_60 = like.lift(0.22815).mul_add(t1_58, t2_59);
+        let t2_61 = t2_58 - t2_60;
+        let t2_62 = p_ixy_base + t2_61;
+        let t2_63 = cos_q6 * t2_34;
+        let t2_64 = (-sin_q6).mul_add(t2_37, t2_63);
+        let t2_65 = like.lift(0.8660254037844386) * t2_64;
+        let t2_66 = like.lift(0.5) * t1_234;
+        let t2_67 = like.lift(0.8660254037844386).mul_add(t1_237, t2_66);
+        let t2_68 = like.lift(-0.5).mul_add(t2_67, t2_65);
+        let t2_69 = like.lift(0.13172246391561312) * t1_94;
+        let t2_70 = like.lift(0.22815).mul_add(t1_89, t2_69);
+        let t2_71 = t2_68 - t2_70;
+        let t2_72 = t2_62 - t2_71;
+        let t2_73 = cos_q1 * t1_200;
+        let t2_74 = (-sin_q1).mul_add(t1_209, t2_73);
+        let t2_75 = like.lift(-0.26344492783122625).mul_add(t1_214, t2_74);
+        let t2_76 = t2_72 + t2_75;
+        let t2_77 = p_iyz_boom - t2_76;
+        let t2_78 = cos_shoulder.mul_add(t2_77, t2_52);
+        let t2_79 = sin_q1 * t1_207;
+        let t2_80 = sin_shoulder * t2_79;
+        let t2_81 = cos_q1 * t1_27;
+        let t2_82 = like.lift(0.26344492783122625).mul_add(t2_81, t1_21);
+        let t2_83 = sin_q1 * t1_27;
+        let t2_84 = like.lift(-1.25).mul_add(t2_83, t2_82);
+        let t2_85 = cos_shoulder.mul_add(t2_84, t2_80);
+        let t2_86 = like.lift(-0.35).mul_add(t2_83, t2_85);
+        let t2_87 = sin_shoulder * t1_210;
+        let t2_88 = t2_8 + t1_163;
+        let t2_89 = like.lift(-1.25).mul_add(t1_30, t2_88);
+        let t2_90 = (-cos_shoulder).mul_add(t2_89, t2_87);
+        let t2_91 = like.lift(0.35).mul_add(t1_30, t2_90);
+        let t2_92 = cos_q1 * q2;
+        let t2_93 = cos_q1 * sin_s1_2;
+        let t2_94 = sin_q1 * cos_s1_1;
+        let t2_95 = cos_s1_2.mul_add(t2_94, t2_93);
+        let t2_96 = like.lift(-0.4563).mul_add(t2_95, t2_92);
+        let t2_97 = -t2_96;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t2_87 = cos_q1 * e_s1_2_q1x;
-        let t2_88 = like.lift(0.4563) * t2_87;
-        let t2_89 = sin_q1 * sin_s1_1;
-        let t2_90 = t2_89 * e_s1_2_q1x;
-        let t2_91 = like.lift(0.4563) * t2_90;
-        let t2_92 = cos_s1_1 * t2_84;
-        let t2_93 = like.lift(0.4563).mul_add(t2_92, t2_91);
-        let t2_94 = cos_q6 * q7;
-        let t2_95 = like.lift(0.5) * t2_94;
-        let t2_96 = -t2_95;
-        let t2_97 = sin_q1 * q2;
-        let t2_98 = sin_q1 * sin_s1_2;
-        let e_s1_1_shoulderx = cos_q1 * cos_s1_1;
-        let e_s1_2_shoulderx = (-cos_s1_2).mul_add(e_s1_1_shoulderx, t2_98);
-        let t2_99 = like.lift(-0.4563).mul_add(e_s1_2_shoulderx, t2_97);
-        let t2_100 = -t2_99;
-        let t2_101 = sin_q1 * e_s1_2_q1x;
+        let t2_98 = cos_q1 * e_s1_2_q1x;
+        let t2_99 = like.lift(0.4563) * t2_98;
+        let t2_100 = sin_q1 * sin_s1_1;
+        let t2_101 = t2_100 * e_s1_2_q1x;
         let t2_102 = like.lift(0.4563) * t2_101;
-        let t2_103 = cos_s1_1 * e_s1_2_shoulderx;
-        let t2_104 = like.lift(0.4563) * t2_103;
+        let t2_103 = cos_s1_1 * t2_95;
+        let t2_104 = like.lift(0.4563).mul_add(t2_103, t2_102);
+        let t2_105 = cos_q6 * q7;
+        let t2_106 = like.lift(0.5) * t2_105;
+        let t2_107 = -t2_106;
+        let t2_108 = sin_q1 * q2;
+        let t2_109 = sin_q1 * sin_s1_2;
+        let e_s1_1_shoulderx = cos_q1 * cos_s1_1;
+        let e_s1_2_shoulderx = (-cos_s1_2).mul_add(e_s1_1_shoulderx, t2_109);
+        let t2_110 = like.lift(-0.4563).mul_add(e_s1_2_shoulderx, t2_108);
+        let t2_111 = -t2_110;
+        let t2_112 = sin_q1 * e_s1_2_q1x;
+        let t2_113 = like.lift(0.4563) * t2_112;
+        let t2_114 = cos_s1_1 * e_s1_2_shoulderx;
+        let t2_115 = like.lift(0.4563) * t2_114;
         let e_s1_1_shouldery = cos_q1 * sin_s1_1;
-        let t2_105 = e_s1_1_shouldery * e_s1_2_q1x;
-        let t2_106 = like.lift(-0.4563).mul_add(t2_105, t2_104);
-        let t2_107 = sin_q6 * q7;
-        let t2_108 = sin_q1 * t2_84;
-        let t2_109 = like.lift(0.4563) * t2_108;
-        let t2_110 = cos_q1 * e_s1_2_shoulderx;
-        let t2_111 = like.lift(-0.4563).mul_add(t2_110, t2_109);
-        let t2_112 = -t2_111;
-        let t2_113 = e_s1_1_shouldery * t2_84;
-        let t2_114 = like.lift(0.4563) * t2_113;
-        let t2_115 = t2_89 * e_s1_2_shoulderx;
-        let t2_116 = like.lift(0.4563).mul_add(t2_115, t2_114);
-        let pivot_1 = like.lift(0.8660254037844386) * t2_94;
-        let t2_117 = like.lift(0.22815) * t2_84;
-        let t2_118 = cos_s1_3 * t2_89;
-        let t2_119 = cos_q1 * cos_s1_2;
-        let t2_120 = (-sin_s1_2).mul_add(t2_83, t2_119);
-        let t2_121 = sin_s1_3.mul_add(t2_120, t2_118);
-        let t2_122 = like.lift(-0.39516739174683935).mul_add(t2_121, t2_117);
-        let t2_123 = t2_81 - t2_122;
-        let t2_124 = -t2_123;
-        let t2_125 = like.lift(0.22815) * e_s1_2_q1x;
-        let t2_126 = cos_s1_1 * cos_s1_3;
+        let t2_116 = e_s1_1_shouldery * e_s1_2_q1x;
+        let t2_117 = like.lift(-0.4563).mul_add(t2_116, t2_115);
+        let t2_118 = sin_q6 * q7;
+        let t2_119 = sin_q1 * t2_95;
+        let t2_120 = like.lift(0.4563) * t2_119;
+        let t2_121 = cos_q1 * e_s1_2_shoulderx;
+        let t2_122 = like.lift(-0.4563).mul_add(t2_121, t2_120);
+        let t2_123 = -t2_122;
+        let t2_124 = e_s1_1_shouldery * t2_95;
+        let t2_125 = like.lift(0.4563) * t2_124;
+        let t2_126 = t2_100 * e_s1_2_shoulderx;
+        let t2_127 = like.lift(0.4563).mul_add(t2_126, t2_125);
+        let pivot_1 = like.lift(0.8660254037844386) * t2_105;
+        let t2_128 = like.lift(0.22815) * t2_95;
+        let t2_129 = cos_s1_3 * t2_100;
+        let t2_130 = cos_q1 * cos_s1_2;
+        let t2_131 = (-sin_s1_2).mul_add(t2_94, t2_130);
+        let t2_132 = sin_s1_3.mul_add(t2_131, t2_129);
+        let t2_133 = like.lift(-0.39516739174683935).mul_add(t2_132, t2_128);
+        let t2_134 = t2_92 - t2_133;
+        let t2_135 = -t2_134;
+        let t2_136 = like.lift(0.22815) * e_s1_2_q1x;
+        let t2_137 = cos_s1_1 * cos_s1_3;
         let e_s1_2_q1z = sin_s1_1 * sin_s1_2;
-        let e_3_q1y = sin_s1_3.mul_add(e_s1_2_q1z, t2_126);
-        let t2_127 = like.lift(0.39516739174683935).mul_add(e_3_q1y, t2_125);
-        let t2_128 = cos_q1 * t2_127;
-        let t2_129 = t2_89 * t2_127;
-        let t2_130 = cos_s1_1.mul_add(t2_122, t2_129);
-        let t2_131 = t2_84 * t2_127;
-        let t2_132 = (-e_s1_2_q1x).mul_add(t2_122, t2_131);
-        let t2_133 = -t2_132;
-        let t2_134 = cos_q8 * q9;
-        let t2_135 = like.lift(0.5) * t2_134;
-        let t2_136 = -t2_135;
-        let t2_137 = cos_s1_3 * e_s1_1_shouldery;
-        let t2_138 = sin_q1 * cos_s1_2;
-        let e_s1_2_shoulderz = sin_s1_2.mul_add(e_s1_1_shoulderx, t2_138);
-        let e_3_shouldery = (-sin_s1_3).mul_add(e_s1_2_shoulderz, t2_137);
-        let t2_139 = like.lift(0.39516739174683935) * e_3_shouldery;
-        let t2_140 = like.lift(0.22815) * e_s1_2_shoulderx;
-        let t2_141 = t2_97 - t2_140;
-        let t2_142 = t2_139 - t2_141;
-        let t2_143 = sin_q1 * t2_127;
-        let t2_144 = t2_140 + t2_139;
-        let t2_145 = cos_s1_1 * t2_144;
-        let t2_146 = (-e_s1_1_shouldery).mul_add(t2_127, t2_145);
-        let t2_147 = e_s1_2_q1x * t2_144;
-        let t2_148 = (-e_s1_2_shoulderx).mul_add(t2_127, t2_147);
-        let t2_149 = sin_q8 * q9;
-        let t2_150 = sin_q1 * t2_122;
-        let t2_151 = (-cos_q1).mul_add(t2_144, t2_150);
-        let t2_152 = -t2_151;
-        let t2_153 = e_s1_1_shouldery * t2_122;
-        let t2_154 = t2_89.mul_add(t2_144, t2_153);
-        let t2_155 = e_s1_2_shoulderx * t2_122;
-        let t2_156 = (-t2_84).mul_add(t2_144, t2_155);
-        let pivot_2 = like.lift(0.8660254037844386) * t2_134;
-        let t2_157 = -pivot_2;
-        let t2_158 = -sin_q1;
+        let e_3_q1y = sin_s1_3.mul_add(e_s1_2_q1z, t2_137);
+        let t2_138 = like.lift(0.39516739174683935).mul_add(e_3_q1y, t2_136);
+        let t2_139 = cos_q1 * t2_138;
+        let t2_140 = t2_100 * t2_138;
+        let t2_141 = cos_s1_1.mul_add(t2_133, t2_140);
+        let t2_142 = t2_95 * t2_138;
+        let t2_143 = (-e_s1_2_q1x).mul_add(t2_133, t2_142);
+        let t2_144 = -t2_143;
+        let t2_145 = cos_q8 * q9;
+        let t2_146 = like.lift(0.5) * t2_145;
+        let t2_147 = -t2_146;
+        let t2_148 = cos_s1_3 * e_s1_1_shouldery;
+        let t2_149 = sin_q1 * cos_s1_2;
+        let e_s1_2_shoulderz = sin_s1_2.mul_add(e_s1_1_shoulderx, t2_149);
+        let e_3_shouldery = (-sin_s1_3).mul_add(e_s1_2_shoulderz, t2_148);
+        let t2_150 = like.lift(0.39516739174683935) * e_3_shouldery;
+        let t2_151 = like.lift(0.22815) * e_s1_2_shoulderx;
+        let t2_152 = t2_108 - t2_151;
+        let t2_153 = t2_150 - t2_152;
+        let t2_154 = sin_q1 * t2_138;
+        let t2_155 = t2_151 + t2_150;
+        let t2_156 = cos_s1_1 * t2_155;
+        let t2_157 = (-e_s1_1_shouldery).mul_add(t2_138, t2_156);
+        let t2_158 = e_s1_2_q1x * t2_155;
+        let t2_159 = (-e_s1_2_shoulderx).mul_add(t2_138, t2_158);
+        let t2_160 = sin_q8 * q9;
+        let t2_161 = sin_q1 * t2_133;
+        let t2_162 = (-cos_q1).mul_add(t2_155, t2_161);
+        let t2_163 = -t2_162;
+        let t2_164 = e_s1_1_shouldery * t2_133;
+        let t2_165 = t2_100.mul_add(t2_155, t2_164);
+        let t2_166 = e_s1_2_shoulderx * t2_133;
+        let t2_167 = (-t2_95).mul_add(t2_155, t2_166);
+        let pivot_2 = like.lift(0.8660254037844386) * t2_145;
+        let t2_168 = -pivot_2;
+        let t2_169 = -sin_q1;
         let e_4_shouldery = like.lift(0.5) * sin_q6;
-        let t2_159 = -e_4_shouldery;
-        let t2_160 = -cos_q6;
-        let t2_161 = like.lift(0.8660254037844386) * sin_q6;
+        let t2_170 = -e_4_shouldery;
+        let t2_171 = -cos_q6;
+        let t2_172 = like.lift(0.8660254037844386) * sin_q6;
         let e_6_shouldery = like.lift(0.5) * sin_q8;
-        let t2_162 = -e_6_shouldery;
-        let t2_163 = -cos_q8;
-        let t2_164 = like.lift(0.8660254037844386) * sin_q8;
-        let t2_165 = -t2_164;
-        let t2_166 = like.lift(0.5773502691896257).mul_add(t2_156, t2_132);
-        let t2_167 = like.lift(1.0) / t2_134;
-        let t2_168 = t2_149 * t2_167;
-        let t2_169 = t2_156 * t2_168;
-        let pivot_3 = like.lift(1.1547005383792515).mul_add(t2_169, t2_148);
+        let t2_173 = -e_6_shouldery;
+        let t2_174 = -cos_q8;
+        let t2_175 = like.lift(0.8660254037844386) * sin_q8;
+        let t2_176 = -t2_175;
+        let t2_177 = like.lift(0.5773502691896257).mul_add(t2_167, t2_143);
+        let t2_178 = like.lift(1.0) / t2_145;
+        let t2_179 = t2_160 * t2_178;
+        let t2_180 = t2_167 * t2_179;
+        let pivot_3 = like.lift(1.1547005383792515).mul_add(t2_180, t2_159);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_170 = t2_166 * inv_pivot_3;
-        let t2_171 = (-t2_142).mul_add(t2_170, t2_123);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_111, t2_88);
+        let t2_181 = t2_177 * inv_pivot_3;
+        let t2_182 = (-t2_153).mul_add(t2_181, t2_134);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_122, t2_99);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_172 = like.lift(0.5773502691896257).mul_add(t2_151, t2_128);
-        let t2_173 = t2_151 * t2_168;
-        let t2_174 = like.lift(-1.1547005383792515).mul_add(t2_173, t2_143);
-        let t2_175 = t2_174.mul_add(t2_170, t2_172);
-        let t2_176 = inv_pivot_4 * t2_175;
-        let pivot_5 = (-t2_85).mul_add(t2_176, t2_171);
+        let t2_183 = like.lift(0.5773502691896257).mul_add(t2_162, t2_139);
+        let t2_184 = t2_162 * t2_179;
+        let t2_185 = like.lift(-1.1547005383792515).mul_add(t2_184, t2_154);
+        let t2_186 = t2_185.mul_add(t2_181, t2_183);
+        let t2_187 = inv_pivot_4 * t2_186;
+        let pivot_5 = (-t2_96).mul_add(t2_187, t2_182);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_177 = (-cos_q1).mul_add(t2_170, sin_q1);
-        let t2_178 = (-sin_q1).mul_add(t2_176, t2_177);
-        let t2_179 = like.lift(-0.5773502691896257).mul_add(t2_154, t2_130);
-        let t2_180 = t2_154 * t2_168;
-        let t2_181 = like.lift(1.1547005383792515).mul_add(t2_180, t2_146);
-        let t2_182 = t2_181.mul_add(t2_170, t2_179);
-        let t2_183 = like.lift(0.5773502691896257).mul_add(t2_116, t2_93);
-        let t2_184 = (-t2_183).mul_add(t2_176, t2_182);
-        let t2_185 = like.lift(1.0) / t2_94;
-        let t2_186 = t2_107 * t2_185;
-        let t2_187 = t2_111 * t2_186;
-        let t2_188 = like.lift(1.1547005383792515).mul_add(t2_187, t2_102);
-        let t2_189 = t2_188 * inv_pivot_4;
-        let t2_190 = sin_q1.mul_add(t2_189, cos_q1);
-        let t2_191 = (-t2_85).mul_add(t2_189, t2_99);
-        let t2_192 = t2_191 * inv_pivot_5;
-        let t2_193 = t2_178.mul_add(t2_192, t2_190);
-        let t2_194 = t2_116 * t2_186;
-        let t2_195 = like.lift(-1.1547005383792515).mul_add(t2_194, t2_106);
-        let t2_196 = (-t2_183).mul_add(t2_189, t2_195);
-        let pivot_6 = (-t2_184).mul_add(t2_192, t2_196);
+        let t2_188 = (-cos_q1).mul_add(t2_181, sin_q1);
+        let t2_189 = (-sin_q1).mul_add(t2_187, t2_188);
+        let t2_190 = like.lift(-0.5773502691896257).mul_add(t2_165, t2_141);
+        let t2_191 = t2_165 * t2_179;
+        let t2_192 = like.lift(1.1547005383792515).mul_add(t2_191, t2_157);
+        let t2_193 = t2_192.mul_add(t2_181, t2_190);
+        let t2_194 = like.lift(0.5773502691896257).mul_add(t2_127, t2_104);
+        let t2_195 = (-t2_194).mul_add(t2_187, t2_193);
+        let t2_196 = like.lift(1.0) / t2_105;
+        let t2_197 = t2_118 * t2_196;
+        let t2_198 = t2_122 * t2_197;
+        let t2_199 = like.lift(1.1547005383792515).mul_add(t2_198, t2_113);
+        let t2_200 = t2_199 * inv_pivot_4;
+        let t2_201 = sin_q1.mul_add(t2_200, cos_q1);
+        let t2_202 = (-t2_96).mul_add(t2_200, t2_110);
+        let t2_203 = t2_202 * inv_pivot_5;
+        let t2_204 = t2_189.mul_add(t2_203, t2_201);
+        let t2_205 = t2_127 * t2_197;
+        let t2_206 = like.lift(-1.1547005383792515).mul_add(t2_205, t2_117);
+        let t2_207 = (-t2_194).mul_add(t2_200, t2_206);
+        let pivot_6 = (-t2_195).mul_add(t2_203, t2_207);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_197 = t2_193 * inv_pivot_6;
-        let t2_198 = t2_184.mul_add(t2_197, t2_178);
-        let t2_199 = inv_pivot_5 * t2_198;
-        let t2_200 = sin_q6.mul_add(t2_186, cos_q6);
-        let t2_201 = t2_200 * inv_pivot_6;
-        let t2_202 = t2_184 * t2_201;
-        let t2_203 = inv_pivot_5 * t2_202;
-        let t2_204 = -t2_203;
-        let t2_205 = sin_q8.mul_add(t2_168, cos_q8);
-        let t2_206 = t2_205 * t2_170;
-        let t2_207 = t2_206 * t2_192;
-        let t2_208 = t2_207 * inv_pivot_6;
-        let t2_209 = t2_184.mul_add(t2_208, t2_206);
+        let t2_208 = t2_204 * inv_pivot_6;
+        let t2_209 = t2_195.mul_add(t2_208, t2_189);
         let t2_210 = inv_pivot_5 * t2_209;
-        let t2_211 = (-t2_85).mul_add(t2_199, sin_q1);
-        let t2_212 = t2_183.mul_add(t2_197, t2_211);
-        let t2_213 = inv_pivot_4 * t2_212;
-        let t2_214 = -t2_213;
-        let t2_215 = t2_85 * t2_203;
-        let t2_216 = (-t2_183).mul_add(t2_201, t2_215);
-        let t2_217 = inv_pivot_4 * t2_216;
-        let t2_218 = -t2_217;
-        let t2_219 = t2_85 * t2_210;
-        let t2_220 = (-t2_183).mul_add(t2_208, t2_219);
-        let t2_221 = inv_pivot_4 * t2_220;
-        let t2_222 = -t2_201;
-        let t2_223 = t2_174.mul_add(t2_213, cos_q1);
-        let t2_224 = (-t2_142).mul_add(t2_199, t2_223);
-        let t2_225 = (-t2_181).mul_add(t2_197, t2_224);
-        let t2_226 = inv_pivot_3 * t2_225;
-        let t2_227 = t2_174 * t2_217;
-        let t2_228 = t2_142.mul_add(t2_203, t2_227);
-        let t2_229 = t2_181.mul_add(t2_201, t2_228);
-        let t2_230 = inv_pivot_3 * t2_229;
+        let t2_211 = sin_q6.mul_add(t2_197, cos_q6);
+        let t2_212 = t2_211 * inv_pivot_6;
+        let t2_213 = t2_195 * t2_212;
+        let t2_214 = inv_pivot_5 * t2_213;
+        let t2_215 = -t2_214;
+        let t2_216 = sin_q8.mul_add(t2_179, cos_q8);
+        let t2_217 = t2_216 * t2_181;
+        let t2_218 = t2_217 * t2_203;
+        let t2_219 = t2_218 * inv_pivot_6;
+        let t2_220 = t2_195.mul_add(t2_219, t2_217);
+        let t2_221 = inv_pivot_5 * t2_220;
+        let t2_222 = (-t2_96).mul_add(t2_210, sin_q1);
+        let t2_223 = t2_194.mul_add(t2_208, t2_222);
+        let t2_224 = inv_pivot_4 * t2_223;
+        let t2_225 = -t2_224;
+        let t2_226 = t2_96 * t2_214;
+        let t2_227 = (-t2_194).mul_add(t2_212, t2_226);
+        let t2_228 = inv_pivot_4 * t2_227;
+        let t2_229 = -t2_228;
+        let t2_230 = t2_96 * t2_221;
         [
-            t2_4, t2_8, t2_15, t2_32, t2_34, t2_45, t2_48, t2_55, t2_58, t2_65, t2_69, t2_76,
-            t2_80, t2_86, t2_88, t2_93, t2_96, t2_100, t2_102, t2_106, t2_107, t2_111, t2_112,
-            t2_116, pivot_1, t2_124, t2_128, t2_130, t2_133, t2_136, t2_142, t2_143, t2_146,
-            t2_148, t2_149, t2_151, t2_152, t2_154, t2_156, t2_157, t2_158, t2_159, t2_160,
-            t2_161, t2_162, t2_163, t2_164, t2_165, t2_167, pivot_3, inv_pivot_3, pivot_4,
-            t2_174, pivot_5, t2_181, t2_185, pivot_6, t2_197, t2_199, t2_201, t2_204, t2_205,
-            t2_208, t2_210, t2_213, t2_214, t2_217, t2_218, t2_221, t2_222, t2_226, t2_230,
+            t2_4, t2_8, t2_24, t2_41, t2_43, t2_54, t2_57, t2_64, t2_67, t2_74, t2_78, t2_86,
+            t2_91, t2_97, t2_99, t2_104, t2_107, t2_111, t2_113, t2_117, t2_118, t2_122,
+            t2_123, t2_127, pivot_1, t2_135, t2_139, t2_141, t2_144, t2_147, t2_153, t2_154,
+            t2_157, t2_159, t2_160, t2_162, t2_163, t2_165, t2_167, t2_168, t2_169, t2_170,
+            t2_171, t2_172, t2_173, t2_174, t2_175, t2_176, t2_178, pivot_3, inv_pivot_3,
+            pivot_4, inv_pivot_4, t2_185, pivot_5, t2_192, t2_194, t2_196, pivot_6, t2_208,
+            t2_210, t2_212, t2_214, t2_215, t2_216, t2_219, t2_221, t2_224, t2_225, t2_228,
+            t2_229, t2_230,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -8839,77 +8897,88 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 100]) -> ([[T; 5]; 5], Cond
         x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2,
         x_q8_q7, x_q8_q9,
     ] = {
-        let t3_1 = t2_174.mul_add(t2_221, t2_205);
-        let t3_2 = t2_142.mul_add(t2_210, t3_1);
-        let t3_3 = t2_181.mul_add(t2_208, t3_2);
-        let t3_4 = inv_pivot_3 * t3_3;
-        let t3_5 = -t3_4;
-        let t3_6 = t2_111 * t2_213;
-        let t3_7 = t2_116.mul_add(t2_197, t3_6);
-        let t3_8 = t2_185 * t3_7;
-        let t3_9 = like.lift(1.1547005383792515) * t3_8;
-        let t3_10 = -t3_9;
-        let t3_11 = (-t2_111).mul_add(t2_217, t2_161);
-        let t3_12 = t2_116.mul_add(t2_201, t3_11);
-        let t3_13 = t2_185 * t3_12;
-        let t3_14 = like.lift(1.1547005383792515) * t3_13;
-        let t3_15 = t2_111 * t2_221;
-        let t3_16 = (-t2_116).mul_add(t2_208, t3_15);
-        let t3_17 = t2_185 * t3_16;
-        let t3_18 = like.lift(1.1547005383792515) * t3_17;
-        let t3_19 = t2_156 * t2_226;
-        let t3_20 = t2_151.mul_add(t2_213, t3_19);
-        let t3_21 = t2_154.mul_add(t2_197, t3_20);
-        let t3_22 = t2_167 * t3_21;
-        let t3_23 = like.lift(1.1547005383792515) * t3_22;
-        let t3_24 = t2_156 * t2_230;
-        let t3_25 = t2_151.mul_add(t2_217, t3_24);
-        let t3_26 = (-t2_154).mul_add(t2_201, t3_25);
-        let t3_27 = t2_167 * t3_26;
-        let t3_28 = like.lift(1.1547005383792515) * t3_27;
-        let t3_29 = (-t2_156).mul_add(t3_4, t2_164);
-        let t3_30 = (-t2_151).mul_add(t2_221, t3_29);
-        let t3_31 = t2_154.mul_add(t2_208, t3_30);
-        let t3_32 = t2_167 * t3_31;
-        let t3_33 = like.lift(1.1547005383792515) * t3_32;
-        let t3_34 = -pivot_5;
+        let t3_1 = (-t2_194).mul_add(t2_219, t2_230);
+        let t3_2 = inv_pivot_4 * t3_1;
+        let t3_3 = -t2_212;
+        let t3_4 = t2_185.mul_add(t2_224, cos_q1);
+        let t3_5 = (-t2_153).mul_add(t2_210, t3_4);
+        let t3_6 = (-t2_192).mul_add(t2_208, t3_5);
+        let t3_7 = inv_pivot_3 * t3_6;
+        let t3_8 = t2_185 * t2_228;
+        let t3_9 = t2_153.mul_add(t2_214, t3_8);
+        let t3_10 = t2_192.mul_add(t2_212, t3_9);
+        let t3_11 = inv_pivot_3 * t3_10;
+        let t3_12 = t2_185.mul_add(t3_2, t2_216);
+        let t3_13 = t2_153.mul_add(t2_221, t3_12);
+        let t3_14 = t2_192.mul_add(t2_219, t3_13);
+        let t3_15 = inv_pivot_3 * t3_14;
+        let t3_16 = -t3_15;
+        let t3_17 = t2_122 * t2_224;
+        let t3_18 = t2_127.mul_add(t2_208, t3_17);
+        let t3_19 = t2_196 * t3_18;
+        let t3_20 = like.lift(1.1547005383792515) * t3_19;
+        let t3_21 = -t3_20;
+        let t3_22 = (-t2_122).mul_add(t2_228, t2_172);
+        let t3_23 = t2_127.mul_add(t2_212, t3_22);
+        let t3_24 = t2_196 * t3_23;
+        let t3_25 = like.lift(1.1547005383792515) * t3_24;
+        let t3_26 = t2_122 * t3_2;
+        let t3_27 = (-t2_127).mul_add(t2_219, t3_26);
+        let t3_28 = t2_196 * t3_27;
+        let t3_29 = like.lift(1.1547005383792515) * t3_28;
+        let t3_30 = t2_167 * t3_7;
+        let t3_31 = t2_162.mul_add(t2_224, t3_30);
+        let t3_32 = t2_165.mul_add(t2_208, t3_31);
+        let t3_33 = t2_178 * t3_32;
+        let t3_34 = like.lift(1.1547005383792515) * t3_33;
+        let t3_35 = t2_167 * t3_11;
+        let t3_36 = t2_162.mul_add(t2_228, t3_35);
+        let t3_37 = (-t2_165).mul_add(t2_212, t3_36);
+        let t3_38 = t2_178 * t3_37;
+        let t3_39 = like.lift(1.1547005383792515) * t3_38;
+        let t3_40 = (-t2_167).mul_add(t3_15, t2_175);
+        let t3_41 = (-t2_162).mul_add(t3_2, t3_40);
+        let t3_42 = t2_165.mul_add(t2_219, t3_41);
+        let t3_43 = t2_178 * t3_42;
+        let t3_44 = like.lift(1.1547005383792515) * t3_43;
+        let t3_45 = -pivot_5;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(1.9150361620118772)).abs()
-            .min((t2_157 * like.lift(1.8751412991819398)).abs())
-            .min((pivot_3 * like.lift(2.6162535605710207)).abs())
-            .min((pivot_4 * like.lift(2.2558640767950906)).abs())
-            .min((t3_34 * like.lift(0.8083910306721919)).abs())
-            .min((pivot_6 * like.lift(2.191678505501337)).abs());
+        let margin = (pivot_1 * like.lift(1.9131671434315987)).abs()
+            .min((t2_168 * like.lift(1.863195236951264)).abs())
+            .min((pivot_3 * like.lift(2.6695171222054848)).abs())
+            .min((pivot_4 * like.lift(2.294035647929491)).abs())
+            .min((t3_45 * like.lift(0.786868847408929)).abs())
+            .min((pivot_6 * like.lift(2.1945756748652077)).abs());
         let ([
             [_, _, x_q1_q2, x_q1_q7, x_q1_q9], [_, _, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [_, _, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [_, _, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [_, _, x_q6_q2, x_q6_q7, x_q6_q9], [_, _, x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), like.lift(0.0), t2_199, t2_204, t2_210],
-                [like.lift(0.0), like.lift(0.0), t2_214, t2_218, t2_221],
-                [like.lift(0.0), like.lift(0.0), t2_197, t2_222, t2_208],
-                [like.lift(0.0), like.lift(0.0), t2_226, t2_230, t3_5],
-                [like.lift(0.0), like.lift(0.0), t3_10, t3_14, t3_18],
-                [like.lift(0.0), like.lift(0.0), t3_23, t3_28, t3_33],
+                [like.lift(0.0), like.lift(0.0), t2_210, t2_215, t2_221],
+                [like.lift(0.0), like.lift(0.0), t2_225, t2_229, t3_2],
+                [like.lift(0.0), like.lift(0.0), t2_208, t3_3, t2_219],
+                [like.lift(0.0), like.lift(0.0), t3_7, t3_11, t3_16],
+                [like.lift(0.0), like.lift(0.0), t3_21, t3_25, t3_29],
+                [like.lift(0.0), like.lift(0.0), t3_34, t3_39, t3_44],
             ],
             margin,
             || (
                 [
-                    [t2_86, t2_88, t2_93, like.lift(0.0), t2_96, like.lift(0.0)],
-                    [t2_100, t2_102, t2_106, like.lift(0.0), t2_107, like.lift(0.0)],
-                    [like.lift(0.0), t2_112, t2_116, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_124, t2_128, t2_130, t2_133, like.lift(0.0), t2_136],
-                    [t2_142, t2_143, t2_146, t2_148, like.lift(0.0), t2_149],
-                    [like.lift(0.0), t2_152, t2_154, t2_156, like.lift(0.0), t2_157],
+                    [t2_97, t2_99, t2_104, like.lift(0.0), t2_107, like.lift(0.0)],
+                    [t2_111, t2_113, t2_117, like.lift(0.0), t2_118, like.lift(0.0)],
+                    [like.lift(0.0), t2_123, t2_127, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_135, t2_139, t2_141, t2_144, like.lift(0.0), t2_147],
+                    [t2_153, t2_154, t2_157, t2_159, like.lift(0.0), t2_160],
+                    [like.lift(0.0), t2_163, t2_165, t2_167, like.lift(0.0), t2_168],
                 ],
                 [
-                    [like.lift(0.0), like.lift(0.0), t2_158, t2_159, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), cos_q1, t2_160, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_161, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), t2_158, like.lift(0.0), t2_162],
-                    [like.lift(0.0), like.lift(0.0), cos_q1, like.lift(0.0), t2_163],
-                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_165],
+                    [like.lift(0.0), like.lift(0.0), t2_169, t2_170, like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), cos_q1, t2_171, like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_172, like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), t2_169, like.lift(0.0), t2_173],
+                    [like.lift(0.0), like.lift(0.0), cos_q1, like.lift(0.0), t2_174],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_176],
                 ],
             ),
         );
@@ -8922,10 +8991,11 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 100]) -> ([[T; 5]; 5], Cond
     };
     // M, part 4
     let [
-        t4_69, t4_87, t4_105, t4_118, t4_139, t4_150, t4_161, t4_188, t4_215, t4_222, t4_227,
-        t4_232, t4_237, t4_239, t4_241, t4_242, t4_250,
+        t4_74, t4_93, t4_112, t4_125, t4_146, t4_157, t4_168, t4_195, t4_202, t4_207, t4_212,
+        t4_217, t4_219, t4_221, t4_222, t4_229, t4_234, t4_239, t4_244, t4_246, t4_248, t4_249,
+        t4_250,
     ] = {
-        let t4_1 = (-t2_80).mul_add(x_q1_q2, t2_76);
+        let t4_1 = (-t2_91).mul_add(x_q1_q2, t2_86);
         let t4_2 = (-q2).mul_add(t1_20, t1_143);
         let t4_3 = sin_q1 * t4_2;
         let t4_4 = t1_152 + t1_154;
@@ -8936,272 +9006,280 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 100]) -> ([[T; 5]; 5], Cond
         let t4_9 = sin_q1 * t1_206;
         let t4_10 = like.lift(-0.26344492783122625).mul_add(t4_9, t4_8);
         let t4_11 = cos_q1 * t1_206;
-        let t4_12 = like.lift(-0.6).mul_add(t4_11, t4_10);
+        let t4_12 = like.lift(-1.25).mul_add(t4_11, t4_10);
         let t4_13 = (-cos_shoulder).mul_add(t4_12, t4_7);
-        let t4_14 = (-t4_13).mul_add(x_s1_1_q2, t4_1);
-        let t4_15 = sin_s1_1 * t1_25;
-        let t4_16 = (-q2).mul_add(t4_15, t1_131);
-        let t4_17 = sin_q1 * t4_16;
-        let t4_18 = (-cos_q1).mul_add(t1_142, t4_17);
-        let t4_19 = like.lift(-0.26344492783122625).mul_add(t4_15, t4_18);
-        let t4_20 = sin_shoulder * t4_19;
-        let t4_21 = cos_s1_1 * t1_25;
-        let t4_22 = q2.mul_add(t4_21, t2_4);
-        let t4_23 = sin_q1 * t4_21;
-        let t4_24 = cos_q1.mul_add(t1_16, t4_23);
-        let t4_25 = like.lift(0.26344492783122625).mul_add(t4_24, t4_22);
-        let t4_26 = cos_q1 * t4_21;
-        let t4_27 = (-sin_q1).mul_add(t1_16, t4_26);
-        let t4_28 = like.lift(0.6).mul_add(t4_27, t4_25);
-        let t4_29 = (-cos_shoulder).mul_add(t4_28, t4_20);
-        let t4_30 = (-t4_29).mul_add(x_s1_2_q2, t4_14);
-        let t4_31 = cos_s1_1 * t1_115;
-        let t4_32 = (-sin_s1_1).mul_add(t1_123, t4_31);
-        let t4_33 = sin_s1_2 * t1_19;
-        let t4_34 = sin_s1_1 * t4_33;
-        let t4_35 = (-cos_s1_1).mul_add(t1_14, t4_34);
-        let t4_36 = (-q2).mul_add(t4_35, t4_32);
-        let t4_37 = sin_q1 * t4_36;
-        let t4_38 = (-cos_q1).mul_add(t1_153, t4_37);
-        let t4_39 = like.lift(-0.26344492783122625).mul_add(t4_35, t4_38);
-        let t4_40 = sin_shoulder * t4_39;
-        let t4_41 = sin_s1_1 * t1_115;
-        let t4_42 = cos_s1_1.mul_add(t1_123, t4_41);
-        let t4_43 = cos_s1_1 * t4_33;
-        let t4_44 = sin_s1_1.mul_add(t1_14, t4_43);
-        let t4_45 = q2.mul_add(t4_44, t4_42);
-        let t4_46 = sin_q1 * t4_44;
-        let t4_47 = cos_s1_2 * t1_19;
-        let t4_48 = (-cos_q1).mul_add(t4_47, t4_46);
-        let t4_49 = like.lift(0.26344492783122625).mul_add(t4_48, t4_45);
-        let t4_50 = cos_q1 * t4_44;
-        let t4_51 = sin_q1.mul_add(t4_47, t4_50);
-        let t4_52 = like.lift(0.6).mul_add(t4_51, t4_49);
-        let t4_53 = (-cos_shoulder).mul_add(t4_52, t4_40);
-        let t4_54 = (-t4_53).mul_add(x_s1_3_q2, t4_30);
-        let t4_55 = sin_q6 * t1_186;
-        let t4_56 = cos_q6.mul_add(t1_192, t4_55);
-        let t4_57 = sin_shoulder * t4_56;
-        let t4_58 = like.lift(-0.13172246391561312).mul_add(t1_86, t1_238);
-        let t4_59 = like.lift(0.3).mul_add(t1_11, t4_58);
-        let t4_60 = (-cos_shoulder).mul_add(t4_59, t4_57);
-        let t4_61 = (-t4_60).mul_add(x_q6_q2, t4_54);
-        let t4_62 = sin_q8 * t1_173;
-        let t4_63 = cos_q8.mul_add(t1_179, t4_62);
-        let t4_64 = sin_shoulder * t4_63;
-        let t4_65 = like.lift(0.13172246391561312).mul_add(t1_55, t1_226);
-        let t4_66 = like.lift(-0.3).mul_add(t1_5, t4_65);
-        let t4_67 = cos_shoulder.mul_add(t4_66, t4_64);
-        let t4_68 = (-t4_67).mul_add(x_q8_q2, t4_61);
-        let t4_69 = -t4_68;
-        let t4_70 = sin_q6 * p_my_5;
-        let t4_71 = sin_shoulder * t4_70;
-        let t4_72 = cos_q6 * p_my_5;
-        let t4_73 = like.lift(0.8660254037844386) * t4_72;
-        let t4_74 = like.lift(0.5).mul_add(p_mx_5, t4_73);
-        let t4_75 = cos_q6 * p_m_5;
-        let t4_76 = like.lift(0.13172246391561312).mul_add(t4_75, t4_74);
-        let t4_77 = sin_q6 * p_m_5;
-        let t4_78 = like.lift(-0.3).mul_add(t4_77, t4_76);
-        let t4_79 = (-cos_shoulder).mul_add(t4_78, t4_71);
-        let t4_80 = t2_80 * x_q1_q7;
-        let t4_81 = t4_13.mul_add(x_s1_1_q7, t4_80);
-        let t4_82 = t4_29.mul_add(x_s1_2_q7, t4_81);
-        let t4_83 = t4_53.mul_add(x_s1_3_q7, t4_82);
-        let t4_84 = t4_60.mul_add(x_q6_q7, t4_83);
-        let t4_85 = t4_79 - t4_84;
-        let t4_86 = (-t4_67).mul_add(x_q8_q7, t4_85);
-        let t4_87 = -t4_86;
-        let t4_88 = sin_q8 * p_my_7;
-        let t4_89 = sin_shoulder * t4_88;
-        let t4_90 = cos_q8 * p_my_7;
-        let t4_91 = like.lift(0.8660254037844386) * t4_90;
-        let t4_92 = like.lift(-0.5).mul_add(p_mx_7, t4_91);
-        let t4_93 = cos_q8 * p_m_7;
-        let t4_94 = like.lift(-0.13172246391561312).mul_add(t4_93, t4_92);
-        let t4_95 = sin_q8 * p_m_7;
-        let t4_96 = like.lift(0.3).mul_add(t4_95, t4_94);
-        let t4_97 = cos_shoulder.mul_add(t4_96, t4_89);
-        let t4_98 = t2_80 * x_q1_q9;
-        let t4_99 = t4_13.mul_add(x_s1_1_q9, t4_98);
-        let t4_100 = t4_29.mul_add(x_s1_2_q9, t4_99);
-        let t4_101 = t4_53.mul_add(x_s1_3_q9, t4_100);
-        let t4_102 = t4_60.mul_add(x_q6_q9, t4_101);
-        let t4_103 = t4_67.mul_add(x_q8_q9, t4_102);
-        let t4_104 = t4_97 - t4_103;
-        let t4_105 = -t4_104;
-        let t4_106 = like.lift(0.5).mul_add(t2_45, t1_64);
-        let t4_107 = like.lift(0.8660254037844386).mul_add(t2_48, -t4_106);
-        let t4_108 = t1_67 - t4_107;
-        let t4_109 = p_ixx_base + t4_108;
-        let t4_110 = like.lift(0.5).mul_add(t2_55, t1_95);
-        let t4_111 = like.lift(0.8660254037844386).mul_add(t2_58, t4_110);
-        let t4_112 = t1_98 + t4_111;
-        let t4_113 = t4_109 + t4_112;
-        let t4_114 = cos_q1 * t2_32;
-        let t4_115 = (-sin_q1).mul_add(t2_34, t4_114);
-        let t4_116 = t4_113 + t4_115;
-        let t4_117 = t4_116 + t1_40;
-        let t4_118 = p_izz_boom + t4_117;
-        let t4_119 = cos_q1 * t1_207;
-        let t4_120 = (-t2_65).mul_add(x_q1_q2, t4_119);
-        let t4_121 = cos_q1 * t4_2;
-        let t4_122 = (-sin_q1).mul_add(t4_4, t4_121);
-        let t4_123 = like.lift(-0.6).mul_add(t1_20, t4_122);
-        let t4_124 = (-t4_123).mul_add(x_s1_1_q2, t4_120);
-        let t4_125 = cos_q1 * t4_16;
-        let t4_126 = sin_q1.mul_add(t1_142, t4_125);
-        let t4_127 = like.lift(-0.6).mul_add(t4_15, t4_126);
-        let t4_128 = (-t4_127).mul_add(x_s1_2_q2, t4_124);
-        let t4_129 = cos_q1 * t4_36;
-        let t4_130 = sin_q1.mul_add(t1_153, t4_129);
-        let t4_131 = like.lift(-0.6).mul_add(t4_35, t4_130);
-        let t4_132 = (-t4_131).mul_add(x_s1_3_q2, t4_128);
-        let t4_133 = like.lift(0.22815).mul_add(t1_86, t2_58);
-        let t4_134 = like.lift(-0.5196152422706631).mul_add(t1_11, t4_133);
-        let t4_135 = t4_134.mul_add(x_q6_q2, t4_132);
-        let t4_136 = like.lift(-0.22815).mul_add(t1_55, t2_48);
-        let t4_137 = like.lift(0.5196152422706631).mul_add(t1_5, t4_136);
-        let t4_138 = t4_137.mul_add(x_q8_q2, t4_135);
-        let t4_139 = -t4_138;
-        let t4_140 = like.lift(0.5) * t4_72;
-        let t4_141 = like.lift(-0.8660254037844386).mul_add(p_mx_5, t4_140);
-        let t4_142 = like.lift(-0.22815).mul_add(t4_75, t4_141);
-        let t4_143 = like.lift(0.5196152422706631).mul_add(t4_77, t4_142);
-        let t4_144 = t2_65 * x_q1_q7;
-        let t4_145 = t4_123.mul_add(x_s1_1_q7, t4_144);
-        let t4_146 = t4_127.mul_add(x_s1_2_q7, t4_145);
-        let t4_147 = t4_131.mul_add(x_s1_3_q7, t4_146);
-        let t4_148 = (-t4_134).mul_add(x_q6_q7, t4_147);
-        let t4_149 = t4_143 + t4_148;
-        let t4_150 = (-t4_137).mul_add(x_q8_q7, t4_149);
-        let t4_151 = like.lift(0.5) * t4_90;
-        let t4_152 = like.lift(0.8660254037844386).mul_add(p_mx_7, t4_151);
-        let t4_153 = like.lift(0.22815).mul_add(t4_93, t4_152);
-        let t4_154 = like.lift(-0.5196152422706631).mul_add(t4_95, t4_153);
-        let t4_155 = t2_65 * x_q1_q9;
-        let t4_156 = t4_123.mul_add(x_s1_1_q9, t4_155);
-        let t4_157 = t4_127.mul_add(x_s1_2_q9, t4_156);
-        let t4_158 = t4_131.mul_add(x_s1_3_q9, t4_157);
-        let t4_159 = (-t4_134).mul_add(x_q6_q9, t4_158);
-        let t4_160 = (-t4_137).mul_add(x_q8_q9, t4_159);
-        let t4_161 = t4_154 + t4_160;
-        let t4_162 = t1_21.mul_add(x_q1_q2, t1_27);
-        let t4_163 = t1_16.mul_add(x_s1_2_q2, t4_162);
-        let t4_164 = (-t4_47).mul_add(x_s1_3_q2, t4_163);
-        let t4_165 = t2_8.mul_add(x_q1_q2, t1_21);
-        let t4_166 = t4_8.mul_add(x_s1_1_q2, t4_165);
-        let t4_167 = t4_22.mul_add(x_s1_2_q2, t4_166);
-        let t4_168 = t4_45.mul_add(x_s1_3_q2, t4_167);
-        let t4_169 = x_q1_q2.mul_add(t4_168, t4_164);
-        let t4_170 = t4_8 * x_q1_q2;
-        let t4_171 = (-t4_4).mul_add(x_s1_1_q2, t4_170);
-        let t4_172 = t1_142.mul_add(x_s1_2_q2, t4_171);
-        let t4_173 = t1_153.mul_add(x_s1_3_q2, t4_172);
-        let t4_174 = x_s1_1_q2.mul_add(t4_173, t4_169);
-        let t4_175 = t4_22.mul_add(x_q1_q2, t1_16);
-        let t4_176 = t1_142.mul_add(x_s1_1_q2, t4_175);
-        let t4_177 = t1_130.mul_add(x_s1_2_q2, t4_176);
-        let t4_178 = t1_123.mul_add(x_s1_3_q2, t4_177);
-        let t4_179 = x_s1_2_q2.mul_add(t4_178, t4_174);
-        let t4_180 = (-t4_45).mul_add(x_q1_q2, t4_47);
-        let t4_181 = (-t1_153).mul_add(x_s1_1_q2, t4_180);
-        let t4_182 = (-t1_123).mul_add(x_s1_2_q2, t4_181);
-        let t4_183 = (-p_ixx_3).mul_add(x_s1_3_q2, t4_182);
-        let t4_184 = (-x_s1_3_q2).mul_add(t4_183, t4_179);
-        let t4_185 = t1_237 * x_q6_q2;
-        let t4_186 = x_q6_q2.mul_add(t4_185, t4_184);
-        let t4_187 = t1_225 * x_q8_q2;
-        let t4_188 = x_q8_q2.mul_add(t4_187, t4_186);
-        let t4_189 = t1_21 * x_q1_q7;
-        let t4_190 = t1_16.mul_add(x_s1_2_q7, t4_189);
-        let t4_191 = (-t4_47).mul_add(x_s1_3_q7, t4_190);
-        let t4_192 = t2_8 * x_q1_q7;
-        let t4_193 = t4_8.mul_add(x_s1_1_q7, t4_192);
-        let t4_194 = t4_22.mul_add(x_s1_2_q7, t4_193);
-        let t4_195 = t4_45.mul_add(x_s1_3_q7, t4_194);
-        let t4_196 = x_q1_q2.mul_add(t4_195, t4_191);
-        let t4_197 = t4_8 * x_q1_q7;
-        let t4_198 = (-t4_4).mul_add(x_s1_1_q7, t4_197);
-        let t4_199 = t1_142.mul_add(x_s1_2_q7, t4_198);
-        let t4_200 = t1_153.mul_add(x_s1_3_q7, t4_199);
-        let t4_201 = x_s1_1_q2.mul_add(t4_200, t4_196);
-        let t4_202 = t4_22 * x_q1_q7;
-        let t4_203 = t1_142.mul_add(x_s1_1_q7, t4_202);
-        let t4_204 = t1_130.mul_add(x_s1_2_q7, t4_203);
-        let t4_205 = t1_123.mul_add(x_s1_3_q7, t4_204);
-        let t4_206 = x_s1_2_q2.mul_add(t4_205, t4_201);
-        let t4_207 = t4_45 * x_q1_q7;
-        let t4_208 = t1_153.mul_add(x_s1_1_q7, t4_207);
-        let t4_209 = t1_123.mul_add(x_s1_2_q7, t4_208);
-        let t4_210 = p_ixx_3.mul_add(x_s1_3_q7, t4_209);
-        let t4_211 = x_s1_3_q2.mul_add(t4_210, t4_206);
-        let t4_212 = t1_237.mul_add(x_q6_q7, p_mx_5);
-        let t4_213 = x_q6_q2.mul_add(t4_212, t4_211);
-        let t4_214 = t1_225 * x_q8_q7;
-        let t4_215 = x_q8_q2.mul_add(t4_214, t4_213);
-        let t4_216 = t1_21 * x_q1_q9;
-        let t4_217 = t1_16.mul_add(x_s1_2_q9, t4_216);
-        let t4_218 = (-t4_47).mul_add(x_s1_3_q9, t4_217);
-        let t4_219 = t2_8 * x_q1_q9;
-        let t4_220 = t4_8.mul_add(x_s1_1_q9, t4_219);
-        let t4_221 = t4_22.mul_add(x_s1_2_q9, t4_220);
-        let t4_222 = t4_45.mul_add(x_s1_3_q9, t4_221);
-        let t4_223 = x_q1_q2.mul_add(t4_222, t4_218);
-        let t4_224 = t4_8 * x_q1_q9;
-        let t4_225 = (-t4_4).mul_add(x_s1_1_q9, t4_224);
-        let t4_226 = t1_142.mul_add(x_s1_2_q9, t4_225);
-        let t4_227 = t1_153.mul_add(x_s1_3_q9, t4_226);
-        let t4_228 = x_s1_1_q2.mul_add(t4_227, t4_223);
-        let t4_229 = t4_22 * x_q1_q9;
-        let t4_230 = t1_142.mul_add(x_s1_1_q9, t4_229);
-        let t4_231 = t1_130.mul_add(x_s1_2_q9, t4_230);
-        let t4_232 = t1_123.mul_add(x_s1_3_q9, t4_231);
-        let t4_233 = x_s1_2_q2.mul_add(t4_232, t4_228);
-        let t4_234 = t4_45 * x_q1_q9;
-        let t4_235 = t1_153.mul_add(x_s1_1_q9, t4_234);
-        let t4_236 = t1_123.mul_add(x_s1_2_q9, t4_235);
-        let t4_237 = p_ixx_3.mul_add(x_s1_3_q9, t4_236);
-        let t4_238 = x_s1_3_q2.mul_add(t4_237, t4_233);
-        let t4_239 = t1_237 * x_q6_q9;
-        let t4_240 = x_q6_q2.mul_add(t4_239, t4_238);
-        let t4_241 = t1_225.mul_add(x_q8_q9, p_mx_7);
-        let t4_242 = x_q8_q2.mul_add(t4_241, t4_240);
-        let t4_243 = p_mx_5.mul_add(x_q6_q7, p_m_5);
-        let t4_244 = x_q1_q7 * t4_195;
-        let t4_245 = x_s1_1_q7.mul_add(t4_200, t4_244);
-        let t4_246 = x_s1_2_q7.mul_add(t4_205, t4_245);
-        let t4_247 = x_s1_3_q7.mul_add(t4_210, t4_246);
-        let t4_248 = x_q6_q7.mul_add(t4_212, t4_247);
-        let t4_249 = t4_243 + t4_248;
-        let t4_250 = x_q8_q7.mul_add(t4_214, t4_249);
+        let t4_14 = like.lift(0.35).mul_add(t4_11, t4_13);
+        let t4_15 = (-t4_14).mul_add(x_s1_1_q2, t4_1);
+        let t4_16 = sin_s1_1 * t1_25;
+        let t4_17 = (-q2).mul_add(t4_16, t1_131);
+        let t4_18 = sin_q1 * t4_17;
+        let t4_19 = (-cos_q1).mul_add(t1_142, t4_18);
+        let t4_20 = like.lift(-0.26344492783122625).mul_add(t4_16, t4_19);
+        let t4_21 = sin_shoulder * t4_20;
+        let t4_22 = cos_s1_1 * t1_25;
+        let t4_23 = q2.mul_add(t4_22, t2_4);
+        let t4_24 = sin_q1 * t4_22;
+        let t4_25 = cos_q1.mul_add(t1_16, t4_24);
+        let t4_26 = like.lift(0.26344492783122625).mul_add(t4_25, t4_23);
+        let t4_27 = cos_q1 * t4_22;
+        let t4_28 = (-sin_q1).mul_add(t1_16, t4_27);
+        let t4_29 = like.lift(1.25).mul_add(t4_28, t4_26);
+        let t4_30 = (-cos_shoulder).mul_add(t4_29, t4_21);
+        let t4_31 = like.lift(-0.35).mul_add(t4_28, t4_30);
+        let t4_32 = (-t4_31).mul_add(x_s1_2_q2, t4_15);
+        let t4_33 = cos_s1_1 * t1_115;
+        let t4_34 = (-sin_s1_1).mul_add(t1_123, t4_33);
+        let t4_35 = sin_s1_2 * t1_19;
+        let t4_36 = sin_s1_1 * t4_35;
+        let t4_37 = (-cos_s1_1).mul_add(t1_14, t4_36);
+        let t4_38 = (-q2).mul_add(t4_37, t4_34);
+        let t4_39 = sin_q1 * t4_38;
+        let t4_40 = (-cos_q1).mul_add(t1_153, t4_39);
+        let t4_41 = like.lift(-0.26344492783122625).mul_add(t4_37, t4_40);
+        let t4_42 = sin_shoulder * t4_41;
+        let t4_43 = sin_s1_1 * t1_115;
+        let t4_44 = cos_s1_1.mul_add(t1_123, t4_43);
+        let t4_45 = cos_s1_1 * t4_35;
+        let t4_46 = sin_s1_1.mul_add(t1_14, t4_45);
+        let t4_47 = q2.mul_add(t4_46, t4_44);
+        let t4_48 = sin_q1 * t4_46;
+        let t4_49 = cos_s1_2 * t1_19;
+        let t4_50 = (-cos_q1).mul_add(t4_49, t4_48);
+        let t4_51 = like.lift(0.26344492783122625).mul_add(t4_50, t4_47);
+        let t4_52 = cos_q1 * t4_46;
+        let t4_53 = sin_q1.mul_add(t4_49, t4_52);
+        let t4_54 = like.lift(1.25).mul_add(t4_53, t4_51);
+        let t4_55 = (-cos_shoulder).mul_add(t4_54, t4_42);
+        let t4_56 = like.lift(-0.35).mul_add(t4_53, t4_55);
+        let t4_57 = (-t4_56).mul_add(x_s1_3_q2, t4_32);
+        let t4_58 = sin_q6 * t1_186;
+        let t4_59 = cos_q6.mul_add(t1_192, t4_58);
+        let t4_60 = sin_shoulder * t4_59;
+        let t4_61 = like.lift(-0.13172246391561312).mul_add(t1_86, t1_238);
+        let t4_62 = like.lift(0.625).mul_add(t1_11, t4_61);
+        let t4_63 = (-cos_shoulder).mul_add(t4_62, t4_60);
+        let t4_64 = like.lift(-0.175).mul_add(t1_11, t4_63);
+        let t4_65 = (-t4_64).mul_add(x_q6_q2, t4_57);
+        let t4_66 = sin_q8 * t1_173;
+        let t4_67 = cos_q8.mul_add(t1_179, t4_66);
+        let t4_68 = sin_shoulder * t4_67;
+        let t4_69 = like.lift(0.13172246391561312).mul_add(t1_55, t1_226);
+        let t4_70 = like.lift(-0.625).mul_add(t1_5, t4_69);
+        let t4_71 = cos_shoulder.mul_add(t4_70, t4_68);
+        let t4_72 = like.lift(-0.175).mul_add(t1_5, t4_71);
+        let t4_73 = (-t4_72).mul_add(x_q8_q2, t4_65);
+        let t4_74 = -t4_73;
+        let t4_75 = sin_q6 * p_my_5;
+        let t4_76 = sin_shoulder * t4_75;
+        let t4_77 = cos_q6 * p_my_5;
+        let t4_78 = like.lift(0.8660254037844386) * t4_77;
+        let t4_79 = like.lift(0.5).mul_add(p_mx_5, t4_78);
+        let t4_80 = cos_q6 * p_m_5;
+        let t4_81 = like.lift(0.13172246391561312).mul_add(t4_80, t4_79);
+        let t4_82 = sin_q6 * p_m_5;
+        let t4_83 = like.lift(-0.625).mul_add(t4_82, t4_81);
+        let t4_84 = (-cos_shoulder).mul_add(t4_83, t4_76);
+        let t4_85 = like.lift(0.175).mul_add(t4_82, t4_84);
+        let t4_86 = t2_91 * x_q1_q7;
+        let t4_87 = t4_14.mul_add(x_s1_1_q7, t4_86);
+        let t4_88 = t4_31.mul_add(x_s1_2_q7, t4_87);
+        let t4_89 = t4_56.mul_add(x_s1_3_q7, t4_88);
+        let t4_90 = t4_64.mul_add(x_q6_q7, t4_89);
+        let t4_91 = t4_85 - t4_90;
+        let t4_92 = (-t4_72).mul_add(x_q8_q7, t4_91);
+        let t4_93 = -t4_92;
+        let t4_94 = sin_q8 * p_my_7;
+        let t4_95 = sin_shoulder * t4_94;
+        let t4_96 = cos_q8 * p_my_7;
+        let t4_97 = like.lift(0.8660254037844386) * t4_96;
+        let t4_98 = like.lift(-0.5).mul_add(p_mx_7, t4_97);
+        let t4_99 = cos_q8 * p_m_7;
+        let t4_100 = like.lift(-0.13172246391561312).mul_add(t4_99, t4_98);
+        let t4_101 = sin_q8 * p_m_7;
+        let t4_102 = like.lift(0.625).mul_add(t4_101, t4_100);
+        let t4_103 = cos_shoulder.mul_add(t4_102, t4_95);
+        let t4_104 = like.lift(0.175).mul_add(t4_101, t4_103);
+        let t4_105 = t2_91 * x_q1_q9;
+        let t4_106 = t4_14.mul_add(x_s1_1_q9, t4_105);
+        let t4_107 = t4_31.mul_add(x_s1_2_q9, t4_106);
+        let t4_108 = t4_56.mul_add(x_s1_3_q9, t4_107);
+        let t4_109 = t4_64.mul_add(x_q6_q9, t4_108);
+        let t4_110 = t4_72.mul_add(x_q8_q9, t4_109);
+        let t4_111 = t4_104 - t4_110;
+        let t4_112 = -t4_111;
+        let t4_113 = like.lift(0.5).mul_add(t2_54, t1_64);
+        let t4_114 = like.lift(0.8660254037844386).mul_add(t2_57, -t4_113);
+        let t4_115 = t1_67 - t4_114;
+        let t4_116 = p_ixx_base + t4_115;
+        let t4_117 = like.lift(0.5).mul_add(t2_64, t1_95);
+        let t4_118 = like.lift(0.8660254037844386).mul_add(t2_67, t4_117);
+        let t4_119 = t1_98 + t4_118;
+        let t4_120 = t4_116 + t4_119;
+        let t4_121 = cos_q1 * t2_41;
+        let t4_122 = (-sin_q1).mul_add(t2_43, t4_121);
+        let t4_123 = t4_120 + t4_122;
+        let t4_124 = t4_123 + t1_40;
+        let t4_125 = p_izz_boom + t4_124;
+        let t4_126 = cos_q1 * t1_207;
+        let t4_127 = (-t2_74).mul_add(x_q1_q2, t4_126);
+        let t4_128 = cos_q1 * t4_2;
+        let t4_129 = (-sin_q1).mul_add(t4_4, t4_128);
+        let t4_130 = like.lift(-1.25).mul_add(t1_20, t4_129);
+        let t4_131 = (-t4_130).mul_add(x_s1_1_q2, t4_127);
+        let t4_132 = cos_q1 * t4_17;
+        let t4_133 = sin_q1.mul_add(t1_142, t4_132);
+        let t4_134 = like.lift(-1.25).mul_add(t4_16, t4_133);
+        let t4_135 = (-t4_134).mul_add(x_s1_2_q2, t4_131);
+        let t4_136 = cos_q1 * t4_38;
+        let t4_137 = sin_q1.mul_add(t1_153, t4_136);
+        let t4_138 = like.lift(-1.25).mul_add(t4_37, t4_137);
+        let t4_139 = (-t4_138).mul_add(x_s1_3_q2, t4_135);
+        let t4_140 = like.lift(0.22815).mul_add(t1_86, t2_67);
+        let t4_141 = like.lift(-1.0825317547305484).mul_add(t1_11, t4_140);
+        let t4_142 = t4_141.mul_add(x_q6_q2, t4_139);
+        let t4_143 = like.lift(-0.22815).mul_add(t1_55, t2_57);
+        let t4_144 = like.lift(1.0825317547305484).mul_add(t1_5, t4_143);
+        let t4_145 = t4_144.mul_add(x_q8_q2, t4_142);
+        let t4_146 = -t4_145;
+        let t4_147 = like.lift(0.5) * t4_77;
+        let t4_148 = like.lift(-0.8660254037844386).mul_add(p_mx_5, t4_147);
+        let t4_149 = like.lift(-0.22815).mul_add(t4_80, t4_148);
+        let t4_150 = like.lift(1.0825317547305484).mul_add(t4_82, t4_149);
+        let t4_151 = t2_74 * x_q1_q7;
+        let t4_152 = t4_130.mul_add(x_s1_1_q7, t4_151);
+        let t4_153 = t4_134.mul_add(x_s1_2_q7, t4_152);
+        let t4_154 = t4_138.mul_add(x_s1_3_q7, t4_153);
+        let t4_155 = (-t4_141).mul_add(x_q6_q7, t4_154);
+        let t4_156 = t4_150 + t4_155;
+        let t4_157 = (-t4_144).mul_add(x_q8_q7, t4_156);
+        let t4_158 = like.lift(0.5) * t4_96;
+        let t4_159 = like.lift(0.8660254037844386).mul_add(p_mx_7, t4_158);
+        let t4_160 = like.lift(0.22815).mul_add(t4_99, t4_159);
+        let t4_161 = like.lift(-1.0825317547305484).mul_add(t4_101, t4_160);
+        let t4_162 = t2_74 * x_q1_q9;
+        let t4_163 = t4_130.mul_add(x_s1_1_q9, t4_162);
+        let t4_164 = t4_134.mul_add(x_s1_2_q9, t4_163);
+        let t4_165 = t4_138.mul_add(x_s1_3_q9, t4_164);
+        let t4_166 = (-t4_141).mul_add(x_q6_q9, t4_165);
+        let t4_167 = (-t4_144).mul_add(x_q8_q9, t4_166);
+        let t4_168 = t4_161 + t4_167;
+        let t4_169 = t1_21.mul_add(x_q1_q2, t1_27);
+        let t4_170 = t1_16.mul_add(x_s1_2_q2, t4_169);
+        let t4_171 = (-t4_49).mul_add(x_s1_3_q2, t4_170);
+        let t4_172 = t2_8.mul_add(x_q1_q2, t1_21);
+        let t4_173 = t4_8.mul_add(x_s1_1_q2, t4_172);
+        let t4_174 = t4_23.mul_add(x_s1_2_q2, t4_173);
+        let t4_175 = t4_47.mul_add(x_s1_3_q2, t4_174);
+        let t4_176 = x_q1_q2.mul_add(t4_175, t4_171);
+        let t4_177 = t4_8 * x_q1_q2;
+        let t4_178 = (-t4_4).mul_add(x_s1_1_q2, t4_177);
+        let t4_179 = t1_142.mul_add(x_s1_2_q2, t4_178);
+        let t4_180 = t1_153.mul_add(x_s1_3_q2, t4_179);
+        let t4_181 = x_s1_1_q2.mul_add(t4_180, t4_176);
+        let t4_182 = t4_23.mul_add(x_q1_q2, t1_16);
+        let t4_183 = t1_142.mul_add(x_s1_1_q2, t4_182);
+        let t4_184 = t1_130.mul_add(x_s1_2_q2, t4_183);
+        let t4_185 = t1_123.mul_add(x_s1_3_q2, t4_184);
+        let t4_186 = x_s1_2_q2.mul_add(t4_185, t4_181);
+        let t4_187 = (-t4_47).mul_add(x_q1_q2, t4_49);
+        let t4_188 = (-t1_153).mul_add(x_s1_1_q2, t4_187);
+        let t4_189 = (-t1_123).mul_add(x_s1_2_q2, t4_188);
+        let t4_190 = (-p_ixx_3).mul_add(x_s1_3_q2, t4_189);
+        let t4_191 = (-x_s1_3_q2).mul_add(t4_190, t4_186);
+        let t4_192 = t1_237 * x_q6_q2;
+        let t4_193 = x_q6_q2.mul_add(t4_192, t4_191);
+        let t4_194 = t1_225 * x_q8_q2;
+        let t4_195 = x_q8_q2.mul_add(t4_194, t4_193);
+        let t4_196 = t1_21 * x_q1_q7;
+        let t4_197 = t1_16.mul_add(x_s1_2_q7, t4_196);
+        let t4_198 = (-t4_49).mul_add(x_s1_3_q7, t4_197);
+        let t4_199 = t2_8 * x_q1_q7;
+        let t4_200 = t4_8.mul_add(x_s1_1_q7, t4_199);
+        let t4_201 = t4_23.mul_add(x_s1_2_q7, t4_200);
+        let t4_202 = t4_47.mul_add(x_s1_3_q7, t4_201);
+        let t4_203 = x_q1_q2.mul_add(t4_202, t4_198);
+        let t4_204 = t4_8 * x_q1_q7;
+        let t4_205 = (-t4_4).mul_add(x_s1_1_q7, t4_204);
+        let t4_206 = t1_142.mul_add(x_s1_2_q7, t4_205);
+        let t4_207 = t1_153.mul_add(x_s1_3_q7, t4_206);
+        let t4_208 = x_s1_1_q2.mul_add(t4_207, t4_203);
+        let t4_209 = t4_23 * x_q1_q7;
+        let t4_210 = t1_142.mul_add(x_s1_1_q7, t4_209);
+        let t4_211 = t1_130.mul_add(x_s1_2_q7, t4_210);
+        let t4_212 = t1_123.mul_add(x_s1_3_q7, t4_211);
+        let t4_213 = x_s1_2_q2.mul_add(t4_212, t4_208);
+        let t4_214 = t4_47 * x_q1_q7;
+        let t4_215 = t1_153.mul_add(x_s1_1_q7, t4_214);
+        let t4_216 = t1_123.mul_add(x_s1_2_q7, t4_215);
+        let t4_217 = p_ixx_3.mul_add(x_s1_3_q7, t4_216);
+        let t4_218 = x_s1_3_q2.mul_add(t4_217, t4_213);
+        let t4_219 = t1_237.mul_add(x_q6_q7, p_mx_5);
+        let t4_220 = x_q6_q2.mul_add(t4_219, t4_218);
+        let t4_221 = t1_225 * x_q8_q7;
+        let t4_222 = x_q8_q2.mul_add(t4_221, t4_220);
+        let t4_223 = t1_21 * x_q1_q9;
+        let t4_224 = t1_16.mul_add(x_s1_2_q9, t4_223);
+        let t4_225 = (-t4_49).mul_add(x_s1_3_q9, t4_224);
+        let t4_226 = t2_8 * x_q1_q9;
+        let t4_227 = t4_8.mul_add(x_s1_1_q9, t4_226);
+        let t4_228 = t4_23.mul_add(x_s1_2_q9, t4_227);
+        let t4_229 = t4_47.mul_add(x_s1_3_q9, t4_228);
+        let t4_230 = x_q1_q2.mul_add(t4_229, t4_225);
+        let t4_231 = t4_8 * x_q1_q9;
+        let t4_232 = (-t4_4).mul_add(x_s1_1_q9, t4_231);
+        let t4_233 = t1_142.mul_add(x_s1_2_q9, t4_232);
+        let t4_234 = t1_153.mul_add(x_s1_3_q9, t4_233);
+        let t4_235 = x_s1_1_q2.mul_add(t4_234, t4_230);
+        let t4_236 = t4_23 * x_q1_q9;
+        let t4_237 = t1_142.mul_add(x_s1_1_q9, t4_236);
+        let t4_238 = t1_130.mul_add(x_s1_2_q9, t4_237);
+        let t4_239 = t1_123.mul_add(x_s1_3_q9, t4_238);
+        let t4_240 = x_s1_2_q2.mul_add(t4_239, t4_235);
+        let t4_241 = t4_47 * x_q1_q9;
+        let t4_242 = t1_153.mul_add(x_s1_1_q9, t4_241);
+        let t4_243 = t1_123.mul_add(x_s1_2_q9, t4_242);
+        let t4_244 = p_ixx_3.mul_add(x_s1_3_q9, t4_243);
+        let t4_245 = x_s1_3_q2.mul_add(t4_244, t4_240);
+        let t4_246 = t1_237 * x_q6_q9;
+        let t4_247 = x_q6_q2.mul_add(t4_246, t4_245);
+        let t4_248 = t1_225.mul_add(x_q8_q9, p_mx_7);
+        let t4_249 = x_q8_q2.mul_add(t4_248, t4_247);
+        let t4_250 = p_mx_5.mul_add(x_q6_q7, p_m_5);
         [
-            t4_69, t4_87, t4_105, t4_118, t4_139, t4_150, t4_161, t4_188, t4_215, t4_222,
-            t4_227, t4_232, t4_237, t4_239, t4_241, t4_242, t4_250,
+            t4_74, t4_93, t4_112, t4_125, t4_146, t4_157, t4_168, t4_195, t4_202, t4_207,
+            t4_212, t4_217, t4_219, t4_221, t4_222, t4_229, t4_234, t4_239, t4_244, t4_246,
+            t4_248, t4_249, t4_250,
         ]
     };
     // M
     {
-        let t5_1 = x_q1_q7 * t4_222;
-        let t5_2 = x_s1_1_q7.mul_add(t4_227, t5_1);
-        let t5_3 = x_s1_2_q7.mul_add(t4_232, t5_2);
-        let t5_4 = x_s1_3_q7.mul_add(t4_237, t5_3);
-        let t5_5 = x_q6_q7.mul_add(t4_239, t5_4);
-        let t5_6 = p_mx_5.mul_add(x_q6_q9, t5_5);
-        let t5_7 = x_q8_q7.mul_add(t4_241, t5_6);
-        m[3] = [t4_87, t4_150, t4_215, t4_250, t5_7];
-        let t5_8 = p_mx_7.mul_add(x_q8_q9, p_m_7);
-        let t5_9 = x_q1_q9 * t4_222;
-        let t5_10 = x_s1_1_q9.mul_add(t4_227, t5_9);
-        let t5_11 = x_s1_2_q9.mul_add(t4_232, t5_10);
-        let t5_12 = x_s1_3_q9.mul_add(t4_237, t5_11);
-        let t5_13 = x_q6_q9.mul_add(t4_239, t5_12);
-        let t5_14 = x_q8_q9.mul_add(t4_241, t5_13);
-        let t5_15 = t5_8 + t5_14;
-        m[4] = [t4_105, t4_161, t4_242, t5_7, t5_15];
-        m[0] = [t2_15, t2_69, t4_69, t4_87, t4_105];
-        m[1] = [t2_69, t4_118, t4_139, t4_150, t4_161];
-        m[2] = [t4_69, t4_139, t4_188, t4_215, t4_242];
+        let t5_1 = x_q1_q7 * t4_202;
+        let t5_2 = x_s1_1_q7.mul_add(t4_207, t5_1);
+        let t5_3 = x_s1_2_q7.mul_add(t4_212, t5_2);
+        let t5_4 = x_s1_3_q7.mul_add(t4_217, t5_3);
+        let t5_5 = x_q6_q7.mul_add(t4_219, t5_4);
+        let t5_6 = t4_250 + t5_5;
+        let t5_7 = x_q8_q7.mul_add(t4_221, t5_6);
+        let t5_8 = x_q1_q7 * t4_229;
+        let t5_9 = x_s1_1_q7.mul_add(t4_234, t5_8);
+        let t5_10 = x_s1_2_q7.mul_add(t4_239, t5_9);
+        let t5_11 = x_s1_3_q7.mul_add(t4_244, t5_10);
+        let t5_12 = x_q6_q7.mul_add(t4_246, t5_11);
+        let t5_13 = p_mx_5.mul_add(x_q6_q9, t5_12);
+        let t5_14 = x_q8_q7.mul_add(t4_248, t5_13);
+        m[3] = [t4_93, t4_157, t4_222, t5_7, t5_14];
+        let t5_15 = p_mx_7.mul_add(x_q8_q9, p_m_7);
+        let t5_16 = x_q1_q9 * t4_229;
+        let t5_17 = x_s1_1_q9.mul_add(t4_234, t5_16);
+        let t5_18 = x_s1_2_q9.mul_add(t4_239, t5_17);
+        let t5_19 = x_s1_3_q9.mul_add(t4_244, t5_18);
+        let t5_20 = x_q6_q9.mul_add(t4_246, t5_19);
+        let t5_21 = x_q8_q9.mul_add(t4_248, t5_20);
+        let t5_22 = t5_15 + t5_21;
+        m[4] = [t4_112, t4_168, t4_249, t5_14, t5_22];
+        m[0] = [t2_24, t2_78, t4_74, t4_93, t4_112];
+        m[1] = [t2_78, t4_125, t4_146, t4_157, t4_168];
+        m[2] = [t4_74, t4_146, t4_195, t4_222, t4_249];
     }
     (m, Condition { pivot: condition })
 }
@@ -9214,7 +9292,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 100]) -> ([[T; 5]; 5], Cond
 /// - `qdd_r`: reference accelerations of the independent coordinates
 /// - `y`: column by column: Y phi = M qdd_r + C(q, qd) qd_r + g, with dM/dt - 2 C skew
 ///
-/// 961 additions, 1493 multiplications, 6 divisions, 7 sines and cosines.
+/// 970 additions, 1505 multiplications, 6 divisions, 7 sines and cosines.
 pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[T; 5], y: &mut [[T; 5]; 100]) -> Condition<T> {
     let like = q[0];
     let [_, shoulder, q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
@@ -9222,7 +9300,7 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[
     let [r_waist, r_shoulder, r_q2, r_q7, r_q9] = *qd_r;
     let [dr_waist, dr_shoulder, dr_q2, dr_q7, dr_q9] = *qdd_r;
     let mut condition = like.lift(1.0);
-    let mut kept = [like; 508];
+    let mut kept = [like; 536];
     // body column: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
         y[0] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
@@ -9262,39 +9340,52 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[
         let t2_12 = t2_11 - al_boomy;
         let t2_13 = sin_shoulder * t2_12;
         let t2_14 = t2_4 + al_boomx;
-        let t2_15 = cos_shoulder * t2_14;
-        let w_ixy_boom_waist = t2_13 - t2_15;
-        let t2_16 = -w_ixy_boom_waist;
-        let t2_17 = w_boomx * t2_6;
-        let t2_18 = w_boomy * t2_2;
-        let w_ixy_boom_shoulder = t2_17 - t2_18;
-        y[11] = [t2_16, w_ixy_boom_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t2_19 = dr_shoulder + w_ixx_boom_shoulder;
-        let t2_20 = d_shoulder * r_shoulder;
-        let t2_21 = t2_17 - t2_20;
-        let t2_22 = cos_shoulder * t2_21;
-        let w_ixz_boom_waist = sin_shoulder.mul_add(t2_19, -t2_22);
+        let w_ixy_boom_waist = (-cos_shoulder).mul_add(t2_14, t2_13);
+        let t2_15 = -w_ixy_boom_waist;
+        let t2_16 = w_boomx * t2_6;
+        let t2_17 = w_boomy * t2_2;
+        let w_ixy_boom_shoulder = t2_16 - t2_17;
+        y[11] = [t2_15, w_ixy_boom_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t2_18 = dr_shoulder + w_ixx_boom_shoulder;
+        let t2_19 = d_shoulder * r_shoulder;
+        let t2_20 = t2_16 - t2_19;
+        let t2_21 = cos_shoulder * t2_20;
+        let w_ixz_boom_waist = sin_shoulder.mul_add(t2_18, -t2_21);
         y[12] = [w_ixz_boom_waist, w_ixz_boom_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t2_23 = sin_shoulder * t2_3;
-        let t2_24 = like.lift(0.5) * t2_23;
-        let w_iyy_boom_waist = (-cos_shoulder).mul_add(al_boomy, t2_24);
-        let t2_25 = -w_iyy_boom_waist;
-        y[13] = [t2_25, w_ixx_boom_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t2_26 = t2_18 - t2_20;
-        let t2_27 = sin_shoulder * t2_26;
-        let t2_28 = dr_shoulder - w_ixx_boom_shoulder;
-        let w_iyz_boom_waist = cos_shoulder.mul_add(t2_28, t2_27);
+        let t2_22 = sin_shoulder * t2_3;
+        let t2_23 = like.lift(0.5) * t2_22;
+        let w_iyy_boom_waist = (-cos_shoulder).mul_add(al_boomy, t2_23);
+        let t2_24 = -w_iyy_boom_waist;
+        y[13] = [t2_24, w_ixx_boom_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t2_25 = t2_17 - t2_19;
+        let t2_26 = sin_shoulder * t2_25;
+        let t2_27 = dr_shoulder - w_ixx_boom_shoulder;
+        let w_iyz_boom_waist = cos_shoulder.mul_add(t2_27, t2_26);
         y[14] = [w_iyz_boom_waist, w_iyz_boom_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let w_izz_boom_waist = t2_9 - t2_24;
-        let t2_29 = -w_izz_boom_waist;
-        y[15] = [t2_29, dr_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let w_izz_boom_waist = t2_9 - t2_23;
+        let t2_28 = -w_izz_boom_waist;
+        y[15] = [t2_28, dr_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t2_29 = like.lift(0.35) * w_iyz_boom_shoulder;
+        let w_mx_boom_waist = like.lift(-0.35).mul_add(t2_12, t2_29);
         let a_boomy = like.lift(9.81) * cos_shoulder;
-        y[16] = [like.lift(0.0), a_boomy, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t2_30 = d_waist * r_waist;
+        let t2_31 = sin_shoulder * t2_30;
+        let a_boomy_2 = like.lift(0.35).mul_add(t2_31, a_boomy);
+        y[16] = [w_mx_boom_waist, a_boomy_2, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t2_32 = like.lift(0.35) * w_ixz_boom_shoulder;
+        let w_my_boom_waist = like.lift(0.35).mul_add(t2_14, t2_32);
+        let t2_33 = -w_my_boom_waist;
         let a_boomx = like.lift(9.81) * sin_shoulder;
-        let t2_30 = -a_boomx;
-        y[17] = [like.lift(0.0), t2_30, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[18] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[19] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t2_34 = cos_shoulder * t2_30;
+        let a_boomx_2 = like.lift(-0.35).mul_add(t2_34, a_boomx);
+        let t2_35 = -a_boomx_2;
+        y[17] = [t2_33, t2_35, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t2_36 = cos_shoulder * a_boomx_2;
+        let t2_37 = (-sin_shoulder).mul_add(a_boomy_2, t2_36);
+        let w_mz_boom_waist = like.lift(0.35).mul_add(t2_30, t2_37);
+        y[18] = [w_mz_boom_waist, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let w_m_boom_waist = like.lift(0.1225) * dr_waist;
+        y[19] = [w_m_boom_waist, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         kept[0] = sin_shoulder;
         kept[1] = cos_shoulder;
         kept[2] = w_ixz_boom_shoulder;
@@ -9307,21 +9398,20 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[
         kept[9] = w_iyz_boom_shoulder;
         kept[10] = al_boomy;
         kept[11] = t2_12;
-        kept[12] = t2_13;
-        kept[13] = t2_14;
-        kept[14] = t2_15;
-        kept[15] = t2_16;
-        kept[16] = t2_17;
+        kept[12] = t2_14;
+        kept[13] = t2_15;
+        kept[14] = t2_16;
+        kept[15] = t2_17;
+        kept[16] = w_ixy_boom_shoulder;
         kept[17] = t2_18;
-        kept[18] = w_ixy_boom_shoulder;
-        kept[19] = t2_19;
-        kept[20] = t2_20;
-        kept[21] = t2_22;
-        kept[22] = t2_25;
-        kept[23] = t2_27;
-        kept[24] = t2_29;
-        kept[25] = a_boomy;
-        kept[26] = a_boomx;
+        kept[18] = t2_19;
+        kept[19] = t2_21;
+        kept[20] = t2_24;
+        kept[21] = t2_26;
+        kept[22] = t2_28;
+        kept[23] = t2_30;
+        kept[24] = a_boomy_2;
+        kept[25] = a_boomx_2;
     }
     // body base: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
@@ -9333,65 +9423,66 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[
         let w_ixx_boom_waist = kept[8];
         let w_iyz_boom_shoulder = kept[9];
         let t2_12 = kept[11];
-        let t2_13 = kept[12];
-        let t2_15 = kept[14];
-        let t2_16 = kept[15];
-        let t2_17 = kept[16];
+        let t2_14 = kept[12];
+        let t2_15 = kept[13];
+        let t2_16 = kept[14];
+        let t2_17 = kept[15];
+        let w_ixy_boom_shoulder = kept[16];
         let t2_18 = kept[17];
-        let w_ixy_boom_shoulder = kept[18];
-        let t2_19 = kept[19];
-        let t2_20 = kept[20];
-        let t2_22 = kept[21];
-        let t2_25 = kept[22];
-        let t2_27 = kept[23];
-        let t2_29 = kept[24];
-        let a_boomy = kept[25];
-        let a_boomx = kept[26];
+        let t2_19 = kept[18];
+        let t2_21 = kept[19];
+        let t2_24 = kept[20];
+        let t2_26 = kept[21];
+        let t2_28 = kept[22];
+        let t2_30 = kept[23];
+        let a_boomy_2 = kept[24];
+        let a_boomx_2 = kept[25];
         let w_iyy_base_shoulder = w_boomy * t2_6;
-        y[23] = [t2_25, w_iyy_base_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        y[23] = [t2_24, w_iyy_base_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         let t3_1 = dr_shoulder - w_iyy_base_shoulder;
-        let w_ixy_base_waist = cos_shoulder.mul_add(t3_1, t2_27);
+        let w_ixy_base_waist = cos_shoulder.mul_add(t3_1, t2_26);
         let t3_2 = -w_ixy_base_waist;
         let t3_3 = -w_iyz_boom_shoulder;
         y[21] = [t3_2, t3_3, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         let t3_4 = dr_shoulder + w_iyy_base_shoulder;
-        let w_ixz_base_waist = (-sin_shoulder).mul_add(t3_4, t2_22);
+        let w_ixz_base_waist = (-sin_shoulder).mul_add(t3_4, t2_21);
         let t3_5 = -w_ixz_boom_shoulder;
         y[22] = [w_ixz_base_waist, t3_5, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         let t3_6 = -w_iyy_base_shoulder;
         y[25] = [w_ixx_boom_waist, t3_6, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let a_basey = like.lift(0.6).mul_add(t2_19, a_boomy);
+        let a_basey = like.lift(1.25).mul_add(t2_18, a_boomy_2);
         let t3_7 = sin_shoulder * a_basey;
-        let t3_8 = t2_18 + t2_20;
-        let a_basez = like.lift(-0.6).mul_add(t3_8, a_boomx);
+        let t3_8 = t2_17 + t2_19;
+        let a_basez = like.lift(-1.25).mul_add(t3_8, a_boomx_2);
         let t3_9 = (-cos_shoulder).mul_add(a_basez, t3_7);
-        let t3_10 = d_waist * r_waist;
-        let t3_11 = cos_shoulder * t3_10;
-        let w_mx_base_waist = like.lift(-0.6).mul_add(t3_11, t3_9);
-        let w_mx_base_shoulder = like.lift(0.6) * w_ixz_boom_shoulder;
+        let u_base_waistx = like.lift(1.25).mul_add(cos_shoulder, like.lift(0.35));
+        let w_mx_base_waist = (-u_base_waistx).mul_add(t2_30, t3_9);
+        let w_mx_base_shoulder = like.lift(1.25) * w_ixz_boom_shoulder;
         y[26] = [w_mx_base_waist, w_mx_base_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t3_12 = like.lift(0.6) * t2_13;
-        let w_my_base_waist = like.lift(-0.6).mul_add(t2_15, t3_12);
-        let t3_13 = t2_17 + t2_20;
-        let w_my_base_shoulder = like.lift(0.6).mul_add(t3_13, a_basez);
-        let t3_14 = -w_my_base_shoulder;
-        y[27] = [w_my_base_waist, t3_14, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t3_15 = cos_shoulder * t2_12;
-        let w_mz_base_waist = like.lift(1.2) * t3_15;
-        let t3_16 = -w_mz_base_waist;
-        let w_mz_base_shoulder = like.lift(0.6).mul_add(t3_4, a_basey);
-        y[28] = [t3_16, w_mz_base_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let w_m_base_waist = like.lift(0.36) * t3_15;
-        let t3_17 = -w_m_base_waist;
-        let w_m_base_shoulder = like.lift(0.6) * a_basey;
-        y[29] = [t3_17, w_m_base_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[20] = [t2_29, dr_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[24] = [t2_16, w_ixy_boom_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        kept[27] = t3_1;
-        kept[28] = a_basey;
-        kept[29] = a_basez;
-        kept[30] = t3_10;
-        kept[31] = t3_13;
+        let a_boomz = like.lift(0.35) * dr_waist;
+        let a_basex = like.lift(-1.25).mul_add(t2_12, a_boomz);
+        let t3_10 = sin_shoulder * a_basex;
+        let w_my_base_waist = u_base_waistx.mul_add(t2_14, t3_10);
+        let t3_11 = -w_my_base_waist;
+        let t3_12 = t2_16 + t2_19;
+        let w_my_base_shoulder = like.lift(1.25).mul_add(t3_12, a_basez);
+        let t3_13 = -w_my_base_shoulder;
+        y[27] = [t3_11, t3_13, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t3_14 = cos_shoulder * a_basex;
+        let w_mz_base_waist = (-u_base_waistx).mul_add(t2_12, t3_14);
+        let w_mz_base_shoulder = like.lift(1.25).mul_add(t3_4, a_basey);
+        y[28] = [w_mz_base_waist, w_mz_base_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let w_m_base_waist = u_base_waistx * a_basex;
+        let w_m_base_shoulder = like.lift(1.25) * a_basey;
+        y[29] = [w_m_base_waist, w_m_base_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        y[20] = [t2_28, dr_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        y[24] = [t2_15, w_ixy_boom_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        kept[26] = t3_1;
+        kept[27] = a_basey;
+        kept[28] = a_basez;
+        kept[29] = u_base_waistx;
+        kept[30] = a_basex;
+        kept[31] = t3_12;
     }
     // loops: solve with A_e (Eq. 8, 10)
     {
@@ -9576,12 +9667,12 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[
         let t4_150 = -t4_149;
         let t4_151 = -pivot_5;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(1.9150361620118772)).abs()
-            .min((t4_80 * like.lift(1.8751412991819398)).abs())
-            .min((pivot_3 * like.lift(2.6162535605710207)).abs())
-            .min((pivot_4 * like.lift(2.2558640767950906)).abs())
-            .min((t4_151 * like.lift(0.8083910306721919)).abs())
-            .min((pivot_6 * like.lift(2.191678505501337)).abs());
+        let margin = (pivot_1 * like.lift(1.9131671434315987)).abs()
+            .min((t4_80 * like.lift(1.863195236951264)).abs())
+            .min((pivot_3 * like.lift(2.6695171222054848)).abs())
+            .min((pivot_4 * like.lift(2.294035647929491)).abs())
+            .min((t4_151 * like.lift(0.786868847408929)).abs())
+            .min((pivot_6 * like.lift(2.1945756748652077)).abs());
         let ([[t4_152], [t4_153], [t4_154], [t4_155], [t4_156], [t4_157]], found) = ::regen_runtime::guarded(
             [[t4_130], [t4_133], [t4_134], [t4_139], [t4_144], [t4_150]],
             margin,
@@ -9860,12 +9951,12 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[
         let t5_98 = t4_95 * t5_97;
         let t5_99 = like.lift(1.1547005383792515) * t5_98;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(1.9150361620118772)).abs()
-            .min((t4_80 * like.lift(1.8751412991819398)).abs())
-            .min((pivot_3 * like.lift(2.6162535605710207)).abs())
-            .min((pivot_4 * like.lift(2.2558640767950906)).abs())
-            .min((t4_151 * like.lift(0.8083910306721919)).abs())
-            .min((pivot_6 * like.lift(2.191678505501337)).abs());
+        let margin = (pivot_1 * like.lift(1.9131671434315987)).abs()
+            .min((t4_80 * like.lift(1.863195236951264)).abs())
+            .min((pivot_3 * like.lift(2.6695171222054848)).abs())
+            .min((pivot_4 * like.lift(2.294035647929491)).abs())
+            .min((t4_151 * like.lift(0.786868847408929)).abs())
+            .min((pivot_6 * like.lift(2.1945756748652077)).abs());
         let ([
             [_, _, x_q1_q2, x_q1_q7, x_q1_q9], [_, _, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [_, _, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [_, _, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
@@ -10403,12 +10494,12 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[
         let t7_48 = like.lift(1.1547005383792515) * t7_47;
         let t7_49 = -t7_48;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(1.9150361620118772)).abs()
-            .min((t4_80 * like.lift(1.8751412991819398)).abs())
-            .min((pivot_3 * like.lift(2.6162535605710207)).abs())
-            .min((pivot_4 * like.lift(2.2558640767950906)).abs())
-            .min((t4_151 * like.lift(0.8083910306721919)).abs())
-            .min((pivot_6 * like.lift(2.191678505501337)).abs());
+        let margin = (pivot_1 * like.lift(1.9131671434315987)).abs()
+            .min((t4_80 * like.lift(1.863195236951264)).abs())
+            .min((pivot_3 * like.lift(2.6695171222054848)).abs())
+            .min((pivot_4 * like.lift(2.294035647929491)).abs())
+            .min((t4_151 * like.lift(0.786868847408929)).abs())
+            .min((pivot_6 * like.lift(2.1945756748652077)).abs());
         let ([[t7_50], [t7_51], [t7_52], [t7_53], [t7_54], [t7_55]], found) = ::regen_runtime::guarded(
             [[t7_29], [t7_32], [t7_33], [t7_38], [t7_43], [t7_49]],
             margin,
@@ -10439,10 +10530,11 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[
         let w_ixz_boom_shoulder = kept[2];
         let w_iyz_boom_shoulder = kept[9];
         let al_boomy = kept[10];
-        let t2_12 = kept[11];
-        let a_basey = kept[28];
-        let a_basez = kept[29];
-        let t3_10 = kept[30];
+        let t2_30 = kept[23];
+        let a_basey = kept[27];
+        let a_basez = kept[28];
+        let u_base_waistx = kept[29];
+        let a_basex = kept[30];
         let sin_q1 = kept[32];
         let cos_q1 = kept[33];
         let e_1_waistx = kept[34];
@@ -10539,77 +10631,70 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[
         let w_izz_1_q9 = x_q1_q9 * al_1z;
         let t8_38 = -w_izz_1_q9;
         y[35] = [t8_35, w_izz_1_shoulder, t8_36, t8_37, t8_38];
-        let a_basex = like.lift(0.6) * t2_12;
-        let t8_39 = like.lift(0.26344492783122625).mul_add(t3_10, a_basex);
+        let t8_39 = like.lift(-0.26344492783122625).mul_add(t2_30, a_basex);
         let t8_40 = sin_q1 * t8_39;
         let t8_41 = like.lift(-0.26344492783122625).mul_add(w_iyz_boom_shoulder, a_basez);
-        let a_1y = (-cos_q1).mul_add(t8_41, t8_40);
+        let a_1y = cos_q1.mul_add(t8_41, t8_40);
         let t8_42 = cos_shoulder * a_1y;
         let a_1z = like.lift(0.26344492783122625).mul_add(w_ixz_boom_shoulder, a_basey);
-        let t8_43 = e_1_waisty.mul_add(a_1z, t8_42);
-        let t8_44 = cos_shoulder * cos_q1;
-        let t8_45 = like.lift(0.6) * t8_44;
-        let t8_46 = cos_shoulder * sin_q1;
-        let u_1_waistx = like.lift(0.26344492783122625).mul_add(t8_46, t8_45);
-        let t8_47 = t6_21 + t8_4;
-        let t8_48 = like.lift(0.6) * t8_46;
-        let u_1_waisty = like.lift(-0.26344492783122625).mul_add(t8_44, t8_48);
+        let t8_43 = (-e_1_waisty).mul_add(a_1z, t8_42);
+        let t8_44 = cos_q1 * u_base_waistx;
+        let t8_45 = cos_shoulder * sin_q1;
+        let u_1_waistx = like.lift(0.26344492783122625).mul_add(t8_45, t8_44);
+        let t8_46 = t6_21 + t8_4;
+        let t8_47 = sin_q1 * u_base_waistx;
+        let t8_48 = cos_shoulder * cos_q1;
+        let u_1_waisty = like.lift(-0.26344492783122625).mul_add(t8_48, t8_47);
         let t8_49 = u_1_waisty * t8_2;
-        let t8_50 = u_1_waistx.mul_add(t8_47, t8_49);
+        let t8_50 = u_1_waistx.mul_add(t8_46, t8_49);
         let t8_51 = sin_shoulder * t6_12;
         let t8_52 = like.lift(0.26344492783122625).mul_add(t8_51, t8_50);
-        let w_mx_1_waist = t8_43 - t8_52;
-        let t8_53 = sin_q1 * a_1z;
-        let w_mx_1_shoulder = like.lift(0.6).mul_add(t6_12, t8_53);
-        let t8_54 = -w_mx_1_shoulder;
+        let w_mx_1_waist = t8_43 + t8_52;
+        let t8_53 = -w_mx_1_waist;
+        let t8_54 = sin_q1 * a_1z;
+        let w_mx_1_shoulder = like.lift(1.25).mul_add(t6_12, t8_54);
+        let t8_55 = -w_mx_1_shoulder;
         let w_mx_1_q2 = x_q1_q2 * a_1y;
-        let t8_55 = -w_mx_1_q2;
         let w_mx_1_q7 = x_q1_q7 * a_1y;
-        let t8_56 = -w_mx_1_q7;
         let w_mx_1_q9 = x_q1_q9 * a_1y;
-        let t8_57 = -w_mx_1_q9;
-        y[36] = [w_mx_1_waist, t8_54, t8_55, t8_56, t8_57];
-        let t8_58 = e_1_waistx * a_1z;
-        let t8_59 = cos_q1 * t8_39;
-        let a_1x = sin_q1.mul_add(t8_41, t8_59);
-        let t8_60 = (-cos_shoulder).mul_add(a_1x, t8_58);
-        let t8_61 = t6_20 + t8_4;
-        let t8_62 = u_1_waisty * t8_61;
-        let t8_63 = u_1_waistx.mul_add(t8_22, -t8_62);
-        let t8_64 = sin_shoulder * t6_17;
-        let t8_65 = like.lift(0.26344492783122625).mul_add(t8_64, t8_63);
-        let w_my_1_waist = t8_60 + t8_65;
-        let t8_66 = -w_my_1_waist;
-        let t8_67 = cos_q1 * a_1z;
-        let w_my_1_shoulder = like.lift(0.6).mul_add(t6_17, t8_67);
-        let t8_68 = -w_my_1_shoulder;
+        y[36] = [t8_53, t8_55, w_mx_1_q2, w_mx_1_q7, w_mx_1_q9];
+        let t8_56 = e_1_waistx * a_1z;
+        let t8_57 = cos_q1 * t8_39;
+        let a_1x = (-sin_q1).mul_add(t8_41, t8_57);
+        let t8_58 = cos_shoulder.mul_add(a_1x, t8_56);
+        let t8_59 = t6_20 + t8_4;
+        let t8_60 = u_1_waisty * t8_59;
+        let t8_61 = u_1_waistx.mul_add(t8_22, -t8_60);
+        let t8_62 = sin_shoulder * t6_17;
+        let t8_63 = like.lift(0.26344492783122625).mul_add(t8_62, t8_61);
+        let w_my_1_waist = t8_58 + t8_63;
+        let t8_64 = -w_my_1_waist;
+        let t8_65 = cos_q1 * a_1z;
+        let w_my_1_shoulder = like.lift(1.25).mul_add(t6_17, t8_65);
+        let t8_66 = -w_my_1_shoulder;
         let w_my_1_q2 = x_q1_q2 * a_1x;
-        let t8_69 = -w_my_1_q2;
         let w_my_1_q7 = x_q1_q7 * a_1x;
-        let t8_70 = -w_my_1_q7;
         let w_my_1_q9 = x_q1_q9 * a_1x;
-        let t8_71 = -w_my_1_q9;
-        y[37] = [t8_66, t8_68, t8_69, t8_70, t8_71];
-        let t8_72 = e_1_waisty * a_1x;
-        let t8_73 = e_1_waistx.mul_add(a_1y, t8_72);
-        let t8_74 = u_1_waisty * t8_8;
-        let t8_75 = u_1_waistx.mul_add(t8_25, -t8_74);
-        let t8_76 = t6_20 + t6_21;
-        let t8_77 = sin_shoulder * t8_76;
-        let t8_78 = like.lift(-0.26344492783122625).mul_add(t8_77, t8_75);
-        let w_mz_1_waist = t8_73 + t8_78;
-        let t8_79 = sin_q1 * a_1x;
-        let t8_80 = (-cos_q1).mul_add(a_1y, t8_79);
-        let w_mz_1_shoulder = like.lift(0.6).mul_add(t8_76, t8_80);
-        let t8_81 = -w_mz_1_shoulder;
-        y[38] = [w_mz_1_waist, t8_81, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t8_82 = u_1_waistx * a_1x;
-        let t8_83 = u_1_waisty.mul_add(a_1y, t8_82);
-        let t8_84 = sin_shoulder * a_1z;
-        let w_m_1_waist = like.lift(-0.26344492783122625).mul_add(t8_84, t8_83);
-        let t8_85 = -w_m_1_waist;
-        let w_m_1_shoulder = like.lift(0.6) * a_1z;
-        y[39] = [t8_85, w_m_1_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        y[37] = [t8_64, t8_66, w_my_1_q2, w_my_1_q7, w_my_1_q9];
+        let t8_67 = e_1_waisty * a_1x;
+        let t8_68 = e_1_waistx.mul_add(a_1y, t8_67);
+        let t8_69 = u_1_waisty * t8_8;
+        let t8_70 = u_1_waistx.mul_add(t8_25, -t8_69);
+        let t8_71 = t6_20 + t6_21;
+        let t8_72 = sin_shoulder * t8_71;
+        let t8_73 = like.lift(-0.26344492783122625).mul_add(t8_72, t8_70);
+        let w_mz_1_waist = t8_68 - t8_73;
+        let t8_74 = -w_mz_1_waist;
+        let t8_75 = sin_q1 * a_1x;
+        let t8_76 = (-cos_q1).mul_add(a_1y, t8_75);
+        let w_mz_1_shoulder = like.lift(-1.25).mul_add(t8_71, t8_76);
+        y[38] = [t8_74, w_mz_1_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t8_77 = u_1_waistx * a_1x;
+        let t8_78 = u_1_waisty.mul_add(a_1y, t8_77);
+        let t8_79 = sin_shoulder * a_1z;
+        let w_m_1_waist = like.lift(0.26344492783122625).mul_add(t8_79, t8_78);
+        let w_m_1_shoulder = like.lift(1.25) * a_1z;
+        y[39] = [w_m_1_waist, w_m_1_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         y[30] = [w_ixx_1_waist, w_ixx_1_shoulder, t6_2, t6_4, t6_6];
         y[31] = [t6_24, t6_26, t6_27, t6_28, t6_29];
         kept[206] = al_1z;
@@ -10639,18 +10724,17 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[
         kept[230] = t8_36;
         kept[231] = t8_37;
         kept[232] = t8_38;
-        kept[233] = a_basex;
-        kept[234] = a_1y;
-        kept[235] = a_1z;
-        kept[236] = u_1_waistx;
-        kept[237] = t8_47;
-        kept[238] = u_1_waisty;
-        kept[239] = t8_49;
-        kept[240] = a_1x;
-        kept[241] = t8_61;
-        kept[242] = t8_62;
-        kept[243] = t8_74;
-        kept[244] = t8_76;
+        kept[233] = a_1y;
+        kept[234] = a_1z;
+        kept[235] = u_1_waistx;
+        kept[236] = t8_46;
+        kept[237] = u_1_waisty;
+        kept[238] = t8_49;
+        kept[239] = a_1x;
+        kept[240] = t8_59;
+        kept[241] = t8_60;
+        kept[242] = t8_69;
+        kept[243] = t8_71;
     }
     // body 2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
@@ -10713,17 +10797,17 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[
         let t8_36 = kept[230];
         let t8_37 = kept[231];
         let t8_38 = kept[232];
-        let a_1y = kept[234];
-        let a_1z = kept[235];
-        let u_1_waistx = kept[236];
-        let t8_47 = kept[237];
-        let u_1_waisty = kept[238];
-        let t8_49 = kept[239];
-        let a_1x = kept[240];
-        let t8_61 = kept[241];
-        let t8_62 = kept[242];
-        let t8_74 = kept[243];
-        let t8_76 = kept[244];
+        let a_1y = kept[233];
+        let a_1z = kept[234];
+        let u_1_waistx = kept[235];
+        let t8_46 = kept[236];
+        let u_1_waisty = kept[237];
+        let t8_49 = kept[238];
+        let a_1x = kept[239];
+        let t8_59 = kept[240];
+        let t8_60 = kept[241];
+        let t8_69 = kept[242];
+        let t8_71 = kept[243];
         let t9_1 = t5_5 + t5_18;
         let w_ixx_2_waist = t5_13 + t9_1;
         y[40] = [w_ixx_2_waist, w_ixx_1_shoulder, t6_2, t6_4, t6_6];
@@ -10750,42 +10834,42 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[
         let t9_12 = d_q2.mul_add(t5_10, t9_11);
         let a_2y = t9_10 + t9_12;
         let t9_13 = e_1_waisty * a_2y;
-        let t9_14 = q2.mul_add(t8_61, a_1y);
-        let a_2z = dr_q2 - t9_14;
+        let t9_14 = (-q2).mul_add(t8_59, a_1y);
+        let a_2z = dr_q2 + t9_14;
         let t9_15 = (-cos_shoulder).mul_add(a_2z, t9_13);
         let u_2_waistx = cos_shoulder.mul_add(q2, u_1_waistx);
-        let t9_16 = u_2_waistx * t8_47;
+        let t9_16 = u_2_waistx * t8_46;
         let u_1_waistz = like.lift(0.26344492783122625) * sin_shoulder;
         let u_2_waisty = q2.mul_add(e_1_waistx, u_1_waistz);
         let t9_17 = u_2_waisty.mul_add(t6_12, t9_16);
         let t9_18 = t8_49 + t9_17;
         let w_mx_2_waist = t9_15 - t9_18;
         let t9_19 = sin_q1 * a_2y;
-        let u_2_shouldery = like.lift(0.6) + t4_4;
+        let u_2_shouldery = like.lift(1.25) + t4_4;
         let w_mx_2_shoulder = u_2_shouldery.mul_add(t6_12, t9_19);
         let t9_20 = -w_mx_2_shoulder;
         let t9_21 = q2 * x_q1_q2;
-        let t9_22 = (-t8_47).mul_add(t9_21, t8_2);
+        let t9_22 = (-t8_46).mul_add(t9_21, t8_2);
         let w_mx_2_q2 = x_q1_q2.mul_add(a_2z, -t9_22);
-        let t9_23 = q2.mul_add(t8_47, a_2z);
+        let t9_23 = q2.mul_add(t8_46, a_2z);
         let w_mx_2_q7 = x_q1_q7 * t9_23;
         let w_mx_2_q9 = x_q1_q9 * t9_23;
         y[46] = [w_mx_2_waist, t9_20, w_mx_2_q2, w_mx_2_q7, w_mx_2_q9];
         let t9_24 = e_1_waistx * a_2z;
         let t9_25 = q2 * t8_22;
-        let t9_26 = a_1x - t9_25;
+        let t9_26 = a_1x + t9_25;
         let t9_27 = w_1z * r_q2;
         let t9_28 = d_q2.mul_add(t5_7, t9_27);
-        let a_2x = t9_26 - t9_28;
-        let t9_29 = (-e_1_waisty).mul_add(a_2x, t9_24);
+        let a_2x = t9_26 + t9_28;
+        let t9_29 = e_1_waisty.mul_add(a_2x, t9_24);
         let t9_30 = u_2_waistx * t8_25;
-        let t9_31 = (-u_2_waisty).mul_add(t8_76, t9_30);
-        let t9_32 = t8_74 - t9_31;
+        let t9_31 = (-u_2_waisty).mul_add(t8_71, t9_30);
+        let t9_32 = t8_69 - t9_31;
         let w_my_2_waist = t9_29 + t9_32;
         let t9_33 = -w_my_2_waist;
         let t9_34 = cos_q1 * a_2z;
-        let t9_35 = sin_q1.mul_add(a_2x, t9_34);
-        let w_my_2_shoulder = u_2_shouldery.mul_add(t8_76, t9_35);
+        let t9_35 = (-sin_q1).mul_add(a_2x, t9_34);
+        let w_my_2_shoulder = u_2_shouldery.mul_add(t8_71, t9_35);
         let t9_36 = -w_my_2_shoulder;
         let w_my_2_q2 = t8_25.mul_add(t9_21, t8_8);
         let t9_37 = -w_my_2_q2;
@@ -10796,38 +10880,39 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[
         let t9_40 = -w_my_2_q9;
         y[47] = [t9_33, t9_36, t9_37, t9_39, t9_40];
         let t9_41 = cos_shoulder * a_2x;
-        let t9_42 = (-e_1_waistx).mul_add(a_2y, t9_41);
+        let t9_42 = e_1_waistx.mul_add(a_2y, t9_41);
         let t9_43 = u_2_waistx * t8_22;
         let t9_44 = u_2_waisty.mul_add(t6_17, t9_43);
-        let t9_45 = t8_62 - t9_44;
-        let w_mz_2_waist = t9_42 + t9_45;
-        let t9_46 = -w_mz_2_waist;
-        let t9_47 = cos_q1 * a_2y;
-        let w_mz_2_shoulder = u_2_shouldery.mul_add(t6_17, t9_47);
-        let t9_48 = t8_22.mul_add(t9_21, t8_61);
-        let w_mz_2_q2 = x_q1_q2.mul_add(a_2x, -t9_48);
-        let t9_49 = t9_25 - a_2x;
+        let t9_45 = t8_60 - t9_44;
+        let w_mz_2_waist = t9_42 - t9_45;
+        let t9_46 = cos_q1 * a_2y;
+        let w_mz_2_shoulder = u_2_shouldery.mul_add(t6_17, t9_46);
+        let t9_47 = t8_22.mul_add(t9_21, t8_59);
+        let w_mz_2_q2 = x_q1_q2.mul_add(a_2x, t9_47);
+        let t9_48 = -w_mz_2_q2;
+        let t9_49 = t9_25 + a_2x;
         let w_mz_2_q7 = x_q1_q7 * t9_49;
         let t9_50 = -w_mz_2_q7;
         let w_mz_2_q9 = x_q1_q9 * t9_49;
         let t9_51 = -w_mz_2_q9;
-        y[48] = [t9_46, w_mz_2_shoulder, w_mz_2_q2, t9_50, t9_51];
+        y[48] = [w_mz_2_waist, w_mz_2_shoulder, t9_48, t9_50, t9_51];
         let t9_52 = u_2_waistx * a_2x;
-        let t9_53 = (-u_2_waisty).mul_add(a_2y, t9_52);
-        let w_m_2_waist = (-u_1_waisty).mul_add(a_2z, t9_53);
-        let t9_54 = -w_m_2_waist;
+        let t9_53 = u_2_waisty.mul_add(a_2y, t9_52);
+        let w_m_2_waist = u_1_waisty.mul_add(a_2z, t9_53);
         let w_m_2_shoulder = u_2_shouldery * a_2y;
-        let w_m_2_q2 = a_2x.mul_add(t9_21, a_2z);
-        let t9_55 = q2 * a_2x;
-        let w_m_2_q7 = x_q1_q7 * t9_55;
-        let w_m_2_q9 = x_q1_q9 * t9_55;
-        y[49] = [t9_54, w_m_2_shoulder, w_m_2_q2, w_m_2_q7, w_m_2_q9];
-        kept[245] = a_2y;
-        kept[246] = a_2z;
-        kept[247] = u_2_waistx;
-        kept[248] = u_2_waisty;
-        kept[249] = u_2_shouldery;
-        kept[250] = a_2x;
+        let w_m_2_q2 = (-a_2x).mul_add(t9_21, a_2z);
+        let t9_54 = q2 * a_2x;
+        let w_m_2_q7 = x_q1_q7 * t9_54;
+        let t9_55 = -w_m_2_q7;
+        let w_m_2_q9 = x_q1_q9 * t9_54;
+        let t9_56 = -w_m_2_q9;
+        y[49] = [w_m_2_waist, w_m_2_shoulder, w_m_2_q2, t9_55, t9_56];
+        kept[244] = a_2y;
+        kept[245] = a_2z;
+        kept[246] = u_2_waistx;
+        kept[247] = u_2_waisty;
+        kept[248] = u_2_shouldery;
+        kept[249] = a_2x;
     }
     // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m, part 1
     {
@@ -11124,61 +11209,61 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[
         let w_izz_3_q7 = al_3z.mul_add(t10_79, t10_191);
         let t10_192 = -w_izz_3_q7;
         let t10_193 = t10_90 - t10_168;
-        kept[251] = e_s1_2_waistx;
-        kept[252] = e_3_waisty;
-        kept[253] = e_3_waistz;
-        kept[254] = t10_45;
-        kept[255] = e_3_shoulderz;
-        kept[256] = w_ixx_3_shoulder;
-        kept[257] = t10_54;
-        kept[258] = u_3_q2y;
-        kept[259] = t10_57;
-        kept[260] = u_3_q2z;
-        kept[261] = t10_64;
-        kept[262] = t10_67;
-        kept[263] = t10_70;
-        kept[264] = t10_73;
-        kept[265] = t10_79;
-        kept[266] = t10_82;
-        kept[267] = t10_85;
-        kept[268] = t10_88;
-        kept[269] = t10_94;
-        kept[270] = t10_97;
-        kept[271] = t10_111;
-        kept[272] = t10_116;
-        kept[273] = t10_118;
-        kept[274] = t10_119;
-        kept[275] = t10_121;
-        kept[276] = w_ixy_3_shoulder;
-        kept[277] = t10_126;
-        kept[278] = t10_129;
-        kept[279] = t10_132;
-        kept[280] = al_3z;
-        kept[281] = t10_138;
-        kept[282] = t10_140;
-        kept[283] = t10_143;
-        kept[284] = w_ixz_3_waist;
-        kept[285] = t10_146;
-        kept[286] = w_ixz_3_q2;
-        kept[287] = w_ixz_3_q7;
-        kept[288] = w_ixz_3_q9;
-        kept[289] = t10_156;
-        kept[290] = t10_160;
-        kept[291] = w_iyy_3_q2;
-        kept[292] = w_iyy_3_q7;
-        kept[293] = w_iyy_3_q9;
-        kept[294] = t10_172;
-        kept[295] = t10_174;
-        kept[296] = t10_175;
-        kept[297] = w_iyz_3_shoulder;
-        kept[298] = t10_180;
-        kept[299] = t10_183;
-        kept[300] = t10_186;
-        kept[301] = w_izz_3_waist;
-        kept[302] = w_izz_3_shoulder;
-        kept[303] = t10_190;
-        kept[304] = t10_192;
-        kept[305] = t10_193;
+        kept[250] = e_s1_2_waistx;
+        kept[251] = e_3_waisty;
+        kept[252] = e_3_waistz;
+        kept[253] = t10_45;
+        kept[254] = e_3_shoulderz;
+        kept[255] = w_ixx_3_shoulder;
+        kept[256] = t10_54;
+        kept[257] = u_3_q2y;
+        kept[258] = t10_57;
+        kept[259] = u_3_q2z;
+        kept[260] = t10_64;
+        kept[261] = t10_67;
+        kept[262] = t10_70;
+        kept[263] = t10_73;
+        kept[264] = t10_79;
+        kept[265] = t10_82;
+        kept[266] = t10_85;
+        kept[267] = t10_88;
+        kept[268] = t10_94;
+        kept[269] = t10_97;
+        kept[270] = t10_111;
+        kept[271] = t10_116;
+        kept[272] = t10_118;
+        kept[273] = t10_119;
+        kept[274] = t10_121;
+        kept[275] = w_ixy_3_shoulder;
+        kept[276] = t10_126;
+        kept[277] = t10_129;
+        kept[278] = t10_132;
+        kept[279] = al_3z;
+        kept[280] = t10_138;
+        kept[281] = t10_140;
+        kept[282] = t10_143;
+        kept[283] = w_ixz_3_waist;
+        kept[284] = t10_146;
+        kept[285] = w_ixz_3_q2;
+        kept[286] = w_ixz_3_q7;
+        kept[287] = w_ixz_3_q9;
+        kept[288] = t10_156;
+        kept[289] = t10_160;
+        kept[290] = w_iyy_3_q2;
+        kept[291] = w_iyy_3_q7;
+        kept[292] = w_iyy_3_q9;
+        kept[293] = t10_172;
+        kept[294] = t10_174;
+        kept[295] = t10_175;
+        kept[296] = w_iyz_3_shoulder;
+        kept[297] = t10_180;
+        kept[298] = t10_183;
+        kept[299] = t10_186;
+        kept[300] = w_izz_3_waist;
+        kept[301] = w_izz_3_shoulder;
+        kept[302] = t10_190;
+        kept[303] = t10_192;
+        kept[304] = t10_193;
     }
     // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
@@ -11193,82 +11278,82 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[
         let x_q1_q2 = kept[134];
         let x_q1_q7 = kept[135];
         let x_q1_q9 = kept[136];
-        let u_1_waisty = kept[238];
-        let a_2y = kept[245];
-        let a_2z = kept[246];
-        let u_2_waistx = kept[247];
-        let u_2_waisty = kept[248];
-        let u_2_shouldery = kept[249];
-        let a_2x = kept[250];
-        let e_s1_2_waistx = kept[251];
-        let e_3_waisty = kept[252];
-        let e_3_waistz = kept[253];
-        let t10_45 = kept[254];
-        let e_3_shoulderz = kept[255];
-        let w_ixx_3_shoulder = kept[256];
-        let t10_54 = kept[257];
-        let u_3_q2y = kept[258];
-        let t10_57 = kept[259];
-        let u_3_q2z = kept[260];
-        let t10_64 = kept[261];
-        let t10_67 = kept[262];
-        let t10_70 = kept[263];
-        let t10_73 = kept[264];
-        let t10_79 = kept[265];
-        let t10_82 = kept[266];
-        let t10_85 = kept[267];
-        let t10_88 = kept[268];
-        let t10_94 = kept[269];
-        let t10_97 = kept[270];
-        let t10_111 = kept[271];
-        let t10_116 = kept[272];
-        let t10_118 = kept[273];
-        let t10_119 = kept[274];
-        let t10_121 = kept[275];
-        let w_ixy_3_shoulder = kept[276];
-        let t10_126 = kept[277];
-        let t10_129 = kept[278];
-        let t10_132 = kept[279];
-        let al_3z = kept[280];
-        let t10_138 = kept[281];
-        let t10_140 = kept[282];
-        let t10_143 = kept[283];
-        let w_ixz_3_waist = kept[284];
-        let t10_146 = kept[285];
-        let w_ixz_3_q2 = kept[286];
-        let w_ixz_3_q7 = kept[287];
-        let w_ixz_3_q9 = kept[288];
-        let t10_156 = kept[289];
-        let t10_160 = kept[290];
-        let w_iyy_3_q2 = kept[291];
-        let w_iyy_3_q7 = kept[292];
-        let w_iyy_3_q9 = kept[293];
-        let t10_172 = kept[294];
-        let t10_174 = kept[295];
-        let t10_175 = kept[296];
-        let w_iyz_3_shoulder = kept[297];
-        let t10_180 = kept[298];
-        let t10_183 = kept[299];
-        let t10_186 = kept[300];
-        let w_izz_3_waist = kept[301];
-        let w_izz_3_shoulder = kept[302];
-        let t10_190 = kept[303];
-        let t10_192 = kept[304];
-        let t10_193 = kept[305];
+        let u_1_waisty = kept[237];
+        let a_2y = kept[244];
+        let a_2z = kept[245];
+        let u_2_waistx = kept[246];
+        let u_2_waisty = kept[247];
+        let u_2_shouldery = kept[248];
+        let a_2x = kept[249];
+        let e_s1_2_waistx = kept[250];
+        let e_3_waisty = kept[251];
+        let e_3_waistz = kept[252];
+        let t10_45 = kept[253];
+        let e_3_shoulderz = kept[254];
+        let w_ixx_3_shoulder = kept[255];
+        let t10_54 = kept[256];
+        let u_3_q2y = kept[257];
+        let t10_57 = kept[258];
+        let u_3_q2z = kept[259];
+        let t10_64 = kept[260];
+        let t10_67 = kept[261];
+        let t10_70 = kept[262];
+        let t10_73 = kept[263];
+        let t10_79 = kept[264];
+        let t10_82 = kept[265];
+        let t10_85 = kept[266];
+        let t10_88 = kept[267];
+        let t10_94 = kept[268];
+        let t10_97 = kept[269];
+        let t10_111 = kept[270];
+        let t10_116 = kept[271];
+        let t10_118 = kept[272];
+        let t10_119 = kept[273];
+        let t10_121 = kept[274];
+        let w_ixy_3_shoulder = kept[275];
+        let t10_126 = kept[276];
+        let t10_129 = kept[277];
+        let t10_132 = kept[278];
+        let al_3z = kept[279];
+        let t10_138 = kept[280];
+        let t10_140 = kept[281];
+        let t10_143 = kept[282];
+        let w_ixz_3_waist = kept[283];
+        let t10_146 = kept[284];
+        let w_ixz_3_q2 = kept[285];
+        let w_ixz_3_q7 = kept[286];
+        let w_ixz_3_q9 = kept[287];
+        let t10_156 = kept[288];
+        let t10_160 = kept[289];
+        let w_iyy_3_q2 = kept[290];
+        let w_iyy_3_q7 = kept[291];
+        let w_iyy_3_q9 = kept[292];
+        let t10_172 = kept[293];
+        let t10_174 = kept[294];
+        let t10_175 = kept[295];
+        let w_iyz_3_shoulder = kept[296];
+        let t10_180 = kept[297];
+        let t10_183 = kept[298];
+        let t10_186 = kept[299];
+        let w_izz_3_waist = kept[300];
+        let w_izz_3_shoulder = kept[301];
+        let t10_190 = kept[302];
+        let t10_192 = kept[303];
+        let t10_193 = kept[304];
         let w_izz_3_q9 = al_3z.mul_add(t10_94, t10_193);
         let t11_1 = -w_izz_3_q9;
         y[55] = [w_izz_3_waist, w_izz_3_shoulder, t10_190, t10_192, t11_1];
         let t11_2 = sin_s1_1 * a_2x;
-        let a_s1_1y = cos_s1_1.mul_add(a_2y, t11_2);
+        let a_s1_1y = (-cos_s1_1).mul_add(a_2y, t11_2);
         let t11_3 = cos_s1_3 * a_s1_1y;
         let t11_4 = cos_s1_2 * a_2z;
         let t11_5 = cos_s1_1 * a_2x;
-        let a_s1_1x = (-sin_s1_1).mul_add(a_2y, t11_5);
-        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t11_4);
-        let a_3y = sin_s1_3.mul_add(a_s1_2z, t11_3);
+        let a_s1_1x = sin_s1_1.mul_add(a_2y, t11_5);
+        let a_s1_2z = sin_s1_2.mul_add(a_s1_1x, t11_4);
+        let a_3y = (-sin_s1_3).mul_add(a_s1_2z, t11_3);
         let t11_6 = e_3_waistz * a_3y;
         let t11_7 = sin_s1_3 * a_s1_1y;
-        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t11_7);
+        let a_3z = cos_s1_3.mul_add(a_s1_2z, t11_7);
         let t11_8 = (-e_3_waisty).mul_add(a_3z, t11_6);
         let t11_9 = sin_s1_2 * u_1_waisty;
         let t11_10 = cos_s1_1 * u_2_waistx;
@@ -11286,49 +11371,49 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[
         let t11_17 = sin_s1_3 * u_s1_1_waisty;
         let u_3_waistz = cos_s1_3.mul_add(u_s1_2_waistz, t11_17);
         let t11_18 = (-u_3_waistz).mul_add(t10_111, t11_16);
-        let w_mx_3_waist = t11_8 - t11_18;
-        let t11_19 = -w_mx_3_waist;
-        let t11_20 = e_3_shoulderz * a_3y;
-        let t11_21 = (-e_3_shouldery).mul_add(a_3z, t11_20);
+        let w_mx_3_waist = t11_8 + t11_18;
+        let t11_19 = e_3_shoulderz * a_3y;
+        let t11_20 = (-e_3_shouldery).mul_add(a_3z, t11_19);
         let u_s1_1_shoulderx = sin_s1_1 * u_2_shouldery;
         let u_s1_2_shoulderx = cos_s1_2 * u_s1_1_shoulderx;
-        let t11_22 = u_s1_2_shoulderx * t11_11;
+        let t11_21 = u_s1_2_shoulderx * t11_11;
         let u_s1_1_shouldery = cos_s1_1 * u_2_shouldery;
-        let t11_23 = cos_s1_3 * u_s1_1_shouldery;
+        let t11_22 = cos_s1_3 * u_s1_1_shouldery;
         let u_s1_2_shoulderz = sin_s1_2 * u_s1_1_shoulderx;
-        let u_3_shouldery = sin_s1_3.mul_add(u_s1_2_shoulderz, t11_23);
-        let t11_24 = u_3_shouldery.mul_add(t10_138, t11_22);
-        let t11_25 = sin_s1_3 * u_s1_1_shouldery;
-        let u_3_shoulderz = (-cos_s1_3).mul_add(u_s1_2_shoulderz, t11_25);
-        let t11_26 = (-u_3_shoulderz).mul_add(t10_111, t11_24);
-        let w_mx_3_shoulder = t11_21 + t11_26;
-        let t11_27 = -w_mx_3_shoulder;
-        let t11_28 = a_3y * t10_64;
-        let t11_29 = (-a_3z).mul_add(t10_57, t11_28);
+        let u_3_shouldery = sin_s1_3.mul_add(u_s1_2_shoulderz, t11_22);
+        let t11_23 = u_3_shouldery.mul_add(t10_138, t11_21);
+        let t11_24 = sin_s1_3 * u_s1_1_shouldery;
+        let u_3_shoulderz = (-cos_s1_3).mul_add(u_s1_2_shoulderz, t11_24);
+        let t11_25 = (-u_3_shoulderz).mul_add(t10_111, t11_23);
+        let w_mx_3_shoulder = t11_20 - t11_25;
+        let t11_26 = a_3y * t10_64;
+        let t11_27 = (-a_3z).mul_add(t10_57, t11_26);
         let u_s1_1_q1x = q2 * cos_s1_1;
         let u_s1_2_q1x = cos_s1_2 * u_s1_1_q1x;
-        let t11_30 = u_s1_2_q1x.mul_add(x_q1_q2, sin_s1_2);
-        let t11_31 = t11_11 * t11_30;
+        let t11_28 = u_s1_2_q1x.mul_add(x_q1_q2, sin_s1_2);
+        let t11_29 = t11_11 * t11_28;
         let u_s1_1_q1y = q2 * sin_s1_1;
-        let t11_32 = cos_s1_3 * u_s1_1_q1y;
+        let t11_30 = cos_s1_3 * u_s1_1_q1y;
         let u_s1_2_q1z = sin_s1_2 * u_s1_1_q1x;
-        let u_3_q1y = (-sin_s1_3).mul_add(u_s1_2_q1z, t11_32);
-        let t11_33 = u_3_q1y.mul_add(x_q1_q2, u_3_q2y);
-        let t11_34 = (-t10_138).mul_add(t11_33, t11_31);
-        let t11_35 = sin_s1_3 * u_s1_1_q1y;
-        let u_3_q1z = cos_s1_3.mul_add(u_s1_2_q1z, t11_35);
-        let t11_36 = (-u_3_q1z).mul_add(x_q1_q2, u_3_q2z);
-        let t11_37 = (-t10_111).mul_add(t11_36, t11_34);
-        let w_mx_3_q2 = t11_29 + t11_37;
-        let t11_38 = a_3y * t10_79;
-        let t11_39 = (-a_3z).mul_add(t10_73, t11_38);
-        let t11_40 = u_s1_2_q1x * x_q1_q7;
-        let t11_41 = t11_11 * t11_40;
-        let t11_42 = u_3_q1y * x_q1_q7;
-        let t11_43 = (-t10_138).mul_add(t11_42, t11_41);
-        let t11_44 = u_3_q1z * x_q1_q7;
-        let t11_45 = t10_111.mul_add(t11_44, t11_43);
-        let w_mx_3_q7 = t11_39 + t11_45;
+        let u_3_q1y = (-sin_s1_3).mul_add(u_s1_2_q1z, t11_30);
+        let t11_31 = u_3_q1y.mul_add(x_q1_q2, u_3_q2y);
+        let t11_32 = (-t10_138).mul_add(t11_31, t11_29);
+        let t11_33 = sin_s1_3 * u_s1_1_q1y;
+        let u_3_q1z = cos_s1_3.mul_add(u_s1_2_q1z, t11_33);
+        let t11_34 = (-u_3_q1z).mul_add(x_q1_q2, u_3_q2z);
+        let t11_35 = (-t10_111).mul_add(t11_34, t11_32);
+        let w_mx_3_q2 = t11_27 - t11_35;
+        let t11_36 = -w_mx_3_q2;
+        let t11_37 = a_3y * t10_79;
+        let t11_38 = (-a_3z).mul_add(t10_73, t11_37);
+        let t11_39 = u_s1_2_q1x * x_q1_q7;
+        let t11_40 = t11_11 * t11_39;
+        let t11_41 = u_3_q1y * x_q1_q7;
+        let t11_42 = (-t10_138).mul_add(t11_41, t11_40);
+        let t11_43 = u_3_q1z * x_q1_q7;
+        let t11_44 = t10_111.mul_add(t11_43, t11_42);
+        let w_mx_3_q7 = t11_38 - t11_44;
+        let t11_45 = -w_mx_3_q7;
         let t11_46 = a_3y * t10_94;
         let t11_47 = (-a_3z).mul_add(t10_88, t11_46);
         let t11_48 = u_s1_2_q1x * x_q1_q9;
@@ -11337,94 +11422,98 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[
         let t11_51 = (-t10_138).mul_add(t11_50, t11_49);
         let t11_52 = u_3_q1z * x_q1_q9;
         let t11_53 = t10_111.mul_add(t11_52, t11_51);
-        let w_mx_3_q9 = t11_47 + t11_53;
-        y[56] = [t11_19, t11_27, w_mx_3_q2, w_mx_3_q7, w_mx_3_q9];
-        let t11_54 = e_s1_2_waistx * a_3z;
-        let t11_55 = sin_s1_2 * a_2z;
-        let a_s1_2x = cos_s1_2.mul_add(a_s1_1x, t11_55);
-        let t11_56 = (-e_3_waistz).mul_add(a_s1_2x, t11_54);
-        let t11_57 = u_s1_2_waistx * t10_172;
-        let t11_58 = t10_118 + t10_140;
-        let t11_59 = (-u_3_waisty).mul_add(t11_58, t11_57);
-        let t11_60 = (-u_3_waistz).mul_add(t10_116, t11_59);
-        let w_my_3_waist = t11_56 - t11_60;
-        let t11_61 = e_s1_2_shoulderx * a_3z;
-        let t11_62 = e_3_shoulderz.mul_add(a_s1_2x, t11_61);
-        let t11_63 = u_s1_2_shoulderx * t10_172;
-        let t11_64 = (-u_3_shouldery).mul_add(t11_58, t11_63);
-        let t11_65 = (-u_3_shoulderz).mul_add(t10_116, t11_64);
-        let w_my_3_shoulder = t11_62 - t11_65;
-        let t11_66 = -w_my_3_shoulder;
-        let t11_67 = a_3z * t10_54;
-        let t11_68 = a_s1_2x.mul_add(t10_64, t11_67);
-        let t11_69 = t10_172 * t11_30;
-        let t11_70 = t11_58.mul_add(t11_33, t11_69);
-        let t11_71 = (-t10_116).mul_add(t11_36, t11_70);
-        let w_my_3_q2 = t11_68 - t11_71;
-        let t11_72 = a_3z * t10_70;
-        let t11_73 = a_s1_2x.mul_add(t10_79, t11_72);
-        let t11_74 = t10_172 * t11_40;
-        let t11_75 = t11_58.mul_add(t11_42, t11_74);
-        let t11_76 = t10_116.mul_add(t11_44, t11_75);
-        let w_my_3_q7 = t11_73 - t11_76;
-        let t11_77 = a_3z * t10_85;
-        let t11_78 = a_s1_2x.mul_add(t10_94, t11_77);
-        let t11_79 = t10_172 * t11_48;
-        let t11_80 = t11_58.mul_add(t11_50, t11_79);
-        let t11_81 = t10_116.mul_add(t11_52, t11_80);
-        let w_my_3_q9 = t11_78 - t11_81;
-        y[57] = [w_my_3_waist, t11_66, w_my_3_q2, w_my_3_q7, w_my_3_q9];
-        let t11_82 = e_3_waisty * a_s1_2x;
-        let t11_83 = (-e_s1_2_waistx).mul_add(a_3y, t11_82);
-        let t11_84 = u_s1_2_waistx * t10_174;
-        let t11_85 = (-u_3_waisty).mul_add(t10_143, t11_84);
-        let t11_86 = t10_118 + t10_119;
-        let t11_87 = u_3_waistz.mul_add(t11_86, t11_85);
-        let w_mz_3_waist = t11_83 + t11_87;
-        let t11_88 = -w_mz_3_waist;
-        let t11_89 = e_3_shouldery * a_s1_2x;
-        let t11_90 = e_s1_2_shoulderx.mul_add(a_3y, t11_89);
-        let t11_91 = u_s1_2_shoulderx * t10_174;
-        let t11_92 = (-u_3_shouldery).mul_add(t10_143, t11_91);
-        let t11_93 = u_3_shoulderz.mul_add(t11_86, t11_92);
-        let w_mz_3_shoulder = t11_90 - t11_93;
-        let t11_94 = -w_mz_3_shoulder;
-        let t11_95 = a_s1_2x * t10_57;
-        let t11_96 = a_3y.mul_add(t10_54, t11_95);
-        let t11_97 = t10_174 * t11_30;
-        let t11_98 = t10_143.mul_add(t11_33, t11_97);
-        let t11_99 = t11_86.mul_add(t11_36, t11_98);
-        let w_mz_3_q2 = t11_96 - t11_99;
-        let t11_100 = a_s1_2x * t10_73;
-        let t11_101 = a_3y.mul_add(t10_70, t11_100);
-        let t11_102 = t10_174 * t11_40;
-        let t11_103 = t10_143.mul_add(t11_42, t11_102);
-        let t11_104 = (-t11_86).mul_add(t11_44, t11_103);
-        let w_mz_3_q7 = t11_101 - t11_104;
-        let t11_105 = a_s1_2x * t10_88;
-        let t11_106 = a_3y.mul_add(t10_85, t11_105);
-        let t11_107 = t10_174 * t11_48;
-        let t11_108 = t10_143.mul_add(t11_50, t11_107);
-        let t11_109 = (-t11_86).mul_add(t11_52, t11_108);
-        let w_mz_3_q9 = t11_106 - t11_109;
-        y[58] = [t11_88, t11_94, w_mz_3_q2, w_mz_3_q7, w_mz_3_q9];
-        let t11_110 = u_s1_2_waistx * a_s1_2x;
-        let t11_111 = (-u_3_waisty).mul_add(a_3y, t11_110);
-        let w_m_3_waist = (-u_3_waistz).mul_add(a_3z, t11_111);
-        let t11_112 = u_s1_2_shoulderx * a_s1_2x;
-        let t11_113 = (-u_3_shouldery).mul_add(a_3y, t11_112);
-        let w_m_3_shoulder = (-u_3_shoulderz).mul_add(a_3z, t11_113);
-        let t11_114 = -w_m_3_shoulder;
-        let t11_115 = a_s1_2x * t11_30;
-        let t11_116 = a_3y.mul_add(t11_33, t11_115);
-        let w_m_3_q2 = (-a_3z).mul_add(t11_36, t11_116);
-        let t11_117 = a_s1_2x * t11_40;
-        let t11_118 = a_3y.mul_add(t11_42, t11_117);
-        let w_m_3_q7 = a_3z.mul_add(t11_44, t11_118);
-        let t11_119 = a_s1_2x * t11_48;
-        let t11_120 = a_3y.mul_add(t11_50, t11_119);
-        let w_m_3_q9 = a_3z.mul_add(t11_52, t11_120);
-        y[59] = [w_m_3_waist, t11_114, w_m_3_q2, w_m_3_q7, w_m_3_q9];
+        let w_mx_3_q9 = t11_47 - t11_53;
+        let t11_54 = -w_mx_3_q9;
+        y[56] = [w_mx_3_waist, w_mx_3_shoulder, t11_36, t11_45, t11_54];
+        let t11_55 = e_s1_2_waistx * a_3z;
+        let t11_56 = sin_s1_2 * a_2z;
+        let a_s1_2x = (-cos_s1_2).mul_add(a_s1_1x, t11_56);
+        let t11_57 = e_3_waistz.mul_add(a_s1_2x, t11_55);
+        let t11_58 = u_s1_2_waistx * t10_172;
+        let t11_59 = t10_118 + t10_140;
+        let t11_60 = (-u_3_waisty).mul_add(t11_59, t11_58);
+        let t11_61 = (-u_3_waistz).mul_add(t10_116, t11_60);
+        let w_my_3_waist = t11_57 + t11_61;
+        let t11_62 = -w_my_3_waist;
+        let t11_63 = e_s1_2_shoulderx * a_3z;
+        let t11_64 = (-e_3_shoulderz).mul_add(a_s1_2x, t11_63);
+        let t11_65 = u_s1_2_shoulderx * t10_172;
+        let t11_66 = (-u_3_shouldery).mul_add(t11_59, t11_65);
+        let t11_67 = (-u_3_shoulderz).mul_add(t10_116, t11_66);
+        let w_my_3_shoulder = t11_64 + t11_67;
+        let t11_68 = a_3z * t10_54;
+        let t11_69 = (-a_s1_2x).mul_add(t10_64, t11_68);
+        let t11_70 = t10_172 * t11_28;
+        let t11_71 = t11_59.mul_add(t11_31, t11_70);
+        let t11_72 = (-t10_116).mul_add(t11_34, t11_71);
+        let w_my_3_q2 = t11_69 + t11_72;
+        let t11_73 = -w_my_3_q2;
+        let t11_74 = a_3z * t10_70;
+        let t11_75 = (-a_s1_2x).mul_add(t10_79, t11_74);
+        let t11_76 = t10_172 * t11_39;
+        let t11_77 = t11_59.mul_add(t11_41, t11_76);
+        let t11_78 = t10_116.mul_add(t11_43, t11_77);
+        let w_my_3_q7 = t11_75 + t11_78;
+        let t11_79 = -w_my_3_q7;
+        let t11_80 = a_3z * t10_85;
+        let t11_81 = (-a_s1_2x).mul_add(t10_94, t11_80);
+        let t11_82 = t10_172 * t11_48;
+        let t11_83 = t11_59.mul_add(t11_50, t11_82);
+        let t11_84 = t10_116.mul_add(t11_52, t11_83);
+        let w_my_3_q9 = t11_81 + t11_84;
+        let t11_85 = -w_my_3_q9;
+        y[57] = [t11_62, w_my_3_shoulder, t11_73, t11_79, t11_85];
+        let t11_86 = e_3_waisty * a_s1_2x;
+        let t11_87 = e_s1_2_waistx.mul_add(a_3y, t11_86);
+        let t11_88 = u_s1_2_waistx * t10_174;
+        let t11_89 = (-u_3_waisty).mul_add(t10_143, t11_88);
+        let t11_90 = t10_118 + t10_119;
+        let t11_91 = u_3_waistz.mul_add(t11_90, t11_89);
+        let w_mz_3_waist = t11_87 + t11_91;
+        let t11_92 = -w_mz_3_waist;
+        let t11_93 = e_3_shouldery * a_s1_2x;
+        let t11_94 = (-e_s1_2_shoulderx).mul_add(a_3y, t11_93);
+        let t11_95 = u_s1_2_shoulderx * t10_174;
+        let t11_96 = (-u_3_shouldery).mul_add(t10_143, t11_95);
+        let t11_97 = u_3_shoulderz.mul_add(t11_90, t11_96);
+        let w_mz_3_shoulder = t11_94 - t11_97;
+        let t11_98 = -w_mz_3_shoulder;
+        let t11_99 = a_s1_2x * t10_57;
+        let t11_100 = (-a_3y).mul_add(t10_54, t11_99);
+        let t11_101 = t10_174 * t11_28;
+        let t11_102 = t10_143.mul_add(t11_31, t11_101);
+        let t11_103 = t11_90.mul_add(t11_34, t11_102);
+        let w_mz_3_q2 = t11_100 - t11_103;
+        let t11_104 = a_s1_2x * t10_73;
+        let t11_105 = (-a_3y).mul_add(t10_70, t11_104);
+        let t11_106 = t10_174 * t11_39;
+        let t11_107 = t10_143.mul_add(t11_41, t11_106);
+        let t11_108 = (-t11_90).mul_add(t11_43, t11_107);
+        let w_mz_3_q7 = t11_105 - t11_108;
+        let t11_109 = a_s1_2x * t10_88;
+        let t11_110 = (-a_3y).mul_add(t10_85, t11_109);
+        let t11_111 = t10_174 * t11_48;
+        let t11_112 = t10_143.mul_add(t11_50, t11_111);
+        let t11_113 = (-t11_90).mul_add(t11_52, t11_112);
+        let w_mz_3_q9 = t11_110 - t11_113;
+        y[58] = [t11_92, t11_98, w_mz_3_q2, w_mz_3_q7, w_mz_3_q9];
+        let t11_114 = u_s1_2_waistx * a_s1_2x;
+        let t11_115 = u_3_waisty.mul_add(a_3y, t11_114);
+        let w_m_3_waist = u_3_waistz.mul_add(a_3z, t11_115);
+        let t11_116 = u_s1_2_shoulderx * a_s1_2x;
+        let t11_117 = u_3_shouldery.mul_add(a_3y, t11_116);
+        let w_m_3_shoulder = u_3_shoulderz.mul_add(a_3z, t11_117);
+        let t11_118 = -w_m_3_shoulder;
+        let t11_119 = a_s1_2x * t11_28;
+        let t11_120 = (-a_3y).mul_add(t11_31, t11_119);
+        let w_m_3_q2 = a_3z.mul_add(t11_34, t11_120);
+        let t11_121 = a_s1_2x * t11_39;
+        let t11_122 = (-a_3y).mul_add(t11_41, t11_121);
+        let w_m_3_q7 = (-a_3z).mul_add(t11_43, t11_122);
+        let t11_123 = a_s1_2x * t11_48;
+        let t11_124 = (-a_3y).mul_add(t11_50, t11_123);
+        let w_m_3_q9 = (-a_3z).mul_add(t11_52, t11_124);
+        y[59] = [w_m_3_waist, t11_118, w_m_3_q2, w_m_3_q7, w_m_3_q9];
         y[50] = [t10_45, w_ixx_3_shoulder, t10_67, t10_82, t10_97];
         y[51] = [t10_121, w_ixy_3_shoulder, t10_126, t10_129, t10_132];
         y[52] = [w_ixz_3_waist, t10_146, w_ixz_3_q2, w_ixz_3_q7, w_ixz_3_q9];
@@ -11443,12 +11532,14 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[
         let t2_6 = kept[7];
         let w_iyz_boom_shoulder = kept[9];
         let al_boomy = kept[10];
-        let t2_14 = kept[13];
-        let t3_1 = kept[27];
-        let a_basey = kept[28];
-        let a_basez = kept[29];
-        let t3_10 = kept[30];
-        let t3_13 = kept[31];
+        let t2_14 = kept[12];
+        let t2_30 = kept[23];
+        let t3_1 = kept[26];
+        let a_basey = kept[27];
+        let a_basez = kept[28];
+        let u_base_waistx = kept[29];
+        let a_basex = kept[30];
+        let t3_12 = kept[31];
         let sin_q6 = kept[49];
         let cos_q6 = kept[50];
         let t4_156 = kept[117];
@@ -11456,7 +11547,6 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[
         let x_q6_q7 = kept[147];
         let x_q6_q9 = kept[148];
         let t7_54 = kept[204];
-        let a_basex = kept[233];
         let t12_1 = cos_shoulder * cos_q6;
         let t12_2 = like.lift(0.8660254037844386) * t12_1;
         let e_4_waistx = (-sin_shoulder).mul_add(sin_q6, t12_2);
@@ -11627,28 +11717,27 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[
         let t12_134 = -w_izz_4_q7;
         let w_izz_4_q9 = x_q6_q9 * al_4z;
         let t12_135 = -w_izz_4_q9;
-        let t12_136 = like.lift(0.13172246391561312) * t3_10;
+        let t12_136 = like.lift(0.13172246391561312) * t2_30;
         let t12_137 = like.lift(0.22815) * t2_14;
         let t12_138 = t12_136 - t12_137;
-        let t12_139 = a_basex - t12_138;
+        let t12_139 = a_basex + t12_138;
         let t12_140 = like.lift(0.5) * t12_139;
         let t12_141 = like.lift(0.13172246391561312) * w_ixz_boom_shoulder;
-        let t12_142 = like.lift(0.22815) * t3_13;
+        let t12_142 = like.lift(0.22815) * t3_12;
         let t12_143 = t12_141 + t12_142;
         let t12_144 = a_basey - t12_143;
-        let t12_145 = like.lift(0.8660254037844386).mul_add(t12_144, t12_140);
+        let t12_145 = like.lift(-0.8660254037844386).mul_add(t12_144, t12_140);
         let t12_146 = sin_q6 * t12_145;
         let t12_147 = like.lift(0.13172246391561312) * w_iyz_boom_shoulder;
         let t12_148 = like.lift(0.22815) * t3_1;
         let t12_149 = t12_147 - t12_148;
         let t12_150 = a_basez + t12_149;
-        let a_4y = cos_q6.mul_add(t12_150, t12_146);
+        let a_4y = (-cos_q6).mul_add(t12_150, t12_146);
         let t12_151 = cos_shoulder * a_4y;
         let t12_152 = like.lift(0.5) * t12_151;
         let t12_153 = like.lift(0.8660254037844386) * t12_139;
-        let a_4z = like.lift(-0.5).mul_add(t12_144, t12_153);
+        let a_4z = like.lift(0.5).mul_add(t12_144, t12_153);
         let t12_154 = e_4_waisty.mul_add(a_4z, t12_152);
-        let u_base_waistx = like.lift(0.6) * cos_shoulder;
         let t12_155 = like.lift(0.22815) * sin_shoulder;
         let t12_156 = u_base_waistx - t12_155;
         let t12_157 = like.lift(0.114075) * sin_shoulder;
@@ -11663,146 +11752,148 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[
         let t12_164 = like.lift(0.06586123195780656) * sin_shoulder;
         let u_4_waistz = like.lift(0.8660254037844386).mul_add(t12_156, -t12_164);
         let t12_165 = (-u_4_waistz).mul_add(t12_58, t12_163);
-        let w_mx_4_waist = t12_154 + t12_165;
-        let t12_166 = like.lift(0.8660254037844386) * a_4y;
-        let t12_167 = sin_q6 * a_4z;
-        let t12_168 = like.lift(-0.5).mul_add(t12_167, t12_166);
-        let t12_169 = like.lift(0.5196152422706631) * cos_q6;
-        let u_4_shoulderx = like.lift(0.22815).mul_add(sin_q6, t12_169);
-        let t12_170 = like.lift(0.5196152422706631) * sin_q6;
-        let u_4_shouldery = like.lift(-0.22815).mul_add(cos_q6, t12_170);
-        let t12_171 = u_4_shouldery * t12_86;
-        let t12_172 = u_4_shoulderx.mul_add(t12_160, t12_171);
-        let t12_173 = like.lift(0.3).mul_add(t12_58, t12_172);
-        let w_mx_4_shoulder = t12_168 + t12_173;
-        let t12_174 = -w_mx_4_shoulder;
+        let w_mx_4_waist = t12_154 - t12_165;
+        let t12_166 = -w_mx_4_waist;
+        let t12_167 = like.lift(0.8660254037844386) * a_4y;
+        let t12_168 = sin_q6 * a_4z;
+        let t12_169 = like.lift(-0.5).mul_add(t12_168, t12_167);
+        let t12_170 = like.lift(1.0825317547305484) * cos_q6;
+        let u_4_shoulderx = like.lift(0.22815).mul_add(sin_q6, t12_170);
+        let t12_171 = like.lift(1.0825317547305484) * sin_q6;
+        let u_4_shouldery = like.lift(-0.22815).mul_add(cos_q6, t12_171);
+        let t12_172 = u_4_shouldery * t12_86;
+        let t12_173 = u_4_shoulderx.mul_add(t12_160, t12_172);
+        let t12_174 = like.lift(0.625).mul_add(t12_58, t12_173);
+        let w_mx_4_shoulder = t12_169 - t12_174;
         let w_mx_4_q2 = x_q6_q2 * a_4y;
+        let t12_175 = -w_mx_4_q2;
         let w_mx_4_q7 = x_q6_q7 * a_4y;
+        let t12_176 = -w_mx_4_q7;
         let w_mx_4_q9 = x_q6_q9 * a_4y;
-        let t12_175 = e_4_waistx * a_4z;
-        let t12_176 = cos_q6 * t12_145;
-        let a_4x = (-sin_q6).mul_add(t12_150, t12_176);
-        let t12_177 = cos_shoulder * a_4x;
-        let t12_178 = like.lift(0.5).mul_add(t12_177, t12_175);
-        let t12_179 = t12_66 + t12_88;
-        let t12_180 = u_4_waisty * t12_179;
-        let t12_181 = u_4_waistx.mul_add(t12_116, -t12_180);
-        let t12_182 = (-u_4_waistz).mul_add(t12_63, t12_181);
-        let w_my_4_waist = t12_178 + t12_182;
-        let t12_183 = cos_q6 * a_4z;
-        let t12_184 = like.lift(0.5) * t12_183;
-        let t12_185 = like.lift(-0.8660254037844386).mul_add(a_4x, t12_184);
-        let t12_186 = u_4_shouldery * t12_179;
-        let t12_187 = u_4_shoulderx.mul_add(t12_116, -t12_186);
-        let t12_188 = like.lift(0.3).mul_add(t12_63, t12_187);
-        let w_my_4_shoulder = t12_185 - t12_188;
+        let t12_177 = -w_mx_4_q9;
+        let t12_178 = e_4_waistx * a_4z;
+        let t12_179 = cos_q6 * t12_145;
+        let a_4x = sin_q6.mul_add(t12_150, t12_179);
+        let t12_180 = cos_shoulder * a_4x;
+        let t12_181 = like.lift(0.5).mul_add(t12_180, t12_178);
+        let t12_182 = t12_66 + t12_88;
+        let t12_183 = u_4_waisty * t12_182;
+        let t12_184 = u_4_waistx.mul_add(t12_116, -t12_183);
+        let t12_185 = (-u_4_waistz).mul_add(t12_63, t12_184);
+        let w_my_4_waist = t12_181 - t12_185;
+        let t12_186 = -w_my_4_waist;
+        let t12_187 = cos_q6 * a_4z;
+        let t12_188 = like.lift(0.5) * t12_187;
+        let t12_189 = like.lift(-0.8660254037844386).mul_add(a_4x, t12_188);
+        let t12_190 = u_4_shouldery * t12_182;
+        let t12_191 = u_4_shoulderx.mul_add(t12_116, -t12_190);
+        let t12_192 = like.lift(0.625).mul_add(t12_63, t12_191);
+        let w_my_4_shoulder = t12_189 + t12_192;
+        let t12_193 = -w_my_4_shoulder;
         let w_my_4_q2 = x_q6_q2 * a_4x;
+        let t12_194 = -w_my_4_q2;
         let w_my_4_q7 = x_q6_q7 * a_4x;
+        let t12_195 = -w_my_4_q7;
         let w_my_4_q9 = x_q6_q9 * a_4x;
-        let t12_189 = e_4_waisty * a_4x;
-        let t12_190 = (-e_4_waistx).mul_add(a_4y, t12_189);
-        let t12_191 = u_4_waisty * t12_92;
-        let t12_192 = u_4_waistx.mul_add(t12_119, -t12_191);
-        let t12_193 = t12_66 + t12_67;
-        let t12_194 = u_4_waistz.mul_add(t12_193, t12_192);
-        let w_mz_4_waist = t12_190 - t12_194;
-        let t12_195 = -w_mz_4_waist;
-        kept[306] = e_4_waistx;
-        kept[307] = t12_3;
-        kept[308] = t12_4;
-        kept[309] = t12_8;
-        kept[310] = t12_9;
-        kept[311] = t12_13;
-        kept[312] = t12_14;
-        kept[313] = t12_19;
-        kept[314] = e_4_waisty;
-        kept[315] = w_4x;
-        kept[316] = t12_23;
-        kept[317] = t12_24;
-        kept[318] = t12_26;
-        kept[319] = t12_28;
-        kept[320] = t12_29;
-        kept[321] = w_4z;
-        kept[322] = t12_32;
-        kept[323] = t12_35;
-        kept[324] = t12_40;
-        kept[325] = w_ixx_4_waist;
-        kept[326] = t12_42;
-        kept[327] = t12_44;
-        kept[328] = t12_46;
-        kept[329] = w_ixx_4_shoulder;
-        kept[330] = w_ixx_4_q2;
-        kept[331] = t12_48;
-        kept[332] = w_ixx_4_q7;
-        kept[333] = t12_50;
-        kept[334] = w_ixx_4_q9;
-        kept[335] = t12_52;
-        kept[336] = t12_58;
-        kept[337] = t12_59;
-        kept[338] = t12_63;
-        kept[339] = t12_64;
-        kept[340] = t12_70;
-        kept[341] = t12_71;
-        kept[342] = t12_73;
-        kept[343] = t12_75;
-        kept[344] = t12_77;
-        kept[345] = t12_78;
-        kept[346] = w_ixy_4_q2;
-        kept[347] = t12_79;
-        kept[348] = w_ixy_4_q7;
-        kept[349] = t12_80;
-        kept[350] = w_ixy_4_q9;
-        kept[351] = t12_81;
-        kept[352] = t12_82;
-        kept[353] = t12_83;
-        kept[354] = t12_86;
-        kept[355] = t12_87;
-        kept[356] = t12_90;
-        kept[357] = t12_92;
-        kept[358] = t12_94;
-        kept[359] = w_ixz_4_waist;
-        kept[360] = t12_96;
-        kept[361] = t12_98;
-        kept[362] = t12_100;
-        kept[363] = w_ixz_4_shoulder;
-        kept[364] = t12_101;
-        kept[365] = t12_102;
-        kept[366] = t12_103;
-        kept[367] = t12_105;
-        kept[368] = t12_106;
-        kept[369] = w_iyy_4_waist;
-        kept[370] = t12_109;
-        kept[371] = t12_111;
-        kept[372] = t12_113;
-        kept[373] = t12_115;
-        kept[374] = t12_116;
-        kept[375] = t12_117;
-        kept[376] = t12_119;
-        kept[377] = t12_121;
-        kept[378] = w_iyz_4_waist;
-        kept[379] = t12_123;
-        kept[380] = t12_125;
-        kept[381] = t12_127;
-        kept[382] = w_iyz_4_shoulder;
-        kept[383] = w_iyz_4_q2;
-        kept[384] = w_iyz_4_q7;
-        kept[385] = w_iyz_4_q9;
-        kept[386] = t12_130;
-        kept[387] = w_izz_4_waist;
-        kept[388] = t12_132;
-        kept[389] = w_izz_4_shoulder;
-        kept[390] = t12_133;
-        kept[391] = t12_134;
-        kept[392] = t12_135;
-        kept[393] = t12_136;
-        kept[394] = t12_137;
-        kept[395] = t12_141;
-        kept[396] = t12_142;
-        kept[397] = t12_147;
-        kept[398] = t12_148;
-        kept[399] = a_4y;
-        kept[400] = a_4z;
-        kept[401] = u_base_waistx;
+        let t12_196 = -w_my_4_q9;
+        let t12_197 = e_4_waisty * a_4x;
+        kept[305] = e_4_waistx;
+        kept[306] = t12_3;
+        kept[307] = t12_4;
+        kept[308] = t12_8;
+        kept[309] = t12_9;
+        kept[310] = t12_13;
+        kept[311] = t12_14;
+        kept[312] = t12_19;
+        kept[313] = e_4_waisty;
+        kept[314] = w_4x;
+        kept[315] = t12_23;
+        kept[316] = t12_24;
+        kept[317] = t12_26;
+        kept[318] = t12_28;
+        kept[319] = t12_29;
+        kept[320] = w_4z;
+        kept[321] = t12_32;
+        kept[322] = t12_35;
+        kept[323] = t12_40;
+        kept[324] = w_ixx_4_waist;
+        kept[325] = t12_42;
+        kept[326] = t12_44;
+        kept[327] = t12_46;
+        kept[328] = w_ixx_4_shoulder;
+        kept[329] = w_ixx_4_q2;
+        kept[330] = t12_48;
+        kept[331] = w_ixx_4_q7;
+        kept[332] = t12_50;
+        kept[333] = w_ixx_4_q9;
+        kept[334] = t12_52;
+        kept[335] = t12_58;
+        kept[336] = t12_59;
+        kept[337] = t12_63;
+        kept[338] = t12_64;
+        kept[339] = t12_66;
+        kept[340] = t12_67;
+        kept[341] = t12_70;
+        kept[342] = t12_71;
+        kept[343] = t12_73;
+        kept[344] = t12_75;
+        kept[345] = t12_77;
+        kept[346] = t12_78;
+        kept[347] = w_ixy_4_q2;
+        kept[348] = t12_79;
+        kept[349] = w_ixy_4_q7;
+        kept[350] = t12_80;
+        kept[351] = w_ixy_4_q9;
+        kept[352] = t12_81;
+        kept[353] = t12_82;
+        kept[354] = t12_83;
+        kept[355] = t12_86;
+        kept[356] = t12_87;
+        kept[357] = t12_90;
+        kept[358] = t12_92;
+        kept[359] = t12_94;
+        kept[360] = w_ixz_4_waist;
+        kept[361] = t12_96;
+        kept[362] = t12_98;
+        kept[363] = t12_100;
+        kept[364] = w_ixz_4_shoulder;
+        kept[365] = t12_101;
+        kept[366] = t12_102;
+        kept[367] = t12_103;
+        kept[368] = t12_105;
+        kept[369] = t12_106;
+        kept[370] = w_iyy_4_waist;
+        kept[371] = t12_109;
+        kept[372] = t12_111;
+        kept[373] = t12_113;
+        kept[374] = t12_115;
+        kept[375] = t12_116;
+        kept[376] = t12_117;
+        kept[377] = t12_119;
+        kept[378] = t12_121;
+        kept[379] = w_iyz_4_waist;
+        kept[380] = t12_123;
+        kept[381] = t12_125;
+        kept[382] = t12_127;
+        kept[383] = w_iyz_4_shoulder;
+        kept[384] = w_iyz_4_q2;
+        kept[385] = w_iyz_4_q7;
+        kept[386] = w_iyz_4_q9;
+        kept[387] = t12_130;
+        kept[388] = w_izz_4_waist;
+        kept[389] = t12_132;
+        kept[390] = w_izz_4_shoulder;
+        kept[391] = t12_133;
+        kept[392] = t12_134;
+        kept[393] = t12_135;
+        kept[394] = t12_136;
+        kept[395] = t12_137;
+        kept[396] = t12_141;
+        kept[397] = t12_142;
+        kept[398] = t12_147;
+        kept[399] = t12_148;
+        kept[400] = a_4y;
+        kept[401] = a_4z;
         kept[402] = t12_155;
         kept[403] = t12_157;
         kept[404] = u_4_waistx;
@@ -11811,110 +11902,117 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[
         kept[407] = t12_162;
         kept[408] = t12_164;
         kept[409] = u_4_waistz;
-        kept[410] = w_mx_4_waist;
+        kept[410] = t12_166;
         kept[411] = u_4_shoulderx;
         kept[412] = u_4_shouldery;
-        kept[413] = t12_171;
-        kept[414] = t12_174;
-        kept[415] = w_mx_4_q2;
-        kept[416] = w_mx_4_q7;
-        kept[417] = w_mx_4_q9;
+        kept[413] = t12_172;
+        kept[414] = w_mx_4_shoulder;
+        kept[415] = t12_175;
+        kept[416] = t12_176;
+        kept[417] = t12_177;
         kept[418] = a_4x;
-        kept[419] = t12_179;
-        kept[420] = t12_180;
-        kept[421] = w_my_4_waist;
-        kept[422] = t12_186;
-        kept[423] = w_my_4_shoulder;
-        kept[424] = w_my_4_q2;
-        kept[425] = w_my_4_q7;
-        kept[426] = w_my_4_q9;
-        kept[427] = t12_191;
-        kept[428] = t12_193;
-        kept[429] = t12_195;
+        kept[419] = t12_182;
+        kept[420] = t12_183;
+        kept[421] = t12_186;
+        kept[422] = t12_190;
+        kept[423] = t12_193;
+        kept[424] = t12_194;
+        kept[425] = t12_195;
+        kept[426] = t12_196;
+        kept[427] = t12_197;
     }
     // body 4: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
         let sin_q6 = kept[49];
         let cos_q6 = kept[50];
-        let w_ixx_4_waist = kept[325];
-        let w_ixx_4_shoulder = kept[329];
-        let w_ixx_4_q2 = kept[330];
-        let t12_48 = kept[331];
-        let w_ixx_4_q7 = kept[332];
-        let t12_50 = kept[333];
-        let w_ixx_4_q9 = kept[334];
-        let t12_52 = kept[335];
-        let t12_71 = kept[341];
-        let t12_78 = kept[345];
-        let t12_79 = kept[347];
-        let t12_80 = kept[349];
-        let t12_81 = kept[351];
-        let t12_92 = kept[357];
-        let w_ixz_4_waist = kept[359];
-        let w_ixz_4_shoulder = kept[363];
-        let t12_101 = kept[364];
-        let t12_102 = kept[365];
-        let t12_103 = kept[366];
-        let w_iyy_4_waist = kept[369];
-        let t12_113 = kept[372];
-        let t12_119 = kept[376];
-        let w_iyz_4_waist = kept[378];
-        let w_iyz_4_shoulder = kept[382];
-        let w_iyz_4_q2 = kept[383];
-        let w_iyz_4_q7 = kept[384];
-        let w_iyz_4_q9 = kept[385];
-        let w_izz_4_waist = kept[387];
-        let w_izz_4_shoulder = kept[389];
-        let t12_133 = kept[390];
-        let t12_134 = kept[391];
-        let t12_135 = kept[392];
-        let a_4y = kept[399];
-        let a_4z = kept[400];
+        let e_4_waistx = kept[305];
+        let w_ixx_4_waist = kept[324];
+        let w_ixx_4_shoulder = kept[328];
+        let w_ixx_4_q2 = kept[329];
+        let t12_48 = kept[330];
+        let w_ixx_4_q7 = kept[331];
+        let t12_50 = kept[332];
+        let w_ixx_4_q9 = kept[333];
+        let t12_52 = kept[334];
+        let t12_66 = kept[339];
+        let t12_67 = kept[340];
+        let t12_71 = kept[342];
+        let t12_78 = kept[346];
+        let t12_79 = kept[348];
+        let t12_80 = kept[350];
+        let t12_81 = kept[352];
+        let t12_92 = kept[358];
+        let w_ixz_4_waist = kept[360];
+        let w_ixz_4_shoulder = kept[364];
+        let t12_101 = kept[365];
+        let t12_102 = kept[366];
+        let t12_103 = kept[367];
+        let w_iyy_4_waist = kept[370];
+        let t12_113 = kept[373];
+        let t12_119 = kept[377];
+        let w_iyz_4_waist = kept[379];
+        let w_iyz_4_shoulder = kept[383];
+        let w_iyz_4_q2 = kept[384];
+        let w_iyz_4_q7 = kept[385];
+        let w_iyz_4_q9 = kept[386];
+        let w_izz_4_waist = kept[388];
+        let w_izz_4_shoulder = kept[390];
+        let t12_133 = kept[391];
+        let t12_134 = kept[392];
+        let t12_135 = kept[393];
+        let a_4y = kept[400];
+        let a_4z = kept[401];
         let u_4_waistx = kept[404];
         let u_4_waisty = kept[406];
         let u_4_waistz = kept[409];
-        let w_mx_4_waist = kept[410];
+        let t12_166 = kept[410];
         let u_4_shoulderx = kept[411];
         let u_4_shouldery = kept[412];
-        let t12_174 = kept[414];
-        let w_mx_4_q2 = kept[415];
-        let w_mx_4_q7 = kept[416];
-        let w_mx_4_q9 = kept[417];
+        let w_mx_4_shoulder = kept[414];
+        let t12_175 = kept[415];
+        let t12_176 = kept[416];
+        let t12_177 = kept[417];
         let a_4x = kept[418];
-        let w_my_4_waist = kept[421];
-        let w_my_4_shoulder = kept[423];
-        let w_my_4_q2 = kept[424];
-        let w_my_4_q7 = kept[425];
-        let w_my_4_q9 = kept[426];
-        let t12_193 = kept[428];
-        let t12_195 = kept[429];
-        let t13_1 = sin_q6 * a_4x;
-        let t13_2 = like.lift(0.5) * t13_1;
-        let t13_3 = cos_q6 * a_4y;
-        let t13_4 = like.lift(-0.5).mul_add(t13_3, t13_2);
-        let t13_5 = u_4_shouldery * t12_92;
-        let t13_6 = u_4_shoulderx.mul_add(t12_119, -t13_5);
-        let t13_7 = like.lift(-0.3).mul_add(t12_193, t13_6);
-        let w_mz_4_shoulder = t13_4 + t13_7;
-        let t13_8 = -w_mz_4_shoulder;
-        y[68] = [t12_195, t13_8, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t13_9 = u_4_waistx * a_4x;
-        let t13_10 = u_4_waisty.mul_add(a_4y, t13_9);
-        let w_m_4_waist = u_4_waistz.mul_add(a_4z, t13_10);
-        let t13_11 = -w_m_4_waist;
-        let t13_12 = u_4_shoulderx * a_4x;
-        let t13_13 = u_4_shouldery.mul_add(a_4y, t13_12);
-        let w_m_4_shoulder = like.lift(-0.3).mul_add(a_4z, t13_13);
-        y[69] = [t13_11, w_m_4_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t12_186 = kept[421];
+        let t12_193 = kept[423];
+        let t12_194 = kept[424];
+        let t12_195 = kept[425];
+        let t12_196 = kept[426];
+        let t12_197 = kept[427];
+        let t13_1 = (-e_4_waistx).mul_add(a_4y, t12_197);
+        let t13_2 = u_4_waisty * t12_92;
+        let t13_3 = u_4_waistx.mul_add(t12_119, -t13_2);
+        let t13_4 = t12_66 + t12_67;
+        let t13_5 = u_4_waistz.mul_add(t13_4, t13_3);
+        let w_mz_4_waist = t13_1 + t13_5;
+        let t13_6 = sin_q6 * a_4x;
+        let t13_7 = like.lift(0.5) * t13_6;
+        let t13_8 = cos_q6 * a_4y;
+        let t13_9 = like.lift(-0.5).mul_add(t13_8, t13_7);
+        let t13_10 = u_4_shouldery * t12_92;
+        let t13_11 = u_4_shoulderx.mul_add(t12_119, -t13_10);
+        let t13_12 = like.lift(-0.625).mul_add(t13_4, t13_11);
+        let w_mz_4_shoulder = t13_9 - t13_12;
+        y[68] = [w_mz_4_waist, w_mz_4_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t13_13 = u_4_waistx * a_4x;
+        let t13_14 = u_4_waisty.mul_add(a_4y, t13_13);
+        let w_m_4_waist = u_4_waistz.mul_add(a_4z, t13_14);
+        let t13_15 = u_4_shoulderx * a_4x;
+        let t13_16 = u_4_shouldery.mul_add(a_4y, t13_15);
+        let w_m_4_shoulder = like.lift(-0.625).mul_add(a_4z, t13_16);
+        let t13_17 = -w_m_4_shoulder;
+        y[69] = [w_m_4_waist, t13_17, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         y[60] = [w_ixx_4_waist, w_ixx_4_shoulder, t12_48, t12_50, t12_52];
         y[61] = [t12_71, t12_78, t12_79, t12_80, t12_81];
         y[62] = [w_ixz_4_waist, w_ixz_4_shoulder, t12_101, t12_102, t12_103];
         y[63] = [w_iyy_4_waist, t12_113, w_ixx_4_q2, w_ixx_4_q7, w_ixx_4_q9];
         y[64] = [w_iyz_4_waist, w_iyz_4_shoulder, w_iyz_4_q2, w_iyz_4_q7, w_iyz_4_q9];
         y[65] = [w_izz_4_waist, w_izz_4_shoulder, t12_133, t12_134, t12_135];
-        y[66] = [w_mx_4_waist, t12_174, w_mx_4_q2, w_mx_4_q7, w_mx_4_q9];
-        y[67] = [w_my_4_waist, w_my_4_shoulder, w_my_4_q2, w_my_4_q7, w_my_4_q9];
-        kept[430] = t13_5;
+        y[66] = [t12_166, w_mx_4_shoulder, t12_175, t12_176, t12_177];
+        y[67] = [t12_186, t12_193, t12_194, t12_195, t12_196];
+        kept[428] = t13_2;
+        kept[429] = t13_4;
+        kept[430] = t13_10;
     }
     // body 5: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
@@ -11925,68 +12023,68 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[
         let x_q6_q2 = kept[146];
         let x_q6_q7 = kept[147];
         let x_q6_q9 = kept[148];
-        let e_4_waistx = kept[306];
-        let t12_19 = kept[313];
-        let e_4_waisty = kept[314];
-        let w_4x = kept[315];
-        let t12_26 = kept[318];
-        let w_4z = kept[321];
-        let t12_32 = kept[322];
-        let t12_35 = kept[323];
-        let t12_40 = kept[324];
-        let t12_42 = kept[326];
-        let t12_44 = kept[327];
-        let t12_46 = kept[328];
-        let w_ixx_4_q2 = kept[330];
-        let t12_48 = kept[331];
-        let w_ixx_4_q7 = kept[332];
-        let t12_50 = kept[333];
-        let w_ixx_4_q9 = kept[334];
-        let t12_52 = kept[335];
-        let t12_58 = kept[336];
-        let t12_59 = kept[337];
-        let t12_63 = kept[338];
-        let t12_64 = kept[339];
-        let t12_70 = kept[340];
-        let t12_73 = kept[342];
-        let t12_75 = kept[343];
-        let t12_77 = kept[344];
-        let w_ixy_4_q2 = kept[346];
-        let w_ixy_4_q7 = kept[348];
-        let w_ixy_4_q9 = kept[350];
-        let t12_86 = kept[354];
-        let t12_87 = kept[355];
-        let t12_90 = kept[356];
-        let t12_92 = kept[357];
-        let t12_94 = kept[358];
-        let t12_96 = kept[360];
-        let t12_98 = kept[361];
-        let t12_100 = kept[362];
-        let t12_101 = kept[364];
-        let t12_102 = kept[365];
-        let t12_103 = kept[366];
-        let t12_105 = kept[367];
-        let t12_106 = kept[368];
-        let t12_109 = kept[370];
-        let t12_111 = kept[371];
-        let t12_115 = kept[373];
-        let t12_116 = kept[374];
-        let t12_117 = kept[375];
-        let t12_119 = kept[376];
-        let t12_121 = kept[377];
-        let t12_123 = kept[379];
-        let t12_125 = kept[380];
-        let t12_127 = kept[381];
-        let w_iyz_4_q2 = kept[383];
-        let w_iyz_4_q7 = kept[384];
-        let w_iyz_4_q9 = kept[385];
-        let t12_130 = kept[386];
-        let t12_132 = kept[388];
-        let t12_133 = kept[390];
-        let t12_134 = kept[391];
-        let t12_135 = kept[392];
-        let a_4y = kept[399];
-        let a_4z = kept[400];
+        let e_4_waistx = kept[305];
+        let t12_19 = kept[312];
+        let e_4_waisty = kept[313];
+        let w_4x = kept[314];
+        let t12_26 = kept[317];
+        let w_4z = kept[320];
+        let t12_32 = kept[321];
+        let t12_35 = kept[322];
+        let t12_40 = kept[323];
+        let t12_42 = kept[325];
+        let t12_44 = kept[326];
+        let t12_46 = kept[327];
+        let w_ixx_4_q2 = kept[329];
+        let t12_48 = kept[330];
+        let w_ixx_4_q7 = kept[331];
+        let t12_50 = kept[332];
+        let w_ixx_4_q9 = kept[333];
+        let t12_52 = kept[334];
+        let t12_58 = kept[335];
+        let t12_59 = kept[336];
+        let t12_63 = kept[337];
+        let t12_64 = kept[338];
+        let t12_70 = kept[341];
+        let t12_73 = kept[343];
+        let t12_75 = kept[344];
+        let t12_77 = kept[345];
+        let w_ixy_4_q2 = kept[347];
+        let w_ixy_4_q7 = kept[349];
+        let w_ixy_4_q9 = kept[351];
+        let t12_86 = kept[355];
+        let t12_87 = kept[356];
+        let t12_90 = kept[357];
+        let t12_92 = kept[358];
+        let t12_94 = kept[359];
+        let t12_96 = kept[361];
+        let t12_98 = kept[362];
+        let t12_100 = kept[363];
+        let t12_101 = kept[365];
+        let t12_102 = kept[366];
+        let t12_103 = kept[367];
+        let t12_105 = kept[368];
+        let t12_106 = kept[369];
+        let t12_109 = kept[371];
+        let t12_111 = kept[372];
+        let t12_115 = kept[374];
+        let t12_116 = kept[375];
+        let t12_117 = kept[376];
+        let t12_119 = kept[377];
+        let t12_121 = kept[378];
+        let t12_123 = kept[380];
+        let t12_125 = kept[381];
+        let t12_127 = kept[382];
+        let w_iyz_4_q2 = kept[384];
+        let w_iyz_4_q7 = kept[385];
+        let w_iyz_4_q9 = kept[386];
+        let t12_130 = kept[387];
+        let t12_132 = kept[389];
+        let t12_133 = kept[391];
+        let t12_134 = kept[392];
+        let t12_135 = kept[393];
+        let a_4y = kept[400];
+        let a_4z = kept[401];
         let u_4_waistx = kept[404];
         let t12_160 = kept[405];
         let u_4_waisty = kept[406];
@@ -11994,14 +12092,14 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[
         let u_4_waistz = kept[409];
         let u_4_shoulderx = kept[411];
         let u_4_shouldery = kept[412];
-        let t12_171 = kept[413];
+        let t12_172 = kept[413];
         let a_4x = kept[418];
-        let t12_179 = kept[419];
-        let t12_180 = kept[420];
-        let t12_186 = kept[422];
-        let t12_191 = kept[427];
-        let t12_193 = kept[428];
-        let t13_5 = kept[430];
+        let t12_182 = kept[419];
+        let t12_183 = kept[420];
+        let t12_190 = kept[422];
+        let t13_2 = kept[428];
+        let t13_4 = kept[429];
+        let t13_10 = kept[430];
         let t14_1 = t12_19 - t12_40;
         let w_ixx_5_waist = t12_35 - t14_1;
         let t14_2 = -w_ixx_5_waist;
@@ -12037,110 +12135,111 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[
         let t14_17 = t12_46 - t12_109;
         let w_izz_5_shoulder = t12_111 - t14_17;
         y[75] = [w_izz_5_waist, w_izz_5_shoulder, w_ixx_4_q2, w_ixx_4_q7, w_ixx_4_q9];
-        let t14_18 = (-q7).mul_add(t12_63, a_4z);
+        let t14_18 = q7.mul_add(t12_63, a_4z);
         let t14_19 = w_4x * r_q7;
         let t14_20 = d_q7.mul_add(t12_32, t14_19);
-        let a_5y = t14_18 - t14_20;
+        let a_5y = t14_18 + t14_20;
         let t14_21 = e_4_waisty * a_5y;
-        let t14_22 = (-q7).mul_add(t12_179, a_4y);
-        let a_5z = dr_q7 + t14_22;
+        let t14_22 = q7.mul_add(t12_182, a_4y);
+        let a_5z = dr_q7 - t14_22;
         let t14_23 = cos_shoulder * a_5z;
-        let t14_24 = like.lift(0.5).mul_add(t14_23, t14_21);
+        let t14_24 = like.lift(-0.5).mul_add(t14_23, t14_21);
         let t14_25 = cos_shoulder * q7;
         let u_5_waistx = like.lift(0.5).mul_add(t14_25, u_4_waistx);
         let t14_26 = u_5_waistx * t12_160;
         let u_5_waisty = q7.mul_add(e_4_waistx, u_4_waistz);
         let t14_27 = (-u_5_waisty).mul_add(t12_58, t14_26);
         let t14_28 = t12_162 + t14_27;
-        let w_mx_5_waist = t14_24 + t14_28;
-        let t14_29 = sin_q6 * a_5y;
-        let t14_30 = like.lift(0.5) * t14_29;
-        let t14_31 = like.lift(-0.8660254037844386).mul_add(a_5z, t14_30);
+        let w_mx_5_waist = t14_24 - t14_28;
+        let t14_29 = -w_mx_5_waist;
+        let t14_30 = sin_q6 * a_5y;
+        let t14_31 = like.lift(0.5) * t14_30;
+        let t14_32 = like.lift(0.8660254037844386).mul_add(a_5z, t14_31);
         let u_5_shoulderx = like.lift(0.8660254037844386).mul_add(q7, u_4_shoulderx);
-        let t14_32 = u_5_shoulderx * t12_160;
-        let u_5_shouldery = t4_18 + like.lift(0.3);
-        let t14_33 = u_5_shouldery.mul_add(t12_58, t14_32);
-        let t14_34 = t12_171 + t14_33;
-        let w_mx_5_shoulder = t14_31 - t14_34;
-        let t14_35 = q7.mul_add(t12_160, a_5z);
-        let w_mx_5_q2 = x_q6_q2 * t14_35;
-        let t14_36 = q7 * x_q6_q7;
-        let t14_37 = (-t12_160).mul_add(t14_36, t12_86);
-        let w_mx_5_q7 = x_q6_q7.mul_add(a_5z, -t14_37);
-        let w_mx_5_q9 = x_q6_q9 * t14_35;
-        y[76] = [w_mx_5_waist, w_mx_5_shoulder, w_mx_5_q2, w_mx_5_q7, w_mx_5_q9];
-        let t14_38 = e_4_waistx * a_5z;
-        let t14_39 = q7 * t12_116;
-        let t14_40 = a_4x + t14_39;
-        let t14_41 = w_4z * r_q7;
-        let t14_42 = d_q7.mul_add(t12_26, t14_41);
-        let a_5x = t14_40 + t14_42;
-        let t14_43 = (-e_4_waisty).mul_add(a_5x, t14_38);
-        let t14_44 = u_5_waistx * t12_119;
-        let t14_45 = u_5_waisty.mul_add(t12_193, t14_44);
-        let t14_46 = t12_191 - t14_45;
-        let w_my_5_waist = t14_43 - t14_46;
-        let t14_47 = cos_q6 * a_5z;
-        let t14_48 = like.lift(0.5) * t14_47;
-        let t14_49 = sin_q6 * a_5x;
-        let t14_50 = like.lift(-0.5).mul_add(t14_49, t14_48);
-        let t14_51 = u_5_shoulderx * t12_119;
-        let t14_52 = (-u_5_shouldery).mul_add(t12_193, t14_51);
-        let t14_53 = t13_5 - t14_52;
-        let w_my_5_shoulder = t14_50 + t14_53;
-        let t14_54 = q7 * t12_119;
-        let w_my_5_q2 = x_q6_q2 * t14_54;
-        let w_my_5_q7 = t12_119.mul_add(t14_36, t12_92);
-        let w_my_5_q9 = x_q6_q9 * t14_54;
+        let t14_33 = u_5_shoulderx * t12_160;
+        let u_5_shouldery = t4_18 + like.lift(0.625);
+        let t14_34 = u_5_shouldery.mul_add(t12_58, t14_33);
+        let t14_35 = t12_172 + t14_34;
+        let w_mx_5_shoulder = t14_32 + t14_35;
+        let t14_36 = -w_mx_5_shoulder;
+        let t14_37 = q7.mul_add(t12_160, a_5z);
+        let w_mx_5_q2 = x_q6_q2 * t14_37;
+        let t14_38 = q7 * x_q6_q7;
+        let t14_39 = (-t12_160).mul_add(t14_38, t12_86);
+        let w_mx_5_q7 = x_q6_q7.mul_add(a_5z, -t14_39);
+        let w_mx_5_q9 = x_q6_q9 * t14_37;
+        y[76] = [t14_29, t14_36, w_mx_5_q2, w_mx_5_q7, w_mx_5_q9];
+        let t14_40 = e_4_waistx * a_5z;
+        let t14_41 = q7 * t12_116;
+        let t14_42 = a_4x - t14_41;
+        let t14_43 = w_4z * r_q7;
+        let t14_44 = d_q7.mul_add(t12_26, t14_43);
+        let a_5x = t14_42 - t14_44;
+        let t14_45 = e_4_waisty.mul_add(a_5x, t14_40);
+        let t14_46 = u_5_waistx * t12_119;
+        let t14_47 = u_5_waisty.mul_add(t13_4, t14_46);
+        let t14_48 = t13_2 - t14_47;
+        let w_my_5_waist = t14_45 - t14_48;
+        let t14_49 = cos_q6 * a_5z;
+        let t14_50 = like.lift(0.5) * t14_49;
+        let t14_51 = sin_q6 * a_5x;
+        let t14_52 = like.lift(0.5).mul_add(t14_51, t14_50);
+        let t14_53 = u_5_shoulderx * t12_119;
+        let t14_54 = (-u_5_shouldery).mul_add(t13_4, t14_53);
+        let t14_55 = t13_10 - t14_54;
+        let w_my_5_shoulder = t14_52 + t14_55;
+        let t14_56 = q7 * t12_119;
+        let w_my_5_q2 = x_q6_q2 * t14_56;
+        let w_my_5_q7 = t12_119.mul_add(t14_38, t12_92);
+        let w_my_5_q9 = x_q6_q9 * t14_56;
         y[77] = [w_my_5_waist, w_my_5_shoulder, w_my_5_q2, w_my_5_q7, w_my_5_q9];
-        let t14_55 = cos_shoulder * a_5x;
-        let t14_56 = like.lift(0.5) * t14_55;
-        let t14_57 = e_4_waistx.mul_add(a_5y, t14_56);
-        let t14_58 = u_5_waistx * t12_116;
-        let t14_59 = (-u_5_waisty).mul_add(t12_63, t14_58);
-        let t14_60 = t12_180 - t14_59;
-        let w_mz_5_waist = t14_57 - t14_60;
-        let t14_61 = -w_mz_5_waist;
-        let t14_62 = like.lift(0.8660254037844386) * a_5x;
-        let t14_63 = cos_q6 * a_5y;
-        let t14_64 = like.lift(-0.5).mul_add(t14_63, t14_62);
-        let t14_65 = u_5_shoulderx * t12_116;
-        let t14_66 = u_5_shouldery.mul_add(t12_63, t14_65);
-        let t14_67 = t12_186 - t14_66;
-        let w_mz_5_shoulder = t14_64 - t14_67;
-        let t14_68 = t14_39 + a_5x;
-        let w_mz_5_q2 = x_q6_q2 * t14_68;
-        let t14_69 = -w_mz_5_q2;
-        let t14_70 = t12_116.mul_add(t14_36, t12_179);
-        let w_mz_5_q7 = x_q6_q7.mul_add(a_5x, t14_70);
-        let t14_71 = -w_mz_5_q7;
-        let w_mz_5_q9 = x_q6_q9 * t14_68;
-        let t14_72 = -w_mz_5_q9;
-        y[78] = [t14_61, w_mz_5_shoulder, t14_69, t14_71, t14_72];
-        let t14_73 = u_5_waistx * a_5x;
-        let t14_74 = u_5_waisty.mul_add(a_5y, t14_73);
-        let w_m_5_waist = u_4_waisty.mul_add(a_5z, t14_74);
-        let t14_75 = -w_m_5_waist;
+        let t14_57 = cos_shoulder * a_5x;
+        let t14_58 = like.lift(0.5) * t14_57;
+        let t14_59 = e_4_waistx.mul_add(a_5y, t14_58);
+        let t14_60 = u_5_waistx * t12_116;
+        let t14_61 = (-u_5_waisty).mul_add(t12_63, t14_60);
+        let t14_62 = t12_183 - t14_61;
+        let w_mz_5_waist = t14_59 + t14_62;
+        let t14_63 = like.lift(0.8660254037844386) * a_5x;
+        let t14_64 = cos_q6 * a_5y;
+        let t14_65 = like.lift(-0.5).mul_add(t14_64, t14_63);
+        let t14_66 = u_5_shoulderx * t12_116;
+        let t14_67 = u_5_shouldery.mul_add(t12_63, t14_66);
+        let t14_68 = t12_190 - t14_67;
+        let w_mz_5_shoulder = t14_65 + t14_68;
+        let t14_69 = -w_mz_5_shoulder;
+        let t14_70 = t14_41 - a_5x;
+        let w_mz_5_q2 = x_q6_q2 * t14_70;
+        let t14_71 = -w_mz_5_q2;
+        let t14_72 = t12_116.mul_add(t14_38, t12_182);
+        let w_mz_5_q7 = x_q6_q7.mul_add(a_5x, -t14_72);
+        let w_mz_5_q9 = x_q6_q9 * t14_70;
+        let t14_73 = -w_mz_5_q9;
+        y[78] = [w_mz_5_waist, t14_69, t14_71, w_mz_5_q7, t14_73];
+        let t14_74 = u_5_waistx * a_5x;
+        let t14_75 = u_5_waisty.mul_add(a_5y, t14_74);
+        let w_m_5_waist = (-u_4_waisty).mul_add(a_5z, t14_75);
         let t14_76 = u_5_shoulderx * a_5x;
         let t14_77 = (-u_5_shouldery).mul_add(a_5y, t14_76);
-        let w_m_5_shoulder = u_4_shouldery.mul_add(a_5z, t14_77);
-        let t14_78 = q7 * a_5x;
-        let w_m_5_q2 = x_q6_q2 * t14_78;
-        let t14_79 = -w_m_5_q2;
-        let w_m_5_q7 = (-a_5x).mul_add(t14_36, a_5z);
-        let w_m_5_q9 = x_q6_q9 * t14_78;
-        let t14_80 = -w_m_5_q9;
-        y[79] = [t14_75, w_m_5_shoulder, t14_79, w_m_5_q7, t14_80];
+        let w_m_5_shoulder = (-u_4_shouldery).mul_add(a_5z, t14_77);
+        let t14_78 = -w_m_5_shoulder;
+        let t14_79 = q7 * a_5x;
+        let w_m_5_q2 = x_q6_q2 * t14_79;
+        let w_m_5_q7 = a_5x.mul_add(t14_38, a_5z);
+        let w_m_5_q9 = x_q6_q9 * t14_79;
+        y[79] = [w_m_5_waist, t14_78, w_m_5_q2, w_m_5_q7, w_m_5_q9];
     }
-    // body 6: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
+    // body 6: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m, part 1
     {
         let sin_shoulder = kept[0];
         let cos_shoulder = kept[1];
         let al_boomx = kept[5];
         let w_boomx = kept[6];
         let t2_6 = kept[7];
-        let a_basey = kept[28];
-        let a_basez = kept[29];
+        let a_basey = kept[27];
+        let a_basez = kept[28];
+        let u_base_waistx = kept[29];
+        let a_basex = kept[30];
         let sin_q8 = kept[75];
         let cos_q8 = kept[76];
         let t4_157 = kept[118];
@@ -12148,26 +12247,24 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[
         let x_q8_q7 = kept[150];
         let x_q8_q9 = kept[151];
         let t7_55 = kept[205];
-        let a_basex = kept[233];
-        let t12_3 = kept[307];
-        let t12_4 = kept[308];
-        let t12_8 = kept[309];
-        let t12_9 = kept[310];
-        let t12_13 = kept[311];
-        let t12_14 = kept[312];
-        let t12_23 = kept[316];
-        let t12_24 = kept[317];
-        let t12_28 = kept[319];
-        let t12_29 = kept[320];
-        let t12_82 = kept[352];
-        let t12_83 = kept[353];
-        let t12_136 = kept[393];
-        let t12_137 = kept[394];
-        let t12_141 = kept[395];
-        let t12_142 = kept[396];
-        let t12_147 = kept[397];
-        let t12_148 = kept[398];
-        let u_base_waistx = kept[401];
+        let t12_3 = kept[306];
+        let t12_4 = kept[307];
+        let t12_8 = kept[308];
+        let t12_9 = kept[309];
+        let t12_13 = kept[310];
+        let t12_14 = kept[311];
+        let t12_23 = kept[315];
+        let t12_24 = kept[316];
+        let t12_28 = kept[318];
+        let t12_29 = kept[319];
+        let t12_82 = kept[353];
+        let t12_83 = kept[354];
+        let t12_136 = kept[394];
+        let t12_137 = kept[395];
+        let t12_141 = kept[396];
+        let t12_142 = kept[397];
+        let t12_147 = kept[398];
+        let t12_148 = kept[399];
         let t12_155 = kept[402];
         let t12_157 = kept[403];
         let t12_164 = kept[408];
@@ -12225,7 +12322,6 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[
         let t15_42 = x_q8_q9 * t15_28;
         let w_ixx_6_q9 = like.lift(0.5) * t15_42;
         let t15_43 = -w_ixx_6_q9;
-        y[80] = [t15_31, w_ixx_6_shoulder, t15_39, t15_41, t15_43];
         let t15_44 = sin_q8 * t15_3;
         let t15_45 = cos_q8.mul_add(al_boomx, t15_44);
         let t15_46 = w_6x * t4_157;
@@ -12260,7 +12356,6 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[
         let t15_70 = -w_ixy_6_q7;
         let w_ixy_6_q9 = x_q8_q9 * t15_59;
         let t15_71 = -w_ixy_6_q9;
-        y[81] = [w_ixy_6_waist, t15_68, t15_69, t15_70, t15_71];
         let t15_72 = t12_82 + t12_83;
         let al_6z = t7_55 - t15_72;
         let t15_73 = like.lift(0.5) * t15_28;
@@ -12288,7 +12383,6 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[
         let t15_91 = -w_ixz_6_q7;
         let w_ixz_6_q9 = x_q8_q9 * t15_80;
         let t15_92 = -w_ixz_6_q9;
-        y[82] = [t15_83, w_ixz_6_shoulder, t15_90, t15_91, t15_92];
         let t15_93 = e_6_waistx * t15_52;
         let t15_94 = like.lift(0.5) * t15_93;
         let t15_95 = e_6_waisty * al_6y;
@@ -12300,7 +12394,6 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[
         let t15_100 = like.lift(0.5) * t15_99;
         let t15_101 = t15_98 + t15_100;
         let w_iyy_6_shoulder = t15_37 + t15_101;
-        y[83] = [w_iyy_6_waist, w_iyy_6_shoulder, w_ixx_6_q2, w_ixx_6_q7, w_ixx_6_q9];
         let t15_102 = t15_58 - t15_76;
         let t15_103 = e_6_waistx * t15_102;
         let t15_104 = al_6z + t15_73;
@@ -12321,7 +12414,6 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[
         let w_iyz_6_q2 = x_q8_q2 * t15_107;
         let w_iyz_6_q7 = x_q8_q7 * t15_107;
         let w_iyz_6_q9 = x_q8_q9 * t15_107;
-        y[84] = [t15_110, w_iyz_6_shoulder, w_iyz_6_q2, w_iyz_6_q7, w_iyz_6_q9];
         let t15_117 = t15_25 - t15_94;
         let t15_118 = cos_shoulder * al_6z;
         let t15_119 = like.lift(0.5) * t15_118;
@@ -12336,21 +12428,20 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[
         let t15_124 = -w_izz_6_q7;
         let w_izz_6_q9 = x_q8_q9 * al_6z;
         let t15_125 = -w_izz_6_q9;
-        y[85] = [t15_120, w_izz_6_shoulder, t15_123, t15_124, t15_125];
         let t15_126 = t12_136 + t12_137;
-        let t15_127 = a_basex - t15_126;
+        let t15_127 = a_basex + t15_126;
         let t15_128 = like.lift(0.5) * t15_127;
         let t15_129 = t12_141 - t12_142;
         let t15_130 = a_basey - t15_129;
-        let t15_131 = like.lift(-0.8660254037844386).mul_add(t15_130, t15_128);
+        let t15_131 = like.lift(0.8660254037844386).mul_add(t15_130, t15_128);
         let t15_132 = sin_q8 * t15_131;
         let t15_133 = t12_147 + t12_148;
         let t15_134 = a_basez + t15_133;
-        let a_6y = cos_q8.mul_add(t15_134, t15_132);
+        let a_6y = (-cos_q8).mul_add(t15_134, t15_132);
         let t15_135 = cos_shoulder * a_6y;
         let t15_136 = like.lift(0.5) * t15_135;
         let t15_137 = like.lift(0.8660254037844386) * t15_127;
-        let a_6z = like.lift(0.5).mul_add(t15_130, t15_137);
+        let a_6z = like.lift(-0.5).mul_add(t15_130, t15_137);
         let t15_138 = e_6_waisty.mul_add(a_6z, t15_136);
         let t15_139 = u_base_waistx + t12_155;
         let t15_140 = like.lift(-0.5).mul_add(t15_139, t12_157);
@@ -12363,69 +12454,70 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[
         let t15_145 = u_6_waistx.mul_add(t15_142, t15_144);
         let u_6_waistz = like.lift(0.8660254037844386).mul_add(t15_139, t12_164);
         let t15_146 = (-u_6_waistz).mul_add(t15_49, t15_145);
-        let w_mx_6_waist = t15_138 - t15_146;
-        let t15_147 = like.lift(0.8660254037844386) * a_6y;
-        let t15_148 = sin_q8 * a_6z;
-        let t15_149 = like.lift(-0.5).mul_add(t15_148, t15_147);
-        let t15_150 = like.lift(0.5196152422706631) * cos_q8;
-        let u_6_shoulderx = like.lift(0.22815).mul_add(sin_q8, t15_150);
-        let t15_151 = like.lift(0.5196152422706631) * sin_q8;
-        let u_6_shouldery = like.lift(-0.22815).mul_add(cos_q8, t15_151);
-        let t15_152 = u_6_shouldery * t15_74;
-        let t15_153 = u_6_shoulderx.mul_add(t15_142, t15_152);
-        let t15_154 = like.lift(-0.3).mul_add(t15_49, t15_153);
-        let w_mx_6_shoulder = t15_149 + t15_154;
+        let w_mx_6_waist = t15_138 + t15_146;
+        let t15_147 = -w_mx_6_waist;
+        let t15_148 = like.lift(0.8660254037844386) * a_6y;
+        let t15_149 = sin_q8 * a_6z;
+        let t15_150 = like.lift(-0.5).mul_add(t15_149, t15_148);
+        let t15_151 = like.lift(1.0825317547305484) * cos_q8;
+        let u_6_shoulderx = like.lift(0.22815).mul_add(sin_q8, t15_151);
+        let t15_152 = like.lift(1.0825317547305484) * sin_q8;
+        let u_6_shouldery = like.lift(-0.22815).mul_add(cos_q8, t15_152);
+        let t15_153 = u_6_shouldery * t15_74;
+        let t15_154 = u_6_shoulderx.mul_add(t15_142, t15_153);
+        let t15_155 = like.lift(-0.625).mul_add(t15_49, t15_154);
+        let w_mx_6_shoulder = t15_150 - t15_155;
+        let t15_156 = -w_mx_6_shoulder;
         let w_mx_6_q2 = x_q8_q2 * a_6y;
+        let t15_157 = -w_mx_6_q2;
         let w_mx_6_q7 = x_q8_q7 * a_6y;
+        let t15_158 = -w_mx_6_q7;
         let w_mx_6_q9 = x_q8_q9 * a_6y;
-        y[86] = [w_mx_6_waist, w_mx_6_shoulder, w_mx_6_q2, w_mx_6_q7, w_mx_6_q9];
-        let t15_155 = e_6_waistx * a_6z;
-        let t15_156 = cos_q8 * t15_131;
-        let a_6x = (-sin_q8).mul_add(t15_134, t15_156);
-        let t15_157 = cos_shoulder * a_6x;
-        let t15_158 = like.lift(0.5).mul_add(t15_157, t15_155);
-        let t15_159 = t15_57 + t15_76;
-        let t15_160 = u_6_waisty * t15_159;
-        let t15_161 = u_6_waistx.mul_add(t15_104, -t15_160);
-        let t15_162 = (-u_6_waistz).mul_add(t15_54, t15_161);
-        let w_my_6_waist = t15_158 - t15_162;
-        let t15_163 = cos_q8 * a_6z;
-        let t15_164 = like.lift(0.5) * t15_163;
-        let t15_165 = like.lift(-0.8660254037844386).mul_add(a_6x, t15_164);
-        let t15_166 = u_6_shouldery * t15_159;
-        let t15_167 = u_6_shoulderx.mul_add(t15_104, -t15_166);
-        let t15_168 = like.lift(-0.3).mul_add(t15_54, t15_167);
-        let w_my_6_shoulder = t15_165 - t15_168;
-        let t15_169 = -w_my_6_shoulder;
+        let t15_159 = -w_mx_6_q9;
+        let t15_160 = e_6_waistx * a_6z;
+        let t15_161 = cos_q8 * t15_131;
+        let a_6x = sin_q8.mul_add(t15_134, t15_161);
+        let t15_162 = cos_shoulder * a_6x;
+        let t15_163 = like.lift(0.5).mul_add(t15_162, t15_160);
+        let t15_164 = t15_57 + t15_76;
+        let t15_165 = u_6_waisty * t15_164;
+        let t15_166 = u_6_waistx.mul_add(t15_104, -t15_165);
+        let t15_167 = (-u_6_waistz).mul_add(t15_54, t15_166);
+        let w_my_6_waist = t15_163 + t15_167;
+        let t15_168 = -w_my_6_waist;
+        let t15_169 = cos_q8 * a_6z;
+        let t15_170 = like.lift(0.5) * t15_169;
+        let t15_171 = like.lift(-0.8660254037844386).mul_add(a_6x, t15_170);
+        let t15_172 = u_6_shouldery * t15_164;
+        let t15_173 = u_6_shoulderx.mul_add(t15_104, -t15_172);
+        let t15_174 = like.lift(-0.625).mul_add(t15_54, t15_173);
+        let w_my_6_shoulder = t15_171 + t15_174;
         let w_my_6_q2 = x_q8_q2 * a_6x;
+        let t15_175 = -w_my_6_q2;
         let w_my_6_q7 = x_q8_q7 * a_6x;
+        let t15_176 = -w_my_6_q7;
         let w_my_6_q9 = x_q8_q9 * a_6x;
-        y[87] = [w_my_6_waist, t15_169, w_my_6_q2, w_my_6_q7, w_my_6_q9];
-        let t15_170 = e_6_waisty * a_6x;
-        let t15_171 = (-e_6_waistx).mul_add(a_6y, t15_170);
-        let t15_172 = u_6_waisty * t15_80;
-        let t15_173 = u_6_waistx.mul_add(t15_107, -t15_172);
-        let t15_174 = t15_57 + t15_58;
-        let t15_175 = u_6_waistz.mul_add(t15_174, t15_173);
-        let w_mz_6_waist = t15_171 - t15_175;
-        let t15_176 = sin_q8 * a_6x;
-        let t15_177 = like.lift(0.5) * t15_176;
-        let t15_178 = cos_q8 * a_6y;
-        let t15_179 = like.lift(-0.5).mul_add(t15_178, t15_177);
-        let t15_180 = u_6_shouldery * t15_80;
-        let t15_181 = u_6_shoulderx.mul_add(t15_107, -t15_180);
-        let t15_182 = like.lift(0.3).mul_add(t15_174, t15_181);
-        let w_mz_6_shoulder = t15_179 - t15_182;
-        let t15_183 = -w_mz_6_shoulder;
-        y[88] = [w_mz_6_waist, t15_183, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let t15_184 = u_6_waistx * a_6x;
-        let t15_185 = u_6_waisty.mul_add(a_6y, t15_184);
-        let w_m_6_waist = (-u_6_waistz).mul_add(a_6z, t15_185);
-        let t15_186 = u_6_shoulderx * a_6x;
-        let t15_187 = u_6_shouldery.mul_add(a_6y, t15_186);
-        let w_m_6_shoulder = like.lift(-0.3).mul_add(a_6z, t15_187);
-        let t15_188 = -w_m_6_shoulder;
-        y[89] = [w_m_6_waist, t15_188, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t15_177 = -w_my_6_q9;
+        let t15_178 = e_6_waisty * a_6x;
+        let t15_179 = (-e_6_waistx).mul_add(a_6y, t15_178);
+        let t15_180 = u_6_waisty * t15_80;
+        let t15_181 = u_6_waistx.mul_add(t15_107, -t15_180);
+        let t15_182 = t15_57 + t15_58;
+        let t15_183 = u_6_waistz.mul_add(t15_182, t15_181);
+        let w_mz_6_waist = t15_179 + t15_183;
+        let t15_184 = -w_mz_6_waist;
+        let t15_185 = sin_q8 * a_6x;
+        let t15_186 = like.lift(0.5) * t15_185;
+        let t15_187 = cos_q8 * a_6y;
+        let t15_188 = like.lift(-0.5).mul_add(t15_187, t15_186);
+        let t15_189 = u_6_shouldery * t15_80;
+        let t15_190 = u_6_shoulderx.mul_add(t15_107, -t15_189);
+        let t15_191 = like.lift(0.625).mul_add(t15_182, t15_190);
+        let w_mz_6_shoulder = t15_188 + t15_191;
+        let t15_192 = u_6_waistx * a_6x;
+        let t15_193 = u_6_waisty.mul_add(a_6y, t15_192);
+        let w_m_6_waist = (-u_6_waistz).mul_add(a_6z, t15_193);
+        let t15_194 = -w_m_6_waist;
         kept[431] = e_6_waistx;
         kept[432] = t15_13;
         kept[433] = e_6_waisty;
@@ -12435,74 +12527,166 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[
         kept[437] = t15_22;
         kept[438] = t15_25;
         kept[439] = t15_30;
-        kept[440] = t15_33;
-        kept[441] = t15_35;
-        kept[442] = t15_37;
-        kept[443] = w_ixx_6_q2;
-        kept[444] = t15_39;
-        kept[445] = w_ixx_6_q7;
-        kept[446] = t15_41;
-        kept[447] = w_ixx_6_q9;
-        kept[448] = t15_43;
-        kept[449] = t15_49;
-        kept[450] = t15_50;
-        kept[451] = t15_54;
-        kept[452] = t15_55;
-        kept[453] = t15_61;
-        kept[454] = t15_63;
-        kept[455] = t15_65;
-        kept[456] = t15_67;
-        kept[457] = w_ixy_6_q2;
-        kept[458] = w_ixy_6_q7;
-        kept[459] = w_ixy_6_q9;
-        kept[460] = t15_74;
-        kept[461] = t15_75;
-        kept[462] = t15_78;
-        kept[463] = t15_80;
-        kept[464] = t15_82;
-        kept[465] = t15_85;
-        kept[466] = t15_87;
-        kept[467] = t15_89;
-        kept[468] = t15_90;
-        kept[469] = t15_91;
-        kept[470] = t15_92;
-        kept[471] = t15_94;
-        kept[472] = t15_95;
-        kept[473] = t15_98;
-        kept[474] = t15_100;
-        kept[475] = t15_103;
-        kept[476] = t15_104;
-        kept[477] = t15_105;
-        kept[478] = t15_107;
-        kept[479] = t15_109;
-        kept[480] = t15_112;
-        kept[481] = t15_114;
-        kept[482] = t15_116;
-        kept[483] = w_iyz_6_q2;
-        kept[484] = w_iyz_6_q7;
-        kept[485] = w_iyz_6_q9;
-        kept[486] = t15_119;
-        kept[487] = t15_122;
-        kept[488] = t15_123;
-        kept[489] = t15_124;
-        kept[490] = t15_125;
-        kept[491] = a_6y;
-        kept[492] = a_6z;
-        kept[493] = u_6_waistx;
-        kept[494] = t15_142;
-        kept[495] = u_6_waisty;
-        kept[496] = t15_144;
-        kept[497] = u_6_waistz;
-        kept[498] = u_6_shoulderx;
-        kept[499] = u_6_shouldery;
-        kept[500] = t15_152;
-        kept[501] = a_6x;
-        kept[502] = t15_159;
-        kept[503] = t15_160;
-        kept[504] = t15_166;
-        kept[505] = t15_172;
-        kept[506] = t15_174;
-        kept[507] = t15_180;
+        kept[440] = t15_31;
+        kept[441] = t15_33;
+        kept[442] = t15_35;
+        kept[443] = t15_37;
+        kept[444] = w_ixx_6_shoulder;
+        kept[445] = w_ixx_6_q2;
+        kept[446] = t15_39;
+        kept[447] = w_ixx_6_q7;
+        kept[448] = t15_41;
+        kept[449] = w_ixx_6_q9;
+        kept[450] = t15_43;
+        kept[451] = t15_49;
+        kept[452] = t15_50;
+        kept[453] = t15_54;
+        kept[454] = t15_55;
+        kept[455] = t15_61;
+        kept[456] = w_ixy_6_waist;
+        kept[457] = t15_63;
+        kept[458] = t15_65;
+        kept[459] = t15_67;
+        kept[460] = t15_68;
+        kept[461] = w_ixy_6_q2;
+        kept[462] = t15_69;
+        kept[463] = w_ixy_6_q7;
+        kept[464] = t15_70;
+        kept[465] = w_ixy_6_q9;
+        kept[466] = t15_71;
+        kept[467] = t15_74;
+        kept[468] = t15_75;
+        kept[469] = t15_78;
+        kept[470] = t15_80;
+        kept[471] = t15_82;
+        kept[472] = t15_83;
+        kept[473] = t15_85;
+        kept[474] = t15_87;
+        kept[475] = t15_89;
+        kept[476] = w_ixz_6_shoulder;
+        kept[477] = t15_90;
+        kept[478] = t15_91;
+        kept[479] = t15_92;
+        kept[480] = t15_94;
+        kept[481] = t15_95;
+        kept[482] = w_iyy_6_waist;
+        kept[483] = t15_98;
+        kept[484] = t15_100;
+        kept[485] = w_iyy_6_shoulder;
+        kept[486] = t15_103;
+        kept[487] = t15_104;
+        kept[488] = t15_105;
+        kept[489] = t15_107;
+        kept[490] = t15_109;
+        kept[491] = t15_110;
+        kept[492] = t15_112;
+        kept[493] = t15_114;
+        kept[494] = t15_116;
+        kept[495] = w_iyz_6_shoulder;
+        kept[496] = w_iyz_6_q2;
+        kept[497] = w_iyz_6_q7;
+        kept[498] = w_iyz_6_q9;
+        kept[499] = t15_119;
+        kept[500] = t15_120;
+        kept[501] = t15_122;
+        kept[502] = w_izz_6_shoulder;
+        kept[503] = t15_123;
+        kept[504] = t15_124;
+        kept[505] = t15_125;
+        kept[506] = a_6y;
+        kept[507] = a_6z;
+        kept[508] = u_6_waistx;
+        kept[509] = t15_142;
+        kept[510] = u_6_waisty;
+        kept[511] = t15_144;
+        kept[512] = u_6_waistz;
+        kept[513] = t15_147;
+        kept[514] = u_6_shoulderx;
+        kept[515] = u_6_shouldery;
+        kept[516] = t15_153;
+        kept[517] = t15_156;
+        kept[518] = t15_157;
+        kept[519] = t15_158;
+        kept[520] = t15_159;
+        kept[521] = a_6x;
+        kept[522] = t15_164;
+        kept[523] = t15_165;
+        kept[524] = t15_168;
+        kept[525] = t15_172;
+        kept[526] = w_my_6_shoulder;
+        kept[527] = t15_175;
+        kept[528] = t15_176;
+        kept[529] = t15_177;
+        kept[530] = t15_180;
+        kept[531] = t15_182;
+        kept[532] = t15_184;
+        kept[533] = t15_189;
+        kept[534] = w_mz_6_shoulder;
+        kept[535] = t15_194;
+    }
+    // body 6: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
+    {
+        let t15_31 = kept[440];
+        let w_ixx_6_shoulder = kept[444];
+        let w_ixx_6_q2 = kept[445];
+        let t15_39 = kept[446];
+        let w_ixx_6_q7 = kept[447];
+        let t15_41 = kept[448];
+        let w_ixx_6_q9 = kept[449];
+        let t15_43 = kept[450];
+        let w_ixy_6_waist = kept[456];
+        let t15_68 = kept[460];
+        let t15_69 = kept[462];
+        let t15_70 = kept[464];
+        let t15_71 = kept[466];
+        let t15_83 = kept[472];
+        let w_ixz_6_shoulder = kept[476];
+        let t15_90 = kept[477];
+        let t15_91 = kept[478];
+        let t15_92 = kept[479];
+        let w_iyy_6_waist = kept[482];
+        let w_iyy_6_shoulder = kept[485];
+        let t15_110 = kept[491];
+        let w_iyz_6_shoulder = kept[495];
+        let w_iyz_6_q2 = kept[496];
+        let w_iyz_6_q7 = kept[497];
+        let w_iyz_6_q9 = kept[498];
+        let t15_120 = kept[500];
+        let w_izz_6_shoulder = kept[502];
+        let t15_123 = kept[503];
+        let t15_124 = kept[504];
+        let t15_125 = kept[505];
+        let a_6y = kept[506];
+        let a_6z = kept[507];
+        let t15_147 = kept[513];
+        let u_6_shoulderx = kept[514];
+        let u_6_shouldery = kept[515];
+        let t15_156 = kept[517];
+        let t15_157 = kept[518];
+        let t15_158 = kept[519];
+        let t15_159 = kept[520];
+        let a_6x = kept[521];
+        let t15_168 = kept[524];
+        let w_my_6_shoulder = kept[526];
+        let t15_175 = kept[527];
+        let t15_176 = kept[528];
+        let t15_177 = kept[529];
+        let t15_184 = kept[532];
+        let w_mz_6_shoulder = kept[534];
+        let t15_194 = kept[535];
+        let t16_1 = u_6_shoulderx * a_6x;
+        let t16_2 = u_6_shouldery.mul_add(a_6y, t16_1);
+        let w_m_6_shoulder = like.lift(-0.625).mul_add(a_6z, t16_2);
+        y[89] = [t15_194, w_m_6_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        y[80] = [t15_31, w_ixx_6_shoulder, t15_39, t15_41, t15_43];
+        y[81] = [w_ixy_6_waist, t15_68, t15_69, t15_70, t15_71];
+        y[82] = [t15_83, w_ixz_6_shoulder, t15_90, t15_91, t15_92];
+        y[83] = [w_iyy_6_waist, w_iyy_6_shoulder, w_ixx_6_q2, w_ixx_6_q7, w_ixx_6_q9];
+        y[84] = [t15_110, w_iyz_6_shoulder, w_iyz_6_q2, w_iyz_6_q7, w_iyz_6_q9];
+        y[85] = [t15_120, w_izz_6_shoulder, t15_123, t15_124, t15_125];
+        y[86] = [t15_147, t15_156, t15_157, t15_158, t15_159];
+        y[87] = [t15_168, w_my_6_shoulder, t15_175, t15_176, t15_177];
+        y[88] = [t15_184, w_mz_6_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
     }
     // body 7: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
@@ -12522,210 +12706,205 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[
         let t15_22 = kept[437];
         let t15_25 = kept[438];
         let t15_30 = kept[439];
-        let t15_33 = kept[440];
-        let t15_35 = kept[441];
-        let t15_37 = kept[442];
-        let w_ixx_6_q2 = kept[443];
-        let t15_39 = kept[444];
-        let w_ixx_6_q7 = kept[445];
-        let t15_41 = kept[446];
-        let w_ixx_6_q9 = kept[447];
-        let t15_43 = kept[448];
-        let t15_49 = kept[449];
-        let t15_50 = kept[450];
-        let t15_54 = kept[451];
-        let t15_55 = kept[452];
-        let t15_61 = kept[453];
-        let t15_63 = kept[454];
-        let t15_65 = kept[455];
-        let t15_67 = kept[456];
-        let w_ixy_6_q2 = kept[457];
-        let w_ixy_6_q7 = kept[458];
-        let w_ixy_6_q9 = kept[459];
-        let t15_74 = kept[460];
-        let t15_75 = kept[461];
-        let t15_78 = kept[462];
-        let t15_80 = kept[463];
-        let t15_82 = kept[464];
-        let t15_85 = kept[465];
-        let t15_87 = kept[466];
-        let t15_89 = kept[467];
-        let t15_90 = kept[468];
-        let t15_91 = kept[469];
-        let t15_92 = kept[470];
-        let t15_94 = kept[471];
-        let t15_95 = kept[472];
-        let t15_98 = kept[473];
-        let t15_100 = kept[474];
-        let t15_103 = kept[475];
-        let t15_104 = kept[476];
-        let t15_105 = kept[477];
-        let t15_107 = kept[478];
-        let t15_109 = kept[479];
-        let t15_112 = kept[480];
-        let t15_114 = kept[481];
-        let t15_116 = kept[482];
-        let w_iyz_6_q2 = kept[483];
-        let w_iyz_6_q7 = kept[484];
-        let w_iyz_6_q9 = kept[485];
-        let t15_119 = kept[486];
-        let t15_122 = kept[487];
-        let t15_123 = kept[488];
-        let t15_124 = kept[489];
-        let t15_125 = kept[490];
-        let a_6y = kept[491];
-        let a_6z = kept[492];
-        let u_6_waistx = kept[493];
-        let t15_142 = kept[494];
-        let u_6_waisty = kept[495];
-        let t15_144 = kept[496];
-        let u_6_waistz = kept[497];
-        let u_6_shoulderx = kept[498];
-        let u_6_shouldery = kept[499];
-        let t15_152 = kept[500];
-        let a_6x = kept[501];
-        let t15_159 = kept[502];
-        let t15_160 = kept[503];
-        let t15_166 = kept[504];
-        let t15_172 = kept[505];
-        let t15_174 = kept[506];
-        let t15_180 = kept[507];
-        let t16_1 = t15_13 + t15_30;
-        let w_ixx_7_waist = t15_25 - t16_1;
-        let t16_2 = t15_33 - t15_37;
-        let w_ixx_7_shoulder = t15_35 - t16_2;
-        let t16_3 = -w_ixx_7_shoulder;
-        y[90] = [w_ixx_7_waist, t16_3, t15_39, t15_41, t15_43];
-        let t16_4 = t15_75 + t15_82;
-        let w_ixy_7_waist = t15_78 + t16_4;
-        let t16_5 = -w_ixy_7_waist;
-        let t16_6 = t15_85 - t15_89;
-        let w_ixy_7_shoulder = t15_87 + t16_6;
-        y[91] = [t16_5, w_ixy_7_shoulder, t15_90, t15_91, t15_92];
-        let t16_7 = t15_50 - t15_61;
-        let w_ixz_7_waist = t15_55 + t16_7;
-        let t16_8 = -w_ixz_7_waist;
-        let t16_9 = t15_63 + t15_67;
-        let w_ixz_7_shoulder = t15_65 + t16_9;
-        y[92] = [t16_8, w_ixz_7_shoulder, w_ixy_6_q2, w_ixy_6_q7, w_ixy_6_q9];
-        let t16_10 = t15_94 - t15_119;
-        let w_iyy_7_waist = t15_25 - t16_10;
-        let t16_11 = -w_iyy_7_waist;
-        let t16_12 = t15_98 + t15_122;
-        let w_iyy_7_shoulder = t15_35 - t16_12;
-        y[93] = [t16_11, w_iyy_7_shoulder, t15_123, t15_124, t15_125];
-        let t16_13 = t15_103 - t15_109;
-        let w_iyz_7_waist = t15_105 - t16_13;
-        let t16_14 = -w_iyz_7_waist;
-        let t16_15 = t15_112 + t15_116;
-        let w_iyz_7_shoulder = t15_114 - t16_15;
-        let t16_16 = -w_iyz_6_q2;
-        let t16_17 = -w_iyz_6_q7;
-        let t16_18 = -w_iyz_6_q9;
-        y[94] = [t16_14, w_iyz_7_shoulder, t16_16, t16_17, t16_18];
-        let t16_19 = t15_30 - t15_94;
-        let w_izz_7_waist = t15_95 - t16_19;
-        let t16_20 = -w_izz_7_waist;
-        let t16_21 = t15_37 + t15_98;
-        let w_izz_7_shoulder = t15_100 + t16_21;
-        y[95] = [t16_20, w_izz_7_shoulder, w_ixx_6_q2, w_ixx_6_q7, w_ixx_6_q9];
-        let t16_22 = q9.mul_add(t15_54, a_6z);
-        let t16_23 = w_6x * r_q9;
-        let t16_24 = d_q9.mul_add(t15_22, t16_23);
-        let a_7y = t16_22 + t16_24;
-        let t16_25 = e_6_waisty * a_7y;
-        let t16_26 = (-q9).mul_add(t15_159, a_6y);
-        let a_7z = dr_q9 + t16_26;
-        let t16_27 = cos_shoulder * a_7z;
-        let t16_28 = like.lift(0.5).mul_add(t16_27, t16_25);
-        let t16_29 = cos_shoulder * q9;
-        let u_7_waistx = like.lift(-0.5).mul_add(t16_29, u_6_waistx);
-        let t16_30 = u_7_waistx * t15_142;
+        let t15_33 = kept[441];
+        let t15_35 = kept[442];
+        let t15_37 = kept[443];
+        let w_ixx_6_q2 = kept[445];
+        let t15_39 = kept[446];
+        let w_ixx_6_q7 = kept[447];
+        let t15_41 = kept[448];
+        let w_ixx_6_q9 = kept[449];
+        let t15_43 = kept[450];
+        let t15_49 = kept[451];
+        let t15_50 = kept[452];
+        let t15_54 = kept[453];
+        let t15_55 = kept[454];
+        let t15_61 = kept[455];
+        let t15_63 = kept[457];
+        let t15_65 = kept[458];
+        let t15_67 = kept[459];
+        let w_ixy_6_q2 = kept[461];
+        let w_ixy_6_q7 = kept[463];
+        let w_ixy_6_q9 = kept[465];
+        let t15_74 = kept[467];
+        let t15_75 = kept[468];
+        let t15_78 = kept[469];
+        let t15_80 = kept[470];
+        let t15_82 = kept[471];
+        let t15_85 = kept[473];
+        let t15_87 = kept[474];
+        let t15_89 = kept[475];
+        let t15_90 = kept[477];
+        let t15_91 = kept[478];
+        let t15_92 = kept[479];
+        let t15_94 = kept[480];
+        let t15_95 = kept[481];
+        let t15_98 = kept[483];
+        let t15_100 = kept[484];
+        let t15_103 = kept[486];
+        let t15_104 = kept[487];
+        let t15_105 = kept[488];
+        let t15_107 = kept[489];
+        let t15_109 = kept[490];
+        let t15_112 = kept[492];
+        let t15_114 = kept[493];
+        let t15_116 = kept[494];
+        let w_iyz_6_q2 = kept[496];
+        let w_iyz_6_q7 = kept[497];
+        let w_iyz_6_q9 = kept[498];
+        let t15_119 = kept[499];
+        let t15_122 = kept[501];
+        let t15_123 = kept[503];
+        let t15_124 = kept[504];
+        let t15_125 = kept[505];
+        let a_6y = kept[506];
+        let a_6z = kept[507];
+        let u_6_waistx = kept[508];
+        let t15_142 = kept[509];
+        let u_6_waisty = kept[510];
+        let t15_144 = kept[511];
+        let u_6_waistz = kept[512];
+        let u_6_shoulderx = kept[514];
+        let u_6_shouldery = kept[515];
+        let t15_153 = kept[516];
+        let a_6x = kept[521];
+        let t15_164 = kept[522];
+        let t15_165 = kept[523];
+        let t15_172 = kept[525];
+        let t15_180 = kept[530];
+        let t15_182 = kept[531];
+        let t15_189 = kept[533];
+        let t17_1 = t15_13 + t15_30;
+        let w_ixx_7_waist = t15_25 - t17_1;
+        let t17_2 = t15_33 - t15_37;
+        let w_ixx_7_shoulder = t15_35 - t17_2;
+        let t17_3 = -w_ixx_7_shoulder;
+        y[90] = [w_ixx_7_waist, t17_3, t15_39, t15_41, t15_43];
+        let t17_4 = t15_75 + t15_82;
+        let w_ixy_7_waist = t15_78 + t17_4;
+        let t17_5 = -w_ixy_7_waist;
+        let t17_6 = t15_85 - t15_89;
+        let w_ixy_7_shoulder = t15_87 + t17_6;
+        y[91] = [t17_5, w_ixy_7_shoulder, t15_90, t15_91, t15_92];
+        let t17_7 = t15_50 - t15_61;
+        let w_ixz_7_waist = t15_55 + t17_7;
+        let t17_8 = -w_ixz_7_waist;
+        let t17_9 = t15_63 + t15_67;
+        let w_ixz_7_shoulder = t15_65 + t17_9;
+        y[92] = [t17_8, w_ixz_7_shoulder, w_ixy_6_q2, w_ixy_6_q7, w_ixy_6_q9];
+        let t17_10 = t15_94 - t15_119;
+        let w_iyy_7_waist = t15_25 - t17_10;
+        let t17_11 = -w_iyy_7_waist;
+        let t17_12 = t15_98 + t15_122;
+        let w_iyy_7_shoulder = t15_35 - t17_12;
+        y[93] = [t17_11, w_iyy_7_shoulder, t15_123, t15_124, t15_125];
+        let t17_13 = t15_103 - t15_109;
+        let w_iyz_7_waist = t15_105 - t17_13;
+        let t17_14 = -w_iyz_7_waist;
+        let t17_15 = t15_112 + t15_116;
+        let w_iyz_7_shoulder = t15_114 - t17_15;
+        let t17_16 = -w_iyz_6_q2;
+        let t17_17 = -w_iyz_6_q7;
+        let t17_18 = -w_iyz_6_q9;
+        y[94] = [t17_14, w_iyz_7_shoulder, t17_16, t17_17, t17_18];
+        let t17_19 = t15_30 - t15_94;
+        let w_izz_7_waist = t15_95 - t17_19;
+        let t17_20 = -w_izz_7_waist;
+        let t17_21 = t15_37 + t15_98;
+        let w_izz_7_shoulder = t15_100 + t17_21;
+        y[95] = [t17_20, w_izz_7_shoulder, w_ixx_6_q2, w_ixx_6_q7, w_ixx_6_q9];
+        let t17_22 = (-q9).mul_add(t15_54, a_6z);
+        let t17_23 = w_6x * r_q9;
+        let t17_24 = d_q9.mul_add(t15_22, t17_23);
+        let a_7y = t17_22 - t17_24;
+        let t17_25 = e_6_waisty * a_7y;
+        let t17_26 = q9.mul_add(t15_164, a_6y);
+        let a_7z = dr_q9 - t17_26;
+        let t17_27 = cos_shoulder * a_7z;
+        let t17_28 = like.lift(-0.5).mul_add(t17_27, t17_25);
+        let t17_29 = cos_shoulder * q9;
+        let u_7_waistx = like.lift(-0.5).mul_add(t17_29, u_6_waistx);
+        let t17_30 = u_7_waistx * t15_142;
         let u_7_waisty = q9.mul_add(e_6_waistx, u_6_waistz);
-        let t16_31 = (-u_7_waisty).mul_add(t15_49, t16_30);
-        let t16_32 = t15_144 + t16_31;
-        let w_mx_7_waist = t16_28 - t16_32;
-        let t16_33 = sin_q8 * a_7y;
-        let t16_34 = like.lift(0.5) * t16_33;
-        let t16_35 = like.lift(-0.8660254037844386).mul_add(a_7z, t16_34);
+        let t17_31 = (-u_7_waisty).mul_add(t15_49, t17_30);
+        let t17_32 = t15_144 + t17_31;
+        let w_mx_7_waist = t17_28 + t17_32;
+        let t17_33 = -w_mx_7_waist;
+        let t17_34 = sin_q8 * a_7y;
+        let t17_35 = like.lift(0.5) * t17_34;
+        let t17_36 = like.lift(0.8660254037844386).mul_add(a_7z, t17_35);
         let u_7_shoulderx = like.lift(0.8660254037844386).mul_add(q9, u_6_shoulderx);
-        let t16_36 = u_7_shoulderx * t15_142;
-        let u_7_shouldery = t4_58 + like.lift(0.3);
-        let t16_37 = (-u_7_shouldery).mul_add(t15_49, t16_36);
-        let t16_38 = t15_152 + t16_37;
-        let w_mx_7_shoulder = t16_35 - t16_38;
-        let t16_39 = -w_mx_7_shoulder;
-        let t16_40 = q9.mul_add(t15_142, a_7z);
-        let w_mx_7_q2 = x_q8_q2 * t16_40;
-        let w_mx_7_q7 = x_q8_q7 * t16_40;
-        let t16_41 = q9 * x_q8_q9;
-        let t16_42 = (-t15_142).mul_add(t16_41, t15_74);
-        let w_mx_7_q9 = x_q8_q9.mul_add(a_7z, -t16_42);
-        y[96] = [w_mx_7_waist, t16_39, w_mx_7_q2, w_mx_7_q7, w_mx_7_q9];
-        let t16_43 = e_6_waistx * a_7z;
-        let t16_44 = q9 * t15_104;
-        let t16_45 = a_6x + t16_44;
-        let t16_46 = w_6z * r_q9;
-        let t16_47 = d_q9.mul_add(t15_18, t16_46);
-        let a_7x = t16_45 + t16_47;
-        let t16_48 = (-e_6_waisty).mul_add(a_7x, t16_43);
-        let t16_49 = u_7_waistx * t15_107;
-        let t16_50 = u_7_waisty.mul_add(t15_174, t16_49);
-        let t16_51 = t15_172 - t16_50;
-        let w_my_7_waist = t16_48 - t16_51;
-        let t16_52 = -w_my_7_waist;
-        let t16_53 = cos_q8 * a_7z;
-        let t16_54 = like.lift(0.5) * t16_53;
-        let t16_55 = sin_q8 * a_7x;
-        let t16_56 = like.lift(-0.5).mul_add(t16_55, t16_54);
-        let t16_57 = u_7_shoulderx * t15_107;
-        let t16_58 = u_7_shouldery.mul_add(t15_174, t16_57);
-        let t16_59 = t15_180 - t16_58;
-        let w_my_7_shoulder = t16_56 - t16_59;
-        let t16_60 = q9 * t15_107;
-        let w_my_7_q2 = x_q8_q2 * t16_60;
-        let w_my_7_q7 = x_q8_q7 * t16_60;
-        let w_my_7_q9 = t15_107.mul_add(t16_41, t15_80);
-        y[97] = [t16_52, w_my_7_shoulder, w_my_7_q2, w_my_7_q7, w_my_7_q9];
-        let t16_61 = cos_shoulder * a_7x;
-        let t16_62 = like.lift(0.5) * t16_61;
-        let t16_63 = e_6_waistx.mul_add(a_7y, t16_62);
-        let t16_64 = u_7_waistx * t15_104;
-        let t16_65 = (-u_7_waisty).mul_add(t15_54, t16_64);
-        let t16_66 = t15_160 - t16_65;
-        let w_mz_7_waist = t16_63 + t16_66;
-        let t16_67 = -w_mz_7_waist;
-        let t16_68 = like.lift(0.8660254037844386) * a_7x;
-        let t16_69 = cos_q8 * a_7y;
-        let t16_70 = like.lift(-0.5).mul_add(t16_69, t16_68);
-        let t16_71 = u_7_shoulderx * t15_104;
-        let t16_72 = (-u_7_shouldery).mul_add(t15_54, t16_71);
-        let t16_73 = t15_166 - t16_72;
-        let w_mz_7_shoulder = t16_70 - t16_73;
-        let t16_74 = -w_mz_7_shoulder;
-        let t16_75 = t16_44 + a_7x;
-        let w_mz_7_q2 = x_q8_q2 * t16_75;
-        let t16_76 = -w_mz_7_q2;
-        let w_mz_7_q7 = x_q8_q7 * t16_75;
-        let t16_77 = -w_mz_7_q7;
-        let t16_78 = t15_104.mul_add(t16_41, t15_159);
-        let w_mz_7_q9 = x_q8_q9.mul_add(a_7x, t16_78);
-        let t16_79 = -w_mz_7_q9;
-        y[98] = [t16_67, t16_74, t16_76, t16_77, t16_79];
-        let t16_80 = u_7_waistx * a_7x;
-        let t16_81 = (-u_7_waisty).mul_add(a_7y, t16_80);
-        let w_m_7_waist = u_6_waisty.mul_add(a_7z, t16_81);
-        let t16_82 = u_7_shoulderx * a_7x;
-        let t16_83 = (-u_7_shouldery).mul_add(a_7y, t16_82);
-        let w_m_7_shoulder = u_6_shouldery.mul_add(a_7z, t16_83);
-        let t16_84 = -w_m_7_shoulder;
-        let t16_85 = q9 * a_7x;
-        let w_m_7_q2 = x_q8_q2 * t16_85;
-        let t16_86 = -w_m_7_q2;
-        let w_m_7_q7 = x_q8_q7 * t16_85;
-        let t16_87 = -w_m_7_q7;
-        let w_m_7_q9 = (-a_7x).mul_add(t16_41, a_7z);
-        y[99] = [w_m_7_waist, t16_84, t16_86, t16_87, w_m_7_q9];
+        let t17_37 = u_7_shoulderx * t15_142;
+        let u_7_shouldery = t4_58 + like.lift(0.625);
+        let t17_38 = (-u_7_shouldery).mul_add(t15_49, t17_37);
+        let t17_39 = t15_153 + t17_38;
+        let w_mx_7_shoulder = t17_36 + t17_39;
+        let t17_40 = q9.mul_add(t15_142, a_7z);
+        let w_mx_7_q2 = x_q8_q2 * t17_40;
+        let w_mx_7_q7 = x_q8_q7 * t17_40;
+        let t17_41 = q9 * x_q8_q9;
+        let t17_42 = (-t15_142).mul_add(t17_41, t15_74);
+        let w_mx_7_q9 = x_q8_q9.mul_add(a_7z, -t17_42);
+        y[96] = [t17_33, w_mx_7_shoulder, w_mx_7_q2, w_mx_7_q7, w_mx_7_q9];
+        let t17_43 = e_6_waistx * a_7z;
+        let t17_44 = q9 * t15_104;
+        let t17_45 = a_6x - t17_44;
+        let t17_46 = w_6z * r_q9;
+        let t17_47 = d_q9.mul_add(t15_18, t17_46);
+        let a_7x = t17_45 - t17_47;
+        let t17_48 = e_6_waisty.mul_add(a_7x, t17_43);
+        let t17_49 = u_7_waistx * t15_107;
+        let t17_50 = u_7_waisty.mul_add(t15_182, t17_49);
+        let t17_51 = t15_180 - t17_50;
+        let w_my_7_waist = t17_48 - t17_51;
+        let t17_52 = -w_my_7_waist;
+        let t17_53 = cos_q8 * a_7z;
+        let t17_54 = like.lift(0.5) * t17_53;
+        let t17_55 = sin_q8 * a_7x;
+        let t17_56 = like.lift(0.5).mul_add(t17_55, t17_54);
+        let t17_57 = u_7_shoulderx * t15_107;
+        let t17_58 = u_7_shouldery.mul_add(t15_182, t17_57);
+        let t17_59 = t15_189 - t17_58;
+        let w_my_7_shoulder = t17_56 - t17_59;
+        let t17_60 = q9 * t15_107;
+        let w_my_7_q2 = x_q8_q2 * t17_60;
+        let w_my_7_q7 = x_q8_q7 * t17_60;
+        let w_my_7_q9 = t15_107.mul_add(t17_41, t15_80);
+        y[97] = [t17_52, w_my_7_shoulder, w_my_7_q2, w_my_7_q7, w_my_7_q9];
+        let t17_61 = cos_shoulder * a_7x;
+        let t17_62 = like.lift(0.5) * t17_61;
+        let t17_63 = e_6_waistx.mul_add(a_7y, t17_62);
+        let t17_64 = u_7_waistx * t15_104;
+        let t17_65 = (-u_7_waisty).mul_add(t15_54, t17_64);
+        let t17_66 = t15_165 - t17_65;
+        let w_mz_7_waist = t17_63 - t17_66;
+        let t17_67 = like.lift(0.8660254037844386) * a_7x;
+        let t17_68 = cos_q8 * a_7y;
+        let t17_69 = like.lift(-0.5).mul_add(t17_68, t17_67);
+        let t17_70 = u_7_shoulderx * t15_104;
+        let t17_71 = (-u_7_shouldery).mul_add(t15_54, t17_70);
+        let t17_72 = t15_172 - t17_71;
+        let w_mz_7_shoulder = t17_69 + t17_72;
+        let t17_73 = t17_44 - a_7x;
+        let w_mz_7_q2 = x_q8_q2 * t17_73;
+        let t17_74 = -w_mz_7_q2;
+        let w_mz_7_q7 = x_q8_q7 * t17_73;
+        let t17_75 = -w_mz_7_q7;
+        let t17_76 = t15_104.mul_add(t17_41, t15_164);
+        let w_mz_7_q9 = x_q8_q9.mul_add(a_7x, -t17_76);
+        y[98] = [w_mz_7_waist, w_mz_7_shoulder, t17_74, t17_75, w_mz_7_q9];
+        let t17_77 = u_7_waistx * a_7x;
+        let t17_78 = (-u_7_waisty).mul_add(a_7y, t17_77);
+        let w_m_7_waist = (-u_6_waisty).mul_add(a_7z, t17_78);
+        let t17_79 = -w_m_7_waist;
+        let t17_80 = u_7_shoulderx * a_7x;
+        let t17_81 = (-u_7_shouldery).mul_add(a_7y, t17_80);
+        let w_m_7_shoulder = (-u_6_shouldery).mul_add(a_7z, t17_81);
+        let t17_82 = q9 * a_7x;
+        let w_m_7_q2 = x_q8_q2 * t17_82;
+        let w_m_7_q7 = x_q8_q7 * t17_82;
+        let w_m_7_q9 = a_7x.mul_add(t17_41, a_7z);
+        y[99] = [t17_79, w_m_7_shoulder, w_m_7_q2, w_m_7_q7, w_m_7_q9];
     }
     Condition { pivot: condition }
 }
@@ -12757,7 +12936,7 @@ pub fn efforts<T: Scalar>(q: &[T; 11], tau: &[T; 5]) -> ([T; 5], Condition<T>) {
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
 /// - `poses`: per body in the order of `BODIES`: rotation to the world frame, row by row, then the origin in the world, m
 ///
-/// 64 additions, 106 multiplications, 0 divisions, 8 sines and cosines.
+/// 66 additions, 108 multiplications, 0 divisions, 8 sines and cosines.
 pub fn poses<T: Scalar>(q: &[T; 11]) -> [[T; 12]; 10] {
     let like = q[0];
     let mut poses = [[like.lift(0.0); 12]; 10];
@@ -12766,11 +12945,11 @@ pub fn poses<T: Scalar>(q: &[T; 11]) -> [[T; 12]; 10] {
     let [sin_waist, cos_waist, t1_1] = {
         let (sin_waist, cos_waist) = waist.sin_cos();
         let t1_1 = -sin_waist;
-        poses[0] = [cos_waist, t1_1, like.lift(0.0), sin_waist, cos_waist, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(1.0), like.lift(0.0), like.lift(0.0), like.lift(0.5)];
+        poses[0] = [cos_waist, t1_1, like.lift(0.0), sin_waist, cos_waist, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(1.0), like.lift(0.0), like.lift(0.0), like.lift(0.75)];
         [sin_waist, cos_waist, t1_1]
     };
     // body boom
-    let [sin_shoulder, cos_shoulder, t2_1, t2_2, t2_3, t2_4, t2_5, t2_6] = {
+    let [sin_shoulder, cos_shoulder, t2_1, t2_2, t2_3, t2_4, t2_5, t2_6, t2_8, t2_9] = {
         let (sin_shoulder, cos_shoulder) = shoulder.sin_cos();
         let t2_1 = cos_waist * cos_shoulder;
         let t2_2 = cos_waist * sin_shoulder;
@@ -12779,14 +12958,16 @@ pub fn poses<T: Scalar>(q: &[T; 11]) -> [[T; 12]; 10] {
         let t2_5 = sin_waist * sin_shoulder;
         let t2_6 = -t2_5;
         let t2_7 = -cos_waist;
-        poses[1] = [t2_1, t2_3, sin_waist, t2_4, t2_6, t2_7, sin_shoulder, cos_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.5)];
-        [sin_shoulder, cos_shoulder, t2_1, t2_2, t2_3, t2_4, t2_5, t2_6]
+        let t2_8 = like.lift(0.35) * cos_waist;
+        let t2_9 = like.lift(0.35) * sin_waist;
+        poses[1] = [t2_1, t2_3, sin_waist, t2_4, t2_6, t2_7, sin_shoulder, cos_shoulder, like.lift(0.0), t2_8, t2_9, like.lift(0.75)];
+        [sin_shoulder, cos_shoulder, t2_1, t2_2, t2_3, t2_4, t2_5, t2_6, t2_8, t2_9]
     };
     // body base
     let [t3_1, t3_2, t3_3] = {
-        let t3_1 = like.lift(0.6) * t2_1;
-        let t3_2 = like.lift(0.6) * t2_4;
-        let t3_3 = like.lift(0.6).mul_add(sin_shoulder, like.lift(0.5));
+        let t3_1 = like.lift(1.25).mul_add(t2_1, t2_8);
+        let t3_2 = like.lift(1.25).mul_add(t2_4, t2_9);
+        let t3_3 = like.lift(1.25).mul_add(sin_shoulder, like.lift(0.75));
         poses[2] = [t1_1, t2_3, t2_1, cos_waist, t2_6, t2_4, like.lift(0.0), cos_shoulder, sin_shoulder, t3_1, t3_2, t3_3];
         [t3_1, t3_2, t3_3]
     };
@@ -12985,7 +13166,7 @@ pub fn poses<T: Scalar>(q: &[T; 11]) -> [[T; 12]; 10] {
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: W_red (Eq. 23), column by column: `w[c][r]` multiplies `BASE[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 620 additions, 1002 multiplications, 6 divisions, 7 sines and cosines.
+/// 626 additions, 1011 multiplications, 6 divisions, 7 sines and cosines.
 pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[T; 5]; 48]) -> Condition<T> {
     let like = q[0];
     let [_, shoulder, q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
@@ -13003,7 +13184,7 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
     let [
         sin_shoulder, cos_shoulder, w_ixz_boom_shoulder, w_boomy, al_boomx_2, w_boomx,
         w_ixx_boom_shoulder, w_iyz_boom_shoulder, al_boomy_2, t2_3, t2_5, t2_7, t2_8, t2_9,
-        t2_11, a_boomy, a_boomx,
+        t2_11, t2_14, a_boomy_3, a_boomx_3,
     ] = {
         let (sin_shoulder, cos_shoulder) = shoulder.sin_cos();
         let w_ixz_boom_shoulder = sin_shoulder * dd_waist;
@@ -13034,15 +13215,26 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
         let t2_12 = t2_7 - t2_11;
         let w_ixz_boom_waist = (-cos_shoulder).mul_add(t2_12, t2_10);
         w[3] = [w_ixz_boom_waist, w_ixz_boom_shoulder, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let a_boomy = like.lift(9.81) * cos_shoulder;
-        w[4] = [like.lift(0.0), a_boomy, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        let a_boomx = like.lift(9.81) * sin_shoulder;
-        let t2_13 = -a_boomx;
-        w[5] = [like.lift(0.0), t2_13, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t2_13 = like.lift(0.35) * w_iyz_boom_shoulder;
+        let w_mx_boom_waist = like.lift(-0.35).mul_add(t2_3, t2_13);
+        let t2_14 = d_waist * d_waist;
+        let t2_15 = sin_shoulder * t2_14;
+        let a_boomy = like.lift(0.35) * t2_15;
+        let a_boomy_2 = like.lift(9.81) * cos_shoulder;
+        let a_boomy_3 = a_boomy + a_boomy_2;
+        w[4] = [w_mx_boom_waist, a_boomy_3, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t2_16 = like.lift(0.35) * w_ixz_boom_shoulder;
+        let w_my_boom_waist = like.lift(0.35).mul_add(t2_5, t2_16);
+        let t2_17 = -w_my_boom_waist;
+        let t2_18 = cos_shoulder * t2_14;
+        let a_boomx = like.lift(0.35) * t2_18;
+        let a_boomx_2 = like.lift(9.81) * sin_shoulder;
+        let a_boomx_3 = a_boomx - a_boomx_2;
+        w[5] = [t2_17, a_boomx_3, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         [
             sin_shoulder, cos_shoulder, w_ixz_boom_shoulder, w_boomy, al_boomx_2, w_boomx,
             w_ixx_boom_shoulder, w_iyz_boom_shoulder, al_boomy_2, t2_3, t2_5, t2_7, t2_8, t2_9,
-            t2_11, a_boomy, a_boomx,
+            t2_11, t2_14, a_boomy_3, a_boomx_3,
         ]
     };
     // body base
@@ -13295,12 +13487,12 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
         let t4_192 = like.lift(1.1547005383792515) * t4_191;
         let t4_193 = -pivot_5;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(1.9150361620118772)).abs()
-            .min((t4_86 * like.lift(1.8751412991819398)).abs())
-            .min((pivot_3 * like.lift(2.6162535605710207)).abs())
-            .min((pivot_4 * like.lift(2.2558640767950906)).abs())
-            .min((t4_193 * like.lift(0.8083910306721919)).abs())
-            .min((pivot_6 * like.lift(2.191678505501337)).abs());
+        let margin = (pivot_1 * like.lift(1.9131671434315987)).abs()
+            .min((t4_86 * like.lift(1.863195236951264)).abs())
+            .min((pivot_3 * like.lift(2.6695171222054848)).abs())
+            .min((pivot_4 * like.lift(2.294035647929491)).abs())
+            .min((t4_193 * like.lift(0.786868847408929)).abs())
+            .min((pivot_6 * like.lift(2.1945756748652077)).abs());
         let ([
             [_, _, x_q1_q2, x_q1_q7, x_q1_q9], [_, _, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [_, _, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [_, _, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
@@ -13347,9 +13539,9 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
     };
     // body 1
     let [
-        al_1y, t5_6, t5_8, t5_9, t5_11, t5_12, t5_20, al_1z, t5_23, t5_25, a_basex, t5_37,
-        a_basez_2, a_1y, a_basey, a_1z, t5_44, u_1_waistx, t5_48, u_1_waisty, t5_50, a_1x,
-        t5_62, t5_63,
+        al_1y, t5_6, t5_8, t5_9, t5_11, t5_12, t5_20, al_1z, t5_23, t5_25, a_basex, a_basez,
+        a_1y, a_basey, a_1z, t5_43, u_base_waistx, u_1_waistx, t5_46, u_1_waisty, t5_49, a_1x,
+        t5_59, t5_60,
     ] = {
         let w_ixx_1_q2 = t4_8 * x_q1_q2;
         let t5_1 = -w_ixx_1_q2;
@@ -13411,77 +13603,72 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
         let w_izz_1_q9 = al_1z * x_q1_q9;
         let t5_36 = -w_izz_1_q9;
         w[11] = [t5_33, w_izz_1_shoulder, t5_34, t5_35, t5_36];
-        let a_basex = like.lift(0.6) * t2_3;
-        let t5_37 = d_waist * d_waist;
-        let t5_38 = like.lift(0.26344492783122625).mul_add(t5_37, a_basex);
-        let t5_39 = sin_q1 * t5_38;
-        let t5_40 = t2_8 + t2_11;
-        let a_basez = like.lift(0.6) * t5_40;
-        let a_basez_2 = a_boomx - a_basez;
-        let t5_41 = like.lift(-0.26344492783122625).mul_add(w_iyz_boom_shoulder, a_basez_2);
-        let a_1y = (-cos_q1).mul_add(t5_41, t5_39);
-        let t5_42 = cos_shoulder * a_1y;
-        let a_basey = like.lift(0.6).mul_add(t2_9, a_boomy);
+        let a_boomz = like.lift(0.35) * dd_waist;
+        let a_basex = like.lift(-1.25).mul_add(t2_3, a_boomz);
+        let t5_37 = like.lift(-0.26344492783122625).mul_add(t2_14, a_basex);
+        let t5_38 = sin_q1 * t5_37;
+        let t5_39 = t2_8 + t2_11;
+        let a_basez = like.lift(1.25).mul_add(t5_39, a_boomx_3);
+        let t5_40 = like.lift(0.26344492783122625).mul_add(w_iyz_boom_shoulder, a_basez);
+        let a_1y = (-cos_q1).mul_add(t5_40, t5_38);
+        let t5_41 = cos_shoulder * a_1y;
+        let a_basey = like.lift(1.25).mul_add(t2_9, a_boomy_3);
         let a_1z = like.lift(0.26344492783122625).mul_add(w_ixz_boom_shoulder, a_basey);
-        let t5_43 = e_1_waisty.mul_add(a_1z, t5_42);
-        let t5_44 = t5_12 + t5_20;
-        let t5_45 = cos_shoulder * cos_q1;
-        let t5_46 = like.lift(0.6) * t5_45;
-        let t5_47 = cos_shoulder * sin_q1;
-        let u_1_waistx = like.lift(0.26344492783122625).mul_add(t5_47, t5_46);
-        let t5_48 = al_1z - t4_8;
-        let t5_49 = like.lift(0.6) * t5_47;
-        let u_1_waisty = like.lift(-0.26344492783122625).mul_add(t5_45, t5_49);
-        let t5_50 = t5_48 * u_1_waisty;
-        let t5_51 = t5_44.mul_add(u_1_waistx, t5_50);
-        let t5_52 = sin_shoulder * t5_6;
-        let t5_53 = like.lift(0.26344492783122625).mul_add(t5_52, t5_51);
-        let w_mx_1_waist = t5_43 - t5_53;
+        let t5_42 = (-e_1_waisty).mul_add(a_1z, t5_41);
+        let t5_43 = t5_12 + t5_20;
+        let u_base_waistx = like.lift(1.25).mul_add(cos_shoulder, like.lift(0.35));
+        let t5_44 = cos_q1 * u_base_waistx;
+        let t5_45 = cos_shoulder * sin_q1;
+        let u_1_waistx = like.lift(0.26344492783122625).mul_add(t5_45, t5_44);
+        let t5_46 = al_1z - t4_8;
+        let t5_47 = sin_q1 * u_base_waistx;
+        let t5_48 = cos_shoulder * cos_q1;
+        let u_1_waisty = like.lift(-0.26344492783122625).mul_add(t5_48, t5_47);
+        let t5_49 = t5_46 * u_1_waisty;
+        let t5_50 = t5_43.mul_add(u_1_waistx, t5_49);
+        let t5_51 = sin_shoulder * t5_6;
+        let t5_52 = like.lift(0.26344492783122625).mul_add(t5_51, t5_50);
+        let w_mx_1_waist = t5_42 + t5_52;
+        let t5_53 = -w_mx_1_waist;
         let t5_54 = sin_q1 * a_1z;
-        let w_mx_1_shoulder = like.lift(0.6).mul_add(t5_6, t5_54);
+        let w_mx_1_shoulder = like.lift(1.25).mul_add(t5_6, t5_54);
         let t5_55 = -w_mx_1_shoulder;
         let w_mx_1_q2 = a_1y * x_q1_q2;
-        let t5_56 = -w_mx_1_q2;
         let w_mx_1_q7 = a_1y * x_q1_q7;
-        let t5_57 = -w_mx_1_q7;
         let w_mx_1_q9 = a_1y * x_q1_q9;
-        let t5_58 = -w_mx_1_q9;
-        w[12] = [w_mx_1_waist, t5_55, t5_56, t5_57, t5_58];
-        let t5_59 = e_1_waistx * a_1z;
-        let t5_60 = cos_q1 * t5_38;
-        let a_1x = sin_q1.mul_add(t5_41, t5_60);
-        let t5_61 = (-cos_shoulder).mul_add(a_1x, t5_59);
-        let t5_62 = t5_11 + t5_20;
-        let t5_63 = t5_62 * u_1_waisty;
-        let t5_64 = t5_23.mul_add(u_1_waistx, -t5_63);
-        let t5_65 = sin_shoulder * t5_9;
-        let t5_66 = like.lift(0.26344492783122625).mul_add(t5_65, t5_64);
-        let w_my_1_waist = t5_61 + t5_66;
-        let t5_67 = -w_my_1_waist;
-        let t5_68 = cos_q1 * a_1z;
-        let w_my_1_shoulder = like.lift(0.6).mul_add(t5_9, t5_68);
-        let t5_69 = -w_my_1_shoulder;
+        w[12] = [t5_53, t5_55, w_mx_1_q2, w_mx_1_q7, w_mx_1_q9];
+        let t5_56 = e_1_waistx * a_1z;
+        let t5_57 = cos_q1 * t5_37;
+        let a_1x = sin_q1.mul_add(t5_40, t5_57);
+        let t5_58 = cos_shoulder.mul_add(a_1x, t5_56);
+        let t5_59 = t5_11 + t5_20;
+        let t5_60 = t5_59 * u_1_waisty;
+        let t5_61 = t5_23.mul_add(u_1_waistx, -t5_60);
+        let t5_62 = sin_shoulder * t5_9;
+        let t5_63 = like.lift(0.26344492783122625).mul_add(t5_62, t5_61);
+        let w_my_1_waist = t5_58 + t5_63;
+        let t5_64 = -w_my_1_waist;
+        let t5_65 = cos_q1 * a_1z;
+        let w_my_1_shoulder = like.lift(1.25).mul_add(t5_9, t5_65);
+        let t5_66 = -w_my_1_shoulder;
         let w_my_1_q2 = a_1x * x_q1_q2;
-        let t5_70 = -w_my_1_q2;
         let w_my_1_q7 = a_1x * x_q1_q7;
-        let t5_71 = -w_my_1_q7;
         let w_my_1_q9 = a_1x * x_q1_q9;
-        let t5_72 = -w_my_1_q9;
-        w[13] = [t5_67, t5_69, t5_70, t5_71, t5_72];
+        w[13] = [t5_64, t5_66, w_my_1_q2, w_my_1_q7, w_my_1_q9];
         [
-            al_1y, t5_6, t5_8, t5_9, t5_11, t5_12, t5_20, al_1z, t5_23, t5_25, a_basex, t5_37,
-            a_basez_2, a_1y, a_basey, a_1z, t5_44, u_1_waistx, t5_48, u_1_waisty, t5_50, a_1x,
-            t5_62, t5_63,
+            al_1y, t5_6, t5_8, t5_9, t5_11, t5_12, t5_20, al_1z, t5_23, t5_25, a_basex,
+            a_basez, a_1y, a_basey, a_1z, t5_43, u_base_waistx, u_1_waistx, t5_46, u_1_waisty,
+            t5_49, a_1x, t5_59, t5_60,
         ]
     };
     // body 2
     let [a_2y, a_2z, u_2_waistx, u_2_waisty, u_2_shouldery, a_2x] = {
         let t6_1 = t5_11 - t5_20;
-        let t6_2 = e_1_waistx * t5_48;
+        let t6_2 = e_1_waistx * t5_46;
         let t6_3 = al_1x + t5_8;
         let t6_4 = cos_shoulder.mul_add(t6_3, t6_2);
         let w_ixy_2_waist = e_1_waisty.mul_add(t6_1, -t6_4);
-        let t6_5 = cos_q1 * t5_48;
+        let t6_5 = cos_q1 * t5_46;
         let w_ixz_1_shoulder = sin_q1.mul_add(t6_1, t6_5);
         let t6_6 = -w_ixz_1_shoulder;
         let w_ixz_1_q2 = t6_3 * x_q1_q2;
@@ -13492,33 +13679,33 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
         let t6_8 = d_q2 * w_1x;
         let a_2y = like.lift(2.0).mul_add(t6_8, t6_7);
         let t6_9 = e_1_waisty * a_2y;
-        let t6_10 = q2.mul_add(t5_62, a_1y);
-        let a_2z = dd_q2 - t6_10;
+        let t6_10 = (-q2).mul_add(t5_59, a_1y);
+        let a_2z = dd_q2 + t6_10;
         let t6_11 = (-cos_shoulder).mul_add(a_2z, t6_9);
         let u_2_waistx = cos_shoulder.mul_add(q2, u_1_waistx);
-        let t6_12 = t5_44 * u_2_waistx;
+        let t6_12 = t5_43 * u_2_waistx;
         let u_1_waistz = like.lift(0.26344492783122625) * sin_shoulder;
         let u_2_waisty = q2.mul_add(e_1_waistx, u_1_waistz);
         let t6_13 = t5_6.mul_add(u_2_waisty, t6_12);
-        let t6_14 = t5_50 + t6_13;
+        let t6_14 = t5_49 + t6_13;
         let w_mx_2_waist = t6_11 - t6_14;
         let t6_15 = sin_q1 * a_2y;
-        let u_2_shouldery = like.lift(0.6) + t4_10;
+        let u_2_shouldery = like.lift(1.25) + t4_10;
         let w_mx_2_shoulder = t5_6.mul_add(u_2_shouldery, t6_15);
         let t6_16 = -w_mx_2_shoulder;
         let t6_17 = q2 * x_q1_q2;
-        let t6_18 = (-t5_44).mul_add(t6_17, t5_48);
+        let t6_18 = (-t5_43).mul_add(t6_17, t5_46);
         let w_mx_2_q2 = a_2z.mul_add(x_q1_q2, -t6_18);
-        let t6_19 = q2.mul_add(t5_44, a_2z);
+        let t6_19 = q2.mul_add(t5_43, a_2z);
         let w_mx_2_q7 = t6_19 * x_q1_q7;
         let w_mx_2_q9 = t6_19 * x_q1_q9;
         w[15] = [w_mx_2_waist, t6_16, w_mx_2_q2, w_mx_2_q7, w_mx_2_q9];
         let t6_20 = e_1_waistx * a_2z;
         let t6_21 = q2 * t5_23;
-        let t6_22 = a_1x - t6_21;
+        let t6_22 = a_1x + t6_21;
         let t6_23 = d_q2 * w_1z;
-        let a_2x = like.lift(-2.0).mul_add(t6_23, t6_22);
-        let t6_24 = (-e_1_waisty).mul_add(a_2x, t6_20);
+        let a_2x = like.lift(2.0).mul_add(t6_23, t6_22);
+        let t6_24 = e_1_waisty.mul_add(a_2x, t6_20);
         let t6_25 = t5_25 * u_2_waistx;
         let t6_26 = t5_11 + t5_12;
         let t6_27 = (-t6_26).mul_add(u_2_waisty, t6_25);
@@ -13526,7 +13713,7 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
         let w_my_2_waist = t6_24 + t6_28;
         let t6_29 = -w_my_2_waist;
         let t6_30 = cos_q1 * a_2z;
-        let t6_31 = sin_q1.mul_add(a_2x, t6_30);
+        let t6_31 = (-sin_q1).mul_add(a_2x, t6_30);
         let w_my_2_shoulder = t6_26.mul_add(u_2_shouldery, t6_31);
         let t6_32 = -w_my_2_shoulder;
         let w_my_2_q2 = t5_25.mul_add(t6_17, t6_3);
@@ -13538,32 +13725,33 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
         let t6_36 = -w_my_2_q9;
         w[16] = [t6_29, t6_32, t6_33, t6_35, t6_36];
         let t6_37 = cos_shoulder * a_2x;
-        let t6_38 = (-e_1_waistx).mul_add(a_2y, t6_37);
+        let t6_38 = e_1_waistx.mul_add(a_2y, t6_37);
         let t6_39 = t5_23 * u_2_waistx;
         let t6_40 = t5_9.mul_add(u_2_waisty, t6_39);
-        let t6_41 = t5_63 - t6_40;
-        let w_mz_2_waist = t6_38 + t6_41;
-        let t6_42 = -w_mz_2_waist;
-        let t6_43 = cos_q1 * a_2y;
-        let w_mz_2_shoulder = t5_9.mul_add(u_2_shouldery, t6_43);
-        let t6_44 = t5_23.mul_add(t6_17, t5_62);
-        let w_mz_2_q2 = a_2x.mul_add(x_q1_q2, -t6_44);
-        let t6_45 = t6_21 - a_2x;
+        let t6_41 = t5_60 - t6_40;
+        let w_mz_2_waist = t6_38 - t6_41;
+        let t6_42 = cos_q1 * a_2y;
+        let w_mz_2_shoulder = t5_9.mul_add(u_2_shouldery, t6_42);
+        let t6_43 = t5_23.mul_add(t6_17, t5_59);
+        let w_mz_2_q2 = a_2x.mul_add(x_q1_q2, t6_43);
+        let t6_44 = -w_mz_2_q2;
+        let t6_45 = t6_21 + a_2x;
         let w_mz_2_q7 = t6_45 * x_q1_q7;
         let t6_46 = -w_mz_2_q7;
         let w_mz_2_q9 = t6_45 * x_q1_q9;
         let t6_47 = -w_mz_2_q9;
-        w[17] = [t6_42, w_mz_2_shoulder, w_mz_2_q2, t6_46, t6_47];
+        w[17] = [w_mz_2_waist, w_mz_2_shoulder, t6_44, t6_46, t6_47];
         let t6_48 = a_2x * u_2_waistx;
-        let t6_49 = (-a_2y).mul_add(u_2_waisty, t6_48);
-        let w_m_2_waist = (-a_2z).mul_add(u_1_waisty, t6_49);
-        let t6_50 = -w_m_2_waist;
+        let t6_49 = a_2y.mul_add(u_2_waisty, t6_48);
+        let w_m_2_waist = a_2z.mul_add(u_1_waisty, t6_49);
         let w_m_2_shoulder = a_2y * u_2_shouldery;
-        let w_m_2_q2 = a_2x.mul_add(t6_17, a_2z);
-        let t6_51 = q2 * a_2x;
-        let w_m_2_q7 = t6_51 * x_q1_q7;
-        let w_m_2_q9 = t6_51 * x_q1_q9;
-        w[18] = [t6_50, w_m_2_shoulder, w_m_2_q2, w_m_2_q7, w_m_2_q9];
+        let w_m_2_q2 = (-a_2x).mul_add(t6_17, a_2z);
+        let t6_50 = q2 * a_2x;
+        let w_m_2_q7 = t6_50 * x_q1_q7;
+        let t6_51 = -w_m_2_q7;
+        let w_m_2_q9 = t6_50 * x_q1_q9;
+        let t6_52 = -w_m_2_q9;
+        w[18] = [w_m_2_waist, w_m_2_shoulder, w_m_2_q2, t6_51, t6_52];
         [a_2y, a_2z, u_2_waistx, u_2_waisty, u_2_shouldery, a_2x]
     };
     // body 3, part 1
@@ -13574,8 +13762,8 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
         t7_97, t7_100, w_ixz_3_waist, t7_103, w_ixz_3_q2, w_ixz_3_q7, w_ixz_3_q9, t7_112,
         t7_115, w_iyy_3_q2, w_iyy_3_q7, w_iyy_3_q9, t7_124, t7_126, t7_127, w_iyz_3_shoulder,
         t7_132, t7_135, t7_138, w_izz_3_waist, w_izz_3_shoulder, t7_142, t7_144, t7_146,
-        a_s1_1x, a_3y, a_3z, t7_154, u_s1_2_waistx, u_3_waisty, u_3_waistz, t7_164,
-        u_s1_2_shoulderx, u_3_shouldery, u_3_shoulderz, t7_172, t7_173,
+        a_s1_1x, a_3y, a_3z, t7_154, u_s1_2_waistx, u_3_waisty, u_3_waistz, w_mx_3_waist,
+        u_s1_2_shoulderx, u_3_shouldery, u_3_shoulderz, w_mx_3_shoulder, t7_172, u_s1_1_q1x,
     ] = {
         let t7_1 = sin_s1_2 * e_1_waisty;
         let t7_2 = cos_s1_1 * e_1_waistx;
@@ -13782,16 +13970,16 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
         let w_izz_3_q9 = al_3z.mul_add(t7_64, t7_145);
         let t7_146 = -w_izz_3_q9;
         let t7_147 = sin_s1_1 * a_2x;
-        let a_s1_1y = cos_s1_1.mul_add(a_2y, t7_147);
+        let a_s1_1y = (-cos_s1_1).mul_add(a_2y, t7_147);
         let t7_148 = cos_s1_3 * a_s1_1y;
         let t7_149 = cos_s1_2 * a_2z;
         let t7_150 = cos_s1_1 * a_2x;
-        let a_s1_1x = (-sin_s1_1).mul_add(a_2y, t7_150);
-        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t7_149);
-        let a_3y = sin_s1_3.mul_add(a_s1_2z, t7_148);
+        let a_s1_1x = sin_s1_1.mul_add(a_2y, t7_150);
+        let a_s1_2z = sin_s1_2.mul_add(a_s1_1x, t7_149);
+        let a_3y = (-sin_s1_3).mul_add(a_s1_2z, t7_148);
         let t7_151 = e_3_waistz * a_3y;
         let t7_152 = sin_s1_3 * a_s1_1y;
-        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t7_152);
+        let a_3z = cos_s1_3.mul_add(a_s1_2z, t7_152);
         let t7_153 = (-e_3_waisty).mul_add(a_3z, t7_151);
         let t7_154 = t7_79 + t7_97;
         let t7_155 = sin_s1_2 * u_1_waisty;
@@ -13809,24 +13997,24 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
         let t7_162 = sin_s1_3 * u_s1_1_waisty;
         let u_3_waistz = cos_s1_3.mul_add(u_s1_2_waistz, t7_162);
         let t7_163 = (-t7_73).mul_add(u_3_waistz, t7_161);
-        let w_mx_3_waist = t7_153 - t7_163;
-        let t7_164 = -w_mx_3_waist;
-        let t7_165 = e_3_shoulderz * a_3y;
-        let t7_166 = (-e_3_shouldery).mul_add(a_3z, t7_165);
+        let w_mx_3_waist = t7_153 + t7_163;
+        let t7_164 = e_3_shoulderz * a_3y;
+        let t7_165 = (-e_3_shouldery).mul_add(a_3z, t7_164);
         let u_s1_1_shoulderx = sin_s1_1 * u_2_shouldery;
         let u_s1_2_shoulderx = cos_s1_2 * u_s1_1_shoulderx;
-        let t7_167 = t7_154 * u_s1_2_shoulderx;
+        let t7_166 = t7_154 * u_s1_2_shoulderx;
         let u_s1_1_shouldery = cos_s1_1 * u_2_shouldery;
-        let t7_168 = cos_s1_3 * u_s1_1_shouldery;
+        let t7_167 = cos_s1_3 * u_s1_1_shouldery;
         let u_s1_2_shoulderz = sin_s1_2 * u_s1_1_shoulderx;
-        let u_3_shouldery = sin_s1_3.mul_add(u_s1_2_shoulderz, t7_168);
-        let t7_169 = t7_95.mul_add(u_3_shouldery, t7_167);
-        let t7_170 = sin_s1_3 * u_s1_1_shouldery;
-        let u_3_shoulderz = (-cos_s1_3).mul_add(u_s1_2_shoulderz, t7_170);
-        let t7_171 = (-t7_73).mul_add(u_3_shoulderz, t7_169);
-        let w_mx_3_shoulder = t7_166 + t7_171;
-        let t7_172 = -w_mx_3_shoulder;
-        let t7_173 = a_3y * t7_38;
+        let u_3_shouldery = sin_s1_3.mul_add(u_s1_2_shoulderz, t7_167);
+        let t7_168 = t7_95.mul_add(u_3_shouldery, t7_166);
+        let t7_169 = sin_s1_3 * u_s1_1_shouldery;
+        let u_3_shoulderz = (-cos_s1_3).mul_add(u_s1_2_shoulderz, t7_169);
+        let t7_170 = (-t7_73).mul_add(u_3_shoulderz, t7_168);
+        let w_mx_3_shoulder = t7_165 - t7_170;
+        let t7_171 = a_3y * t7_38;
+        let t7_172 = (-a_3z).mul_add(t7_32, t7_171);
+        let u_s1_1_q1x = q2 * cos_s1_1;
         [
             e_s1_2_waistx, e_3_waisty, e_3_waistz, t7_22, e_3_shoulderz, w_ixx_3_shoulder,
             t7_29, u_3_q2y, t7_32, u_3_q2z, t7_38, t7_40, t7_43, t7_46, t7_51, t7_53, t7_56,
@@ -13835,27 +14023,27 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
             w_ixz_3_q9, t7_112, t7_115, w_iyy_3_q2, w_iyy_3_q7, w_iyy_3_q9, t7_124, t7_126,
             t7_127, w_iyz_3_shoulder, t7_132, t7_135, t7_138, w_izz_3_waist, w_izz_3_shoulder,
             t7_142, t7_144, t7_146, a_s1_1x, a_3y, a_3z, t7_154, u_s1_2_waistx, u_3_waisty,
-            u_3_waistz, t7_164, u_s1_2_shoulderx, u_3_shouldery, u_3_shoulderz, t7_172, t7_173,
+            u_3_waistz, w_mx_3_waist, u_s1_2_shoulderx, u_3_shouldery, u_3_shoulderz,
+            w_mx_3_shoulder, t7_172, u_s1_1_q1x,
         ]
     };
     // body 3
     {
-        let t8_1 = (-a_3z).mul_add(t7_32, t7_173);
-        let u_s1_1_q1x = q2 * cos_s1_1;
         let u_s1_2_q1x = cos_s1_2 * u_s1_1_q1x;
-        let t8_2 = u_s1_2_q1x.mul_add(x_q1_q2, sin_s1_2);
-        let t8_3 = t7_154 * t8_2;
+        let t8_1 = u_s1_2_q1x.mul_add(x_q1_q2, sin_s1_2);
+        let t8_2 = t7_154 * t8_1;
         let u_s1_1_q1y = q2 * sin_s1_1;
-        let t8_4 = cos_s1_3 * u_s1_1_q1y;
+        let t8_3 = cos_s1_3 * u_s1_1_q1y;
         let u_s1_2_q1z = sin_s1_2 * u_s1_1_q1x;
-        let u_3_q1y = (-sin_s1_3).mul_add(u_s1_2_q1z, t8_4);
-        let t8_5 = u_3_q1y.mul_add(x_q1_q2, u_3_q2y);
-        let t8_6 = (-t7_95).mul_add(t8_5, t8_3);
-        let t8_7 = sin_s1_3 * u_s1_1_q1y;
-        let u_3_q1z = cos_s1_3.mul_add(u_s1_2_q1z, t8_7);
-        let t8_8 = (-u_3_q1z).mul_add(x_q1_q2, u_3_q2z);
-        let t8_9 = (-t7_73).mul_add(t8_8, t8_6);
-        let w_mx_3_q2 = t8_1 + t8_9;
+        let u_3_q1y = (-sin_s1_3).mul_add(u_s1_2_q1z, t8_3);
+        let t8_4 = u_3_q1y.mul_add(x_q1_q2, u_3_q2y);
+        let t8_5 = (-t7_95).mul_add(t8_4, t8_2);
+        let t8_6 = sin_s1_3 * u_s1_1_q1y;
+        let u_3_q1z = cos_s1_3.mul_add(u_s1_2_q1z, t8_6);
+        let t8_7 = (-u_3_q1z).mul_add(x_q1_q2, u_3_q2z);
+        let t8_8 = (-t7_73).mul_add(t8_7, t8_5);
+        let w_mx_3_q2 = t7_172 - t8_8;
+        let t8_9 = -w_mx_3_q2;
         let t8_10 = a_3y * t7_51;
         let t8_11 = (-a_3z).mul_add(t7_46, t8_10);
         let t8_12 = u_s1_2_q1x * x_q1_q7;
@@ -13864,86 +14052,91 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
         let t8_15 = (-t7_95).mul_add(t8_14, t8_13);
         let t8_16 = u_3_q1z * x_q1_q7;
         let t8_17 = t7_73.mul_add(t8_16, t8_15);
-        let w_mx_3_q7 = t8_11 + t8_17;
-        let t8_18 = a_3y * t7_64;
-        let t8_19 = (-a_3z).mul_add(t7_59, t8_18);
-        let t8_20 = u_s1_2_q1x * x_q1_q9;
-        let t8_21 = t7_154 * t8_20;
-        let t8_22 = u_3_q1y * x_q1_q9;
-        let t8_23 = (-t7_95).mul_add(t8_22, t8_21);
-        let t8_24 = u_3_q1z * x_q1_q9;
-        let t8_25 = t7_73.mul_add(t8_24, t8_23);
-        let w_mx_3_q9 = t8_19 + t8_25;
-        w[25] = [t7_164, t7_172, w_mx_3_q2, w_mx_3_q7, w_mx_3_q9];
-        let t8_26 = e_s1_2_waistx * a_3z;
-        let t8_27 = sin_s1_2 * a_2z;
-        let a_s1_2x = cos_s1_2.mul_add(a_s1_1x, t8_27);
-        let t8_28 = (-e_3_waistz).mul_add(a_s1_2x, t8_26);
-        let t8_29 = t7_124 * u_s1_2_waistx;
-        let t8_30 = t7_78 + t7_97;
-        let t8_31 = (-t8_30).mul_add(u_3_waisty, t8_29);
-        let t8_32 = (-t7_76).mul_add(u_3_waistz, t8_31);
-        let w_my_3_waist = t8_28 - t8_32;
-        let t8_33 = e_s1_2_shoulderx * a_3z;
-        let t8_34 = e_3_shoulderz.mul_add(a_s1_2x, t8_33);
-        let t8_35 = t7_124 * u_s1_2_shoulderx;
-        let t8_36 = (-t8_30).mul_add(u_3_shouldery, t8_35);
-        let t8_37 = (-t7_76).mul_add(u_3_shoulderz, t8_36);
-        let w_my_3_shoulder = t8_34 - t8_37;
-        let t8_38 = -w_my_3_shoulder;
-        let t8_39 = a_3z * t7_29;
-        let t8_40 = a_s1_2x.mul_add(t7_38, t8_39);
-        let t8_41 = t7_124 * t8_2;
-        let t8_42 = t8_30.mul_add(t8_5, t8_41);
-        let t8_43 = (-t7_76).mul_add(t8_8, t8_42);
-        let w_my_3_q2 = t8_40 - t8_43;
-        let t8_44 = a_3z * t7_43;
-        let t8_45 = a_s1_2x.mul_add(t7_51, t8_44);
-        let t8_46 = t7_124 * t8_12;
-        let t8_47 = t8_30.mul_add(t8_14, t8_46);
-        let t8_48 = t7_76.mul_add(t8_16, t8_47);
-        let w_my_3_q7 = t8_45 - t8_48;
-        let t8_49 = a_3z * t7_56;
-        let t8_50 = a_s1_2x.mul_add(t7_64, t8_49);
-        let t8_51 = t7_124 * t8_20;
-        let t8_52 = t8_30.mul_add(t8_22, t8_51);
-        let t8_53 = t7_76.mul_add(t8_24, t8_52);
-        let w_my_3_q9 = t8_50 - t8_53;
-        w[26] = [w_my_3_waist, t8_38, w_my_3_q2, w_my_3_q7, w_my_3_q9];
-        let t8_54 = e_3_waisty * a_s1_2x;
-        let t8_55 = (-e_s1_2_waistx).mul_add(a_3y, t8_54);
-        let t8_56 = t7_126 * u_s1_2_waistx;
-        let t8_57 = (-t7_100).mul_add(u_3_waisty, t8_56);
-        let t8_58 = t7_78 + t7_79;
-        let t8_59 = t8_58.mul_add(u_3_waistz, t8_57);
-        let w_mz_3_waist = t8_55 + t8_59;
-        let t8_60 = -w_mz_3_waist;
-        let t8_61 = e_3_shouldery * a_s1_2x;
-        let t8_62 = e_s1_2_shoulderx.mul_add(a_3y, t8_61);
-        let t8_63 = t7_126 * u_s1_2_shoulderx;
-        let t8_64 = (-t7_100).mul_add(u_3_shouldery, t8_63);
-        let t8_65 = t8_58.mul_add(u_3_shoulderz, t8_64);
-        let w_mz_3_shoulder = t8_62 - t8_65;
-        let t8_66 = -w_mz_3_shoulder;
-        let t8_67 = a_s1_2x * t7_32;
-        let t8_68 = a_3y.mul_add(t7_29, t8_67);
-        let t8_69 = t7_126 * t8_2;
-        let t8_70 = t7_100.mul_add(t8_5, t8_69);
-        let t8_71 = t8_58.mul_add(t8_8, t8_70);
-        let w_mz_3_q2 = t8_68 - t8_71;
-        let t8_72 = a_s1_2x * t7_46;
-        let t8_73 = a_3y.mul_add(t7_43, t8_72);
-        let t8_74 = t7_126 * t8_12;
-        let t8_75 = t7_100.mul_add(t8_14, t8_74);
-        let t8_76 = (-t8_58).mul_add(t8_16, t8_75);
-        let w_mz_3_q7 = t8_73 - t8_76;
-        let t8_77 = a_s1_2x * t7_59;
-        let t8_78 = a_3y.mul_add(t7_56, t8_77);
-        let t8_79 = t7_126 * t8_20;
-        let t8_80 = t7_100.mul_add(t8_22, t8_79);
-        let t8_81 = (-t8_58).mul_add(t8_24, t8_80);
-        let w_mz_3_q9 = t8_78 - t8_81;
-        w[27] = [t8_60, t8_66, w_mz_3_q2, w_mz_3_q7, w_mz_3_q9];
+        let w_mx_3_q7 = t8_11 - t8_17;
+        let t8_18 = -w_mx_3_q7;
+        let t8_19 = a_3y * t7_64;
+        let t8_20 = (-a_3z).mul_add(t7_59, t8_19);
+        let t8_21 = u_s1_2_q1x * x_q1_q9;
+        let t8_22 = t7_154 * t8_21;
+        let t8_23 = u_3_q1y * x_q1_q9;
+        let t8_24 = (-t7_95).mul_add(t8_23, t8_22);
+        let t8_25 = u_3_q1z * x_q1_q9;
+        let t8_26 = t7_73.mul_add(t8_25, t8_24);
+        let w_mx_3_q9 = t8_20 - t8_26;
+        let t8_27 = -w_mx_3_q9;
+        w[25] = [w_mx_3_waist, w_mx_3_shoulder, t8_9, t8_18, t8_27];
+        let t8_28 = e_s1_2_waistx * a_3z;
+        let t8_29 = sin_s1_2 * a_2z;
+        let a_s1_2x = (-cos_s1_2).mul_add(a_s1_1x, t8_29);
+        let t8_30 = e_3_waistz.mul_add(a_s1_2x, t8_28);
+        let t8_31 = t7_124 * u_s1_2_waistx;
+        let t8_32 = t7_78 + t7_97;
+        let t8_33 = (-t8_32).mul_add(u_3_waisty, t8_31);
+        let t8_34 = (-t7_76).mul_add(u_3_waistz, t8_33);
+        let w_my_3_waist = t8_30 + t8_34;
+        let t8_35 = -w_my_3_waist;
+        let t8_36 = e_s1_2_shoulderx * a_3z;
+        let t8_37 = (-e_3_shoulderz).mul_add(a_s1_2x, t8_36);
+        let t8_38 = t7_124 * u_s1_2_shoulderx;
+        let t8_39 = (-t8_32).mul_add(u_3_shouldery, t8_38);
+        let t8_40 = (-t7_76).mul_add(u_3_shoulderz, t8_39);
+        let w_my_3_shoulder = t8_37 + t8_40;
+        let t8_41 = a_3z * t7_29;
+        let t8_42 = (-a_s1_2x).mul_add(t7_38, t8_41);
+        let t8_43 = t7_124 * t8_1;
+        let t8_44 = t8_32.mul_add(t8_4, t8_43);
+        let t8_45 = (-t7_76).mul_add(t8_7, t8_44);
+        let w_my_3_q2 = t8_42 + t8_45;
+        let t8_46 = -w_my_3_q2;
+        let t8_47 = a_3z * t7_43;
+        let t8_48 = (-a_s1_2x).mul_add(t7_51, t8_47);
+        let t8_49 = t7_124 * t8_12;
+        let t8_50 = t8_32.mul_add(t8_14, t8_49);
+        let t8_51 = t7_76.mul_add(t8_16, t8_50);
+        let w_my_3_q7 = t8_48 + t8_51;
+        let t8_52 = -w_my_3_q7;
+        let t8_53 = a_3z * t7_56;
+        let t8_54 = (-a_s1_2x).mul_add(t7_64, t8_53);
+        let t8_55 = t7_124 * t8_21;
+        let t8_56 = t8_32.mul_add(t8_23, t8_55);
+        let t8_57 = t7_76.mul_add(t8_25, t8_56);
+        let w_my_3_q9 = t8_54 + t8_57;
+        let t8_58 = -w_my_3_q9;
+        w[26] = [t8_35, w_my_3_shoulder, t8_46, t8_52, t8_58];
+        let t8_59 = e_3_waisty * a_s1_2x;
+        let t8_60 = e_s1_2_waistx.mul_add(a_3y, t8_59);
+        let t8_61 = t7_126 * u_s1_2_waistx;
+        let t8_62 = (-t7_100).mul_add(u_3_waisty, t8_61);
+        let t8_63 = t7_78 + t7_79;
+        let t8_64 = t8_63.mul_add(u_3_waistz, t8_62);
+        let w_mz_3_waist = t8_60 + t8_64;
+        let t8_65 = -w_mz_3_waist;
+        let t8_66 = e_3_shouldery * a_s1_2x;
+        let t8_67 = (-e_s1_2_shoulderx).mul_add(a_3y, t8_66);
+        let t8_68 = t7_126 * u_s1_2_shoulderx;
+        let t8_69 = (-t7_100).mul_add(u_3_shouldery, t8_68);
+        let t8_70 = t8_63.mul_add(u_3_shoulderz, t8_69);
+        let w_mz_3_shoulder = t8_67 - t8_70;
+        let t8_71 = -w_mz_3_shoulder;
+        let t8_72 = a_s1_2x * t7_32;
+        let t8_73 = (-a_3y).mul_add(t7_29, t8_72);
+        let t8_74 = t7_126 * t8_1;
+        let t8_75 = t7_100.mul_add(t8_4, t8_74);
+        let t8_76 = t8_63.mul_add(t8_7, t8_75);
+        let w_mz_3_q2 = t8_73 - t8_76;
+        let t8_77 = a_s1_2x * t7_46;
+        let t8_78 = (-a_3y).mul_add(t7_43, t8_77);
+        let t8_79 = t7_126 * t8_12;
+        let t8_80 = t7_100.mul_add(t8_14, t8_79);
+        let t8_81 = (-t8_63).mul_add(t8_16, t8_80);
+        let w_mz_3_q7 = t8_78 - t8_81;
+        let t8_82 = a_s1_2x * t7_59;
+        let t8_83 = (-a_3y).mul_add(t7_56, t8_82);
+        let t8_84 = t7_126 * t8_21;
+        let t8_85 = t7_100.mul_add(t8_23, t8_84);
+        let t8_86 = (-t8_63).mul_add(t8_25, t8_85);
+        let w_mz_3_q9 = t8_83 - t8_86;
+        w[27] = [t8_65, t8_71, w_mz_3_q2, w_mz_3_q7, w_mz_3_q9];
         w[19] = [t7_22, w_ixx_3_shoulder, t7_40, t7_53, t7_66];
         w[20] = [t7_81, w_ixy_3_shoulder, t7_86, t7_89, t7_92];
         w[21] = [w_ixz_3_waist, t7_103, w_ixz_3_q2, w_ixz_3_q7, w_ixz_3_q9];
@@ -13955,9 +14148,9 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
     let [
         e_4_waistx, t9_3, t9_4, t9_8, t9_9, al_4x, e_4_waisty, w_4x, t9_15, t9_16, w_4z, t9_32,
         t9_34, t9_35, t9_37, t9_38, t9_50, t9_53, t9_54, t9_56, t9_58, t9_71, t9_72, t9_76,
-        t9_78, t9_83, t9_84, a_4y, a_4z, t9_91, u_base_waistx, t9_92, t9_94, u_4_waistx, t9_97,
-        u_4_waisty, t9_99, t9_101, u_4_waistz, u_4_shoulderx, u_4_shouldery, t9_108, a_4x,
-        t9_116, t9_117, t9_123,
+        t9_78, t9_83, t9_84, a_4y, a_4z, t9_91, t9_92, t9_94, u_4_waistx, t9_97, u_4_waisty,
+        t9_99, t9_101, u_4_waistz, u_4_shoulderx, u_4_shouldery, t9_109, a_4x, t9_119, t9_120,
+        t9_127,
     ] = {
         let t9_1 = cos_shoulder * cos_q6;
         let t9_2 = like.lift(0.8660254037844386) * t9_1;
@@ -14061,30 +14254,29 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
         let w_izz_4_q9 = al_4z * x_q6_q9;
         let t9_70 = -w_izz_4_q9;
         w[31] = [w_izz_4_waist, w_izz_4_shoulder, t9_68, t9_69, t9_70];
-        let t9_71 = like.lift(0.13172246391561312) * t5_37;
+        let t9_71 = like.lift(0.13172246391561312) * t2_14;
         let t9_72 = like.lift(0.22815) * t2_5;
         let t9_73 = t9_71 - t9_72;
-        let t9_74 = a_basex - t9_73;
+        let t9_74 = a_basex + t9_73;
         let t9_75 = like.lift(0.5) * t9_74;
         let t9_76 = like.lift(0.13172246391561312) * w_ixz_boom_shoulder;
         let t9_77 = t2_7 + t2_11;
         let t9_78 = like.lift(0.22815) * t9_77;
         let t9_79 = t9_76 + t9_78;
         let t9_80 = a_basey - t9_79;
-        let t9_81 = like.lift(0.8660254037844386).mul_add(t9_80, t9_75);
+        let t9_81 = like.lift(-0.8660254037844386).mul_add(t9_80, t9_75);
         let t9_82 = sin_q6 * t9_81;
         let t9_83 = like.lift(0.13172246391561312) * w_iyz_boom_shoulder;
         let t9_84 = like.lift(0.22815) * t3_3;
         let t9_85 = t9_83 - t9_84;
-        let t9_86 = a_basez_2 + t9_85;
+        let t9_86 = a_basez - t9_85;
         let a_4y = cos_q6.mul_add(t9_86, t9_82);
         let t9_87 = cos_shoulder * a_4y;
         let t9_88 = like.lift(0.5) * t9_87;
         let t9_89 = like.lift(0.8660254037844386) * t9_74;
-        let a_4z = like.lift(-0.5).mul_add(t9_80, t9_89);
+        let a_4z = like.lift(0.5).mul_add(t9_80, t9_89);
         let t9_90 = e_4_waisty.mul_add(a_4z, t9_88);
         let t9_91 = t9_38 + t9_50;
-        let u_base_waistx = like.lift(0.6) * cos_shoulder;
         let t9_92 = like.lift(0.22815) * sin_shoulder;
         let t9_93 = u_base_waistx - t9_92;
         let t9_94 = like.lift(0.114075) * sin_shoulder;
@@ -14099,50 +14291,58 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
         let t9_101 = like.lift(0.06586123195780656) * sin_shoulder;
         let u_4_waistz = like.lift(0.8660254037844386).mul_add(t9_93, -t9_101);
         let t9_102 = (-t9_32).mul_add(u_4_waistz, t9_100);
-        let w_mx_4_waist = t9_90 + t9_102;
-        let t9_103 = like.lift(0.8660254037844386) * a_4y;
-        let t9_104 = sin_q6 * a_4z;
-        let t9_105 = like.lift(-0.5).mul_add(t9_104, t9_103);
-        let t9_106 = like.lift(0.5196152422706631) * cos_q6;
-        let u_4_shoulderx = like.lift(0.22815).mul_add(sin_q6, t9_106);
-        let t9_107 = like.lift(0.5196152422706631) * sin_q6;
-        let u_4_shouldery = like.lift(-0.22815).mul_add(cos_q6, t9_107);
-        let t9_108 = t9_97 * u_4_shouldery;
-        let t9_109 = t9_91.mul_add(u_4_shoulderx, t9_108);
-        let t9_110 = like.lift(0.3).mul_add(t9_32, t9_109);
-        let w_mx_4_shoulder = t9_105 + t9_110;
-        let t9_111 = -w_mx_4_shoulder;
+        let w_mx_4_waist = t9_90 - t9_102;
+        let t9_103 = -w_mx_4_waist;
+        let t9_104 = like.lift(0.8660254037844386) * a_4y;
+        let t9_105 = sin_q6 * a_4z;
+        let t9_106 = like.lift(-0.5).mul_add(t9_105, t9_104);
+        let t9_107 = like.lift(1.0825317547305484) * cos_q6;
+        let u_4_shoulderx = like.lift(0.22815).mul_add(sin_q6, t9_107);
+        let t9_108 = like.lift(1.0825317547305484) * sin_q6;
+        let u_4_shouldery = like.lift(-0.22815).mul_add(cos_q6, t9_108);
+        let t9_109 = t9_97 * u_4_shouldery;
+        let t9_110 = t9_91.mul_add(u_4_shoulderx, t9_109);
+        let t9_111 = like.lift(0.625).mul_add(t9_32, t9_110);
+        let w_mx_4_shoulder = t9_106 - t9_111;
         let w_mx_4_q2 = a_4y * x_q6_q2;
+        let t9_112 = -w_mx_4_q2;
         let w_mx_4_q7 = a_4y * x_q6_q7;
+        let t9_113 = -w_mx_4_q7;
         let w_mx_4_q9 = a_4y * x_q6_q9;
-        w[32] = [w_mx_4_waist, t9_111, w_mx_4_q2, w_mx_4_q7, w_mx_4_q9];
-        let t9_112 = e_4_waistx * a_4z;
-        let t9_113 = cos_q6 * t9_81;
-        let a_4x = (-sin_q6).mul_add(t9_86, t9_113);
-        let t9_114 = cos_shoulder * a_4x;
-        let t9_115 = like.lift(0.5).mul_add(t9_114, t9_112);
-        let t9_116 = t9_37 + t9_50;
-        let t9_117 = t9_116 * u_4_waisty;
-        let t9_118 = t9_56.mul_add(u_4_waistx, -t9_117);
-        let t9_119 = (-t9_35).mul_add(u_4_waistz, t9_118);
-        let w_my_4_waist = t9_115 + t9_119;
-        let t9_120 = cos_q6 * a_4z;
-        let t9_121 = like.lift(0.5) * t9_120;
-        let t9_122 = like.lift(-0.8660254037844386).mul_add(a_4x, t9_121);
-        let t9_123 = t9_116 * u_4_shouldery;
-        let t9_124 = t9_56.mul_add(u_4_shoulderx, -t9_123);
-        let t9_125 = like.lift(0.3).mul_add(t9_35, t9_124);
-        let w_my_4_shoulder = t9_122 - t9_125;
+        let t9_114 = -w_mx_4_q9;
+        w[32] = [t9_103, w_mx_4_shoulder, t9_112, t9_113, t9_114];
+        let t9_115 = e_4_waistx * a_4z;
+        let t9_116 = cos_q6 * t9_81;
+        let a_4x = (-sin_q6).mul_add(t9_86, t9_116);
+        let t9_117 = cos_shoulder * a_4x;
+        let t9_118 = like.lift(0.5).mul_add(t9_117, t9_115);
+        let t9_119 = t9_37 + t9_50;
+        let t9_120 = t9_119 * u_4_waisty;
+        let t9_121 = t9_56.mul_add(u_4_waistx, -t9_120);
+        let t9_122 = (-t9_35).mul_add(u_4_waistz, t9_121);
+        let w_my_4_waist = t9_118 - t9_122;
+        let t9_123 = -w_my_4_waist;
+        let t9_124 = cos_q6 * a_4z;
+        let t9_125 = like.lift(0.5) * t9_124;
+        let t9_126 = like.lift(-0.8660254037844386).mul_add(a_4x, t9_125);
+        let t9_127 = t9_119 * u_4_shouldery;
+        let t9_128 = t9_56.mul_add(u_4_shoulderx, -t9_127);
+        let t9_129 = like.lift(0.625).mul_add(t9_35, t9_128);
+        let w_my_4_shoulder = t9_126 + t9_129;
+        let t9_130 = -w_my_4_shoulder;
         let w_my_4_q2 = a_4x * x_q6_q2;
+        let t9_131 = -w_my_4_q2;
         let w_my_4_q7 = a_4x * x_q6_q7;
+        let t9_132 = -w_my_4_q7;
         let w_my_4_q9 = a_4x * x_q6_q9;
-        w[33] = [w_my_4_waist, w_my_4_shoulder, w_my_4_q2, w_my_4_q7, w_my_4_q9];
+        let t9_133 = -w_my_4_q9;
+        w[33] = [t9_123, t9_130, t9_131, t9_132, t9_133];
         [
             e_4_waistx, t9_3, t9_4, t9_8, t9_9, al_4x, e_4_waisty, w_4x, t9_15, t9_16, w_4z,
             t9_32, t9_34, t9_35, t9_37, t9_38, t9_50, t9_53, t9_54, t9_56, t9_58, t9_71, t9_72,
-            t9_76, t9_78, t9_83, t9_84, a_4y, a_4z, t9_91, u_base_waistx, t9_92, t9_94,
-            u_4_waistx, t9_97, u_4_waisty, t9_99, t9_101, u_4_waistz, u_4_shoulderx,
-            u_4_shouldery, t9_108, a_4x, t9_116, t9_117, t9_123,
+            t9_76, t9_78, t9_83, t9_84, a_4y, a_4z, t9_91, t9_92, t9_94, u_4_waistx, t9_97,
+            u_4_waisty, t9_99, t9_101, u_4_waistz, u_4_shoulderx, u_4_shouldery, t9_109, a_4x,
+            t9_119, t9_120, t9_127,
         ]
     };
     // body 5
@@ -14165,91 +14365,92 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
         let w_ixz_4_q9 = t10_3 * x_q6_q9;
         let t10_12 = -w_ixz_4_q9;
         w[34] = [w_ixy_5_waist, w_ixy_5_shoulder, t10_10, t10_11, t10_12];
-        let t10_13 = (-q7).mul_add(t9_35, a_4z);
+        let t10_13 = q7.mul_add(t9_35, a_4z);
         let t10_14 = d_q7 * w_4x;
-        let a_5y = like.lift(-2.0).mul_add(t10_14, t10_13);
+        let a_5y = like.lift(2.0).mul_add(t10_14, t10_13);
         let t10_15 = e_4_waisty * a_5y;
-        let t10_16 = (-q7).mul_add(t9_116, a_4y);
-        let a_5z = dd_q7 + t10_16;
+        let t10_16 = q7.mul_add(t9_119, a_4y);
+        let a_5z = dd_q7 - t10_16;
         let t10_17 = cos_shoulder * a_5z;
-        let t10_18 = like.lift(0.5).mul_add(t10_17, t10_15);
+        let t10_18 = like.lift(-0.5).mul_add(t10_17, t10_15);
         let t10_19 = cos_shoulder * q7;
         let u_5_waistx = like.lift(0.5).mul_add(t10_19, u_4_waistx);
         let t10_20 = t9_91 * u_5_waistx;
         let u_5_waisty = q7.mul_add(e_4_waistx, u_4_waistz);
         let t10_21 = (-t9_32).mul_add(u_5_waisty, t10_20);
         let t10_22 = t9_99 + t10_21;
-        let w_mx_5_waist = t10_18 + t10_22;
-        let t10_23 = sin_q6 * a_5y;
-        let t10_24 = like.lift(0.5) * t10_23;
-        let t10_25 = like.lift(-0.8660254037844386).mul_add(a_5z, t10_24);
+        let w_mx_5_waist = t10_18 - t10_22;
+        let t10_23 = -w_mx_5_waist;
+        let t10_24 = sin_q6 * a_5y;
+        let t10_25 = like.lift(0.5) * t10_24;
+        let t10_26 = like.lift(0.8660254037844386).mul_add(a_5z, t10_25);
         let u_5_shoulderx = like.lift(0.8660254037844386).mul_add(q7, u_4_shoulderx);
-        let t10_26 = t9_91 * u_5_shoulderx;
-        let u_5_shouldery = t4_24 + like.lift(0.3);
-        let t10_27 = t9_32.mul_add(u_5_shouldery, t10_26);
-        let t10_28 = t9_108 + t10_27;
-        let w_mx_5_shoulder = t10_25 - t10_28;
-        let t10_29 = q7.mul_add(t9_91, a_5z);
-        let w_mx_5_q2 = t10_29 * x_q6_q2;
-        let t10_30 = q7 * x_q6_q7;
-        let t10_31 = (-t9_91).mul_add(t10_30, t9_97);
-        let w_mx_5_q7 = a_5z.mul_add(x_q6_q7, -t10_31);
-        let w_mx_5_q9 = t10_29 * x_q6_q9;
-        w[35] = [w_mx_5_waist, w_mx_5_shoulder, w_mx_5_q2, w_mx_5_q7, w_mx_5_q9];
-        let t10_32 = e_4_waistx * a_5z;
-        let t10_33 = q7 * t9_56;
-        let t10_34 = a_4x + t10_33;
-        let t10_35 = d_q7 * w_4z;
-        let a_5x = like.lift(2.0).mul_add(t10_35, t10_34);
-        let t10_36 = (-e_4_waisty).mul_add(a_5x, t10_32);
-        let t10_37 = t9_58 * u_5_waistx;
-        let t10_38 = t9_37 + t9_38;
-        let t10_39 = t10_38.mul_add(u_5_waisty, t10_37);
-        let t10_40 = t10_3.mul_add(u_4_waisty, -t10_39);
-        let w_my_5_waist = t10_36 - t10_40;
-        let t10_41 = cos_q6 * a_5z;
-        let t10_42 = like.lift(0.5) * t10_41;
-        let t10_43 = sin_q6 * a_5x;
-        let t10_44 = like.lift(-0.5).mul_add(t10_43, t10_42);
-        let t10_45 = t9_58 * u_5_shoulderx;
-        let t10_46 = (-t10_38).mul_add(u_5_shouldery, t10_45);
-        let t10_47 = t10_3.mul_add(u_4_shouldery, -t10_46);
-        let w_my_5_shoulder = t10_44 + t10_47;
-        let t10_48 = q7 * t9_58;
-        let w_my_5_q2 = t10_48 * x_q6_q2;
-        let w_my_5_q7 = t9_58.mul_add(t10_30, t10_3);
-        let w_my_5_q9 = t10_48 * x_q6_q9;
+        let t10_27 = t9_91 * u_5_shoulderx;
+        let u_5_shouldery = t4_24 + like.lift(0.625);
+        let t10_28 = t9_32.mul_add(u_5_shouldery, t10_27);
+        let t10_29 = t9_109 + t10_28;
+        let w_mx_5_shoulder = t10_26 + t10_29;
+        let t10_30 = -w_mx_5_shoulder;
+        let t10_31 = q7.mul_add(t9_91, a_5z);
+        let w_mx_5_q2 = t10_31 * x_q6_q2;
+        let t10_32 = q7 * x_q6_q7;
+        let t10_33 = (-t9_91).mul_add(t10_32, t9_97);
+        let w_mx_5_q7 = a_5z.mul_add(x_q6_q7, -t10_33);
+        let w_mx_5_q9 = t10_31 * x_q6_q9;
+        w[35] = [t10_23, t10_30, w_mx_5_q2, w_mx_5_q7, w_mx_5_q9];
+        let t10_34 = e_4_waistx * a_5z;
+        let t10_35 = q7 * t9_56;
+        let t10_36 = a_4x - t10_35;
+        let t10_37 = d_q7 * w_4z;
+        let a_5x = like.lift(-2.0).mul_add(t10_37, t10_36);
+        let t10_38 = e_4_waisty.mul_add(a_5x, t10_34);
+        let t10_39 = t9_58 * u_5_waistx;
+        let t10_40 = t9_37 + t9_38;
+        let t10_41 = t10_40.mul_add(u_5_waisty, t10_39);
+        let t10_42 = t10_3.mul_add(u_4_waisty, -t10_41);
+        let w_my_5_waist = t10_38 - t10_42;
+        let t10_43 = cos_q6 * a_5z;
+        let t10_44 = like.lift(0.5) * t10_43;
+        let t10_45 = sin_q6 * a_5x;
+        let t10_46 = like.lift(0.5).mul_add(t10_45, t10_44);
+        let t10_47 = t9_58 * u_5_shoulderx;
+        let t10_48 = (-t10_40).mul_add(u_5_shouldery, t10_47);
+        let t10_49 = t10_3.mul_add(u_4_shouldery, -t10_48);
+        let w_my_5_shoulder = t10_46 + t10_49;
+        let t10_50 = q7 * t9_58;
+        let w_my_5_q2 = t10_50 * x_q6_q2;
+        let w_my_5_q7 = t9_58.mul_add(t10_32, t10_3);
+        let w_my_5_q9 = t10_50 * x_q6_q9;
         w[36] = [w_my_5_waist, w_my_5_shoulder, w_my_5_q2, w_my_5_q7, w_my_5_q9];
-        let t10_49 = cos_shoulder * a_5x;
-        let t10_50 = like.lift(0.5) * t10_49;
-        let t10_51 = e_4_waistx.mul_add(a_5y, t10_50);
-        let t10_52 = t9_56 * u_5_waistx;
-        let t10_53 = (-t9_35).mul_add(u_5_waisty, t10_52);
-        let t10_54 = t9_117 - t10_53;
-        let w_mz_5_waist = t10_51 - t10_54;
-        let t10_55 = -w_mz_5_waist;
-        let t10_56 = like.lift(0.8660254037844386) * a_5x;
-        let t10_57 = cos_q6 * a_5y;
-        let t10_58 = like.lift(-0.5).mul_add(t10_57, t10_56);
-        let t10_59 = t9_56 * u_5_shoulderx;
-        let t10_60 = t9_35.mul_add(u_5_shouldery, t10_59);
-        let t10_61 = t9_123 - t10_60;
-        let w_mz_5_shoulder = t10_58 - t10_61;
-        let t10_62 = t10_33 + a_5x;
-        let w_mz_5_q2 = t10_62 * x_q6_q2;
-        let t10_63 = -w_mz_5_q2;
-        let t10_64 = t9_56.mul_add(t10_30, t9_116);
-        let w_mz_5_q7 = a_5x.mul_add(x_q6_q7, t10_64);
-        let t10_65 = -w_mz_5_q7;
-        let w_mz_5_q9 = t10_62 * x_q6_q9;
-        let t10_66 = -w_mz_5_q9;
-        w[37] = [t10_55, w_mz_5_shoulder, t10_63, t10_65, t10_66];
+        let t10_51 = cos_shoulder * a_5x;
+        let t10_52 = like.lift(0.5) * t10_51;
+        let t10_53 = e_4_waistx.mul_add(a_5y, t10_52);
+        let t10_54 = t9_56 * u_5_waistx;
+        let t10_55 = (-t9_35).mul_add(u_5_waisty, t10_54);
+        let t10_56 = t9_120 - t10_55;
+        let w_mz_5_waist = t10_53 + t10_56;
+        let t10_57 = like.lift(0.8660254037844386) * a_5x;
+        let t10_58 = cos_q6 * a_5y;
+        let t10_59 = like.lift(-0.5).mul_add(t10_58, t10_57);
+        let t10_60 = t9_56 * u_5_shoulderx;
+        let t10_61 = t9_35.mul_add(u_5_shouldery, t10_60);
+        let t10_62 = t9_127 - t10_61;
+        let w_mz_5_shoulder = t10_59 + t10_62;
+        let t10_63 = -w_mz_5_shoulder;
+        let t10_64 = t10_35 - a_5x;
+        let w_mz_5_q2 = t10_64 * x_q6_q2;
+        let t10_65 = -w_mz_5_q2;
+        let t10_66 = t9_56.mul_add(t10_32, t9_119);
+        let w_mz_5_q7 = a_5x.mul_add(x_q6_q7, -t10_66);
+        let w_mz_5_q9 = t10_64 * x_q6_q9;
+        let t10_67 = -w_mz_5_q9;
+        w[37] = [w_mz_5_waist, t10_63, t10_65, w_mz_5_q7, t10_67];
     }
     // body 6
     let [
         e_6_waistx, al_6x, e_6_waisty, w_6x, w_6z, t11_27, t11_29, t11_30, t11_32, t11_33,
         t11_44, t11_48, t11_50, a_6y, a_6z, t11_78, u_6_waistx, t11_82, u_6_waisty, t11_84,
-        u_6_waistz, u_6_shoulderx, u_6_shouldery, t11_92, a_6x, t11_99, t11_100, t11_106,
+        u_6_waistz, u_6_shoulderx, u_6_shouldery, t11_93, a_6x, t11_104, t11_105, t11_112,
     ] = {
         let t11_1 = cos_shoulder * cos_q8;
         let t11_2 = like.lift(0.8660254037844386) * t11_1;
@@ -14348,19 +14549,19 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
         let t11_64 = -w_izz_6_q9;
         w[41] = [t11_59, w_izz_6_shoulder, t11_62, t11_63, t11_64];
         let t11_65 = t9_71 + t9_72;
-        let t11_66 = a_basex - t11_65;
+        let t11_66 = a_basex + t11_65;
         let t11_67 = like.lift(0.5) * t11_66;
         let t11_68 = t9_76 - t9_78;
         let t11_69 = a_basey - t11_68;
-        let t11_70 = like.lift(-0.8660254037844386).mul_add(t11_69, t11_67);
+        let t11_70 = like.lift(0.8660254037844386).mul_add(t11_69, t11_67);
         let t11_71 = sin_q8 * t11_70;
         let t11_72 = t9_83 + t9_84;
-        let t11_73 = a_basez_2 + t11_72;
+        let t11_73 = a_basez - t11_72;
         let a_6y = cos_q8.mul_add(t11_73, t11_71);
         let t11_74 = cos_shoulder * a_6y;
         let t11_75 = like.lift(0.5) * t11_74;
         let t11_76 = like.lift(0.8660254037844386) * t11_66;
-        let a_6z = like.lift(0.5).mul_add(t11_69, t11_76);
+        let a_6z = like.lift(-0.5).mul_add(t11_69, t11_76);
         let t11_77 = e_6_waisty.mul_add(a_6z, t11_75);
         let t11_78 = t11_33 + t11_44;
         let t11_79 = u_base_waistx + t9_92;
@@ -14374,48 +14575,56 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
         let t11_85 = t11_78.mul_add(u_6_waistx, t11_84);
         let u_6_waistz = like.lift(0.8660254037844386).mul_add(t11_79, t9_101);
         let t11_86 = (-t11_27).mul_add(u_6_waistz, t11_85);
-        let w_mx_6_waist = t11_77 - t11_86;
-        let t11_87 = like.lift(0.8660254037844386) * a_6y;
-        let t11_88 = sin_q8 * a_6z;
-        let t11_89 = like.lift(-0.5).mul_add(t11_88, t11_87);
-        let t11_90 = like.lift(0.5196152422706631) * cos_q8;
-        let u_6_shoulderx = like.lift(0.22815).mul_add(sin_q8, t11_90);
-        let t11_91 = like.lift(0.5196152422706631) * sin_q8;
-        let u_6_shouldery = like.lift(-0.22815).mul_add(cos_q8, t11_91);
-        let t11_92 = t11_82 * u_6_shouldery;
-        let t11_93 = t11_78.mul_add(u_6_shoulderx, t11_92);
-        let t11_94 = like.lift(-0.3).mul_add(t11_27, t11_93);
-        let w_mx_6_shoulder = t11_89 + t11_94;
+        let w_mx_6_waist = t11_77 + t11_86;
+        let t11_87 = -w_mx_6_waist;
+        let t11_88 = like.lift(0.8660254037844386) * a_6y;
+        let t11_89 = sin_q8 * a_6z;
+        let t11_90 = like.lift(-0.5).mul_add(t11_89, t11_88);
+        let t11_91 = like.lift(1.0825317547305484) * cos_q8;
+        let u_6_shoulderx = like.lift(0.22815).mul_add(sin_q8, t11_91);
+        let t11_92 = like.lift(1.0825317547305484) * sin_q8;
+        let u_6_shouldery = like.lift(-0.22815).mul_add(cos_q8, t11_92);
+        let t11_93 = t11_82 * u_6_shouldery;
+        let t11_94 = t11_78.mul_add(u_6_shoulderx, t11_93);
+        let t11_95 = like.lift(-0.625).mul_add(t11_27, t11_94);
+        let w_mx_6_shoulder = t11_90 - t11_95;
+        let t11_96 = -w_mx_6_shoulder;
         let w_mx_6_q2 = a_6y * x_q8_q2;
+        let t11_97 = -w_mx_6_q2;
         let w_mx_6_q7 = a_6y * x_q8_q7;
+        let t11_98 = -w_mx_6_q7;
         let w_mx_6_q9 = a_6y * x_q8_q9;
-        w[42] = [w_mx_6_waist, w_mx_6_shoulder, w_mx_6_q2, w_mx_6_q7, w_mx_6_q9];
-        let t11_95 = e_6_waistx * a_6z;
-        let t11_96 = cos_q8 * t11_70;
-        let a_6x = (-sin_q8).mul_add(t11_73, t11_96);
-        let t11_97 = cos_shoulder * a_6x;
-        let t11_98 = like.lift(0.5).mul_add(t11_97, t11_95);
-        let t11_99 = t11_32 + t11_44;
-        let t11_100 = t11_99 * u_6_waisty;
-        let t11_101 = t11_48.mul_add(u_6_waistx, -t11_100);
-        let t11_102 = (-t11_30).mul_add(u_6_waistz, t11_101);
-        let w_my_6_waist = t11_98 - t11_102;
-        let t11_103 = cos_q8 * a_6z;
-        let t11_104 = like.lift(0.5) * t11_103;
-        let t11_105 = like.lift(-0.8660254037844386).mul_add(a_6x, t11_104);
-        let t11_106 = t11_99 * u_6_shouldery;
-        let t11_107 = t11_48.mul_add(u_6_shoulderx, -t11_106);
-        let t11_108 = like.lift(-0.3).mul_add(t11_30, t11_107);
-        let w_my_6_shoulder = t11_105 - t11_108;
-        let t11_109 = -w_my_6_shoulder;
+        let t11_99 = -w_mx_6_q9;
+        w[42] = [t11_87, t11_96, t11_97, t11_98, t11_99];
+        let t11_100 = e_6_waistx * a_6z;
+        let t11_101 = cos_q8 * t11_70;
+        let a_6x = (-sin_q8).mul_add(t11_73, t11_101);
+        let t11_102 = cos_shoulder * a_6x;
+        let t11_103 = like.lift(0.5).mul_add(t11_102, t11_100);
+        let t11_104 = t11_32 + t11_44;
+        let t11_105 = t11_104 * u_6_waisty;
+        let t11_106 = t11_48.mul_add(u_6_waistx, -t11_105);
+        let t11_107 = (-t11_30).mul_add(u_6_waistz, t11_106);
+        let w_my_6_waist = t11_103 + t11_107;
+        let t11_108 = -w_my_6_waist;
+        let t11_109 = cos_q8 * a_6z;
+        let t11_110 = like.lift(0.5) * t11_109;
+        let t11_111 = like.lift(-0.8660254037844386).mul_add(a_6x, t11_110);
+        let t11_112 = t11_104 * u_6_shouldery;
+        let t11_113 = t11_48.mul_add(u_6_shoulderx, -t11_112);
+        let t11_114 = like.lift(-0.625).mul_add(t11_30, t11_113);
+        let w_my_6_shoulder = t11_111 + t11_114;
         let w_my_6_q2 = a_6x * x_q8_q2;
+        let t11_115 = -w_my_6_q2;
         let w_my_6_q7 = a_6x * x_q8_q7;
+        let t11_116 = -w_my_6_q7;
         let w_my_6_q9 = a_6x * x_q8_q9;
-        w[43] = [w_my_6_waist, t11_109, w_my_6_q2, w_my_6_q7, w_my_6_q9];
+        let t11_117 = -w_my_6_q9;
+        w[43] = [t11_108, w_my_6_shoulder, t11_115, t11_116, t11_117];
         [
             e_6_waistx, al_6x, e_6_waisty, w_6x, w_6z, t11_27, t11_29, t11_30, t11_32, t11_33,
             t11_44, t11_48, t11_50, a_6y, a_6z, t11_78, u_6_waistx, t11_82, u_6_waisty, t11_84,
-            u_6_waistz, u_6_shoulderx, u_6_shouldery, t11_92, a_6x, t11_99, t11_100, t11_106,
+            u_6_waistz, u_6_shoulderx, u_6_shouldery, t11_93, a_6x, t11_104, t11_105, t11_112,
         ]
     };
     // body 7
@@ -14439,44 +14648,44 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
         let w_ixz_6_q9 = t12_3 * x_q8_q9;
         let t12_13 = -w_ixz_6_q9;
         w[44] = [t12_6, w_ixy_7_shoulder, t12_11, t12_12, t12_13];
-        let t12_14 = q9.mul_add(t11_30, a_6z);
+        let t12_14 = (-q9).mul_add(t11_30, a_6z);
         let t12_15 = d_q9 * w_6x;
-        let a_7y = like.lift(2.0).mul_add(t12_15, t12_14);
+        let a_7y = like.lift(-2.0).mul_add(t12_15, t12_14);
         let t12_16 = e_6_waisty * a_7y;
-        let t12_17 = (-q9).mul_add(t11_99, a_6y);
-        let a_7z = dd_q9 + t12_17;
+        let t12_17 = q9.mul_add(t11_104, a_6y);
+        let a_7z = dd_q9 - t12_17;
         let t12_18 = cos_shoulder * a_7z;
-        let t12_19 = like.lift(0.5).mul_add(t12_18, t12_16);
+        let t12_19 = like.lift(-0.5).mul_add(t12_18, t12_16);
         let t12_20 = cos_shoulder * q9;
         let u_7_waistx = like.lift(-0.5).mul_add(t12_20, u_6_waistx);
         let t12_21 = t11_78 * u_7_waistx;
         let u_7_waisty = q9.mul_add(e_6_waistx, u_6_waistz);
         let t12_22 = (-t11_27).mul_add(u_7_waisty, t12_21);
         let t12_23 = t11_84 + t12_22;
-        let w_mx_7_waist = t12_19 - t12_23;
-        let t12_24 = sin_q8 * a_7y;
-        let t12_25 = like.lift(0.5) * t12_24;
-        let t12_26 = like.lift(-0.8660254037844386).mul_add(a_7z, t12_25);
+        let w_mx_7_waist = t12_19 + t12_23;
+        let t12_24 = -w_mx_7_waist;
+        let t12_25 = sin_q8 * a_7y;
+        let t12_26 = like.lift(0.5) * t12_25;
+        let t12_27 = like.lift(0.8660254037844386).mul_add(a_7z, t12_26);
         let u_7_shoulderx = like.lift(0.8660254037844386).mul_add(q9, u_6_shoulderx);
-        let t12_27 = t11_78 * u_7_shoulderx;
-        let u_7_shouldery = t4_64 + like.lift(0.3);
-        let t12_28 = (-t11_27).mul_add(u_7_shouldery, t12_27);
-        let t12_29 = t11_92 + t12_28;
-        let w_mx_7_shoulder = t12_26 - t12_29;
-        let t12_30 = -w_mx_7_shoulder;
+        let t12_28 = t11_78 * u_7_shoulderx;
+        let u_7_shouldery = t4_64 + like.lift(0.625);
+        let t12_29 = (-t11_27).mul_add(u_7_shouldery, t12_28);
+        let t12_30 = t11_93 + t12_29;
+        let w_mx_7_shoulder = t12_27 + t12_30;
         let t12_31 = q9.mul_add(t11_78, a_7z);
         let w_mx_7_q2 = t12_31 * x_q8_q2;
         let w_mx_7_q7 = t12_31 * x_q8_q7;
         let t12_32 = q9 * x_q8_q9;
         let t12_33 = (-t11_78).mul_add(t12_32, t11_82);
         let w_mx_7_q9 = a_7z.mul_add(x_q8_q9, -t12_33);
-        w[45] = [w_mx_7_waist, t12_30, w_mx_7_q2, w_mx_7_q7, w_mx_7_q9];
+        w[45] = [t12_24, w_mx_7_shoulder, w_mx_7_q2, w_mx_7_q7, w_mx_7_q9];
         let t12_34 = e_6_waistx * a_7z;
         let t12_35 = q9 * t11_48;
-        let t12_36 = a_6x + t12_35;
+        let t12_36 = a_6x - t12_35;
         let t12_37 = d_q9 * w_6z;
-        let a_7x = like.lift(2.0).mul_add(t12_37, t12_36);
-        let t12_38 = (-e_6_waisty).mul_add(a_7x, t12_34);
+        let a_7x = like.lift(-2.0).mul_add(t12_37, t12_36);
+        let t12_38 = e_6_waisty.mul_add(a_7x, t12_34);
         let t12_39 = t11_50 * u_7_waistx;
         let t12_40 = t11_32 + t11_33;
         let t12_41 = t12_40.mul_add(u_7_waisty, t12_39);
@@ -14486,7 +14695,7 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
         let t12_44 = cos_q8 * a_7z;
         let t12_45 = like.lift(0.5) * t12_44;
         let t12_46 = sin_q8 * a_7x;
-        let t12_47 = like.lift(-0.5).mul_add(t12_46, t12_45);
+        let t12_47 = like.lift(0.5).mul_add(t12_46, t12_45);
         let t12_48 = t11_50 * u_7_shoulderx;
         let t12_49 = t12_40.mul_add(u_7_shouldery, t12_48);
         let t12_50 = t12_3.mul_add(u_6_shouldery, -t12_49);
@@ -14501,26 +14710,23 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
         let t12_54 = e_6_waistx.mul_add(a_7y, t12_53);
         let t12_55 = t11_48 * u_7_waistx;
         let t12_56 = (-t11_30).mul_add(u_7_waisty, t12_55);
-        let t12_57 = t11_100 - t12_56;
-        let w_mz_7_waist = t12_54 + t12_57;
-        let t12_58 = -w_mz_7_waist;
-        let t12_59 = like.lift(0.8660254037844386) * a_7x;
-        let t12_60 = cos_q8 * a_7y;
-        let t12_61 = like.lift(-0.5).mul_add(t12_60, t12_59);
-        let t12_62 = t11_48 * u_7_shoulderx;
-        let t12_63 = (-t11_30).mul_add(u_7_shouldery, t12_62);
-        let t12_64 = t11_106 - t12_63;
-        let w_mz_7_shoulder = t12_61 - t12_64;
-        let t12_65 = -w_mz_7_shoulder;
-        let t12_66 = t12_35 + a_7x;
-        let w_mz_7_q2 = t12_66 * x_q8_q2;
-        let t12_67 = -w_mz_7_q2;
-        let w_mz_7_q7 = t12_66 * x_q8_q7;
-        let t12_68 = -w_mz_7_q7;
-        let t12_69 = t11_48.mul_add(t12_32, t11_99);
-        let w_mz_7_q9 = a_7x.mul_add(x_q8_q9, t12_69);
-        let t12_70 = -w_mz_7_q9;
-        w[47] = [t12_58, t12_65, t12_67, t12_68, t12_70];
+        let t12_57 = t11_105 - t12_56;
+        let w_mz_7_waist = t12_54 - t12_57;
+        let t12_58 = like.lift(0.8660254037844386) * a_7x;
+        let t12_59 = cos_q8 * a_7y;
+        let t12_60 = like.lift(-0.5).mul_add(t12_59, t12_58);
+        let t12_61 = t11_48 * u_7_shoulderx;
+        let t12_62 = (-t11_30).mul_add(u_7_shouldery, t12_61);
+        let t12_63 = t11_112 - t12_62;
+        let w_mz_7_shoulder = t12_60 + t12_63;
+        let t12_64 = t12_35 - a_7x;
+        let w_mz_7_q2 = t12_64 * x_q8_q2;
+        let t12_65 = -w_mz_7_q2;
+        let w_mz_7_q7 = t12_64 * x_q8_q7;
+        let t12_66 = -w_mz_7_q7;
+        let t12_67 = t11_48.mul_add(t12_32, t11_104);
+        let w_mz_7_q9 = a_7x.mul_add(x_q8_q9, -t12_67);
+        w[47] = [w_mz_7_waist, w_mz_7_shoulder, t12_65, t12_66, w_mz_7_q9];
     }
     Condition { pivot: condition }
 }
@@ -14530,22 +14736,22 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `beta`: base parameters, in the order of `BASE`
 ///
-/// 111 additions, 57 multiplications, 0 divisions, 0 sines and cosines.
+/// 112 additions, 59 multiplications, 0 divisions, 0 sines and cosines.
 pub fn to_base<T: Scalar>(phi: &[T; 100]) -> [T; 48] {
     let like = phi[0];
     let mut beta = [like.lift(0.0); 48];
     let [
         _, _, _, _, _, p_izz_column, _, _, _, _, p_ixx_boom, p_ixy_boom, p_ixz_boom,
-        p_iyy_boom, p_iyz_boom, p_izz_boom, p_mx_boom, p_my_boom, _, _, p_ixx_base, p_ixy_base,
-        p_ixz_base, p_iyy_base, p_iyz_base, p_izz_base, p_mx_base, p_my_base, p_mz_base,
-        p_m_base, p_ixx_1, p_ixy_1, p_ixz_1, p_iyy_1, p_iyz_1, p_izz_1, p_mx_1, p_my_1, p_mz_1,
-        p_m_1, p_ixx_2, p_ixy_2, p_ixz_2, p_iyy_2, p_iyz_2, p_izz_2, p_mx_2, p_my_2, p_mz_2,
-        p_m_2, p_ixx_3, p_ixy_3, p_ixz_3, p_iyy_3, p_iyz_3, p_izz_3, p_mx_3, p_my_3, p_mz_3,
-        p_m_3, p_ixx_4, p_ixy_4, p_ixz_4, p_iyy_4, p_iyz_4, p_izz_4, p_mx_4, p_my_4, p_mz_4,
-        p_m_4, p_ixx_5, p_ixy_5, p_ixz_5, p_iyy_5, p_iyz_5, p_izz_5, p_mx_5, p_my_5, p_mz_5,
-        p_m_5, p_ixx_6, p_ixy_6, p_ixz_6, p_iyy_6, p_iyz_6, p_izz_6, p_mx_6, p_my_6, p_mz_6,
-        p_m_6, p_ixx_7, p_ixy_7, p_ixz_7, p_iyy_7, p_iyz_7, p_izz_7, p_mx_7, p_my_7, p_mz_7,
-        p_m_7,
+        p_iyy_boom, p_iyz_boom, p_izz_boom, p_mx_boom, p_my_boom, _, p_m_boom, p_ixx_base,
+        p_ixy_base, p_ixz_base, p_iyy_base, p_iyz_base, p_izz_base, p_mx_base, p_my_base,
+        p_mz_base, p_m_base, p_ixx_1, p_ixy_1, p_ixz_1, p_iyy_1, p_iyz_1, p_izz_1, p_mx_1,
+        p_my_1, p_mz_1, p_m_1, p_ixx_2, p_ixy_2, p_ixz_2, p_iyy_2, p_iyz_2, p_izz_2, p_mx_2,
+        p_my_2, p_mz_2, p_m_2, p_ixx_3, p_ixy_3, p_ixz_3, p_iyy_3, p_iyz_3, p_izz_3, p_mx_3,
+        p_my_3, p_mz_3, p_m_3, p_ixx_4, p_ixy_4, p_ixz_4, p_iyy_4, p_iyz_4, p_izz_4, p_mx_4,
+        p_my_4, p_mz_4, p_m_4, p_ixx_5, p_ixy_5, p_ixz_5, p_iyy_5, p_iyz_5, p_izz_5, p_mx_5,
+        p_my_5, p_mz_5, p_m_5, p_ixx_6, p_ixy_6, p_ixz_6, p_iyy_6, p_iyz_6, p_izz_6, p_mx_6,
+        p_my_6, p_mz_6, p_m_6, p_ixx_7, p_ixy_7, p_ixz_7, p_iyy_7, p_iyz_7, p_izz_7, p_mx_7,
+        p_my_7, p_mz_7, p_m_7,
     ] = *phi;
     // combinations
     {
@@ -14559,13 +14765,13 @@ pub fn to_base<T: Scalar>(phi: &[T; 100]) -> [T; 48] {
         let t1_8 = t1_6 - t1_7;
         let t1_9 = like.lift(0.22815) * p_mz_4;
         let t1_10 = t1_8 + t1_9;
-        let t1_11 = like.lift(1.2) * p_mz_base;
+        let t1_11 = like.lift(2.5) * p_mz_base;
         let t1_12 = t1_10 + t1_11;
-        let t1_13 = like.lift(0.36) * p_m_base;
-        let t1_14 = t1_12 + t1_13;
-        let t1_15 = like.lift(0.3773508075).mul_add(p_m_6, t1_14);
-        let t1_16 = like.lift(0.3773508075).mul_add(p_m_4, t1_15);
-        let t1_17 = like.lift(0.42940323).mul_add(p_m_1, t1_16);
+        let t1_13 = like.lift(0.1225).mul_add(p_m_boom, t1_12);
+        let t1_14 = like.lift(1.685).mul_add(p_m_base, t1_13);
+        let t1_15 = like.lift(1.7023508075).mul_add(p_m_6, t1_14);
+        let t1_16 = like.lift(1.7023508075).mul_add(p_m_4, t1_15);
+        let t1_17 = like.lift(1.75440323).mul_add(p_m_1, t1_16);
         beta[0] = t1_17;
         let t1_18 = like.lift(0.25) * p_izz_7;
         let t1_19 = p_ixx_boom + t1_18;
@@ -14583,128 +14789,129 @@ pub fn to_base<T: Scalar>(phi: &[T; 100]) -> [T; 48] {
         let t1_31 = t1_7 - t1_30;
         let t1_32 = t1_9 - t1_31;
         let t1_33 = t1_11 + t1_32;
-        let t1_34 = like.lift(0.36) * p_m_1;
+        let t1_34 = like.lift(1.5625) * p_m_1;
         let t1_35 = t1_33 + t1_34;
-        let t1_36 = t1_13 + t1_35;
-        let t1_37 = like.lift(0.3079475775).mul_add(p_m_6, t1_36);
-        let t1_38 = like.lift(0.3079475775).mul_add(p_m_4, t1_37);
-        let t1_39 = -t1_38;
-        beta[1] = t1_39;
-        let t1_40 = p_ixy_boom + p_iyz_base;
-        let t1_41 = like.lift(0.3).mul_add(p_mz_6, t1_40);
-        let t1_42 = like.lift(0.3).mul_add(p_mz_4, t1_41);
-        let t1_43 = like.lift(-0.6).mul_add(p_mz_1, t1_42);
-        let t1_44 = like.lift(-0.6).mul_add(p_my_base, t1_43);
-        let t1_45 = like.lift(0.13689).mul_add(p_m_6, t1_44);
-        let t1_46 = like.lift(-0.13689).mul_add(p_m_4, t1_45);
-        beta[2] = t1_46;
-        let t1_47 = p_ixz_boom - p_ixz_base;
-        let t1_48 = like.lift(0.5196152422706631).mul_add(p_mz_6, t1_47);
-        let t1_49 = like.lift(-0.5196152422706631).mul_add(p_mz_4, t1_48);
-        let t1_50 = like.lift(0.6).mul_add(p_mx_base, t1_49);
-        let t1_51 = like.lift(-0.07903347834936787).mul_add(p_m_6, t1_50);
-        let t1_52 = like.lift(-0.07903347834936787).mul_add(p_m_4, t1_51);
-        let t1_53 = like.lift(0.15806695669873574).mul_add(p_m_1, t1_52);
-        beta[3] = t1_53;
-        let t1_54 = p_mx_boom + p_mz_base;
-        let t1_55 = like.lift(0.6).mul_add(p_m_6, t1_54);
-        let t1_56 = like.lift(0.6).mul_add(p_m_4, t1_55);
-        let t1_57 = like.lift(0.6).mul_add(p_m_1, t1_56);
-        let t1_58 = like.lift(0.6).mul_add(p_m_base, t1_57);
-        beta[4] = t1_58;
-        let t1_59 = like.lift(-0.5).mul_add(p_mz_6, p_my_boom);
-        let t1_60 = like.lift(-0.5).mul_add(p_mz_4, t1_59);
-        let t1_61 = p_mz_1 + t1_60;
-        let t1_62 = p_my_base + t1_61;
-        let t1_63 = like.lift(-0.22815).mul_add(p_m_6, t1_62);
-        let t1_64 = like.lift(0.22815).mul_add(p_m_4, t1_63);
-        beta[5] = t1_64;
-        let t1_65 = p_ixx_base + t1_18;
-        let t1_66 = t1_20 + t1_65;
-        let t1_67 = t1_22 + t1_66;
-        let t1_68 = t1_24 + t1_67;
-        let t1_69 = p_izz_2 + t1_68;
-        let t1_70 = p_iyy_1 + t1_69;
-        let t1_71 = p_izz_boom + t1_70;
-        let t1_72 = t1_7 + t1_71;
-        let t1_73 = t1_9 - t1_72;
-        let t1_74 = t1_11 - t1_73;
-        let t1_75 = t1_34 + t1_74;
-        let t1_76 = t1_13 + t1_75;
-        let t1_77 = like.lift(0.4120524225).mul_add(p_m_6, t1_76);
-        let t1_78 = like.lift(0.4120524225).mul_add(p_m_4, t1_77);
-        beta[6] = t1_78;
-        let t1_79 = like.lift(0.4330127018922193).mul_add(p_izz_7, p_ixy_base);
-        let t1_80 = like.lift(0.4330127018922193).mul_add(p_iyy_6, t1_79);
-        let t1_81 = like.lift(-0.4330127018922193).mul_add(p_izz_5, t1_80);
-        let t1_82 = like.lift(-0.4330127018922193).mul_add(p_iyy_4, t1_81);
-        let t1_83 = p_iyz_boom - t1_82;
-        let t1_84 = like.lift(-0.13172246391561312).mul_add(p_mz_6, t1_83);
-        let t1_85 = like.lift(-0.13172246391561312).mul_add(p_mz_4, t1_84);
-        let t1_86 = like.lift(0.26344492783122625).mul_add(p_mz_1, t1_85);
-        let t1_87 = like.lift(0.030052480142347134).mul_add(p_m_6, t1_86);
-        let t1_88 = like.lift(-0.030052480142347134).mul_add(p_m_4, t1_87);
-        let t1_89 = -t1_88;
-        beta[7] = t1_89;
-        let t1_90 = p_ixx_1 - p_izz_2;
-        let t1_91 = p_ixx_2 + t1_90;
-        let t1_92 = p_iyy_1 - t1_91;
-        let t1_93 = -t1_92;
-        beta[8] = t1_93;
-        let t1_94 = p_ixy_1 - p_ixz_2;
-        beta[9] = t1_94;
-        let t1_95 = p_iyz_1 - p_iyz_2;
-        beta[10] = t1_95;
-        let t1_96 = p_izz_1 + p_iyy_2;
-        beta[11] = t1_96;
-        let t1_97 = p_ixz_1 + p_ixy_2;
-        beta[14] = t1_97;
-        let t1_98 = p_m_2 + p_m_7;
-        let t1_99 = p_m_5 + t1_98;
-        let t1_100 = p_m_3 + t1_99;
-        beta[18] = t1_100;
-        let t1_101 = like.lift(0.1561572675).mul_add(p_m_7, p_ixx_3);
-        beta[19] = t1_101;
-        let t1_102 = like.lift(-0.0901574404270414).mul_add(p_m_7, p_ixy_3);
-        beta[20] = t1_102;
-        let t1_103 = like.lift(0.0520524225).mul_add(p_m_7, p_iyy_3);
-        let t1_104 = like.lift(0.20820969) * p_m_5;
-        let t1_105 = t1_103 + t1_104;
-        beta[22] = t1_105;
-        let t1_106 = like.lift(0.20820969).mul_add(p_m_7, p_izz_3);
-        let t1_107 = t1_104 + t1_106;
-        beta[24] = t1_107;
-        let t1_108 = like.lift(0.22815).mul_add(p_m_7, p_mx_3);
-        let t1_109 = like.lift(0.4563).mul_add(p_m_5, t1_108);
-        beta[25] = t1_109;
-        let t1_110 = like.lift(0.39516739174683935).mul_add(p_m_7, p_my_3);
-        beta[26] = t1_110;
-        let t1_111 = p_ixx_4 - p_izz_5;
-        let t1_112 = p_ixx_5 + t1_111;
-        let t1_113 = p_iyy_4 - t1_112;
-        let t1_114 = -t1_113;
-        beta[28] = t1_114;
-        let t1_115 = p_ixy_4 - p_ixz_5;
-        beta[29] = t1_115;
-        let t1_116 = p_iyz_4 - p_iyz_5;
-        beta[30] = t1_116;
-        let t1_117 = p_izz_4 + p_iyy_5;
-        beta[31] = t1_117;
-        let t1_118 = p_ixz_4 + p_ixy_5;
-        beta[34] = t1_118;
-        let t1_119 = p_ixx_6 - p_izz_7;
-        let t1_120 = p_ixx_7 + t1_119;
-        let t1_121 = p_iyy_6 - t1_120;
-        let t1_122 = -t1_121;
-        beta[38] = t1_122;
-        let t1_123 = p_ixy_6 - p_ixz_7;
-        beta[39] = t1_123;
-        let t1_124 = p_iyz_6 - p_iyz_7;
-        beta[40] = t1_124;
-        let t1_125 = p_izz_6 + p_iyy_7;
-        beta[41] = t1_125;
-        let t1_126 = p_ixz_6 + p_ixy_7;
-        beta[44] = t1_126;
+        let t1_36 = like.lift(1.5625) * p_m_base;
+        let t1_37 = t1_35 + t1_36;
+        let t1_38 = like.lift(1.5104475775).mul_add(p_m_6, t1_37);
+        let t1_39 = like.lift(1.5104475775).mul_add(p_m_4, t1_38);
+        let t1_40 = -t1_39;
+        beta[1] = t1_40;
+        let t1_41 = p_ixy_boom + p_iyz_base;
+        let t1_42 = like.lift(0.625).mul_add(p_mz_6, t1_41);
+        let t1_43 = like.lift(0.625).mul_add(p_mz_4, t1_42);
+        let t1_44 = like.lift(-1.25).mul_add(p_mz_1, t1_43);
+        let t1_45 = like.lift(-1.25).mul_add(p_my_base, t1_44);
+        let t1_46 = like.lift(0.2851875).mul_add(p_m_6, t1_45);
+        let t1_47 = like.lift(-0.2851875).mul_add(p_m_4, t1_46);
+        beta[2] = t1_47;
+        let t1_48 = p_ixz_boom - p_ixz_base;
+        let t1_49 = like.lift(1.0825317547305484).mul_add(p_mz_6, t1_48);
+        let t1_50 = like.lift(-1.0825317547305484).mul_add(p_mz_4, t1_49);
+        let t1_51 = like.lift(1.25).mul_add(p_mx_base, t1_50);
+        let t1_52 = like.lift(-0.16465307989451639).mul_add(p_m_6, t1_51);
+        let t1_53 = like.lift(-0.16465307989451639).mul_add(p_m_4, t1_52);
+        let t1_54 = like.lift(0.32930615978903277).mul_add(p_m_1, t1_53);
+        beta[3] = t1_54;
+        let t1_55 = p_mx_boom + p_mz_base;
+        let t1_56 = like.lift(1.25).mul_add(p_m_6, t1_55);
+        let t1_57 = like.lift(1.25).mul_add(p_m_4, t1_56);
+        let t1_58 = like.lift(1.25).mul_add(p_m_1, t1_57);
+        let t1_59 = like.lift(1.25).mul_add(p_m_base, t1_58);
+        beta[4] = t1_59;
+        let t1_60 = like.lift(-0.5).mul_add(p_mz_6, p_my_boom);
+        let t1_61 = like.lift(-0.5).mul_add(p_mz_4, t1_60);
+        let t1_62 = p_mz_1 + t1_61;
+        let t1_63 = p_my_base + t1_62;
+        let t1_64 = like.lift(-0.22815).mul_add(p_m_6, t1_63);
+        let t1_65 = like.lift(0.22815).mul_add(p_m_4, t1_64);
+        beta[5] = t1_65;
+        let t1_66 = p_ixx_base + t1_18;
+        let t1_67 = t1_20 + t1_66;
+        let t1_68 = t1_22 + t1_67;
+        let t1_69 = t1_24 + t1_68;
+        let t1_70 = p_izz_2 + t1_69;
+        let t1_71 = p_iyy_1 + t1_70;
+        let t1_72 = p_izz_boom + t1_71;
+        let t1_73 = t1_7 + t1_72;
+        let t1_74 = t1_9 - t1_73;
+        let t1_75 = t1_11 - t1_74;
+        let t1_76 = t1_34 + t1_75;
+        let t1_77 = t1_36 + t1_76;
+        let t1_78 = like.lift(1.6145524225).mul_add(p_m_6, t1_77);
+        let t1_79 = like.lift(1.6145524225).mul_add(p_m_4, t1_78);
+        beta[6] = t1_79;
+        let t1_80 = like.lift(0.4330127018922193).mul_add(p_izz_7, p_ixy_base);
+        let t1_81 = like.lift(0.4330127018922193).mul_add(p_iyy_6, t1_80);
+        let t1_82 = like.lift(-0.4330127018922193).mul_add(p_izz_5, t1_81);
+        let t1_83 = like.lift(-0.4330127018922193).mul_add(p_iyy_4, t1_82);
+        let t1_84 = p_iyz_boom - t1_83;
+        let t1_85 = like.lift(-0.13172246391561312).mul_add(p_mz_6, t1_84);
+        let t1_86 = like.lift(-0.13172246391561312).mul_add(p_mz_4, t1_85);
+        let t1_87 = like.lift(0.26344492783122625).mul_add(p_mz_1, t1_86);
+        let t1_88 = like.lift(0.030052480142347134).mul_add(p_m_6, t1_87);
+        let t1_89 = like.lift(-0.030052480142347134).mul_add(p_m_4, t1_88);
+        let t1_90 = -t1_89;
+        beta[7] = t1_90;
+        let t1_91 = p_ixx_1 - p_izz_2;
+        let t1_92 = p_ixx_2 + t1_91;
+        let t1_93 = p_iyy_1 - t1_92;
+        let t1_94 = -t1_93;
+        beta[8] = t1_94;
+        let t1_95 = p_ixy_1 - p_ixz_2;
+        beta[9] = t1_95;
+        let t1_96 = p_iyz_1 - p_iyz_2;
+        beta[10] = t1_96;
+        let t1_97 = p_izz_1 + p_iyy_2;
+        beta[11] = t1_97;
+        let t1_98 = p_ixz_1 + p_ixy_2;
+        beta[14] = t1_98;
+        let t1_99 = p_m_2 + p_m_7;
+        let t1_100 = p_m_5 + t1_99;
+        let t1_101 = p_m_3 + t1_100;
+        beta[18] = t1_101;
+        let t1_102 = like.lift(0.1561572675).mul_add(p_m_7, p_ixx_3);
+        beta[19] = t1_102;
+        let t1_103 = like.lift(-0.0901574404270414).mul_add(p_m_7, p_ixy_3);
+        beta[20] = t1_103;
+        let t1_104 = like.lift(0.0520524225).mul_add(p_m_7, p_iyy_3);
+        let t1_105 = like.lift(0.20820969) * p_m_5;
+        let t1_106 = t1_104 + t1_105;
+        beta[22] = t1_106;
+        let t1_107 = like.lift(0.20820969).mul_add(p_m_7, p_izz_3);
+        let t1_108 = t1_105 + t1_107;
+        beta[24] = t1_108;
+        let t1_109 = like.lift(0.22815).mul_add(p_m_7, p_mx_3);
+        let t1_110 = like.lift(0.4563).mul_add(p_m_5, t1_109);
+        beta[25] = t1_110;
+        let t1_111 = like.lift(0.39516739174683935).mul_add(p_m_7, p_my_3);
+        beta[26] = t1_111;
+        let t1_112 = p_ixx_4 - p_izz_5;
+        let t1_113 = p_ixx_5 + t1_112;
+        let t1_114 = p_iyy_4 - t1_113;
+        let t1_115 = -t1_114;
+        beta[28] = t1_115;
+        let t1_116 = p_ixy_4 - p_ixz_5;
+        beta[29] = t1_116;
+        let t1_117 = p_iyz_4 - p_iyz_5;
+        beta[30] = t1_117;
+        let t1_118 = p_izz_4 + p_iyy_5;
+        beta[31] = t1_118;
+        let t1_119 = p_ixz_4 + p_ixy_5;
+        beta[34] = t1_119;
+        let t1_120 = p_ixx_6 - p_izz_7;
+        let t1_121 = p_ixx_7 + t1_120;
+        let t1_122 = p_iyy_6 - t1_121;
+        let t1_123 = -t1_122;
+        beta[38] = t1_123;
+        let t1_124 = p_ixy_6 - p_ixz_7;
+        beta[39] = t1_124;
+        let t1_125 = p_iyz_6 - p_iyz_7;
+        beta[40] = t1_125;
+        let t1_126 = p_izz_6 + p_iyy_7;
+        beta[41] = t1_126;
+        let t1_127 = p_ixz_6 + p_ixy_7;
+        beta[44] = t1_127;
         beta[12] = p_mx_1;
         beta[13] = p_my_1;
         beta[15] = p_mx_2;
@@ -14733,7 +14940,7 @@ pub fn to_base<T: Scalar>(phi: &[T; 100]) -> [T; 48] {
 /// - `free`: values of the eliminated parameters, in the order of `FREE`
 /// - `phi`: dynamic parameters, in the order of `PARAMETERS`
 ///
-/// 106 additions, 57 multiplications, 0 divisions, 0 sines and cosines.
+/// 107 additions, 59 multiplications, 0 divisions, 0 sines and cosines.
 pub fn parameters_from_base<T: Scalar>(beta: &[T; 48], free: &[T; 52]) -> [T; 100] {
     let like = beta[0];
     let mut phi = [like.lift(0.0); 100];
@@ -14766,13 +14973,13 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 48], free: &[T; 52]) -> [T; 10
         let t1_8 = t1_6 - t1_7;
         let t1_9 = like.lift(0.22815) * p_mz_4;
         let t1_10 = t1_8 + t1_9;
-        let t1_11 = like.lift(1.2) * p_mz_base;
+        let t1_11 = like.lift(2.5) * p_mz_base;
         let t1_12 = t1_10 + t1_11;
-        let t1_13 = like.lift(0.36) * p_m_base;
-        let t1_14 = t1_12 + t1_13;
-        let t1_15 = like.lift(0.3773508075).mul_add(p_m_6, t1_14);
-        let t1_16 = like.lift(0.3773508075).mul_add(p_m_4, t1_15);
-        let t1_17 = like.lift(0.42940323).mul_add(p_m_1, t1_16);
+        let t1_13 = like.lift(0.1225).mul_add(p_m_boom, t1_12);
+        let t1_14 = like.lift(1.685).mul_add(p_m_base, t1_13);
+        let t1_15 = like.lift(1.7023508075).mul_add(p_m_6, t1_14);
+        let t1_16 = like.lift(1.7023508075).mul_add(p_m_4, t1_15);
+        let t1_17 = like.lift(1.75440323).mul_add(p_m_1, t1_16);
         let t1_18 = p_izz_column - t1_17;
         phi[5] = t1_18;
         let t1_19 = like.lift(0.25) * p_izz_7;
@@ -14787,122 +14994,123 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 48], free: &[T; 52]) -> [T; 10
         let t1_28 = t1_7 - t1_27;
         let t1_29 = t1_9 - t1_28;
         let t1_30 = t1_11 + t1_29;
-        let t1_31 = like.lift(0.36) * p_m_1;
+        let t1_31 = like.lift(1.5625) * p_m_1;
         let t1_32 = t1_30 + t1_31;
-        let t1_33 = t1_13 + t1_32;
-        let t1_34 = like.lift(0.3079475775).mul_add(p_m_6, t1_33);
-        let t1_35 = like.lift(0.3079475775).mul_add(p_m_4, t1_34);
-        let t1_36 = p_ixx_boom + t1_35;
-        phi[10] = t1_36;
-        let t1_37 = like.lift(0.3).mul_add(p_mz_6, p_iyz_base);
-        let t1_38 = like.lift(0.3).mul_add(p_mz_4, t1_37);
-        let t1_39 = like.lift(-0.6).mul_add(p_mz_1, t1_38);
-        let t1_40 = like.lift(-0.6).mul_add(p_my_base, t1_39);
-        let t1_41 = like.lift(0.13689).mul_add(p_m_6, t1_40);
-        let t1_42 = like.lift(-0.13689).mul_add(p_m_4, t1_41);
-        let t1_43 = p_ixy_boom - t1_42;
-        phi[11] = t1_43;
-        let t1_44 = like.lift(-0.5196152422706631).mul_add(p_mz_6, p_ixz_base);
-        let t1_45 = like.lift(0.5196152422706631).mul_add(p_mz_4, t1_44);
-        let t1_46 = like.lift(-0.6).mul_add(p_mx_base, t1_45);
-        let t1_47 = like.lift(0.07903347834936787).mul_add(p_m_6, t1_46);
-        let t1_48 = like.lift(0.07903347834936787).mul_add(p_m_4, t1_47);
-        let t1_49 = like.lift(-0.15806695669873574).mul_add(p_m_1, t1_48);
-        let t1_50 = p_ixz_boom + t1_49;
-        phi[12] = t1_50;
-        let t1_51 = like.lift(0.6).mul_add(p_m_6, p_mz_base);
-        let t1_52 = like.lift(0.6).mul_add(p_m_4, t1_51);
-        let t1_53 = like.lift(0.6).mul_add(p_m_1, t1_52);
-        let t1_54 = like.lift(0.6).mul_add(p_m_base, t1_53);
-        let t1_55 = p_mx_boom - t1_54;
-        phi[16] = t1_55;
-        let t1_56 = like.lift(0.5) * p_mz_6;
-        let t1_57 = like.lift(0.5).mul_add(p_mz_4, t1_56);
-        let t1_58 = p_mz_1 - t1_57;
-        let t1_59 = p_my_base + t1_58;
-        let t1_60 = like.lift(-0.22815).mul_add(p_m_6, t1_59);
-        let t1_61 = like.lift(0.22815).mul_add(p_m_4, t1_60);
-        let t1_62 = p_my_boom - t1_61;
-        phi[17] = t1_62;
-        let t1_63 = p_izz_boom + t1_24;
-        let t1_64 = t1_7 + t1_63;
-        let t1_65 = t1_9 - t1_64;
-        let t1_66 = t1_11 - t1_65;
-        let t1_67 = t1_31 + t1_66;
-        let t1_68 = t1_13 + t1_67;
-        let t1_69 = like.lift(0.4120524225).mul_add(p_m_6, t1_68);
-        let t1_70 = like.lift(0.4120524225).mul_add(p_m_4, t1_69);
-        let t1_71 = p_ixx_base - t1_70;
-        phi[20] = t1_71;
-        let t1_72 = like.lift(0.4330127018922193) * p_izz_7;
-        let t1_73 = like.lift(0.4330127018922193).mul_add(p_iyy_6, t1_72);
-        let t1_74 = like.lift(-0.4330127018922193).mul_add(p_izz_5, t1_73);
-        let t1_75 = like.lift(-0.4330127018922193).mul_add(p_iyy_4, t1_74);
-        let t1_76 = p_iyz_boom - t1_75;
-        let t1_77 = like.lift(-0.13172246391561312).mul_add(p_mz_6, t1_76);
-        let t1_78 = like.lift(-0.13172246391561312).mul_add(p_mz_4, t1_77);
-        let t1_79 = like.lift(0.26344492783122625).mul_add(p_mz_1, t1_78);
-        let t1_80 = like.lift(0.030052480142347134).mul_add(p_m_6, t1_79);
-        let t1_81 = like.lift(-0.030052480142347134).mul_add(p_m_4, t1_80);
-        let t1_82 = p_ixy_base + t1_81;
-        phi[21] = t1_82;
-        let t1_83 = p_ixx_2 - p_izz_2;
-        let t1_84 = p_iyy_1 - t1_83;
-        let t1_85 = p_ixx_1 + t1_84;
-        phi[30] = t1_85;
-        let t1_86 = p_ixy_1 + p_ixz_2;
-        phi[31] = t1_86;
-        let t1_87 = p_iyz_1 + p_iyz_2;
-        phi[34] = t1_87;
-        let t1_88 = p_izz_1 - p_iyy_2;
-        phi[35] = t1_88;
-        let t1_89 = p_ixy_2 - p_ixz_1;
-        phi[41] = t1_89;
-        let t1_90 = p_m_5 + p_m_7;
-        let t1_91 = p_m_3 + t1_90;
-        let t1_92 = p_m_2 - t1_91;
-        phi[49] = t1_92;
-        let t1_93 = like.lift(-0.1561572675).mul_add(p_m_7, p_ixx_3);
-        phi[50] = t1_93;
-        let t1_94 = like.lift(0.0901574404270414).mul_add(p_m_7, p_ixy_3);
-        phi[51] = t1_94;
-        let t1_95 = like.lift(0.20820969) * p_m_5;
-        let t1_96 = like.lift(0.0520524225).mul_add(p_m_7, t1_95);
-        let t1_97 = p_iyy_3 - t1_96;
-        phi[53] = t1_97;
-        let t1_98 = like.lift(0.20820969).mul_add(p_m_7, t1_95);
-        let t1_99 = p_izz_3 - t1_98;
-        phi[55] = t1_99;
-        let t1_100 = like.lift(0.22815) * p_m_7;
-        let t1_101 = like.lift(0.4563).mul_add(p_m_5, t1_100);
-        let t1_102 = p_mx_3 - t1_101;
-        phi[56] = t1_102;
-        let t1_103 = like.lift(-0.39516739174683935).mul_add(p_m_7, p_my_3);
-        phi[57] = t1_103;
-        let t1_104 = p_ixx_5 - p_izz_5;
-        let t1_105 = p_iyy_4 - t1_104;
-        let t1_106 = p_ixx_4 + t1_105;
-        phi[60] = t1_106;
-        let t1_107 = p_ixy_4 + p_ixz_5;
-        phi[61] = t1_107;
-        let t1_108 = p_iyz_4 + p_iyz_5;
-        phi[64] = t1_108;
-        let t1_109 = p_izz_4 - p_iyy_5;
-        phi[65] = t1_109;
-        let t1_110 = p_ixy_5 - p_ixz_4;
-        phi[71] = t1_110;
-        let t1_111 = p_ixx_7 - p_izz_7;
-        let t1_112 = p_iyy_6 - t1_111;
-        let t1_113 = p_ixx_6 + t1_112;
-        phi[80] = t1_113;
-        let t1_114 = p_ixy_6 + p_ixz_7;
-        phi[81] = t1_114;
-        let t1_115 = p_iyz_6 + p_iyz_7;
-        phi[84] = t1_115;
-        let t1_116 = p_izz_6 - p_iyy_7;
-        phi[85] = t1_116;
-        let t1_117 = p_ixy_7 - p_ixz_6;
-        phi[91] = t1_117;
+        let t1_33 = like.lift(1.5625) * p_m_base;
+        let t1_34 = t1_32 + t1_33;
+        let t1_35 = like.lift(1.5104475775).mul_add(p_m_6, t1_34);
+        let t1_36 = like.lift(1.5104475775).mul_add(p_m_4, t1_35);
+        let t1_37 = p_ixx_boom + t1_36;
+        phi[10] = t1_37;
+        let t1_38 = like.lift(0.625).mul_add(p_mz_6, p_iyz_base);
+        let t1_39 = like.lift(0.625).mul_add(p_mz_4, t1_38);
+        let t1_40 = like.lift(-1.25).mul_add(p_mz_1, t1_39);
+        let t1_41 = like.lift(-1.25).mul_add(p_my_base, t1_40);
+        let t1_42 = like.lift(0.2851875).mul_add(p_m_6, t1_41);
+        let t1_43 = like.lift(-0.2851875).mul_add(p_m_4, t1_42);
+        let t1_44 = p_ixy_boom - t1_43;
+        phi[11] = t1_44;
+        let t1_45 = like.lift(-1.0825317547305484).mul_add(p_mz_6, p_ixz_base);
+        let t1_46 = like.lift(1.0825317547305484).mul_add(p_mz_4, t1_45);
+        let t1_47 = like.lift(-1.25).mul_add(p_mx_base, t1_46);
+        let t1_48 = like.lift(0.16465307989451639).mul_add(p_m_6, t1_47);
+        let t1_49 = like.lift(0.16465307989451639).mul_add(p_m_4, t1_48);
+        let t1_50 = like.lift(-0.32930615978903277).mul_add(p_m_1, t1_49);
+        let t1_51 = p_ixz_boom + t1_50;
+        phi[12] = t1_51;
+        let t1_52 = like.lift(1.25).mul_add(p_m_6, p_mz_base);
+        let t1_53 = like.lift(1.25).mul_add(p_m_4, t1_52);
+        let t1_54 = like.lift(1.25).mul_add(p_m_1, t1_53);
+        let t1_55 = like.lift(1.25).mul_add(p_m_base, t1_54);
+        let t1_56 = p_mx_boom - t1_55;
+        phi[16] = t1_56;
+        let t1_57 = like.lift(0.5) * p_mz_6;
+        let t1_58 = like.lift(0.5).mul_add(p_mz_4, t1_57);
+        let t1_59 = p_mz_1 - t1_58;
+        let t1_60 = p_my_base + t1_59;
+        let t1_61 = like.lift(-0.22815).mul_add(p_m_6, t1_60);
+        let t1_62 = like.lift(0.22815).mul_add(p_m_4, t1_61);
+        let t1_63 = p_my_boom - t1_62;
+        phi[17] = t1_63;
+        let t1_64 = p_izz_boom + t1_24;
+        let t1_65 = t1_7 + t1_64;
+        let t1_66 = t1_9 - t1_65;
+        let t1_67 = t1_11 - t1_66;
+        let t1_68 = t1_31 + t1_67;
+        let t1_69 = t1_33 + t1_68;
+        let t1_70 = like.lift(1.6145524225).mul_add(p_m_6, t1_69);
+        let t1_71 = like.lift(1.6145524225).mul_add(p_m_4, t1_70);
+        let t1_72 = p_ixx_base - t1_71;
+        phi[20] = t1_72;
+        let t1_73 = like.lift(0.4330127018922193) * p_izz_7;
+        let t1_74 = like.lift(0.4330127018922193).mul_add(p_iyy_6, t1_73);
+        let t1_75 = like.lift(-0.4330127018922193).mul_add(p_izz_5, t1_74);
+        let t1_76 = like.lift(-0.4330127018922193).mul_add(p_iyy_4, t1_75);
+        let t1_77 = p_iyz_boom - t1_76;
+        let t1_78 = like.lift(-0.13172246391561312).mul_add(p_mz_6, t1_77);
+        let t1_79 = like.lift(-0.13172246391561312).mul_add(p_mz_4, t1_78);
+        let t1_80 = like.lift(0.26344492783122625).mul_add(p_mz_1, t1_79);
+        let t1_81 = like.lift(0.030052480142347134).mul_add(p_m_6, t1_80);
+        let t1_82 = like.lift(-0.030052480142347134).mul_add(p_m_4, t1_81);
+        let t1_83 = p_ixy_base + t1_82;
+        phi[21] = t1_83;
+        let t1_84 = p_ixx_2 - p_izz_2;
+        let t1_85 = p_iyy_1 - t1_84;
+        let t1_86 = p_ixx_1 + t1_85;
+        phi[30] = t1_86;
+        let t1_87 = p_ixy_1 + p_ixz_2;
+        phi[31] = t1_87;
+        let t1_88 = p_iyz_1 + p_iyz_2;
+        phi[34] = t1_88;
+        let t1_89 = p_izz_1 - p_iyy_2;
+        phi[35] = t1_89;
+        let t1_90 = p_ixy_2 - p_ixz_1;
+        phi[41] = t1_90;
+        let t1_91 = p_m_5 + p_m_7;
+        let t1_92 = p_m_3 + t1_91;
+        let t1_93 = p_m_2 - t1_92;
+        phi[49] = t1_93;
+        let t1_94 = like.lift(-0.1561572675).mul_add(p_m_7, p_ixx_3);
+        phi[50] = t1_94;
+        let t1_95 = like.lift(0.0901574404270414).mul_add(p_m_7, p_ixy_3);
+        phi[51] = t1_95;
+        let t1_96 = like.lift(0.20820969) * p_m_5;
+        let t1_97 = like.lift(0.0520524225).mul_add(p_m_7, t1_96);
+        let t1_98 = p_iyy_3 - t1_97;
+        phi[53] = t1_98;
+        let t1_99 = like.lift(0.20820969).mul_add(p_m_7, t1_96);
+        let t1_100 = p_izz_3 - t1_99;
+        phi[55] = t1_100;
+        let t1_101 = like.lift(0.22815) * p_m_7;
+        let t1_102 = like.lift(0.4563).mul_add(p_m_5, t1_101);
+        let t1_103 = p_mx_3 - t1_102;
+        phi[56] = t1_103;
+        let t1_104 = like.lift(-0.39516739174683935).mul_add(p_m_7, p_my_3);
+        phi[57] = t1_104;
+        let t1_105 = p_ixx_5 - p_izz_5;
+        let t1_106 = p_iyy_4 - t1_105;
+        let t1_107 = p_ixx_4 + t1_106;
+        phi[60] = t1_107;
+        let t1_108 = p_ixy_4 + p_ixz_5;
+        phi[61] = t1_108;
+        let t1_109 = p_iyz_4 + p_iyz_5;
+        phi[64] = t1_109;
+        let t1_110 = p_izz_4 - p_iyy_5;
+        phi[65] = t1_110;
+        let t1_111 = p_ixy_5 - p_ixz_4;
+        phi[71] = t1_111;
+        let t1_112 = p_ixx_7 - p_izz_7;
+        let t1_113 = p_iyy_6 - t1_112;
+        let t1_114 = p_ixx_6 + t1_113;
+        phi[80] = t1_114;
+        let t1_115 = p_ixy_6 + p_ixz_7;
+        phi[81] = t1_115;
+        let t1_116 = p_iyz_6 + p_iyz_7;
+        phi[84] = t1_116;
+        let t1_117 = p_izz_6 - p_iyy_7;
+        phi[85] = t1_117;
+        let t1_118 = p_ixy_7 - p_ixz_6;
+        phi[91] = t1_118;
         phi[0] = p_ixx_column;
         phi[1] = p_ixy_column;
         phi[2] = p_ixz_column;
@@ -14985,7 +15193,7 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 48], free: &[T; 52]) -> [T; 10
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
 ///
-/// 506 additions, 644 multiplications, 6 divisions, 7 sines and cosines.
+/// 514 additions, 654 multiplications, 6 divisions, 7 sines and cosines.
 pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], beta: &[T; 48]) -> ([T; 5], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 5];
@@ -15007,12 +15215,13 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
     // tau, part 1
     let [
         sin_shoulder, cos_shoulder, w_ixz_boom_shoulder, w_boomy, al_boomx, al_boomx_2,
-        w_iyz_boom_shoulder, w_boomx, al_boomy, al_boomy_2, w_ixx_boom_shoulder, t1_6, t1_8,
-        t1_9, sin_q8, cos_q8, al_6x, al_6y, t1_29, t1_30, t1_32, a_basex, t1_39, a_basey,
-        t1_48, al_6z, t1_58, a_basez_2, a_6y, t1_69, a_7z, t1_84, a_6x, a_7x, t1_102, t1_110,
-        t1_111, t1_119, t1_120, t1_126, t1_129, t1_132, sin_q6, cos_q6, al_4x, al_4y, t1_144,
-        t1_145, t1_147, al_4z, t1_161, a_4y, t1_168, t1_169, a_5z, t1_172, t1_177, t1_181,
-        t1_183, a_4x, t1_196, a_5x, t1_201, t1_202, t1_205, t1_208,
+        w_iyz_boom_shoulder, w_boomx, al_boomy, al_boomy_2, w_ixx_boom_shoulder, t1_8, t1_10,
+        t1_11, sin_q8, cos_q8, al_6x, al_6y, t1_31, t1_32, t1_34, t1_40, a_basex, t1_41, t1_43,
+        a_boomy_3, a_basey, t1_51, al_6z, t1_61, a_boomx_3, a_basez, a_6y, t1_73, a_7z, t1_88,
+        a_6x, a_7x, t1_106, t1_114, t1_115, t1_123, t1_124, t1_130, t1_133, t1_136, sin_q6,
+        cos_q6, al_4x, al_4y, t1_148, t1_149, t1_151, t1_152, al_4z, t1_165, a_4y, t1_172,
+        t1_173, a_5z, t1_176, t1_181, t1_185, t1_187, t1_188, t1_196, a_4x, t1_200, a_5x,
+        t1_204,
     ] = {
         let (sin_shoulder, cos_shoulder) = shoulder.sin_cos();
         let w_ixz_boom_shoulder = sin_shoulder * dd_waist;
@@ -15030,782 +15239,781 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
         let t1_4 = w_ixx_boom_shoulder * p_ixz_boom;
         let t1_5 = (-al_boomy).mul_add(p_ixy_boom, t1_4);
         let t1_6 = t1_3 + t1_5;
-        let t1_7 = al_boomx * p_ixx_base;
-        let t1_8 = w_boomy * w_boomy;
-        let t1_9 = d_shoulder * d_shoulder;
-        let t1_10 = t1_8 - t1_9;
-        let t1_11 = (-t1_10).mul_add(p_ixy_base, t1_7);
+        let t1_7 = dd_waist * p_my_boom;
+        let t1_8 = like.lift(-0.35).mul_add(t1_7, t1_6);
+        let t1_9 = al_boomx * p_ixx_base;
+        let t1_10 = w_boomy * w_boomy;
+        let t1_11 = d_shoulder * d_shoulder;
+        let t1_12 = t1_10 - t1_11;
+        let t1_13 = (-t1_12).mul_add(p_ixy_base, t1_9);
         let (sin_q8, cos_q8) = q8.sin_cos();
-        let t1_12 = like.lift(0.5) * dd_shoulder;
-        let t1_13 = like.lift(0.8660254037844386) * al_boomy_2;
-        let t1_14 = t1_12 - t1_13;
-        let t1_15 = cos_q8 * t1_14;
-        let t1_16 = (-sin_q8).mul_add(al_boomx_2, t1_15);
-        let t1_17 = like.lift(0.5) * d_shoulder;
-        let t1_18 = like.lift(0.8660254037844386) * w_boomy;
-        let t1_19 = t1_17 - t1_18;
-        let t1_20 = sin_q8 * t1_19;
-        let w_6y = cos_q8.mul_add(w_boomx, t1_20);
-        let al_6x = (-d_q8).mul_add(w_6y, t1_16);
-        let t1_21 = al_6x * p_ixx_6;
-        let t1_22 = sin_q8 * t1_14;
-        let t1_23 = cos_q8.mul_add(al_boomx_2, t1_22);
-        let t1_24 = cos_q8 * t1_19;
-        let w_6x = (-sin_q8).mul_add(w_boomx, t1_24);
-        let al_6y = d_q8.mul_add(w_6x, t1_23);
-        let t1_25 = (-al_6y).mul_add(p_ixy_6, t1_21);
-        let t1_26 = like.lift(0.8660254037844386) * d_shoulder;
-        let t1_27 = like.lift(0.5) * w_boomy;
-        let t1_28 = t1_26 + t1_27;
-        let w_6z = d_q8 - t1_28;
-        let t1_29 = w_6x * w_6z;
-        let t1_30 = w_6y * w_6z;
-        let t1_31 = t1_30 * p_izz_6;
-        let t1_32 = w_6y * w_6y;
-        let t1_33 = w_6z * w_6z;
-        let t1_34 = t1_32 - t1_33;
-        let t1_35 = (-t1_34).mul_add(p_iyz_6, t1_31);
-        let t1_36 = t1_29.mul_add(p_ixy_6, t1_35);
-        let t1_37 = t1_25 - t1_36;
-        let t1_38 = al_boomy - al_boomy_2;
-        let a_basex = like.lift(0.6) * t1_38;
-        let t1_39 = d_waist * d_waist;
-        let t1_40 = like.lift(0.13172246391561312) * t1_39;
-        let t1_41 = al_boomx + al_boomx_2;
-        let t1_42 = like.lift(0.22815) * t1_41;
-        let t1_43 = t1_40 + t1_42;
-        let t1_44 = a_basex - t1_43;
-        let t1_45 = like.lift(0.8660254037844386) * t1_44;
-        let a_boomy = like.lift(9.81) * cos_shoulder;
-        let t1_46 = dd_shoulder + w_ixx_boom_shoulder;
-        let a_basey = like.lift(0.6).mul_add(t1_46, a_boomy);
-        let t1_47 = like.lift(0.13172246391561312) * w_ixz_boom_shoulder;
-        let t1_48 = w_boomx * w_boomx;
-        let t1_49 = t1_48 + t1_9;
-        let t1_50 = like.lift(0.22815) * t1_49;
-        let t1_51 = t1_47 - t1_50;
-        let t1_52 = a_basey - t1_51;
-        let a_6z = like.lift(0.5).mul_add(t1_52, t1_45);
-        let t1_53 = (-a_6z).mul_add(p_my_6, t1_37);
-        let t1_54 = like.lift(0.8660254037844386) * dd_shoulder;
-        let t1_55 = like.lift(0.5) * al_boomy_2;
-        let t1_56 = t1_54 + t1_55;
-        let al_6z = dd_q8 - t1_56;
-        let t1_57 = al_6z * p_ixy_7;
-        let t1_58 = w_6x * w_6y;
-        let t1_59 = (-t1_58).mul_add(p_ixy_7, t1_57);
-        let t1_60 = like.lift(0.5) * t1_44;
-        let t1_61 = like.lift(-0.8660254037844386).mul_add(t1_52, t1_60);
-        let t1_62 = sin_q8 * t1_61;
-        let a_boomx = like.lift(9.81) * sin_shoulder;
-        let t1_63 = t1_8 + t1_9;
-        let a_basez = like.lift(0.6) * t1_63;
-        let a_basez_2 = a_boomx - a_basez;
-        let t1_64 = like.lift(0.13172246391561312) * w_iyz_boom_shoulder;
-        let t1_65 = dd_shoulder - w_ixx_boom_shoulder;
-        let t1_66 = like.lift(0.22815) * t1_65;
-        let t1_67 = t1_64 + t1_66;
-        let t1_68 = a_basez_2 + t1_67;
-        let a_6y = cos_q8.mul_add(t1_68, t1_62);
-        let t1_69 = w_6x * w_6x;
-        let t1_70 = t1_69 + t1_33;
-        let t1_71 = (-q9).mul_add(t1_70, a_6y);
-        let a_7z = dd_q9 + t1_71;
-        let t1_72 = a_7z * p_my_7;
-        let t1_73 = al_6x - t1_30;
-        let t1_74 = q9.mul_add(t1_73, a_6z);
-        let t1_75 = d_q9 * w_6x;
-        let a_7y = like.lift(2.0).mul_add(t1_75, t1_74);
-        let t1_76 = a_7y.mul_add(p_mz_7, t1_72);
-        let t1_77 = t1_59 + t1_76;
-        let t1_78 = al_6y + t1_29;
-        let t1_79 = t1_78 * p_mx_7;
-        let t1_80 = t1_69 + t1_32;
-        let t1_81 = (-t1_80).mul_add(p_my_7, t1_79);
-        let t1_82 = (-t1_73).mul_add(p_mz_7, t1_81);
-        let t1_83 = (-q9).mul_add(t1_82, t1_77);
-        let t1_84 = t1_53 + t1_83;
-        let t1_85 = sin_q8 * t1_84;
-        let t1_86 = al_6x * p_ixy_6;
-        let t1_87 = al_6z.mul_add(p_iyz_6, t1_86);
-        let t1_88 = p_ixx_6 - p_izz_6;
-        let t1_89 = t1_29 * t1_88;
-        let t1_90 = (-t1_30).mul_add(p_ixy_6, t1_89);
-        let t1_91 = t1_58.mul_add(p_iyz_6, t1_90);
-        let t1_92 = t1_87 + t1_91;
-        let t1_93 = a_6z.mul_add(p_mx_6, t1_92);
-        let t1_94 = t1_69 - t1_33;
-        let t1_95 = a_7y * p_mx_7;
-        let t1_96 = cos_q8 * t1_61;
-        let a_6x = (-sin_q8).mul_add(t1_68, t1_96);
-        let t1_97 = al_6z + t1_58;
-        let t1_98 = q9.mul_add(t1_97, a_6x);
-        let t1_99 = d_q9 * w_6z;
-        let a_7x = like.lift(2.0).mul_add(t1_99, t1_98);
-        let t1_100 = a_7x.mul_add(p_my_7, t1_95);
-        let t1_101 = t1_94.mul_add(p_ixy_7, -t1_100);
-        let t1_102 = t1_93 - t1_101;
-        let t1_103 = cos_q8.mul_add(t1_102, t1_85);
-        let t1_104 = t1_32 + t1_33;
-        let t1_105 = t1_104 * p_mx_6;
-        let t1_106 = t1_97.mul_add(p_my_6, t1_105);
-        let t1_107 = t1_104 * p_mx_7;
-        let t1_108 = al_6y - t1_29;
-        let t1_109 = t1_108.mul_add(p_my_7, t1_107);
-        let t1_110 = (-t1_97).mul_add(p_mz_7, t1_109);
-        let t1_111 = t1_106 + t1_110;
-        let t1_112 = cos_q8 * t1_111;
-        let t1_113 = al_6z - t1_58;
-        let t1_114 = t1_113 * p_mx_6;
-        let t1_115 = (-t1_70).mul_add(p_my_6, t1_114);
-        let t1_116 = t1_113 * p_mx_7;
-        let t1_117 = al_6x + t1_30;
-        let t1_118 = (-t1_117).mul_add(p_my_7, t1_116);
-        let t1_119 = t1_70.mul_add(p_mz_7, t1_118);
-        let t1_120 = t1_115 + t1_119;
-        let t1_121 = sin_q8.mul_add(t1_120, t1_112);
-        let t1_122 = like.lift(0.8660254037844386) * t1_121;
-        let t1_123 = t1_78 * p_mx_6;
-        let t1_124 = t1_73.mul_add(p_my_6, t1_123);
-        let t1_125 = t1_124 + t1_82;
-        let t1_126 = like.lift(-0.5).mul_add(t1_125, t1_122);
-        let t1_127 = like.lift(0.13172246391561312) * t1_126;
-        let t1_128 = like.lift(0.5) * t1_121;
-        let t1_129 = like.lift(0.8660254037844386).mul_add(t1_125, t1_128);
-        let t1_130 = like.lift(-0.22815).mul_add(t1_129, t1_127);
-        let t1_131 = t1_103 + t1_130;
-        let t1_132 = t1_11 - t1_131;
+        let t1_14 = like.lift(0.5) * dd_shoulder;
+        let t1_15 = like.lift(0.8660254037844386) * al_boomy_2;
+        let t1_16 = t1_14 - t1_15;
+        let t1_17 = cos_q8 * t1_16;
+        let t1_18 = (-sin_q8).mul_add(al_boomx_2, t1_17);
+        let t1_19 = like.lift(0.5) * d_shoulder;
+        let t1_20 = like.lift(0.8660254037844386) * w_boomy;
+        let t1_21 = t1_19 - t1_20;
+        let t1_22 = sin_q8 * t1_21;
+        let w_6y = cos_q8.mul_add(w_boomx, t1_22);
+        let al_6x = (-d_q8).mul_add(w_6y, t1_18);
+        let t1_23 = al_6x * p_ixx_6;
+        let t1_24 = sin_q8 * t1_16;
+        let t1_25 = cos_q8.mul_add(al_boomx_2, t1_24);
+        let t1_26 = cos_q8 * t1_21;
+        let w_6x = (-sin_q8).mul_add(w_boomx, t1_26);
+        let al_6y = d_q8.mul_add(w_6x, t1_25);
+        let t1_27 = (-al_6y).mul_add(p_ixy_6, t1_23);
+        let t1_28 = like.lift(0.8660254037844386) * d_shoulder;
+        let t1_29 = like.lift(0.5) * w_boomy;
+        let t1_30 = t1_28 + t1_29;
+        let w_6z = d_q8 - t1_30;
+        let t1_31 = w_6x * w_6z;
+        let t1_32 = w_6y * w_6z;
+        let t1_33 = t1_32 * p_izz_6;
+        let t1_34 = w_6y * w_6y;
+        let t1_35 = w_6z * w_6z;
+        let t1_36 = t1_34 - t1_35;
+        let t1_37 = (-t1_36).mul_add(p_iyz_6, t1_33);
+        let t1_38 = t1_31.mul_add(p_ixy_6, t1_37);
+        let t1_39 = t1_27 - t1_38;
+        let a_boomz = like.lift(0.35) * dd_waist;
+        let t1_40 = al_boomy - al_boomy_2;
+        let a_basex = like.lift(-1.25).mul_add(t1_40, a_boomz);
+        let t1_41 = d_waist * d_waist;
+        let t1_42 = like.lift(0.13172246391561312) * t1_41;
+        let t1_43 = al_boomx + al_boomx_2;
+        let t1_44 = like.lift(0.22815) * t1_43;
+        let t1_45 = t1_42 + t1_44;
+        let t1_46 = a_basex + t1_45;
+        let t1_47 = like.lift(0.8660254037844386) * t1_46;
+        let t1_48 = sin_shoulder * t1_41;
+        let a_boomy = like.lift(0.35) * t1_48;
+        let a_boomy_2 = like.lift(9.81) * cos_shoulder;
+        let a_boomy_3 = a_boomy + a_boomy_2;
+        let t1_49 = dd_shoulder + w_ixx_boom_shoulder;
+        let a_basey = like.lift(1.25).mul_add(t1_49, a_boomy_3);
+        let t1_50 = like.lift(0.13172246391561312) * w_ixz_boom_shoulder;
+        let t1_51 = w_boomx * w_boomx;
+        let t1_52 = t1_51 + t1_11;
+        let t1_53 = like.lift(0.22815) * t1_52;
+        let t1_54 = t1_50 - t1_53;
+        let t1_55 = a_basey - t1_54;
+        let a_6z = like.lift(-0.5).mul_add(t1_55, t1_47);
+        let t1_56 = a_6z.mul_add(p_my_6, t1_39);
+        let t1_57 = like.lift(0.8660254037844386) * dd_shoulder;
+        let t1_58 = like.lift(0.5) * al_boomy_2;
+        let t1_59 = t1_57 + t1_58;
+        let al_6z = dd_q8 - t1_59;
+        let t1_60 = al_6z * p_ixy_7;
+        let t1_61 = w_6x * w_6y;
+        let t1_62 = (-t1_61).mul_add(p_ixy_7, t1_60);
+        let t1_63 = like.lift(0.5) * t1_46;
+        let t1_64 = like.lift(0.8660254037844386).mul_add(t1_55, t1_63);
+        let t1_65 = sin_q8 * t1_64;
+        let t1_66 = cos_shoulder * t1_41;
+        let a_boomx = like.lift(0.35) * t1_66;
+        let a_boomx_2 = like.lift(9.81) * sin_shoulder;
+        let a_boomx_3 = a_boomx - a_boomx_2;
+        let t1_67 = t1_10 + t1_11;
+        let a_basez = like.lift(1.25).mul_add(t1_67, a_boomx_3);
+        let t1_68 = like.lift(0.13172246391561312) * w_iyz_boom_shoulder;
+        let t1_69 = dd_shoulder - w_ixx_boom_shoulder;
+        let t1_70 = like.lift(0.22815) * t1_69;
+        let t1_71 = t1_68 + t1_70;
+        let t1_72 = a_basez - t1_71;
+        let a_6y = cos_q8.mul_add(t1_72, t1_65);
+        let t1_73 = w_6x * w_6x;
+        let t1_74 = t1_73 + t1_35;
+        let t1_75 = q9.mul_add(t1_74, a_6y);
+        let a_7z = dd_q9 - t1_75;
+        let t1_76 = a_7z * p_my_7;
+        let t1_77 = al_6x - t1_32;
+        let t1_78 = (-q9).mul_add(t1_77, a_6z);
+        let t1_79 = d_q9 * w_6x;
+        let a_7y = like.lift(-2.0).mul_add(t1_79, t1_78);
+        let t1_80 = (-a_7y).mul_add(p_mz_7, t1_76);
+        let t1_81 = t1_62 + t1_80;
+        let t1_82 = al_6y + t1_31;
+        let t1_83 = t1_82 * p_mx_7;
+        let t1_84 = t1_73 + t1_34;
+        let t1_85 = (-t1_84).mul_add(p_my_7, t1_83);
+        let t1_86 = (-t1_77).mul_add(p_mz_7, t1_85);
+        let t1_87 = (-q9).mul_add(t1_86, t1_81);
+        let t1_88 = t1_56 + t1_87;
+        let t1_89 = sin_q8 * t1_88;
+        let t1_90 = al_6x * p_ixy_6;
+        let t1_91 = al_6z.mul_add(p_iyz_6, t1_90);
+        let t1_92 = p_ixx_6 - p_izz_6;
+        let t1_93 = t1_31 * t1_92;
+        let t1_94 = (-t1_32).mul_add(p_ixy_6, t1_93);
+        let t1_95 = t1_61.mul_add(p_iyz_6, t1_94);
+        let t1_96 = t1_91 + t1_95;
+        let t1_97 = (-a_6z).mul_add(p_mx_6, t1_96);
+        let t1_98 = t1_73 - t1_35;
+        let t1_99 = a_7y * p_mx_7;
+        let t1_100 = cos_q8 * t1_64;
+        let a_6x = (-sin_q8).mul_add(t1_72, t1_100);
+        let t1_101 = al_6z + t1_61;
+        let t1_102 = (-q9).mul_add(t1_101, a_6x);
+        let t1_103 = d_q9 * w_6z;
+        let a_7x = like.lift(-2.0).mul_add(t1_103, t1_102);
+        let t1_104 = a_7x.mul_add(p_my_7, t1_99);
+        let t1_105 = t1_98.mul_add(p_ixy_7, t1_104);
+        let t1_106 = t1_97 - t1_105;
+        let t1_107 = cos_q8.mul_add(t1_106, t1_89);
+        let t1_108 = t1_34 + t1_35;
+        let t1_109 = t1_108 * p_mx_6;
+        let t1_110 = t1_101.mul_add(p_my_6, t1_109);
+        let t1_111 = t1_108 * p_mx_7;
+        let t1_112 = al_6y - t1_31;
+        let t1_113 = t1_112.mul_add(p_my_7, t1_111);
+        let t1_114 = (-t1_101).mul_add(p_mz_7, t1_113);
+        let t1_115 = t1_110 + t1_114;
+        let t1_116 = cos_q8 * t1_115;
+        let t1_117 = al_6z - t1_61;
+        let t1_118 = t1_117 * p_mx_6;
+        let t1_119 = (-t1_74).mul_add(p_my_6, t1_118);
+        let t1_120 = t1_117 * p_mx_7;
+        let t1_121 = al_6x + t1_32;
+        let t1_122 = (-t1_121).mul_add(p_my_7, t1_120);
+        let t1_123 = t1_74.mul_add(p_mz_7, t1_122);
+        let t1_124 = t1_119 + t1_123;
+        let t1_125 = sin_q8.mul_add(t1_124, t1_116);
+        let t1_126 = like.lift(0.8660254037844386) * t1_125;
+        let t1_127 = t1_82 * p_mx_6;
+        let t1_128 = t1_77.mul_add(p_my_6, t1_127);
+        let t1_129 = t1_128 + t1_86;
+        let t1_130 = like.lift(-0.5).mul_add(t1_129, t1_126);
+        let t1_131 = like.lift(0.13172246391561312) * t1_130;
+        let t1_132 = like.lift(0.5) * t1_125;
+        let t1_133 = like.lift(0.8660254037844386).mul_add(t1_129, t1_132);
+        let t1_134 = like.lift(-0.22815).mul_add(t1_133, t1_131);
+        let t1_135 = t1_107 + t1_134;
+        let t1_136 = t1_13 - t1_135;
         let (sin_q6, cos_q6) = q6.sin_cos();
-        let t1_133 = t1_12 + t1_13;
-        let t1_134 = cos_q6 * t1_133;
-        let t1_135 = (-sin_q6).mul_add(al_boomx_2, t1_134);
-        let t1_136 = t1_17 + t1_18;
-        let t1_137 = sin_q6 * t1_136;
-        let w_4y = cos_q6.mul_add(w_boomx, t1_137);
-        let al_4x = (-d_q6).mul_add(w_4y, t1_135);
-        let t1_138 = al_4x * p_ixx_4;
-        let t1_139 = sin_q6 * t1_133;
-        let t1_140 = cos_q6.mul_add(al_boomx_2, t1_139);
-        let t1_141 = cos_q6 * t1_136;
-        let w_4x = (-sin_q6).mul_add(w_boomx, t1_141);
-        let al_4y = d_q6.mul_add(w_4x, t1_140);
-        let t1_142 = (-al_4y).mul_add(p_ixy_4, t1_138);
-        let t1_143 = t1_26 - t1_27;
-        let w_4z = d_q6 + t1_143;
-        let t1_144 = w_4x * w_4z;
-        let t1_145 = w_4y * w_4z;
-        let t1_146 = t1_145 * p_izz_4;
-        let t1_147 = w_4y * w_4y;
-        let t1_148 = w_4z * w_4z;
-        let t1_149 = t1_147 - t1_148;
-        let t1_150 = (-t1_149).mul_add(p_iyz_4, t1_146);
-        let t1_151 = t1_144.mul_add(p_ixy_4, t1_150);
-        let t1_152 = t1_142 - t1_151;
-        let t1_153 = t1_40 - t1_42;
-        let t1_154 = a_basex - t1_153;
-        let t1_155 = like.lift(0.8660254037844386) * t1_154;
-        let t1_156 = t1_47 + t1_50;
-        let t1_157 = a_basey - t1_156;
-        let a_4z = like.lift(-0.5).mul_add(t1_157, t1_155);
-        let t1_158 = a_4z.mul_add(p_my_4, t1_152);
-        let t1_159 = t1_54 - t1_55;
-        let al_4z = dd_q6 + t1_159;
-        let t1_160 = al_4z * p_ixy_5;
-        let t1_161 = w_4x * w_4y;
-        let t1_162 = (-t1_161).mul_add(p_ixy_5, t1_160);
-        let t1_163 = like.lift(0.5) * t1_154;
-        let t1_164 = like.lift(0.8660254037844386).mul_add(t1_157, t1_163);
-        let t1_165 = sin_q6 * t1_164;
-        let t1_166 = t1_64 - t1_66;
-        let t1_167 = a_basez_2 + t1_166;
-        let a_4y = cos_q6.mul_add(t1_167, t1_165);
-        let t1_168 = w_4x * w_4x;
-        let t1_169 = t1_168 + t1_148;
-        let t1_170 = (-q7).mul_add(t1_169, a_4y);
-        let a_5z = dd_q7 + t1_170;
-        let t1_171 = a_5z * p_my_5;
-        let t1_172 = al_4x - t1_145;
-        let t1_173 = (-q7).mul_add(t1_172, a_4z);
-        let t1_174 = d_q7 * w_4x;
-        let a_5y = like.lift(-2.0).mul_add(t1_174, t1_173);
-        let t1_175 = (-a_5y).mul_add(p_mz_5, t1_171);
-        let t1_176 = t1_162 + t1_175;
-        let t1_177 = al_4y + t1_144;
-        let t1_178 = t1_177 * p_mx_5;
-        let t1_179 = t1_168 + t1_147;
-        let t1_180 = (-t1_179).mul_add(p_my_5, t1_178);
-        let t1_181 = (-t1_172).mul_add(p_mz_5, t1_180);
-        let t1_182 = (-q7).mul_add(t1_181, t1_176);
-        let t1_183 = t1_158 + t1_182;
-        let t1_184 = sin_q6 * t1_183;
-        let t1_185 = al_4x * p_ixy_4;
-        let t1_186 = al_4z.mul_add(p_iyz_4, t1_185);
-        let t1_187 = p_ixx_4 - p_izz_4;
-        let t1_188 = t1_144 * t1_187;
-        let t1_189 = (-t1_145).mul_add(p_ixy_4, t1_188);
-        let t1_190 = t1_161.mul_add(p_iyz_4, t1_189);
-        let t1_191 = t1_186 + t1_190;
-        let t1_192 = (-a_4z).mul_add(p_mx_4, t1_191);
-        let t1_193 = t1_168 - t1_148;
-        let t1_194 = a_5y * p_mx_5;
-        let t1_195 = cos_q6 * t1_164;
-        let a_4x = (-sin_q6).mul_add(t1_167, t1_195);
-        let t1_196 = al_4z + t1_161;
-        let t1_197 = q7.mul_add(t1_196, a_4x);
-        let t1_198 = d_q7 * w_4z;
-        let a_5x = like.lift(2.0).mul_add(t1_198, t1_197);
-        let t1_199 = (-a_5x).mul_add(p_my_5, t1_194);
-        let t1_200 = t1_193.mul_add(p_ixy_5, t1_199);
-        let t1_201 = t1_192 - t1_200;
-        let t1_202 = cos_q6.mul_add(t1_201, t1_184);
-        let t1_203 = t1_147 + t1_148;
-        let t1_204 = t1_203 * p_mx_4;
-        let t1_205 = t1_196.mul_add(p_my_4, t1_204);
-        let t1_206 = t1_203 * p_mx_5;
-        let t1_207 = al_4y - t1_144;
-        let t1_208 = t1_207.mul_add(p_my_5, t1_206);
+        let t1_137 = t1_14 + t1_15;
+        let t1_138 = cos_q6 * t1_137;
+        let t1_139 = (-sin_q6).mul_add(al_boomx_2, t1_138);
+        let t1_140 = t1_19 + t1_20;
+        let t1_141 = sin_q6 * t1_140;
+        let w_4y = cos_q6.mul_add(w_boomx, t1_141);
+        let al_4x = (-d_q6).mul_add(w_4y, t1_139);
+        let t1_142 = al_4x * p_ixx_4;
+        let t1_143 = sin_q6 * t1_137;
+        let t1_144 = cos_q6.mul_add(al_boomx_2, t1_143);
+        let t1_145 = cos_q6 * t1_140;
+        let w_4x = (-sin_q6).mul_add(w_boomx, t1_145);
+        let al_4y = d_q6.mul_add(w_4x, t1_144);
+        let t1_146 = (-al_4y).mul_add(p_ixy_4, t1_142);
+        let t1_147 = t1_28 - t1_29;
+        let w_4z = d_q6 + t1_147;
+        let t1_148 = w_4x * w_4z;
+        let t1_149 = w_4y * w_4z;
+        let t1_150 = t1_149 * p_izz_4;
+        let t1_151 = w_4y * w_4y;
+        let t1_152 = w_4z * w_4z;
+        let t1_153 = t1_151 - t1_152;
+        let t1_154 = (-t1_153).mul_add(p_iyz_4, t1_150);
+        let t1_155 = t1_148.mul_add(p_ixy_4, t1_154);
+        let t1_156 = t1_146 - t1_155;
+        let t1_157 = t1_42 - t1_44;
+        let t1_158 = a_basex + t1_157;
+        let t1_159 = like.lift(0.8660254037844386) * t1_158;
+        let t1_160 = t1_50 + t1_53;
+        let t1_161 = a_basey - t1_160;
+        let a_4z = like.lift(0.5).mul_add(t1_161, t1_159);
+        let t1_162 = (-a_4z).mul_add(p_my_4, t1_156);
+        let t1_163 = t1_57 - t1_58;
+        let al_4z = dd_q6 + t1_163;
+        let t1_164 = al_4z * p_ixy_5;
+        let t1_165 = w_4x * w_4y;
+        let t1_166 = (-t1_165).mul_add(p_ixy_5, t1_164);
+        let t1_167 = like.lift(0.5) * t1_158;
+        let t1_168 = like.lift(-0.8660254037844386).mul_add(t1_161, t1_167);
+        let t1_169 = sin_q6 * t1_168;
+        let t1_170 = t1_68 - t1_70;
+        let t1_171 = a_basez - t1_170;
+        let a_4y = cos_q6.mul_add(t1_171, t1_169);
+        let t1_172 = w_4x * w_4x;
+        let t1_173 = t1_172 + t1_152;
+        let t1_174 = q7.mul_add(t1_173, a_4y);
+        let a_5z = dd_q7 - t1_174;
+        let t1_175 = a_5z * p_my_5;
+        let t1_176 = al_4x - t1_149;
+        let t1_177 = q7.mul_add(t1_176, a_4z);
+        let t1_178 = d_q7 * w_4x;
+        let a_5y = like.lift(2.0).mul_add(t1_178, t1_177);
+        let t1_179 = a_5y.mul_add(p_mz_5, t1_175);
+        let t1_180 = t1_166 + t1_179;
+        let t1_181 = al_4y + t1_148;
+        let t1_182 = t1_181 * p_mx_5;
+        let t1_183 = t1_172 + t1_151;
+        let t1_184 = (-t1_183).mul_add(p_my_5, t1_182);
+        let t1_185 = (-t1_176).mul_add(p_mz_5, t1_184);
+        let t1_186 = (-q7).mul_add(t1_185, t1_180);
+        let t1_187 = t1_162 + t1_186;
+        let t1_188 = sin_q6 * t1_187;
+        let t1_189 = al_4x * p_ixy_4;
+        let t1_190 = al_4z.mul_add(p_iyz_4, t1_189);
+        let t1_191 = p_ixx_4 - p_izz_4;
+        let t1_192 = t1_148 * t1_191;
+        let t1_193 = (-t1_149).mul_add(p_ixy_4, t1_192);
+        let t1_194 = t1_165.mul_add(p_iyz_4, t1_193);
+        let t1_195 = t1_190 + t1_194;
+        let t1_196 = a_4z.mul_add(p_mx_4, t1_195);
+        let t1_197 = t1_172 - t1_152;
+        let t1_198 = a_5y * p_mx_5;
+        let t1_199 = cos_q6 * t1_168;
+        let a_4x = (-sin_q6).mul_add(t1_171, t1_199);
+        let t1_200 = al_4z + t1_165;
+        let t1_201 = (-q7).mul_add(t1_200, a_4x);
+        let t1_202 = d_q7 * w_4z;
+        let a_5x = like.lift(-2.0).mul_add(t1_202, t1_201);
+        let t1_203 = (-a_5x).mul_add(p_my_5, t1_198);
+        let t1_204 = t1_197.mul_add(p_ixy_5, -t1_203);
         [
             sin_shoulder, cos_shoulder, w_ixz_boom_shoulder, w_boomy, al_boomx, al_boomx_2,
-            w_iyz_boom_shoulder, w_boomx, al_boomy, al_boomy_2, w_ixx_boom_shoulder, t1_6,
-            t1_8, t1_9, sin_q8, cos_q8, al_6x, al_6y, t1_29, t1_30, t1_32, a_basex, t1_39,
-            a_basey, t1_48, al_6z, t1_58, a_basez_2, a_6y, t1_69, a_7z, t1_84, a_6x, a_7x,
-            t1_102, t1_110, t1_111, t1_119, t1_120, t1_126, t1_129, t1_132, sin_q6, cos_q6,
-            al_4x, al_4y, t1_144, t1_145, t1_147, al_4z, t1_161, a_4y, t1_168, t1_169, a_5z,
-            t1_172, t1_177, t1_181, t1_183, a_4x, t1_196, a_5x, t1_201, t1_202, t1_205, t1_208,
+            w_iyz_boom_shoulder, w_boomx, al_boomy, al_boomy_2, w_ixx_boom_shoulder, t1_8,
+            t1_10, t1_11, sin_q8, cos_q8, al_6x, al_6y, t1_31, t1_32, t1_34, t1_40, a_basex,
+            t1_41, t1_43, a_boomy_3, a_basey, t1_51, al_6z, t1_61, a_boomx_3, a_basez, a_6y,
+            t1_73, a_7z, t1_88, a_6x, a_7x, t1_106, t1_114, t1_115, t1_123, t1_124, t1_130,
+            t1_133, t1_136, sin_q6, cos_q6, al_4x, al_4y, t1_148, t1_149, t1_151, t1_152,
+            al_4z, t1_165, a_4y, t1_172, t1_173, a_5z, t1_176, t1_181, t1_185, t1_187, t1_188,
+            t1_196, a_4x, t1_200, a_5x, t1_204,
         ]
     };
     // tau, part 2
     let [
-        t2_1, t2_2, t2_10, t2_11, t2_17, t2_20, sin_q1, cos_q1, al_1x, al_1y, t2_32, t2_33,
-        t2_35, t2_36, al_1z, t2_43, a_1y, t2_48, t2_49, a_2z, sin_s1_1, cos_s1_1, sin_s1_2,
-        cos_s1_2, sin_s1_3, cos_s1_3, a_1x, t2_92, a_2x, t2_132, t2_133, t2_136, t2_158,
-        t2_165, t2_166, t2_169, t2_173, t2_188, t2_190, t2_194, t2_198, t2_203, t2_206, t2_208,
-        t2_209, t2_210,
+        t2_1, t2_9, t2_10, t2_18, t2_19, t2_25, t2_28, sin_q1, cos_q1, al_1x, al_1y, t2_40,
+        t2_41, t2_43, t2_44, al_1z, t2_51, a_1y, t2_56, t2_57, a_2z, sin_s1_1, cos_s1_1,
+        sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, a_1x, t2_100, a_2x, t2_140, t2_141, t2_144,
+        t2_166, t2_173, t2_174, t2_177, t2_181, t2_196, t2_198, t2_202, t2_206, t2_210,
     ] = {
-        let t2_1 = (-t1_196).mul_add(p_mz_5, t1_208);
-        let t2_2 = t1_205 + t2_1;
-        let t2_3 = cos_q6 * t2_2;
-        let t2_4 = al_4z - t1_161;
-        let t2_5 = t2_4 * p_mx_4;
-        let t2_6 = (-t1_169).mul_add(p_my_4, t2_5);
-        let t2_7 = t2_4 * p_mx_5;
-        let t2_8 = al_4x + t1_145;
-        let t2_9 = (-t2_8).mul_add(p_my_5, t2_7);
-        let t2_10 = t1_169.mul_add(p_mz_5, t2_9);
-        let t2_11 = t2_6 + t2_10;
-        let t2_12 = sin_q6.mul_add(t2_11, t2_3);
-        let t2_13 = like.lift(0.8660254037844386) * t2_12;
-        let t2_14 = t1_177 * p_mx_4;
-        let t2_15 = t1_172.mul_add(p_my_4, t2_14);
-        let t2_16 = t2_15 + t1_181;
-        let t2_17 = like.lift(0.5).mul_add(t2_16, t2_13);
-        let t2_18 = like.lift(0.13172246391561312) * t2_17;
-        let t2_19 = like.lift(0.5) * t2_12;
-        let t2_20 = like.lift(-0.8660254037844386).mul_add(t2_16, t2_19);
-        let t2_21 = like.lift(-0.22815).mul_add(t2_20, t2_18);
-        let t2_22 = t1_202 - t2_21;
-        let t2_23 = t1_132 - t2_22;
+        let t2_1 = t1_196 - t1_204;
+        let t2_2 = cos_q6.mul_add(t2_1, t1_188);
+        let t2_3 = t1_151 + t1_152;
+        let t2_4 = t2_3 * p_mx_4;
+        let t2_5 = t1_200.mul_add(p_my_4, t2_4);
+        let t2_6 = t2_3 * p_mx_5;
+        let t2_7 = al_4y - t1_148;
+        let t2_8 = t2_7.mul_add(p_my_5, t2_6);
+        let t2_9 = (-t1_200).mul_add(p_mz_5, t2_8);
+        let t2_10 = t2_5 + t2_9;
+        let t2_11 = cos_q6 * t2_10;
+        let t2_12 = al_4z - t1_165;
+        let t2_13 = t2_12 * p_mx_4;
+        let t2_14 = (-t1_173).mul_add(p_my_4, t2_13);
+        let t2_15 = t2_12 * p_mx_5;
+        let t2_16 = al_4x + t1_149;
+        let t2_17 = (-t2_16).mul_add(p_my_5, t2_15);
+        let t2_18 = t1_173.mul_add(p_mz_5, t2_17);
+        let t2_19 = t2_14 + t2_18;
+        let t2_20 = sin_q6.mul_add(t2_19, t2_11);
+        let t2_21 = like.lift(0.8660254037844386) * t2_20;
+        let t2_22 = t1_181 * p_mx_4;
+        let t2_23 = t1_176.mul_add(p_my_4, t2_22);
+        let t2_24 = t2_23 + t1_185;
+        let t2_25 = like.lift(0.5).mul_add(t2_24, t2_21);
+        let t2_26 = like.lift(0.13172246391561312) * t2_25;
+        let t2_27 = like.lift(0.5) * t2_20;
+        let t2_28 = like.lift(-0.8660254037844386).mul_add(t2_24, t2_27);
+        let t2_29 = like.lift(-0.22815).mul_add(t2_28, t2_26);
+        let t2_30 = t2_2 - t2_29;
+        let t2_31 = t1_136 - t2_30;
         let (sin_q1, cos_q1) = q1.sin_cos();
-        let t2_24 = cos_q1 * dd_shoulder;
-        let t2_25 = sin_q1.mul_add(al_boomx_2, t2_24);
-        let t2_26 = sin_q1 * d_shoulder;
-        let w_1y = (-cos_q1).mul_add(w_boomx, t2_26);
-        let al_1x = (-d_q1).mul_add(w_1y, t2_25);
-        let t2_27 = al_1x * p_ixx_1;
-        let t2_28 = sin_q1 * dd_shoulder;
-        let t2_29 = (-cos_q1).mul_add(al_boomx_2, t2_28);
-        let t2_30 = cos_q1 * d_shoulder;
-        let w_1x = sin_q1.mul_add(w_boomx, t2_30);
-        let al_1y = d_q1.mul_add(w_1x, t2_29);
-        let t2_31 = (-al_1y).mul_add(p_ixy_1, t2_27);
+        let t2_32 = cos_q1 * dd_shoulder;
+        let t2_33 = sin_q1.mul_add(al_boomx_2, t2_32);
+        let t2_34 = sin_q1 * d_shoulder;
+        let w_1y = (-cos_q1).mul_add(w_boomx, t2_34);
+        let al_1x = (-d_q1).mul_add(w_1y, t2_33);
+        let t2_35 = al_1x * p_ixx_1;
+        let t2_36 = sin_q1 * dd_shoulder;
+        let t2_37 = (-cos_q1).mul_add(al_boomx_2, t2_36);
+        let t2_38 = cos_q1 * d_shoulder;
+        let w_1x = sin_q1.mul_add(w_boomx, t2_38);
+        let al_1y = d_q1.mul_add(w_1x, t2_37);
+        let t2_39 = (-al_1y).mul_add(p_ixy_1, t2_35);
         let w_1z = d_q1 + w_boomy;
-        let t2_32 = w_1x * w_1z;
-        let t2_33 = w_1y * w_1z;
-        let t2_34 = t2_33 * p_izz_1;
-        let t2_35 = w_1y * w_1y;
-        let t2_36 = w_1z * w_1z;
-        let t2_37 = t2_35 - t2_36;
-        let t2_38 = t2_37.mul_add(p_iyz_1, t2_34);
-        let t2_39 = t2_32.mul_add(p_ixy_1, t2_38);
-        let t2_40 = t2_31 - t2_39;
+        let t2_40 = w_1x * w_1z;
+        let t2_41 = w_1y * w_1z;
+        let t2_42 = t2_41 * p_izz_1;
+        let t2_43 = w_1y * w_1y;
+        let t2_44 = w_1z * w_1z;
+        let t2_45 = t2_43 - t2_44;
+        let t2_46 = t2_45.mul_add(p_iyz_1, t2_42);
+        let t2_47 = t2_40.mul_add(p_ixy_1, t2_46);
+        let t2_48 = t2_39 - t2_47;
         let a_1z = like.lift(0.26344492783122625).mul_add(w_ixz_boom_shoulder, a_basey);
-        let t2_41 = (-a_1z).mul_add(p_my_1, t2_40);
+        let t2_49 = (-a_1z).mul_add(p_my_1, t2_48);
         let al_1z = dd_q1 + al_boomy_2;
-        let t2_42 = al_1z * p_ixy_2;
-        let t2_43 = w_1x * w_1y;
-        let t2_44 = (-t2_43).mul_add(p_ixy_2, t2_42);
-        let t2_45 = like.lift(0.26344492783122625).mul_add(t1_39, a_basex);
-        let t2_46 = sin_q1 * t2_45;
-        let t2_47 = like.lift(-0.26344492783122625).mul_add(w_iyz_boom_shoulder, a_basez_2);
-        let a_1y = (-cos_q1).mul_add(t2_47, t2_46);
-        let t2_48 = w_1x * w_1x;
-        let t2_49 = t2_48 + t2_36;
-        let t2_50 = q2.mul_add(t2_49, a_1y);
-        let a_2z = dd_q2 - t2_50;
-        let t2_51 = a_2z * p_my_2;
-        let t2_52 = al_1x - t2_33;
-        let t2_53 = q2.mul_add(t2_52, a_1z);
-        let t2_54 = d_q2 * w_1x;
-        let a_2y = like.lift(2.0).mul_add(t2_54, t2_53);
-        let t2_55 = (-a_2y).mul_add(p_mz_2, t2_51);
-        let t2_56 = t2_44 + t2_55;
+        let t2_50 = al_1z * p_ixy_2;
+        let t2_51 = w_1x * w_1y;
+        let t2_52 = (-t2_51).mul_add(p_ixy_2, t2_50);
+        let t2_53 = like.lift(-0.26344492783122625).mul_add(t1_41, a_basex);
+        let t2_54 = sin_q1 * t2_53;
+        let t2_55 = like.lift(0.26344492783122625).mul_add(w_iyz_boom_shoulder, a_basez);
+        let a_1y = (-cos_q1).mul_add(t2_55, t2_54);
+        let t2_56 = w_1x * w_1x;
+        let t2_57 = t2_56 + t2_44;
+        let t2_58 = (-q2).mul_add(t2_57, a_1y);
+        let a_2z = dd_q2 + t2_58;
+        let t2_59 = a_2z * p_my_2;
+        let t2_60 = al_1x - t2_41;
+        let t2_61 = q2.mul_add(t2_60, a_1z);
+        let t2_62 = d_q2 * w_1x;
+        let a_2y = like.lift(2.0).mul_add(t2_62, t2_61);
+        let t2_63 = (-a_2y).mul_add(p_mz_2, t2_59);
+        let t2_64 = t2_52 + t2_63;
         let (sin_s1_1, cos_s1_1) = s1_1.sin_cos();
         let (sin_s1_2, cos_s1_2) = s1_2.sin_cos();
         let (sin_s1_3, cos_s1_3) = s1_3.sin_cos();
         let al_s1_1z = dd_s1_1 - al_1y;
-        let t2_57 = sin_s1_2 * al_s1_1z;
-        let t2_58 = cos_s1_1 * al_1x;
-        let t2_59 = (-sin_s1_1).mul_add(al_1z, t2_58);
-        let t2_60 = sin_s1_1 * w_1x;
-        let w_s1_1y = cos_s1_1.mul_add(w_1z, t2_60);
-        let al_s1_1x = (-d_s1_1).mul_add(w_s1_1y, t2_59);
-        let t2_61 = cos_s1_2.mul_add(al_s1_1x, t2_57);
+        let t2_65 = sin_s1_2 * al_s1_1z;
+        let t2_66 = cos_s1_1 * al_1x;
+        let t2_67 = (-sin_s1_1).mul_add(al_1z, t2_66);
+        let t2_68 = sin_s1_1 * w_1x;
+        let w_s1_1y = cos_s1_1.mul_add(w_1z, t2_68);
+        let al_s1_1x = (-d_s1_1).mul_add(w_s1_1y, t2_67);
+        let t2_69 = cos_s1_2.mul_add(al_s1_1x, t2_65);
         let w_s1_1z = d_s1_1 - w_1y;
-        let t2_62 = cos_s1_2 * w_s1_1z;
-        let t2_63 = cos_s1_1 * w_1x;
-        let w_s1_1x = (-sin_s1_1).mul_add(w_1z, t2_63);
-        let w_s1_2z = (-sin_s1_2).mul_add(w_s1_1x, t2_62);
-        let al_s1_2x = d_s1_2.mul_add(w_s1_2z, t2_61);
+        let t2_70 = cos_s1_2 * w_s1_1z;
+        let t2_71 = cos_s1_1 * w_1x;
+        let w_s1_1x = (-sin_s1_1).mul_add(w_1z, t2_71);
+        let w_s1_2z = (-sin_s1_2).mul_add(w_s1_1x, t2_70);
+        let al_s1_2x = d_s1_2.mul_add(w_s1_2z, t2_69);
         let al_3x = dd_s1_3 - al_s1_2x;
-        let t2_64 = al_3x * p_ixy_3;
-        let t2_65 = sin_s1_1 * al_1x;
-        let t2_66 = cos_s1_1.mul_add(al_1z, t2_65);
-        let al_s1_1y = d_s1_1.mul_add(w_s1_1x, t2_66);
+        let t2_72 = al_3x * p_ixy_3;
+        let t2_73 = sin_s1_1 * al_1x;
+        let t2_74 = cos_s1_1.mul_add(al_1z, t2_73);
+        let al_s1_1y = d_s1_1.mul_add(w_s1_1x, t2_74);
         let al_s1_2y = dd_s1_2 + al_s1_1y;
-        let t2_67 = cos_s1_3 * al_s1_2y;
-        let t2_68 = cos_s1_2 * al_s1_1z;
-        let t2_69 = (-sin_s1_2).mul_add(al_s1_1x, t2_68);
-        let t2_70 = sin_s1_2 * w_s1_1z;
-        let w_s1_2x = cos_s1_2.mul_add(w_s1_1x, t2_70);
-        let al_s1_2z = (-d_s1_2).mul_add(w_s1_2x, t2_69);
-        let t2_71 = sin_s1_3.mul_add(al_s1_2z, t2_67);
+        let t2_75 = cos_s1_3 * al_s1_2y;
+        let t2_76 = cos_s1_2 * al_s1_1z;
+        let t2_77 = (-sin_s1_2).mul_add(al_s1_1x, t2_76);
+        let t2_78 = sin_s1_2 * w_s1_1z;
+        let w_s1_2x = cos_s1_2.mul_add(w_s1_1x, t2_78);
+        let al_s1_2z = (-d_s1_2).mul_add(w_s1_2x, t2_77);
+        let t2_79 = sin_s1_3.mul_add(al_s1_2z, t2_75);
         let w_s1_2y = d_s1_2 + w_s1_1y;
-        let t2_72 = sin_s1_3 * w_s1_2y;
-        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t2_72);
-        let al_3y = (-d_s1_3).mul_add(w_3z, t2_71);
-        let t2_73 = al_3y.mul_add(p_iyy_3, t2_64);
-        let t2_74 = sin_s1_3 * al_s1_2y;
-        let t2_75 = (-cos_s1_3).mul_add(al_s1_2z, t2_74);
-        let t2_76 = cos_s1_3 * w_s1_2y;
-        let w_3y = sin_s1_3.mul_add(w_s1_2z, t2_76);
-        let al_3z = d_s1_3.mul_add(w_3y, t2_75);
-        let t2_77 = (-al_3z).mul_add(p_iyz_3, t2_73);
+        let t2_80 = sin_s1_3 * w_s1_2y;
+        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t2_80);
+        let al_3y = (-d_s1_3).mul_add(w_3z, t2_79);
+        let t2_81 = al_3y.mul_add(p_iyy_3, t2_72);
+        let t2_82 = sin_s1_3 * al_s1_2y;
+        let t2_83 = (-cos_s1_3).mul_add(al_s1_2z, t2_82);
+        let t2_84 = cos_s1_3 * w_s1_2y;
+        let w_3y = sin_s1_3.mul_add(w_s1_2z, t2_84);
+        let al_3z = d_s1_3.mul_add(w_3y, t2_83);
+        let t2_85 = (-al_3z).mul_add(p_iyz_3, t2_81);
         let w_3x = d_s1_3 - w_s1_2x;
-        let t2_78 = w_3y * w_3x;
-        let t2_79 = w_3y * w_3z;
-        let t2_80 = w_3z * w_3x;
-        let t2_81 = p_ixx_3 - p_izz_3;
-        let t2_82 = t2_80 * t2_81;
-        let t2_83 = w_3x * w_3x;
-        let t2_84 = w_3z * w_3z;
-        let t2_85 = t2_83 - t2_84;
-        let t2_86 = t2_85.mul_add(p_ixz_3, t2_82);
-        let t2_87 = t2_79.mul_add(p_ixy_3, t2_86);
-        let t2_88 = t2_78.mul_add(p_iyz_3, t2_87);
-        let t2_89 = t2_77 - t2_88;
-        let t2_90 = sin_s1_2 * a_2z;
-        let t2_91 = cos_q1 * t2_45;
-        let a_1x = sin_q1.mul_add(t2_47, t2_91);
-        let t2_92 = al_1z + t2_43;
-        let t2_93 = (-q2).mul_add(t2_92, a_1x);
-        let t2_94 = d_q2 * w_1z;
-        let a_2x = like.lift(-2.0).mul_add(t2_94, t2_93);
-        let t2_95 = cos_s1_1 * a_2x;
-        let a_s1_1x = (-sin_s1_1).mul_add(a_2y, t2_95);
-        let a_s1_2x = cos_s1_2.mul_add(a_s1_1x, t2_90);
-        let t2_96 = a_s1_2x * p_mz_3;
-        let t2_97 = sin_s1_1 * a_2x;
-        let a_s1_1y = cos_s1_1.mul_add(a_2y, t2_97);
-        let t2_98 = sin_s1_3 * a_s1_1y;
-        let t2_99 = cos_s1_2 * a_2z;
-        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t2_99);
-        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t2_98);
-        let t2_100 = (-a_3z).mul_add(p_mx_3, t2_96);
-        let t2_101 = t2_89 - t2_100;
-        let t2_102 = sin_s1_3 * t2_101;
-        let t2_103 = al_3x * p_ixz_3;
-        let t2_104 = al_3y.mul_add(p_iyz_3, t2_103);
-        let t2_105 = (-al_3z).mul_add(p_izz_3, t2_104);
-        let t2_106 = p_ixx_3 - p_iyy_3;
-        let t2_107 = t2_78 * t2_106;
-        let t2_108 = w_3y * w_3y;
-        let t2_109 = t2_83 - t2_108;
-        let t2_110 = (-t2_109).mul_add(p_ixy_3, t2_107);
-        let t2_111 = t2_80.mul_add(p_iyz_3, t2_110);
-        let t2_112 = t2_79.mul_add(p_ixz_3, -t2_111);
-        let t2_113 = t2_105 + t2_112;
-        let t2_114 = cos_s1_3 * a_s1_1y;
-        let a_3y = sin_s1_3.mul_add(a_s1_2z, t2_114);
-        let t2_115 = a_3y * p_mx_3;
-        let t2_116 = a_s1_2x.mul_add(p_my_3, t2_115);
-        let t2_117 = t2_113 + t2_116;
-        let t2_118 = cos_s1_3.mul_add(t2_117, t2_102);
-        let t2_119 = sin_s1_2 * t2_118;
-        let t2_120 = al_3x * p_ixx_3;
-        let t2_121 = al_3y.mul_add(p_ixy_3, t2_120);
-        let t2_122 = (-al_3z).mul_add(p_ixz_3, t2_121);
-        let t2_123 = p_iyy_3 - p_izz_3;
-        let t2_124 = t2_79 * t2_123;
-        let t2_125 = t2_108 - t2_84;
-        let t2_126 = t2_125.mul_add(p_iyz_3, t2_124);
-        let t2_127 = t2_78.mul_add(p_ixz_3, t2_126);
-        let t2_128 = t2_80.mul_add(p_ixy_3, t2_127);
-        let t2_129 = t2_122 + t2_128;
-        let t2_130 = a_3z * p_my_3;
-        let t2_131 = a_3y.mul_add(p_mz_3, t2_130);
-        let t2_132 = t2_129 - t2_131;
-        let t2_133 = cos_s1_2.mul_add(t2_132, t2_119);
-        let t2_134 = cos_s1_1 * t2_133;
-        let t2_135 = cos_s1_3 * t2_101;
-        let t2_136 = (-sin_s1_3).mul_add(t2_117, t2_135);
-        let t2_137 = (-sin_s1_1).mul_add(t2_136, t2_134);
-        let t2_138 = t2_56 + t2_137;
-        let t2_139 = al_1y + t2_32;
-        let t2_140 = t2_139 * p_mx_2;
-        let t2_141 = t2_48 + t2_35;
-        let t2_142 = t2_141.mul_add(p_my_2, t2_140);
-        let t2_143 = (-t2_52).mul_add(p_mz_2, t2_142);
-        let t2_144 = a_2y.mul_add(p_m_2, -t2_143);
-        let t2_145 = al_3z - t2_78;
-        let t2_146 = t2_145 * p_mx_3;
-        let t2_147 = t2_83 + t2_84;
-        let t2_148 = t2_147.mul_add(p_my_3, t2_146);
-        let t2_149 = al_3x + t2_79;
-        let t2_150 = t2_149.mul_add(p_mz_3, t2_148);
-        let t2_151 = sin_s1_3 * t2_150;
-        let t2_152 = al_3y + t2_80;
-        let t2_153 = t2_152 * p_mx_3;
-        let t2_154 = al_3x - t2_79;
-        let t2_155 = (-t2_154).mul_add(p_my_3, t2_153);
-        let t2_156 = t2_83 + t2_108;
-        let t2_157 = t2_156.mul_add(p_mz_3, t2_155);
-        let t2_158 = cos_s1_3.mul_add(t2_157, t2_151);
-        let t2_159 = sin_s1_2 * t2_158;
-        let t2_160 = t2_108 + t2_84;
+        let t2_86 = w_3y * w_3x;
+        let t2_87 = w_3y * w_3z;
+        let t2_88 = w_3z * w_3x;
+        let t2_89 = p_ixx_3 - p_izz_3;
+        let t2_90 = t2_88 * t2_89;
+        let t2_91 = w_3x * w_3x;
+        let t2_92 = w_3z * w_3z;
+        let t2_93 = t2_91 - t2_92;
+        let t2_94 = t2_93.mul_add(p_ixz_3, t2_90);
+        let t2_95 = t2_87.mul_add(p_ixy_3, t2_94);
+        let t2_96 = t2_86.mul_add(p_iyz_3, t2_95);
+        let t2_97 = t2_85 - t2_96;
+        let t2_98 = sin_s1_2 * a_2z;
+        let t2_99 = cos_q1 * t2_53;
+        let a_1x = sin_q1.mul_add(t2_55, t2_99);
+        let t2_100 = al_1z + t2_51;
+        let t2_101 = q2.mul_add(t2_100, a_1x);
+        let t2_102 = d_q2 * w_1z;
+        let a_2x = like.lift(2.0).mul_add(t2_102, t2_101);
+        let t2_103 = cos_s1_1 * a_2x;
+        let a_s1_1x = sin_s1_1.mul_add(a_2y, t2_103);
+        let a_s1_2x = (-cos_s1_2).mul_add(a_s1_1x, t2_98);
+        let t2_104 = a_s1_2x * p_mz_3;
+        let t2_105 = sin_s1_1 * a_2x;
+        let a_s1_1y = (-cos_s1_1).mul_add(a_2y, t2_105);
+        let t2_106 = sin_s1_3 * a_s1_1y;
+        let t2_107 = cos_s1_2 * a_2z;
+        let a_s1_2z = sin_s1_2.mul_add(a_s1_1x, t2_107);
+        let a_3z = cos_s1_3.mul_add(a_s1_2z, t2_106);
+        let t2_108 = a_3z.mul_add(p_mx_3, t2_104);
+        let t2_109 = t2_97 - t2_108;
+        let t2_110 = sin_s1_3 * t2_109;
+        let t2_111 = al_3x * p_ixz_3;
+        let t2_112 = al_3y.mul_add(p_iyz_3, t2_111);
+        let t2_113 = (-al_3z).mul_add(p_izz_3, t2_112);
+        let t2_114 = p_ixx_3 - p_iyy_3;
+        let t2_115 = t2_86 * t2_114;
+        let t2_116 = w_3y * w_3y;
+        let t2_117 = t2_91 - t2_116;
+        let t2_118 = (-t2_117).mul_add(p_ixy_3, t2_115);
+        let t2_119 = t2_88.mul_add(p_iyz_3, t2_118);
+        let t2_120 = t2_87.mul_add(p_ixz_3, -t2_119);
+        let t2_121 = t2_113 + t2_120;
+        let t2_122 = cos_s1_3 * a_s1_1y;
+        let a_3y = (-sin_s1_3).mul_add(a_s1_2z, t2_122);
+        let t2_123 = a_3y * p_mx_3;
+        let t2_124 = (-a_s1_2x).mul_add(p_my_3, t2_123);
+        let t2_125 = t2_121 - t2_124;
+        let t2_126 = cos_s1_3.mul_add(t2_125, t2_110);
+        let t2_127 = sin_s1_2 * t2_126;
+        let t2_128 = al_3x * p_ixx_3;
+        let t2_129 = al_3y.mul_add(p_ixy_3, t2_128);
+        let t2_130 = (-al_3z).mul_add(p_ixz_3, t2_129);
+        let t2_131 = p_iyy_3 - p_izz_3;
+        let t2_132 = t2_87 * t2_131;
+        let t2_133 = t2_116 - t2_92;
+        let t2_134 = t2_133.mul_add(p_iyz_3, t2_132);
+        let t2_135 = t2_86.mul_add(p_ixz_3, t2_134);
+        let t2_136 = t2_88.mul_add(p_ixy_3, t2_135);
+        let t2_137 = t2_130 + t2_136;
+        let t2_138 = a_3z * p_my_3;
+        let t2_139 = a_3y.mul_add(p_mz_3, t2_138);
+        let t2_140 = t2_137 + t2_139;
+        let t2_141 = cos_s1_2.mul_add(t2_140, t2_127);
+        let t2_142 = cos_s1_1 * t2_141;
+        let t2_143 = cos_s1_3 * t2_109;
+        let t2_144 = (-sin_s1_3).mul_add(t2_125, t2_143);
+        let t2_145 = (-sin_s1_1).mul_add(t2_144, t2_142);
+        let t2_146 = t2_64 + t2_145;
+        let t2_147 = al_1y + t2_40;
+        let t2_148 = t2_147 * p_mx_2;
+        let t2_149 = t2_56 + t2_43;
+        let t2_150 = t2_149.mul_add(p_my_2, t2_148);
+        let t2_151 = (-t2_60).mul_add(p_mz_2, t2_150);
+        let t2_152 = a_2y.mul_add(p_m_2, -t2_151);
+        let t2_153 = al_3z - t2_86;
+        let t2_154 = t2_153 * p_mx_3;
+        let t2_155 = t2_91 + t2_92;
+        let t2_156 = t2_155.mul_add(p_my_3, t2_154);
+        let t2_157 = al_3x + t2_87;
+        let t2_158 = t2_157.mul_add(p_mz_3, t2_156);
+        let t2_159 = sin_s1_3 * t2_158;
+        let t2_160 = al_3y + t2_88;
         let t2_161 = t2_160 * p_mx_3;
-        let t2_162 = al_3z + t2_78;
+        let t2_162 = al_3x - t2_87;
         let t2_163 = (-t2_162).mul_add(p_my_3, t2_161);
-        let t2_164 = al_3y - t2_80;
-        let t2_165 = (-t2_164).mul_add(p_mz_3, t2_163);
-        let t2_166 = cos_s1_2.mul_add(t2_165, t2_159);
-        let t2_167 = sin_s1_1 * t2_166;
-        let t2_168 = cos_s1_3 * t2_150;
-        let t2_169 = (-sin_s1_3).mul_add(t2_157, t2_168);
-        let t2_170 = cos_s1_1.mul_add(t2_169, t2_167);
-        let t2_171 = t2_144 - t2_170;
-        let t2_172 = (-q2).mul_add(t2_171, t2_138);
-        let t2_173 = t2_41 - t2_172;
-        let t2_174 = sin_q1 * t2_173;
-        let t2_175 = al_1x * p_ixy_1;
-        let t2_176 = (-al_1z).mul_add(p_iyz_1, t2_175);
-        let t2_177 = p_ixx_1 - p_izz_1;
-        let t2_178 = t2_32 * t2_177;
-        let t2_179 = (-t2_33).mul_add(p_ixy_1, t2_178);
-        let t2_180 = t2_43.mul_add(p_iyz_1, -t2_179);
-        let t2_181 = t2_176 - t2_180;
-        let t2_182 = a_1z.mul_add(p_mx_1, t2_181);
-        let t2_183 = t2_48 - t2_36;
-        let t2_184 = a_2y * p_mx_2;
-        let t2_185 = a_2x.mul_add(p_my_2, t2_184);
-        let t2_186 = t2_183.mul_add(p_ixy_2, t2_185);
-        let t2_187 = cos_s1_2 * t2_118;
-        let t2_188 = (-sin_s1_2).mul_add(t2_132, t2_187);
-        let t2_189 = t2_186 + t2_188;
-        let t2_190 = t2_182 + t2_189;
-        let t2_191 = cos_q1.mul_add(t2_190, t2_174);
-        let t2_192 = t2_139 * p_mx_1;
-        let t2_193 = t2_52.mul_add(p_my_1, t2_192);
-        let t2_194 = t2_193 - t2_171;
-        let t2_195 = like.lift(-0.26344492783122625).mul_add(t2_194, t2_191);
-        let t2_196 = t2_23 + t2_195;
-        let t2_197 = t1_6 + t2_196;
-        let t2_198 = sin_shoulder * t2_197;
-        let t2_199 = al_boomy * p_ixx_boom;
-        let t2_200 = t1_48 - t1_9;
-        let t2_201 = (-t2_200).mul_add(p_ixz_boom, t2_199);
-        let t2_202 = al_boomx.mul_add(p_ixy_boom, t2_201);
-        let t2_203 = al_boomx_2.mul_add(p_ixy_boom, t2_202);
-        let t2_204 = al_boomy * p_ixx_base;
-        let t2_205 = (-w_ixx_boom_shoulder).mul_add(p_ixy_base, t2_204);
-        let t2_206 = dd_shoulder.mul_add(p_ixy_base, t2_205);
-        let t2_207 = cos_q8 * t1_84;
-        let t2_208 = (-sin_q8).mul_add(t1_102, t2_207);
-        let t2_209 = like.lift(0.8660254037844386) * t2_208;
-        let t2_210 = al_6y * p_iyz_6;
+        let t2_164 = t2_91 + t2_116;
+        let t2_165 = t2_164.mul_add(p_mz_3, t2_163);
+        let t2_166 = cos_s1_3.mul_add(t2_165, t2_159);
+        let t2_167 = sin_s1_2 * t2_166;
+        let t2_168 = t2_116 + t2_92;
+        let t2_169 = t2_168 * p_mx_3;
+        let t2_170 = al_3z + t2_86;
+        let t2_171 = (-t2_170).mul_add(p_my_3, t2_169);
+        let t2_172 = al_3y - t2_88;
+        let t2_173 = (-t2_172).mul_add(p_mz_3, t2_171);
+        let t2_174 = cos_s1_2.mul_add(t2_173, t2_167);
+        let t2_175 = sin_s1_1 * t2_174;
+        let t2_176 = cos_s1_3 * t2_158;
+        let t2_177 = (-sin_s1_3).mul_add(t2_165, t2_176);
+        let t2_178 = cos_s1_1.mul_add(t2_177, t2_175);
+        let t2_179 = t2_152 - t2_178;
+        let t2_180 = (-q2).mul_add(t2_179, t2_146);
+        let t2_181 = t2_49 - t2_180;
+        let t2_182 = sin_q1 * t2_181;
+        let t2_183 = al_1x * p_ixy_1;
+        let t2_184 = (-al_1z).mul_add(p_iyz_1, t2_183);
+        let t2_185 = p_ixx_1 - p_izz_1;
+        let t2_186 = t2_40 * t2_185;
+        let t2_187 = (-t2_41).mul_add(p_ixy_1, t2_186);
+        let t2_188 = t2_51.mul_add(p_iyz_1, -t2_187);
+        let t2_189 = t2_184 - t2_188;
+        let t2_190 = a_1z.mul_add(p_mx_1, t2_189);
+        let t2_191 = t2_56 - t2_44;
+        let t2_192 = a_2y * p_mx_2;
+        let t2_193 = (-a_2x).mul_add(p_my_2, t2_192);
+        let t2_194 = t2_191.mul_add(p_ixy_2, t2_193);
+        let t2_195 = cos_s1_2 * t2_126;
+        let t2_196 = (-sin_s1_2).mul_add(t2_140, t2_195);
+        let t2_197 = t2_194 + t2_196;
+        let t2_198 = t2_190 + t2_197;
+        let t2_199 = cos_q1.mul_add(t2_198, t2_182);
+        let t2_200 = t2_147 * p_mx_1;
+        let t2_201 = t2_60.mul_add(p_my_1, t2_200);
+        let t2_202 = t2_201 - t2_179;
+        let t2_203 = like.lift(-0.26344492783122625).mul_add(t2_202, t2_199);
+        let t2_204 = t2_31 + t2_203;
+        let t2_205 = t1_8 + t2_204;
+        let t2_206 = sin_shoulder * t2_205;
+        let t2_207 = al_boomy * p_ixx_boom;
+        let t2_208 = t1_51 - t1_11;
+        let t2_209 = (-t2_208).mul_add(p_ixz_boom, t2_207);
+        let t2_210 = al_boomx.mul_add(p_ixy_boom, t2_209);
         [
-            t2_1, t2_2, t2_10, t2_11, t2_17, t2_20, sin_q1, cos_q1, al_1x, al_1y, t2_32, t2_33,
-            t2_35, t2_36, al_1z, t2_43, a_1y, t2_48, t2_49, a_2z, sin_s1_1, cos_s1_1, sin_s1_2,
-            cos_s1_2, sin_s1_3, cos_s1_3, a_1x, t2_92, a_2x, t2_132, t2_133, t2_136, t2_158,
-            t2_165, t2_166, t2_169, t2_173, t2_188, t2_190, t2_194, t2_198, t2_203, t2_206,
-            t2_208, t2_209, t2_210,
+            t2_1, t2_9, t2_10, t2_18, t2_19, t2_25, t2_28, sin_q1, cos_q1, al_1x, al_1y, t2_40,
+            t2_41, t2_43, t2_44, al_1z, t2_51, a_1y, t2_56, t2_57, a_2z, sin_s1_1, cos_s1_1,
+            sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, a_1x, t2_100, a_2x, t2_140, t2_141, t2_144,
+            t2_166, t2_173, t2_174, t2_177, t2_181, t2_196, t2_198, t2_202, t2_206, t2_210,
         ]
     };
     // tau, part 3
     let [
-        t3_16, t3_41, t3_75, t3_90, t3_102, t3_129, t3_134, t3_135, t3_137, t3_142, t3_143,
-        t3_145, t3_148, t3_149, t3_151, t3_155, t3_156, t3_160, t3_161, t3_165, pivot_1,
-        t3_173, t3_177, t3_179, t3_182, t3_185, t3_191, t3_192, t3_195, t3_197, t3_198, t3_200,
-        t3_201, t3_203, t3_205, t3_206, t3_207, t3_208, t3_209, t3_210, t3_211, t3_212, t3_213,
-        t3_214, t3_216, t3_217, pivot_3, inv_pivot_3, t3_219, pivot_4, inv_pivot_4, t3_223,
-        t3_225, pivot_5, inv_pivot_5, t3_227, t3_230, t3_231,
+        t3_26, t3_51, t3_85, t3_100, t3_116, t3_141, t3_146, t3_147, t3_149, t3_154, t3_155,
+        t3_157, t3_160, t3_161, t3_163, t3_167, t3_168, t3_172, t3_173, t3_177, pivot_1,
+        t3_185, t3_189, t3_191, t3_194, t3_197, t3_203, t3_204, t3_207, t3_209, t3_210, t3_212,
+        t3_213, t3_215, t3_217, t3_218, t3_219, t3_220, t3_221, t3_222, t3_223, t3_224, t3_225,
+        t3_226, t3_228, t3_229, pivot_3, inv_pivot_3, t3_231, t3_232, pivot_4, inv_pivot_4,
+        t3_233,
     ] = {
-        let t3_1 = (-al_6z).mul_add(p_izz_6, t2_210);
-        let t3_2 = t1_58 * p_ixx_6;
-        let t3_3 = t1_69 - t1_32;
-        let t3_4 = t3_3.mul_add(p_ixy_6, t3_2);
-        let t3_5 = t1_29.mul_add(p_iyz_6, t3_4);
-        let t3_6 = t3_1 - t3_5;
-        let t3_7 = a_6y * p_mx_6;
-        let t3_8 = a_6x.mul_add(p_my_6, t3_7);
-        let t3_9 = t3_6 + t3_8;
-        let t3_10 = al_6x * p_ixy_7;
-        let t3_11 = t1_30.mul_add(p_ixy_7, t3_10);
-        let t3_12 = a_7x * p_mz_7;
-        let t3_13 = (-a_7z).mul_add(p_mx_7, t3_12);
-        let t3_14 = t3_11 + t3_13;
-        let t3_15 = (-q9).mul_add(t1_110, t3_14);
-        let t3_16 = t3_9 - t3_15;
-        let t3_17 = like.lift(-0.5).mul_add(t3_16, t2_209);
-        let t3_18 = sin_q8 * t1_111;
-        let t3_19 = (-cos_q8).mul_add(t1_120, t3_18);
-        let t3_20 = like.lift(-0.13172246391561312).mul_add(t3_19, t3_17);
-        let t3_21 = t2_206 + t3_20;
-        let t3_22 = cos_q6 * t1_183;
-        let t3_23 = (-sin_q6).mul_add(t1_201, t3_22);
-        let t3_24 = like.lift(0.8660254037844386) * t3_23;
-        let t3_25 = al_4y * p_iyz_4;
-        let t3_26 = (-al_4z).mul_add(p_izz_4, t3_25);
-        let t3_27 = t1_161 * p_ixx_4;
-        let t3_28 = t1_168 - t1_147;
-        let t3_29 = t3_28.mul_add(p_ixy_4, t3_27);
-        let t3_30 = t1_144.mul_add(p_iyz_4, t3_29);
-        let t3_31 = t3_26 - t3_30;
-        let t3_32 = a_4y * p_mx_4;
-        let t3_33 = a_4x.mul_add(p_my_4, t3_32);
-        let t3_34 = t3_31 + t3_33;
-        let t3_35 = al_4x * p_ixy_5;
-        let t3_36 = t1_145.mul_add(p_ixy_5, t3_35);
-        let t3_37 = a_5x * p_mz_5;
-        let t3_38 = (-a_5z).mul_add(p_mx_5, t3_37);
-        let t3_39 = t3_36 + t3_38;
-        let t3_40 = (-q7).mul_add(t2_1, t3_39);
-        let t3_41 = t3_34 - t3_40;
-        let t3_42 = like.lift(0.5).mul_add(t3_41, t3_24);
-        let t3_43 = sin_q6 * t2_2;
-        let t3_44 = (-cos_q6).mul_add(t2_11, t3_43);
-        let t3_45 = like.lift(0.13172246391561312).mul_add(t3_44, t3_42);
-        let t3_46 = t3_21 - t3_45;
-        let t3_47 = al_1y * p_iyz_1;
-        let t3_48 = al_1z.mul_add(p_izz_1, t3_47);
-        let t3_49 = t2_43 * p_ixx_1;
-        let t3_50 = t2_48 - t2_35;
-        let t3_51 = t3_50.mul_add(p_ixy_1, t3_49);
-        let t3_52 = t2_32.mul_add(p_iyz_1, -t3_51);
-        let t3_53 = t3_48 - t3_52;
-        let t3_54 = a_1y * p_mx_1;
-        let t3_55 = a_1x.mul_add(p_my_1, t3_54);
-        let t3_56 = t3_53 + t3_55;
-        let t3_57 = al_1x * p_ixy_2;
-        let t3_58 = t2_33.mul_add(p_ixy_2, t3_57);
-        let t3_59 = a_2x * p_mz_2;
-        let t3_60 = a_2z.mul_add(p_mx_2, t3_59);
-        let t3_61 = t3_58 + t3_60;
-        let t3_62 = sin_s1_1 * t2_133;
-        let t3_63 = cos_s1_1.mul_add(t2_136, t3_62);
-        let t3_64 = t3_61 - t3_63;
-        let t3_65 = t2_35 + t2_36;
-        let t3_66 = t3_65 * p_mx_2;
-        let t3_67 = al_1y - t2_32;
-        let t3_68 = (-t3_67).mul_add(p_my_2, t3_66);
-        let t3_69 = (-t2_92).mul_add(p_mz_2, t3_68);
-        let t3_70 = a_2x.mul_add(p_m_2, t3_69);
-        let t3_71 = cos_s1_1 * t2_166;
-        let t3_72 = (-sin_s1_1).mul_add(t2_169, t3_71);
-        let t3_73 = t3_70 + t3_72;
-        let t3_74 = q2.mul_add(t3_73, t3_64);
-        let t3_75 = t3_56 - t3_74;
-        let t3_76 = t3_65 * p_mx_1;
-        let t3_77 = t2_92.mul_add(p_my_1, t3_76);
-        let t3_78 = t3_77 + t3_73;
-        let t3_79 = sin_q1 * t3_78;
-        let t3_80 = al_1z - t2_43;
-        let t3_81 = t3_80 * p_mx_1;
-        let t3_82 = (-t2_49).mul_add(p_my_1, t3_81);
-        let t3_83 = t3_80 * p_mx_2;
-        let t3_84 = al_1x + t2_33;
-        let t3_85 = t3_84.mul_add(p_my_2, t3_83);
-        let t3_86 = t2_49.mul_add(p_mz_2, t3_85);
-        let t3_87 = a_2z.mul_add(p_m_2, -t3_86);
-        let t3_88 = cos_s1_2 * t2_158;
-        let t3_89 = (-sin_s1_2).mul_add(t2_165, t3_88);
-        let t3_90 = t3_87 - t3_89;
-        let t3_91 = t3_82 - t3_90;
-        let t3_92 = (-cos_q1).mul_add(t3_91, t3_79);
-        let t3_93 = like.lift(-0.26344492783122625).mul_add(t3_92, t3_75);
-        let t3_94 = t3_46 - t3_93;
-        let t3_95 = t1_129 + t2_20;
-        let t3_96 = cos_q1 * t3_78;
-        let t3_97 = sin_q1.mul_add(t3_91, t3_96);
-        let t3_98 = t3_95 - t3_97;
-        let t3_99 = like.lift(-0.6).mul_add(t3_98, t3_94);
-        let t3_100 = t2_203 - t3_99;
-        let t3_101 = cos_shoulder.mul_add(t3_100, t2_198);
-        let t3_102 = dd_waist.mul_add(p_izz_column, t3_101);
-        let t3_103 = w_ixx_boom_shoulder * p_ixx_boom;
-        let w_ixy_boom_shoulder = t1_48 - t1_8;
-        let t3_104 = (-w_ixy_boom_shoulder).mul_add(p_ixy_boom, t3_103);
-        let t3_105 = al_boomx.mul_add(p_ixz_boom, t3_104);
-        let t3_106 = al_boomx_2.mul_add(p_ixz_boom, -t3_105);
-        let t3_107 = cos_shoulder * p_mx_boom;
-        let t3_108 = like.lift(9.81) * t3_107;
-        let t3_109 = sin_shoulder * p_my_boom;
-        let t3_110 = like.lift(-9.81).mul_add(t3_109, t3_108);
-        let t3_111 = t3_106 + t3_110;
-        let t3_112 = dd_shoulder * p_ixx_base;
-        let t3_113 = (-al_boomy_2).mul_add(p_ixy_base, t3_112);
-        let t3_114 = (-al_boomy).mul_add(p_ixy_base, t3_113);
-        let t3_115 = like.lift(0.5) * t2_208;
-        let t3_116 = like.lift(0.8660254037844386).mul_add(t3_16, t3_115);
-        let t3_117 = like.lift(0.22815).mul_add(t3_19, t3_116);
-        let t3_118 = t3_114 + t3_117;
-        let t3_119 = like.lift(0.5) * t3_23;
-        let t3_120 = like.lift(-0.8660254037844386).mul_add(t3_41, t3_119);
-        let t3_121 = like.lift(-0.22815).mul_add(t3_44, t3_120);
-        let t3_122 = t3_118 + t3_121;
-        let t3_123 = cos_q1 * t2_173;
-        let t3_124 = (-sin_q1).mul_add(t2_190, t3_123);
-        let t3_125 = t3_122 + t3_124;
-        let t3_126 = t1_126 - t2_17;
-        let t3_127 = t3_126 - t2_194;
-        let t3_128 = like.lift(0.6).mul_add(t3_127, t3_125);
-        let t3_129 = t3_111 + t3_128;
-        let t3_130 = cos_q1 * q2;
-        let t3_131 = cos_q1 * sin_s1_2;
-        let t3_132 = sin_q1 * cos_s1_1;
-        let t3_133 = cos_s1_2.mul_add(t3_132, t3_131);
-        let t3_134 = like.lift(-0.4563).mul_add(t3_133, t3_130);
-        let t3_135 = -t3_134;
+        let t3_1 = al_boomx_2.mul_add(p_ixy_boom, t2_210);
+        let t3_2 = dd_waist * p_mx_boom;
+        let t3_3 = like.lift(0.35).mul_add(t3_2, t3_1);
+        let t3_4 = al_boomy * p_ixx_base;
+        let t3_5 = (-w_ixx_boom_shoulder).mul_add(p_ixy_base, t3_4);
+        let t3_6 = dd_shoulder.mul_add(p_ixy_base, t3_5);
+        let t3_7 = cos_q8 * t1_88;
+        let t3_8 = (-sin_q8).mul_add(t1_106, t3_7);
+        let t3_9 = like.lift(0.8660254037844386) * t3_8;
+        let t3_10 = al_6y * p_iyz_6;
+        let t3_11 = (-al_6z).mul_add(p_izz_6, t3_10);
+        let t3_12 = t1_61 * p_ixx_6;
+        let t3_13 = t1_73 - t1_34;
+        let t3_14 = t3_13.mul_add(p_ixy_6, t3_12);
+        let t3_15 = t1_31.mul_add(p_iyz_6, t3_14);
+        let t3_16 = t3_11 - t3_15;
+        let t3_17 = a_6y * p_mx_6;
+        let t3_18 = a_6x.mul_add(p_my_6, t3_17);
+        let t3_19 = t3_16 - t3_18;
+        let t3_20 = al_6x * p_ixy_7;
+        let t3_21 = t1_32.mul_add(p_ixy_7, t3_20);
+        let t3_22 = a_7x * p_mz_7;
+        let t3_23 = a_7z.mul_add(p_mx_7, t3_22);
+        let t3_24 = t3_21 - t3_23;
+        let t3_25 = (-q9).mul_add(t1_114, t3_24);
+        let t3_26 = t3_19 - t3_25;
+        let t3_27 = like.lift(-0.5).mul_add(t3_26, t3_9);
+        let t3_28 = sin_q8 * t1_115;
+        let t3_29 = (-cos_q8).mul_add(t1_124, t3_28);
+        let t3_30 = like.lift(-0.13172246391561312).mul_add(t3_29, t3_27);
+        let t3_31 = t3_6 + t3_30;
+        let t3_32 = cos_q6 * t1_187;
+        let t3_33 = (-sin_q6).mul_add(t2_1, t3_32);
+        let t3_34 = like.lift(0.8660254037844386) * t3_33;
+        let t3_35 = al_4y * p_iyz_4;
+        let t3_36 = (-al_4z).mul_add(p_izz_4, t3_35);
+        let t3_37 = t1_165 * p_ixx_4;
+        let t3_38 = t1_172 - t1_151;
+        let t3_39 = t3_38.mul_add(p_ixy_4, t3_37);
+        let t3_40 = t1_148.mul_add(p_iyz_4, t3_39);
+        let t3_41 = t3_36 - t3_40;
+        let t3_42 = a_4y * p_mx_4;
+        let t3_43 = a_4x.mul_add(p_my_4, t3_42);
+        let t3_44 = t3_41 - t3_43;
+        let t3_45 = al_4x * p_ixy_5;
+        let t3_46 = t1_149.mul_add(p_ixy_5, t3_45);
+        let t3_47 = a_5x * p_mz_5;
+        let t3_48 = a_5z.mul_add(p_mx_5, t3_47);
+        let t3_49 = t3_46 - t3_48;
+        let t3_50 = (-q7).mul_add(t2_9, t3_49);
+        let t3_51 = t3_44 - t3_50;
+        let t3_52 = like.lift(0.5).mul_add(t3_51, t3_34);
+        let t3_53 = sin_q6 * t2_10;
+        let t3_54 = (-cos_q6).mul_add(t2_19, t3_53);
+        let t3_55 = like.lift(0.13172246391561312).mul_add(t3_54, t3_52);
+        let t3_56 = t3_31 - t3_55;
+        let t3_57 = al_1y * p_iyz_1;
+        let t3_58 = al_1z.mul_add(p_izz_1, t3_57);
+        let t3_59 = t2_51 * p_ixx_1;
+        let t3_60 = t2_56 - t2_43;
+        let t3_61 = t3_60.mul_add(p_ixy_1, t3_59);
+        let t3_62 = t2_40.mul_add(p_iyz_1, -t3_61);
+        let t3_63 = t3_58 - t3_62;
+        let t3_64 = a_1y * p_mx_1;
+        let t3_65 = a_1x.mul_add(p_my_1, t3_64);
+        let t3_66 = t3_63 - t3_65;
+        let t3_67 = al_1x * p_ixy_2;
+        let t3_68 = t2_41.mul_add(p_ixy_2, t3_67);
+        let t3_69 = a_2x * p_mz_2;
+        let t3_70 = (-a_2z).mul_add(p_mx_2, t3_69);
+        let t3_71 = t3_68 - t3_70;
+        let t3_72 = sin_s1_1 * t2_141;
+        let t3_73 = cos_s1_1.mul_add(t2_144, t3_72);
+        let t3_74 = t3_71 - t3_73;
+        let t3_75 = t2_43 + t2_44;
+        let t3_76 = t3_75 * p_mx_2;
+        let t3_77 = al_1y - t2_40;
+        let t3_78 = (-t3_77).mul_add(p_my_2, t3_76);
+        let t3_79 = (-t2_100).mul_add(p_mz_2, t3_78);
+        let t3_80 = a_2x.mul_add(p_m_2, -t3_79);
+        let t3_81 = cos_s1_1 * t2_174;
+        let t3_82 = (-sin_s1_1).mul_add(t2_177, t3_81);
+        let t3_83 = t3_80 - t3_82;
+        let t3_84 = (-q2).mul_add(t3_83, t3_74);
+        let t3_85 = t3_66 - t3_84;
+        let t3_86 = t3_75 * p_mx_1;
+        let t3_87 = t2_100.mul_add(p_my_1, t3_86);
+        let t3_88 = t3_87 - t3_83;
+        let t3_89 = sin_q1 * t3_88;
+        let t3_90 = al_1z - t2_51;
+        let t3_91 = t3_90 * p_mx_1;
+        let t3_92 = (-t2_57).mul_add(p_my_1, t3_91);
+        let t3_93 = t3_90 * p_mx_2;
+        let t3_94 = al_1x + t2_41;
+        let t3_95 = t3_94.mul_add(p_my_2, t3_93);
+        let t3_96 = t2_57.mul_add(p_mz_2, t3_95);
+        let t3_97 = a_2z.mul_add(p_m_2, -t3_96);
+        let t3_98 = cos_s1_2 * t2_166;
+        let t3_99 = (-sin_s1_2).mul_add(t2_173, t3_98);
+        let t3_100 = t3_97 - t3_99;
+        let t3_101 = t3_92 - t3_100;
+        let t3_102 = (-cos_q1).mul_add(t3_101, t3_89);
+        let t3_103 = like.lift(-0.26344492783122625).mul_add(t3_102, t3_85);
+        let t3_104 = t3_56 - t3_103;
+        let t3_105 = t1_133 + t2_28;
+        let t3_106 = cos_q1 * t3_88;
+        let t3_107 = sin_q1.mul_add(t3_101, t3_106);
+        let t3_108 = t3_105 - t3_107;
+        let t3_109 = like.lift(-1.25).mul_add(t3_108, t3_104);
+        let t3_110 = t3_3 - t3_109;
+        let t3_111 = cos_shoulder.mul_add(t3_110, t2_206);
+        let t3_112 = t1_40 * p_mx_boom;
+        let t3_113 = t1_43.mul_add(p_my_boom, t3_112);
+        let t3_114 = t3_113 - t3_108;
+        let t3_115 = like.lift(-0.35).mul_add(t3_114, t3_111);
+        let t3_116 = dd_waist.mul_add(p_izz_column, t3_115);
+        let t3_117 = w_ixx_boom_shoulder * p_ixx_boom;
+        let w_ixy_boom_shoulder = t1_51 - t1_10;
+        let t3_118 = (-w_ixy_boom_shoulder).mul_add(p_ixy_boom, t3_117);
+        let t3_119 = al_boomx.mul_add(p_ixz_boom, t3_118);
+        let t3_120 = al_boomx_2.mul_add(p_ixz_boom, -t3_119);
+        let t3_121 = a_boomy_3 * p_mx_boom;
+        let t3_122 = a_boomx_3.mul_add(p_my_boom, t3_121);
+        let t3_123 = t3_120 + t3_122;
+        let t3_124 = dd_shoulder * p_ixx_base;
+        let t3_125 = (-al_boomy_2).mul_add(p_ixy_base, t3_124);
+        let t3_126 = (-al_boomy).mul_add(p_ixy_base, t3_125);
+        let t3_127 = like.lift(0.5) * t3_8;
+        let t3_128 = like.lift(0.8660254037844386).mul_add(t3_26, t3_127);
+        let t3_129 = like.lift(0.22815).mul_add(t3_29, t3_128);
+        let t3_130 = t3_126 + t3_129;
+        let t3_131 = like.lift(0.5) * t3_33;
+        let t3_132 = like.lift(-0.8660254037844386).mul_add(t3_51, t3_131);
+        let t3_133 = like.lift(-0.22815).mul_add(t3_54, t3_132);
+        let t3_134 = t3_130 + t3_133;
+        let t3_135 = cos_q1 * t2_181;
+        let t3_136 = (-sin_q1).mul_add(t2_198, t3_135);
+        let t3_137 = t3_134 + t3_136;
+        let t3_138 = t1_130 - t2_25;
+        let t3_139 = t3_138 - t2_202;
+        let t3_140 = like.lift(1.25).mul_add(t3_139, t3_137);
+        let t3_141 = t3_123 + t3_140;
+        let t3_142 = cos_q1 * q2;
+        let t3_143 = cos_q1 * sin_s1_2;
+        let t3_144 = sin_q1 * cos_s1_1;
+        let t3_145 = cos_s1_2.mul_add(t3_144, t3_143);
+        let t3_146 = like.lift(-0.4563).mul_add(t3_145, t3_142);
+        let t3_147 = -t3_146;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t3_136 = cos_q1 * e_s1_2_q1x;
-        let t3_137 = like.lift(0.4563) * t3_136;
-        let t3_138 = sin_q1 * sin_s1_1;
-        let t3_139 = t3_138 * e_s1_2_q1x;
-        let t3_140 = like.lift(0.4563) * t3_139;
-        let t3_141 = cos_s1_1 * t3_133;
-        let t3_142 = like.lift(0.4563).mul_add(t3_141, t3_140);
-        let t3_143 = cos_q6 * q7;
-        let t3_144 = like.lift(0.5) * t3_143;
-        let t3_145 = -t3_144;
-        let t3_146 = sin_q1 * q2;
-        let t3_147 = sin_q1 * sin_s1_2;
+        let t3_148 = cos_q1 * e_s1_2_q1x;
+        let t3_149 = like.lift(0.4563) * t3_148;
+        let t3_150 = sin_q1 * sin_s1_1;
+        let t3_151 = t3_150 * e_s1_2_q1x;
+        let t3_152 = like.lift(0.4563) * t3_151;
+        let t3_153 = cos_s1_1 * t3_145;
+        let t3_154 = like.lift(0.4563).mul_add(t3_153, t3_152);
+        let t3_155 = cos_q6 * q7;
+        let t3_156 = like.lift(0.5) * t3_155;
+        let t3_157 = -t3_156;
+        let t3_158 = sin_q1 * q2;
+        let t3_159 = sin_q1 * sin_s1_2;
         let e_s1_1_shoulderx = cos_q1 * cos_s1_1;
-        let e_s1_2_shoulderx = (-cos_s1_2).mul_add(e_s1_1_shoulderx, t3_147);
-        let t3_148 = like.lift(-0.4563).mul_add(e_s1_2_shoulderx, t3_146);
-        let t3_149 = -t3_148;
-        let t3_150 = sin_q1 * e_s1_2_q1x;
-        let t3_151 = like.lift(0.4563) * t3_150;
-        let t3_152 = cos_s1_1 * e_s1_2_shoulderx;
-        let t3_153 = like.lift(0.4563) * t3_152;
-        let e_s1_1_shouldery = cos_q1 * sin_s1_1;
-        let t3_154 = e_s1_1_shouldery * e_s1_2_q1x;
-        let t3_155 = like.lift(-0.4563).mul_add(t3_154, t3_153);
-        let t3_156 = sin_q6 * q7;
-        let t3_157 = sin_q1 * t3_133;
-        let t3_158 = like.lift(0.4563) * t3_157;
-        let t3_159 = cos_q1 * e_s1_2_shoulderx;
-        let t3_160 = like.lift(-0.4563).mul_add(t3_159, t3_158);
+        let e_s1_2_shoulderx = (-cos_s1_2).mul_add(e_s1_1_shoulderx, t3_159);
+        let t3_160 = like.lift(-0.4563).mul_add(e_s1_2_shoulderx, t3_158);
         let t3_161 = -t3_160;
-        let t3_162 = e_s1_1_shouldery * t3_133;
+        let t3_162 = sin_q1 * e_s1_2_q1x;
         let t3_163 = like.lift(0.4563) * t3_162;
-        let t3_164 = t3_138 * e_s1_2_shoulderx;
-        let t3_165 = like.lift(0.4563).mul_add(t3_164, t3_163);
-        let pivot_1 = like.lift(0.8660254037844386) * t3_143;
-        let t3_166 = like.lift(0.22815) * t3_133;
-        let t3_167 = cos_s1_3 * t3_138;
-        let t3_168 = cos_q1 * cos_s1_2;
-        let t3_169 = (-sin_s1_2).mul_add(t3_132, t3_168);
-        let t3_170 = sin_s1_3.mul_add(t3_169, t3_167);
-        let t3_171 = like.lift(-0.39516739174683935).mul_add(t3_170, t3_166);
-        let t3_172 = t3_130 - t3_171;
+        let t3_164 = cos_s1_1 * e_s1_2_shoulderx;
+        let t3_165 = like.lift(0.4563) * t3_164;
+        let e_s1_1_shouldery = cos_q1 * sin_s1_1;
+        let t3_166 = e_s1_1_shouldery * e_s1_2_q1x;
+        let t3_167 = like.lift(-0.4563).mul_add(t3_166, t3_165);
+        let t3_168 = sin_q6 * q7;
+        let t3_169 = sin_q1 * t3_145;
+        let t3_170 = like.lift(0.4563) * t3_169;
+        let t3_171 = cos_q1 * e_s1_2_shoulderx;
+        let t3_172 = like.lift(-0.4563).mul_add(t3_171, t3_170);
         let t3_173 = -t3_172;
-        let t3_174 = like.lift(0.22815) * e_s1_2_q1x;
-        let t3_175 = cos_s1_1 * cos_s1_3;
-        let e_s1_2_q1z = sin_s1_1 * sin_s1_2;
-        let e_3_q1y = sin_s1_3.mul_add(e_s1_2_q1z, t3_175);
-        let t3_176 = like.lift(0.39516739174683935).mul_add(e_3_q1y, t3_174);
-        let t3_177 = cos_q1 * t3_176;
-        let t3_178 = t3_138 * t3_176;
-        let t3_179 = cos_s1_1.mul_add(t3_171, t3_178);
-        let t3_180 = t3_133 * t3_176;
-        let t3_181 = (-e_s1_2_q1x).mul_add(t3_171, t3_180);
-        let t3_182 = -t3_181;
-        let t3_183 = cos_q8 * q9;
-        let t3_184 = like.lift(0.5) * t3_183;
+        let t3_174 = e_s1_1_shouldery * t3_145;
+        let t3_175 = like.lift(0.4563) * t3_174;
+        let t3_176 = t3_150 * e_s1_2_shoulderx;
+        let t3_177 = like.lift(0.4563).mul_add(t3_176, t3_175);
+        let pivot_1 = like.lift(0.8660254037844386) * t3_155;
+        let t3_178 = like.lift(0.22815) * t3_145;
+        let t3_179 = cos_s1_3 * t3_150;
+        let t3_180 = cos_q1 * cos_s1_2;
+        let t3_181 = (-sin_s1_2).mul_add(t3_144, t3_180);
+        let t3_182 = sin_s1_3.mul_add(t3_181, t3_179);
+        let t3_183 = like.lift(-0.39516739174683935).mul_add(t3_182, t3_178);
+        let t3_184 = t3_142 - t3_183;
         let t3_185 = -t3_184;
-        let t3_186 = cos_s1_3 * e_s1_1_shouldery;
-        let t3_187 = sin_q1 * cos_s1_2;
-        let e_s1_2_shoulderz = sin_s1_2.mul_add(e_s1_1_shoulderx, t3_187);
-        let e_3_shouldery = (-sin_s1_3).mul_add(e_s1_2_shoulderz, t3_186);
-        let t3_188 = like.lift(0.39516739174683935) * e_3_shouldery;
-        let t3_189 = like.lift(0.22815) * e_s1_2_shoulderx;
-        let t3_190 = t3_146 - t3_189;
-        let t3_191 = t3_188 - t3_190;
-        let t3_192 = sin_q1 * t3_176;
-        let t3_193 = t3_189 + t3_188;
-        let t3_194 = cos_s1_1 * t3_193;
-        let t3_195 = (-e_s1_1_shouldery).mul_add(t3_176, t3_194);
-        let t3_196 = e_s1_2_q1x * t3_193;
-        let t3_197 = (-e_s1_2_shoulderx).mul_add(t3_176, t3_196);
-        let t3_198 = sin_q8 * q9;
-        let t3_199 = sin_q1 * t3_171;
-        let t3_200 = (-cos_q1).mul_add(t3_193, t3_199);
-        let t3_201 = -t3_200;
-        let t3_202 = e_s1_1_shouldery * t3_171;
-        let t3_203 = t3_138.mul_add(t3_193, t3_202);
-        let t3_204 = e_s1_2_shoulderx * t3_171;
-        let t3_205 = (-t3_133).mul_add(t3_193, t3_204);
-        let pivot_2 = like.lift(0.8660254037844386) * t3_183;
-        let t3_206 = -pivot_2;
-        let t3_207 = -sin_q1;
+        let t3_186 = like.lift(0.22815) * e_s1_2_q1x;
+        let t3_187 = cos_s1_1 * cos_s1_3;
+        let e_s1_2_q1z = sin_s1_1 * sin_s1_2;
+        let e_3_q1y = sin_s1_3.mul_add(e_s1_2_q1z, t3_187);
+        let t3_188 = like.lift(0.39516739174683935).mul_add(e_3_q1y, t3_186);
+        let t3_189 = cos_q1 * t3_188;
+        let t3_190 = t3_150 * t3_188;
+        let t3_191 = cos_s1_1.mul_add(t3_183, t3_190);
+        let t3_192 = t3_145 * t3_188;
+        let t3_193 = (-e_s1_2_q1x).mul_add(t3_183, t3_192);
+        let t3_194 = -t3_193;
+        let t3_195 = cos_q8 * q9;
+        let t3_196 = like.lift(0.5) * t3_195;
+        let t3_197 = -t3_196;
+        let t3_198 = cos_s1_3 * e_s1_1_shouldery;
+        let t3_199 = sin_q1 * cos_s1_2;
+        let e_s1_2_shoulderz = sin_s1_2.mul_add(e_s1_1_shoulderx, t3_199);
+        let e_3_shouldery = (-sin_s1_3).mul_add(e_s1_2_shoulderz, t3_198);
+        let t3_200 = like.lift(0.39516739174683935) * e_3_shouldery;
+        let t3_201 = like.lift(0.22815) * e_s1_2_shoulderx;
+        let t3_202 = t3_158 - t3_201;
+        let t3_203 = t3_200 - t3_202;
+        let t3_204 = sin_q1 * t3_188;
+        let t3_205 = t3_201 + t3_200;
+        let t3_206 = cos_s1_1 * t3_205;
+        let t3_207 = (-e_s1_1_shouldery).mul_add(t3_188, t3_206);
+        let t3_208 = e_s1_2_q1x * t3_205;
+        let t3_209 = (-e_s1_2_shoulderx).mul_add(t3_188, t3_208);
+        let t3_210 = sin_q8 * q9;
+        let t3_211 = sin_q1 * t3_183;
+        let t3_212 = (-cos_q1).mul_add(t3_205, t3_211);
+        let t3_213 = -t3_212;
+        let t3_214 = e_s1_1_shouldery * t3_183;
+        let t3_215 = t3_150.mul_add(t3_205, t3_214);
+        let t3_216 = e_s1_2_shoulderx * t3_183;
+        let t3_217 = (-t3_145).mul_add(t3_205, t3_216);
+        let pivot_2 = like.lift(0.8660254037844386) * t3_195;
+        let t3_218 = -pivot_2;
+        let t3_219 = -sin_q1;
         let e_4_shouldery = like.lift(0.5) * sin_q6;
-        let t3_208 = -e_4_shouldery;
-        let t3_209 = -cos_q6;
-        let t3_210 = like.lift(0.8660254037844386) * sin_q6;
+        let t3_220 = -e_4_shouldery;
+        let t3_221 = -cos_q6;
+        let t3_222 = like.lift(0.8660254037844386) * sin_q6;
         let e_6_shouldery = like.lift(0.5) * sin_q8;
-        let t3_211 = -e_6_shouldery;
-        let t3_212 = -cos_q8;
-        let t3_213 = like.lift(0.8660254037844386) * sin_q8;
-        let t3_214 = -t3_213;
-        let t3_215 = like.lift(0.5773502691896257).mul_add(t3_205, t3_181);
-        let t3_216 = like.lift(1.0) / t3_183;
-        let t3_217 = t3_198 * t3_216;
-        let t3_218 = t3_205 * t3_217;
-        let pivot_3 = like.lift(1.1547005383792515).mul_add(t3_218, t3_197);
+        let t3_223 = -e_6_shouldery;
+        let t3_224 = -cos_q8;
+        let t3_225 = like.lift(0.8660254037844386) * sin_q8;
+        let t3_226 = -t3_225;
+        let t3_227 = like.lift(0.5773502691896257).mul_add(t3_217, t3_193);
+        let t3_228 = like.lift(1.0) / t3_195;
+        let t3_229 = t3_210 * t3_228;
+        let t3_230 = t3_217 * t3_229;
+        let pivot_3 = like.lift(1.1547005383792515).mul_add(t3_230, t3_209);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t3_219 = t3_215 * inv_pivot_3;
-        let t3_220 = (-t3_191).mul_add(t3_219, t3_172);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t3_160, t3_137);
+        let t3_231 = t3_227 * inv_pivot_3;
+        let t3_232 = (-t3_203).mul_add(t3_231, t3_184);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t3_172, t3_149);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t3_221 = like.lift(0.5773502691896257).mul_add(t3_200, t3_177);
-        let t3_222 = t3_200 * t3_217;
-        let t3_223 = like.lift(-1.1547005383792515).mul_add(t3_222, t3_192);
-        let t3_224 = t3_223.mul_add(t3_219, t3_221);
-        let t3_225 = inv_pivot_4 * t3_224;
-        let pivot_5 = (-t3_134).mul_add(t3_225, t3_220);
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t3_226 = (-cos_q1).mul_add(t3_219, sin_q1);
-        let t3_227 = (-sin_q1).mul_add(t3_225, t3_226);
-        let t3_228 = like.lift(-0.5773502691896257).mul_add(t3_203, t3_179);
-        let t3_229 = t3_203 * t3_217;
-        let t3_230 = like.lift(1.1547005383792515).mul_add(t3_229, t3_195);
-        let t3_231 = t3_230.mul_add(t3_219, t3_228);
+        let t3_233 = like.lift(0.5773502691896257).mul_add(t3_212, t3_189);
         [
-            t3_16, t3_41, t3_75, t3_90, t3_102, t3_129, t3_134, t3_135, t3_137, t3_142, t3_143,
-            t3_145, t3_148, t3_149, t3_151, t3_155, t3_156, t3_160, t3_161, t3_165, pivot_1,
-            t3_173, t3_177, t3_179, t3_182, t3_185, t3_191, t3_192, t3_195, t3_197, t3_198,
-            t3_200, t3_201, t3_203, t3_205, t3_206, t3_207, t3_208, t3_209, t3_210, t3_211,
-            t3_212, t3_213, t3_214, t3_216, t3_217, pivot_3, inv_pivot_3, t3_219, pivot_4,
-            inv_pivot_4, t3_223, t3_225, pivot_5, inv_pivot_5, t3_227, t3_230, t3_231,
+            t3_26, t3_51, t3_85, t3_100, t3_116, t3_141, t3_146, t3_147, t3_149, t3_154,
+            t3_155, t3_157, t3_160, t3_161, t3_163, t3_167, t3_168, t3_172, t3_173, t3_177,
+            pivot_1, t3_185, t3_189, t3_191, t3_194, t3_197, t3_203, t3_204, t3_207, t3_209,
+            t3_210, t3_212, t3_213, t3_215, t3_217, t3_218, t3_219, t3_220, t3_221, t3_222,
+            t3_223, t3_224, t3_225, t3_226, t3_228, t3_229, pivot_3, inv_pivot_3, t3_231,
+            t3_232, pivot_4, inv_pivot_4, t3_233,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -15814,127 +16022,139 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
         x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2,
         x_q8_q7, x_q8_q9,
     ] = {
-        let t4_1 = like.lift(0.5773502691896257).mul_add(t3_165, t3_142);
-        let t4_2 = (-t4_1).mul_add(t3_225, t3_231);
-        let t4_3 = like.lift(1.0) / t3_143;
-        let t4_4 = t3_156 * t4_3;
-        let t4_5 = t3_160 * t4_4;
-        let t4_6 = like.lift(1.1547005383792515).mul_add(t4_5, t3_151);
-        let t4_7 = t4_6 * inv_pivot_4;
-        let t4_8 = sin_q1.mul_add(t4_7, cos_q1);
-        let t4_9 = (-t3_134).mul_add(t4_7, t3_148);
-        let t4_10 = t4_9 * inv_pivot_5;
-        let t4_11 = t3_227.mul_add(t4_10, t4_8);
-        let t4_12 = t3_165 * t4_4;
-        let t4_13 = like.lift(-1.1547005383792515).mul_add(t4_12, t3_155);
-        let t4_14 = (-t4_1).mul_add(t4_7, t4_13);
-        let pivot_6 = (-t4_2).mul_add(t4_10, t4_14);
+        let t4_1 = t3_212 * t3_229;
+        let t4_2 = like.lift(-1.1547005383792515).mul_add(t4_1, t3_204);
+        let t4_3 = t4_2.mul_add(t3_231, t3_233);
+        let t4_4 = inv_pivot_4 * t4_3;
+        let pivot_5 = (-t3_146).mul_add(t4_4, t3_232);
+        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let t4_5 = (-cos_q1).mul_add(t3_231, sin_q1);
+        let t4_6 = (-sin_q1).mul_add(t4_4, t4_5);
+        let t4_7 = like.lift(-0.5773502691896257).mul_add(t3_215, t3_191);
+        let t4_8 = t3_215 * t3_229;
+        let t4_9 = like.lift(1.1547005383792515).mul_add(t4_8, t3_207);
+        let t4_10 = t4_9.mul_add(t3_231, t4_7);
+        let t4_11 = like.lift(0.5773502691896257).mul_add(t3_177, t3_154);
+        let t4_12 = (-t4_11).mul_add(t4_4, t4_10);
+        let t4_13 = like.lift(1.0) / t3_155;
+        let t4_14 = t3_168 * t4_13;
+        let t4_15 = t3_172 * t4_14;
+        let t4_16 = like.lift(1.1547005383792515).mul_add(t4_15, t3_163);
+        let t4_17 = t4_16 * inv_pivot_4;
+        let t4_18 = sin_q1.mul_add(t4_17, cos_q1);
+        let t4_19 = (-t3_146).mul_add(t4_17, t3_160);
+        let t4_20 = t4_19 * inv_pivot_5;
+        let t4_21 = t4_6.mul_add(t4_20, t4_18);
+        let t4_22 = t3_177 * t4_14;
+        let t4_23 = like.lift(-1.1547005383792515).mul_add(t4_22, t3_167);
+        let t4_24 = (-t4_11).mul_add(t4_17, t4_23);
+        let pivot_6 = (-t4_12).mul_add(t4_20, t4_24);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t4_15 = t4_11 * inv_pivot_6;
-        let t4_16 = t4_2.mul_add(t4_15, t3_227);
-        let t4_17 = inv_pivot_5 * t4_16;
-        let t4_18 = sin_q6.mul_add(t4_4, cos_q6);
-        let t4_19 = t4_18 * inv_pivot_6;
-        let t4_20 = t4_2 * t4_19;
-        let t4_21 = inv_pivot_5 * t4_20;
-        let t4_22 = -t4_21;
-        let t4_23 = sin_q8.mul_add(t3_217, cos_q8);
-        let t4_24 = t4_23 * t3_219;
-        let t4_25 = t4_24 * t4_10;
-        let t4_26 = t4_25 * inv_pivot_6;
-        let t4_27 = t4_2.mul_add(t4_26, t4_24);
-        let t4_28 = inv_pivot_5 * t4_27;
-        let t4_29 = (-t3_134).mul_add(t4_17, sin_q1);
-        let t4_30 = t4_1.mul_add(t4_15, t4_29);
-        let t4_31 = inv_pivot_4 * t4_30;
+        let t4_25 = t4_21 * inv_pivot_6;
+        let t4_26 = t4_12.mul_add(t4_25, t4_6);
+        let t4_27 = inv_pivot_5 * t4_26;
+        let t4_28 = sin_q6.mul_add(t4_14, cos_q6);
+        let t4_29 = t4_28 * inv_pivot_6;
+        let t4_30 = t4_12 * t4_29;
+        let t4_31 = inv_pivot_5 * t4_30;
         let t4_32 = -t4_31;
-        let t4_33 = t3_134 * t4_21;
-        let t4_34 = (-t4_1).mul_add(t4_19, t4_33);
-        let t4_35 = inv_pivot_4 * t4_34;
-        let t4_36 = -t4_35;
-        let t4_37 = t3_134 * t4_28;
-        let t4_38 = (-t4_1).mul_add(t4_26, t4_37);
-        let t4_39 = inv_pivot_4 * t4_38;
-        let t4_40 = -t4_19;
-        let t4_41 = t3_223.mul_add(t4_31, cos_q1);
-        let t4_42 = (-t3_191).mul_add(t4_17, t4_41);
-        let t4_43 = (-t3_230).mul_add(t4_15, t4_42);
-        let t4_44 = inv_pivot_3 * t4_43;
-        let t4_45 = t3_223 * t4_35;
-        let t4_46 = t3_191.mul_add(t4_21, t4_45);
-        let t4_47 = t3_230.mul_add(t4_19, t4_46);
-        let t4_48 = inv_pivot_3 * t4_47;
-        let t4_49 = t3_223.mul_add(t4_39, t4_23);
-        let t4_50 = t3_191.mul_add(t4_28, t4_49);
-        let t4_51 = t3_230.mul_add(t4_26, t4_50);
-        let t4_52 = inv_pivot_3 * t4_51;
-        let t4_53 = -t4_52;
-        let t4_54 = t3_160 * t4_31;
-        let t4_55 = t3_165.mul_add(t4_15, t4_54);
-        let t4_56 = t4_3 * t4_55;
-        let t4_57 = like.lift(1.1547005383792515) * t4_56;
-        let t4_58 = -t4_57;
-        let t4_59 = (-t3_160).mul_add(t4_35, t3_210);
-        let t4_60 = t3_165.mul_add(t4_19, t4_59);
-        let t4_61 = t4_3 * t4_60;
-        let t4_62 = like.lift(1.1547005383792515) * t4_61;
-        let t4_63 = t3_160 * t4_39;
-        let t4_64 = (-t3_165).mul_add(t4_26, t4_63);
-        let t4_65 = t4_3 * t4_64;
-        let t4_66 = like.lift(1.1547005383792515) * t4_65;
-        let t4_67 = t3_205 * t4_44;
-        let t4_68 = t3_200.mul_add(t4_31, t4_67);
-        let t4_69 = t3_203.mul_add(t4_15, t4_68);
-        let t4_70 = t3_216 * t4_69;
-        let t4_71 = like.lift(1.1547005383792515) * t4_70;
-        let t4_72 = t3_205 * t4_48;
-        let t4_73 = t3_200.mul_add(t4_35, t4_72);
-        let t4_74 = (-t3_203).mul_add(t4_19, t4_73);
-        let t4_75 = t3_216 * t4_74;
+        let t4_33 = sin_q8.mul_add(t3_229, cos_q8);
+        let t4_34 = t4_33 * t3_231;
+        let t4_35 = t4_34 * t4_20;
+        let t4_36 = t4_35 * inv_pivot_6;
+        let t4_37 = t4_12.mul_add(t4_36, t4_34);
+        let t4_38 = inv_pivot_5 * t4_37;
+        let t4_39 = (-t3_146).mul_add(t4_27, sin_q1);
+        let t4_40 = t4_11.mul_add(t4_25, t4_39);
+        let t4_41 = inv_pivot_4 * t4_40;
+        let t4_42 = -t4_41;
+        let t4_43 = t3_146 * t4_31;
+        let t4_44 = (-t4_11).mul_add(t4_29, t4_43);
+        let t4_45 = inv_pivot_4 * t4_44;
+        let t4_46 = -t4_45;
+        let t4_47 = t3_146 * t4_38;
+        let t4_48 = (-t4_11).mul_add(t4_36, t4_47);
+        let t4_49 = inv_pivot_4 * t4_48;
+        let t4_50 = -t4_29;
+        let t4_51 = t4_2.mul_add(t4_41, cos_q1);
+        let t4_52 = (-t3_203).mul_add(t4_27, t4_51);
+        let t4_53 = (-t4_9).mul_add(t4_25, t4_52);
+        let t4_54 = inv_pivot_3 * t4_53;
+        let t4_55 = t4_2 * t4_45;
+        let t4_56 = t3_203.mul_add(t4_31, t4_55);
+        let t4_57 = t4_9.mul_add(t4_29, t4_56);
+        let t4_58 = inv_pivot_3 * t4_57;
+        let t4_59 = t4_2.mul_add(t4_49, t4_33);
+        let t4_60 = t3_203.mul_add(t4_38, t4_59);
+        let t4_61 = t4_9.mul_add(t4_36, t4_60);
+        let t4_62 = inv_pivot_3 * t4_61;
+        let t4_63 = -t4_62;
+        let t4_64 = t3_172 * t4_41;
+        let t4_65 = t3_177.mul_add(t4_25, t4_64);
+        let t4_66 = t4_13 * t4_65;
+        let t4_67 = like.lift(1.1547005383792515) * t4_66;
+        let t4_68 = -t4_67;
+        let t4_69 = (-t3_172).mul_add(t4_45, t3_222);
+        let t4_70 = t3_177.mul_add(t4_29, t4_69);
+        let t4_71 = t4_13 * t4_70;
+        let t4_72 = like.lift(1.1547005383792515) * t4_71;
+        let t4_73 = t3_172 * t4_49;
+        let t4_74 = (-t3_177).mul_add(t4_36, t4_73);
+        let t4_75 = t4_13 * t4_74;
         let t4_76 = like.lift(1.1547005383792515) * t4_75;
-        let t4_77 = (-t3_205).mul_add(t4_52, t3_213);
-        let t4_78 = (-t3_200).mul_add(t4_39, t4_77);
-        let t4_79 = t3_203.mul_add(t4_26, t4_78);
-        let t4_80 = t3_216 * t4_79;
+        let t4_77 = t3_217 * t4_54;
+        let t4_78 = t3_212.mul_add(t4_41, t4_77);
+        let t4_79 = t3_215.mul_add(t4_25, t4_78);
+        let t4_80 = t3_228 * t4_79;
         let t4_81 = like.lift(1.1547005383792515) * t4_80;
-        let t4_82 = -pivot_5;
+        let t4_82 = t3_217 * t4_58;
+        let t4_83 = t3_212.mul_add(t4_45, t4_82);
+        let t4_84 = (-t3_215).mul_add(t4_29, t4_83);
+        let t4_85 = t3_228 * t4_84;
+        let t4_86 = like.lift(1.1547005383792515) * t4_85;
+        let t4_87 = (-t3_217).mul_add(t4_62, t3_225);
+        let t4_88 = (-t3_212).mul_add(t4_49, t4_87);
+        let t4_89 = t3_215.mul_add(t4_36, t4_88);
+        let t4_90 = t3_228 * t4_89;
+        let t4_91 = like.lift(1.1547005383792515) * t4_90;
+        let t4_92 = -pivot_5;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(1.9150361620118772)).abs()
-            .min((t3_206 * like.lift(1.8751412991819398)).abs())
-            .min((pivot_3 * like.lift(2.6162535605710207)).abs())
-            .min((pivot_4 * like.lift(2.2558640767950906)).abs())
-            .min((t4_82 * like.lift(0.8083910306721919)).abs())
-            .min((pivot_6 * like.lift(2.191678505501337)).abs());
+        let margin = (pivot_1 * like.lift(1.9131671434315987)).abs()
+            .min((t3_218 * like.lift(1.863195236951264)).abs())
+            .min((pivot_3 * like.lift(2.6695171222054848)).abs())
+            .min((pivot_4 * like.lift(2.294035647929491)).abs())
+            .min((t4_92 * like.lift(0.786868847408929)).abs())
+            .min((pivot_6 * like.lift(2.1945756748652077)).abs());
         let ([
             [_, _, x_q1_q2, x_q1_q7, x_q1_q9], [_, _, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [_, _, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [_, _, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [_, _, x_q6_q2, x_q6_q7, x_q6_q9], [_, _, x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), like.lift(0.0), t4_17, t4_22, t4_28],
-                [like.lift(0.0), like.lift(0.0), t4_32, t4_36, t4_39],
-                [like.lift(0.0), like.lift(0.0), t4_15, t4_40, t4_26],
-                [like.lift(0.0), like.lift(0.0), t4_44, t4_48, t4_53],
-                [like.lift(0.0), like.lift(0.0), t4_58, t4_62, t4_66],
-                [like.lift(0.0), like.lift(0.0), t4_71, t4_76, t4_81],
+                [like.lift(0.0), like.lift(0.0), t4_27, t4_32, t4_38],
+                [like.lift(0.0), like.lift(0.0), t4_42, t4_46, t4_49],
+                [like.lift(0.0), like.lift(0.0), t4_25, t4_50, t4_36],
+                [like.lift(0.0), like.lift(0.0), t4_54, t4_58, t4_63],
+                [like.lift(0.0), like.lift(0.0), t4_68, t4_72, t4_76],
+                [like.lift(0.0), like.lift(0.0), t4_81, t4_86, t4_91],
             ],
             margin,
             || (
                 [
-                    [t3_135, t3_137, t3_142, like.lift(0.0), t3_145, like.lift(0.0)],
-                    [t3_149, t3_151, t3_155, like.lift(0.0), t3_156, like.lift(0.0)],
-                    [like.lift(0.0), t3_161, t3_165, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t3_173, t3_177, t3_179, t3_182, like.lift(0.0), t3_185],
-                    [t3_191, t3_192, t3_195, t3_197, like.lift(0.0), t3_198],
-                    [like.lift(0.0), t3_201, t3_203, t3_205, like.lift(0.0), t3_206],
+                    [t3_147, t3_149, t3_154, like.lift(0.0), t3_157, like.lift(0.0)],
+                    [t3_161, t3_163, t3_167, like.lift(0.0), t3_168, like.lift(0.0)],
+                    [like.lift(0.0), t3_173, t3_177, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t3_185, t3_189, t3_191, t3_194, like.lift(0.0), t3_197],
+                    [t3_203, t3_204, t3_207, t3_209, like.lift(0.0), t3_210],
+                    [like.lift(0.0), t3_213, t3_215, t3_217, like.lift(0.0), t3_218],
                 ],
                 [
-                    [like.lift(0.0), like.lift(0.0), t3_207, t3_208, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), cos_q1, t3_209, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), t3_210, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), t3_207, like.lift(0.0), t3_211],
-                    [like.lift(0.0), like.lift(0.0), cos_q1, like.lift(0.0), t3_212],
-                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), t3_214],
+                    [like.lift(0.0), like.lift(0.0), t3_219, t3_220, like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), cos_q1, t3_221, like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), t3_222, like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), t3_219, like.lift(0.0), t3_223],
+                    [like.lift(0.0), like.lift(0.0), cos_q1, like.lift(0.0), t3_224],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), t3_226],
                 ],
             ),
         );
@@ -15947,33 +16167,33 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
     };
     // tau
     {
-        let t5_1 = (-t3_75).mul_add(x_q1_q2, t3_90);
-        let t5_2 = (-t2_188).mul_add(x_s1_1_q2, t5_1);
-        let t5_3 = (-t2_136).mul_add(x_s1_2_q2, t5_2);
-        let t5_4 = (-t2_132).mul_add(x_s1_3_q2, t5_3);
-        let t5_5 = t3_41.mul_add(x_q6_q2, t5_4);
-        let t5_6 = t3_16.mul_add(x_q8_q2, t5_5);
+        let t5_1 = (-t3_85).mul_add(x_q1_q2, t3_100);
+        let t5_2 = (-t2_196).mul_add(x_s1_1_q2, t5_1);
+        let t5_3 = (-t2_144).mul_add(x_s1_2_q2, t5_2);
+        let t5_4 = (-t2_140).mul_add(x_s1_3_q2, t5_3);
+        let t5_5 = t3_51.mul_add(x_q6_q2, t5_4);
+        let t5_6 = t3_26.mul_add(x_q8_q2, t5_5);
         tau[2] = t5_6;
-        let t5_7 = t3_75 * x_q1_q7;
-        let t5_8 = t2_188.mul_add(x_s1_1_q7, t5_7);
-        let t5_9 = t2_136.mul_add(x_s1_2_q7, t5_8);
-        let t5_10 = t2_132.mul_add(x_s1_3_q7, t5_9);
-        let t5_11 = (-t3_41).mul_add(x_q6_q7, t5_10);
-        let t5_12 = t2_10 + t5_11;
-        let t5_13 = (-t3_16).mul_add(x_q8_q7, t5_12);
+        let t5_7 = t3_85 * x_q1_q7;
+        let t5_8 = t2_196.mul_add(x_s1_1_q7, t5_7);
+        let t5_9 = t2_144.mul_add(x_s1_2_q7, t5_8);
+        let t5_10 = t2_140.mul_add(x_s1_3_q7, t5_9);
+        let t5_11 = (-t3_51).mul_add(x_q6_q7, t5_10);
+        let t5_12 = t2_18 + t5_11;
+        let t5_13 = (-t3_26).mul_add(x_q8_q7, t5_12);
         let t5_14 = -t5_13;
         tau[3] = t5_14;
-        let t5_15 = t3_75 * x_q1_q9;
-        let t5_16 = t2_188.mul_add(x_s1_1_q9, t5_15);
-        let t5_17 = t2_136.mul_add(x_s1_2_q9, t5_16);
-        let t5_18 = t2_132.mul_add(x_s1_3_q9, t5_17);
-        let t5_19 = (-t3_41).mul_add(x_q6_q9, t5_18);
-        let t5_20 = (-t3_16).mul_add(x_q8_q9, t5_19);
-        let t5_21 = t1_119 + t5_20;
+        let t5_15 = t3_85 * x_q1_q9;
+        let t5_16 = t2_196.mul_add(x_s1_1_q9, t5_15);
+        let t5_17 = t2_144.mul_add(x_s1_2_q9, t5_16);
+        let t5_18 = t2_140.mul_add(x_s1_3_q9, t5_17);
+        let t5_19 = (-t3_51).mul_add(x_q6_q9, t5_18);
+        let t5_20 = (-t3_26).mul_add(x_q8_q9, t5_19);
+        let t5_21 = t1_123 + t5_20;
         let t5_22 = -t5_21;
         tau[4] = t5_22;
-        tau[0] = t3_102;
-        tau[1] = t3_129;
+        tau[0] = t3_116;
+        tau[1] = t3_141;
     }
     (tau, Condition { pivot: condition })
 }
@@ -16159,7 +16379,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 48]) -> ([T; 5], Conditio
         let t1_135 = cos_q1 * t1_73;
         let t1_136 = sin_q1.mul_add(t1_83, t1_135);
         let t1_137 = t1_134 + t1_136;
-        let t1_138 = like.lift(-5.886).mul_add(t1_70, t1_137);
+        let t1_138 = like.lift(-12.2625).mul_add(t1_70, t1_137);
         let t1_139 = t1_129 - t1_138;
         let t1_140 = e_1_waisty * p_m_2;
         let t1_141 = like.lift(9.81) * t1_140;
@@ -16382,12 +16602,12 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 48]) -> ([T; 5], Conditio
         let t2_104 = like.lift(1.1547005383792515) * t2_103;
         let t2_105 = -pivot_5;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(1.9150361620118772)).abs()
-            .min((t1_218 * like.lift(1.8751412991819398)).abs())
-            .min((pivot_3 * like.lift(2.6162535605710207)).abs())
-            .min((pivot_4 * like.lift(2.2558640767950906)).abs())
-            .min((t2_105 * like.lift(0.8083910306721919)).abs())
-            .min((pivot_6 * like.lift(2.191678505501337)).abs());
+        let margin = (pivot_1 * like.lift(1.9131671434315987)).abs()
+            .min((t1_218 * like.lift(1.863195236951264)).abs())
+            .min((pivot_3 * like.lift(2.6695171222054848)).abs())
+            .min((pivot_4 * like.lift(2.294035647929491)).abs())
+            .min((t2_105 * like.lift(0.786868847408929)).abs())
+            .min((pivot_6 * like.lift(2.1945756748652077)).abs());
         let ([
             [_, _, x_q1_q2, x_q1_q7, x_q1_q9], [_, _, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [_, _, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [_, _, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
@@ -16464,18 +16684,18 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 48]) -> ([T; 5], Conditio
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
 ///
-/// 550 additions, 763 multiplications, 6 divisions, 7 sines and cosines.
+/// 557 additions, 772 multiplications, 6 divisions, 7 sines and cosines.
 pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 48]) -> ([T; 5], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 5];
     let [_, shoulder, q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     let [d_waist, d_shoulder, d_q1, d_q2, d_s1_1, d_s1_2, d_s1_3, d_q6, d_q7, d_q8, d_q9] = *qd;
     let [
-        _, p_ixx_boom, p_ixy_boom, p_ixz_boom, _, _, p_ixx_base, p_ixy_base, p_ixx_1, p_ixy_1,
-        p_iyz_1, p_izz_1, p_mx_1, p_my_1, p_ixy_2, p_mx_2, p_my_2, p_mz_2, p_m_2, p_ixx_3,
-        p_ixy_3, p_ixz_3, p_iyy_3, p_iyz_3, p_izz_3, p_mx_3, p_my_3, p_mz_3, p_ixx_4, p_ixy_4,
-        p_iyz_4, p_izz_4, p_mx_4, p_my_4, p_ixy_5, p_mx_5, p_my_5, p_mz_5, p_ixx_6, p_ixy_6,
-        p_iyz_6, p_izz_6, p_mx_6, p_my_6, p_ixy_7, p_mx_7, p_my_7, p_mz_7,
+        _, p_ixx_boom, p_ixy_boom, p_ixz_boom, p_mx_boom, p_my_boom, p_ixx_base, p_ixy_base,
+        p_ixx_1, p_ixy_1, p_iyz_1, p_izz_1, p_mx_1, p_my_1, p_ixy_2, p_mx_2, p_my_2, p_mz_2,
+        p_m_2, p_ixx_3, p_ixy_3, p_ixz_3, p_iyy_3, p_iyz_3, p_izz_3, p_mx_3, p_my_3, p_mz_3,
+        p_ixx_4, p_ixy_4, p_iyz_4, p_izz_4, p_mx_4, p_my_4, p_ixy_5, p_mx_5, p_my_5, p_mz_5,
+        p_ixx_6, p_ixy_6, p_iyz_6, p_izz_6, p_mx_6, p_my_6, p_ixy_7, p_mx_7, p_my_7, p_mz_7,
     ] = *beta;
     let mut condition = like.lift(1.0);
     // tau, part 1
@@ -16483,13 +16703,13 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 48]) ->
         sin_shoulder, cos_shoulder, w_boomx, w_boomy, w_ixx_boom_shoulder, al_boomy, al_boomx,
         t1_4, t1_6, t1_7, t1_9, sin_q8, cos_q8, t1_10, t1_11, w_6x, t1_14, t1_15, w_6z, t1_17,
         t1_19, t1_21, t1_22, al_6x, al_6y, a_basex, t1_35, t1_36, t1_37, t1_39, t1_41, t1_43,
-        a_basey, t1_44, a_6z, t1_45, t1_46, t1_47, t1_48, sin_q1, cos_q1, sin_s1_2, cos_s1_2,
-        sin_s1_1, cos_s1_1, t1_53, t1_54, t1_56, t1_61, sin_q6, cos_q6, t1_62, t1_64, t1_67,
-        t1_68, t1_70, t1_74, t1_75, t1_79, t1_80, t1_84, pivot_1, sin_s1_3, cos_s1_3, t1_90,
-        t1_91, t1_92, t1_95, t1_96, t1_98, t1_100, t1_101, t1_102, t1_104, t1_110, t1_111,
-        t1_112, t1_114, t1_116, t1_117, t1_119, t1_120, t1_122, t1_124, t1_125, t1_141, t1_150,
-        t1_154, t1_155, t1_161, t1_173, t1_174, t1_178, t1_187, t1_203, t1_213, t1_216, t1_218,
-        t1_219, t1_220,
+        t1_44, a_basey, t1_45, a_6z, t1_46, t1_47, t1_48, t1_49, sin_q1, cos_q1, sin_s1_2,
+        cos_s1_2, sin_s1_1, cos_s1_1, t1_54, t1_55, t1_57, t1_62, sin_q6, cos_q6, t1_63, t1_65,
+        t1_68, t1_69, t1_71, t1_75, t1_76, t1_80, t1_81, t1_85, pivot_1, sin_s1_3, cos_s1_3,
+        t1_91, t1_92, t1_93, t1_96, t1_97, t1_99, t1_101, t1_102, t1_103, t1_105, t1_111,
+        t1_112, t1_113, t1_115, t1_117, t1_118, t1_120, t1_121, t1_123, t1_125, t1_126, t1_142,
+        t1_151, t1_155, t1_156, t1_162, t1_174, t1_175, t1_179, t1_188, t1_204, t1_214, t1_217,
+        t1_219,
     ] = {
         let (sin_shoulder, cos_shoulder) = shoulder.sin_cos();
         let w_boomx = sin_shoulder * d_waist;
@@ -16537,7 +16757,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 48]) ->
         let al_6y = d_q8.mul_add(w_6x, t1_32);
         let t1_33 = al_6y.mul_add(p_ixy_6, t1_29);
         let t1_34 = t1_25 + t1_33;
-        let a_basex = like.lift(1.2) * al_boomy;
+        let a_basex = like.lift(2.5) * al_boomy;
         let t1_35 = d_waist * d_waist;
         let t1_36 = like.lift(0.13172246391561312) * t1_35;
         let t1_37 = like.lift(0.4563) * al_boomx;
@@ -16547,634 +16767,637 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 48]) ->
         let t1_41 = w_boomx * w_boomx;
         let t1_42 = t1_41 + t1_7;
         let t1_43 = like.lift(0.22815) * t1_42;
-        let a_basey = like.lift(0.6) * w_ixx_boom_shoulder;
-        let t1_44 = t1_43 + a_basey;
-        let a_6z = like.lift(0.5).mul_add(t1_44, t1_40);
-        let t1_45 = a_6z.mul_add(p_my_6, t1_34);
-        let t1_46 = w_6x * w_6y;
-        let t1_47 = t1_46 * p_ixy_7;
-        let t1_48 = like.lift(0.5) * al_boomy;
+        let t1_44 = sin_shoulder * t1_35;
+        let a_boomy = like.lift(0.35) * t1_44;
+        let a_basey = like.lift(1.25).mul_add(w_ixx_boom_shoulder, a_boomy);
+        let t1_45 = t1_43 + a_basey;
+        let a_6z = like.lift(0.5).mul_add(t1_45, t1_40);
+        let t1_46 = a_6z.mul_add(p_my_6, t1_34);
+        let t1_47 = w_6x * w_6y;
+        let t1_48 = t1_47 * p_ixy_7;
+        let t1_49 = like.lift(0.5) * al_boomy;
         let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_49 = cos_q1 * q2;
+        let t1_50 = cos_q1 * q2;
         let (sin_s1_2, cos_s1_2) = s1_2.sin_cos();
-        let t1_50 = cos_q1 * sin_s1_2;
+        let t1_51 = cos_q1 * sin_s1_2;
         let (sin_s1_1, cos_s1_1) = s1_1.sin_cos();
-        let t1_51 = sin_q1 * cos_s1_1;
-        let t1_52 = cos_s1_2.mul_add(t1_51, t1_50);
-        let t1_53 = like.lift(-0.4563).mul_add(t1_52, t1_49);
-        let t1_54 = -t1_53;
+        let t1_52 = sin_q1 * cos_s1_1;
+        let t1_53 = cos_s1_2.mul_add(t1_52, t1_51);
+        let t1_54 = like.lift(-0.4563).mul_add(t1_53, t1_50);
+        let t1_55 = -t1_54;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t1_55 = cos_q1 * e_s1_2_q1x;
-        let t1_56 = like.lift(0.4563) * t1_55;
-        let t1_57 = sin_q1 * sin_s1_1;
-        let t1_58 = t1_57 * e_s1_2_q1x;
-        let t1_59 = like.lift(0.4563) * t1_58;
-        let t1_60 = cos_s1_1 * t1_52;
-        let t1_61 = like.lift(0.4563).mul_add(t1_60, t1_59);
+        let t1_56 = cos_q1 * e_s1_2_q1x;
+        let t1_57 = like.lift(0.4563) * t1_56;
+        let t1_58 = sin_q1 * sin_s1_1;
+        let t1_59 = t1_58 * e_s1_2_q1x;
+        let t1_60 = like.lift(0.4563) * t1_59;
+        let t1_61 = cos_s1_1 * t1_53;
+        let t1_62 = like.lift(0.4563).mul_add(t1_61, t1_60);
         let (sin_q6, cos_q6) = q6.sin_cos();
-        let t1_62 = cos_q6 * q7;
-        let t1_63 = like.lift(0.5) * t1_62;
-        let t1_64 = -t1_63;
-        let t1_65 = sin_q1 * q2;
-        let t1_66 = sin_q1 * sin_s1_2;
+        let t1_63 = cos_q6 * q7;
+        let t1_64 = like.lift(0.5) * t1_63;
+        let t1_65 = -t1_64;
+        let t1_66 = sin_q1 * q2;
+        let t1_67 = sin_q1 * sin_s1_2;
         let e_s1_1_shoulderx = cos_q1 * cos_s1_1;
-        let e_s1_2_shoulderx = (-cos_s1_2).mul_add(e_s1_1_shoulderx, t1_66);
-        let t1_67 = like.lift(-0.4563).mul_add(e_s1_2_shoulderx, t1_65);
-        let t1_68 = -t1_67;
-        let t1_69 = sin_q1 * e_s1_2_q1x;
-        let t1_70 = like.lift(0.4563) * t1_69;
-        let t1_71 = cos_s1_1 * e_s1_2_shoulderx;
-        let t1_72 = like.lift(0.4563) * t1_71;
+        let e_s1_2_shoulderx = (-cos_s1_2).mul_add(e_s1_1_shoulderx, t1_67);
+        let t1_68 = like.lift(-0.4563).mul_add(e_s1_2_shoulderx, t1_66);
+        let t1_69 = -t1_68;
+        let t1_70 = sin_q1 * e_s1_2_q1x;
+        let t1_71 = like.lift(0.4563) * t1_70;
+        let t1_72 = cos_s1_1 * e_s1_2_shoulderx;
+        let t1_73 = like.lift(0.4563) * t1_72;
         let e_s1_1_shouldery = cos_q1 * sin_s1_1;
-        let t1_73 = e_s1_1_shouldery * e_s1_2_q1x;
-        let t1_74 = like.lift(-0.4563).mul_add(t1_73, t1_72);
-        let t1_75 = sin_q6 * q7;
-        let t1_76 = sin_q1 * t1_52;
-        let t1_77 = like.lift(0.4563) * t1_76;
-        let t1_78 = cos_q1 * e_s1_2_shoulderx;
-        let t1_79 = like.lift(-0.4563).mul_add(t1_78, t1_77);
-        let t1_80 = -t1_79;
-        let t1_81 = e_s1_1_shouldery * t1_52;
-        let t1_82 = like.lift(0.4563) * t1_81;
-        let t1_83 = t1_57 * e_s1_2_shoulderx;
-        let t1_84 = like.lift(0.4563).mul_add(t1_83, t1_82);
-        let pivot_1 = like.lift(0.8660254037844386) * t1_62;
-        let t1_85 = like.lift(0.22815) * t1_52;
+        let t1_74 = e_s1_1_shouldery * e_s1_2_q1x;
+        let t1_75 = like.lift(-0.4563).mul_add(t1_74, t1_73);
+        let t1_76 = sin_q6 * q7;
+        let t1_77 = sin_q1 * t1_53;
+        let t1_78 = like.lift(0.4563) * t1_77;
+        let t1_79 = cos_q1 * e_s1_2_shoulderx;
+        let t1_80 = like.lift(-0.4563).mul_add(t1_79, t1_78);
+        let t1_81 = -t1_80;
+        let t1_82 = e_s1_1_shouldery * t1_53;
+        let t1_83 = like.lift(0.4563) * t1_82;
+        let t1_84 = t1_58 * e_s1_2_shoulderx;
+        let t1_85 = like.lift(0.4563).mul_add(t1_84, t1_83);
+        let pivot_1 = like.lift(0.8660254037844386) * t1_63;
+        let t1_86 = like.lift(0.22815) * t1_53;
         let (sin_s1_3, cos_s1_3) = s1_3.sin_cos();
-        let t1_86 = cos_s1_3 * t1_57;
-        let t1_87 = cos_q1 * cos_s1_2;
-        let t1_88 = (-sin_s1_2).mul_add(t1_51, t1_87);
-        let t1_89 = sin_s1_3.mul_add(t1_88, t1_86);
-        let t1_90 = like.lift(-0.39516739174683935).mul_add(t1_89, t1_85);
-        let t1_91 = t1_49 - t1_90;
-        let t1_92 = -t1_91;
-        let t1_93 = like.lift(0.22815) * e_s1_2_q1x;
-        let t1_94 = cos_s1_1 * cos_s1_3;
+        let t1_87 = cos_s1_3 * t1_58;
+        let t1_88 = cos_q1 * cos_s1_2;
+        let t1_89 = (-sin_s1_2).mul_add(t1_52, t1_88);
+        let t1_90 = sin_s1_3.mul_add(t1_89, t1_87);
+        let t1_91 = like.lift(-0.39516739174683935).mul_add(t1_90, t1_86);
+        let t1_92 = t1_50 - t1_91;
+        let t1_93 = -t1_92;
+        let t1_94 = like.lift(0.22815) * e_s1_2_q1x;
+        let t1_95 = cos_s1_1 * cos_s1_3;
         let e_s1_2_q1z = sin_s1_1 * sin_s1_2;
-        let e_3_q1y = sin_s1_3.mul_add(e_s1_2_q1z, t1_94);
-        let t1_95 = like.lift(0.39516739174683935).mul_add(e_3_q1y, t1_93);
-        let t1_96 = cos_q1 * t1_95;
-        let t1_97 = t1_57 * t1_95;
-        let t1_98 = cos_s1_1.mul_add(t1_90, t1_97);
-        let t1_99 = t1_52 * t1_95;
-        let t1_100 = (-e_s1_2_q1x).mul_add(t1_90, t1_99);
-        let t1_101 = -t1_100;
-        let t1_102 = cos_q8 * q9;
-        let t1_103 = like.lift(0.5) * t1_102;
-        let t1_104 = -t1_103;
-        let t1_105 = cos_s1_3 * e_s1_1_shouldery;
-        let t1_106 = sin_q1 * cos_s1_2;
-        let e_s1_2_shoulderz = sin_s1_2.mul_add(e_s1_1_shoulderx, t1_106);
-        let e_3_shouldery = (-sin_s1_3).mul_add(e_s1_2_shoulderz, t1_105);
-        let t1_107 = like.lift(0.39516739174683935) * e_3_shouldery;
-        let t1_108 = like.lift(0.22815) * e_s1_2_shoulderx;
-        let t1_109 = t1_65 - t1_108;
-        let t1_110 = t1_107 - t1_109;
-        let t1_111 = sin_q1 * t1_95;
-        let t1_112 = t1_108 + t1_107;
-        let t1_113 = cos_s1_1 * t1_112;
-        let t1_114 = (-e_s1_1_shouldery).mul_add(t1_95, t1_113);
-        let t1_115 = e_s1_2_q1x * t1_112;
-        let t1_116 = (-e_s1_2_shoulderx).mul_add(t1_95, t1_115);
-        let t1_117 = sin_q8 * q9;
-        let t1_118 = sin_q1 * t1_90;
-        let t1_119 = (-cos_q1).mul_add(t1_112, t1_118);
-        let t1_120 = -t1_119;
-        let t1_121 = e_s1_1_shouldery * t1_90;
-        let t1_122 = t1_57.mul_add(t1_112, t1_121);
-        let t1_123 = e_s1_2_shoulderx * t1_90;
-        let t1_124 = (-t1_52).mul_add(t1_112, t1_123);
-        let pivot_2 = like.lift(0.8660254037844386) * t1_102;
-        let t1_125 = -pivot_2;
-        let t1_126 = t1_65 * d_q1;
-        let t1_127 = d_q1 * t1_126;
-        let t1_128 = cos_q1 * d_q1;
-        let t1_129 = d_q2 * t1_128;
-        let t1_130 = like.lift(-2.0).mul_add(t1_129, t1_127);
-        let t1_131 = sin_q1 * d_q1;
-        let t1_132 = d_s1_1 * t1_131;
-        let t1_133 = e_s1_1_shouldery * d_q1;
-        let t1_134 = sin_q1 * d_s1_1;
-        let t1_135 = cos_s1_1.mul_add(t1_134, t1_133);
-        let t1_136 = (-d_s1_2).mul_add(t1_135, t1_132);
-        let t1_137 = cos_s1_1.mul_add(d_s1_2, d_q1);
-        let t1_138 = e_s1_2_shoulderx * t1_137;
-        let t1_139 = (-e_s1_1_shouldery).mul_add(d_s1_2, t1_134);
-        let t1_140 = e_s1_2_q1x.mul_add(t1_139, t1_138);
-        let t1_141 = (-d_s1_3).mul_add(t1_140, t1_136);
-        let t1_142 = e_s1_2_q1x * t1_141;
-        let t1_143 = like.lift(0.4563) * t1_142;
-        let t1_144 = sin_s1_1 * d_s1_1;
-        let t1_145 = d_s1_2 * t1_144;
-        let t1_146 = t1_52 * t1_139;
-        let t1_147 = cos_q1 * d_s1_1;
-        let t1_148 = t1_57.mul_add(d_s1_2, t1_147);
-        let t1_149 = (-e_s1_2_shoulderx).mul_add(t1_148, t1_146);
-        let t1_150 = (-d_s1_3).mul_add(t1_149, t1_145);
-        let t1_151 = t1_52 * t1_150;
-        let t1_152 = like.lift(0.4563).mul_add(t1_151, t1_143);
-        let t1_153 = t1_130 - t1_152;
-        let t1_154 = (-t1_52).mul_add(d_s1_3, t1_148);
-        let t1_155 = (-e_s1_2_shoulderx).mul_add(d_s1_3, t1_139);
-        let t1_156 = t1_52 * t1_155;
-        let t1_157 = like.lift(0.4563) * t1_156;
-        let t1_158 = e_s1_2_shoulderx * t1_154;
-        let t1_159 = like.lift(-0.4563).mul_add(t1_158, t1_157);
-        let t1_160 = t1_154 * t1_159;
-        let t1_161 = e_s1_2_q1x.mul_add(d_s1_3, t1_137);
-        let t1_162 = e_s1_2_shoulderx * t1_161;
-        let t1_163 = like.lift(0.4563) * t1_162;
-        let t1_164 = e_s1_2_q1x * t1_155;
-        let t1_165 = like.lift(0.4563).mul_add(t1_164, t1_163);
-        let t1_166 = (-t1_161).mul_add(t1_165, t1_160);
-        let t1_167 = t1_153 + t1_166;
-        let t1_168 = t1_75 * d_q6;
-        let t1_169 = d_q6 * t1_168;
-        let t1_170 = cos_q6 * d_q6;
-        let t1_171 = d_q7 * t1_170;
-        let t1_172 = like.lift(0.5).mul_add(t1_169, -t1_171);
-        let t1_173 = t1_167 + t1_172;
-        let t1_174 = -t1_173;
-        let t1_175 = t1_49 * d_q1;
-        let t1_176 = d_q1 * t1_175;
-        let t1_177 = d_q2 * t1_131;
-        let t1_178 = like.lift(2.0).mul_add(t1_177, t1_176);
-        let t1_179 = e_s1_2_shoulderx * t1_150;
-        let t1_180 = like.lift(0.4563) * t1_179;
-        let t1_181 = d_s1_1 * t1_128;
-        let t1_182 = cos_s1_1 * t1_147;
-        let t1_183 = (-t1_57).mul_add(d_q1, t1_182);
-        let t1_184 = (-d_s1_2).mul_add(t1_183, t1_181);
-        let t1_185 = e_s1_2_q1x * t1_148;
-        let t1_186 = t1_52.mul_add(t1_137, t1_185);
-        let t1_187 = (-d_s1_3).mul_add(t1_186, t1_184);
-        let t1_188 = e_s1_2_q1x * t1_187;
-        let t1_189 = like.lift(-0.4563).mul_add(t1_188, t1_180);
-        let t1_190 = t1_178 + t1_189;
-        let t1_191 = e_s1_2_q1x * t1_154;
-        let t1_192 = like.lift(0.4563) * t1_191;
-        let t1_193 = t1_52 * t1_161;
-        let t1_194 = like.lift(0.4563).mul_add(t1_193, t1_192);
-        let t1_195 = t1_161 * t1_194;
-        let t1_196 = t1_155.mul_add(t1_159, t1_195);
-        let t1_197 = t1_190 - t1_196;
-        let t1_198 = t1_62 * d_q6;
-        let t1_199 = d_q6 * t1_198;
-        let t1_200 = sin_q6 * d_q6;
-        let t1_201 = d_q7 * t1_200;
-        let t1_202 = like.lift(2.0).mul_add(t1_201, t1_199);
-        let t1_203 = t1_197 - t1_202;
-        let t1_204 = t1_52 * t1_187;
-        let t1_205 = like.lift(0.4563) * t1_204;
-        let t1_206 = e_s1_2_shoulderx * t1_141;
-        let t1_207 = like.lift(0.4563).mul_add(t1_206, t1_205);
-        let t1_208 = t1_155 * t1_165;
-        let t1_209 = t1_154.mul_add(t1_194, t1_208);
-        let t1_210 = t1_207 - t1_209;
-        let t1_211 = like.lift(0.8660254037844386) * t1_169;
-        let t1_212 = like.lift(-1.7320508075688772).mul_add(t1_171, t1_211);
-        let t1_213 = t1_210 + t1_212;
-        let t1_214 = t1_95 * t1_141;
-        let t1_215 = t1_90.mul_add(t1_150, t1_214);
-        let t1_216 = t1_130 - t1_215;
-        let t1_217 = t1_90 * t1_155;
-        let t1_218 = (-t1_112).mul_add(t1_154, t1_217);
-        let t1_219 = t1_154 * t1_218;
-        let t1_220 = t1_112 * t1_161;
+        let e_3_q1y = sin_s1_3.mul_add(e_s1_2_q1z, t1_95);
+        let t1_96 = like.lift(0.39516739174683935).mul_add(e_3_q1y, t1_94);
+        let t1_97 = cos_q1 * t1_96;
+        let t1_98 = t1_58 * t1_96;
+        let t1_99 = cos_s1_1.mul_add(t1_91, t1_98);
+        let t1_100 = t1_53 * t1_96;
+        let t1_101 = (-e_s1_2_q1x).mul_add(t1_91, t1_100);
+        let t1_102 = -t1_101;
+        let t1_103 = cos_q8 * q9;
+        let t1_104 = like.lift(0.5) * t1_103;
+        let t1_105 = -t1_104;
+        let t1_106 = cos_s1_3 * e_s1_1_shouldery;
+        let t1_107 = sin_q1 * cos_s1_2;
+        let e_s1_2_shoulderz = sin_s1_2.mul_add(e_s1_1_shoulderx, t1_107);
+        let e_3_shouldery = (-sin_s1_3).mul_add(e_s1_2_shoulderz, t1_106);
+        let t1_108 = like.lift(0.39516739174683935) * e_3_shouldery;
+        let t1_109 = like.lift(0.22815) * e_s1_2_shoulderx;
+        let t1_110 = t1_66 - t1_109;
+        let t1_111 = t1_108 - t1_110;
+        let t1_112 = sin_q1 * t1_96;
+        let t1_113 = t1_109 + t1_108;
+        let t1_114 = cos_s1_1 * t1_113;
+        let t1_115 = (-e_s1_1_shouldery).mul_add(t1_96, t1_114);
+        let t1_116 = e_s1_2_q1x * t1_113;
+        let t1_117 = (-e_s1_2_shoulderx).mul_add(t1_96, t1_116);
+        let t1_118 = sin_q8 * q9;
+        let t1_119 = sin_q1 * t1_91;
+        let t1_120 = (-cos_q1).mul_add(t1_113, t1_119);
+        let t1_121 = -t1_120;
+        let t1_122 = e_s1_1_shouldery * t1_91;
+        let t1_123 = t1_58.mul_add(t1_113, t1_122);
+        let t1_124 = e_s1_2_shoulderx * t1_91;
+        let t1_125 = (-t1_53).mul_add(t1_113, t1_124);
+        let pivot_2 = like.lift(0.8660254037844386) * t1_103;
+        let t1_126 = -pivot_2;
+        let t1_127 = t1_66 * d_q1;
+        let t1_128 = d_q1 * t1_127;
+        let t1_129 = cos_q1 * d_q1;
+        let t1_130 = d_q2 * t1_129;
+        let t1_131 = like.lift(-2.0).mul_add(t1_130, t1_128);
+        let t1_132 = sin_q1 * d_q1;
+        let t1_133 = d_s1_1 * t1_132;
+        let t1_134 = e_s1_1_shouldery * d_q1;
+        let t1_135 = sin_q1 * d_s1_1;
+        let t1_136 = cos_s1_1.mul_add(t1_135, t1_134);
+        let t1_137 = (-d_s1_2).mul_add(t1_136, t1_133);
+        let t1_138 = cos_s1_1.mul_add(d_s1_2, d_q1);
+        let t1_139 = e_s1_2_shoulderx * t1_138;
+        let t1_140 = (-e_s1_1_shouldery).mul_add(d_s1_2, t1_135);
+        let t1_141 = e_s1_2_q1x.mul_add(t1_140, t1_139);
+        let t1_142 = (-d_s1_3).mul_add(t1_141, t1_137);
+        let t1_143 = e_s1_2_q1x * t1_142;
+        let t1_144 = like.lift(0.4563) * t1_143;
+        let t1_145 = sin_s1_1 * d_s1_1;
+        let t1_146 = d_s1_2 * t1_145;
+        let t1_147 = t1_53 * t1_140;
+        let t1_148 = cos_q1 * d_s1_1;
+        let t1_149 = t1_58.mul_add(d_s1_2, t1_148);
+        let t1_150 = (-e_s1_2_shoulderx).mul_add(t1_149, t1_147);
+        let t1_151 = (-d_s1_3).mul_add(t1_150, t1_146);
+        let t1_152 = t1_53 * t1_151;
+        let t1_153 = like.lift(0.4563).mul_add(t1_152, t1_144);
+        let t1_154 = t1_131 - t1_153;
+        let t1_155 = (-t1_53).mul_add(d_s1_3, t1_149);
+        let t1_156 = (-e_s1_2_shoulderx).mul_add(d_s1_3, t1_140);
+        let t1_157 = t1_53 * t1_156;
+        let t1_158 = like.lift(0.4563) * t1_157;
+        let t1_159 = e_s1_2_shoulderx * t1_155;
+        let t1_160 = like.lift(-0.4563).mul_add(t1_159, t1_158);
+        let t1_161 = t1_155 * t1_160;
+        let t1_162 = e_s1_2_q1x.mul_add(d_s1_3, t1_138);
+        let t1_163 = e_s1_2_shoulderx * t1_162;
+        let t1_164 = like.lift(0.4563) * t1_163;
+        let t1_165 = e_s1_2_q1x * t1_156;
+        let t1_166 = like.lift(0.4563).mul_add(t1_165, t1_164);
+        let t1_167 = (-t1_162).mul_add(t1_166, t1_161);
+        let t1_168 = t1_154 + t1_167;
+        let t1_169 = t1_76 * d_q6;
+        let t1_170 = d_q6 * t1_169;
+        let t1_171 = cos_q6 * d_q6;
+        let t1_172 = d_q7 * t1_171;
+        let t1_173 = like.lift(0.5).mul_add(t1_170, -t1_172);
+        let t1_174 = t1_168 + t1_173;
+        let t1_175 = -t1_174;
+        let t1_176 = t1_50 * d_q1;
+        let t1_177 = d_q1 * t1_176;
+        let t1_178 = d_q2 * t1_132;
+        let t1_179 = like.lift(2.0).mul_add(t1_178, t1_177);
+        let t1_180 = e_s1_2_shoulderx * t1_151;
+        let t1_181 = like.lift(0.4563) * t1_180;
+        let t1_182 = d_s1_1 * t1_129;
+        let t1_183 = cos_s1_1 * t1_148;
+        let t1_184 = (-t1_58).mul_add(d_q1, t1_183);
+        let t1_185 = (-d_s1_2).mul_add(t1_184, t1_182);
+        let t1_186 = e_s1_2_q1x * t1_149;
+        let t1_187 = t1_53.mul_add(t1_138, t1_186);
+        let t1_188 = (-d_s1_3).mul_add(t1_187, t1_185);
+        let t1_189 = e_s1_2_q1x * t1_188;
+        let t1_190 = like.lift(-0.4563).mul_add(t1_189, t1_181);
+        let t1_191 = t1_179 + t1_190;
+        let t1_192 = e_s1_2_q1x * t1_155;
+        let t1_193 = like.lift(0.4563) * t1_192;
+        let t1_194 = t1_53 * t1_162;
+        let t1_195 = like.lift(0.4563).mul_add(t1_194, t1_193);
+        let t1_196 = t1_162 * t1_195;
+        let t1_197 = t1_156.mul_add(t1_160, t1_196);
+        let t1_198 = t1_191 - t1_197;
+        let t1_199 = t1_63 * d_q6;
+        let t1_200 = d_q6 * t1_199;
+        let t1_201 = sin_q6 * d_q6;
+        let t1_202 = d_q7 * t1_201;
+        let t1_203 = like.lift(2.0).mul_add(t1_202, t1_200);
+        let t1_204 = t1_198 - t1_203;
+        let t1_205 = t1_53 * t1_188;
+        let t1_206 = like.lift(0.4563) * t1_205;
+        let t1_207 = e_s1_2_shoulderx * t1_142;
+        let t1_208 = like.lift(0.4563).mul_add(t1_207, t1_206);
+        let t1_209 = t1_156 * t1_166;
+        let t1_210 = t1_155.mul_add(t1_195, t1_209);
+        let t1_211 = t1_208 - t1_210;
+        let t1_212 = like.lift(0.8660254037844386) * t1_170;
+        let t1_213 = like.lift(-1.7320508075688772).mul_add(t1_172, t1_212);
+        let t1_214 = t1_211 + t1_213;
+        let t1_215 = t1_96 * t1_142;
+        let t1_216 = t1_91.mul_add(t1_151, t1_215);
+        let t1_217 = t1_131 - t1_216;
+        let t1_218 = t1_91 * t1_156;
+        let t1_219 = (-t1_113).mul_add(t1_155, t1_218);
         [
             sin_shoulder, cos_shoulder, w_boomx, w_boomy, w_ixx_boom_shoulder, al_boomy,
             al_boomx, t1_4, t1_6, t1_7, t1_9, sin_q8, cos_q8, t1_10, t1_11, w_6x, t1_14, t1_15,
             w_6z, t1_17, t1_19, t1_21, t1_22, al_6x, al_6y, a_basex, t1_35, t1_36, t1_37,
-            t1_39, t1_41, t1_43, a_basey, t1_44, a_6z, t1_45, t1_46, t1_47, t1_48, sin_q1,
-            cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, t1_53, t1_54, t1_56, t1_61, sin_q6,
-            cos_q6, t1_62, t1_64, t1_67, t1_68, t1_70, t1_74, t1_75, t1_79, t1_80, t1_84,
-            pivot_1, sin_s1_3, cos_s1_3, t1_90, t1_91, t1_92, t1_95, t1_96, t1_98, t1_100,
-            t1_101, t1_102, t1_104, t1_110, t1_111, t1_112, t1_114, t1_116, t1_117, t1_119,
-            t1_120, t1_122, t1_124, t1_125, t1_141, t1_150, t1_154, t1_155, t1_161, t1_173,
-            t1_174, t1_178, t1_187, t1_203, t1_213, t1_216, t1_218, t1_219, t1_220,
+            t1_39, t1_41, t1_43, t1_44, a_basey, t1_45, a_6z, t1_46, t1_47, t1_48, t1_49,
+            sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, t1_54, t1_55, t1_57, t1_62,
+            sin_q6, cos_q6, t1_63, t1_65, t1_68, t1_69, t1_71, t1_75, t1_76, t1_80, t1_81,
+            t1_85, pivot_1, sin_s1_3, cos_s1_3, t1_91, t1_92, t1_93, t1_96, t1_97, t1_99,
+            t1_101, t1_102, t1_103, t1_105, t1_111, t1_112, t1_113, t1_115, t1_117, t1_118,
+            t1_120, t1_121, t1_123, t1_125, t1_126, t1_142, t1_151, t1_155, t1_156, t1_162,
+            t1_174, t1_175, t1_179, t1_188, t1_204, t1_214, t1_217, t1_219,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t2_34, t2_35, pivot_3, inv_pivot_3, t2_37, pivot_4, inv_pivot_4, t2_41, t2_43,
-        inv_pivot_5, t2_52, t2_54, t2_55, t2_56, t2_57, t2_62, t2_65, pivot_6, inv_pivot_6,
-        t2_91, t2_92, t2_93, t2_94, t2_95, t2_96, t2_97,
+        t2_36, t2_37, pivot_3, inv_pivot_3, t2_39, pivot_4, inv_pivot_4, t2_43, t2_45,
+        inv_pivot_5, t2_54, t2_56, t2_57, t2_58, t2_59, t2_64, t2_67, pivot_6, inv_pivot_6,
+        t2_93, t2_94, t2_95, t2_96, t2_97, t2_98, t2_99,
     ] = {
-        let t2_1 = t1_95.mul_add(t1_155, t1_220);
-        let t2_2 = (-t1_161).mul_add(t2_1, t1_219);
-        let t2_3 = t1_216 + t2_2;
-        let t2_4 = t1_117 * d_q8;
-        let t2_5 = d_q8 * t2_4;
-        let t2_6 = cos_q8 * d_q8;
-        let t2_7 = d_q9 * t2_6;
-        let t2_8 = like.lift(0.5).mul_add(t2_5, -t2_7);
-        let t2_9 = t2_3 + t2_8;
-        let t2_10 = -t2_9;
-        let t2_11 = t1_112 * t1_150;
-        let t2_12 = (-t1_95).mul_add(t1_187, t2_11);
-        let t2_13 = t1_178 + t2_12;
-        let t2_14 = t1_95 * t1_154;
-        let t2_15 = t1_90.mul_add(t1_161, t2_14);
-        let t2_16 = t1_161 * t2_15;
-        let t2_17 = t1_155.mul_add(t1_218, t2_16);
-        let t2_18 = t2_13 - t2_17;
-        let t2_19 = t1_102 * d_q8;
-        let t2_20 = d_q8 * t2_19;
-        let t2_21 = sin_q8 * d_q8;
-        let t2_22 = d_q9 * t2_21;
-        let t2_23 = like.lift(2.0).mul_add(t2_22, t2_20);
-        let t2_24 = t2_18 - t2_23;
-        let t2_25 = t1_90 * t1_187;
-        let t2_26 = t1_112.mul_add(t1_141, t2_25);
-        let t2_27 = t1_155 * t2_1;
-        let t2_28 = t1_154.mul_add(t2_15, t2_27);
-        let t2_29 = t2_26 - t2_28;
-        let t2_30 = like.lift(0.8660254037844386) * t2_5;
-        let t2_31 = like.lift(-1.7320508075688772).mul_add(t2_7, t2_30);
-        let t2_32 = t2_29 - t2_31;
-        let t2_33 = like.lift(0.5773502691896257).mul_add(t1_124, t1_100);
-        let t2_34 = like.lift(1.0) / t1_102;
-        let t2_35 = t1_117 * t2_34;
-        let t2_36 = t1_124 * t2_35;
-        let pivot_3 = like.lift(1.1547005383792515).mul_add(t2_36, t1_116);
+        let t2_1 = t1_155 * t1_219;
+        let t2_2 = t1_113 * t1_162;
+        let t2_3 = t1_96.mul_add(t1_156, t2_2);
+        let t2_4 = (-t1_162).mul_add(t2_3, t2_1);
+        let t2_5 = t1_217 + t2_4;
+        let t2_6 = t1_118 * d_q8;
+        let t2_7 = d_q8 * t2_6;
+        let t2_8 = cos_q8 * d_q8;
+        let t2_9 = d_q9 * t2_8;
+        let t2_10 = like.lift(0.5).mul_add(t2_7, -t2_9);
+        let t2_11 = t2_5 + t2_10;
+        let t2_12 = -t2_11;
+        let t2_13 = t1_113 * t1_151;
+        let t2_14 = (-t1_96).mul_add(t1_188, t2_13);
+        let t2_15 = t1_179 + t2_14;
+        let t2_16 = t1_96 * t1_155;
+        let t2_17 = t1_91.mul_add(t1_162, t2_16);
+        let t2_18 = t1_162 * t2_17;
+        let t2_19 = t1_156.mul_add(t1_219, t2_18);
+        let t2_20 = t2_15 - t2_19;
+        let t2_21 = t1_103 * d_q8;
+        let t2_22 = d_q8 * t2_21;
+        let t2_23 = sin_q8 * d_q8;
+        let t2_24 = d_q9 * t2_23;
+        let t2_25 = like.lift(2.0).mul_add(t2_24, t2_22);
+        let t2_26 = t2_20 - t2_25;
+        let t2_27 = t1_91 * t1_188;
+        let t2_28 = t1_113.mul_add(t1_142, t2_27);
+        let t2_29 = t1_156 * t2_3;
+        let t2_30 = t1_155.mul_add(t2_17, t2_29);
+        let t2_31 = t2_28 - t2_30;
+        let t2_32 = like.lift(0.8660254037844386) * t2_7;
+        let t2_33 = like.lift(-1.7320508075688772).mul_add(t2_9, t2_32);
+        let t2_34 = t2_31 - t2_33;
+        let t2_35 = like.lift(0.5773502691896257).mul_add(t1_125, t1_101);
+        let t2_36 = like.lift(1.0) / t1_103;
+        let t2_37 = t1_118 * t2_36;
+        let t2_38 = t1_125 * t2_37;
+        let pivot_3 = like.lift(1.1547005383792515).mul_add(t2_38, t1_117);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_37 = t2_33 * inv_pivot_3;
-        let t2_38 = (-t1_110).mul_add(t2_37, t1_91);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t1_79, t1_56);
+        let t2_39 = t2_35 * inv_pivot_3;
+        let t2_40 = (-t1_111).mul_add(t2_39, t1_92);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t1_80, t1_57);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_39 = like.lift(0.5773502691896257).mul_add(t1_119, t1_96);
-        let t2_40 = t1_119 * t2_35;
-        let t2_41 = like.lift(-1.1547005383792515).mul_add(t2_40, t1_111);
-        let t2_42 = t2_41.mul_add(t2_37, t2_39);
-        let t2_43 = inv_pivot_4 * t2_42;
-        let pivot_5 = (-t1_53).mul_add(t2_43, t2_38);
+        let t2_41 = like.lift(0.5773502691896257).mul_add(t1_120, t1_97);
+        let t2_42 = t1_120 * t2_37;
+        let t2_43 = like.lift(-1.1547005383792515).mul_add(t2_42, t1_112);
+        let t2_44 = t2_43.mul_add(t2_39, t2_41);
+        let t2_45 = inv_pivot_4 * t2_44;
+        let pivot_5 = (-t1_54).mul_add(t2_45, t2_40);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_44 = like.lift(0.5773502691896257).mul_add(t2_32, t2_9);
-        let t2_45 = t2_35 * t2_32;
-        let t2_46 = like.lift(1.1547005383792515).mul_add(t2_45, t2_24);
-        let t2_47 = (-t2_37).mul_add(t2_46, t2_44);
-        let t2_48 = like.lift(-0.5773502691896257).mul_add(t1_213, t1_173);
-        let t2_49 = (-t2_43).mul_add(t2_48, t2_47);
-        let t2_50 = like.lift(-0.5773502691896257).mul_add(t1_122, t1_98);
-        let t2_51 = t1_122 * t2_35;
-        let t2_52 = like.lift(1.1547005383792515).mul_add(t2_51, t1_114);
-        let t2_53 = t2_52.mul_add(t2_37, t2_50);
-        let t2_54 = like.lift(0.5773502691896257).mul_add(t1_84, t1_61);
-        let t2_55 = (-t2_54).mul_add(t2_43, t2_53);
-        let t2_56 = like.lift(1.0) / t1_62;
-        let t2_57 = t1_75 * t2_56;
-        let t2_58 = t1_84 * t2_57;
-        let t2_59 = like.lift(-1.1547005383792515).mul_add(t2_58, t1_74);
-        let t2_60 = t1_79 * t2_57;
-        let t2_61 = like.lift(1.1547005383792515).mul_add(t2_60, t1_70);
-        let t2_62 = t2_61 * inv_pivot_4;
-        let t2_63 = (-t2_54).mul_add(t2_62, t2_59);
-        let t2_64 = (-t1_53).mul_add(t2_62, t1_67);
-        let t2_65 = t2_64 * inv_pivot_5;
-        let pivot_6 = (-t2_55).mul_add(t2_65, t2_63);
+        let t2_46 = like.lift(0.5773502691896257).mul_add(t2_34, t2_11);
+        let t2_47 = t2_37 * t2_34;
+        let t2_48 = like.lift(1.1547005383792515).mul_add(t2_47, t2_26);
+        let t2_49 = (-t2_39).mul_add(t2_48, t2_46);
+        let t2_50 = like.lift(-0.5773502691896257).mul_add(t1_214, t1_174);
+        let t2_51 = (-t2_45).mul_add(t2_50, t2_49);
+        let t2_52 = like.lift(-0.5773502691896257).mul_add(t1_123, t1_99);
+        let t2_53 = t1_123 * t2_37;
+        let t2_54 = like.lift(1.1547005383792515).mul_add(t2_53, t1_115);
+        let t2_55 = t2_54.mul_add(t2_39, t2_52);
+        let t2_56 = like.lift(0.5773502691896257).mul_add(t1_85, t1_62);
+        let t2_57 = (-t2_56).mul_add(t2_45, t2_55);
+        let t2_58 = like.lift(1.0) / t1_63;
+        let t2_59 = t1_76 * t2_58;
+        let t2_60 = t1_85 * t2_59;
+        let t2_61 = like.lift(-1.1547005383792515).mul_add(t2_60, t1_75);
+        let t2_62 = t1_80 * t2_59;
+        let t2_63 = like.lift(1.1547005383792515).mul_add(t2_62, t1_71);
+        let t2_64 = t2_63 * inv_pivot_4;
+        let t2_65 = (-t2_56).mul_add(t2_64, t2_61);
+        let t2_66 = (-t1_54).mul_add(t2_64, t1_68);
+        let t2_67 = t2_66 * inv_pivot_5;
+        let pivot_6 = (-t2_57).mul_add(t2_67, t2_65);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_66 = t2_57 * t1_213;
-        let t2_67 = like.lift(-1.1547005383792515).mul_add(t2_66, t1_203);
-        let t2_68 = t2_62.mul_add(t2_48, t2_67);
-        let t2_69 = t2_65.mul_add(t2_49, t2_68);
-        let t2_70 = inv_pivot_6 * t2_69;
-        let t2_71 = t2_55.mul_add(t2_70, t2_49);
-        let t2_72 = inv_pivot_5 * t2_71;
-        let t2_73 = (-t1_53).mul_add(t2_72, t2_48);
-        let t2_74 = t2_54.mul_add(t2_70, t2_73);
-        let t2_75 = inv_pivot_4 * t2_74;
-        let t2_76 = -t2_75;
-        let t2_77 = t2_41.mul_add(t2_75, t2_46);
-        let t2_78 = (-t1_110).mul_add(t2_72, t2_77);
-        let t2_79 = (-t2_52).mul_add(t2_70, t2_78);
-        let t2_80 = inv_pivot_3 * t2_79;
-        let t2_81 = (-t1_79).mul_add(t2_75, t1_213);
-        let t2_82 = (-t1_84).mul_add(t2_70, t2_81);
-        let t2_83 = t2_56 * t2_82;
-        let t2_84 = like.lift(1.1547005383792515) * t2_83;
-        let t2_85 = (-t1_124).mul_add(t2_80, t2_32);
-        let t2_86 = (-t1_119).mul_add(t2_75, t2_85);
-        let t2_87 = (-t1_122).mul_add(t2_70, t2_86);
-        let t2_88 = t2_34 * t2_87;
-        let t2_89 = like.lift(1.1547005383792515) * t2_88;
-        let t2_90 = -t2_89;
-        let t2_91 = -pivot_5;
+        let t2_68 = t2_59 * t1_214;
+        let t2_69 = like.lift(-1.1547005383792515).mul_add(t2_68, t1_204);
+        let t2_70 = t2_64.mul_add(t2_50, t2_69);
+        let t2_71 = t2_67.mul_add(t2_51, t2_70);
+        let t2_72 = inv_pivot_6 * t2_71;
+        let t2_73 = t2_57.mul_add(t2_72, t2_51);
+        let t2_74 = inv_pivot_5 * t2_73;
+        let t2_75 = (-t1_54).mul_add(t2_74, t2_50);
+        let t2_76 = t2_56.mul_add(t2_72, t2_75);
+        let t2_77 = inv_pivot_4 * t2_76;
+        let t2_78 = -t2_77;
+        let t2_79 = t2_43.mul_add(t2_77, t2_48);
+        let t2_80 = (-t1_111).mul_add(t2_74, t2_79);
+        let t2_81 = (-t2_54).mul_add(t2_72, t2_80);
+        let t2_82 = inv_pivot_3 * t2_81;
+        let t2_83 = (-t1_80).mul_add(t2_77, t1_214);
+        let t2_84 = (-t1_85).mul_add(t2_72, t2_83);
+        let t2_85 = t2_58 * t2_84;
+        let t2_86 = like.lift(1.1547005383792515) * t2_85;
+        let t2_87 = (-t1_125).mul_add(t2_82, t2_34);
+        let t2_88 = (-t1_120).mul_add(t2_77, t2_87);
+        let t2_89 = (-t1_123).mul_add(t2_72, t2_88);
+        let t2_90 = t2_36 * t2_89;
+        let t2_91 = like.lift(1.1547005383792515) * t2_90;
+        let t2_92 = -t2_91;
+        let t2_93 = -pivot_5;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(1.9150361620118772)).abs()
-            .min((t1_125 * like.lift(1.8751412991819398)).abs())
-            .min((pivot_3 * like.lift(2.6162535605710207)).abs())
-            .min((pivot_4 * like.lift(2.2558640767950906)).abs())
-            .min((t2_91 * like.lift(0.8083910306721919)).abs())
-            .min((pivot_6 * like.lift(2.191678505501337)).abs());
-        let ([[t2_92], [t2_93], [t2_94], [t2_95], [t2_96], [t2_97]], found) = ::regen_runtime::guarded(
-            [[t2_72], [t2_76], [t2_70], [t2_80], [t2_84], [t2_90]],
+        let margin = (pivot_1 * like.lift(1.9131671434315987)).abs()
+            .min((t1_126 * like.lift(1.863195236951264)).abs())
+            .min((pivot_3 * like.lift(2.6695171222054848)).abs())
+            .min((pivot_4 * like.lift(2.294035647929491)).abs())
+            .min((t2_93 * like.lift(0.786868847408929)).abs())
+            .min((pivot_6 * like.lift(2.1945756748652077)).abs());
+        let ([[t2_94], [t2_95], [t2_96], [t2_97], [t2_98], [t2_99]], found) = ::regen_runtime::guarded(
+            [[t2_74], [t2_78], [t2_72], [t2_82], [t2_86], [t2_92]],
             margin,
             || (
                 [
-                    [t1_54, t1_56, t1_61, like.lift(0.0), t1_64, like.lift(0.0)],
-                    [t1_68, t1_70, t1_74, like.lift(0.0), t1_75, like.lift(0.0)],
-                    [like.lift(0.0), t1_80, t1_84, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t1_92, t1_96, t1_98, t1_101, like.lift(0.0), t1_104],
-                    [t1_110, t1_111, t1_114, t1_116, like.lift(0.0), t1_117],
-                    [like.lift(0.0), t1_120, t1_122, t1_124, like.lift(0.0), t1_125],
+                    [t1_55, t1_57, t1_62, like.lift(0.0), t1_65, like.lift(0.0)],
+                    [t1_69, t1_71, t1_75, like.lift(0.0), t1_76, like.lift(0.0)],
+                    [like.lift(0.0), t1_81, t1_85, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t1_93, t1_97, t1_99, t1_102, like.lift(0.0), t1_105],
+                    [t1_111, t1_112, t1_115, t1_117, like.lift(0.0), t1_118],
+                    [like.lift(0.0), t1_121, t1_123, t1_125, like.lift(0.0), t1_126],
                 ],
-                [[t1_174], [t1_203], [t1_213], [t2_10], [t2_24], [t2_32]],
+                [[t1_175], [t1_204], [t1_214], [t2_12], [t2_26], [t2_34]],
             ),
         );
         condition = condition.min(found);
         [
-            t2_34, t2_35, pivot_3, inv_pivot_3, t2_37, pivot_4, inv_pivot_4, t2_41, t2_43,
-            inv_pivot_5, t2_52, t2_54, t2_55, t2_56, t2_57, t2_62, t2_65, pivot_6, inv_pivot_6,
-            t2_91, t2_92, t2_93, t2_94, t2_95, t2_96, t2_97,
+            t2_36, t2_37, pivot_3, inv_pivot_3, t2_39, pivot_4, inv_pivot_4, t2_43, t2_45,
+            inv_pivot_5, t2_54, t2_56, t2_57, t2_58, t2_59, t2_64, t2_67, pivot_6, inv_pivot_6,
+            t2_93, t2_94, t2_95, t2_96, t2_97, t2_98, t2_99,
         ]
     };
     // tau, part 3
     let [
-        al_6z, t3_2, t3_7, a_6y, a_7z, t3_22, a_6x, a_7x, t3_40, t3_48, t3_49, t3_57, t3_58,
-        t3_64, t3_67, t3_74, t3_76, t3_78, al_4x, al_4y, t3_97, al_4z, t3_100, a_4y, a_5z,
-        t3_118, a_4x, a_5x, t3_136, t3_144, t3_145, t3_153, t3_154, t3_160, t3_163, t3_166,
-        w_1z, t3_168, t3_170, t3_172, t3_173, al_1x, al_1y, t3_183, t3_184, al_1z, t3_187,
-        t3_188, t3_189, a_1y, a_2z, t3_194, a_2y, t3_197, w_s1_1y, w_s1_1x, w_s1_2z, w_3y,
-        w_s1_2x, t3_203, w_3z, t3_205, t3_206, t3_209, t3_210, t3_213,
+        al_6z, t3_2, t3_7, a_basez, a_6y, a_7z, t3_23, a_6x, a_7x, t3_41, t3_49, t3_50, t3_58,
+        t3_59, t3_65, t3_68, t3_75, t3_77, t3_79, al_4x, al_4y, t3_98, al_4z, t3_101, a_4y,
+        a_5z, t3_119, a_4x, a_5x, t3_137, t3_145, t3_146, t3_154, t3_155, t3_161, t3_164,
+        t3_167, w_1z, t3_169, t3_171, t3_173, t3_174, al_1x, al_1y, t3_183, t3_184, al_1z,
+        t3_187, t3_188, t3_189, a_1y, a_2z, t3_193, a_2y, t3_196, w_s1_1y, w_s1_1x, w_s1_2z,
+        w_3y, w_s1_2x, t3_202, w_3z, t3_204, t3_205, t3_208, t3_209, t3_212,
     ] = {
-        let al_6z = t1_48 + t2_97;
-        let t3_1 = (-p_ixy_7).mul_add(al_6z, t1_47);
+        let al_6z = t1_49 + t2_99;
+        let t3_1 = (-p_ixy_7).mul_add(al_6z, t1_48);
         let t3_2 = w_6x * w_6x;
         let t3_3 = t3_2 + t1_22;
         let t3_4 = like.lift(0.5) * t1_39;
-        let t3_5 = like.lift(-0.8660254037844386).mul_add(t1_44, t3_4);
+        let t3_5 = like.lift(-0.8660254037844386).mul_add(t1_45, t3_4);
         let t3_6 = sin_q8 * t3_5;
-        let t3_7 = t1_6 + t1_7;
-        let a_basez = like.lift(0.6) * t3_7;
-        let t3_8 = like.lift(0.22815) * w_ixx_boom_shoulder;
-        let t3_9 = a_basez + t3_8;
-        let a_6y = (-cos_q8).mul_add(t3_9, t3_6);
+        let t3_7 = cos_shoulder * t1_35;
+        let a_boomx = like.lift(0.35) * t3_7;
+        let t3_8 = t1_6 + t1_7;
+        let a_basez = like.lift(1.25).mul_add(t3_8, a_boomx);
+        let t3_9 = like.lift(0.22815) * w_ixx_boom_shoulder;
+        let t3_10 = a_basez + t3_9;
+        let a_6y = (-cos_q8).mul_add(t3_10, t3_6);
         let a_7z = q9.mul_add(t3_3, -a_6y);
-        let t3_10 = a_7z * p_my_7;
-        let t3_11 = d_q9 * w_6x;
-        let t3_12 = t1_19 + al_6x;
-        let t3_13 = (-q9).mul_add(t3_12, a_6z);
-        let a_7y = like.lift(2.0).mul_add(t3_11, t3_13);
-        let t3_14 = (-a_7y).mul_add(p_mz_7, t3_10);
-        let t3_15 = t3_1 + t3_14;
-        let t3_16 = t3_2 + t1_21;
-        let t3_17 = t3_16 * p_my_7;
-        let t3_18 = t1_17 + al_6y;
-        let t3_19 = (-t3_18).mul_add(p_mx_7, t3_17);
-        let t3_20 = (-t3_12).mul_add(p_mz_7, t3_19);
-        let t3_21 = (-q9).mul_add(t3_20, t3_15);
-        let t3_22 = t1_45 + t3_21;
-        let t3_23 = sin_q8 * t3_22;
-        let t3_24 = p_ixx_6 - p_izz_6;
-        let t3_25 = t1_17 * t3_24;
-        let t3_26 = (-t1_19).mul_add(p_ixy_6, t3_25);
-        let t3_27 = t1_46.mul_add(p_iyz_6, t3_26);
-        let t3_28 = al_6x * p_ixy_6;
-        let t3_29 = (-p_iyz_6).mul_add(al_6z, t3_28);
-        let t3_30 = t3_27 - t3_29;
-        let t3_31 = a_6z.mul_add(p_mx_6, t3_30);
-        let t3_32 = t3_2 - t1_22;
-        let t3_33 = a_7y * p_mx_7;
-        let t3_34 = d_q9 * w_6z;
-        let t3_35 = cos_q8 * t3_5;
-        let a_6x = sin_q8.mul_add(t3_9, t3_35);
-        let t3_36 = t1_46 + al_6z;
-        let t3_37 = q9.mul_add(t3_36, a_6x);
-        let a_7x = like.lift(2.0).mul_add(t3_34, t3_37);
-        let t3_38 = p_my_7.mul_add(a_7x, t3_33);
-        let t3_39 = t3_32.mul_add(p_ixy_7, -t3_38);
-        let t3_40 = t3_31 - t3_39;
-        let t3_41 = (-cos_q8).mul_add(t3_40, t3_23);
-        let t3_42 = t1_21 + t1_22;
-        let t3_43 = t3_42 * p_mx_6;
-        let t3_44 = p_my_6.mul_add(t3_36, t3_43);
-        let t3_45 = t3_42 * p_mx_7;
-        let t3_46 = t1_17 - al_6y;
-        let t3_47 = (-t3_46).mul_add(p_my_7, t3_45);
-        let t3_48 = (-p_mz_7).mul_add(t3_36, t3_47);
-        let t3_49 = t3_44 + t3_48;
-        let t3_50 = cos_q8 * t3_49;
-        let t3_51 = t3_3 * p_my_6;
-        let t3_52 = t1_46 - al_6z;
-        let t3_53 = p_mx_6.mul_add(t3_52, t3_51);
-        let t3_54 = p_mx_7 * t3_52;
-        let t3_55 = t1_19 - al_6x;
-        let t3_56 = t3_55.mul_add(p_my_7, t3_54);
-        let t3_57 = t3_3.mul_add(p_mz_7, -t3_56);
-        let t3_58 = t3_53 - t3_57;
-        let t3_59 = (-sin_q8).mul_add(t3_58, t3_50);
-        let t3_60 = like.lift(0.8660254037844386) * t3_59;
-        let t3_61 = t3_18 * p_mx_6;
-        let t3_62 = (-t3_12).mul_add(p_my_6, t3_61);
-        let t3_63 = t3_62 - t3_20;
-        let t3_64 = like.lift(-0.5).mul_add(t3_63, t3_60);
-        let t3_65 = like.lift(0.13172246391561312) * t3_64;
-        let t3_66 = like.lift(0.5) * t3_59;
-        let t3_67 = like.lift(0.8660254037844386).mul_add(t3_63, t3_66);
-        let t3_68 = like.lift(-0.22815).mul_add(t3_67, t3_65);
-        let t3_69 = t3_41 - t3_68;
-        let t3_70 = t1_9 + t3_69;
-        let t3_71 = t1_10 + t1_11;
-        let t3_72 = cos_q6 * t3_71;
-        let w_4x = (-sin_q6).mul_add(w_boomx, t3_72);
-        let t3_73 = t1_14 - t1_15;
-        let w_4z = d_q6 + t3_73;
-        let t3_74 = w_4x * w_4z;
-        let t3_75 = sin_q6 * t3_71;
-        let w_4y = cos_q6.mul_add(w_boomx, t3_75);
-        let t3_76 = w_4y * w_4z;
-        let t3_77 = t3_76 * p_izz_4;
-        let t3_78 = w_4y * w_4y;
-        let t3_79 = w_4z * w_4z;
-        let t3_80 = t3_78 - t3_79;
-        let t3_81 = (-t3_80).mul_add(p_iyz_4, t3_77);
-        let t3_82 = t3_74.mul_add(p_ixy_4, t3_81);
-        let t3_83 = cos_q6 * al_boomy;
-        let t3_84 = like.lift(0.8660254037844386) * t3_83;
-        let t3_85 = sin_q6.mul_add(al_boomx, t3_84);
-        let al_4x = d_q6.mul_add(w_4y, t3_85);
-        let t3_86 = al_4x * p_ixx_4;
-        let t3_87 = sin_q6 * al_boomy;
-        let t3_88 = like.lift(0.8660254037844386) * t3_87;
-        let t3_89 = (-cos_q6).mul_add(al_boomx, t3_88);
-        let al_4y = d_q6.mul_add(w_4x, -t3_89);
-        let t3_90 = al_4y.mul_add(p_ixy_4, t3_86);
-        let t3_91 = t3_82 + t3_90;
-        let t3_92 = t1_36 - t1_37;
-        let t3_93 = a_basex - t3_92;
-        let t3_94 = like.lift(0.8660254037844386) * t3_93;
-        let t3_95 = t1_43 - a_basey;
-        let a_4z = like.lift(0.5).mul_add(t3_95, t3_94);
-        let t3_96 = (-a_4z).mul_add(p_my_4, t3_91);
-        let t3_97 = w_4x * w_4y;
-        let t3_98 = t3_97 * p_ixy_5;
-        let al_4z = t1_48 + t2_96;
-        let t3_99 = (-p_ixy_5).mul_add(al_4z, t3_98);
-        let t3_100 = w_4x * w_4x;
-        let t3_101 = t3_100 + t3_79;
-        let t3_102 = like.lift(0.5) * t3_93;
-        let t3_103 = like.lift(-0.8660254037844386).mul_add(t3_95, t3_102);
-        let t3_104 = sin_q6 * t3_103;
-        let t3_105 = a_basez - t3_8;
-        let a_4y = (-cos_q6).mul_add(t3_105, t3_104);
-        let a_5z = q7.mul_add(t3_101, -a_4y);
-        let t3_106 = a_5z * p_my_5;
-        let t3_107 = d_q7 * w_4x;
-        let t3_108 = t3_76 + al_4x;
-        let t3_109 = q7.mul_add(t3_108, a_4z);
-        let a_5y = like.lift(2.0).mul_add(t3_107, -t3_109);
-        let t3_110 = (-a_5y).mul_add(p_mz_5, t3_106);
-        let t3_111 = t3_99 + t3_110;
-        let t3_112 = t3_100 + t3_78;
-        let t3_113 = t3_112 * p_my_5;
-        let t3_114 = t3_74 + al_4y;
-        let t3_115 = (-t3_114).mul_add(p_mx_5, t3_113);
-        let t3_116 = (-t3_108).mul_add(p_mz_5, t3_115);
-        let t3_117 = (-q7).mul_add(t3_116, t3_111);
-        let t3_118 = t3_96 + t3_117;
-        let t3_119 = sin_q6 * t3_118;
-        let t3_120 = p_ixx_4 - p_izz_4;
-        let t3_121 = t3_74 * t3_120;
-        let t3_122 = (-t3_76).mul_add(p_ixy_4, t3_121);
-        let t3_123 = t3_97.mul_add(p_iyz_4, t3_122);
-        let t3_124 = al_4x * p_ixy_4;
-        let t3_125 = (-p_iyz_4).mul_add(al_4z, t3_124);
-        let t3_126 = t3_123 - t3_125;
-        let t3_127 = (-a_4z).mul_add(p_mx_4, t3_126);
-        let t3_128 = t3_100 - t3_79;
-        let t3_129 = a_5y * p_mx_5;
-        let t3_130 = d_q7 * w_4z;
-        let t3_131 = cos_q6 * t3_103;
-        let a_4x = sin_q6.mul_add(t3_105, t3_131);
-        let t3_132 = t3_97 + al_4z;
-        let t3_133 = q7.mul_add(t3_132, a_4x);
-        let a_5x = like.lift(2.0).mul_add(t3_130, t3_133);
-        let t3_134 = p_my_5.mul_add(a_5x, t3_129);
-        let t3_135 = t3_128.mul_add(p_ixy_5, -t3_134);
-        let t3_136 = t3_127 - t3_135;
-        let t3_137 = (-cos_q6).mul_add(t3_136, t3_119);
-        let t3_138 = t3_78 + t3_79;
-        let t3_139 = t3_138 * p_mx_4;
-        let t3_140 = p_my_4.mul_add(t3_132, t3_139);
-        let t3_141 = t3_138 * p_mx_5;
-        let t3_142 = t3_74 - al_4y;
-        let t3_143 = (-t3_142).mul_add(p_my_5, t3_141);
-        let t3_144 = (-p_mz_5).mul_add(t3_132, t3_143);
-        let t3_145 = t3_140 + t3_144;
-        let t3_146 = cos_q6 * t3_145;
-        let t3_147 = t3_101 * p_my_4;
-        let t3_148 = t3_97 - al_4z;
-        let t3_149 = p_mx_4.mul_add(t3_148, t3_147);
-        let t3_150 = p_mx_5 * t3_148;
-        let t3_151 = t3_76 - al_4x;
-        let t3_152 = t3_151.mul_add(p_my_5, t3_150);
-        let t3_153 = t3_101.mul_add(p_mz_5, -t3_152);
-        let t3_154 = t3_149 - t3_153;
-        let t3_155 = (-sin_q6).mul_add(t3_154, t3_146);
-        let t3_156 = like.lift(0.8660254037844386) * t3_155;
-        let t3_157 = t3_114 * p_mx_4;
-        let t3_158 = (-t3_108).mul_add(p_my_4, t3_157);
-        let t3_159 = t3_158 - t3_116;
-        let t3_160 = like.lift(0.5).mul_add(t3_159, t3_156);
-        let t3_161 = like.lift(0.13172246391561312) * t3_160;
-        let t3_162 = like.lift(0.5) * t3_155;
-        let t3_163 = like.lift(-0.8660254037844386).mul_add(t3_159, t3_162);
-        let t3_164 = like.lift(-0.22815).mul_add(t3_163, t3_161);
-        let t3_165 = t3_137 + t3_164;
-        let t3_166 = t3_70 + t3_165;
-        let t3_167 = cos_q1 * d_shoulder;
-        let w_1x = sin_q1.mul_add(w_boomx, t3_167);
+        let t3_11 = a_7z * p_my_7;
+        let t3_12 = d_q9 * w_6x;
+        let t3_13 = t1_19 + al_6x;
+        let t3_14 = (-q9).mul_add(t3_13, a_6z);
+        let a_7y = like.lift(2.0).mul_add(t3_12, t3_14);
+        let t3_15 = (-a_7y).mul_add(p_mz_7, t3_11);
+        let t3_16 = t3_1 + t3_15;
+        let t3_17 = t3_2 + t1_21;
+        let t3_18 = t3_17 * p_my_7;
+        let t3_19 = t1_17 + al_6y;
+        let t3_20 = (-t3_19).mul_add(p_mx_7, t3_18);
+        let t3_21 = (-t3_13).mul_add(p_mz_7, t3_20);
+        let t3_22 = (-q9).mul_add(t3_21, t3_16);
+        let t3_23 = t1_46 + t3_22;
+        let t3_24 = sin_q8 * t3_23;
+        let t3_25 = p_ixx_6 - p_izz_6;
+        let t3_26 = t1_17 * t3_25;
+        let t3_27 = (-t1_19).mul_add(p_ixy_6, t3_26);
+        let t3_28 = t1_47.mul_add(p_iyz_6, t3_27);
+        let t3_29 = al_6x * p_ixy_6;
+        let t3_30 = (-p_iyz_6).mul_add(al_6z, t3_29);
+        let t3_31 = t3_28 - t3_30;
+        let t3_32 = a_6z.mul_add(p_mx_6, t3_31);
+        let t3_33 = t3_2 - t1_22;
+        let t3_34 = a_7y * p_mx_7;
+        let t3_35 = d_q9 * w_6z;
+        let t3_36 = cos_q8 * t3_5;
+        let a_6x = sin_q8.mul_add(t3_10, t3_36);
+        let t3_37 = t1_47 + al_6z;
+        let t3_38 = q9.mul_add(t3_37, a_6x);
+        let a_7x = like.lift(2.0).mul_add(t3_35, t3_38);
+        let t3_39 = p_my_7.mul_add(a_7x, t3_34);
+        let t3_40 = t3_33.mul_add(p_ixy_7, -t3_39);
+        let t3_41 = t3_32 - t3_40;
+        let t3_42 = (-cos_q8).mul_add(t3_41, t3_24);
+        let t3_43 = t1_21 + t1_22;
+        let t3_44 = t3_43 * p_mx_6;
+        let t3_45 = p_my_6.mul_add(t3_37, t3_44);
+        let t3_46 = t3_43 * p_mx_7;
+        let t3_47 = t1_17 - al_6y;
+        let t3_48 = (-t3_47).mul_add(p_my_7, t3_46);
+        let t3_49 = (-p_mz_7).mul_add(t3_37, t3_48);
+        let t3_50 = t3_45 + t3_49;
+        let t3_51 = cos_q8 * t3_50;
+        let t3_52 = t3_3 * p_my_6;
+        let t3_53 = t1_47 - al_6z;
+        let t3_54 = p_mx_6.mul_add(t3_53, t3_52);
+        let t3_55 = p_mx_7 * t3_53;
+        let t3_56 = t1_19 - al_6x;
+        let t3_57 = t3_56.mul_add(p_my_7, t3_55);
+        let t3_58 = t3_3.mul_add(p_mz_7, -t3_57);
+        let t3_59 = t3_54 - t3_58;
+        let t3_60 = (-sin_q8).mul_add(t3_59, t3_51);
+        let t3_61 = like.lift(0.8660254037844386) * t3_60;
+        let t3_62 = t3_19 * p_mx_6;
+        let t3_63 = (-t3_13).mul_add(p_my_6, t3_62);
+        let t3_64 = t3_63 - t3_21;
+        let t3_65 = like.lift(-0.5).mul_add(t3_64, t3_61);
+        let t3_66 = like.lift(0.13172246391561312) * t3_65;
+        let t3_67 = like.lift(0.5) * t3_60;
+        let t3_68 = like.lift(0.8660254037844386).mul_add(t3_64, t3_67);
+        let t3_69 = like.lift(-0.22815).mul_add(t3_68, t3_66);
+        let t3_70 = t3_42 - t3_69;
+        let t3_71 = t1_9 + t3_70;
+        let t3_72 = t1_10 + t1_11;
+        let t3_73 = cos_q6 * t3_72;
+        let w_4x = (-sin_q6).mul_add(w_boomx, t3_73);
+        let t3_74 = t1_14 - t1_15;
+        let w_4z = d_q6 + t3_74;
+        let t3_75 = w_4x * w_4z;
+        let t3_76 = sin_q6 * t3_72;
+        let w_4y = cos_q6.mul_add(w_boomx, t3_76);
+        let t3_77 = w_4y * w_4z;
+        let t3_78 = t3_77 * p_izz_4;
+        let t3_79 = w_4y * w_4y;
+        let t3_80 = w_4z * w_4z;
+        let t3_81 = t3_79 - t3_80;
+        let t3_82 = (-t3_81).mul_add(p_iyz_4, t3_78);
+        let t3_83 = t3_75.mul_add(p_ixy_4, t3_82);
+        let t3_84 = cos_q6 * al_boomy;
+        let t3_85 = like.lift(0.8660254037844386) * t3_84;
+        let t3_86 = sin_q6.mul_add(al_boomx, t3_85);
+        let al_4x = d_q6.mul_add(w_4y, t3_86);
+        let t3_87 = al_4x * p_ixx_4;
+        let t3_88 = sin_q6 * al_boomy;
+        let t3_89 = like.lift(0.8660254037844386) * t3_88;
+        let t3_90 = (-cos_q6).mul_add(al_boomx, t3_89);
+        let al_4y = d_q6.mul_add(w_4x, -t3_90);
+        let t3_91 = al_4y.mul_add(p_ixy_4, t3_87);
+        let t3_92 = t3_83 + t3_91;
+        let t3_93 = t1_36 - t1_37;
+        let t3_94 = a_basex - t3_93;
+        let t3_95 = like.lift(0.8660254037844386) * t3_94;
+        let t3_96 = t1_43 - a_basey;
+        let a_4z = like.lift(0.5).mul_add(t3_96, t3_95);
+        let t3_97 = (-a_4z).mul_add(p_my_4, t3_92);
+        let t3_98 = w_4x * w_4y;
+        let t3_99 = t3_98 * p_ixy_5;
+        let al_4z = t1_49 + t2_98;
+        let t3_100 = (-p_ixy_5).mul_add(al_4z, t3_99);
+        let t3_101 = w_4x * w_4x;
+        let t3_102 = t3_101 + t3_80;
+        let t3_103 = like.lift(0.5) * t3_94;
+        let t3_104 = like.lift(-0.8660254037844386).mul_add(t3_96, t3_103);
+        let t3_105 = sin_q6 * t3_104;
+        let t3_106 = a_basez - t3_9;
+        let a_4y = (-cos_q6).mul_add(t3_106, t3_105);
+        let a_5z = q7.mul_add(t3_102, -a_4y);
+        let t3_107 = a_5z * p_my_5;
+        let t3_108 = d_q7 * w_4x;
+        let t3_109 = t3_77 + al_4x;
+        let t3_110 = q7.mul_add(t3_109, a_4z);
+        let a_5y = like.lift(2.0).mul_add(t3_108, -t3_110);
+        let t3_111 = (-a_5y).mul_add(p_mz_5, t3_107);
+        let t3_112 = t3_100 + t3_111;
+        let t3_113 = t3_101 + t3_79;
+        let t3_114 = t3_113 * p_my_5;
+        let t3_115 = t3_75 + al_4y;
+        let t3_116 = (-t3_115).mul_add(p_mx_5, t3_114);
+        let t3_117 = (-t3_109).mul_add(p_mz_5, t3_116);
+        let t3_118 = (-q7).mul_add(t3_117, t3_112);
+        let t3_119 = t3_97 + t3_118;
+        let t3_120 = sin_q6 * t3_119;
+        let t3_121 = p_ixx_4 - p_izz_4;
+        let t3_122 = t3_75 * t3_121;
+        let t3_123 = (-t3_77).mul_add(p_ixy_4, t3_122);
+        let t3_124 = t3_98.mul_add(p_iyz_4, t3_123);
+        let t3_125 = al_4x * p_ixy_4;
+        let t3_126 = (-p_iyz_4).mul_add(al_4z, t3_125);
+        let t3_127 = t3_124 - t3_126;
+        let t3_128 = (-a_4z).mul_add(p_mx_4, t3_127);
+        let t3_129 = t3_101 - t3_80;
+        let t3_130 = a_5y * p_mx_5;
+        let t3_131 = d_q7 * w_4z;
+        let t3_132 = cos_q6 * t3_104;
+        let a_4x = sin_q6.mul_add(t3_106, t3_132);
+        let t3_133 = t3_98 + al_4z;
+        let t3_134 = q7.mul_add(t3_133, a_4x);
+        let a_5x = like.lift(2.0).mul_add(t3_131, t3_134);
+        let t3_135 = p_my_5.mul_add(a_5x, t3_130);
+        let t3_136 = t3_129.mul_add(p_ixy_5, -t3_135);
+        let t3_137 = t3_128 - t3_136;
+        let t3_138 = (-cos_q6).mul_add(t3_137, t3_120);
+        let t3_139 = t3_79 + t3_80;
+        let t3_140 = t3_139 * p_mx_4;
+        let t3_141 = p_my_4.mul_add(t3_133, t3_140);
+        let t3_142 = t3_139 * p_mx_5;
+        let t3_143 = t3_75 - al_4y;
+        let t3_144 = (-t3_143).mul_add(p_my_5, t3_142);
+        let t3_145 = (-p_mz_5).mul_add(t3_133, t3_144);
+        let t3_146 = t3_141 + t3_145;
+        let t3_147 = cos_q6 * t3_146;
+        let t3_148 = t3_102 * p_my_4;
+        let t3_149 = t3_98 - al_4z;
+        let t3_150 = p_mx_4.mul_add(t3_149, t3_148);
+        let t3_151 = p_mx_5 * t3_149;
+        let t3_152 = t3_77 - al_4x;
+        let t3_153 = t3_152.mul_add(p_my_5, t3_151);
+        let t3_154 = t3_102.mul_add(p_mz_5, -t3_153);
+        let t3_155 = t3_150 - t3_154;
+        let t3_156 = (-sin_q6).mul_add(t3_155, t3_147);
+        let t3_157 = like.lift(0.8660254037844386) * t3_156;
+        let t3_158 = t3_115 * p_mx_4;
+        let t3_159 = (-t3_109).mul_add(p_my_4, t3_158);
+        let t3_160 = t3_159 - t3_117;
+        let t3_161 = like.lift(0.5).mul_add(t3_160, t3_157);
+        let t3_162 = like.lift(0.13172246391561312) * t3_161;
+        let t3_163 = like.lift(0.5) * t3_156;
+        let t3_164 = like.lift(-0.8660254037844386).mul_add(t3_160, t3_163);
+        let t3_165 = like.lift(-0.22815).mul_add(t3_164, t3_162);
+        let t3_166 = t3_138 + t3_165;
+        let t3_167 = t3_71 + t3_166;
+        let t3_168 = cos_q1 * d_shoulder;
+        let w_1x = sin_q1.mul_add(w_boomx, t3_168);
         let w_1z = d_q1 + w_boomy;
-        let t3_168 = w_1x * w_1z;
-        let t3_169 = sin_q1 * d_shoulder;
-        let w_1y = (-cos_q1).mul_add(w_boomx, t3_169);
-        let t3_170 = w_1y * w_1z;
-        let t3_171 = t3_170 * p_izz_1;
-        let t3_172 = w_1y * w_1y;
-        let t3_173 = w_1z * w_1z;
-        let t3_174 = t3_172 - t3_173;
-        let t3_175 = t3_174.mul_add(p_iyz_1, t3_171);
-        let t3_176 = t3_168.mul_add(p_ixy_1, t3_175);
-        let t3_177 = d_q1 * w_1y;
-        let al_1x = (-sin_q1).mul_add(al_boomx, t3_177);
-        let t3_178 = al_1x * p_ixx_1;
-        let t3_179 = d_q1 * w_1x;
-        let al_1y = (-cos_q1).mul_add(al_boomx, t3_179);
-        let t3_180 = al_1y.mul_add(p_ixy_1, t3_178);
-        let t3_181 = t3_176 + t3_180;
-        let t3_182 = w_ixx_boom_shoulder * p_my_1;
-        let t3_183 = like.lift(0.6).mul_add(t3_182, t3_181);
+        let t3_169 = w_1x * w_1z;
+        let t3_170 = sin_q1 * d_shoulder;
+        let w_1y = (-cos_q1).mul_add(w_boomx, t3_170);
+        let t3_171 = w_1y * w_1z;
+        let t3_172 = t3_171 * p_izz_1;
+        let t3_173 = w_1y * w_1y;
+        let t3_174 = w_1z * w_1z;
+        let t3_175 = t3_173 - t3_174;
+        let t3_176 = t3_175.mul_add(p_iyz_1, t3_172);
+        let t3_177 = t3_169.mul_add(p_ixy_1, t3_176);
+        let t3_178 = d_q1 * w_1y;
+        let al_1x = (-sin_q1).mul_add(al_boomx, t3_178);
+        let t3_179 = al_1x * p_ixx_1;
+        let t3_180 = d_q1 * w_1x;
+        let al_1y = (-cos_q1).mul_add(al_boomx, t3_180);
+        let t3_181 = al_1y.mul_add(p_ixy_1, t3_179);
+        let t3_182 = t3_177 + t3_181;
+        let t3_183 = a_basey.mul_add(p_my_1, t3_182);
         let t3_184 = w_1x * w_1y;
         let t3_185 = t3_184 * p_ixy_2;
-        let al_1z = al_boomy - t2_92;
+        let al_1z = al_boomy - t2_94;
         let t3_186 = p_ixy_2.mul_add(al_1z, t3_185);
         let t3_187 = w_1x * w_1x;
-        let t3_188 = t3_187 + t3_173;
+        let t3_188 = t3_187 + t3_174;
         let t3_189 = like.lift(0.26344492783122625).mul_add(t1_35, a_basex);
         let t3_190 = sin_q1 * t3_189;
-        let t3_191 = cos_q1 * t3_7;
-        let a_1y = like.lift(0.6).mul_add(t3_191, t3_190);
+        let a_1y = cos_q1.mul_add(a_basez, t3_190);
         let a_2z = q2.mul_add(t3_188, a_1y);
-        let t3_192 = a_2z * p_my_2;
-        let t3_193 = d_q2 * w_1x;
-        let t3_194 = t3_170 + al_1x;
-        let t3_195 = (-q2).mul_add(t3_194, a_basey);
-        let a_2y = like.lift(2.0).mul_add(t3_193, t3_195);
-        let t3_196 = a_2y.mul_add(p_mz_2, t3_192);
-        let t3_197 = t3_186 + t3_196;
-        let t3_198 = sin_s1_1 * w_1x;
-        let w_s1_1y = cos_s1_1.mul_add(w_1z, t3_198);
+        let t3_191 = a_2z * p_my_2;
+        let t3_192 = d_q2 * w_1x;
+        let t3_193 = t3_171 + al_1x;
+        let t3_194 = (-q2).mul_add(t3_193, a_basey);
+        let a_2y = like.lift(2.0).mul_add(t3_192, t3_194);
+        let t3_195 = a_2y.mul_add(p_mz_2, t3_191);
+        let t3_196 = t3_186 + t3_195;
+        let t3_197 = sin_s1_1 * w_1x;
+        let w_s1_1y = cos_s1_1.mul_add(w_1z, t3_197);
         let w_s1_2y = d_s1_2 + w_s1_1y;
-        let t3_199 = cos_s1_3 * w_s1_2y;
+        let t3_198 = cos_s1_3 * w_s1_2y;
         let w_s1_1z = d_s1_1 - w_1y;
-        let t3_200 = cos_s1_2 * w_s1_1z;
-        let t3_201 = cos_s1_1 * w_1x;
-        let w_s1_1x = (-sin_s1_1).mul_add(w_1z, t3_201);
-        let w_s1_2z = (-sin_s1_2).mul_add(w_s1_1x, t3_200);
-        let w_3y = sin_s1_3.mul_add(w_s1_2z, t3_199);
-        let t3_202 = sin_s1_2 * w_s1_1z;
-        let w_s1_2x = cos_s1_2.mul_add(w_s1_1x, t3_202);
+        let t3_199 = cos_s1_2 * w_s1_1z;
+        let t3_200 = cos_s1_1 * w_1x;
+        let w_s1_1x = (-sin_s1_1).mul_add(w_1z, t3_200);
+        let w_s1_2z = (-sin_s1_2).mul_add(w_s1_1x, t3_199);
+        let w_3y = sin_s1_3.mul_add(w_s1_2z, t3_198);
+        let t3_201 = sin_s1_2 * w_s1_1z;
+        let w_s1_2x = cos_s1_2.mul_add(w_s1_1x, t3_201);
         let w_3x = d_s1_3 - w_s1_2x;
-        let t3_203 = w_3y * w_3x;
-        let t3_204 = sin_s1_3 * w_s1_2y;
-        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t3_204);
-        let t3_205 = w_3y * w_3z;
-        let t3_206 = w_3z * w_3x;
-        let t3_207 = p_ixx_3 - p_izz_3;
-        let t3_208 = t3_206 * t3_207;
-        let t3_209 = w_3x * w_3x;
-        let t3_210 = w_3z * w_3z;
-        let t3_211 = t3_209 - t3_210;
-        let t3_212 = t3_211.mul_add(p_ixz_3, t3_208);
-        let t3_213 = t3_205.mul_add(p_ixy_3, t3_212);
+        let t3_202 = w_3y * w_3x;
+        let t3_203 = sin_s1_3 * w_s1_2y;
+        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t3_203);
+        let t3_204 = w_3y * w_3z;
+        let t3_205 = w_3z * w_3x;
+        let t3_206 = p_ixx_3 - p_izz_3;
+        let t3_207 = t3_205 * t3_206;
+        let t3_208 = w_3x * w_3x;
+        let t3_209 = w_3z * w_3z;
+        let t3_210 = t3_208 - t3_209;
+        let t3_211 = t3_210.mul_add(p_ixz_3, t3_207);
+        let t3_212 = t3_204.mul_add(p_ixy_3, t3_211);
         [
-            al_6z, t3_2, t3_7, a_6y, a_7z, t3_22, a_6x, a_7x, t3_40, t3_48, t3_49, t3_57,
-            t3_58, t3_64, t3_67, t3_74, t3_76, t3_78, al_4x, al_4y, t3_97, al_4z, t3_100, a_4y,
-            a_5z, t3_118, a_4x, a_5x, t3_136, t3_144, t3_145, t3_153, t3_154, t3_160, t3_163,
-            t3_166, w_1z, t3_168, t3_170, t3_172, t3_173, al_1x, al_1y, t3_183, t3_184, al_1z,
-            t3_187, t3_188, t3_189, a_1y, a_2z, t3_194, a_2y, t3_197, w_s1_1y, w_s1_1x,
-            w_s1_2z, w_3y, w_s1_2x, t3_203, w_3z, t3_205, t3_206, t3_209, t3_210, t3_213,
+            al_6z, t3_2, t3_7, a_basez, a_6y, a_7z, t3_23, a_6x, a_7x, t3_41, t3_49, t3_50,
+            t3_58, t3_59, t3_65, t3_68, t3_75, t3_77, t3_79, al_4x, al_4y, t3_98, al_4z,
+            t3_101, a_4y, a_5z, t3_119, a_4x, a_5x, t3_137, t3_145, t3_146, t3_154, t3_155,
+            t3_161, t3_164, t3_167, w_1z, t3_169, t3_171, t3_173, t3_174, al_1x, al_1y, t3_183,
+            t3_184, al_1z, t3_187, t3_188, t3_189, a_1y, a_2z, t3_193, a_2y, t3_196, w_s1_1y,
+            w_s1_1x, w_s1_2z, w_3y, w_s1_2x, t3_202, w_3z, t3_204, t3_205, t3_208, t3_209,
+            t3_212,
         ]
     };
     // tau, part 4
     let [
-        t4_61, t4_65, t4_102, t4_118, t4_120, t4_124, t4_128, t4_134, t4_138, t4_156, t4_159,
-        t4_163, t4_181, t4_184, t4_186, t4_215, t4_218, t4_230, t4_231, t4_233,
+        t4_60, t4_64, t4_101, t4_116, t4_118, t4_122, t4_126, t4_132, t4_136, t4_154, t4_157,
+        t4_161, t4_179, t4_182, t4_213, t4_216, t4_228, t4_229, t4_232, t4_233,
     ] = {
-        let t4_1 = t3_203.mul_add(p_iyz_3, t3_213);
-        let al_s1_1z = al_1y - t2_93;
+        let t4_1 = t3_202.mul_add(p_iyz_3, t3_212);
+        let al_s1_1z = al_1y - t2_95;
         let t4_2 = sin_s1_2 * al_s1_1z;
         let t4_3 = cos_s1_1 * al_1x;
         let t4_4 = (-sin_s1_1).mul_add(al_1z, t4_3);
         let al_s1_1x = d_s1_1.mul_add(w_s1_1y, t4_4);
         let t4_5 = cos_s1_2.mul_add(al_s1_1x, t4_2);
         let al_s1_2x = d_s1_2.mul_add(w_s1_2z, -t4_5);
-        let al_3x = t2_95 - al_s1_2x;
+        let al_3x = t2_97 - al_s1_2x;
         let t4_6 = p_ixy_3 * al_3x;
         let t4_7 = sin_s1_1 * al_1x;
         let t4_8 = cos_s1_1.mul_add(al_1z, t4_7);
         let al_s1_1y = d_s1_1.mul_add(w_s1_1x, -t4_8);
-        let al_s1_2y = t2_94 + al_s1_1y;
+        let al_s1_2y = t2_96 + al_s1_1y;
         let t4_9 = cos_s1_3 * al_s1_2y;
         let t4_10 = cos_s1_2 * al_s1_1z;
         let t4_11 = (-sin_s1_2).mul_add(al_s1_1x, t4_10);
@@ -17191,421 +17414,430 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 48]) ->
         let t4_19 = sin_s1_1 * a_2y;
         let t4_20 = d_q2 * w_1z;
         let t4_21 = cos_q1 * t3_189;
-        let t4_22 = sin_q1 * t3_7;
-        let a_1x = like.lift(-0.6).mul_add(t4_22, t4_21);
-        let t4_23 = t3_184 - al_1z;
-        let t4_24 = (-q2).mul_add(t4_23, a_1x);
-        let a_2x = like.lift(2.0).mul_add(t4_20, -t4_24);
+        let a_1x = (-sin_q1).mul_add(a_basez, t4_21);
+        let t4_22 = t3_184 - al_1z;
+        let t4_23 = (-q2).mul_add(t4_22, a_1x);
+        let a_2x = like.lift(2.0).mul_add(t4_20, -t4_23);
         let a_s1_1x = cos_s1_1.mul_add(a_2x, t4_19);
         let a_s1_2x = cos_s1_2.mul_add(a_s1_1x, t4_18);
-        let t4_25 = p_mz_3 * a_s1_2x;
-        let t4_26 = cos_s1_1 * a_2y;
-        let a_s1_1y = (-sin_s1_1).mul_add(a_2x, t4_26);
-        let t4_27 = sin_s1_3 * a_s1_1y;
-        let t4_28 = cos_s1_2 * a_2z;
-        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t4_28);
-        let a_3z = cos_s1_3.mul_add(a_s1_2z, t4_27);
-        let t4_29 = p_mx_3.mul_add(a_3z, t4_25);
-        let t4_30 = t4_17 - t4_29;
-        let t4_31 = sin_s1_3 * t4_30;
-        let t4_32 = p_ixx_3 - p_iyy_3;
-        let t4_33 = t3_203 * t4_32;
-        let t4_34 = w_3y * w_3y;
-        let t4_35 = t3_209 - t4_34;
-        let t4_36 = (-t4_35).mul_add(p_ixy_3, t4_33);
-        let t4_37 = t3_206.mul_add(p_iyz_3, t4_36);
-        let t4_38 = t3_205.mul_add(p_ixz_3, -t4_37);
-        let t4_39 = p_ixz_3 * al_3x;
-        let t4_40 = (-p_iyz_3).mul_add(al_3y, t4_39);
-        let t4_41 = (-p_izz_3).mul_add(al_3z, t4_40);
-        let t4_42 = t4_38 + t4_41;
-        let t4_43 = cos_s1_3 * a_s1_1y;
-        let a_3y = (-sin_s1_3).mul_add(a_s1_2z, t4_43);
-        let t4_44 = p_mx_3 * a_3y;
-        let t4_45 = (-p_my_3).mul_add(a_s1_2x, t4_44);
-        let t4_46 = t4_42 + t4_45;
-        let t4_47 = (-cos_s1_3).mul_add(t4_46, t4_31);
-        let t4_48 = sin_s1_2 * t4_47;
-        let t4_49 = p_iyy_3 - p_izz_3;
-        let t4_50 = t3_205 * t4_49;
-        let t4_51 = t4_34 - t3_210;
-        let t4_52 = t4_51.mul_add(p_iyz_3, t4_50);
-        let t4_53 = t3_203.mul_add(p_ixz_3, t4_52);
-        let t4_54 = t3_206.mul_add(p_ixy_3, t4_53);
-        let t4_55 = p_ixx_3 * al_3x;
-        let t4_56 = (-p_ixy_3).mul_add(al_3y, t4_55);
-        let t4_57 = (-p_ixz_3).mul_add(al_3z, t4_56);
-        let t4_58 = t4_54 + t4_57;
-        let t4_59 = p_my_3 * a_3z;
-        let t4_60 = p_mz_3.mul_add(a_3y, t4_59);
-        let t4_61 = t4_58 - t4_60;
-        let t4_62 = (-cos_s1_2).mul_add(t4_61, t4_48);
-        let t4_63 = cos_s1_1 * t4_62;
-        let t4_64 = cos_s1_3 * t4_30;
-        let t4_65 = sin_s1_3.mul_add(t4_46, t4_64);
-        let t4_66 = (-sin_s1_1).mul_add(t4_65, t4_63);
-        let t4_67 = t3_197 + t4_66;
-        let t4_68 = t3_187 + t3_172;
-        let t4_69 = t4_68 * p_my_2;
-        let t4_70 = t3_168 + al_1y;
-        let t4_71 = t4_70.mul_add(p_mx_2, t4_69);
-        let t4_72 = t3_194.mul_add(p_mz_2, t4_71);
-        let t4_73 = a_2y.mul_add(p_m_2, -t4_72);
-        let t4_74 = t3_209 + t3_210;
-        let t4_75 = t4_74 * p_my_3;
-        let t4_76 = t3_203 - al_3z;
-        let t4_77 = (-p_mx_3).mul_add(t4_76, t4_75);
-        let t4_78 = t3_205 + al_3x;
-        let t4_79 = p_mz_3.mul_add(t4_78, t4_77);
-        let t4_80 = sin_s1_3 * t4_79;
-        let t4_81 = t3_209 + t4_34;
-        let t4_82 = t3_206 - al_3y;
-        let t4_83 = p_mx_3 * t4_82;
-        let t4_84 = t3_205 - al_3x;
-        let t4_85 = p_my_3.mul_add(t4_84, t4_83);
-        let t4_86 = t4_81.mul_add(p_mz_3, t4_85);
-        let t4_87 = cos_s1_3.mul_add(t4_86, t4_80);
-        let t4_88 = sin_s1_2 * t4_87;
-        let t4_89 = t4_34 + t3_210;
-        let t4_90 = t4_89 * p_mx_3;
-        let t4_91 = t3_203 + al_3z;
-        let t4_92 = (-p_my_3).mul_add(t4_91, t4_90);
-        let t4_93 = t3_206 + al_3y;
-        let t4_94 = p_mz_3.mul_add(t4_93, t4_92);
-        let t4_95 = cos_s1_2.mul_add(t4_94, t4_88);
-        let t4_96 = sin_s1_1 * t4_95;
-        let t4_97 = cos_s1_3 * t4_79;
-        let t4_98 = (-sin_s1_3).mul_add(t4_86, t4_97);
-        let t4_99 = cos_s1_1.mul_add(t4_98, t4_96);
-        let t4_100 = t4_73 - t4_99;
-        let t4_101 = q2.mul_add(t4_100, t4_67);
-        let t4_102 = t3_183 - t4_101;
-        let t4_103 = sin_q1 * t4_102;
-        let t4_104 = p_ixx_1 - p_izz_1;
-        let t4_105 = t3_168 * t4_104;
-        let t4_106 = (-t3_170).mul_add(p_ixy_1, t4_105);
-        let t4_107 = t3_184.mul_add(p_iyz_1, -t4_106);
-        let t4_108 = al_1x * p_ixy_1;
-        let t4_109 = (-p_iyz_1).mul_add(al_1z, t4_108);
-        let t4_110 = t4_107 + t4_109;
-        let t4_111 = w_ixx_boom_shoulder * p_mx_1;
-        let t4_112 = like.lift(-0.6).mul_add(t4_111, t4_110);
-        let t4_113 = t3_187 - t3_173;
-        let t4_114 = a_2y * p_mx_2;
-        let t4_115 = (-p_my_2).mul_add(a_2x, t4_114);
-        let t4_116 = t4_113.mul_add(p_ixy_2, t4_115);
-        let t4_117 = cos_s1_2 * t4_47;
-        let t4_118 = sin_s1_2.mul_add(t4_61, t4_117);
-        let t4_119 = t4_116 - t4_118;
-        let t4_120 = t4_112 - t4_119;
-        let t4_121 = cos_q1.mul_add(t4_120, t4_103);
-        let t4_122 = t4_70 * p_mx_1;
-        let t4_123 = (-t3_194).mul_add(p_my_1, t4_122);
-        let t4_124 = t4_123 - t4_100;
-        let t4_125 = like.lift(0.26344492783122625).mul_add(t4_124, t4_121);
-        let t4_126 = t3_166 - t4_125;
-        let t4_127 = t1_4 + t4_126;
-        let t4_128 = sin_shoulder * t4_127;
-        let t4_129 = al_boomx * p_ixy_boom;
-        let t4_130 = al_boomy * p_ixx_boom;
-        let t4_131 = t1_41 - t1_7;
-        let t4_132 = (-t4_131).mul_add(p_ixz_boom, t4_130);
-        let t4_133 = t4_129 + t4_132;
-        let t4_134 = t4_129 + t4_133;
-        let t4_135 = al_boomy * p_ixx_base;
-        let t4_136 = (-w_ixx_boom_shoulder).mul_add(p_ixy_base, t4_135);
-        let t4_137 = cos_q8 * t3_22;
-        let t4_138 = sin_q8.mul_add(t3_40, t4_137);
-        let t4_139 = like.lift(0.8660254037844386) * t4_138;
-        let t4_140 = t1_46 * p_ixx_6;
-        let t4_141 = t3_2 - t1_21;
-        let t4_142 = t4_141.mul_add(p_ixy_6, t4_140);
-        let t4_143 = t1_17.mul_add(p_iyz_6, t4_142);
-        let t4_144 = al_6y * p_iyz_6;
-        let t4_145 = (-p_izz_6).mul_add(al_6z, t4_144);
-        let t4_146 = t4_143 - t4_145;
-        let t4_147 = a_6y * p_mx_6;
-        let t4_148 = a_6x.mul_add(p_my_6, t4_147);
-        let t4_149 = t4_146 - t4_148;
-        let t4_150 = t1_19 * p_ixy_7;
-        let t4_151 = (-al_6x).mul_add(p_ixy_7, t4_150);
-        let t4_152 = p_mz_7 * a_7x;
-        let t4_153 = a_7z.mul_add(p_mx_7, t4_152);
-        let t4_154 = t4_151 + t4_153;
-        let t4_155 = (-q9).mul_add(t3_48, t4_154);
-        let t4_156 = t4_149 + t4_155;
-        let t4_157 = like.lift(-0.5).mul_add(t4_156, t4_139);
-        let t4_158 = sin_q8 * t3_49;
-        let t4_159 = cos_q8.mul_add(t3_58, t4_158);
-        let t4_160 = like.lift(0.13172246391561312).mul_add(t4_159, t4_157);
-        let t4_161 = t4_136 - t4_160;
-        let t4_162 = cos_q6 * t3_118;
-        let t4_163 = sin_q6.mul_add(t3_136, t4_162);
-        let t4_164 = like.lift(0.8660254037844386) * t4_163;
-        let t4_165 = t3_97 * p_ixx_4;
-        let t4_166 = t3_100 - t3_78;
-        let t4_167 = t4_166.mul_add(p_ixy_4, t4_165);
-        let t4_168 = t3_74.mul_add(p_iyz_4, t4_167);
-        let t4_169 = al_4y * p_iyz_4;
-        let t4_170 = (-p_izz_4).mul_add(al_4z, t4_169);
-        let t4_171 = t4_168 - t4_170;
-        let t4_172 = a_4y * p_mx_4;
-        let t4_173 = a_4x.mul_add(p_my_4, t4_172);
-        let t4_174 = t4_171 - t4_173;
-        let t4_175 = t3_76 * p_ixy_5;
-        let t4_176 = (-al_4x).mul_add(p_ixy_5, t4_175);
-        let t4_177 = p_mz_5 * a_5x;
-        let t4_178 = a_5z.mul_add(p_mx_5, t4_177);
-        let t4_179 = t4_176 + t4_178;
-        let t4_180 = (-q7).mul_add(t3_144, t4_179);
-        let t4_181 = t4_174 + t4_180;
-        let t4_182 = like.lift(0.5).mul_add(t4_181, t4_164);
-        let t4_183 = sin_q6 * t3_145;
-        let t4_184 = cos_q6.mul_add(t3_154, t4_183);
-        let t4_185 = like.lift(-0.13172246391561312).mul_add(t4_184, t4_182);
-        let t4_186 = t4_161 + t4_185;
-        let t4_187 = t3_184 * p_ixx_1;
-        let t4_188 = t3_187 - t3_172;
-        let t4_189 = t4_188.mul_add(p_ixy_1, t4_187);
-        let t4_190 = t3_168.mul_add(p_iyz_1, -t4_189);
-        let t4_191 = al_1y * p_iyz_1;
-        let t4_192 = (-p_izz_1).mul_add(al_1z, t4_191);
-        let t4_193 = t4_190 - t4_192;
-        let t4_194 = a_1y * p_mx_1;
-        let t4_195 = a_1x.mul_add(p_my_1, t4_194);
-        let t4_196 = t4_193 - t4_195;
-        let t4_197 = t3_170 * p_ixy_2;
-        let t4_198 = (-al_1x).mul_add(p_ixy_2, t4_197);
-        let t4_199 = p_mz_2 * a_2x;
-        let t4_200 = a_2z.mul_add(p_mx_2, t4_199);
-        let t4_201 = t4_198 - t4_200;
-        let t4_202 = sin_s1_1 * t4_62;
-        let t4_203 = cos_s1_1.mul_add(t4_65, t4_202);
-        let t4_204 = t4_201 + t4_203;
-        let t4_205 = t3_172 + t3_173;
-        let t4_206 = t4_205 * p_mx_2;
-        let t4_207 = t3_168 - al_1y;
-        let t4_208 = t4_207.mul_add(p_my_2, t4_206);
-        let t4_209 = (-p_mz_2).mul_add(t4_23, t4_208);
-        let t4_210 = p_m_2.mul_add(a_2x, -t4_209);
-        let t4_211 = cos_s1_1 * t4_95;
-        let t4_212 = (-sin_s1_1).mul_add(t4_98, t4_211);
-        let t4_213 = t4_210 - t4_212;
-        let t4_214 = (-q2).mul_add(t4_213, t4_204);
-        let t4_215 = t4_196 + t4_214;
-        let t4_216 = t4_205 * p_mx_1;
-        let t4_217 = p_my_1.mul_add(t4_23, t4_216);
-        let t4_218 = t4_217 - t4_213;
-        let t4_219 = sin_q1 * t4_218;
-        let t4_220 = t3_188 * p_my_1;
-        let t4_221 = t3_184 + al_1z;
-        let t4_222 = p_mx_1.mul_add(t4_221, t4_220);
-        let t4_223 = p_mx_2 * t4_221;
-        let t4_224 = t3_170 - al_1x;
-        let t4_225 = (-t4_224).mul_add(p_my_2, t4_223);
-        let t4_226 = t3_188.mul_add(p_mz_2, -t4_225);
-        let t4_227 = a_2z.mul_add(p_m_2, t4_226);
-        let t4_228 = cos_s1_2 * t4_87;
-        let t4_229 = (-sin_s1_2).mul_add(t4_94, t4_228);
-        let t4_230 = t4_227 + t4_229;
-        let t4_231 = t4_222 - t4_230;
-        let t4_232 = cos_q1.mul_add(t4_231, t4_219);
-        let t4_233 = like.lift(0.26344492783122625).mul_add(t4_232, t4_215);
+        let t4_24 = p_mz_3 * a_s1_2x;
+        let t4_25 = cos_s1_1 * a_2y;
+        let a_s1_1y = (-sin_s1_1).mul_add(a_2x, t4_25);
+        let t4_26 = sin_s1_3 * a_s1_1y;
+        let t4_27 = cos_s1_2 * a_2z;
+        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t4_27);
+        let a_3z = cos_s1_3.mul_add(a_s1_2z, t4_26);
+        let t4_28 = p_mx_3.mul_add(a_3z, t4_24);
+        let t4_29 = t4_17 - t4_28;
+        let t4_30 = sin_s1_3 * t4_29;
+        let t4_31 = p_ixx_3 - p_iyy_3;
+        let t4_32 = t3_202 * t4_31;
+        let t4_33 = w_3y * w_3y;
+        let t4_34 = t3_208 - t4_33;
+        let t4_35 = (-t4_34).mul_add(p_ixy_3, t4_32);
+        let t4_36 = t3_205.mul_add(p_iyz_3, t4_35);
+        let t4_37 = t3_204.mul_add(p_ixz_3, -t4_36);
+        let t4_38 = p_ixz_3 * al_3x;
+        let t4_39 = (-p_iyz_3).mul_add(al_3y, t4_38);
+        let t4_40 = (-p_izz_3).mul_add(al_3z, t4_39);
+        let t4_41 = t4_37 + t4_40;
+        let t4_42 = cos_s1_3 * a_s1_1y;
+        let a_3y = (-sin_s1_3).mul_add(a_s1_2z, t4_42);
+        let t4_43 = p_mx_3 * a_3y;
+        let t4_44 = (-p_my_3).mul_add(a_s1_2x, t4_43);
+        let t4_45 = t4_41 + t4_44;
+        let t4_46 = (-cos_s1_3).mul_add(t4_45, t4_30);
+        let t4_47 = sin_s1_2 * t4_46;
+        let t4_48 = p_iyy_3 - p_izz_3;
+        let t4_49 = t3_204 * t4_48;
+        let t4_50 = t4_33 - t3_209;
+        let t4_51 = t4_50.mul_add(p_iyz_3, t4_49);
+        let t4_52 = t3_202.mul_add(p_ixz_3, t4_51);
+        let t4_53 = t3_205.mul_add(p_ixy_3, t4_52);
+        let t4_54 = p_ixx_3 * al_3x;
+        let t4_55 = (-p_ixy_3).mul_add(al_3y, t4_54);
+        let t4_56 = (-p_ixz_3).mul_add(al_3z, t4_55);
+        let t4_57 = t4_53 + t4_56;
+        let t4_58 = p_my_3 * a_3z;
+        let t4_59 = p_mz_3.mul_add(a_3y, t4_58);
+        let t4_60 = t4_57 - t4_59;
+        let t4_61 = (-cos_s1_2).mul_add(t4_60, t4_47);
+        let t4_62 = cos_s1_1 * t4_61;
+        let t4_63 = cos_s1_3 * t4_29;
+        let t4_64 = sin_s1_3.mul_add(t4_45, t4_63);
+        let t4_65 = (-sin_s1_1).mul_add(t4_64, t4_62);
+        let t4_66 = t3_196 + t4_65;
+        let t4_67 = t3_187 + t3_173;
+        let t4_68 = t4_67 * p_my_2;
+        let t4_69 = t3_169 + al_1y;
+        let t4_70 = t4_69.mul_add(p_mx_2, t4_68);
+        let t4_71 = t3_193.mul_add(p_mz_2, t4_70);
+        let t4_72 = a_2y.mul_add(p_m_2, -t4_71);
+        let t4_73 = t3_208 + t3_209;
+        let t4_74 = t4_73 * p_my_3;
+        let t4_75 = t3_202 - al_3z;
+        let t4_76 = (-p_mx_3).mul_add(t4_75, t4_74);
+        let t4_77 = t3_204 + al_3x;
+        let t4_78 = p_mz_3.mul_add(t4_77, t4_76);
+        let t4_79 = sin_s1_3 * t4_78;
+        let t4_80 = t3_208 + t4_33;
+        let t4_81 = t3_205 - al_3y;
+        let t4_82 = p_mx_3 * t4_81;
+        let t4_83 = t3_204 - al_3x;
+        let t4_84 = p_my_3.mul_add(t4_83, t4_82);
+        let t4_85 = t4_80.mul_add(p_mz_3, t4_84);
+        let t4_86 = cos_s1_3.mul_add(t4_85, t4_79);
+        let t4_87 = sin_s1_2 * t4_86;
+        let t4_88 = t4_33 + t3_209;
+        let t4_89 = t4_88 * p_mx_3;
+        let t4_90 = t3_202 + al_3z;
+        let t4_91 = (-p_my_3).mul_add(t4_90, t4_89);
+        let t4_92 = t3_205 + al_3y;
+        let t4_93 = p_mz_3.mul_add(t4_92, t4_91);
+        let t4_94 = cos_s1_2.mul_add(t4_93, t4_87);
+        let t4_95 = sin_s1_1 * t4_94;
+        let t4_96 = cos_s1_3 * t4_78;
+        let t4_97 = (-sin_s1_3).mul_add(t4_85, t4_96);
+        let t4_98 = cos_s1_1.mul_add(t4_97, t4_95);
+        let t4_99 = t4_72 - t4_98;
+        let t4_100 = q2.mul_add(t4_99, t4_66);
+        let t4_101 = t3_183 - t4_100;
+        let t4_102 = sin_q1 * t4_101;
+        let t4_103 = p_ixx_1 - p_izz_1;
+        let t4_104 = t3_169 * t4_103;
+        let t4_105 = (-t3_171).mul_add(p_ixy_1, t4_104);
+        let t4_106 = t3_184.mul_add(p_iyz_1, -t4_105);
+        let t4_107 = al_1x * p_ixy_1;
+        let t4_108 = (-p_iyz_1).mul_add(al_1z, t4_107);
+        let t4_109 = t4_106 + t4_108;
+        let t4_110 = (-a_basey).mul_add(p_mx_1, t4_109);
+        let t4_111 = t3_187 - t3_174;
+        let t4_112 = a_2y * p_mx_2;
+        let t4_113 = (-p_my_2).mul_add(a_2x, t4_112);
+        let t4_114 = t4_111.mul_add(p_ixy_2, t4_113);
+        let t4_115 = cos_s1_2 * t4_46;
+        let t4_116 = sin_s1_2.mul_add(t4_60, t4_115);
+        let t4_117 = t4_114 - t4_116;
+        let t4_118 = t4_110 - t4_117;
+        let t4_119 = cos_q1.mul_add(t4_118, t4_102);
+        let t4_120 = t4_69 * p_mx_1;
+        let t4_121 = (-t3_193).mul_add(p_my_1, t4_120);
+        let t4_122 = t4_121 - t4_99;
+        let t4_123 = like.lift(0.26344492783122625).mul_add(t4_122, t4_119);
+        let t4_124 = t3_167 - t4_123;
+        let t4_125 = t1_4 + t4_124;
+        let t4_126 = sin_shoulder * t4_125;
+        let t4_127 = al_boomx * p_ixy_boom;
+        let t4_128 = al_boomy * p_ixx_boom;
+        let t4_129 = t1_41 - t1_7;
+        let t4_130 = (-t4_129).mul_add(p_ixz_boom, t4_128);
+        let t4_131 = t4_127 + t4_130;
+        let t4_132 = t4_127 + t4_131;
+        let t4_133 = al_boomy * p_ixx_base;
+        let t4_134 = (-w_ixx_boom_shoulder).mul_add(p_ixy_base, t4_133);
+        let t4_135 = cos_q8 * t3_23;
+        let t4_136 = sin_q8.mul_add(t3_41, t4_135);
+        let t4_137 = like.lift(0.8660254037844386) * t4_136;
+        let t4_138 = t1_47 * p_ixx_6;
+        let t4_139 = t3_2 - t1_21;
+        let t4_140 = t4_139.mul_add(p_ixy_6, t4_138);
+        let t4_141 = t1_17.mul_add(p_iyz_6, t4_140);
+        let t4_142 = al_6y * p_iyz_6;
+        let t4_143 = (-p_izz_6).mul_add(al_6z, t4_142);
+        let t4_144 = t4_141 - t4_143;
+        let t4_145 = a_6y * p_mx_6;
+        let t4_146 = a_6x.mul_add(p_my_6, t4_145);
+        let t4_147 = t4_144 - t4_146;
+        let t4_148 = t1_19 * p_ixy_7;
+        let t4_149 = (-al_6x).mul_add(p_ixy_7, t4_148);
+        let t4_150 = p_mz_7 * a_7x;
+        let t4_151 = a_7z.mul_add(p_mx_7, t4_150);
+        let t4_152 = t4_149 + t4_151;
+        let t4_153 = (-q9).mul_add(t3_49, t4_152);
+        let t4_154 = t4_147 + t4_153;
+        let t4_155 = like.lift(-0.5).mul_add(t4_154, t4_137);
+        let t4_156 = sin_q8 * t3_50;
+        let t4_157 = cos_q8.mul_add(t3_59, t4_156);
+        let t4_158 = like.lift(0.13172246391561312).mul_add(t4_157, t4_155);
+        let t4_159 = t4_134 - t4_158;
+        let t4_160 = cos_q6 * t3_119;
+        let t4_161 = sin_q6.mul_add(t3_137, t4_160);
+        let t4_162 = like.lift(0.8660254037844386) * t4_161;
+        let t4_163 = t3_98 * p_ixx_4;
+        let t4_164 = t3_101 - t3_79;
+        let t4_165 = t4_164.mul_add(p_ixy_4, t4_163);
+        let t4_166 = t3_75.mul_add(p_iyz_4, t4_165);
+        let t4_167 = al_4y * p_iyz_4;
+        let t4_168 = (-p_izz_4).mul_add(al_4z, t4_167);
+        let t4_169 = t4_166 - t4_168;
+        let t4_170 = a_4y * p_mx_4;
+        let t4_171 = a_4x.mul_add(p_my_4, t4_170);
+        let t4_172 = t4_169 - t4_171;
+        let t4_173 = t3_77 * p_ixy_5;
+        let t4_174 = (-al_4x).mul_add(p_ixy_5, t4_173);
+        let t4_175 = p_mz_5 * a_5x;
+        let t4_176 = a_5z.mul_add(p_mx_5, t4_175);
+        let t4_177 = t4_174 + t4_176;
+        let t4_178 = (-q7).mul_add(t3_145, t4_177);
+        let t4_179 = t4_172 + t4_178;
+        let t4_180 = like.lift(0.5).mul_add(t4_179, t4_162);
+        let t4_181 = sin_q6 * t3_146;
+        let t4_182 = cos_q6.mul_add(t3_155, t4_181);
+        let t4_183 = like.lift(-0.13172246391561312).mul_add(t4_182, t4_180);
+        let t4_184 = t4_159 + t4_183;
+        let t4_185 = t3_184 * p_ixx_1;
+        let t4_186 = t3_187 - t3_173;
+        let t4_187 = t4_186.mul_add(p_ixy_1, t4_185);
+        let t4_188 = t3_169.mul_add(p_iyz_1, -t4_187);
+        let t4_189 = al_1y * p_iyz_1;
+        let t4_190 = (-p_izz_1).mul_add(al_1z, t4_189);
+        let t4_191 = t4_188 - t4_190;
+        let t4_192 = a_1y * p_mx_1;
+        let t4_193 = a_1x.mul_add(p_my_1, t4_192);
+        let t4_194 = t4_191 - t4_193;
+        let t4_195 = t3_171 * p_ixy_2;
+        let t4_196 = (-al_1x).mul_add(p_ixy_2, t4_195);
+        let t4_197 = p_mz_2 * a_2x;
+        let t4_198 = a_2z.mul_add(p_mx_2, t4_197);
+        let t4_199 = t4_196 - t4_198;
+        let t4_200 = sin_s1_1 * t4_61;
+        let t4_201 = cos_s1_1.mul_add(t4_64, t4_200);
+        let t4_202 = t4_199 + t4_201;
+        let t4_203 = t3_173 + t3_174;
+        let t4_204 = t4_203 * p_mx_2;
+        let t4_205 = t3_169 - al_1y;
+        let t4_206 = t4_205.mul_add(p_my_2, t4_204);
+        let t4_207 = (-p_mz_2).mul_add(t4_22, t4_206);
+        let t4_208 = p_m_2.mul_add(a_2x, -t4_207);
+        let t4_209 = cos_s1_1 * t4_94;
+        let t4_210 = (-sin_s1_1).mul_add(t4_97, t4_209);
+        let t4_211 = t4_208 - t4_210;
+        let t4_212 = (-q2).mul_add(t4_211, t4_202);
+        let t4_213 = t4_194 + t4_212;
+        let t4_214 = t4_203 * p_mx_1;
+        let t4_215 = p_my_1.mul_add(t4_22, t4_214);
+        let t4_216 = t4_215 - t4_211;
+        let t4_217 = sin_q1 * t4_216;
+        let t4_218 = t3_188 * p_my_1;
+        let t4_219 = t3_184 + al_1z;
+        let t4_220 = p_mx_1.mul_add(t4_219, t4_218);
+        let t4_221 = p_mx_2 * t4_219;
+        let t4_222 = t3_171 - al_1x;
+        let t4_223 = (-t4_222).mul_add(p_my_2, t4_221);
+        let t4_224 = t3_188.mul_add(p_mz_2, -t4_223);
+        let t4_225 = a_2z.mul_add(p_m_2, t4_224);
+        let t4_226 = cos_s1_2 * t4_86;
+        let t4_227 = (-sin_s1_2).mul_add(t4_93, t4_226);
+        let t4_228 = t4_225 + t4_227;
+        let t4_229 = t4_220 - t4_228;
+        let t4_230 = cos_q1.mul_add(t4_229, t4_217);
+        let t4_231 = like.lift(0.26344492783122625).mul_add(t4_230, t4_213);
+        let t4_232 = t4_184 + t4_231;
+        let t4_233 = t3_68 + t3_164;
         [
-            t4_61, t4_65, t4_102, t4_118, t4_120, t4_124, t4_128, t4_134, t4_138, t4_156,
-            t4_159, t4_163, t4_181, t4_184, t4_186, t4_215, t4_218, t4_230, t4_231, t4_233,
+            t4_60, t4_64, t4_101, t4_116, t4_118, t4_122, t4_126, t4_132, t4_136, t4_154,
+            t4_157, t4_161, t4_179, t4_182, t4_213, t4_216, t4_228, t4_229, t4_232, t4_233,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t5_8, t5_25, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2,
+        t5_12, t5_34, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2,
         x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9,
         x_q8_q2, x_q8_q7, x_q8_q9,
     ] = {
-        let t5_1 = t4_186 + t4_233;
-        let t5_2 = t3_67 + t3_163;
-        let t5_3 = cos_q1 * t4_218;
-        let t5_4 = (-sin_q1).mul_add(t4_231, t5_3);
-        let t5_5 = t5_2 - t5_4;
-        let t5_6 = like.lift(-0.6).mul_add(t5_5, t5_1);
-        let t5_7 = t4_134 - t5_6;
-        let t5_8 = cos_shoulder.mul_add(t5_7, t4_128);
-        let t5_9 = w_ixx_boom_shoulder * p_ixx_boom;
+        let t5_1 = cos_q1 * t4_216;
+        let t5_2 = (-sin_q1).mul_add(t4_229, t5_1);
+        let t5_3 = t4_233 - t5_2;
+        let t5_4 = like.lift(-1.25).mul_add(t5_3, t4_232);
+        let t5_5 = t4_132 - t5_4;
+        let t5_6 = cos_shoulder.mul_add(t5_5, t4_126);
+        let t5_7 = al_boomy * p_mx_boom;
+        let t5_8 = like.lift(2.0) * t5_7;
+        let t5_9 = al_boomx * p_my_boom;
+        let t5_10 = like.lift(2.0).mul_add(t5_9, t5_8);
+        let t5_11 = t5_10 - t5_3;
+        let t5_12 = like.lift(-0.35).mul_add(t5_11, t5_6);
+        let t5_13 = w_ixx_boom_shoulder * p_ixx_boom;
         let w_ixy_boom_shoulder = t1_41 - t1_6;
-        let t5_10 = (-w_ixy_boom_shoulder).mul_add(p_ixy_boom, t5_9);
-        let t5_11 = like.lift(0.5) * t4_138;
-        let t5_12 = like.lift(0.8660254037844386).mul_add(t4_156, t5_11);
-        let t5_13 = like.lift(-0.22815).mul_add(t4_159, t5_12);
-        let t5_14 = like.lift(0.5) * t4_163;
-        let t5_15 = like.lift(-0.8660254037844386).mul_add(t4_181, t5_14);
-        let t5_16 = like.lift(0.22815).mul_add(t4_184, t5_15);
-        let t5_17 = t5_13 + t5_16;
-        let t5_18 = cos_q1 * t4_102;
-        let t5_19 = (-sin_q1).mul_add(t4_120, t5_18);
-        let t5_20 = t5_17 + t5_19;
-        let t5_21 = t3_64 - t3_160;
-        let t5_22 = t5_21 - t4_124;
-        let t5_23 = like.lift(-0.6).mul_add(t5_22, t5_20);
-        let t5_24 = t5_10 + t5_23;
-        let t5_25 = -t5_24;
-        let t5_26 = -sin_q1;
+        let t5_14 = (-w_ixy_boom_shoulder).mul_add(p_ixy_boom, t5_13);
+        let t5_15 = t1_44 * p_mx_boom;
+        let t5_16 = like.lift(0.35) * t5_15;
+        let t5_17 = t3_7 * p_my_boom;
+        let t5_18 = like.lift(0.35).mul_add(t5_17, t5_16);
+        let t5_19 = t5_14 - t5_18;
+        let t5_20 = like.lift(0.5) * t4_136;
+        let t5_21 = like.lift(0.8660254037844386).mul_add(t4_154, t5_20);
+        let t5_22 = like.lift(-0.22815).mul_add(t4_157, t5_21);
+        let t5_23 = like.lift(0.5) * t4_161;
+        let t5_24 = like.lift(-0.8660254037844386).mul_add(t4_179, t5_23);
+        let t5_25 = like.lift(0.22815).mul_add(t4_182, t5_24);
+        let t5_26 = t5_22 + t5_25;
+        let t5_27 = cos_q1 * t4_101;
+        let t5_28 = (-sin_q1).mul_add(t4_118, t5_27);
+        let t5_29 = t5_26 + t5_28;
+        let t5_30 = t3_65 - t3_161;
+        let t5_31 = t5_30 - t4_122;
+        let t5_32 = like.lift(-1.25).mul_add(t5_31, t5_29);
+        let t5_33 = t5_19 + t5_32;
+        let t5_34 = -t5_33;
+        let t5_35 = -sin_q1;
         let e_4_shouldery = like.lift(0.5) * sin_q6;
-        let t5_27 = -e_4_shouldery;
-        let t5_28 = -cos_q6;
-        let t5_29 = like.lift(0.8660254037844386) * sin_q6;
+        let t5_36 = -e_4_shouldery;
+        let t5_37 = -cos_q6;
+        let t5_38 = like.lift(0.8660254037844386) * sin_q6;
         let e_6_shouldery = like.lift(0.5) * sin_q8;
-        let t5_30 = -e_6_shouldery;
-        let t5_31 = -cos_q8;
-        let t5_32 = like.lift(0.8660254037844386) * sin_q8;
-        let t5_33 = -t5_32;
-        let t5_34 = (-cos_q1).mul_add(t2_37, sin_q1);
-        let t5_35 = (-sin_q1).mul_add(t2_43, t5_34);
-        let t5_36 = sin_q1.mul_add(t2_62, cos_q1);
-        let t5_37 = t5_35.mul_add(t2_65, t5_36);
-        let t5_38 = t5_37 * inv_pivot_6;
-        let t5_39 = t2_55.mul_add(t5_38, t5_35);
-        let t5_40 = inv_pivot_5 * t5_39;
-        let t5_41 = sin_q6.mul_add(t2_57, cos_q6);
-        let t5_42 = t5_41 * inv_pivot_6;
-        let t5_43 = t2_55 * t5_42;
-        let t5_44 = inv_pivot_5 * t5_43;
-        let t5_45 = -t5_44;
-        let t5_46 = sin_q8.mul_add(t2_35, cos_q8);
-        let t5_47 = t5_46 * t2_37;
-        let t5_48 = t5_47 * t2_65;
-        let t5_49 = t5_48 * inv_pivot_6;
-        let t5_50 = t2_55.mul_add(t5_49, t5_47);
-        let t5_51 = inv_pivot_5 * t5_50;
-        let t5_52 = (-t1_53).mul_add(t5_40, sin_q1);
-        let t5_53 = t2_54.mul_add(t5_38, t5_52);
-        let t5_54 = inv_pivot_4 * t5_53;
-        let t5_55 = -t5_54;
-        let t5_56 = t1_53 * t5_44;
-        let t5_57 = (-t2_54).mul_add(t5_42, t5_56);
-        let t5_58 = inv_pivot_4 * t5_57;
-        let t5_59 = -t5_58;
-        let t5_60 = t1_53 * t5_51;
-        let t5_61 = (-t2_54).mul_add(t5_49, t5_60);
-        let t5_62 = inv_pivot_4 * t5_61;
-        let t5_63 = -t5_42;
-        let t5_64 = t2_41.mul_add(t5_54, cos_q1);
-        let t5_65 = (-t1_110).mul_add(t5_40, t5_64);
-        let t5_66 = (-t2_52).mul_add(t5_38, t5_65);
-        let t5_67 = inv_pivot_3 * t5_66;
-        let t5_68 = t2_41 * t5_58;
-        let t5_69 = t1_110.mul_add(t5_44, t5_68);
-        let t5_70 = t2_52.mul_add(t5_42, t5_69);
-        let t5_71 = inv_pivot_3 * t5_70;
-        let t5_72 = t2_41.mul_add(t5_62, t5_46);
-        let t5_73 = t1_110.mul_add(t5_51, t5_72);
-        let t5_74 = t2_52.mul_add(t5_49, t5_73);
-        let t5_75 = inv_pivot_3 * t5_74;
-        let t5_76 = -t5_75;
-        let t5_77 = t1_79 * t5_54;
-        let t5_78 = t1_84.mul_add(t5_38, t5_77);
-        let t5_79 = t2_56 * t5_78;
-        let t5_80 = like.lift(1.1547005383792515) * t5_79;
-        let t5_81 = -t5_80;
-        let t5_82 = (-t1_79).mul_add(t5_58, t5_29);
-        let t5_83 = t1_84.mul_add(t5_42, t5_82);
-        let t5_84 = t2_56 * t5_83;
-        let t5_85 = like.lift(1.1547005383792515) * t5_84;
-        let t5_86 = t1_79 * t5_62;
-        let t5_87 = (-t1_84).mul_add(t5_49, t5_86);
-        let t5_88 = t2_56 * t5_87;
+        let t5_39 = -e_6_shouldery;
+        let t5_40 = -cos_q8;
+        let t5_41 = like.lift(0.8660254037844386) * sin_q8;
+        let t5_42 = -t5_41;
+        let t5_43 = (-cos_q1).mul_add(t2_39, sin_q1);
+        let t5_44 = (-sin_q1).mul_add(t2_45, t5_43);
+        let t5_45 = sin_q1.mul_add(t2_64, cos_q1);
+        let t5_46 = t5_44.mul_add(t2_67, t5_45);
+        let t5_47 = t5_46 * inv_pivot_6;
+        let t5_48 = t2_57.mul_add(t5_47, t5_44);
+        let t5_49 = inv_pivot_5 * t5_48;
+        let t5_50 = sin_q6.mul_add(t2_59, cos_q6);
+        let t5_51 = t5_50 * inv_pivot_6;
+        let t5_52 = t2_57 * t5_51;
+        let t5_53 = inv_pivot_5 * t5_52;
+        let t5_54 = -t5_53;
+        let t5_55 = sin_q8.mul_add(t2_37, cos_q8);
+        let t5_56 = t5_55 * t2_39;
+        let t5_57 = t5_56 * t2_67;
+        let t5_58 = t5_57 * inv_pivot_6;
+        let t5_59 = t2_57.mul_add(t5_58, t5_56);
+        let t5_60 = inv_pivot_5 * t5_59;
+        let t5_61 = (-t1_54).mul_add(t5_49, sin_q1);
+        let t5_62 = t2_56.mul_add(t5_47, t5_61);
+        let t5_63 = inv_pivot_4 * t5_62;
+        let t5_64 = -t5_63;
+        let t5_65 = t1_54 * t5_53;
+        let t5_66 = (-t2_56).mul_add(t5_51, t5_65);
+        let t5_67 = inv_pivot_4 * t5_66;
+        let t5_68 = -t5_67;
+        let t5_69 = t1_54 * t5_60;
+        let t5_70 = (-t2_56).mul_add(t5_58, t5_69);
+        let t5_71 = inv_pivot_4 * t5_70;
+        let t5_72 = -t5_51;
+        let t5_73 = t2_43.mul_add(t5_63, cos_q1);
+        let t5_74 = (-t1_111).mul_add(t5_49, t5_73);
+        let t5_75 = (-t2_54).mul_add(t5_47, t5_74);
+        let t5_76 = inv_pivot_3 * t5_75;
+        let t5_77 = t2_43 * t5_67;
+        let t5_78 = t1_111.mul_add(t5_53, t5_77);
+        let t5_79 = t2_54.mul_add(t5_51, t5_78);
+        let t5_80 = inv_pivot_3 * t5_79;
+        let t5_81 = t2_43.mul_add(t5_71, t5_55);
+        let t5_82 = t1_111.mul_add(t5_60, t5_81);
+        let t5_83 = t2_54.mul_add(t5_58, t5_82);
+        let t5_84 = inv_pivot_3 * t5_83;
+        let t5_85 = -t5_84;
+        let t5_86 = t1_80 * t5_63;
+        let t5_87 = t1_85.mul_add(t5_47, t5_86);
+        let t5_88 = t2_58 * t5_87;
         let t5_89 = like.lift(1.1547005383792515) * t5_88;
-        let t5_90 = t1_124 * t5_67;
-        let t5_91 = t1_119.mul_add(t5_54, t5_90);
-        let t5_92 = t1_122.mul_add(t5_38, t5_91);
-        let t5_93 = t2_34 * t5_92;
+        let t5_90 = -t5_89;
+        let t5_91 = (-t1_80).mul_add(t5_67, t5_38);
+        let t5_92 = t1_85.mul_add(t5_51, t5_91);
+        let t5_93 = t2_58 * t5_92;
         let t5_94 = like.lift(1.1547005383792515) * t5_93;
-        let t5_95 = t1_124 * t5_71;
-        let t5_96 = t1_119.mul_add(t5_58, t5_95);
-        let t5_97 = (-t1_122).mul_add(t5_42, t5_96);
-        let t5_98 = t2_34 * t5_97;
-        let t5_99 = like.lift(1.1547005383792515) * t5_98;
-        let t5_100 = (-t1_124).mul_add(t5_75, t5_32);
-        let t5_101 = (-t1_119).mul_add(t5_62, t5_100);
-        let t5_102 = t1_122.mul_add(t5_49, t5_101);
-        let t5_103 = t2_34 * t5_102;
-        let t5_104 = like.lift(1.1547005383792515) * t5_103;
+        let t5_95 = t1_80 * t5_71;
+        let t5_96 = (-t1_85).mul_add(t5_58, t5_95);
+        let t5_97 = t2_58 * t5_96;
+        let t5_98 = like.lift(1.1547005383792515) * t5_97;
+        let t5_99 = t1_125 * t5_76;
+        let t5_100 = t1_120.mul_add(t5_63, t5_99);
+        let t5_101 = t1_123.mul_add(t5_47, t5_100);
+        let t5_102 = t2_36 * t5_101;
+        let t5_103 = like.lift(1.1547005383792515) * t5_102;
+        let t5_104 = t1_125 * t5_80;
+        let t5_105 = t1_120.mul_add(t5_67, t5_104);
+        let t5_106 = (-t1_123).mul_add(t5_51, t5_105);
+        let t5_107 = t2_36 * t5_106;
+        let t5_108 = like.lift(1.1547005383792515) * t5_107;
+        let t5_109 = (-t1_125).mul_add(t5_84, t5_41);
+        let t5_110 = (-t1_120).mul_add(t5_71, t5_109);
+        let t5_111 = t1_123.mul_add(t5_58, t5_110);
+        let t5_112 = t2_36 * t5_111;
+        let t5_113 = like.lift(1.1547005383792515) * t5_112;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(1.9150361620118772)).abs()
-            .min((t1_125 * like.lift(1.8751412991819398)).abs())
-            .min((pivot_3 * like.lift(2.6162535605710207)).abs())
-            .min((pivot_4 * like.lift(2.2558640767950906)).abs())
-            .min((t2_91 * like.lift(0.8083910306721919)).abs())
-            .min((pivot_6 * like.lift(2.191678505501337)).abs());
+        let margin = (pivot_1 * like.lift(1.9131671434315987)).abs()
+            .min((t1_126 * like.lift(1.863195236951264)).abs())
+            .min((pivot_3 * like.lift(2.6695171222054848)).abs())
+            .min((pivot_4 * like.lift(2.294035647929491)).abs())
+            .min((t2_93 * like.lift(0.786868847408929)).abs())
+            .min((pivot_6 * like.lift(2.1945756748652077)).abs());
         let ([
             [_, _, x_q1_q2, x_q1_q7, x_q1_q9], [_, _, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [_, _, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [_, _, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [_, _, x_q6_q2, x_q6_q7, x_q6_q9], [_, _, x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), like.lift(0.0), t5_40, t5_45, t5_51],
-                [like.lift(0.0), like.lift(0.0), t5_55, t5_59, t5_62],
-                [like.lift(0.0), like.lift(0.0), t5_38, t5_63, t5_49],
-                [like.lift(0.0), like.lift(0.0), t5_67, t5_71, t5_76],
-                [like.lift(0.0), like.lift(0.0), t5_81, t5_85, t5_89],
-                [like.lift(0.0), like.lift(0.0), t5_94, t5_99, t5_104],
+                [like.lift(0.0), like.lift(0.0), t5_49, t5_54, t5_60],
+                [like.lift(0.0), like.lift(0.0), t5_64, t5_68, t5_71],
+                [like.lift(0.0), like.lift(0.0), t5_47, t5_72, t5_58],
+                [like.lift(0.0), like.lift(0.0), t5_76, t5_80, t5_85],
+                [like.lift(0.0), like.lift(0.0), t5_90, t5_94, t5_98],
+                [like.lift(0.0), like.lift(0.0), t5_103, t5_108, t5_113],
             ],
             margin,
             || (
                 [
-                    [t1_54, t1_56, t1_61, like.lift(0.0), t1_64, like.lift(0.0)],
-                    [t1_68, t1_70, t1_74, like.lift(0.0), t1_75, like.lift(0.0)],
-                    [like.lift(0.0), t1_80, t1_84, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t1_92, t1_96, t1_98, t1_101, like.lift(0.0), t1_104],
-                    [t1_110, t1_111, t1_114, t1_116, like.lift(0.0), t1_117],
-                    [like.lift(0.0), t1_120, t1_122, t1_124, like.lift(0.0), t1_125],
+                    [t1_55, t1_57, t1_62, like.lift(0.0), t1_65, like.lift(0.0)],
+                    [t1_69, t1_71, t1_75, like.lift(0.0), t1_76, like.lift(0.0)],
+                    [like.lift(0.0), t1_81, t1_85, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t1_93, t1_97, t1_99, t1_102, like.lift(0.0), t1_105],
+                    [t1_111, t1_112, t1_115, t1_117, like.lift(0.0), t1_118],
+                    [like.lift(0.0), t1_121, t1_123, t1_125, like.lift(0.0), t1_126],
                 ],
                 [
-                    [like.lift(0.0), like.lift(0.0), t5_26, t5_27, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), cos_q1, t5_28, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), t5_29, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), t5_26, like.lift(0.0), t5_30],
-                    [like.lift(0.0), like.lift(0.0), cos_q1, like.lift(0.0), t5_31],
-                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), t5_33],
+                    [like.lift(0.0), like.lift(0.0), t5_35, t5_36, like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), cos_q1, t5_37, like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), t5_38, like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), t5_35, like.lift(0.0), t5_39],
+                    [like.lift(0.0), like.lift(0.0), cos_q1, like.lift(0.0), t5_40],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), t5_42],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            t5_8, t5_25, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2,
-            x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9,
-            x_q8_q2, x_q8_q7, x_q8_q9,
+            t5_12, t5_34, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9,
+            x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7,
+            x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
         ]
     };
     // tau
     {
-        let t6_1 = (-t4_215).mul_add(x_q1_q2, t4_230);
-        let t6_2 = (-t4_118).mul_add(x_s1_1_q2, t6_1);
-        let t6_3 = (-t4_65).mul_add(x_s1_2_q2, t6_2);
-        let t6_4 = t4_61.mul_add(x_s1_3_q2, t6_3);
-        let t6_5 = t4_181.mul_add(x_q6_q2, t6_4);
-        let t6_6 = t4_156.mul_add(x_q8_q2, t6_5);
+        let t6_1 = (-t4_213).mul_add(x_q1_q2, t4_228);
+        let t6_2 = (-t4_116).mul_add(x_s1_1_q2, t6_1);
+        let t6_3 = (-t4_64).mul_add(x_s1_2_q2, t6_2);
+        let t6_4 = t4_60.mul_add(x_s1_3_q2, t6_3);
+        let t6_5 = t4_179.mul_add(x_q6_q2, t6_4);
+        let t6_6 = t4_154.mul_add(x_q8_q2, t6_5);
         let t6_7 = -t6_6;
         tau[2] = t6_7;
-        let t6_8 = t4_215 * x_q1_q7;
-        let t6_9 = t4_118.mul_add(x_s1_1_q7, t6_8);
-        let t6_10 = t4_65.mul_add(x_s1_2_q7, t6_9);
-        let t6_11 = (-t4_61).mul_add(x_s1_3_q7, t6_10);
-        let t6_12 = (-t4_181).mul_add(x_q6_q7, t6_11);
-        let t6_13 = t3_153 - t6_12;
-        let t6_14 = t4_156.mul_add(x_q8_q7, t6_13);
+        let t6_8 = t4_213 * x_q1_q7;
+        let t6_9 = t4_116.mul_add(x_s1_1_q7, t6_8);
+        let t6_10 = t4_64.mul_add(x_s1_2_q7, t6_9);
+        let t6_11 = (-t4_60).mul_add(x_s1_3_q7, t6_10);
+        let t6_12 = (-t4_179).mul_add(x_q6_q7, t6_11);
+        let t6_13 = t3_154 - t6_12;
+        let t6_14 = t4_154.mul_add(x_q8_q7, t6_13);
         let t6_15 = -t6_14;
         tau[3] = t6_15;
-        let t6_16 = t4_215 * x_q1_q9;
-        let t6_17 = t4_118.mul_add(x_s1_1_q9, t6_16);
-        let t6_18 = t4_65.mul_add(x_s1_2_q9, t6_17);
-        let t6_19 = (-t4_61).mul_add(x_s1_3_q9, t6_18);
-        let t6_20 = (-t4_181).mul_add(x_q6_q9, t6_19);
-        let t6_21 = (-t4_156).mul_add(x_q8_q9, t6_20);
-        let t6_22 = t3_57 - t6_21;
+        let t6_16 = t4_213 * x_q1_q9;
+        let t6_17 = t4_116.mul_add(x_s1_1_q9, t6_16);
+        let t6_18 = t4_64.mul_add(x_s1_2_q9, t6_17);
+        let t6_19 = (-t4_60).mul_add(x_s1_3_q9, t6_18);
+        let t6_20 = (-t4_179).mul_add(x_q6_q9, t6_19);
+        let t6_21 = (-t4_154).mul_add(x_q8_q9, t6_20);
+        let t6_22 = t3_58 - t6_21;
         let t6_23 = -t6_22;
         tau[4] = t6_23;
-        tau[0] = t5_8;
-        tau[1] = t5_25;
+        tau[0] = t5_12;
+        tau[1] = t5_34;
     }
     (tau, Condition { pivot: condition })
 }
@@ -17616,28 +17848,29 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 48]) ->
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
 ///
-/// 432 additions, 620 multiplications, 6 divisions, 7 sines and cosines.
+/// 445 additions, 632 multiplications, 6 divisions, 7 sines and cosines.
 pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 48]) -> ([[T; 5]; 5], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 5]; 5];
     let [_, shoulder, q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     let [
-        p_izz_column, p_ixx_boom, p_ixy_boom, p_ixz_boom, _, _, p_ixx_base, p_ixy_base,
-        p_ixx_1, p_ixy_1, p_iyz_1, p_izz_1, p_mx_1, p_my_1, p_ixy_2, p_mx_2, p_my_2, p_mz_2,
-        p_m_2, p_ixx_3, p_ixy_3, p_ixz_3, p_iyy_3, p_iyz_3, p_izz_3, p_mx_3, p_my_3, p_mz_3,
-        p_ixx_4, p_ixy_4, p_iyz_4, p_izz_4, p_mx_4, p_my_4, p_ixy_5, p_mx_5, p_my_5, p_mz_5,
-        p_ixx_6, p_ixy_6, p_iyz_6, p_izz_6, p_mx_6, p_my_6, p_ixy_7, p_mx_7, p_my_7, p_mz_7,
+        p_izz_column, p_ixx_boom, p_ixy_boom, p_ixz_boom, p_mx_boom, p_my_boom, p_ixx_base,
+        p_ixy_base, p_ixx_1, p_ixy_1, p_iyz_1, p_izz_1, p_mx_1, p_my_1, p_ixy_2, p_mx_2,
+        p_my_2, p_mz_2, p_m_2, p_ixx_3, p_ixy_3, p_ixz_3, p_iyy_3, p_iyz_3, p_izz_3, p_mx_3,
+        p_my_3, p_mz_3, p_ixx_4, p_ixy_4, p_iyz_4, p_izz_4, p_mx_4, p_my_4, p_ixy_5, p_mx_5,
+        p_my_5, p_mz_5, p_ixx_6, p_ixy_6, p_iyz_6, p_izz_6, p_mx_6, p_my_6, p_ixy_7, p_mx_7,
+        p_my_7, p_mz_7,
     ] = *beta;
     let mut condition = like.lift(1.0);
     // M, part 1
     let [
         sin_shoulder, cos_shoulder, sin_q8, cos_q8, t1_4, sin_q6, cos_q6, t1_8, sin_q1, cos_q1,
         sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, t1_11, t1_13, t1_16, t1_17,
-        t1_18, t1_22, t1_26, t1_30, t1_41, t1_43, t1_48, t1_60, t1_62, t1_65, t1_67, t1_82,
-        t1_90, t1_97, t1_98, t1_108, t1_109, t1_118, t1_119, t1_120, t1_126, t1_139, t1_148,
-        t1_155, t1_158, t1_160, t1_161, t1_163, t1_164, t1_179, t1_180, t1_188, t1_190, t1_191,
-        t1_198, t1_201, t1_207, t1_216, t1_219, t1_223, t1_225, t1_226, t1_234, t1_236, t1_239,
-        t1_243,
+        t1_18, t1_22, t1_26, t1_30, t1_41, t1_43, t1_46, t1_48, t1_60, t1_62, t1_65, t1_67,
+        t1_82, t1_90, t1_97, t1_98, t1_108, t1_109, t1_118, t1_119, t1_120, t1_126, t1_139,
+        t1_148, t1_155, t1_158, t1_160, t1_161, t1_163, t1_164, t1_177, t1_179, t1_180, t1_188,
+        t1_190, t1_191, t1_198, t1_201, t1_215, t1_220, t1_224, t1_227, t1_231, t1_233, t1_234,
+        t1_242, t1_243,
     ] = {
         let (sin_shoulder, cos_shoulder) = shoulder.sin_cos();
         let (sin_q8, cos_q8) = q8.sin_cos();
@@ -17673,9 +17906,9 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 48]) -> ([[T; 5]; 5],
         let t1_25 = p_my_1 - t1_24;
         let t1_26 = cos_q1.mul_add(t1_25, t1_20);
         let t1_27 = t1_9 + t1_26;
-        let t1_28 = like.lift(-0.6).mul_add(p_m_2, t1_27);
-        let t1_29 = like.lift(0.6) * t1_28;
-        let t1_30 = like.lift(0.6).mul_add(t1_27, t1_29);
+        let t1_28 = like.lift(-1.25).mul_add(p_m_2, t1_27);
+        let t1_29 = like.lift(1.25) * t1_28;
+        let t1_30 = like.lift(1.25).mul_add(t1_27, t1_29);
         let t1_31 = q9 * p_mz_7;
         let t1_32 = like.lift(2.0) * t1_31;
         let t1_33 = p_ixx_6 + t1_32;
@@ -17813,7 +18046,7 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 48]) -> ([[T; 5]; 5],
         let t1_165 = t1_152 - t1_164;
         let t1_166 = t1_46 - t1_65;
         let t1_167 = t1_166 - t1_161;
-        let t1_168 = like.lift(0.6).mul_add(t1_167, t1_165);
+        let t1_168 = like.lift(1.25).mul_add(t1_167, t1_165);
         let t1_169 = p_ixy_boom + t1_168;
         let t1_170 = cos_shoulder.mul_add(t1_169, t1_133);
         let t1_171 = sin_shoulder * t1_170;
@@ -17852,340 +18085,353 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 48]) -> ([[T; 5]; 5],
         let t1_204 = t1_203 - t1_30;
         let t1_205 = cos_shoulder.mul_add(t1_204, t1_172);
         let t1_206 = cos_shoulder.mul_add(t1_205, t1_171);
-        let t1_207 = p_izz_column + t1_206;
-        let t1_208 = like.lift(0.5) * t1_134;
-        let t1_209 = like.lift(-0.8660254037844386).mul_add(p_ixy_7, t1_208);
-        let t1_210 = sin_q8 * t1_209;
-        let t1_211 = like.lift(0.5) * t1_35;
-        let t1_212 = like.lift(-0.8660254037844386).mul_add(t1_139, t1_211);
-        let t1_213 = cos_q8.mul_add(t1_212, t1_210);
-        let t1_214 = like.lift(-0.13172246391561312).mul_add(t1_4, t1_213);
-        let t1_215 = like.lift(0.5) * t1_143;
-        let t1_216 = like.lift(0.8660254037844386).mul_add(p_ixy_5, t1_215);
-        let t1_217 = sin_q6 * t1_216;
-        let t1_218 = like.lift(0.5) * t1_54;
-        let t1_219 = like.lift(0.8660254037844386).mul_add(t1_148, t1_218);
-        let t1_220 = cos_q6.mul_add(t1_219, t1_217);
-        let t1_221 = like.lift(-0.13172246391561312).mul_add(t1_8, t1_220);
-        let t1_222 = t1_214 + t1_221;
-        let t1_223 = cos_q1.mul_add(t1_103, -t1_115);
-        let t1_224 = sin_q1 * t1_223;
-        let t1_225 = sin_q1 * t1_119;
-        let t1_226 = t1_112 + t1_225;
-        let t1_227 = cos_q1.mul_add(t1_226, t1_224);
-        let t1_228 = like.lift(-0.26344492783122625).mul_add(t1_26, t1_227);
-        let t1_229 = t1_222 - t1_228;
-        let t1_230 = t1_43 + t1_62;
-        let t1_231 = t1_230 - t1_125;
-        let t1_232 = like.lift(0.6).mul_add(t1_231, t1_229);
-        let t1_233 = p_ixz_boom - t1_232;
-        let t1_234 = sin_shoulder * t1_233;
-        let t1_235 = cos_q8 * t1_209;
-        let t1_236 = (-sin_q8).mul_add(t1_212, t1_235);
-        let t1_237 = like.lift(0.8660254037844386) * t1_236;
-        let t1_238 = like.lift(0.5) * t1_177;
-        let t1_239 = like.lift(-0.8660254037844386).mul_add(t1_179, t1_238);
-        let t1_240 = like.lift(0.5).mul_add(t1_239, t1_237);
-        let t1_241 = like.lift(0.13172246391561312) * t1_46;
-        let t1_242 = like.lift(0.22815).mul_add(t1_43, t1_241);
-        let t1_243 = t1_240 - t1_242;
+        let t1_207 = p_mx_boom - t1_28;
+        let t1_208 = cos_shoulder * t1_207;
+        let t1_209 = p_my_boom - t1_167;
+        let t1_210 = (-sin_shoulder).mul_add(t1_209, t1_208);
+        let t1_211 = like.lift(0.35).mul_add(p_m_2, t1_210);
+        let t1_212 = like.lift(0.35) * t1_211;
+        let t1_213 = like.lift(0.35).mul_add(t1_210, t1_212);
+        let t1_214 = t1_206 + t1_213;
+        let t1_215 = p_izz_column + t1_214;
+        let t1_216 = like.lift(0.5) * t1_134;
+        let t1_217 = like.lift(-0.8660254037844386).mul_add(p_ixy_7, t1_216);
+        let t1_218 = sin_q8 * t1_217;
+        let t1_219 = like.lift(0.5) * t1_35;
+        let t1_220 = like.lift(-0.8660254037844386).mul_add(t1_139, t1_219);
+        let t1_221 = cos_q8.mul_add(t1_220, t1_218);
+        let t1_222 = like.lift(-0.13172246391561312).mul_add(t1_4, t1_221);
+        let t1_223 = like.lift(0.5) * t1_143;
+        let t1_224 = like.lift(0.8660254037844386).mul_add(p_ixy_5, t1_223);
+        let t1_225 = sin_q6 * t1_224;
+        let t1_226 = like.lift(0.5) * t1_54;
+        let t1_227 = like.lift(0.8660254037844386).mul_add(t1_148, t1_226);
+        let t1_228 = cos_q6.mul_add(t1_227, t1_225);
+        let t1_229 = like.lift(-0.13172246391561312).mul_add(t1_8, t1_228);
+        let t1_230 = t1_222 + t1_229;
+        let t1_231 = cos_q1.mul_add(t1_103, -t1_115);
+        let t1_232 = sin_q1 * t1_231;
+        let t1_233 = sin_q1 * t1_119;
+        let t1_234 = t1_112 + t1_233;
+        let t1_235 = cos_q1.mul_add(t1_234, t1_232);
+        let t1_236 = like.lift(-0.26344492783122625).mul_add(t1_26, t1_235);
+        let t1_237 = t1_230 - t1_236;
+        let t1_238 = t1_43 + t1_62;
+        let t1_239 = t1_238 - t1_125;
+        let t1_240 = like.lift(1.25).mul_add(t1_239, t1_237);
+        let t1_241 = p_ixz_boom - t1_240;
+        let t1_242 = sin_shoulder * t1_241;
+        let t1_243 = cos_q8 * t1_217;
         [
             sin_shoulder, cos_shoulder, sin_q8, cos_q8, t1_4, sin_q6, cos_q6, t1_8, sin_q1,
             cos_q1, sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, t1_11, t1_13,
-            t1_16, t1_17, t1_18, t1_22, t1_26, t1_30, t1_41, t1_43, t1_48, t1_60, t1_62, t1_65,
-            t1_67, t1_82, t1_90, t1_97, t1_98, t1_108, t1_109, t1_118, t1_119, t1_120, t1_126,
-            t1_139, t1_148, t1_155, t1_158, t1_160, t1_161, t1_163, t1_164, t1_179, t1_180,
-            t1_188, t1_190, t1_191, t1_198, t1_201, t1_207, t1_216, t1_219, t1_223, t1_225,
-            t1_226, t1_234, t1_236, t1_239, t1_243,
+            t1_16, t1_17, t1_18, t1_22, t1_26, t1_30, t1_41, t1_43, t1_46, t1_48, t1_60, t1_62,
+            t1_65, t1_67, t1_82, t1_90, t1_97, t1_98, t1_108, t1_109, t1_118, t1_119, t1_120,
+            t1_126, t1_139, t1_148, t1_155, t1_158, t1_160, t1_161, t1_163, t1_164, t1_177,
+            t1_179, t1_180, t1_188, t1_190, t1_191, t1_198, t1_201, t1_215, t1_220, t1_224,
+            t1_227, t1_231, t1_233, t1_234, t1_242, t1_243,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t2_3, t2_6, t2_13, t2_16, t2_23, t2_27, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2,
-        x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9,
-        x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
+        t2_1, t2_4, t2_11, t2_14, t2_21, t2_24, t2_32, t2_37, x_q1_q2, x_q1_q7, x_q1_q9,
+        x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7,
+        x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
     ] = {
-        let t2_1 = p_ixy_base + t1_243;
-        let t2_2 = cos_q6 * t1_216;
-        let t2_3 = (-sin_q6).mul_add(t1_219, t2_2);
-        let t2_4 = like.lift(0.8660254037844386) * t2_3;
-        let t2_5 = like.lift(0.5) * t1_188;
-        let t2_6 = like.lift(0.8660254037844386).mul_add(t1_190, t2_5);
-        let t2_7 = like.lift(-0.5).mul_add(t2_6, t2_4);
-        let t2_8 = like.lift(0.13172246391561312) * t1_65;
-        let t2_9 = like.lift(0.22815).mul_add(t1_62, t2_8);
-        let t2_10 = t2_7 - t2_9;
-        let t2_11 = t2_1 - t2_10;
-        let t2_12 = cos_q1 * t1_155;
-        let t2_13 = (-sin_q1).mul_add(t1_163, t2_12);
-        let t2_14 = like.lift(-0.26344492783122625).mul_add(t1_161, t2_13);
-        let t2_15 = t2_11 + t2_14;
-        let t2_16 = (-cos_shoulder).mul_add(t2_15, t1_234);
-        let t2_17 = sin_q1 * t1_161;
-        let t2_18 = sin_shoulder * t2_17;
-        let t2_19 = cos_q1 * p_m_2;
-        let t2_20 = like.lift(0.26344492783122625).mul_add(t2_19, t1_18);
-        let t2_21 = sin_q1 * p_m_2;
-        let t2_22 = like.lift(-0.6).mul_add(t2_21, t2_20);
-        let t2_23 = cos_shoulder.mul_add(t2_22, t2_18);
-        let t2_24 = sin_shoulder * t1_164;
-        let t2_25 = t1_201 + t1_126;
-        let t2_26 = like.lift(-0.6).mul_add(t1_26, t2_25);
-        let t2_27 = (-cos_shoulder).mul_add(t2_26, t2_24);
-        let t2_28 = cos_q1 * q2;
-        let t2_29 = cos_q1 * sin_s1_2;
-        let t2_30 = sin_q1 * cos_s1_1;
-        let t2_31 = cos_s1_2.mul_add(t2_30, t2_29);
-        let t2_32 = like.lift(-0.4563).mul_add(t2_31, t2_28);
-        let t2_33 = -t2_32;
-        let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t2_34 = cos_q1 * e_s1_2_q1x;
-        let t2_35 = like.lift(0.4563) * t2_34;
-        let t2_36 = sin_q1 * sin_s1_1;
-        let t2_37 = t2_36 * e_s1_2_q1x;
-        let t2_38 = like.lift(0.4563) * t2_37;
-        let t2_39 = cos_s1_1 * t2_31;
-        let t2_40 = like.lift(0.4563).mul_add(t2_39, t2_38);
-        let t2_41 = cos_q6 * q7;
-        let t2_42 = like.lift(0.5) * t2_41;
+        let t2_1 = (-sin_q8).mul_add(t1_220, t1_243);
+        let t2_2 = like.lift(0.8660254037844386) * t2_1;
+        let t2_3 = like.lift(0.5) * t1_177;
+        let t2_4 = like.lift(-0.8660254037844386).mul_add(t1_179, t2_3);
+        let t2_5 = like.lift(0.5).mul_add(t2_4, t2_2);
+        let t2_6 = like.lift(0.13172246391561312) * t1_46;
+        let t2_7 = like.lift(0.22815).mul_add(t1_43, t2_6);
+        let t2_8 = t2_5 - t2_7;
+        let t2_9 = p_ixy_base + t2_8;
+        let t2_10 = cos_q6 * t1_224;
+        let t2_11 = (-sin_q6).mul_add(t1_227, t2_10);
+        let t2_12 = like.lift(0.8660254037844386) * t2_11;
+        let t2_13 = like.lift(0.5) * t1_188;
+        let t2_14 = like.lift(0.8660254037844386).mul_add(t1_190, t2_13);
+        let t2_15 = like.lift(-0.5).mul_add(t2_14, t2_12);
+        let t2_16 = like.lift(0.13172246391561312) * t1_65;
+        let t2_17 = like.lift(0.22815).mul_add(t1_62, t2_16);
+        let t2_18 = t2_15 - t2_17;
+        let t2_19 = t2_9 - t2_18;
+        let t2_20 = cos_q1 * t1_155;
+        let t2_21 = (-sin_q1).mul_add(t1_163, t2_20);
+        let t2_22 = like.lift(-0.26344492783122625).mul_add(t1_161, t2_21);
+        let t2_23 = t2_19 + t2_22;
+        let t2_24 = (-cos_shoulder).mul_add(t2_23, t1_242);
+        let t2_25 = sin_q1 * t1_161;
+        let t2_26 = sin_shoulder * t2_25;
+        let t2_27 = cos_q1 * p_m_2;
+        let t2_28 = like.lift(0.26344492783122625).mul_add(t2_27, t1_18);
+        let t2_29 = sin_q1 * p_m_2;
+        let t2_30 = like.lift(-1.25).mul_add(t2_29, t2_28);
+        let t2_31 = cos_shoulder.mul_add(t2_30, t2_26);
+        let t2_32 = like.lift(-0.35).mul_add(t2_29, t2_31);
+        let t2_33 = sin_shoulder * t1_164;
+        let t2_34 = t1_201 + t1_126;
+        let t2_35 = like.lift(-1.25).mul_add(t1_26, t2_34);
+        let t2_36 = (-cos_shoulder).mul_add(t2_35, t2_33);
+        let t2_37 = like.lift(0.35).mul_add(t1_26, t2_36);
+        let t2_38 = cos_q1 * q2;
+        let t2_39 = cos_q1 * sin_s1_2;
+        let t2_40 = sin_q1 * cos_s1_1;
+        let t2_41 = cos_s1_2.mul_add(t2_40, t2_39);
+        let t2_42 = like.lift(-0.4563).mul_add(t2_41, t2_38);
         let t2_43 = -t2_42;
-        let t2_44 = sin_q1 * q2;
-        let t2_45 = sin_q1 * sin_s1_2;
+        let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
+        let t2_44 = cos_q1 * e_s1_2_q1x;
+        let t2_45 = like.lift(0.4563) * t2_44;
+        let t2_46 = sin_q1 * sin_s1_1;
+        let t2_47 = t2_46 * e_s1_2_q1x;
+        let t2_48 = like.lift(0.4563) * t2_47;
+        let t2_49 = cos_s1_1 * t2_41;
+        let t2_50 = like.lift(0.4563).mul_add(t2_49, t2_48);
+        let t2_51 = cos_q6 * q7;
+        let t2_52 = like.lift(0.5) * t2_51;
+        let t2_53 = -t2_52;
+        let t2_54 = sin_q1 * q2;
+        let t2_55 = sin_q1 * sin_s1_2;
         let e_s1_1_shoulderx = cos_q1 * cos_s1_1;
-        let e_s1_2_shoulderx = (-cos_s1_2).mul_add(e_s1_1_shoulderx, t2_45);
-        let t2_46 = like.lift(-0.4563).mul_add(e_s1_2_shoulderx, t2_44);
-        let t2_47 = -t2_46;
-        let t2_48 = sin_q1 * e_s1_2_q1x;
-        let t2_49 = like.lift(0.4563) * t2_48;
-        let t2_50 = cos_s1_1 * e_s1_2_shoulderx;
-        let t2_51 = like.lift(0.4563) * t2_50;
-        let e_s1_1_shouldery = cos_q1 * sin_s1_1;
-        let t2_52 = e_s1_1_shouldery * e_s1_2_q1x;
-        let t2_53 = like.lift(-0.4563).mul_add(t2_52, t2_51);
-        let t2_54 = sin_q6 * q7;
-        let t2_55 = sin_q1 * t2_31;
-        let t2_56 = like.lift(0.4563) * t2_55;
-        let t2_57 = cos_q1 * e_s1_2_shoulderx;
-        let t2_58 = like.lift(-0.4563).mul_add(t2_57, t2_56);
-        let t2_59 = -t2_58;
-        let t2_60 = e_s1_1_shouldery * t2_31;
+        let e_s1_2_shoulderx = (-cos_s1_2).mul_add(e_s1_1_shoulderx, t2_55);
+        let t2_56 = like.lift(-0.4563).mul_add(e_s1_2_shoulderx, t2_54);
+        let t2_57 = -t2_56;
+        let t2_58 = sin_q1 * e_s1_2_q1x;
+        let t2_59 = like.lift(0.4563) * t2_58;
+        let t2_60 = cos_s1_1 * e_s1_2_shoulderx;
         let t2_61 = like.lift(0.4563) * t2_60;
-        let t2_62 = t2_36 * e_s1_2_shoulderx;
-        let t2_63 = like.lift(0.4563).mul_add(t2_62, t2_61);
-        let pivot_1 = like.lift(0.8660254037844386) * t2_41;
-        let t2_64 = like.lift(0.22815) * t2_31;
-        let t2_65 = cos_s1_3 * t2_36;
-        let t2_66 = cos_q1 * cos_s1_2;
-        let t2_67 = (-sin_s1_2).mul_add(t2_30, t2_66);
-        let t2_68 = sin_s1_3.mul_add(t2_67, t2_65);
-        let t2_69 = like.lift(-0.39516739174683935).mul_add(t2_68, t2_64);
-        let t2_70 = t2_28 - t2_69;
-        let t2_71 = -t2_70;
-        let t2_72 = like.lift(0.22815) * e_s1_2_q1x;
-        let t2_73 = cos_s1_1 * cos_s1_3;
+        let e_s1_1_shouldery = cos_q1 * sin_s1_1;
+        let t2_62 = e_s1_1_shouldery * e_s1_2_q1x;
+        let t2_63 = like.lift(-0.4563).mul_add(t2_62, t2_61);
+        let t2_64 = sin_q6 * q7;
+        let t2_65 = sin_q1 * t2_41;
+        let t2_66 = like.lift(0.4563) * t2_65;
+        let t2_67 = cos_q1 * e_s1_2_shoulderx;
+        let t2_68 = like.lift(-0.4563).mul_add(t2_67, t2_66);
+        let t2_69 = -t2_68;
+        let t2_70 = e_s1_1_shouldery * t2_41;
+        let t2_71 = like.lift(0.4563) * t2_70;
+        let t2_72 = t2_46 * e_s1_2_shoulderx;
+        let t2_73 = like.lift(0.4563).mul_add(t2_72, t2_71);
+        let pivot_1 = like.lift(0.8660254037844386) * t2_51;
+        let t2_74 = like.lift(0.22815) * t2_41;
+        let t2_75 = cos_s1_3 * t2_46;
+        let t2_76 = cos_q1 * cos_s1_2;
+        let t2_77 = (-sin_s1_2).mul_add(t2_40, t2_76);
+        let t2_78 = sin_s1_3.mul_add(t2_77, t2_75);
+        let t2_79 = like.lift(-0.39516739174683935).mul_add(t2_78, t2_74);
+        let t2_80 = t2_38 - t2_79;
+        let t2_81 = -t2_80;
+        let t2_82 = like.lift(0.22815) * e_s1_2_q1x;
+        let t2_83 = cos_s1_1 * cos_s1_3;
         let e_s1_2_q1z = sin_s1_1 * sin_s1_2;
-        let e_3_q1y = sin_s1_3.mul_add(e_s1_2_q1z, t2_73);
-        let t2_74 = like.lift(0.39516739174683935).mul_add(e_3_q1y, t2_72);
-        let t2_75 = cos_q1 * t2_74;
-        let t2_76 = t2_36 * t2_74;
-        let t2_77 = cos_s1_1.mul_add(t2_69, t2_76);
-        let t2_78 = t2_31 * t2_74;
-        let t2_79 = (-e_s1_2_q1x).mul_add(t2_69, t2_78);
-        let t2_80 = -t2_79;
-        let t2_81 = cos_q8 * q9;
-        let t2_82 = like.lift(0.5) * t2_81;
-        let t2_83 = -t2_82;
-        let t2_84 = cos_s1_3 * e_s1_1_shouldery;
-        let t2_85 = sin_q1 * cos_s1_2;
-        let e_s1_2_shoulderz = sin_s1_2.mul_add(e_s1_1_shoulderx, t2_85);
-        let e_3_shouldery = (-sin_s1_3).mul_add(e_s1_2_shoulderz, t2_84);
-        let t2_86 = like.lift(0.39516739174683935) * e_3_shouldery;
-        let t2_87 = like.lift(0.22815) * e_s1_2_shoulderx;
-        let t2_88 = t2_44 - t2_87;
-        let t2_89 = t2_86 - t2_88;
-        let t2_90 = sin_q1 * t2_74;
-        let t2_91 = t2_87 + t2_86;
-        let t2_92 = cos_s1_1 * t2_91;
-        let t2_93 = (-e_s1_1_shouldery).mul_add(t2_74, t2_92);
-        let t2_94 = e_s1_2_q1x * t2_91;
-        let t2_95 = (-e_s1_2_shoulderx).mul_add(t2_74, t2_94);
-        let t2_96 = sin_q8 * q9;
-        let t2_97 = sin_q1 * t2_69;
-        let t2_98 = (-cos_q1).mul_add(t2_91, t2_97);
-        let t2_99 = -t2_98;
-        let t2_100 = e_s1_1_shouldery * t2_69;
-        let t2_101 = t2_36.mul_add(t2_91, t2_100);
-        let t2_102 = e_s1_2_shoulderx * t2_69;
-        let t2_103 = (-t2_31).mul_add(t2_91, t2_102);
-        let pivot_2 = like.lift(0.8660254037844386) * t2_81;
-        let t2_104 = -pivot_2;
-        let t2_105 = -sin_q1;
+        let e_3_q1y = sin_s1_3.mul_add(e_s1_2_q1z, t2_83);
+        let t2_84 = like.lift(0.39516739174683935).mul_add(e_3_q1y, t2_82);
+        let t2_85 = cos_q1 * t2_84;
+        let t2_86 = t2_46 * t2_84;
+        let t2_87 = cos_s1_1.mul_add(t2_79, t2_86);
+        let t2_88 = t2_41 * t2_84;
+        let t2_89 = (-e_s1_2_q1x).mul_add(t2_79, t2_88);
+        let t2_90 = -t2_89;
+        let t2_91 = cos_q8 * q9;
+        let t2_92 = like.lift(0.5) * t2_91;
+        let t2_93 = -t2_92;
+        let t2_94 = cos_s1_3 * e_s1_1_shouldery;
+        let t2_95 = sin_q1 * cos_s1_2;
+        let e_s1_2_shoulderz = sin_s1_2.mul_add(e_s1_1_shoulderx, t2_95);
+        let e_3_shouldery = (-sin_s1_3).mul_add(e_s1_2_shoulderz, t2_94);
+        let t2_96 = like.lift(0.39516739174683935) * e_3_shouldery;
+        let t2_97 = like.lift(0.22815) * e_s1_2_shoulderx;
+        let t2_98 = t2_54 - t2_97;
+        let t2_99 = t2_96 - t2_98;
+        let t2_100 = sin_q1 * t2_84;
+        let t2_101 = t2_97 + t2_96;
+        let t2_102 = cos_s1_1 * t2_101;
+        let t2_103 = (-e_s1_1_shouldery).mul_add(t2_84, t2_102);
+        let t2_104 = e_s1_2_q1x * t2_101;
+        let t2_105 = (-e_s1_2_shoulderx).mul_add(t2_84, t2_104);
+        let t2_106 = sin_q8 * q9;
+        let t2_107 = sin_q1 * t2_79;
+        let t2_108 = (-cos_q1).mul_add(t2_101, t2_107);
+        let t2_109 = -t2_108;
+        let t2_110 = e_s1_1_shouldery * t2_79;
+        let t2_111 = t2_46.mul_add(t2_101, t2_110);
+        let t2_112 = e_s1_2_shoulderx * t2_79;
+        let t2_113 = (-t2_41).mul_add(t2_101, t2_112);
+        let pivot_2 = like.lift(0.8660254037844386) * t2_91;
+        let t2_114 = -pivot_2;
+        let t2_115 = -sin_q1;
         let e_4_shouldery = like.lift(0.5) * sin_q6;
-        let t2_106 = -e_4_shouldery;
-        let t2_107 = -cos_q6;
-        let t2_108 = like.lift(0.8660254037844386) * sin_q6;
+        let t2_116 = -e_4_shouldery;
+        let t2_117 = -cos_q6;
+        let t2_118 = like.lift(0.8660254037844386) * sin_q6;
         let e_6_shouldery = like.lift(0.5) * sin_q8;
-        let t2_109 = -e_6_shouldery;
-        let t2_110 = -cos_q8;
-        let t2_111 = like.lift(0.8660254037844386) * sin_q8;
-        let t2_112 = -t2_111;
-        let t2_113 = like.lift(0.5773502691896257).mul_add(t2_103, t2_79);
-        let t2_114 = like.lift(1.0) / t2_81;
-        let t2_115 = t2_96 * t2_114;
-        let t2_116 = t2_103 * t2_115;
-        let pivot_3 = like.lift(1.1547005383792515).mul_add(t2_116, t2_95);
+        let t2_119 = -e_6_shouldery;
+        let t2_120 = -cos_q8;
+        let t2_121 = like.lift(0.8660254037844386) * sin_q8;
+        let t2_122 = -t2_121;
+        let t2_123 = like.lift(0.5773502691896257).mul_add(t2_113, t2_89);
+        let t2_124 = like.lift(1.0) / t2_91;
+        let t2_125 = t2_106 * t2_124;
+        let t2_126 = t2_113 * t2_125;
+        let pivot_3 = like.lift(1.1547005383792515).mul_add(t2_126, t2_105);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_117 = t2_113 * inv_pivot_3;
-        let t2_118 = (-t2_89).mul_add(t2_117, t2_70);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_58, t2_35);
+        let t2_127 = t2_123 * inv_pivot_3;
+        let t2_128 = (-t2_99).mul_add(t2_127, t2_80);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_68, t2_45);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_119 = like.lift(0.5773502691896257).mul_add(t2_98, t2_75);
-        let t2_120 = t2_98 * t2_115;
-        let t2_121 = like.lift(-1.1547005383792515).mul_add(t2_120, t2_90);
-        let t2_122 = t2_121.mul_add(t2_117, t2_119);
-        let t2_123 = inv_pivot_4 * t2_122;
-        let pivot_5 = (-t2_32).mul_add(t2_123, t2_118);
+        let t2_129 = like.lift(0.5773502691896257).mul_add(t2_108, t2_85);
+        let t2_130 = t2_108 * t2_125;
+        let t2_131 = like.lift(-1.1547005383792515).mul_add(t2_130, t2_100);
+        let t2_132 = t2_131.mul_add(t2_127, t2_129);
+        let t2_133 = inv_pivot_4 * t2_132;
+        let pivot_5 = (-t2_42).mul_add(t2_133, t2_128);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_124 = (-cos_q1).mul_add(t2_117, sin_q1);
-        let t2_125 = (-sin_q1).mul_add(t2_123, t2_124);
-        let t2_126 = like.lift(-0.5773502691896257).mul_add(t2_101, t2_77);
-        let t2_127 = t2_101 * t2_115;
-        let t2_128 = like.lift(1.1547005383792515).mul_add(t2_127, t2_93);
-        let t2_129 = t2_128.mul_add(t2_117, t2_126);
-        let t2_130 = like.lift(0.5773502691896257).mul_add(t2_63, t2_40);
-        let t2_131 = (-t2_130).mul_add(t2_123, t2_129);
-        let t2_132 = like.lift(1.0) / t2_41;
-        let t2_133 = t2_54 * t2_132;
-        let t2_134 = t2_58 * t2_133;
-        let t2_135 = like.lift(1.1547005383792515).mul_add(t2_134, t2_49);
-        let t2_136 = t2_135 * inv_pivot_4;
-        let t2_137 = sin_q1.mul_add(t2_136, cos_q1);
-        let t2_138 = (-t2_32).mul_add(t2_136, t2_46);
-        let t2_139 = t2_138 * inv_pivot_5;
-        let t2_140 = t2_125.mul_add(t2_139, t2_137);
-        let t2_141 = t2_63 * t2_133;
-        let t2_142 = like.lift(-1.1547005383792515).mul_add(t2_141, t2_53);
-        let t2_143 = (-t2_130).mul_add(t2_136, t2_142);
-        let pivot_6 = (-t2_131).mul_add(t2_139, t2_143);
+        let t2_134 = (-cos_q1).mul_add(t2_127, sin_q1);
+        let t2_135 = (-sin_q1).mul_add(t2_133, t2_134);
+        let t2_136 = like.lift(-0.5773502691896257).mul_add(t2_111, t2_87);
+        let t2_137 = t2_111 * t2_125;
+        let t2_138 = like.lift(1.1547005383792515).mul_add(t2_137, t2_103);
+        let t2_139 = t2_138.mul_add(t2_127, t2_136);
+        let t2_140 = like.lift(0.5773502691896257).mul_add(t2_73, t2_50);
+        let t2_141 = (-t2_140).mul_add(t2_133, t2_139);
+        let t2_142 = like.lift(1.0) / t2_51;
+        let t2_143 = t2_64 * t2_142;
+        let t2_144 = t2_68 * t2_143;
+        let t2_145 = like.lift(1.1547005383792515).mul_add(t2_144, t2_59);
+        let t2_146 = t2_145 * inv_pivot_4;
+        let t2_147 = sin_q1.mul_add(t2_146, cos_q1);
+        let t2_148 = (-t2_42).mul_add(t2_146, t2_56);
+        let t2_149 = t2_148 * inv_pivot_5;
+        let t2_150 = t2_135.mul_add(t2_149, t2_147);
+        let t2_151 = t2_73 * t2_143;
+        let t2_152 = like.lift(-1.1547005383792515).mul_add(t2_151, t2_63);
+        let t2_153 = (-t2_140).mul_add(t2_146, t2_152);
+        let pivot_6 = (-t2_141).mul_add(t2_149, t2_153);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_144 = t2_140 * inv_pivot_6;
-        let t2_145 = t2_131.mul_add(t2_144, t2_125);
-        let t2_146 = inv_pivot_5 * t2_145;
-        let t2_147 = sin_q6.mul_add(t2_133, cos_q6);
-        let t2_148 = t2_147 * inv_pivot_6;
-        let t2_149 = t2_131 * t2_148;
-        let t2_150 = inv_pivot_5 * t2_149;
-        let t2_151 = -t2_150;
-        let t2_152 = sin_q8.mul_add(t2_115, cos_q8);
-        let t2_153 = t2_152 * t2_117;
-        let t2_154 = t2_153 * t2_139;
-        let t2_155 = t2_154 * inv_pivot_6;
-        let t2_156 = t2_131.mul_add(t2_155, t2_153);
-        let t2_157 = inv_pivot_5 * t2_156;
-        let t2_158 = (-t2_32).mul_add(t2_146, sin_q1);
-        let t2_159 = t2_130.mul_add(t2_144, t2_158);
-        let t2_160 = inv_pivot_4 * t2_159;
+        let t2_154 = t2_150 * inv_pivot_6;
+        let t2_155 = t2_141.mul_add(t2_154, t2_135);
+        let t2_156 = inv_pivot_5 * t2_155;
+        let t2_157 = sin_q6.mul_add(t2_143, cos_q6);
+        let t2_158 = t2_157 * inv_pivot_6;
+        let t2_159 = t2_141 * t2_158;
+        let t2_160 = inv_pivot_5 * t2_159;
         let t2_161 = -t2_160;
-        let t2_162 = t2_32 * t2_150;
-        let t2_163 = (-t2_130).mul_add(t2_148, t2_162);
-        let t2_164 = inv_pivot_4 * t2_163;
-        let t2_165 = -t2_164;
-        let t2_166 = t2_32 * t2_157;
-        let t2_167 = (-t2_130).mul_add(t2_155, t2_166);
-        let t2_168 = inv_pivot_4 * t2_167;
-        let t2_169 = -t2_148;
-        let t2_170 = t2_121.mul_add(t2_160, cos_q1);
-        let t2_171 = (-t2_89).mul_add(t2_146, t2_170);
-        let t2_172 = (-t2_128).mul_add(t2_144, t2_171);
-        let t2_173 = inv_pivot_3 * t2_172;
-        let t2_174 = t2_121 * t2_164;
-        let t2_175 = t2_89.mul_add(t2_150, t2_174);
-        let t2_176 = t2_128.mul_add(t2_148, t2_175);
-        let t2_177 = inv_pivot_3 * t2_176;
-        let t2_178 = t2_121.mul_add(t2_168, t2_152);
-        let t2_179 = t2_89.mul_add(t2_157, t2_178);
-        let t2_180 = t2_128.mul_add(t2_155, t2_179);
-        let t2_181 = inv_pivot_3 * t2_180;
-        let t2_182 = -t2_181;
-        let t2_183 = t2_58 * t2_160;
-        let t2_184 = t2_63.mul_add(t2_144, t2_183);
-        let t2_185 = t2_132 * t2_184;
-        let t2_186 = like.lift(1.1547005383792515) * t2_185;
-        let t2_187 = -t2_186;
-        let t2_188 = (-t2_58).mul_add(t2_164, t2_108);
-        let t2_189 = t2_63.mul_add(t2_148, t2_188);
-        let t2_190 = t2_132 * t2_189;
-        let t2_191 = like.lift(1.1547005383792515) * t2_190;
-        let t2_192 = t2_58 * t2_168;
-        let t2_193 = (-t2_63).mul_add(t2_155, t2_192);
-        let t2_194 = t2_132 * t2_193;
-        let t2_195 = like.lift(1.1547005383792515) * t2_194;
-        let t2_196 = t2_103 * t2_173;
-        let t2_197 = t2_98.mul_add(t2_160, t2_196);
-        let t2_198 = t2_101.mul_add(t2_144, t2_197);
-        let t2_199 = t2_114 * t2_198;
-        let t2_200 = like.lift(1.1547005383792515) * t2_199;
-        let t2_201 = t2_103 * t2_177;
-        let t2_202 = t2_98.mul_add(t2_164, t2_201);
-        let t2_203 = (-t2_101).mul_add(t2_148, t2_202);
-        let t2_204 = t2_114 * t2_203;
+        let t2_162 = sin_q8.mul_add(t2_125, cos_q8);
+        let t2_163 = t2_162 * t2_127;
+        let t2_164 = t2_163 * t2_149;
+        let t2_165 = t2_164 * inv_pivot_6;
+        let t2_166 = t2_141.mul_add(t2_165, t2_163);
+        let t2_167 = inv_pivot_5 * t2_166;
+        let t2_168 = (-t2_42).mul_add(t2_156, sin_q1);
+        let t2_169 = t2_140.mul_add(t2_154, t2_168);
+        let t2_170 = inv_pivot_4 * t2_169;
+        let t2_171 = -t2_170;
+        let t2_172 = t2_42 * t2_160;
+        let t2_173 = (-t2_140).mul_add(t2_158, t2_172);
+        let t2_174 = inv_pivot_4 * t2_173;
+        let t2_175 = -t2_174;
+        let t2_176 = t2_42 * t2_167;
+        let t2_177 = (-t2_140).mul_add(t2_165, t2_176);
+        let t2_178 = inv_pivot_4 * t2_177;
+        let t2_179 = -t2_158;
+        let t2_180 = t2_131.mul_add(t2_170, cos_q1);
+        let t2_181 = (-t2_99).mul_add(t2_156, t2_180);
+        let t2_182 = (-t2_138).mul_add(t2_154, t2_181);
+        let t2_183 = inv_pivot_3 * t2_182;
+        let t2_184 = t2_131 * t2_174;
+        let t2_185 = t2_99.mul_add(t2_160, t2_184);
+        let t2_186 = t2_138.mul_add(t2_158, t2_185);
+        let t2_187 = inv_pivot_3 * t2_186;
+        let t2_188 = t2_131.mul_add(t2_178, t2_162);
+        let t2_189 = t2_99.mul_add(t2_167, t2_188);
+        let t2_190 = t2_138.mul_add(t2_165, t2_189);
+        let t2_191 = inv_pivot_3 * t2_190;
+        let t2_192 = -t2_191;
+        let t2_193 = t2_68 * t2_170;
+        let t2_194 = t2_73.mul_add(t2_154, t2_193);
+        let t2_195 = t2_142 * t2_194;
+        let t2_196 = like.lift(1.1547005383792515) * t2_195;
+        let t2_197 = -t2_196;
+        let t2_198 = (-t2_68).mul_add(t2_174, t2_118);
+        let t2_199 = t2_73.mul_add(t2_158, t2_198);
+        let t2_200 = t2_142 * t2_199;
+        let t2_201 = like.lift(1.1547005383792515) * t2_200;
+        let t2_202 = t2_68 * t2_178;
+        let t2_203 = (-t2_73).mul_add(t2_165, t2_202);
+        let t2_204 = t2_142 * t2_203;
         let t2_205 = like.lift(1.1547005383792515) * t2_204;
-        let t2_206 = (-t2_103).mul_add(t2_181, t2_111);
-        let t2_207 = (-t2_98).mul_add(t2_168, t2_206);
-        let t2_208 = t2_101.mul_add(t2_155, t2_207);
-        let t2_209 = t2_114 * t2_208;
+        let t2_206 = t2_113 * t2_183;
+        let t2_207 = t2_108.mul_add(t2_170, t2_206);
+        let t2_208 = t2_111.mul_add(t2_154, t2_207);
+        let t2_209 = t2_124 * t2_208;
         let t2_210 = like.lift(1.1547005383792515) * t2_209;
-        let t2_211 = -pivot_5;
+        let t2_211 = t2_113 * t2_187;
+        let t2_212 = t2_108.mul_add(t2_174, t2_211);
+        let t2_213 = (-t2_111).mul_add(t2_158, t2_212);
+        let t2_214 = t2_124 * t2_213;
+        let t2_215 = like.lift(1.1547005383792515) * t2_214;
+        let t2_216 = (-t2_113).mul_add(t2_191, t2_121);
+        let t2_217 = (-t2_108).mul_add(t2_178, t2_216);
+        let t2_218 = t2_111.mul_add(t2_165, t2_217);
+        let t2_219 = t2_124 * t2_218;
+        let t2_220 = like.lift(1.1547005383792515) * t2_219;
+        let t2_221 = -pivot_5;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(1.9150361620118772)).abs()
-            .min((t2_104 * like.lift(1.8751412991819398)).abs())
-            .min((pivot_3 * like.lift(2.6162535605710207)).abs())
-            .min((pivot_4 * like.lift(2.2558640767950906)).abs())
-            .min((t2_211 * like.lift(0.8083910306721919)).abs())
-            .min((pivot_6 * like.lift(2.191678505501337)).abs());
+        let margin = (pivot_1 * like.lift(1.9131671434315987)).abs()
+            .min((t2_114 * like.lift(1.863195236951264)).abs())
+            .min((pivot_3 * like.lift(2.6695171222054848)).abs())
+            .min((pivot_4 * like.lift(2.294035647929491)).abs())
+            .min((t2_221 * like.lift(0.786868847408929)).abs())
+            .min((pivot_6 * like.lift(2.1945756748652077)).abs());
         let ([
             [_, _, x_q1_q2, x_q1_q7, x_q1_q9], [_, _, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [_, _, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [_, _, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [_, _, x_q6_q2, x_q6_q7, x_q6_q9], [_, _, x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), like.lift(0.0), t2_146, t2_151, t2_157],
-                [like.lift(0.0), like.lift(0.0), t2_161, t2_165, t2_168],
-                [like.lift(0.0), like.lift(0.0), t2_144, t2_169, t2_155],
-                [like.lift(0.0), like.lift(0.0), t2_173, t2_177, t2_182],
-                [like.lift(0.0), like.lift(0.0), t2_187, t2_191, t2_195],
-                [like.lift(0.0), like.lift(0.0), t2_200, t2_205, t2_210],
+                [like.lift(0.0), like.lift(0.0), t2_156, t2_161, t2_167],
+                [like.lift(0.0), like.lift(0.0), t2_171, t2_175, t2_178],
+                [like.lift(0.0), like.lift(0.0), t2_154, t2_179, t2_165],
+                [like.lift(0.0), like.lift(0.0), t2_183, t2_187, t2_192],
+                [like.lift(0.0), like.lift(0.0), t2_197, t2_201, t2_205],
+                [like.lift(0.0), like.lift(0.0), t2_210, t2_215, t2_220],
             ],
             margin,
             || (
                 [
-                    [t2_33, t2_35, t2_40, like.lift(0.0), t2_43, like.lift(0.0)],
-                    [t2_47, t2_49, t2_53, like.lift(0.0), t2_54, like.lift(0.0)],
-                    [like.lift(0.0), t2_59, t2_63, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_71, t2_75, t2_77, t2_80, like.lift(0.0), t2_83],
-                    [t2_89, t2_90, t2_93, t2_95, like.lift(0.0), t2_96],
-                    [like.lift(0.0), t2_99, t2_101, t2_103, like.lift(0.0), t2_104],
+                    [t2_43, t2_45, t2_50, like.lift(0.0), t2_53, like.lift(0.0)],
+                    [t2_57, t2_59, t2_63, like.lift(0.0), t2_64, like.lift(0.0)],
+                    [like.lift(0.0), t2_69, t2_73, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_81, t2_85, t2_87, t2_90, like.lift(0.0), t2_93],
+                    [t2_99, t2_100, t2_103, t2_105, like.lift(0.0), t2_106],
+                    [like.lift(0.0), t2_109, t2_111, t2_113, like.lift(0.0), t2_114],
                 ],
                 [
-                    [like.lift(0.0), like.lift(0.0), t2_105, t2_106, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), cos_q1, t2_107, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_108, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), t2_105, like.lift(0.0), t2_109],
-                    [like.lift(0.0), like.lift(0.0), cos_q1, like.lift(0.0), t2_110],
-                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_112],
+                    [like.lift(0.0), like.lift(0.0), t2_115, t2_116, like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), cos_q1, t2_117, like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_118, like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), t2_115, like.lift(0.0), t2_119],
+                    [like.lift(0.0), like.lift(0.0), cos_q1, like.lift(0.0), t2_120],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_122],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            t2_3, t2_6, t2_13, t2_16, t2_23, t2_27, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2,
-            x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7,
-            x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
+            t2_1, t2_4, t2_11, t2_14, t2_21, t2_24, t2_32, t2_37, x_q1_q2, x_q1_q7, x_q1_q9,
+            x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2,
+            x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
         ]
     };
-    // M
-    {
-        let t3_1 = (-t2_27).mul_add(x_q1_q2, t2_23);
+    // M, part 3
+    let [
+        t3_72, t3_86, t3_100, t3_114, t3_134, t3_143, t3_152, t3_179, t3_206, t3_228, t3_230,
+        t3_232, t3_233, t3_240, t3_247, t3_250,
+    ] = {
+        let t3_1 = (-t2_37).mul_add(x_q1_q2, t2_32);
         let t3_2 = (-q2).mul_add(t1_17, t1_109);
         let t3_3 = sin_q1.mul_add(t3_2, t1_120);
         let t3_4 = like.lift(-0.26344492783122625).mul_add(t1_17, t3_3);
@@ -18194,251 +18440,263 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 48]) -> ([[T; 5]; 5],
         let t3_7 = sin_q1 * t1_160;
         let t3_8 = like.lift(-0.26344492783122625).mul_add(t3_7, t3_6);
         let t3_9 = cos_q1 * t1_160;
-        let t3_10 = like.lift(-0.6).mul_add(t3_9, t3_8);
+        let t3_10 = like.lift(-1.25).mul_add(t3_9, t3_8);
         let t3_11 = (-cos_shoulder).mul_add(t3_10, t3_5);
-        let t3_12 = (-t3_11).mul_add(x_s1_1_q2, t3_1);
-        let t3_13 = sin_s1_1 * t1_22;
-        let t3_14 = (-q2).mul_add(t3_13, t1_98);
-        let t3_15 = sin_q1 * t3_14;
-        let t3_16 = (-cos_q1).mul_add(t1_108, t3_15);
-        let t3_17 = like.lift(-0.26344492783122625).mul_add(t3_13, t3_16);
-        let t3_18 = sin_shoulder * t3_17;
-        let t3_19 = cos_s1_1 * t1_22;
-        let t3_20 = q2.mul_add(t3_19, t1_198);
-        let t3_21 = sin_q1 * t3_19;
-        let t3_22 = cos_q1.mul_add(t1_13, t3_21);
-        let t3_23 = like.lift(0.26344492783122625).mul_add(t3_22, t3_20);
-        let t3_24 = cos_q1 * t3_19;
-        let t3_25 = (-sin_q1).mul_add(t1_13, t3_24);
-        let t3_26 = like.lift(0.6).mul_add(t3_25, t3_23);
-        let t3_27 = (-cos_shoulder).mul_add(t3_26, t3_18);
-        let t3_28 = (-t3_27).mul_add(x_s1_2_q2, t3_12);
-        let t3_29 = cos_s1_1 * t1_82;
-        let t3_30 = (-sin_s1_1).mul_add(t1_90, t3_29);
-        let t3_31 = sin_s1_2 * t1_16;
-        let t3_32 = sin_s1_1 * t3_31;
-        let t3_33 = (-cos_s1_1).mul_add(t1_11, t3_32);
-        let t3_34 = (-q2).mul_add(t3_33, t3_30);
-        let t3_35 = sin_q1 * t3_34;
-        let t3_36 = (-cos_q1).mul_add(t1_118, t3_35);
-        let t3_37 = like.lift(-0.26344492783122625).mul_add(t3_33, t3_36);
-        let t3_38 = sin_shoulder * t3_37;
-        let t3_39 = sin_s1_1 * t1_82;
-        let t3_40 = cos_s1_1.mul_add(t1_90, t3_39);
-        let t3_41 = cos_s1_1 * t3_31;
-        let t3_42 = sin_s1_1.mul_add(t1_11, t3_41);
-        let t3_43 = q2.mul_add(t3_42, t3_40);
-        let t3_44 = sin_q1 * t3_42;
-        let t3_45 = cos_s1_2 * t1_16;
-        let t3_46 = (-cos_q1).mul_add(t3_45, t3_44);
-        let t3_47 = like.lift(0.26344492783122625).mul_add(t3_46, t3_43);
-        let t3_48 = cos_q1 * t3_42;
-        let t3_49 = sin_q1.mul_add(t3_45, t3_48);
-        let t3_50 = like.lift(0.6).mul_add(t3_49, t3_47);
-        let t3_51 = (-cos_shoulder).mul_add(t3_50, t3_38);
-        let t3_52 = (-t3_51).mul_add(x_s1_3_q2, t3_28);
-        let t3_53 = sin_q6 * p_ixy_5;
-        let t3_54 = cos_q6.mul_add(t1_148, t3_53);
-        let t3_55 = sin_shoulder * t3_54;
-        let t3_56 = like.lift(-0.13172246391561312).mul_add(t1_60, t1_191);
-        let t3_57 = like.lift(0.3).mul_add(t1_8, t3_56);
-        let t3_58 = (-cos_shoulder).mul_add(t3_57, t3_55);
-        let t3_59 = (-t3_58).mul_add(x_q6_q2, t3_52);
-        let t3_60 = sin_q8 * p_ixy_7;
-        let t3_61 = cos_q8.mul_add(t1_139, t3_60);
-        let t3_62 = sin_shoulder * t3_61;
-        let t3_63 = like.lift(0.13172246391561312).mul_add(t1_41, t1_180);
-        let t3_64 = like.lift(-0.3).mul_add(t1_4, t3_63);
-        let t3_65 = cos_shoulder.mul_add(t3_64, t3_62);
-        let t3_66 = (-t3_65).mul_add(x_q8_q2, t3_59);
-        let t3_67 = -t3_66;
-        let t3_68 = sin_q6 * p_my_5;
-        let t3_69 = sin_shoulder * t3_68;
-        let t3_70 = cos_q6 * p_my_5;
-        let t3_71 = like.lift(0.8660254037844386) * t3_70;
-        let t3_72 = like.lift(0.5).mul_add(p_mx_5, t3_71);
-        let t3_73 = (-cos_shoulder).mul_add(t3_72, t3_69);
-        let t3_74 = t2_27 * x_q1_q7;
-        let t3_75 = t3_11.mul_add(x_s1_1_q7, t3_74);
-        let t3_76 = t3_27.mul_add(x_s1_2_q7, t3_75);
-        let t3_77 = t3_51.mul_add(x_s1_3_q7, t3_76);
-        let t3_78 = t3_58.mul_add(x_q6_q7, t3_77);
-        let t3_79 = t3_73 - t3_78;
-        let t3_80 = (-t3_65).mul_add(x_q8_q7, t3_79);
-        let t3_81 = -t3_80;
-        let t3_82 = sin_q8 * p_my_7;
-        let t3_83 = sin_shoulder * t3_82;
-        let t3_84 = cos_q8 * p_my_7;
-        let t3_85 = like.lift(0.8660254037844386) * t3_84;
-        let t3_86 = like.lift(-0.5).mul_add(p_mx_7, t3_85);
-        let t3_87 = cos_shoulder.mul_add(t3_86, t3_83);
-        let t3_88 = t2_27 * x_q1_q9;
-        let t3_89 = t3_11.mul_add(x_s1_1_q9, t3_88);
-        let t3_90 = t3_27.mul_add(x_s1_2_q9, t3_89);
-        let t3_91 = t3_51.mul_add(x_s1_3_q9, t3_90);
-        let t3_92 = t3_58.mul_add(x_q6_q9, t3_91);
-        let t3_93 = t3_65.mul_add(x_q8_q9, t3_92);
-        let t3_94 = t3_87 - t3_93;
-        let t3_95 = -t3_94;
-        m[0] = [t1_207, t2_16, t3_67, t3_81, t3_95];
-        let t3_96 = like.lift(0.5) * t1_236;
-        let t3_97 = like.lift(-0.8660254037844386).mul_add(t1_239, t3_96);
-        let t3_98 = like.lift(-0.26344492783122625).mul_add(t1_43, t3_97);
-        let t3_99 = t3_98 + t1_48;
-        let t3_100 = p_ixx_base + t3_99;
-        let t3_101 = like.lift(0.5) * t2_3;
-        let t3_102 = like.lift(0.8660254037844386).mul_add(t2_6, t3_101);
-        let t3_103 = like.lift(-0.26344492783122625).mul_add(t1_62, t3_102);
-        let t3_104 = t3_103 + t1_67;
-        let t3_105 = t3_100 + t3_104;
-        let t3_106 = cos_q1 * t1_223;
-        let t3_107 = (-sin_q1).mul_add(t1_226, t3_106);
-        let t3_108 = t3_105 + t3_107;
-        let t3_109 = t3_108 - t1_30;
-        let t3_110 = cos_q1 * t1_161;
-        let t3_111 = (-t2_13).mul_add(x_q1_q2, t3_110);
-        let t3_112 = (-cos_q1).mul_add(t3_2, t1_225);
-        let t3_113 = like.lift(0.6).mul_add(t1_17, t3_112);
-        let t3_114 = t3_113.mul_add(x_s1_1_q2, t3_111);
-        let t3_115 = cos_q1 * t3_14;
-        let t3_116 = sin_q1.mul_add(t1_108, t3_115);
-        let t3_117 = like.lift(-0.6).mul_add(t3_13, t3_116);
-        let t3_118 = (-t3_117).mul_add(x_s1_2_q2, t3_114);
-        let t3_119 = cos_q1 * t3_34;
-        let t3_120 = sin_q1.mul_add(t1_118, t3_119);
-        let t3_121 = like.lift(-0.6).mul_add(t3_33, t3_120);
-        let t3_122 = (-t3_121).mul_add(x_s1_3_q2, t3_118);
-        let t3_123 = like.lift(0.22815).mul_add(t1_60, t2_6);
-        let t3_124 = like.lift(-0.5196152422706631).mul_add(t1_8, t3_123);
-        let t3_125 = t3_124.mul_add(x_q6_q2, t3_122);
-        let t3_126 = like.lift(-0.22815).mul_add(t1_41, t1_239);
-        let t3_127 = like.lift(0.5196152422706631).mul_add(t1_4, t3_126);
-        let t3_128 = t3_127.mul_add(x_q8_q2, t3_125);
-        let t3_129 = -t3_128;
-        let t3_130 = like.lift(0.5) * t3_70;
-        let t3_131 = like.lift(-0.8660254037844386).mul_add(p_mx_5, t3_130);
-        let t3_132 = t2_13 * x_q1_q7;
-        let t3_133 = (-t3_113).mul_add(x_s1_1_q7, t3_132);
-        let t3_134 = t3_117.mul_add(x_s1_2_q7, t3_133);
-        let t3_135 = t3_121.mul_add(x_s1_3_q7, t3_134);
-        let t3_136 = (-t3_124).mul_add(x_q6_q7, t3_135);
-        let t3_137 = t3_131 + t3_136;
-        let t3_138 = (-t3_127).mul_add(x_q8_q7, t3_137);
-        let t3_139 = like.lift(0.5) * t3_84;
-        let t3_140 = like.lift(0.8660254037844386).mul_add(p_mx_7, t3_139);
-        let t3_141 = t2_13 * x_q1_q9;
-        let t3_142 = (-t3_113).mul_add(x_s1_1_q9, t3_141);
-        let t3_143 = t3_117.mul_add(x_s1_2_q9, t3_142);
-        let t3_144 = t3_121.mul_add(x_s1_3_q9, t3_143);
-        let t3_145 = (-t3_124).mul_add(x_q6_q9, t3_144);
-        let t3_146 = (-t3_127).mul_add(x_q8_q9, t3_145);
-        let t3_147 = t3_140 + t3_146;
-        m[1] = [t2_16, t3_109, t3_129, t3_138, t3_147];
-        let t3_148 = t1_18.mul_add(x_q1_q2, p_m_2);
-        let t3_149 = t1_13.mul_add(x_s1_2_q2, t3_148);
-        let t3_150 = (-t3_45).mul_add(x_s1_3_q2, t3_149);
-        let t3_151 = t1_201.mul_add(x_q1_q2, t1_18);
-        let t3_152 = t3_6.mul_add(x_s1_1_q2, t3_151);
-        let t3_153 = t3_20.mul_add(x_s1_2_q2, t3_152);
-        let t3_154 = t3_43.mul_add(x_s1_3_q2, t3_153);
-        let t3_155 = x_q1_q2.mul_add(t3_154, t3_150);
-        let t3_156 = t3_6 * x_q1_q2;
-        let t3_157 = (-t1_119).mul_add(x_s1_1_q2, t3_156);
-        let t3_158 = t1_108.mul_add(x_s1_2_q2, t3_157);
-        let t3_159 = t1_118.mul_add(x_s1_3_q2, t3_158);
-        let t3_160 = x_s1_1_q2.mul_add(t3_159, t3_155);
-        let t3_161 = t3_20.mul_add(x_q1_q2, t1_13);
-        let t3_162 = t1_108.mul_add(x_s1_1_q2, t3_161);
-        let t3_163 = t1_97.mul_add(x_s1_2_q2, t3_162);
-        let t3_164 = t1_90.mul_add(x_s1_3_q2, t3_163);
-        let t3_165 = x_s1_2_q2.mul_add(t3_164, t3_160);
-        let t3_166 = (-t3_43).mul_add(x_q1_q2, t3_45);
-        let t3_167 = (-t1_118).mul_add(x_s1_1_q2, t3_166);
-        let t3_168 = (-t1_90).mul_add(x_s1_2_q2, t3_167);
-        let t3_169 = (-p_ixx_3).mul_add(x_s1_3_q2, t3_168);
-        let t3_170 = (-x_s1_3_q2).mul_add(t3_169, t3_165);
-        let t3_171 = t1_190 * x_q6_q2;
-        let t3_172 = x_q6_q2.mul_add(t3_171, t3_170);
-        let t3_173 = t1_179 * x_q8_q2;
-        let t3_174 = x_q8_q2.mul_add(t3_173, t3_172);
-        let t3_175 = t1_18 * x_q1_q7;
-        let t3_176 = t1_13.mul_add(x_s1_2_q7, t3_175);
-        let t3_177 = (-t3_45).mul_add(x_s1_3_q7, t3_176);
-        let t3_178 = t1_201 * x_q1_q7;
-        let t3_179 = t3_6.mul_add(x_s1_1_q7, t3_178);
-        let t3_180 = t3_20.mul_add(x_s1_2_q7, t3_179);
-        let t3_181 = t3_43.mul_add(x_s1_3_q7, t3_180);
-        let t3_182 = x_q1_q2.mul_add(t3_181, t3_177);
-        let t3_183 = t3_6 * x_q1_q7;
-        let t3_184 = (-t1_119).mul_add(x_s1_1_q7, t3_183);
-        let t3_185 = t1_108.mul_add(x_s1_2_q7, t3_184);
-        let t3_186 = t1_118.mul_add(x_s1_3_q7, t3_185);
-        let t3_187 = x_s1_1_q2.mul_add(t3_186, t3_182);
-        let t3_188 = t3_20 * x_q1_q7;
-        let t3_189 = t1_108.mul_add(x_s1_1_q7, t3_188);
-        let t3_190 = t1_97.mul_add(x_s1_2_q7, t3_189);
-        let t3_191 = t1_90.mul_add(x_s1_3_q7, t3_190);
-        let t3_192 = x_s1_2_q2.mul_add(t3_191, t3_187);
-        let t3_193 = t3_43 * x_q1_q7;
-        let t3_194 = t1_118.mul_add(x_s1_1_q7, t3_193);
-        let t3_195 = t1_90.mul_add(x_s1_2_q7, t3_194);
-        let t3_196 = p_ixx_3.mul_add(x_s1_3_q7, t3_195);
-        let t3_197 = x_s1_3_q2.mul_add(t3_196, t3_192);
-        let t3_198 = t1_190.mul_add(x_q6_q7, p_mx_5);
-        let t3_199 = x_q6_q2.mul_add(t3_198, t3_197);
-        let t3_200 = t1_179 * x_q8_q7;
-        let t3_201 = x_q8_q2.mul_add(t3_200, t3_199);
-        let t3_202 = t1_18 * x_q1_q9;
-        let t3_203 = t1_13.mul_add(x_s1_2_q9, t3_202);
-        let t3_204 = (-t3_45).mul_add(x_s1_3_q9, t3_203);
-        let t3_205 = t1_201 * x_q1_q9;
-        let t3_206 = t3_6.mul_add(x_s1_1_q9, t3_205);
-        let t3_207 = t3_20.mul_add(x_s1_2_q9, t3_206);
-        let t3_208 = t3_43.mul_add(x_s1_3_q9, t3_207);
-        let t3_209 = x_q1_q2.mul_add(t3_208, t3_204);
-        let t3_210 = t3_6 * x_q1_q9;
-        let t3_211 = (-t1_119).mul_add(x_s1_1_q9, t3_210);
-        let t3_212 = t1_108.mul_add(x_s1_2_q9, t3_211);
-        let t3_213 = t1_118.mul_add(x_s1_3_q9, t3_212);
-        let t3_214 = x_s1_1_q2.mul_add(t3_213, t3_209);
-        let t3_215 = t3_20 * x_q1_q9;
-        let t3_216 = t1_108.mul_add(x_s1_1_q9, t3_215);
-        let t3_217 = t1_97.mul_add(x_s1_2_q9, t3_216);
-        let t3_218 = t1_90.mul_add(x_s1_3_q9, t3_217);
-        let t3_219 = x_s1_2_q2.mul_add(t3_218, t3_214);
-        let t3_220 = t3_43 * x_q1_q9;
-        let t3_221 = t1_118.mul_add(x_s1_1_q9, t3_220);
-        let t3_222 = t1_90.mul_add(x_s1_2_q9, t3_221);
-        let t3_223 = p_ixx_3.mul_add(x_s1_3_q9, t3_222);
-        let t3_224 = x_s1_3_q2.mul_add(t3_223, t3_219);
-        let t3_225 = t1_190 * x_q6_q9;
-        let t3_226 = x_q6_q2.mul_add(t3_225, t3_224);
-        let t3_227 = t1_179.mul_add(x_q8_q9, p_mx_7);
-        let t3_228 = x_q8_q2.mul_add(t3_227, t3_226);
-        m[2] = [t3_67, t3_129, t3_174, t3_201, t3_228];
-        let t3_229 = x_q1_q7 * t3_181;
-        let t3_230 = x_s1_1_q7.mul_add(t3_186, t3_229);
-        let t3_231 = x_s1_2_q7.mul_add(t3_191, t3_230);
-        let t3_232 = x_s1_3_q7.mul_add(t3_196, t3_231);
-        let t3_233 = x_q6_q7.mul_add(t3_198, t3_232);
-        let t3_234 = p_mx_5.mul_add(x_q6_q7, t3_233);
-        let t3_235 = x_q8_q7.mul_add(t3_200, t3_234);
-        let t3_236 = x_q1_q7 * t3_208;
-        let t3_237 = x_s1_1_q7.mul_add(t3_213, t3_236);
-        let t3_238 = x_s1_2_q7.mul_add(t3_218, t3_237);
-        let t3_239 = x_s1_3_q7.mul_add(t3_223, t3_238);
-        let t3_240 = x_q6_q7.mul_add(t3_225, t3_239);
-        let t3_241 = p_mx_5.mul_add(x_q6_q9, t3_240);
-        let t3_242 = x_q8_q7.mul_add(t3_227, t3_241);
-        m[3] = [t3_81, t3_138, t3_201, t3_235, t3_242];
-        let t3_243 = x_q1_q9 * t3_208;
-        let t3_244 = x_s1_1_q9.mul_add(t3_213, t3_243);
-        let t3_245 = x_s1_2_q9.mul_add(t3_218, t3_244);
-        let t3_246 = x_s1_3_q9.mul_add(t3_223, t3_245);
-        let t3_247 = x_q6_q9.mul_add(t3_225, t3_246);
-        let t3_248 = x_q8_q9.mul_add(t3_227, t3_247);
-        let t3_249 = p_mx_7.mul_add(x_q8_q9, t3_248);
-        m[4] = [t3_95, t3_147, t3_228, t3_242, t3_249];
+        let t3_12 = like.lift(0.35).mul_add(t3_9, t3_11);
+        let t3_13 = (-t3_12).mul_add(x_s1_1_q2, t3_1);
+        let t3_14 = sin_s1_1 * t1_22;
+        let t3_15 = (-q2).mul_add(t3_14, t1_98);
+        let t3_16 = sin_q1 * t3_15;
+        let t3_17 = (-cos_q1).mul_add(t1_108, t3_16);
+        let t3_18 = like.lift(-0.26344492783122625).mul_add(t3_14, t3_17);
+        let t3_19 = sin_shoulder * t3_18;
+        let t3_20 = cos_s1_1 * t1_22;
+        let t3_21 = q2.mul_add(t3_20, t1_198);
+        let t3_22 = sin_q1 * t3_20;
+        let t3_23 = cos_q1.mul_add(t1_13, t3_22);
+        let t3_24 = like.lift(0.26344492783122625).mul_add(t3_23, t3_21);
+        let t3_25 = cos_q1 * t3_20;
+        let t3_26 = (-sin_q1).mul_add(t1_13, t3_25);
+        let t3_27 = like.lift(1.25).mul_add(t3_26, t3_24);
+        let t3_28 = (-cos_shoulder).mul_add(t3_27, t3_19);
+        let t3_29 = like.lift(-0.35).mul_add(t3_26, t3_28);
+        let t3_30 = (-t3_29).mul_add(x_s1_2_q2, t3_13);
+        let t3_31 = cos_s1_1 * t1_82;
+        let t3_32 = (-sin_s1_1).mul_add(t1_90, t3_31);
+        let t3_33 = sin_s1_2 * t1_16;
+        let t3_34 = sin_s1_1 * t3_33;
+        let t3_35 = (-cos_s1_1).mul_add(t1_11, t3_34);
+        let t3_36 = (-q2).mul_add(t3_35, t3_32);
+        let t3_37 = sin_q1 * t3_36;
+        let t3_38 = (-cos_q1).mul_add(t1_118, t3_37);
+        let t3_39 = like.lift(-0.26344492783122625).mul_add(t3_35, t3_38);
+        let t3_40 = sin_shoulder * t3_39;
+        let t3_41 = sin_s1_1 * t1_82;
+        let t3_42 = cos_s1_1.mul_add(t1_90, t3_41);
+        let t3_43 = cos_s1_1 * t3_33;
+        let t3_44 = sin_s1_1.mul_add(t1_11, t3_43);
+        let t3_45 = q2.mul_add(t3_44, t3_42);
+        let t3_46 = sin_q1 * t3_44;
+        let t3_47 = cos_s1_2 * t1_16;
+        let t3_48 = (-cos_q1).mul_add(t3_47, t3_46);
+        let t3_49 = like.lift(0.26344492783122625).mul_add(t3_48, t3_45);
+        let t3_50 = cos_q1 * t3_44;
+        let t3_51 = sin_q1.mul_add(t3_47, t3_50);
+        let t3_52 = like.lift(1.25).mul_add(t3_51, t3_49);
+        let t3_53 = (-cos_shoulder).mul_add(t3_52, t3_40);
+        let t3_54 = like.lift(-0.35).mul_add(t3_51, t3_53);
+        let t3_55 = (-t3_54).mul_add(x_s1_3_q2, t3_30);
+        let t3_56 = sin_q6 * p_ixy_5;
+        let t3_57 = cos_q6.mul_add(t1_148, t3_56);
+        let t3_58 = sin_shoulder * t3_57;
+        let t3_59 = like.lift(-0.13172246391561312).mul_add(t1_60, t1_191);
+        let t3_60 = like.lift(0.625).mul_add(t1_8, t3_59);
+        let t3_61 = (-cos_shoulder).mul_add(t3_60, t3_58);
+        let t3_62 = like.lift(-0.175).mul_add(t1_8, t3_61);
+        let t3_63 = (-t3_62).mul_add(x_q6_q2, t3_55);
+        let t3_64 = sin_q8 * p_ixy_7;
+        let t3_65 = cos_q8.mul_add(t1_139, t3_64);
+        let t3_66 = sin_shoulder * t3_65;
+        let t3_67 = like.lift(0.13172246391561312).mul_add(t1_41, t1_180);
+        let t3_68 = like.lift(-0.625).mul_add(t1_4, t3_67);
+        let t3_69 = cos_shoulder.mul_add(t3_68, t3_66);
+        let t3_70 = like.lift(-0.175).mul_add(t1_4, t3_69);
+        let t3_71 = (-t3_70).mul_add(x_q8_q2, t3_63);
+        let t3_72 = -t3_71;
+        let t3_73 = sin_q6 * p_my_5;
+        let t3_74 = sin_shoulder * t3_73;
+        let t3_75 = cos_q6 * p_my_5;
+        let t3_76 = like.lift(0.8660254037844386) * t3_75;
+        let t3_77 = like.lift(0.5).mul_add(p_mx_5, t3_76);
+        let t3_78 = (-cos_shoulder).mul_add(t3_77, t3_74);
+        let t3_79 = t2_37 * x_q1_q7;
+        let t3_80 = t3_12.mul_add(x_s1_1_q7, t3_79);
+        let t3_81 = t3_29.mul_add(x_s1_2_q7, t3_80);
+        let t3_82 = t3_54.mul_add(x_s1_3_q7, t3_81);
+        let t3_83 = t3_62.mul_add(x_q6_q7, t3_82);
+        let t3_84 = t3_78 - t3_83;
+        let t3_85 = (-t3_70).mul_add(x_q8_q7, t3_84);
+        let t3_86 = -t3_85;
+        let t3_87 = sin_q8 * p_my_7;
+        let t3_88 = sin_shoulder * t3_87;
+        let t3_89 = cos_q8 * p_my_7;
+        let t3_90 = like.lift(0.8660254037844386) * t3_89;
+        let t3_91 = like.lift(-0.5).mul_add(p_mx_7, t3_90);
+        let t3_92 = cos_shoulder.mul_add(t3_91, t3_88);
+        let t3_93 = t2_37 * x_q1_q9;
+        let t3_94 = t3_12.mul_add(x_s1_1_q9, t3_93);
+        let t3_95 = t3_29.mul_add(x_s1_2_q9, t3_94);
+        let t3_96 = t3_54.mul_add(x_s1_3_q9, t3_95);
+        let t3_97 = t3_62.mul_add(x_q6_q9, t3_96);
+        let t3_98 = t3_70.mul_add(x_q8_q9, t3_97);
+        let t3_99 = t3_92 - t3_98;
+        let t3_100 = -t3_99;
+        let t3_101 = like.lift(0.5) * t2_1;
+        let t3_102 = like.lift(-0.8660254037844386).mul_add(t2_4, t3_101);
+        let t3_103 = like.lift(-0.26344492783122625).mul_add(t1_43, t3_102);
+        let t3_104 = t3_103 + t1_48;
+        let t3_105 = p_ixx_base + t3_104;
+        let t3_106 = like.lift(0.5) * t2_11;
+        let t3_107 = like.lift(0.8660254037844386).mul_add(t2_14, t3_106);
+        let t3_108 = like.lift(-0.26344492783122625).mul_add(t1_62, t3_107);
+        let t3_109 = t3_108 + t1_67;
+        let t3_110 = t3_105 + t3_109;
+        let t3_111 = cos_q1 * t1_231;
+        let t3_112 = (-sin_q1).mul_add(t1_234, t3_111);
+        let t3_113 = t3_110 + t3_112;
+        let t3_114 = t3_113 - t1_30;
+        let t3_115 = cos_q1 * t1_161;
+        let t3_116 = (-t2_21).mul_add(x_q1_q2, t3_115);
+        let t3_117 = (-cos_q1).mul_add(t3_2, t1_233);
+        let t3_118 = like.lift(1.25).mul_add(t1_17, t3_117);
+        let t3_119 = t3_118.mul_add(x_s1_1_q2, t3_116);
+        let t3_120 = cos_q1 * t3_15;
+        let t3_121 = sin_q1.mul_add(t1_108, t3_120);
+        let t3_122 = like.lift(-1.25).mul_add(t3_14, t3_121);
+        let t3_123 = (-t3_122).mul_add(x_s1_2_q2, t3_119);
+        let t3_124 = cos_q1 * t3_36;
+        let t3_125 = sin_q1.mul_add(t1_118, t3_124);
+        let t3_126 = like.lift(-1.25).mul_add(t3_35, t3_125);
+        let t3_127 = (-t3_126).mul_add(x_s1_3_q2, t3_123);
+        let t3_128 = like.lift(0.22815).mul_add(t1_60, t2_14);
+        let t3_129 = like.lift(-1.0825317547305484).mul_add(t1_8, t3_128);
+        let t3_130 = t3_129.mul_add(x_q6_q2, t3_127);
+        let t3_131 = like.lift(-0.22815).mul_add(t1_41, t2_4);
+        let t3_132 = like.lift(1.0825317547305484).mul_add(t1_4, t3_131);
+        let t3_133 = t3_132.mul_add(x_q8_q2, t3_130);
+        let t3_134 = -t3_133;
+        let t3_135 = like.lift(0.5) * t3_75;
+        let t3_136 = like.lift(-0.8660254037844386).mul_add(p_mx_5, t3_135);
+        let t3_137 = t2_21 * x_q1_q7;
+        let t3_138 = (-t3_118).mul_add(x_s1_1_q7, t3_137);
+        let t3_139 = t3_122.mul_add(x_s1_2_q7, t3_138);
+        let t3_140 = t3_126.mul_add(x_s1_3_q7, t3_139);
+        let t3_141 = (-t3_129).mul_add(x_q6_q7, t3_140);
+        let t3_142 = t3_136 + t3_141;
+        let t3_143 = (-t3_132).mul_add(x_q8_q7, t3_142);
+        let t3_144 = like.lift(0.5) * t3_89;
+        let t3_145 = like.lift(0.8660254037844386).mul_add(p_mx_7, t3_144);
+        let t3_146 = t2_21 * x_q1_q9;
+        let t3_147 = (-t3_118).mul_add(x_s1_1_q9, t3_146);
+        let t3_148 = t3_122.mul_add(x_s1_2_q9, t3_147);
+        let t3_149 = t3_126.mul_add(x_s1_3_q9, t3_148);
+        let t3_150 = (-t3_129).mul_add(x_q6_q9, t3_149);
+        let t3_151 = (-t3_132).mul_add(x_q8_q9, t3_150);
+        let t3_152 = t3_145 + t3_151;
+        let t3_153 = t1_18.mul_add(x_q1_q2, p_m_2);
+        let t3_154 = t1_13.mul_add(x_s1_2_q2, t3_153);
+        let t3_155 = (-t3_47).mul_add(x_s1_3_q2, t3_154);
+        let t3_156 = t1_201.mul_add(x_q1_q2, t1_18);
+        let t3_157 = t3_6.mul_add(x_s1_1_q2, t3_156);
+        let t3_158 = t3_21.mul_add(x_s1_2_q2, t3_157);
+        let t3_159 = t3_45.mul_add(x_s1_3_q2, t3_158);
+        let t3_160 = x_q1_q2.mul_add(t3_159, t3_155);
+        let t3_161 = t3_6 * x_q1_q2;
+        let t3_162 = (-t1_119).mul_add(x_s1_1_q2, t3_161);
+        let t3_163 = t1_108.mul_add(x_s1_2_q2, t3_162);
+        let t3_164 = t1_118.mul_add(x_s1_3_q2, t3_163);
+        let t3_165 = x_s1_1_q2.mul_add(t3_164, t3_160);
+        let t3_166 = t3_21.mul_add(x_q1_q2, t1_13);
+        let t3_167 = t1_108.mul_add(x_s1_1_q2, t3_166);
+        let t3_168 = t1_97.mul_add(x_s1_2_q2, t3_167);
+        let t3_169 = t1_90.mul_add(x_s1_3_q2, t3_168);
+        let t3_170 = x_s1_2_q2.mul_add(t3_169, t3_165);
+        let t3_171 = (-t3_45).mul_add(x_q1_q2, t3_47);
+        let t3_172 = (-t1_118).mul_add(x_s1_1_q2, t3_171);
+        let t3_173 = (-t1_90).mul_add(x_s1_2_q2, t3_172);
+        let t3_174 = (-p_ixx_3).mul_add(x_s1_3_q2, t3_173);
+        let t3_175 = (-x_s1_3_q2).mul_add(t3_174, t3_170);
+        let t3_176 = t1_190 * x_q6_q2;
+        let t3_177 = x_q6_q2.mul_add(t3_176, t3_175);
+        let t3_178 = t1_179 * x_q8_q2;
+        let t3_179 = x_q8_q2.mul_add(t3_178, t3_177);
+        let t3_180 = t1_18 * x_q1_q7;
+        let t3_181 = t1_13.mul_add(x_s1_2_q7, t3_180);
+        let t3_182 = (-t3_47).mul_add(x_s1_3_q7, t3_181);
+        let t3_183 = t1_201 * x_q1_q7;
+        let t3_184 = t3_6.mul_add(x_s1_1_q7, t3_183);
+        let t3_185 = t3_21.mul_add(x_s1_2_q7, t3_184);
+        let t3_186 = t3_45.mul_add(x_s1_3_q7, t3_185);
+        let t3_187 = x_q1_q2.mul_add(t3_186, t3_182);
+        let t3_188 = t3_6 * x_q1_q7;
+        let t3_189 = (-t1_119).mul_add(x_s1_1_q7, t3_188);
+        let t3_190 = t1_108.mul_add(x_s1_2_q7, t3_189);
+        let t3_191 = t1_118.mul_add(x_s1_3_q7, t3_190);
+        let t3_192 = x_s1_1_q2.mul_add(t3_191, t3_187);
+        let t3_193 = t3_21 * x_q1_q7;
+        let t3_194 = t1_108.mul_add(x_s1_1_q7, t3_193);
+        let t3_195 = t1_97.mul_add(x_s1_2_q7, t3_194);
+        let t3_196 = t1_90.mul_add(x_s1_3_q7, t3_195);
+        let t3_197 = x_s1_2_q2.mul_add(t3_196, t3_192);
+        let t3_198 = t3_45 * x_q1_q7;
+        let t3_199 = t1_118.mul_add(x_s1_1_q7, t3_198);
+        let t3_200 = t1_90.mul_add(x_s1_2_q7, t3_199);
+        let t3_201 = p_ixx_3.mul_add(x_s1_3_q7, t3_200);
+        let t3_202 = x_s1_3_q2.mul_add(t3_201, t3_197);
+        let t3_203 = t1_190.mul_add(x_q6_q7, p_mx_5);
+        let t3_204 = x_q6_q2.mul_add(t3_203, t3_202);
+        let t3_205 = t1_179 * x_q8_q7;
+        let t3_206 = x_q8_q2.mul_add(t3_205, t3_204);
+        let t3_207 = t1_18 * x_q1_q9;
+        let t3_208 = t1_13.mul_add(x_s1_2_q9, t3_207);
+        let t3_209 = (-t3_47).mul_add(x_s1_3_q9, t3_208);
+        let t3_210 = t1_201 * x_q1_q9;
+        let t3_211 = t3_6.mul_add(x_s1_1_q9, t3_210);
+        let t3_212 = t3_21.mul_add(x_s1_2_q9, t3_211);
+        let t3_213 = t3_45.mul_add(x_s1_3_q9, t3_212);
+        let t3_214 = x_q1_q2.mul_add(t3_213, t3_209);
+        let t3_215 = t3_6 * x_q1_q9;
+        let t3_216 = (-t1_119).mul_add(x_s1_1_q9, t3_215);
+        let t3_217 = t1_108.mul_add(x_s1_2_q9, t3_216);
+        let t3_218 = t1_118.mul_add(x_s1_3_q9, t3_217);
+        let t3_219 = x_s1_1_q2.mul_add(t3_218, t3_214);
+        let t3_220 = t3_21 * x_q1_q9;
+        let t3_221 = t1_108.mul_add(x_s1_1_q9, t3_220);
+        let t3_222 = t1_97.mul_add(x_s1_2_q9, t3_221);
+        let t3_223 = t1_90.mul_add(x_s1_3_q9, t3_222);
+        let t3_224 = x_s1_2_q2.mul_add(t3_223, t3_219);
+        let t3_225 = t3_45 * x_q1_q9;
+        let t3_226 = t1_118.mul_add(x_s1_1_q9, t3_225);
+        let t3_227 = t1_90.mul_add(x_s1_2_q9, t3_226);
+        let t3_228 = p_ixx_3.mul_add(x_s1_3_q9, t3_227);
+        let t3_229 = x_s1_3_q2.mul_add(t3_228, t3_224);
+        let t3_230 = t1_190 * x_q6_q9;
+        let t3_231 = x_q6_q2.mul_add(t3_230, t3_229);
+        let t3_232 = t1_179.mul_add(x_q8_q9, p_mx_7);
+        let t3_233 = x_q8_q2.mul_add(t3_232, t3_231);
+        let t3_234 = x_q1_q7 * t3_186;
+        let t3_235 = x_s1_1_q7.mul_add(t3_191, t3_234);
+        let t3_236 = x_s1_2_q7.mul_add(t3_196, t3_235);
+        let t3_237 = x_s1_3_q7.mul_add(t3_201, t3_236);
+        let t3_238 = x_q6_q7.mul_add(t3_203, t3_237);
+        let t3_239 = p_mx_5.mul_add(x_q6_q7, t3_238);
+        let t3_240 = x_q8_q7.mul_add(t3_205, t3_239);
+        let t3_241 = x_q1_q7 * t3_213;
+        let t3_242 = x_s1_1_q7.mul_add(t3_218, t3_241);
+        let t3_243 = x_s1_2_q7.mul_add(t3_223, t3_242);
+        let t3_244 = x_s1_3_q7.mul_add(t3_228, t3_243);
+        let t3_245 = x_q6_q7.mul_add(t3_230, t3_244);
+        let t3_246 = p_mx_5.mul_add(x_q6_q9, t3_245);
+        let t3_247 = x_q8_q7.mul_add(t3_232, t3_246);
+        let t3_248 = x_q1_q9 * t3_213;
+        let t3_249 = x_s1_1_q9.mul_add(t3_218, t3_248);
+        let t3_250 = x_s1_2_q9.mul_add(t3_223, t3_249);
+        [
+            t3_72, t3_86, t3_100, t3_114, t3_134, t3_143, t3_152, t3_179, t3_206, t3_228,
+            t3_230, t3_232, t3_233, t3_240, t3_247, t3_250,
+        ]
+    };
+    // M
+    {
+        let t4_1 = x_s1_3_q9.mul_add(t3_228, t3_250);
+        let t4_2 = x_q6_q9.mul_add(t3_230, t4_1);
+        let t4_3 = x_q8_q9.mul_add(t3_232, t4_2);
+        let t4_4 = p_mx_7.mul_add(x_q8_q9, t4_3);
+        m[4] = [t3_100, t3_152, t3_233, t3_247, t4_4];
+        m[0] = [t1_215, t2_24, t3_72, t3_86, t3_100];
+        m[1] = [t2_24, t3_114, t3_134, t3_143, t3_152];
+        m[2] = [t3_72, t3_134, t3_179, t3_206, t3_233];
+        m[3] = [t3_86, t3_143, t3_206, t3_240, t3_247];
     }
     (m, Condition { pivot: condition })
 }

@@ -30,7 +30,7 @@
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
 use ::regen_runtime::{
- Condition, Cone, Info, Joint, Model, Scalar, SizeError, };
+ Condition, Cone, Info, Joint, Limits, Model, Scalar, SizeError, };
 use ::regen_runtime::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
@@ -64,13 +64,13 @@ pub const HOME: [f64; 7] = [
 ];
 /// What is stated about the joint of each coordinate: units rad or m, N m or N.
 pub const JOINTS: [Joint; 7] = [
-    Joint::TURN,
-    Joint::TURN,
-    Joint::TURN,
-    Joint::TURN,
-    Joint::TURN,
-    Joint::TURN,
-    Joint::TURN,
+    Joint { limits: Limits { position: Some([-2.9670597283903604, 2.9670597283903604]), velocity: Some([-1.4835298641951802, 1.4835298641951802]), effort: Some([-320.0, 320.0]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-2.0943951023931957, 2.0943951023931957]), velocity: Some([-1.4835298641951802, 1.4835298641951802]), effort: Some([-320.0, 320.0]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-2.9670597283903604, 2.9670597283903604]), velocity: Some([-1.7453292519943295, 1.7453292519943295]), effort: Some([-176.0, 176.0]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-2.0943951023931957, 2.0943951023931957]), velocity: Some([-1.3089969389957472, 1.3089969389957472]), effort: Some([-176.0, 176.0]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-2.9670597283903604, 2.9670597283903604]), velocity: Some([-2.2689280275926285, 2.2689280275926285]), effort: Some([-110.0, 110.0]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-2.0943951023931957, 2.0943951023931957]), velocity: Some([-2.356194490192345, 2.356194490192345]), effort: Some([-40.0, 40.0]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-3.0543261909900767, 3.0543261909900767]), velocity: Some([-2.356194490192345, 2.356194490192345]), effort: Some([-40.0, 40.0]), ..Limits::NONE }, ..Joint::TURN },
 ];
 /// The cones that limit joints and cuts, in the order of `cones`.
 pub const CONES: [Cone<'static>; 0] = [
@@ -78,11 +78,18 @@ pub const CONES: [Cone<'static>; 0] = [
 /// Nominal values of the parameters, in the order of `PARAMETERS`, about the origins of
 /// the bodies' frames.
 pub const NOMINAL: [Option<f64>; 70] = [
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None, None, None, None, None, None,
+    Some(0.077388), Some(0.0), Some(0.0), Some(0.072504), Some(-0.014256), Some(0.017484),
+    Some(0.0), Some(-0.1728), Some(-0.4752), Some(5.76), Some(0.06380575), Some(-0.000112395),
+    Some(8.001e-5), Some(0.0416019715), Some(0.0157353), Some(0.0331049215), Some(-0.001905),
+    Some(-0.37465), Some(0.2667), Some(6.35), Some(0.053735875), Some(0.0), Some(0.0),
+    Some(0.049385875), Some(0.0089775), Some(0.01075), Some(0.0), Some(0.105), Some(-0.29925),
+    Some(3.5), Some(0.0367575), Some(0.0), Some(0.0), Some(0.020446), Some(-0.007973),
+    Some(0.0217115), Some(0.0), Some(0.2345), Some(0.119), Some(3.5), Some(0.079654375),
+    Some(-7.35e-6), Some(-4.8825e-5), Some(0.07681091), Some(-0.01025325), Some(0.006033535),
+    Some(-0.00035), Some(-0.0735), Some(-0.48825), Some(3.5), Some(0.004900936), Some(0.0),
+    Some(0.0), Some(0.004700288), Some(4.32e-7), Some(0.003600648), Some(0.0), Some(-0.00108),
+    Some(0.00072), Some(1.8), Some(0.0132412), Some(0.0), Some(0.0), Some(0.0132412),
+    Some(0.0), Some(0.001), Some(0.0), Some(0.0), Some(0.1212), Some(1.2),
 ];
 /// Names, sizes, and what is stated about joints.
 pub const INFO: Info<'static> = Info {
@@ -451,8 +458,8 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
         rank: 43,
         states: 10,
         digits: 96,
-        smallest_kept: 0.06915506454399549,
-        largest_dropped: 1.994133453043627e-96,
+        smallest_kept: 0.041912001212570035,
+        largest_dropped: 2.51205626839448e-96,
     }),
     complete: true,
 };

@@ -12,30 +12,30 @@
 //! | [`constraints`] | 46 | 57 | 0 | 8 |
 //! | [`jacobian`] | 76 | 141 | 0 | 8 |
 //! | [`bias`] | 175 | 316 | 0 | 8 |
-//! | [`newton_step`] | 192 | 286 | 8 | 8 |
+//! | [`newton_step`] | 192 | 276 | 8 | 8 |
 //! | [`dependent_jacobian`] | 76 | 141 | 0 | 8 |
-//! | [`velocities`] | 159 | 267 | 8 | 8 |
-//! | [`accelerations`] | 328 | 555 | 8 | 8 |
-//! | [`regressor`] | 509 | 796 | 8 | 8 |
-//! | [`inverse_dynamics`] | 461 | 628 | 8 | 8 |
-//! | [`gravity`] | 255 | 447 | 8 | 8 |
-//! | [`bias_forces`] | 619 | 920 | 8 | 8 |
-//! | [`mass_matrix`] | 385 | 570 | 8 | 8 |
-//! | [`slotine_li`] | 899 | 1506 | 8 | 8 |
+//! | [`velocities`] | 159 | 259 | 8 | 8 |
+//! | [`accelerations`] | 328 | 545 | 8 | 8 |
+//! | [`regressor`] | 510 | 788 | 8 | 8 |
+//! | [`inverse_dynamics`] | 462 | 620 | 8 | 8 |
+//! | [`gravity`] | 256 | 439 | 8 | 8 |
+//! | [`bias_forces`] | 620 | 909 | 8 | 8 |
+//! | [`mass_matrix`] | 386 | 562 | 8 | 8 |
+//! | [`slotine_li`] | 900 | 1494 | 8 | 8 |
 //! | [`efforts`] | 0 | 0 | 0 | 0 |
 //! | [`poses`] | 18 | 52 | 0 | 8 |
-//! | [`base_regressor`] | 358 | 590 | 8 | 8 |
+//! | [`base_regressor`] | 359 | 582 | 8 | 8 |
 //! | [`to_base`] | 33 | 10 | 0 | 0 |
 //! | [`parameters_from_base`] | 25 | 10 | 0 | 0 |
-//! | [`base_inverse_dynamics`] | 353 | 510 | 8 | 8 |
-//! | [`base_gravity`] | 218 | 384 | 8 | 8 |
-//! | [`base_bias_forces`] | 525 | 810 | 8 | 8 |
-//! | [`base_mass_matrix`] | 278 | 449 | 8 | 8 |
+//! | [`base_inverse_dynamics`] | 354 | 502 | 8 | 8 |
+//! | [`base_gravity`] | 219 | 376 | 8 | 8 |
+//! | [`base_bias_forces`] | 526 | 799 | 8 | 8 |
+//! | [`base_mass_matrix`] | 279 | 441 | 8 | 8 |
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
 use ::regen_runtime::{
- Condition, Cone, Cut, Info, Joint, Model, Scalar, SizeError, };
+ Condition, Cone, Cut, Info, Joint, Limits, Model, Scalar, SizeError, };
 use ::regen_runtime::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
@@ -76,15 +76,15 @@ pub const HOME: [f64; 11] = [
 ];
 /// What is stated about the joint of each coordinate: units rad or m, N m or N.
 pub const JOINTS: [Joint; 11] = [
-    Joint::SHIFT,
+    Joint { limits: Limits { position: Some([-0.1, 0.1]), velocity: Some([-0.5, 0.5]), acceleration: Some([-9.0, 9.0]), effort: Some([-20.0, 20.0]) }, ..Joint::SHIFT },
     Joint::TURN,
     Joint::TURN,
     Joint::TURN,
     Joint::TURN,
-    Joint::SHIFT,
+    Joint { limits: Limits { position: Some([-0.1, 0.1]), velocity: Some([-0.5, 0.5]), acceleration: Some([-9.0, 9.0]), effort: Some([-20.0, 20.0]) }, ..Joint::SHIFT },
     Joint::TURN,
     Joint::TURN,
-    Joint::SHIFT,
+    Joint { limits: Limits { position: Some([-0.1, 0.1]), velocity: Some([-0.5, 0.5]), acceleration: Some([-9.0, 9.0]), effort: Some([-20.0, 20.0]) }, ..Joint::SHIFT },
     Joint::TURN,
     Joint::TURN,
 ];
@@ -94,11 +94,16 @@ pub const CONES: [Cone<'static>; 0] = [
 /// Nominal values of the parameters, in the order of `PARAMETERS`, about the origins of
 /// the bodies' frames.
 pub const NOMINAL: [Option<f64>; 70] = [
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None, None, None, None, None, None,
+    Some(1.6e-5), Some(0.0), Some(0.0), Some(1.6e-5), Some(0.0), Some(1.6e-5), Some(0.0),
+    Some(0.0), Some(0.0), Some(0.06), Some(0.00036975), Some(0.0), Some(0.0), Some(0.00037835),
+    Some(0.0), Some(1e-5), Some(0.0), Some(0.0), Some(-0.00258), Some(0.024), Some(1.65e-5),
+    Some(0.0), Some(0.0), Some(1.65e-5), Some(0.0), Some(3.1e-5), Some(0.0), Some(0.0),
+    Some(0.0), Some(0.1), Some(1.6e-5), Some(0.0), Some(0.0), Some(1.6e-5), Some(0.0),
+    Some(1.6e-5), Some(0.0), Some(0.0), Some(0.0), Some(0.06), Some(0.00036975), Some(0.0),
+    Some(0.0), Some(0.00037835), Some(0.0), Some(1e-5), Some(0.0), Some(0.0), Some(-0.00258),
+    Some(0.024), Some(1.6e-5), Some(0.0), Some(0.0), Some(1.6e-5), Some(0.0), Some(1.6e-5),
+    Some(0.0), Some(0.0), Some(0.0), Some(0.06), Some(0.00036975), Some(0.0), Some(0.0),
+    Some(0.00037835), Some(0.0), Some(1e-5), Some(0.0), Some(0.0), Some(-0.00258), Some(0.024),
 ];
 /// Names, sizes, and what is stated about joints.
 pub const INFO: Info<'static> = Info {
@@ -375,8 +380,8 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
         rank: 28,
         states: 21,
         digits: 96,
-        smallest_kept: 0.16547289483148667,
-        largest_dropped: 6.035821123659942e-95,
+        smallest_kept: 0.056558720537446136,
+        largest_dropped: 3.514781140345497e-96,
     }),
     complete: true,
 };
@@ -1179,7 +1184,7 @@ pub fn bias<T: Scalar>(q: &[T; 11], qd: &[T; 11]) -> [T; 8] {
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
 /// - `dq_e`: step of the dependent coordinates in the order of `DEPENDENT`: A_e dq_e = -f
 ///
-/// 192 additions, 286 multiplications, 8 divisions, 8 sines and cosines.
+/// 192 additions, 276 multiplications, 8 divisions, 8 sines and cosines.
 pub fn newton_step<T: Scalar>(q: &[T; 11]) -> ([T; 8], Condition<T>) {
     let like = q[0];
     let mut dq_e = [like.lift(0.0); 8];
@@ -1187,14 +1192,14 @@ pub fn newton_step<T: Scalar>(q: &[T; 11]) -> ([T; 8], Condition<T>) {
     let mut condition = like.lift(1.0);
     // A_e dq_e = -f, part 1
     let [
-        t1_13, t1_26, t1_27, t1_33, t1_35, t1_36, t1_37, t1_38, t1_45, t1_46, t1_54, t1_57,
-        t1_59, t1_60, t1_62, pivot_5, t1_67, t1_68, t1_69, t1_70, t1_71, t1_73, t1_75, t1_79,
-        t1_88, t1_99, t1_102, t1_104, t1_109, t1_111, t1_114, t1_115, t1_121, t1_123, pivot_1,
-        t1_131, t1_132, t1_135, t1_138, t1_140, t1_141, t1_143, t1_148, t1_150, t1_151, t1_152,
-        t1_154, t1_156, t1_161, t1_166, t1_175, t1_178, t1_180, t1_186, t1_188, t1_189, t1_194,
-        t1_199, t1_202, t1_203, t1_205, t1_206, t1_209, t1_212, t1_215, t1_216, t1_217,
-        pivot_2, inv_pivot_2, t1_220, pivot_3, inv_pivot_3, t1_223, t1_224, t1_227, t1_228,
-        t1_229, t1_234, t1_235, t1_236,
+        t1_13, t1_26, t1_27, t1_33, t1_35, t1_36, t1_38, pivot_1, t1_45, t1_53, t1_56, t1_58,
+        t1_59, t1_61, t1_67, t1_68, t1_69, t1_71, t1_73, t1_75, t1_79, t1_88, t1_99, t1_102,
+        t1_104, t1_109, t1_111, t1_114, t1_115, t1_121, t1_123, t1_125, t1_132, t1_133, t1_136,
+        t1_139, t1_141, t1_142, t1_143, t1_144, t1_149, t1_150, t1_151, t1_152, t1_153, t1_155,
+        t1_157, t1_161, t1_162, t1_167, t1_176, t1_179, t1_181, t1_186, t1_187, t1_189, t1_190,
+        t1_195, t1_200, t1_203, t1_204, t1_206, t1_207, t1_210, t1_213, t1_216, inv_pivot_1,
+        t1_217, t1_220, pivot_2, inv_pivot_2, t1_222, pivot_3, inv_pivot_3, t1_224, t1_225,
+        t1_227, t1_228, t1_229, t1_233, t1_234, t1_236,
     ] = {
         let (sin_u1_1, cos_u1_1) = u1_1.sin_cos();
         let (sin_e1x, cos_e1x) = e1x.sin_cos();
@@ -1246,41 +1251,41 @@ pub fn newton_step<T: Scalar>(q: &[T; 11]) -> ([T; 8], Condition<T>) {
         let t1_42 = like.lift(0.5) * t1_41;
         let t1_43 = like.lift(0.8660254037844386).mul_add(sin_u2_2, t1_42);
         let t1_44 = sin_u2_1 * t1_43;
-        let t1_45 = like.lift(0.215).mul_add(t1_44, t1_40);
-        let t1_46 = -t1_13;
-        let t1_47 = sin_e1x * sin_u1_2_e1y;
-        let t1_48 = like.lift(0.0199) * t1_47;
-        let t1_49 = like.lift(0.215).mul_add(sin_u1_2, t1_48);
-        let t1_50 = like.lift(0.017233905535310328) * cos_u1_2_e1y;
-        let t1_51 = like.lift(0.00995) * t1_47;
-        let t1_52 = t1_50 + t1_51;
-        let t1_53 = t1_49 + t1_52;
-        let t1_54 = sin_u1_1 * t1_53;
-        let t1_55 = t1_48 + t1_50;
-        let t1_56 = t1_51 + t1_55;
-        let t1_57 = sin_u1_1 * t1_56;
-        let t1_58 = t1_6 * t1_56;
-        let t1_59 = cos_u1_2_e1y.mul_add(t1_29, t1_58);
-        let t1_60 = -t1_59;
-        let t1_61 = like.lift(0.1075) * t1_36;
-        let t1_62 = -t1_61;
-        let t1_63 = like.lift(0.8660254037844386) * t1_41;
-        let t1_64 = like.lift(-0.5).mul_add(sin_u2_2, t1_63);
-        let t1_65 = sin_u2_1 * t1_64;
-        let t1_66 = like.lift(0.215) * t1_65;
-        let pivot_5 = like.lift(0.18619546181365432).mul_add(t1_39, t1_66);
-        let t1_67 = -pivot_5;
-        let t1_68 = cos_u1_1 * t1_53;
+        let pivot_1 = like.lift(0.215).mul_add(t1_44, t1_40);
+        let t1_45 = -t1_13;
+        let t1_46 = sin_e1x * sin_u1_2_e1y;
+        let t1_47 = like.lift(0.0199) * t1_46;
+        let t1_48 = like.lift(0.215).mul_add(sin_u1_2, t1_47);
+        let t1_49 = like.lift(0.017233905535310328) * cos_u1_2_e1y;
+        let t1_50 = like.lift(0.00995) * t1_46;
+        let t1_51 = t1_49 + t1_50;
+        let t1_52 = t1_48 + t1_51;
+        let t1_53 = sin_u1_1 * t1_52;
+        let t1_54 = t1_47 + t1_49;
+        let t1_55 = t1_50 + t1_54;
+        let t1_56 = sin_u1_1 * t1_55;
+        let t1_57 = t1_6 * t1_55;
+        let t1_58 = cos_u1_2_e1y.mul_add(t1_29, t1_57);
+        let t1_59 = -t1_58;
+        let t1_60 = like.lift(0.1075) * t1_36;
+        let t1_61 = -t1_60;
+        let t1_62 = like.lift(0.8660254037844386) * t1_41;
+        let t1_63 = like.lift(-0.5).mul_add(sin_u2_2, t1_62);
+        let t1_64 = sin_u2_1 * t1_63;
+        let t1_65 = like.lift(0.215) * t1_64;
+        let t1_66 = like.lift(0.18619546181365432).mul_add(t1_39, t1_65);
+        let t1_67 = -t1_66;
+        let t1_68 = cos_u1_1 * t1_52;
         let t1_69 = -t1_68;
-        let t1_70 = cos_u1_1 * t1_56;
+        let t1_70 = cos_u1_1 * t1_55;
         let t1_71 = -t1_70;
         let t1_72 = cos_u1_2_e1y * t1_32;
-        let t1_73 = (-t1_19).mul_add(t1_56, t1_72);
+        let t1_73 = (-t1_19).mul_add(t1_55, t1_72);
         let t1_74 = like.lift(0.1075) * t1_43;
-        let t1_75 = like.lift(0.18619546181365432).mul_add(t1_64, t1_74);
+        let t1_75 = like.lift(0.18619546181365432).mul_add(t1_63, t1_74);
         let t1_76 = cos_u2_1 * t1_43;
         let t1_77 = like.lift(0.18619546181365432) * t1_76;
-        let t1_78 = cos_u2_1 * t1_64;
+        let t1_78 = cos_u2_1 * t1_63;
         let t1_79 = like.lift(-0.1075).mul_add(t1_78, t1_77);
         let t1_80 = like.lift(0.5) * t1_6;
         let t1_81 = like.lift(0.8660254037844386) * t1_4;
@@ -1292,7 +1297,7 @@ pub fn newton_step<T: Scalar>(q: &[T; 11]) -> ([T; 8], Condition<T>) {
         let t1_87 = t1_85 - t1_86;
         let t1_88 = (-sin_u2_1).mul_add(t1_87, t1_84);
         let t1_89 = like.lift(0.5) * cos_u1_2_e1y;
-        let t1_90 = like.lift(0.8660254037844386) * t1_47;
+        let t1_90 = like.lift(0.8660254037844386) * t1_46;
         let t1_91 = t1_89 - t1_90;
         let t1_92 = sin_u2_1 * t1_91;
         let t1_93 = like.lift(-0.8660254037844386).mul_add(t1_83, t1_92);
@@ -1329,296 +1334,288 @@ pub fn newton_step<T: Scalar>(q: &[T; 11]) -> ([T; 8], Condition<T>) {
         let (sin_u3_1, cos_u3_1) = u3_1.sin_cos();
         let (sin_u3_2, cos_u3_2) = u3_2.sin_cos();
         let t1_124 = cos_u3_1 * cos_u3_2;
-        let pivot_1 = like.lift(0.18619546181365432) * t1_124;
-        let t1_125 = cos_u3_1 * t1_124;
-        let t1_126 = like.lift(0.1075) * t1_125;
-        let t1_127 = sin_u3_1 * cos_u3_2;
-        let t1_128 = like.lift(0.5) * t1_127;
-        let t1_129 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t1_128);
-        let t1_130 = sin_u3_1 * t1_129;
-        let t1_131 = like.lift(0.215).mul_add(t1_130, t1_126);
-        let t1_132 = -t1_111;
-        let t1_133 = t1_50 - t1_51;
-        let t1_134 = t1_49 - t1_133;
-        let t1_135 = sin_u1_1 * t1_134;
-        let t1_136 = t1_48 - t1_50;
-        let t1_137 = t1_51 + t1_136;
-        let t1_138 = sin_u1_1 * t1_137;
-        let t1_139 = t1_6 * t1_137;
-        let t1_140 = cos_u1_2_e1y.mul_add(t1_117, t1_139);
-        let t1_141 = -t1_140;
-        let t1_142 = like.lift(0.1075) * t1_124;
-        let t1_143 = -t1_142;
-        let t1_144 = like.lift(0.8660254037844386) * t1_127;
-        let t1_145 = like.lift(0.5).mul_add(sin_u3_2, t1_144);
-        let t1_146 = sin_u3_1 * t1_145;
-        let t1_147 = like.lift(0.215) * t1_146;
-        let t1_148 = like.lift(0.18619546181365432).mul_add(t1_125, t1_147);
-        let t1_149 = cos_u1_1 * t1_134;
-        let t1_150 = -t1_149;
-        let t1_151 = cos_u1_1 * t1_137;
-        let t1_152 = -t1_151;
-        let t1_153 = cos_u1_2_e1y * t1_120;
-        let t1_154 = (-t1_19).mul_add(t1_137, t1_153);
-        let t1_155 = like.lift(0.1075) * t1_129;
-        let t1_156 = like.lift(0.18619546181365432).mul_add(t1_145, t1_155);
-        let t1_157 = cos_u3_1 * t1_129;
-        let t1_158 = like.lift(0.18619546181365432) * t1_157;
-        let t1_159 = cos_u3_1 * t1_145;
-        let t1_160 = like.lift(-0.1075).mul_add(t1_159, t1_158);
-        let t1_161 = -t1_160;
-        let t1_162 = t1_80 - t1_81;
-        let t1_163 = cos_u3_1 * t1_162;
-        let t1_164 = like.lift(0.5) * t1_163;
-        let t1_165 = t1_85 + t1_86;
-        let t1_166 = (-sin_u3_1).mul_add(t1_165, t1_164);
-        let t1_167 = t1_89 + t1_90;
-        let t1_168 = sin_u3_1 * t1_167;
-        let t1_169 = like.lift(0.8660254037844386).mul_add(t1_163, t1_168);
-        let t1_170 = cos_u1_1 * t1_169;
-        let t1_171 = cos_u3_1 * t1_165;
-        let t1_172 = like.lift(0.8660254037844386) * t1_171;
-        let t1_173 = cos_u3_1 * t1_167;
-        let t1_174 = like.lift(0.5).mul_add(t1_173, t1_172);
-        let t1_175 = sin_u1_1.mul_add(t1_174, t1_170);
-        let t1_176 = cos_u1_2_e1y * t1_166;
-        let t1_177 = t1_19.mul_add(t1_169, t1_176);
-        let t1_178 = (-t1_6).mul_add(t1_174, t1_177);
-        let t1_179 = like.lift(0.5) * t1_166;
-        let t1_180 = like.lift(0.8660254037844386).mul_add(t1_169, t1_179);
-        let t1_181 = cos_u3_1 * t1_166;
-        let t1_182 = like.lift(0.8660254037844386) * t1_181;
-        let t1_183 = cos_u3_1 * t1_169;
-        let t1_184 = like.lift(-0.5).mul_add(t1_183, t1_182);
-        let t1_185 = sin_u3_1.mul_add(t1_174, t1_184);
-        let t1_186 = -t1_185;
-        let t1_187 = like.lift(0.215).mul_add(t1_64, like.lift(0.10868618817494705));
-        let t1_188 = t1_53 - t1_187;
-        let t1_189 = -t1_188;
-        let t1_190 = like.lift(0.1255) + t1_22;
-        let t1_191 = t1_190 - t1_23;
-        let t1_192 = t1_191 - t1_31;
-        let t1_193 = like.lift(0.215).mul_add(t1_43, like.lift(0.06275));
-        let t1_194 = t1_192 + t1_193;
-        let t1_195 = p1 - t1_9;
-        let t1_196 = t1_195 - t1_10;
-        let t1_197 = t1_196 + t1_28;
-        let t1_198 = like.lift(-0.215).mul_add(t1_36, p2);
-        let t1_199 = t1_197 - t1_198;
-        let t1_200 = like.lift(0.8660254037844386) * t1_97;
-        let t1_201 = like.lift(0.5).mul_add(t1_95, t1_200);
-        let t1_202 = sin_u2_1.mul_add(t1_82, t1_201);
-        let t1_203 = -t1_202;
-        let t1_204 = like.lift(0.215).mul_add(t1_145, like.lift(0.10868618817494705));
-        let t1_205 = t1_134 + t1_204;
-        let t1_206 = -t1_205;
-        let t1_207 = t1_191 + t1_119;
-        let t1_208 = like.lift(0.215).mul_add(t1_129, like.lift(0.06275));
-        let t1_209 = t1_207 + t1_208;
-        let t1_210 = t1_196 - t1_116;
-        let t1_211 = like.lift(-0.215).mul_add(t1_124, p3);
-        let t1_212 = t1_210 - t1_211;
-        let t1_213 = like.lift(0.8660254037844386) * t1_173;
-        let t1_214 = like.lift(-0.5).mul_add(t1_171, t1_213);
-        let t1_215 = (-sin_u3_1).mul_add(t1_162, t1_214);
-        let t1_216 = like.lift(1.0) / t1_124;
-        let t1_217 = t1_156 * t1_216;
-        let t1_218 = t1_131 * t1_217;
-        let t1_219 = like.lift(5.370700178508146).mul_add(t1_218, t1_160);
-        let pivot_2 = like.lift(0.5773502691896257).mul_add(t1_131, t1_148);
+        let t1_125 = like.lift(0.18619546181365432) * t1_124;
+        let t1_126 = cos_u3_1 * t1_124;
+        let t1_127 = like.lift(0.1075) * t1_126;
+        let t1_128 = sin_u3_1 * cos_u3_2;
+        let t1_129 = like.lift(0.5) * t1_128;
+        let t1_130 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t1_129);
+        let t1_131 = sin_u3_1 * t1_130;
+        let t1_132 = like.lift(0.215).mul_add(t1_131, t1_127);
+        let t1_133 = -t1_111;
+        let t1_134 = t1_49 - t1_50;
+        let t1_135 = t1_48 - t1_134;
+        let t1_136 = sin_u1_1 * t1_135;
+        let t1_137 = t1_47 - t1_49;
+        let t1_138 = t1_50 + t1_137;
+        let t1_139 = sin_u1_1 * t1_138;
+        let t1_140 = t1_6 * t1_138;
+        let t1_141 = cos_u1_2_e1y.mul_add(t1_117, t1_140);
+        let t1_142 = -t1_141;
+        let t1_143 = like.lift(0.1075) * t1_124;
+        let t1_144 = -t1_143;
+        let t1_145 = like.lift(0.8660254037844386) * t1_128;
+        let t1_146 = like.lift(0.5).mul_add(sin_u3_2, t1_145);
+        let t1_147 = sin_u3_1 * t1_146;
+        let t1_148 = like.lift(0.215) * t1_147;
+        let t1_149 = like.lift(0.18619546181365432).mul_add(t1_126, t1_148);
+        let t1_150 = cos_u1_1 * t1_135;
+        let t1_151 = -t1_150;
+        let t1_152 = cos_u1_1 * t1_138;
+        let t1_153 = -t1_152;
+        let t1_154 = cos_u1_2_e1y * t1_120;
+        let t1_155 = (-t1_19).mul_add(t1_138, t1_154);
+        let t1_156 = like.lift(0.1075) * t1_130;
+        let t1_157 = like.lift(0.18619546181365432).mul_add(t1_146, t1_156);
+        let t1_158 = cos_u3_1 * t1_130;
+        let t1_159 = like.lift(0.18619546181365432) * t1_158;
+        let t1_160 = cos_u3_1 * t1_146;
+        let t1_161 = like.lift(-0.1075).mul_add(t1_160, t1_159);
+        let t1_162 = -t1_161;
+        let t1_163 = t1_80 - t1_81;
+        let t1_164 = cos_u3_1 * t1_163;
+        let t1_165 = like.lift(0.5) * t1_164;
+        let t1_166 = t1_85 + t1_86;
+        let t1_167 = (-sin_u3_1).mul_add(t1_166, t1_165);
+        let t1_168 = t1_89 + t1_90;
+        let t1_169 = sin_u3_1 * t1_168;
+        let t1_170 = like.lift(0.8660254037844386).mul_add(t1_164, t1_169);
+        let t1_171 = cos_u1_1 * t1_170;
+        let t1_172 = cos_u3_1 * t1_166;
+        let t1_173 = like.lift(0.8660254037844386) * t1_172;
+        let t1_174 = cos_u3_1 * t1_168;
+        let t1_175 = like.lift(0.5).mul_add(t1_174, t1_173);
+        let t1_176 = sin_u1_1.mul_add(t1_175, t1_171);
+        let t1_177 = cos_u1_2_e1y * t1_167;
+        let t1_178 = t1_19.mul_add(t1_170, t1_177);
+        let t1_179 = (-t1_6).mul_add(t1_175, t1_178);
+        let t1_180 = like.lift(0.5) * t1_167;
+        let t1_181 = like.lift(0.8660254037844386).mul_add(t1_170, t1_180);
+        let t1_182 = cos_u3_1 * t1_167;
+        let t1_183 = like.lift(0.8660254037844386) * t1_182;
+        let t1_184 = cos_u3_1 * t1_170;
+        let t1_185 = like.lift(-0.5).mul_add(t1_184, t1_183);
+        let t1_186 = sin_u3_1.mul_add(t1_175, t1_185);
+        let t1_187 = -t1_186;
+        let t1_188 = like.lift(0.215).mul_add(t1_63, like.lift(0.10868618817494705));
+        let t1_189 = t1_52 - t1_188;
+        let t1_190 = -t1_189;
+        let t1_191 = like.lift(0.1255) + t1_22;
+        let t1_192 = t1_191 - t1_23;
+        let t1_193 = t1_192 - t1_31;
+        let t1_194 = like.lift(0.215).mul_add(t1_43, like.lift(0.06275));
+        let t1_195 = t1_193 + t1_194;
+        let t1_196 = p1 - t1_9;
+        let t1_197 = t1_196 - t1_10;
+        let t1_198 = t1_197 + t1_28;
+        let t1_199 = like.lift(-0.215).mul_add(t1_36, p2);
+        let t1_200 = t1_198 - t1_199;
+        let t1_201 = like.lift(0.8660254037844386) * t1_97;
+        let t1_202 = like.lift(0.5).mul_add(t1_95, t1_201);
+        let t1_203 = sin_u2_1.mul_add(t1_82, t1_202);
+        let t1_204 = -t1_203;
+        let t1_205 = like.lift(0.215).mul_add(t1_146, like.lift(0.10868618817494705));
+        let t1_206 = t1_135 + t1_205;
+        let t1_207 = -t1_206;
+        let t1_208 = t1_192 + t1_119;
+        let t1_209 = like.lift(0.215).mul_add(t1_130, like.lift(0.06275));
+        let t1_210 = t1_208 + t1_209;
+        let t1_211 = t1_197 - t1_116;
+        let t1_212 = like.lift(-0.215).mul_add(t1_124, p3);
+        let t1_213 = t1_211 - t1_212;
+        let t1_214 = like.lift(0.8660254037844386) * t1_174;
+        let t1_215 = like.lift(-0.5).mul_add(t1_172, t1_214);
+        let t1_216 = (-sin_u3_1).mul_add(t1_163, t1_215);
+        let inv_pivot_1 = like.lift(1.0) / pivot_1;
+        let t1_217 = t1_79 * inv_pivot_1;
+        let t1_218 = t1_36 * t1_217;
+        let t1_219 = like.lift(0.18619546181365432).mul_add(t1_218, t1_75);
+        let t1_220 = t1_66 * inv_pivot_1;
+        let t1_221 = t1_36 * t1_220;
+        let pivot_2 = like.lift(0.18619546181365432).mul_add(t1_221, t1_60);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t1_220 = t1_219 * inv_pivot_2;
-        let pivot_3 = (-t1_111).mul_add(t1_220, t1_114);
+        let t1_222 = t1_219 * inv_pivot_2;
+        let pivot_3 = (-t1_13).mul_add(t1_222, t1_26);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_221 = t1_205 * t1_217;
-        let t1_222 = like.lift(5.370700178508146).mul_add(t1_221, t1_212);
-        let t1_223 = like.lift(-0.5773502691896257).mul_add(t1_205, t1_209);
-        let t1_224 = t1_220.mul_add(t1_223, t1_222);
-        let t1_225 = t1_115 * t1_217;
-        let t1_226 = like.lift(5.370700178508146).mul_add(t1_225, t1_149);
-        let t1_227 = like.lift(0.5773502691896257).mul_add(t1_115, t1_135);
-        let t1_228 = (-t1_227).mul_add(t1_220, t1_226);
-        let t1_229 = t1_180 * t1_216;
-        let t1_230 = t1_115 * t1_229;
-        let t1_231 = like.lift(-5.370700178508146).mul_add(t1_230, t1_175);
-        let t1_232 = t1_131 * t1_229;
-        let t1_233 = like.lift(5.370700178508146).mul_add(t1_232, t1_185);
-        let t1_234 = t1_233 * inv_pivot_2;
-        let t1_235 = t1_227.mul_add(t1_234, t1_231);
-        let t1_236 = (-t1_111).mul_add(t1_234, t1_166);
+        let t1_223 = t1_189.mul_add(t1_217, t1_200);
+        let t1_224 = (-t1_189).mul_add(t1_220, t1_195);
+        let t1_225 = t1_222.mul_add(t1_224, t1_223);
+        let t1_226 = t1_33.mul_add(t1_217, t1_70);
+        let t1_227 = t1_33.mul_add(t1_220, t1_56);
+        let t1_228 = (-t1_227).mul_add(t1_222, t1_226);
+        let t1_229 = t1_109 * inv_pivot_1;
+        let t1_230 = (-t1_33).mul_add(t1_229, t1_99);
+        let t1_231 = t1_36 * t1_229;
+        let t1_232 = like.lift(0.18619546181365432).mul_add(t1_231, t1_104);
+        let t1_233 = t1_232 * inv_pivot_2;
+        let t1_234 = t1_227.mul_add(t1_233, t1_230);
+        let t1_235 = (-t1_13).mul_add(t1_233, t1_88);
+        let t1_236 = t1_235 * inv_pivot_3;
         [
-            t1_13, t1_26, t1_27, t1_33, t1_35, t1_36, t1_37, t1_38, t1_45, t1_46, t1_54, t1_57,
-            t1_59, t1_60, t1_62, pivot_5, t1_67, t1_68, t1_69, t1_70, t1_71, t1_73, t1_75,
-            t1_79, t1_88, t1_99, t1_102, t1_104, t1_109, t1_111, t1_114, t1_115, t1_121,
-            t1_123, pivot_1, t1_131, t1_132, t1_135, t1_138, t1_140, t1_141, t1_143, t1_148,
-            t1_150, t1_151, t1_152, t1_154, t1_156, t1_161, t1_166, t1_175, t1_178, t1_180,
-            t1_186, t1_188, t1_189, t1_194, t1_199, t1_202, t1_203, t1_205, t1_206, t1_209,
-            t1_212, t1_215, t1_216, t1_217, pivot_2, inv_pivot_2, t1_220, pivot_3, inv_pivot_3,
-            t1_223, t1_224, t1_227, t1_228, t1_229, t1_234, t1_235, t1_236,
+            t1_13, t1_26, t1_27, t1_33, t1_35, t1_36, t1_38, pivot_1, t1_45, t1_53, t1_56,
+            t1_58, t1_59, t1_61, t1_67, t1_68, t1_69, t1_71, t1_73, t1_75, t1_79, t1_88, t1_99,
+            t1_102, t1_104, t1_109, t1_111, t1_114, t1_115, t1_121, t1_123, t1_125, t1_132,
+            t1_133, t1_136, t1_139, t1_141, t1_142, t1_143, t1_144, t1_149, t1_150, t1_151,
+            t1_152, t1_153, t1_155, t1_157, t1_161, t1_162, t1_167, t1_176, t1_179, t1_181,
+            t1_186, t1_187, t1_189, t1_190, t1_195, t1_200, t1_203, t1_204, t1_206, t1_207,
+            t1_210, t1_213, t1_216, inv_pivot_1, t1_217, t1_220, pivot_2, inv_pivot_2, t1_222,
+            pivot_3, inv_pivot_3, t1_224, t1_225, t1_227, t1_228, t1_229, t1_233, t1_234,
+            t1_236,
         ]
     };
     // A_e dq_e = -f
     {
-        let t2_1 = t1_236 * inv_pivot_3;
-        let pivot_4 = t1_228.mul_add(t2_1, t1_235);
+        let pivot_4 = t1_228.mul_add(t1_236, t1_234);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_2 = t1_205 * t1_229;
-        let t2_3 = like.lift(5.370700178508146).mul_add(t2_2, t1_215);
-        let t2_4 = t1_234.mul_add(t1_223, t2_3);
-        let t2_5 = (-t2_1).mul_add(t1_224, t2_4);
-        let t2_6 = t1_121 * t1_229;
-        let t2_7 = like.lift(-5.370700178508146).mul_add(t2_6, t1_175);
-        let t2_8 = like.lift(0.5773502691896257).mul_add(t1_121, t1_138);
-        let t2_9 = t2_8.mul_add(t1_234, t2_7);
-        let t2_10 = t1_121 * t1_217;
-        let t2_11 = like.lift(5.370700178508146).mul_add(t2_10, t1_151);
-        let t2_12 = (-t2_8).mul_add(t1_220, t2_11);
-        let t2_13 = t2_12.mul_add(t2_1, t2_9);
-        let t2_14 = t1_27 * inv_pivot_4;
-        let t2_15 = (-t2_13).mul_add(t2_14, t1_33);
+        let t2_1 = (-t1_189).mul_add(t1_229, t1_203);
+        let t2_2 = (-t1_233).mul_add(t1_224, t2_1);
+        let t2_3 = t1_236.mul_add(t1_225, t2_2);
+        let t2_4 = (-t1_35).mul_add(t1_229, t1_102);
+        let t2_5 = (-t1_35).mul_add(t1_220, t1_58);
+        let t2_6 = (-t2_5).mul_add(t1_233, t2_4);
+        let t2_7 = (-t1_35).mul_add(t1_217, t1_73);
+        let t2_8 = (-t2_5).mul_add(t1_222, t2_7);
+        let t2_9 = (-t2_8).mul_add(t1_236, t2_6);
+        let t2_10 = t1_167 * inv_pivot_3;
+        let t2_11 = (-t2_8).mul_add(t2_10, t1_179);
+        let t2_12 = t1_228.mul_add(t2_10, t1_176);
+        let t2_13 = t2_12 * inv_pivot_4;
+        let pivot_5 = (-t2_9).mul_add(t2_13, t2_11);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_16 = t1_45 * inv_pivot_5;
-        let t2_17 = t1_13 * inv_pivot_3;
-        let t2_18 = (-t2_12).mul_add(t2_17, t1_57);
-        let t2_19 = (-t1_228).mul_add(t2_17, t1_54);
-        let t2_20 = t2_19 * inv_pivot_4;
-        let t2_21 = (-t2_13).mul_add(t2_20, t2_18);
-        let pivot_6 = t2_16.mul_add(t2_21, t2_15);
+        let t2_14 = (-t2_10).mul_add(t1_225, t1_216);
+        let t2_15 = t2_13.mul_add(t2_3, t2_14);
+        let t2_16 = t1_27.mul_add(t1_217, t1_68);
+        let t2_17 = t1_27.mul_add(t1_220, t1_53);
+        let t2_18 = (-t2_17).mul_add(t1_222, t2_16);
+        let t2_19 = t2_18.mul_add(t2_10, t1_176);
+        let t2_20 = (-t1_27).mul_add(t1_229, t1_99);
+        let t2_21 = t2_17.mul_add(t1_233, t2_20);
+        let t2_22 = t2_18.mul_add(t1_236, t2_21);
+        let t2_23 = (-t2_22).mul_add(t2_13, t2_19);
+        let t2_24 = t1_121 * inv_pivot_4;
+        let t2_25 = (-t2_22).mul_add(t2_24, t1_115);
+        let t2_26 = (-t2_9).mul_add(t2_24, t1_123);
+        let t2_27 = t2_26 * inv_pivot_5;
+        let pivot_6 = (-t2_23).mul_add(t2_27, t2_25);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_22 = t2_14.mul_add(t2_5, t1_188);
-        let t2_23 = t2_17.mul_add(t1_224, t1_194);
-        let t2_24 = (-t2_20).mul_add(t2_5, t2_23);
-        let t2_25 = (-t2_16).mul_add(t2_24, t2_22);
-        let t2_26 = t1_123 * t1_229;
-        let t2_27 = like.lift(-5.370700178508146).mul_add(t2_26, t1_178);
-        let t2_28 = like.lift(-0.5773502691896257).mul_add(t1_123, t1_140);
-        let t2_29 = (-t2_28).mul_add(t1_234, t2_27);
-        let t2_30 = t1_123 * t1_217;
-        let t2_31 = like.lift(-5.370700178508146).mul_add(t2_30, t1_154);
-        let t2_32 = (-t2_28).mul_add(t1_220, t2_31);
-        let t2_33 = (-t2_32).mul_add(t2_1, t2_29);
-        let t2_34 = (-t2_33).mul_add(t2_14, t1_35);
-        let t2_35 = (-t2_32).mul_add(t2_17, t1_59);
-        let t2_36 = t2_33.mul_add(t2_20, t2_35);
-        let t2_37 = (-t2_16).mul_add(t2_36, t2_34);
-        let t2_38 = t1_88 * inv_pivot_3;
-        let t2_39 = (-t2_32).mul_add(t2_38, t1_102);
-        let t2_40 = t1_228.mul_add(t2_38, t1_99);
-        let t2_41 = t2_40 * inv_pivot_4;
-        let t2_42 = (-t2_33).mul_add(t2_41, t2_39);
-        let t2_43 = t1_109 * inv_pivot_5;
-        let t2_44 = (-t2_43).mul_add(t2_36, t2_42);
-        let t2_45 = t2_12.mul_add(t2_38, t1_99);
-        let t2_46 = (-t2_13).mul_add(t2_41, t2_45);
-        let t2_47 = t2_43.mul_add(t2_21, t2_46);
-        let t2_48 = t2_47 * inv_pivot_6;
-        let pivot_7 = (-t2_37).mul_add(t2_48, t2_44);
+        let t2_28 = (-t2_24).mul_add(t2_3, t1_206);
+        let t2_29 = t2_27.mul_add(t2_15, t2_28);
+        let t2_30 = (-t1_181).mul_add(t2_27, t1_125);
+        let t2_31 = t1_114 * inv_pivot_3;
+        let t2_32 = (-t2_8).mul_add(t2_31, t1_155);
+        let t2_33 = (-t1_228).mul_add(t2_31, t1_152);
+        let t2_34 = t2_33 * inv_pivot_4;
+        let t2_35 = t2_9.mul_add(t2_34, t2_32);
+        let t2_36 = t2_35 * inv_pivot_5;
+        let t2_37 = (-t1_181).mul_add(t2_36, t1_157);
+        let t2_38 = (-t2_18).mul_add(t2_31, t1_150);
+        let t2_39 = (-t2_22).mul_add(t2_34, t2_38);
+        let t2_40 = t2_23.mul_add(t2_36, t2_39);
+        let t2_41 = t2_40 * inv_pivot_6;
+        let pivot_7 = t2_30.mul_add(t2_41, t2_37);
         let inv_pivot_7 = like.lift(1.0) / pivot_7;
-        let t2_49 = t2_38.mul_add(t1_224, t1_202);
-        let t2_50 = t2_41.mul_add(t2_5, t2_49);
-        let t2_51 = (-t2_43).mul_add(t2_24, t2_50);
-        let t2_52 = (-t2_48).mul_add(t2_25, t2_51);
-        let t2_53 = t1_36 * t2_43;
-        let t2_54 = like.lift(-0.1075).mul_add(t2_53, t1_104);
-        let t2_55 = t1_36 * t2_16;
-        let t2_56 = like.lift(0.1075).mul_add(t2_55, t1_37);
-        let t2_57 = t2_56.mul_add(t2_48, t2_54);
-        let t2_58 = t1_79 * inv_pivot_5;
-        let t2_59 = t1_36 * t2_58;
-        let t2_60 = like.lift(-0.1075).mul_add(t2_59, t1_75);
-        let t2_61 = t1_26 * inv_pivot_3;
-        let t2_62 = (-t2_12).mul_add(t2_61, t1_70);
-        let t2_63 = (-t1_228).mul_add(t2_61, t1_68);
-        let t2_64 = t2_63 * inv_pivot_4;
-        let t2_65 = (-t2_13).mul_add(t2_64, t2_62);
-        let t2_66 = (-t2_58).mul_add(t2_21, t2_65);
-        let t2_67 = t2_66 * inv_pivot_6;
-        let t2_68 = (-t2_56).mul_add(t2_67, t2_60);
-        let t2_69 = (-t2_32).mul_add(t2_61, t1_73);
-        let t2_70 = t2_33.mul_add(t2_64, t2_69);
-        let t2_71 = (-t2_58).mul_add(t2_36, t2_70);
-        let t2_72 = t2_37.mul_add(t2_67, t2_71);
-        let t2_73 = t2_72 * inv_pivot_7;
-        let pivot_8 = (-t2_57).mul_add(t2_73, t2_68);
+        let t2_42 = (-t2_31).mul_add(t1_225, t1_213);
+        let t2_43 = (-t2_34).mul_add(t2_3, t2_42);
+        let t2_44 = (-t2_36).mul_add(t2_15, t2_43);
+        let t2_45 = (-t2_41).mul_add(t2_29, t2_44);
+        let t2_46 = (-t1_186).mul_add(t2_36, t1_161);
+        let t2_47 = t1_186.mul_add(t2_27, t1_132);
+        let t2_48 = (-t2_47).mul_add(t2_41, t2_46);
+        let t2_49 = t1_111 * inv_pivot_3;
+        let t2_50 = (-t2_8).mul_add(t2_49, t1_141);
+        let t2_51 = (-t1_228).mul_add(t2_49, t1_139);
+        let t2_52 = t2_51 * inv_pivot_4;
+        let t2_53 = t2_9.mul_add(t2_52, t2_50);
+        let t2_54 = t2_53 * inv_pivot_5;
+        let t2_55 = (-t1_186).mul_add(t2_54, t1_149);
+        let t2_56 = (-t2_18).mul_add(t2_49, t1_136);
+        let t2_57 = (-t2_22).mul_add(t2_52, t2_56);
+        let t2_58 = t2_23.mul_add(t2_54, t2_57);
+        let t2_59 = t2_58 * inv_pivot_6;
+        let t2_60 = (-t2_47).mul_add(t2_59, t2_55);
+        let t2_61 = (-t1_181).mul_add(t2_54, t1_143);
+        let t2_62 = t2_30.mul_add(t2_59, t2_61);
+        let t2_63 = t2_62 * inv_pivot_7;
+        let pivot_8 = (-t2_48).mul_add(t2_63, t2_60);
         let inv_pivot_8 = like.lift(1.0) / pivot_8;
-        let t2_74 = (-t2_61).mul_add(t1_224, t1_199);
-        let t2_75 = t2_64.mul_add(t2_5, t2_74);
-        let t2_76 = t2_58.mul_add(t2_24, t2_75);
-        let t2_77 = (-t2_67).mul_add(t2_25, t2_76);
-        let t2_78 = t2_73.mul_add(t2_52, t2_77);
-        let t2_79 = inv_pivot_8 * t2_78;
-        let t2_80 = t2_57.mul_add(t2_79, t2_52);
-        let t2_81 = inv_pivot_7 * t2_80;
-        let t2_82 = (-t2_37).mul_add(t2_81, t2_25);
-        let t2_83 = (-t2_56).mul_add(t2_79, t2_82);
-        let t2_84 = inv_pivot_6 * t2_83;
-        let t2_85 = t2_13.mul_add(t2_84, t2_5);
-        let t2_86 = t2_33.mul_add(t2_81, t2_85);
-        let t2_87 = inv_pivot_4 * t2_86;
-        let t2_88 = t1_228.mul_add(t2_87, t1_224);
-        let t2_89 = (-t2_12).mul_add(t2_84, t2_88);
-        let t2_90 = t2_32.mul_add(t2_81, t2_89);
-        let t2_91 = inv_pivot_3 * t2_90;
-        let t2_92 = -t2_84;
-        let t2_93 = -t2_81;
-        let t2_94 = t2_21.mul_add(t2_84, t2_24);
-        let t2_95 = (-t2_36).mul_add(t2_81, t2_94);
-        let t2_96 = t1_36 * t2_79;
-        let t2_97 = like.lift(0.1075).mul_add(t2_96, t2_95);
-        let t2_98 = inv_pivot_5 * t2_97;
-        let t2_99 = -t2_98;
-        let t2_100 = t1_111.mul_add(t2_91, t1_223);
-        let t2_101 = (-t1_227).mul_add(t2_87, t2_100);
-        let t2_102 = t2_8.mul_add(t2_84, t2_101);
-        let t2_103 = (-t2_28).mul_add(t2_81, t2_102);
-        let t2_104 = inv_pivot_2 * t2_103;
-        let t2_105 = t1_131.mul_add(t2_104, t1_205);
-        let t2_106 = t1_115.mul_add(t2_87, t2_105);
-        let t2_107 = (-t1_121).mul_add(t2_84, t2_106);
-        let t2_108 = (-t1_123).mul_add(t2_81, t2_107);
-        let t2_109 = t1_216 * t2_108;
-        let t2_110 = like.lift(5.370700178508146) * t2_109;
-        let t2_111 = -t2_110;
+        let t2_64 = t2_49.mul_add(t1_225, t1_210);
+        let t2_65 = t2_52.mul_add(t2_3, t2_64);
+        let t2_66 = t2_54.mul_add(t2_15, t2_65);
+        let t2_67 = t2_59.mul_add(t2_29, t2_66);
+        let t2_68 = t2_63.mul_add(t2_45, t2_67);
+        let t2_69 = inv_pivot_8 * t2_68;
+        let t2_70 = t2_48.mul_add(t2_69, t2_45);
+        let t2_71 = inv_pivot_7 * t2_70;
+        let t2_72 = t2_30.mul_add(t2_71, t2_29);
+        let t2_73 = t2_47.mul_add(t2_69, t2_72);
+        let t2_74 = inv_pivot_6 * t2_73;
+        let t2_75 = t2_23.mul_add(t2_74, t2_15);
+        let t2_76 = (-t1_181).mul_add(t2_71, t2_75);
+        let t2_77 = t1_186.mul_add(t2_69, t2_76);
+        let t2_78 = inv_pivot_5 * t2_77;
+        let t2_79 = t2_9.mul_add(t2_78, t2_3);
+        let t2_80 = (-t2_22).mul_add(t2_74, t2_79);
+        let t2_81 = inv_pivot_4 * t2_80;
+        let t2_82 = (-t1_228).mul_add(t2_81, t1_225);
+        let t2_83 = (-t2_8).mul_add(t2_78, t2_82);
+        let t2_84 = (-t2_18).mul_add(t2_74, t2_83);
+        let t2_85 = inv_pivot_3 * t2_84;
+        let t2_86 = -t2_74;
+        let t2_87 = -t2_81;
+        let t2_88 = t1_13.mul_add(t2_85, t1_224);
+        let t2_89 = t1_227.mul_add(t2_81, t2_88);
+        let t2_90 = t2_5.mul_add(t2_78, t2_89);
+        let t2_91 = t2_17.mul_add(t2_74, t2_90);
+        let t2_92 = inv_pivot_2 * t2_91;
+        let t2_93 = -t2_92;
+        let t2_94 = t1_36 * t2_92;
+        let t2_95 = like.lift(0.18619546181365432).mul_add(t2_94, t1_189);
+        let t2_96 = (-t1_33).mul_add(t2_81, t2_95);
+        let t2_97 = t1_35.mul_add(t2_78, t2_96);
+        let t2_98 = (-t1_27).mul_add(t2_74, t2_97);
+        let t2_99 = inv_pivot_1 * t2_98;
+        let t2_100 = -t2_99;
+        let t2_101 = -pivot_2;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(6.287381471191513)).abs()
-            .min((pivot_2 * like.lift(4.054300853983487)).abs())
-            .min((pivot_3 * like.lift(5.1354731598256045)).abs())
-            .min((pivot_4 * like.lift(1.1136124389030184)).abs())
-            .min((t1_67 * like.lift(5.490928143318305)).abs())
-            .min((pivot_6 * like.lift(5.005772724016506)).abs())
-            .min((pivot_7 * like.lift(1.2292368551614257)).abs())
-            .min((pivot_8 * like.lift(6.313131313131312)).abs());
+        let margin = (pivot_1 * like.lift(8.169180195158923)).abs()
+            .min((t2_101 * like.lift(2.9578447349824133)).abs())
+            .min((pivot_3 * like.lift(4.709626127302084)).abs())
+            .min((pivot_4 * like.lift(1.7298389090997555)).abs())
+            .min((pivot_5 * like.lift(1.2416410909468296)).abs())
+            .min((pivot_6 * like.lift(4.677980223697912)).abs())
+            .min((pivot_7 * like.lift(5.873901159537709)).abs())
+            .min((pivot_8 * like.lift(4.02802513388111)).abs());
         let ([
-            [t2_112], [t2_113], [t2_114], [t2_115], [t2_116], [t2_117], [t2_118], [t2_119],
+            [t2_102], [t2_103], [t2_104], [t2_105], [t2_106], [t2_107], [t2_108], [t2_109],
         ], found) = ::regen_runtime::guarded(
-            [[t2_91], [t2_87], [t2_92], [t2_93], [t2_79], [t2_99], [t2_111], [t2_104]],
+            [[t2_85], [t2_86], [t2_87], [t2_78], [t2_93], [t2_100], [t2_71], [t2_69]],
             margin,
             || (
                 [
-                    [like.lift(0.0), t1_27, t1_33, t1_35, t1_38, t1_45, like.lift(0.0), like.lift(0.0)],
-                    [t1_46, t1_54, t1_57, t1_60, t1_62, t1_67, like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), t1_27, t1_33, t1_35, t1_38, pivot_1, like.lift(0.0), like.lift(0.0)],
+                    [t1_45, t1_53, t1_56, t1_59, t1_61, t1_67, like.lift(0.0), like.lift(0.0)],
                     [t1_26, t1_69, t1_71, t1_73, t1_75, t1_79, like.lift(0.0), like.lift(0.0)],
                     [t1_88, t1_99, t1_99, t1_102, t1_104, t1_109, like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), t1_115, t1_121, t1_123, like.lift(0.0), like.lift(0.0), pivot_1, t1_131],
-                    [t1_132, t1_135, t1_138, t1_141, like.lift(0.0), like.lift(0.0), t1_143, t1_148],
-                    [t1_114, t1_150, t1_152, t1_154, like.lift(0.0), like.lift(0.0), t1_156, t1_161],
-                    [t1_166, t1_175, t1_175, t1_178, like.lift(0.0), like.lift(0.0), t1_180, t1_186],
+                    [like.lift(0.0), t1_115, t1_121, t1_123, like.lift(0.0), like.lift(0.0), t1_125, t1_132],
+                    [t1_133, t1_136, t1_139, t1_142, like.lift(0.0), like.lift(0.0), t1_144, t1_149],
+                    [t1_114, t1_151, t1_153, t1_155, like.lift(0.0), like.lift(0.0), t1_157, t1_162],
+                    [t1_167, t1_176, t1_176, t1_179, like.lift(0.0), like.lift(0.0), t1_181, t1_187],
                 ],
                 [
-                    [t1_189], [t1_194], [t1_199], [t1_203], [t1_206], [t1_209], [t1_212],
-                    [t1_215],
+                    [t1_190], [t1_195], [t1_200], [t1_204], [t1_207], [t1_210], [t1_213],
+                    [t1_216],
                 ],
             ),
         );
         condition = condition.min(found);
-        dq_e[0] = t2_112;
-        dq_e[1] = t2_113;
-        dq_e[2] = t2_114;
-        dq_e[3] = t2_115;
-        dq_e[4] = t2_116;
-        dq_e[5] = t2_117;
-        dq_e[6] = t2_118;
-        dq_e[7] = t2_119;
+        dq_e[0] = t2_102;
+        dq_e[1] = t2_103;
+        dq_e[2] = t2_104;
+        dq_e[3] = t2_105;
+        dq_e[4] = t2_106;
+        dq_e[5] = t2_107;
+        dq_e[6] = t2_108;
+        dq_e[7] = t2_109;
     }
     (dq_e, Condition { pivot: condition })
 }
@@ -1649,8 +1646,8 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 8]; 8] {
         let t1_8 = cos_u1_1 * cos_u1_2;
         let t1_9 = like.lift(0.0199) * t1_4;
         let t1_10 = like.lift(0.215).mul_add(t1_8, t1_9);
-        let t1_11 = t1_7 + t1_10;
-        let t1_12 = t1_5 + t1_11;
+        let t1_11 = t1_7 - t1_10;
+        let t1_12 = t1_5 - t1_11;
         let t1_13 = cos_u1_1 * t1_12;
         let t1_14 = cos_u1_1 * cos_e1x;
         let t1_15 = sin_u1_1 * cos_u1_2_e1y;
@@ -1661,182 +1658,182 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 8]; 8] {
         let t1_20 = sin_u1_1 * cos_u1_2;
         let t1_21 = like.lift(0.0199) * t1_16;
         let t1_22 = like.lift(0.215).mul_add(t1_20, -t1_21);
-        let t1_23 = t1_19 + t1_22;
-        let t1_24 = t1_17 - t1_23;
+        let t1_23 = t1_19 - t1_22;
+        let t1_24 = t1_17 + t1_23;
         let t1_25 = (-sin_u1_1).mul_add(t1_24, t1_13);
-        let t1_26 = t1_7 + t1_5;
-        let t1_27 = t1_9 + t1_26;
+        let t1_26 = t1_7 - t1_5;
+        let t1_27 = t1_9 - t1_26;
         let t1_28 = cos_u1_1 * t1_27;
-        let t1_29 = t1_19 - t1_17;
-        let t1_30 = t1_21 - t1_29;
+        let t1_29 = t1_19 + t1_17;
+        let t1_30 = t1_21 + t1_29;
         let t1_31 = (-sin_u1_1).mul_add(t1_30, t1_28);
         let t1_32 = t1_18 * t1_27;
         let t1_33 = t1_6.mul_add(t1_30, t1_32);
-        let (sin_u3_1, cos_u3_1) = u3_1.sin_cos();
-        let (sin_u3_2, cos_u3_2) = u3_2.sin_cos();
-        let t1_34 = cos_u3_1 * cos_u3_2;
-        let pivot_1 = like.lift(0.18619546181365432) * t1_34;
-        let t1_35 = cos_u3_1 * t1_34;
-        let t1_36 = like.lift(0.1075) * t1_35;
-        let t1_37 = sin_u3_1 * cos_u3_2;
-        let t1_38 = like.lift(0.5) * t1_37;
-        let t1_39 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t1_38);
-        let t1_40 = sin_u3_1 * t1_39;
-        let t1_41 = like.lift(0.215).mul_add(t1_40, t1_36);
-        a_e[0] = [like.lift(0.0), t1_25, t1_31, t1_33, like.lift(0.0), like.lift(0.0), pivot_1, t1_41];
-        let t1_42 = -t1_12;
-        let t1_43 = sin_e1x * sin_u1_2_e1y;
-        let t1_44 = like.lift(0.0199) * t1_43;
-        let t1_45 = like.lift(0.215).mul_add(sin_u1_2, t1_44);
-        let t1_46 = like.lift(0.017233905535310328) * cos_u1_2_e1y;
-        let t1_47 = like.lift(0.00995) * t1_43;
-        let t1_48 = t1_46 - t1_47;
-        let t1_49 = t1_45 - t1_48;
-        let t1_50 = sin_u1_1 * t1_49;
-        let t1_51 = t1_44 - t1_46;
-        let t1_52 = t1_47 + t1_51;
-        let t1_53 = sin_u1_1 * t1_52;
-        let t1_54 = t1_6 * t1_52;
-        let t1_55 = cos_u1_2_e1y.mul_add(t1_27, t1_54);
-        let t1_56 = -t1_55;
-        let t1_57 = like.lift(0.1075) * t1_34;
-        let t1_58 = -t1_57;
-        let t1_59 = like.lift(0.8660254037844386) * t1_37;
-        let t1_60 = like.lift(0.5).mul_add(sin_u3_2, t1_59);
-        let t1_61 = sin_u3_1 * t1_60;
-        let t1_62 = like.lift(0.215) * t1_61;
-        let t1_63 = like.lift(0.18619546181365432).mul_add(t1_35, t1_62);
-        a_e[1] = [t1_42, t1_50, t1_53, t1_56, like.lift(0.0), like.lift(0.0), t1_58, t1_63];
-        let t1_64 = cos_u1_1 * t1_49;
-        let t1_65 = -t1_64;
-        let t1_66 = cos_u1_1 * t1_52;
-        let t1_67 = -t1_66;
-        let t1_68 = cos_u1_2_e1y * t1_30;
-        let t1_69 = (-t1_18).mul_add(t1_52, t1_68);
-        let t1_70 = like.lift(0.1075) * t1_39;
-        let t1_71 = like.lift(0.18619546181365432).mul_add(t1_60, t1_70);
-        let t1_72 = cos_u3_1 * t1_39;
-        let t1_73 = like.lift(0.18619546181365432) * t1_72;
-        let t1_74 = cos_u3_1 * t1_60;
-        let t1_75 = like.lift(-0.1075).mul_add(t1_74, t1_73);
-        let t1_76 = -t1_75;
-        a_e[2] = [t1_24, t1_65, t1_67, t1_69, like.lift(0.0), like.lift(0.0), t1_71, t1_76];
-        let t1_77 = like.lift(0.5) * t1_6;
-        let t1_78 = like.lift(0.8660254037844386) * t1_4;
-        let t1_79 = t1_77 - t1_78;
-        let t1_80 = cos_u3_1 * t1_79;
-        let t1_81 = like.lift(0.5) * t1_80;
-        let t1_82 = like.lift(0.5) * t1_18;
-        let t1_83 = like.lift(0.8660254037844386) * t1_16;
-        let t1_84 = t1_82 + t1_83;
-        let t1_85 = (-sin_u3_1).mul_add(t1_84, t1_81);
-        let t1_86 = like.lift(0.5) * cos_u1_2_e1y;
-        let t1_87 = like.lift(0.8660254037844386) * t1_43;
-        let t1_88 = t1_86 + t1_87;
-        let t1_89 = sin_u3_1 * t1_88;
-        let t1_90 = like.lift(0.8660254037844386).mul_add(t1_80, t1_89);
-        let t1_91 = cos_u1_1 * t1_90;
-        let t1_92 = cos_u3_1 * t1_84;
-        let t1_93 = like.lift(0.8660254037844386) * t1_92;
-        let t1_94 = cos_u3_1 * t1_88;
-        let t1_95 = like.lift(0.5).mul_add(t1_94, t1_93);
-        let t1_96 = sin_u1_1.mul_add(t1_95, t1_91);
-        let t1_97 = cos_u1_2_e1y * t1_85;
-        let t1_98 = t1_18.mul_add(t1_90, t1_97);
-        let t1_99 = (-t1_6).mul_add(t1_95, t1_98);
-        let t1_100 = like.lift(0.5) * t1_85;
-        let t1_101 = like.lift(0.8660254037844386).mul_add(t1_90, t1_100);
-        let t1_102 = cos_u3_1 * t1_85;
-        let t1_103 = like.lift(0.8660254037844386) * t1_102;
-        let t1_104 = cos_u3_1 * t1_90;
-        let t1_105 = like.lift(-0.5).mul_add(t1_104, t1_103);
-        let t1_106 = sin_u3_1.mul_add(t1_95, t1_105);
-        let t1_107 = -t1_106;
-        a_e[3] = [t1_85, t1_96, t1_96, t1_99, like.lift(0.0), like.lift(0.0), t1_101, t1_107];
-        let t1_108 = t1_7 - t1_10;
-        let t1_109 = t1_5 - t1_108;
-        let t1_110 = -t1_109;
-        let t1_111 = t1_46 + t1_47;
-        let t1_112 = t1_45 + t1_111;
-        let t1_113 = sin_u1_1 * t1_112;
-        let t1_114 = t1_44 + t1_46;
-        let t1_115 = t1_47 + t1_114;
-        let t1_116 = sin_u1_1 * t1_115;
-        let t1_117 = t1_6 * t1_115;
-        let t1_118 = t1_7 - t1_5;
-        let t1_119 = t1_9 - t1_118;
-        let t1_120 = cos_u1_2_e1y.mul_add(t1_119, t1_117);
-        let t1_121 = -t1_120;
         let (sin_u2_1, cos_u2_1) = u2_1.sin_cos();
         let (sin_u2_2, cos_u2_2) = u2_2.sin_cos();
-        let t1_122 = cos_u2_1 * cos_u2_2;
-        let t1_123 = like.lift(0.1075) * t1_122;
-        let t1_124 = -t1_123;
-        let t1_125 = sin_u2_1 * cos_u2_2;
-        let t1_126 = like.lift(0.8660254037844386) * t1_125;
-        let t1_127 = like.lift(-0.5).mul_add(sin_u2_2, t1_126);
-        let t1_128 = sin_u2_1 * t1_127;
-        let t1_129 = like.lift(0.215) * t1_128;
-        let t1_130 = cos_u2_1 * t1_122;
-        let pivot_5 = like.lift(0.18619546181365432).mul_add(t1_130, t1_129);
-        let t1_131 = -pivot_5;
-        a_e[4] = [t1_110, t1_113, t1_116, t1_121, t1_124, t1_131, like.lift(0.0), like.lift(0.0)];
-        let t1_132 = cos_u1_1 * t1_109;
-        let t1_133 = t1_19 - t1_22;
-        let t1_134 = t1_17 + t1_133;
-        let t1_135 = (-sin_u1_1).mul_add(t1_134, t1_132);
-        let t1_136 = cos_u1_1 * t1_119;
-        let t1_137 = t1_19 + t1_17;
-        let t1_138 = t1_21 + t1_137;
-        let t1_139 = (-sin_u1_1).mul_add(t1_138, t1_136);
-        let t1_140 = t1_18 * t1_119;
-        let t1_141 = t1_6.mul_add(t1_138, t1_140);
-        let t1_142 = like.lift(0.18619546181365432) * t1_122;
-        let t1_143 = -t1_142;
-        let t1_144 = like.lift(0.1075) * t1_130;
-        let t1_145 = like.lift(0.5) * t1_125;
-        let t1_146 = like.lift(0.8660254037844386).mul_add(sin_u2_2, t1_145);
-        let t1_147 = sin_u2_1 * t1_146;
-        let t1_148 = like.lift(0.215).mul_add(t1_147, t1_144);
-        a_e[5] = [like.lift(0.0), t1_135, t1_139, t1_141, t1_143, t1_148, like.lift(0.0), like.lift(0.0)];
-        let t1_149 = t1_77 + t1_78;
-        let t1_150 = cos_u2_1 * t1_149;
-        let t1_151 = like.lift(0.5) * t1_150;
-        let t1_152 = t1_82 - t1_83;
-        let t1_153 = (-sin_u2_1).mul_add(t1_152, t1_151);
-        let t1_154 = t1_86 - t1_87;
-        let t1_155 = sin_u2_1 * t1_154;
-        let t1_156 = like.lift(-0.8660254037844386).mul_add(t1_150, t1_155);
-        let t1_157 = cos_u1_1 * t1_156;
-        let t1_158 = cos_u2_1 * t1_152;
-        let t1_159 = like.lift(0.8660254037844386) * t1_158;
-        let t1_160 = cos_u2_1 * t1_154;
-        let t1_161 = like.lift(-0.5).mul_add(t1_160, t1_159);
-        let t1_162 = (-sin_u1_1).mul_add(t1_161, t1_157);
-        let t1_163 = cos_u1_2_e1y * t1_153;
-        let t1_164 = t1_18.mul_add(t1_156, t1_163);
-        let t1_165 = t1_6.mul_add(t1_161, t1_164);
-        let t1_166 = like.lift(0.5) * t1_153;
-        let t1_167 = like.lift(-0.8660254037844386).mul_add(t1_156, t1_166);
-        let t1_168 = cos_u2_1 * t1_153;
-        let t1_169 = like.lift(0.8660254037844386) * t1_168;
-        let t1_170 = cos_u2_1 * t1_156;
-        let t1_171 = like.lift(0.5).mul_add(t1_170, t1_169);
-        let t1_172 = sin_u2_1.mul_add(t1_161, t1_171);
-        a_e[6] = [t1_153, t1_162, t1_162, t1_165, t1_167, t1_172, like.lift(0.0), like.lift(0.0)];
-        let t1_173 = cos_u1_1 * t1_112;
+        let t1_34 = cos_u2_1 * cos_u2_2;
+        let t1_35 = like.lift(0.18619546181365432) * t1_34;
+        let t1_36 = -t1_35;
+        let t1_37 = cos_u2_1 * t1_34;
+        let t1_38 = like.lift(0.1075) * t1_37;
+        let t1_39 = sin_u2_1 * cos_u2_2;
+        let t1_40 = like.lift(0.5) * t1_39;
+        let t1_41 = like.lift(0.8660254037844386).mul_add(sin_u2_2, t1_40);
+        let t1_42 = sin_u2_1 * t1_41;
+        let pivot_1 = like.lift(0.215).mul_add(t1_42, t1_38);
+        a_e[0] = [like.lift(0.0), t1_25, t1_31, t1_33, t1_36, pivot_1, like.lift(0.0), like.lift(0.0)];
+        let t1_43 = -t1_12;
+        let t1_44 = sin_e1x * sin_u1_2_e1y;
+        let t1_45 = like.lift(0.0199) * t1_44;
+        let t1_46 = like.lift(0.215).mul_add(sin_u1_2, t1_45);
+        let t1_47 = like.lift(0.017233905535310328) * cos_u1_2_e1y;
+        let t1_48 = like.lift(0.00995) * t1_44;
+        let t1_49 = t1_47 + t1_48;
+        let t1_50 = t1_46 + t1_49;
+        let t1_51 = sin_u1_1 * t1_50;
+        let t1_52 = t1_45 + t1_47;
+        let t1_53 = t1_48 + t1_52;
+        let t1_54 = sin_u1_1 * t1_53;
+        let t1_55 = t1_6 * t1_53;
+        let t1_56 = cos_u1_2_e1y.mul_add(t1_27, t1_55);
+        let t1_57 = -t1_56;
+        let t1_58 = like.lift(0.1075) * t1_34;
+        let t1_59 = -t1_58;
+        let t1_60 = like.lift(0.8660254037844386) * t1_39;
+        let t1_61 = like.lift(-0.5).mul_add(sin_u2_2, t1_60);
+        let t1_62 = sin_u2_1 * t1_61;
+        let t1_63 = like.lift(0.215) * t1_62;
+        let t1_64 = like.lift(0.18619546181365432).mul_add(t1_37, t1_63);
+        let t1_65 = -t1_64;
+        a_e[1] = [t1_43, t1_51, t1_54, t1_57, t1_59, t1_65, like.lift(0.0), like.lift(0.0)];
+        let t1_66 = cos_u1_1 * t1_50;
+        let t1_67 = -t1_66;
+        let t1_68 = cos_u1_1 * t1_53;
+        let t1_69 = -t1_68;
+        let t1_70 = cos_u1_2_e1y * t1_30;
+        let t1_71 = (-t1_18).mul_add(t1_53, t1_70);
+        let t1_72 = like.lift(0.1075) * t1_41;
+        let t1_73 = like.lift(0.18619546181365432).mul_add(t1_61, t1_72);
+        let t1_74 = cos_u2_1 * t1_41;
+        let t1_75 = like.lift(0.18619546181365432) * t1_74;
+        let t1_76 = cos_u2_1 * t1_61;
+        let t1_77 = like.lift(-0.1075).mul_add(t1_76, t1_75);
+        a_e[2] = [t1_24, t1_67, t1_69, t1_71, t1_73, t1_77, like.lift(0.0), like.lift(0.0)];
+        let t1_78 = like.lift(0.5) * t1_6;
+        let t1_79 = like.lift(0.8660254037844386) * t1_4;
+        let t1_80 = t1_78 + t1_79;
+        let t1_81 = cos_u2_1 * t1_80;
+        let t1_82 = like.lift(0.5) * t1_81;
+        let t1_83 = like.lift(0.5) * t1_18;
+        let t1_84 = like.lift(0.8660254037844386) * t1_16;
+        let t1_85 = t1_83 - t1_84;
+        let t1_86 = (-sin_u2_1).mul_add(t1_85, t1_82);
+        let t1_87 = like.lift(0.5) * cos_u1_2_e1y;
+        let t1_88 = like.lift(0.8660254037844386) * t1_44;
+        let t1_89 = t1_87 - t1_88;
+        let t1_90 = sin_u2_1 * t1_89;
+        let t1_91 = like.lift(-0.8660254037844386).mul_add(t1_81, t1_90);
+        let t1_92 = cos_u1_1 * t1_91;
+        let t1_93 = cos_u2_1 * t1_85;
+        let t1_94 = like.lift(0.8660254037844386) * t1_93;
+        let t1_95 = cos_u2_1 * t1_89;
+        let t1_96 = like.lift(-0.5).mul_add(t1_95, t1_94);
+        let t1_97 = (-sin_u1_1).mul_add(t1_96, t1_92);
+        let t1_98 = cos_u1_2_e1y * t1_86;
+        let t1_99 = t1_18.mul_add(t1_91, t1_98);
+        let t1_100 = t1_6.mul_add(t1_96, t1_99);
+        let t1_101 = like.lift(0.5) * t1_86;
+        let t1_102 = like.lift(-0.8660254037844386).mul_add(t1_91, t1_101);
+        let t1_103 = cos_u2_1 * t1_86;
+        let t1_104 = like.lift(0.8660254037844386) * t1_103;
+        let t1_105 = cos_u2_1 * t1_91;
+        let t1_106 = like.lift(0.5).mul_add(t1_105, t1_104);
+        let t1_107 = sin_u2_1.mul_add(t1_96, t1_106);
+        a_e[3] = [t1_86, t1_97, t1_97, t1_100, t1_102, t1_107, like.lift(0.0), like.lift(0.0)];
+        let (sin_u3_1, cos_u3_1) = u3_1.sin_cos();
+        let t1_108 = t1_78 - t1_79;
+        let t1_109 = cos_u3_1 * t1_108;
+        let t1_110 = like.lift(0.5) * t1_109;
+        let t1_111 = t1_83 + t1_84;
+        let t1_112 = (-sin_u3_1).mul_add(t1_111, t1_110);
+        let t1_113 = t1_87 + t1_88;
+        let t1_114 = sin_u3_1 * t1_113;
+        let t1_115 = like.lift(0.8660254037844386).mul_add(t1_109, t1_114);
+        let t1_116 = cos_u1_1 * t1_115;
+        let t1_117 = cos_u3_1 * t1_111;
+        let t1_118 = like.lift(0.8660254037844386) * t1_117;
+        let t1_119 = cos_u3_1 * t1_113;
+        let t1_120 = like.lift(0.5).mul_add(t1_119, t1_118);
+        let t1_121 = sin_u1_1.mul_add(t1_120, t1_116);
+        let t1_122 = cos_u1_2_e1y * t1_112;
+        let t1_123 = t1_18.mul_add(t1_115, t1_122);
+        let t1_124 = (-t1_6).mul_add(t1_120, t1_123);
+        let t1_125 = like.lift(0.5) * t1_112;
+        let t1_126 = like.lift(0.8660254037844386).mul_add(t1_115, t1_125);
+        let t1_127 = cos_u3_1 * t1_112;
+        let t1_128 = like.lift(0.8660254037844386) * t1_127;
+        let t1_129 = cos_u3_1 * t1_115;
+        let t1_130 = like.lift(-0.5).mul_add(t1_129, t1_128);
+        let t1_131 = sin_u3_1.mul_add(t1_120, t1_130);
+        let t1_132 = -t1_131;
+        a_e[4] = [t1_112, t1_121, t1_121, t1_124, like.lift(0.0), like.lift(0.0), t1_126, t1_132];
+        let t1_133 = t1_7 + t1_10;
+        let t1_134 = t1_5 + t1_133;
+        let t1_135 = cos_u1_1 * t1_134;
+        let t1_136 = t1_19 + t1_22;
+        let t1_137 = t1_17 - t1_136;
+        let t1_138 = (-sin_u1_1).mul_add(t1_137, t1_135);
+        let t1_139 = t1_7 + t1_5;
+        let t1_140 = t1_9 + t1_139;
+        let t1_141 = cos_u1_1 * t1_140;
+        let t1_142 = t1_19 - t1_17;
+        let t1_143 = t1_21 - t1_142;
+        let t1_144 = (-sin_u1_1).mul_add(t1_143, t1_141);
+        let t1_145 = t1_18 * t1_140;
+        let t1_146 = t1_6.mul_add(t1_143, t1_145);
+        let (sin_u3_2, cos_u3_2) = u3_2.sin_cos();
+        let t1_147 = cos_u3_1 * cos_u3_2;
+        let t1_148 = like.lift(0.18619546181365432) * t1_147;
+        let t1_149 = cos_u3_1 * t1_147;
+        let t1_150 = like.lift(0.1075) * t1_149;
+        let t1_151 = sin_u3_1 * cos_u3_2;
+        let t1_152 = like.lift(0.5) * t1_151;
+        let t1_153 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t1_152);
+        let t1_154 = sin_u3_1 * t1_153;
+        let t1_155 = like.lift(0.215).mul_add(t1_154, t1_150);
+        a_e[5] = [like.lift(0.0), t1_138, t1_144, t1_146, like.lift(0.0), like.lift(0.0), t1_148, t1_155];
+        let t1_156 = t1_47 - t1_48;
+        let t1_157 = t1_46 - t1_156;
+        let t1_158 = cos_u1_1 * t1_157;
+        let t1_159 = -t1_158;
+        let t1_160 = t1_45 - t1_47;
+        let t1_161 = t1_48 + t1_160;
+        let t1_162 = cos_u1_1 * t1_161;
+        let t1_163 = -t1_162;
+        let t1_164 = cos_u1_2_e1y * t1_143;
+        let t1_165 = (-t1_18).mul_add(t1_161, t1_164);
+        let t1_166 = like.lift(0.1075) * t1_153;
+        let t1_167 = like.lift(0.8660254037844386) * t1_151;
+        let t1_168 = like.lift(0.5).mul_add(sin_u3_2, t1_167);
+        let t1_169 = like.lift(0.18619546181365432).mul_add(t1_168, t1_166);
+        let t1_170 = cos_u3_1 * t1_153;
+        let t1_171 = like.lift(0.18619546181365432) * t1_170;
+        let t1_172 = cos_u3_1 * t1_168;
+        let t1_173 = like.lift(-0.1075).mul_add(t1_172, t1_171);
         let t1_174 = -t1_173;
-        let t1_175 = cos_u1_1 * t1_115;
-        let t1_176 = -t1_175;
-        let t1_177 = cos_u1_2_e1y * t1_138;
-        let t1_178 = (-t1_18).mul_add(t1_115, t1_177);
-        let t1_179 = like.lift(0.1075) * t1_146;
-        let t1_180 = like.lift(0.18619546181365432).mul_add(t1_127, t1_179);
-        let t1_181 = cos_u2_1 * t1_146;
-        let t1_182 = like.lift(0.18619546181365432) * t1_181;
-        let t1_183 = cos_u2_1 * t1_127;
-        let t1_184 = like.lift(-0.1075).mul_add(t1_183, t1_182);
-        a_e[7] = [t1_134, t1_174, t1_176, t1_178, t1_180, t1_184, like.lift(0.0), like.lift(0.0)];
+        a_e[6] = [t1_137, t1_159, t1_163, t1_165, like.lift(0.0), like.lift(0.0), t1_169, t1_174];
+        let t1_175 = -t1_134;
+        let t1_176 = sin_u1_1 * t1_157;
+        let t1_177 = sin_u1_1 * t1_161;
+        let t1_178 = t1_6 * t1_161;
+        let t1_179 = cos_u1_2_e1y.mul_add(t1_140, t1_178);
+        let t1_180 = -t1_179;
+        let t1_181 = like.lift(0.1075) * t1_147;
+        let t1_182 = -t1_181;
+        let t1_183 = sin_u3_1 * t1_168;
+        let t1_184 = like.lift(0.215) * t1_183;
+        let t1_185 = like.lift(0.18619546181365432).mul_add(t1_149, t1_184);
+        a_e[7] = [t1_175, t1_176, t1_177, t1_180, like.lift(0.0), like.lift(0.0), t1_182, t1_185];
     }
     a_e
 }
@@ -1847,7 +1844,7 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 8]; 8] {
 /// - `qd_i`: velocities of the independent coordinates, in the order of `INDEPENDENT`
 /// - `qd`: velocities of all coordinates
 ///
-/// 159 additions, 267 multiplications, 8 divisions, 8 sines and cosines.
+/// 159 additions, 259 multiplications, 8 divisions, 8 sines and cosines.
 pub fn velocities<T: Scalar>(q: &[T; 11], qd_i: &[T; 3]) -> ([T; 11], Condition<T>) {
     let like = q[0];
     let mut qd = [like.lift(0.0); 11];
@@ -1856,14 +1853,14 @@ pub fn velocities<T: Scalar>(q: &[T; 11], qd_i: &[T; 3]) -> ([T; 11], Condition<
     let mut condition = like.lift(1.0);
     // A_e qd_e = -A_i qd_i (Eq. 8), part 1
     let [
-        t1_24, t1_25, t1_31, t1_33, t1_34, t1_35, t1_36, t1_43, t1_44, t1_52, t1_55, t1_57,
-        t1_58, t1_60, t1_65, t1_66, t1_67, t1_68, t1_69, t1_71, t1_73, t1_77, t1_86, t1_97,
-        t1_100, t1_102, t1_107, t1_109, t1_112, t1_113, t1_119, t1_121, pivot_1, t1_129,
-        t1_130, t1_133, t1_136, t1_139, t1_141, t1_146, t1_148, t1_150, t1_152, t1_154, t1_159,
-        t1_164, t1_173, t1_176, t1_178, t1_184, t1_185, t1_186, t1_187, pivot_2, inv_pivot_2,
-        t1_191, pivot_3, inv_pivot_3, t1_194, t1_195, t1_204, pivot_4, inv_pivot_4, t1_205,
-        t1_208, t1_212, t1_213, t1_214, inv_pivot_5, t1_216, t1_217, t1_220, t1_221, pivot_6,
-        inv_pivot_6, t1_224, t1_225, t1_228, t1_229, t1_231,
+        t1_12, t1_24, t1_25, t1_31, t1_33, t1_34, t1_36, pivot_1, t1_43, t1_51, t1_54, t1_57,
+        t1_59, t1_65, t1_67, t1_69, t1_71, t1_73, t1_77, t1_86, t1_97, t1_100, t1_102, t1_107,
+        t1_109, t1_112, t1_113, t1_119, t1_121, t1_123, t1_130, t1_131, t1_134, t1_137, t1_139,
+        t1_140, t1_141, t1_142, t1_147, t1_148, t1_149, t1_150, t1_151, t1_153, t1_155, t1_159,
+        t1_160, t1_165, t1_174, t1_177, t1_179, t1_184, t1_185, t1_186, t1_187, inv_pivot_1,
+        pivot_2, inv_pivot_2, pivot_3, inv_pivot_3, t1_195, t1_196, pivot_4, inv_pivot_4,
+        t1_205, t1_207, t1_210, t1_211, pivot_5, inv_pivot_5, t1_217, t1_219, t1_220, t1_224,
+        t1_225, t1_229, pivot_6, inv_pivot_6, t1_230,
     ] = {
         let (sin_u1_1, cos_u1_1) = u1_1.sin_cos();
         let (sin_e1x, cos_e1x) = e1x.sin_cos();
@@ -1913,41 +1910,41 @@ pub fn velocities<T: Scalar>(q: &[T; 11], qd_i: &[T; 3]) -> ([T; 11], Condition<
         let t1_40 = like.lift(0.5) * t1_39;
         let t1_41 = like.lift(0.8660254037844386).mul_add(sin_u2_2, t1_40);
         let t1_42 = sin_u2_1 * t1_41;
-        let t1_43 = like.lift(0.215).mul_add(t1_42, t1_38);
-        let t1_44 = -t1_12;
-        let t1_45 = sin_e1x * sin_u1_2_e1y;
-        let t1_46 = like.lift(0.0199) * t1_45;
-        let t1_47 = like.lift(0.215).mul_add(sin_u1_2, t1_46);
-        let t1_48 = like.lift(0.017233905535310328) * cos_u1_2_e1y;
-        let t1_49 = like.lift(0.00995) * t1_45;
-        let t1_50 = t1_48 + t1_49;
-        let t1_51 = t1_47 + t1_50;
-        let t1_52 = sin_u1_1 * t1_51;
-        let t1_53 = t1_46 + t1_48;
-        let t1_54 = t1_49 + t1_53;
-        let t1_55 = sin_u1_1 * t1_54;
-        let t1_56 = t1_6 * t1_54;
-        let t1_57 = cos_u1_2_e1y.mul_add(t1_27, t1_56);
-        let t1_58 = -t1_57;
-        let t1_59 = like.lift(0.1075) * t1_34;
-        let t1_60 = -t1_59;
-        let t1_61 = like.lift(0.8660254037844386) * t1_39;
-        let t1_62 = like.lift(-0.5).mul_add(sin_u2_2, t1_61);
-        let t1_63 = sin_u2_1 * t1_62;
-        let t1_64 = like.lift(0.215) * t1_63;
-        let pivot_5 = like.lift(0.18619546181365432).mul_add(t1_37, t1_64);
-        let t1_65 = -pivot_5;
-        let t1_66 = cos_u1_1 * t1_51;
+        let pivot_1 = like.lift(0.215).mul_add(t1_42, t1_38);
+        let t1_43 = -t1_12;
+        let t1_44 = sin_e1x * sin_u1_2_e1y;
+        let t1_45 = like.lift(0.0199) * t1_44;
+        let t1_46 = like.lift(0.215).mul_add(sin_u1_2, t1_45);
+        let t1_47 = like.lift(0.017233905535310328) * cos_u1_2_e1y;
+        let t1_48 = like.lift(0.00995) * t1_44;
+        let t1_49 = t1_47 + t1_48;
+        let t1_50 = t1_46 + t1_49;
+        let t1_51 = sin_u1_1 * t1_50;
+        let t1_52 = t1_45 + t1_47;
+        let t1_53 = t1_48 + t1_52;
+        let t1_54 = sin_u1_1 * t1_53;
+        let t1_55 = t1_6 * t1_53;
+        let t1_56 = cos_u1_2_e1y.mul_add(t1_27, t1_55);
+        let t1_57 = -t1_56;
+        let t1_58 = like.lift(0.1075) * t1_34;
+        let t1_59 = -t1_58;
+        let t1_60 = like.lift(0.8660254037844386) * t1_39;
+        let t1_61 = like.lift(-0.5).mul_add(sin_u2_2, t1_60);
+        let t1_62 = sin_u2_1 * t1_61;
+        let t1_63 = like.lift(0.215) * t1_62;
+        let t1_64 = like.lift(0.18619546181365432).mul_add(t1_37, t1_63);
+        let t1_65 = -t1_64;
+        let t1_66 = cos_u1_1 * t1_50;
         let t1_67 = -t1_66;
-        let t1_68 = cos_u1_1 * t1_54;
+        let t1_68 = cos_u1_1 * t1_53;
         let t1_69 = -t1_68;
         let t1_70 = cos_u1_2_e1y * t1_30;
-        let t1_71 = (-t1_18).mul_add(t1_54, t1_70);
+        let t1_71 = (-t1_18).mul_add(t1_53, t1_70);
         let t1_72 = like.lift(0.1075) * t1_41;
-        let t1_73 = like.lift(0.18619546181365432).mul_add(t1_62, t1_72);
+        let t1_73 = like.lift(0.18619546181365432).mul_add(t1_61, t1_72);
         let t1_74 = cos_u2_1 * t1_41;
         let t1_75 = like.lift(0.18619546181365432) * t1_74;
-        let t1_76 = cos_u2_1 * t1_62;
+        let t1_76 = cos_u2_1 * t1_61;
         let t1_77 = like.lift(-0.1075).mul_add(t1_76, t1_75);
         let t1_78 = like.lift(0.5) * t1_6;
         let t1_79 = like.lift(0.8660254037844386) * t1_4;
@@ -1959,7 +1956,7 @@ pub fn velocities<T: Scalar>(q: &[T; 11], qd_i: &[T; 3]) -> ([T; 11], Condition<
         let t1_85 = t1_83 - t1_84;
         let t1_86 = (-sin_u2_1).mul_add(t1_85, t1_82);
         let t1_87 = like.lift(0.5) * cos_u1_2_e1y;
-        let t1_88 = like.lift(0.8660254037844386) * t1_45;
+        let t1_88 = like.lift(0.8660254037844386) * t1_44;
         let t1_89 = t1_87 - t1_88;
         let t1_90 = sin_u2_1 * t1_89;
         let t1_91 = like.lift(-0.8660254037844386).mul_add(t1_81, t1_90);
@@ -1996,260 +1993,254 @@ pub fn velocities<T: Scalar>(q: &[T; 11], qd_i: &[T; 3]) -> ([T; 11], Condition<
         let (sin_u3_1, cos_u3_1) = u3_1.sin_cos();
         let (sin_u3_2, cos_u3_2) = u3_2.sin_cos();
         let t1_122 = cos_u3_1 * cos_u3_2;
-        let pivot_1 = like.lift(0.18619546181365432) * t1_122;
-        let t1_123 = cos_u3_1 * t1_122;
-        let t1_124 = like.lift(0.1075) * t1_123;
-        let t1_125 = sin_u3_1 * cos_u3_2;
-        let t1_126 = like.lift(0.5) * t1_125;
-        let t1_127 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t1_126);
-        let t1_128 = sin_u3_1 * t1_127;
-        let t1_129 = like.lift(0.215).mul_add(t1_128, t1_124);
-        let t1_130 = -t1_109;
-        let t1_131 = t1_48 - t1_49;
-        let t1_132 = t1_47 - t1_131;
-        let t1_133 = sin_u1_1 * t1_132;
-        let t1_134 = t1_46 - t1_48;
-        let t1_135 = t1_49 + t1_134;
-        let t1_136 = sin_u1_1 * t1_135;
-        let t1_137 = t1_6 * t1_135;
-        let t1_138 = cos_u1_2_e1y.mul_add(t1_115, t1_137);
-        let t1_139 = -t1_138;
-        let t1_140 = like.lift(0.1075) * t1_122;
-        let t1_141 = -t1_140;
-        let t1_142 = like.lift(0.8660254037844386) * t1_125;
-        let t1_143 = like.lift(0.5).mul_add(sin_u3_2, t1_142);
-        let t1_144 = sin_u3_1 * t1_143;
-        let t1_145 = like.lift(0.215) * t1_144;
-        let t1_146 = like.lift(0.18619546181365432).mul_add(t1_123, t1_145);
-        let t1_147 = cos_u1_1 * t1_132;
-        let t1_148 = -t1_147;
-        let t1_149 = cos_u1_1 * t1_135;
-        let t1_150 = -t1_149;
-        let t1_151 = cos_u1_2_e1y * t1_118;
-        let t1_152 = (-t1_18).mul_add(t1_135, t1_151);
-        let t1_153 = like.lift(0.1075) * t1_127;
-        let t1_154 = like.lift(0.18619546181365432).mul_add(t1_143, t1_153);
-        let t1_155 = cos_u3_1 * t1_127;
-        let t1_156 = like.lift(0.18619546181365432) * t1_155;
-        let t1_157 = cos_u3_1 * t1_143;
-        let t1_158 = like.lift(-0.1075).mul_add(t1_157, t1_156);
-        let t1_159 = -t1_158;
-        let t1_160 = t1_78 - t1_79;
-        let t1_161 = cos_u3_1 * t1_160;
-        let t1_162 = like.lift(0.5) * t1_161;
-        let t1_163 = t1_83 + t1_84;
-        let t1_164 = (-sin_u3_1).mul_add(t1_163, t1_162);
-        let t1_165 = t1_87 + t1_88;
-        let t1_166 = sin_u3_1 * t1_165;
-        let t1_167 = like.lift(0.8660254037844386).mul_add(t1_161, t1_166);
-        let t1_168 = cos_u1_1 * t1_167;
-        let t1_169 = cos_u3_1 * t1_163;
-        let t1_170 = like.lift(0.8660254037844386) * t1_169;
-        let t1_171 = cos_u3_1 * t1_165;
-        let t1_172 = like.lift(0.5).mul_add(t1_171, t1_170);
-        let t1_173 = sin_u1_1.mul_add(t1_172, t1_168);
-        let t1_174 = cos_u1_2_e1y * t1_164;
-        let t1_175 = t1_18.mul_add(t1_167, t1_174);
-        let t1_176 = (-t1_6).mul_add(t1_172, t1_175);
-        let t1_177 = like.lift(0.5) * t1_164;
-        let t1_178 = like.lift(0.8660254037844386).mul_add(t1_167, t1_177);
-        let t1_179 = cos_u3_1 * t1_164;
-        let t1_180 = like.lift(0.8660254037844386) * t1_179;
-        let t1_181 = cos_u3_1 * t1_167;
-        let t1_182 = like.lift(-0.5).mul_add(t1_181, t1_180);
-        let t1_183 = sin_u3_1.mul_add(t1_172, t1_182);
-        let t1_184 = -t1_183;
-        let t1_185 = d_p1 - d_p2;
-        let t1_186 = d_p1 - d_p3;
-        let t1_187 = like.lift(1.0) / t1_122;
-        let t1_188 = t1_154 * t1_187;
-        let t1_189 = t1_129 * t1_188;
-        let t1_190 = like.lift(5.370700178508146).mul_add(t1_189, t1_158);
-        let pivot_2 = like.lift(0.5773502691896257).mul_add(t1_129, t1_146);
+        let t1_123 = like.lift(0.18619546181365432) * t1_122;
+        let t1_124 = cos_u3_1 * t1_122;
+        let t1_125 = like.lift(0.1075) * t1_124;
+        let t1_126 = sin_u3_1 * cos_u3_2;
+        let t1_127 = like.lift(0.5) * t1_126;
+        let t1_128 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t1_127);
+        let t1_129 = sin_u3_1 * t1_128;
+        let t1_130 = like.lift(0.215).mul_add(t1_129, t1_125);
+        let t1_131 = -t1_109;
+        let t1_132 = t1_47 - t1_48;
+        let t1_133 = t1_46 - t1_132;
+        let t1_134 = sin_u1_1 * t1_133;
+        let t1_135 = t1_45 - t1_47;
+        let t1_136 = t1_48 + t1_135;
+        let t1_137 = sin_u1_1 * t1_136;
+        let t1_138 = t1_6 * t1_136;
+        let t1_139 = cos_u1_2_e1y.mul_add(t1_115, t1_138);
+        let t1_140 = -t1_139;
+        let t1_141 = like.lift(0.1075) * t1_122;
+        let t1_142 = -t1_141;
+        let t1_143 = like.lift(0.8660254037844386) * t1_126;
+        let t1_144 = like.lift(0.5).mul_add(sin_u3_2, t1_143);
+        let t1_145 = sin_u3_1 * t1_144;
+        let t1_146 = like.lift(0.215) * t1_145;
+        let t1_147 = like.lift(0.18619546181365432).mul_add(t1_124, t1_146);
+        let t1_148 = cos_u1_1 * t1_133;
+        let t1_149 = -t1_148;
+        let t1_150 = cos_u1_1 * t1_136;
+        let t1_151 = -t1_150;
+        let t1_152 = cos_u1_2_e1y * t1_118;
+        let t1_153 = (-t1_18).mul_add(t1_136, t1_152);
+        let t1_154 = like.lift(0.1075) * t1_128;
+        let t1_155 = like.lift(0.18619546181365432).mul_add(t1_144, t1_154);
+        let t1_156 = cos_u3_1 * t1_128;
+        let t1_157 = like.lift(0.18619546181365432) * t1_156;
+        let t1_158 = cos_u3_1 * t1_144;
+        let t1_159 = like.lift(-0.1075).mul_add(t1_158, t1_157);
+        let t1_160 = -t1_159;
+        let t1_161 = t1_78 - t1_79;
+        let t1_162 = cos_u3_1 * t1_161;
+        let t1_163 = like.lift(0.5) * t1_162;
+        let t1_164 = t1_83 + t1_84;
+        let t1_165 = (-sin_u3_1).mul_add(t1_164, t1_163);
+        let t1_166 = t1_87 + t1_88;
+        let t1_167 = sin_u3_1 * t1_166;
+        let t1_168 = like.lift(0.8660254037844386).mul_add(t1_162, t1_167);
+        let t1_169 = cos_u1_1 * t1_168;
+        let t1_170 = cos_u3_1 * t1_164;
+        let t1_171 = like.lift(0.8660254037844386) * t1_170;
+        let t1_172 = cos_u3_1 * t1_166;
+        let t1_173 = like.lift(0.5).mul_add(t1_172, t1_171);
+        let t1_174 = sin_u1_1.mul_add(t1_173, t1_169);
+        let t1_175 = cos_u1_2_e1y * t1_165;
+        let t1_176 = t1_18.mul_add(t1_168, t1_175);
+        let t1_177 = (-t1_6).mul_add(t1_173, t1_176);
+        let t1_178 = like.lift(0.5) * t1_165;
+        let t1_179 = like.lift(0.8660254037844386).mul_add(t1_168, t1_178);
+        let t1_180 = cos_u3_1 * t1_165;
+        let t1_181 = like.lift(0.8660254037844386) * t1_180;
+        let t1_182 = cos_u3_1 * t1_168;
+        let t1_183 = like.lift(-0.5).mul_add(t1_182, t1_181);
+        let t1_184 = sin_u3_1.mul_add(t1_173, t1_183);
+        let t1_185 = -t1_184;
+        let t1_186 = d_p1 - d_p2;
+        let t1_187 = d_p1 - d_p3;
+        let inv_pivot_1 = like.lift(1.0) / pivot_1;
+        let t1_188 = t1_77 * inv_pivot_1;
+        let t1_189 = t1_34 * t1_188;
+        let t1_190 = like.lift(0.18619546181365432).mul_add(t1_189, t1_73);
+        let t1_191 = t1_64 * inv_pivot_1;
+        let t1_192 = t1_34 * t1_191;
+        let pivot_2 = like.lift(0.18619546181365432).mul_add(t1_192, t1_58);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t1_191 = t1_190 * inv_pivot_2;
-        let pivot_3 = (-t1_109).mul_add(t1_191, t1_112);
+        let t1_193 = t1_190 * inv_pivot_2;
+        let pivot_3 = (-t1_12).mul_add(t1_193, t1_24);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_192 = t1_113 * t1_188;
-        let t1_193 = like.lift(5.370700178508146).mul_add(t1_192, t1_147);
-        let t1_194 = like.lift(0.5773502691896257).mul_add(t1_113, t1_133);
-        let t1_195 = (-t1_194).mul_add(t1_191, t1_193);
-        let t1_196 = t1_178 * t1_187;
-        let t1_197 = t1_113 * t1_196;
-        let t1_198 = like.lift(-5.370700178508146).mul_add(t1_197, t1_173);
-        let t1_199 = t1_129 * t1_196;
-        let t1_200 = like.lift(5.370700178508146).mul_add(t1_199, t1_183);
+        let t1_194 = t1_31.mul_add(t1_188, t1_68);
+        let t1_195 = t1_31.mul_add(t1_191, t1_54);
+        let t1_196 = (-t1_195).mul_add(t1_193, t1_194);
+        let t1_197 = t1_107 * inv_pivot_1;
+        let t1_198 = (-t1_31).mul_add(t1_197, t1_97);
+        let t1_199 = t1_34 * t1_197;
+        let t1_200 = like.lift(0.18619546181365432).mul_add(t1_199, t1_102);
         let t1_201 = t1_200 * inv_pivot_2;
-        let t1_202 = t1_194.mul_add(t1_201, t1_198);
-        let t1_203 = (-t1_109).mul_add(t1_201, t1_164);
+        let t1_202 = t1_195.mul_add(t1_201, t1_198);
+        let t1_203 = (-t1_12).mul_add(t1_201, t1_86);
         let t1_204 = t1_203 * inv_pivot_3;
-        let pivot_4 = t1_195.mul_add(t1_204, t1_202);
+        let pivot_4 = t1_196.mul_add(t1_204, t1_202);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
         let t1_205 = t1_204 * t1_186;
-        let t1_206 = t1_119 * t1_196;
-        let t1_207 = like.lift(-5.370700178508146).mul_add(t1_206, t1_173);
-        let t1_208 = like.lift(0.5773502691896257).mul_add(t1_119, t1_136);
-        let t1_209 = t1_208.mul_add(t1_201, t1_207);
-        let t1_210 = t1_119 * t1_188;
-        let t1_211 = like.lift(5.370700178508146).mul_add(t1_210, t1_149);
-        let t1_212 = (-t1_208).mul_add(t1_191, t1_211);
-        let t1_213 = t1_212.mul_add(t1_204, t1_209);
-        let t1_214 = t1_25 * inv_pivot_4;
-        let t1_215 = (-t1_213).mul_add(t1_214, t1_31);
+        let t1_206 = (-t1_33).mul_add(t1_197, t1_100);
+        let t1_207 = (-t1_33).mul_add(t1_191, t1_56);
+        let t1_208 = (-t1_207).mul_add(t1_201, t1_206);
+        let t1_209 = (-t1_33).mul_add(t1_188, t1_71);
+        let t1_210 = (-t1_207).mul_add(t1_193, t1_209);
+        let t1_211 = (-t1_210).mul_add(t1_204, t1_208);
+        let t1_212 = t1_165 * inv_pivot_3;
+        let t1_213 = (-t1_210).mul_add(t1_212, t1_177);
+        let t1_214 = t1_196.mul_add(t1_212, t1_174);
+        let t1_215 = t1_214 * inv_pivot_4;
+        let pivot_5 = (-t1_211).mul_add(t1_215, t1_213);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t1_216 = t1_43 * inv_pivot_5;
-        let t1_217 = t1_12 * inv_pivot_3;
-        let t1_218 = (-t1_212).mul_add(t1_217, t1_55);
-        let t1_219 = (-t1_195).mul_add(t1_217, t1_52);
-        let t1_220 = t1_219 * inv_pivot_4;
-        let t1_221 = (-t1_213).mul_add(t1_220, t1_218);
-        let pivot_6 = t1_216.mul_add(t1_221, t1_215);
+        let t1_216 = t1_212 * t1_186;
+        let t1_217 = (-t1_215).mul_add(t1_205, t1_216);
+        let t1_218 = t1_25.mul_add(t1_188, t1_66);
+        let t1_219 = t1_25.mul_add(t1_191, t1_51);
+        let t1_220 = (-t1_219).mul_add(t1_193, t1_218);
+        let t1_221 = t1_220.mul_add(t1_212, t1_174);
+        let t1_222 = (-t1_25).mul_add(t1_197, t1_97);
+        let t1_223 = t1_219.mul_add(t1_201, t1_222);
+        let t1_224 = t1_220.mul_add(t1_204, t1_223);
+        let t1_225 = (-t1_224).mul_add(t1_215, t1_221);
+        let t1_226 = t1_119 * inv_pivot_4;
+        let t1_227 = (-t1_224).mul_add(t1_226, t1_113);
+        let t1_228 = (-t1_211).mul_add(t1_226, t1_121);
+        let t1_229 = t1_228 * inv_pivot_5;
+        let pivot_6 = (-t1_225).mul_add(t1_229, t1_227);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t1_222 = t1_214 * t1_205;
-        let t1_223 = t1_217 * t1_186;
-        let t1_224 = t1_220.mul_add(t1_205, t1_223);
-        let t1_225 = t1_216.mul_add(t1_224, t1_222);
-        let t1_226 = t1_121 * t1_196;
-        let t1_227 = like.lift(-5.370700178508146).mul_add(t1_226, t1_176);
-        let t1_228 = like.lift(-0.5773502691896257).mul_add(t1_121, t1_138);
-        let t1_229 = (-t1_228).mul_add(t1_201, t1_227);
-        let t1_230 = t1_121 * t1_188;
-        let t1_231 = like.lift(-5.370700178508146).mul_add(t1_230, t1_152);
+        let t1_230 = t1_226 * t1_205;
         [
-            t1_24, t1_25, t1_31, t1_33, t1_34, t1_35, t1_36, t1_43, t1_44, t1_52, t1_55, t1_57,
-            t1_58, t1_60, t1_65, t1_66, t1_67, t1_68, t1_69, t1_71, t1_73, t1_77, t1_86, t1_97,
-            t1_100, t1_102, t1_107, t1_109, t1_112, t1_113, t1_119, t1_121, pivot_1, t1_129,
-            t1_130, t1_133, t1_136, t1_139, t1_141, t1_146, t1_148, t1_150, t1_152, t1_154,
-            t1_159, t1_164, t1_173, t1_176, t1_178, t1_184, t1_185, t1_186, t1_187, pivot_2,
-            inv_pivot_2, t1_191, pivot_3, inv_pivot_3, t1_194, t1_195, t1_204, pivot_4,
-            inv_pivot_4, t1_205, t1_208, t1_212, t1_213, t1_214, inv_pivot_5, t1_216, t1_217,
-            t1_220, t1_221, pivot_6, inv_pivot_6, t1_224, t1_225, t1_228, t1_229, t1_231,
+            t1_12, t1_24, t1_25, t1_31, t1_33, t1_34, t1_36, pivot_1, t1_43, t1_51, t1_54,
+            t1_57, t1_59, t1_65, t1_67, t1_69, t1_71, t1_73, t1_77, t1_86, t1_97, t1_100,
+            t1_102, t1_107, t1_109, t1_112, t1_113, t1_119, t1_121, t1_123, t1_130, t1_131,
+            t1_134, t1_137, t1_139, t1_140, t1_141, t1_142, t1_147, t1_148, t1_149, t1_150,
+            t1_151, t1_153, t1_155, t1_159, t1_160, t1_165, t1_174, t1_177, t1_179, t1_184,
+            t1_185, t1_186, t1_187, inv_pivot_1, pivot_2, inv_pivot_2, pivot_3, inv_pivot_3,
+            t1_195, t1_196, pivot_4, inv_pivot_4, t1_205, t1_207, t1_210, t1_211, pivot_5,
+            inv_pivot_5, t1_217, t1_219, t1_220, t1_224, t1_225, t1_229, pivot_6, inv_pivot_6,
+            t1_230,
         ]
     };
     // A_e qd_e = -A_i qd_i (Eq. 8)
     {
-        let t2_1 = (-t1_228).mul_add(t1_191, t1_231);
-        let t2_2 = (-t2_1).mul_add(t1_204, t1_229);
-        let t2_3 = (-t2_2).mul_add(t1_214, t1_33);
-        let t2_4 = (-t2_1).mul_add(t1_217, t1_57);
-        let t2_5 = t2_2.mul_add(t1_220, t2_4);
-        let t2_6 = (-t1_216).mul_add(t2_5, t2_3);
-        let t2_7 = t1_86 * inv_pivot_3;
-        let t2_8 = (-t2_1).mul_add(t2_7, t1_100);
-        let t2_9 = t1_195.mul_add(t2_7, t1_97);
-        let t2_10 = t2_9 * inv_pivot_4;
-        let t2_11 = (-t2_2).mul_add(t2_10, t2_8);
-        let t2_12 = t1_107 * inv_pivot_5;
-        let t2_13 = (-t2_12).mul_add(t2_5, t2_11);
-        let t2_14 = t1_212.mul_add(t2_7, t1_97);
-        let t2_15 = (-t1_213).mul_add(t2_10, t2_14);
-        let t2_16 = t2_12.mul_add(t1_221, t2_15);
-        let t2_17 = t2_16 * inv_pivot_6;
-        let pivot_7 = (-t2_6).mul_add(t2_17, t2_13);
+        let t2_1 = t1_229.mul_add(t1_217, t1_230);
+        let t2_2 = (-t1_179).mul_add(t1_229, t1_123);
+        let t2_3 = t1_112 * inv_pivot_3;
+        let t2_4 = (-t1_210).mul_add(t2_3, t1_153);
+        let t2_5 = (-t1_196).mul_add(t2_3, t1_150);
+        let t2_6 = t2_5 * inv_pivot_4;
+        let t2_7 = t1_211.mul_add(t2_6, t2_4);
+        let t2_8 = t2_7 * inv_pivot_5;
+        let t2_9 = (-t1_179).mul_add(t2_8, t1_155);
+        let t2_10 = (-t1_220).mul_add(t2_3, t1_148);
+        let t2_11 = (-t1_224).mul_add(t2_6, t2_10);
+        let t2_12 = t1_225.mul_add(t2_8, t2_11);
+        let t2_13 = t2_12 * inv_pivot_6;
+        let pivot_7 = t2_2.mul_add(t2_13, t2_9);
         let inv_pivot_7 = like.lift(1.0) / pivot_7;
-        let t2_18 = t2_7 * t1_186;
-        let t2_19 = (-t2_10).mul_add(t1_205, t2_18);
-        let t2_20 = (-t2_12).mul_add(t1_224, t2_19);
-        let t2_21 = t2_17.mul_add(t1_225, t2_20);
-        let t2_22 = t1_34 * t2_12;
-        let t2_23 = like.lift(-0.1075).mul_add(t2_22, t1_102);
-        let t2_24 = t1_34 * t1_216;
-        let t2_25 = like.lift(0.1075).mul_add(t2_24, t1_35);
-        let t2_26 = t2_25.mul_add(t2_17, t2_23);
-        let t2_27 = t1_77 * inv_pivot_5;
-        let t2_28 = t1_34 * t2_27;
-        let t2_29 = like.lift(-0.1075).mul_add(t2_28, t1_73);
-        let t2_30 = t1_24 * inv_pivot_3;
-        let t2_31 = (-t1_212).mul_add(t2_30, t1_68);
-        let t2_32 = (-t1_195).mul_add(t2_30, t1_66);
-        let t2_33 = t2_32 * inv_pivot_4;
-        let t2_34 = (-t1_213).mul_add(t2_33, t2_31);
-        let t2_35 = (-t2_27).mul_add(t1_221, t2_34);
-        let t2_36 = t2_35 * inv_pivot_6;
-        let t2_37 = (-t2_25).mul_add(t2_36, t2_29);
-        let t2_38 = (-t2_1).mul_add(t2_30, t1_71);
-        let t2_39 = t2_2.mul_add(t2_33, t2_38);
-        let t2_40 = (-t2_27).mul_add(t2_5, t2_39);
-        let t2_41 = t2_6.mul_add(t2_36, t2_40);
-        let t2_42 = t2_41 * inv_pivot_7;
-        let pivot_8 = (-t2_26).mul_add(t2_42, t2_37);
+        let t2_14 = (-t2_3).mul_add(t1_186, t1_187);
+        let t2_15 = (-t2_6).mul_add(t1_205, t2_14);
+        let t2_16 = t2_8.mul_add(t1_217, t2_15);
+        let t2_17 = t2_13.mul_add(t2_1, t2_16);
+        let t2_18 = (-t1_184).mul_add(t2_8, t1_159);
+        let t2_19 = t1_184.mul_add(t1_229, t1_130);
+        let t2_20 = (-t2_19).mul_add(t2_13, t2_18);
+        let t2_21 = t1_109 * inv_pivot_3;
+        let t2_22 = (-t1_210).mul_add(t2_21, t1_139);
+        let t2_23 = (-t1_196).mul_add(t2_21, t1_137);
+        let t2_24 = t2_23 * inv_pivot_4;
+        let t2_25 = t1_211.mul_add(t2_24, t2_22);
+        let t2_26 = t2_25 * inv_pivot_5;
+        let t2_27 = (-t1_184).mul_add(t2_26, t1_147);
+        let t2_28 = (-t1_220).mul_add(t2_21, t1_134);
+        let t2_29 = (-t1_224).mul_add(t2_24, t2_28);
+        let t2_30 = t1_225.mul_add(t2_26, t2_29);
+        let t2_31 = t2_30 * inv_pivot_6;
+        let t2_32 = (-t2_19).mul_add(t2_31, t2_27);
+        let t2_33 = (-t1_179).mul_add(t2_26, t1_141);
+        let t2_34 = t2_2.mul_add(t2_31, t2_33);
+        let t2_35 = t2_34 * inv_pivot_7;
+        let pivot_8 = (-t2_20).mul_add(t2_35, t2_32);
         let inv_pivot_8 = like.lift(1.0) / pivot_8;
-        let t2_43 = (-t2_30).mul_add(t1_186, t1_185);
-        let t2_44 = (-t2_33).mul_add(t1_205, t2_43);
-        let t2_45 = t2_27.mul_add(t1_224, t2_44);
-        let t2_46 = t2_36.mul_add(t1_225, t2_45);
-        let t2_47 = t2_42.mul_add(t2_21, t2_46);
-        let t2_48 = inv_pivot_8 * t2_47;
-        let t2_49 = t2_26.mul_add(t2_48, t2_21);
-        let t2_50 = inv_pivot_7 * t2_49;
-        let t2_51 = t2_6.mul_add(t2_50, t1_225);
-        let t2_52 = t2_25.mul_add(t2_48, t2_51);
-        let t2_53 = inv_pivot_6 * t2_52;
-        let t2_54 = t1_213.mul_add(t2_53, t1_205);
-        let t2_55 = (-t2_2).mul_add(t2_50, t2_54);
-        let t2_56 = inv_pivot_4 * t2_55;
-        let t2_57 = (-t1_195).mul_add(t2_56, t1_186);
-        let t2_58 = t1_212.mul_add(t2_53, t2_57);
-        let t2_59 = t2_1.mul_add(t2_50, t2_58);
-        let t2_60 = inv_pivot_3 * t2_59;
-        let t2_61 = -t2_56;
-        let t2_62 = -t2_50;
-        let t2_63 = (-t1_221).mul_add(t2_53, t1_224);
-        let t2_64 = (-t2_5).mul_add(t2_50, t2_63);
-        let t2_65 = t1_34 * t2_48;
-        let t2_66 = like.lift(0.1075).mul_add(t2_65, t2_64);
-        let t2_67 = inv_pivot_5 * t2_66;
-        let t2_68 = -t2_67;
-        let t2_69 = t1_109 * t2_60;
-        let t2_70 = t1_194.mul_add(t2_56, t2_69);
-        let t2_71 = (-t1_208).mul_add(t2_53, t2_70);
-        let t2_72 = (-t1_228).mul_add(t2_50, t2_71);
-        let t2_73 = inv_pivot_2 * t2_72;
-        let t2_74 = t1_129 * t2_73;
-        let t2_75 = (-t1_113).mul_add(t2_56, t2_74);
-        let t2_76 = t1_119.mul_add(t2_53, t2_75);
-        let t2_77 = (-t1_121).mul_add(t2_50, t2_76);
-        let t2_78 = t1_187 * t2_77;
-        let t2_79 = like.lift(5.370700178508146) * t2_78;
-        let t2_80 = -t2_79;
+        let t2_36 = t2_21 * t1_186;
+        let t2_37 = t2_24.mul_add(t1_205, t2_36);
+        let t2_38 = (-t2_26).mul_add(t1_217, t2_37);
+        let t2_39 = (-t2_31).mul_add(t2_1, t2_38);
+        let t2_40 = t2_35.mul_add(t2_17, t2_39);
+        let t2_41 = inv_pivot_8 * t2_40;
+        let t2_42 = t2_20.mul_add(t2_41, t2_17);
+        let t2_43 = inv_pivot_7 * t2_42;
+        let t2_44 = (-t2_2).mul_add(t2_43, t2_1);
+        let t2_45 = (-t2_19).mul_add(t2_41, t2_44);
+        let t2_46 = inv_pivot_6 * t2_45;
+        let t2_47 = t1_225.mul_add(t2_46, t1_217);
+        let t2_48 = t1_179.mul_add(t2_43, t2_47);
+        let t2_49 = (-t1_184).mul_add(t2_41, t2_48);
+        let t2_50 = inv_pivot_5 * t2_49;
+        let t2_51 = (-t1_211).mul_add(t2_50, t1_205);
+        let t2_52 = t1_224.mul_add(t2_46, t2_51);
+        let t2_53 = inv_pivot_4 * t2_52;
+        let t2_54 = (-t1_196).mul_add(t2_53, t1_186);
+        let t2_55 = t1_210.mul_add(t2_50, t2_54);
+        let t2_56 = t1_220.mul_add(t2_46, t2_55);
+        let t2_57 = inv_pivot_3 * t2_56;
+        let t2_58 = -t2_53;
+        let t2_59 = -t2_50;
+        let t2_60 = t1_12 * t2_57;
+        let t2_61 = t1_195.mul_add(t2_53, t2_60);
+        let t2_62 = (-t1_207).mul_add(t2_50, t2_61);
+        let t2_63 = (-t1_219).mul_add(t2_46, t2_62);
+        let t2_64 = inv_pivot_2 * t2_63;
+        let t2_65 = -t2_64;
+        let t2_66 = t1_34 * t2_64;
+        let t2_67 = like.lift(0.18619546181365432) * t2_66;
+        let t2_68 = (-t1_31).mul_add(t2_53, t2_67);
+        let t2_69 = (-t1_33).mul_add(t2_50, t2_68);
+        let t2_70 = t1_25.mul_add(t2_46, t2_69);
+        let t2_71 = inv_pivot_1 * t2_70;
+        let t2_72 = -t2_71;
+        let t2_73 = -pivot_2;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(6.287381471191513)).abs()
-            .min((pivot_2 * like.lift(4.054300853983487)).abs())
-            .min((pivot_3 * like.lift(5.1354731598256045)).abs())
-            .min((pivot_4 * like.lift(1.1136124389030184)).abs())
-            .min((t1_65 * like.lift(5.490928143318305)).abs())
-            .min((pivot_6 * like.lift(5.005772724016506)).abs())
-            .min((pivot_7 * like.lift(1.2292368551614257)).abs())
-            .min((pivot_8 * like.lift(6.313131313131312)).abs());
-        let ([[t2_81], [t2_82], [t2_83], [t2_84], [t2_85], [t2_86], [t2_87], [t2_88]], found) = ::regen_runtime::guarded(
-            [[t2_60], [t2_61], [t2_53], [t2_62], [t2_48], [t2_68], [t2_80], [t2_73]],
+        let margin = (pivot_1 * like.lift(8.169180195158923)).abs()
+            .min((t2_73 * like.lift(2.9578447349824133)).abs())
+            .min((pivot_3 * like.lift(4.709626127302084)).abs())
+            .min((pivot_4 * like.lift(1.7298389090997555)).abs())
+            .min((pivot_5 * like.lift(1.2416410909468296)).abs())
+            .min((pivot_6 * like.lift(4.677980223697912)).abs())
+            .min((pivot_7 * like.lift(5.873901159537709)).abs())
+            .min((pivot_8 * like.lift(4.02802513388111)).abs());
+        let ([[t2_74], [t2_75], [t2_76], [t2_77], [t2_78], [t2_79], [t2_80], [t2_81]], found) = ::regen_runtime::guarded(
+            [[t2_57], [t2_46], [t2_58], [t2_59], [t2_65], [t2_72], [t2_43], [t2_41]],
             margin,
             || (
                 [
-                    [like.lift(0.0), t1_25, t1_31, t1_33, t1_36, t1_43, like.lift(0.0), like.lift(0.0)],
-                    [t1_44, t1_52, t1_55, t1_58, t1_60, t1_65, like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), t1_25, t1_31, t1_33, t1_36, pivot_1, like.lift(0.0), like.lift(0.0)],
+                    [t1_43, t1_51, t1_54, t1_57, t1_59, t1_65, like.lift(0.0), like.lift(0.0)],
                     [t1_24, t1_67, t1_69, t1_71, t1_73, t1_77, like.lift(0.0), like.lift(0.0)],
                     [t1_86, t1_97, t1_97, t1_100, t1_102, t1_107, like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), t1_113, t1_119, t1_121, like.lift(0.0), like.lift(0.0), pivot_1, t1_129],
-                    [t1_130, t1_133, t1_136, t1_139, like.lift(0.0), like.lift(0.0), t1_141, t1_146],
-                    [t1_112, t1_148, t1_150, t1_152, like.lift(0.0), like.lift(0.0), t1_154, t1_159],
-                    [t1_164, t1_173, t1_173, t1_176, like.lift(0.0), like.lift(0.0), t1_178, t1_184],
+                    [like.lift(0.0), t1_113, t1_119, t1_121, like.lift(0.0), like.lift(0.0), t1_123, t1_130],
+                    [t1_131, t1_134, t1_137, t1_140, like.lift(0.0), like.lift(0.0), t1_142, t1_147],
+                    [t1_112, t1_149, t1_151, t1_153, like.lift(0.0), like.lift(0.0), t1_155, t1_160],
+                    [t1_165, t1_174, t1_174, t1_177, like.lift(0.0), like.lift(0.0), t1_179, t1_185],
                 ],
                 [
-                    [like.lift(0.0)], [like.lift(0.0)], [t1_185], [like.lift(0.0)],
                     [like.lift(0.0)], [like.lift(0.0)], [t1_186], [like.lift(0.0)],
+                    [like.lift(0.0)], [like.lift(0.0)], [t1_187], [like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
-        qd[1] = t2_81;
-        qd[2] = t2_82;
-        qd[3] = t2_83;
-        qd[4] = t2_84;
-        qd[6] = t2_85;
-        qd[7] = t2_86;
-        qd[9] = t2_87;
-        qd[10] = t2_88;
+        qd[1] = t2_74;
+        qd[2] = t2_75;
+        qd[3] = t2_76;
+        qd[4] = t2_77;
+        qd[6] = t2_78;
+        qd[7] = t2_79;
+        qd[9] = t2_80;
+        qd[10] = t2_81;
         qd[0] = d_p1;
         qd[5] = d_p2;
         qd[8] = d_p3;
@@ -2264,7 +2255,7 @@ pub fn velocities<T: Scalar>(q: &[T; 11], qd_i: &[T; 3]) -> ([T; 11], Condition<
 /// - `qdd_i`: accelerations of the independent coordinates
 /// - `qdd`: accelerations of all coordinates
 ///
-/// 328 additions, 555 multiplications, 8 divisions, 8 sines and cosines.
+/// 328 additions, 545 multiplications, 8 divisions, 8 sines and cosines.
 pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([T; 11], Condition<T>) {
     let like = q[0];
     let mut qdd = [like.lift(0.0); 11];
@@ -2275,15 +2266,15 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
     // A_e qdd_e = b - A_i qdd_i (Eq. 8), part 1
     let [
         t1_4, t1_6, sin_u1_2, cos_u1_2, t1_12, t1_16, t1_18, t1_24, t1_25, t1_26, t1_29, t1_31,
-        t1_33, sin_u2_1, cos_u2_1, t1_34, t1_35, t1_36, t1_41, t1_43, t1_44, t1_45, t1_50,
-        t1_52, t1_55, t1_57, t1_58, t1_60, t1_62, pivot_5, t1_65, t1_66, t1_67, t1_68, t1_69,
+        t1_33, sin_u2_1, cos_u2_1, t1_34, t1_36, t1_41, pivot_1, t1_43, t1_44, t1_49, t1_51,
+        t1_54, t1_56, t1_57, t1_58, t1_59, t1_61, t1_64, t1_65, t1_66, t1_67, t1_68, t1_69,
         t1_71, t1_73, t1_77, t1_80, t1_85, t1_86, t1_89, t1_97, t1_100, t1_102, t1_107, t1_109,
-        t1_112, t1_113, t1_114, t1_117, t1_119, t1_121, sin_u3_1, cos_u3_1, t1_122, pivot_1,
-        t1_127, t1_129, t1_130, t1_131, t1_133, t1_136, t1_138, t1_139, t1_141, t1_143, t1_146,
-        t1_147, t1_148, t1_149, t1_150, t1_152, t1_154, t1_158, t1_159, t1_160, t1_163, t1_164,
-        t1_165, t1_173, t1_176, t1_178, t1_183, t1_184, t1_185, t1_189, t1_191, t1_195, t1_198,
-        t1_200, t1_203, t1_207, t1_210, t1_212, t1_216, t1_217, t1_221, t1_223, t1_227, t1_229,
-        t1_234, t1_237, t1_239, t1_240,
+        t1_112, t1_113, t1_114, t1_117, t1_119, t1_121, sin_u3_1, cos_u3_1, t1_122, t1_123,
+        t1_128, t1_130, t1_131, t1_132, t1_134, t1_137, t1_139, t1_140, t1_141, t1_142, t1_144,
+        t1_147, t1_148, t1_149, t1_150, t1_151, t1_153, t1_155, t1_159, t1_160, t1_161, t1_164,
+        t1_165, t1_166, t1_174, t1_177, t1_179, t1_184, t1_185, t1_186, t1_190, t1_192, t1_196,
+        t1_199, t1_201, t1_204, t1_208, t1_211, t1_213, t1_217, t1_218, t1_222, t1_224, t1_228,
+        t1_230, t1_235, t1_238, t1_240, t1_241,
     ] = {
         let (sin_u1_1, cos_u1_1) = u1_1.sin_cos();
         let (sin_e1x, cos_e1x) = e1x.sin_cos();
@@ -2333,41 +2324,41 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let t1_40 = like.lift(0.5) * t1_39;
         let t1_41 = like.lift(0.8660254037844386).mul_add(sin_u2_2, t1_40);
         let t1_42 = sin_u2_1 * t1_41;
-        let t1_43 = like.lift(0.215).mul_add(t1_42, t1_38);
-        let t1_44 = -t1_12;
-        let t1_45 = sin_e1x * sin_u1_2_e1y;
-        let t1_46 = like.lift(0.0199) * t1_45;
-        let t1_47 = like.lift(0.215).mul_add(sin_u1_2, t1_46);
-        let t1_48 = like.lift(0.017233905535310328) * cos_u1_2_e1y;
-        let t1_49 = like.lift(0.00995) * t1_45;
-        let t1_50 = t1_48 + t1_49;
-        let t1_51 = t1_47 + t1_50;
-        let t1_52 = sin_u1_1 * t1_51;
-        let t1_53 = t1_46 + t1_48;
-        let t1_54 = t1_49 + t1_53;
-        let t1_55 = sin_u1_1 * t1_54;
-        let t1_56 = t1_6 * t1_54;
-        let t1_57 = cos_u1_2_e1y.mul_add(t1_27, t1_56);
-        let t1_58 = -t1_57;
-        let t1_59 = like.lift(0.1075) * t1_34;
-        let t1_60 = -t1_59;
-        let t1_61 = like.lift(0.8660254037844386) * t1_39;
-        let t1_62 = like.lift(-0.5).mul_add(sin_u2_2, t1_61);
-        let t1_63 = sin_u2_1 * t1_62;
-        let t1_64 = like.lift(0.215) * t1_63;
-        let pivot_5 = like.lift(0.18619546181365432).mul_add(t1_37, t1_64);
-        let t1_65 = -pivot_5;
-        let t1_66 = cos_u1_1 * t1_51;
+        let pivot_1 = like.lift(0.215).mul_add(t1_42, t1_38);
+        let t1_43 = -t1_12;
+        let t1_44 = sin_e1x * sin_u1_2_e1y;
+        let t1_45 = like.lift(0.0199) * t1_44;
+        let t1_46 = like.lift(0.215).mul_add(sin_u1_2, t1_45);
+        let t1_47 = like.lift(0.017233905535310328) * cos_u1_2_e1y;
+        let t1_48 = like.lift(0.00995) * t1_44;
+        let t1_49 = t1_47 + t1_48;
+        let t1_50 = t1_46 + t1_49;
+        let t1_51 = sin_u1_1 * t1_50;
+        let t1_52 = t1_45 + t1_47;
+        let t1_53 = t1_48 + t1_52;
+        let t1_54 = sin_u1_1 * t1_53;
+        let t1_55 = t1_6 * t1_53;
+        let t1_56 = cos_u1_2_e1y.mul_add(t1_27, t1_55);
+        let t1_57 = -t1_56;
+        let t1_58 = like.lift(0.1075) * t1_34;
+        let t1_59 = -t1_58;
+        let t1_60 = like.lift(0.8660254037844386) * t1_39;
+        let t1_61 = like.lift(-0.5).mul_add(sin_u2_2, t1_60);
+        let t1_62 = sin_u2_1 * t1_61;
+        let t1_63 = like.lift(0.215) * t1_62;
+        let t1_64 = like.lift(0.18619546181365432).mul_add(t1_37, t1_63);
+        let t1_65 = -t1_64;
+        let t1_66 = cos_u1_1 * t1_50;
         let t1_67 = -t1_66;
-        let t1_68 = cos_u1_1 * t1_54;
+        let t1_68 = cos_u1_1 * t1_53;
         let t1_69 = -t1_68;
         let t1_70 = cos_u1_2_e1y * t1_30;
-        let t1_71 = (-t1_18).mul_add(t1_54, t1_70);
+        let t1_71 = (-t1_18).mul_add(t1_53, t1_70);
         let t1_72 = like.lift(0.1075) * t1_41;
-        let t1_73 = like.lift(0.18619546181365432).mul_add(t1_62, t1_72);
+        let t1_73 = like.lift(0.18619546181365432).mul_add(t1_61, t1_72);
         let t1_74 = cos_u2_1 * t1_41;
         let t1_75 = like.lift(0.18619546181365432) * t1_74;
-        let t1_76 = cos_u2_1 * t1_62;
+        let t1_76 = cos_u2_1 * t1_61;
         let t1_77 = like.lift(-0.1075).mul_add(t1_76, t1_75);
         let t1_78 = like.lift(0.5) * t1_6;
         let t1_79 = like.lift(0.8660254037844386) * t1_4;
@@ -2379,7 +2370,7 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let t1_85 = t1_83 - t1_84;
         let t1_86 = (-sin_u2_1).mul_add(t1_85, t1_82);
         let t1_87 = like.lift(0.5) * cos_u1_2_e1y;
-        let t1_88 = like.lift(0.8660254037844386) * t1_45;
+        let t1_88 = like.lift(0.8660254037844386) * t1_44;
         let t1_89 = t1_87 - t1_88;
         let t1_90 = sin_u2_1 * t1_89;
         let t1_91 = like.lift(-0.8660254037844386).mul_add(t1_81, t1_90);
@@ -2416,137 +2407,137 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let (sin_u3_1, cos_u3_1) = u3_1.sin_cos();
         let (sin_u3_2, cos_u3_2) = u3_2.sin_cos();
         let t1_122 = cos_u3_1 * cos_u3_2;
-        let pivot_1 = like.lift(0.18619546181365432) * t1_122;
-        let t1_123 = cos_u3_1 * t1_122;
-        let t1_124 = like.lift(0.1075) * t1_123;
-        let t1_125 = sin_u3_1 * cos_u3_2;
-        let t1_126 = like.lift(0.5) * t1_125;
-        let t1_127 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t1_126);
-        let t1_128 = sin_u3_1 * t1_127;
-        let t1_129 = like.lift(0.215).mul_add(t1_128, t1_124);
-        let t1_130 = -t1_109;
-        let t1_131 = t1_48 - t1_49;
-        let t1_132 = t1_47 - t1_131;
-        let t1_133 = sin_u1_1 * t1_132;
-        let t1_134 = t1_46 - t1_48;
-        let t1_135 = t1_49 + t1_134;
-        let t1_136 = sin_u1_1 * t1_135;
-        let t1_137 = t1_6 * t1_135;
-        let t1_138 = cos_u1_2_e1y.mul_add(t1_115, t1_137);
-        let t1_139 = -t1_138;
-        let t1_140 = like.lift(0.1075) * t1_122;
-        let t1_141 = -t1_140;
-        let t1_142 = like.lift(0.8660254037844386) * t1_125;
-        let t1_143 = like.lift(0.5).mul_add(sin_u3_2, t1_142);
-        let t1_144 = sin_u3_1 * t1_143;
-        let t1_145 = like.lift(0.215) * t1_144;
-        let t1_146 = like.lift(0.18619546181365432).mul_add(t1_123, t1_145);
-        let t1_147 = cos_u1_1 * t1_132;
-        let t1_148 = -t1_147;
-        let t1_149 = cos_u1_1 * t1_135;
-        let t1_150 = -t1_149;
-        let t1_151 = cos_u1_2_e1y * t1_118;
-        let t1_152 = (-t1_18).mul_add(t1_135, t1_151);
-        let t1_153 = like.lift(0.1075) * t1_127;
-        let t1_154 = like.lift(0.18619546181365432).mul_add(t1_143, t1_153);
-        let t1_155 = cos_u3_1 * t1_127;
-        let t1_156 = like.lift(0.18619546181365432) * t1_155;
-        let t1_157 = cos_u3_1 * t1_143;
-        let t1_158 = like.lift(-0.1075).mul_add(t1_157, t1_156);
-        let t1_159 = -t1_158;
-        let t1_160 = t1_78 - t1_79;
-        let t1_161 = cos_u3_1 * t1_160;
-        let t1_162 = like.lift(0.5) * t1_161;
-        let t1_163 = t1_83 + t1_84;
-        let t1_164 = (-sin_u3_1).mul_add(t1_163, t1_162);
-        let t1_165 = t1_87 + t1_88;
-        let t1_166 = sin_u3_1 * t1_165;
-        let t1_167 = like.lift(0.8660254037844386).mul_add(t1_161, t1_166);
-        let t1_168 = cos_u1_1 * t1_167;
-        let t1_169 = cos_u3_1 * t1_163;
-        let t1_170 = like.lift(0.8660254037844386) * t1_169;
-        let t1_171 = cos_u3_1 * t1_165;
-        let t1_172 = like.lift(0.5).mul_add(t1_171, t1_170);
-        let t1_173 = sin_u1_1.mul_add(t1_172, t1_168);
-        let t1_174 = cos_u1_2_e1y * t1_164;
-        let t1_175 = t1_18.mul_add(t1_167, t1_174);
-        let t1_176 = (-t1_6).mul_add(t1_172, t1_175);
-        let t1_177 = like.lift(0.5) * t1_164;
-        let t1_178 = like.lift(0.8660254037844386).mul_add(t1_167, t1_177);
-        let t1_179 = cos_u3_1 * t1_164;
-        let t1_180 = like.lift(0.8660254037844386) * t1_179;
-        let t1_181 = cos_u3_1 * t1_167;
-        let t1_182 = like.lift(-0.5).mul_add(t1_181, t1_180);
-        let t1_183 = sin_u3_1.mul_add(t1_172, t1_182);
-        let t1_184 = -t1_183;
-        let t1_185 = cos_u1_1 * d_u1_2;
-        let t1_186 = t1_20 * d_u1_1;
-        let t1_187 = like.lift(0.215) * t1_186;
-        let t1_188 = sin_u1_2 * t1_185;
-        let t1_189 = like.lift(0.215).mul_add(t1_188, t1_187);
-        let t1_190 = t1_185 * t1_189;
-        let t1_191 = sin_u1_1 * d_u1_2;
-        let t1_192 = sin_u1_2 * t1_191;
-        let t1_193 = like.lift(0.215) * t1_192;
-        let t1_194 = t1_8 * d_u1_1;
-        let t1_195 = like.lift(-0.215).mul_add(t1_194, t1_193);
-        let t1_196 = t1_191.mul_add(t1_195, t1_190);
-        let t1_197 = sin_u1_1 * d_u1_1;
-        let t1_198 = d_u1_2 * t1_197;
-        let t1_199 = d_e1y.mul_add(t1_197, t1_198);
-        let t1_200 = sin_u1_1.mul_add(d_e1y, t1_191);
-        let t1_201 = cos_u1_2_e1y * t1_200;
-        let t1_202 = t1_6.mul_add(d_u1_1, t1_201);
-        let t1_203 = (-d_e1x).mul_add(t1_202, t1_199);
-        let t1_204 = t1_4 * t1_203;
-        let t1_205 = like.lift(0.0199) * t1_204;
-        let t1_206 = cos_u1_1 * d_u1_1;
-        let t1_207 = d_u1_2 * t1_206;
-        let t1_208 = d_e1y.mul_add(t1_206, t1_207);
-        let t1_209 = t1_18 * d_u1_1;
-        let t1_210 = cos_u1_1.mul_add(d_e1y, t1_185);
-        let t1_211 = (-cos_u1_2_e1y).mul_add(t1_210, t1_209);
-        let t1_212 = d_e1x.mul_add(t1_211, t1_208);
-        let t1_213 = t1_16 * t1_212;
-        let t1_214 = like.lift(0.0199).mul_add(t1_213, t1_205);
-        let t1_215 = t1_196 + t1_214;
-        let t1_216 = t1_18.mul_add(d_e1x, t1_210);
-        let t1_217 = cos_u1_2_e1y.mul_add(d_e1x, d_u1_1);
-        let t1_218 = t1_16 * t1_217;
-        let t1_219 = like.lift(0.0199) * t1_218;
-        let t1_220 = t1_45 * t1_216;
-        let t1_221 = like.lift(-0.0199).mul_add(t1_220, t1_219);
-        let t1_222 = t1_216 * t1_221;
-        let t1_223 = (-t1_6).mul_add(d_e1x, t1_200);
-        let t1_224 = t1_45 * t1_223;
-        let t1_225 = like.lift(0.0199) * t1_224;
-        let t1_226 = t1_4 * t1_217;
-        let t1_227 = like.lift(-0.0199).mul_add(t1_226, t1_225);
-        let t1_228 = (-t1_223).mul_add(t1_227, t1_222);
-        let t1_229 = t1_215 - t1_228;
-        let t1_230 = t1_26 * t1_203;
-        let t1_231 = (-t1_29).mul_add(t1_212, t1_230);
-        let t1_232 = t1_229 - t1_231;
-        let t1_233 = t1_29 * t1_217;
-        let t1_234 = (-t1_50).mul_add(t1_216, t1_233);
-        let t1_235 = t1_216 * t1_234;
-        let t1_236 = t1_50 * t1_223;
-        let t1_237 = t1_26.mul_add(t1_217, t1_236);
-        let t1_238 = (-t1_223).mul_add(t1_237, t1_235);
-        let t1_239 = t1_232 - t1_238;
-        let t1_240 = sin_u2_1 * d_u2_1;
+        let t1_123 = like.lift(0.18619546181365432) * t1_122;
+        let t1_124 = cos_u3_1 * t1_122;
+        let t1_125 = like.lift(0.1075) * t1_124;
+        let t1_126 = sin_u3_1 * cos_u3_2;
+        let t1_127 = like.lift(0.5) * t1_126;
+        let t1_128 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t1_127);
+        let t1_129 = sin_u3_1 * t1_128;
+        let t1_130 = like.lift(0.215).mul_add(t1_129, t1_125);
+        let t1_131 = -t1_109;
+        let t1_132 = t1_47 - t1_48;
+        let t1_133 = t1_46 - t1_132;
+        let t1_134 = sin_u1_1 * t1_133;
+        let t1_135 = t1_45 - t1_47;
+        let t1_136 = t1_48 + t1_135;
+        let t1_137 = sin_u1_1 * t1_136;
+        let t1_138 = t1_6 * t1_136;
+        let t1_139 = cos_u1_2_e1y.mul_add(t1_115, t1_138);
+        let t1_140 = -t1_139;
+        let t1_141 = like.lift(0.1075) * t1_122;
+        let t1_142 = -t1_141;
+        let t1_143 = like.lift(0.8660254037844386) * t1_126;
+        let t1_144 = like.lift(0.5).mul_add(sin_u3_2, t1_143);
+        let t1_145 = sin_u3_1 * t1_144;
+        let t1_146 = like.lift(0.215) * t1_145;
+        let t1_147 = like.lift(0.18619546181365432).mul_add(t1_124, t1_146);
+        let t1_148 = cos_u1_1 * t1_133;
+        let t1_149 = -t1_148;
+        let t1_150 = cos_u1_1 * t1_136;
+        let t1_151 = -t1_150;
+        let t1_152 = cos_u1_2_e1y * t1_118;
+        let t1_153 = (-t1_18).mul_add(t1_136, t1_152);
+        let t1_154 = like.lift(0.1075) * t1_128;
+        let t1_155 = like.lift(0.18619546181365432).mul_add(t1_144, t1_154);
+        let t1_156 = cos_u3_1 * t1_128;
+        let t1_157 = like.lift(0.18619546181365432) * t1_156;
+        let t1_158 = cos_u3_1 * t1_144;
+        let t1_159 = like.lift(-0.1075).mul_add(t1_158, t1_157);
+        let t1_160 = -t1_159;
+        let t1_161 = t1_78 - t1_79;
+        let t1_162 = cos_u3_1 * t1_161;
+        let t1_163 = like.lift(0.5) * t1_162;
+        let t1_164 = t1_83 + t1_84;
+        let t1_165 = (-sin_u3_1).mul_add(t1_164, t1_163);
+        let t1_166 = t1_87 + t1_88;
+        let t1_167 = sin_u3_1 * t1_166;
+        let t1_168 = like.lift(0.8660254037844386).mul_add(t1_162, t1_167);
+        let t1_169 = cos_u1_1 * t1_168;
+        let t1_170 = cos_u3_1 * t1_164;
+        let t1_171 = like.lift(0.8660254037844386) * t1_170;
+        let t1_172 = cos_u3_1 * t1_166;
+        let t1_173 = like.lift(0.5).mul_add(t1_172, t1_171);
+        let t1_174 = sin_u1_1.mul_add(t1_173, t1_169);
+        let t1_175 = cos_u1_2_e1y * t1_165;
+        let t1_176 = t1_18.mul_add(t1_168, t1_175);
+        let t1_177 = (-t1_6).mul_add(t1_173, t1_176);
+        let t1_178 = like.lift(0.5) * t1_165;
+        let t1_179 = like.lift(0.8660254037844386).mul_add(t1_168, t1_178);
+        let t1_180 = cos_u3_1 * t1_165;
+        let t1_181 = like.lift(0.8660254037844386) * t1_180;
+        let t1_182 = cos_u3_1 * t1_168;
+        let t1_183 = like.lift(-0.5).mul_add(t1_182, t1_181);
+        let t1_184 = sin_u3_1.mul_add(t1_173, t1_183);
+        let t1_185 = -t1_184;
+        let t1_186 = cos_u1_1 * d_u1_2;
+        let t1_187 = t1_20 * d_u1_1;
+        let t1_188 = like.lift(0.215) * t1_187;
+        let t1_189 = sin_u1_2 * t1_186;
+        let t1_190 = like.lift(0.215).mul_add(t1_189, t1_188);
+        let t1_191 = t1_186 * t1_190;
+        let t1_192 = sin_u1_1 * d_u1_2;
+        let t1_193 = sin_u1_2 * t1_192;
+        let t1_194 = like.lift(0.215) * t1_193;
+        let t1_195 = t1_8 * d_u1_1;
+        let t1_196 = like.lift(-0.215).mul_add(t1_195, t1_194);
+        let t1_197 = t1_192.mul_add(t1_196, t1_191);
+        let t1_198 = sin_u1_1 * d_u1_1;
+        let t1_199 = d_u1_2 * t1_198;
+        let t1_200 = d_e1y.mul_add(t1_198, t1_199);
+        let t1_201 = sin_u1_1.mul_add(d_e1y, t1_192);
+        let t1_202 = cos_u1_2_e1y * t1_201;
+        let t1_203 = t1_6.mul_add(d_u1_1, t1_202);
+        let t1_204 = (-d_e1x).mul_add(t1_203, t1_200);
+        let t1_205 = t1_4 * t1_204;
+        let t1_206 = like.lift(0.0199) * t1_205;
+        let t1_207 = cos_u1_1 * d_u1_1;
+        let t1_208 = d_u1_2 * t1_207;
+        let t1_209 = d_e1y.mul_add(t1_207, t1_208);
+        let t1_210 = t1_18 * d_u1_1;
+        let t1_211 = cos_u1_1.mul_add(d_e1y, t1_186);
+        let t1_212 = (-cos_u1_2_e1y).mul_add(t1_211, t1_210);
+        let t1_213 = d_e1x.mul_add(t1_212, t1_209);
+        let t1_214 = t1_16 * t1_213;
+        let t1_215 = like.lift(0.0199).mul_add(t1_214, t1_206);
+        let t1_216 = t1_197 + t1_215;
+        let t1_217 = t1_18.mul_add(d_e1x, t1_211);
+        let t1_218 = cos_u1_2_e1y.mul_add(d_e1x, d_u1_1);
+        let t1_219 = t1_16 * t1_218;
+        let t1_220 = like.lift(0.0199) * t1_219;
+        let t1_221 = t1_44 * t1_217;
+        let t1_222 = like.lift(-0.0199).mul_add(t1_221, t1_220);
+        let t1_223 = t1_217 * t1_222;
+        let t1_224 = (-t1_6).mul_add(d_e1x, t1_201);
+        let t1_225 = t1_44 * t1_224;
+        let t1_226 = like.lift(0.0199) * t1_225;
+        let t1_227 = t1_4 * t1_218;
+        let t1_228 = like.lift(-0.0199).mul_add(t1_227, t1_226);
+        let t1_229 = (-t1_224).mul_add(t1_228, t1_223);
+        let t1_230 = t1_216 - t1_229;
+        let t1_231 = t1_26 * t1_204;
+        let t1_232 = (-t1_29).mul_add(t1_213, t1_231);
+        let t1_233 = t1_230 - t1_232;
+        let t1_234 = t1_29 * t1_218;
+        let t1_235 = (-t1_49).mul_add(t1_217, t1_234);
+        let t1_236 = t1_217 * t1_235;
+        let t1_237 = t1_49 * t1_224;
+        let t1_238 = t1_26.mul_add(t1_218, t1_237);
+        let t1_239 = (-t1_224).mul_add(t1_238, t1_236);
+        let t1_240 = t1_233 - t1_239;
+        let t1_241 = sin_u2_1 * d_u2_1;
         [
             t1_4, t1_6, sin_u1_2, cos_u1_2, t1_12, t1_16, t1_18, t1_24, t1_25, t1_26, t1_29,
-            t1_31, t1_33, sin_u2_1, cos_u2_1, t1_34, t1_35, t1_36, t1_41, t1_43, t1_44, t1_45,
-            t1_50, t1_52, t1_55, t1_57, t1_58, t1_60, t1_62, pivot_5, t1_65, t1_66, t1_67,
+            t1_31, t1_33, sin_u2_1, cos_u2_1, t1_34, t1_36, t1_41, pivot_1, t1_43, t1_44,
+            t1_49, t1_51, t1_54, t1_56, t1_57, t1_58, t1_59, t1_61, t1_64, t1_65, t1_66, t1_67,
             t1_68, t1_69, t1_71, t1_73, t1_77, t1_80, t1_85, t1_86, t1_89, t1_97, t1_100,
             t1_102, t1_107, t1_109, t1_112, t1_113, t1_114, t1_117, t1_119, t1_121, sin_u3_1,
-            cos_u3_1, t1_122, pivot_1, t1_127, t1_129, t1_130, t1_131, t1_133, t1_136, t1_138,
-            t1_139, t1_141, t1_143, t1_146, t1_147, t1_148, t1_149, t1_150, t1_152, t1_154,
-            t1_158, t1_159, t1_160, t1_163, t1_164, t1_165, t1_173, t1_176, t1_178, t1_183,
-            t1_184, t1_185, t1_189, t1_191, t1_195, t1_198, t1_200, t1_203, t1_207, t1_210,
-            t1_212, t1_216, t1_217, t1_221, t1_223, t1_227, t1_229, t1_234, t1_237, t1_239,
-            t1_240,
+            cos_u3_1, t1_122, t1_123, t1_128, t1_130, t1_131, t1_132, t1_134, t1_137, t1_139,
+            t1_140, t1_141, t1_142, t1_144, t1_147, t1_148, t1_149, t1_150, t1_151, t1_153,
+            t1_155, t1_159, t1_160, t1_161, t1_164, t1_165, t1_166, t1_174, t1_177, t1_179,
+            t1_184, t1_185, t1_186, t1_190, t1_192, t1_196, t1_199, t1_201, t1_204, t1_208,
+            t1_211, t1_213, t1_217, t1_218, t1_222, t1_224, t1_228, t1_230, t1_235, t1_238,
+            t1_240, t1_241,
         ]
     };
     // A_e qdd_e = b - A_i qdd_i (Eq. 8), part 2
@@ -2555,7 +2546,7 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         t2_186, t2_205, t2_206, t2_222, t2_223, t2_226, t2_228, t2_231, t2_233, t2_238, t2_240,
         t2_241, t2_248, t2_250,
     ] = {
-        let t2_1 = d_u2_2 * t1_240;
+        let t2_1 = d_u2_2 * t1_241;
         let t2_2 = t1_34 * t2_1;
         let t2_3 = like.lift(0.1075) * t2_2;
         let t2_4 = cos_u2_1 * d_u2_1;
@@ -2569,47 +2560,47 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let t2_12 = like.lift(0.8660254037844386).mul_add(t2_9, t2_11);
         let t2_13 = t1_41 * t2_12;
         let t2_14 = like.lift(0.215) * t2_13;
-        let t2_15 = t1_62 * t2_10;
+        let t2_15 = t1_61 * t2_10;
         let t2_16 = like.lift(0.215).mul_add(t2_15, t2_14);
         let t2_17 = t2_10 * t2_16;
         let t2_18 = sin_u2_1 * d_u2_2;
-        let t2_19 = t1_62 * t2_18;
+        let t2_19 = t1_61 * t2_18;
         let t2_20 = like.lift(0.215) * t2_19;
         let t2_21 = t1_34 * t2_12;
         let t2_22 = like.lift(0.215).mul_add(t2_21, t2_20);
         let t2_23 = t2_18.mul_add(t2_22, t2_17);
         let t2_24 = t2_7 - t2_23;
-        let t2_25 = t1_239 + t2_24;
-        let t2_26 = sin_u1_2 * t1_207;
+        let t2_25 = t1_240 + t2_24;
+        let t2_26 = sin_u1_2 * t1_208;
         let t2_27 = cos_u1_2 * d_u1_2;
-        let t2_28 = t1_191 * t2_27;
+        let t2_28 = t1_192 * t2_27;
         let t2_29 = like.lift(0.215) * t2_28;
-        let t2_30 = d_u1_1.mul_add(t1_189, t2_29);
+        let t2_30 = d_u1_1.mul_add(t1_190, t2_29);
         let t2_31 = like.lift(0.215).mul_add(t2_26, t2_30);
-        let t2_32 = t1_45 * t1_212;
+        let t2_32 = t1_44 * t1_213;
         let t2_33 = like.lift(0.0199) * t2_32;
-        let t2_34 = t1_6 * t1_210;
-        let t2_35 = t1_18.mul_add(t1_200, t2_34);
+        let t2_34 = t1_6 * t1_211;
+        let t2_35 = t1_18.mul_add(t1_201, t2_34);
         let t2_36 = d_e1x * t2_35;
         let t2_37 = t1_4 * t2_36;
         let t2_38 = like.lift(0.0199).mul_add(t2_37, t2_33);
         let t2_39 = t2_31 + t2_38;
-        let t2_40 = t1_4 * t1_216;
+        let t2_40 = t1_4 * t1_217;
         let t2_41 = like.lift(0.0199) * t2_40;
-        let t2_42 = t1_16 * t1_223;
+        let t2_42 = t1_16 * t1_224;
         let t2_43 = like.lift(-0.0199).mul_add(t2_42, t2_41);
-        let t2_44 = t1_223 * t2_43;
-        let t2_45 = (-t1_217).mul_add(t1_221, t2_44);
+        let t2_44 = t1_224 * t2_43;
+        let t2_45 = (-t1_218).mul_add(t1_222, t2_44);
         let t2_46 = t2_39 + t2_45;
-        let t2_47 = t1_50 * t1_212;
+        let t2_47 = t1_49 * t1_213;
         let t2_48 = (-t1_26).mul_add(t2_36, t2_47);
         let t2_49 = t2_46 + t2_48;
-        let t2_50 = t1_26 * t1_216;
-        let t2_51 = t1_29.mul_add(t1_223, t2_50);
-        let t2_52 = t1_223 * t2_51;
-        let t2_53 = t1_217.mul_add(t1_234, t2_52);
+        let t2_50 = t1_26 * t1_217;
+        let t2_51 = t1_29.mul_add(t1_224, t2_50);
+        let t2_52 = t1_224 * t2_51;
+        let t2_53 = t1_218.mul_add(t1_235, t2_52);
         let t2_54 = t2_49 - t2_53;
-        let t2_55 = t1_62 * t2_5;
+        let t2_55 = t1_61 * t2_5;
         let t2_56 = like.lift(0.215) * t2_55;
         let t2_57 = like.lift(-0.18619546181365432).mul_add(t2_2, t2_56);
         let t2_58 = t1_34 * t2_10;
@@ -2621,28 +2612,28 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let t2_64 = t2_57 + t2_63;
         let t2_65 = t2_54 - t2_64;
         let t2_66 = -t2_65;
-        let t2_67 = sin_u1_2 * t1_198;
-        let t2_68 = d_u1_1 * t1_195;
-        let t2_69 = t1_185 * t2_27;
+        let t2_67 = sin_u1_2 * t1_199;
+        let t2_68 = d_u1_1 * t1_196;
+        let t2_69 = t1_186 * t2_27;
         let t2_70 = like.lift(-0.215).mul_add(t2_69, t2_68);
         let t2_71 = like.lift(0.215).mul_add(t2_67, t2_70);
         let t2_72 = t1_16 * t2_36;
         let t2_73 = like.lift(0.0199) * t2_72;
-        let t2_74 = t1_45 * t1_203;
+        let t2_74 = t1_44 * t1_204;
         let t2_75 = like.lift(-0.0199).mul_add(t2_74, t2_73);
         let t2_76 = t2_71 - t2_75;
-        let t2_77 = t1_217 * t1_227;
-        let t2_78 = (-t1_216).mul_add(t2_43, t2_77);
+        let t2_77 = t1_218 * t1_228;
+        let t2_78 = (-t1_217).mul_add(t2_43, t2_77);
         let t2_79 = t2_76 + t2_78;
         let t2_80 = t1_29 * t2_36;
-        let t2_81 = (-t1_50).mul_add(t1_203, t2_80);
+        let t2_81 = (-t1_49).mul_add(t1_204, t2_80);
         let t2_82 = t2_79 - t2_81;
-        let t2_83 = t1_217 * t1_237;
-        let t2_84 = t1_216.mul_add(t2_51, t2_83);
+        let t2_83 = t1_218 * t1_238;
+        let t2_84 = t1_217.mul_add(t2_51, t2_83);
         let t2_85 = t2_82 + t2_84;
         let t2_86 = t1_41 * t2_1;
         let t2_87 = like.lift(0.18619546181365432) * t2_86;
-        let t2_88 = t1_62 * t2_1;
+        let t2_88 = t1_61 * t2_1;
         let t2_89 = like.lift(-0.1075).mul_add(t2_88, t2_87);
         let t2_90 = t2_12 * t2_22;
         let t2_91 = t2_10.mul_add(t2_61, t2_90);
@@ -2654,39 +2645,39 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let t2_97 = sin_u2_1 * t2_10;
         let t2_98 = cos_u2_1 * t2_18;
         let t2_99 = like.lift(0.5).mul_add(t2_98, t2_97);
-        let t2_100 = t1_80 * t1_216;
-        let t2_101 = t1_85.mul_add(t1_223, t2_100);
+        let t2_100 = t1_80 * t1_217;
+        let t2_101 = t1_85.mul_add(t1_224, t2_100);
         let t2_102 = t2_99 * t2_101;
         let t2_103 = like.lift(0.8660254037844386) * t2_98;
         let t2_104 = (-sin_u2_1).mul_add(t2_12, t2_103);
-        let t2_105 = t1_89 * t1_223;
-        let t2_106 = t1_80.mul_add(t1_217, t2_105);
+        let t2_105 = t1_89 * t1_224;
+        let t2_106 = t1_80.mul_add(t1_218, t2_105);
         let t2_107 = t2_104.mul_add(t2_106, t2_102);
         let t2_108 = cos_u2_1 * t2_12;
         let t2_109 = like.lift(0.5) * t2_108;
         let t2_110 = cos_u2_1 * t2_10;
         let t2_111 = like.lift(0.8660254037844386).mul_add(t2_110, t2_109);
-        let t2_112 = t1_85 * t1_217;
-        let t2_113 = (-t1_89).mul_add(t1_216, t2_112);
+        let t2_112 = t1_85 * t1_218;
+        let t2_113 = (-t1_89).mul_add(t1_217, t2_112);
         let t2_114 = (-t2_111).mul_add(t2_113, t2_107);
-        let t2_115 = t1_80 * t1_203;
-        let t2_116 = (-t1_85).mul_add(t1_212, t2_115);
-        let t2_117 = t1_216 * t2_113;
-        let t2_118 = (-t1_223).mul_add(t2_106, t2_117);
+        let t2_115 = t1_80 * t1_204;
+        let t2_116 = (-t1_85).mul_add(t1_213, t2_115);
+        let t2_117 = t1_217 * t2_113;
+        let t2_118 = (-t1_224).mul_add(t2_106, t2_117);
         let t2_119 = t2_116 + t2_118;
         let t2_120 = cos_u2_1 * t2_119;
         let t2_121 = like.lift(0.8660254037844386) * t2_120;
-        let t2_122 = t1_89 * t1_212;
+        let t2_122 = t1_89 * t1_213;
         let t2_123 = (-t1_80).mul_add(t2_36, t2_122);
-        let t2_124 = t1_223 * t2_101;
-        let t2_125 = t1_217.mul_add(t2_113, t2_124);
+        let t2_124 = t1_224 * t2_101;
+        let t2_125 = t1_218.mul_add(t2_113, t2_124);
         let t2_126 = t2_123 - t2_125;
         let t2_127 = cos_u2_1 * t2_126;
         let t2_128 = like.lift(0.5).mul_add(t2_127, t2_121);
         let t2_129 = t1_85 * t2_36;
-        let t2_130 = (-t1_89).mul_add(t1_203, t2_129);
-        let t2_131 = t1_217 * t2_106;
-        let t2_132 = t1_216.mul_add(t2_101, t2_131);
+        let t2_130 = (-t1_89).mul_add(t1_204, t2_129);
+        let t2_131 = t1_218 * t2_106;
+        let t2_132 = t1_217.mul_add(t2_101, t2_131);
         let t2_133 = t2_130 - t2_132;
         let t2_134 = sin_u2_1.mul_add(t2_133, t2_128);
         let t2_135 = t2_134 + t2_114;
@@ -2705,15 +2696,15 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let t2_148 = (-t1_80).mul_add(t2_147, t2_145);
         let t2_149 = t2_136 - t2_148;
         let t2_150 = -t2_149;
-        let t2_151 = t1_114 * t1_203;
-        let t2_152 = (-t1_117).mul_add(t1_212, t2_151);
-        let t2_153 = t1_229 + t2_152;
-        let t2_154 = t1_117 * t1_217;
-        let t2_155 = (-t1_131).mul_add(t1_216, t2_154);
-        let t2_156 = t1_216 * t2_155;
-        let t2_157 = t1_131 * t1_223;
-        let t2_158 = t1_114.mul_add(t1_217, t2_157);
-        let t2_159 = (-t1_223).mul_add(t2_158, t2_156);
+        let t2_151 = t1_114 * t1_204;
+        let t2_152 = (-t1_117).mul_add(t1_213, t2_151);
+        let t2_153 = t1_230 + t2_152;
+        let t2_154 = t1_117 * t1_218;
+        let t2_155 = (-t1_132).mul_add(t1_217, t2_154);
+        let t2_156 = t1_217 * t2_155;
+        let t2_157 = t1_132 * t1_224;
+        let t2_158 = t1_114.mul_add(t1_218, t2_157);
+        let t2_159 = (-t1_224).mul_add(t2_158, t2_156);
         let t2_160 = t2_153 + t2_159;
         let t2_161 = sin_u3_1 * d_u3_1;
         let t2_162 = d_u3_2 * t2_161;
@@ -2721,40 +2712,40 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let t2_164 = like.lift(0.1075) * t2_163;
         let t2_165 = cos_u3_1 * d_u3_1;
         let t2_166 = d_u3_2 * t2_165;
-        let t2_167 = t1_127 * t2_166;
+        let t2_167 = t1_128 * t2_166;
         let t2_168 = like.lift(-0.215).mul_add(t2_167, t2_164);
         let t2_169 = like.lift(0.8660254037844386) * d_u3_1;
         let t2_170 = cos_u3_1 * d_u3_2;
         let t2_171 = like.lift(0.5).mul_add(t2_170, t2_169);
         let t2_172 = like.lift(0.5) * d_u3_1;
         let t2_173 = like.lift(-0.8660254037844386).mul_add(t2_170, t2_172);
-        let t2_174 = t1_127 * t2_173;
+        let t2_174 = t1_128 * t2_173;
         let t2_175 = like.lift(0.215) * t2_174;
-        let t2_176 = t1_143 * t2_171;
+        let t2_176 = t1_144 * t2_171;
         let t2_177 = like.lift(0.215).mul_add(t2_176, t2_175);
         let t2_178 = t2_171 * t2_177;
         let t2_179 = sin_u3_1 * d_u3_2;
-        let t2_180 = t1_143 * t2_179;
+        let t2_180 = t1_144 * t2_179;
         let t2_181 = like.lift(0.215) * t2_180;
         let t2_182 = t1_122 * t2_173;
         let t2_183 = like.lift(-0.215).mul_add(t2_182, t2_181);
         let t2_184 = t2_179.mul_add(t2_183, t2_178);
         let t2_185 = t2_168 + t2_184;
         let t2_186 = t2_160 + t2_185;
-        let t2_187 = t1_131 * t1_212;
+        let t2_187 = t1_132 * t1_213;
         let t2_188 = (-t1_114).mul_add(t2_36, t2_187);
         let t2_189 = t2_46 - t2_188;
-        let t2_190 = t1_114 * t1_216;
-        let t2_191 = t1_117.mul_add(t1_223, t2_190);
-        let t2_192 = t1_223 * t2_191;
-        let t2_193 = t1_217.mul_add(t2_155, t2_192);
+        let t2_190 = t1_114 * t1_217;
+        let t2_191 = t1_117.mul_add(t1_224, t2_190);
+        let t2_192 = t1_224 * t2_191;
+        let t2_193 = t1_218.mul_add(t2_155, t2_192);
         let t2_194 = t2_189 + t2_193;
-        let t2_195 = t1_143 * t2_166;
+        let t2_195 = t1_144 * t2_166;
         let t2_196 = like.lift(0.215) * t2_195;
         let t2_197 = like.lift(-0.18619546181365432).mul_add(t2_163, t2_196);
         let t2_198 = t1_122 * t2_171;
         let t2_199 = like.lift(0.215) * t2_198;
-        let t2_200 = t1_127 * t2_179;
+        let t2_200 = t1_128 * t2_179;
         let t2_201 = like.lift(0.215).mul_add(t2_200, t2_199);
         let t2_202 = t2_179 * t2_201;
         let t2_203 = t2_173.mul_add(t2_177, t2_202);
@@ -2762,14 +2753,14 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let t2_205 = t2_194 + t2_204;
         let t2_206 = -t2_205;
         let t2_207 = t1_117 * t2_36;
-        let t2_208 = (-t1_131).mul_add(t1_203, t2_207);
+        let t2_208 = (-t1_132).mul_add(t1_204, t2_207);
         let t2_209 = t2_79 + t2_208;
-        let t2_210 = t1_217 * t2_158;
-        let t2_211 = t1_216.mul_add(t2_191, t2_210);
+        let t2_210 = t1_218 * t2_158;
+        let t2_211 = t1_217.mul_add(t2_191, t2_210);
         let t2_212 = t2_209 - t2_211;
-        let t2_213 = t1_127 * t2_162;
+        let t2_213 = t1_128 * t2_162;
         let t2_214 = like.lift(0.18619546181365432) * t2_213;
-        let t2_215 = t1_143 * t2_162;
+        let t2_215 = t1_144 * t2_162;
         let t2_216 = like.lift(-0.1075).mul_add(t2_215, t2_214);
         let t2_217 = t2_173 * t2_183;
         let t2_218 = (-t2_171).mul_add(t2_201, t2_217);
@@ -2781,30 +2772,30 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let t2_224 = sin_u3_1 * t2_171;
         let t2_225 = cos_u3_1 * t2_179;
         let t2_226 = like.lift(-0.5).mul_add(t2_225, t2_224);
-        let t2_227 = t1_160 * t1_216;
-        let t2_228 = t1_163.mul_add(t1_223, t2_227);
+        let t2_227 = t1_161 * t1_217;
+        let t2_228 = t1_164.mul_add(t1_224, t2_227);
         let t2_229 = t2_226 * t2_228;
         let t2_230 = like.lift(0.8660254037844386) * t2_225;
         let t2_231 = sin_u3_1.mul_add(t2_173, t2_230);
-        let t2_232 = t1_165 * t1_223;
-        let t2_233 = t1_160.mul_add(t1_217, t2_232);
+        let t2_232 = t1_166 * t1_224;
+        let t2_233 = t1_161.mul_add(t1_218, t2_232);
         let t2_234 = t2_231.mul_add(t2_233, t2_229);
         let t2_235 = cos_u3_1 * t2_173;
         let t2_236 = like.lift(0.5) * t2_235;
         let t2_237 = cos_u3_1 * t2_171;
         let t2_238 = like.lift(0.8660254037844386).mul_add(t2_237, t2_236);
-        let t2_239 = t1_163 * t1_217;
-        let t2_240 = (-t1_165).mul_add(t1_216, t2_239);
+        let t2_239 = t1_164 * t1_218;
+        let t2_240 = (-t1_166).mul_add(t1_217, t2_239);
         let t2_241 = t2_238.mul_add(t2_240, t2_234);
-        let t2_242 = t1_160 * t1_203;
-        let t2_243 = (-t1_163).mul_add(t1_212, t2_242);
-        let t2_244 = t1_216 * t2_240;
-        let t2_245 = (-t1_223).mul_add(t2_233, t2_244);
+        let t2_242 = t1_161 * t1_204;
+        let t2_243 = (-t1_164).mul_add(t1_213, t2_242);
+        let t2_244 = t1_217 * t2_240;
+        let t2_245 = (-t1_224).mul_add(t2_233, t2_244);
         let t2_246 = t2_243 + t2_245;
         let t2_247 = cos_u3_1 * t2_246;
         let t2_248 = like.lift(0.8660254037844386) * t2_247;
-        let t2_249 = t1_165 * t1_212;
-        let t2_250 = (-t1_160).mul_add(t2_36, t2_249);
+        let t2_249 = t1_166 * t1_213;
+        let t2_250 = (-t1_161).mul_add(t2_36, t2_249);
         [
             t2_25, t2_36, t2_65, t2_66, t2_95, t2_96, t2_149, t2_150, t2_171, t2_173, t2_179,
             t2_186, t2_205, t2_206, t2_222, t2_223, t2_226, t2_228, t2_231, t2_233, t2_238,
@@ -2813,15 +2804,15 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
     };
     // A_e qdd_e = b - A_i qdd_i (Eq. 8)
     {
-        let t3_1 = t1_223 * t2_228;
-        let t3_2 = t1_217.mul_add(t2_240, t3_1);
+        let t3_1 = t1_224 * t2_228;
+        let t3_2 = t1_218.mul_add(t2_240, t3_1);
         let t3_3 = t2_250 - t3_2;
         let t3_4 = cos_u3_1 * t3_3;
         let t3_5 = like.lift(-0.5).mul_add(t3_4, t2_248);
-        let t3_6 = t1_163 * t2_36;
-        let t3_7 = (-t1_165).mul_add(t1_203, t3_6);
-        let t3_8 = t1_217 * t2_233;
-        let t3_9 = t1_216.mul_add(t2_228, t3_8);
+        let t3_6 = t1_164 * t2_36;
+        let t3_7 = (-t1_166).mul_add(t1_204, t3_6);
+        let t3_8 = t1_218 * t2_233;
+        let t3_9 = t1_217.mul_add(t2_228, t3_8);
         let t3_10 = t3_7 - t3_9;
         let t3_11 = (-sin_u3_1).mul_add(t3_10, t3_5);
         let t3_12 = t3_11 + t2_241;
@@ -2830,197 +2821,188 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let t3_15 = t2_179.mul_add(t2_231, t3_14);
         let t3_16 = d_u3_1 * d_u3_2;
         let t3_17 = like.lift(-0.5).mul_add(t3_16, t3_15);
-        let t3_18 = t1_165 * t3_17;
+        let t3_18 = t1_166 * t3_17;
         let t3_19 = t2_179 * t2_226;
         let t3_20 = (-t2_173).mul_add(t2_238, t3_19);
         let t3_21 = like.lift(-0.8660254037844386).mul_add(t3_16, t3_20);
-        let t3_22 = t1_163.mul_add(t3_21, t3_18);
+        let t3_22 = t1_164.mul_add(t3_21, t3_18);
         let t3_23 = t2_173 * t2_231;
         let t3_24 = t2_171.mul_add(t2_226, t3_23);
-        let t3_25 = (-t1_160).mul_add(t3_24, t3_22);
+        let t3_25 = (-t1_161).mul_add(t3_24, t3_22);
         let t3_26 = t3_13 - t3_25;
-        let t3_27 = like.lift(1.0) / t1_122;
-        let t3_28 = t1_154 * t3_27;
-        let t3_29 = t1_129 * t3_28;
-        let t3_30 = like.lift(5.370700178508146).mul_add(t3_29, t1_158);
-        let pivot_2 = like.lift(0.5773502691896257).mul_add(t1_129, t1_146);
+        let inv_pivot_1 = like.lift(1.0) / pivot_1;
+        let t3_27 = t1_77 * inv_pivot_1;
+        let t3_28 = t1_34 * t3_27;
+        let t3_29 = like.lift(0.18619546181365432).mul_add(t3_28, t1_73);
+        let t3_30 = t1_64 * inv_pivot_1;
+        let t3_31 = t1_34 * t3_30;
+        let pivot_2 = like.lift(0.18619546181365432).mul_add(t3_31, t1_58);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t3_31 = t3_30 * inv_pivot_2;
-        let pivot_3 = (-t1_109).mul_add(t3_31, t1_112);
+        let t3_32 = t3_29 * inv_pivot_2;
+        let pivot_3 = (-t1_12).mul_add(t3_32, t1_24);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t3_32 = t3_28 * t2_186;
-        let t3_33 = like.lift(5.370700178508146).mul_add(t3_32, t2_222);
-        let t3_34 = like.lift(-0.5773502691896257).mul_add(t2_186, t2_205);
-        let t3_35 = t3_31.mul_add(t3_34, t3_33);
-        let t3_36 = t1_113 * t3_28;
-        let t3_37 = like.lift(5.370700178508146).mul_add(t3_36, t1_147);
-        let t3_38 = like.lift(0.5773502691896257).mul_add(t1_113, t1_133);
-        let t3_39 = (-t3_38).mul_add(t3_31, t3_37);
-        let t3_40 = t1_178 * t3_27;
-        let t3_41 = t1_113 * t3_40;
-        let t3_42 = like.lift(-5.370700178508146).mul_add(t3_41, t1_173);
-        let t3_43 = t1_129 * t3_40;
-        let t3_44 = like.lift(5.370700178508146).mul_add(t3_43, t1_183);
-        let t3_45 = t3_44 * inv_pivot_2;
-        let t3_46 = t3_38.mul_add(t3_45, t3_42);
-        let t3_47 = (-t1_109).mul_add(t3_45, t1_164);
-        let t3_48 = t3_47 * inv_pivot_3;
-        let pivot_4 = t3_39.mul_add(t3_48, t3_46);
+        let t3_33 = t3_27.mul_add(t2_25, t2_95);
+        let t3_34 = (-t3_30).mul_add(t2_25, t2_65);
+        let t3_35 = t3_32.mul_add(t3_34, t3_33);
+        let t3_36 = t1_31.mul_add(t3_27, t1_68);
+        let t3_37 = t1_31.mul_add(t3_30, t1_54);
+        let t3_38 = (-t3_37).mul_add(t3_32, t3_36);
+        let t3_39 = t1_107 * inv_pivot_1;
+        let t3_40 = (-t1_31).mul_add(t3_39, t1_97);
+        let t3_41 = t1_34 * t3_39;
+        let t3_42 = like.lift(0.18619546181365432).mul_add(t3_41, t1_102);
+        let t3_43 = t3_42 * inv_pivot_2;
+        let t3_44 = t3_37.mul_add(t3_43, t3_40);
+        let t3_45 = (-t1_12).mul_add(t3_43, t1_86);
+        let t3_46 = t3_45 * inv_pivot_3;
+        let pivot_4 = t3_38.mul_add(t3_46, t3_44);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t3_49 = t3_40 * t2_186;
-        let t3_50 = like.lift(-5.370700178508146).mul_add(t3_49, t3_26);
-        let t3_51 = (-t3_45).mul_add(t3_34, t3_50);
-        let t3_52 = t3_48.mul_add(t3_35, t3_51);
-        let t3_53 = t1_119 * t3_40;
-        let t3_54 = like.lift(-5.370700178508146).mul_add(t3_53, t1_173);
-        let t3_55 = like.lift(0.5773502691896257).mul_add(t1_119, t1_136);
-        let t3_56 = t3_55.mul_add(t3_45, t3_54);
-        let t3_57 = t1_119 * t3_28;
-        let t3_58 = like.lift(5.370700178508146).mul_add(t3_57, t1_149);
-        let t3_59 = (-t3_55).mul_add(t3_31, t3_58);
-        let t3_60 = t3_59.mul_add(t3_48, t3_56);
-        let t3_61 = t1_25 * inv_pivot_4;
-        let t3_62 = (-t3_60).mul_add(t3_61, t1_31);
+        let t3_47 = t3_39.mul_add(t2_25, t2_149);
+        let t3_48 = t3_43.mul_add(t3_34, t3_47);
+        let t3_49 = (-t3_46).mul_add(t3_35, t3_48);
+        let t3_50 = (-t1_33).mul_add(t3_39, t1_100);
+        let t3_51 = (-t1_33).mul_add(t3_30, t1_56);
+        let t3_52 = (-t3_51).mul_add(t3_43, t3_50);
+        let t3_53 = (-t1_33).mul_add(t3_27, t1_71);
+        let t3_54 = (-t3_51).mul_add(t3_32, t3_53);
+        let t3_55 = (-t3_54).mul_add(t3_46, t3_52);
+        let t3_56 = t1_165 * inv_pivot_3;
+        let t3_57 = (-t3_54).mul_add(t3_56, t1_177);
+        let t3_58 = t3_38.mul_add(t3_56, t1_174);
+        let t3_59 = t3_58 * inv_pivot_4;
+        let pivot_5 = (-t3_55).mul_add(t3_59, t3_57);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t3_63 = t1_43 * inv_pivot_5;
-        let t3_64 = t1_12 * inv_pivot_3;
-        let t3_65 = (-t3_59).mul_add(t3_64, t1_55);
-        let t3_66 = (-t3_39).mul_add(t3_64, t1_52);
-        let t3_67 = t3_66 * inv_pivot_4;
-        let t3_68 = (-t3_60).mul_add(t3_67, t3_65);
-        let pivot_6 = t3_63.mul_add(t3_68, t3_62);
+        let t3_60 = t3_56.mul_add(t3_35, t3_26);
+        let t3_61 = t3_59.mul_add(t3_49, t3_60);
+        let t3_62 = t1_25.mul_add(t3_27, t1_66);
+        let t3_63 = t1_25.mul_add(t3_30, t1_51);
+        let t3_64 = (-t3_63).mul_add(t3_32, t3_62);
+        let t3_65 = t3_64.mul_add(t3_56, t1_174);
+        let t3_66 = (-t1_25).mul_add(t3_39, t1_97);
+        let t3_67 = t3_63.mul_add(t3_43, t3_66);
+        let t3_68 = t3_64.mul_add(t3_46, t3_67);
+        let t3_69 = (-t3_68).mul_add(t3_59, t3_65);
+        let t3_70 = t1_119 * inv_pivot_4;
+        let t3_71 = (-t3_68).mul_add(t3_70, t1_113);
+        let t3_72 = (-t3_55).mul_add(t3_70, t1_121);
+        let t3_73 = t3_72 * inv_pivot_5;
+        let pivot_6 = (-t3_69).mul_add(t3_73, t3_71);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t3_69 = (-t3_61).mul_add(t3_52, t2_25);
-        let t3_70 = t3_64.mul_add(t3_35, t2_65);
-        let t3_71 = t3_67.mul_add(t3_52, t3_70);
-        let t3_72 = (-t3_63).mul_add(t3_71, t3_69);
-        let t3_73 = t1_121 * t3_40;
-        let t3_74 = like.lift(-5.370700178508146).mul_add(t3_73, t1_176);
-        let t3_75 = like.lift(-0.5773502691896257).mul_add(t1_121, t1_138);
-        let t3_76 = (-t3_75).mul_add(t3_45, t3_74);
-        let t3_77 = t1_121 * t3_28;
-        let t3_78 = like.lift(-5.370700178508146).mul_add(t3_77, t1_152);
-        let t3_79 = (-t3_75).mul_add(t3_31, t3_78);
-        let t3_80 = (-t3_79).mul_add(t3_48, t3_76);
-        let t3_81 = (-t3_80).mul_add(t3_61, t1_33);
-        let t3_82 = (-t3_79).mul_add(t3_64, t1_57);
-        let t3_83 = t3_80.mul_add(t3_67, t3_82);
-        let t3_84 = (-t3_63).mul_add(t3_83, t3_81);
-        let t3_85 = t1_86 * inv_pivot_3;
-        let t3_86 = (-t3_79).mul_add(t3_85, t1_100);
-        let t3_87 = t3_39.mul_add(t3_85, t1_97);
-        let t3_88 = t3_87 * inv_pivot_4;
-        let t3_89 = (-t3_80).mul_add(t3_88, t3_86);
-        let t3_90 = t1_107 * inv_pivot_5;
-        let t3_91 = (-t3_90).mul_add(t3_83, t3_89);
-        let t3_92 = t3_59.mul_add(t3_85, t1_97);
-        let t3_93 = (-t3_60).mul_add(t3_88, t3_92);
-        let t3_94 = t3_90.mul_add(t3_68, t3_93);
-        let t3_95 = t3_94 * inv_pivot_6;
-        let pivot_7 = (-t3_84).mul_add(t3_95, t3_91);
+        let t3_74 = t3_70.mul_add(t3_49, t2_186);
+        let t3_75 = (-t3_73).mul_add(t3_61, t3_74);
+        let t3_76 = (-t1_179).mul_add(t3_73, t1_123);
+        let t3_77 = t1_112 * inv_pivot_3;
+        let t3_78 = (-t3_54).mul_add(t3_77, t1_153);
+        let t3_79 = (-t3_38).mul_add(t3_77, t1_150);
+        let t3_80 = t3_79 * inv_pivot_4;
+        let t3_81 = t3_55.mul_add(t3_80, t3_78);
+        let t3_82 = t3_81 * inv_pivot_5;
+        let t3_83 = (-t1_179).mul_add(t3_82, t1_155);
+        let t3_84 = (-t3_64).mul_add(t3_77, t1_148);
+        let t3_85 = (-t3_68).mul_add(t3_80, t3_84);
+        let t3_86 = t3_69.mul_add(t3_82, t3_85);
+        let t3_87 = t3_86 * inv_pivot_6;
+        let pivot_7 = t3_76.mul_add(t3_87, t3_83);
         let inv_pivot_7 = like.lift(1.0) / pivot_7;
-        let t3_96 = (-t3_85).mul_add(t3_35, t2_149);
-        let t3_97 = t3_88.mul_add(t3_52, t3_96);
-        let t3_98 = t3_90.mul_add(t3_71, t3_97);
-        let t3_99 = t3_95.mul_add(t3_72, t3_98);
-        let t3_100 = t1_34 * t3_90;
-        let t3_101 = like.lift(-0.1075).mul_add(t3_100, t1_102);
-        let t3_102 = t1_34 * t3_63;
-        let t3_103 = like.lift(0.1075).mul_add(t3_102, t1_35);
-        let t3_104 = t3_103.mul_add(t3_95, t3_101);
-        let t3_105 = t1_77 * inv_pivot_5;
-        let t3_106 = t1_34 * t3_105;
-        let t3_107 = like.lift(-0.1075).mul_add(t3_106, t1_73);
-        let t3_108 = t1_24 * inv_pivot_3;
-        let t3_109 = (-t3_59).mul_add(t3_108, t1_68);
-        let t3_110 = (-t3_39).mul_add(t3_108, t1_66);
-        let t3_111 = t3_110 * inv_pivot_4;
-        let t3_112 = (-t3_60).mul_add(t3_111, t3_109);
-        let t3_113 = (-t3_105).mul_add(t3_68, t3_112);
-        let t3_114 = t3_113 * inv_pivot_6;
-        let t3_115 = (-t3_103).mul_add(t3_114, t3_107);
-        let t3_116 = (-t3_79).mul_add(t3_108, t1_71);
-        let t3_117 = t3_80.mul_add(t3_111, t3_116);
-        let t3_118 = (-t3_105).mul_add(t3_83, t3_117);
-        let t3_119 = t3_84.mul_add(t3_114, t3_118);
-        let t3_120 = t3_119 * inv_pivot_7;
-        let pivot_8 = (-t3_104).mul_add(t3_120, t3_115);
+        let t3_88 = (-t3_77).mul_add(t3_35, t2_222);
+        let t3_89 = t3_80.mul_add(t3_49, t3_88);
+        let t3_90 = t3_82.mul_add(t3_61, t3_89);
+        let t3_91 = (-t3_87).mul_add(t3_75, t3_90);
+        let t3_92 = (-t1_184).mul_add(t3_82, t1_159);
+        let t3_93 = t1_184.mul_add(t3_73, t1_130);
+        let t3_94 = (-t3_93).mul_add(t3_87, t3_92);
+        let t3_95 = t1_109 * inv_pivot_3;
+        let t3_96 = (-t3_54).mul_add(t3_95, t1_139);
+        let t3_97 = (-t3_38).mul_add(t3_95, t1_137);
+        let t3_98 = t3_97 * inv_pivot_4;
+        let t3_99 = t3_55.mul_add(t3_98, t3_96);
+        let t3_100 = t3_99 * inv_pivot_5;
+        let t3_101 = (-t1_184).mul_add(t3_100, t1_147);
+        let t3_102 = (-t3_64).mul_add(t3_95, t1_134);
+        let t3_103 = (-t3_68).mul_add(t3_98, t3_102);
+        let t3_104 = t3_69.mul_add(t3_100, t3_103);
+        let t3_105 = t3_104 * inv_pivot_6;
+        let t3_106 = (-t3_93).mul_add(t3_105, t3_101);
+        let t3_107 = (-t1_179).mul_add(t3_100, t1_141);
+        let t3_108 = t3_76.mul_add(t3_105, t3_107);
+        let t3_109 = t3_108 * inv_pivot_7;
+        let pivot_8 = (-t3_94).mul_add(t3_109, t3_106);
         let inv_pivot_8 = like.lift(1.0) / pivot_8;
-        let t3_121 = (-t3_108).mul_add(t3_35, t2_95);
-        let t3_122 = (-t3_111).mul_add(t3_52, t3_121);
-        let t3_123 = t3_105.mul_add(t3_71, t3_122);
-        let t3_124 = (-t3_114).mul_add(t3_72, t3_123);
-        let t3_125 = (-t3_120).mul_add(t3_99, t3_124);
-        let t3_126 = inv_pivot_8 * t3_125;
-        let t3_127 = (-t3_104).mul_add(t3_126, t3_99);
-        let t3_128 = inv_pivot_7 * t3_127;
-        let t3_129 = t3_84.mul_add(t3_128, t3_72);
-        let t3_130 = (-t3_103).mul_add(t3_126, t3_129);
-        let t3_131 = inv_pivot_6 * t3_130;
-        let t3_132 = (-t3_60).mul_add(t3_131, t3_52);
-        let t3_133 = t3_80.mul_add(t3_128, t3_132);
-        let t3_134 = inv_pivot_4 * t3_133;
-        let t3_135 = (-t3_39).mul_add(t3_134, t3_35);
-        let t3_136 = (-t3_59).mul_add(t3_131, t3_135);
-        let t3_137 = (-t3_79).mul_add(t3_128, t3_136);
-        let t3_138 = inv_pivot_3 * t3_137;
-        let t3_139 = -t3_138;
-        let t3_140 = -t3_128;
-        let t3_141 = -t3_126;
-        let t3_142 = t3_68.mul_add(t3_131, t3_71);
-        let t3_143 = t3_83.mul_add(t3_128, t3_142);
-        let t3_144 = t1_34 * t3_126;
-        let t3_145 = like.lift(0.1075).mul_add(t3_144, t3_143);
-        let t3_146 = inv_pivot_5 * t3_145;
-        let t3_147 = t1_109.mul_add(t3_138, t3_34);
-        let t3_148 = t3_38.mul_add(t3_134, t3_147);
-        let t3_149 = t3_55.mul_add(t3_131, t3_148);
-        let t3_150 = t3_75.mul_add(t3_128, t3_149);
-        let t3_151 = inv_pivot_2 * t3_150;
-        let t3_152 = t1_129.mul_add(t3_151, t2_186);
-        let t3_153 = (-t1_113).mul_add(t3_134, t3_152);
-        let t3_154 = (-t1_119).mul_add(t3_131, t3_153);
-        let t3_155 = t1_121.mul_add(t3_128, t3_154);
-        let t3_156 = t3_27 * t3_155;
-        let t3_157 = like.lift(5.370700178508146) * t3_156;
-        let t3_158 = -t3_151;
+        let t3_110 = t3_95.mul_add(t3_35, t2_205);
+        let t3_111 = (-t3_98).mul_add(t3_49, t3_110);
+        let t3_112 = (-t3_100).mul_add(t3_61, t3_111);
+        let t3_113 = t3_105.mul_add(t3_75, t3_112);
+        let t3_114 = t3_109.mul_add(t3_91, t3_113);
+        let t3_115 = inv_pivot_8 * t3_114;
+        let t3_116 = t3_94.mul_add(t3_115, t3_91);
+        let t3_117 = inv_pivot_7 * t3_116;
+        let t3_118 = t3_76.mul_add(t3_117, t3_75);
+        let t3_119 = t3_93.mul_add(t3_115, t3_118);
+        let t3_120 = inv_pivot_6 * t3_119;
+        let t3_121 = (-t3_69).mul_add(t3_120, t3_61);
+        let t3_122 = t1_179.mul_add(t3_117, t3_121);
+        let t3_123 = (-t1_184).mul_add(t3_115, t3_122);
+        let t3_124 = inv_pivot_5 * t3_123;
+        let t3_125 = t3_55.mul_add(t3_124, t3_49);
+        let t3_126 = t3_68.mul_add(t3_120, t3_125);
+        let t3_127 = inv_pivot_4 * t3_126;
+        let t3_128 = t3_38.mul_add(t3_127, t3_35);
+        let t3_129 = t3_54.mul_add(t3_124, t3_128);
+        let t3_130 = (-t3_64).mul_add(t3_120, t3_129);
+        let t3_131 = inv_pivot_3 * t3_130;
+        let t3_132 = -t3_131;
+        let t3_133 = -t3_127;
+        let t3_134 = t1_12.mul_add(t3_131, t3_34);
+        let t3_135 = (-t3_37).mul_add(t3_127, t3_134);
+        let t3_136 = (-t3_51).mul_add(t3_124, t3_135);
+        let t3_137 = t3_63.mul_add(t3_120, t3_136);
+        let t3_138 = inv_pivot_2 * t3_137;
+        let t3_139 = t1_34 * t3_138;
+        let t3_140 = like.lift(0.18619546181365432).mul_add(t3_139, t2_25);
+        let t3_141 = t1_31.mul_add(t3_127, t3_140);
+        let t3_142 = (-t1_33).mul_add(t3_124, t3_141);
+        let t3_143 = (-t1_25).mul_add(t3_120, t3_142);
+        let t3_144 = inv_pivot_1 * t3_143;
+        let t3_145 = -t3_117;
+        let t3_146 = -t3_115;
+        let t3_147 = -pivot_2;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(6.287381471191513)).abs()
-            .min((pivot_2 * like.lift(4.054300853983487)).abs())
-            .min((pivot_3 * like.lift(5.1354731598256045)).abs())
-            .min((pivot_4 * like.lift(1.1136124389030184)).abs())
-            .min((t1_65 * like.lift(5.490928143318305)).abs())
-            .min((pivot_6 * like.lift(5.005772724016506)).abs())
-            .min((pivot_7 * like.lift(1.2292368551614257)).abs())
-            .min((pivot_8 * like.lift(6.313131313131312)).abs());
+        let margin = (pivot_1 * like.lift(8.169180195158923)).abs()
+            .min((t3_147 * like.lift(2.9578447349824133)).abs())
+            .min((pivot_3 * like.lift(4.709626127302084)).abs())
+            .min((pivot_4 * like.lift(1.7298389090997555)).abs())
+            .min((pivot_5 * like.lift(1.2416410909468296)).abs())
+            .min((pivot_6 * like.lift(4.677980223697912)).abs())
+            .min((pivot_7 * like.lift(5.873901159537709)).abs())
+            .min((pivot_8 * like.lift(4.02802513388111)).abs());
         let ([
-            [t3_159], [t3_160], [t3_161], [t3_162], [t3_163], [t3_164], [t3_165], [t3_166],
+            [t3_148], [t3_149], [t3_150], [t3_151], [t3_152], [t3_153], [t3_154], [t3_155],
         ], found) = ::regen_runtime::guarded(
-            [[t3_139], [t3_134], [t3_131], [t3_140], [t3_141], [t3_146], [t3_157], [t3_158]],
+            [[t3_132], [t3_120], [t3_133], [t3_124], [t3_138], [t3_144], [t3_145], [t3_146]],
             margin,
             || (
                 [
-                    [like.lift(0.0), t1_25, t1_31, t1_33, t1_36, t1_43, like.lift(0.0), like.lift(0.0)],
-                    [t1_44, t1_52, t1_55, t1_58, t1_60, t1_65, like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), t1_25, t1_31, t1_33, t1_36, pivot_1, like.lift(0.0), like.lift(0.0)],
+                    [t1_43, t1_51, t1_54, t1_57, t1_59, t1_65, like.lift(0.0), like.lift(0.0)],
                     [t1_24, t1_67, t1_69, t1_71, t1_73, t1_77, like.lift(0.0), like.lift(0.0)],
                     [t1_86, t1_97, t1_97, t1_100, t1_102, t1_107, like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), t1_113, t1_119, t1_121, like.lift(0.0), like.lift(0.0), pivot_1, t1_129],
-                    [t1_130, t1_133, t1_136, t1_139, like.lift(0.0), like.lift(0.0), t1_141, t1_146],
-                    [t1_112, t1_148, t1_150, t1_152, like.lift(0.0), like.lift(0.0), t1_154, t1_159],
-                    [t1_164, t1_173, t1_173, t1_176, like.lift(0.0), like.lift(0.0), t1_178, t1_184],
+                    [like.lift(0.0), t1_113, t1_119, t1_121, like.lift(0.0), like.lift(0.0), t1_123, t1_130],
+                    [t1_131, t1_134, t1_137, t1_140, like.lift(0.0), like.lift(0.0), t1_142, t1_147],
+                    [t1_112, t1_149, t1_151, t1_153, like.lift(0.0), like.lift(0.0), t1_155, t1_160],
+                    [t1_165, t1_174, t1_174, t1_177, like.lift(0.0), like.lift(0.0), t1_179, t1_185],
                 ],
                 [[t2_25], [t2_66], [t2_96], [t2_150], [t2_186], [t2_206], [t2_223], [t3_26]],
             ),
         );
         condition = condition.min(found);
-        qdd[1] = t3_159;
-        qdd[2] = t3_160;
-        qdd[3] = t3_161;
-        qdd[4] = t3_162;
-        qdd[6] = t3_163;
-        qdd[7] = t3_164;
-        qdd[9] = t3_165;
-        qdd[10] = t3_166;
+        qdd[1] = t3_148;
+        qdd[2] = t3_149;
+        qdd[3] = t3_150;
+        qdd[4] = t3_151;
+        qdd[6] = t3_152;
+        qdd[7] = t3_153;
+        qdd[9] = t3_154;
+        qdd[10] = t3_155;
         qdd[0] = dd_p1;
         qdd[5] = dd_p2;
         qdd[8] = dd_p3;
@@ -3035,7 +3017,7 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: column by column: `w[c][r]` multiplies `PARAMETERS[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 509 additions, 796 multiplications, 8 divisions, 8 sines and cosines.
+/// 510 additions, 788 multiplications, 8 divisions, 8 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[T; 3]; 70]) -> Condition<T> {
     let like = q[0];
     let [_, u1_1, u1_2, e1y, e1x, _, u2_1, u2_2, _, u3_1, u3_2] = *q;
@@ -3064,15 +3046,15 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
     let [
         sin_u1_2, cos_u1_2, t2_1, w_rod1z, t2_2, al_rod1x, sin_u1_1, cos_u1_1, sin_e1x,
         cos_e1x, sin_e1y, cos_e1y, sin_u1_2_e1y, cos_u1_2_e1y, u_e1y_p1z, u_e1x_p1y, u_e1y_p1x,
-        u_rod1_p1z, t2_23, t2_24, t2_30, t2_32, sin_u2_1, cos_u2_1, sin_u2_2, cos_u2_2,
-        u_rod2_p2z, t2_33, t2_34, t2_41, t2_42, e_e1x_u1_1y, t2_49, t2_52, t2_54, t2_55, t2_57,
-        t2_62, t2_63, t2_64, t2_65, t2_66, t2_68, t2_70, t2_74, t2_83, t2_94, t2_97, t2_99,
-        t2_104, t2_106, t2_109, t2_110, t2_116, t2_118, sin_u3_1, cos_u3_1, sin_u3_2, cos_u3_2,
-        u_rod3_p3z, pivot_1, t2_125, t2_126, t2_129, t2_132, t2_135, t2_137, t2_142, t2_144,
-        t2_146, t2_148, t2_150, t2_155, t2_160, t2_169, t2_172, t2_174, t2_180, t2_181, t2_182,
-        pivot_2, inv_pivot_2, t2_185, pivot_3, inv_pivot_3, t2_188, t2_189, t2_195, t2_198,
-        pivot_4, inv_pivot_4, t2_201, t2_205, t2_206, t2_207, inv_pivot_5, t2_209, t2_210,
-        t2_213, t2_214, pivot_6, inv_pivot_6, t2_216, t2_217, t2_219, t2_220,
+        u_rod1_p1z, t2_11, t2_23, t2_24, t2_30, t2_32, sin_u2_1, cos_u2_1, sin_u2_2, cos_u2_2,
+        u_rod2_p2z, t2_34, pivot_1, t2_41, e_e1x_u1_1y, t2_48, t2_51, t2_54, t2_56, t2_62,
+        t2_64, t2_66, t2_68, t2_70, t2_74, t2_83, t2_94, t2_97, t2_99, t2_104, t2_106, t2_109,
+        t2_110, t2_116, t2_118, sin_u3_1, cos_u3_1, sin_u3_2, cos_u3_2, u_rod3_p3z, t2_119,
+        t2_126, t2_127, t2_130, t2_133, t2_135, t2_136, t2_137, t2_138, t2_143, t2_144, t2_145,
+        t2_146, t2_147, t2_149, t2_151, t2_155, t2_156, t2_161, t2_170, t2_173, t2_175, t2_180,
+        t2_181, inv_pivot_1, pivot_2, inv_pivot_2, pivot_3, inv_pivot_3, t2_189, t2_190,
+        t2_198, pivot_4, inv_pivot_4, t2_200, t2_203, t2_204, pivot_5, inv_pivot_5, t2_209,
+        t2_211, t2_212, t2_216, t2_217, t2_218, t2_219, t2_221,
     ] = {
         let (sin_u1_2, cos_u1_2) = u1_2.sin_cos();
         let t2_1 = cos_u1_2 * dd_u1_1;
@@ -3129,41 +3111,41 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         let t2_38 = like.lift(0.5) * t2_37;
         let t2_39 = like.lift(0.8660254037844386).mul_add(sin_u2_2, t2_38);
         let t2_40 = sin_u2_1 * t2_39;
-        let t2_41 = like.lift(0.215).mul_add(t2_40, t2_36);
-        let t2_42 = -t2_11;
+        let pivot_1 = like.lift(0.215).mul_add(t2_40, t2_36);
+        let t2_41 = -t2_11;
         let e_e1x_u1_1y = sin_e1x * sin_u1_2_e1y;
-        let t2_43 = like.lift(0.0199) * e_e1x_u1_1y;
-        let t2_44 = like.lift(0.215).mul_add(sin_u1_2, t2_43);
-        let t2_45 = like.lift(0.017233905535310328) * cos_u1_2_e1y;
-        let t2_46 = like.lift(0.00995) * e_e1x_u1_1y;
-        let t2_47 = t2_45 + t2_46;
-        let t2_48 = t2_44 + t2_47;
-        let t2_49 = sin_u1_1 * t2_48;
-        let t2_50 = t2_43 + t2_45;
-        let t2_51 = t2_46 + t2_50;
-        let t2_52 = sin_u1_1 * t2_51;
-        let t2_53 = u_e1y_p1x * t2_51;
-        let t2_54 = cos_u1_2_e1y.mul_add(t2_26, t2_53);
-        let t2_55 = -t2_54;
-        let t2_56 = like.lift(0.1075) * u_rod2_p2z;
-        let t2_57 = -t2_56;
-        let t2_58 = like.lift(0.8660254037844386) * t2_37;
-        let t2_59 = like.lift(-0.5).mul_add(sin_u2_2, t2_58);
-        let t2_60 = sin_u2_1 * t2_59;
-        let t2_61 = like.lift(0.215) * t2_60;
-        let pivot_5 = like.lift(0.18619546181365432).mul_add(t2_35, t2_61);
-        let t2_62 = -pivot_5;
-        let t2_63 = cos_u1_1 * t2_48;
+        let t2_42 = like.lift(0.0199) * e_e1x_u1_1y;
+        let t2_43 = like.lift(0.215).mul_add(sin_u1_2, t2_42);
+        let t2_44 = like.lift(0.017233905535310328) * cos_u1_2_e1y;
+        let t2_45 = like.lift(0.00995) * e_e1x_u1_1y;
+        let t2_46 = t2_44 + t2_45;
+        let t2_47 = t2_43 + t2_46;
+        let t2_48 = sin_u1_1 * t2_47;
+        let t2_49 = t2_42 + t2_44;
+        let t2_50 = t2_45 + t2_49;
+        let t2_51 = sin_u1_1 * t2_50;
+        let t2_52 = u_e1y_p1x * t2_50;
+        let t2_53 = cos_u1_2_e1y.mul_add(t2_26, t2_52);
+        let t2_54 = -t2_53;
+        let t2_55 = like.lift(0.1075) * u_rod2_p2z;
+        let t2_56 = -t2_55;
+        let t2_57 = like.lift(0.8660254037844386) * t2_37;
+        let t2_58 = like.lift(-0.5).mul_add(sin_u2_2, t2_57);
+        let t2_59 = sin_u2_1 * t2_58;
+        let t2_60 = like.lift(0.215) * t2_59;
+        let t2_61 = like.lift(0.18619546181365432).mul_add(t2_35, t2_60);
+        let t2_62 = -t2_61;
+        let t2_63 = cos_u1_1 * t2_47;
         let t2_64 = -t2_63;
-        let t2_65 = cos_u1_1 * t2_51;
+        let t2_65 = cos_u1_1 * t2_50;
         let t2_66 = -t2_65;
         let t2_67 = cos_u1_2_e1y * t2_29;
-        let t2_68 = (-t2_17).mul_add(t2_51, t2_67);
+        let t2_68 = (-t2_17).mul_add(t2_50, t2_67);
         let t2_69 = like.lift(0.1075) * t2_39;
-        let t2_70 = like.lift(0.18619546181365432).mul_add(t2_59, t2_69);
+        let t2_70 = like.lift(0.18619546181365432).mul_add(t2_58, t2_69);
         let t2_71 = cos_u2_1 * t2_39;
         let t2_72 = like.lift(0.18619546181365432) * t2_71;
-        let t2_73 = cos_u2_1 * t2_59;
+        let t2_73 = cos_u2_1 * t2_58;
         let t2_74 = like.lift(-0.1075).mul_add(t2_73, t2_72);
         let t2_75 = like.lift(0.5) * u_e1y_p1x;
         let t2_76 = like.lift(0.8660254037844386) * u_e1x_p1y;
@@ -3212,131 +3194,131 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         let (sin_u3_1, cos_u3_1) = u3_1.sin_cos();
         let (sin_u3_2, cos_u3_2) = u3_2.sin_cos();
         let u_rod3_p3z = cos_u3_1 * cos_u3_2;
-        let pivot_1 = like.lift(0.18619546181365432) * u_rod3_p3z;
-        let t2_119 = cos_u3_1 * u_rod3_p3z;
-        let t2_120 = like.lift(0.1075) * t2_119;
-        let t2_121 = sin_u3_1 * cos_u3_2;
-        let t2_122 = like.lift(0.5) * t2_121;
-        let t2_123 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t2_122);
-        let t2_124 = sin_u3_1 * t2_123;
-        let t2_125 = like.lift(0.215).mul_add(t2_124, t2_120);
-        let t2_126 = -t2_106;
-        let t2_127 = t2_45 - t2_46;
-        let t2_128 = t2_44 - t2_127;
-        let t2_129 = sin_u1_1 * t2_128;
-        let t2_130 = t2_43 - t2_45;
-        let t2_131 = t2_46 + t2_130;
-        let t2_132 = sin_u1_1 * t2_131;
-        let t2_133 = u_e1y_p1x * t2_131;
-        let t2_134 = cos_u1_2_e1y.mul_add(t2_112, t2_133);
-        let t2_135 = -t2_134;
-        let t2_136 = like.lift(0.1075) * u_rod3_p3z;
-        let t2_137 = -t2_136;
-        let t2_138 = like.lift(0.8660254037844386) * t2_121;
-        let t2_139 = like.lift(0.5).mul_add(sin_u3_2, t2_138);
-        let t2_140 = sin_u3_1 * t2_139;
-        let t2_141 = like.lift(0.215) * t2_140;
-        let t2_142 = like.lift(0.18619546181365432).mul_add(t2_119, t2_141);
-        let t2_143 = cos_u1_1 * t2_128;
-        let t2_144 = -t2_143;
-        let t2_145 = cos_u1_1 * t2_131;
-        let t2_146 = -t2_145;
-        let t2_147 = cos_u1_2_e1y * t2_115;
-        let t2_148 = (-t2_17).mul_add(t2_131, t2_147);
-        let t2_149 = like.lift(0.1075) * t2_123;
-        let t2_150 = like.lift(0.18619546181365432).mul_add(t2_139, t2_149);
-        let t2_151 = cos_u3_1 * t2_123;
-        let t2_152 = like.lift(0.18619546181365432) * t2_151;
-        let t2_153 = cos_u3_1 * t2_139;
-        let t2_154 = like.lift(-0.1075).mul_add(t2_153, t2_152);
-        let t2_155 = -t2_154;
-        let t2_156 = t2_75 - t2_76;
-        let t2_157 = cos_u3_1 * t2_156;
-        let t2_158 = like.lift(0.5) * t2_157;
-        let t2_159 = t2_80 + t2_81;
-        let t2_160 = (-sin_u3_1).mul_add(t2_159, t2_158);
-        let t2_161 = t2_84 + t2_85;
-        let t2_162 = sin_u3_1 * t2_161;
-        let t2_163 = like.lift(0.8660254037844386).mul_add(t2_157, t2_162);
-        let t2_164 = cos_u1_1 * t2_163;
-        let t2_165 = cos_u3_1 * t2_159;
-        let t2_166 = like.lift(0.8660254037844386) * t2_165;
-        let t2_167 = cos_u3_1 * t2_161;
-        let t2_168 = like.lift(0.5).mul_add(t2_167, t2_166);
-        let t2_169 = sin_u1_1.mul_add(t2_168, t2_164);
-        let t2_170 = cos_u1_2_e1y * t2_160;
-        let t2_171 = t2_17.mul_add(t2_163, t2_170);
-        let t2_172 = (-u_e1y_p1x).mul_add(t2_168, t2_171);
-        let t2_173 = like.lift(0.5) * t2_160;
-        let t2_174 = like.lift(0.8660254037844386).mul_add(t2_163, t2_173);
-        let t2_175 = cos_u3_1 * t2_160;
-        let t2_176 = like.lift(0.8660254037844386) * t2_175;
-        let t2_177 = cos_u3_1 * t2_163;
-        let t2_178 = like.lift(-0.5).mul_add(t2_177, t2_176);
-        let t2_179 = sin_u3_1.mul_add(t2_168, t2_178);
-        let t2_180 = -t2_179;
-        let t2_181 = like.lift(1.0) / u_rod3_p3z;
-        let t2_182 = t2_150 * t2_181;
-        let t2_183 = t2_125 * t2_182;
-        let t2_184 = like.lift(5.370700178508146).mul_add(t2_183, t2_154);
-        let pivot_2 = like.lift(0.5773502691896257).mul_add(t2_125, t2_142);
+        let t2_119 = like.lift(0.18619546181365432) * u_rod3_p3z;
+        let t2_120 = cos_u3_1 * u_rod3_p3z;
+        let t2_121 = like.lift(0.1075) * t2_120;
+        let t2_122 = sin_u3_1 * cos_u3_2;
+        let t2_123 = like.lift(0.5) * t2_122;
+        let t2_124 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t2_123);
+        let t2_125 = sin_u3_1 * t2_124;
+        let t2_126 = like.lift(0.215).mul_add(t2_125, t2_121);
+        let t2_127 = -t2_106;
+        let t2_128 = t2_44 - t2_45;
+        let t2_129 = t2_43 - t2_128;
+        let t2_130 = sin_u1_1 * t2_129;
+        let t2_131 = t2_42 - t2_44;
+        let t2_132 = t2_45 + t2_131;
+        let t2_133 = sin_u1_1 * t2_132;
+        let t2_134 = u_e1y_p1x * t2_132;
+        let t2_135 = cos_u1_2_e1y.mul_add(t2_112, t2_134);
+        let t2_136 = -t2_135;
+        let t2_137 = like.lift(0.1075) * u_rod3_p3z;
+        let t2_138 = -t2_137;
+        let t2_139 = like.lift(0.8660254037844386) * t2_122;
+        let t2_140 = like.lift(0.5).mul_add(sin_u3_2, t2_139);
+        let t2_141 = sin_u3_1 * t2_140;
+        let t2_142 = like.lift(0.215) * t2_141;
+        let t2_143 = like.lift(0.18619546181365432).mul_add(t2_120, t2_142);
+        let t2_144 = cos_u1_1 * t2_129;
+        let t2_145 = -t2_144;
+        let t2_146 = cos_u1_1 * t2_132;
+        let t2_147 = -t2_146;
+        let t2_148 = cos_u1_2_e1y * t2_115;
+        let t2_149 = (-t2_17).mul_add(t2_132, t2_148);
+        let t2_150 = like.lift(0.1075) * t2_124;
+        let t2_151 = like.lift(0.18619546181365432).mul_add(t2_140, t2_150);
+        let t2_152 = cos_u3_1 * t2_124;
+        let t2_153 = like.lift(0.18619546181365432) * t2_152;
+        let t2_154 = cos_u3_1 * t2_140;
+        let t2_155 = like.lift(-0.1075).mul_add(t2_154, t2_153);
+        let t2_156 = -t2_155;
+        let t2_157 = t2_75 - t2_76;
+        let t2_158 = cos_u3_1 * t2_157;
+        let t2_159 = like.lift(0.5) * t2_158;
+        let t2_160 = t2_80 + t2_81;
+        let t2_161 = (-sin_u3_1).mul_add(t2_160, t2_159);
+        let t2_162 = t2_84 + t2_85;
+        let t2_163 = sin_u3_1 * t2_162;
+        let t2_164 = like.lift(0.8660254037844386).mul_add(t2_158, t2_163);
+        let t2_165 = cos_u1_1 * t2_164;
+        let t2_166 = cos_u3_1 * t2_160;
+        let t2_167 = like.lift(0.8660254037844386) * t2_166;
+        let t2_168 = cos_u3_1 * t2_162;
+        let t2_169 = like.lift(0.5).mul_add(t2_168, t2_167);
+        let t2_170 = sin_u1_1.mul_add(t2_169, t2_165);
+        let t2_171 = cos_u1_2_e1y * t2_161;
+        let t2_172 = t2_17.mul_add(t2_164, t2_171);
+        let t2_173 = (-u_e1y_p1x).mul_add(t2_169, t2_172);
+        let t2_174 = like.lift(0.5) * t2_161;
+        let t2_175 = like.lift(0.8660254037844386).mul_add(t2_164, t2_174);
+        let t2_176 = cos_u3_1 * t2_161;
+        let t2_177 = like.lift(0.8660254037844386) * t2_176;
+        let t2_178 = cos_u3_1 * t2_164;
+        let t2_179 = like.lift(-0.5).mul_add(t2_178, t2_177);
+        let t2_180 = sin_u3_1.mul_add(t2_169, t2_179);
+        let t2_181 = -t2_180;
+        let inv_pivot_1 = like.lift(1.0) / pivot_1;
+        let t2_182 = t2_74 * inv_pivot_1;
+        let t2_183 = u_rod2_p2z * t2_182;
+        let t2_184 = like.lift(0.18619546181365432).mul_add(t2_183, t2_70);
+        let t2_185 = t2_61 * inv_pivot_1;
+        let t2_186 = u_rod2_p2z * t2_185;
+        let pivot_2 = like.lift(0.18619546181365432).mul_add(t2_186, t2_55);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_185 = t2_184 * inv_pivot_2;
-        let pivot_3 = (-t2_106).mul_add(t2_185, t2_109);
+        let t2_187 = t2_184 * inv_pivot_2;
+        let pivot_3 = (-t2_11).mul_add(t2_187, t2_23);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_186 = t2_110 * t2_182;
-        let t2_187 = like.lift(5.370700178508146).mul_add(t2_186, t2_143);
-        let t2_188 = like.lift(0.5773502691896257).mul_add(t2_110, t2_129);
-        let t2_189 = (-t2_188).mul_add(t2_185, t2_187);
-        let t2_190 = t2_174 * t2_181;
-        let t2_191 = t2_110 * t2_190;
-        let t2_192 = like.lift(-5.370700178508146).mul_add(t2_191, t2_169);
-        let t2_193 = t2_125 * t2_190;
-        let t2_194 = like.lift(5.370700178508146).mul_add(t2_193, t2_179);
+        let t2_188 = t2_30.mul_add(t2_182, t2_65);
+        let t2_189 = t2_30.mul_add(t2_185, t2_51);
+        let t2_190 = (-t2_189).mul_add(t2_187, t2_188);
+        let t2_191 = t2_104 * inv_pivot_1;
+        let t2_192 = (-t2_30).mul_add(t2_191, t2_94);
+        let t2_193 = u_rod2_p2z * t2_191;
+        let t2_194 = like.lift(0.18619546181365432).mul_add(t2_193, t2_99);
         let t2_195 = t2_194 * inv_pivot_2;
-        let t2_196 = t2_188.mul_add(t2_195, t2_192);
-        let t2_197 = (-t2_106).mul_add(t2_195, t2_160);
+        let t2_196 = t2_189.mul_add(t2_195, t2_192);
+        let t2_197 = (-t2_11).mul_add(t2_195, t2_83);
         let t2_198 = t2_197 * inv_pivot_3;
-        let pivot_4 = t2_189.mul_add(t2_198, t2_196);
+        let pivot_4 = t2_190.mul_add(t2_198, t2_196);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_199 = t2_116 * t2_190;
-        let t2_200 = like.lift(-5.370700178508146).mul_add(t2_199, t2_169);
-        let t2_201 = like.lift(0.5773502691896257).mul_add(t2_116, t2_132);
-        let t2_202 = t2_201.mul_add(t2_195, t2_200);
-        let t2_203 = t2_116 * t2_182;
-        let t2_204 = like.lift(5.370700178508146).mul_add(t2_203, t2_145);
-        let t2_205 = (-t2_201).mul_add(t2_185, t2_204);
-        let t2_206 = t2_205.mul_add(t2_198, t2_202);
-        let t2_207 = t2_24 * inv_pivot_4;
-        let t2_208 = (-t2_206).mul_add(t2_207, t2_30);
+        let t2_199 = (-t2_32).mul_add(t2_191, t2_97);
+        let t2_200 = (-t2_32).mul_add(t2_185, t2_53);
+        let t2_201 = (-t2_200).mul_add(t2_195, t2_199);
+        let t2_202 = (-t2_32).mul_add(t2_182, t2_68);
+        let t2_203 = (-t2_200).mul_add(t2_187, t2_202);
+        let t2_204 = (-t2_203).mul_add(t2_198, t2_201);
+        let t2_205 = t2_161 * inv_pivot_3;
+        let t2_206 = (-t2_203).mul_add(t2_205, t2_173);
+        let t2_207 = t2_190.mul_add(t2_205, t2_170);
+        let t2_208 = t2_207 * inv_pivot_4;
+        let pivot_5 = (-t2_204).mul_add(t2_208, t2_206);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_209 = t2_41 * inv_pivot_5;
-        let t2_210 = t2_11 * inv_pivot_3;
-        let t2_211 = (-t2_205).mul_add(t2_210, t2_52);
-        let t2_212 = (-t2_189).mul_add(t2_210, t2_49);
-        let t2_213 = t2_212 * inv_pivot_4;
-        let t2_214 = (-t2_206).mul_add(t2_213, t2_211);
-        let pivot_6 = t2_209.mul_add(t2_214, t2_208);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_215 = t2_198 * t2_207;
-        let t2_216 = t2_198.mul_add(t2_213, t2_210);
-        let t2_217 = t2_209.mul_add(t2_216, t2_215);
-        let t2_218 = t2_118 * t2_190;
-        let t2_219 = like.lift(-5.370700178508146).mul_add(t2_218, t2_172);
-        let t2_220 = like.lift(-0.5773502691896257).mul_add(t2_118, t2_134);
+        let t2_209 = (-t2_198).mul_add(t2_208, t2_205);
+        let t2_210 = t2_24.mul_add(t2_182, t2_63);
+        let t2_211 = t2_24.mul_add(t2_185, t2_48);
+        let t2_212 = (-t2_211).mul_add(t2_187, t2_210);
+        let t2_213 = t2_212.mul_add(t2_205, t2_170);
+        let t2_214 = (-t2_24).mul_add(t2_191, t2_94);
+        let t2_215 = t2_211.mul_add(t2_195, t2_214);
+        let t2_216 = t2_212.mul_add(t2_198, t2_215);
+        let t2_217 = (-t2_216).mul_add(t2_208, t2_213);
+        let t2_218 = t2_116 * inv_pivot_4;
+        let t2_219 = (-t2_216).mul_add(t2_218, t2_110);
+        let t2_220 = (-t2_204).mul_add(t2_218, t2_118);
+        let t2_221 = t2_220 * inv_pivot_5;
         [
             sin_u1_2, cos_u1_2, t2_1, w_rod1z, t2_2, al_rod1x, sin_u1_1, cos_u1_1, sin_e1x,
             cos_e1x, sin_e1y, cos_e1y, sin_u1_2_e1y, cos_u1_2_e1y, u_e1y_p1z, u_e1x_p1y,
-            u_e1y_p1x, u_rod1_p1z, t2_23, t2_24, t2_30, t2_32, sin_u2_1, cos_u2_1, sin_u2_2,
-            cos_u2_2, u_rod2_p2z, t2_33, t2_34, t2_41, t2_42, e_e1x_u1_1y, t2_49, t2_52, t2_54,
-            t2_55, t2_57, t2_62, t2_63, t2_64, t2_65, t2_66, t2_68, t2_70, t2_74, t2_83, t2_94,
-            t2_97, t2_99, t2_104, t2_106, t2_109, t2_110, t2_116, t2_118, sin_u3_1, cos_u3_1,
-            sin_u3_2, cos_u3_2, u_rod3_p3z, pivot_1, t2_125, t2_126, t2_129, t2_132, t2_135,
-            t2_137, t2_142, t2_144, t2_146, t2_148, t2_150, t2_155, t2_160, t2_169, t2_172,
-            t2_174, t2_180, t2_181, t2_182, pivot_2, inv_pivot_2, t2_185, pivot_3, inv_pivot_3,
-            t2_188, t2_189, t2_195, t2_198, pivot_4, inv_pivot_4, t2_201, t2_205, t2_206,
-            t2_207, inv_pivot_5, t2_209, t2_210, t2_213, t2_214, pivot_6, inv_pivot_6, t2_216,
-            t2_217, t2_219, t2_220,
+            u_e1y_p1x, u_rod1_p1z, t2_11, t2_23, t2_24, t2_30, t2_32, sin_u2_1, cos_u2_1,
+            sin_u2_2, cos_u2_2, u_rod2_p2z, t2_34, pivot_1, t2_41, e_e1x_u1_1y, t2_48, t2_51,
+            t2_54, t2_56, t2_62, t2_64, t2_66, t2_68, t2_70, t2_74, t2_83, t2_94, t2_97, t2_99,
+            t2_104, t2_106, t2_109, t2_110, t2_116, t2_118, sin_u3_1, cos_u3_1, sin_u3_2,
+            cos_u3_2, u_rod3_p3z, t2_119, t2_126, t2_127, t2_130, t2_133, t2_135, t2_136,
+            t2_137, t2_138, t2_143, t2_144, t2_145, t2_146, t2_147, t2_149, t2_151, t2_155,
+            t2_156, t2_161, t2_170, t2_173, t2_175, t2_180, t2_181, inv_pivot_1, pivot_2,
+            inv_pivot_2, pivot_3, inv_pivot_3, t2_189, t2_190, t2_198, pivot_4, inv_pivot_4,
+            t2_200, t2_203, t2_204, pivot_5, inv_pivot_5, t2_209, t2_211, t2_212, t2_216,
+            t2_217, t2_218, t2_219, t2_221,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -3345,175 +3327,165 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         x_e1y_p3, x_e1x_p1, x_e1x_p2, x_e1x_p3, x_u2_1_p1, x_u2_1_p2, x_u2_1_p3, x_u2_2_p1,
         x_u2_2_p2, x_u2_2_p3, x_u3_1_p1, x_u3_1_p2, x_u3_1_p3, x_u3_2_p1, x_u3_2_p2, x_u3_2_p3,
     ] = {
-        let t3_1 = (-t2_220).mul_add(t2_195, t2_219);
-        let t3_2 = t2_118 * t2_182;
-        let t3_3 = like.lift(-5.370700178508146).mul_add(t3_2, t2_148);
-        let t3_4 = (-t2_220).mul_add(t2_185, t3_3);
-        let t3_5 = (-t3_4).mul_add(t2_198, t3_1);
-        let t3_6 = (-t3_5).mul_add(t2_207, t2_32);
-        let t3_7 = (-t3_4).mul_add(t2_210, t2_54);
-        let t3_8 = t3_5.mul_add(t2_213, t3_7);
-        let t3_9 = (-t2_209).mul_add(t3_8, t3_6);
-        let t3_10 = t2_83 * inv_pivot_3;
-        let t3_11 = (-t3_4).mul_add(t3_10, t2_97);
-        let t3_12 = t2_189.mul_add(t3_10, t2_94);
-        let t3_13 = t3_12 * inv_pivot_4;
-        let t3_14 = (-t3_5).mul_add(t3_13, t3_11);
-        let t3_15 = t2_104 * inv_pivot_5;
-        let t3_16 = (-t3_15).mul_add(t3_8, t3_14);
-        let t3_17 = t2_205.mul_add(t3_10, t2_94);
-        let t3_18 = (-t2_206).mul_add(t3_13, t3_17);
-        let t3_19 = t3_15.mul_add(t2_214, t3_18);
-        let t3_20 = t3_19 * inv_pivot_6;
-        let pivot_7 = (-t3_9).mul_add(t3_20, t3_16);
+        let pivot_6 = (-t2_217).mul_add(t2_221, t2_219);
+        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let t3_1 = t2_198 * t2_218;
+        let t3_2 = t2_209.mul_add(t2_221, t3_1);
+        let t3_3 = (-t2_175).mul_add(t2_221, t2_119);
+        let t3_4 = t2_109 * inv_pivot_3;
+        let t3_5 = (-t2_203).mul_add(t3_4, t2_149);
+        let t3_6 = (-t2_190).mul_add(t3_4, t2_146);
+        let t3_7 = t3_6 * inv_pivot_4;
+        let t3_8 = t2_204.mul_add(t3_7, t3_5);
+        let t3_9 = t3_8 * inv_pivot_5;
+        let t3_10 = (-t2_175).mul_add(t3_9, t2_151);
+        let t3_11 = (-t2_212).mul_add(t3_4, t2_144);
+        let t3_12 = (-t2_216).mul_add(t3_7, t3_11);
+        let t3_13 = t2_217.mul_add(t3_9, t3_12);
+        let t3_14 = t3_13 * inv_pivot_6;
+        let pivot_7 = t3_3.mul_add(t3_14, t3_10);
         let inv_pivot_7 = like.lift(1.0) / pivot_7;
-        let t3_21 = (-t2_198).mul_add(t3_13, t3_10);
-        let t3_22 = (-t3_15).mul_add(t2_216, t3_21);
-        let t3_23 = t2_217.mul_add(t3_20, t3_22);
-        let t3_24 = u_rod2_p2z * t3_15;
-        let t3_25 = like.lift(-0.1075).mul_add(t3_24, t2_99);
-        let t3_26 = u_rod2_p2z * t2_209;
-        let t3_27 = like.lift(0.1075).mul_add(t3_26, t2_33);
-        let t3_28 = t3_27.mul_add(t3_20, t3_25);
-        let t3_29 = t2_23 * inv_pivot_3;
-        let t3_30 = like.lift(1.0) - t3_29;
-        let t3_31 = (-t2_189).mul_add(t3_29, t2_63);
-        let t3_32 = t3_31 * inv_pivot_4;
-        let t3_33 = t2_198 * t3_32;
-        let t3_34 = t3_30 - t3_33;
-        let t3_35 = t2_74 * inv_pivot_5;
-        let t3_36 = t3_35 * t2_216;
-        let t3_37 = t3_34 + t3_36;
-        let t3_38 = (-t2_205).mul_add(t3_29, t2_65);
-        let t3_39 = (-t2_206).mul_add(t3_32, t3_38);
-        let t3_40 = (-t3_35).mul_add(t2_214, t3_39);
-        let t3_41 = t3_40 * inv_pivot_6;
-        let t3_42 = t2_217 * t3_41;
-        let t3_43 = t3_37 + t3_42;
-        let t3_44 = (-t3_4).mul_add(t3_29, t2_68);
-        let t3_45 = t3_5.mul_add(t3_32, t3_44);
-        let t3_46 = (-t3_35).mul_add(t3_8, t3_45);
-        let t3_47 = t3_9.mul_add(t3_41, t3_46);
-        let t3_48 = t3_47 * inv_pivot_7;
-        let t3_49 = t3_23 * t3_48;
-        let t3_50 = t3_43 + t3_49;
-        let t3_51 = u_rod2_p2z * t3_35;
-        let t3_52 = like.lift(-0.1075).mul_add(t3_51, t2_70);
-        let t3_53 = (-t3_27).mul_add(t3_41, t3_52);
-        let pivot_8 = (-t3_28).mul_add(t3_48, t3_53);
+        let t3_15 = like.lift(1.0) - t3_4;
+        let t3_16 = t2_198 * t3_7;
+        let t3_17 = t3_15 - t3_16;
+        let t3_18 = t2_209 * t3_9;
+        let t3_19 = t3_17 + t3_18;
+        let t3_20 = t3_2 * t3_14;
+        let t3_21 = t3_19 + t3_20;
+        let t3_22 = (-t2_180).mul_add(t3_9, t2_155);
+        let t3_23 = t2_180.mul_add(t2_221, t2_126);
+        let t3_24 = (-t3_23).mul_add(t3_14, t3_22);
+        let t3_25 = t2_106 * inv_pivot_3;
+        let t3_26 = (-t2_190).mul_add(t3_25, t2_133);
+        let t3_27 = t3_26 * inv_pivot_4;
+        let t3_28 = t2_198.mul_add(t3_27, t3_25);
+        let t3_29 = (-t2_203).mul_add(t3_25, t2_135);
+        let t3_30 = t2_204.mul_add(t3_27, t3_29);
+        let t3_31 = t3_30 * inv_pivot_5;
+        let t3_32 = (-t2_209).mul_add(t3_31, t3_28);
+        let t3_33 = (-t2_212).mul_add(t3_25, t2_130);
+        let t3_34 = (-t2_216).mul_add(t3_27, t3_33);
+        let t3_35 = t2_217.mul_add(t3_31, t3_34);
+        let t3_36 = t3_35 * inv_pivot_6;
+        let t3_37 = (-t3_2).mul_add(t3_36, t3_32);
+        let t3_38 = (-t2_175).mul_add(t3_31, t2_137);
+        let t3_39 = t3_3.mul_add(t3_36, t3_38);
+        let t3_40 = t3_39 * inv_pivot_7;
+        let t3_41 = t3_21.mul_add(t3_40, t3_37);
+        let t3_42 = (-t2_180).mul_add(t3_31, t2_143);
+        let t3_43 = (-t3_23).mul_add(t3_36, t3_42);
+        let pivot_8 = (-t3_24).mul_add(t3_40, t3_43);
         let inv_pivot_8 = like.lift(1.0) / pivot_8;
-        let t3_54 = t3_50 * inv_pivot_8;
-        let t3_55 = t3_28.mul_add(t3_54, t3_23);
-        let t3_56 = inv_pivot_7 * t3_55;
-        let t3_57 = t3_9.mul_add(t3_56, t2_217);
-        let t3_58 = t3_27.mul_add(t3_54, t3_57);
-        let t3_59 = inv_pivot_6 * t3_58;
-        let t3_60 = t2_206.mul_add(t3_59, t2_198);
-        let t3_61 = (-t3_5).mul_add(t3_56, t3_60);
-        let t3_62 = inv_pivot_4 * t3_61;
-        let t3_63 = (-t2_189).mul_add(t3_62, like.lift(1.0));
-        let t3_64 = t2_205.mul_add(t3_59, t3_63);
-        let t3_65 = t3_4.mul_add(t3_56, t3_64);
-        let t3_66 = inv_pivot_3 * t3_65;
-        let t3_67 = -t3_66;
-        let t3_68 = t3_28 * inv_pivot_8;
-        let t3_69 = inv_pivot_7 * t3_68;
-        let t3_70 = t3_9 * t3_69;
-        let t3_71 = t3_27.mul_add(inv_pivot_8, t3_70);
-        let t3_72 = inv_pivot_6 * t3_71;
-        let t3_73 = t2_206 * t3_72;
-        let t3_74 = (-t3_5).mul_add(t3_69, t3_73);
-        let t3_75 = inv_pivot_4 * t3_74;
-        let t3_76 = t2_189 * t3_75;
-        let t3_77 = (-t2_205).mul_add(t3_72, t3_76);
-        let t3_78 = (-t3_4).mul_add(t3_69, t3_77);
-        let t3_79 = inv_pivot_3 * t3_78;
-        let t3_80 = -t3_79;
-        let t3_81 = t3_29 + t3_33;
-        let t3_82 = t3_81 - t3_36;
-        let t3_83 = t3_82 - t3_42;
-        let t3_84 = t3_83 - t3_49;
-        let t3_85 = t3_84 * inv_pivot_8;
-        let t3_86 = (-t3_28).mul_add(t3_85, t3_23);
-        let t3_87 = inv_pivot_7 * t3_86;
-        let t3_88 = t3_9.mul_add(t3_87, t2_217);
-        let t3_89 = (-t3_27).mul_add(t3_85, t3_88);
-        let t3_90 = inv_pivot_6 * t3_89;
-        let t3_91 = t2_206.mul_add(t3_90, t2_198);
-        let t3_92 = (-t3_5).mul_add(t3_87, t3_91);
-        let t3_93 = inv_pivot_4 * t3_92;
-        let t3_94 = (-t2_189).mul_add(t3_93, like.lift(1.0));
-        let t3_95 = t2_205.mul_add(t3_90, t3_94);
-        let t3_96 = t3_4.mul_add(t3_87, t3_95);
-        let t3_97 = inv_pivot_3 * t3_96;
-        let t3_98 = -t3_75;
-        let t3_99 = -t3_93;
-        let t3_100 = -t3_59;
-        let t3_101 = -t3_69;
-        let t3_102 = -t3_87;
-        let t3_103 = -t3_54;
-        let t3_104 = -t3_85;
-        let t3_105 = (-t2_214).mul_add(t3_59, t2_216);
-        let t3_106 = (-t3_8).mul_add(t3_56, t3_105);
-        let t3_107 = u_rod2_p2z * t3_54;
-        let t3_108 = like.lift(0.1075).mul_add(t3_107, t3_106);
-        let t3_109 = inv_pivot_5 * t3_108;
-        let t3_110 = t2_214 * t3_72;
-        let t3_111 = t3_8.mul_add(t3_69, t3_110);
-        let t3_112 = u_rod2_p2z * inv_pivot_8;
-        let t3_113 = like.lift(-0.1075).mul_add(t3_112, t3_111);
-        let t3_114 = inv_pivot_5 * t3_113;
-        let t3_115 = (-t2_214).mul_add(t3_90, t2_216);
-        let t3_116 = (-t3_8).mul_add(t3_87, t3_115);
-        let t3_117 = u_rod2_p2z * t3_85;
-        let t3_118 = like.lift(-0.1075).mul_add(t3_117, t3_116);
-        let t3_119 = inv_pivot_5 * t3_118;
-        let t3_120 = -t3_119;
-        let t3_121 = t2_106 * t3_66;
-        let t3_122 = t2_188.mul_add(t3_62, t3_121);
-        let t3_123 = (-t2_201).mul_add(t3_59, t3_122);
-        let t3_124 = (-t2_220).mul_add(t3_56, t3_123);
-        let t3_125 = inv_pivot_2 * t3_124;
-        let t3_126 = t2_125 * t3_125;
-        let t3_127 = (-t2_110).mul_add(t3_62, t3_126);
-        let t3_128 = t2_116.mul_add(t3_59, t3_127);
-        let t3_129 = (-t2_118).mul_add(t3_56, t3_128);
-        let t3_130 = t2_181 * t3_129;
-        let t3_131 = like.lift(5.370700178508146) * t3_130;
-        let t3_132 = t2_106 * t3_79;
-        let t3_133 = (-t2_188).mul_add(t3_75, t3_132);
-        let t3_134 = t2_201.mul_add(t3_72, t3_133);
-        let t3_135 = t2_220.mul_add(t3_69, t3_134);
-        let t3_136 = inv_pivot_2 * t3_135;
-        let t3_137 = t2_125 * t3_136;
-        let t3_138 = t2_110.mul_add(t3_75, t3_137);
-        let t3_139 = (-t2_116).mul_add(t3_72, t3_138);
-        let t3_140 = t2_118.mul_add(t3_69, t3_139);
-        let t3_141 = t2_181 * t3_140;
-        let t3_142 = like.lift(5.370700178508146) * t3_141;
-        let t3_143 = t2_106 * t3_97;
-        let t3_144 = t2_188.mul_add(t3_93, t3_143);
-        let t3_145 = (-t2_201).mul_add(t3_90, t3_144);
-        let t3_146 = (-t2_220).mul_add(t3_87, t3_145);
-        let t3_147 = inv_pivot_2 * t3_146;
-        let t3_148 = t2_125 * t3_147;
-        let t3_149 = (-t2_110).mul_add(t3_93, t3_148);
-        let t3_150 = t2_116.mul_add(t3_90, t3_149);
-        let t3_151 = (-t2_118).mul_add(t3_87, t3_150);
-        let t3_152 = t2_181 * t3_151;
-        let t3_153 = like.lift(5.370700178508146) * t3_152;
-        let t3_154 = -t3_153;
-        let t3_155 = -t3_125;
-        let t3_156 = -t3_136;
+        let t3_44 = t3_41 * inv_pivot_8;
+        let t3_45 = t3_24.mul_add(t3_44, t3_21);
+        let t3_46 = inv_pivot_7 * t3_45;
+        let t3_47 = (-t3_3).mul_add(t3_46, t3_2);
+        let t3_48 = (-t3_23).mul_add(t3_44, t3_47);
+        let t3_49 = inv_pivot_6 * t3_48;
+        let t3_50 = t2_217.mul_add(t3_49, t2_209);
+        let t3_51 = t2_175.mul_add(t3_46, t3_50);
+        let t3_52 = (-t2_180).mul_add(t3_44, t3_51);
+        let t3_53 = inv_pivot_5 * t3_52;
+        let t3_54 = (-t2_204).mul_add(t3_53, t2_198);
+        let t3_55 = t2_216.mul_add(t3_49, t3_54);
+        let t3_56 = inv_pivot_4 * t3_55;
+        let t3_57 = (-t2_190).mul_add(t3_56, like.lift(1.0));
+        let t3_58 = t2_203.mul_add(t3_53, t3_57);
+        let t3_59 = t2_212.mul_add(t3_49, t3_58);
+        let t3_60 = inv_pivot_3 * t3_59;
+        let t3_61 = -t3_60;
+        let t3_62 = t3_4 + t3_16;
+        let t3_63 = t3_62 - t3_18;
+        let t3_64 = t3_63 - t3_20;
+        let t3_65 = (-t3_64).mul_add(t3_40, t3_37);
+        let t3_66 = t3_65 * inv_pivot_8;
+        let t3_67 = (-t3_24).mul_add(t3_66, t3_64);
+        let t3_68 = inv_pivot_7 * t3_67;
+        let t3_69 = t3_3.mul_add(t3_68, t3_2);
+        let t3_70 = (-t3_23).mul_add(t3_66, t3_69);
+        let t3_71 = inv_pivot_6 * t3_70;
+        let t3_72 = t2_217.mul_add(t3_71, t2_209);
+        let t3_73 = (-t2_175).mul_add(t3_68, t3_72);
+        let t3_74 = (-t2_180).mul_add(t3_66, t3_73);
+        let t3_75 = inv_pivot_5 * t3_74;
+        let t3_76 = (-t2_204).mul_add(t3_75, t2_198);
+        let t3_77 = t2_216.mul_add(t3_71, t3_76);
+        let t3_78 = inv_pivot_4 * t3_77;
+        let t3_79 = (-t2_190).mul_add(t3_78, like.lift(1.0));
+        let t3_80 = t2_203.mul_add(t3_75, t3_79);
+        let t3_81 = t2_212.mul_add(t3_71, t3_80);
+        let t3_82 = inv_pivot_3 * t3_81;
+        let t3_83 = t3_40 * inv_pivot_8;
+        let t3_84 = t3_24.mul_add(t3_83, like.lift(1.0));
+        let t3_85 = inv_pivot_7 * t3_84;
+        let t3_86 = t3_3 * t3_85;
+        let t3_87 = t3_23.mul_add(t3_83, t3_86);
+        let t3_88 = inv_pivot_6 * t3_87;
+        let t3_89 = t2_217 * t3_88;
+        let t3_90 = (-t2_175).mul_add(t3_85, t3_89);
+        let t3_91 = t2_180.mul_add(t3_83, t3_90);
+        let t3_92 = inv_pivot_5 * t3_91;
+        let t3_93 = t2_204 * t3_92;
+        let t3_94 = (-t2_216).mul_add(t3_88, t3_93);
+        let t3_95 = inv_pivot_4 * t3_94;
+        let t3_96 = t2_190 * t3_95;
+        let t3_97 = t2_203.mul_add(t3_92, t3_96);
+        let t3_98 = t2_212.mul_add(t3_88, t3_97);
+        let t3_99 = inv_pivot_3 * t3_98;
+        let t3_100 = -t3_99;
+        let t3_101 = -t3_49;
+        let t3_102 = -t3_88;
+        let t3_103 = -t3_78;
+        let t3_104 = -t3_95;
+        let t3_105 = -t3_75;
+        let t3_106 = t2_11 * t3_60;
+        let t3_107 = t2_189.mul_add(t3_56, t3_106);
+        let t3_108 = (-t2_200).mul_add(t3_53, t3_107);
+        let t3_109 = (-t2_211).mul_add(t3_49, t3_108);
+        let t3_110 = inv_pivot_2 * t3_109;
+        let t3_111 = t2_11 * t3_82;
+        let t3_112 = t2_189.mul_add(t3_78, t3_111);
+        let t3_113 = (-t2_200).mul_add(t3_75, t3_112);
+        let t3_114 = (-t2_211).mul_add(t3_71, t3_113);
+        let t3_115 = inv_pivot_2 * t3_114;
+        let t3_116 = -t3_115;
+        let t3_117 = t2_11 * t3_99;
+        let t3_118 = (-t2_189).mul_add(t3_95, t3_117);
+        let t3_119 = (-t2_200).mul_add(t3_92, t3_118);
+        let t3_120 = (-t2_211).mul_add(t3_88, t3_119);
+        let t3_121 = inv_pivot_2 * t3_120;
+        let t3_122 = u_rod2_p2z * t3_110;
+        let t3_123 = like.lift(0.18619546181365432) * t3_122;
+        let t3_124 = (-t2_30).mul_add(t3_56, t3_123);
+        let t3_125 = (-t2_32).mul_add(t3_53, t3_124);
+        let t3_126 = t2_24.mul_add(t3_49, t3_125);
+        let t3_127 = inv_pivot_1 * t3_126;
+        let t3_128 = u_rod2_p2z * t3_115;
+        let t3_129 = like.lift(0.18619546181365432) * t3_128;
+        let t3_130 = (-t2_30).mul_add(t3_78, t3_129);
+        let t3_131 = (-t2_32).mul_add(t3_75, t3_130);
+        let t3_132 = t2_24.mul_add(t3_71, t3_131);
+        let t3_133 = inv_pivot_1 * t3_132;
+        let t3_134 = -t3_133;
+        let t3_135 = u_rod2_p2z * t3_121;
+        let t3_136 = like.lift(0.18619546181365432) * t3_135;
+        let t3_137 = t2_30.mul_add(t3_95, t3_136);
+        let t3_138 = (-t2_32).mul_add(t3_92, t3_137);
+        let t3_139 = t2_24.mul_add(t3_88, t3_138);
+        let t3_140 = inv_pivot_1 * t3_139;
+        let t3_141 = -t3_46;
+        let t3_142 = -t3_68;
+        let t3_143 = -t3_44;
+        let t3_144 = -pivot_2;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(6.287381471191513)).abs()
-            .min((pivot_2 * like.lift(4.054300853983487)).abs())
-            .min((pivot_3 * like.lift(5.1354731598256045)).abs())
-            .min((pivot_4 * like.lift(1.1136124389030184)).abs())
-            .min((t2_62 * like.lift(5.490928143318305)).abs())
-            .min((pivot_6 * like.lift(5.005772724016506)).abs())
-            .min((pivot_7 * like.lift(1.2292368551614257)).abs())
-            .min((pivot_8 * like.lift(6.313131313131312)).abs());
+        let margin = (pivot_1 * like.lift(8.169180195158923)).abs()
+            .min((t3_144 * like.lift(2.9578447349824133)).abs())
+            .min((pivot_3 * like.lift(4.709626127302084)).abs())
+            .min((pivot_4 * like.lift(1.7298389090997555)).abs())
+            .min((pivot_5 * like.lift(1.2416410909468296)).abs())
+            .min((pivot_6 * like.lift(4.677980223697912)).abs())
+            .min((pivot_7 * like.lift(5.873901159537709)).abs())
+            .min((pivot_8 * like.lift(4.02802513388111)).abs());
         let ([
             [x_u1_1_p1, x_u1_1_p2, x_u1_1_p3], [x_u1_2_p1, x_u1_2_p2, x_u1_2_p3],
             [x_e1y_p1, x_e1y_p2, x_e1y_p3], [x_e1x_p1, x_e1x_p2, x_e1x_p3],
@@ -3521,21 +3493,21 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
             [x_u3_1_p1, x_u3_1_p2, x_u3_1_p3], [x_u3_2_p1, x_u3_2_p2, x_u3_2_p3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t3_67, t3_80, t3_97], [t3_62, t3_98, t3_99], [t3_100, t3_72, t3_90],
-                [t3_56, t3_101, t3_102], [t3_103, inv_pivot_8, t3_104],
-                [t3_109, t3_114, t3_120], [t3_131, t3_142, t3_154], [t3_155, t3_156, t3_147],
+                [t3_61, t3_82, t3_100], [t3_101, t3_71, t3_102], [t3_56, t3_103, t3_104],
+                [t3_53, t3_105, t3_92], [t3_110, t3_116, t3_121], [t3_127, t3_134, t3_140],
+                [t3_141, t3_142, t3_85], [t3_143, t3_66, t3_83],
             ],
             margin,
             || (
                 [
-                    [like.lift(0.0), t2_24, t2_30, t2_32, t2_34, t2_41, like.lift(0.0), like.lift(0.0)],
-                    [t2_42, t2_49, t2_52, t2_55, t2_57, t2_62, like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), t2_24, t2_30, t2_32, t2_34, pivot_1, like.lift(0.0), like.lift(0.0)],
+                    [t2_41, t2_48, t2_51, t2_54, t2_56, t2_62, like.lift(0.0), like.lift(0.0)],
                     [t2_23, t2_64, t2_66, t2_68, t2_70, t2_74, like.lift(0.0), like.lift(0.0)],
                     [t2_83, t2_94, t2_94, t2_97, t2_99, t2_104, like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), t2_110, t2_116, t2_118, like.lift(0.0), like.lift(0.0), pivot_1, t2_125],
-                    [t2_126, t2_129, t2_132, t2_135, like.lift(0.0), like.lift(0.0), t2_137, t2_142],
-                    [t2_109, t2_144, t2_146, t2_148, like.lift(0.0), like.lift(0.0), t2_150, t2_155],
-                    [t2_160, t2_169, t2_169, t2_172, like.lift(0.0), like.lift(0.0), t2_174, t2_180],
+                    [like.lift(0.0), t2_110, t2_116, t2_118, like.lift(0.0), like.lift(0.0), t2_119, t2_126],
+                    [t2_127, t2_130, t2_133, t2_136, like.lift(0.0), like.lift(0.0), t2_138, t2_143],
+                    [t2_109, t2_145, t2_147, t2_149, like.lift(0.0), like.lift(0.0), t2_151, t2_156],
+                    [t2_161, t2_170, t2_170, t2_173, like.lift(0.0), like.lift(0.0), t2_175, t2_181],
                 ],
                 [
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -4293,7 +4265,7 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
 ///
-/// 461 additions, 628 multiplications, 8 divisions, 8 sines and cosines.
+/// 462 additions, 620 multiplications, 8 divisions, 8 sines and cosines.
 pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -4320,8 +4292,8 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
         a_rod1x, t1_18, cos_u1_2_e1y, t1_77, t1_84, t1_88, t1_114, t1_129, t1_145, t1_166,
         u_e1x_p1y, t1_168, u_e1y_p1x, t1_169, t1_170, t1_171, t1_173, t1_177, t1_178, t1_179,
         t1_180, t1_182, t1_183, t1_185, t1_186, t1_188, t1_191, t1_192, t1_194, sin_u2_1,
-        cos_u2_1, sin_u2_2, cos_u2_2, u_rod2_p2z, t1_195, t1_196, t1_197, t1_199, t1_201,
-        t1_203, t1_204, e_e1x_u1_1y, t1_205, t1_206, t1_207,
+        cos_u2_1, sin_u2_2, cos_u2_2, u_rod2_p2z, t1_196, t1_197, t1_199, t1_201, pivot_1,
+        t1_203, e_e1x_u1_1y, t1_204, t1_205, t1_206,
     ] = {
         let a_carriage1z = like.lift(9.81) + dd_p1;
         let (sin_u1_1, cos_u1_1) = u1_1.sin_cos();
@@ -4567,37 +4539,38 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
         let t1_200 = like.lift(0.5) * t1_199;
         let t1_201 = like.lift(0.8660254037844386).mul_add(sin_u2_2, t1_200);
         let t1_202 = sin_u2_1 * t1_201;
-        let t1_203 = like.lift(0.215).mul_add(t1_202, t1_198);
-        let t1_204 = -t1_173;
+        let pivot_1 = like.lift(0.215).mul_add(t1_202, t1_198);
+        let t1_203 = -t1_173;
         let e_e1x_u1_1y = sin_e1x * sin_u1_2_e1y;
-        let t1_205 = like.lift(0.0199) * e_e1x_u1_1y;
-        let t1_206 = like.lift(0.215).mul_add(sin_u1_2, t1_205);
-        let t1_207 = like.lift(0.017233905535310328) * cos_u1_2_e1y;
+        let t1_204 = like.lift(0.0199) * e_e1x_u1_1y;
+        let t1_205 = like.lift(0.215).mul_add(sin_u1_2, t1_204);
+        let t1_206 = like.lift(0.017233905535310328) * cos_u1_2_e1y;
         [
             sin_u1_1, cos_u1_1, t1_1, al_rod1z, t1_7, al_rod1x, sin_e1x, cos_e1x, a_rod1z,
             t1_13, a_rod1x, t1_18, cos_u1_2_e1y, t1_77, t1_84, t1_88, t1_114, t1_129, t1_145,
             t1_166, u_e1x_p1y, t1_168, u_e1y_p1x, t1_169, t1_170, t1_171, t1_173, t1_177,
             t1_178, t1_179, t1_180, t1_182, t1_183, t1_185, t1_186, t1_188, t1_191, t1_192,
-            t1_194, sin_u2_1, cos_u2_1, sin_u2_2, cos_u2_2, u_rod2_p2z, t1_195, t1_196, t1_197,
-            t1_199, t1_201, t1_203, t1_204, e_e1x_u1_1y, t1_205, t1_206, t1_207,
+            t1_194, sin_u2_1, cos_u2_1, sin_u2_2, cos_u2_2, u_rod2_p2z, t1_196, t1_197, t1_199,
+            t1_201, pivot_1, t1_203, e_e1x_u1_1y, t1_204, t1_205, t1_206,
         ]
     };
     // tau, part 2
     let [
-        t2_4, t2_7, t2_10, t2_12, t2_17, t2_19, t2_21, t2_23, t2_25, t2_29, t2_38, t2_49,
-        t2_52, t2_54, t2_59, t2_61, t2_64, t2_65, t2_71, t2_73, sin_u3_1, cos_u3_1, sin_u3_2,
-        cos_u3_2, pivot_1, t2_80, t2_81, t2_84, t2_87, t2_90, t2_92, t2_97, t2_99, t2_101,
-        t2_103, t2_105, t2_110, t2_115, t2_124, t2_127, t2_129, t2_135, t2_136, pivot_2,
-        inv_pivot_2, pivot_3, inv_pivot_3, t2_143, t2_144, t2_153, pivot_4, inv_pivot_4,
-        t2_156, t2_160, t2_161, inv_pivot_5, t2_169, pivot_6, inv_pivot_6, t2_171, t2_172,
-        t2_175, t2_179, t2_180, t2_183, t2_184, pivot_7, inv_pivot_7, t2_198, t2_202, t2_203,
-        t2_204, t2_208, t2_211, t2_217, t2_224, pivot_8, inv_pivot_8, t2_229, t2_231, t2_232,
+        t2_4, t2_7, t2_10, t2_12, t2_18, t2_20, t2_22, t2_24, t2_26, t2_30, t2_39, t2_50,
+        t2_53, t2_55, t2_60, t2_65, t2_66, t2_72, t2_74, sin_u3_1, cos_u3_1, sin_u3_2,
+        cos_u3_2, t2_75, t2_82, t2_83, t2_86, t2_89, t2_92, t2_94, t2_99, t2_101, t2_103,
+        t2_105, t2_107, t2_112, t2_117, t2_126, t2_129, t2_131, t2_136, t2_137, inv_pivot_1,
+        pivot_2, inv_pivot_2, pivot_3, inv_pivot_3, t2_145, t2_146, t2_154, pivot_4,
+        inv_pivot_4, t2_156, t2_159, t2_160, pivot_5, inv_pivot_5, t2_165, t2_167, t2_168,
+        t2_172, t2_173, pivot_6, inv_pivot_6, t2_179, t2_180, t2_181, pivot_7, inv_pivot_7,
+        t2_193, t2_195, t2_197, t2_200, t2_201, t2_214, t2_217, pivot_8, inv_pivot_8, t2_221,
+        t2_223, t2_226, t2_230, t2_232,
     ] = {
         let t2_1 = like.lift(0.00995) * e_e1x_u1_1y;
-        let t2_2 = t1_207 + t2_1;
-        let t2_3 = t1_206 + t2_2;
+        let t2_2 = t1_206 + t2_1;
+        let t2_3 = t1_205 + t2_2;
         let t2_4 = sin_u1_1 * t2_3;
-        let t2_5 = t1_205 + t1_207;
+        let t2_5 = t1_204 + t1_206;
         let t2_6 = t2_1 + t2_5;
         let t2_7 = sin_u1_1 * t2_6;
         let t2_8 = u_e1y_p1x * t2_6;
@@ -4609,250 +4582,250 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
         let t2_14 = like.lift(-0.5).mul_add(sin_u2_2, t2_13);
         let t2_15 = sin_u2_1 * t2_14;
         let t2_16 = like.lift(0.215) * t2_15;
-        let pivot_5 = like.lift(0.18619546181365432).mul_add(t1_197, t2_16);
-        let t2_17 = -pivot_5;
-        let t2_18 = cos_u1_1 * t2_3;
-        let t2_19 = -t2_18;
-        let t2_20 = cos_u1_1 * t2_6;
-        let t2_21 = -t2_20;
-        let t2_22 = cos_u1_2_e1y * t1_191;
-        let t2_23 = (-t1_179).mul_add(t2_6, t2_22);
-        let t2_24 = like.lift(0.1075) * t1_201;
-        let t2_25 = like.lift(0.18619546181365432).mul_add(t2_14, t2_24);
-        let t2_26 = cos_u2_1 * t1_201;
-        let t2_27 = like.lift(0.18619546181365432) * t2_26;
-        let t2_28 = cos_u2_1 * t2_14;
-        let t2_29 = like.lift(-0.1075).mul_add(t2_28, t2_27);
-        let t2_30 = like.lift(0.5) * u_e1y_p1x;
-        let t2_31 = like.lift(0.8660254037844386) * u_e1x_p1y;
-        let t2_32 = t2_30 + t2_31;
-        let t2_33 = cos_u2_1 * t2_32;
-        let t2_34 = like.lift(0.5) * t2_33;
-        let t2_35 = like.lift(0.5) * t1_179;
-        let t2_36 = like.lift(0.8660254037844386) * t1_177;
-        let t2_37 = t2_35 - t2_36;
-        let t2_38 = (-sin_u2_1).mul_add(t2_37, t2_34);
-        let t2_39 = like.lift(0.5) * cos_u1_2_e1y;
-        let t2_40 = like.lift(0.8660254037844386) * e_e1x_u1_1y;
-        let t2_41 = t2_39 - t2_40;
-        let t2_42 = sin_u2_1 * t2_41;
-        let t2_43 = like.lift(-0.8660254037844386).mul_add(t2_33, t2_42);
-        let t2_44 = cos_u1_1 * t2_43;
-        let t2_45 = cos_u2_1 * t2_37;
-        let t2_46 = like.lift(0.8660254037844386) * t2_45;
-        let t2_47 = cos_u2_1 * t2_41;
-        let t2_48 = like.lift(-0.5).mul_add(t2_47, t2_46);
-        let t2_49 = (-sin_u1_1).mul_add(t2_48, t2_44);
-        let t2_50 = cos_u1_2_e1y * t2_38;
-        let t2_51 = t1_179.mul_add(t2_43, t2_50);
-        let t2_52 = u_e1y_p1x.mul_add(t2_48, t2_51);
-        let t2_53 = like.lift(0.5) * t2_38;
-        let t2_54 = like.lift(-0.8660254037844386).mul_add(t2_43, t2_53);
-        let t2_55 = cos_u2_1 * t2_38;
-        let t2_56 = like.lift(0.8660254037844386) * t2_55;
-        let t2_57 = cos_u2_1 * t2_43;
-        let t2_58 = like.lift(0.5).mul_add(t2_57, t2_56);
-        let t2_59 = sin_u2_1.mul_add(t2_48, t2_58);
-        let t2_60 = t1_169 + t1_171;
-        let t2_61 = t1_168 + t2_60;
-        let t2_62 = cos_u1_1 * t2_61;
-        let t2_63 = t1_180 + t1_183;
-        let t2_64 = t1_178 - t2_63;
-        let t2_65 = (-sin_u1_1).mul_add(t2_64, t2_62);
-        let t2_66 = t1_169 + t1_168;
-        let t2_67 = t1_170 + t2_66;
-        let t2_68 = cos_u1_1 * t2_67;
-        let t2_69 = t1_180 - t1_178;
-        let t2_70 = t1_182 - t2_69;
-        let t2_71 = (-sin_u1_1).mul_add(t2_70, t2_68);
-        let t2_72 = t1_179 * t2_67;
-        let t2_73 = u_e1y_p1x.mul_add(t2_70, t2_72);
+        let t2_17 = like.lift(0.18619546181365432).mul_add(t1_197, t2_16);
+        let t2_18 = -t2_17;
+        let t2_19 = cos_u1_1 * t2_3;
+        let t2_20 = -t2_19;
+        let t2_21 = cos_u1_1 * t2_6;
+        let t2_22 = -t2_21;
+        let t2_23 = cos_u1_2_e1y * t1_191;
+        let t2_24 = (-t1_179).mul_add(t2_6, t2_23);
+        let t2_25 = like.lift(0.1075) * t1_201;
+        let t2_26 = like.lift(0.18619546181365432).mul_add(t2_14, t2_25);
+        let t2_27 = cos_u2_1 * t1_201;
+        let t2_28 = like.lift(0.18619546181365432) * t2_27;
+        let t2_29 = cos_u2_1 * t2_14;
+        let t2_30 = like.lift(-0.1075).mul_add(t2_29, t2_28);
+        let t2_31 = like.lift(0.5) * u_e1y_p1x;
+        let t2_32 = like.lift(0.8660254037844386) * u_e1x_p1y;
+        let t2_33 = t2_31 + t2_32;
+        let t2_34 = cos_u2_1 * t2_33;
+        let t2_35 = like.lift(0.5) * t2_34;
+        let t2_36 = like.lift(0.5) * t1_179;
+        let t2_37 = like.lift(0.8660254037844386) * t1_177;
+        let t2_38 = t2_36 - t2_37;
+        let t2_39 = (-sin_u2_1).mul_add(t2_38, t2_35);
+        let t2_40 = like.lift(0.5) * cos_u1_2_e1y;
+        let t2_41 = like.lift(0.8660254037844386) * e_e1x_u1_1y;
+        let t2_42 = t2_40 - t2_41;
+        let t2_43 = sin_u2_1 * t2_42;
+        let t2_44 = like.lift(-0.8660254037844386).mul_add(t2_34, t2_43);
+        let t2_45 = cos_u1_1 * t2_44;
+        let t2_46 = cos_u2_1 * t2_38;
+        let t2_47 = like.lift(0.8660254037844386) * t2_46;
+        let t2_48 = cos_u2_1 * t2_42;
+        let t2_49 = like.lift(-0.5).mul_add(t2_48, t2_47);
+        let t2_50 = (-sin_u1_1).mul_add(t2_49, t2_45);
+        let t2_51 = cos_u1_2_e1y * t2_39;
+        let t2_52 = t1_179.mul_add(t2_44, t2_51);
+        let t2_53 = u_e1y_p1x.mul_add(t2_49, t2_52);
+        let t2_54 = like.lift(0.5) * t2_39;
+        let t2_55 = like.lift(-0.8660254037844386).mul_add(t2_44, t2_54);
+        let t2_56 = cos_u2_1 * t2_39;
+        let t2_57 = like.lift(0.8660254037844386) * t2_56;
+        let t2_58 = cos_u2_1 * t2_44;
+        let t2_59 = like.lift(0.5).mul_add(t2_58, t2_57);
+        let t2_60 = sin_u2_1.mul_add(t2_49, t2_59);
+        let t2_61 = t1_169 + t1_171;
+        let t2_62 = t1_168 + t2_61;
+        let t2_63 = cos_u1_1 * t2_62;
+        let t2_64 = t1_180 + t1_183;
+        let t2_65 = t1_178 - t2_64;
+        let t2_66 = (-sin_u1_1).mul_add(t2_65, t2_63);
+        let t2_67 = t1_169 + t1_168;
+        let t2_68 = t1_170 + t2_67;
+        let t2_69 = cos_u1_1 * t2_68;
+        let t2_70 = t1_180 - t1_178;
+        let t2_71 = t1_182 - t2_70;
+        let t2_72 = (-sin_u1_1).mul_add(t2_71, t2_69);
+        let t2_73 = t1_179 * t2_68;
+        let t2_74 = u_e1y_p1x.mul_add(t2_71, t2_73);
         let (sin_u3_1, cos_u3_1) = u3_1.sin_cos();
         let (sin_u3_2, cos_u3_2) = u3_2.sin_cos();
         let u_rod3_p3z = cos_u3_1 * cos_u3_2;
-        let pivot_1 = like.lift(0.18619546181365432) * u_rod3_p3z;
-        let t2_74 = cos_u3_1 * u_rod3_p3z;
-        let t2_75 = like.lift(0.1075) * t2_74;
-        let t2_76 = sin_u3_1 * cos_u3_2;
-        let t2_77 = like.lift(0.5) * t2_76;
-        let t2_78 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t2_77);
-        let t2_79 = sin_u3_1 * t2_78;
-        let t2_80 = like.lift(0.215).mul_add(t2_79, t2_75);
-        let t2_81 = -t2_61;
-        let t2_82 = t1_207 - t2_1;
-        let t2_83 = t1_206 - t2_82;
-        let t2_84 = sin_u1_1 * t2_83;
-        let t2_85 = t1_205 - t1_207;
-        let t2_86 = t2_1 + t2_85;
-        let t2_87 = sin_u1_1 * t2_86;
-        let t2_88 = u_e1y_p1x * t2_86;
-        let t2_89 = cos_u1_2_e1y.mul_add(t2_67, t2_88);
-        let t2_90 = -t2_89;
-        let t2_91 = like.lift(0.1075) * u_rod3_p3z;
+        let t2_75 = like.lift(0.18619546181365432) * u_rod3_p3z;
+        let t2_76 = cos_u3_1 * u_rod3_p3z;
+        let t2_77 = like.lift(0.1075) * t2_76;
+        let t2_78 = sin_u3_1 * cos_u3_2;
+        let t2_79 = like.lift(0.5) * t2_78;
+        let t2_80 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t2_79);
+        let t2_81 = sin_u3_1 * t2_80;
+        let t2_82 = like.lift(0.215).mul_add(t2_81, t2_77);
+        let t2_83 = -t2_62;
+        let t2_84 = t1_206 - t2_1;
+        let t2_85 = t1_205 - t2_84;
+        let t2_86 = sin_u1_1 * t2_85;
+        let t2_87 = t1_204 - t1_206;
+        let t2_88 = t2_1 + t2_87;
+        let t2_89 = sin_u1_1 * t2_88;
+        let t2_90 = u_e1y_p1x * t2_88;
+        let t2_91 = cos_u1_2_e1y.mul_add(t2_68, t2_90);
         let t2_92 = -t2_91;
-        let t2_93 = like.lift(0.8660254037844386) * t2_76;
-        let t2_94 = like.lift(0.5).mul_add(sin_u3_2, t2_93);
-        let t2_95 = sin_u3_1 * t2_94;
-        let t2_96 = like.lift(0.215) * t2_95;
-        let t2_97 = like.lift(0.18619546181365432).mul_add(t2_74, t2_96);
-        let t2_98 = cos_u1_1 * t2_83;
-        let t2_99 = -t2_98;
-        let t2_100 = cos_u1_1 * t2_86;
+        let t2_93 = like.lift(0.1075) * u_rod3_p3z;
+        let t2_94 = -t2_93;
+        let t2_95 = like.lift(0.8660254037844386) * t2_78;
+        let t2_96 = like.lift(0.5).mul_add(sin_u3_2, t2_95);
+        let t2_97 = sin_u3_1 * t2_96;
+        let t2_98 = like.lift(0.215) * t2_97;
+        let t2_99 = like.lift(0.18619546181365432).mul_add(t2_76, t2_98);
+        let t2_100 = cos_u1_1 * t2_85;
         let t2_101 = -t2_100;
-        let t2_102 = cos_u1_2_e1y * t2_70;
-        let t2_103 = (-t1_179).mul_add(t2_86, t2_102);
-        let t2_104 = like.lift(0.1075) * t2_78;
-        let t2_105 = like.lift(0.18619546181365432).mul_add(t2_94, t2_104);
-        let t2_106 = cos_u3_1 * t2_78;
-        let t2_107 = like.lift(0.18619546181365432) * t2_106;
-        let t2_108 = cos_u3_1 * t2_94;
-        let t2_109 = like.lift(-0.1075).mul_add(t2_108, t2_107);
-        let t2_110 = -t2_109;
-        let t2_111 = t2_30 - t2_31;
-        let t2_112 = cos_u3_1 * t2_111;
-        let t2_113 = like.lift(0.5) * t2_112;
-        let t2_114 = t2_35 + t2_36;
-        let t2_115 = (-sin_u3_1).mul_add(t2_114, t2_113);
-        let t2_116 = t2_39 + t2_40;
-        let t2_117 = sin_u3_1 * t2_116;
-        let t2_118 = like.lift(0.8660254037844386).mul_add(t2_112, t2_117);
-        let t2_119 = cos_u1_1 * t2_118;
-        let t2_120 = cos_u3_1 * t2_114;
-        let t2_121 = like.lift(0.8660254037844386) * t2_120;
+        let t2_102 = cos_u1_1 * t2_88;
+        let t2_103 = -t2_102;
+        let t2_104 = cos_u1_2_e1y * t2_71;
+        let t2_105 = (-t1_179).mul_add(t2_88, t2_104);
+        let t2_106 = like.lift(0.1075) * t2_80;
+        let t2_107 = like.lift(0.18619546181365432).mul_add(t2_96, t2_106);
+        let t2_108 = cos_u3_1 * t2_80;
+        let t2_109 = like.lift(0.18619546181365432) * t2_108;
+        let t2_110 = cos_u3_1 * t2_96;
+        let t2_111 = like.lift(-0.1075).mul_add(t2_110, t2_109);
+        let t2_112 = -t2_111;
+        let t2_113 = t2_31 - t2_32;
+        let t2_114 = cos_u3_1 * t2_113;
+        let t2_115 = like.lift(0.5) * t2_114;
+        let t2_116 = t2_36 + t2_37;
+        let t2_117 = (-sin_u3_1).mul_add(t2_116, t2_115);
+        let t2_118 = t2_40 + t2_41;
+        let t2_119 = sin_u3_1 * t2_118;
+        let t2_120 = like.lift(0.8660254037844386).mul_add(t2_114, t2_119);
+        let t2_121 = cos_u1_1 * t2_120;
         let t2_122 = cos_u3_1 * t2_116;
-        let t2_123 = like.lift(0.5).mul_add(t2_122, t2_121);
-        let t2_124 = sin_u1_1.mul_add(t2_123, t2_119);
-        let t2_125 = cos_u1_2_e1y * t2_115;
-        let t2_126 = t1_179.mul_add(t2_118, t2_125);
-        let t2_127 = (-u_e1y_p1x).mul_add(t2_123, t2_126);
-        let t2_128 = like.lift(0.5) * t2_115;
-        let t2_129 = like.lift(0.8660254037844386).mul_add(t2_118, t2_128);
-        let t2_130 = cos_u3_1 * t2_115;
-        let t2_131 = like.lift(0.8660254037844386) * t2_130;
-        let t2_132 = cos_u3_1 * t2_118;
-        let t2_133 = like.lift(-0.5).mul_add(t2_132, t2_131);
-        let t2_134 = sin_u3_1.mul_add(t2_123, t2_133);
-        let t2_135 = -t2_134;
-        let t2_136 = like.lift(1.0) / u_rod3_p3z;
-        let t2_137 = t2_105 * t2_136;
-        let t2_138 = t2_80 * t2_137;
-        let t2_139 = like.lift(5.370700178508146).mul_add(t2_138, t2_109);
-        let pivot_2 = like.lift(0.5773502691896257).mul_add(t2_80, t2_97);
+        let t2_123 = like.lift(0.8660254037844386) * t2_122;
+        let t2_124 = cos_u3_1 * t2_118;
+        let t2_125 = like.lift(0.5).mul_add(t2_124, t2_123);
+        let t2_126 = sin_u1_1.mul_add(t2_125, t2_121);
+        let t2_127 = cos_u1_2_e1y * t2_117;
+        let t2_128 = t1_179.mul_add(t2_120, t2_127);
+        let t2_129 = (-u_e1y_p1x).mul_add(t2_125, t2_128);
+        let t2_130 = like.lift(0.5) * t2_117;
+        let t2_131 = like.lift(0.8660254037844386).mul_add(t2_120, t2_130);
+        let t2_132 = cos_u3_1 * t2_117;
+        let t2_133 = like.lift(0.8660254037844386) * t2_132;
+        let t2_134 = cos_u3_1 * t2_120;
+        let t2_135 = like.lift(-0.5).mul_add(t2_134, t2_133);
+        let t2_136 = sin_u3_1.mul_add(t2_125, t2_135);
+        let t2_137 = -t2_136;
+        let inv_pivot_1 = like.lift(1.0) / pivot_1;
+        let t2_138 = t2_30 * inv_pivot_1;
+        let t2_139 = u_rod2_p2z * t2_138;
+        let t2_140 = like.lift(0.18619546181365432).mul_add(t2_139, t2_26);
+        let t2_141 = t2_17 * inv_pivot_1;
+        let t2_142 = u_rod2_p2z * t2_141;
+        let pivot_2 = like.lift(0.18619546181365432).mul_add(t2_142, t2_11);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_140 = t2_139 * inv_pivot_2;
-        let pivot_3 = (-t2_61).mul_add(t2_140, t2_64);
+        let t2_143 = t2_140 * inv_pivot_2;
+        let pivot_3 = (-t1_173).mul_add(t2_143, t1_185);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_141 = t2_65 * t2_137;
-        let t2_142 = like.lift(5.370700178508146).mul_add(t2_141, t2_98);
-        let t2_143 = like.lift(0.5773502691896257).mul_add(t2_65, t2_84);
-        let t2_144 = (-t2_143).mul_add(t2_140, t2_142);
-        let t2_145 = t2_129 * t2_136;
-        let t2_146 = t2_65 * t2_145;
-        let t2_147 = like.lift(-5.370700178508146).mul_add(t2_146, t2_124);
-        let t2_148 = t2_80 * t2_145;
-        let t2_149 = like.lift(5.370700178508146).mul_add(t2_148, t2_134);
-        let t2_150 = t2_149 * inv_pivot_2;
-        let t2_151 = t2_143.mul_add(t2_150, t2_147);
-        let t2_152 = (-t2_61).mul_add(t2_150, t2_115);
-        let t2_153 = t2_152 * inv_pivot_3;
-        let pivot_4 = t2_144.mul_add(t2_153, t2_151);
+        let t2_144 = t1_192.mul_add(t2_138, t2_21);
+        let t2_145 = t1_192.mul_add(t2_141, t2_7);
+        let t2_146 = (-t2_145).mul_add(t2_143, t2_144);
+        let t2_147 = t2_60 * inv_pivot_1;
+        let t2_148 = (-t1_192).mul_add(t2_147, t2_50);
+        let t2_149 = u_rod2_p2z * t2_147;
+        let t2_150 = like.lift(0.18619546181365432).mul_add(t2_149, t2_55);
+        let t2_151 = t2_150 * inv_pivot_2;
+        let t2_152 = t2_145.mul_add(t2_151, t2_148);
+        let t2_153 = (-t1_173).mul_add(t2_151, t2_39);
+        let t2_154 = t2_153 * inv_pivot_3;
+        let pivot_4 = t2_146.mul_add(t2_154, t2_152);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_154 = t2_71 * t2_145;
-        let t2_155 = like.lift(-5.370700178508146).mul_add(t2_154, t2_124);
-        let t2_156 = like.lift(0.5773502691896257).mul_add(t2_71, t2_87);
-        let t2_157 = t2_156.mul_add(t2_150, t2_155);
-        let t2_158 = t2_71 * t2_137;
-        let t2_159 = like.lift(5.370700178508146).mul_add(t2_158, t2_100);
-        let t2_160 = (-t2_156).mul_add(t2_140, t2_159);
-        let t2_161 = t2_160.mul_add(t2_153, t2_157);
-        let t2_162 = t1_186 * inv_pivot_4;
-        let t2_163 = (-t2_161).mul_add(t2_162, t1_192);
+        let t2_155 = (-t1_194).mul_add(t2_147, t2_53);
+        let t2_156 = (-t1_194).mul_add(t2_141, t2_9);
+        let t2_157 = (-t2_156).mul_add(t2_151, t2_155);
+        let t2_158 = (-t1_194).mul_add(t2_138, t2_24);
+        let t2_159 = (-t2_156).mul_add(t2_143, t2_158);
+        let t2_160 = (-t2_159).mul_add(t2_154, t2_157);
+        let t2_161 = t2_117 * inv_pivot_3;
+        let t2_162 = (-t2_159).mul_add(t2_161, t2_129);
+        let t2_163 = t2_146.mul_add(t2_161, t2_126);
+        let t2_164 = t2_163 * inv_pivot_4;
+        let pivot_5 = (-t2_160).mul_add(t2_164, t2_162);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_164 = t1_203 * inv_pivot_5;
-        let t2_165 = t1_173 * inv_pivot_3;
-        let t2_166 = (-t2_160).mul_add(t2_165, t2_7);
-        let t2_167 = (-t2_144).mul_add(t2_165, t2_4);
-        let t2_168 = t2_167 * inv_pivot_4;
-        let t2_169 = (-t2_161).mul_add(t2_168, t2_166);
-        let pivot_6 = t2_164.mul_add(t2_169, t2_163);
+        let t2_165 = (-t2_154).mul_add(t2_164, t2_161);
+        let t2_166 = t1_186.mul_add(t2_138, t2_19);
+        let t2_167 = t1_186.mul_add(t2_141, t2_4);
+        let t2_168 = (-t2_167).mul_add(t2_143, t2_166);
+        let t2_169 = t2_168.mul_add(t2_161, t2_126);
+        let t2_170 = (-t1_186).mul_add(t2_147, t2_50);
+        let t2_171 = t2_167.mul_add(t2_151, t2_170);
+        let t2_172 = t2_168.mul_add(t2_154, t2_171);
+        let t2_173 = (-t2_172).mul_add(t2_164, t2_169);
+        let t2_174 = t2_72 * inv_pivot_4;
+        let t2_175 = (-t2_172).mul_add(t2_174, t2_66);
+        let t2_176 = (-t2_160).mul_add(t2_174, t2_74);
+        let t2_177 = t2_176 * inv_pivot_5;
+        let pivot_6 = (-t2_173).mul_add(t2_177, t2_175);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_170 = t2_153 * t2_162;
-        let t2_171 = t2_153.mul_add(t2_168, t2_165);
-        let t2_172 = t2_164.mul_add(t2_171, t2_170);
-        let t2_173 = t2_73 * t2_145;
-        let t2_174 = like.lift(-5.370700178508146).mul_add(t2_173, t2_127);
-        let t2_175 = like.lift(-0.5773502691896257).mul_add(t2_73, t2_89);
-        let t2_176 = (-t2_175).mul_add(t2_150, t2_174);
-        let t2_177 = t2_73 * t2_137;
-        let t2_178 = like.lift(-5.370700178508146).mul_add(t2_177, t2_103);
-        let t2_179 = (-t2_175).mul_add(t2_140, t2_178);
-        let t2_180 = (-t2_179).mul_add(t2_153, t2_176);
-        let t2_181 = (-t2_180).mul_add(t2_162, t1_194);
-        let t2_182 = (-t2_179).mul_add(t2_165, t2_9);
-        let t2_183 = t2_180.mul_add(t2_168, t2_182);
-        let t2_184 = (-t2_164).mul_add(t2_183, t2_181);
-        let t2_185 = t2_38 * inv_pivot_3;
-        let t2_186 = (-t2_179).mul_add(t2_185, t2_52);
-        let t2_187 = t2_144.mul_add(t2_185, t2_49);
-        let t2_188 = t2_187 * inv_pivot_4;
-        let t2_189 = (-t2_180).mul_add(t2_188, t2_186);
-        let t2_190 = t2_59 * inv_pivot_5;
-        let t2_191 = (-t2_190).mul_add(t2_183, t2_189);
-        let t2_192 = t2_160.mul_add(t2_185, t2_49);
-        let t2_193 = (-t2_161).mul_add(t2_188, t2_192);
-        let t2_194 = t2_190.mul_add(t2_169, t2_193);
-        let t2_195 = t2_194 * inv_pivot_6;
-        let pivot_7 = (-t2_184).mul_add(t2_195, t2_191);
+        let t2_178 = t2_154 * t2_174;
+        let t2_179 = t2_165.mul_add(t2_177, t2_178);
+        let t2_180 = (-t2_131).mul_add(t2_177, t2_75);
+        let t2_181 = t2_65 * inv_pivot_3;
+        let t2_182 = (-t2_159).mul_add(t2_181, t2_105);
+        let t2_183 = (-t2_146).mul_add(t2_181, t2_102);
+        let t2_184 = t2_183 * inv_pivot_4;
+        let t2_185 = t2_160.mul_add(t2_184, t2_182);
+        let t2_186 = t2_185 * inv_pivot_5;
+        let t2_187 = (-t2_131).mul_add(t2_186, t2_107);
+        let t2_188 = (-t2_168).mul_add(t2_181, t2_100);
+        let t2_189 = (-t2_172).mul_add(t2_184, t2_188);
+        let t2_190 = t2_173.mul_add(t2_186, t2_189);
+        let t2_191 = t2_190 * inv_pivot_6;
+        let pivot_7 = t2_180.mul_add(t2_191, t2_187);
         let inv_pivot_7 = like.lift(1.0) / pivot_7;
-        let t2_196 = (-t2_153).mul_add(t2_188, t2_185);
-        let t2_197 = (-t2_190).mul_add(t2_171, t2_196);
-        let t2_198 = t2_172.mul_add(t2_195, t2_197);
-        let t2_199 = u_rod2_p2z * t2_190;
-        let t2_200 = like.lift(-0.1075).mul_add(t2_199, t2_54);
-        let t2_201 = u_rod2_p2z * t2_164;
-        let t2_202 = like.lift(0.1075).mul_add(t2_201, t1_195);
-        let t2_203 = t2_202.mul_add(t2_195, t2_200);
-        let t2_204 = t1_185 * inv_pivot_3;
-        let t2_205 = like.lift(1.0) - t2_204;
-        let t2_206 = (-t2_144).mul_add(t2_204, t2_18);
-        let t2_207 = t2_206 * inv_pivot_4;
-        let t2_208 = t2_153 * t2_207;
-        let t2_209 = t2_205 - t2_208;
-        let t2_210 = t2_29 * inv_pivot_5;
-        let t2_211 = t2_210 * t2_171;
-        let t2_212 = t2_209 + t2_211;
-        let t2_213 = (-t2_160).mul_add(t2_204, t2_20);
-        let t2_214 = (-t2_161).mul_add(t2_207, t2_213);
-        let t2_215 = (-t2_210).mul_add(t2_169, t2_214);
-        let t2_216 = t2_215 * inv_pivot_6;
-        let t2_217 = t2_172 * t2_216;
-        let t2_218 = t2_212 + t2_217;
-        let t2_219 = (-t2_179).mul_add(t2_204, t2_23);
-        let t2_220 = t2_180.mul_add(t2_207, t2_219);
-        let t2_221 = (-t2_210).mul_add(t2_183, t2_220);
-        let t2_222 = t2_184.mul_add(t2_216, t2_221);
-        let t2_223 = t2_222 * inv_pivot_7;
-        let t2_224 = t2_198 * t2_223;
-        let t2_225 = t2_218 + t2_224;
-        let t2_226 = u_rod2_p2z * t2_210;
-        let t2_227 = like.lift(-0.1075).mul_add(t2_226, t2_25);
-        let t2_228 = (-t2_202).mul_add(t2_216, t2_227);
-        let pivot_8 = (-t2_203).mul_add(t2_223, t2_228);
+        let t2_192 = like.lift(1.0) - t2_181;
+        let t2_193 = t2_154 * t2_184;
+        let t2_194 = t2_192 - t2_193;
+        let t2_195 = t2_165 * t2_186;
+        let t2_196 = t2_194 + t2_195;
+        let t2_197 = t2_179 * t2_191;
+        let t2_198 = t2_196 + t2_197;
+        let t2_199 = (-t2_136).mul_add(t2_186, t2_111);
+        let t2_200 = t2_136.mul_add(t2_177, t2_82);
+        let t2_201 = (-t2_200).mul_add(t2_191, t2_199);
+        let t2_202 = t2_62 * inv_pivot_3;
+        let t2_203 = (-t2_146).mul_add(t2_202, t2_89);
+        let t2_204 = t2_203 * inv_pivot_4;
+        let t2_205 = t2_154.mul_add(t2_204, t2_202);
+        let t2_206 = (-t2_159).mul_add(t2_202, t2_91);
+        let t2_207 = t2_160.mul_add(t2_204, t2_206);
+        let t2_208 = t2_207 * inv_pivot_5;
+        let t2_209 = (-t2_165).mul_add(t2_208, t2_205);
+        let t2_210 = (-t2_168).mul_add(t2_202, t2_86);
+        let t2_211 = (-t2_172).mul_add(t2_204, t2_210);
+        let t2_212 = t2_173.mul_add(t2_208, t2_211);
+        let t2_213 = t2_212 * inv_pivot_6;
+        let t2_214 = (-t2_179).mul_add(t2_213, t2_209);
+        let t2_215 = (-t2_131).mul_add(t2_208, t2_93);
+        let t2_216 = t2_180.mul_add(t2_213, t2_215);
+        let t2_217 = t2_216 * inv_pivot_7;
+        let t2_218 = t2_198.mul_add(t2_217, t2_214);
+        let t2_219 = (-t2_136).mul_add(t2_208, t2_99);
+        let t2_220 = (-t2_200).mul_add(t2_213, t2_219);
+        let pivot_8 = (-t2_201).mul_add(t2_217, t2_220);
         let inv_pivot_8 = like.lift(1.0) / pivot_8;
-        let t2_229 = t2_225 * inv_pivot_8;
-        let t2_230 = t2_203.mul_add(t2_229, t2_198);
-        let t2_231 = inv_pivot_7 * t2_230;
-        let t2_232 = t2_184.mul_add(t2_231, t2_172);
+        let t2_221 = t2_218 * inv_pivot_8;
+        let t2_222 = t2_201.mul_add(t2_221, t2_198);
+        let t2_223 = inv_pivot_7 * t2_222;
+        let t2_224 = (-t2_180).mul_add(t2_223, t2_179);
+        let t2_225 = (-t2_200).mul_add(t2_221, t2_224);
+        let t2_226 = inv_pivot_6 * t2_225;
+        let t2_227 = t2_173.mul_add(t2_226, t2_165);
+        let t2_228 = t2_131.mul_add(t2_223, t2_227);
+        let t2_229 = (-t2_136).mul_add(t2_221, t2_228);
+        let t2_230 = inv_pivot_5 * t2_229;
+        let t2_231 = (-t2_160).mul_add(t2_230, t2_154);
+        let t2_232 = t2_172.mul_add(t2_226, t2_231);
         [
-            t2_4, t2_7, t2_10, t2_12, t2_17, t2_19, t2_21, t2_23, t2_25, t2_29, t2_38, t2_49,
-            t2_52, t2_54, t2_59, t2_61, t2_64, t2_65, t2_71, t2_73, sin_u3_1, cos_u3_1,
-            sin_u3_2, cos_u3_2, pivot_1, t2_80, t2_81, t2_84, t2_87, t2_90, t2_92, t2_97,
-            t2_99, t2_101, t2_103, t2_105, t2_110, t2_115, t2_124, t2_127, t2_129, t2_135,
-            t2_136, pivot_2, inv_pivot_2, pivot_3, inv_pivot_3, t2_143, t2_144, t2_153,
-            pivot_4, inv_pivot_4, t2_156, t2_160, t2_161, inv_pivot_5, t2_169, pivot_6,
-            inv_pivot_6, t2_171, t2_172, t2_175, t2_179, t2_180, t2_183, t2_184, pivot_7,
-            inv_pivot_7, t2_198, t2_202, t2_203, t2_204, t2_208, t2_211, t2_217, t2_224,
-            pivot_8, inv_pivot_8, t2_229, t2_231, t2_232,
+            t2_4, t2_7, t2_10, t2_12, t2_18, t2_20, t2_22, t2_24, t2_26, t2_30, t2_39, t2_50,
+            t2_53, t2_55, t2_60, t2_65, t2_66, t2_72, t2_74, sin_u3_1, cos_u3_1, sin_u3_2,
+            cos_u3_2, t2_75, t2_82, t2_83, t2_86, t2_89, t2_92, t2_94, t2_99, t2_101, t2_103,
+            t2_105, t2_107, t2_112, t2_117, t2_126, t2_129, t2_131, t2_136, t2_137,
+            inv_pivot_1, pivot_2, inv_pivot_2, pivot_3, inv_pivot_3, t2_145, t2_146, t2_154,
+            pivot_4, inv_pivot_4, t2_156, t2_159, t2_160, pivot_5, inv_pivot_5, t2_165, t2_167,
+            t2_168, t2_172, t2_173, pivot_6, inv_pivot_6, t2_179, t2_180, t2_181, pivot_7,
+            inv_pivot_7, t2_193, t2_195, t2_197, t2_200, t2_201, t2_214, t2_217, pivot_8,
+            inv_pivot_8, t2_221, t2_223, t2_226, t2_230, t2_232,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -4861,114 +4834,104 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
         x_e1y_p3, x_e1x_p1, x_e1x_p2, x_e1x_p3, x_u2_1_p1, x_u2_1_p2, x_u2_1_p3, x_u2_2_p1,
         x_u2_2_p2, x_u2_2_p3, x_u3_1_p1, x_u3_1_p2, x_u3_1_p3, x_u3_2_p1, x_u3_2_p2, x_u3_2_p3,
     ] = {
-        let t3_1 = t2_202.mul_add(t2_229, t2_232);
-        let t3_2 = inv_pivot_6 * t3_1;
-        let t3_3 = t2_161.mul_add(t3_2, t2_153);
-        let t3_4 = (-t2_180).mul_add(t2_231, t3_3);
-        let t3_5 = inv_pivot_4 * t3_4;
-        let t3_6 = (-t2_144).mul_add(t3_5, like.lift(1.0));
-        let t3_7 = t2_160.mul_add(t3_2, t3_6);
-        let t3_8 = t2_179.mul_add(t2_231, t3_7);
-        let t3_9 = inv_pivot_3 * t3_8;
-        let t3_10 = -t3_9;
-        let t3_11 = t2_203 * inv_pivot_8;
-        let t3_12 = inv_pivot_7 * t3_11;
-        let t3_13 = t2_184 * t3_12;
-        let t3_14 = t2_202.mul_add(inv_pivot_8, t3_13);
-        let t3_15 = inv_pivot_6 * t3_14;
-        let t3_16 = t2_161 * t3_15;
-        let t3_17 = (-t2_180).mul_add(t3_12, t3_16);
-        let t3_18 = inv_pivot_4 * t3_17;
-        let t3_19 = t2_144 * t3_18;
-        let t3_20 = (-t2_160).mul_add(t3_15, t3_19);
-        let t3_21 = (-t2_179).mul_add(t3_12, t3_20);
-        let t3_22 = inv_pivot_3 * t3_21;
-        let t3_23 = -t3_22;
-        let t3_24 = t2_204 + t2_208;
-        let t3_25 = t3_24 - t2_211;
-        let t3_26 = t3_25 - t2_217;
-        let t3_27 = t3_26 - t2_224;
-        let t3_28 = t3_27 * inv_pivot_8;
-        let t3_29 = (-t2_203).mul_add(t3_28, t2_198);
+        let t3_1 = inv_pivot_4 * t2_232;
+        let t3_2 = (-t2_146).mul_add(t3_1, like.lift(1.0));
+        let t3_3 = t2_159.mul_add(t2_230, t3_2);
+        let t3_4 = t2_168.mul_add(t2_226, t3_3);
+        let t3_5 = inv_pivot_3 * t3_4;
+        let t3_6 = -t3_5;
+        let t3_7 = t2_181 + t2_193;
+        let t3_8 = t3_7 - t2_195;
+        let t3_9 = t3_8 - t2_197;
+        let t3_10 = (-t3_9).mul_add(t2_217, t2_214);
+        let t3_11 = t3_10 * inv_pivot_8;
+        let t3_12 = (-t2_201).mul_add(t3_11, t3_9);
+        let t3_13 = inv_pivot_7 * t3_12;
+        let t3_14 = t2_180.mul_add(t3_13, t2_179);
+        let t3_15 = (-t2_200).mul_add(t3_11, t3_14);
+        let t3_16 = inv_pivot_6 * t3_15;
+        let t3_17 = t2_173.mul_add(t3_16, t2_165);
+        let t3_18 = (-t2_131).mul_add(t3_13, t3_17);
+        let t3_19 = (-t2_136).mul_add(t3_11, t3_18);
+        let t3_20 = inv_pivot_5 * t3_19;
+        let t3_21 = (-t2_160).mul_add(t3_20, t2_154);
+        let t3_22 = t2_172.mul_add(t3_16, t3_21);
+        let t3_23 = inv_pivot_4 * t3_22;
+        let t3_24 = (-t2_146).mul_add(t3_23, like.lift(1.0));
+        let t3_25 = t2_159.mul_add(t3_20, t3_24);
+        let t3_26 = t2_168.mul_add(t3_16, t3_25);
+        let t3_27 = inv_pivot_3 * t3_26;
+        let t3_28 = t2_217 * inv_pivot_8;
+        let t3_29 = t2_201.mul_add(t3_28, like.lift(1.0));
         let t3_30 = inv_pivot_7 * t3_29;
-        let t3_31 = t2_184.mul_add(t3_30, t2_172);
-        let t3_32 = (-t2_202).mul_add(t3_28, t3_31);
+        let t3_31 = t2_180 * t3_30;
+        let t3_32 = t2_200.mul_add(t3_28, t3_31);
         let t3_33 = inv_pivot_6 * t3_32;
-        let t3_34 = t2_161.mul_add(t3_33, t2_153);
-        let t3_35 = (-t2_180).mul_add(t3_30, t3_34);
-        let t3_36 = inv_pivot_4 * t3_35;
-        let t3_37 = (-t2_144).mul_add(t3_36, like.lift(1.0));
-        let t3_38 = t2_160.mul_add(t3_33, t3_37);
-        let t3_39 = t2_179.mul_add(t3_30, t3_38);
-        let t3_40 = inv_pivot_3 * t3_39;
-        let t3_41 = -t3_18;
-        let t3_42 = -t3_36;
-        let t3_43 = -t3_2;
-        let t3_44 = -t3_12;
-        let t3_45 = -t3_30;
-        let t3_46 = -t2_229;
-        let t3_47 = -t3_28;
-        let t3_48 = (-t2_169).mul_add(t3_2, t2_171);
-        let t3_49 = (-t2_183).mul_add(t2_231, t3_48);
-        let t3_50 = u_rod2_p2z * t2_229;
-        let t3_51 = like.lift(0.1075).mul_add(t3_50, t3_49);
-        let t3_52 = inv_pivot_5 * t3_51;
-        let t3_53 = t2_169 * t3_15;
-        let t3_54 = t2_183.mul_add(t3_12, t3_53);
-        let t3_55 = u_rod2_p2z * inv_pivot_8;
-        let t3_56 = like.lift(-0.1075).mul_add(t3_55, t3_54);
-        let t3_57 = inv_pivot_5 * t3_56;
-        let t3_58 = (-t2_169).mul_add(t3_33, t2_171);
-        let t3_59 = (-t2_183).mul_add(t3_30, t3_58);
-        let t3_60 = u_rod2_p2z * t3_28;
-        let t3_61 = like.lift(-0.1075).mul_add(t3_60, t3_59);
-        let t3_62 = inv_pivot_5 * t3_61;
-        let t3_63 = -t3_62;
-        let t3_64 = t2_61 * t3_9;
-        let t3_65 = t2_143.mul_add(t3_5, t3_64);
-        let t3_66 = (-t2_156).mul_add(t3_2, t3_65);
-        let t3_67 = (-t2_175).mul_add(t2_231, t3_66);
-        let t3_68 = inv_pivot_2 * t3_67;
-        let t3_69 = t2_80 * t3_68;
-        let t3_70 = (-t2_65).mul_add(t3_5, t3_69);
-        let t3_71 = t2_71.mul_add(t3_2, t3_70);
-        let t3_72 = (-t2_73).mul_add(t2_231, t3_71);
-        let t3_73 = t2_136 * t3_72;
-        let t3_74 = like.lift(5.370700178508146) * t3_73;
-        let t3_75 = t2_61 * t3_22;
-        let t3_76 = (-t2_143).mul_add(t3_18, t3_75);
-        let t3_77 = t2_156.mul_add(t3_15, t3_76);
-        let t3_78 = t2_175.mul_add(t3_12, t3_77);
-        let t3_79 = inv_pivot_2 * t3_78;
-        let t3_80 = t2_80 * t3_79;
-        let t3_81 = t2_65.mul_add(t3_18, t3_80);
-        let t3_82 = (-t2_71).mul_add(t3_15, t3_81);
-        let t3_83 = t2_73.mul_add(t3_12, t3_82);
-        let t3_84 = t2_136 * t3_83;
-        let t3_85 = like.lift(5.370700178508146) * t3_84;
-        let t3_86 = t2_61 * t3_40;
-        let t3_87 = t2_143.mul_add(t3_36, t3_86);
-        let t3_88 = (-t2_156).mul_add(t3_33, t3_87);
-        let t3_89 = (-t2_175).mul_add(t3_30, t3_88);
-        let t3_90 = inv_pivot_2 * t3_89;
-        let t3_91 = t2_80 * t3_90;
-        let t3_92 = (-t2_65).mul_add(t3_36, t3_91);
-        let t3_93 = t2_71.mul_add(t3_33, t3_92);
-        let t3_94 = (-t2_73).mul_add(t3_30, t3_93);
-        let t3_95 = t2_136 * t3_94;
-        let t3_96 = like.lift(5.370700178508146) * t3_95;
-        let t3_97 = -t3_96;
-        let t3_98 = -t3_68;
-        let t3_99 = -t3_79;
+        let t3_34 = t2_173 * t3_33;
+        let t3_35 = (-t2_131).mul_add(t3_30, t3_34);
+        let t3_36 = t2_136.mul_add(t3_28, t3_35);
+        let t3_37 = inv_pivot_5 * t3_36;
+        let t3_38 = t2_160 * t3_37;
+        let t3_39 = (-t2_172).mul_add(t3_33, t3_38);
+        let t3_40 = inv_pivot_4 * t3_39;
+        let t3_41 = t2_146 * t3_40;
+        let t3_42 = t2_159.mul_add(t3_37, t3_41);
+        let t3_43 = t2_168.mul_add(t3_33, t3_42);
+        let t3_44 = inv_pivot_3 * t3_43;
+        let t3_45 = -t3_44;
+        let t3_46 = -t2_226;
+        let t3_47 = -t3_33;
+        let t3_48 = -t3_23;
+        let t3_49 = -t3_40;
+        let t3_50 = -t3_20;
+        let t3_51 = t1_173 * t3_5;
+        let t3_52 = t2_145.mul_add(t3_1, t3_51);
+        let t3_53 = (-t2_156).mul_add(t2_230, t3_52);
+        let t3_54 = (-t2_167).mul_add(t2_226, t3_53);
+        let t3_55 = inv_pivot_2 * t3_54;
+        let t3_56 = t1_173 * t3_27;
+        let t3_57 = t2_145.mul_add(t3_23, t3_56);
+        let t3_58 = (-t2_156).mul_add(t3_20, t3_57);
+        let t3_59 = (-t2_167).mul_add(t3_16, t3_58);
+        let t3_60 = inv_pivot_2 * t3_59;
+        let t3_61 = -t3_60;
+        let t3_62 = t1_173 * t3_44;
+        let t3_63 = (-t2_145).mul_add(t3_40, t3_62);
+        let t3_64 = (-t2_156).mul_add(t3_37, t3_63);
+        let t3_65 = (-t2_167).mul_add(t3_33, t3_64);
+        let t3_66 = inv_pivot_2 * t3_65;
+        let t3_67 = u_rod2_p2z * t3_55;
+        let t3_68 = like.lift(0.18619546181365432) * t3_67;
+        let t3_69 = (-t1_192).mul_add(t3_1, t3_68);
+        let t3_70 = (-t1_194).mul_add(t2_230, t3_69);
+        let t3_71 = t1_186.mul_add(t2_226, t3_70);
+        let t3_72 = inv_pivot_1 * t3_71;
+        let t3_73 = u_rod2_p2z * t3_60;
+        let t3_74 = like.lift(0.18619546181365432) * t3_73;
+        let t3_75 = (-t1_192).mul_add(t3_23, t3_74);
+        let t3_76 = (-t1_194).mul_add(t3_20, t3_75);
+        let t3_77 = t1_186.mul_add(t3_16, t3_76);
+        let t3_78 = inv_pivot_1 * t3_77;
+        let t3_79 = -t3_78;
+        let t3_80 = u_rod2_p2z * t3_66;
+        let t3_81 = like.lift(0.18619546181365432) * t3_80;
+        let t3_82 = t1_192.mul_add(t3_40, t3_81);
+        let t3_83 = (-t1_194).mul_add(t3_37, t3_82);
+        let t3_84 = t1_186.mul_add(t3_33, t3_83);
+        let t3_85 = inv_pivot_1 * t3_84;
+        let t3_86 = -t2_223;
+        let t3_87 = -t3_13;
+        let t3_88 = -t2_221;
+        let t3_89 = -pivot_2;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(6.287381471191513)).abs()
-            .min((pivot_2 * like.lift(4.054300853983487)).abs())
-            .min((pivot_3 * like.lift(5.1354731598256045)).abs())
-            .min((pivot_4 * like.lift(1.1136124389030184)).abs())
-            .min((t2_17 * like.lift(5.490928143318305)).abs())
-            .min((pivot_6 * like.lift(5.005772724016506)).abs())
-            .min((pivot_7 * like.lift(1.2292368551614257)).abs())
-            .min((pivot_8 * like.lift(6.313131313131312)).abs());
+        let margin = (pivot_1 * like.lift(8.169180195158923)).abs()
+            .min((t3_89 * like.lift(2.9578447349824133)).abs())
+            .min((pivot_3 * like.lift(4.709626127302084)).abs())
+            .min((pivot_4 * like.lift(1.7298389090997555)).abs())
+            .min((pivot_5 * like.lift(1.2416410909468296)).abs())
+            .min((pivot_6 * like.lift(4.677980223697912)).abs())
+            .min((pivot_7 * like.lift(5.873901159537709)).abs())
+            .min((pivot_8 * like.lift(4.02802513388111)).abs());
         let ([
             [x_u1_1_p1, x_u1_1_p2, x_u1_1_p3], [x_u1_2_p1, x_u1_2_p2, x_u1_2_p3],
             [x_e1y_p1, x_e1y_p2, x_e1y_p3], [x_e1x_p1, x_e1x_p2, x_e1x_p3],
@@ -4976,21 +4939,21 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
             [x_u3_1_p1, x_u3_1_p2, x_u3_1_p3], [x_u3_2_p1, x_u3_2_p2, x_u3_2_p3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t3_10, t3_23, t3_40], [t3_5, t3_41, t3_42], [t3_43, t3_15, t3_33],
-                [t2_231, t3_44, t3_45], [t3_46, inv_pivot_8, t3_47], [t3_52, t3_57, t3_63],
-                [t3_74, t3_85, t3_97], [t3_98, t3_99, t3_90],
+                [t3_6, t3_27, t3_45], [t3_46, t3_16, t3_47], [t3_1, t3_48, t3_49],
+                [t2_230, t3_50, t3_37], [t3_55, t3_61, t3_66], [t3_72, t3_79, t3_85],
+                [t3_86, t3_87, t3_30], [t3_88, t3_11, t3_28],
             ],
             margin,
             || (
                 [
-                    [like.lift(0.0), t1_186, t1_192, t1_194, t1_196, t1_203, like.lift(0.0), like.lift(0.0)],
-                    [t1_204, t2_4, t2_7, t2_10, t2_12, t2_17, like.lift(0.0), like.lift(0.0)],
-                    [t1_185, t2_19, t2_21, t2_23, t2_25, t2_29, like.lift(0.0), like.lift(0.0)],
-                    [t2_38, t2_49, t2_49, t2_52, t2_54, t2_59, like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), t2_65, t2_71, t2_73, like.lift(0.0), like.lift(0.0), pivot_1, t2_80],
-                    [t2_81, t2_84, t2_87, t2_90, like.lift(0.0), like.lift(0.0), t2_92, t2_97],
-                    [t2_64, t2_99, t2_101, t2_103, like.lift(0.0), like.lift(0.0), t2_105, t2_110],
-                    [t2_115, t2_124, t2_124, t2_127, like.lift(0.0), like.lift(0.0), t2_129, t2_135],
+                    [like.lift(0.0), t1_186, t1_192, t1_194, t1_196, pivot_1, like.lift(0.0), like.lift(0.0)],
+                    [t1_203, t2_4, t2_7, t2_10, t2_12, t2_18, like.lift(0.0), like.lift(0.0)],
+                    [t1_185, t2_20, t2_22, t2_24, t2_26, t2_30, like.lift(0.0), like.lift(0.0)],
+                    [t2_39, t2_50, t2_50, t2_53, t2_55, t2_60, like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), t2_66, t2_72, t2_74, like.lift(0.0), like.lift(0.0), t2_75, t2_82],
+                    [t2_83, t2_86, t2_89, t2_92, like.lift(0.0), like.lift(0.0), t2_94, t2_99],
+                    [t2_65, t2_101, t2_103, t2_105, like.lift(0.0), like.lift(0.0), t2_107, t2_112],
+                    [t2_117, t2_126, t2_126, t2_129, like.lift(0.0), like.lift(0.0), t2_131, t2_137],
                 ],
                 [
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -5234,7 +5197,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: the efforts that hold the mechanism at rest
 ///
-/// 255 additions, 447 multiplications, 8 divisions, 8 sines and cosines.
+/// 256 additions, 439 multiplications, 8 divisions, 8 sines and cosines.
 pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -5251,12 +5214,12 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) 
     let [
         sin_e1x, cos_e1x, u_rod1_p1z, u_rod1_p1x, t1_28, t1_32, t1_39, t1_44, t1_49, t1_61,
         t1_67, t1_79, t1_80, t1_86, t1_88, sin_u2_1, cos_u2_1, sin_u2_2, cos_u2_2, u_rod2_p2z,
-        t1_89, t1_90, t1_97, t1_98, t1_105, t1_108, t1_110, t1_111, t1_113, pivot_5, t1_118,
+        t1_90, pivot_1, t1_97, t1_104, t1_107, t1_109, t1_110, t1_111, t1_112, t1_117, t1_118,
         t1_119, t1_120, t1_121, t1_122, t1_124, t1_126, t1_130, t1_139, t1_150, t1_153, t1_155,
         t1_160, t1_162, t1_165, t1_166, t1_172, t1_174, sin_u3_1, cos_u3_1, sin_u3_2, cos_u3_2,
-        u_rod3_p3z, pivot_1, t1_181, t1_182, t1_185, t1_188, t1_190, t1_191, t1_193, t1_198,
-        t1_199, t1_200, t1_201, t1_202, t1_204, t1_206, t1_210, t1_211, t1_216, t1_219, t1_224,
-        t1_225, t1_228,
+        u_rod3_p3z, t1_175, t1_182, t1_183, t1_186, t1_189, t1_191, t1_192, t1_193, t1_194,
+        t1_199, t1_200, t1_201, t1_202, t1_203, t1_205, t1_207, t1_211, t1_212, t1_217, t1_220,
+        t1_225, t1_226, t1_229,
     ] = {
         let (sin_u1_1, cos_u1_1) = u1_1.sin_cos();
         let t1_1 = sin_u1_1 * p_m_rod1;
@@ -5370,41 +5333,41 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) 
         let t1_94 = like.lift(0.5) * t1_93;
         let t1_95 = like.lift(0.8660254037844386).mul_add(sin_u2_2, t1_94);
         let t1_96 = sin_u2_1 * t1_95;
-        let t1_97 = like.lift(0.215).mul_add(t1_96, t1_92);
-        let t1_98 = -t1_67;
+        let pivot_1 = like.lift(0.215).mul_add(t1_96, t1_92);
+        let t1_97 = -t1_67;
         let e_e1x_u1_1y = sin_e1x * sin_u1_2_e1y;
-        let t1_99 = like.lift(0.0199) * e_e1x_u1_1y;
-        let t1_100 = like.lift(0.215).mul_add(sin_u1_2, t1_99);
-        let t1_101 = like.lift(0.017233905535310328) * cos_u1_2_e1y;
-        let t1_102 = like.lift(0.00995) * e_e1x_u1_1y;
-        let t1_103 = t1_101 + t1_102;
-        let t1_104 = t1_100 + t1_103;
-        let t1_105 = sin_u1_1 * t1_104;
-        let t1_106 = t1_99 + t1_101;
-        let t1_107 = t1_102 + t1_106;
-        let t1_108 = sin_u1_1 * t1_107;
-        let t1_109 = u_e1y_p1x * t1_107;
-        let t1_110 = cos_u1_2_e1y.mul_add(t1_82, t1_109);
-        let t1_111 = -t1_110;
-        let t1_112 = like.lift(0.1075) * u_rod2_p2z;
-        let t1_113 = -t1_112;
-        let t1_114 = like.lift(0.8660254037844386) * t1_93;
-        let t1_115 = like.lift(-0.5).mul_add(sin_u2_2, t1_114);
-        let t1_116 = sin_u2_1 * t1_115;
-        let t1_117 = like.lift(0.215) * t1_116;
-        let pivot_5 = like.lift(0.18619546181365432).mul_add(t1_91, t1_117);
-        let t1_118 = -pivot_5;
-        let t1_119 = cos_u1_1 * t1_104;
+        let t1_98 = like.lift(0.0199) * e_e1x_u1_1y;
+        let t1_99 = like.lift(0.215).mul_add(sin_u1_2, t1_98);
+        let t1_100 = like.lift(0.017233905535310328) * cos_u1_2_e1y;
+        let t1_101 = like.lift(0.00995) * e_e1x_u1_1y;
+        let t1_102 = t1_100 + t1_101;
+        let t1_103 = t1_99 + t1_102;
+        let t1_104 = sin_u1_1 * t1_103;
+        let t1_105 = t1_98 + t1_100;
+        let t1_106 = t1_101 + t1_105;
+        let t1_107 = sin_u1_1 * t1_106;
+        let t1_108 = u_e1y_p1x * t1_106;
+        let t1_109 = cos_u1_2_e1y.mul_add(t1_82, t1_108);
+        let t1_110 = -t1_109;
+        let t1_111 = like.lift(0.1075) * u_rod2_p2z;
+        let t1_112 = -t1_111;
+        let t1_113 = like.lift(0.8660254037844386) * t1_93;
+        let t1_114 = like.lift(-0.5).mul_add(sin_u2_2, t1_113);
+        let t1_115 = sin_u2_1 * t1_114;
+        let t1_116 = like.lift(0.215) * t1_115;
+        let t1_117 = like.lift(0.18619546181365432).mul_add(t1_91, t1_116);
+        let t1_118 = -t1_117;
+        let t1_119 = cos_u1_1 * t1_103;
         let t1_120 = -t1_119;
-        let t1_121 = cos_u1_1 * t1_107;
+        let t1_121 = cos_u1_1 * t1_106;
         let t1_122 = -t1_121;
         let t1_123 = cos_u1_2_e1y * t1_85;
-        let t1_124 = (-t1_73).mul_add(t1_107, t1_123);
+        let t1_124 = (-t1_73).mul_add(t1_106, t1_123);
         let t1_125 = like.lift(0.1075) * t1_95;
-        let t1_126 = like.lift(0.18619546181365432).mul_add(t1_115, t1_125);
+        let t1_126 = like.lift(0.18619546181365432).mul_add(t1_114, t1_125);
         let t1_127 = cos_u2_1 * t1_95;
         let t1_128 = like.lift(0.18619546181365432) * t1_127;
-        let t1_129 = cos_u2_1 * t1_115;
+        let t1_129 = cos_u2_1 * t1_114;
         let t1_130 = like.lift(-0.1075).mul_add(t1_129, t1_128);
         let t1_131 = like.lift(0.5) * u_e1y_p1x;
         let t1_132 = like.lift(0.8660254037844386) * u_e1x_p1y;
@@ -5453,70 +5416,70 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) 
         let (sin_u3_1, cos_u3_1) = u3_1.sin_cos();
         let (sin_u3_2, cos_u3_2) = u3_2.sin_cos();
         let u_rod3_p3z = cos_u3_1 * cos_u3_2;
-        let pivot_1 = like.lift(0.18619546181365432) * u_rod3_p3z;
-        let t1_175 = cos_u3_1 * u_rod3_p3z;
-        let t1_176 = like.lift(0.1075) * t1_175;
-        let t1_177 = sin_u3_1 * cos_u3_2;
-        let t1_178 = like.lift(0.5) * t1_177;
-        let t1_179 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t1_178);
-        let t1_180 = sin_u3_1 * t1_179;
-        let t1_181 = like.lift(0.215).mul_add(t1_180, t1_176);
-        let t1_182 = -t1_162;
-        let t1_183 = t1_101 - t1_102;
-        let t1_184 = t1_100 - t1_183;
-        let t1_185 = sin_u1_1 * t1_184;
-        let t1_186 = t1_99 - t1_101;
-        let t1_187 = t1_102 + t1_186;
-        let t1_188 = sin_u1_1 * t1_187;
-        let t1_189 = u_e1y_p1x * t1_187;
-        let t1_190 = cos_u1_2_e1y.mul_add(t1_168, t1_189);
-        let t1_191 = -t1_190;
-        let t1_192 = like.lift(0.1075) * u_rod3_p3z;
-        let t1_193 = -t1_192;
-        let t1_194 = like.lift(0.8660254037844386) * t1_177;
-        let t1_195 = like.lift(0.5).mul_add(sin_u3_2, t1_194);
-        let t1_196 = sin_u3_1 * t1_195;
-        let t1_197 = like.lift(0.215) * t1_196;
-        let t1_198 = like.lift(0.18619546181365432).mul_add(t1_175, t1_197);
-        let t1_199 = cos_u1_1 * t1_184;
-        let t1_200 = -t1_199;
-        let t1_201 = cos_u1_1 * t1_187;
-        let t1_202 = -t1_201;
-        let t1_203 = cos_u1_2_e1y * t1_171;
-        let t1_204 = (-t1_73).mul_add(t1_187, t1_203);
-        let t1_205 = like.lift(0.1075) * t1_179;
-        let t1_206 = like.lift(0.18619546181365432).mul_add(t1_195, t1_205);
-        let t1_207 = cos_u3_1 * t1_179;
-        let t1_208 = like.lift(0.18619546181365432) * t1_207;
-        let t1_209 = cos_u3_1 * t1_195;
-        let t1_210 = like.lift(-0.1075).mul_add(t1_209, t1_208);
-        let t1_211 = -t1_210;
-        let t1_212 = t1_131 - t1_132;
-        let t1_213 = cos_u3_1 * t1_212;
-        let t1_214 = like.lift(0.5) * t1_213;
-        let t1_215 = t1_136 + t1_137;
-        let t1_216 = (-sin_u3_1).mul_add(t1_215, t1_214);
-        let t1_217 = t1_140 + t1_141;
-        let t1_218 = sin_u3_1 * t1_217;
-        let t1_219 = like.lift(0.8660254037844386).mul_add(t1_213, t1_218);
-        let t1_220 = cos_u1_1 * t1_219;
-        let t1_221 = cos_u3_1 * t1_215;
-        let t1_222 = like.lift(0.8660254037844386) * t1_221;
-        let t1_223 = cos_u3_1 * t1_217;
-        let t1_224 = like.lift(0.5).mul_add(t1_223, t1_222);
-        let t1_225 = sin_u1_1.mul_add(t1_224, t1_220);
-        let t1_226 = cos_u1_2_e1y * t1_216;
-        let t1_227 = t1_73.mul_add(t1_219, t1_226);
-        let t1_228 = (-u_e1y_p1x).mul_add(t1_224, t1_227);
+        let t1_175 = like.lift(0.18619546181365432) * u_rod3_p3z;
+        let t1_176 = cos_u3_1 * u_rod3_p3z;
+        let t1_177 = like.lift(0.1075) * t1_176;
+        let t1_178 = sin_u3_1 * cos_u3_2;
+        let t1_179 = like.lift(0.5) * t1_178;
+        let t1_180 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t1_179);
+        let t1_181 = sin_u3_1 * t1_180;
+        let t1_182 = like.lift(0.215).mul_add(t1_181, t1_177);
+        let t1_183 = -t1_162;
+        let t1_184 = t1_100 - t1_101;
+        let t1_185 = t1_99 - t1_184;
+        let t1_186 = sin_u1_1 * t1_185;
+        let t1_187 = t1_98 - t1_100;
+        let t1_188 = t1_101 + t1_187;
+        let t1_189 = sin_u1_1 * t1_188;
+        let t1_190 = u_e1y_p1x * t1_188;
+        let t1_191 = cos_u1_2_e1y.mul_add(t1_168, t1_190);
+        let t1_192 = -t1_191;
+        let t1_193 = like.lift(0.1075) * u_rod3_p3z;
+        let t1_194 = -t1_193;
+        let t1_195 = like.lift(0.8660254037844386) * t1_178;
+        let t1_196 = like.lift(0.5).mul_add(sin_u3_2, t1_195);
+        let t1_197 = sin_u3_1 * t1_196;
+        let t1_198 = like.lift(0.215) * t1_197;
+        let t1_199 = like.lift(0.18619546181365432).mul_add(t1_176, t1_198);
+        let t1_200 = cos_u1_1 * t1_185;
+        let t1_201 = -t1_200;
+        let t1_202 = cos_u1_1 * t1_188;
+        let t1_203 = -t1_202;
+        let t1_204 = cos_u1_2_e1y * t1_171;
+        let t1_205 = (-t1_73).mul_add(t1_188, t1_204);
+        let t1_206 = like.lift(0.1075) * t1_180;
+        let t1_207 = like.lift(0.18619546181365432).mul_add(t1_196, t1_206);
+        let t1_208 = cos_u3_1 * t1_180;
+        let t1_209 = like.lift(0.18619546181365432) * t1_208;
+        let t1_210 = cos_u3_1 * t1_196;
+        let t1_211 = like.lift(-0.1075).mul_add(t1_210, t1_209);
+        let t1_212 = -t1_211;
+        let t1_213 = t1_131 - t1_132;
+        let t1_214 = cos_u3_1 * t1_213;
+        let t1_215 = like.lift(0.5) * t1_214;
+        let t1_216 = t1_136 + t1_137;
+        let t1_217 = (-sin_u3_1).mul_add(t1_216, t1_215);
+        let t1_218 = t1_140 + t1_141;
+        let t1_219 = sin_u3_1 * t1_218;
+        let t1_220 = like.lift(0.8660254037844386).mul_add(t1_214, t1_219);
+        let t1_221 = cos_u1_1 * t1_220;
+        let t1_222 = cos_u3_1 * t1_216;
+        let t1_223 = like.lift(0.8660254037844386) * t1_222;
+        let t1_224 = cos_u3_1 * t1_218;
+        let t1_225 = like.lift(0.5).mul_add(t1_224, t1_223);
+        let t1_226 = sin_u1_1.mul_add(t1_225, t1_221);
+        let t1_227 = cos_u1_2_e1y * t1_217;
+        let t1_228 = t1_73.mul_add(t1_220, t1_227);
+        let t1_229 = (-u_e1y_p1x).mul_add(t1_225, t1_228);
         [
             sin_e1x, cos_e1x, u_rod1_p1z, u_rod1_p1x, t1_28, t1_32, t1_39, t1_44, t1_49, t1_61,
             t1_67, t1_79, t1_80, t1_86, t1_88, sin_u2_1, cos_u2_1, sin_u2_2, cos_u2_2,
-            u_rod2_p2z, t1_89, t1_90, t1_97, t1_98, t1_105, t1_108, t1_110, t1_111, t1_113,
-            pivot_5, t1_118, t1_119, t1_120, t1_121, t1_122, t1_124, t1_126, t1_130, t1_139,
+            u_rod2_p2z, t1_90, pivot_1, t1_97, t1_104, t1_107, t1_109, t1_110, t1_111, t1_112,
+            t1_117, t1_118, t1_119, t1_120, t1_121, t1_122, t1_124, t1_126, t1_130, t1_139,
             t1_150, t1_153, t1_155, t1_160, t1_162, t1_165, t1_166, t1_172, t1_174, sin_u3_1,
-            cos_u3_1, sin_u3_2, cos_u3_2, u_rod3_p3z, pivot_1, t1_181, t1_182, t1_185, t1_188,
-            t1_190, t1_191, t1_193, t1_198, t1_199, t1_200, t1_201, t1_202, t1_204, t1_206,
-            t1_210, t1_211, t1_216, t1_219, t1_224, t1_225, t1_228,
+            cos_u3_1, sin_u3_2, cos_u3_2, u_rod3_p3z, t1_175, t1_182, t1_183, t1_186, t1_189,
+            t1_191, t1_192, t1_193, t1_194, t1_199, t1_200, t1_201, t1_202, t1_203, t1_205,
+            t1_207, t1_211, t1_212, t1_217, t1_220, t1_225, t1_226, t1_229,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -5525,232 +5488,222 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) 
         x_e1y_p3, x_e1x_p1, x_e1x_p2, x_e1x_p3, x_u2_1_p1, x_u2_1_p2, x_u2_1_p3, x_u2_2_p1,
         x_u2_2_p2, x_u2_2_p3, x_u3_1_p1, x_u3_1_p2, x_u3_1_p3, x_u3_2_p1, x_u3_2_p2, x_u3_2_p3,
     ] = {
-        let t2_1 = like.lift(0.5) * t1_216;
-        let t2_2 = like.lift(0.8660254037844386).mul_add(t1_219, t2_1);
-        let t2_3 = cos_u3_1 * t1_216;
+        let t2_1 = like.lift(0.5) * t1_217;
+        let t2_2 = like.lift(0.8660254037844386).mul_add(t1_220, t2_1);
+        let t2_3 = cos_u3_1 * t1_217;
         let t2_4 = like.lift(0.8660254037844386) * t2_3;
-        let t2_5 = cos_u3_1 * t1_219;
+        let t2_5 = cos_u3_1 * t1_220;
         let t2_6 = like.lift(-0.5).mul_add(t2_5, t2_4);
-        let t2_7 = sin_u3_1.mul_add(t1_224, t2_6);
+        let t2_7 = sin_u3_1.mul_add(t1_225, t2_6);
         let t2_8 = -t2_7;
-        let t2_9 = like.lift(1.0) / u_rod3_p3z;
-        let t2_10 = t1_206 * t2_9;
-        let t2_11 = t1_181 * t2_10;
-        let t2_12 = like.lift(5.370700178508146).mul_add(t2_11, t1_210);
-        let pivot_2 = like.lift(0.5773502691896257).mul_add(t1_181, t1_198);
+        let inv_pivot_1 = like.lift(1.0) / pivot_1;
+        let t2_9 = t1_130 * inv_pivot_1;
+        let t2_10 = u_rod2_p2z * t2_9;
+        let t2_11 = like.lift(0.18619546181365432).mul_add(t2_10, t1_126);
+        let t2_12 = t1_117 * inv_pivot_1;
+        let t2_13 = u_rod2_p2z * t2_12;
+        let pivot_2 = like.lift(0.18619546181365432).mul_add(t2_13, t1_111);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_13 = t2_12 * inv_pivot_2;
-        let pivot_3 = (-t1_162).mul_add(t2_13, t1_165);
+        let t2_14 = t2_11 * inv_pivot_2;
+        let pivot_3 = (-t1_67).mul_add(t2_14, t1_79);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_14 = t1_166 * t2_10;
-        let t2_15 = like.lift(5.370700178508146).mul_add(t2_14, t1_199);
-        let t2_16 = like.lift(0.5773502691896257).mul_add(t1_166, t1_185);
-        let t2_17 = (-t2_16).mul_add(t2_13, t2_15);
-        let t2_18 = t2_2 * t2_9;
-        let t2_19 = t1_166 * t2_18;
-        let t2_20 = like.lift(-5.370700178508146).mul_add(t2_19, t1_225);
-        let t2_21 = t1_181 * t2_18;
-        let t2_22 = like.lift(5.370700178508146).mul_add(t2_21, t2_7);
-        let t2_23 = t2_22 * inv_pivot_2;
-        let t2_24 = t2_16.mul_add(t2_23, t2_20);
-        let t2_25 = (-t1_162).mul_add(t2_23, t1_216);
-        let t2_26 = t2_25 * inv_pivot_3;
-        let pivot_4 = t2_17.mul_add(t2_26, t2_24);
+        let t2_15 = t1_86.mul_add(t2_9, t1_121);
+        let t2_16 = t1_86.mul_add(t2_12, t1_107);
+        let t2_17 = (-t2_16).mul_add(t2_14, t2_15);
+        let t2_18 = t1_160 * inv_pivot_1;
+        let t2_19 = (-t1_86).mul_add(t2_18, t1_150);
+        let t2_20 = u_rod2_p2z * t2_18;
+        let t2_21 = like.lift(0.18619546181365432).mul_add(t2_20, t1_155);
+        let t2_22 = t2_21 * inv_pivot_2;
+        let t2_23 = t2_16.mul_add(t2_22, t2_19);
+        let t2_24 = (-t1_67).mul_add(t2_22, t1_139);
+        let t2_25 = t2_24 * inv_pivot_3;
+        let pivot_4 = t2_17.mul_add(t2_25, t2_23);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_27 = t1_172 * t2_18;
-        let t2_28 = like.lift(-5.370700178508146).mul_add(t2_27, t1_225);
-        let t2_29 = like.lift(0.5773502691896257).mul_add(t1_172, t1_188);
-        let t2_30 = t2_29.mul_add(t2_23, t2_28);
-        let t2_31 = t1_172 * t2_10;
-        let t2_32 = like.lift(5.370700178508146).mul_add(t2_31, t1_201);
-        let t2_33 = (-t2_29).mul_add(t2_13, t2_32);
-        let t2_34 = t2_33.mul_add(t2_26, t2_30);
-        let t2_35 = t1_80 * inv_pivot_4;
-        let t2_36 = (-t2_34).mul_add(t2_35, t1_86);
+        let t2_26 = (-t1_88).mul_add(t2_18, t1_153);
+        let t2_27 = (-t1_88).mul_add(t2_12, t1_109);
+        let t2_28 = (-t2_27).mul_add(t2_22, t2_26);
+        let t2_29 = (-t1_88).mul_add(t2_9, t1_124);
+        let t2_30 = (-t2_27).mul_add(t2_14, t2_29);
+        let t2_31 = (-t2_30).mul_add(t2_25, t2_28);
+        let t2_32 = t1_217 * inv_pivot_3;
+        let t2_33 = (-t2_30).mul_add(t2_32, t1_229);
+        let t2_34 = t2_17.mul_add(t2_32, t1_226);
+        let t2_35 = t2_34 * inv_pivot_4;
+        let pivot_5 = (-t2_31).mul_add(t2_35, t2_33);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_37 = t1_97 * inv_pivot_5;
-        let t2_38 = t1_67 * inv_pivot_3;
-        let t2_39 = (-t2_33).mul_add(t2_38, t1_108);
-        let t2_40 = (-t2_17).mul_add(t2_38, t1_105);
-        let t2_41 = t2_40 * inv_pivot_4;
-        let t2_42 = (-t2_34).mul_add(t2_41, t2_39);
-        let pivot_6 = t2_37.mul_add(t2_42, t2_36);
+        let t2_36 = (-t2_25).mul_add(t2_35, t2_32);
+        let t2_37 = t1_80.mul_add(t2_9, t1_119);
+        let t2_38 = t1_80.mul_add(t2_12, t1_104);
+        let t2_39 = (-t2_38).mul_add(t2_14, t2_37);
+        let t2_40 = t2_39.mul_add(t2_32, t1_226);
+        let t2_41 = (-t1_80).mul_add(t2_18, t1_150);
+        let t2_42 = t2_38.mul_add(t2_22, t2_41);
+        let t2_43 = t2_39.mul_add(t2_25, t2_42);
+        let t2_44 = (-t2_43).mul_add(t2_35, t2_40);
+        let t2_45 = t1_172 * inv_pivot_4;
+        let t2_46 = (-t2_43).mul_add(t2_45, t1_166);
+        let t2_47 = (-t2_31).mul_add(t2_45, t1_174);
+        let t2_48 = t2_47 * inv_pivot_5;
+        let pivot_6 = (-t2_44).mul_add(t2_48, t2_46);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_43 = t2_26 * t2_35;
-        let t2_44 = t2_26.mul_add(t2_41, t2_38);
-        let t2_45 = t2_37.mul_add(t2_44, t2_43);
-        let t2_46 = t1_174 * t2_18;
-        let t2_47 = like.lift(-5.370700178508146).mul_add(t2_46, t1_228);
-        let t2_48 = like.lift(-0.5773502691896257).mul_add(t1_174, t1_190);
-        let t2_49 = (-t2_48).mul_add(t2_23, t2_47);
-        let t2_50 = t1_174 * t2_10;
-        let t2_51 = like.lift(-5.370700178508146).mul_add(t2_50, t1_204);
-        let t2_52 = (-t2_48).mul_add(t2_13, t2_51);
-        let t2_53 = (-t2_52).mul_add(t2_26, t2_49);
-        let t2_54 = (-t2_53).mul_add(t2_35, t1_88);
-        let t2_55 = (-t2_52).mul_add(t2_38, t1_110);
-        let t2_56 = t2_53.mul_add(t2_41, t2_55);
-        let t2_57 = (-t2_37).mul_add(t2_56, t2_54);
-        let t2_58 = t1_139 * inv_pivot_3;
-        let t2_59 = (-t2_52).mul_add(t2_58, t1_153);
-        let t2_60 = t2_17.mul_add(t2_58, t1_150);
-        let t2_61 = t2_60 * inv_pivot_4;
-        let t2_62 = (-t2_53).mul_add(t2_61, t2_59);
-        let t2_63 = t1_160 * inv_pivot_5;
-        let t2_64 = (-t2_63).mul_add(t2_56, t2_62);
-        let t2_65 = t2_33.mul_add(t2_58, t1_150);
-        let t2_66 = (-t2_34).mul_add(t2_61, t2_65);
-        let t2_67 = t2_63.mul_add(t2_42, t2_66);
-        let t2_68 = t2_67 * inv_pivot_6;
-        let pivot_7 = (-t2_57).mul_add(t2_68, t2_64);
+        let t2_49 = t2_25 * t2_45;
+        let t2_50 = t2_36.mul_add(t2_48, t2_49);
+        let t2_51 = (-t2_2).mul_add(t2_48, t1_175);
+        let t2_52 = t1_165 * inv_pivot_3;
+        let t2_53 = (-t2_30).mul_add(t2_52, t1_205);
+        let t2_54 = (-t2_17).mul_add(t2_52, t1_202);
+        let t2_55 = t2_54 * inv_pivot_4;
+        let t2_56 = t2_31.mul_add(t2_55, t2_53);
+        let t2_57 = t2_56 * inv_pivot_5;
+        let t2_58 = (-t2_2).mul_add(t2_57, t1_207);
+        let t2_59 = (-t2_39).mul_add(t2_52, t1_200);
+        let t2_60 = (-t2_43).mul_add(t2_55, t2_59);
+        let t2_61 = t2_44.mul_add(t2_57, t2_60);
+        let t2_62 = t2_61 * inv_pivot_6;
+        let pivot_7 = t2_51.mul_add(t2_62, t2_58);
         let inv_pivot_7 = like.lift(1.0) / pivot_7;
-        let t2_69 = (-t2_26).mul_add(t2_61, t2_58);
-        let t2_70 = (-t2_63).mul_add(t2_44, t2_69);
-        let t2_71 = t2_45.mul_add(t2_68, t2_70);
-        let t2_72 = u_rod2_p2z * t2_63;
-        let t2_73 = like.lift(-0.1075).mul_add(t2_72, t1_155);
-        let t2_74 = u_rod2_p2z * t2_37;
-        let t2_75 = like.lift(0.1075).mul_add(t2_74, t1_89);
-        let t2_76 = t2_75.mul_add(t2_68, t2_73);
-        let t2_77 = t1_79 * inv_pivot_3;
-        let t2_78 = like.lift(1.0) - t2_77;
-        let t2_79 = (-t2_17).mul_add(t2_77, t1_119);
-        let t2_80 = t2_79 * inv_pivot_4;
-        let t2_81 = t2_26 * t2_80;
-        let t2_82 = t2_78 - t2_81;
-        let t2_83 = t1_130 * inv_pivot_5;
-        let t2_84 = t2_83 * t2_44;
-        let t2_85 = t2_82 + t2_84;
-        let t2_86 = (-t2_33).mul_add(t2_77, t1_121);
-        let t2_87 = (-t2_34).mul_add(t2_80, t2_86);
-        let t2_88 = (-t2_83).mul_add(t2_42, t2_87);
-        let t2_89 = t2_88 * inv_pivot_6;
-        let t2_90 = t2_45 * t2_89;
-        let t2_91 = t2_85 + t2_90;
-        let t2_92 = (-t2_52).mul_add(t2_77, t1_124);
-        let t2_93 = t2_53.mul_add(t2_80, t2_92);
-        let t2_94 = (-t2_83).mul_add(t2_56, t2_93);
-        let t2_95 = t2_57.mul_add(t2_89, t2_94);
-        let t2_96 = t2_95 * inv_pivot_7;
-        let t2_97 = t2_71 * t2_96;
-        let t2_98 = t2_91 + t2_97;
-        let t2_99 = u_rod2_p2z * t2_83;
-        let t2_100 = like.lift(-0.1075).mul_add(t2_99, t1_126);
-        let t2_101 = (-t2_75).mul_add(t2_89, t2_100);
-        let pivot_8 = (-t2_76).mul_add(t2_96, t2_101);
+        let t2_63 = like.lift(1.0) - t2_52;
+        let t2_64 = t2_25 * t2_55;
+        let t2_65 = t2_63 - t2_64;
+        let t2_66 = t2_36 * t2_57;
+        let t2_67 = t2_65 + t2_66;
+        let t2_68 = t2_50 * t2_62;
+        let t2_69 = t2_67 + t2_68;
+        let t2_70 = (-t2_7).mul_add(t2_57, t1_211);
+        let t2_71 = t2_7.mul_add(t2_48, t1_182);
+        let t2_72 = (-t2_71).mul_add(t2_62, t2_70);
+        let t2_73 = t1_162 * inv_pivot_3;
+        let t2_74 = (-t2_17).mul_add(t2_73, t1_189);
+        let t2_75 = t2_74 * inv_pivot_4;
+        let t2_76 = t2_25.mul_add(t2_75, t2_73);
+        let t2_77 = (-t2_30).mul_add(t2_73, t1_191);
+        let t2_78 = t2_31.mul_add(t2_75, t2_77);
+        let t2_79 = t2_78 * inv_pivot_5;
+        let t2_80 = (-t2_36).mul_add(t2_79, t2_76);
+        let t2_81 = (-t2_39).mul_add(t2_73, t1_186);
+        let t2_82 = (-t2_43).mul_add(t2_75, t2_81);
+        let t2_83 = t2_44.mul_add(t2_79, t2_82);
+        let t2_84 = t2_83 * inv_pivot_6;
+        let t2_85 = (-t2_50).mul_add(t2_84, t2_80);
+        let t2_86 = (-t2_2).mul_add(t2_79, t1_193);
+        let t2_87 = t2_51.mul_add(t2_84, t2_86);
+        let t2_88 = t2_87 * inv_pivot_7;
+        let t2_89 = t2_69.mul_add(t2_88, t2_85);
+        let t2_90 = (-t2_7).mul_add(t2_79, t1_199);
+        let t2_91 = (-t2_71).mul_add(t2_84, t2_90);
+        let pivot_8 = (-t2_72).mul_add(t2_88, t2_91);
         let inv_pivot_8 = like.lift(1.0) / pivot_8;
-        let t2_102 = t2_98 * inv_pivot_8;
-        let t2_103 = t2_76.mul_add(t2_102, t2_71);
-        let t2_104 = inv_pivot_7 * t2_103;
-        let t2_105 = t2_57.mul_add(t2_104, t2_45);
-        let t2_106 = t2_75.mul_add(t2_102, t2_105);
-        let t2_107 = inv_pivot_6 * t2_106;
-        let t2_108 = t2_34.mul_add(t2_107, t2_26);
-        let t2_109 = (-t2_53).mul_add(t2_104, t2_108);
-        let t2_110 = inv_pivot_4 * t2_109;
-        let t2_111 = (-t2_17).mul_add(t2_110, like.lift(1.0));
-        let t2_112 = t2_33.mul_add(t2_107, t2_111);
-        let t2_113 = t2_52.mul_add(t2_104, t2_112);
-        let t2_114 = inv_pivot_3 * t2_113;
-        let t2_115 = -t2_114;
-        let t2_116 = t2_76 * inv_pivot_8;
-        let t2_117 = inv_pivot_7 * t2_116;
-        let t2_118 = t2_57 * t2_117;
-        let t2_119 = t2_75.mul_add(inv_pivot_8, t2_118);
-        let t2_120 = inv_pivot_6 * t2_119;
-        let t2_121 = t2_34 * t2_120;
-        let t2_122 = (-t2_53).mul_add(t2_117, t2_121);
-        let t2_123 = inv_pivot_4 * t2_122;
-        let t2_124 = t2_17 * t2_123;
-        let t2_125 = (-t2_33).mul_add(t2_120, t2_124);
-        let t2_126 = (-t2_52).mul_add(t2_117, t2_125);
-        let t2_127 = inv_pivot_3 * t2_126;
-        let t2_128 = -t2_127;
-        let t2_129 = t2_77 + t2_81;
-        let t2_130 = t2_129 - t2_84;
-        let t2_131 = t2_130 - t2_90;
-        let t2_132 = t2_131 - t2_97;
-        let t2_133 = t2_132 * inv_pivot_8;
-        let t2_134 = (-t2_76).mul_add(t2_133, t2_71);
-        let t2_135 = inv_pivot_7 * t2_134;
-        let t2_136 = t2_57.mul_add(t2_135, t2_45);
-        let t2_137 = (-t2_75).mul_add(t2_133, t2_136);
-        let t2_138 = inv_pivot_6 * t2_137;
-        let t2_139 = t2_34.mul_add(t2_138, t2_26);
-        let t2_140 = (-t2_53).mul_add(t2_135, t2_139);
-        let t2_141 = inv_pivot_4 * t2_140;
-        let t2_142 = (-t2_17).mul_add(t2_141, like.lift(1.0));
-        let t2_143 = t2_33.mul_add(t2_138, t2_142);
-        let t2_144 = t2_52.mul_add(t2_135, t2_143);
-        let t2_145 = inv_pivot_3 * t2_144;
-        let t2_146 = -t2_123;
-        let t2_147 = -t2_141;
-        let t2_148 = -t2_107;
-        let t2_149 = -t2_117;
-        let t2_150 = -t2_135;
-        let t2_151 = -t2_102;
-        let t2_152 = -t2_133;
-        let t2_153 = (-t2_42).mul_add(t2_107, t2_44);
-        let t2_154 = (-t2_56).mul_add(t2_104, t2_153);
-        let t2_155 = u_rod2_p2z * t2_102;
-        let t2_156 = like.lift(0.1075).mul_add(t2_155, t2_154);
-        let t2_157 = inv_pivot_5 * t2_156;
-        let t2_158 = t2_42 * t2_120;
-        let t2_159 = t2_56.mul_add(t2_117, t2_158);
-        let t2_160 = u_rod2_p2z * inv_pivot_8;
-        let t2_161 = like.lift(-0.1075).mul_add(t2_160, t2_159);
-        let t2_162 = inv_pivot_5 * t2_161;
-        let t2_163 = (-t2_42).mul_add(t2_138, t2_44);
-        let t2_164 = (-t2_56).mul_add(t2_135, t2_163);
-        let t2_165 = u_rod2_p2z * t2_133;
-        let t2_166 = like.lift(-0.1075).mul_add(t2_165, t2_164);
-        let t2_167 = inv_pivot_5 * t2_166;
-        let t2_168 = -t2_167;
-        let t2_169 = t1_162 * t2_114;
-        let t2_170 = t2_16.mul_add(t2_110, t2_169);
-        let t2_171 = (-t2_29).mul_add(t2_107, t2_170);
-        let t2_172 = (-t2_48).mul_add(t2_104, t2_171);
-        let t2_173 = inv_pivot_2 * t2_172;
-        let t2_174 = t1_181 * t2_173;
-        let t2_175 = (-t1_166).mul_add(t2_110, t2_174);
-        let t2_176 = t1_172.mul_add(t2_107, t2_175);
-        let t2_177 = (-t1_174).mul_add(t2_104, t2_176);
-        let t2_178 = t2_9 * t2_177;
-        let t2_179 = like.lift(5.370700178508146) * t2_178;
-        let t2_180 = t1_162 * t2_127;
-        let t2_181 = (-t2_16).mul_add(t2_123, t2_180);
-        let t2_182 = t2_29.mul_add(t2_120, t2_181);
-        let t2_183 = t2_48.mul_add(t2_117, t2_182);
-        let t2_184 = inv_pivot_2 * t2_183;
-        let t2_185 = t1_181 * t2_184;
-        let t2_186 = t1_166.mul_add(t2_123, t2_185);
-        let t2_187 = (-t1_172).mul_add(t2_120, t2_186);
-        let t2_188 = t1_174.mul_add(t2_117, t2_187);
-        let t2_189 = t2_9 * t2_188;
-        let t2_190 = like.lift(5.370700178508146) * t2_189;
-        let t2_191 = t1_162 * t2_145;
-        let t2_192 = t2_16.mul_add(t2_141, t2_191);
-        let t2_193 = (-t2_29).mul_add(t2_138, t2_192);
-        let t2_194 = (-t2_48).mul_add(t2_135, t2_193);
-        let t2_195 = inv_pivot_2 * t2_194;
-        let t2_196 = t1_181 * t2_195;
-        let t2_197 = (-t1_166).mul_add(t2_141, t2_196);
-        let t2_198 = t1_172.mul_add(t2_138, t2_197);
-        let t2_199 = (-t1_174).mul_add(t2_135, t2_198);
-        let t2_200 = t2_9 * t2_199;
-        let t2_201 = like.lift(5.370700178508146) * t2_200;
-        let t2_202 = -t2_201;
-        let t2_203 = -t2_173;
-        let t2_204 = -t2_184;
+        let t2_92 = t2_89 * inv_pivot_8;
+        let t2_93 = t2_72.mul_add(t2_92, t2_69);
+        let t2_94 = inv_pivot_7 * t2_93;
+        let t2_95 = (-t2_51).mul_add(t2_94, t2_50);
+        let t2_96 = (-t2_71).mul_add(t2_92, t2_95);
+        let t2_97 = inv_pivot_6 * t2_96;
+        let t2_98 = t2_44.mul_add(t2_97, t2_36);
+        let t2_99 = t2_2.mul_add(t2_94, t2_98);
+        let t2_100 = (-t2_7).mul_add(t2_92, t2_99);
+        let t2_101 = inv_pivot_5 * t2_100;
+        let t2_102 = (-t2_31).mul_add(t2_101, t2_25);
+        let t2_103 = t2_43.mul_add(t2_97, t2_102);
+        let t2_104 = inv_pivot_4 * t2_103;
+        let t2_105 = (-t2_17).mul_add(t2_104, like.lift(1.0));
+        let t2_106 = t2_30.mul_add(t2_101, t2_105);
+        let t2_107 = t2_39.mul_add(t2_97, t2_106);
+        let t2_108 = inv_pivot_3 * t2_107;
+        let t2_109 = -t2_108;
+        let t2_110 = t2_52 + t2_64;
+        let t2_111 = t2_110 - t2_66;
+        let t2_112 = t2_111 - t2_68;
+        let t2_113 = (-t2_112).mul_add(t2_88, t2_85);
+        let t2_114 = t2_113 * inv_pivot_8;
+        let t2_115 = (-t2_72).mul_add(t2_114, t2_112);
+        let t2_116 = inv_pivot_7 * t2_115;
+        let t2_117 = t2_51.mul_add(t2_116, t2_50);
+        let t2_118 = (-t2_71).mul_add(t2_114, t2_117);
+        let t2_119 = inv_pivot_6 * t2_118;
+        let t2_120 = t2_44.mul_add(t2_119, t2_36);
+        let t2_121 = (-t2_2).mul_add(t2_116, t2_120);
+        let t2_122 = (-t2_7).mul_add(t2_114, t2_121);
+        let t2_123 = inv_pivot_5 * t2_122;
+        let t2_124 = (-t2_31).mul_add(t2_123, t2_25);
+        let t2_125 = t2_43.mul_add(t2_119, t2_124);
+        let t2_126 = inv_pivot_4 * t2_125;
+        let t2_127 = (-t2_17).mul_add(t2_126, like.lift(1.0));
+        let t2_128 = t2_30.mul_add(t2_123, t2_127);
+        let t2_129 = t2_39.mul_add(t2_119, t2_128);
+        let t2_130 = inv_pivot_3 * t2_129;
+        let t2_131 = t2_88 * inv_pivot_8;
+        let t2_132 = t2_72.mul_add(t2_131, like.lift(1.0));
+        let t2_133 = inv_pivot_7 * t2_132;
+        let t2_134 = t2_51 * t2_133;
+        let t2_135 = t2_71.mul_add(t2_131, t2_134);
+        let t2_136 = inv_pivot_6 * t2_135;
+        let t2_137 = t2_44 * t2_136;
+        let t2_138 = (-t2_2).mul_add(t2_133, t2_137);
+        let t2_139 = t2_7.mul_add(t2_131, t2_138);
+        let t2_140 = inv_pivot_5 * t2_139;
+        let t2_141 = t2_31 * t2_140;
+        let t2_142 = (-t2_43).mul_add(t2_136, t2_141);
+        let t2_143 = inv_pivot_4 * t2_142;
+        let t2_144 = t2_17 * t2_143;
+        let t2_145 = t2_30.mul_add(t2_140, t2_144);
+        let t2_146 = t2_39.mul_add(t2_136, t2_145);
+        let t2_147 = inv_pivot_3 * t2_146;
+        let t2_148 = -t2_147;
+        let t2_149 = -t2_97;
+        let t2_150 = -t2_136;
+        let t2_151 = -t2_126;
+        let t2_152 = -t2_143;
+        let t2_153 = -t2_123;
+        let t2_154 = t1_67 * t2_108;
+        let t2_155 = t2_16.mul_add(t2_104, t2_154);
+        let t2_156 = (-t2_27).mul_add(t2_101, t2_155);
+        let t2_157 = (-t2_38).mul_add(t2_97, t2_156);
+        let t2_158 = inv_pivot_2 * t2_157;
+        let t2_159 = t1_67 * t2_130;
+        let t2_160 = t2_16.mul_add(t2_126, t2_159);
+        let t2_161 = (-t2_27).mul_add(t2_123, t2_160);
+        let t2_162 = (-t2_38).mul_add(t2_119, t2_161);
+        let t2_163 = inv_pivot_2 * t2_162;
+        let t2_164 = -t2_163;
+        let t2_165 = t1_67 * t2_147;
+        let t2_166 = (-t2_16).mul_add(t2_143, t2_165);
+        let t2_167 = (-t2_27).mul_add(t2_140, t2_166);
+        let t2_168 = (-t2_38).mul_add(t2_136, t2_167);
+        let t2_169 = inv_pivot_2 * t2_168;
+        let t2_170 = u_rod2_p2z * t2_158;
+        let t2_171 = like.lift(0.18619546181365432) * t2_170;
+        let t2_172 = (-t1_86).mul_add(t2_104, t2_171);
+        let t2_173 = (-t1_88).mul_add(t2_101, t2_172);
+        let t2_174 = t1_80.mul_add(t2_97, t2_173);
+        let t2_175 = inv_pivot_1 * t2_174;
+        let t2_176 = u_rod2_p2z * t2_163;
+        let t2_177 = like.lift(0.18619546181365432) * t2_176;
+        let t2_178 = (-t1_86).mul_add(t2_126, t2_177);
+        let t2_179 = (-t1_88).mul_add(t2_123, t2_178);
+        let t2_180 = t1_80.mul_add(t2_119, t2_179);
+        let t2_181 = inv_pivot_1 * t2_180;
+        let t2_182 = -t2_181;
+        let t2_183 = u_rod2_p2z * t2_169;
+        let t2_184 = like.lift(0.18619546181365432) * t2_183;
+        let t2_185 = t1_86.mul_add(t2_143, t2_184);
+        let t2_186 = (-t1_88).mul_add(t2_140, t2_185);
+        let t2_187 = t1_80.mul_add(t2_136, t2_186);
+        let t2_188 = inv_pivot_1 * t2_187;
+        let t2_189 = -t2_94;
+        let t2_190 = -t2_116;
+        let t2_191 = -t2_92;
+        let t2_192 = -pivot_2;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(6.287381471191513)).abs()
-            .min((pivot_2 * like.lift(4.054300853983487)).abs())
-            .min((pivot_3 * like.lift(5.1354731598256045)).abs())
-            .min((pivot_4 * like.lift(1.1136124389030184)).abs())
-            .min((t1_118 * like.lift(5.490928143318305)).abs())
-            .min((pivot_6 * like.lift(5.005772724016506)).abs())
-            .min((pivot_7 * like.lift(1.2292368551614257)).abs())
-            .min((pivot_8 * like.lift(6.313131313131312)).abs());
+        let margin = (pivot_1 * like.lift(8.169180195158923)).abs()
+            .min((t2_192 * like.lift(2.9578447349824133)).abs())
+            .min((pivot_3 * like.lift(4.709626127302084)).abs())
+            .min((pivot_4 * like.lift(1.7298389090997555)).abs())
+            .min((pivot_5 * like.lift(1.2416410909468296)).abs())
+            .min((pivot_6 * like.lift(4.677980223697912)).abs())
+            .min((pivot_7 * like.lift(5.873901159537709)).abs())
+            .min((pivot_8 * like.lift(4.02802513388111)).abs());
         let ([
             [x_u1_1_p1, x_u1_1_p2, x_u1_1_p3], [x_u1_2_p1, x_u1_2_p2, x_u1_2_p3],
             [x_e1y_p1, x_e1y_p2, x_e1y_p3], [x_e1x_p1, x_e1x_p2, x_e1x_p3],
@@ -5758,21 +5711,21 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) 
             [x_u3_1_p1, x_u3_1_p2, x_u3_1_p3], [x_u3_2_p1, x_u3_2_p2, x_u3_2_p3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_115, t2_128, t2_145], [t2_110, t2_146, t2_147], [t2_148, t2_120, t2_138],
-                [t2_104, t2_149, t2_150], [t2_151, inv_pivot_8, t2_152],
-                [t2_157, t2_162, t2_168], [t2_179, t2_190, t2_202], [t2_203, t2_204, t2_195],
+                [t2_109, t2_130, t2_148], [t2_149, t2_119, t2_150], [t2_104, t2_151, t2_152],
+                [t2_101, t2_153, t2_140], [t2_158, t2_164, t2_169], [t2_175, t2_182, t2_188],
+                [t2_189, t2_190, t2_133], [t2_191, t2_114, t2_131],
             ],
             margin,
             || (
                 [
-                    [like.lift(0.0), t1_80, t1_86, t1_88, t1_90, t1_97, like.lift(0.0), like.lift(0.0)],
-                    [t1_98, t1_105, t1_108, t1_111, t1_113, t1_118, like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), t1_80, t1_86, t1_88, t1_90, pivot_1, like.lift(0.0), like.lift(0.0)],
+                    [t1_97, t1_104, t1_107, t1_110, t1_112, t1_118, like.lift(0.0), like.lift(0.0)],
                     [t1_79, t1_120, t1_122, t1_124, t1_126, t1_130, like.lift(0.0), like.lift(0.0)],
                     [t1_139, t1_150, t1_150, t1_153, t1_155, t1_160, like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), t1_166, t1_172, t1_174, like.lift(0.0), like.lift(0.0), pivot_1, t1_181],
-                    [t1_182, t1_185, t1_188, t1_191, like.lift(0.0), like.lift(0.0), t1_193, t1_198],
-                    [t1_165, t1_200, t1_202, t1_204, like.lift(0.0), like.lift(0.0), t1_206, t1_211],
-                    [t1_216, t1_225, t1_225, t1_228, like.lift(0.0), like.lift(0.0), t2_2, t2_8],
+                    [like.lift(0.0), t1_166, t1_172, t1_174, like.lift(0.0), like.lift(0.0), t1_175, t1_182],
+                    [t1_183, t1_186, t1_189, t1_192, like.lift(0.0), like.lift(0.0), t1_194, t1_199],
+                    [t1_165, t1_201, t1_203, t1_205, like.lift(0.0), like.lift(0.0), t1_207, t1_212],
+                    [t1_217, t1_226, t1_226, t1_229, like.lift(0.0), like.lift(0.0), t2_2, t2_8],
                 ],
                 [
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -5878,7 +5831,7 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) 
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
 ///
-/// 619 additions, 920 multiplications, 8 divisions, 8 sines and cosines.
+/// 620 additions, 909 multiplications, 8 divisions, 8 sines and cosines.
 pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -5899,15 +5852,15 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         sin_u1_1, cos_u1_1, t1_2, sin_u1_2, cos_u1_2, w_rod1x, t1_3, sin_e1x, cos_e1x, sin_e1y,
         cos_e1y, sin_u1_2_e1y, cos_u1_2_e1y, u_e1x_p1y, u_e1y_p1x, t1_12, t1_16, t1_18, t1_24,
         t1_25, t1_26, t1_29, t1_31, t1_33, sin_u2_1, cos_u2_1, sin_u2_2, cos_u2_2, u_rod2_p2z,
-        t1_34, t1_35, t1_40, t1_42, t1_43, e_e1x_u1_1y, t1_48, t1_50, t1_53, t1_55, t1_56,
-        t1_58, t1_60, pivot_5, t1_63, t1_64, t1_65, t1_66, t1_67, t1_69, t1_71, t1_75, t1_78,
+        t1_35, t1_40, pivot_1, t1_42, e_e1x_u1_1y, t1_47, t1_49, t1_52, t1_54, t1_55, t1_56,
+        t1_57, t1_59, t1_62, t1_63, t1_64, t1_65, t1_66, t1_67, t1_69, t1_71, t1_75, t1_78,
         t1_83, t1_84, t1_87, t1_95, t1_98, t1_100, t1_105, t1_107, t1_110, t1_111, t1_112,
-        t1_115, t1_117, t1_119, sin_u3_1, cos_u3_1, sin_u3_2, cos_u3_2, u_rod3_p3z, pivot_1,
-        t1_124, t1_126, t1_127, t1_128, t1_130, t1_133, t1_135, t1_136, t1_138, t1_140, t1_143,
-        t1_144, t1_145, t1_146, t1_147, t1_149, t1_151, t1_155, t1_156, t1_157, t1_160, t1_161,
-        t1_162, t1_170, t1_173, t1_175, t1_180, t1_181, t1_182, t1_186, t1_188, t1_192, t1_195,
-        t1_197, t1_200, t1_204, t1_207, t1_209, t1_213, t1_214, t1_218, t1_220, t1_224, t1_226,
-        t1_229, t1_230,
+        t1_115, t1_117, t1_119, sin_u3_1, cos_u3_1, sin_u3_2, cos_u3_2, u_rod3_p3z, t1_120,
+        t1_125, t1_127, t1_128, t1_129, t1_131, t1_134, t1_136, t1_137, t1_138, t1_139, t1_141,
+        t1_144, t1_145, t1_146, t1_147, t1_148, t1_150, t1_152, t1_156, t1_157, t1_158, t1_161,
+        t1_162, t1_163, t1_171, t1_174, t1_176, t1_181, t1_182, t1_183, t1_187, t1_189, t1_193,
+        t1_196, t1_198, t1_201, t1_205, t1_208, t1_210, t1_214, t1_215, t1_219, t1_221, t1_225,
+        t1_227, t1_230, t1_231,
     ] = {
         let (sin_u1_1, cos_u1_1) = u1_1.sin_cos();
         let t1_1 = d_u1_1 * d_u1_1;
@@ -5964,41 +5917,41 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t1_39 = like.lift(0.5) * t1_38;
         let t1_40 = like.lift(0.8660254037844386).mul_add(sin_u2_2, t1_39);
         let t1_41 = sin_u2_1 * t1_40;
-        let t1_42 = like.lift(0.215).mul_add(t1_41, t1_37);
-        let t1_43 = -t1_12;
+        let pivot_1 = like.lift(0.215).mul_add(t1_41, t1_37);
+        let t1_42 = -t1_12;
         let e_e1x_u1_1y = sin_e1x * sin_u1_2_e1y;
-        let t1_44 = like.lift(0.0199) * e_e1x_u1_1y;
-        let t1_45 = like.lift(0.215).mul_add(sin_u1_2, t1_44);
-        let t1_46 = like.lift(0.017233905535310328) * cos_u1_2_e1y;
-        let t1_47 = like.lift(0.00995) * e_e1x_u1_1y;
-        let t1_48 = t1_46 + t1_47;
-        let t1_49 = t1_45 + t1_48;
-        let t1_50 = sin_u1_1 * t1_49;
-        let t1_51 = t1_44 + t1_46;
-        let t1_52 = t1_47 + t1_51;
-        let t1_53 = sin_u1_1 * t1_52;
-        let t1_54 = u_e1y_p1x * t1_52;
-        let t1_55 = cos_u1_2_e1y.mul_add(t1_27, t1_54);
-        let t1_56 = -t1_55;
-        let t1_57 = like.lift(0.1075) * u_rod2_p2z;
-        let t1_58 = -t1_57;
-        let t1_59 = like.lift(0.8660254037844386) * t1_38;
-        let t1_60 = like.lift(-0.5).mul_add(sin_u2_2, t1_59);
-        let t1_61 = sin_u2_1 * t1_60;
-        let t1_62 = like.lift(0.215) * t1_61;
-        let pivot_5 = like.lift(0.18619546181365432).mul_add(t1_36, t1_62);
-        let t1_63 = -pivot_5;
-        let t1_64 = cos_u1_1 * t1_49;
+        let t1_43 = like.lift(0.0199) * e_e1x_u1_1y;
+        let t1_44 = like.lift(0.215).mul_add(sin_u1_2, t1_43);
+        let t1_45 = like.lift(0.017233905535310328) * cos_u1_2_e1y;
+        let t1_46 = like.lift(0.00995) * e_e1x_u1_1y;
+        let t1_47 = t1_45 + t1_46;
+        let t1_48 = t1_44 + t1_47;
+        let t1_49 = sin_u1_1 * t1_48;
+        let t1_50 = t1_43 + t1_45;
+        let t1_51 = t1_46 + t1_50;
+        let t1_52 = sin_u1_1 * t1_51;
+        let t1_53 = u_e1y_p1x * t1_51;
+        let t1_54 = cos_u1_2_e1y.mul_add(t1_27, t1_53);
+        let t1_55 = -t1_54;
+        let t1_56 = like.lift(0.1075) * u_rod2_p2z;
+        let t1_57 = -t1_56;
+        let t1_58 = like.lift(0.8660254037844386) * t1_38;
+        let t1_59 = like.lift(-0.5).mul_add(sin_u2_2, t1_58);
+        let t1_60 = sin_u2_1 * t1_59;
+        let t1_61 = like.lift(0.215) * t1_60;
+        let t1_62 = like.lift(0.18619546181365432).mul_add(t1_36, t1_61);
+        let t1_63 = -t1_62;
+        let t1_64 = cos_u1_1 * t1_48;
         let t1_65 = -t1_64;
-        let t1_66 = cos_u1_1 * t1_52;
+        let t1_66 = cos_u1_1 * t1_51;
         let t1_67 = -t1_66;
         let t1_68 = cos_u1_2_e1y * t1_30;
-        let t1_69 = (-t1_18).mul_add(t1_52, t1_68);
+        let t1_69 = (-t1_18).mul_add(t1_51, t1_68);
         let t1_70 = like.lift(0.1075) * t1_40;
-        let t1_71 = like.lift(0.18619546181365432).mul_add(t1_60, t1_70);
+        let t1_71 = like.lift(0.18619546181365432).mul_add(t1_59, t1_70);
         let t1_72 = cos_u2_1 * t1_40;
         let t1_73 = like.lift(0.18619546181365432) * t1_72;
-        let t1_74 = cos_u2_1 * t1_60;
+        let t1_74 = cos_u2_1 * t1_59;
         let t1_75 = like.lift(-0.1075).mul_add(t1_74, t1_73);
         let t1_76 = like.lift(0.5) * u_e1y_p1x;
         let t1_77 = like.lift(0.8660254037844386) * u_e1x_p1y;
@@ -6047,132 +6000,132 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let (sin_u3_1, cos_u3_1) = u3_1.sin_cos();
         let (sin_u3_2, cos_u3_2) = u3_2.sin_cos();
         let u_rod3_p3z = cos_u3_1 * cos_u3_2;
-        let pivot_1 = like.lift(0.18619546181365432) * u_rod3_p3z;
-        let t1_120 = cos_u3_1 * u_rod3_p3z;
-        let t1_121 = like.lift(0.1075) * t1_120;
-        let t1_122 = sin_u3_1 * cos_u3_2;
-        let t1_123 = like.lift(0.5) * t1_122;
-        let t1_124 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t1_123);
-        let t1_125 = sin_u3_1 * t1_124;
-        let t1_126 = like.lift(0.215).mul_add(t1_125, t1_121);
-        let t1_127 = -t1_107;
-        let t1_128 = t1_46 - t1_47;
-        let t1_129 = t1_45 - t1_128;
-        let t1_130 = sin_u1_1 * t1_129;
-        let t1_131 = t1_44 - t1_46;
-        let t1_132 = t1_47 + t1_131;
-        let t1_133 = sin_u1_1 * t1_132;
-        let t1_134 = u_e1y_p1x * t1_132;
-        let t1_135 = cos_u1_2_e1y.mul_add(t1_113, t1_134);
-        let t1_136 = -t1_135;
-        let t1_137 = like.lift(0.1075) * u_rod3_p3z;
-        let t1_138 = -t1_137;
-        let t1_139 = like.lift(0.8660254037844386) * t1_122;
-        let t1_140 = like.lift(0.5).mul_add(sin_u3_2, t1_139);
-        let t1_141 = sin_u3_1 * t1_140;
-        let t1_142 = like.lift(0.215) * t1_141;
-        let t1_143 = like.lift(0.18619546181365432).mul_add(t1_120, t1_142);
-        let t1_144 = cos_u1_1 * t1_129;
-        let t1_145 = -t1_144;
-        let t1_146 = cos_u1_1 * t1_132;
-        let t1_147 = -t1_146;
-        let t1_148 = cos_u1_2_e1y * t1_116;
-        let t1_149 = (-t1_18).mul_add(t1_132, t1_148);
-        let t1_150 = like.lift(0.1075) * t1_124;
-        let t1_151 = like.lift(0.18619546181365432).mul_add(t1_140, t1_150);
-        let t1_152 = cos_u3_1 * t1_124;
-        let t1_153 = like.lift(0.18619546181365432) * t1_152;
-        let t1_154 = cos_u3_1 * t1_140;
-        let t1_155 = like.lift(-0.1075).mul_add(t1_154, t1_153);
-        let t1_156 = -t1_155;
-        let t1_157 = t1_76 - t1_77;
-        let t1_158 = cos_u3_1 * t1_157;
-        let t1_159 = like.lift(0.5) * t1_158;
-        let t1_160 = t1_81 + t1_82;
-        let t1_161 = (-sin_u3_1).mul_add(t1_160, t1_159);
-        let t1_162 = t1_85 + t1_86;
-        let t1_163 = sin_u3_1 * t1_162;
-        let t1_164 = like.lift(0.8660254037844386).mul_add(t1_158, t1_163);
-        let t1_165 = cos_u1_1 * t1_164;
-        let t1_166 = cos_u3_1 * t1_160;
-        let t1_167 = like.lift(0.8660254037844386) * t1_166;
-        let t1_168 = cos_u3_1 * t1_162;
-        let t1_169 = like.lift(0.5).mul_add(t1_168, t1_167);
-        let t1_170 = sin_u1_1.mul_add(t1_169, t1_165);
-        let t1_171 = cos_u1_2_e1y * t1_161;
-        let t1_172 = t1_18.mul_add(t1_164, t1_171);
-        let t1_173 = (-u_e1y_p1x).mul_add(t1_169, t1_172);
-        let t1_174 = like.lift(0.5) * t1_161;
-        let t1_175 = like.lift(0.8660254037844386).mul_add(t1_164, t1_174);
-        let t1_176 = cos_u3_1 * t1_161;
-        let t1_177 = like.lift(0.8660254037844386) * t1_176;
-        let t1_178 = cos_u3_1 * t1_164;
-        let t1_179 = like.lift(-0.5).mul_add(t1_178, t1_177);
-        let t1_180 = sin_u3_1.mul_add(t1_169, t1_179);
-        let t1_181 = -t1_180;
-        let t1_182 = cos_u1_1 * d_u1_2;
-        let t1_183 = t1_20 * d_u1_1;
-        let t1_184 = like.lift(0.215) * t1_183;
-        let t1_185 = sin_u1_2 * t1_182;
-        let t1_186 = like.lift(0.215).mul_add(t1_185, t1_184);
-        let t1_187 = t1_182 * t1_186;
-        let t1_188 = sin_u1_1 * d_u1_2;
-        let t1_189 = sin_u1_2 * t1_188;
-        let t1_190 = like.lift(0.215) * t1_189;
-        let t1_191 = u_rod1_p1z * d_u1_1;
-        let t1_192 = like.lift(-0.215).mul_add(t1_191, t1_190);
-        let t1_193 = t1_188.mul_add(t1_192, t1_187);
-        let t1_194 = sin_u1_1 * d_u1_1;
-        let t1_195 = d_u1_2 * t1_194;
-        let t1_196 = d_e1y.mul_add(t1_194, t1_195);
-        let t1_197 = sin_u1_1.mul_add(d_e1y, t1_188);
-        let t1_198 = cos_u1_2_e1y * t1_197;
-        let t1_199 = u_e1y_p1x.mul_add(d_u1_1, t1_198);
-        let t1_200 = (-d_e1x).mul_add(t1_199, t1_196);
-        let t1_201 = u_e1x_p1y * t1_200;
-        let t1_202 = like.lift(0.0199) * t1_201;
-        let t1_203 = cos_u1_1 * d_u1_1;
-        let t1_204 = d_u1_2 * t1_203;
-        let t1_205 = d_e1y.mul_add(t1_203, t1_204);
-        let t1_206 = t1_18 * d_u1_1;
-        let t1_207 = cos_u1_1.mul_add(d_e1y, t1_182);
-        let t1_208 = (-cos_u1_2_e1y).mul_add(t1_207, t1_206);
-        let t1_209 = d_e1x.mul_add(t1_208, t1_205);
-        let t1_210 = t1_16 * t1_209;
-        let t1_211 = like.lift(0.0199).mul_add(t1_210, t1_202);
-        let t1_212 = t1_193 + t1_211;
-        let t1_213 = t1_18.mul_add(d_e1x, t1_207);
-        let t1_214 = cos_u1_2_e1y.mul_add(d_e1x, d_u1_1);
-        let t1_215 = t1_16 * t1_214;
-        let t1_216 = like.lift(0.0199) * t1_215;
-        let t1_217 = e_e1x_u1_1y * t1_213;
-        let t1_218 = like.lift(-0.0199).mul_add(t1_217, t1_216);
-        let t1_219 = t1_213 * t1_218;
-        let t1_220 = (-u_e1y_p1x).mul_add(d_e1x, t1_197);
-        let t1_221 = e_e1x_u1_1y * t1_220;
-        let t1_222 = like.lift(0.0199) * t1_221;
-        let t1_223 = u_e1x_p1y * t1_214;
-        let t1_224 = like.lift(-0.0199).mul_add(t1_223, t1_222);
-        let t1_225 = (-t1_220).mul_add(t1_224, t1_219);
-        let t1_226 = t1_212 - t1_225;
-        let t1_227 = t1_26 * t1_200;
-        let t1_228 = (-t1_29).mul_add(t1_209, t1_227);
-        let t1_229 = t1_226 - t1_228;
-        let t1_230 = t1_29 * t1_214;
+        let t1_120 = like.lift(0.18619546181365432) * u_rod3_p3z;
+        let t1_121 = cos_u3_1 * u_rod3_p3z;
+        let t1_122 = like.lift(0.1075) * t1_121;
+        let t1_123 = sin_u3_1 * cos_u3_2;
+        let t1_124 = like.lift(0.5) * t1_123;
+        let t1_125 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t1_124);
+        let t1_126 = sin_u3_1 * t1_125;
+        let t1_127 = like.lift(0.215).mul_add(t1_126, t1_122);
+        let t1_128 = -t1_107;
+        let t1_129 = t1_45 - t1_46;
+        let t1_130 = t1_44 - t1_129;
+        let t1_131 = sin_u1_1 * t1_130;
+        let t1_132 = t1_43 - t1_45;
+        let t1_133 = t1_46 + t1_132;
+        let t1_134 = sin_u1_1 * t1_133;
+        let t1_135 = u_e1y_p1x * t1_133;
+        let t1_136 = cos_u1_2_e1y.mul_add(t1_113, t1_135);
+        let t1_137 = -t1_136;
+        let t1_138 = like.lift(0.1075) * u_rod3_p3z;
+        let t1_139 = -t1_138;
+        let t1_140 = like.lift(0.8660254037844386) * t1_123;
+        let t1_141 = like.lift(0.5).mul_add(sin_u3_2, t1_140);
+        let t1_142 = sin_u3_1 * t1_141;
+        let t1_143 = like.lift(0.215) * t1_142;
+        let t1_144 = like.lift(0.18619546181365432).mul_add(t1_121, t1_143);
+        let t1_145 = cos_u1_1 * t1_130;
+        let t1_146 = -t1_145;
+        let t1_147 = cos_u1_1 * t1_133;
+        let t1_148 = -t1_147;
+        let t1_149 = cos_u1_2_e1y * t1_116;
+        let t1_150 = (-t1_18).mul_add(t1_133, t1_149);
+        let t1_151 = like.lift(0.1075) * t1_125;
+        let t1_152 = like.lift(0.18619546181365432).mul_add(t1_141, t1_151);
+        let t1_153 = cos_u3_1 * t1_125;
+        let t1_154 = like.lift(0.18619546181365432) * t1_153;
+        let t1_155 = cos_u3_1 * t1_141;
+        let t1_156 = like.lift(-0.1075).mul_add(t1_155, t1_154);
+        let t1_157 = -t1_156;
+        let t1_158 = t1_76 - t1_77;
+        let t1_159 = cos_u3_1 * t1_158;
+        let t1_160 = like.lift(0.5) * t1_159;
+        let t1_161 = t1_81 + t1_82;
+        let t1_162 = (-sin_u3_1).mul_add(t1_161, t1_160);
+        let t1_163 = t1_85 + t1_86;
+        let t1_164 = sin_u3_1 * t1_163;
+        let t1_165 = like.lift(0.8660254037844386).mul_add(t1_159, t1_164);
+        let t1_166 = cos_u1_1 * t1_165;
+        let t1_167 = cos_u3_1 * t1_161;
+        let t1_168 = like.lift(0.8660254037844386) * t1_167;
+        let t1_169 = cos_u3_1 * t1_163;
+        let t1_170 = like.lift(0.5).mul_add(t1_169, t1_168);
+        let t1_171 = sin_u1_1.mul_add(t1_170, t1_166);
+        let t1_172 = cos_u1_2_e1y * t1_162;
+        let t1_173 = t1_18.mul_add(t1_165, t1_172);
+        let t1_174 = (-u_e1y_p1x).mul_add(t1_170, t1_173);
+        let t1_175 = like.lift(0.5) * t1_162;
+        let t1_176 = like.lift(0.8660254037844386).mul_add(t1_165, t1_175);
+        let t1_177 = cos_u3_1 * t1_162;
+        let t1_178 = like.lift(0.8660254037844386) * t1_177;
+        let t1_179 = cos_u3_1 * t1_165;
+        let t1_180 = like.lift(-0.5).mul_add(t1_179, t1_178);
+        let t1_181 = sin_u3_1.mul_add(t1_170, t1_180);
+        let t1_182 = -t1_181;
+        let t1_183 = cos_u1_1 * d_u1_2;
+        let t1_184 = t1_20 * d_u1_1;
+        let t1_185 = like.lift(0.215) * t1_184;
+        let t1_186 = sin_u1_2 * t1_183;
+        let t1_187 = like.lift(0.215).mul_add(t1_186, t1_185);
+        let t1_188 = t1_183 * t1_187;
+        let t1_189 = sin_u1_1 * d_u1_2;
+        let t1_190 = sin_u1_2 * t1_189;
+        let t1_191 = like.lift(0.215) * t1_190;
+        let t1_192 = u_rod1_p1z * d_u1_1;
+        let t1_193 = like.lift(-0.215).mul_add(t1_192, t1_191);
+        let t1_194 = t1_189.mul_add(t1_193, t1_188);
+        let t1_195 = sin_u1_1 * d_u1_1;
+        let t1_196 = d_u1_2 * t1_195;
+        let t1_197 = d_e1y.mul_add(t1_195, t1_196);
+        let t1_198 = sin_u1_1.mul_add(d_e1y, t1_189);
+        let t1_199 = cos_u1_2_e1y * t1_198;
+        let t1_200 = u_e1y_p1x.mul_add(d_u1_1, t1_199);
+        let t1_201 = (-d_e1x).mul_add(t1_200, t1_197);
+        let t1_202 = u_e1x_p1y * t1_201;
+        let t1_203 = like.lift(0.0199) * t1_202;
+        let t1_204 = cos_u1_1 * d_u1_1;
+        let t1_205 = d_u1_2 * t1_204;
+        let t1_206 = d_e1y.mul_add(t1_204, t1_205);
+        let t1_207 = t1_18 * d_u1_1;
+        let t1_208 = cos_u1_1.mul_add(d_e1y, t1_183);
+        let t1_209 = (-cos_u1_2_e1y).mul_add(t1_208, t1_207);
+        let t1_210 = d_e1x.mul_add(t1_209, t1_206);
+        let t1_211 = t1_16 * t1_210;
+        let t1_212 = like.lift(0.0199).mul_add(t1_211, t1_203);
+        let t1_213 = t1_194 + t1_212;
+        let t1_214 = t1_18.mul_add(d_e1x, t1_208);
+        let t1_215 = cos_u1_2_e1y.mul_add(d_e1x, d_u1_1);
+        let t1_216 = t1_16 * t1_215;
+        let t1_217 = like.lift(0.0199) * t1_216;
+        let t1_218 = e_e1x_u1_1y * t1_214;
+        let t1_219 = like.lift(-0.0199).mul_add(t1_218, t1_217);
+        let t1_220 = t1_214 * t1_219;
+        let t1_221 = (-u_e1y_p1x).mul_add(d_e1x, t1_198);
+        let t1_222 = e_e1x_u1_1y * t1_221;
+        let t1_223 = like.lift(0.0199) * t1_222;
+        let t1_224 = u_e1x_p1y * t1_215;
+        let t1_225 = like.lift(-0.0199).mul_add(t1_224, t1_223);
+        let t1_226 = (-t1_221).mul_add(t1_225, t1_220);
+        let t1_227 = t1_213 - t1_226;
+        let t1_228 = t1_26 * t1_201;
+        let t1_229 = (-t1_29).mul_add(t1_210, t1_228);
+        let t1_230 = t1_227 - t1_229;
+        let t1_231 = t1_29 * t1_215;
         [
             sin_u1_1, cos_u1_1, t1_2, sin_u1_2, cos_u1_2, w_rod1x, t1_3, sin_e1x, cos_e1x,
             sin_e1y, cos_e1y, sin_u1_2_e1y, cos_u1_2_e1y, u_e1x_p1y, u_e1y_p1x, t1_12, t1_16,
             t1_18, t1_24, t1_25, t1_26, t1_29, t1_31, t1_33, sin_u2_1, cos_u2_1, sin_u2_2,
-            cos_u2_2, u_rod2_p2z, t1_34, t1_35, t1_40, t1_42, t1_43, e_e1x_u1_1y, t1_48, t1_50,
-            t1_53, t1_55, t1_56, t1_58, t1_60, pivot_5, t1_63, t1_64, t1_65, t1_66, t1_67,
+            cos_u2_2, u_rod2_p2z, t1_35, t1_40, pivot_1, t1_42, e_e1x_u1_1y, t1_47, t1_49,
+            t1_52, t1_54, t1_55, t1_56, t1_57, t1_59, t1_62, t1_63, t1_64, t1_65, t1_66, t1_67,
             t1_69, t1_71, t1_75, t1_78, t1_83, t1_84, t1_87, t1_95, t1_98, t1_100, t1_105,
             t1_107, t1_110, t1_111, t1_112, t1_115, t1_117, t1_119, sin_u3_1, cos_u3_1,
-            sin_u3_2, cos_u3_2, u_rod3_p3z, pivot_1, t1_124, t1_126, t1_127, t1_128, t1_130,
-            t1_133, t1_135, t1_136, t1_138, t1_140, t1_143, t1_144, t1_145, t1_146, t1_147,
-            t1_149, t1_151, t1_155, t1_156, t1_157, t1_160, t1_161, t1_162, t1_170, t1_173,
-            t1_175, t1_180, t1_181, t1_182, t1_186, t1_188, t1_192, t1_195, t1_197, t1_200,
-            t1_204, t1_207, t1_209, t1_213, t1_214, t1_218, t1_220, t1_224, t1_226, t1_229,
-            t1_230,
+            sin_u3_2, cos_u3_2, u_rod3_p3z, t1_120, t1_125, t1_127, t1_128, t1_129, t1_131,
+            t1_134, t1_136, t1_137, t1_138, t1_139, t1_141, t1_144, t1_145, t1_146, t1_147,
+            t1_148, t1_150, t1_152, t1_156, t1_157, t1_158, t1_161, t1_162, t1_163, t1_171,
+            t1_174, t1_176, t1_181, t1_182, t1_183, t1_187, t1_189, t1_193, t1_196, t1_198,
+            t1_201, t1_205, t1_208, t1_210, t1_214, t1_215, t1_219, t1_221, t1_225, t1_227,
+            t1_230, t1_231,
         ]
     };
     // tau, part 2
@@ -6181,12 +6134,12 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         t2_191, t2_210, t2_211, t2_225, t2_226, t2_229, t2_231, t2_234, t2_236, t2_241, t2_243,
         t2_244, t2_250,
     ] = {
-        let t2_1 = (-t1_48).mul_add(t1_213, t1_230);
-        let t2_2 = t1_213 * t2_1;
-        let t2_3 = t1_48 * t1_220;
-        let t2_4 = t1_26.mul_add(t1_214, t2_3);
-        let t2_5 = (-t1_220).mul_add(t2_4, t2_2);
-        let t2_6 = t1_229 - t2_5;
+        let t2_1 = (-t1_47).mul_add(t1_214, t1_231);
+        let t2_2 = t1_214 * t2_1;
+        let t2_3 = t1_47 * t1_221;
+        let t2_4 = t1_26.mul_add(t1_215, t2_3);
+        let t2_5 = (-t1_221).mul_add(t2_4, t2_2);
+        let t2_6 = t1_230 - t2_5;
         let t2_7 = sin_u2_1 * d_u2_1;
         let t2_8 = d_u2_2 * t2_7;
         let t2_9 = u_rod2_p2z * t2_8;
@@ -6202,47 +6155,47 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t2_19 = like.lift(0.8660254037844386).mul_add(t2_16, t2_18);
         let t2_20 = t1_40 * t2_19;
         let t2_21 = like.lift(0.215) * t2_20;
-        let t2_22 = t1_60 * t2_17;
+        let t2_22 = t1_59 * t2_17;
         let t2_23 = like.lift(0.215).mul_add(t2_22, t2_21);
         let t2_24 = t2_17 * t2_23;
         let t2_25 = sin_u2_1 * d_u2_2;
-        let t2_26 = t1_60 * t2_25;
+        let t2_26 = t1_59 * t2_25;
         let t2_27 = like.lift(0.215) * t2_26;
         let t2_28 = u_rod2_p2z * t2_19;
         let t2_29 = like.lift(0.215).mul_add(t2_28, t2_27);
         let t2_30 = t2_25.mul_add(t2_29, t2_24);
         let t2_31 = t2_14 - t2_30;
         let t2_32 = t2_6 + t2_31;
-        let t2_33 = sin_u1_2 * t1_204;
+        let t2_33 = sin_u1_2 * t1_205;
         let t2_34 = cos_u1_2 * d_u1_2;
-        let t2_35 = t1_188 * t2_34;
+        let t2_35 = t1_189 * t2_34;
         let t2_36 = like.lift(0.215) * t2_35;
-        let t2_37 = d_u1_1.mul_add(t1_186, t2_36);
+        let t2_37 = d_u1_1.mul_add(t1_187, t2_36);
         let t2_38 = like.lift(0.215).mul_add(t2_33, t2_37);
-        let t2_39 = e_e1x_u1_1y * t1_209;
+        let t2_39 = e_e1x_u1_1y * t1_210;
         let t2_40 = like.lift(0.0199) * t2_39;
-        let t2_41 = u_e1y_p1x * t1_207;
-        let t2_42 = t1_18.mul_add(t1_197, t2_41);
+        let t2_41 = u_e1y_p1x * t1_208;
+        let t2_42 = t1_18.mul_add(t1_198, t2_41);
         let t2_43 = d_e1x * t2_42;
         let t2_44 = u_e1x_p1y * t2_43;
         let t2_45 = like.lift(0.0199).mul_add(t2_44, t2_40);
         let t2_46 = t2_38 + t2_45;
-        let t2_47 = u_e1x_p1y * t1_213;
+        let t2_47 = u_e1x_p1y * t1_214;
         let t2_48 = like.lift(0.0199) * t2_47;
-        let t2_49 = t1_16 * t1_220;
+        let t2_49 = t1_16 * t1_221;
         let t2_50 = like.lift(-0.0199).mul_add(t2_49, t2_48);
-        let t2_51 = t1_220 * t2_50;
-        let t2_52 = (-t1_214).mul_add(t1_218, t2_51);
+        let t2_51 = t1_221 * t2_50;
+        let t2_52 = (-t1_215).mul_add(t1_219, t2_51);
         let t2_53 = t2_46 + t2_52;
-        let t2_54 = t1_48 * t1_209;
+        let t2_54 = t1_47 * t1_210;
         let t2_55 = (-t1_26).mul_add(t2_43, t2_54);
         let t2_56 = t2_53 + t2_55;
-        let t2_57 = t1_26 * t1_213;
-        let t2_58 = t1_29.mul_add(t1_220, t2_57);
-        let t2_59 = t1_220 * t2_58;
-        let t2_60 = t1_214.mul_add(t2_1, t2_59);
+        let t2_57 = t1_26 * t1_214;
+        let t2_58 = t1_29.mul_add(t1_221, t2_57);
+        let t2_59 = t1_221 * t2_58;
+        let t2_60 = t1_215.mul_add(t2_1, t2_59);
         let t2_61 = t2_56 - t2_60;
-        let t2_62 = t1_60 * t2_12;
+        let t2_62 = t1_59 * t2_12;
         let t2_63 = like.lift(0.215) * t2_62;
         let t2_64 = like.lift(-0.18619546181365432).mul_add(t2_9, t2_63);
         let t2_65 = u_rod2_p2z * t2_17;
@@ -6254,28 +6207,28 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t2_71 = t2_64 + t2_70;
         let t2_72 = t2_61 - t2_71;
         let t2_73 = -t2_72;
-        let t2_74 = sin_u1_2 * t1_195;
-        let t2_75 = d_u1_1 * t1_192;
-        let t2_76 = t1_182 * t2_34;
+        let t2_74 = sin_u1_2 * t1_196;
+        let t2_75 = d_u1_1 * t1_193;
+        let t2_76 = t1_183 * t2_34;
         let t2_77 = like.lift(-0.215).mul_add(t2_76, t2_75);
         let t2_78 = like.lift(0.215).mul_add(t2_74, t2_77);
         let t2_79 = t1_16 * t2_43;
         let t2_80 = like.lift(0.0199) * t2_79;
-        let t2_81 = e_e1x_u1_1y * t1_200;
+        let t2_81 = e_e1x_u1_1y * t1_201;
         let t2_82 = like.lift(-0.0199).mul_add(t2_81, t2_80);
         let t2_83 = t2_78 - t2_82;
-        let t2_84 = t1_214 * t1_224;
-        let t2_85 = (-t1_213).mul_add(t2_50, t2_84);
+        let t2_84 = t1_215 * t1_225;
+        let t2_85 = (-t1_214).mul_add(t2_50, t2_84);
         let t2_86 = t2_83 + t2_85;
         let t2_87 = t1_29 * t2_43;
-        let t2_88 = (-t1_48).mul_add(t1_200, t2_87);
+        let t2_88 = (-t1_47).mul_add(t1_201, t2_87);
         let t2_89 = t2_86 - t2_88;
-        let t2_90 = t1_214 * t2_4;
-        let t2_91 = t1_213.mul_add(t2_58, t2_90);
+        let t2_90 = t1_215 * t2_4;
+        let t2_91 = t1_214.mul_add(t2_58, t2_90);
         let t2_92 = t2_89 + t2_91;
         let t2_93 = t1_40 * t2_8;
         let t2_94 = like.lift(0.18619546181365432) * t2_93;
-        let t2_95 = t1_60 * t2_8;
+        let t2_95 = t1_59 * t2_8;
         let t2_96 = like.lift(-0.1075).mul_add(t2_95, t2_94);
         let t2_97 = t2_19 * t2_29;
         let t2_98 = t2_17.mul_add(t2_68, t2_97);
@@ -6285,39 +6238,39 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t2_102 = sin_u2_1 * t2_17;
         let t2_103 = cos_u2_1 * t2_25;
         let t2_104 = like.lift(0.5).mul_add(t2_103, t2_102);
-        let t2_105 = t1_78 * t1_213;
-        let t2_106 = t1_83.mul_add(t1_220, t2_105);
+        let t2_105 = t1_78 * t1_214;
+        let t2_106 = t1_83.mul_add(t1_221, t2_105);
         let t2_107 = t2_104 * t2_106;
         let t2_108 = like.lift(0.8660254037844386) * t2_103;
         let t2_109 = (-sin_u2_1).mul_add(t2_19, t2_108);
-        let t2_110 = t1_87 * t1_220;
-        let t2_111 = t1_78.mul_add(t1_214, t2_110);
+        let t2_110 = t1_87 * t1_221;
+        let t2_111 = t1_78.mul_add(t1_215, t2_110);
         let t2_112 = t2_109.mul_add(t2_111, t2_107);
         let t2_113 = cos_u2_1 * t2_19;
         let t2_114 = like.lift(0.5) * t2_113;
         let t2_115 = cos_u2_1 * t2_17;
         let t2_116 = like.lift(0.8660254037844386).mul_add(t2_115, t2_114);
-        let t2_117 = t1_83 * t1_214;
-        let t2_118 = (-t1_87).mul_add(t1_213, t2_117);
+        let t2_117 = t1_83 * t1_215;
+        let t2_118 = (-t1_87).mul_add(t1_214, t2_117);
         let t2_119 = (-t2_116).mul_add(t2_118, t2_112);
-        let t2_120 = t1_78 * t1_200;
-        let t2_121 = (-t1_83).mul_add(t1_209, t2_120);
-        let t2_122 = t1_213 * t2_118;
-        let t2_123 = (-t1_220).mul_add(t2_111, t2_122);
+        let t2_120 = t1_78 * t1_201;
+        let t2_121 = (-t1_83).mul_add(t1_210, t2_120);
+        let t2_122 = t1_214 * t2_118;
+        let t2_123 = (-t1_221).mul_add(t2_111, t2_122);
         let t2_124 = t2_121 + t2_123;
         let t2_125 = cos_u2_1 * t2_124;
         let t2_126 = like.lift(0.8660254037844386) * t2_125;
-        let t2_127 = t1_87 * t1_209;
+        let t2_127 = t1_87 * t1_210;
         let t2_128 = (-t1_78).mul_add(t2_43, t2_127);
-        let t2_129 = t1_220 * t2_106;
-        let t2_130 = t1_214.mul_add(t2_118, t2_129);
+        let t2_129 = t1_221 * t2_106;
+        let t2_130 = t1_215.mul_add(t2_118, t2_129);
         let t2_131 = t2_128 - t2_130;
         let t2_132 = cos_u2_1 * t2_131;
         let t2_133 = like.lift(0.5).mul_add(t2_132, t2_126);
         let t2_134 = t1_83 * t2_43;
-        let t2_135 = (-t1_87).mul_add(t1_200, t2_134);
-        let t2_136 = t1_214 * t2_111;
-        let t2_137 = t1_213.mul_add(t2_106, t2_136);
+        let t2_135 = (-t1_87).mul_add(t1_201, t2_134);
+        let t2_136 = t1_215 * t2_111;
+        let t2_137 = t1_214.mul_add(t2_106, t2_136);
         let t2_138 = t2_135 - t2_137;
         let t2_139 = sin_u2_1.mul_add(t2_138, t2_133);
         let t2_140 = t2_139 + t2_119;
@@ -6336,15 +6289,15 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t2_153 = (-t1_78).mul_add(t2_152, t2_150);
         let t2_154 = t2_141 - t2_153;
         let t2_155 = -t2_154;
-        let t2_156 = t1_112 * t1_200;
-        let t2_157 = (-t1_115).mul_add(t1_209, t2_156);
-        let t2_158 = t1_226 + t2_157;
-        let t2_159 = t1_115 * t1_214;
-        let t2_160 = (-t1_128).mul_add(t1_213, t2_159);
-        let t2_161 = t1_213 * t2_160;
-        let t2_162 = t1_128 * t1_220;
-        let t2_163 = t1_112.mul_add(t1_214, t2_162);
-        let t2_164 = (-t1_220).mul_add(t2_163, t2_161);
+        let t2_156 = t1_112 * t1_201;
+        let t2_157 = (-t1_115).mul_add(t1_210, t2_156);
+        let t2_158 = t1_227 + t2_157;
+        let t2_159 = t1_115 * t1_215;
+        let t2_160 = (-t1_129).mul_add(t1_214, t2_159);
+        let t2_161 = t1_214 * t2_160;
+        let t2_162 = t1_129 * t1_221;
+        let t2_163 = t1_112.mul_add(t1_215, t2_162);
+        let t2_164 = (-t1_221).mul_add(t2_163, t2_161);
         let t2_165 = t2_158 + t2_164;
         let t2_166 = sin_u3_1 * d_u3_1;
         let t2_167 = d_u3_2 * t2_166;
@@ -6352,40 +6305,40 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t2_169 = like.lift(0.1075) * t2_168;
         let t2_170 = cos_u3_1 * d_u3_1;
         let t2_171 = d_u3_2 * t2_170;
-        let t2_172 = t1_124 * t2_171;
+        let t2_172 = t1_125 * t2_171;
         let t2_173 = like.lift(-0.215).mul_add(t2_172, t2_169);
         let t2_174 = like.lift(0.8660254037844386) * d_u3_1;
         let t2_175 = cos_u3_1 * d_u3_2;
         let t2_176 = like.lift(0.5).mul_add(t2_175, t2_174);
         let t2_177 = like.lift(0.5) * d_u3_1;
         let t2_178 = like.lift(-0.8660254037844386).mul_add(t2_175, t2_177);
-        let t2_179 = t1_124 * t2_178;
+        let t2_179 = t1_125 * t2_178;
         let t2_180 = like.lift(0.215) * t2_179;
-        let t2_181 = t1_140 * t2_176;
+        let t2_181 = t1_141 * t2_176;
         let t2_182 = like.lift(0.215).mul_add(t2_181, t2_180);
         let t2_183 = t2_176 * t2_182;
         let t2_184 = sin_u3_1 * d_u3_2;
-        let t2_185 = t1_140 * t2_184;
+        let t2_185 = t1_141 * t2_184;
         let t2_186 = like.lift(0.215) * t2_185;
         let t2_187 = u_rod3_p3z * t2_178;
         let t2_188 = like.lift(-0.215).mul_add(t2_187, t2_186);
         let t2_189 = t2_184.mul_add(t2_188, t2_183);
         let t2_190 = t2_173 + t2_189;
         let t2_191 = t2_165 + t2_190;
-        let t2_192 = t1_128 * t1_209;
+        let t2_192 = t1_129 * t1_210;
         let t2_193 = (-t1_112).mul_add(t2_43, t2_192);
         let t2_194 = t2_53 - t2_193;
-        let t2_195 = t1_112 * t1_213;
-        let t2_196 = t1_115.mul_add(t1_220, t2_195);
-        let t2_197 = t1_220 * t2_196;
-        let t2_198 = t1_214.mul_add(t2_160, t2_197);
+        let t2_195 = t1_112 * t1_214;
+        let t2_196 = t1_115.mul_add(t1_221, t2_195);
+        let t2_197 = t1_221 * t2_196;
+        let t2_198 = t1_215.mul_add(t2_160, t2_197);
         let t2_199 = t2_194 + t2_198;
-        let t2_200 = t1_140 * t2_171;
+        let t2_200 = t1_141 * t2_171;
         let t2_201 = like.lift(0.215) * t2_200;
         let t2_202 = like.lift(-0.18619546181365432).mul_add(t2_168, t2_201);
         let t2_203 = u_rod3_p3z * t2_176;
         let t2_204 = like.lift(0.215) * t2_203;
-        let t2_205 = t1_124 * t2_184;
+        let t2_205 = t1_125 * t2_184;
         let t2_206 = like.lift(0.215).mul_add(t2_205, t2_204);
         let t2_207 = t2_184 * t2_206;
         let t2_208 = t2_178.mul_add(t2_182, t2_207);
@@ -6393,14 +6346,14 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t2_210 = t2_199 + t2_209;
         let t2_211 = -t2_210;
         let t2_212 = t1_115 * t2_43;
-        let t2_213 = (-t1_128).mul_add(t1_200, t2_212);
+        let t2_213 = (-t1_129).mul_add(t1_201, t2_212);
         let t2_214 = t2_86 + t2_213;
-        let t2_215 = t1_214 * t2_163;
-        let t2_216 = t1_213.mul_add(t2_196, t2_215);
+        let t2_215 = t1_215 * t2_163;
+        let t2_216 = t1_214.mul_add(t2_196, t2_215);
         let t2_217 = t2_214 - t2_216;
-        let t2_218 = t1_124 * t2_167;
+        let t2_218 = t1_125 * t2_167;
         let t2_219 = like.lift(0.18619546181365432) * t2_218;
-        let t2_220 = t1_140 * t2_167;
+        let t2_220 = t1_141 * t2_167;
         let t2_221 = like.lift(-0.1075).mul_add(t2_220, t2_219);
         let t2_222 = t2_178 * t2_188;
         let t2_223 = (-t2_176).mul_add(t2_206, t2_222);
@@ -6410,25 +6363,25 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t2_227 = sin_u3_1 * t2_176;
         let t2_228 = cos_u3_1 * t2_184;
         let t2_229 = like.lift(-0.5).mul_add(t2_228, t2_227);
-        let t2_230 = t1_157 * t1_213;
-        let t2_231 = t1_160.mul_add(t1_220, t2_230);
+        let t2_230 = t1_158 * t1_214;
+        let t2_231 = t1_161.mul_add(t1_221, t2_230);
         let t2_232 = t2_229 * t2_231;
         let t2_233 = like.lift(0.8660254037844386) * t2_228;
         let t2_234 = sin_u3_1.mul_add(t2_178, t2_233);
-        let t2_235 = t1_162 * t1_220;
-        let t2_236 = t1_157.mul_add(t1_214, t2_235);
+        let t2_235 = t1_163 * t1_221;
+        let t2_236 = t1_158.mul_add(t1_215, t2_235);
         let t2_237 = t2_234.mul_add(t2_236, t2_232);
         let t2_238 = cos_u3_1 * t2_178;
         let t2_239 = like.lift(0.5) * t2_238;
         let t2_240 = cos_u3_1 * t2_176;
         let t2_241 = like.lift(0.8660254037844386).mul_add(t2_240, t2_239);
-        let t2_242 = t1_160 * t1_214;
-        let t2_243 = (-t1_162).mul_add(t1_213, t2_242);
+        let t2_242 = t1_161 * t1_215;
+        let t2_243 = (-t1_163).mul_add(t1_214, t2_242);
         let t2_244 = t2_241.mul_add(t2_243, t2_237);
-        let t2_245 = t1_157 * t1_200;
-        let t2_246 = (-t1_160).mul_add(t1_209, t2_245);
-        let t2_247 = t1_213 * t2_243;
-        let t2_248 = (-t1_220).mul_add(t2_236, t2_247);
+        let t2_245 = t1_158 * t1_201;
+        let t2_246 = (-t1_161).mul_add(t1_210, t2_245);
+        let t2_247 = t1_214 * t2_243;
+        let t2_248 = (-t1_221).mul_add(t2_236, t2_247);
         let t2_249 = t2_246 + t2_248;
         let t2_250 = cos_u3_1 * t2_249;
         [
@@ -6439,25 +6392,25 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t3_30, pivot_2, inv_pivot_2, pivot_3, inv_pivot_3, t3_41, t3_42, t3_51, pivot_4,
-        inv_pivot_4, t3_58, t3_62, t3_63, t3_64, inv_pivot_5, t3_66, t3_67, t3_70, t3_71,
-        pivot_6, inv_pivot_6, t3_78, t3_82, t3_83, t3_86, t3_87, t3_88, t3_91, t3_93, t3_98,
-        pivot_7, inv_pivot_7, t3_106, t3_107, t3_108, t3_111, t3_114, t3_117, t3_123, pivot_8,
-        inv_pivot_8, al_u1_1x, al_rod1y, t3_162, t3_163, al_u2_1x, al_rod2y, al_u3_1x,
+        inv_pivot_1, inv_pivot_2, pivot_3, inv_pivot_3, t3_40, t3_41, t3_49, pivot_4,
+        inv_pivot_4, t3_54, t3_57, t3_58, t3_59, t3_62, pivot_5, inv_pivot_5, t3_66, t3_67,
+        t3_71, t3_72, t3_73, t3_76, pivot_6, inv_pivot_6, t3_79, t3_80, t3_83, t3_85, t3_90,
+        pivot_7, inv_pivot_7, t3_96, t3_97, t3_98, t3_101, t3_103, t3_108, t3_112, pivot_8,
+        inv_pivot_8, t3_150, al_u1_1x, al_rod1y, t3_151, t3_152, al_u2_1x, al_rod2y, al_u3_1x,
         al_rod3y,
     ] = {
         let t3_1 = like.lift(0.8660254037844386) * t2_250;
-        let t3_2 = t1_162 * t1_209;
-        let t3_3 = (-t1_157).mul_add(t2_43, t3_2);
-        let t3_4 = t1_220 * t2_231;
-        let t3_5 = t1_214.mul_add(t2_243, t3_4);
+        let t3_2 = t1_163 * t1_210;
+        let t3_3 = (-t1_158).mul_add(t2_43, t3_2);
+        let t3_4 = t1_221 * t2_231;
+        let t3_5 = t1_215.mul_add(t2_243, t3_4);
         let t3_6 = t3_3 - t3_5;
         let t3_7 = cos_u3_1 * t3_6;
         let t3_8 = like.lift(-0.5).mul_add(t3_7, t3_1);
-        let t3_9 = t1_160 * t2_43;
-        let t3_10 = (-t1_162).mul_add(t1_200, t3_9);
-        let t3_11 = t1_214 * t2_236;
-        let t3_12 = t1_213.mul_add(t2_231, t3_11);
+        let t3_9 = t1_161 * t2_43;
+        let t3_10 = (-t1_163).mul_add(t1_201, t3_9);
+        let t3_11 = t1_215 * t2_236;
+        let t3_12 = t1_214.mul_add(t2_231, t3_11);
         let t3_13 = t3_10 - t3_12;
         let t3_14 = (-sin_u3_1).mul_add(t3_13, t3_8);
         let t3_15 = t3_14 + t2_244;
@@ -6466,205 +6419,196 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t3_18 = t2_184.mul_add(t2_234, t3_17);
         let t3_19 = d_u3_1 * d_u3_2;
         let t3_20 = like.lift(-0.5).mul_add(t3_19, t3_18);
-        let t3_21 = t1_162 * t3_20;
+        let t3_21 = t1_163 * t3_20;
         let t3_22 = t2_184 * t2_229;
         let t3_23 = (-t2_178).mul_add(t2_241, t3_22);
         let t3_24 = like.lift(-0.8660254037844386).mul_add(t3_19, t3_23);
-        let t3_25 = t1_160.mul_add(t3_24, t3_21);
+        let t3_25 = t1_161.mul_add(t3_24, t3_21);
         let t3_26 = t2_178 * t2_234;
         let t3_27 = t2_176.mul_add(t2_229, t3_26);
-        let t3_28 = (-t1_157).mul_add(t3_27, t3_25);
+        let t3_28 = (-t1_158).mul_add(t3_27, t3_25);
         let t3_29 = t3_16 - t3_28;
-        let t3_30 = like.lift(1.0) / u_rod3_p3z;
-        let t3_31 = t1_151 * t3_30;
-        let t3_32 = t1_126 * t3_31;
-        let t3_33 = like.lift(5.370700178508146).mul_add(t3_32, t1_155);
-        let pivot_2 = like.lift(0.5773502691896257).mul_add(t1_126, t1_143);
+        let inv_pivot_1 = like.lift(1.0) / pivot_1;
+        let t3_30 = t1_75 * inv_pivot_1;
+        let t3_31 = u_rod2_p2z * t3_30;
+        let t3_32 = like.lift(0.18619546181365432).mul_add(t3_31, t1_71);
+        let t3_33 = t1_62 * inv_pivot_1;
+        let t3_34 = u_rod2_p2z * t3_33;
+        let pivot_2 = like.lift(0.18619546181365432).mul_add(t3_34, t1_56);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t3_34 = t3_33 * inv_pivot_2;
-        let pivot_3 = (-t1_107).mul_add(t3_34, t1_110);
+        let t3_35 = t3_32 * inv_pivot_2;
+        let pivot_3 = (-t1_12).mul_add(t3_35, t1_24);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t3_35 = like.lift(-0.5773502691896257).mul_add(t2_191, t2_210);
-        let t3_36 = t3_31 * t2_191;
-        let t3_37 = like.lift(5.370700178508146).mul_add(t3_36, t2_225);
-        let t3_38 = t3_34.mul_add(t3_35, t3_37);
-        let t3_39 = t1_111 * t3_31;
-        let t3_40 = like.lift(5.370700178508146).mul_add(t3_39, t1_144);
-        let t3_41 = like.lift(0.5773502691896257).mul_add(t1_111, t1_130);
-        let t3_42 = (-t3_41).mul_add(t3_34, t3_40);
-        let t3_43 = t1_175 * t3_30;
-        let t3_44 = t1_111 * t3_43;
-        let t3_45 = like.lift(-5.370700178508146).mul_add(t3_44, t1_170);
-        let t3_46 = t1_126 * t3_43;
-        let t3_47 = like.lift(5.370700178508146).mul_add(t3_46, t1_180);
-        let t3_48 = t3_47 * inv_pivot_2;
-        let t3_49 = t3_41.mul_add(t3_48, t3_45);
-        let t3_50 = (-t1_107).mul_add(t3_48, t1_161);
-        let t3_51 = t3_50 * inv_pivot_3;
-        let pivot_4 = t3_42.mul_add(t3_51, t3_49);
+        let t3_36 = (-t3_33).mul_add(t2_32, t2_72);
+        let t3_37 = t3_30.mul_add(t2_32, t2_100);
+        let t3_38 = t3_35.mul_add(t3_36, t3_37);
+        let t3_39 = t1_31.mul_add(t3_30, t1_66);
+        let t3_40 = t1_31.mul_add(t3_33, t1_52);
+        let t3_41 = (-t3_40).mul_add(t3_35, t3_39);
+        let t3_42 = t1_105 * inv_pivot_1;
+        let t3_43 = (-t1_31).mul_add(t3_42, t1_95);
+        let t3_44 = u_rod2_p2z * t3_42;
+        let t3_45 = like.lift(0.18619546181365432).mul_add(t3_44, t1_100);
+        let t3_46 = t3_45 * inv_pivot_2;
+        let t3_47 = t3_40.mul_add(t3_46, t3_43);
+        let t3_48 = (-t1_12).mul_add(t3_46, t1_84);
+        let t3_49 = t3_48 * inv_pivot_3;
+        let pivot_4 = t3_41.mul_add(t3_49, t3_47);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t3_52 = t3_43 * t2_191;
-        let t3_53 = like.lift(-5.370700178508146).mul_add(t3_52, t3_29);
-        let t3_54 = (-t3_48).mul_add(t3_35, t3_53);
-        let t3_55 = t3_51.mul_add(t3_38, t3_54);
-        let t3_56 = t1_117 * t3_43;
-        let t3_57 = like.lift(-5.370700178508146).mul_add(t3_56, t1_170);
-        let t3_58 = like.lift(0.5773502691896257).mul_add(t1_117, t1_133);
-        let t3_59 = t3_58.mul_add(t3_48, t3_57);
-        let t3_60 = t1_117 * t3_31;
-        let t3_61 = like.lift(5.370700178508146).mul_add(t3_60, t1_146);
-        let t3_62 = (-t3_58).mul_add(t3_34, t3_61);
-        let t3_63 = t3_62.mul_add(t3_51, t3_59);
-        let t3_64 = t1_25 * inv_pivot_4;
-        let t3_65 = (-t3_63).mul_add(t3_64, t1_31);
+        let t3_50 = t3_42.mul_add(t2_32, t2_154);
+        let t3_51 = t3_46.mul_add(t3_36, t3_50);
+        let t3_52 = (-t3_49).mul_add(t3_38, t3_51);
+        let t3_53 = (-t1_33).mul_add(t3_42, t1_98);
+        let t3_54 = (-t1_33).mul_add(t3_33, t1_54);
+        let t3_55 = (-t3_54).mul_add(t3_46, t3_53);
+        let t3_56 = (-t1_33).mul_add(t3_30, t1_69);
+        let t3_57 = (-t3_54).mul_add(t3_35, t3_56);
+        let t3_58 = (-t3_57).mul_add(t3_49, t3_55);
+        let t3_59 = t1_162 * inv_pivot_3;
+        let t3_60 = (-t3_57).mul_add(t3_59, t1_174);
+        let t3_61 = t3_41.mul_add(t3_59, t1_171);
+        let t3_62 = t3_61 * inv_pivot_4;
+        let pivot_5 = (-t3_58).mul_add(t3_62, t3_60);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t3_66 = t1_42 * inv_pivot_5;
-        let t3_67 = t1_12 * inv_pivot_3;
-        let t3_68 = (-t3_62).mul_add(t3_67, t1_53);
-        let t3_69 = (-t3_42).mul_add(t3_67, t1_50);
-        let t3_70 = t3_69 * inv_pivot_4;
-        let t3_71 = (-t3_63).mul_add(t3_70, t3_68);
-        let pivot_6 = t3_66.mul_add(t3_71, t3_65);
+        let t3_63 = t3_59.mul_add(t3_38, t3_29);
+        let t3_64 = t3_62.mul_add(t3_52, t3_63);
+        let t3_65 = t1_25.mul_add(t3_30, t1_64);
+        let t3_66 = t1_25.mul_add(t3_33, t1_49);
+        let t3_67 = (-t3_66).mul_add(t3_35, t3_65);
+        let t3_68 = t3_67.mul_add(t3_59, t1_171);
+        let t3_69 = (-t1_25).mul_add(t3_42, t1_95);
+        let t3_70 = t3_66.mul_add(t3_46, t3_69);
+        let t3_71 = t3_67.mul_add(t3_49, t3_70);
+        let t3_72 = (-t3_71).mul_add(t3_62, t3_68);
+        let t3_73 = t1_117 * inv_pivot_4;
+        let t3_74 = (-t3_71).mul_add(t3_73, t1_111);
+        let t3_75 = (-t3_58).mul_add(t3_73, t1_119);
+        let t3_76 = t3_75 * inv_pivot_5;
+        let pivot_6 = (-t3_72).mul_add(t3_76, t3_74);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t3_72 = (-t3_64).mul_add(t3_55, t2_32);
-        let t3_73 = t3_67.mul_add(t3_38, t2_72);
-        let t3_74 = t3_70.mul_add(t3_55, t3_73);
-        let t3_75 = (-t3_66).mul_add(t3_74, t3_72);
-        let t3_76 = t1_119 * t3_43;
-        let t3_77 = like.lift(-5.370700178508146).mul_add(t3_76, t1_173);
-        let t3_78 = like.lift(-0.5773502691896257).mul_add(t1_119, t1_135);
-        let t3_79 = (-t3_78).mul_add(t3_48, t3_77);
-        let t3_80 = t1_119 * t3_31;
-        let t3_81 = like.lift(-5.370700178508146).mul_add(t3_80, t1_149);
-        let t3_82 = (-t3_78).mul_add(t3_34, t3_81);
-        let t3_83 = (-t3_82).mul_add(t3_51, t3_79);
-        let t3_84 = (-t3_83).mul_add(t3_64, t1_33);
-        let t3_85 = (-t3_82).mul_add(t3_67, t1_55);
-        let t3_86 = t3_83.mul_add(t3_70, t3_85);
-        let t3_87 = (-t3_66).mul_add(t3_86, t3_84);
-        let t3_88 = t1_84 * inv_pivot_3;
-        let t3_89 = (-t3_82).mul_add(t3_88, t1_98);
-        let t3_90 = t3_42.mul_add(t3_88, t1_95);
-        let t3_91 = t3_90 * inv_pivot_4;
-        let t3_92 = (-t3_83).mul_add(t3_91, t3_89);
-        let t3_93 = t1_105 * inv_pivot_5;
-        let t3_94 = (-t3_93).mul_add(t3_86, t3_92);
-        let t3_95 = t3_62.mul_add(t3_88, t1_95);
-        let t3_96 = (-t3_63).mul_add(t3_91, t3_95);
-        let t3_97 = t3_93.mul_add(t3_71, t3_96);
-        let t3_98 = t3_97 * inv_pivot_6;
-        let pivot_7 = (-t3_87).mul_add(t3_98, t3_94);
+        let t3_77 = t3_73.mul_add(t3_52, t2_191);
+        let t3_78 = (-t3_76).mul_add(t3_64, t3_77);
+        let t3_79 = (-t1_176).mul_add(t3_76, t1_120);
+        let t3_80 = t1_110 * inv_pivot_3;
+        let t3_81 = (-t3_57).mul_add(t3_80, t1_150);
+        let t3_82 = (-t3_41).mul_add(t3_80, t1_147);
+        let t3_83 = t3_82 * inv_pivot_4;
+        let t3_84 = t3_58.mul_add(t3_83, t3_81);
+        let t3_85 = t3_84 * inv_pivot_5;
+        let t3_86 = (-t1_176).mul_add(t3_85, t1_152);
+        let t3_87 = (-t3_67).mul_add(t3_80, t1_145);
+        let t3_88 = (-t3_71).mul_add(t3_83, t3_87);
+        let t3_89 = t3_72.mul_add(t3_85, t3_88);
+        let t3_90 = t3_89 * inv_pivot_6;
+        let pivot_7 = t3_79.mul_add(t3_90, t3_86);
         let inv_pivot_7 = like.lift(1.0) / pivot_7;
-        let t3_99 = (-t3_88).mul_add(t3_38, t2_154);
-        let t3_100 = t3_91.mul_add(t3_55, t3_99);
-        let t3_101 = t3_93.mul_add(t3_74, t3_100);
-        let t3_102 = t3_98.mul_add(t3_75, t3_101);
-        let t3_103 = u_rod2_p2z * t3_93;
-        let t3_104 = like.lift(-0.1075).mul_add(t3_103, t1_100);
-        let t3_105 = u_rod2_p2z * t3_66;
-        let t3_106 = like.lift(0.1075).mul_add(t3_105, t1_34);
-        let t3_107 = t3_106.mul_add(t3_98, t3_104);
-        let t3_108 = t1_75 * inv_pivot_5;
-        let t3_109 = u_rod2_p2z * t3_108;
-        let t3_110 = like.lift(-0.1075).mul_add(t3_109, t1_71);
-        let t3_111 = t1_24 * inv_pivot_3;
-        let t3_112 = (-t3_62).mul_add(t3_111, t1_66);
-        let t3_113 = (-t3_42).mul_add(t3_111, t1_64);
-        let t3_114 = t3_113 * inv_pivot_4;
-        let t3_115 = (-t3_63).mul_add(t3_114, t3_112);
-        let t3_116 = (-t3_108).mul_add(t3_71, t3_115);
-        let t3_117 = t3_116 * inv_pivot_6;
-        let t3_118 = (-t3_106).mul_add(t3_117, t3_110);
-        let t3_119 = (-t3_82).mul_add(t3_111, t1_69);
-        let t3_120 = t3_83.mul_add(t3_114, t3_119);
-        let t3_121 = (-t3_108).mul_add(t3_86, t3_120);
-        let t3_122 = t3_87.mul_add(t3_117, t3_121);
-        let t3_123 = t3_122 * inv_pivot_7;
-        let pivot_8 = (-t3_107).mul_add(t3_123, t3_118);
+        let t3_91 = (-t3_80).mul_add(t3_38, t2_225);
+        let t3_92 = t3_83.mul_add(t3_52, t3_91);
+        let t3_93 = t3_85.mul_add(t3_64, t3_92);
+        let t3_94 = (-t3_90).mul_add(t3_78, t3_93);
+        let t3_95 = (-t1_181).mul_add(t3_85, t1_156);
+        let t3_96 = t1_181.mul_add(t3_76, t1_127);
+        let t3_97 = (-t3_96).mul_add(t3_90, t3_95);
+        let t3_98 = t1_107 * inv_pivot_3;
+        let t3_99 = (-t3_57).mul_add(t3_98, t1_136);
+        let t3_100 = (-t3_41).mul_add(t3_98, t1_134);
+        let t3_101 = t3_100 * inv_pivot_4;
+        let t3_102 = t3_58.mul_add(t3_101, t3_99);
+        let t3_103 = t3_102 * inv_pivot_5;
+        let t3_104 = (-t1_181).mul_add(t3_103, t1_144);
+        let t3_105 = (-t3_67).mul_add(t3_98, t1_131);
+        let t3_106 = (-t3_71).mul_add(t3_101, t3_105);
+        let t3_107 = t3_72.mul_add(t3_103, t3_106);
+        let t3_108 = t3_107 * inv_pivot_6;
+        let t3_109 = (-t3_96).mul_add(t3_108, t3_104);
+        let t3_110 = (-t1_176).mul_add(t3_103, t1_138);
+        let t3_111 = t3_79.mul_add(t3_108, t3_110);
+        let t3_112 = t3_111 * inv_pivot_7;
+        let pivot_8 = (-t3_97).mul_add(t3_112, t3_109);
         let inv_pivot_8 = like.lift(1.0) / pivot_8;
-        let t3_124 = (-t3_111).mul_add(t3_38, t2_100);
-        let t3_125 = (-t3_114).mul_add(t3_55, t3_124);
-        let t3_126 = t3_108.mul_add(t3_74, t3_125);
-        let t3_127 = (-t3_117).mul_add(t3_75, t3_126);
-        let t3_128 = (-t3_123).mul_add(t3_102, t3_127);
-        let t3_129 = inv_pivot_8 * t3_128;
-        let t3_130 = (-t3_107).mul_add(t3_129, t3_102);
-        let t3_131 = inv_pivot_7 * t3_130;
-        let t3_132 = t3_87.mul_add(t3_131, t3_75);
-        let t3_133 = (-t3_106).mul_add(t3_129, t3_132);
-        let t3_134 = inv_pivot_6 * t3_133;
-        let t3_135 = (-t3_63).mul_add(t3_134, t3_55);
-        let t3_136 = t3_83.mul_add(t3_131, t3_135);
-        let t3_137 = inv_pivot_4 * t3_136;
-        let t3_138 = (-t3_42).mul_add(t3_137, t3_38);
-        let t3_139 = (-t3_62).mul_add(t3_134, t3_138);
-        let t3_140 = (-t3_82).mul_add(t3_131, t3_139);
-        let t3_141 = inv_pivot_3 * t3_140;
-        let t3_142 = -t3_141;
-        let t3_143 = -t3_131;
-        let t3_144 = -t3_129;
-        let t3_145 = t3_71.mul_add(t3_134, t3_74);
-        let t3_146 = t3_86.mul_add(t3_131, t3_145);
-        let t3_147 = u_rod2_p2z * t3_129;
-        let t3_148 = like.lift(0.1075).mul_add(t3_147, t3_146);
-        let t3_149 = inv_pivot_5 * t3_148;
-        let t3_150 = t1_107.mul_add(t3_141, t3_35);
-        let t3_151 = t3_41.mul_add(t3_137, t3_150);
-        let t3_152 = t3_58.mul_add(t3_134, t3_151);
-        let t3_153 = t3_78.mul_add(t3_131, t3_152);
-        let t3_154 = inv_pivot_2 * t3_153;
-        let t3_155 = t1_126.mul_add(t3_154, t2_191);
-        let t3_156 = (-t1_111).mul_add(t3_137, t3_155);
-        let t3_157 = (-t1_117).mul_add(t3_134, t3_156);
-        let t3_158 = t1_119.mul_add(t3_131, t3_157);
-        let t3_159 = t3_30 * t3_158;
-        let t3_160 = like.lift(5.370700178508146) * t3_159;
-        let t3_161 = -t3_154;
+        let t3_113 = t3_98.mul_add(t3_38, t2_210);
+        let t3_114 = (-t3_101).mul_add(t3_52, t3_113);
+        let t3_115 = (-t3_103).mul_add(t3_64, t3_114);
+        let t3_116 = t3_108.mul_add(t3_78, t3_115);
+        let t3_117 = t3_112.mul_add(t3_94, t3_116);
+        let t3_118 = inv_pivot_8 * t3_117;
+        let t3_119 = t3_97.mul_add(t3_118, t3_94);
+        let t3_120 = inv_pivot_7 * t3_119;
+        let t3_121 = t3_79.mul_add(t3_120, t3_78);
+        let t3_122 = t3_96.mul_add(t3_118, t3_121);
+        let t3_123 = inv_pivot_6 * t3_122;
+        let t3_124 = (-t3_72).mul_add(t3_123, t3_64);
+        let t3_125 = t1_176.mul_add(t3_120, t3_124);
+        let t3_126 = (-t1_181).mul_add(t3_118, t3_125);
+        let t3_127 = inv_pivot_5 * t3_126;
+        let t3_128 = t3_58.mul_add(t3_127, t3_52);
+        let t3_129 = t3_71.mul_add(t3_123, t3_128);
+        let t3_130 = inv_pivot_4 * t3_129;
+        let t3_131 = t3_41.mul_add(t3_130, t3_38);
+        let t3_132 = t3_57.mul_add(t3_127, t3_131);
+        let t3_133 = (-t3_67).mul_add(t3_123, t3_132);
+        let t3_134 = inv_pivot_3 * t3_133;
+        let t3_135 = -t3_134;
+        let t3_136 = -t3_130;
+        let t3_137 = t1_12.mul_add(t3_134, t3_36);
+        let t3_138 = (-t3_40).mul_add(t3_130, t3_137);
+        let t3_139 = (-t3_54).mul_add(t3_127, t3_138);
+        let t3_140 = t3_66.mul_add(t3_123, t3_139);
+        let t3_141 = inv_pivot_2 * t3_140;
+        let t3_142 = u_rod2_p2z * t3_141;
+        let t3_143 = like.lift(0.18619546181365432).mul_add(t3_142, t2_32);
+        let t3_144 = t1_31.mul_add(t3_130, t3_143);
+        let t3_145 = (-t1_33).mul_add(t3_127, t3_144);
+        let t3_146 = (-t1_25).mul_add(t3_123, t3_145);
+        let t3_147 = inv_pivot_1 * t3_146;
+        let t3_148 = -t3_120;
+        let t3_149 = -t3_118;
+        let t3_150 = -pivot_2;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(6.287381471191513)).abs()
-            .min((pivot_2 * like.lift(4.054300853983487)).abs())
-            .min((pivot_3 * like.lift(5.1354731598256045)).abs())
-            .min((pivot_4 * like.lift(1.1136124389030184)).abs())
-            .min((t1_63 * like.lift(5.490928143318305)).abs())
-            .min((pivot_6 * like.lift(5.005772724016506)).abs())
-            .min((pivot_7 * like.lift(1.2292368551614257)).abs())
-            .min((pivot_8 * like.lift(6.313131313131312)).abs());
+        let margin = (pivot_1 * like.lift(8.169180195158923)).abs()
+            .min((t3_150 * like.lift(2.9578447349824133)).abs())
+            .min((pivot_3 * like.lift(4.709626127302084)).abs())
+            .min((pivot_4 * like.lift(1.7298389090997555)).abs())
+            .min((pivot_5 * like.lift(1.2416410909468296)).abs())
+            .min((pivot_6 * like.lift(4.677980223697912)).abs())
+            .min((pivot_7 * like.lift(5.873901159537709)).abs())
+            .min((pivot_8 * like.lift(4.02802513388111)).abs());
         let ([
-            [al_u1_1x], [al_rod1y], [t3_162], [t3_163], [al_u2_1x], [al_rod2y], [al_u3_1x],
+            [al_u1_1x], [al_rod1y], [t3_151], [t3_152], [al_u2_1x], [al_rod2y], [al_u3_1x],
             [al_rod3y],
         ], found) = ::regen_runtime::guarded(
-            [[t3_142], [t3_137], [t3_134], [t3_143], [t3_144], [t3_149], [t3_160], [t3_161]],
+            [[t3_135], [t3_123], [t3_136], [t3_127], [t3_141], [t3_147], [t3_148], [t3_149]],
             margin,
             || (
                 [
-                    [like.lift(0.0), t1_25, t1_31, t1_33, t1_35, t1_42, like.lift(0.0), like.lift(0.0)],
-                    [t1_43, t1_50, t1_53, t1_56, t1_58, t1_63, like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), t1_25, t1_31, t1_33, t1_35, pivot_1, like.lift(0.0), like.lift(0.0)],
+                    [t1_42, t1_49, t1_52, t1_55, t1_57, t1_63, like.lift(0.0), like.lift(0.0)],
                     [t1_24, t1_65, t1_67, t1_69, t1_71, t1_75, like.lift(0.0), like.lift(0.0)],
                     [t1_84, t1_95, t1_95, t1_98, t1_100, t1_105, like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), t1_111, t1_117, t1_119, like.lift(0.0), like.lift(0.0), pivot_1, t1_126],
-                    [t1_127, t1_130, t1_133, t1_136, like.lift(0.0), like.lift(0.0), t1_138, t1_143],
-                    [t1_110, t1_145, t1_147, t1_149, like.lift(0.0), like.lift(0.0), t1_151, t1_156],
-                    [t1_161, t1_170, t1_170, t1_173, like.lift(0.0), like.lift(0.0), t1_175, t1_181],
+                    [like.lift(0.0), t1_111, t1_117, t1_119, like.lift(0.0), like.lift(0.0), t1_120, t1_127],
+                    [t1_128, t1_131, t1_134, t1_137, like.lift(0.0), like.lift(0.0), t1_139, t1_144],
+                    [t1_110, t1_146, t1_148, t1_150, like.lift(0.0), like.lift(0.0), t1_152, t1_157],
+                    [t1_162, t1_171, t1_171, t1_174, like.lift(0.0), like.lift(0.0), t1_176, t1_182],
                 ],
                 [[t2_32], [t2_73], [t2_101], [t2_155], [t2_191], [t2_211], [t2_226], [t3_29]],
             ),
         );
         condition = condition.min(found);
         [
-            t3_30, pivot_2, inv_pivot_2, pivot_3, inv_pivot_3, t3_41, t3_42, t3_51, pivot_4,
-            inv_pivot_4, t3_58, t3_62, t3_63, t3_64, inv_pivot_5, t3_66, t3_67, t3_70, t3_71,
-            pivot_6, inv_pivot_6, t3_78, t3_82, t3_83, t3_86, t3_87, t3_88, t3_91, t3_93,
-            t3_98, pivot_7, inv_pivot_7, t3_106, t3_107, t3_108, t3_111, t3_114, t3_117,
-            t3_123, pivot_8, inv_pivot_8, al_u1_1x, al_rod1y, t3_162, t3_163, al_u2_1x,
+            inv_pivot_1, inv_pivot_2, pivot_3, inv_pivot_3, t3_40, t3_41, t3_49, pivot_4,
+            inv_pivot_4, t3_54, t3_57, t3_58, t3_59, t3_62, pivot_5, inv_pivot_5, t3_66, t3_67,
+            t3_71, t3_72, t3_73, t3_76, pivot_6, inv_pivot_6, t3_79, t3_80, t3_83, t3_85,
+            t3_90, pivot_7, inv_pivot_7, t3_96, t3_97, t3_98, t3_101, t3_103, t3_108, t3_112,
+            pivot_8, inv_pivot_8, t3_150, al_u1_1x, al_rod1y, t3_151, t3_152, al_u2_1x,
             al_rod2y, al_u3_1x, al_rod3y,
         ]
     };
     // tau, part 4
     let [
         al_rod1z, t4_4, al_rod1x, t4_14, t4_19, t4_74, t4_80, t4_83, t4_106, t4_121, t4_137,
-        t4_155, t4_157, t4_173, t4_176, t4_179, t4_183, t4_184, t4_186, t4_189, t4_192, t4_196,
-        t4_197, t4_202, t4_204, t4_207, t4_210, t4_214, t4_215, t4_216, t4_217, t4_218, t4_219,
-        t4_220, t4_221, t4_226, t4_228,
+        t4_155, t4_170, t4_172, t4_175, t4_179, t4_182, t4_186, t4_187, t4_192, t4_194, t4_197,
+        t4_201, t4_204, t4_208, t4_209, t4_211, t4_214, t4_218, t4_221, t4_225, t4_226, t4_227,
+        t4_228,
     ] = {
         let t4_1 = sin_u1_2 * al_u1_1x;
         let al_rod1z = t1_3 + t4_1;
@@ -6702,7 +6646,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t4_23 = cos_e1x * w_e1yy;
         let w_e1xy = sin_e1x.mul_add(w_e1yz, t4_23);
         let t4_24 = w_e1xy * w_e1xx;
-        let al_e1yy = al_rod1y + t3_162;
+        let al_e1yy = al_rod1y + t3_151;
         let t4_25 = sin_e1x * al_e1yy;
         let t4_26 = cos_e1y * al_rod1z;
         let t4_27 = (-sin_e1y).mul_add(al_rod1x, t4_26);
@@ -6715,7 +6659,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t4_32 = sin_e1y * al_rod1z;
         let t4_33 = cos_e1y.mul_add(al_rod1x, t4_32);
         let al_e1yx = d_e1y.mul_add(w_e1yz, t4_33);
-        let al_e1xx = t3_163 - al_e1yx;
+        let al_e1xx = t3_152 - al_e1yx;
         let t4_34 = t4_31 + al_e1xx;
         let t4_35 = p_mz_platform.mul_add(t4_34, t4_30);
         let t4_36 = p_m_platform.mul_add(a_platformy, -t4_35);
@@ -6843,84 +6787,84 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t4_153 = like.lift(-0.215).mul_add(t4_51, t4_152);
         let t4_154 = t4_150 + t4_153;
         let t4_155 = cos_u1_2.mul_add(t4_154, t4_140);
-        let t4_156 = t3_51 * t3_64;
-        let t4_157 = t3_51.mul_add(t3_70, t3_67);
-        let t4_158 = t3_66.mul_add(t4_157, t4_156);
-        let t4_159 = (-t3_51).mul_add(t3_91, t3_88);
-        let t4_160 = (-t3_93).mul_add(t4_157, t4_159);
-        let t4_161 = t4_158.mul_add(t3_98, t4_160);
-        let t4_162 = like.lift(1.0) - t3_111;
-        let t4_163 = t3_51 * t3_114;
-        let t4_164 = t4_162 - t4_163;
-        let t4_165 = t3_108 * t4_157;
-        let t4_166 = t4_164 + t4_165;
-        let t4_167 = t4_158 * t3_117;
-        let t4_168 = t4_166 + t4_167;
-        let t4_169 = t4_161 * t3_123;
-        let t4_170 = t4_168 + t4_169;
-        let t4_171 = t4_170 * inv_pivot_8;
-        let t4_172 = t3_107.mul_add(t4_171, t4_161);
-        let t4_173 = inv_pivot_7 * t4_172;
-        let t4_174 = t3_87.mul_add(t4_173, t4_158);
-        let t4_175 = t3_106.mul_add(t4_171, t4_174);
-        let t4_176 = inv_pivot_6 * t4_175;
-        let t4_177 = t3_63.mul_add(t4_176, t3_51);
-        let t4_178 = (-t3_83).mul_add(t4_173, t4_177);
-        let t4_179 = inv_pivot_4 * t4_178;
-        let t4_180 = (-t3_42).mul_add(t4_179, like.lift(1.0));
-        let t4_181 = t3_62.mul_add(t4_176, t4_180);
-        let t4_182 = t3_82.mul_add(t4_173, t4_181);
-        let t4_183 = inv_pivot_3 * t4_182;
-        let t4_184 = -t4_183;
-        let t4_185 = t3_107 * inv_pivot_8;
-        let t4_186 = inv_pivot_7 * t4_185;
-        let t4_187 = t3_87 * t4_186;
-        let t4_188 = t3_106.mul_add(inv_pivot_8, t4_187);
-        let t4_189 = inv_pivot_6 * t4_188;
-        let t4_190 = t3_63 * t4_189;
-        let t4_191 = (-t3_83).mul_add(t4_186, t4_190);
-        let t4_192 = inv_pivot_4 * t4_191;
-        let t4_193 = t3_42 * t4_192;
-        let t4_194 = (-t3_62).mul_add(t4_189, t4_193);
-        let t4_195 = (-t3_82).mul_add(t4_186, t4_194);
-        let t4_196 = inv_pivot_3 * t4_195;
-        let t4_197 = -t4_196;
-        let t4_198 = t3_111 + t4_163;
-        let t4_199 = t4_198 - t4_165;
-        let t4_200 = t4_199 - t4_167;
-        let t4_201 = t4_200 - t4_169;
-        let t4_202 = t4_201 * inv_pivot_8;
-        let t4_203 = (-t3_107).mul_add(t4_202, t4_161);
-        let t4_204 = inv_pivot_7 * t4_203;
-        let t4_205 = t3_87.mul_add(t4_204, t4_158);
-        let t4_206 = (-t3_106).mul_add(t4_202, t4_205);
-        let t4_207 = inv_pivot_6 * t4_206;
-        let t4_208 = t3_63.mul_add(t4_207, t3_51);
-        let t4_209 = (-t3_83).mul_add(t4_204, t4_208);
-        let t4_210 = inv_pivot_4 * t4_209;
-        let t4_211 = (-t3_42).mul_add(t4_210, like.lift(1.0));
-        let t4_212 = t3_62.mul_add(t4_207, t4_211);
-        let t4_213 = t3_82.mul_add(t4_204, t4_212);
-        let t4_214 = inv_pivot_3 * t4_213;
-        let t4_215 = -t4_192;
-        let t4_216 = -t4_210;
-        let t4_217 = -t4_176;
-        let t4_218 = -t4_186;
-        let t4_219 = -t4_204;
-        let t4_220 = -t4_171;
-        let t4_221 = -t4_202;
-        let t4_222 = (-t3_71).mul_add(t4_176, t4_157);
-        let t4_223 = (-t3_86).mul_add(t4_173, t4_222);
-        let t4_224 = u_rod2_p2z * t4_171;
-        let t4_225 = like.lift(0.1075).mul_add(t4_224, t4_223);
-        let t4_226 = inv_pivot_5 * t4_225;
-        let t4_227 = t3_71 * t4_189;
-        let t4_228 = t3_86.mul_add(t4_186, t4_227);
+        let t4_156 = (-t3_49).mul_add(t3_62, t3_59);
+        let t4_157 = t3_49 * t3_73;
+        let t4_158 = t4_156.mul_add(t3_76, t4_157);
+        let t4_159 = like.lift(1.0) - t3_80;
+        let t4_160 = t3_49 * t3_83;
+        let t4_161 = t4_159 - t4_160;
+        let t4_162 = t4_156 * t3_85;
+        let t4_163 = t4_161 + t4_162;
+        let t4_164 = t4_158 * t3_90;
+        let t4_165 = t4_163 + t4_164;
+        let t4_166 = t3_49.mul_add(t3_101, t3_98);
+        let t4_167 = (-t4_156).mul_add(t3_103, t4_166);
+        let t4_168 = (-t4_158).mul_add(t3_108, t4_167);
+        let t4_169 = t4_165.mul_add(t3_112, t4_168);
+        let t4_170 = t4_169 * inv_pivot_8;
+        let t4_171 = t3_97.mul_add(t4_170, t4_165);
+        let t4_172 = inv_pivot_7 * t4_171;
+        let t4_173 = (-t3_79).mul_add(t4_172, t4_158);
+        let t4_174 = (-t3_96).mul_add(t4_170, t4_173);
+        let t4_175 = inv_pivot_6 * t4_174;
+        let t4_176 = t3_72.mul_add(t4_175, t4_156);
+        let t4_177 = t1_176.mul_add(t4_172, t4_176);
+        let t4_178 = (-t1_181).mul_add(t4_170, t4_177);
+        let t4_179 = inv_pivot_5 * t4_178;
+        let t4_180 = (-t3_58).mul_add(t4_179, t3_49);
+        let t4_181 = t3_71.mul_add(t4_175, t4_180);
+        let t4_182 = inv_pivot_4 * t4_181;
+        let t4_183 = (-t3_41).mul_add(t4_182, like.lift(1.0));
+        let t4_184 = t3_57.mul_add(t4_179, t4_183);
+        let t4_185 = t3_67.mul_add(t4_175, t4_184);
+        let t4_186 = inv_pivot_3 * t4_185;
+        let t4_187 = -t4_186;
+        let t4_188 = t3_80 + t4_160;
+        let t4_189 = t4_188 - t4_162;
+        let t4_190 = t4_189 - t4_164;
+        let t4_191 = (-t4_190).mul_add(t3_112, t4_168);
+        let t4_192 = t4_191 * inv_pivot_8;
+        let t4_193 = (-t3_97).mul_add(t4_192, t4_190);
+        let t4_194 = inv_pivot_7 * t4_193;
+        let t4_195 = t3_79.mul_add(t4_194, t4_158);
+        let t4_196 = (-t3_96).mul_add(t4_192, t4_195);
+        let t4_197 = inv_pivot_6 * t4_196;
+        let t4_198 = t3_72.mul_add(t4_197, t4_156);
+        let t4_199 = (-t1_176).mul_add(t4_194, t4_198);
+        let t4_200 = (-t1_181).mul_add(t4_192, t4_199);
+        let t4_201 = inv_pivot_5 * t4_200;
+        let t4_202 = (-t3_58).mul_add(t4_201, t3_49);
+        let t4_203 = t3_71.mul_add(t4_197, t4_202);
+        let t4_204 = inv_pivot_4 * t4_203;
+        let t4_205 = (-t3_41).mul_add(t4_204, like.lift(1.0));
+        let t4_206 = t3_57.mul_add(t4_201, t4_205);
+        let t4_207 = t3_67.mul_add(t4_197, t4_206);
+        let t4_208 = inv_pivot_3 * t4_207;
+        let t4_209 = t3_112 * inv_pivot_8;
+        let t4_210 = t3_97.mul_add(t4_209, like.lift(1.0));
+        let t4_211 = inv_pivot_7 * t4_210;
+        let t4_212 = t3_79 * t4_211;
+        let t4_213 = t3_96.mul_add(t4_209, t4_212);
+        let t4_214 = inv_pivot_6 * t4_213;
+        let t4_215 = t3_72 * t4_214;
+        let t4_216 = (-t1_176).mul_add(t4_211, t4_215);
+        let t4_217 = t1_181.mul_add(t4_209, t4_216);
+        let t4_218 = inv_pivot_5 * t4_217;
+        let t4_219 = t3_58 * t4_218;
+        let t4_220 = (-t3_71).mul_add(t4_214, t4_219);
+        let t4_221 = inv_pivot_4 * t4_220;
+        let t4_222 = t3_41 * t4_221;
+        let t4_223 = t3_57.mul_add(t4_218, t4_222);
+        let t4_224 = t3_67.mul_add(t4_214, t4_223);
+        let t4_225 = inv_pivot_3 * t4_224;
+        let t4_226 = -t4_225;
+        let t4_227 = -t4_175;
+        let t4_228 = -t4_214;
         [
             al_rod1z, t4_4, al_rod1x, t4_14, t4_19, t4_74, t4_80, t4_83, t4_106, t4_121,
-            t4_137, t4_155, t4_157, t4_173, t4_176, t4_179, t4_183, t4_184, t4_186, t4_189,
-            t4_192, t4_196, t4_197, t4_202, t4_204, t4_207, t4_210, t4_214, t4_215, t4_216,
-            t4_217, t4_218, t4_219, t4_220, t4_221, t4_226, t4_228,
+            t4_137, t4_155, t4_170, t4_172, t4_175, t4_179, t4_182, t4_186, t4_187, t4_192,
+            t4_194, t4_197, t4_201, t4_204, t4_208, t4_209, t4_211, t4_214, t4_218, t4_221,
+            t4_225, t4_226, t4_227, t4_228,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -6929,60 +6873,56 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         x_e1y_p3, x_e1x_p1, x_e1x_p2, x_e1x_p3, x_u2_1_p1, x_u2_1_p2, x_u2_1_p3, x_u2_2_p1,
         x_u2_2_p2, x_u2_2_p3, x_u3_1_p1, x_u3_1_p2, x_u3_1_p3, x_u3_2_p1, x_u3_2_p2, x_u3_2_p3,
     ] = {
-        let t5_1 = u_rod2_p2z * inv_pivot_8;
-        let t5_2 = like.lift(-0.1075).mul_add(t5_1, t4_228);
-        let t5_3 = inv_pivot_5 * t5_2;
-        let t5_4 = (-t3_71).mul_add(t4_207, t4_157);
-        let t5_5 = (-t3_86).mul_add(t4_204, t5_4);
-        let t5_6 = u_rod2_p2z * t4_202;
-        let t5_7 = like.lift(-0.1075).mul_add(t5_6, t5_5);
-        let t5_8 = inv_pivot_5 * t5_7;
-        let t5_9 = -t5_8;
-        let t5_10 = t1_107 * t4_183;
-        let t5_11 = t3_41.mul_add(t4_179, t5_10);
-        let t5_12 = (-t3_58).mul_add(t4_176, t5_11);
-        let t5_13 = (-t3_78).mul_add(t4_173, t5_12);
-        let t5_14 = inv_pivot_2 * t5_13;
-        let t5_15 = t1_126 * t5_14;
-        let t5_16 = (-t1_111).mul_add(t4_179, t5_15);
-        let t5_17 = t1_117.mul_add(t4_176, t5_16);
-        let t5_18 = (-t1_119).mul_add(t4_173, t5_17);
-        let t5_19 = t3_30 * t5_18;
-        let t5_20 = like.lift(5.370700178508146) * t5_19;
-        let t5_21 = t1_107 * t4_196;
-        let t5_22 = (-t3_41).mul_add(t4_192, t5_21);
-        let t5_23 = t3_58.mul_add(t4_189, t5_22);
-        let t5_24 = t3_78.mul_add(t4_186, t5_23);
-        let t5_25 = inv_pivot_2 * t5_24;
-        let t5_26 = t1_126 * t5_25;
-        let t5_27 = t1_111.mul_add(t4_192, t5_26);
-        let t5_28 = (-t1_117).mul_add(t4_189, t5_27);
-        let t5_29 = t1_119.mul_add(t4_186, t5_28);
-        let t5_30 = t3_30 * t5_29;
-        let t5_31 = like.lift(5.370700178508146) * t5_30;
-        let t5_32 = t1_107 * t4_214;
-        let t5_33 = t3_41.mul_add(t4_210, t5_32);
-        let t5_34 = (-t3_58).mul_add(t4_207, t5_33);
-        let t5_35 = (-t3_78).mul_add(t4_204, t5_34);
-        let t5_36 = inv_pivot_2 * t5_35;
-        let t5_37 = t1_126 * t5_36;
-        let t5_38 = (-t1_111).mul_add(t4_210, t5_37);
-        let t5_39 = t1_117.mul_add(t4_207, t5_38);
-        let t5_40 = (-t1_119).mul_add(t4_204, t5_39);
-        let t5_41 = t3_30 * t5_40;
-        let t5_42 = like.lift(5.370700178508146) * t5_41;
-        let t5_43 = -t5_42;
-        let t5_44 = -t5_14;
-        let t5_45 = -t5_25;
+        let t5_1 = -t4_204;
+        let t5_2 = -t4_221;
+        let t5_3 = -t4_201;
+        let t5_4 = t1_12 * t4_186;
+        let t5_5 = t3_40.mul_add(t4_182, t5_4);
+        let t5_6 = (-t3_54).mul_add(t4_179, t5_5);
+        let t5_7 = (-t3_66).mul_add(t4_175, t5_6);
+        let t5_8 = inv_pivot_2 * t5_7;
+        let t5_9 = t1_12 * t4_208;
+        let t5_10 = t3_40.mul_add(t4_204, t5_9);
+        let t5_11 = (-t3_54).mul_add(t4_201, t5_10);
+        let t5_12 = (-t3_66).mul_add(t4_197, t5_11);
+        let t5_13 = inv_pivot_2 * t5_12;
+        let t5_14 = -t5_13;
+        let t5_15 = t1_12 * t4_225;
+        let t5_16 = (-t3_40).mul_add(t4_221, t5_15);
+        let t5_17 = (-t3_54).mul_add(t4_218, t5_16);
+        let t5_18 = (-t3_66).mul_add(t4_214, t5_17);
+        let t5_19 = inv_pivot_2 * t5_18;
+        let t5_20 = u_rod2_p2z * t5_8;
+        let t5_21 = like.lift(0.18619546181365432) * t5_20;
+        let t5_22 = (-t1_31).mul_add(t4_182, t5_21);
+        let t5_23 = (-t1_33).mul_add(t4_179, t5_22);
+        let t5_24 = t1_25.mul_add(t4_175, t5_23);
+        let t5_25 = inv_pivot_1 * t5_24;
+        let t5_26 = u_rod2_p2z * t5_13;
+        let t5_27 = like.lift(0.18619546181365432) * t5_26;
+        let t5_28 = (-t1_31).mul_add(t4_204, t5_27);
+        let t5_29 = (-t1_33).mul_add(t4_201, t5_28);
+        let t5_30 = t1_25.mul_add(t4_197, t5_29);
+        let t5_31 = inv_pivot_1 * t5_30;
+        let t5_32 = -t5_31;
+        let t5_33 = u_rod2_p2z * t5_19;
+        let t5_34 = like.lift(0.18619546181365432) * t5_33;
+        let t5_35 = t1_31.mul_add(t4_221, t5_34);
+        let t5_36 = (-t1_33).mul_add(t4_218, t5_35);
+        let t5_37 = t1_25.mul_add(t4_214, t5_36);
+        let t5_38 = inv_pivot_1 * t5_37;
+        let t5_39 = -t4_172;
+        let t5_40 = -t4_194;
+        let t5_41 = -t4_170;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(6.287381471191513)).abs()
-            .min((pivot_2 * like.lift(4.054300853983487)).abs())
-            .min((pivot_3 * like.lift(5.1354731598256045)).abs())
-            .min((pivot_4 * like.lift(1.1136124389030184)).abs())
-            .min((t1_63 * like.lift(5.490928143318305)).abs())
-            .min((pivot_6 * like.lift(5.005772724016506)).abs())
-            .min((pivot_7 * like.lift(1.2292368551614257)).abs())
-            .min((pivot_8 * like.lift(6.313131313131312)).abs());
+        let margin = (pivot_1 * like.lift(8.169180195158923)).abs()
+            .min((t3_150 * like.lift(2.9578447349824133)).abs())
+            .min((pivot_3 * like.lift(4.709626127302084)).abs())
+            .min((pivot_4 * like.lift(1.7298389090997555)).abs())
+            .min((pivot_5 * like.lift(1.2416410909468296)).abs())
+            .min((pivot_6 * like.lift(4.677980223697912)).abs())
+            .min((pivot_7 * like.lift(5.873901159537709)).abs())
+            .min((pivot_8 * like.lift(4.02802513388111)).abs());
         let ([
             [x_u1_1_p1, x_u1_1_p2, x_u1_1_p3], [x_u1_2_p1, x_u1_2_p2, x_u1_2_p3],
             [x_e1y_p1, x_e1y_p2, x_e1y_p3], [x_e1x_p1, x_e1x_p2, x_e1x_p3],
@@ -6990,21 +6930,21 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
             [x_u3_1_p1, x_u3_1_p2, x_u3_1_p3], [x_u3_2_p1, x_u3_2_p2, x_u3_2_p3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t4_184, t4_197, t4_214], [t4_179, t4_215, t4_216], [t4_217, t4_189, t4_207],
-                [t4_173, t4_218, t4_219], [t4_220, inv_pivot_8, t4_221], [t4_226, t5_3, t5_9],
-                [t5_20, t5_31, t5_43], [t5_44, t5_45, t5_36],
+                [t4_187, t4_208, t4_226], [t4_227, t4_197, t4_228], [t4_182, t5_1, t5_2],
+                [t4_179, t5_3, t4_218], [t5_8, t5_14, t5_19], [t5_25, t5_32, t5_38],
+                [t5_39, t5_40, t4_211], [t5_41, t4_192, t4_209],
             ],
             margin,
             || (
                 [
-                    [like.lift(0.0), t1_25, t1_31, t1_33, t1_35, t1_42, like.lift(0.0), like.lift(0.0)],
-                    [t1_43, t1_50, t1_53, t1_56, t1_58, t1_63, like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), t1_25, t1_31, t1_33, t1_35, pivot_1, like.lift(0.0), like.lift(0.0)],
+                    [t1_42, t1_49, t1_52, t1_55, t1_57, t1_63, like.lift(0.0), like.lift(0.0)],
                     [t1_24, t1_65, t1_67, t1_69, t1_71, t1_75, like.lift(0.0), like.lift(0.0)],
                     [t1_84, t1_95, t1_95, t1_98, t1_100, t1_105, like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), t1_111, t1_117, t1_119, like.lift(0.0), like.lift(0.0), pivot_1, t1_126],
-                    [t1_127, t1_130, t1_133, t1_136, like.lift(0.0), like.lift(0.0), t1_138, t1_143],
-                    [t1_110, t1_145, t1_147, t1_149, like.lift(0.0), like.lift(0.0), t1_151, t1_156],
-                    [t1_161, t1_170, t1_170, t1_173, like.lift(0.0), like.lift(0.0), t1_175, t1_181],
+                    [like.lift(0.0), t1_111, t1_117, t1_119, like.lift(0.0), like.lift(0.0), t1_120, t1_127],
+                    [t1_128, t1_131, t1_134, t1_137, like.lift(0.0), like.lift(0.0), t1_139, t1_144],
+                    [t1_110, t1_146, t1_148, t1_150, like.lift(0.0), like.lift(0.0), t1_152, t1_157],
+                    [t1_162, t1_171, t1_171, t1_174, like.lift(0.0), like.lift(0.0), t1_176, t1_182],
                 ],
                 [
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -7212,7 +7152,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
 ///
-/// 385 additions, 570 multiplications, 8 divisions, 8 sines and cosines.
+/// 386 additions, 562 multiplications, 8 divisions, 8 sines and cosines.
 pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 3]; 3];
@@ -7232,14 +7172,14 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
     let [
         t1_2, sin_u1_1, cos_u1_1, sin_e1x, cos_e1x, t1_3, t1_5, sin_u1_2, cos_u1_2, sin_e1y,
         cos_e1y, t1_9, t1_11, t1_12, t1_13, t1_16, t1_17, t1_19, cos_u1_2_e1y, t1_28, t1_40,
-        t1_41, t1_47, t1_49, sin_u2_1, cos_u2_1, sin_u2_2, cos_u2_2, u_rod2_p2z, t1_50, t1_51,
-        t1_58, t1_59, t1_66, t1_69, t1_71, t1_72, t1_74, pivot_5, t1_79, t1_80, t1_81, t1_82,
-        t1_83, t1_85, t1_87, t1_91, t1_100, t1_111, t1_114, t1_116, t1_121, t1_123, t1_126,
-        t1_127, t1_133, t1_135, sin_u3_1, cos_u3_1, sin_u3_2, cos_u3_2, pivot_1, t1_142,
-        t1_143, t1_146, t1_149, t1_151, t1_152, t1_154, t1_159, t1_161, t1_163, t1_165, t1_167,
-        t1_172, t1_177, t1_186, t1_189, t1_191, t1_197, t1_198, t1_199, pivot_2, inv_pivot_2,
-        t1_202, pivot_3, inv_pivot_3, t1_205, t1_206, t1_207, t1_212, t1_215, pivot_4,
-        inv_pivot_4, t1_218, t1_222, t1_223, t1_224, t1_225,
+        t1_41, t1_47, t1_49, sin_u2_1, cos_u2_1, sin_u2_2, cos_u2_2, u_rod2_p2z, t1_51,
+        pivot_1, t1_58, t1_65, t1_68, t1_71, t1_73, t1_79, t1_80, t1_81, t1_83, t1_85, t1_87,
+        t1_91, t1_100, t1_111, t1_114, t1_116, t1_121, t1_123, t1_126, t1_127, t1_133, t1_135,
+        sin_u3_1, cos_u3_1, sin_u3_2, cos_u3_2, t1_136, t1_143, t1_144, t1_147, t1_150, t1_152,
+        t1_153, t1_154, t1_155, t1_160, t1_161, t1_162, t1_163, t1_164, t1_166, t1_168, t1_172,
+        t1_173, t1_178, t1_187, t1_190, t1_192, t1_197, t1_198, inv_pivot_1, t1_199, t1_202,
+        pivot_2, inv_pivot_2, t1_204, pivot_3, inv_pivot_3, t1_206, t1_207, t1_208, t1_212,
+        t1_215, pivot_4, inv_pivot_4, t1_217, t1_220, t1_221, t1_222, t1_223, t1_225,
     ] = {
         let t1_1 = p_m_rod1 + p_m_platform;
         let t1_2 = p_m_carriage1 + t1_1;
@@ -7311,41 +7251,41 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
         let t1_55 = like.lift(0.5) * t1_54;
         let t1_56 = like.lift(0.8660254037844386).mul_add(sin_u2_2, t1_55);
         let t1_57 = sin_u2_1 * t1_56;
-        let t1_58 = like.lift(0.215).mul_add(t1_57, t1_53);
-        let t1_59 = -t1_28;
+        let pivot_1 = like.lift(0.215).mul_add(t1_57, t1_53);
+        let t1_58 = -t1_28;
         let e_e1x_u1_1y = sin_e1x * sin_u1_2_e1y;
-        let t1_60 = like.lift(0.0199) * e_e1x_u1_1y;
-        let t1_61 = like.lift(0.215).mul_add(sin_u1_2, t1_60);
-        let t1_62 = like.lift(0.017233905535310328) * cos_u1_2_e1y;
-        let t1_63 = like.lift(0.00995) * e_e1x_u1_1y;
-        let t1_64 = t1_62 + t1_63;
-        let t1_65 = t1_61 + t1_64;
-        let t1_66 = sin_u1_1 * t1_65;
-        let t1_67 = t1_60 + t1_62;
-        let t1_68 = t1_63 + t1_67;
-        let t1_69 = sin_u1_1 * t1_68;
-        let t1_70 = u_e1y_p1x * t1_68;
-        let t1_71 = cos_u1_2_e1y.mul_add(t1_43, t1_70);
-        let t1_72 = -t1_71;
-        let t1_73 = like.lift(0.1075) * u_rod2_p2z;
-        let t1_74 = -t1_73;
-        let t1_75 = like.lift(0.8660254037844386) * t1_54;
-        let t1_76 = like.lift(-0.5).mul_add(sin_u2_2, t1_75);
-        let t1_77 = sin_u2_1 * t1_76;
-        let t1_78 = like.lift(0.215) * t1_77;
-        let pivot_5 = like.lift(0.18619546181365432).mul_add(t1_52, t1_78);
-        let t1_79 = -pivot_5;
-        let t1_80 = cos_u1_1 * t1_65;
+        let t1_59 = like.lift(0.0199) * e_e1x_u1_1y;
+        let t1_60 = like.lift(0.215).mul_add(sin_u1_2, t1_59);
+        let t1_61 = like.lift(0.017233905535310328) * cos_u1_2_e1y;
+        let t1_62 = like.lift(0.00995) * e_e1x_u1_1y;
+        let t1_63 = t1_61 + t1_62;
+        let t1_64 = t1_60 + t1_63;
+        let t1_65 = sin_u1_1 * t1_64;
+        let t1_66 = t1_59 + t1_61;
+        let t1_67 = t1_62 + t1_66;
+        let t1_68 = sin_u1_1 * t1_67;
+        let t1_69 = u_e1y_p1x * t1_67;
+        let t1_70 = cos_u1_2_e1y.mul_add(t1_43, t1_69);
+        let t1_71 = -t1_70;
+        let t1_72 = like.lift(0.1075) * u_rod2_p2z;
+        let t1_73 = -t1_72;
+        let t1_74 = like.lift(0.8660254037844386) * t1_54;
+        let t1_75 = like.lift(-0.5).mul_add(sin_u2_2, t1_74);
+        let t1_76 = sin_u2_1 * t1_75;
+        let t1_77 = like.lift(0.215) * t1_76;
+        let t1_78 = like.lift(0.18619546181365432).mul_add(t1_52, t1_77);
+        let t1_79 = -t1_78;
+        let t1_80 = cos_u1_1 * t1_64;
         let t1_81 = -t1_80;
-        let t1_82 = cos_u1_1 * t1_68;
+        let t1_82 = cos_u1_1 * t1_67;
         let t1_83 = -t1_82;
         let t1_84 = cos_u1_2_e1y * t1_46;
-        let t1_85 = (-t1_34).mul_add(t1_68, t1_84);
+        let t1_85 = (-t1_34).mul_add(t1_67, t1_84);
         let t1_86 = like.lift(0.1075) * t1_56;
-        let t1_87 = like.lift(0.18619546181365432).mul_add(t1_76, t1_86);
+        let t1_87 = like.lift(0.18619546181365432).mul_add(t1_75, t1_86);
         let t1_88 = cos_u2_1 * t1_56;
         let t1_89 = like.lift(0.18619546181365432) * t1_88;
-        let t1_90 = cos_u2_1 * t1_76;
+        let t1_90 = cos_u2_1 * t1_75;
         let t1_91 = like.lift(-0.1075).mul_add(t1_90, t1_89);
         let t1_92 = like.lift(0.5) * u_e1y_p1x;
         let t1_93 = like.lift(0.8660254037844386) * u_e1x_p1y;
@@ -7394,115 +7334,115 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
         let (sin_u3_1, cos_u3_1) = u3_1.sin_cos();
         let (sin_u3_2, cos_u3_2) = u3_2.sin_cos();
         let u_rod3_p3z = cos_u3_1 * cos_u3_2;
-        let pivot_1 = like.lift(0.18619546181365432) * u_rod3_p3z;
-        let t1_136 = cos_u3_1 * u_rod3_p3z;
-        let t1_137 = like.lift(0.1075) * t1_136;
-        let t1_138 = sin_u3_1 * cos_u3_2;
-        let t1_139 = like.lift(0.5) * t1_138;
-        let t1_140 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t1_139);
-        let t1_141 = sin_u3_1 * t1_140;
-        let t1_142 = like.lift(0.215).mul_add(t1_141, t1_137);
-        let t1_143 = -t1_123;
-        let t1_144 = t1_62 - t1_63;
-        let t1_145 = t1_61 - t1_144;
-        let t1_146 = sin_u1_1 * t1_145;
-        let t1_147 = t1_60 - t1_62;
-        let t1_148 = t1_63 + t1_147;
-        let t1_149 = sin_u1_1 * t1_148;
-        let t1_150 = u_e1y_p1x * t1_148;
-        let t1_151 = cos_u1_2_e1y.mul_add(t1_129, t1_150);
-        let t1_152 = -t1_151;
-        let t1_153 = like.lift(0.1075) * u_rod3_p3z;
-        let t1_154 = -t1_153;
-        let t1_155 = like.lift(0.8660254037844386) * t1_138;
-        let t1_156 = like.lift(0.5).mul_add(sin_u3_2, t1_155);
-        let t1_157 = sin_u3_1 * t1_156;
-        let t1_158 = like.lift(0.215) * t1_157;
-        let t1_159 = like.lift(0.18619546181365432).mul_add(t1_136, t1_158);
-        let t1_160 = cos_u1_1 * t1_145;
-        let t1_161 = -t1_160;
-        let t1_162 = cos_u1_1 * t1_148;
-        let t1_163 = -t1_162;
-        let t1_164 = cos_u1_2_e1y * t1_132;
-        let t1_165 = (-t1_34).mul_add(t1_148, t1_164);
-        let t1_166 = like.lift(0.1075) * t1_140;
-        let t1_167 = like.lift(0.18619546181365432).mul_add(t1_156, t1_166);
-        let t1_168 = cos_u3_1 * t1_140;
-        let t1_169 = like.lift(0.18619546181365432) * t1_168;
-        let t1_170 = cos_u3_1 * t1_156;
-        let t1_171 = like.lift(-0.1075).mul_add(t1_170, t1_169);
-        let t1_172 = -t1_171;
-        let t1_173 = t1_92 - t1_93;
-        let t1_174 = cos_u3_1 * t1_173;
-        let t1_175 = like.lift(0.5) * t1_174;
-        let t1_176 = t1_97 + t1_98;
-        let t1_177 = (-sin_u3_1).mul_add(t1_176, t1_175);
-        let t1_178 = t1_101 + t1_102;
-        let t1_179 = sin_u3_1 * t1_178;
-        let t1_180 = like.lift(0.8660254037844386).mul_add(t1_174, t1_179);
-        let t1_181 = cos_u1_1 * t1_180;
-        let t1_182 = cos_u3_1 * t1_176;
-        let t1_183 = like.lift(0.8660254037844386) * t1_182;
-        let t1_184 = cos_u3_1 * t1_178;
-        let t1_185 = like.lift(0.5).mul_add(t1_184, t1_183);
-        let t1_186 = sin_u1_1.mul_add(t1_185, t1_181);
-        let t1_187 = cos_u1_2_e1y * t1_177;
-        let t1_188 = t1_34.mul_add(t1_180, t1_187);
-        let t1_189 = (-u_e1y_p1x).mul_add(t1_185, t1_188);
-        let t1_190 = like.lift(0.5) * t1_177;
-        let t1_191 = like.lift(0.8660254037844386).mul_add(t1_180, t1_190);
-        let t1_192 = cos_u3_1 * t1_177;
-        let t1_193 = like.lift(0.8660254037844386) * t1_192;
-        let t1_194 = cos_u3_1 * t1_180;
-        let t1_195 = like.lift(-0.5).mul_add(t1_194, t1_193);
-        let t1_196 = sin_u3_1.mul_add(t1_185, t1_195);
-        let t1_197 = -t1_196;
-        let t1_198 = like.lift(1.0) / u_rod3_p3z;
-        let t1_199 = t1_167 * t1_198;
-        let t1_200 = t1_142 * t1_199;
-        let t1_201 = like.lift(5.370700178508146).mul_add(t1_200, t1_171);
-        let pivot_2 = like.lift(0.5773502691896257).mul_add(t1_142, t1_159);
+        let t1_136 = like.lift(0.18619546181365432) * u_rod3_p3z;
+        let t1_137 = cos_u3_1 * u_rod3_p3z;
+        let t1_138 = like.lift(0.1075) * t1_137;
+        let t1_139 = sin_u3_1 * cos_u3_2;
+        let t1_140 = like.lift(0.5) * t1_139;
+        let t1_141 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t1_140);
+        let t1_142 = sin_u3_1 * t1_141;
+        let t1_143 = like.lift(0.215).mul_add(t1_142, t1_138);
+        let t1_144 = -t1_123;
+        let t1_145 = t1_61 - t1_62;
+        let t1_146 = t1_60 - t1_145;
+        let t1_147 = sin_u1_1 * t1_146;
+        let t1_148 = t1_59 - t1_61;
+        let t1_149 = t1_62 + t1_148;
+        let t1_150 = sin_u1_1 * t1_149;
+        let t1_151 = u_e1y_p1x * t1_149;
+        let t1_152 = cos_u1_2_e1y.mul_add(t1_129, t1_151);
+        let t1_153 = -t1_152;
+        let t1_154 = like.lift(0.1075) * u_rod3_p3z;
+        let t1_155 = -t1_154;
+        let t1_156 = like.lift(0.8660254037844386) * t1_139;
+        let t1_157 = like.lift(0.5).mul_add(sin_u3_2, t1_156);
+        let t1_158 = sin_u3_1 * t1_157;
+        let t1_159 = like.lift(0.215) * t1_158;
+        let t1_160 = like.lift(0.18619546181365432).mul_add(t1_137, t1_159);
+        let t1_161 = cos_u1_1 * t1_146;
+        let t1_162 = -t1_161;
+        let t1_163 = cos_u1_1 * t1_149;
+        let t1_164 = -t1_163;
+        let t1_165 = cos_u1_2_e1y * t1_132;
+        let t1_166 = (-t1_34).mul_add(t1_149, t1_165);
+        let t1_167 = like.lift(0.1075) * t1_141;
+        let t1_168 = like.lift(0.18619546181365432).mul_add(t1_157, t1_167);
+        let t1_169 = cos_u3_1 * t1_141;
+        let t1_170 = like.lift(0.18619546181365432) * t1_169;
+        let t1_171 = cos_u3_1 * t1_157;
+        let t1_172 = like.lift(-0.1075).mul_add(t1_171, t1_170);
+        let t1_173 = -t1_172;
+        let t1_174 = t1_92 - t1_93;
+        let t1_175 = cos_u3_1 * t1_174;
+        let t1_176 = like.lift(0.5) * t1_175;
+        let t1_177 = t1_97 + t1_98;
+        let t1_178 = (-sin_u3_1).mul_add(t1_177, t1_176);
+        let t1_179 = t1_101 + t1_102;
+        let t1_180 = sin_u3_1 * t1_179;
+        let t1_181 = like.lift(0.8660254037844386).mul_add(t1_175, t1_180);
+        let t1_182 = cos_u1_1 * t1_181;
+        let t1_183 = cos_u3_1 * t1_177;
+        let t1_184 = like.lift(0.8660254037844386) * t1_183;
+        let t1_185 = cos_u3_1 * t1_179;
+        let t1_186 = like.lift(0.5).mul_add(t1_185, t1_184);
+        let t1_187 = sin_u1_1.mul_add(t1_186, t1_182);
+        let t1_188 = cos_u1_2_e1y * t1_178;
+        let t1_189 = t1_34.mul_add(t1_181, t1_188);
+        let t1_190 = (-u_e1y_p1x).mul_add(t1_186, t1_189);
+        let t1_191 = like.lift(0.5) * t1_178;
+        let t1_192 = like.lift(0.8660254037844386).mul_add(t1_181, t1_191);
+        let t1_193 = cos_u3_1 * t1_178;
+        let t1_194 = like.lift(0.8660254037844386) * t1_193;
+        let t1_195 = cos_u3_1 * t1_181;
+        let t1_196 = like.lift(-0.5).mul_add(t1_195, t1_194);
+        let t1_197 = sin_u3_1.mul_add(t1_186, t1_196);
+        let t1_198 = -t1_197;
+        let inv_pivot_1 = like.lift(1.0) / pivot_1;
+        let t1_199 = t1_91 * inv_pivot_1;
+        let t1_200 = u_rod2_p2z * t1_199;
+        let t1_201 = like.lift(0.18619546181365432).mul_add(t1_200, t1_87);
+        let t1_202 = t1_78 * inv_pivot_1;
+        let t1_203 = u_rod2_p2z * t1_202;
+        let pivot_2 = like.lift(0.18619546181365432).mul_add(t1_203, t1_72);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t1_202 = t1_201 * inv_pivot_2;
-        let pivot_3 = (-t1_123).mul_add(t1_202, t1_126);
+        let t1_204 = t1_201 * inv_pivot_2;
+        let pivot_3 = (-t1_28).mul_add(t1_204, t1_40);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_203 = t1_127 * t1_199;
-        let t1_204 = like.lift(5.370700178508146).mul_add(t1_203, t1_160);
-        let t1_205 = like.lift(0.5773502691896257).mul_add(t1_127, t1_146);
-        let t1_206 = (-t1_205).mul_add(t1_202, t1_204);
-        let t1_207 = t1_191 * t1_198;
-        let t1_208 = t1_127 * t1_207;
-        let t1_209 = like.lift(-5.370700178508146).mul_add(t1_208, t1_186);
-        let t1_210 = t1_142 * t1_207;
-        let t1_211 = like.lift(5.370700178508146).mul_add(t1_210, t1_196);
+        let t1_205 = t1_47.mul_add(t1_199, t1_82);
+        let t1_206 = t1_47.mul_add(t1_202, t1_68);
+        let t1_207 = (-t1_206).mul_add(t1_204, t1_205);
+        let t1_208 = t1_121 * inv_pivot_1;
+        let t1_209 = (-t1_47).mul_add(t1_208, t1_111);
+        let t1_210 = u_rod2_p2z * t1_208;
+        let t1_211 = like.lift(0.18619546181365432).mul_add(t1_210, t1_116);
         let t1_212 = t1_211 * inv_pivot_2;
-        let t1_213 = t1_205.mul_add(t1_212, t1_209);
-        let t1_214 = (-t1_123).mul_add(t1_212, t1_177);
+        let t1_213 = t1_206.mul_add(t1_212, t1_209);
+        let t1_214 = (-t1_28).mul_add(t1_212, t1_100);
         let t1_215 = t1_214 * inv_pivot_3;
-        let pivot_4 = t1_206.mul_add(t1_215, t1_213);
+        let pivot_4 = t1_207.mul_add(t1_215, t1_213);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t1_216 = t1_133 * t1_207;
-        let t1_217 = like.lift(-5.370700178508146).mul_add(t1_216, t1_186);
-        let t1_218 = like.lift(0.5773502691896257).mul_add(t1_133, t1_149);
-        let t1_219 = t1_218.mul_add(t1_212, t1_217);
-        let t1_220 = t1_133 * t1_199;
-        let t1_221 = like.lift(5.370700178508146).mul_add(t1_220, t1_162);
-        let t1_222 = (-t1_218).mul_add(t1_202, t1_221);
-        let t1_223 = t1_222.mul_add(t1_215, t1_219);
-        let t1_224 = t1_41 * inv_pivot_4;
-        let t1_225 = (-t1_223).mul_add(t1_224, t1_47);
+        let t1_216 = (-t1_49).mul_add(t1_208, t1_114);
+        let t1_217 = (-t1_49).mul_add(t1_202, t1_70);
+        let t1_218 = (-t1_217).mul_add(t1_212, t1_216);
+        let t1_219 = (-t1_49).mul_add(t1_199, t1_85);
+        let t1_220 = (-t1_217).mul_add(t1_204, t1_219);
+        let t1_221 = (-t1_220).mul_add(t1_215, t1_218);
+        let t1_222 = t1_178 * inv_pivot_3;
+        let t1_223 = (-t1_220).mul_add(t1_222, t1_190);
+        let t1_224 = t1_207.mul_add(t1_222, t1_187);
+        let t1_225 = t1_224 * inv_pivot_4;
         [
             t1_2, sin_u1_1, cos_u1_1, sin_e1x, cos_e1x, t1_3, t1_5, sin_u1_2, cos_u1_2,
             sin_e1y, cos_e1y, t1_9, t1_11, t1_12, t1_13, t1_16, t1_17, t1_19, cos_u1_2_e1y,
             t1_28, t1_40, t1_41, t1_47, t1_49, sin_u2_1, cos_u2_1, sin_u2_2, cos_u2_2,
-            u_rod2_p2z, t1_50, t1_51, t1_58, t1_59, t1_66, t1_69, t1_71, t1_72, t1_74, pivot_5,
-            t1_79, t1_80, t1_81, t1_82, t1_83, t1_85, t1_87, t1_91, t1_100, t1_111, t1_114,
-            t1_116, t1_121, t1_123, t1_126, t1_127, t1_133, t1_135, sin_u3_1, cos_u3_1,
-            sin_u3_2, cos_u3_2, pivot_1, t1_142, t1_143, t1_146, t1_149, t1_151, t1_152,
-            t1_154, t1_159, t1_161, t1_163, t1_165, t1_167, t1_172, t1_177, t1_186, t1_189,
-            t1_191, t1_197, t1_198, t1_199, pivot_2, inv_pivot_2, t1_202, pivot_3, inv_pivot_3,
-            t1_205, t1_206, t1_207, t1_212, t1_215, pivot_4, inv_pivot_4, t1_218, t1_222,
-            t1_223, t1_224, t1_225,
+            u_rod2_p2z, t1_51, pivot_1, t1_58, t1_65, t1_68, t1_71, t1_73, t1_79, t1_80, t1_81,
+            t1_83, t1_85, t1_87, t1_91, t1_100, t1_111, t1_114, t1_116, t1_121, t1_123, t1_126,
+            t1_127, t1_133, t1_135, sin_u3_1, cos_u3_1, sin_u3_2, cos_u3_2, t1_136, t1_143,
+            t1_144, t1_147, t1_150, t1_152, t1_153, t1_154, t1_155, t1_160, t1_161, t1_162,
+            t1_163, t1_164, t1_166, t1_168, t1_172, t1_173, t1_178, t1_187, t1_190, t1_192,
+            t1_197, t1_198, inv_pivot_1, t1_199, t1_202, pivot_2, inv_pivot_2, t1_204, pivot_3,
+            inv_pivot_3, t1_206, t1_207, t1_208, t1_212, t1_215, pivot_4, inv_pivot_4, t1_217,
+            t1_220, t1_221, t1_222, t1_223, t1_225,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -7511,190 +7451,180 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
         x_e1y_p3, x_e1x_p1, x_e1x_p2, x_e1x_p3, x_u2_1_p1, x_u2_1_p2, x_u2_1_p3, x_u2_2_p1,
         x_u2_2_p2, x_u2_2_p3, x_u3_1_p1, x_u3_1_p2, x_u3_1_p3, x_u3_2_p1, x_u3_2_p2, x_u3_2_p3,
     ] = {
+        let pivot_5 = (-t1_221).mul_add(t1_225, t1_223);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_1 = t1_58 * inv_pivot_5;
-        let t2_2 = t1_28 * inv_pivot_3;
-        let t2_3 = (-t1_222).mul_add(t2_2, t1_69);
-        let t2_4 = (-t1_206).mul_add(t2_2, t1_66);
-        let t2_5 = t2_4 * inv_pivot_4;
-        let t2_6 = (-t1_223).mul_add(t2_5, t2_3);
-        let pivot_6 = t2_1.mul_add(t2_6, t1_225);
+        let t2_1 = (-t1_215).mul_add(t1_225, t1_222);
+        let t2_2 = t1_41.mul_add(t1_199, t1_80);
+        let t2_3 = t1_41.mul_add(t1_202, t1_65);
+        let t2_4 = (-t2_3).mul_add(t1_204, t2_2);
+        let t2_5 = t2_4.mul_add(t1_222, t1_187);
+        let t2_6 = (-t1_41).mul_add(t1_208, t1_111);
+        let t2_7 = t2_3.mul_add(t1_212, t2_6);
+        let t2_8 = t2_4.mul_add(t1_215, t2_7);
+        let t2_9 = (-t2_8).mul_add(t1_225, t2_5);
+        let t2_10 = t1_133 * inv_pivot_4;
+        let t2_11 = (-t2_8).mul_add(t2_10, t1_127);
+        let t2_12 = (-t1_221).mul_add(t2_10, t1_135);
+        let t2_13 = t2_12 * inv_pivot_5;
+        let pivot_6 = (-t2_9).mul_add(t2_13, t2_11);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_7 = t1_215 * t1_224;
-        let t2_8 = t1_215.mul_add(t2_5, t2_2);
-        let t2_9 = t2_1.mul_add(t2_8, t2_7);
-        let t2_10 = t1_135 * t1_207;
-        let t2_11 = like.lift(-5.370700178508146).mul_add(t2_10, t1_189);
-        let t2_12 = like.lift(-0.5773502691896257).mul_add(t1_135, t1_151);
-        let t2_13 = (-t2_12).mul_add(t1_212, t2_11);
-        let t2_14 = t1_135 * t1_199;
-        let t2_15 = like.lift(-5.370700178508146).mul_add(t2_14, t1_165);
-        let t2_16 = (-t2_12).mul_add(t1_202, t2_15);
-        let t2_17 = (-t2_16).mul_add(t1_215, t2_13);
-        let t2_18 = (-t2_17).mul_add(t1_224, t1_49);
-        let t2_19 = (-t2_16).mul_add(t2_2, t1_71);
-        let t2_20 = t2_17.mul_add(t2_5, t2_19);
-        let t2_21 = (-t2_1).mul_add(t2_20, t2_18);
-        let t2_22 = t1_100 * inv_pivot_3;
-        let t2_23 = (-t2_16).mul_add(t2_22, t1_114);
-        let t2_24 = t1_206.mul_add(t2_22, t1_111);
-        let t2_25 = t2_24 * inv_pivot_4;
-        let t2_26 = (-t2_17).mul_add(t2_25, t2_23);
-        let t2_27 = t1_121 * inv_pivot_5;
-        let t2_28 = (-t2_27).mul_add(t2_20, t2_26);
-        let t2_29 = t1_222.mul_add(t2_22, t1_111);
-        let t2_30 = (-t1_223).mul_add(t2_25, t2_29);
-        let t2_31 = t2_27.mul_add(t2_6, t2_30);
-        let t2_32 = t2_31 * inv_pivot_6;
-        let pivot_7 = (-t2_21).mul_add(t2_32, t2_28);
+        let t2_14 = t1_215 * t2_10;
+        let t2_15 = t2_1.mul_add(t2_13, t2_14);
+        let t2_16 = (-t1_192).mul_add(t2_13, t1_136);
+        let t2_17 = t1_126 * inv_pivot_3;
+        let t2_18 = (-t1_220).mul_add(t2_17, t1_166);
+        let t2_19 = (-t1_207).mul_add(t2_17, t1_163);
+        let t2_20 = t2_19 * inv_pivot_4;
+        let t2_21 = t1_221.mul_add(t2_20, t2_18);
+        let t2_22 = t2_21 * inv_pivot_5;
+        let t2_23 = (-t1_192).mul_add(t2_22, t1_168);
+        let t2_24 = (-t2_4).mul_add(t2_17, t1_161);
+        let t2_25 = (-t2_8).mul_add(t2_20, t2_24);
+        let t2_26 = t2_9.mul_add(t2_22, t2_25);
+        let t2_27 = t2_26 * inv_pivot_6;
+        let pivot_7 = t2_16.mul_add(t2_27, t2_23);
         let inv_pivot_7 = like.lift(1.0) / pivot_7;
-        let t2_33 = (-t1_215).mul_add(t2_25, t2_22);
-        let t2_34 = (-t2_27).mul_add(t2_8, t2_33);
-        let t2_35 = t2_9.mul_add(t2_32, t2_34);
-        let t2_36 = u_rod2_p2z * t2_27;
-        let t2_37 = like.lift(-0.1075).mul_add(t2_36, t1_116);
-        let t2_38 = u_rod2_p2z * t2_1;
-        let t2_39 = like.lift(0.1075).mul_add(t2_38, t1_50);
-        let t2_40 = t2_39.mul_add(t2_32, t2_37);
-        let t2_41 = t1_40 * inv_pivot_3;
-        let t2_42 = like.lift(1.0) - t2_41;
-        let t2_43 = (-t1_206).mul_add(t2_41, t1_80);
-        let t2_44 = t2_43 * inv_pivot_4;
-        let t2_45 = t1_215 * t2_44;
-        let t2_46 = t2_42 - t2_45;
-        let t2_47 = t1_91 * inv_pivot_5;
-        let t2_48 = t2_47 * t2_8;
-        let t2_49 = t2_46 + t2_48;
-        let t2_50 = (-t1_222).mul_add(t2_41, t1_82);
-        let t2_51 = (-t1_223).mul_add(t2_44, t2_50);
-        let t2_52 = (-t2_47).mul_add(t2_6, t2_51);
-        let t2_53 = t2_52 * inv_pivot_6;
-        let t2_54 = t2_9 * t2_53;
-        let t2_55 = t2_49 + t2_54;
-        let t2_56 = (-t2_16).mul_add(t2_41, t1_85);
-        let t2_57 = t2_17.mul_add(t2_44, t2_56);
-        let t2_58 = (-t2_47).mul_add(t2_20, t2_57);
-        let t2_59 = t2_21.mul_add(t2_53, t2_58);
-        let t2_60 = t2_59 * inv_pivot_7;
-        let t2_61 = t2_35 * t2_60;
-        let t2_62 = t2_55 + t2_61;
-        let t2_63 = u_rod2_p2z * t2_47;
-        let t2_64 = like.lift(-0.1075).mul_add(t2_63, t1_87);
-        let t2_65 = (-t2_39).mul_add(t2_53, t2_64);
-        let pivot_8 = (-t2_40).mul_add(t2_60, t2_65);
+        let t2_28 = like.lift(1.0) - t2_17;
+        let t2_29 = t1_215 * t2_20;
+        let t2_30 = t2_28 - t2_29;
+        let t2_31 = t2_1 * t2_22;
+        let t2_32 = t2_30 + t2_31;
+        let t2_33 = t2_15 * t2_27;
+        let t2_34 = t2_32 + t2_33;
+        let t2_35 = (-t1_197).mul_add(t2_22, t1_172);
+        let t2_36 = t1_197.mul_add(t2_13, t1_143);
+        let t2_37 = (-t2_36).mul_add(t2_27, t2_35);
+        let t2_38 = t1_123 * inv_pivot_3;
+        let t2_39 = (-t1_207).mul_add(t2_38, t1_150);
+        let t2_40 = t2_39 * inv_pivot_4;
+        let t2_41 = t1_215.mul_add(t2_40, t2_38);
+        let t2_42 = (-t1_220).mul_add(t2_38, t1_152);
+        let t2_43 = t1_221.mul_add(t2_40, t2_42);
+        let t2_44 = t2_43 * inv_pivot_5;
+        let t2_45 = (-t2_1).mul_add(t2_44, t2_41);
+        let t2_46 = (-t2_4).mul_add(t2_38, t1_147);
+        let t2_47 = (-t2_8).mul_add(t2_40, t2_46);
+        let t2_48 = t2_9.mul_add(t2_44, t2_47);
+        let t2_49 = t2_48 * inv_pivot_6;
+        let t2_50 = (-t2_15).mul_add(t2_49, t2_45);
+        let t2_51 = (-t1_192).mul_add(t2_44, t1_154);
+        let t2_52 = t2_16.mul_add(t2_49, t2_51);
+        let t2_53 = t2_52 * inv_pivot_7;
+        let t2_54 = t2_34.mul_add(t2_53, t2_50);
+        let t2_55 = (-t1_197).mul_add(t2_44, t1_160);
+        let t2_56 = (-t2_36).mul_add(t2_49, t2_55);
+        let pivot_8 = (-t2_37).mul_add(t2_53, t2_56);
         let inv_pivot_8 = like.lift(1.0) / pivot_8;
-        let t2_66 = t2_62 * inv_pivot_8;
-        let t2_67 = t2_40.mul_add(t2_66, t2_35);
-        let t2_68 = inv_pivot_7 * t2_67;
-        let t2_69 = t2_21.mul_add(t2_68, t2_9);
-        let t2_70 = t2_39.mul_add(t2_66, t2_69);
-        let t2_71 = inv_pivot_6 * t2_70;
-        let t2_72 = t1_223.mul_add(t2_71, t1_215);
-        let t2_73 = (-t2_17).mul_add(t2_68, t2_72);
-        let t2_74 = inv_pivot_4 * t2_73;
-        let t2_75 = (-t1_206).mul_add(t2_74, like.lift(1.0));
-        let t2_76 = t1_222.mul_add(t2_71, t2_75);
-        let t2_77 = t2_16.mul_add(t2_68, t2_76);
-        let t2_78 = inv_pivot_3 * t2_77;
-        let t2_79 = -t2_78;
-        let t2_80 = t2_40 * inv_pivot_8;
+        let t2_57 = t2_54 * inv_pivot_8;
+        let t2_58 = t2_37.mul_add(t2_57, t2_34);
+        let t2_59 = inv_pivot_7 * t2_58;
+        let t2_60 = (-t2_16).mul_add(t2_59, t2_15);
+        let t2_61 = (-t2_36).mul_add(t2_57, t2_60);
+        let t2_62 = inv_pivot_6 * t2_61;
+        let t2_63 = t2_9.mul_add(t2_62, t2_1);
+        let t2_64 = t1_192.mul_add(t2_59, t2_63);
+        let t2_65 = (-t1_197).mul_add(t2_57, t2_64);
+        let t2_66 = inv_pivot_5 * t2_65;
+        let t2_67 = (-t1_221).mul_add(t2_66, t1_215);
+        let t2_68 = t2_8.mul_add(t2_62, t2_67);
+        let t2_69 = inv_pivot_4 * t2_68;
+        let t2_70 = (-t1_207).mul_add(t2_69, like.lift(1.0));
+        let t2_71 = t1_220.mul_add(t2_66, t2_70);
+        let t2_72 = t2_4.mul_add(t2_62, t2_71);
+        let t2_73 = inv_pivot_3 * t2_72;
+        let t2_74 = -t2_73;
+        let t2_75 = t2_17 + t2_29;
+        let t2_76 = t2_75 - t2_31;
+        let t2_77 = t2_76 - t2_33;
+        let t2_78 = (-t2_77).mul_add(t2_53, t2_50);
+        let t2_79 = t2_78 * inv_pivot_8;
+        let t2_80 = (-t2_37).mul_add(t2_79, t2_77);
         let t2_81 = inv_pivot_7 * t2_80;
-        let t2_82 = t2_21 * t2_81;
-        let t2_83 = t2_39.mul_add(inv_pivot_8, t2_82);
+        let t2_82 = t2_16.mul_add(t2_81, t2_15);
+        let t2_83 = (-t2_36).mul_add(t2_79, t2_82);
         let t2_84 = inv_pivot_6 * t2_83;
-        let t2_85 = t1_223 * t2_84;
-        let t2_86 = (-t2_17).mul_add(t2_81, t2_85);
-        let t2_87 = inv_pivot_4 * t2_86;
-        let t2_88 = t1_206 * t2_87;
-        let t2_89 = (-t1_222).mul_add(t2_84, t2_88);
-        let t2_90 = (-t2_16).mul_add(t2_81, t2_89);
-        let t2_91 = inv_pivot_3 * t2_90;
-        let t2_92 = -t2_91;
-        let t2_93 = t2_41 + t2_45;
-        let t2_94 = t2_93 - t2_48;
-        let t2_95 = t2_94 - t2_54;
-        let t2_96 = t2_95 - t2_61;
-        let t2_97 = t2_96 * inv_pivot_8;
-        let t2_98 = (-t2_40).mul_add(t2_97, t2_35);
-        let t2_99 = inv_pivot_7 * t2_98;
-        let t2_100 = t2_21.mul_add(t2_99, t2_9);
-        let t2_101 = (-t2_39).mul_add(t2_97, t2_100);
-        let t2_102 = inv_pivot_6 * t2_101;
-        let t2_103 = t1_223.mul_add(t2_102, t1_215);
-        let t2_104 = (-t2_17).mul_add(t2_99, t2_103);
-        let t2_105 = inv_pivot_4 * t2_104;
-        let t2_106 = (-t1_206).mul_add(t2_105, like.lift(1.0));
-        let t2_107 = t1_222.mul_add(t2_102, t2_106);
-        let t2_108 = t2_16.mul_add(t2_99, t2_107);
-        let t2_109 = inv_pivot_3 * t2_108;
-        let t2_110 = -t2_87;
-        let t2_111 = -t2_105;
-        let t2_112 = -t2_71;
-        let t2_113 = -t2_81;
-        let t2_114 = -t2_99;
-        let t2_115 = -t2_66;
-        let t2_116 = -t2_97;
-        let t2_117 = (-t2_6).mul_add(t2_71, t2_8);
-        let t2_118 = (-t2_20).mul_add(t2_68, t2_117);
-        let t2_119 = u_rod2_p2z * t2_66;
-        let t2_120 = like.lift(0.1075).mul_add(t2_119, t2_118);
-        let t2_121 = inv_pivot_5 * t2_120;
-        let t2_122 = t2_6 * t2_84;
-        let t2_123 = t2_20.mul_add(t2_81, t2_122);
-        let t2_124 = u_rod2_p2z * inv_pivot_8;
-        let t2_125 = like.lift(-0.1075).mul_add(t2_124, t2_123);
-        let t2_126 = inv_pivot_5 * t2_125;
-        let t2_127 = (-t2_6).mul_add(t2_102, t2_8);
-        let t2_128 = (-t2_20).mul_add(t2_99, t2_127);
-        let t2_129 = u_rod2_p2z * t2_97;
-        let t2_130 = like.lift(-0.1075).mul_add(t2_129, t2_128);
-        let t2_131 = inv_pivot_5 * t2_130;
-        let t2_132 = -t2_131;
-        let t2_133 = t1_123 * t2_78;
-        let t2_134 = t1_205.mul_add(t2_74, t2_133);
-        let t2_135 = (-t1_218).mul_add(t2_71, t2_134);
-        let t2_136 = (-t2_12).mul_add(t2_68, t2_135);
-        let t2_137 = inv_pivot_2 * t2_136;
-        let t2_138 = t1_142 * t2_137;
-        let t2_139 = (-t1_127).mul_add(t2_74, t2_138);
-        let t2_140 = t1_133.mul_add(t2_71, t2_139);
-        let t2_141 = (-t1_135).mul_add(t2_68, t2_140);
-        let t2_142 = t1_198 * t2_141;
-        let t2_143 = like.lift(5.370700178508146) * t2_142;
-        let t2_144 = t1_123 * t2_91;
-        let t2_145 = (-t1_205).mul_add(t2_87, t2_144);
-        let t2_146 = t1_218.mul_add(t2_84, t2_145);
-        let t2_147 = t2_12.mul_add(t2_81, t2_146);
-        let t2_148 = inv_pivot_2 * t2_147;
-        let t2_149 = t1_142 * t2_148;
-        let t2_150 = t1_127.mul_add(t2_87, t2_149);
-        let t2_151 = (-t1_133).mul_add(t2_84, t2_150);
-        let t2_152 = t1_135.mul_add(t2_81, t2_151);
-        let t2_153 = t1_198 * t2_152;
-        let t2_154 = like.lift(5.370700178508146) * t2_153;
-        let t2_155 = t1_123 * t2_109;
-        let t2_156 = t1_205.mul_add(t2_105, t2_155);
-        let t2_157 = (-t1_218).mul_add(t2_102, t2_156);
-        let t2_158 = (-t2_12).mul_add(t2_99, t2_157);
-        let t2_159 = inv_pivot_2 * t2_158;
-        let t2_160 = t1_142 * t2_159;
-        let t2_161 = (-t1_127).mul_add(t2_105, t2_160);
-        let t2_162 = t1_133.mul_add(t2_102, t2_161);
-        let t2_163 = (-t1_135).mul_add(t2_99, t2_162);
-        let t2_164 = t1_198 * t2_163;
-        let t2_165 = like.lift(5.370700178508146) * t2_164;
-        let t2_166 = -t2_165;
-        let t2_167 = -t2_137;
-        let t2_168 = -t2_148;
+        let t2_85 = t2_9.mul_add(t2_84, t2_1);
+        let t2_86 = (-t1_192).mul_add(t2_81, t2_85);
+        let t2_87 = (-t1_197).mul_add(t2_79, t2_86);
+        let t2_88 = inv_pivot_5 * t2_87;
+        let t2_89 = (-t1_221).mul_add(t2_88, t1_215);
+        let t2_90 = t2_8.mul_add(t2_84, t2_89);
+        let t2_91 = inv_pivot_4 * t2_90;
+        let t2_92 = (-t1_207).mul_add(t2_91, like.lift(1.0));
+        let t2_93 = t1_220.mul_add(t2_88, t2_92);
+        let t2_94 = t2_4.mul_add(t2_84, t2_93);
+        let t2_95 = inv_pivot_3 * t2_94;
+        let t2_96 = t2_53 * inv_pivot_8;
+        let t2_97 = t2_37.mul_add(t2_96, like.lift(1.0));
+        let t2_98 = inv_pivot_7 * t2_97;
+        let t2_99 = t2_16 * t2_98;
+        let t2_100 = t2_36.mul_add(t2_96, t2_99);
+        let t2_101 = inv_pivot_6 * t2_100;
+        let t2_102 = t2_9 * t2_101;
+        let t2_103 = (-t1_192).mul_add(t2_98, t2_102);
+        let t2_104 = t1_197.mul_add(t2_96, t2_103);
+        let t2_105 = inv_pivot_5 * t2_104;
+        let t2_106 = t1_221 * t2_105;
+        let t2_107 = (-t2_8).mul_add(t2_101, t2_106);
+        let t2_108 = inv_pivot_4 * t2_107;
+        let t2_109 = t1_207 * t2_108;
+        let t2_110 = t1_220.mul_add(t2_105, t2_109);
+        let t2_111 = t2_4.mul_add(t2_101, t2_110);
+        let t2_112 = inv_pivot_3 * t2_111;
+        let t2_113 = -t2_112;
+        let t2_114 = -t2_62;
+        let t2_115 = -t2_101;
+        let t2_116 = -t2_91;
+        let t2_117 = -t2_108;
+        let t2_118 = -t2_88;
+        let t2_119 = t1_28 * t2_73;
+        let t2_120 = t1_206.mul_add(t2_69, t2_119);
+        let t2_121 = (-t1_217).mul_add(t2_66, t2_120);
+        let t2_122 = (-t2_3).mul_add(t2_62, t2_121);
+        let t2_123 = inv_pivot_2 * t2_122;
+        let t2_124 = t1_28 * t2_95;
+        let t2_125 = t1_206.mul_add(t2_91, t2_124);
+        let t2_126 = (-t1_217).mul_add(t2_88, t2_125);
+        let t2_127 = (-t2_3).mul_add(t2_84, t2_126);
+        let t2_128 = inv_pivot_2 * t2_127;
+        let t2_129 = -t2_128;
+        let t2_130 = t1_28 * t2_112;
+        let t2_131 = (-t1_206).mul_add(t2_108, t2_130);
+        let t2_132 = (-t1_217).mul_add(t2_105, t2_131);
+        let t2_133 = (-t2_3).mul_add(t2_101, t2_132);
+        let t2_134 = inv_pivot_2 * t2_133;
+        let t2_135 = u_rod2_p2z * t2_123;
+        let t2_136 = like.lift(0.18619546181365432) * t2_135;
+        let t2_137 = (-t1_47).mul_add(t2_69, t2_136);
+        let t2_138 = (-t1_49).mul_add(t2_66, t2_137);
+        let t2_139 = t1_41.mul_add(t2_62, t2_138);
+        let t2_140 = inv_pivot_1 * t2_139;
+        let t2_141 = u_rod2_p2z * t2_128;
+        let t2_142 = like.lift(0.18619546181365432) * t2_141;
+        let t2_143 = (-t1_47).mul_add(t2_91, t2_142);
+        let t2_144 = (-t1_49).mul_add(t2_88, t2_143);
+        let t2_145 = t1_41.mul_add(t2_84, t2_144);
+        let t2_146 = inv_pivot_1 * t2_145;
+        let t2_147 = -t2_146;
+        let t2_148 = u_rod2_p2z * t2_134;
+        let t2_149 = like.lift(0.18619546181365432) * t2_148;
+        let t2_150 = t1_47.mul_add(t2_108, t2_149);
+        let t2_151 = (-t1_49).mul_add(t2_105, t2_150);
+        let t2_152 = t1_41.mul_add(t2_101, t2_151);
+        let t2_153 = inv_pivot_1 * t2_152;
+        let t2_154 = -t2_59;
+        let t2_155 = -t2_81;
+        let t2_156 = -t2_57;
+        let t2_157 = -pivot_2;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(6.287381471191513)).abs()
-            .min((pivot_2 * like.lift(4.054300853983487)).abs())
-            .min((pivot_3 * like.lift(5.1354731598256045)).abs())
-            .min((pivot_4 * like.lift(1.1136124389030184)).abs())
-            .min((t1_79 * like.lift(5.490928143318305)).abs())
-            .min((pivot_6 * like.lift(5.005772724016506)).abs())
-            .min((pivot_7 * like.lift(1.2292368551614257)).abs())
-            .min((pivot_8 * like.lift(6.313131313131312)).abs());
+        let margin = (pivot_1 * like.lift(8.169180195158923)).abs()
+            .min((t2_157 * like.lift(2.9578447349824133)).abs())
+            .min((pivot_3 * like.lift(4.709626127302084)).abs())
+            .min((pivot_4 * like.lift(1.7298389090997555)).abs())
+            .min((pivot_5 * like.lift(1.2416410909468296)).abs())
+            .min((pivot_6 * like.lift(4.677980223697912)).abs())
+            .min((pivot_7 * like.lift(5.873901159537709)).abs())
+            .min((pivot_8 * like.lift(4.02802513388111)).abs());
         let ([
             [x_u1_1_p1, x_u1_1_p2, x_u1_1_p3], [x_u1_2_p1, x_u1_2_p2, x_u1_2_p3],
             [x_e1y_p1, x_e1y_p2, x_e1y_p3], [x_e1x_p1, x_e1x_p2, x_e1x_p3],
@@ -7702,21 +7632,21 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
             [x_u3_1_p1, x_u3_1_p2, x_u3_1_p3], [x_u3_2_p1, x_u3_2_p2, x_u3_2_p3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_79, t2_92, t2_109], [t2_74, t2_110, t2_111], [t2_112, t2_84, t2_102],
-                [t2_68, t2_113, t2_114], [t2_115, inv_pivot_8, t2_116],
-                [t2_121, t2_126, t2_132], [t2_143, t2_154, t2_166], [t2_167, t2_168, t2_159],
+                [t2_74, t2_95, t2_113], [t2_114, t2_84, t2_115], [t2_69, t2_116, t2_117],
+                [t2_66, t2_118, t2_105], [t2_123, t2_129, t2_134], [t2_140, t2_147, t2_153],
+                [t2_154, t2_155, t2_98], [t2_156, t2_79, t2_96],
             ],
             margin,
             || (
                 [
-                    [like.lift(0.0), t1_41, t1_47, t1_49, t1_51, t1_58, like.lift(0.0), like.lift(0.0)],
-                    [t1_59, t1_66, t1_69, t1_72, t1_74, t1_79, like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), t1_41, t1_47, t1_49, t1_51, pivot_1, like.lift(0.0), like.lift(0.0)],
+                    [t1_58, t1_65, t1_68, t1_71, t1_73, t1_79, like.lift(0.0), like.lift(0.0)],
                     [t1_40, t1_81, t1_83, t1_85, t1_87, t1_91, like.lift(0.0), like.lift(0.0)],
                     [t1_100, t1_111, t1_111, t1_114, t1_116, t1_121, like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), t1_127, t1_133, t1_135, like.lift(0.0), like.lift(0.0), pivot_1, t1_142],
-                    [t1_143, t1_146, t1_149, t1_152, like.lift(0.0), like.lift(0.0), t1_154, t1_159],
-                    [t1_126, t1_161, t1_163, t1_165, like.lift(0.0), like.lift(0.0), t1_167, t1_172],
-                    [t1_177, t1_186, t1_186, t1_189, like.lift(0.0), like.lift(0.0), t1_191, t1_197],
+                    [like.lift(0.0), t1_127, t1_133, t1_135, like.lift(0.0), like.lift(0.0), t1_136, t1_143],
+                    [t1_144, t1_147, t1_150, t1_153, like.lift(0.0), like.lift(0.0), t1_155, t1_160],
+                    [t1_126, t1_162, t1_164, t1_166, like.lift(0.0), like.lift(0.0), t1_168, t1_173],
+                    [t1_178, t1_187, t1_187, t1_190, like.lift(0.0), like.lift(0.0), t1_192, t1_198],
                 ],
                 [
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -8010,7 +7940,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
 /// - `qdd_r`: reference accelerations of the independent coordinates
 /// - `y`: column by column: Y phi = M qdd_r + C(q, qd) qd_r + g, with dM/dt - 2 C skew
 ///
-/// 899 additions, 1506 multiplications, 8 divisions, 8 sines and cosines.
+/// 900 additions, 1494 multiplications, 8 divisions, 8 sines and cosines.
 pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[T; 3], y: &mut [[T; 3]; 70]) -> Condition<T> {
     let like = q[0];
     let [_, u1_1, u1_2, e1y, e1x, _, u2_1, u2_2, _, u3_1, u3_2] = *q;
@@ -8018,7 +7948,7 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
     let [r_p1, r_p2, r_p3] = *qd_r;
     let [dr_p1, dr_p2, dr_p3] = *qdd_r;
     let mut condition = like.lift(1.0);
-    let mut kept = [like; 312];
+    let mut kept = [like; 316];
     // body carriage1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
         let a_carriage1z = like.lift(9.81) + dr_p1;
@@ -8087,41 +8017,41 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t2_36 = like.lift(0.5) * t2_35;
         let t2_37 = like.lift(0.8660254037844386).mul_add(sin_u2_2, t2_36);
         let t2_38 = sin_u2_1 * t2_37;
-        let t2_39 = like.lift(0.215).mul_add(t2_38, t2_34);
-        let t2_40 = -t2_9;
+        let pivot_1 = like.lift(0.215).mul_add(t2_38, t2_34);
+        let t2_39 = -t2_9;
         let e_e1x_u1_1y = sin_e1x * sin_u1_2_e1y;
-        let t2_41 = like.lift(0.0199) * e_e1x_u1_1y;
-        let t2_42 = like.lift(0.215).mul_add(sin_u1_2, t2_41);
-        let t2_43 = like.lift(0.017233905535310328) * cos_u1_2_e1y;
-        let t2_44 = like.lift(0.00995) * e_e1x_u1_1y;
-        let t2_45 = t2_43 + t2_44;
-        let t2_46 = t2_42 + t2_45;
-        let t2_47 = sin_u1_1 * t2_46;
-        let t2_48 = t2_41 + t2_43;
-        let t2_49 = t2_44 + t2_48;
-        let t2_50 = sin_u1_1 * t2_49;
-        let t2_51 = u_e1y_p1x * t2_49;
-        let t2_52 = cos_u1_2_e1y.mul_add(t2_24, t2_51);
-        let t2_53 = -t2_52;
-        let t2_54 = like.lift(0.1075) * u_rod2_p2z;
-        let t2_55 = -t2_54;
-        let t2_56 = like.lift(0.8660254037844386) * t2_35;
-        let t2_57 = like.lift(-0.5).mul_add(sin_u2_2, t2_56);
-        let t2_58 = sin_u2_1 * t2_57;
-        let t2_59 = like.lift(0.215) * t2_58;
-        let pivot_5 = like.lift(0.18619546181365432).mul_add(t2_33, t2_59);
-        let t2_60 = -pivot_5;
-        let t2_61 = cos_u1_1 * t2_46;
+        let t2_40 = like.lift(0.0199) * e_e1x_u1_1y;
+        let t2_41 = like.lift(0.215).mul_add(sin_u1_2, t2_40);
+        let t2_42 = like.lift(0.017233905535310328) * cos_u1_2_e1y;
+        let t2_43 = like.lift(0.00995) * e_e1x_u1_1y;
+        let t2_44 = t2_42 + t2_43;
+        let t2_45 = t2_41 + t2_44;
+        let t2_46 = sin_u1_1 * t2_45;
+        let t2_47 = t2_40 + t2_42;
+        let t2_48 = t2_43 + t2_47;
+        let t2_49 = sin_u1_1 * t2_48;
+        let t2_50 = u_e1y_p1x * t2_48;
+        let t2_51 = cos_u1_2_e1y.mul_add(t2_24, t2_50);
+        let t2_52 = -t2_51;
+        let t2_53 = like.lift(0.1075) * u_rod2_p2z;
+        let t2_54 = -t2_53;
+        let t2_55 = like.lift(0.8660254037844386) * t2_35;
+        let t2_56 = like.lift(-0.5).mul_add(sin_u2_2, t2_55);
+        let t2_57 = sin_u2_1 * t2_56;
+        let t2_58 = like.lift(0.215) * t2_57;
+        let t2_59 = like.lift(0.18619546181365432).mul_add(t2_33, t2_58);
+        let t2_60 = -t2_59;
+        let t2_61 = cos_u1_1 * t2_45;
         let t2_62 = -t2_61;
-        let t2_63 = cos_u1_1 * t2_49;
+        let t2_63 = cos_u1_1 * t2_48;
         let t2_64 = -t2_63;
         let t2_65 = cos_u1_2_e1y * t2_27;
-        let t2_66 = (-t2_15).mul_add(t2_49, t2_65);
+        let t2_66 = (-t2_15).mul_add(t2_48, t2_65);
         let t2_67 = like.lift(0.1075) * t2_37;
-        let t2_68 = like.lift(0.18619546181365432).mul_add(t2_57, t2_67);
+        let t2_68 = like.lift(0.18619546181365432).mul_add(t2_56, t2_67);
         let t2_69 = cos_u2_1 * t2_37;
         let t2_70 = like.lift(0.18619546181365432) * t2_69;
-        let t2_71 = cos_u2_1 * t2_57;
+        let t2_71 = cos_u2_1 * t2_56;
         let t2_72 = like.lift(-0.1075).mul_add(t2_71, t2_70);
         let t2_73 = like.lift(0.5) * u_e1y_p1x;
         let t2_74 = like.lift(0.8660254037844386) * u_e1x_p1y;
@@ -8170,122 +8100,122 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let (sin_u3_1, cos_u3_1) = u3_1.sin_cos();
         let (sin_u3_2, cos_u3_2) = u3_2.sin_cos();
         let u_rod3_p3z = cos_u3_1 * cos_u3_2;
-        let pivot_1 = like.lift(0.18619546181365432) * u_rod3_p3z;
-        let t2_117 = cos_u3_1 * u_rod3_p3z;
-        let t2_118 = like.lift(0.1075) * t2_117;
-        let t2_119 = sin_u3_1 * cos_u3_2;
-        let t2_120 = like.lift(0.5) * t2_119;
-        let t2_121 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t2_120);
-        let t2_122 = sin_u3_1 * t2_121;
-        let t2_123 = like.lift(0.215).mul_add(t2_122, t2_118);
-        let t2_124 = -t2_104;
-        let t2_125 = t2_43 - t2_44;
-        let t2_126 = t2_42 - t2_125;
-        let t2_127 = sin_u1_1 * t2_126;
-        let t2_128 = t2_41 - t2_43;
-        let t2_129 = t2_44 + t2_128;
-        let t2_130 = sin_u1_1 * t2_129;
-        let t2_131 = u_e1y_p1x * t2_129;
-        let t2_132 = cos_u1_2_e1y.mul_add(t2_110, t2_131);
-        let t2_133 = -t2_132;
-        let t2_134 = like.lift(0.1075) * u_rod3_p3z;
-        let t2_135 = -t2_134;
-        let t2_136 = like.lift(0.8660254037844386) * t2_119;
-        let t2_137 = like.lift(0.5).mul_add(sin_u3_2, t2_136);
-        let t2_138 = sin_u3_1 * t2_137;
-        let t2_139 = like.lift(0.215) * t2_138;
-        let t2_140 = like.lift(0.18619546181365432).mul_add(t2_117, t2_139);
-        let t2_141 = cos_u1_1 * t2_126;
-        let t2_142 = -t2_141;
-        let t2_143 = cos_u1_1 * t2_129;
-        let t2_144 = -t2_143;
-        let t2_145 = cos_u1_2_e1y * t2_113;
-        let t2_146 = (-t2_15).mul_add(t2_129, t2_145);
-        let t2_147 = like.lift(0.1075) * t2_121;
-        let t2_148 = like.lift(0.18619546181365432).mul_add(t2_137, t2_147);
-        let t2_149 = cos_u3_1 * t2_121;
-        let t2_150 = like.lift(0.18619546181365432) * t2_149;
-        let t2_151 = cos_u3_1 * t2_137;
-        let t2_152 = like.lift(-0.1075).mul_add(t2_151, t2_150);
-        let t2_153 = -t2_152;
-        let t2_154 = t2_73 - t2_74;
-        let t2_155 = cos_u3_1 * t2_154;
-        let t2_156 = like.lift(0.5) * t2_155;
-        let t2_157 = t2_78 + t2_79;
-        let t2_158 = (-sin_u3_1).mul_add(t2_157, t2_156);
-        let t2_159 = t2_82 + t2_83;
-        let t2_160 = sin_u3_1 * t2_159;
-        let t2_161 = like.lift(0.8660254037844386).mul_add(t2_155, t2_160);
-        let t2_162 = cos_u1_1 * t2_161;
-        let t2_163 = cos_u3_1 * t2_157;
-        let t2_164 = like.lift(0.8660254037844386) * t2_163;
-        let t2_165 = cos_u3_1 * t2_159;
-        let t2_166 = like.lift(0.5).mul_add(t2_165, t2_164);
-        let t2_167 = sin_u1_1.mul_add(t2_166, t2_162);
-        let t2_168 = cos_u1_2_e1y * t2_158;
-        let t2_169 = t2_15.mul_add(t2_161, t2_168);
-        let t2_170 = (-u_e1y_p1x).mul_add(t2_166, t2_169);
-        let t2_171 = like.lift(0.5) * t2_158;
-        let t2_172 = like.lift(0.8660254037844386).mul_add(t2_161, t2_171);
-        let t2_173 = cos_u3_1 * t2_158;
-        let t2_174 = like.lift(0.8660254037844386) * t2_173;
-        let t2_175 = cos_u3_1 * t2_161;
-        let t2_176 = like.lift(-0.5).mul_add(t2_175, t2_174);
-        let t2_177 = sin_u3_1.mul_add(t2_166, t2_176);
-        let t2_178 = -t2_177;
-        let t2_179 = sin_u1_1 * d_u1_1;
-        let t2_180 = r_p1 - r_p2;
-        let t2_181 = r_p1 - r_p3;
-        let t2_182 = like.lift(1.0) / u_rod3_p3z;
-        let t2_183 = t2_148 * t2_182;
-        let t2_184 = t2_123 * t2_183;
-        let t2_185 = like.lift(5.370700178508146).mul_add(t2_184, t2_152);
-        let pivot_2 = like.lift(0.5773502691896257).mul_add(t2_123, t2_140);
+        let t2_117 = like.lift(0.18619546181365432) * u_rod3_p3z;
+        let t2_118 = cos_u3_1 * u_rod3_p3z;
+        let t2_119 = like.lift(0.1075) * t2_118;
+        let t2_120 = sin_u3_1 * cos_u3_2;
+        let t2_121 = like.lift(0.5) * t2_120;
+        let t2_122 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t2_121);
+        let t2_123 = sin_u3_1 * t2_122;
+        let t2_124 = like.lift(0.215).mul_add(t2_123, t2_119);
+        let t2_125 = -t2_104;
+        let t2_126 = t2_42 - t2_43;
+        let t2_127 = t2_41 - t2_126;
+        let t2_128 = sin_u1_1 * t2_127;
+        let t2_129 = t2_40 - t2_42;
+        let t2_130 = t2_43 + t2_129;
+        let t2_131 = sin_u1_1 * t2_130;
+        let t2_132 = u_e1y_p1x * t2_130;
+        let t2_133 = cos_u1_2_e1y.mul_add(t2_110, t2_132);
+        let t2_134 = -t2_133;
+        let t2_135 = like.lift(0.1075) * u_rod3_p3z;
+        let t2_136 = -t2_135;
+        let t2_137 = like.lift(0.8660254037844386) * t2_120;
+        let t2_138 = like.lift(0.5).mul_add(sin_u3_2, t2_137);
+        let t2_139 = sin_u3_1 * t2_138;
+        let t2_140 = like.lift(0.215) * t2_139;
+        let t2_141 = like.lift(0.18619546181365432).mul_add(t2_118, t2_140);
+        let t2_142 = cos_u1_1 * t2_127;
+        let t2_143 = -t2_142;
+        let t2_144 = cos_u1_1 * t2_130;
+        let t2_145 = -t2_144;
+        let t2_146 = cos_u1_2_e1y * t2_113;
+        let t2_147 = (-t2_15).mul_add(t2_130, t2_146);
+        let t2_148 = like.lift(0.1075) * t2_122;
+        let t2_149 = like.lift(0.18619546181365432).mul_add(t2_138, t2_148);
+        let t2_150 = cos_u3_1 * t2_122;
+        let t2_151 = like.lift(0.18619546181365432) * t2_150;
+        let t2_152 = cos_u3_1 * t2_138;
+        let t2_153 = like.lift(-0.1075).mul_add(t2_152, t2_151);
+        let t2_154 = -t2_153;
+        let t2_155 = t2_73 - t2_74;
+        let t2_156 = cos_u3_1 * t2_155;
+        let t2_157 = like.lift(0.5) * t2_156;
+        let t2_158 = t2_78 + t2_79;
+        let t2_159 = (-sin_u3_1).mul_add(t2_158, t2_157);
+        let t2_160 = t2_82 + t2_83;
+        let t2_161 = sin_u3_1 * t2_160;
+        let t2_162 = like.lift(0.8660254037844386).mul_add(t2_156, t2_161);
+        let t2_163 = cos_u1_1 * t2_162;
+        let t2_164 = cos_u3_1 * t2_158;
+        let t2_165 = like.lift(0.8660254037844386) * t2_164;
+        let t2_166 = cos_u3_1 * t2_160;
+        let t2_167 = like.lift(0.5).mul_add(t2_166, t2_165);
+        let t2_168 = sin_u1_1.mul_add(t2_167, t2_163);
+        let t2_169 = cos_u1_2_e1y * t2_159;
+        let t2_170 = t2_15.mul_add(t2_162, t2_169);
+        let t2_171 = (-u_e1y_p1x).mul_add(t2_167, t2_170);
+        let t2_172 = like.lift(0.5) * t2_159;
+        let t2_173 = like.lift(0.8660254037844386).mul_add(t2_162, t2_172);
+        let t2_174 = cos_u3_1 * t2_159;
+        let t2_175 = like.lift(0.8660254037844386) * t2_174;
+        let t2_176 = cos_u3_1 * t2_162;
+        let t2_177 = like.lift(-0.5).mul_add(t2_176, t2_175);
+        let t2_178 = sin_u3_1.mul_add(t2_167, t2_177);
+        let t2_179 = -t2_178;
+        let t2_180 = sin_u1_1 * d_u1_1;
+        let t2_181 = r_p1 - r_p2;
+        let t2_182 = r_p1 - r_p3;
+        let inv_pivot_1 = like.lift(1.0) / pivot_1;
+        let t2_183 = t2_72 * inv_pivot_1;
+        let t2_184 = u_rod2_p2z * t2_183;
+        let t2_185 = like.lift(0.18619546181365432).mul_add(t2_184, t2_68);
+        let t2_186 = t2_59 * inv_pivot_1;
+        let t2_187 = u_rod2_p2z * t2_186;
+        let pivot_2 = like.lift(0.18619546181365432).mul_add(t2_187, t2_53);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_186 = t2_185 * inv_pivot_2;
-        let pivot_3 = (-t2_104).mul_add(t2_186, t2_107);
+        let t2_188 = t2_185 * inv_pivot_2;
+        let pivot_3 = (-t2_9).mul_add(t2_188, t2_21);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_187 = t2_108 * t2_183;
-        let t2_188 = like.lift(5.370700178508146).mul_add(t2_187, t2_141);
-        let t2_189 = like.lift(0.5773502691896257).mul_add(t2_108, t2_127);
-        let t2_190 = (-t2_189).mul_add(t2_186, t2_188);
-        let t2_191 = t2_172 * t2_182;
-        let t2_192 = t2_108 * t2_191;
-        let t2_193 = like.lift(-5.370700178508146).mul_add(t2_192, t2_167);
-        let t2_194 = t2_123 * t2_191;
-        let t2_195 = like.lift(5.370700178508146).mul_add(t2_194, t2_177);
+        let t2_189 = t2_28.mul_add(t2_183, t2_63);
+        let t2_190 = t2_28.mul_add(t2_186, t2_49);
+        let t2_191 = (-t2_190).mul_add(t2_188, t2_189);
+        let t2_192 = t2_102 * inv_pivot_1;
+        let t2_193 = (-t2_28).mul_add(t2_192, t2_92);
+        let t2_194 = u_rod2_p2z * t2_192;
+        let t2_195 = like.lift(0.18619546181365432).mul_add(t2_194, t2_97);
         let t2_196 = t2_195 * inv_pivot_2;
-        let t2_197 = t2_189.mul_add(t2_196, t2_193);
-        let t2_198 = (-t2_104).mul_add(t2_196, t2_158);
+        let t2_197 = t2_190.mul_add(t2_196, t2_193);
+        let t2_198 = (-t2_9).mul_add(t2_196, t2_81);
         let t2_199 = t2_198 * inv_pivot_3;
-        let pivot_4 = t2_190.mul_add(t2_199, t2_197);
+        let pivot_4 = t2_191.mul_add(t2_199, t2_197);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
         let t2_200 = t2_199 * t2_181;
-        let t2_201 = t2_114 * t2_191;
-        let t2_202 = like.lift(-5.370700178508146).mul_add(t2_201, t2_167);
-        let t2_203 = like.lift(0.5773502691896257).mul_add(t2_114, t2_130);
-        let t2_204 = t2_203.mul_add(t2_196, t2_202);
-        let t2_205 = t2_114 * t2_183;
-        let t2_206 = like.lift(5.370700178508146).mul_add(t2_205, t2_143);
-        let t2_207 = (-t2_203).mul_add(t2_186, t2_206);
-        let t2_208 = t2_207.mul_add(t2_199, t2_204);
-        let t2_209 = t2_22 * inv_pivot_4;
-        let t2_210 = (-t2_208).mul_add(t2_209, t2_28);
+        let t2_201 = (-t2_30).mul_add(t2_192, t2_95);
+        let t2_202 = (-t2_30).mul_add(t2_186, t2_51);
+        let t2_203 = (-t2_202).mul_add(t2_196, t2_201);
+        let t2_204 = (-t2_30).mul_add(t2_183, t2_66);
+        let t2_205 = (-t2_202).mul_add(t2_188, t2_204);
+        let t2_206 = (-t2_205).mul_add(t2_199, t2_203);
+        let t2_207 = t2_159 * inv_pivot_3;
+        let t2_208 = (-t2_205).mul_add(t2_207, t2_171);
+        let t2_209 = t2_191.mul_add(t2_207, t2_168);
+        let t2_210 = t2_209 * inv_pivot_4;
+        let pivot_5 = (-t2_206).mul_add(t2_210, t2_208);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_211 = t2_39 * inv_pivot_5;
-        let t2_212 = t2_9 * inv_pivot_3;
-        let t2_213 = (-t2_207).mul_add(t2_212, t2_50);
-        let t2_214 = (-t2_190).mul_add(t2_212, t2_47);
-        let t2_215 = t2_214 * inv_pivot_4;
-        let t2_216 = (-t2_208).mul_add(t2_215, t2_213);
-        let pivot_6 = t2_211.mul_add(t2_216, t2_210);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_217 = t2_209 * t2_200;
-        let t2_218 = t2_212 * t2_181;
-        let t2_219 = t2_215.mul_add(t2_200, t2_218);
-        let t2_220 = t2_211.mul_add(t2_219, t2_217);
-        let t2_221 = t2_116 * t2_191;
-        let t2_222 = like.lift(-5.370700178508146).mul_add(t2_221, t2_170);
+        let t2_211 = t2_207 * t2_181;
+        let t2_212 = (-t2_210).mul_add(t2_200, t2_211);
+        let t2_213 = t2_22.mul_add(t2_183, t2_61);
+        let t2_214 = t2_22.mul_add(t2_186, t2_46);
+        let t2_215 = (-t2_214).mul_add(t2_188, t2_213);
+        let t2_216 = t2_215.mul_add(t2_207, t2_168);
+        let t2_217 = (-t2_22).mul_add(t2_192, t2_92);
+        let t2_218 = t2_214.mul_add(t2_196, t2_217);
+        let t2_219 = t2_215.mul_add(t2_199, t2_218);
+        let t2_220 = (-t2_219).mul_add(t2_210, t2_216);
+        let t2_221 = t2_114 * inv_pivot_4;
+        let t2_222 = (-t2_219).mul_add(t2_221, t2_108);
+        let t2_223 = (-t2_206).mul_add(t2_221, t2_116);
         kept[1] = sin_u1_2;
         kept[2] = cos_u1_2;
         kept[3] = sin_u1_1;
@@ -8300,348 +8230,342 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         kept[12] = u_e1x_p1y;
         kept[13] = u_e1y_p1x;
         kept[14] = u_rod1_p1z;
-        kept[15] = t2_13;
-        kept[16] = t2_15;
-        kept[17] = t2_17;
-        kept[18] = t2_21;
-        kept[19] = t2_22;
-        kept[20] = t2_23;
-        kept[21] = t2_26;
-        kept[22] = t2_28;
-        kept[23] = t2_30;
-        kept[24] = sin_u2_1;
-        kept[25] = cos_u2_1;
-        kept[26] = sin_u2_2;
-        kept[27] = cos_u2_2;
-        kept[28] = u_rod2_p2z;
-        kept[29] = t2_31;
+        kept[15] = t2_9;
+        kept[16] = t2_13;
+        kept[17] = t2_15;
+        kept[18] = t2_17;
+        kept[19] = t2_21;
+        kept[20] = t2_22;
+        kept[21] = t2_23;
+        kept[22] = t2_26;
+        kept[23] = t2_28;
+        kept[24] = t2_30;
+        kept[25] = sin_u2_1;
+        kept[26] = cos_u2_1;
+        kept[27] = sin_u2_2;
+        kept[28] = cos_u2_2;
+        kept[29] = u_rod2_p2z;
         kept[30] = t2_32;
         kept[31] = t2_37;
-        kept[32] = t2_39;
-        kept[33] = t2_40;
+        kept[32] = pivot_1;
+        kept[33] = t2_39;
         kept[34] = e_e1x_u1_1y;
-        kept[35] = t2_45;
-        kept[36] = t2_47;
-        kept[37] = t2_50;
+        kept[35] = t2_44;
+        kept[36] = t2_46;
+        kept[37] = t2_49;
         kept[38] = t2_52;
-        kept[39] = t2_53;
-        kept[40] = t2_55;
-        kept[41] = t2_57;
-        kept[42] = t2_60;
-        kept[43] = t2_61;
-        kept[44] = t2_62;
-        kept[45] = t2_63;
-        kept[46] = t2_64;
-        kept[47] = t2_66;
-        kept[48] = t2_68;
-        kept[49] = t2_72;
-        kept[50] = t2_75;
-        kept[51] = t2_80;
-        kept[52] = t2_81;
-        kept[53] = t2_84;
-        kept[54] = t2_92;
-        kept[55] = t2_95;
-        kept[56] = t2_97;
-        kept[57] = t2_102;
-        kept[58] = t2_104;
-        kept[59] = t2_107;
-        kept[60] = t2_108;
-        kept[61] = t2_109;
-        kept[62] = t2_112;
-        kept[63] = t2_114;
-        kept[64] = t2_116;
-        kept[65] = sin_u3_1;
-        kept[66] = cos_u3_1;
-        kept[67] = sin_u3_2;
-        kept[68] = cos_u3_2;
-        kept[69] = u_rod3_p3z;
-        kept[70] = pivot_1;
-        kept[71] = t2_121;
-        kept[72] = t2_123;
-        kept[73] = t2_124;
-        kept[74] = t2_125;
-        kept[75] = t2_127;
-        kept[76] = t2_130;
-        kept[77] = t2_132;
-        kept[78] = t2_133;
-        kept[79] = t2_135;
-        kept[80] = t2_137;
-        kept[81] = t2_140;
-        kept[82] = t2_142;
-        kept[83] = t2_144;
-        kept[84] = t2_146;
-        kept[85] = t2_148;
+        kept[39] = t2_54;
+        kept[40] = t2_56;
+        kept[41] = t2_60;
+        kept[42] = t2_62;
+        kept[43] = t2_64;
+        kept[44] = t2_66;
+        kept[45] = t2_68;
+        kept[46] = t2_72;
+        kept[47] = t2_75;
+        kept[48] = t2_80;
+        kept[49] = t2_81;
+        kept[50] = t2_84;
+        kept[51] = t2_92;
+        kept[52] = t2_95;
+        kept[53] = t2_97;
+        kept[54] = t2_102;
+        kept[55] = t2_104;
+        kept[56] = t2_107;
+        kept[57] = t2_108;
+        kept[58] = t2_109;
+        kept[59] = t2_112;
+        kept[60] = t2_114;
+        kept[61] = t2_116;
+        kept[62] = sin_u3_1;
+        kept[63] = cos_u3_1;
+        kept[64] = sin_u3_2;
+        kept[65] = cos_u3_2;
+        kept[66] = u_rod3_p3z;
+        kept[67] = t2_117;
+        kept[68] = t2_122;
+        kept[69] = t2_124;
+        kept[70] = t2_125;
+        kept[71] = t2_126;
+        kept[72] = t2_128;
+        kept[73] = t2_131;
+        kept[74] = t2_133;
+        kept[75] = t2_134;
+        kept[76] = t2_135;
+        kept[77] = t2_136;
+        kept[78] = t2_138;
+        kept[79] = t2_141;
+        kept[80] = t2_142;
+        kept[81] = t2_143;
+        kept[82] = t2_144;
+        kept[83] = t2_145;
+        kept[84] = t2_147;
+        kept[85] = t2_149;
         kept[86] = t2_153;
         kept[87] = t2_154;
-        kept[88] = t2_157;
+        kept[88] = t2_155;
         kept[89] = t2_158;
         kept[90] = t2_159;
-        kept[91] = t2_167;
-        kept[92] = t2_170;
-        kept[93] = t2_172;
-        kept[94] = t2_178;
-        kept[95] = t2_179;
-        kept[96] = t2_180;
-        kept[97] = t2_181;
-        kept[98] = t2_182;
-        kept[99] = t2_183;
-        kept[100] = pivot_2;
-        kept[101] = inv_pivot_2;
+        kept[91] = t2_160;
+        kept[92] = t2_168;
+        kept[93] = t2_171;
+        kept[94] = t2_173;
+        kept[95] = t2_178;
+        kept[96] = t2_179;
+        kept[97] = t2_180;
+        kept[98] = t2_181;
+        kept[99] = t2_182;
+        kept[100] = inv_pivot_1;
+        kept[101] = t2_183;
         kept[102] = t2_186;
-        kept[103] = pivot_3;
-        kept[104] = inv_pivot_3;
-        kept[105] = t2_189;
-        kept[106] = t2_190;
-        kept[107] = t2_191;
-        kept[108] = t2_196;
-        kept[109] = t2_199;
-        kept[110] = pivot_4;
-        kept[111] = inv_pivot_4;
-        kept[112] = t2_200;
-        kept[113] = t2_203;
-        kept[114] = t2_207;
-        kept[115] = t2_208;
-        kept[116] = t2_209;
-        kept[117] = inv_pivot_5;
-        kept[118] = t2_211;
-        kept[119] = t2_212;
-        kept[120] = t2_215;
-        kept[121] = t2_216;
-        kept[122] = pivot_6;
-        kept[123] = inv_pivot_6;
-        kept[124] = t2_219;
-        kept[125] = t2_220;
-        kept[126] = t2_222;
+        kept[103] = pivot_2;
+        kept[104] = inv_pivot_2;
+        kept[105] = t2_188;
+        kept[106] = pivot_3;
+        kept[107] = inv_pivot_3;
+        kept[108] = t2_190;
+        kept[109] = t2_191;
+        kept[110] = t2_192;
+        kept[111] = t2_196;
+        kept[112] = t2_199;
+        kept[113] = pivot_4;
+        kept[114] = inv_pivot_4;
+        kept[115] = t2_200;
+        kept[116] = t2_202;
+        kept[117] = t2_205;
+        kept[118] = t2_206;
+        kept[119] = t2_207;
+        kept[120] = t2_210;
+        kept[121] = pivot_5;
+        kept[122] = inv_pivot_5;
+        kept[123] = t2_212;
+        kept[124] = t2_214;
+        kept[125] = t2_215;
+        kept[126] = t2_219;
+        kept[127] = t2_220;
+        kept[128] = t2_221;
+        kept[129] = t2_222;
+        kept[130] = t2_223;
     }
     // loops: solve with A_e (Eq. 8, 10)
     {
-        let t2_21 = kept[18];
-        let t2_22 = kept[19];
-        let t2_28 = kept[22];
-        let t2_30 = kept[23];
-        let u_rod2_p2z = kept[28];
-        let t2_31 = kept[29];
+        let t2_9 = kept[15];
+        let t2_21 = kept[19];
+        let t2_22 = kept[20];
+        let t2_28 = kept[23];
+        let t2_30 = kept[24];
+        let u_rod2_p2z = kept[29];
         let t2_32 = kept[30];
-        let t2_39 = kept[32];
-        let t2_40 = kept[33];
-        let t2_47 = kept[36];
-        let t2_50 = kept[37];
+        let pivot_1 = kept[32];
+        let t2_39 = kept[33];
+        let t2_46 = kept[36];
+        let t2_49 = kept[37];
         let t2_52 = kept[38];
-        let t2_53 = kept[39];
-        let t2_55 = kept[40];
-        let t2_60 = kept[42];
-        let t2_61 = kept[43];
-        let t2_62 = kept[44];
-        let t2_63 = kept[45];
-        let t2_64 = kept[46];
-        let t2_66 = kept[47];
-        let t2_68 = kept[48];
-        let t2_72 = kept[49];
-        let t2_81 = kept[52];
-        let t2_92 = kept[54];
-        let t2_95 = kept[55];
-        let t2_97 = kept[56];
-        let t2_102 = kept[57];
-        let t2_104 = kept[58];
-        let t2_107 = kept[59];
-        let t2_108 = kept[60];
-        let t2_114 = kept[63];
-        let t2_116 = kept[64];
-        let pivot_1 = kept[70];
-        let t2_123 = kept[72];
-        let t2_124 = kept[73];
-        let t2_127 = kept[75];
-        let t2_130 = kept[76];
-        let t2_132 = kept[77];
-        let t2_133 = kept[78];
-        let t2_135 = kept[79];
-        let t2_140 = kept[81];
-        let t2_142 = kept[82];
-        let t2_144 = kept[83];
-        let t2_146 = kept[84];
-        let t2_148 = kept[85];
+        let t2_54 = kept[39];
+        let t2_60 = kept[41];
+        let t2_62 = kept[42];
+        let t2_64 = kept[43];
+        let t2_66 = kept[44];
+        let t2_68 = kept[45];
+        let t2_72 = kept[46];
+        let t2_81 = kept[49];
+        let t2_92 = kept[51];
+        let t2_95 = kept[52];
+        let t2_97 = kept[53];
+        let t2_102 = kept[54];
+        let t2_104 = kept[55];
+        let t2_107 = kept[56];
+        let t2_108 = kept[57];
+        let t2_114 = kept[60];
+        let t2_116 = kept[61];
+        let t2_117 = kept[67];
+        let t2_124 = kept[69];
+        let t2_125 = kept[70];
+        let t2_128 = kept[72];
+        let t2_131 = kept[73];
+        let t2_133 = kept[74];
+        let t2_134 = kept[75];
+        let t2_135 = kept[76];
+        let t2_136 = kept[77];
+        let t2_141 = kept[79];
+        let t2_142 = kept[80];
+        let t2_143 = kept[81];
+        let t2_144 = kept[82];
+        let t2_145 = kept[83];
+        let t2_147 = kept[84];
+        let t2_149 = kept[85];
         let t2_153 = kept[86];
-        let t2_158 = kept[89];
-        let t2_167 = kept[91];
-        let t2_170 = kept[92];
-        let t2_172 = kept[93];
-        let t2_178 = kept[94];
-        let t2_180 = kept[96];
-        let t2_181 = kept[97];
-        let t2_182 = kept[98];
-        let t2_183 = kept[99];
-        let pivot_2 = kept[100];
-        let inv_pivot_2 = kept[101];
-        let t2_186 = kept[102];
-        let pivot_3 = kept[103];
-        let inv_pivot_3 = kept[104];
-        let t2_189 = kept[105];
-        let t2_190 = kept[106];
-        let t2_196 = kept[108];
-        let t2_199 = kept[109];
-        let pivot_4 = kept[110];
-        let inv_pivot_4 = kept[111];
-        let t2_200 = kept[112];
-        let t2_203 = kept[113];
-        let t2_207 = kept[114];
-        let t2_208 = kept[115];
-        let t2_209 = kept[116];
-        let inv_pivot_5 = kept[117];
-        let t2_211 = kept[118];
-        let t2_212 = kept[119];
-        let t2_215 = kept[120];
-        let t2_216 = kept[121];
-        let pivot_6 = kept[122];
-        let inv_pivot_6 = kept[123];
-        let t2_219 = kept[124];
-        let t2_220 = kept[125];
-        let t2_222 = kept[126];
-        let t3_1 = like.lift(-0.5773502691896257).mul_add(t2_116, t2_132);
-        let t3_2 = (-t3_1).mul_add(t2_196, t2_222);
-        let t3_3 = t2_116 * t2_183;
-        let t3_4 = like.lift(-5.370700178508146).mul_add(t3_3, t2_146);
-        let t3_5 = (-t3_1).mul_add(t2_186, t3_4);
-        let t3_6 = (-t3_5).mul_add(t2_199, t3_2);
-        let t3_7 = (-t3_6).mul_add(t2_209, t2_30);
-        let t3_8 = (-t3_5).mul_add(t2_212, t2_52);
-        let t3_9 = t3_6.mul_add(t2_215, t3_8);
-        let t3_10 = (-t2_211).mul_add(t3_9, t3_7);
-        let t3_11 = t2_81 * inv_pivot_3;
-        let t3_12 = (-t3_5).mul_add(t3_11, t2_95);
-        let t3_13 = t2_190.mul_add(t3_11, t2_92);
-        let t3_14 = t3_13 * inv_pivot_4;
-        let t3_15 = (-t3_6).mul_add(t3_14, t3_12);
-        let t3_16 = t2_102 * inv_pivot_5;
-        let t3_17 = (-t3_16).mul_add(t3_9, t3_15);
-        let t3_18 = t2_207.mul_add(t3_11, t2_92);
-        let t3_19 = (-t2_208).mul_add(t3_14, t3_18);
-        let t3_20 = t3_16.mul_add(t2_216, t3_19);
-        let t3_21 = t3_20 * inv_pivot_6;
-        let pivot_7 = (-t3_10).mul_add(t3_21, t3_17);
+        let t2_154 = kept[87];
+        let t2_159 = kept[90];
+        let t2_168 = kept[92];
+        let t2_171 = kept[93];
+        let t2_173 = kept[94];
+        let t2_178 = kept[95];
+        let t2_179 = kept[96];
+        let t2_181 = kept[98];
+        let t2_182 = kept[99];
+        let inv_pivot_1 = kept[100];
+        let pivot_2 = kept[103];
+        let inv_pivot_2 = kept[104];
+        let pivot_3 = kept[106];
+        let inv_pivot_3 = kept[107];
+        let t2_190 = kept[108];
+        let t2_191 = kept[109];
+        let pivot_4 = kept[113];
+        let inv_pivot_4 = kept[114];
+        let t2_200 = kept[115];
+        let t2_202 = kept[116];
+        let t2_205 = kept[117];
+        let t2_206 = kept[118];
+        let pivot_5 = kept[121];
+        let inv_pivot_5 = kept[122];
+        let t2_212 = kept[123];
+        let t2_214 = kept[124];
+        let t2_215 = kept[125];
+        let t2_219 = kept[126];
+        let t2_220 = kept[127];
+        let t2_221 = kept[128];
+        let t2_222 = kept[129];
+        let t2_223 = kept[130];
+        let t3_1 = t2_223 * inv_pivot_5;
+        let pivot_6 = (-t2_220).mul_add(t3_1, t2_222);
+        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let t3_2 = t2_221 * t2_200;
+        let t3_3 = t3_1.mul_add(t2_212, t3_2);
+        let t3_4 = (-t2_173).mul_add(t3_1, t2_117);
+        let t3_5 = t2_107 * inv_pivot_3;
+        let t3_6 = (-t2_205).mul_add(t3_5, t2_147);
+        let t3_7 = (-t2_191).mul_add(t3_5, t2_144);
+        let t3_8 = t3_7 * inv_pivot_4;
+        let t3_9 = t2_206.mul_add(t3_8, t3_6);
+        let t3_10 = t3_9 * inv_pivot_5;
+        let t3_11 = (-t2_173).mul_add(t3_10, t2_149);
+        let t3_12 = (-t2_215).mul_add(t3_5, t2_142);
+        let t3_13 = (-t2_219).mul_add(t3_8, t3_12);
+        let t3_14 = t2_220.mul_add(t3_10, t3_13);
+        let t3_15 = t3_14 * inv_pivot_6;
+        let pivot_7 = t3_4.mul_add(t3_15, t3_11);
         let inv_pivot_7 = like.lift(1.0) / pivot_7;
-        let t3_22 = t3_11 * t2_181;
-        let t3_23 = (-t3_14).mul_add(t2_200, t3_22);
-        let t3_24 = (-t3_16).mul_add(t2_219, t3_23);
-        let t3_25 = t3_21.mul_add(t2_220, t3_24);
-        let t3_26 = u_rod2_p2z * t3_16;
-        let t3_27 = like.lift(-0.1075).mul_add(t3_26, t2_97);
-        let t3_28 = u_rod2_p2z * t2_211;
-        let t3_29 = like.lift(0.1075).mul_add(t3_28, t2_31);
-        let t3_30 = t3_29.mul_add(t3_21, t3_27);
-        let t3_31 = t2_72 * inv_pivot_5;
-        let t3_32 = u_rod2_p2z * t3_31;
-        let t3_33 = like.lift(-0.1075).mul_add(t3_32, t2_68);
-        let t3_34 = t2_21 * inv_pivot_3;
-        let t3_35 = (-t2_207).mul_add(t3_34, t2_63);
-        let t3_36 = (-t2_190).mul_add(t3_34, t2_61);
-        let t3_37 = t3_36 * inv_pivot_4;
-        let t3_38 = (-t2_208).mul_add(t3_37, t3_35);
-        let t3_39 = (-t3_31).mul_add(t2_216, t3_38);
-        let t3_40 = t3_39 * inv_pivot_6;
-        let t3_41 = (-t3_29).mul_add(t3_40, t3_33);
-        let t3_42 = (-t3_5).mul_add(t3_34, t2_66);
-        let t3_43 = t3_6.mul_add(t3_37, t3_42);
-        let t3_44 = (-t3_31).mul_add(t3_9, t3_43);
-        let t3_45 = t3_10.mul_add(t3_40, t3_44);
-        let t3_46 = t3_45 * inv_pivot_7;
-        let pivot_8 = (-t3_30).mul_add(t3_46, t3_41);
+        let t3_16 = (-t3_5).mul_add(t2_181, t2_182);
+        let t3_17 = (-t3_8).mul_add(t2_200, t3_16);
+        let t3_18 = t3_10.mul_add(t2_212, t3_17);
+        let t3_19 = t3_15.mul_add(t3_3, t3_18);
+        let t3_20 = (-t2_178).mul_add(t3_10, t2_153);
+        let t3_21 = t2_178.mul_add(t3_1, t2_124);
+        let t3_22 = (-t3_21).mul_add(t3_15, t3_20);
+        let t3_23 = t2_104 * inv_pivot_3;
+        let t3_24 = (-t2_205).mul_add(t3_23, t2_133);
+        let t3_25 = (-t2_191).mul_add(t3_23, t2_131);
+        let t3_26 = t3_25 * inv_pivot_4;
+        let t3_27 = t2_206.mul_add(t3_26, t3_24);
+        let t3_28 = t3_27 * inv_pivot_5;
+        let t3_29 = (-t2_178).mul_add(t3_28, t2_141);
+        let t3_30 = (-t2_215).mul_add(t3_23, t2_128);
+        let t3_31 = (-t2_219).mul_add(t3_26, t3_30);
+        let t3_32 = t2_220.mul_add(t3_28, t3_31);
+        let t3_33 = t3_32 * inv_pivot_6;
+        let t3_34 = (-t3_21).mul_add(t3_33, t3_29);
+        let t3_35 = (-t2_173).mul_add(t3_28, t2_135);
+        let t3_36 = t3_4.mul_add(t3_33, t3_35);
+        let t3_37 = t3_36 * inv_pivot_7;
+        let pivot_8 = (-t3_22).mul_add(t3_37, t3_34);
         let inv_pivot_8 = like.lift(1.0) / pivot_8;
-        let t3_47 = (-t3_34).mul_add(t2_181, t2_180);
-        let t3_48 = (-t3_37).mul_add(t2_200, t3_47);
-        let t3_49 = t3_31.mul_add(t2_219, t3_48);
-        let t3_50 = t3_40.mul_add(t2_220, t3_49);
-        let t3_51 = t3_46.mul_add(t3_25, t3_50);
-        let t3_52 = inv_pivot_8 * t3_51;
-        let t3_53 = t3_30.mul_add(t3_52, t3_25);
-        let t3_54 = inv_pivot_7 * t3_53;
-        let t3_55 = t3_10.mul_add(t3_54, t2_220);
-        let t3_56 = t3_29.mul_add(t3_52, t3_55);
-        let t3_57 = inv_pivot_6 * t3_56;
-        let t3_58 = t2_208.mul_add(t3_57, t2_200);
-        let t3_59 = (-t3_6).mul_add(t3_54, t3_58);
-        let t3_60 = inv_pivot_4 * t3_59;
-        let t3_61 = (-t2_190).mul_add(t3_60, t2_181);
-        let t3_62 = t2_207.mul_add(t3_57, t3_61);
-        let t3_63 = t3_5.mul_add(t3_54, t3_62);
-        let t3_64 = inv_pivot_3 * t3_63;
-        let t3_65 = -t3_60;
-        let t3_66 = -t3_54;
-        let t3_67 = (-t2_216).mul_add(t3_57, t2_219);
-        let t3_68 = (-t3_9).mul_add(t3_54, t3_67);
-        let t3_69 = u_rod2_p2z * t3_52;
-        let t3_70 = like.lift(0.1075).mul_add(t3_69, t3_68);
-        let t3_71 = inv_pivot_5 * t3_70;
-        let t3_72 = -t3_71;
-        let t3_73 = t2_104 * t3_64;
-        let t3_74 = t2_189.mul_add(t3_60, t3_73);
-        let t3_75 = (-t2_203).mul_add(t3_57, t3_74);
-        let t3_76 = (-t3_1).mul_add(t3_54, t3_75);
-        let t3_77 = inv_pivot_2 * t3_76;
-        let t3_78 = t2_123 * t3_77;
-        let t3_79 = (-t2_108).mul_add(t3_60, t3_78);
-        let t3_80 = t2_114.mul_add(t3_57, t3_79);
-        let t3_81 = (-t2_116).mul_add(t3_54, t3_80);
-        let t3_82 = t2_182 * t3_81;
-        let t3_83 = like.lift(5.370700178508146) * t3_82;
-        let t3_84 = -t3_83;
+        let t3_38 = t3_23 * t2_181;
+        let t3_39 = t3_26.mul_add(t2_200, t3_38);
+        let t3_40 = (-t3_28).mul_add(t2_212, t3_39);
+        let t3_41 = (-t3_33).mul_add(t3_3, t3_40);
+        let t3_42 = t3_37.mul_add(t3_19, t3_41);
+        let t3_43 = inv_pivot_8 * t3_42;
+        let t3_44 = t3_22.mul_add(t3_43, t3_19);
+        let t3_45 = inv_pivot_7 * t3_44;
+        let t3_46 = (-t3_4).mul_add(t3_45, t3_3);
+        let t3_47 = (-t3_21).mul_add(t3_43, t3_46);
+        let t3_48 = inv_pivot_6 * t3_47;
+        let t3_49 = t2_220.mul_add(t3_48, t2_212);
+        let t3_50 = t2_173.mul_add(t3_45, t3_49);
+        let t3_51 = (-t2_178).mul_add(t3_43, t3_50);
+        let t3_52 = inv_pivot_5 * t3_51;
+        let t3_53 = (-t2_206).mul_add(t3_52, t2_200);
+        let t3_54 = t2_219.mul_add(t3_48, t3_53);
+        let t3_55 = inv_pivot_4 * t3_54;
+        let t3_56 = (-t2_191).mul_add(t3_55, t2_181);
+        let t3_57 = t2_205.mul_add(t3_52, t3_56);
+        let t3_58 = t2_215.mul_add(t3_48, t3_57);
+        let t3_59 = inv_pivot_3 * t3_58;
+        let t3_60 = -t3_55;
+        let t3_61 = -t3_52;
+        let t3_62 = t2_9 * t3_59;
+        let t3_63 = t2_190.mul_add(t3_55, t3_62);
+        let t3_64 = (-t2_202).mul_add(t3_52, t3_63);
+        let t3_65 = (-t2_214).mul_add(t3_48, t3_64);
+        let t3_66 = inv_pivot_2 * t3_65;
+        let t3_67 = -t3_66;
+        let t3_68 = u_rod2_p2z * t3_66;
+        let t3_69 = like.lift(0.18619546181365432) * t3_68;
+        let t3_70 = (-t2_28).mul_add(t3_55, t3_69);
+        let t3_71 = (-t2_30).mul_add(t3_52, t3_70);
+        let t3_72 = t2_22.mul_add(t3_48, t3_71);
+        let t3_73 = inv_pivot_1 * t3_72;
+        let t3_74 = -t3_73;
+        let t3_75 = -pivot_2;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(6.287381471191513)).abs()
-            .min((pivot_2 * like.lift(4.054300853983487)).abs())
-            .min((pivot_3 * like.lift(5.1354731598256045)).abs())
-            .min((pivot_4 * like.lift(1.1136124389030184)).abs())
-            .min((t2_60 * like.lift(5.490928143318305)).abs())
-            .min((pivot_6 * like.lift(5.005772724016506)).abs())
-            .min((pivot_7 * like.lift(1.2292368551614257)).abs())
-            .min((pivot_8 * like.lift(6.313131313131312)).abs());
-        let ([[t3_85], [t3_86], [t3_87], [t3_88], [t3_89], [t3_90], [t3_91], [t3_92]], found) = ::regen_runtime::guarded(
-            [[t3_64], [t3_65], [t3_57], [t3_66], [t3_52], [t3_72], [t3_84], [t3_77]],
+        let margin = (pivot_1 * like.lift(8.169180195158923)).abs()
+            .min((t3_75 * like.lift(2.9578447349824133)).abs())
+            .min((pivot_3 * like.lift(4.709626127302084)).abs())
+            .min((pivot_4 * like.lift(1.7298389090997555)).abs())
+            .min((pivot_5 * like.lift(1.2416410909468296)).abs())
+            .min((pivot_6 * like.lift(4.677980223697912)).abs())
+            .min((pivot_7 * like.lift(5.873901159537709)).abs())
+            .min((pivot_8 * like.lift(4.02802513388111)).abs());
+        let ([[t3_76], [t3_77], [t3_78], [t3_79], [t3_80], [t3_81], [t3_82], [t3_83]], found) = ::regen_runtime::guarded(
+            [[t3_59], [t3_48], [t3_60], [t3_61], [t3_67], [t3_74], [t3_45], [t3_43]],
             margin,
             || (
                 [
-                    [like.lift(0.0), t2_22, t2_28, t2_30, t2_32, t2_39, like.lift(0.0), like.lift(0.0)],
-                    [t2_40, t2_47, t2_50, t2_53, t2_55, t2_60, like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), t2_22, t2_28, t2_30, t2_32, pivot_1, like.lift(0.0), like.lift(0.0)],
+                    [t2_39, t2_46, t2_49, t2_52, t2_54, t2_60, like.lift(0.0), like.lift(0.0)],
                     [t2_21, t2_62, t2_64, t2_66, t2_68, t2_72, like.lift(0.0), like.lift(0.0)],
                     [t2_81, t2_92, t2_92, t2_95, t2_97, t2_102, like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), t2_108, t2_114, t2_116, like.lift(0.0), like.lift(0.0), pivot_1, t2_123],
-                    [t2_124, t2_127, t2_130, t2_133, like.lift(0.0), like.lift(0.0), t2_135, t2_140],
-                    [t2_107, t2_142, t2_144, t2_146, like.lift(0.0), like.lift(0.0), t2_148, t2_153],
-                    [t2_158, t2_167, t2_167, t2_170, like.lift(0.0), like.lift(0.0), t2_172, t2_178],
+                    [like.lift(0.0), t2_108, t2_114, t2_116, like.lift(0.0), like.lift(0.0), t2_117, t2_124],
+                    [t2_125, t2_128, t2_131, t2_134, like.lift(0.0), like.lift(0.0), t2_136, t2_141],
+                    [t2_107, t2_143, t2_145, t2_147, like.lift(0.0), like.lift(0.0), t2_149, t2_154],
+                    [t2_159, t2_168, t2_168, t2_171, like.lift(0.0), like.lift(0.0), t2_173, t2_179],
                 ],
                 [
-                    [like.lift(0.0)], [like.lift(0.0)], [t2_180], [like.lift(0.0)],
                     [like.lift(0.0)], [like.lift(0.0)], [t2_181], [like.lift(0.0)],
+                    [like.lift(0.0)], [like.lift(0.0)], [t2_182], [like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
-        kept[127] = t3_1;
-        kept[128] = t3_5;
-        kept[129] = t3_6;
-        kept[130] = t3_9;
-        kept[131] = t3_10;
-        kept[132] = t3_11;
-        kept[133] = t3_14;
-        kept[134] = t3_16;
-        kept[135] = t3_21;
-        kept[136] = pivot_7;
-        kept[137] = inv_pivot_7;
-        kept[138] = t3_29;
-        kept[139] = t3_30;
-        kept[140] = t3_31;
-        kept[141] = t3_34;
-        kept[142] = t3_37;
-        kept[143] = t3_40;
-        kept[144] = t3_46;
-        kept[145] = pivot_8;
-        kept[146] = inv_pivot_8;
-        kept[147] = t3_85;
-        kept[148] = t3_86;
-        kept[149] = t3_87;
-        kept[150] = t3_88;
-        kept[151] = t3_89;
-        kept[152] = t3_90;
-        kept[153] = t3_91;
-        kept[154] = t3_92;
+        kept[131] = t3_1;
+        kept[132] = pivot_6;
+        kept[133] = inv_pivot_6;
+        kept[134] = t3_4;
+        kept[135] = t3_5;
+        kept[136] = t3_8;
+        kept[137] = t3_10;
+        kept[138] = t3_15;
+        kept[139] = pivot_7;
+        kept[140] = inv_pivot_7;
+        kept[141] = t3_21;
+        kept[142] = t3_22;
+        kept[143] = t3_23;
+        kept[144] = t3_26;
+        kept[145] = t3_28;
+        kept[146] = t3_33;
+        kept[147] = t3_37;
+        kept[148] = pivot_8;
+        kept[149] = inv_pivot_8;
+        kept[150] = t3_75;
+        kept[151] = t3_76;
+        kept[152] = t3_77;
+        kept[153] = t3_78;
+        kept[154] = t3_79;
+        kept[155] = t3_80;
+        kept[156] = t3_81;
+        kept[157] = t3_82;
+        kept[158] = t3_83;
     }
     // body rod1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m, part 3
     {
@@ -8653,48 +8577,48 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let u_e1x_p1y = kept[12];
         let u_e1y_p1x = kept[13];
         let u_rod1_p1z = kept[14];
-        let t2_13 = kept[15];
-        let t2_15 = kept[16];
-        let t2_17 = kept[17];
-        let t2_23 = kept[20];
-        let t2_26 = kept[21];
-        let sin_u2_1 = kept[24];
-        let cos_u2_1 = kept[25];
-        let u_rod2_p2z = kept[28];
+        let t2_13 = kept[16];
+        let t2_15 = kept[17];
+        let t2_17 = kept[18];
+        let t2_23 = kept[21];
+        let t2_26 = kept[22];
+        let sin_u2_1 = kept[25];
+        let cos_u2_1 = kept[26];
+        let u_rod2_p2z = kept[29];
         let t2_37 = kept[31];
         let e_e1x_u1_1y = kept[34];
-        let t2_45 = kept[35];
-        let t2_57 = kept[41];
-        let t2_179 = kept[95];
-        let t3_85 = kept[147];
-        let t3_86 = kept[148];
-        let t3_87 = kept[149];
-        let t3_88 = kept[150];
-        let t3_89 = kept[151];
-        let t3_90 = kept[152];
-        let t4_1 = t2_179 * t3_86;
-        let t4_2 = sin_u1_1 * t3_85;
+        let t2_44 = kept[35];
+        let t2_56 = kept[40];
+        let t2_180 = kept[97];
+        let t3_76 = kept[151];
+        let t3_77 = kept[152];
+        let t3_78 = kept[153];
+        let t3_79 = kept[154];
+        let t3_80 = kept[155];
+        let t3_81 = kept[156];
+        let t4_1 = t2_180 * t3_77;
+        let t4_2 = sin_u1_1 * t3_76;
         let t4_3 = d_u1_2.mul_add(t4_2, t4_1);
         let t4_4 = u_rod1_p1z * t4_3;
         let t4_5 = like.lift(0.1075) * t4_4;
         let t4_6 = cos_u1_1 * d_u1_1;
-        let t4_7 = t4_6 * t3_86;
-        let t4_8 = cos_u1_1 * t3_85;
+        let t4_7 = t4_6 * t3_77;
+        let t4_8 = cos_u1_1 * t3_76;
         let t4_9 = d_u1_2.mul_add(t4_8, t4_7);
         let t4_10 = t2_17 * t4_9;
         let t4_11 = like.lift(-0.1075).mul_add(t4_10, t4_5);
         let t4_12 = cos_u1_1 * d_u1_2;
-        let t4_13 = t2_17 * t3_85;
+        let t4_13 = t2_17 * t3_76;
         let t4_14 = like.lift(0.215) * t4_13;
-        let t4_15 = cos_u1_1 * t3_86;
+        let t4_15 = cos_u1_1 * t3_77;
         let t4_16 = sin_u1_2 * t4_15;
         let t4_17 = like.lift(0.215).mul_add(t4_16, t4_14);
         let t4_18 = t4_12 * t4_17;
         let t4_19 = sin_u1_1 * d_u1_2;
-        let t4_20 = sin_u1_1 * t3_86;
+        let t4_20 = sin_u1_1 * t3_77;
         let t4_21 = sin_u1_2 * t4_20;
         let t4_22 = like.lift(0.215) * t4_21;
-        let t4_23 = u_rod1_p1z * t3_85;
+        let t4_23 = u_rod1_p1z * t3_76;
         let t4_24 = like.lift(-0.215).mul_add(t4_23, t4_22);
         let t4_25 = t4_19.mul_add(t4_24, t4_18);
         let t4_26 = t2_17 * d_u1_1;
@@ -8710,30 +8634,30 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t4_36 = t4_25 + t4_35;
         let t4_37 = like.lift(0.5).mul_add(t4_36, t4_11);
         let t4_38 = like.lift(0.5) * t4_3;
-        let t4_39 = t2_179 * t3_87;
+        let t4_39 = t2_180 * t3_78;
         let t4_40 = d_e1y.mul_add(t4_2, t4_39);
         let t4_41 = like.lift(0.5).mul_add(t4_40, t4_38);
         let t4_42 = sin_u1_1.mul_add(d_e1y, t4_19);
         let t4_43 = cos_u1_2_e1y * t4_42;
         let t4_44 = u_e1y_p1x.mul_add(d_u1_1, t4_43);
-        let t4_45 = t4_44 * t3_88;
-        let t4_46 = sin_u1_1.mul_add(t3_87, t4_20);
+        let t4_45 = t4_44 * t3_79;
+        let t4_46 = sin_u1_1.mul_add(t3_78, t4_20);
         let t4_47 = cos_u1_2_e1y * t4_46;
-        let t4_48 = u_e1y_p1x.mul_add(t3_85, t4_47);
+        let t4_48 = u_e1y_p1x.mul_add(t3_76, t4_47);
         let t4_49 = d_e1x.mul_add(t4_48, t4_45);
         let t4_50 = like.lift(-0.5).mul_add(t4_49, t4_41);
         let t4_51 = u_e1x_p1y * t4_50;
         let t4_52 = like.lift(0.0199) * t4_51;
         let t4_53 = like.lift(0.5) * t4_9;
-        let t4_54 = t4_6 * t3_87;
+        let t4_54 = t4_6 * t3_78;
         let t4_55 = d_e1y.mul_add(t4_8, t4_54);
         let t4_56 = like.lift(0.5).mul_add(t4_55, t4_53);
         let t4_57 = t2_15 * d_u1_1;
         let t4_58 = cos_u1_1.mul_add(d_e1y, t4_12);
         let t4_59 = (-cos_u1_2_e1y).mul_add(t4_58, t4_57);
-        let t4_60 = t4_59 * t3_88;
-        let t4_61 = t2_15 * t3_85;
-        let t4_62 = cos_u1_1.mul_add(t3_87, t4_15);
+        let t4_60 = t4_59 * t3_79;
+        let t4_61 = t2_15 * t3_76;
+        let t4_62 = cos_u1_1.mul_add(t3_78, t4_15);
         let t4_63 = (-cos_u1_2_e1y).mul_add(t4_62, t4_61);
         let t4_64 = d_e1x.mul_add(t4_63, t4_60);
         let t4_65 = like.lift(0.5).mul_add(t4_64, t4_56);
@@ -8741,15 +8665,15 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t4_67 = like.lift(0.0199).mul_add(t4_66, t4_52);
         let t4_68 = t4_37 + t4_67;
         let t4_69 = t2_15.mul_add(d_e1x, t4_58);
-        let t4_70 = cos_u1_2_e1y.mul_add(t3_88, t3_85);
+        let t4_70 = cos_u1_2_e1y.mul_add(t3_79, t3_76);
         let t4_71 = t2_13 * t4_70;
         let t4_72 = like.lift(0.0199) * t4_71;
-        let t4_73 = t2_15.mul_add(t3_88, t4_62);
+        let t4_73 = t2_15.mul_add(t3_79, t4_62);
         let t4_74 = e_e1x_u1_1y * t4_73;
         let t4_75 = like.lift(-0.0199).mul_add(t4_74, t4_72);
         let t4_76 = t4_69 * t4_75;
         let t4_77 = (-u_e1y_p1x).mul_add(d_e1x, t4_42);
-        let t4_78 = (-u_e1y_p1x).mul_add(t3_88, t4_46);
+        let t4_78 = (-u_e1y_p1x).mul_add(t3_79, t4_46);
         let t4_79 = e_e1x_u1_1y * t4_78;
         let t4_80 = like.lift(0.0199) * t4_79;
         let t4_81 = u_e1x_p1y * t4_70;
@@ -8772,49 +8696,49 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t4_98 = (-t2_26).mul_add(t4_65, t4_97);
         let t4_99 = t4_96 - t4_98;
         let t4_100 = t2_26 * t4_70;
-        let t4_101 = (-t2_45).mul_add(t4_73, t4_100);
+        let t4_101 = (-t2_44).mul_add(t4_73, t4_100);
         let t4_102 = t4_69 * t4_101;
-        let t4_103 = t2_45 * t4_78;
+        let t4_103 = t2_44 * t4_78;
         let t4_104 = t2_23.mul_add(t4_70, t4_103);
         let t4_105 = (-t4_77).mul_add(t4_104, t4_102);
         let t4_106 = t2_26 * t4_84;
-        let t4_107 = (-t2_45).mul_add(t4_69, t4_106);
+        let t4_107 = (-t2_44).mul_add(t4_69, t4_106);
         let t4_108 = t4_107 * t4_73;
-        let t4_109 = t2_45 * t4_77;
+        let t4_109 = t2_44 * t4_77;
         let t4_110 = t2_23.mul_add(t4_84, t4_109);
         let t4_111 = (-t4_110).mul_add(t4_78, t4_108);
         let t4_112 = t4_105 + t4_111;
         let t4_113 = like.lift(-0.5).mul_add(t4_112, t4_99);
         let t4_114 = sin_u2_1 * d_u2_1;
-        let t4_115 = t4_114 * t3_90;
+        let t4_115 = t4_114 * t3_81;
         let t4_116 = like.lift(0.5) * t4_115;
-        let t4_117 = sin_u2_1 * t3_89;
+        let t4_117 = sin_u2_1 * t3_80;
         let t4_118 = d_u2_2 * t4_117;
         let t4_119 = like.lift(0.5).mul_add(t4_118, t4_116);
         let t4_120 = u_rod2_p2z * t4_119;
         let t4_121 = like.lift(0.1075) * t4_120;
         let t4_122 = cos_u2_1 * d_u2_1;
-        let t4_123 = t4_122 * t3_90;
-        let t4_124 = cos_u2_1 * t3_89;
+        let t4_123 = t4_122 * t3_81;
+        let t4_124 = cos_u2_1 * t3_80;
         let t4_125 = d_u2_2.mul_add(t4_124, t4_123);
         let t4_126 = t2_37 * t4_125;
         let t4_127 = like.lift(-0.1075).mul_add(t4_126, t4_121);
         let t4_128 = like.lift(0.8660254037844386) * d_u2_1;
         let t4_129 = cos_u2_1 * d_u2_2;
         let t4_130 = like.lift(-0.5).mul_add(t4_129, t4_128);
-        let t4_131 = like.lift(0.5) * t3_89;
-        let t4_132 = cos_u2_1 * t3_90;
+        let t4_131 = like.lift(0.5) * t3_80;
+        let t4_132 = cos_u2_1 * t3_81;
         let t4_133 = like.lift(0.8660254037844386).mul_add(t4_132, t4_131);
         let t4_134 = t2_37 * t4_133;
         let t4_135 = like.lift(0.215) * t4_134;
-        let t4_136 = like.lift(0.8660254037844386) * t3_89;
+        let t4_136 = like.lift(0.8660254037844386) * t3_80;
         let t4_137 = like.lift(-0.5).mul_add(t4_132, t4_136);
-        let t4_138 = t2_57 * t4_137;
+        let t4_138 = t2_56 * t4_137;
         let t4_139 = like.lift(0.215).mul_add(t4_138, t4_135);
         let t4_140 = t4_130 * t4_139;
         let t4_141 = sin_u2_1 * d_u2_2;
-        let t4_142 = sin_u2_1 * t3_90;
-        let t4_143 = t2_57 * t4_142;
+        let t4_142 = sin_u2_1 * t3_81;
+        let t4_143 = t2_56 * t4_142;
         let t4_144 = like.lift(0.215) * t4_143;
         let t4_145 = u_rod2_p2z * t4_133;
         let t4_146 = like.lift(0.215).mul_add(t4_145, t4_144);
@@ -8823,10 +8747,10 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t4_149 = like.lift(0.8660254037844386).mul_add(t4_129, t4_148);
         let t4_150 = t2_37 * t4_149;
         let t4_151 = like.lift(0.215) * t4_150;
-        let t4_152 = t2_57 * t4_130;
+        let t4_152 = t2_56 * t4_130;
         let t4_153 = like.lift(0.215).mul_add(t4_152, t4_151);
         let t4_154 = t4_153 * t4_137;
-        let t4_155 = t2_57 * t4_141;
+        let t4_155 = t2_56 * t4_141;
         let t4_156 = like.lift(0.215) * t4_155;
         let t4_157 = u_rod2_p2z * t4_149;
         let t4_158 = like.lift(0.215).mul_add(t4_157, t4_156);
@@ -8836,21 +8760,21 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t4_162 = t4_113 + t4_161;
         let t4_163 = sin_u1_2 * t4_9;
         let t4_164 = like.lift(0.1075) * t4_163;
-        let t4_165 = cos_u1_2 * t3_86;
+        let t4_165 = cos_u1_2 * t3_77;
         let t4_166 = t4_19 * t4_165;
         let t4_167 = like.lift(0.215) * t4_166;
         let t4_168 = d_u1_1.mul_add(t4_17, t4_167);
         let t4_169 = cos_u1_2 * d_u1_2;
         let t4_170 = t4_169 * t4_20;
         let t4_171 = like.lift(0.215) * t4_170;
-        let t4_172 = t4_29.mul_add(t3_85, t4_171);
+        let t4_172 = t4_29.mul_add(t3_76, t4_171);
         let t4_173 = t4_168 + t4_172;
         let t4_174 = like.lift(0.5).mul_add(t4_173, t4_164);
         let t4_175 = e_e1x_u1_1y * t4_65;
         let t4_176 = like.lift(0.0199) * t4_175;
         let t4_177 = u_e1y_p1x * t4_58;
         let t4_178 = t2_15.mul_add(t4_42, t4_177);
-        let t4_179 = t4_178 * t3_88;
+        let t4_179 = t4_178 * t3_79;
         let t4_180 = u_e1y_p1x * t4_62;
         let t4_181 = t2_15.mul_add(t4_46, t4_180);
         let t4_182 = d_e1x.mul_add(t4_181, t4_179);
@@ -8871,7 +8795,7 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t4_197 = (-t4_88).mul_add(t4_70, t4_196);
         let t4_198 = t4_191 + t4_197;
         let t4_199 = like.lift(0.5).mul_add(t4_198, t4_185);
-        let t4_200 = t2_45 * t4_65;
+        let t4_200 = t2_44 * t4_65;
         let t4_201 = t2_23 * t4_182;
         let t4_202 = like.lift(-0.5).mul_add(t4_201, t4_200);
         let t4_203 = t4_199 + t4_202;
@@ -8885,7 +8809,7 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t4_211 = t4_107.mul_add(t4_70, t4_210);
         let t4_212 = t4_207 + t4_211;
         let t4_213 = like.lift(-0.5).mul_add(t4_212, t4_203);
-        let t4_214 = t2_57 * t4_125;
+        let t4_214 = t2_56 * t4_125;
         let t4_215 = like.lift(0.1075) * t4_214;
         let t4_216 = like.lift(0.8660254037844386) * t4_115;
         let t4_217 = like.lift(0.8660254037844386).mul_add(t4_118, t4_216);
@@ -8913,7 +8837,7 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t4_239 = d_u1_1 * t4_24;
         let t4_240 = t4_12 * t4_165;
         let t4_241 = like.lift(-0.215).mul_add(t4_240, t4_239);
-        let t4_242 = t4_34 * t3_85;
+        let t4_242 = t4_34 * t3_76;
         let t4_243 = t4_169 * t4_15;
         let t4_244 = like.lift(-0.215).mul_add(t4_243, t4_242);
         let t4_245 = t4_241 + t4_244;
@@ -8922,101 +8846,101 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t4_248 = like.lift(0.00995) * t4_247;
         let t4_249 = e_e1x_u1_1y * t4_50;
         let t4_250 = like.lift(-0.0199).mul_add(t4_249, t4_248);
-        kept[155] = t4_50;
-        kept[156] = t4_65;
-        kept[157] = t4_69;
-        kept[158] = t4_70;
-        kept[159] = t4_73;
-        kept[160] = t4_77;
-        kept[161] = t4_78;
-        kept[162] = t4_82;
-        kept[163] = t4_84;
-        kept[164] = t4_93;
-        kept[165] = t4_96;
-        kept[166] = t4_104;
-        kept[167] = t4_110;
-        kept[168] = t4_119;
-        kept[169] = t4_125;
-        kept[170] = t4_130;
-        kept[171] = t4_133;
-        kept[172] = t4_137;
-        kept[173] = t4_141;
-        kept[174] = t4_142;
-        kept[175] = t4_146;
-        kept[176] = t4_149;
-        kept[177] = t4_158;
-        kept[178] = t4_162;
-        kept[179] = t4_182;
-        kept[180] = t4_189;
-        kept[181] = t4_195;
-        kept[182] = t4_199;
-        kept[183] = t4_205;
-        kept[184] = t4_209;
-        kept[185] = t4_217;
-        kept[186] = t4_223;
-        kept[187] = t4_229;
-        kept[188] = t4_234;
-        kept[189] = t4_235;
-        kept[190] = t4_236;
-        kept[191] = t4_246;
-        kept[192] = t4_250;
+        kept[159] = t4_50;
+        kept[160] = t4_65;
+        kept[161] = t4_69;
+        kept[162] = t4_70;
+        kept[163] = t4_73;
+        kept[164] = t4_77;
+        kept[165] = t4_78;
+        kept[166] = t4_82;
+        kept[167] = t4_84;
+        kept[168] = t4_93;
+        kept[169] = t4_96;
+        kept[170] = t4_104;
+        kept[171] = t4_110;
+        kept[172] = t4_119;
+        kept[173] = t4_125;
+        kept[174] = t4_130;
+        kept[175] = t4_133;
+        kept[176] = t4_137;
+        kept[177] = t4_141;
+        kept[178] = t4_142;
+        kept[179] = t4_146;
+        kept[180] = t4_149;
+        kept[181] = t4_158;
+        kept[182] = t4_162;
+        kept[183] = t4_182;
+        kept[184] = t4_189;
+        kept[185] = t4_195;
+        kept[186] = t4_199;
+        kept[187] = t4_205;
+        kept[188] = t4_209;
+        kept[189] = t4_217;
+        kept[190] = t4_223;
+        kept[191] = t4_229;
+        kept[192] = t4_234;
+        kept[193] = t4_235;
+        kept[194] = t4_236;
+        kept[195] = t4_246;
+        kept[196] = t4_250;
     }
     // body rod1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m, part 4
     {
-        let t2_26 = kept[21];
-        let sin_u2_1 = kept[24];
-        let cos_u2_1 = kept[25];
+        let t2_26 = kept[22];
+        let sin_u2_1 = kept[25];
+        let cos_u2_1 = kept[26];
         let t2_37 = kept[31];
-        let t2_45 = kept[35];
-        let t2_57 = kept[41];
-        let t2_75 = kept[50];
-        let t2_80 = kept[51];
-        let t2_84 = kept[53];
-        let t2_109 = kept[61];
-        let t2_112 = kept[62];
-        let sin_u3_1 = kept[65];
-        let cos_u3_1 = kept[66];
-        let u_rod3_p3z = kept[69];
-        let t2_121 = kept[71];
-        let t2_125 = kept[74];
-        let t2_137 = kept[80];
-        let t3_91 = kept[153];
-        let t3_92 = kept[154];
-        let t4_50 = kept[155];
-        let t4_65 = kept[156];
-        let t4_69 = kept[157];
-        let t4_70 = kept[158];
-        let t4_73 = kept[159];
-        let t4_77 = kept[160];
-        let t4_78 = kept[161];
-        let t4_82 = kept[162];
-        let t4_84 = kept[163];
-        let t4_93 = kept[164];
-        let t4_96 = kept[165];
-        let t4_104 = kept[166];
-        let t4_110 = kept[167];
-        let t4_119 = kept[168];
-        let t4_125 = kept[169];
-        let t4_130 = kept[170];
-        let t4_133 = kept[171];
-        let t4_137 = kept[172];
-        let t4_141 = kept[173];
-        let t4_142 = kept[174];
-        let t4_146 = kept[175];
-        let t4_149 = kept[176];
-        let t4_158 = kept[177];
-        let t4_182 = kept[179];
-        let t4_189 = kept[180];
-        let t4_195 = kept[181];
-        let t4_199 = kept[182];
-        let t4_205 = kept[183];
-        let t4_209 = kept[184];
-        let t4_217 = kept[185];
-        let t4_223 = kept[186];
-        let t4_229 = kept[187];
-        let t4_236 = kept[190];
-        let t4_246 = kept[191];
-        let t4_250 = kept[192];
+        let t2_44 = kept[35];
+        let t2_56 = kept[40];
+        let t2_75 = kept[47];
+        let t2_80 = kept[48];
+        let t2_84 = kept[50];
+        let t2_109 = kept[58];
+        let t2_112 = kept[59];
+        let sin_u3_1 = kept[62];
+        let cos_u3_1 = kept[63];
+        let u_rod3_p3z = kept[66];
+        let t2_122 = kept[68];
+        let t2_126 = kept[71];
+        let t2_138 = kept[78];
+        let t3_82 = kept[157];
+        let t3_83 = kept[158];
+        let t4_50 = kept[159];
+        let t4_65 = kept[160];
+        let t4_69 = kept[161];
+        let t4_70 = kept[162];
+        let t4_73 = kept[163];
+        let t4_77 = kept[164];
+        let t4_78 = kept[165];
+        let t4_82 = kept[166];
+        let t4_84 = kept[167];
+        let t4_93 = kept[168];
+        let t4_96 = kept[169];
+        let t4_104 = kept[170];
+        let t4_110 = kept[171];
+        let t4_119 = kept[172];
+        let t4_125 = kept[173];
+        let t4_130 = kept[174];
+        let t4_133 = kept[175];
+        let t4_137 = kept[176];
+        let t4_141 = kept[177];
+        let t4_142 = kept[178];
+        let t4_146 = kept[179];
+        let t4_149 = kept[180];
+        let t4_158 = kept[181];
+        let t4_182 = kept[183];
+        let t4_189 = kept[184];
+        let t4_195 = kept[185];
+        let t4_199 = kept[186];
+        let t4_205 = kept[187];
+        let t4_209 = kept[188];
+        let t4_217 = kept[189];
+        let t4_223 = kept[190];
+        let t4_229 = kept[191];
+        let t4_236 = kept[194];
+        let t4_246 = kept[195];
+        let t4_250 = kept[196];
         let t5_1 = t4_246 - t4_250;
         let t5_2 = t4_84 * t4_82;
         let t5_3 = (-t4_69).mul_add(t4_189, t5_2);
@@ -9026,7 +8950,7 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t5_7 = like.lift(0.5).mul_add(t5_6, t5_1);
         let t5_8 = t2_26 * t4_182;
         let t5_9 = like.lift(0.5) * t5_8;
-        let t5_10 = (-t2_45).mul_add(t4_50, t5_9);
+        let t5_10 = (-t2_44).mul_add(t4_50, t5_9);
         let t5_11 = t5_7 - t5_10;
         let t5_12 = t4_84 * t4_104;
         let t5_13 = t4_69.mul_add(t4_205, t5_12);
@@ -9036,7 +8960,7 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t5_17 = like.lift(0.5).mul_add(t5_16, t5_11);
         let t5_18 = t2_37 * t4_217;
         let t5_19 = like.lift(0.1075) * t5_18;
-        let t5_20 = t2_57 * t4_119;
+        let t5_20 = t2_56 * t4_119;
         let t5_21 = like.lift(-0.1075).mul_add(t5_20, t5_19);
         let t5_22 = t4_149 * t4_146;
         let t5_23 = t4_130.mul_add(t4_223, t5_22);
@@ -9153,61 +9077,61 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t5_134 = (-t2_112).mul_add(t4_65, t5_133);
         let t5_135 = t4_96 + t5_134;
         let t5_136 = t2_112 * t4_70;
-        let t5_137 = (-t2_125).mul_add(t4_73, t5_136);
+        let t5_137 = (-t2_126).mul_add(t4_73, t5_136);
         let t5_138 = t4_69 * t5_137;
-        let t5_139 = t2_125 * t4_78;
+        let t5_139 = t2_126 * t4_78;
         let t5_140 = t2_109.mul_add(t4_70, t5_139);
         let t5_141 = (-t4_77).mul_add(t5_140, t5_138);
         let t5_142 = t2_112 * t4_84;
-        let t5_143 = (-t2_125).mul_add(t4_69, t5_142);
+        let t5_143 = (-t2_126).mul_add(t4_69, t5_142);
         let t5_144 = t5_143 * t4_73;
-        let t5_145 = t2_125 * t4_77;
+        let t5_145 = t2_126 * t4_77;
         let t5_146 = t2_109.mul_add(t4_84, t5_145);
         let t5_147 = (-t5_146).mul_add(t4_78, t5_144);
         let t5_148 = t5_141 + t5_147;
         let t5_149 = like.lift(0.5).mul_add(t5_148, t5_135);
         let t5_150 = sin_u3_1 * d_u3_1;
-        let t5_151 = t5_150 * t3_92;
+        let t5_151 = t5_150 * t3_83;
         let t5_152 = like.lift(0.5) * t5_151;
-        let t5_153 = sin_u3_1 * t3_91;
+        let t5_153 = sin_u3_1 * t3_82;
         let t5_154 = d_u3_2 * t5_153;
         let t5_155 = like.lift(0.5).mul_add(t5_154, t5_152);
         let t5_156 = u_rod3_p3z * t5_155;
         let t5_157 = like.lift(0.1075) * t5_156;
         let t5_158 = cos_u3_1 * d_u3_1;
-        let t5_159 = t5_158 * t3_92;
-        let t5_160 = cos_u3_1 * t3_91;
+        let t5_159 = t5_158 * t3_83;
+        let t5_160 = cos_u3_1 * t3_82;
         let t5_161 = d_u3_2.mul_add(t5_160, t5_159);
-        let t5_162 = t2_121 * t5_161;
+        let t5_162 = t2_122 * t5_161;
         let t5_163 = like.lift(-0.1075).mul_add(t5_162, t5_157);
         let t5_164 = like.lift(0.8660254037844386) * d_u3_1;
         let t5_165 = cos_u3_1 * d_u3_2;
         let t5_166 = like.lift(0.5).mul_add(t5_165, t5_164);
-        let t5_167 = like.lift(0.5) * t3_91;
-        let t5_168 = cos_u3_1 * t3_92;
+        let t5_167 = like.lift(0.5) * t3_82;
+        let t5_168 = cos_u3_1 * t3_83;
         let t5_169 = like.lift(-0.8660254037844386).mul_add(t5_168, t5_167);
-        let t5_170 = t2_121 * t5_169;
+        let t5_170 = t2_122 * t5_169;
         let t5_171 = like.lift(0.215) * t5_170;
-        let t5_172 = like.lift(0.8660254037844386) * t3_91;
+        let t5_172 = like.lift(0.8660254037844386) * t3_82;
         let t5_173 = like.lift(0.5).mul_add(t5_168, t5_172);
-        let t5_174 = t2_137 * t5_173;
+        let t5_174 = t2_138 * t5_173;
         let t5_175 = like.lift(0.215).mul_add(t5_174, t5_171);
         let t5_176 = t5_166 * t5_175;
         let t5_177 = sin_u3_1 * d_u3_2;
-        let t5_178 = sin_u3_1 * t3_92;
-        let t5_179 = t2_137 * t5_178;
+        let t5_178 = sin_u3_1 * t3_83;
+        let t5_179 = t2_138 * t5_178;
         let t5_180 = like.lift(0.215) * t5_179;
         let t5_181 = u_rod3_p3z * t5_169;
         let t5_182 = like.lift(-0.215).mul_add(t5_181, t5_180);
         let t5_183 = t5_177.mul_add(t5_182, t5_176);
         let t5_184 = like.lift(0.5) * d_u3_1;
         let t5_185 = like.lift(-0.8660254037844386).mul_add(t5_165, t5_184);
-        let t5_186 = t2_121 * t5_185;
+        let t5_186 = t2_122 * t5_185;
         let t5_187 = like.lift(0.215) * t5_186;
-        let t5_188 = t2_137 * t5_166;
+        let t5_188 = t2_138 * t5_166;
         let t5_189 = like.lift(0.215).mul_add(t5_188, t5_187);
         let t5_190 = t5_189 * t5_173;
-        let t5_191 = t2_137 * t5_177;
+        let t5_191 = t2_138 * t5_177;
         let t5_192 = like.lift(0.215) * t5_191;
         let t5_193 = u_rod3_p3z * t5_185;
         let t5_194 = like.lift(-0.215).mul_add(t5_193, t5_192);
@@ -9215,7 +9139,7 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t5_196 = t5_183 + t5_195;
         let t5_197 = like.lift(0.5).mul_add(t5_196, t5_163);
         let t5_198 = t5_149 + t5_197;
-        let t5_199 = t2_125 * t4_65;
+        let t5_199 = t2_126 * t4_65;
         let t5_200 = t2_109 * t4_182;
         let t5_201 = like.lift(-0.5).mul_add(t5_200, t5_199);
         let t5_202 = t4_199 - t5_201;
@@ -9229,7 +9153,7 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t5_210 = t5_143.mul_add(t4_70, t5_209);
         let t5_211 = t5_206 + t5_210;
         let t5_212 = like.lift(0.5).mul_add(t5_211, t5_202);
-        let t5_213 = t2_137 * t5_161;
+        let t5_213 = t2_138 * t5_161;
         let t5_214 = like.lift(0.1075) * t5_213;
         let t5_215 = like.lift(0.8660254037844386) * t5_151;
         let t5_216 = like.lift(0.8660254037844386).mul_add(t5_154, t5_215);
@@ -9237,13 +9161,13 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t5_218 = like.lift(-0.1075).mul_add(t5_217, t5_214);
         let t5_219 = u_rod3_p3z * t5_173;
         let t5_220 = like.lift(0.215) * t5_219;
-        let t5_221 = t2_121 * t5_178;
+        let t5_221 = t2_122 * t5_178;
         let t5_222 = like.lift(0.215).mul_add(t5_221, t5_220);
         let t5_223 = t5_177 * t5_222;
         let t5_224 = t5_185.mul_add(t5_175, t5_223);
         let t5_225 = u_rod3_p3z * t5_166;
         let t5_226 = like.lift(0.215) * t5_225;
-        let t5_227 = t2_121 * t5_177;
+        let t5_227 = t2_122 * t5_177;
         let t5_228 = like.lift(0.215).mul_add(t5_227, t5_226);
         let t5_229 = t5_228 * t5_178;
         let t5_230 = t5_189.mul_add(t5_169, t5_229);
@@ -9254,7 +9178,7 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t5_235 = dr_p1 - dr_p3;
         let t5_236 = t2_112 * t4_182;
         let t5_237 = like.lift(0.5) * t5_236;
-        let t5_238 = (-t2_125).mul_add(t4_50, t5_237);
+        let t5_238 = (-t2_126).mul_add(t4_50, t5_237);
         let t5_239 = t5_7 + t5_238;
         let t5_240 = t4_84 * t5_140;
         let t5_241 = t4_69.mul_add(t5_204, t5_240);
@@ -9262,166 +9186,168 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t5_243 = t5_208.mul_add(t4_73, t5_242);
         let t5_244 = t5_241 + t5_243;
         let t5_245 = like.lift(-0.5).mul_add(t5_244, t5_239);
-        let t5_246 = t2_121 * t5_216;
+        let t5_246 = t2_122 * t5_216;
         let t5_247 = like.lift(0.1075) * t5_246;
-        let t5_248 = t2_137 * t5_155;
+        let t5_248 = t2_138 * t5_155;
         let t5_249 = like.lift(-0.1075).mul_add(t5_248, t5_247);
         let t5_250 = t5_185 * t5_182;
-        kept[193] = t5_29;
-        kept[194] = t5_131;
-        kept[195] = t5_132;
-        kept[196] = t5_155;
-        kept[197] = t5_161;
-        kept[198] = t5_166;
-        kept[199] = t5_169;
-        kept[200] = t5_173;
-        kept[201] = t5_177;
-        kept[202] = t5_178;
-        kept[203] = t5_185;
-        kept[204] = t5_194;
-        kept[205] = t5_198;
-        kept[206] = t5_216;
-        kept[207] = t5_222;
-        kept[208] = t5_228;
-        kept[209] = t5_233;
-        kept[210] = t5_234;
-        kept[211] = t5_235;
-        kept[212] = t5_245;
-        kept[213] = t5_249;
-        kept[214] = t5_250;
+        kept[197] = t5_29;
+        kept[198] = t5_131;
+        kept[199] = t5_132;
+        kept[200] = t5_155;
+        kept[201] = t5_161;
+        kept[202] = t5_166;
+        kept[203] = t5_169;
+        kept[204] = t5_173;
+        kept[205] = t5_177;
+        kept[206] = t5_178;
+        kept[207] = t5_185;
+        kept[208] = t5_194;
+        kept[209] = t5_198;
+        kept[210] = t5_216;
+        kept[211] = t5_222;
+        kept[212] = t5_228;
+        kept[213] = t5_233;
+        kept[214] = t5_234;
+        kept[215] = t5_235;
+        kept[216] = t5_245;
+        kept[217] = t5_249;
+        kept[218] = t5_250;
     }
     // loops: solve with A_e (Eq. 8, 10)
     {
-        let t2_21 = kept[18];
-        let t2_22 = kept[19];
-        let t2_28 = kept[22];
-        let t2_30 = kept[23];
-        let u_rod2_p2z = kept[28];
+        let t2_9 = kept[15];
+        let t2_21 = kept[19];
+        let t2_22 = kept[20];
+        let t2_28 = kept[23];
+        let t2_30 = kept[24];
+        let u_rod2_p2z = kept[29];
         let t2_32 = kept[30];
-        let t2_39 = kept[32];
-        let t2_40 = kept[33];
-        let t2_47 = kept[36];
-        let t2_50 = kept[37];
-        let t2_53 = kept[39];
-        let t2_55 = kept[40];
-        let t2_60 = kept[42];
-        let t2_62 = kept[44];
-        let t2_64 = kept[46];
-        let t2_66 = kept[47];
-        let t2_68 = kept[48];
-        let t2_72 = kept[49];
-        let t2_81 = kept[52];
-        let t2_92 = kept[54];
-        let t2_95 = kept[55];
-        let t2_97 = kept[56];
-        let t2_102 = kept[57];
-        let t2_104 = kept[58];
-        let t2_107 = kept[59];
-        let t2_108 = kept[60];
-        let t2_114 = kept[63];
-        let t2_116 = kept[64];
-        let sin_u3_1 = kept[65];
-        let cos_u3_1 = kept[66];
-        let pivot_1 = kept[70];
-        let t2_123 = kept[72];
-        let t2_124 = kept[73];
-        let t2_127 = kept[75];
-        let t2_130 = kept[76];
-        let t2_133 = kept[78];
-        let t2_135 = kept[79];
-        let t2_140 = kept[81];
-        let t2_142 = kept[82];
-        let t2_144 = kept[83];
-        let t2_146 = kept[84];
-        let t2_148 = kept[85];
-        let t2_153 = kept[86];
+        let pivot_1 = kept[32];
+        let t2_39 = kept[33];
+        let t2_46 = kept[36];
+        let t2_49 = kept[37];
+        let t2_52 = kept[38];
+        let t2_54 = kept[39];
+        let t2_60 = kept[41];
+        let t2_62 = kept[42];
+        let t2_64 = kept[43];
+        let t2_66 = kept[44];
+        let t2_68 = kept[45];
+        let t2_72 = kept[46];
+        let t2_81 = kept[49];
+        let t2_92 = kept[51];
+        let t2_95 = kept[52];
+        let t2_97 = kept[53];
+        let t2_102 = kept[54];
+        let t2_107 = kept[56];
+        let t2_108 = kept[57];
+        let t2_114 = kept[60];
+        let t2_116 = kept[61];
+        let sin_u3_1 = kept[62];
+        let cos_u3_1 = kept[63];
+        let t2_117 = kept[67];
+        let t2_124 = kept[69];
+        let t2_125 = kept[70];
+        let t2_128 = kept[72];
+        let t2_131 = kept[73];
+        let t2_134 = kept[75];
+        let t2_136 = kept[77];
+        let t2_141 = kept[79];
+        let t2_143 = kept[81];
+        let t2_145 = kept[83];
+        let t2_147 = kept[84];
+        let t2_149 = kept[85];
         let t2_154 = kept[87];
-        let t2_157 = kept[88];
+        let t2_155 = kept[88];
         let t2_158 = kept[89];
         let t2_159 = kept[90];
-        let t2_167 = kept[91];
-        let t2_170 = kept[92];
-        let t2_172 = kept[93];
-        let t2_178 = kept[94];
-        let t2_182 = kept[98];
-        let t2_183 = kept[99];
-        let pivot_2 = kept[100];
-        let inv_pivot_2 = kept[101];
+        let t2_160 = kept[91];
+        let t2_168 = kept[92];
+        let t2_171 = kept[93];
+        let t2_173 = kept[94];
+        let t2_178 = kept[95];
+        let t2_179 = kept[96];
+        let inv_pivot_1 = kept[100];
+        let t2_183 = kept[101];
         let t2_186 = kept[102];
-        let pivot_3 = kept[103];
-        let inv_pivot_3 = kept[104];
-        let t2_189 = kept[105];
-        let t2_190 = kept[106];
-        let t2_191 = kept[107];
-        let t2_196 = kept[108];
-        let t2_199 = kept[109];
-        let pivot_4 = kept[110];
-        let inv_pivot_4 = kept[111];
-        let t2_203 = kept[113];
-        let t2_207 = kept[114];
-        let t2_208 = kept[115];
-        let t2_209 = kept[116];
-        let inv_pivot_5 = kept[117];
-        let t2_211 = kept[118];
-        let t2_212 = kept[119];
-        let t2_215 = kept[120];
-        let t2_216 = kept[121];
-        let pivot_6 = kept[122];
-        let inv_pivot_6 = kept[123];
-        let t3_1 = kept[127];
-        let t3_5 = kept[128];
-        let t3_6 = kept[129];
-        let t3_9 = kept[130];
-        let t3_10 = kept[131];
-        let t3_11 = kept[132];
-        let t3_14 = kept[133];
-        let t3_16 = kept[134];
-        let t3_21 = kept[135];
-        let pivot_7 = kept[136];
-        let inv_pivot_7 = kept[137];
-        let t3_29 = kept[138];
-        let t3_30 = kept[139];
-        let t3_31 = kept[140];
-        let t3_34 = kept[141];
-        let t3_37 = kept[142];
-        let t3_40 = kept[143];
-        let t3_46 = kept[144];
-        let pivot_8 = kept[145];
-        let inv_pivot_8 = kept[146];
-        let t4_50 = kept[155];
-        let t4_65 = kept[156];
-        let t4_69 = kept[157];
-        let t4_70 = kept[158];
-        let t4_73 = kept[159];
-        let t4_77 = kept[160];
-        let t4_78 = kept[161];
-        let t4_84 = kept[163];
-        let t4_162 = kept[178];
-        let t4_182 = kept[179];
-        let t4_234 = kept[188];
-        let t4_235 = kept[189];
-        let t5_29 = kept[193];
-        let t5_131 = kept[194];
-        let t5_132 = kept[195];
-        let t5_155 = kept[196];
-        let t5_161 = kept[197];
-        let t5_166 = kept[198];
-        let t5_169 = kept[199];
-        let t5_173 = kept[200];
-        let t5_177 = kept[201];
-        let t5_178 = kept[202];
-        let t5_185 = kept[203];
-        let t5_194 = kept[204];
-        let t5_198 = kept[205];
-        let t5_216 = kept[206];
-        let t5_222 = kept[207];
-        let t5_228 = kept[208];
-        let t5_233 = kept[209];
-        let t5_234 = kept[210];
-        let t5_235 = kept[211];
-        let t5_245 = kept[212];
-        let t5_249 = kept[213];
-        let t5_250 = kept[214];
+        let inv_pivot_2 = kept[104];
+        let t2_188 = kept[105];
+        let pivot_3 = kept[106];
+        let inv_pivot_3 = kept[107];
+        let t2_190 = kept[108];
+        let t2_191 = kept[109];
+        let t2_192 = kept[110];
+        let t2_196 = kept[111];
+        let t2_199 = kept[112];
+        let pivot_4 = kept[113];
+        let inv_pivot_4 = kept[114];
+        let t2_202 = kept[116];
+        let t2_205 = kept[117];
+        let t2_206 = kept[118];
+        let t2_207 = kept[119];
+        let t2_210 = kept[120];
+        let pivot_5 = kept[121];
+        let inv_pivot_5 = kept[122];
+        let t2_214 = kept[124];
+        let t2_215 = kept[125];
+        let t2_219 = kept[126];
+        let t2_220 = kept[127];
+        let t2_221 = kept[128];
+        let t3_1 = kept[131];
+        let pivot_6 = kept[132];
+        let inv_pivot_6 = kept[133];
+        let t3_4 = kept[134];
+        let t3_5 = kept[135];
+        let t3_8 = kept[136];
+        let t3_10 = kept[137];
+        let t3_15 = kept[138];
+        let pivot_7 = kept[139];
+        let inv_pivot_7 = kept[140];
+        let t3_21 = kept[141];
+        let t3_22 = kept[142];
+        let t3_23 = kept[143];
+        let t3_26 = kept[144];
+        let t3_28 = kept[145];
+        let t3_33 = kept[146];
+        let t3_37 = kept[147];
+        let pivot_8 = kept[148];
+        let inv_pivot_8 = kept[149];
+        let t3_75 = kept[150];
+        let t4_50 = kept[159];
+        let t4_65 = kept[160];
+        let t4_69 = kept[161];
+        let t4_70 = kept[162];
+        let t4_73 = kept[163];
+        let t4_77 = kept[164];
+        let t4_78 = kept[165];
+        let t4_84 = kept[167];
+        let t4_162 = kept[182];
+        let t4_182 = kept[183];
+        let t4_234 = kept[192];
+        let t4_235 = kept[193];
+        let t5_29 = kept[197];
+        let t5_131 = kept[198];
+        let t5_132 = kept[199];
+        let t5_155 = kept[200];
+        let t5_161 = kept[201];
+        let t5_166 = kept[202];
+        let t5_169 = kept[203];
+        let t5_173 = kept[204];
+        let t5_177 = kept[205];
+        let t5_178 = kept[206];
+        let t5_185 = kept[207];
+        let t5_194 = kept[208];
+        let t5_198 = kept[209];
+        let t5_216 = kept[210];
+        let t5_222 = kept[211];
+        let t5_228 = kept[212];
+        let t5_233 = kept[213];
+        let t5_234 = kept[214];
+        let t5_235 = kept[215];
+        let t5_245 = kept[216];
+        let t5_249 = kept[217];
+        let t5_250 = kept[218];
         let t6_1 = (-t5_166).mul_add(t5_222, t5_250);
         let t6_2 = t5_194 * t5_169;
         let t6_3 = (-t5_228).mul_add(t5_173, t6_2);
@@ -9429,42 +9355,42 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t6_5 = like.lift(-0.5).mul_add(t6_4, t5_249);
         let t6_6 = t5_245 + t6_5;
         let t6_7 = t5_235 - t6_6;
-        let t6_8 = t2_154 * t4_50;
-        let t6_9 = (-t2_157).mul_add(t4_65, t6_8);
-        let t6_10 = t2_157 * t4_70;
-        let t6_11 = (-t2_159).mul_add(t4_73, t6_10);
+        let t6_8 = t2_155 * t4_50;
+        let t6_9 = (-t2_158).mul_add(t4_65, t6_8);
+        let t6_10 = t2_158 * t4_70;
+        let t6_11 = (-t2_160).mul_add(t4_73, t6_10);
         let t6_12 = t4_69 * t6_11;
-        let t6_13 = t2_159 * t4_78;
-        let t6_14 = t2_154.mul_add(t4_70, t6_13);
+        let t6_13 = t2_160 * t4_78;
+        let t6_14 = t2_155.mul_add(t4_70, t6_13);
         let t6_15 = (-t4_77).mul_add(t6_14, t6_12);
-        let t6_16 = t2_157 * t4_84;
-        let t6_17 = (-t2_159).mul_add(t4_69, t6_16);
+        let t6_16 = t2_158 * t4_84;
+        let t6_17 = (-t2_160).mul_add(t4_69, t6_16);
         let t6_18 = t6_17 * t4_73;
-        let t6_19 = t2_159 * t4_77;
-        let t6_20 = t2_154.mul_add(t4_84, t6_19);
+        let t6_19 = t2_160 * t4_77;
+        let t6_20 = t2_155.mul_add(t4_84, t6_19);
         let t6_21 = (-t6_20).mul_add(t4_78, t6_18);
         let t6_22 = t6_15 + t6_21;
         let t6_23 = like.lift(0.5).mul_add(t6_22, t6_9);
         let t6_24 = cos_u3_1 * t6_23;
         let t6_25 = like.lift(0.8660254037844386) * t6_24;
-        let t6_26 = t2_159 * t4_65;
-        let t6_27 = t2_154 * t4_182;
+        let t6_26 = t2_160 * t4_65;
+        let t6_27 = t2_155 * t4_182;
         let t6_28 = like.lift(-0.5).mul_add(t6_27, t6_26);
-        let t6_29 = t2_154 * t4_73;
-        let t6_30 = t2_157.mul_add(t4_78, t6_29);
+        let t6_29 = t2_155 * t4_73;
+        let t6_30 = t2_158.mul_add(t4_78, t6_29);
         let t6_31 = t4_77 * t6_30;
         let t6_32 = t4_84.mul_add(t6_11, t6_31);
-        let t6_33 = t2_154 * t4_69;
-        let t6_34 = t2_157.mul_add(t4_77, t6_33);
+        let t6_33 = t2_155 * t4_69;
+        let t6_34 = t2_158.mul_add(t4_77, t6_33);
         let t6_35 = t6_34 * t4_78;
         let t6_36 = t6_17.mul_add(t4_70, t6_35);
         let t6_37 = t6_32 + t6_36;
         let t6_38 = like.lift(-0.5).mul_add(t6_37, t6_28);
         let t6_39 = cos_u3_1 * t6_38;
         let t6_40 = like.lift(-0.5).mul_add(t6_39, t6_25);
-        let t6_41 = t2_157 * t4_182;
+        let t6_41 = t2_158 * t4_182;
         let t6_42 = like.lift(0.5) * t6_41;
-        let t6_43 = (-t2_159).mul_add(t4_50, t6_42);
+        let t6_43 = (-t2_160).mul_add(t4_50, t6_42);
         let t6_44 = t4_84 * t6_14;
         let t6_45 = t4_69.mul_add(t6_30, t6_44);
         let t6_46 = t6_20 * t4_70;
@@ -9508,7 +9434,7 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t6_84 = cos_u3_1 * t5_161;
         let t6_85 = like.lift(0.25).mul_add(t6_84, t6_83);
         let t6_86 = like.lift(0.5).mul_add(t6_81, -t6_85);
-        let t6_87 = t2_159 * t6_86;
+        let t6_87 = t2_160 * t6_86;
         let t6_88 = t5_177 * t6_53;
         let t6_89 = (-t5_185).mul_add(t6_61, t6_88);
         let t6_90 = t6_66 * t5_178;
@@ -9518,7 +9444,7 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t6_94 = sin_u3_1 * t5_216;
         let t6_95 = like.lift(0.5).mul_add(t6_94, t6_93);
         let t6_96 = like.lift(0.5).mul_add(t6_92, -t6_95);
-        let t6_97 = t2_157.mul_add(t6_96, t6_87);
+        let t6_97 = t2_158.mul_add(t6_96, t6_87);
         let t6_98 = t5_185 * t6_56;
         let t6_99 = t5_166.mul_add(t6_53, t6_98);
         let t6_100 = t6_69 * t5_169;
@@ -9529,327 +9455,321 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t6_105 = cos_u3_1 * t5_155;
         let t6_106 = like.lift(-0.4330127018922193).mul_add(t6_105, t6_104);
         let t6_107 = like.lift(0.5).mul_add(t6_102, -t6_106);
-        let t6_108 = (-t2_154).mul_add(t6_107, t6_97);
+        let t6_108 = (-t2_155).mul_add(t6_107, t6_97);
         let t6_109 = t6_76 - t6_108;
-        let t6_110 = t2_183 * t5_198;
-        let t6_111 = like.lift(-5.370700178508146).mul_add(t6_110, t6_7);
-        let t6_112 = like.lift(-0.5773502691896257).mul_add(t5_198, t5_233);
-        let t6_113 = (-t2_186).mul_add(t6_112, t6_111);
-        let t6_114 = t2_191 * t5_198;
-        let t6_115 = like.lift(-5.370700178508146).mul_add(t6_114, t6_109);
-        let t6_116 = (-t2_196).mul_add(t6_112, t6_115);
-        let t6_117 = (-t2_199).mul_add(t6_113, t6_116);
-        let t6_118 = (-t2_209).mul_add(t6_117, t4_162);
-        let t6_119 = (-t2_212).mul_add(t6_113, t4_234);
-        let t6_120 = t2_215.mul_add(t6_117, t6_119);
-        let t6_121 = (-t2_211).mul_add(t6_120, t6_118);
-        let t6_122 = t3_11.mul_add(t6_113, t5_131);
-        let t6_123 = t3_14.mul_add(t6_117, t6_122);
-        let t6_124 = t3_16.mul_add(t6_120, t6_123);
-        let t6_125 = t3_21.mul_add(t6_121, t6_124);
-        let t6_126 = (-t3_34).mul_add(t6_113, t5_29);
-        let t6_127 = t3_37.mul_add(t6_117, t6_126);
-        let t6_128 = (-t3_31).mul_add(t6_120, t6_127);
-        let t6_129 = t3_40.mul_add(t6_121, t6_128);
-        let t6_130 = t3_46.mul_add(t6_125, t6_129);
-        let t6_131 = inv_pivot_8 * t6_130;
-        let t6_132 = t3_30.mul_add(t6_131, t6_125);
-        let t6_133 = inv_pivot_7 * t6_132;
-        let t6_134 = t3_10.mul_add(t6_133, t6_121);
-        let t6_135 = t3_29.mul_add(t6_131, t6_134);
-        let t6_136 = inv_pivot_6 * t6_135;
-        let t6_137 = (-t2_208).mul_add(t6_136, t6_117);
-        let t6_138 = t3_6.mul_add(t6_133, t6_137);
-        let t6_139 = inv_pivot_4 * t6_138;
-        let t6_140 = t2_190.mul_add(t6_139, t6_113);
-        let t6_141 = t2_207.mul_add(t6_136, t6_140);
-        let t6_142 = t3_5.mul_add(t6_133, t6_141);
-        let t6_143 = inv_pivot_3 * t6_142;
-        let t6_144 = -t6_133;
-        let t6_145 = t2_216.mul_add(t6_136, t6_120);
-        let t6_146 = t3_9.mul_add(t6_133, t6_145);
-        let t6_147 = u_rod2_p2z * t6_131;
-        let t6_148 = like.lift(-0.1075).mul_add(t6_147, t6_146);
-        let t6_149 = inv_pivot_5 * t6_148;
-        let t6_150 = (-t2_104).mul_add(t6_143, t6_112);
-        let t6_151 = t2_189.mul_add(t6_139, t6_150);
-        let t6_152 = t2_203.mul_add(t6_136, t6_151);
-        let t6_153 = t3_1.mul_add(t6_133, t6_152);
-        let t6_154 = inv_pivot_2 * t6_153;
-        let t6_155 = t2_123.mul_add(t6_154, t5_198);
-        let t6_156 = (-t2_108).mul_add(t6_139, t6_155);
-        let t6_157 = (-t2_114).mul_add(t6_136, t6_156);
-        let t6_158 = t2_116.mul_add(t6_133, t6_157);
-        let t6_159 = t2_182 * t6_158;
-        let t6_160 = like.lift(5.370700178508146) * t6_159;
-        let t6_161 = -t6_154;
+        let t6_110 = (-t2_183).mul_add(t4_162, t5_29);
+        let t6_111 = (-t2_186).mul_add(t4_162, t4_234);
+        let t6_112 = (-t2_188).mul_add(t6_111, t6_110);
+        let t6_113 = t2_192.mul_add(t4_162, t5_131);
+        let t6_114 = t2_196.mul_add(t6_111, t6_113);
+        let t6_115 = t2_199.mul_add(t6_112, t6_114);
+        let t6_116 = (-t2_207).mul_add(t6_112, t6_109);
+        let t6_117 = t2_210.mul_add(t6_115, t6_116);
+        let t6_118 = t2_221.mul_add(t6_115, t5_198);
+        let t6_119 = (-t3_1).mul_add(t6_117, t6_118);
+        let t6_120 = (-t3_5).mul_add(t6_112, t6_7);
+        let t6_121 = (-t3_8).mul_add(t6_115, t6_120);
+        let t6_122 = (-t3_10).mul_add(t6_117, t6_121);
+        let t6_123 = t3_15.mul_add(t6_119, t6_122);
+        let t6_124 = (-t3_23).mul_add(t6_112, t5_233);
+        let t6_125 = (-t3_26).mul_add(t6_115, t6_124);
+        let t6_126 = (-t3_28).mul_add(t6_117, t6_125);
+        let t6_127 = t3_33.mul_add(t6_119, t6_126);
+        let t6_128 = (-t3_37).mul_add(t6_123, t6_127);
+        let t6_129 = inv_pivot_8 * t6_128;
+        let t6_130 = (-t3_22).mul_add(t6_129, t6_123);
+        let t6_131 = inv_pivot_7 * t6_130;
+        let t6_132 = (-t3_4).mul_add(t6_131, t6_119);
+        let t6_133 = t3_21.mul_add(t6_129, t6_132);
+        let t6_134 = inv_pivot_6 * t6_133;
+        let t6_135 = (-t2_220).mul_add(t6_134, t6_117);
+        let t6_136 = (-t2_173).mul_add(t6_131, t6_135);
+        let t6_137 = (-t2_178).mul_add(t6_129, t6_136);
+        let t6_138 = inv_pivot_5 * t6_137;
+        let t6_139 = t2_206.mul_add(t6_138, t6_115);
+        let t6_140 = t2_219.mul_add(t6_134, t6_139);
+        let t6_141 = inv_pivot_4 * t6_140;
+        let t6_142 = (-t2_191).mul_add(t6_141, t6_112);
+        let t6_143 = (-t2_205).mul_add(t6_138, t6_142);
+        let t6_144 = t2_215.mul_add(t6_134, t6_143);
+        let t6_145 = inv_pivot_3 * t6_144;
+        let t6_146 = -t6_141;
+        let t6_147 = (-t2_9).mul_add(t6_145, t6_111);
+        let t6_148 = (-t2_190).mul_add(t6_141, t6_147);
+        let t6_149 = (-t2_202).mul_add(t6_138, t6_148);
+        let t6_150 = t2_214.mul_add(t6_134, t6_149);
+        let t6_151 = inv_pivot_2 * t6_150;
+        let t6_152 = u_rod2_p2z * t6_151;
+        let t6_153 = like.lift(0.18619546181365432).mul_add(t6_152, t4_162);
+        let t6_154 = t2_28.mul_add(t6_141, t6_153);
+        let t6_155 = (-t2_30).mul_add(t6_138, t6_154);
+        let t6_156 = (-t2_22).mul_add(t6_134, t6_155);
+        let t6_157 = inv_pivot_1 * t6_156;
+        let t6_158 = -t6_129;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(6.287381471191513)).abs()
-            .min((pivot_2 * like.lift(4.054300853983487)).abs())
-            .min((pivot_3 * like.lift(5.1354731598256045)).abs())
-            .min((pivot_4 * like.lift(1.1136124389030184)).abs())
-            .min((t2_60 * like.lift(5.490928143318305)).abs())
-            .min((pivot_6 * like.lift(5.005772724016506)).abs())
-            .min((pivot_7 * like.lift(1.2292368551614257)).abs())
-            .min((pivot_8 * like.lift(6.313131313131312)).abs());
+        let margin = (pivot_1 * like.lift(8.169180195158923)).abs()
+            .min((t3_75 * like.lift(2.9578447349824133)).abs())
+            .min((pivot_3 * like.lift(4.709626127302084)).abs())
+            .min((pivot_4 * like.lift(1.7298389090997555)).abs())
+            .min((pivot_5 * like.lift(1.2416410909468296)).abs())
+            .min((pivot_6 * like.lift(4.677980223697912)).abs())
+            .min((pivot_7 * like.lift(5.873901159537709)).abs())
+            .min((pivot_8 * like.lift(4.02802513388111)).abs());
         let ([
-            [al_u1_1x], [al_rod1y], [t6_162], [t6_163], [al_u2_1x], [al_rod2y], [al_u3_1x],
+            [al_u1_1x], [al_rod1y], [t6_159], [t6_160], [al_u2_1x], [al_rod2y], [al_u3_1x],
             [al_rod3y],
         ], found) = ::regen_runtime::guarded(
-            [[t6_143], [t6_139], [t6_136], [t6_144], [t6_131], [t6_149], [t6_160], [t6_161]],
+            [[t6_145], [t6_134], [t6_146], [t6_138], [t6_151], [t6_157], [t6_131], [t6_158]],
             margin,
             || (
                 [
-                    [like.lift(0.0), t2_22, t2_28, t2_30, t2_32, t2_39, like.lift(0.0), like.lift(0.0)],
-                    [t2_40, t2_47, t2_50, t2_53, t2_55, t2_60, like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), t2_22, t2_28, t2_30, t2_32, pivot_1, like.lift(0.0), like.lift(0.0)],
+                    [t2_39, t2_46, t2_49, t2_52, t2_54, t2_60, like.lift(0.0), like.lift(0.0)],
                     [t2_21, t2_62, t2_64, t2_66, t2_68, t2_72, like.lift(0.0), like.lift(0.0)],
                     [t2_81, t2_92, t2_92, t2_95, t2_97, t2_102, like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), t2_108, t2_114, t2_116, like.lift(0.0), like.lift(0.0), pivot_1, t2_123],
-                    [t2_124, t2_127, t2_130, t2_133, like.lift(0.0), like.lift(0.0), t2_135, t2_140],
-                    [t2_107, t2_142, t2_144, t2_146, like.lift(0.0), like.lift(0.0), t2_148, t2_153],
-                    [t2_158, t2_167, t2_167, t2_170, like.lift(0.0), like.lift(0.0), t2_172, t2_178],
+                    [like.lift(0.0), t2_108, t2_114, t2_116, like.lift(0.0), like.lift(0.0), t2_117, t2_124],
+                    [t2_125, t2_128, t2_131, t2_134, like.lift(0.0), like.lift(0.0), t2_136, t2_141],
+                    [t2_107, t2_143, t2_145, t2_147, like.lift(0.0), like.lift(0.0), t2_149, t2_154],
+                    [t2_159, t2_168, t2_168, t2_171, like.lift(0.0), like.lift(0.0), t2_173, t2_179],
                 ],
                 [[t4_162], [t4_235], [t5_29], [t5_132], [t5_198], [t5_234], [t6_7], [t6_109]],
             ),
         );
         condition = condition.min(found);
-        kept[215] = al_u1_1x;
-        kept[216] = al_rod1y;
-        kept[217] = t6_162;
-        kept[218] = t6_163;
-        kept[219] = al_u2_1x;
-        kept[220] = al_rod2y;
-        kept[221] = al_u3_1x;
-        kept[222] = al_rod3y;
+        kept[219] = al_u1_1x;
+        kept[220] = al_rod1y;
+        kept[221] = t6_159;
+        kept[222] = t6_160;
+        kept[223] = al_u2_1x;
+        kept[224] = al_rod2y;
+        kept[225] = al_u3_1x;
+        kept[226] = al_rod3y;
     }
     // loops: solve with A_e (Eq. 8, 10)
     {
         let sin_u1_2 = kept[1];
         let cos_u1_2 = kept[2];
-        let t2_21 = kept[18];
-        let t2_22 = kept[19];
-        let t2_28 = kept[22];
-        let t2_30 = kept[23];
-        let u_rod2_p2z = kept[28];
+        let t2_9 = kept[15];
+        let t2_21 = kept[19];
+        let t2_22 = kept[20];
+        let t2_28 = kept[23];
+        let t2_30 = kept[24];
+        let u_rod2_p2z = kept[29];
         let t2_32 = kept[30];
-        let t2_39 = kept[32];
-        let t2_40 = kept[33];
-        let t2_47 = kept[36];
-        let t2_50 = kept[37];
-        let t2_53 = kept[39];
-        let t2_55 = kept[40];
-        let t2_60 = kept[42];
-        let t2_62 = kept[44];
-        let t2_64 = kept[46];
-        let t2_66 = kept[47];
-        let t2_68 = kept[48];
-        let t2_72 = kept[49];
-        let t2_81 = kept[52];
-        let t2_92 = kept[54];
-        let t2_95 = kept[55];
-        let t2_97 = kept[56];
-        let t2_102 = kept[57];
-        let t2_104 = kept[58];
-        let t2_107 = kept[59];
-        let t2_108 = kept[60];
-        let t2_114 = kept[63];
-        let t2_116 = kept[64];
-        let pivot_1 = kept[70];
-        let t2_123 = kept[72];
-        let t2_124 = kept[73];
-        let t2_127 = kept[75];
-        let t2_130 = kept[76];
-        let t2_133 = kept[78];
-        let t2_135 = kept[79];
-        let t2_140 = kept[81];
-        let t2_142 = kept[82];
-        let t2_144 = kept[83];
-        let t2_146 = kept[84];
-        let t2_148 = kept[85];
-        let t2_153 = kept[86];
-        let t2_158 = kept[89];
-        let t2_167 = kept[91];
-        let t2_170 = kept[92];
-        let t2_172 = kept[93];
-        let t2_178 = kept[94];
-        let t2_182 = kept[98];
-        let pivot_2 = kept[100];
-        let inv_pivot_2 = kept[101];
-        let pivot_3 = kept[103];
-        let inv_pivot_3 = kept[104];
-        let t2_189 = kept[105];
-        let t2_190 = kept[106];
-        let t2_199 = kept[109];
-        let pivot_4 = kept[110];
-        let inv_pivot_4 = kept[111];
-        let t2_203 = kept[113];
-        let t2_207 = kept[114];
-        let t2_208 = kept[115];
-        let t2_209 = kept[116];
-        let inv_pivot_5 = kept[117];
-        let t2_211 = kept[118];
-        let t2_212 = kept[119];
-        let t2_215 = kept[120];
-        let t2_216 = kept[121];
-        let pivot_6 = kept[122];
-        let inv_pivot_6 = kept[123];
-        let t3_1 = kept[127];
-        let t3_5 = kept[128];
-        let t3_6 = kept[129];
-        let t3_9 = kept[130];
-        let t3_10 = kept[131];
-        let t3_11 = kept[132];
-        let t3_14 = kept[133];
-        let t3_16 = kept[134];
-        let t3_21 = kept[135];
-        let pivot_7 = kept[136];
-        let inv_pivot_7 = kept[137];
-        let t3_29 = kept[138];
-        let t3_30 = kept[139];
-        let t3_31 = kept[140];
-        let t3_34 = kept[141];
-        let t3_37 = kept[142];
-        let t3_40 = kept[143];
-        let t3_46 = kept[144];
-        let pivot_8 = kept[145];
-        let inv_pivot_8 = kept[146];
-        let t3_85 = kept[147];
-        let t3_86 = kept[148];
-        let al_u1_1x = kept[215];
+        let pivot_1 = kept[32];
+        let t2_39 = kept[33];
+        let t2_46 = kept[36];
+        let t2_49 = kept[37];
+        let t2_52 = kept[38];
+        let t2_54 = kept[39];
+        let t2_60 = kept[41];
+        let t2_62 = kept[42];
+        let t2_64 = kept[43];
+        let t2_66 = kept[44];
+        let t2_68 = kept[45];
+        let t2_72 = kept[46];
+        let t2_81 = kept[49];
+        let t2_92 = kept[51];
+        let t2_95 = kept[52];
+        let t2_97 = kept[53];
+        let t2_102 = kept[54];
+        let t2_107 = kept[56];
+        let t2_108 = kept[57];
+        let t2_114 = kept[60];
+        let t2_116 = kept[61];
+        let t2_117 = kept[67];
+        let t2_124 = kept[69];
+        let t2_125 = kept[70];
+        let t2_128 = kept[72];
+        let t2_131 = kept[73];
+        let t2_134 = kept[75];
+        let t2_136 = kept[77];
+        let t2_141 = kept[79];
+        let t2_143 = kept[81];
+        let t2_145 = kept[83];
+        let t2_147 = kept[84];
+        let t2_149 = kept[85];
+        let t2_154 = kept[87];
+        let t2_159 = kept[90];
+        let t2_168 = kept[92];
+        let t2_171 = kept[93];
+        let t2_173 = kept[94];
+        let t2_178 = kept[95];
+        let t2_179 = kept[96];
+        let inv_pivot_1 = kept[100];
+        let inv_pivot_2 = kept[104];
+        let pivot_3 = kept[106];
+        let inv_pivot_3 = kept[107];
+        let t2_190 = kept[108];
+        let t2_191 = kept[109];
+        let t2_199 = kept[112];
+        let pivot_4 = kept[113];
+        let inv_pivot_4 = kept[114];
+        let t2_202 = kept[116];
+        let t2_205 = kept[117];
+        let t2_206 = kept[118];
+        let t2_207 = kept[119];
+        let t2_210 = kept[120];
+        let pivot_5 = kept[121];
+        let inv_pivot_5 = kept[122];
+        let t2_214 = kept[124];
+        let t2_215 = kept[125];
+        let t2_219 = kept[126];
+        let t2_220 = kept[127];
+        let t2_221 = kept[128];
+        let t3_1 = kept[131];
+        let pivot_6 = kept[132];
+        let inv_pivot_6 = kept[133];
+        let t3_4 = kept[134];
+        let t3_5 = kept[135];
+        let t3_8 = kept[136];
+        let t3_10 = kept[137];
+        let t3_15 = kept[138];
+        let pivot_7 = kept[139];
+        let inv_pivot_7 = kept[140];
+        let t3_21 = kept[141];
+        let t3_22 = kept[142];
+        let t3_23 = kept[143];
+        let t3_26 = kept[144];
+        let t3_28 = kept[145];
+        let t3_33 = kept[146];
+        let t3_37 = kept[147];
+        let pivot_8 = kept[148];
+        let inv_pivot_8 = kept[149];
+        let t3_75 = kept[150];
+        let t3_76 = kept[151];
+        let t3_77 = kept[152];
+        let al_u1_1x = kept[219];
         let t7_1 = cos_u1_2 * al_u1_1x;
         let w_rod1z = sin_u1_2 * d_u1_1;
-        let t7_2 = w_rod1z * t3_86;
-        let t7_3 = sin_u1_2 * t3_85;
+        let t7_2 = w_rod1z * t3_77;
+        let t7_3 = sin_u1_2 * t3_76;
         let t7_4 = d_u1_2.mul_add(t7_3, t7_2);
         let t7_5 = like.lift(0.5) * t7_4;
         let al_rod1x = t7_1 - t7_5;
-        let t7_6 = t2_199 * t2_209;
-        let t7_7 = t2_199.mul_add(t2_215, t2_212);
-        let t7_8 = t2_211.mul_add(t7_7, t7_6);
-        let t7_9 = (-t2_199).mul_add(t3_14, t3_11);
-        let t7_10 = (-t3_16).mul_add(t7_7, t7_9);
-        let t7_11 = t7_8.mul_add(t3_21, t7_10);
-        let t7_12 = like.lift(1.0) - t3_34;
-        let t7_13 = t2_199 * t3_37;
-        let t7_14 = t7_12 - t7_13;
-        let t7_15 = t3_31 * t7_7;
-        let t7_16 = t7_14 + t7_15;
-        let t7_17 = t7_8 * t3_40;
-        let t7_18 = t7_16 + t7_17;
-        let t7_19 = t7_11 * t3_46;
-        let t7_20 = t7_18 + t7_19;
-        let t7_21 = t7_20 * inv_pivot_8;
-        let t7_22 = t3_30.mul_add(t7_21, t7_11);
-        let t7_23 = inv_pivot_7 * t7_22;
-        let t7_24 = t3_10.mul_add(t7_23, t7_8);
-        let t7_25 = t3_29.mul_add(t7_21, t7_24);
-        let t7_26 = inv_pivot_6 * t7_25;
-        let t7_27 = t2_208.mul_add(t7_26, t2_199);
-        let t7_28 = (-t3_6).mul_add(t7_23, t7_27);
-        let t7_29 = inv_pivot_4 * t7_28;
-        let t7_30 = (-t2_190).mul_add(t7_29, like.lift(1.0));
-        let t7_31 = t2_207.mul_add(t7_26, t7_30);
-        let t7_32 = t3_5.mul_add(t7_23, t7_31);
-        let t7_33 = inv_pivot_3 * t7_32;
-        let t7_34 = -t7_33;
-        let t7_35 = t3_30 * inv_pivot_8;
-        let t7_36 = inv_pivot_7 * t7_35;
-        let t7_37 = t3_10 * t7_36;
-        let t7_38 = t3_29.mul_add(inv_pivot_8, t7_37);
-        let t7_39 = inv_pivot_6 * t7_38;
-        let t7_40 = t2_208 * t7_39;
-        let t7_41 = (-t3_6).mul_add(t7_36, t7_40);
-        let t7_42 = inv_pivot_4 * t7_41;
-        let t7_43 = t2_190 * t7_42;
-        let t7_44 = (-t2_207).mul_add(t7_39, t7_43);
-        let t7_45 = (-t3_5).mul_add(t7_36, t7_44);
-        let t7_46 = inv_pivot_3 * t7_45;
-        let t7_47 = -t7_46;
-        let t7_48 = t3_34 + t7_13;
-        let t7_49 = t7_48 - t7_15;
-        let t7_50 = t7_49 - t7_17;
-        let t7_51 = t7_50 - t7_19;
-        let t7_52 = t7_51 * inv_pivot_8;
-        let t7_53 = (-t3_30).mul_add(t7_52, t7_11);
-        let t7_54 = inv_pivot_7 * t7_53;
-        let t7_55 = t3_10.mul_add(t7_54, t7_8);
-        let t7_56 = (-t3_29).mul_add(t7_52, t7_55);
-        let t7_57 = inv_pivot_6 * t7_56;
-        let t7_58 = t2_208.mul_add(t7_57, t2_199);
-        let t7_59 = (-t3_6).mul_add(t7_54, t7_58);
-        let t7_60 = inv_pivot_4 * t7_59;
-        let t7_61 = (-t2_190).mul_add(t7_60, like.lift(1.0));
-        let t7_62 = t2_207.mul_add(t7_57, t7_61);
-        let t7_63 = t3_5.mul_add(t7_54, t7_62);
-        let t7_64 = inv_pivot_3 * t7_63;
-        let t7_65 = -t7_42;
-        let t7_66 = -t7_60;
-        let t7_67 = -t7_26;
-        let t7_68 = -t7_36;
-        let t7_69 = -t7_54;
-        let t7_70 = -t7_21;
-        let t7_71 = -t7_52;
-        let t7_72 = (-t2_216).mul_add(t7_26, t7_7);
-        let t7_73 = (-t3_9).mul_add(t7_23, t7_72);
-        let t7_74 = u_rod2_p2z * t7_21;
-        let t7_75 = like.lift(0.1075).mul_add(t7_74, t7_73);
-        let t7_76 = inv_pivot_5 * t7_75;
-        let t7_77 = t2_216 * t7_39;
-        let t7_78 = t3_9.mul_add(t7_36, t7_77);
-        let t7_79 = u_rod2_p2z * inv_pivot_8;
-        let t7_80 = like.lift(-0.1075).mul_add(t7_79, t7_78);
-        let t7_81 = inv_pivot_5 * t7_80;
-        let t7_82 = (-t2_216).mul_add(t7_57, t7_7);
-        let t7_83 = (-t3_9).mul_add(t7_54, t7_82);
-        let t7_84 = u_rod2_p2z * t7_52;
-        let t7_85 = like.lift(-0.1075).mul_add(t7_84, t7_83);
-        let t7_86 = inv_pivot_5 * t7_85;
-        let t7_87 = -t7_86;
-        let t7_88 = t2_104 * t7_33;
-        let t7_89 = t2_189.mul_add(t7_29, t7_88);
-        let t7_90 = (-t2_203).mul_add(t7_26, t7_89);
-        let t7_91 = (-t3_1).mul_add(t7_23, t7_90);
-        let t7_92 = inv_pivot_2 * t7_91;
-        let t7_93 = t2_123 * t7_92;
-        let t7_94 = (-t2_108).mul_add(t7_29, t7_93);
-        let t7_95 = t2_114.mul_add(t7_26, t7_94);
-        let t7_96 = (-t2_116).mul_add(t7_23, t7_95);
-        let t7_97 = t2_182 * t7_96;
-        let t7_98 = like.lift(5.370700178508146) * t7_97;
-        let t7_99 = t2_104 * t7_46;
-        let t7_100 = (-t2_189).mul_add(t7_42, t7_99);
-        let t7_101 = t2_203.mul_add(t7_39, t7_100);
-        let t7_102 = t3_1.mul_add(t7_36, t7_101);
-        let t7_103 = inv_pivot_2 * t7_102;
-        let t7_104 = t2_123 * t7_103;
-        let t7_105 = t2_108.mul_add(t7_42, t7_104);
-        let t7_106 = (-t2_114).mul_add(t7_39, t7_105);
-        let t7_107 = t2_116.mul_add(t7_36, t7_106);
-        let t7_108 = t2_182 * t7_107;
-        let t7_109 = like.lift(5.370700178508146) * t7_108;
-        let t7_110 = t2_104 * t7_64;
-        let t7_111 = t2_189.mul_add(t7_60, t7_110);
-        let t7_112 = (-t2_203).mul_add(t7_57, t7_111);
-        let t7_113 = (-t3_1).mul_add(t7_54, t7_112);
-        let t7_114 = inv_pivot_2 * t7_113;
-        let t7_115 = t2_123 * t7_114;
-        let t7_116 = (-t2_108).mul_add(t7_60, t7_115);
-        let t7_117 = t2_114.mul_add(t7_57, t7_116);
-        let t7_118 = (-t2_116).mul_add(t7_54, t7_117);
-        let t7_119 = t2_182 * t7_118;
-        let t7_120 = like.lift(5.370700178508146) * t7_119;
-        let t7_121 = -t7_120;
-        let t7_122 = -t7_92;
-        let t7_123 = -t7_103;
+        let t7_6 = (-t2_199).mul_add(t2_210, t2_207);
+        let t7_7 = t2_199 * t2_221;
+        let t7_8 = t7_6.mul_add(t3_1, t7_7);
+        let t7_9 = like.lift(1.0) - t3_5;
+        let t7_10 = t2_199 * t3_8;
+        let t7_11 = t7_9 - t7_10;
+        let t7_12 = t7_6 * t3_10;
+        let t7_13 = t7_11 + t7_12;
+        let t7_14 = t7_8 * t3_15;
+        let t7_15 = t7_13 + t7_14;
+        let t7_16 = t2_199.mul_add(t3_26, t3_23);
+        let t7_17 = (-t7_6).mul_add(t3_28, t7_16);
+        let t7_18 = (-t7_8).mul_add(t3_33, t7_17);
+        let t7_19 = t7_15.mul_add(t3_37, t7_18);
+        let t7_20 = t7_19 * inv_pivot_8;
+        let t7_21 = t3_22.mul_add(t7_20, t7_15);
+        let t7_22 = inv_pivot_7 * t7_21;
+        let t7_23 = (-t3_4).mul_add(t7_22, t7_8);
+        let t7_24 = (-t3_21).mul_add(t7_20, t7_23);
+        let t7_25 = inv_pivot_6 * t7_24;
+        let t7_26 = t2_220.mul_add(t7_25, t7_6);
+        let t7_27 = t2_173.mul_add(t7_22, t7_26);
+        let t7_28 = (-t2_178).mul_add(t7_20, t7_27);
+        let t7_29 = inv_pivot_5 * t7_28;
+        let t7_30 = (-t2_206).mul_add(t7_29, t2_199);
+        let t7_31 = t2_219.mul_add(t7_25, t7_30);
+        let t7_32 = inv_pivot_4 * t7_31;
+        let t7_33 = (-t2_191).mul_add(t7_32, like.lift(1.0));
+        let t7_34 = t2_205.mul_add(t7_29, t7_33);
+        let t7_35 = t2_215.mul_add(t7_25, t7_34);
+        let t7_36 = inv_pivot_3 * t7_35;
+        let t7_37 = -t7_36;
+        let t7_38 = t3_5 + t7_10;
+        let t7_39 = t7_38 - t7_12;
+        let t7_40 = t7_39 - t7_14;
+        let t7_41 = (-t7_40).mul_add(t3_37, t7_18);
+        let t7_42 = t7_41 * inv_pivot_8;
+        let t7_43 = (-t3_22).mul_add(t7_42, t7_40);
+        let t7_44 = inv_pivot_7 * t7_43;
+        let t7_45 = t3_4.mul_add(t7_44, t7_8);
+        let t7_46 = (-t3_21).mul_add(t7_42, t7_45);
+        let t7_47 = inv_pivot_6 * t7_46;
+        let t7_48 = t2_220.mul_add(t7_47, t7_6);
+        let t7_49 = (-t2_173).mul_add(t7_44, t7_48);
+        let t7_50 = (-t2_178).mul_add(t7_42, t7_49);
+        let t7_51 = inv_pivot_5 * t7_50;
+        let t7_52 = (-t2_206).mul_add(t7_51, t2_199);
+        let t7_53 = t2_219.mul_add(t7_47, t7_52);
+        let t7_54 = inv_pivot_4 * t7_53;
+        let t7_55 = (-t2_191).mul_add(t7_54, like.lift(1.0));
+        let t7_56 = t2_205.mul_add(t7_51, t7_55);
+        let t7_57 = t2_215.mul_add(t7_47, t7_56);
+        let t7_58 = inv_pivot_3 * t7_57;
+        let t7_59 = t3_37 * inv_pivot_8;
+        let t7_60 = t3_22.mul_add(t7_59, like.lift(1.0));
+        let t7_61 = inv_pivot_7 * t7_60;
+        let t7_62 = t3_4 * t7_61;
+        let t7_63 = t3_21.mul_add(t7_59, t7_62);
+        let t7_64 = inv_pivot_6 * t7_63;
+        let t7_65 = t2_220 * t7_64;
+        let t7_66 = (-t2_173).mul_add(t7_61, t7_65);
+        let t7_67 = t2_178.mul_add(t7_59, t7_66);
+        let t7_68 = inv_pivot_5 * t7_67;
+        let t7_69 = t2_206 * t7_68;
+        let t7_70 = (-t2_219).mul_add(t7_64, t7_69);
+        let t7_71 = inv_pivot_4 * t7_70;
+        let t7_72 = t2_191 * t7_71;
+        let t7_73 = t2_205.mul_add(t7_68, t7_72);
+        let t7_74 = t2_215.mul_add(t7_64, t7_73);
+        let t7_75 = inv_pivot_3 * t7_74;
+        let t7_76 = -t7_75;
+        let t7_77 = -t7_25;
+        let t7_78 = -t7_64;
+        let t7_79 = -t7_54;
+        let t7_80 = -t7_71;
+        let t7_81 = -t7_51;
+        let t7_82 = t2_9 * t7_36;
+        let t7_83 = t2_190.mul_add(t7_32, t7_82);
+        let t7_84 = (-t2_202).mul_add(t7_29, t7_83);
+        let t7_85 = (-t2_214).mul_add(t7_25, t7_84);
+        let t7_86 = inv_pivot_2 * t7_85;
+        let t7_87 = t2_9 * t7_58;
+        let t7_88 = t2_190.mul_add(t7_54, t7_87);
+        let t7_89 = (-t2_202).mul_add(t7_51, t7_88);
+        let t7_90 = (-t2_214).mul_add(t7_47, t7_89);
+        let t7_91 = inv_pivot_2 * t7_90;
+        let t7_92 = -t7_91;
+        let t7_93 = t2_9 * t7_75;
+        let t7_94 = (-t2_190).mul_add(t7_71, t7_93);
+        let t7_95 = (-t2_202).mul_add(t7_68, t7_94);
+        let t7_96 = (-t2_214).mul_add(t7_64, t7_95);
+        let t7_97 = inv_pivot_2 * t7_96;
+        let t7_98 = u_rod2_p2z * t7_86;
+        let t7_99 = like.lift(0.18619546181365432) * t7_98;
+        let t7_100 = (-t2_28).mul_add(t7_32, t7_99);
+        let t7_101 = (-t2_30).mul_add(t7_29, t7_100);
+        let t7_102 = t2_22.mul_add(t7_25, t7_101);
+        let t7_103 = inv_pivot_1 * t7_102;
+        let t7_104 = u_rod2_p2z * t7_91;
+        let t7_105 = like.lift(0.18619546181365432) * t7_104;
+        let t7_106 = (-t2_28).mul_add(t7_54, t7_105);
+        let t7_107 = (-t2_30).mul_add(t7_51, t7_106);
+        let t7_108 = t2_22.mul_add(t7_47, t7_107);
+        let t7_109 = inv_pivot_1 * t7_108;
+        let t7_110 = -t7_109;
+        let t7_111 = u_rod2_p2z * t7_97;
+        let t7_112 = like.lift(0.18619546181365432) * t7_111;
+        let t7_113 = t2_28.mul_add(t7_71, t7_112);
+        let t7_114 = (-t2_30).mul_add(t7_68, t7_113);
+        let t7_115 = t2_22.mul_add(t7_64, t7_114);
+        let t7_116 = inv_pivot_1 * t7_115;
+        let t7_117 = -t7_22;
+        let t7_118 = -t7_44;
+        let t7_119 = -t7_20;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(6.287381471191513)).abs()
-            .min((pivot_2 * like.lift(4.054300853983487)).abs())
-            .min((pivot_3 * like.lift(5.1354731598256045)).abs())
-            .min((pivot_4 * like.lift(1.1136124389030184)).abs())
-            .min((t2_60 * like.lift(5.490928143318305)).abs())
-            .min((pivot_6 * like.lift(5.005772724016506)).abs())
-            .min((pivot_7 * like.lift(1.2292368551614257)).abs())
-            .min((pivot_8 * like.lift(6.313131313131312)).abs());
+        let margin = (pivot_1 * like.lift(8.169180195158923)).abs()
+            .min((t3_75 * like.lift(2.9578447349824133)).abs())
+            .min((pivot_3 * like.lift(4.709626127302084)).abs())
+            .min((pivot_4 * like.lift(1.7298389090997555)).abs())
+            .min((pivot_5 * like.lift(1.2416410909468296)).abs())
+            .min((pivot_6 * like.lift(4.677980223697912)).abs())
+            .min((pivot_7 * like.lift(5.873901159537709)).abs())
+            .min((pivot_8 * like.lift(4.02802513388111)).abs());
         let ([
             [x_u1_1_p1, x_u1_1_p2, x_u1_1_p3], [x_u1_2_p1, x_u1_2_p2, x_u1_2_p3],
             [x_e1y_p1, x_e1y_p2, x_e1y_p3], [x_e1x_p1, x_e1x_p2, x_e1x_p3],
@@ -9857,21 +9777,21 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
             [x_u3_1_p1, x_u3_1_p2, x_u3_1_p3], [x_u3_2_p1, x_u3_2_p2, x_u3_2_p3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t7_34, t7_47, t7_64], [t7_29, t7_65, t7_66], [t7_67, t7_39, t7_57],
-                [t7_23, t7_68, t7_69], [t7_70, inv_pivot_8, t7_71], [t7_76, t7_81, t7_87],
-                [t7_98, t7_109, t7_121], [t7_122, t7_123, t7_114],
+                [t7_37, t7_58, t7_76], [t7_77, t7_47, t7_78], [t7_32, t7_79, t7_80],
+                [t7_29, t7_81, t7_68], [t7_86, t7_92, t7_97], [t7_103, t7_110, t7_116],
+                [t7_117, t7_118, t7_61], [t7_119, t7_42, t7_59],
             ],
             margin,
             || (
                 [
-                    [like.lift(0.0), t2_22, t2_28, t2_30, t2_32, t2_39, like.lift(0.0), like.lift(0.0)],
-                    [t2_40, t2_47, t2_50, t2_53, t2_55, t2_60, like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), t2_22, t2_28, t2_30, t2_32, pivot_1, like.lift(0.0), like.lift(0.0)],
+                    [t2_39, t2_46, t2_49, t2_52, t2_54, t2_60, like.lift(0.0), like.lift(0.0)],
                     [t2_21, t2_62, t2_64, t2_66, t2_68, t2_72, like.lift(0.0), like.lift(0.0)],
                     [t2_81, t2_92, t2_92, t2_95, t2_97, t2_102, like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), t2_108, t2_114, t2_116, like.lift(0.0), like.lift(0.0), pivot_1, t2_123],
-                    [t2_124, t2_127, t2_130, t2_133, like.lift(0.0), like.lift(0.0), t2_135, t2_140],
-                    [t2_107, t2_142, t2_144, t2_146, like.lift(0.0), like.lift(0.0), t2_148, t2_153],
-                    [t2_158, t2_167, t2_167, t2_170, like.lift(0.0), like.lift(0.0), t2_172, t2_178],
+                    [like.lift(0.0), t2_108, t2_114, t2_116, like.lift(0.0), like.lift(0.0), t2_117, t2_124],
+                    [t2_125, t2_128, t2_131, t2_134, like.lift(0.0), like.lift(0.0), t2_136, t2_141],
+                    [t2_107, t2_143, t2_145, t2_147, like.lift(0.0), like.lift(0.0), t2_149, t2_154],
+                    [t2_159, t2_168, t2_168, t2_171, like.lift(0.0), like.lift(0.0), t2_173, t2_179],
                 ],
                 [
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -9886,36 +9806,36 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
             ),
         );
         condition = condition.min(found);
-        kept[223] = t7_1;
-        kept[224] = w_rod1z;
-        kept[225] = t7_3;
-        kept[226] = t7_4;
-        kept[227] = t7_5;
-        kept[228] = al_rod1x;
-        kept[229] = x_u1_1_p1;
-        kept[230] = x_u1_1_p2;
-        kept[231] = x_u1_1_p3;
-        kept[232] = x_u1_2_p1;
-        kept[233] = x_u1_2_p2;
-        kept[234] = x_u1_2_p3;
-        kept[235] = x_e1y_p1;
-        kept[236] = x_e1y_p2;
-        kept[237] = x_e1y_p3;
-        kept[238] = x_e1x_p1;
-        kept[239] = x_e1x_p2;
-        kept[240] = x_e1x_p3;
-        kept[241] = x_u2_1_p1;
-        kept[242] = x_u2_1_p2;
-        kept[243] = x_u2_1_p3;
-        kept[244] = x_u2_2_p1;
-        kept[245] = x_u2_2_p2;
-        kept[246] = x_u2_2_p3;
-        kept[247] = x_u3_1_p1;
-        kept[248] = x_u3_1_p2;
-        kept[249] = x_u3_1_p3;
-        kept[250] = x_u3_2_p1;
-        kept[251] = x_u3_2_p2;
-        kept[252] = x_u3_2_p3;
+        kept[227] = t7_1;
+        kept[228] = w_rod1z;
+        kept[229] = t7_3;
+        kept[230] = t7_4;
+        kept[231] = t7_5;
+        kept[232] = al_rod1x;
+        kept[233] = x_u1_1_p1;
+        kept[234] = x_u1_1_p2;
+        kept[235] = x_u1_1_p3;
+        kept[236] = x_u1_2_p1;
+        kept[237] = x_u1_2_p2;
+        kept[238] = x_u1_2_p3;
+        kept[239] = x_e1y_p1;
+        kept[240] = x_e1y_p2;
+        kept[241] = x_e1y_p3;
+        kept[242] = x_e1x_p1;
+        kept[243] = x_e1x_p2;
+        kept[244] = x_e1x_p3;
+        kept[245] = x_u2_1_p1;
+        kept[246] = x_u2_1_p2;
+        kept[247] = x_u2_1_p3;
+        kept[248] = x_u2_2_p1;
+        kept[249] = x_u2_2_p2;
+        kept[250] = x_u2_2_p3;
+        kept[251] = x_u3_1_p1;
+        kept[252] = x_u3_1_p2;
+        kept[253] = x_u3_1_p3;
+        kept[254] = x_u3_2_p1;
+        kept[255] = x_u3_2_p2;
+        kept[256] = x_u3_2_p3;
     }
     // body rod1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
@@ -9925,29 +9845,29 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let sin_u1_1 = kept[3];
         let cos_u1_1 = kept[4];
         let u_rod1_p1z = kept[14];
-        let t3_85 = kept[147];
-        let t3_86 = kept[148];
-        let al_u1_1x = kept[215];
-        let al_rod1y = kept[216];
-        let t7_1 = kept[223];
-        let w_rod1z = kept[224];
-        let t7_3 = kept[225];
-        let t7_4 = kept[226];
-        let t7_5 = kept[227];
-        let al_rod1x = kept[228];
-        let x_u1_1_p1 = kept[229];
-        let x_u1_1_p2 = kept[230];
-        let x_u1_1_p3 = kept[231];
-        let x_u1_2_p1 = kept[232];
-        let x_u1_2_p2 = kept[233];
-        let x_u1_2_p3 = kept[234];
+        let t3_76 = kept[151];
+        let t3_77 = kept[152];
+        let al_u1_1x = kept[219];
+        let al_rod1y = kept[220];
+        let t7_1 = kept[227];
+        let w_rod1z = kept[228];
+        let t7_3 = kept[229];
+        let t7_4 = kept[230];
+        let t7_5 = kept[231];
+        let al_rod1x = kept[232];
+        let x_u1_1_p1 = kept[233];
+        let x_u1_1_p2 = kept[234];
+        let x_u1_1_p3 = kept[235];
+        let x_u1_2_p1 = kept[236];
+        let x_u1_2_p2 = kept[237];
+        let x_u1_2_p3 = kept[238];
         let t8_1 = cos_u1_2 * x_u1_1_p1;
         let w_rod1x = cos_u1_2 * d_u1_1;
         let t8_2 = w_rod1x * t7_3;
         let t8_3 = x_u1_2_p1 * t8_2;
         let t8_4 = al_rod1x.mul_add(t8_1, t8_3);
-        let t8_5 = w_rod1x * t3_86;
-        let t8_6 = cos_u1_2 * t3_85;
+        let t8_5 = w_rod1x * t3_77;
+        let t8_6 = cos_u1_2 * t3_76;
         let t8_7 = d_u1_2.mul_add(t8_6, t8_5);
         let t8_8 = sin_u1_2 * x_u1_1_p1;
         let t8_9 = t8_7 * t8_8;
@@ -9975,7 +9895,7 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t8_27 = t8_26 * t8_1;
         let t8_28 = x_u1_2_p1.mul_add(t7_1, t8_27);
         let t8_29 = w_rod1x * t8_6;
-        let t8_30 = d_u1_2 * t3_86;
+        let t8_30 = d_u1_2 * t3_77;
         let t8_31 = t8_29 - t8_30;
         let w_ixy_rod1_p1 = t8_31.mul_add(t8_8, t8_28);
         let t8_32 = -w_ixy_rod1_p1;
@@ -10065,7 +9985,7 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let w_mx_rod1_p3 = (-x_u1_2_p3).mul_add(a_rod1z, t8_89);
         let t8_90 = -w_mx_rod1_p3;
         y[16] = [t8_86, t8_88, t8_90];
-        let t8_91 = d_u1_1 * t3_85;
+        let t8_91 = d_u1_1 * t3_76;
         let t8_92 = sin_u1_1 * t8_91;
         let t8_93 = (-cos_u1_1).mul_add(al_u1_1x, t8_92);
         let w_my_rod1_p1 = x_u1_1_p1.mul_add(a_u1_1z, t8_93);
@@ -10089,13 +10009,13 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let w_mz_rod1_p3 = a_u1_1y.mul_add(t8_19, t8_104);
         y[18] = [w_mz_rod1_p1, w_mz_rod1_p2, w_mz_rod1_p3];
         y[19] = [a_carriage1z, like.lift(0.0), like.lift(0.0)];
-        kept[253] = al_rod1z;
-        kept[254] = t8_46;
-        kept[255] = t8_69;
-        kept[256] = a_u1_1y;
-        kept[257] = a_rod1z;
-        kept[258] = a_rod1x;
-        kept[259] = t8_101;
+        kept[257] = al_rod1z;
+        kept[258] = t8_46;
+        kept[259] = t8_69;
+        kept[260] = a_u1_1y;
+        kept[261] = a_rod1z;
+        kept[262] = a_rod1x;
+        kept[263] = t8_101;
     }
     // body platform: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m, part 1
     {
@@ -10111,53 +10031,53 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let u_e1x_p1y = kept[12];
         let u_e1y_p1x = kept[13];
         let e_e1x_u1_1y = kept[34];
-        let t3_85 = kept[147];
-        let t3_86 = kept[148];
-        let t3_87 = kept[149];
-        let t3_88 = kept[150];
-        let al_rod1y = kept[216];
-        let t6_162 = kept[217];
-        let t6_163 = kept[218];
-        let al_rod1x = kept[228];
-        let x_u1_1_p1 = kept[229];
-        let x_u1_1_p2 = kept[230];
-        let x_u1_1_p3 = kept[231];
-        let x_u1_2_p1 = kept[232];
-        let x_u1_2_p2 = kept[233];
-        let x_u1_2_p3 = kept[234];
-        let x_e1y_p1 = kept[235];
-        let x_e1y_p2 = kept[236];
-        let x_e1y_p3 = kept[237];
-        let x_e1x_p1 = kept[238];
-        let x_e1x_p2 = kept[239];
-        let x_e1x_p3 = kept[240];
-        let al_rod1z = kept[253];
-        let t8_46 = kept[254];
-        let t8_69 = kept[255];
-        let a_u1_1y = kept[256];
-        let a_rod1z = kept[257];
-        let a_rod1x = kept[258];
-        let t8_101 = kept[259];
+        let t3_76 = kept[151];
+        let t3_77 = kept[152];
+        let t3_78 = kept[153];
+        let t3_79 = kept[154];
+        let al_rod1y = kept[220];
+        let t6_159 = kept[221];
+        let t6_160 = kept[222];
+        let al_rod1x = kept[232];
+        let x_u1_1_p1 = kept[233];
+        let x_u1_1_p2 = kept[234];
+        let x_u1_1_p3 = kept[235];
+        let x_u1_2_p1 = kept[236];
+        let x_u1_2_p2 = kept[237];
+        let x_u1_2_p3 = kept[238];
+        let x_e1y_p1 = kept[239];
+        let x_e1y_p2 = kept[240];
+        let x_e1y_p3 = kept[241];
+        let x_e1x_p1 = kept[242];
+        let x_e1x_p2 = kept[243];
+        let x_e1x_p3 = kept[244];
+        let al_rod1z = kept[257];
+        let t8_46 = kept[258];
+        let t8_69 = kept[259];
+        let a_u1_1y = kept[260];
+        let a_rod1z = kept[261];
+        let a_rod1x = kept[262];
+        let t8_101 = kept[263];
         let t9_1 = sin_e1y * al_rod1z;
         let t9_2 = (-cos_e1y).mul_add(al_rod1x, t9_1);
         let w_e1yz = sin_u1_2_e1y * d_u1_1;
-        let t9_3 = w_e1yz * t3_87;
-        let t9_4 = sin_u1_2_e1y * t3_85;
+        let t9_3 = w_e1yz * t3_78;
+        let t9_4 = sin_u1_2_e1y * t3_76;
         let t9_5 = d_e1y.mul_add(t9_4, t9_3);
         let al_e1yx = like.lift(0.5).mul_add(t9_5, t9_2);
-        let al_e1xx = t6_163 - al_e1yx;
+        let al_e1xx = t6_160 - al_e1yx;
         let t9_6 = cos_u1_2_e1y.mul_add(x_u1_1_p1, x_e1x_p1);
         let w_e1yx = cos_u1_2_e1y * d_u1_1;
         let w_e1xx = d_e1x + w_e1yx;
-        let t9_7 = t3_86 + t3_87;
+        let t9_7 = t3_77 + t3_78;
         let t9_8 = sin_e1x * t9_7;
         let t9_9 = (-cos_e1x).mul_add(t9_4, t9_8);
         let t9_10 = w_e1xx * t9_9;
         let w_e1yy = d_u1_2 + d_e1y;
         let t9_11 = sin_e1x * w_e1yy;
         let w_e1xz = (-cos_e1x).mul_add(w_e1yz, t9_11);
-        let t9_12 = cos_u1_2_e1y * t3_85;
-        let t9_13 = t3_88 + t9_12;
+        let t9_12 = cos_u1_2_e1y * t3_76;
+        let t9_13 = t3_79 + t9_12;
         let t9_14 = w_e1xz.mul_add(t9_13, t9_10);
         let t9_15 = e_e1x_u1_1y * x_u1_1_p1;
         let t9_16 = cos_e1x.mul_add(x_u1_2_p1, t9_15);
@@ -10210,15 +10130,15 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t9_59 = like.lift(0.5) * t9_58;
         let w_ixx_platform_p3 = t9_53 - t9_59;
         let t9_60 = -w_ixx_platform_p3;
-        let al_e1yy = al_rod1y + t6_162;
+        let al_e1yy = al_rod1y + t6_159;
         let t9_61 = cos_e1x * al_e1yy;
         let t9_62 = cos_e1y * al_rod1z;
         let t9_63 = sin_e1y.mul_add(al_rod1x, t9_62);
-        let t9_64 = w_e1yx * t3_87;
+        let t9_64 = w_e1yx * t3_78;
         let t9_65 = d_e1y.mul_add(t9_12, t9_64);
         let al_e1yz = like.lift(0.5).mul_add(t9_65, t9_63);
         let t9_66 = sin_e1x.mul_add(al_e1yz, t9_61);
-        let t9_67 = w_e1xz * t3_88;
+        let t9_67 = w_e1xz * t3_79;
         let t9_68 = d_e1x.mul_add(t9_9, t9_67);
         let al_e1xy = like.lift(-0.5).mul_add(t9_68, t9_66);
         let t9_69 = like.lift(0.5) * t9_14;
@@ -10244,7 +10164,7 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t9_86 = -w_ixy_platform_p3;
         let t9_87 = sin_e1x * al_e1yy;
         let t9_88 = (-cos_e1x).mul_add(al_e1yz, t9_87);
-        let t9_89 = w_e1xy * t3_88;
+        let t9_89 = w_e1xy * t3_79;
         let t9_90 = d_e1x.mul_add(t9_22, t9_89);
         let al_e1xz = like.lift(0.5).mul_add(t9_90, t9_88);
         let t9_91 = like.lift(0.5) * t9_25;
@@ -10388,109 +10308,109 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t9_200 = t9_75.mul_add(t9_158, t9_199);
         let w_my_platform_p1 = t9_197 - t9_200;
         let t9_201 = a_platformz * t9_33;
-        kept[260] = t9_6;
-        kept[261] = t9_17;
-        kept[262] = t9_32;
-        kept[263] = t9_33;
-        kept[264] = t9_36;
-        kept[265] = t9_43;
-        kept[266] = t9_46;
-        kept[267] = t9_47;
-        kept[268] = t9_50;
-        kept[269] = t9_57;
-        kept[270] = t9_60;
-        kept[271] = t9_75;
-        kept[272] = t9_77;
-        kept[273] = t9_78;
-        kept[274] = t9_80;
-        kept[275] = t9_83;
-        kept[276] = t9_86;
-        kept[277] = t9_97;
-        kept[278] = w_ixz_platform_p1;
-        kept[279] = w_ixz_platform_p2;
-        kept[280] = w_ixz_platform_p3;
-        kept[281] = t9_105;
-        kept[282] = t9_109;
-        kept[283] = t9_113;
-        kept[284] = t9_116;
-        kept[285] = t9_118;
-        kept[286] = t9_119;
-        kept[287] = t9_122;
-        kept[288] = t9_125;
-        kept[289] = t9_127;
-        kept[290] = t9_129;
-        kept[291] = t9_131;
-        kept[292] = t9_136;
-        kept[293] = a_platformy;
-        kept[294] = a_platformz;
-        kept[295] = t9_143;
-        kept[296] = t9_150;
-        kept[297] = t9_158;
-        kept[298] = t9_160;
-        kept[299] = t9_165;
-        kept[300] = t9_170;
-        kept[301] = t9_175;
-        kept[302] = t9_177;
-        kept[303] = t9_182;
-        kept[304] = t9_187;
-        kept[305] = t9_192;
-        kept[306] = t9_194;
-        kept[307] = a_platformx;
-        kept[308] = w_my_platform_p1;
-        kept[309] = t9_201;
+        kept[264] = t9_6;
+        kept[265] = t9_17;
+        kept[266] = t9_32;
+        kept[267] = t9_33;
+        kept[268] = t9_36;
+        kept[269] = t9_43;
+        kept[270] = t9_46;
+        kept[271] = t9_47;
+        kept[272] = t9_50;
+        kept[273] = t9_57;
+        kept[274] = t9_60;
+        kept[275] = t9_75;
+        kept[276] = t9_77;
+        kept[277] = t9_78;
+        kept[278] = t9_80;
+        kept[279] = t9_83;
+        kept[280] = t9_86;
+        kept[281] = t9_97;
+        kept[282] = w_ixz_platform_p1;
+        kept[283] = w_ixz_platform_p2;
+        kept[284] = w_ixz_platform_p3;
+        kept[285] = t9_105;
+        kept[286] = t9_109;
+        kept[287] = t9_113;
+        kept[288] = t9_116;
+        kept[289] = t9_118;
+        kept[290] = t9_119;
+        kept[291] = t9_122;
+        kept[292] = t9_125;
+        kept[293] = t9_127;
+        kept[294] = t9_129;
+        kept[295] = t9_131;
+        kept[296] = t9_136;
+        kept[297] = a_platformy;
+        kept[298] = a_platformz;
+        kept[299] = t9_143;
+        kept[300] = t9_150;
+        kept[301] = t9_158;
+        kept[302] = t9_160;
+        kept[303] = t9_165;
+        kept[304] = t9_170;
+        kept[305] = t9_175;
+        kept[306] = t9_177;
+        kept[307] = t9_182;
+        kept[308] = t9_187;
+        kept[309] = t9_192;
+        kept[310] = t9_194;
+        kept[311] = a_platformx;
+        kept[312] = w_my_platform_p1;
+        kept[313] = t9_201;
     }
     // body platform: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let t9_6 = kept[260];
-        let t9_17 = kept[261];
-        let t9_32 = kept[262];
-        let t9_33 = kept[263];
-        let t9_36 = kept[264];
-        let t9_43 = kept[265];
-        let t9_46 = kept[266];
-        let t9_47 = kept[267];
-        let t9_50 = kept[268];
-        let t9_57 = kept[269];
-        let t9_60 = kept[270];
-        let t9_75 = kept[271];
-        let t9_77 = kept[272];
-        let t9_78 = kept[273];
-        let t9_80 = kept[274];
-        let t9_83 = kept[275];
-        let t9_86 = kept[276];
-        let t9_97 = kept[277];
-        let w_ixz_platform_p1 = kept[278];
-        let w_ixz_platform_p2 = kept[279];
-        let w_ixz_platform_p3 = kept[280];
-        let t9_105 = kept[281];
-        let t9_109 = kept[282];
-        let t9_113 = kept[283];
-        let t9_116 = kept[284];
-        let t9_118 = kept[285];
-        let t9_119 = kept[286];
-        let t9_122 = kept[287];
-        let t9_125 = kept[288];
-        let t9_127 = kept[289];
-        let t9_129 = kept[290];
-        let t9_131 = kept[291];
-        let t9_136 = kept[292];
-        let a_platformy = kept[293];
-        let a_platformz = kept[294];
-        let t9_143 = kept[295];
-        let t9_150 = kept[296];
-        let t9_158 = kept[297];
-        let t9_160 = kept[298];
-        let t9_165 = kept[299];
-        let t9_170 = kept[300];
-        let t9_175 = kept[301];
-        let t9_177 = kept[302];
-        let t9_182 = kept[303];
-        let t9_187 = kept[304];
-        let t9_192 = kept[305];
-        let t9_194 = kept[306];
-        let a_platformx = kept[307];
-        let w_my_platform_p1 = kept[308];
-        let t9_201 = kept[309];
+        let t9_6 = kept[264];
+        let t9_17 = kept[265];
+        let t9_32 = kept[266];
+        let t9_33 = kept[267];
+        let t9_36 = kept[268];
+        let t9_43 = kept[269];
+        let t9_46 = kept[270];
+        let t9_47 = kept[271];
+        let t9_50 = kept[272];
+        let t9_57 = kept[273];
+        let t9_60 = kept[274];
+        let t9_75 = kept[275];
+        let t9_77 = kept[276];
+        let t9_78 = kept[277];
+        let t9_80 = kept[278];
+        let t9_83 = kept[279];
+        let t9_86 = kept[280];
+        let t9_97 = kept[281];
+        let w_ixz_platform_p1 = kept[282];
+        let w_ixz_platform_p2 = kept[283];
+        let w_ixz_platform_p3 = kept[284];
+        let t9_105 = kept[285];
+        let t9_109 = kept[286];
+        let t9_113 = kept[287];
+        let t9_116 = kept[288];
+        let t9_118 = kept[289];
+        let t9_119 = kept[290];
+        let t9_122 = kept[291];
+        let t9_125 = kept[292];
+        let t9_127 = kept[293];
+        let t9_129 = kept[294];
+        let t9_131 = kept[295];
+        let t9_136 = kept[296];
+        let a_platformy = kept[297];
+        let a_platformz = kept[298];
+        let t9_143 = kept[299];
+        let t9_150 = kept[300];
+        let t9_158 = kept[301];
+        let t9_160 = kept[302];
+        let t9_165 = kept[303];
+        let t9_170 = kept[304];
+        let t9_175 = kept[305];
+        let t9_177 = kept[306];
+        let t9_182 = kept[307];
+        let t9_187 = kept[308];
+        let t9_192 = kept[309];
+        let t9_194 = kept[310];
+        let a_platformx = kept[311];
+        let w_my_platform_p1 = kept[312];
+        let t9_201 = kept[313];
         let t10_1 = (-a_platformx).mul_add(t9_43, t9_201);
         let t10_2 = t9_116 * t9_165;
         let t10_3 = (-t9_136).mul_add(t9_170, t10_2);
@@ -10554,30 +10474,30 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         y[36] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         y[37] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         y[38] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        kept[310] = a_carriage2z;
+        kept[314] = a_carriage2z;
     }
     // body rod2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let sin_u2_1 = kept[24];
-        let cos_u2_1 = kept[25];
-        let sin_u2_2 = kept[26];
-        let cos_u2_2 = kept[27];
-        let u_rod2_p2z = kept[28];
-        let t3_89 = kept[151];
-        let t3_90 = kept[152];
-        let al_u2_1x = kept[219];
-        let al_rod2y = kept[220];
-        let x_u2_1_p1 = kept[241];
-        let x_u2_1_p2 = kept[242];
-        let x_u2_1_p3 = kept[243];
-        let x_u2_2_p1 = kept[244];
-        let x_u2_2_p2 = kept[245];
-        let x_u2_2_p3 = kept[246];
-        let a_carriage2z = kept[310];
+        let sin_u2_1 = kept[25];
+        let cos_u2_1 = kept[26];
+        let sin_u2_2 = kept[27];
+        let cos_u2_2 = kept[28];
+        let u_rod2_p2z = kept[29];
+        let t3_80 = kept[155];
+        let t3_81 = kept[156];
+        let al_u2_1x = kept[223];
+        let al_rod2y = kept[224];
+        let x_u2_1_p1 = kept[245];
+        let x_u2_1_p2 = kept[246];
+        let x_u2_1_p3 = kept[247];
+        let x_u2_2_p1 = kept[248];
+        let x_u2_2_p2 = kept[249];
+        let x_u2_2_p3 = kept[250];
+        let a_carriage2z = kept[314];
         let t12_1 = cos_u2_2 * al_u2_1x;
         let w_rod2z = sin_u2_2 * d_u2_1;
-        let t12_2 = w_rod2z * t3_90;
-        let t12_3 = sin_u2_2 * t3_89;
+        let t12_2 = w_rod2z * t3_81;
+        let t12_3 = sin_u2_2 * t3_80;
         let t12_4 = d_u2_2.mul_add(t12_3, t12_2);
         let t12_5 = like.lift(0.5) * t12_4;
         let al_rod2x = t12_1 - t12_5;
@@ -10586,8 +10506,8 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t12_7 = w_rod2x * t12_3;
         let t12_8 = x_u2_2_p1 * t12_7;
         let t12_9 = al_rod2x.mul_add(t12_6, t12_8);
-        let t12_10 = w_rod2x * t3_90;
-        let t12_11 = cos_u2_2 * t3_89;
+        let t12_10 = w_rod2x * t3_81;
+        let t12_11 = cos_u2_2 * t3_80;
         let t12_12 = d_u2_2.mul_add(t12_11, t12_10);
         let t12_13 = sin_u2_2 * x_u2_1_p1;
         let t12_14 = t12_12 * t12_13;
@@ -10615,7 +10535,7 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t12_32 = t12_31 * t12_6;
         let t12_33 = x_u2_2_p1.mul_add(t12_1, t12_32);
         let t12_34 = w_rod2x * t12_11;
-        let t12_35 = d_u2_2 * t3_90;
+        let t12_35 = d_u2_2 * t3_81;
         let t12_36 = t12_34 - t12_35;
         let w_ixy_rod2_p1 = t12_36.mul_add(t12_13, t12_33);
         let t12_37 = -w_ixy_rod2_p1;
@@ -10707,7 +10627,7 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         y[46] = [t12_86, t12_93, t12_95];
         let w_my_rod2_p1 = x_u2_1_p1 * a_u2_1z;
         let t12_96 = -w_my_rod2_p1;
-        let t12_97 = d_u2_1 * t3_89;
+        let t12_97 = d_u2_1 * t3_80;
         let t12_98 = sin_u2_1 * t12_97;
         let t12_99 = (-cos_u2_1).mul_add(al_u2_1x, t12_98);
         let w_my_rod2_p2 = x_u2_1_p2.mul_add(a_u2_1z, t12_99);
@@ -10743,30 +10663,30 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         y[56] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         y[57] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         y[58] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        kept[311] = a_carriage3z;
+        kept[315] = a_carriage3z;
     }
     // body rod3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let sin_u3_1 = kept[65];
-        let cos_u3_1 = kept[66];
-        let sin_u3_2 = kept[67];
-        let cos_u3_2 = kept[68];
-        let u_rod3_p3z = kept[69];
-        let t3_91 = kept[153];
-        let t3_92 = kept[154];
-        let al_u3_1x = kept[221];
-        let al_rod3y = kept[222];
-        let x_u3_1_p1 = kept[247];
-        let x_u3_1_p2 = kept[248];
-        let x_u3_1_p3 = kept[249];
-        let x_u3_2_p1 = kept[250];
-        let x_u3_2_p2 = kept[251];
-        let x_u3_2_p3 = kept[252];
-        let a_carriage3z = kept[311];
+        let sin_u3_1 = kept[62];
+        let cos_u3_1 = kept[63];
+        let sin_u3_2 = kept[64];
+        let cos_u3_2 = kept[65];
+        let u_rod3_p3z = kept[66];
+        let t3_82 = kept[157];
+        let t3_83 = kept[158];
+        let al_u3_1x = kept[225];
+        let al_rod3y = kept[226];
+        let x_u3_1_p1 = kept[251];
+        let x_u3_1_p2 = kept[252];
+        let x_u3_1_p3 = kept[253];
+        let x_u3_2_p1 = kept[254];
+        let x_u3_2_p2 = kept[255];
+        let x_u3_2_p3 = kept[256];
+        let a_carriage3z = kept[315];
         let t14_1 = cos_u3_2 * al_u3_1x;
         let w_rod3z = sin_u3_2 * d_u3_1;
-        let t14_2 = w_rod3z * t3_92;
-        let t14_3 = sin_u3_2 * t3_91;
+        let t14_2 = w_rod3z * t3_83;
+        let t14_3 = sin_u3_2 * t3_82;
         let t14_4 = d_u3_2.mul_add(t14_3, t14_2);
         let t14_5 = like.lift(0.5) * t14_4;
         let al_rod3x = t14_1 - t14_5;
@@ -10775,8 +10695,8 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t14_7 = w_rod3x * t14_3;
         let t14_8 = x_u3_2_p1 * t14_7;
         let t14_9 = al_rod3x.mul_add(t14_6, t14_8);
-        let t14_10 = w_rod3x * t3_92;
-        let t14_11 = cos_u3_2 * t3_91;
+        let t14_10 = w_rod3x * t3_83;
+        let t14_11 = cos_u3_2 * t3_82;
         let t14_12 = d_u3_2.mul_add(t14_11, t14_10);
         let t14_13 = sin_u3_2 * x_u3_1_p1;
         let t14_14 = t14_12 * t14_13;
@@ -10804,7 +10724,7 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t14_32 = t14_31 * t14_6;
         let t14_33 = x_u3_2_p1.mul_add(t14_1, t14_32);
         let t14_34 = w_rod3x * t14_11;
-        let t14_35 = d_u3_2 * t3_92;
+        let t14_35 = d_u3_2 * t3_83;
         let t14_36 = t14_34 - t14_35;
         let w_ixy_rod3_p1 = t14_36.mul_add(t14_13, t14_33);
         let t14_37 = -w_ixy_rod3_p1;
@@ -10898,7 +10818,7 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t14_96 = -w_my_rod3_p1;
         let w_my_rod3_p2 = x_u3_1_p2 * a_u3_1z;
         let t14_97 = -w_my_rod3_p2;
-        let t14_98 = d_u3_1 * t3_91;
+        let t14_98 = d_u3_1 * t3_82;
         let t14_99 = sin_u3_1 * t14_98;
         let t14_100 = (-cos_u3_1).mul_add(al_u3_1x, t14_99);
         let w_my_rod3_p3 = x_u3_1_p3.mul_add(a_u3_1z, t14_100);
@@ -11067,7 +10987,7 @@ pub fn poses<T: Scalar>(q: &[T; 11]) -> [[T; 12]; 7] {
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: W_red (Eq. 23), column by column: `w[c][r]` multiplies `BASE[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 358 additions, 590 multiplications, 8 divisions, 8 sines and cosines.
+/// 359 additions, 582 multiplications, 8 divisions, 8 sines and cosines.
 pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[T; 3]; 28]) -> Condition<T> {
     let like = q[0];
     let [_, u1_1, u1_2, e1y, e1x, _, u2_1, u2_2, _, u3_1, u3_2] = *q;
@@ -11085,15 +11005,15 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
     // body rod1, part 1
     let [
         sin_u1_2, cos_u1_2, t2_1, w_rod1z, t2_2, al_rod1x, sin_u1_1, cos_u1_1, u_rod1_p1z,
-        t2_22, t2_23, t2_29, t2_31, sin_u2_1, cos_u2_1, sin_u2_2, cos_u2_2, u_rod2_p2z, t2_32,
-        t2_33, t2_40, t2_41, t2_48, t2_51, t2_53, t2_54, t2_56, t2_61, t2_62, t2_63, t2_64,
-        t2_65, t2_67, t2_69, t2_73, t2_82, t2_93, t2_96, t2_98, t2_103, t2_105, t2_108, t2_109,
-        t2_115, t2_117, sin_u3_1, cos_u3_1, sin_u3_2, cos_u3_2, u_rod3_p3z, pivot_1, t2_124,
-        t2_125, t2_128, t2_131, t2_134, t2_136, t2_141, t2_143, t2_145, t2_147, t2_149, t2_154,
-        t2_159, t2_168, t2_171, t2_173, t2_179, t2_180, pivot_2, inv_pivot_2, t2_184, pivot_3,
-        inv_pivot_3, t2_187, t2_188, t2_197, pivot_4, inv_pivot_4, t2_200, t2_204, t2_205,
-        t2_206, inv_pivot_5, t2_208, t2_209, t2_212, t2_213, pivot_6, inv_pivot_6, t2_215,
-        t2_216, t2_219, t2_220, t2_222,
+        t2_10, t2_22, t2_23, t2_29, t2_31, sin_u2_1, cos_u2_1, sin_u2_2, cos_u2_2, u_rod2_p2z,
+        t2_33, pivot_1, t2_40, t2_47, t2_50, t2_53, t2_55, t2_61, t2_63, t2_65, t2_67, t2_69,
+        t2_73, t2_82, t2_93, t2_96, t2_98, t2_103, t2_105, t2_108, t2_109, t2_115, t2_117,
+        sin_u3_1, cos_u3_1, sin_u3_2, cos_u3_2, u_rod3_p3z, t2_118, t2_125, t2_126, t2_129,
+        t2_132, t2_134, t2_135, t2_136, t2_137, t2_142, t2_143, t2_144, t2_145, t2_146, t2_148,
+        t2_150, t2_154, t2_155, t2_160, t2_169, t2_172, t2_174, t2_179, t2_180, inv_pivot_1,
+        pivot_2, inv_pivot_2, pivot_3, inv_pivot_3, t2_188, t2_189, t2_197, pivot_4,
+        inv_pivot_4, t2_199, t2_202, t2_203, pivot_5, inv_pivot_5, t2_208, t2_210, t2_211,
+        t2_215, t2_216, t2_220, pivot_6, inv_pivot_6, t2_221,
     ] = {
         let (sin_u1_2, cos_u1_2) = u1_2.sin_cos();
         let t2_1 = cos_u1_2 * dd_u1_1;
@@ -11147,41 +11067,41 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
         let t2_37 = like.lift(0.5) * t2_36;
         let t2_38 = like.lift(0.8660254037844386).mul_add(sin_u2_2, t2_37);
         let t2_39 = sin_u2_1 * t2_38;
-        let t2_40 = like.lift(0.215).mul_add(t2_39, t2_35);
-        let t2_41 = -t2_10;
+        let pivot_1 = like.lift(0.215).mul_add(t2_39, t2_35);
+        let t2_40 = -t2_10;
         let e_e1x_u1_1y = sin_e1x * sin_u1_2_e1y;
-        let t2_42 = like.lift(0.0199) * e_e1x_u1_1y;
-        let t2_43 = like.lift(0.215).mul_add(sin_u1_2, t2_42);
-        let t2_44 = like.lift(0.017233905535310328) * cos_u1_2_e1y;
-        let t2_45 = like.lift(0.00995) * e_e1x_u1_1y;
-        let t2_46 = t2_44 + t2_45;
-        let t2_47 = t2_43 + t2_46;
-        let t2_48 = sin_u1_1 * t2_47;
-        let t2_49 = t2_42 + t2_44;
-        let t2_50 = t2_45 + t2_49;
-        let t2_51 = sin_u1_1 * t2_50;
-        let t2_52 = u_e1y_p1x * t2_50;
-        let t2_53 = cos_u1_2_e1y.mul_add(t2_25, t2_52);
-        let t2_54 = -t2_53;
-        let t2_55 = like.lift(0.1075) * u_rod2_p2z;
-        let t2_56 = -t2_55;
-        let t2_57 = like.lift(0.8660254037844386) * t2_36;
-        let t2_58 = like.lift(-0.5).mul_add(sin_u2_2, t2_57);
-        let t2_59 = sin_u2_1 * t2_58;
-        let t2_60 = like.lift(0.215) * t2_59;
-        let pivot_5 = like.lift(0.18619546181365432).mul_add(t2_34, t2_60);
-        let t2_61 = -pivot_5;
-        let t2_62 = cos_u1_1 * t2_47;
+        let t2_41 = like.lift(0.0199) * e_e1x_u1_1y;
+        let t2_42 = like.lift(0.215).mul_add(sin_u1_2, t2_41);
+        let t2_43 = like.lift(0.017233905535310328) * cos_u1_2_e1y;
+        let t2_44 = like.lift(0.00995) * e_e1x_u1_1y;
+        let t2_45 = t2_43 + t2_44;
+        let t2_46 = t2_42 + t2_45;
+        let t2_47 = sin_u1_1 * t2_46;
+        let t2_48 = t2_41 + t2_43;
+        let t2_49 = t2_44 + t2_48;
+        let t2_50 = sin_u1_1 * t2_49;
+        let t2_51 = u_e1y_p1x * t2_49;
+        let t2_52 = cos_u1_2_e1y.mul_add(t2_25, t2_51);
+        let t2_53 = -t2_52;
+        let t2_54 = like.lift(0.1075) * u_rod2_p2z;
+        let t2_55 = -t2_54;
+        let t2_56 = like.lift(0.8660254037844386) * t2_36;
+        let t2_57 = like.lift(-0.5).mul_add(sin_u2_2, t2_56);
+        let t2_58 = sin_u2_1 * t2_57;
+        let t2_59 = like.lift(0.215) * t2_58;
+        let t2_60 = like.lift(0.18619546181365432).mul_add(t2_34, t2_59);
+        let t2_61 = -t2_60;
+        let t2_62 = cos_u1_1 * t2_46;
         let t2_63 = -t2_62;
-        let t2_64 = cos_u1_1 * t2_50;
+        let t2_64 = cos_u1_1 * t2_49;
         let t2_65 = -t2_64;
         let t2_66 = cos_u1_2_e1y * t2_28;
-        let t2_67 = (-t2_16).mul_add(t2_50, t2_66);
+        let t2_67 = (-t2_16).mul_add(t2_49, t2_66);
         let t2_68 = like.lift(0.1075) * t2_38;
-        let t2_69 = like.lift(0.18619546181365432).mul_add(t2_58, t2_68);
+        let t2_69 = like.lift(0.18619546181365432).mul_add(t2_57, t2_68);
         let t2_70 = cos_u2_1 * t2_38;
         let t2_71 = like.lift(0.18619546181365432) * t2_70;
-        let t2_72 = cos_u2_1 * t2_58;
+        let t2_72 = cos_u2_1 * t2_57;
         let t2_73 = like.lift(-0.1075).mul_add(t2_72, t2_71);
         let t2_74 = like.lift(0.5) * u_e1y_p1x;
         let t2_75 = like.lift(0.8660254037844386) * u_e1x_p1y;
@@ -11230,132 +11150,132 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
         let (sin_u3_1, cos_u3_1) = u3_1.sin_cos();
         let (sin_u3_2, cos_u3_2) = u3_2.sin_cos();
         let u_rod3_p3z = cos_u3_1 * cos_u3_2;
-        let pivot_1 = like.lift(0.18619546181365432) * u_rod3_p3z;
-        let t2_118 = cos_u3_1 * u_rod3_p3z;
-        let t2_119 = like.lift(0.1075) * t2_118;
-        let t2_120 = sin_u3_1 * cos_u3_2;
-        let t2_121 = like.lift(0.5) * t2_120;
-        let t2_122 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t2_121);
-        let t2_123 = sin_u3_1 * t2_122;
-        let t2_124 = like.lift(0.215).mul_add(t2_123, t2_119);
-        let t2_125 = -t2_105;
-        let t2_126 = t2_44 - t2_45;
-        let t2_127 = t2_43 - t2_126;
-        let t2_128 = sin_u1_1 * t2_127;
-        let t2_129 = t2_42 - t2_44;
-        let t2_130 = t2_45 + t2_129;
-        let t2_131 = sin_u1_1 * t2_130;
-        let t2_132 = u_e1y_p1x * t2_130;
-        let t2_133 = cos_u1_2_e1y.mul_add(t2_111, t2_132);
-        let t2_134 = -t2_133;
-        let t2_135 = like.lift(0.1075) * u_rod3_p3z;
-        let t2_136 = -t2_135;
-        let t2_137 = like.lift(0.8660254037844386) * t2_120;
-        let t2_138 = like.lift(0.5).mul_add(sin_u3_2, t2_137);
-        let t2_139 = sin_u3_1 * t2_138;
-        let t2_140 = like.lift(0.215) * t2_139;
-        let t2_141 = like.lift(0.18619546181365432).mul_add(t2_118, t2_140);
-        let t2_142 = cos_u1_1 * t2_127;
-        let t2_143 = -t2_142;
-        let t2_144 = cos_u1_1 * t2_130;
-        let t2_145 = -t2_144;
-        let t2_146 = cos_u1_2_e1y * t2_114;
-        let t2_147 = (-t2_16).mul_add(t2_130, t2_146);
-        let t2_148 = like.lift(0.1075) * t2_122;
-        let t2_149 = like.lift(0.18619546181365432).mul_add(t2_138, t2_148);
-        let t2_150 = cos_u3_1 * t2_122;
-        let t2_151 = like.lift(0.18619546181365432) * t2_150;
-        let t2_152 = cos_u3_1 * t2_138;
-        let t2_153 = like.lift(-0.1075).mul_add(t2_152, t2_151);
-        let t2_154 = -t2_153;
-        let t2_155 = t2_74 - t2_75;
-        let t2_156 = cos_u3_1 * t2_155;
-        let t2_157 = like.lift(0.5) * t2_156;
-        let t2_158 = t2_79 + t2_80;
-        let t2_159 = (-sin_u3_1).mul_add(t2_158, t2_157);
-        let t2_160 = t2_83 + t2_84;
-        let t2_161 = sin_u3_1 * t2_160;
-        let t2_162 = like.lift(0.8660254037844386).mul_add(t2_156, t2_161);
-        let t2_163 = cos_u1_1 * t2_162;
-        let t2_164 = cos_u3_1 * t2_158;
-        let t2_165 = like.lift(0.8660254037844386) * t2_164;
-        let t2_166 = cos_u3_1 * t2_160;
-        let t2_167 = like.lift(0.5).mul_add(t2_166, t2_165);
-        let t2_168 = sin_u1_1.mul_add(t2_167, t2_163);
-        let t2_169 = cos_u1_2_e1y * t2_159;
-        let t2_170 = t2_16.mul_add(t2_162, t2_169);
-        let t2_171 = (-u_e1y_p1x).mul_add(t2_167, t2_170);
-        let t2_172 = like.lift(0.5) * t2_159;
-        let t2_173 = like.lift(0.8660254037844386).mul_add(t2_162, t2_172);
-        let t2_174 = cos_u3_1 * t2_159;
-        let t2_175 = like.lift(0.8660254037844386) * t2_174;
-        let t2_176 = cos_u3_1 * t2_162;
-        let t2_177 = like.lift(-0.5).mul_add(t2_176, t2_175);
-        let t2_178 = sin_u3_1.mul_add(t2_167, t2_177);
-        let t2_179 = -t2_178;
-        let t2_180 = like.lift(1.0) / u_rod3_p3z;
-        let t2_181 = t2_149 * t2_180;
-        let t2_182 = t2_124 * t2_181;
-        let t2_183 = like.lift(5.370700178508146).mul_add(t2_182, t2_153);
-        let pivot_2 = like.lift(0.5773502691896257).mul_add(t2_124, t2_141);
+        let t2_118 = like.lift(0.18619546181365432) * u_rod3_p3z;
+        let t2_119 = cos_u3_1 * u_rod3_p3z;
+        let t2_120 = like.lift(0.1075) * t2_119;
+        let t2_121 = sin_u3_1 * cos_u3_2;
+        let t2_122 = like.lift(0.5) * t2_121;
+        let t2_123 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t2_122);
+        let t2_124 = sin_u3_1 * t2_123;
+        let t2_125 = like.lift(0.215).mul_add(t2_124, t2_120);
+        let t2_126 = -t2_105;
+        let t2_127 = t2_43 - t2_44;
+        let t2_128 = t2_42 - t2_127;
+        let t2_129 = sin_u1_1 * t2_128;
+        let t2_130 = t2_41 - t2_43;
+        let t2_131 = t2_44 + t2_130;
+        let t2_132 = sin_u1_1 * t2_131;
+        let t2_133 = u_e1y_p1x * t2_131;
+        let t2_134 = cos_u1_2_e1y.mul_add(t2_111, t2_133);
+        let t2_135 = -t2_134;
+        let t2_136 = like.lift(0.1075) * u_rod3_p3z;
+        let t2_137 = -t2_136;
+        let t2_138 = like.lift(0.8660254037844386) * t2_121;
+        let t2_139 = like.lift(0.5).mul_add(sin_u3_2, t2_138);
+        let t2_140 = sin_u3_1 * t2_139;
+        let t2_141 = like.lift(0.215) * t2_140;
+        let t2_142 = like.lift(0.18619546181365432).mul_add(t2_119, t2_141);
+        let t2_143 = cos_u1_1 * t2_128;
+        let t2_144 = -t2_143;
+        let t2_145 = cos_u1_1 * t2_131;
+        let t2_146 = -t2_145;
+        let t2_147 = cos_u1_2_e1y * t2_114;
+        let t2_148 = (-t2_16).mul_add(t2_131, t2_147);
+        let t2_149 = like.lift(0.1075) * t2_123;
+        let t2_150 = like.lift(0.18619546181365432).mul_add(t2_139, t2_149);
+        let t2_151 = cos_u3_1 * t2_123;
+        let t2_152 = like.lift(0.18619546181365432) * t2_151;
+        let t2_153 = cos_u3_1 * t2_139;
+        let t2_154 = like.lift(-0.1075).mul_add(t2_153, t2_152);
+        let t2_155 = -t2_154;
+        let t2_156 = t2_74 - t2_75;
+        let t2_157 = cos_u3_1 * t2_156;
+        let t2_158 = like.lift(0.5) * t2_157;
+        let t2_159 = t2_79 + t2_80;
+        let t2_160 = (-sin_u3_1).mul_add(t2_159, t2_158);
+        let t2_161 = t2_83 + t2_84;
+        let t2_162 = sin_u3_1 * t2_161;
+        let t2_163 = like.lift(0.8660254037844386).mul_add(t2_157, t2_162);
+        let t2_164 = cos_u1_1 * t2_163;
+        let t2_165 = cos_u3_1 * t2_159;
+        let t2_166 = like.lift(0.8660254037844386) * t2_165;
+        let t2_167 = cos_u3_1 * t2_161;
+        let t2_168 = like.lift(0.5).mul_add(t2_167, t2_166);
+        let t2_169 = sin_u1_1.mul_add(t2_168, t2_164);
+        let t2_170 = cos_u1_2_e1y * t2_160;
+        let t2_171 = t2_16.mul_add(t2_163, t2_170);
+        let t2_172 = (-u_e1y_p1x).mul_add(t2_168, t2_171);
+        let t2_173 = like.lift(0.5) * t2_160;
+        let t2_174 = like.lift(0.8660254037844386).mul_add(t2_163, t2_173);
+        let t2_175 = cos_u3_1 * t2_160;
+        let t2_176 = like.lift(0.8660254037844386) * t2_175;
+        let t2_177 = cos_u3_1 * t2_163;
+        let t2_178 = like.lift(-0.5).mul_add(t2_177, t2_176);
+        let t2_179 = sin_u3_1.mul_add(t2_168, t2_178);
+        let t2_180 = -t2_179;
+        let inv_pivot_1 = like.lift(1.0) / pivot_1;
+        let t2_181 = t2_73 * inv_pivot_1;
+        let t2_182 = u_rod2_p2z * t2_181;
+        let t2_183 = like.lift(0.18619546181365432).mul_add(t2_182, t2_69);
+        let t2_184 = t2_60 * inv_pivot_1;
+        let t2_185 = u_rod2_p2z * t2_184;
+        let pivot_2 = like.lift(0.18619546181365432).mul_add(t2_185, t2_54);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_184 = t2_183 * inv_pivot_2;
-        let pivot_3 = (-t2_105).mul_add(t2_184, t2_108);
+        let t2_186 = t2_183 * inv_pivot_2;
+        let pivot_3 = (-t2_10).mul_add(t2_186, t2_22);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_185 = t2_109 * t2_181;
-        let t2_186 = like.lift(5.370700178508146).mul_add(t2_185, t2_142);
-        let t2_187 = like.lift(0.5773502691896257).mul_add(t2_109, t2_128);
-        let t2_188 = (-t2_187).mul_add(t2_184, t2_186);
-        let t2_189 = t2_173 * t2_180;
-        let t2_190 = t2_109 * t2_189;
-        let t2_191 = like.lift(-5.370700178508146).mul_add(t2_190, t2_168);
-        let t2_192 = t2_124 * t2_189;
-        let t2_193 = like.lift(5.370700178508146).mul_add(t2_192, t2_178);
+        let t2_187 = t2_29.mul_add(t2_181, t2_64);
+        let t2_188 = t2_29.mul_add(t2_184, t2_50);
+        let t2_189 = (-t2_188).mul_add(t2_186, t2_187);
+        let t2_190 = t2_103 * inv_pivot_1;
+        let t2_191 = (-t2_29).mul_add(t2_190, t2_93);
+        let t2_192 = u_rod2_p2z * t2_190;
+        let t2_193 = like.lift(0.18619546181365432).mul_add(t2_192, t2_98);
         let t2_194 = t2_193 * inv_pivot_2;
-        let t2_195 = t2_187.mul_add(t2_194, t2_191);
-        let t2_196 = (-t2_105).mul_add(t2_194, t2_159);
+        let t2_195 = t2_188.mul_add(t2_194, t2_191);
+        let t2_196 = (-t2_10).mul_add(t2_194, t2_82);
         let t2_197 = t2_196 * inv_pivot_3;
-        let pivot_4 = t2_188.mul_add(t2_197, t2_195);
+        let pivot_4 = t2_189.mul_add(t2_197, t2_195);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_198 = t2_115 * t2_189;
-        let t2_199 = like.lift(-5.370700178508146).mul_add(t2_198, t2_168);
-        let t2_200 = like.lift(0.5773502691896257).mul_add(t2_115, t2_131);
-        let t2_201 = t2_200.mul_add(t2_194, t2_199);
-        let t2_202 = t2_115 * t2_181;
-        let t2_203 = like.lift(5.370700178508146).mul_add(t2_202, t2_144);
-        let t2_204 = (-t2_200).mul_add(t2_184, t2_203);
-        let t2_205 = t2_204.mul_add(t2_197, t2_201);
-        let t2_206 = t2_23 * inv_pivot_4;
-        let t2_207 = (-t2_205).mul_add(t2_206, t2_29);
+        let t2_198 = (-t2_31).mul_add(t2_190, t2_96);
+        let t2_199 = (-t2_31).mul_add(t2_184, t2_52);
+        let t2_200 = (-t2_199).mul_add(t2_194, t2_198);
+        let t2_201 = (-t2_31).mul_add(t2_181, t2_67);
+        let t2_202 = (-t2_199).mul_add(t2_186, t2_201);
+        let t2_203 = (-t2_202).mul_add(t2_197, t2_200);
+        let t2_204 = t2_160 * inv_pivot_3;
+        let t2_205 = (-t2_202).mul_add(t2_204, t2_172);
+        let t2_206 = t2_189.mul_add(t2_204, t2_169);
+        let t2_207 = t2_206 * inv_pivot_4;
+        let pivot_5 = (-t2_203).mul_add(t2_207, t2_205);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_208 = t2_40 * inv_pivot_5;
-        let t2_209 = t2_10 * inv_pivot_3;
-        let t2_210 = (-t2_204).mul_add(t2_209, t2_51);
-        let t2_211 = (-t2_188).mul_add(t2_209, t2_48);
-        let t2_212 = t2_211 * inv_pivot_4;
-        let t2_213 = (-t2_205).mul_add(t2_212, t2_210);
-        let pivot_6 = t2_208.mul_add(t2_213, t2_207);
+        let t2_208 = (-t2_197).mul_add(t2_207, t2_204);
+        let t2_209 = t2_23.mul_add(t2_181, t2_62);
+        let t2_210 = t2_23.mul_add(t2_184, t2_47);
+        let t2_211 = (-t2_210).mul_add(t2_186, t2_209);
+        let t2_212 = t2_211.mul_add(t2_204, t2_169);
+        let t2_213 = (-t2_23).mul_add(t2_190, t2_93);
+        let t2_214 = t2_210.mul_add(t2_194, t2_213);
+        let t2_215 = t2_211.mul_add(t2_197, t2_214);
+        let t2_216 = (-t2_215).mul_add(t2_207, t2_212);
+        let t2_217 = t2_115 * inv_pivot_4;
+        let t2_218 = (-t2_215).mul_add(t2_217, t2_109);
+        let t2_219 = (-t2_203).mul_add(t2_217, t2_117);
+        let t2_220 = t2_219 * inv_pivot_5;
+        let pivot_6 = (-t2_216).mul_add(t2_220, t2_218);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_214 = t2_197 * t2_206;
-        let t2_215 = t2_197.mul_add(t2_212, t2_209);
-        let t2_216 = t2_208.mul_add(t2_215, t2_214);
-        let t2_217 = t2_117 * t2_189;
-        let t2_218 = like.lift(-5.370700178508146).mul_add(t2_217, t2_171);
-        let t2_219 = like.lift(-0.5773502691896257).mul_add(t2_117, t2_133);
-        let t2_220 = (-t2_219).mul_add(t2_194, t2_218);
-        let t2_221 = t2_117 * t2_181;
-        let t2_222 = like.lift(-5.370700178508146).mul_add(t2_221, t2_147);
+        let t2_221 = t2_197 * t2_217;
         [
             sin_u1_2, cos_u1_2, t2_1, w_rod1z, t2_2, al_rod1x, sin_u1_1, cos_u1_1, u_rod1_p1z,
-            t2_22, t2_23, t2_29, t2_31, sin_u2_1, cos_u2_1, sin_u2_2, cos_u2_2, u_rod2_p2z,
-            t2_32, t2_33, t2_40, t2_41, t2_48, t2_51, t2_53, t2_54, t2_56, t2_61, t2_62, t2_63,
-            t2_64, t2_65, t2_67, t2_69, t2_73, t2_82, t2_93, t2_96, t2_98, t2_103, t2_105,
-            t2_108, t2_109, t2_115, t2_117, sin_u3_1, cos_u3_1, sin_u3_2, cos_u3_2, u_rod3_p3z,
-            pivot_1, t2_124, t2_125, t2_128, t2_131, t2_134, t2_136, t2_141, t2_143, t2_145,
-            t2_147, t2_149, t2_154, t2_159, t2_168, t2_171, t2_173, t2_179, t2_180, pivot_2,
-            inv_pivot_2, t2_184, pivot_3, inv_pivot_3, t2_187, t2_188, t2_197, pivot_4,
-            inv_pivot_4, t2_200, t2_204, t2_205, t2_206, inv_pivot_5, t2_208, t2_209, t2_212,
-            t2_213, pivot_6, inv_pivot_6, t2_215, t2_216, t2_219, t2_220, t2_222,
+            t2_10, t2_22, t2_23, t2_29, t2_31, sin_u2_1, cos_u2_1, sin_u2_2, cos_u2_2,
+            u_rod2_p2z, t2_33, pivot_1, t2_40, t2_47, t2_50, t2_53, t2_55, t2_61, t2_63, t2_65,
+            t2_67, t2_69, t2_73, t2_82, t2_93, t2_96, t2_98, t2_103, t2_105, t2_108, t2_109,
+            t2_115, t2_117, sin_u3_1, cos_u3_1, sin_u3_2, cos_u3_2, u_rod3_p3z, t2_118, t2_125,
+            t2_126, t2_129, t2_132, t2_134, t2_135, t2_136, t2_137, t2_142, t2_143, t2_144,
+            t2_145, t2_146, t2_148, t2_150, t2_154, t2_155, t2_160, t2_169, t2_172, t2_174,
+            t2_179, t2_180, inv_pivot_1, pivot_2, inv_pivot_2, pivot_3, inv_pivot_3, t2_188,
+            t2_189, t2_197, pivot_4, inv_pivot_4, t2_199, t2_202, t2_203, pivot_5, inv_pivot_5,
+            t2_208, t2_210, t2_211, t2_215, t2_216, t2_220, pivot_6, inv_pivot_6, t2_221,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -11364,193 +11284,183 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
         x_u2_1_p3, x_u2_2_p1, x_u2_2_p2, x_u2_2_p3, x_u3_1_p1, x_u3_1_p2, x_u3_1_p3, x_u3_2_p1,
         x_u3_2_p2, x_u3_2_p3,
     ] = {
-        let t3_1 = (-t2_219).mul_add(t2_184, t2_222);
-        let t3_2 = (-t3_1).mul_add(t2_197, t2_220);
-        let t3_3 = (-t3_2).mul_add(t2_206, t2_31);
-        let t3_4 = (-t3_1).mul_add(t2_209, t2_53);
-        let t3_5 = t3_2.mul_add(t2_212, t3_4);
-        let t3_6 = (-t2_208).mul_add(t3_5, t3_3);
-        let t3_7 = t2_82 * inv_pivot_3;
-        let t3_8 = (-t3_1).mul_add(t3_7, t2_96);
-        let t3_9 = t2_188.mul_add(t3_7, t2_93);
-        let t3_10 = t3_9 * inv_pivot_4;
-        let t3_11 = (-t3_2).mul_add(t3_10, t3_8);
-        let t3_12 = t2_103 * inv_pivot_5;
-        let t3_13 = (-t3_12).mul_add(t3_5, t3_11);
-        let t3_14 = t2_204.mul_add(t3_7, t2_93);
-        let t3_15 = (-t2_205).mul_add(t3_10, t3_14);
-        let t3_16 = t3_12.mul_add(t2_213, t3_15);
-        let t3_17 = t3_16 * inv_pivot_6;
-        let pivot_7 = (-t3_6).mul_add(t3_17, t3_13);
+        let t3_1 = t2_208.mul_add(t2_220, t2_221);
+        let t3_2 = (-t2_174).mul_add(t2_220, t2_118);
+        let t3_3 = t2_108 * inv_pivot_3;
+        let t3_4 = (-t2_202).mul_add(t3_3, t2_148);
+        let t3_5 = (-t2_189).mul_add(t3_3, t2_145);
+        let t3_6 = t3_5 * inv_pivot_4;
+        let t3_7 = t2_203.mul_add(t3_6, t3_4);
+        let t3_8 = t3_7 * inv_pivot_5;
+        let t3_9 = (-t2_174).mul_add(t3_8, t2_150);
+        let t3_10 = (-t2_211).mul_add(t3_3, t2_143);
+        let t3_11 = (-t2_215).mul_add(t3_6, t3_10);
+        let t3_12 = t2_216.mul_add(t3_8, t3_11);
+        let t3_13 = t3_12 * inv_pivot_6;
+        let pivot_7 = t3_2.mul_add(t3_13, t3_9);
         let inv_pivot_7 = like.lift(1.0) / pivot_7;
-        let t3_18 = (-t2_197).mul_add(t3_10, t3_7);
-        let t3_19 = (-t3_12).mul_add(t2_215, t3_18);
-        let t3_20 = t2_216.mul_add(t3_17, t3_19);
-        let t3_21 = u_rod2_p2z * t3_12;
-        let t3_22 = like.lift(-0.1075).mul_add(t3_21, t2_98);
-        let t3_23 = u_rod2_p2z * t2_208;
-        let t3_24 = like.lift(0.1075).mul_add(t3_23, t2_32);
-        let t3_25 = t3_24.mul_add(t3_17, t3_22);
-        let t3_26 = t2_22 * inv_pivot_3;
-        let t3_27 = like.lift(1.0) - t3_26;
-        let t3_28 = (-t2_188).mul_add(t3_26, t2_62);
-        let t3_29 = t3_28 * inv_pivot_4;
-        let t3_30 = t2_197 * t3_29;
-        let t3_31 = t3_27 - t3_30;
-        let t3_32 = t2_73 * inv_pivot_5;
-        let t3_33 = t3_32 * t2_215;
-        let t3_34 = t3_31 + t3_33;
-        let t3_35 = (-t2_204).mul_add(t3_26, t2_64);
-        let t3_36 = (-t2_205).mul_add(t3_29, t3_35);
-        let t3_37 = (-t3_32).mul_add(t2_213, t3_36);
-        let t3_38 = t3_37 * inv_pivot_6;
-        let t3_39 = t2_216 * t3_38;
-        let t3_40 = t3_34 + t3_39;
-        let t3_41 = (-t3_1).mul_add(t3_26, t2_67);
-        let t3_42 = t3_2.mul_add(t3_29, t3_41);
-        let t3_43 = (-t3_32).mul_add(t3_5, t3_42);
-        let t3_44 = t3_6.mul_add(t3_38, t3_43);
-        let t3_45 = t3_44 * inv_pivot_7;
-        let t3_46 = t3_20 * t3_45;
-        let t3_47 = t3_40 + t3_46;
-        let t3_48 = u_rod2_p2z * t3_32;
-        let t3_49 = like.lift(-0.1075).mul_add(t3_48, t2_69);
-        let t3_50 = (-t3_24).mul_add(t3_38, t3_49);
-        let pivot_8 = (-t3_25).mul_add(t3_45, t3_50);
+        let t3_14 = like.lift(1.0) - t3_3;
+        let t3_15 = t2_197 * t3_6;
+        let t3_16 = t3_14 - t3_15;
+        let t3_17 = t2_208 * t3_8;
+        let t3_18 = t3_16 + t3_17;
+        let t3_19 = t3_1 * t3_13;
+        let t3_20 = t3_18 + t3_19;
+        let t3_21 = (-t2_179).mul_add(t3_8, t2_154);
+        let t3_22 = t2_179.mul_add(t2_220, t2_125);
+        let t3_23 = (-t3_22).mul_add(t3_13, t3_21);
+        let t3_24 = t2_105 * inv_pivot_3;
+        let t3_25 = (-t2_189).mul_add(t3_24, t2_132);
+        let t3_26 = t3_25 * inv_pivot_4;
+        let t3_27 = t2_197.mul_add(t3_26, t3_24);
+        let t3_28 = (-t2_202).mul_add(t3_24, t2_134);
+        let t3_29 = t2_203.mul_add(t3_26, t3_28);
+        let t3_30 = t3_29 * inv_pivot_5;
+        let t3_31 = (-t2_208).mul_add(t3_30, t3_27);
+        let t3_32 = (-t2_211).mul_add(t3_24, t2_129);
+        let t3_33 = (-t2_215).mul_add(t3_26, t3_32);
+        let t3_34 = t2_216.mul_add(t3_30, t3_33);
+        let t3_35 = t3_34 * inv_pivot_6;
+        let t3_36 = (-t3_1).mul_add(t3_35, t3_31);
+        let t3_37 = (-t2_174).mul_add(t3_30, t2_136);
+        let t3_38 = t3_2.mul_add(t3_35, t3_37);
+        let t3_39 = t3_38 * inv_pivot_7;
+        let t3_40 = t3_20.mul_add(t3_39, t3_36);
+        let t3_41 = (-t2_179).mul_add(t3_30, t2_142);
+        let t3_42 = (-t3_22).mul_add(t3_35, t3_41);
+        let pivot_8 = (-t3_23).mul_add(t3_39, t3_42);
         let inv_pivot_8 = like.lift(1.0) / pivot_8;
-        let t3_51 = t3_47 * inv_pivot_8;
-        let t3_52 = t3_25.mul_add(t3_51, t3_20);
-        let t3_53 = inv_pivot_7 * t3_52;
-        let t3_54 = t3_6.mul_add(t3_53, t2_216);
-        let t3_55 = t3_24.mul_add(t3_51, t3_54);
-        let t3_56 = inv_pivot_6 * t3_55;
-        let t3_57 = t2_205.mul_add(t3_56, t2_197);
-        let t3_58 = (-t3_2).mul_add(t3_53, t3_57);
-        let t3_59 = inv_pivot_4 * t3_58;
-        let t3_60 = (-t2_188).mul_add(t3_59, like.lift(1.0));
-        let t3_61 = t2_204.mul_add(t3_56, t3_60);
-        let t3_62 = t3_1.mul_add(t3_53, t3_61);
-        let t3_63 = inv_pivot_3 * t3_62;
-        let t3_64 = -t3_63;
-        let t3_65 = t3_25 * inv_pivot_8;
-        let t3_66 = inv_pivot_7 * t3_65;
-        let t3_67 = t3_6 * t3_66;
-        let t3_68 = t3_24.mul_add(inv_pivot_8, t3_67);
-        let t3_69 = inv_pivot_6 * t3_68;
-        let t3_70 = t2_205 * t3_69;
-        let t3_71 = (-t3_2).mul_add(t3_66, t3_70);
-        let t3_72 = inv_pivot_4 * t3_71;
-        let t3_73 = t2_188 * t3_72;
-        let t3_74 = (-t2_204).mul_add(t3_69, t3_73);
-        let t3_75 = (-t3_1).mul_add(t3_66, t3_74);
-        let t3_76 = inv_pivot_3 * t3_75;
-        let t3_77 = -t3_76;
-        let t3_78 = t3_26 + t3_30;
-        let t3_79 = t3_78 - t3_33;
-        let t3_80 = t3_79 - t3_39;
-        let t3_81 = t3_80 - t3_46;
-        let t3_82 = t3_81 * inv_pivot_8;
-        let t3_83 = (-t3_25).mul_add(t3_82, t3_20);
+        let t3_43 = t3_40 * inv_pivot_8;
+        let t3_44 = t3_23.mul_add(t3_43, t3_20);
+        let t3_45 = inv_pivot_7 * t3_44;
+        let t3_46 = (-t3_2).mul_add(t3_45, t3_1);
+        let t3_47 = (-t3_22).mul_add(t3_43, t3_46);
+        let t3_48 = inv_pivot_6 * t3_47;
+        let t3_49 = t2_216.mul_add(t3_48, t2_208);
+        let t3_50 = t2_174.mul_add(t3_45, t3_49);
+        let t3_51 = (-t2_179).mul_add(t3_43, t3_50);
+        let t3_52 = inv_pivot_5 * t3_51;
+        let t3_53 = (-t2_203).mul_add(t3_52, t2_197);
+        let t3_54 = t2_215.mul_add(t3_48, t3_53);
+        let t3_55 = inv_pivot_4 * t3_54;
+        let t3_56 = (-t2_189).mul_add(t3_55, like.lift(1.0));
+        let t3_57 = t2_202.mul_add(t3_52, t3_56);
+        let t3_58 = t2_211.mul_add(t3_48, t3_57);
+        let t3_59 = inv_pivot_3 * t3_58;
+        let t3_60 = -t3_59;
+        let t3_61 = t3_3 + t3_15;
+        let t3_62 = t3_61 - t3_17;
+        let t3_63 = t3_62 - t3_19;
+        let t3_64 = (-t3_63).mul_add(t3_39, t3_36);
+        let t3_65 = t3_64 * inv_pivot_8;
+        let t3_66 = (-t3_23).mul_add(t3_65, t3_63);
+        let t3_67 = inv_pivot_7 * t3_66;
+        let t3_68 = t3_2.mul_add(t3_67, t3_1);
+        let t3_69 = (-t3_22).mul_add(t3_65, t3_68);
+        let t3_70 = inv_pivot_6 * t3_69;
+        let t3_71 = t2_216.mul_add(t3_70, t2_208);
+        let t3_72 = (-t2_174).mul_add(t3_67, t3_71);
+        let t3_73 = (-t2_179).mul_add(t3_65, t3_72);
+        let t3_74 = inv_pivot_5 * t3_73;
+        let t3_75 = (-t2_203).mul_add(t3_74, t2_197);
+        let t3_76 = t2_215.mul_add(t3_70, t3_75);
+        let t3_77 = inv_pivot_4 * t3_76;
+        let t3_78 = (-t2_189).mul_add(t3_77, like.lift(1.0));
+        let t3_79 = t2_202.mul_add(t3_74, t3_78);
+        let t3_80 = t2_211.mul_add(t3_70, t3_79);
+        let t3_81 = inv_pivot_3 * t3_80;
+        let t3_82 = t3_39 * inv_pivot_8;
+        let t3_83 = t3_23.mul_add(t3_82, like.lift(1.0));
         let t3_84 = inv_pivot_7 * t3_83;
-        let t3_85 = t3_6.mul_add(t3_84, t2_216);
-        let t3_86 = (-t3_24).mul_add(t3_82, t3_85);
+        let t3_85 = t3_2 * t3_84;
+        let t3_86 = t3_22.mul_add(t3_82, t3_85);
         let t3_87 = inv_pivot_6 * t3_86;
-        let t3_88 = t2_205.mul_add(t3_87, t2_197);
-        let t3_89 = (-t3_2).mul_add(t3_84, t3_88);
-        let t3_90 = inv_pivot_4 * t3_89;
-        let t3_91 = (-t2_188).mul_add(t3_90, like.lift(1.0));
-        let t3_92 = t2_204.mul_add(t3_87, t3_91);
-        let t3_93 = t3_1.mul_add(t3_84, t3_92);
-        let t3_94 = inv_pivot_3 * t3_93;
-        let t3_95 = -t3_72;
-        let t3_96 = -t3_90;
-        let t3_97 = -t3_56;
-        let t3_98 = -t3_66;
-        let t3_99 = -t3_84;
-        let t3_100 = -t3_51;
-        let t3_101 = -t3_82;
-        let t3_102 = (-t2_213).mul_add(t3_56, t2_215);
-        let t3_103 = (-t3_5).mul_add(t3_53, t3_102);
-        let t3_104 = u_rod2_p2z * t3_51;
-        let t3_105 = like.lift(0.1075).mul_add(t3_104, t3_103);
-        let t3_106 = inv_pivot_5 * t3_105;
-        let t3_107 = t2_213 * t3_69;
-        let t3_108 = t3_5.mul_add(t3_66, t3_107);
-        let t3_109 = u_rod2_p2z * inv_pivot_8;
-        let t3_110 = like.lift(-0.1075).mul_add(t3_109, t3_108);
-        let t3_111 = inv_pivot_5 * t3_110;
-        let t3_112 = (-t2_213).mul_add(t3_87, t2_215);
-        let t3_113 = (-t3_5).mul_add(t3_84, t3_112);
-        let t3_114 = u_rod2_p2z * t3_82;
-        let t3_115 = like.lift(-0.1075).mul_add(t3_114, t3_113);
-        let t3_116 = inv_pivot_5 * t3_115;
-        let t3_117 = -t3_116;
-        let t3_118 = t2_105 * t3_63;
-        let t3_119 = t2_187.mul_add(t3_59, t3_118);
-        let t3_120 = (-t2_200).mul_add(t3_56, t3_119);
-        let t3_121 = (-t2_219).mul_add(t3_53, t3_120);
-        let t3_122 = inv_pivot_2 * t3_121;
-        let t3_123 = t2_124 * t3_122;
-        let t3_124 = (-t2_109).mul_add(t3_59, t3_123);
-        let t3_125 = t2_115.mul_add(t3_56, t3_124);
-        let t3_126 = (-t2_117).mul_add(t3_53, t3_125);
-        let t3_127 = t2_180 * t3_126;
-        let t3_128 = like.lift(5.370700178508146) * t3_127;
-        let t3_129 = t2_105 * t3_76;
-        let t3_130 = (-t2_187).mul_add(t3_72, t3_129);
-        let t3_131 = t2_200.mul_add(t3_69, t3_130);
-        let t3_132 = t2_219.mul_add(t3_66, t3_131);
-        let t3_133 = inv_pivot_2 * t3_132;
-        let t3_134 = t2_124 * t3_133;
-        let t3_135 = t2_109.mul_add(t3_72, t3_134);
-        let t3_136 = (-t2_115).mul_add(t3_69, t3_135);
-        let t3_137 = t2_117.mul_add(t3_66, t3_136);
-        let t3_138 = t2_180 * t3_137;
-        let t3_139 = like.lift(5.370700178508146) * t3_138;
-        let t3_140 = t2_105 * t3_94;
-        let t3_141 = t2_187.mul_add(t3_90, t3_140);
-        let t3_142 = (-t2_200).mul_add(t3_87, t3_141);
-        let t3_143 = (-t2_219).mul_add(t3_84, t3_142);
-        let t3_144 = inv_pivot_2 * t3_143;
-        let t3_145 = t2_124 * t3_144;
-        let t3_146 = (-t2_109).mul_add(t3_90, t3_145);
-        let t3_147 = t2_115.mul_add(t3_87, t3_146);
-        let t3_148 = (-t2_117).mul_add(t3_84, t3_147);
-        let t3_149 = t2_180 * t3_148;
-        let t3_150 = like.lift(5.370700178508146) * t3_149;
-        let t3_151 = -t3_150;
-        let t3_152 = -t3_122;
-        let t3_153 = -t3_133;
+        let t3_88 = t2_216 * t3_87;
+        let t3_89 = (-t2_174).mul_add(t3_84, t3_88);
+        let t3_90 = t2_179.mul_add(t3_82, t3_89);
+        let t3_91 = inv_pivot_5 * t3_90;
+        let t3_92 = t2_203 * t3_91;
+        let t3_93 = (-t2_215).mul_add(t3_87, t3_92);
+        let t3_94 = inv_pivot_4 * t3_93;
+        let t3_95 = t2_189 * t3_94;
+        let t3_96 = t2_202.mul_add(t3_91, t3_95);
+        let t3_97 = t2_211.mul_add(t3_87, t3_96);
+        let t3_98 = inv_pivot_3 * t3_97;
+        let t3_99 = -t3_98;
+        let t3_100 = -t3_48;
+        let t3_101 = -t3_87;
+        let t3_102 = -t3_77;
+        let t3_103 = -t3_94;
+        let t3_104 = -t3_74;
+        let t3_105 = t2_10 * t3_59;
+        let t3_106 = t2_188.mul_add(t3_55, t3_105);
+        let t3_107 = (-t2_199).mul_add(t3_52, t3_106);
+        let t3_108 = (-t2_210).mul_add(t3_48, t3_107);
+        let t3_109 = inv_pivot_2 * t3_108;
+        let t3_110 = t2_10 * t3_81;
+        let t3_111 = t2_188.mul_add(t3_77, t3_110);
+        let t3_112 = (-t2_199).mul_add(t3_74, t3_111);
+        let t3_113 = (-t2_210).mul_add(t3_70, t3_112);
+        let t3_114 = inv_pivot_2 * t3_113;
+        let t3_115 = -t3_114;
+        let t3_116 = t2_10 * t3_98;
+        let t3_117 = (-t2_188).mul_add(t3_94, t3_116);
+        let t3_118 = (-t2_199).mul_add(t3_91, t3_117);
+        let t3_119 = (-t2_210).mul_add(t3_87, t3_118);
+        let t3_120 = inv_pivot_2 * t3_119;
+        let t3_121 = u_rod2_p2z * t3_109;
+        let t3_122 = like.lift(0.18619546181365432) * t3_121;
+        let t3_123 = (-t2_29).mul_add(t3_55, t3_122);
+        let t3_124 = (-t2_31).mul_add(t3_52, t3_123);
+        let t3_125 = t2_23.mul_add(t3_48, t3_124);
+        let t3_126 = inv_pivot_1 * t3_125;
+        let t3_127 = u_rod2_p2z * t3_114;
+        let t3_128 = like.lift(0.18619546181365432) * t3_127;
+        let t3_129 = (-t2_29).mul_add(t3_77, t3_128);
+        let t3_130 = (-t2_31).mul_add(t3_74, t3_129);
+        let t3_131 = t2_23.mul_add(t3_70, t3_130);
+        let t3_132 = inv_pivot_1 * t3_131;
+        let t3_133 = -t3_132;
+        let t3_134 = u_rod2_p2z * t3_120;
+        let t3_135 = like.lift(0.18619546181365432) * t3_134;
+        let t3_136 = t2_29.mul_add(t3_94, t3_135);
+        let t3_137 = (-t2_31).mul_add(t3_91, t3_136);
+        let t3_138 = t2_23.mul_add(t3_87, t3_137);
+        let t3_139 = inv_pivot_1 * t3_138;
+        let t3_140 = -t3_45;
+        let t3_141 = -t3_67;
+        let t3_142 = -t3_43;
+        let t3_143 = -pivot_2;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(6.287381471191513)).abs()
-            .min((pivot_2 * like.lift(4.054300853983487)).abs())
-            .min((pivot_3 * like.lift(5.1354731598256045)).abs())
-            .min((pivot_4 * like.lift(1.1136124389030184)).abs())
-            .min((t2_61 * like.lift(5.490928143318305)).abs())
-            .min((pivot_6 * like.lift(5.005772724016506)).abs())
-            .min((pivot_7 * like.lift(1.2292368551614257)).abs())
-            .min((pivot_8 * like.lift(6.313131313131312)).abs());
+        let margin = (pivot_1 * like.lift(8.169180195158923)).abs()
+            .min((t3_143 * like.lift(2.9578447349824133)).abs())
+            .min((pivot_3 * like.lift(4.709626127302084)).abs())
+            .min((pivot_4 * like.lift(1.7298389090997555)).abs())
+            .min((pivot_5 * like.lift(1.2416410909468296)).abs())
+            .min((pivot_6 * like.lift(4.677980223697912)).abs())
+            .min((pivot_7 * like.lift(5.873901159537709)).abs())
+            .min((pivot_8 * like.lift(4.02802513388111)).abs());
         let ([
             [x_u1_1_p1, x_u1_1_p2, x_u1_1_p3], [x_u1_2_p1, x_u1_2_p2, x_u1_2_p3], [_, _, _],
             [_, _, _], [x_u2_1_p1, x_u2_1_p2, x_u2_1_p3], [x_u2_2_p1, x_u2_2_p2, x_u2_2_p3],
             [x_u3_1_p1, x_u3_1_p2, x_u3_1_p3], [x_u3_2_p1, x_u3_2_p2, x_u3_2_p3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t3_64, t3_77, t3_94], [t3_59, t3_95, t3_96], [t3_97, t3_69, t3_87],
-                [t3_53, t3_98, t3_99], [t3_100, inv_pivot_8, t3_101], [t3_106, t3_111, t3_117],
-                [t3_128, t3_139, t3_151], [t3_152, t3_153, t3_144],
+                [t3_60, t3_81, t3_99], [t3_100, t3_70, t3_101], [t3_55, t3_102, t3_103],
+                [t3_52, t3_104, t3_91], [t3_109, t3_115, t3_120], [t3_126, t3_133, t3_139],
+                [t3_140, t3_141, t3_84], [t3_142, t3_65, t3_82],
             ],
             margin,
             || (
                 [
-                    [like.lift(0.0), t2_23, t2_29, t2_31, t2_33, t2_40, like.lift(0.0), like.lift(0.0)],
-                    [t2_41, t2_48, t2_51, t2_54, t2_56, t2_61, like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), t2_23, t2_29, t2_31, t2_33, pivot_1, like.lift(0.0), like.lift(0.0)],
+                    [t2_40, t2_47, t2_50, t2_53, t2_55, t2_61, like.lift(0.0), like.lift(0.0)],
                     [t2_22, t2_63, t2_65, t2_67, t2_69, t2_73, like.lift(0.0), like.lift(0.0)],
                     [t2_82, t2_93, t2_93, t2_96, t2_98, t2_103, like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), t2_109, t2_115, t2_117, like.lift(0.0), like.lift(0.0), pivot_1, t2_124],
-                    [t2_125, t2_128, t2_131, t2_134, like.lift(0.0), like.lift(0.0), t2_136, t2_141],
-                    [t2_108, t2_143, t2_145, t2_147, like.lift(0.0), like.lift(0.0), t2_149, t2_154],
-                    [t2_159, t2_168, t2_168, t2_171, like.lift(0.0), like.lift(0.0), t2_173, t2_179],
+                    [like.lift(0.0), t2_109, t2_115, t2_117, like.lift(0.0), like.lift(0.0), t2_118, t2_125],
+                    [t2_126, t2_129, t2_132, t2_135, like.lift(0.0), like.lift(0.0), t2_137, t2_142],
+                    [t2_108, t2_144, t2_146, t2_148, like.lift(0.0), like.lift(0.0), t2_150, t2_155],
+                    [t2_160, t2_169, t2_169, t2_172, like.lift(0.0), like.lift(0.0), t2_174, t2_180],
                 ],
                 [
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -12221,7 +12131,7 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 28], free: &[T; 42]) -> [T; 70
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
 ///
-/// 353 additions, 510 multiplications, 8 divisions, 8 sines and cosines.
+/// 354 additions, 502 multiplications, 8 divisions, 8 sines and cosines.
 pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], beta: &[T; 28]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -12241,12 +12151,12 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
     let [
         t1_1, al_rod1z, t1_7, al_rod1x, t1_12, t1_16, t1_21, t1_29, a_rod1x, a_rod1z, t1_57,
         u_e1y_p1x, t1_65, t1_71, t1_77, t1_78, t1_84, t1_86, sin_u2_1, cos_u2_1, sin_u2_2,
-        cos_u2_2, u_rod2_p2z, t1_87, t1_88, t1_95, t1_96, t1_103, t1_106, t1_108, t1_109,
-        t1_111, pivot_5, t1_116, t1_117, t1_118, t1_119, t1_120, t1_122, t1_124, t1_128,
-        t1_137, t1_148, t1_151, t1_153, t1_158, t1_160, t1_163, t1_164, t1_170, t1_172,
-        sin_u3_1, cos_u3_1, sin_u3_2, cos_u3_2, u_rod3_p3z, pivot_1, t1_179, t1_180, t1_183,
-        t1_186, t1_188, t1_189, t1_191, t1_196, t1_197, t1_198, t1_199, t1_200, t1_202, t1_204,
-        t1_208, t1_209, t1_214, t1_217, t1_222, t1_223, t1_224,
+        cos_u2_2, u_rod2_p2z, t1_88, pivot_1, t1_95, t1_102, t1_105, t1_107, t1_108, t1_109,
+        t1_110, t1_115, t1_116, t1_117, t1_118, t1_119, t1_120, t1_122, t1_124, t1_128, t1_137,
+        t1_148, t1_151, t1_153, t1_158, t1_160, t1_163, t1_164, t1_170, t1_172, sin_u3_1,
+        cos_u3_1, sin_u3_2, cos_u3_2, t1_173, t1_180, t1_181, t1_184, t1_187, t1_189, t1_190,
+        t1_191, t1_192, t1_197, t1_198, t1_199, t1_200, t1_201, t1_203, t1_205, t1_209, t1_210,
+        t1_215, t1_218, t1_223, t1_224, t1_225,
     ] = {
         let a_carriage1z = like.lift(9.81) + dd_p1;
         let (sin_u1_1, cos_u1_1) = u1_1.sin_cos();
@@ -12362,41 +12272,41 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
         let t1_92 = like.lift(0.5) * t1_91;
         let t1_93 = like.lift(0.8660254037844386).mul_add(sin_u2_2, t1_92);
         let t1_94 = sin_u2_1 * t1_93;
-        let t1_95 = like.lift(0.215).mul_add(t1_94, t1_90);
-        let t1_96 = -t1_65;
+        let pivot_1 = like.lift(0.215).mul_add(t1_94, t1_90);
+        let t1_95 = -t1_65;
         let e_e1x_u1_1y = sin_e1x * sin_u1_2_e1y;
-        let t1_97 = like.lift(0.0199) * e_e1x_u1_1y;
-        let t1_98 = like.lift(0.215).mul_add(sin_u1_2, t1_97);
-        let t1_99 = like.lift(0.017233905535310328) * cos_u1_2_e1y;
-        let t1_100 = like.lift(0.00995) * e_e1x_u1_1y;
-        let t1_101 = t1_99 + t1_100;
-        let t1_102 = t1_98 + t1_101;
-        let t1_103 = sin_u1_1 * t1_102;
-        let t1_104 = t1_97 + t1_99;
-        let t1_105 = t1_100 + t1_104;
-        let t1_106 = sin_u1_1 * t1_105;
-        let t1_107 = u_e1y_p1x * t1_105;
-        let t1_108 = cos_u1_2_e1y.mul_add(t1_80, t1_107);
-        let t1_109 = -t1_108;
-        let t1_110 = like.lift(0.1075) * u_rod2_p2z;
-        let t1_111 = -t1_110;
-        let t1_112 = like.lift(0.8660254037844386) * t1_91;
-        let t1_113 = like.lift(-0.5).mul_add(sin_u2_2, t1_112);
-        let t1_114 = sin_u2_1 * t1_113;
-        let t1_115 = like.lift(0.215) * t1_114;
-        let pivot_5 = like.lift(0.18619546181365432).mul_add(t1_89, t1_115);
-        let t1_116 = -pivot_5;
-        let t1_117 = cos_u1_1 * t1_102;
+        let t1_96 = like.lift(0.0199) * e_e1x_u1_1y;
+        let t1_97 = like.lift(0.215).mul_add(sin_u1_2, t1_96);
+        let t1_98 = like.lift(0.017233905535310328) * cos_u1_2_e1y;
+        let t1_99 = like.lift(0.00995) * e_e1x_u1_1y;
+        let t1_100 = t1_98 + t1_99;
+        let t1_101 = t1_97 + t1_100;
+        let t1_102 = sin_u1_1 * t1_101;
+        let t1_103 = t1_96 + t1_98;
+        let t1_104 = t1_99 + t1_103;
+        let t1_105 = sin_u1_1 * t1_104;
+        let t1_106 = u_e1y_p1x * t1_104;
+        let t1_107 = cos_u1_2_e1y.mul_add(t1_80, t1_106);
+        let t1_108 = -t1_107;
+        let t1_109 = like.lift(0.1075) * u_rod2_p2z;
+        let t1_110 = -t1_109;
+        let t1_111 = like.lift(0.8660254037844386) * t1_91;
+        let t1_112 = like.lift(-0.5).mul_add(sin_u2_2, t1_111);
+        let t1_113 = sin_u2_1 * t1_112;
+        let t1_114 = like.lift(0.215) * t1_113;
+        let t1_115 = like.lift(0.18619546181365432).mul_add(t1_89, t1_114);
+        let t1_116 = -t1_115;
+        let t1_117 = cos_u1_1 * t1_101;
         let t1_118 = -t1_117;
-        let t1_119 = cos_u1_1 * t1_105;
+        let t1_119 = cos_u1_1 * t1_104;
         let t1_120 = -t1_119;
         let t1_121 = cos_u1_2_e1y * t1_83;
-        let t1_122 = (-t1_71).mul_add(t1_105, t1_121);
+        let t1_122 = (-t1_71).mul_add(t1_104, t1_121);
         let t1_123 = like.lift(0.1075) * t1_93;
-        let t1_124 = like.lift(0.18619546181365432).mul_add(t1_113, t1_123);
+        let t1_124 = like.lift(0.18619546181365432).mul_add(t1_112, t1_123);
         let t1_125 = cos_u2_1 * t1_93;
         let t1_126 = like.lift(0.18619546181365432) * t1_125;
-        let t1_127 = cos_u2_1 * t1_113;
+        let t1_127 = cos_u2_1 * t1_112;
         let t1_128 = like.lift(-0.1075).mul_add(t1_127, t1_126);
         let t1_129 = like.lift(0.5) * u_e1y_p1x;
         let t1_130 = like.lift(0.8660254037844386) * u_e1x_p1y;
@@ -12445,68 +12355,68 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
         let (sin_u3_1, cos_u3_1) = u3_1.sin_cos();
         let (sin_u3_2, cos_u3_2) = u3_2.sin_cos();
         let u_rod3_p3z = cos_u3_1 * cos_u3_2;
-        let pivot_1 = like.lift(0.18619546181365432) * u_rod3_p3z;
-        let t1_173 = cos_u3_1 * u_rod3_p3z;
-        let t1_174 = like.lift(0.1075) * t1_173;
-        let t1_175 = sin_u3_1 * cos_u3_2;
-        let t1_176 = like.lift(0.5) * t1_175;
-        let t1_177 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t1_176);
-        let t1_178 = sin_u3_1 * t1_177;
-        let t1_179 = like.lift(0.215).mul_add(t1_178, t1_174);
-        let t1_180 = -t1_160;
-        let t1_181 = t1_99 - t1_100;
-        let t1_182 = t1_98 - t1_181;
-        let t1_183 = sin_u1_1 * t1_182;
-        let t1_184 = t1_97 - t1_99;
-        let t1_185 = t1_100 + t1_184;
-        let t1_186 = sin_u1_1 * t1_185;
-        let t1_187 = u_e1y_p1x * t1_185;
-        let t1_188 = cos_u1_2_e1y.mul_add(t1_166, t1_187);
-        let t1_189 = -t1_188;
-        let t1_190 = like.lift(0.1075) * u_rod3_p3z;
-        let t1_191 = -t1_190;
-        let t1_192 = like.lift(0.8660254037844386) * t1_175;
-        let t1_193 = like.lift(0.5).mul_add(sin_u3_2, t1_192);
-        let t1_194 = sin_u3_1 * t1_193;
-        let t1_195 = like.lift(0.215) * t1_194;
-        let t1_196 = like.lift(0.18619546181365432).mul_add(t1_173, t1_195);
-        let t1_197 = cos_u1_1 * t1_182;
-        let t1_198 = -t1_197;
-        let t1_199 = cos_u1_1 * t1_185;
-        let t1_200 = -t1_199;
-        let t1_201 = cos_u1_2_e1y * t1_169;
-        let t1_202 = (-t1_71).mul_add(t1_185, t1_201);
-        let t1_203 = like.lift(0.1075) * t1_177;
-        let t1_204 = like.lift(0.18619546181365432).mul_add(t1_193, t1_203);
-        let t1_205 = cos_u3_1 * t1_177;
-        let t1_206 = like.lift(0.18619546181365432) * t1_205;
-        let t1_207 = cos_u3_1 * t1_193;
-        let t1_208 = like.lift(-0.1075).mul_add(t1_207, t1_206);
-        let t1_209 = -t1_208;
-        let t1_210 = t1_129 - t1_130;
-        let t1_211 = cos_u3_1 * t1_210;
-        let t1_212 = like.lift(0.5) * t1_211;
-        let t1_213 = t1_134 + t1_135;
-        let t1_214 = (-sin_u3_1).mul_add(t1_213, t1_212);
-        let t1_215 = t1_138 + t1_139;
-        let t1_216 = sin_u3_1 * t1_215;
-        let t1_217 = like.lift(0.8660254037844386).mul_add(t1_211, t1_216);
-        let t1_218 = cos_u1_1 * t1_217;
-        let t1_219 = cos_u3_1 * t1_213;
-        let t1_220 = like.lift(0.8660254037844386) * t1_219;
-        let t1_221 = cos_u3_1 * t1_215;
-        let t1_222 = like.lift(0.5).mul_add(t1_221, t1_220);
-        let t1_223 = sin_u1_1.mul_add(t1_222, t1_218);
-        let t1_224 = cos_u1_2_e1y * t1_214;
+        let t1_173 = like.lift(0.18619546181365432) * u_rod3_p3z;
+        let t1_174 = cos_u3_1 * u_rod3_p3z;
+        let t1_175 = like.lift(0.1075) * t1_174;
+        let t1_176 = sin_u3_1 * cos_u3_2;
+        let t1_177 = like.lift(0.5) * t1_176;
+        let t1_178 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t1_177);
+        let t1_179 = sin_u3_1 * t1_178;
+        let t1_180 = like.lift(0.215).mul_add(t1_179, t1_175);
+        let t1_181 = -t1_160;
+        let t1_182 = t1_98 - t1_99;
+        let t1_183 = t1_97 - t1_182;
+        let t1_184 = sin_u1_1 * t1_183;
+        let t1_185 = t1_96 - t1_98;
+        let t1_186 = t1_99 + t1_185;
+        let t1_187 = sin_u1_1 * t1_186;
+        let t1_188 = u_e1y_p1x * t1_186;
+        let t1_189 = cos_u1_2_e1y.mul_add(t1_166, t1_188);
+        let t1_190 = -t1_189;
+        let t1_191 = like.lift(0.1075) * u_rod3_p3z;
+        let t1_192 = -t1_191;
+        let t1_193 = like.lift(0.8660254037844386) * t1_176;
+        let t1_194 = like.lift(0.5).mul_add(sin_u3_2, t1_193);
+        let t1_195 = sin_u3_1 * t1_194;
+        let t1_196 = like.lift(0.215) * t1_195;
+        let t1_197 = like.lift(0.18619546181365432).mul_add(t1_174, t1_196);
+        let t1_198 = cos_u1_1 * t1_183;
+        let t1_199 = -t1_198;
+        let t1_200 = cos_u1_1 * t1_186;
+        let t1_201 = -t1_200;
+        let t1_202 = cos_u1_2_e1y * t1_169;
+        let t1_203 = (-t1_71).mul_add(t1_186, t1_202);
+        let t1_204 = like.lift(0.1075) * t1_178;
+        let t1_205 = like.lift(0.18619546181365432).mul_add(t1_194, t1_204);
+        let t1_206 = cos_u3_1 * t1_178;
+        let t1_207 = like.lift(0.18619546181365432) * t1_206;
+        let t1_208 = cos_u3_1 * t1_194;
+        let t1_209 = like.lift(-0.1075).mul_add(t1_208, t1_207);
+        let t1_210 = -t1_209;
+        let t1_211 = t1_129 - t1_130;
+        let t1_212 = cos_u3_1 * t1_211;
+        let t1_213 = like.lift(0.5) * t1_212;
+        let t1_214 = t1_134 + t1_135;
+        let t1_215 = (-sin_u3_1).mul_add(t1_214, t1_213);
+        let t1_216 = t1_138 + t1_139;
+        let t1_217 = sin_u3_1 * t1_216;
+        let t1_218 = like.lift(0.8660254037844386).mul_add(t1_212, t1_217);
+        let t1_219 = cos_u1_1 * t1_218;
+        let t1_220 = cos_u3_1 * t1_214;
+        let t1_221 = like.lift(0.8660254037844386) * t1_220;
+        let t1_222 = cos_u3_1 * t1_216;
+        let t1_223 = like.lift(0.5).mul_add(t1_222, t1_221);
+        let t1_224 = sin_u1_1.mul_add(t1_223, t1_219);
+        let t1_225 = cos_u1_2_e1y * t1_215;
         [
             t1_1, al_rod1z, t1_7, al_rod1x, t1_12, t1_16, t1_21, t1_29, a_rod1x, a_rod1z,
             t1_57, u_e1y_p1x, t1_65, t1_71, t1_77, t1_78, t1_84, t1_86, sin_u2_1, cos_u2_1,
-            sin_u2_2, cos_u2_2, u_rod2_p2z, t1_87, t1_88, t1_95, t1_96, t1_103, t1_106, t1_108,
-            t1_109, t1_111, pivot_5, t1_116, t1_117, t1_118, t1_119, t1_120, t1_122, t1_124,
-            t1_128, t1_137, t1_148, t1_151, t1_153, t1_158, t1_160, t1_163, t1_164, t1_170,
-            t1_172, sin_u3_1, cos_u3_1, sin_u3_2, cos_u3_2, u_rod3_p3z, pivot_1, t1_179,
-            t1_180, t1_183, t1_186, t1_188, t1_189, t1_191, t1_196, t1_197, t1_198, t1_199,
-            t1_200, t1_202, t1_204, t1_208, t1_209, t1_214, t1_217, t1_222, t1_223, t1_224,
+            sin_u2_2, cos_u2_2, u_rod2_p2z, t1_88, pivot_1, t1_95, t1_102, t1_105, t1_107,
+            t1_108, t1_109, t1_110, t1_115, t1_116, t1_117, t1_118, t1_119, t1_120, t1_122,
+            t1_124, t1_128, t1_137, t1_148, t1_151, t1_153, t1_158, t1_160, t1_163, t1_164,
+            t1_170, t1_172, sin_u3_1, cos_u3_1, sin_u3_2, cos_u3_2, t1_173, t1_180, t1_181,
+            t1_184, t1_187, t1_189, t1_190, t1_191, t1_192, t1_197, t1_198, t1_199, t1_200,
+            t1_201, t1_203, t1_205, t1_209, t1_210, t1_215, t1_218, t1_223, t1_224, t1_225,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -12515,255 +12425,245 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
         x_u2_1_p3, x_u2_2_p1, x_u2_2_p2, x_u2_2_p3, x_u3_1_p1, x_u3_1_p2, x_u3_1_p3, x_u3_2_p1,
         x_u3_2_p2, x_u3_2_p3,
     ] = {
-        let t2_1 = t1_71.mul_add(t1_217, t1_224);
-        let t2_2 = (-u_e1y_p1x).mul_add(t1_222, t2_1);
-        let t2_3 = like.lift(0.5) * t1_214;
-        let t2_4 = like.lift(0.8660254037844386).mul_add(t1_217, t2_3);
-        let t2_5 = cos_u3_1 * t1_214;
+        let t2_1 = t1_71.mul_add(t1_218, t1_225);
+        let t2_2 = (-u_e1y_p1x).mul_add(t1_223, t2_1);
+        let t2_3 = like.lift(0.5) * t1_215;
+        let t2_4 = like.lift(0.8660254037844386).mul_add(t1_218, t2_3);
+        let t2_5 = cos_u3_1 * t1_215;
         let t2_6 = like.lift(0.8660254037844386) * t2_5;
-        let t2_7 = cos_u3_1 * t1_217;
+        let t2_7 = cos_u3_1 * t1_218;
         let t2_8 = like.lift(-0.5).mul_add(t2_7, t2_6);
-        let t2_9 = sin_u3_1.mul_add(t1_222, t2_8);
+        let t2_9 = sin_u3_1.mul_add(t1_223, t2_8);
         let t2_10 = -t2_9;
-        let t2_11 = like.lift(1.0) / u_rod3_p3z;
-        let t2_12 = t1_204 * t2_11;
-        let t2_13 = t1_179 * t2_12;
-        let t2_14 = like.lift(5.370700178508146).mul_add(t2_13, t1_208);
-        let pivot_2 = like.lift(0.5773502691896257).mul_add(t1_179, t1_196);
+        let inv_pivot_1 = like.lift(1.0) / pivot_1;
+        let t2_11 = t1_128 * inv_pivot_1;
+        let t2_12 = u_rod2_p2z * t2_11;
+        let t2_13 = like.lift(0.18619546181365432).mul_add(t2_12, t1_124);
+        let t2_14 = t1_115 * inv_pivot_1;
+        let t2_15 = u_rod2_p2z * t2_14;
+        let pivot_2 = like.lift(0.18619546181365432).mul_add(t2_15, t1_109);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_15 = t2_14 * inv_pivot_2;
-        let pivot_3 = (-t1_160).mul_add(t2_15, t1_163);
+        let t2_16 = t2_13 * inv_pivot_2;
+        let pivot_3 = (-t1_65).mul_add(t2_16, t1_77);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_16 = t1_164 * t2_12;
-        let t2_17 = like.lift(5.370700178508146).mul_add(t2_16, t1_197);
-        let t2_18 = like.lift(0.5773502691896257).mul_add(t1_164, t1_183);
-        let t2_19 = (-t2_18).mul_add(t2_15, t2_17);
-        let t2_20 = t2_4 * t2_11;
-        let t2_21 = t1_164 * t2_20;
-        let t2_22 = like.lift(-5.370700178508146).mul_add(t2_21, t1_223);
-        let t2_23 = t1_179 * t2_20;
-        let t2_24 = like.lift(5.370700178508146).mul_add(t2_23, t2_9);
-        let t2_25 = t2_24 * inv_pivot_2;
-        let t2_26 = t2_18.mul_add(t2_25, t2_22);
-        let t2_27 = (-t1_160).mul_add(t2_25, t1_214);
-        let t2_28 = t2_27 * inv_pivot_3;
-        let pivot_4 = t2_19.mul_add(t2_28, t2_26);
+        let t2_17 = t1_84.mul_add(t2_11, t1_119);
+        let t2_18 = t1_84.mul_add(t2_14, t1_105);
+        let t2_19 = (-t2_18).mul_add(t2_16, t2_17);
+        let t2_20 = t1_158 * inv_pivot_1;
+        let t2_21 = (-t1_84).mul_add(t2_20, t1_148);
+        let t2_22 = u_rod2_p2z * t2_20;
+        let t2_23 = like.lift(0.18619546181365432).mul_add(t2_22, t1_153);
+        let t2_24 = t2_23 * inv_pivot_2;
+        let t2_25 = t2_18.mul_add(t2_24, t2_21);
+        let t2_26 = (-t1_65).mul_add(t2_24, t1_137);
+        let t2_27 = t2_26 * inv_pivot_3;
+        let pivot_4 = t2_19.mul_add(t2_27, t2_25);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_29 = t1_170 * t2_20;
-        let t2_30 = like.lift(-5.370700178508146).mul_add(t2_29, t1_223);
-        let t2_31 = like.lift(0.5773502691896257).mul_add(t1_170, t1_186);
-        let t2_32 = t2_31.mul_add(t2_25, t2_30);
-        let t2_33 = t1_170 * t2_12;
-        let t2_34 = like.lift(5.370700178508146).mul_add(t2_33, t1_199);
-        let t2_35 = (-t2_31).mul_add(t2_15, t2_34);
-        let t2_36 = t2_35.mul_add(t2_28, t2_32);
-        let t2_37 = t1_78 * inv_pivot_4;
-        let t2_38 = (-t2_36).mul_add(t2_37, t1_84);
+        let t2_28 = (-t1_86).mul_add(t2_20, t1_151);
+        let t2_29 = (-t1_86).mul_add(t2_14, t1_107);
+        let t2_30 = (-t2_29).mul_add(t2_24, t2_28);
+        let t2_31 = (-t1_86).mul_add(t2_11, t1_122);
+        let t2_32 = (-t2_29).mul_add(t2_16, t2_31);
+        let t2_33 = (-t2_32).mul_add(t2_27, t2_30);
+        let t2_34 = t1_215 * inv_pivot_3;
+        let t2_35 = (-t2_32).mul_add(t2_34, t2_2);
+        let t2_36 = t2_19.mul_add(t2_34, t1_224);
+        let t2_37 = t2_36 * inv_pivot_4;
+        let pivot_5 = (-t2_33).mul_add(t2_37, t2_35);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_39 = t1_95 * inv_pivot_5;
-        let t2_40 = t1_65 * inv_pivot_3;
-        let t2_41 = (-t2_35).mul_add(t2_40, t1_106);
-        let t2_42 = (-t2_19).mul_add(t2_40, t1_103);
-        let t2_43 = t2_42 * inv_pivot_4;
-        let t2_44 = (-t2_36).mul_add(t2_43, t2_41);
-        let pivot_6 = t2_39.mul_add(t2_44, t2_38);
+        let t2_38 = (-t2_27).mul_add(t2_37, t2_34);
+        let t2_39 = t1_78.mul_add(t2_11, t1_117);
+        let t2_40 = t1_78.mul_add(t2_14, t1_102);
+        let t2_41 = (-t2_40).mul_add(t2_16, t2_39);
+        let t2_42 = t2_41.mul_add(t2_34, t1_224);
+        let t2_43 = (-t1_78).mul_add(t2_20, t1_148);
+        let t2_44 = t2_40.mul_add(t2_24, t2_43);
+        let t2_45 = t2_41.mul_add(t2_27, t2_44);
+        let t2_46 = (-t2_45).mul_add(t2_37, t2_42);
+        let t2_47 = t1_170 * inv_pivot_4;
+        let t2_48 = (-t2_45).mul_add(t2_47, t1_164);
+        let t2_49 = (-t2_33).mul_add(t2_47, t1_172);
+        let t2_50 = t2_49 * inv_pivot_5;
+        let pivot_6 = (-t2_46).mul_add(t2_50, t2_48);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_45 = t2_28 * t2_37;
-        let t2_46 = t2_28.mul_add(t2_43, t2_40);
-        let t2_47 = t2_39.mul_add(t2_46, t2_45);
-        let t2_48 = t1_172 * t2_20;
-        let t2_49 = like.lift(-5.370700178508146).mul_add(t2_48, t2_2);
-        let t2_50 = like.lift(-0.5773502691896257).mul_add(t1_172, t1_188);
-        let t2_51 = (-t2_50).mul_add(t2_25, t2_49);
-        let t2_52 = t1_172 * t2_12;
-        let t2_53 = like.lift(-5.370700178508146).mul_add(t2_52, t1_202);
-        let t2_54 = (-t2_50).mul_add(t2_15, t2_53);
-        let t2_55 = (-t2_54).mul_add(t2_28, t2_51);
-        let t2_56 = (-t2_55).mul_add(t2_37, t1_86);
-        let t2_57 = (-t2_54).mul_add(t2_40, t1_108);
-        let t2_58 = t2_55.mul_add(t2_43, t2_57);
-        let t2_59 = (-t2_39).mul_add(t2_58, t2_56);
-        let t2_60 = t1_137 * inv_pivot_3;
-        let t2_61 = (-t2_54).mul_add(t2_60, t1_151);
-        let t2_62 = t2_19.mul_add(t2_60, t1_148);
-        let t2_63 = t2_62 * inv_pivot_4;
-        let t2_64 = (-t2_55).mul_add(t2_63, t2_61);
-        let t2_65 = t1_158 * inv_pivot_5;
-        let t2_66 = (-t2_65).mul_add(t2_58, t2_64);
-        let t2_67 = t2_35.mul_add(t2_60, t1_148);
-        let t2_68 = (-t2_36).mul_add(t2_63, t2_67);
-        let t2_69 = t2_65.mul_add(t2_44, t2_68);
-        let t2_70 = t2_69 * inv_pivot_6;
-        let pivot_7 = (-t2_59).mul_add(t2_70, t2_66);
+        let t2_51 = t2_27 * t2_47;
+        let t2_52 = t2_38.mul_add(t2_50, t2_51);
+        let t2_53 = (-t2_4).mul_add(t2_50, t1_173);
+        let t2_54 = t1_163 * inv_pivot_3;
+        let t2_55 = (-t2_32).mul_add(t2_54, t1_203);
+        let t2_56 = (-t2_19).mul_add(t2_54, t1_200);
+        let t2_57 = t2_56 * inv_pivot_4;
+        let t2_58 = t2_33.mul_add(t2_57, t2_55);
+        let t2_59 = t2_58 * inv_pivot_5;
+        let t2_60 = (-t2_4).mul_add(t2_59, t1_205);
+        let t2_61 = (-t2_41).mul_add(t2_54, t1_198);
+        let t2_62 = (-t2_45).mul_add(t2_57, t2_61);
+        let t2_63 = t2_46.mul_add(t2_59, t2_62);
+        let t2_64 = t2_63 * inv_pivot_6;
+        let pivot_7 = t2_53.mul_add(t2_64, t2_60);
         let inv_pivot_7 = like.lift(1.0) / pivot_7;
-        let t2_71 = (-t2_28).mul_add(t2_63, t2_60);
-        let t2_72 = (-t2_65).mul_add(t2_46, t2_71);
-        let t2_73 = t2_47.mul_add(t2_70, t2_72);
-        let t2_74 = u_rod2_p2z * t2_65;
-        let t2_75 = like.lift(-0.1075).mul_add(t2_74, t1_153);
-        let t2_76 = u_rod2_p2z * t2_39;
-        let t2_77 = like.lift(0.1075).mul_add(t2_76, t1_87);
-        let t2_78 = t2_77.mul_add(t2_70, t2_75);
-        let t2_79 = t1_77 * inv_pivot_3;
-        let t2_80 = like.lift(1.0) - t2_79;
-        let t2_81 = (-t2_19).mul_add(t2_79, t1_117);
-        let t2_82 = t2_81 * inv_pivot_4;
-        let t2_83 = t2_28 * t2_82;
-        let t2_84 = t2_80 - t2_83;
-        let t2_85 = t1_128 * inv_pivot_5;
-        let t2_86 = t2_85 * t2_46;
-        let t2_87 = t2_84 + t2_86;
-        let t2_88 = (-t2_35).mul_add(t2_79, t1_119);
-        let t2_89 = (-t2_36).mul_add(t2_82, t2_88);
-        let t2_90 = (-t2_85).mul_add(t2_44, t2_89);
-        let t2_91 = t2_90 * inv_pivot_6;
-        let t2_92 = t2_47 * t2_91;
-        let t2_93 = t2_87 + t2_92;
-        let t2_94 = (-t2_54).mul_add(t2_79, t1_122);
-        let t2_95 = t2_55.mul_add(t2_82, t2_94);
-        let t2_96 = (-t2_85).mul_add(t2_58, t2_95);
-        let t2_97 = t2_59.mul_add(t2_91, t2_96);
-        let t2_98 = t2_97 * inv_pivot_7;
-        let t2_99 = t2_73 * t2_98;
-        let t2_100 = t2_93 + t2_99;
-        let t2_101 = u_rod2_p2z * t2_85;
-        let t2_102 = like.lift(-0.1075).mul_add(t2_101, t1_124);
-        let t2_103 = (-t2_77).mul_add(t2_91, t2_102);
-        let pivot_8 = (-t2_78).mul_add(t2_98, t2_103);
+        let t2_65 = like.lift(1.0) - t2_54;
+        let t2_66 = t2_27 * t2_57;
+        let t2_67 = t2_65 - t2_66;
+        let t2_68 = t2_38 * t2_59;
+        let t2_69 = t2_67 + t2_68;
+        let t2_70 = t2_52 * t2_64;
+        let t2_71 = t2_69 + t2_70;
+        let t2_72 = (-t2_9).mul_add(t2_59, t1_209);
+        let t2_73 = t2_9.mul_add(t2_50, t1_180);
+        let t2_74 = (-t2_73).mul_add(t2_64, t2_72);
+        let t2_75 = t1_160 * inv_pivot_3;
+        let t2_76 = (-t2_19).mul_add(t2_75, t1_187);
+        let t2_77 = t2_76 * inv_pivot_4;
+        let t2_78 = t2_27.mul_add(t2_77, t2_75);
+        let t2_79 = (-t2_32).mul_add(t2_75, t1_189);
+        let t2_80 = t2_33.mul_add(t2_77, t2_79);
+        let t2_81 = t2_80 * inv_pivot_5;
+        let t2_82 = (-t2_38).mul_add(t2_81, t2_78);
+        let t2_83 = (-t2_41).mul_add(t2_75, t1_184);
+        let t2_84 = (-t2_45).mul_add(t2_77, t2_83);
+        let t2_85 = t2_46.mul_add(t2_81, t2_84);
+        let t2_86 = t2_85 * inv_pivot_6;
+        let t2_87 = (-t2_52).mul_add(t2_86, t2_82);
+        let t2_88 = (-t2_4).mul_add(t2_81, t1_191);
+        let t2_89 = t2_53.mul_add(t2_86, t2_88);
+        let t2_90 = t2_89 * inv_pivot_7;
+        let t2_91 = t2_71.mul_add(t2_90, t2_87);
+        let t2_92 = (-t2_9).mul_add(t2_81, t1_197);
+        let t2_93 = (-t2_73).mul_add(t2_86, t2_92);
+        let pivot_8 = (-t2_74).mul_add(t2_90, t2_93);
         let inv_pivot_8 = like.lift(1.0) / pivot_8;
-        let t2_104 = t2_100 * inv_pivot_8;
-        let t2_105 = t2_78.mul_add(t2_104, t2_73);
-        let t2_106 = inv_pivot_7 * t2_105;
-        let t2_107 = t2_59.mul_add(t2_106, t2_47);
-        let t2_108 = t2_77.mul_add(t2_104, t2_107);
-        let t2_109 = inv_pivot_6 * t2_108;
-        let t2_110 = t2_36.mul_add(t2_109, t2_28);
-        let t2_111 = (-t2_55).mul_add(t2_106, t2_110);
-        let t2_112 = inv_pivot_4 * t2_111;
-        let t2_113 = (-t2_19).mul_add(t2_112, like.lift(1.0));
-        let t2_114 = t2_35.mul_add(t2_109, t2_113);
-        let t2_115 = t2_54.mul_add(t2_106, t2_114);
-        let t2_116 = inv_pivot_3 * t2_115;
-        let t2_117 = -t2_116;
-        let t2_118 = t2_78 * inv_pivot_8;
-        let t2_119 = inv_pivot_7 * t2_118;
-        let t2_120 = t2_59 * t2_119;
-        let t2_121 = t2_77.mul_add(inv_pivot_8, t2_120);
-        let t2_122 = inv_pivot_6 * t2_121;
-        let t2_123 = t2_36 * t2_122;
-        let t2_124 = (-t2_55).mul_add(t2_119, t2_123);
-        let t2_125 = inv_pivot_4 * t2_124;
-        let t2_126 = t2_19 * t2_125;
-        let t2_127 = (-t2_35).mul_add(t2_122, t2_126);
-        let t2_128 = (-t2_54).mul_add(t2_119, t2_127);
-        let t2_129 = inv_pivot_3 * t2_128;
-        let t2_130 = -t2_129;
-        let t2_131 = t2_79 + t2_83;
-        let t2_132 = t2_131 - t2_86;
-        let t2_133 = t2_132 - t2_92;
-        let t2_134 = t2_133 - t2_99;
-        let t2_135 = t2_134 * inv_pivot_8;
-        let t2_136 = (-t2_78).mul_add(t2_135, t2_73);
-        let t2_137 = inv_pivot_7 * t2_136;
-        let t2_138 = t2_59.mul_add(t2_137, t2_47);
-        let t2_139 = (-t2_77).mul_add(t2_135, t2_138);
-        let t2_140 = inv_pivot_6 * t2_139;
-        let t2_141 = t2_36.mul_add(t2_140, t2_28);
-        let t2_142 = (-t2_55).mul_add(t2_137, t2_141);
-        let t2_143 = inv_pivot_4 * t2_142;
-        let t2_144 = (-t2_19).mul_add(t2_143, like.lift(1.0));
-        let t2_145 = t2_35.mul_add(t2_140, t2_144);
-        let t2_146 = t2_54.mul_add(t2_137, t2_145);
-        let t2_147 = inv_pivot_3 * t2_146;
-        let t2_148 = -t2_125;
-        let t2_149 = -t2_143;
-        let t2_150 = -t2_109;
-        let t2_151 = -t2_119;
-        let t2_152 = -t2_137;
-        let t2_153 = -t2_104;
-        let t2_154 = -t2_135;
-        let t2_155 = (-t2_44).mul_add(t2_109, t2_46);
-        let t2_156 = (-t2_58).mul_add(t2_106, t2_155);
-        let t2_157 = u_rod2_p2z * t2_104;
-        let t2_158 = like.lift(0.1075).mul_add(t2_157, t2_156);
-        let t2_159 = inv_pivot_5 * t2_158;
-        let t2_160 = t2_44 * t2_122;
-        let t2_161 = t2_58.mul_add(t2_119, t2_160);
-        let t2_162 = u_rod2_p2z * inv_pivot_8;
-        let t2_163 = like.lift(-0.1075).mul_add(t2_162, t2_161);
-        let t2_164 = inv_pivot_5 * t2_163;
-        let t2_165 = (-t2_44).mul_add(t2_140, t2_46);
-        let t2_166 = (-t2_58).mul_add(t2_137, t2_165);
-        let t2_167 = u_rod2_p2z * t2_135;
-        let t2_168 = like.lift(-0.1075).mul_add(t2_167, t2_166);
-        let t2_169 = inv_pivot_5 * t2_168;
-        let t2_170 = -t2_169;
-        let t2_171 = t1_160 * t2_116;
-        let t2_172 = t2_18.mul_add(t2_112, t2_171);
-        let t2_173 = (-t2_31).mul_add(t2_109, t2_172);
-        let t2_174 = (-t2_50).mul_add(t2_106, t2_173);
-        let t2_175 = inv_pivot_2 * t2_174;
-        let t2_176 = t1_179 * t2_175;
-        let t2_177 = (-t1_164).mul_add(t2_112, t2_176);
-        let t2_178 = t1_170.mul_add(t2_109, t2_177);
-        let t2_179 = (-t1_172).mul_add(t2_106, t2_178);
-        let t2_180 = t2_11 * t2_179;
-        let t2_181 = like.lift(5.370700178508146) * t2_180;
-        let t2_182 = t1_160 * t2_129;
-        let t2_183 = (-t2_18).mul_add(t2_125, t2_182);
-        let t2_184 = t2_31.mul_add(t2_122, t2_183);
-        let t2_185 = t2_50.mul_add(t2_119, t2_184);
-        let t2_186 = inv_pivot_2 * t2_185;
-        let t2_187 = t1_179 * t2_186;
-        let t2_188 = t1_164.mul_add(t2_125, t2_187);
-        let t2_189 = (-t1_170).mul_add(t2_122, t2_188);
-        let t2_190 = t1_172.mul_add(t2_119, t2_189);
-        let t2_191 = t2_11 * t2_190;
-        let t2_192 = like.lift(5.370700178508146) * t2_191;
-        let t2_193 = t1_160 * t2_147;
-        let t2_194 = t2_18.mul_add(t2_143, t2_193);
-        let t2_195 = (-t2_31).mul_add(t2_140, t2_194);
-        let t2_196 = (-t2_50).mul_add(t2_137, t2_195);
-        let t2_197 = inv_pivot_2 * t2_196;
-        let t2_198 = t1_179 * t2_197;
-        let t2_199 = (-t1_164).mul_add(t2_143, t2_198);
-        let t2_200 = t1_170.mul_add(t2_140, t2_199);
-        let t2_201 = (-t1_172).mul_add(t2_137, t2_200);
-        let t2_202 = t2_11 * t2_201;
-        let t2_203 = like.lift(5.370700178508146) * t2_202;
-        let t2_204 = -t2_203;
-        let t2_205 = -t2_175;
-        let t2_206 = -t2_186;
+        let t2_94 = t2_91 * inv_pivot_8;
+        let t2_95 = t2_74.mul_add(t2_94, t2_71);
+        let t2_96 = inv_pivot_7 * t2_95;
+        let t2_97 = (-t2_53).mul_add(t2_96, t2_52);
+        let t2_98 = (-t2_73).mul_add(t2_94, t2_97);
+        let t2_99 = inv_pivot_6 * t2_98;
+        let t2_100 = t2_46.mul_add(t2_99, t2_38);
+        let t2_101 = t2_4.mul_add(t2_96, t2_100);
+        let t2_102 = (-t2_9).mul_add(t2_94, t2_101);
+        let t2_103 = inv_pivot_5 * t2_102;
+        let t2_104 = (-t2_33).mul_add(t2_103, t2_27);
+        let t2_105 = t2_45.mul_add(t2_99, t2_104);
+        let t2_106 = inv_pivot_4 * t2_105;
+        let t2_107 = (-t2_19).mul_add(t2_106, like.lift(1.0));
+        let t2_108 = t2_32.mul_add(t2_103, t2_107);
+        let t2_109 = t2_41.mul_add(t2_99, t2_108);
+        let t2_110 = inv_pivot_3 * t2_109;
+        let t2_111 = -t2_110;
+        let t2_112 = t2_54 + t2_66;
+        let t2_113 = t2_112 - t2_68;
+        let t2_114 = t2_113 - t2_70;
+        let t2_115 = (-t2_114).mul_add(t2_90, t2_87);
+        let t2_116 = t2_115 * inv_pivot_8;
+        let t2_117 = (-t2_74).mul_add(t2_116, t2_114);
+        let t2_118 = inv_pivot_7 * t2_117;
+        let t2_119 = t2_53.mul_add(t2_118, t2_52);
+        let t2_120 = (-t2_73).mul_add(t2_116, t2_119);
+        let t2_121 = inv_pivot_6 * t2_120;
+        let t2_122 = t2_46.mul_add(t2_121, t2_38);
+        let t2_123 = (-t2_4).mul_add(t2_118, t2_122);
+        let t2_124 = (-t2_9).mul_add(t2_116, t2_123);
+        let t2_125 = inv_pivot_5 * t2_124;
+        let t2_126 = (-t2_33).mul_add(t2_125, t2_27);
+        let t2_127 = t2_45.mul_add(t2_121, t2_126);
+        let t2_128 = inv_pivot_4 * t2_127;
+        let t2_129 = (-t2_19).mul_add(t2_128, like.lift(1.0));
+        let t2_130 = t2_32.mul_add(t2_125, t2_129);
+        let t2_131 = t2_41.mul_add(t2_121, t2_130);
+        let t2_132 = inv_pivot_3 * t2_131;
+        let t2_133 = t2_90 * inv_pivot_8;
+        let t2_134 = t2_74.mul_add(t2_133, like.lift(1.0));
+        let t2_135 = inv_pivot_7 * t2_134;
+        let t2_136 = t2_53 * t2_135;
+        let t2_137 = t2_73.mul_add(t2_133, t2_136);
+        let t2_138 = inv_pivot_6 * t2_137;
+        let t2_139 = t2_46 * t2_138;
+        let t2_140 = (-t2_4).mul_add(t2_135, t2_139);
+        let t2_141 = t2_9.mul_add(t2_133, t2_140);
+        let t2_142 = inv_pivot_5 * t2_141;
+        let t2_143 = t2_33 * t2_142;
+        let t2_144 = (-t2_45).mul_add(t2_138, t2_143);
+        let t2_145 = inv_pivot_4 * t2_144;
+        let t2_146 = t2_19 * t2_145;
+        let t2_147 = t2_32.mul_add(t2_142, t2_146);
+        let t2_148 = t2_41.mul_add(t2_138, t2_147);
+        let t2_149 = inv_pivot_3 * t2_148;
+        let t2_150 = -t2_149;
+        let t2_151 = -t2_99;
+        let t2_152 = -t2_138;
+        let t2_153 = -t2_128;
+        let t2_154 = -t2_145;
+        let t2_155 = -t2_125;
+        let t2_156 = t1_65 * t2_110;
+        let t2_157 = t2_18.mul_add(t2_106, t2_156);
+        let t2_158 = (-t2_29).mul_add(t2_103, t2_157);
+        let t2_159 = (-t2_40).mul_add(t2_99, t2_158);
+        let t2_160 = inv_pivot_2 * t2_159;
+        let t2_161 = t1_65 * t2_132;
+        let t2_162 = t2_18.mul_add(t2_128, t2_161);
+        let t2_163 = (-t2_29).mul_add(t2_125, t2_162);
+        let t2_164 = (-t2_40).mul_add(t2_121, t2_163);
+        let t2_165 = inv_pivot_2 * t2_164;
+        let t2_166 = -t2_165;
+        let t2_167 = t1_65 * t2_149;
+        let t2_168 = (-t2_18).mul_add(t2_145, t2_167);
+        let t2_169 = (-t2_29).mul_add(t2_142, t2_168);
+        let t2_170 = (-t2_40).mul_add(t2_138, t2_169);
+        let t2_171 = inv_pivot_2 * t2_170;
+        let t2_172 = u_rod2_p2z * t2_160;
+        let t2_173 = like.lift(0.18619546181365432) * t2_172;
+        let t2_174 = (-t1_84).mul_add(t2_106, t2_173);
+        let t2_175 = (-t1_86).mul_add(t2_103, t2_174);
+        let t2_176 = t1_78.mul_add(t2_99, t2_175);
+        let t2_177 = inv_pivot_1 * t2_176;
+        let t2_178 = u_rod2_p2z * t2_165;
+        let t2_179 = like.lift(0.18619546181365432) * t2_178;
+        let t2_180 = (-t1_84).mul_add(t2_128, t2_179);
+        let t2_181 = (-t1_86).mul_add(t2_125, t2_180);
+        let t2_182 = t1_78.mul_add(t2_121, t2_181);
+        let t2_183 = inv_pivot_1 * t2_182;
+        let t2_184 = -t2_183;
+        let t2_185 = u_rod2_p2z * t2_171;
+        let t2_186 = like.lift(0.18619546181365432) * t2_185;
+        let t2_187 = t1_84.mul_add(t2_145, t2_186);
+        let t2_188 = (-t1_86).mul_add(t2_142, t2_187);
+        let t2_189 = t1_78.mul_add(t2_138, t2_188);
+        let t2_190 = inv_pivot_1 * t2_189;
+        let t2_191 = -t2_96;
+        let t2_192 = -t2_118;
+        let t2_193 = -t2_94;
+        let t2_194 = -pivot_2;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(6.287381471191513)).abs()
-            .min((pivot_2 * like.lift(4.054300853983487)).abs())
-            .min((pivot_3 * like.lift(5.1354731598256045)).abs())
-            .min((pivot_4 * like.lift(1.1136124389030184)).abs())
-            .min((t1_116 * like.lift(5.490928143318305)).abs())
-            .min((pivot_6 * like.lift(5.005772724016506)).abs())
-            .min((pivot_7 * like.lift(1.2292368551614257)).abs())
-            .min((pivot_8 * like.lift(6.313131313131312)).abs());
+        let margin = (pivot_1 * like.lift(8.169180195158923)).abs()
+            .min((t2_194 * like.lift(2.9578447349824133)).abs())
+            .min((pivot_3 * like.lift(4.709626127302084)).abs())
+            .min((pivot_4 * like.lift(1.7298389090997555)).abs())
+            .min((pivot_5 * like.lift(1.2416410909468296)).abs())
+            .min((pivot_6 * like.lift(4.677980223697912)).abs())
+            .min((pivot_7 * like.lift(5.873901159537709)).abs())
+            .min((pivot_8 * like.lift(4.02802513388111)).abs());
         let ([
             [x_u1_1_p1, x_u1_1_p2, x_u1_1_p3], [x_u1_2_p1, x_u1_2_p2, x_u1_2_p3], [_, _, _],
             [_, _, _], [x_u2_1_p1, x_u2_1_p2, x_u2_1_p3], [x_u2_2_p1, x_u2_2_p2, x_u2_2_p3],
             [x_u3_1_p1, x_u3_1_p2, x_u3_1_p3], [x_u3_2_p1, x_u3_2_p2, x_u3_2_p3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_117, t2_130, t2_147], [t2_112, t2_148, t2_149], [t2_150, t2_122, t2_140],
-                [t2_106, t2_151, t2_152], [t2_153, inv_pivot_8, t2_154],
-                [t2_159, t2_164, t2_170], [t2_181, t2_192, t2_204], [t2_205, t2_206, t2_197],
+                [t2_111, t2_132, t2_150], [t2_151, t2_121, t2_152], [t2_106, t2_153, t2_154],
+                [t2_103, t2_155, t2_142], [t2_160, t2_166, t2_171], [t2_177, t2_184, t2_190],
+                [t2_191, t2_192, t2_135], [t2_193, t2_116, t2_133],
             ],
             margin,
             || (
                 [
-                    [like.lift(0.0), t1_78, t1_84, t1_86, t1_88, t1_95, like.lift(0.0), like.lift(0.0)],
-                    [t1_96, t1_103, t1_106, t1_109, t1_111, t1_116, like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), t1_78, t1_84, t1_86, t1_88, pivot_1, like.lift(0.0), like.lift(0.0)],
+                    [t1_95, t1_102, t1_105, t1_108, t1_110, t1_116, like.lift(0.0), like.lift(0.0)],
                     [t1_77, t1_118, t1_120, t1_122, t1_124, t1_128, like.lift(0.0), like.lift(0.0)],
                     [t1_137, t1_148, t1_148, t1_151, t1_153, t1_158, like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), t1_164, t1_170, t1_172, like.lift(0.0), like.lift(0.0), pivot_1, t1_179],
-                    [t1_180, t1_183, t1_186, t1_189, like.lift(0.0), like.lift(0.0), t1_191, t1_196],
-                    [t1_163, t1_198, t1_200, t1_202, like.lift(0.0), like.lift(0.0), t1_204, t1_209],
-                    [t1_214, t1_223, t1_223, t2_2, like.lift(0.0), like.lift(0.0), t2_4, t2_10],
+                    [like.lift(0.0), t1_164, t1_170, t1_172, like.lift(0.0), like.lift(0.0), t1_173, t1_180],
+                    [t1_181, t1_184, t1_187, t1_190, like.lift(0.0), like.lift(0.0), t1_192, t1_197],
+                    [t1_163, t1_199, t1_201, t1_203, like.lift(0.0), like.lift(0.0), t1_205, t1_210],
+                    [t1_215, t1_224, t1_224, t2_2, like.lift(0.0), like.lift(0.0), t2_4, t2_10],
                 ],
                 [
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -12988,7 +12888,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: the efforts that hold the mechanism at rest
 ///
-/// 218 additions, 384 multiplications, 8 divisions, 8 sines and cosines.
+/// 219 additions, 376 multiplications, 8 divisions, 8 sines and cosines.
 pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 28]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -13000,15 +12900,15 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 28]) -> ([T; 3], Conditio
     let mut condition = like.lift(1.0);
     // tau, part 1
     let [
-        t1_1, u_rod1_p1x, u_rod1_p1z, t1_11, t1_31, t1_32, t1_38, t1_40, sin_u2_1, cos_u2_1,
-        sin_u2_2, cos_u2_2, u_rod2_p2z, t1_41, t1_42, t1_49, t1_50, t1_57, t1_60, t1_62, t1_63,
-        t1_65, t1_70, t1_71, t1_72, t1_73, t1_74, t1_76, t1_78, t1_82, t1_91, t1_102, t1_105,
-        t1_107, t1_112, t1_114, t1_117, t1_118, t1_124, t1_126, sin_u3_1, cos_u3_1, sin_u3_2,
-        cos_u3_2, u_rod3_p3z, pivot_1, t1_133, t1_134, t1_137, t1_140, t1_142, t1_143, t1_145,
-        t1_150, t1_152, t1_154, t1_156, t1_158, t1_163, t1_168, t1_177, t1_180, t1_182, t1_188,
-        t1_189, t1_190, pivot_2, inv_pivot_2, t1_193, pivot_3, inv_pivot_3, t1_196, t1_197,
-        t1_198, t1_203, t1_206, pivot_4, inv_pivot_4, t1_209, t1_213, t1_214, t1_215,
-        inv_pivot_5, t1_217, t1_218, t1_221, t1_222, pivot_6, inv_pivot_6, t1_223,
+        t1_1, u_rod1_p1x, u_rod1_p1z, t1_11, t1_19, t1_31, t1_32, t1_38, t1_40, sin_u2_1,
+        cos_u2_1, sin_u2_2, cos_u2_2, u_rod2_p2z, t1_42, pivot_1, t1_49, t1_56, t1_59, t1_62,
+        t1_64, t1_70, t1_72, t1_74, t1_76, t1_78, t1_82, t1_91, t1_102, t1_105, t1_107, t1_112,
+        t1_114, t1_117, t1_118, t1_124, t1_126, sin_u3_1, cos_u3_1, sin_u3_2, cos_u3_2,
+        u_rod3_p3z, t1_127, t1_134, t1_135, t1_138, t1_141, t1_143, t1_144, t1_145, t1_146,
+        t1_151, t1_152, t1_153, t1_154, t1_155, t1_157, t1_159, t1_163, t1_164, t1_169, t1_178,
+        t1_181, t1_183, t1_188, t1_189, inv_pivot_1, pivot_2, inv_pivot_2, pivot_3,
+        inv_pivot_3, t1_197, t1_198, t1_206, pivot_4, inv_pivot_4, t1_208, t1_211, t1_212,
+        t1_216, pivot_5, inv_pivot_5, t1_217, t1_219, t1_220, t1_221, t1_224,
     ] = {
         let t1_1 = like.lift(9.81) * p_m_carriage1;
         let (sin_u1_2, cos_u1_2) = u1_2.sin_cos();
@@ -13070,41 +12970,41 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 28]) -> ([T; 3], Conditio
         let t1_46 = like.lift(0.5) * t1_45;
         let t1_47 = like.lift(0.8660254037844386).mul_add(sin_u2_2, t1_46);
         let t1_48 = sin_u2_1 * t1_47;
-        let t1_49 = like.lift(0.215).mul_add(t1_48, t1_44);
-        let t1_50 = -t1_19;
+        let pivot_1 = like.lift(0.215).mul_add(t1_48, t1_44);
+        let t1_49 = -t1_19;
         let e_e1x_u1_1y = sin_e1x * sin_u1_2_e1y;
-        let t1_51 = like.lift(0.0199) * e_e1x_u1_1y;
-        let t1_52 = like.lift(0.215).mul_add(sin_u1_2, t1_51);
-        let t1_53 = like.lift(0.017233905535310328) * cos_u1_2_e1y;
-        let t1_54 = like.lift(0.00995) * e_e1x_u1_1y;
-        let t1_55 = t1_53 + t1_54;
-        let t1_56 = t1_52 + t1_55;
-        let t1_57 = sin_u1_1 * t1_56;
-        let t1_58 = t1_51 + t1_53;
-        let t1_59 = t1_54 + t1_58;
-        let t1_60 = sin_u1_1 * t1_59;
-        let t1_61 = u_e1y_p1x * t1_59;
-        let t1_62 = cos_u1_2_e1y.mul_add(t1_34, t1_61);
-        let t1_63 = -t1_62;
-        let t1_64 = like.lift(0.1075) * u_rod2_p2z;
-        let t1_65 = -t1_64;
-        let t1_66 = like.lift(0.8660254037844386) * t1_45;
-        let t1_67 = like.lift(-0.5).mul_add(sin_u2_2, t1_66);
-        let t1_68 = sin_u2_1 * t1_67;
-        let t1_69 = like.lift(0.215) * t1_68;
-        let pivot_5 = like.lift(0.18619546181365432).mul_add(t1_43, t1_69);
-        let t1_70 = -pivot_5;
-        let t1_71 = cos_u1_1 * t1_56;
+        let t1_50 = like.lift(0.0199) * e_e1x_u1_1y;
+        let t1_51 = like.lift(0.215).mul_add(sin_u1_2, t1_50);
+        let t1_52 = like.lift(0.017233905535310328) * cos_u1_2_e1y;
+        let t1_53 = like.lift(0.00995) * e_e1x_u1_1y;
+        let t1_54 = t1_52 + t1_53;
+        let t1_55 = t1_51 + t1_54;
+        let t1_56 = sin_u1_1 * t1_55;
+        let t1_57 = t1_50 + t1_52;
+        let t1_58 = t1_53 + t1_57;
+        let t1_59 = sin_u1_1 * t1_58;
+        let t1_60 = u_e1y_p1x * t1_58;
+        let t1_61 = cos_u1_2_e1y.mul_add(t1_34, t1_60);
+        let t1_62 = -t1_61;
+        let t1_63 = like.lift(0.1075) * u_rod2_p2z;
+        let t1_64 = -t1_63;
+        let t1_65 = like.lift(0.8660254037844386) * t1_45;
+        let t1_66 = like.lift(-0.5).mul_add(sin_u2_2, t1_65);
+        let t1_67 = sin_u2_1 * t1_66;
+        let t1_68 = like.lift(0.215) * t1_67;
+        let t1_69 = like.lift(0.18619546181365432).mul_add(t1_43, t1_68);
+        let t1_70 = -t1_69;
+        let t1_71 = cos_u1_1 * t1_55;
         let t1_72 = -t1_71;
-        let t1_73 = cos_u1_1 * t1_59;
+        let t1_73 = cos_u1_1 * t1_58;
         let t1_74 = -t1_73;
         let t1_75 = cos_u1_2_e1y * t1_37;
-        let t1_76 = (-t1_25).mul_add(t1_59, t1_75);
+        let t1_76 = (-t1_25).mul_add(t1_58, t1_75);
         let t1_77 = like.lift(0.1075) * t1_47;
-        let t1_78 = like.lift(0.18619546181365432).mul_add(t1_67, t1_77);
+        let t1_78 = like.lift(0.18619546181365432).mul_add(t1_66, t1_77);
         let t1_79 = cos_u2_1 * t1_47;
         let t1_80 = like.lift(0.18619546181365432) * t1_79;
-        let t1_81 = cos_u2_1 * t1_67;
+        let t1_81 = cos_u2_1 * t1_66;
         let t1_82 = like.lift(-0.1075).mul_add(t1_81, t1_80);
         let t1_83 = like.lift(0.5) * u_e1y_p1x;
         let t1_84 = like.lift(0.8660254037844386) * u_e1x_p1y;
@@ -13153,124 +13053,124 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 28]) -> ([T; 3], Conditio
         let (sin_u3_1, cos_u3_1) = u3_1.sin_cos();
         let (sin_u3_2, cos_u3_2) = u3_2.sin_cos();
         let u_rod3_p3z = cos_u3_1 * cos_u3_2;
-        let pivot_1 = like.lift(0.18619546181365432) * u_rod3_p3z;
-        let t1_127 = cos_u3_1 * u_rod3_p3z;
-        let t1_128 = like.lift(0.1075) * t1_127;
-        let t1_129 = sin_u3_1 * cos_u3_2;
-        let t1_130 = like.lift(0.5) * t1_129;
-        let t1_131 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t1_130);
-        let t1_132 = sin_u3_1 * t1_131;
-        let t1_133 = like.lift(0.215).mul_add(t1_132, t1_128);
-        let t1_134 = -t1_114;
-        let t1_135 = t1_53 - t1_54;
-        let t1_136 = t1_52 - t1_135;
-        let t1_137 = sin_u1_1 * t1_136;
-        let t1_138 = t1_51 - t1_53;
-        let t1_139 = t1_54 + t1_138;
-        let t1_140 = sin_u1_1 * t1_139;
-        let t1_141 = u_e1y_p1x * t1_139;
-        let t1_142 = cos_u1_2_e1y.mul_add(t1_120, t1_141);
-        let t1_143 = -t1_142;
-        let t1_144 = like.lift(0.1075) * u_rod3_p3z;
-        let t1_145 = -t1_144;
-        let t1_146 = like.lift(0.8660254037844386) * t1_129;
-        let t1_147 = like.lift(0.5).mul_add(sin_u3_2, t1_146);
-        let t1_148 = sin_u3_1 * t1_147;
-        let t1_149 = like.lift(0.215) * t1_148;
-        let t1_150 = like.lift(0.18619546181365432).mul_add(t1_127, t1_149);
-        let t1_151 = cos_u1_1 * t1_136;
-        let t1_152 = -t1_151;
-        let t1_153 = cos_u1_1 * t1_139;
-        let t1_154 = -t1_153;
-        let t1_155 = cos_u1_2_e1y * t1_123;
-        let t1_156 = (-t1_25).mul_add(t1_139, t1_155);
-        let t1_157 = like.lift(0.1075) * t1_131;
-        let t1_158 = like.lift(0.18619546181365432).mul_add(t1_147, t1_157);
-        let t1_159 = cos_u3_1 * t1_131;
-        let t1_160 = like.lift(0.18619546181365432) * t1_159;
-        let t1_161 = cos_u3_1 * t1_147;
-        let t1_162 = like.lift(-0.1075).mul_add(t1_161, t1_160);
-        let t1_163 = -t1_162;
-        let t1_164 = t1_83 - t1_84;
-        let t1_165 = cos_u3_1 * t1_164;
-        let t1_166 = like.lift(0.5) * t1_165;
-        let t1_167 = t1_88 + t1_89;
-        let t1_168 = (-sin_u3_1).mul_add(t1_167, t1_166);
-        let t1_169 = t1_92 + t1_93;
-        let t1_170 = sin_u3_1 * t1_169;
-        let t1_171 = like.lift(0.8660254037844386).mul_add(t1_165, t1_170);
-        let t1_172 = cos_u1_1 * t1_171;
-        let t1_173 = cos_u3_1 * t1_167;
-        let t1_174 = like.lift(0.8660254037844386) * t1_173;
-        let t1_175 = cos_u3_1 * t1_169;
-        let t1_176 = like.lift(0.5).mul_add(t1_175, t1_174);
-        let t1_177 = sin_u1_1.mul_add(t1_176, t1_172);
-        let t1_178 = cos_u1_2_e1y * t1_168;
-        let t1_179 = t1_25.mul_add(t1_171, t1_178);
-        let t1_180 = (-u_e1y_p1x).mul_add(t1_176, t1_179);
-        let t1_181 = like.lift(0.5) * t1_168;
-        let t1_182 = like.lift(0.8660254037844386).mul_add(t1_171, t1_181);
-        let t1_183 = cos_u3_1 * t1_168;
-        let t1_184 = like.lift(0.8660254037844386) * t1_183;
-        let t1_185 = cos_u3_1 * t1_171;
-        let t1_186 = like.lift(-0.5).mul_add(t1_185, t1_184);
-        let t1_187 = sin_u3_1.mul_add(t1_176, t1_186);
-        let t1_188 = -t1_187;
-        let t1_189 = like.lift(1.0) / u_rod3_p3z;
-        let t1_190 = t1_158 * t1_189;
-        let t1_191 = t1_133 * t1_190;
-        let t1_192 = like.lift(5.370700178508146).mul_add(t1_191, t1_162);
-        let pivot_2 = like.lift(0.5773502691896257).mul_add(t1_133, t1_150);
+        let t1_127 = like.lift(0.18619546181365432) * u_rod3_p3z;
+        let t1_128 = cos_u3_1 * u_rod3_p3z;
+        let t1_129 = like.lift(0.1075) * t1_128;
+        let t1_130 = sin_u3_1 * cos_u3_2;
+        let t1_131 = like.lift(0.5) * t1_130;
+        let t1_132 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t1_131);
+        let t1_133 = sin_u3_1 * t1_132;
+        let t1_134 = like.lift(0.215).mul_add(t1_133, t1_129);
+        let t1_135 = -t1_114;
+        let t1_136 = t1_52 - t1_53;
+        let t1_137 = t1_51 - t1_136;
+        let t1_138 = sin_u1_1 * t1_137;
+        let t1_139 = t1_50 - t1_52;
+        let t1_140 = t1_53 + t1_139;
+        let t1_141 = sin_u1_1 * t1_140;
+        let t1_142 = u_e1y_p1x * t1_140;
+        let t1_143 = cos_u1_2_e1y.mul_add(t1_120, t1_142);
+        let t1_144 = -t1_143;
+        let t1_145 = like.lift(0.1075) * u_rod3_p3z;
+        let t1_146 = -t1_145;
+        let t1_147 = like.lift(0.8660254037844386) * t1_130;
+        let t1_148 = like.lift(0.5).mul_add(sin_u3_2, t1_147);
+        let t1_149 = sin_u3_1 * t1_148;
+        let t1_150 = like.lift(0.215) * t1_149;
+        let t1_151 = like.lift(0.18619546181365432).mul_add(t1_128, t1_150);
+        let t1_152 = cos_u1_1 * t1_137;
+        let t1_153 = -t1_152;
+        let t1_154 = cos_u1_1 * t1_140;
+        let t1_155 = -t1_154;
+        let t1_156 = cos_u1_2_e1y * t1_123;
+        let t1_157 = (-t1_25).mul_add(t1_140, t1_156);
+        let t1_158 = like.lift(0.1075) * t1_132;
+        let t1_159 = like.lift(0.18619546181365432).mul_add(t1_148, t1_158);
+        let t1_160 = cos_u3_1 * t1_132;
+        let t1_161 = like.lift(0.18619546181365432) * t1_160;
+        let t1_162 = cos_u3_1 * t1_148;
+        let t1_163 = like.lift(-0.1075).mul_add(t1_162, t1_161);
+        let t1_164 = -t1_163;
+        let t1_165 = t1_83 - t1_84;
+        let t1_166 = cos_u3_1 * t1_165;
+        let t1_167 = like.lift(0.5) * t1_166;
+        let t1_168 = t1_88 + t1_89;
+        let t1_169 = (-sin_u3_1).mul_add(t1_168, t1_167);
+        let t1_170 = t1_92 + t1_93;
+        let t1_171 = sin_u3_1 * t1_170;
+        let t1_172 = like.lift(0.8660254037844386).mul_add(t1_166, t1_171);
+        let t1_173 = cos_u1_1 * t1_172;
+        let t1_174 = cos_u3_1 * t1_168;
+        let t1_175 = like.lift(0.8660254037844386) * t1_174;
+        let t1_176 = cos_u3_1 * t1_170;
+        let t1_177 = like.lift(0.5).mul_add(t1_176, t1_175);
+        let t1_178 = sin_u1_1.mul_add(t1_177, t1_173);
+        let t1_179 = cos_u1_2_e1y * t1_169;
+        let t1_180 = t1_25.mul_add(t1_172, t1_179);
+        let t1_181 = (-u_e1y_p1x).mul_add(t1_177, t1_180);
+        let t1_182 = like.lift(0.5) * t1_169;
+        let t1_183 = like.lift(0.8660254037844386).mul_add(t1_172, t1_182);
+        let t1_184 = cos_u3_1 * t1_169;
+        let t1_185 = like.lift(0.8660254037844386) * t1_184;
+        let t1_186 = cos_u3_1 * t1_172;
+        let t1_187 = like.lift(-0.5).mul_add(t1_186, t1_185);
+        let t1_188 = sin_u3_1.mul_add(t1_177, t1_187);
+        let t1_189 = -t1_188;
+        let inv_pivot_1 = like.lift(1.0) / pivot_1;
+        let t1_190 = t1_82 * inv_pivot_1;
+        let t1_191 = u_rod2_p2z * t1_190;
+        let t1_192 = like.lift(0.18619546181365432).mul_add(t1_191, t1_78);
+        let t1_193 = t1_69 * inv_pivot_1;
+        let t1_194 = u_rod2_p2z * t1_193;
+        let pivot_2 = like.lift(0.18619546181365432).mul_add(t1_194, t1_63);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t1_193 = t1_192 * inv_pivot_2;
-        let pivot_3 = (-t1_114).mul_add(t1_193, t1_117);
+        let t1_195 = t1_192 * inv_pivot_2;
+        let pivot_3 = (-t1_19).mul_add(t1_195, t1_31);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_194 = t1_118 * t1_190;
-        let t1_195 = like.lift(5.370700178508146).mul_add(t1_194, t1_151);
-        let t1_196 = like.lift(0.5773502691896257).mul_add(t1_118, t1_137);
-        let t1_197 = (-t1_196).mul_add(t1_193, t1_195);
-        let t1_198 = t1_182 * t1_189;
-        let t1_199 = t1_118 * t1_198;
-        let t1_200 = like.lift(-5.370700178508146).mul_add(t1_199, t1_177);
-        let t1_201 = t1_133 * t1_198;
-        let t1_202 = like.lift(5.370700178508146).mul_add(t1_201, t1_187);
+        let t1_196 = t1_38.mul_add(t1_190, t1_73);
+        let t1_197 = t1_38.mul_add(t1_193, t1_59);
+        let t1_198 = (-t1_197).mul_add(t1_195, t1_196);
+        let t1_199 = t1_112 * inv_pivot_1;
+        let t1_200 = (-t1_38).mul_add(t1_199, t1_102);
+        let t1_201 = u_rod2_p2z * t1_199;
+        let t1_202 = like.lift(0.18619546181365432).mul_add(t1_201, t1_107);
         let t1_203 = t1_202 * inv_pivot_2;
-        let t1_204 = t1_196.mul_add(t1_203, t1_200);
-        let t1_205 = (-t1_114).mul_add(t1_203, t1_168);
+        let t1_204 = t1_197.mul_add(t1_203, t1_200);
+        let t1_205 = (-t1_19).mul_add(t1_203, t1_91);
         let t1_206 = t1_205 * inv_pivot_3;
-        let pivot_4 = t1_197.mul_add(t1_206, t1_204);
+        let pivot_4 = t1_198.mul_add(t1_206, t1_204);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t1_207 = t1_124 * t1_198;
-        let t1_208 = like.lift(-5.370700178508146).mul_add(t1_207, t1_177);
-        let t1_209 = like.lift(0.5773502691896257).mul_add(t1_124, t1_140);
-        let t1_210 = t1_209.mul_add(t1_203, t1_208);
-        let t1_211 = t1_124 * t1_190;
-        let t1_212 = like.lift(5.370700178508146).mul_add(t1_211, t1_153);
-        let t1_213 = (-t1_209).mul_add(t1_193, t1_212);
-        let t1_214 = t1_213.mul_add(t1_206, t1_210);
-        let t1_215 = t1_32 * inv_pivot_4;
-        let t1_216 = (-t1_214).mul_add(t1_215, t1_38);
+        let t1_207 = (-t1_40).mul_add(t1_199, t1_105);
+        let t1_208 = (-t1_40).mul_add(t1_193, t1_61);
+        let t1_209 = (-t1_208).mul_add(t1_203, t1_207);
+        let t1_210 = (-t1_40).mul_add(t1_190, t1_76);
+        let t1_211 = (-t1_208).mul_add(t1_195, t1_210);
+        let t1_212 = (-t1_211).mul_add(t1_206, t1_209);
+        let t1_213 = t1_169 * inv_pivot_3;
+        let t1_214 = (-t1_211).mul_add(t1_213, t1_181);
+        let t1_215 = t1_198.mul_add(t1_213, t1_178);
+        let t1_216 = t1_215 * inv_pivot_4;
+        let pivot_5 = (-t1_212).mul_add(t1_216, t1_214);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t1_217 = t1_49 * inv_pivot_5;
-        let t1_218 = t1_19 * inv_pivot_3;
-        let t1_219 = (-t1_213).mul_add(t1_218, t1_60);
-        let t1_220 = (-t1_197).mul_add(t1_218, t1_57);
-        let t1_221 = t1_220 * inv_pivot_4;
-        let t1_222 = (-t1_214).mul_add(t1_221, t1_219);
-        let pivot_6 = t1_217.mul_add(t1_222, t1_216);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t1_223 = t1_206 * t1_215;
+        let t1_217 = (-t1_206).mul_add(t1_216, t1_213);
+        let t1_218 = t1_32.mul_add(t1_190, t1_71);
+        let t1_219 = t1_32.mul_add(t1_193, t1_56);
+        let t1_220 = (-t1_219).mul_add(t1_195, t1_218);
+        let t1_221 = t1_220.mul_add(t1_213, t1_178);
+        let t1_222 = (-t1_32).mul_add(t1_199, t1_102);
+        let t1_223 = t1_219.mul_add(t1_203, t1_222);
+        let t1_224 = t1_220.mul_add(t1_206, t1_223);
         [
-            t1_1, u_rod1_p1x, u_rod1_p1z, t1_11, t1_31, t1_32, t1_38, t1_40, sin_u2_1,
-            cos_u2_1, sin_u2_2, cos_u2_2, u_rod2_p2z, t1_41, t1_42, t1_49, t1_50, t1_57, t1_60,
-            t1_62, t1_63, t1_65, t1_70, t1_71, t1_72, t1_73, t1_74, t1_76, t1_78, t1_82, t1_91,
-            t1_102, t1_105, t1_107, t1_112, t1_114, t1_117, t1_118, t1_124, t1_126, sin_u3_1,
-            cos_u3_1, sin_u3_2, cos_u3_2, u_rod3_p3z, pivot_1, t1_133, t1_134, t1_137, t1_140,
-            t1_142, t1_143, t1_145, t1_150, t1_152, t1_154, t1_156, t1_158, t1_163, t1_168,
-            t1_177, t1_180, t1_182, t1_188, t1_189, t1_190, pivot_2, inv_pivot_2, t1_193,
-            pivot_3, inv_pivot_3, t1_196, t1_197, t1_198, t1_203, t1_206, pivot_4, inv_pivot_4,
-            t1_209, t1_213, t1_214, t1_215, inv_pivot_5, t1_217, t1_218, t1_221, t1_222,
-            pivot_6, inv_pivot_6, t1_223,
+            t1_1, u_rod1_p1x, u_rod1_p1z, t1_11, t1_19, t1_31, t1_32, t1_38, t1_40, sin_u2_1,
+            cos_u2_1, sin_u2_2, cos_u2_2, u_rod2_p2z, t1_42, pivot_1, t1_49, t1_56, t1_59,
+            t1_62, t1_64, t1_70, t1_72, t1_74, t1_76, t1_78, t1_82, t1_91, t1_102, t1_105,
+            t1_107, t1_112, t1_114, t1_117, t1_118, t1_124, t1_126, sin_u3_1, cos_u3_1,
+            sin_u3_2, cos_u3_2, u_rod3_p3z, t1_127, t1_134, t1_135, t1_138, t1_141, t1_143,
+            t1_144, t1_145, t1_146, t1_151, t1_152, t1_153, t1_154, t1_155, t1_157, t1_159,
+            t1_163, t1_164, t1_169, t1_178, t1_181, t1_183, t1_188, t1_189, inv_pivot_1,
+            pivot_2, inv_pivot_2, pivot_3, inv_pivot_3, t1_197, t1_198, t1_206, pivot_4,
+            inv_pivot_4, t1_208, t1_211, t1_212, t1_216, pivot_5, inv_pivot_5, t1_217, t1_219,
+            t1_220, t1_221, t1_224,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -13279,201 +13179,191 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 28]) -> ([T; 3], Conditio
         x_u2_1_p3, x_u2_2_p1, x_u2_2_p2, x_u2_2_p3, x_u3_1_p1, x_u3_1_p2, x_u3_1_p3, x_u3_2_p1,
         x_u3_2_p2, x_u3_2_p3,
     ] = {
-        let t2_1 = t1_206.mul_add(t1_221, t1_218);
-        let t2_2 = t1_217.mul_add(t2_1, t1_223);
-        let t2_3 = t1_126 * t1_198;
-        let t2_4 = like.lift(-5.370700178508146).mul_add(t2_3, t1_180);
-        let t2_5 = like.lift(-0.5773502691896257).mul_add(t1_126, t1_142);
-        let t2_6 = (-t2_5).mul_add(t1_203, t2_4);
-        let t2_7 = t1_126 * t1_190;
-        let t2_8 = like.lift(-5.370700178508146).mul_add(t2_7, t1_156);
-        let t2_9 = (-t2_5).mul_add(t1_193, t2_8);
-        let t2_10 = (-t2_9).mul_add(t1_206, t2_6);
-        let t2_11 = (-t2_10).mul_add(t1_215, t1_40);
-        let t2_12 = (-t2_9).mul_add(t1_218, t1_62);
-        let t2_13 = t2_10.mul_add(t1_221, t2_12);
-        let t2_14 = (-t1_217).mul_add(t2_13, t2_11);
-        let t2_15 = t1_91 * inv_pivot_3;
-        let t2_16 = (-t2_9).mul_add(t2_15, t1_105);
-        let t2_17 = t1_197.mul_add(t2_15, t1_102);
-        let t2_18 = t2_17 * inv_pivot_4;
-        let t2_19 = (-t2_10).mul_add(t2_18, t2_16);
-        let t2_20 = t1_112 * inv_pivot_5;
-        let t2_21 = (-t2_20).mul_add(t2_13, t2_19);
-        let t2_22 = t1_213.mul_add(t2_15, t1_102);
-        let t2_23 = (-t1_214).mul_add(t2_18, t2_22);
-        let t2_24 = t2_20.mul_add(t1_222, t2_23);
-        let t2_25 = t2_24 * inv_pivot_6;
-        let pivot_7 = (-t2_14).mul_add(t2_25, t2_21);
+        let t2_1 = (-t1_224).mul_add(t1_216, t1_221);
+        let t2_2 = t1_124 * inv_pivot_4;
+        let t2_3 = (-t1_224).mul_add(t2_2, t1_118);
+        let t2_4 = (-t1_212).mul_add(t2_2, t1_126);
+        let t2_5 = t2_4 * inv_pivot_5;
+        let pivot_6 = (-t2_1).mul_add(t2_5, t2_3);
+        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let t2_6 = t1_206 * t2_2;
+        let t2_7 = t1_217.mul_add(t2_5, t2_6);
+        let t2_8 = (-t1_183).mul_add(t2_5, t1_127);
+        let t2_9 = t1_117 * inv_pivot_3;
+        let t2_10 = (-t1_211).mul_add(t2_9, t1_157);
+        let t2_11 = (-t1_198).mul_add(t2_9, t1_154);
+        let t2_12 = t2_11 * inv_pivot_4;
+        let t2_13 = t1_212.mul_add(t2_12, t2_10);
+        let t2_14 = t2_13 * inv_pivot_5;
+        let t2_15 = (-t1_183).mul_add(t2_14, t1_159);
+        let t2_16 = (-t1_220).mul_add(t2_9, t1_152);
+        let t2_17 = (-t1_224).mul_add(t2_12, t2_16);
+        let t2_18 = t2_1.mul_add(t2_14, t2_17);
+        let t2_19 = t2_18 * inv_pivot_6;
+        let pivot_7 = t2_8.mul_add(t2_19, t2_15);
         let inv_pivot_7 = like.lift(1.0) / pivot_7;
-        let t2_26 = (-t1_206).mul_add(t2_18, t2_15);
-        let t2_27 = (-t2_20).mul_add(t2_1, t2_26);
-        let t2_28 = t2_2.mul_add(t2_25, t2_27);
-        let t2_29 = u_rod2_p2z * t2_20;
-        let t2_30 = like.lift(-0.1075).mul_add(t2_29, t1_107);
-        let t2_31 = u_rod2_p2z * t1_217;
-        let t2_32 = like.lift(0.1075).mul_add(t2_31, t1_41);
-        let t2_33 = t2_32.mul_add(t2_25, t2_30);
-        let t2_34 = t1_31 * inv_pivot_3;
-        let t2_35 = like.lift(1.0) - t2_34;
-        let t2_36 = (-t1_197).mul_add(t2_34, t1_71);
-        let t2_37 = t2_36 * inv_pivot_4;
-        let t2_38 = t1_206 * t2_37;
-        let t2_39 = t2_35 - t2_38;
-        let t2_40 = t1_82 * inv_pivot_5;
-        let t2_41 = t2_40 * t2_1;
-        let t2_42 = t2_39 + t2_41;
-        let t2_43 = (-t1_213).mul_add(t2_34, t1_73);
-        let t2_44 = (-t1_214).mul_add(t2_37, t2_43);
-        let t2_45 = (-t2_40).mul_add(t1_222, t2_44);
-        let t2_46 = t2_45 * inv_pivot_6;
-        let t2_47 = t2_2 * t2_46;
-        let t2_48 = t2_42 + t2_47;
-        let t2_49 = (-t2_9).mul_add(t2_34, t1_76);
-        let t2_50 = t2_10.mul_add(t2_37, t2_49);
-        let t2_51 = (-t2_40).mul_add(t2_13, t2_50);
-        let t2_52 = t2_14.mul_add(t2_46, t2_51);
-        let t2_53 = t2_52 * inv_pivot_7;
-        let t2_54 = t2_28 * t2_53;
-        let t2_55 = t2_48 + t2_54;
-        let t2_56 = u_rod2_p2z * t2_40;
-        let t2_57 = like.lift(-0.1075).mul_add(t2_56, t1_78);
-        let t2_58 = (-t2_32).mul_add(t2_46, t2_57);
-        let pivot_8 = (-t2_33).mul_add(t2_53, t2_58);
+        let t2_20 = like.lift(1.0) - t2_9;
+        let t2_21 = t1_206 * t2_12;
+        let t2_22 = t2_20 - t2_21;
+        let t2_23 = t1_217 * t2_14;
+        let t2_24 = t2_22 + t2_23;
+        let t2_25 = t2_7 * t2_19;
+        let t2_26 = t2_24 + t2_25;
+        let t2_27 = (-t1_188).mul_add(t2_14, t1_163);
+        let t2_28 = t1_188.mul_add(t2_5, t1_134);
+        let t2_29 = (-t2_28).mul_add(t2_19, t2_27);
+        let t2_30 = t1_114 * inv_pivot_3;
+        let t2_31 = (-t1_198).mul_add(t2_30, t1_141);
+        let t2_32 = t2_31 * inv_pivot_4;
+        let t2_33 = t1_206.mul_add(t2_32, t2_30);
+        let t2_34 = (-t1_211).mul_add(t2_30, t1_143);
+        let t2_35 = t1_212.mul_add(t2_32, t2_34);
+        let t2_36 = t2_35 * inv_pivot_5;
+        let t2_37 = (-t1_217).mul_add(t2_36, t2_33);
+        let t2_38 = (-t1_220).mul_add(t2_30, t1_138);
+        let t2_39 = (-t1_224).mul_add(t2_32, t2_38);
+        let t2_40 = t2_1.mul_add(t2_36, t2_39);
+        let t2_41 = t2_40 * inv_pivot_6;
+        let t2_42 = (-t2_7).mul_add(t2_41, t2_37);
+        let t2_43 = (-t1_183).mul_add(t2_36, t1_145);
+        let t2_44 = t2_8.mul_add(t2_41, t2_43);
+        let t2_45 = t2_44 * inv_pivot_7;
+        let t2_46 = t2_26.mul_add(t2_45, t2_42);
+        let t2_47 = (-t1_188).mul_add(t2_36, t1_151);
+        let t2_48 = (-t2_28).mul_add(t2_41, t2_47);
+        let pivot_8 = (-t2_29).mul_add(t2_45, t2_48);
         let inv_pivot_8 = like.lift(1.0) / pivot_8;
-        let t2_59 = t2_55 * inv_pivot_8;
-        let t2_60 = t2_33.mul_add(t2_59, t2_28);
-        let t2_61 = inv_pivot_7 * t2_60;
-        let t2_62 = t2_14.mul_add(t2_61, t2_2);
-        let t2_63 = t2_32.mul_add(t2_59, t2_62);
-        let t2_64 = inv_pivot_6 * t2_63;
-        let t2_65 = t1_214.mul_add(t2_64, t1_206);
-        let t2_66 = (-t2_10).mul_add(t2_61, t2_65);
-        let t2_67 = inv_pivot_4 * t2_66;
-        let t2_68 = (-t1_197).mul_add(t2_67, like.lift(1.0));
-        let t2_69 = t1_213.mul_add(t2_64, t2_68);
-        let t2_70 = t2_9.mul_add(t2_61, t2_69);
-        let t2_71 = inv_pivot_3 * t2_70;
-        let t2_72 = -t2_71;
-        let t2_73 = t2_33 * inv_pivot_8;
-        let t2_74 = inv_pivot_7 * t2_73;
-        let t2_75 = t2_14 * t2_74;
-        let t2_76 = t2_32.mul_add(inv_pivot_8, t2_75);
-        let t2_77 = inv_pivot_6 * t2_76;
-        let t2_78 = t1_214 * t2_77;
-        let t2_79 = (-t2_10).mul_add(t2_74, t2_78);
-        let t2_80 = inv_pivot_4 * t2_79;
-        let t2_81 = t1_197 * t2_80;
-        let t2_82 = (-t1_213).mul_add(t2_77, t2_81);
-        let t2_83 = (-t2_9).mul_add(t2_74, t2_82);
-        let t2_84 = inv_pivot_3 * t2_83;
-        let t2_85 = -t2_84;
-        let t2_86 = t2_34 + t2_38;
-        let t2_87 = t2_86 - t2_41;
-        let t2_88 = t2_87 - t2_47;
-        let t2_89 = t2_88 - t2_54;
-        let t2_90 = t2_89 * inv_pivot_8;
-        let t2_91 = (-t2_33).mul_add(t2_90, t2_28);
-        let t2_92 = inv_pivot_7 * t2_91;
-        let t2_93 = t2_14.mul_add(t2_92, t2_2);
-        let t2_94 = (-t2_32).mul_add(t2_90, t2_93);
-        let t2_95 = inv_pivot_6 * t2_94;
-        let t2_96 = t1_214.mul_add(t2_95, t1_206);
-        let t2_97 = (-t2_10).mul_add(t2_92, t2_96);
-        let t2_98 = inv_pivot_4 * t2_97;
-        let t2_99 = (-t1_197).mul_add(t2_98, like.lift(1.0));
-        let t2_100 = t1_213.mul_add(t2_95, t2_99);
-        let t2_101 = t2_9.mul_add(t2_92, t2_100);
-        let t2_102 = inv_pivot_3 * t2_101;
-        let t2_103 = -t2_80;
-        let t2_104 = -t2_98;
-        let t2_105 = -t2_64;
-        let t2_106 = -t2_74;
-        let t2_107 = -t2_92;
-        let t2_108 = -t2_59;
-        let t2_109 = -t2_90;
-        let t2_110 = (-t1_222).mul_add(t2_64, t2_1);
-        let t2_111 = (-t2_13).mul_add(t2_61, t2_110);
-        let t2_112 = u_rod2_p2z * t2_59;
-        let t2_113 = like.lift(0.1075).mul_add(t2_112, t2_111);
-        let t2_114 = inv_pivot_5 * t2_113;
-        let t2_115 = t1_222 * t2_77;
-        let t2_116 = t2_13.mul_add(t2_74, t2_115);
-        let t2_117 = u_rod2_p2z * inv_pivot_8;
-        let t2_118 = like.lift(-0.1075).mul_add(t2_117, t2_116);
-        let t2_119 = inv_pivot_5 * t2_118;
-        let t2_120 = (-t1_222).mul_add(t2_95, t2_1);
-        let t2_121 = (-t2_13).mul_add(t2_92, t2_120);
-        let t2_122 = u_rod2_p2z * t2_90;
-        let t2_123 = like.lift(-0.1075).mul_add(t2_122, t2_121);
-        let t2_124 = inv_pivot_5 * t2_123;
-        let t2_125 = -t2_124;
-        let t2_126 = t1_114 * t2_71;
-        let t2_127 = t1_196.mul_add(t2_67, t2_126);
-        let t2_128 = (-t1_209).mul_add(t2_64, t2_127);
-        let t2_129 = (-t2_5).mul_add(t2_61, t2_128);
-        let t2_130 = inv_pivot_2 * t2_129;
-        let t2_131 = t1_133 * t2_130;
-        let t2_132 = (-t1_118).mul_add(t2_67, t2_131);
-        let t2_133 = t1_124.mul_add(t2_64, t2_132);
-        let t2_134 = (-t1_126).mul_add(t2_61, t2_133);
-        let t2_135 = t1_189 * t2_134;
-        let t2_136 = like.lift(5.370700178508146) * t2_135;
-        let t2_137 = t1_114 * t2_84;
-        let t2_138 = (-t1_196).mul_add(t2_80, t2_137);
-        let t2_139 = t1_209.mul_add(t2_77, t2_138);
-        let t2_140 = t2_5.mul_add(t2_74, t2_139);
-        let t2_141 = inv_pivot_2 * t2_140;
-        let t2_142 = t1_133 * t2_141;
-        let t2_143 = t1_118.mul_add(t2_80, t2_142);
-        let t2_144 = (-t1_124).mul_add(t2_77, t2_143);
-        let t2_145 = t1_126.mul_add(t2_74, t2_144);
-        let t2_146 = t1_189 * t2_145;
-        let t2_147 = like.lift(5.370700178508146) * t2_146;
-        let t2_148 = t1_114 * t2_102;
-        let t2_149 = t1_196.mul_add(t2_98, t2_148);
-        let t2_150 = (-t1_209).mul_add(t2_95, t2_149);
-        let t2_151 = (-t2_5).mul_add(t2_92, t2_150);
-        let t2_152 = inv_pivot_2 * t2_151;
-        let t2_153 = t1_133 * t2_152;
-        let t2_154 = (-t1_118).mul_add(t2_98, t2_153);
-        let t2_155 = t1_124.mul_add(t2_95, t2_154);
-        let t2_156 = (-t1_126).mul_add(t2_92, t2_155);
-        let t2_157 = t1_189 * t2_156;
-        let t2_158 = like.lift(5.370700178508146) * t2_157;
-        let t2_159 = -t2_158;
-        let t2_160 = -t2_130;
-        let t2_161 = -t2_141;
+        let t2_49 = t2_46 * inv_pivot_8;
+        let t2_50 = t2_29.mul_add(t2_49, t2_26);
+        let t2_51 = inv_pivot_7 * t2_50;
+        let t2_52 = (-t2_8).mul_add(t2_51, t2_7);
+        let t2_53 = (-t2_28).mul_add(t2_49, t2_52);
+        let t2_54 = inv_pivot_6 * t2_53;
+        let t2_55 = t2_1.mul_add(t2_54, t1_217);
+        let t2_56 = t1_183.mul_add(t2_51, t2_55);
+        let t2_57 = (-t1_188).mul_add(t2_49, t2_56);
+        let t2_58 = inv_pivot_5 * t2_57;
+        let t2_59 = (-t1_212).mul_add(t2_58, t1_206);
+        let t2_60 = t1_224.mul_add(t2_54, t2_59);
+        let t2_61 = inv_pivot_4 * t2_60;
+        let t2_62 = (-t1_198).mul_add(t2_61, like.lift(1.0));
+        let t2_63 = t1_211.mul_add(t2_58, t2_62);
+        let t2_64 = t1_220.mul_add(t2_54, t2_63);
+        let t2_65 = inv_pivot_3 * t2_64;
+        let t2_66 = -t2_65;
+        let t2_67 = t2_9 + t2_21;
+        let t2_68 = t2_67 - t2_23;
+        let t2_69 = t2_68 - t2_25;
+        let t2_70 = (-t2_69).mul_add(t2_45, t2_42);
+        let t2_71 = t2_70 * inv_pivot_8;
+        let t2_72 = (-t2_29).mul_add(t2_71, t2_69);
+        let t2_73 = inv_pivot_7 * t2_72;
+        let t2_74 = t2_8.mul_add(t2_73, t2_7);
+        let t2_75 = (-t2_28).mul_add(t2_71, t2_74);
+        let t2_76 = inv_pivot_6 * t2_75;
+        let t2_77 = t2_1.mul_add(t2_76, t1_217);
+        let t2_78 = (-t1_183).mul_add(t2_73, t2_77);
+        let t2_79 = (-t1_188).mul_add(t2_71, t2_78);
+        let t2_80 = inv_pivot_5 * t2_79;
+        let t2_81 = (-t1_212).mul_add(t2_80, t1_206);
+        let t2_82 = t1_224.mul_add(t2_76, t2_81);
+        let t2_83 = inv_pivot_4 * t2_82;
+        let t2_84 = (-t1_198).mul_add(t2_83, like.lift(1.0));
+        let t2_85 = t1_211.mul_add(t2_80, t2_84);
+        let t2_86 = t1_220.mul_add(t2_76, t2_85);
+        let t2_87 = inv_pivot_3 * t2_86;
+        let t2_88 = t2_45 * inv_pivot_8;
+        let t2_89 = t2_29.mul_add(t2_88, like.lift(1.0));
+        let t2_90 = inv_pivot_7 * t2_89;
+        let t2_91 = t2_8 * t2_90;
+        let t2_92 = t2_28.mul_add(t2_88, t2_91);
+        let t2_93 = inv_pivot_6 * t2_92;
+        let t2_94 = t2_1 * t2_93;
+        let t2_95 = (-t1_183).mul_add(t2_90, t2_94);
+        let t2_96 = t1_188.mul_add(t2_88, t2_95);
+        let t2_97 = inv_pivot_5 * t2_96;
+        let t2_98 = t1_212 * t2_97;
+        let t2_99 = (-t1_224).mul_add(t2_93, t2_98);
+        let t2_100 = inv_pivot_4 * t2_99;
+        let t2_101 = t1_198 * t2_100;
+        let t2_102 = t1_211.mul_add(t2_97, t2_101);
+        let t2_103 = t1_220.mul_add(t2_93, t2_102);
+        let t2_104 = inv_pivot_3 * t2_103;
+        let t2_105 = -t2_104;
+        let t2_106 = -t2_54;
+        let t2_107 = -t2_93;
+        let t2_108 = -t2_83;
+        let t2_109 = -t2_100;
+        let t2_110 = -t2_80;
+        let t2_111 = t1_19 * t2_65;
+        let t2_112 = t1_197.mul_add(t2_61, t2_111);
+        let t2_113 = (-t1_208).mul_add(t2_58, t2_112);
+        let t2_114 = (-t1_219).mul_add(t2_54, t2_113);
+        let t2_115 = inv_pivot_2 * t2_114;
+        let t2_116 = t1_19 * t2_87;
+        let t2_117 = t1_197.mul_add(t2_83, t2_116);
+        let t2_118 = (-t1_208).mul_add(t2_80, t2_117);
+        let t2_119 = (-t1_219).mul_add(t2_76, t2_118);
+        let t2_120 = inv_pivot_2 * t2_119;
+        let t2_121 = -t2_120;
+        let t2_122 = t1_19 * t2_104;
+        let t2_123 = (-t1_197).mul_add(t2_100, t2_122);
+        let t2_124 = (-t1_208).mul_add(t2_97, t2_123);
+        let t2_125 = (-t1_219).mul_add(t2_93, t2_124);
+        let t2_126 = inv_pivot_2 * t2_125;
+        let t2_127 = u_rod2_p2z * t2_115;
+        let t2_128 = like.lift(0.18619546181365432) * t2_127;
+        let t2_129 = (-t1_38).mul_add(t2_61, t2_128);
+        let t2_130 = (-t1_40).mul_add(t2_58, t2_129);
+        let t2_131 = t1_32.mul_add(t2_54, t2_130);
+        let t2_132 = inv_pivot_1 * t2_131;
+        let t2_133 = u_rod2_p2z * t2_120;
+        let t2_134 = like.lift(0.18619546181365432) * t2_133;
+        let t2_135 = (-t1_38).mul_add(t2_83, t2_134);
+        let t2_136 = (-t1_40).mul_add(t2_80, t2_135);
+        let t2_137 = t1_32.mul_add(t2_76, t2_136);
+        let t2_138 = inv_pivot_1 * t2_137;
+        let t2_139 = -t2_138;
+        let t2_140 = u_rod2_p2z * t2_126;
+        let t2_141 = like.lift(0.18619546181365432) * t2_140;
+        let t2_142 = t1_38.mul_add(t2_100, t2_141);
+        let t2_143 = (-t1_40).mul_add(t2_97, t2_142);
+        let t2_144 = t1_32.mul_add(t2_93, t2_143);
+        let t2_145 = inv_pivot_1 * t2_144;
+        let t2_146 = -t2_51;
+        let t2_147 = -t2_73;
+        let t2_148 = -t2_49;
+        let t2_149 = -pivot_2;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(6.287381471191513)).abs()
-            .min((pivot_2 * like.lift(4.054300853983487)).abs())
-            .min((pivot_3 * like.lift(5.1354731598256045)).abs())
-            .min((pivot_4 * like.lift(1.1136124389030184)).abs())
-            .min((t1_70 * like.lift(5.490928143318305)).abs())
-            .min((pivot_6 * like.lift(5.005772724016506)).abs())
-            .min((pivot_7 * like.lift(1.2292368551614257)).abs())
-            .min((pivot_8 * like.lift(6.313131313131312)).abs());
+        let margin = (pivot_1 * like.lift(8.169180195158923)).abs()
+            .min((t2_149 * like.lift(2.9578447349824133)).abs())
+            .min((pivot_3 * like.lift(4.709626127302084)).abs())
+            .min((pivot_4 * like.lift(1.7298389090997555)).abs())
+            .min((pivot_5 * like.lift(1.2416410909468296)).abs())
+            .min((pivot_6 * like.lift(4.677980223697912)).abs())
+            .min((pivot_7 * like.lift(5.873901159537709)).abs())
+            .min((pivot_8 * like.lift(4.02802513388111)).abs());
         let ([
             [x_u1_1_p1, x_u1_1_p2, x_u1_1_p3], [x_u1_2_p1, x_u1_2_p2, x_u1_2_p3], [_, _, _],
             [_, _, _], [x_u2_1_p1, x_u2_1_p2, x_u2_1_p3], [x_u2_2_p1, x_u2_2_p2, x_u2_2_p3],
             [x_u3_1_p1, x_u3_1_p2, x_u3_1_p3], [x_u3_2_p1, x_u3_2_p2, x_u3_2_p3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_72, t2_85, t2_102], [t2_67, t2_103, t2_104], [t2_105, t2_77, t2_95],
-                [t2_61, t2_106, t2_107], [t2_108, inv_pivot_8, t2_109],
-                [t2_114, t2_119, t2_125], [t2_136, t2_147, t2_159], [t2_160, t2_161, t2_152],
+                [t2_66, t2_87, t2_105], [t2_106, t2_76, t2_107], [t2_61, t2_108, t2_109],
+                [t2_58, t2_110, t2_97], [t2_115, t2_121, t2_126], [t2_132, t2_139, t2_145],
+                [t2_146, t2_147, t2_90], [t2_148, t2_71, t2_88],
             ],
             margin,
             || (
                 [
-                    [like.lift(0.0), t1_32, t1_38, t1_40, t1_42, t1_49, like.lift(0.0), like.lift(0.0)],
-                    [t1_50, t1_57, t1_60, t1_63, t1_65, t1_70, like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), t1_32, t1_38, t1_40, t1_42, pivot_1, like.lift(0.0), like.lift(0.0)],
+                    [t1_49, t1_56, t1_59, t1_62, t1_64, t1_70, like.lift(0.0), like.lift(0.0)],
                     [t1_31, t1_72, t1_74, t1_76, t1_78, t1_82, like.lift(0.0), like.lift(0.0)],
                     [t1_91, t1_102, t1_102, t1_105, t1_107, t1_112, like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), t1_118, t1_124, t1_126, like.lift(0.0), like.lift(0.0), pivot_1, t1_133],
-                    [t1_134, t1_137, t1_140, t1_143, like.lift(0.0), like.lift(0.0), t1_145, t1_150],
-                    [t1_117, t1_152, t1_154, t1_156, like.lift(0.0), like.lift(0.0), t1_158, t1_163],
-                    [t1_168, t1_177, t1_177, t1_180, like.lift(0.0), like.lift(0.0), t1_182, t1_188],
+                    [like.lift(0.0), t1_118, t1_124, t1_126, like.lift(0.0), like.lift(0.0), t1_127, t1_134],
+                    [t1_135, t1_138, t1_141, t1_144, like.lift(0.0), like.lift(0.0), t1_146, t1_151],
+                    [t1_117, t1_153, t1_155, t1_157, like.lift(0.0), like.lift(0.0), t1_159, t1_164],
+                    [t1_169, t1_178, t1_178, t1_181, like.lift(0.0), like.lift(0.0), t1_183, t1_189],
                 ],
                 [
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -13564,7 +13454,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 28]) -> ([T; 3], Conditio
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
 ///
-/// 525 additions, 810 multiplications, 8 divisions, 8 sines and cosines.
+/// 526 additions, 799 multiplications, 8 divisions, 8 sines and cosines.
 pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 28]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -13581,15 +13471,15 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 28]) ->
     let [
         sin_u1_1, cos_u1_1, t1_2, sin_u1_2, cos_u1_2, w_rod1x, t1_3, u_e1x_p1y, u_e1y_p1x,
         t1_11, t1_15, t1_17, t1_23, t1_24, t1_25, t1_28, t1_30, t1_32, sin_u2_1, cos_u2_1,
-        sin_u2_2, cos_u2_2, u_rod2_p2z, t1_33, t1_34, t1_39, t1_41, t1_42, e_e1x_u1_1y, t1_47,
-        t1_49, t1_52, t1_54, t1_55, t1_57, t1_59, pivot_5, t1_62, t1_63, t1_64, t1_65, t1_66,
-        t1_68, t1_70, t1_74, t1_77, t1_82, t1_83, t1_86, t1_94, t1_97, t1_99, t1_104, t1_106,
-        t1_109, t1_110, t1_111, t1_114, t1_116, t1_118, sin_u3_1, cos_u3_1, sin_u3_2, cos_u3_2,
-        u_rod3_p3z, pivot_1, t1_123, t1_125, t1_126, t1_127, t1_129, t1_132, t1_134, t1_135,
-        t1_137, t1_139, t1_142, t1_143, t1_144, t1_145, t1_146, t1_148, t1_150, t1_154, t1_155,
-        t1_156, t1_159, t1_160, t1_161, t1_169, t1_172, t1_174, t1_179, t1_180, t1_181, t1_185,
-        t1_187, t1_191, t1_194, t1_196, t1_199, t1_203, t1_206, t1_208, t1_212, t1_213, t1_217,
-        t1_219, t1_223, t1_225, t1_228, t1_230, t1_231, t1_232,
+        sin_u2_2, cos_u2_2, u_rod2_p2z, t1_34, t1_39, pivot_1, t1_41, e_e1x_u1_1y, t1_46,
+        t1_48, t1_51, t1_53, t1_54, t1_55, t1_56, t1_58, t1_61, t1_62, t1_63, t1_64, t1_65,
+        t1_66, t1_68, t1_70, t1_74, t1_77, t1_82, t1_83, t1_86, t1_94, t1_97, t1_99, t1_104,
+        t1_106, t1_109, t1_110, t1_111, t1_114, t1_116, t1_118, sin_u3_1, cos_u3_1, sin_u3_2,
+        cos_u3_2, u_rod3_p3z, t1_119, t1_124, t1_126, t1_127, t1_128, t1_130, t1_133, t1_135,
+        t1_136, t1_137, t1_138, t1_140, t1_143, t1_144, t1_145, t1_146, t1_147, t1_149, t1_151,
+        t1_155, t1_156, t1_157, t1_160, t1_161, t1_162, t1_170, t1_173, t1_175, t1_180, t1_181,
+        t1_182, t1_186, t1_188, t1_192, t1_195, t1_197, t1_200, t1_204, t1_207, t1_209, t1_213,
+        t1_214, t1_218, t1_220, t1_224, t1_226, t1_229, t1_231, t1_232, t1_233,
     ] = {
         let (sin_u1_1, cos_u1_1) = u1_1.sin_cos();
         let t1_1 = d_u1_1 * d_u1_1;
@@ -13643,41 +13533,41 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 28]) ->
         let t1_38 = like.lift(0.5) * t1_37;
         let t1_39 = like.lift(0.8660254037844386).mul_add(sin_u2_2, t1_38);
         let t1_40 = sin_u2_1 * t1_39;
-        let t1_41 = like.lift(0.215).mul_add(t1_40, t1_36);
-        let t1_42 = -t1_11;
+        let pivot_1 = like.lift(0.215).mul_add(t1_40, t1_36);
+        let t1_41 = -t1_11;
         let e_e1x_u1_1y = sin_e1x * sin_u1_2_e1y;
-        let t1_43 = like.lift(0.0199) * e_e1x_u1_1y;
-        let t1_44 = like.lift(0.215).mul_add(sin_u1_2, t1_43);
-        let t1_45 = like.lift(0.017233905535310328) * cos_u1_2_e1y;
-        let t1_46 = like.lift(0.00995) * e_e1x_u1_1y;
-        let t1_47 = t1_45 + t1_46;
-        let t1_48 = t1_44 + t1_47;
-        let t1_49 = sin_u1_1 * t1_48;
-        let t1_50 = t1_43 + t1_45;
-        let t1_51 = t1_46 + t1_50;
-        let t1_52 = sin_u1_1 * t1_51;
-        let t1_53 = u_e1y_p1x * t1_51;
-        let t1_54 = cos_u1_2_e1y.mul_add(t1_26, t1_53);
-        let t1_55 = -t1_54;
-        let t1_56 = like.lift(0.1075) * u_rod2_p2z;
-        let t1_57 = -t1_56;
-        let t1_58 = like.lift(0.8660254037844386) * t1_37;
-        let t1_59 = like.lift(-0.5).mul_add(sin_u2_2, t1_58);
-        let t1_60 = sin_u2_1 * t1_59;
-        let t1_61 = like.lift(0.215) * t1_60;
-        let pivot_5 = like.lift(0.18619546181365432).mul_add(t1_35, t1_61);
-        let t1_62 = -pivot_5;
-        let t1_63 = cos_u1_1 * t1_48;
+        let t1_42 = like.lift(0.0199) * e_e1x_u1_1y;
+        let t1_43 = like.lift(0.215).mul_add(sin_u1_2, t1_42);
+        let t1_44 = like.lift(0.017233905535310328) * cos_u1_2_e1y;
+        let t1_45 = like.lift(0.00995) * e_e1x_u1_1y;
+        let t1_46 = t1_44 + t1_45;
+        let t1_47 = t1_43 + t1_46;
+        let t1_48 = sin_u1_1 * t1_47;
+        let t1_49 = t1_42 + t1_44;
+        let t1_50 = t1_45 + t1_49;
+        let t1_51 = sin_u1_1 * t1_50;
+        let t1_52 = u_e1y_p1x * t1_50;
+        let t1_53 = cos_u1_2_e1y.mul_add(t1_26, t1_52);
+        let t1_54 = -t1_53;
+        let t1_55 = like.lift(0.1075) * u_rod2_p2z;
+        let t1_56 = -t1_55;
+        let t1_57 = like.lift(0.8660254037844386) * t1_37;
+        let t1_58 = like.lift(-0.5).mul_add(sin_u2_2, t1_57);
+        let t1_59 = sin_u2_1 * t1_58;
+        let t1_60 = like.lift(0.215) * t1_59;
+        let t1_61 = like.lift(0.18619546181365432).mul_add(t1_35, t1_60);
+        let t1_62 = -t1_61;
+        let t1_63 = cos_u1_1 * t1_47;
         let t1_64 = -t1_63;
-        let t1_65 = cos_u1_1 * t1_51;
+        let t1_65 = cos_u1_1 * t1_50;
         let t1_66 = -t1_65;
         let t1_67 = cos_u1_2_e1y * t1_29;
-        let t1_68 = (-t1_17).mul_add(t1_51, t1_67);
+        let t1_68 = (-t1_17).mul_add(t1_50, t1_67);
         let t1_69 = like.lift(0.1075) * t1_39;
-        let t1_70 = like.lift(0.18619546181365432).mul_add(t1_59, t1_69);
+        let t1_70 = like.lift(0.18619546181365432).mul_add(t1_58, t1_69);
         let t1_71 = cos_u2_1 * t1_39;
         let t1_72 = like.lift(0.18619546181365432) * t1_71;
-        let t1_73 = cos_u2_1 * t1_59;
+        let t1_73 = cos_u2_1 * t1_58;
         let t1_74 = like.lift(-0.1075).mul_add(t1_73, t1_72);
         let t1_75 = like.lift(0.5) * u_e1y_p1x;
         let t1_76 = like.lift(0.8660254037844386) * u_e1x_p1y;
@@ -13726,134 +13616,134 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 28]) ->
         let (sin_u3_1, cos_u3_1) = u3_1.sin_cos();
         let (sin_u3_2, cos_u3_2) = u3_2.sin_cos();
         let u_rod3_p3z = cos_u3_1 * cos_u3_2;
-        let pivot_1 = like.lift(0.18619546181365432) * u_rod3_p3z;
-        let t1_119 = cos_u3_1 * u_rod3_p3z;
-        let t1_120 = like.lift(0.1075) * t1_119;
-        let t1_121 = sin_u3_1 * cos_u3_2;
-        let t1_122 = like.lift(0.5) * t1_121;
-        let t1_123 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t1_122);
-        let t1_124 = sin_u3_1 * t1_123;
-        let t1_125 = like.lift(0.215).mul_add(t1_124, t1_120);
-        let t1_126 = -t1_106;
-        let t1_127 = t1_45 - t1_46;
-        let t1_128 = t1_44 - t1_127;
-        let t1_129 = sin_u1_1 * t1_128;
-        let t1_130 = t1_43 - t1_45;
-        let t1_131 = t1_46 + t1_130;
-        let t1_132 = sin_u1_1 * t1_131;
-        let t1_133 = u_e1y_p1x * t1_131;
-        let t1_134 = cos_u1_2_e1y.mul_add(t1_112, t1_133);
-        let t1_135 = -t1_134;
-        let t1_136 = like.lift(0.1075) * u_rod3_p3z;
-        let t1_137 = -t1_136;
-        let t1_138 = like.lift(0.8660254037844386) * t1_121;
-        let t1_139 = like.lift(0.5).mul_add(sin_u3_2, t1_138);
-        let t1_140 = sin_u3_1 * t1_139;
-        let t1_141 = like.lift(0.215) * t1_140;
-        let t1_142 = like.lift(0.18619546181365432).mul_add(t1_119, t1_141);
-        let t1_143 = cos_u1_1 * t1_128;
-        let t1_144 = -t1_143;
-        let t1_145 = cos_u1_1 * t1_131;
-        let t1_146 = -t1_145;
-        let t1_147 = cos_u1_2_e1y * t1_115;
-        let t1_148 = (-t1_17).mul_add(t1_131, t1_147);
-        let t1_149 = like.lift(0.1075) * t1_123;
-        let t1_150 = like.lift(0.18619546181365432).mul_add(t1_139, t1_149);
-        let t1_151 = cos_u3_1 * t1_123;
-        let t1_152 = like.lift(0.18619546181365432) * t1_151;
-        let t1_153 = cos_u3_1 * t1_139;
-        let t1_154 = like.lift(-0.1075).mul_add(t1_153, t1_152);
-        let t1_155 = -t1_154;
-        let t1_156 = t1_75 - t1_76;
-        let t1_157 = cos_u3_1 * t1_156;
-        let t1_158 = like.lift(0.5) * t1_157;
-        let t1_159 = t1_80 + t1_81;
-        let t1_160 = (-sin_u3_1).mul_add(t1_159, t1_158);
-        let t1_161 = t1_84 + t1_85;
-        let t1_162 = sin_u3_1 * t1_161;
-        let t1_163 = like.lift(0.8660254037844386).mul_add(t1_157, t1_162);
-        let t1_164 = cos_u1_1 * t1_163;
-        let t1_165 = cos_u3_1 * t1_159;
-        let t1_166 = like.lift(0.8660254037844386) * t1_165;
-        let t1_167 = cos_u3_1 * t1_161;
-        let t1_168 = like.lift(0.5).mul_add(t1_167, t1_166);
-        let t1_169 = sin_u1_1.mul_add(t1_168, t1_164);
-        let t1_170 = cos_u1_2_e1y * t1_160;
-        let t1_171 = t1_17.mul_add(t1_163, t1_170);
-        let t1_172 = (-u_e1y_p1x).mul_add(t1_168, t1_171);
-        let t1_173 = like.lift(0.5) * t1_160;
-        let t1_174 = like.lift(0.8660254037844386).mul_add(t1_163, t1_173);
-        let t1_175 = cos_u3_1 * t1_160;
-        let t1_176 = like.lift(0.8660254037844386) * t1_175;
-        let t1_177 = cos_u3_1 * t1_163;
-        let t1_178 = like.lift(-0.5).mul_add(t1_177, t1_176);
-        let t1_179 = sin_u3_1.mul_add(t1_168, t1_178);
-        let t1_180 = -t1_179;
-        let t1_181 = cos_u1_1 * d_u1_2;
-        let t1_182 = t1_19 * d_u1_1;
-        let t1_183 = like.lift(0.215) * t1_182;
-        let t1_184 = sin_u1_2 * t1_181;
-        let t1_185 = like.lift(0.215).mul_add(t1_184, t1_183);
-        let t1_186 = t1_181 * t1_185;
-        let t1_187 = sin_u1_1 * d_u1_2;
-        let t1_188 = sin_u1_2 * t1_187;
-        let t1_189 = like.lift(0.215) * t1_188;
-        let t1_190 = u_rod1_p1z * d_u1_1;
-        let t1_191 = like.lift(-0.215).mul_add(t1_190, t1_189);
-        let t1_192 = t1_187.mul_add(t1_191, t1_186);
-        let t1_193 = sin_u1_1 * d_u1_1;
-        let t1_194 = d_u1_2 * t1_193;
-        let t1_195 = d_e1y.mul_add(t1_193, t1_194);
-        let t1_196 = sin_u1_1.mul_add(d_e1y, t1_187);
-        let t1_197 = cos_u1_2_e1y * t1_196;
-        let t1_198 = u_e1y_p1x.mul_add(d_u1_1, t1_197);
-        let t1_199 = (-d_e1x).mul_add(t1_198, t1_195);
-        let t1_200 = u_e1x_p1y * t1_199;
-        let t1_201 = like.lift(0.0199) * t1_200;
-        let t1_202 = cos_u1_1 * d_u1_1;
-        let t1_203 = d_u1_2 * t1_202;
-        let t1_204 = d_e1y.mul_add(t1_202, t1_203);
-        let t1_205 = t1_17 * d_u1_1;
-        let t1_206 = cos_u1_1.mul_add(d_e1y, t1_181);
-        let t1_207 = (-cos_u1_2_e1y).mul_add(t1_206, t1_205);
-        let t1_208 = d_e1x.mul_add(t1_207, t1_204);
-        let t1_209 = t1_15 * t1_208;
-        let t1_210 = like.lift(0.0199).mul_add(t1_209, t1_201);
-        let t1_211 = t1_192 + t1_210;
-        let t1_212 = t1_17.mul_add(d_e1x, t1_206);
-        let t1_213 = cos_u1_2_e1y.mul_add(d_e1x, d_u1_1);
-        let t1_214 = t1_15 * t1_213;
-        let t1_215 = like.lift(0.0199) * t1_214;
-        let t1_216 = e_e1x_u1_1y * t1_212;
-        let t1_217 = like.lift(-0.0199).mul_add(t1_216, t1_215);
-        let t1_218 = t1_212 * t1_217;
-        let t1_219 = (-u_e1y_p1x).mul_add(d_e1x, t1_196);
-        let t1_220 = e_e1x_u1_1y * t1_219;
-        let t1_221 = like.lift(0.0199) * t1_220;
-        let t1_222 = u_e1x_p1y * t1_213;
-        let t1_223 = like.lift(-0.0199).mul_add(t1_222, t1_221);
-        let t1_224 = (-t1_219).mul_add(t1_223, t1_218);
-        let t1_225 = t1_211 - t1_224;
-        let t1_226 = t1_25 * t1_199;
-        let t1_227 = (-t1_28).mul_add(t1_208, t1_226);
-        let t1_228 = t1_225 - t1_227;
-        let t1_229 = t1_28 * t1_213;
-        let t1_230 = (-t1_47).mul_add(t1_212, t1_229);
-        let t1_231 = t1_212 * t1_230;
-        let t1_232 = t1_47 * t1_219;
+        let t1_119 = like.lift(0.18619546181365432) * u_rod3_p3z;
+        let t1_120 = cos_u3_1 * u_rod3_p3z;
+        let t1_121 = like.lift(0.1075) * t1_120;
+        let t1_122 = sin_u3_1 * cos_u3_2;
+        let t1_123 = like.lift(0.5) * t1_122;
+        let t1_124 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t1_123);
+        let t1_125 = sin_u3_1 * t1_124;
+        let t1_126 = like.lift(0.215).mul_add(t1_125, t1_121);
+        let t1_127 = -t1_106;
+        let t1_128 = t1_44 - t1_45;
+        let t1_129 = t1_43 - t1_128;
+        let t1_130 = sin_u1_1 * t1_129;
+        let t1_131 = t1_42 - t1_44;
+        let t1_132 = t1_45 + t1_131;
+        let t1_133 = sin_u1_1 * t1_132;
+        let t1_134 = u_e1y_p1x * t1_132;
+        let t1_135 = cos_u1_2_e1y.mul_add(t1_112, t1_134);
+        let t1_136 = -t1_135;
+        let t1_137 = like.lift(0.1075) * u_rod3_p3z;
+        let t1_138 = -t1_137;
+        let t1_139 = like.lift(0.8660254037844386) * t1_122;
+        let t1_140 = like.lift(0.5).mul_add(sin_u3_2, t1_139);
+        let t1_141 = sin_u3_1 * t1_140;
+        let t1_142 = like.lift(0.215) * t1_141;
+        let t1_143 = like.lift(0.18619546181365432).mul_add(t1_120, t1_142);
+        let t1_144 = cos_u1_1 * t1_129;
+        let t1_145 = -t1_144;
+        let t1_146 = cos_u1_1 * t1_132;
+        let t1_147 = -t1_146;
+        let t1_148 = cos_u1_2_e1y * t1_115;
+        let t1_149 = (-t1_17).mul_add(t1_132, t1_148);
+        let t1_150 = like.lift(0.1075) * t1_124;
+        let t1_151 = like.lift(0.18619546181365432).mul_add(t1_140, t1_150);
+        let t1_152 = cos_u3_1 * t1_124;
+        let t1_153 = like.lift(0.18619546181365432) * t1_152;
+        let t1_154 = cos_u3_1 * t1_140;
+        let t1_155 = like.lift(-0.1075).mul_add(t1_154, t1_153);
+        let t1_156 = -t1_155;
+        let t1_157 = t1_75 - t1_76;
+        let t1_158 = cos_u3_1 * t1_157;
+        let t1_159 = like.lift(0.5) * t1_158;
+        let t1_160 = t1_80 + t1_81;
+        let t1_161 = (-sin_u3_1).mul_add(t1_160, t1_159);
+        let t1_162 = t1_84 + t1_85;
+        let t1_163 = sin_u3_1 * t1_162;
+        let t1_164 = like.lift(0.8660254037844386).mul_add(t1_158, t1_163);
+        let t1_165 = cos_u1_1 * t1_164;
+        let t1_166 = cos_u3_1 * t1_160;
+        let t1_167 = like.lift(0.8660254037844386) * t1_166;
+        let t1_168 = cos_u3_1 * t1_162;
+        let t1_169 = like.lift(0.5).mul_add(t1_168, t1_167);
+        let t1_170 = sin_u1_1.mul_add(t1_169, t1_165);
+        let t1_171 = cos_u1_2_e1y * t1_161;
+        let t1_172 = t1_17.mul_add(t1_164, t1_171);
+        let t1_173 = (-u_e1y_p1x).mul_add(t1_169, t1_172);
+        let t1_174 = like.lift(0.5) * t1_161;
+        let t1_175 = like.lift(0.8660254037844386).mul_add(t1_164, t1_174);
+        let t1_176 = cos_u3_1 * t1_161;
+        let t1_177 = like.lift(0.8660254037844386) * t1_176;
+        let t1_178 = cos_u3_1 * t1_164;
+        let t1_179 = like.lift(-0.5).mul_add(t1_178, t1_177);
+        let t1_180 = sin_u3_1.mul_add(t1_169, t1_179);
+        let t1_181 = -t1_180;
+        let t1_182 = cos_u1_1 * d_u1_2;
+        let t1_183 = t1_19 * d_u1_1;
+        let t1_184 = like.lift(0.215) * t1_183;
+        let t1_185 = sin_u1_2 * t1_182;
+        let t1_186 = like.lift(0.215).mul_add(t1_185, t1_184);
+        let t1_187 = t1_182 * t1_186;
+        let t1_188 = sin_u1_1 * d_u1_2;
+        let t1_189 = sin_u1_2 * t1_188;
+        let t1_190 = like.lift(0.215) * t1_189;
+        let t1_191 = u_rod1_p1z * d_u1_1;
+        let t1_192 = like.lift(-0.215).mul_add(t1_191, t1_190);
+        let t1_193 = t1_188.mul_add(t1_192, t1_187);
+        let t1_194 = sin_u1_1 * d_u1_1;
+        let t1_195 = d_u1_2 * t1_194;
+        let t1_196 = d_e1y.mul_add(t1_194, t1_195);
+        let t1_197 = sin_u1_1.mul_add(d_e1y, t1_188);
+        let t1_198 = cos_u1_2_e1y * t1_197;
+        let t1_199 = u_e1y_p1x.mul_add(d_u1_1, t1_198);
+        let t1_200 = (-d_e1x).mul_add(t1_199, t1_196);
+        let t1_201 = u_e1x_p1y * t1_200;
+        let t1_202 = like.lift(0.0199) * t1_201;
+        let t1_203 = cos_u1_1 * d_u1_1;
+        let t1_204 = d_u1_2 * t1_203;
+        let t1_205 = d_e1y.mul_add(t1_203, t1_204);
+        let t1_206 = t1_17 * d_u1_1;
+        let t1_207 = cos_u1_1.mul_add(d_e1y, t1_182);
+        let t1_208 = (-cos_u1_2_e1y).mul_add(t1_207, t1_206);
+        let t1_209 = d_e1x.mul_add(t1_208, t1_205);
+        let t1_210 = t1_15 * t1_209;
+        let t1_211 = like.lift(0.0199).mul_add(t1_210, t1_202);
+        let t1_212 = t1_193 + t1_211;
+        let t1_213 = t1_17.mul_add(d_e1x, t1_207);
+        let t1_214 = cos_u1_2_e1y.mul_add(d_e1x, d_u1_1);
+        let t1_215 = t1_15 * t1_214;
+        let t1_216 = like.lift(0.0199) * t1_215;
+        let t1_217 = e_e1x_u1_1y * t1_213;
+        let t1_218 = like.lift(-0.0199).mul_add(t1_217, t1_216);
+        let t1_219 = t1_213 * t1_218;
+        let t1_220 = (-u_e1y_p1x).mul_add(d_e1x, t1_197);
+        let t1_221 = e_e1x_u1_1y * t1_220;
+        let t1_222 = like.lift(0.0199) * t1_221;
+        let t1_223 = u_e1x_p1y * t1_214;
+        let t1_224 = like.lift(-0.0199).mul_add(t1_223, t1_222);
+        let t1_225 = (-t1_220).mul_add(t1_224, t1_219);
+        let t1_226 = t1_212 - t1_225;
+        let t1_227 = t1_25 * t1_200;
+        let t1_228 = (-t1_28).mul_add(t1_209, t1_227);
+        let t1_229 = t1_226 - t1_228;
+        let t1_230 = t1_28 * t1_214;
+        let t1_231 = (-t1_46).mul_add(t1_213, t1_230);
+        let t1_232 = t1_213 * t1_231;
+        let t1_233 = t1_46 * t1_220;
         [
             sin_u1_1, cos_u1_1, t1_2, sin_u1_2, cos_u1_2, w_rod1x, t1_3, u_e1x_p1y, u_e1y_p1x,
             t1_11, t1_15, t1_17, t1_23, t1_24, t1_25, t1_28, t1_30, t1_32, sin_u2_1, cos_u2_1,
-            sin_u2_2, cos_u2_2, u_rod2_p2z, t1_33, t1_34, t1_39, t1_41, t1_42, e_e1x_u1_1y,
-            t1_47, t1_49, t1_52, t1_54, t1_55, t1_57, t1_59, pivot_5, t1_62, t1_63, t1_64,
-            t1_65, t1_66, t1_68, t1_70, t1_74, t1_77, t1_82, t1_83, t1_86, t1_94, t1_97, t1_99,
+            sin_u2_2, cos_u2_2, u_rod2_p2z, t1_34, t1_39, pivot_1, t1_41, e_e1x_u1_1y, t1_46,
+            t1_48, t1_51, t1_53, t1_54, t1_55, t1_56, t1_58, t1_61, t1_62, t1_63, t1_64, t1_65,
+            t1_66, t1_68, t1_70, t1_74, t1_77, t1_82, t1_83, t1_86, t1_94, t1_97, t1_99,
             t1_104, t1_106, t1_109, t1_110, t1_111, t1_114, t1_116, t1_118, sin_u3_1, cos_u3_1,
-            sin_u3_2, cos_u3_2, u_rod3_p3z, pivot_1, t1_123, t1_125, t1_126, t1_127, t1_129,
-            t1_132, t1_134, t1_135, t1_137, t1_139, t1_142, t1_143, t1_144, t1_145, t1_146,
-            t1_148, t1_150, t1_154, t1_155, t1_156, t1_159, t1_160, t1_161, t1_169, t1_172,
-            t1_174, t1_179, t1_180, t1_181, t1_185, t1_187, t1_191, t1_194, t1_196, t1_199,
-            t1_203, t1_206, t1_208, t1_212, t1_213, t1_217, t1_219, t1_223, t1_225, t1_228,
-            t1_230, t1_231, t1_232,
+            sin_u3_2, cos_u3_2, u_rod3_p3z, t1_119, t1_124, t1_126, t1_127, t1_128, t1_130,
+            t1_133, t1_135, t1_136, t1_137, t1_138, t1_140, t1_143, t1_144, t1_145, t1_146,
+            t1_147, t1_149, t1_151, t1_155, t1_156, t1_157, t1_160, t1_161, t1_162, t1_170,
+            t1_173, t1_175, t1_180, t1_181, t1_182, t1_186, t1_188, t1_192, t1_195, t1_197,
+            t1_200, t1_204, t1_207, t1_209, t1_213, t1_214, t1_218, t1_220, t1_224, t1_226,
+            t1_229, t1_231, t1_232, t1_233,
         ]
     };
     // tau, part 2
@@ -13862,9 +13752,9 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 28]) ->
         t2_188, t2_207, t2_208, t2_222, t2_223, t2_226, t2_228, t2_231, t2_233, t2_238, t2_240,
         t2_241, t2_248, t2_250,
     ] = {
-        let t2_1 = t1_25.mul_add(t1_213, t1_232);
-        let t2_2 = (-t1_219).mul_add(t2_1, t1_231);
-        let t2_3 = t1_228 - t2_2;
+        let t2_1 = t1_25.mul_add(t1_214, t1_233);
+        let t2_2 = (-t1_220).mul_add(t2_1, t1_232);
+        let t2_3 = t1_229 - t2_2;
         let t2_4 = sin_u2_1 * d_u2_1;
         let t2_5 = d_u2_2 * t2_4;
         let t2_6 = u_rod2_p2z * t2_5;
@@ -13880,47 +13770,47 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 28]) ->
         let t2_16 = like.lift(0.8660254037844386).mul_add(t2_13, t2_15);
         let t2_17 = t1_39 * t2_16;
         let t2_18 = like.lift(0.215) * t2_17;
-        let t2_19 = t1_59 * t2_14;
+        let t2_19 = t1_58 * t2_14;
         let t2_20 = like.lift(0.215).mul_add(t2_19, t2_18);
         let t2_21 = t2_14 * t2_20;
         let t2_22 = sin_u2_1 * d_u2_2;
-        let t2_23 = t1_59 * t2_22;
+        let t2_23 = t1_58 * t2_22;
         let t2_24 = like.lift(0.215) * t2_23;
         let t2_25 = u_rod2_p2z * t2_16;
         let t2_26 = like.lift(0.215).mul_add(t2_25, t2_24);
         let t2_27 = t2_22.mul_add(t2_26, t2_21);
         let t2_28 = t2_11 - t2_27;
         let t2_29 = t2_3 + t2_28;
-        let t2_30 = sin_u1_2 * t1_203;
+        let t2_30 = sin_u1_2 * t1_204;
         let t2_31 = cos_u1_2 * d_u1_2;
-        let t2_32 = t1_187 * t2_31;
+        let t2_32 = t1_188 * t2_31;
         let t2_33 = like.lift(0.215) * t2_32;
-        let t2_34 = d_u1_1.mul_add(t1_185, t2_33);
+        let t2_34 = d_u1_1.mul_add(t1_186, t2_33);
         let t2_35 = like.lift(0.215).mul_add(t2_30, t2_34);
-        let t2_36 = e_e1x_u1_1y * t1_208;
+        let t2_36 = e_e1x_u1_1y * t1_209;
         let t2_37 = like.lift(0.0199) * t2_36;
-        let t2_38 = u_e1y_p1x * t1_206;
-        let t2_39 = t1_17.mul_add(t1_196, t2_38);
+        let t2_38 = u_e1y_p1x * t1_207;
+        let t2_39 = t1_17.mul_add(t1_197, t2_38);
         let t2_40 = d_e1x * t2_39;
         let t2_41 = u_e1x_p1y * t2_40;
         let t2_42 = like.lift(0.0199).mul_add(t2_41, t2_37);
         let t2_43 = t2_35 + t2_42;
-        let t2_44 = u_e1x_p1y * t1_212;
+        let t2_44 = u_e1x_p1y * t1_213;
         let t2_45 = like.lift(0.0199) * t2_44;
-        let t2_46 = t1_15 * t1_219;
+        let t2_46 = t1_15 * t1_220;
         let t2_47 = like.lift(-0.0199).mul_add(t2_46, t2_45);
-        let t2_48 = t1_219 * t2_47;
-        let t2_49 = (-t1_213).mul_add(t1_217, t2_48);
+        let t2_48 = t1_220 * t2_47;
+        let t2_49 = (-t1_214).mul_add(t1_218, t2_48);
         let t2_50 = t2_43 + t2_49;
-        let t2_51 = t1_47 * t1_208;
+        let t2_51 = t1_46 * t1_209;
         let t2_52 = (-t1_25).mul_add(t2_40, t2_51);
         let t2_53 = t2_50 + t2_52;
-        let t2_54 = t1_25 * t1_212;
-        let t2_55 = t1_28.mul_add(t1_219, t2_54);
-        let t2_56 = t1_219 * t2_55;
-        let t2_57 = t1_213.mul_add(t1_230, t2_56);
+        let t2_54 = t1_25 * t1_213;
+        let t2_55 = t1_28.mul_add(t1_220, t2_54);
+        let t2_56 = t1_220 * t2_55;
+        let t2_57 = t1_214.mul_add(t1_231, t2_56);
         let t2_58 = t2_53 - t2_57;
-        let t2_59 = t1_59 * t2_9;
+        let t2_59 = t1_58 * t2_9;
         let t2_60 = like.lift(0.215) * t2_59;
         let t2_61 = like.lift(-0.18619546181365432).mul_add(t2_6, t2_60);
         let t2_62 = u_rod2_p2z * t2_14;
@@ -13932,28 +13822,28 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 28]) ->
         let t2_68 = t2_61 + t2_67;
         let t2_69 = t2_58 - t2_68;
         let t2_70 = -t2_69;
-        let t2_71 = sin_u1_2 * t1_194;
-        let t2_72 = d_u1_1 * t1_191;
-        let t2_73 = t1_181 * t2_31;
+        let t2_71 = sin_u1_2 * t1_195;
+        let t2_72 = d_u1_1 * t1_192;
+        let t2_73 = t1_182 * t2_31;
         let t2_74 = like.lift(-0.215).mul_add(t2_73, t2_72);
         let t2_75 = like.lift(0.215).mul_add(t2_71, t2_74);
         let t2_76 = t1_15 * t2_40;
         let t2_77 = like.lift(0.0199) * t2_76;
-        let t2_78 = e_e1x_u1_1y * t1_199;
+        let t2_78 = e_e1x_u1_1y * t1_200;
         let t2_79 = like.lift(-0.0199).mul_add(t2_78, t2_77);
         let t2_80 = t2_75 - t2_79;
-        let t2_81 = t1_213 * t1_223;
-        let t2_82 = (-t1_212).mul_add(t2_47, t2_81);
+        let t2_81 = t1_214 * t1_224;
+        let t2_82 = (-t1_213).mul_add(t2_47, t2_81);
         let t2_83 = t2_80 + t2_82;
         let t2_84 = t1_28 * t2_40;
-        let t2_85 = (-t1_47).mul_add(t1_199, t2_84);
+        let t2_85 = (-t1_46).mul_add(t1_200, t2_84);
         let t2_86 = t2_83 - t2_85;
-        let t2_87 = t1_213 * t2_1;
-        let t2_88 = t1_212.mul_add(t2_55, t2_87);
+        let t2_87 = t1_214 * t2_1;
+        let t2_88 = t1_213.mul_add(t2_55, t2_87);
         let t2_89 = t2_86 + t2_88;
         let t2_90 = t1_39 * t2_5;
         let t2_91 = like.lift(0.18619546181365432) * t2_90;
-        let t2_92 = t1_59 * t2_5;
+        let t2_92 = t1_58 * t2_5;
         let t2_93 = like.lift(-0.1075).mul_add(t2_92, t2_91);
         let t2_94 = t2_16 * t2_26;
         let t2_95 = t2_14.mul_add(t2_65, t2_94);
@@ -13963,39 +13853,39 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 28]) ->
         let t2_99 = sin_u2_1 * t2_14;
         let t2_100 = cos_u2_1 * t2_22;
         let t2_101 = like.lift(0.5).mul_add(t2_100, t2_99);
-        let t2_102 = t1_77 * t1_212;
-        let t2_103 = t1_82.mul_add(t1_219, t2_102);
+        let t2_102 = t1_77 * t1_213;
+        let t2_103 = t1_82.mul_add(t1_220, t2_102);
         let t2_104 = t2_101 * t2_103;
         let t2_105 = like.lift(0.8660254037844386) * t2_100;
         let t2_106 = (-sin_u2_1).mul_add(t2_16, t2_105);
-        let t2_107 = t1_86 * t1_219;
-        let t2_108 = t1_77.mul_add(t1_213, t2_107);
+        let t2_107 = t1_86 * t1_220;
+        let t2_108 = t1_77.mul_add(t1_214, t2_107);
         let t2_109 = t2_106.mul_add(t2_108, t2_104);
         let t2_110 = cos_u2_1 * t2_16;
         let t2_111 = like.lift(0.5) * t2_110;
         let t2_112 = cos_u2_1 * t2_14;
         let t2_113 = like.lift(0.8660254037844386).mul_add(t2_112, t2_111);
-        let t2_114 = t1_82 * t1_213;
-        let t2_115 = (-t1_86).mul_add(t1_212, t2_114);
+        let t2_114 = t1_82 * t1_214;
+        let t2_115 = (-t1_86).mul_add(t1_213, t2_114);
         let t2_116 = (-t2_113).mul_add(t2_115, t2_109);
-        let t2_117 = t1_77 * t1_199;
-        let t2_118 = (-t1_82).mul_add(t1_208, t2_117);
-        let t2_119 = t1_212 * t2_115;
-        let t2_120 = (-t1_219).mul_add(t2_108, t2_119);
+        let t2_117 = t1_77 * t1_200;
+        let t2_118 = (-t1_82).mul_add(t1_209, t2_117);
+        let t2_119 = t1_213 * t2_115;
+        let t2_120 = (-t1_220).mul_add(t2_108, t2_119);
         let t2_121 = t2_118 + t2_120;
         let t2_122 = cos_u2_1 * t2_121;
         let t2_123 = like.lift(0.8660254037844386) * t2_122;
-        let t2_124 = t1_86 * t1_208;
+        let t2_124 = t1_86 * t1_209;
         let t2_125 = (-t1_77).mul_add(t2_40, t2_124);
-        let t2_126 = t1_219 * t2_103;
-        let t2_127 = t1_213.mul_add(t2_115, t2_126);
+        let t2_126 = t1_220 * t2_103;
+        let t2_127 = t1_214.mul_add(t2_115, t2_126);
         let t2_128 = t2_125 - t2_127;
         let t2_129 = cos_u2_1 * t2_128;
         let t2_130 = like.lift(0.5).mul_add(t2_129, t2_123);
         let t2_131 = t1_82 * t2_40;
-        let t2_132 = (-t1_86).mul_add(t1_199, t2_131);
-        let t2_133 = t1_213 * t2_108;
-        let t2_134 = t1_212.mul_add(t2_103, t2_133);
+        let t2_132 = (-t1_86).mul_add(t1_200, t2_131);
+        let t2_133 = t1_214 * t2_108;
+        let t2_134 = t1_213.mul_add(t2_103, t2_133);
         let t2_135 = t2_132 - t2_134;
         let t2_136 = sin_u2_1.mul_add(t2_135, t2_130);
         let t2_137 = t2_136 + t2_116;
@@ -14014,15 +13904,15 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 28]) ->
         let t2_150 = (-t1_77).mul_add(t2_149, t2_147);
         let t2_151 = t2_138 - t2_150;
         let t2_152 = -t2_151;
-        let t2_153 = t1_111 * t1_199;
-        let t2_154 = (-t1_114).mul_add(t1_208, t2_153);
-        let t2_155 = t1_225 + t2_154;
-        let t2_156 = t1_114 * t1_213;
-        let t2_157 = (-t1_127).mul_add(t1_212, t2_156);
-        let t2_158 = t1_212 * t2_157;
-        let t2_159 = t1_127 * t1_219;
-        let t2_160 = t1_111.mul_add(t1_213, t2_159);
-        let t2_161 = (-t1_219).mul_add(t2_160, t2_158);
+        let t2_153 = t1_111 * t1_200;
+        let t2_154 = (-t1_114).mul_add(t1_209, t2_153);
+        let t2_155 = t1_226 + t2_154;
+        let t2_156 = t1_114 * t1_214;
+        let t2_157 = (-t1_128).mul_add(t1_213, t2_156);
+        let t2_158 = t1_213 * t2_157;
+        let t2_159 = t1_128 * t1_220;
+        let t2_160 = t1_111.mul_add(t1_214, t2_159);
+        let t2_161 = (-t1_220).mul_add(t2_160, t2_158);
         let t2_162 = t2_155 + t2_161;
         let t2_163 = sin_u3_1 * d_u3_1;
         let t2_164 = d_u3_2 * t2_163;
@@ -14030,40 +13920,40 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 28]) ->
         let t2_166 = like.lift(0.1075) * t2_165;
         let t2_167 = cos_u3_1 * d_u3_1;
         let t2_168 = d_u3_2 * t2_167;
-        let t2_169 = t1_123 * t2_168;
+        let t2_169 = t1_124 * t2_168;
         let t2_170 = like.lift(-0.215).mul_add(t2_169, t2_166);
         let t2_171 = like.lift(0.8660254037844386) * d_u3_1;
         let t2_172 = cos_u3_1 * d_u3_2;
         let t2_173 = like.lift(0.5).mul_add(t2_172, t2_171);
         let t2_174 = like.lift(0.5) * d_u3_1;
         let t2_175 = like.lift(-0.8660254037844386).mul_add(t2_172, t2_174);
-        let t2_176 = t1_123 * t2_175;
+        let t2_176 = t1_124 * t2_175;
         let t2_177 = like.lift(0.215) * t2_176;
-        let t2_178 = t1_139 * t2_173;
+        let t2_178 = t1_140 * t2_173;
         let t2_179 = like.lift(0.215).mul_add(t2_178, t2_177);
         let t2_180 = t2_173 * t2_179;
         let t2_181 = sin_u3_1 * d_u3_2;
-        let t2_182 = t1_139 * t2_181;
+        let t2_182 = t1_140 * t2_181;
         let t2_183 = like.lift(0.215) * t2_182;
         let t2_184 = u_rod3_p3z * t2_175;
         let t2_185 = like.lift(-0.215).mul_add(t2_184, t2_183);
         let t2_186 = t2_181.mul_add(t2_185, t2_180);
         let t2_187 = t2_170 + t2_186;
         let t2_188 = t2_162 + t2_187;
-        let t2_189 = t1_127 * t1_208;
+        let t2_189 = t1_128 * t1_209;
         let t2_190 = (-t1_111).mul_add(t2_40, t2_189);
         let t2_191 = t2_50 - t2_190;
-        let t2_192 = t1_111 * t1_212;
-        let t2_193 = t1_114.mul_add(t1_219, t2_192);
-        let t2_194 = t1_219 * t2_193;
-        let t2_195 = t1_213.mul_add(t2_157, t2_194);
+        let t2_192 = t1_111 * t1_213;
+        let t2_193 = t1_114.mul_add(t1_220, t2_192);
+        let t2_194 = t1_220 * t2_193;
+        let t2_195 = t1_214.mul_add(t2_157, t2_194);
         let t2_196 = t2_191 + t2_195;
-        let t2_197 = t1_139 * t2_168;
+        let t2_197 = t1_140 * t2_168;
         let t2_198 = like.lift(0.215) * t2_197;
         let t2_199 = like.lift(-0.18619546181365432).mul_add(t2_165, t2_198);
         let t2_200 = u_rod3_p3z * t2_173;
         let t2_201 = like.lift(0.215) * t2_200;
-        let t2_202 = t1_123 * t2_181;
+        let t2_202 = t1_124 * t2_181;
         let t2_203 = like.lift(0.215).mul_add(t2_202, t2_201);
         let t2_204 = t2_181 * t2_203;
         let t2_205 = t2_175.mul_add(t2_179, t2_204);
@@ -14071,14 +13961,14 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 28]) ->
         let t2_207 = t2_196 + t2_206;
         let t2_208 = -t2_207;
         let t2_209 = t1_114 * t2_40;
-        let t2_210 = (-t1_127).mul_add(t1_199, t2_209);
+        let t2_210 = (-t1_128).mul_add(t1_200, t2_209);
         let t2_211 = t2_83 + t2_210;
-        let t2_212 = t1_213 * t2_160;
-        let t2_213 = t1_212.mul_add(t2_193, t2_212);
+        let t2_212 = t1_214 * t2_160;
+        let t2_213 = t1_213.mul_add(t2_193, t2_212);
         let t2_214 = t2_211 - t2_213;
-        let t2_215 = t1_123 * t2_164;
+        let t2_215 = t1_124 * t2_164;
         let t2_216 = like.lift(0.18619546181365432) * t2_215;
-        let t2_217 = t1_139 * t2_164;
+        let t2_217 = t1_140 * t2_164;
         let t2_218 = like.lift(-0.1075).mul_add(t2_217, t2_216);
         let t2_219 = t2_175 * t2_185;
         let t2_220 = (-t2_173).mul_add(t2_203, t2_219);
@@ -14088,30 +13978,30 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 28]) ->
         let t2_224 = sin_u3_1 * t2_173;
         let t2_225 = cos_u3_1 * t2_181;
         let t2_226 = like.lift(-0.5).mul_add(t2_225, t2_224);
-        let t2_227 = t1_156 * t1_212;
-        let t2_228 = t1_159.mul_add(t1_219, t2_227);
+        let t2_227 = t1_157 * t1_213;
+        let t2_228 = t1_160.mul_add(t1_220, t2_227);
         let t2_229 = t2_226 * t2_228;
         let t2_230 = like.lift(0.8660254037844386) * t2_225;
         let t2_231 = sin_u3_1.mul_add(t2_175, t2_230);
-        let t2_232 = t1_161 * t1_219;
-        let t2_233 = t1_156.mul_add(t1_213, t2_232);
+        let t2_232 = t1_162 * t1_220;
+        let t2_233 = t1_157.mul_add(t1_214, t2_232);
         let t2_234 = t2_231.mul_add(t2_233, t2_229);
         let t2_235 = cos_u3_1 * t2_175;
         let t2_236 = like.lift(0.5) * t2_235;
         let t2_237 = cos_u3_1 * t2_173;
         let t2_238 = like.lift(0.8660254037844386).mul_add(t2_237, t2_236);
-        let t2_239 = t1_159 * t1_213;
-        let t2_240 = (-t1_161).mul_add(t1_212, t2_239);
+        let t2_239 = t1_160 * t1_214;
+        let t2_240 = (-t1_162).mul_add(t1_213, t2_239);
         let t2_241 = t2_238.mul_add(t2_240, t2_234);
-        let t2_242 = t1_156 * t1_199;
-        let t2_243 = (-t1_159).mul_add(t1_208, t2_242);
-        let t2_244 = t1_212 * t2_240;
-        let t2_245 = (-t1_219).mul_add(t2_233, t2_244);
+        let t2_242 = t1_157 * t1_200;
+        let t2_243 = (-t1_160).mul_add(t1_209, t2_242);
+        let t2_244 = t1_213 * t2_240;
+        let t2_245 = (-t1_220).mul_add(t2_233, t2_244);
         let t2_246 = t2_243 + t2_245;
         let t2_247 = cos_u3_1 * t2_246;
         let t2_248 = like.lift(0.8660254037844386) * t2_247;
-        let t2_249 = t1_161 * t1_208;
-        let t2_250 = (-t1_156).mul_add(t2_40, t2_249);
+        let t2_249 = t1_162 * t1_209;
+        let t2_250 = (-t1_157).mul_add(t2_40, t2_249);
         [
             t2_29, t2_40, t2_69, t2_70, t2_97, t2_98, t2_151, t2_152, t2_173, t2_175, t2_181,
             t2_188, t2_207, t2_208, t2_222, t2_223, t2_226, t2_228, t2_231, t2_233, t2_238,
@@ -14120,21 +14010,21 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 28]) ->
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t3_27, pivot_2, inv_pivot_2, pivot_3, inv_pivot_3, t3_38, t3_39, t3_48, pivot_4,
-        inv_pivot_4, t3_55, t3_59, t3_60, t3_61, inv_pivot_5, t3_63, t3_64, t3_67, t3_68,
-        pivot_6, inv_pivot_6, t3_75, t3_79, t3_80, t3_83, t3_84, t3_85, t3_88, t3_90, t3_95,
-        pivot_7, inv_pivot_7, t3_103, t3_104, t3_105, t3_108, t3_111, t3_114, t3_120, pivot_8,
-        inv_pivot_8, al_u1_1x, al_rod1y, al_u2_1x, al_rod2y, al_u3_1x, al_rod3y,
+        inv_pivot_1, inv_pivot_2, pivot_3, inv_pivot_3, t3_37, t3_38, t3_46, pivot_4,
+        inv_pivot_4, t3_51, t3_54, t3_55, t3_56, t3_59, pivot_5, inv_pivot_5, t3_63, t3_64,
+        t3_68, t3_69, t3_70, t3_73, pivot_6, inv_pivot_6, t3_76, t3_77, t3_80, t3_82, t3_87,
+        pivot_7, inv_pivot_7, t3_93, t3_94, t3_95, t3_98, t3_100, t3_105, t3_109, pivot_8,
+        inv_pivot_8, t3_147, al_u1_1x, al_rod1y, al_u2_1x, al_rod2y, al_u3_1x, al_rod3y,
     ] = {
-        let t3_1 = t1_219 * t2_228;
-        let t3_2 = t1_213.mul_add(t2_240, t3_1);
+        let t3_1 = t1_220 * t2_228;
+        let t3_2 = t1_214.mul_add(t2_240, t3_1);
         let t3_3 = t2_250 - t3_2;
         let t3_4 = cos_u3_1 * t3_3;
         let t3_5 = like.lift(-0.5).mul_add(t3_4, t2_248);
-        let t3_6 = t1_159 * t2_40;
-        let t3_7 = (-t1_161).mul_add(t1_199, t3_6);
-        let t3_8 = t1_213 * t2_233;
-        let t3_9 = t1_212.mul_add(t2_228, t3_8);
+        let t3_6 = t1_160 * t2_40;
+        let t3_7 = (-t1_162).mul_add(t1_200, t3_6);
+        let t3_8 = t1_214 * t2_233;
+        let t3_9 = t1_213.mul_add(t2_228, t3_8);
         let t3_10 = t3_7 - t3_9;
         let t3_11 = (-sin_u3_1).mul_add(t3_10, t3_5);
         let t3_12 = t3_11 + t2_241;
@@ -14143,195 +14033,186 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 28]) ->
         let t3_15 = t2_181.mul_add(t2_231, t3_14);
         let t3_16 = d_u3_1 * d_u3_2;
         let t3_17 = like.lift(-0.5).mul_add(t3_16, t3_15);
-        let t3_18 = t1_161 * t3_17;
+        let t3_18 = t1_162 * t3_17;
         let t3_19 = t2_181 * t2_226;
         let t3_20 = (-t2_175).mul_add(t2_238, t3_19);
         let t3_21 = like.lift(-0.8660254037844386).mul_add(t3_16, t3_20);
-        let t3_22 = t1_159.mul_add(t3_21, t3_18);
+        let t3_22 = t1_160.mul_add(t3_21, t3_18);
         let t3_23 = t2_175 * t2_231;
         let t3_24 = t2_173.mul_add(t2_226, t3_23);
-        let t3_25 = (-t1_156).mul_add(t3_24, t3_22);
+        let t3_25 = (-t1_157).mul_add(t3_24, t3_22);
         let t3_26 = t3_13 - t3_25;
-        let t3_27 = like.lift(1.0) / u_rod3_p3z;
-        let t3_28 = t1_150 * t3_27;
-        let t3_29 = t1_125 * t3_28;
-        let t3_30 = like.lift(5.370700178508146).mul_add(t3_29, t1_154);
-        let pivot_2 = like.lift(0.5773502691896257).mul_add(t1_125, t1_142);
+        let inv_pivot_1 = like.lift(1.0) / pivot_1;
+        let t3_27 = t1_74 * inv_pivot_1;
+        let t3_28 = u_rod2_p2z * t3_27;
+        let t3_29 = like.lift(0.18619546181365432).mul_add(t3_28, t1_70);
+        let t3_30 = t1_61 * inv_pivot_1;
+        let t3_31 = u_rod2_p2z * t3_30;
+        let pivot_2 = like.lift(0.18619546181365432).mul_add(t3_31, t1_55);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t3_31 = t3_30 * inv_pivot_2;
-        let pivot_3 = (-t1_106).mul_add(t3_31, t1_109);
+        let t3_32 = t3_29 * inv_pivot_2;
+        let pivot_3 = (-t1_11).mul_add(t3_32, t1_23);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t3_32 = like.lift(-0.5773502691896257).mul_add(t2_188, t2_207);
-        let t3_33 = t3_28 * t2_188;
-        let t3_34 = like.lift(5.370700178508146).mul_add(t3_33, t2_222);
-        let t3_35 = t3_31.mul_add(t3_32, t3_34);
-        let t3_36 = t1_110 * t3_28;
-        let t3_37 = like.lift(5.370700178508146).mul_add(t3_36, t1_143);
-        let t3_38 = like.lift(0.5773502691896257).mul_add(t1_110, t1_129);
-        let t3_39 = (-t3_38).mul_add(t3_31, t3_37);
-        let t3_40 = t1_174 * t3_27;
-        let t3_41 = t1_110 * t3_40;
-        let t3_42 = like.lift(-5.370700178508146).mul_add(t3_41, t1_169);
-        let t3_43 = t1_125 * t3_40;
-        let t3_44 = like.lift(5.370700178508146).mul_add(t3_43, t1_179);
-        let t3_45 = t3_44 * inv_pivot_2;
-        let t3_46 = t3_38.mul_add(t3_45, t3_42);
-        let t3_47 = (-t1_106).mul_add(t3_45, t1_160);
-        let t3_48 = t3_47 * inv_pivot_3;
-        let pivot_4 = t3_39.mul_add(t3_48, t3_46);
+        let t3_33 = (-t3_30).mul_add(t2_29, t2_69);
+        let t3_34 = t3_27.mul_add(t2_29, t2_97);
+        let t3_35 = t3_32.mul_add(t3_33, t3_34);
+        let t3_36 = t1_30.mul_add(t3_27, t1_65);
+        let t3_37 = t1_30.mul_add(t3_30, t1_51);
+        let t3_38 = (-t3_37).mul_add(t3_32, t3_36);
+        let t3_39 = t1_104 * inv_pivot_1;
+        let t3_40 = (-t1_30).mul_add(t3_39, t1_94);
+        let t3_41 = u_rod2_p2z * t3_39;
+        let t3_42 = like.lift(0.18619546181365432).mul_add(t3_41, t1_99);
+        let t3_43 = t3_42 * inv_pivot_2;
+        let t3_44 = t3_37.mul_add(t3_43, t3_40);
+        let t3_45 = (-t1_11).mul_add(t3_43, t1_83);
+        let t3_46 = t3_45 * inv_pivot_3;
+        let pivot_4 = t3_38.mul_add(t3_46, t3_44);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t3_49 = t3_40 * t2_188;
-        let t3_50 = like.lift(-5.370700178508146).mul_add(t3_49, t3_26);
-        let t3_51 = (-t3_45).mul_add(t3_32, t3_50);
-        let t3_52 = t3_48.mul_add(t3_35, t3_51);
-        let t3_53 = t1_116 * t3_40;
-        let t3_54 = like.lift(-5.370700178508146).mul_add(t3_53, t1_169);
-        let t3_55 = like.lift(0.5773502691896257).mul_add(t1_116, t1_132);
-        let t3_56 = t3_55.mul_add(t3_45, t3_54);
-        let t3_57 = t1_116 * t3_28;
-        let t3_58 = like.lift(5.370700178508146).mul_add(t3_57, t1_145);
-        let t3_59 = (-t3_55).mul_add(t3_31, t3_58);
-        let t3_60 = t3_59.mul_add(t3_48, t3_56);
-        let t3_61 = t1_24 * inv_pivot_4;
-        let t3_62 = (-t3_60).mul_add(t3_61, t1_30);
+        let t3_47 = t3_39.mul_add(t2_29, t2_151);
+        let t3_48 = t3_43.mul_add(t3_33, t3_47);
+        let t3_49 = (-t3_46).mul_add(t3_35, t3_48);
+        let t3_50 = (-t1_32).mul_add(t3_39, t1_97);
+        let t3_51 = (-t1_32).mul_add(t3_30, t1_53);
+        let t3_52 = (-t3_51).mul_add(t3_43, t3_50);
+        let t3_53 = (-t1_32).mul_add(t3_27, t1_68);
+        let t3_54 = (-t3_51).mul_add(t3_32, t3_53);
+        let t3_55 = (-t3_54).mul_add(t3_46, t3_52);
+        let t3_56 = t1_161 * inv_pivot_3;
+        let t3_57 = (-t3_54).mul_add(t3_56, t1_173);
+        let t3_58 = t3_38.mul_add(t3_56, t1_170);
+        let t3_59 = t3_58 * inv_pivot_4;
+        let pivot_5 = (-t3_55).mul_add(t3_59, t3_57);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t3_63 = t1_41 * inv_pivot_5;
-        let t3_64 = t1_11 * inv_pivot_3;
-        let t3_65 = (-t3_59).mul_add(t3_64, t1_52);
-        let t3_66 = (-t3_39).mul_add(t3_64, t1_49);
-        let t3_67 = t3_66 * inv_pivot_4;
-        let t3_68 = (-t3_60).mul_add(t3_67, t3_65);
-        let pivot_6 = t3_63.mul_add(t3_68, t3_62);
+        let t3_60 = t3_56.mul_add(t3_35, t3_26);
+        let t3_61 = t3_59.mul_add(t3_49, t3_60);
+        let t3_62 = t1_24.mul_add(t3_27, t1_63);
+        let t3_63 = t1_24.mul_add(t3_30, t1_48);
+        let t3_64 = (-t3_63).mul_add(t3_32, t3_62);
+        let t3_65 = t3_64.mul_add(t3_56, t1_170);
+        let t3_66 = (-t1_24).mul_add(t3_39, t1_94);
+        let t3_67 = t3_63.mul_add(t3_43, t3_66);
+        let t3_68 = t3_64.mul_add(t3_46, t3_67);
+        let t3_69 = (-t3_68).mul_add(t3_59, t3_65);
+        let t3_70 = t1_116 * inv_pivot_4;
+        let t3_71 = (-t3_68).mul_add(t3_70, t1_110);
+        let t3_72 = (-t3_55).mul_add(t3_70, t1_118);
+        let t3_73 = t3_72 * inv_pivot_5;
+        let pivot_6 = (-t3_69).mul_add(t3_73, t3_71);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t3_69 = (-t3_61).mul_add(t3_52, t2_29);
-        let t3_70 = t3_64.mul_add(t3_35, t2_69);
-        let t3_71 = t3_67.mul_add(t3_52, t3_70);
-        let t3_72 = (-t3_63).mul_add(t3_71, t3_69);
-        let t3_73 = t1_118 * t3_40;
-        let t3_74 = like.lift(-5.370700178508146).mul_add(t3_73, t1_172);
-        let t3_75 = like.lift(-0.5773502691896257).mul_add(t1_118, t1_134);
-        let t3_76 = (-t3_75).mul_add(t3_45, t3_74);
-        let t3_77 = t1_118 * t3_28;
-        let t3_78 = like.lift(-5.370700178508146).mul_add(t3_77, t1_148);
-        let t3_79 = (-t3_75).mul_add(t3_31, t3_78);
-        let t3_80 = (-t3_79).mul_add(t3_48, t3_76);
-        let t3_81 = (-t3_80).mul_add(t3_61, t1_32);
-        let t3_82 = (-t3_79).mul_add(t3_64, t1_54);
-        let t3_83 = t3_80.mul_add(t3_67, t3_82);
-        let t3_84 = (-t3_63).mul_add(t3_83, t3_81);
-        let t3_85 = t1_83 * inv_pivot_3;
-        let t3_86 = (-t3_79).mul_add(t3_85, t1_97);
-        let t3_87 = t3_39.mul_add(t3_85, t1_94);
-        let t3_88 = t3_87 * inv_pivot_4;
-        let t3_89 = (-t3_80).mul_add(t3_88, t3_86);
-        let t3_90 = t1_104 * inv_pivot_5;
-        let t3_91 = (-t3_90).mul_add(t3_83, t3_89);
-        let t3_92 = t3_59.mul_add(t3_85, t1_94);
-        let t3_93 = (-t3_60).mul_add(t3_88, t3_92);
-        let t3_94 = t3_90.mul_add(t3_68, t3_93);
-        let t3_95 = t3_94 * inv_pivot_6;
-        let pivot_7 = (-t3_84).mul_add(t3_95, t3_91);
+        let t3_74 = t3_70.mul_add(t3_49, t2_188);
+        let t3_75 = (-t3_73).mul_add(t3_61, t3_74);
+        let t3_76 = (-t1_175).mul_add(t3_73, t1_119);
+        let t3_77 = t1_109 * inv_pivot_3;
+        let t3_78 = (-t3_54).mul_add(t3_77, t1_149);
+        let t3_79 = (-t3_38).mul_add(t3_77, t1_146);
+        let t3_80 = t3_79 * inv_pivot_4;
+        let t3_81 = t3_55.mul_add(t3_80, t3_78);
+        let t3_82 = t3_81 * inv_pivot_5;
+        let t3_83 = (-t1_175).mul_add(t3_82, t1_151);
+        let t3_84 = (-t3_64).mul_add(t3_77, t1_144);
+        let t3_85 = (-t3_68).mul_add(t3_80, t3_84);
+        let t3_86 = t3_69.mul_add(t3_82, t3_85);
+        let t3_87 = t3_86 * inv_pivot_6;
+        let pivot_7 = t3_76.mul_add(t3_87, t3_83);
         let inv_pivot_7 = like.lift(1.0) / pivot_7;
-        let t3_96 = (-t3_85).mul_add(t3_35, t2_151);
-        let t3_97 = t3_88.mul_add(t3_52, t3_96);
-        let t3_98 = t3_90.mul_add(t3_71, t3_97);
-        let t3_99 = t3_95.mul_add(t3_72, t3_98);
-        let t3_100 = u_rod2_p2z * t3_90;
-        let t3_101 = like.lift(-0.1075).mul_add(t3_100, t1_99);
-        let t3_102 = u_rod2_p2z * t3_63;
-        let t3_103 = like.lift(0.1075).mul_add(t3_102, t1_33);
-        let t3_104 = t3_103.mul_add(t3_95, t3_101);
-        let t3_105 = t1_74 * inv_pivot_5;
-        let t3_106 = u_rod2_p2z * t3_105;
-        let t3_107 = like.lift(-0.1075).mul_add(t3_106, t1_70);
-        let t3_108 = t1_23 * inv_pivot_3;
-        let t3_109 = (-t3_59).mul_add(t3_108, t1_65);
-        let t3_110 = (-t3_39).mul_add(t3_108, t1_63);
-        let t3_111 = t3_110 * inv_pivot_4;
-        let t3_112 = (-t3_60).mul_add(t3_111, t3_109);
-        let t3_113 = (-t3_105).mul_add(t3_68, t3_112);
-        let t3_114 = t3_113 * inv_pivot_6;
-        let t3_115 = (-t3_103).mul_add(t3_114, t3_107);
-        let t3_116 = (-t3_79).mul_add(t3_108, t1_68);
-        let t3_117 = t3_80.mul_add(t3_111, t3_116);
-        let t3_118 = (-t3_105).mul_add(t3_83, t3_117);
-        let t3_119 = t3_84.mul_add(t3_114, t3_118);
-        let t3_120 = t3_119 * inv_pivot_7;
-        let pivot_8 = (-t3_104).mul_add(t3_120, t3_115);
+        let t3_88 = (-t3_77).mul_add(t3_35, t2_222);
+        let t3_89 = t3_80.mul_add(t3_49, t3_88);
+        let t3_90 = t3_82.mul_add(t3_61, t3_89);
+        let t3_91 = (-t3_87).mul_add(t3_75, t3_90);
+        let t3_92 = (-t1_180).mul_add(t3_82, t1_155);
+        let t3_93 = t1_180.mul_add(t3_73, t1_126);
+        let t3_94 = (-t3_93).mul_add(t3_87, t3_92);
+        let t3_95 = t1_106 * inv_pivot_3;
+        let t3_96 = (-t3_54).mul_add(t3_95, t1_135);
+        let t3_97 = (-t3_38).mul_add(t3_95, t1_133);
+        let t3_98 = t3_97 * inv_pivot_4;
+        let t3_99 = t3_55.mul_add(t3_98, t3_96);
+        let t3_100 = t3_99 * inv_pivot_5;
+        let t3_101 = (-t1_180).mul_add(t3_100, t1_143);
+        let t3_102 = (-t3_64).mul_add(t3_95, t1_130);
+        let t3_103 = (-t3_68).mul_add(t3_98, t3_102);
+        let t3_104 = t3_69.mul_add(t3_100, t3_103);
+        let t3_105 = t3_104 * inv_pivot_6;
+        let t3_106 = (-t3_93).mul_add(t3_105, t3_101);
+        let t3_107 = (-t1_175).mul_add(t3_100, t1_137);
+        let t3_108 = t3_76.mul_add(t3_105, t3_107);
+        let t3_109 = t3_108 * inv_pivot_7;
+        let pivot_8 = (-t3_94).mul_add(t3_109, t3_106);
         let inv_pivot_8 = like.lift(1.0) / pivot_8;
-        let t3_121 = (-t3_108).mul_add(t3_35, t2_97);
-        let t3_122 = (-t3_111).mul_add(t3_52, t3_121);
-        let t3_123 = t3_105.mul_add(t3_71, t3_122);
-        let t3_124 = (-t3_114).mul_add(t3_72, t3_123);
-        let t3_125 = (-t3_120).mul_add(t3_99, t3_124);
-        let t3_126 = inv_pivot_8 * t3_125;
-        let t3_127 = (-t3_104).mul_add(t3_126, t3_99);
-        let t3_128 = inv_pivot_7 * t3_127;
-        let t3_129 = t3_84.mul_add(t3_128, t3_72);
-        let t3_130 = (-t3_103).mul_add(t3_126, t3_129);
-        let t3_131 = inv_pivot_6 * t3_130;
-        let t3_132 = (-t3_60).mul_add(t3_131, t3_52);
-        let t3_133 = t3_80.mul_add(t3_128, t3_132);
-        let t3_134 = inv_pivot_4 * t3_133;
-        let t3_135 = (-t3_39).mul_add(t3_134, t3_35);
-        let t3_136 = (-t3_59).mul_add(t3_131, t3_135);
-        let t3_137 = (-t3_79).mul_add(t3_128, t3_136);
-        let t3_138 = inv_pivot_3 * t3_137;
-        let t3_139 = -t3_138;
-        let t3_140 = -t3_128;
-        let t3_141 = -t3_126;
-        let t3_142 = t3_68.mul_add(t3_131, t3_71);
-        let t3_143 = t3_83.mul_add(t3_128, t3_142);
-        let t3_144 = u_rod2_p2z * t3_126;
-        let t3_145 = like.lift(0.1075).mul_add(t3_144, t3_143);
-        let t3_146 = inv_pivot_5 * t3_145;
-        let t3_147 = t1_106.mul_add(t3_138, t3_32);
-        let t3_148 = t3_38.mul_add(t3_134, t3_147);
-        let t3_149 = t3_55.mul_add(t3_131, t3_148);
-        let t3_150 = t3_75.mul_add(t3_128, t3_149);
-        let t3_151 = inv_pivot_2 * t3_150;
-        let t3_152 = t1_125.mul_add(t3_151, t2_188);
-        let t3_153 = (-t1_110).mul_add(t3_134, t3_152);
-        let t3_154 = (-t1_116).mul_add(t3_131, t3_153);
-        let t3_155 = t1_118.mul_add(t3_128, t3_154);
-        let t3_156 = t3_27 * t3_155;
-        let t3_157 = like.lift(5.370700178508146) * t3_156;
-        let t3_158 = -t3_151;
+        let t3_110 = t3_95.mul_add(t3_35, t2_207);
+        let t3_111 = (-t3_98).mul_add(t3_49, t3_110);
+        let t3_112 = (-t3_100).mul_add(t3_61, t3_111);
+        let t3_113 = t3_105.mul_add(t3_75, t3_112);
+        let t3_114 = t3_109.mul_add(t3_91, t3_113);
+        let t3_115 = inv_pivot_8 * t3_114;
+        let t3_116 = t3_94.mul_add(t3_115, t3_91);
+        let t3_117 = inv_pivot_7 * t3_116;
+        let t3_118 = t3_76.mul_add(t3_117, t3_75);
+        let t3_119 = t3_93.mul_add(t3_115, t3_118);
+        let t3_120 = inv_pivot_6 * t3_119;
+        let t3_121 = (-t3_69).mul_add(t3_120, t3_61);
+        let t3_122 = t1_175.mul_add(t3_117, t3_121);
+        let t3_123 = (-t1_180).mul_add(t3_115, t3_122);
+        let t3_124 = inv_pivot_5 * t3_123;
+        let t3_125 = t3_55.mul_add(t3_124, t3_49);
+        let t3_126 = t3_68.mul_add(t3_120, t3_125);
+        let t3_127 = inv_pivot_4 * t3_126;
+        let t3_128 = t3_38.mul_add(t3_127, t3_35);
+        let t3_129 = t3_54.mul_add(t3_124, t3_128);
+        let t3_130 = (-t3_64).mul_add(t3_120, t3_129);
+        let t3_131 = inv_pivot_3 * t3_130;
+        let t3_132 = -t3_131;
+        let t3_133 = -t3_127;
+        let t3_134 = t1_11.mul_add(t3_131, t3_33);
+        let t3_135 = (-t3_37).mul_add(t3_127, t3_134);
+        let t3_136 = (-t3_51).mul_add(t3_124, t3_135);
+        let t3_137 = t3_63.mul_add(t3_120, t3_136);
+        let t3_138 = inv_pivot_2 * t3_137;
+        let t3_139 = u_rod2_p2z * t3_138;
+        let t3_140 = like.lift(0.18619546181365432).mul_add(t3_139, t2_29);
+        let t3_141 = t1_30.mul_add(t3_127, t3_140);
+        let t3_142 = (-t1_32).mul_add(t3_124, t3_141);
+        let t3_143 = (-t1_24).mul_add(t3_120, t3_142);
+        let t3_144 = inv_pivot_1 * t3_143;
+        let t3_145 = -t3_117;
+        let t3_146 = -t3_115;
+        let t3_147 = -pivot_2;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(6.287381471191513)).abs()
-            .min((pivot_2 * like.lift(4.054300853983487)).abs())
-            .min((pivot_3 * like.lift(5.1354731598256045)).abs())
-            .min((pivot_4 * like.lift(1.1136124389030184)).abs())
-            .min((t1_62 * like.lift(5.490928143318305)).abs())
-            .min((pivot_6 * like.lift(5.005772724016506)).abs())
-            .min((pivot_7 * like.lift(1.2292368551614257)).abs())
-            .min((pivot_8 * like.lift(6.313131313131312)).abs());
+        let margin = (pivot_1 * like.lift(8.169180195158923)).abs()
+            .min((t3_147 * like.lift(2.9578447349824133)).abs())
+            .min((pivot_3 * like.lift(4.709626127302084)).abs())
+            .min((pivot_4 * like.lift(1.7298389090997555)).abs())
+            .min((pivot_5 * like.lift(1.2416410909468296)).abs())
+            .min((pivot_6 * like.lift(4.677980223697912)).abs())
+            .min((pivot_7 * like.lift(5.873901159537709)).abs())
+            .min((pivot_8 * like.lift(4.02802513388111)).abs());
         let ([
             [al_u1_1x], [al_rod1y], [_], [_], [al_u2_1x], [al_rod2y], [al_u3_1x], [al_rod3y],
         ], found) = ::regen_runtime::guarded(
-            [[t3_139], [t3_134], [t3_131], [t3_140], [t3_141], [t3_146], [t3_157], [t3_158]],
+            [[t3_132], [t3_120], [t3_133], [t3_124], [t3_138], [t3_144], [t3_145], [t3_146]],
             margin,
             || (
                 [
-                    [like.lift(0.0), t1_24, t1_30, t1_32, t1_34, t1_41, like.lift(0.0), like.lift(0.0)],
-                    [t1_42, t1_49, t1_52, t1_55, t1_57, t1_62, like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), t1_24, t1_30, t1_32, t1_34, pivot_1, like.lift(0.0), like.lift(0.0)],
+                    [t1_41, t1_48, t1_51, t1_54, t1_56, t1_62, like.lift(0.0), like.lift(0.0)],
                     [t1_23, t1_64, t1_66, t1_68, t1_70, t1_74, like.lift(0.0), like.lift(0.0)],
                     [t1_83, t1_94, t1_94, t1_97, t1_99, t1_104, like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), t1_110, t1_116, t1_118, like.lift(0.0), like.lift(0.0), pivot_1, t1_125],
-                    [t1_126, t1_129, t1_132, t1_135, like.lift(0.0), like.lift(0.0), t1_137, t1_142],
-                    [t1_109, t1_144, t1_146, t1_148, like.lift(0.0), like.lift(0.0), t1_150, t1_155],
-                    [t1_160, t1_169, t1_169, t1_172, like.lift(0.0), like.lift(0.0), t1_174, t1_180],
+                    [like.lift(0.0), t1_110, t1_116, t1_118, like.lift(0.0), like.lift(0.0), t1_119, t1_126],
+                    [t1_127, t1_130, t1_133, t1_136, like.lift(0.0), like.lift(0.0), t1_138, t1_143],
+                    [t1_109, t1_145, t1_147, t1_149, like.lift(0.0), like.lift(0.0), t1_151, t1_156],
+                    [t1_161, t1_170, t1_170, t1_173, like.lift(0.0), like.lift(0.0), t1_175, t1_181],
                 ],
                 [[t2_29], [t2_70], [t2_98], [t2_152], [t2_188], [t2_208], [t2_223], [t3_26]],
             ),
         );
         condition = condition.min(found);
         [
-            t3_27, pivot_2, inv_pivot_2, pivot_3, inv_pivot_3, t3_38, t3_39, t3_48, pivot_4,
-            inv_pivot_4, t3_55, t3_59, t3_60, t3_61, inv_pivot_5, t3_63, t3_64, t3_67, t3_68,
-            pivot_6, inv_pivot_6, t3_75, t3_79, t3_80, t3_83, t3_84, t3_85, t3_88, t3_90,
-            t3_95, pivot_7, inv_pivot_7, t3_103, t3_104, t3_105, t3_108, t3_111, t3_114,
-            t3_120, pivot_8, inv_pivot_8, al_u1_1x, al_rod1y, al_u2_1x, al_rod2y, al_u3_1x,
+            inv_pivot_1, inv_pivot_2, pivot_3, inv_pivot_3, t3_37, t3_38, t3_46, pivot_4,
+            inv_pivot_4, t3_51, t3_54, t3_55, t3_56, t3_59, pivot_5, inv_pivot_5, t3_63, t3_64,
+            t3_68, t3_69, t3_70, t3_73, pivot_6, inv_pivot_6, t3_76, t3_77, t3_80, t3_82,
+            t3_87, pivot_7, inv_pivot_7, t3_93, t3_94, t3_95, t3_98, t3_100, t3_105, t3_109,
+            pivot_8, inv_pivot_8, t3_147, al_u1_1x, al_rod1y, al_u2_1x, al_rod2y, al_u3_1x,
             al_rod3y,
         ]
     };
@@ -14391,154 +14272,150 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 28]) ->
         let t4_45 = (-p_ixz_rod1).mul_add(al_rod1z, t4_44);
         let t4_46 = t4_42 + t4_45;
         let t4_47 = cos_u1_2.mul_add(t4_46, t4_36);
-        let t4_48 = t3_48 * t3_61;
-        let t4_49 = t3_48.mul_add(t3_67, t3_64);
-        let t4_50 = t3_63.mul_add(t4_49, t4_48);
-        let t4_51 = (-t3_48).mul_add(t3_88, t3_85);
-        let t4_52 = (-t3_90).mul_add(t4_49, t4_51);
-        let t4_53 = t4_50.mul_add(t3_95, t4_52);
-        let t4_54 = like.lift(1.0) - t3_108;
-        let t4_55 = t3_48 * t3_111;
-        let t4_56 = t4_54 - t4_55;
-        let t4_57 = t3_105 * t4_49;
-        let t4_58 = t4_56 + t4_57;
-        let t4_59 = t4_50 * t3_114;
-        let t4_60 = t4_58 + t4_59;
-        let t4_61 = t4_53 * t3_120;
-        let t4_62 = t4_60 + t4_61;
-        let t4_63 = t4_62 * inv_pivot_8;
-        let t4_64 = t3_104.mul_add(t4_63, t4_53);
-        let t4_65 = inv_pivot_7 * t4_64;
-        let t4_66 = t3_84.mul_add(t4_65, t4_50);
-        let t4_67 = t3_103.mul_add(t4_63, t4_66);
-        let t4_68 = inv_pivot_6 * t4_67;
-        let t4_69 = t3_60.mul_add(t4_68, t3_48);
-        let t4_70 = (-t3_80).mul_add(t4_65, t4_69);
-        let t4_71 = inv_pivot_4 * t4_70;
-        let t4_72 = (-t3_39).mul_add(t4_71, like.lift(1.0));
-        let t4_73 = t3_59.mul_add(t4_68, t4_72);
-        let t4_74 = t3_79.mul_add(t4_65, t4_73);
-        let t4_75 = inv_pivot_3 * t4_74;
-        let t4_76 = -t4_75;
-        let t4_77 = t3_104 * inv_pivot_8;
-        let t4_78 = inv_pivot_7 * t4_77;
-        let t4_79 = t3_84 * t4_78;
-        let t4_80 = t3_103.mul_add(inv_pivot_8, t4_79);
-        let t4_81 = inv_pivot_6 * t4_80;
-        let t4_82 = t3_60 * t4_81;
-        let t4_83 = (-t3_80).mul_add(t4_78, t4_82);
-        let t4_84 = inv_pivot_4 * t4_83;
-        let t4_85 = t3_39 * t4_84;
-        let t4_86 = (-t3_59).mul_add(t4_81, t4_85);
-        let t4_87 = (-t3_79).mul_add(t4_78, t4_86);
-        let t4_88 = inv_pivot_3 * t4_87;
-        let t4_89 = -t4_88;
-        let t4_90 = t3_108 + t4_55;
-        let t4_91 = t4_90 - t4_57;
-        let t4_92 = t4_91 - t4_59;
-        let t4_93 = t4_92 - t4_61;
-        let t4_94 = t4_93 * inv_pivot_8;
-        let t4_95 = (-t3_104).mul_add(t4_94, t4_53);
-        let t4_96 = inv_pivot_7 * t4_95;
-        let t4_97 = t3_84.mul_add(t4_96, t4_50);
-        let t4_98 = (-t3_103).mul_add(t4_94, t4_97);
-        let t4_99 = inv_pivot_6 * t4_98;
-        let t4_100 = t3_60.mul_add(t4_99, t3_48);
-        let t4_101 = (-t3_80).mul_add(t4_96, t4_100);
-        let t4_102 = inv_pivot_4 * t4_101;
-        let t4_103 = (-t3_39).mul_add(t4_102, like.lift(1.0));
-        let t4_104 = t3_59.mul_add(t4_99, t4_103);
-        let t4_105 = t3_79.mul_add(t4_96, t4_104);
-        let t4_106 = inv_pivot_3 * t4_105;
-        let t4_107 = -t4_84;
-        let t4_108 = -t4_102;
-        let t4_109 = -t4_68;
-        let t4_110 = -t4_78;
-        let t4_111 = -t4_96;
-        let t4_112 = -t4_63;
-        let t4_113 = -t4_94;
-        let t4_114 = (-t3_68).mul_add(t4_68, t4_49);
-        let t4_115 = (-t3_83).mul_add(t4_65, t4_114);
-        let t4_116 = u_rod2_p2z * t4_63;
-        let t4_117 = like.lift(0.1075).mul_add(t4_116, t4_115);
-        let t4_118 = inv_pivot_5 * t4_117;
-        let t4_119 = t3_68 * t4_81;
-        let t4_120 = t3_83.mul_add(t4_78, t4_119);
-        let t4_121 = u_rod2_p2z * inv_pivot_8;
-        let t4_122 = like.lift(-0.1075).mul_add(t4_121, t4_120);
-        let t4_123 = inv_pivot_5 * t4_122;
-        let t4_124 = (-t3_68).mul_add(t4_99, t4_49);
-        let t4_125 = (-t3_83).mul_add(t4_96, t4_124);
-        let t4_126 = u_rod2_p2z * t4_94;
-        let t4_127 = like.lift(-0.1075).mul_add(t4_126, t4_125);
-        let t4_128 = inv_pivot_5 * t4_127;
-        let t4_129 = -t4_128;
-        let t4_130 = t1_106 * t4_75;
-        let t4_131 = t3_38.mul_add(t4_71, t4_130);
-        let t4_132 = (-t3_55).mul_add(t4_68, t4_131);
-        let t4_133 = (-t3_75).mul_add(t4_65, t4_132);
-        let t4_134 = inv_pivot_2 * t4_133;
-        let t4_135 = t1_125 * t4_134;
-        let t4_136 = (-t1_110).mul_add(t4_71, t4_135);
-        let t4_137 = t1_116.mul_add(t4_68, t4_136);
-        let t4_138 = (-t1_118).mul_add(t4_65, t4_137);
-        let t4_139 = t3_27 * t4_138;
-        let t4_140 = like.lift(5.370700178508146) * t4_139;
-        let t4_141 = t1_106 * t4_88;
-        let t4_142 = (-t3_38).mul_add(t4_84, t4_141);
-        let t4_143 = t3_55.mul_add(t4_81, t4_142);
-        let t4_144 = t3_75.mul_add(t4_78, t4_143);
-        let t4_145 = inv_pivot_2 * t4_144;
-        let t4_146 = t1_125 * t4_145;
-        let t4_147 = t1_110.mul_add(t4_84, t4_146);
-        let t4_148 = (-t1_116).mul_add(t4_81, t4_147);
-        let t4_149 = t1_118.mul_add(t4_78, t4_148);
-        let t4_150 = t3_27 * t4_149;
-        let t4_151 = like.lift(5.370700178508146) * t4_150;
-        let t4_152 = t1_106 * t4_106;
-        let t4_153 = t3_38.mul_add(t4_102, t4_152);
-        let t4_154 = (-t3_55).mul_add(t4_99, t4_153);
-        let t4_155 = (-t3_75).mul_add(t4_96, t4_154);
-        let t4_156 = inv_pivot_2 * t4_155;
-        let t4_157 = t1_125 * t4_156;
-        let t4_158 = (-t1_110).mul_add(t4_102, t4_157);
-        let t4_159 = t1_116.mul_add(t4_99, t4_158);
-        let t4_160 = (-t1_118).mul_add(t4_96, t4_159);
-        let t4_161 = t3_27 * t4_160;
-        let t4_162 = like.lift(5.370700178508146) * t4_161;
-        let t4_163 = -t4_162;
-        let t4_164 = -t4_134;
-        let t4_165 = -t4_145;
+        let t4_48 = (-t3_46).mul_add(t3_59, t3_56);
+        let t4_49 = t3_46 * t3_70;
+        let t4_50 = t4_48.mul_add(t3_73, t4_49);
+        let t4_51 = like.lift(1.0) - t3_77;
+        let t4_52 = t3_46 * t3_80;
+        let t4_53 = t4_51 - t4_52;
+        let t4_54 = t4_48 * t3_82;
+        let t4_55 = t4_53 + t4_54;
+        let t4_56 = t4_50 * t3_87;
+        let t4_57 = t4_55 + t4_56;
+        let t4_58 = t3_46.mul_add(t3_98, t3_95);
+        let t4_59 = (-t4_48).mul_add(t3_100, t4_58);
+        let t4_60 = (-t4_50).mul_add(t3_105, t4_59);
+        let t4_61 = t4_57.mul_add(t3_109, t4_60);
+        let t4_62 = t4_61 * inv_pivot_8;
+        let t4_63 = t3_94.mul_add(t4_62, t4_57);
+        let t4_64 = inv_pivot_7 * t4_63;
+        let t4_65 = (-t3_76).mul_add(t4_64, t4_50);
+        let t4_66 = (-t3_93).mul_add(t4_62, t4_65);
+        let t4_67 = inv_pivot_6 * t4_66;
+        let t4_68 = t3_69.mul_add(t4_67, t4_48);
+        let t4_69 = t1_175.mul_add(t4_64, t4_68);
+        let t4_70 = (-t1_180).mul_add(t4_62, t4_69);
+        let t4_71 = inv_pivot_5 * t4_70;
+        let t4_72 = (-t3_55).mul_add(t4_71, t3_46);
+        let t4_73 = t3_68.mul_add(t4_67, t4_72);
+        let t4_74 = inv_pivot_4 * t4_73;
+        let t4_75 = (-t3_38).mul_add(t4_74, like.lift(1.0));
+        let t4_76 = t3_54.mul_add(t4_71, t4_75);
+        let t4_77 = t3_64.mul_add(t4_67, t4_76);
+        let t4_78 = inv_pivot_3 * t4_77;
+        let t4_79 = -t4_78;
+        let t4_80 = t3_77 + t4_52;
+        let t4_81 = t4_80 - t4_54;
+        let t4_82 = t4_81 - t4_56;
+        let t4_83 = (-t4_82).mul_add(t3_109, t4_60);
+        let t4_84 = t4_83 * inv_pivot_8;
+        let t4_85 = (-t3_94).mul_add(t4_84, t4_82);
+        let t4_86 = inv_pivot_7 * t4_85;
+        let t4_87 = t3_76.mul_add(t4_86, t4_50);
+        let t4_88 = (-t3_93).mul_add(t4_84, t4_87);
+        let t4_89 = inv_pivot_6 * t4_88;
+        let t4_90 = t3_69.mul_add(t4_89, t4_48);
+        let t4_91 = (-t1_175).mul_add(t4_86, t4_90);
+        let t4_92 = (-t1_180).mul_add(t4_84, t4_91);
+        let t4_93 = inv_pivot_5 * t4_92;
+        let t4_94 = (-t3_55).mul_add(t4_93, t3_46);
+        let t4_95 = t3_68.mul_add(t4_89, t4_94);
+        let t4_96 = inv_pivot_4 * t4_95;
+        let t4_97 = (-t3_38).mul_add(t4_96, like.lift(1.0));
+        let t4_98 = t3_54.mul_add(t4_93, t4_97);
+        let t4_99 = t3_64.mul_add(t4_89, t4_98);
+        let t4_100 = inv_pivot_3 * t4_99;
+        let t4_101 = t3_109 * inv_pivot_8;
+        let t4_102 = t3_94.mul_add(t4_101, like.lift(1.0));
+        let t4_103 = inv_pivot_7 * t4_102;
+        let t4_104 = t3_76 * t4_103;
+        let t4_105 = t3_93.mul_add(t4_101, t4_104);
+        let t4_106 = inv_pivot_6 * t4_105;
+        let t4_107 = t3_69 * t4_106;
+        let t4_108 = (-t1_175).mul_add(t4_103, t4_107);
+        let t4_109 = t1_180.mul_add(t4_101, t4_108);
+        let t4_110 = inv_pivot_5 * t4_109;
+        let t4_111 = t3_55 * t4_110;
+        let t4_112 = (-t3_68).mul_add(t4_106, t4_111);
+        let t4_113 = inv_pivot_4 * t4_112;
+        let t4_114 = t3_38 * t4_113;
+        let t4_115 = t3_54.mul_add(t4_110, t4_114);
+        let t4_116 = t3_64.mul_add(t4_106, t4_115);
+        let t4_117 = inv_pivot_3 * t4_116;
+        let t4_118 = -t4_117;
+        let t4_119 = -t4_67;
+        let t4_120 = -t4_106;
+        let t4_121 = -t4_96;
+        let t4_122 = -t4_113;
+        let t4_123 = -t4_93;
+        let t4_124 = t1_11 * t4_78;
+        let t4_125 = t3_37.mul_add(t4_74, t4_124);
+        let t4_126 = (-t3_51).mul_add(t4_71, t4_125);
+        let t4_127 = (-t3_63).mul_add(t4_67, t4_126);
+        let t4_128 = inv_pivot_2 * t4_127;
+        let t4_129 = t1_11 * t4_100;
+        let t4_130 = t3_37.mul_add(t4_96, t4_129);
+        let t4_131 = (-t3_51).mul_add(t4_93, t4_130);
+        let t4_132 = (-t3_63).mul_add(t4_89, t4_131);
+        let t4_133 = inv_pivot_2 * t4_132;
+        let t4_134 = -t4_133;
+        let t4_135 = t1_11 * t4_117;
+        let t4_136 = (-t3_37).mul_add(t4_113, t4_135);
+        let t4_137 = (-t3_51).mul_add(t4_110, t4_136);
+        let t4_138 = (-t3_63).mul_add(t4_106, t4_137);
+        let t4_139 = inv_pivot_2 * t4_138;
+        let t4_140 = u_rod2_p2z * t4_128;
+        let t4_141 = like.lift(0.18619546181365432) * t4_140;
+        let t4_142 = (-t1_30).mul_add(t4_74, t4_141);
+        let t4_143 = (-t1_32).mul_add(t4_71, t4_142);
+        let t4_144 = t1_24.mul_add(t4_67, t4_143);
+        let t4_145 = inv_pivot_1 * t4_144;
+        let t4_146 = u_rod2_p2z * t4_133;
+        let t4_147 = like.lift(0.18619546181365432) * t4_146;
+        let t4_148 = (-t1_30).mul_add(t4_96, t4_147);
+        let t4_149 = (-t1_32).mul_add(t4_93, t4_148);
+        let t4_150 = t1_24.mul_add(t4_89, t4_149);
+        let t4_151 = inv_pivot_1 * t4_150;
+        let t4_152 = -t4_151;
+        let t4_153 = u_rod2_p2z * t4_139;
+        let t4_154 = like.lift(0.18619546181365432) * t4_153;
+        let t4_155 = t1_30.mul_add(t4_113, t4_154);
+        let t4_156 = (-t1_32).mul_add(t4_110, t4_155);
+        let t4_157 = t1_24.mul_add(t4_106, t4_156);
+        let t4_158 = inv_pivot_1 * t4_157;
+        let t4_159 = -t4_64;
+        let t4_160 = -t4_86;
+        let t4_161 = -t4_62;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(6.287381471191513)).abs()
-            .min((pivot_2 * like.lift(4.054300853983487)).abs())
-            .min((pivot_3 * like.lift(5.1354731598256045)).abs())
-            .min((pivot_4 * like.lift(1.1136124389030184)).abs())
-            .min((t1_62 * like.lift(5.490928143318305)).abs())
-            .min((pivot_6 * like.lift(5.005772724016506)).abs())
-            .min((pivot_7 * like.lift(1.2292368551614257)).abs())
-            .min((pivot_8 * like.lift(6.313131313131312)).abs());
+        let margin = (pivot_1 * like.lift(8.169180195158923)).abs()
+            .min((t3_147 * like.lift(2.9578447349824133)).abs())
+            .min((pivot_3 * like.lift(4.709626127302084)).abs())
+            .min((pivot_4 * like.lift(1.7298389090997555)).abs())
+            .min((pivot_5 * like.lift(1.2416410909468296)).abs())
+            .min((pivot_6 * like.lift(4.677980223697912)).abs())
+            .min((pivot_7 * like.lift(5.873901159537709)).abs())
+            .min((pivot_8 * like.lift(4.02802513388111)).abs());
         let ([
             [x_u1_1_p1, x_u1_1_p2, x_u1_1_p3], [x_u1_2_p1, x_u1_2_p2, x_u1_2_p3], [_, _, _],
             [_, _, _], [x_u2_1_p1, x_u2_1_p2, x_u2_1_p3], [x_u2_2_p1, x_u2_2_p2, x_u2_2_p3],
             [x_u3_1_p1, x_u3_1_p2, x_u3_1_p3], [x_u3_2_p1, x_u3_2_p2, x_u3_2_p3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t4_76, t4_89, t4_106], [t4_71, t4_107, t4_108], [t4_109, t4_81, t4_99],
-                [t4_65, t4_110, t4_111], [t4_112, inv_pivot_8, t4_113],
-                [t4_118, t4_123, t4_129], [t4_140, t4_151, t4_163], [t4_164, t4_165, t4_156],
+                [t4_79, t4_100, t4_118], [t4_119, t4_89, t4_120], [t4_74, t4_121, t4_122],
+                [t4_71, t4_123, t4_110], [t4_128, t4_134, t4_139], [t4_145, t4_152, t4_158],
+                [t4_159, t4_160, t4_103], [t4_161, t4_84, t4_101],
             ],
             margin,
             || (
                 [
-                    [like.lift(0.0), t1_24, t1_30, t1_32, t1_34, t1_41, like.lift(0.0), like.lift(0.0)],
-                    [t1_42, t1_49, t1_52, t1_55, t1_57, t1_62, like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), t1_24, t1_30, t1_32, t1_34, pivot_1, like.lift(0.0), like.lift(0.0)],
+                    [t1_41, t1_48, t1_51, t1_54, t1_56, t1_62, like.lift(0.0), like.lift(0.0)],
                     [t1_23, t1_64, t1_66, t1_68, t1_70, t1_74, like.lift(0.0), like.lift(0.0)],
                     [t1_83, t1_94, t1_94, t1_97, t1_99, t1_104, like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), t1_110, t1_116, t1_118, like.lift(0.0), like.lift(0.0), pivot_1, t1_125],
-                    [t1_126, t1_129, t1_132, t1_135, like.lift(0.0), like.lift(0.0), t1_137, t1_142],
-                    [t1_109, t1_144, t1_146, t1_148, like.lift(0.0), like.lift(0.0), t1_150, t1_155],
-                    [t1_160, t1_169, t1_169, t1_172, like.lift(0.0), like.lift(0.0), t1_174, t1_180],
+                    [like.lift(0.0), t1_110, t1_116, t1_118, like.lift(0.0), like.lift(0.0), t1_119, t1_126],
+                    [t1_127, t1_130, t1_133, t1_136, like.lift(0.0), like.lift(0.0), t1_138, t1_143],
+                    [t1_109, t1_145, t1_147, t1_149, like.lift(0.0), like.lift(0.0), t1_151, t1_156],
+                    [t1_161, t1_170, t1_170, t1_173, like.lift(0.0), like.lift(0.0), t1_175, t1_181],
                 ],
                 [
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -14736,7 +14613,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 28]) ->
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
 ///
-/// 278 additions, 449 multiplications, 8 divisions, 8 sines and cosines.
+/// 279 additions, 441 multiplications, 8 divisions, 8 sines and cosines.
 pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 28]) -> ([[T; 3]; 3], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 3]; 3];
@@ -14750,15 +14627,15 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 28]) -> ([[T; 3]; 3],
     let mut condition = like.lift(1.0);
     // M, part 1
     let [
-        cos_u1_1, sin_u1_2, cos_u1_2, t1_4, t1_24, t1_25, t1_31, t1_33, sin_u2_1, cos_u2_1,
-        sin_u2_2, cos_u2_2, u_rod2_p2z, t1_34, t1_35, t1_42, t1_43, t1_50, t1_53, t1_55, t1_56,
-        t1_58, t1_63, t1_64, t1_65, t1_66, t1_67, t1_69, t1_71, t1_75, t1_84, t1_95, t1_98,
-        t1_100, t1_105, t1_107, t1_110, t1_111, t1_117, t1_119, sin_u3_1, cos_u3_1, sin_u3_2,
-        cos_u3_2, pivot_1, t1_126, t1_127, t1_130, t1_133, t1_136, t1_138, t1_143, t1_145,
-        t1_147, t1_149, t1_151, t1_156, t1_161, t1_170, t1_173, t1_175, t1_181, t1_182,
-        pivot_2, inv_pivot_2, t1_186, pivot_3, inv_pivot_3, t1_189, t1_190, t1_199, pivot_4,
-        inv_pivot_4, t1_202, t1_206, t1_207, t1_208, inv_pivot_5, t1_210, t1_211, t1_214,
-        t1_215, pivot_6, inv_pivot_6, t1_217, t1_218, t1_221, t1_222, t1_224,
+        cos_u1_1, sin_u1_2, cos_u1_2, t1_4, t1_12, t1_24, t1_25, t1_31, t1_33, sin_u2_1,
+        cos_u2_1, sin_u2_2, cos_u2_2, u_rod2_p2z, t1_35, pivot_1, t1_42, t1_49, t1_52, t1_55,
+        t1_57, t1_63, t1_65, t1_67, t1_69, t1_71, t1_75, t1_84, t1_95, t1_98, t1_100, t1_105,
+        t1_107, t1_110, t1_111, t1_117, t1_119, sin_u3_1, cos_u3_1, sin_u3_2, cos_u3_2, t1_120,
+        t1_127, t1_128, t1_131, t1_134, t1_136, t1_137, t1_138, t1_139, t1_144, t1_145, t1_146,
+        t1_147, t1_148, t1_150, t1_152, t1_156, t1_157, t1_162, t1_171, t1_174, t1_176, t1_181,
+        t1_182, inv_pivot_1, pivot_2, inv_pivot_2, pivot_3, inv_pivot_3, t1_190, t1_191,
+        t1_199, pivot_4, inv_pivot_4, t1_201, t1_204, t1_205, pivot_5, inv_pivot_5, t1_210,
+        t1_212, t1_213, t1_217, t1_218, t1_222, pivot_6, inv_pivot_6, t1_223,
     ] = {
         let (sin_u1_1, cos_u1_1) = u1_1.sin_cos();
         let t1_1 = cos_u1_1 * p_my_rod1;
@@ -14812,41 +14689,41 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 28]) -> ([[T; 3]; 3],
         let t1_39 = like.lift(0.5) * t1_38;
         let t1_40 = like.lift(0.8660254037844386).mul_add(sin_u2_2, t1_39);
         let t1_41 = sin_u2_1 * t1_40;
-        let t1_42 = like.lift(0.215).mul_add(t1_41, t1_37);
-        let t1_43 = -t1_12;
+        let pivot_1 = like.lift(0.215).mul_add(t1_41, t1_37);
+        let t1_42 = -t1_12;
         let e_e1x_u1_1y = sin_e1x * sin_u1_2_e1y;
-        let t1_44 = like.lift(0.0199) * e_e1x_u1_1y;
-        let t1_45 = like.lift(0.215).mul_add(sin_u1_2, t1_44);
-        let t1_46 = like.lift(0.017233905535310328) * cos_u1_2_e1y;
-        let t1_47 = like.lift(0.00995) * e_e1x_u1_1y;
-        let t1_48 = t1_46 + t1_47;
-        let t1_49 = t1_45 + t1_48;
-        let t1_50 = sin_u1_1 * t1_49;
-        let t1_51 = t1_44 + t1_46;
-        let t1_52 = t1_47 + t1_51;
-        let t1_53 = sin_u1_1 * t1_52;
-        let t1_54 = u_e1y_p1x * t1_52;
-        let t1_55 = cos_u1_2_e1y.mul_add(t1_27, t1_54);
-        let t1_56 = -t1_55;
-        let t1_57 = like.lift(0.1075) * u_rod2_p2z;
-        let t1_58 = -t1_57;
-        let t1_59 = like.lift(0.8660254037844386) * t1_38;
-        let t1_60 = like.lift(-0.5).mul_add(sin_u2_2, t1_59);
-        let t1_61 = sin_u2_1 * t1_60;
-        let t1_62 = like.lift(0.215) * t1_61;
-        let pivot_5 = like.lift(0.18619546181365432).mul_add(t1_36, t1_62);
-        let t1_63 = -pivot_5;
-        let t1_64 = cos_u1_1 * t1_49;
+        let t1_43 = like.lift(0.0199) * e_e1x_u1_1y;
+        let t1_44 = like.lift(0.215).mul_add(sin_u1_2, t1_43);
+        let t1_45 = like.lift(0.017233905535310328) * cos_u1_2_e1y;
+        let t1_46 = like.lift(0.00995) * e_e1x_u1_1y;
+        let t1_47 = t1_45 + t1_46;
+        let t1_48 = t1_44 + t1_47;
+        let t1_49 = sin_u1_1 * t1_48;
+        let t1_50 = t1_43 + t1_45;
+        let t1_51 = t1_46 + t1_50;
+        let t1_52 = sin_u1_1 * t1_51;
+        let t1_53 = u_e1y_p1x * t1_51;
+        let t1_54 = cos_u1_2_e1y.mul_add(t1_27, t1_53);
+        let t1_55 = -t1_54;
+        let t1_56 = like.lift(0.1075) * u_rod2_p2z;
+        let t1_57 = -t1_56;
+        let t1_58 = like.lift(0.8660254037844386) * t1_38;
+        let t1_59 = like.lift(-0.5).mul_add(sin_u2_2, t1_58);
+        let t1_60 = sin_u2_1 * t1_59;
+        let t1_61 = like.lift(0.215) * t1_60;
+        let t1_62 = like.lift(0.18619546181365432).mul_add(t1_36, t1_61);
+        let t1_63 = -t1_62;
+        let t1_64 = cos_u1_1 * t1_48;
         let t1_65 = -t1_64;
-        let t1_66 = cos_u1_1 * t1_52;
+        let t1_66 = cos_u1_1 * t1_51;
         let t1_67 = -t1_66;
         let t1_68 = cos_u1_2_e1y * t1_30;
-        let t1_69 = (-t1_18).mul_add(t1_52, t1_68);
+        let t1_69 = (-t1_18).mul_add(t1_51, t1_68);
         let t1_70 = like.lift(0.1075) * t1_40;
-        let t1_71 = like.lift(0.18619546181365432).mul_add(t1_60, t1_70);
+        let t1_71 = like.lift(0.18619546181365432).mul_add(t1_59, t1_70);
         let t1_72 = cos_u2_1 * t1_40;
         let t1_73 = like.lift(0.18619546181365432) * t1_72;
-        let t1_74 = cos_u2_1 * t1_60;
+        let t1_74 = cos_u2_1 * t1_59;
         let t1_75 = like.lift(-0.1075).mul_add(t1_74, t1_73);
         let t1_76 = like.lift(0.5) * u_e1y_p1x;
         let t1_77 = like.lift(0.8660254037844386) * u_e1x_p1y;
@@ -14895,132 +14772,132 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 28]) -> ([[T; 3]; 3],
         let (sin_u3_1, cos_u3_1) = u3_1.sin_cos();
         let (sin_u3_2, cos_u3_2) = u3_2.sin_cos();
         let u_rod3_p3z = cos_u3_1 * cos_u3_2;
-        let pivot_1 = like.lift(0.18619546181365432) * u_rod3_p3z;
-        let t1_120 = cos_u3_1 * u_rod3_p3z;
-        let t1_121 = like.lift(0.1075) * t1_120;
-        let t1_122 = sin_u3_1 * cos_u3_2;
-        let t1_123 = like.lift(0.5) * t1_122;
-        let t1_124 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t1_123);
-        let t1_125 = sin_u3_1 * t1_124;
-        let t1_126 = like.lift(0.215).mul_add(t1_125, t1_121);
-        let t1_127 = -t1_107;
-        let t1_128 = t1_46 - t1_47;
-        let t1_129 = t1_45 - t1_128;
-        let t1_130 = sin_u1_1 * t1_129;
-        let t1_131 = t1_44 - t1_46;
-        let t1_132 = t1_47 + t1_131;
-        let t1_133 = sin_u1_1 * t1_132;
-        let t1_134 = u_e1y_p1x * t1_132;
-        let t1_135 = cos_u1_2_e1y.mul_add(t1_113, t1_134);
-        let t1_136 = -t1_135;
-        let t1_137 = like.lift(0.1075) * u_rod3_p3z;
-        let t1_138 = -t1_137;
-        let t1_139 = like.lift(0.8660254037844386) * t1_122;
-        let t1_140 = like.lift(0.5).mul_add(sin_u3_2, t1_139);
-        let t1_141 = sin_u3_1 * t1_140;
-        let t1_142 = like.lift(0.215) * t1_141;
-        let t1_143 = like.lift(0.18619546181365432).mul_add(t1_120, t1_142);
-        let t1_144 = cos_u1_1 * t1_129;
-        let t1_145 = -t1_144;
-        let t1_146 = cos_u1_1 * t1_132;
-        let t1_147 = -t1_146;
-        let t1_148 = cos_u1_2_e1y * t1_116;
-        let t1_149 = (-t1_18).mul_add(t1_132, t1_148);
-        let t1_150 = like.lift(0.1075) * t1_124;
-        let t1_151 = like.lift(0.18619546181365432).mul_add(t1_140, t1_150);
-        let t1_152 = cos_u3_1 * t1_124;
-        let t1_153 = like.lift(0.18619546181365432) * t1_152;
-        let t1_154 = cos_u3_1 * t1_140;
-        let t1_155 = like.lift(-0.1075).mul_add(t1_154, t1_153);
-        let t1_156 = -t1_155;
-        let t1_157 = t1_76 - t1_77;
-        let t1_158 = cos_u3_1 * t1_157;
-        let t1_159 = like.lift(0.5) * t1_158;
-        let t1_160 = t1_81 + t1_82;
-        let t1_161 = (-sin_u3_1).mul_add(t1_160, t1_159);
-        let t1_162 = t1_85 + t1_86;
-        let t1_163 = sin_u3_1 * t1_162;
-        let t1_164 = like.lift(0.8660254037844386).mul_add(t1_158, t1_163);
-        let t1_165 = cos_u1_1 * t1_164;
-        let t1_166 = cos_u3_1 * t1_160;
-        let t1_167 = like.lift(0.8660254037844386) * t1_166;
-        let t1_168 = cos_u3_1 * t1_162;
-        let t1_169 = like.lift(0.5).mul_add(t1_168, t1_167);
-        let t1_170 = sin_u1_1.mul_add(t1_169, t1_165);
-        let t1_171 = cos_u1_2_e1y * t1_161;
-        let t1_172 = t1_18.mul_add(t1_164, t1_171);
-        let t1_173 = (-u_e1y_p1x).mul_add(t1_169, t1_172);
-        let t1_174 = like.lift(0.5) * t1_161;
-        let t1_175 = like.lift(0.8660254037844386).mul_add(t1_164, t1_174);
-        let t1_176 = cos_u3_1 * t1_161;
-        let t1_177 = like.lift(0.8660254037844386) * t1_176;
-        let t1_178 = cos_u3_1 * t1_164;
-        let t1_179 = like.lift(-0.5).mul_add(t1_178, t1_177);
-        let t1_180 = sin_u3_1.mul_add(t1_169, t1_179);
-        let t1_181 = -t1_180;
-        let t1_182 = like.lift(1.0) / u_rod3_p3z;
-        let t1_183 = t1_151 * t1_182;
-        let t1_184 = t1_126 * t1_183;
-        let t1_185 = like.lift(5.370700178508146).mul_add(t1_184, t1_155);
-        let pivot_2 = like.lift(0.5773502691896257).mul_add(t1_126, t1_143);
+        let t1_120 = like.lift(0.18619546181365432) * u_rod3_p3z;
+        let t1_121 = cos_u3_1 * u_rod3_p3z;
+        let t1_122 = like.lift(0.1075) * t1_121;
+        let t1_123 = sin_u3_1 * cos_u3_2;
+        let t1_124 = like.lift(0.5) * t1_123;
+        let t1_125 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t1_124);
+        let t1_126 = sin_u3_1 * t1_125;
+        let t1_127 = like.lift(0.215).mul_add(t1_126, t1_122);
+        let t1_128 = -t1_107;
+        let t1_129 = t1_45 - t1_46;
+        let t1_130 = t1_44 - t1_129;
+        let t1_131 = sin_u1_1 * t1_130;
+        let t1_132 = t1_43 - t1_45;
+        let t1_133 = t1_46 + t1_132;
+        let t1_134 = sin_u1_1 * t1_133;
+        let t1_135 = u_e1y_p1x * t1_133;
+        let t1_136 = cos_u1_2_e1y.mul_add(t1_113, t1_135);
+        let t1_137 = -t1_136;
+        let t1_138 = like.lift(0.1075) * u_rod3_p3z;
+        let t1_139 = -t1_138;
+        let t1_140 = like.lift(0.8660254037844386) * t1_123;
+        let t1_141 = like.lift(0.5).mul_add(sin_u3_2, t1_140);
+        let t1_142 = sin_u3_1 * t1_141;
+        let t1_143 = like.lift(0.215) * t1_142;
+        let t1_144 = like.lift(0.18619546181365432).mul_add(t1_121, t1_143);
+        let t1_145 = cos_u1_1 * t1_130;
+        let t1_146 = -t1_145;
+        let t1_147 = cos_u1_1 * t1_133;
+        let t1_148 = -t1_147;
+        let t1_149 = cos_u1_2_e1y * t1_116;
+        let t1_150 = (-t1_18).mul_add(t1_133, t1_149);
+        let t1_151 = like.lift(0.1075) * t1_125;
+        let t1_152 = like.lift(0.18619546181365432).mul_add(t1_141, t1_151);
+        let t1_153 = cos_u3_1 * t1_125;
+        let t1_154 = like.lift(0.18619546181365432) * t1_153;
+        let t1_155 = cos_u3_1 * t1_141;
+        let t1_156 = like.lift(-0.1075).mul_add(t1_155, t1_154);
+        let t1_157 = -t1_156;
+        let t1_158 = t1_76 - t1_77;
+        let t1_159 = cos_u3_1 * t1_158;
+        let t1_160 = like.lift(0.5) * t1_159;
+        let t1_161 = t1_81 + t1_82;
+        let t1_162 = (-sin_u3_1).mul_add(t1_161, t1_160);
+        let t1_163 = t1_85 + t1_86;
+        let t1_164 = sin_u3_1 * t1_163;
+        let t1_165 = like.lift(0.8660254037844386).mul_add(t1_159, t1_164);
+        let t1_166 = cos_u1_1 * t1_165;
+        let t1_167 = cos_u3_1 * t1_161;
+        let t1_168 = like.lift(0.8660254037844386) * t1_167;
+        let t1_169 = cos_u3_1 * t1_163;
+        let t1_170 = like.lift(0.5).mul_add(t1_169, t1_168);
+        let t1_171 = sin_u1_1.mul_add(t1_170, t1_166);
+        let t1_172 = cos_u1_2_e1y * t1_162;
+        let t1_173 = t1_18.mul_add(t1_165, t1_172);
+        let t1_174 = (-u_e1y_p1x).mul_add(t1_170, t1_173);
+        let t1_175 = like.lift(0.5) * t1_162;
+        let t1_176 = like.lift(0.8660254037844386).mul_add(t1_165, t1_175);
+        let t1_177 = cos_u3_1 * t1_162;
+        let t1_178 = like.lift(0.8660254037844386) * t1_177;
+        let t1_179 = cos_u3_1 * t1_165;
+        let t1_180 = like.lift(-0.5).mul_add(t1_179, t1_178);
+        let t1_181 = sin_u3_1.mul_add(t1_170, t1_180);
+        let t1_182 = -t1_181;
+        let inv_pivot_1 = like.lift(1.0) / pivot_1;
+        let t1_183 = t1_75 * inv_pivot_1;
+        let t1_184 = u_rod2_p2z * t1_183;
+        let t1_185 = like.lift(0.18619546181365432).mul_add(t1_184, t1_71);
+        let t1_186 = t1_62 * inv_pivot_1;
+        let t1_187 = u_rod2_p2z * t1_186;
+        let pivot_2 = like.lift(0.18619546181365432).mul_add(t1_187, t1_56);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t1_186 = t1_185 * inv_pivot_2;
-        let pivot_3 = (-t1_107).mul_add(t1_186, t1_110);
+        let t1_188 = t1_185 * inv_pivot_2;
+        let pivot_3 = (-t1_12).mul_add(t1_188, t1_24);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_187 = t1_111 * t1_183;
-        let t1_188 = like.lift(5.370700178508146).mul_add(t1_187, t1_144);
-        let t1_189 = like.lift(0.5773502691896257).mul_add(t1_111, t1_130);
-        let t1_190 = (-t1_189).mul_add(t1_186, t1_188);
-        let t1_191 = t1_175 * t1_182;
-        let t1_192 = t1_111 * t1_191;
-        let t1_193 = like.lift(-5.370700178508146).mul_add(t1_192, t1_170);
-        let t1_194 = t1_126 * t1_191;
-        let t1_195 = like.lift(5.370700178508146).mul_add(t1_194, t1_180);
+        let t1_189 = t1_31.mul_add(t1_183, t1_66);
+        let t1_190 = t1_31.mul_add(t1_186, t1_52);
+        let t1_191 = (-t1_190).mul_add(t1_188, t1_189);
+        let t1_192 = t1_105 * inv_pivot_1;
+        let t1_193 = (-t1_31).mul_add(t1_192, t1_95);
+        let t1_194 = u_rod2_p2z * t1_192;
+        let t1_195 = like.lift(0.18619546181365432).mul_add(t1_194, t1_100);
         let t1_196 = t1_195 * inv_pivot_2;
-        let t1_197 = t1_189.mul_add(t1_196, t1_193);
-        let t1_198 = (-t1_107).mul_add(t1_196, t1_161);
+        let t1_197 = t1_190.mul_add(t1_196, t1_193);
+        let t1_198 = (-t1_12).mul_add(t1_196, t1_84);
         let t1_199 = t1_198 * inv_pivot_3;
-        let pivot_4 = t1_190.mul_add(t1_199, t1_197);
+        let pivot_4 = t1_191.mul_add(t1_199, t1_197);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t1_200 = t1_117 * t1_191;
-        let t1_201 = like.lift(-5.370700178508146).mul_add(t1_200, t1_170);
-        let t1_202 = like.lift(0.5773502691896257).mul_add(t1_117, t1_133);
-        let t1_203 = t1_202.mul_add(t1_196, t1_201);
-        let t1_204 = t1_117 * t1_183;
-        let t1_205 = like.lift(5.370700178508146).mul_add(t1_204, t1_146);
-        let t1_206 = (-t1_202).mul_add(t1_186, t1_205);
-        let t1_207 = t1_206.mul_add(t1_199, t1_203);
-        let t1_208 = t1_25 * inv_pivot_4;
-        let t1_209 = (-t1_207).mul_add(t1_208, t1_31);
+        let t1_200 = (-t1_33).mul_add(t1_192, t1_98);
+        let t1_201 = (-t1_33).mul_add(t1_186, t1_54);
+        let t1_202 = (-t1_201).mul_add(t1_196, t1_200);
+        let t1_203 = (-t1_33).mul_add(t1_183, t1_69);
+        let t1_204 = (-t1_201).mul_add(t1_188, t1_203);
+        let t1_205 = (-t1_204).mul_add(t1_199, t1_202);
+        let t1_206 = t1_162 * inv_pivot_3;
+        let t1_207 = (-t1_204).mul_add(t1_206, t1_174);
+        let t1_208 = t1_191.mul_add(t1_206, t1_171);
+        let t1_209 = t1_208 * inv_pivot_4;
+        let pivot_5 = (-t1_205).mul_add(t1_209, t1_207);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t1_210 = t1_42 * inv_pivot_5;
-        let t1_211 = t1_12 * inv_pivot_3;
-        let t1_212 = (-t1_206).mul_add(t1_211, t1_53);
-        let t1_213 = (-t1_190).mul_add(t1_211, t1_50);
-        let t1_214 = t1_213 * inv_pivot_4;
-        let t1_215 = (-t1_207).mul_add(t1_214, t1_212);
-        let pivot_6 = t1_210.mul_add(t1_215, t1_209);
+        let t1_210 = (-t1_199).mul_add(t1_209, t1_206);
+        let t1_211 = t1_25.mul_add(t1_183, t1_64);
+        let t1_212 = t1_25.mul_add(t1_186, t1_49);
+        let t1_213 = (-t1_212).mul_add(t1_188, t1_211);
+        let t1_214 = t1_213.mul_add(t1_206, t1_171);
+        let t1_215 = (-t1_25).mul_add(t1_192, t1_95);
+        let t1_216 = t1_212.mul_add(t1_196, t1_215);
+        let t1_217 = t1_213.mul_add(t1_199, t1_216);
+        let t1_218 = (-t1_217).mul_add(t1_209, t1_214);
+        let t1_219 = t1_117 * inv_pivot_4;
+        let t1_220 = (-t1_217).mul_add(t1_219, t1_111);
+        let t1_221 = (-t1_205).mul_add(t1_219, t1_119);
+        let t1_222 = t1_221 * inv_pivot_5;
+        let pivot_6 = (-t1_218).mul_add(t1_222, t1_220);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t1_216 = t1_199 * t1_208;
-        let t1_217 = t1_199.mul_add(t1_214, t1_211);
-        let t1_218 = t1_210.mul_add(t1_217, t1_216);
-        let t1_219 = t1_119 * t1_191;
-        let t1_220 = like.lift(-5.370700178508146).mul_add(t1_219, t1_173);
-        let t1_221 = like.lift(-0.5773502691896257).mul_add(t1_119, t1_135);
-        let t1_222 = (-t1_221).mul_add(t1_196, t1_220);
-        let t1_223 = t1_119 * t1_183;
-        let t1_224 = like.lift(-5.370700178508146).mul_add(t1_223, t1_149);
+        let t1_223 = t1_199 * t1_219;
         [
-            cos_u1_1, sin_u1_2, cos_u1_2, t1_4, t1_24, t1_25, t1_31, t1_33, sin_u2_1, cos_u2_1,
-            sin_u2_2, cos_u2_2, u_rod2_p2z, t1_34, t1_35, t1_42, t1_43, t1_50, t1_53, t1_55,
-            t1_56, t1_58, t1_63, t1_64, t1_65, t1_66, t1_67, t1_69, t1_71, t1_75, t1_84, t1_95,
-            t1_98, t1_100, t1_105, t1_107, t1_110, t1_111, t1_117, t1_119, sin_u3_1, cos_u3_1,
-            sin_u3_2, cos_u3_2, pivot_1, t1_126, t1_127, t1_130, t1_133, t1_136, t1_138,
-            t1_143, t1_145, t1_147, t1_149, t1_151, t1_156, t1_161, t1_170, t1_173, t1_175,
-            t1_181, t1_182, pivot_2, inv_pivot_2, t1_186, pivot_3, inv_pivot_3, t1_189, t1_190,
-            t1_199, pivot_4, inv_pivot_4, t1_202, t1_206, t1_207, t1_208, inv_pivot_5, t1_210,
-            t1_211, t1_214, t1_215, pivot_6, inv_pivot_6, t1_217, t1_218, t1_221, t1_222,
-            t1_224,
+            cos_u1_1, sin_u1_2, cos_u1_2, t1_4, t1_12, t1_24, t1_25, t1_31, t1_33, sin_u2_1,
+            cos_u2_1, sin_u2_2, cos_u2_2, u_rod2_p2z, t1_35, pivot_1, t1_42, t1_49, t1_52,
+            t1_55, t1_57, t1_63, t1_65, t1_67, t1_69, t1_71, t1_75, t1_84, t1_95, t1_98,
+            t1_100, t1_105, t1_107, t1_110, t1_111, t1_117, t1_119, sin_u3_1, cos_u3_1,
+            sin_u3_2, cos_u3_2, t1_120, t1_127, t1_128, t1_131, t1_134, t1_136, t1_137, t1_138,
+            t1_139, t1_144, t1_145, t1_146, t1_147, t1_148, t1_150, t1_152, t1_156, t1_157,
+            t1_162, t1_171, t1_174, t1_176, t1_181, t1_182, inv_pivot_1, pivot_2, inv_pivot_2,
+            pivot_3, inv_pivot_3, t1_190, t1_191, t1_199, pivot_4, inv_pivot_4, t1_201, t1_204,
+            t1_205, pivot_5, inv_pivot_5, t1_210, t1_212, t1_213, t1_217, t1_218, t1_222,
+            pivot_6, inv_pivot_6, t1_223,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -15029,193 +14906,183 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 28]) -> ([[T; 3]; 3],
         x_u2_1_p3, x_u2_2_p1, x_u2_2_p2, x_u2_2_p3, x_u3_1_p1, x_u3_1_p2, x_u3_1_p3, x_u3_2_p1,
         x_u3_2_p2, x_u3_2_p3,
     ] = {
-        let t2_1 = (-t1_221).mul_add(t1_186, t1_224);
-        let t2_2 = (-t2_1).mul_add(t1_199, t1_222);
-        let t2_3 = (-t2_2).mul_add(t1_208, t1_33);
-        let t2_4 = (-t2_1).mul_add(t1_211, t1_55);
-        let t2_5 = t2_2.mul_add(t1_214, t2_4);
-        let t2_6 = (-t1_210).mul_add(t2_5, t2_3);
-        let t2_7 = t1_84 * inv_pivot_3;
-        let t2_8 = (-t2_1).mul_add(t2_7, t1_98);
-        let t2_9 = t1_190.mul_add(t2_7, t1_95);
-        let t2_10 = t2_9 * inv_pivot_4;
-        let t2_11 = (-t2_2).mul_add(t2_10, t2_8);
-        let t2_12 = t1_105 * inv_pivot_5;
-        let t2_13 = (-t2_12).mul_add(t2_5, t2_11);
-        let t2_14 = t1_206.mul_add(t2_7, t1_95);
-        let t2_15 = (-t1_207).mul_add(t2_10, t2_14);
-        let t2_16 = t2_12.mul_add(t1_215, t2_15);
-        let t2_17 = t2_16 * inv_pivot_6;
-        let pivot_7 = (-t2_6).mul_add(t2_17, t2_13);
+        let t2_1 = t1_210.mul_add(t1_222, t1_223);
+        let t2_2 = (-t1_176).mul_add(t1_222, t1_120);
+        let t2_3 = t1_110 * inv_pivot_3;
+        let t2_4 = (-t1_204).mul_add(t2_3, t1_150);
+        let t2_5 = (-t1_191).mul_add(t2_3, t1_147);
+        let t2_6 = t2_5 * inv_pivot_4;
+        let t2_7 = t1_205.mul_add(t2_6, t2_4);
+        let t2_8 = t2_7 * inv_pivot_5;
+        let t2_9 = (-t1_176).mul_add(t2_8, t1_152);
+        let t2_10 = (-t1_213).mul_add(t2_3, t1_145);
+        let t2_11 = (-t1_217).mul_add(t2_6, t2_10);
+        let t2_12 = t1_218.mul_add(t2_8, t2_11);
+        let t2_13 = t2_12 * inv_pivot_6;
+        let pivot_7 = t2_2.mul_add(t2_13, t2_9);
         let inv_pivot_7 = like.lift(1.0) / pivot_7;
-        let t2_18 = (-t1_199).mul_add(t2_10, t2_7);
-        let t2_19 = (-t2_12).mul_add(t1_217, t2_18);
-        let t2_20 = t1_218.mul_add(t2_17, t2_19);
-        let t2_21 = u_rod2_p2z * t2_12;
-        let t2_22 = like.lift(-0.1075).mul_add(t2_21, t1_100);
-        let t2_23 = u_rod2_p2z * t1_210;
-        let t2_24 = like.lift(0.1075).mul_add(t2_23, t1_34);
-        let t2_25 = t2_24.mul_add(t2_17, t2_22);
-        let t2_26 = t1_24 * inv_pivot_3;
-        let t2_27 = like.lift(1.0) - t2_26;
-        let t2_28 = (-t1_190).mul_add(t2_26, t1_64);
-        let t2_29 = t2_28 * inv_pivot_4;
-        let t2_30 = t1_199 * t2_29;
-        let t2_31 = t2_27 - t2_30;
-        let t2_32 = t1_75 * inv_pivot_5;
-        let t2_33 = t2_32 * t1_217;
-        let t2_34 = t2_31 + t2_33;
-        let t2_35 = (-t1_206).mul_add(t2_26, t1_66);
-        let t2_36 = (-t1_207).mul_add(t2_29, t2_35);
-        let t2_37 = (-t2_32).mul_add(t1_215, t2_36);
-        let t2_38 = t2_37 * inv_pivot_6;
-        let t2_39 = t1_218 * t2_38;
-        let t2_40 = t2_34 + t2_39;
-        let t2_41 = (-t2_1).mul_add(t2_26, t1_69);
-        let t2_42 = t2_2.mul_add(t2_29, t2_41);
-        let t2_43 = (-t2_32).mul_add(t2_5, t2_42);
-        let t2_44 = t2_6.mul_add(t2_38, t2_43);
-        let t2_45 = t2_44 * inv_pivot_7;
-        let t2_46 = t2_20 * t2_45;
-        let t2_47 = t2_40 + t2_46;
-        let t2_48 = u_rod2_p2z * t2_32;
-        let t2_49 = like.lift(-0.1075).mul_add(t2_48, t1_71);
-        let t2_50 = (-t2_24).mul_add(t2_38, t2_49);
-        let pivot_8 = (-t2_25).mul_add(t2_45, t2_50);
+        let t2_14 = like.lift(1.0) - t2_3;
+        let t2_15 = t1_199 * t2_6;
+        let t2_16 = t2_14 - t2_15;
+        let t2_17 = t1_210 * t2_8;
+        let t2_18 = t2_16 + t2_17;
+        let t2_19 = t2_1 * t2_13;
+        let t2_20 = t2_18 + t2_19;
+        let t2_21 = (-t1_181).mul_add(t2_8, t1_156);
+        let t2_22 = t1_181.mul_add(t1_222, t1_127);
+        let t2_23 = (-t2_22).mul_add(t2_13, t2_21);
+        let t2_24 = t1_107 * inv_pivot_3;
+        let t2_25 = (-t1_191).mul_add(t2_24, t1_134);
+        let t2_26 = t2_25 * inv_pivot_4;
+        let t2_27 = t1_199.mul_add(t2_26, t2_24);
+        let t2_28 = (-t1_204).mul_add(t2_24, t1_136);
+        let t2_29 = t1_205.mul_add(t2_26, t2_28);
+        let t2_30 = t2_29 * inv_pivot_5;
+        let t2_31 = (-t1_210).mul_add(t2_30, t2_27);
+        let t2_32 = (-t1_213).mul_add(t2_24, t1_131);
+        let t2_33 = (-t1_217).mul_add(t2_26, t2_32);
+        let t2_34 = t1_218.mul_add(t2_30, t2_33);
+        let t2_35 = t2_34 * inv_pivot_6;
+        let t2_36 = (-t2_1).mul_add(t2_35, t2_31);
+        let t2_37 = (-t1_176).mul_add(t2_30, t1_138);
+        let t2_38 = t2_2.mul_add(t2_35, t2_37);
+        let t2_39 = t2_38 * inv_pivot_7;
+        let t2_40 = t2_20.mul_add(t2_39, t2_36);
+        let t2_41 = (-t1_181).mul_add(t2_30, t1_144);
+        let t2_42 = (-t2_22).mul_add(t2_35, t2_41);
+        let pivot_8 = (-t2_23).mul_add(t2_39, t2_42);
         let inv_pivot_8 = like.lift(1.0) / pivot_8;
-        let t2_51 = t2_47 * inv_pivot_8;
-        let t2_52 = t2_25.mul_add(t2_51, t2_20);
-        let t2_53 = inv_pivot_7 * t2_52;
-        let t2_54 = t2_6.mul_add(t2_53, t1_218);
-        let t2_55 = t2_24.mul_add(t2_51, t2_54);
-        let t2_56 = inv_pivot_6 * t2_55;
-        let t2_57 = t1_207.mul_add(t2_56, t1_199);
-        let t2_58 = (-t2_2).mul_add(t2_53, t2_57);
-        let t2_59 = inv_pivot_4 * t2_58;
-        let t2_60 = (-t1_190).mul_add(t2_59, like.lift(1.0));
-        let t2_61 = t1_206.mul_add(t2_56, t2_60);
-        let t2_62 = t2_1.mul_add(t2_53, t2_61);
-        let t2_63 = inv_pivot_3 * t2_62;
-        let t2_64 = -t2_63;
-        let t2_65 = t2_25 * inv_pivot_8;
-        let t2_66 = inv_pivot_7 * t2_65;
-        let t2_67 = t2_6 * t2_66;
-        let t2_68 = t2_24.mul_add(inv_pivot_8, t2_67);
-        let t2_69 = inv_pivot_6 * t2_68;
-        let t2_70 = t1_207 * t2_69;
-        let t2_71 = (-t2_2).mul_add(t2_66, t2_70);
-        let t2_72 = inv_pivot_4 * t2_71;
-        let t2_73 = t1_190 * t2_72;
-        let t2_74 = (-t1_206).mul_add(t2_69, t2_73);
-        let t2_75 = (-t2_1).mul_add(t2_66, t2_74);
-        let t2_76 = inv_pivot_3 * t2_75;
-        let t2_77 = -t2_76;
-        let t2_78 = t2_26 + t2_30;
-        let t2_79 = t2_78 - t2_33;
-        let t2_80 = t2_79 - t2_39;
-        let t2_81 = t2_80 - t2_46;
-        let t2_82 = t2_81 * inv_pivot_8;
-        let t2_83 = (-t2_25).mul_add(t2_82, t2_20);
+        let t2_43 = t2_40 * inv_pivot_8;
+        let t2_44 = t2_23.mul_add(t2_43, t2_20);
+        let t2_45 = inv_pivot_7 * t2_44;
+        let t2_46 = (-t2_2).mul_add(t2_45, t2_1);
+        let t2_47 = (-t2_22).mul_add(t2_43, t2_46);
+        let t2_48 = inv_pivot_6 * t2_47;
+        let t2_49 = t1_218.mul_add(t2_48, t1_210);
+        let t2_50 = t1_176.mul_add(t2_45, t2_49);
+        let t2_51 = (-t1_181).mul_add(t2_43, t2_50);
+        let t2_52 = inv_pivot_5 * t2_51;
+        let t2_53 = (-t1_205).mul_add(t2_52, t1_199);
+        let t2_54 = t1_217.mul_add(t2_48, t2_53);
+        let t2_55 = inv_pivot_4 * t2_54;
+        let t2_56 = (-t1_191).mul_add(t2_55, like.lift(1.0));
+        let t2_57 = t1_204.mul_add(t2_52, t2_56);
+        let t2_58 = t1_213.mul_add(t2_48, t2_57);
+        let t2_59 = inv_pivot_3 * t2_58;
+        let t2_60 = -t2_59;
+        let t2_61 = t2_3 + t2_15;
+        let t2_62 = t2_61 - t2_17;
+        let t2_63 = t2_62 - t2_19;
+        let t2_64 = (-t2_63).mul_add(t2_39, t2_36);
+        let t2_65 = t2_64 * inv_pivot_8;
+        let t2_66 = (-t2_23).mul_add(t2_65, t2_63);
+        let t2_67 = inv_pivot_7 * t2_66;
+        let t2_68 = t2_2.mul_add(t2_67, t2_1);
+        let t2_69 = (-t2_22).mul_add(t2_65, t2_68);
+        let t2_70 = inv_pivot_6 * t2_69;
+        let t2_71 = t1_218.mul_add(t2_70, t1_210);
+        let t2_72 = (-t1_176).mul_add(t2_67, t2_71);
+        let t2_73 = (-t1_181).mul_add(t2_65, t2_72);
+        let t2_74 = inv_pivot_5 * t2_73;
+        let t2_75 = (-t1_205).mul_add(t2_74, t1_199);
+        let t2_76 = t1_217.mul_add(t2_70, t2_75);
+        let t2_77 = inv_pivot_4 * t2_76;
+        let t2_78 = (-t1_191).mul_add(t2_77, like.lift(1.0));
+        let t2_79 = t1_204.mul_add(t2_74, t2_78);
+        let t2_80 = t1_213.mul_add(t2_70, t2_79);
+        let t2_81 = inv_pivot_3 * t2_80;
+        let t2_82 = t2_39 * inv_pivot_8;
+        let t2_83 = t2_23.mul_add(t2_82, like.lift(1.0));
         let t2_84 = inv_pivot_7 * t2_83;
-        let t2_85 = t2_6.mul_add(t2_84, t1_218);
-        let t2_86 = (-t2_24).mul_add(t2_82, t2_85);
+        let t2_85 = t2_2 * t2_84;
+        let t2_86 = t2_22.mul_add(t2_82, t2_85);
         let t2_87 = inv_pivot_6 * t2_86;
-        let t2_88 = t1_207.mul_add(t2_87, t1_199);
-        let t2_89 = (-t2_2).mul_add(t2_84, t2_88);
-        let t2_90 = inv_pivot_4 * t2_89;
-        let t2_91 = (-t1_190).mul_add(t2_90, like.lift(1.0));
-        let t2_92 = t1_206.mul_add(t2_87, t2_91);
-        let t2_93 = t2_1.mul_add(t2_84, t2_92);
-        let t2_94 = inv_pivot_3 * t2_93;
-        let t2_95 = -t2_72;
-        let t2_96 = -t2_90;
-        let t2_97 = -t2_56;
-        let t2_98 = -t2_66;
-        let t2_99 = -t2_84;
-        let t2_100 = -t2_51;
-        let t2_101 = -t2_82;
-        let t2_102 = (-t1_215).mul_add(t2_56, t1_217);
-        let t2_103 = (-t2_5).mul_add(t2_53, t2_102);
-        let t2_104 = u_rod2_p2z * t2_51;
-        let t2_105 = like.lift(0.1075).mul_add(t2_104, t2_103);
-        let t2_106 = inv_pivot_5 * t2_105;
-        let t2_107 = t1_215 * t2_69;
-        let t2_108 = t2_5.mul_add(t2_66, t2_107);
-        let t2_109 = u_rod2_p2z * inv_pivot_8;
-        let t2_110 = like.lift(-0.1075).mul_add(t2_109, t2_108);
-        let t2_111 = inv_pivot_5 * t2_110;
-        let t2_112 = (-t1_215).mul_add(t2_87, t1_217);
-        let t2_113 = (-t2_5).mul_add(t2_84, t2_112);
-        let t2_114 = u_rod2_p2z * t2_82;
-        let t2_115 = like.lift(-0.1075).mul_add(t2_114, t2_113);
-        let t2_116 = inv_pivot_5 * t2_115;
-        let t2_117 = -t2_116;
-        let t2_118 = t1_107 * t2_63;
-        let t2_119 = t1_189.mul_add(t2_59, t2_118);
-        let t2_120 = (-t1_202).mul_add(t2_56, t2_119);
-        let t2_121 = (-t1_221).mul_add(t2_53, t2_120);
-        let t2_122 = inv_pivot_2 * t2_121;
-        let t2_123 = t1_126 * t2_122;
-        let t2_124 = (-t1_111).mul_add(t2_59, t2_123);
-        let t2_125 = t1_117.mul_add(t2_56, t2_124);
-        let t2_126 = (-t1_119).mul_add(t2_53, t2_125);
-        let t2_127 = t1_182 * t2_126;
-        let t2_128 = like.lift(5.370700178508146) * t2_127;
-        let t2_129 = t1_107 * t2_76;
-        let t2_130 = (-t1_189).mul_add(t2_72, t2_129);
-        let t2_131 = t1_202.mul_add(t2_69, t2_130);
-        let t2_132 = t1_221.mul_add(t2_66, t2_131);
-        let t2_133 = inv_pivot_2 * t2_132;
-        let t2_134 = t1_126 * t2_133;
-        let t2_135 = t1_111.mul_add(t2_72, t2_134);
-        let t2_136 = (-t1_117).mul_add(t2_69, t2_135);
-        let t2_137 = t1_119.mul_add(t2_66, t2_136);
-        let t2_138 = t1_182 * t2_137;
-        let t2_139 = like.lift(5.370700178508146) * t2_138;
-        let t2_140 = t1_107 * t2_94;
-        let t2_141 = t1_189.mul_add(t2_90, t2_140);
-        let t2_142 = (-t1_202).mul_add(t2_87, t2_141);
-        let t2_143 = (-t1_221).mul_add(t2_84, t2_142);
-        let t2_144 = inv_pivot_2 * t2_143;
-        let t2_145 = t1_126 * t2_144;
-        let t2_146 = (-t1_111).mul_add(t2_90, t2_145);
-        let t2_147 = t1_117.mul_add(t2_87, t2_146);
-        let t2_148 = (-t1_119).mul_add(t2_84, t2_147);
-        let t2_149 = t1_182 * t2_148;
-        let t2_150 = like.lift(5.370700178508146) * t2_149;
-        let t2_151 = -t2_150;
-        let t2_152 = -t2_122;
-        let t2_153 = -t2_133;
+        let t2_88 = t1_218 * t2_87;
+        let t2_89 = (-t1_176).mul_add(t2_84, t2_88);
+        let t2_90 = t1_181.mul_add(t2_82, t2_89);
+        let t2_91 = inv_pivot_5 * t2_90;
+        let t2_92 = t1_205 * t2_91;
+        let t2_93 = (-t1_217).mul_add(t2_87, t2_92);
+        let t2_94 = inv_pivot_4 * t2_93;
+        let t2_95 = t1_191 * t2_94;
+        let t2_96 = t1_204.mul_add(t2_91, t2_95);
+        let t2_97 = t1_213.mul_add(t2_87, t2_96);
+        let t2_98 = inv_pivot_3 * t2_97;
+        let t2_99 = -t2_98;
+        let t2_100 = -t2_48;
+        let t2_101 = -t2_87;
+        let t2_102 = -t2_77;
+        let t2_103 = -t2_94;
+        let t2_104 = -t2_74;
+        let t2_105 = t1_12 * t2_59;
+        let t2_106 = t1_190.mul_add(t2_55, t2_105);
+        let t2_107 = (-t1_201).mul_add(t2_52, t2_106);
+        let t2_108 = (-t1_212).mul_add(t2_48, t2_107);
+        let t2_109 = inv_pivot_2 * t2_108;
+        let t2_110 = t1_12 * t2_81;
+        let t2_111 = t1_190.mul_add(t2_77, t2_110);
+        let t2_112 = (-t1_201).mul_add(t2_74, t2_111);
+        let t2_113 = (-t1_212).mul_add(t2_70, t2_112);
+        let t2_114 = inv_pivot_2 * t2_113;
+        let t2_115 = -t2_114;
+        let t2_116 = t1_12 * t2_98;
+        let t2_117 = (-t1_190).mul_add(t2_94, t2_116);
+        let t2_118 = (-t1_201).mul_add(t2_91, t2_117);
+        let t2_119 = (-t1_212).mul_add(t2_87, t2_118);
+        let t2_120 = inv_pivot_2 * t2_119;
+        let t2_121 = u_rod2_p2z * t2_109;
+        let t2_122 = like.lift(0.18619546181365432) * t2_121;
+        let t2_123 = (-t1_31).mul_add(t2_55, t2_122);
+        let t2_124 = (-t1_33).mul_add(t2_52, t2_123);
+        let t2_125 = t1_25.mul_add(t2_48, t2_124);
+        let t2_126 = inv_pivot_1 * t2_125;
+        let t2_127 = u_rod2_p2z * t2_114;
+        let t2_128 = like.lift(0.18619546181365432) * t2_127;
+        let t2_129 = (-t1_31).mul_add(t2_77, t2_128);
+        let t2_130 = (-t1_33).mul_add(t2_74, t2_129);
+        let t2_131 = t1_25.mul_add(t2_70, t2_130);
+        let t2_132 = inv_pivot_1 * t2_131;
+        let t2_133 = -t2_132;
+        let t2_134 = u_rod2_p2z * t2_120;
+        let t2_135 = like.lift(0.18619546181365432) * t2_134;
+        let t2_136 = t1_31.mul_add(t2_94, t2_135);
+        let t2_137 = (-t1_33).mul_add(t2_91, t2_136);
+        let t2_138 = t1_25.mul_add(t2_87, t2_137);
+        let t2_139 = inv_pivot_1 * t2_138;
+        let t2_140 = -t2_45;
+        let t2_141 = -t2_67;
+        let t2_142 = -t2_43;
+        let t2_143 = -pivot_2;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(6.287381471191513)).abs()
-            .min((pivot_2 * like.lift(4.054300853983487)).abs())
-            .min((pivot_3 * like.lift(5.1354731598256045)).abs())
-            .min((pivot_4 * like.lift(1.1136124389030184)).abs())
-            .min((t1_63 * like.lift(5.490928143318305)).abs())
-            .min((pivot_6 * like.lift(5.005772724016506)).abs())
-            .min((pivot_7 * like.lift(1.2292368551614257)).abs())
-            .min((pivot_8 * like.lift(6.313131313131312)).abs());
+        let margin = (pivot_1 * like.lift(8.169180195158923)).abs()
+            .min((t2_143 * like.lift(2.9578447349824133)).abs())
+            .min((pivot_3 * like.lift(4.709626127302084)).abs())
+            .min((pivot_4 * like.lift(1.7298389090997555)).abs())
+            .min((pivot_5 * like.lift(1.2416410909468296)).abs())
+            .min((pivot_6 * like.lift(4.677980223697912)).abs())
+            .min((pivot_7 * like.lift(5.873901159537709)).abs())
+            .min((pivot_8 * like.lift(4.02802513388111)).abs());
         let ([
             [x_u1_1_p1, x_u1_1_p2, x_u1_1_p3], [x_u1_2_p1, x_u1_2_p2, x_u1_2_p3], [_, _, _],
             [_, _, _], [x_u2_1_p1, x_u2_1_p2, x_u2_1_p3], [x_u2_2_p1, x_u2_2_p2, x_u2_2_p3],
             [x_u3_1_p1, x_u3_1_p2, x_u3_1_p3], [x_u3_2_p1, x_u3_2_p2, x_u3_2_p3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_64, t2_77, t2_94], [t2_59, t2_95, t2_96], [t2_97, t2_69, t2_87],
-                [t2_53, t2_98, t2_99], [t2_100, inv_pivot_8, t2_101], [t2_106, t2_111, t2_117],
-                [t2_128, t2_139, t2_151], [t2_152, t2_153, t2_144],
+                [t2_60, t2_81, t2_99], [t2_100, t2_70, t2_101], [t2_55, t2_102, t2_103],
+                [t2_52, t2_104, t2_91], [t2_109, t2_115, t2_120], [t2_126, t2_133, t2_139],
+                [t2_140, t2_141, t2_84], [t2_142, t2_65, t2_82],
             ],
             margin,
             || (
                 [
-                    [like.lift(0.0), t1_25, t1_31, t1_33, t1_35, t1_42, like.lift(0.0), like.lift(0.0)],
-                    [t1_43, t1_50, t1_53, t1_56, t1_58, t1_63, like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), t1_25, t1_31, t1_33, t1_35, pivot_1, like.lift(0.0), like.lift(0.0)],
+                    [t1_42, t1_49, t1_52, t1_55, t1_57, t1_63, like.lift(0.0), like.lift(0.0)],
                     [t1_24, t1_65, t1_67, t1_69, t1_71, t1_75, like.lift(0.0), like.lift(0.0)],
                     [t1_84, t1_95, t1_95, t1_98, t1_100, t1_105, like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), t1_111, t1_117, t1_119, like.lift(0.0), like.lift(0.0), pivot_1, t1_126],
-                    [t1_127, t1_130, t1_133, t1_136, like.lift(0.0), like.lift(0.0), t1_138, t1_143],
-                    [t1_110, t1_145, t1_147, t1_149, like.lift(0.0), like.lift(0.0), t1_151, t1_156],
-                    [t1_161, t1_170, t1_170, t1_173, like.lift(0.0), like.lift(0.0), t1_175, t1_181],
+                    [like.lift(0.0), t1_111, t1_117, t1_119, like.lift(0.0), like.lift(0.0), t1_120, t1_127],
+                    [t1_128, t1_131, t1_134, t1_137, like.lift(0.0), like.lift(0.0), t1_139, t1_144],
+                    [t1_110, t1_146, t1_148, t1_150, like.lift(0.0), like.lift(0.0), t1_152, t1_157],
+                    [t1_162, t1_171, t1_171, t1_174, like.lift(0.0), like.lift(0.0), t1_176, t1_182],
                 ],
                 [
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],

@@ -65,13 +65,13 @@ pub const HOME: [f64; 7] = [
 ];
 /// What is stated about the joint of each coordinate: units rad or m, N m or N.
 pub const JOINTS: [Joint; 7] = [
-    Joint { limits: Limits { position: Some([-2.8973, 2.8973]), velocity: Some([-2.175, 2.175]), effort: Some([-87.0, 87.0]), ..Limits::NONE }, ..Joint::TURN },
-    Joint { limits: Limits { position: Some([-1.7628, 1.7628]), velocity: Some([-2.175, 2.175]), effort: Some([-87.0, 87.0]), ..Limits::NONE }, ..Joint::TURN },
-    Joint { limits: Limits { position: Some([-2.8973, 2.8973]), velocity: Some([-2.175, 2.175]), effort: Some([-87.0, 87.0]), ..Limits::NONE }, ..Joint::TURN },
-    Joint { limits: Limits { position: Some([-3.0718, -0.0698]), velocity: Some([-2.175, 2.175]), effort: Some([-87.0, 87.0]), ..Limits::NONE }, ..Joint::TURN },
-    Joint { limits: Limits { position: Some([-2.8973, 2.8973]), velocity: Some([-2.61, 2.61]), effort: Some([-12.0, 12.0]), ..Limits::NONE }, ..Joint::TURN },
-    Joint { limits: Limits { position: Some([-0.0175, 3.7525]), velocity: Some([-2.61, 2.61]), effort: Some([-12.0, 12.0]), ..Limits::NONE }, ..Joint::TURN },
-    Joint { limits: Limits { position: Some([-2.8973, 2.8973]), velocity: Some([-2.61, 2.61]), effort: Some([-12.0, 12.0]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-2.8973, 2.8973]), velocity: Some([-2.175, 2.175]), acceleration: Some([-15.0, 15.0]), effort: Some([-87.0, 87.0]) }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-1.7628, 1.7628]), velocity: Some([-2.175, 2.175]), acceleration: Some([-7.5, 7.5]), effort: Some([-87.0, 87.0]) }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-2.8973, 2.8973]), velocity: Some([-2.175, 2.175]), acceleration: Some([-10.0, 10.0]), effort: Some([-87.0, 87.0]) }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-3.0718, -0.0698]), velocity: Some([-2.175, 2.175]), acceleration: Some([-12.5, 12.5]), effort: Some([-87.0, 87.0]) }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-2.8973, 2.8973]), velocity: Some([-2.61, 2.61]), acceleration: Some([-15.0, 15.0]), effort: Some([-12.0, 12.0]) }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-0.0175, 3.7525]), velocity: Some([-2.61, 2.61]), acceleration: Some([-20.0, 20.0]), effort: Some([-12.0, 12.0]) }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-2.8973, 2.8973]), velocity: Some([-2.61, 2.61]), acceleration: Some([-20.0, 20.0]), effort: Some([-12.0, 12.0]) }, ..Joint::TURN },
 ];
 /// The cones that limit joints and cuts, in the order of `cones`.
 pub const CONES: [Cone<'static>; 0] = [
@@ -79,11 +79,27 @@ pub const CONES: [Cone<'static>; 0] = [
 /// Nominal values of the parameters, in the order of `PARAMETERS`, about the origins of
 /// the bodies' frames.
 pub const NOMINAL: [Option<f64>; 70] = [
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None, None, None, None, None, None,
+    Some(0.7146633690007234), Some(-0.0001790829744405), Some(0.00768922789181),
+    Some(0.7179564810773871), Some(0.01966158096589848), Some(0.009213163777211224),
+    Some(0.0192614005), Some(0.010343993404), Some(-0.23670397208), Some(4.970684),
+    Some(0.00850351162402155), Some(-0.00398335888393552), Some(0.01026110182100817),
+    Some(0.028124284712194955), Some(0.0007689361029464), Some(0.026534991901690206),
+    Some(-0.002031994566), Some(-0.01857971472), Some(0.00226100637), Some(0.646926),
+    Some(0.05649492601407083), Some(-0.008248333140675744), Some(-0.005487648106562256),
+    Some(0.052878381999606115), Some(-0.004377257121839584), Some(0.01824920229252011),
+    Some(0.088844724872), Some(0.126729164208), Some(-0.214708623208), Some(3.228604),
+    Some(0.06767727025085991), Some(0.02771584317362585), Some(0.0039053550262761),
+    Some(0.03239943042445132), Some(-0.00164448757736927), Some(0.07758614905253959),
+    Some(-0.19076837715), Some(0.374644408005), Some(0.09850206933), Some(3.587895),
+    Some(0.03942757095803552), Some(-0.00151524447332703), Some(-0.004600245517563106),
+    Some(0.03146037232526039), Some(0.00216405205209813), Some(0.010869510762828565),
+    Some(-0.014653732538), Some(0.05034347249), Some(-0.047121686402), Some(1.225946),
+    Some(0.00248046035817079), Some(0.001524110902883315), Some(-0.000103758917218685),
+    Some(0.01056776613310695), Some(9.3569097314605e-5), Some(0.01179456023023895),
+    Some(0.100241616695), Some(-0.023526756935), Some(-0.017527158935), Some(1.666555),
+    Some(0.015320008390949586), Some(-0.000395108718315752), Some(-0.001672482661783778),
+    Some(0.012899064612428356), Some(-0.000548359106408232), Some(0.004909651967360946),
+    Some(0.007735484874), Some(-0.003127439544), Some(0.045305948634), Some(0.735522),
 ];
 /// Names, sizes, and what is stated about joints.
 pub const INFO: Info<'static> = Info {

@@ -30,7 +30,7 @@
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
 use ::regen_runtime::{
- Condition, Cone, Info, Joint, Model, Scalar, SizeError, };
+ Condition, Cone, Info, Joint, Limits, Model, Scalar, SizeError, };
 use ::regen_runtime::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
@@ -63,12 +63,12 @@ pub const HOME: [f64; 6] = [
 ];
 /// What is stated about the joint of each coordinate: units rad or m, N m or N.
 pub const JOINTS: [Joint; 6] = [
-    Joint::TURN,
-    Joint::TURN,
-    Joint::TURN,
-    Joint::TURN,
-    Joint::TURN,
-    Joint::TURN,
+    Joint { limits: Limits { position: Some([-2.792526803190927, 2.792526803190927]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-3.9269908169872414, 0.7853981633974483]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-0.7853981633974483, 3.9269908169872414]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-1.9198621771937625, 2.9670597283903604]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-1.7453292519943295, 1.7453292519943295]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-4.642575810304916, 4.642575810304916]), ..Limits::NONE }, ..Joint::TURN },
 ];
 /// The cones that limit joints and cuts, in the order of `cones`.
 pub const CONES: [Cone<'static>; 0] = [
@@ -416,8 +416,8 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
         rank: 36,
         states: 10,
         digits: 96,
-        smallest_kept: 0.05555989404068727,
-        largest_dropped: 1.7562832969866698e-96,
+        smallest_kept: 0.07610751970887711,
+        largest_dropped: 1.9658548145560364e-96,
     }),
     complete: true,
 };

@@ -25,8 +25,8 @@
 //! | [`efforts`] | 0 | 0 | 0 | 0 |
 //! | [`poses`] | 12 | 8 | 0 | 7 |
 //! | [`base_regressor`] | 93 | 191 | 4 | 7 |
-//! | [`to_base`] | 33 | 15 | 0 | 0 |
-//! | [`parameters_from_base`] | 31 | 15 | 0 | 0 |
+//! | [`to_base`] | 33 | 17 | 0 | 0 |
+//! | [`parameters_from_base`] | 31 | 17 | 0 | 0 |
 //! | [`base_inverse_dynamics`] | 112 | 186 | 4 | 7 |
 //! | [`base_gravity`] | 74 | 124 | 4 | 9 |
 //! | [`base_bias_forces`] | 108 | 190 | 4 | 6 |
@@ -35,7 +35,7 @@
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
 use ::regen_runtime::{
- Condition, Cone, Cut, Info, Joint, Model, Scalar, SizeError, };
+ Condition, Cone, Cut, Info, Joint, Limits, Model, Scalar, SizeError, };
 use ::regen_runtime::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
@@ -69,17 +69,17 @@ pub const BODIES: [&str; 7] = [
 ];
 /// The home configuration, closed; it picks the assembly branch.
 pub const HOME: [f64; 7] = [
-    -0.5235987755982989, -2.0943951023931957, 2.6179938779914944, 1.5707963267948966,
-    -2.0943951023931957, 3.6651914291880923, -2.0943951023931957,
+    -0.6307963267948966, -1.8750006075135517, 2.480171369259157, 1.4635987755982989,
+    -1.8750006075135517, 3.5579938779914944, -1.8750006075135517,
 ];
 /// What is stated about the joint of each coordinate: units rad or m, N m or N.
 pub const JOINTS: [Joint; 7] = [
+    Joint { limits: Limits { velocity: Some([-8.0, 8.0]), effort: Some([-10.0, 10.0]), ..Limits::NONE }, ..Joint::TURN },
     Joint::TURN,
     Joint::TURN,
+    Joint { limits: Limits { velocity: Some([-8.0, 8.0]), effort: Some([-10.0, 10.0]), ..Limits::NONE }, ..Joint::TURN },
     Joint::TURN,
-    Joint::TURN,
-    Joint::TURN,
-    Joint::TURN,
+    Joint { limits: Limits { velocity: Some([-8.0, 8.0]), effort: Some([-10.0, 10.0]), ..Limits::NONE }, ..Joint::TURN },
     Joint::TURN,
 ];
 /// The cones that limit joints and cuts, in the order of `cones`.
@@ -88,11 +88,17 @@ pub const CONES: [Cone<'static>; 0] = [
 /// Nominal values of the parameters, in the order of `PARAMETERS`, about the origins of
 /// the bodies' frames.
 pub const NOMINAL: [Option<f64>; 70] = [
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None, None, None, None, None, None,
+    Some(7.1e-6), Some(0.0), Some(0.0), Some(0.00807), Some(0.0), Some(0.008065),
+    Some(0.03024), Some(0.0), Some(0.0), Some(0.1512), Some(6.4e-6), Some(0.0), Some(0.0),
+    Some(0.00766), Some(0.0), Some(0.007654), Some(0.0287), Some(0.0), Some(0.0), Some(0.1435),
+    Some(0.00045550666666666664), Some(0.0), Some(0.0), Some(5.07e-5), Some(0.0),
+    Some(0.0005061466666666667), Some(0.0), Some(-0.008766486487375278), Some(0.0),
+    Some(0.1898), Some(7.1e-6), Some(0.0), Some(0.0), Some(0.00807), Some(0.0), Some(0.008065),
+    Some(0.03024), Some(0.0), Some(0.0), Some(0.1512), Some(6.4e-6), Some(0.0), Some(0.0),
+    Some(0.00766), Some(0.0), Some(0.007654), Some(0.0287), Some(0.0), Some(0.0), Some(0.1435),
+    Some(7.1e-6), Some(0.0), Some(0.0), Some(0.00807), Some(0.0), Some(0.008065),
+    Some(0.03024), Some(0.0), Some(0.0), Some(0.1512), Some(6.4e-6), Some(0.0), Some(0.0),
+    Some(0.00766), Some(0.0), Some(0.007654), Some(0.0287), Some(0.0), Some(0.0), Some(0.1435),
 ];
 /// Names, sizes, and what is stated about joints.
 pub const INFO: Info<'static> = Info {
@@ -117,10 +123,10 @@ pub const BASE: [BaseParameter<'static>; 19] = [
         label: "Izz(crank1)",
         terms: &[
             BaseTerm { parameter: "Izz(crank1)", index: 5, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "mx(rod3)", index: 66, coefficient: "2*l", value: 0.6 },
-            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "l^2", value: 0.09 },
-            BaseTerm { parameter: "m(rod1)", index: 19, coefficient: "l^2", value: 0.09 },
-            BaseTerm { parameter: "mx(platform)", index: 26, coefficient: "2*sqrt(3)*l^2/(3*r)", value: 0.5196152422706631 },
+            BaseTerm { parameter: "mx(rod3)", index: 66, coefficient: "2*l", value: 0.8 },
+            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "l^2", value: 0.16 },
+            BaseTerm { parameter: "m(rod1)", index: 19, coefficient: "l^2", value: 0.16 },
+            BaseTerm { parameter: "mx(platform)", index: 26, coefficient: "2*l^2/a", value: 4.0 },
         ],
     },
     BaseParameter {
@@ -128,9 +134,9 @@ pub const BASE: [BaseParameter<'static>; 19] = [
         terms: &[
             BaseTerm { parameter: "mx(crank1)", index: 6, coefficient: "1", value: 1.0 },
             BaseTerm { parameter: "mx(rod3)", index: 66, coefficient: "2", value: 2.0 },
-            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "l", value: 0.3 },
-            BaseTerm { parameter: "m(rod1)", index: 19, coefficient: "l", value: 0.3 },
-            BaseTerm { parameter: "mx(platform)", index: 26, coefficient: "2*sqrt(3)*l/(3*r)", value: 1.7320508075688772 },
+            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "l", value: 0.4 },
+            BaseTerm { parameter: "m(rod1)", index: 19, coefficient: "l", value: 0.4 },
+            BaseTerm { parameter: "mx(platform)", index: 26, coefficient: "2*l/a", value: 10.0 },
         ],
     },
     BaseParameter {
@@ -143,9 +149,9 @@ pub const BASE: [BaseParameter<'static>; 19] = [
         label: "Izz(rod1)",
         terms: &[
             BaseTerm { parameter: "Izz(rod1)", index: 15, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "mx(rod3)", index: 66, coefficient: "2*l", value: 0.6 },
-            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "l^2", value: 0.09 },
-            BaseTerm { parameter: "mx(platform)", index: 26, coefficient: "2*sqrt(3)*l^2/(3*r)", value: 0.5196152422706631 },
+            BaseTerm { parameter: "mx(rod3)", index: 66, coefficient: "2*l", value: 0.8 },
+            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "l^2", value: 0.16 },
+            BaseTerm { parameter: "mx(platform)", index: 26, coefficient: "2*l^2/a", value: 4.0 },
         ],
     },
     BaseParameter {
@@ -153,8 +159,8 @@ pub const BASE: [BaseParameter<'static>; 19] = [
         terms: &[
             BaseTerm { parameter: "mx(rod1)", index: 16, coefficient: "1", value: 1.0 },
             BaseTerm { parameter: "mx(rod3)", index: 66, coefficient: "2", value: 2.0 },
-            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "l", value: 0.3 },
-            BaseTerm { parameter: "mx(platform)", index: 26, coefficient: "2*sqrt(3)*l/(3*r)", value: 1.7320508075688772 },
+            BaseTerm { parameter: "m(platform)", index: 29, coefficient: "l", value: 0.4 },
+            BaseTerm { parameter: "mx(platform)", index: 26, coefficient: "2*l/a", value: 10.0 },
         ],
     },
     BaseParameter {
@@ -167,8 +173,8 @@ pub const BASE: [BaseParameter<'static>; 19] = [
         label: "Izz(platform)",
         terms: &[
             BaseTerm { parameter: "Izz(platform)", index: 25, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "mx(platform)", index: 26, coefficient: "2*sqrt(3)*r", value: 0.6928203230275509 },
-            BaseTerm { parameter: "mx(rod3)", index: 66, coefficient: "6*r^2/l", value: 0.8 },
+            BaseTerm { parameter: "mx(platform)", index: 26, coefficient: "2*a", value: 0.16 },
+            BaseTerm { parameter: "mx(rod3)", index: 66, coefficient: "2*a^2/l", value: 0.032 },
         ],
     },
     BaseParameter {
@@ -176,16 +182,16 @@ pub const BASE: [BaseParameter<'static>; 19] = [
         terms: &[
             BaseTerm { parameter: "my(platform)", index: 27, coefficient: "1", value: 1.0 },
             BaseTerm { parameter: "mx(platform)", index: 26, coefficient: "-sqrt(3)", value: -1.7320508075688772 },
-            BaseTerm { parameter: "mx(rod3)", index: 66, coefficient: "-3*r/l", value: -2.0 },
+            BaseTerm { parameter: "mx(rod3)", index: 66, coefficient: "-sqrt(3)*a/l", value: -0.34641016151377546 },
         ],
     },
     BaseParameter {
         label: "Izz(crank2)",
         terms: &[
             BaseTerm { parameter: "Izz(crank2)", index: 35, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "mx(rod3)", index: 66, coefficient: "-l", value: -0.3 },
-            BaseTerm { parameter: "m(rod2)", index: 49, coefficient: "l^2", value: 0.09 },
-            BaseTerm { parameter: "mx(platform)", index: 26, coefficient: "-2*sqrt(3)*l^2/(3*r)", value: -0.5196152422706631 },
+            BaseTerm { parameter: "mx(rod3)", index: 66, coefficient: "-l", value: -0.4 },
+            BaseTerm { parameter: "m(rod2)", index: 49, coefficient: "l^2", value: 0.16 },
+            BaseTerm { parameter: "mx(platform)", index: 26, coefficient: "-2*l^2/a", value: -4.0 },
         ],
     },
     BaseParameter {
@@ -193,8 +199,8 @@ pub const BASE: [BaseParameter<'static>; 19] = [
         terms: &[
             BaseTerm { parameter: "mx(crank2)", index: 36, coefficient: "1", value: 1.0 },
             BaseTerm { parameter: "mx(rod3)", index: 66, coefficient: "-1", value: -1.0 },
-            BaseTerm { parameter: "m(rod2)", index: 49, coefficient: "l", value: 0.3 },
-            BaseTerm { parameter: "mx(platform)", index: 26, coefficient: "-2*sqrt(3)*l/(3*r)", value: -1.7320508075688772 },
+            BaseTerm { parameter: "m(rod2)", index: 49, coefficient: "l", value: 0.4 },
+            BaseTerm { parameter: "mx(platform)", index: 26, coefficient: "-2*l/a", value: -10.0 },
         ],
     },
     BaseParameter {
@@ -207,8 +213,8 @@ pub const BASE: [BaseParameter<'static>; 19] = [
         label: "Izz(rod2)",
         terms: &[
             BaseTerm { parameter: "Izz(rod2)", index: 45, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "mx(rod3)", index: 66, coefficient: "-l", value: -0.3 },
-            BaseTerm { parameter: "mx(platform)", index: 26, coefficient: "-2*sqrt(3)*l^2/(3*r)", value: -0.5196152422706631 },
+            BaseTerm { parameter: "mx(rod3)", index: 66, coefficient: "-l", value: -0.4 },
+            BaseTerm { parameter: "mx(platform)", index: 26, coefficient: "-2*l^2/a", value: -4.0 },
         ],
     },
     BaseParameter {
@@ -216,7 +222,7 @@ pub const BASE: [BaseParameter<'static>; 19] = [
         terms: &[
             BaseTerm { parameter: "mx(rod2)", index: 46, coefficient: "1", value: 1.0 },
             BaseTerm { parameter: "mx(rod3)", index: 66, coefficient: "-1", value: -1.0 },
-            BaseTerm { parameter: "mx(platform)", index: 26, coefficient: "-2*sqrt(3)*l/(3*r)", value: -1.7320508075688772 },
+            BaseTerm { parameter: "mx(platform)", index: 26, coefficient: "-2*l/a", value: -10.0 },
         ],
     },
     BaseParameter {
@@ -229,8 +235,8 @@ pub const BASE: [BaseParameter<'static>; 19] = [
         label: "Izz(crank3)",
         terms: &[
             BaseTerm { parameter: "Izz(crank3)", index: 55, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "mx(rod3)", index: 66, coefficient: "-l", value: -0.3 },
-            BaseTerm { parameter: "m(rod3)", index: 69, coefficient: "l^2", value: 0.09 },
+            BaseTerm { parameter: "mx(rod3)", index: 66, coefficient: "-l", value: -0.4 },
+            BaseTerm { parameter: "m(rod3)", index: 69, coefficient: "l^2", value: 0.16 },
         ],
     },
     BaseParameter {
@@ -238,7 +244,7 @@ pub const BASE: [BaseParameter<'static>; 19] = [
         terms: &[
             BaseTerm { parameter: "mx(crank3)", index: 56, coefficient: "1", value: 1.0 },
             BaseTerm { parameter: "mx(rod3)", index: 66, coefficient: "-1", value: -1.0 },
-            BaseTerm { parameter: "m(rod3)", index: 69, coefficient: "l", value: 0.3 },
+            BaseTerm { parameter: "m(rod3)", index: 69, coefficient: "l", value: 0.4 },
         ],
     },
     BaseParameter {
@@ -251,7 +257,7 @@ pub const BASE: [BaseParameter<'static>; 19] = [
         label: "Izz(rod3)",
         terms: &[
             BaseTerm { parameter: "Izz(rod3)", index: 65, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "mx(rod3)", index: 66, coefficient: "-l", value: -0.3 },
+            BaseTerm { parameter: "mx(rod3)", index: 66, coefficient: "-l", value: -0.4 },
         ],
     },
     BaseParameter {
@@ -324,8 +330,8 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
         rank: 19,
         states: 21,
         digits: 96,
-        smallest_kept: 0.050361074339580245,
-        largest_dropped: 2.4459974530361532e-96,
+        smallest_kept: 0.01295716913934086,
+        largest_dropped: 4.74997204914074e-97,
     }),
     complete: true,
 };
@@ -343,50 +349,50 @@ pub fn constraints<T: Scalar>(q: &[T; 7]) -> [T; 10] {
     // f (Eq. 6)
     {
         let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = like.lift(0.3) * cos_q1;
+        let t1_1 = like.lift(0.4) * cos_q1;
         let t1_2 = q2 + q1;
         let (sin_q1_q2, cos_q1_q2) = t1_2.sin_cos();
-        let t1_3 = like.lift(0.3).mul_add(cos_q1_q2, t1_1);
+        let t1_3 = like.lift(0.4).mul_add(cos_q1_q2, t1_1);
         let t1_4 = q2 + q1;
         let t1_5 = q3 + t1_4;
         let (sin_q1_q2_q3, cos_q1_q2_q3) = t1_5.sin_cos();
-        let t1_6 = like.lift(0.17320508075688773) * cos_q1_q2_q3;
-        let t1_7 = like.lift(0.3) * sin_q1_q2_q3;
+        let t1_6 = like.lift(0.04) * cos_q1_q2_q3;
+        let t1_7 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
         let t1_8 = t1_6 - t1_7;
         let t1_9 = t1_3 - t1_8;
         let (sin_q4, cos_q4) = q4.sin_cos();
-        let t1_10 = like.lift(-0.3).mul_add(cos_q4, like.lift(0.4330127018922193));
+        let t1_10 = like.lift(-0.4).mul_add(cos_q4, like.lift(0.45));
         let t1_11 = q5 + q4;
         let (sin_q4_q5, cos_q4_q5) = t1_11.sin_cos();
-        let t1_12 = like.lift(-0.3).mul_add(cos_q4_q5, t1_10);
+        let t1_12 = like.lift(-0.4).mul_add(cos_q4_q5, t1_10);
         let t1_13 = t1_9 + t1_12;
         let t1_14 = -t1_13;
         f[0] = t1_14;
-        let t1_15 = like.lift(0.3).mul_add(sin_q1, like.lift(0.5));
-        let t1_16 = like.lift(0.3).mul_add(sin_q1_q2, t1_15);
-        let t1_17 = like.lift(0.17320508075688773) * sin_q1_q2_q3;
-        let t1_18 = like.lift(0.3) * cos_q1_q2_q3;
+        let t1_15 = like.lift(0.4).mul_add(sin_q1, like.lift(0.5196152422706631));
+        let t1_16 = like.lift(0.4).mul_add(sin_q1_q2, t1_15);
+        let t1_17 = like.lift(0.04) * sin_q1_q2_q3;
+        let t1_18 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
         let t1_19 = t1_17 + t1_18;
         let t1_20 = t1_16 - t1_19;
-        let t1_21 = like.lift(-0.3).mul_add(sin_q4, like.lift(0.25));
-        let t1_22 = like.lift(-0.3).mul_add(sin_q4_q5, t1_21);
+        let t1_21 = like.lift(-0.4).mul_add(sin_q4, like.lift(0.25980762113533157));
+        let t1_22 = like.lift(-0.4).mul_add(sin_q4_q5, t1_21);
         let t1_23 = t1_20 + t1_22;
         let t1_24 = -t1_23;
         f[2] = t1_24;
         let t1_25 = t1_6 + t1_7;
         let t1_26 = t1_3 + t1_25;
         let (sin_q6, cos_q6) = q6.sin_cos();
-        let t1_27 = like.lift(0.3).mul_add(cos_q6, like.lift(0.4330127018922193));
+        let t1_27 = like.lift(0.4).mul_add(cos_q6, like.lift(0.45));
         let t1_28 = q7 + q6;
         let (sin_q6_q7, cos_q6_q7) = t1_28.sin_cos();
-        let t1_29 = like.lift(0.3).mul_add(cos_q6_q7, t1_27);
+        let t1_29 = like.lift(0.4).mul_add(cos_q6_q7, t1_27);
         let t1_30 = t1_26 - t1_29;
         let t1_31 = -t1_30;
         f[5] = t1_31;
         let t1_32 = t1_17 - t1_18;
         let t1_33 = t1_16 + t1_32;
-        let t1_34 = like.lift(-0.3).mul_add(sin_q6, like.lift(0.25));
-        let t1_35 = like.lift(-0.3).mul_add(sin_q6_q7, t1_34);
+        let t1_34 = like.lift(-0.4).mul_add(sin_q6, like.lift(0.25980762113533157));
+        let t1_35 = like.lift(-0.4).mul_add(sin_q6_q7, t1_34);
         let t1_36 = t1_33 + t1_35;
         let t1_37 = -t1_36;
         f[7] = t1_37;
@@ -418,13 +424,13 @@ pub fn jacobian<T: Scalar>(q: &[T; 7]) -> [[T; 7]; 10] {
         let t1_1 = q2 + q1;
         let t1_2 = q3 + t1_1;
         let (sin_q1_q2_q3, cos_q1_q2_q3) = t1_2.sin_cos();
-        let t1_3 = like.lift(0.3) * cos_q1_q2_q3;
-        let t1_4 = like.lift(0.17320508075688773) * sin_q1_q2_q3;
+        let t1_3 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
+        let t1_4 = like.lift(0.04) * sin_q1_q2_q3;
         let (sin_q1, cos_q1) = q1.sin_cos();
         let t1_5 = q2 + q1;
         let (sin_q1_q2, cos_q1_q2) = t1_5.sin_cos();
-        let t1_6 = like.lift(0.3) * sin_q1_q2;
-        let t1_7 = like.lift(0.3).mul_add(sin_q1, t1_6);
+        let t1_6 = like.lift(0.4) * sin_q1_q2;
+        let t1_7 = like.lift(0.4).mul_add(sin_q1, t1_6);
         let t1_8 = t1_4 - t1_7;
         let t1_9 = t1_3 + t1_8;
         let t1_10 = -t1_9;
@@ -434,8 +440,8 @@ pub fn jacobian<T: Scalar>(q: &[T; 7]) -> [[T; 7]; 10] {
         let (sin_q4, cos_q4) = q4.sin_cos();
         let t1_14 = q5 + q4;
         let (sin_q4_q5, cos_q4_q5) = t1_14.sin_cos();
-        let t1_15 = like.lift(0.3) * sin_q4_q5;
-        let t1_16 = like.lift(0.3).mul_add(sin_q4, t1_15);
+        let t1_15 = like.lift(0.4) * sin_q4_q5;
+        let t1_16 = like.lift(0.4).mul_add(sin_q4, t1_15);
         let t1_17 = -t1_16;
         let t1_18 = -t1_15;
         a[0] = [t1_10, t1_12, t1_13, t1_17, t1_18, like.lift(0.0), like.lift(0.0)];
@@ -450,18 +456,18 @@ pub fn jacobian<T: Scalar>(q: &[T; 7]) -> [[T; 7]; 10] {
     }
     // row 3
     let [t3_1, t3_2, t3_3, t3_4] = {
-        let t3_1 = like.lift(0.3) * cos_q1_q2;
-        let t3_2 = like.lift(0.3).mul_add(cos_q1, t3_1);
-        let t3_3 = like.lift(0.17320508075688773) * cos_q1_q2_q3;
-        let t3_4 = like.lift(0.3) * sin_q1_q2_q3;
+        let t3_1 = like.lift(0.4) * cos_q1_q2;
+        let t3_2 = like.lift(0.4).mul_add(cos_q1, t3_1);
+        let t3_3 = like.lift(0.04) * cos_q1_q2_q3;
+        let t3_4 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
         let t3_5 = t3_3 - t3_4;
         let t3_6 = t3_2 - t3_5;
         let t3_7 = -t3_6;
         let t3_8 = t3_1 - t3_3;
         let t3_9 = t3_4 + t3_8;
         let t3_10 = -t3_9;
-        let t3_11 = like.lift(0.3) * cos_q4_q5;
-        let t3_12 = like.lift(0.3).mul_add(cos_q4, t3_11);
+        let t3_11 = like.lift(0.4) * cos_q4_q5;
+        let t3_12 = like.lift(0.4).mul_add(cos_q4, t3_11);
         a[2] = [t3_7, t3_10, t3_5, t3_12, t3_11, like.lift(0.0), like.lift(0.0)];
         [t3_1, t3_2, t3_3, t3_4]
     };
@@ -483,8 +489,8 @@ pub fn jacobian<T: Scalar>(q: &[T; 7]) -> [[T; 7]; 10] {
         let (sin_q6, cos_q6) = q6.sin_cos();
         let t6_6 = q7 + q6;
         let (sin_q6_q7, cos_q6_q7) = t6_6.sin_cos();
-        let t6_7 = like.lift(0.3) * sin_q6_q7;
-        let t6_8 = like.lift(0.3).mul_add(sin_q6, t6_7);
+        let t6_7 = like.lift(0.4) * sin_q6_q7;
+        let t6_8 = like.lift(0.4).mul_add(sin_q6, t6_7);
         let t6_9 = -t6_8;
         let t6_10 = -t6_7;
         a[5] = [t6_3, t6_5, t6_4, like.lift(0.0), like.lift(0.0), t6_9, t6_10];
@@ -503,8 +509,8 @@ pub fn jacobian<T: Scalar>(q: &[T; 7]) -> [[T; 7]; 10] {
         let t8_5 = t3_4 + t8_4;
         let t8_6 = -t8_5;
         let t8_7 = -t8_1;
-        let t8_8 = like.lift(0.3) * cos_q6_q7;
-        let t8_9 = like.lift(0.3).mul_add(cos_q6, t8_8);
+        let t8_8 = like.lift(0.4) * cos_q6_q7;
+        let t8_9 = like.lift(0.4).mul_add(cos_q6, t8_8);
         a[7] = [t8_3, t8_6, t8_7, like.lift(0.0), like.lift(0.0), t8_9, t8_8];
     }
     // row 9
@@ -535,52 +541,52 @@ pub fn bias<T: Scalar>(q: &[T; 7], qd: &[T; 7]) -> [T; 10] {
         let (sin_q1, cos_q1) = q1.sin_cos();
         let t1_1 = cos_q1 * d_q1;
         let t1_2 = d_q1 * t1_1;
-        let t1_3 = like.lift(0.3) * t1_2;
+        let t1_3 = like.lift(0.4) * t1_2;
         let t1_4 = d_q1 + d_q2;
         let t1_5 = q2 + q1;
         let (sin_q1_q2, cos_q1_q2) = t1_5.sin_cos();
         let t1_6 = cos_q1_q2 * t1_4;
         let t1_7 = t1_4 * t1_6;
-        let t1_8 = like.lift(0.3).mul_add(t1_7, t1_3);
+        let t1_8 = like.lift(0.4).mul_add(t1_7, t1_3);
         let t1_9 = d_q3 + t1_4;
         let t1_10 = q2 + q1;
         let t1_11 = q3 + t1_10;
         let (sin_q1_q2_q3, cos_q1_q2_q3) = t1_11.sin_cos();
-        let t1_12 = like.lift(0.17320508075688773) * cos_q1_q2_q3;
-        let t1_13 = like.lift(0.3) * sin_q1_q2_q3;
+        let t1_12 = like.lift(0.04) * cos_q1_q2_q3;
+        let t1_13 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
         let t1_14 = t1_12 - t1_13;
         let t1_15 = t1_14 * t1_9;
         let t1_16 = (-t1_9).mul_add(t1_15, t1_8);
         let (sin_q4, cos_q4) = q4.sin_cos();
         let t1_17 = cos_q4 * d_q4;
         let t1_18 = d_q4 * t1_17;
-        let t1_19 = like.lift(0.3) * t1_18;
+        let t1_19 = like.lift(0.4) * t1_18;
         let t1_20 = d_q4 + d_q5;
         let t1_21 = q5 + q4;
         let (sin_q4_q5, cos_q4_q5) = t1_21.sin_cos();
         let t1_22 = cos_q4_q5 * t1_20;
         let t1_23 = t1_20 * t1_22;
-        let t1_24 = like.lift(0.3).mul_add(t1_23, t1_19);
+        let t1_24 = like.lift(0.4).mul_add(t1_23, t1_19);
         let t1_25 = t1_16 - t1_24;
         let t1_26 = -t1_25;
         b[0] = t1_26;
         let t1_27 = sin_q1 * d_q1;
         let t1_28 = d_q1 * t1_27;
-        let t1_29 = like.lift(0.3) * t1_28;
+        let t1_29 = like.lift(0.4) * t1_28;
         let t1_30 = sin_q1_q2 * t1_4;
         let t1_31 = t1_4 * t1_30;
-        let t1_32 = like.lift(0.3).mul_add(t1_31, t1_29);
-        let t1_33 = like.lift(0.17320508075688773) * sin_q1_q2_q3;
-        let t1_34 = like.lift(0.3) * cos_q1_q2_q3;
+        let t1_32 = like.lift(0.4).mul_add(t1_31, t1_29);
+        let t1_33 = like.lift(0.04) * sin_q1_q2_q3;
+        let t1_34 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
         let t1_35 = t1_33 + t1_34;
         let t1_36 = t1_35 * t1_9;
         let t1_37 = (-t1_9).mul_add(t1_36, t1_32);
         let t1_38 = sin_q4 * d_q4;
         let t1_39 = d_q4 * t1_38;
-        let t1_40 = like.lift(0.3) * t1_39;
+        let t1_40 = like.lift(0.4) * t1_39;
         let t1_41 = sin_q4_q5 * t1_20;
         let t1_42 = t1_20 * t1_41;
-        let t1_43 = like.lift(0.3).mul_add(t1_42, t1_40);
+        let t1_43 = like.lift(0.4).mul_add(t1_42, t1_40);
         let t1_44 = t1_37 - t1_43;
         let t1_45 = -t1_44;
         b[2] = t1_45;
@@ -590,13 +596,13 @@ pub fn bias<T: Scalar>(q: &[T; 7], qd: &[T; 7]) -> [T; 10] {
         let (sin_q6, cos_q6) = q6.sin_cos();
         let t1_49 = cos_q6 * d_q6;
         let t1_50 = d_q6 * t1_49;
-        let t1_51 = like.lift(0.3) * t1_50;
+        let t1_51 = like.lift(0.4) * t1_50;
         let t1_52 = d_q6 + d_q7;
         let t1_53 = q7 + q6;
         let (sin_q6_q7, cos_q6_q7) = t1_53.sin_cos();
         let t1_54 = cos_q6_q7 * t1_52;
         let t1_55 = t1_52 * t1_54;
-        let t1_56 = like.lift(0.3).mul_add(t1_55, t1_51);
+        let t1_56 = like.lift(0.4).mul_add(t1_55, t1_51);
         let t1_57 = t1_48 - t1_56;
         let t1_58 = -t1_57;
         b[5] = t1_58;
@@ -605,10 +611,10 @@ pub fn bias<T: Scalar>(q: &[T; 7], qd: &[T; 7]) -> [T; 10] {
         let t1_61 = t1_9.mul_add(t1_60, t1_32);
         let t1_62 = sin_q6 * d_q6;
         let t1_63 = d_q6 * t1_62;
-        let t1_64 = like.lift(0.3) * t1_63;
+        let t1_64 = like.lift(0.4) * t1_63;
         let t1_65 = sin_q6_q7 * t1_52;
         let t1_66 = t1_52 * t1_65;
-        let t1_67 = like.lift(0.3).mul_add(t1_66, t1_64);
+        let t1_67 = like.lift(0.4).mul_add(t1_66, t1_64);
         let t1_68 = t1_61 - t1_67;
         let t1_69 = -t1_68;
         b[7] = t1_69;
@@ -636,60 +642,60 @@ pub fn newton_step<T: Scalar>(q: &[T; 7]) -> ([T; 4], Condition<T>) {
     // A_e dq_e = -f
     {
         let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_1 = like.lift(0.3).mul_add(sin_q3, like.lift(0.3));
+        let t1_1 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
         let t1_2 = -t1_1;
         let t1_3 = q2 + q1;
         let t1_4 = q3 + t1_3;
         let t1_5 = t1_4 - q4;
         let t1_6 = t1_5 - q5;
         let (sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5) = t1_6.sin_cos();
-        let t1_7 = like.lift(0.3) * sin_q1_q2_q3_minus_q4_minus_q5;
-        let t1_8 = like.lift(0.3) * cos_q3;
-        let t1_9 = like.lift(0.17320508075688773) - t1_8;
-        let pivot_1 = like.lift(0.3) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let t1_10 = q2 + q1;
-        let t1_11 = q3 + t1_10;
-        let t1_12 = t1_11 - q6;
-        let t1_13 = t1_12 - q7;
-        let (sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7) = t1_13.sin_cos();
-        let t1_14 = like.lift(0.3) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t1_15 = like.lift(0.17320508075688773) + t1_8;
+        let t1_7 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
+        let t1_8 = like.lift(0.4) * cos_q3;
+        let t1_9 = like.lift(0.04) - t1_8;
+        let t1_10 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
+        let t1_11 = q2 + q1;
+        let t1_12 = q3 + t1_11;
+        let t1_13 = t1_12 - q6;
+        let t1_14 = t1_13 - q7;
+        let (sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7) = t1_14.sin_cos();
+        let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t1_15 = like.lift(0.04) + t1_8;
         let t1_16 = -t1_15;
-        let t1_17 = like.lift(0.3) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t1_17 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
         let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_18 = like.lift(0.3) * cos_q1;
+        let t1_18 = like.lift(0.4) * cos_q1;
         let t1_19 = q2 + q1;
         let (sin_q1_q2, cos_q1_q2) = t1_19.sin_cos();
-        let t1_20 = like.lift(0.3).mul_add(cos_q1_q2, t1_18);
+        let t1_20 = like.lift(0.4).mul_add(cos_q1_q2, t1_18);
         let t1_21 = cos_q1_q2 * sin_q3;
         let t1_22 = sin_q1_q2 * sin_q3;
         let sin_q1_q2_q3 = sin_q1_q2.mul_add(cos_q3, t1_21);
         let cos_q1_q2_q3 = cos_q1_q2.mul_add(cos_q3, -t1_22);
         let t1_23 = t1_20 * cos_q1_q2_q3;
-        let t1_24 = like.lift(0.3).mul_add(sin_q1, like.lift(0.5));
-        let t1_25 = like.lift(0.3).mul_add(sin_q1_q2, t1_24);
+        let t1_24 = like.lift(0.4).mul_add(sin_q1, like.lift(0.5196152422706631));
+        let t1_25 = like.lift(0.4).mul_add(sin_q1_q2, t1_24);
         let t1_26 = t1_25.mul_add(sin_q1_q2_q3, t1_23);
-        let t1_27 = like.lift(0.4330127018922193) * cos_q1_q2_q3;
-        let t1_28 = like.lift(0.25) * sin_q1_q2_q3;
+        let t1_27 = like.lift(0.45) * cos_q1_q2_q3;
+        let t1_28 = like.lift(0.25980762113533157) * sin_q1_q2_q3;
         let t1_29 = t1_27 + t1_28;
         let t1_30 = t1_26 + t1_29;
         let t1_31 = q2 + q1;
         let t1_32 = q3 + t1_31;
         let t1_33 = t1_32 - q4;
         let (sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4) = t1_33.sin_cos();
-        let t1_34 = like.lift(-0.3).mul_add(cos_q1_q2_q3_minus_q4, t1_30);
-        let t1_35 = t1_34 - pivot_1;
-        let t1_36 = like.lift(0.17320508075688773) - t1_35;
+        let t1_34 = like.lift(-0.4).mul_add(cos_q1_q2_q3_minus_q4, t1_30);
+        let t1_35 = t1_34 - t1_10;
+        let t1_36 = like.lift(0.04) - t1_35;
         let t1_37 = -t1_36;
         let t1_38 = t1_20 * sin_q1_q2_q3;
         let t1_39 = (-t1_25).mul_add(cos_q1_q2_q3, t1_38);
-        let t1_40 = like.lift(0.4330127018922193) * sin_q1_q2_q3;
-        let t1_41 = like.lift(0.25) * cos_q1_q2_q3;
+        let t1_40 = like.lift(0.45) * sin_q1_q2_q3;
+        let t1_41 = like.lift(0.25980762113533157) * cos_q1_q2_q3;
         let t1_42 = t1_40 - t1_41;
         let t1_43 = t1_39 + t1_42;
-        let t1_44 = like.lift(-0.3).mul_add(sin_q1_q2_q3_minus_q4, t1_43);
+        let t1_44 = like.lift(-0.4).mul_add(sin_q1_q2_q3_minus_q4, t1_43);
         let t1_45 = t1_44 - t1_7;
-        let t1_46 = like.lift(0.3) + t1_45;
+        let t1_46 = like.lift(0.06928203230275509) + t1_45;
         let t1_47 = -t1_46;
         let t1_48 = t1_27 - t1_28;
         let t1_49 = t1_26 - t1_48;
@@ -697,63 +703,63 @@ pub fn newton_step<T: Scalar>(q: &[T; 7]) -> ([T; 4], Condition<T>) {
         let t1_51 = q3 + t1_50;
         let t1_52 = t1_51 - q6;
         let (sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6) = t1_52.sin_cos();
-        let t1_53 = like.lift(-0.3).mul_add(cos_q1_q2_q3_minus_q6, t1_49);
+        let t1_53 = like.lift(-0.4).mul_add(cos_q1_q2_q3_minus_q6, t1_49);
         let t1_54 = t1_53 - t1_17;
-        let t1_55 = like.lift(0.17320508075688773) + t1_54;
+        let t1_55 = like.lift(0.04) + t1_54;
         let t1_56 = t1_40 + t1_41;
         let t1_57 = t1_39 - t1_56;
-        let t1_58 = like.lift(-0.3).mul_add(sin_q1_q2_q3_minus_q6, t1_57);
-        let t1_59 = t1_58 - t1_14;
-        let t1_60 = like.lift(0.3) + t1_59;
+        let t1_58 = like.lift(-0.4).mul_add(sin_q1_q2_q3_minus_q6, t1_57);
+        let t1_59 = t1_58 - pivot_1;
+        let t1_60 = like.lift(0.06928203230275509) + t1_59;
         let t1_61 = -t1_60;
-        let t1_62 = like.lift(1.0) / cos_q1_q2_q3_minus_q4_minus_q5;
-        let t1_63 = sin_q1_q2_q3_minus_q4_minus_q5 * t1_62;
-        let pivot_2 = t1_9.mul_add(t1_63, t1_1);
+        let t1_62 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
+        let t1_63 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_62;
+        let pivot_2 = (-t1_1).mul_add(t1_63, t1_15);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t1_64 = (-t1_46).mul_add(t1_63, t1_36);
-        let t1_65 = like.lift(0.17320508075688773).mul_add(t1_63, like.lift(0.3));
-        let t1_66 = t1_15 * inv_pivot_2;
-        let pivot_3 = (-t1_65).mul_add(t1_66, like.lift(0.17320508075688773));
+        let t1_64 = t1_55.mul_add(t1_63, t1_60);
+        let t1_65 = like.lift(-0.06928203230275509).mul_add(t1_63, like.lift(0.04));
+        let t1_66 = t1_9 * inv_pivot_2;
+        let pivot_3 = (-t1_65).mul_add(t1_66, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_67 = (-t1_66).mul_add(t1_64, t1_60);
+        let t1_67 = t1_66.mul_add(t1_64, t1_46);
         let t1_68 = t1_1 * inv_pivot_2;
-        let t1_69 = (-t1_65).mul_add(t1_68, like.lift(0.3));
+        let t1_69 = (-t1_65).mul_add(t1_68, like.lift(0.06928203230275509));
         let t1_70 = t1_69 * inv_pivot_3;
-        let t1_71 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_70;
-        let pivot_4 = like.lift(-0.3).mul_add(t1_71, t1_14);
+        let t1_71 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_70;
+        let pivot_4 = like.lift(0.4).mul_add(t1_71, t1_7);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t1_72 = t1_68.mul_add(t1_64, t1_55);
+        let t1_72 = (-t1_68).mul_add(t1_64, t1_36);
         let t1_73 = t1_70.mul_add(t1_67, t1_72);
         let t1_74 = inv_pivot_4 * t1_73;
-        let t1_75 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_74;
-        let t1_76 = like.lift(0.3).mul_add(t1_75, t1_67);
+        let t1_75 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_74;
+        let t1_76 = like.lift(-0.4).mul_add(t1_75, t1_67);
         let t1_77 = inv_pivot_3 * t1_76;
-        let t1_78 = (-t1_65).mul_add(t1_77, t1_64);
+        let t1_78 = t1_65.mul_add(t1_77, t1_64);
         let t1_79 = inv_pivot_2 * t1_78;
-        let t1_80 = t1_9.mul_add(t1_79, t1_46);
-        let t1_81 = like.lift(0.17320508075688773).mul_add(t1_77, t1_80);
-        let t1_82 = t1_62 * t1_81;
-        let t1_83 = like.lift(3.3333333333333335) * t1_82;
-        let t1_84 = -t1_83;
-        let t1_85 = -pivot_2;
-        let t1_86 = -pivot_3;
+        let t1_80 = -t1_77;
+        let t1_81 = -t1_74;
+        let t1_82 = t1_1.mul_add(t1_79, t1_55);
+        let t1_83 = like.lift(-0.06928203230275509).mul_add(t1_77, t1_82);
+        let t1_84 = t1_62 * t1_83;
+        let t1_85 = like.lift(2.5) * t1_84;
+        let t1_86 = -pivot_2;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(3.7195893740787023)).abs()
-            .min((t1_85 * like.lift(1.4285714285714288)).abs())
-            .min((t1_86 * like.lift(4.631504421083416)).abs())
-            .min((pivot_4 * like.lift(3.3442201491765347)).abs());
+        let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
+            .min((t1_86 * like.lift(2.7080930926705737)).abs())
+            .min((pivot_3 * like.lift(19.82662604894746)).abs())
+            .min((pivot_4 * like.lift(2.203476117557732)).abs());
         let ([[t1_87], [t1_88], [t1_89], [t1_90]], found) = ::regen_runtime::guarded(
-            [[t1_79], [t1_77], [t1_84], [t1_74]],
+            [[t1_79], [t1_80], [t1_81], [t1_85]],
             margin,
             || (
                 [
-                    [t1_2, like.lift(-0.3), t1_7, like.lift(0.0)],
-                    [t1_9, like.lift(0.17320508075688773), pivot_1, like.lift(0.0)],
+                    [t1_2, like.lift(-0.06928203230275509), t1_7, like.lift(0.0)],
+                    [t1_9, like.lift(0.04), t1_10, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t1_2, like.lift(-0.3), like.lift(0.0), t1_14],
-                    [t1_16, like.lift(-0.17320508075688773), like.lift(0.0), t1_17],
+                    [t1_2, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
+                    [t1_16, like.lift(-0.04), like.lift(0.0), t1_17],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -786,30 +792,30 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 7]) -> [[T; 4]; 4] {
     // A_e (Eq. 8)
     {
         let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_1 = like.lift(0.3) * cos_q3;
-        let t1_2 = like.lift(0.17320508075688773) - t1_1;
+        let t1_1 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
+        let t1_2 = -t1_1;
         let t1_3 = q2 + q1;
         let t1_4 = q3 + t1_3;
-        let t1_5 = t1_4 - q4;
-        let t1_6 = t1_5 - q5;
-        let (sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5) = t1_6.sin_cos();
-        let pivot_1 = like.lift(0.3) * cos_q1_q2_q3_minus_q4_minus_q5;
-        a_e[0] = [t1_2, like.lift(0.17320508075688773), pivot_1, like.lift(0.0)];
-        let t1_7 = like.lift(0.3).mul_add(sin_q3, like.lift(0.3));
-        let t1_8 = -t1_7;
-        let t1_9 = like.lift(0.3) * sin_q1_q2_q3_minus_q4_minus_q5;
-        a_e[1] = [t1_8, like.lift(-0.3), t1_9, like.lift(0.0)];
-        let t1_10 = like.lift(0.17320508075688773) + t1_1;
-        let t1_11 = -t1_10;
+        let t1_5 = t1_4 - q6;
+        let t1_6 = t1_5 - q7;
+        let (sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7) = t1_6.sin_cos();
+        let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        a_e[0] = [t1_2, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1];
+        let t1_7 = like.lift(0.4) * cos_q3;
+        let t1_8 = like.lift(0.04) + t1_7;
+        let t1_9 = -t1_8;
+        let t1_10 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        a_e[1] = [t1_9, like.lift(-0.04), like.lift(0.0), t1_10];
+        let t1_11 = like.lift(0.04) - t1_7;
         let t1_12 = q2 + q1;
         let t1_13 = q3 + t1_12;
-        let t1_14 = t1_13 - q6;
-        let t1_15 = t1_14 - q7;
-        let (sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7) = t1_15.sin_cos();
-        let t1_16 = like.lift(0.3) * cos_q1_q2_q3_minus_q6_minus_q7;
-        a_e[2] = [t1_11, like.lift(-0.17320508075688773), like.lift(0.0), t1_16];
-        let t1_17 = like.lift(0.3) * sin_q1_q2_q3_minus_q6_minus_q7;
-        a_e[3] = [t1_8, like.lift(-0.3), like.lift(0.0), t1_17];
+        let t1_14 = t1_13 - q4;
+        let t1_15 = t1_14 - q5;
+        let (sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5) = t1_15.sin_cos();
+        let t1_16 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
+        a_e[2] = [t1_11, like.lift(0.04), t1_16, like.lift(0.0)];
+        let t1_17 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
+        a_e[3] = [t1_2, like.lift(-0.06928203230275509), t1_17, like.lift(0.0)];
     }
     a_e
 }
@@ -830,107 +836,105 @@ pub fn velocities<T: Scalar>(q: &[T; 7], qd_i: &[T; 3]) -> ([T; 7], Condition<T>
     // A_e qd_e = -A_i qd_i (Eq. 8)
     {
         let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_1 = like.lift(0.3).mul_add(sin_q3, like.lift(0.3));
+        let t1_1 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
         let t1_2 = -t1_1;
         let t1_3 = q2 + q1;
         let t1_4 = q3 + t1_3;
         let t1_5 = t1_4 - q4;
         let t1_6 = t1_5 - q5;
         let (sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5) = t1_6.sin_cos();
-        let t1_7 = like.lift(0.3) * sin_q1_q2_q3_minus_q4_minus_q5;
-        let t1_8 = like.lift(0.3) * cos_q3;
-        let t1_9 = like.lift(0.17320508075688773) - t1_8;
-        let pivot_1 = like.lift(0.3) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let t1_10 = q2 + q1;
-        let t1_11 = q3 + t1_10;
-        let t1_12 = t1_11 - q6;
-        let t1_13 = t1_12 - q7;
-        let (sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7) = t1_13.sin_cos();
-        let t1_14 = like.lift(0.3) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t1_15 = like.lift(0.17320508075688773) + t1_8;
+        let t1_7 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
+        let t1_8 = like.lift(0.4) * cos_q3;
+        let t1_9 = like.lift(0.04) - t1_8;
+        let t1_10 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
+        let t1_11 = q2 + q1;
+        let t1_12 = q3 + t1_11;
+        let t1_13 = t1_12 - q6;
+        let t1_14 = t1_13 - q7;
+        let (sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7) = t1_14.sin_cos();
+        let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t1_15 = like.lift(0.04) + t1_8;
         let t1_16 = -t1_15;
-        let t1_17 = like.lift(0.3) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t1_17 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
         let (sin_q2, cos_q2) = q2.sin_cos();
         let t1_18 = sin_q2 * cos_q3;
-        let t1_19 = like.lift(0.3) * t1_18;
-        let t1_20 = like.lift(0.3).mul_add(cos_q2, like.lift(0.3));
+        let t1_19 = like.lift(0.4) * t1_18;
+        let t1_20 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
         let t1_21 = sin_q3.mul_add(t1_20, t1_19);
-        let t1_22 = like.lift(0.3) + t1_21;
+        let t1_22 = like.lift(0.06928203230275509) + t1_21;
         let t1_23 = t1_22 * d_q1;
         let t1_24 = q2 + q1;
         let t1_25 = q3 + t1_24;
         let t1_26 = t1_25 - q4;
         let (sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4) = t1_26.sin_cos();
-        let t1_27 = like.lift(0.3).mul_add(sin_q1_q2_q3_minus_q4, t1_7);
+        let t1_27 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t1_7);
         let t1_28 = (-t1_27).mul_add(d_q4, t1_23);
         let t1_29 = sin_q2 * sin_q3;
-        let t1_30 = like.lift(0.3) * t1_29;
+        let t1_30 = like.lift(0.4) * t1_29;
         let t1_31 = (-cos_q3).mul_add(t1_20, t1_30);
-        let t1_32 = like.lift(0.17320508075688773) + t1_31;
+        let t1_32 = like.lift(0.04) + t1_31;
         let t1_33 = t1_32 * d_q1;
-        let t1_34 = like.lift(0.3).mul_add(cos_q1_q2_q3_minus_q4, pivot_1);
+        let t1_34 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t1_10);
         let t1_35 = t1_34.mul_add(d_q4, t1_33);
         let t1_36 = -t1_35;
         let t1_37 = q2 + q1;
         let t1_38 = q3 + t1_37;
         let t1_39 = t1_38 - q6;
         let (sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6) = t1_39.sin_cos();
-        let t1_40 = like.lift(0.3).mul_add(sin_q1_q2_q3_minus_q6, t1_14);
+        let t1_40 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
         let t1_41 = (-t1_40).mul_add(d_q6, t1_23);
-        let t1_42 = like.lift(0.17320508075688773) - t1_31;
+        let t1_42 = like.lift(0.04) - t1_31;
         let t1_43 = t1_42 * d_q1;
-        let t1_44 = like.lift(0.3).mul_add(cos_q1_q2_q3_minus_q6, t1_17);
+        let t1_44 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t1_17);
         let t1_45 = (-t1_44).mul_add(d_q6, t1_43);
-        let t1_46 = like.lift(1.0) / cos_q1_q2_q3_minus_q4_minus_q5;
-        let t1_47 = sin_q1_q2_q3_minus_q4_minus_q5 * t1_46;
-        let pivot_2 = t1_9.mul_add(t1_47, t1_1);
+        let t1_46 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
+        let t1_47 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_46;
+        let pivot_2 = (-t1_1).mul_add(t1_47, t1_15);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t1_48 = t1_47.mul_add(t1_35, t1_28);
-        let t1_49 = like.lift(0.17320508075688773).mul_add(t1_47, like.lift(0.3));
-        let t1_50 = t1_15 * inv_pivot_2;
-        let pivot_3 = (-t1_49).mul_add(t1_50, like.lift(0.17320508075688773));
+        let t1_48 = (-t1_47).mul_add(t1_41, t1_45);
+        let t1_49 = like.lift(-0.06928203230275509).mul_add(t1_47, like.lift(0.04));
+        let t1_50 = t1_9 * inv_pivot_2;
+        let pivot_3 = (-t1_49).mul_add(t1_50, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_51 = (-t1_50).mul_add(t1_48, t1_45);
+        let t1_51 = (-t1_50).mul_add(t1_48, t1_35);
         let t1_52 = t1_1 * inv_pivot_2;
-        let t1_53 = (-t1_49).mul_add(t1_52, like.lift(0.3));
+        let t1_53 = (-t1_49).mul_add(t1_52, like.lift(0.06928203230275509));
         let t1_54 = t1_53 * inv_pivot_3;
-        let t1_55 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_54;
-        let pivot_4 = like.lift(-0.3).mul_add(t1_55, t1_14);
+        let t1_55 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_54;
+        let pivot_4 = like.lift(0.4).mul_add(t1_55, t1_7);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t1_56 = (-t1_52).mul_add(t1_48, t1_41);
+        let t1_56 = (-t1_52).mul_add(t1_48, t1_28);
         let t1_57 = (-t1_54).mul_add(t1_51, t1_56);
         let t1_58 = inv_pivot_4 * t1_57;
-        let t1_59 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_58;
-        let t1_60 = like.lift(-0.3).mul_add(t1_59, t1_51);
+        let t1_59 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_58;
+        let t1_60 = like.lift(0.4).mul_add(t1_59, t1_51);
         let t1_61 = inv_pivot_3 * t1_60;
         let t1_62 = (-t1_49).mul_add(t1_61, t1_48);
         let t1_63 = inv_pivot_2 * t1_62;
         let t1_64 = -t1_63;
         let t1_65 = -t1_61;
-        let t1_66 = (-t1_9).mul_add(t1_63, t1_35);
-        let t1_67 = like.lift(-0.17320508075688773).mul_add(t1_61, t1_66);
+        let t1_66 = (-t1_1).mul_add(t1_63, t1_41);
+        let t1_67 = like.lift(-0.06928203230275509).mul_add(t1_61, t1_66);
         let t1_68 = t1_46 * t1_67;
-        let t1_69 = like.lift(3.3333333333333335) * t1_68;
-        let t1_70 = -t1_69;
-        let t1_71 = -pivot_2;
-        let t1_72 = -pivot_3;
+        let t1_69 = like.lift(2.5) * t1_68;
+        let t1_70 = -pivot_2;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(3.7195893740787023)).abs()
-            .min((t1_71 * like.lift(1.4285714285714288)).abs())
-            .min((t1_72 * like.lift(4.631504421083416)).abs())
-            .min((pivot_4 * like.lift(3.3442201491765347)).abs());
-        let ([[t1_73], [t1_74], [t1_75], [t1_76]], found) = ::regen_runtime::guarded(
-            [[t1_64], [t1_65], [t1_70], [t1_58]],
+        let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
+            .min((t1_70 * like.lift(2.7080930926705737)).abs())
+            .min((pivot_3 * like.lift(19.82662604894746)).abs())
+            .min((pivot_4 * like.lift(2.203476117557732)).abs());
+        let ([[t1_71], [t1_72], [t1_73], [t1_74]], found) = ::regen_runtime::guarded(
+            [[t1_64], [t1_65], [t1_58], [t1_69]],
             margin,
             || (
                 [
-                    [t1_2, like.lift(-0.3), t1_7, like.lift(0.0)],
-                    [t1_9, like.lift(0.17320508075688773), pivot_1, like.lift(0.0)],
+                    [t1_2, like.lift(-0.06928203230275509), t1_7, like.lift(0.0)],
+                    [t1_9, like.lift(0.04), t1_10, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t1_2, like.lift(-0.3), like.lift(0.0), t1_14],
-                    [t1_16, like.lift(-0.17320508075688773), like.lift(0.0), t1_17],
+                    [t1_2, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
+                    [t1_16, like.lift(-0.04), like.lift(0.0), t1_17],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -942,10 +946,10 @@ pub fn velocities<T: Scalar>(q: &[T; 7], qd_i: &[T; 3]) -> ([T; 7], Condition<T>
             ),
         );
         condition = condition.min(found);
-        qd[1] = t1_73;
-        qd[2] = t1_74;
-        qd[4] = t1_75;
-        qd[6] = t1_76;
+        qd[1] = t1_71;
+        qd[2] = t1_72;
+        qd[4] = t1_73;
+        qd[6] = t1_74;
         qd[0] = d_q1;
         qd[3] = d_q4;
         qd[5] = d_q6;
@@ -971,79 +975,79 @@ pub fn accelerations<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd_i: &[T; 3]) -> ([T;
     // A_e qdd_e = b - A_i qdd_i (Eq. 8)
     {
         let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_1 = like.lift(0.3).mul_add(sin_q3, like.lift(0.3));
+        let t1_1 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
         let t1_2 = -t1_1;
         let t1_3 = q2 + q1;
         let t1_4 = q3 + t1_3;
         let t1_5 = t1_4 - q4;
         let t1_6 = t1_5 - q5;
         let (sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5) = t1_6.sin_cos();
-        let t1_7 = like.lift(0.3) * sin_q1_q2_q3_minus_q4_minus_q5;
-        let t1_8 = like.lift(0.3) * cos_q3;
-        let t1_9 = like.lift(0.17320508075688773) - t1_8;
-        let pivot_1 = like.lift(0.3) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let t1_10 = q2 + q1;
-        let t1_11 = q3 + t1_10;
-        let t1_12 = t1_11 - q6;
-        let t1_13 = t1_12 - q7;
-        let (sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7) = t1_13.sin_cos();
-        let t1_14 = like.lift(0.3) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t1_15 = like.lift(0.17320508075688773) + t1_8;
+        let t1_7 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
+        let t1_8 = like.lift(0.4) * cos_q3;
+        let t1_9 = like.lift(0.04) - t1_8;
+        let t1_10 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
+        let t1_11 = q2 + q1;
+        let t1_12 = q3 + t1_11;
+        let t1_13 = t1_12 - q6;
+        let t1_14 = t1_13 - q7;
+        let (sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7) = t1_14.sin_cos();
+        let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t1_15 = like.lift(0.04) + t1_8;
         let t1_16 = -t1_15;
-        let t1_17 = like.lift(0.3) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t1_17 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
         let (sin_q2, cos_q2) = q2.sin_cos();
         let t1_18 = sin_q2 * cos_q3;
-        let t1_19 = like.lift(0.3) * t1_18;
-        let t1_20 = like.lift(0.3).mul_add(cos_q2, like.lift(0.3));
+        let t1_19 = like.lift(0.4) * t1_18;
+        let t1_20 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
         let t1_21 = sin_q3.mul_add(t1_20, t1_19);
-        let t1_22 = like.lift(0.3) + t1_21;
+        let t1_22 = like.lift(0.06928203230275509) + t1_21;
         let t1_23 = t1_22 * dd_q1;
         let t1_24 = q2 + q1;
         let t1_25 = q3 + t1_24;
         let t1_26 = t1_25 - q4;
         let (sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4) = t1_26.sin_cos();
-        let t1_27 = like.lift(0.3).mul_add(sin_q1_q2_q3_minus_q4, t1_7);
+        let t1_27 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t1_7);
         let t1_28 = (-t1_27).mul_add(dd_q4, t1_23);
         let t1_29 = d_q1 * d_q1;
         let t1_30 = cos_q2 * t1_29;
-        let t1_31 = like.lift(0.3) * t1_30;
+        let t1_31 = like.lift(0.4) * t1_30;
         let t1_32 = d_q1 + d_q2;
         let t1_33 = t1_32 * t1_32;
-        let t1_34 = like.lift(0.3).mul_add(t1_33, t1_31);
+        let t1_34 = like.lift(0.4).mul_add(t1_33, t1_31);
         let t1_35 = cos_q3 * t1_34;
         let t1_36 = sin_q2 * t1_29;
         let t1_37 = sin_q3 * t1_36;
-        let t1_38 = like.lift(-0.3).mul_add(t1_37, t1_35);
+        let t1_38 = like.lift(-0.4).mul_add(t1_37, t1_35);
         let t1_39 = d_q3 + t1_32;
         let t1_40 = t1_39 * t1_39;
-        let t1_41 = like.lift(0.17320508075688773) * t1_40;
+        let t1_41 = like.lift(0.04) * t1_40;
         let t1_42 = t1_38 - t1_41;
         let t1_43 = cos_q1_q2_q3_minus_q4 * d_q4;
         let t1_44 = d_q4 * t1_43;
-        let t1_45 = like.lift(0.3) * t1_44;
+        let t1_45 = like.lift(0.4) * t1_44;
         let t1_46 = d_q4 + d_q5;
         let t1_47 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_46;
         let t1_48 = t1_46 * t1_47;
-        let t1_49 = like.lift(0.3).mul_add(t1_48, t1_45);
+        let t1_49 = like.lift(0.4).mul_add(t1_48, t1_45);
         let t1_50 = t1_42 - t1_49;
         let t1_51 = t1_28 - t1_50;
         let t1_52 = sin_q2 * sin_q3;
-        let t1_53 = like.lift(0.3) * t1_52;
+        let t1_53 = like.lift(0.4) * t1_52;
         let t1_54 = (-cos_q3).mul_add(t1_20, t1_53);
-        let t1_55 = like.lift(0.17320508075688773) + t1_54;
+        let t1_55 = like.lift(0.04) + t1_54;
         let t1_56 = t1_55 * dd_q1;
-        let t1_57 = like.lift(0.3).mul_add(cos_q1_q2_q3_minus_q4, pivot_1);
+        let t1_57 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t1_10);
         let t1_58 = t1_57.mul_add(dd_q4, t1_56);
         let t1_59 = sin_q3 * t1_34;
         let t1_60 = cos_q3 * t1_36;
-        let t1_61 = like.lift(0.3).mul_add(t1_60, t1_59);
-        let t1_62 = like.lift(0.3).mul_add(t1_40, t1_61);
+        let t1_61 = like.lift(0.4).mul_add(t1_60, t1_59);
+        let t1_62 = like.lift(0.06928203230275509).mul_add(t1_40, t1_61);
         let t1_63 = sin_q1_q2_q3_minus_q4 * d_q4;
         let t1_64 = d_q4 * t1_63;
-        let t1_65 = like.lift(0.3) * t1_64;
+        let t1_65 = like.lift(0.4) * t1_64;
         let t1_66 = sin_q1_q2_q3_minus_q4_minus_q5 * t1_46;
         let t1_67 = t1_46 * t1_66;
-        let t1_68 = like.lift(0.3).mul_add(t1_67, t1_65);
+        let t1_68 = like.lift(0.4).mul_add(t1_67, t1_65);
         let t1_69 = t1_62 - t1_68;
         let t1_70 = t1_58 - t1_69;
         let t1_71 = -t1_70;
@@ -1051,80 +1055,78 @@ pub fn accelerations<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd_i: &[T; 3]) -> ([T;
         let t1_73 = q3 + t1_72;
         let t1_74 = t1_73 - q6;
         let (sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6) = t1_74.sin_cos();
-        let t1_75 = like.lift(0.3).mul_add(sin_q1_q2_q3_minus_q6, t1_14);
+        let t1_75 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
         let t1_76 = (-t1_75).mul_add(dd_q6, t1_23);
         let t1_77 = t1_38 + t1_41;
         let t1_78 = cos_q1_q2_q3_minus_q6 * d_q6;
         let t1_79 = d_q6 * t1_78;
-        let t1_80 = like.lift(0.3) * t1_79;
+        let t1_80 = like.lift(0.4) * t1_79;
         let t1_81 = d_q6 + d_q7;
         let t1_82 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_81;
         let t1_83 = t1_81 * t1_82;
-        let t1_84 = like.lift(0.3).mul_add(t1_83, t1_80);
+        let t1_84 = like.lift(0.4).mul_add(t1_83, t1_80);
         let t1_85 = t1_77 - t1_84;
         let t1_86 = t1_76 - t1_85;
-        let t1_87 = like.lift(0.17320508075688773) - t1_54;
+        let t1_87 = like.lift(0.04) - t1_54;
         let t1_88 = t1_87 * dd_q1;
-        let t1_89 = like.lift(0.3).mul_add(cos_q1_q2_q3_minus_q6, t1_17);
+        let t1_89 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t1_17);
         let t1_90 = (-t1_89).mul_add(dd_q6, t1_88);
         let t1_91 = sin_q1_q2_q3_minus_q6 * d_q6;
         let t1_92 = d_q6 * t1_91;
-        let t1_93 = like.lift(0.3) * t1_92;
+        let t1_93 = like.lift(0.4) * t1_92;
         let t1_94 = sin_q1_q2_q3_minus_q6_minus_q7 * t1_81;
         let t1_95 = t1_81 * t1_94;
-        let t1_96 = like.lift(0.3).mul_add(t1_95, t1_93);
+        let t1_96 = like.lift(0.4).mul_add(t1_95, t1_93);
         let t1_97 = t1_62 - t1_96;
         let t1_98 = t1_90 + t1_97;
-        let t1_99 = like.lift(1.0) / cos_q1_q2_q3_minus_q4_minus_q5;
-        let t1_100 = sin_q1_q2_q3_minus_q4_minus_q5 * t1_99;
-        let pivot_2 = t1_9.mul_add(t1_100, t1_1);
+        let t1_99 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
+        let t1_100 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_99;
+        let pivot_2 = (-t1_1).mul_add(t1_100, t1_15);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t1_101 = t1_100.mul_add(t1_70, t1_51);
-        let t1_102 = like.lift(0.17320508075688773).mul_add(t1_100, like.lift(0.3));
-        let t1_103 = t1_15 * inv_pivot_2;
-        let pivot_3 = (-t1_102).mul_add(t1_103, like.lift(0.17320508075688773));
+        let t1_101 = (-t1_100).mul_add(t1_86, t1_98);
+        let t1_102 = like.lift(-0.06928203230275509).mul_add(t1_100, like.lift(0.04));
+        let t1_103 = t1_9 * inv_pivot_2;
+        let pivot_3 = (-t1_102).mul_add(t1_103, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_104 = (-t1_103).mul_add(t1_101, t1_98);
+        let t1_104 = (-t1_103).mul_add(t1_101, t1_70);
         let t1_105 = t1_1 * inv_pivot_2;
-        let t1_106 = (-t1_102).mul_add(t1_105, like.lift(0.3));
+        let t1_106 = (-t1_102).mul_add(t1_105, like.lift(0.06928203230275509));
         let t1_107 = t1_106 * inv_pivot_3;
-        let t1_108 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_107;
-        let pivot_4 = like.lift(-0.3).mul_add(t1_108, t1_14);
+        let t1_108 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_107;
+        let pivot_4 = like.lift(0.4).mul_add(t1_108, t1_7);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t1_109 = (-t1_105).mul_add(t1_101, t1_86);
+        let t1_109 = (-t1_105).mul_add(t1_101, t1_51);
         let t1_110 = (-t1_107).mul_add(t1_104, t1_109);
         let t1_111 = inv_pivot_4 * t1_110;
-        let t1_112 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_111;
-        let t1_113 = like.lift(-0.3).mul_add(t1_112, t1_104);
+        let t1_112 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_111;
+        let t1_113 = like.lift(0.4).mul_add(t1_112, t1_104);
         let t1_114 = inv_pivot_3 * t1_113;
         let t1_115 = (-t1_102).mul_add(t1_114, t1_101);
         let t1_116 = inv_pivot_2 * t1_115;
         let t1_117 = -t1_116;
         let t1_118 = -t1_114;
-        let t1_119 = (-t1_9).mul_add(t1_116, t1_70);
-        let t1_120 = like.lift(-0.17320508075688773).mul_add(t1_114, t1_119);
+        let t1_119 = (-t1_1).mul_add(t1_116, t1_86);
+        let t1_120 = like.lift(-0.06928203230275509).mul_add(t1_114, t1_119);
         let t1_121 = t1_99 * t1_120;
-        let t1_122 = like.lift(3.3333333333333335) * t1_121;
-        let t1_123 = -t1_122;
-        let t1_124 = -pivot_2;
-        let t1_125 = -pivot_3;
+        let t1_122 = like.lift(2.5) * t1_121;
+        let t1_123 = -pivot_2;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(3.7195893740787023)).abs()
-            .min((t1_124 * like.lift(1.4285714285714288)).abs())
-            .min((t1_125 * like.lift(4.631504421083416)).abs())
-            .min((pivot_4 * like.lift(3.3442201491765347)).abs());
-        let ([[t1_126], [t1_127], [t1_128], [t1_129]], found) = ::regen_runtime::guarded(
-            [[t1_117], [t1_118], [t1_123], [t1_111]],
+        let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
+            .min((t1_123 * like.lift(2.7080930926705737)).abs())
+            .min((pivot_3 * like.lift(19.82662604894746)).abs())
+            .min((pivot_4 * like.lift(2.203476117557732)).abs());
+        let ([[t1_124], [t1_125], [t1_126], [t1_127]], found) = ::regen_runtime::guarded(
+            [[t1_117], [t1_118], [t1_111], [t1_122]],
             margin,
             || (
                 [
-                    [t1_2, like.lift(-0.3), t1_7, like.lift(0.0)],
-                    [t1_9, like.lift(0.17320508075688773), pivot_1, like.lift(0.0)],
+                    [t1_2, like.lift(-0.06928203230275509), t1_7, like.lift(0.0)],
+                    [t1_9, like.lift(0.04), t1_10, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t1_2, like.lift(-0.3), like.lift(0.0), t1_14],
-                    [t1_16, like.lift(-0.17320508075688773), like.lift(0.0), t1_17],
+                    [t1_2, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
+                    [t1_16, like.lift(-0.04), like.lift(0.0), t1_17],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -1136,10 +1138,10 @@ pub fn accelerations<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd_i: &[T; 3]) -> ([T;
             ),
         );
         condition = condition.min(found);
-        qdd[1] = t1_126;
-        qdd[2] = t1_127;
-        qdd[4] = t1_128;
-        qdd[6] = t1_129;
+        qdd[1] = t1_124;
+        qdd[2] = t1_125;
+        qdd[4] = t1_126;
+        qdd[6] = t1_127;
         qdd[0] = dd_q1;
         qdd[3] = dd_q4;
         qdd[5] = dd_q6;
@@ -1187,8 +1189,8 @@ pub fn regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 
     ] = {
         let al_rod1z = dd_q1 + dd_q2;
         let (sin_q3, cos_q3) = q3.sin_cos();
-        let u_platform_q2x = like.lift(0.3) * sin_q3;
-        let t2_1 = like.lift(0.3) + u_platform_q2x;
+        let u_platform_q2x = like.lift(0.4) * sin_q3;
+        let t2_1 = like.lift(0.06928203230275509) + u_platform_q2x;
         let t2_2 = -t2_1;
         let (sin_q2, cos_q2) = q2.sin_cos();
         let t2_3 = cos_q1 * sin_q2;
@@ -1209,124 +1211,124 @@ pub fn regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 
         let t2_10 = sin_q1_q2_q3_minus_q4 * sin_q5;
         let sin_q1_q2_q3_minus_q4_minus_q5 = sin_q1_q2_q3_minus_q4.mul_add(cos_q5, -t2_9);
         let cos_q1_q2_q3_minus_q4_minus_q5 = cos_q1_q2_q3_minus_q4.mul_add(cos_q5, t2_10);
-        let t2_11 = like.lift(0.3) * sin_q1_q2_q3_minus_q4_minus_q5;
-        let u_platform_q2y = like.lift(0.3) * cos_q3;
-        let t2_12 = like.lift(0.17320508075688773) - u_platform_q2y;
-        let pivot_1 = like.lift(0.3) * cos_q1_q2_q3_minus_q4_minus_q5;
+        let t2_11 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
+        let u_platform_q2y = like.lift(0.4) * cos_q3;
+        let t2_12 = like.lift(0.04) - u_platform_q2y;
+        let t2_13 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
         let (sin_q6, cos_q6) = q6.sin_cos();
-        let t2_13 = cos_q1_q2_q3 * sin_q6;
-        let t2_14 = sin_q1_q2_q3 * sin_q6;
-        let sin_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(cos_q6, -t2_13);
-        let cos_q1_q2_q3_minus_q6 = cos_q1_q2_q3.mul_add(cos_q6, t2_14);
+        let t2_14 = cos_q1_q2_q3 * sin_q6;
+        let t2_15 = sin_q1_q2_q3 * sin_q6;
+        let sin_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(cos_q6, -t2_14);
+        let cos_q1_q2_q3_minus_q6 = cos_q1_q2_q3.mul_add(cos_q6, t2_15);
         let (sin_q7, cos_q7) = q7.sin_cos();
-        let t2_15 = cos_q1_q2_q3_minus_q6 * sin_q7;
-        let t2_16 = sin_q1_q2_q3_minus_q6 * sin_q7;
-        let sin_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(cos_q7, -t2_15);
-        let cos_q1_q2_q3_minus_q6_minus_q7 = cos_q1_q2_q3_minus_q6.mul_add(cos_q7, t2_16);
-        let t2_17 = like.lift(0.3) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_18 = like.lift(0.17320508075688773) + u_platform_q2y;
+        let t2_16 = cos_q1_q2_q3_minus_q6 * sin_q7;
+        let t2_17 = sin_q1_q2_q3_minus_q6 * sin_q7;
+        let sin_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(cos_q7, -t2_16);
+        let cos_q1_q2_q3_minus_q6_minus_q7 = cos_q1_q2_q3_minus_q6.mul_add(cos_q7, t2_17);
+        let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_18 = like.lift(0.04) + u_platform_q2y;
         let t2_19 = -t2_18;
-        let t2_20 = like.lift(0.3) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t2_20 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
         let t2_21 = sin_q2 * cos_q3;
-        let t2_22 = like.lift(0.3) * t2_21;
-        let u_rod1_q1y = like.lift(0.3) * cos_q2;
-        let t2_23 = like.lift(0.3) + u_rod1_q1y;
+        let t2_22 = like.lift(0.4) * t2_21;
+        let u_rod1_q1y = like.lift(0.4) * cos_q2;
+        let t2_23 = like.lift(0.4) + u_rod1_q1y;
         let u_platform_q1x = sin_q3.mul_add(t2_23, t2_22);
-        let t2_24 = like.lift(0.3) + u_platform_q1x;
+        let t2_24 = like.lift(0.06928203230275509) + u_platform_q1x;
         let t2_25 = -t2_24;
-        let t2_26 = like.lift(0.3).mul_add(sin_q1_q2_q3_minus_q4, t2_11);
+        let t2_26 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t2_11);
         let t2_27 = sin_q2 * sin_q3;
-        let t2_28 = like.lift(0.3) * t2_27;
+        let t2_28 = like.lift(0.4) * t2_27;
         let u_platform_q1y = (-cos_q3).mul_add(t2_23, t2_28);
-        let t2_29 = like.lift(0.17320508075688773) + u_platform_q1y;
-        let t2_30 = like.lift(0.3).mul_add(cos_q1_q2_q3_minus_q4, pivot_1);
-        let t2_31 = like.lift(0.3).mul_add(sin_q1_q2_q3_minus_q6, t2_17);
-        let t2_32 = like.lift(0.17320508075688773) - u_platform_q1y;
+        let t2_29 = like.lift(0.04) + u_platform_q1y;
+        let t2_30 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t2_13);
+        let t2_31 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
+        let t2_32 = like.lift(0.04) - u_platform_q1y;
         let t2_33 = -t2_32;
-        let t2_34 = like.lift(0.3).mul_add(cos_q1_q2_q3_minus_q6, t2_20);
-        let t2_35 = like.lift(1.0) / cos_q1_q2_q3_minus_q4_minus_q5;
-        let t2_36 = sin_q1_q2_q3_minus_q4_minus_q5 * t2_35;
-        let pivot_2 = t2_12.mul_add(t2_36, t2_1);
+        let t2_34 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_20);
+        let t2_35 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_36 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_35;
+        let pivot_2 = (-t2_1).mul_add(t2_36, t2_18);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_37 = t2_29.mul_add(t2_36, t2_24);
-        let t2_38 = like.lift(0.17320508075688773).mul_add(t2_36, like.lift(0.3));
-        let t2_39 = t2_18 * inv_pivot_2;
-        let pivot_3 = (-t2_38).mul_add(t2_39, like.lift(0.17320508075688773));
+        let t2_37 = (-t2_24).mul_add(t2_36, t2_32);
+        let t2_38 = like.lift(-0.06928203230275509).mul_add(t2_36, like.lift(0.04));
+        let t2_39 = t2_12 * inv_pivot_2;
+        let pivot_3 = (-t2_38).mul_add(t2_39, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_40 = (-t2_37).mul_add(t2_39, t2_32);
+        let t2_40 = (-t2_37).mul_add(t2_39, t2_29);
         let t2_41 = t2_1 * inv_pivot_2;
         let t2_42 = (-t2_37).mul_add(t2_41, t2_24);
-        let t2_43 = (-t2_38).mul_add(t2_41, like.lift(0.3));
+        let t2_43 = (-t2_38).mul_add(t2_41, like.lift(0.06928203230275509));
         let t2_44 = t2_43 * inv_pivot_3;
         let t2_45 = (-t2_40).mul_add(t2_44, t2_42);
-        let t2_46 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_44;
-        let pivot_4 = like.lift(-0.3).mul_add(t2_46, t2_17);
+        let t2_46 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_44;
+        let pivot_4 = like.lift(0.4).mul_add(t2_46, t2_11);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
         let t2_47 = t2_45 * inv_pivot_4;
-        let t2_48 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_47;
-        let t2_49 = like.lift(-0.3).mul_add(t2_48, t2_40);
+        let t2_48 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_47;
+        let t2_49 = like.lift(0.4).mul_add(t2_48, t2_40);
         let t2_50 = inv_pivot_3 * t2_49;
         let t2_51 = (-t2_38).mul_add(t2_50, t2_37);
         let t2_52 = inv_pivot_2 * t2_51;
-        let t2_53 = (-t2_30).mul_add(t2_36, t2_26);
-        let t2_54 = t2_53 * t2_39;
-        let t2_55 = t2_53 * t2_41;
-        let t2_56 = (-t2_54).mul_add(t2_44, t2_55);
-        let t2_57 = t2_56 * inv_pivot_4;
-        let t2_58 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_57;
-        let t2_59 = like.lift(-0.3).mul_add(t2_58, t2_54);
-        let t2_60 = inv_pivot_3 * t2_59;
-        let t2_61 = t2_38.mul_add(t2_60, t2_53);
-        let t2_62 = inv_pivot_2 * t2_61;
-        let t2_63 = -t2_62;
-        let t2_64 = (-t2_34).mul_add(t2_44, t2_31);
+        let t2_53 = t2_30.mul_add(t2_44, t2_26);
+        let t2_54 = t2_53 * inv_pivot_4;
+        let t2_55 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_54;
+        let t2_56 = like.lift(-0.4).mul_add(t2_55, t2_30);
+        let t2_57 = inv_pivot_3 * t2_56;
+        let t2_58 = t2_38 * t2_57;
+        let t2_59 = inv_pivot_2 * t2_58;
+        let t2_60 = -t2_59;
+        let t2_61 = (-t2_31).mul_add(t2_36, t2_34);
+        let t2_62 = t2_61 * t2_39;
+        let t2_63 = t2_61 * t2_41;
+        let t2_64 = (-t2_62).mul_add(t2_44, t2_63);
         let t2_65 = t2_64 * inv_pivot_4;
-        let t2_66 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_65;
-        let t2_67 = like.lift(-0.3).mul_add(t2_66, t2_34);
+        let t2_66 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_65;
+        let t2_67 = like.lift(0.4).mul_add(t2_66, t2_62);
         let t2_68 = inv_pivot_3 * t2_67;
-        let t2_69 = t2_38 * t2_68;
+        let t2_69 = t2_38.mul_add(t2_68, t2_61);
         let t2_70 = inv_pivot_2 * t2_69;
-        let t2_71 = -t2_68;
-        let t2_72 = (-t2_12).mul_add(t2_52, t2_29);
-        let t2_73 = like.lift(-0.17320508075688773).mul_add(t2_50, t2_72);
-        let t2_74 = t2_35 * t2_73;
-        let t2_75 = like.lift(3.3333333333333335) * t2_74;
-        let t2_76 = t2_12.mul_add(t2_62, t2_30);
-        let t2_77 = like.lift(-0.17320508075688773).mul_add(t2_60, t2_76);
-        let t2_78 = t2_35 * t2_77;
-        let t2_79 = like.lift(3.3333333333333335) * t2_78;
-        let t2_80 = t2_12 * t2_70;
-        let t2_81 = like.lift(-0.17320508075688773).mul_add(t2_68, t2_80);
-        let t2_82 = t2_35 * t2_81;
-        let t2_83 = like.lift(3.3333333333333335) * t2_82;
-        let t2_84 = -t2_83;
-        let t2_85 = -t2_47;
-        let t2_86 = -t2_57;
-        let t2_87 = -pivot_2;
-        let t2_88 = -pivot_3;
+        let t2_71 = -t2_70;
+        let t2_72 = -t2_47;
+        let t2_73 = -t2_65;
+        let t2_74 = (-t2_1).mul_add(t2_52, t2_24);
+        let t2_75 = like.lift(-0.06928203230275509).mul_add(t2_50, t2_74);
+        let t2_76 = t2_35 * t2_75;
+        let t2_77 = like.lift(2.5) * t2_76;
+        let t2_78 = -t2_77;
+        let t2_79 = t2_1 * t2_59;
+        let t2_80 = like.lift(-0.06928203230275509).mul_add(t2_57, t2_79);
+        let t2_81 = t2_35 * t2_80;
+        let t2_82 = like.lift(2.5) * t2_81;
+        let t2_83 = -t2_82;
+        let t2_84 = (-t2_1).mul_add(t2_70, t2_31);
+        let t2_85 = like.lift(0.06928203230275509).mul_add(t2_68, t2_84);
+        let t2_86 = t2_35 * t2_85;
+        let t2_87 = like.lift(2.5) * t2_86;
+        let t2_88 = -pivot_2;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(3.7195893740787023)).abs()
-            .min((t2_87 * like.lift(1.4285714285714288)).abs())
-            .min((t2_88 * like.lift(4.631504421083416)).abs())
-            .min((pivot_4 * like.lift(3.3442201491765347)).abs());
+        let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
+            .min((t2_88 * like.lift(2.7080930926705737)).abs())
+            .min((pivot_3 * like.lift(19.82662604894746)).abs())
+            .min((pivot_4 * like.lift(2.203476117557732)).abs());
         let ([
             [x_q2_q1, x_q2_q4, x_q2_q6], [x_q3_q1, x_q3_q4, x_q3_q6],
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_52, t2_63, t2_70], [t2_50, t2_60, t2_71], [t2_75, t2_79, t2_84],
-                [t2_85, t2_86, t2_65],
+                [t2_52, t2_60, t2_71], [t2_50, t2_57, t2_68], [t2_72, t2_54, t2_73],
+                [t2_78, t2_83, t2_87],
             ],
             margin,
             || (
                 [
-                    [t2_2, like.lift(-0.3), t2_11, like.lift(0.0)],
-                    [t2_12, like.lift(0.17320508075688773), pivot_1, like.lift(0.0)],
+                    [t2_2, like.lift(-0.06928203230275509), t2_11, like.lift(0.0)],
+                    [t2_12, like.lift(0.04), t2_13, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_2, like.lift(-0.3), like.lift(0.0), t2_17],
-                    [t2_19, like.lift(-0.17320508075688773), like.lift(0.0), t2_20],
+                    [t2_2, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
+                    [t2_19, like.lift(-0.04), like.lift(0.0), t2_20],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -1360,16 +1362,16 @@ pub fn regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 
         let t3_3 = -w_izz_rod1_q6;
         w[15] = [w_izz_rod1_q1, t3_2, t3_3];
         let t3_4 = d_q1 * d_q1;
-        let t3_5 = like.lift(0.3).mul_add(t3_4, -a_crank1x);
+        let t3_5 = like.lift(0.4).mul_add(t3_4, -a_crank1x);
         let t3_6 = sin_q2 * t3_5;
-        let t3_7 = like.lift(0.3).mul_add(dd_q1, a_crank1y);
+        let t3_7 = like.lift(0.4).mul_add(dd_q1, a_crank1y);
         let a_rod1y = cos_q2.mul_add(t3_7, t3_6);
         let w_rod1z = d_q1 + d_q2;
         let t3_8 = w_rod1z * w_rod1z;
         let t3_9 = sin_q2 * t3_8;
-        let t3_10 = like.lift(0.3) * t3_9;
+        let t3_10 = like.lift(0.4) * t3_9;
         let t3_11 = cos_q2 * al_rod1z;
-        let t3_12 = like.lift(-0.3).mul_add(t3_11, t3_10);
+        let t3_12 = like.lift(-0.4).mul_add(t3_11, t3_10);
         let w_mx_rod1_q1 = a_rod1y.mul_add(t3_1, -t3_12);
         let w_mx_rod1_q4 = x_q2_q4 * a_rod1y;
         let t3_13 = -w_mx_rod1_q4;
@@ -1379,9 +1381,9 @@ pub fn regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 
         let t3_15 = cos_q2 * t3_5;
         let a_rod1x = (-sin_q2).mul_add(t3_7, t3_15);
         let t3_16 = sin_q2 * al_rod1z;
-        let t3_17 = like.lift(0.3) * t3_16;
+        let t3_17 = like.lift(0.4) * t3_16;
         let t3_18 = cos_q2 * t3_8;
-        let t3_19 = like.lift(0.3).mul_add(t3_18, t3_17);
+        let t3_19 = like.lift(0.4).mul_add(t3_18, t3_17);
         let w_my_rod1_q1 = a_rod1x.mul_add(t3_1, -t3_19);
         let w_my_rod1_q4 = x_q2_q4 * a_rod1x;
         let t3_20 = -w_my_rod1_q4;
@@ -1389,9 +1391,9 @@ pub fn regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 
         let t3_21 = -w_my_rod1_q6;
         w[17] = [w_my_rod1_q1, t3_20, t3_21];
         let t3_22 = sin_q2 * a_rod1x;
-        let t3_23 = like.lift(0.3) * t3_22;
+        let t3_23 = like.lift(0.4) * t3_22;
         let t3_24 = cos_q2 * a_rod1y;
-        let w_m_rod1_q1 = like.lift(-0.3).mul_add(t3_24, t3_23);
+        let w_m_rod1_q1 = like.lift(-0.4).mul_add(t3_24, t3_23);
         let t3_25 = -w_m_rod1_q1;
         w[19] = [t3_25, like.lift(0.0), like.lift(0.0)];
         w[10] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
@@ -1415,34 +1417,34 @@ pub fn regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 
         let w_izz_platform_q6 = al_platformz * t4_5;
         let t4_6 = -w_izz_platform_q6;
         w[25] = [t4_2, t4_4, t4_6];
-        let t4_7 = like.lift(0.3).mul_add(t3_8, a_rod1x);
+        let t4_7 = like.lift(0.4).mul_add(t3_8, a_rod1x);
         let t4_8 = sin_q3 * t4_7;
-        let t4_9 = like.lift(0.3).mul_add(al_rod1z, a_rod1y);
+        let t4_9 = like.lift(0.4).mul_add(al_rod1z, a_rod1y);
         let a_platformy = cos_q3.mul_add(t4_9, t4_8);
         let w_platformz = d_q3 + w_rod1z;
         let t4_10 = w_platformz * w_platformz;
         let t4_11 = sin_q3 * x_q2_q1;
-        let t4_12 = like.lift(-0.3).mul_add(t4_11, u_platform_q1x);
+        let t4_12 = like.lift(-0.4).mul_add(t4_11, u_platform_q1x);
         let t4_13 = t4_10 * t4_12;
         let t4_14 = cos_q3 * x_q2_q1;
-        let t4_15 = like.lift(0.3).mul_add(t4_14, u_platform_q1y);
+        let t4_15 = like.lift(0.4).mul_add(t4_14, u_platform_q1y);
         let t4_16 = al_platformz.mul_add(t4_15, t4_13);
         let w_mx_platform_q1 = a_platformy.mul_add(t4_1, t4_16);
         let t4_17 = -w_mx_platform_q1;
         let t4_18 = sin_q3 * x_q2_q4;
         let t4_19 = t4_10 * t4_18;
-        let t4_20 = like.lift(0.3) * t4_19;
+        let t4_20 = like.lift(0.4) * t4_19;
         let t4_21 = cos_q3 * x_q2_q4;
         let t4_22 = al_platformz * t4_21;
-        let t4_23 = like.lift(-0.3).mul_add(t4_22, t4_20);
+        let t4_23 = like.lift(-0.4).mul_add(t4_22, t4_20);
         let w_mx_platform_q4 = a_platformy.mul_add(t4_3, -t4_23);
         let t4_24 = -w_mx_platform_q4;
         let t4_25 = sin_q3 * x_q2_q6;
         let t4_26 = t4_10 * t4_25;
-        let t4_27 = like.lift(0.3) * t4_26;
+        let t4_27 = like.lift(0.4) * t4_26;
         let t4_28 = cos_q3 * x_q2_q6;
         let t4_29 = al_platformz * t4_28;
-        let t4_30 = like.lift(-0.3).mul_add(t4_29, t4_27);
+        let t4_30 = like.lift(-0.4).mul_add(t4_29, t4_27);
         let w_mx_platform_q6 = a_platformy.mul_add(t4_5, -t4_30);
         let t4_31 = -w_mx_platform_q6;
         w[26] = [t4_17, t4_24, t4_31];
@@ -1453,15 +1455,15 @@ pub fn regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 
         let w_my_platform_q1 = a_platformx.mul_add(t4_1, t4_34);
         let t4_35 = -w_my_platform_q1;
         let t4_36 = al_platformz * t4_18;
-        let t4_37 = like.lift(0.3) * t4_36;
+        let t4_37 = like.lift(0.4) * t4_36;
         let t4_38 = t4_10 * t4_21;
-        let t4_39 = like.lift(0.3).mul_add(t4_38, t4_37);
+        let t4_39 = like.lift(0.4).mul_add(t4_38, t4_37);
         let w_my_platform_q4 = a_platformx.mul_add(t4_3, -t4_39);
         let t4_40 = -w_my_platform_q4;
         let t4_41 = al_platformz * t4_25;
-        let t4_42 = like.lift(0.3) * t4_41;
+        let t4_42 = like.lift(0.4) * t4_41;
         let t4_43 = t4_10 * t4_28;
-        let t4_44 = like.lift(0.3).mul_add(t4_43, t4_42);
+        let t4_44 = like.lift(0.4).mul_add(t4_43, t4_42);
         let w_my_platform_q6 = a_platformx.mul_add(t4_5, -t4_44);
         let t4_45 = -w_my_platform_q6;
         w[27] = [t4_35, t4_40, t4_45];
@@ -1469,13 +1471,13 @@ pub fn regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 
         let w_m_platform_q1 = a_platformy.mul_add(t4_15, t4_46);
         let t4_47 = -w_m_platform_q1;
         let t4_48 = a_platformx * t4_18;
-        let t4_49 = like.lift(0.3) * t4_48;
+        let t4_49 = like.lift(0.4) * t4_48;
         let t4_50 = a_platformy * t4_21;
-        let w_m_platform_q4 = like.lift(-0.3).mul_add(t4_50, t4_49);
+        let w_m_platform_q4 = like.lift(-0.4).mul_add(t4_50, t4_49);
         let t4_51 = a_platformx * t4_25;
-        let t4_52 = like.lift(0.3) * t4_51;
+        let t4_52 = like.lift(0.4) * t4_51;
         let t4_53 = a_platformy * t4_28;
-        let w_m_platform_q6 = like.lift(-0.3).mul_add(t4_53, t4_52);
+        let w_m_platform_q6 = like.lift(-0.4).mul_add(t4_53, t4_52);
         w[29] = [t4_47, w_m_platform_q4, w_m_platform_q6];
         w[20] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         w[21] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
@@ -1512,17 +1514,17 @@ pub fn regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 
         let t6_3 = -w_izz_rod2_q6;
         w[45] = [t6_1, w_izz_rod2_q4, t6_3];
         let t6_4 = d_q4 * d_q4;
-        let t6_5 = like.lift(-0.3).mul_add(t6_4, a_crank2x);
+        let t6_5 = like.lift(-0.4).mul_add(t6_4, a_crank2x);
         let t6_6 = sin_q5 * t6_5;
-        let t6_7 = like.lift(0.3).mul_add(dd_q4, a_crank2y);
+        let t6_7 = like.lift(0.4).mul_add(dd_q4, a_crank2y);
         let a_rod2y = (-cos_q5).mul_add(t6_7, t6_6);
         let w_mx_rod2_q1 = x_q5_q1 * a_rod2y;
         let w_rod2z = d_q4 + d_q5;
         let t6_8 = w_rod2z * w_rod2z;
         let t6_9 = sin_q5 * t6_8;
-        let t6_10 = like.lift(0.3) * t6_9;
+        let t6_10 = like.lift(0.4) * t6_9;
         let t6_11 = cos_q5 * al_rod2z;
-        let t6_12 = like.lift(-0.3).mul_add(t6_11, t6_10);
+        let t6_12 = like.lift(-0.4).mul_add(t6_11, t6_10);
         let w_mx_rod2_q4 = a_rod2y.mul_add(t6_2, t6_12);
         let t6_13 = -w_mx_rod2_q4;
         let w_mx_rod2_q6 = x_q5_q6 * a_rod2y;
@@ -1531,17 +1533,17 @@ pub fn regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 
         let a_rod2x = sin_q5.mul_add(t6_7, t6_14);
         let w_my_rod2_q1 = x_q5_q1 * a_rod2x;
         let t6_15 = sin_q5 * al_rod2z;
-        let t6_16 = like.lift(0.3) * t6_15;
+        let t6_16 = like.lift(0.4) * t6_15;
         let t6_17 = cos_q5 * t6_8;
-        let t6_18 = like.lift(0.3).mul_add(t6_17, t6_16);
+        let t6_18 = like.lift(0.4).mul_add(t6_17, t6_16);
         let w_my_rod2_q4 = a_rod2x.mul_add(t6_2, t6_18);
         let t6_19 = -w_my_rod2_q4;
         let w_my_rod2_q6 = x_q5_q6 * a_rod2x;
         w[47] = [w_my_rod2_q1, t6_19, w_my_rod2_q6];
         let t6_20 = sin_q5 * a_rod2x;
-        let t6_21 = like.lift(0.3) * t6_20;
+        let t6_21 = like.lift(0.4) * t6_20;
         let t6_22 = cos_q5 * a_rod2y;
-        let w_m_rod2_q4 = like.lift(-0.3).mul_add(t6_22, t6_21);
+        let w_m_rod2_q4 = like.lift(-0.4).mul_add(t6_22, t6_21);
         w[49] = [like.lift(0.0), w_m_rod2_q4, like.lift(0.0)];
         w[40] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         w[41] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
@@ -1578,18 +1580,18 @@ pub fn regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 
         let w_izz_rod3_q6 = al_rod3z * t8_3;
         w[65] = [t8_1, t8_2, w_izz_rod3_q6];
         let t8_4 = d_q6 * d_q6;
-        let t8_5 = like.lift(-0.3).mul_add(t8_4, a_crank3x);
+        let t8_5 = like.lift(-0.4).mul_add(t8_4, a_crank3x);
         let t8_6 = sin_q7 * t8_5;
-        let t8_7 = like.lift(0.3).mul_add(dd_q6, a_crank3y);
+        let t8_7 = like.lift(0.4).mul_add(dd_q6, a_crank3y);
         let a_rod3y = (-cos_q7).mul_add(t8_7, t8_6);
         let w_mx_rod3_q1 = x_q7_q1 * a_rod3y;
         let w_mx_rod3_q4 = x_q7_q4 * a_rod3y;
         let w_rod3z = d_q6 + d_q7;
         let t8_8 = w_rod3z * w_rod3z;
         let t8_9 = sin_q7 * t8_8;
-        let t8_10 = like.lift(0.3) * t8_9;
+        let t8_10 = like.lift(0.4) * t8_9;
         let t8_11 = cos_q7 * al_rod3z;
-        let t8_12 = like.lift(-0.3).mul_add(t8_11, t8_10);
+        let t8_12 = like.lift(-0.4).mul_add(t8_11, t8_10);
         let w_mx_rod3_q6 = a_rod3y.mul_add(t8_3, t8_12);
         let t8_13 = -w_mx_rod3_q6;
         w[66] = [w_mx_rod3_q1, w_mx_rod3_q4, t8_13];
@@ -1598,16 +1600,16 @@ pub fn regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 
         let w_my_rod3_q1 = x_q7_q1 * a_rod3x;
         let w_my_rod3_q4 = x_q7_q4 * a_rod3x;
         let t8_15 = sin_q7 * al_rod3z;
-        let t8_16 = like.lift(0.3) * t8_15;
+        let t8_16 = like.lift(0.4) * t8_15;
         let t8_17 = cos_q7 * t8_8;
-        let t8_18 = like.lift(0.3).mul_add(t8_17, t8_16);
+        let t8_18 = like.lift(0.4).mul_add(t8_17, t8_16);
         let w_my_rod3_q6 = a_rod3x.mul_add(t8_3, t8_18);
         let t8_19 = -w_my_rod3_q6;
         w[67] = [w_my_rod3_q1, w_my_rod3_q4, t8_19];
         let t8_20 = sin_q7 * a_rod3x;
-        let t8_21 = like.lift(0.3) * t8_20;
+        let t8_21 = like.lift(0.4) * t8_20;
         let t8_22 = cos_q7 * a_rod3y;
-        let w_m_rod3_q6 = like.lift(-0.3).mul_add(t8_22, t8_21);
+        let w_m_rod3_q6 = like.lift(-0.4).mul_add(t8_22, t8_21);
         w[69] = [like.lift(0.0), like.lift(0.0), w_m_rod3_q6];
         w[60] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         w[61] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
@@ -1659,10 +1661,10 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
         let (sin_q2, cos_q2) = q2.sin_cos();
         let t1_6 = d_q1 * d_q1;
         let a_crank1x = like.lift(9.81) * sin_q1;
-        let t1_7 = like.lift(0.3).mul_add(t1_6, -a_crank1x);
+        let t1_7 = like.lift(0.4).mul_add(t1_6, -a_crank1x);
         let t1_8 = sin_q2 * t1_7;
         let a_crank1y = like.lift(9.81) * cos_q1;
-        let t1_9 = like.lift(0.3).mul_add(dd_q1, a_crank1y);
+        let t1_9 = like.lift(0.4).mul_add(dd_q1, a_crank1y);
         let a_rod1y = cos_q2.mul_add(t1_9, t1_8);
         let t1_10 = a_rod1y * p_mx_rod1;
         let t1_11 = cos_q2 * t1_7;
@@ -1673,9 +1675,9 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
         let (sin_q3, cos_q3) = q3.sin_cos();
         let w_rod1z = d_q1 + d_q2;
         let t1_14 = w_rod1z * w_rod1z;
-        let t1_15 = like.lift(0.3).mul_add(t1_14, a_rod1x);
+        let t1_15 = like.lift(0.4).mul_add(t1_14, a_rod1x);
         let t1_16 = sin_q3 * t1_15;
-        let t1_17 = like.lift(0.3).mul_add(al_rod1z, a_rod1y);
+        let t1_17 = like.lift(0.4).mul_add(al_rod1z, a_rod1y);
         let a_platformy = cos_q3.mul_add(t1_17, t1_16);
         let t1_18 = a_platformy * p_mx_platform;
         let t1_19 = cos_q3 * t1_15;
@@ -1692,7 +1694,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
         let t1_28 = (-t1_22).mul_add(p_my_platform, t1_27);
         let t1_29 = a_platformy.mul_add(p_m_platform, t1_28);
         let t1_30 = (-cos_q3).mul_add(t1_29, t1_26);
-        let t1_31 = like.lift(-0.3).mul_add(t1_30, t1_21);
+        let t1_31 = like.lift(-0.4).mul_add(t1_30, t1_21);
         let t1_32 = t1_13 + t1_31;
         let t1_33 = t1_14 * p_mx_rod1;
         let t1_34 = al_rod1z.mul_add(p_my_rod1, t1_33);
@@ -1706,10 +1708,10 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
         let t1_42 = a_rod1y.mul_add(p_m_rod1, t1_41);
         let t1_43 = t1_42 - t1_30;
         let t1_44 = (-cos_q2).mul_add(t1_43, t1_39);
-        let t1_45 = like.lift(-0.3).mul_add(t1_44, t1_32);
+        let t1_45 = like.lift(-0.4).mul_add(t1_44, t1_32);
         let t1_46 = t1_5 + t1_45;
-        let u_platform_q2x = like.lift(0.3) * sin_q3;
-        let t1_47 = like.lift(0.3) + u_platform_q2x;
+        let u_platform_q2x = like.lift(0.4) * sin_q3;
+        let t1_47 = like.lift(0.06928203230275509) + u_platform_q2x;
         let t1_48 = -t1_47;
         let t1_49 = cos_q1 * sin_q2;
         let t1_50 = sin_q1 * sin_q2;
@@ -1729,124 +1731,124 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
         let t1_56 = sin_q1_q2_q3_minus_q4 * sin_q5;
         let sin_q1_q2_q3_minus_q4_minus_q5 = sin_q1_q2_q3_minus_q4.mul_add(cos_q5, -t1_55);
         let cos_q1_q2_q3_minus_q4_minus_q5 = cos_q1_q2_q3_minus_q4.mul_add(cos_q5, t1_56);
-        let t1_57 = like.lift(0.3) * sin_q1_q2_q3_minus_q4_minus_q5;
-        let u_platform_q2y = like.lift(0.3) * cos_q3;
-        let t1_58 = like.lift(0.17320508075688773) - u_platform_q2y;
-        let pivot_1 = like.lift(0.3) * cos_q1_q2_q3_minus_q4_minus_q5;
+        let t1_57 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
+        let u_platform_q2y = like.lift(0.4) * cos_q3;
+        let t1_58 = like.lift(0.04) - u_platform_q2y;
+        let t1_59 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
         let (sin_q6, cos_q6) = q6.sin_cos();
-        let t1_59 = cos_q1_q2_q3 * sin_q6;
-        let t1_60 = sin_q1_q2_q3 * sin_q6;
-        let sin_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(cos_q6, -t1_59);
-        let cos_q1_q2_q3_minus_q6 = cos_q1_q2_q3.mul_add(cos_q6, t1_60);
+        let t1_60 = cos_q1_q2_q3 * sin_q6;
+        let t1_61 = sin_q1_q2_q3 * sin_q6;
+        let sin_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(cos_q6, -t1_60);
+        let cos_q1_q2_q3_minus_q6 = cos_q1_q2_q3.mul_add(cos_q6, t1_61);
         let (sin_q7, cos_q7) = q7.sin_cos();
-        let t1_61 = cos_q1_q2_q3_minus_q6 * sin_q7;
-        let t1_62 = sin_q1_q2_q3_minus_q6 * sin_q7;
-        let sin_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(cos_q7, -t1_61);
-        let cos_q1_q2_q3_minus_q6_minus_q7 = cos_q1_q2_q3_minus_q6.mul_add(cos_q7, t1_62);
-        let t1_63 = like.lift(0.3) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t1_64 = like.lift(0.17320508075688773) + u_platform_q2y;
+        let t1_62 = cos_q1_q2_q3_minus_q6 * sin_q7;
+        let t1_63 = sin_q1_q2_q3_minus_q6 * sin_q7;
+        let sin_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(cos_q7, -t1_62);
+        let cos_q1_q2_q3_minus_q6_minus_q7 = cos_q1_q2_q3_minus_q6.mul_add(cos_q7, t1_63);
+        let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t1_64 = like.lift(0.04) + u_platform_q2y;
         let t1_65 = -t1_64;
-        let t1_66 = like.lift(0.3) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t1_66 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
         let t1_67 = sin_q2 * cos_q3;
-        let t1_68 = like.lift(0.3) * t1_67;
-        let u_rod1_q1y = like.lift(0.3) * cos_q2;
-        let t1_69 = like.lift(0.3) + u_rod1_q1y;
+        let t1_68 = like.lift(0.4) * t1_67;
+        let u_rod1_q1y = like.lift(0.4) * cos_q2;
+        let t1_69 = like.lift(0.4) + u_rod1_q1y;
         let u_platform_q1x = sin_q3.mul_add(t1_69, t1_68);
-        let t1_70 = like.lift(0.3) + u_platform_q1x;
+        let t1_70 = like.lift(0.06928203230275509) + u_platform_q1x;
         let t1_71 = -t1_70;
-        let t1_72 = like.lift(0.3).mul_add(sin_q1_q2_q3_minus_q4, t1_57);
+        let t1_72 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t1_57);
         let t1_73 = sin_q2 * sin_q3;
-        let t1_74 = like.lift(0.3) * t1_73;
+        let t1_74 = like.lift(0.4) * t1_73;
         let u_platform_q1y = (-cos_q3).mul_add(t1_69, t1_74);
-        let t1_75 = like.lift(0.17320508075688773) + u_platform_q1y;
-        let t1_76 = like.lift(0.3).mul_add(cos_q1_q2_q3_minus_q4, pivot_1);
-        let t1_77 = like.lift(0.3).mul_add(sin_q1_q2_q3_minus_q6, t1_63);
-        let t1_78 = like.lift(0.17320508075688773) - u_platform_q1y;
+        let t1_75 = like.lift(0.04) + u_platform_q1y;
+        let t1_76 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t1_59);
+        let t1_77 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
+        let t1_78 = like.lift(0.04) - u_platform_q1y;
         let t1_79 = -t1_78;
-        let t1_80 = like.lift(0.3).mul_add(cos_q1_q2_q3_minus_q6, t1_66);
-        let t1_81 = like.lift(1.0) / cos_q1_q2_q3_minus_q4_minus_q5;
-        let t1_82 = sin_q1_q2_q3_minus_q4_minus_q5 * t1_81;
-        let pivot_2 = t1_58.mul_add(t1_82, t1_47);
+        let t1_80 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t1_66);
+        let t1_81 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
+        let t1_82 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_81;
+        let pivot_2 = (-t1_47).mul_add(t1_82, t1_64);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t1_83 = t1_75.mul_add(t1_82, t1_70);
-        let t1_84 = like.lift(0.17320508075688773).mul_add(t1_82, like.lift(0.3));
-        let t1_85 = t1_64 * inv_pivot_2;
-        let pivot_3 = (-t1_84).mul_add(t1_85, like.lift(0.17320508075688773));
+        let t1_83 = (-t1_70).mul_add(t1_82, t1_78);
+        let t1_84 = like.lift(-0.06928203230275509).mul_add(t1_82, like.lift(0.04));
+        let t1_85 = t1_58 * inv_pivot_2;
+        let pivot_3 = (-t1_84).mul_add(t1_85, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_86 = (-t1_83).mul_add(t1_85, t1_78);
+        let t1_86 = (-t1_83).mul_add(t1_85, t1_75);
         let t1_87 = t1_47 * inv_pivot_2;
         let t1_88 = (-t1_83).mul_add(t1_87, t1_70);
-        let t1_89 = (-t1_84).mul_add(t1_87, like.lift(0.3));
+        let t1_89 = (-t1_84).mul_add(t1_87, like.lift(0.06928203230275509));
         let t1_90 = t1_89 * inv_pivot_3;
         let t1_91 = (-t1_86).mul_add(t1_90, t1_88);
-        let t1_92 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_90;
-        let pivot_4 = like.lift(-0.3).mul_add(t1_92, t1_63);
+        let t1_92 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_90;
+        let pivot_4 = like.lift(0.4).mul_add(t1_92, t1_57);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
         let t1_93 = t1_91 * inv_pivot_4;
-        let t1_94 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_93;
-        let t1_95 = like.lift(-0.3).mul_add(t1_94, t1_86);
+        let t1_94 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_93;
+        let t1_95 = like.lift(0.4).mul_add(t1_94, t1_86);
         let t1_96 = inv_pivot_3 * t1_95;
         let t1_97 = (-t1_84).mul_add(t1_96, t1_83);
         let t1_98 = inv_pivot_2 * t1_97;
-        let t1_99 = (-t1_76).mul_add(t1_82, t1_72);
-        let t1_100 = t1_99 * t1_85;
-        let t1_101 = t1_99 * t1_87;
-        let t1_102 = (-t1_100).mul_add(t1_90, t1_101);
-        let t1_103 = t1_102 * inv_pivot_4;
-        let t1_104 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_103;
-        let t1_105 = like.lift(-0.3).mul_add(t1_104, t1_100);
-        let t1_106 = inv_pivot_3 * t1_105;
-        let t1_107 = t1_84.mul_add(t1_106, t1_99);
-        let t1_108 = inv_pivot_2 * t1_107;
-        let t1_109 = -t1_108;
-        let t1_110 = (-t1_80).mul_add(t1_90, t1_77);
+        let t1_99 = t1_76.mul_add(t1_90, t1_72);
+        let t1_100 = t1_99 * inv_pivot_4;
+        let t1_101 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_100;
+        let t1_102 = like.lift(-0.4).mul_add(t1_101, t1_76);
+        let t1_103 = inv_pivot_3 * t1_102;
+        let t1_104 = t1_84 * t1_103;
+        let t1_105 = inv_pivot_2 * t1_104;
+        let t1_106 = -t1_105;
+        let t1_107 = (-t1_77).mul_add(t1_82, t1_80);
+        let t1_108 = t1_107 * t1_85;
+        let t1_109 = t1_107 * t1_87;
+        let t1_110 = (-t1_108).mul_add(t1_90, t1_109);
         let t1_111 = t1_110 * inv_pivot_4;
-        let t1_112 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_111;
-        let t1_113 = like.lift(-0.3).mul_add(t1_112, t1_80);
+        let t1_112 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_111;
+        let t1_113 = like.lift(0.4).mul_add(t1_112, t1_108);
         let t1_114 = inv_pivot_3 * t1_113;
-        let t1_115 = t1_84 * t1_114;
+        let t1_115 = t1_84.mul_add(t1_114, t1_107);
         let t1_116 = inv_pivot_2 * t1_115;
-        let t1_117 = -t1_114;
-        let t1_118 = (-t1_58).mul_add(t1_98, t1_75);
-        let t1_119 = like.lift(-0.17320508075688773).mul_add(t1_96, t1_118);
-        let t1_120 = t1_81 * t1_119;
-        let t1_121 = like.lift(3.3333333333333335) * t1_120;
-        let t1_122 = t1_58.mul_add(t1_108, t1_76);
-        let t1_123 = like.lift(-0.17320508075688773).mul_add(t1_106, t1_122);
-        let t1_124 = t1_81 * t1_123;
-        let t1_125 = like.lift(3.3333333333333335) * t1_124;
-        let t1_126 = t1_58 * t1_116;
-        let t1_127 = like.lift(-0.17320508075688773).mul_add(t1_114, t1_126);
-        let t1_128 = t1_81 * t1_127;
-        let t1_129 = like.lift(3.3333333333333335) * t1_128;
-        let t1_130 = -t1_129;
-        let t1_131 = -t1_93;
-        let t1_132 = -t1_103;
-        let t1_133 = -pivot_2;
-        let t1_134 = -pivot_3;
+        let t1_117 = -t1_116;
+        let t1_118 = -t1_93;
+        let t1_119 = -t1_111;
+        let t1_120 = (-t1_47).mul_add(t1_98, t1_70);
+        let t1_121 = like.lift(-0.06928203230275509).mul_add(t1_96, t1_120);
+        let t1_122 = t1_81 * t1_121;
+        let t1_123 = like.lift(2.5) * t1_122;
+        let t1_124 = -t1_123;
+        let t1_125 = t1_47 * t1_105;
+        let t1_126 = like.lift(-0.06928203230275509).mul_add(t1_103, t1_125);
+        let t1_127 = t1_81 * t1_126;
+        let t1_128 = like.lift(2.5) * t1_127;
+        let t1_129 = -t1_128;
+        let t1_130 = (-t1_47).mul_add(t1_116, t1_77);
+        let t1_131 = like.lift(0.06928203230275509).mul_add(t1_114, t1_130);
+        let t1_132 = t1_81 * t1_131;
+        let t1_133 = like.lift(2.5) * t1_132;
+        let t1_134 = -pivot_2;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(3.7195893740787023)).abs()
-            .min((t1_133 * like.lift(1.4285714285714288)).abs())
-            .min((t1_134 * like.lift(4.631504421083416)).abs())
-            .min((pivot_4 * like.lift(3.3442201491765347)).abs());
+        let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
+            .min((t1_134 * like.lift(2.7080930926705737)).abs())
+            .min((pivot_3 * like.lift(19.82662604894746)).abs())
+            .min((pivot_4 * like.lift(2.203476117557732)).abs());
         let ([
             [x_q2_q1, x_q2_q4, x_q2_q6], [x_q3_q1, x_q3_q4, x_q3_q6],
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t1_98, t1_109, t1_116], [t1_96, t1_106, t1_117], [t1_121, t1_125, t1_130],
-                [t1_131, t1_132, t1_111],
+                [t1_98, t1_106, t1_117], [t1_96, t1_103, t1_114], [t1_118, t1_100, t1_119],
+                [t1_124, t1_129, t1_133],
             ],
             margin,
             || (
                 [
-                    [t1_48, like.lift(-0.3), t1_57, like.lift(0.0)],
-                    [t1_58, like.lift(0.17320508075688773), pivot_1, like.lift(0.0)],
+                    [t1_48, like.lift(-0.06928203230275509), t1_57, like.lift(0.0)],
+                    [t1_58, like.lift(0.04), t1_59, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t1_48, like.lift(-0.3), like.lift(0.0), t1_63],
-                    [t1_65, like.lift(-0.17320508075688773), like.lift(0.0), t1_66],
+                    [t1_48, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
+                    [t1_65, like.lift(-0.04), like.lift(0.0), t1_66],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -1877,10 +1879,10 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
         let al_rod2z = dd_q4 + dd_q5;
         let a_crank2x = like.lift(9.81) * sin_q4;
         let t2_3 = d_q4 * d_q4;
-        let t2_4 = like.lift(-0.3).mul_add(t2_3, a_crank2x);
+        let t2_4 = like.lift(-0.4).mul_add(t2_3, a_crank2x);
         let t2_5 = sin_q5 * t2_4;
         let a_crank2y = like.lift(9.81) * cos_q4;
-        let t2_6 = like.lift(0.3).mul_add(dd_q4, a_crank2y);
+        let t2_6 = like.lift(0.4).mul_add(dd_q4, a_crank2y);
         let a_rod2y = (-cos_q5).mul_add(t2_6, t2_5);
         let t2_7 = a_rod2y * p_mx_rod2;
         let t2_8 = cos_q5 * t2_4;
@@ -1891,10 +1893,10 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
         let al_rod3z = dd_q6 + dd_q7;
         let a_crank3x = like.lift(9.81) * sin_q6;
         let t2_12 = d_q6 * d_q6;
-        let t2_13 = like.lift(-0.3).mul_add(t2_12, a_crank3x);
+        let t2_13 = like.lift(-0.4).mul_add(t2_12, a_crank3x);
         let t2_14 = sin_q7 * t2_13;
         let a_crank3y = like.lift(9.81) * cos_q6;
-        let t2_15 = like.lift(0.3).mul_add(dd_q6, a_crank3y);
+        let t2_15 = like.lift(0.4).mul_add(dd_q6, a_crank3y);
         let a_rod3y = (-cos_q7).mul_add(t2_15, t2_14);
         let t2_16 = a_rod3y * p_mx_rod3;
         let t2_17 = cos_q7 * t2_13;
@@ -1918,7 +1920,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
         let t2_32 = (-t2_26).mul_add(p_my_rod2, t2_31);
         let t2_33 = a_rod2y.mul_add(p_m_rod2, -t2_32);
         let t2_34 = (-cos_q5).mul_add(t2_33, t2_30);
-        let t2_35 = like.lift(0.3).mul_add(t2_34, t2_10);
+        let t2_35 = like.lift(0.4).mul_add(t2_34, t2_10);
         let t2_36 = t2_25 + t2_35;
         let t2_37 = t1_32 * x_q2_q4;
         let t2_38 = t1_21.mul_add(x_q3_q4, t2_37);
@@ -1941,7 +1943,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
         let t2_53 = (-t2_47).mul_add(p_my_rod3, t2_52);
         let t2_54 = a_rod3y.mul_add(p_m_rod3, -t2_53);
         let t2_55 = (-cos_q7).mul_add(t2_54, t2_51);
-        let t2_56 = like.lift(0.3).mul_add(t2_55, t2_19);
+        let t2_56 = like.lift(0.4).mul_add(t2_55, t2_19);
         let t2_57 = t2_46 + t2_56;
         let t2_58 = t1_32 * x_q2_q6;
         let t2_59 = t1_21.mul_add(x_q3_q6, t2_58);
@@ -2001,7 +2003,7 @@ pub fn gravity<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
         let t1_15 = sin_q1_q2_q3 * p_my_platform;
         let t1_16 = like.lift(-9.81).mul_add(t1_15, t1_14);
         let t1_17 = cos_q1_q2 * p_m_platform;
-        let t1_18 = like.lift(2.943).mul_add(t1_17, t1_16);
+        let t1_18 = like.lift(3.924).mul_add(t1_17, t1_16);
         let t1_19 = t1_10 + t1_18;
         let t1_20 = sin_q1_q2 * p_m_rod1;
         let t1_21 = like.lift(9.81) * t1_20;
@@ -2012,139 +2014,139 @@ pub fn gravity<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
         let t1_26 = like.lift(9.81) * t1_25;
         let t1_27 = like.lift(9.81).mul_add(t1_17, t1_26);
         let t1_28 = cos_q2.mul_add(t1_27, t1_24);
-        let t1_29 = like.lift(0.3).mul_add(t1_28, t1_19);
+        let t1_29 = like.lift(0.4).mul_add(t1_28, t1_19);
         let t1_30 = t1_4 + t1_29;
-        let u_platform_q2x = like.lift(0.3) * sin_q3;
-        let t1_31 = like.lift(0.3) + u_platform_q2x;
+        let u_platform_q2x = like.lift(0.4) * sin_q3;
+        let t1_31 = like.lift(0.06928203230275509) + u_platform_q2x;
         let t1_32 = -t1_31;
         let t1_33 = q2 + q1;
         let t1_34 = q3 + t1_33;
         let t1_35 = t1_34 - q4;
         let t1_36 = t1_35 - q5;
         let (sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5) = t1_36.sin_cos();
-        let t1_37 = like.lift(0.3) * sin_q1_q2_q3_minus_q4_minus_q5;
-        let u_platform_q2y = like.lift(0.3) * cos_q3;
-        let t1_38 = like.lift(0.17320508075688773) - u_platform_q2y;
-        let pivot_1 = like.lift(0.3) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let t1_39 = q2 + q1;
-        let t1_40 = q3 + t1_39;
-        let t1_41 = t1_40 - q6;
-        let t1_42 = t1_41 - q7;
-        let (sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7) = t1_42.sin_cos();
-        let t1_43 = like.lift(0.3) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t1_44 = like.lift(0.17320508075688773) + u_platform_q2y;
+        let t1_37 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
+        let u_platform_q2y = like.lift(0.4) * cos_q3;
+        let t1_38 = like.lift(0.04) - u_platform_q2y;
+        let t1_39 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
+        let t1_40 = q2 + q1;
+        let t1_41 = q3 + t1_40;
+        let t1_42 = t1_41 - q6;
+        let t1_43 = t1_42 - q7;
+        let (sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7) = t1_43.sin_cos();
+        let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t1_44 = like.lift(0.04) + u_platform_q2y;
         let t1_45 = -t1_44;
-        let t1_46 = like.lift(0.3) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t1_46 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
         let t1_47 = sin_q2 * cos_q3;
-        let t1_48 = like.lift(0.3) * t1_47;
-        let u_rod1_q1y = like.lift(0.3) * cos_q2;
-        let t1_49 = like.lift(0.3) + u_rod1_q1y;
+        let t1_48 = like.lift(0.4) * t1_47;
+        let u_rod1_q1y = like.lift(0.4) * cos_q2;
+        let t1_49 = like.lift(0.4) + u_rod1_q1y;
         let u_platform_q1x = sin_q3.mul_add(t1_49, t1_48);
-        let t1_50 = like.lift(0.3) + u_platform_q1x;
+        let t1_50 = like.lift(0.06928203230275509) + u_platform_q1x;
         let t1_51 = -t1_50;
         let (sin_q4, cos_q4) = q4.sin_cos();
         let t1_52 = cos_q1_q2_q3 * sin_q4;
         let t1_53 = sin_q1_q2_q3 * sin_q4;
         let sin_q1_q2_q3_minus_q4 = sin_q1_q2_q3.mul_add(cos_q4, -t1_52);
         let cos_q1_q2_q3_minus_q4 = cos_q1_q2_q3.mul_add(cos_q4, t1_53);
-        let t1_54 = like.lift(0.3).mul_add(sin_q1_q2_q3_minus_q4, t1_37);
+        let t1_54 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t1_37);
         let t1_55 = sin_q2 * sin_q3;
-        let t1_56 = like.lift(0.3) * t1_55;
+        let t1_56 = like.lift(0.4) * t1_55;
         let u_platform_q1y = (-cos_q3).mul_add(t1_49, t1_56);
-        let t1_57 = like.lift(0.17320508075688773) + u_platform_q1y;
-        let t1_58 = like.lift(0.3).mul_add(cos_q1_q2_q3_minus_q4, pivot_1);
+        let t1_57 = like.lift(0.04) + u_platform_q1y;
+        let t1_58 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t1_39);
         let (sin_q6, cos_q6) = q6.sin_cos();
         let t1_59 = cos_q1_q2_q3 * sin_q6;
         let t1_60 = sin_q1_q2_q3 * sin_q6;
         let sin_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(cos_q6, -t1_59);
         let cos_q1_q2_q3_minus_q6 = cos_q1_q2_q3.mul_add(cos_q6, t1_60);
-        let t1_61 = like.lift(0.3).mul_add(sin_q1_q2_q3_minus_q6, t1_43);
-        let t1_62 = like.lift(0.17320508075688773) - u_platform_q1y;
+        let t1_61 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
+        let t1_62 = like.lift(0.04) - u_platform_q1y;
         let t1_63 = -t1_62;
-        let t1_64 = like.lift(0.3).mul_add(cos_q1_q2_q3_minus_q6, t1_46);
-        let t1_65 = like.lift(1.0) / cos_q1_q2_q3_minus_q4_minus_q5;
-        let t1_66 = sin_q1_q2_q3_minus_q4_minus_q5 * t1_65;
-        let pivot_2 = t1_38.mul_add(t1_66, t1_31);
+        let t1_64 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t1_46);
+        let t1_65 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
+        let t1_66 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_65;
+        let pivot_2 = (-t1_31).mul_add(t1_66, t1_44);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t1_67 = t1_57.mul_add(t1_66, t1_50);
-        let t1_68 = like.lift(0.17320508075688773).mul_add(t1_66, like.lift(0.3));
-        let t1_69 = t1_44 * inv_pivot_2;
-        let pivot_3 = (-t1_68).mul_add(t1_69, like.lift(0.17320508075688773));
+        let t1_67 = (-t1_50).mul_add(t1_66, t1_62);
+        let t1_68 = like.lift(-0.06928203230275509).mul_add(t1_66, like.lift(0.04));
+        let t1_69 = t1_38 * inv_pivot_2;
+        let pivot_3 = (-t1_68).mul_add(t1_69, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_70 = (-t1_67).mul_add(t1_69, t1_62);
+        let t1_70 = (-t1_67).mul_add(t1_69, t1_57);
         let t1_71 = t1_31 * inv_pivot_2;
         let t1_72 = (-t1_67).mul_add(t1_71, t1_50);
-        let t1_73 = (-t1_68).mul_add(t1_71, like.lift(0.3));
+        let t1_73 = (-t1_68).mul_add(t1_71, like.lift(0.06928203230275509));
         let t1_74 = t1_73 * inv_pivot_3;
         let t1_75 = (-t1_70).mul_add(t1_74, t1_72);
-        let t1_76 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_74;
-        let pivot_4 = like.lift(-0.3).mul_add(t1_76, t1_43);
+        let t1_76 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_74;
+        let pivot_4 = like.lift(0.4).mul_add(t1_76, t1_37);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
         let t1_77 = t1_75 * inv_pivot_4;
-        let t1_78 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_77;
-        let t1_79 = like.lift(-0.3).mul_add(t1_78, t1_70);
+        let t1_78 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_77;
+        let t1_79 = like.lift(0.4).mul_add(t1_78, t1_70);
         let t1_80 = inv_pivot_3 * t1_79;
         let t1_81 = (-t1_68).mul_add(t1_80, t1_67);
         let t1_82 = inv_pivot_2 * t1_81;
-        let t1_83 = (-t1_58).mul_add(t1_66, t1_54);
-        let t1_84 = t1_83 * t1_69;
-        let t1_85 = t1_83 * t1_71;
-        let t1_86 = (-t1_84).mul_add(t1_74, t1_85);
-        let t1_87 = t1_86 * inv_pivot_4;
-        let t1_88 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_87;
-        let t1_89 = like.lift(-0.3).mul_add(t1_88, t1_84);
-        let t1_90 = inv_pivot_3 * t1_89;
-        let t1_91 = t1_68.mul_add(t1_90, t1_83);
-        let t1_92 = inv_pivot_2 * t1_91;
-        let t1_93 = -t1_92;
-        let t1_94 = (-t1_64).mul_add(t1_74, t1_61);
+        let t1_83 = t1_58.mul_add(t1_74, t1_54);
+        let t1_84 = t1_83 * inv_pivot_4;
+        let t1_85 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_84;
+        let t1_86 = like.lift(-0.4).mul_add(t1_85, t1_58);
+        let t1_87 = inv_pivot_3 * t1_86;
+        let t1_88 = t1_68 * t1_87;
+        let t1_89 = inv_pivot_2 * t1_88;
+        let t1_90 = -t1_89;
+        let t1_91 = (-t1_61).mul_add(t1_66, t1_64);
+        let t1_92 = t1_91 * t1_69;
+        let t1_93 = t1_91 * t1_71;
+        let t1_94 = (-t1_92).mul_add(t1_74, t1_93);
         let t1_95 = t1_94 * inv_pivot_4;
-        let t1_96 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_95;
-        let t1_97 = like.lift(-0.3).mul_add(t1_96, t1_64);
+        let t1_96 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_95;
+        let t1_97 = like.lift(0.4).mul_add(t1_96, t1_92);
         let t1_98 = inv_pivot_3 * t1_97;
-        let t1_99 = t1_68 * t1_98;
+        let t1_99 = t1_68.mul_add(t1_98, t1_91);
         let t1_100 = inv_pivot_2 * t1_99;
-        let t1_101 = -t1_98;
-        let t1_102 = (-t1_38).mul_add(t1_82, t1_57);
-        let t1_103 = like.lift(-0.17320508075688773).mul_add(t1_80, t1_102);
-        let t1_104 = t1_65 * t1_103;
-        let t1_105 = like.lift(3.3333333333333335) * t1_104;
-        let t1_106 = t1_38.mul_add(t1_92, t1_58);
-        let t1_107 = like.lift(-0.17320508075688773).mul_add(t1_90, t1_106);
-        let t1_108 = t1_65 * t1_107;
-        let t1_109 = like.lift(3.3333333333333335) * t1_108;
-        let t1_110 = t1_38 * t1_100;
-        let t1_111 = like.lift(-0.17320508075688773).mul_add(t1_98, t1_110);
-        let t1_112 = t1_65 * t1_111;
-        let t1_113 = like.lift(3.3333333333333335) * t1_112;
-        let t1_114 = -t1_113;
-        let t1_115 = -t1_77;
-        let t1_116 = -t1_87;
-        let t1_117 = -pivot_2;
-        let t1_118 = -pivot_3;
+        let t1_101 = -t1_100;
+        let t1_102 = -t1_77;
+        let t1_103 = -t1_95;
+        let t1_104 = (-t1_31).mul_add(t1_82, t1_50);
+        let t1_105 = like.lift(-0.06928203230275509).mul_add(t1_80, t1_104);
+        let t1_106 = t1_65 * t1_105;
+        let t1_107 = like.lift(2.5) * t1_106;
+        let t1_108 = -t1_107;
+        let t1_109 = t1_31 * t1_89;
+        let t1_110 = like.lift(-0.06928203230275509).mul_add(t1_87, t1_109);
+        let t1_111 = t1_65 * t1_110;
+        let t1_112 = like.lift(2.5) * t1_111;
+        let t1_113 = -t1_112;
+        let t1_114 = (-t1_31).mul_add(t1_100, t1_61);
+        let t1_115 = like.lift(0.06928203230275509).mul_add(t1_98, t1_114);
+        let t1_116 = t1_65 * t1_115;
+        let t1_117 = like.lift(2.5) * t1_116;
+        let t1_118 = -pivot_2;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(3.7195893740787023)).abs()
-            .min((t1_117 * like.lift(1.4285714285714288)).abs())
-            .min((t1_118 * like.lift(4.631504421083416)).abs())
-            .min((pivot_4 * like.lift(3.3442201491765347)).abs());
+        let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
+            .min((t1_118 * like.lift(2.7080930926705737)).abs())
+            .min((pivot_3 * like.lift(19.82662604894746)).abs())
+            .min((pivot_4 * like.lift(2.203476117557732)).abs());
         let ([
             [x_q2_q1, x_q2_q4, x_q2_q6], [x_q3_q1, x_q3_q4, x_q3_q6],
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t1_82, t1_93, t1_100], [t1_80, t1_90, t1_101], [t1_105, t1_109, t1_114],
-                [t1_115, t1_116, t1_95],
+                [t1_82, t1_90, t1_101], [t1_80, t1_87, t1_98], [t1_102, t1_84, t1_103],
+                [t1_108, t1_113, t1_117],
             ],
             margin,
             || (
                 [
-                    [t1_32, like.lift(-0.3), t1_37, like.lift(0.0)],
-                    [t1_38, like.lift(0.17320508075688773), pivot_1, like.lift(0.0)],
+                    [t1_32, like.lift(-0.06928203230275509), t1_37, like.lift(0.0)],
+                    [t1_38, like.lift(0.04), t1_39, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t1_32, like.lift(-0.3), like.lift(0.0), t1_43],
-                    [t1_45, like.lift(-0.17320508075688773), like.lift(0.0), t1_46],
+                    [t1_32, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
+                    [t1_45, like.lift(-0.04), like.lift(0.0), t1_46],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -2191,7 +2193,7 @@ pub fn gravity<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
         let t2_17 = sin_q4 * p_my_crank2;
         let t2_18 = like.lift(-9.81).mul_add(t2_17, t2_16);
         let t2_19 = cos_q4 * p_m_rod2;
-        let t2_20 = like.lift(2.943).mul_add(t2_19, t2_7);
+        let t2_20 = like.lift(3.924).mul_add(t2_19, t2_7);
         let t2_21 = t2_18 + t2_20;
         let t2_22 = t1_19 * x_q2_q4;
         let t2_23 = t1_16.mul_add(x_q3_q4, t2_22);
@@ -2204,7 +2206,7 @@ pub fn gravity<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
         let t2_29 = sin_q6 * p_my_crank3;
         let t2_30 = like.lift(-9.81).mul_add(t2_29, t2_28);
         let t2_31 = cos_q6 * p_m_rod3;
-        let t2_32 = like.lift(2.943).mul_add(t2_31, t2_13);
+        let t2_32 = like.lift(3.924).mul_add(t2_31, t2_13);
         let t2_33 = t2_30 + t2_32;
         let t2_34 = t1_19 * x_q2_q6;
         let t2_35 = t1_16.mul_add(x_q3_q6, t2_34);
@@ -2239,16 +2241,16 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 3]
     let mut condition = like.lift(1.0);
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        sin_q3, cos_q3, t1_2, sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4, sin_q5, cos_q5,
-        t1_8, t1_9, pivot_1, sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6, sin_q7, cos_q7,
-        cos_q1_q2_q3_minus_q6_minus_q7, t1_15, t1_17, t1_18, sin_q2, cos_q2, t1_20, t1_21,
-        t1_23, t1_24, t1_27, w_rod2z, t1_38, w_rod3z, t1_65, t1_66, inv_pivot_2, t1_68, t1_69,
-        inv_pivot_3, t1_71, t1_73, pivot_4, inv_pivot_4, t1_89, t1_90, al_rod1z, t1_91,
-        al_rod2z, al_rod3z,
+        sin_q3, cos_q3, t1_1, t1_2, sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4, sin_q5,
+        cos_q5, cos_q1_q2_q3_minus_q4_minus_q5, t1_8, t1_9, t1_10, sin_q1_q2_q3_minus_q6,
+        cos_q1_q2_q3_minus_q6, sin_q7, cos_q7, pivot_1, t1_17, t1_18, sin_q2, cos_q2, t1_20,
+        t1_21, t1_23, t1_24, t1_27, w_rod2z, t1_38, w_rod3z, t1_65, t1_66, inv_pivot_2, t1_68,
+        t1_69, pivot_3, inv_pivot_3, t1_71, t1_73, pivot_4, inv_pivot_4, t1_90, al_rod1z,
+        t1_91, al_rod2z, al_rod3z,
     ] = {
         let (sin_q3, cos_q3) = q3.sin_cos();
-        let u_platform_q2x = like.lift(0.3) * sin_q3;
-        let t1_1 = like.lift(0.3) + u_platform_q2x;
+        let u_platform_q2x = like.lift(0.4) * sin_q3;
+        let t1_1 = like.lift(0.06928203230275509) + u_platform_q2x;
         let t1_2 = -t1_1;
         let t1_3 = q2 + q1;
         let t1_4 = q3 + t1_3;
@@ -2259,124 +2261,124 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 3]
         let t1_7 = sin_q1_q2_q3_minus_q4 * sin_q5;
         let sin_q1_q2_q3_minus_q4_minus_q5 = sin_q1_q2_q3_minus_q4.mul_add(cos_q5, -t1_6);
         let cos_q1_q2_q3_minus_q4_minus_q5 = cos_q1_q2_q3_minus_q4.mul_add(cos_q5, t1_7);
-        let t1_8 = like.lift(0.3) * sin_q1_q2_q3_minus_q4_minus_q5;
-        let u_platform_q2y = like.lift(0.3) * cos_q3;
-        let t1_9 = like.lift(0.17320508075688773) - u_platform_q2y;
-        let pivot_1 = like.lift(0.3) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let t1_10 = q2 + q1;
-        let t1_11 = q3 + t1_10;
-        let t1_12 = t1_11 - q6;
-        let (sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6) = t1_12.sin_cos();
+        let t1_8 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
+        let u_platform_q2y = like.lift(0.4) * cos_q3;
+        let t1_9 = like.lift(0.04) - u_platform_q2y;
+        let t1_10 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
+        let t1_11 = q2 + q1;
+        let t1_12 = q3 + t1_11;
+        let t1_13 = t1_12 - q6;
+        let (sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6) = t1_13.sin_cos();
         let (sin_q7, cos_q7) = q7.sin_cos();
-        let t1_13 = cos_q1_q2_q3_minus_q6 * sin_q7;
-        let t1_14 = sin_q1_q2_q3_minus_q6 * sin_q7;
-        let sin_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(cos_q7, -t1_13);
-        let cos_q1_q2_q3_minus_q6_minus_q7 = cos_q1_q2_q3_minus_q6.mul_add(cos_q7, t1_14);
-        let t1_15 = like.lift(0.3) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t1_16 = like.lift(0.17320508075688773) + u_platform_q2y;
+        let t1_14 = cos_q1_q2_q3_minus_q6 * sin_q7;
+        let t1_15 = sin_q1_q2_q3_minus_q6 * sin_q7;
+        let sin_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(cos_q7, -t1_14);
+        let cos_q1_q2_q3_minus_q6_minus_q7 = cos_q1_q2_q3_minus_q6.mul_add(cos_q7, t1_15);
+        let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t1_16 = like.lift(0.04) + u_platform_q2y;
         let t1_17 = -t1_16;
-        let t1_18 = like.lift(0.3) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t1_18 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
         let (sin_q2, cos_q2) = q2.sin_cos();
         let t1_19 = d_q1 * d_q1;
         let t1_20 = cos_q2 * t1_19;
-        let a_rod1x = like.lift(0.3) * t1_20;
+        let a_rod1x = like.lift(0.4) * t1_20;
         let w_rod1z = d_q1 + d_q2;
         let t1_21 = w_rod1z * w_rod1z;
-        let t1_22 = like.lift(0.3).mul_add(t1_21, a_rod1x);
+        let t1_22 = like.lift(0.4).mul_add(t1_21, a_rod1x);
         let t1_23 = cos_q3 * t1_22;
         let t1_24 = sin_q2 * t1_19;
         let t1_25 = sin_q3 * t1_24;
-        let t1_26 = like.lift(-0.3).mul_add(t1_25, t1_23);
+        let t1_26 = like.lift(-0.4).mul_add(t1_25, t1_23);
         let w_platformz = d_q3 + w_rod1z;
         let t1_27 = w_platformz * w_platformz;
-        let t1_28 = like.lift(0.17320508075688773) * t1_27;
+        let t1_28 = like.lift(0.04) * t1_27;
         let t1_29 = t1_26 - t1_28;
         let t1_30 = cos_q1_q2_q3_minus_q4 * d_q4;
         let t1_31 = d_q4 * t1_30;
-        let t1_32 = like.lift(0.3) * t1_31;
+        let t1_32 = like.lift(0.4) * t1_31;
         let w_rod2z = d_q4 + d_q5;
         let t1_33 = cos_q1_q2_q3_minus_q4_minus_q5 * w_rod2z;
         let t1_34 = w_rod2z * t1_33;
-        let t1_35 = like.lift(0.3).mul_add(t1_34, t1_32);
+        let t1_35 = like.lift(0.4).mul_add(t1_34, t1_32);
         let t1_36 = t1_29 - t1_35;
         let t1_37 = -t1_36;
         let t1_38 = sin_q3 * t1_22;
         let t1_39 = cos_q3 * t1_24;
-        let t1_40 = like.lift(0.3).mul_add(t1_39, t1_38);
-        let t1_41 = like.lift(0.3).mul_add(t1_27, t1_40);
+        let t1_40 = like.lift(0.4).mul_add(t1_39, t1_38);
+        let t1_41 = like.lift(0.06928203230275509).mul_add(t1_27, t1_40);
         let t1_42 = sin_q1_q2_q3_minus_q4 * d_q4;
         let t1_43 = d_q4 * t1_42;
-        let t1_44 = like.lift(0.3) * t1_43;
+        let t1_44 = like.lift(0.4) * t1_43;
         let t1_45 = sin_q1_q2_q3_minus_q4_minus_q5 * w_rod2z;
         let t1_46 = w_rod2z * t1_45;
-        let t1_47 = like.lift(0.3).mul_add(t1_46, t1_44);
+        let t1_47 = like.lift(0.4).mul_add(t1_46, t1_44);
         let t1_48 = t1_41 - t1_47;
         let t1_49 = t1_26 + t1_28;
         let t1_50 = cos_q1_q2_q3_minus_q6 * d_q6;
         let t1_51 = d_q6 * t1_50;
-        let t1_52 = like.lift(0.3) * t1_51;
+        let t1_52 = like.lift(0.4) * t1_51;
         let w_rod3z = d_q6 + d_q7;
         let t1_53 = cos_q1_q2_q3_minus_q6_minus_q7 * w_rod3z;
         let t1_54 = w_rod3z * t1_53;
-        let t1_55 = like.lift(0.3).mul_add(t1_54, t1_52);
+        let t1_55 = like.lift(0.4).mul_add(t1_54, t1_52);
         let t1_56 = t1_49 - t1_55;
         let t1_57 = -t1_56;
         let t1_58 = sin_q1_q2_q3_minus_q6 * d_q6;
         let t1_59 = d_q6 * t1_58;
-        let t1_60 = like.lift(0.3) * t1_59;
+        let t1_60 = like.lift(0.4) * t1_59;
         let t1_61 = sin_q1_q2_q3_minus_q6_minus_q7 * w_rod3z;
         let t1_62 = w_rod3z * t1_61;
-        let t1_63 = like.lift(0.3).mul_add(t1_62, t1_60);
+        let t1_63 = like.lift(0.4).mul_add(t1_62, t1_60);
         let t1_64 = t1_41 - t1_63;
-        let t1_65 = like.lift(1.0) / cos_q1_q2_q3_minus_q4_minus_q5;
-        let t1_66 = sin_q1_q2_q3_minus_q4_minus_q5 * t1_65;
-        let pivot_2 = t1_9.mul_add(t1_66, t1_1);
+        let t1_65 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
+        let t1_66 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_65;
+        let pivot_2 = (-t1_1).mul_add(t1_66, t1_16);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t1_67 = t1_66.mul_add(t1_48, t1_36);
-        let t1_68 = like.lift(0.17320508075688773).mul_add(t1_66, like.lift(0.3));
-        let t1_69 = t1_16 * inv_pivot_2;
-        let pivot_3 = (-t1_68).mul_add(t1_69, like.lift(0.17320508075688773));
+        let t1_67 = t1_66.mul_add(t1_56, t1_64);
+        let t1_68 = like.lift(-0.06928203230275509).mul_add(t1_66, like.lift(0.04));
+        let t1_69 = t1_9 * inv_pivot_2;
+        let pivot_3 = (-t1_68).mul_add(t1_69, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_70 = t1_69.mul_add(t1_67, t1_64);
+        let t1_70 = t1_69.mul_add(t1_67, t1_48);
         let t1_71 = t1_1 * inv_pivot_2;
-        let t1_72 = (-t1_68).mul_add(t1_71, like.lift(0.3));
+        let t1_72 = (-t1_68).mul_add(t1_71, like.lift(0.06928203230275509));
         let t1_73 = t1_72 * inv_pivot_3;
-        let t1_74 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_73;
-        let pivot_4 = like.lift(-0.3).mul_add(t1_74, t1_15);
+        let t1_74 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_73;
+        let pivot_4 = like.lift(0.4).mul_add(t1_74, t1_8);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t1_75 = (-t1_71).mul_add(t1_67, t1_56);
-        let t1_76 = t1_73.mul_add(t1_70, t1_75);
+        let t1_75 = t1_71.mul_add(t1_67, t1_36);
+        let t1_76 = (-t1_73).mul_add(t1_70, t1_75);
         let t1_77 = inv_pivot_4 * t1_76;
-        let t1_78 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_77;
-        let t1_79 = like.lift(0.3).mul_add(t1_78, t1_70);
+        let t1_78 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_77;
+        let t1_79 = like.lift(0.4).mul_add(t1_78, t1_70);
         let t1_80 = inv_pivot_3 * t1_79;
         let t1_81 = t1_68.mul_add(t1_80, t1_67);
         let t1_82 = inv_pivot_2 * t1_81;
-        let t1_83 = -t1_80;
-        let t1_84 = (-t1_9).mul_add(t1_82, t1_48);
-        let t1_85 = like.lift(0.17320508075688773).mul_add(t1_80, t1_84);
-        let t1_86 = t1_65 * t1_85;
-        let t1_87 = like.lift(3.3333333333333335) * t1_86;
-        let t1_88 = -t1_77;
-        let t1_89 = -pivot_2;
-        let t1_90 = -pivot_3;
+        let t1_83 = -t1_82;
+        let t1_84 = -t1_77;
+        let t1_85 = t1_1.mul_add(t1_82, t1_56);
+        let t1_86 = like.lift(-0.06928203230275509).mul_add(t1_80, t1_85);
+        let t1_87 = t1_65 * t1_86;
+        let t1_88 = like.lift(2.5) * t1_87;
+        let t1_89 = -t1_88;
+        let t1_90 = -pivot_2;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(3.7195893740787023)).abs()
-            .min((t1_89 * like.lift(1.4285714285714288)).abs())
-            .min((t1_90 * like.lift(4.631504421083416)).abs())
-            .min((pivot_4 * like.lift(3.3442201491765347)).abs());
+        let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
+            .min((t1_90 * like.lift(2.7080930926705737)).abs())
+            .min((pivot_3 * like.lift(19.82662604894746)).abs())
+            .min((pivot_4 * like.lift(2.203476117557732)).abs());
         let ([[al_rod1z], [t1_91], [al_rod2z], [al_rod3z]], found) = ::regen_runtime::guarded(
-            [[t1_82], [t1_83], [t1_87], [t1_88]],
+            [[t1_83], [t1_80], [t1_84], [t1_89]],
             margin,
             || (
                 [
-                    [t1_2, like.lift(-0.3), t1_8, like.lift(0.0)],
-                    [t1_9, like.lift(0.17320508075688773), pivot_1, like.lift(0.0)],
+                    [t1_2, like.lift(-0.06928203230275509), t1_8, like.lift(0.0)],
+                    [t1_9, like.lift(0.04), t1_10, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t1_2, like.lift(-0.3), like.lift(0.0), t1_15],
-                    [t1_17, like.lift(-0.17320508075688773), like.lift(0.0), t1_18],
+                    [t1_2, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
+                    [t1_17, like.lift(-0.04), like.lift(0.0), t1_18],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -2389,12 +2391,12 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 3]
         );
         condition = condition.min(found);
         [
-            sin_q3, cos_q3, t1_2, sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4, sin_q5, cos_q5,
-            t1_8, t1_9, pivot_1, sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6, sin_q7, cos_q7,
-            cos_q1_q2_q3_minus_q6_minus_q7, t1_15, t1_17, t1_18, sin_q2, cos_q2, t1_20, t1_21,
-            t1_23, t1_24, t1_27, w_rod2z, t1_38, w_rod3z, t1_65, t1_66, inv_pivot_2, t1_68,
-            t1_69, inv_pivot_3, t1_71, t1_73, pivot_4, inv_pivot_4, t1_89, t1_90, al_rod1z,
-            t1_91, al_rod2z, al_rod3z,
+            sin_q3, cos_q3, t1_1, t1_2, sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4, sin_q5,
+            cos_q5, cos_q1_q2_q3_minus_q4_minus_q5, t1_8, t1_9, t1_10, sin_q1_q2_q3_minus_q6,
+            cos_q1_q2_q3_minus_q6, sin_q7, cos_q7, pivot_1, t1_17, t1_18, sin_q2, cos_q2,
+            t1_20, t1_21, t1_23, t1_24, t1_27, w_rod2z, t1_38, w_rod3z, t1_65, t1_66,
+            inv_pivot_2, t1_68, t1_69, pivot_3, inv_pivot_3, t1_71, t1_73, pivot_4,
+            inv_pivot_4, t1_90, al_rod1z, t1_91, al_rod2z, al_rod3z,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -2403,13 +2405,13 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 3]
         x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
     ] = {
         let t2_1 = t1_24 * p_mx_rod1;
-        let t2_2 = like.lift(0.3) * t2_1;
+        let t2_2 = like.lift(0.4) * t2_1;
         let t2_3 = t1_20 * p_my_rod1;
-        let t2_4 = like.lift(0.3).mul_add(t2_3, t2_2);
+        let t2_4 = like.lift(0.4).mul_add(t2_3, t2_2);
         let t2_5 = p_izz_rod1.mul_add(al_rod1z, t2_4);
         let al_platformz = al_rod1z + t1_91;
-        let a_rod1y = like.lift(0.3) * t1_24;
-        let t2_6 = like.lift(0.3).mul_add(al_rod1z, a_rod1y);
+        let a_rod1y = like.lift(0.4) * t1_24;
+        let t2_6 = like.lift(0.4).mul_add(al_rod1z, a_rod1y);
         let a_platformy = cos_q3.mul_add(t2_6, t1_38);
         let t2_7 = p_mx_platform * a_platformy;
         let a_platformx = (-sin_q3).mul_add(t2_6, t1_23);
@@ -2423,12 +2425,12 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 3]
         let t2_15 = (-p_mx_platform).mul_add(al_platformz, t2_14);
         let t2_16 = p_m_platform.mul_add(a_platformy, -t2_15);
         let t2_17 = (-cos_q3).mul_add(t2_16, t2_13);
-        let t2_18 = like.lift(-0.3).mul_add(t2_17, t2_9);
+        let t2_18 = like.lift(-0.4).mul_add(t2_17, t2_9);
         let t2_19 = t2_5 + t2_18;
         let t2_20 = t1_20 * p_m_rod1;
         let t2_21 = t1_21 * p_mx_rod1;
         let t2_22 = p_my_rod1.mul_add(al_rod1z, t2_21);
-        let t2_23 = like.lift(0.3).mul_add(t2_20, t2_22);
+        let t2_23 = like.lift(0.4).mul_add(t2_20, t2_22);
         let t2_24 = cos_q3 * t2_12;
         let t2_25 = sin_q3.mul_add(t2_16, t2_24);
         let t2_26 = t2_23 + t2_25;
@@ -2436,94 +2438,95 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 3]
         let t2_28 = t1_24 * p_m_rod1;
         let t2_29 = t1_21 * p_my_rod1;
         let t2_30 = (-p_mx_rod1).mul_add(al_rod1z, t2_29);
-        let t2_31 = like.lift(0.3).mul_add(t2_28, -t2_30);
+        let t2_31 = like.lift(0.4).mul_add(t2_28, -t2_30);
         let t2_32 = t2_31 - t2_17;
         let t2_33 = (-cos_q2).mul_add(t2_32, t2_27);
-        let t2_34 = like.lift(-0.3).mul_add(t2_33, t2_19);
+        let t2_34 = like.lift(-0.4).mul_add(t2_33, t2_19);
         let t2_35 = sin_q2 * cos_q3;
-        let t2_36 = like.lift(0.3) * t2_35;
-        let u_rod1_q1y = like.lift(0.3) * cos_q2;
-        let t2_37 = like.lift(0.3) + u_rod1_q1y;
+        let t2_36 = like.lift(0.4) * t2_35;
+        let u_rod1_q1y = like.lift(0.4) * cos_q2;
+        let t2_37 = like.lift(0.4) + u_rod1_q1y;
         let u_platform_q1x = sin_q3.mul_add(t2_37, t2_36);
-        let t2_38 = like.lift(0.3) + u_platform_q1x;
+        let t2_38 = like.lift(0.06928203230275509) + u_platform_q1x;
         let t2_39 = -t2_38;
-        let t2_40 = like.lift(0.3).mul_add(sin_q1_q2_q3_minus_q4, t1_8);
+        let t2_40 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t1_8);
         let t2_41 = sin_q2 * sin_q3;
-        let t2_42 = like.lift(0.3) * t2_41;
+        let t2_42 = like.lift(0.4) * t2_41;
         let u_platform_q1y = (-cos_q3).mul_add(t2_37, t2_42);
-        let t2_43 = like.lift(0.17320508075688773) + u_platform_q1y;
-        let t2_44 = like.lift(0.3).mul_add(cos_q1_q2_q3_minus_q4, pivot_1);
-        let t2_45 = like.lift(0.3).mul_add(sin_q1_q2_q3_minus_q6, t1_15);
-        let t2_46 = like.lift(0.17320508075688773) - u_platform_q1y;
+        let t2_43 = like.lift(0.04) + u_platform_q1y;
+        let t2_44 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t1_10);
+        let t2_45 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
+        let t2_46 = like.lift(0.04) - u_platform_q1y;
         let t2_47 = -t2_46;
-        let t2_48 = like.lift(0.3).mul_add(cos_q1_q2_q3_minus_q6, t1_18);
-        let t2_49 = t2_43.mul_add(t1_66, t2_38);
-        let t2_50 = (-t2_49).mul_add(t1_69, t2_46);
+        let t2_48 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t1_18);
+        let t2_49 = (-t2_38).mul_add(t1_66, t2_46);
+        let t2_50 = (-t2_49).mul_add(t1_69, t2_43);
         let t2_51 = (-t2_49).mul_add(t1_71, t2_38);
         let t2_52 = (-t2_50).mul_add(t1_73, t2_51);
         let t2_53 = t2_52 * inv_pivot_4;
-        let t2_54 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_53;
-        let t2_55 = like.lift(-0.3).mul_add(t2_54, t2_50);
+        let t2_54 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_53;
+        let t2_55 = like.lift(0.4).mul_add(t2_54, t2_50);
         let t2_56 = inv_pivot_3 * t2_55;
         let t2_57 = (-t1_68).mul_add(t2_56, t2_49);
         let t2_58 = inv_pivot_2 * t2_57;
-        let t2_59 = (-t2_44).mul_add(t1_66, t2_40);
-        let t2_60 = t2_59 * t1_69;
-        let t2_61 = t2_59 * t1_71;
-        let t2_62 = (-t2_60).mul_add(t1_73, t2_61);
-        let t2_63 = t2_62 * inv_pivot_4;
-        let t2_64 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_63;
-        let t2_65 = like.lift(-0.3).mul_add(t2_64, t2_60);
-        let t2_66 = inv_pivot_3 * t2_65;
-        let t2_67 = t1_68.mul_add(t2_66, t2_59);
-        let t2_68 = inv_pivot_2 * t2_67;
-        let t2_69 = -t2_68;
-        let t2_70 = (-t2_48).mul_add(t1_73, t2_45);
+        let t2_59 = t2_44.mul_add(t1_73, t2_40);
+        let t2_60 = t2_59 * inv_pivot_4;
+        let t2_61 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_60;
+        let t2_62 = like.lift(-0.4).mul_add(t2_61, t2_44);
+        let t2_63 = inv_pivot_3 * t2_62;
+        let t2_64 = t1_68 * t2_63;
+        let t2_65 = inv_pivot_2 * t2_64;
+        let t2_66 = -t2_65;
+        let t2_67 = (-t2_45).mul_add(t1_66, t2_48);
+        let t2_68 = t2_67 * t1_69;
+        let t2_69 = t2_67 * t1_71;
+        let t2_70 = (-t2_68).mul_add(t1_73, t2_69);
         let t2_71 = t2_70 * inv_pivot_4;
-        let t2_72 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_71;
-        let t2_73 = like.lift(-0.3).mul_add(t2_72, t2_48);
+        let t2_72 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_71;
+        let t2_73 = like.lift(0.4).mul_add(t2_72, t2_68);
         let t2_74 = inv_pivot_3 * t2_73;
-        let t2_75 = t1_68 * t2_74;
+        let t2_75 = t1_68.mul_add(t2_74, t2_67);
         let t2_76 = inv_pivot_2 * t2_75;
-        let t2_77 = -t2_74;
-        let t2_78 = (-t1_9).mul_add(t2_58, t2_43);
-        let t2_79 = like.lift(-0.17320508075688773).mul_add(t2_56, t2_78);
-        let t2_80 = t1_65 * t2_79;
-        let t2_81 = like.lift(3.3333333333333335) * t2_80;
-        let t2_82 = t1_9.mul_add(t2_68, t2_44);
-        let t2_83 = like.lift(-0.17320508075688773).mul_add(t2_66, t2_82);
-        let t2_84 = t1_65 * t2_83;
-        let t2_85 = like.lift(3.3333333333333335) * t2_84;
-        let t2_86 = t1_9 * t2_76;
-        let t2_87 = like.lift(-0.17320508075688773).mul_add(t2_74, t2_86);
-        let t2_88 = t1_65 * t2_87;
-        let t2_89 = like.lift(3.3333333333333335) * t2_88;
-        let t2_90 = -t2_89;
-        let t2_91 = -t2_53;
-        let t2_92 = -t2_63;
+        let t2_77 = -t2_76;
+        let t2_78 = -t2_53;
+        let t2_79 = -t2_71;
+        let t2_80 = (-t1_1).mul_add(t2_58, t2_38);
+        let t2_81 = like.lift(-0.06928203230275509).mul_add(t2_56, t2_80);
+        let t2_82 = t1_65 * t2_81;
+        let t2_83 = like.lift(2.5) * t2_82;
+        let t2_84 = -t2_83;
+        let t2_85 = t1_1 * t2_65;
+        let t2_86 = like.lift(-0.06928203230275509).mul_add(t2_63, t2_85);
+        let t2_87 = t1_65 * t2_86;
+        let t2_88 = like.lift(2.5) * t2_87;
+        let t2_89 = -t2_88;
+        let t2_90 = (-t1_1).mul_add(t2_76, t2_45);
+        let t2_91 = like.lift(0.06928203230275509).mul_add(t2_74, t2_90);
+        let t2_92 = t1_65 * t2_91;
+        let t2_93 = like.lift(2.5) * t2_92;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(3.7195893740787023)).abs()
-            .min((t1_89 * like.lift(1.4285714285714288)).abs())
-            .min((t1_90 * like.lift(4.631504421083416)).abs())
-            .min((pivot_4 * like.lift(3.3442201491765347)).abs());
+        let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
+            .min((t1_90 * like.lift(2.7080930926705737)).abs())
+            .min((pivot_3 * like.lift(19.82662604894746)).abs())
+            .min((pivot_4 * like.lift(2.203476117557732)).abs());
         let ([
             [x_q2_q1, x_q2_q4, x_q2_q6], [x_q3_q1, x_q3_q4, x_q3_q6],
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_58, t2_69, t2_76], [t2_56, t2_66, t2_77], [t2_81, t2_85, t2_90],
-                [t2_91, t2_92, t2_71],
+                [t2_58, t2_66, t2_77], [t2_56, t2_63, t2_74], [t2_78, t2_60, t2_79],
+                [t2_84, t2_89, t2_93],
             ],
             margin,
             || (
                 [
-                    [t1_2, like.lift(-0.3), t1_8, like.lift(0.0)],
-                    [t1_9, like.lift(0.17320508075688773), pivot_1, like.lift(0.0)],
+                    [t1_2, like.lift(-0.06928203230275509), t1_8, like.lift(0.0)],
+                    [t1_9, like.lift(0.04), t1_10, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t1_2, like.lift(-0.3), like.lift(0.0), t1_15],
-                    [t1_17, like.lift(-0.17320508075688773), like.lift(0.0), t1_18],
+                    [t1_2, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
+                    [t1_17, like.lift(-0.04), like.lift(0.0), t1_18],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -2553,19 +2556,19 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 3]
         let t3_3 = d_q4 * d_q4;
         let t3_4 = sin_q5 * t3_3;
         let t3_5 = p_mx_rod2 * t3_4;
-        let t3_6 = like.lift(0.3) * t3_5;
+        let t3_6 = like.lift(0.4) * t3_5;
         let t3_7 = cos_q5 * t3_3;
         let t3_8 = p_my_rod2 * t3_7;
-        let t3_9 = like.lift(0.3).mul_add(t3_8, t3_6);
+        let t3_9 = like.lift(0.4).mul_add(t3_8, t3_6);
         let t3_10 = p_izz_rod2.mul_add(al_rod2z, t3_9);
         let t3_11 = (-t3_10).mul_add(x_q5_q1, t3_2);
         let t3_12 = d_q6 * d_q6;
         let t3_13 = sin_q7 * t3_12;
         let t3_14 = p_mx_rod3 * t3_13;
-        let t3_15 = like.lift(0.3) * t3_14;
+        let t3_15 = like.lift(0.4) * t3_14;
         let t3_16 = cos_q7 * t3_12;
         let t3_17 = p_my_rod3 * t3_16;
-        let t3_18 = like.lift(0.3).mul_add(t3_17, t3_15);
+        let t3_18 = like.lift(0.4).mul_add(t3_17, t3_15);
         let t3_19 = p_izz_rod3.mul_add(al_rod3z, t3_18);
         let t3_20 = (-t3_19).mul_add(x_q7_q1, t3_11);
         tau[0] = t3_20;
@@ -2573,14 +2576,14 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 3]
         let t3_22 = w_rod2z * w_rod2z;
         let t3_23 = t3_22 * p_mx_rod2;
         let t3_24 = p_my_rod2.mul_add(al_rod2z, t3_23);
-        let t3_25 = like.lift(0.3).mul_add(t3_21, t3_24);
+        let t3_25 = like.lift(0.4).mul_add(t3_21, t3_24);
         let t3_26 = sin_q5 * t3_25;
         let t3_27 = p_m_rod2 * t3_4;
         let t3_28 = t3_22 * p_my_rod2;
         let t3_29 = (-p_mx_rod2).mul_add(al_rod2z, t3_28);
-        let t3_30 = like.lift(0.3).mul_add(t3_27, -t3_29);
+        let t3_30 = like.lift(0.4).mul_add(t3_27, -t3_29);
         let t3_31 = (-cos_q5).mul_add(t3_30, t3_26);
-        let t3_32 = like.lift(-0.3).mul_add(t3_31, t3_10);
+        let t3_32 = like.lift(-0.4).mul_add(t3_31, t3_10);
         let t3_33 = t2_19 * x_q2_q4;
         let t3_34 = t2_9.mul_add(x_q3_q4, t3_33);
         let t3_35 = t3_32 - t3_34;
@@ -2591,14 +2594,14 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 3]
         let t3_39 = w_rod3z * w_rod3z;
         let t3_40 = t3_39 * p_mx_rod3;
         let t3_41 = p_my_rod3.mul_add(al_rod3z, t3_40);
-        let t3_42 = like.lift(0.3).mul_add(t3_38, t3_41);
+        let t3_42 = like.lift(0.4).mul_add(t3_38, t3_41);
         let t3_43 = sin_q7 * t3_42;
         let t3_44 = p_m_rod3 * t3_13;
         let t3_45 = t3_39 * p_my_rod3;
         let t3_46 = (-p_mx_rod3).mul_add(al_rod3z, t3_45);
-        let t3_47 = like.lift(0.3).mul_add(t3_44, -t3_46);
+        let t3_47 = like.lift(0.4).mul_add(t3_44, -t3_46);
         let t3_48 = (-cos_q7).mul_add(t3_47, t3_43);
-        let t3_49 = like.lift(-0.3).mul_add(t3_48, t3_19);
+        let t3_49 = like.lift(-0.4).mul_add(t3_48, t3_19);
         let t3_50 = t2_19 * x_q2_q6;
         let t3_51 = t2_9.mul_add(x_q3_q6, t3_50);
         let t3_52 = t3_10.mul_add(x_q5_q6, t3_51);
@@ -2637,9 +2640,9 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
         let (sin_q3, cos_q3) = q3.sin_cos();
         let t1_1 = cos_q3 * p_mx_platform;
         let t1_2 = (-sin_q3).mul_add(p_my_platform, t1_1);
-        let t1_3 = like.lift(0.3).mul_add(p_m_platform, t1_2);
-        let t1_4 = like.lift(0.3) * t1_2;
-        let t1_5 = like.lift(0.3).mul_add(t1_3, t1_4);
+        let t1_3 = like.lift(0.4).mul_add(p_m_platform, t1_2);
+        let t1_4 = like.lift(0.4) * t1_2;
+        let t1_5 = like.lift(0.4).mul_add(t1_3, t1_4);
         let t1_6 = p_izz_platform + t1_5;
         let t1_7 = p_izz_rod1 + t1_6;
         let (sin_q2, cos_q2) = q2.sin_cos();
@@ -2650,14 +2653,14 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
         let t1_12 = p_my_rod1 + t1_11;
         let t1_13 = (-sin_q2).mul_add(t1_12, t1_9);
         let t1_14 = p_m_rod1 + p_m_platform;
-        let t1_15 = like.lift(0.3).mul_add(t1_14, t1_13);
-        let t1_16 = like.lift(0.3) * t1_13;
-        let t1_17 = like.lift(0.3).mul_add(t1_15, t1_16);
+        let t1_15 = like.lift(0.4).mul_add(t1_14, t1_13);
+        let t1_16 = like.lift(0.4) * t1_13;
+        let t1_17 = like.lift(0.4).mul_add(t1_15, t1_16);
         let t1_18 = t1_7 + t1_17;
         let t1_19 = p_izz_crank1 + t1_18;
         let t1_20 = t1_7 + t1_16;
-        let u_platform_q2x = like.lift(0.3) * sin_q3;
-        let t1_21 = like.lift(0.3) + u_platform_q2x;
+        let u_platform_q2x = like.lift(0.4) * sin_q3;
+        let t1_21 = like.lift(0.06928203230275509) + u_platform_q2x;
         let t1_22 = -t1_21;
         let t1_23 = q2 + q1;
         let t1_24 = q3 + t1_23;
@@ -2668,123 +2671,123 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
         let t1_27 = sin_q1_q2_q3_minus_q4 * sin_q5;
         let sin_q1_q2_q3_minus_q4_minus_q5 = sin_q1_q2_q3_minus_q4.mul_add(cos_q5, -t1_26);
         let cos_q1_q2_q3_minus_q4_minus_q5 = cos_q1_q2_q3_minus_q4.mul_add(cos_q5, t1_27);
-        let t1_28 = like.lift(0.3) * sin_q1_q2_q3_minus_q4_minus_q5;
-        let u_platform_q2y = like.lift(0.3) * cos_q3;
-        let t1_29 = like.lift(0.17320508075688773) - u_platform_q2y;
-        let pivot_1 = like.lift(0.3) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let t1_30 = q2 + q1;
-        let t1_31 = q3 + t1_30;
-        let t1_32 = t1_31 - q6;
-        let (sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6) = t1_32.sin_cos();
+        let t1_28 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
+        let u_platform_q2y = like.lift(0.4) * cos_q3;
+        let t1_29 = like.lift(0.04) - u_platform_q2y;
+        let t1_30 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
+        let t1_31 = q2 + q1;
+        let t1_32 = q3 + t1_31;
+        let t1_33 = t1_32 - q6;
+        let (sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6) = t1_33.sin_cos();
         let (sin_q7, cos_q7) = q7.sin_cos();
-        let t1_33 = cos_q1_q2_q3_minus_q6 * sin_q7;
-        let t1_34 = sin_q1_q2_q3_minus_q6 * sin_q7;
-        let sin_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(cos_q7, -t1_33);
-        let cos_q1_q2_q3_minus_q6_minus_q7 = cos_q1_q2_q3_minus_q6.mul_add(cos_q7, t1_34);
-        let t1_35 = like.lift(0.3) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t1_36 = like.lift(0.17320508075688773) + u_platform_q2y;
+        let t1_34 = cos_q1_q2_q3_minus_q6 * sin_q7;
+        let t1_35 = sin_q1_q2_q3_minus_q6 * sin_q7;
+        let sin_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(cos_q7, -t1_34);
+        let cos_q1_q2_q3_minus_q6_minus_q7 = cos_q1_q2_q3_minus_q6.mul_add(cos_q7, t1_35);
+        let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t1_36 = like.lift(0.04) + u_platform_q2y;
         let t1_37 = -t1_36;
-        let t1_38 = like.lift(0.3) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t1_38 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
         let t1_39 = sin_q2 * cos_q3;
-        let t1_40 = like.lift(0.3) * t1_39;
-        let u_rod1_q1y = like.lift(0.3) * cos_q2;
-        let t1_41 = like.lift(0.3) + u_rod1_q1y;
+        let t1_40 = like.lift(0.4) * t1_39;
+        let u_rod1_q1y = like.lift(0.4) * cos_q2;
+        let t1_41 = like.lift(0.4) + u_rod1_q1y;
         let u_platform_q1x = sin_q3.mul_add(t1_41, t1_40);
-        let t1_42 = like.lift(0.3) + u_platform_q1x;
+        let t1_42 = like.lift(0.06928203230275509) + u_platform_q1x;
         let t1_43 = -t1_42;
-        let t1_44 = like.lift(0.3).mul_add(sin_q1_q2_q3_minus_q4, t1_28);
+        let t1_44 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t1_28);
         let t1_45 = sin_q2 * sin_q3;
-        let t1_46 = like.lift(0.3) * t1_45;
+        let t1_46 = like.lift(0.4) * t1_45;
         let u_platform_q1y = (-cos_q3).mul_add(t1_41, t1_46);
-        let t1_47 = like.lift(0.17320508075688773) + u_platform_q1y;
-        let t1_48 = like.lift(0.3).mul_add(cos_q1_q2_q3_minus_q4, pivot_1);
-        let t1_49 = like.lift(0.3).mul_add(sin_q1_q2_q3_minus_q6, t1_35);
-        let t1_50 = like.lift(0.17320508075688773) - u_platform_q1y;
+        let t1_47 = like.lift(0.04) + u_platform_q1y;
+        let t1_48 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t1_30);
+        let t1_49 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
+        let t1_50 = like.lift(0.04) - u_platform_q1y;
         let t1_51 = -t1_50;
-        let t1_52 = like.lift(0.3).mul_add(cos_q1_q2_q3_minus_q6, t1_38);
-        let t1_53 = like.lift(1.0) / cos_q1_q2_q3_minus_q4_minus_q5;
-        let t1_54 = sin_q1_q2_q3_minus_q4_minus_q5 * t1_53;
-        let pivot_2 = t1_29.mul_add(t1_54, t1_21);
+        let t1_52 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t1_38);
+        let t1_53 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
+        let t1_54 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_53;
+        let pivot_2 = (-t1_21).mul_add(t1_54, t1_36);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t1_55 = t1_47.mul_add(t1_54, t1_42);
-        let t1_56 = like.lift(0.17320508075688773).mul_add(t1_54, like.lift(0.3));
-        let t1_57 = t1_36 * inv_pivot_2;
-        let pivot_3 = (-t1_56).mul_add(t1_57, like.lift(0.17320508075688773));
+        let t1_55 = (-t1_42).mul_add(t1_54, t1_50);
+        let t1_56 = like.lift(-0.06928203230275509).mul_add(t1_54, like.lift(0.04));
+        let t1_57 = t1_29 * inv_pivot_2;
+        let pivot_3 = (-t1_56).mul_add(t1_57, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_58 = (-t1_55).mul_add(t1_57, t1_50);
+        let t1_58 = (-t1_55).mul_add(t1_57, t1_47);
         let t1_59 = t1_21 * inv_pivot_2;
         let t1_60 = (-t1_55).mul_add(t1_59, t1_42);
-        let t1_61 = (-t1_56).mul_add(t1_59, like.lift(0.3));
+        let t1_61 = (-t1_56).mul_add(t1_59, like.lift(0.06928203230275509));
         let t1_62 = t1_61 * inv_pivot_3;
         let t1_63 = (-t1_58).mul_add(t1_62, t1_60);
-        let t1_64 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_62;
-        let pivot_4 = like.lift(-0.3).mul_add(t1_64, t1_35);
+        let t1_64 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_62;
+        let pivot_4 = like.lift(0.4).mul_add(t1_64, t1_28);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
         let t1_65 = t1_63 * inv_pivot_4;
-        let t1_66 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_65;
-        let t1_67 = like.lift(-0.3).mul_add(t1_66, t1_58);
+        let t1_66 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_65;
+        let t1_67 = like.lift(0.4).mul_add(t1_66, t1_58);
         let t1_68 = inv_pivot_3 * t1_67;
         let t1_69 = (-t1_56).mul_add(t1_68, t1_55);
         let t1_70 = inv_pivot_2 * t1_69;
-        let t1_71 = (-t1_48).mul_add(t1_54, t1_44);
-        let t1_72 = t1_71 * t1_57;
-        let t1_73 = t1_71 * t1_59;
-        let t1_74 = (-t1_72).mul_add(t1_62, t1_73);
-        let t1_75 = t1_74 * inv_pivot_4;
-        let t1_76 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_75;
-        let t1_77 = like.lift(-0.3).mul_add(t1_76, t1_72);
-        let t1_78 = inv_pivot_3 * t1_77;
-        let t1_79 = t1_56.mul_add(t1_78, t1_71);
-        let t1_80 = inv_pivot_2 * t1_79;
-        let t1_81 = -t1_80;
-        let t1_82 = (-t1_52).mul_add(t1_62, t1_49);
+        let t1_71 = t1_48.mul_add(t1_62, t1_44);
+        let t1_72 = t1_71 * inv_pivot_4;
+        let t1_73 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_72;
+        let t1_74 = like.lift(-0.4).mul_add(t1_73, t1_48);
+        let t1_75 = inv_pivot_3 * t1_74;
+        let t1_76 = t1_56 * t1_75;
+        let t1_77 = inv_pivot_2 * t1_76;
+        let t1_78 = -t1_77;
+        let t1_79 = (-t1_49).mul_add(t1_54, t1_52);
+        let t1_80 = t1_79 * t1_57;
+        let t1_81 = t1_79 * t1_59;
+        let t1_82 = (-t1_80).mul_add(t1_62, t1_81);
         let t1_83 = t1_82 * inv_pivot_4;
-        let t1_84 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_83;
-        let t1_85 = like.lift(-0.3).mul_add(t1_84, t1_52);
+        let t1_84 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_83;
+        let t1_85 = like.lift(0.4).mul_add(t1_84, t1_80);
         let t1_86 = inv_pivot_3 * t1_85;
-        let t1_87 = t1_56 * t1_86;
+        let t1_87 = t1_56.mul_add(t1_86, t1_79);
         let t1_88 = inv_pivot_2 * t1_87;
-        let t1_89 = -t1_86;
-        let t1_90 = (-t1_29).mul_add(t1_70, t1_47);
-        let t1_91 = like.lift(-0.17320508075688773).mul_add(t1_68, t1_90);
-        let t1_92 = t1_53 * t1_91;
-        let t1_93 = like.lift(3.3333333333333335) * t1_92;
-        let t1_94 = t1_29.mul_add(t1_80, t1_48);
-        let t1_95 = like.lift(-0.17320508075688773).mul_add(t1_78, t1_94);
-        let t1_96 = t1_53 * t1_95;
-        let t1_97 = like.lift(3.3333333333333335) * t1_96;
-        let t1_98 = t1_29 * t1_88;
-        let t1_99 = like.lift(-0.17320508075688773).mul_add(t1_86, t1_98);
-        let t1_100 = t1_53 * t1_99;
-        let t1_101 = like.lift(3.3333333333333335) * t1_100;
-        let t1_102 = -t1_101;
-        let t1_103 = -t1_65;
-        let t1_104 = -t1_75;
-        let t1_105 = -pivot_2;
-        let t1_106 = -pivot_3;
+        let t1_89 = -t1_88;
+        let t1_90 = -t1_65;
+        let t1_91 = -t1_83;
+        let t1_92 = (-t1_21).mul_add(t1_70, t1_42);
+        let t1_93 = like.lift(-0.06928203230275509).mul_add(t1_68, t1_92);
+        let t1_94 = t1_53 * t1_93;
+        let t1_95 = like.lift(2.5) * t1_94;
+        let t1_96 = -t1_95;
+        let t1_97 = t1_21 * t1_77;
+        let t1_98 = like.lift(-0.06928203230275509).mul_add(t1_75, t1_97);
+        let t1_99 = t1_53 * t1_98;
+        let t1_100 = like.lift(2.5) * t1_99;
+        let t1_101 = -t1_100;
+        let t1_102 = (-t1_21).mul_add(t1_88, t1_49);
+        let t1_103 = like.lift(0.06928203230275509).mul_add(t1_86, t1_102);
+        let t1_104 = t1_53 * t1_103;
+        let t1_105 = like.lift(2.5) * t1_104;
+        let t1_106 = -pivot_2;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(3.7195893740787023)).abs()
-            .min((t1_105 * like.lift(1.4285714285714288)).abs())
-            .min((t1_106 * like.lift(4.631504421083416)).abs())
-            .min((pivot_4 * like.lift(3.3442201491765347)).abs());
+        let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
+            .min((t1_106 * like.lift(2.7080930926705737)).abs())
+            .min((pivot_3 * like.lift(19.82662604894746)).abs())
+            .min((pivot_4 * like.lift(2.203476117557732)).abs());
         let ([
             [x_q2_q1, x_q2_q4, x_q2_q6], [x_q3_q1, x_q3_q4, x_q3_q6],
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t1_70, t1_81, t1_88], [t1_68, t1_78, t1_89], [t1_93, t1_97, t1_102],
-                [t1_103, t1_104, t1_83],
+                [t1_70, t1_78, t1_89], [t1_68, t1_75, t1_86], [t1_90, t1_72, t1_91],
+                [t1_96, t1_101, t1_105],
             ],
             margin,
             || (
                 [
-                    [t1_22, like.lift(-0.3), t1_28, like.lift(0.0)],
-                    [t1_29, like.lift(0.17320508075688773), pivot_1, like.lift(0.0)],
+                    [t1_22, like.lift(-0.06928203230275509), t1_28, like.lift(0.0)],
+                    [t1_29, like.lift(0.04), t1_30, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t1_22, like.lift(-0.3), like.lift(0.0), t1_35],
-                    [t1_37, like.lift(-0.17320508075688773), like.lift(0.0), t1_38],
+                    [t1_22, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
+                    [t1_37, like.lift(-0.04), like.lift(0.0), t1_38],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -2814,7 +2817,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
         let t2_2 = p_izz_platform + t1_4;
         let t2_3 = sin_q2 * t1_11;
         let t2_4 = (-cos_q2).mul_add(t1_2, t2_3);
-        let t2_5 = like.lift(-0.3).mul_add(t2_4, t2_2);
+        let t2_5 = like.lift(-0.4).mul_add(t2_4, t2_2);
         let t2_6 = (-t2_5).mul_add(x_q3_q1, t2_1);
         let t2_7 = (-t1_7).mul_add(x_q2_q1, t1_20);
         let t2_8 = (-t2_2).mul_add(x_q3_q1, t2_7);
@@ -2836,7 +2839,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
         let t2_24 = (-x_q3_q1).mul_add(t2_23, t2_21);
         let t2_25 = cos_q5 * p_mx_rod2;
         let t2_26 = (-sin_q5).mul_add(p_my_rod2, t2_25);
-        let t2_27 = like.lift(0.3) * t2_26;
+        let t2_27 = like.lift(0.4) * t2_26;
         let t2_28 = p_izz_rod2 + t2_27;
         let t2_29 = (-p_izz_rod2).mul_add(x_q5_q4, t2_28);
         let t2_30 = x_q5_q1.mul_add(t2_29, t2_24);
@@ -2855,14 +2858,14 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
         let t2_43 = (-x_q5_q1).mul_add(t2_42, t2_41);
         let t2_44 = cos_q7 * p_mx_rod3;
         let t2_45 = (-sin_q7).mul_add(p_my_rod3, t2_44);
-        let t2_46 = like.lift(0.3) * t2_45;
+        let t2_46 = like.lift(0.4) * t2_45;
         let t2_47 = p_izz_rod3 + t2_46;
         let t2_48 = (-p_izz_rod3).mul_add(x_q7_q6, t2_47);
         let t2_49 = x_q7_q1.mul_add(t2_48, t2_43);
         let t2_50 = -t2_49;
         m[0] = [t2_16, t2_33, t2_50];
-        let t2_51 = like.lift(0.3).mul_add(p_m_rod2, t2_26);
-        let t2_52 = like.lift(0.3).mul_add(t2_51, t2_27);
+        let t2_51 = like.lift(0.4).mul_add(p_m_rod2, t2_26);
+        let t2_52 = like.lift(0.4).mul_add(t2_51, t2_27);
         let t2_53 = p_izz_rod2 + t2_52;
         let t2_54 = p_izz_crank2 + t2_53;
         let t2_55 = (-t2_28).mul_add(x_q5_q4, t2_54);
@@ -2878,8 +2881,8 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
         let t2_65 = x_q7_q4.mul_add(t2_48, t2_64);
         let t2_66 = -t2_65;
         m[1] = [t2_33, t2_60, t2_66];
-        let t2_67 = like.lift(0.3).mul_add(p_m_rod3, t2_45);
-        let t2_68 = like.lift(0.3).mul_add(t2_67, t2_46);
+        let t2_67 = like.lift(0.4).mul_add(p_m_rod3, t2_45);
+        let t2_68 = like.lift(0.4).mul_add(t2_67, t2_46);
         let t2_69 = p_izz_rod3 + t2_68;
         let t2_70 = p_izz_crank3 + t2_69;
         let t2_71 = (-t2_47).mul_add(x_q7_q6, t2_70);
@@ -2929,19 +2932,18 @@ pub fn slotine_li<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd_r: &[T;
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        sin_q3, cos_q3, t2_2, sin_q2, cos_q2, sin_q4, cos_q4, sin_q1_q2_q3_minus_q4,
+        sin_q3, cos_q3, t2_1, t2_2, sin_q2, cos_q2, sin_q4, cos_q4, sin_q1_q2_q3_minus_q4,
         cos_q1_q2_q3_minus_q4, sin_q5, cos_q5, sin_q1_q2_q3_minus_q4_minus_q5,
-        cos_q1_q2_q3_minus_q4_minus_q5, t2_11, t2_12, pivot_1, sin_q6, cos_q6,
+        cos_q1_q2_q3_minus_q4_minus_q5, t2_11, t2_12, t2_13, sin_q6, cos_q6,
         sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6, sin_q7, cos_q7,
-        sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7, t2_17, t2_19, t2_20,
+        sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7, pivot_1, t2_19, t2_20,
         u_platform_q1x, t2_24, t2_25, t2_26, t2_27, t2_28, t2_29, w_rod1z, u_platform_q1y,
-        t2_34, t2_36, t2_39, t2_41, t2_43, t2_45, t2_46, inv_pivot_2, t2_48, t2_49,
-        inv_pivot_3, t2_51, t2_53, pivot_4, inv_pivot_4, t2_70, t2_71, t2_72, t2_73, t2_74,
-        t2_75,
+        t2_34, t2_36, t2_39, t2_41, t2_43, t2_45, t2_46, inv_pivot_2, t2_48, t2_49, pivot_3,
+        inv_pivot_3, t2_51, t2_53, pivot_4, inv_pivot_4, t2_69, t2_70, t2_71, t2_72, t2_73,
     ] = {
         let (sin_q3, cos_q3) = q3.sin_cos();
-        let u_platform_q2x = like.lift(0.3) * sin_q3;
-        let t2_1 = like.lift(0.3) + u_platform_q2x;
+        let u_platform_q2x = like.lift(0.4) * sin_q3;
+        let t2_1 = like.lift(0.06928203230275509) + u_platform_q2x;
         let t2_2 = -t2_1;
         let (sin_q2, cos_q2) = q2.sin_cos();
         let t2_3 = cos_q1 * sin_q2;
@@ -2962,32 +2964,32 @@ pub fn slotine_li<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd_r: &[T;
         let t2_10 = sin_q1_q2_q3_minus_q4 * sin_q5;
         let sin_q1_q2_q3_minus_q4_minus_q5 = sin_q1_q2_q3_minus_q4.mul_add(cos_q5, -t2_9);
         let cos_q1_q2_q3_minus_q4_minus_q5 = cos_q1_q2_q3_minus_q4.mul_add(cos_q5, t2_10);
-        let t2_11 = like.lift(0.3) * sin_q1_q2_q3_minus_q4_minus_q5;
-        let u_platform_q2y = like.lift(0.3) * cos_q3;
-        let t2_12 = like.lift(0.17320508075688773) - u_platform_q2y;
-        let pivot_1 = like.lift(0.3) * cos_q1_q2_q3_minus_q4_minus_q5;
+        let t2_11 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
+        let u_platform_q2y = like.lift(0.4) * cos_q3;
+        let t2_12 = like.lift(0.04) - u_platform_q2y;
+        let t2_13 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
         let (sin_q6, cos_q6) = q6.sin_cos();
-        let t2_13 = cos_q1_q2_q3 * sin_q6;
-        let t2_14 = sin_q1_q2_q3 * sin_q6;
-        let sin_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(cos_q6, -t2_13);
-        let cos_q1_q2_q3_minus_q6 = cos_q1_q2_q3.mul_add(cos_q6, t2_14);
+        let t2_14 = cos_q1_q2_q3 * sin_q6;
+        let t2_15 = sin_q1_q2_q3 * sin_q6;
+        let sin_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(cos_q6, -t2_14);
+        let cos_q1_q2_q3_minus_q6 = cos_q1_q2_q3.mul_add(cos_q6, t2_15);
         let (sin_q7, cos_q7) = q7.sin_cos();
-        let t2_15 = cos_q1_q2_q3_minus_q6 * sin_q7;
-        let t2_16 = sin_q1_q2_q3_minus_q6 * sin_q7;
-        let sin_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(cos_q7, -t2_15);
-        let cos_q1_q2_q3_minus_q6_minus_q7 = cos_q1_q2_q3_minus_q6.mul_add(cos_q7, t2_16);
-        let t2_17 = like.lift(0.3) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_18 = like.lift(0.17320508075688773) + u_platform_q2y;
+        let t2_16 = cos_q1_q2_q3_minus_q6 * sin_q7;
+        let t2_17 = sin_q1_q2_q3_minus_q6 * sin_q7;
+        let sin_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(cos_q7, -t2_16);
+        let cos_q1_q2_q3_minus_q6_minus_q7 = cos_q1_q2_q3_minus_q6.mul_add(cos_q7, t2_17);
+        let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_18 = like.lift(0.04) + u_platform_q2y;
         let t2_19 = -t2_18;
-        let t2_20 = like.lift(0.3) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t2_20 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
         let t2_21 = sin_q2 * cos_q3;
-        let t2_22 = like.lift(0.3) * t2_21;
-        let u_rod1_q1y = like.lift(0.3) * cos_q2;
-        let t2_23 = like.lift(0.3) + u_rod1_q1y;
+        let t2_22 = like.lift(0.4) * t2_21;
+        let u_rod1_q1y = like.lift(0.4) * cos_q2;
+        let t2_23 = like.lift(0.4) + u_rod1_q1y;
         let u_platform_q1x = sin_q3.mul_add(t2_23, t2_22);
-        let t2_24 = like.lift(0.3) + u_platform_q1x;
+        let t2_24 = like.lift(0.06928203230275509) + u_platform_q1x;
         let t2_25 = t2_24 * dr_q1;
-        let t2_26 = like.lift(0.3).mul_add(sin_q1_q2_q3_minus_q4, t2_11);
+        let t2_26 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t2_11);
         let t2_27 = (-t2_26).mul_add(dr_q4, t2_25);
         let t2_28 = d_q1 * r_q1;
         let t2_29 = cos_q2 * t2_28;
@@ -2995,69 +2997,67 @@ pub fn slotine_li<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd_r: &[T;
         let t2_30 = t2_24 * r_q1;
         let t2_31 = (-t2_26).mul_add(r_q4, t2_30);
         let t2_32 = sin_q2 * sin_q3;
-        let t2_33 = like.lift(0.3) * t2_32;
+        let t2_33 = like.lift(0.4) * t2_32;
         let u_platform_q1y = (-cos_q3).mul_add(t2_23, t2_33);
-        let t2_34 = like.lift(0.17320508075688773) + u_platform_q1y;
+        let t2_34 = like.lift(0.04) + u_platform_q1y;
         let t2_35 = t2_34 * r_q1;
-        let t2_36 = like.lift(0.3).mul_add(cos_q1_q2_q3_minus_q4, pivot_1);
+        let t2_36 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t2_13);
         let t2_37 = t2_36.mul_add(r_q4, t2_35);
         let t2_38 = -t2_37;
-        let t2_39 = like.lift(0.3).mul_add(sin_q1_q2_q3_minus_q6, t2_17);
+        let t2_39 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
         let t2_40 = (-t2_39).mul_add(r_q6, t2_30);
-        let t2_41 = like.lift(0.17320508075688773) - u_platform_q1y;
+        let t2_41 = like.lift(0.04) - u_platform_q1y;
         let t2_42 = t2_41 * r_q1;
-        let t2_43 = like.lift(0.3).mul_add(cos_q1_q2_q3_minus_q6, t2_20);
+        let t2_43 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_20);
         let t2_44 = (-t2_43).mul_add(r_q6, t2_42);
-        let t2_45 = like.lift(1.0) / cos_q1_q2_q3_minus_q4_minus_q5;
-        let t2_46 = sin_q1_q2_q3_minus_q4_minus_q5 * t2_45;
-        let pivot_2 = t2_12.mul_add(t2_46, t2_1);
+        let t2_45 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_46 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_45;
+        let pivot_2 = (-t2_1).mul_add(t2_46, t2_18);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_47 = t2_46.mul_add(t2_37, t2_31);
-        let t2_48 = like.lift(0.17320508075688773).mul_add(t2_46, like.lift(0.3));
-        let t2_49 = t2_18 * inv_pivot_2;
-        let pivot_3 = (-t2_48).mul_add(t2_49, like.lift(0.17320508075688773));
+        let t2_47 = (-t2_46).mul_add(t2_40, t2_44);
+        let t2_48 = like.lift(-0.06928203230275509).mul_add(t2_46, like.lift(0.04));
+        let t2_49 = t2_12 * inv_pivot_2;
+        let pivot_3 = (-t2_48).mul_add(t2_49, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_50 = (-t2_49).mul_add(t2_47, t2_44);
+        let t2_50 = (-t2_49).mul_add(t2_47, t2_37);
         let t2_51 = t2_1 * inv_pivot_2;
-        let t2_52 = (-t2_48).mul_add(t2_51, like.lift(0.3));
+        let t2_52 = (-t2_48).mul_add(t2_51, like.lift(0.06928203230275509));
         let t2_53 = t2_52 * inv_pivot_3;
-        let t2_54 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_53;
-        let pivot_4 = like.lift(-0.3).mul_add(t2_54, t2_17);
+        let t2_54 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_53;
+        let pivot_4 = like.lift(0.4).mul_add(t2_54, t2_11);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_55 = (-t2_51).mul_add(t2_47, t2_40);
+        let t2_55 = (-t2_51).mul_add(t2_47, t2_31);
         let t2_56 = (-t2_53).mul_add(t2_50, t2_55);
         let t2_57 = inv_pivot_4 * t2_56;
-        let t2_58 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_57;
-        let t2_59 = like.lift(-0.3).mul_add(t2_58, t2_50);
+        let t2_58 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_57;
+        let t2_59 = like.lift(0.4).mul_add(t2_58, t2_50);
         let t2_60 = inv_pivot_3 * t2_59;
         let t2_61 = (-t2_48).mul_add(t2_60, t2_47);
         let t2_62 = inv_pivot_2 * t2_61;
         let t2_63 = -t2_62;
         let t2_64 = -t2_60;
-        let t2_65 = (-t2_12).mul_add(t2_62, t2_37);
-        let t2_66 = like.lift(-0.17320508075688773).mul_add(t2_60, t2_65);
+        let t2_65 = (-t2_1).mul_add(t2_62, t2_40);
+        let t2_66 = like.lift(-0.06928203230275509).mul_add(t2_60, t2_65);
         let t2_67 = t2_45 * t2_66;
-        let t2_68 = like.lift(3.3333333333333335) * t2_67;
-        let t2_69 = -t2_68;
-        let t2_70 = -pivot_2;
-        let t2_71 = -pivot_3;
+        let t2_68 = like.lift(2.5) * t2_67;
+        let t2_69 = -pivot_2;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(3.7195893740787023)).abs()
-            .min((t2_70 * like.lift(1.4285714285714288)).abs())
-            .min((t2_71 * like.lift(4.631504421083416)).abs())
-            .min((pivot_4 * like.lift(3.3442201491765347)).abs());
-        let ([[t2_72], [t2_73], [t2_74], [t2_75]], found) = ::regen_runtime::guarded(
-            [[t2_63], [t2_64], [t2_69], [t2_57]],
+        let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
+            .min((t2_69 * like.lift(2.7080930926705737)).abs())
+            .min((pivot_3 * like.lift(19.82662604894746)).abs())
+            .min((pivot_4 * like.lift(2.203476117557732)).abs());
+        let ([[t2_70], [t2_71], [t2_72], [t2_73]], found) = ::regen_runtime::guarded(
+            [[t2_63], [t2_64], [t2_57], [t2_68]],
             margin,
             || (
                 [
-                    [t2_2, like.lift(-0.3), t2_11, like.lift(0.0)],
-                    [t2_12, like.lift(0.17320508075688773), pivot_1, like.lift(0.0)],
+                    [t2_2, like.lift(-0.06928203230275509), t2_11, like.lift(0.0)],
+                    [t2_12, like.lift(0.04), t2_13, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_2, like.lift(-0.3), like.lift(0.0), t2_17],
-                    [t2_19, like.lift(-0.17320508075688773), like.lift(0.0), t2_20],
+                    [t2_2, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
+                    [t2_19, like.lift(-0.04), like.lift(0.0), t2_20],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -3070,54 +3070,54 @@ pub fn slotine_li<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd_r: &[T;
         );
         condition = condition.min(found);
         [
-            sin_q3, cos_q3, t2_2, sin_q2, cos_q2, sin_q4, cos_q4, sin_q1_q2_q3_minus_q4,
+            sin_q3, cos_q3, t2_1, t2_2, sin_q2, cos_q2, sin_q4, cos_q4, sin_q1_q2_q3_minus_q4,
             cos_q1_q2_q3_minus_q4, sin_q5, cos_q5, sin_q1_q2_q3_minus_q4_minus_q5,
-            cos_q1_q2_q3_minus_q4_minus_q5, t2_11, t2_12, pivot_1, sin_q6, cos_q6,
+            cos_q1_q2_q3_minus_q4_minus_q5, t2_11, t2_12, t2_13, sin_q6, cos_q6,
             sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6, sin_q7, cos_q7,
-            sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7, t2_17, t2_19,
+            sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7, pivot_1, t2_19,
             t2_20, u_platform_q1x, t2_24, t2_25, t2_26, t2_27, t2_28, t2_29, w_rod1z,
             u_platform_q1y, t2_34, t2_36, t2_39, t2_41, t2_43, t2_45, t2_46, inv_pivot_2,
-            t2_48, t2_49, inv_pivot_3, t2_51, t2_53, pivot_4, inv_pivot_4, t2_70, t2_71, t2_72,
-            t2_73, t2_74, t2_75,
+            t2_48, t2_49, pivot_3, inv_pivot_3, t2_51, t2_53, pivot_4, inv_pivot_4, t2_69,
+            t2_70, t2_71, t2_72, t2_73,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
-    let [t3_2, t3_3, t3_10, w_rod2z, t3_16, w_rod3z, t3_42, t3_75, t3_76, t3_77, t3_78] = {
-        let t3_1 = r_q1 + t2_72;
+    let [t3_2, t3_3, t3_10, w_rod2z, t3_16, w_rod3z, t3_42, t3_74, t3_75, t3_76, t3_77] = {
+        let t3_1 = r_q1 + t2_70;
         let t3_2 = w_rod1z * t3_1;
-        let t3_3 = like.lift(0.3) * t3_2;
-        let t3_4 = like.lift(0.3).mul_add(t2_29, t3_3);
+        let t3_3 = like.lift(0.4) * t3_2;
+        let t3_4 = like.lift(0.4).mul_add(t2_29, t3_3);
         let t3_5 = cos_q3 * t3_4;
         let t3_6 = sin_q2 * t2_28;
         let t3_7 = sin_q3 * t3_6;
-        let t3_8 = like.lift(-0.3).mul_add(t3_7, t3_5);
+        let t3_8 = like.lift(-0.4).mul_add(t3_7, t3_5);
         let w_platformz = d_q3 + w_rod1z;
-        let t3_9 = t2_73 + t3_1;
+        let t3_9 = t2_71 + t3_1;
         let t3_10 = w_platformz * t3_9;
-        let t3_11 = like.lift(0.17320508075688773) * t3_10;
+        let t3_11 = like.lift(0.04) * t3_10;
         let t3_12 = t3_8 - t3_11;
         let t3_13 = cos_q1_q2_q3_minus_q4 * r_q4;
         let t3_14 = d_q4 * t3_13;
-        let t3_15 = like.lift(0.3) * t3_14;
+        let t3_15 = like.lift(0.4) * t3_14;
         let w_rod2z = d_q4 + d_q5;
-        let t3_16 = r_q4 + t2_74;
+        let t3_16 = r_q4 + t2_72;
         let t3_17 = cos_q1_q2_q3_minus_q4_minus_q5 * t3_16;
         let t3_18 = w_rod2z * t3_17;
-        let t3_19 = like.lift(0.3).mul_add(t3_18, t3_15);
+        let t3_19 = like.lift(0.4).mul_add(t3_18, t3_15);
         let t3_20 = t3_12 - t3_19;
         let t3_21 = t2_27 - t3_20;
         let t3_22 = t2_34 * dr_q1;
         let t3_23 = t2_36.mul_add(dr_q4, t3_22);
         let t3_24 = sin_q3 * t3_4;
         let t3_25 = cos_q3 * t3_6;
-        let t3_26 = like.lift(0.3).mul_add(t3_25, t3_24);
-        let t3_27 = like.lift(0.3).mul_add(t3_10, t3_26);
+        let t3_26 = like.lift(0.4).mul_add(t3_25, t3_24);
+        let t3_27 = like.lift(0.06928203230275509).mul_add(t3_10, t3_26);
         let t3_28 = sin_q1_q2_q3_minus_q4 * r_q4;
         let t3_29 = d_q4 * t3_28;
-        let t3_30 = like.lift(0.3) * t3_29;
+        let t3_30 = like.lift(0.4) * t3_29;
         let t3_31 = sin_q1_q2_q3_minus_q4_minus_q5 * t3_16;
         let t3_32 = w_rod2z * t3_31;
-        let t3_33 = like.lift(0.3).mul_add(t3_32, t3_30);
+        let t3_33 = like.lift(0.4).mul_add(t3_32, t3_30);
         let t3_34 = t3_27 - t3_33;
         let t3_35 = t3_23 - t3_34;
         let t3_36 = -t3_35;
@@ -3125,58 +3125,57 @@ pub fn slotine_li<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd_r: &[T;
         let t3_38 = t3_8 + t3_11;
         let t3_39 = cos_q1_q2_q3_minus_q6 * r_q6;
         let t3_40 = d_q6 * t3_39;
-        let t3_41 = like.lift(0.3) * t3_40;
+        let t3_41 = like.lift(0.4) * t3_40;
         let w_rod3z = d_q6 + d_q7;
-        let t3_42 = r_q6 + t2_75;
+        let t3_42 = r_q6 + t2_73;
         let t3_43 = cos_q1_q2_q3_minus_q6_minus_q7 * t3_42;
         let t3_44 = w_rod3z * t3_43;
-        let t3_45 = like.lift(0.3).mul_add(t3_44, t3_41);
+        let t3_45 = like.lift(0.4).mul_add(t3_44, t3_41);
         let t3_46 = t3_38 - t3_45;
         let t3_47 = t3_37 - t3_46;
         let t3_48 = t2_41 * dr_q1;
         let t3_49 = (-t2_43).mul_add(dr_q6, t3_48);
         let t3_50 = sin_q1_q2_q3_minus_q6 * r_q6;
         let t3_51 = d_q6 * t3_50;
-        let t3_52 = like.lift(0.3) * t3_51;
+        let t3_52 = like.lift(0.4) * t3_51;
         let t3_53 = sin_q1_q2_q3_minus_q6_minus_q7 * t3_42;
         let t3_54 = w_rod3z * t3_53;
-        let t3_55 = like.lift(0.3).mul_add(t3_54, t3_52);
+        let t3_55 = like.lift(0.4).mul_add(t3_54, t3_52);
         let t3_56 = t3_27 - t3_55;
         let t3_57 = t3_49 + t3_56;
-        let t3_58 = t2_46.mul_add(t3_35, t3_21);
-        let t3_59 = (-t2_49).mul_add(t3_58, t3_57);
-        let t3_60 = (-t2_51).mul_add(t3_58, t3_47);
+        let t3_58 = (-t2_46).mul_add(t3_47, t3_57);
+        let t3_59 = (-t2_49).mul_add(t3_58, t3_35);
+        let t3_60 = (-t2_51).mul_add(t3_58, t3_21);
         let t3_61 = (-t2_53).mul_add(t3_59, t3_60);
         let t3_62 = inv_pivot_4 * t3_61;
-        let t3_63 = cos_q1_q2_q3_minus_q6_minus_q7 * t3_62;
-        let t3_64 = like.lift(-0.3).mul_add(t3_63, t3_59);
+        let t3_63 = cos_q1_q2_q3_minus_q4_minus_q5 * t3_62;
+        let t3_64 = like.lift(0.4).mul_add(t3_63, t3_59);
         let t3_65 = inv_pivot_3 * t3_64;
         let t3_66 = (-t2_48).mul_add(t3_65, t3_58);
         let t3_67 = inv_pivot_2 * t3_66;
         let t3_68 = -t3_67;
         let t3_69 = -t3_65;
-        let t3_70 = (-t2_12).mul_add(t3_67, t3_35);
-        let t3_71 = like.lift(-0.17320508075688773).mul_add(t3_65, t3_70);
+        let t3_70 = (-t2_1).mul_add(t3_67, t3_47);
+        let t3_71 = like.lift(-0.06928203230275509).mul_add(t3_65, t3_70);
         let t3_72 = t2_45 * t3_71;
-        let t3_73 = like.lift(3.3333333333333335) * t3_72;
-        let t3_74 = -t3_73;
+        let t3_73 = like.lift(2.5) * t3_72;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(3.7195893740787023)).abs()
-            .min((t2_70 * like.lift(1.4285714285714288)).abs())
-            .min((t2_71 * like.lift(4.631504421083416)).abs())
-            .min((pivot_4 * like.lift(3.3442201491765347)).abs());
-        let ([[t3_75], [t3_76], [t3_77], [t3_78]], found) = ::regen_runtime::guarded(
-            [[t3_68], [t3_69], [t3_74], [t3_62]],
+        let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
+            .min((t2_69 * like.lift(2.7080930926705737)).abs())
+            .min((pivot_3 * like.lift(19.82662604894746)).abs())
+            .min((pivot_4 * like.lift(2.203476117557732)).abs());
+        let ([[t3_74], [t3_75], [t3_76], [t3_77]], found) = ::regen_runtime::guarded(
+            [[t3_68], [t3_69], [t3_62], [t3_73]],
             margin,
             || (
                 [
-                    [t2_2, like.lift(-0.3), t2_11, like.lift(0.0)],
-                    [t2_12, like.lift(0.17320508075688773), pivot_1, like.lift(0.0)],
+                    [t2_2, like.lift(-0.06928203230275509), t2_11, like.lift(0.0)],
+                    [t2_12, like.lift(0.04), t2_13, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_2, like.lift(-0.3), like.lift(0.0), t2_17],
-                    [t2_19, like.lift(-0.17320508075688773), like.lift(0.0), t2_20],
+                    [t2_2, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
+                    [t2_19, like.lift(-0.04), like.lift(0.0), t2_20],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -3188,83 +3187,84 @@ pub fn slotine_li<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd_r: &[T;
             ),
         );
         condition = condition.min(found);
-        [t3_2, t3_3, t3_10, w_rod2z, t3_16, w_rod3z, t3_42, t3_75, t3_76, t3_77, t3_78]
+        [t3_2, t3_3, t3_10, w_rod2z, t3_16, w_rod3z, t3_42, t3_74, t3_75, t3_76, t3_77]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
         al_rod1z, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4,
         x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
     ] = {
-        let al_rod1z = dr_q1 + t3_75;
+        let al_rod1z = dr_q1 + t3_74;
         let t4_1 = -t2_24;
         let t4_2 = -t2_41;
-        let t4_3 = t2_34.mul_add(t2_46, t2_24);
-        let t4_4 = (-t4_3).mul_add(t2_49, t2_41);
+        let t4_3 = (-t2_24).mul_add(t2_46, t2_41);
+        let t4_4 = (-t4_3).mul_add(t2_49, t2_34);
         let t4_5 = (-t4_3).mul_add(t2_51, t2_24);
         let t4_6 = (-t4_4).mul_add(t2_53, t4_5);
         let t4_7 = t4_6 * inv_pivot_4;
-        let t4_8 = cos_q1_q2_q3_minus_q6_minus_q7 * t4_7;
-        let t4_9 = like.lift(-0.3).mul_add(t4_8, t4_4);
+        let t4_8 = cos_q1_q2_q3_minus_q4_minus_q5 * t4_7;
+        let t4_9 = like.lift(0.4).mul_add(t4_8, t4_4);
         let t4_10 = inv_pivot_3 * t4_9;
         let t4_11 = (-t2_48).mul_add(t4_10, t4_3);
         let t4_12 = inv_pivot_2 * t4_11;
-        let t4_13 = (-t2_36).mul_add(t2_46, t2_26);
-        let t4_14 = t4_13 * t2_49;
-        let t4_15 = t4_13 * t2_51;
-        let t4_16 = (-t4_14).mul_add(t2_53, t4_15);
-        let t4_17 = t4_16 * inv_pivot_4;
-        let t4_18 = cos_q1_q2_q3_minus_q6_minus_q7 * t4_17;
-        let t4_19 = like.lift(-0.3).mul_add(t4_18, t4_14);
-        let t4_20 = inv_pivot_3 * t4_19;
-        let t4_21 = t2_48.mul_add(t4_20, t4_13);
-        let t4_22 = inv_pivot_2 * t4_21;
-        let t4_23 = -t4_22;
-        let t4_24 = (-t2_43).mul_add(t2_53, t2_39);
+        let t4_13 = t2_36.mul_add(t2_53, t2_26);
+        let t4_14 = t4_13 * inv_pivot_4;
+        let t4_15 = cos_q1_q2_q3_minus_q4_minus_q5 * t4_14;
+        let t4_16 = like.lift(-0.4).mul_add(t4_15, t2_36);
+        let t4_17 = inv_pivot_3 * t4_16;
+        let t4_18 = t2_48 * t4_17;
+        let t4_19 = inv_pivot_2 * t4_18;
+        let t4_20 = -t4_19;
+        let t4_21 = (-t2_39).mul_add(t2_46, t2_43);
+        let t4_22 = t4_21 * t2_49;
+        let t4_23 = t4_21 * t2_51;
+        let t4_24 = (-t4_22).mul_add(t2_53, t4_23);
         let t4_25 = t4_24 * inv_pivot_4;
-        let t4_26 = cos_q1_q2_q3_minus_q6_minus_q7 * t4_25;
-        let t4_27 = like.lift(-0.3).mul_add(t4_26, t2_43);
+        let t4_26 = cos_q1_q2_q3_minus_q4_minus_q5 * t4_25;
+        let t4_27 = like.lift(0.4).mul_add(t4_26, t4_22);
         let t4_28 = inv_pivot_3 * t4_27;
-        let t4_29 = t2_48 * t4_28;
+        let t4_29 = t2_48.mul_add(t4_28, t4_21);
         let t4_30 = inv_pivot_2 * t4_29;
-        let t4_31 = -t4_28;
-        let t4_32 = (-t2_12).mul_add(t4_12, t2_34);
-        let t4_33 = like.lift(-0.17320508075688773).mul_add(t4_10, t4_32);
-        let t4_34 = t2_45 * t4_33;
-        let t4_35 = like.lift(3.3333333333333335) * t4_34;
-        let t4_36 = t2_12.mul_add(t4_22, t2_36);
-        let t4_37 = like.lift(-0.17320508075688773).mul_add(t4_20, t4_36);
-        let t4_38 = t2_45 * t4_37;
-        let t4_39 = like.lift(3.3333333333333335) * t4_38;
-        let t4_40 = t2_12 * t4_30;
-        let t4_41 = like.lift(-0.17320508075688773).mul_add(t4_28, t4_40);
-        let t4_42 = t2_45 * t4_41;
-        let t4_43 = like.lift(3.3333333333333335) * t4_42;
-        let t4_44 = -t4_43;
-        let t4_45 = -t4_7;
-        let t4_46 = -t4_17;
+        let t4_31 = -t4_30;
+        let t4_32 = -t4_7;
+        let t4_33 = -t4_25;
+        let t4_34 = (-t2_1).mul_add(t4_12, t2_24);
+        let t4_35 = like.lift(-0.06928203230275509).mul_add(t4_10, t4_34);
+        let t4_36 = t2_45 * t4_35;
+        let t4_37 = like.lift(2.5) * t4_36;
+        let t4_38 = -t4_37;
+        let t4_39 = t2_1 * t4_19;
+        let t4_40 = like.lift(-0.06928203230275509).mul_add(t4_17, t4_39);
+        let t4_41 = t2_45 * t4_40;
+        let t4_42 = like.lift(2.5) * t4_41;
+        let t4_43 = -t4_42;
+        let t4_44 = (-t2_1).mul_add(t4_30, t2_39);
+        let t4_45 = like.lift(0.06928203230275509).mul_add(t4_28, t4_44);
+        let t4_46 = t2_45 * t4_45;
+        let t4_47 = like.lift(2.5) * t4_46;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(3.7195893740787023)).abs()
-            .min((t2_70 * like.lift(1.4285714285714288)).abs())
-            .min((t2_71 * like.lift(4.631504421083416)).abs())
-            .min((pivot_4 * like.lift(3.3442201491765347)).abs());
+        let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
+            .min((t2_69 * like.lift(2.7080930926705737)).abs())
+            .min((pivot_3 * like.lift(19.82662604894746)).abs())
+            .min((pivot_4 * like.lift(2.203476117557732)).abs());
         let ([
             [x_q2_q1, x_q2_q4, x_q2_q6], [x_q3_q1, x_q3_q4, x_q3_q6],
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t4_12, t4_23, t4_30], [t4_10, t4_20, t4_31], [t4_35, t4_39, t4_44],
-                [t4_45, t4_46, t4_25],
+                [t4_12, t4_20, t4_31], [t4_10, t4_17, t4_28], [t4_32, t4_14, t4_33],
+                [t4_38, t4_43, t4_47],
             ],
             margin,
             || (
                 [
-                    [t2_2, like.lift(-0.3), t2_11, like.lift(0.0)],
-                    [t2_12, like.lift(0.17320508075688773), pivot_1, like.lift(0.0)],
+                    [t2_2, like.lift(-0.06928203230275509), t2_11, like.lift(0.0)],
+                    [t2_12, like.lift(0.04), t2_13, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_2, like.lift(-0.3), like.lift(0.0), t2_17],
-                    [t2_19, like.lift(-0.17320508075688773), like.lift(0.0), t2_20],
+                    [t2_2, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
+                    [t2_19, like.lift(-0.04), like.lift(0.0), t2_20],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -3296,14 +3296,14 @@ pub fn slotine_li<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd_r: &[T;
         let w_izz_rod1_q6 = x_q2_q6 * al_rod1z;
         let t5_3 = -w_izz_rod1_q6;
         y[15] = [w_izz_rod1_q1, t5_2, t5_3];
-        let t5_4 = like.lift(-0.3).mul_add(t2_28, a_crank1x);
+        let t5_4 = like.lift(-0.4).mul_add(t2_28, a_crank1x);
         let t5_5 = sin_q2 * t5_4;
-        let t5_6 = like.lift(0.3).mul_add(dr_q1, a_crank1y);
+        let t5_6 = like.lift(0.4).mul_add(dr_q1, a_crank1y);
         let a_rod1y = (-cos_q2).mul_add(t5_6, t5_5);
         let t5_7 = sin_q2 * t3_2;
-        let t5_8 = like.lift(0.3) * t5_7;
+        let t5_8 = like.lift(0.4) * t5_7;
         let t5_9 = cos_q2 * al_rod1z;
-        let t5_10 = like.lift(-0.3).mul_add(t5_9, t5_8);
+        let t5_10 = like.lift(-0.4).mul_add(t5_9, t5_8);
         let w_mx_rod1_q1 = a_rod1y.mul_add(t5_1, t5_10);
         let t5_11 = -w_mx_rod1_q1;
         let w_mx_rod1_q4 = x_q2_q4 * a_rod1y;
@@ -3312,18 +3312,18 @@ pub fn slotine_li<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd_r: &[T;
         let t5_12 = cos_q2 * t5_4;
         let a_rod1x = sin_q2.mul_add(t5_6, t5_12);
         let t5_13 = sin_q2 * al_rod1z;
-        let t5_14 = like.lift(0.3) * t5_13;
+        let t5_14 = like.lift(0.4) * t5_13;
         let t5_15 = cos_q2 * t3_2;
-        let t5_16 = like.lift(0.3).mul_add(t5_15, t5_14);
+        let t5_16 = like.lift(0.4).mul_add(t5_15, t5_14);
         let w_my_rod1_q1 = a_rod1x.mul_add(t5_1, t5_16);
         let t5_17 = -w_my_rod1_q1;
         let w_my_rod1_q4 = x_q2_q4 * a_rod1x;
         let w_my_rod1_q6 = x_q2_q6 * a_rod1x;
         y[17] = [t5_17, w_my_rod1_q4, w_my_rod1_q6];
         let t5_18 = sin_q2 * a_rod1x;
-        let t5_19 = like.lift(0.3) * t5_18;
+        let t5_19 = like.lift(0.4) * t5_18;
         let t5_20 = cos_q2 * a_rod1y;
-        let w_m_rod1_q1 = like.lift(-0.3).mul_add(t5_20, t5_19);
+        let w_m_rod1_q1 = like.lift(-0.4).mul_add(t5_20, t5_19);
         y[19] = [w_m_rod1_q1, like.lift(0.0), like.lift(0.0)];
         y[10] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         y[11] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
@@ -3335,7 +3335,7 @@ pub fn slotine_li<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd_r: &[T;
     };
     // body platform: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let al_platformz = t3_76 + al_rod1z;
+        let al_platformz = t3_75 + al_rod1z;
         let t6_1 = x_q3_q1 - t5_1;
         let w_izz_platform_q1 = al_platformz * t6_1;
         let t6_2 = -w_izz_platform_q1;
@@ -3348,30 +3348,30 @@ pub fn slotine_li<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd_r: &[T;
         y[25] = [t6_2, t6_4, t6_6];
         let t6_7 = t3_3 - a_rod1x;
         let t6_8 = sin_q3 * t6_7;
-        let t6_9 = like.lift(-0.3).mul_add(al_rod1z, a_rod1y);
+        let t6_9 = like.lift(-0.4).mul_add(al_rod1z, a_rod1y);
         let a_platformy = (-cos_q3).mul_add(t6_9, t6_8);
         let t6_10 = sin_q3 * x_q2_q1;
-        let t6_11 = like.lift(-0.3).mul_add(t6_10, u_platform_q1x);
+        let t6_11 = like.lift(-0.4).mul_add(t6_10, u_platform_q1x);
         let t6_12 = t3_10 * t6_11;
         let t6_13 = cos_q3 * x_q2_q1;
-        let t6_14 = like.lift(0.3).mul_add(t6_13, u_platform_q1y);
+        let t6_14 = like.lift(0.4).mul_add(t6_13, u_platform_q1y);
         let t6_15 = al_platformz.mul_add(t6_14, t6_12);
         let w_mx_platform_q1 = a_platformy.mul_add(t6_1, t6_15);
         let t6_16 = -w_mx_platform_q1;
         let t6_17 = sin_q3 * x_q2_q4;
         let t6_18 = t3_10 * t6_17;
-        let t6_19 = like.lift(0.3) * t6_18;
+        let t6_19 = like.lift(0.4) * t6_18;
         let t6_20 = cos_q3 * x_q2_q4;
         let t6_21 = al_platformz * t6_20;
-        let t6_22 = like.lift(-0.3).mul_add(t6_21, t6_19);
+        let t6_22 = like.lift(-0.4).mul_add(t6_21, t6_19);
         let w_mx_platform_q4 = a_platformy.mul_add(t6_3, -t6_22);
         let t6_23 = -w_mx_platform_q4;
         let t6_24 = sin_q3 * x_q2_q6;
         let t6_25 = t3_10 * t6_24;
-        let t6_26 = like.lift(0.3) * t6_25;
+        let t6_26 = like.lift(0.4) * t6_25;
         let t6_27 = cos_q3 * x_q2_q6;
         let t6_28 = al_platformz * t6_27;
-        let t6_29 = like.lift(-0.3).mul_add(t6_28, t6_26);
+        let t6_29 = like.lift(-0.4).mul_add(t6_28, t6_26);
         let w_mx_platform_q6 = a_platformy.mul_add(t6_5, -t6_29);
         let t6_30 = -w_mx_platform_q6;
         y[26] = [t6_16, t6_23, t6_30];
@@ -3382,15 +3382,15 @@ pub fn slotine_li<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd_r: &[T;
         let w_my_platform_q1 = a_platformx.mul_add(t6_1, t6_33);
         let t6_34 = -w_my_platform_q1;
         let t6_35 = al_platformz * t6_17;
-        let t6_36 = like.lift(0.3) * t6_35;
+        let t6_36 = like.lift(0.4) * t6_35;
         let t6_37 = t3_10 * t6_20;
-        let t6_38 = like.lift(0.3).mul_add(t6_37, t6_36);
+        let t6_38 = like.lift(0.4).mul_add(t6_37, t6_36);
         let w_my_platform_q4 = a_platformx.mul_add(t6_3, -t6_38);
         let t6_39 = -w_my_platform_q4;
         let t6_40 = al_platformz * t6_24;
-        let t6_41 = like.lift(0.3) * t6_40;
+        let t6_41 = like.lift(0.4) * t6_40;
         let t6_42 = t3_10 * t6_27;
-        let t6_43 = like.lift(0.3).mul_add(t6_42, t6_41);
+        let t6_43 = like.lift(0.4).mul_add(t6_42, t6_41);
         let w_my_platform_q6 = a_platformx.mul_add(t6_5, -t6_43);
         let t6_44 = -w_my_platform_q6;
         y[27] = [t6_34, t6_39, t6_44];
@@ -3398,13 +3398,13 @@ pub fn slotine_li<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd_r: &[T;
         let w_m_platform_q1 = a_platformy.mul_add(t6_14, t6_45);
         let t6_46 = -w_m_platform_q1;
         let t6_47 = a_platformx * t6_17;
-        let t6_48 = like.lift(0.3) * t6_47;
+        let t6_48 = like.lift(0.4) * t6_47;
         let t6_49 = a_platformy * t6_20;
-        let w_m_platform_q4 = like.lift(-0.3).mul_add(t6_49, t6_48);
+        let w_m_platform_q4 = like.lift(-0.4).mul_add(t6_49, t6_48);
         let t6_50 = a_platformx * t6_24;
-        let t6_51 = like.lift(0.3) * t6_50;
+        let t6_51 = like.lift(0.4) * t6_50;
         let t6_52 = a_platformy * t6_27;
-        let w_m_platform_q6 = like.lift(-0.3).mul_add(t6_52, t6_51);
+        let w_m_platform_q6 = like.lift(-0.4).mul_add(t6_52, t6_51);
         y[29] = [t6_46, w_m_platform_q4, w_m_platform_q6];
         y[20] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         y[21] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
@@ -3432,7 +3432,7 @@ pub fn slotine_li<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd_r: &[T;
     };
     // body rod2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let al_rod2z = dr_q4 + t3_77;
+        let al_rod2z = dr_q4 + t3_76;
         let w_izz_rod2_q1 = x_q5_q1 * al_rod2z;
         let t8_1 = -w_izz_rod2_q1;
         let t8_2 = like.lift(1.0) - x_q5_q4;
@@ -3441,16 +3441,16 @@ pub fn slotine_li<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd_r: &[T;
         let t8_3 = -w_izz_rod2_q6;
         y[45] = [t8_1, w_izz_rod2_q4, t8_3];
         let t8_4 = d_q4 * r_q4;
-        let t8_5 = like.lift(-0.3).mul_add(t8_4, a_crank2x);
+        let t8_5 = like.lift(-0.4).mul_add(t8_4, a_crank2x);
         let t8_6 = sin_q5 * t8_5;
-        let t8_7 = like.lift(0.3).mul_add(dr_q4, a_crank2y);
+        let t8_7 = like.lift(0.4).mul_add(dr_q4, a_crank2y);
         let a_rod2y = (-cos_q5).mul_add(t8_7, t8_6);
         let w_mx_rod2_q1 = x_q5_q1 * a_rod2y;
         let t8_8 = w_rod2z * t3_16;
         let t8_9 = sin_q5 * t8_8;
-        let t8_10 = like.lift(0.3) * t8_9;
+        let t8_10 = like.lift(0.4) * t8_9;
         let t8_11 = cos_q5 * al_rod2z;
-        let t8_12 = like.lift(-0.3).mul_add(t8_11, t8_10);
+        let t8_12 = like.lift(-0.4).mul_add(t8_11, t8_10);
         let w_mx_rod2_q4 = a_rod2y.mul_add(t8_2, t8_12);
         let t8_13 = -w_mx_rod2_q4;
         let w_mx_rod2_q6 = x_q5_q6 * a_rod2y;
@@ -3459,17 +3459,17 @@ pub fn slotine_li<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd_r: &[T;
         let a_rod2x = sin_q5.mul_add(t8_7, t8_14);
         let w_my_rod2_q1 = x_q5_q1 * a_rod2x;
         let t8_15 = sin_q5 * al_rod2z;
-        let t8_16 = like.lift(0.3) * t8_15;
+        let t8_16 = like.lift(0.4) * t8_15;
         let t8_17 = cos_q5 * t8_8;
-        let t8_18 = like.lift(0.3).mul_add(t8_17, t8_16);
+        let t8_18 = like.lift(0.4).mul_add(t8_17, t8_16);
         let w_my_rod2_q4 = a_rod2x.mul_add(t8_2, t8_18);
         let t8_19 = -w_my_rod2_q4;
         let w_my_rod2_q6 = x_q5_q6 * a_rod2x;
         y[47] = [w_my_rod2_q1, t8_19, w_my_rod2_q6];
         let t8_20 = sin_q5 * a_rod2x;
-        let t8_21 = like.lift(0.3) * t8_20;
+        let t8_21 = like.lift(0.4) * t8_20;
         let t8_22 = cos_q5 * a_rod2y;
-        let w_m_rod2_q4 = like.lift(-0.3).mul_add(t8_22, t8_21);
+        let w_m_rod2_q4 = like.lift(-0.4).mul_add(t8_22, t8_21);
         y[49] = [like.lift(0.0), w_m_rod2_q4, like.lift(0.0)];
         y[40] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         y[41] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
@@ -3497,7 +3497,7 @@ pub fn slotine_li<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd_r: &[T;
     };
     // body rod3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let al_rod3z = dr_q6 + t3_78;
+        let al_rod3z = dr_q6 + t3_77;
         let w_izz_rod3_q1 = x_q7_q1 * al_rod3z;
         let t10_1 = -w_izz_rod3_q1;
         let w_izz_rod3_q4 = x_q7_q4 * al_rod3z;
@@ -3506,17 +3506,17 @@ pub fn slotine_li<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd_r: &[T;
         let w_izz_rod3_q6 = al_rod3z * t10_3;
         y[65] = [t10_1, t10_2, w_izz_rod3_q6];
         let t10_4 = d_q6 * r_q6;
-        let t10_5 = like.lift(-0.3).mul_add(t10_4, a_crank3x);
+        let t10_5 = like.lift(-0.4).mul_add(t10_4, a_crank3x);
         let t10_6 = sin_q7 * t10_5;
-        let t10_7 = like.lift(0.3).mul_add(dr_q6, a_crank3y);
+        let t10_7 = like.lift(0.4).mul_add(dr_q6, a_crank3y);
         let a_rod3y = (-cos_q7).mul_add(t10_7, t10_6);
         let w_mx_rod3_q1 = x_q7_q1 * a_rod3y;
         let w_mx_rod3_q4 = x_q7_q4 * a_rod3y;
         let t10_8 = w_rod3z * t3_42;
         let t10_9 = sin_q7 * t10_8;
-        let t10_10 = like.lift(0.3) * t10_9;
+        let t10_10 = like.lift(0.4) * t10_9;
         let t10_11 = cos_q7 * al_rod3z;
-        let t10_12 = like.lift(-0.3).mul_add(t10_11, t10_10);
+        let t10_12 = like.lift(-0.4).mul_add(t10_11, t10_10);
         let w_mx_rod3_q6 = a_rod3y.mul_add(t10_3, t10_12);
         let t10_13 = -w_mx_rod3_q6;
         y[66] = [w_mx_rod3_q1, w_mx_rod3_q4, t10_13];
@@ -3525,16 +3525,16 @@ pub fn slotine_li<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd_r: &[T;
         let w_my_rod3_q1 = x_q7_q1 * a_rod3x;
         let w_my_rod3_q4 = x_q7_q4 * a_rod3x;
         let t10_15 = sin_q7 * al_rod3z;
-        let t10_16 = like.lift(0.3) * t10_15;
+        let t10_16 = like.lift(0.4) * t10_15;
         let t10_17 = cos_q7 * t10_8;
-        let t10_18 = like.lift(0.3).mul_add(t10_17, t10_16);
+        let t10_18 = like.lift(0.4).mul_add(t10_17, t10_16);
         let w_my_rod3_q6 = a_rod3x.mul_add(t10_3, t10_18);
         let t10_19 = -w_my_rod3_q6;
         y[67] = [w_my_rod3_q1, w_my_rod3_q4, t10_19];
         let t10_20 = sin_q7 * a_rod3x;
-        let t10_21 = like.lift(0.3) * t10_20;
+        let t10_21 = like.lift(0.4) * t10_20;
         let t10_22 = cos_q7 * a_rod3y;
-        let w_m_rod3_q6 = like.lift(-0.3).mul_add(t10_22, t10_21);
+        let w_m_rod3_q6 = like.lift(-0.4).mul_add(t10_22, t10_21);
         y[69] = [like.lift(0.0), like.lift(0.0), w_m_rod3_q6];
         y[60] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         y[61] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
@@ -3580,7 +3580,7 @@ pub fn poses<T: Scalar>(q: &[T; 7]) -> [[T; 12]; 7] {
     let [sin_q1, cos_q1] = {
         let (sin_q1, cos_q1) = q1.sin_cos();
         let t1_1 = -sin_q1;
-        poses[0] = [cos_q1, t1_1, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(-1.0), sin_q1, cos_q1, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.5)];
+        poses[0] = [cos_q1, t1_1, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(-1.0), sin_q1, cos_q1, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.5196152422706631)];
         [sin_q1, cos_q1]
     };
     // body rod1
@@ -3588,8 +3588,8 @@ pub fn poses<T: Scalar>(q: &[T; 7]) -> [[T; 12]; 7] {
         let t2_1 = q2 + q1;
         let (sin_q1_q2, cos_q1_q2) = t2_1.sin_cos();
         let t2_2 = -sin_q1_q2;
-        let t2_3 = like.lift(0.3) * cos_q1;
-        let t2_4 = like.lift(0.3).mul_add(sin_q1, like.lift(0.5));
+        let t2_3 = like.lift(0.4) * cos_q1;
+        let t2_4 = like.lift(0.4).mul_add(sin_q1, like.lift(0.5196152422706631));
         poses[1] = [cos_q1_q2, t2_2, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(-1.0), sin_q1_q2, cos_q1_q2, like.lift(0.0), t2_3, like.lift(0.0), t2_4];
         [sin_q1_q2, cos_q1_q2, t2_3, t2_4]
     };
@@ -3599,15 +3599,15 @@ pub fn poses<T: Scalar>(q: &[T; 7]) -> [[T; 12]; 7] {
         let t3_2 = q3 + t3_1;
         let (sin_q1_q2_q3, cos_q1_q2_q3) = t3_2.sin_cos();
         let t3_3 = -sin_q1_q2_q3;
-        let t3_4 = like.lift(0.3).mul_add(cos_q1_q2, t2_3);
-        let t3_5 = like.lift(0.3).mul_add(sin_q1_q2, t2_4);
+        let t3_4 = like.lift(0.4).mul_add(cos_q1_q2, t2_3);
+        let t3_5 = like.lift(0.4).mul_add(sin_q1_q2, t2_4);
         poses[2] = [cos_q1_q2_q3, t3_3, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(-1.0), sin_q1_q2_q3, cos_q1_q2_q3, like.lift(0.0), t3_4, like.lift(0.0), t3_5];
     }
     // body crank2
     let [sin_q4, cos_q4] = {
         let (sin_q4, cos_q4) = q4.sin_cos();
         let t4_1 = -sin_q4;
-        poses[3] = [cos_q4, t4_1, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(-1.0), sin_q4, cos_q4, like.lift(0.0), like.lift(-0.4330127018922193), like.lift(0.0), like.lift(-0.25)];
+        poses[3] = [cos_q4, t4_1, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(-1.0), sin_q4, cos_q4, like.lift(0.0), like.lift(-0.45), like.lift(0.0), like.lift(-0.25980762113533157)];
         [sin_q4, cos_q4]
     };
     // body rod2
@@ -3615,9 +3615,9 @@ pub fn poses<T: Scalar>(q: &[T; 7]) -> [[T; 12]; 7] {
         let t5_1 = q5 + q4;
         let (sin_q4_q5, cos_q4_q5) = t5_1.sin_cos();
         let t5_2 = -sin_q4_q5;
-        let t5_3 = like.lift(-0.3).mul_add(cos_q4, like.lift(0.4330127018922193));
+        let t5_3 = like.lift(-0.4).mul_add(cos_q4, like.lift(0.45));
         let t5_4 = -t5_3;
-        let t5_5 = like.lift(-0.3).mul_add(sin_q4, like.lift(0.25));
+        let t5_5 = like.lift(-0.4).mul_add(sin_q4, like.lift(0.25980762113533157));
         let t5_6 = -t5_5;
         poses[4] = [cos_q4_q5, t5_2, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(-1.0), sin_q4_q5, cos_q4_q5, like.lift(0.0), t5_4, like.lift(0.0), t5_6];
     }
@@ -3625,7 +3625,7 @@ pub fn poses<T: Scalar>(q: &[T; 7]) -> [[T; 12]; 7] {
     let [sin_q6, cos_q6] = {
         let (sin_q6, cos_q6) = q6.sin_cos();
         let t6_1 = -sin_q6;
-        poses[5] = [cos_q6, t6_1, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(-1.0), sin_q6, cos_q6, like.lift(0.0), like.lift(0.4330127018922193), like.lift(0.0), like.lift(-0.25)];
+        poses[5] = [cos_q6, t6_1, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(-1.0), sin_q6, cos_q6, like.lift(0.0), like.lift(0.45), like.lift(0.0), like.lift(-0.25980762113533157)];
         [sin_q6, cos_q6]
     };
     // body rod3
@@ -3633,8 +3633,8 @@ pub fn poses<T: Scalar>(q: &[T; 7]) -> [[T; 12]; 7] {
         let t7_1 = q7 + q6;
         let (sin_q6_q7, cos_q6_q7) = t7_1.sin_cos();
         let t7_2 = -sin_q6_q7;
-        let t7_3 = like.lift(0.3).mul_add(cos_q6, like.lift(0.4330127018922193));
-        let t7_4 = like.lift(-0.3).mul_add(sin_q6, like.lift(0.25));
+        let t7_3 = like.lift(0.4).mul_add(cos_q6, like.lift(0.45));
+        let t7_4 = like.lift(-0.4).mul_add(sin_q6, like.lift(0.25980762113533157));
         let t7_5 = -t7_4;
         poses[6] = [cos_q6_q7, t7_2, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(-1.0), sin_q6_q7, cos_q6_q7, like.lift(0.0), t7_3, like.lift(0.0), t7_5];
     }
@@ -3674,8 +3674,8 @@ pub fn base_regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut 
     ] = {
         let al_rod1z = dd_q1 + dd_q2;
         let (sin_q3, cos_q3) = q3.sin_cos();
-        let u_platform_q2x = like.lift(0.3) * sin_q3;
-        let t2_1 = like.lift(0.3) + u_platform_q2x;
+        let u_platform_q2x = like.lift(0.4) * sin_q3;
+        let t2_1 = like.lift(0.06928203230275509) + u_platform_q2x;
         let t2_2 = -t2_1;
         let (sin_q2, cos_q2) = q2.sin_cos();
         let t2_3 = cos_q1 * sin_q2;
@@ -3696,124 +3696,124 @@ pub fn base_regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut 
         let t2_10 = sin_q1_q2_q3_minus_q4 * sin_q5;
         let sin_q1_q2_q3_minus_q4_minus_q5 = sin_q1_q2_q3_minus_q4.mul_add(cos_q5, -t2_9);
         let cos_q1_q2_q3_minus_q4_minus_q5 = cos_q1_q2_q3_minus_q4.mul_add(cos_q5, t2_10);
-        let t2_11 = like.lift(0.3) * sin_q1_q2_q3_minus_q4_minus_q5;
-        let u_platform_q2y = like.lift(0.3) * cos_q3;
-        let t2_12 = like.lift(0.17320508075688773) - u_platform_q2y;
-        let pivot_1 = like.lift(0.3) * cos_q1_q2_q3_minus_q4_minus_q5;
+        let t2_11 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
+        let u_platform_q2y = like.lift(0.4) * cos_q3;
+        let t2_12 = like.lift(0.04) - u_platform_q2y;
+        let t2_13 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
         let (sin_q6, cos_q6) = q6.sin_cos();
-        let t2_13 = cos_q1_q2_q3 * sin_q6;
-        let t2_14 = sin_q1_q2_q3 * sin_q6;
-        let sin_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(cos_q6, -t2_13);
-        let cos_q1_q2_q3_minus_q6 = cos_q1_q2_q3.mul_add(cos_q6, t2_14);
+        let t2_14 = cos_q1_q2_q3 * sin_q6;
+        let t2_15 = sin_q1_q2_q3 * sin_q6;
+        let sin_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(cos_q6, -t2_14);
+        let cos_q1_q2_q3_minus_q6 = cos_q1_q2_q3.mul_add(cos_q6, t2_15);
         let (sin_q7, cos_q7) = q7.sin_cos();
-        let t2_15 = cos_q1_q2_q3_minus_q6 * sin_q7;
-        let t2_16 = sin_q1_q2_q3_minus_q6 * sin_q7;
-        let sin_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(cos_q7, -t2_15);
-        let cos_q1_q2_q3_minus_q6_minus_q7 = cos_q1_q2_q3_minus_q6.mul_add(cos_q7, t2_16);
-        let t2_17 = like.lift(0.3) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_18 = like.lift(0.17320508075688773) + u_platform_q2y;
+        let t2_16 = cos_q1_q2_q3_minus_q6 * sin_q7;
+        let t2_17 = sin_q1_q2_q3_minus_q6 * sin_q7;
+        let sin_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(cos_q7, -t2_16);
+        let cos_q1_q2_q3_minus_q6_minus_q7 = cos_q1_q2_q3_minus_q6.mul_add(cos_q7, t2_17);
+        let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_18 = like.lift(0.04) + u_platform_q2y;
         let t2_19 = -t2_18;
-        let t2_20 = like.lift(0.3) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t2_20 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
         let t2_21 = sin_q2 * cos_q3;
-        let t2_22 = like.lift(0.3) * t2_21;
-        let u_rod1_q1y = like.lift(0.3) * cos_q2;
-        let t2_23 = like.lift(0.3) + u_rod1_q1y;
+        let t2_22 = like.lift(0.4) * t2_21;
+        let u_rod1_q1y = like.lift(0.4) * cos_q2;
+        let t2_23 = like.lift(0.4) + u_rod1_q1y;
         let u_platform_q1x = sin_q3.mul_add(t2_23, t2_22);
-        let t2_24 = like.lift(0.3) + u_platform_q1x;
+        let t2_24 = like.lift(0.06928203230275509) + u_platform_q1x;
         let t2_25 = -t2_24;
-        let t2_26 = like.lift(0.3).mul_add(sin_q1_q2_q3_minus_q4, t2_11);
+        let t2_26 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t2_11);
         let t2_27 = sin_q2 * sin_q3;
-        let t2_28 = like.lift(0.3) * t2_27;
+        let t2_28 = like.lift(0.4) * t2_27;
         let u_platform_q1y = (-cos_q3).mul_add(t2_23, t2_28);
-        let t2_29 = like.lift(0.17320508075688773) + u_platform_q1y;
-        let t2_30 = like.lift(0.3).mul_add(cos_q1_q2_q3_minus_q4, pivot_1);
-        let t2_31 = like.lift(0.3).mul_add(sin_q1_q2_q3_minus_q6, t2_17);
-        let t2_32 = like.lift(0.17320508075688773) - u_platform_q1y;
+        let t2_29 = like.lift(0.04) + u_platform_q1y;
+        let t2_30 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t2_13);
+        let t2_31 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
+        let t2_32 = like.lift(0.04) - u_platform_q1y;
         let t2_33 = -t2_32;
-        let t2_34 = like.lift(0.3).mul_add(cos_q1_q2_q3_minus_q6, t2_20);
-        let t2_35 = like.lift(1.0) / cos_q1_q2_q3_minus_q4_minus_q5;
-        let t2_36 = sin_q1_q2_q3_minus_q4_minus_q5 * t2_35;
-        let pivot_2 = t2_12.mul_add(t2_36, t2_1);
+        let t2_34 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_20);
+        let t2_35 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_36 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_35;
+        let pivot_2 = (-t2_1).mul_add(t2_36, t2_18);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_37 = t2_29.mul_add(t2_36, t2_24);
-        let t2_38 = like.lift(0.17320508075688773).mul_add(t2_36, like.lift(0.3));
-        let t2_39 = t2_18 * inv_pivot_2;
-        let pivot_3 = (-t2_38).mul_add(t2_39, like.lift(0.17320508075688773));
+        let t2_37 = (-t2_24).mul_add(t2_36, t2_32);
+        let t2_38 = like.lift(-0.06928203230275509).mul_add(t2_36, like.lift(0.04));
+        let t2_39 = t2_12 * inv_pivot_2;
+        let pivot_3 = (-t2_38).mul_add(t2_39, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_40 = (-t2_37).mul_add(t2_39, t2_32);
+        let t2_40 = (-t2_37).mul_add(t2_39, t2_29);
         let t2_41 = t2_1 * inv_pivot_2;
         let t2_42 = (-t2_37).mul_add(t2_41, t2_24);
-        let t2_43 = (-t2_38).mul_add(t2_41, like.lift(0.3));
+        let t2_43 = (-t2_38).mul_add(t2_41, like.lift(0.06928203230275509));
         let t2_44 = t2_43 * inv_pivot_3;
         let t2_45 = (-t2_40).mul_add(t2_44, t2_42);
-        let t2_46 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_44;
-        let pivot_4 = like.lift(-0.3).mul_add(t2_46, t2_17);
+        let t2_46 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_44;
+        let pivot_4 = like.lift(0.4).mul_add(t2_46, t2_11);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
         let t2_47 = t2_45 * inv_pivot_4;
-        let t2_48 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_47;
-        let t2_49 = like.lift(-0.3).mul_add(t2_48, t2_40);
+        let t2_48 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_47;
+        let t2_49 = like.lift(0.4).mul_add(t2_48, t2_40);
         let t2_50 = inv_pivot_3 * t2_49;
         let t2_51 = (-t2_38).mul_add(t2_50, t2_37);
         let t2_52 = inv_pivot_2 * t2_51;
-        let t2_53 = (-t2_30).mul_add(t2_36, t2_26);
-        let t2_54 = t2_53 * t2_39;
-        let t2_55 = t2_53 * t2_41;
-        let t2_56 = (-t2_54).mul_add(t2_44, t2_55);
-        let t2_57 = t2_56 * inv_pivot_4;
-        let t2_58 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_57;
-        let t2_59 = like.lift(-0.3).mul_add(t2_58, t2_54);
-        let t2_60 = inv_pivot_3 * t2_59;
-        let t2_61 = t2_38.mul_add(t2_60, t2_53);
-        let t2_62 = inv_pivot_2 * t2_61;
-        let t2_63 = -t2_62;
-        let t2_64 = (-t2_34).mul_add(t2_44, t2_31);
+        let t2_53 = t2_30.mul_add(t2_44, t2_26);
+        let t2_54 = t2_53 * inv_pivot_4;
+        let t2_55 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_54;
+        let t2_56 = like.lift(-0.4).mul_add(t2_55, t2_30);
+        let t2_57 = inv_pivot_3 * t2_56;
+        let t2_58 = t2_38 * t2_57;
+        let t2_59 = inv_pivot_2 * t2_58;
+        let t2_60 = -t2_59;
+        let t2_61 = (-t2_31).mul_add(t2_36, t2_34);
+        let t2_62 = t2_61 * t2_39;
+        let t2_63 = t2_61 * t2_41;
+        let t2_64 = (-t2_62).mul_add(t2_44, t2_63);
         let t2_65 = t2_64 * inv_pivot_4;
-        let t2_66 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_65;
-        let t2_67 = like.lift(-0.3).mul_add(t2_66, t2_34);
+        let t2_66 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_65;
+        let t2_67 = like.lift(0.4).mul_add(t2_66, t2_62);
         let t2_68 = inv_pivot_3 * t2_67;
-        let t2_69 = t2_38 * t2_68;
+        let t2_69 = t2_38.mul_add(t2_68, t2_61);
         let t2_70 = inv_pivot_2 * t2_69;
-        let t2_71 = -t2_68;
-        let t2_72 = (-t2_12).mul_add(t2_52, t2_29);
-        let t2_73 = like.lift(-0.17320508075688773).mul_add(t2_50, t2_72);
-        let t2_74 = t2_35 * t2_73;
-        let t2_75 = like.lift(3.3333333333333335) * t2_74;
-        let t2_76 = t2_12.mul_add(t2_62, t2_30);
-        let t2_77 = like.lift(-0.17320508075688773).mul_add(t2_60, t2_76);
-        let t2_78 = t2_35 * t2_77;
-        let t2_79 = like.lift(3.3333333333333335) * t2_78;
-        let t2_80 = t2_12 * t2_70;
-        let t2_81 = like.lift(-0.17320508075688773).mul_add(t2_68, t2_80);
-        let t2_82 = t2_35 * t2_81;
-        let t2_83 = like.lift(3.3333333333333335) * t2_82;
-        let t2_84 = -t2_83;
-        let t2_85 = -t2_47;
-        let t2_86 = -t2_57;
-        let t2_87 = -pivot_2;
-        let t2_88 = -pivot_3;
+        let t2_71 = -t2_70;
+        let t2_72 = -t2_47;
+        let t2_73 = -t2_65;
+        let t2_74 = (-t2_1).mul_add(t2_52, t2_24);
+        let t2_75 = like.lift(-0.06928203230275509).mul_add(t2_50, t2_74);
+        let t2_76 = t2_35 * t2_75;
+        let t2_77 = like.lift(2.5) * t2_76;
+        let t2_78 = -t2_77;
+        let t2_79 = t2_1 * t2_59;
+        let t2_80 = like.lift(-0.06928203230275509).mul_add(t2_57, t2_79);
+        let t2_81 = t2_35 * t2_80;
+        let t2_82 = like.lift(2.5) * t2_81;
+        let t2_83 = -t2_82;
+        let t2_84 = (-t2_1).mul_add(t2_70, t2_31);
+        let t2_85 = like.lift(0.06928203230275509).mul_add(t2_68, t2_84);
+        let t2_86 = t2_35 * t2_85;
+        let t2_87 = like.lift(2.5) * t2_86;
+        let t2_88 = -pivot_2;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(3.7195893740787023)).abs()
-            .min((t2_87 * like.lift(1.4285714285714288)).abs())
-            .min((t2_88 * like.lift(4.631504421083416)).abs())
-            .min((pivot_4 * like.lift(3.3442201491765347)).abs());
+        let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
+            .min((t2_88 * like.lift(2.7080930926705737)).abs())
+            .min((pivot_3 * like.lift(19.82662604894746)).abs())
+            .min((pivot_4 * like.lift(2.203476117557732)).abs());
         let ([
             [x_q2_q1, x_q2_q4, x_q2_q6], [x_q3_q1, x_q3_q4, x_q3_q6],
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_52, t2_63, t2_70], [t2_50, t2_60, t2_71], [t2_75, t2_79, t2_84],
-                [t2_85, t2_86, t2_65],
+                [t2_52, t2_60, t2_71], [t2_50, t2_57, t2_68], [t2_72, t2_54, t2_73],
+                [t2_78, t2_83, t2_87],
             ],
             margin,
             || (
                 [
-                    [t2_2, like.lift(-0.3), t2_11, like.lift(0.0)],
-                    [t2_12, like.lift(0.17320508075688773), pivot_1, like.lift(0.0)],
+                    [t2_2, like.lift(-0.06928203230275509), t2_11, like.lift(0.0)],
+                    [t2_12, like.lift(0.04), t2_13, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_2, like.lift(-0.3), like.lift(0.0), t2_17],
-                    [t2_19, like.lift(-0.17320508075688773), like.lift(0.0), t2_20],
+                    [t2_2, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
+                    [t2_19, like.lift(-0.04), like.lift(0.0), t2_20],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -3849,13 +3849,13 @@ pub fn base_regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut 
         let w_rod1z = d_q1 + d_q2;
         let t3_4 = w_rod1z * w_rod1z;
         let t3_5 = sin_q2 * t3_4;
-        let t3_6 = like.lift(0.3) * t3_5;
+        let t3_6 = like.lift(0.4) * t3_5;
         let t3_7 = cos_q2 * al_rod1z;
-        let t3_8 = like.lift(-0.3).mul_add(t3_7, t3_6);
+        let t3_8 = like.lift(-0.4).mul_add(t3_7, t3_6);
         let t3_9 = d_q1 * d_q1;
-        let t3_10 = like.lift(0.3).mul_add(t3_9, -a_crank1x);
+        let t3_10 = like.lift(0.4).mul_add(t3_9, -a_crank1x);
         let t3_11 = sin_q2 * t3_10;
-        let t3_12 = like.lift(0.3).mul_add(dd_q1, a_crank1y);
+        let t3_12 = like.lift(0.4).mul_add(dd_q1, a_crank1y);
         let a_rod1y = cos_q2.mul_add(t3_12, t3_11);
         let w_mx_rod1_q1 = (-a_rod1y).mul_add(t3_1, t3_8);
         let t3_13 = -w_mx_rod1_q1;
@@ -3865,9 +3865,9 @@ pub fn base_regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut 
         let t3_15 = -w_mx_rod1_q6;
         w[4] = [t3_13, t3_14, t3_15];
         let t3_16 = sin_q2 * al_rod1z;
-        let t3_17 = like.lift(0.3) * t3_16;
+        let t3_17 = like.lift(0.4) * t3_16;
         let t3_18 = cos_q2 * t3_4;
-        let t3_19 = like.lift(0.3).mul_add(t3_18, t3_17);
+        let t3_19 = like.lift(0.4).mul_add(t3_18, t3_17);
         let t3_20 = cos_q2 * t3_10;
         let a_rod1x = (-sin_q2).mul_add(t3_12, t3_20);
         let w_my_rod1_q1 = (-a_rod1x).mul_add(t3_1, t3_19);
@@ -3892,34 +3892,34 @@ pub fn base_regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut 
         let w_izz_platform_q6 = al_platformz * t4_5;
         let t4_6 = -w_izz_platform_q6;
         w[6] = [t4_2, t4_4, t4_6];
-        let t4_7 = like.lift(0.3).mul_add(t3_4, a_rod1x);
+        let t4_7 = like.lift(0.4).mul_add(t3_4, a_rod1x);
         let t4_8 = cos_q3 * t4_7;
-        let t4_9 = like.lift(0.3).mul_add(al_rod1z, a_rod1y);
+        let t4_9 = like.lift(0.4).mul_add(al_rod1z, a_rod1y);
         let a_platformx = (-sin_q3).mul_add(t4_9, t4_8);
         let t4_10 = sin_q3 * x_q2_q1;
-        let t4_11 = like.lift(-0.3).mul_add(t4_10, u_platform_q1x);
+        let t4_11 = like.lift(-0.4).mul_add(t4_10, u_platform_q1x);
         let t4_12 = al_platformz * t4_11;
         let w_platformz = d_q3 + w_rod1z;
         let t4_13 = w_platformz * w_platformz;
         let t4_14 = cos_q3 * x_q2_q1;
-        let t4_15 = like.lift(0.3).mul_add(t4_14, u_platform_q1y);
+        let t4_15 = like.lift(0.4).mul_add(t4_14, u_platform_q1y);
         let t4_16 = (-t4_13).mul_add(t4_15, t4_12);
         let w_my_platform_q1 = a_platformx.mul_add(t4_1, t4_16);
         let t4_17 = -w_my_platform_q1;
         let t4_18 = sin_q3 * x_q2_q4;
         let t4_19 = al_platformz * t4_18;
-        let t4_20 = like.lift(0.3) * t4_19;
+        let t4_20 = like.lift(0.4) * t4_19;
         let t4_21 = cos_q3 * x_q2_q4;
         let t4_22 = t4_13 * t4_21;
-        let t4_23 = like.lift(0.3).mul_add(t4_22, t4_20);
+        let t4_23 = like.lift(0.4).mul_add(t4_22, t4_20);
         let w_my_platform_q4 = a_platformx.mul_add(t4_3, -t4_23);
         let t4_24 = -w_my_platform_q4;
         let t4_25 = sin_q3 * x_q2_q6;
         let t4_26 = al_platformz * t4_25;
-        let t4_27 = like.lift(0.3) * t4_26;
+        let t4_27 = like.lift(0.4) * t4_26;
         let t4_28 = cos_q3 * x_q2_q6;
         let t4_29 = t4_13 * t4_28;
-        let t4_30 = like.lift(0.3).mul_add(t4_29, t4_27);
+        let t4_30 = like.lift(0.4).mul_add(t4_29, t4_27);
         let w_my_platform_q6 = a_platformx.mul_add(t4_5, -t4_30);
         let t4_31 = -w_my_platform_q6;
         w[7] = [t4_17, t4_24, t4_31];
@@ -3945,17 +3945,17 @@ pub fn base_regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut 
         let t6_3 = -w_izz_rod2_q6;
         w[11] = [t6_1, w_izz_rod2_q4, t6_3];
         let t6_4 = d_q4 * d_q4;
-        let t6_5 = like.lift(-0.3).mul_add(t6_4, a_crank2x);
+        let t6_5 = like.lift(-0.4).mul_add(t6_4, a_crank2x);
         let t6_6 = sin_q5 * t6_5;
-        let t6_7 = like.lift(0.3).mul_add(dd_q4, a_crank2y);
+        let t6_7 = like.lift(0.4).mul_add(dd_q4, a_crank2y);
         let a_rod2y = (-cos_q5).mul_add(t6_7, t6_6);
         let w_mx_rod2_q1 = a_rod2y * x_q5_q1;
         let w_rod2z = d_q4 + d_q5;
         let t6_8 = w_rod2z * w_rod2z;
         let t6_9 = sin_q5 * t6_8;
-        let t6_10 = like.lift(0.3) * t6_9;
+        let t6_10 = like.lift(0.4) * t6_9;
         let t6_11 = cos_q5 * al_rod2z;
-        let t6_12 = like.lift(-0.3).mul_add(t6_11, t6_10);
+        let t6_12 = like.lift(-0.4).mul_add(t6_11, t6_10);
         let w_mx_rod2_q4 = a_rod2y.mul_add(t6_2, t6_12);
         let t6_13 = -w_mx_rod2_q4;
         let w_mx_rod2_q6 = a_rod2y * x_q5_q6;
@@ -3964,9 +3964,9 @@ pub fn base_regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut 
         let a_rod2x = sin_q5.mul_add(t6_7, t6_14);
         let w_my_rod2_q1 = a_rod2x * x_q5_q1;
         let t6_15 = sin_q5 * al_rod2z;
-        let t6_16 = like.lift(0.3) * t6_15;
+        let t6_16 = like.lift(0.4) * t6_15;
         let t6_17 = cos_q5 * t6_8;
-        let t6_18 = like.lift(0.3).mul_add(t6_17, t6_16);
+        let t6_18 = like.lift(0.4).mul_add(t6_17, t6_16);
         let w_my_rod2_q4 = a_rod2x.mul_add(t6_2, t6_18);
         let t6_19 = -w_my_rod2_q4;
         let w_my_rod2_q6 = a_rod2x * x_q5_q6;
@@ -3993,18 +3993,18 @@ pub fn base_regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut 
         let w_izz_rod3_q6 = al_rod3z * t8_3;
         w[17] = [t8_1, t8_2, w_izz_rod3_q6];
         let t8_4 = d_q6 * d_q6;
-        let t8_5 = like.lift(-0.3).mul_add(t8_4, a_crank3x);
+        let t8_5 = like.lift(-0.4).mul_add(t8_4, a_crank3x);
         let t8_6 = cos_q7 * t8_5;
-        let t8_7 = like.lift(0.3).mul_add(dd_q6, a_crank3y);
+        let t8_7 = like.lift(0.4).mul_add(dd_q6, a_crank3y);
         let a_rod3x = sin_q7.mul_add(t8_7, t8_6);
         let w_my_rod3_q1 = a_rod3x * x_q7_q1;
         let w_my_rod3_q4 = a_rod3x * x_q7_q4;
         let t8_8 = sin_q7 * al_rod3z;
-        let t8_9 = like.lift(0.3) * t8_8;
+        let t8_9 = like.lift(0.4) * t8_8;
         let w_rod3z = d_q6 + d_q7;
         let t8_10 = w_rod3z * w_rod3z;
         let t8_11 = cos_q7 * t8_10;
-        let t8_12 = like.lift(0.3).mul_add(t8_11, t8_9);
+        let t8_12 = like.lift(0.4).mul_add(t8_11, t8_9);
         let w_my_rod3_q6 = a_rod3x.mul_add(t8_3, t8_12);
         let t8_13 = -w_my_rod3_q6;
         w[18] = [w_my_rod3_q1, w_my_rod3_q4, t8_13];
@@ -4017,7 +4017,7 @@ pub fn base_regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut 
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `beta`: base parameters, in the order of `BASE`
 ///
-/// 33 additions, 15 multiplications, 0 divisions, 0 sines and cosines.
+/// 33 additions, 17 multiplications, 0 divisions, 0 sines and cosines.
 pub fn to_base<T: Scalar>(phi: &[T; 70]) -> [T; 19] {
     let like = phi[0];
     let mut beta = [like.lift(0.0); 19];
@@ -4031,20 +4031,20 @@ pub fn to_base<T: Scalar>(phi: &[T; 70]) -> [T; 19] {
     ] = *phi;
     // combinations
     {
-        let t1_1 = like.lift(0.6) * p_mx_rod3;
+        let t1_1 = like.lift(0.8) * p_mx_rod3;
         let t1_2 = p_izz_crank1 + t1_1;
-        let t1_3 = like.lift(0.09) * p_m_platform;
+        let t1_3 = like.lift(0.16) * p_m_platform;
         let t1_4 = t1_2 + t1_3;
-        let t1_5 = like.lift(0.09).mul_add(p_m_rod1, t1_4);
-        let t1_6 = like.lift(0.5196152422706631) * p_mx_platform;
+        let t1_5 = like.lift(0.16).mul_add(p_m_rod1, t1_4);
+        let t1_6 = like.lift(4.0) * p_mx_platform;
         let t1_7 = t1_5 + t1_6;
         beta[0] = t1_7;
-        let t1_8 = like.lift(0.3) * p_m_platform;
+        let t1_8 = like.lift(0.4) * p_m_platform;
         let t1_9 = like.lift(2.0) * p_mx_rod3;
         let t1_10 = p_mx_crank1 + t1_9;
         let t1_11 = t1_8 + t1_10;
-        let t1_12 = like.lift(0.3).mul_add(p_m_rod1, t1_11);
-        let t1_13 = like.lift(1.7320508075688772) * p_mx_platform;
+        let t1_12 = like.lift(0.4).mul_add(p_m_rod1, t1_11);
+        let t1_13 = like.lift(10.0) * p_mx_platform;
         let t1_14 = t1_12 + t1_13;
         beta[1] = t1_14;
         let t1_15 = p_izz_rod1 + t1_1;
@@ -4055,40 +4055,39 @@ pub fn to_base<T: Scalar>(phi: &[T; 70]) -> [T; 19] {
         let t1_19 = t1_8 + t1_18;
         let t1_20 = t1_13 + t1_19;
         beta[4] = t1_20;
-        let t1_21 = like.lift(0.6928203230275509).mul_add(p_mx_platform, p_izz_platform);
-        let t1_22 = like.lift(0.8).mul_add(p_mx_rod3, t1_21);
+        let t1_21 = like.lift(0.16).mul_add(p_mx_platform, p_izz_platform);
+        let t1_22 = like.lift(0.032).mul_add(p_mx_rod3, t1_21);
         beta[6] = t1_22;
-        let t1_23 = p_my_platform - t1_13;
-        let t1_24 = t1_9 - t1_23;
-        let t1_25 = -t1_24;
-        beta[7] = t1_25;
-        let t1_26 = like.lift(0.3) * p_mx_rod3;
-        let t1_27 = p_izz_crank2 - t1_26;
-        let t1_28 = like.lift(0.09).mul_add(p_m_rod2, t1_27);
-        let t1_29 = t1_6 - t1_28;
-        let t1_30 = -t1_29;
-        beta[8] = t1_30;
-        let t1_31 = p_mx_crank2 - p_mx_rod3;
-        let t1_32 = like.lift(0.3).mul_add(p_m_rod2, t1_31);
-        let t1_33 = t1_13 - t1_32;
-        let t1_34 = -t1_33;
-        beta[9] = t1_34;
-        let t1_35 = p_izz_rod2 - t1_26;
-        let t1_36 = t1_6 - t1_35;
-        let t1_37 = -t1_36;
-        beta[11] = t1_37;
-        let t1_38 = p_mx_rod2 - p_mx_rod3;
-        let t1_39 = t1_13 - t1_38;
-        let t1_40 = -t1_39;
-        beta[12] = t1_40;
-        let t1_41 = p_izz_crank3 - t1_26;
-        let t1_42 = like.lift(0.09).mul_add(p_m_rod3, t1_41);
-        beta[14] = t1_42;
-        let t1_43 = p_mx_crank3 - p_mx_rod3;
-        let t1_44 = like.lift(0.3).mul_add(p_m_rod3, t1_43);
-        beta[15] = t1_44;
-        let t1_45 = p_izz_rod3 - t1_26;
-        beta[17] = t1_45;
+        let t1_23 = like.lift(-1.7320508075688772).mul_add(p_mx_platform, p_my_platform);
+        let t1_24 = like.lift(-0.34641016151377546).mul_add(p_mx_rod3, t1_23);
+        beta[7] = t1_24;
+        let t1_25 = like.lift(0.4) * p_mx_rod3;
+        let t1_26 = p_izz_crank2 - t1_25;
+        let t1_27 = like.lift(0.16).mul_add(p_m_rod2, t1_26);
+        let t1_28 = t1_6 - t1_27;
+        let t1_29 = -t1_28;
+        beta[8] = t1_29;
+        let t1_30 = p_mx_crank2 - p_mx_rod3;
+        let t1_31 = like.lift(0.4).mul_add(p_m_rod2, t1_30);
+        let t1_32 = t1_13 - t1_31;
+        let t1_33 = -t1_32;
+        beta[9] = t1_33;
+        let t1_34 = p_izz_rod2 - t1_25;
+        let t1_35 = t1_6 - t1_34;
+        let t1_36 = -t1_35;
+        beta[11] = t1_36;
+        let t1_37 = p_mx_rod2 - p_mx_rod3;
+        let t1_38 = t1_13 - t1_37;
+        let t1_39 = -t1_38;
+        beta[12] = t1_39;
+        let t1_40 = p_izz_crank3 - t1_25;
+        let t1_41 = like.lift(0.16).mul_add(p_m_rod3, t1_40);
+        beta[14] = t1_41;
+        let t1_42 = p_mx_crank3 - p_mx_rod3;
+        let t1_43 = like.lift(0.4).mul_add(p_m_rod3, t1_42);
+        beta[15] = t1_43;
+        let t1_44 = p_izz_rod3 - t1_25;
+        beta[17] = t1_44;
         beta[2] = p_my_crank1;
         beta[5] = p_my_rod1;
         beta[10] = p_my_crank2;
@@ -4105,7 +4104,7 @@ pub fn to_base<T: Scalar>(phi: &[T; 70]) -> [T; 19] {
 /// - `free`: values of the eliminated parameters, in the order of `FREE`
 /// - `phi`: dynamic parameters, in the order of `PARAMETERS`
 ///
-/// 31 additions, 15 multiplications, 0 divisions, 0 sines and cosines.
+/// 31 additions, 17 multiplications, 0 divisions, 0 sines and cosines.
 pub fn parameters_from_base<T: Scalar>(beta: &[T; 19], free: &[T; 51]) -> [T; 70] {
     let like = beta[0];
     let mut phi = [like.lift(0.0); 70];
@@ -4127,17 +4126,17 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 19], free: &[T; 51]) -> [T; 70
     ] = *free;
     // phi
     {
-        let t1_1 = like.lift(0.6) * p_mx_rod3;
-        let t1_2 = like.lift(0.09).mul_add(p_m_platform, t1_1);
-        let t1_3 = like.lift(0.09).mul_add(p_m_rod1, t1_2);
-        let t1_4 = like.lift(0.5196152422706631) * p_mx_platform;
+        let t1_1 = like.lift(0.8) * p_mx_rod3;
+        let t1_2 = like.lift(0.16).mul_add(p_m_platform, t1_1);
+        let t1_3 = like.lift(0.16).mul_add(p_m_rod1, t1_2);
+        let t1_4 = like.lift(4.0) * p_mx_platform;
         let t1_5 = t1_3 + t1_4;
         let t1_6 = p_izz_crank1 - t1_5;
         phi[5] = t1_6;
         let t1_7 = like.lift(2.0) * p_mx_rod3;
-        let t1_8 = like.lift(0.3).mul_add(p_m_platform, t1_7);
-        let t1_9 = like.lift(0.3).mul_add(p_m_rod1, t1_8);
-        let t1_10 = like.lift(1.7320508075688772) * p_mx_platform;
+        let t1_8 = like.lift(0.4).mul_add(p_m_platform, t1_7);
+        let t1_9 = like.lift(0.4).mul_add(p_m_rod1, t1_8);
+        let t1_10 = like.lift(10.0) * p_mx_platform;
         let t1_11 = t1_9 + t1_10;
         let t1_12 = p_mx_crank1 - t1_11;
         phi[6] = t1_12;
@@ -4147,36 +4146,37 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 19], free: &[T; 51]) -> [T; 70
         let t1_15 = t1_8 + t1_10;
         let t1_16 = p_mx_rod1 - t1_15;
         phi[16] = t1_16;
-        let t1_17 = like.lift(0.6928203230275509) * p_mx_platform;
-        let t1_18 = like.lift(0.8).mul_add(p_mx_rod3, t1_17);
+        let t1_17 = like.lift(0.16) * p_mx_platform;
+        let t1_18 = like.lift(0.032).mul_add(p_mx_rod3, t1_17);
         let t1_19 = p_izz_platform - t1_18;
         phi[25] = t1_19;
-        let t1_20 = t1_7 + t1_10;
-        let t1_21 = p_my_platform + t1_20;
-        phi[27] = t1_21;
-        let t1_22 = like.lift(0.3) * p_mx_rod3;
-        let t1_23 = like.lift(-0.09).mul_add(p_m_rod2, t1_22);
-        let t1_24 = t1_4 + t1_23;
-        let t1_25 = p_izz_crank2 + t1_24;
-        phi[35] = t1_25;
-        let t1_26 = like.lift(-0.3).mul_add(p_m_rod2, p_mx_rod3);
-        let t1_27 = t1_10 + t1_26;
-        let t1_28 = p_mx_crank2 + t1_27;
-        phi[36] = t1_28;
-        let t1_29 = t1_4 + t1_22;
-        let t1_30 = p_izz_rod2 + t1_29;
-        phi[45] = t1_30;
-        let t1_31 = p_mx_rod3 + t1_10;
-        let t1_32 = p_mx_rod2 + t1_31;
-        phi[46] = t1_32;
-        let t1_33 = like.lift(-0.09).mul_add(p_m_rod3, t1_22);
-        let t1_34 = p_izz_crank3 + t1_33;
-        phi[55] = t1_34;
-        let t1_35 = like.lift(-0.3).mul_add(p_m_rod3, p_mx_rod3);
-        let t1_36 = p_mx_crank3 + t1_35;
-        phi[56] = t1_36;
-        let t1_37 = p_izz_rod3 + t1_22;
-        phi[65] = t1_37;
+        let t1_20 = like.lift(1.7320508075688772) * p_mx_platform;
+        let t1_21 = like.lift(0.34641016151377546).mul_add(p_mx_rod3, t1_20);
+        let t1_22 = p_my_platform + t1_21;
+        phi[27] = t1_22;
+        let t1_23 = like.lift(0.4) * p_mx_rod3;
+        let t1_24 = like.lift(-0.16).mul_add(p_m_rod2, t1_23);
+        let t1_25 = t1_4 + t1_24;
+        let t1_26 = p_izz_crank2 + t1_25;
+        phi[35] = t1_26;
+        let t1_27 = like.lift(-0.4).mul_add(p_m_rod2, p_mx_rod3);
+        let t1_28 = t1_10 + t1_27;
+        let t1_29 = p_mx_crank2 + t1_28;
+        phi[36] = t1_29;
+        let t1_30 = t1_4 + t1_23;
+        let t1_31 = p_izz_rod2 + t1_30;
+        phi[45] = t1_31;
+        let t1_32 = p_mx_rod3 + t1_10;
+        let t1_33 = p_mx_rod2 + t1_32;
+        phi[46] = t1_33;
+        let t1_34 = like.lift(-0.16).mul_add(p_m_rod3, t1_23);
+        let t1_35 = p_izz_crank3 + t1_34;
+        phi[55] = t1_35;
+        let t1_36 = like.lift(-0.4).mul_add(p_m_rod3, p_mx_rod3);
+        let t1_37 = p_mx_crank3 + t1_36;
+        phi[56] = t1_37;
+        let t1_38 = p_izz_rod3 + t1_23;
+        phi[65] = t1_38;
         phi[0] = p_ixx_crank1;
         phi[1] = p_ixy_crank1;
         phi[2] = p_ixz_crank1;
@@ -4275,10 +4275,10 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
         let (sin_q2, cos_q2) = q2.sin_cos();
         let t1_6 = d_q1 * d_q1;
         let a_crank1x = like.lift(9.81) * sin_q1;
-        let t1_7 = like.lift(0.3).mul_add(t1_6, -a_crank1x);
+        let t1_7 = like.lift(0.4).mul_add(t1_6, -a_crank1x);
         let t1_8 = sin_q2 * t1_7;
         let a_crank1y = like.lift(9.81) * cos_q1;
-        let t1_9 = like.lift(0.3).mul_add(dd_q1, a_crank1y);
+        let t1_9 = like.lift(0.4).mul_add(dd_q1, a_crank1y);
         let a_rod1y = cos_q2.mul_add(t1_9, t1_8);
         let t1_10 = a_rod1y * p_mx_rod1;
         let t1_11 = cos_q2 * t1_7;
@@ -4290,9 +4290,9 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
         let (sin_q3, cos_q3) = q3.sin_cos();
         let w_rod1z = d_q1 + d_q2;
         let t1_15 = w_rod1z * w_rod1z;
-        let t1_16 = like.lift(0.3).mul_add(t1_15, a_rod1x);
+        let t1_16 = like.lift(0.4).mul_add(t1_15, a_rod1x);
         let t1_17 = cos_q3 * t1_16;
-        let t1_18 = like.lift(0.3).mul_add(al_rod1z, a_rod1y);
+        let t1_18 = like.lift(0.4).mul_add(al_rod1z, a_rod1y);
         let a_platformx = (-sin_q3).mul_add(t1_18, t1_17);
         let t1_19 = a_platformx.mul_add(p_my_platform, t1_14);
         let t1_20 = al_platformz * p_my_platform;
@@ -4301,7 +4301,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
         let t1_22 = w_platformz * w_platformz;
         let t1_23 = t1_22 * p_my_platform;
         let t1_24 = cos_q3.mul_add(t1_23, t1_21);
-        let t1_25 = like.lift(-0.3).mul_add(t1_24, t1_19);
+        let t1_25 = like.lift(-0.4).mul_add(t1_24, t1_19);
         let t1_26 = t1_13 + t1_25;
         let t1_27 = t1_15 * p_mx_rod1;
         let t1_28 = al_rod1z.mul_add(p_my_rod1, t1_27);
@@ -4313,10 +4313,10 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
         let t1_34 = (-t1_15).mul_add(p_my_rod1, t1_33);
         let t1_35 = t1_34 - t1_24;
         let t1_36 = (-cos_q2).mul_add(t1_35, t1_32);
-        let t1_37 = like.lift(-0.3).mul_add(t1_36, t1_26);
+        let t1_37 = like.lift(-0.4).mul_add(t1_36, t1_26);
         let t1_38 = t1_5 + t1_37;
-        let u_platform_q2x = like.lift(0.3) * sin_q3;
-        let t1_39 = like.lift(0.3) + u_platform_q2x;
+        let u_platform_q2x = like.lift(0.4) * sin_q3;
+        let t1_39 = like.lift(0.06928203230275509) + u_platform_q2x;
         let t1_40 = -t1_39;
         let t1_41 = cos_q1 * sin_q2;
         let t1_42 = sin_q1 * sin_q2;
@@ -4336,124 +4336,124 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
         let t1_48 = sin_q1_q2_q3_minus_q4 * sin_q5;
         let sin_q1_q2_q3_minus_q4_minus_q5 = sin_q1_q2_q3_minus_q4.mul_add(cos_q5, -t1_47);
         let cos_q1_q2_q3_minus_q4_minus_q5 = cos_q1_q2_q3_minus_q4.mul_add(cos_q5, t1_48);
-        let t1_49 = like.lift(0.3) * sin_q1_q2_q3_minus_q4_minus_q5;
-        let u_platform_q2y = like.lift(0.3) * cos_q3;
-        let t1_50 = like.lift(0.17320508075688773) - u_platform_q2y;
-        let pivot_1 = like.lift(0.3) * cos_q1_q2_q3_minus_q4_minus_q5;
+        let t1_49 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
+        let u_platform_q2y = like.lift(0.4) * cos_q3;
+        let t1_50 = like.lift(0.04) - u_platform_q2y;
+        let t1_51 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
         let (sin_q6, cos_q6) = q6.sin_cos();
-        let t1_51 = cos_q1_q2_q3 * sin_q6;
-        let t1_52 = sin_q1_q2_q3 * sin_q6;
-        let sin_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(cos_q6, -t1_51);
-        let cos_q1_q2_q3_minus_q6 = cos_q1_q2_q3.mul_add(cos_q6, t1_52);
+        let t1_52 = cos_q1_q2_q3 * sin_q6;
+        let t1_53 = sin_q1_q2_q3 * sin_q6;
+        let sin_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(cos_q6, -t1_52);
+        let cos_q1_q2_q3_minus_q6 = cos_q1_q2_q3.mul_add(cos_q6, t1_53);
         let (sin_q7, cos_q7) = q7.sin_cos();
-        let t1_53 = cos_q1_q2_q3_minus_q6 * sin_q7;
-        let t1_54 = sin_q1_q2_q3_minus_q6 * sin_q7;
-        let sin_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(cos_q7, -t1_53);
-        let cos_q1_q2_q3_minus_q6_minus_q7 = cos_q1_q2_q3_minus_q6.mul_add(cos_q7, t1_54);
-        let t1_55 = like.lift(0.3) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t1_56 = like.lift(0.17320508075688773) + u_platform_q2y;
+        let t1_54 = cos_q1_q2_q3_minus_q6 * sin_q7;
+        let t1_55 = sin_q1_q2_q3_minus_q6 * sin_q7;
+        let sin_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(cos_q7, -t1_54);
+        let cos_q1_q2_q3_minus_q6_minus_q7 = cos_q1_q2_q3_minus_q6.mul_add(cos_q7, t1_55);
+        let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t1_56 = like.lift(0.04) + u_platform_q2y;
         let t1_57 = -t1_56;
-        let t1_58 = like.lift(0.3) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t1_58 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
         let t1_59 = sin_q2 * cos_q3;
-        let t1_60 = like.lift(0.3) * t1_59;
-        let u_rod1_q1y = like.lift(0.3) * cos_q2;
-        let t1_61 = like.lift(0.3) + u_rod1_q1y;
+        let t1_60 = like.lift(0.4) * t1_59;
+        let u_rod1_q1y = like.lift(0.4) * cos_q2;
+        let t1_61 = like.lift(0.4) + u_rod1_q1y;
         let u_platform_q1x = sin_q3.mul_add(t1_61, t1_60);
-        let t1_62 = like.lift(0.3) + u_platform_q1x;
+        let t1_62 = like.lift(0.06928203230275509) + u_platform_q1x;
         let t1_63 = -t1_62;
-        let t1_64 = like.lift(0.3).mul_add(sin_q1_q2_q3_minus_q4, t1_49);
+        let t1_64 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t1_49);
         let t1_65 = sin_q2 * sin_q3;
-        let t1_66 = like.lift(0.3) * t1_65;
+        let t1_66 = like.lift(0.4) * t1_65;
         let u_platform_q1y = (-cos_q3).mul_add(t1_61, t1_66);
-        let t1_67 = like.lift(0.17320508075688773) + u_platform_q1y;
-        let t1_68 = like.lift(0.3).mul_add(cos_q1_q2_q3_minus_q4, pivot_1);
-        let t1_69 = like.lift(0.3).mul_add(sin_q1_q2_q3_minus_q6, t1_55);
-        let t1_70 = like.lift(0.17320508075688773) - u_platform_q1y;
+        let t1_67 = like.lift(0.04) + u_platform_q1y;
+        let t1_68 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t1_51);
+        let t1_69 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
+        let t1_70 = like.lift(0.04) - u_platform_q1y;
         let t1_71 = -t1_70;
-        let t1_72 = like.lift(0.3).mul_add(cos_q1_q2_q3_minus_q6, t1_58);
-        let t1_73 = like.lift(1.0) / cos_q1_q2_q3_minus_q4_minus_q5;
-        let t1_74 = sin_q1_q2_q3_minus_q4_minus_q5 * t1_73;
-        let pivot_2 = t1_50.mul_add(t1_74, t1_39);
+        let t1_72 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t1_58);
+        let t1_73 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
+        let t1_74 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_73;
+        let pivot_2 = (-t1_39).mul_add(t1_74, t1_56);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t1_75 = t1_67.mul_add(t1_74, t1_62);
-        let t1_76 = like.lift(0.17320508075688773).mul_add(t1_74, like.lift(0.3));
-        let t1_77 = t1_56 * inv_pivot_2;
-        let pivot_3 = (-t1_76).mul_add(t1_77, like.lift(0.17320508075688773));
+        let t1_75 = (-t1_62).mul_add(t1_74, t1_70);
+        let t1_76 = like.lift(-0.06928203230275509).mul_add(t1_74, like.lift(0.04));
+        let t1_77 = t1_50 * inv_pivot_2;
+        let pivot_3 = (-t1_76).mul_add(t1_77, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_78 = (-t1_75).mul_add(t1_77, t1_70);
+        let t1_78 = (-t1_75).mul_add(t1_77, t1_67);
         let t1_79 = t1_39 * inv_pivot_2;
         let t1_80 = (-t1_75).mul_add(t1_79, t1_62);
-        let t1_81 = (-t1_76).mul_add(t1_79, like.lift(0.3));
+        let t1_81 = (-t1_76).mul_add(t1_79, like.lift(0.06928203230275509));
         let t1_82 = t1_81 * inv_pivot_3;
         let t1_83 = (-t1_78).mul_add(t1_82, t1_80);
-        let t1_84 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_82;
-        let pivot_4 = like.lift(-0.3).mul_add(t1_84, t1_55);
+        let t1_84 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_82;
+        let pivot_4 = like.lift(0.4).mul_add(t1_84, t1_49);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
         let t1_85 = t1_83 * inv_pivot_4;
-        let t1_86 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_85;
-        let t1_87 = like.lift(-0.3).mul_add(t1_86, t1_78);
+        let t1_86 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_85;
+        let t1_87 = like.lift(0.4).mul_add(t1_86, t1_78);
         let t1_88 = inv_pivot_3 * t1_87;
         let t1_89 = (-t1_76).mul_add(t1_88, t1_75);
         let t1_90 = inv_pivot_2 * t1_89;
-        let t1_91 = (-t1_68).mul_add(t1_74, t1_64);
-        let t1_92 = t1_91 * t1_77;
-        let t1_93 = t1_91 * t1_79;
-        let t1_94 = (-t1_92).mul_add(t1_82, t1_93);
-        let t1_95 = t1_94 * inv_pivot_4;
-        let t1_96 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_95;
-        let t1_97 = like.lift(-0.3).mul_add(t1_96, t1_92);
-        let t1_98 = inv_pivot_3 * t1_97;
-        let t1_99 = t1_76.mul_add(t1_98, t1_91);
-        let t1_100 = inv_pivot_2 * t1_99;
-        let t1_101 = -t1_100;
-        let t1_102 = (-t1_72).mul_add(t1_82, t1_69);
+        let t1_91 = t1_68.mul_add(t1_82, t1_64);
+        let t1_92 = t1_91 * inv_pivot_4;
+        let t1_93 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_92;
+        let t1_94 = like.lift(-0.4).mul_add(t1_93, t1_68);
+        let t1_95 = inv_pivot_3 * t1_94;
+        let t1_96 = t1_76 * t1_95;
+        let t1_97 = inv_pivot_2 * t1_96;
+        let t1_98 = -t1_97;
+        let t1_99 = (-t1_69).mul_add(t1_74, t1_72);
+        let t1_100 = t1_99 * t1_77;
+        let t1_101 = t1_99 * t1_79;
+        let t1_102 = (-t1_100).mul_add(t1_82, t1_101);
         let t1_103 = t1_102 * inv_pivot_4;
-        let t1_104 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_103;
-        let t1_105 = like.lift(-0.3).mul_add(t1_104, t1_72);
+        let t1_104 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_103;
+        let t1_105 = like.lift(0.4).mul_add(t1_104, t1_100);
         let t1_106 = inv_pivot_3 * t1_105;
-        let t1_107 = t1_76 * t1_106;
+        let t1_107 = t1_76.mul_add(t1_106, t1_99);
         let t1_108 = inv_pivot_2 * t1_107;
-        let t1_109 = -t1_106;
-        let t1_110 = (-t1_50).mul_add(t1_90, t1_67);
-        let t1_111 = like.lift(-0.17320508075688773).mul_add(t1_88, t1_110);
-        let t1_112 = t1_73 * t1_111;
-        let t1_113 = like.lift(3.3333333333333335) * t1_112;
-        let t1_114 = t1_50.mul_add(t1_100, t1_68);
-        let t1_115 = like.lift(-0.17320508075688773).mul_add(t1_98, t1_114);
-        let t1_116 = t1_73 * t1_115;
-        let t1_117 = like.lift(3.3333333333333335) * t1_116;
-        let t1_118 = t1_50 * t1_108;
-        let t1_119 = like.lift(-0.17320508075688773).mul_add(t1_106, t1_118);
-        let t1_120 = t1_73 * t1_119;
-        let t1_121 = like.lift(3.3333333333333335) * t1_120;
-        let t1_122 = -t1_121;
-        let t1_123 = -t1_85;
-        let t1_124 = -t1_95;
-        let t1_125 = -pivot_2;
-        let t1_126 = -pivot_3;
+        let t1_109 = -t1_108;
+        let t1_110 = -t1_85;
+        let t1_111 = -t1_103;
+        let t1_112 = (-t1_39).mul_add(t1_90, t1_62);
+        let t1_113 = like.lift(-0.06928203230275509).mul_add(t1_88, t1_112);
+        let t1_114 = t1_73 * t1_113;
+        let t1_115 = like.lift(2.5) * t1_114;
+        let t1_116 = -t1_115;
+        let t1_117 = t1_39 * t1_97;
+        let t1_118 = like.lift(-0.06928203230275509).mul_add(t1_95, t1_117);
+        let t1_119 = t1_73 * t1_118;
+        let t1_120 = like.lift(2.5) * t1_119;
+        let t1_121 = -t1_120;
+        let t1_122 = (-t1_39).mul_add(t1_108, t1_69);
+        let t1_123 = like.lift(0.06928203230275509).mul_add(t1_106, t1_122);
+        let t1_124 = t1_73 * t1_123;
+        let t1_125 = like.lift(2.5) * t1_124;
+        let t1_126 = -pivot_2;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(3.7195893740787023)).abs()
-            .min((t1_125 * like.lift(1.4285714285714288)).abs())
-            .min((t1_126 * like.lift(4.631504421083416)).abs())
-            .min((pivot_4 * like.lift(3.3442201491765347)).abs());
+        let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
+            .min((t1_126 * like.lift(2.7080930926705737)).abs())
+            .min((pivot_3 * like.lift(19.82662604894746)).abs())
+            .min((pivot_4 * like.lift(2.203476117557732)).abs());
         let ([
             [x_q2_q1, x_q2_q4, x_q2_q6], [x_q3_q1, x_q3_q4, x_q3_q6],
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t1_90, t1_101, t1_108], [t1_88, t1_98, t1_109], [t1_113, t1_117, t1_122],
-                [t1_123, t1_124, t1_103],
+                [t1_90, t1_98, t1_109], [t1_88, t1_95, t1_106], [t1_110, t1_92, t1_111],
+                [t1_116, t1_121, t1_125],
             ],
             margin,
             || (
                 [
-                    [t1_40, like.lift(-0.3), t1_49, like.lift(0.0)],
-                    [t1_50, like.lift(0.17320508075688773), pivot_1, like.lift(0.0)],
+                    [t1_40, like.lift(-0.06928203230275509), t1_49, like.lift(0.0)],
+                    [t1_50, like.lift(0.04), t1_51, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t1_40, like.lift(-0.3), like.lift(0.0), t1_55],
-                    [t1_57, like.lift(-0.17320508075688773), like.lift(0.0), t1_58],
+                    [t1_40, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
+                    [t1_57, like.lift(-0.04), like.lift(0.0), t1_58],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -4484,10 +4484,10 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
         let al_rod2z = dd_q4 + dd_q5;
         let a_crank2x = like.lift(9.81) * sin_q4;
         let t2_3 = d_q4 * d_q4;
-        let t2_4 = like.lift(-0.3).mul_add(t2_3, a_crank2x);
+        let t2_4 = like.lift(-0.4).mul_add(t2_3, a_crank2x);
         let t2_5 = sin_q5 * t2_4;
         let a_crank2y = like.lift(9.81) * cos_q4;
-        let t2_6 = like.lift(0.3).mul_add(dd_q4, a_crank2y);
+        let t2_6 = like.lift(0.4).mul_add(dd_q4, a_crank2y);
         let a_rod2y = (-cos_q5).mul_add(t2_6, t2_5);
         let t2_7 = a_rod2y * p_mx_rod2;
         let t2_8 = cos_q5 * t2_4;
@@ -4499,10 +4499,10 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
         let t2_12 = al_rod3z * p_izz_rod3;
         let a_crank3x = like.lift(9.81) * sin_q6;
         let t2_13 = d_q6 * d_q6;
-        let t2_14 = like.lift(-0.3).mul_add(t2_13, a_crank3x);
+        let t2_14 = like.lift(-0.4).mul_add(t2_13, a_crank3x);
         let t2_15 = cos_q7 * t2_14;
         let a_crank3y = like.lift(9.81) * cos_q6;
-        let t2_16 = like.lift(0.3).mul_add(dd_q6, a_crank3y);
+        let t2_16 = like.lift(0.4).mul_add(dd_q6, a_crank3y);
         let a_rod3x = sin_q7.mul_add(t2_16, t2_15);
         let t2_17 = (-a_rod3x).mul_add(p_my_rod3, t2_12);
         let t2_18 = (-t2_17).mul_add(x_q7_q1, t2_11);
@@ -4520,7 +4520,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
         let t2_28 = al_rod2z * p_mx_rod2;
         let t2_29 = (-t2_24).mul_add(p_my_rod2, t2_28);
         let t2_30 = (-cos_q5).mul_add(t2_29, t2_27);
-        let t2_31 = like.lift(-0.3).mul_add(t2_30, t2_10);
+        let t2_31 = like.lift(-0.4).mul_add(t2_30, t2_10);
         let t2_32 = t2_23 + t2_31;
         let t2_33 = t1_26 * x_q2_q4;
         let t2_34 = t1_19.mul_add(x_q3_q4, t2_33);
@@ -4539,7 +4539,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
         let t2_45 = w_rod3z * w_rod3z;
         let t2_46 = t2_45 * p_my_rod3;
         let t2_47 = cos_q7.mul_add(t2_46, t2_44);
-        let t2_48 = like.lift(-0.3).mul_add(t2_47, t2_17);
+        let t2_48 = like.lift(-0.4).mul_add(t2_47, t2_17);
         let t2_49 = t2_42 + t2_48;
         let t2_50 = t1_26 * x_q2_q6;
         let t2_51 = t1_19.mul_add(x_q3_q6, t2_50);
@@ -4594,137 +4594,137 @@ pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 19]) -> ([T; 3], Condition
         let t1_13 = sin_q1_q2_q3 * p_my_platform;
         let t1_14 = like.lift(-9.81).mul_add(t1_13, t1_10);
         let t1_15 = t1_4 + t1_14;
-        let u_platform_q2x = like.lift(0.3) * sin_q3;
-        let t1_16 = like.lift(0.3) + u_platform_q2x;
+        let u_platform_q2x = like.lift(0.4) * sin_q3;
+        let t1_16 = like.lift(0.06928203230275509) + u_platform_q2x;
         let t1_17 = -t1_16;
         let t1_18 = q2 + q1;
         let t1_19 = q3 + t1_18;
         let t1_20 = t1_19 - q4;
         let t1_21 = t1_20 - q5;
         let (sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5) = t1_21.sin_cos();
-        let t1_22 = like.lift(0.3) * sin_q1_q2_q3_minus_q4_minus_q5;
-        let u_platform_q2y = like.lift(0.3) * cos_q3;
-        let t1_23 = like.lift(0.17320508075688773) - u_platform_q2y;
-        let pivot_1 = like.lift(0.3) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let t1_24 = q2 + q1;
-        let t1_25 = q3 + t1_24;
-        let t1_26 = t1_25 - q6;
-        let t1_27 = t1_26 - q7;
-        let (sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7) = t1_27.sin_cos();
-        let t1_28 = like.lift(0.3) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t1_29 = like.lift(0.17320508075688773) + u_platform_q2y;
+        let t1_22 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
+        let u_platform_q2y = like.lift(0.4) * cos_q3;
+        let t1_23 = like.lift(0.04) - u_platform_q2y;
+        let t1_24 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
+        let t1_25 = q2 + q1;
+        let t1_26 = q3 + t1_25;
+        let t1_27 = t1_26 - q6;
+        let t1_28 = t1_27 - q7;
+        let (sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7) = t1_28.sin_cos();
+        let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t1_29 = like.lift(0.04) + u_platform_q2y;
         let t1_30 = -t1_29;
-        let t1_31 = like.lift(0.3) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t1_31 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
         let t1_32 = sin_q2 * cos_q3;
-        let t1_33 = like.lift(0.3) * t1_32;
-        let u_rod1_q1y = like.lift(0.3) * cos_q2;
-        let t1_34 = like.lift(0.3) + u_rod1_q1y;
+        let t1_33 = like.lift(0.4) * t1_32;
+        let u_rod1_q1y = like.lift(0.4) * cos_q2;
+        let t1_34 = like.lift(0.4) + u_rod1_q1y;
         let u_platform_q1x = sin_q3.mul_add(t1_34, t1_33);
-        let t1_35 = like.lift(0.3) + u_platform_q1x;
+        let t1_35 = like.lift(0.06928203230275509) + u_platform_q1x;
         let t1_36 = -t1_35;
         let (sin_q4, cos_q4) = q4.sin_cos();
         let t1_37 = cos_q1_q2_q3 * sin_q4;
         let t1_38 = sin_q1_q2_q3 * sin_q4;
         let sin_q1_q2_q3_minus_q4 = sin_q1_q2_q3.mul_add(cos_q4, -t1_37);
         let cos_q1_q2_q3_minus_q4 = cos_q1_q2_q3.mul_add(cos_q4, t1_38);
-        let t1_39 = like.lift(0.3).mul_add(sin_q1_q2_q3_minus_q4, t1_22);
+        let t1_39 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t1_22);
         let t1_40 = sin_q2 * sin_q3;
-        let t1_41 = like.lift(0.3) * t1_40;
+        let t1_41 = like.lift(0.4) * t1_40;
         let u_platform_q1y = (-cos_q3).mul_add(t1_34, t1_41);
-        let t1_42 = like.lift(0.17320508075688773) + u_platform_q1y;
-        let t1_43 = like.lift(0.3).mul_add(cos_q1_q2_q3_minus_q4, pivot_1);
+        let t1_42 = like.lift(0.04) + u_platform_q1y;
+        let t1_43 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t1_24);
         let (sin_q6, cos_q6) = q6.sin_cos();
         let t1_44 = cos_q1_q2_q3 * sin_q6;
         let t1_45 = sin_q1_q2_q3 * sin_q6;
         let sin_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(cos_q6, -t1_44);
         let cos_q1_q2_q3_minus_q6 = cos_q1_q2_q3.mul_add(cos_q6, t1_45);
-        let t1_46 = like.lift(0.3).mul_add(sin_q1_q2_q3_minus_q6, t1_28);
-        let t1_47 = like.lift(0.17320508075688773) - u_platform_q1y;
+        let t1_46 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
+        let t1_47 = like.lift(0.04) - u_platform_q1y;
         let t1_48 = -t1_47;
-        let t1_49 = like.lift(0.3).mul_add(cos_q1_q2_q3_minus_q6, t1_31);
-        let t1_50 = like.lift(1.0) / cos_q1_q2_q3_minus_q4_minus_q5;
-        let t1_51 = sin_q1_q2_q3_minus_q4_minus_q5 * t1_50;
-        let pivot_2 = t1_23.mul_add(t1_51, t1_16);
+        let t1_49 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t1_31);
+        let t1_50 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
+        let t1_51 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_50;
+        let pivot_2 = (-t1_16).mul_add(t1_51, t1_29);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t1_52 = t1_42.mul_add(t1_51, t1_35);
-        let t1_53 = like.lift(0.17320508075688773).mul_add(t1_51, like.lift(0.3));
-        let t1_54 = t1_29 * inv_pivot_2;
-        let pivot_3 = (-t1_53).mul_add(t1_54, like.lift(0.17320508075688773));
+        let t1_52 = (-t1_35).mul_add(t1_51, t1_47);
+        let t1_53 = like.lift(-0.06928203230275509).mul_add(t1_51, like.lift(0.04));
+        let t1_54 = t1_23 * inv_pivot_2;
+        let pivot_3 = (-t1_53).mul_add(t1_54, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_55 = (-t1_52).mul_add(t1_54, t1_47);
+        let t1_55 = (-t1_52).mul_add(t1_54, t1_42);
         let t1_56 = t1_16 * inv_pivot_2;
         let t1_57 = (-t1_52).mul_add(t1_56, t1_35);
-        let t1_58 = (-t1_53).mul_add(t1_56, like.lift(0.3));
+        let t1_58 = (-t1_53).mul_add(t1_56, like.lift(0.06928203230275509));
         let t1_59 = t1_58 * inv_pivot_3;
         let t1_60 = (-t1_55).mul_add(t1_59, t1_57);
-        let t1_61 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_59;
-        let pivot_4 = like.lift(-0.3).mul_add(t1_61, t1_28);
+        let t1_61 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_59;
+        let pivot_4 = like.lift(0.4).mul_add(t1_61, t1_22);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
         let t1_62 = t1_60 * inv_pivot_4;
-        let t1_63 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_62;
-        let t1_64 = like.lift(-0.3).mul_add(t1_63, t1_55);
+        let t1_63 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_62;
+        let t1_64 = like.lift(0.4).mul_add(t1_63, t1_55);
         let t1_65 = inv_pivot_3 * t1_64;
         let t1_66 = (-t1_53).mul_add(t1_65, t1_52);
         let t1_67 = inv_pivot_2 * t1_66;
-        let t1_68 = (-t1_43).mul_add(t1_51, t1_39);
-        let t1_69 = t1_68 * t1_54;
-        let t1_70 = t1_68 * t1_56;
-        let t1_71 = (-t1_69).mul_add(t1_59, t1_70);
-        let t1_72 = t1_71 * inv_pivot_4;
-        let t1_73 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_72;
-        let t1_74 = like.lift(-0.3).mul_add(t1_73, t1_69);
-        let t1_75 = inv_pivot_3 * t1_74;
-        let t1_76 = t1_53.mul_add(t1_75, t1_68);
-        let t1_77 = inv_pivot_2 * t1_76;
-        let t1_78 = -t1_77;
-        let t1_79 = (-t1_49).mul_add(t1_59, t1_46);
+        let t1_68 = t1_43.mul_add(t1_59, t1_39);
+        let t1_69 = t1_68 * inv_pivot_4;
+        let t1_70 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_69;
+        let t1_71 = like.lift(-0.4).mul_add(t1_70, t1_43);
+        let t1_72 = inv_pivot_3 * t1_71;
+        let t1_73 = t1_53 * t1_72;
+        let t1_74 = inv_pivot_2 * t1_73;
+        let t1_75 = -t1_74;
+        let t1_76 = (-t1_46).mul_add(t1_51, t1_49);
+        let t1_77 = t1_76 * t1_54;
+        let t1_78 = t1_76 * t1_56;
+        let t1_79 = (-t1_77).mul_add(t1_59, t1_78);
         let t1_80 = t1_79 * inv_pivot_4;
-        let t1_81 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_80;
-        let t1_82 = like.lift(-0.3).mul_add(t1_81, t1_49);
+        let t1_81 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_80;
+        let t1_82 = like.lift(0.4).mul_add(t1_81, t1_77);
         let t1_83 = inv_pivot_3 * t1_82;
-        let t1_84 = t1_53 * t1_83;
+        let t1_84 = t1_53.mul_add(t1_83, t1_76);
         let t1_85 = inv_pivot_2 * t1_84;
-        let t1_86 = -t1_83;
-        let t1_87 = (-t1_23).mul_add(t1_67, t1_42);
-        let t1_88 = like.lift(-0.17320508075688773).mul_add(t1_65, t1_87);
-        let t1_89 = t1_50 * t1_88;
-        let t1_90 = like.lift(3.3333333333333335) * t1_89;
-        let t1_91 = t1_23.mul_add(t1_77, t1_43);
-        let t1_92 = like.lift(-0.17320508075688773).mul_add(t1_75, t1_91);
-        let t1_93 = t1_50 * t1_92;
-        let t1_94 = like.lift(3.3333333333333335) * t1_93;
-        let t1_95 = t1_23 * t1_85;
-        let t1_96 = like.lift(-0.17320508075688773).mul_add(t1_83, t1_95);
-        let t1_97 = t1_50 * t1_96;
-        let t1_98 = like.lift(3.3333333333333335) * t1_97;
-        let t1_99 = -t1_98;
-        let t1_100 = -t1_62;
-        let t1_101 = -t1_72;
-        let t1_102 = -pivot_2;
-        let t1_103 = -pivot_3;
+        let t1_86 = -t1_85;
+        let t1_87 = -t1_62;
+        let t1_88 = -t1_80;
+        let t1_89 = (-t1_16).mul_add(t1_67, t1_35);
+        let t1_90 = like.lift(-0.06928203230275509).mul_add(t1_65, t1_89);
+        let t1_91 = t1_50 * t1_90;
+        let t1_92 = like.lift(2.5) * t1_91;
+        let t1_93 = -t1_92;
+        let t1_94 = t1_16 * t1_74;
+        let t1_95 = like.lift(-0.06928203230275509).mul_add(t1_72, t1_94);
+        let t1_96 = t1_50 * t1_95;
+        let t1_97 = like.lift(2.5) * t1_96;
+        let t1_98 = -t1_97;
+        let t1_99 = (-t1_16).mul_add(t1_85, t1_46);
+        let t1_100 = like.lift(0.06928203230275509).mul_add(t1_83, t1_99);
+        let t1_101 = t1_50 * t1_100;
+        let t1_102 = like.lift(2.5) * t1_101;
+        let t1_103 = -pivot_2;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(3.7195893740787023)).abs()
-            .min((t1_102 * like.lift(1.4285714285714288)).abs())
-            .min((t1_103 * like.lift(4.631504421083416)).abs())
-            .min((pivot_4 * like.lift(3.3442201491765347)).abs());
+        let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
+            .min((t1_103 * like.lift(2.7080930926705737)).abs())
+            .min((pivot_3 * like.lift(19.82662604894746)).abs())
+            .min((pivot_4 * like.lift(2.203476117557732)).abs());
         let ([
             [x_q2_q1, x_q2_q4, x_q2_q6], [x_q3_q1, x_q3_q4, x_q3_q6],
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t1_67, t1_78, t1_85], [t1_65, t1_75, t1_86], [t1_90, t1_94, t1_99],
-                [t1_100, t1_101, t1_80],
+                [t1_67, t1_75, t1_86], [t1_65, t1_72, t1_83], [t1_87, t1_69, t1_88],
+                [t1_93, t1_98, t1_102],
             ],
             margin,
             || (
                 [
-                    [t1_17, like.lift(-0.3), t1_22, like.lift(0.0)],
-                    [t1_23, like.lift(0.17320508075688773), pivot_1, like.lift(0.0)],
+                    [t1_17, like.lift(-0.06928203230275509), t1_22, like.lift(0.0)],
+                    [t1_23, like.lift(0.04), t1_24, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t1_17, like.lift(-0.3), like.lift(0.0), t1_28],
-                    [t1_30, like.lift(-0.17320508075688773), like.lift(0.0), t1_31],
+                    [t1_17, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
+                    [t1_30, like.lift(-0.04), like.lift(0.0), t1_31],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -4815,16 +4815,16 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 19]) -> (
     let mut condition = like.lift(1.0);
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        sin_q3, cos_q3, t1_2, sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4, sin_q5, cos_q5,
-        t1_8, t1_9, pivot_1, sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6, sin_q7, cos_q7,
-        cos_q1_q2_q3_minus_q6_minus_q7, t1_15, t1_17, t1_18, sin_q2, cos_q2, t1_20, t1_21,
-        t1_23, t1_24, t1_27, w_rod2z, w_rod3z, t1_65, t1_66, inv_pivot_2, t1_68, t1_69,
-        inv_pivot_3, t1_71, t1_73, pivot_4, inv_pivot_4, t1_89, t1_90, al_rod1z, t1_91,
+        sin_q3, cos_q3, t1_1, t1_2, sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4, sin_q5,
+        cos_q5, cos_q1_q2_q3_minus_q4_minus_q5, t1_8, t1_9, t1_10, sin_q1_q2_q3_minus_q6,
+        cos_q1_q2_q3_minus_q6, sin_q7, cos_q7, pivot_1, t1_17, t1_18, sin_q2, cos_q2, t1_20,
+        t1_21, t1_23, t1_24, t1_27, w_rod2z, w_rod3z, t1_65, t1_66, inv_pivot_2, t1_68, t1_69,
+        pivot_3, inv_pivot_3, t1_71, t1_73, pivot_4, inv_pivot_4, t1_90, al_rod1z, t1_91,
         al_rod2z, al_rod3z,
     ] = {
         let (sin_q3, cos_q3) = q3.sin_cos();
-        let u_platform_q2x = like.lift(0.3) * sin_q3;
-        let t1_1 = like.lift(0.3) + u_platform_q2x;
+        let u_platform_q2x = like.lift(0.4) * sin_q3;
+        let t1_1 = like.lift(0.06928203230275509) + u_platform_q2x;
         let t1_2 = -t1_1;
         let t1_3 = q2 + q1;
         let t1_4 = q3 + t1_3;
@@ -4835,124 +4835,124 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 19]) -> (
         let t1_7 = sin_q1_q2_q3_minus_q4 * sin_q5;
         let sin_q1_q2_q3_minus_q4_minus_q5 = sin_q1_q2_q3_minus_q4.mul_add(cos_q5, -t1_6);
         let cos_q1_q2_q3_minus_q4_minus_q5 = cos_q1_q2_q3_minus_q4.mul_add(cos_q5, t1_7);
-        let t1_8 = like.lift(0.3) * sin_q1_q2_q3_minus_q4_minus_q5;
-        let u_platform_q2y = like.lift(0.3) * cos_q3;
-        let t1_9 = like.lift(0.17320508075688773) - u_platform_q2y;
-        let pivot_1 = like.lift(0.3) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let t1_10 = q2 + q1;
-        let t1_11 = q3 + t1_10;
-        let t1_12 = t1_11 - q6;
-        let (sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6) = t1_12.sin_cos();
+        let t1_8 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
+        let u_platform_q2y = like.lift(0.4) * cos_q3;
+        let t1_9 = like.lift(0.04) - u_platform_q2y;
+        let t1_10 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
+        let t1_11 = q2 + q1;
+        let t1_12 = q3 + t1_11;
+        let t1_13 = t1_12 - q6;
+        let (sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6) = t1_13.sin_cos();
         let (sin_q7, cos_q7) = q7.sin_cos();
-        let t1_13 = cos_q1_q2_q3_minus_q6 * sin_q7;
-        let t1_14 = sin_q1_q2_q3_minus_q6 * sin_q7;
-        let sin_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(cos_q7, -t1_13);
-        let cos_q1_q2_q3_minus_q6_minus_q7 = cos_q1_q2_q3_minus_q6.mul_add(cos_q7, t1_14);
-        let t1_15 = like.lift(0.3) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t1_16 = like.lift(0.17320508075688773) + u_platform_q2y;
+        let t1_14 = cos_q1_q2_q3_minus_q6 * sin_q7;
+        let t1_15 = sin_q1_q2_q3_minus_q6 * sin_q7;
+        let sin_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(cos_q7, -t1_14);
+        let cos_q1_q2_q3_minus_q6_minus_q7 = cos_q1_q2_q3_minus_q6.mul_add(cos_q7, t1_15);
+        let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t1_16 = like.lift(0.04) + u_platform_q2y;
         let t1_17 = -t1_16;
-        let t1_18 = like.lift(0.3) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t1_18 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
         let (sin_q2, cos_q2) = q2.sin_cos();
         let t1_19 = d_q1 * d_q1;
         let t1_20 = cos_q2 * t1_19;
-        let a_rod1x = like.lift(0.3) * t1_20;
+        let a_rod1x = like.lift(0.4) * t1_20;
         let w_rod1z = d_q1 + d_q2;
         let t1_21 = w_rod1z * w_rod1z;
-        let t1_22 = like.lift(0.3).mul_add(t1_21, a_rod1x);
+        let t1_22 = like.lift(0.4).mul_add(t1_21, a_rod1x);
         let t1_23 = cos_q3 * t1_22;
         let t1_24 = sin_q2 * t1_19;
         let t1_25 = sin_q3 * t1_24;
-        let t1_26 = like.lift(-0.3).mul_add(t1_25, t1_23);
+        let t1_26 = like.lift(-0.4).mul_add(t1_25, t1_23);
         let w_platformz = d_q3 + w_rod1z;
         let t1_27 = w_platformz * w_platformz;
-        let t1_28 = like.lift(0.17320508075688773) * t1_27;
+        let t1_28 = like.lift(0.04) * t1_27;
         let t1_29 = t1_26 - t1_28;
         let t1_30 = cos_q1_q2_q3_minus_q4 * d_q4;
         let t1_31 = d_q4 * t1_30;
-        let t1_32 = like.lift(0.3) * t1_31;
+        let t1_32 = like.lift(0.4) * t1_31;
         let w_rod2z = d_q4 + d_q5;
         let t1_33 = cos_q1_q2_q3_minus_q4_minus_q5 * w_rod2z;
         let t1_34 = w_rod2z * t1_33;
-        let t1_35 = like.lift(0.3).mul_add(t1_34, t1_32);
+        let t1_35 = like.lift(0.4).mul_add(t1_34, t1_32);
         let t1_36 = t1_29 - t1_35;
         let t1_37 = -t1_36;
         let t1_38 = sin_q3 * t1_22;
         let t1_39 = cos_q3 * t1_24;
-        let t1_40 = like.lift(0.3).mul_add(t1_39, t1_38);
-        let t1_41 = like.lift(0.3).mul_add(t1_27, t1_40);
+        let t1_40 = like.lift(0.4).mul_add(t1_39, t1_38);
+        let t1_41 = like.lift(0.06928203230275509).mul_add(t1_27, t1_40);
         let t1_42 = sin_q1_q2_q3_minus_q4 * d_q4;
         let t1_43 = d_q4 * t1_42;
-        let t1_44 = like.lift(0.3) * t1_43;
+        let t1_44 = like.lift(0.4) * t1_43;
         let t1_45 = sin_q1_q2_q3_minus_q4_minus_q5 * w_rod2z;
         let t1_46 = w_rod2z * t1_45;
-        let t1_47 = like.lift(0.3).mul_add(t1_46, t1_44);
+        let t1_47 = like.lift(0.4).mul_add(t1_46, t1_44);
         let t1_48 = t1_41 - t1_47;
         let t1_49 = t1_26 + t1_28;
         let t1_50 = cos_q1_q2_q3_minus_q6 * d_q6;
         let t1_51 = d_q6 * t1_50;
-        let t1_52 = like.lift(0.3) * t1_51;
+        let t1_52 = like.lift(0.4) * t1_51;
         let w_rod3z = d_q6 + d_q7;
         let t1_53 = cos_q1_q2_q3_minus_q6_minus_q7 * w_rod3z;
         let t1_54 = w_rod3z * t1_53;
-        let t1_55 = like.lift(0.3).mul_add(t1_54, t1_52);
+        let t1_55 = like.lift(0.4).mul_add(t1_54, t1_52);
         let t1_56 = t1_49 - t1_55;
         let t1_57 = -t1_56;
         let t1_58 = sin_q1_q2_q3_minus_q6 * d_q6;
         let t1_59 = d_q6 * t1_58;
-        let t1_60 = like.lift(0.3) * t1_59;
+        let t1_60 = like.lift(0.4) * t1_59;
         let t1_61 = sin_q1_q2_q3_minus_q6_minus_q7 * w_rod3z;
         let t1_62 = w_rod3z * t1_61;
-        let t1_63 = like.lift(0.3).mul_add(t1_62, t1_60);
+        let t1_63 = like.lift(0.4).mul_add(t1_62, t1_60);
         let t1_64 = t1_41 - t1_63;
-        let t1_65 = like.lift(1.0) / cos_q1_q2_q3_minus_q4_minus_q5;
-        let t1_66 = sin_q1_q2_q3_minus_q4_minus_q5 * t1_65;
-        let pivot_2 = t1_9.mul_add(t1_66, t1_1);
+        let t1_65 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
+        let t1_66 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_65;
+        let pivot_2 = (-t1_1).mul_add(t1_66, t1_16);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t1_67 = t1_66.mul_add(t1_48, t1_36);
-        let t1_68 = like.lift(0.17320508075688773).mul_add(t1_66, like.lift(0.3));
-        let t1_69 = t1_16 * inv_pivot_2;
-        let pivot_3 = (-t1_68).mul_add(t1_69, like.lift(0.17320508075688773));
+        let t1_67 = t1_66.mul_add(t1_56, t1_64);
+        let t1_68 = like.lift(-0.06928203230275509).mul_add(t1_66, like.lift(0.04));
+        let t1_69 = t1_9 * inv_pivot_2;
+        let pivot_3 = (-t1_68).mul_add(t1_69, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_70 = t1_69.mul_add(t1_67, t1_64);
+        let t1_70 = t1_69.mul_add(t1_67, t1_48);
         let t1_71 = t1_1 * inv_pivot_2;
-        let t1_72 = (-t1_68).mul_add(t1_71, like.lift(0.3));
+        let t1_72 = (-t1_68).mul_add(t1_71, like.lift(0.06928203230275509));
         let t1_73 = t1_72 * inv_pivot_3;
-        let t1_74 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_73;
-        let pivot_4 = like.lift(-0.3).mul_add(t1_74, t1_15);
+        let t1_74 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_73;
+        let pivot_4 = like.lift(0.4).mul_add(t1_74, t1_8);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t1_75 = (-t1_71).mul_add(t1_67, t1_56);
-        let t1_76 = t1_73.mul_add(t1_70, t1_75);
+        let t1_75 = t1_71.mul_add(t1_67, t1_36);
+        let t1_76 = (-t1_73).mul_add(t1_70, t1_75);
         let t1_77 = inv_pivot_4 * t1_76;
-        let t1_78 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_77;
-        let t1_79 = like.lift(0.3).mul_add(t1_78, t1_70);
+        let t1_78 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_77;
+        let t1_79 = like.lift(0.4).mul_add(t1_78, t1_70);
         let t1_80 = inv_pivot_3 * t1_79;
         let t1_81 = t1_68.mul_add(t1_80, t1_67);
         let t1_82 = inv_pivot_2 * t1_81;
-        let t1_83 = -t1_80;
-        let t1_84 = (-t1_9).mul_add(t1_82, t1_48);
-        let t1_85 = like.lift(0.17320508075688773).mul_add(t1_80, t1_84);
-        let t1_86 = t1_65 * t1_85;
-        let t1_87 = like.lift(3.3333333333333335) * t1_86;
-        let t1_88 = -t1_77;
-        let t1_89 = -pivot_2;
-        let t1_90 = -pivot_3;
+        let t1_83 = -t1_82;
+        let t1_84 = -t1_77;
+        let t1_85 = t1_1.mul_add(t1_82, t1_56);
+        let t1_86 = like.lift(-0.06928203230275509).mul_add(t1_80, t1_85);
+        let t1_87 = t1_65 * t1_86;
+        let t1_88 = like.lift(2.5) * t1_87;
+        let t1_89 = -t1_88;
+        let t1_90 = -pivot_2;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(3.7195893740787023)).abs()
-            .min((t1_89 * like.lift(1.4285714285714288)).abs())
-            .min((t1_90 * like.lift(4.631504421083416)).abs())
-            .min((pivot_4 * like.lift(3.3442201491765347)).abs());
+        let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
+            .min((t1_90 * like.lift(2.7080930926705737)).abs())
+            .min((pivot_3 * like.lift(19.82662604894746)).abs())
+            .min((pivot_4 * like.lift(2.203476117557732)).abs());
         let ([[al_rod1z], [t1_91], [al_rod2z], [al_rod3z]], found) = ::regen_runtime::guarded(
-            [[t1_82], [t1_83], [t1_87], [t1_88]],
+            [[t1_83], [t1_80], [t1_84], [t1_89]],
             margin,
             || (
                 [
-                    [t1_2, like.lift(-0.3), t1_8, like.lift(0.0)],
-                    [t1_9, like.lift(0.17320508075688773), pivot_1, like.lift(0.0)],
+                    [t1_2, like.lift(-0.06928203230275509), t1_8, like.lift(0.0)],
+                    [t1_9, like.lift(0.04), t1_10, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t1_2, like.lift(-0.3), like.lift(0.0), t1_15],
-                    [t1_17, like.lift(-0.17320508075688773), like.lift(0.0), t1_18],
+                    [t1_2, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
+                    [t1_17, like.lift(-0.04), like.lift(0.0), t1_18],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -4965,12 +4965,12 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 19]) -> (
         );
         condition = condition.min(found);
         [
-            sin_q3, cos_q3, t1_2, sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4, sin_q5, cos_q5,
-            t1_8, t1_9, pivot_1, sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6, sin_q7, cos_q7,
-            cos_q1_q2_q3_minus_q6_minus_q7, t1_15, t1_17, t1_18, sin_q2, cos_q2, t1_20, t1_21,
-            t1_23, t1_24, t1_27, w_rod2z, w_rod3z, t1_65, t1_66, inv_pivot_2, t1_68, t1_69,
-            inv_pivot_3, t1_71, t1_73, pivot_4, inv_pivot_4, t1_89, t1_90, al_rod1z, t1_91,
-            al_rod2z, al_rod3z,
+            sin_q3, cos_q3, t1_1, t1_2, sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4, sin_q5,
+            cos_q5, cos_q1_q2_q3_minus_q4_minus_q5, t1_8, t1_9, t1_10, sin_q1_q2_q3_minus_q6,
+            cos_q1_q2_q3_minus_q6, sin_q7, cos_q7, pivot_1, t1_17, t1_18, sin_q2, cos_q2,
+            t1_20, t1_21, t1_23, t1_24, t1_27, w_rod2z, w_rod3z, t1_65, t1_66, inv_pivot_2,
+            t1_68, t1_69, pivot_3, inv_pivot_3, t1_71, t1_73, pivot_4, inv_pivot_4, t1_90,
+            al_rod1z, t1_91, al_rod2z, al_rod3z,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -4979,21 +4979,21 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 19]) -> (
         x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
     ] = {
         let t2_1 = t1_24 * p_mx_rod1;
-        let t2_2 = like.lift(0.3) * t2_1;
+        let t2_2 = like.lift(0.4) * t2_1;
         let t2_3 = t1_20 * p_my_rod1;
-        let t2_4 = like.lift(0.3).mul_add(t2_3, t2_2);
+        let t2_4 = like.lift(0.4).mul_add(t2_3, t2_2);
         let t2_5 = p_izz_rod1.mul_add(al_rod1z, t2_4);
         let al_platformz = al_rod1z + t1_91;
         let t2_6 = p_izz_platform * al_platformz;
-        let a_rod1y = like.lift(0.3) * t1_24;
-        let t2_7 = like.lift(0.3).mul_add(al_rod1z, a_rod1y);
+        let a_rod1y = like.lift(0.4) * t1_24;
+        let t2_7 = like.lift(0.4).mul_add(al_rod1z, a_rod1y);
         let a_platformx = (-sin_q3).mul_add(t2_7, t1_23);
         let t2_8 = p_my_platform.mul_add(a_platformx, t2_6);
         let t2_9 = t1_27 * p_my_platform;
         let t2_10 = cos_q3 * t2_9;
         let t2_11 = p_my_platform * al_platformz;
         let t2_12 = sin_q3.mul_add(t2_11, t2_10);
-        let t2_13 = like.lift(-0.3).mul_add(t2_12, t2_8);
+        let t2_13 = like.lift(-0.4).mul_add(t2_12, t2_8);
         let t2_14 = t2_5 + t2_13;
         let t2_15 = t1_21 * p_mx_rod1;
         let t2_16 = p_my_rod1.mul_add(al_rod1z, t2_15);
@@ -5005,91 +5005,92 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 19]) -> (
         let t2_22 = (-p_mx_rod1).mul_add(al_rod1z, t2_21);
         let t2_23 = t2_22 + t2_12;
         let t2_24 = cos_q2.mul_add(t2_23, t2_20);
-        let t2_25 = like.lift(-0.3).mul_add(t2_24, t2_14);
+        let t2_25 = like.lift(-0.4).mul_add(t2_24, t2_14);
         let t2_26 = sin_q2 * cos_q3;
-        let t2_27 = like.lift(0.3) * t2_26;
-        let u_rod1_q1y = like.lift(0.3) * cos_q2;
-        let t2_28 = like.lift(0.3) + u_rod1_q1y;
+        let t2_27 = like.lift(0.4) * t2_26;
+        let u_rod1_q1y = like.lift(0.4) * cos_q2;
+        let t2_28 = like.lift(0.4) + u_rod1_q1y;
         let u_platform_q1x = sin_q3.mul_add(t2_28, t2_27);
-        let t2_29 = like.lift(0.3) + u_platform_q1x;
+        let t2_29 = like.lift(0.06928203230275509) + u_platform_q1x;
         let t2_30 = -t2_29;
-        let t2_31 = like.lift(0.3).mul_add(sin_q1_q2_q3_minus_q4, t1_8);
+        let t2_31 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t1_8);
         let t2_32 = sin_q2 * sin_q3;
-        let t2_33 = like.lift(0.3) * t2_32;
+        let t2_33 = like.lift(0.4) * t2_32;
         let u_platform_q1y = (-cos_q3).mul_add(t2_28, t2_33);
-        let t2_34 = like.lift(0.17320508075688773) + u_platform_q1y;
-        let t2_35 = like.lift(0.3).mul_add(cos_q1_q2_q3_minus_q4, pivot_1);
-        let t2_36 = like.lift(0.3).mul_add(sin_q1_q2_q3_minus_q6, t1_15);
-        let t2_37 = like.lift(0.17320508075688773) - u_platform_q1y;
+        let t2_34 = like.lift(0.04) + u_platform_q1y;
+        let t2_35 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t1_10);
+        let t2_36 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
+        let t2_37 = like.lift(0.04) - u_platform_q1y;
         let t2_38 = -t2_37;
-        let t2_39 = like.lift(0.3).mul_add(cos_q1_q2_q3_minus_q6, t1_18);
-        let t2_40 = t2_34.mul_add(t1_66, t2_29);
-        let t2_41 = (-t2_40).mul_add(t1_69, t2_37);
+        let t2_39 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t1_18);
+        let t2_40 = (-t2_29).mul_add(t1_66, t2_37);
+        let t2_41 = (-t2_40).mul_add(t1_69, t2_34);
         let t2_42 = (-t2_40).mul_add(t1_71, t2_29);
         let t2_43 = (-t2_41).mul_add(t1_73, t2_42);
         let t2_44 = t2_43 * inv_pivot_4;
-        let t2_45 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_44;
-        let t2_46 = like.lift(-0.3).mul_add(t2_45, t2_41);
+        let t2_45 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_44;
+        let t2_46 = like.lift(0.4).mul_add(t2_45, t2_41);
         let t2_47 = inv_pivot_3 * t2_46;
         let t2_48 = (-t1_68).mul_add(t2_47, t2_40);
         let t2_49 = inv_pivot_2 * t2_48;
-        let t2_50 = (-t2_35).mul_add(t1_66, t2_31);
-        let t2_51 = t2_50 * t1_69;
-        let t2_52 = t2_50 * t1_71;
-        let t2_53 = (-t2_51).mul_add(t1_73, t2_52);
-        let t2_54 = t2_53 * inv_pivot_4;
-        let t2_55 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_54;
-        let t2_56 = like.lift(-0.3).mul_add(t2_55, t2_51);
-        let t2_57 = inv_pivot_3 * t2_56;
-        let t2_58 = t1_68.mul_add(t2_57, t2_50);
-        let t2_59 = inv_pivot_2 * t2_58;
-        let t2_60 = -t2_59;
-        let t2_61 = (-t2_39).mul_add(t1_73, t2_36);
+        let t2_50 = t2_35.mul_add(t1_73, t2_31);
+        let t2_51 = t2_50 * inv_pivot_4;
+        let t2_52 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_51;
+        let t2_53 = like.lift(-0.4).mul_add(t2_52, t2_35);
+        let t2_54 = inv_pivot_3 * t2_53;
+        let t2_55 = t1_68 * t2_54;
+        let t2_56 = inv_pivot_2 * t2_55;
+        let t2_57 = -t2_56;
+        let t2_58 = (-t2_36).mul_add(t1_66, t2_39);
+        let t2_59 = t2_58 * t1_69;
+        let t2_60 = t2_58 * t1_71;
+        let t2_61 = (-t2_59).mul_add(t1_73, t2_60);
         let t2_62 = t2_61 * inv_pivot_4;
-        let t2_63 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_62;
-        let t2_64 = like.lift(-0.3).mul_add(t2_63, t2_39);
+        let t2_63 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_62;
+        let t2_64 = like.lift(0.4).mul_add(t2_63, t2_59);
         let t2_65 = inv_pivot_3 * t2_64;
-        let t2_66 = t1_68 * t2_65;
+        let t2_66 = t1_68.mul_add(t2_65, t2_58);
         let t2_67 = inv_pivot_2 * t2_66;
-        let t2_68 = -t2_65;
-        let t2_69 = (-t1_9).mul_add(t2_49, t2_34);
-        let t2_70 = like.lift(-0.17320508075688773).mul_add(t2_47, t2_69);
-        let t2_71 = t1_65 * t2_70;
-        let t2_72 = like.lift(3.3333333333333335) * t2_71;
-        let t2_73 = t1_9.mul_add(t2_59, t2_35);
-        let t2_74 = like.lift(-0.17320508075688773).mul_add(t2_57, t2_73);
-        let t2_75 = t1_65 * t2_74;
-        let t2_76 = like.lift(3.3333333333333335) * t2_75;
-        let t2_77 = t1_9 * t2_67;
-        let t2_78 = like.lift(-0.17320508075688773).mul_add(t2_65, t2_77);
-        let t2_79 = t1_65 * t2_78;
-        let t2_80 = like.lift(3.3333333333333335) * t2_79;
-        let t2_81 = -t2_80;
-        let t2_82 = -t2_44;
-        let t2_83 = -t2_54;
+        let t2_68 = -t2_67;
+        let t2_69 = -t2_44;
+        let t2_70 = -t2_62;
+        let t2_71 = (-t1_1).mul_add(t2_49, t2_29);
+        let t2_72 = like.lift(-0.06928203230275509).mul_add(t2_47, t2_71);
+        let t2_73 = t1_65 * t2_72;
+        let t2_74 = like.lift(2.5) * t2_73;
+        let t2_75 = -t2_74;
+        let t2_76 = t1_1 * t2_56;
+        let t2_77 = like.lift(-0.06928203230275509).mul_add(t2_54, t2_76);
+        let t2_78 = t1_65 * t2_77;
+        let t2_79 = like.lift(2.5) * t2_78;
+        let t2_80 = -t2_79;
+        let t2_81 = (-t1_1).mul_add(t2_67, t2_36);
+        let t2_82 = like.lift(0.06928203230275509).mul_add(t2_65, t2_81);
+        let t2_83 = t1_65 * t2_82;
+        let t2_84 = like.lift(2.5) * t2_83;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(3.7195893740787023)).abs()
-            .min((t1_89 * like.lift(1.4285714285714288)).abs())
-            .min((t1_90 * like.lift(4.631504421083416)).abs())
-            .min((pivot_4 * like.lift(3.3442201491765347)).abs());
+        let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
+            .min((t1_90 * like.lift(2.7080930926705737)).abs())
+            .min((pivot_3 * like.lift(19.82662604894746)).abs())
+            .min((pivot_4 * like.lift(2.203476117557732)).abs());
         let ([
             [x_q2_q1, x_q2_q4, x_q2_q6], [x_q3_q1, x_q3_q4, x_q3_q6],
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_49, t2_60, t2_67], [t2_47, t2_57, t2_68], [t2_72, t2_76, t2_81],
-                [t2_82, t2_83, t2_62],
+                [t2_49, t2_57, t2_68], [t2_47, t2_54, t2_65], [t2_69, t2_51, t2_70],
+                [t2_75, t2_80, t2_84],
             ],
             margin,
             || (
                 [
-                    [t1_2, like.lift(-0.3), t1_8, like.lift(0.0)],
-                    [t1_9, like.lift(0.17320508075688773), pivot_1, like.lift(0.0)],
+                    [t1_2, like.lift(-0.06928203230275509), t1_8, like.lift(0.0)],
+                    [t1_9, like.lift(0.04), t1_10, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t1_2, like.lift(-0.3), like.lift(0.0), t1_15],
-                    [t1_17, like.lift(-0.17320508075688773), like.lift(0.0), t1_18],
+                    [t1_2, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
+                    [t1_17, like.lift(-0.04), like.lift(0.0), t1_18],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -5119,17 +5120,17 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 19]) -> (
         let t3_3 = d_q4 * d_q4;
         let t3_4 = sin_q5 * t3_3;
         let t3_5 = t3_4 * p_mx_rod2;
-        let t3_6 = like.lift(0.3) * t3_5;
+        let t3_6 = like.lift(0.4) * t3_5;
         let t3_7 = cos_q5 * t3_3;
         let t3_8 = t3_7 * p_my_rod2;
-        let t3_9 = like.lift(0.3).mul_add(t3_8, t3_6);
+        let t3_9 = like.lift(0.4).mul_add(t3_8, t3_6);
         let t3_10 = p_izz_rod2.mul_add(al_rod2z, t3_9);
         let t3_11 = (-t3_10).mul_add(x_q5_q1, t3_2);
         let t3_12 = p_izz_rod3 * al_rod3z;
         let t3_13 = d_q6 * d_q6;
         let t3_14 = cos_q7 * t3_13;
         let t3_15 = t3_14 * p_my_rod3;
-        let t3_16 = like.lift(0.3).mul_add(t3_15, t3_12);
+        let t3_16 = like.lift(0.4).mul_add(t3_15, t3_12);
         let t3_17 = (-t3_16).mul_add(x_q7_q1, t3_11);
         tau[0] = t3_17;
         let t3_18 = w_rod2z * w_rod2z;
@@ -5139,7 +5140,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 19]) -> (
         let t3_22 = t3_18 * p_my_rod2;
         let t3_23 = (-p_mx_rod2).mul_add(al_rod2z, t3_22);
         let t3_24 = cos_q5.mul_add(t3_23, t3_21);
-        let t3_25 = like.lift(-0.3).mul_add(t3_24, t3_10);
+        let t3_25 = like.lift(-0.4).mul_add(t3_24, t3_10);
         let t3_26 = t2_14 * x_q2_q4;
         let t3_27 = t2_8.mul_add(x_q3_q4, t3_26);
         let t3_28 = t3_25 - t3_27;
@@ -5151,7 +5152,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 19]) -> (
         let t3_33 = cos_q7 * t3_32;
         let t3_34 = p_my_rod3 * al_rod3z;
         let t3_35 = sin_q7.mul_add(t3_34, t3_33);
-        let t3_36 = like.lift(-0.3).mul_add(t3_35, t3_16);
+        let t3_36 = like.lift(-0.4).mul_add(t3_35, t3_16);
         let t3_37 = t2_14 * x_q2_q6;
         let t3_38 = t2_8.mul_add(x_q3_q6, t3_37);
         let t3_39 = t3_10.mul_add(x_q5_q6, t3_38);
@@ -5187,18 +5188,18 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 7], beta: &[T; 19]) -> ([[T; 3]; 3], 
     ] = {
         let (sin_q3, cos_q3) = q3.sin_cos();
         let t1_1 = sin_q3 * p_my_platform;
-        let t1_2 = like.lift(-0.6).mul_add(t1_1, p_izz_platform);
+        let t1_2 = like.lift(-0.8).mul_add(t1_1, p_izz_platform);
         let t1_3 = p_izz_rod1 + t1_2;
         let (sin_q2, cos_q2) = q2.sin_cos();
         let t1_4 = p_mx_rod1 - t1_1;
         let t1_5 = cos_q2 * t1_4;
         let t1_6 = cos_q3.mul_add(p_my_platform, p_my_rod1);
         let t1_7 = (-sin_q2).mul_add(t1_6, t1_5);
-        let t1_8 = like.lift(0.6).mul_add(t1_7, t1_3);
+        let t1_8 = like.lift(0.8).mul_add(t1_7, t1_3);
         let t1_9 = p_izz_crank1 + t1_8;
-        let t1_10 = like.lift(0.3).mul_add(t1_7, t1_3);
-        let u_platform_q2x = like.lift(0.3) * sin_q3;
-        let t1_11 = like.lift(0.3) + u_platform_q2x;
+        let t1_10 = like.lift(0.4).mul_add(t1_7, t1_3);
+        let u_platform_q2x = like.lift(0.4) * sin_q3;
+        let t1_11 = like.lift(0.06928203230275509) + u_platform_q2x;
         let t1_12 = -t1_11;
         let t1_13 = q2 + q1;
         let t1_14 = q3 + t1_13;
@@ -5209,123 +5210,123 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 7], beta: &[T; 19]) -> ([[T; 3]; 3], 
         let t1_17 = sin_q1_q2_q3_minus_q4 * sin_q5;
         let sin_q1_q2_q3_minus_q4_minus_q5 = sin_q1_q2_q3_minus_q4.mul_add(cos_q5, -t1_16);
         let cos_q1_q2_q3_minus_q4_minus_q5 = cos_q1_q2_q3_minus_q4.mul_add(cos_q5, t1_17);
-        let t1_18 = like.lift(0.3) * sin_q1_q2_q3_minus_q4_minus_q5;
-        let u_platform_q2y = like.lift(0.3) * cos_q3;
-        let t1_19 = like.lift(0.17320508075688773) - u_platform_q2y;
-        let pivot_1 = like.lift(0.3) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let t1_20 = q2 + q1;
-        let t1_21 = q3 + t1_20;
-        let t1_22 = t1_21 - q6;
-        let (sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6) = t1_22.sin_cos();
+        let t1_18 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
+        let u_platform_q2y = like.lift(0.4) * cos_q3;
+        let t1_19 = like.lift(0.04) - u_platform_q2y;
+        let t1_20 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
+        let t1_21 = q2 + q1;
+        let t1_22 = q3 + t1_21;
+        let t1_23 = t1_22 - q6;
+        let (sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6) = t1_23.sin_cos();
         let (sin_q7, cos_q7) = q7.sin_cos();
-        let t1_23 = cos_q1_q2_q3_minus_q6 * sin_q7;
-        let t1_24 = sin_q1_q2_q3_minus_q6 * sin_q7;
-        let sin_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(cos_q7, -t1_23);
-        let cos_q1_q2_q3_minus_q6_minus_q7 = cos_q1_q2_q3_minus_q6.mul_add(cos_q7, t1_24);
-        let t1_25 = like.lift(0.3) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t1_26 = like.lift(0.17320508075688773) + u_platform_q2y;
+        let t1_24 = cos_q1_q2_q3_minus_q6 * sin_q7;
+        let t1_25 = sin_q1_q2_q3_minus_q6 * sin_q7;
+        let sin_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(cos_q7, -t1_24);
+        let cos_q1_q2_q3_minus_q6_minus_q7 = cos_q1_q2_q3_minus_q6.mul_add(cos_q7, t1_25);
+        let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t1_26 = like.lift(0.04) + u_platform_q2y;
         let t1_27 = -t1_26;
-        let t1_28 = like.lift(0.3) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t1_28 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
         let t1_29 = sin_q2 * cos_q3;
-        let t1_30 = like.lift(0.3) * t1_29;
-        let u_rod1_q1y = like.lift(0.3) * cos_q2;
-        let t1_31 = like.lift(0.3) + u_rod1_q1y;
+        let t1_30 = like.lift(0.4) * t1_29;
+        let u_rod1_q1y = like.lift(0.4) * cos_q2;
+        let t1_31 = like.lift(0.4) + u_rod1_q1y;
         let u_platform_q1x = sin_q3.mul_add(t1_31, t1_30);
-        let t1_32 = like.lift(0.3) + u_platform_q1x;
+        let t1_32 = like.lift(0.06928203230275509) + u_platform_q1x;
         let t1_33 = -t1_32;
-        let t1_34 = like.lift(0.3).mul_add(sin_q1_q2_q3_minus_q4, t1_18);
+        let t1_34 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t1_18);
         let t1_35 = sin_q2 * sin_q3;
-        let t1_36 = like.lift(0.3) * t1_35;
+        let t1_36 = like.lift(0.4) * t1_35;
         let u_platform_q1y = (-cos_q3).mul_add(t1_31, t1_36);
-        let t1_37 = like.lift(0.17320508075688773) + u_platform_q1y;
-        let t1_38 = like.lift(0.3).mul_add(cos_q1_q2_q3_minus_q4, pivot_1);
-        let t1_39 = like.lift(0.3).mul_add(sin_q1_q2_q3_minus_q6, t1_25);
-        let t1_40 = like.lift(0.17320508075688773) - u_platform_q1y;
+        let t1_37 = like.lift(0.04) + u_platform_q1y;
+        let t1_38 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t1_20);
+        let t1_39 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
+        let t1_40 = like.lift(0.04) - u_platform_q1y;
         let t1_41 = -t1_40;
-        let t1_42 = like.lift(0.3).mul_add(cos_q1_q2_q3_minus_q6, t1_28);
-        let t1_43 = like.lift(1.0) / cos_q1_q2_q3_minus_q4_minus_q5;
-        let t1_44 = sin_q1_q2_q3_minus_q4_minus_q5 * t1_43;
-        let pivot_2 = t1_19.mul_add(t1_44, t1_11);
+        let t1_42 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t1_28);
+        let t1_43 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
+        let t1_44 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_43;
+        let pivot_2 = (-t1_11).mul_add(t1_44, t1_26);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t1_45 = t1_37.mul_add(t1_44, t1_32);
-        let t1_46 = like.lift(0.17320508075688773).mul_add(t1_44, like.lift(0.3));
-        let t1_47 = t1_26 * inv_pivot_2;
-        let pivot_3 = (-t1_46).mul_add(t1_47, like.lift(0.17320508075688773));
+        let t1_45 = (-t1_32).mul_add(t1_44, t1_40);
+        let t1_46 = like.lift(-0.06928203230275509).mul_add(t1_44, like.lift(0.04));
+        let t1_47 = t1_19 * inv_pivot_2;
+        let pivot_3 = (-t1_46).mul_add(t1_47, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_48 = (-t1_45).mul_add(t1_47, t1_40);
+        let t1_48 = (-t1_45).mul_add(t1_47, t1_37);
         let t1_49 = t1_11 * inv_pivot_2;
         let t1_50 = (-t1_45).mul_add(t1_49, t1_32);
-        let t1_51 = (-t1_46).mul_add(t1_49, like.lift(0.3));
+        let t1_51 = (-t1_46).mul_add(t1_49, like.lift(0.06928203230275509));
         let t1_52 = t1_51 * inv_pivot_3;
         let t1_53 = (-t1_48).mul_add(t1_52, t1_50);
-        let t1_54 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_52;
-        let pivot_4 = like.lift(-0.3).mul_add(t1_54, t1_25);
+        let t1_54 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_52;
+        let pivot_4 = like.lift(0.4).mul_add(t1_54, t1_18);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
         let t1_55 = t1_53 * inv_pivot_4;
-        let t1_56 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_55;
-        let t1_57 = like.lift(-0.3).mul_add(t1_56, t1_48);
+        let t1_56 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_55;
+        let t1_57 = like.lift(0.4).mul_add(t1_56, t1_48);
         let t1_58 = inv_pivot_3 * t1_57;
         let t1_59 = (-t1_46).mul_add(t1_58, t1_45);
         let t1_60 = inv_pivot_2 * t1_59;
-        let t1_61 = (-t1_38).mul_add(t1_44, t1_34);
-        let t1_62 = t1_61 * t1_47;
-        let t1_63 = t1_61 * t1_49;
-        let t1_64 = (-t1_62).mul_add(t1_52, t1_63);
-        let t1_65 = t1_64 * inv_pivot_4;
-        let t1_66 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_65;
-        let t1_67 = like.lift(-0.3).mul_add(t1_66, t1_62);
-        let t1_68 = inv_pivot_3 * t1_67;
-        let t1_69 = t1_46.mul_add(t1_68, t1_61);
-        let t1_70 = inv_pivot_2 * t1_69;
-        let t1_71 = -t1_70;
-        let t1_72 = (-t1_42).mul_add(t1_52, t1_39);
+        let t1_61 = t1_38.mul_add(t1_52, t1_34);
+        let t1_62 = t1_61 * inv_pivot_4;
+        let t1_63 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_62;
+        let t1_64 = like.lift(-0.4).mul_add(t1_63, t1_38);
+        let t1_65 = inv_pivot_3 * t1_64;
+        let t1_66 = t1_46 * t1_65;
+        let t1_67 = inv_pivot_2 * t1_66;
+        let t1_68 = -t1_67;
+        let t1_69 = (-t1_39).mul_add(t1_44, t1_42);
+        let t1_70 = t1_69 * t1_47;
+        let t1_71 = t1_69 * t1_49;
+        let t1_72 = (-t1_70).mul_add(t1_52, t1_71);
         let t1_73 = t1_72 * inv_pivot_4;
-        let t1_74 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_73;
-        let t1_75 = like.lift(-0.3).mul_add(t1_74, t1_42);
+        let t1_74 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_73;
+        let t1_75 = like.lift(0.4).mul_add(t1_74, t1_70);
         let t1_76 = inv_pivot_3 * t1_75;
-        let t1_77 = t1_46 * t1_76;
+        let t1_77 = t1_46.mul_add(t1_76, t1_69);
         let t1_78 = inv_pivot_2 * t1_77;
-        let t1_79 = -t1_76;
-        let t1_80 = (-t1_19).mul_add(t1_60, t1_37);
-        let t1_81 = like.lift(-0.17320508075688773).mul_add(t1_58, t1_80);
-        let t1_82 = t1_43 * t1_81;
-        let t1_83 = like.lift(3.3333333333333335) * t1_82;
-        let t1_84 = t1_19.mul_add(t1_70, t1_38);
-        let t1_85 = like.lift(-0.17320508075688773).mul_add(t1_68, t1_84);
-        let t1_86 = t1_43 * t1_85;
-        let t1_87 = like.lift(3.3333333333333335) * t1_86;
-        let t1_88 = t1_19 * t1_78;
-        let t1_89 = like.lift(-0.17320508075688773).mul_add(t1_76, t1_88);
-        let t1_90 = t1_43 * t1_89;
-        let t1_91 = like.lift(3.3333333333333335) * t1_90;
-        let t1_92 = -t1_91;
-        let t1_93 = -t1_55;
-        let t1_94 = -t1_65;
-        let t1_95 = -pivot_2;
-        let t1_96 = -pivot_3;
+        let t1_79 = -t1_78;
+        let t1_80 = -t1_55;
+        let t1_81 = -t1_73;
+        let t1_82 = (-t1_11).mul_add(t1_60, t1_32);
+        let t1_83 = like.lift(-0.06928203230275509).mul_add(t1_58, t1_82);
+        let t1_84 = t1_43 * t1_83;
+        let t1_85 = like.lift(2.5) * t1_84;
+        let t1_86 = -t1_85;
+        let t1_87 = t1_11 * t1_67;
+        let t1_88 = like.lift(-0.06928203230275509).mul_add(t1_65, t1_87);
+        let t1_89 = t1_43 * t1_88;
+        let t1_90 = like.lift(2.5) * t1_89;
+        let t1_91 = -t1_90;
+        let t1_92 = (-t1_11).mul_add(t1_78, t1_39);
+        let t1_93 = like.lift(0.06928203230275509).mul_add(t1_76, t1_92);
+        let t1_94 = t1_43 * t1_93;
+        let t1_95 = like.lift(2.5) * t1_94;
+        let t1_96 = -pivot_2;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(3.7195893740787023)).abs()
-            .min((t1_95 * like.lift(1.4285714285714288)).abs())
-            .min((t1_96 * like.lift(4.631504421083416)).abs())
-            .min((pivot_4 * like.lift(3.3442201491765347)).abs());
+        let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
+            .min((t1_96 * like.lift(2.7080930926705737)).abs())
+            .min((pivot_3 * like.lift(19.82662604894746)).abs())
+            .min((pivot_4 * like.lift(2.203476117557732)).abs());
         let ([
             [x_q2_q1, x_q2_q4, x_q2_q6], [x_q3_q1, x_q3_q4, x_q3_q6],
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t1_60, t1_71, t1_78], [t1_58, t1_68, t1_79], [t1_83, t1_87, t1_92],
-                [t1_93, t1_94, t1_73],
+                [t1_60, t1_68, t1_79], [t1_58, t1_65, t1_76], [t1_80, t1_62, t1_81],
+                [t1_86, t1_91, t1_95],
             ],
             margin,
             || (
                 [
-                    [t1_12, like.lift(-0.3), t1_18, like.lift(0.0)],
-                    [t1_19, like.lift(0.17320508075688773), pivot_1, like.lift(0.0)],
+                    [t1_12, like.lift(-0.06928203230275509), t1_18, like.lift(0.0)],
+                    [t1_19, like.lift(0.04), t1_20, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t1_12, like.lift(-0.3), like.lift(0.0), t1_25],
-                    [t1_27, like.lift(-0.17320508075688773), like.lift(0.0), t1_28],
+                    [t1_12, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
+                    [t1_27, like.lift(-0.04), like.lift(0.0), t1_28],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -5352,11 +5353,11 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 7], beta: &[T; 19]) -> ([[T; 3]; 3], 
     // M
     {
         let t2_1 = (-t1_10).mul_add(x_q2_q1, t1_9);
-        let t2_2 = like.lift(-0.3).mul_add(t1_1, p_izz_platform);
+        let t2_2 = like.lift(-0.4).mul_add(t1_1, p_izz_platform);
         let t2_3 = cos_q2 * sin_q3;
         let sin_q2_q3 = sin_q2.mul_add(cos_q3, t2_3);
         let t2_4 = p_my_platform * sin_q2_q3;
-        let t2_5 = like.lift(-0.3).mul_add(t2_4, t2_2);
+        let t2_5 = like.lift(-0.4).mul_add(t2_4, t2_2);
         let t2_6 = (-t2_5).mul_add(x_q3_q1, t2_1);
         let t2_7 = (-t1_3).mul_add(x_q2_q1, t1_10);
         let t2_8 = (-t2_2).mul_add(x_q3_q1, t2_7);
@@ -5378,7 +5379,7 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 7], beta: &[T; 19]) -> ([[T; 3]; 3], 
         let t2_24 = (-x_q3_q1).mul_add(t2_23, t2_21);
         let t2_25 = cos_q5 * p_mx_rod2;
         let t2_26 = (-sin_q5).mul_add(p_my_rod2, t2_25);
-        let t2_27 = like.lift(0.3).mul_add(t2_26, p_izz_rod2);
+        let t2_27 = like.lift(0.4).mul_add(t2_26, p_izz_rod2);
         let t2_28 = (-p_izz_rod2).mul_add(x_q5_q4, t2_27);
         let t2_29 = x_q5_q1.mul_add(t2_28, t2_24);
         let t2_30 = p_izz_rod3 * x_q7_q4;
@@ -5395,12 +5396,12 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 7], beta: &[T; 19]) -> ([[T; 3]; 3], 
         let t2_41 = p_izz_rod2 * x_q5_q6;
         let t2_42 = (-x_q5_q1).mul_add(t2_41, t2_40);
         let t2_43 = sin_q7 * p_my_rod3;
-        let t2_44 = like.lift(-0.3).mul_add(t2_43, p_izz_rod3);
+        let t2_44 = like.lift(-0.4).mul_add(t2_43, p_izz_rod3);
         let t2_45 = (-p_izz_rod3).mul_add(x_q7_q6, t2_44);
         let t2_46 = x_q7_q1.mul_add(t2_45, t2_42);
         let t2_47 = -t2_46;
         m[0] = [t2_16, t2_32, t2_47];
-        let t2_48 = like.lift(0.6).mul_add(t2_26, p_izz_rod2);
+        let t2_48 = like.lift(0.8).mul_add(t2_26, p_izz_rod2);
         let t2_49 = p_izz_crank2 + t2_48;
         let t2_50 = (-t2_27).mul_add(x_q5_q4, t2_49);
         let t2_51 = x_q2_q4 * t2_20;
@@ -5415,7 +5416,7 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 7], beta: &[T; 19]) -> ([[T; 3]; 3], 
         let t2_60 = x_q7_q4.mul_add(t2_45, t2_59);
         let t2_61 = -t2_60;
         m[1] = [t2_32, t2_55, t2_61];
-        let t2_62 = like.lift(-0.6).mul_add(t2_43, p_izz_rod3);
+        let t2_62 = like.lift(-0.8).mul_add(t2_43, p_izz_rod3);
         let t2_63 = p_izz_crank3 + t2_62;
         let t2_64 = (-t2_44).mul_add(x_q7_q6, t2_63);
         let t2_65 = x_q2_q6 * t2_36;

@@ -30,7 +30,7 @@
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
 use ::regen_runtime::{
- Condition, Cone, Info, Joint, Model, Scalar, SizeError, };
+ Condition, Cone, Info, Joint, Limits, Model, Scalar, SizeError, };
 use ::regen_runtime::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
@@ -63,12 +63,12 @@ pub const HOME: [f64; 6] = [
 ];
 /// What is stated about the joint of each coordinate: units rad or m, N m or N.
 pub const JOINTS: [Joint; 6] = [
-    Joint::TURN,
-    Joint::TURN,
-    Joint::TURN,
-    Joint::TURN,
-    Joint::TURN,
-    Joint::TURN,
+    Joint { limits: Limits { position: Some([-2.792526803190927, 2.792526803190927]), velocity: Some([-6.213372137099813, 6.213372137099813]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-0.8290313946973066, 3.9706240482870996]), velocity: Some([-6.213372137099813, 6.213372137099813]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-4.057890510886816, 0.9162978572970231]), velocity: Some([-5.1661745859032155, 5.1661745859032155]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-4.71238898038469, 4.71238898038469]), velocity: Some([-7.138396640656808, 7.138396640656808]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-1.8325957145940461, 1.8325957145940461]), velocity: Some([-8.377580409572783, 8.377580409572783]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-4.71238898038469, 4.71238898038469]), velocity: Some([-19.634954084936208, 19.634954084936208]), ..Limits::NONE }, ..Joint::TURN },
 ];
 /// The cones that limit joints and cuts, in the order of `cones`.
 pub const CONES: [Cone<'static>; 0] = [
@@ -76,10 +76,15 @@ pub const CONES: [Cone<'static>; 0] = [
 /// Nominal values of the parameters, in the order of `PARAMETERS`, about the origins of
 /// the bodies' frames.
 pub const NOMINAL: [Option<f64>; 60] = [
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
+    Some(0.714), Some(0.0), Some(0.0), Some(0.714), Some(0.0), Some(0.216), Some(0.0),
+    Some(0.0), Some(-3.0), Some(30.0), Some(0.081), Some(0.0), Some(0.0), Some(1.3905),
+    Some(0.0), Some(1.3905), Some(4.5), Some(0.0), Some(0.0), Some(20.0), Some(0.0892),
+    Some(0.0), Some(0.0), Some(0.0384), Some(0.0), Some(0.0892), Some(0.0), Some(0.6),
+    Some(0.0), Some(12.0), Some(0.4939), Some(0.0), Some(0.0), Some(0.4939), Some(0.0),
+    Some(0.0144), Some(0.0), Some(0.0), Some(-1.8), Some(8.0), Some(0.0025), Some(0.0),
+    Some(0.0), Some(0.0025), Some(0.0), Some(0.0025), Some(0.0), Some(0.0), Some(0.0),
+    Some(2.5), Some(0.00344), Some(0.0), Some(0.0), Some(0.00344), Some(0.0), Some(0.00064),
+    Some(0.0), Some(0.0), Some(0.048), Some(0.8),
 ];
 /// Names, sizes, and what is stated about joints.
 pub const INFO: Info<'static> = Info {
@@ -397,8 +402,8 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
         rank: 36,
         states: 10,
         digits: 96,
-        smallest_kept: 0.05858241463806308,
-        largest_dropped: 1.945601668076987e-96,
+        smallest_kept: 0.047859710393642486,
+        largest_dropped: 1.232877467928548e-96,
     }),
     complete: true,
 };

@@ -61,8 +61,8 @@ pub const HOME: [f64; 4] = [
 ];
 /// What is stated about the joint of each coordinate: units rad or m, N m or N.
 pub const JOINTS: [Joint; 4] = [
-    Joint::TURN,
-    Joint::TURN,
+    Joint { limits: Limits { position: Some([-0.8726646259971648, 0.8726646259971648]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-1.53588974175501, 1.53588974175501]), ..Limits::NONE }, ..Joint::TURN },
     Joint { limits: Limits { position: Some([0.0, 0.21]), ..Limits::NONE }, ..Joint::SHIFT },
     Joint::TURN,
 ];
@@ -72,9 +72,12 @@ pub const CONES: [Cone<'static>; 0] = [
 /// Nominal values of the parameters, in the order of `PARAMETERS`, about the origins of
 /// the bodies' frames.
 pub const NOMINAL: [Option<f64>; 40] = [
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None, None, None, None, None, None,
+    Some(0.024), Some(0.0), Some(0.0), Some(0.3640625), Some(0.0), Some(0.3640625),
+    Some(1.625), Some(0.0), Some(0.0), Some(10.0), Some(0.01), Some(0.0), Some(0.0),
+    Some(0.1562375), Some(0.0), Some(0.1562375), Some(0.825), Some(0.0), Some(0.0), Some(6.0),
+    Some(0.019), Some(0.0), Some(0.0), Some(0.019), Some(0.0), Some(6e-5), Some(0.0),
+    Some(0.0), Some(0.06), Some(1.2), Some(0.000108), Some(0.0), Some(0.0), Some(0.000108),
+    Some(0.0), Some(0.000135), Some(0.0), Some(0.0), Some(0.003), Some(0.3),
 ];
 /// Names, sizes, and what is stated about joints.
 pub const INFO: Info<'static> = Info {
@@ -194,8 +197,8 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
         rank: 8,
         states: 10,
         digits: 96,
-        smallest_kept: 0.06032199522744946,
-        largest_dropped: 1.0909346522768129e-97,
+        smallest_kept: 0.052299965251945496,
+        largest_dropped: 1.0737789804339905e-97,
     }),
     complete: true,
 };

@@ -35,7 +35,7 @@
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
 use ::regen_runtime::{
- Condition, Cone, Cut, Info, Joint, Model, Scalar, SizeError, };
+ Condition, Cone, Cut, Info, Joint, Limits, Model, Scalar, SizeError, };
 use ::regen_runtime::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
@@ -61,11 +61,11 @@ pub const BODIES: [&str; 3] = [
 ];
 /// The home configuration, closed; it picks the assembly branch.
 pub const HOME: [f64; 3] = [
-    1.0471975511965979, -1.321247995852249, 0.17902921800749363,
+    1.0471975511965979, -1.4950299481255305, 0.23027756377319947,
 ];
 /// What is stated about the joint of each coordinate: units rad or m, N m or N.
 pub const JOINTS: [Joint; 3] = [
-    Joint::TURN,
+    Joint { limits: Limits { velocity: Some([-20.0, 20.0]), effort: Some([-200.0, 200.0]), ..Limits::NONE }, ..Joint::TURN },
     Joint::TURN,
     Joint::SHIFT,
 ];
@@ -75,8 +75,12 @@ pub const CONES: [Cone<'static>; 0] = [
 /// Nominal values of the parameters, in the order of `PARAMETERS`, about the origins of
 /// the bodies' frames.
 pub const NOMINAL: [Option<f64>; 30] = [
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
+    Some(0.02564265695946), Some(0.0), Some(2.04657898e-6), Some(0.0369858284642), Some(0.0),
+    Some(0.01262317150474), Some(0.142302774), Some(0.0), Some(-0.181414998), Some(4.0074),
+    Some(0.0006776), Some(0.0), Some(0.0), Some(0.02473268), Some(0.0), Some(0.02527468),
+    Some(0.182952), Some(0.0), Some(0.0), Some(2.0328), Some(0.007559), Some(0.0), Some(0.0),
+    Some(0.023938), Some(0.0), Some(0.023938), Some(0.30238), Some(0.0), Some(0.0),
+    Some(6.0476),
 ];
 /// Names, sizes, and what is stated about joints.
 pub const INFO: Info<'static> = Info {
@@ -101,16 +105,16 @@ pub const BASE: [BaseParameter<'static>; 6] = [
         label: "Izz(1)",
         terms: &[
             BaseTerm { parameter: "Izz(1)", index: 5, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "m(3)", index: 29, coefficient: "crank^2", value: 0.0025 },
-            BaseTerm { parameter: "m(2)", index: 19, coefficient: "crank^2", value: 0.0025 },
+            BaseTerm { parameter: "m(3)", index: 29, coefficient: "crank^2", value: 0.01 },
+            BaseTerm { parameter: "m(2)", index: 19, coefficient: "crank^2", value: 0.01 },
         ],
     },
     BaseParameter {
         label: "mx(1)",
         terms: &[
             BaseTerm { parameter: "mx(1)", index: 6, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "m(3)", index: 29, coefficient: "crank", value: 0.05 },
-            BaseTerm { parameter: "m(2)", index: 19, coefficient: "crank", value: 0.05 },
+            BaseTerm { parameter: "m(3)", index: 29, coefficient: "crank", value: 0.1 },
+            BaseTerm { parameter: "m(2)", index: 19, coefficient: "crank", value: 0.1 },
         ],
     },
     BaseParameter {
@@ -123,14 +127,14 @@ pub const BASE: [BaseParameter<'static>; 6] = [
         label: "Izz(2)",
         terms: &[
             BaseTerm { parameter: "Izz(2)", index: 15, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "m(3)", index: 29, coefficient: "rod^2", value: 0.0256 },
+            BaseTerm { parameter: "m(3)", index: 29, coefficient: "rod^2", value: 0.04 },
         ],
     },
     BaseParameter {
         label: "mx(2)",
         terms: &[
             BaseTerm { parameter: "mx(2)", index: 16, coefficient: "1", value: 1.0 },
-            BaseTerm { parameter: "m(3)", index: 29, coefficient: "rod", value: 0.16 },
+            BaseTerm { parameter: "m(3)", index: 29, coefficient: "rod", value: 0.2 },
         ],
     },
     BaseParameter {
@@ -176,8 +180,8 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
         rank: 6,
         states: 32,
         digits: 96,
-        smallest_kept: 0.0006846352660579492,
-        largest_dropped: 3.2345441359480887e-97,
+        smallest_kept: 0.0038568747407485434,
+        largest_dropped: 2.051502152391108e-97,
     }),
     complete: true,
 };
@@ -195,14 +199,14 @@ pub fn constraints<T: Scalar>(q: &[T; 3]) -> [T; 5] {
     // f (Eq. 6)
     {
         let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = like.lift(0.05) * cos_q1;
+        let t1_1 = like.lift(0.1) * cos_q1;
         let t1_2 = q2 + q1;
         let (sin_q1_q2, cos_q1_q2) = t1_2.sin_cos();
-        let t1_3 = like.lift(0.16).mul_add(cos_q1_q2, t1_1);
+        let t1_3 = like.lift(0.2).mul_add(cos_q1_q2, t1_1);
         let t1_4 = x - t1_3;
         f[0] = t1_4;
-        let t1_5 = like.lift(0.05) * sin_q1;
-        let t1_6 = like.lift(0.16).mul_add(sin_q1_q2, t1_5);
+        let t1_5 = like.lift(0.1) * sin_q1;
+        let t1_6 = like.lift(0.2).mul_add(sin_q1_q2, t1_5);
         let t1_7 = -t1_6;
         f[2] = t1_7;
         f[1] = like.lift(0.0);
@@ -227,8 +231,8 @@ pub fn jacobian<T: Scalar>(q: &[T; 3]) -> [[T; 3]; 5] {
         let (sin_q1, cos_q1) = q1.sin_cos();
         let t1_1 = q2 + q1;
         let (sin_q1_q2, cos_q1_q2) = t1_1.sin_cos();
-        let t1_2 = like.lift(0.16) * sin_q1_q2;
-        let t1_3 = like.lift(0.05).mul_add(sin_q1, t1_2);
+        let t1_2 = like.lift(0.2) * sin_q1_q2;
+        let t1_3 = like.lift(0.1).mul_add(sin_q1, t1_2);
         a[0] = [t1_3, t1_2, like.lift(1.0)];
         [cos_q1, cos_q1_q2]
     };
@@ -238,8 +242,8 @@ pub fn jacobian<T: Scalar>(q: &[T; 3]) -> [[T; 3]; 5] {
     }
     // row 3
     {
-        let t3_1 = like.lift(0.16) * cos_q1_q2;
-        let t3_2 = like.lift(0.05).mul_add(cos_q1, t3_1);
+        let t3_1 = like.lift(0.2) * cos_q1_q2;
+        let t3_2 = like.lift(0.1).mul_add(cos_q1, t3_1);
         let t3_3 = -t3_2;
         let t3_4 = -t3_1;
         a[2] = [t3_3, t3_4, like.lift(0.0)];
@@ -272,21 +276,21 @@ pub fn bias<T: Scalar>(q: &[T; 3], qd: &[T; 3]) -> [T; 5] {
         let (sin_q1, cos_q1) = q1.sin_cos();
         let t1_1 = cos_q1 * d_q1;
         let t1_2 = d_q1 * t1_1;
-        let t1_3 = like.lift(0.05) * t1_2;
+        let t1_3 = like.lift(0.1) * t1_2;
         let t1_4 = d_q1 + d_q2;
         let t1_5 = q2 + q1;
         let (sin_q1_q2, cos_q1_q2) = t1_5.sin_cos();
         let t1_6 = cos_q1_q2 * t1_4;
         let t1_7 = t1_4 * t1_6;
-        let t1_8 = like.lift(0.16).mul_add(t1_7, t1_3);
+        let t1_8 = like.lift(0.2).mul_add(t1_7, t1_3);
         let t1_9 = -t1_8;
         b[0] = t1_9;
         let t1_10 = sin_q1 * d_q1;
         let t1_11 = d_q1 * t1_10;
-        let t1_12 = like.lift(0.05) * t1_11;
+        let t1_12 = like.lift(0.1) * t1_11;
         let t1_13 = sin_q1_q2 * t1_4;
         let t1_14 = t1_4 * t1_13;
-        let t1_15 = like.lift(0.16).mul_add(t1_14, t1_12);
+        let t1_15 = like.lift(0.2).mul_add(t1_14, t1_12);
         let t1_16 = -t1_15;
         b[2] = t1_16;
         b[1] = like.lift(0.0);
@@ -313,24 +317,24 @@ pub fn newton_step<T: Scalar>(q: &[T; 3]) -> ([T; 2], Condition<T>) {
         let (sin_q1_q2, cos_q1_q2) = t1_1.sin_cos();
         let t1_2 = -sin_q1_q2;
         let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_3 = like.lift(0.05) * cos_q2;
+        let t1_3 = like.lift(0.1) * cos_q2;
         let t1_4 = (-x).mul_add(cos_q1_q2, t1_3);
-        let t1_5 = like.lift(0.16) + t1_4;
-        let t1_6 = like.lift(0.05) * sin_q2;
+        let t1_5 = like.lift(0.2) + t1_4;
+        let t1_6 = like.lift(0.1) * sin_q2;
         let t1_7 = (-x).mul_add(sin_q1_q2, t1_6);
         let t1_8 = -t1_7;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
         let t1_9 = t1_5 * inv_pivot_2;
         let t1_10 = (-sin_q1_q2).mul_add(t1_9, t1_7);
-        let t1_11 = like.lift(6.25) * t1_10;
+        let t1_11 = like.lift(5.0) * t1_10;
         // the smallest pivot relative to its usual size
-        let margin = (cos_q1_q2 * like.lift(1.0387639570579128)).abs();
+        let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[t1_12], [t1_13]], found) = ::regen_runtime::guarded(
             [[t1_11], [t1_9]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.16), t1_2],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t1_2],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
@@ -360,7 +364,7 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 3]) -> [[T; 2]; 2] {
         let (sin_q1_q2, cos_q1_q2) = t1_1.sin_cos();
         a_e[1] = [like.lift(0.0), cos_q1_q2];
         let t1_2 = -sin_q1_q2;
-        a_e[0] = [like.lift(-0.16), t1_2];
+        a_e[0] = [like.lift(-0.2), t1_2];
     }
     a_e
 }
@@ -385,24 +389,24 @@ pub fn velocities<T: Scalar>(q: &[T; 3], qd_i: &[T; 1]) -> ([T; 3], Condition<T>
         let t1_2 = -sin_q1_q2;
         let (sin_q2, cos_q2) = q2.sin_cos();
         let t1_3 = sin_q2 * d_q1;
-        let t1_4 = like.lift(0.05) * t1_3;
-        let t1_5 = like.lift(0.05).mul_add(cos_q2, like.lift(0.16));
+        let t1_4 = like.lift(0.1) * t1_3;
+        let t1_5 = like.lift(0.1).mul_add(cos_q2, like.lift(0.2));
         let t1_6 = t1_5 * d_q1;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
         let t1_7 = inv_pivot_2 * t1_3;
         let t1_8 = sin_q1_q2 * t1_7;
-        let t1_9 = like.lift(0.05).mul_add(t1_8, t1_6);
-        let t1_10 = like.lift(6.25) * t1_9;
+        let t1_9 = like.lift(0.1).mul_add(t1_8, t1_6);
+        let t1_10 = like.lift(5.0) * t1_9;
         let t1_11 = -t1_10;
-        let t1_12 = like.lift(0.05) * t1_7;
+        let t1_12 = like.lift(0.1) * t1_7;
         // the smallest pivot relative to its usual size
-        let margin = (cos_q1_q2 * like.lift(1.0387639570579128)).abs();
+        let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[t1_13], [t1_14]], found) = ::regen_runtime::guarded(
             [[t1_11], [t1_12]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.16), t1_2],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t1_2],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
@@ -441,28 +445,28 @@ pub fn accelerations<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd_i: &[T; 1]) -> ([T;
         let t1_3 = sin_q2 * dd_q1;
         let t1_4 = d_q1 * d_q1;
         let t1_5 = cos_q2 * t1_4;
-        let t1_6 = like.lift(0.05) * t1_5;
+        let t1_6 = like.lift(0.1) * t1_5;
         let t1_7 = d_q1 + d_q2;
         let t1_8 = t1_7 * t1_7;
-        let t1_9 = like.lift(0.16).mul_add(t1_8, t1_6);
-        let t1_10 = like.lift(0.05).mul_add(t1_3, -t1_9);
-        let t1_11 = like.lift(0.05).mul_add(cos_q2, like.lift(0.16));
+        let t1_9 = like.lift(0.2).mul_add(t1_8, t1_6);
+        let t1_10 = like.lift(0.1).mul_add(t1_3, -t1_9);
+        let t1_11 = like.lift(0.1).mul_add(cos_q2, like.lift(0.2));
         let t1_12 = t1_11 * dd_q1;
         let t1_13 = sin_q2 * t1_4;
-        let t1_14 = like.lift(0.05).mul_add(t1_13, t1_12);
+        let t1_14 = like.lift(0.1).mul_add(t1_13, t1_12);
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
         let t1_15 = inv_pivot_2 * t1_10;
         let t1_16 = sin_q1_q2.mul_add(t1_15, t1_14);
-        let t1_17 = like.lift(6.25) * t1_16;
+        let t1_17 = like.lift(5.0) * t1_16;
         let t1_18 = -t1_17;
         // the smallest pivot relative to its usual size
-        let margin = (cos_q1_q2 * like.lift(1.0387639570579128)).abs();
+        let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[t1_19], [t1_20]], found) = ::regen_runtime::guarded(
             [[t1_18], [t1_15]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.16), t1_2],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t1_2],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
@@ -518,26 +522,26 @@ pub fn regressor<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &mut [[T; 
         let sin_q1_q2 = sin_q1.mul_add(cos_q2, t2_1);
         let cos_q1_q2 = cos_q1.mul_add(cos_q2, -t2_2);
         let t2_3 = -sin_q1_q2;
-        let u_2_q1x = like.lift(0.05) * sin_q2;
+        let u_2_q1x = like.lift(0.1) * sin_q2;
         let t2_4 = -u_2_q1x;
-        let u_2_q1y = like.lift(0.05) * cos_q2;
-        let t2_5 = like.lift(0.16) + u_2_q1y;
+        let u_2_q1y = like.lift(0.1) * cos_q2;
+        let t2_5 = like.lift(0.2) + u_2_q1y;
         let t2_6 = -t2_5;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
         let t2_7 = sin_q2 * inv_pivot_2;
         let t2_8 = sin_q1_q2 * t2_7;
-        let t2_9 = like.lift(0.05).mul_add(t2_8, t2_5);
-        let t2_10 = like.lift(6.25) * t2_9;
-        let t2_11 = like.lift(0.05) * t2_7;
+        let t2_9 = like.lift(0.1).mul_add(t2_8, t2_5);
+        let t2_10 = like.lift(5.0) * t2_9;
+        let t2_11 = like.lift(0.1) * t2_7;
         let t2_12 = -t2_11;
         // the smallest pivot relative to its usual size
-        let margin = (cos_q1_q2 * like.lift(1.0387639570579128)).abs();
+        let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[x_q2_q1], [x_x_q1]], found) = ::regen_runtime::guarded(
             [[t2_10], [t2_12]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.16), t2_3],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t2_3],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
@@ -553,30 +557,30 @@ pub fn regressor<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &mut [[T; 
         let w_izz_2_q1 = al_2z * t3_1;
         w[15] = [w_izz_2_q1];
         let t3_2 = d_q1 * d_q1;
-        let t3_3 = like.lift(0.05).mul_add(t3_2, -a_1x);
+        let t3_3 = like.lift(0.1).mul_add(t3_2, -a_1x);
         let t3_4 = sin_q2 * t3_3;
-        let t3_5 = like.lift(0.05).mul_add(dd_q1, a_1y);
+        let t3_5 = like.lift(0.1).mul_add(dd_q1, a_1y);
         let a_2y = cos_q2.mul_add(t3_5, t3_4);
         let w_2z = d_q1 + d_q2;
         let t3_6 = w_2z * w_2z;
         let t3_7 = sin_q2 * t3_6;
-        let t3_8 = like.lift(0.05) * t3_7;
+        let t3_8 = like.lift(0.1) * t3_7;
         let t3_9 = cos_q2 * al_2z;
-        let t3_10 = like.lift(-0.05).mul_add(t3_9, t3_8);
+        let t3_10 = like.lift(-0.1).mul_add(t3_9, t3_8);
         let w_mx_2_q1 = a_2y.mul_add(t3_1, -t3_10);
         w[16] = [w_mx_2_q1];
         let t3_11 = cos_q2 * t3_3;
         let a_2x = (-sin_q2).mul_add(t3_5, t3_11);
         let t3_12 = sin_q2 * al_2z;
-        let t3_13 = like.lift(0.05) * t3_12;
+        let t3_13 = like.lift(0.1) * t3_12;
         let t3_14 = cos_q2 * t3_6;
-        let t3_15 = like.lift(0.05).mul_add(t3_14, t3_13);
+        let t3_15 = like.lift(0.1).mul_add(t3_14, t3_13);
         let w_my_2_q1 = a_2x.mul_add(t3_1, -t3_15);
         w[17] = [w_my_2_q1];
         let t3_16 = sin_q2 * a_2x;
-        let t3_17 = like.lift(0.05) * t3_16;
+        let t3_17 = like.lift(0.1) * t3_16;
         let t3_18 = cos_q2 * a_2y;
-        let w_m_2_q1 = like.lift(-0.05).mul_add(t3_18, t3_17);
+        let w_m_2_q1 = like.lift(-0.1).mul_add(t3_18, t3_17);
         let t3_19 = -w_m_2_q1;
         w[19] = [t3_19];
         w[10] = [like.lift(0.0)];
@@ -636,10 +640,10 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], phi: &
         let (sin_q2, cos_q2) = q2.sin_cos();
         let t1_6 = d_q1 * d_q1;
         let a_1x = like.lift(9.81) * sin_q1;
-        let t1_7 = like.lift(0.05).mul_add(t1_6, -a_1x);
+        let t1_7 = like.lift(0.1).mul_add(t1_6, -a_1x);
         let t1_8 = sin_q2 * t1_7;
         let a_1y = like.lift(9.81) * cos_q1;
-        let t1_9 = like.lift(0.05).mul_add(dd_q1, a_1y);
+        let t1_9 = like.lift(0.1).mul_add(dd_q1, a_1y);
         let a_2y = cos_q2.mul_add(t1_9, t1_8);
         let t1_10 = a_2y * p_mx_2;
         let t1_11 = cos_q2 * t1_7;
@@ -656,33 +660,33 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], phi: &
         let t1_20 = (-t1_14).mul_add(p_my_2, t1_19);
         let t1_21 = a_2y.mul_add(p_m_2, t1_20);
         let t1_22 = (-cos_q2).mul_add(t1_21, t1_18);
-        let t1_23 = like.lift(-0.05).mul_add(t1_22, t1_13);
+        let t1_23 = like.lift(-0.1).mul_add(t1_22, t1_13);
         let t1_24 = t1_5 + t1_23;
         let t1_25 = cos_q1 * sin_q2;
         let t1_26 = sin_q1 * sin_q2;
         let sin_q1_q2 = sin_q1.mul_add(cos_q2, t1_25);
         let cos_q1_q2 = cos_q1.mul_add(cos_q2, -t1_26);
         let t1_27 = -sin_q1_q2;
-        let u_2_q1x = like.lift(0.05) * sin_q2;
+        let u_2_q1x = like.lift(0.1) * sin_q2;
         let t1_28 = -u_2_q1x;
-        let u_2_q1y = like.lift(0.05) * cos_q2;
-        let t1_29 = like.lift(0.16) + u_2_q1y;
+        let u_2_q1y = like.lift(0.1) * cos_q2;
+        let t1_29 = like.lift(0.2) + u_2_q1y;
         let t1_30 = -t1_29;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
         let t1_31 = sin_q2 * inv_pivot_2;
         let t1_32 = sin_q1_q2 * t1_31;
-        let t1_33 = like.lift(0.05).mul_add(t1_32, t1_29);
-        let t1_34 = like.lift(6.25) * t1_33;
-        let t1_35 = like.lift(0.05) * t1_31;
+        let t1_33 = like.lift(0.1).mul_add(t1_32, t1_29);
+        let t1_34 = like.lift(5.0) * t1_33;
+        let t1_35 = like.lift(0.1) * t1_31;
         let t1_36 = -t1_35;
         // the smallest pivot relative to its usual size
-        let margin = (cos_q1_q2 * like.lift(1.0387639570579128)).abs();
+        let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[x_q2_q1], [x_x_q1]], found) = ::regen_runtime::guarded(
             [[t1_34], [t1_36]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.16), t1_27],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t1_27],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
@@ -735,29 +739,29 @@ pub fn gravity<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([T; 1], Condition<T>) {
         let t1_9 = sin_q1_q2 * p_my_2;
         let t1_10 = like.lift(-9.81).mul_add(t1_9, t1_8);
         let t1_11 = cos_q1 * p_m_2;
-        let t1_12 = like.lift(0.4905).mul_add(t1_11, t1_10);
+        let t1_12 = like.lift(0.981).mul_add(t1_11, t1_10);
         let t1_13 = t1_4 + t1_12;
         let t1_14 = -sin_q1_q2;
-        let u_2_q1x = like.lift(0.05) * sin_q2;
+        let u_2_q1x = like.lift(0.1) * sin_q2;
         let t1_15 = -u_2_q1x;
-        let u_2_q1y = like.lift(0.05) * cos_q2;
-        let t1_16 = like.lift(0.16) + u_2_q1y;
+        let u_2_q1y = like.lift(0.1) * cos_q2;
+        let t1_16 = like.lift(0.2) + u_2_q1y;
         let t1_17 = -t1_16;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
         let t1_18 = sin_q2 * inv_pivot_2;
         let t1_19 = sin_q1_q2 * t1_18;
-        let t1_20 = like.lift(0.05).mul_add(t1_19, t1_16);
-        let t1_21 = like.lift(6.25) * t1_20;
-        let t1_22 = like.lift(0.05) * t1_18;
+        let t1_20 = like.lift(0.1).mul_add(t1_19, t1_16);
+        let t1_21 = like.lift(5.0) * t1_20;
+        let t1_22 = like.lift(0.1) * t1_18;
         let t1_23 = -t1_22;
         // the smallest pivot relative to its usual size
-        let margin = (cos_q1_q2 * like.lift(1.0387639570579128)).abs();
+        let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[x_q2_q1], [_]], found) = ::regen_runtime::guarded(
             [[t1_21], [t1_23]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.16), t1_14],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t1_14],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
@@ -803,27 +807,27 @@ pub fn bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], phi: &[T; 30]) -> ([T; 1]
         let (sin_q2, cos_q2) = q2.sin_cos();
         let t1_3 = d_q1 * d_q1;
         let t1_4 = cos_q2 * t1_3;
-        let a_2x = like.lift(0.05) * t1_4;
+        let a_2x = like.lift(0.1) * t1_4;
         let w_2z = d_q1 + d_q2;
         let t1_5 = w_2z * w_2z;
-        let t1_6 = like.lift(0.16).mul_add(t1_5, a_2x);
+        let t1_6 = like.lift(0.2).mul_add(t1_5, a_2x);
         let t1_7 = -t1_6;
         let t1_8 = sin_q2 * t1_3;
-        let a_2y = like.lift(0.05) * t1_8;
+        let a_2y = like.lift(0.1) * t1_8;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
         let t1_9 = inv_pivot_2 * t1_6;
         let t1_10 = (-sin_q1_q2).mul_add(t1_9, a_2y);
-        let t1_11 = like.lift(6.25) * t1_10;
+        let t1_11 = like.lift(5.0) * t1_10;
         let t1_12 = -t1_11;
         let t1_13 = -t1_9;
         // the smallest pivot relative to its usual size
-        let margin = (cos_q1_q2 * like.lift(1.0387639570579128)).abs();
+        let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[al_2z], [a_3x]], found) = ::regen_runtime::guarded(
             [[t1_12], [t1_13]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.16), t1_2],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t1_2],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
@@ -836,40 +840,40 @@ pub fn bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], phi: &[T; 30]) -> ([T; 1]
     // loops: solve with A_e (Eq. 8, 10)
     let [t2_5, t2_16, x_q2_q1, x_x_q1] = {
         let t2_1 = t1_8 * p_mx_2;
-        let t2_2 = like.lift(0.05) * t2_1;
+        let t2_2 = like.lift(0.1) * t2_1;
         let t2_3 = t1_4 * p_my_2;
-        let t2_4 = like.lift(0.05).mul_add(t2_3, t2_2);
+        let t2_4 = like.lift(0.1).mul_add(t2_3, t2_2);
         let t2_5 = p_izz_2.mul_add(al_2z, t2_4);
         let t2_6 = t1_4 * p_m_2;
         let t2_7 = t1_5 * p_mx_2;
         let t2_8 = p_my_2.mul_add(al_2z, t2_7);
-        let t2_9 = like.lift(0.05).mul_add(t2_6, t2_8);
+        let t2_9 = like.lift(0.1).mul_add(t2_6, t2_8);
         let t2_10 = sin_q2 * t2_9;
         let t2_11 = t1_8 * p_m_2;
         let t2_12 = t1_5 * p_my_2;
         let t2_13 = (-p_mx_2).mul_add(al_2z, t2_12);
-        let t2_14 = like.lift(0.05).mul_add(t2_11, -t2_13);
+        let t2_14 = like.lift(0.1).mul_add(t2_11, -t2_13);
         let t2_15 = (-cos_q2).mul_add(t2_14, t2_10);
-        let t2_16 = like.lift(-0.05).mul_add(t2_15, t2_5);
-        let u_2_q1x = like.lift(0.05) * sin_q2;
+        let t2_16 = like.lift(-0.1).mul_add(t2_15, t2_5);
+        let u_2_q1x = like.lift(0.1) * sin_q2;
         let t2_17 = -u_2_q1x;
-        let u_2_q1y = like.lift(0.05) * cos_q2;
-        let t2_18 = like.lift(0.16) + u_2_q1y;
+        let u_2_q1y = like.lift(0.1) * cos_q2;
+        let t2_18 = like.lift(0.2) + u_2_q1y;
         let t2_19 = -t2_18;
         let t2_20 = sin_q2 * inv_pivot_2;
         let t2_21 = sin_q1_q2 * t2_20;
-        let t2_22 = like.lift(0.05).mul_add(t2_21, t2_18);
-        let t2_23 = like.lift(6.25) * t2_22;
-        let t2_24 = like.lift(0.05) * t2_20;
+        let t2_22 = like.lift(0.1).mul_add(t2_21, t2_18);
+        let t2_23 = like.lift(5.0) * t2_22;
+        let t2_24 = like.lift(0.1) * t2_20;
         let t2_25 = -t2_24;
         // the smallest pivot relative to its usual size
-        let margin = (cos_q1_q2 * like.lift(1.0387639570579128)).abs();
+        let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[x_q2_q1], [x_x_q1]], found) = ::regen_runtime::guarded(
             [[t2_23], [t2_25]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.16), t1_2],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t1_2],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
@@ -910,35 +914,35 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([[T; 1]; 1], Condit
         let (sin_q2, cos_q2) = q2.sin_cos();
         let t1_1 = cos_q2 * p_mx_2;
         let t1_2 = (-sin_q2).mul_add(p_my_2, t1_1);
-        let t1_3 = like.lift(0.05).mul_add(p_m_2, t1_2);
-        let t1_4 = like.lift(0.05) * t1_2;
-        let t1_5 = like.lift(0.05).mul_add(t1_3, t1_4);
+        let t1_3 = like.lift(0.1).mul_add(p_m_2, t1_2);
+        let t1_4 = like.lift(0.1) * t1_2;
+        let t1_5 = like.lift(0.1).mul_add(t1_3, t1_4);
         let t1_6 = p_izz_2 + t1_5;
         let t1_7 = p_izz_1 + t1_6;
         let t1_8 = p_izz_2 + t1_4;
         let t1_9 = q2 + q1;
         let (sin_q1_q2, cos_q1_q2) = t1_9.sin_cos();
         let t1_10 = -sin_q1_q2;
-        let u_2_q1x = like.lift(0.05) * sin_q2;
+        let u_2_q1x = like.lift(0.1) * sin_q2;
         let t1_11 = -u_2_q1x;
-        let u_2_q1y = like.lift(0.05) * cos_q2;
-        let t1_12 = like.lift(0.16) + u_2_q1y;
+        let u_2_q1y = like.lift(0.1) * cos_q2;
+        let t1_12 = like.lift(0.2) + u_2_q1y;
         let t1_13 = -t1_12;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
         let t1_14 = sin_q2 * inv_pivot_2;
         let t1_15 = sin_q1_q2 * t1_14;
-        let t1_16 = like.lift(0.05).mul_add(t1_15, t1_12);
-        let t1_17 = like.lift(6.25) * t1_16;
-        let t1_18 = like.lift(0.05) * t1_14;
+        let t1_16 = like.lift(0.1).mul_add(t1_15, t1_12);
+        let t1_17 = like.lift(5.0) * t1_16;
+        let t1_18 = like.lift(0.1) * t1_14;
         let t1_19 = -t1_18;
         // the smallest pivot relative to its usual size
-        let margin = (cos_q1_q2 * like.lift(1.0387639570579128)).abs();
+        let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[x_q2_q1], [x_x_q1]], found) = ::regen_runtime::guarded(
             [[t1_17], [t1_19]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.16), t1_10],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t1_10],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
@@ -1008,28 +1012,28 @@ pub fn slotine_li<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd_r: &[T;
         let t2_4 = sin_q2 * dr_q1;
         let t2_5 = d_q1 * r_q1;
         let t2_6 = cos_q2 * t2_5;
-        let t2_7 = like.lift(0.05) * t2_6;
+        let t2_7 = like.lift(0.1) * t2_6;
         let w_2z = d_q1 + d_q2;
         let t2_8 = sin_q2 * r_q1;
-        let t2_9 = like.lift(0.05) * t2_8;
-        let u_2_q1y = like.lift(0.05) * cos_q2;
-        let t2_10 = like.lift(0.16) + u_2_q1y;
+        let t2_9 = like.lift(0.1) * t2_8;
+        let u_2_q1y = like.lift(0.1) * cos_q2;
+        let t2_10 = like.lift(0.2) + u_2_q1y;
         let t2_11 = t2_10 * r_q1;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
         let t2_12 = inv_pivot_2 * t2_8;
         let t2_13 = sin_q1_q2 * t2_12;
-        let t2_14 = like.lift(0.05).mul_add(t2_13, t2_11);
-        let t2_15 = like.lift(6.25) * t2_14;
+        let t2_14 = like.lift(0.1).mul_add(t2_13, t2_11);
+        let t2_15 = like.lift(5.0) * t2_14;
         let t2_16 = -t2_15;
-        let t2_17 = like.lift(0.05) * t2_12;
+        let t2_17 = like.lift(0.1) * t2_12;
         // the smallest pivot relative to its usual size
-        let margin = (cos_q1_q2 * like.lift(1.0387639570579128)).abs();
+        let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[t2_18], [_]], found) = ::regen_runtime::guarded(
             [[t2_16], [t2_17]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.16), t2_3],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t2_3],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
@@ -1046,23 +1050,23 @@ pub fn slotine_li<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd_r: &[T;
     let [t3_2, t3_12, a_3x] = {
         let t3_1 = r_q1 + t2_18;
         let t3_2 = w_2z * t3_1;
-        let t3_3 = like.lift(0.16).mul_add(t3_2, t2_7);
-        let t3_4 = like.lift(0.05).mul_add(t2_4, -t3_3);
+        let t3_3 = like.lift(0.2).mul_add(t3_2, t2_7);
+        let t3_4 = like.lift(0.1).mul_add(t2_4, -t3_3);
         let t3_5 = t2_10 * dr_q1;
         let t3_6 = sin_q2 * t2_5;
-        let t3_7 = like.lift(0.05).mul_add(t3_6, t3_5);
+        let t3_7 = like.lift(0.1).mul_add(t3_6, t3_5);
         let t3_8 = inv_pivot_2 * t3_4;
         let t3_9 = sin_q1_q2.mul_add(t3_8, t3_7);
-        let t3_10 = like.lift(6.25) * t3_9;
+        let t3_10 = like.lift(5.0) * t3_9;
         let t3_11 = -t3_10;
         // the smallest pivot relative to its usual size
-        let margin = (cos_q1_q2 * like.lift(1.0387639570579128)).abs();
+        let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[t3_12], [a_3x]], found) = ::regen_runtime::guarded(
             [[t3_11], [t3_8]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.16), t2_3],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t2_3],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
@@ -1075,23 +1079,23 @@ pub fn slotine_li<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd_r: &[T;
     // loops: solve with A_e (Eq. 8, 10)
     let [al_2z, x_q2_q1, x_x_q1] = {
         let al_2z = dr_q1 + t3_12;
-        let u_2_q1x = like.lift(0.05) * sin_q2;
+        let u_2_q1x = like.lift(0.1) * sin_q2;
         let t4_1 = -u_2_q1x;
         let t4_2 = -t2_10;
         let t4_3 = sin_q2 * inv_pivot_2;
         let t4_4 = sin_q1_q2 * t4_3;
-        let t4_5 = like.lift(0.05).mul_add(t4_4, t2_10);
-        let t4_6 = like.lift(6.25) * t4_5;
-        let t4_7 = like.lift(0.05) * t4_3;
+        let t4_5 = like.lift(0.1).mul_add(t4_4, t2_10);
+        let t4_6 = like.lift(5.0) * t4_5;
+        let t4_7 = like.lift(0.1) * t4_3;
         let t4_8 = -t4_7;
         // the smallest pivot relative to its usual size
-        let margin = (cos_q1_q2 * like.lift(1.0387639570579128)).abs();
+        let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[x_q2_q1], [x_x_q1]], found) = ::regen_runtime::guarded(
             [[t4_6], [t4_8]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.16), t2_3],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t2_3],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
@@ -1106,30 +1110,30 @@ pub fn slotine_li<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd_r: &[T;
         let t5_1 = like.lift(1.0) - x_q2_q1;
         let w_izz_2_q1 = al_2z * t5_1;
         y[15] = [w_izz_2_q1];
-        let t5_2 = like.lift(-0.05).mul_add(t2_5, a_1x);
+        let t5_2 = like.lift(-0.1).mul_add(t2_5, a_1x);
         let t5_3 = sin_q2 * t5_2;
-        let t5_4 = like.lift(0.05).mul_add(dr_q1, a_1y);
+        let t5_4 = like.lift(0.1).mul_add(dr_q1, a_1y);
         let a_2y = (-cos_q2).mul_add(t5_4, t5_3);
         let t5_5 = sin_q2 * t3_2;
-        let t5_6 = like.lift(0.05) * t5_5;
+        let t5_6 = like.lift(0.1) * t5_5;
         let t5_7 = cos_q2 * al_2z;
-        let t5_8 = like.lift(-0.05).mul_add(t5_7, t5_6);
+        let t5_8 = like.lift(-0.1).mul_add(t5_7, t5_6);
         let w_mx_2_q1 = a_2y.mul_add(t5_1, t5_8);
         let t5_9 = -w_mx_2_q1;
         y[16] = [t5_9];
         let t5_10 = cos_q2 * t5_2;
         let a_2x = sin_q2.mul_add(t5_4, t5_10);
         let t5_11 = sin_q2 * al_2z;
-        let t5_12 = like.lift(0.05) * t5_11;
+        let t5_12 = like.lift(0.1) * t5_11;
         let t5_13 = cos_q2 * t3_2;
-        let t5_14 = like.lift(0.05).mul_add(t5_13, t5_12);
+        let t5_14 = like.lift(0.1).mul_add(t5_13, t5_12);
         let w_my_2_q1 = a_2x.mul_add(t5_1, t5_14);
         let t5_15 = -w_my_2_q1;
         y[17] = [t5_15];
         let t5_16 = sin_q2 * a_2x;
-        let t5_17 = like.lift(0.05) * t5_16;
+        let t5_17 = like.lift(0.1) * t5_16;
         let t5_18 = cos_q2 * a_2y;
-        let w_m_2_q1 = like.lift(-0.05).mul_add(t5_18, t5_17);
+        let w_m_2_q1 = like.lift(-0.1).mul_add(t5_18, t5_17);
         y[19] = [w_m_2_q1];
         y[10] = [like.lift(0.0)];
         y[11] = [like.lift(0.0)];
@@ -1196,8 +1200,8 @@ pub fn poses<T: Scalar>(q: &[T; 3]) -> [[T; 12]; 3] {
         let t2_1 = q2 + q1;
         let (sin_q1_q2, cos_q1_q2) = t2_1.sin_cos();
         let t2_2 = -sin_q1_q2;
-        let t2_3 = like.lift(0.05) * cos_q1;
-        let t2_4 = like.lift(0.05) * sin_q1;
+        let t2_3 = like.lift(0.1) * cos_q1;
+        let t2_4 = like.lift(0.1) * sin_q1;
         poses[1] = [cos_q1_q2, t2_2, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(-1.0), sin_q1_q2, cos_q1_q2, like.lift(0.0), t2_3, like.lift(0.0), t2_4];
     }
     // body 3
@@ -1241,26 +1245,26 @@ pub fn base_regressor<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &mut 
         let sin_q1_q2 = sin_q1.mul_add(cos_q2, t2_1);
         let cos_q1_q2 = cos_q1.mul_add(cos_q2, -t2_2);
         let t2_3 = -sin_q1_q2;
-        let u_2_q1x = like.lift(0.05) * sin_q2;
+        let u_2_q1x = like.lift(0.1) * sin_q2;
         let t2_4 = -u_2_q1x;
-        let u_2_q1y = like.lift(0.05) * cos_q2;
-        let t2_5 = like.lift(0.16) + u_2_q1y;
+        let u_2_q1y = like.lift(0.1) * cos_q2;
+        let t2_5 = like.lift(0.2) + u_2_q1y;
         let t2_6 = -t2_5;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
         let t2_7 = sin_q2 * inv_pivot_2;
         let t2_8 = sin_q1_q2 * t2_7;
-        let t2_9 = like.lift(0.05).mul_add(t2_8, t2_5);
-        let t2_10 = like.lift(6.25) * t2_9;
-        let t2_11 = like.lift(0.05) * t2_7;
+        let t2_9 = like.lift(0.1).mul_add(t2_8, t2_5);
+        let t2_10 = like.lift(5.0) * t2_9;
+        let t2_11 = like.lift(0.1) * t2_7;
         let t2_12 = -t2_11;
         // the smallest pivot relative to its usual size
-        let margin = (cos_q1_q2 * like.lift(1.0387639570579128)).abs();
+        let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[x_q2_q1], [_]], found) = ::regen_runtime::guarded(
             [[t2_10], [t2_12]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.16), t2_3],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t2_3],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
@@ -1278,21 +1282,21 @@ pub fn base_regressor<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &mut 
         let w_2z = d_q1 + d_q2;
         let t3_2 = w_2z * w_2z;
         let t3_3 = sin_q2 * t3_2;
-        let t3_4 = like.lift(0.05) * t3_3;
+        let t3_4 = like.lift(0.1) * t3_3;
         let t3_5 = cos_q2 * al_2z;
-        let t3_6 = like.lift(-0.05).mul_add(t3_5, t3_4);
+        let t3_6 = like.lift(-0.1).mul_add(t3_5, t3_4);
         let t3_7 = d_q1 * d_q1;
-        let t3_8 = like.lift(0.05).mul_add(t3_7, -a_1x);
+        let t3_8 = like.lift(0.1).mul_add(t3_7, -a_1x);
         let t3_9 = sin_q2 * t3_8;
-        let t3_10 = like.lift(0.05).mul_add(dd_q1, a_1y);
+        let t3_10 = like.lift(0.1).mul_add(dd_q1, a_1y);
         let a_2y = cos_q2.mul_add(t3_10, t3_9);
         let w_mx_2_q1 = (-a_2y).mul_add(t3_1, t3_6);
         let t3_11 = -w_mx_2_q1;
         w[4] = [t3_11];
         let t3_12 = sin_q2 * al_2z;
-        let t3_13 = like.lift(0.05) * t3_12;
+        let t3_13 = like.lift(0.1) * t3_12;
         let t3_14 = cos_q2 * t3_2;
-        let t3_15 = like.lift(0.05).mul_add(t3_14, t3_13);
+        let t3_15 = like.lift(0.1).mul_add(t3_14, t3_13);
         let t3_16 = cos_q2 * t3_8;
         let a_2x = (-sin_q2).mul_add(t3_10, t3_16);
         let w_my_2_q1 = (-a_2x).mul_add(t3_1, t3_15);
@@ -1317,15 +1321,15 @@ pub fn to_base<T: Scalar>(phi: &[T; 30]) -> [T; 6] {
     ] = *phi;
     // combinations
     {
-        let t1_1 = like.lift(0.0025).mul_add(p_m_3, p_izz_1);
-        let t1_2 = like.lift(0.0025).mul_add(p_m_2, t1_1);
+        let t1_1 = like.lift(0.01).mul_add(p_m_3, p_izz_1);
+        let t1_2 = like.lift(0.01).mul_add(p_m_2, t1_1);
         beta[0] = t1_2;
-        let t1_3 = like.lift(0.05).mul_add(p_m_3, p_mx_1);
-        let t1_4 = like.lift(0.05).mul_add(p_m_2, t1_3);
+        let t1_3 = like.lift(0.1).mul_add(p_m_3, p_mx_1);
+        let t1_4 = like.lift(0.1).mul_add(p_m_2, t1_3);
         beta[1] = t1_4;
-        let t1_5 = like.lift(0.0256).mul_add(p_m_3, p_izz_2);
+        let t1_5 = like.lift(0.04).mul_add(p_m_3, p_izz_2);
         beta[3] = t1_5;
-        let t1_6 = like.lift(0.16).mul_add(p_m_3, p_mx_2);
+        let t1_6 = like.lift(0.2).mul_add(p_m_3, p_mx_2);
         beta[4] = t1_6;
         beta[2] = p_my_1;
         beta[5] = p_my_2;
@@ -1351,17 +1355,17 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 6], free: &[T; 24]) -> [T; 30]
     ] = *free;
     // phi
     {
-        let t1_1 = like.lift(0.0025) * p_m_3;
-        let t1_2 = like.lift(0.0025).mul_add(p_m_2, t1_1);
+        let t1_1 = like.lift(0.01) * p_m_3;
+        let t1_2 = like.lift(0.01).mul_add(p_m_2, t1_1);
         let t1_3 = p_izz_1 - t1_2;
         phi[5] = t1_3;
-        let t1_4 = like.lift(0.05) * p_m_3;
-        let t1_5 = like.lift(0.05).mul_add(p_m_2, t1_4);
+        let t1_4 = like.lift(0.1) * p_m_3;
+        let t1_5 = like.lift(0.1).mul_add(p_m_2, t1_4);
         let t1_6 = p_mx_1 - t1_5;
         phi[6] = t1_6;
-        let t1_7 = like.lift(-0.0256).mul_add(p_m_3, p_izz_2);
+        let t1_7 = like.lift(-0.04).mul_add(p_m_3, p_izz_2);
         phi[15] = t1_7;
-        let t1_8 = like.lift(-0.16).mul_add(p_m_3, p_mx_2);
+        let t1_8 = like.lift(-0.2).mul_add(p_m_3, p_mx_2);
         phi[16] = t1_8;
         phi[0] = p_ixx_1;
         phi[1] = p_ixy_1;
@@ -1422,10 +1426,10 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], b
         let (sin_q2, cos_q2) = q2.sin_cos();
         let t1_6 = d_q1 * d_q1;
         let a_1x = like.lift(9.81) * sin_q1;
-        let t1_7 = like.lift(0.05).mul_add(t1_6, -a_1x);
+        let t1_7 = like.lift(0.1).mul_add(t1_6, -a_1x);
         let t1_8 = sin_q2 * t1_7;
         let a_1y = like.lift(9.81) * cos_q1;
-        let t1_9 = like.lift(0.05).mul_add(dd_q1, a_1y);
+        let t1_9 = like.lift(0.1).mul_add(dd_q1, a_1y);
         let a_2y = cos_q2.mul_add(t1_9, t1_8);
         let t1_10 = a_2y * p_mx_2;
         let t1_11 = cos_q2 * t1_7;
@@ -1440,33 +1444,33 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], b
         let t1_18 = al_2z * p_mx_2;
         let t1_19 = (-t1_14).mul_add(p_my_2, t1_18);
         let t1_20 = (-cos_q2).mul_add(t1_19, t1_17);
-        let t1_21 = like.lift(-0.05).mul_add(t1_20, t1_13);
+        let t1_21 = like.lift(-0.1).mul_add(t1_20, t1_13);
         let t1_22 = t1_5 + t1_21;
         let t1_23 = cos_q1 * sin_q2;
         let t1_24 = sin_q1 * sin_q2;
         let sin_q1_q2 = sin_q1.mul_add(cos_q2, t1_23);
         let cos_q1_q2 = cos_q1.mul_add(cos_q2, -t1_24);
         let t1_25 = -sin_q1_q2;
-        let u_2_q1x = like.lift(0.05) * sin_q2;
+        let u_2_q1x = like.lift(0.1) * sin_q2;
         let t1_26 = -u_2_q1x;
-        let u_2_q1y = like.lift(0.05) * cos_q2;
-        let t1_27 = like.lift(0.16) + u_2_q1y;
+        let u_2_q1y = like.lift(0.1) * cos_q2;
+        let t1_27 = like.lift(0.2) + u_2_q1y;
         let t1_28 = -t1_27;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
         let t1_29 = sin_q2 * inv_pivot_2;
         let t1_30 = sin_q1_q2 * t1_29;
-        let t1_31 = like.lift(0.05).mul_add(t1_30, t1_27);
-        let t1_32 = like.lift(6.25) * t1_31;
-        let t1_33 = like.lift(0.05) * t1_29;
+        let t1_31 = like.lift(0.1).mul_add(t1_30, t1_27);
+        let t1_32 = like.lift(5.0) * t1_31;
+        let t1_33 = like.lift(0.1) * t1_29;
         let t1_34 = -t1_33;
         // the smallest pivot relative to its usual size
-        let margin = (cos_q1_q2 * like.lift(1.0387639570579128)).abs();
+        let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[x_q2_q1], [_]], found) = ::regen_runtime::guarded(
             [[t1_32], [t1_34]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.16), t1_25],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t1_25],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
@@ -1515,26 +1519,26 @@ pub fn base_gravity<T: Scalar>(q: &[T; 3], beta: &[T; 6]) -> ([T; 1], Condition<
         let t1_10 = like.lift(-9.81).mul_add(t1_9, t1_8);
         let t1_11 = t1_4 + t1_10;
         let t1_12 = -sin_q1_q2;
-        let u_2_q1x = like.lift(0.05) * sin_q2;
+        let u_2_q1x = like.lift(0.1) * sin_q2;
         let t1_13 = -u_2_q1x;
-        let u_2_q1y = like.lift(0.05) * cos_q2;
-        let t1_14 = like.lift(0.16) + u_2_q1y;
+        let u_2_q1y = like.lift(0.1) * cos_q2;
+        let t1_14 = like.lift(0.2) + u_2_q1y;
         let t1_15 = -t1_14;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
         let t1_16 = sin_q2 * inv_pivot_2;
         let t1_17 = sin_q1_q2 * t1_16;
-        let t1_18 = like.lift(0.05).mul_add(t1_17, t1_14);
-        let t1_19 = like.lift(6.25) * t1_18;
-        let t1_20 = like.lift(0.05) * t1_16;
+        let t1_18 = like.lift(0.1).mul_add(t1_17, t1_14);
+        let t1_19 = like.lift(5.0) * t1_18;
+        let t1_20 = like.lift(0.1) * t1_16;
         let t1_21 = -t1_20;
         // the smallest pivot relative to its usual size
-        let margin = (cos_q1_q2 * like.lift(1.0387639570579128)).abs();
+        let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[x_q2_q1], [_]], found) = ::regen_runtime::guarded(
             [[t1_19], [t1_21]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.16), t1_12],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t1_12],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
@@ -1575,27 +1579,27 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], beta: &[T; 6]) -> ([
         let (sin_q2, cos_q2) = q2.sin_cos();
         let t1_3 = d_q1 * d_q1;
         let t1_4 = cos_q2 * t1_3;
-        let a_2x = like.lift(0.05) * t1_4;
+        let a_2x = like.lift(0.1) * t1_4;
         let w_2z = d_q1 + d_q2;
         let t1_5 = w_2z * w_2z;
-        let t1_6 = like.lift(0.16).mul_add(t1_5, a_2x);
+        let t1_6 = like.lift(0.2).mul_add(t1_5, a_2x);
         let t1_7 = -t1_6;
         let t1_8 = sin_q2 * t1_3;
-        let a_2y = like.lift(0.05) * t1_8;
+        let a_2y = like.lift(0.1) * t1_8;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
         let t1_9 = inv_pivot_2 * t1_6;
         let t1_10 = (-sin_q1_q2).mul_add(t1_9, a_2y);
-        let t1_11 = like.lift(6.25) * t1_10;
+        let t1_11 = like.lift(5.0) * t1_10;
         let t1_12 = -t1_11;
         let t1_13 = -t1_9;
         // the smallest pivot relative to its usual size
-        let margin = (cos_q1_q2 * like.lift(1.0387639570579128)).abs();
+        let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[al_2z], [_]], found) = ::regen_runtime::guarded(
             [[t1_12], [t1_13]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.16), t1_2],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t1_2],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
@@ -1608,9 +1612,9 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], beta: &[T; 6]) -> ([
     // loops: solve with A_e (Eq. 8, 10)
     let [t2_5, t2_12, x_q2_q1] = {
         let t2_1 = t1_8 * p_mx_2;
-        let t2_2 = like.lift(0.05) * t2_1;
+        let t2_2 = like.lift(0.1) * t2_1;
         let t2_3 = t1_4 * p_my_2;
-        let t2_4 = like.lift(0.05).mul_add(t2_3, t2_2);
+        let t2_4 = like.lift(0.1).mul_add(t2_3, t2_2);
         let t2_5 = p_izz_2.mul_add(al_2z, t2_4);
         let t2_6 = t1_5 * p_mx_2;
         let t2_7 = p_my_2.mul_add(al_2z, t2_6);
@@ -1618,26 +1622,26 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], beta: &[T; 6]) -> ([
         let t2_9 = t1_5 * p_my_2;
         let t2_10 = (-p_mx_2).mul_add(al_2z, t2_9);
         let t2_11 = cos_q2.mul_add(t2_10, t2_8);
-        let t2_12 = like.lift(-0.05).mul_add(t2_11, t2_5);
-        let u_2_q1x = like.lift(0.05) * sin_q2;
+        let t2_12 = like.lift(-0.1).mul_add(t2_11, t2_5);
+        let u_2_q1x = like.lift(0.1) * sin_q2;
         let t2_13 = -u_2_q1x;
-        let u_2_q1y = like.lift(0.05) * cos_q2;
-        let t2_14 = like.lift(0.16) + u_2_q1y;
+        let u_2_q1y = like.lift(0.1) * cos_q2;
+        let t2_14 = like.lift(0.2) + u_2_q1y;
         let t2_15 = -t2_14;
         let t2_16 = sin_q2 * inv_pivot_2;
         let t2_17 = sin_q1_q2 * t2_16;
-        let t2_18 = like.lift(0.05).mul_add(t2_17, t2_14);
-        let t2_19 = like.lift(6.25) * t2_18;
-        let t2_20 = like.lift(0.05) * t2_16;
+        let t2_18 = like.lift(0.1).mul_add(t2_17, t2_14);
+        let t2_19 = like.lift(5.0) * t2_18;
+        let t2_20 = like.lift(0.1) * t2_16;
         let t2_21 = -t2_20;
         // the smallest pivot relative to its usual size
-        let margin = (cos_q1_q2 * like.lift(1.0387639570579128)).abs();
+        let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[x_q2_q1], [_]], found) = ::regen_runtime::guarded(
             [[t2_19], [t2_21]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.16), t1_2],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t1_2],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
@@ -1673,32 +1677,32 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 3], beta: &[T; 6]) -> ([[T; 1]; 1], C
         let (sin_q2, cos_q2) = q2.sin_cos();
         let t1_1 = cos_q2 * p_mx_2;
         let t1_2 = (-sin_q2).mul_add(p_my_2, t1_1);
-        let t1_3 = like.lift(0.1).mul_add(t1_2, p_izz_2);
+        let t1_3 = like.lift(0.2).mul_add(t1_2, p_izz_2);
         let t1_4 = p_izz_1 + t1_3;
-        let t1_5 = like.lift(0.05).mul_add(t1_2, p_izz_2);
+        let t1_5 = like.lift(0.1).mul_add(t1_2, p_izz_2);
         let t1_6 = q2 + q1;
         let (sin_q1_q2, cos_q1_q2) = t1_6.sin_cos();
         let t1_7 = -sin_q1_q2;
-        let u_2_q1x = like.lift(0.05) * sin_q2;
+        let u_2_q1x = like.lift(0.1) * sin_q2;
         let t1_8 = -u_2_q1x;
-        let u_2_q1y = like.lift(0.05) * cos_q2;
-        let t1_9 = like.lift(0.16) + u_2_q1y;
+        let u_2_q1y = like.lift(0.1) * cos_q2;
+        let t1_9 = like.lift(0.2) + u_2_q1y;
         let t1_10 = -t1_9;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
         let t1_11 = sin_q2 * inv_pivot_2;
         let t1_12 = sin_q1_q2 * t1_11;
-        let t1_13 = like.lift(0.05).mul_add(t1_12, t1_9);
-        let t1_14 = like.lift(6.25) * t1_13;
-        let t1_15 = like.lift(0.05) * t1_11;
+        let t1_13 = like.lift(0.1).mul_add(t1_12, t1_9);
+        let t1_14 = like.lift(5.0) * t1_13;
+        let t1_15 = like.lift(0.1) * t1_11;
         let t1_16 = -t1_15;
         // the smallest pivot relative to its usual size
-        let margin = (cos_q1_q2 * like.lift(1.0387639570579128)).abs();
+        let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[x_q2_q1], [_]], found) = ::regen_runtime::guarded(
             [[t1_14], [t1_16]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.16), t1_7],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t1_7],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],

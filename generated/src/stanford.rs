@@ -30,7 +30,7 @@
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
 use ::regen_runtime::{
- Condition, Cone, Info, Joint, Model, Scalar, SizeError, };
+ Condition, Cone, Info, Joint, Limits, Model, Scalar, SizeError, };
 use ::regen_runtime::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
@@ -63,12 +63,12 @@ pub const HOME: [f64; 6] = [
 ];
 /// What is stated about the joint of each coordinate: units rad or m, N m or N.
 pub const JOINTS: [Joint; 6] = [
-    Joint::TURN,
-    Joint::TURN,
-    Joint::SHIFT,
-    Joint::TURN,
-    Joint::TURN,
-    Joint::TURN,
+    Joint { limits: Limits { position: Some([-2.9670597283903604, 2.9670597283903604]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-2.9670597283903604, 2.9670597283903604]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([0.2032, 0.9144]), ..Limits::NONE }, ..Joint::SHIFT },
+    Joint { limits: Limits { position: Some([-2.9670597283903604, 2.9670597283903604]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-1.5707963267948966, 1.5707963267948966]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-2.9670597283903604, 2.9670597283903604]), ..Limits::NONE }, ..Joint::TURN },
 ];
 /// The cones that limit joints and cuts, in the order of `cones`.
 pub const CONES: [Cone<'static>; 0] = [
@@ -76,10 +76,17 @@ pub const CONES: [Cone<'static>; 0] = [
 /// Nominal values of the parameters, in the order of `PARAMETERS`, about the origins of
 /// the bodies' frames.
 pub const NOMINAL: [Option<f64>; 60] = [
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
+    Some(0.275978285), Some(0.0), Some(0.0), Some(0.0710450625), Some(3.54625e-5),
+    Some(0.2550332225), Some(0.0), Some(-1.026545), Some(-0.162575), Some(9.29),
+    Some(0.1079568916), Some(0.0), Some(0.0), Some(0.0999568916), Some(0.0), Some(0.018),
+    Some(0.0), Some(0.0), Some(-0.528054), Some(5.01), Some(2.5099618825), Some(0.0),
+    Some(0.0), Some(2.5099618825), Some(0.0), Some(0.006), Some(0.0), Some(0.0),
+    Some(-2.739975), Some(4.25), Some(0.001922904), Some(0.0), Some(0.0), Some(0.0010014112),
+    Some(-3.6544e-6), Some(0.0010014928), Some(0.0), Some(-0.005832), Some(-0.009936),
+    Some(1.08), Some(0.0029982428), Some(0.0), Some(0.0), Some(0.0004), Some(0.0),
+    Some(0.0029982428), Some(0.0), Some(-0.035658), Some(0.0), Some(0.63), Some(0.0129960716),
+    Some(0.0), Some(0.0), Some(0.0129960716), Some(0.0), Some(0.0003), Some(0.0), Some(0.0),
+    Some(0.079254), Some(0.51),
 ];
 /// Names, sizes, and what is stated about joints.
 pub const INFO: Info<'static> = Info {
@@ -369,8 +376,8 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
         rank: 33,
         states: 10,
         digits: 96,
-        smallest_kept: 0.045346270067556954,
-        largest_dropped: 7.78937268241906e-97,
+        smallest_kept: 0.03677623684978388,
+        largest_dropped: 9.460220748411218e-97,
     }),
     complete: true,
 };

@@ -77,10 +77,14 @@ pub const CONES: [Cone<'static>; 0] = [
 /// Nominal values of the parameters, in the order of `PARAMETERS`, about the origins of
 /// the bodies' frames.
 pub const NOMINAL: [Option<f64>; 50] = [
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None,
+    Some(0.1206), Some(0.0022), Some(0.01), Some(0.1174), Some(-0.003), Some(0.033),
+    Some(0.12), Some(-0.06), Some(-0.6), Some(6.0), Some(0.0502), Some(-0.0019), Some(-0.0005),
+    Some(0.0428), Some(-0.0025), Some(0.013), Some(0.03), Some(0.09), Some(0.15), Some(3.0),
+    Some(0.00215), Some(0.0), Some(-0.002625), Some(0.0620875), Some(0.0), Some(0.0619375),
+    Some(0.2625), Some(0.0), Some(0.015), Some(1.5), Some(0.0008), Some(0.0), Some(0.0),
+    Some(0.012), Some(0.0), Some(0.012), Some(0.08), Some(0.0), Some(0.0), Some(0.8),
+    Some(0.0008), Some(-0.0004), Some(0.0), Some(0.00215), Some(0.0), Some(0.00275),
+    Some(0.025), Some(0.01), Some(0.0), Some(0.5),
 ];
 /// Names, sizes, and what is stated about joints.
 pub const INFO: Info<'static> = Info {

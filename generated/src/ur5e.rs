@@ -30,7 +30,7 @@
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
 use ::regen_runtime::{
- Condition, Cone, Info, Joint, Model, Scalar, SizeError, };
+ Condition, Cone, Info, Joint, Limits, Model, Scalar, SizeError, };
 use ::regen_runtime::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
@@ -64,12 +64,12 @@ pub const HOME: [f64; 6] = [
 ];
 /// What is stated about the joint of each coordinate: units rad or m, N m or N.
 pub const JOINTS: [Joint; 6] = [
-    Joint::TURN,
-    Joint::TURN,
-    Joint::TURN,
-    Joint::TURN,
-    Joint::TURN,
-    Joint::TURN,
+    Joint { limits: Limits { position: Some([-6.283185307179586, 6.283185307179586]), velocity: Some([-3.141592653589793, 3.141592653589793]), effort: Some([-150.0, 150.0]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-6.283185307179586, 6.283185307179586]), velocity: Some([-3.141592653589793, 3.141592653589793]), effort: Some([-150.0, 150.0]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-6.283185307179586, 6.283185307179586]), velocity: Some([-3.141592653589793, 3.141592653589793]), effort: Some([-150.0, 150.0]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-6.283185307179586, 6.283185307179586]), velocity: Some([-3.141592653589793, 3.141592653589793]), effort: Some([-28.0, 28.0]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-6.283185307179586, 6.283185307179586]), velocity: Some([-3.141592653589793, 3.141592653589793]), effort: Some([-28.0, 28.0]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-6.283185307179586, 6.283185307179586]), velocity: Some([-3.141592653589793, 3.141592653589793]), effort: Some([-28.0, 28.0]), ..Limits::NONE }, ..Joint::TURN },
 ];
 /// The cones that limit joints and cuts, in the order of `cones`.
 pub const CONES: [Cone<'static>; 0] = [
@@ -77,10 +77,19 @@ pub const CONES: [Cone<'static>; 0] = [
 /// Nominal values of the parameters, in the order of `PARAMETERS`, about the origins of
 /// the bodies' frames.
 pub const NOMINAL: [Option<f64>; 60] = [
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
-    None, None, None, None, None, None, None, None, None, None, None, None, None, None, None,
+    Some(0.009482844317), Some(1.053e-5), Some(7.3e-7), Some(0.0090395949681),
+    Some(-0.0006858360753), Some(0.0064949193489), Some(0.0), Some(-0.00725873),
+    Some(-0.09631921), Some(3.761), Some(0.1186080951968), Some(-5.4e-5), Some(0.194114792),
+    Some(0.8012991676968), Some(-1.81e-6), Some(0.6963411325), Some(-1.712325), Some(0.0),
+    Some(0.91345488), Some(8.058), Some(0.0059949235), Some(-1.365e-5), Some(0.0196392018),
+    Some(0.24773989414), Some(-6.6e-6), Some(0.24543385064), Some(-0.6893012), Some(0.0),
+    Some(0.075419), Some(2.846), Some(0.002025132772), Some(4.38e-6), Some(-2.82e-6),
+    Some(0.0012672288), Some(-0.00014186444), Some(0.001725403972), Some(0.0),
+    Some(-0.0223858), Some(-0.002466), Some(1.37), Some(0.00170747628), Some(4.44e-6),
+    Some(2.74e-6), Some(0.000970352), Some(8.87156e-5), Some(0.00162536428), Some(0.0),
+    Some(0.021242), Some(-0.00234), Some(1.3), Some(0.000187430297565), Some(6e-8),
+    Some(-1.7e-7), Some(0.000189570297565), Some(-9.2e-7), Some(0.00025756), Some(0.0),
+    Some(0.0), Some(-0.000423035), Some(0.365),
 ];
 /// Names, sizes, and what is stated about joints.
 pub const INFO: Info<'static> = Info {
@@ -416,8 +425,8 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
         rank: 36,
         states: 10,
         digits: 96,
-        smallest_kept: 0.017840319349909307,
-        largest_dropped: 1.5272462053182776e-96,
+        smallest_kept: 0.01653296369830724,
+        largest_dropped: 2.6478178792681552e-96,
     }),
     complete: true,
 };
