@@ -1,7 +1,10 @@
-//! The nominal values of the shipped robots are those of their sources, and bodies could exist.
+//! The nominal values of the shipped robots are those of their sources, bodies could exist, and
+//! forces are as another program or the source finds them.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-use nalgebra::Matrix4;
+use std::collections::BTreeMap;
+
+use nalgebra::{DVector, Matrix4};
 use regen_tests::files;
 use regen_tests::reference::Mechanism;
 
@@ -62,12 +65,13 @@ fn rps3_friction_has_the_parameters_of_model_1() {
 }
 
 #[test]
-fn every_nominal_body_is_physically_consistent() {
+fn every_body_has_a_nominal_inertia_that_can_exist() {
     let mut bodies = 0;
     for file in files::list(&files::robots(), "yaml").unwrap() {
         let m = files::mechanism(&file).unwrap();
         for body in &m.bodies {
-            let Some(p) = body.nominal else { continue };
+            let none = || panic!("{}: body {} has no nominal inertia", m.name, body.label);
+            let p = body.nominal.unwrap_or_else(none);
             bodies += 1;
             let half = (p[0] + p[3] + p[5]) / 2.0;
             // The pseudo-inertia of a body that can exist is positive definite.
@@ -86,5 +90,98 @@ fn every_nominal_body_is_physically_consistent() {
             );
         }
     }
-    assert!(bodies >= 27, "only {bodies} nominal bodies");
+    assert!(bodies >= 100, "only {bodies} nominal bodies");
+}
+
+/// The forces of the actuators at a state, from the nominal values.
+fn forces(m: &Mechanism, q: &[f64], qd: &[f64], qdd: &[f64]) -> DVector<f64> {
+    let phi = m.nominal_parameters().expect("nominal values");
+    m.regressor(q, qd, qdd).unwrap() * DVector::from_vec(phi)
+}
+
+#[test]
+fn arms_agree_with_pinocchio_in_the_frames_of_their_sources() {
+    let path = files::package().join("nominal/vectors.json");
+    let text = std::fs::read_to_string(path).unwrap();
+    let vectors: BTreeMap<String, Vec<BTreeMap<String, Vec<f64>>>> =
+        serde_json::from_str(&text).unwrap();
+    assert_eq!(vectors.len(), 4);
+    for (name, states) in &vectors {
+        let m = robot(name);
+        assert_eq!(states.len(), 6, "{name}");
+        for state in states {
+            let ours = forces(&m, &state["q"], &state["qd"], &state["qdd"]);
+            let theirs = DVector::from_column_slice(&state["tau"]);
+            // Rounding of both: the file has the source's digits.
+            let error = (&ours - &theirs).amax();
+            assert!(error <= 1e-11 * theirs.amax(), "{name}: {ours} {theirs}");
+        }
+    }
+}
+
+#[test]
+fn the_puma_weighs_what_its_paper_measured() {
+    // Armstrong, Khatib, Burdick (1986): the printed constants of gravity, N m, and its terms.
+    let [g1, g2, g3, g4, g5] = [-37.2, -8.44, 1.02, 0.249, -0.0282];
+    let m = robot("puma560");
+    for q in [
+        [0.3, -0.4, 0.9, 0.2, -0.7, 0.1],
+        [-1.0, -1.4, 1.2, -0.5, 0.8, 2.0],
+        [2.0, 0.4, -0.3, 1.1, 0.4, -1.0],
+    ] {
+        let ours = forces(&m, &q, &[0.0; 6], &[0.0; 6]);
+        let ((s2, c2), (s23, c23)) = (q[1].sin_cos(), (q[1] + q[2]).sin_cos());
+        let ((s4, c4), (s5, c5)) = (q[3].sin_cos(), q[4].sin_cos());
+        let elbow = g2 * s23 + g4 * c23 + g5 * (s23 * c5 + c23 * c4 * s5);
+        let wrist = g5 * (c23 * s5 + s23 * c4 * c5);
+        let theirs = [
+            0.0,
+            g1 * c2 + elbow + g3 * s2,
+            elbow,
+            -g5 * s23 * s4 * s5,
+            wrist,
+            0.0,
+        ];
+        for (joint, (ours, theirs)) in ours.iter().zip(theirs).enumerate() {
+            // They print three digits: half a unit of the last of g1 and g2, and what the
+            // masses and lengths printed beside them differ by.
+            assert!(
+                (ours - theirs).abs() < 0.06,
+                "joint {joint}: {ours} {theirs}"
+            );
+        }
+    }
+}
+
+#[test]
+fn actuators_can_hold_every_robot_at_home() {
+    let mut held = 0;
+    for file in files::list(&files::robots(), "yaml").unwrap() {
+        let m = files::mechanism(&file).unwrap();
+        let home = m.home().unwrap();
+        let zero = vec![0.0; m.n()];
+        let phi = DVector::from_vec(m.nominal_parameters().unwrap());
+        let still = m.regressor(&home, &zero, &zero).unwrap() * phi;
+        let text = std::fs::read_to_string(&file).unwrap();
+        let spec: serde_yaml::Value = serde_yaml::from_str(&text).unwrap();
+        for limb in spec["limbs"].as_sequence().unwrap() {
+            for joint in limb["joints"].as_sequence().unwrap() {
+                let Some(efforts) = joint["limits"]["effort"].as_sequence() else {
+                    continue;
+                };
+                let name = joint["name"].as_str().unwrap();
+                let at = |k: &usize| m.coordinates[*k] == name;
+                let row = m.independent.iter().position(at).expect(name);
+                let bound = |i: usize| efforts[i].as_f64().unwrap();
+                held += 1;
+                assert!(
+                    (bound(0)..=bound(1)).contains(&still[row]),
+                    "{}: {name} needs {}",
+                    m.name,
+                    still[row]
+                );
+            }
+        }
+    }
+    assert!(held >= 50, "only {held} limits of efforts");
 }
