@@ -65,6 +65,8 @@ pub(crate) enum Command {
     Verify(VerifyArgs),
     /// Evaluate closure and regressor at given states
     Eval(EvalArgs),
+    /// Turn a URDF or MJCF file into a spec
+    Import(ImportArgs),
     /// Print the JSON Schema of the spec format, for editors
     Schema,
     /// Print a completion script, to be sourced by your shell
@@ -235,6 +237,36 @@ pub(crate) struct VerifyArgs {
     /// four rows per column]
     #[arg(long, value_name = "N")]
     pub(crate) states: Option<usize>,
+    /// How the result is printed
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) format: Format,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Names, limits, inertias and friction are the file's; a coordinate is 0 where it
+is 0 in the file. Meshes are not read. What was decided or left out is told on
+standard error, with its place in the file.
+
+Angles that print a multiple of pi are taken as such (1.5708 is pi/2), since
+axes that are nearly parallel have other base parameters than parallel ones;
+--exact keeps the digits.
+
+Examples:
+  regen import arm.urdf > robots/arm.yaml
+  regen import gripper.xml --out robots/gripper.yaml")]
+pub(crate) struct ImportArgs {
+    /// The file, URDF or MJCF
+    pub(crate) file: PathBuf,
+    /// Where the spec is written [default: standard output]
+    #[arg(long, value_name = "FILE")]
+    pub(crate) out: Option<PathBuf>,
+    /// The spec's name [default: the robot's in the file]
+    #[arg(long, value_name = "NAME")]
+    pub(crate) name: Option<String>,
+    /// Keep angles as printed, also where they print a multiple of pi
+    #[arg(long)]
+    pub(crate) exact: bool,
     /// How the result is printed
     #[arg(long, value_enum, default_value_t)]
     pub(crate) format: Format,

@@ -10,6 +10,7 @@ mod closed;
 mod eval;
 mod exit;
 mod generate;
+mod import;
 mod info;
 mod interpreted;
 mod load;
@@ -49,6 +50,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Base(args)) => base::run(&args),
         Some(Command::Verify(args)) => verify_run::run(&args),
         Some(Command::Eval(args)) => eval::run(&args),
+        Some(Command::Import(args)) => import::run(&args),
         Some(Command::Schema) => terminal::print(&regen_codegen::spec::schema()),
         Some(Command::Completions { shell }) => {
             let mut text = Vec::new();
