@@ -6,7 +6,7 @@ use std::path::Path;
 use regen_import::{Imported, Options};
 use serde::Serialize;
 
-use crate::args::{Format, ImportArgs};
+use crate::args::{Base, Format, ImportArgs};
 use crate::exit::Failure;
 use crate::{load, table, terminal, write};
 
@@ -39,6 +39,13 @@ pub(crate) fn run(args: &ImportArgs) -> Result<(), Failure> {
     let options = Options {
         name: args.name.clone(),
         exact: args.exact,
+        base: args.base.map(|base| match base {
+            Base::Fixed => regen_import::Base::Fixed,
+            Base::Floating => regen_import::Base::Floating,
+        }),
+        cuts: args.cuts.clone(),
+        actuated: args.actuated.clone(),
+        home: args.home.clone(),
     };
     let imported = regen_import::import(&source, &mut reader, &options).map_err(Failure::Spec)?;
     for note in &imported.notes {

@@ -9,6 +9,7 @@ mod base_table;
 mod closed;
 mod eval;
 mod exit;
+mod export;
 mod generate;
 mod import;
 mod info;
@@ -51,6 +52,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Verify(args)) => verify_run::run(&args),
         Some(Command::Eval(args)) => eval::run(&args),
         Some(Command::Import(args)) => import::run(&args),
+        Some(Command::Export(args)) => export::run(&args),
         Some(Command::Schema) => terminal::print(&regen_codegen::spec::schema()),
         Some(Command::Completions { shell }) => {
             let mut text = Vec::new();

@@ -61,6 +61,40 @@ pub(crate) struct DraftBody {
     pub(crate) inertia: Inertia,
 }
 
+impl Draft {
+    /// The coordinate of a joint by its name in the file or in the spec.
+    pub(crate) fn coordinate(&self, name: &str) -> Option<String> {
+        let (joint, index) = name
+            .split_once('.')
+            .map_or((name, None), |(j, i)| (j, Some(i)));
+        let mut joints = self.limbs.iter().flat_map(|l| &l.joints);
+        let found = joints.find(|j| {
+            let own = j.name.as_deref() == Some(joint);
+            own || j.from.as_ref().is_some_and(|f| f.name == joint)
+        })?;
+        let name = found.name.clone()?;
+        match (found.kind, index) {
+            ("spherical", Some(index @ ("1" | "2" | "3"))) => Some(format!("{name}.{index}")),
+            ("spherical", _) | (_, Some(_)) => None,
+            _ => Some(name),
+        }
+    }
+
+    /// The coordinates' names.
+    pub(crate) fn coordinates(&self) -> String {
+        let joints = self.limbs.iter().flat_map(|l| &l.joints);
+        let names = joints.flat_map(|joint| {
+            let name = joint.name.clone();
+            let count = if joint.kind == "spherical" { 3 } else { 1 };
+            (1..=count).filter_map(move |k| match count {
+                1 => name.clone(),
+                _ => name.as_ref().map(|n| format!("{n}.{k}")),
+            })
+        });
+        names.collect::<Vec<_>>().join(", ")
+    }
+}
+
 /// A link on its way to become part of a limb.
 struct Node {
     /// The carrier above; `None` is the world.
@@ -479,6 +513,39 @@ impl<'a> Layout<'a> {
             }
         }
     }
+}
+
+/// A link's frame in the world, with its joints at the values of their coordinates.
+pub(crate) fn at(tree: &Tree, draft: &Draft, link: usize, value: &dyn Fn(&str) -> f64) -> Pose {
+    let mut chain = Vec::new();
+    let mut next = Some(link);
+    while let Some(link) = next.and_then(|l| tree.links.get(l)) {
+        chain.push(link);
+        next = link.parent;
+    }
+    let drawn: Vec<&DraftJoint> = draft.limbs.iter().flat_map(|l| &l.joints).collect();
+    let coordinate = |joint: &Joint| {
+        let found = drawn
+            .iter()
+            .find(|d| d.from.as_ref().is_some_and(|f| f.name == joint.name));
+        found.and_then(|d| d.name.as_deref())
+    };
+    let mut pose = Pose::default();
+    for link in chain.into_iter().rev() {
+        pose = pose.then(&link.pose);
+        for joint in link.joints.iter().flat_map(Joint::parts) {
+            let (frame, axis) = joint_frame(&joint);
+            let q =
+                |suffix: &str| coordinate(&joint).map_or(0.0, |n| value(&format!("{n}{suffix}")));
+            let moved = if joint.kind == Kind::Spherical {
+                Pose::turn(crate::pose::from_rpy([q(".3"), q(".2"), q(".1")]))
+            } else {
+                motion(joint.kind, axis, q("") - joint.reference)
+            };
+            pose = pose.then(&frame).then(&moved).then(&frame.inverse());
+        }
+    }
+    pose
 }
 
 /// Names that are no names in a spec, told together.

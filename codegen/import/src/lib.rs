@@ -4,7 +4,7 @@
 //! [`import`] takes a file's text and gives the text of a spec: the file's names,
 //! limits, inertias and friction; long serial limbs with branches; loops as cuts,
 //! joints that follow others as couplings. Nothing here reads files: a text goes
-//! in, a text comes out.
+//! in, a text comes out. [`export`] is the way back for identified parameters.
 //!
 //! ```
 //! use regen_codegen::diag::Source;
@@ -28,6 +28,9 @@
 //! ```
 
 mod choose;
+mod cut;
+mod edits;
+mod export;
 mod fields;
 mod layout;
 mod log;
@@ -40,16 +43,17 @@ mod urdf;
 mod write;
 mod xml;
 
+pub use export::{BodyParameters, Exported, JointParameters, Parameters, export};
 pub use log::Note;
 pub use xml::Reader;
 
-use regen_codegen::diag::{Report, Source};
+use regen_codegen::diag::{Report, Source, Span};
 
 use choose::Verdict;
 use fields::Fields;
 use layout::Draft;
-use log::Log;
-use tree::Tree;
+use log::{Log, Place};
+use tree::{Joint, Kind, Tree};
 
 /// How a file is imported.
 #[derive(Clone, Debug, Default)]
@@ -58,6 +62,25 @@ pub struct Options {
     pub name: Option<String>,
     /// Keep angles as they are printed: 1.5708 is not taken as pi/2.
     pub exact: bool,
+    /// What the root stands on, if not what the file says.
+    pub base: Option<Base>,
+    /// Loops to add: `NAME:JOINT:BODY@x,y,z[,r,p,y]:BODY[@x,y,z[,r,p,y]]`, bodies by
+    /// the file's names or `world`, frames in the frames of the file's links. Where the
+    /// second frame is missing, it is the first one at zero.
+    pub cuts: Vec<String>,
+    /// Joints with motors, if not those that the file says.
+    pub actuated: Vec<String>,
+    /// Start of the loops' solution, `NAME=VALUE` with the file's names; 0 if missing.
+    pub home: Vec<String>,
+}
+
+/// What the root of the tree stands on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Base {
+    /// The world; a free joint there is left out.
+    Fixed,
+    /// Nothing: it moves with six freedoms.
+    Floating,
 }
 
 /// A spec made from a file.
@@ -83,11 +106,17 @@ pub fn import(
     options: &Options,
 ) -> Result<Imported, Vec<Report>> {
     let mut log = Log::default();
-    let imported = tree(source, reader, options, &mut log)
-        .map(|tree| (layout::lay_out(&tree, &mut log), tree));
-    let Some((draft, tree)) = imported.filter(|_| !log.failed()) else {
+    let imported = tree(source, reader, options, &mut log).map(|mut tree| {
+        adapt(&mut tree, options, &mut log);
+        (layout::lay_out(&tree, &mut log), tree)
+    });
+    let Some((mut draft, tree)) = imported.filter(|_| !log.failed()) else {
         return Err(log.reports());
     };
+    home(&mut draft, options, &mut log);
+    if log.failed() {
+        return Err(log.reports());
+    }
     let (name, spec) = settle(&draft, &tree, &source.name, options).map_err(|r| vec![r])?;
     Ok(Imported {
         name,
@@ -123,6 +152,76 @@ fn tree(
     }
 }
 
+/// The tree as the options want it.
+fn adapt(tree: &mut Tree, options: &Options, log: &mut Log) {
+    for text in &options.cuts {
+        cut::add(text, tree, log);
+    }
+    let names: Vec<&str> = tree
+        .links
+        .iter()
+        .flat_map(|link| &link.joints)
+        .map(|joint| joint.name.as_str())
+        .collect();
+    for name in &options.actuated {
+        if !names.contains(&name.as_str()) {
+            let hint = format!("the file's joints are {}", names.join(", "));
+            unknown(
+                "--actuated",
+                name,
+                format!("no joint is called '{name}'"),
+                &hint,
+                log,
+            );
+        }
+    }
+    if !options.actuated.is_empty() {
+        tree.actuated.clone_from(&options.actuated);
+    }
+    match options.base {
+        None => {}
+        Some(Base::Fixed) => {
+            let roots = tree.links.iter_mut().filter(|l| l.parent.is_none());
+            roots.for_each(|l| l.joints.retain(|j| j.kind != Kind::Free));
+        }
+        Some(Base::Floating) => {
+            if let Some(root) = tree.links.first_mut()
+                && root.joints.iter().all(|j| j.kind != Kind::Free)
+            {
+                let free = Joint::new("base".to_owned(), root.place, Kind::Free);
+                root.joints.insert(0, free);
+            }
+        }
+    }
+}
+
+/// An error in a word of the command line.
+fn unknown(option: &str, word: &str, message: String, hint: &str, log: &mut Log) {
+    let file = log.add(Source::new(option, word));
+    log.error(Place::new(file, Span::new(0, word.len())), message, hint);
+}
+
+/// The start that the options give.
+fn home(draft: &mut Draft, options: &Options, log: &mut Log) {
+    for text in &options.home {
+        let parsed = text.split_once('=').and_then(|(name, value)| {
+            let coordinate = draft.coordinate(name.trim())?;
+            Some((coordinate, cut::value(value)?))
+        });
+        match parsed {
+            Some((name, value)) => {
+                draft.home.retain(|(other, _)| *other != name);
+                draft.home.push((name, value));
+            }
+            None => {
+                let message = format!("'{text}' gives no coordinate a value");
+                let hint = format!("write NAME=VALUE; coordinates are {}", draft.coordinates());
+                unknown("--home", text, message, &hint, log);
+            }
+        }
+    }
+}
+
 /// The text, with independent coordinates that are some.
 fn settle(
     draft: &Draft,
@@ -141,16 +240,21 @@ fn settle(
         actuated: &actuated,
         independent: None,
     };
-    let text = write::write(draft, &frame);
-    let text = match choose::judge(&text)? {
-        Verdict::Valid => text,
-        Verdict::Choose(choice) => {
+    let mut text = write::write(draft, &frame);
+    if let Verdict::Choose(choice) = choose::judge(&text)? {
+        // with loops, and nobody having said where the motors are: there
+        let by_choice = tree.actuated.is_empty() && !draft.cuts.is_empty();
+        let chosen = |name: &String| choice.contains(name);
+        if by_choice && choice.iter().all(|name| actuated.contains(name)) {
+            let motors: Vec<String> = actuated.iter().filter(|n| chosen(n)).cloned().collect();
+            frame.actuated = &motors;
+            text = write::write(draft, &frame);
+        } else {
             frame.independent = Some(&choice);
-            let text = write::write(draft, &frame);
-            choose::judge(&text)?;
-            text
+            text = write::write(draft, &frame);
         }
-    };
+        choose::judge(&text)?;
+    }
     Ok((name, text))
 }
 

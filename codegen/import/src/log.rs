@@ -65,6 +65,10 @@ impl Log {
         self.notes.push((place, text.into()));
     }
 
+    pub(crate) fn forget_notes(&mut self) {
+        self.notes.clear();
+    }
+
     pub(crate) fn failed(&self) -> bool {
         !self.errors.is_empty()
     }

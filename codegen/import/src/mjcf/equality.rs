@@ -227,7 +227,12 @@ impl Reading<'_, '_, '_> {
 
     /// The force of a motor at its joint, where the joint has no limit of its own.
     fn motor(&mut self, of: Classed<'_>, joint: &str) {
-        let Some([low, high]) = self.limit(of, "forcerange", "forcelimited") else {
+        let mut range = self.limit(of, "forcerange", "forcelimited");
+        if of.element.tag == "motor" && range.is_none() {
+            // the control is the force
+            range = self.limit(of, "ctrlrange", "ctrllimited");
+        }
+        let Some([low, high]) = range else {
             return;
         };
         let gear = self.attribute(of, "gear");
