@@ -145,7 +145,11 @@ impl Edits {
             let closed = format!(">{content}</{tag}>");
             self.changes.push((end - 2, end, closed));
         } else {
-            self.changes.push((end, end, content.to_owned()));
+            // on a line of its own where the next element has one
+            let rest = self.text.get(end..).unwrap_or_default();
+            let blank = rest.len() - rest.trim_start().len();
+            let blank = rest.get(..blank).unwrap_or_default();
+            self.changes.push((end, end, format!("{blank}{content}")));
         }
     }
 

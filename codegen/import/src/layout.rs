@@ -81,7 +81,7 @@ impl Draft {
     }
 
     /// The coordinates' names.
-    pub(crate) fn coordinates(&self) -> String {
+    pub(crate) fn coordinates(&self) -> Vec<String> {
         let joints = self.limbs.iter().flat_map(|l| &l.joints);
         let names = joints.flat_map(|joint| {
             let name = joint.name.clone();
@@ -91,7 +91,7 @@ impl Draft {
                 _ => name.as_ref().map(|n| format!("{n}.{k}")),
             })
         });
-        names.collect::<Vec<_>>().join(", ")
+        names.collect()
     }
 }
 

@@ -114,6 +114,10 @@ pub fn import(
         return Err(log.reports());
     };
     home(&mut draft, options, &mut log);
+    if draft.bodies.is_empty() {
+        let hint = "masses stand in <inertial> of the links that move";
+        log.error(tree.place, "nothing with mass moves in this file", hint);
+    }
     if log.failed() {
         return Err(log.reports());
     }
@@ -181,8 +185,15 @@ fn adapt(tree: &mut Tree, options: &Options, log: &mut Log) {
     match options.base {
         None => {}
         Some(Base::Fixed) => {
-            let roots = tree.links.iter_mut().filter(|l| l.parent.is_none());
-            roots.for_each(|l| l.joints.retain(|j| j.kind != Kind::Free));
+            // links come after their parents
+            let mut stands: Vec<bool> = Vec::new();
+            for link in &mut tree.links {
+                let on_ground = link.parent.is_none_or(|p| stands.get(p) == Some(&true));
+                if on_ground {
+                    link.joints.retain(|j| j.kind != Kind::Free);
+                }
+                stands.push(on_ground && link.joints.is_empty());
+            }
         }
         Some(Base::Floating) => {
             if let Some(root) = tree.links.first_mut()
@@ -215,7 +226,10 @@ fn home(draft: &mut Draft, options: &Options, log: &mut Log) {
             }
             None => {
                 let message = format!("'{text}' gives no coordinate a value");
-                let hint = format!("write NAME=VALUE; coordinates are {}", draft.coordinates());
+                let hint = format!(
+                    "write NAME=VALUE; coordinates are {}",
+                    draft.coordinates().join(", ")
+                );
                 unknown("--home", text, message, &hint, log);
             }
         }
@@ -240,6 +254,9 @@ fn settle(
         actuated: &actuated,
         independent: None,
     };
+    // a spec without motors says itself what is independent
+    let all = draft.coordinates();
+    frame.independent = actuated.is_empty().then_some(all.as_slice());
     let mut text = write::write(draft, &frame);
     if let Verdict::Choose(choice) = choose::judge(&text)? {
         // with loops, and nobody having said where the motors are: there

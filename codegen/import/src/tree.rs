@@ -8,6 +8,8 @@ use crate::pose::{Pose, V3};
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Tree {
     pub(crate) name: String,
+    /// The root element.
+    pub(crate) place: Place,
     /// How the header of the spec calls the format.
     pub(crate) format: &'static str,
     pub(crate) gravity: Option<V3>,

@@ -19,6 +19,7 @@ pub(crate) fn read(root: &Element, fields: &mut Fields<'_>) -> Option<Tree> {
     }
     let mut tree = Tree {
         name: root.text("name").unwrap_or("robot").to_owned(),
+        place: root.place,
         format: "URDF",
         ..Tree::default()
     };

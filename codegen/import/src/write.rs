@@ -98,18 +98,20 @@ fn header(draft: &Draft, frame: &Frame<'_>, out: &mut String) {
     let _ = writeln!(out, "name: {name}");
     let loops = match draft.cuts.len() {
         0 => String::new(),
-        1 => ", one loop".to_owned(),
-        n => format!(", {n} loops"),
+        n => format!(", {}", count(n, "loop", "loops")),
     };
     let joints = draft.limbs.iter().flat_map(|l| &l.joints);
     let joints = joints.filter(|j| j.name.is_some()).count();
-    let description = format!(
-        "{robot}: {joints} joints, {} bodies{loops}",
-        draft.bodies.len()
-    );
+    let joints = count(joints, "joint", "joints");
+    let bodies = count(draft.bodies.len(), "body", "bodies");
+    let description = format!("{robot}: {joints}, {bodies}{loops}");
     let _ = writeln!(out, "description: {}", quoted(&description));
     let gravity = frame.gravity.unwrap_or([0.0, 0.0, -9.81]);
     let _ = writeln!(out, "gravity: {}", list(&gravity.map(number)));
+}
+
+fn count(number: usize, one: &str, many: &str) -> String {
+    format!("{number} {}", if number == 1 { one } else { many })
 }
 
 /// One line of printable characters.
@@ -215,11 +217,16 @@ fn joint_fields(
         nominal.push(("J", number(from.armature)));
     }
     let mut limits = Vec::new();
+    // multiples of pi only where a file has them to all digits
+    let figure = |x: f64| {
+        let turns = joint.kind != "prismatic";
+        if turns { angle(x) } else { number(x) }
+    };
     if let Some(range) = from.position {
-        limits.push(("position", list(&range.map(number))));
+        limits.push(("position", list(&range.map(figure))));
     }
     if let Some(velocity) = from.velocity {
-        limits.push(("velocity", list(&[-velocity, velocity].map(number))));
+        limits.push(("velocity", list(&[-velocity, velocity].map(figure))));
     }
     if let Some(effort) = from.effort {
         limits.push(("effort", list(&effort.map(number))));

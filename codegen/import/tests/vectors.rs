@@ -18,7 +18,7 @@ fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/import")
 }
 
-fn imported(file: &str, exact: bool) -> (Spec, Robot) {
+fn spec_of(file: &str, exact: bool) -> String {
     let path = folder().join(file);
     let source = Source::new(file, std::fs::read_to_string(&path).unwrap());
     let mut reader = |name: &str| {
@@ -30,7 +30,11 @@ fn imported(file: &str, exact: bool) -> (Spec, Robot) {
         ..Options::default()
     };
     let imported = import(&source, &mut reader, &options).unwrap_or_else(|e| panic!("{e:?}"));
-    let text = Source::new("imported.yaml", imported.spec);
+    imported.spec
+}
+
+fn imported(file: &str, exact: bool) -> (Spec, Robot) {
+    let text = Source::new("imported.yaml", spec_of(file, exact));
     let spec = spec::parse(&text).unwrap_or_else(|e| panic!("{e}\n{}", text.text));
     let robot = derive_with(&text, BaseFrom::Nowhere);
     let robot = robot.unwrap_or_else(|e| panic!("{e:?}\n{}", text.text));
@@ -146,6 +150,20 @@ fn ur5e_of_airo_models() {
     // some of its angles have nine digits: what is taken as pi/2 is that far off
     let as_taken = worst("airo-models/ur5e.urdf", false);
     assert!((1e-12..1e-8).contains(&as_taken), "{as_taken:e}");
+}
+
+/// Why printed multiples of pi are taken as such: axes that are nearly parallel have
+/// other base parameters than parallel ones. The rank is that of `robots/ur5e.yaml`.
+#[test]
+fn printed_angles_decide_about_base_parameters() {
+    let rank = |exact: bool| {
+        let text = Source::new("imported.yaml", spec_of("airo-models/ur5e.urdf", exact));
+        let robot = derive_with(&text, BaseFrom::Derivation).unwrap();
+        let analysis = robot.analysis.unwrap();
+        analysis.base.rank()
+    };
+    assert_eq!(rank(false), 36);
+    assert!(rank(true) > 36);
 }
 
 #[test]

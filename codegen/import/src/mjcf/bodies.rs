@@ -216,8 +216,8 @@ impl<'a> Reading<'a, '_, '_> {
         let mut joint = Joint::new(name, element.place, kind);
         if kind == Kind::Free {
             let text = format!(
-                "free joint '{}' is written as three slides and a ball: its coordinates are \
-                 x, y, z, yaw, pitch, roll, singular at a pitch of a quarter turn",
+                "free joint '{}' is written as three slides and a ball: x, y, z, yaw, pitch, roll \
+                 from where the file has the body, singular at a pitch of a quarter turn",
                 joint.name
             );
             self.fields.log.note(element.place, text);

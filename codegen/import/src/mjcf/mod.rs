@@ -55,6 +55,7 @@ pub(crate) fn read(root: &Element, fields: &mut Fields<'_>) -> Option<Tree> {
         defaults,
         tree: Tree {
             name: root.text("model").unwrap_or("robot").to_owned(),
+            place: root.place,
             format: "MJCF",
             ..Tree::default()
         },
