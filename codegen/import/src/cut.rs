@@ -112,18 +112,13 @@ impl Reading<'_> {
         };
         let mut numbers = Vec::new();
         for word in frame.split(',') {
-            match value(word.0) {
-                Some(number) => numbers.push(number),
-                None => {
-                    let message = format!("'{}' is no number", word.0);
-                    self.error(
-                        word,
-                        message,
-                        "write decimals, or multiples of pi as -2*pi/3",
-                    );
-                    return None;
-                }
-            }
+            let Some(number) = value(word.0) else {
+                let message = format!("'{}' is no number", word.0);
+                let hint = "write decimals, or multiples of pi as -2*pi/3";
+                self.error(word, message, hint);
+                return None;
+            };
+            numbers.push(number);
         }
         let pose = match numbers.as_slice() {
             [x, y, z] => Pose::shift([*x, *y, *z]),

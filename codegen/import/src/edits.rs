@@ -67,17 +67,17 @@ impl Edits {
         };
         let tensor = tensor_in(inertia.tensor, &turned.r);
         let com = inertia.com.map(number).join(" ");
-        let mut missing = String::new();
+        let mut missing = Vec::new();
         match inertial.child("origin") {
             Some(origin) => self.attribute(origin, "xyz", &com),
             None if inertia.com == [0.0; 3] => {}
-            None => missing.push_str(&format!("<origin xyz=\"{com}\"/>")),
+            None => missing.push(format!("<origin xyz=\"{com}\"/>")),
         }
         self.values += 3;
         let mass = number(inertia.mass);
         match inertial.child("mass") {
             Some(element) => self.attribute(element, "value", &mass),
-            None => missing.push_str(&format!("<mass value=\"{mass}\"/>")),
+            None => missing.push(format!("<mass value=\"{mass}\"/>")),
         }
         self.values += 1;
         match inertial.child("inertia") {
@@ -91,11 +91,11 @@ impl Edits {
                     }
                 }
             }
-            None => missing.push_str(&tensor_element(tensor)),
+            None => missing.push(tensor_element(tensor)),
         }
         self.values += 6;
         if !missing.is_empty() {
-            self.insert(inertial, &missing);
+            self.insert(inertial, &missing.concat());
         }
     }
 
@@ -109,32 +109,26 @@ impl Edits {
             return;
         }
         self.values += given.len();
-        match joint.child("dynamics") {
-            Some(element) => {
-                for (key, value) in given {
-                    self.attribute(element, key, &value);
-                }
+        if let Some(element) = joint.child("dynamics") {
+            for (key, value) in given {
+                self.attribute(element, key, &value);
             }
-            None => {
-                let fields: Vec<String> =
-                    given.iter().map(|(k, v)| format!("{k}=\"{v}\"")).collect();
-                self.insert(joint, &format!("<dynamics {}/>", fields.join(" ")));
-            }
+            return;
         }
+        let fields: Vec<String> = given.iter().map(|(k, v)| format!("{k}=\"{v}\"")).collect();
+        self.insert(joint, &format!("<dynamics {}/>", fields.join(" ")));
     }
 
     /// Replaces an attribute's value, or writes the attribute after the tag's name.
     fn attribute(&mut self, element: &Element, name: &str, value: &str) {
-        match element.attribute(name) {
-            Some(attribute) => {
-                let span = attribute.place.span;
-                self.changes.push((span.start, span.end, value.to_owned()));
-            }
-            None => {
-                let at = element.place.span.end;
-                self.changes.push((at, at, format!(" {name}=\"{value}\"")));
-            }
-        }
+        let change = if let Some(attribute) = element.attribute(name) {
+            let span = attribute.place.span;
+            (span.start, span.end, value.to_owned())
+        } else {
+            let at = element.place.span.end;
+            (at, at, format!(" {name}=\"{value}\""))
+        };
+        self.changes.push(change);
     }
 
     /// Writes an element into another one, before its first child.

@@ -185,21 +185,18 @@ impl<'a> Export<'a> {
                 .all("joint")
                 .find(|e| joint.is_some() && e.text("name") == joint.as_deref());
             let values = [("damping", values.viscous), ("friction", values.coulomb)];
-            match element {
-                Some(element) => {
-                    for (key, value) in values {
-                        if value.is_some_and(|v| !v.is_finite() || v < 0.0) {
-                            let message = format!("a negative {key}");
-                            self.wrong(name, message, "friction takes energy out: it is >= 0");
-                        }
-                    }
-                    edits.dynamics(element, values);
-                }
-                None => {
-                    let message = format!("no joint of the URDF file is called '{name}'");
-                    self.wrong(name, message, "joints are named as in the spec");
+            let Some(element) = element else {
+                let message = format!("no joint of the URDF file is called '{name}'");
+                self.wrong(name, message, "joints are named as in the spec");
+                continue;
+            };
+            for (key, value) in values {
+                if value.is_some_and(|v| !v.is_finite() || v < 0.0) {
+                    let message = format!("a negative {key}");
+                    self.wrong(name, message, "friction takes energy out: it is >= 0");
                 }
             }
+            edits.dynamics(element, values);
         }
         Some(edits)
     }

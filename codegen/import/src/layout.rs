@@ -13,11 +13,18 @@ use crate::tree::{Coupling, Inertia, Joint, Kind, Link, Tree};
 pub(crate) struct Draft {
     pub(crate) limbs: Vec<DraftLimb>,
     pub(crate) cuts: Vec<DraftCut>,
-    /// Key, constant, terms.
-    pub(crate) couplings: Vec<(String, f64, Vec<(String, f64)>)>,
+    pub(crate) couplings: Vec<DraftCoupling>,
     pub(crate) bodies: Vec<DraftBody>,
     /// Coordinates that are not 0 where the file's robot is at zero.
     pub(crate) home: Vec<(String, f64)>,
+}
+
+/// `key = constant + sum`, in the spec's names.
+#[derive(Clone, Debug)]
+pub(crate) struct DraftCoupling {
+    pub(crate) key: String,
+    pub(crate) constant: f64,
+    pub(crate) terms: Vec<(String, f64)>,
 }
 
 #[derive(Clone, Debug)]
@@ -509,7 +516,11 @@ impl<'a> Layout<'a> {
                 .filter_map(|(name, factor)| Some((find(name)?, *factor)));
             let terms = terms.collect();
             if let Some(joint) = find(joint) {
-                self.draft.couplings.push((joint, *constant, terms));
+                self.draft.couplings.push(DraftCoupling {
+                    key: joint,
+                    constant: *constant,
+                    terms,
+                });
             }
         }
     }

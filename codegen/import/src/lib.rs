@@ -27,6 +27,11 @@
 //! assert!(imported.spec.contains("rod: {mass: 2, com: [0, 0, -0.3]"));
 //! ```
 
+#![allow(
+    clippy::float_cmp,
+    reason = "zeros, and numbers as they were read, are told from others exactly"
+)]
+
 mod choose;
 mod cut;
 mod edits;
@@ -219,20 +224,15 @@ fn home(draft: &mut Draft, options: &Options, log: &mut Log) {
             let coordinate = draft.coordinate(name.trim())?;
             Some((coordinate, cut::value(value)?))
         });
-        match parsed {
-            Some((name, value)) => {
-                draft.home.retain(|(other, _)| *other != name);
-                draft.home.push((name, value));
-            }
-            None => {
-                let message = format!("'{text}' gives no coordinate a value");
-                let hint = format!(
-                    "write NAME=VALUE; coordinates are {}",
-                    draft.coordinates().join(", ")
-                );
-                unknown("--home", text, message, &hint, log);
-            }
-        }
+        let Some((name, value)) = parsed else {
+            let message = format!("'{text}' gives no coordinate a value");
+            let names = draft.coordinates().join(", ");
+            let hint = format!("write NAME=VALUE; coordinates are {names}");
+            unknown("--home", text, message, &hint, log);
+            continue;
+        };
+        draft.home.retain(|(other, _)| *other != name);
+        draft.home.push((name, value));
     }
 }
 
@@ -279,7 +279,7 @@ fn settle(
 /// freedom that follows no other.
 fn actuated(draft: &Draft, tree: &Tree) -> Vec<String> {
     let joints = draft.limbs.iter().flat_map(|limb| &limb.joints);
-    let follows = |name: &str| draft.couplings.iter().any(|c| c.0 == name);
+    let follows = |name: &str| draft.couplings.iter().any(|c| c.key == name);
     let chosen = joints.filter_map(|joint| {
         let (name, from) = (joint.name.as_ref()?, joint.from.as_ref()?);
         let single = joint.kind != "spherical" && !from.passive && !follows(name);

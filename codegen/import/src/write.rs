@@ -53,8 +53,9 @@ pub(crate) fn write(draft: &Draft, frame: &Frame<'_>) -> String {
     }
     if !draft.couplings.is_empty() {
         out.push_str("\n# Joints that follow others.\ncouplings:\n");
-        for (key, constant, terms) in &draft.couplings {
-            let _ = writeln!(out, "  {key}: {}", linear(*constant, terms));
+        for coupling in &draft.couplings {
+            let form = linear(coupling.constant, &coupling.terms);
+            let _ = writeln!(out, "  {}: {form}", coupling.key);
         }
     }
     if let Some(independent) = frame.independent {

@@ -4,6 +4,8 @@
 mod common;
 
 use common::{assert_has, imported, imported_with, notes, parsed, refused, refused_with};
+use regen_codegen::diag::Source;
+use regen_codegen::pipeline::{BaseFrom, derive_with};
 use regen_codegen::spec::JointKind;
 use regen_import::{Base, Options};
 
@@ -153,6 +155,35 @@ fn printed_angles_are_multiples_of_pi_unless_numbers_are_wanted_exactly() {
         "origin: {xyz: [0.1, 0, 1e-12], rpy: [1.5708, 0, 0]}",
     );
     assert_eq!(notes(&exact), "");
+}
+
+/// Why that is so: axes that are nearly parallel have other base parameters.
+#[test]
+fn printed_angles_decide_about_base_parameters() {
+    let text = robot(&[
+        massive("a"),
+        massive("b"),
+        joint("q1", "continuous", "base", "a", "<axis xyz=\"0 1 0\"/>"),
+        joint(
+            "q2",
+            "continuous",
+            "a",
+            "b",
+            "<origin xyz=\"0.5 0 0\" rpy=\"3.1416 0 0\"/><axis xyz=\"0 1 0\"/>",
+        ),
+    ]);
+    let rank = |exact: bool| {
+        let options = Options {
+            exact,
+            ..Options::default()
+        };
+        let text = Source::new("r.yaml", imported_with(&text, &options).spec);
+        let robot = derive_with(&text, BaseFrom::Derivation).unwrap();
+        robot.analysis.unwrap().base.rank()
+    };
+    // a planar arm of two joints in a vertical plane
+    assert_eq!(rank(false), 6);
+    assert!(rank(true) > 6);
 }
 
 #[test]

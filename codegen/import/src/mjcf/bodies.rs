@@ -1,7 +1,7 @@
 //! Bodies, joints and sites.
 
-use super::Reading;
 use super::orientation::Classed;
+use super::{InertiaFrom, Reading};
 use crate::pose::{Pose, tensor_in, transposed, unit};
 use crate::tree::{Inertia, Joint, Kind, Link, Side};
 use crate::xml::{Attribute, Element};
@@ -153,9 +153,10 @@ impl<'a> Reading<'a, '_, '_> {
         name: &str,
     ) -> Option<Inertia> {
         let inertial = body.child("inertial");
-        match inertial.filter(|_| !self.compiler.only_geoms) {
+        let wanted = self.compiler.inertia;
+        match inertial.filter(|_| wanted != InertiaFrom::Geoms) {
             Some(inertial) => self.inertial(inertial),
-            None if self.compiler.no_geoms => None,
+            None if wanted == InertiaFrom::Inertials => None,
             None => self.inertia_of_geoms(&content.geoms, moves, name),
         }
     }

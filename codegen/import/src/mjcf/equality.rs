@@ -7,6 +7,9 @@ use crate::pose::{Pose, from_quaternion};
 use crate::tree::{Closure, Coupling, Kind, Side};
 use crate::xml::{Attribute, Element};
 
+/// Something is wrong, and was told.
+struct Told;
+
 impl Reading<'_, '_, '_> {
     pub(super) fn equalities(&mut self) {
         let elements: Vec<&Element> = self
@@ -84,9 +87,9 @@ impl Reading<'_, '_, '_> {
         found
     }
 
-    fn body_of(&mut self, name: &Attribute) -> Option<Option<usize>> {
+    fn body_of(&mut self, name: &Attribute) -> Result<Option<usize>, Told> {
         if name.value == "world" {
-            return Some(None);
+            return Ok(None);
         }
         let found = self.tree.find(&name.value);
         if found.is_none() {
@@ -94,14 +97,14 @@ impl Reading<'_, '_, '_> {
             let hint = "an equality names bodies of the same model, or world";
             self.fields.log.error(name.place, message, hint);
         }
-        found.map(Some)
+        found.map(Some).ok_or(Told)
     }
 
     fn sides_of_bodies(&mut self, element: &Element, welded: bool) -> Option<[Side; 2]> {
         let first = required(element, "body1", self)?;
-        let first = self.body_of(first)?;
+        let first = self.body_of(first).ok()?;
         let second = match element.attribute("body2") {
-            Some(name) => self.body_of(name)?,
+            Some(name) => self.body_of(name).ok()?,
             None => None,
         };
         let anchor = match element.attribute("anchor") {

@@ -24,14 +24,20 @@ pub(crate) struct Compiler {
     sequence: [char; 3],
     /// A range is a limit also where `limited` does not say so.
     autolimits: bool,
-    /// `<inertial>` counts for nothing.
-    only_geoms: bool,
-    /// Inertia is never taken from geoms.
-    no_geoms: bool,
+    inertia: InertiaFrom,
     /// The groups whose geoms have mass.
     groups: [f64; 2],
     /// What all masses are scaled to add up to.
     total_mass: Option<f64>,
+}
+
+/// Where bodies have their inertia from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum InertiaFrom {
+    /// `<inertial>`, or else the geoms.
+    Either,
+    Geoms,
+    Inertials,
 }
 
 /// A file being read.
@@ -81,8 +87,7 @@ fn compiler(root: &Element, fields: &mut Fields<'_>) -> Compiler {
         degrees: true,
         sequence: ['x', 'y', 'z'],
         autolimits: true,
-        only_geoms: false,
-        no_geoms: false,
+        inertia: InertiaFrom::Either,
         groups: [0.0, 5.0],
         total_mass: None,
     };
@@ -93,8 +98,11 @@ fn compiler(root: &Element, fields: &mut Fields<'_>) -> Compiler {
             "angle" => settings.degrees = value != "radian",
             "autolimits" => settings.autolimits = value != "false",
             "inertiafromgeom" => {
-                settings.only_geoms = value == "true";
-                settings.no_geoms = value == "false";
+                settings.inertia = match value {
+                    "true" => InertiaFrom::Geoms,
+                    "false" => InertiaFrom::Inertials,
+                    _ => InertiaFrom::Either,
+                };
             }
             "inertiagrouprange" => {
                 if let Some(groups) = fields.array(attribute) {
