@@ -10,7 +10,7 @@ use crate::layout::{self, Draft};
 use crate::log::{Log, Note};
 use crate::pose::{Pose, V3, about, difference, norm, tensor_in, transposed};
 use crate::tree::{Inertia, Tree};
-use crate::{urdf, xml};
+use crate::{frames, urdf, xml};
 
 /// Values for a spec's bodies and joints, in the spec's frames.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -266,7 +266,7 @@ impl<'a> Export<'a> {
             let names: Vec<&str> = model.coordinates.iter().map(|c| c.name.as_str()).collect();
             let of = |name: &str| names.iter().position(|n| *n == name).map_or(0.0, value);
             let q: Vec<f64> = (0..names.len()).map(value).collect();
-            let link = layout::at(tree, draft, link, &of);
+            let link = frames::at(tree, draft, link, &of);
             link.inverse().then(&link_of(model, body.link, &q))
         };
         let (frame, elsewhere) = (at(false), at(true));

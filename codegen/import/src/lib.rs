@@ -37,6 +37,7 @@ mod cut;
 mod edits;
 mod export;
 mod fields;
+mod frames;
 mod layout;
 mod log;
 mod mjcf;

@@ -2,7 +2,8 @@
 
 use std::fmt::Write as _;
 
-use crate::layout::{Draft, DraftBody, DraftJoint, DraftLimb, denavit_hartenberg};
+use crate::frames::denavit_hartenberg;
+use crate::layout::{Draft, DraftBody, DraftJoint, DraftLimb};
 use crate::number::{angle, number};
 use crate::pose::{Pose, V3};
 
