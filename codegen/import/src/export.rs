@@ -8,6 +8,7 @@ use crate::edits::Edits;
 use crate::fields::Fields;
 use crate::layout::{self, Draft};
 use crate::log::{Log, Note};
+use crate::physical::{Flaw, flaw};
 use crate::pose::{Pose, V3, about, difference, norm, tensor_in, transposed};
 use crate::tree::{Inertia, Tree};
 use crate::{frames, urdf, xml};
@@ -66,6 +67,36 @@ const SAME_MOTION: f64 = 1e-6;
 ///
 /// # Errors
 /// What is wrong with one of the files; parameters that no body can have.
+///
+/// ```
+/// use regen_codegen::diag::Source;
+/// use regen_import::{BodyParameters, Options, Parameters, export, import};
+///
+/// let urdf = r#"<robot name="pendulum">
+///   <link name="base"/>
+///   <link name="rod">
+///     <inertial><origin xyz="0 0 -0.3"/><mass value="2"/>
+///       <inertia ixx="0.06" ixy="0" ixz="0" iyy="0.06" iyz="0" izz="0.001"/></inertial>
+///   </link>
+///   <joint name="swing" type="continuous">
+///     <parent link="base"/><child link="rod"/><axis xyz="0 1 0"/>
+///   </joint>
+/// </robot>"#;
+/// let urdf = Source::new("pendulum.urdf", urdf);
+/// let mut no_includes = |_: &str| Err("there is none".to_owned());
+/// let spec = import(&urdf, &mut no_includes, &Options::default()).unwrap().spec;
+/// let spec = Source::new("pendulum.yaml", spec);
+/// let rod = BodyParameters {
+///     mass: 2.1,
+///     com: [0.0, 0.0, -0.31],
+///     inertia: [0.065, 0.0, 0.0, 0.065, 0.0, 0.001],
+/// };
+/// let fit = Parameters { bodies: vec![("rod".to_owned(), rod)], joints: vec![] };
+/// let given = Source::new("fit", "\"rod\"");
+/// let exported = export(&urdf, &spec, &given, &fit).unwrap();
+/// assert!(exported.urdf.contains(r#"<origin xyz="0 0 -0.31"/><mass value="2.1"/>"#));
+/// assert_eq!(exported.values, 10);
+/// ```
 pub fn export(
     urdf: &Source,
     spec: &Source,
@@ -218,24 +249,18 @@ impl<'a> Export<'a> {
             self.wrong(label, message, hint);
             return false;
         }
-        let [xx, xy, xz, yy, yz, zz] = values.inertia;
-        if !is_semidefinite(values.inertia) {
-            let hint = "Ixx, Ixy, Ixz, Iyy, Iyz, Izz about the centre of mass: estimate with \
-                        physical constraints";
-            let message = "no body has this inertia: it is not positive semidefinite".to_owned();
-            self.wrong(label, message, hint);
-            return false;
-        }
-        // the second moments of the mass, which cannot be negative either
-        let half = (xx + yy + zz) / 2.0;
-        if !is_semidefinite([half - xx, -xy, -xz, half - yy, -yz, half - zz]) {
-            let hint = "two principal moments must not be less than the third together: estimate \
-                        with physical constraints";
-            let message = "no body has this inertia: it breaks the triangle inequality".to_owned();
-            self.wrong(label, message, hint);
-            return false;
-        }
-        true
+        /// Thin plates and rods are on the border, and rounded to six digits or so.
+        const PRINTED: f64 = 1e-6;
+        let message = match flaw(values.inertia, PRINTED) {
+            None => return true,
+            Some(Flaw::Indefinite) => "it is not positive semidefinite",
+            Some(Flaw::Triangle) => "it breaks the triangle inequality of principal moments",
+        };
+        let message = format!("no body has this inertia: {message}");
+        let hint = "Ixx, Ixy, Ixz, Iyy, Iyz, Izz are about the centre of mass; estimate with \
+                    physical constraints";
+        self.wrong(label, message, hint);
+        false
     }
 
     /// The body's frame in its link's: found at zero, and the same elsewhere.
@@ -341,26 +366,4 @@ fn moved(values: &BodyParameters, frame: &Pose) -> Inertia {
         com: frame.point(values.com),
         tensor: tensor_in(values.inertia, &transposed(&frame.r)),
     }
-}
-
-/// Whether `[[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]` has no negative eigenvalue, up
-/// to the last digits that files have.
-fn is_semidefinite(entries: [f64; 6]) -> bool {
-    /// Thin plates and rods are on the border, and rounded to six digits or so.
-    const PRINTED: f64 = 1e-6;
-    let scale = entries.iter().fold(0.0, |s: f64, x| s.max(x.abs()));
-    if scale == 0.0 {
-        return true;
-    }
-    let [xx, xy, xz, yy, yz, zz] = entries.map(|x| x / scale);
-    let minors = [
-        xx,
-        yy,
-        zz,
-        xx * yy - xy * xy,
-        xx * zz - xz * xz,
-        yy * zz - yz * yz,
-        xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz),
-    ];
-    minors.iter().all(|minor| *minor >= -PRINTED)
 }

@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use crate::frames::{joint_frame, motion};
 use crate::log::{Log, Place};
 use crate::names::Names;
+use crate::physical::{Flaw, flaw};
 use crate::pose::{Pose, tensor_in};
 use crate::tree::{Coupling, Inertia, Joint, Kind, Link, Tree};
 
@@ -289,6 +290,21 @@ impl<'a> Layout<'a> {
                 com: [0.0; 3],
                 tensor: [0.0; 6],
             });
+            match flaw(inertia.tensor, 1e-12) {
+                None => {}
+                Some(Flaw::Indefinite) => {
+                    let message = format!("no body has the inertia of '{}'", link.name);
+                    let hint = "it is not positive semidefinite: mend the file";
+                    self.log.error(link.place, message, hint);
+                }
+                Some(Flaw::Triangle) => {
+                    let text = format!(
+                        "the inertia of '{}' breaks the triangle inequality: no body has it",
+                        link.name
+                    );
+                    self.log.note(link.place, text);
+                }
+            }
             let com = frame.inverse().point(inertia.com);
             self.draft.bodies.push(DraftBody {
                 label: label.clone(),

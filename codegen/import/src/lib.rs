@@ -43,6 +43,7 @@ mod log;
 mod mjcf;
 mod names;
 mod number;
+mod physical;
 mod pose;
 mod tree;
 mod urdf;

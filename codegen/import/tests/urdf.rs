@@ -468,6 +468,19 @@ fn wrong_files_are_refused_with_the_place_and_a_remedy() {
 }
 
 #[test]
+fn inertias_that_no_body_has_are_refused_or_told() {
+    let with = |ixx: &str| single("continuous", "").replace("ixx=\"0.03\"", ixx);
+    let complaint = refused(&with("ixx=\"-0.03\""));
+    assert_has(&complaint, "robot.xml:3:1: no body has the inertia of 'a'");
+    let long = imported(&with("ixx=\"0.05\""));
+    assert_has(
+        &notes(&long),
+        "the inertia of 'a' breaks the triangle inequality",
+    );
+    assert_eq!(notes(&imported(&with("ixx=\"0.02\""))), "");
+}
+
+#[test]
 fn all_errors_are_told_at_once() {
     let text = single("continuous", "<axis xyz=\"0 0\"/><origin xyz=\"0 a 0\"/>");
     assert_eq!(refused(&text).lines().count(), 2);
