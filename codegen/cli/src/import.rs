@@ -12,7 +12,7 @@ use crate::{load, table, terminal, write};
 
 /// The JSON of `regen import`.
 #[derive(Serialize)]
-struct Spec<'a> {
+struct Printed<'a> {
     robot: &'a str,
     #[serde(skip_serializing_if = "Option::is_none")]
     written: Option<String>,
@@ -71,7 +71,7 @@ fn json(imported: &Imported, written: Option<String>) -> String {
         column: note.column,
         text: &note.text,
     });
-    table::json(&Spec {
+    table::json(&Printed {
         robot: &imported.name,
         written,
         spec: &imported.spec,
