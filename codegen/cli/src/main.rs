@@ -9,7 +9,9 @@ mod base_table;
 mod closed;
 mod eval;
 mod exit;
+mod export;
 mod generate;
+mod import;
 mod info;
 mod interpreted;
 mod load;
@@ -49,6 +51,8 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Base(args)) => base::run(&args),
         Some(Command::Verify(args)) => verify_run::run(&args),
         Some(Command::Eval(args)) => eval::run(&args),
+        Some(Command::Import(args)) => import::run(&args),
+        Some(Command::Export(args)) => export::run(&args),
         Some(Command::Schema) => terminal::print(&regen_codegen::spec::schema()),
         Some(Command::Completions { shell }) => {
             let mut text = Vec::new();

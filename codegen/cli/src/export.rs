@@ -1,0 +1,118 @@
+//! `regen export`: identified parameters back into robot files of others.
+
+use std::collections::BTreeMap;
+
+use regen_codegen::diag::{Diagnostic, Report, Source, Span};
+use regen_import::{BodyParameters, JointParameters, Parameters};
+use serde::{Deserialize, Serialize};
+
+use crate::args::{ExportArgs, Format};
+use crate::exit::Failure;
+use crate::{load, table, terminal, write};
+
+/// The JSON of parameters.
+#[derive(Deserialize)]
+#[serde(
+    deny_unknown_fields,
+    expecting = "expected an object with bodies, joints or both"
+)]
+struct Given {
+    #[serde(default)]
+    bodies: BTreeMap<String, Body>,
+    #[serde(default)]
+    joints: BTreeMap<String, Joint>,
+}
+
+#[derive(Deserialize)]
+#[serde(
+    deny_unknown_fields,
+    expecting = "expected an object with mass, com and inertia"
+)]
+struct Body {
+    mass: f64,
+    #[serde(default)]
+    com: [f64; 3],
+    inertia: [f64; 6],
+}
+
+#[derive(Deserialize)]
+#[serde(
+    deny_unknown_fields,
+    expecting = "expected an object with Fv, Fc or both"
+)]
+#[allow(non_snake_case, reason = "the symbols of the parameters")]
+struct Joint {
+    Fv: Option<f64>,
+    Fc: Option<f64>,
+    J: Option<f64>,
+}
+
+/// The JSON of `regen export`.
+#[derive(Serialize)]
+struct Exported<'a> {
+    values: usize,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    written: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    urdf: Option<&'a str>,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &ExportArgs) -> Result<(), Failure> {
+    let urdf = load::source(&args.urdf)?;
+    let spec = load::source(&args.spec)?;
+    let given = load::source(&args.parameters)?;
+    let parameters = parameters(&given)?;
+    let exported =
+        regen_import::export(&urdf, &spec, &given, &parameters).map_err(Failure::Spec)?;
+    for note in &exported.notes {
+        terminal::note(&format!("note: {note}"));
+    }
+    if let Some(out) = &args.out {
+        write::atomically(out, &exported.urdf)?;
+    }
+    let written = args.out.as_ref().map(|out| out.display().to_string());
+    let values = exported.values;
+    terminal::print(&match (args.format, written) {
+        (Format::Json, written) => table::json(&Exported {
+            values,
+            urdf: written.is_none().then_some(exported.urdf.as_str()),
+            written,
+        }),
+        (Format::Human, Some(out)) => format!("wrote {out}, {values} values new\n"),
+        (Format::Human, None) => exported.urdf,
+    })
+}
+
+fn parameters(source: &Source) -> Result<Parameters, Failure> {
+    let given: Given = serde_json::from_str(&source.text).map_err(|error| {
+        let lines = source.text.split_inclusive('\n').map(str::len);
+        let before: usize = lines.take(error.line().saturating_sub(1)).sum();
+        let at = before + error.column().saturating_sub(1);
+        let text = error.to_string();
+        let message = text.rsplit_once(" at line ").map_or(text.as_str(), |t| t.0);
+        let diagnostic = Diagnostic::new(Span::new(at, at + 1), message)
+            .hint("regen export --help shows what stands here");
+        Failure::Spec(vec![Report::new(source.clone(), vec![diagnostic])])
+    })?;
+    let bodies = given.bodies.into_iter().map(|(label, body)| {
+        let Body { mass, com, inertia } = body;
+        (label, BodyParameters { mass, com, inertia })
+    });
+    let joints = given.joints.into_iter().map(|(name, joint)| {
+        if joint.J.is_some() {
+            terminal::note(&format!(
+                "warning: J({name}) is left out: URDF has no inertia of rotors"
+            ));
+        }
+        let parameters = JointParameters {
+            viscous: joint.Fv,
+            coulomb: joint.Fc,
+        };
+        (name, parameters)
+    });
+    Ok(Parameters {
+        bodies: bodies.collect(),
+        joints: joints.collect(),
+    })
+}

@@ -1,0 +1,80 @@
+//! `regen import`: robot files of others as specs.
+
+use std::fs;
+use std::path::Path;
+
+use regen_import::{Imported, Options};
+use serde::Serialize;
+
+use crate::args::{Base, Format, ImportArgs};
+use crate::exit::Failure;
+use crate::{load, table, terminal, write};
+
+/// The JSON of `regen import`.
+#[derive(Serialize)]
+struct Printed<'a> {
+    robot: &'a str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    written: Option<String>,
+    spec: &'a str,
+    notes: Vec<NoteJson<'a>>,
+}
+
+#[derive(Serialize)]
+struct NoteJson<'a> {
+    file: &'a str,
+    line: usize,
+    column: usize,
+    text: &'a str,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &ImportArgs) -> Result<(), Failure> {
+    let source = load::source(&args.file)?;
+    let beside = args.file.parent().unwrap_or(Path::new(""));
+    let mut reader = |name: &str| {
+        let bytes = fs::read(beside.join(name)).map_err(|error| error.to_string())?;
+        String::from_utf8(bytes).map_err(|_| "it is not UTF-8 text".to_owned())
+    };
+    let options = Options {
+        name: args.name.clone(),
+        exact: args.exact,
+        base: args.base.map(|base| match base {
+            Base::Fixed => regen_import::Base::Fixed,
+            Base::Floating => regen_import::Base::Floating,
+        }),
+        cuts: args.cuts.clone(),
+        actuated: args.actuated.clone(),
+        home: args.home.clone(),
+    };
+    let imported = regen_import::import(&source, &mut reader, &options).map_err(Failure::Spec)?;
+    for note in &imported.notes {
+        terminal::note(&format!("note: {note}"));
+    }
+    if let Some(out) = &args.out {
+        write::atomically(out, &imported.spec)?;
+    }
+    match (args.format, &args.out) {
+        (Format::Json, out) => {
+            let written = out.as_ref().map(|out| out.display().to_string());
+            terminal::print(&json(&imported, written))
+        }
+        (Format::Human, None) => terminal::print(&imported.spec),
+        (Format::Human, Some(out)) => terminal::print(&format!("wrote {}\n", out.display())),
+    }
+}
+
+fn json(imported: &Imported, written: Option<String>) -> String {
+    let notes = imported.notes.iter().map(|note| NoteJson {
+        file: &note.file,
+        line: note.line,
+        column: note.column,
+        text: &note.text,
+    });
+    table::json(&Printed {
+        robot: &imported.name,
+        written,
+        spec: &imported.spec,
+        notes: notes.collect(),
+    })
+}

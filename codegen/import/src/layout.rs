@@ -1,0 +1,503 @@
+//! From a tree of links to limbs: long serial chains, branches that start from
+//! bodies, frames on the joints' axes.
+
+use std::collections::BTreeMap;
+
+use crate::frames::{joint_frame, motion};
+use crate::log::{Log, Place};
+use crate::names::Names;
+use crate::physical::{Flaw, flaw};
+use crate::pose::{Pose, tensor_in};
+use crate::tree::{Coupling, Inertia, Joint, Kind, Link, Tree};
+
+/// A spec about to be written.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Draft {
+    pub(crate) limbs: Vec<DraftLimb>,
+    pub(crate) cuts: Vec<DraftCut>,
+    pub(crate) couplings: Vec<DraftCoupling>,
+    pub(crate) bodies: Vec<DraftBody>,
+    /// Coordinates that are not 0 where the file's robot is at zero.
+    pub(crate) home: Vec<(String, f64)>,
+}
+
+/// `key = constant + sum`, in the spec's names.
+#[derive(Clone, Debug)]
+pub(crate) struct DraftCoupling {
+    pub(crate) key: String,
+    pub(crate) constant: f64,
+    pub(crate) terms: Vec<(String, f64)>,
+}
+
+#[derive(Clone, Debug)]
+pub(crate) struct DraftLimb {
+    pub(crate) name: String,
+    /// `None` is the world.
+    pub(crate) from: Option<String>,
+    pub(crate) joints: Vec<DraftJoint>,
+}
+
+#[derive(Clone, Debug)]
+pub(crate) struct DraftJoint {
+    /// `None` where fixed.
+    pub(crate) name: Option<String>,
+    pub(crate) kind: &'static str,
+    /// On the frame before.
+    pub(crate) pose: Pose,
+    /// `x`, `y` or `z`; compound joints and fixed ones have `z`.
+    pub(crate) axis: char,
+    pub(crate) body: Option<String>,
+    /// What it was in the file.
+    pub(crate) from: Option<Joint>,
+}
+
+#[derive(Clone, Debug)]
+pub(crate) struct DraftCut {
+    pub(crate) name: String,
+    pub(crate) kind: String,
+    /// Label (`None` is the world) and frame.
+    pub(crate) sides: [(Option<String>, Pose); 2],
+}
+
+#[derive(Clone, Debug)]
+pub(crate) struct DraftBody {
+    pub(crate) label: String,
+    /// The link's name in the file.
+    pub(crate) link: String,
+    /// The body's frame in the link's.
+    pub(crate) frame: Pose,
+    /// In the body's frame.
+    pub(crate) inertia: Inertia,
+}
+
+impl Draft {
+    /// The coordinate of a joint by its name in the file or in the spec.
+    pub(crate) fn coordinate(&self, name: &str) -> Option<String> {
+        let (joint, index) = name
+            .split_once('.')
+            .map_or((name, None), |(j, i)| (j, Some(i)));
+        let mut joints = self.limbs.iter().flat_map(|l| &l.joints);
+        let found = joints.find(|j| {
+            let own = j.name.as_deref() == Some(joint);
+            own || j.from.as_ref().is_some_and(|f| f.name == joint)
+        })?;
+        let name = found.name.clone()?;
+        match (found.kind, index) {
+            ("spherical", Some(index @ ("1" | "2" | "3"))) => Some(format!("{name}.{index}")),
+            ("spherical", _) | (_, Some(_)) => None,
+            _ => Some(name),
+        }
+    }
+
+    /// The coordinates' names.
+    pub(crate) fn coordinates(&self) -> Vec<String> {
+        let joints = self.limbs.iter().flat_map(|l| &l.joints);
+        let names = joints.flat_map(|joint| {
+            let name = joint.name.clone();
+            let count = if joint.kind == "spherical" { 3 } else { 1 };
+            (1..=count).filter_map(move |k| match count {
+                1 => name.clone(),
+                _ => name.as_ref().map(|n| format!("{n}.{k}")),
+            })
+        });
+        names.collect()
+    }
+}
+
+/// A link on its way to become part of a limb.
+struct Node {
+    /// The carrier above; `None` is the world.
+    parent: Option<usize>,
+    /// The link's frame in its carrier's link frame, at zero.
+    pose: Pose,
+    joints: Vec<(Joint, Pose)>,
+    /// The body's frame in the link's.
+    frame: Pose,
+    children: Vec<usize>,
+    alive: bool,
+    /// Joints down the longest chain.
+    depth: usize,
+    label: Option<String>,
+}
+
+/// Lays out the limbs.
+pub(crate) fn lay_out(tree: &Tree, log: &mut Log) -> Draft {
+    let mut layout = Layout::new(tree, log);
+    layout.prune();
+    layout.label();
+    layout.limbs();
+    layout.ties();
+    layout.renamed.tell(layout.log);
+    layout.draft
+}
+
+struct Layout<'a> {
+    tree: &'a Tree,
+    log: &'a mut Log,
+    /// For each link: what carries it (`None` is the world) and where.
+    carried: Vec<(Option<usize>, Pose)>,
+    nodes: BTreeMap<usize, Node>,
+    /// The file's joint names to coordinates.
+    joints: BTreeMap<String, String>,
+    renamed: Renamed,
+    draft: Draft,
+}
+
+impl<'a> Layout<'a> {
+    fn new(tree: &'a Tree, log: &'a mut Log) -> Self {
+        let mut layout = Self {
+            tree,
+            log,
+            carried: Vec::new(),
+            nodes: BTreeMap::new(),
+            joints: BTreeMap::new(),
+            renamed: Renamed::default(),
+            draft: Draft::default(),
+        };
+        let mut still: Vec<&Link> = Vec::new();
+        for (index, link) in tree.links.iter().enumerate() {
+            let (carrier, pose) = match link.parent.and_then(|p| layout.carried.get(p)) {
+                Some((carrier, pose)) => (*carrier, pose.then(&link.pose)),
+                None => (None, link.pose),
+            };
+            let massive = link.inertia.is_some_and(|i| !i.is_zero());
+            if link.joints.is_empty() && (carrier.is_none() || !massive) {
+                if massive {
+                    still.push(link);
+                }
+                layout.carried.push((carrier, pose));
+                continue;
+            }
+            let joints: Vec<(Joint, Pose)> = link
+                .joints
+                .iter()
+                .flat_map(Joint::parts)
+                .map(|joint| {
+                    let frame = joint_frame(&joint).0;
+                    (joint, frame)
+                })
+                .collect();
+            let frame = joints.last().map_or_else(Pose::default, |j| j.1);
+            layout.nodes.insert(
+                index,
+                Node {
+                    parent: carrier,
+                    pose,
+                    joints,
+                    frame,
+                    children: Vec::new(),
+                    alive: massive,
+                    depth: 0,
+                    label: None,
+                },
+            );
+            if let Some(above) = carrier.and_then(|c| layout.nodes.get_mut(&c)) {
+                above.children.push(index);
+            }
+            layout.carried.push((Some(index), Pose::default()));
+        }
+        if let Some(first) = still.first() {
+            let names: Vec<String> = still.iter().map(|l| format!("'{}'", l.name)).collect();
+            let text = format!(
+                "no effect of inertia that stands still: {}",
+                names.join(", ")
+            );
+            layout.log.note(first.place, text);
+        }
+        layout
+    }
+
+    /// Takes out what moves nothing: joints beyond which there is no mass, and no
+    /// loop or coupling.
+    fn prune(&mut self) {
+        let mut tied: Vec<&str> = Vec::new();
+        for coupling in &self.tree.couplings {
+            tied.push(&coupling.joint);
+            tied.extend(coupling.terms.iter().map(|t| t.0.as_str()));
+        }
+        let closed = self.tree.closures.iter().flat_map(|c| &c.sides);
+        let closed: Vec<usize> = closed
+            .filter_map(|side| self.carried.get(side.link?)?.0)
+            .collect();
+        let order: Vec<usize> = self.nodes.keys().rev().copied().collect();
+        for index in order {
+            let Some(node) = self.nodes.get(&index) else {
+                continue;
+            };
+            let is_tied = node
+                .joints
+                .iter()
+                .any(|(j, _)| tied.contains(&j.name.as_str()));
+            let children: Vec<&Node> = node
+                .children
+                .iter()
+                .filter_map(|c| self.nodes.get(c))
+                .collect();
+            let alive = node.alive
+                || is_tied
+                || closed.contains(&index)
+                || children.iter().any(|c| c.alive);
+            let below = children.iter().map(|c| c.depth).max().unwrap_or(0);
+            let depth = below + node.joints.len();
+            let names: Vec<&str> = node.joints.iter().map(|j| j.0.name.as_str()).collect();
+            if let (false, Some(name), Some(link)) =
+                (alive, names.first(), self.tree.links.get(index))
+            {
+                let text = format!("joint '{name}' moves no mass: left out");
+                self.log.note(link.place, text);
+            }
+            if let Some(node) = self.nodes.get_mut(&index) {
+                (node.alive, node.depth) = (alive, depth);
+            }
+        }
+        self.nodes.retain(|_, node| node.alive);
+        let left: Vec<usize> = self.nodes.keys().copied().collect();
+        for node in self.nodes.values_mut() {
+            node.children.retain(|c| left.contains(c));
+        }
+    }
+
+    /// Labels for what has mass, and for what something else starts from.
+    fn label(&mut self) {
+        let mut names = Names::default();
+        let closures = self.tree.closures.iter().flat_map(|c| &c.sides);
+        let closed: Vec<usize> = closures
+            .filter_map(|side| self.carried.get(side.link?)?.0)
+            .collect();
+        let order: Vec<usize> = self.nodes.keys().copied().collect();
+        for index in order {
+            let (Some(link), Some(node)) = (self.tree.links.get(index), self.nodes.get(&index))
+            else {
+                continue;
+            };
+            let massive = link.inertia.is_some_and(|i| !i.is_zero());
+            let needed = node.children.len() > 1 || closed.contains(&index);
+            if !massive && !needed {
+                continue;
+            }
+            let label = names.give(&link.name);
+            self.renamed.note(&link.name, &label, link.place);
+            if !massive {
+                let text = format!(
+                    "'{}' has no mass, and is a body only because others start from it",
+                    link.name
+                );
+                self.log.note(link.place, text);
+            }
+            let frame = node.frame;
+            let inertia = link.inertia.unwrap_or(Inertia {
+                mass: 0.0,
+                com: [0.0; 3],
+                tensor: [0.0; 6],
+            });
+            match flaw(inertia.tensor, 1e-12) {
+                None => {}
+                Some(Flaw::Indefinite) => {
+                    let message = format!("no body has the inertia of '{}'", link.name);
+                    let hint = "it is not positive semidefinite: mend the file";
+                    self.log.error(link.place, message, hint);
+                }
+                Some(Flaw::Triangle) => {
+                    let text = format!(
+                        "the inertia of '{}' breaks the triangle inequality: no body has it",
+                        link.name
+                    );
+                    self.log.note(link.place, text);
+                }
+            }
+            let com = frame.inverse().point(inertia.com);
+            self.draft.bodies.push(DraftBody {
+                label: label.clone(),
+                link: link.name.clone(),
+                frame,
+                inertia: Inertia {
+                    mass: inertia.mass,
+                    com,
+                    tensor: tensor_in(inertia.tensor, &frame.r),
+                },
+            });
+            if let Some(node) = self.nodes.get_mut(&index) {
+                node.label = Some(label);
+            }
+        }
+    }
+
+    fn limbs(&mut self) {
+        let mut given = Names::default();
+        let mut coordinates = Names::default();
+        let grounded = self.nodes.iter().filter(|(_, n)| n.parent.is_none());
+        let mut waiting: Vec<usize> = grounded.map(|(i, _)| *i).collect();
+        waiting.reverse();
+        let only = waiting.len() == 1 && self.nodes.values().all(|n| n.children.len() < 2);
+        while let Some(start) = waiting.pop() {
+            let mut limb = DraftLimb {
+                name: String::new(),
+                from: self.carrier_label(start),
+                joints: Vec::new(),
+            };
+            let mut branches = Vec::new();
+            let mut at = Some(start);
+            // from the carrier's body frame to its link frame
+            let mut before = self.carrier_frame(start).inverse();
+            let mut tip = start;
+            while let Some(index) = at {
+                let Some(node) = self.nodes.get(&index) else {
+                    break;
+                };
+                tip = index;
+                before = before.then(&node.pose);
+                let joints = node.joints.clone();
+                let (label, frame) = (node.label.clone(), node.frame);
+                if joints.is_empty() {
+                    limb.joints.push(DraftJoint {
+                        name: None,
+                        kind: "fixed",
+                        pose: before,
+                        axis: 'z',
+                        body: label,
+                        from: None,
+                    });
+                } else {
+                    let last = joints.len() - 1;
+                    for (k, (joint, joint_pose)) in joints.into_iter().enumerate() {
+                        let axis = joint_frame(&joint).1;
+                        let back = motion(joint.kind, axis, -joint.reference);
+                        let name = coordinates.give(&joint.name);
+                        self.renamed.note(&joint.name, &name, joint.place);
+                        self.joints.insert(joint.name.clone(), name.clone());
+                        if joint.reference != 0.0 {
+                            self.draft.home.push((name.clone(), joint.reference));
+                        }
+                        limb.joints.push(DraftJoint {
+                            name: Some(name),
+                            kind: match joint.kind {
+                                Kind::Revolute => "revolute",
+                                Kind::Prismatic => "prismatic",
+                                _ => "spherical",
+                            },
+                            pose: before.then(&joint_pose).then(&back),
+                            axis,
+                            body: label.clone().filter(|_| k == last),
+                            from: Some(joint),
+                        });
+                        before = joint_pose.inverse();
+                    }
+                }
+                before = frame.inverse();
+                let node = self.nodes.get(&index);
+                let children = node.map_or_else(Vec::new, |n| n.children.clone());
+                // the first of the longest chains goes on
+                let depth = |c: &usize| self.nodes.get(c).map_or(0, |n| n.depth);
+                let longest = children.iter().map(depth).max();
+                at = children.iter().copied().find(|c| Some(depth(c)) == longest);
+                branches.extend(children.iter().copied().filter(|c| Some(*c) != at));
+            }
+            branches.reverse();
+            waiting.extend(branches);
+            let tip = self.tree.links.get(tip).map_or("limb", |l| l.name.as_str());
+            limb.name = given.give(if only { "arm" } else { tip });
+            self.draft.limbs.push(limb);
+        }
+        self.in_order();
+    }
+
+    /// Bodies in the order in which joints declare them.
+    fn in_order(&mut self) {
+        let joints = self.draft.limbs.iter().flat_map(|l| &l.joints);
+        let order: Vec<String> = joints.filter_map(|j| j.body.clone()).collect();
+        let at = |body: &DraftBody| order.iter().position(|l| *l == body.label);
+        self.draft.bodies.sort_by_key(at);
+    }
+
+    fn carrier_label(&self, index: usize) -> Option<String> {
+        let parent = self.nodes.get(&index)?.parent?;
+        self.nodes.get(&parent)?.label.clone()
+    }
+
+    fn carrier_frame(&self, index: usize) -> Pose {
+        let parent = self.nodes.get(&index).and_then(|n| n.parent);
+        let carrier = parent.and_then(|p| self.nodes.get(&p));
+        carrier.map_or_else(Pose::default, |c| c.frame)
+    }
+
+    /// Cuts and couplings.
+    fn ties(&mut self) {
+        let mut names = Names::default();
+        for closure in &self.tree.closures {
+            let sides = closure.sides.map(|side| {
+                let carried = side.link.and_then(|l| self.carried.get(l));
+                let Some((carrier, pose)) = carried else {
+                    return (None, side.pose);
+                };
+                let pose = pose.then(&side.pose);
+                let node = carrier.and_then(|c| self.nodes.get(&c));
+                match node {
+                    Some(node) => (node.label.clone(), node.frame.inverse().then(&pose)),
+                    None => (None, pose),
+                }
+            });
+            let name = names.give(&closure.name);
+            self.draft.cuts.push(DraftCut {
+                name,
+                kind: closure.kind.clone(),
+                sides,
+            });
+        }
+        for coupling in &self.tree.couplings {
+            let Coupling {
+                joint,
+                constant,
+                terms,
+                place,
+            } = coupling;
+            let find = |name: &String| self.joints.get(name).cloned();
+            let missing = std::iter::once(joint)
+                .chain(terms.iter().map(|t| &t.0))
+                .find(|name| find(name).is_none());
+            if let Some(missing) = missing {
+                let message = format!("no joint with one coordinate is called '{missing}'");
+                let hint = "a joint can follow a revolute or a prismatic one";
+                self.log.error(*place, message, hint);
+                continue;
+            }
+            let terms = terms
+                .iter()
+                .filter_map(|(name, factor)| Some((find(name)?, *factor)));
+            let terms = terms.collect();
+            if let Some(joint) = find(joint) {
+                self.draft.couplings.push(DraftCoupling {
+                    key: joint,
+                    constant: *constant,
+                    terms,
+                });
+            }
+        }
+    }
+}
+
+/// Names that are no names in a spec, told together.
+#[derive(Default)]
+struct Renamed(Vec<(Place, String)>);
+
+impl Renamed {
+    fn note(&mut self, name: &str, given: &str, place: Place) {
+        if name != given {
+            self.0.push((place, format!("'{name}' is {given}")));
+        }
+    }
+
+    fn tell(&self, log: &mut Log) {
+        /// More examples say nothing more.
+        const SHOWN: usize = 4;
+        let Some((place, _)) = self.0.first() else {
+            return;
+        };
+        let shown: Vec<&str> = self.0.iter().take(SHOWN).map(|r| r.1.as_str()).collect();
+        let more = match self.0.len().saturating_sub(SHOWN) {
+            0 => String::new(),
+            n => format!(", and {n} more"),
+        };
+        let text = format!("names differ in the spec: {}{more}", shown.join(", "));
+        log.note(*place, text);
+    }
+}

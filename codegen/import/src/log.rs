@@ -1,0 +1,109 @@
+//! What is to be told: errors that end the import, notes that do not.
+
+use regen_codegen::diag::{Diagnostic, Report, Source, Span};
+
+/// A place in one of the files read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Place {
+    pub(crate) file: usize,
+    pub(crate) span: Span,
+}
+
+impl Place {
+    pub(crate) fn new(file: usize, span: Span) -> Self {
+        Self { file, span }
+    }
+}
+
+/// Something that was decided, left out or changed on the way.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Note {
+    /// The file it is about, as it was named.
+    pub file: String,
+    /// The line, from 1.
+    pub line: usize,
+    /// The column in characters, from 1.
+    pub column: usize,
+    /// What was done.
+    pub text: String,
+}
+
+impl std::fmt::Display for Note {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self {
+            file,
+            line,
+            column,
+            text,
+        } = self;
+        write!(f, "{file}:{line}:{column}: {text}")
+    }
+}
+
+/// Everything told so far, with the texts it is about.
+#[derive(Debug, Default)]
+pub(crate) struct Log {
+    sources: Vec<Source>,
+    errors: Vec<(usize, Diagnostic)>,
+    notes: Vec<(Place, String)>,
+}
+
+impl Log {
+    /// Adds a text; the number by which places name it.
+    pub(crate) fn add(&mut self, source: Source) -> usize {
+        self.sources.push(source);
+        self.sources.len() - 1
+    }
+
+    /// What is wrong, where, and what would mend it.
+    pub(crate) fn error(&mut self, place: Place, message: impl Into<String>, hint: &str) {
+        let diagnostic = Diagnostic::new(place.span, message).hint(hint);
+        self.errors.push((place.file, diagnostic));
+    }
+
+    pub(crate) fn note(&mut self, place: Place, text: impl Into<String>) {
+        self.notes.push((place, text.into()));
+    }
+
+    pub(crate) fn forget_notes(&mut self) {
+        self.notes.clear();
+    }
+
+    pub(crate) fn failed(&self) -> bool {
+        !self.errors.is_empty()
+    }
+
+    /// The errors, one report per file that has some.
+    pub(crate) fn reports(&self) -> Vec<Report> {
+        let of = |file: usize| -> Vec<Diagnostic> {
+            let errors = self.errors.iter().filter(|e| e.0 == file);
+            errors.map(|e| e.1.clone()).collect()
+        };
+        let files = self.sources.iter().enumerate();
+        files
+            .map(|(file, source)| (source, of(file)))
+            .filter(|(_, errors)| !errors.is_empty())
+            .map(|(source, errors)| Report::new(source.clone(), errors))
+            .collect()
+    }
+
+    /// The notes, in the order of the files.
+    pub(crate) fn notes(&self) -> Vec<Note> {
+        let mut notes: Vec<&(Place, String)> = self.notes.iter().collect();
+        notes.sort_by_key(|(place, _)| (place.file, place.span.start));
+        notes.dedup();
+        notes
+            .into_iter()
+            .filter_map(|(place, text)| {
+                let source = self.sources.get(place.file)?;
+                let at = source.position(place.span);
+                Some(Note {
+                    file: source.name.clone(),
+                    line: at.line,
+                    column: at.column,
+                    text: text.clone(),
+                })
+            })
+            .collect()
+    }
+}

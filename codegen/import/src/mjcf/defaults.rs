@@ -1,0 +1,90 @@
+//! Classes of defaults: an attribute that an element lacks comes from its class,
+//! or from the class that its body gives its children, or from the top class.
+
+use std::collections::BTreeMap;
+
+use crate::log::Log;
+use crate::xml::{Attribute, Element};
+
+/// The name of the top class.
+const MAIN: &str = "main";
+
+/// Attributes by class, tag and name, those of the classes around included.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Defaults(BTreeMap<String, Class>);
+
+type Class = BTreeMap<String, BTreeMap<String, Attribute>>;
+
+impl Defaults {
+    pub(crate) fn new(root: &Element, log: &mut Log) -> Self {
+        let mut defaults = Self::default();
+        defaults.0.insert(MAIN.to_owned(), Class::new());
+        // the top class comes together from all sections before others copy it
+        let sections: Vec<&Element> = root.all("default").collect();
+        for section in &sections {
+            let name = section.text("class").unwrap_or(MAIN);
+            let mut class = defaults.class(MAIN);
+            fill(section, &mut class);
+            defaults.0.insert(MAIN.to_owned(), class.clone());
+            defaults.0.insert(name.to_owned(), class);
+        }
+        for section in &sections {
+            let name = section.text("class").unwrap_or(MAIN);
+            defaults.nested(section, name, log);
+        }
+        defaults
+    }
+
+    fn nested(&mut self, section: &Element, around: &str, log: &mut Log) {
+        for inner in section.all("default") {
+            let Some(name) = inner.text("class") else {
+                let message = "a class of defaults without a name";
+                log.error(inner.place, message, "write class=\"...\"");
+                continue;
+            };
+            let mut class = self.class(around);
+            fill(inner, &mut class);
+            self.0.insert(name.to_owned(), class);
+            self.nested(inner, name, log);
+        }
+    }
+
+    fn class(&self, name: &str) -> Class {
+        self.0.get(name).cloned().unwrap_or_default()
+    }
+
+    /// An element's attribute, its own or by class. `inherited` is the class that
+    /// the bodies around give their children.
+    pub(crate) fn attribute<'a>(
+        &'a self,
+        element: &'a Element,
+        inherited: Option<&str>,
+        name: &str,
+    ) -> Option<&'a Attribute> {
+        let class = element.text("class").or(inherited).unwrap_or(MAIN);
+        let by_class = || self.0.get(class)?.get(&element.tag)?.get(name);
+        element.attribute(name).or_else(by_class)
+    }
+
+    /// Says where an element names a class that there is not.
+    pub(crate) fn check(&self, element: &Element, log: &mut Log) {
+        for name in ["class", "childclass"] {
+            if let Some(class) = element.attribute(name)
+                && !self.0.contains_key(&class.value)
+            {
+                let message = format!("no class of defaults is called '{}'", class.value);
+                let hint = "classes stand in <default>, perhaps in a file that is not included";
+                log.error(class.place, message, hint);
+            }
+        }
+    }
+}
+
+fn fill(section: &Element, class: &mut Class) {
+    for element in section.children.iter().filter(|c| c.tag != "default") {
+        let attributes = class.entry(element.tag.clone()).or_default();
+        for attribute in &element.attributes {
+            attributes.insert(attribute.name.clone(), attribute.clone());
+        }
+    }
+}

@@ -1,0 +1,277 @@
+//! Equality constraints as cuts and couplings, and which joints have motors.
+
+use super::Reading;
+use super::orientation::Classed;
+use crate::log::Place;
+use crate::pose::{Pose, from_quaternion};
+use crate::tree::{Closure, Coupling, Kind, Side};
+use crate::xml::{Attribute, Element};
+
+/// Something is wrong, and was told.
+struct Told;
+
+impl Reading<'_, '_, '_> {
+    pub(super) fn equalities(&mut self) {
+        let elements: Vec<&Element> = self
+            .root
+            .all("equality")
+            .flat_map(|section| &section.children)
+            .collect();
+        for element in elements {
+            let of = Classed {
+                element,
+                inherited: None,
+            };
+            self.defaults.check(element, self.fields.log);
+            let inactive = self.attribute(of, "active");
+            if inactive.is_some_and(|a| a.value == "false") {
+                let text = format!("an inactive <{}> is left out", element.tag);
+                self.fields.log.note(element.place, text);
+                continue;
+            }
+            match element.tag.as_str() {
+                "connect" | "weld" => {
+                    let closure = self.closure(element);
+                    self.tree.closures.extend(closure);
+                }
+                "joint" => {
+                    let coupling = self.coupling(element);
+                    self.tree.couplings.extend(coupling);
+                }
+                other => {
+                    let message = format!("a <{other}> equality cannot be expressed");
+                    let hint = "connect, weld and joint can; take this one out, or set \
+                                active=\"false\" in it";
+                    self.fields.log.error(element.place, message, hint);
+                }
+            }
+        }
+    }
+
+    /// `connect` as a spherical cut, `weld` as a fixed one.
+    fn closure(&mut self, element: &Element) -> Option<Closure> {
+        let welded = element.tag == "weld";
+        let sides = if element.attribute("site1").is_some() {
+            [self.site(element, "site1")?, self.site(element, "site2")?]
+        } else {
+            self.sides_of_bodies(element, welded)?
+        };
+        let side = |side: &Side| match side.link {
+            Some(link) => self
+                .tree
+                .links
+                .get(link)
+                .map_or("world", |l| l.name.as_str()),
+            None => "world",
+        };
+        let name = match element.text("name") {
+            Some(name) => name.to_owned(),
+            None => format!("{}_{}", side(&sides[0]), side(&sides[1])),
+        };
+        let kind = if welded { "fixed" } else { "spherical" };
+        Some(Closure {
+            name,
+            kind: kind.to_owned(),
+            sides,
+        })
+    }
+
+    fn site(&mut self, element: &Element, which: &str) -> Option<Side> {
+        let name = required(element, which, self)?;
+        let found = self.sites.iter().find(|s| s.0 == name.value).map(|s| s.1);
+        if found.is_none() {
+            let message = format!("no site is called '{}'", name.value);
+            let hint = "sites of an equality stand in bodies or in the world";
+            self.fields.log.error(name.place, message, hint);
+        }
+        found
+    }
+
+    fn body_of(&mut self, name: &Attribute) -> Result<Option<usize>, Told> {
+        if name.value == "world" {
+            return Ok(None);
+        }
+        let found = self.tree.find(&name.value);
+        if found.is_none() {
+            let message = format!("no body is called '{}'", name.value);
+            let hint = "an equality names bodies of the same model, or world";
+            self.fields.log.error(name.place, message, hint);
+        }
+        found.map(Some).ok_or(Told)
+    }
+
+    fn sides_of_bodies(&mut self, element: &Element, welded: bool) -> Option<[Side; 2]> {
+        let first = required(element, "body1", self)?;
+        let first = self.body_of(first).ok()?;
+        let second = match element.attribute("body2") {
+            Some(name) => self.body_of(name).ok()?,
+            None => None,
+        };
+        let anchor = match element.attribute("anchor") {
+            Some(anchor) => self.fields.position(anchor)?,
+            None => [0.0; 3],
+        };
+        let (a, b) = (self.tree.at_zero(first), self.tree.at_zero(second));
+        let mut poses = if welded {
+            // the second body's frame, where the first has it
+            [a.inverse().then(&b), Pose::default()]
+        } else {
+            // the anchor, where the second body has it at zero
+            let shift = Pose::shift(anchor);
+            let point = b.inverse().then(&a).point(anchor);
+            [shift, Pose::shift(point)]
+        };
+        if welded && let Some(relative) = element.attribute("relpose") {
+            let [x, y, z, w, i, j, k] = self.fields.array::<7>(relative)?;
+            // all zeros: as the bodies are at zero
+            if let Some(r) = from_quaternion([w, i, j, k]) {
+                poses[0] = Pose::new([x, y, z], r);
+            }
+        }
+        let [a, b] = poses;
+        Some([
+            Side {
+                link: first,
+                pose: a,
+            },
+            Side {
+                link: second,
+                pose: b,
+            },
+        ])
+    }
+
+    /// `joint1 - ref1 = c0 + c1 (joint2 - ref2)`.
+    fn coupling(&mut self, element: &Element) -> Option<Coupling> {
+        let joint = required(element, "joint1", self)?;
+        let other = element.attribute("joint2");
+        let mut factors = [0.0, 1.0];
+        if let Some(polynomial) = element.attribute("polycoef") {
+            let given = self.fields.numbers(polynomial)?;
+            if given.iter().skip(2).any(|c| *c != 0.0) {
+                let message = "a coupling that is not linear";
+                let hint = "only the first two coefficients may differ from zero";
+                self.fields.log.error(polynomial.place, message, hint);
+                return None;
+            }
+            for (factor, given) in factors.iter_mut().zip(given) {
+                *factor = given;
+            }
+        }
+        let [constant, factor] = factors;
+        let reference = self.reference(joint)?;
+        let (constant, terms) = match other {
+            Some(other) => (
+                constant + reference - factor * self.reference(other)?,
+                vec![(other.value.clone(), factor)],
+            ),
+            None => (constant + reference, Vec::new()),
+        };
+        Some(Coupling {
+            joint: joint.value.clone(),
+            constant,
+            terms,
+            place: joint.place,
+        })
+    }
+
+    /// A joint's value at zero.
+    fn reference(&mut self, name: &Attribute) -> Option<f64> {
+        let joints = self.tree.links.iter().flat_map(|l| &l.joints);
+        let mut single = joints.filter(|j| matches!(j.kind, Kind::Revolute | Kind::Prismatic));
+        let found = single.find(|j| j.name == name.value).map(|j| j.reference);
+        if found.is_none() {
+            let message = format!("no hinge or slide is called '{}'", name.value);
+            let hint = "an equality of joints names hinges and slides";
+            self.fields.log.error(name.place, message, hint);
+        }
+        found
+    }
+
+    /// Joints with motors, and the forces that their motors have.
+    pub(super) fn actuators(&mut self) {
+        let elements: Vec<&Element> = self
+            .root
+            .all("actuator")
+            .flat_map(|section| &section.children)
+            .collect();
+        for element in elements {
+            let of = Classed {
+                element,
+                inherited: None,
+            };
+            self.defaults.check(element, self.fields.log);
+            let joint = element.text("joint").or(element.text("jointinparent"));
+            if let Some(joint) = joint {
+                self.actuated(joint, element.place);
+                self.motor(of, joint);
+            } else if let Some(tendon) = element.text("tendon") {
+                for joint in self.pulled_by(tendon) {
+                    self.actuated(&joint, element.place);
+                }
+            } else {
+                let text = "this actuator acts on no joint: left out";
+                self.fields.log.note(element.place, text);
+            }
+        }
+    }
+
+    fn actuated(&mut self, joint: &str, place: Place) {
+        let known = self.tree.links.iter().flat_map(|l| &l.joints);
+        if !known.into_iter().any(|j| j.name == joint) {
+            let message = format!("no joint is called '{joint}'");
+            let hint = "an actuator names a joint of the same model";
+            self.fields.log.error(place, message, hint);
+        }
+        if !self.tree.actuated.iter().any(|j| j == joint) {
+            self.tree.actuated.push(joint.to_owned());
+        }
+    }
+
+    /// The force of a motor at its joint, where the joint has no limit of its own.
+    fn motor(&mut self, of: Classed<'_>, joint: &str) {
+        let mut range = self.limit(of, "forcerange", "forcelimited");
+        if of.element.tag == "motor" && range.is_none() {
+            // the control is the force
+            range = self.limit(of, "ctrlrange", "ctrllimited");
+        }
+        let Some([low, high]) = range else {
+            return;
+        };
+        let gear = self.attribute(of, "gear");
+        let gear = gear.and_then(|g| self.fields.numbers(&g)?.first().copied());
+        let gear = gear.unwrap_or(1.0);
+        let ends = [low * gear, high * gear];
+        let range = [ends[0].min(ends[1]), ends[0].max(ends[1])];
+        let mut joints = self.tree.links.iter_mut().flat_map(|l| &mut l.joints);
+        if let Some(joint) = joints.find(|j| j.name == joint && j.effort.is_none())
+            && range[0] < range[1]
+        {
+            joint.effort = Some(range);
+        }
+    }
+
+    /// The joints of a fixed tendon.
+    fn pulled_by(&self, tendon: &str) -> Vec<String> {
+        let fixed = self.root.all("tendon").flat_map(|t| t.all("fixed"));
+        let named = fixed.filter(|f| f.text("name") == Some(tendon));
+        named
+            .flat_map(|f| f.all("joint"))
+            .filter_map(|j| j.text("joint").map(str::to_owned))
+            .collect()
+    }
+}
+
+fn required<'e>(
+    element: &'e Element,
+    name: &str,
+    reading: &mut Reading<'_, '_, '_>,
+) -> Option<&'e Attribute> {
+    let found = element.attribute(name);
+    if found.is_none() {
+        let message = format!("<{}> has no {name}", element.tag);
+        let hint = format!("write {name}=\"...\"");
+        reading.fields.log.error(element.place, message, &hint);
+    }
+    found
+}

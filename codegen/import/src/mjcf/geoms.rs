@@ -1,0 +1,169 @@
+//! The inertia that geoms give a body without `<inertial>`.
+
+use std::f64::consts::PI;
+
+use super::Reading;
+use super::orientation::{Classed, onto};
+use crate::pose::{Pose, UNIT, V3, difference, norm, scaled, sum, tensor_in, transposed, unit};
+use crate::tree::Inertia;
+use crate::xml::Element;
+
+impl Reading<'_, '_, '_> {
+    /// All geoms of a body as one inertia in its frame; `around` places their frame
+    /// in the body's.
+    pub(super) fn inertia_of_geoms(
+        &mut self,
+        geoms: &[(&Element, Option<&str>, Pose)],
+        moves: bool,
+        body: &str,
+    ) -> Option<Inertia> {
+        let mut parts = Vec::new();
+        let mut meshes = 0;
+        for (element, inherited, around) in geoms {
+            let of = Classed {
+                element,
+                inherited: *inherited,
+            };
+            match self.geom(of) {
+                Geom::Mesh => meshes += 1,
+                Geom::Solid(pose, mass, diagonal) if mass > 0.0 => {
+                    parts.push((around.then(&pose), mass, diagonal));
+                }
+                Geom::Solid(..) => {}
+            }
+        }
+        if moves
+            && meshes > 0
+            && let Some((first, ..)) = geoms.first()
+        {
+            let text = format!(
+                "'{body}' has no <inertial>, and its meshes count as massless, since they are not \
+                 read (MuJoCo writes inertials with mj_saveLastXML)"
+            );
+            self.fields.log.note(first.place, text);
+        }
+        combined(&parts)
+    }
+
+    fn geom(&mut self, of: Classed<'_>) -> Geom {
+        let mut number = |name: &str| {
+            let attribute = self.attribute(of, name)?;
+            self.fields.number(&attribute)
+        };
+        let (mass, density) = (number("mass"), number("density").unwrap_or(1000.0));
+        let group = number("group").unwrap_or(0.0);
+        let [low, high] = self.compiler.groups;
+        let nothing = Geom::Solid(Pose::default(), 0.0, [0.0; 3]);
+        if !(low..=high).contains(&group) || mass.map_or(density == 0.0, |m| m == 0.0) {
+            return nothing;
+        }
+        let kind = self.attribute(of, "type");
+        let kind = kind.map_or_else(|| "sphere".to_owned(), |a| a.value);
+        if matches!(kind.as_str(), "plane" | "hfield") {
+            return nothing;
+        }
+        if matches!(kind.as_str(), "mesh" | "sdf") || self.attribute(of, "mesh").is_some() {
+            return Geom::Mesh;
+        }
+        let size = self.attribute(of, "size");
+        let mut size = size
+            .and_then(|a| self.fields.numbers(&a))
+            .unwrap_or_default();
+        let mut pose = self.pose(of);
+        let ends = self.attribute(of, "fromto");
+        if let Some([a, b, c, d, e, f]) = ends.and_then(|a| self.fields.array::<6>(&a)) {
+            let (from, to) = ([a, b, c], [d, e, f]);
+            let along = difference(to, from);
+            let r = unit(along).map_or(UNIT, onto);
+            pose = Pose::new(scaled(sum(from, to), 0.5), r);
+            let half = norm(along) / 2.0;
+            let across = size.first().copied().unwrap_or_default();
+            size = match kind.as_str() {
+                "capsule" | "cylinder" => vec![across, half],
+                _ => vec![across, across, half],
+            };
+        }
+        let at = |k: usize| size.get(k).copied().unwrap_or(0.0);
+        let Some((volume, radii)) = solid(&kind, [at(0), at(1), at(2)]) else {
+            let message = format!("geoms of type '{kind}' have no inertia here");
+            let hint = "give the body an <inertial>, or the geom mass=\"0\"";
+            self.fields.log.error(of.element.place, message, hint);
+            return nothing;
+        };
+        let mass = mass.unwrap_or(density * volume);
+        Geom::Solid(pose, mass, radii.map(|r| r * mass))
+    }
+}
+
+enum Geom {
+    Mesh,
+    /// Frame at the centre of mass, mass, principal moments.
+    Solid(Pose, f64, V3),
+}
+
+/// Volume, and principal moments for the unit of mass.
+fn solid(kind: &str, [a, b, c]: V3) -> Option<(f64, V3)> {
+    let ellipsoid = |[a, b, c]: V3| {
+        let moment = |p: f64, q: f64| (p * p + q * q) / 5.0;
+        (
+            4.0 / 3.0 * PI * a * b * c,
+            [moment(b, c), moment(a, c), moment(a, b)],
+        )
+    };
+    let tube = |r: f64, l: f64| ((3.0 * r * r + l * l) / 12.0, r * r / 2.0);
+    match kind {
+        "sphere" => Some(ellipsoid([a, a, a])),
+        "ellipsoid" => Some(ellipsoid([a, b, c])),
+        "box" => {
+            let moment = |p: f64, q: f64| (p * p + q * q) / 3.0;
+            let moments = [moment(b, c), moment(a, c), moment(a, b)];
+            Some((8.0 * a * b * c, moments))
+        }
+        "cylinder" => {
+            let (across, along) = tube(a, 2.0 * b);
+            Some((2.0 * PI * a * a * b, [across, across, along]))
+        }
+        "capsule" => {
+            let l = 2.0 * b;
+            let (middle, ends) = (PI * a * a * l, 4.0 / 3.0 * PI * a * a * a);
+            let volume = middle + ends;
+            let (across, along) = tube(a, l);
+            // half spheres: their centres of mass are 3/8 of the radius from the flat sides
+            let end = 0.4 * a * a + l * l / 4.0 + 3.0 / 8.0 * l * a;
+            let across = (middle * across + ends * end) / volume;
+            let along = (middle * along + ends * 0.4 * a * a) / volume;
+            Some((volume, [across, across, along]))
+        }
+        _ => None,
+    }
+}
+
+/// Solids as one, in the frame that they are placed in.
+fn combined(parts: &[(Pose, f64, V3)]) -> Option<Inertia> {
+    let mass: f64 = parts.iter().map(|p| p.1).sum();
+    if mass <= 0.0 {
+        return None;
+    }
+    let weighted = parts.iter().map(|(pose, m, _)| scaled(pose.p, m / mass));
+    let com = weighted.fold([0.0; 3], sum);
+    let mut tensor = [0.0; 6];
+    for (pose, m, [x, y, z]) in parts {
+        let turned = tensor_in([*x, 0.0, 0.0, *y, 0.0, *z], &transposed(&pose.r));
+        let [u, v, w] = difference(pose.p, com);
+        let steiner = [
+            v * v + w * w,
+            -u * v,
+            -u * w,
+            u * u + w * w,
+            -v * w,
+            u * u + v * v,
+        ];
+        for ((entry, own), moved) in tensor.iter_mut().zip(turned).zip(steiner) {
+            *entry += own + m * moved;
+        }
+    }
+    let com = crate::pose::clean(com, norm(com));
+    let largest = tensor.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+    let tensor = tensor.map(|x| crate::number::rounded(x, largest, crate::pose::FIGURES));
+    Some(Inertia { mass, com, tensor })
+}

@@ -1,0 +1,186 @@
+//! MJCF: nested bodies with classes of defaults, MuJoCo's units and frames.
+//!
+//! Rules that are not obvious from the file follow the XML reference in MuJoCo's
+//! documentation.
+
+mod bodies;
+mod defaults;
+mod equality;
+mod geoms;
+mod orientation;
+
+use crate::fields::Fields;
+use crate::tree::Tree;
+use crate::xml::{Attribute, Element};
+
+use defaults::Defaults;
+
+/// What `<compiler>` decides.
+#[derive(Clone, Debug)]
+pub(crate) struct Compiler {
+    /// Angles are in degrees.
+    degrees: bool,
+    /// The axes of euler angles: capitals stay, small letters move along.
+    sequence: [char; 3],
+    /// A range is a limit also where `limited` does not say so.
+    autolimits: bool,
+    inertia: InertiaFrom,
+    /// The groups whose geoms have mass.
+    groups: [f64; 2],
+    /// What all masses are scaled to add up to.
+    total_mass: Option<f64>,
+}
+
+/// Where bodies have their inertia from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum InertiaFrom {
+    /// `<inertial>`, or else the geoms.
+    Either,
+    Geoms,
+    Inertials,
+}
+
+/// A file being read.
+struct Reading<'a, 'f, 'l> {
+    fields: &'f mut Fields<'l>,
+    compiler: Compiler,
+    defaults: Defaults,
+    tree: Tree,
+    sites: Vec<(String, crate::tree::Side)>,
+    root: &'a Element,
+}
+
+/// The robot of an MJCF file whose includes are spliced in; `None` where something
+/// was reported.
+pub(crate) fn read(root: &Element, fields: &mut Fields<'_>) -> Option<Tree> {
+    let compiler = compiler(root, fields);
+    let defaults = Defaults::new(root, fields.log);
+    let mut reading = Reading {
+        fields,
+        compiler,
+        defaults,
+        tree: Tree {
+            name: root.text("model").unwrap_or("robot").to_owned(),
+            place: root.place,
+            format: "MJCF",
+            ..Tree::default()
+        },
+        sites: Vec::new(),
+        root,
+    };
+    let gravity = root
+        .all("option")
+        .filter_map(|o| o.attribute("gravity"))
+        .last();
+    reading.tree.gravity = gravity.and_then(|g| reading.fields.array(g));
+    reading.bodies();
+    reading.scale_masses();
+    reading.actuators();
+    reading.equalities();
+    reading.leftovers();
+    let failed = reading.fields.log.failed();
+    (!failed).then_some(reading.tree)
+}
+
+fn compiler(root: &Element, fields: &mut Fields<'_>) -> Compiler {
+    let mut settings = Compiler {
+        degrees: true,
+        sequence: ['x', 'y', 'z'],
+        autolimits: true,
+        inertia: InertiaFrom::Either,
+        groups: [0.0, 5.0],
+        total_mass: None,
+    };
+    let elements: Vec<&Element> = root.all("compiler").collect();
+    for attribute in elements.iter().flat_map(|e| &e.attributes) {
+        let value = attribute.value.as_str();
+        match attribute.name.as_str() {
+            "angle" => settings.degrees = value != "radian",
+            "autolimits" => settings.autolimits = value != "false",
+            "inertiafromgeom" => {
+                settings.inertia = match value {
+                    "true" => InertiaFrom::Geoms,
+                    "false" => InertiaFrom::Inertials,
+                    _ => InertiaFrom::Either,
+                };
+            }
+            "inertiagrouprange" => {
+                if let Some(groups) = fields.array(attribute) {
+                    settings.groups = groups;
+                }
+            }
+            "eulerseq" => sequence(attribute, &mut settings, fields),
+            "coordinate" if value == "global" => fields.log.error(
+                attribute.place,
+                "global coordinates",
+                "current MuJoCo has local ones only: save the file again with a MuJoCo before 2.3.4",
+            ),
+            "settotalmass" => {
+                settings.total_mass = fields.number(attribute).filter(|m| *m > 0.0);
+            }
+            "boundmass" | "boundinertia" => {
+                let text = format!("{} is not applied: inertias stay as given", attribute.name);
+                fields.log.note(attribute.place, text);
+            }
+            _ => {}
+        }
+    }
+    settings
+}
+
+fn sequence(attribute: &Attribute, settings: &mut Compiler, fields: &mut Fields<'_>) {
+    let axes: Vec<char> = attribute.value.chars().collect();
+    match <[char; 3]>::try_from(axes) {
+        Ok(axes) if axes.iter().all(|a| "xyzXYZ".contains(*a)) => settings.sequence = axes,
+        _ => fields.log.error(
+            attribute.place,
+            format!("'{}' is no sequence of three axes", attribute.value),
+            "write three of x, y, z, or of X, Y, Z for axes that stay",
+        ),
+    }
+}
+
+impl Reading<'_, '_, '_> {
+    fn scale_masses(&mut self) {
+        let Some(total) = self.compiler.total_mass else {
+            return;
+        };
+        let inertias = || self.tree.links.iter().filter_map(|l| l.inertia);
+        let factor = total / inertias().map(|i| i.mass).sum::<f64>();
+        if !factor.is_finite() {
+            return;
+        }
+        let text = format!("all masses are scaled by {factor:.6}, to {total} kg together");
+        self.fields.log.note(self.root.place, text);
+        for inertia in self
+            .tree
+            .links
+            .iter_mut()
+            .filter_map(|l| l.inertia.as_mut())
+        {
+            inertia.mass *= factor;
+            inertia.tensor = inertia.tensor.map(|x| x * factor);
+        }
+    }
+
+    /// What a spec of rigid bodies does not have.
+    fn leftovers(&mut self) {
+        let meshes = self.root.all("asset").flat_map(|a| a.all("mesh")).count();
+        if meshes > 0 {
+            let text = format!("{meshes} meshes are not read: the dynamics do not need them");
+            self.fields.log.note(self.root.place, text);
+        }
+        for section in self.root.all("tendon") {
+            for spatial in section.all("spatial") {
+                let text = "a spatial tendon is left out: it is a force, no constraint";
+                self.fields.log.note(spatial.place, text);
+            }
+        }
+        for section in ["deformable", "skin"] {
+            for element in self.root.all(section) {
+                let text = "what deforms is left out: bodies are rigid here";
+                self.fields.log.note(element.place, text);
+            }
+        }
+    }
+}

@@ -1,0 +1,296 @@
+//! Rotations and placements in double precision.
+
+use crate::number::rounded;
+
+/// A vector.
+pub(crate) type V3 = [f64; 3];
+/// A matrix by rows.
+pub(crate) type M3 = [[f64; 3]; 3];
+
+pub(crate) const UNIT: M3 = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+
+/// Angles and unit vectors are equal up to this: far above rounding, far below
+/// what a robot can tell.
+pub(crate) const SAME: f64 = 1e-12;
+
+/// Digits of a computed length that are no rounding.
+const DIGITS: i32 = 15;
+
+/// Digits of a computed moment of inertia that are written: files give six or so.
+pub(crate) const FIGURES: i32 = 12;
+
+pub(crate) fn dot(a: V3, b: V3) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+pub(crate) fn cross(a: V3, b: V3) -> V3 {
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
+}
+
+pub(crate) fn norm(a: V3) -> f64 {
+    libm::sqrt(dot(a, a))
+}
+
+pub(crate) fn scaled(a: V3, s: f64) -> V3 {
+    a.map(|x| x * s)
+}
+
+pub(crate) fn sum(a: V3, b: V3) -> V3 {
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+}
+
+pub(crate) fn difference(a: V3, b: V3) -> V3 {
+    sum(a, scaled(b, -1.0))
+}
+
+/// The unit vector, of a vector that is not nearly zero.
+pub(crate) fn unit(a: V3) -> Option<V3> {
+    let length = norm(a);
+    // one that is a unit vector already keeps its digits
+    if (length - 1.0).abs() < f64::EPSILON {
+        return Some(a);
+    }
+    (length > 1e-10 && length.is_finite()).then(|| scaled(a, 1.0 / length))
+}
+
+pub(crate) fn times(m: &M3, v: V3) -> V3 {
+    m.map(|row| dot(row, v))
+}
+
+pub(crate) fn transposed(m: &M3) -> M3 {
+    let column = |c: usize| [m[0][c], m[1][c], m[2][c]];
+    [column(0), column(1), column(2)]
+}
+
+pub(crate) fn product(a: &M3, b: &M3) -> M3 {
+    let t = transposed(b);
+    a.map(|row| t.map(|column| dot(row, column)))
+}
+
+/// Whether two rotations are the same up to rounding.
+pub(crate) fn same_rotation(a: &M3, b: &M3) -> bool {
+    let entries = a.iter().flatten().zip(b.iter().flatten());
+    entries.into_iter().all(|(x, y)| (x - y).abs() < SAME)
+}
+
+/// The rotation about a unit axis.
+pub(crate) fn about(axis: V3, angle: f64) -> M3 {
+    let (s, c) = (libm::sin(angle), libm::cos(angle));
+    let [x, y, z] = axis;
+    let v = 1.0 - c;
+    [
+        [c + x * x * v, x * y * v - z * s, x * z * v + y * s],
+        [x * y * v + z * s, c + y * y * v, y * z * v - x * s],
+        [x * z * v - y * s, y * z * v + x * s, c + z * z * v],
+    ]
+}
+
+/// R = Rz(yaw) Ry(pitch) Rx(roll).
+pub(crate) fn from_rpy([roll, pitch, yaw]: V3) -> M3 {
+    let x = about([1.0, 0.0, 0.0], roll);
+    let y = about([0.0, 1.0, 0.0], pitch);
+    let z = about([0.0, 0.0, 1.0], yaw);
+    product(&z, &product(&y, &x))
+}
+
+/// Roll, pitch, yaw of a rotation; yaw alone where only the sum counts.
+pub(crate) fn to_rpy(r: &M3) -> V3 {
+    let horizontal = libm::hypot(r[0][0], r[1][0]);
+    let pitch = libm::atan2(-r[2][0], horizontal);
+    if horizontal < SAME {
+        return [0.0, pitch, libm::atan2(-r[0][1], r[1][1])];
+    }
+    [
+        libm::atan2(r[2][1], r[2][2]),
+        pitch,
+        libm::atan2(r[1][0], r[0][0]),
+    ]
+}
+
+/// The rotation of a quaternion w, x, y, z of any length but zero.
+pub(crate) fn from_quaternion(q: [f64; 4]) -> Option<M3> {
+    let length = libm::sqrt(q.iter().map(|x| x * x).sum());
+    if length <= 1e-10 || !length.is_finite() {
+        return None;
+    }
+    let [w, x, y, z] = q.map(|c| c / length);
+    Some([
+        [
+            1.0 - 2.0 * (y * y + z * z),
+            2.0 * (x * y - w * z),
+            2.0 * (x * z + w * y),
+        ],
+        [
+            2.0 * (x * y + w * z),
+            1.0 - 2.0 * (x * x + z * z),
+            2.0 * (y * z - w * x),
+        ],
+        [
+            2.0 * (x * z - w * y),
+            2.0 * (y * z + w * x),
+            1.0 - 2.0 * (x * x + y * y),
+        ],
+    ])
+}
+
+/// The placement of one frame in another.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Pose {
+    pub(crate) r: M3,
+    pub(crate) p: V3,
+    /// Roll, pitch and yaw where they were given so.
+    rpy: Option<V3>,
+}
+
+impl Default for Pose {
+    fn default() -> Self {
+        Self::shift([0.0; 3])
+    }
+}
+
+impl Pose {
+    pub(crate) fn new(p: V3, r: M3) -> Self {
+        Self { r, p, rpy: None }
+    }
+
+    pub(crate) fn shift(p: V3) -> Self {
+        Self {
+            r: UNIT,
+            p,
+            rpy: Some([0.0; 3]),
+        }
+    }
+
+    pub(crate) fn turn(r: M3) -> Self {
+        Self::new([0.0; 3], r)
+    }
+
+    pub(crate) fn from_rpy(p: V3, rpy: V3) -> Self {
+        Self {
+            r: from_rpy(rpy),
+            p,
+            rpy: Some(rpy),
+        }
+    }
+
+    pub(crate) fn rpy(&self) -> V3 {
+        self.rpy.unwrap_or_else(|| to_rpy(&self.r))
+    }
+
+    pub(crate) fn is_shift(&self) -> bool {
+        self.r == UNIT
+    }
+
+    pub(crate) fn is_shift_along_z(&self) -> bool {
+        self.is_shift() && self.p[0] == 0.0 && self.p[1] == 0.0
+    }
+
+    pub(crate) fn is_unit(&self) -> bool {
+        self.p == [0.0; 3] && same_rotation(&self.r, &UNIT)
+    }
+
+    /// This placement, and then another in its frame.
+    pub(crate) fn then(&self, next: &Self) -> Self {
+        let (r, rpy) = if self.is_shift() {
+            (next.r, next.rpy)
+        } else if next.is_shift() {
+            (self.r, self.rpy)
+        } else {
+            (product(&self.r, &next.r), None)
+        };
+        let step = if self.is_shift() {
+            next.p
+        } else {
+            times(&self.r, next.p)
+        };
+        let p = if next.p == [0.0; 3] {
+            self.p
+        } else if self.p == [0.0; 3] && self.is_shift() {
+            next.p
+        } else {
+            clean(sum(self.p, step), norm(self.p) + norm(next.p))
+        };
+        Self { r, p, rpy }
+    }
+
+    pub(crate) fn inverse(&self) -> Self {
+        if self.is_shift() {
+            return Self::shift(scaled(self.p, -1.0));
+        }
+        let r = transposed(&self.r);
+        let p = scaled(times(&r, self.p), -1.0);
+        Self::new(clean(p, norm(self.p)), r)
+    }
+
+    /// The coordinates of a point of this frame, outside it.
+    pub(crate) fn point(&self, p: V3) -> V3 {
+        self.then(&Self::shift(p)).p
+    }
+}
+
+/// A sum or a turned vector without what rounding left: the digits that a length of
+/// that size has.
+pub(crate) fn clean(v: V3, size: f64) -> V3 {
+    v.map(|x| rounded(x, size, DIGITS))
+}
+
+/// A symmetric tensor `xx xy xz yy yz zz` in axes turned by `r`: `r' T r`, to
+/// twelve digits beside its largest entry.
+pub(crate) fn tensor_in(t: [f64; 6], r: &M3) -> [f64; 6] {
+    if *r == UNIT {
+        return t;
+    }
+    let [xx, xy, xz, yy, yz, zz] = t;
+    let m = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
+    let m = product(&transposed(r), &product(&m, r));
+    let size = t.iter().fold(0.0, |s: f64, x| s.max(x.abs()));
+    [m[0][0], m[0][1], m[0][2], m[1][1], m[1][2], m[2][2]].map(|x| rounded(x, size, FIGURES))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::{FRAC_PI_2, PI};
+
+    #[test]
+    fn angles_come_back_from_rotations_also_upright() {
+        for rpy in [
+            [0.1, -0.4, 2.0],
+            [PI, 0.0, 0.0],
+            [0.0, FRAC_PI_2, 0.3],
+            [0.0, -FRAC_PI_2, 1.0],
+            [-3.0, 1.5, -0.7],
+        ] {
+            let r = from_rpy(rpy);
+            assert!(same_rotation(&from_rpy(to_rpy(&r)), &r), "{rpy:?}");
+        }
+    }
+
+    #[test]
+    fn quaternions_and_turns_agree() {
+        let half = 0.35_f64;
+        let q = [2.0 * half.cos(), 0.0, 2.0 * half.sin(), 0.0];
+        let r = from_quaternion(q).unwrap_or_default();
+        assert!(same_rotation(&r, &about([0.0, 1.0, 0.0], 0.7)));
+        assert!(from_quaternion([0.0; 4]).is_none());
+    }
+
+    #[test]
+    fn a_placement_and_its_inverse_cancel() {
+        let pose = Pose::from_rpy([0.3, -0.2, 0.9], [0.4, 1.0, -2.0]);
+        let unit = pose.then(&pose.inverse());
+        assert!(same_rotation(&unit.r, &UNIT) && norm(unit.p) < 1e-15);
+    }
+
+    #[test]
+    fn a_tensor_turned_keeps_its_invariants() {
+        let t = [1.0, 0.1, -0.2, 2.0, 0.3, 2.5];
+        let turned = tensor_in(t, &from_rpy([0.2, 0.5, -1.0]));
+        assert!((t[0] + t[3] + t[5] - turned[0] - turned[3] - turned[5]).abs() < 1e-14);
+        assert!((turned[0] - t[0]).abs() > 0.05);
+    }
+}

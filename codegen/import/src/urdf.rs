@@ -1,0 +1,335 @@
+//! URDF: links and joints by name, in SI units and radians.
+
+use std::collections::BTreeMap;
+
+use crate::fields::Fields;
+use crate::log::Place;
+use crate::pose::{Pose, tensor_in, transposed};
+use crate::tree::{Coupling, Inertia, Joint, Kind, Link, Tree};
+use crate::xml::{Attribute, Element};
+
+/// The robot of a URDF file; `None` where something was reported.
+pub(crate) fn read(root: &Element, fields: &mut Fields<'_>) -> Option<Tree> {
+    if let Some(element) = find_xacro(root) {
+        let hint = "expand the macros first: xacro FILE.xacro > FILE.urdf";
+        fields
+            .log
+            .error(element.place, "a xacro macro, not yet URDF", hint);
+        return None;
+    }
+    let mut tree = Tree {
+        name: root.text("name").unwrap_or("robot").to_owned(),
+        place: root.place,
+        format: "URDF",
+        ..Tree::default()
+    };
+    let links: Vec<&Element> = root.all("link").collect();
+    let joints: Vec<&Element> = root.all("joint").collect();
+    let index = names(&links, "link", fields);
+    names(&joints, "joint", fields);
+    // the joint above each link
+    let mut above: Vec<Option<(&Element, usize)>> = vec![None; links.len()];
+    for joint in &joints {
+        let parent = end(joint, "parent", &index, fields);
+        let child = end(joint, "child", &index, fields);
+        let (Some((parent, _)), Some((child, at))) = (parent, child) else {
+            continue;
+        };
+        match above.get_mut(child) {
+            Some(slot) if slot.is_none() => *slot = Some((joint, parent)),
+            _ => fields.log.error(
+                at,
+                "this link is the child of another joint already",
+                "a URDF file is a tree: take one joint out, and close the loop with --cut",
+            ),
+        }
+    }
+    if fields.log.failed() {
+        return None;
+    }
+    let order = ordered(root, &links, &above, fields)?;
+    let position: BTreeMap<usize, usize> = order.iter().enumerate().map(|(i, l)| (*l, i)).collect();
+    for link in order {
+        let element = *links.get(link)?;
+        let mut read = Link {
+            name: element.text("name").unwrap_or_default().to_owned(),
+            place: element.place,
+            parent: None,
+            pose: Pose::default(),
+            joints: Vec::new(),
+            inertia: inertia(element, fields),
+        };
+        if let Some((joint, parent)) = above.get(link).copied().flatten() {
+            read.parent = position.get(&parent).copied();
+            read.pose = origin(joint, fields);
+            read.joints.extend(moving(joint, &mut tree, fields));
+        }
+        tree.links.push(read);
+    }
+    transmissions(root, &mut tree);
+    meshes(root, fields);
+    Some(tree)
+}
+
+fn find_xacro(element: &Element) -> Option<&Element> {
+    if element.tag.starts_with("xacro:") {
+        return Some(element);
+    }
+    element.children.iter().find_map(find_xacro)
+}
+
+/// Elements by name; errors where one has none or two have the same.
+fn names(elements: &[&Element], what: &str, fields: &mut Fields<'_>) -> BTreeMap<String, usize> {
+    let mut index = BTreeMap::new();
+    for (at, element) in elements.iter().enumerate() {
+        match element.attribute("name") {
+            None => {
+                let message = format!("a {what} without a name");
+                fields
+                    .log
+                    .error(element.place, message, "write name=\"...\"");
+            }
+            Some(name) => {
+                if index.insert(name.value.clone(), at).is_some() {
+                    let message = format!("another {what} is called '{}' already", name.value);
+                    fields.log.error(name.place, message, "rename one of them");
+                }
+            }
+        }
+    }
+    index
+}
+
+/// The link that a joint's `parent` or `child` names.
+fn end(
+    joint: &Element,
+    which: &str,
+    index: &BTreeMap<String, usize>,
+    fields: &mut Fields<'_>,
+) -> Option<(usize, Place)> {
+    let name = joint.child(which).and_then(|e| e.attribute("link"));
+    let Some(name) = name else {
+        let message = format!("the joint has no {which}");
+        let hint = format!("write <{which} link=\"...\"/> in it");
+        fields.log.error(joint.place, message, &hint);
+        return None;
+    };
+    let found = index.get(&name.value);
+    if found.is_none() {
+        let message = format!("no link is called '{}'", name.value);
+        let hint = "joints connect links of the same file";
+        fields.log.error(name.place, message, hint);
+    }
+    found.map(|link| (*link, name.place))
+}
+
+/// The links from the root outward, siblings in the order of the file.
+fn ordered(
+    root: &Element,
+    links: &[&Element],
+    above: &[Option<(&Element, usize)>],
+    fields: &mut Fields<'_>,
+) -> Option<Vec<usize>> {
+    let roots: Vec<usize> = (0..links.len())
+        .filter(|l| above.get(*l).is_some_and(Option::is_none))
+        .collect();
+    let [first] = roots.as_slice() else {
+        match roots.get(1).and_then(|l| links.get(*l)) {
+            Some(second) => fields.log.error(
+                second.place,
+                "a second link that no joint carries",
+                "a robot has one root: connect this link by a joint, or take it out",
+            ),
+            None => fields.log.error(
+                root.place,
+                "no link is the root: the joints go round in a circle, or there is no link",
+                "take one joint out, and close the loop with --cut",
+            ),
+        }
+        return None;
+    };
+    let mut order = Vec::new();
+    let mut waiting = vec![*first];
+    while let Some(link) = waiting.pop() {
+        order.push(link);
+        let children = (0..links.len()).filter(|l| {
+            above
+                .get(*l)
+                .is_some_and(|a| a.is_some_and(|a| a.1 == link))
+        });
+        let mut children: Vec<usize> = children.collect();
+        children.reverse();
+        waiting.extend(children);
+    }
+    if order.len() == links.len() {
+        return Some(order);
+    }
+    let lost = (0..links.len()).find(|l| !order.contains(l));
+    if let Some(link) = lost.and_then(|l| links.get(l)) {
+        fields.log.error(
+            link.place,
+            "this link is part of a circle of joints that does not reach the root",
+            "take one joint out, and close the loop with --cut",
+        );
+    }
+    None
+}
+
+/// The placement of an element's `<origin>`; a missing one is none.
+fn origin(element: &Element, fields: &mut Fields<'_>) -> Pose {
+    let Some(origin) = element.child("origin") else {
+        return Pose::default();
+    };
+    let xyz = origin.attribute("xyz").and_then(|a| fields.position(a));
+    let rpy = origin.attribute("rpy").and_then(|a| fields.angles::<3>(a));
+    match rpy {
+        Some(rpy) if rpy != [0.0; 3] => Pose::from_rpy(xyz.unwrap_or_default(), rpy),
+        _ => Pose::shift(xyz.unwrap_or_default()),
+    }
+}
+
+fn required<'a>(
+    element: &'a Element,
+    name: &str,
+    fields: &mut Fields<'_>,
+) -> Option<&'a Attribute> {
+    let found = element.attribute(name);
+    if found.is_none() {
+        let message = format!("<{}> has no {name}", element.tag);
+        let hint = format!("write {name}=\"...\"");
+        fields.log.error(element.place, message, &hint);
+    }
+    found
+}
+
+fn inertia(link: &Element, fields: &mut Fields<'_>) -> Option<Inertia> {
+    let inertial = link.child("inertial")?;
+    let pose = origin(inertial, fields);
+    let mass = match inertial.child("mass") {
+        Some(mass) => {
+            let value = required(mass, "value", fields)?;
+            let mass = fields.number(value)?;
+            if mass < 0.0 {
+                let hint = "a mass is zero or above";
+                fields.log.error(value.place, "a negative mass", hint);
+            }
+            mass
+        }
+        None => 0.0,
+    };
+    let mut tensor = [0.0; 6];
+    if let Some(entries) = inertial.child("inertia") {
+        let names = ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"];
+        for (entry, name) in tensor.iter_mut().zip(names) {
+            let value = required(entries, name, fields)?;
+            *entry = fields.number(value)?;
+        }
+    }
+    Some(Inertia {
+        mass,
+        com: pose.p,
+        tensor: tensor_in(tensor, &transposed(&pose.r)),
+    })
+}
+
+/// The joint as far as it moves, its couplings into the tree.
+fn moving(joint: &Element, tree: &mut Tree, fields: &mut Fields<'_>) -> Option<Joint> {
+    let kind = required(joint, "type", fields)?;
+    let (kind, limited) = match kind.value.as_str() {
+        "fixed" => return None,
+        "revolute" => (Kind::Revolute, true),
+        "continuous" => (Kind::Revolute, false),
+        "prismatic" => (Kind::Prismatic, true),
+        "floating" => (Kind::Free, false),
+        "planar" => (Kind::Planar, false),
+        other => {
+            let message = format!("unknown joint type '{other}'");
+            let hint =
+                "joints are revolute, continuous, prismatic, fixed, floating, planar in URDF";
+            fields.log.error(kind.place, message, hint);
+            return None;
+        }
+    };
+    let name = joint.text("name").unwrap_or_default().to_owned();
+    let mut read = Joint::new(name.clone(), joint.place, kind);
+    if kind != Kind::Free {
+        let axis = joint.child("axis").and_then(|a| a.attribute("xyz"));
+        read.axis = match axis {
+            Some(axis) => fields.direction(axis)?,
+            None => [1.0, 0.0, 0.0],
+        };
+    }
+    if let Some(limit) = joint.child("limit") {
+        limits(limit, limited, &mut read, fields);
+    }
+    if let Some(dynamics) = joint.child("dynamics") {
+        let mut value = |name| Some(fields.number(dynamics.attribute(name)?)?.max(0.0));
+        read.damping = value("damping").unwrap_or(0.0);
+        read.friction = value("friction").unwrap_or(0.0);
+    }
+    if let Some(mimic) = joint.child("mimic") {
+        let other = required(mimic, "joint", fields)?;
+        let mut value = |name, missing| match mimic.attribute(name) {
+            Some(attribute) => fields.number(attribute),
+            None => Some(missing),
+        };
+        let multiplier = value("multiplier", 1.0)?;
+        let constant = value("offset", 0.0)?;
+        tree.couplings.push(Coupling {
+            joint: name,
+            constant,
+            terms: vec![(other.value.clone(), multiplier)],
+            place: other.place,
+        });
+    }
+    Some(read)
+}
+
+/// Limits that limit something: zeros and infinities are how files say "none".
+fn limits(limit: &Element, limited: bool, joint: &mut Joint, fields: &mut Fields<'_>) {
+    let mut value = |name| {
+        let attribute = limit.attribute(name)?;
+        // "inf" is understood by common readers
+        let infinite = attribute.value.trim().parse().is_ok_and(f64::is_infinite);
+        let number = if infinite {
+            None
+        } else {
+            fields.number(attribute)
+        };
+        number.filter(|x| x.abs() < 1e9)
+    };
+    let (lower, upper) = (value("lower"), value("upper"));
+    joint.velocity = value("velocity").filter(|v| *v > 0.0);
+    let effort = value("effort").filter(|e| *e > 0.0);
+    joint.effort = effort.map(|e| [-e, e]);
+    if !limited {
+        return;
+    }
+    if let (Some(lower), Some(upper)) = (lower, upper) {
+        if lower < upper {
+            joint.position = Some([lower, upper]);
+        } else {
+            let note = format!("the limits of '{}' leave no range: left out", joint.name);
+            fields.log.note(limit.place, note);
+        }
+    }
+}
+
+/// The joints of `<transmission>`s are those with motors.
+fn transmissions(root: &Element, tree: &mut Tree) {
+    for transmission in root.all("transmission") {
+        let joints = transmission.all("joint").filter_map(|j| j.text("name"));
+        tree.actuated.extend(joints.map(str::to_owned));
+    }
+}
+
+fn meshes(root: &Element, fields: &mut Fields<'_>) {
+    fn count(element: &Element) -> usize {
+        usize::from(element.tag == "mesh") + element.children.iter().map(count).sum::<usize>()
+    }
+    let meshes = count(root);
+    if meshes > 0 {
+        let note = format!("{meshes} meshes are not read: the dynamics do not need them");
+        fields.log.note(root.place, note);
+    }
+}

@@ -1,0 +1,335 @@
+//! A draft as the text of a spec.
+
+use std::fmt::Write as _;
+
+use crate::frames::denavit_hartenberg;
+use crate::layout::{Draft, DraftBody, DraftJoint, DraftLimb};
+use crate::number::{angle, number};
+use crate::pose::{Pose, V3};
+
+/// Longer entries are written over several lines.
+const WIDTH: usize = 110;
+
+/// What stands around the draft.
+#[derive(Clone, Debug)]
+pub(crate) struct Frame<'a> {
+    pub(crate) name: &'a str,
+    /// The robot's name in the file.
+    pub(crate) robot: &'a str,
+    /// The file's own name, without directories.
+    pub(crate) file: &'a str,
+    pub(crate) format: &'a str,
+    pub(crate) gravity: Option<V3>,
+    /// Actuated joints by their name in the spec.
+    pub(crate) actuated: &'a [String],
+    pub(crate) independent: Option<&'a [String]>,
+}
+
+/// The spec's text.
+pub(crate) fn write(draft: &Draft, frame: &Frame<'_>) -> String {
+    let mut out = String::new();
+    header(draft, frame, &mut out);
+    out.push_str("\nlimbs:\n");
+    for limb in &draft.limbs {
+        write_limb(limb, frame.actuated, &mut out);
+    }
+    if !draft.cuts.is_empty() {
+        out.push_str("\n# Where the loops were opened: a frame on each of two bodies.\ncuts:\n");
+        for cut in &draft.cuts {
+            let side = |(body, pose): &(Option<String>, Pose)| {
+                let body = body.as_deref().unwrap_or("world");
+                let mut fields = vec![("body", body.to_owned())];
+                fields.extend(placement(pose));
+                flow(&fields)
+            };
+            let [a, b] = &cut.sides;
+            let between = format!("[{}, {}]", side(a), side(b));
+            let fields = [
+                ("name", cut.name.clone()),
+                ("joint", cut.kind.clone()),
+                ("between", between),
+            ];
+            entry(&fields, 2, &mut out);
+        }
+    }
+    if !draft.couplings.is_empty() {
+        out.push_str("\n# Joints that follow others.\ncouplings:\n");
+        for coupling in &draft.couplings {
+            let form = linear(coupling.constant, &coupling.terms);
+            let _ = writeln!(out, "  {}: {form}", coupling.key);
+        }
+    }
+    if let Some(independent) = frame.independent {
+        let _ = writeln!(
+            out,
+            "\n# The coordinates that the others follow from.\nindependent: [{}]",
+            independent.join(", ")
+        );
+    }
+    if !draft.home.is_empty() {
+        let home: Vec<String> = draft
+            .home
+            .iter()
+            .map(|(name, value)| format!("{name}: {}", angle(*value)))
+            .collect();
+        let _ = writeln!(
+            out,
+            "\n# Where the file has the robot at its start.\nhome: {{{}}}",
+            home.join(", ")
+        );
+    }
+    bodies(&draft.bodies, &mut out);
+    out
+}
+
+fn header(draft: &Draft, frame: &Frame<'_>, out: &mut String) {
+    let Frame {
+        name,
+        robot,
+        file,
+        format,
+        ..
+    } = frame;
+    let _ = writeln!(
+        out,
+        "# Imported from the {format} file {}. Names, limits and inertias are the file's.\n\
+         # A coordinate is 0 where it is 0 in the file. A body's frame is its link's frame there, with\n\
+         # what turns or shifts it noted at the body.\n",
+        printable(file)
+    );
+    let _ = writeln!(out, "name: {name}");
+    let loops = match draft.cuts.len() {
+        0 => String::new(),
+        n => format!(", {}", count(n, "loop", "loops")),
+    };
+    let joints = draft.limbs.iter().flat_map(|l| &l.joints);
+    let joints = joints.filter(|j| j.name.is_some()).count();
+    let joints = count(joints, "joint", "joints");
+    let bodies = count(draft.bodies.len(), "body", "bodies");
+    let description = format!("{robot}: {joints}, {bodies}{loops}");
+    let _ = writeln!(out, "description: {}", quoted(&description));
+    let gravity = frame.gravity.unwrap_or([0.0, 0.0, -9.81]);
+    let _ = writeln!(out, "gravity: {}", list(&gravity.map(number)));
+}
+
+fn count(number: usize, one: &str, many: &str) -> String {
+    format!("{number} {}", if number == 1 { one } else { many })
+}
+
+/// One line of printable characters.
+fn printable(text: &str) -> String {
+    let keep = |c: char| if c.is_control() { ' ' } else { c };
+    text.chars().map(keep).collect()
+}
+
+/// A text as YAML's double-quoted scalar.
+fn quoted(text: &str) -> String {
+    let text = printable(text).replace('\\', "\\\\").replace('"', "\\\"");
+    format!("\"{text}\"")
+}
+
+fn write_limb(limb: &DraftLimb, actuated: &[String], out: &mut String) {
+    let _ = writeln!(out, "  - name: {}", limb.name);
+    if let Some(from) = &limb.from {
+        let _ = writeln!(out, "    from: {from}");
+    }
+    let (base, rows) = rows(limb);
+    if !base.is_unit() {
+        let _ = writeln!(out, "    base: {}", flow(&placement(&base)));
+    }
+    out.push_str("    joints:\n");
+    for (joint, row) in limb.joints.iter().zip(rows) {
+        entry(&joint_fields(joint, row, actuated), 6, out);
+    }
+}
+
+/// How the limb's joints are placed: by rows of Denavit and Hartenberg where all
+/// of them are such rows, after a base if need be.
+fn rows(limb: &DraftLimb) -> (Pose, Vec<Option<(&'static str, String)>>) {
+    let is_row =
+        |joint: &DraftJoint| joint.axis == 'z' && denavit_hartenberg(&joint.pose).is_some();
+    let first = limb.joints.first();
+    let all = limb.joints.len() > 1 && limb.joints.iter().skip(1).all(is_row);
+    // rows that only shift are no reason to call the whole limb by rows
+    let turned = limb.joints.iter().any(|j| !j.pose.is_shift_along_z());
+    if all && turned && first.is_some_and(|j| j.axis == 'z') {
+        let by_base = first.filter(|j| !is_row(j)).map(|j| j.pose);
+        let rows = limb.joints.iter().enumerate().map(|(k, joint)| {
+            if k == 0 && by_base.is_some() {
+                return None;
+            }
+            let [alpha, a, d, theta] = denavit_hartenberg(&joint.pose)?;
+            let fields = [
+                ("alpha", angle(alpha)),
+                ("a", number(a)),
+                ("d", number(d)),
+                ("theta", angle(theta)),
+            ];
+            let fields: Vec<_> = fields.into_iter().filter(|f| f.1 != "0").collect();
+            (!fields.is_empty()).then(|| ("dh", flow(&fields)))
+        });
+        return (by_base.unwrap_or_default(), rows.collect());
+    }
+    let rows = limb.joints.iter().map(|joint| {
+        let fields = placement(&joint.pose);
+        (!fields.is_empty()).then(|| ("origin", flow(&fields)))
+    });
+    (Pose::default(), rows.collect())
+}
+
+fn joint_fields(
+    joint: &DraftJoint,
+    row: Option<(&'static str, String)>,
+    actuated: &[String],
+) -> Vec<(&'static str, String)> {
+    let mut fields = Vec::new();
+    if let Some(name) = &joint.name {
+        fields.push(("name", name.clone()));
+    }
+    fields.push(("type", joint.kind.to_owned()));
+    fields.extend(row);
+    if joint.axis != 'z' {
+        fields.push(("axis", joint.axis.to_string()));
+    }
+    if let Some(body) = &joint.body {
+        fields.push(("body", body.clone()));
+    }
+    if joint.name.as_ref().is_some_and(|n| actuated.contains(n)) {
+        fields.push(("actuated", "true".to_owned()));
+    }
+    let Some(from) = &joint.from else {
+        return fields;
+    };
+    let mut nominal = Vec::new();
+    let friction = match (from.damping > 0.0, from.friction > 0.0) {
+        (false, false) => None,
+        (true, false) => Some("viscous"),
+        (false, true) => Some("coulomb"),
+        (true, true) => Some("linear"),
+    };
+    if from.damping > 0.0 {
+        nominal.push(("Fv", number(from.damping)));
+    }
+    if from.friction > 0.0 {
+        nominal.push(("Fc", number(from.friction)));
+    }
+    fields.extend(friction.map(|kind| ("friction", kind.to_owned())));
+    if from.armature > 0.0 {
+        fields.push(("rotor_inertia", "true".to_owned()));
+        nominal.push(("J", number(from.armature)));
+    }
+    let mut limits = Vec::new();
+    // multiples of pi only where a file has them to all digits
+    let figure = |x: f64| {
+        let turns = joint.kind != "prismatic";
+        if turns { angle(x) } else { number(x) }
+    };
+    if let Some(range) = from.position {
+        limits.push(("position", list(&range.map(figure))));
+    }
+    if let Some(velocity) = from.velocity {
+        limits.push(("velocity", list(&[-velocity, velocity].map(figure))));
+    }
+    if let Some(effort) = from.effort {
+        limits.push(("effort", list(&effort.map(number))));
+    }
+    if !limits.is_empty() {
+        fields.push(("limits", flow(&limits)));
+    }
+    if !nominal.is_empty() {
+        fields.push(("nominal", flow(&nominal)));
+    }
+    fields
+}
+
+fn bodies(bodies: &[DraftBody], out: &mut String) {
+    out.push_str("\n# Mass, centre of mass, and inertia about it, in the body's frame.\nbodies:\n");
+    for body in bodies {
+        let inertia = &body.inertia;
+        let mut fields = vec![("mass", number(inertia.mass))];
+        if inertia.com != [0.0; 3] {
+            fields.push(("com", list(&inertia.com.map(number))));
+        }
+        if inertia.tensor != [0.0; 6] {
+            fields.push(("inertia", list(&inertia.tensor.map(number))));
+        }
+        let _ = write!(out, "  {}: {}", body.label, flow(&fields));
+        if !body.frame.is_unit() {
+            let frame = flow(&placement(&body.frame));
+            let link = printable(&body.link);
+            let _ = write!(out, "  # frame at {frame} of {link}");
+        }
+        out.push('\n');
+    }
+}
+
+/// The keys of a placement that say something.
+fn placement(pose: &Pose) -> Vec<(&'static str, String)> {
+    let mut fields = Vec::new();
+    if pose.p != [0.0; 3] {
+        fields.push(("xyz", list(&pose.p.map(number))));
+    }
+    let rpy = pose.rpy().map(angle);
+    if rpy.iter().any(|x| x != "0") {
+        fields.push(("rpy", list(&rpy)));
+    }
+    fields
+}
+
+fn linear(constant: f64, terms: &[(String, f64)]) -> String {
+    let mut out = String::new();
+    for (name, factor) in terms {
+        if *factor == 0.0 {
+            continue;
+        }
+        let sign = match (out.is_empty(), *factor < 0.0) {
+            (true, true) => "-",
+            (true, false) => "",
+            (false, true) => " - ",
+            (false, false) => " + ",
+        };
+        out.push_str(sign);
+        if factor.abs() != 1.0 {
+            let _ = write!(out, "{}*", number(factor.abs()));
+        }
+        out.push_str(name);
+    }
+    if out.is_empty() {
+        return angle(constant);
+    }
+    if constant != 0.0 {
+        let sign = if constant < 0.0 { "-" } else { "+" };
+        let _ = write!(out, " {sign} {}", angle(constant.abs()));
+    }
+    out
+}
+
+fn list(values: &[String]) -> String {
+    format!("[{}]", values.join(", "))
+}
+
+fn flow(fields: &[(&'static str, String)]) -> String {
+    let fields: Vec<String> = fields.iter().map(|(k, v)| format!("{k}: {v}")).collect();
+    format!("{{{}}}", fields.join(", "))
+}
+
+/// A list entry, on one line if it is short.
+fn entry(fields: &[(&'static str, String)], indent: usize, out: &mut String) {
+    let line = flow(fields);
+    if indent + 2 + line.len() <= WIDTH {
+        let _ = writeln!(out, "{:indent$}- {line}", "");
+        return;
+    }
+    for (k, (key, value)) in fields.iter().enumerate() {
+        let mark = if k == 0 { "- " } else { "  " };
+        let long = *key == "between" && indent + value.len() > WIDTH;
+        if long && let Some((a, b)) = value.split_once("}, {body") {
+            let _ = writeln!(out, "{:indent$}{mark}{key}:", "");
+            let _ = writeln!(out, "{:indent$}    - {}}}", "", a.trim_start_matches('['));
+            let b = b.strip_suffix(']').unwrap_or(b);
+            let _ = writeln!(out, "{:indent$}    - {{body{b}", "");
+            continue;
+        }
+        let _ = writeln!(out, "{:indent$}{mark}{key}: {value}", "");
+    }
+}

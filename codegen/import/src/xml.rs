@@ -1,0 +1,262 @@
+//! An XML file as elements whose attributes know their places, with included
+//! files spliced in.
+
+use regen_codegen::diag::{Source, Span};
+
+use crate::log::{Log, Place};
+
+/// Deeper nesting than any robot has: no reader recurses further.
+const DEPTH: usize = 300;
+/// Bytes of namespace declarations that a file may lack.
+const DECLARED: usize = 10_000;
+/// Files included from one another at most.
+const FILES: usize = 100;
+
+/// An element with its attributes and child elements; text is left out.
+#[derive(Clone, Debug)]
+pub(crate) struct Element {
+    pub(crate) tag: String,
+    pub(crate) attributes: Vec<Attribute>,
+    pub(crate) children: Vec<Element>,
+    /// The start tag's name.
+    pub(crate) place: Place,
+    /// The whole element.
+    pub(crate) span: Span,
+}
+
+/// An attribute as written.
+#[derive(Clone, Debug)]
+pub(crate) struct Attribute {
+    pub(crate) name: String,
+    pub(crate) value: String,
+    /// The value between its quotes.
+    pub(crate) place: Place,
+}
+
+/// How included files are read: by the name that the file gives.
+pub type Reader<'a> = dyn FnMut(&str) -> Result<String, String> + 'a;
+
+impl Element {
+    pub(crate) fn attribute(&self, name: &str) -> Option<&Attribute> {
+        self.attributes.iter().find(|a| a.name == name)
+    }
+
+    pub(crate) fn text(&self, name: &str) -> Option<&str> {
+        self.attribute(name).map(|a| a.value.as_str())
+    }
+
+    pub(crate) fn child(&self, tag: &str) -> Option<&Element> {
+        self.children.iter().find(|c| c.tag == tag)
+    }
+
+    pub(crate) fn all<'a>(&'a self, tag: &'a str) -> impl Iterator<Item = &'a Element> {
+        self.children.iter().filter(move |c| c.tag == tag)
+    }
+}
+
+/// Reads a file's root element; `None` where something was reported.
+pub(crate) fn read(source: &Source, log: &mut Log) -> Option<Element> {
+    let file = log.add(source.clone());
+    let mut text = source.text.clone();
+    let mut added = Added::default();
+    loop {
+        match roxmltree::Document::parse(&text) {
+            Ok(document) => {
+                let mut walk = Walk { file, added, log };
+                return walk.element(document.root_element(), 0);
+            }
+            // tools leave their own prefixes undeclared, and robot readers never minded
+            Err(roxmltree::Error::UnknownNamespace(prefix, _))
+                if added.length < DECLARED && !prefix.is_empty() =>
+            {
+                added.declare(&mut text, &prefix);
+            }
+            Err(error) => {
+                let at = added.back(offset(&text, error.pos()));
+                let place = Place::new(file, Span::new(at, at + 1));
+                let message = format!("the file is not XML: {}", reason(&error));
+                log.error(place, message, "an XML editor shows what is missing here");
+                return None;
+            }
+        }
+    }
+}
+
+/// Declarations of prefixes that were written into the root's start tag.
+#[derive(Clone, Copy, Debug, Default)]
+struct Added {
+    at: usize,
+    length: usize,
+}
+
+impl Added {
+    fn declare(&mut self, text: &mut String, prefix: &str) {
+        let declaration = format!(" xmlns:{prefix}=\"{prefix}\"");
+        self.at = after_root_name(text);
+        self.length += declaration.len();
+        text.insert_str(self.at, &declaration);
+    }
+
+    /// A place in the file from one in the text that was read.
+    fn back(self, place: usize) -> usize {
+        if place <= self.at {
+            place
+        } else {
+            place.saturating_sub(self.length).max(self.at)
+        }
+    }
+
+    fn span(self, range: &std::ops::Range<usize>) -> Span {
+        Span::new(self.back(range.start), self.back(range.end))
+    }
+}
+
+/// Where the name of the root's start tag ends.
+fn after_root_name(text: &str) -> usize {
+    let mut at = 0;
+    while let Some(open) = text[at..].find('<').map(|found| at + found) {
+        let rest = &text[open..];
+        let end = if rest.starts_with("<!--") {
+            "-->"
+        } else if rest.starts_with("<?") {
+            "?>"
+        } else if rest.starts_with("<!") {
+            ">"
+        } else {
+            let name = rest.find(|c: char| c.is_whitespace() || c == '>' || c == '/');
+            return open + name.unwrap_or(rest.len());
+        };
+        match rest.find(end) {
+            Some(found) => at = open + found + end.len(),
+            None => break,
+        }
+    }
+    text.len()
+}
+
+/// The parser's words without its own line and column.
+fn reason(error: &roxmltree::Error) -> String {
+    let text = error.to_string();
+    match text.rsplit_once(" at ") {
+        Some((words, place)) if place.chars().all(|c| c.is_ascii_digit() || c == ':') => {
+            words.to_owned()
+        }
+        _ => text,
+    }
+}
+
+/// The byte that a row and a column of characters stand at.
+fn offset(text: &str, pos: roxmltree::TextPos) -> usize {
+    let row = (pos.row as usize).saturating_sub(1);
+    let start: usize = text.split_inclusive('\n').take(row).map(str::len).sum();
+    let line = &text[start.min(text.len())..];
+    let column = (pos.col as usize).saturating_sub(1);
+    let within = line.char_indices().nth(column).map_or(line.len(), |c| c.0);
+    start + within
+}
+
+struct Walk<'a> {
+    file: usize,
+    added: Added,
+    log: &'a mut Log,
+}
+
+impl Walk<'_> {
+    fn element(&mut self, node: roxmltree::Node<'_, '_>, depth: usize) -> Option<Element> {
+        let span = self.added.span(&node.range());
+        let name = node.tag_name().name();
+        let place = Place::new(
+            self.file,
+            Span::new(span.start, span.start + 1 + name.len()),
+        );
+        if depth > DEPTH {
+            let message = format!("more than {DEPTH} elements within each other");
+            let hint = "no robot is nested so deeply";
+            self.log.error(place, message, hint);
+            return None;
+        }
+        let tag = match node.tag_name().namespace() {
+            Some(space) if space.contains("xacro") => format!("xacro:{name}"),
+            Some(space) if self.added.length > 0 => format!("{space}:{name}"),
+            _ => name.to_owned(),
+        };
+        let attributes = node
+            .attributes()
+            .filter(|a| a.namespace().is_none())
+            .map(|a| Attribute {
+                name: a.name().to_owned(),
+                value: a.value().to_owned(),
+                place: Place::new(self.file, self.added.span(&a.range_value())),
+            });
+        let attributes = attributes.collect();
+        let mut children = Vec::new();
+        for child in node.children().filter(roxmltree::Node::is_element) {
+            children.push(self.element(child, depth + 1)?);
+        }
+        Some(Element {
+            tag,
+            attributes,
+            children,
+            place,
+            span,
+        })
+    }
+}
+
+/// Replaces every `<include file="..."/>` by the children of that file's root.
+pub(crate) fn include(root: &mut Element, reader: &mut Reader<'_>, log: &mut Log) {
+    let mut seen = Vec::new();
+    splice(root, reader, &mut seen, 0, log);
+}
+
+fn splice(
+    element: &mut Element,
+    reader: &mut Reader<'_>,
+    seen: &mut Vec<String>,
+    depth: usize,
+    log: &mut Log,
+) {
+    if depth > DEPTH {
+        return;
+    }
+    let mut children = Vec::with_capacity(element.children.len());
+    for mut child in std::mem::take(&mut element.children) {
+        if child.tag != "include" {
+            splice(&mut child, reader, seen, depth + 1, log);
+            children.push(child);
+            continue;
+        }
+        let Some(file) = child.attribute("file") else {
+            log.error(
+                child.place,
+                "an include without a file",
+                "write file=\"...\"",
+            );
+            continue;
+        };
+        if seen.contains(&file.value) || seen.len() >= FILES {
+            log.error(
+                file.place,
+                format!("'{}' is included more than once", file.value),
+                "a file may be included once in a model",
+            );
+            continue;
+        }
+        seen.push(file.value.clone());
+        let text = match reader(&file.value) {
+            Ok(text) => text,
+            Err(why) => {
+                let message = format!("cannot read the included file '{}': {why}", file.value);
+                let hint = "included files are looked up beside the file that is imported";
+                log.error(file.place, message, hint);
+                continue;
+            }
+        };
+        let source = Source::new(file.value.clone(), text);
+        if let Some(mut root) = read(&source, log) {
+            splice(&mut root, reader, seen, depth + 1, log);
+            children.extend(root.children);
+        }
+    }
+    element.children = children;
+}

@@ -1,0 +1,178 @@
+//! Loops from the command line: a tree in URDF becomes the four-bar of `robots/`.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod common;
+
+use std::path::Path;
+
+use common::{assert_has, imported_with, refused_with};
+use regen_codegen::diag::Source;
+use regen_codegen::interpret::run;
+use regen_codegen::pipeline::{BaseFrom, derive_with};
+use regen_codegen::robot::{FunctionKind, Robot};
+use regen_import::Options;
+
+/// `robots/fourbar.yaml` opened at its cut, in the same frames.
+const TREE: &str = r#"<robot name="fourbar">
+  <link name="ground"/>
+  <link name="crank"><inertial><origin xyz="0.06 0 0"/><mass value="0.24"/>
+    <inertia ixx="2e-5" ixy="0" ixz="0" iyy="2.88e-4" iyz="0" izz="2.88e-4"/></inertial></link>
+  <link name="coupler"><inertial><origin xyz="0.175 0 0"/><mass value="0.70"/>
+    <inertia ixx="5e-5" ixy="0" ixz="0" iyy="7.15e-3" iyz="0" izz="7.15e-3"/></inertial></link>
+  <link name="rocker"><inertial><origin xyz="0.15 0 0"/><mass value="0.60"/>
+    <inertia ixx="4e-5" ixy="0" ixz="0" iyy="4.5e-3" iyz="0" izz="4.5e-3"/></inertial></link>
+  <joint name="q1" type="continuous"><parent link="ground"/><child link="crank"/>
+    <origin rpy="1.5707963 0 0"/><axis xyz="0 0 1"/></joint>
+  <joint name="q2" type="continuous"><parent link="crank"/><child link="coupler"/>
+    <origin xyz="0.12 0 0"/><axis xyz="0 0 1"/></joint>
+  <joint name="q3" type="continuous"><parent link="ground"/><child link="rocker"/>
+    <origin xyz="0.4 0 0" rpy="1.5707963 0 0"/><axis xyz="0 0 1"/></joint>
+</robot>"#;
+
+fn words(list: &[&str]) -> Vec<String> {
+    list.iter().map(|w| (*w).to_owned()).collect()
+}
+
+fn with_cut(cut: &str) -> Options {
+    Options {
+        cuts: words(&[cut]),
+        actuated: words(&["q1"]),
+        home: words(&["q1=pi/3", "q2=-0.4656", "q3=1.73"]),
+        ..Options::default()
+    }
+}
+
+fn robot(text: &str) -> Robot {
+    derive_with(&Source::new("spec.yaml", text), BaseFrom::Nowhere).unwrap()
+}
+
+/// The regressor at home, moving.
+fn regressor(robot: &Robot) -> Vec<f64> {
+    let call = |kind: FunctionKind, inputs: &[&[f64]]| {
+        run(&robot.function(kind).unwrap().program, inputs).0
+    };
+    let q = &robot.home;
+    let qd = call(FunctionKind::Velocities, &[q, &[0.7]]);
+    let qdd = call(FunctionKind::Accelerations, &[q, &qd, &[-1.3]]);
+    call(FunctionKind::Regressor, &[q, &qd, &qdd])
+}
+
+#[test]
+fn a_tree_with_a_cut_is_the_four_bar_that_was_written_by_hand() {
+    let options = with_cut("pin:revolute:coupler@0.35,0,0:rocker@0.30,0,0");
+    let spec = imported_with(TREE, &options).spec;
+    assert_has(
+        &spec,
+        "between: [{body: coupler, xyz: [0.35, 0, 0]}, {body: rocker, xyz: [0.3, 0, 0]}]",
+    );
+    assert_has(&spec, "home: {q1: pi/3, q2: -0.4656, q3: 1.73}");
+    assert!(!spec.contains("independent:"), "{spec}");
+    let by_hand = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../robots/fourbar.yaml");
+    let by_hand = robot(&std::fs::read_to_string(by_hand).unwrap());
+    let imported = robot(&spec);
+    assert_eq!(imported.home.len(), by_hand.home.len());
+    let (ours, theirs) = (regressor(&imported), regressor(&by_hand));
+    assert_eq!(ours.len(), theirs.len());
+    let largest = theirs.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+    for (x, y) in ours.iter().zip(&theirs) {
+        assert!((x - y).abs() < 1e-12 * largest, "{x} {y}");
+    }
+    assert!(largest > 0.1);
+}
+
+#[test]
+fn without_a_second_frame_the_loop_is_closed_at_zero() {
+    // flat: the coupler's end at (0.47, 0), in the rocker's frame at 0.07
+    let options = Options {
+        cuts: words(&["pin:spherical:coupler@0.35,0,0.1:rocker"]),
+        ..Options::default()
+    };
+    let spec = imported_with(TREE, &options).spec;
+    assert_has(&spec, "{body: rocker, xyz: [0.07, 0, 0.1]}");
+}
+
+#[test]
+fn where_nobody_says_it_the_motor_is_at_what_is_independent() {
+    let options = Options {
+        actuated: Vec::new(),
+        ..with_cut("pin:revolute:coupler@0.35,0,0:rocker@0.30,0,0")
+    };
+    let spec = imported_with(TREE, &options).spec;
+    assert_eq!(spec.matches("actuated: true").count(), 1, "{spec}");
+    assert!(!spec.contains("independent:"), "{spec}");
+}
+
+#[test]
+fn frames_of_a_cut_may_be_turned_and_stand_on_the_world() {
+    let options = with_cut("s:universal:coupler@0.35,0,0,0,pi/2,-2*pi/3:rocker@0.3,0,0");
+    assert_has(
+        &imported_with(TREE, &options).spec,
+        "{body: coupler, xyz: [0.35, 0, 0], rpy: [0, pi/2, -2*pi/3]}",
+    );
+    let options = Options {
+        cuts: words(&["s:spherical:world@0.4,0,0,0,0,pi/2:rocker"]),
+        ..Options::default()
+    };
+    assert_has(
+        &imported_with(TREE, &options).spec,
+        "between: [{body: world, xyz: [0.4, 0, 0], rpy: [0, 0, pi/2]}, {body: rocker, rpy: ",
+    );
+}
+
+#[test]
+fn wrong_cuts_are_refused_with_the_place_in_the_word() {
+    for (cut, complaint) in [
+        (
+            "pin",
+            "--cut:1:1: a cut has four parts between colons, not 1 (for instance",
+        ),
+        (
+            "pin:hinge:coupler:rocker",
+            "--cut:1:5: unknown joint type 'hinge' (cuts are spherical",
+        ),
+        (
+            "p-n:revolute:coupler:rocker",
+            "--cut:1:1: 'p-n' cannot be a cut's name",
+        ),
+        (
+            "pin:revolute:couple:rocker",
+            "--cut:1:14: no body is called 'couple' (the file's bodies are world, ground",
+        ),
+        (
+            "pin:revolute:coupler@1,2:rocker",
+            "--cut:1:22: a frame has 3 or 6 numbers, not 2",
+        ),
+        (
+            "pin:revolute:coupler@1,x,3:rocker",
+            "--cut:1:24: 'x' is no number",
+        ),
+        (
+            "pin:revolute:coupler@1,2,3@4:rocker",
+            "--cut:1:28: a second '@'",
+        ),
+    ] {
+        assert_has(&refused_with(TREE, &with_cut(cut)), complaint);
+    }
+    let far = with_cut("pin:revolute:coupler@0.35,0,0:rocker@3,0,0");
+    assert_has(&refused_with(TREE, &far), "the loops do not close");
+    for (actuated, home, complaint) in [
+        ("q4", "q1=0", "--actuated:1:1: no joint is called 'q4'"),
+        (
+            "q1",
+            "q4=0",
+            "--home:1:1: 'q4=0' gives no coordinate a value",
+        ),
+        (
+            "q1",
+            "q1=x",
+            "--home:1:1: 'q1=x' gives no coordinate a value",
+        ),
+    ] {
+        let options = Options {
+            actuated: words(&[actuated]),
+            home: words(&[home]),
+            ..with_cut("pin:revolute:coupler@0.35,0,0:rocker@0.3,0,0")
+        };
+        assert_has(&refused_with(TREE, &options), complaint);
+    }
+}

