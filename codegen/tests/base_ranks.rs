@@ -162,11 +162,14 @@ fn on_a_vertical_slide_weight_and_one_sided_friction_are_one() {
     let mixed: Vec<Vec<(&str, String)>> = found
         .null
         .iter()
-        .map(|(c, terms)| {
-            let terms = terms.iter().map(|t| (label(t.column), t.value.to_string()));
+        .map(|row| {
+            let terms = row
+                .terms
+                .iter()
+                .map(|t| (label(t.column), t.value.to_string()));
             let mut all: Vec<(&str, String)> = terms.collect();
             all.sort();
-            assert!(all.iter().any(|(l, _)| *l == label(*c)));
+            assert!(all.iter().any(|(l, _)| *l == label(row.column)));
             all
         })
         .filter(|row| row.iter().any(|(l, _)| l.starts_with('F')))
@@ -181,8 +184,8 @@ fn a_rotor_merges_where_its_joint_is_the_first_on_the_ground() {
     // J(q1) acts as Izz(1) does where nothing else moves body 1
     let (model, found) = base(&with_rotors(&file("robots/puma560.yaml")));
     let label = |c: usize| model.parameters[c].label.as_str();
-    let together = found.null.iter().any(|(_, terms)| {
-        let mut names: Vec<&str> = terms.iter().map(|t| label(t.column)).collect();
+    let together = found.null.iter().any(|row| {
+        let mut names: Vec<&str> = row.terms.iter().map(|t| label(t.column)).collect();
         names.sort_unstable();
         names == ["Izz(1)", "J(q1)"]
     });

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use regen_codegen::base::certificate::{Wide, certify};
-use regen_codegen::base::{Analysis, Layer, analyse, restore, store};
+use regen_codegen::base::{Analysis, Exactness, Layer, analyse, restore, store};
 use regen_codegen::constraints::{NumericLoops, close_home, world_equations};
 use regen_codegen::diag::Source;
 use regen_codegen::kinematics::{Frames, Geometry};
@@ -189,6 +189,85 @@ cuts:
 home: {q1: pi/3, q2: -0.46557, q3: 1.72997}
 ";
     complete("rotating base", text, 19, 1);
+}
+
+#[test]
+fn overconstrained_linkages_are_complete() {
+    for (file_name, rank, completed) in [("bennett", 9, 1), ("sarrus", 5, 7), ("delta4", 43, 11)] {
+        let path = format!("base/{file_name}.yaml");
+        complete(&path, &file(&path), rank, completed);
+    }
+}
+
+/// Trees show all there is to know of loops whose shape is not special.
+#[test]
+fn spherical_and_planar_loops_of_any_plane_need_no_completion() {
+    for (file_name, rank) in [("spherical_fourbar", 11), ("tilted_fourbar", 8)] {
+        let (_, _, analysis) = analysed(&file(&format!("base/{file_name}.yaml")));
+        assert!(analysis.complete, "{file_name}");
+        let base = &analysis.base;
+        assert_eq!((base.rank(), base.completed), (rank, 0), "{file_name}");
+    }
+}
+
+/// A Bennett linkage closes for one ratio of its lengths only, and at angles that
+/// stay as they are: no factor of it is known as a function of all of them.
+#[test]
+fn factors_that_hold_at_the_given_values_only_are_marked() {
+    let (_, _, analysis) = analysed(&file("base/bennett.yaml"));
+    let base = &analysis.base;
+    let held = base.held.join("\n");
+    assert!(held.contains("alpha, beta as given only"), "{held}");
+    assert!(held.contains("a, b in proportion only"), "{held}");
+    for parameter in &base.parameters {
+        let expected = match parameter.layer {
+            Layer::Derived => Exactness::Everywhere,
+            Layer::Completed => Exactness::Here,
+        };
+        assert_eq!(parameter.exactness, expected);
+    }
+    let (_, _, delta) = analysed(&file("mechanisms/delta.yaml"));
+    assert_eq!(delta.base.held, [""; 0]);
+    let everywhere = |e: Exactness| e == Exactness::Everywhere;
+    assert!(
+        delta
+            .base
+            .parameters
+            .iter()
+            .all(|p| everywhere(p.exactness))
+    );
+    assert!(delta.base.null.iter().all(|row| everywhere(row.exactness)));
+}
+
+/// The rocker's frame is turned by 0.3 rad, whose sine no short expression is.
+#[test]
+fn a_factor_without_short_expression_is_a_number_and_says_so() {
+    let text = file("mechanisms/parallelogram_cut.yaml")
+        .replace(
+            "- {name: q3, type: revolute,",
+            "- {name: q3, type: revolute, dh: {theta: 0.3},",
+        )
+        .replace(
+            "{body: 3, xyz: [l, 0, 0]}",
+            "{body: 3, xyz: [l*cos(0.3), -l*sin(0.3), 0]}",
+        )
+        .replace("q3: 1.1", "q3: 0.8");
+    let (model, _, analysis) = analysed(&text);
+    assert!(text.contains("theta: 0.3") && analysis.complete);
+    let base = &analysis.base;
+    assert_eq!(base.rank(), 3);
+    let of_digits = base
+        .null
+        .iter()
+        .filter(|row| row.exactness == Exactness::Digits);
+    let labels: Vec<&str> = of_digits
+        .map(|row| model.parameters[row.column].label.as_str())
+        .collect();
+    assert!(!labels.is_empty(), "{}", table(&model, &analysis));
+    assert!(!base.unrecognised.is_empty());
+    for note in &base.unrecognised {
+        assert!(note.contains("no short expression"), "{note}");
+    }
 }
 
 #[test]

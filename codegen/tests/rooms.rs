@@ -60,12 +60,25 @@ const ROOMS: &[(&str, &[&str])] = &[
         ],
     ),
     (
+        "explain",
+        &[
+            "base",
+            "constraints",
+            "kinematics",
+            "model",
+            "numeric",
+            "spec",
+            "sym",
+        ],
+    ),
+    (
         "pipeline",
         &[
             "base",
             "checks",
             "constraints",
             "diag",
+            "explain",
             "functions",
             "kinematics",
             "model",

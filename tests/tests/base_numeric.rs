@@ -212,7 +212,7 @@ fn the_texts_of_coefficients_have_their_values() {
     for path in all_files() {
         let text = text_of(&path);
         let derivation = Derivation::new(&text).unwrap();
-        let null = derivation.base.null.iter().flat_map(|(_, terms)| terms);
+        let null = derivation.base.null.iter().flat_map(|n| &n.terms);
         let kept = derivation.base.parameters.iter().flat_map(|p| &p.terms);
         for term in null.chain(kept) {
             let value = Derivation::value_at(term, &derivation.spec).unwrap();

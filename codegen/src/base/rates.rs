@@ -9,6 +9,7 @@
 //! ties of two coordinates, or of one, which then does not move at all.
 
 use crate::model::{FrictionColumn, Model, MotionKind, ParameterKind};
+use crate::spec::Spec;
 use crate::sym::Number;
 
 use super::field::{Element, Field};
@@ -47,6 +48,17 @@ pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Mode
         }
     }
     directions
+}
+
+/// Ties of rates that hold by construction: coordinates with factors whose sum of
+/// rates is 0 all the time.
+pub fn ties(spec: &Spec, model: &Model) -> Vec<Vec<(usize, Number)>> {
+    let mut field = Field::default();
+    let linkage = Linkage::new(&mut field, spec, model);
+    let mut ties = couplings(model);
+    ties.extend(planar_loops(&mut field, &linkage));
+    let plain = |tie: &Vector| tie.iter().map(|(c, e)| (*c, e.value().clone())).collect();
+    ties.iter().map(plain).collect()
 }
 
 /// v, c and e of two tied coordinates, or of one that stands still.
