@@ -1,62 +1,108 @@
-//! The base parameters of many random mechanisms with loops, judged one by one: as many as the
-//! certified rank, and `W(all) = W(base) * combinations` in every row of the second derivation.
+//! The base parameters of many random mechanisms, judged one by one: as many as the certified
+//! rank, and `W(all) = W(base) * combinations` in every row of the second derivation.
 //!
 //! ```sh
-//! cargo run --release -p regen-tests --example random_bases -- 0 1000
+//! cargo run --release -p regen-tests --example random_bases -- loops 0 1000
 //! ```
 //!
-//! `tests/base/RECORD.md` keeps what it printed.
+//! `loops` are single loops of every joint and cut, `any` are the mechanisms of
+//! `regen_tests::random`: nested, shared and moving loops among them. Seeds are taken from the
+//! first one on, until as many have been judged. `tests/base/RECORD.md` keeps what it printed.
 
 use std::process::ExitCode;
 use std::time::Instant;
 
-use regen_tests::base::{Judged, judge};
-use regen_tests::random_spec;
+use regen_tests::base::{Verdict, judge};
+use regen_tests::{random, random_spec};
+
+#[derive(Default)]
+struct Count {
+    judged: usize,
+    loops: usize,
+    short: usize,
+    directions: usize,
+    with_numbers: usize,
+    uncertified: usize,
+    failed: usize,
+    worst: (f64, u64),
+    slowest: (f64, u64),
+}
 
 fn main() -> ExitCode {
-    let arguments: Vec<u64> = std::env::args().skip(1).flat_map(|a| a.parse()).collect();
-    let [first, count] = arguments[..] else {
-        eprintln!("usage: random_bases FIRST_SEED COUNT");
-        return ExitCode::from(2);
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [kind, numbers @ ..] = &arguments[..] else {
+        return usage();
     };
-    let (mut judged, mut short, mut directions, mut failed) = (0_usize, 0_usize, 0_usize, 0_usize);
-    let mut worst = (0.0_f64, first);
-    let mut slowest = (0.0_f64, first);
-    for seed in first..first + count {
-        let start = Instant::now();
-        let text = random_spec::closed_loop(seed);
-        let found = text.clone().and_then(|text| judge(&text, seed));
-        let seconds = start.elapsed().as_secs_f64();
-        if seconds > slowest.0 {
-            slowest = (seconds, seed);
+    let numbers: Vec<u64> = numbers.iter().flat_map(|a| a.parse()).collect();
+    let [first, wanted] = numbers[..] else {
+        return usage();
+    };
+    let draw = |seed: u64| match kind.as_str() {
+        "loops" => random_spec::closed_loop(seed).ok(),
+        _ => random::sample(seed).sample.map(|s| s.text),
+    };
+    let mut count = Count::default();
+    let mut seed = first;
+    while count.judged + count.failed < usize::try_from(wanted).unwrap_or(0) {
+        if let Some(text) = draw(seed) {
+            count.add(seed, &text);
         }
-        match found {
-            Ok(Judged {
-                error, completed, ..
-            }) => {
-                judged += 1;
-                if completed > 0 {
-                    short += 1;
-                    directions += completed;
-                    println!("seed {seed}: trees fall short by {completed}");
+        seed += 1;
+    }
+    println!(
+        "{kind}: seeds {first} to {}: {} judged, {} of them with loops, {} fail; worst row {:.1e} \
+         (seed {}); trees fall short in {}, by {} directions, with factors that are numbers only \
+         in {}; {} more say themselves that they cannot be certified; slowest {:.2} s (seed {})",
+        seed - 1,
+        count.judged + count.failed,
+        count.loops,
+        count.failed,
+        count.worst.0,
+        count.worst.1,
+        count.short,
+        count.directions,
+        count.with_numbers,
+        count.uncertified,
+        count.slowest.0,
+        count.slowest.1
+    );
+    ExitCode::from(u8::from(count.failed > 0))
+}
+
+fn usage() -> ExitCode {
+    eprintln!("usage: random_bases loops|any FIRST_SEED COUNT");
+    ExitCode::from(2)
+}
+
+impl Count {
+    fn add(&mut self, seed: u64, text: &str) {
+        let start = Instant::now();
+        let verdict = judge(text, seed);
+        let seconds = start.elapsed().as_secs_f64();
+        if seconds > self.slowest.0 {
+            self.slowest = (seconds, seed);
+        }
+        match verdict {
+            Ok(Verdict::Holds(found)) => {
+                self.judged += 1;
+                self.loops += usize::from(text.contains("cuts:\n  -"));
+                if found.completed > 0 {
+                    self.short += 1;
+                    self.directions += found.completed;
+                    self.with_numbers += usize::from(found.numbers > 0);
                 }
-                if error > worst.0 {
-                    worst = (error, seed);
+                if found.error > self.worst.0 {
+                    self.worst = (found.error, seed);
                 }
             }
-            Err(why) => {
-                failed += 1;
-                println!("seed {seed}: {why}");
-                if let Ok(text) = text {
-                    println!("{text}");
-                }
+            Ok(Verdict::Uncertified(why)) => {
+                self.uncertified += 1;
+                println!("seed {seed}: not certified: {why}");
+            }
+            Ok(Verdict::Fails(why)) | Err(why) => {
+                self.failed += 1;
+                println!("seed {seed}: {why}\n{text}");
             }
         }
     }
-    println!(
-        "{judged} of {count} hold from seed {first} on, {failed} fail; worst row {:.1e} (seed {}); \
-         trees fall short in {short}, by {directions} directions; slowest {:.2} s (seed {})",
-        worst.0, worst.1, slowest.0, slowest.1
-    );
-    ExitCode::from(u8::from(failed > 0))
 }

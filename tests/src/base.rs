@@ -180,6 +180,18 @@ impl Derivation {
     }
 }
 
+/// What was found of a mechanism.
+#[derive(Clone, Debug)]
+pub enum Verdict {
+    /// Its base is complete and reproduces the regressor.
+    Holds(Judged),
+    /// The analysis says itself that it cannot be certain, and why: a loop that closes, or is
+    /// special, to the digits of its numbers only.
+    Uncertified(String),
+    /// Its base is wrong, or falls short of the certificate.
+    Fails(String),
+}
+
 /// What was found of a mechanism whose base holds.
 #[derive(Clone, Copy, Debug)]
 pub struct Judged {
@@ -218,10 +230,14 @@ pub fn analysed(text: &str) -> Result<Analysis, String> {
 /// second derivation reproduced in every row at states of its own.
 ///
 /// # Errors
-/// What does not hold.
-pub fn judge(text: &str, seed: u64) -> Result<Judged, String> {
+/// Where the spec cannot be analysed, or its second derivation finds no states.
+pub fn judge(text: &str, seed: u64) -> Result<Verdict, String> {
     let analysis = analysed(text)?;
-    let certificate = analysis.certificate.clone()?;
+    let certificate = match analysis.certificate {
+        Ok(certificate) if certificate.is_certain() => certificate,
+        Ok(open) => return Ok(Verdict::Uncertified(format!("the rank is open: {open:?}"))),
+        Err(why) => return Ok(Verdict::Uncertified(why)),
+    };
     let base = analysis.base;
     let found = format!(
         "{} kept, {} from trees, {} completed, {certificate:?}",
@@ -230,7 +246,7 @@ pub fn judge(text: &str, seed: u64) -> Result<Judged, String> {
         base.completed
     );
     if !analysis.complete || base.parameters.len() != certificate.rank {
-        return Err(format!("incomplete: {found}"));
+        return Ok(Verdict::Fails(format!("incomplete: {found}")));
     }
     let mechanism = Mechanism::from_yaml(text)?;
     let derivation = Derivation {
@@ -240,16 +256,15 @@ pub fn judge(text: &str, seed: u64) -> Result<Judged, String> {
     };
     let states = mechanism.random_states(seed, states_for(&mechanism))?;
     let agreement = derivation.agreement(&mechanism, &states, &Derivation::value)?;
-    // also of NaN
-    if !(agreement.error <= ROW) {
-        return Err(format!("{agreement:?}: {found}"));
+    if agreement.error.is_nan() || agreement.error > ROW {
+        return Ok(Verdict::Fails(format!("{agreement:?}: {found}")));
     }
-    Ok(Judged {
+    Ok(Verdict::Holds(Judged {
         rank: certificate.rank,
         error: agreement.error,
         completed: derivation.base.completed,
         numbers: derivation.base.unrecognised.len(),
-    })
+    }))
 }
 
 /// Columns scaled to 1, those of rounding to 0.

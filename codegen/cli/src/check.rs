@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use regen_codegen::explain::{BodyMotion, Evidence, Explanation, Fact, Merged};
+use regen_codegen::explain::{BodyMotion, Evidence, Explanation, Fact, Merged, words};
 use regen_codegen::pipeline;
 use serde::Serialize;
 
@@ -198,7 +198,7 @@ fn list(facts: &[Fact]) -> Vec<FactJson<'_>> {
 }
 
 fn json(explanation: &Explanation) -> Json<'_> {
-    let body = |b: &'_ BodyMotion| (b.freedom.words().to_owned(), evidence(b.evidence));
+    let body = |b: &'_ BodyMotion| (words(b.freedom).to_owned(), evidence(b.evidence));
     Json {
         robot: &explanation.robot,
         mobility: explanation.mobility,

@@ -5,6 +5,7 @@ mod analysis;
 pub mod certificate;
 mod choice;
 mod completion;
+mod coupled;
 pub mod field;
 mod geometry;
 mod known;
@@ -14,11 +15,13 @@ mod span;
 mod store;
 mod tree;
 mod trees;
+mod ways;
 
 pub use analysis::{Analysis, analyse};
 pub use completion::recognise;
 pub use rates::ties;
 pub use store::{StoreProblem, is_heavy, restore, store};
+pub use ways::{Form, Freedom, Way, follows, ways};
 
 use crate::model::Model;
 use crate::spec::Spec;
@@ -140,6 +143,9 @@ fn derive_all(
     let linkage = linkage::Linkage::new(&mut field, spec, model);
     let mut start = Span::default();
     for direction in rates::null_directions(&mut field, &linkage, model) {
+        start.insert(&mut field, &direction);
+    }
+    for direction in coupled::null_directions(&mut field, &linkage, model) {
         start.insert(&mut field, &direction);
     }
     let sum = trees::sum(&mut field, &linkage, start, target);

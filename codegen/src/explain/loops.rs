@@ -1,10 +1,10 @@
 //! The loops of a mechanism: what they pass, and why rows of them are redundant.
 
+use crate::base::{Form, Way};
 use crate::model::{Cut, Model, rows_of};
 use crate::spec::CutKind;
 
 use super::motion::Motions;
-use super::structure::{Form, Way};
 use super::{Evidence, Fact};
 
 /// A loop: from the link that both sides share out to each side of the cut.

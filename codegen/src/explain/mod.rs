@@ -10,13 +10,13 @@ mod limits;
 mod loops;
 mod motion;
 mod relations;
-mod structure;
 mod unseen;
 
 use core::fmt;
 
+pub use crate::base::Freedom;
 use crate::base::certificate::observe;
-use crate::base::{Analysis, ties};
+use crate::base::{Analysis, Form, Way, ties, ways};
 use crate::model::{Model, rows_of};
 use crate::spec::Spec;
 
@@ -94,59 +94,19 @@ impl Fact {
     }
 }
 
-/// How a body can move.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Freedom {
-    /// Not at all.
-    Still,
-    /// Along a line, without turning.
-    Line,
-    /// In a plane, without turning.
-    Plane,
-    /// In space, without turning.
-    Translates,
-    /// About an axis at rest.
-    Spin,
-    /// About and along an axis at rest, in a fixed proportion.
-    Screw,
-    /// In a plane.
-    Planar,
-    /// About a fixed direction, and along it too.
-    Direction,
-    /// About a point at rest.
-    Point,
-    /// Otherwise.
-    General,
-}
-
-impl Freedom {
-    /// Whether the orientation never changes.
-    pub fn never_turns(self) -> bool {
-        matches!(
-            self,
-            Freedom::Still | Freedom::Line | Freedom::Plane | Freedom::Translates
-        )
-    }
-
-    /// Whether all turns are about one direction and all moves across it.
-    pub fn is_planar(self) -> bool {
-        matches!(self, Freedom::Spin | Freedom::Planar)
-    }
-
-    /// What a body does, after its name.
-    pub fn words(self) -> &'static str {
-        match self {
-            Freedom::Still => "never moves",
-            Freedom::Line => "never rotates: it slides along a line",
-            Freedom::Plane => "never rotates: it translates in a plane",
-            Freedom::Translates => "never rotates: it translates only",
-            Freedom::Spin => "turns about an axis at rest",
-            Freedom::Screw => "turns about an axis at rest and moves along it in proportion",
-            Freedom::Planar => "moves in a plane",
-            Freedom::Direction => "turns about a fixed direction only, and moves along it too",
-            Freedom::Point => "turns about a point at rest",
-            Freedom::General => "moves in general ways",
-        }
+/// What a body does, after its name.
+pub fn words(freedom: Freedom) -> &'static str {
+    match freedom {
+        Freedom::Still => "never moves",
+        Freedom::Line => "never rotates: it slides along a line",
+        Freedom::Plane => "never rotates: it translates in a plane",
+        Freedom::Translates => "never rotates: it translates only",
+        Freedom::Spin => "turns about an axis at rest",
+        Freedom::Screw => "turns about an axis at rest and moves along it in proportion",
+        Freedom::Planar => "moves in a plane",
+        Freedom::Direction => "turns about a fixed direction only, and moves along it too",
+        Freedom::Point => "turns about a point at rest",
+        Freedom::General => "moves in general ways",
     }
 }
 
@@ -166,7 +126,7 @@ pub struct BodyMotion {
 
 impl fmt::Display for BodyMotion {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "body {} {}", self.body, self.freedom.words())?;
+        write!(f, "body {} {}", self.body, words(self.freedom))?;
         match self.direction {
             Some(n) => write!(f, ", about {}", direction_text(&n)),
             None => Ok(()),
@@ -242,7 +202,7 @@ pub fn explain(
     redundant: &[usize],
     analysis: &Analysis,
 ) -> Explanation {
-    let ways = structure::ways(model);
+    let ways = ways(model);
     let ties = ties(spec, model);
     let states = observe(model, home, SEED, STATES);
     let mut trouble = limits::facts(spec, model, home);
@@ -387,8 +347,8 @@ fn values(analysis: &Analysis) -> Vec<Fact> {
 fn orientations(
     model: &Model,
     motions: &Motions<'_>,
-    ways: &[structure::Way],
-    ties: &[structure::Form],
+    ways: &[Way],
+    ties: &[Form],
     seen: &[Seen],
     states: usize,
 ) -> Vec<Fact> {

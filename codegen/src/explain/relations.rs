@@ -1,11 +1,10 @@
 //! Linear relations among coordinates on the branch, told from sampled rates.
 
 use crate::base::certificate::{Observation, Wide, relations};
-use crate::base::recognise;
+use crate::base::{Form, follows, recognise};
 use crate::model::{Model, MotionKind};
 use crate::sym::Number;
 
-use super::structure::{Form, follows};
 use super::{Evidence, Fact};
 
 /// A relation: `column = sum of terms + constant`.

@@ -4,7 +4,7 @@ use crate::base::{Base, Direction, Layer};
 use crate::model::{Model, ParameterKind};
 
 use super::motion::{Motions, Seen};
-use super::{Freedom, Merged, Unseen};
+use super::{Freedom, Merged, Unseen, words};
 
 const MASS: usize = 9;
 
@@ -192,7 +192,7 @@ impl Bodies<'_> {
         let name = self.label(body);
         match self.seen.get(body).map(|s| s.freedom) {
             Some(freedom) if freedom != Freedom::General => {
-                format!("body {name} {}", freedom.words())
+                format!("body {name} {}", words(freedom))
             }
             _ => format!("the way body {name} moves shows them together only"),
         }

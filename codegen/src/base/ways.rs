@@ -1,19 +1,57 @@
 //! What the order of a limb's joints alone says of how a link can move, exactly:
 //! all its axes parallel, nothing but slides, nothing at all.
 
-use crate::model::{Model, MotionKind, Placement, Step};
+use crate::model::{Link, Model, MotionKind, Placement, Step};
 use crate::spec::Axis;
 use crate::sym::Number;
 
-use super::Freedom;
-
 type Direction = [Number; 3];
 /// Coordinates with factors.
-pub(super) type Form = Vec<(usize, Number)>;
+pub type Form = Vec<(usize, Number)>;
 
-/// The way from the ground to a link.
+/// How a body can move.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Freedom {
+    /// Not at all.
+    Still,
+    /// Along a line, without turning.
+    Line,
+    /// In a plane, without turning.
+    Plane,
+    /// In space, without turning.
+    Translates,
+    /// About an axis at rest.
+    Spin,
+    /// About and along an axis at rest, in a fixed proportion.
+    Screw,
+    /// In a plane.
+    Planar,
+    /// About a fixed direction, and along it too.
+    Direction,
+    /// About a point at rest.
+    Point,
+    /// Otherwise.
+    General,
+}
+
+impl Freedom {
+    /// Whether the orientation never changes.
+    pub fn never_turns(self) -> bool {
+        matches!(
+            self,
+            Freedom::Still | Freedom::Line | Freedom::Plane | Freedom::Translates
+        )
+    }
+
+    /// Whether all turns are about one direction and all moves across it.
+    pub fn is_planar(self) -> bool {
+        matches!(self, Freedom::Spin | Freedom::Planar)
+    }
+}
+
+/// The way from the ground, or from a link, to a link further out.
 #[derive(Clone, Debug)]
-pub(super) struct Way {
+pub struct Way {
     /// The world's axes in the link's frame, up to the first turn.
     world: [Direction; 3],
     /// Directions of slides before the first turn, in the link's frame.
@@ -22,7 +60,7 @@ pub(super) struct Way {
     /// The first axis that turns, in the link's frame.
     axis: Option<Direction>,
     /// The same in the world's axes.
-    pub(super) direction: Option<Direction>,
+    direction: Option<Direction>,
     /// Whether all axes that turn are parallel.
     parallel: bool,
     /// Whether all slides are across them.
@@ -35,7 +73,7 @@ fn zero() -> Direction {
     [(); 3].map(|()| Number::zero())
 }
 
-fn index(axis: Axis) -> usize {
+pub(super) fn index(axis: Axis) -> usize {
     match axis {
         Axis::X => 0,
         Axis::Y => 1,
@@ -50,7 +88,7 @@ fn unit(axis: usize) -> Direction {
 }
 
 /// A vector in the axes of a frame that was turned.
-fn into(v: &Direction, axis: usize, angle: &Number) -> Direction {
+pub(super) fn into(v: &Direction, axis: usize, angle: &Number) -> Direction {
     let (sin, cos) = angle.sin_cos();
     let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
     let mut out = v.clone();
@@ -114,7 +152,7 @@ impl Way {
     }
 
     /// What the link's motion is at most, given ties of rates that hold exactly.
-    pub(super) fn freedom(&self, ties: &[Form]) -> Freedom {
+    pub fn freedom(&self, ties: &[Form]) -> Freedom {
         if !self.parallel {
             return Freedom::General;
         }
@@ -130,7 +168,7 @@ impl Way {
     }
 
     /// Whether two links have the same orientation all the time.
-    pub(super) fn turns_as(&self, other: &Way, ties: &[Form]) -> bool {
+    pub fn turns_as(&self, other: &Way, ties: &[Form]) -> bool {
         if !(self.parallel && other.parallel) {
             return false;
         }
@@ -157,27 +195,42 @@ impl Way {
     }
 }
 
+impl Way {
+    /// The way over some links, one standing on the other.
+    pub(super) fn over(model: &Model, links: &[usize]) -> Way {
+        let mut way = Way::ground();
+        for &link in links {
+            way.pass(&model.links[link]);
+        }
+        way
+    }
+
+    fn pass(&mut self, link: &Link) {
+        self.place(&link.placement);
+        if let Some(motion) = link.motion {
+            let axis = index(motion.axis);
+            match motion.kind {
+                MotionKind::Rotation => self.turn(motion.coordinate, axis),
+                MotionKind::Translation => self.slide(axis),
+            }
+        }
+    }
+}
+
 /// The ways to all links.
-pub(super) fn ways(model: &Model) -> Vec<Way> {
+pub fn ways(model: &Model) -> Vec<Way> {
     let mut ways: Vec<Way> = Vec::new();
     for link in &model.links {
         let start = link.parent.and_then(|p| ways.get(p));
         let mut way = start.cloned().unwrap_or_else(Way::ground);
-        way.place(&link.placement);
-        if let Some(motion) = link.motion {
-            let axis = index(motion.axis);
-            match motion.kind {
-                MotionKind::Rotation => way.turn(motion.coordinate, axis),
-                MotionKind::Translation => way.slide(axis),
-            }
-        }
+        way.pass(link);
         ways.push(way);
     }
     ways
 }
 
 /// Whether a form of rates vanishes where these do.
-pub(super) fn follows(ties: &[Form], form: &[(usize, Number)]) -> bool {
+pub fn follows(ties: &[Form], form: &[(usize, Number)]) -> bool {
     let merged = |form: &[(usize, Number)]| -> Form {
         let mut out: Form = Vec::new();
         for (c, k) in form {
