@@ -179,6 +179,36 @@ fn on_a_vertical_slide_weight_and_one_sided_friction_are_one() {
     insta::assert_debug_snapshot!((labels, &mixed[0]));
 }
 
+/// The slide stands on the world by its moved side: its tree begins at the cut, passes
+/// the joint backward, and weighs the rod against the slide's one-sided friction with
+/// the other sign.
+#[test]
+fn a_slide_that_is_passed_backward_has_its_friction_weighed_with_its_sign() {
+    let text = "name: backward
+limbs:
+  - name: chain
+    base: {xyz: [0.2, 0, 0]}
+    joints:
+      - {name: s, type: spherical, body: 1}
+      - {name: p, type: prismatic, origin: {xyz: [0.1, 0, 0.3]}, body: 2}
+      - {name: u, type: universal, origin: {xyz: [0, 0.2, 0]}, body: 3}
+      - {name: v, type: prismatic, origin: {xyz: [0.1, 0, 0.2]}, body: 4, friction: coulomb_asymmetric, actuated: true}
+cuts:
+  - {name: foot, joint: fixed, between: [{body: 4}, {body: world, xyz: [0.4, 0.2, 0.5]}]}
+independent: [v]
+";
+    let robot = derive(&Source::new("backward.yaml", text)).unwrap_or_else(|e| panic!("{e}"));
+    let analysis = robot.analysis.unwrap();
+    assert!(analysis.complete, "{analysis:?}");
+    assert_eq!(analysis.base.refuted, 0);
+    let label = |c: usize| robot.parameters[c].as_str();
+    let row = analysis.base.null.iter().find(|row| {
+        let names: Vec<&str> = row.terms.iter().map(|t| label(t.column)).collect();
+        names.contains(&"m(3)") && names.contains(&"Fc+(v)")
+    });
+    assert!(row.is_some(), "{:?}", analysis.base.null);
+}
+
 #[test]
 fn a_rotor_merges_where_its_joint_is_the_first_on_the_ground() {
     // J(q1) acts as Izz(1) does where nothing else moves body 1

@@ -2,23 +2,21 @@
 //! rank, and `W(all) = W(base) * combinations` in every row of the second derivation.
 //!
 //! ```sh
-//! cargo run --release -p regen-tests --example random_bases -- loops 0 1000
+//! cargo run --release -p regen-tests --example random_bases -- 0 1000
 //! ```
 //!
-//! `loops` are single loops of every joint and cut, `any` are the mechanisms of
-//! `regen_tests::random`: nested, shared and moving loops among them. Seeds are taken from the
-//! first one on, until as many have been judged. `tests/base/RECORD.md` keeps what it printed.
+//! Seeds are taken from the first one on, until as many mechanisms have been judged.
+//! `tests/base/RECORD.md` keeps what it printed.
 
 use std::process::ExitCode;
 use std::time::Instant;
 
 use regen_tests::base::{Verdict, judge};
-use regen_tests::{random, random_spec};
+use regen_tests::random_spec;
 
 #[derive(Default)]
 struct Count {
     judged: usize,
-    loops: usize,
     short: usize,
     directions: usize,
     with_numbers: usize,
@@ -29,33 +27,25 @@ struct Count {
 }
 
 fn main() -> ExitCode {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [kind, numbers @ ..] = &arguments[..] else {
-        return usage();
-    };
-    let numbers: Vec<u64> = numbers.iter().flat_map(|a| a.parse()).collect();
+    let numbers: Vec<u64> = std::env::args().skip(1).flat_map(|a| a.parse()).collect();
     let [first, wanted] = numbers[..] else {
-        return usage();
-    };
-    let draw = |seed: u64| match kind.as_str() {
-        "loops" => random_spec::closed_loop(seed).ok(),
-        _ => random::sample(seed).sample.map(|s| s.text),
+        eprintln!("usage: random_bases FIRST_SEED COUNT");
+        return ExitCode::from(2);
     };
     let mut count = Count::default();
     let mut seed = first;
     while count.judged + count.failed < usize::try_from(wanted).unwrap_or(0) {
-        if let Some(text) = draw(seed) {
+        if let Ok(text) = random_spec::closed_loop(seed) {
             count.add(seed, &text);
         }
         seed += 1;
     }
     println!(
-        "{kind}: seeds {first} to {}: {} judged, {} of them with loops, {} fail; worst row {:.1e} \
+        "seeds {first} to {}: {} judged, {} fail; worst row {:.1e} \
          (seed {}); trees fall short in {}, by {} directions, with factors that are numbers only \
          in {}; {} more say themselves that they cannot be certified; slowest {:.2} s (seed {})",
         seed - 1,
         count.judged + count.failed,
-        count.loops,
         count.failed,
         count.worst.0,
         count.worst.1,
@@ -69,11 +59,6 @@ fn main() -> ExitCode {
     ExitCode::from(u8::from(count.failed > 0))
 }
 
-fn usage() -> ExitCode {
-    eprintln!("usage: random_bases loops|any FIRST_SEED COUNT");
-    ExitCode::from(2)
-}
-
 impl Count {
     fn add(&mut self, seed: u64, text: &str) {
         let start = Instant::now();
@@ -85,7 +70,6 @@ impl Count {
         match verdict {
             Ok(Verdict::Holds(found)) => {
                 self.judged += 1;
-                self.loops += usize::from(text.contains("cuts:\n  -"));
                 if found.completed > 0 {
                     self.short += 1;
                     self.directions += found.completed;

@@ -100,6 +100,10 @@ pub(crate) fn doubt(analysis: &Analysis) -> Option<String> {
                 c.smallest_kept, c.largest_dropped
             )
         }
+        Ok(_) if analysis.base.refuted > 0 => format!(
+            "{} derived directions are not null at sampled states",
+            analysis.base.refuted
+        ),
         Ok(c) => format!(
             "the directions derived leave {} parameters, the certified rank is {}",
             bound(analysis, c),

@@ -116,6 +116,8 @@ pub struct Base {
     /// How many null directions beyond those of trees were completed from
     /// samples.
     pub completed: usize,
+    /// How many directions are not null at sampled states: 0, or the base is wrong.
+    pub refuted: usize,
     /// Factors of completed directions that are numbers only, and why.
     pub unrecognised: Vec<String>,
     /// Names whose values completed factors hold for, since these could not be
@@ -174,6 +176,7 @@ fn derive_all(
         }
     }
     let null_dimension = null.len();
+    let refuted = sampled.map_or(0, |sampled| sampled.refuted(&null));
     let known = known::substitutions(&mut field, spec, model);
     let restricted = known::restricted(&mut field, &null, &known);
     let reduced = choice::reduce(&mut field, &restricted, &order, asked.len());
@@ -239,6 +242,7 @@ fn derive_all(
         from_trees,
         trees: sum.trees,
         completed: null_dimension - from_trees,
+        refuted,
         unrecognised,
         held,
         coincidences: field.coincidences().map(str::to_owned).collect(),

@@ -9,6 +9,7 @@
 //! spec 6f1c...                        digest of the spec's bytes (SHA-256)
 //! certificate 70 25 19 96 1.2e-3 4e-95  columns rank states digits kept dropped
 //! sums 4 45 0 true                    trees, dimension, completed, complete
+//! refuted 1                           directions that samples contradict, if any
 //! number Ixx(2) in Iyy(3)             a factor that is a number only
 //! held a, b in proportion only: ...   names that were not varied, and why
 //! equal l1 = l2                       coincidences
@@ -123,6 +124,9 @@ pub fn store(source: &Source, analysis: &Analysis) -> String {
         "sums {} {} {} {complete}",
         base.trees, base.from_trees, base.completed
     );
+    if base.refuted > 0 {
+        let _ = writeln!(out, "refuted {}", base.refuted);
+    }
     for note in &base.unrecognised {
         let _ = writeln!(out, "number {note}");
     }
@@ -187,6 +191,7 @@ fn read<'a>(lines: impl Iterator<Item = &'a str>, spec: &Spec, columns: usize) -
             from_trees: 0,
             trees: 0,
             completed: 0,
+            refuted: 0,
             unrecognised: Vec::new(),
             held: Vec::new(),
             coincidences: Vec::new(),
@@ -220,6 +225,7 @@ fn read<'a>(lines: impl Iterator<Item = &'a str>, spec: &Spec, columns: usize) -
                 base.completed = number(2)?;
                 analysis.complete = parts.get(3)?.parse().ok()?;
             }
+            "refuted" => base.refuted = number(0)?,
             "number" => base.unrecognised.push(rest.to_owned()),
             "held" => base.held.push(rest.to_owned()),
             "equal" => base.coincidences.push(rest.to_owned()),

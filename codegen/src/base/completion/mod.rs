@@ -59,6 +59,20 @@ impl<'a> Sampled<'a> {
         }
     }
 
+    /// How many directions are not null at the sampled states, which would be an
+    /// error of what derived them.
+    pub(super) fn refuted(&self, null: &[Vector]) -> usize {
+        let columns = self.samples.certificate().columns;
+        let part = |direction: &Vector| {
+            let inside = direction.range(..columns);
+            let inside: Vector = inside.map(|(c, e)| (*c, e.clone())).collect();
+            self.samples.left_over(&values(&inside, columns))
+        };
+        null.iter()
+            .filter(|direction| part(direction) > NULL)
+            .count()
+    }
+
     /// What is missing from a null space.
     pub(super) fn complete(
         &self,
