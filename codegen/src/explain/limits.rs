@@ -27,11 +27,11 @@ pub(super) fn facts(spec: &Spec, model: &Model, home: &[f64]) -> Vec<Fact> {
         let left = (q - low).min(high - q);
         if left < 0.0 {
             facts.push(Fact::given(format!(
-                "home of {name}, {q:.4}, is outside its limits [{low}, {high}]: these are not kept to in samples"
+                "home of {name}, {q:.4}, is outside its limits [{low:.4}, {high:.4}]: these are not kept to in samples"
             )));
         } else if left < NEAR * range {
             facts.push(Fact::given(format!(
-                "home of {name}, {q:.4}, is near the end of its limits [{low}, {high}]: \
+                "home of {name}, {q:.4}, is near the end of its limits [{low:.4}, {high:.4}]: \
                  motions start with {:.1} % of its range on that side",
                 100.0 * left / range
             )));

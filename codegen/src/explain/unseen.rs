@@ -172,6 +172,9 @@ impl Bodies<'_> {
         let parts: Vec<&str> = bodies.iter().map(|b| self.label(*b)).collect();
         if let Some(joint) = self.joint_between(&bodies) {
             let (outer, inner) = (parts.last()?, parts.first()?);
+            if joint.is_empty() {
+                return Some(format!("body {outer} is fixed to body {inner}"));
+            }
             return Some(format!(
                 "what joint {joint} does not change of body {outer} counts as much on body {inner}"
             ));
@@ -198,7 +201,7 @@ impl Bodies<'_> {
         }
     }
 
-    /// The joint between a body and the one that carries it.
+    /// The coordinates between a body and the one that carries it.
     fn joint_between(&self, bodies: &[usize]) -> Option<String> {
         let &[a, b] = bodies else { return None };
         let (inner, outer) = (self.model.bodies.get(a)?, self.model.bodies.get(b)?);
@@ -208,11 +211,7 @@ impl Bodies<'_> {
             if link == inner.link {
                 names.reverse();
                 let joined = names.join(" ");
-                return Some(if joined.is_empty() {
-                    "(fixed)".to_owned()
-                } else {
-                    joined
-                });
+                return Some(joined);
             }
             let is_other_body =
                 link != outer.link && self.model.bodies.iter().any(|b| b.link == link);
