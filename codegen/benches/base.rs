@@ -19,9 +19,19 @@ use regen_codegen::{model, pipeline, spec};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!("layers  target  analysis  (ms)  rank  file");
-    let robots = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots");
-    for name in ["3rps.yaml", "puma560.yaml", "panda.yaml", "stewart.yaml"] {
-        let path = robots.join(name);
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    for name in [
+        "robots/3rps.yaml",
+        "robots/puma560.yaml",
+        "robots/panda.yaml",
+        "robots/stewart.yaml",
+        "robots/palletiser.yaml",
+        "tests/mechanisms/hexapod.yaml",
+        "tests/mechanisms/delta.yaml",
+        "tests/base/delta4.yaml",
+        "tests/base/schoenflies.yaml",
+    ] {
+        let path = root.join(name);
         let source = Source::new(name, std::fs::read_to_string(&path)?);
         let parsed = spec::parse(&source)?;
         let model = model::build(&parsed);

@@ -7,6 +7,7 @@ pub mod constraints;
 pub mod diag;
 pub mod dynamics;
 pub mod emit;
+pub mod explain;
 pub mod functions;
 pub mod interpret;
 pub mod kinematics;

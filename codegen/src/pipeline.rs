@@ -3,6 +3,7 @@
 use crate::base::{self, Analysis};
 use crate::constraints::Closed;
 use crate::diag::{Report, Source};
+use crate::explain::{self, Explanation};
 use crate::functions::{Context, Symbols, request};
 use crate::kinematics::{Frames, Geometry};
 use crate::model::{self, Model};
@@ -67,6 +68,35 @@ pub fn derive_with(source: &Source, from: BaseFrom<'_>) -> Result<Robot, DeriveE
         BaseFrom::Store(None) if base::is_heavy(model) => Err(DeriveError::NotStored),
         BaseFrom::Store(None) | BaseFrom::Derivation => Ok(Some(base::analyse(spec, model, home))),
     })
+}
+
+/// Explains a robot in words, from the text of its spec and the analysis of its
+/// base parameters, if there is one already.
+///
+/// # Errors
+/// As [`derive()`].
+pub fn explain(source: &Source, analysis: Option<&Analysis>) -> Result<Explanation, Report> {
+    let spec = spec::parse(source)?;
+    let model = model::build(&spec);
+    let mut g = Graph::new();
+    let _ = Symbols::new(&mut g, &model);
+    let frames = Frames::new(&mut g, &model, Geometry::Values);
+    let closed = Closed::new(&mut g, &frames, &model)
+        .map_err(|problem| crate::checks::home_report(source, &spec, &model, &problem))?;
+    crate::checks::aligned_at_home(source, &spec, &mut g, &frames, &model, &closed.home)?;
+    let analysis = analysis.cloned();
+    let analysis = analysis.unwrap_or_else(|| base::analyse(&spec, &model, &closed.home));
+    let redundant = closed
+        .closure
+        .as_ref()
+        .map_or(&[][..], |c| c.redundant_rows());
+    Ok(explain::explain(
+        &spec,
+        &model,
+        &closed.home,
+        redundant,
+        &analysis,
+    ))
 }
 
 /// The derivation, stage by stage.

@@ -162,11 +162,14 @@ fn on_a_vertical_slide_weight_and_one_sided_friction_are_one() {
     let mixed: Vec<Vec<(&str, String)>> = found
         .null
         .iter()
-        .map(|(c, terms)| {
-            let terms = terms.iter().map(|t| (label(t.column), t.value.to_string()));
+        .map(|row| {
+            let terms = row
+                .terms
+                .iter()
+                .map(|t| (label(t.column), t.value.to_string()));
             let mut all: Vec<(&str, String)> = terms.collect();
             all.sort();
-            assert!(all.iter().any(|(l, _)| *l == label(*c)));
+            assert!(all.iter().any(|(l, _)| *l == label(row.column)));
             all
         })
         .filter(|row| row.iter().any(|(l, _)| l.starts_with('F')))
@@ -176,13 +179,44 @@ fn on_a_vertical_slide_weight_and_one_sided_friction_are_one() {
     insta::assert_debug_snapshot!((labels, &mixed[0]));
 }
 
+/// The slide stands on the world by its moved side: its tree begins at the cut, passes
+/// the joint backward, and weighs what slides against the slide's one-sided friction with
+/// the other sign.
+#[test]
+fn a_slide_that_is_passed_backward_has_its_friction_weighed_with_its_sign() {
+    let text = "name: backward
+limbs:
+  - name: chain
+    base: {xyz: [0.2, 0, 0]}
+    joints:
+      - {name: s, type: spherical, body: 1}
+      - {name: p, type: prismatic, origin: {xyz: [0.1, 0, 0.3]}, body: 2}
+      - {name: u, type: universal, origin: {xyz: [0, 0.2, 0]}, body: 3}
+      - {name: v, type: prismatic, origin: {xyz: [0.1, 0, 0.2]}, body: 4, friction: coulomb_asymmetric, rotor_inertia: true, actuated: true}
+cuts:
+  - {name: foot, joint: fixed, between: [{body: 4}, {body: world, xyz: [0.4, 0.2, 0.5]}]}
+independent: [v]
+";
+    let robot = derive(&Source::new("backward.yaml", text)).unwrap_or_else(|e| panic!("{e}"));
+    let analysis = robot.analysis.unwrap();
+    assert!(analysis.complete, "{analysis:?}");
+    assert_eq!(analysis.base.refuted, 0);
+    let label = |c: usize| robot.parameters[c].as_str();
+    let row = analysis.base.null.iter().find(|row| {
+        let names: Vec<&str> = row.terms.iter().map(|t| label(t.column)).collect();
+        let one = |start: &str| names.iter().any(|n| n.starts_with(start));
+        one("m(") && one("J(") && one("Fc")
+    });
+    assert!(row.is_some(), "{:?}", analysis.base.null);
+}
+
 #[test]
 fn a_rotor_merges_where_its_joint_is_the_first_on_the_ground() {
     // J(q1) acts as Izz(1) does where nothing else moves body 1
     let (model, found) = base(&with_rotors(&file("robots/puma560.yaml")));
     let label = |c: usize| model.parameters[c].label.as_str();
-    let together = found.null.iter().any(|(_, terms)| {
-        let mut names: Vec<&str> = terms.iter().map(|t| label(t.column)).collect();
+    let together = found.null.iter().any(|row| {
+        let mut names: Vec<&str> = row.terms.iter().map(|t| label(t.column)).collect();
         names.sort_unstable();
         names == ["Izz(1)", "J(q1)"]
     });

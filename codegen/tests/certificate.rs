@@ -187,6 +187,56 @@ fn angles_that_add_up_to_a_constant_tie_their_one_sided_friction() {
     assert_eq!(rank(&with("coulomb_asymmetric")), 6 + 9 - 1);
 }
 
+/// Lengths from 1e-6 to 1e3 m, any gravity: what is rounding does not depend on units.
+#[test]
+fn absurd_scales_do_not_change_a_rank() {
+    let planar = |lengths: [&str; 2], gravity: &str| {
+        let rows = [
+            ("0", "0", "0"),
+            ("0", lengths[0], "0"),
+            ("0", lengths[1], "0"),
+        ];
+        let friction = "actuated: true, friction: coulomb_asymmetric";
+        let text = arm(&rows).replace("actuated: true", friction);
+        text.replace("limbs:", &format!("gravity: [{gravity}, 0, 0]\nlimbs:"))
+    };
+    // three bodies with Izz, mx and my each, and nine parameters of friction
+    for lengths in [
+        ["0.3", "0.2"],
+        ["1e3", "1e-6"],
+        ["1e-6", "1e3"],
+        ["1e-6", "2e-6"],
+    ] {
+        for gravity in ["9.81", "1e200", "1e-200", "1e12"] {
+            assert_eq!(
+                rank(&planar(lengths, gravity)),
+                9 + 9,
+                "{lengths:?} {gravity}"
+            );
+        }
+        // without gravity, the first body's moments stay hidden
+        assert_eq!(rank(&planar(lengths, "0")), 7 + 9, "{lengths:?}");
+    }
+    let loops = [
+        ("robots/fourbar.yaml", 8),
+        ("tests/mechanisms/parallelogram_cut.yaml", 3),
+    ];
+    for (path, expected) in loops {
+        let text = file(path);
+        for gravity in ["1e200", "1e-200"] {
+            let text = text.replace("limbs:", &format!("gravity: [0, 0, {gravity}]\nlimbs:"));
+            let text = text.replacen("gravity: [0, 0, -9.81]\n", "", 1);
+            assert_eq!(rank(&text), expected, "{path} {gravity}");
+        }
+    }
+    for unit in ["1e-6", "1e3"] {
+        let text = file("tests/mechanisms/parallelogram_cut.yaml");
+        let text = text.replace("l: 0.4, w: 0.25", &format!("l: 0.4*{unit}, w: 0.25*{unit}"));
+        assert!(text.contains(unit));
+        assert_eq!(rank(&text), 3, "{unit}");
+    }
+}
+
 #[test]
 fn a_platform_that_never_turns_has_fewer_than_its_trees_say() {
     assert_eq!(rank(&file("tests/mechanisms/delta.yaml")), 34);

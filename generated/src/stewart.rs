@@ -780,8 +780,8 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
         rank: 82,
         states: 20,
         digits: 96,
-        smallest_kept: 0.0026019783304499036,
-        largest_dropped: 6.766980491855104e-97,
+        smallest_kept: 0.002427923313020283,
+        largest_dropped: 7.046598344881896e-97,
     }),
     complete: true,
 };

@@ -2,10 +2,13 @@
 //! that the engine derived.
 
 use nalgebra::DMatrix;
-use regen_codegen::base::{Base, Term, derive};
+use regen_codegen::base::{Analysis, Base, Term, analyse, derive};
+use regen_codegen::constraints::{NumericLoops, close_home, world_equations};
 use regen_codegen::diag::Source;
-use regen_codegen::pipeline;
+use regen_codegen::kinematics::{Frames, Geometry};
 use regen_codegen::spec::{self, Spec};
+use regen_codegen::sym::Graph;
+use regen_codegen::{model, pipeline};
 
 use crate::reference::{Mechanism, State, evaluate};
 
@@ -175,6 +178,93 @@ impl Derivation {
             gap,
         })
     }
+}
+
+/// What was found of a mechanism.
+#[derive(Clone, Debug)]
+pub enum Verdict {
+    /// Its base is complete and reproduces the regressor.
+    Holds(Judged),
+    /// The analysis says itself that it cannot be certain, and why: a loop that closes, or is
+    /// special, to the digits of its numbers only.
+    Uncertified(String),
+    /// Its base is wrong, or falls short of the certificate.
+    Fails(String),
+}
+
+/// What was found of a mechanism whose base holds.
+#[derive(Clone, Copy, Debug)]
+pub struct Judged {
+    /// The number of base parameters.
+    pub rank: usize,
+    /// Largest error of a row of W(all) - W(base) combinations, relative to the row's largest entry.
+    pub error: f64,
+    /// How many null directions trees did not show.
+    pub completed: usize,
+    /// How many factors of these are numbers only.
+    pub numbers: usize,
+}
+
+/// Largest error of a row that a base is allowed.
+const ROW: f64 = 1e-9;
+
+/// The analysis of a spec's text: trees, completion and certificate, nothing else.
+///
+/// # Errors
+/// The report of the spec's mistakes, or a home that does not close.
+pub fn analysed(text: &str) -> Result<Analysis, String> {
+    let spec = spec::parse(&Source::new("test.yaml", text)).map_err(|e| e.to_string())?;
+    let model = model::build(&spec);
+    let mut g = Graph::new();
+    for coordinate in &model.coordinates {
+        g.symbol(&coordinate.name);
+    }
+    let frames = Frames::new(&mut g, &model, Geometry::Values);
+    let equations = world_equations(&mut g, &frames, &model, None);
+    let loops = NumericLoops::new(&g, &equations, model.coordinates.len());
+    let home = close_home(&loops, &model).map_err(|e| format!("home: {e:?}"))?;
+    Ok(analyse(&spec, &model, &home))
+}
+
+/// Judges the base of a spec: complete, as many as the certified rank, and the regressor of the
+/// second derivation reproduced in every row at states of its own.
+///
+/// # Errors
+/// Where the spec cannot be analysed, or its second derivation finds no states.
+pub fn judge(text: &str, seed: u64) -> Result<Verdict, String> {
+    let analysis = analysed(text)?;
+    let certificate = match analysis.certificate {
+        Ok(certificate) if certificate.is_certain() => certificate,
+        Ok(open) => return Ok(Verdict::Uncertified(format!("the rank is open: {open:?}"))),
+        Err(why) => return Ok(Verdict::Uncertified(why)),
+    };
+    let base = analysis.base;
+    let found = format!(
+        "{} kept, {} from trees, {} completed, {certificate:?}",
+        base.parameters.len(),
+        base.from_trees,
+        base.completed
+    );
+    if !analysis.complete || base.parameters.len() != certificate.rank {
+        return Ok(Verdict::Fails(format!("incomplete: {found}")));
+    }
+    let mechanism = Mechanism::from_yaml(text)?;
+    let derivation = Derivation {
+        spec: spec::parse(&Source::new("test.yaml", text)).map_err(|e| e.to_string())?,
+        columns: certificate.columns,
+        base,
+    };
+    let states = mechanism.random_states(seed, states_for(&mechanism))?;
+    let agreement = derivation.agreement(&mechanism, &states, &Derivation::value)?;
+    if agreement.error.is_nan() || agreement.error > ROW {
+        return Ok(Verdict::Fails(format!("{agreement:?}: {found}")));
+    }
+    Ok(Verdict::Holds(Judged {
+        rank: certificate.rank,
+        error: agreement.error,
+        completed: derivation.base.completed,
+        numbers: derivation.base.unrecognised.len(),
+    }))
 }
 
 /// Columns scaled to 1, those of rounding to 0.

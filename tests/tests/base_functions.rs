@@ -94,7 +94,7 @@ fn eliminated_parameters_of_phi_are_recovered_exactly() {
     let base = &robot.analysis.as_ref().unwrap().base;
     let phi = Random::new(9).vector(robot.parameters.len(), 1.0);
     let beta = call(&robot, FunctionKind::ToBase, &[&phi]);
-    let free: Vec<f64> = base.null.iter().map(|n| phi[n.0]).collect();
+    let free: Vec<f64> = base.null.iter().map(|n| phi[n.column]).collect();
     let again = call(&robot, FunctionKind::FromBase, &[&beta, &free]);
     assert_close(
         &again,

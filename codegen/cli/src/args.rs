@@ -19,6 +19,7 @@ Examples:
   regen robots/3rps.yaml             derive, write the source, verify it
   regen info robots/3rps.yaml        coordinates, parameters, operations
   regen base robots/3rps.yaml        base parameters with their certificate
+  regen check robots/3rps.yaml       the mechanism in words
   regen verify robots/3rps.yaml      every check, and the numeric path beside it
   regen generate                     every robot of the workspace
   regen generate --check             is generated/ what regen would write?
@@ -61,6 +62,9 @@ pub(crate) enum Command {
     Info(InfoArgs),
     /// Print the base parameters and what is certain about them
     Base(BaseArgs),
+    /// Explain a mechanism in words: mobility, loops, how its bodies move, which
+    /// parameters cannot be identified and why
+    Check(CheckArgs),
     /// Check a robot against itself and its base parameters against SVD and QR
     Verify(VerifyArgs),
     /// Evaluate closure and regressor at given states
@@ -219,6 +223,28 @@ pub(crate) struct BaseArgs {
     /// instead of deriving it in an unoptimised build
     #[arg(long)]
     pub(crate) store: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Says in words how the mechanism is understood: coordinates and mobility, what
+each loop passes and which of its rows are redundant, how each body can move,
+relations among coordinates and orientations on the assembly branch of home,
+parameters that cannot be identified, alone or at all, and why, and where limits
+and singularities trouble the numbers.
+
+What joints and ties prove is marked as shown exactly; the rest is judged at
+closed states in many digits, and says at how many and to how many digits.
+
+Examples:
+  regen check robots/3rps.yaml
+  regen check robots/3rps.yaml --format json")]
+pub(crate) struct CheckArgs {
+    /// The robot's spec
+    pub(crate) file: PathBuf,
+    /// How the result is printed
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) format: Format,
 }
 
 #[derive(Debug, Args)]

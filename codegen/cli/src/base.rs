@@ -1,7 +1,10 @@
 //! `regen base`: the base parameters, and what is certain about them.
 
 use regen_codegen::base::certificate::Certificate;
-use regen_codegen::base::{Analysis, BaseParameter, Layer, Term, store};
+use regen_codegen::base::{Analysis, BaseParameter, Exactness, Layer, Term, store};
+use regen_codegen::diag::Source;
+use regen_codegen::explain::Merged;
+use regen_codegen::pipeline;
 use regen_codegen::robot::Robot;
 use serde::Serialize;
 
@@ -26,12 +29,13 @@ pub(crate) fn run(args: &BaseArgs) -> Result<(), Failure> {
         (_, true) => Style::Expressions,
         _ => Style::Short,
     };
-    let table = Table::new(&robot, analysis, style);
+    let reasons = reasons(&source, analysis);
+    let table = Table::new(&robot, analysis, style, &reasons);
     terminal::print(&match args.format {
         TableFormat::Human => table.human(),
         TableFormat::Markdown => table.markdown(),
         TableFormat::Latex => table.latex(),
-        TableFormat::Json => table::json(&json(&robot, analysis)),
+        TableFormat::Json => table::json(&json(&robot, analysis, &reasons)),
     })?;
     match doubt(analysis) {
         Some(why) => Err(Failure::Check(format!(
@@ -39,6 +43,40 @@ pub(crate) fn run(args: &BaseArgs) -> Result<(), Failure> {
             robot.name
         ))),
         None => Ok(()),
+    }
+}
+
+/// Why parameters act together, where a direction was completed: trees need no
+/// reason but themselves.
+fn reasons(source: &Source, analysis: &Analysis) -> Vec<Merged> {
+    if analysis.base.completed == 0 {
+        return Vec::new();
+    }
+    let explained = pipeline::explain(source, Some(analysis));
+    let mut all: Vec<Merged> = Vec::new();
+    if let Ok(explained) = explained {
+        let unseen = explained.unseen.into_iter();
+        let alone = unseen.filter(|u| !u.derived).flat_map(|u| {
+            let reason = u.reason;
+            u.parameters.into_iter().map(move |parameter| Merged {
+                parameter,
+                with: Vec::new(),
+                reason: reason.clone(),
+                derived: false,
+            })
+        });
+        all.extend(alone);
+        all.extend(explained.merged.into_iter().filter(|m| !m.derived));
+    }
+    all
+}
+
+/// How well a layer's factors are known, as a mark behind its name.
+pub(crate) fn mark(exactness: Exactness) -> &'static str {
+    match exactness {
+        Exactness::Everywhere => "",
+        Exactness::Here => "*",
+        Exactness::Digits => "**",
     }
 }
 
@@ -62,6 +100,10 @@ pub(crate) fn doubt(analysis: &Analysis) -> Option<String> {
                 c.smallest_kept, c.largest_dropped
             )
         }
+        Ok(_) if analysis.base.refuted > 0 => format!(
+            "{} derived directions are not null at sampled states",
+            analysis.base.refuted
+        ),
         Ok(c) => format!(
             "the directions derived leave {} parameters, the certified rank is {}",
             bound(analysis, c),
@@ -108,8 +150,21 @@ struct Json<'a> {
     reason: Option<String>,
     trees_opened: usize,
     equal_by_value: &'a [String],
+    /// Names whose values completed factors hold for, since they were not varied.
+    held: &'a [String],
+    /// Factors that are numbers only.
+    unrecognised: &'a [String],
+    /// Why completed parameters act together, by eliminated parameter.
+    reasons: Vec<Reason<'a>>,
     known: Vec<KnownJson<'a>>,
     dropped: Vec<Row<'a>>,
+}
+
+#[derive(Serialize)]
+struct Reason<'a> {
+    parameter: &'a str,
+    with: &'a [String],
+    reason: Option<&'a str>,
 }
 
 #[derive(Serialize)]
@@ -117,6 +172,8 @@ struct Row<'a> {
     label: &'a str,
     terms: Vec<TermJson<'a>>,
     layer: &'static str,
+    /// `everywhere`, `here` (at these values of the names only) or `digits`.
+    factors: &'static str,
 }
 
 #[derive(Serialize)]
@@ -149,7 +206,7 @@ struct CertificateJson {
     largest_dropped: f64,
 }
 
-fn json<'a>(robot: &'a Robot, analysis: &'a Analysis) -> Json<'a> {
+fn json<'a>(robot: &'a Robot, analysis: &'a Analysis, reasons: &'a [Merged]) -> Json<'a> {
     let base = &analysis.base;
     let rows = |dropped: bool| -> Vec<Row<'a>> {
         let rows = base.parameters.iter().filter(|p| p.dropped == dropped);
@@ -169,6 +226,16 @@ fn json<'a>(robot: &'a Robot, analysis: &'a Analysis) -> Json<'a> {
         reason: doubt(analysis),
         trees_opened: base.trees,
         equal_by_value: &base.coincidences,
+        held: &base.held,
+        unrecognised: &base.unrecognised,
+        reasons: reasons
+            .iter()
+            .map(|r| Reason {
+                parameter: &r.parameter,
+                with: &r.with,
+                reason: r.reason.as_deref(),
+            })
+            .collect(),
         known: base
             .known
             .iter()
@@ -186,6 +253,11 @@ fn row<'a>(robot: &'a Robot, parameter: &'a BaseParameter) -> Row<'a> {
         label: label(robot, parameter.column),
         terms: terms(robot, &parameter.terms),
         layer: layer(parameter.layer),
+        factors: match parameter.exactness {
+            Exactness::Everywhere => "everywhere",
+            Exactness::Here => "here",
+            Exactness::Digits => "digits",
+        },
     }
 }
 

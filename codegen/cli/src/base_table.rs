@@ -3,10 +3,11 @@
 
 use std::fmt::Write as _;
 
-use regen_codegen::base::{Analysis, Known, Layer, Term};
+use regen_codegen::base::{Analysis, Exactness, Known, Layer, Term};
+use regen_codegen::explain::Merged;
 use regen_codegen::robot::Robot;
 
-use crate::base::{completed, doubt, label, layer};
+use crate::base::{completed, doubt, label, layer, mark};
 use crate::base_factor::{Factor, Signed, Style};
 use crate::base_latex as latex;
 use crate::table::{self, WIDTH};
@@ -23,6 +24,7 @@ struct Part {
 struct Row {
     parts: Vec<Part>,
     layer: Layer,
+    exactness: Exactness,
 }
 
 /// What every format shows.
@@ -36,18 +38,26 @@ pub(crate) struct Table {
 }
 
 impl Table {
-    pub(crate) fn new(robot: &Robot, analysis: &Analysis, style: Style) -> Self {
+    pub(crate) fn new(
+        robot: &Robot,
+        analysis: &Analysis,
+        style: Style,
+        reasons: &[Merged],
+    ) -> Self {
         let base = &analysis.base;
         let kept = base.parameters.iter().filter(|p| !p.dropped);
         let rows: Vec<Row> = kept
             .map(|parameter| Row {
                 parts: parts(robot, &parameter.terms, style),
                 layer: parameter.layer,
+                exactness: parameter.exactness,
             })
             .collect();
         let instead = |part: &Part| matches!(part.signed.factor, Factor::Instead(_));
         let shortened = rows.iter().any(|row| row.parts.iter().any(instead));
         let mut facts = facts(robot, analysis);
+        facts.extend(because(reasons));
+        facts.extend(marks(&rows));
         if shortened {
             let text = "a number for an expression of more than 60 characters; --expressions \
                         prints it";
@@ -80,7 +90,7 @@ impl Table {
             return out;
         }
         let numbers = self.rows.len().to_string().len().max(2);
-        let layers = self.rows.iter().map(|row| layer(row.layer).len());
+        let layers = self.rows.iter().map(|row| row.rests_on().len());
         let layers = layers.max().unwrap_or(0).max("rests on".len());
         let indent = 3 * GAP.len() + numbers + layers;
         let _ = writeln!(
@@ -94,7 +104,7 @@ impl Table {
                 out,
                 "{GAP}{:>numbers$}{GAP}{:<layers$}{GAP}{}",
                 k + 1,
-                layer(row.layer),
+                row.rests_on(),
                 lines.next().unwrap_or_default()
             );
             for line in lines {
@@ -118,7 +128,7 @@ impl Table {
                 .enumerate()
                 .map(|(k, p)| p.plain(k))
                 .collect();
-            let _ = writeln!(out, "| {} | `{text}` | {} |", k + 1, layer(row.layer));
+            let _ = writeln!(out, "| {} | `{text}` | {} |", k + 1, row.rests_on());
         }
         out
     }
@@ -145,7 +155,7 @@ impl Table {
                 .enumerate()
                 .map(|(k, p)| p.latex(k))
                 .collect();
-            let _ = writeln!(out, "{} & ${text}$ & {} \\\\", k + 1, layer(row.layer));
+            let _ = writeln!(out, "{} & ${text}$ & {} \\\\", k + 1, row.rests_on());
         }
         out.push_str("\\bottomrule\n\\end{tabular}\n\n{\\footnotesize\\noindent\n");
         for (name, text) in &self.facts {
@@ -194,6 +204,11 @@ impl Part {
 }
 
 impl Row {
+    /// The layer, marked where factors are not known as functions of the names.
+    fn rests_on(&self) -> String {
+        format!("{}{}", layer(self.layer), mark(self.exactness))
+    }
+
     /// Lines of the combination: broken between terms, or else between the words of a term.
     fn lines(&self, width: usize) -> Vec<String> {
         let mut lines = vec![String::new()];
@@ -256,6 +271,42 @@ fn pieces(word: &str, width: usize) -> Vec<&str> {
     pieces
 }
 
+/// Why completed directions are there: reasons with the parameters that they
+/// explain.
+fn because(reasons: &[Merged]) -> Vec<(&'static str, String)> {
+    let mut groups: Vec<(&str, Vec<&str>)> = Vec::new();
+    for one in reasons {
+        let Some(reason) = &one.reason else { continue };
+        match groups.iter_mut().find(|g| g.0 == reason) {
+            Some(group) => group.1.push(&one.parameter),
+            None => groups.push((reason, vec![&one.parameter])),
+        }
+    }
+    let line = |(reason, parameters): (&str, Vec<&str>)| {
+        ("because", format!("{reason}: {}", parameters.join(" ")))
+    };
+    groups.into_iter().map(line).collect()
+}
+
+/// What the marks of rows mean, where there are some.
+fn marks(rows: &[Row]) -> Vec<(&'static str, String)> {
+    [
+        (
+            Exactness::Here,
+            "factors are exact at these values of the names; they are not known as functions of \
+             all of them",
+        ),
+        (
+            Exactness::Digits,
+            "some factors are known by their digits only",
+        ),
+    ]
+    .into_iter()
+    .filter(|(exactness, _)| rows.iter().any(|row| row.exactness == *exactness))
+    .map(|(exactness, text)| (mark(exactness), text.to_owned()))
+    .collect()
+}
+
 fn parts(robot: &Robot, terms: &[Term], style: Style) -> Vec<Part> {
     let part = |term: &Term| Part {
         signed: Signed::new(term, style),
@@ -289,6 +340,9 @@ fn facts(robot: &Robot, analysis: &Analysis) -> Vec<(&'static str, String)> {
     if !base.unrecognised.is_empty() {
         let text = format!("not exact: {}", base.unrecognised.join("; "));
         facts.push(("numbers", text));
+    }
+    for note in &base.held {
+        facts.push(("held", format!("completed factors hold for {note}")));
     }
     facts.push(("certificate", certificate(analysis)));
     if !base.coincidences.is_empty() {

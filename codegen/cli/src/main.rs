@@ -6,6 +6,7 @@ mod base;
 mod base_factor;
 mod base_latex;
 mod base_table;
+mod check;
 mod closed;
 mod eval;
 mod exit;
@@ -49,6 +50,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Generate(args)) => generate::run(&args),
         Some(Command::Info(args)) => info::run(&args),
         Some(Command::Base(args)) => base::run(&args),
+        Some(Command::Check(args)) => check::run(&args),
         Some(Command::Verify(args)) => verify_run::run(&args),
         Some(Command::Eval(args)) => eval::run(&args),
         Some(Command::Import(args)) => import::run(&args),

@@ -46,6 +46,12 @@ pub(crate) fn field(name: &str, value: &str) -> String {
     format!("  {name:<w$}{}", wrapped(value, INDENT), w = INDENT - 2)
 }
 
+/// A statement in a list, wrapped under itself.
+pub(crate) fn item(text: &str) -> String {
+    const INDENT: usize = 4;
+    format!("  - {}", wrapped(text, INDENT))
+}
+
 /// Words in lines that fit the width.
 pub(crate) fn paragraph(text: &str) -> String {
     wrapped(text, 0)

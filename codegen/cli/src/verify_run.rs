@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use nalgebra::{DMatrix, DVector};
-use regen_codegen::base::{Analysis, Base, Term};
+use regen_codegen::base::{Analysis, Base, Direction};
 use regen_codegen::robot::Robot;
 use regen_runtime::{Closure, Model};
 use serde::Serialize;
@@ -275,9 +275,9 @@ impl Kept {
     }
 
     fn null_directions(&self, base: &Base) -> Vec<DVector<f64>> {
-        let direction = |(_, terms): &(usize, Vec<Term>)| {
+        let direction = |row: &Direction| {
             let mut direction = DVector::zeros(self.columns.len());
-            for term in terms {
+            for term in &row.terms {
                 if let Some(k) = self.place(term.column) {
                     direction[k] = term.value.to_f64();
                 }

@@ -18,8 +18,9 @@ pub struct Analysis {
     /// The rank over all columns, sampled; or why there is none.
     pub certificate: Result<Certificate, String>,
     /// Whether the directions derived and completed are all there are: their
-    /// number and the certified rank add up to the number of columns. Derived
-    /// directions bound the rank from above, samples from below.
+    /// number and the certified rank add up to the number of columns, and each is
+    /// null at every sampled state. Derived directions bound the rank from above,
+    /// samples from below.
     pub complete: bool,
 }
 
@@ -35,7 +36,7 @@ pub fn analyse(spec: &Spec, model: &Model, home: &[f64]) -> Analysis {
     let sampled = sampled.map(|samples| Sampled::new(samples, home, SEED));
     let base = derive_all(spec, model, target, sampled.as_ref());
     Analysis {
-        complete: target == Some(base.from_trees + base.completed),
+        complete: target == Some(base.from_trees + base.completed) && base.refuted == 0,
         base,
         certificate,
     }

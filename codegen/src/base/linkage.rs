@@ -16,6 +16,8 @@ pub(super) enum Stage {
     Moving {
         kind: MotionKind,
         axis: usize,
+        /// Whether it is passed from its moved side: rates change their sign.
+        backward: bool,
         /// The coordinate; cuts have none.
         coordinate: Option<usize>,
         /// Column of the rotor parameter.
@@ -94,6 +96,7 @@ impl Linkage {
                     stages.push(Stage::Moving {
                         kind: motion.kind,
                         axis: index(motion.axis),
+                        backward: false,
                         coordinate: Some(motion.coordinate),
                         rotor: rotor_column(model, motion.coordinate),
                         coulomb: coulomb_columns(model, motion.coordinate),
@@ -115,6 +118,7 @@ impl Linkage {
                     .map(|(kind, axis)| Stage::Moving {
                         kind: *kind,
                         axis: *axis,
+                        backward: false,
                         coordinate: None,
                         rotor: None,
                         coulomb: None,
@@ -146,8 +150,15 @@ impl Edge {
         reversed
             .map(|stage| match stage {
                 Stage::Fixed(placed) => fixed(placed.inverse(field)),
-                // the sign of a motion does not matter to a span
-                moving @ Stage::Moving { .. } => moving.clone(),
+                // the sign of a motion does not matter to a span, but to what its
+                // rate alone is weighed against
+                moving @ Stage::Moving { .. } => {
+                    let mut moving = moving.clone();
+                    if let Stage::Moving { backward, .. } = &mut moving {
+                        *backward = !*backward;
+                    }
+                    moving
+                }
             })
             .collect()
     }

@@ -5,6 +5,7 @@ mod analysis;
 pub mod certificate;
 mod choice;
 mod completion;
+mod coupled;
 pub mod field;
 mod geometry;
 mod known;
@@ -14,9 +15,13 @@ mod span;
 mod store;
 mod tree;
 mod trees;
+mod ways;
 
 pub use analysis::{Analysis, analyse};
+pub use completion::recognise;
+pub use rates::ties;
 pub use store::{StoreProblem, is_heavy, restore, store};
+pub use ways::{Form, Freedom, Way, follows, ways};
 
 use crate::model::Model;
 use crate::spec::Spec;
@@ -45,6 +50,32 @@ pub enum Layer {
     Completed,
 }
 
+/// How well the factors of a completed combination are known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Exactness {
+    /// As functions of the geometry's names, verified at other values of them (but
+    /// for the names that [`Base::held`] lists); or derived.
+    Everywhere,
+    /// As exact numbers at the given geometry; how they depend on its names is not
+    /// known.
+    Here,
+    /// Some by their digits only.
+    Digits,
+}
+
+/// A null direction: forces do not change along it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Direction {
+    /// The eliminated column.
+    pub column: usize,
+    /// Its entries, that of the eliminated column among them, with factor 1.
+    pub terms: Vec<Term>,
+    /// On what it rests.
+    pub layer: Layer,
+    /// How well its factors are known.
+    pub exactness: Exactness,
+}
+
 /// A base parameter: a kept parameter plus multiples of eliminated ones.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BaseParameter {
@@ -54,6 +85,8 @@ pub struct BaseParameter {
     pub terms: Vec<Term>,
     /// On what it rests.
     pub layer: Layer,
+    /// How well its factors are known.
+    pub exactness: Exactness,
     /// Whether `base.drop` leaves it out.
     pub dropped: bool,
 }
@@ -72,9 +105,8 @@ pub struct Known {
 pub struct Base {
     /// Kept and dropped ones, in the order of the parameters.
     pub parameters: Vec<BaseParameter>,
-    /// Eliminated columns, each with its row of the null space: the directions
-    /// along which nothing changes.
-    pub null: Vec<(usize, Vec<Term>)>,
+    /// The null space, one direction per eliminated column, in their order.
+    pub null: Vec<Direction>,
     /// Parameters that `base.zero` and `base.equal` write with others.
     pub known: Vec<Known>,
     /// Dimension of the null space that trees account for, over all columns.
@@ -84,8 +116,13 @@ pub struct Base {
     /// How many null directions beyond those of trees were completed from
     /// samples.
     pub completed: usize,
+    /// How many directions are not null at sampled states: 0, or the base is wrong.
+    pub refuted: usize,
     /// Factors of completed directions that are numbers only, and why.
     pub unrecognised: Vec<String>,
+    /// Names whose values completed factors hold for, since these could not be
+    /// varied, and why.
+    pub held: Vec<String>,
     /// Equalities of values that the result rests on, beyond the names.
     pub coincidences: Vec<String>,
 }
@@ -110,6 +147,9 @@ fn derive_all(
     for direction in rates::null_directions(&mut field, &linkage, model) {
         start.insert(&mut field, &direction);
     }
+    for direction in coupled::null_directions(&mut field, &linkage, model) {
+        start.insert(&mut field, &direction);
+    }
     let sum = trees::sum(&mut field, &linkage, start, target);
     let mut null: Vec<Vector> = sum.span.vectors().cloned().collect();
     let from_trees = null.len();
@@ -122,30 +162,44 @@ fn derive_all(
     let order = choice::preference(model, &asked);
     let columns = model.parameters.len();
     let mut unrecognised = Vec::new();
+    let mut held = Vec::new();
+    let mut exactness = Vec::new();
     if let Some(sampled) = sampled {
         let found = sampled.complete(&mut field, spec, model, &null, &order, asked.len());
         unrecognised = found.unrecognised;
+        held = found.held;
         // an entry beyond the columns tells on what a row rests
-        for (k, mut direction) in found.directions.into_iter().enumerate() {
+        for (k, (mut direction, how)) in found.directions.into_iter().enumerate() {
+            exactness.push(how);
             direction.insert(columns + k, Element::one());
             null.push(direction);
         }
     }
     let null_dimension = null.len();
+    let refuted = sampled.map_or(0, |sampled| sampled.refuted(&null));
     let known = known::substitutions(&mut field, spec, model);
     let restricted = known::restricted(&mut field, &null, &known);
     let reduced = choice::reduce(&mut field, &restricted, &order, asked.len());
+    let rests = |row: &Vector| -> (Layer, Exactness) {
+        let completed = row.range(columns..);
+        let of = completed.filter_map(|(k, _)| exactness.get(k - columns));
+        of.max()
+            .map_or((Layer::Derived, Exactness::Everywhere), |e| {
+                (Layer::Completed, *e)
+            })
+    };
     let gone: Vec<usize> = known.iter().map(|k| k.column).collect();
     let parameters = (0..model.parameters.len())
         .filter(|c| !reduced.rows.contains_key(c) && !gone.contains(c))
         .map(|c| {
-            let mut layer = Layer::Derived;
+            let (mut layer, mut exactness) = (Layer::Derived, Exactness::Everywhere);
             let combined = reduced.rows.iter().filter_map(|(eliminated, row)| {
                 // forces do not change along the row: what is eliminated comes
                 // back with the opposite sign
                 let factor = row.get(&c)?.neg();
-                if row.range(columns..).next().is_some() {
+                if let (Layer::Completed, how) = rests(row) {
                     layer = Layer::Completed;
+                    exactness = exactness.max(how);
                 }
                 Some((*eliminated, factor))
             });
@@ -160,14 +214,20 @@ fn derive_all(
                     .map(|(column, e)| term(&field, column, &e))
                     .collect(),
                 layer,
+                exactness,
                 dropped: spec.base.drop.iter().any(|d| d.value == *label),
             }
         })
         .collect();
     let null = reduced.rows.iter().map(|(column, row)| {
         let entries = row.range(..columns);
-        let terms = entries.map(|(c, e)| term(&field, *c, e)).collect();
-        (*column, terms)
+        let (layer, exactness) = rests(row);
+        Direction {
+            column: *column,
+            terms: entries.map(|(c, e)| term(&field, *c, e)).collect(),
+            layer,
+            exactness,
+        }
     });
     Base {
         parameters,
@@ -182,7 +242,9 @@ fn derive_all(
         from_trees,
         trees: sum.trees,
         completed: null_dimension - from_trees,
+        refuted,
         unrecognised,
+        held,
         coincidences: field.coincidences().map(str::to_owned).collect(),
     }
 }

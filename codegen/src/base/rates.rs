@@ -9,6 +9,7 @@
 //! ties of two coordinates, or of one, which then does not move at all.
 
 use crate::model::{FrictionColumn, Model, MotionKind, ParameterKind};
+use crate::spec::Spec;
 use crate::sym::Number;
 
 use super::field::{Element, Field};
@@ -16,6 +17,7 @@ use super::geometry::Placed;
 use super::linkage::{Linkage, Stage};
 use super::span::{Vector, add_scaled};
 use super::trees::path;
+use super::ways::Form;
 
 /// The directions that ties of rates give.
 pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Model) -> Vec<Vector> {
@@ -47,6 +49,30 @@ pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Mode
         }
     }
     directions
+}
+
+/// Ties of rates that hold by construction: coordinates with factors whose sum of
+/// rates is 0 all the time.
+pub fn ties(spec: &Spec, model: &Model) -> Vec<Form> {
+    let mut field = Field::default();
+    let linkage = Linkage::new(&mut field, spec, model);
+    all_ties(&mut field, &linkage, model)
+}
+
+/// Ties by couplings and by the turns around planar loops.
+pub(super) fn all_ties(field: &mut Field, linkage: &Linkage, model: &Model) -> Vec<Form> {
+    let mut ties = couplings(model);
+    ties.extend(planar_loops(field, linkage));
+    ties.iter().map(plain).collect()
+}
+
+/// Ties by couplings alone.
+pub(super) fn ties_of_couplings(model: &Model) -> Vec<Form> {
+    couplings(model).iter().map(plain).collect()
+}
+
+fn plain(tie: &Vector) -> Form {
+    tie.iter().map(|(c, e)| (*c, e.value().clone())).collect()
 }
 
 /// v, c and e of two tied coordinates, or of one that stands still.

@@ -9,11 +9,13 @@
 //! spec 6f1c...                        digest of the spec's bytes (SHA-256)
 //! certificate 70 25 19 96 1.2e-3 4e-95  columns rank states digits kept dropped
 //! sums 4 45 0 true                    trees, dimension, completed, complete
+//! refuted 1                           directions that samples contradict, if any
 //! number Ixx(2) in Iyy(3)             a factor that is a number only
+//! held a, b in proportion only: ...   names that were not varied, and why
 //! equal l1 = l2                       coincidences
-//! base 23 kept                        a base parameter: column, kept or dropped
+//! base 23 kept derived                a base parameter: column, kept or dropped, rests on
 //! term 23 1                           column and factor, of the line above
-//! null 19                             a direction: the eliminated column
+//! null 19 completed                   a direction: the eliminated column, rests on
 //! known 12                            a parameter written with others
 //! end                                 nothing is cut off
 //! ```
@@ -27,7 +29,7 @@ use crate::model::Model;
 use crate::spec::Spec;
 
 use super::certificate::Certificate;
-use super::{Analysis, Base, BaseParameter, Known, Layer, Term};
+use super::{Analysis, Base, BaseParameter, Direction, Exactness, Known, Layer, Term};
 
 /// With the version: another one may choose other columns.
 const HEAD: &str = concat!("regen-base ", env!("CARGO_PKG_VERSION"));
@@ -78,6 +80,25 @@ pub fn is_heavy(model: &Model) -> bool {
     effort(model) > 3_000_000
 }
 
+/// What combinations may rest on, in the file's words.
+const RESTS: [(&str, Layer, Exactness); 4] = [
+    ("derived", Layer::Derived, Exactness::Everywhere),
+    ("completed", Layer::Completed, Exactness::Everywhere),
+    ("completed-here", Layer::Completed, Exactness::Here),
+    ("completed-digits", Layer::Completed, Exactness::Digits),
+];
+
+fn rests(layer: Layer, exactness: Exactness) -> &'static str {
+    let mut all = RESTS.iter();
+    let found = all.find(|(_, l, e)| (*l, *e) == (layer, exactness));
+    found.map_or(RESTS[0].0, |(word, ..)| *word)
+}
+
+fn rests_on(word: &str) -> Option<(Layer, Exactness)> {
+    let found = RESTS.iter().find(|(w, ..)| *w == word)?;
+    Some((found.1, found.2))
+}
+
 /// The text that keeps an analysis.
 pub fn store(source: &Source, analysis: &Analysis) -> String {
     let Analysis {
@@ -103,8 +124,14 @@ pub fn store(source: &Source, analysis: &Analysis) -> String {
         "sums {} {} {} {complete}",
         base.trees, base.from_trees, base.completed
     );
+    if base.refuted > 0 {
+        let _ = writeln!(out, "refuted {}", base.refuted);
+    }
     for note in &base.unrecognised {
         let _ = writeln!(out, "number {note}");
+    }
+    for note in &base.held {
+        let _ = writeln!(out, "held {note}");
     }
     for equation in &base.coincidences {
         let _ = writeln!(out, "equal {equation}");
@@ -116,16 +143,14 @@ pub fn store(source: &Source, analysis: &Analysis) -> String {
     };
     for parameter in &base.parameters {
         let kept = if parameter.dropped { "dropped" } else { "kept" };
-        let layer = match parameter.layer {
-            Layer::Derived => "derived",
-            Layer::Completed => "completed",
-        };
+        let layer = rests(parameter.layer, parameter.exactness);
         let _ = writeln!(out, "base {} {kept} {layer}", parameter.column);
         terms(&mut out, &parameter.terms);
     }
-    for (column, row) in &base.null {
-        let _ = writeln!(out, "null {column}");
-        terms(&mut out, row);
+    for row in &base.null {
+        let layer = rests(row.layer, row.exactness);
+        let _ = writeln!(out, "null {} {layer}", row.column);
+        terms(&mut out, &row.terms);
     }
     for known in &base.known {
         let _ = writeln!(out, "known {}", known.column);
@@ -166,7 +191,9 @@ fn read<'a>(lines: impl Iterator<Item = &'a str>, spec: &Spec, columns: usize) -
             from_trees: 0,
             trees: 0,
             completed: 0,
+            refuted: 0,
             unrecognised: Vec::new(),
+            held: Vec::new(),
             coincidences: Vec::new(),
         },
         certificate: Err("none".to_owned()),
@@ -198,23 +225,29 @@ fn read<'a>(lines: impl Iterator<Item = &'a str>, spec: &Spec, columns: usize) -
                 base.completed = number(2)?;
                 analysis.complete = parts.get(3)?.parse().ok()?;
             }
+            "refuted" => base.refuted = number(0)?,
             "number" => base.unrecognised.push(rest.to_owned()),
+            "held" => base.held.push(rest.to_owned()),
             "equal" => base.coincidences.push(rest.to_owned()),
             "base" => {
+                let (layer, exactness) = rests_on(parts.get(2)?)?;
                 base.parameters.push(BaseParameter {
                     column: column()?,
                     terms: Vec::new(),
-                    layer: match *parts.get(2)? {
-                        "derived" => Layer::Derived,
-                        "completed" => Layer::Completed,
-                        _ => return None,
-                    },
+                    layer,
+                    exactness,
                     dropped: *parts.get(1)? == "dropped",
                 });
                 open = Some(0);
             }
             "null" => {
-                base.null.push((column()?, Vec::new()));
+                let (layer, exactness) = rests_on(parts.get(1)?)?;
+                base.null.push(Direction {
+                    column: column()?,
+                    terms: Vec::new(),
+                    layer,
+                    exactness,
+                });
                 open = Some(1);
             }
             "known" => {
@@ -233,7 +266,7 @@ fn read<'a>(lines: impl Iterator<Item = &'a str>, spec: &Spec, columns: usize) -
                 };
                 match open? {
                     0 => base.parameters.last_mut()?.terms.push(term),
-                    1 => base.null.last_mut()?.1.push(term),
+                    1 => base.null.last_mut()?.terms.push(term),
                     _ => base.known.last_mut()?.terms.push(term),
                 }
             }

@@ -145,6 +145,7 @@ fn pass(field: &mut Field, start: Reach, stages: &[Stage]) -> (Reach, Vec<Passin
             Stage::Moving {
                 kind,
                 axis,
+                backward,
                 coordinate: _,
                 rotor,
                 coulomb,
@@ -158,7 +159,8 @@ fn pass(field: &mut Field, start: Reach, stages: &[Stage]) -> (Reach, Vec<Passin
                     own.push(Own::Offset(positive, negative));
                     9 + own.len()
                 });
-                let (next, found) = joint.extend(field, &reach, rotor_at, offset_at);
+                let (next, found) =
+                    joint.extend(field, &reach, rotor_at, offset_at.map(|at| (at, *backward)));
                 reach = next;
                 functionals.extend(found);
             }
@@ -335,13 +337,14 @@ impl Joint {
 
     /// The reach behind the joint, and the functionals that a direction must be
     /// orthogonal to: in ten entries, and in those of the rotor (1 in the
-    /// generator h(S, S) alone) and of the friction's offset (against gravity).
+    /// generator h(S, S) alone) and of the friction's offset (against gravity, with
+    /// the other sign where the joint is passed backward).
     fn extend(
         &self,
         field: &mut Field,
         before: &Reach,
         rotor: Option<usize>,
-        offset: Option<usize>,
+        offset: Option<(usize, bool)>,
     ) -> (Reach, Vec<Vector>) {
         let mut twists = before.twists.clone();
         close(field, &mut twists, |f, t| self.ad(f, t));
@@ -371,8 +374,13 @@ impl Joint {
             let h = self.value(field, &twist);
             values.insert(field, &h);
             let mut generator = h;
-            if let (Some(at), Some(weight)) = (offset, twist.get(&WEIGHT)) {
-                generator.insert(at, weight.neg());
+            if let (Some((at, backward)), Some(weight)) = (offset, twist.get(&WEIGHT)) {
+                let weight = if backward {
+                    weight.clone()
+                } else {
+                    weight.neg()
+                };
+                generator.insert(at, weight);
             }
             functionals.push(generator);
         }

@@ -20,7 +20,7 @@ pub(super) fn kept(robot: &Robot) -> Vec<String> {
 /// Labels of the eliminated parameters.
 pub(super) fn free(robot: &Robot) -> Vec<String> {
     let analysis = robot.analysis.iter();
-    let columns = analysis.flat_map(|a| &a.base.null).map(|n| n.0);
+    let columns = analysis.flat_map(|a| &a.base.null).map(|n| n.column);
     columns.map(|c| robot.parameters[c].clone()).collect()
 }
 

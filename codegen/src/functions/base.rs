@@ -130,7 +130,7 @@ pub(super) fn to_base(cx: &mut Context<'_>, base: &Base) -> Request {
 /// the eliminated ones.
 pub(super) fn parameters_from_base(cx: &mut Context<'_>, base: &Base) -> Request {
     let (beta_argument, beta) = beta(cx, base);
-    let eliminated: Vec<usize> = base.null.iter().map(|n| n.0).collect();
+    let eliminated: Vec<usize> = base.null.iter().map(|n| n.column).collect();
     let names = labels(cx, eliminated.iter().copied());
     let (ids, free) = symbols(cx.g, "free:", &names);
     let mut phi = particular(cx, base, &beta);

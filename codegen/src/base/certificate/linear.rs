@@ -105,6 +105,63 @@ pub(super) fn independent(mut rows: Vec<Vec<Wide>>, order: &[usize]) -> Vec<usiz
     found
 }
 
+/// The rank of rows whose entries are of the given size where they are more than
+/// rounding, and the largest number dropped as a part of that size.
+pub fn rank_of(rows: Vec<Vec<Wide>>, size: Wide) -> (usize, f64) {
+    let width = rows.first().map_or(0, Vec::len);
+    let done = eliminate(rows, width);
+    let floor = size.scaled(-ROUNDING);
+    let kept = done.pivots().filter(|p| p.cmp_abs(&floor).is_gt()).count();
+    // pivots come in order of size
+    let dropped = done.pivots().nth(kept).unwrap_or(done.dropped);
+    let part = dropped.checked_div(size);
+    (kept, part.map_or(0.0, |p| p.to_f64().abs()))
+}
+
+/// A column as a combination of others.
+#[derive(Clone, Debug)]
+pub struct Relation {
+    /// The column.
+    pub column: usize,
+    /// Other columns with their factors.
+    pub terms: Vec<(usize, Wide)>,
+}
+
+/// The columns that follow from those before them, in a given order; factors that
+/// are rounding are left out.
+pub fn relations(rows: &[Vec<Wide>], order: &[usize]) -> Vec<Relation> {
+    let kept = independent(rows.to_vec(), order);
+    let others: Vec<usize> = order
+        .iter()
+        .copied()
+        .filter(|c| !kept.contains(c))
+        .collect();
+    let pick = |columns: &[usize]| -> Vec<Vec<Wide>> {
+        rows.iter()
+            .map(|row| columns.iter().map(|&c| row[c]).collect())
+            .collect()
+    };
+    let factors = if kept.is_empty() {
+        Some(Vec::new())
+    } else {
+        solve(pick(&kept), pick(&others))
+    };
+    let Some(factors) = factors else {
+        return Vec::new();
+    };
+    let tiny = |x: &Wide| x.cmp_abs(&Wide::ONE.scaled(-ROUNDING)).is_le();
+    let relation = |(k, column): (usize, &usize)| Relation {
+        column: *column,
+        terms: kept
+            .iter()
+            .zip(&factors)
+            .filter(|(_, row)| !tiny(&row[k]))
+            .map(|(c, row)| (*c, row[k]))
+            .collect(),
+    };
+    others.iter().enumerate().map(relation).collect()
+}
+
 /// Solves `A Z = B` with at least as many rows as unknowns, consistent where
 /// there are more; unknowns by right-hand sides. `None` where it is singular.
 pub(super) fn solve(mut a: Vec<Vec<Wide>>, b: Vec<Vec<Wide>>) -> Option<Vec<Vec<Wide>>> {

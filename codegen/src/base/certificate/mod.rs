@@ -11,9 +11,11 @@
 
 mod evaluate;
 mod linear;
+mod observe;
 mod rank;
 mod rows;
 mod states;
+mod units;
 mod wide;
 
 use core::fmt;
@@ -22,11 +24,14 @@ use crate::kinematics::{Frames, Geometry};
 use crate::model::Model;
 use crate::sym::Graph;
 
+pub use linear::{Relation, rank_of, relations};
+pub use observe::{LinkMotion, Observation, Vector3, observe};
 pub use rank::{Certificate, Samples};
 pub use wide::{DIGITS, Wide};
 
 use rows::Rows;
 use states::Walk;
+use units::Units;
 
 /// States at the end that must show nothing new.
 const FRESH_STATES: usize = 2;
@@ -82,8 +87,9 @@ pub fn certify(model: &Model, home: &[f64], seed: u64) -> Result<Samples, Certif
     let expressions = rows::Expressions::new(&mut g, &frames, model);
 
     let needed = rows::states_needed(model);
-    let mut walk = Walk::new(&g, &equations, model, home, seed)?;
-    let mut rows = Rows::new(&g, model, &expressions, needed);
+    let units = Units::of(model, home);
+    let mut walk = Walk::new(&g, &equations, model, home, seed, units)?;
+    let mut rows = Rows::new(&g, model, &expressions, needed, units);
     let mut found = 0;
     let mut sample = |count: usize| {
         let needed = found + count;
@@ -98,7 +104,7 @@ pub fn certify(model: &Model, home: &[f64], seed: u64) -> Result<Samples, Certif
         Ok((rows.take(), found))
     };
     let (first, states) = sample(needed)?;
-    let mut samples = Samples::new(first, model.parameters.len(), states);
+    let mut samples = Samples::new(first, rows::column_units(model, units), states);
     // However many rows there are, one that is still missing may come once per
     // state. But energies are analytic on the branch: as long as a combination
     // passes for null that is not, almost every fresh state shows it.

@@ -7,6 +7,10 @@ use super::wide::{DIGITS, Wide};
 /// open.
 const LEAST_GAP: f64 = 1e20;
 
+/// What is dropped must be rounding of 96 digits: a larger number may be a part of
+/// the mechanism that is tiny beside the rest.
+const MOST_DROPPED: f64 = 1e-72;
+
 /// The rank of the parameters' columns over sampled states.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Certificate {
@@ -29,21 +33,27 @@ impl Certificate {
     /// Whether the gap between kept and dropped leaves no doubt.
     pub fn is_certain(&self) -> bool {
         // nothing is dropped where all columns are kept, nor where all are 0
-        self.largest_dropped == 0.0 || self.smallest_kept >= LEAST_GAP * self.largest_dropped
+        self.largest_dropped == 0.0
+            || self.largest_dropped <= MOST_DROPPED
+                && self.smallest_kept >= LEAST_GAP * self.largest_dropped
     }
 }
 
 /// Sampled rows over the parameters' columns.
 #[derive(Clone, Debug)]
 pub struct Samples {
+    /// In units of their own.
     rows: Vec<Vec<Wide>>,
+    /// By column, the power of two that it is multiplied by in the rows.
+    units: Vec<i32>,
     /// A basis of the rows' span.
     basis: Vec<Vec<Wide>>,
     certificate: Certificate,
 }
 
 impl Samples {
-    pub(super) fn new(rows: Vec<Vec<Wide>>, columns: usize, states: usize) -> Samples {
+    pub(super) fn new(rows: Vec<Vec<Wide>>, units: Vec<i32>, states: usize) -> Samples {
+        let columns = units.len();
         let done = eliminate(rows.clone(), columns);
         let part = |x: Wide| {
             let largest = done.pivots().next();
@@ -61,6 +71,7 @@ impl Samples {
         };
         Samples {
             rows,
+            units,
             basis: done.rows,
             certificate,
         }
@@ -74,7 +85,8 @@ impl Samples {
         let grown = done.rows.len() > self.certificate.rank;
         self.rows.extend(fresh);
         if grown {
-            *self = Samples::new(core::mem::take(&mut self.rows), columns, states);
+            let rows = core::mem::take(&mut self.rows);
+            *self = Samples::new(rows, core::mem::take(&mut self.units), states);
         } else {
             let largest = done.pivots().next();
             let part = largest.and_then(|l| done.dropped.checked_div(l));
@@ -107,10 +119,11 @@ impl Samples {
     /// part of the largest term that goes into it: rounding for a null
     /// direction, and of order 1 for a direction at random.
     pub fn residual(&self, direction: &[Wide]) -> f64 {
+        let direction = self.in_units(direction);
         let (mut largest, mut worst) = (Wide::ZERO, Wide::ZERO);
         for row in &self.rows {
             let mut sum = Wide::ZERO;
-            for (x, d) in row.iter().zip(direction) {
+            for (x, d) in row.iter().zip(&direction) {
                 let term = *x * *d;
                 sum = sum + term;
                 largest = largest.max(term.abs());
@@ -123,6 +136,7 @@ impl Samples {
     /// What the rows make of a direction, as a part of the largest entry of all:
     /// rounding for a null direction, also for one of columns that are all zero.
     pub fn left_over(&self, direction: &[Wide]) -> f64 {
+        let direction = &self.in_units(direction)[..];
         let size = |values: &[Wide]| values.iter().fold(Wide::ZERO, |m, x| m.max(x.abs()));
         let entries = self.rows.iter().map(|row| size(row));
         let largest = entries.fold(Wide::ZERO, Wide::max) * size(direction);
@@ -132,6 +146,12 @@ impl Samples {
         });
         let worst = sums.fold(Wide::ZERO, Wide::max);
         worst.checked_div(largest).map_or(0.0, |part| part.to_f64())
+    }
+
+    /// A direction's entries in the units of the rows.
+    fn in_units(&self, direction: &[Wide]) -> Vec<Wide> {
+        let entries = direction.iter().zip(&self.units);
+        entries.map(|(x, unit)| x.scaled(-unit)).collect()
     }
 
     /// The one null direction within some columns, with 1 at the first of them:
@@ -151,7 +171,10 @@ impl Samples {
             return Some(vec![Wide::ONE]);
         }
         let solution = solve(pick(others), pick(&[*first]))?;
-        let found = solution.iter().map(|row| -row[0]);
+        let found = solution.iter().zip(others).map(|(row, &c)| {
+            let unit = self.units[c] - self.units[*first];
+            -row[0].scaled(unit)
+        });
         Some(std::iter::once(Wide::ONE).chain(found).collect())
     }
 
@@ -167,10 +190,14 @@ impl Samples {
         let matrix = rows.map(|row| kept.iter().map(|&c| row[c]).collect());
         let by_kept = solve(matrix.collect(), self.basis.clone())?;
         let unit = |k: usize, at: usize| if k == at { Wide::ONE } else { Wide::ZERO };
+        let true_size = |x: Wide, k: usize, c: usize| x.scaled(self.units[k] - self.units[c]);
         let column = |c: usize| -> Vec<Wide> {
             match kept.iter().position(|&k| k == c) {
                 Some(at) => (0..kept.len()).map(|k| unit(k, at)).collect(),
-                None => by_kept.iter().map(|row| row[c]).collect(),
+                None => {
+                    let factors = by_kept.iter().zip(kept);
+                    factors.map(|(row, &k)| true_size(row[c], k, c)).collect()
+                }
             }
         };
         Some((0..self.certificate.columns).map(column).collect())
@@ -188,7 +215,7 @@ mod tests {
             row[i] = Wide::from_f64(*x);
             row
         });
-        Samples::new(rows.collect(), n, 1).certificate()
+        Samples::new(rows.collect(), vec![0; n], 1).certificate()
     }
 
     #[test]

@@ -12,7 +12,8 @@ use crate::model::{FrictionColumn, Model, ParameterKind};
 use crate::sym::{Ex, Graph, V3};
 
 use super::evaluate::Evaluator;
-use super::states::{Random, State};
+use super::states::{Random, State, slides};
+use super::units::Units;
 use super::wide::Wide;
 
 /// A twist (w, v) of a body in its own frame at its own origin.
@@ -32,6 +33,14 @@ pub(super) fn states_needed(model: &Model) -> usize {
     let by_all = (2 * columns).div_ceil(n * (n + 3) / 2);
     let by_gravity = (2 * 4 * model.bodies.len()).div_ceil(n);
     by_all.max(by_gravity).max(LEAST_STATES)
+}
+
+/// By parameter, the power of two that its column is multiplied by.
+pub(super) fn column_units(model: &Model, units: Units) -> Vec<i32> {
+    let parameters = model.parameters.iter();
+    parameters
+        .map(|p| units.column(p.kind, |c| slides(model, c)))
+        .collect()
 }
 
 /// What of a mechanism is sampled.
@@ -124,6 +133,9 @@ pub(super) struct Rows<'a> {
     evaluator: Evaluator<'a>,
     /// Velocities per state for the rows of friction.
     velocities: usize,
+    units: Units,
+    /// By parameter, the power of two that its column is multiplied by.
+    columns: Vec<i32>,
     collected: Vec<Vec<Wide>>,
 }
 
@@ -133,6 +145,7 @@ impl<'a> Rows<'a> {
         model: &'a Model,
         expressions: &'a Expressions,
         states: usize,
+        units: Units,
     ) -> Rows<'a> {
         let parameters = model.parameters.iter();
         let friction = parameters
@@ -147,6 +160,8 @@ impl<'a> Rows<'a> {
             expressions,
             evaluator: Evaluator::new(g, expressions.roots()),
             velocities,
+            units,
+            columns: column_units(model, units),
             collected: Vec::new(),
         }
     }
@@ -159,6 +174,7 @@ impl<'a> Rows<'a> {
     /// Adds the rows of a state; `None` where it has none.
     pub(super) fn sample(&mut self, state: &State, random: &mut Random) -> Option<()> {
         let values = self.evaluator.run(&state.q)?;
+        let state = &self.with_unit_rates(state);
         let width = self.model.independent.len();
         let mut bodies = Vec::new();
         let mut at = 0;
@@ -190,7 +206,7 @@ impl<'a> Rows<'a> {
                     ParameterKind::Inertial { .. } | ParameterKind::Friction { .. } => Wide::ZERO,
                 };
                 let blocks = bodies.iter().map(|(t, _)| polar(&t[j], &t[k]));
-                self.push(&blocks.collect::<Vec<_>>(), entry);
+                self.push(0, &blocks.collect::<Vec<_>>(), entry);
             }
             let entry = |kind: ParameterKind| match kind {
                 ParameterKind::Friction { coordinate, column } => {
@@ -203,7 +219,7 @@ impl<'a> Rows<'a> {
                 let power = polar(gamma, &t[j]);
                 power.map(|x| -x)
             });
-            self.push(&blocks.collect::<Vec<_>>(), entry);
+            self.push(-self.units.time, &blocks.collect::<Vec<_>>(), entry);
         }
         for _ in 0..self.velocities {
             self.sample_friction(state, random);
@@ -223,25 +239,40 @@ impl<'a> Rows<'a> {
                 terms.fold(Wide::ZERO, |sum, (x, r)| sum + *x * *r)
             })
             .collect();
-        let kinds: [fn(Effort, Wide) -> Wide; 3] = [
-            |effort, qd| halves(effort.v, qd * qd),
-            |effort, qd| halves(effort.c, qd.abs()),
-            |effort, qd| halves(effort.e, qd.abs() * qd),
+        type Power = fn(Effort, Wide) -> Wide;
+        let kinds: [(i32, Power); 3] = [
+            (0, |effort, qd| halves(effort.v, qd * qd)),
+            (-self.units.time, |effort, qd| halves(effort.c, qd.abs())),
+            (0, |effort, qd| halves(effort.e, qd.abs() * qd)),
         ];
-        for power in kinds {
+        for (unit, power) in kinds {
             let entry = |kind: ParameterKind| match kind {
                 ParameterKind::Friction { coordinate, column } => {
                     power(Effort::of(column), qd[coordinate])
                 }
                 ParameterKind::Inertial { .. } | ParameterKind::Rotor { .. } => Wide::ZERO,
             };
-            self.push(&[], entry);
+            self.push(unit, &[], entry);
         }
     }
 
-    /// Adds a row: blocks of the bodies, or none, and an entry for every other
-    /// parameter.
-    fn push(&mut self, blocks: &[[Wide; 10]], entry: impl Fn(ParameterKind) -> Wide) {
+    /// The state with the rates of independent coordinates in units of their own.
+    fn with_unit_rates(&self, state: &State) -> State {
+        let mut state = state.clone();
+        for k in 0..self.model.independent.len() {
+            let rates = state.j.iter().enumerate();
+            let rates = rates.map(|(c, row)| (slides(self.model, c), row[k]));
+            let unit = self.units.rate(rates);
+            for row in &mut state.j {
+                row[k] = row[k].scaled(-unit);
+            }
+        }
+        state
+    }
+
+    /// Adds a row, times a power of two: blocks of the bodies, or none, and an
+    /// entry for every other parameter.
+    fn push(&mut self, unit: i32, blocks: &[[Wide; 10]], entry: impl Fn(ParameterKind) -> Wide) {
         let parameters = self.model.parameters.iter();
         let row = parameters.map(|parameter| match parameter.kind {
             ParameterKind::Inertial { body, entry } => {
@@ -249,7 +280,8 @@ impl<'a> Rows<'a> {
             }
             kind => entry(kind),
         });
-        let row: Vec<Wide> = row.collect();
+        let row = row.zip(&self.columns);
+        let row: Vec<Wide> = row.map(|(x, column)| x.scaled(unit + column)).collect();
         if row.iter().any(|x| !x.is_zero()) {
             self.collected.push(row);
         }

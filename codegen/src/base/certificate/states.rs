@@ -14,6 +14,7 @@ use crate::sym::Graph;
 use super::CertificateError;
 use super::evaluate::Evaluator;
 use super::linear::solve;
+use super::units::Units;
 use super::wide::Wide;
 
 /// A step that brings A_e closer to singular than this is not taken.
@@ -100,6 +101,7 @@ impl<'a> Walk<'a> {
         model: &'a Model,
         home: &[f64],
         seed: u64,
+        units: Units,
     ) -> Result<Walk<'a>, CertificateError> {
         let jacobian = equations.jacobian.iter().flatten();
         let roots = equations.residual.iter().chain(jacobian).copied();
@@ -118,7 +120,7 @@ impl<'a> Walk<'a> {
             rows: equations.residual.len(),
             random: Random::new(seed),
             ranges: (0..model.coordinates.len())
-                .map(|c| range(model, home, c))
+                .map(|c| range(model, home, c, units))
                 .collect(),
             least_ratio: LEAST_RATIO.min(0.1 * ratio),
             closed: CLOSED * size,
@@ -134,6 +136,11 @@ impl<'a> Walk<'a> {
     /// The numbers behind the walk.
     pub(super) fn random(&mut self) -> &mut Random {
         &mut self.random
+    }
+
+    /// Home as a state.
+    pub(super) fn at_home(&self) -> Option<State> {
+        self.polish(&self.home)
     }
 
     /// The next state, or `None` where the walk is stuck.
@@ -293,14 +300,14 @@ impl<'a> Walk<'a> {
     }
 }
 
-fn slides(model: &Model, c: usize) -> bool {
+pub(super) fn slides(model: &Model, c: usize) -> bool {
     let motion = model.links[model.coordinates[c].link].motion;
     motion.is_some_and(|m| m.kind == MotionKind::Translation)
 }
 
 /// Where a coordinate may go: within its limits where home is; else a slide about
 /// home, and for angles and dependent coordinates anywhere.
-fn range(model: &Model, home: &[f64], c: usize) -> [f64; 2] {
+fn range(model: &Model, home: &[f64], c: usize, units: Units) -> [f64; 2] {
     if let Some([low, high]) = model.coordinates[c].position
         && low < high
         && (low..=high).contains(&home[c])
@@ -308,7 +315,7 @@ fn range(model: &Model, home: &[f64], c: usize) -> [f64; 2] {
         return [low, high];
     }
     let reach = if slides(model, c) && model.independent.contains(&c) {
-        0.75 * home[c].abs().max(0.4)
+        0.75 * home[c].abs().max(0.4 * units.metres())
     } else {
         f64::INFINITY
     };

@@ -20,6 +20,40 @@ pub(super) struct Group {
     members: Vec<String>,
 }
 
+impl Group {
+    /// All names of some groups, to be scaled in proportion; `None` for fewer than
+    /// two groups.
+    pub(super) fn merged<'a>(mut groups: impl Iterator<Item = &'a Group>) -> Option<Group> {
+        let mut merged = groups.next()?.clone();
+        let first = merged.members.len();
+        for group in groups {
+            merged.members.extend(group.members.iter().cloned());
+        }
+        (merged.members.len() > first).then_some(merged)
+    }
+
+    /// Its names.
+    pub(super) fn members(&self) -> impl Iterator<Item = &str> {
+        self.members.iter().map(String::as_str)
+    }
+}
+
+/// A note on the names of angles that are left as they are, if there are some.
+pub(super) fn fixed_angles(spec: &Spec) -> Vec<String> {
+    let names = spec.geometry.iter().filter(|(_, quantity)| {
+        let value = &quantity.value;
+        !value.is_zero() && value.pi_multiple().is_some() && !mentions_names(&quantity.expr)
+    });
+    let names: Vec<&str> = names.map(|(name, _)| name.value.as_str()).collect();
+    if names.is_empty() {
+        return Vec::new();
+    }
+    vec![format!(
+        "{} as given only: a fraction of pi has an exact sine, others have not",
+        names.join(", ")
+    )]
+}
+
 /// The groups of a spec. Angles that are fractions of pi are left as they are:
 /// others have no exact sines.
 pub(super) fn groups(spec: &Spec) -> Vec<Group> {

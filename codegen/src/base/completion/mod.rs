@@ -16,14 +16,15 @@ use crate::model::Model;
 use crate::spec::Spec;
 use crate::sym::Number;
 
+use super::Exactness;
 use super::certificate::{Samples, Wide, certify};
 use super::choice;
 use super::field::{Element, Field};
 use super::span::Vector;
 
-use elsewhere::{Group, groups, sample};
+use elsewhere::{Group, fixed_angles, groups, sample};
 use fit::{Elsewhere, Fit, Observed};
-use recognise::recognise;
+pub use recognise::recognise;
 
 /// A direction is null where it leaves at most this part of the largest
 /// number sampled.
@@ -40,9 +41,13 @@ pub(super) struct Sampled<'a> {
 /// Completed directions.
 #[derive(Debug, Default)]
 pub(super) struct Completed {
-    pub(super) directions: Vec<Vector>,
+    /// With how well their factors are known.
+    pub(super) directions: Vec<(Vector, Exactness)>,
     /// Factors that are numbers only, and why.
     pub(super) unrecognised: Vec<String>,
+    /// Names that no factor was seen to depend on, since they were not varied, and
+    /// why.
+    pub(super) held: Vec<String>,
 }
 
 impl<'a> Sampled<'a> {
@@ -52,6 +57,20 @@ impl<'a> Sampled<'a> {
             home,
             seed,
         }
+    }
+
+    /// How many directions are not null at the sampled states, which would be an
+    /// error of what derived them.
+    pub(super) fn refuted(&self, null: &[Vector]) -> usize {
+        let columns = self.samples.certificate().columns;
+        let part = |direction: &Vector| {
+            let inside = direction.range(..columns);
+            let inside: Vector = inside.map(|(c, e)| (*c, e.clone())).collect();
+            self.samples.left_over(&values(&inside, columns))
+        };
+        null.iter()
+            .filter(|direction| part(direction) > NULL)
+            .count()
     }
 
     /// What is missing from a null space.
@@ -83,6 +102,7 @@ impl<'a> Sampled<'a> {
             return completed;
         };
         let around = Around::new(spec, certificate.rank, self.seed);
+        completed.held.clone_from(&around.held);
         for column in missing {
             let mut numeric = vec![Wide::ZERO; certificate.columns];
             numeric[column] = Wide::ONE;
@@ -105,7 +125,8 @@ impl<'a> Sampled<'a> {
             let Some(best) = best else { continue };
             let direction = best.direction(field, &around.groups);
             if fresh.left_over(&values(&direction, certificate.columns)) < NULL {
-                completed.directions.push(direction);
+                let exactness = best.exactness(!around.held.is_empty());
+                completed.directions.push((direction, exactness));
                 completed.unrecognised.extend(best.notes(model));
             }
         }
@@ -152,6 +173,24 @@ impl Recognised {
             Factor::Digits(_) => 1000,
         });
         doubts.sum()
+    }
+
+    /// How well the factors are known; with names that are `held`, these may hide in
+    /// any factor but the 1 of a lone parameter.
+    fn exactness(&self, held: bool) -> Exactness {
+        let least = if held && self.support.len() > 1 {
+            Exactness::Here
+        } else {
+            Exactness::Everywhere
+        };
+        let factors = self.factors.iter().map(|factor| match factor {
+            Factor::Function(_) => Exactness::Everywhere,
+            // 0 and 1 are what they are
+            Factor::Constant(value) if value.is_zero() || value.is_one() => least,
+            Factor::Constant(_) => Exactness::Here,
+            Factor::Digits(_) => Exactness::Digits,
+        });
+        factors.fold(least, Exactness::max)
     }
 
     fn direction(&self, field: &mut Field, groups: &[Group]) -> Vector {
@@ -205,19 +244,44 @@ struct Around {
     alone: Vec<Option<Samples>>,
     /// All groups that can be scaled, with their scales.
     together: Vec<(Vec<Number>, Samples)>,
+    /// Names that were not varied, or only in proportion, and why.
+    held: Vec<String>,
 }
 
 impl Around {
     fn new(spec: &Spec, rank: usize, seed: u64) -> Around {
-        let groups = groups(spec);
+        let mut groups = groups(spec);
         let scale = Number::ratio(33, 32).unwrap_or_else(Number::one);
         let look = |scales: &[(&Group, Number)]| {
             sample(spec, scales, seed).filter(|s| s.certificate().rank == rank)
         };
-        let alone: Vec<Option<Samples>> = groups
+        let mut alone: Vec<Option<Samples>> = groups
             .iter()
             .map(|group| look(&[(group, scale.clone())]))
             .collect();
+        let mut held = fixed_angles(spec);
+        // lengths that must keep their proportion still may grow together
+        let stuck: Vec<usize> = (0..groups.len()).filter(|&k| alone[k].is_none()).collect();
+        let merged = Group::merged(stuck.iter().map(|&k| &groups[k]));
+        let grown = merged.and_then(|group| Some((look(&[(&group, scale.clone())])?, group)));
+        let names: Vec<&str> = stuck.iter().flat_map(|&k| groups[k].members()).collect();
+        if let Some((samples, group)) = grown {
+            held.push(format!(
+                "{} in proportion only: with other ratios the loops do not close, or count otherwise",
+                names.join(", ")
+            ));
+            for &k in stuck.iter().rev() {
+                groups.remove(k);
+                alone.remove(k);
+            }
+            groups.push(group);
+            alone.push(Some(samples));
+        } else if !names.is_empty() {
+            held.push(format!(
+                "{} as given only: with other values the loops do not close, or count otherwise",
+                names.join(", ")
+            ));
+        }
         let mut together = Vec::new();
         // numerators and denominators with nothing in common
         for step in [37_717_i64, -29_483] {
@@ -242,6 +306,7 @@ impl Around {
             scale,
             alone,
             together,
+            held,
         }
     }
 

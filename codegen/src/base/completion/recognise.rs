@@ -24,7 +24,7 @@ pub(super) fn is_rounding(value: &Wide) -> bool {
 
 /// The exact number: a fraction, a fraction times a root of one, or a sum of
 /// fractions times square roots of small integers.
-pub(super) fn recognise(value: &Wide) -> Option<Number> {
+pub fn recognise(value: &Wide) -> Option<Number> {
     if is_rounding(value) {
         return Some(Number::zero());
     }

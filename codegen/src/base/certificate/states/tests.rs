@@ -1,5 +1,6 @@
 #![allow(clippy::unwrap_used)]
 
+use super::super::units::Units;
 use super::*;
 use crate::constraints::{close_home, world_equations};
 use crate::diag::Source;
@@ -18,7 +19,7 @@ fn states(path: &str, count: usize) -> (Model, Vec<State>) {
     let equations = world_equations(&mut g, &frames, &model, None);
     let loops = NumericLoops::new(&g, &equations, model.coordinates.len());
     let home = close_home(&loops, &model).unwrap();
-    let mut walk = Walk::new(&g, &equations, &model, &home, 3).unwrap();
+    let mut walk = Walk::new(&g, &equations, &model, &home, 3, Units::default()).unwrap();
     let states = (0..count).map(|_| walk.next().unwrap()).collect();
     (model, states)
 }

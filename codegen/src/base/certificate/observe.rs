@@ -1,0 +1,174 @@
+//! How a mechanism moves at closed states of its branch, in multiple precision:
+//! what its motions have in common is told from these.
+
+use crate::kinematics::{Frames, Geometry, Twist, twists};
+use crate::model::Model;
+use crate::sym::{Ex, Graph, V3, ZERO3};
+
+use super::CertificateError;
+use super::evaluate::Evaluator;
+use super::states::Walk;
+use super::units::Units;
+use super::wide::Wide;
+
+/// A vector in the world's axes.
+pub type Vector3 = [Wide; 3];
+
+/// How a link moves at a state.
+#[derive(Clone, Debug)]
+pub struct LinkMotion {
+    /// The link's axes in the world's.
+    pub axes: [Vector3; 3],
+    /// By independent coordinate, the angular velocity for its unit rate.
+    pub turns: Vec<Vector3>,
+    /// The velocity of the link's origin, likewise.
+    pub moves: Vec<Vector3>,
+    /// The velocity of the point of the link that passes through the world's
+    /// origin, likewise.
+    pub passes: Vec<Vector3>,
+    /// By coordinate on the way to the link, its axis: direction of turning (0 for
+    /// slides) and velocity at the world's origin.
+    pub screws: Vec<(usize, Vector3, Vector3)>,
+}
+
+/// A closed state.
+#[derive(Clone, Debug)]
+pub struct Observation {
+    /// By coordinate.
+    pub q: Vec<Wide>,
+    /// Rates of all coordinates by independent coordinate.
+    pub j: Vec<Vec<Wide>>,
+    /// By link.
+    pub links: Vec<LinkMotion>,
+}
+
+/// What is evaluated of a link: where the world's origin and axes are in its
+/// frame, and the unit twists of coordinates.
+struct Seen {
+    origin: V3,
+    axes: [V3; 3],
+    twists: Vec<(usize, Twist)>,
+}
+
+impl Seen {
+    fn roots(&self) -> impl Iterator<Item = Ex> {
+        let twists = self
+            .twists
+            .iter()
+            .flat_map(|(_, t)| t.e.into_iter().chain(t.u));
+        let axes = self.axes.into_iter().flatten();
+        self.origin.into_iter().chain(axes).chain(twists)
+    }
+}
+
+/// Observes a mechanism that closes at `home` at some closed states: home first,
+/// then others, the same for the same seed.
+///
+/// # Errors
+/// Where not enough closed states can be reached from home.
+pub fn observe(
+    model: &Model,
+    home: &[f64],
+    seed: u64,
+    count: usize,
+) -> Result<Vec<Observation>, CertificateError> {
+    let mut g = Graph::new();
+    for coordinate in &model.coordinates {
+        g.symbol(&coordinate.name);
+    }
+    g.set_naming(false);
+    let frames = Frames::new(&mut g, model, Geometry::Values);
+    let equations = crate::constraints::world_equations(&mut g, &frames, model, None);
+    let seen = seen(&mut g, &frames, model);
+    let evaluator = Evaluator::new(&g, seen.iter().flat_map(Seen::roots).collect());
+    let units = Units::of(model, home);
+    let mut walk = Walk::new(&g, &equations, model, home, seed, units)?;
+    let mut found = Vec::new();
+    let mut state = walk.at_home();
+    while found.len() < count {
+        let Some(closed) = state else {
+            return Err(CertificateError::Confined {
+                found: found.len(),
+                needed: count,
+            });
+        };
+        if let Some(values) = evaluator.run(&closed.q) {
+            let mut values = values.into_iter();
+            let links = seen.iter().map(|s| moved(s, &mut values, &closed.j));
+            found.push(Observation {
+                links: links.collect(),
+                q: closed.q,
+                j: closed.j,
+            });
+        }
+        state = walk.next();
+    }
+    Ok(found)
+}
+
+fn seen(g: &mut Graph, frames: &Frames, model: &Model) -> Vec<Seen> {
+    let world = [0, 1, 2].map(|k| {
+        let mut axis = ZERO3;
+        axis[k] = Ex::ONE;
+        axis
+    });
+    let mut all: Vec<Seen> = Vec::new();
+    let twists = twists(g, frames, model);
+    for (link, twists) in twists.into_iter().enumerate() {
+        let frame = &frames.links[link];
+        let (origin, axes) = frame
+            .parent
+            .map_or((ZERO3, world), |p| (all[p].origin, all[p].axes));
+        let offset = g.sub3(&origin, &frame.offset);
+        all.push(Seen {
+            origin: frames.into_link(g, link, &offset),
+            axes: axes.map(|axis| frames.into_link(g, link, &axis)),
+            twists,
+        });
+    }
+    all
+}
+
+fn cross(a: &Vector3, b: &Vector3) -> Vector3 {
+    let part = |i: usize, j: usize| a[i] * b[j] - a[j] * b[i];
+    [part(1, 2), part(2, 0), part(0, 1)]
+}
+
+fn moved(seen: &Seen, values: &mut impl Iterator<Item = Wide>, j: &[Vec<Wide>]) -> LinkMotion {
+    let mut three = || -> Vector3 { [(); 3].map(|()| values.next().unwrap_or(Wide::ZERO)) };
+    let origin = three();
+    let rows = [three(), three(), three()];
+    let width = j.first().map_or(0, Vec::len);
+    let zero = [Wide::ZERO; 3];
+    let out =
+        |v: &Vector3| -> Vector3 { rows.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2]) };
+    let (mut turns, mut moves, mut passes) =
+        (vec![zero; width], vec![zero; width], vec![zero; width]);
+    let mut screws = Vec::new();
+    for (coordinate, _) in &seen.twists {
+        let (e, u) = (three(), three());
+        let lever = cross(&e, &origin);
+        let (turn, own) = (out(&e), out(&u));
+        let lever = out(&lever);
+        let pass = [0, 1, 2].map(|i| own[i] + lever[i]);
+        screws.push((*coordinate, turn, pass));
+        for (k, rate) in j[*coordinate].iter().enumerate() {
+            for (to, from) in [
+                (&mut turns[k], &turn),
+                (&mut moves[k], &own),
+                (&mut passes[k], &pass),
+            ] {
+                for i in 0..3 {
+                    to[i] = to[i] + *rate * from[i];
+                }
+            }
+        }
+    }
+    LinkMotion {
+        axes: [0, 1, 2].map(|k| rows.map(|row| row[k])),
+        turns,
+        moves,
+        passes,
+        screws,
+    }
+}

@@ -1,0 +1,250 @@
+//! Null directions of trees whose rates are tied: bodies that ties keep from
+//! rotating, or keep in one orientation with another body, or spin in a fixed
+//! proportion. Trees see free coordinates, and miss them.
+//!
+//! A body's moments of inertia count by its angular velocity alone, so that two
+//! bodies with one angular velocity show the sum of theirs in common axes. What
+//! never rotates shows no moment of inertia, and no first moment either: it moves
+//! as one point does, and its weight's work is that of its mass. Two bodies that
+//! spin about axes at rest show only their moments about these, in the square of
+//! their rates' proportion; where they spin alike, their weights' moments too.
+
+use crate::model::{Model, MotionKind, Step};
+use crate::sym::Number;
+
+use super::field::{Element, Field};
+use super::linkage::Linkage;
+use super::rates;
+use super::span::{Vector, add_scaled};
+use super::ways::{Form, Freedom, Way, follows, index, into, ways};
+
+/// Products of inertia and moments: which entry of the ten is at a row and column.
+const PLACE: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
+/// The first of the first moments.
+const FIRST: usize = 6;
+
+type Matrix = [[Number; 3]; 3];
+
+/// The directions that exact ties of rates give.
+pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Model) -> Vec<Vector> {
+    let ties = rates::all_ties(field, linkage, model);
+    if ties.is_empty() {
+        return Vec::new();
+    }
+    let couplings = rates::ties_of_couplings(model);
+    let ways = ways(model);
+    let mut all = Vec::new();
+    let free: Vec<Freedom> = model
+        .bodies
+        .iter()
+        .map(|b| ways[b.link].freedom(&ties))
+        .collect();
+    for (body, freedom) in free.iter().enumerate() {
+        if freedom.never_turns() {
+            all.extend((0..9).map(|k| Vector::from([(10 * body + k, Element::one())])));
+        }
+    }
+    for j in 0..model.bodies.len() {
+        for i in 0..j {
+            if free[i].never_turns() || free[j].never_turns() {
+                continue;
+            }
+            if let Some(relative) = same_orientation(model, &couplings, i, j) {
+                let on_axis =
+                    |b: usize| free[b] == Freedom::Spin && own_joint(model, &ways, b).is_some();
+                let alike = on_axis(i) && on_axis(j);
+                all.extend(together(field, i, j, &relative, alike));
+            } else if free[i] == Freedom::Spin && free[j] == Freedom::Spin {
+                all.extend(in_proportion(field, model, &ways, &ties, [i, j]));
+            }
+        }
+    }
+    all
+}
+
+/// The axes of body j in those of body i, where couplings keep them.
+fn same_orientation(model: &Model, couplings: &[Form], i: usize, j: usize) -> Option<Matrix> {
+    let [a, b] = [i, j].map(|k| model.path(Some(model.bodies[k].link)));
+    let shared = a.iter().zip(&b).take_while(|(x, y)| x == y).count();
+    let (a, b) = (&a[shared..], &b[shared..]);
+    let turns = |links: &[usize]| links.iter().any(|l| model.links[*l].motion.is_some());
+    if !(turns(a) || turns(b)) {
+        // welded to each other: trees know
+        return None;
+    }
+    if !Way::over(model, a).turns_as(&Way::over(model, b), couplings) {
+        return None;
+    }
+    let (a, b) = (axes(model, a), axes(model, b));
+    // both are the outer's axes as columns over the shared frame: Q = A^T B
+    let entry =
+        |r: usize, c: usize| (0..3).fold(Number::zero(), |sum, k| sum.add(&a[k][r].mul(&b[k][c])));
+    Some([0, 1, 2].map(|r| [0, 1, 2].map(|c| entry(r, c))))
+}
+
+/// The axes of the last link as columns over the frame before the first, with all
+/// coordinates 0 that are not coupled.
+fn axes(model: &Model, links: &[usize]) -> Matrix {
+    // row k: the shared frame's axis k in the link's axes
+    let mut rows = [0, 1, 2].map(|k| {
+        [0, 1, 2].map(|c| {
+            if c == k {
+                Number::one()
+            } else {
+                Number::zero()
+            }
+        })
+    });
+    let mut turn = |axis: usize, angle: &Number| {
+        for row in &mut rows {
+            *row = into(row, axis, angle);
+        }
+    };
+    for &link in links {
+        let link = &model.links[link];
+        for step in &link.placement {
+            if let Step::Rotate(axis, angle) = step {
+                turn(index(*axis), angle);
+            }
+        }
+        if let Some(motion) = link.motion
+            && motion.kind == MotionKind::Rotation
+        {
+            turn(index(motion.axis), &value(model, motion.coordinate, 0));
+        }
+    }
+    rows
+}
+
+/// A coordinate's value where all that are not coupled are 0.
+fn value(model: &Model, coordinate: usize, depth: usize) -> Number {
+    let coupling = model.couplings.iter().find(|c| c.key == coordinate);
+    // couplings have no cycles
+    let Some(coupling) = coupling.filter(|_| depth <= model.couplings.len()) else {
+        return Number::zero();
+    };
+    coupling
+        .terms
+        .iter()
+        .fold(coupling.constant.clone(), |sum, (c, factor)| {
+            sum.add(&factor.mul(&value(model, *c, depth + 1)))
+        })
+}
+
+/// Moments of body j less the same on body i; first moments too where they spin
+/// alike.
+fn together(field: &mut Field, i: usize, j: usize, q: &Matrix, alike: bool) -> Vec<Vector> {
+    let mut all = Vec::new();
+    for r in 0..3 {
+        for c in r..3 {
+            let mut direction = Vector::from([(10 * j + PLACE[r][c], Element::one())]);
+            // Q E Q^T for the symmetric unit E
+            for a in 0..3 {
+                for b in a..3 {
+                    let mut entry = q[a][r].mul(&q[b][c]);
+                    if r != c {
+                        entry = entry.add(&q[a][c].mul(&q[b][r]));
+                    }
+                    subtract(field, &mut direction, 10 * i + PLACE[a][b], &entry);
+                }
+            }
+            all.push(direction);
+        }
+    }
+    for c in 0..if alike { 3 } else { 0 } {
+        let mut direction = Vector::from([(10 * j + FIRST + c, Element::one())]);
+        for (a, row) in q.iter().enumerate() {
+            subtract(field, &mut direction, 10 * i + FIRST + a, &row[c]);
+        }
+        all.push(direction);
+    }
+    all
+}
+
+fn subtract(field: &mut Field, from: &mut Vector, column: usize, entry: &Number) {
+    let unit = Vector::from([(column, Element::one())]);
+    add_scaled(field, from, &Element::exact(entry.neg()), &unit);
+}
+
+/// The moments about their own axes of two bodies that spin in proportion.
+fn in_proportion(
+    field: &mut Field,
+    model: &Model,
+    ways: &[Way],
+    ties: &[Form],
+    pair: [usize; 2],
+) -> Option<Vector> {
+    let [i, j] = pair;
+    let [a, b] = pair.map(|body| own_joint(model, ways, body));
+    let (a, b) = (a?, b?);
+    // qd_b = k qd_a
+    let k = ratio(ties, a, b)?;
+    let moment = |body: usize, coordinate: usize| -> Option<usize> {
+        let motion = model.links[model.coordinates[coordinate].link].motion?;
+        let axis = index(motion.axis);
+        Some(10 * body + PLACE[axis][axis])
+    };
+    let mut direction = Vector::from([(moment(j, b)?, Element::one())]);
+    subtract(field, &mut direction, moment(i, a)?, &k.mul(&k));
+    Some(direction)
+}
+
+/// The first coordinate that turns on the way to a body, where it is the body's own
+/// joint: the body's origin is on its axis, which is one of the body's own.
+fn own_joint(model: &Model, ways: &[Way], body: usize) -> Option<usize> {
+    let link = model.bodies[body].link;
+    let coordinate = ways[link].turn.first()?.0;
+    (model.coordinates[coordinate].link == link).then_some(coordinate)
+}
+
+/// The proportion of two rates that ties fix.
+fn ratio(ties: &[Form], a: usize, b: usize) -> Option<Number> {
+    // of the ties' combinations, the one that speaks of both alone
+    let mut rows: Vec<Form> = ties.to_vec();
+    while let Some((r, outside)) = rows.iter().enumerate().find_map(|(r, row)| {
+        let outside = row.iter().find(|(c, k)| *c != a && *c != b && !k.is_zero());
+        outside.map(|(c, _)| (r, *c))
+    }) {
+        let pivot = rows.swap_remove(r);
+        let lead = pivot.iter().find(|(c, _)| *c == outside)?.1.clone();
+        for row in &mut rows {
+            let Some(at) = row.iter().position(|(c, _)| *c == outside) else {
+                continue;
+            };
+            let factor = row[at].1.div(&lead)?;
+            for (c, k) in &pivot {
+                let change = k.mul(&factor).neg();
+                match row.iter_mut().find(|(o, _)| o == c) {
+                    Some((_, sum)) => *sum = sum.add(&change),
+                    None => row.push((*c, change)),
+                }
+            }
+            row.retain(|(_, k)| !k.is_zero());
+        }
+    }
+    let of = |row: &Form, coordinate: usize| {
+        row.iter()
+            .find(|(c, _)| *c == coordinate)
+            .map(|(_, k)| k.clone())
+    };
+    let found = rows
+        .iter()
+        .find_map(|row| Some((of(row, a)?, of(row, b)?)))?;
+    let k = found.0.div(&found.1)?.neg();
+    follows(ties, &[(b, Number::one()), (a, k.neg())]).then_some(k)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_ratio_is_read_off_ties_in_a_row() {
+        let n = Number::from_i64;
+        // b = -2 a, c = 3 b
+        let ties = vec![vec![(1, n(1)), (0, n(2))], vec![(2, n(1)), (1, n(-3))]];
+        assert_eq!(ratio(&ties, 0, 2), Some(n(-6)));
+        assert_eq!(ratio(&ties, 0, 1), Some(n(-2)));
+        assert_eq!(ratio(&ties, 0, 3), None);
+    }
+}

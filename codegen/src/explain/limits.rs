@@ -1,0 +1,111 @@
+//! Where limits and singularities trouble the numbers.
+
+use crate::constraints::{NumericLoops, world_equations, world_views};
+use crate::kinematics::{Frames, Geometry};
+use crate::model::Model;
+use crate::numeric::solve_pivoted;
+use crate::spec::{JointKind, Quantity, Spec};
+use crate::sym::eval::Evaluator;
+use crate::sym::{Ex, Graph};
+
+use super::Fact;
+
+/// Home is near a limit within this part of the range.
+const NEAR: f64 = 0.05;
+/// Home is near a singularity where the smallest pivot is this part of the largest.
+const NEARLY_SINGULAR: f64 = 1e-3;
+
+/// What is to be said of limits, cones and singularities at home.
+pub(super) fn facts(spec: &Spec, model: &Model, home: &[f64]) -> Vec<Fact> {
+    let mut facts = Vec::new();
+    for (coordinate, &q) in model.coordinates.iter().zip(home) {
+        let Some([low, high]) = coordinate.position else {
+            continue;
+        };
+        let name = &coordinate.name;
+        let range = high - low;
+        let left = (q - low).min(high - q);
+        if left < 0.0 {
+            facts.push(Fact::given(format!(
+                "home of {name}, {q:.4}, is outside its limits [{low:.4}, {high:.4}]: these are not kept to in samples"
+            )));
+        } else if left < NEAR * range {
+            facts.push(Fact::given(format!(
+                "home of {name}, {q:.4}, is near the end of its limits [{low:.4}, {high:.4}]: \
+                 motions start with {:.1} % of its range on that side",
+                100.0 * left / range
+            )));
+        }
+    }
+    let mut g = Graph::new();
+    for coordinate in &model.coordinates {
+        g.symbol(&coordinate.name);
+    }
+    g.set_naming(false);
+    let frames = Frames::new(&mut g, model, Geometry::Values);
+    facts.extend(joint_cones(spec, model, home));
+    for (cut, written) in model.cuts.iter().zip(&spec.cuts) {
+        let Some(cone) = &written.limits.cone else {
+            continue;
+        };
+        let [a, b] = world_views(&mut g, &frames, model, cut, None);
+        let cosine: Ex = g.dot3(&a.axes[2], &b.axes[2]);
+        let value = Evaluator::new(&g, vec![cosine]).run(home);
+        let cosine = value.first().copied().unwrap_or(1.0);
+        facts.extend(cone_fact(&format!("cut '{}'", cut.name), cosine, cone));
+    }
+    let equations = world_equations(&mut g, &frames, model, None);
+    if !model.dependent.is_empty() {
+        let loops = NumericLoops::new(&g, &equations, model.coordinates.len());
+        let (_, a) = loops.at(home);
+        let dependent: Vec<Vec<f64>> = a
+            .iter()
+            .map(|row| model.dependent.iter().map(|&c| row[c]).collect())
+            .collect();
+        let sides = vec![Vec::new(); dependent.len()];
+        let ratio = solve_pivoted(dependent, sides).pivot_ratio;
+        if ratio < NEARLY_SINGULAR {
+            facts.push(Fact::given(format!(
+                "home is close to a singularity of this choice of independent coordinates (pivot \
+                 ratio {ratio:.1e}): dependent rates are large there, and numbers lose digits"
+            )));
+        }
+    }
+    facts
+}
+
+/// Cones of the tree's joints, whose angle is that of two of their coordinates.
+fn joint_cones(spec: &Spec, model: &Model, home: &[f64]) -> Vec<Fact> {
+    let joints = spec.limbs.iter().flat_map(|limb| &limb.joints);
+    let value = |name: &str, k: usize| {
+        let name = format!("{name}.{k}");
+        let at = model.coordinates.iter().position(|c| c.name == name);
+        at.and_then(|c| home.get(c)).copied().unwrap_or(0.0)
+    };
+    let fact = |joint: &crate::spec::Joint| {
+        let (name, cone) = (joint.name.as_ref()?, joint.limits.cone.as_ref()?);
+        let angles = match joint.kind.value {
+            JointKind::Universal => (1, 2),
+            _ => (2, 3),
+        };
+        let cosine =
+            libm::cos(value(&name.value, angles.0)) * libm::cos(value(&name.value, angles.1));
+        cone_fact(&format!("joint '{}'", name.value), cosine, cone)
+    };
+    joints.filter_map(fact).collect()
+}
+
+fn cone_fact(what: &str, cosine: f64, cone: &Quantity) -> Option<Fact> {
+    let angle = libm::acos(cosine.clamp(-1.0, 1.0));
+    let most = cone.value.to_f64();
+    if angle > most {
+        return Some(Fact::given(format!(
+            "{what} is tilted by {angle:.4} rad at home, beyond its cone of {most:.4}"
+        )));
+    }
+    (most - angle < NEAR * most).then(|| {
+        Fact::given(format!(
+            "{what} is tilted by {angle:.4} rad at home, near its cone of {most:.4}"
+        ))
+    })
+}

@@ -1,0 +1,248 @@
+//! How links move, told from sampled states.
+
+use crate::base::certificate::{LinkMotion, Observation, Vector3, Wide, rank_of};
+
+use super::Freedom;
+
+/// What was seen of a link.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Seen {
+    pub(super) freedom: Freedom,
+    /// The direction of turning in the world, where there is one.
+    pub(super) direction: Option<[f64; 3]>,
+    /// The same in the link's axes.
+    pub(super) in_link: Option<[f64; 3]>,
+    /// Whether its origin never moves.
+    pub(super) origin_rests: bool,
+    /// The largest number that counted as nothing, as a part of the largest.
+    pub(super) off: f64,
+}
+
+/// States at which links are seen.
+#[derive(Debug)]
+pub(super) struct Motions<'a> {
+    states: &'a [Observation],
+    /// The fastest turn and the fastest move of anything.
+    size: (Wide, Wide),
+}
+
+fn dot(a: &Vector3, b: &Vector3) -> Wide {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn largest<'v>(vectors: impl Iterator<Item = &'v Vector3>) -> Wide {
+    vectors.flatten().fold(Wide::ZERO, |m, x| m.max(x.abs()))
+}
+
+impl<'a> Motions<'a> {
+    pub(super) fn new(states: &'a [Observation]) -> Motions<'a> {
+        let links = || states.iter().flat_map(|s| &s.links);
+        let or_one = |x: Wide| if x.is_zero() { Wide::ONE } else { x };
+        Motions {
+            states,
+            size: (
+                or_one(largest(links().flat_map(|l| &l.turns)).max(Wide::ONE)),
+                or_one(largest(
+                    links().flat_map(|l| l.moves.iter().chain(&l.passes)),
+                )),
+            ),
+        }
+    }
+
+    fn all<'s>(
+        &'s self,
+        link: usize,
+        what: impl Fn(&'s LinkMotion) -> &'s [Vector3] + 's,
+    ) -> impl Iterator<Item = &'s Vector3> + 's {
+        let links = self.states.iter().filter_map(move |s| s.links.get(link));
+        links.flat_map(what)
+    }
+
+    /// How a link moves.
+    pub(super) fn of(&self, link: usize) -> Seen {
+        let turns: Vec<Vector3> = self.all(link, |l| &l.turns).copied().collect();
+        let moves: Vec<Vector3> = self.all(link, |l| &l.moves).copied().collect();
+        let rows = |v: &[Vector3]| v.iter().map(|x| x.to_vec()).collect::<Vec<_>>();
+        let (turning, off_turns) = rank_of(rows(&turns), self.size.0);
+        let (moving, off_moves) = rank_of(rows(&moves), self.size.1);
+        let mut seen = Seen {
+            freedom: Freedom::General,
+            direction: None,
+            in_link: None,
+            origin_rests: moving == 0,
+            off: off_turns,
+        };
+        match turning {
+            0 => {
+                seen.freedom = match moving {
+                    0 => Freedom::Still,
+                    1 => Freedom::Line,
+                    2 => Freedom::Plane,
+                    _ => Freedom::Translates,
+                };
+                seen.off = seen.off.max(off_moves);
+            }
+            1 => self.about_a_direction(link, &turns, &moves, &mut seen),
+            _ => {
+                let (point, off) = self.has_fixed_point(link);
+                if point {
+                    seen.freedom = Freedom::Point;
+                    seen.off = seen.off.max(off);
+                }
+            }
+        }
+        seen
+    }
+
+    fn about_a_direction(
+        &self,
+        link: usize,
+        turns: &[Vector3],
+        moves: &[Vector3],
+        seen: &mut Seen,
+    ) {
+        let fastest = turns.iter().max_by(|a, b| dot(a, a).cmp_abs(&dot(b, b)));
+        let Some(n) = fastest else { return };
+        let along: Vec<Vec<Wide>> = moves.iter().map(|v| vec![dot(v, n)]).collect();
+        let (leaves, off) = rank_of(along, self.size.0 * self.size.1);
+        seen.off = seen.off.max(off);
+        let (screws, off) = self.screw_rank(link);
+        seen.freedom = match (screws, leaves) {
+            (1, 0) => Freedom::Spin,
+            (1, _) => Freedom::Screw,
+            (_, 0) => Freedom::Planar,
+            _ => Freedom::Direction,
+        };
+        if screws == 1 {
+            seen.off = seen.off.max(off);
+        }
+        let length = libm::sqrt(dot(n, n).to_f64());
+        // the positive direction is that of the largest component
+        let parts = n.map(|x| x.to_f64() / length);
+        let by_size =
+            parts.iter().copied().fold(
+                0.0_f64,
+                |m, x| if x.abs() > m.abs() + 1e-12 { x } else { m },
+            );
+        let parts = parts.map(|x| if by_size < 0.0 { -x } else { x });
+        seen.direction = Some(parts);
+        let axes = self.states.first().and_then(|s| s.links.get(link));
+        seen.in_link = axes.map(|l| {
+            l.axes.map(|axis| {
+                let axis = axis.map(|x| x.to_f64());
+                axis[0] * parts[0] + axis[1] * parts[1] + axis[2] * parts[2]
+            })
+        });
+    }
+
+    /// The rank of a link's screws, lengths measured by the fastest move.
+    fn screw_rank(&self, link: usize) -> (usize, f64) {
+        let turns = self.all(link, |l| &l.turns);
+        let passes = self.all(link, |l| &l.passes);
+        let rows = turns.zip(passes).map(|(w, v)| {
+            let w = w.iter().map(|x| *x * self.size.1);
+            w.chain(v.iter().map(|x| *x * self.size.0)).collect()
+        });
+        rank_of(rows.collect(), self.size.0 * self.size.1)
+    }
+
+    /// Whether a point of the link never moves.
+    fn has_fixed_point(&self, link: usize) -> (bool, f64) {
+        let turns = self.all(link, |l| &l.turns);
+        let pairs: Vec<(&Vector3, &Vector3)> = turns.zip(self.all(link, |l| &l.passes)).collect();
+        fixed_point(pairs.into_iter(), self.size)
+    }
+
+    /// Whether two links always have the same orientation (`None` is the world),
+    /// and the largest number that counted as nothing.
+    pub(super) fn same_orientation(&self, a: Option<usize>, b: Option<usize>) -> (bool, f64) {
+        self.equal(a, b, self.size.0, |l| &l.turns)
+    }
+
+    /// Whether the origins of two links move alike.
+    pub(super) fn same_move(&self, a: usize, b: usize) -> bool {
+        self.equal(Some(a), Some(b), self.size.1, |l| &l.moves).0
+    }
+
+    fn equal(
+        &self,
+        a: Option<usize>,
+        b: Option<usize>,
+        size: Wide,
+        what: fn(&LinkMotion) -> &[Vector3],
+    ) -> (bool, f64) {
+        let mut rows = Vec::new();
+        for state in self.states {
+            let of = |link: Option<usize>| link.and_then(|l| state.links.get(l)).map(what);
+            let (a, b) = (of(a), of(b));
+            let count = a.or(b).map_or(0, <[Vector3]>::len);
+            for k in 0..count {
+                let part = |v: Option<&[Vector3]>, i: usize| {
+                    v.and_then(|v| v.get(k)).map_or(Wide::ZERO, |v| v[i])
+                };
+                rows.push((0..3).map(|i| part(a, i) - part(b, i)).collect());
+            }
+        }
+        let (rank, off) = rank_of(rows, size);
+        (rank == 0, off)
+    }
+
+    /// What the axes of a loop have in common: all parallel, or through one point.
+    pub(super) fn of_loop(&self, ends: [Option<usize>; 2], within: &[usize]) -> LoopShape {
+        let mut shape = LoopShape {
+            planar: true,
+            spherical: true,
+            translational: true,
+        };
+        for state in self.states {
+            let links = ends.iter().flatten().filter_map(|l| state.links.get(*l));
+            let screws = links.flat_map(|l| &l.screws);
+            let screws: Vec<_> = screws.filter(|s| within.contains(&s.0)).collect();
+            let turns: Vec<Vec<Wide>> = screws.iter().map(|s| s.1.to_vec()).collect();
+            let (turning, _) = rank_of(turns, Wide::ONE);
+            shape.translational &= turning == 0;
+            let axis = screws
+                .iter()
+                .find(|s| s.1.iter().any(|x| x.log10() > -60.0));
+            let across = axis.is_none_or(|n| {
+                // slides have no turn, and lie in the plane
+                let slides = screws.iter().filter(|s| s.1.iter().all(Wide::is_zero));
+                let along: Vec<Vec<Wide>> = slides.map(|s| vec![dot(&s.2, &n.1)]).collect();
+                rank_of(along, Wide::ONE).0 == 0
+            });
+            shape.planar &= turning == 1 && across;
+            let slides = screws.iter().any(|s| s.1.iter().all(Wide::is_zero));
+            let through = fixed_point(screws.iter().map(|s| (&s.1, &s.2)), self.size).0;
+            shape.spherical &= turning > 1 && !slides && through;
+        }
+        shape
+    }
+}
+
+/// What the axes of a loop have in common.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LoopShape {
+    pub(super) planar: bool,
+    pub(super) spherical: bool,
+    pub(super) translational: bool,
+}
+
+/// Whether a point c rests: v + w x c = 0 for velocities v at the world's origin.
+fn fixed_point<'v>(
+    screws: impl Iterator<Item = (&'v Vector3, &'v Vector3)>,
+    size: (Wide, Wide),
+) -> (bool, f64) {
+    let mut rows: Vec<Vec<Wide>> = Vec::new();
+    for (w, v) in screws {
+        let [x, y, z] = w.map(|x| x * size.1);
+        let v = v.map(|x| x * size.0);
+        rows.push(vec![Wide::ZERO, -z, y, v[0]]);
+        rows.push(vec![z, Wide::ZERO, -x, v[1]]);
+        rows.push(vec![-y, x, Wide::ZERO, v[2]]);
+    }
+    let size = size.0 * size.1;
+    let without = rows.iter().map(|r| r[..3].to_vec()).collect();
+    let (of_turns, _) = rank_of(without, size);
+    let (together, off) = rank_of(rows, size);
+    (together == of_turns, off)
+}

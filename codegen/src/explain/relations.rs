@@ -1,0 +1,169 @@
+//! Linear relations among coordinates on the branch, told from sampled rates.
+
+use crate::base::certificate::{Observation, Wide, relations};
+use crate::base::{Form, follows, recognise};
+use crate::model::{Model, MotionKind};
+use crate::sym::Number;
+
+use super::{Evidence, Fact};
+
+/// A relation: `column = sum of terms + constant`.
+#[derive(Clone, Debug)]
+pub(super) struct Relation {
+    coordinate: usize,
+    terms: Form,
+    /// The largest error seen, as a part of the largest rate.
+    off: f64,
+}
+
+/// The relations: pairs first, then what follows from several others.
+pub(super) fn found(model: &Model, states: &[Observation]) -> Vec<Relation> {
+    let rows: Vec<Vec<Wide>> = states
+        .iter()
+        .flat_map(|s| {
+            let width = s.j.first().map_or(0, Vec::len);
+            (0..width).map(|k| s.j.iter().map(|row| row[k]).collect())
+        })
+        .collect();
+    let size = rows.iter().flatten().fold(Wide::ONE, |m, x| m.max(x.abs()));
+    let order: Vec<usize> = model
+        .independent
+        .iter()
+        .chain(&model.dependent)
+        .copied()
+        .collect();
+    let mut all: Vec<Relation> = Vec::new();
+    // one representative of coordinates that are multiples of each other
+    let mut apart: Vec<usize> = Vec::new();
+    for &c in &order {
+        let before = apart.iter().map(|&a| relations(&rows, &[a, c]));
+        let mut pairs = before.filter_map(|mut found| found.pop());
+        let pair = pairs.find(|r| r.column == c && r.terms.len() < 2);
+        match pair.and_then(|pair| Relation::recognised(pair, &rows, size)) {
+            Some(relation) => all.push(relation),
+            None => apart.push(c),
+        }
+    }
+    let several = relations(&rows, &apart);
+    all.extend(
+        several
+            .into_iter()
+            .filter_map(|r| Relation::recognised(r, &rows, size)),
+    );
+    all
+}
+
+impl Relation {
+    /// The relation with exact factors; `None` where these have none.
+    fn recognised(
+        found: crate::base::certificate::Relation,
+        rows: &[Vec<Wide>],
+        size: Wide,
+    ) -> Option<Relation> {
+        let mut terms = Vec::new();
+        for (c, factor) in &found.terms {
+            terms.push((*c, recognise(factor)?));
+        }
+        let errors = rows.iter().map(|row| {
+            let terms = terms.iter();
+            let sum = terms.fold(Wide::ZERO, |sum, (c, k)| {
+                sum + Wide::from_number(k) * row[*c]
+            });
+            (row[found.column] - sum).abs()
+        });
+        let worst = errors.fold(Wide::ZERO, Wide::max).checked_div(size)?;
+        let off = worst.to_f64();
+        (off < super::ROUNDING).then_some(Relation {
+            coordinate: found.column,
+            terms,
+            off,
+        })
+    }
+
+    /// As a fact, with the constant that home shows.
+    pub(super) fn fact(&self, model: &Model, states: &[Observation], ties: &[Form]) -> Fact {
+        let mut form = self.terms.clone();
+        form.push((self.coordinate, Number::from_i64(-1)));
+        let evidence = if follows(ties, &form) {
+            Evidence::Exact
+        } else {
+            Evidence::sampled(states.len(), self.off)
+        };
+        let name = |c: usize| &model.coordinates[c].name;
+        let mut text = String::new();
+        for (k, (c, factor)) in self.terms.iter().enumerate() {
+            let size = factor.abs();
+            text += match (k, factor.is_negative()) {
+                (0, false) => "",
+                (0, true) => "-",
+                (_, false) => " + ",
+                (_, true) => " - ",
+            };
+            if !size.is_one() {
+                text += &format!("{}*", factor_text(&size));
+            }
+            text += name(*c);
+        }
+        let coordinate = name(self.coordinate);
+        if self.terms.is_empty() {
+            return Fact::new(
+                format!("{coordinate} does not change on this branch"),
+                evidence,
+            );
+        }
+        let constant = states.first().map_or(Wide::ZERO, |s| {
+            let terms = self.terms.iter();
+            terms.fold(s.q[self.coordinate], |rest, (c, k)| {
+                rest - Wide::from_number(k) * s.q[*c]
+            })
+        });
+        let turns = self.turns(model);
+        Fact::new(
+            format!(
+                "{coordinate} = {text}{} on this branch",
+                constant_text(constant, turns)
+            ),
+            evidence,
+        )
+    }
+
+    /// Whether only angles occur.
+    fn turns(&self, model: &Model) -> bool {
+        let all = self.terms.iter().map(|(c, _)| *c).chain([self.coordinate]);
+        all.into_iter().all(|c| {
+            let motion = model.links[model.coordinates[c].link].motion;
+            motion.is_some_and(|m| m.kind == MotionKind::Rotation)
+        })
+    }
+}
+
+fn factor_text(factor: &Number) -> String {
+    let text = factor.to_string();
+    if text.contains(' ') {
+        format!("({text})")
+    } else {
+        text
+    }
+}
+
+/// ` + constant`, as a fraction of pi where it is one.
+fn constant_text(constant: Wide, turns: bool) -> String {
+    if constant.is_zero() || constant.log10() < -60.0 {
+        return String::new();
+    }
+    let sign = if constant.is_negative() { '-' } else { '+' };
+    let size = constant.abs();
+    let pi = Wide::from_number(&Number::pi());
+    let of_pi = size.checked_div(pi).filter(|_| turns);
+    let text = match of_pi.and_then(|x| recognise(&x)) {
+        Some(part) if part.as_rational().is_some() => part.mul(&Number::pi()).to_string(),
+        _ => match recognise(&size).filter(Number::is_exact) {
+            Some(exact) if exact.to_string().len() <= 12 => exact.to_string(),
+            _ => format!("const ({:.6})", constant.to_f64()),
+        },
+    };
+    if text.starts_with("const") {
+        return format!(" + {text}");
+    }
+    format!(" {sign} {text}")
+}

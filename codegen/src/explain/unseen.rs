@@ -1,0 +1,305 @@
+//! Why parameters cannot be identified, or only together with others.
+
+use crate::base::{Base, Direction, Layer};
+use crate::model::{Model, ParameterKind};
+
+use super::motion::{Motions, Seen};
+use super::{Freedom, Merged, Unseen, words};
+
+const MASS: usize = 9;
+
+/// A body's links, and what was seen of each.
+pub(super) struct Bodies<'a> {
+    pub(super) model: &'a Model,
+    pub(super) motions: &'a Motions<'a>,
+    /// By body.
+    pub(super) seen: &'a [Seen],
+    /// Gravity in the world's axes.
+    pub(super) gravity: [f64; 3],
+}
+
+impl Bodies<'_> {
+    fn label(&self, body: usize) -> &str {
+        self.model
+            .bodies
+            .get(body)
+            .map_or("?", |b| b.label.as_str())
+    }
+
+    /// Which axis of the body its turns are about, where it is one of them.
+    fn own_axis(&self, body: usize) -> Option<usize> {
+        let parts = self.seen.get(body)?.in_link?;
+        (0..3).find(|&k| parts[k].abs() > 1.0 - 1e-12)
+    }
+
+    fn gravity_is_along(&self, body: usize) -> bool {
+        let Some(n) = self.seen.get(body).and_then(|s| s.direction) else {
+            return false;
+        };
+        let g = self.gravity;
+        let dot: f64 = (0..3).map(|k| n[k] * g[k]).sum();
+        let across: f64 = (0..3).map(|k| libm::pow(g[k] - dot * n[k], 2.0)).sum();
+        let size: f64 = g.iter().map(|x| x * x).sum();
+        size > 0.0 && across < 1e-20 * size
+    }
+
+    /// Why an inertial parameter of a body has no effect.
+    fn reason(&self, body: usize, entry: usize) -> Option<String> {
+        let seen = self.seen.get(body)?;
+        let name = self.label(body);
+        if seen.freedom == Freedom::Still {
+            return Some(format!("body {name} never moves"));
+        }
+        if entry == MASS {
+            return seen
+                .origin_rests
+                .then(|| format!("the origin of body {name}, where its mass counts, never moves"));
+        }
+        if seen.freedom.never_turns() {
+            return Some(format!("body {name} never rotates"));
+        }
+        let axis = self.own_axis(body)?;
+        let letter = ["x", "y", "z"][axis];
+        if entry < 6 {
+            return Some(format!("body {name} turns about its {letter} axis alone"));
+        }
+        if entry - 6 == axis {
+            return Some(format!(
+                "a shift of the centre of mass of body {name} along {letter}, the axis that it turns about, \
+                 changes neither its energy nor its weight's work"
+            ));
+        }
+        if !seen.origin_rests {
+            return None;
+        }
+        if self.gravity == [0.0; 3] {
+            return Some(format!(
+                "the axis of body {name} is at rest, and there is no gravity"
+            ));
+        }
+        self.gravity_is_along(body)
+            .then(|| format!("gravity is parallel to the axis of body {name}, which is at rest"))
+    }
+
+    /// Parameters without any effect, those with one reason together.
+    pub(super) fn without_effect(&self, base: &Base) -> Vec<Unseen> {
+        let mut all: Vec<Unseen> = Vec::new();
+        for row in base.null.iter().filter(|row| row.terms.len() == 1) {
+            let parameter = &self.model.parameters[row.column];
+            let (reason, body) = match parameter.kind {
+                ParameterKind::Inertial { body, entry } => (self.reason(body, entry), Some(body)),
+                ParameterKind::Rotor { coordinate }
+                | ParameterKind::Friction { coordinate, .. } => {
+                    let name = &self.model.coordinates[coordinate].name;
+                    (Some(format!("{name} never moves")), None)
+                }
+            };
+            let derived = row.layer == Layer::Derived;
+            let same = |u: &&mut Unseen| {
+                u.reason == reason && u.derived == derived && (reason.is_some() || u.body == body)
+            };
+            let label = parameter.label.clone();
+            match all.iter_mut().find(same) {
+                Some(unseen) => unseen.parameters.push(label),
+                None => all.push(Unseen {
+                    parameters: vec![label],
+                    reason,
+                    derived,
+                    body,
+                }),
+            }
+        }
+        all
+    }
+
+    /// Parameters that act only together with others.
+    pub(super) fn merged(&self, base: &Base) -> Vec<Merged> {
+        let label = |c: usize| self.model.parameters[c].label.clone();
+        let rows = base.null.iter().filter(|row| row.terms.len() > 1);
+        rows.map(|row| {
+            let others = row.terms.iter().map(|t| t.column);
+            Merged {
+                parameter: label(row.column),
+                with: others.filter(|c| *c != row.column).map(label).collect(),
+                reason: self.why_together(row),
+                derived: row.layer == Layer::Derived,
+            }
+        })
+        .collect()
+    }
+
+    fn why_together(&self, row: &Direction) -> Option<String> {
+        let (mut bodies, mut rotors, mut friction) = (Vec::new(), Vec::new(), Vec::new());
+        for term in &row.terms {
+            let (to, at) = match self.model.parameters[term.column].kind {
+                ParameterKind::Inertial { body, .. } => (&mut bodies, body),
+                ParameterKind::Rotor { coordinate } => (&mut rotors, coordinate),
+                ParameterKind::Friction { coordinate, .. } => (&mut friction, coordinate),
+            };
+            if !to.contains(&at) {
+                to.push(at);
+            }
+        }
+        bodies.sort_unstable();
+        let coordinates = |of: &[usize]| -> String {
+            let names = of.iter().map(|c| self.model.coordinates[*c].name.as_str());
+            names.collect::<Vec<_>>().join(" and ")
+        };
+        if !friction.is_empty() {
+            return Some(if bodies.is_empty() {
+                format!("{} move in a fixed proportion", coordinates(&friction))
+            } else {
+                format!(
+                    "a weight is a constant force at {}, as one-sided friction is",
+                    coordinates(&friction)
+                )
+            });
+        }
+        if let [body] = bodies[..]
+            && rotors.is_empty()
+        {
+            return Some(self.alone(body));
+        }
+        if row.layer == Layer::Completed {
+            return self.special(&bodies, &rotors);
+        }
+        if !rotors.is_empty() {
+            return Some(format!(
+                "the rotor of {} turns as fast as what it moves",
+                coordinates(&rotors)
+            ));
+        }
+        let parts: Vec<&str> = bodies.iter().map(|b| self.label(*b)).collect();
+        if let Some(joint) = self.joint_between(&bodies) {
+            let (outer, inner) = (parts.last()?, parts.first()?);
+            if joint.is_empty() {
+                return Some(format!("body {outer} is fixed to body {inner}"));
+            }
+            return Some(format!(
+                "what joint {joint} does not change of body {outer} counts as much on body {inner}"
+            ));
+        }
+        Some(match self.in_one_limb(&bodies) {
+            Some(outer) => format!(
+                "what joints further in do not change of body {} counts as much on bodies inward of it",
+                self.label(outer)
+            ),
+            None => format!(
+                "mass at a joint counts for either body there, around the loop of bodies {}",
+                parts.join(" ")
+            ),
+        })
+    }
+
+    fn alone(&self, body: usize) -> String {
+        let name = self.label(body);
+        match self.seen.get(body).map(|s| s.freedom) {
+            Some(freedom) if freedom != Freedom::General => {
+                format!("body {name} {}", words(freedom))
+            }
+            _ => format!("the way body {name} moves shows them together only"),
+        }
+    }
+
+    /// The coordinates between a body and the one that carries it.
+    fn joint_between(&self, bodies: &[usize]) -> Option<String> {
+        let &[a, b] = bodies else { return None };
+        let (inner, outer) = (self.model.bodies.get(a)?, self.model.bodies.get(b)?);
+        let mut at = Some(outer.link);
+        let mut names: Vec<&str> = Vec::new();
+        while let Some(link) = at {
+            if link == inner.link {
+                names.reverse();
+                let joined = names.join(" ");
+                return Some(joined);
+            }
+            let is_other_body =
+                link != outer.link && self.model.bodies.iter().any(|b| b.link == link);
+            if is_other_body {
+                return None;
+            }
+            let motion = self.model.links[link].motion;
+            names.extend(motion.map(|m| self.model.coordinates[m.coordinate].name.as_str()));
+            at = self.model.links[link].parent;
+        }
+        None
+    }
+
+    /// The outermost of some bodies, where all others carry it.
+    fn in_one_limb(&self, bodies: &[usize]) -> Option<usize> {
+        let link = |b: usize| self.model.bodies.get(b).map(|b| b.link);
+        let mut all = bodies.iter().copied();
+        all.find(|&outer| {
+            let path = self.model.path(link(outer));
+            bodies
+                .iter()
+                .all(|b| link(*b).is_some_and(|l| path.contains(&l)))
+        })
+    }
+
+    /// What is special about bodies whose parameters no tree joins.
+    fn special(&self, bodies: &[usize], rotors: &[usize]) -> Option<String> {
+        let link = |b: usize| self.model.bodies.get(b).map(|b| b.link);
+        let turning = bodies.iter().copied();
+        let turning: Vec<usize> = turning
+            .filter(|b| self.seen.get(*b).is_some_and(|s| !s.freedom.never_turns()))
+            .collect();
+        let mut reasons = Vec::new();
+        for &body in bodies {
+            if !turning.contains(&body) {
+                reasons.push(format!("body {} never rotates", self.label(body)));
+            }
+        }
+        // bodies with one orientation
+        let mut classes: Vec<Vec<usize>> = Vec::new();
+        for &body in &turning {
+            let with = classes
+                .iter_mut()
+                .find(|class| self.motions.same_orientation(link(class[0]), link(body)).0);
+            match with {
+                Some(class) => class.push(body),
+                None => classes.push(vec![body]),
+            }
+        }
+        for class in classes.iter().filter(|class| class.len() > 1) {
+            let names: Vec<&str> = class.iter().map(|b| self.label(*b)).collect();
+            reasons.push(format!(
+                "bodies {} always have the same orientation",
+                names.join(" ")
+            ));
+        }
+        if !rotors.is_empty() {
+            let names = rotors
+                .iter()
+                .map(|c| self.model.coordinates[*c].name.as_str());
+            let names: Vec<&str> = names.collect();
+            reasons.push(format!(
+                "the rotor of {} turns at a rate in proportion to theirs",
+                names.join(" ")
+            ));
+        }
+        let all_planar = !turning.is_empty()
+            && turning
+                .iter()
+                .all(|b| self.seen.get(*b).is_some_and(|s| s.freedom.is_planar()));
+        if reasons.is_empty() && all_planar {
+            let names: Vec<&str> = bodies.iter().map(|b| self.label(*b)).collect();
+            reasons.push(format!("the turns of bodies {} are tied", names.join(" ")));
+        }
+        if reasons.is_empty() {
+            let carried = self.seen.iter().enumerate();
+            let carried =
+                carried.filter(|(_, s)| s.freedom.never_turns() && s.freedom != Freedom::Still);
+            let names: Vec<&str> = carried.map(|(b, _)| self.label(b)).collect();
+            if !names.is_empty() {
+                let plural = if names.len() == 1 { "body" } else { "bodies" };
+                reasons.push(format!(
+                    "around loops in which {plural} {} never rotate{}",
+                    names.join(" "),
+                    if names.len() == 1 { "s" } else { "" }
+                ));
+            }
+        }
+        (!reasons.is_empty()).then(|| reasons.join("; "))
+    }
+}

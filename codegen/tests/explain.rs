@@ -1,0 +1,193 @@
+//! Mechanisms in words.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+use std::path::PathBuf;
+
+use regen_codegen::diag::Source;
+use regen_codegen::explain::{Evidence, Explanation, Freedom};
+use regen_codegen::pipeline::explain;
+
+fn file(path: &str) -> String {
+    let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("..");
+    std::fs::read_to_string(root.join(path)).unwrap()
+}
+
+fn explained(text: &str) -> Explanation {
+    explain(&Source::new("test.yaml", text), None).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn freedom(explanation: &Explanation, body: &str) -> (Freedom, Evidence) {
+    let found = explanation.bodies.iter().find(|b| b.body == body).unwrap();
+    (found.freedom, found.evidence)
+}
+
+/// The evidence of a relation that begins so.
+fn relation(explanation: &Explanation, start: &str) -> Option<Evidence> {
+    let mut all = explanation.relations.iter();
+    all.find(|f| f.text.starts_with(start)).map(|f| f.evidence)
+}
+
+fn is_sampled(evidence: Evidence) -> bool {
+    matches!(evidence, Evidence::Sampled { states, digits } if states >= 10 && digits >= 80)
+}
+
+/// Why a parameter has no effect.
+fn reason<'a>(explanation: &'a Explanation, parameter: &str) -> Option<&'a str> {
+    let has = |labels: &[String]| labels.iter().any(|l| l == parameter);
+    let found = explanation.unseen.iter().find(|u| has(&u.parameters))?;
+    found.reason.as_deref()
+}
+
+/// Why a parameter acts only together with others.
+fn together<'a>(explanation: &'a Explanation, parameter: &str) -> Option<&'a str> {
+    let found = explanation
+        .merged
+        .iter()
+        .find(|m| m.parameter == parameter)?;
+    found.reason.as_deref()
+}
+
+#[test]
+fn a_parallelogram_is_recognised_by_samples() {
+    let found = explained(&file("tests/mechanisms/parallelogram_cut.yaml"));
+    let shape = found
+        .loops
+        .iter()
+        .find(|f| f.text.contains("parallelogram of q1 q2 q3"));
+    assert!(is_sampled(shape.unwrap().evidence));
+    assert!(
+        found
+            .loops
+            .iter()
+            .any(|f| f.text.contains("is planar") && f.evidence == Evidence::Exact)
+    );
+    assert!(is_sampled(relation(&found, "q3 = q1 ").unwrap()));
+    assert!(is_sampled(relation(&found, "q2 = -q1 ").unwrap()));
+    let (coupler, evidence) = freedom(&found, "2");
+    assert_eq!(coupler, Freedom::Plane);
+    assert!(is_sampled(evidence));
+    assert_eq!(freedom(&found, "1"), (Freedom::Spin, Evidence::Exact));
+    assert_eq!(reason(&found, "Izz(2)"), Some("body 2 never rotates"));
+    assert_eq!(
+        together(&found, "mx(3)"),
+        Some("bodies 1 3 always have the same orientation")
+    );
+}
+
+#[test]
+fn couplings_show_a_parallelogram_exactly() {
+    let found = explained(&file("tests/mechanisms/parallelogram.yaml"));
+    assert_eq!(relation(&found, "q3 = q1 "), Some(Evidence::Exact));
+    assert_eq!(freedom(&found, "2"), (Freedom::Plane, Evidence::Exact));
+}
+
+#[test]
+fn a_delta_has_a_platform_that_never_rotates() {
+    let found = explained(&file("tests/mechanisms/delta.yaml"));
+    assert_eq!(found.mobility, 3);
+    let (platform, evidence) = freedom(&found, "platform");
+    assert_eq!(platform, Freedom::Translates);
+    assert!(is_sampled(evidence));
+    assert_eq!(
+        reason(&found, "mz(platform)"),
+        Some("body platform never rotates")
+    );
+    assert!(is_sampled(relation(&found, "px = -q1 - u1.1 ").unwrap()));
+}
+
+#[test]
+fn an_ordinary_planar_loop_has_the_one_relation_of_its_turns_and_it_is_exact() {
+    // the angle of its pin is no coordinate
+    let found = explained(&file("robots/fourbar.yaml"));
+    assert_eq!(found.relations, []);
+    let crank = explained(&file("tests/pairs/slider_crank/rail.yaml"));
+    assert_eq!(crank.relations.len(), 1, "{:?}", crank.relations);
+    assert_eq!(crank.relations[0].evidence, Evidence::Exact);
+    assert!(!found.loops.iter().any(|f| f.text.contains("parallelogram")));
+}
+
+#[test]
+fn gravity_along_the_axes_is_named() {
+    let text = file("robots/fourbar.yaml").replace("[0, 0, -9.81]", "[0, -9.81, 0]");
+    let found = explained(&text);
+    let why = reason(&found, "my(1)").unwrap_or_else(|| panic!("{:?}", found.unseen));
+    assert!(why.contains("gravity is parallel"), "{why}");
+    let none = explained(&text.replace("[0, -9.81, 0]", "[0, 0, 0]"));
+    assert!(reason(&none, "my(1)").unwrap().contains("no gravity"));
+}
+
+#[test]
+fn special_loops_are_told_apart() {
+    let spherical = explained(&file("tests/base/spherical_fourbar.yaml"));
+    assert!(
+        spherical
+            .loops
+            .iter()
+            .any(|f| f.text.contains("is spherical"))
+    );
+    assert_eq!(freedom(&spherical, "2").0, Freedom::Point);
+    let bennett = explained(&file("tests/base/bennett.yaml"));
+    assert!(
+        bennett
+            .loops
+            .iter()
+            .any(|f| f.text.contains("because of its lengths"))
+    );
+    assert!(
+        bennett
+            .values
+            .iter()
+            .any(|f| f.text.contains("in proportion"))
+    );
+    let sarrus = explained(&file("tests/base/sarrus.yaml"));
+    assert_eq!(freedom(&sarrus, "plate").0, Freedom::Line);
+    assert!(is_sampled(relation(&sarrus, "q5 = -2*q1 - pi ").unwrap()));
+    let scara = explained(&file("tests/base/scara.yaml"));
+    assert_eq!(freedom(&scara, "4"), (Freedom::Direction, Evidence::Exact));
+}
+
+#[test]
+fn limits_and_cones_close_to_home_are_named() {
+    let base = file("tests/mechanisms/hexapod.yaml");
+    let near = base
+        .replacen(
+            "name: p1, type: prismatic,",
+            "name: p1, type: prismatic, limits: {position: [0.67, 0.9]},",
+            1,
+        )
+        .replacen(
+            "name: s1, type: spherical",
+            "name: s1, type: spherical, limits: {cone: 0.48}",
+            1,
+        )
+        .replacen(
+            "name: s2, joint: spherical,",
+            "name: s2, joint: spherical, limits: {cone: 0.2},",
+            1,
+        );
+    let found = explained(&near);
+    let trouble: Vec<&str> = found.trouble.iter().map(|f| f.text.as_str()).collect();
+    let all = trouble.join("\n");
+    assert!(
+        all.contains("home of p1") && all.contains("near the end of its limits"),
+        "{all}"
+    );
+    assert!(
+        all.contains("joint 's1'") && all.contains("near its cone"),
+        "{all}"
+    );
+    assert!(
+        all.contains("cut 's2'") && all.contains("beyond its cone"),
+        "{all}"
+    );
+    assert_eq!(explained(&base).trouble, []);
+}
+
+#[test]
+fn drives_beside_the_mobility_are_named() {
+    let found = explained(&file("tests/mechanisms/fivebar_redundant.yaml"));
+    let all: Vec<&str> = found.coordinates.iter().map(|f| f.text.as_str()).collect();
+    let all = all.join("\n");
+    assert!(all.contains("actuated are q1 q3 q4"), "{all}");
+    assert!(all.contains("3 drives for mobility 2"), "{all}");
+}
