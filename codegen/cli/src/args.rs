@@ -10,7 +10,7 @@ Exit codes:
   1  a check failed: generated source is not up to date or not verified, or the
      base parameters are incomplete
   2  the command line is wrong
-  3  the spec or the states are wrong
+  3  the spec, the states or another file that was given is wrong
   4  a state could not be closed, or is singular
   5  a file could not be read or written";
 
@@ -24,6 +24,7 @@ Examples:
   regen generate                     every robot of the workspace
   regen generate --check             is generated/ what regen would write?
   regen eval robots/3rps.yaml --states states.json --format json
+  regen import arm.urdf --out arm.yaml   a URDF or MJCF file as a spec
 
 A spec that does not parse is explained with line, column and what is allowed.
 Results go to standard output, messages to standard error. Colour is used only

@@ -256,17 +256,23 @@ fn settle(
         actuated: &actuated,
         independent: None,
     };
-    // a spec without motors says itself what is independent
-    let all = draft.coordinates();
-    frame.independent = actuated.is_empty().then_some(all.as_slice());
+    // a spec without motors, or with motors at joints that follow others, says itself what is
+    // independent
+    let follows = |name: &String| draft.couplings.iter().any(|c| c.key == *name);
+    let mut free = draft.coordinates();
+    free.retain(|name| !follows(name));
+    let said = actuated.is_empty() || actuated.iter().any(follows);
+    frame.independent = said.then_some(free.as_slice());
     let mut text = write::write(draft, &frame);
-    if let Verdict::Choose(choice) = choose::judge(&text)? {
+    if let Verdict::Choose(mut choice) = choose::judge(&text)? {
+        lead(&mut choice, draft);
         // with loops, and nobody having said where the motors are: there
         let by_choice = tree.actuated.is_empty() && !draft.cuts.is_empty();
         let chosen = |name: &String| choice.contains(name);
         if by_choice && choice.iter().all(|name| actuated.contains(name)) {
             let motors: Vec<String> = actuated.iter().filter(|n| chosen(n)).cloned().collect();
             frame.actuated = &motors;
+            frame.independent = None;
             text = write::write(draft, &frame);
         } else {
             frame.independent = Some(&choice);
@@ -277,6 +283,22 @@ fn settle(
     Ok((name, text))
 }
 
+/// Replaces joints that follow others by one that leads them: the format has those
+/// that follow as dependent.
+fn lead(choice: &mut [String], draft: &Draft) {
+    for _ in 0..=draft.couplings.len() {
+        for k in 0..choice.len() {
+            let Some(coupling) = draft.couplings.iter().find(|c| c.key == choice[k]) else {
+                continue;
+            };
+            let mut terms = coupling.terms.iter().filter(|t| t.1 != 0.0);
+            if let Some((leader, _)) = terms.find(|t| !choice.contains(&t.0)) {
+                choice[k].clone_from(leader);
+            }
+        }
+    }
+}
+
 /// The joints with motors: those that the file names, or else every joint of one
 /// freedom that follows no other.
 fn actuated(draft: &Draft, tree: &Tree) -> Vec<String> {
@@ -284,8 +306,11 @@ fn actuated(draft: &Draft, tree: &Tree) -> Vec<String> {
     let follows = |name: &str| draft.couplings.iter().any(|c| c.key == name);
     let chosen = joints.filter_map(|joint| {
         let (name, from) = (joint.name.as_ref()?, joint.from.as_ref()?);
-        let single = joint.kind != "spherical" && !from.passive && !follows(name);
-        let named = tree.actuated.is_empty() || tree.actuated.contains(&from.name);
+        let single = joint.kind != "spherical" && !from.passive;
+        let named = match tree.actuated.as_slice() {
+            [] => !follows(name),
+            said => said.contains(&from.name),
+        };
         (single && named).then(|| name.clone())
     });
     chosen.collect()

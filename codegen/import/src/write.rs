@@ -63,7 +63,7 @@ pub(crate) fn write(draft: &Draft, frame: &Frame<'_>) -> String {
         let _ = writeln!(
             out,
             "\n# The coordinates that the others follow from.\nindependent: [{}]",
-            independent.join(", ")
+            wrapped(independent)
         );
     }
     if !draft.home.is_empty() {
@@ -308,6 +308,24 @@ fn list(values: &[String]) -> String {
     format!("[{}]", values.join(", "))
 }
 
+/// Names in lines that are not too long.
+fn wrapped(names: &[String]) -> String {
+    let mut out = String::new();
+    let mut column = "independent: [".len();
+    for (k, name) in names.iter().enumerate() {
+        if k > 0 && column + name.len() + 3 > WIDTH {
+            out.push_str(",\n  ");
+            column = 2;
+        } else if k > 0 {
+            out.push_str(", ");
+            column += 2;
+        }
+        out.push_str(name);
+        column += name.len();
+    }
+    out
+}
+
 fn flow(fields: &[(&'static str, String)]) -> String {
     let fields: Vec<String> = fields.iter().map(|(k, v)| format!("{k}: {v}")).collect();
     format!("{{{}}}", fields.join(", "))
@@ -331,5 +349,19 @@ fn entry(fields: &[(&'static str, String)], indent: usize, out: &mut String) {
             continue;
         }
         let _ = writeln!(out, "{:indent$}{mark}{key}: {value}", "");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_lists_of_names_are_wrapped() {
+        let names: Vec<String> = (0..30).map(|k| format!("joint_{k}")).collect();
+        let text = wrapped(&names);
+        assert!(text.lines().count() > 2 && text.lines().all(|l| l.len() <= WIDTH));
+        assert_eq!(text.matches(',').count(), 29);
+        assert_eq!(wrapped(&names[..2]), "joint_0, joint_1");
     }
 }

@@ -127,3 +127,26 @@ fn equal_joints_are_coupled_as_far_as_they_are_linear() {
         "no hinge or slide is called 'qd'",
     );
 }
+
+#[test]
+fn a_motor_may_be_at_a_joint_that_follows() {
+    let text = pair("<joint joint1=\"qc\" joint2=\"qa\"/>");
+    let motors = |joints: &[&str]| -> String {
+        let motors: Vec<String> = joints
+            .iter()
+            .map(|j| format!("<motor joint=\"{j}\"/>"))
+            .collect();
+        let section = format!("<actuator>{}</actuator></mujoco>", motors.concat());
+        spec(&text.replace("</mujoco>", &section))
+    };
+    for joints in [&["qc"][..], &["qb", "qc"], &["qa", "qb", "qc"]] {
+        let spec = motors(joints);
+        assert_eq!(
+            spec.matches("actuated: true").count(),
+            joints.len(),
+            "{spec}"
+        );
+        assert_has(&spec, "independent: [qa, qb]");
+    }
+    assert!(!motors(&["qa", "qb"]).contains("independent:"));
+}
