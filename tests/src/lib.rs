@@ -13,7 +13,9 @@
 pub mod base;
 pub mod compiled;
 pub mod derived;
+pub mod derived_model;
 pub mod engine;
 pub mod files;
+pub mod random;
 pub mod random_spec;
 pub mod reference;
