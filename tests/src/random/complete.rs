@@ -12,6 +12,8 @@ use crate::reference::{CutKind, Mechanism, Random, evaluate};
 const ZERO: f64 = 1e-10;
 /// ... and above this one they are not. Between them home is too close to a singularity.
 const REGULAR: f64 = 1e-3;
+/// Entries of A this small are rounding.
+const ROUNDING: f64 = 1e-12;
 /// The least ratio of singular values of A_e at home.
 const INDEPENDENT: f64 = 0.02;
 /// As many degrees of freedom are enough.
@@ -188,7 +190,11 @@ fn clear_rank(mechanism: &Mechanism, q: &[f64]) -> Option<usize> {
     let values = mechanism.jacobian(q).singular_values();
     let largest = values.max();
     let unclear = |v: &&f64| **v > ZERO * largest && **v < REGULAR * largest;
-    let clear = !values.iter().any(|v| unclear(&v)) && largest > 0.0;
+    // Rows of nothing but rounding hold nothing.
+    if largest < ROUNDING {
+        return Some(0);
+    }
+    let clear = !values.iter().any(|v| unclear(&v));
     clear.then(|| values.iter().filter(|v| **v > REGULAR * largest).count())
 }
 
@@ -311,7 +317,8 @@ fn heavy(mechanism: &Mechanism, q: &[f64]) -> Result<(), Reject> {
         .mass_matrix(q, &still, &phi)
         .map_err(|_| Reject::SingularHome)?;
     let values = mass.symmetric_eigenvalues();
-    if values.min() > 1e-7 * values.max() {
+    // Bodies of at least half a kilogram with arms of centimetres are far above this.
+    if values.min() > 1e-6 * values.max().max(1.0) {
         Ok(())
     } else {
         Err(Reject::Massless)

@@ -81,10 +81,18 @@ pub fn closure(derived: &Derived, mechanism: &Mechanism, seed: u64) -> Result<()
     if home.outcome != Outcome::Closed {
         return Err(format!("closure at home: {}", home.outcome));
     }
-    let mut random = Random::new(seed ^ 0x00c1_05e);
-    let state = mechanism.random_state(&home.q, &mut random)?;
+    let mut random = Random::new(seed ^ 0x000c_105e);
     let pick = |q: &[f64]| -> Vec<f64> { mechanism.independent.iter().map(|k| q[*k]).collect() };
-    let (from, to) = (pick(&home.q), pick(&state.q));
+    let from = pick(&home.q);
+    // A state that can be reached without coming near a singularity.
+    let mut state = mechanism.random_state(&home.q, &mut random)?;
+    for _ in 0..10 {
+        if reached_slowly(mechanism, &home.q, &pick(&state.q)) {
+            break;
+        }
+        state = mechanism.random_state(&home.q, &mut random)?;
+    }
+    let to = pick(&state.q);
     let apart = |a: &[f64], b: &[f64]| {
         let pairs = a.iter().zip(b);
         pairs.fold(0.0_f64, |m, (x, y)| m.max((x - y).abs()))
@@ -128,6 +136,27 @@ pub fn closure(derived: &Derived, mechanism: &Mechanism, seed: u64) -> Result<()
         }
     }
     Ok(())
+}
+
+/// Whether A_e stays well-conditioned on steps so short that none can leap to another branch.
+fn reached_slowly(mechanism: &Mechanism, home: &[f64], to: &[f64]) -> bool {
+    let from: Vec<f64> = mechanism.independent.iter().map(|k| home[*k]).collect();
+    let bound = 0.1 * mechanism.conditioning(home);
+    let mut q = home.to_vec();
+    let steps = 40;
+    for step in 1..=steps {
+        let part = f64::from(step) / f64::from(steps);
+        let there: Vec<f64> = from
+            .iter()
+            .zip(to)
+            .map(|(a, b)| a + part * (b - a))
+            .collect();
+        match mechanism.follow(&q, &there) {
+            Ok(next) if mechanism.conditioning(&next) > bound => q = next,
+            _ => return false,
+        }
+    }
+    true
 }
 
 /// The source can be written and holds no number that is none.

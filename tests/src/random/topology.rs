@@ -61,6 +61,10 @@ pub(super) fn draft(seed: u64, attempt: u64) -> Draft {
     if d.chance(0.25) {
         couple(&mut d);
     }
+    // A limb may start from a body that is written after it.
+    if d.chance(0.15) {
+        d.draft.limbs.reverse();
+    }
     d.draft
 }
 
@@ -80,6 +84,7 @@ fn cut_kind(d: &mut Drawing, group: Group) -> (CutKind, usize) {
     let kinds: &[(CutKind, usize)] = match group {
         Group::Space => &[
             (Spherical, 3),
+            (Universal, 2),
             (Universal, 2),
             (Cylindrical, 2),
             (Revolute, 1),
@@ -184,9 +189,10 @@ fn single(d: &mut Drawing, from: Option<&str>, group: Group) -> Vec<usize> {
     let (kind, left) = cut_kind(d, group);
     let share = 1 + d.below(2);
     let coordinates = group.freedoms() - left + share;
-    let first = match d.below(3) {
-        0 => coordinates,
-        _ => 1 + d.below(coordinates),
+    let first = if d.chance(0.5) {
+        coordinates
+    } else {
+        1 + d.below(coordinates)
     };
     let mut limbs = Vec::new();
     for n in [first, coordinates - first] {
