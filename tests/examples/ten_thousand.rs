@@ -94,6 +94,10 @@ fn judge(seed: u64, states: usize, tally: &mut Tally) {
         Ok(Err(error)) => tally.failures.push((seed, error)),
         Err(_) => tally.failures.push((seed, "panic".into())),
     }
+    match random::spoil(&sample, seed) {
+        Ok(variants) => *tally.counts.entry("bad variants".into()).or_default() += variants,
+        Err(error) => tally.failures.push((seed, error)),
+    }
 }
 
 fn main() {

@@ -15,10 +15,23 @@ use crate::reference::{Mechanism, Random};
 /// # Errors
 /// What failed, in one line.
 pub fn judge(sample: &Sample, seed: u64, states: usize) -> Result<Figures, String> {
-    let derived = Derived::without_base("random.yaml", &sample.text)?;
-    let figures = check_engine(&derived, &sample.mechanism, seed, states)?;
-    differences(&derived, &sample.mechanism, seed)?;
-    closure(&derived, &sample.mechanism, seed)?;
+    judge_text(&sample.text, &sample.mechanism, seed, states)
+}
+
+/// As [`judge`], for a spec's text and the second derivation of it.
+///
+/// # Errors
+/// What failed, in one line.
+pub fn judge_text(
+    text: &str,
+    mechanism: &Mechanism,
+    seed: u64,
+    states: usize,
+) -> Result<Figures, String> {
+    let derived = Derived::without_base("random.yaml", text)?;
+    let figures = check_engine(&derived, mechanism, seed, states)?;
+    differences(&derived, mechanism, seed)?;
+    closure(&derived, mechanism, seed)?;
     written(&derived)?;
     Ok(figures)
 }

@@ -15,6 +15,7 @@ mod complete;
 mod draft;
 mod draw;
 mod judge;
+mod spoil;
 mod topology;
 
 use std::collections::BTreeMap;
@@ -23,7 +24,8 @@ pub use complete::{Reject, Sample, complete};
 pub use draft::{
     Actuation, Coupling, Cut, Draft, Frame, Joint, Kind, Limb, Placement, Side, cut_word,
 };
-pub use judge::{closure, differences, judge};
+pub use judge::{closure, differences, judge, judge_text};
+pub use spoil::spoil;
 pub use topology::TOPOLOGIES;
 
 /// What a seed gave.
