@@ -16,6 +16,7 @@ pub mod derived;
 pub mod derived_model;
 pub mod engine;
 pub mod files;
+pub mod platform;
 pub mod random;
 pub mod random_spec;
 pub mod reference;

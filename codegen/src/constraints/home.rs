@@ -13,6 +13,8 @@ const CLOSED: f64 = 1e-12;
 const RANK_TOLERANCE: f64 = 1e-8;
 /// How far columns should be from those chosen before, as a part of them.
 const APART: [f64; 4] = [0.1, 0.01, 1e-4, RANK_TOLERANCE];
+/// Entries of A, in metres or without unit, that are nothing but rounding.
+const ROUNDING: f64 = 1e-13;
 const MAX_STEPS: usize = 100;
 
 /// Why there is no usable home.
@@ -177,7 +179,11 @@ fn close_least(loops: &NumericLoops<'_>, q: &mut Vec<f64>, free: &[usize]) -> (f
 }
 
 fn check_mobility(loops: &NumericLoops<'_>, model: &Model, q: &[f64]) -> Result<(), HomeProblem> {
-    let (_, a) = loops.at(q);
+    let (_, mut a) = loops.at(q);
+    // cuts that hold by themselves leave rows of rounding, and no rank
+    if a.iter().flatten().all(|x| x.abs() < ROUNDING) {
+        a.iter_mut().for_each(|row| row.fill(0.0));
+    }
     let n = model.coordinates.len();
     let (rank, _) = rank_and_columns(a.clone(), RANK_TOLERANCE);
     let mobility = n - rank;

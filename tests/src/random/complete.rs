@@ -104,7 +104,7 @@ pub fn complete(draft: &Draft) -> Result<Sample, Reject> {
 }
 
 /// The text with cuts and couplings, without home and independent coordinates.
-fn closed_text(draft: &Draft) -> Result<String, Reject> {
+pub(super) fn closed_text(draft: &Draft) -> Result<String, Reject> {
     let mut text = draft.tree_text();
     let home = home_text(&draft.home_pairs());
     let chain = Mechanism::from_yaml(&format!("{text}{home}independent: []\n"))

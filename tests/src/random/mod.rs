@@ -14,7 +14,9 @@
 mod complete;
 mod draft;
 mod draw;
+mod elsewhere;
 mod judge;
+mod shrink;
 mod spoil;
 mod topology;
 
@@ -24,7 +26,9 @@ pub use complete::{Reject, Sample, complete};
 pub use draft::{
     Actuation, Coupling, Cut, Draft, Frame, Joint, Kind, Limb, Placement, Side, cut_word,
 };
+pub use elsewhere::opened_elsewhere;
 pub use judge::{closure, differences, judge, judge_text};
+pub use shrink::shrink;
 pub use spoil::spoil;
 pub use topology::TOPOLOGIES;
 
