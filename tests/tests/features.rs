@@ -145,7 +145,7 @@ const TREE_FEATURES: [Row; 47] = [
     (
         "expression: powers associate to the right",
         "a: 0.3",
-        "a: 0.3^2^0.5",
+        "a: 0.9^2^3",
     ),
     ("expression: sqrt", "a: 0.3", "a: sqrt(0.3)"),
     ("expression: sin", "a: 0.3", "a: sin(0.2)"),
@@ -180,7 +180,7 @@ fn chain(cut: &str, freedoms: usize) -> String {
         .find(|spec| {
             let mechanism = Mechanism::from_yaml(spec).unwrap();
             let home = mechanism.home();
-            home.is_ok_and(|home| mechanism.conditioning(&home) > 0.03)
+            home.is_ok_and(|home| mechanism.conditioning(&home) > 0.004)
         })
         .unwrap_or_else(|| panic!("{cut}: no choice"))
 }
@@ -376,7 +376,7 @@ fn every_choice_about_base_parameters_counts() {
         let text = TREE.replacen("limbs:", &format!("{choice}limbs:"), 1);
         let derived = Derived::new("base.yaml", &text).unwrap();
         let base = &derived.robot.analysis.unwrap().base;
-        let kept = base.parameters.iter();
+        let kept = base.parameters.iter().filter(|p| !p.dropped);
         kept.map(|p| derived.robot.parameters[p.column].clone())
             .collect()
     };
@@ -389,5 +389,5 @@ fn every_choice_about_base_parameters_counts() {
     let equal = labels("base: {equal: [[2, 3]]}\n");
     assert_ne!(equal, plain);
     let dropped = labels(&format!("base: {{drop: ['{}']}}\n", plain[0]));
-    assert_ne!(dropped, plain);
+    assert_eq!(dropped, plain[1..]);
 }

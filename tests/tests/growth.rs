@@ -25,19 +25,16 @@ fn operations(legs: usize) -> Vec<usize> {
 }
 
 #[test]
-fn operations_per_leg_do_not_grow_with_the_number_of_legs() {
-    let counts: Vec<Vec<usize>> = [6, 9, 12].map(operations).into();
+fn operations_grow_nearly_in_proportion_to_the_number_of_legs() {
+    let counts: Vec<Vec<usize>> = [3, 6, 12].map(operations).into();
     for (at, kind) in COUNTED.iter().enumerate() {
-        let [six, nine, twelve] = [0, 1, 2].map(|n| counts[n][at]);
-        println!("{}: {six} {nine} {twelve}", kind.name());
-        // Beyond six, each leg adds the same three bodies' worth of work; pivots are chosen anew
-        // for each platform, which moves it by some percent.
-        let (early, late) = (nine - six, twelve - nine);
-        assert!(
-            late * 4 <= early * 5,
-            "{}: {six}, {nine}, {twelve}",
-            kind.name()
-        );
-        assert!(twelve * 10 <= six * 25, "{}: {six}, {twelve}", kind.name());
+        let [three, six, twelve] = [0, 1, 2].map(|n| counts[n][at]);
+        println!("{}: {three} {six} {twelve}", kind.name());
+        // Twice the legs may take two and a half times the operations: pivots are chosen anew for
+        // each platform, which moves a count by some percent. Products that were multiplied out,
+        // or loops solved as one dense system, would take four to eight times as many.
+        for (few, many) in [(three, six), (six, twelve)] {
+            assert!(many * 2 <= few * 5, "{}: {few}, {many}", kind.name());
+        }
     }
 }
