@@ -157,6 +157,7 @@ fn named(spec: &Spec, model: &Model, closed: Closed) -> Robot {
         name: cone.name.clone(),
         greatest: cone.greatest.to_f64(),
     });
+    let rows = cuts.iter().map(|c| c.rows).sum::<usize>() + model.couplings.len();
     Robot {
         name: spec.name.value.clone(),
         description: spec.description.clone(),
@@ -166,7 +167,7 @@ fn named(spec: &Spec, model: &Model, closed: Closed) -> Robot {
         actuated: model.actuated.clone(),
         parameters: model.parameters.iter().map(|p| p.label.clone()).collect(),
         bodies: model.bodies.iter().map(|b| b.label.clone()).collect(),
-        rows: cuts.iter().map(|c| c.rows).sum::<usize>() + model.couplings.len(),
+        rows,
         cuts,
         joints: crate::robot::joints(spec, model),
         cones: cones.collect(),
@@ -177,7 +178,7 @@ fn named(spec: &Spec, model: &Model, closed: Closed) -> Robot {
         redundant_rows: closed
             .closure
             .as_ref()
-            .map_or_else(Vec::new, |c| c.redundant_rows().to_vec()),
+            .map_or_else(|| (0..rows).collect(), |c| c.redundant_rows().to_vec()),
         gravity: model.gravity.each_ref().map(|g| g.value.to_f64()),
         home: closed.home,
         functions: Vec::new(),

@@ -129,15 +129,19 @@ impl FunctionKind {
         )
     }
 
-    /// Whether only mechanisms with loops have it.
-    pub fn needs_loops(self) -> bool {
+    /// Whether only mechanisms with cuts or couplings have it.
+    pub fn needs_rows(self) -> bool {
         matches!(
             self,
-            FunctionKind::Constraints
-                | FunctionKind::Jacobian
-                | FunctionKind::Bias
-                | FunctionKind::NewtonStep
-                | FunctionKind::DependentJacobian
+            FunctionKind::Constraints | FunctionKind::Jacobian | FunctionKind::Bias
+        )
+    }
+
+    /// Whether only mechanisms with dependent coordinates have it.
+    pub fn needs_solve(self) -> bool {
+        matches!(
+            self,
+            FunctionKind::NewtonStep | FunctionKind::DependentJacobian
         )
     }
 }

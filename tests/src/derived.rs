@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 use regen_codegen::diag::Source;
 use regen_codegen::interpret::run;
-use regen_codegen::pipeline::derive;
+use regen_codegen::pipeline::{BaseFrom, DeriveError, derive, derive_with};
 use regen_codegen::robot::{FunctionKind, Robot};
 
 use crate::engine::{Answer, Engine, Names};
@@ -23,6 +23,18 @@ impl Derived {
     pub fn new(name: &str, text: &str) -> Answer<Derived> {
         let robot = derive(&Source::new(name, text)).map_err(|e| e.to_string())?;
         Ok(Derived { robot })
+    }
+
+    /// Derives the robot of a spec's text without base parameters, which take longer than the rest.
+    ///
+    /// # Errors
+    /// The report of the spec's mistakes.
+    pub fn without_base(name: &str, text: &str) -> Answer<Derived> {
+        match derive_with(&Source::new(name, text), BaseFrom::Nowhere) {
+            Ok(robot) => Ok(Derived { robot }),
+            Err(DeriveError::Spec(report)) => Err(report.to_string()),
+            Err(other) => Err(format!("{other:?}")),
+        }
     }
 
     /// Derives the robot of a file.

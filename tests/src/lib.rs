@@ -13,7 +13,10 @@
 pub mod base;
 pub mod compiled;
 pub mod derived;
+pub mod derived_model;
 pub mod engine;
 pub mod files;
+pub mod platform;
+pub mod random;
 pub mod random_spec;
 pub mod reference;

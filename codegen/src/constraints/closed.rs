@@ -93,7 +93,7 @@ fn choose(g: &mut Graph, frames: &Frames, model: &Model, states: &[Vec<f64>]) ->
         .map(|cut| LoopEquations::new(model, cut).viewpoints())
         .collect();
     let mut chosen: Vec<Viewpoint> = choices.iter().filter_map(|c| c.first().copied()).collect();
-    let mut best: Option<(usize, Closure)> = None;
+    let mut best: Option<((usize, usize), Closure)> = None;
     for cut in 0..chosen.len().max(1) {
         let options = choices.get(cut).cloned().unwrap_or_default();
         let mut options_or_none = options.into_iter().map(Some).collect::<Vec<_>>();
@@ -113,6 +113,8 @@ fn choose(g: &mut Graph, frames: &Frames, model: &Model, states: &[Vec<f64>]) ->
                 continue;
             };
             let price = g.price(closure.x.iter().flatten().copied(), &mut Vec::new());
+            // where an order of pivots is unfit, it is not cheap but solved anew
+            let price = (closure.plan.unfit, price);
             if best.as_ref().is_none_or(|(least, _)| price < *least) {
                 chosen = tried;
                 best = Some((price, closure));

@@ -10,6 +10,8 @@ use crate::sym::{Ex, Graph};
 
 /// A pivot must reach this part of its column's largest entry at all samples.
 const THRESHOLD: f64 = 0.1;
+/// What a pivot that changes its sign counts, beside one that does not.
+const UNSTEADY: f64 = 0.01;
 /// Scaled rows below this carry nothing: they are redundant.
 const NOTHING: f64 = 1e-9;
 
@@ -20,6 +22,9 @@ pub struct Plan {
     pub pivots: Vec<(usize, usize, f64)>,
     /// Rows that the order leaves out: redundant on the mechanism's motion.
     pub left_out: Vec<usize>,
+    /// How many pivots are small, or change their sign, at some samples: the order is unfit
+    /// somewhere among them.
+    pub unfit: usize,
 }
 
 /// Chooses the order of pivots for a matrix with this structure (which entries
@@ -50,6 +55,7 @@ pub fn plan(structure: &[Vec<Option<bool>>], samples: &[Vec<Vec<f64>>]) -> Optio
     let mut free_rows = (0..rows).collect::<Vec<_>>();
     let mut free_columns = (0..columns).collect::<Vec<_>>();
     let mut pivots = Vec::new();
+    let mut unfit = 0;
     while !free_columns.is_empty() {
         let mut best: Option<(bool, usize, bool, f64, usize, usize)> = None;
         for &c in &free_columns {
@@ -68,7 +74,8 @@ pub fn plan(structure: &[Vec<Option<bool>>], samples: &[Vec<Vec<f64>>]) -> Optio
                 }
             }
         }
-        let (.., r, c) = best?;
+        let (good, .., r, c) = best?;
+        unfit += usize::from(!good);
         let mut sizes: Vec<f64> = work.iter().map(|s| s[r][c].abs()).collect();
         sizes.sort_by(f64::total_cmp);
         pivots.push((r, c, sizes[sizes.len() / 2]));
@@ -99,11 +106,13 @@ pub fn plan(structure: &[Vec<Option<bool>>], samples: &[Vec<Vec<f64>>]) -> Optio
     Some(Plan {
         pivots,
         left_out: free_rows,
+        unfit,
     })
 }
 
 /// The least part, over the samples, of its column's largest entry that a
-/// pivot reaches; 0 where the pivot vanishes.
+/// pivot reaches; 0 where the pivot vanishes. A pivot with both signs vanishes
+/// somewhere between the samples, and is taken only if there is no other.
 fn quality(work: &[Vec<Vec<f64>>], scale: &[f64], rows: &[usize], r: usize, c: usize) -> f64 {
     let parts = work.iter().map(|sample| {
         let size = |i: usize| sample[i][c].abs() / scale[i];
@@ -114,7 +123,13 @@ fn quality(work: &[Vec<Vec<f64>>], scale: &[f64], rows: &[usize], r: usize, c: u
         size(r) / largest
     });
     let least = parts.fold(f64::INFINITY, f64::min);
-    if least.is_finite() { least } else { 0.0 }
+    let positive = work.iter().filter(|s| s[r][c] > 0.0).count();
+    let steady = positive == 0 || positive == work.len();
+    match least.is_finite() {
+        true if steady => least,
+        true => least * UNSTEADY,
+        false => 0.0,
+    }
 }
 
 type Candidate = (bool, usize, bool, f64, usize, usize);

@@ -11,6 +11,10 @@ use super::rows::Equations;
 const CLOSED: f64 = 1e-12;
 /// Pivots below this part of the largest are rank deficiencies.
 const RANK_TOLERANCE: f64 = 1e-8;
+/// How far columns should be from those chosen before, as a part of them.
+const APART: [f64; 4] = [0.1, 0.01, 1e-4, RANK_TOLERANCE];
+/// Entries of A, in metres or without unit, that are nothing but rounding.
+const ROUNDING: f64 = 1e-13;
 const MAX_STEPS: usize = 100;
 
 /// Why there is no usable home.
@@ -175,7 +179,11 @@ fn close_least(loops: &NumericLoops<'_>, q: &mut Vec<f64>, free: &[usize]) -> (f
 }
 
 fn check_mobility(loops: &NumericLoops<'_>, model: &Model, q: &[f64]) -> Result<(), HomeProblem> {
-    let (_, a) = loops.at(q);
+    let (_, mut a) = loops.at(q);
+    // cuts that hold by themselves leave rows of rounding, and no rank
+    if a.iter().flatten().all(|x| x.abs() < ROUNDING) {
+        a.iter_mut().for_each(|row| row.fill(0.0));
+    }
     let n = model.coordinates.len();
     let (rank, _) = rank_and_columns(a.clone(), RANK_TOLERANCE);
     let mobility = n - rank;
@@ -195,20 +203,50 @@ fn check_mobility(loops: &NumericLoops<'_>, model: &Model, q: &[f64]) -> Result<
 /// possible.
 fn valid_choice(a: &[Vec<f64>], model: &Model, rank: usize) -> Vec<usize> {
     let n = model.coordinates.len();
-    let mut order: Vec<usize> = (0..n).filter(|c| !model.actuated.contains(c)).collect();
+    // coupled coordinates are dependent in any case
+    let mut order: Vec<usize> = model.couplings.iter().map(|c| c.key).collect();
     // later coordinates are more often the passive end of a branch
-    order.reverse();
-    order.extend(model.actuated.iter().rev());
-    let mut dependent: Vec<usize> = Vec::new();
-    for c in order {
-        if dependent.len() == rank {
+    let passive = (0..n).rev().filter(|c| !model.actuated.contains(c));
+    order.extend(passive.chain(model.actuated.iter().rev().copied()));
+    // well-conditioned where possible
+    let chosen = APART.map(|apart| dependent_columns(a, &order, rank, apart));
+    let full = chosen.iter().find(|d| d.len() == rank);
+    let dependent = full.unwrap_or(&chosen[APART.len() - 1]);
+    (0..n).filter(|c| !dependent.contains(c)).collect()
+}
+
+/// At most `rank` columns, in a given order, that are not near the span of
+/// those before: what is left of a column is above a part of it.
+fn dependent_columns(a: &[Vec<f64>], order: &[usize], rank: usize, apart: f64) -> Vec<usize> {
+    let largest = a
+        .iter()
+        .flatten()
+        .fold(0.0_f64, |m, x| if x.abs() > m { x.abs() } else { m });
+    let mut basis: Vec<Vec<f64>> = Vec::new();
+    let mut chosen = Vec::new();
+    for &c in order {
+        if chosen.len() == rank {
             break;
         }
-        let mut tried = dependent.clone();
-        tried.push(c);
-        if rank_and_columns(select(a, &tried), RANK_TOLERANCE).0 == tried.len() {
-            dependent = tried;
+        let column: Vec<f64> = a.iter().map(|row| row[c]).collect();
+        let size = dot(&column, &column).sqrt();
+        let mut rest = column;
+        for b in &basis {
+            let along = dot(b, &rest);
+            for (x, y) in rest.iter_mut().zip(b) {
+                *x -= along * y;
+            }
+        }
+        let left = dot(&rest, &rest).sqrt();
+        // also false for NaN
+        if left > apart * size && size > RANK_TOLERANCE * largest && !chosen.contains(&c) {
+            basis.push(rest.iter().map(|x| x / left).collect());
+            chosen.push(c);
         }
     }
-    (0..n).filter(|c| !dependent.contains(c)).collect()
+    chosen
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
 }

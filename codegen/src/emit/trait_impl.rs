@@ -144,7 +144,8 @@ fn method(function: &Function, runtime: &str, out: &mut String) {
     }
 }
 
-/// A tree has no closure equations: the lengths are checked, nothing is written.
+/// Nothing is solved without dependent coordinates, and a tree has no rows: the lengths are checked,
+/// nothing is written.
 fn without_loops(robot: &Robot, kind: FunctionKind, runtime: &str, out: &mut String) {
     let n = robot.coordinates.len();
     for name in arguments(kind) {

@@ -34,7 +34,9 @@ pub struct Context<'a> {
 
 /// The request for a function; `None` where the robot does not have it.
 pub fn request(cx: &mut Context<'_>, kind: FunctionKind) -> Option<Request> {
-    if kind.needs_loops() && cx.closed.closure.is_none() {
+    // rows that hold by themselves leave nothing to solve, but are rows
+    let rows = !cx.model.cuts.is_empty() || !cx.model.couplings.is_empty();
+    if kind.needs_rows() && !rows || kind.needs_solve() && cx.closed.closure.is_none() {
         return None;
     }
     if kind.needs_base() {

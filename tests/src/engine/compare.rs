@@ -14,7 +14,14 @@ pub fn row_error(ours: &DMatrix<f64>, theirs: &DMatrix<f64>) -> f64 {
     if ours.shape() != theirs.shape() || !ours.iter().all(|x| x.is_finite()) {
         return f64::INFINITY;
     }
-    let floor = FLOOR * theirs.amax();
+    row_error_above(FLOOR * theirs.amax(), ours, theirs)
+}
+
+/// As [`row_error`], with the size at which a row counts as rounding.
+pub(super) fn row_error_above(floor: f64, ours: &DMatrix<f64>, theirs: &DMatrix<f64>) -> f64 {
+    if ours.shape() != theirs.shape() || !ours.iter().all(|x| x.is_finite()) {
+        return f64::INFINITY;
+    }
     let rows = ours.row_iter().zip(theirs.row_iter());
     rows.fold(0.0, |worst, (x, y)| {
         worst.max(ratio((x - y).amax(), y.amax().max(floor)))

@@ -3,7 +3,7 @@
 
 use nalgebra::DVector;
 
-use super::check::{ROW, apply};
+use super::check::{FORCE, ROW, apply};
 use super::compare::{Figures, ratio, row_error, size, vector_error};
 use super::{Answer, Engine};
 use crate::reference::{Mechanism, Parameter, PhysicalBody, Random, State};
@@ -92,7 +92,7 @@ fn power(reference: &Mechanism, state: &State, phi: &[f64], tau: &[f64], figures
     }
     let terms = reference.independent.iter().zip(tau);
     let powers: Vec<f64> = terms.map(|(k, t)| t * qd[*k]).collect();
-    let scale = powers.iter().map(|p| p.abs()).sum::<f64>() + stored.abs() + lost;
+    let scale = powers.iter().map(|p| p.abs()).sum::<f64>() + stored.abs() + lost + FORCE;
     let error = ratio((powers.iter().sum::<f64>() - stored - lost).abs(), scale);
     figures.record("power balance", error, BALANCE);
 }

@@ -30,9 +30,20 @@ impl Mechanism {
             .get("gravity")
             .map_or(Ok([0.0, 0.0, -9.81]), |v| vector(v, &names))?;
         let mut tree = Tree::default();
-        for limb in list(&spec, "limbs")? {
-            tree.limb(limb, &names).map_err(|e| in_item(limb, &e))?;
+        let limbs = list(&spec, "limbs")?;
+        let mut coordinates = vec![0..0; limbs.len()];
+        let mut bodies = coordinates.clone();
+        for at in from_the_ground_up(limbs)? {
+            let before = (tree.coordinates.len(), tree.bodies.len());
+            tree.limb(&limbs[at], &names)
+                .map_err(|e| in_item(&limbs[at], &e))?;
+            coordinates[at] = before.0..tree.coordinates.len();
+            bodies[at] = before.1..tree.bodies.len();
         }
+        tree.number_as_written(
+            &coordinates.into_iter().flatten().collect::<Vec<_>>(),
+            &bodies.into_iter().flatten().collect::<Vec<_>>(),
+        );
         let cuts: Vec<Cut> = list(&spec, "cuts")?
             .iter()
             .map(|cut| tree.cut(cut, &names).map_err(|e| in_item(cut, &e)))
@@ -93,6 +104,10 @@ fn in_item(item: &Value, error: &str) -> String {
     format!("'{}': {error}", name.unwrap_or_default())
 }
 
+fn pick<T: Clone>(items: &[T], which: &[usize]) -> Vec<T> {
+    which.iter().map(|k| items[*k].clone()).collect()
+}
+
 /// A constant plus multiples of names, from its text: `-q2 + pi`.
 fn linear_form(
     form: &str,
@@ -110,6 +125,29 @@ fn linear_form(
         .map(|k| Ok(at(Some(k))? - constant))
         .collect::<Result<_, String>>()?;
     Ok((constant, coefficients))
+}
+
+/// The limbs in an order in which each starts from a body that is there.
+fn from_the_ground_up(limbs: &[Value]) -> Result<Vec<usize>, String> {
+    let mut order = Vec::new();
+    let mut labels = vec!["world".to_owned()];
+    while order.len() < limbs.len() {
+        let before = order.len();
+        for (at, limb) in limbs.iter().enumerate() {
+            let from = limb.get("from").map_or(Ok("world".into()), text)?;
+            if order.contains(&at) || !labels.contains(&from) {
+                continue;
+            }
+            order.push(at);
+            for joint in list(limb, "joints")? {
+                labels.extend(joint.get("body").map(text).transpose()?);
+            }
+        }
+        if order.len() == before {
+            return Err("a limb starts nowhere".into());
+        }
+    }
+    Ok(order)
 }
 
 #[derive(Default)]
@@ -142,6 +180,23 @@ impl Tree {
         match self.bodies.iter().find(|b| b.label == label) {
             Some(body) => Ok(Some(body.node)),
             None => Err(format!("no body {label}")),
+        }
+    }
+
+    /// Coordinates and bodies are numbered in the order of the file, whatever the order is in
+    /// which the limbs were put together.
+    fn number_as_written(&mut self, coordinates: &[usize], bodies: &[usize]) {
+        let place = |old: usize| coordinates.iter().position(|k| *k == old).unwrap_or(old);
+        self.coordinates = pick(&self.coordinates, coordinates);
+        self.friction = pick(&self.friction, coordinates);
+        self.rotor = pick(&self.rotor, coordinates);
+        self.actuated = self.actuated.iter().map(|k| place(*k)).collect();
+        self.actuated.sort_unstable();
+        self.bodies = pick(&self.bodies, bodies);
+        for node in &mut self.nodes {
+            if let JointMotion::Turn(_, k) | JointMotion::Slide(_, k) = &mut node.motion {
+                *k = place(*k);
+            }
         }
     }
 

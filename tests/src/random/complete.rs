@@ -1,0 +1,439 @@
+//! From a drawn tree to a spec that closes: the second frame of each cut, the couplings'
+//! constants, the mobility and a choice of independent coordinates, all by numbers.
+
+use std::fmt::Write as _;
+
+use nalgebra::{DMatrix, DVector};
+
+use super::draft::{Actuation, Draft, Placement, cut_word, home_text, side_text};
+use crate::reference::{CutKind, Mechanism, Random, evaluate};
+
+/// Singular values of A at home below this part of the largest are zero ...
+const ZERO: f64 = 1e-10;
+/// ... and above this one they are not. Between them home is too close to a singularity.
+const REGULAR: f64 = 1e-3;
+/// Entries of A this small are rounding.
+const ROUNDING: f64 = 1e-12;
+/// The least ratio of singular values of A_e at home.
+const INDEPENDENT: f64 = 0.02;
+/// As many degrees of freedom are enough.
+const MOST_FREEDOMS: usize = 6;
+
+/// Why a draft is no spec.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Reject {
+    /// Nothing moves.
+    Immobile,
+    /// More freedoms than are of interest.
+    TooMobile,
+    /// Home is at or near a singularity: the rank of A is unclear there or another one nearby.
+    SingularHome,
+    /// No well-conditioned choice of independent coordinates was met.
+    NoChoice,
+    /// Too little is movable around home.
+    NoRoom,
+    /// Some motion moves no mass.
+    Massless,
+    /// A shrunk draft refers to what was left out, or is no spec for another reason.
+    Unfit,
+}
+
+/// A spec with what is known about it.
+#[derive(Clone, Debug)]
+pub struct Sample {
+    /// The parts.
+    pub draft: Draft,
+    /// The spec.
+    pub text: String,
+    /// The second derivation of it.
+    pub mechanism: Mechanism,
+    /// The names of the independent coordinates, also where they are not written.
+    pub independent: Vec<String>,
+}
+
+/// Completes a draft.
+///
+/// # Errors
+/// Why there is no good spec with these parts.
+pub fn complete(draft: &Draft) -> Result<Sample, Reject> {
+    let body = closed_text(draft)?;
+    let guess = format!("{body}{}independent: []\n", home_text(&draft.home_pairs()));
+    let open = Mechanism::from_yaml(&guess).map_err(|_| Reject::Unfit)?;
+    let home = open.home_guess.clone();
+    let mobility = mobility(&open, &home)?;
+    neighbourhood(&open, &home, mobility, draft.choice)?;
+    let independent = choose(draft, &open, &home, mobility)?;
+    let mut draft = draft.clone();
+    if draft.actuation == Actuation::Independent {
+        for joint in draft.limbs.iter_mut().flat_map(|l| &mut l.joints) {
+            let names = joint.coordinates();
+            joint.actuated = names.iter().any(|n| independent.contains(n));
+        }
+    }
+    let body = closed_text(&draft)?;
+    let mut random = Random::new(draft.choice ^ 0xface);
+    let mut pairs = draft.home_pairs();
+    for (name, value) in &mut pairs {
+        if draft.off_home > 0.0 && !independent.contains(name) {
+            let number = evaluate(value, &lookup(&draft)).map_err(|_| Reject::Unfit)?;
+            *value = number_text(number + random.uniform(-draft.off_home, draft.off_home));
+        }
+    }
+    let default: Vec<String> = draft
+        .joints()
+        .filter(|j| j.actuated)
+        .flat_map(super::draft::Joint::coordinates)
+        .collect();
+    let mut text = format!("{body}{}", home_text(&pairs));
+    if default != independent {
+        let _ = writeln!(text, "independent: [{}]", independent.join(", "));
+    }
+    let mechanism = Mechanism::from_yaml(&text).map_err(|_| Reject::Unfit)?;
+    let closed = mechanism.home().map_err(|_| Reject::SingularHome)?;
+    let mut random = Random::new(draft.choice);
+    let state = mechanism
+        .random_state(&closed, &mut random)
+        .map_err(|_| Reject::NoRoom)?;
+    heavy(&mechanism, &state.q)?;
+    Ok(Sample {
+        draft,
+        text,
+        mechanism,
+        independent,
+    })
+}
+
+/// The text with cuts and couplings, without home and independent coordinates.
+pub(super) fn closed_text(draft: &Draft) -> Result<String, Reject> {
+    let mut text = draft.tree_text();
+    let home = home_text(&draft.home_pairs());
+    let chain = Mechanism::from_yaml(&format!("{text}{home}independent: []\n"))
+        .map_err(|_| Reject::Unfit)?;
+    let poses = chain.poses(&chain.home_guess);
+    let pose = |label: Option<&String>| -> Option<[f64; 12]> {
+        match label {
+            None => Some(IDENTITY),
+            Some(label) => {
+                let at = chain.bodies.iter().position(|b| b.label == *label)?;
+                Some(poses[at])
+            }
+        }
+    };
+    if !draft.cuts.is_empty() {
+        text.push_str("cuts:\n");
+    }
+    for (i, cut) in draft.cuts.iter().enumerate() {
+        let a = pose(cut.a.body.as_ref()).ok_or(Reject::Unfit)?;
+        let b = pose(cut.b.as_ref()).ok_or(Reject::Unfit)?;
+        let mut frame = product(&a, &placed(&cut.a.placement, draft)?);
+        for motion in slack(cut.kind, cut.slack) {
+            frame = product(&frame, &motion);
+        }
+        let second = placement_text(&relative(&b, &frame));
+        let mut sides = [
+            side_text(cut.a.body.as_ref(), &cut.a.placement),
+            side_text(cut.b.as_ref(), &second),
+        ];
+        if cut.swapped {
+            sides.reverse();
+        }
+        let _ = writeln!(
+            text,
+            "  - {{name: c{i}, joint: {}, between: [{}]{}}}",
+            cut_word(cut.kind),
+            sides.join(", "),
+            cut.more
+        );
+    }
+    if !draft.couplings.is_empty() {
+        let home = |name: &str| {
+            let at = chain.coordinates.iter().position(|c| c == name);
+            at.map(|at| chain.home_guess[at]).ok_or(Reject::Unfit)
+        };
+        let mut pairs = Vec::new();
+        for coupling in &draft.couplings {
+            let mut constant = home(&coupling.key)?;
+            let mut form = String::new();
+            for (factor, name) in &coupling.terms {
+                let value = evaluate(factor, &lookup(draft)).map_err(|_| Reject::Unfit)?;
+                constant -= value * home(name)?;
+                let _ = write!(form, "{factor}*{name} + ");
+            }
+            pairs.push(format!("{}: {form}{}", coupling.key, number_text(constant)));
+        }
+        let _ = writeln!(text, "couplings: {{{}}}", pairs.join(", "));
+    }
+    Ok(text)
+}
+
+fn lookup(draft: &Draft) -> impl Fn(&str) -> Option<f64> + '_ {
+    |name| {
+        let (_, text) = draft.geometry.iter().find(|(n, _)| n == name)?;
+        text.parse().ok()
+    }
+}
+
+/// The number of freedoms at home, where the rank is clear.
+fn mobility(mechanism: &Mechanism, q: &[f64]) -> Result<usize, Reject> {
+    let rank = clear_rank(mechanism, q).ok_or(Reject::SingularHome)?;
+    match mechanism.n() - rank {
+        0 => Err(Reject::Immobile),
+        m if m > MOST_FREEDOMS => Err(Reject::TooMobile),
+        m => Ok(m),
+    }
+}
+
+fn clear_rank(mechanism: &Mechanism, q: &[f64]) -> Option<usize> {
+    if mechanism.rows() == 0 {
+        return Some(0);
+    }
+    let values = mechanism.jacobian(q).singular_values();
+    let largest = values.max();
+    let unclear = |v: &&f64| **v > ZERO * largest && **v < REGULAR * largest;
+    // Rows of nothing but rounding hold nothing.
+    if largest < ROUNDING {
+        return Some(0);
+    }
+    let clear = !values.iter().any(|v| unclear(&v));
+    clear.then(|| values.iter().filter(|v| **v > REGULAR * largest).count())
+}
+
+/// Small steps along random motions close again, at the same rank: home is no singularity.
+fn neighbourhood(
+    mechanism: &Mechanism,
+    home: &[f64],
+    mobility: usize,
+    seed: u64,
+) -> Result<(), Reject> {
+    if mechanism.rows() == 0 {
+        return Ok(());
+    }
+    let mut random = Random::new(seed ^ 0xbeef);
+    for _ in 0..3 {
+        let a = mechanism.jacobian(home);
+        // What of a random motion the rows allow.
+        let wish = DVector::from_vec(random.vector(mechanism.n(), 1.0));
+        let svd = a.clone().svd(true, true);
+        let bound = ZERO * svd.singular_values.max();
+        let kept = svd
+            .solve(&(&a * &wish), bound)
+            .map_err(|_| Reject::SingularHome)?;
+        let motion = wish - kept;
+        let step = 0.05 / motion.amax().max(1e-9);
+        let mut q: Vec<f64> = home
+            .iter()
+            .zip(motion.iter())
+            .map(|(x, d)| x + step * d)
+            .collect();
+        for _ in 0..12 {
+            let f = DVector::from_vec(mechanism.constraints(&q));
+            let svd = mechanism.jacobian(&q).svd(true, true);
+            let bound = REGULAR * svd.singular_values.max();
+            let back = svd.solve(&f, bound).map_err(|_| Reject::SingularHome)?;
+            for (x, d) in q.iter_mut().zip(back.iter()) {
+                *x -= d;
+            }
+        }
+        let rank = clear_rank(mechanism, &q);
+        if mechanism.residual(&q) > 1e-12 || rank != Some(mechanism.n() - mobility) {
+            return Err(Reject::SingularHome);
+        }
+    }
+    Ok(())
+}
+
+/// A choice of independent coordinates, drawn: columns of A are taken into A_e in a random order
+/// as long as they add rank.
+fn choose(
+    draft: &Draft,
+    open: &Mechanism,
+    home: &[f64],
+    mobility: usize,
+) -> Result<Vec<String>, Reject> {
+    let n = open.n();
+    let rank = n - mobility;
+    let a = open.jacobian(home);
+    let mut random = Random::new(draft.choice);
+    let keyed: Vec<usize> = (0..n)
+        .filter(|k| {
+            draft
+                .couplings
+                .iter()
+                .any(|c| c.key == open.coordinates[*k])
+        })
+        .collect();
+    for _ in 0..30 {
+        // Coupled keys first: they are never independent.
+        let mut order: Vec<usize> = (0..n).filter(|k| !keyed.contains(k)).collect();
+        for i in (1..order.len()).rev() {
+            #[allow(clippy::cast_sign_loss, reason = "not negative")]
+            let j = random.uniform(0.0, (i + 1) as f64) as usize;
+            order.swap(i, j.min(i));
+        }
+        let mut dependent: Vec<usize> = Vec::new();
+        for k in keyed.iter().chain(&order) {
+            if dependent.len() == rank {
+                break;
+            }
+            dependent.push(*k);
+            if spread(&a.select_columns(&dependent)) < INDEPENDENT {
+                dependent.pop();
+            }
+        }
+        if dependent.len() == rank && keyed.iter().all(|k| dependent.contains(k)) {
+            // In a drawn order: it is the order of the regressor's rows.
+            let rest = order.iter().filter(|k| !dependent.contains(k));
+            let mut names: Vec<usize> = rest.copied().collect();
+            if draft.actuation == Actuation::Independent {
+                names.sort_unstable();
+            }
+            return Ok(names.iter().map(|k| open.coordinates[*k].clone()).collect());
+        }
+    }
+    Err(Reject::NoChoice)
+}
+
+/// Smallest over largest singular value.
+fn spread(matrix: &DMatrix<f64>) -> f64 {
+    if matrix.nrows() < matrix.ncols() {
+        return 0.0;
+    }
+    let values = matrix.singular_values();
+    values.min() / values.max()
+}
+
+/// Every motion moves some mass.
+fn heavy(mechanism: &Mechanism, q: &[f64]) -> Result<(), Reject> {
+    let mut random = Random::new(1);
+    let bodies: Vec<f64> = mechanism
+        .bodies
+        .iter()
+        .flat_map(|_| crate::reference::PhysicalBody::random(&mut random).parameters())
+        .collect();
+    let mut phi = vec![0.0; mechanism.parameters.len()];
+    phi[..bodies.len()].copy_from_slice(&bodies);
+    let still = vec![0.0; q.len()];
+    let (mass, _) = mechanism
+        .mass_matrix(q, &still, &phi)
+        .map_err(|_| Reject::SingularHome)?;
+    let values = mass.symmetric_eigenvalues();
+    // Bodies of at least half a kilogram with arms of centimetres are far above this.
+    if values.min() > 1e-6 * values.max().max(1.0) {
+        Ok(())
+    } else {
+        Err(Reject::Massless)
+    }
+}
+
+const IDENTITY: [f64; 12] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
+
+/// The motions that the joint of a cut allows.
+fn slack(kind: CutKind, [x, y, z, slide]: [f64; 4]) -> Vec<[f64; 12]> {
+    match kind {
+        CutKind::Spherical => vec![turn(2, z), turn(1, y), turn(0, x)],
+        CutKind::Universal => vec![turn(0, x), turn(1, y)],
+        CutKind::Revolute => vec![turn(2, z)],
+        CutKind::Prismatic => vec![lift(slide)],
+        CutKind::Cylindrical => vec![turn(2, z), lift(slide)],
+        CutKind::Fixed => Vec::new(),
+    }
+}
+
+fn turn(axis: usize, angle: f64) -> [f64; 12] {
+    let (s, c) = if angle == 0.0 {
+        (0.0, 1.0)
+    } else {
+        angle.sin_cos()
+    };
+    let (j, k) = ((axis + 1) % 3, (axis + 2) % 3);
+    let mut out = IDENTITY;
+    out[4 * axis] = 1.0;
+    out[3 * j + j] = c;
+    out[3 * k + k] = c;
+    out[3 * j + k] = -s;
+    out[3 * k + j] = s;
+    out
+}
+
+fn lift(z: f64) -> [f64; 12] {
+    let mut out = IDENTITY;
+    out[11] = z;
+    out
+}
+
+/// A placement's value: the translation, then Rz(y) Ry(p) Rx(r).
+fn placed(placement: &Placement, draft: &Draft) -> Result<[f64; 12], Reject> {
+    let value = |text: &String| evaluate(text, &lookup(draft)).map_err(|_| Reject::Unfit);
+    let mut out = IDENTITY;
+    for k in 0..3 {
+        out[9 + k] = value(&placement.xyz[k])?;
+    }
+    for k in [2, 1, 0] {
+        out = product(&out, &turn(k, value(&placement.rpy[k])?));
+    }
+    Ok(out)
+}
+
+fn product(a: &[f64; 12], b: &[f64; 12]) -> [f64; 12] {
+    let mut out = [0.0; 12];
+    for i in 0..3 {
+        for j in 0..3 {
+            out[3 * i + j] = (0..3).map(|k| a[3 * i + k] * b[3 * k + j]).sum();
+        }
+        out[9 + i] = a[9 + i] + (0..3).map(|k| a[3 * i + k] * b[9 + k]).sum::<f64>();
+    }
+    out
+}
+
+/// The second frame seen from the first; rotation row by row, then the origin.
+fn relative(from: &[f64; 12], to: &[f64; 12]) -> [f64; 12] {
+    let mut back = [0.0; 12];
+    for i in 0..3 {
+        for j in 0..3 {
+            back[3 * i + j] = from[3 * j + i];
+        }
+        back[9 + i] = -(0..3).map(|k| from[3 * k + i] * from[9 + k]).sum::<f64>();
+    }
+    product(&back, to)
+}
+
+/// The placement of a frame, as exact as doubles are written.
+fn placement_text(m: &[f64; 12]) -> Placement {
+    let level = m[7].hypot(m[8]);
+    let pitch = (-m[6]).atan2(level);
+    // Pitched by a quarter turn, roll and yaw are one.
+    let rpy = if level < 1e-7 {
+        [0.0, pitch, (-m[1]).atan2(m[4])]
+    } else {
+        [m[7].atan2(m[8]), pitch, m[3].atan2(m[0])]
+    };
+    Placement {
+        xyz: [m[9], m[10], m[11]].map(number_text),
+        rpy: rpy.map(angle_text),
+    }
+}
+
+/// A number with all its digits; rounding of zero is zero.
+fn number_text(value: f64) -> String {
+    if value.abs() < 1e-14 {
+        "0".into()
+    } else {
+        format!("{value}")
+    }
+}
+
+/// Quarter turns are exact.
+fn angle_text(value: f64) -> String {
+    let quarters = (value / std::f64::consts::FRAC_PI_2).round();
+    if (value - quarters * std::f64::consts::FRAC_PI_2).abs() > 1e-13 {
+        return number_text(value);
+    }
+    #[allow(clippy::cast_possible_truncation, reason = "between -2 and 2")]
+    match quarters as i32 {
+        0 => "0".into(),
+        1 => "pi/2".into(),
+        -1 => "-pi/2".into(),
+        2 => "pi".into(),
+        _ => "-pi".into(),
+    }
+}

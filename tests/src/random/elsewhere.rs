@@ -1,0 +1,53 @@
+//! The same mechanism opened at another place: a cut's joint is put into the tree, and the loop is
+//! opened where it is rigid.
+
+use std::fmt::Write as _;
+
+use super::complete::closed_text;
+use super::draft::{Frame, Joint, Kind, Limb, Placement, home_text};
+use super::{Reject, Sample};
+use crate::reference::{CutKind, Mechanism};
+
+/// The spec with the joint of a cut in the tree, massless up to a body `extra` that is cut
+/// rigidly where the joint's second frame was. The independent coordinates stay.
+///
+/// # Errors
+/// When the text is no spec.
+pub fn opened_elsewhere(sample: &Sample, cut: usize) -> Result<(String, Mechanism), Reject> {
+    let mut draft = sample.draft.clone();
+    let opened = &mut draft.cuts[cut];
+    let [x, y, z, slide] = opened.slack;
+    let (kind, home) = match opened.kind {
+        CutKind::Spherical => (Kind::Spherical, vec![z, y, x]),
+        CutKind::Universal => (Kind::Universal, vec![x, y]),
+        CutKind::Revolute => (Kind::Revolute, vec![z]),
+        CutKind::Prismatic => (Kind::Prismatic, vec![slide]),
+        CutKind::Cylindrical => (Kind::Cylindrical, vec![z, slide]),
+        CutKind::Fixed => (Kind::Fixed, Vec::new()),
+    };
+    let limb = Limb {
+        from: opened.a.body.take(),
+        base: std::mem::replace(&mut opened.a.placement, Placement::none()),
+        joints: vec![Joint {
+            name: "extra".into(),
+            kind,
+            frame: Frame::Same,
+            axis: "z",
+            body: Some("extra".into()),
+            actuated: false,
+            friction: "none",
+            rotor: false,
+            more: String::new(),
+            home: home.iter().map(|x| format!("{x}")).collect(),
+        }],
+    };
+    opened.a.body = Some("extra".into());
+    opened.kind = CutKind::Fixed;
+    opened.slack = [0.0; 4];
+    opened.more = "";
+    draft.limbs.push(limb);
+    let mut text = closed_text(&draft)? + &home_text(&draft.home_pairs());
+    let _ = writeln!(text, "independent: [{}]", sample.independent.join(", "));
+    let mechanism = Mechanism::from_yaml(&text).map_err(|_| Reject::Unfit)?;
+    Ok((text, mechanism))
+}
