@@ -24,6 +24,11 @@
 //!   friction and sensors.
 //! - `alloc`: set by the above; of no use alone.
 //!
+//! Identification:
+//! - `signals`: velocities and accelerations from sampled positions. Needs `std`.
+//! - `estimation`: observations reduced to a triangle, least squares with statistics.
+//! - `data`: logs from CSV files.
+//!
 //! The macro:
 //! - `macros`: `robot_model!`, a robot from its YAML file at compile time.
 #![no_std]
@@ -41,6 +46,8 @@ mod base;
 #[cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]
 mod closure;
 mod condition;
+#[cfg(feature = "estimation")]
+pub mod estimate;
 mod guarded;
 mod info;
 mod linear;
