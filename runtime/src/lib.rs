@@ -57,6 +57,10 @@ mod observe;
 mod scalar;
 #[cfg(feature = "simulation")]
 pub mod simulate;
+#[cfg(feature = "signals")]
+pub mod signals;
+#[cfg(feature = "signals")]
+mod triangle;
 
 pub use base::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
 #[cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]

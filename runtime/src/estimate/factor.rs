@@ -6,7 +6,7 @@ use std::vec;
 use serde::{Deserialize, Serialize};
 
 use super::EstimateError;
-use super::kernel::{BLOCK, reduce, substitute};
+use crate::triangle::{BLOCK, reduce, substitute};
 
 /// The system W x = tau (Eq. 12) after an orthogonal transformation from the left:
 /// `||W x - tau||^2 = ||R x - z||^2 + rss`, whatever x.
@@ -60,7 +60,7 @@ impl TryFrom<Raw> for Factor {
     }
 }
 
-fn size(what: &'static str, expected: usize, got: usize) -> Result<(), EstimateError> {
+pub(super) fn size(what: &'static str, expected: usize, got: usize) -> Result<(), EstimateError> {
     if expected == got {
         return Ok(());
     }
@@ -327,7 +327,7 @@ impl Factor {
     }
 
     /// R x.
-    fn times_r(&self, x: &[f64]) -> Vec<f64> {
+    pub(super) fn times_r(&self, x: &[f64]) -> Vec<f64> {
         let n = self.columns();
         let mut out = vec![0.0; n];
         for (column, value) in self.r.chunks_exact(n.max(1)).zip(x) {

@@ -3,7 +3,7 @@
 use std::prelude::v1::*;
 
 /// Rows reduced at a time: with some 40 columns they fit the second-level cache.
-pub(super) const BLOCK: usize = 256;
+pub(crate) const BLOCK: usize = 256;
 
 /// Reduces the rows of `[block | side]` into the triangle `[r | z]`; returns the sum of squares
 /// of what is left of `side`.
@@ -13,7 +13,7 @@ pub(super) const BLOCK: usize = 256;
 ///
 /// A reflection for column k touches row k of the triangle and the block, none of the rows
 /// between: the zeros of the triangle cost nothing.
-pub(super) fn reduce(
+pub(crate) fn reduce(
     r: &mut [f64],
     z: &mut [f64],
     block: &mut [f64],
@@ -134,7 +134,7 @@ fn subtract_two(v: &[f64], a: &mut [f64], sa: f64, b: &mut [f64], sb: f64) {
 }
 
 /// Solves R x = z from below; `None` where a diagonal entry is zero.
-pub(super) fn substitute(r: &[f64], z: &[f64]) -> Option<Vec<f64>> {
+pub(crate) fn substitute(r: &[f64], z: &[f64]) -> Option<Vec<f64>> {
     let n = z.len();
     let mut x = z.to_vec();
     for k in (0..n).rev() {
