@@ -46,19 +46,23 @@ mod base;
 #[cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]
 mod closure;
 mod condition;
+#[cfg(feature = "data")]
+pub mod data;
 #[cfg(feature = "estimation")]
 pub mod estimate;
 mod guarded;
+#[cfg(feature = "estimation")]
+pub mod identify;
 mod info;
 mod linear;
 mod model;
 #[cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]
 mod observe;
 mod scalar;
-#[cfg(feature = "simulation")]
-pub mod simulate;
 #[cfg(feature = "signals")]
 pub mod signals;
+#[cfg(feature = "simulation")]
+pub mod simulate;
 #[cfg(feature = "signals")]
 mod triangle;
 

@@ -3,6 +3,8 @@
 use core::fmt;
 use std::prelude::v1::*;
 
+use crate::SizeError;
+
 /// Why an estimate was not made.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
@@ -90,3 +92,13 @@ impl fmt::Display for EstimateError {
 }
 
 impl core::error::Error for EstimateError {}
+
+impl From<SizeError> for EstimateError {
+    fn from(error: SizeError) -> Self {
+        Self::Size {
+            what: error.argument,
+            expected: error.expected,
+            got: error.got,
+        }
+    }
+}

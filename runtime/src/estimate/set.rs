@@ -24,7 +24,7 @@ pub struct FactorSet {
     version: u32,
     /// The robot's name.
     pub robot: String,
-    /// What tells models apart that share names, see [`digest`](super::digest).
+    /// What tells models apart that share names, see [`digest`](crate::identify::digest).
     pub model: String,
     /// How rows were made: `forces` or `energy`.
     pub kind: String,
