@@ -4,6 +4,7 @@
     /usr/bin/time -v regen observe robots/3rps.yaml long.csv --out long.json --local 0.01
 
 For measuring memory and time only: the forces are made up, so that parameters mean nothing.
+Measured with these two commands on one core of a 2-core Xeon: 13.6 MB at most, 206 s of CPU.
 """
 
 import math
