@@ -24,6 +24,11 @@
 //!   friction and sensors.
 //! - `alloc`: set by the above; of no use alone.
 //!
+//! Identification:
+//! - `signals`: velocities and accelerations from sampled positions. Needs `std`.
+//! - `estimation`: observations reduced to a triangle, least squares with statistics.
+//! - `data`: logs from CSV files.
+//!
 //! The macro:
 //! - `macros`: `robot_model!`, a robot from its YAML file at compile time.
 #![no_std]
@@ -41,15 +46,25 @@ mod base;
 #[cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]
 mod closure;
 mod condition;
+#[cfg(feature = "data")]
+pub mod data;
+#[cfg(feature = "estimation")]
+pub mod estimate;
 mod guarded;
+#[cfg(feature = "estimation")]
+pub mod identify;
 mod info;
 mod linear;
 mod model;
 #[cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]
 mod observe;
 mod scalar;
+#[cfg(feature = "signals")]
+pub mod signals;
 #[cfg(feature = "simulation")]
 pub mod simulate;
+#[cfg(feature = "signals")]
+mod triangle;
 
 pub use base::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
 #[cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]

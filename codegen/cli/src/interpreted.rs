@@ -5,7 +5,8 @@ use regen_codegen::model::MotionKind;
 use regen_codegen::robot::{FunctionKind, JointInfo, Robot};
 use regen_codegen::spec;
 use regen_runtime::{
-    Condition, Cone, Cut, Friction, Info, Joint, Limits, Model, Motion, SizeError,
+    BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate, Condition, Cone, Cut, Friction,
+    Info, Joint, Limits, Model, Motion, SizeError,
 };
 
 /// A robot and the borrowed names that [`Model::info`] lends.
@@ -17,6 +18,32 @@ pub(crate) struct Interpreted<'a> {
     cuts: Vec<Cut<'a>>,
     joints: Vec<Joint>,
     cones: Vec<Cone<'a>>,
+    base: Vec<BaseParameter<'a>>,
+    free: Vec<&'a str>,
+}
+
+/// The terms of a robot's base parameters, for [`Interpreted::with_terms`] to lend.
+pub(crate) struct BaseTerms<'a>(Vec<(&'a str, Vec<BaseTerm<'a>>)>);
+
+impl<'a> BaseTerms<'a> {
+    /// The terms of the base parameters that functions take.
+    pub(crate) fn new(robot: &'a Robot) -> Self {
+        let label = |column: usize| robot.parameters.get(column).map_or("?", String::as_str);
+        let analysis = robot.analysis.iter();
+        let kept = analysis
+            .flat_map(|a| &a.base.parameters)
+            .filter(|p| !p.dropped);
+        let rows = kept.map(|parameter| {
+            let terms = parameter.terms.iter().map(|term| BaseTerm {
+                parameter: label(term.column),
+                index: term.column,
+                coefficient: &term.coefficient,
+                value: term.value.to_f64(),
+            });
+            (label(parameter.column), terms.collect())
+        });
+        Self(rows.collect())
+    }
 }
 
 /// An argument: its name, the length it must have, and its entries.
@@ -47,6 +74,23 @@ impl<'a> Interpreted<'a> {
                     greatest: cone.greatest,
                 })
                 .collect(),
+            base: Vec::new(),
+            free: Vec::new(),
+        }
+    }
+
+    /// The model of a robot with its base parameters.
+    pub(crate) fn with_terms(robot: &'a Robot, terms: &'a BaseTerms<'a>) -> Self {
+        let null = robot.analysis.iter().flat_map(|a| &a.base.null);
+        let free = null.filter_map(|(column, _)| robot.parameters.get(*column));
+        let base = terms
+            .0
+            .iter()
+            .map(|(label, terms)| BaseParameter { label, terms });
+        Self {
+            base: base.collect(),
+            free: free.map(String::as_str).collect(),
+            ..Self::new(robot)
         }
     }
 
@@ -374,5 +418,101 @@ impl Model<f64> for Interpreted<'_> {
         let size = self.cones.len();
         self.call(FunctionKind::Cones, &[self.q(q)], size, out)
             .map(drop)
+    }
+}
+
+impl BaseModel<f64> for Interpreted<'_> {
+    fn base_info(&self) -> BaseInfo<'_> {
+        let analysis = self.robot.analysis.as_ref();
+        let certificate = analysis.and_then(|a| a.certificate.as_ref().ok());
+        BaseInfo {
+            base: &self.base,
+            free: &self.free,
+            certificate: certificate.map(|c| Certificate {
+                columns: c.columns,
+                rank: c.rank,
+                states: c.states,
+                digits: c.digits,
+                smallest_kept: c.smallest_kept,
+                largest_dropped: c.largest_dropped,
+            }),
+            complete: analysis.is_some_and(|a| a.complete),
+        }
+    }
+
+    fn base_regressor(
+        &self,
+        q: &[f64],
+        qd: &[f64],
+        qdd: &[f64],
+        out: &mut [f64],
+    ) -> Result<Condition<f64>, SizeError> {
+        let inputs = [self.q(q), self.qd(qd), self.qdd(qdd)];
+        let size = self.dof() * self.rank();
+        self.call(FunctionKind::BaseRegressor, &inputs, size, out)
+    }
+
+    fn to_base(&self, phi: &[f64], out: &mut [f64]) -> Result<(), SizeError> {
+        self.call(FunctionKind::ToBase, &[self.phi(phi)], self.rank(), out)
+            .map(drop)
+    }
+
+    fn parameters_from_base(
+        &self,
+        beta: &[f64],
+        free: &[f64],
+        out: &mut [f64],
+    ) -> Result<(), SizeError> {
+        let inputs = [self.beta(beta), ("free", self.free.len(), free)];
+        self.call(FunctionKind::FromBase, &inputs, self.parameters.len(), out)
+            .map(drop)
+    }
+
+    fn base_inverse_dynamics(
+        &self,
+        q: &[f64],
+        qd: &[f64],
+        qdd: &[f64],
+        beta: &[f64],
+        out: &mut [f64],
+    ) -> Result<Condition<f64>, SizeError> {
+        let inputs = [self.q(q), self.qd(qd), self.qdd(qdd), self.beta(beta)];
+        self.call(FunctionKind::BaseInverseDynamics, &inputs, self.dof(), out)
+    }
+
+    fn base_gravity(
+        &self,
+        q: &[f64],
+        beta: &[f64],
+        out: &mut [f64],
+    ) -> Result<Condition<f64>, SizeError> {
+        let inputs = [self.q(q), self.beta(beta)];
+        self.call(FunctionKind::BaseGravity, &inputs, self.dof(), out)
+    }
+
+    fn base_bias_forces(
+        &self,
+        q: &[f64],
+        qd: &[f64],
+        beta: &[f64],
+        out: &mut [f64],
+    ) -> Result<Condition<f64>, SizeError> {
+        let inputs = [self.q(q), self.qd(qd), self.beta(beta)];
+        self.call(FunctionKind::BaseBiasForces, &inputs, self.dof(), out)
+    }
+
+    fn base_mass_matrix(
+        &self,
+        q: &[f64],
+        beta: &[f64],
+        out: &mut [f64],
+    ) -> Result<Condition<f64>, SizeError> {
+        let inputs = [self.q(q), self.beta(beta)];
+        self.call(
+            FunctionKind::BaseMassMatrix,
+            &inputs,
+            self.dof().pow(2),
+            out,
+        )
     }
 }

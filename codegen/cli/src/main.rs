@@ -13,15 +13,22 @@ mod exit;
 mod export;
 mod generate;
 mod import;
+mod identify;
+mod identify_table;
+#[cfg(test)]
+mod identify_tests;
 mod info;
 mod interpreted;
 mod load;
 mod model;
 mod modules;
 mod numeric;
+mod observe;
+mod parameters;
 mod states;
 mod table;
 mod terminal;
+mod validate;
 mod verify;
 mod verify_base;
 mod verify_run;
@@ -55,6 +62,9 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Eval(args)) => eval::run(&args),
         Some(Command::Import(args)) => import::run(&args),
         Some(Command::Export(args)) => export::run(&args),
+        Some(Command::Observe(args)) => observe::run(&args),
+        Some(Command::Identify(args)) => identify::run(&args),
+        Some(Command::Validate(args)) => validate::run(&args),
         Some(Command::Schema) => terminal::print(&regen_codegen::spec::schema()),
         Some(Command::Completions { shell }) => {
             let mut text = Vec::new();

@@ -5,8 +5,10 @@ use std::path::Path;
 use std::process::Command;
 
 /// Crates of the solvers and the command line: minutes to build, or of no use in a controller.
-const HEAVY: [&str; 9] = [
+const HEAVY: [&str; 11] = [
     "faer",
+    "csv",
+    "statrs",
     "clarabel",
     "nalgebra",
     "schemars",

@@ -1,0 +1,201 @@
+//! `regen observe`: logs to a factor file; and how all commands read logs.
+
+use std::path::PathBuf;
+
+use regen_runtime::BaseModel;
+use regen_runtime::data::{DataError, FileReport, Logs, Policy, Settings};
+use regen_runtime::estimate::{EstimateError, FactorSet};
+use regen_runtime::identify::{Kind, observe};
+use regen_runtime::signals::Method;
+use serde::Serialize;
+
+use crate::args::{Format, ObserveArgs, ProblemsArg, ReadingArgs};
+use crate::exit::Failure;
+use crate::interpreted::{BaseTerms, Interpreted};
+use crate::{load, table, terminal, write};
+
+/// The JSON of `regen observe`.
+#[derive(Serialize)]
+struct Json<'a> {
+    robot: &'a str,
+    model: &'a str,
+    kind: &'a str,
+    parameters: usize,
+    efforts: Vec<Rows<'a>>,
+    singular: usize,
+    files: Vec<FileJson>,
+}
+
+#[derive(Serialize)]
+struct Rows<'a> {
+    name: &'a str,
+    rows: usize,
+}
+
+/// What was read of a file.
+#[derive(Serialize)]
+pub(crate) struct FileJson {
+    file: String,
+    rows: usize,
+    step: f64,
+    states: usize,
+    problems: Vec<String>,
+    dropped: usize,
+}
+
+impl FileJson {
+    /// A report in the command's terms.
+    pub(crate) fn new(report: &FileReport) -> Self {
+        Self {
+            file: report.file.clone(),
+            rows: report.rows,
+            step: report.step,
+            states: report.states,
+            problems: report
+                .problems
+                .first
+                .iter()
+                .map(ToString::to_string)
+                .collect(),
+            dropped: report.problems.total(),
+        }
+    }
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &ObserveArgs) -> Result<(), Failure> {
+    let robot = load::robot(&args.file)?;
+    let terms = BaseTerms::new(&robot);
+    let model = Interpreted::with_terms(&robot, &terms);
+    require_base(&model, &robot.name)?;
+    let mut logs = open(&model, &args.logs, &args.reading)?;
+    let (set, singular) = observe(&model, kind(&args.reading), &mut logs)?;
+    write::atomically(&args.out, &set.to_text())?;
+    note_problems(logs.reports());
+    let json = Json {
+        robot: &set.robot,
+        model: &set.model,
+        kind: &set.kind,
+        parameters: set.labels().len(),
+        efforts: rows(&set),
+        singular,
+        files: logs.reports().iter().map(FileJson::new).collect(),
+    };
+    terminal::print(&match args.format {
+        Format::Json => table::json(&json),
+        Format::Human => human(&json),
+    })?;
+    terminal::note(&format!("{}: written", args.out.display()));
+    Ok(())
+}
+
+fn rows(set: &FactorSet) -> Vec<Rows<'_>> {
+    let pairs = set.efforts.iter().zip(set.factors());
+    let rows = pairs.map(|(name, factor)| Rows {
+        name,
+        rows: factor.rows(),
+    });
+    rows.collect()
+}
+
+fn human(json: &Json<'_>) -> String {
+    let efforts = json.efforts.iter();
+    let lines: Vec<Vec<String>> = efforts
+        .map(|e| vec![e.name.to_owned(), e.rows.to_string()])
+        .collect();
+    let mut out = format!("{}, {} parameters\n", json.robot, json.parameters);
+    out.push_str(&table::field("equations", json.kind));
+    if json.singular > 0 {
+        out.push_str(&table::field("singular", &json.singular.to_string()));
+    }
+    out.push_str(&table::columns(&["effort", "equations"], &lines));
+    out
+}
+
+/// A robot without base parameters cannot be identified.
+pub(crate) fn require_base(model: &Interpreted<'_>, name: &str) -> Result<(), Failure> {
+    if !model.base_info().base.is_empty() {
+        return Ok(());
+    }
+    let text = format!("{name} has no base parameters to identify");
+    Err(Failure::Input(text))
+}
+
+/// Opens logs as the options say.
+pub(crate) fn open<'m>(
+    model: &'m Interpreted<'m>,
+    paths: &[PathBuf],
+    reading: &ReadingArgs,
+) -> Result<Logs<'m, Interpreted<'m>>, Failure> {
+    Ok(Logs::open(model, paths, &settings(reading))?)
+}
+
+/// What the options say of reading.
+fn settings(reading: &ReadingArgs) -> Settings {
+    let method = if let Some((frequency, harmonics)) = reading.fourier {
+        Method::Fourier {
+            frequency,
+            harmonics,
+        }
+    } else if let Some((cutoff, order)) = reading.butterworth {
+        Method::Butterworth { order, cutoff }
+    } else if let Some(half_width) = reading.local {
+        Method::Local { half_width }
+    } else {
+        Method::Central
+    };
+    Settings {
+        columns: reading.column.clone(),
+        method,
+        policy: match reading.problems {
+            ProblemsArg::Fail => Policy::Fail,
+            ProblemsArg::Drop => Policy::Drop,
+        },
+        decimation: reading.decimate.max(1),
+        period: reading.period,
+        deviations: reading.deviation.clone(),
+    }
+}
+
+/// Which equations the options ask for.
+pub(crate) fn kind(reading: &ReadingArgs) -> Kind {
+    match reading.energy {
+        Some(window) => Kind::Energy { window },
+        None => Kind::Forces,
+    }
+}
+
+/// Tells what was left out of logs.
+pub(crate) fn note_problems(reports: &[FileReport]) {
+    for report in reports {
+        let count = report.problems.total();
+        if count > 0 {
+            let text = format!(
+                "warning: {}: {count} rows or gaps were left out\n{}",
+                report.file, report.problems
+            );
+            terminal::note(text.trim_end());
+        }
+    }
+}
+
+impl From<DataError> for Failure {
+    fn from(error: DataError) -> Self {
+        match error {
+            DataError::Io { .. } => Self::Io(error.to_string()),
+            DataError::Estimate(error) => error.into(),
+            other => Self::Input(other.to_string()),
+        }
+    }
+}
+
+impl From<EstimateError> for Failure {
+    fn from(error: EstimateError) -> Self {
+        match error {
+            EstimateError::TooShort { .. }
+            | EstimateError::Undetermined { .. }
+            | EstimateError::NoConvergence => Self::Numeric(error.to_string()),
+            other => Self::Input(other.to_string()),
+        }
+    }
+}

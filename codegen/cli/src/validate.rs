@@ -1,0 +1,124 @@
+//! `regen validate`: the forces of logs predicted from identified parameters.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use regen_runtime::estimate::EffortError;
+use regen_runtime::identify;
+use serde::Serialize;
+
+use crate::args::{Format, ValidateArgs};
+use crate::exit::Failure;
+use crate::interpreted::{BaseTerms, Interpreted};
+use crate::{load, observe, parameters, table, terminal};
+
+/// The JSON of `regen validate`.
+#[derive(Serialize)]
+struct Json {
+    robot: String,
+    kind: String,
+    logs: Vec<String>,
+    models: Vec<Predicted>,
+}
+
+/// What one set of parameters predicts.
+#[derive(Serialize)]
+struct Predicted {
+    params: String,
+    logs: Vec<OnLog>,
+}
+
+#[derive(Serialize)]
+struct OnLog {
+    relative_absolute: f64,
+    efforts: Vec<EffortError>,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
+    let robot = load::robot(&args.file)?;
+    let terms = BaseTerms::new(&robot);
+    let model = Interpreted::with_terms(&robot, &terms);
+    observe::require_base(&model, &robot.name)?;
+    let kind = observe::kind(&args.reading);
+    let files: Vec<&PathBuf> = std::iter::once(&args.params).chain(&args.beside).collect();
+    let mut models = Vec::with_capacity(files.len());
+    for path in files {
+        models.push((
+            parameters::read(path, &model)?,
+            Predicted {
+                params: path.display().to_string(),
+                logs: Vec::new(),
+            },
+        ));
+    }
+    for path in &args.logs {
+        let mut log = observe::open(&model, std::slice::from_ref(path), &args.reading)?;
+        let means = identify::observe(&model, kind, &mut log)?.0.means();
+        observe::note_problems(log.reports());
+        for (values, predicted) in &mut models {
+            let found = identify::residuals(&model, kind, &mut log, values, &means, 1)?;
+            predicted.logs.push(OnLog {
+                relative_absolute: found.relative_absolute(),
+                efforts: found.efforts(),
+            });
+        }
+    }
+    let json = Json {
+        robot: robot.name.clone(),
+        kind: kind.name(),
+        logs: args.logs.iter().map(|p| p.display().to_string()).collect(),
+        models: models.into_iter().map(|(_, predicted)| predicted).collect(),
+    };
+    terminal::print(&match args.format {
+        Format::Json => table::json(&json),
+        Format::Human => human(&json),
+    })
+}
+
+fn human(json: &Json) -> String {
+    let mut out = format!("{}, eps_RA in percent\n", json.robot);
+    let name = |path: &str| {
+        let stem = Path::new(path).file_stem();
+        stem.map_or_else(|| path.to_owned(), |s| s.to_string_lossy().into_owned())
+    };
+    // as many logs beside each other as fit
+    const BLOCK: usize = 5;
+    let names: Vec<String> = json.logs.iter().map(|log| name(log)).collect();
+    for (block, titles) in names.chunks(BLOCK).enumerate() {
+        let head: Vec<&str> = std::iter::once("parameters")
+            .chain(titles.iter().map(String::as_str))
+            .collect();
+        let lines: Vec<Vec<String>> = json
+            .models
+            .iter()
+            .map(|m| {
+                let logs = m.logs.iter().skip(block * BLOCK).take(BLOCK);
+                let figures = logs.map(|l| format!("{:.3}", l.relative_absolute));
+                std::iter::once(name(&m.params)).chain(figures).collect()
+            })
+            .collect();
+        out.push_str(&table::columns(&head, &lines));
+    }
+    for model in &json.models {
+        for (log, found) in json.logs.iter().zip(&model.logs) {
+            let _ = writeln!(out, "\n  {} on {}", name(&model.params), name(log));
+            let lines: Vec<Vec<String>> = found
+                .efforts
+                .iter()
+                .map(|e| {
+                    vec![
+                        e.name.clone(),
+                        e.samples.to_string(),
+                        format!("{:.3}", e.relative_absolute),
+                        table::figure(e.rms),
+                        table::figure(e.largest),
+                    ]
+                })
+                .collect();
+            let head = ["effort", "samples", "eps_RA %", "rms", "largest"];
+            out.push_str(&table::columns(&head, &lines));
+        }
+    }
+    out
+}

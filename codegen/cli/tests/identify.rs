@@ -1,0 +1,259 @@
+//! The commands from a log to parameters and their validation, as a user runs them.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod common;
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+
+use common::{Run, regen, regen_with, scratch};
+use serde_json::{Value, json};
+
+/// A cart on a rail with a pendulum under it: both measured, both with efforts.
+const CART: &str = "\
+name: cart
+gravity: [0, 0, -9.81]
+geometry: {l: 0.5}
+limbs:
+  - name: arm
+    joints:
+      - {name: x, type: prismatic, axis: x, body: cart, actuated: true, friction: linear}
+      - {name: q, type: revolute, axis: y, body: rod, actuated: true}
+home: {x: 0.1, q: 0.3}
+";
+
+/// Its log with forces from the base regressor of `regen eval`, a beat of 0.2 Hz and 3 harmonics.
+fn log(dir: &Path, samples: u32, seed: f64) -> String {
+    let states: Vec<Value> = (0..samples)
+        .map(|k| {
+            let (q, qd, qdd) = motion(f64::from(k) * 0.02, seed);
+            json!({"independent": {"q": q, "qd": qd, "qdd": qdd}})
+        })
+        .collect();
+    let input = serde_json::to_string(&states).unwrap();
+    let found = regen_with(
+        dir,
+        &["eval", "cart.yaml", "--states", "-", "--format", "json"],
+        &input,
+    )
+    .ended(0)
+    .json();
+    let mut text = "t,x,q,tau_x,tau_q\n".to_owned();
+    for (k, state) in found.as_array().unwrap().iter().enumerate() {
+        let time = f64::from(u32::try_from(k).unwrap()) * 0.02;
+        let (q, _, _) = motion(time, seed);
+        let _ = write!(text, "{time},{},{}", q[0], q[1]);
+        for (r, row) in state["base_regressor"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .enumerate()
+        {
+            let columns = row.as_array().unwrap().iter().enumerate();
+            let force: f64 = columns.map(|(j, w)| w.as_f64().unwrap() * beta(j)).sum();
+            // a little deterministic noise
+            let noise = 1e-3 * ((k * 37 + r * 11 + 5) as f64 * seed).sin();
+            let _ = write!(text, ",{}", force + noise);
+        }
+        text.push('\n');
+    }
+    text
+}
+
+fn beta(column: usize) -> f64 {
+    1.0 + 0.5 * column as f64
+}
+
+fn motion(t: f64, seed: f64) -> ([f64; 2], [f64; 2], [f64; 2]) {
+    let mut out = ([0.1, 0.3], [0.0; 2], [0.0; 2]);
+    for j in 1..=3 {
+        let w = std::f64::consts::TAU * 0.2 * f64::from(j);
+        for i in 0..2 {
+            let phase = seed * f64::from(j) + i as f64;
+            let size = [0.1, 0.4][i] / f64::from(j);
+            let (s, c) = (w * t + phase).sin_cos();
+            out.0[i] += size * s;
+            out.1[i] += size * w * c;
+            out.2[i] -= size * w * w * s;
+        }
+    }
+    out
+}
+
+const READING: [&str; 2] = ["--fourier", "0.2,3"];
+
+fn run(dir: &Path, args: &[&str]) -> Run {
+    let all: Vec<&str> = args.iter().copied().chain(READING).collect();
+    regen(dir, &all)
+}
+
+#[test]
+fn logs_become_parameters_that_predict_other_logs() {
+    let dir = scratch("identify");
+    fs::write(dir.join("cart.yaml"), CART).unwrap();
+    for (name, seed) in [("a.csv", 1.3), ("b.csv", 2.1), ("c.csv", 0.7)] {
+        fs::write(dir.join(name), log(&dir, 400, seed)).unwrap();
+    }
+    let found = run(
+        &dir,
+        &[
+            "identify",
+            "cart.yaml",
+            "a.csv",
+            "b.csv",
+            "--cross",
+            "--out",
+            "p.json",
+            "--format",
+            "json",
+        ],
+    )
+    .ended(0)
+    .json();
+    let parameters = found["parameters"].as_array().unwrap();
+    for (j, row) in parameters.iter().enumerate() {
+        let off = row["value"].as_f64().unwrap() - beta(j);
+        assert!(off.abs() < 0.01, "{row}");
+        assert_eq!(row["status"], "well identified", "{row}");
+    }
+    let unit = |label: &str| {
+        let row = parameters.iter().find(|r| r["label"] == label).unwrap();
+        row["unit"].as_str().unwrap().to_owned()
+    };
+    assert_eq!(
+        (unit("Fv(x)").as_str(), unit("Fc(x)").as_str()),
+        ("N s/m", "N")
+    );
+    assert_eq!(found["equations"], 1600);
+    for cross in found["cross"].as_array().unwrap() {
+        assert!(cross["relative_absolute"].as_f64().unwrap() < 1.0);
+    }
+
+    // factors of the logs give the same values, in whatever order
+    for name in ["a", "b"] {
+        let (log, out) = (format!("{name}.csv"), format!("{name}.json"));
+        run(&dir, &["observe", "cart.yaml", &log, "--out", &out]).ended(0);
+    }
+    let merged = |args: [&str; 2]| {
+        let all = [
+            "identify",
+            "cart.yaml",
+            "--format",
+            "json",
+            "--from",
+            args[0],
+            args[1],
+        ];
+        regen(&dir, &all).ended(0)
+    };
+    let one = merged(["a.json", "b.json"]);
+    assert_eq!(one.out, merged(["b.json", "a.json"]).out);
+    for (a, b) in one.json()["parameters"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .zip(parameters)
+    {
+        let (a, b) = (a["value"].as_f64().unwrap(), b["value"].as_f64().unwrap());
+        assert!((a / b - 1.0).abs() < 1e-12, "{a} {b}");
+    }
+
+    let text = run(&dir, &["validate", "cart.yaml", "p.json", "c.csv"])
+        .ended(0)
+        .out;
+    assert!(
+        text.lines().all(|line| line.chars().count() <= 80),
+        "{text}"
+    );
+    let checked = run(
+        &dir,
+        &[
+            "validate",
+            "cart.yaml",
+            "p.json",
+            "c.csv",
+            "--format",
+            "json",
+        ],
+    )
+    .ended(0)
+    .json();
+    let error = checked["models"][0]["logs"][0]["relative_absolute"]
+        .as_f64()
+        .unwrap();
+    assert!(error < 1.0, "{error}");
+    let text = run(&dir, &["identify", "cart.yaml", "a.csv"]).ended(0).out;
+    assert!(
+        text.lines().all(|line| line.chars().count() <= 80),
+        "{text}"
+    );
+    assert!(text.contains("eps_RA") && text.contains("N s/m"), "{text}");
+}
+
+#[test]
+fn what_is_wrong_with_logs_and_factors_is_said() {
+    let dir = scratch("identify-errors");
+    fs::write(dir.join("cart.yaml"), CART).unwrap();
+    let good = log(&dir, 200, 1.3);
+    fs::write(dir.join("a.csv"), &good).unwrap();
+
+    let bad = good.replace("\n0.1,", "\n0.1,x");
+    fs::write(dir.join("bad.csv"), bad).unwrap();
+    let run_bad = run(&dir, &["identify", "cart.yaml", "bad.csv"]).ended(3);
+    assert!(run_bad.err.contains("row 7: `x0."), "{}", run_bad.err);
+    assert!(run_bad.err.contains("--problems drop"), "{}", run_bad.err);
+    let dropped = run(
+        &dir,
+        &["identify", "cart.yaml", "bad.csv", "--problems", "drop"],
+    )
+    .ended(0);
+    assert!(
+        dropped.err.contains("warning: bad.csv: 1 rows"),
+        "{}",
+        dropped.err
+    );
+
+    let missing = regen(&dir, &["identify", "cart.yaml", "none.csv"]).ended(5);
+    assert!(
+        missing.err.contains("cannot read none.csv"),
+        "{}",
+        missing.err
+    );
+    let column = [
+        "identify",
+        "cart.yaml",
+        "a.csv",
+        "--column",
+        "tau_x=i1:A*0.1",
+    ];
+    let unknown = regen(&dir, &column).ended(3);
+    assert!(
+        unknown.err.contains("there is no column `i1`"),
+        "{}",
+        unknown.err
+    );
+    let unit = ["identify", "cart.yaml", "a.csv", "--column", "x=x:inch"];
+    assert!(regen(&dir, &unit).ended(2).err.contains("the unit `inch`"));
+
+    // at rest nothing but gravity speaks
+    let mut still = "t,x,q,tau_x,tau_q\n".to_owned();
+    for k in 0..50 {
+        let _ = writeln!(still, "{},0.1,0.3,0,{}", f64::from(k) * 0.02, 1.0);
+    }
+    fs::write(dir.join("still.csv"), still).unwrap();
+    let open = regen(&dir, &["identify", "cart.yaml", "still.csv"]).ended(4);
+    assert!(open.err.contains("undetermined: "), "{}", open.err);
+
+    // factors of another geometry
+    run(&dir, &["observe", "cart.yaml", "a.csv", "--out", "a.json"]).ended(0);
+    fs::write(dir.join("up.yaml"), CART.replace("-9.81", "-1.62")).unwrap();
+    let mix = regen(&dir, &["identify", "up.yaml", "--from", "a.json"]).ended(3);
+    assert!(mix.err.contains("digest"), "{}", mix.err);
+    run(&dir, &["identify", "cart.yaml", "a.csv", "--out", "p.json"]).ended(0);
+    let mix = run(&dir, &["validate", "up.yaml", "p.json", "a.csv"]).ended(3);
+    assert!(mix.err.contains("digest"), "{}", mix.err);
+    fs::write(dir.join("part.json"), "{\"Fv(x)\": 1}").unwrap();
+    let part = run(&dir, &["validate", "cart.yaml", "part.json", "a.csv"]).ended(3);
+    assert!(part.err.contains("values are missing for"), "{}", part.err);
+}

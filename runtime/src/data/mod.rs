@@ -1,0 +1,11 @@
+//! Logs from CSV files: columns, checks, and the way to whole states of motion.
+
+mod average;
+mod columns;
+mod logs;
+mod problem;
+mod reader;
+
+pub use columns::{Assignment, AssignmentError, Quantity};
+pub use logs::{FileReport, Logs, Settings};
+pub use problem::{DataError, Fault, Policy, Problem, Problems};

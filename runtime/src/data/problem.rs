@@ -1,0 +1,284 @@
+//! What is wrong with a log, with its rows.
+
+use core::fmt;
+use std::format;
+use std::prelude::v1::*;
+
+use serde::{Deserialize, Serialize};
+
+use crate::estimate::EstimateError;
+use crate::signals::SignalError;
+use crate::{Misuse, SizeError};
+
+/// A row that cannot be used, or a place where rows are missing.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Problem {
+    /// The line of the file, from 1; the header is line 1.
+    pub row: u64,
+    /// What is wrong there.
+    pub what: Fault,
+}
+
+/// What is wrong with a row.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Fault {
+    /// More or fewer entries than the header.
+    Entries {
+        /// Entries there are.
+        found: usize,
+        /// Entries of the header.
+        expected: usize,
+    },
+    /// An entry that is no number, NaN, infinite or empty.
+    NotANumber {
+        /// The column.
+        column: String,
+        /// What stands there.
+        text: String,
+    },
+    /// The time of the row before.
+    Duplicate {
+        /// The time, s.
+        time: f64,
+    },
+    /// A time before that of the row before.
+    Unsorted {
+        /// The time, s.
+        time: f64,
+    },
+    /// A step much longer than usual before this row.
+    Gap {
+        /// The step, s.
+        step: f64,
+        /// The usual step, s.
+        usual: f64,
+    },
+    /// A value far from those around it.
+    Outlier {
+        /// The column.
+        column: String,
+        /// The value in SI.
+        value: f64,
+        /// The median of the values around it.
+        around: f64,
+    },
+    /// One of several rows in which an effort stands still at its largest or smallest value.
+    Saturated {
+        /// The column.
+        column: String,
+        /// The value in SI.
+        value: f64,
+    },
+    /// A state that does not close the loops or is singular.
+    Open {
+        /// Why.
+        why: String,
+    },
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "row {}: ", self.row)?;
+        match &self.what {
+            Fault::Entries { found, expected } => {
+                write!(f, "{found} entries, the header has {expected}")
+            }
+            Fault::NotANumber { column, text } => {
+                write!(f, "`{text}` in column `{column}` is no finite number")
+            }
+            Fault::Duplicate { time } => write!(f, "time {time} s is that of the row before"),
+            Fault::Unsorted { time } => write!(f, "time {time} s is before the row before"),
+            Fault::Gap { step, usual } => {
+                write!(
+                    f,
+                    "a gap of {step:.6} s before it, the usual step is {usual:.6} s"
+                )
+            }
+            Fault::Outlier {
+                column,
+                value,
+                around,
+            } => write!(
+                f,
+                "{value} in column `{column}` is an outlier: around it is {around}"
+            ),
+            Fault::Saturated { column, value } => {
+                write!(
+                    f,
+                    "column `{column}` stands still at its extreme {value}: saturated"
+                )
+            }
+            Fault::Open { why } => write!(f, "{why}"),
+        }
+    }
+}
+
+impl Fault {
+    /// Its kind, for counting.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Entries { .. } => "wrong number of entries",
+            Self::NotANumber { .. } => "not a number",
+            Self::Duplicate { .. } => "duplicate time",
+            Self::Unsorted { .. } => "unsorted time",
+            Self::Gap { .. } => "gap",
+            Self::Outlier { .. } => "outlier",
+            Self::Saturated { .. } => "saturation",
+            Self::Open { .. } => "not closed",
+        }
+    }
+}
+
+/// What a user wants done with rows that cannot be used.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Policy {
+    /// To be told of all of them, and nothing computed.
+    #[default]
+    Fail,
+    /// To go on without them; the log is cut there.
+    Drop,
+}
+
+/// Problems of a log: the first ones, and how many of each kind.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Problems {
+    /// The first ones.
+    pub first: Vec<Problem>,
+    /// Kinds with their numbers, in order of appearance.
+    pub counts: Vec<(String, usize)>,
+}
+
+/// Problems that are told one by one.
+const TOLD: usize = 20;
+
+impl Problems {
+    pub(super) fn add(&mut self, problem: Problem) {
+        let kind = problem.what.kind();
+        match self.counts.iter_mut().find(|(k, _)| k == kind) {
+            Some((_, count)) => *count += 1,
+            None => self.counts.push((kind.to_owned(), 1)),
+        }
+        if self.first.len() < TOLD {
+            self.first.push(problem);
+        }
+    }
+
+    /// Replaces what an earlier pass said of states that do not close.
+    pub(super) fn replace_open(&mut self, fresh: &Self) {
+        let open = Fault::Open { why: String::new() }.kind();
+        self.counts.retain(|(kind, _)| kind != open);
+        self.first.retain(|problem| problem.what.kind() != open);
+        self.counts.extend(fresh.counts.iter().cloned());
+        self.first.extend(fresh.first.iter().cloned());
+    }
+
+    /// How many there are.
+    pub fn total(&self) -> usize {
+        self.counts.iter().map(|(_, count)| count).sum()
+    }
+}
+
+impl fmt::Display for Problems {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for problem in &self.first {
+            writeln!(f, "  {problem}")?;
+        }
+        if self.total() > self.first.len() {
+            let kinds = self
+                .counts
+                .iter()
+                .map(|(kind, count)| format!("{count} x {kind}"));
+            let kinds: Vec<String> = kinds.collect();
+            writeln!(f, "  ... in all {}", kinds.join(", "))?;
+        }
+        Ok(())
+    }
+}
+
+/// Why a log was not read.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum DataError {
+    /// The file cannot be read.
+    Io {
+        /// The file.
+        file: String,
+        /// Why.
+        why: String,
+    },
+    /// The file is no CSV file of this robot.
+    Layout {
+        /// The file.
+        file: String,
+        /// Why, and what to do.
+        why: String,
+    },
+    /// Rows that cannot be used, under [`Policy::Fail`].
+    Problems {
+        /// The file.
+        file: String,
+        /// They.
+        problems: Problems,
+    },
+    /// Positions that cannot be differentiated.
+    Signal {
+        /// The file.
+        file: String,
+        /// Why.
+        why: SignalError,
+    },
+    /// A model that cannot be closed, or does not fit.
+    Model(Misuse),
+    /// Equations that do not fit or do not determine the parameters.
+    Estimate(EstimateError),
+}
+
+impl fmt::Display for DataError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Io { file, why } => write!(f, "cannot read {file}: {why}"),
+            Self::Layout { file, why } => write!(f, "{file}: {why}"),
+            Self::Problems { file, problems } => write!(
+                f,
+                "{file}: {} rows cannot be used\n{problems}  leave them out with --problems drop",
+                problems.total()
+            ),
+            Self::Signal { file, why } => write!(f, "{file}: {why}"),
+            Self::Model(why) => write!(f, "{why}"),
+            Self::Estimate(why) => write!(f, "{why}"),
+        }
+    }
+}
+
+impl core::error::Error for DataError {}
+
+impl From<EstimateError> for DataError {
+    fn from(error: EstimateError) -> Self {
+        Self::Estimate(error)
+    }
+}
+
+impl From<Misuse> for DataError {
+    fn from(error: Misuse) -> Self {
+        Self::Model(error)
+    }
+}
+
+impl From<SizeError> for DataError {
+    fn from(error: SizeError) -> Self {
+        Self::Model(Misuse::Size(error))
+    }
+}
+
+/// A median of few values; NaN of none.
+pub(super) fn median(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let n = sorted.len();
+    match n {
+        0 => f64::NAN,
+        _ if n % 2 == 1 => sorted[n / 2],
+        _ => 0.5 * (sorted[n / 2 - 1] + sorted[n / 2]),
+    }
+}

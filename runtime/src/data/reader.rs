@@ -1,0 +1,347 @@
+//! Rows of one file, checked as they pass.
+
+use std::collections::VecDeque;
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::prelude::v1::*;
+
+use csv::{ByteRecord, Reader};
+
+use super::columns::{Assignment, Layout};
+use super::problem::{DataError, Fault, Problem, median};
+use crate::Info;
+
+/// A row in SI, in the order of [`Layout::channels`].
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Kept {
+    pub(super) line: u64,
+    pub(super) values: Vec<f64>,
+}
+
+/// What is known of a whole file before its rows are used.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Survey {
+    step: f64,
+    /// The smallest and largest value of each effort.
+    extremes: Vec<(f64, f64)>,
+}
+
+impl Survey {
+    /// The usual step, s.
+    pub(super) fn step(&self) -> f64 {
+        self.step
+    }
+}
+
+/// Steps from which the usual one is found.
+const STEPS: usize = 1001;
+/// A step longer than this many usual ones is a gap.
+const GAP: f64 = 1.5;
+/// Rows around a value that tell whether it is an outlier, on either side.
+const AROUND: usize = 3;
+/// How many usual changes between rows a value may be away from the median of those around it:
+/// smooth motion and noise stay within a few.
+const OUTLIER: f64 = 30.0;
+/// Rows at an extreme from which on an effort counts as saturated.
+const STUCK: usize = 4;
+
+/// One file with its columns.
+#[derive(Clone, Debug)]
+pub(super) struct LogFile {
+    pub(super) path: PathBuf,
+    pub(super) layout: Layout,
+}
+
+impl LogFile {
+    pub(super) fn open(
+        path: &Path,
+        info: &Info<'_>,
+        assignments: &[Assignment],
+    ) -> Result<Self, DataError> {
+        let mut reader = reader(path)?;
+        let header = reader
+            .headers()
+            .map_err(|error| failed(path, &error))?
+            .iter()
+            .map(|title| title.trim().to_owned())
+            .collect();
+        let layout = Layout::new(header, info, assignments).map_err(|why| DataError::Layout {
+            file: path.display().to_string(),
+            why,
+        })?;
+        Ok(Self {
+            path: path.to_path_buf(),
+            layout,
+        })
+    }
+
+    /// Reads the file once for what needs all of it.
+    pub(super) fn survey(&self) -> Result<Survey, DataError> {
+        let mut times: Vec<f64> = Vec::new();
+        let mut extremes = std::vec![(f64::INFINITY, f64::NEG_INFINITY); self.layout.efforts];
+        self.records(&mut |line, record| {
+            if let Ok(row) = self.parse(line, record) {
+                if let (true, Some(&time)) = (times.len() < STEPS, row.values.first()) {
+                    times.push(time);
+                }
+                for (extreme, value) in extremes.iter_mut().zip(&row.values[self.layout.efforts()])
+                {
+                    *extreme = (extreme.0.min(*value), extreme.1.max(*value));
+                }
+            }
+            Ok(())
+        })?;
+        let steps = times.windows(2).map(|pair| pair[1] - pair[0]);
+        let steps: Vec<f64> = steps.filter(|step| *step > 0.0).collect();
+        Ok(Survey {
+            step: median(&steps),
+            extremes,
+        })
+    }
+
+    fn records(
+        &self,
+        each: &mut dyn FnMut(u64, &ByteRecord) -> Result<(), DataError>,
+    ) -> Result<(), DataError> {
+        let mut reader = reader(&self.path)?;
+        let mut record = ByteRecord::new();
+        while reader
+            .read_byte_record(&mut record)
+            .map_err(|error| failed(&self.path, &error))?
+        {
+            let line = record.position().map_or(0, csv::Position::line);
+            each(line, &record)?;
+        }
+        Ok(())
+    }
+
+    fn parse(&self, line: u64, record: &ByteRecord) -> Result<Kept, Problem> {
+        let expected = self.layout.header.len();
+        if record.len() != expected {
+            return Err(Problem {
+                row: line,
+                what: Fault::Entries {
+                    found: record.len(),
+                    expected,
+                },
+            });
+        }
+        let mut values = Vec::with_capacity(self.layout.channels.len());
+        for (entry, channel) in self.layout.channels.iter().enumerate() {
+            let text = core::str::from_utf8(record.get(channel.index).unwrap_or_default());
+            let text = text.unwrap_or("?").trim();
+            match text.parse::<f64>() {
+                Ok(value) if value.is_finite() => values.push(value * channel.factor),
+                _ => {
+                    return Err(Problem {
+                        row: line,
+                        what: Fault::NotANumber {
+                            column: self.layout.title(entry),
+                            text: text.to_owned(),
+                        },
+                    });
+                }
+            }
+        }
+        Ok(Kept { line, values })
+    }
+
+    /// Hands over the good rows, each with whether it follows the one before without a break;
+    /// problems go to the other hand.
+    pub(super) fn rows(
+        &self,
+        survey: &Survey,
+        problem: &mut dyn FnMut(Problem),
+        each: &mut dyn FnMut(Kept, bool) -> Result<(), DataError>,
+    ) -> Result<(), DataError> {
+        let mut cleaner = Cleaner {
+            layout: &self.layout,
+            survey,
+            queue: VecDeque::with_capacity(SPAN + 1),
+            last: None,
+            broken: true,
+            known: true,
+            stuck: std::vec![0; self.layout.efforts],
+        };
+        self.records(&mut |line, record| {
+            match self.parse(line, record) {
+                Ok(row) => cleaner.take(row, problem),
+                Err(found) => {
+                    problem(found);
+                    cleaner.known = true;
+                }
+            }
+            if cleaner.queue.len() > SPAN {
+                cleaner.release(problem, each)?;
+            }
+            Ok(())
+        })?;
+        while !cleaner.queue.is_empty() {
+            cleaner.release(problem, each)?;
+        }
+        Ok(())
+    }
+}
+
+/// Rows that are looked at together.
+const SPAN: usize = 2 * AROUND + 1;
+
+/// A row that waits for those after it.
+struct Waiting {
+    row: Kept,
+    /// Whether time goes on without a gap from the row before.
+    follows: bool,
+    fault: Option<Fault>,
+}
+
+struct Cleaner<'a> {
+    layout: &'a Layout,
+    survey: &'a Survey,
+    queue: VecDeque<Waiting>,
+    last: Option<f64>,
+    /// Whether the next row that is released starts anew.
+    broken: bool,
+    /// Whether a gap before the next row is due to one that was told already.
+    known: bool,
+    /// Rows since which each effort has stood at an extreme.
+    stuck: Vec<usize>,
+}
+
+impl Cleaner<'_> {
+    fn take(&mut self, row: Kept, problem: &mut dyn FnMut(Problem)) {
+        let time = row.values.first().copied().unwrap_or(f64::NAN);
+        let mut tell = |what| {
+            problem(Problem {
+                row: row.line,
+                what,
+            });
+        };
+        let mut follows = true;
+        if let Some(before) = self.last {
+            let step = time - before;
+            if step <= 0.0 {
+                tell(if step < 0.0 {
+                    Fault::Unsorted { time }
+                } else {
+                    Fault::Duplicate { time }
+                });
+                // a row that should have stood here is not missed again
+                self.known = true;
+                return;
+            }
+            if step > GAP * self.survey.step {
+                follows = false;
+                if !self.known {
+                    let usual = self.survey.step;
+                    tell(Fault::Gap { step, usual });
+                }
+            }
+        }
+        self.known = false;
+        self.last = Some(time);
+        let efforts = self.layout.efforts();
+        let standing = self.standing(&row.values[efforts.clone()]);
+        self.queue.push_back(Waiting {
+            row,
+            follows,
+            fault: None,
+        });
+        for (k, count) in standing {
+            // when it is known to be stuck, so are the rows that led there
+            let back = if count == STUCK { STUCK } else { 1 };
+            for waiting in self.queue.iter_mut().rev().take(back) {
+                waiting.fault = Some(Fault::Saturated {
+                    column: self.layout.title(efforts.start + k),
+                    value: waiting.row.values[efforts.start + k],
+                });
+            }
+        }
+        if self.queue.len() >= SPAN {
+            self.judge();
+        }
+    }
+
+    /// The efforts that have stood at an extreme for too long, with the number of rows.
+    fn standing(&mut self, values: &[f64]) -> Vec<(usize, usize)> {
+        let mut out = Vec::new();
+        let extremes = self.survey.extremes.iter();
+        for (k, ((value, extreme), count)) in
+            values.iter().zip(extremes).zip(&mut self.stuck).enumerate()
+        {
+            let (low, high) = *extreme;
+            let at = (*value >= high || *value <= low) && low < high;
+            *count = if at { *count + 1 } else { 0 };
+            if *count >= STUCK {
+                out.push((k, *count));
+            }
+        }
+        out
+    }
+
+    /// Looks for outliers among the positions in the middle of the last rows.
+    fn judge(&mut self) {
+        let start = self.queue.len() - SPAN;
+        for entry in self.layout.positions() {
+            let values: Vec<f64> = self
+                .queue
+                .iter()
+                .skip(start)
+                .map(|w| w.row.values[entry])
+                .collect();
+            let middle = values[AROUND];
+            // what a straight line through the neighbours leaves, so that motion is no spread
+            let steps: Vec<f64> = values
+                .windows(2)
+                .map(|pair| (pair[1] - pair[0]).abs())
+                .collect();
+            let usual = median(&steps);
+            let around = median(&values);
+            if (middle - around).abs() > OUTLIER * usual.max(f64::EPSILON * middle.abs())
+                && usual > 0.0
+            {
+                self.queue[start + AROUND].fault = Some(Fault::Outlier {
+                    column: self.layout.title(entry),
+                    value: middle,
+                    around,
+                });
+            }
+        }
+    }
+
+    /// Lets the oldest row go.
+    fn release(
+        &mut self,
+        problem: &mut dyn FnMut(Problem),
+        each: &mut dyn FnMut(Kept, bool) -> Result<(), DataError>,
+    ) -> Result<(), DataError> {
+        let Some(waiting) = self.queue.pop_front() else {
+            return Ok(());
+        };
+        if let Some(what) = waiting.fault {
+            problem(Problem {
+                row: waiting.row.line,
+                what,
+            });
+            self.broken = true;
+            return Ok(());
+        }
+        let follows = waiting.follows && !self.broken;
+        self.broken = false;
+        each(waiting.row, follows)
+    }
+}
+
+fn reader(path: &Path) -> Result<Reader<File>, DataError> {
+    csv::ReaderBuilder::new()
+        .flexible(true)
+        .comment(Some(b'#'))
+        .from_path(path)
+        .map_err(|error| failed(path, &error))
+}
+
+fn failed(path: &Path, error: &csv::Error) -> DataError {
+    DataError::Io {
+        file: path.display().to_string(),
+        why: std::format!("{error}"),
+    }
+}

@@ -1,0 +1,145 @@
+//! Singular values of a factor: condition numbers, rank, and who is undetermined.
+
+use std::prelude::v1::*;
+use std::vec;
+
+use faer::Mat;
+
+use super::{EstimateError, Factor};
+
+/// Singular values below this part of the largest, columns scaled, count as zero: then fewer
+/// than three of sixteen digits of the parameter are left.
+pub const RANK_TOLERANCE: f64 = 1e-13;
+/// The part in an undetermined direction from which on a parameter is named.
+const NAMED: f64 = 1e-6;
+
+/// The singular values of W and of W with columns scaled to unit length (Eq. 27).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Spectrum {
+    /// Of W, largest first.
+    pub raw: Vec<f64>,
+    /// Of W with scaled columns, largest first.
+    pub scaled: Vec<f64>,
+    /// What the columns were divided by: their lengths; 1 for a zero column.
+    pub divisors: Vec<f64>,
+    /// The right singular vectors of the scaled matrix, n x n, column-major, in the same order.
+    vectors: Vec<f64>,
+}
+
+fn ratio(values: &[f64]) -> f64 {
+    match (values.first(), values.last()) {
+        (Some(&largest), Some(&smallest)) if smallest > 0.0 => largest / smallest,
+        (Some(_), Some(_)) => f64::INFINITY,
+        _ => 1.0,
+    }
+}
+
+impl Spectrum {
+    /// The condition number of W (Eq. 24).
+    pub fn condition(&self) -> f64 {
+        ratio(&self.raw)
+    }
+
+    /// The condition number of W with scaled columns.
+    pub fn scaled_condition(&self) -> f64 {
+        ratio(&self.scaled)
+    }
+
+    /// The number of combinations that the data determine: scaled singular values that are at
+    /// least [`RANK_TOLERANCE`] of the largest.
+    pub fn rank(&self) -> usize {
+        let largest = self.scaled.first().copied().unwrap_or(0.0);
+        let floor = largest * RANK_TOLERANCE;
+        self.scaled.iter().filter(|&&s| s > floor).count()
+    }
+
+    /// The columns that have a part in a direction which the data leave undetermined.
+    pub fn undetermined(&self) -> Vec<usize> {
+        let n = self.scaled.len();
+        let rank = self.rank();
+        let null = self.vectors.get(rank * n..).unwrap_or(&[]);
+        let part = |column: usize| -> f64 {
+            let entries = null.iter().skip(column).step_by(n.max(1));
+            entries.map(|v| v * v).sum::<f64>().sqrt()
+        };
+        (0..n).filter(|&c| part(c) > NAMED).collect()
+    }
+
+    pub(super) fn require_full_rank(&self, factor: &Factor) -> Result<(), EstimateError> {
+        let parameters = factor.columns();
+        if factor.rows() < parameters {
+            return Err(EstimateError::TooShort {
+                rows: factor.rows(),
+                parameters,
+            });
+        }
+        let rank = self.rank();
+        if rank == parameters {
+            return Ok(());
+        }
+        Err(EstimateError::Undetermined {
+            rank,
+            parameters,
+            labels: self
+                .undetermined()
+                .into_iter()
+                .filter_map(|c| factor.labels().get(c).cloned())
+                .collect(),
+            reciprocal_condition: 1.0 / self.scaled_condition(),
+        })
+    }
+}
+
+impl Factor {
+    /// The singular values of the matrix that was reduced, which are those of R.
+    ///
+    /// # Errors
+    /// When they are not found.
+    ///
+    /// ```
+    /// use regen_runtime::estimate::Factor;
+    ///
+    /// let mut factor = Factor::new(["a", "b", "c"].map(String::from).to_vec());
+    /// // the second and third column are alike
+    /// let w = [3.0, 0.0, 0.0, 0.0, 4.0, 0.0, 0.0, 4.0, 0.0];
+    /// factor.push_block(&w, &[1.0, 2.0, 0.0])?;
+    /// let spectrum = factor.spectrum()?;
+    /// assert_eq!(spectrum.rank(), 2);
+    /// assert_eq!(spectrum.undetermined(), [1, 2]);
+    /// # Ok::<(), regen_runtime::estimate::EstimateError>(())
+    /// ```
+    pub fn spectrum(&self) -> Result<Spectrum, EstimateError> {
+        let n = self.columns();
+        let divisors: Vec<f64> = self
+            .column_norms()
+            .into_iter()
+            .map(|norm| if norm > 0.0 { norm } else { 1.0 })
+            .collect();
+        if n == 0 {
+            return Ok(Spectrum {
+                raw: Vec::new(),
+                scaled: Vec::new(),
+                divisors,
+                vectors: Vec::new(),
+            });
+        }
+        let entry = |i: usize, j: usize| self.r()[j * n + i];
+        let raw = Mat::from_fn(n, n, entry)
+            .singular_values()
+            .map_err(|_| EstimateError::NoConvergence)?;
+        let scaled = Mat::from_fn(n, n, |i, j| entry(i, j) / divisors[j]);
+        let svd = scaled.svd().map_err(|_| EstimateError::NoConvergence)?;
+        let v = svd.V();
+        let mut vectors = vec![0.0; n * n];
+        for (k, slot) in vectors.iter_mut().enumerate() {
+            *slot = v[(k % n, k / n)];
+        }
+        let scaled = svd.S().column_vector().iter().copied().collect();
+        Ok(Spectrum {
+            raw,
+            scaled,
+            divisors,
+            vectors,
+        })
+    }
+}

@@ -1,0 +1,161 @@
+//! The digital Butterworth low-pass filter, run forward and backward.
+
+use std::f64::consts::PI;
+use std::prelude::v1::*;
+
+use super::SignalError;
+
+/// Part of a start that is left when it is called settled.
+const SETTLED: f64 = 1e-3;
+/// Part of a sample that is left where it is called forgotten.
+const FORGOTTEN: f64 = 1e-16;
+
+/// A section of order two (or one, with zeros last): numerator b, denominator 1, a.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Section {
+    b: [f64; 3],
+    a: [f64; 2],
+}
+
+/// A digital low-pass Butterworth filter in sections, by the bilinear transformation with its
+/// frequency corrected.
+///
+/// ```
+/// use regen_runtime::signals::Butterworth;
+///
+/// let filter = Butterworth::new(4, 10.0, 0.001)?;
+/// let constant = filter.zero_phase(&[2.0; 100])?;
+/// assert!(constant.iter().all(|x| (x - 2.0).abs() < 1e-12));
+/// # Ok::<(), regen_runtime::signals::SignalError>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Butterworth {
+    order: usize,
+    sections: Vec<Section>,
+    /// The size of the slowest pole.
+    slowest: f64,
+}
+
+impl Butterworth {
+    /// Designs a filter.
+    ///
+    /// - `cutoff`: where one pass has lost 3 dB, Hz; `step`: the time between samples, s.
+    ///
+    /// # Errors
+    /// When the order is not 1 to 20, or the cutoff is not between 0 and half the sampling rate.
+    pub fn new(order: usize, cutoff: f64, step: f64) -> Result<Self, SignalError> {
+        if !(1..=20).contains(&order) {
+            return Err(SignalError::Setting("the filter's order must be 1 to 20"));
+        }
+        if !(cutoff > 0.0 && step > 0.0 && cutoff * step < 0.5) {
+            return Err(SignalError::Setting(
+                "the cutoff must be above 0 and below half the sampling rate",
+            ));
+        }
+        // analogue poles w (-sin, +-cos)(angle), z = (2 + s) / (2 - s) with s in units of 1/step
+        let w = 2.0 * (PI * cutoff * step).tan();
+        let mut sections = Vec::new();
+        let mut slowest = 0.0_f64;
+        if order % 2 == 1 {
+            let pole = (2.0 - w) / (2.0 + w);
+            slowest = slowest.max(pole.abs());
+            let gain = w / (2.0 + w);
+            sections.push(Section {
+                b: [gain, gain, 0.0],
+                a: [-pole, 0.0],
+            });
+        }
+        for k in 0..order / 2 {
+            let angle = PI * (2 * k + 1) as f64 / (2 * order) as f64;
+            let damping = 2.0 * angle.sin();
+            // (4 + 2 d w + w^2) + 2 (w^2 - 4) z^-1 + (4 - 2 d w + w^2) z^-2
+            let lead = 4.0 + 2.0 * damping * w + w * w;
+            let a = [
+                2.0 * (w * w - 4.0) / lead,
+                (4.0 - 2.0 * damping * w + w * w) / lead,
+            ];
+            slowest = slowest.max(a[1].sqrt());
+            let gain = w * w / lead;
+            sections.push(Section {
+                b: [gain, 2.0 * gain, gain],
+                a,
+            });
+        }
+        Ok(Self {
+            order,
+            sections,
+            slowest,
+        })
+    }
+
+    /// Filters forward and backward, so that nothing is delayed; the order counts twice.
+    ///
+    /// Both ends are continued by 3 (order + 1) samples, mirrored at the end point, and each
+    /// pass starts in the steady state of its first sample.
+    ///
+    /// # Errors
+    /// When there are not more samples than the continuation takes.
+    pub fn zero_phase(&self, values: &[f64]) -> Result<Vec<f64>, SignalError> {
+        let edge = 3 * (self.order + 1);
+        let n = values.len();
+        if n <= edge {
+            return Err(SignalError::TooFew {
+                samples: n,
+                needed: edge + 1,
+            });
+        }
+        let (first, last) = (values[0], values[n - 1]);
+        let before = values[1..=edge].iter().rev().map(|x| 2.0 * first - x);
+        let after = values[n - 1 - edge..n - 1]
+            .iter()
+            .rev()
+            .map(|x| 2.0 * last - x);
+        let mut all: Vec<f64> = before.chain(values.iter().copied()).chain(after).collect();
+        self.pass(&mut all);
+        all.reverse();
+        self.pass(&mut all);
+        all.reverse();
+        all.truncate(edge + n);
+        all.drain(..edge);
+        Ok(all)
+    }
+
+    /// One pass, from the steady state of the first sample.
+    fn pass(&self, values: &mut [f64]) {
+        let start = values.first().copied().unwrap_or(0.0);
+        for section in &self.sections {
+            let Section { b, a } = section;
+            // each section passes a constant as it is; direct form 2 transposed
+            let mut second = (b[2] - a[1]) * start;
+            let mut first = (b[1] - a[0]) * start + second;
+            for x in values.iter_mut() {
+                let input = *x;
+                let y = b[0].mul_add(input, first);
+                first = b[1] * input - a[0] * y + second;
+                second = b[2] * input - a[1] * y;
+                *x = y;
+            }
+        }
+    }
+
+    /// The number of samples after which a sample has no effect, to rounding.
+    pub fn support(&self) -> usize {
+        self.reach(FORGOTTEN)
+    }
+
+    /// The number of samples at either end that are governed by how the filter starts.
+    pub fn settling(&self) -> usize {
+        self.reach(SETTLED)
+    }
+
+    fn reach(&self, part: f64) -> usize {
+        if self.slowest <= 0.0 {
+            return 3 * (self.order + 1);
+        }
+        // both passes and equal sizes of poles make the decay a little slower than the pole's
+        let samples = 1.2 * part.ln() / self.slowest.ln();
+        #[allow(clippy::cast_sign_loss, reason = "both logarithms are negative")]
+        let samples = samples.ceil() as usize;
+        samples + 3 * (self.order + 1)
+    }
+}

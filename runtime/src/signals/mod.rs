@@ -1,0 +1,290 @@
+//! Velocities and accelerations from sampled positions (section 5.1).
+//!
+//! Four ways with one interface: central differences (Eq. 31), differences behind a zero-phase
+//! Butterworth filter (Gautier et al., 1995), the finite Fourier series refitted, with its
+//! analytic derivatives (Eq. 25; Swevers et al., 1996), and local cubic regression (Page et al.,
+//! 2006).
+
+mod butterworth;
+mod fourier;
+mod local;
+
+use core::fmt;
+use core::ops::Range;
+use std::prelude::v1::*;
+
+pub use butterworth::Butterworth;
+pub use fourier::{Fourier, FourierFit};
+
+/// How positions are differentiated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Method {
+    /// Central differences of the positions as they are (Eq. 31), for any sampling.
+    Central,
+    /// A low-pass Butterworth filter run forward and backward, then central differences. Needs
+    /// uniform sampling.
+    Butterworth {
+        /// The filter's order.
+        order: usize,
+        /// Where one pass has lost 3 dB, Hz.
+        cutoff: f64,
+    },
+    /// The finite Fourier series (Eq. 25) fitted by least squares, for any sampling.
+    Fourier {
+        /// The fundamental frequency, Hz.
+        frequency: f64,
+        /// The number of harmonics.
+        harmonics: usize,
+    },
+    /// A cubic polynomial fitted around each sample with tricube weights, for any sampling.
+    Local {
+        /// How far samples count, s on either side.
+        half_width: f64,
+    },
+}
+
+/// A signal with its derivatives, as long as the samples.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Derivatives {
+    /// The signal, smoothed by the method.
+    pub value: Vec<f64>,
+    /// Its first derivative, per s.
+    pub rate: Vec<f64>,
+    /// Its second derivative, per s^2.
+    pub acceleration: Vec<f64>,
+    /// The samples that have all that the method needs on both sides; elsewhere entries mean
+    /// little.
+    pub valid: Range<usize>,
+}
+
+/// Why a signal was not differentiated.
+#[derive(Clone, Debug, PartialEq)]
+pub enum SignalError {
+    /// Times and values of different lengths.
+    Length {
+        /// Times.
+        times: usize,
+        /// Values.
+        values: usize,
+    },
+    /// A time or a value that is NaN or infinite.
+    NotFinite {
+        /// The sample.
+        sample: usize,
+    },
+    /// A time that is not after the one before.
+    NotIncreasing {
+        /// The sample.
+        sample: usize,
+    },
+    /// A step that differs from the mean step by more than a tenth.
+    NotUniform {
+        /// The sample at its end.
+        sample: usize,
+        /// The step, s.
+        step: f64,
+        /// The mean step, s.
+        mean: f64,
+    },
+    /// Too few samples for the method.
+    TooFew {
+        /// Samples there are, in all or in a window.
+        samples: usize,
+        /// Samples the method needs there.
+        needed: usize,
+    },
+    /// A setting that cannot be.
+    Setting(&'static str),
+}
+
+impl fmt::Display for SignalError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Length { times, values } => {
+                write!(f, "{times} times but {values} values")
+            }
+            Self::NotFinite { sample } => write!(f, "sample {sample} is not finite"),
+            Self::NotIncreasing { sample } => {
+                write!(f, "the time of sample {sample} is not after the one before")
+            }
+            Self::NotUniform { sample, step, mean } => write!(
+                f,
+                "the step of {step} s before sample {sample} is not the usual {mean} s: the \
+                 Butterworth filter needs uniform sampling; local regression and Fourier series \
+                 do not"
+            ),
+            Self::TooFew { samples, needed } => write!(
+                f,
+                "{samples} samples where the method needs {needed}: give a longer log or a wider \
+                 window"
+            ),
+            Self::Setting(what) => f.write_str(what),
+        }
+    }
+}
+
+impl core::error::Error for SignalError {}
+
+impl Method {
+    /// The signal smoothed, with its first and second derivative.
+    ///
+    /// - `times`: s, increasing; `values`: one for each.
+    ///
+    /// # Errors
+    /// When lengths differ, times do not increase, or the method needs more or other samples.
+    ///
+    /// ```
+    /// use regen_runtime::signals::Method;
+    ///
+    /// let times: Vec<f64> = (0..100).map(|k| 0.01 * f64::from(k)).collect();
+    /// let cubic: Vec<f64> = times.iter().map(|t| t * t * t).collect();
+    /// let fit = Method::Local { half_width: 0.08 }.differentiate(&times, &cubic)?;
+    /// assert_eq!(fit.valid, 8..92);
+    /// assert!((fit.rate[50] - 3.0 * 0.25).abs() < 1e-12);
+    /// assert!((fit.acceleration[50] - 6.0 * 0.5).abs() < 1e-9);
+    /// # Ok::<(), regen_runtime::signals::SignalError>(())
+    /// ```
+    pub fn differentiate(&self, times: &[f64], values: &[f64]) -> Result<Derivatives, SignalError> {
+        check(times, values)?;
+        match *self {
+            Self::Central => central(times, values.to_vec()),
+            Self::Butterworth { order, cutoff } => {
+                let filter = Butterworth::new(order, cutoff, mean_step(times)?)?;
+                let mut out = central(times, filter.zero_phase(values)?)?;
+                let margin = filter.settling().min(times.len() / 2);
+                // the filter's start and end are guesses: what it does there is not data
+                out.valid = margin.max(1)..(times.len() - margin).min(times.len() - 1);
+                Ok(out)
+            }
+            Self::Fourier {
+                frequency,
+                harmonics,
+            } => {
+                let mut fit = FourierFit::new(frequency, harmonics, 1)?;
+                for (t, x) in times.iter().zip(values) {
+                    fit.push(*t, &[*x])?;
+                }
+                let series = fit.finish()?;
+                let at: Vec<[f64; 3]> = times.iter().map(|t| series.at(0, *t)).collect();
+                Ok(Derivatives {
+                    value: at.iter().map(|p| p[0]).collect(),
+                    rate: at.iter().map(|p| p[1]).collect(),
+                    acceleration: at.iter().map(|p| p[2]).collect(),
+                    valid: 0..times.len(),
+                })
+            }
+            Self::Local { half_width } => local::fit(half_width, times, values),
+        }
+    }
+
+    /// Another signal, such as an effort, smoothed as the positions are before they are
+    /// differentiated: by the Butterworth filter; the other methods leave it as it is.
+    ///
+    /// # Errors
+    /// As [`differentiate`](Method::differentiate).
+    pub fn smooth(&self, times: &[f64], values: &[f64]) -> Result<Vec<f64>, SignalError> {
+        check(times, values)?;
+        match *self {
+            Self::Butterworth { order, cutoff } => {
+                Butterworth::new(order, cutoff, mean_step(times)?)?.zero_phase(values)
+            }
+            _ => Ok(values.to_vec()),
+        }
+    }
+
+    /// How many samples on either side a result depends on, to rounding; `None`: on all.
+    ///
+    /// - `step`: the time between samples, s.
+    ///
+    /// # Errors
+    /// When the method's settings do not fit the step.
+    pub fn support(&self, step: f64) -> Result<Option<usize>, SignalError> {
+        Ok(match *self {
+            Self::Central => Some(1),
+            Self::Butterworth { order, cutoff } => {
+                Some(Butterworth::new(order, cutoff, step)?.support())
+            }
+            Self::Fourier { .. } => None,
+            Self::Local { half_width } => {
+                #[allow(clippy::cast_sign_loss, reason = "a negative width gives 0")]
+                let samples = (half_width / step).ceil() as usize;
+                Some(samples.saturating_add(1))
+            }
+        })
+    }
+
+    /// Whether steps must be alike.
+    pub fn needs_uniform(&self) -> bool {
+        matches!(self, Self::Butterworth { .. })
+    }
+}
+
+fn check(times: &[f64], values: &[f64]) -> Result<(), SignalError> {
+    if times.len() != values.len() {
+        return Err(SignalError::Length {
+            times: times.len(),
+            values: values.len(),
+        });
+    }
+    let finite = |(t, x): (&f64, &f64)| t.is_finite() && x.is_finite();
+    if let Some(sample) = times.iter().zip(values).position(|pair| !finite(pair)) {
+        return Err(SignalError::NotFinite { sample });
+    }
+    match times.windows(2).position(|pair| pair[1] <= pair[0]) {
+        Some(before) => Err(SignalError::NotIncreasing { sample: before + 1 }),
+        None => Ok(()),
+    }
+}
+
+/// By how much a step may differ from the mean where sampling is to be uniform: clocks jitter.
+const JITTER: f64 = 0.1;
+
+fn mean_step(times: &[f64]) -> Result<f64, SignalError> {
+    let (Some(first), Some(last)) = (times.first(), times.last()) else {
+        return Err(SignalError::TooFew {
+            samples: 0,
+            needed: 2,
+        });
+    };
+    let mean = (last - first) / (times.len().max(2) - 1) as f64;
+    let step = |pair: &[f64]| pair[1] - pair[0];
+    let off = |pair: &[f64]| (step(pair) - mean).abs() > JITTER * mean;
+    match times.windows(2).position(off) {
+        Some(before) => Err(SignalError::NotUniform {
+            sample: before + 1,
+            step: step(&times[before..before + 2]),
+            mean,
+        }),
+        None => Ok(mean),
+    }
+}
+
+/// Eq. 31, in the form that is of second order for unequal steps too.
+fn central(times: &[f64], value: Vec<f64>) -> Result<Derivatives, SignalError> {
+    let n = times.len();
+    if n < 3 {
+        return Err(SignalError::TooFew {
+            samples: n,
+            needed: 3,
+        });
+    }
+    let mut rate = vec_of(n);
+    let mut acceleration = vec_of(n);
+    for k in 1..n - 1 {
+        let (before, after) = (times[k] - times[k - 1], times[k + 1] - times[k]);
+        let (down, up) = (value[k] - value[k - 1], value[k + 1] - value[k]);
+        let all = before * after * (before + after);
+        rate[k] = (before * before * up + after * after * down) / all;
+        acceleration[k] = 2.0 * (before * up - after * down) / all;
+    }
+    Ok(Derivatives {
+        value,
+        rate,
+        acceleration,
+        valid: 1..n - 1,
+    })
+}
+
+fn vec_of(n: usize) -> Vec<f64> {
+    std::vec![f64::NAN; n]
+}

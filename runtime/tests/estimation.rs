@@ -1,0 +1,8 @@
+//! Signals and estimates against numpy and scipy, and against what must hold of them.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+#![cfg(feature = "estimation")]
+
+#[path = "estimation/properties.rs"]
+mod properties;
+#[path = "estimation/vectors.rs"]
+mod vectors;
