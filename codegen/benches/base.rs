@@ -31,7 +31,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         "robots/palletiser.yaml",
         "tests/mechanisms/hexapod.yaml",
         "tests/mechanisms/delta.yaml",
-        "tests/base/branches/delta4.yaml",
+        "tests/base/delta4.yaml",
         "tests/base/schoenflies.yaml",
     ] {
         let path = root.join(name);

@@ -228,11 +228,7 @@ home: {q1: pi/3, q2: -0.46557, q3: 1.72997}
 
 #[test]
 fn overconstrained_linkages_are_complete() {
-    for (file_name, rank, completed) in [
-        ("bennett", 9, 1),
-        ("sarrus", 5, 7),
-        ("branches/delta4", 43, 11),
-    ] {
+    for (file_name, rank, completed) in [("bennett", 9, 1), ("sarrus", 5, 7), ("delta4", 43, 11)] {
         let path = format!("base/{file_name}.yaml");
         complete(&path, &file(&path), rank, completed);
     }
