@@ -8,8 +8,11 @@
 //! Aimed at: 3-RPS, PUMA 560 and a 7R arm each under 500 ms in all. It never
 //! fails the run: time is no test.
 //!
+//! Also under 5 s for a 6-UPS and under 10 s for a Delta.
+//!
 //! Measured on a virtual core of an AMD EPYC, Rust 1.95: 13, 8 and 15 ms in all;
-//! the Stewart platform 158 ms.
+//! the Stewart platform 158 ms. With the machine busy otherwise: hexapod 0.50 s,
+//! Delta 0.57 s, with a fourth leg 1.1 s, four legs of five joints 3.3 s.
 
 use std::time::Instant;
 

@@ -164,7 +164,8 @@ struct Json<'a> {
 struct Reason<'a> {
     parameter: &'a str,
     with: &'a [String],
-    reason: Option<&'a str>,
+    #[serde(rename = "reason")]
+    why: Option<&'a str>,
 }
 
 #[derive(Serialize)]
@@ -233,7 +234,7 @@ fn json<'a>(robot: &'a Robot, analysis: &'a Analysis, reasons: &'a [Merged]) -> 
             .map(|r| Reason {
                 parameter: &r.parameter,
                 with: &r.with,
-                reason: r.reason.as_deref(),
+                why: r.reason.as_deref(),
             })
             .collect(),
         known: base

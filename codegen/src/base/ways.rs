@@ -249,7 +249,7 @@ pub fn follows(ties: &[Form], form: &[(usize, Number)]) -> bool {
         let Some((pivot, lead)) = row.first().cloned() else {
             continue;
         };
-        let reduce = |of: &Form| -> Form {
+        let reduced = |of: &Form| -> Form {
             let at = of.iter().find(|(c, _)| *c == pivot);
             let Some(factor) = at.and_then(|(_, k)| k.div(&lead)) else {
                 return of.clone();
@@ -258,8 +258,8 @@ pub fn follows(ties: &[Form], form: &[(usize, Number)]) -> bool {
             sum.extend(row.iter().map(|(c, k)| (*c, k.mul(&factor).neg())));
             merged(&sum)
         };
-        rest = reduce(&rest);
-        rows = rows.iter().map(reduce).collect();
+        rows = rows.iter().map(reduced).collect();
+        rest = reduced(&rest);
     }
     rest.is_empty()
 }

@@ -1,5 +1,7 @@
 //! The loops of a mechanism: what they pass, and why rows of them are redundant.
 
+use core::fmt::Write as _;
+
 use crate::base::{Form, Way};
 use crate::model::{Cut, Model, rows_of};
 use crate::spec::CutKind;
@@ -124,7 +126,7 @@ pub(super) fn facts(
         );
         if !left_out.is_empty() {
             let plural = if left_out.len() == 1 { "row" } else { "rows" };
-            text += &format!(", {plural} {} redundant", left_out.join(" "));
+            let _ = write!(text, ", {plural} {} redundant", left_out.join(" "));
         }
         facts.push(Fact::given(text));
         let Some(motions) = motions else { continue };

@@ -51,15 +51,9 @@ impl Evidence {
     /// Sampled, where the largest number that counted as nothing was `off`.
     fn sampled(states: usize, off: f64) -> Evidence {
         let all = crate::base::certificate::DIGITS;
-        let digits = if off > 0.0 {
-            libm::floor(-libm::log10(off)).max(0.0) as usize
-        } else {
-            all
-        };
-        Evidence::Sampled {
-            states,
-            digits: digits.min(all),
-        }
+        let holds = |digits: &usize| off <= libm::pow(10.0, -(*digits as f64));
+        let digits = (0..=all).rev().find(holds).unwrap_or(0);
+        Evidence::Sampled { states, digits }
     }
 }
 

@@ -1,5 +1,7 @@
 //! Linear relations among coordinates on the branch, told from sampled rates.
 
+use core::fmt::Write as _;
+
 use crate::base::certificate::{Observation, Wide, relations};
 use crate::base::{Form, follows, recognise};
 use crate::model::{Model, MotionKind};
@@ -39,7 +41,7 @@ pub(super) fn found(model: &Model, states: &[Observation]) -> Vec<Relation> {
         let before = apart.iter().map(|&a| relations(&rows, &[a, c]));
         let mut pairs = before.filter_map(|mut found| found.pop());
         let pair = pairs.find(|r| r.column == c && r.terms.len() < 2);
-        match pair.and_then(|pair| Relation::recognised(pair, &rows, size)) {
+        match pair.and_then(|pair| Relation::recognised(&pair, &rows, size)) {
             Some(relation) => all.push(relation),
             None => apart.push(c),
         }
@@ -48,7 +50,7 @@ pub(super) fn found(model: &Model, states: &[Observation]) -> Vec<Relation> {
     all.extend(
         several
             .into_iter()
-            .filter_map(|r| Relation::recognised(r, &rows, size)),
+            .filter_map(|r| Relation::recognised(&r, &rows, size)),
     );
     all
 }
@@ -56,7 +58,7 @@ pub(super) fn found(model: &Model, states: &[Observation]) -> Vec<Relation> {
 impl Relation {
     /// The relation with exact factors; `None` where these have none.
     fn recognised(
-        found: crate::base::certificate::Relation,
+        found: &crate::base::certificate::Relation,
         rows: &[Vec<Wide>],
         size: Wide,
     ) -> Option<Relation> {
@@ -100,7 +102,7 @@ impl Relation {
                 (_, true) => " - ",
             };
             if !size.is_one() {
-                text += &format!("{}*", factor_text(&size));
+                let _ = write!(text, "{}*", factor_text(&size));
             }
             text += name(*c);
         }

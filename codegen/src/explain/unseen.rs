@@ -72,7 +72,7 @@ impl Bodies<'_> {
         if !seen.origin_rests {
             return None;
         }
-        if self.gravity == [0.0; 3] {
+        if self.gravity.iter().all(|g| *g == 0.0) {
             return Some(format!(
                 "the axis of body {name} is at rest, and there is no gravity"
             ));

@@ -31,8 +31,15 @@ impl Mechanism {
             return Err(format!("{}: A_e is singular", self.name));
         }
         let mut x = svd.solve(rhs, 0.0)?;
-        // One refinement: the decomposition's error is larger than rounding.
-        x += svd.solve(&(rhs - &a_e * &x), 0.0)?;
+        // The decomposition's error is larger than rounding, up to 1e-3: refined until nothing is
+        // left to correct.
+        for _ in 0..20 {
+            let correction = svd.solve(&(rhs - &a_e * &x), 0.0)?;
+            x += &correction;
+            if correction.amax() <= 1e-15 * x.amax() {
+                break;
+            }
+        }
         Ok(x)
     }
 

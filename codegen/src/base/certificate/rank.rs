@@ -192,13 +192,11 @@ impl Samples {
         let unit = |k: usize, at: usize| if k == at { Wide::ONE } else { Wide::ZERO };
         let true_size = |x: Wide, k: usize, c: usize| x.scaled(self.units[k] - self.units[c]);
         let column = |c: usize| -> Vec<Wide> {
-            match kept.iter().position(|&k| k == c) {
-                Some(at) => (0..kept.len()).map(|k| unit(k, at)).collect(),
-                None => {
-                    let factors = by_kept.iter().zip(kept);
-                    factors.map(|(row, &k)| true_size(row[c], k, c)).collect()
-                }
+            if let Some(at) = kept.iter().position(|&k| k == c) {
+                return (0..kept.len()).map(|k| unit(k, at)).collect();
             }
+            let factors = by_kept.iter().zip(kept);
+            factors.map(|(row, &k)| true_size(row[c], k, c)).collect()
         };
         Some((0..self.certificate.columns).map(column).collect())
     }
