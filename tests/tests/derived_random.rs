@@ -10,7 +10,8 @@ use regen_tests::{files, random_spec};
 fn judge(specs: impl Iterator<Item = String>) {
     for (seed, spec) in (0..).zip(specs) {
         let mechanism = Mechanism::from_yaml(&spec).unwrap();
-        let derived = Derived::without_base("random.yaml", &spec).unwrap_or_else(|e| panic!("{e}\n{spec}"));
+        let derived =
+            Derived::without_base("random.yaml", &spec).unwrap_or_else(|e| panic!("{e}\n{spec}"));
         let judged = check_engine(&derived, &mechanism, seed, 2);
         judged.unwrap_or_else(|e| panic!("{e}\n{spec}"));
     }

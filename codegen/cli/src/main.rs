@@ -12,11 +12,11 @@ mod eval;
 mod exit;
 mod export;
 mod generate;
-mod import;
 mod identify;
 mod identify_table;
 #[cfg(test)]
 mod identify_tests;
+mod import;
 mod info;
 mod interpreted;
 mod load;
