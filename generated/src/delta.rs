@@ -12,25 +12,25 @@
 //! | [`constraints`] | 54 | 65 | 0 | 11 |
 //! | [`jacobian`] | 98 | 163 | 0 | 11 |
 //! | [`bias`] | 201 | 364 | 0 | 11 |
-//! | [`newton_step`] | 223 | 333 | 8 | 11 |
+//! | [`newton_step`] | 224 | 332 | 8 | 11 |
 //! | [`dependent_jacobian`] | 132 | 212 | 0 | 11 |
-//! | [`velocities`] | 248 | 373 | 8 | 11 |
-//! | [`accelerations`] | 410 | 623 | 8 | 11 |
-//! | [`regressor`] | 643 | 960 | 8 | 11 |
-//! | [`inverse_dynamics`] | 586 | 776 | 8 | 11 |
-//! | [`gravity`] | 366 | 579 | 8 | 11 |
-//! | [`bias_forces`] | 743 | 1036 | 8 | 11 |
-//! | [`mass_matrix`] | 503 | 696 | 8 | 11 |
-//! | [`slotine_li`] | 1011 | 1554 | 8 | 11 |
+//! | [`velocities`] | 249 | 372 | 8 | 11 |
+//! | [`accelerations`] | 411 | 622 | 8 | 11 |
+//! | [`regressor`] | 643 | 956 | 8 | 11 |
+//! | [`inverse_dynamics`] | 586 | 772 | 8 | 11 |
+//! | [`gravity`] | 366 | 575 | 8 | 11 |
+//! | [`bias_forces`] | 743 | 1029 | 8 | 11 |
+//! | [`mass_matrix`] | 503 | 692 | 8 | 11 |
+//! | [`slotine_li`] | 1011 | 1544 | 8 | 11 |
 //! | [`efforts`] | 0 | 0 | 0 | 0 |
 //! | [`poses`] | 26 | 68 | 0 | 11 |
-//! | [`base_regressor`] | 483 | 745 | 8 | 11 |
+//! | [`base_regressor`] | 483 | 741 | 8 | 11 |
 //! | [`to_base`] | 35 | 18 | 0 | 0 |
 //! | [`parameters_from_base`] | 31 | 18 | 0 | 0 |
-//! | [`base_inverse_dynamics`] | 472 | 657 | 8 | 11 |
-//! | [`base_gravity`] | 329 | 517 | 8 | 11 |
-//! | [`base_bias_forces`] | 637 | 928 | 8 | 11 |
-//! | [`base_mass_matrix`] | 392 | 572 | 8 | 11 |
+//! | [`base_inverse_dynamics`] | 472 | 653 | 8 | 11 |
+//! | [`base_gravity`] | 329 | 513 | 8 | 11 |
+//! | [`base_bias_forces`] | 637 | 921 | 8 | 11 |
+//! | [`base_mass_matrix`] | 392 | 568 | 8 | 11 |
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
@@ -1347,7 +1347,7 @@ pub fn bias<T: Scalar>(q: &[T; 11], qd: &[T; 11]) -> [T; 8] {
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
 /// - `dq_e`: step of the dependent coordinates in the order of `DEPENDENT`: A_e dq_e = -f
 ///
-/// 223 additions, 333 multiplications, 8 divisions, 11 sines and cosines.
+/// 224 additions, 332 multiplications, 8 divisions, 11 sines and cosines.
 pub fn newton_step<T: Scalar>(q: &[T; 11]) -> ([T; 8], Condition<T>) {
     let like = q[0];
     let mut dq_e = [like.lift(0.0); 8];
@@ -1356,11 +1356,11 @@ pub fn newton_step<T: Scalar>(q: &[T; 11]) -> ([T; 8], Condition<T>) {
     // A_e dq_e = -f, part 1
     let [
         sin_e1x, cos_e1x, cos_u1_2_e1y, t1_3, t1_4, t1_5, t1_8, t1_9, t1_10, t1_57, t1_79,
-        t1_81, t1_83, t1_86, t1_87, t1_91, t1_92, t1_95, t1_96, t1_97, t1_122, t1_125, t1_128,
+        t1_81, t1_83, t1_87, t1_91, t1_92, t1_95, t1_96, t1_97, t1_122, t1_125, t1_128,
         pivot_1, t1_135, t1_137, t1_138, t1_139, t1_140, t1_142, t1_144, t1_151, t1_152,
-        t1_155, t1_156, t1_157, t1_162, t1_163, t1_168, t1_169, t1_170, t1_182, t1_184, t1_199,
-        t1_200, t1_201, t1_203, t1_206, t1_207, t1_208, t1_209, t1_210, t1_211, t1_223, t1_225,
-        t1_226, t1_228, t1_231, t1_232, t1_233, t1_235,
+        t1_155, t1_156, t1_157, t1_158, t1_163, t1_164, t1_169, t1_170, t1_171, t1_183, t1_185,
+        t1_200, t1_201, t1_202, t1_204, t1_207, t1_208, t1_209, t1_210, t1_211, t1_212, t1_224,
+        t1_226, t1_227, t1_229, t1_232, pivot_3, t1_233, t1_235,
     ] = {
         let (sin_e1x, cos_e1x) = e1x.sin_cos();
         let (sin_u1_2, cos_u1_2) = u1_2.sin_cos();
@@ -1529,130 +1529,130 @@ pub fn newton_step<T: Scalar>(q: &[T; 11]) -> ([T; 8], Condition<T>) {
         let t1_154 = like.lift(0.5) * t1_153;
         let t1_155 = sin_e1x.mul_add(t1_150, t1_154);
         let t1_156 = -t1_155;
-        let pivot_3 = like.lift(0.8660254037844386) * t1_86;
-        let t1_157 = -pivot_3;
-        let t1_158 = t1_120 * t1_86;
-        let t1_159 = like.lift(0.8660254037844386) * t1_158;
-        let t1_160 = t1_17 * t1_86;
-        let t1_161 = like.lift(0.5).mul_add(t1_160, t1_159);
-        let t1_162 = (-t1_55).mul_add(t1_150, t1_161);
-        let t1_163 = -t1_162;
-        let t1_164 = t1_128 * t1_86;
-        let t1_165 = like.lift(0.8660254037844386) * t1_164;
-        let t1_166 = t1_83 * t1_86;
-        let t1_167 = like.lift(0.5).mul_add(t1_166, t1_165);
-        let t1_168 = (-t1_86).mul_add(t1_150, t1_167);
-        let t1_169 = -t1_168;
-        let t1_170 = t1_11 + t1_16;
-        let t1_171 = t1_38 + t1_39;
-        let t1_172 = t1_37 + t1_171;
+        let t1_157 = like.lift(0.8660254037844386) * t1_86;
+        let t1_158 = -t1_157;
+        let t1_159 = t1_120 * t1_86;
+        let t1_160 = like.lift(0.8660254037844386) * t1_159;
+        let t1_161 = t1_17 * t1_86;
+        let t1_162 = like.lift(0.5).mul_add(t1_161, t1_160);
+        let t1_163 = (-t1_55).mul_add(t1_150, t1_162);
+        let t1_164 = -t1_163;
+        let t1_165 = t1_128 * t1_86;
+        let t1_166 = like.lift(0.8660254037844386) * t1_165;
+        let t1_167 = t1_83 * t1_86;
+        let t1_168 = like.lift(0.5).mul_add(t1_167, t1_166);
+        let t1_169 = (-t1_86).mul_add(t1_150, t1_168);
+        let t1_170 = -t1_169;
+        let t1_171 = t1_11 + t1_16;
+        let t1_172 = t1_38 + t1_39;
+        let t1_173 = t1_37 + t1_172;
         let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_173 = t1_42 + t1_43;
-        let t1_174 = cos_q3 * t1_173;
-        let t1_175 = (-sin_q3).mul_add(t1_30, t1_174);
-        let t1_176 = like.lift(0.524).mul_add(t1_175, t1_172);
+        let t1_174 = t1_42 + t1_43;
+        let t1_175 = cos_q3 * t1_174;
+        let t1_176 = (-sin_q3).mul_add(t1_30, t1_175);
+        let t1_177 = like.lift(0.524).mul_add(t1_176, t1_173);
         let (sin_u3_2, cos_u3_2) = u3_2.sin_cos();
         let (sin_u3_1, cos_u3_1) = u3_1.sin_cos();
-        let t1_177 = sin_u3_1 * t1_175;
-        let t1_178 = sin_q3 * t1_173;
-        let t1_179 = cos_q3.mul_add(t1_30, t1_178);
-        let t1_180 = cos_u3_1.mul_add(t1_179, t1_177);
-        let t1_181 = cos_u3_2 * t1_180;
-        let t1_182 = t1_53 - t1_54;
-        let t1_183 = sin_u3_2.mul_add(t1_182, t1_181);
-        let t1_184 = like.lift(1.244).mul_add(t1_183, t1_176);
-        let t1_185 = t1_176 - t1_184;
-        let t1_186 = t1_170 * t1_185;
-        let t1_187 = t1_63 - t1_64;
-        let t1_188 = t1_62 + t1_187;
-        let t1_189 = t1_67 - t1_68;
-        let t1_190 = cos_q3 * t1_189;
-        let t1_191 = sin_q3.mul_add(t1_35, t1_190);
-        let t1_192 = like.lift(0.524).mul_add(t1_191, t1_188);
-        let t1_193 = sin_u3_1 * t1_191;
-        let t1_194 = sin_q3 * t1_189;
-        let t1_195 = (-cos_q3).mul_add(t1_35, t1_194);
-        let t1_196 = cos_u3_1.mul_add(t1_195, t1_193);
-        let t1_197 = cos_u3_2 * t1_196;
-        let t1_198 = sin_u3_2.mul_add(t1_170, t1_197);
-        let t1_199 = like.lift(1.244).mul_add(t1_198, t1_192);
-        let t1_200 = t1_192 - t1_199;
-        let t1_201 = (-t1_182).mul_add(t1_200, t1_186);
-        let t1_202 = cos_u3_1 * t1_191;
-        let t1_203 = (-sin_u3_1).mul_add(t1_195, t1_202);
-        let t1_204 = t1_203 * t1_185;
-        let t1_205 = cos_u3_1 * t1_175;
-        let t1_206 = (-sin_u3_1).mul_add(t1_179, t1_205);
-        let t1_207 = (-t1_206).mul_add(t1_200, t1_204);
-        let t1_208 = -t1_207;
-        let t1_209 = t1_89 + t1_90;
-        let t1_210 = -t1_209;
-        let t1_211 = t1_94 + t1_95;
-        let t1_212 = t1_103 - t1_104;
-        let t1_213 = t1_102 + t1_212;
-        let t1_214 = t1_107 - t1_108;
-        let t1_215 = cos_q3 * t1_214;
-        let t1_216 = (-sin_q3).mul_add(t1_101, t1_215);
-        let t1_217 = like.lift(0.524).mul_add(t1_216, t1_213);
-        let t1_218 = sin_u3_1 * t1_216;
-        let t1_219 = sin_q3 * t1_214;
-        let t1_220 = cos_q3.mul_add(t1_101, t1_219);
-        let t1_221 = cos_u3_1.mul_add(t1_220, t1_218);
-        let t1_222 = cos_u3_2 * t1_221;
-        let t1_223 = t1_118 + t1_119;
-        let t1_224 = sin_u3_2.mul_add(t1_223, t1_222);
-        let t1_225 = like.lift(1.244).mul_add(t1_224, t1_217);
-        let t1_226 = t1_217 - t1_225;
-        let t1_227 = t1_182 * t1_226;
-        let t1_228 = (-t1_223).mul_add(t1_185, t1_227);
-        let t1_229 = t1_206 * t1_226;
-        let t1_230 = cos_u3_1 * t1_216;
-        let t1_231 = (-sin_u3_1).mul_add(t1_220, t1_230);
-        let t1_232 = (-t1_231).mul_add(t1_185, t1_229);
-        let t1_233 = -t1_232;
+        let t1_178 = sin_u3_1 * t1_176;
+        let t1_179 = sin_q3 * t1_174;
+        let t1_180 = cos_q3.mul_add(t1_30, t1_179);
+        let t1_181 = cos_u3_1.mul_add(t1_180, t1_178);
+        let t1_182 = cos_u3_2 * t1_181;
+        let t1_183 = t1_53 - t1_54;
+        let t1_184 = sin_u3_2.mul_add(t1_183, t1_182);
+        let t1_185 = like.lift(1.244).mul_add(t1_184, t1_177);
+        let t1_186 = t1_177 - t1_185;
+        let t1_187 = t1_171 * t1_186;
+        let t1_188 = t1_63 - t1_64;
+        let t1_189 = t1_62 + t1_188;
+        let t1_190 = t1_67 - t1_68;
+        let t1_191 = cos_q3 * t1_190;
+        let t1_192 = sin_q3.mul_add(t1_35, t1_191);
+        let t1_193 = like.lift(0.524).mul_add(t1_192, t1_189);
+        let t1_194 = sin_u3_1 * t1_192;
+        let t1_195 = sin_q3 * t1_190;
+        let t1_196 = (-cos_q3).mul_add(t1_35, t1_195);
+        let t1_197 = cos_u3_1.mul_add(t1_196, t1_194);
+        let t1_198 = cos_u3_2 * t1_197;
+        let t1_199 = sin_u3_2.mul_add(t1_171, t1_198);
+        let t1_200 = like.lift(1.244).mul_add(t1_199, t1_193);
+        let t1_201 = t1_193 - t1_200;
+        let t1_202 = (-t1_183).mul_add(t1_201, t1_187);
+        let t1_203 = cos_u3_1 * t1_192;
+        let t1_204 = (-sin_u3_1).mul_add(t1_196, t1_203);
+        let t1_205 = t1_204 * t1_186;
+        let t1_206 = cos_u3_1 * t1_176;
+        let t1_207 = (-sin_u3_1).mul_add(t1_180, t1_206);
+        let t1_208 = (-t1_207).mul_add(t1_201, t1_205);
+        let t1_209 = -t1_208;
+        let t1_210 = t1_89 + t1_90;
+        let t1_211 = -t1_210;
+        let t1_212 = t1_94 + t1_95;
+        let t1_213 = t1_103 - t1_104;
+        let t1_214 = t1_102 + t1_213;
+        let t1_215 = t1_107 - t1_108;
+        let t1_216 = cos_q3 * t1_215;
+        let t1_217 = (-sin_q3).mul_add(t1_101, t1_216);
+        let t1_218 = like.lift(0.524).mul_add(t1_217, t1_214);
+        let t1_219 = sin_u3_1 * t1_217;
+        let t1_220 = sin_q3 * t1_215;
+        let t1_221 = cos_q3.mul_add(t1_101, t1_220);
+        let t1_222 = cos_u3_1.mul_add(t1_221, t1_219);
+        let t1_223 = cos_u3_2 * t1_222;
+        let t1_224 = t1_118 + t1_119;
+        let t1_225 = sin_u3_2.mul_add(t1_224, t1_223);
+        let t1_226 = like.lift(1.244).mul_add(t1_225, t1_218);
+        let t1_227 = t1_218 - t1_226;
+        let t1_228 = t1_183 * t1_227;
+        let t1_229 = (-t1_224).mul_add(t1_186, t1_228);
+        let t1_230 = t1_207 * t1_227;
+        let t1_231 = cos_u3_1 * t1_217;
+        let t1_232 = (-sin_u3_1).mul_add(t1_221, t1_231);
+        let pivot_3 = (-t1_232).mul_add(t1_186, t1_230);
+        let t1_233 = -pivot_3;
         let t1_234 = t1_132 + t1_133;
         let t1_235 = t1_131 + t1_234;
         [
             sin_e1x, cos_e1x, cos_u1_2_e1y, t1_3, t1_4, t1_5, t1_8, t1_9, t1_10, t1_57, t1_79,
-            t1_81, t1_83, t1_86, t1_87, t1_91, t1_92, t1_95, t1_96, t1_97, t1_122, t1_125,
-            t1_128, pivot_1, t1_135, t1_137, t1_138, t1_139, t1_140, t1_142, t1_144, t1_151,
-            t1_152, t1_155, t1_156, t1_157, t1_162, t1_163, t1_168, t1_169, t1_170, t1_182,
-            t1_184, t1_199, t1_200, t1_201, t1_203, t1_206, t1_207, t1_208, t1_209, t1_210,
-            t1_211, t1_223, t1_225, t1_226, t1_228, t1_231, t1_232, t1_233, t1_235,
+            t1_81, t1_83, t1_87, t1_91, t1_92, t1_95, t1_96, t1_97, t1_122, t1_125, t1_128,
+            pivot_1, t1_135, t1_137, t1_138, t1_139, t1_140, t1_142, t1_144, t1_151, t1_152,
+            t1_155, t1_156, t1_157, t1_158, t1_163, t1_164, t1_169, t1_170, t1_171, t1_183,
+            t1_185, t1_200, t1_201, t1_202, t1_204, t1_207, t1_208, t1_209, t1_210, t1_211,
+            t1_212, t1_224, t1_226, t1_227, t1_229, t1_232, pivot_3, t1_233, t1_235,
         ]
     };
     // A_e dq_e = -f
     {
         let t2_1 = t1_137 + t1_138;
-        let t2_2 = t1_223 * t1_200;
-        let t2_3 = (-t1_170).mul_add(t1_226, t2_2);
-        let t2_4 = t1_231 * t1_200;
-        let t2_5 = (-t1_203).mul_add(t1_226, t2_4);
+        let t2_2 = t1_224 * t1_201;
+        let t2_3 = (-t1_171).mul_add(t1_227, t2_2);
+        let t2_4 = t1_232 * t1_201;
+        let t2_5 = (-t1_204).mul_add(t1_227, t2_4);
         let t2_6 = -t2_5;
-        let t2_7 = cos_u1_2_e1y * t1_206;
+        let t2_7 = cos_u1_2_e1y * t1_207;
         let t2_8 = like.lift(0.8660254037844386) * t2_7;
-        let t2_9 = t1_10 * t1_206;
+        let t2_9 = t1_10 * t1_207;
         let t2_10 = like.lift(-0.5).mul_add(t2_9, t2_8);
-        let t2_11 = like.lift(0.8660254037844386) * t1_231;
-        let t2_12 = like.lift(-0.5).mul_add(t1_203, t2_11);
+        let t2_11 = like.lift(0.8660254037844386) * t1_232;
+        let t2_12 = like.lift(-0.5).mul_add(t1_204, t2_11);
         let t2_13 = (-t1_3).mul_add(t2_12, t2_10);
         let t2_14 = -t2_13;
-        let t2_15 = cos_e1x * t1_206;
+        let t2_15 = cos_e1x * t1_207;
         let t2_16 = like.lift(0.5) * t2_15;
         let t2_17 = (-sin_e1x).mul_add(t2_12, t2_16);
-        let t2_18 = like.lift(0.8660254037844386) * t1_206;
+        let t2_18 = like.lift(0.8660254037844386) * t1_207;
         let t2_19 = -t2_18;
-        let t2_20 = t1_223 * t1_206;
+        let t2_20 = t1_224 * t1_207;
         let t2_21 = like.lift(0.8660254037844386) * t2_20;
-        let t2_22 = t1_170 * t1_206;
+        let t2_22 = t1_171 * t1_207;
         let t2_23 = like.lift(-0.5).mul_add(t2_22, t2_21);
-        let t2_24 = (-t1_182).mul_add(t2_12, t2_23);
+        let t2_24 = (-t1_183).mul_add(t2_12, t2_23);
         let t2_25 = -t2_24;
-        let t2_26 = t1_231 * t1_206;
+        let t2_26 = t1_232 * t1_207;
         let t2_27 = like.lift(0.8660254037844386) * t2_26;
-        let t2_28 = t1_203 * t1_206;
+        let t2_28 = t1_204 * t1_207;
         let t2_29 = like.lift(-0.5).mul_add(t2_28, t2_27);
-        let t2_30 = (-t1_206).mul_add(t2_12, t2_29);
+        let t2_30 = (-t1_207).mul_add(t2_12, t2_29);
         let t2_31 = like.lift(0.0381051177665153) + t1_122;
         let t2_32 = -t2_31;
         let t2_33 = like.lift(0.022) + t1_79;
@@ -1661,12 +1661,12 @@ pub fn newton_step<T: Scalar>(q: &[T; 11]) -> ([T; 8], Condition<T>) {
         let t2_36 = like.lift(0.5) * t1_128;
         let t2_37 = like.lift(-0.8660254037844386).mul_add(t1_83, t2_36);
         let t2_38 = -t2_37;
-        let t2_39 = like.lift(0.0381051177665153) - t1_225;
-        let t2_40 = like.lift(0.022) + t1_199;
+        let t2_39 = like.lift(0.0381051177665153) - t1_226;
+        let t2_40 = like.lift(0.022) + t1_200;
         let t2_41 = -t2_40;
-        let t2_42 = -t1_184;
-        let t2_43 = like.lift(0.5) * t1_231;
-        let t2_44 = like.lift(0.8660254037844386).mul_add(t1_203, t2_43);
+        let t2_42 = -t1_185;
+        let t2_43 = like.lift(0.5) * t1_232;
+        let t2_44 = like.lift(0.8660254037844386).mul_add(t1_204, t2_43);
         let inv_pivot_1 = like.lift(1.0) / pivot_1;
         let t2_45 = t1_144 * inv_pivot_1;
         let t2_46 = t1_91.mul_add(t2_45, t1_135);
@@ -1676,157 +1676,151 @@ pub fn newton_step<T: Scalar>(q: &[T; 11]) -> ([T; 8], Condition<T>) {
         let pivot_2 = (-t1_125).mul_add(t2_47, t1_81);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
         let t2_50 = t2_49 * inv_pivot_2;
-        let t2_51 = t2_48.mul_add(t2_50, t2_46);
-        let t2_52 = t1_168 * inv_pivot_1;
-        let t2_53 = t1_91.mul_add(t2_52, t1_151);
-        let t2_54 = (-t1_125).mul_add(t2_52, t1_162);
-        let t2_55 = t2_54 * inv_pivot_2;
-        let t2_56 = t2_48.mul_add(t2_55, t2_53);
-        let t2_57 = like.lift(1.0) / t1_86;
-        let t2_58 = t2_56 * t2_57;
-        let t2_59 = like.lift(0.0762102355330306) * t2_58;
-        let pivot_4 = t2_51 - t2_59;
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_60 = (-t2_33).mul_add(t2_45, t1_57);
-        let t2_61 = (-t2_33).mul_add(t2_47, t2_31);
-        let t2_62 = (-t2_50).mul_add(t2_61, t2_60);
-        let t2_63 = t2_33.mul_add(t2_52, t2_37);
-        let t2_64 = t2_55.mul_add(t2_61, t2_63);
-        let t2_65 = t2_57 * t2_64;
-        let t2_66 = like.lift(0.0762102355330306) * t2_65;
-        let t2_67 = t2_62 + t2_66;
-        let t2_68 = sin_e1x * t2_45;
-        let t2_69 = like.lift(-0.0381051177665153).mul_add(t2_68, t1_138);
-        let t2_70 = sin_e1x * t2_47;
-        let t2_71 = like.lift(0.0381051177665153).mul_add(t2_70, t1_9);
-        let t2_72 = t2_71.mul_add(t2_50, t2_69);
-        let t2_73 = sin_e1x * t2_52;
-        let t2_74 = like.lift(0.0381051177665153).mul_add(t2_73, t1_155);
-        let t2_75 = (-t2_71).mul_add(t2_55, t2_74);
-        let t2_76 = t2_75 * t2_57;
-        let t2_77 = like.lift(0.0762102355330306) * t2_76;
-        let t2_78 = t2_72 + t2_77;
-        let t2_79 = t1_206 * t2_57;
-        let t2_80 = t2_75.mul_add(t2_79, t2_17);
-        let t2_81 = (-t2_56).mul_add(t2_79, t2_13);
-        let t2_82 = t2_81 * inv_pivot_4;
-        let pivot_5 = (-t2_78).mul_add(t2_82, t2_80);
+        let pivot_5 = t2_48.mul_add(t2_50, t2_46);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_83 = t2_79.mul_add(t2_64, t2_44);
-        let t2_84 = (-t2_82).mul_add(t2_67, t2_83);
-        let t2_85 = (-t1_96).mul_add(t2_52, t1_155);
-        let t2_86 = (-t1_96).mul_add(t2_47, t1_8);
-        let t2_87 = (-t2_86).mul_add(t2_55, t2_85);
-        let t2_88 = t2_87.mul_add(t2_79, t2_17);
-        let t2_89 = (-t1_96).mul_add(t2_45, t1_139);
-        let t2_90 = (-t2_86).mul_add(t2_50, t2_89);
-        let t2_91 = t2_87 * t2_57;
-        let t2_92 = like.lift(0.0762102355330306) * t2_91;
-        let t2_93 = t2_90 - t2_92;
-        let t2_94 = t2_93.mul_add(t2_82, t2_88);
-        let t2_95 = t1_3 * inv_pivot_4;
-        let t2_96 = t2_93 * t2_95;
-        let t2_97 = like.lift(0.066).mul_add(t2_96, t1_8);
-        let t2_98 = t2_78 * t2_95;
-        let t2_99 = like.lift(-0.066).mul_add(t2_98, t1_9);
-        let t2_100 = t2_99 * inv_pivot_5;
-        let pivot_6 = (-t2_94).mul_add(t2_100, t2_97);
+        let t2_51 = (-t2_33).mul_add(t2_45, t1_57);
+        let t2_52 = (-t2_33).mul_add(t2_47, t2_31);
+        let t2_53 = (-t2_50).mul_add(t2_52, t2_51);
+        let t2_54 = (-t1_96).mul_add(t2_45, t1_139);
+        let t2_55 = (-t1_96).mul_add(t2_47, t1_8);
+        let t2_56 = (-t2_55).mul_add(t2_50, t2_54);
+        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let t2_57 = t2_5 * inv_pivot_3;
+        let t2_58 = (-t1_212).mul_add(t2_57, t2_1);
+        let t2_59 = t1_208 * inv_pivot_3;
+        let t2_60 = (-t1_212).mul_add(t2_59, t1_8);
+        let t2_61 = (-t1_229).mul_add(t2_57, t2_3);
+        let pivot_4 = (-t1_229).mul_add(t2_59, t1_202);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t2_62 = t2_61 * inv_pivot_4;
+        let t2_63 = (-t2_60).mul_add(t2_62, t2_58);
+        let t2_64 = t1_210.mul_add(t2_57, t1_235);
+        let t2_65 = (-t1_210).mul_add(t2_59, t1_4);
+        let t2_66 = t2_65.mul_add(t2_62, t2_64);
+        let t2_67 = t2_66 * inv_pivot_5;
+        let pivot_6 = (-t2_56).mul_add(t2_67, t2_63);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_101 = t2_95 * t2_67;
-        let t2_102 = like.lift(-0.066).mul_add(t2_101, t2_39);
-        let t2_103 = (-t2_100).mul_add(t2_84, t2_102);
-        let t2_104 = t2_24.mul_add(t2_100, t1_201);
-        let t2_105 = t1_138 - t2_77;
-        let t2_106 = t1_235 - t2_59;
-        let t2_107 = t2_106 * inv_pivot_4;
-        let t2_108 = t2_78.mul_add(t2_107, t2_105);
-        let t2_109 = t2_108 * inv_pivot_5;
-        let t2_110 = t2_24.mul_add(t2_109, t2_3);
-        let t2_111 = t2_1 - t2_92;
-        let t2_112 = (-t2_93).mul_add(t2_107, t2_111);
-        let t2_113 = (-t2_94).mul_add(t2_109, t2_112);
-        let t2_114 = t2_113 * inv_pivot_6;
-        let pivot_7 = (-t2_104).mul_add(t2_114, t2_110);
+        let t2_68 = (-t2_40).mul_add(t2_57, t1_185);
+        let t2_69 = t2_40.mul_add(t2_59, t2_39);
+        let t2_70 = t2_62.mul_add(t2_69, t2_68);
+        let t2_71 = (-t2_67).mul_add(t2_53, t2_70);
+        let t2_72 = sin_e1x * t2_57;
+        let t2_73 = like.lift(-0.0381051177665153).mul_add(t2_72, t1_138);
+        let t2_74 = sin_e1x * t2_59;
+        let t2_75 = like.lift(-0.0381051177665153).mul_add(t2_74, t1_9);
+        let t2_76 = (-t2_75).mul_add(t2_62, t2_73);
+        let t2_77 = sin_e1x * t2_45;
+        let t2_78 = like.lift(-0.0381051177665153).mul_add(t2_77, t1_138);
+        let t2_79 = sin_e1x * t2_47;
+        let t2_80 = like.lift(0.0381051177665153).mul_add(t2_79, t1_9);
+        let t2_81 = t2_80.mul_add(t2_50, t2_78);
+        let t2_82 = t2_81.mul_add(t2_67, t2_76);
+        let t2_83 = t1_169 * inv_pivot_1;
+        let t2_84 = sin_e1x * t2_83;
+        let t2_85 = like.lift(0.0381051177665153).mul_add(t2_84, t1_155);
+        let t2_86 = (-t1_125).mul_add(t2_83, t1_163);
+        let t2_87 = t2_86 * inv_pivot_2;
+        let t2_88 = (-t2_80).mul_add(t2_87, t2_85);
+        let t2_89 = t1_91.mul_add(t2_83, t1_151);
+        let t2_90 = t2_48.mul_add(t2_87, t2_89);
+        let t2_91 = t2_90 * inv_pivot_5;
+        let t2_92 = t2_81.mul_add(t2_91, t2_88);
+        let t2_93 = (-t1_96).mul_add(t2_83, t1_155);
+        let t2_94 = (-t2_55).mul_add(t2_87, t2_93);
+        let t2_95 = (-t2_56).mul_add(t2_91, t2_94);
+        let t2_96 = t2_95 * inv_pivot_6;
+        let pivot_7 = (-t2_82).mul_add(t2_96, t2_92);
         let inv_pivot_7 = like.lift(1.0) / pivot_7;
-        let t2_115 = t1_184 + t2_66;
-        let t2_116 = (-t2_107).mul_add(t2_67, t2_115);
-        let t2_117 = t2_109.mul_add(t2_84, t2_116);
-        let t2_118 = t2_114.mul_add(t2_103, t2_117);
-        let t2_119 = t2_30.mul_add(t2_109, t2_5);
-        let t2_120 = t2_30.mul_add(t2_100, t1_207);
-        let t2_121 = (-t2_120).mul_add(t2_114, t2_119);
-        let t2_122 = t1_209 * inv_pivot_4;
-        let t2_123 = (-t2_78).mul_add(t2_122, t1_95);
-        let t2_124 = t2_123 * inv_pivot_5;
-        let t2_125 = t2_30.mul_add(t2_124, t1_232);
-        let t2_126 = t2_93.mul_add(t2_122, t1_211);
-        let t2_127 = (-t2_94).mul_add(t2_124, t2_126);
-        let t2_128 = t2_127 * inv_pivot_6;
-        let t2_129 = (-t2_120).mul_add(t2_128, t2_125);
-        let t2_130 = t2_24.mul_add(t2_124, t1_228);
-        let t2_131 = (-t2_104).mul_add(t2_128, t2_130);
-        let t2_132 = t2_131 * inv_pivot_7;
-        let pivot_8 = (-t2_121).mul_add(t2_132, t2_129);
+        let t2_97 = t2_33.mul_add(t2_83, t2_37);
+        let t2_98 = t2_87.mul_add(t2_52, t2_97);
+        let t2_99 = t2_91.mul_add(t2_53, t2_98);
+        let t2_100 = t2_96.mul_add(t2_71, t2_99);
+        let t2_101 = like.lift(-0.066).mul_add(t2_91, t1_157);
+        let t2_102 = like.lift(-0.066).mul_add(t2_67, like.lift(0.066));
+        let t2_103 = (-t2_102).mul_add(t2_96, t2_101);
+        let t2_104 = t2_30 * inv_pivot_3;
+        let t2_105 = t1_210.mul_add(t2_104, t2_13);
+        let t2_106 = (-t1_229).mul_add(t2_104, t2_24);
+        let t2_107 = t2_106 * inv_pivot_4;
+        let t2_108 = t2_65.mul_add(t2_107, t2_105);
+        let t2_109 = t2_108 * inv_pivot_5;
+        let t2_110 = like.lift(-0.066).mul_add(t2_109, t2_18);
+        let t2_111 = t1_212.mul_add(t2_104, t2_17);
+        let t2_112 = t2_60.mul_add(t2_107, t2_111);
+        let t2_113 = t2_56.mul_add(t2_109, t2_112);
+        let t2_114 = t2_113 * inv_pivot_6;
+        let t2_115 = t2_102.mul_add(t2_114, t2_110);
+        let t2_116 = sin_e1x * t2_104;
+        let t2_117 = like.lift(0.0381051177665153).mul_add(t2_116, t2_17);
+        let t2_118 = t2_75.mul_add(t2_107, t2_117);
+        let t2_119 = (-t2_81).mul_add(t2_109, t2_118);
+        let t2_120 = (-t2_82).mul_add(t2_114, t2_119);
+        let t2_121 = t2_120 * inv_pivot_7;
+        let pivot_8 = t2_103.mul_add(t2_121, t2_115);
         let inv_pivot_8 = like.lift(1.0) / pivot_8;
-        let t2_133 = t2_122.mul_add(t2_67, t2_40);
-        let t2_134 = t2_124.mul_add(t2_84, t2_133);
-        let t2_135 = t2_128.mul_add(t2_103, t2_134);
-        let t2_136 = (-t2_132).mul_add(t2_118, t2_135);
-        let t2_137 = inv_pivot_8 * t2_136;
-        let t2_138 = (-t2_121).mul_add(t2_137, t2_118);
-        let t2_139 = inv_pivot_7 * t2_138;
-        let t2_140 = t2_104.mul_add(t2_139, t2_103);
-        let t2_141 = t2_120.mul_add(t2_137, t2_140);
-        let t2_142 = inv_pivot_6 * t2_141;
-        let t2_143 = (-t2_94).mul_add(t2_142, t2_84);
-        let t2_144 = (-t2_24).mul_add(t2_139, t2_143);
-        let t2_145 = (-t2_30).mul_add(t2_137, t2_144);
-        let t2_146 = inv_pivot_5 * t2_145;
-        let t2_147 = (-t2_78).mul_add(t2_146, t2_67);
-        let t2_148 = t2_93.mul_add(t2_142, t2_147);
-        let t2_149 = inv_pivot_4 * t2_148;
-        let t2_150 = -t2_149;
-        let t2_151 = t2_56.mul_add(t2_149, t2_64);
-        let t2_152 = (-t2_75).mul_add(t2_146, t2_151);
-        let t2_153 = (-t2_87).mul_add(t2_142, t2_152);
-        let t2_154 = t2_57 * t2_153;
-        let t2_155 = like.lift(1.1547005383792515) * t2_154;
-        let t2_156 = t2_48.mul_add(t2_149, t2_61);
-        let t2_157 = t2_71.mul_add(t2_146, t2_156);
-        let t2_158 = t2_86.mul_add(t2_142, t2_157);
-        let t2_159 = inv_pivot_2 * t2_158;
-        let t2_160 = -t2_159;
-        let t2_161 = (-t1_125).mul_add(t2_159, t2_33);
-        let t2_162 = t1_91.mul_add(t2_149, t2_161);
-        let t2_163 = sin_e1x * t2_146;
-        let t2_164 = like.lift(-0.0381051177665153).mul_add(t2_163, t2_162);
-        let t2_165 = t1_96.mul_add(t2_142, t2_164);
-        let t2_166 = inv_pivot_1 * t2_165;
-        let t2_167 = -t2_166;
-        let t2_168 = -t2_139;
-        let t2_169 = -pivot_8;
+        let t2_122 = (-t2_40).mul_add(t2_104, t2_44);
+        let t2_123 = t2_107.mul_add(t2_69, t2_122);
+        let t2_124 = (-t2_109).mul_add(t2_53, t2_123);
+        let t2_125 = t2_114.mul_add(t2_71, t2_124);
+        let t2_126 = (-t2_121).mul_add(t2_100, t2_125);
+        let t2_127 = inv_pivot_8 * t2_126;
+        let t2_128 = t2_103.mul_add(t2_127, t2_100);
+        let t2_129 = inv_pivot_7 * t2_128;
+        let t2_130 = t2_82.mul_add(t2_129, t2_71);
+        let t2_131 = (-t2_102).mul_add(t2_127, t2_130);
+        let t2_132 = inv_pivot_6 * t2_131;
+        let t2_133 = (-t2_56).mul_add(t2_132, t2_53);
+        let t2_134 = (-t2_81).mul_add(t2_129, t2_133);
+        let t2_135 = like.lift(-0.066).mul_add(t2_127, t2_134);
+        let t2_136 = inv_pivot_5 * t2_135;
+        let t2_137 = -t2_136;
+        let t2_138 = -t2_132;
+        let t2_139 = -t2_127;
+        let t2_140 = t2_48.mul_add(t2_136, t2_52);
+        let t2_141 = (-t2_55).mul_add(t2_132, t2_140);
+        let t2_142 = t2_80.mul_add(t2_129, t2_141);
+        let t2_143 = inv_pivot_2 * t2_142;
+        let t2_144 = -t2_143;
+        let t2_145 = sin_e1x * t2_129;
+        let t2_146 = like.lift(0.0381051177665153) * t2_145;
+        let t2_147 = (-t1_125).mul_add(t2_143, t2_33);
+        let t2_148 = t1_91.mul_add(t2_136, t2_147);
+        let t2_149 = (-t1_96).mul_add(t2_132, t2_148);
+        let t2_150 = t2_146 - t2_149;
+        let t2_151 = inv_pivot_1 * t2_150;
+        let t2_152 = (-t2_65).mul_add(t2_136, t2_69);
+        let t2_153 = t2_60.mul_add(t2_132, t2_152);
+        let t2_154 = (-t2_75).mul_add(t2_129, t2_153);
+        let t2_155 = inv_pivot_4 * t2_154;
+        let t2_156 = t1_229.mul_add(t2_155, t2_40);
+        let t2_157 = t1_210.mul_add(t2_136, t2_156);
+        let t2_158 = (-t1_212).mul_add(t2_132, t2_157);
+        let t2_159 = t2_158 + t2_146;
+        let t2_160 = inv_pivot_3 * t2_159;
+        let t2_161 = -pivot_7;
+        let t2_162 = -pivot_8;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(0.9580029161088279)).abs()
             .min((pivot_2 * like.lift(0.9018719688103075)).abs())
-            .min((t1_157 * like.lift(1.923718077658978)).abs())
-            .min((pivot_4 * like.lift(1.019503733280847)).abs())
-            .min((pivot_5 * like.lift(0.9467672644948026)).abs())
-            .min((pivot_6 * like.lift(0.8116685504320711)).abs())
-            .min((pivot_7 * like.lift(1.060112577367453)).abs())
-            .min((t2_169 * like.lift(0.697347665033695)).abs());
+            .min((t1_233 * like.lift(0.9441016894903256)).abs())
+            .min((pivot_4 * like.lift(0.7930813430566414)).abs())
+            .min((pivot_5 * like.lift(0.9552290039283993)).abs())
+            .min((pivot_6 * like.lift(0.6503970605951934)).abs())
+            .min((t2_161 * like.lift(1.8878245740206896)).abs())
+            .min((t2_162 * like.lift(1.0933635968062305)).abs());
         let ([
-            [t2_170], [t2_171], [t2_172], [t2_173], [t2_174], [t2_175], [t2_176], [t2_177],
+            [t2_163], [t2_164], [t2_165], [t2_166], [t2_167], [t2_168], [t2_169], [t2_170],
         ], found) = ::regen_runtime::guarded(
-            [[t2_150], [t2_142], [t2_146], [t2_155], [t2_160], [t2_167], [t2_168], [t2_137]],
+            [[t2_137], [t2_138], [t2_129], [t2_139], [t2_144], [t2_151], [t2_155], [t2_160]],
             margin,
             || (
                 [
                     [t1_5, t1_8, t1_9, like.lift(0.0), t1_81, t1_87, like.lift(0.0), like.lift(0.0)],
                     [t1_92, t1_96, t1_97, like.lift(0.0), t1_125, pivot_1, like.lift(0.0), like.lift(0.0)],
                     [t1_135, t1_139, t1_140, like.lift(0.066), t1_142, t1_144, like.lift(0.0), like.lift(0.0)],
-                    [t1_152, t1_156, t1_156, t1_157, t1_163, t1_169, like.lift(0.0), like.lift(0.0)],
-                    [t1_5, t1_8, t1_9, like.lift(0.0), like.lift(0.0), like.lift(0.0), t1_201, t1_208],
-                    [t1_210, t1_211, t1_95, like.lift(0.0), like.lift(0.0), like.lift(0.0), t1_228, t1_233],
+                    [t1_152, t1_156, t1_156, t1_158, t1_164, t1_170, like.lift(0.0), like.lift(0.0)],
+                    [t1_5, t1_8, t1_9, like.lift(0.0), like.lift(0.0), like.lift(0.0), t1_202, t1_209],
+                    [t1_211, t1_212, t1_95, like.lift(0.0), like.lift(0.0), like.lift(0.0), t1_229, t1_233],
                     [t1_235, t2_1, t1_138, like.lift(0.066), like.lift(0.0), like.lift(0.0), t2_3, t2_6],
                     [t2_14, t2_17, t2_17, t2_19, like.lift(0.0), like.lift(0.0), t2_25, t2_30],
                 ],
@@ -1834,14 +1828,14 @@ pub fn newton_step<T: Scalar>(q: &[T; 11]) -> ([T; 8], Condition<T>) {
             ),
         );
         condition = condition.min(found);
-        dq_e[0] = t2_170;
-        dq_e[1] = t2_171;
-        dq_e[2] = t2_172;
-        dq_e[3] = t2_173;
-        dq_e[4] = t2_174;
-        dq_e[5] = t2_175;
-        dq_e[6] = t2_176;
-        dq_e[7] = t2_177;
+        dq_e[0] = t2_163;
+        dq_e[1] = t2_164;
+        dq_e[2] = t2_165;
+        dq_e[3] = t2_166;
+        dq_e[4] = t2_167;
+        dq_e[5] = t2_168;
+        dq_e[6] = t2_169;
+        dq_e[7] = t2_170;
     }
     (dq_e, Condition { pivot: condition })
 }
@@ -1858,11 +1852,11 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 8]; 8] {
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     // A_e (Eq. 8), part 1
     let [
-        t1_2, t1_6, t1_8, t1_10, t1_11, t1_12, t1_13, t1_41, t1_42, t1_43, t1_87, pivot_1,
-        t1_94, t1_97, t1_98, t1_124, t1_128, t1_136, t1_140, t1_141, t1_147, t1_153, t1_156,
-        t1_157, t1_158, t1_160, t1_162, t1_163, t1_164, t1_165, t1_167, t1_169, sin_u3_1,
-        cos_u3_1, t1_176, t1_183, t1_186, t1_187, t1_195, t1_198, t1_201, t1_203, t1_204,
-        t1_207, t1_210, t1_212, t1_217, sin_u3_2, cos_u3_2, t1_226, t1_227, t1_230, t1_235,
+        sin_e1x, cos_e1x, cos_u1_2_e1y, t1_5, t1_8, t1_11, t1_12, t1_13, t1_22, t1_87, t1_89,
+        t1_92, pivot_1, t1_94, t1_97, t1_98, t1_124, t1_126, t1_128, t1_130, t1_131, t1_132,
+        t1_144, t1_163, t1_165, t1_168, t1_169, t1_170, t1_186, t1_188, t1_191, t1_198, t1_201,
+        t1_202, t1_203, t1_205, t1_207, t1_209, t1_210, t1_212, t1_215, t1_221, t1_223, t1_227,
+        t1_229, t1_235,
     ] = {
         let (sin_u1_2, cos_u1_2) = u1_2.sin_cos();
         let (sin_e1x, cos_e1x) = e1x.sin_cos();
@@ -2003,166 +1997,165 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 8]; 8] {
         let t1_126 = (-sin_u2_1).mul_add(t1_118, t1_125);
         let t1_127 = t1_126 * t1_86;
         let t1_128 = (-t1_89).mul_add(t1_123, t1_127);
-        let t1_129 = cos_u1_2_e1y * t1_89;
-        let t1_130 = like.lift(0.8660254037844386) * t1_129;
-        let t1_131 = t1_22 * t1_89;
-        let t1_132 = like.lift(0.5).mul_add(t1_131, t1_130);
-        let t1_133 = like.lift(0.8660254037844386) * t1_92;
-        let t1_134 = like.lift(0.5).mul_add(t1_126, t1_133);
-        let t1_135 = (-t1_5).mul_add(t1_134, t1_132);
-        let t1_136 = -t1_135;
-        let t1_137 = cos_e1x * t1_89;
-        let t1_138 = like.lift(0.5) * t1_137;
-        let t1_139 = sin_e1x.mul_add(t1_134, t1_138);
-        let t1_140 = -t1_139;
-        let pivot_3 = like.lift(0.8660254037844386) * t1_89;
-        let t1_141 = -pivot_3;
-        let t1_142 = t1_59 * t1_89;
-        let t1_143 = like.lift(0.8660254037844386) * t1_142;
-        let t1_144 = t1_101 * t1_89;
-        let t1_145 = like.lift(0.5).mul_add(t1_144, t1_143);
-        let t1_146 = (-t1_20).mul_add(t1_134, t1_145);
-        let t1_147 = -t1_146;
-        let t1_148 = t1_92 * t1_89;
-        let t1_149 = like.lift(0.8660254037844386) * t1_148;
-        let t1_150 = t1_126 * t1_89;
-        let t1_151 = like.lift(0.5).mul_add(t1_150, t1_149);
-        let t1_152 = (-t1_89).mul_add(t1_134, t1_151);
-        let t1_153 = -t1_152;
-        let t1_154 = cos_u1_2 * sin_e1x;
-        let t1_155 = like.lift(1.244) * t1_154;
-        let t1_156 = like.lift(0.044).mul_add(cos_u1_2_e1y, t1_155);
-        let t1_157 = like.lift(0.022) * cos_u1_2_e1y;
-        let t1_158 = like.lift(0.0381051177665153) * t1_22;
-        let t1_159 = t1_157 - t1_158;
-        let t1_160 = t1_156 + t1_159;
-        let t1_161 = sin_e1y * cos_e1x;
-        let t1_162 = like.lift(1.244) * t1_161;
-        let t1_163 = like.lift(0.0381051177665153) * cos_e1x;
-        let t1_164 = t1_162 - t1_163;
-        let t1_165 = -t1_163;
-        let t1_166 = t1_59 * t1_123;
-        let t1_167 = (-t1_101).mul_add(t1_62, t1_166);
-        let t1_168 = t1_92 * t1_123;
-        let t1_169 = (-t1_126).mul_add(t1_62, t1_168);
-        let (sin_u3_1, cos_u3_1) = u3_1.sin_cos();
+        let t1_129 = t1_2 + t1_6;
+        let t1_130 = -t1_129;
+        let t1_131 = t1_10 + t1_11;
+        let t1_132 = t1_14 - t1_19;
+        let t1_133 = t1_42 - t1_43;
+        let t1_134 = t1_41 + t1_133;
         let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_170 = t1_73 + t1_74;
-        let t1_171 = cos_q3 * t1_170;
-        let t1_172 = (-sin_q3).mul_add(t1_67, t1_171);
-        let t1_173 = cos_u3_1 * t1_172;
-        let t1_174 = sin_q3 * t1_170;
-        let t1_175 = cos_q3.mul_add(t1_67, t1_174);
-        let t1_176 = (-sin_u3_1).mul_add(t1_175, t1_173);
-        let t1_177 = cos_u1_2_e1y * t1_176;
-        let t1_178 = like.lift(0.8660254037844386) * t1_177;
-        let t1_179 = t1_22 * t1_176;
-        let t1_180 = like.lift(-0.5).mul_add(t1_179, t1_178);
-        let t1_181 = t1_46 - t1_47;
-        let t1_182 = cos_q3 * t1_181;
-        let t1_183 = (-sin_q3).mul_add(t1_33, t1_182);
-        let t1_184 = cos_u3_1 * t1_183;
-        let t1_185 = sin_q3 * t1_181;
-        let t1_186 = cos_q3.mul_add(t1_33, t1_185);
-        let t1_187 = (-sin_u3_1).mul_add(t1_186, t1_184);
-        let t1_188 = like.lift(0.8660254037844386) * t1_187;
-        let t1_189 = t1_110 - t1_111;
-        let t1_190 = cos_q3 * t1_189;
-        let t1_191 = sin_q3.mul_add(t1_39, t1_190);
-        let t1_192 = cos_u3_1 * t1_191;
-        let t1_193 = sin_q3 * t1_189;
-        let t1_194 = (-cos_q3).mul_add(t1_39, t1_193);
-        let t1_195 = (-sin_u3_1).mul_add(t1_194, t1_192);
-        let t1_196 = like.lift(-0.5).mul_add(t1_195, t1_188);
-        let t1_197 = (-t1_5).mul_add(t1_196, t1_180);
-        let t1_198 = -t1_197;
-        let t1_199 = cos_e1x * t1_176;
-        let t1_200 = like.lift(0.5) * t1_199;
-        let t1_201 = (-sin_e1x).mul_add(t1_196, t1_200);
-        let t1_202 = like.lift(0.8660254037844386) * t1_176;
-        let t1_203 = -t1_202;
-        let t1_204 = t1_57 + t1_58;
-        let t1_205 = t1_204 * t1_176;
-        let t1_206 = like.lift(0.8660254037844386) * t1_205;
-        let t1_207 = t1_99 + t1_100;
-        let t1_208 = t1_207 * t1_176;
-        let t1_209 = like.lift(-0.5).mul_add(t1_208, t1_206);
-        let t1_210 = t1_14 - t1_19;
-        let t1_211 = (-t1_210).mul_add(t1_196, t1_209);
-        let t1_212 = -t1_211;
-        let t1_213 = t1_187 * t1_176;
-        let t1_214 = like.lift(0.8660254037844386) * t1_213;
-        let t1_215 = t1_195 * t1_176;
-        let t1_216 = like.lift(-0.5).mul_add(t1_215, t1_214);
-        let t1_217 = (-t1_176).mul_add(t1_196, t1_216);
-        let t1_218 = t1_69 + t1_70;
-        let t1_219 = t1_68 + t1_218;
-        let t1_220 = like.lift(0.524).mul_add(t1_172, t1_219);
+        let t1_135 = t1_46 - t1_47;
+        let t1_136 = cos_q3 * t1_135;
+        let t1_137 = (-sin_q3).mul_add(t1_33, t1_136);
+        let t1_138 = like.lift(0.524).mul_add(t1_137, t1_134);
         let (sin_u3_2, cos_u3_2) = u3_2.sin_cos();
-        let t1_221 = sin_u3_1 * t1_172;
-        let t1_222 = cos_u3_1.mul_add(t1_175, t1_221);
-        let t1_223 = cos_u3_2 * t1_222;
-        let t1_224 = sin_u3_2.mul_add(t1_210, t1_223);
-        let t1_225 = like.lift(1.244).mul_add(t1_224, t1_220);
-        let t1_226 = t1_220 - t1_225;
-        let t1_227 = t1_207 * t1_226;
-        let t1_228 = t1_106 - t1_107;
-        let t1_229 = t1_105 + t1_228;
-        let t1_230 = like.lift(0.524).mul_add(t1_191, t1_229);
-        let t1_231 = sin_u3_1 * t1_191;
-        let t1_232 = cos_u3_1.mul_add(t1_194, t1_231);
-        let t1_233 = cos_u3_2 * t1_232;
-        let t1_234 = sin_u3_2.mul_add(t1_207, t1_233);
-        let t1_235 = like.lift(1.244).mul_add(t1_234, t1_230);
+        let (sin_u3_1, cos_u3_1) = u3_1.sin_cos();
+        let t1_139 = sin_u3_1 * t1_137;
+        let t1_140 = sin_q3 * t1_135;
+        let t1_141 = cos_q3.mul_add(t1_33, t1_140);
+        let t1_142 = cos_u3_1.mul_add(t1_141, t1_139);
+        let t1_143 = cos_u3_2 * t1_142;
+        let t1_144 = t1_57 + t1_58;
+        let t1_145 = sin_u3_2.mul_add(t1_144, t1_143);
+        let t1_146 = like.lift(1.244).mul_add(t1_145, t1_138);
+        let t1_147 = t1_138 - t1_146;
+        let t1_148 = t1_132 * t1_147;
+        let t1_149 = t1_69 + t1_70;
+        let t1_150 = t1_68 + t1_149;
+        let t1_151 = t1_73 + t1_74;
+        let t1_152 = cos_q3 * t1_151;
+        let t1_153 = (-sin_q3).mul_add(t1_67, t1_152);
+        let t1_154 = like.lift(0.524).mul_add(t1_153, t1_150);
+        let t1_155 = sin_u3_1 * t1_153;
+        let t1_156 = sin_q3 * t1_151;
+        let t1_157 = cos_q3.mul_add(t1_67, t1_156);
+        let t1_158 = cos_u3_1.mul_add(t1_157, t1_155);
+        let t1_159 = cos_u3_2 * t1_158;
+        let t1_160 = sin_u3_2.mul_add(t1_132, t1_159);
+        let t1_161 = like.lift(1.244).mul_add(t1_160, t1_154);
+        let t1_162 = t1_154 - t1_161;
+        let t1_163 = (-t1_144).mul_add(t1_162, t1_148);
+        let t1_164 = cos_u3_1 * t1_153;
+        let t1_165 = (-sin_u3_1).mul_add(t1_157, t1_164);
+        let t1_166 = t1_165 * t1_147;
+        let t1_167 = cos_u3_1 * t1_137;
+        let t1_168 = (-sin_u3_1).mul_add(t1_141, t1_167);
+        let pivot_3 = (-t1_168).mul_add(t1_162, t1_166);
+        let t1_169 = -pivot_3;
+        let t1_170 = t1_99 + t1_100;
+        let t1_171 = t1_170 * t1_162;
+        let t1_172 = t1_106 - t1_107;
+        let t1_173 = t1_105 + t1_172;
+        let t1_174 = t1_110 - t1_111;
+        let t1_175 = cos_q3 * t1_174;
+        let t1_176 = sin_q3.mul_add(t1_39, t1_175);
+        let t1_177 = like.lift(0.524).mul_add(t1_176, t1_173);
+        let t1_178 = sin_u3_1 * t1_176;
+        let t1_179 = sin_q3 * t1_174;
+        let t1_180 = (-cos_q3).mul_add(t1_39, t1_179);
+        let t1_181 = cos_u3_1.mul_add(t1_180, t1_178);
+        let t1_182 = cos_u3_2 * t1_181;
+        let t1_183 = sin_u3_2.mul_add(t1_170, t1_182);
+        let t1_184 = like.lift(1.244).mul_add(t1_183, t1_177);
+        let t1_185 = t1_177 - t1_184;
+        let t1_186 = (-t1_132).mul_add(t1_185, t1_171);
+        let t1_187 = cos_u3_1 * t1_176;
+        let t1_188 = (-sin_u3_1).mul_add(t1_180, t1_187);
+        let t1_189 = t1_188 * t1_162;
+        let t1_190 = (-t1_165).mul_add(t1_185, t1_189);
+        let t1_191 = -t1_190;
+        let t1_192 = cos_u1_2 * sin_e1x;
+        let t1_193 = like.lift(1.244) * t1_192;
+        let t1_194 = like.lift(0.044).mul_add(cos_u1_2_e1y, t1_193);
+        let t1_195 = like.lift(0.022) * cos_u1_2_e1y;
+        let t1_196 = like.lift(0.0381051177665153) * t1_22;
+        let t1_197 = t1_195 - t1_196;
+        let t1_198 = t1_194 + t1_197;
+        let t1_199 = sin_e1y * cos_e1x;
+        let t1_200 = like.lift(1.244) * t1_199;
+        let t1_201 = like.lift(0.0381051177665153) * cos_e1x;
+        let t1_202 = t1_200 - t1_201;
+        let t1_203 = -t1_201;
+        let t1_204 = t1_59 * t1_123;
+        let t1_205 = (-t1_101).mul_add(t1_62, t1_204);
+        let t1_206 = t1_92 * t1_123;
+        let t1_207 = (-t1_126).mul_add(t1_62, t1_206);
+        let t1_208 = t1_195 + t1_196;
+        let t1_209 = t1_194 + t1_208;
+        let t1_210 = t1_200 + t1_201;
+        let t1_211 = t1_144 * t1_185;
+        let t1_212 = (-t1_170).mul_add(t1_147, t1_211);
+        let t1_213 = t1_168 * t1_185;
+        let t1_214 = (-t1_188).mul_add(t1_147, t1_213);
+        let t1_215 = -t1_214;
+        let t1_216 = cos_u1_2_e1y * t1_89;
+        let t1_217 = like.lift(0.8660254037844386) * t1_216;
+        let t1_218 = t1_22 * t1_89;
+        let t1_219 = like.lift(0.5).mul_add(t1_218, t1_217);
+        let t1_220 = like.lift(0.8660254037844386) * t1_92;
+        let t1_221 = like.lift(0.5).mul_add(t1_126, t1_220);
+        let t1_222 = (-t1_5).mul_add(t1_221, t1_219);
+        let t1_223 = -t1_222;
+        let t1_224 = cos_e1x * t1_89;
+        let t1_225 = like.lift(0.5) * t1_224;
+        let t1_226 = sin_e1x.mul_add(t1_221, t1_225);
+        let t1_227 = -t1_226;
+        let t1_228 = like.lift(0.8660254037844386) * t1_89;
+        let t1_229 = -t1_228;
+        let t1_230 = t1_59 * t1_89;
+        let t1_231 = like.lift(0.8660254037844386) * t1_230;
+        let t1_232 = t1_101 * t1_89;
+        let t1_233 = like.lift(0.5).mul_add(t1_232, t1_231);
+        let t1_234 = (-t1_20).mul_add(t1_221, t1_233);
+        let t1_235 = -t1_234;
         [
-            t1_2, t1_6, t1_8, t1_10, t1_11, t1_12, t1_13, t1_41, t1_42, t1_43, t1_87, pivot_1,
-            t1_94, t1_97, t1_98, t1_124, t1_128, t1_136, t1_140, t1_141, t1_147, t1_153,
-            t1_156, t1_157, t1_158, t1_160, t1_162, t1_163, t1_164, t1_165, t1_167, t1_169,
-            sin_u3_1, cos_u3_1, t1_176, t1_183, t1_186, t1_187, t1_195, t1_198, t1_201, t1_203,
-            t1_204, t1_207, t1_210, t1_212, t1_217, sin_u3_2, cos_u3_2, t1_226, t1_227, t1_230,
-            t1_235,
+            sin_e1x, cos_e1x, cos_u1_2_e1y, t1_5, t1_8, t1_11, t1_12, t1_13, t1_22, t1_87,
+            t1_89, t1_92, pivot_1, t1_94, t1_97, t1_98, t1_124, t1_126, t1_128, t1_130, t1_131,
+            t1_132, t1_144, t1_163, t1_165, t1_168, t1_169, t1_170, t1_186, t1_188, t1_191,
+            t1_198, t1_201, t1_202, t1_203, t1_205, t1_207, t1_209, t1_210, t1_212, t1_215,
+            t1_221, t1_223, t1_227, t1_229, t1_235,
         ]
     };
     // A_e (Eq. 8)
     {
-        let t2_1 = t1_230 - t1_235;
-        let t2_2 = (-t1_210).mul_add(t2_1, t1_227);
-        let t2_3 = t1_195 * t1_226;
-        let t2_4 = (-t1_176).mul_add(t2_1, t2_3);
-        let t2_5 = -t2_4;
-        a_e[5] = [t1_94, t1_97, t1_98, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_2, t2_5];
-        let t2_6 = t1_157 + t1_158;
-        let t2_7 = t1_156 + t2_6;
-        let t2_8 = t1_162 + t1_163;
-        let t2_9 = t1_204 * t2_1;
-        let t2_10 = t1_42 - t1_43;
-        let t2_11 = t1_41 + t2_10;
-        let t2_12 = like.lift(0.524).mul_add(t1_183, t2_11);
-        let t2_13 = sin_u3_1 * t1_183;
-        let t2_14 = cos_u3_1.mul_add(t1_186, t2_13);
-        let t2_15 = cos_u3_2 * t2_14;
-        let t2_16 = sin_u3_2.mul_add(t1_204, t2_15);
-        let t2_17 = like.lift(1.244).mul_add(t2_16, t2_12);
-        let t2_18 = t2_12 - t2_17;
-        let t2_19 = (-t1_207).mul_add(t2_18, t2_9);
-        let t2_20 = t1_187 * t2_1;
-        let t2_21 = (-t1_195).mul_add(t2_18, t2_20);
-        let t2_22 = -t2_21;
-        a_e[6] = [t2_7, t2_8, t1_163, like.lift(0.066), like.lift(0.0), like.lift(0.0), t2_19, t2_22];
-        let t2_23 = t1_2 + t1_6;
-        let t2_24 = -t2_23;
-        let t2_25 = t1_10 + t1_11;
-        let t2_26 = t1_210 * t2_18;
-        let t2_27 = (-t1_204).mul_add(t1_226, t2_26);
-        let t2_28 = t1_176 * t2_18;
-        let t2_29 = (-t1_187).mul_add(t1_226, t2_28);
-        let t2_30 = -t2_29;
-        a_e[7] = [t2_24, t2_25, t1_11, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_27, t2_30];
+        let t2_1 = t1_92 * t1_89;
+        let t2_2 = like.lift(0.8660254037844386) * t2_1;
+        let t2_3 = t1_126 * t1_89;
+        let t2_4 = like.lift(0.5).mul_add(t2_3, t2_2);
+        let t2_5 = (-t1_89).mul_add(t1_221, t2_4);
+        let t2_6 = -t2_5;
+        a_e[6] = [t1_223, t1_227, t1_227, t1_229, t1_235, t2_6, like.lift(0.0), like.lift(0.0)];
+        let t2_7 = cos_u1_2_e1y * t1_165;
+        let t2_8 = like.lift(0.8660254037844386) * t2_7;
+        let t2_9 = t1_22 * t1_165;
+        let t2_10 = like.lift(-0.5).mul_add(t2_9, t2_8);
+        let t2_11 = like.lift(0.8660254037844386) * t1_168;
+        let t2_12 = like.lift(-0.5).mul_add(t1_188, t2_11);
+        let t2_13 = (-t1_5).mul_add(t2_12, t2_10);
+        let t2_14 = -t2_13;
+        let t2_15 = cos_e1x * t1_165;
+        let t2_16 = like.lift(0.5) * t2_15;
+        let t2_17 = (-sin_e1x).mul_add(t2_12, t2_16);
+        let t2_18 = like.lift(0.8660254037844386) * t1_165;
+        let t2_19 = -t2_18;
+        let t2_20 = t1_144 * t1_165;
+        let t2_21 = like.lift(0.8660254037844386) * t2_20;
+        let t2_22 = t1_170 * t1_165;
+        let t2_23 = like.lift(-0.5).mul_add(t2_22, t2_21);
+        let t2_24 = (-t1_132).mul_add(t2_12, t2_23);
+        let t2_25 = -t2_24;
+        let t2_26 = t1_168 * t1_165;
+        let t2_27 = like.lift(0.8660254037844386) * t2_26;
+        let t2_28 = t1_188 * t1_165;
+        let t2_29 = like.lift(-0.5).mul_add(t2_28, t2_27);
+        let t2_30 = (-t1_165).mul_add(t2_12, t2_29);
+        a_e[7] = [t2_14, t2_17, t2_17, t2_19, like.lift(0.0), like.lift(0.0), t2_25, t2_30];
         a_e[0] = [t1_8, t1_12, t1_13, like.lift(0.0), t1_87, pivot_1, like.lift(0.0), like.lift(0.0)];
         a_e[1] = [t1_94, t1_97, t1_98, like.lift(0.0), t1_124, t1_128, like.lift(0.0), like.lift(0.0)];
-        a_e[2] = [t1_136, t1_140, t1_140, t1_141, t1_147, t1_153, like.lift(0.0), like.lift(0.0)];
-        a_e[3] = [t1_160, t1_164, t1_165, like.lift(0.066), t1_167, t1_169, like.lift(0.0), like.lift(0.0)];
-        a_e[4] = [t1_198, t1_201, t1_201, t1_203, like.lift(0.0), like.lift(0.0), t1_212, t1_217];
+        a_e[2] = [t1_130, t1_131, t1_11, like.lift(0.0), like.lift(0.0), like.lift(0.0), t1_163, t1_169];
+        a_e[3] = [t1_94, t1_97, t1_98, like.lift(0.0), like.lift(0.0), like.lift(0.0), t1_186, t1_191];
+        a_e[4] = [t1_198, t1_202, t1_203, like.lift(0.066), t1_205, t1_207, like.lift(0.0), like.lift(0.0)];
+        a_e[5] = [t1_209, t1_210, t1_201, like.lift(0.066), like.lift(0.0), like.lift(0.0), t1_212, t1_215];
     }
     a_e
 }
@@ -2173,7 +2166,7 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 8]; 8] {
 /// - `qd_i`: velocities of the independent coordinates, in the order of `INDEPENDENT`
 /// - `qd`: velocities of all coordinates
 ///
-/// 248 additions, 373 multiplications, 8 divisions, 11 sines and cosines.
+/// 249 additions, 372 multiplications, 8 divisions, 11 sines and cosines.
 pub fn velocities<T: Scalar>(q: &[T; 11], qd_i: &[T; 3]) -> ([T; 11], Condition<T>) {
     let like = q[0];
     let mut qd = [like.lift(0.0); 11];
@@ -2183,13 +2176,13 @@ pub fn velocities<T: Scalar>(q: &[T; 11], qd_i: &[T; 3]) -> ([T; 11], Condition<
     // A_e qd_e = -A_i qd_i (Eq. 8), part 1
     let [
         sin_e1x, cos_e1x, cos_u1_2, sin_u1_2_e1y, cos_u1_2_e1y, t1_3, t1_4, t1_5, t1_8, t1_9,
-        t1_10, sin_u1_1, cos_u1_1, t1_18, t1_42, t1_56, t1_58, t1_67, t1_80, t1_82, t1_87,
-        t1_88, t1_91, t1_92, t1_93, t1_96, t1_97, t1_98, t1_107, t1_121, t1_123, t1_126,
-        pivot_1, t1_131, t1_132, t1_133, t1_134, t1_135, t1_136, t1_138, t1_139, t1_140,
-        t1_141, t1_143, t1_145, t1_152, t1_153, t1_156, t1_157, t1_158, t1_163, t1_164, t1_169,
-        t1_170, t1_171, t1_173, t1_183, t1_185, t1_189, t1_200, t1_201, t1_202, t1_204, t1_207,
-        t1_208, t1_209, t1_210, t1_211, t1_212, t1_214, t1_224, t1_226, t1_227, t1_229, t1_232,
-        t1_233,
+        t1_10, sin_u1_1, cos_u1_1, t1_18, t1_42, t1_56, t1_58, t1_67, t1_80, t1_82, t1_88,
+        t1_91, t1_92, t1_93, t1_96, t1_97, t1_98, t1_107, t1_121, t1_123, t1_126, pivot_1,
+        t1_131, t1_132, t1_133, t1_134, t1_135, t1_136, t1_138, t1_139, t1_140, t1_141, t1_143,
+        t1_145, t1_152, t1_153, t1_156, t1_157, t1_158, t1_159, t1_164, t1_165, t1_170, t1_171,
+        t1_172, t1_174, t1_184, t1_186, t1_190, t1_201, t1_202, t1_203, t1_205, t1_208, t1_209,
+        t1_210, t1_211, t1_212, t1_213, t1_215, t1_225, t1_227, t1_228, t1_230, t1_233,
+        pivot_3,
     ] = {
         let (sin_e1x, cos_e1x) = e1x.sin_cos();
         let (sin_u1_2, cos_u1_2) = u1_2.sin_cos();
@@ -2361,132 +2354,132 @@ pub fn velocities<T: Scalar>(q: &[T; 11], qd_i: &[T; 3]) -> ([T; 11], Condition<
         let t1_155 = like.lift(0.5) * t1_154;
         let t1_156 = sin_e1x.mul_add(t1_151, t1_155);
         let t1_157 = -t1_156;
-        let pivot_3 = like.lift(0.8660254037844386) * t1_87;
-        let t1_158 = -pivot_3;
-        let t1_159 = t1_121 * t1_87;
-        let t1_160 = like.lift(0.8660254037844386) * t1_159;
-        let t1_161 = t1_18 * t1_87;
-        let t1_162 = like.lift(0.5).mul_add(t1_161, t1_160);
-        let t1_163 = (-t1_56).mul_add(t1_151, t1_162);
-        let t1_164 = -t1_163;
-        let t1_165 = t1_129 * t1_87;
-        let t1_166 = like.lift(0.8660254037844386) * t1_165;
-        let t1_167 = t1_84 * t1_87;
-        let t1_168 = like.lift(0.5).mul_add(t1_167, t1_166);
-        let t1_169 = (-t1_87).mul_add(t1_151, t1_168);
-        let t1_170 = -t1_169;
-        let t1_171 = t1_11 + t1_17;
-        let t1_172 = t1_39 + t1_40;
-        let t1_173 = t1_38 + t1_172;
+        let t1_158 = like.lift(0.8660254037844386) * t1_87;
+        let t1_159 = -t1_158;
+        let t1_160 = t1_121 * t1_87;
+        let t1_161 = like.lift(0.8660254037844386) * t1_160;
+        let t1_162 = t1_18 * t1_87;
+        let t1_163 = like.lift(0.5).mul_add(t1_162, t1_161);
+        let t1_164 = (-t1_56).mul_add(t1_151, t1_163);
+        let t1_165 = -t1_164;
+        let t1_166 = t1_129 * t1_87;
+        let t1_167 = like.lift(0.8660254037844386) * t1_166;
+        let t1_168 = t1_84 * t1_87;
+        let t1_169 = like.lift(0.5).mul_add(t1_168, t1_167);
+        let t1_170 = (-t1_87).mul_add(t1_151, t1_169);
+        let t1_171 = -t1_170;
+        let t1_172 = t1_11 + t1_17;
+        let t1_173 = t1_39 + t1_40;
+        let t1_174 = t1_38 + t1_173;
         let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_174 = t1_43 + t1_44;
-        let t1_175 = cos_q3 * t1_174;
-        let t1_176 = (-sin_q3).mul_add(t1_31, t1_175);
-        let t1_177 = like.lift(0.524).mul_add(t1_176, t1_173);
+        let t1_175 = t1_43 + t1_44;
+        let t1_176 = cos_q3 * t1_175;
+        let t1_177 = (-sin_q3).mul_add(t1_31, t1_176);
+        let t1_178 = like.lift(0.524).mul_add(t1_177, t1_174);
         let (sin_u3_2, cos_u3_2) = u3_2.sin_cos();
         let (sin_u3_1, cos_u3_1) = u3_1.sin_cos();
-        let t1_178 = sin_u3_1 * t1_176;
-        let t1_179 = sin_q3 * t1_174;
-        let t1_180 = cos_q3.mul_add(t1_31, t1_179);
-        let t1_181 = cos_u3_1.mul_add(t1_180, t1_178);
-        let t1_182 = cos_u3_2 * t1_181;
-        let t1_183 = t1_54 - t1_55;
-        let t1_184 = sin_u3_2.mul_add(t1_183, t1_182);
-        let t1_185 = like.lift(1.244).mul_add(t1_184, t1_177);
-        let t1_186 = t1_177 - t1_185;
-        let t1_187 = t1_171 * t1_186;
-        let t1_188 = t1_64 - t1_65;
-        let t1_189 = t1_63 + t1_188;
-        let t1_190 = t1_68 - t1_69;
-        let t1_191 = cos_q3 * t1_190;
-        let t1_192 = sin_q3.mul_add(t1_36, t1_191);
-        let t1_193 = like.lift(0.524).mul_add(t1_192, t1_189);
-        let t1_194 = sin_u3_1 * t1_192;
-        let t1_195 = sin_q3 * t1_190;
-        let t1_196 = (-cos_q3).mul_add(t1_36, t1_195);
-        let t1_197 = cos_u3_1.mul_add(t1_196, t1_194);
-        let t1_198 = cos_u3_2 * t1_197;
-        let t1_199 = sin_u3_2.mul_add(t1_171, t1_198);
-        let t1_200 = like.lift(1.244).mul_add(t1_199, t1_193);
-        let t1_201 = t1_193 - t1_200;
-        let t1_202 = (-t1_183).mul_add(t1_201, t1_187);
-        let t1_203 = cos_u3_1 * t1_192;
-        let t1_204 = (-sin_u3_1).mul_add(t1_196, t1_203);
-        let t1_205 = t1_204 * t1_186;
-        let t1_206 = cos_u3_1 * t1_176;
-        let t1_207 = (-sin_u3_1).mul_add(t1_180, t1_206);
-        let t1_208 = (-t1_207).mul_add(t1_201, t1_205);
-        let t1_209 = -t1_208;
-        let t1_210 = t1_90 + t1_91;
-        let t1_211 = -t1_210;
-        let t1_212 = t1_95 + t1_96;
-        let t1_213 = t1_104 - t1_105;
-        let t1_214 = t1_103 + t1_213;
-        let t1_215 = t1_108 - t1_109;
-        let t1_216 = cos_q3 * t1_215;
-        let t1_217 = (-sin_q3).mul_add(t1_102, t1_216);
-        let t1_218 = like.lift(0.524).mul_add(t1_217, t1_214);
-        let t1_219 = sin_u3_1 * t1_217;
-        let t1_220 = sin_q3 * t1_215;
-        let t1_221 = cos_q3.mul_add(t1_102, t1_220);
-        let t1_222 = cos_u3_1.mul_add(t1_221, t1_219);
-        let t1_223 = cos_u3_2 * t1_222;
-        let t1_224 = t1_119 + t1_120;
-        let t1_225 = sin_u3_2.mul_add(t1_224, t1_223);
-        let t1_226 = like.lift(1.244).mul_add(t1_225, t1_218);
-        let t1_227 = t1_218 - t1_226;
-        let t1_228 = t1_183 * t1_227;
-        let t1_229 = (-t1_224).mul_add(t1_186, t1_228);
-        let t1_230 = t1_207 * t1_227;
-        let t1_231 = cos_u3_1 * t1_217;
-        let t1_232 = (-sin_u3_1).mul_add(t1_221, t1_231);
-        let t1_233 = (-t1_232).mul_add(t1_186, t1_230);
+        let t1_179 = sin_u3_1 * t1_177;
+        let t1_180 = sin_q3 * t1_175;
+        let t1_181 = cos_q3.mul_add(t1_31, t1_180);
+        let t1_182 = cos_u3_1.mul_add(t1_181, t1_179);
+        let t1_183 = cos_u3_2 * t1_182;
+        let t1_184 = t1_54 - t1_55;
+        let t1_185 = sin_u3_2.mul_add(t1_184, t1_183);
+        let t1_186 = like.lift(1.244).mul_add(t1_185, t1_178);
+        let t1_187 = t1_178 - t1_186;
+        let t1_188 = t1_172 * t1_187;
+        let t1_189 = t1_64 - t1_65;
+        let t1_190 = t1_63 + t1_189;
+        let t1_191 = t1_68 - t1_69;
+        let t1_192 = cos_q3 * t1_191;
+        let t1_193 = sin_q3.mul_add(t1_36, t1_192);
+        let t1_194 = like.lift(0.524).mul_add(t1_193, t1_190);
+        let t1_195 = sin_u3_1 * t1_193;
+        let t1_196 = sin_q3 * t1_191;
+        let t1_197 = (-cos_q3).mul_add(t1_36, t1_196);
+        let t1_198 = cos_u3_1.mul_add(t1_197, t1_195);
+        let t1_199 = cos_u3_2 * t1_198;
+        let t1_200 = sin_u3_2.mul_add(t1_172, t1_199);
+        let t1_201 = like.lift(1.244).mul_add(t1_200, t1_194);
+        let t1_202 = t1_194 - t1_201;
+        let t1_203 = (-t1_184).mul_add(t1_202, t1_188);
+        let t1_204 = cos_u3_1 * t1_193;
+        let t1_205 = (-sin_u3_1).mul_add(t1_197, t1_204);
+        let t1_206 = t1_205 * t1_187;
+        let t1_207 = cos_u3_1 * t1_177;
+        let t1_208 = (-sin_u3_1).mul_add(t1_181, t1_207);
+        let t1_209 = (-t1_208).mul_add(t1_202, t1_206);
+        let t1_210 = -t1_209;
+        let t1_211 = t1_90 + t1_91;
+        let t1_212 = -t1_211;
+        let t1_213 = t1_95 + t1_96;
+        let t1_214 = t1_104 - t1_105;
+        let t1_215 = t1_103 + t1_214;
+        let t1_216 = t1_108 - t1_109;
+        let t1_217 = cos_q3 * t1_216;
+        let t1_218 = (-sin_q3).mul_add(t1_102, t1_217);
+        let t1_219 = like.lift(0.524).mul_add(t1_218, t1_215);
+        let t1_220 = sin_u3_1 * t1_218;
+        let t1_221 = sin_q3 * t1_216;
+        let t1_222 = cos_q3.mul_add(t1_102, t1_221);
+        let t1_223 = cos_u3_1.mul_add(t1_222, t1_220);
+        let t1_224 = cos_u3_2 * t1_223;
+        let t1_225 = t1_119 + t1_120;
+        let t1_226 = sin_u3_2.mul_add(t1_225, t1_224);
+        let t1_227 = like.lift(1.244).mul_add(t1_226, t1_219);
+        let t1_228 = t1_219 - t1_227;
+        let t1_229 = t1_184 * t1_228;
+        let t1_230 = (-t1_225).mul_add(t1_187, t1_229);
+        let t1_231 = t1_208 * t1_228;
+        let t1_232 = cos_u3_1 * t1_218;
+        let t1_233 = (-sin_u3_1).mul_add(t1_222, t1_232);
+        let pivot_3 = (-t1_233).mul_add(t1_187, t1_231);
         [
             sin_e1x, cos_e1x, cos_u1_2, sin_u1_2_e1y, cos_u1_2_e1y, t1_3, t1_4, t1_5, t1_8,
             t1_9, t1_10, sin_u1_1, cos_u1_1, t1_18, t1_42, t1_56, t1_58, t1_67, t1_80, t1_82,
-            t1_87, t1_88, t1_91, t1_92, t1_93, t1_96, t1_97, t1_98, t1_107, t1_121, t1_123,
-            t1_126, pivot_1, t1_131, t1_132, t1_133, t1_134, t1_135, t1_136, t1_138, t1_139,
-            t1_140, t1_141, t1_143, t1_145, t1_152, t1_153, t1_156, t1_157, t1_158, t1_163,
-            t1_164, t1_169, t1_170, t1_171, t1_173, t1_183, t1_185, t1_189, t1_200, t1_201,
-            t1_202, t1_204, t1_207, t1_208, t1_209, t1_210, t1_211, t1_212, t1_214, t1_224,
-            t1_226, t1_227, t1_229, t1_232, t1_233,
+            t1_88, t1_91, t1_92, t1_93, t1_96, t1_97, t1_98, t1_107, t1_121, t1_123, t1_126,
+            pivot_1, t1_131, t1_132, t1_133, t1_134, t1_135, t1_136, t1_138, t1_139, t1_140,
+            t1_141, t1_143, t1_145, t1_152, t1_153, t1_156, t1_157, t1_158, t1_159, t1_164,
+            t1_165, t1_170, t1_171, t1_172, t1_174, t1_184, t1_186, t1_190, t1_201, t1_202,
+            t1_203, t1_205, t1_208, t1_209, t1_210, t1_211, t1_212, t1_213, t1_215, t1_225,
+            t1_227, t1_228, t1_230, t1_233, pivot_3,
         ]
     };
     // A_e qd_e = -A_i qd_i (Eq. 8)
     {
-        let t2_1 = -t1_233;
+        let t2_1 = -pivot_3;
         let t2_2 = t1_133 + t1_134;
         let t2_3 = t1_132 + t2_2;
         let t2_4 = t1_138 + t1_139;
-        let t2_5 = t1_224 * t1_201;
-        let t2_6 = (-t1_171).mul_add(t1_227, t2_5);
-        let t2_7 = t1_232 * t1_201;
-        let t2_8 = (-t1_204).mul_add(t1_227, t2_7);
+        let t2_5 = t1_225 * t1_202;
+        let t2_6 = (-t1_172).mul_add(t1_228, t2_5);
+        let t2_7 = t1_233 * t1_202;
+        let t2_8 = (-t1_205).mul_add(t1_228, t2_7);
         let t2_9 = -t2_8;
-        let t2_10 = cos_u1_2_e1y * t1_207;
+        let t2_10 = cos_u1_2_e1y * t1_208;
         let t2_11 = like.lift(0.8660254037844386) * t2_10;
-        let t2_12 = t1_10 * t1_207;
+        let t2_12 = t1_10 * t1_208;
         let t2_13 = like.lift(-0.5).mul_add(t2_12, t2_11);
-        let t2_14 = like.lift(0.8660254037844386) * t1_232;
-        let t2_15 = like.lift(-0.5).mul_add(t1_204, t2_14);
+        let t2_14 = like.lift(0.8660254037844386) * t1_233;
+        let t2_15 = like.lift(-0.5).mul_add(t1_205, t2_14);
         let t2_16 = (-t1_3).mul_add(t2_15, t2_13);
         let t2_17 = -t2_16;
-        let t2_18 = cos_e1x * t1_207;
+        let t2_18 = cos_e1x * t1_208;
         let t2_19 = like.lift(0.5) * t2_18;
         let t2_20 = (-sin_e1x).mul_add(t2_15, t2_19);
-        let t2_21 = like.lift(0.8660254037844386) * t1_207;
+        let t2_21 = like.lift(0.8660254037844386) * t1_208;
         let t2_22 = -t2_21;
-        let t2_23 = t1_224 * t1_207;
+        let t2_23 = t1_225 * t1_208;
         let t2_24 = like.lift(0.8660254037844386) * t2_23;
-        let t2_25 = t1_171 * t1_207;
+        let t2_25 = t1_172 * t1_208;
         let t2_26 = like.lift(-0.5).mul_add(t2_25, t2_24);
-        let t2_27 = (-t1_183).mul_add(t2_15, t2_26);
+        let t2_27 = (-t1_184).mul_add(t2_15, t2_26);
         let t2_28 = -t2_27;
-        let t2_29 = t1_232 * t1_207;
+        let t2_29 = t1_233 * t1_208;
         let t2_30 = like.lift(0.8660254037844386) * t2_29;
-        let t2_31 = t1_204 * t1_207;
+        let t2_31 = t1_205 * t1_208;
         let t2_32 = like.lift(-0.5).mul_add(t2_31, t2_30);
-        let t2_33 = (-t1_207).mul_add(t2_15, t2_32);
+        let t2_33 = (-t1_208).mul_add(t2_15, t2_32);
         let t2_34 = cos_u1_1 * sin_u1_2_e1y;
         let t2_35 = like.lift(0.524) * t2_34;
         let t2_36 = like.lift(-0.044).mul_add(t1_3, t2_35);
@@ -2521,23 +2514,23 @@ pub fn velocities<T: Scalar>(q: &[T; 11], qd_i: &[T; 3]) -> ([T; 11], Condition<
         let t2_65 = t2_64.mul_add(d_q2, t2_62);
         let t2_66 = -t2_65;
         let t2_67 = t1_152 * d_q1;
-        let t2_68 = t1_163.mul_add(d_q2, t2_67);
-        let t2_69 = t1_173 - t1_185;
-        let t2_70 = t1_171 * t2_69;
-        let t2_71 = t1_189 - t1_200;
-        let t2_72 = (-t1_183).mul_add(t2_71, t2_70);
+        let t2_68 = t1_164.mul_add(d_q2, t2_67);
+        let t2_69 = t1_174 - t1_186;
+        let t2_70 = t1_172 * t2_69;
+        let t2_71 = t1_190 - t1_201;
+        let t2_72 = (-t1_184).mul_add(t2_71, t2_70);
         let t2_73 = t2_72.mul_add(d_q3, t2_38);
         let t2_74 = -t2_73;
         let t2_75 = t2_50 + t1_91;
         let t2_76 = t2_75 * d_q1;
-        let t2_77 = t1_214 - t1_226;
-        let t2_78 = t1_183 * t2_77;
-        let t2_79 = (-t1_224).mul_add(t2_69, t2_78);
+        let t2_77 = t1_215 - t1_227;
+        let t2_78 = t1_184 * t2_77;
+        let t2_79 = (-t1_225).mul_add(t2_69, t2_78);
         let t2_80 = (-t2_79).mul_add(d_q3, t2_76);
         let t2_81 = t2_60 + t2_2;
         let t2_82 = t2_81 * d_q1;
-        let t2_83 = t1_224 * t2_71;
-        let t2_84 = (-t1_171).mul_add(t2_77, t2_83);
+        let t2_83 = t1_225 * t2_71;
+        let t2_84 = (-t1_172).mul_add(t2_77, t2_83);
         let t2_85 = t2_84.mul_add(d_q3, t2_82);
         let t2_86 = -t2_85;
         let t2_87 = t2_16 * d_q1;
@@ -2551,159 +2544,155 @@ pub fn velocities<T: Scalar>(q: &[T; 11], qd_i: &[T; 3]) -> ([T; 11], Condition<
         let pivot_2 = (-t1_126).mul_add(t2_91, t1_82);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
         let t2_94 = t2_93 * inv_pivot_2;
-        let t2_95 = t2_92.mul_add(t2_94, t2_90);
-        let t2_96 = t1_169 * inv_pivot_1;
-        let t2_97 = t1_92.mul_add(t2_96, t1_152);
-        let t2_98 = (-t1_126).mul_add(t2_96, t1_163);
-        let t2_99 = t2_98 * inv_pivot_2;
-        let t2_100 = t2_92.mul_add(t2_99, t2_97);
-        let t2_101 = like.lift(1.0) / t1_87;
-        let t2_102 = t2_100 * t2_101;
-        let t2_103 = like.lift(0.0762102355330306) * t2_102;
-        let pivot_4 = t2_95 - t2_103;
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_104 = t2_89.mul_add(t2_56, t2_65);
-        let t2_105 = t2_91.mul_add(t2_56, t2_43);
-        let t2_106 = (-t2_94).mul_add(t2_105, t2_104);
-        let t2_107 = t2_96.mul_add(t2_56, t2_68);
-        let t2_108 = (-t2_99).mul_add(t2_105, t2_107);
-        let t2_109 = t2_101 * t2_108;
-        let t2_110 = like.lift(0.0762102355330306) * t2_109;
-        let t2_111 = t2_106 - t2_110;
-        let t2_112 = sin_e1x * t2_89;
-        let t2_113 = like.lift(-0.0381051177665153).mul_add(t2_112, t1_139);
-        let t2_114 = sin_e1x * t2_91;
-        let t2_115 = like.lift(0.0381051177665153).mul_add(t2_114, t1_9);
-        let t2_116 = t2_115.mul_add(t2_94, t2_113);
-        let t2_117 = sin_e1x * t2_96;
-        let t2_118 = like.lift(0.0381051177665153).mul_add(t2_117, t1_156);
-        let t2_119 = (-t2_115).mul_add(t2_99, t2_118);
-        let t2_120 = t2_119 * t2_101;
-        let t2_121 = like.lift(0.0762102355330306) * t2_120;
-        let t2_122 = t2_116 + t2_121;
-        let t2_123 = t1_207 * t2_101;
-        let t2_124 = t2_119.mul_add(t2_123, t2_20);
-        let t2_125 = (-t2_100).mul_add(t2_123, t2_16);
-        let t2_126 = t2_125 * inv_pivot_4;
-        let pivot_5 = (-t2_122).mul_add(t2_126, t2_124);
+        let pivot_5 = t2_92.mul_add(t2_94, t2_90);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_127 = (-t2_123).mul_add(t2_108, t2_88);
-        let t2_128 = (-t2_126).mul_add(t2_111, t2_127);
-        let t2_129 = (-t1_97).mul_add(t2_96, t1_156);
-        let t2_130 = (-t1_97).mul_add(t2_91, t1_8);
-        let t2_131 = (-t2_130).mul_add(t2_99, t2_129);
-        let t2_132 = t2_131.mul_add(t2_123, t2_20);
-        let t2_133 = (-t1_97).mul_add(t2_89, t1_140);
-        let t2_134 = (-t2_130).mul_add(t2_94, t2_133);
-        let t2_135 = t2_131 * t2_101;
-        let t2_136 = like.lift(0.0762102355330306) * t2_135;
-        let t2_137 = t2_134 - t2_136;
-        let t2_138 = t2_137.mul_add(t2_126, t2_132);
-        let t2_139 = t1_3 * inv_pivot_4;
-        let t2_140 = t2_137 * t2_139;
-        let t2_141 = like.lift(0.066).mul_add(t2_140, t1_8);
-        let t2_142 = t2_122 * t2_139;
-        let t2_143 = like.lift(-0.066).mul_add(t2_142, t1_9);
-        let t2_144 = t2_143 * inv_pivot_5;
-        let pivot_6 = (-t2_138).mul_add(t2_144, t2_141);
+        let t2_95 = t2_89.mul_add(t2_56, t2_65);
+        let t2_96 = t2_91.mul_add(t2_56, t2_43);
+        let t2_97 = (-t2_94).mul_add(t2_96, t2_95);
+        let t2_98 = (-t1_97).mul_add(t2_89, t1_140);
+        let t2_99 = (-t1_97).mul_add(t2_91, t1_8);
+        let t2_100 = (-t2_99).mul_add(t2_94, t2_98);
+        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let t2_101 = t2_8 * inv_pivot_3;
+        let t2_102 = (-t1_213).mul_add(t2_101, t2_4);
+        let t2_103 = t1_209 * inv_pivot_3;
+        let t2_104 = (-t1_213).mul_add(t2_103, t1_8);
+        let t2_105 = (-t1_230).mul_add(t2_101, t2_6);
+        let pivot_4 = (-t1_230).mul_add(t2_103, t1_203);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t2_106 = t2_105 * inv_pivot_4;
+        let t2_107 = (-t2_104).mul_add(t2_106, t2_102);
+        let t2_108 = t1_211.mul_add(t2_101, t2_3);
+        let t2_109 = (-t1_211).mul_add(t2_103, t1_4);
+        let t2_110 = t2_109.mul_add(t2_106, t2_108);
+        let t2_111 = t2_110 * inv_pivot_5;
+        let pivot_6 = (-t2_100).mul_add(t2_111, t2_107);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_145 = t2_139 * t2_111;
-        let t2_146 = like.lift(0.066).mul_add(t2_145, t2_73);
-        let t2_147 = t2_144.mul_add(t2_128, t2_146);
-        let t2_148 = t2_27.mul_add(t2_144, t1_202);
-        let t2_149 = t1_139 - t2_121;
-        let t2_150 = t2_3 - t2_103;
-        let t2_151 = t2_150 * inv_pivot_4;
-        let t2_152 = t2_122.mul_add(t2_151, t2_149);
-        let t2_153 = t2_152 * inv_pivot_5;
-        let t2_154 = t2_27.mul_add(t2_153, t2_6);
-        let t2_155 = t2_4 - t2_136;
-        let t2_156 = (-t2_137).mul_add(t2_151, t2_155);
-        let t2_157 = (-t2_138).mul_add(t2_153, t2_156);
-        let t2_158 = t2_157 * inv_pivot_6;
-        let pivot_7 = (-t2_148).mul_add(t2_158, t2_154);
+        let t2_112 = t2_101.mul_add(t2_80, t2_85);
+        let t2_113 = t2_103.mul_add(t2_80, t2_73);
+        let t2_114 = (-t2_106).mul_add(t2_113, t2_112);
+        let t2_115 = (-t2_111).mul_add(t2_97, t2_114);
+        let t2_116 = sin_e1x * t2_101;
+        let t2_117 = like.lift(-0.0381051177665153).mul_add(t2_116, t1_139);
+        let t2_118 = sin_e1x * t2_103;
+        let t2_119 = like.lift(-0.0381051177665153).mul_add(t2_118, t1_9);
+        let t2_120 = (-t2_119).mul_add(t2_106, t2_117);
+        let t2_121 = sin_e1x * t2_89;
+        let t2_122 = like.lift(-0.0381051177665153).mul_add(t2_121, t1_139);
+        let t2_123 = sin_e1x * t2_91;
+        let t2_124 = like.lift(0.0381051177665153).mul_add(t2_123, t1_9);
+        let t2_125 = t2_124.mul_add(t2_94, t2_122);
+        let t2_126 = t2_125.mul_add(t2_111, t2_120);
+        let t2_127 = t1_170 * inv_pivot_1;
+        let t2_128 = sin_e1x * t2_127;
+        let t2_129 = like.lift(0.0381051177665153).mul_add(t2_128, t1_156);
+        let t2_130 = (-t1_126).mul_add(t2_127, t1_164);
+        let t2_131 = t2_130 * inv_pivot_2;
+        let t2_132 = (-t2_124).mul_add(t2_131, t2_129);
+        let t2_133 = t1_92.mul_add(t2_127, t1_152);
+        let t2_134 = t2_92.mul_add(t2_131, t2_133);
+        let t2_135 = t2_134 * inv_pivot_5;
+        let t2_136 = t2_125.mul_add(t2_135, t2_132);
+        let t2_137 = (-t1_97).mul_add(t2_127, t1_156);
+        let t2_138 = (-t2_99).mul_add(t2_131, t2_137);
+        let t2_139 = (-t2_100).mul_add(t2_135, t2_138);
+        let t2_140 = t2_139 * inv_pivot_6;
+        let pivot_7 = (-t2_126).mul_add(t2_140, t2_136);
         let inv_pivot_7 = like.lift(1.0) / pivot_7;
-        let t2_159 = t2_85 - t2_110;
-        let t2_160 = (-t2_151).mul_add(t2_111, t2_159);
-        let t2_161 = t2_153.mul_add(t2_128, t2_160);
-        let t2_162 = (-t2_158).mul_add(t2_147, t2_161);
-        let t2_163 = t2_33.mul_add(t2_153, t2_8);
-        let t2_164 = t2_33.mul_add(t2_144, t1_208);
-        let t2_165 = (-t2_164).mul_add(t2_158, t2_163);
-        let t2_166 = t1_210 * inv_pivot_4;
-        let t2_167 = (-t2_122).mul_add(t2_166, t1_96);
-        let t2_168 = t2_167 * inv_pivot_5;
-        let t2_169 = t2_33.mul_add(t2_168, t1_233);
-        let t2_170 = t2_137.mul_add(t2_166, t1_212);
-        let t2_171 = (-t2_138).mul_add(t2_168, t2_170);
-        let t2_172 = t2_171 * inv_pivot_6;
-        let t2_173 = (-t2_164).mul_add(t2_172, t2_169);
-        let t2_174 = t2_27.mul_add(t2_168, t1_229);
-        let t2_175 = (-t2_148).mul_add(t2_172, t2_174);
-        let t2_176 = t2_175 * inv_pivot_7;
-        let pivot_8 = (-t2_165).mul_add(t2_176, t2_173);
+        let t2_141 = t2_127.mul_add(t2_56, t2_68);
+        let t2_142 = (-t2_131).mul_add(t2_96, t2_141);
+        let t2_143 = (-t2_135).mul_add(t2_97, t2_142);
+        let t2_144 = (-t2_140).mul_add(t2_115, t2_143);
+        let t2_145 = like.lift(-0.066).mul_add(t2_135, t1_158);
+        let t2_146 = like.lift(-0.066).mul_add(t2_111, like.lift(0.066));
+        let t2_147 = (-t2_146).mul_add(t2_140, t2_145);
+        let t2_148 = t2_33 * inv_pivot_3;
+        let t2_149 = t1_211.mul_add(t2_148, t2_16);
+        let t2_150 = (-t1_230).mul_add(t2_148, t2_27);
+        let t2_151 = t2_150 * inv_pivot_4;
+        let t2_152 = t2_109.mul_add(t2_151, t2_149);
+        let t2_153 = t2_152 * inv_pivot_5;
+        let t2_154 = like.lift(-0.066).mul_add(t2_153, t2_21);
+        let t2_155 = t1_213.mul_add(t2_148, t2_20);
+        let t2_156 = t2_104.mul_add(t2_151, t2_155);
+        let t2_157 = t2_100.mul_add(t2_153, t2_156);
+        let t2_158 = t2_157 * inv_pivot_6;
+        let t2_159 = t2_146.mul_add(t2_158, t2_154);
+        let t2_160 = sin_e1x * t2_148;
+        let t2_161 = like.lift(0.0381051177665153).mul_add(t2_160, t2_20);
+        let t2_162 = t2_119.mul_add(t2_151, t2_161);
+        let t2_163 = (-t2_125).mul_add(t2_153, t2_162);
+        let t2_164 = (-t2_126).mul_add(t2_158, t2_163);
+        let t2_165 = t2_164 * inv_pivot_7;
+        let pivot_8 = t2_147.mul_add(t2_165, t2_159);
         let inv_pivot_8 = like.lift(1.0) / pivot_8;
-        let t2_177 = (-t2_166).mul_add(t2_111, t2_80);
-        let t2_178 = (-t2_168).mul_add(t2_128, t2_177);
-        let t2_179 = t2_172.mul_add(t2_147, t2_178);
-        let t2_180 = t2_176.mul_add(t2_162, t2_179);
-        let t2_181 = inv_pivot_8 * t2_180;
-        let t2_182 = t2_165.mul_add(t2_181, t2_162);
-        let t2_183 = inv_pivot_7 * t2_182;
-        let t2_184 = (-t2_148).mul_add(t2_183, t2_147);
-        let t2_185 = t2_164.mul_add(t2_181, t2_184);
-        let t2_186 = inv_pivot_6 * t2_185;
-        let t2_187 = t2_138.mul_add(t2_186, t2_128);
-        let t2_188 = (-t2_27).mul_add(t2_183, t2_187);
-        let t2_189 = t2_33.mul_add(t2_181, t2_188);
-        let t2_190 = inv_pivot_5 * t2_189;
-        let t2_191 = (-t2_122).mul_add(t2_190, t2_111);
-        let t2_192 = (-t2_137).mul_add(t2_186, t2_191);
-        let t2_193 = inv_pivot_4 * t2_192;
-        let t2_194 = -t2_193;
-        let t2_195 = -t2_186;
-        let t2_196 = (-t2_100).mul_add(t2_193, t2_108);
-        let t2_197 = t2_119.mul_add(t2_190, t2_196);
-        let t2_198 = (-t2_131).mul_add(t2_186, t2_197);
-        let t2_199 = t2_101 * t2_198;
-        let t2_200 = like.lift(1.1547005383792515) * t2_199;
-        let t2_201 = -t2_200;
-        let t2_202 = t2_92.mul_add(t2_193, t2_105);
-        let t2_203 = t2_115.mul_add(t2_190, t2_202);
-        let t2_204 = (-t2_130).mul_add(t2_186, t2_203);
-        let t2_205 = inv_pivot_2 * t2_204;
-        let t2_206 = -t2_205;
-        let t2_207 = t1_126.mul_add(t2_205, t2_56);
-        let t2_208 = (-t1_92).mul_add(t2_193, t2_207);
-        let t2_209 = sin_e1x * t2_190;
-        let t2_210 = like.lift(0.0381051177665153).mul_add(t2_209, t2_208);
-        let t2_211 = t1_97.mul_add(t2_186, t2_210);
-        let t2_212 = inv_pivot_1 * t2_211;
-        let t2_213 = -t2_183;
-        let t2_214 = -t2_181;
-        let t2_215 = -pivot_8;
+        let t2_166 = t2_148.mul_add(t2_80, t2_88);
+        let t2_167 = (-t2_151).mul_add(t2_113, t2_166);
+        let t2_168 = (-t2_153).mul_add(t2_97, t2_167);
+        let t2_169 = t2_158.mul_add(t2_115, t2_168);
+        let t2_170 = t2_165.mul_add(t2_144, t2_169);
+        let t2_171 = inv_pivot_8 * t2_170;
+        let t2_172 = (-t2_147).mul_add(t2_171, t2_144);
+        let t2_173 = inv_pivot_7 * t2_172;
+        let t2_174 = (-t2_126).mul_add(t2_173, t2_115);
+        let t2_175 = (-t2_146).mul_add(t2_171, t2_174);
+        let t2_176 = inv_pivot_6 * t2_175;
+        let t2_177 = (-t2_100).mul_add(t2_176, t2_97);
+        let t2_178 = t2_125.mul_add(t2_173, t2_177);
+        let t2_179 = like.lift(-0.066).mul_add(t2_171, t2_178);
+        let t2_180 = inv_pivot_5 * t2_179;
+        let t2_181 = -t2_180;
+        let t2_182 = -t2_176;
+        let t2_183 = -t2_173;
+        let t2_184 = -t2_171;
+        let t2_185 = t2_92.mul_add(t2_180, t2_96);
+        let t2_186 = (-t2_99).mul_add(t2_176, t2_185);
+        let t2_187 = (-t2_124).mul_add(t2_173, t2_186);
+        let t2_188 = inv_pivot_2 * t2_187;
+        let t2_189 = -t2_188;
+        let t2_190 = sin_e1x * t2_173;
+        let t2_191 = like.lift(0.0381051177665153) * t2_190;
+        let t2_192 = t1_126.mul_add(t2_188, t2_56);
+        let t2_193 = (-t1_92).mul_add(t2_180, t2_192);
+        let t2_194 = t1_97.mul_add(t2_176, t2_193);
+        let t2_195 = t2_191 - t2_194;
+        let t2_196 = inv_pivot_1 * t2_195;
+        let t2_197 = -t2_196;
+        let t2_198 = t2_109.mul_add(t2_180, t2_113);
+        let t2_199 = (-t2_104).mul_add(t2_176, t2_198);
+        let t2_200 = (-t2_119).mul_add(t2_173, t2_199);
+        let t2_201 = inv_pivot_4 * t2_200;
+        let t2_202 = -t2_201;
+        let t2_203 = t1_230.mul_add(t2_201, t2_80);
+        let t2_204 = (-t1_211).mul_add(t2_180, t2_203);
+        let t2_205 = t1_213.mul_add(t2_176, t2_204);
+        let t2_206 = t2_205 + t2_191;
+        let t2_207 = inv_pivot_3 * t2_206;
+        let t2_208 = -t2_207;
+        let t2_209 = -pivot_7;
+        let t2_210 = -pivot_8;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(0.9580029161088279)).abs()
             .min((pivot_2 * like.lift(0.9018719688103075)).abs())
-            .min((t1_158 * like.lift(1.923718077658978)).abs())
-            .min((pivot_4 * like.lift(1.019503733280847)).abs())
-            .min((pivot_5 * like.lift(0.9467672644948026)).abs())
-            .min((pivot_6 * like.lift(0.8116685504320711)).abs())
-            .min((pivot_7 * like.lift(1.060112577367453)).abs())
-            .min((t2_215 * like.lift(0.697347665033695)).abs());
+            .min((t2_1 * like.lift(0.9441016894903256)).abs())
+            .min((pivot_4 * like.lift(0.7930813430566414)).abs())
+            .min((pivot_5 * like.lift(0.9552290039283993)).abs())
+            .min((pivot_6 * like.lift(0.6503970605951934)).abs())
+            .min((t2_209 * like.lift(1.8878245740206896)).abs())
+            .min((t2_210 * like.lift(1.0933635968062305)).abs());
         let ([
-            [t2_216], [t2_217], [t2_218], [t2_219], [t2_220], [t2_221], [t2_222], [t2_223],
+            [t2_211], [t2_212], [t2_213], [t2_214], [t2_215], [t2_216], [t2_217], [t2_218],
         ], found) = ::regen_runtime::guarded(
-            [[t2_194], [t2_195], [t2_190], [t2_201], [t2_206], [t2_212], [t2_213], [t2_214]],
+            [[t2_181], [t2_182], [t2_183], [t2_184], [t2_189], [t2_197], [t2_202], [t2_208]],
             margin,
             || (
                 [
                     [t1_5, t1_8, t1_9, like.lift(0.0), t1_82, t1_88, like.lift(0.0), like.lift(0.0)],
                     [t1_93, t1_97, t1_98, like.lift(0.0), t1_126, pivot_1, like.lift(0.0), like.lift(0.0)],
                     [t1_136, t1_140, t1_141, like.lift(0.066), t1_143, t1_145, like.lift(0.0), like.lift(0.0)],
-                    [t1_153, t1_157, t1_157, t1_158, t1_164, t1_170, like.lift(0.0), like.lift(0.0)],
-                    [t1_5, t1_8, t1_9, like.lift(0.0), like.lift(0.0), like.lift(0.0), t1_202, t1_209],
-                    [t1_211, t1_212, t1_96, like.lift(0.0), like.lift(0.0), like.lift(0.0), t1_229, t2_1],
+                    [t1_153, t1_157, t1_157, t1_159, t1_165, t1_171, like.lift(0.0), like.lift(0.0)],
+                    [t1_5, t1_8, t1_9, like.lift(0.0), like.lift(0.0), like.lift(0.0), t1_203, t1_210],
+                    [t1_212, t1_213, t1_96, like.lift(0.0), like.lift(0.0), like.lift(0.0), t1_230, t2_1],
                     [t2_3, t2_4, t1_139, like.lift(0.066), like.lift(0.0), like.lift(0.0), t2_6, t2_9],
                     [t2_17, t2_20, t2_20, t2_22, like.lift(0.0), like.lift(0.0), t2_28, t2_33],
                 ],
@@ -2711,14 +2700,14 @@ pub fn velocities<T: Scalar>(q: &[T; 11], qd_i: &[T; 3]) -> ([T; 11], Condition<
             ),
         );
         condition = condition.min(found);
-        qd[1] = t2_216;
-        qd[2] = t2_217;
-        qd[3] = t2_218;
-        qd[4] = t2_219;
-        qd[6] = t2_220;
-        qd[7] = t2_221;
-        qd[9] = t2_222;
-        qd[10] = t2_223;
+        qd[1] = t2_211;
+        qd[2] = t2_212;
+        qd[3] = t2_213;
+        qd[4] = t2_214;
+        qd[6] = t2_215;
+        qd[7] = t2_216;
+        qd[9] = t2_217;
+        qd[10] = t2_218;
         qd[0] = d_q1;
         qd[5] = d_q2;
         qd[8] = d_q3;
@@ -2733,7 +2722,7 @@ pub fn velocities<T: Scalar>(q: &[T; 11], qd_i: &[T; 3]) -> ([T; 11], Condition<
 /// - `qdd_i`: accelerations of the independent coordinates
 /// - `qdd`: accelerations of all coordinates
 ///
-/// 410 additions, 623 multiplications, 8 divisions, 11 sines and cosines.
+/// 411 additions, 622 multiplications, 8 divisions, 11 sines and cosines.
 pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([T; 11], Condition<T>) {
     let like = q[0];
     let mut qdd = [like.lift(0.0); 11];
@@ -2748,10 +2737,10 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         t1_57, t1_58, t1_67, t1_72, t1_79, t1_80, t1_82, t1_84, t1_87, t1_88, t1_91, t1_92,
         t1_93, t1_96, t1_97, t1_98, t1_107, t1_112, t1_121, t1_122, t1_123, t1_126, t1_129,
         pivot_1, t1_131, t1_132, t1_133, t1_134, t1_135, t1_136, t1_138, t1_139, t1_140,
-        t1_141, t1_143, t1_145, t1_152, t1_153, t1_156, t1_157, t1_158, t1_163, t1_164, t1_169,
-        t1_170, t1_171, t1_173, t1_176, t1_183, t1_184, t1_185, t1_189, t1_192, t1_199, t1_200,
-        t1_201, t1_202, t1_204, t1_207, t1_208, t1_209, t1_210, t1_211, t1_212, t1_214, t1_217,
-        t1_224, t1_225, t1_226, t1_227, t1_229, t1_232, t1_233,
+        t1_141, t1_143, t1_145, t1_152, t1_153, t1_156, t1_157, t1_158, t1_159, t1_164, t1_165,
+        t1_170, t1_171, t1_172, t1_174, t1_177, t1_184, t1_185, t1_186, t1_190, t1_193, t1_200,
+        t1_201, t1_202, t1_203, t1_205, t1_208, t1_209, t1_210, t1_211, t1_212, t1_213, t1_215,
+        t1_218, t1_225, t1_226, t1_227, t1_228, t1_230, t1_233, pivot_3,
     ] = {
         let (sin_e1x, cos_e1x) = e1x.sin_cos();
         let (sin_u1_2, cos_u1_2) = u1_2.sin_cos();
@@ -2923,140 +2912,140 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let t1_155 = like.lift(0.5) * t1_154;
         let t1_156 = sin_e1x.mul_add(t1_151, t1_155);
         let t1_157 = -t1_156;
-        let pivot_3 = like.lift(0.8660254037844386) * t1_87;
-        let t1_158 = -pivot_3;
-        let t1_159 = t1_121 * t1_87;
-        let t1_160 = like.lift(0.8660254037844386) * t1_159;
-        let t1_161 = t1_18 * t1_87;
-        let t1_162 = like.lift(0.5).mul_add(t1_161, t1_160);
-        let t1_163 = (-t1_56).mul_add(t1_151, t1_162);
-        let t1_164 = -t1_163;
-        let t1_165 = t1_129 * t1_87;
-        let t1_166 = like.lift(0.8660254037844386) * t1_165;
-        let t1_167 = t1_84 * t1_87;
-        let t1_168 = like.lift(0.5).mul_add(t1_167, t1_166);
-        let t1_169 = (-t1_87).mul_add(t1_151, t1_168);
-        let t1_170 = -t1_169;
-        let t1_171 = t1_11 + t1_17;
-        let t1_172 = t1_39 + t1_40;
-        let t1_173 = t1_38 + t1_172;
+        let t1_158 = like.lift(0.8660254037844386) * t1_87;
+        let t1_159 = -t1_158;
+        let t1_160 = t1_121 * t1_87;
+        let t1_161 = like.lift(0.8660254037844386) * t1_160;
+        let t1_162 = t1_18 * t1_87;
+        let t1_163 = like.lift(0.5).mul_add(t1_162, t1_161);
+        let t1_164 = (-t1_56).mul_add(t1_151, t1_163);
+        let t1_165 = -t1_164;
+        let t1_166 = t1_129 * t1_87;
+        let t1_167 = like.lift(0.8660254037844386) * t1_166;
+        let t1_168 = t1_84 * t1_87;
+        let t1_169 = like.lift(0.5).mul_add(t1_168, t1_167);
+        let t1_170 = (-t1_87).mul_add(t1_151, t1_169);
+        let t1_171 = -t1_170;
+        let t1_172 = t1_11 + t1_17;
+        let t1_173 = t1_39 + t1_40;
+        let t1_174 = t1_38 + t1_173;
         let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_174 = t1_43 + t1_44;
-        let t1_175 = cos_q3 * t1_174;
-        let t1_176 = (-sin_q3).mul_add(t1_31, t1_175);
-        let t1_177 = like.lift(0.524).mul_add(t1_176, t1_173);
+        let t1_175 = t1_43 + t1_44;
+        let t1_176 = cos_q3 * t1_175;
+        let t1_177 = (-sin_q3).mul_add(t1_31, t1_176);
+        let t1_178 = like.lift(0.524).mul_add(t1_177, t1_174);
         let (sin_u3_2, cos_u3_2) = u3_2.sin_cos();
         let (sin_u3_1, cos_u3_1) = u3_1.sin_cos();
-        let t1_178 = sin_u3_1 * t1_176;
-        let t1_179 = sin_q3 * t1_174;
-        let t1_180 = cos_q3.mul_add(t1_31, t1_179);
-        let t1_181 = cos_u3_1.mul_add(t1_180, t1_178);
-        let t1_182 = cos_u3_2 * t1_181;
-        let t1_183 = t1_54 - t1_55;
-        let t1_184 = sin_u3_2.mul_add(t1_183, t1_182);
-        let t1_185 = like.lift(1.244).mul_add(t1_184, t1_177);
-        let t1_186 = t1_177 - t1_185;
-        let t1_187 = t1_171 * t1_186;
-        let t1_188 = t1_64 - t1_65;
-        let t1_189 = t1_63 + t1_188;
-        let t1_190 = t1_68 - t1_69;
-        let t1_191 = cos_q3 * t1_190;
-        let t1_192 = sin_q3.mul_add(t1_36, t1_191);
-        let t1_193 = like.lift(0.524).mul_add(t1_192, t1_189);
-        let t1_194 = sin_u3_1 * t1_192;
-        let t1_195 = sin_q3 * t1_190;
-        let t1_196 = (-cos_q3).mul_add(t1_36, t1_195);
-        let t1_197 = cos_u3_1.mul_add(t1_196, t1_194);
-        let t1_198 = cos_u3_2 * t1_197;
-        let t1_199 = sin_u3_2.mul_add(t1_171, t1_198);
-        let t1_200 = like.lift(1.244).mul_add(t1_199, t1_193);
-        let t1_201 = t1_193 - t1_200;
-        let t1_202 = (-t1_183).mul_add(t1_201, t1_187);
-        let t1_203 = cos_u3_1 * t1_192;
-        let t1_204 = (-sin_u3_1).mul_add(t1_196, t1_203);
-        let t1_205 = t1_204 * t1_186;
-        let t1_206 = cos_u3_1 * t1_176;
-        let t1_207 = (-sin_u3_1).mul_add(t1_180, t1_206);
-        let t1_208 = (-t1_207).mul_add(t1_201, t1_205);
-        let t1_209 = -t1_208;
-        let t1_210 = t1_90 + t1_91;
-        let t1_211 = -t1_210;
-        let t1_212 = t1_95 + t1_96;
-        let t1_213 = t1_104 - t1_105;
-        let t1_214 = t1_103 + t1_213;
-        let t1_215 = t1_108 - t1_109;
-        let t1_216 = cos_q3 * t1_215;
-        let t1_217 = (-sin_q3).mul_add(t1_102, t1_216);
-        let t1_218 = like.lift(0.524).mul_add(t1_217, t1_214);
-        let t1_219 = sin_u3_1 * t1_217;
-        let t1_220 = sin_q3 * t1_215;
-        let t1_221 = cos_q3.mul_add(t1_102, t1_220);
-        let t1_222 = cos_u3_1.mul_add(t1_221, t1_219);
-        let t1_223 = cos_u3_2 * t1_222;
-        let t1_224 = t1_119 + t1_120;
-        let t1_225 = sin_u3_2.mul_add(t1_224, t1_223);
-        let t1_226 = like.lift(1.244).mul_add(t1_225, t1_218);
-        let t1_227 = t1_218 - t1_226;
-        let t1_228 = t1_183 * t1_227;
-        let t1_229 = (-t1_224).mul_add(t1_186, t1_228);
-        let t1_230 = t1_207 * t1_227;
-        let t1_231 = cos_u3_1 * t1_217;
-        let t1_232 = (-sin_u3_1).mul_add(t1_221, t1_231);
-        let t1_233 = (-t1_232).mul_add(t1_186, t1_230);
+        let t1_179 = sin_u3_1 * t1_177;
+        let t1_180 = sin_q3 * t1_175;
+        let t1_181 = cos_q3.mul_add(t1_31, t1_180);
+        let t1_182 = cos_u3_1.mul_add(t1_181, t1_179);
+        let t1_183 = cos_u3_2 * t1_182;
+        let t1_184 = t1_54 - t1_55;
+        let t1_185 = sin_u3_2.mul_add(t1_184, t1_183);
+        let t1_186 = like.lift(1.244).mul_add(t1_185, t1_178);
+        let t1_187 = t1_178 - t1_186;
+        let t1_188 = t1_172 * t1_187;
+        let t1_189 = t1_64 - t1_65;
+        let t1_190 = t1_63 + t1_189;
+        let t1_191 = t1_68 - t1_69;
+        let t1_192 = cos_q3 * t1_191;
+        let t1_193 = sin_q3.mul_add(t1_36, t1_192);
+        let t1_194 = like.lift(0.524).mul_add(t1_193, t1_190);
+        let t1_195 = sin_u3_1 * t1_193;
+        let t1_196 = sin_q3 * t1_191;
+        let t1_197 = (-cos_q3).mul_add(t1_36, t1_196);
+        let t1_198 = cos_u3_1.mul_add(t1_197, t1_195);
+        let t1_199 = cos_u3_2 * t1_198;
+        let t1_200 = sin_u3_2.mul_add(t1_172, t1_199);
+        let t1_201 = like.lift(1.244).mul_add(t1_200, t1_194);
+        let t1_202 = t1_194 - t1_201;
+        let t1_203 = (-t1_184).mul_add(t1_202, t1_188);
+        let t1_204 = cos_u3_1 * t1_193;
+        let t1_205 = (-sin_u3_1).mul_add(t1_197, t1_204);
+        let t1_206 = t1_205 * t1_187;
+        let t1_207 = cos_u3_1 * t1_177;
+        let t1_208 = (-sin_u3_1).mul_add(t1_181, t1_207);
+        let t1_209 = (-t1_208).mul_add(t1_202, t1_206);
+        let t1_210 = -t1_209;
+        let t1_211 = t1_90 + t1_91;
+        let t1_212 = -t1_211;
+        let t1_213 = t1_95 + t1_96;
+        let t1_214 = t1_104 - t1_105;
+        let t1_215 = t1_103 + t1_214;
+        let t1_216 = t1_108 - t1_109;
+        let t1_217 = cos_q3 * t1_216;
+        let t1_218 = (-sin_q3).mul_add(t1_102, t1_217);
+        let t1_219 = like.lift(0.524).mul_add(t1_218, t1_215);
+        let t1_220 = sin_u3_1 * t1_218;
+        let t1_221 = sin_q3 * t1_216;
+        let t1_222 = cos_q3.mul_add(t1_102, t1_221);
+        let t1_223 = cos_u3_1.mul_add(t1_222, t1_220);
+        let t1_224 = cos_u3_2 * t1_223;
+        let t1_225 = t1_119 + t1_120;
+        let t1_226 = sin_u3_2.mul_add(t1_225, t1_224);
+        let t1_227 = like.lift(1.244).mul_add(t1_226, t1_219);
+        let t1_228 = t1_219 - t1_227;
+        let t1_229 = t1_184 * t1_228;
+        let t1_230 = (-t1_225).mul_add(t1_187, t1_229);
+        let t1_231 = t1_208 * t1_228;
+        let t1_232 = cos_u3_1 * t1_218;
+        let t1_233 = (-sin_u3_1).mul_add(t1_222, t1_232);
+        let pivot_3 = (-t1_233).mul_add(t1_187, t1_231);
         [
             sin_e1x, cos_e1x, sin_u1_2, cos_u1_2, sin_e1y, cos_e1y, sin_u1_2_e1y, cos_u1_2_e1y,
             t1_3, t1_4, t1_5, t1_8, t1_9, t1_10, sin_u1_1, cos_u1_1, t1_18, t1_42, t1_47,
             t1_56, t1_57, t1_58, t1_67, t1_72, t1_79, t1_80, t1_82, t1_84, t1_87, t1_88, t1_91,
             t1_92, t1_93, t1_96, t1_97, t1_98, t1_107, t1_112, t1_121, t1_122, t1_123, t1_126,
             t1_129, pivot_1, t1_131, t1_132, t1_133, t1_134, t1_135, t1_136, t1_138, t1_139,
-            t1_140, t1_141, t1_143, t1_145, t1_152, t1_153, t1_156, t1_157, t1_158, t1_163,
-            t1_164, t1_169, t1_170, t1_171, t1_173, t1_176, t1_183, t1_184, t1_185, t1_189,
-            t1_192, t1_199, t1_200, t1_201, t1_202, t1_204, t1_207, t1_208, t1_209, t1_210,
-            t1_211, t1_212, t1_214, t1_217, t1_224, t1_225, t1_226, t1_227, t1_229, t1_232,
-            t1_233,
+            t1_140, t1_141, t1_143, t1_145, t1_152, t1_153, t1_156, t1_157, t1_158, t1_159,
+            t1_164, t1_165, t1_170, t1_171, t1_172, t1_174, t1_177, t1_184, t1_185, t1_186,
+            t1_190, t1_193, t1_200, t1_201, t1_202, t1_203, t1_205, t1_208, t1_209, t1_210,
+            t1_211, t1_212, t1_213, t1_215, t1_218, t1_225, t1_226, t1_227, t1_228, t1_230,
+            t1_233, pivot_3,
         ]
     };
     // A_e qdd_e = b - A_i qdd_i (Eq. 8), part 2
     let [
-        t2_1, t2_2, t2_3, t2_4, t2_6, t2_8, t2_9, t2_16, t2_17, t2_20, t2_22, t2_27, t2_28,
-        t2_33, t2_38, t2_68, t2_70, t2_73, t2_75, t2_78, t2_79, t2_99, t2_105, t2_110, t2_116,
-        t2_124, t2_125, t2_131, t2_147, t2_149, t2_150, t2_163, t2_175, t2_179, t2_192, t2_197,
-        t2_198, t2_212, t2_213, t2_215, t2_217, t2_221, t2_225, t2_226, t2_227, t2_230, t2_231,
-        t2_235, t2_236, t2_240, t2_241, t2_243, t2_244, t2_249, t2_250,
+        t2_1, t2_2, t2_3, t2_4, t2_6, t2_8, t2_9, t2_16, t2_17, t2_20, t2_21, t2_22, t2_27,
+        t2_28, t2_33, t2_38, t2_68, t2_70, t2_73, t2_75, t2_78, t2_79, t2_99, t2_105, t2_110,
+        t2_116, t2_124, t2_125, t2_131, t2_147, t2_149, t2_150, t2_163, t2_175, t2_179, t2_192,
+        t2_197, t2_198, t2_212, t2_213, t2_215, t2_217, t2_221, t2_225, t2_226, t2_227, t2_230,
+        t2_231, t2_235, t2_236, t2_240, t2_241, t2_243, t2_244, t2_249, t2_250,
     ] = {
-        let t2_1 = -t1_233;
+        let t2_1 = -pivot_3;
         let t2_2 = t1_133 + t1_134;
         let t2_3 = t1_132 + t2_2;
         let t2_4 = t1_138 + t1_139;
-        let t2_5 = t1_224 * t1_201;
-        let t2_6 = (-t1_171).mul_add(t1_227, t2_5);
-        let t2_7 = t1_232 * t1_201;
-        let t2_8 = (-t1_204).mul_add(t1_227, t2_7);
+        let t2_5 = t1_225 * t1_202;
+        let t2_6 = (-t1_172).mul_add(t1_228, t2_5);
+        let t2_7 = t1_233 * t1_202;
+        let t2_8 = (-t1_205).mul_add(t1_228, t2_7);
         let t2_9 = -t2_8;
-        let t2_10 = cos_u1_2_e1y * t1_207;
+        let t2_10 = cos_u1_2_e1y * t1_208;
         let t2_11 = like.lift(0.8660254037844386) * t2_10;
-        let t2_12 = t1_10 * t1_207;
+        let t2_12 = t1_10 * t1_208;
         let t2_13 = like.lift(-0.5).mul_add(t2_12, t2_11);
-        let t2_14 = like.lift(0.8660254037844386) * t1_232;
-        let t2_15 = like.lift(-0.5).mul_add(t1_204, t2_14);
+        let t2_14 = like.lift(0.8660254037844386) * t1_233;
+        let t2_15 = like.lift(-0.5).mul_add(t1_205, t2_14);
         let t2_16 = (-t1_3).mul_add(t2_15, t2_13);
         let t2_17 = -t2_16;
-        let t2_18 = cos_e1x * t1_207;
+        let t2_18 = cos_e1x * t1_208;
         let t2_19 = like.lift(0.5) * t2_18;
         let t2_20 = (-sin_e1x).mul_add(t2_15, t2_19);
-        let t2_21 = like.lift(0.8660254037844386) * t1_207;
+        let t2_21 = like.lift(0.8660254037844386) * t1_208;
         let t2_22 = -t2_21;
-        let t2_23 = t1_224 * t1_207;
+        let t2_23 = t1_225 * t1_208;
         let t2_24 = like.lift(0.8660254037844386) * t2_23;
-        let t2_25 = t1_171 * t1_207;
+        let t2_25 = t1_172 * t1_208;
         let t2_26 = like.lift(-0.5).mul_add(t2_25, t2_24);
-        let t2_27 = (-t1_183).mul_add(t2_15, t2_26);
+        let t2_27 = (-t1_184).mul_add(t2_15, t2_26);
         let t2_28 = -t2_27;
-        let t2_29 = t1_232 * t1_207;
+        let t2_29 = t1_233 * t1_208;
         let t2_30 = like.lift(0.8660254037844386) * t2_29;
-        let t2_31 = t1_204 * t1_207;
+        let t2_31 = t1_205 * t1_208;
         let t2_32 = like.lift(-0.5).mul_add(t2_31, t2_30);
-        let t2_33 = (-t1_207).mul_add(t2_15, t2_32);
+        let t2_33 = (-t1_208).mul_add(t2_15, t2_32);
         let t2_34 = cos_u1_1 * sin_u1_2_e1y;
         let t2_35 = like.lift(0.524) * t2_34;
         let t2_36 = like.lift(-0.044).mul_add(t1_3, t2_35);
@@ -3238,7 +3227,7 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let t2_212 = t2_184 - t2_211;
         let t2_213 = -t2_212;
         let t2_214 = t1_152 * dd_q1;
-        let t2_215 = t1_163.mul_add(dd_q2, t2_214);
+        let t2_215 = t1_164.mul_add(dd_q2, t2_214);
         let t2_216 = t1_87 * t2_109;
         let t2_217 = (-t1_84).mul_add(t2_116, t2_216);
         let t2_218 = t2_75 * t2_217;
@@ -3275,20 +3264,21 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let t2_249 = t2_229 + t2_248;
         let t2_250 = t2_109 * t2_225;
         [
-            t2_1, t2_2, t2_3, t2_4, t2_6, t2_8, t2_9, t2_16, t2_17, t2_20, t2_22, t2_27, t2_28,
-            t2_33, t2_38, t2_68, t2_70, t2_73, t2_75, t2_78, t2_79, t2_99, t2_105, t2_110,
-            t2_116, t2_124, t2_125, t2_131, t2_147, t2_149, t2_150, t2_163, t2_175, t2_179,
-            t2_192, t2_197, t2_198, t2_212, t2_213, t2_215, t2_217, t2_221, t2_225, t2_226,
-            t2_227, t2_230, t2_231, t2_235, t2_236, t2_240, t2_241, t2_243, t2_244, t2_249,
-            t2_250,
+            t2_1, t2_2, t2_3, t2_4, t2_6, t2_8, t2_9, t2_16, t2_17, t2_20, t2_21, t2_22, t2_27,
+            t2_28, t2_33, t2_38, t2_68, t2_70, t2_73, t2_75, t2_78, t2_79, t2_99, t2_105,
+            t2_110, t2_116, t2_124, t2_125, t2_131, t2_147, t2_149, t2_150, t2_163, t2_175,
+            t2_179, t2_192, t2_197, t2_198, t2_212, t2_213, t2_215, t2_217, t2_221, t2_225,
+            t2_226, t2_227, t2_230, t2_231, t2_235, t2_236, t2_240, t2_241, t2_243, t2_244,
+            t2_249, t2_250,
         ]
     };
     // A_e qdd_e = b - A_i qdd_i (Eq. 8), part 3
     let [
-        t3_13, t3_64, t3_95, t3_115, t3_155, inv_pivot_1, t3_159, pivot_2, inv_pivot_2, t3_167,
-        t3_168, pivot_4, inv_pivot_4, t3_172, t3_175, t3_178, t3_182, t3_186, t3_189, pivot_5,
-        inv_pivot_5, t3_195, t3_197, t3_198, t3_204, t3_205, pivot_6, inv_pivot_6, t3_214,
-        t3_215, pivot_7, inv_pivot_7, t3_229, t3_231, t3_232, t3_233, t3_235, t3_236, t3_239,
+        t3_13, t3_64, t3_95, t3_115, t3_155, inv_pivot_1, t3_159, pivot_2, inv_pivot_2,
+        pivot_5, inv_pivot_5, t3_163, t3_164, t3_166, t3_167, inv_pivot_3, t3_171, pivot_4,
+        inv_pivot_4, t3_176, pivot_6, inv_pivot_6, t3_180, t3_182, t3_186, t3_191, t3_192,
+        t3_193, pivot_7, inv_pivot_7, t3_211, t3_213, t3_214, t3_232, pivot_8, inv_pivot_8,
+        t3_236,
     ] = {
         let t3_1 = (-t2_116).mul_add(t2_221, t2_250);
         let t3_2 = t1_87 * t2_99;
@@ -3303,51 +3293,51 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let t3_11 = like.lift(-0.8660254037844386).mul_add(t3_10, t3_5);
         let t3_12 = t2_249 + t3_11;
         let t3_13 = t2_215 - t3_12;
-        let t3_14 = t1_173 - t1_185;
-        let t3_15 = t1_171 * t3_14;
-        let t3_16 = t1_189 - t1_200;
-        let t3_17 = (-t1_183).mul_add(t3_16, t3_15);
+        let t3_14 = t1_174 - t1_186;
+        let t3_15 = t1_172 * t3_14;
+        let t3_16 = t1_190 - t1_201;
+        let t3_17 = (-t1_184).mul_add(t3_16, t3_15);
         let t3_18 = t3_17.mul_add(dd_q3, t2_38);
         let t3_19 = t2_78 - t2_79;
         let t3_20 = t2_73 + t3_19;
-        let t3_21 = t1_171 * d_q3;
-        let t3_22 = t1_224 * d_q3;
-        let t3_23 = t1_192 * t3_22;
+        let t3_21 = t1_172 * d_q3;
+        let t3_22 = t1_225 * d_q3;
+        let t3_23 = t1_193 * t3_22;
         let t3_24 = like.lift(0.524) * t3_23;
-        let t3_25 = t1_217 * t3_21;
+        let t3_25 = t1_218 * t3_21;
         let t3_26 = like.lift(-0.524).mul_add(t3_25, t3_24);
         let t3_27 = t3_21 * t3_26;
-        let t3_28 = t1_183 * d_q3;
-        let t3_29 = t1_217 * t3_28;
+        let t3_28 = t1_184 * d_q3;
+        let t3_29 = t1_218 * t3_28;
         let t3_30 = like.lift(0.524) * t3_29;
-        let t3_31 = t1_176 * t3_22;
+        let t3_31 = t1_177 * t3_22;
         let t3_32 = like.lift(-0.524).mul_add(t3_31, t3_30);
         let t3_33 = (-t3_28).mul_add(t3_32, t3_27);
-        let t3_34 = t1_183.mul_add(d_u3_1, t3_28);
-        let t3_35 = t1_232 * t3_34;
-        let t3_36 = t1_224.mul_add(d_u3_1, t3_22);
-        let t3_37 = (-t1_207).mul_add(t3_36, t3_35);
+        let t3_34 = t1_184.mul_add(d_u3_1, t3_28);
+        let t3_35 = t1_233 * t3_34;
+        let t3_36 = t1_225.mul_add(d_u3_1, t3_22);
+        let t3_37 = (-t1_208).mul_add(t3_36, t3_35);
         let t3_38 = d_u3_2 * t3_37;
-        let t3_39 = t1_184 * t3_38;
+        let t3_39 = t1_185 * t3_38;
         let t3_40 = like.lift(1.244) * t3_39;
-        let t3_41 = t1_204 * t3_36;
-        let t3_42 = t1_171.mul_add(d_u3_1, t3_21);
-        let t3_43 = (-t1_232).mul_add(t3_42, t3_41);
+        let t3_41 = t1_205 * t3_36;
+        let t3_42 = t1_172.mul_add(d_u3_1, t3_21);
+        let t3_43 = (-t1_233).mul_add(t3_42, t3_41);
         let t3_44 = d_u3_2 * t3_43;
-        let t3_45 = t1_199 * t3_44;
+        let t3_45 = t1_200 * t3_44;
         let t3_46 = like.lift(-1.244).mul_add(t3_45, t3_40);
         let t3_47 = t3_33 - t3_46;
-        let t3_48 = (-t1_204).mul_add(d_u3_2, t3_42);
-        let t3_49 = (-t1_232).mul_add(d_u3_2, t3_36);
-        let t3_50 = t1_199 * t3_49;
+        let t3_48 = (-t1_205).mul_add(d_u3_2, t3_42);
+        let t3_49 = (-t1_233).mul_add(d_u3_2, t3_36);
+        let t3_50 = t1_200 * t3_49;
         let t3_51 = like.lift(1.244) * t3_50;
-        let t3_52 = t1_225 * t3_48;
+        let t3_52 = t1_226 * t3_48;
         let t3_53 = like.lift(-1.244).mul_add(t3_52, t3_51);
         let t3_54 = t3_48 * t3_53;
-        let t3_55 = (-t1_207).mul_add(d_u3_2, t3_34);
-        let t3_56 = t1_225 * t3_55;
+        let t3_55 = (-t1_208).mul_add(d_u3_2, t3_34);
+        let t3_56 = t1_226 * t3_55;
         let t3_57 = like.lift(1.244) * t3_56;
-        let t3_58 = t1_184 * t3_49;
+        let t3_58 = t1_185 * t3_49;
         let t3_59 = like.lift(-1.244).mul_add(t3_58, t3_57);
         let t3_60 = (-t3_55).mul_add(t3_59, t3_54);
         let t3_61 = t3_47 + t3_60;
@@ -3356,29 +3346,29 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let t3_64 = -t3_63;
         let t3_65 = t2_131 + t1_91;
         let t3_66 = t3_65 * dd_q1;
-        let t3_67 = t1_214 - t1_226;
-        let t3_68 = t1_183 * t3_67;
-        let t3_69 = (-t1_224).mul_add(t3_14, t3_68);
+        let t3_67 = t1_215 - t1_227;
+        let t3_68 = t1_184 * t3_67;
+        let t3_69 = (-t1_225).mul_add(t3_14, t3_68);
         let t3_70 = (-t3_69).mul_add(dd_q3, t3_66);
         let t3_71 = t2_149 + t2_150;
         let t3_72 = t2_147 - t3_71;
-        let t3_73 = t1_176 * t3_21;
+        let t3_73 = t1_177 * t3_21;
         let t3_74 = like.lift(0.524) * t3_73;
-        let t3_75 = t1_192 * t3_28;
+        let t3_75 = t1_193 * t3_28;
         let t3_76 = like.lift(-0.524).mul_add(t3_75, t3_74);
         let t3_77 = t3_28 * t3_76;
         let t3_78 = (-t3_22).mul_add(t3_26, t3_77);
-        let t3_79 = t1_225 * t3_44;
+        let t3_79 = t1_226 * t3_44;
         let t3_80 = like.lift(1.244) * t3_79;
-        let t3_81 = t1_207 * t3_42;
-        let t3_82 = (-t1_204).mul_add(t3_34, t3_81);
+        let t3_81 = t1_208 * t3_42;
+        let t3_82 = (-t1_205).mul_add(t3_34, t3_81);
         let t3_83 = d_u3_2 * t3_82;
-        let t3_84 = t1_184 * t3_83;
+        let t3_84 = t1_185 * t3_83;
         let t3_85 = like.lift(-1.244).mul_add(t3_84, t3_80);
         let t3_86 = t3_78 - t3_85;
-        let t3_87 = t1_184 * t3_48;
+        let t3_87 = t1_185 * t3_48;
         let t3_88 = like.lift(1.244) * t3_87;
-        let t3_89 = t1_199 * t3_55;
+        let t3_89 = t1_200 * t3_55;
         let t3_90 = like.lift(-1.244).mul_add(t3_89, t3_88);
         let t3_91 = t3_55 * t3_90;
         let t3_92 = (-t3_49).mul_add(t3_53, t3_91);
@@ -3387,16 +3377,16 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let t3_95 = t3_70 - t3_94;
         let t3_96 = t2_179 + t2_2;
         let t3_97 = t3_96 * dd_q1;
-        let t3_98 = t1_224 * t3_16;
-        let t3_99 = (-t1_171).mul_add(t3_67, t3_98);
+        let t3_98 = t1_225 * t3_16;
+        let t3_99 = (-t1_172).mul_add(t3_67, t3_98);
         let t3_100 = t3_99.mul_add(dd_q3, t3_97);
         let t3_101 = t2_197 - t2_198;
         let t3_102 = t2_192 - t3_101;
         let t3_103 = t3_22 * t3_32;
         let t3_104 = (-t3_21).mul_add(t3_76, t3_103);
-        let t3_105 = t1_199 * t3_83;
+        let t3_105 = t1_200 * t3_83;
         let t3_106 = like.lift(1.244) * t3_105;
-        let t3_107 = t1_225 * t3_38;
+        let t3_107 = t1_226 * t3_38;
         let t3_108 = like.lift(-1.244).mul_add(t3_107, t3_106);
         let t3_109 = t3_104 - t3_108;
         let t3_110 = t3_49 * t3_59;
@@ -3407,40 +3397,40 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let t3_115 = -t3_114;
         let t3_116 = t2_16 * dd_q1;
         let t3_117 = t2_27.mul_add(dd_q3, t3_116);
-        let t3_118 = t1_207 * t3_48;
-        let t3_119 = (-t1_204).mul_add(t3_55, t3_118);
+        let t3_118 = t1_208 * t3_48;
+        let t3_119 = (-t1_205).mul_add(t3_55, t3_118);
         let t3_120 = t2_75 * t3_119;
         let t3_121 = like.lift(0.8660254037844386) * t3_120;
-        let t3_122 = t1_232 * t3_55;
-        let t3_123 = (-t1_207).mul_add(t3_49, t3_122);
+        let t3_122 = t1_233 * t3_55;
+        let t3_123 = (-t1_208).mul_add(t3_49, t3_122);
         let t3_124 = t2_75 * t3_123;
         let t3_125 = like.lift(-0.5).mul_add(t3_124, t3_121);
-        let t3_126 = t1_204 * t3_49;
-        let t3_127 = (-t1_232).mul_add(t3_48, t3_126);
+        let t3_126 = t1_205 * t3_49;
+        let t3_127 = (-t1_233).mul_add(t3_48, t3_126);
         let t3_128 = t2_226 - t2_227;
         let t3_129 = t3_127.mul_add(t3_128, t3_125);
         let t3_130 = (-t2_68).mul_add(t3_128, t2_231);
         let t3_131 = t2_230 + t3_130;
-        let t3_132 = t1_232 * t3_131;
+        let t3_132 = t1_233 * t3_131;
         let t3_133 = t2_70.mul_add(t3_128, t2_236);
         let t3_134 = t2_235 - t3_133;
-        let t3_135 = (-t1_204).mul_add(t3_134, t3_132);
+        let t3_135 = (-t1_205).mul_add(t3_134, t3_132);
         let t3_136 = t2_240 + t2_241;
         let t3_137 = t2_243 + t2_244;
         let t3_138 = t3_136 + t3_137;
-        let t3_139 = t1_207.mul_add(t3_138, t3_135);
+        let t3_139 = t1_208.mul_add(t3_138, t3_135);
         let t3_140 = t3_139 + t3_129;
         let t3_141 = t3_129 + t3_140;
         let t3_142 = t3_48 * t3_127;
         let t3_143 = (-t3_55).mul_add(t3_123, t3_142);
-        let t3_144 = t1_207 * t3_38;
-        let t3_145 = (-t1_204).mul_add(t3_44, t3_144);
+        let t3_144 = t1_208 * t3_38;
+        let t3_145 = (-t1_205).mul_add(t3_44, t3_144);
         let t3_146 = t3_143 - t3_145;
         let t3_147 = like.lift(0.5) * t3_146;
         let t3_148 = t3_55 * t3_119;
         let t3_149 = (-t3_49).mul_add(t3_127, t3_148);
-        let t3_150 = t1_232 * t3_44;
-        let t3_151 = (-t1_207).mul_add(t3_83, t3_150);
+        let t3_150 = t1_233 * t3_44;
+        let t3_151 = (-t1_208).mul_add(t3_83, t3_150);
         let t3_152 = t3_149 - t3_151;
         let t3_153 = like.lift(0.8660254037844386).mul_add(t3_152, t3_147);
         let t3_154 = t3_141 - t3_153;
@@ -3454,167 +3444,163 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let pivot_2 = (-t1_126).mul_add(t3_158, t1_82);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
         let t3_161 = t3_160 * inv_pivot_2;
-        let t3_162 = t3_159.mul_add(t3_161, t3_157);
-        let t3_163 = t1_169 * inv_pivot_1;
-        let t3_164 = t1_92.mul_add(t3_163, t1_152);
-        let t3_165 = (-t1_126).mul_add(t3_163, t1_163);
-        let t3_166 = t3_165 * inv_pivot_2;
-        let t3_167 = t3_159.mul_add(t3_166, t3_164);
-        let t3_168 = like.lift(1.0) / t1_87;
-        let t3_169 = t3_167 * t3_168;
-        let t3_170 = like.lift(0.0762102355330306) * t3_169;
-        let pivot_4 = t3_162 - t3_170;
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t3_171 = t3_156.mul_add(t2_175, t2_212);
-        let t3_172 = t3_158.mul_add(t2_175, t2_124);
-        let t3_173 = (-t3_161).mul_add(t3_172, t3_171);
-        let t3_174 = t3_163.mul_add(t2_175, t3_13);
-        let t3_175 = (-t3_166).mul_add(t3_172, t3_174);
-        let t3_176 = t3_168 * t3_175;
-        let t3_177 = like.lift(0.0762102355330306) * t3_176;
-        let t3_178 = t3_173 - t3_177;
-        let t3_179 = sin_e1x * t3_156;
-        let t3_180 = like.lift(-0.0381051177665153).mul_add(t3_179, t1_139);
-        let t3_181 = sin_e1x * t3_158;
-        let t3_182 = like.lift(0.0381051177665153).mul_add(t3_181, t1_9);
-        let t3_183 = t3_182.mul_add(t3_161, t3_180);
-        let t3_184 = sin_e1x * t3_163;
-        let t3_185 = like.lift(0.0381051177665153).mul_add(t3_184, t1_156);
-        let t3_186 = (-t3_182).mul_add(t3_166, t3_185);
-        let t3_187 = t3_186 * t3_168;
-        let t3_188 = like.lift(0.0762102355330306) * t3_187;
-        let t3_189 = t3_183 + t3_188;
-        let t3_190 = t1_207 * t3_168;
-        let t3_191 = t3_186.mul_add(t3_190, t2_20);
-        let t3_192 = (-t3_167).mul_add(t3_190, t2_16);
-        let t3_193 = t3_192 * inv_pivot_4;
-        let pivot_5 = (-t3_189).mul_add(t3_193, t3_191);
+        let pivot_5 = t3_159.mul_add(t3_161, t3_157);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t3_194 = (-t3_190).mul_add(t3_175, t3_155);
-        let t3_195 = (-t3_193).mul_add(t3_178, t3_194);
-        let t3_196 = (-t1_97).mul_add(t3_163, t1_156);
-        let t3_197 = (-t1_97).mul_add(t3_158, t1_8);
-        let t3_198 = (-t3_197).mul_add(t3_166, t3_196);
-        let t3_199 = t3_198.mul_add(t3_190, t2_20);
-        let t3_200 = (-t1_97).mul_add(t3_156, t1_140);
-        let t3_201 = (-t3_197).mul_add(t3_161, t3_200);
-        let t3_202 = t3_198 * t3_168;
-        let t3_203 = like.lift(0.0762102355330306) * t3_202;
-        let t3_204 = t3_201 - t3_203;
-        let t3_205 = t3_204.mul_add(t3_193, t3_199);
-        let t3_206 = t1_3 * inv_pivot_4;
-        let t3_207 = t3_204 * t3_206;
-        let t3_208 = like.lift(0.066).mul_add(t3_207, t1_8);
-        let t3_209 = t3_189 * t3_206;
-        let t3_210 = like.lift(-0.066).mul_add(t3_209, t1_9);
-        let t3_211 = t3_210 * inv_pivot_5;
-        let pivot_6 = (-t3_205).mul_add(t3_211, t3_208);
+        let t3_162 = t3_156.mul_add(t2_175, t2_212);
+        let t3_163 = t3_158.mul_add(t2_175, t2_124);
+        let t3_164 = (-t3_161).mul_add(t3_163, t3_162);
+        let t3_165 = (-t1_97).mul_add(t3_156, t1_140);
+        let t3_166 = (-t1_97).mul_add(t3_158, t1_8);
+        let t3_167 = (-t3_166).mul_add(t3_161, t3_165);
+        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let t3_168 = t2_8 * inv_pivot_3;
+        let t3_169 = (-t1_213).mul_add(t3_168, t2_4);
+        let t3_170 = t1_209 * inv_pivot_3;
+        let t3_171 = (-t1_213).mul_add(t3_170, t1_8);
+        let t3_172 = (-t1_230).mul_add(t3_168, t2_6);
+        let pivot_4 = (-t1_230).mul_add(t3_170, t1_203);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t3_173 = t3_172 * inv_pivot_4;
+        let t3_174 = (-t3_171).mul_add(t3_173, t3_169);
+        let t3_175 = t1_211.mul_add(t3_168, t2_3);
+        let t3_176 = (-t1_211).mul_add(t3_170, t1_4);
+        let t3_177 = t3_176.mul_add(t3_173, t3_175);
+        let t3_178 = t3_177 * inv_pivot_5;
+        let pivot_6 = (-t3_167).mul_add(t3_178, t3_174);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t3_212 = t3_206 * t3_178;
-        let t3_213 = like.lift(0.066).mul_add(t3_212, t3_63);
-        let t3_214 = t3_211.mul_add(t3_195, t3_213);
-        let t3_215 = t2_27.mul_add(t3_211, t1_202);
-        let t3_216 = t1_139 - t3_188;
-        let t3_217 = t2_3 - t3_170;
-        let t3_218 = t3_217 * inv_pivot_4;
-        let t3_219 = t3_189.mul_add(t3_218, t3_216);
-        let t3_220 = t3_219 * inv_pivot_5;
-        let t3_221 = t2_27.mul_add(t3_220, t2_6);
-        let t3_222 = t2_4 - t3_203;
-        let t3_223 = (-t3_204).mul_add(t3_218, t3_222);
-        let t3_224 = (-t3_205).mul_add(t3_220, t3_223);
-        let t3_225 = t3_224 * inv_pivot_6;
-        let pivot_7 = (-t3_215).mul_add(t3_225, t3_221);
+        let t3_179 = t3_168.mul_add(t3_95, t3_114);
+        let t3_180 = t3_170.mul_add(t3_95, t3_63);
+        let t3_181 = (-t3_173).mul_add(t3_180, t3_179);
+        let t3_182 = (-t3_178).mul_add(t3_164, t3_181);
+        let t3_183 = sin_e1x * t3_168;
+        let t3_184 = like.lift(-0.0381051177665153).mul_add(t3_183, t1_139);
+        let t3_185 = sin_e1x * t3_170;
+        let t3_186 = like.lift(-0.0381051177665153).mul_add(t3_185, t1_9);
+        let t3_187 = (-t3_186).mul_add(t3_173, t3_184);
+        let t3_188 = sin_e1x * t3_156;
+        let t3_189 = like.lift(-0.0381051177665153).mul_add(t3_188, t1_139);
+        let t3_190 = sin_e1x * t3_158;
+        let t3_191 = like.lift(0.0381051177665153).mul_add(t3_190, t1_9);
+        let t3_192 = t3_191.mul_add(t3_161, t3_189);
+        let t3_193 = t3_192.mul_add(t3_178, t3_187);
+        let t3_194 = t1_170 * inv_pivot_1;
+        let t3_195 = sin_e1x * t3_194;
+        let t3_196 = like.lift(0.0381051177665153).mul_add(t3_195, t1_156);
+        let t3_197 = (-t1_126).mul_add(t3_194, t1_164);
+        let t3_198 = t3_197 * inv_pivot_2;
+        let t3_199 = (-t3_191).mul_add(t3_198, t3_196);
+        let t3_200 = t1_92.mul_add(t3_194, t1_152);
+        let t3_201 = t3_159.mul_add(t3_198, t3_200);
+        let t3_202 = t3_201 * inv_pivot_5;
+        let t3_203 = t3_192.mul_add(t3_202, t3_199);
+        let t3_204 = (-t1_97).mul_add(t3_194, t1_156);
+        let t3_205 = (-t3_166).mul_add(t3_198, t3_204);
+        let t3_206 = (-t3_167).mul_add(t3_202, t3_205);
+        let t3_207 = t3_206 * inv_pivot_6;
+        let pivot_7 = (-t3_193).mul_add(t3_207, t3_203);
         let inv_pivot_7 = like.lift(1.0) / pivot_7;
-        let t3_226 = t3_114 - t3_177;
-        let t3_227 = (-t3_218).mul_add(t3_178, t3_226);
-        let t3_228 = t3_220.mul_add(t3_195, t3_227);
-        let t3_229 = (-t3_225).mul_add(t3_214, t3_228);
-        let t3_230 = t2_33.mul_add(t3_220, t2_8);
-        let t3_231 = t2_33.mul_add(t3_211, t1_208);
-        let t3_232 = (-t3_231).mul_add(t3_225, t3_230);
-        let t3_233 = t1_210 * inv_pivot_4;
-        let t3_234 = (-t3_189).mul_add(t3_233, t1_96);
-        let t3_235 = t3_234 * inv_pivot_5;
-        let t3_236 = t2_33.mul_add(t3_235, t1_233);
-        let t3_237 = t3_204.mul_add(t3_233, t1_212);
-        let t3_238 = (-t3_205).mul_add(t3_235, t3_237);
-        let t3_239 = t3_238 * inv_pivot_6;
+        let t3_208 = t3_194.mul_add(t2_175, t3_13);
+        let t3_209 = (-t3_198).mul_add(t3_163, t3_208);
+        let t3_210 = (-t3_202).mul_add(t3_164, t3_209);
+        let t3_211 = (-t3_207).mul_add(t3_182, t3_210);
+        let t3_212 = like.lift(-0.066).mul_add(t3_202, t1_158);
+        let t3_213 = like.lift(-0.066).mul_add(t3_178, like.lift(0.066));
+        let t3_214 = (-t3_213).mul_add(t3_207, t3_212);
+        let t3_215 = t2_33 * inv_pivot_3;
+        let t3_216 = t1_211.mul_add(t3_215, t2_16);
+        let t3_217 = (-t1_230).mul_add(t3_215, t2_27);
+        let t3_218 = t3_217 * inv_pivot_4;
+        let t3_219 = t3_176.mul_add(t3_218, t3_216);
+        let t3_220 = t3_219 * inv_pivot_5;
+        let t3_221 = like.lift(-0.066).mul_add(t3_220, t2_21);
+        let t3_222 = t1_213.mul_add(t3_215, t2_20);
+        let t3_223 = t3_171.mul_add(t3_218, t3_222);
+        let t3_224 = t3_167.mul_add(t3_220, t3_223);
+        let t3_225 = t3_224 * inv_pivot_6;
+        let t3_226 = t3_213.mul_add(t3_225, t3_221);
+        let t3_227 = sin_e1x * t3_215;
+        let t3_228 = like.lift(0.0381051177665153).mul_add(t3_227, t2_20);
+        let t3_229 = t3_186.mul_add(t3_218, t3_228);
+        let t3_230 = (-t3_192).mul_add(t3_220, t3_229);
+        let t3_231 = (-t3_193).mul_add(t3_225, t3_230);
+        let t3_232 = t3_231 * inv_pivot_7;
+        let pivot_8 = t3_214.mul_add(t3_232, t3_226);
+        let inv_pivot_8 = like.lift(1.0) / pivot_8;
+        let t3_233 = t3_215.mul_add(t3_95, t3_155);
+        let t3_234 = (-t3_218).mul_add(t3_180, t3_233);
+        let t3_235 = (-t3_220).mul_add(t3_164, t3_234);
+        let t3_236 = t3_225.mul_add(t3_182, t3_235);
         [
             t3_13, t3_64, t3_95, t3_115, t3_155, inv_pivot_1, t3_159, pivot_2, inv_pivot_2,
-            t3_167, t3_168, pivot_4, inv_pivot_4, t3_172, t3_175, t3_178, t3_182, t3_186,
-            t3_189, pivot_5, inv_pivot_5, t3_195, t3_197, t3_198, t3_204, t3_205, pivot_6,
-            inv_pivot_6, t3_214, t3_215, pivot_7, inv_pivot_7, t3_229, t3_231, t3_232, t3_233,
-            t3_235, t3_236, t3_239,
+            pivot_5, inv_pivot_5, t3_163, t3_164, t3_166, t3_167, inv_pivot_3, t3_171, pivot_4,
+            inv_pivot_4, t3_176, pivot_6, inv_pivot_6, t3_180, t3_182, t3_186, t3_191, t3_192,
+            t3_193, pivot_7, inv_pivot_7, t3_211, t3_213, t3_214, t3_232, pivot_8, inv_pivot_8,
+            t3_236,
         ]
     };
     // A_e qdd_e = b - A_i qdd_i (Eq. 8)
     {
-        let t4_1 = (-t3_231).mul_add(t3_239, t3_236);
-        let t4_2 = t2_27.mul_add(t3_235, t1_229);
-        let t4_3 = (-t3_215).mul_add(t3_239, t4_2);
-        let t4_4 = t4_3 * inv_pivot_7;
-        let pivot_8 = (-t3_232).mul_add(t4_4, t4_1);
-        let inv_pivot_8 = like.lift(1.0) / pivot_8;
-        let t4_5 = (-t3_233).mul_add(t3_178, t3_95);
-        let t4_6 = (-t3_235).mul_add(t3_195, t4_5);
-        let t4_7 = t3_239.mul_add(t3_214, t4_6);
-        let t4_8 = t4_4.mul_add(t3_229, t4_7);
-        let t4_9 = inv_pivot_8 * t4_8;
-        let t4_10 = t3_232.mul_add(t4_9, t3_229);
-        let t4_11 = inv_pivot_7 * t4_10;
-        let t4_12 = (-t3_215).mul_add(t4_11, t3_214);
-        let t4_13 = t3_231.mul_add(t4_9, t4_12);
-        let t4_14 = inv_pivot_6 * t4_13;
-        let t4_15 = t3_205.mul_add(t4_14, t3_195);
-        let t4_16 = (-t2_27).mul_add(t4_11, t4_15);
-        let t4_17 = t2_33.mul_add(t4_9, t4_16);
-        let t4_18 = inv_pivot_5 * t4_17;
-        let t4_19 = (-t3_189).mul_add(t4_18, t3_178);
-        let t4_20 = (-t3_204).mul_add(t4_14, t4_19);
-        let t4_21 = inv_pivot_4 * t4_20;
-        let t4_22 = -t4_21;
-        let t4_23 = -t4_14;
-        let t4_24 = (-t3_167).mul_add(t4_21, t3_175);
-        let t4_25 = t3_186.mul_add(t4_18, t4_24);
-        let t4_26 = (-t3_198).mul_add(t4_14, t4_25);
-        let t4_27 = t3_168 * t4_26;
-        let t4_28 = like.lift(1.1547005383792515) * t4_27;
-        let t4_29 = -t4_28;
-        let t4_30 = t3_159.mul_add(t4_21, t3_172);
-        let t4_31 = t3_182.mul_add(t4_18, t4_30);
-        let t4_32 = (-t3_197).mul_add(t4_14, t4_31);
-        let t4_33 = inv_pivot_2 * t4_32;
-        let t4_34 = -t4_33;
-        let t4_35 = t1_126.mul_add(t4_33, t2_175);
-        let t4_36 = (-t1_92).mul_add(t4_21, t4_35);
-        let t4_37 = sin_e1x * t4_18;
-        let t4_38 = like.lift(0.0381051177665153).mul_add(t4_37, t4_36);
-        let t4_39 = t1_97.mul_add(t4_14, t4_38);
-        let t4_40 = inv_pivot_1 * t4_39;
-        let t4_41 = -t4_11;
-        let t4_42 = -t4_9;
-        let t4_43 = -pivot_8;
+        let t4_1 = t3_232.mul_add(t3_211, t3_236);
+        let t4_2 = inv_pivot_8 * t4_1;
+        let t4_3 = (-t3_214).mul_add(t4_2, t3_211);
+        let t4_4 = inv_pivot_7 * t4_3;
+        let t4_5 = (-t3_193).mul_add(t4_4, t3_182);
+        let t4_6 = (-t3_213).mul_add(t4_2, t4_5);
+        let t4_7 = inv_pivot_6 * t4_6;
+        let t4_8 = (-t3_167).mul_add(t4_7, t3_164);
+        let t4_9 = t3_192.mul_add(t4_4, t4_8);
+        let t4_10 = like.lift(-0.066).mul_add(t4_2, t4_9);
+        let t4_11 = inv_pivot_5 * t4_10;
+        let t4_12 = -t4_11;
+        let t4_13 = -t4_7;
+        let t4_14 = -t4_4;
+        let t4_15 = -t4_2;
+        let t4_16 = t3_159.mul_add(t4_11, t3_163);
+        let t4_17 = (-t3_166).mul_add(t4_7, t4_16);
+        let t4_18 = (-t3_191).mul_add(t4_4, t4_17);
+        let t4_19 = inv_pivot_2 * t4_18;
+        let t4_20 = -t4_19;
+        let t4_21 = sin_e1x * t4_4;
+        let t4_22 = like.lift(0.0381051177665153) * t4_21;
+        let t4_23 = t1_126.mul_add(t4_19, t2_175);
+        let t4_24 = (-t1_92).mul_add(t4_11, t4_23);
+        let t4_25 = t1_97.mul_add(t4_7, t4_24);
+        let t4_26 = t4_22 - t4_25;
+        let t4_27 = inv_pivot_1 * t4_26;
+        let t4_28 = -t4_27;
+        let t4_29 = t3_176.mul_add(t4_11, t3_180);
+        let t4_30 = (-t3_171).mul_add(t4_7, t4_29);
+        let t4_31 = (-t3_186).mul_add(t4_4, t4_30);
+        let t4_32 = inv_pivot_4 * t4_31;
+        let t4_33 = -t4_32;
+        let t4_34 = t1_230.mul_add(t4_32, t3_95);
+        let t4_35 = (-t1_211).mul_add(t4_11, t4_34);
+        let t4_36 = t1_213.mul_add(t4_7, t4_35);
+        let t4_37 = t4_36 + t4_22;
+        let t4_38 = inv_pivot_3 * t4_37;
+        let t4_39 = -t4_38;
+        let t4_40 = -pivot_7;
+        let t4_41 = -pivot_8;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(0.9580029161088279)).abs()
             .min((pivot_2 * like.lift(0.9018719688103075)).abs())
-            .min((t1_158 * like.lift(1.923718077658978)).abs())
-            .min((pivot_4 * like.lift(1.019503733280847)).abs())
-            .min((pivot_5 * like.lift(0.9467672644948026)).abs())
-            .min((pivot_6 * like.lift(0.8116685504320711)).abs())
-            .min((pivot_7 * like.lift(1.060112577367453)).abs())
-            .min((t4_43 * like.lift(0.697347665033695)).abs());
-        let ([[t4_44], [t4_45], [t4_46], [t4_47], [t4_48], [t4_49], [t4_50], [t4_51]], found) = ::regen_runtime::guarded(
-            [[t4_22], [t4_23], [t4_18], [t4_29], [t4_34], [t4_40], [t4_41], [t4_42]],
+            .min((t2_1 * like.lift(0.9441016894903256)).abs())
+            .min((pivot_4 * like.lift(0.7930813430566414)).abs())
+            .min((pivot_5 * like.lift(0.9552290039283993)).abs())
+            .min((pivot_6 * like.lift(0.6503970605951934)).abs())
+            .min((t4_40 * like.lift(1.8878245740206896)).abs())
+            .min((t4_41 * like.lift(1.0933635968062305)).abs());
+        let ([[t4_42], [t4_43], [t4_44], [t4_45], [t4_46], [t4_47], [t4_48], [t4_49]], found) = ::regen_runtime::guarded(
+            [[t4_12], [t4_13], [t4_14], [t4_15], [t4_20], [t4_28], [t4_33], [t4_39]],
             margin,
             || (
                 [
                     [t1_5, t1_8, t1_9, like.lift(0.0), t1_82, t1_88, like.lift(0.0), like.lift(0.0)],
                     [t1_93, t1_97, t1_98, like.lift(0.0), t1_126, pivot_1, like.lift(0.0), like.lift(0.0)],
                     [t1_136, t1_140, t1_141, like.lift(0.066), t1_143, t1_145, like.lift(0.0), like.lift(0.0)],
-                    [t1_153, t1_157, t1_157, t1_158, t1_164, t1_170, like.lift(0.0), like.lift(0.0)],
-                    [t1_5, t1_8, t1_9, like.lift(0.0), like.lift(0.0), like.lift(0.0), t1_202, t1_209],
-                    [t1_211, t1_212, t1_96, like.lift(0.0), like.lift(0.0), like.lift(0.0), t1_229, t2_1],
+                    [t1_153, t1_157, t1_157, t1_159, t1_165, t1_171, like.lift(0.0), like.lift(0.0)],
+                    [t1_5, t1_8, t1_9, like.lift(0.0), like.lift(0.0), like.lift(0.0), t1_203, t1_210],
+                    [t1_212, t1_213, t1_96, like.lift(0.0), like.lift(0.0), like.lift(0.0), t1_230, t2_1],
                     [t2_3, t2_4, t1_139, like.lift(0.066), like.lift(0.0), like.lift(0.0), t2_6, t2_9],
                     [t2_17, t2_20, t2_20, t2_22, like.lift(0.0), like.lift(0.0), t2_28, t2_33],
                 ],
@@ -3622,14 +3608,14 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
             ),
         );
         condition = condition.min(found);
-        qdd[1] = t4_44;
-        qdd[2] = t4_45;
-        qdd[3] = t4_46;
-        qdd[4] = t4_47;
-        qdd[6] = t4_48;
-        qdd[7] = t4_49;
-        qdd[9] = t4_50;
-        qdd[10] = t4_51;
+        qdd[1] = t4_42;
+        qdd[2] = t4_43;
+        qdd[3] = t4_44;
+        qdd[4] = t4_45;
+        qdd[6] = t4_46;
+        qdd[7] = t4_47;
+        qdd[9] = t4_48;
+        qdd[10] = t4_49;
         qdd[0] = dd_q1;
         qdd[5] = dd_q2;
         qdd[8] = dd_q3;
@@ -3644,7 +3630,7 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: column by column: `w[c][r]` multiplies `PARAMETERS[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 643 additions, 960 multiplications, 8 divisions, 11 sines and cosines.
+/// 643 additions, 956 multiplications, 8 divisions, 11 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[T; 3]; 70]) -> Condition<T> {
     let like = q[0];
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
@@ -3677,13 +3663,13 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         sin_u1_2, cos_u1_2, w_u1_1x, w_rod1z, t2_1, al_u1_1x, t2_2, al_rod1x, sin_e1x, cos_e1x,
         sin_e1y, cos_e1y, sin_u1_2_e1y, cos_u1_2_e1y, e_e1x_q1z, t2_5, t2_6, u_platform_u1_2x,
         t2_7, t2_8, e_e1x_q1y, sin_u1_1, cos_u1_1, t2_16, t2_40, sin_q2, cos_q2, sin_u2_2,
-        cos_u2_2, sin_u2_1, cos_u2_1, t2_54, t2_56, t2_65, t2_78, t2_80, t2_85, t2_86, t2_87,
-        t2_88, t2_89, t2_90, t2_91, t2_92, t2_93, t2_94, t2_103, t2_117, t2_119, t2_122,
-        pivot_1, t2_127, u_platform_u1_1z, t2_128, t2_129, t2_130, t2_131, t2_132, u_e1x_u1_2z,
-        t2_133, t2_134, t2_135, t2_137, t2_139, t2_146, t2_147, t2_150, t2_151, t2_152, t2_157,
-        t2_158, t2_163, t2_164, t2_165, t2_167, sin_q3, cos_q3, sin_u3_2, cos_u3_2, sin_u3_1,
-        cos_u3_1, t2_177, t2_179, t2_180, t2_183, t2_194, t2_195, t2_196, t2_198, t2_201,
-        t2_202, t2_203, t2_204, t2_205, t2_206, t2_208, t2_211, t2_212, t2_215, t2_218, t2_220,
+        cos_u2_2, sin_u2_1, cos_u2_1, t2_54, t2_56, t2_65, t2_78, t2_80, t2_86, t2_87, t2_88,
+        t2_89, t2_90, t2_91, t2_92, t2_93, t2_94, t2_103, t2_117, t2_119, t2_122, pivot_1,
+        t2_127, u_platform_u1_1z, t2_128, t2_129, t2_130, t2_131, t2_132, u_e1x_u1_2z, t2_133,
+        t2_134, t2_135, t2_137, t2_139, t2_146, t2_147, t2_150, t2_151, t2_152, t2_153, t2_158,
+        t2_159, t2_164, t2_165, t2_166, t2_168, sin_q3, cos_q3, sin_u3_2, cos_u3_2, sin_u3_1,
+        cos_u3_1, t2_178, t2_180, t2_181, t2_184, t2_195, t2_196, t2_197, t2_199, t2_202,
+        t2_203, t2_204, t2_205, t2_206, t2_207, t2_209, t2_212, t2_213, t2_216, t2_219, t2_221,
     ] = {
         let (sin_u1_2, cos_u1_2) = u1_2.sin_cos();
         let w_u1_1x = d_q1 + d_u1_1;
@@ -3862,361 +3848,360 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         let t2_149 = like.lift(0.5) * t2_148;
         let t2_150 = sin_e1x.mul_add(t2_145, t2_149);
         let t2_151 = -t2_150;
-        let pivot_3 = like.lift(0.8660254037844386) * t2_85;
-        let t2_152 = -pivot_3;
-        let t2_153 = t2_117 * t2_85;
-        let t2_154 = like.lift(0.8660254037844386) * t2_153;
-        let t2_155 = t2_16 * t2_85;
-        let t2_156 = like.lift(0.5).mul_add(t2_155, t2_154);
-        let t2_157 = (-t2_54).mul_add(t2_145, t2_156);
-        let t2_158 = -t2_157;
-        let t2_159 = t2_125 * t2_85;
-        let t2_160 = like.lift(0.8660254037844386) * t2_159;
-        let t2_161 = t2_82 * t2_85;
-        let t2_162 = like.lift(0.5).mul_add(t2_161, t2_160);
-        let t2_163 = (-t2_85).mul_add(t2_145, t2_162);
-        let t2_164 = -t2_163;
-        let t2_165 = t2_9 + t2_15;
-        let t2_166 = t2_37 + t2_38;
-        let t2_167 = t2_36 + t2_166;
+        let t2_152 = like.lift(0.8660254037844386) * t2_85;
+        let t2_153 = -t2_152;
+        let t2_154 = t2_117 * t2_85;
+        let t2_155 = like.lift(0.8660254037844386) * t2_154;
+        let t2_156 = t2_16 * t2_85;
+        let t2_157 = like.lift(0.5).mul_add(t2_156, t2_155);
+        let t2_158 = (-t2_54).mul_add(t2_145, t2_157);
+        let t2_159 = -t2_158;
+        let t2_160 = t2_125 * t2_85;
+        let t2_161 = like.lift(0.8660254037844386) * t2_160;
+        let t2_162 = t2_82 * t2_85;
+        let t2_163 = like.lift(0.5).mul_add(t2_162, t2_161);
+        let t2_164 = (-t2_85).mul_add(t2_145, t2_163);
+        let t2_165 = -t2_164;
+        let t2_166 = t2_9 + t2_15;
+        let t2_167 = t2_37 + t2_38;
+        let t2_168 = t2_36 + t2_167;
         let (sin_q3, cos_q3) = q3.sin_cos();
-        let t2_168 = t2_41 + t2_42;
-        let t2_169 = cos_q3 * t2_168;
-        let t2_170 = (-sin_q3).mul_add(t2_29, t2_169);
-        let t2_171 = like.lift(0.524).mul_add(t2_170, t2_167);
+        let t2_169 = t2_41 + t2_42;
+        let t2_170 = cos_q3 * t2_169;
+        let t2_171 = (-sin_q3).mul_add(t2_29, t2_170);
+        let t2_172 = like.lift(0.524).mul_add(t2_171, t2_168);
         let (sin_u3_2, cos_u3_2) = u3_2.sin_cos();
         let (sin_u3_1, cos_u3_1) = u3_1.sin_cos();
-        let t2_172 = sin_u3_1 * t2_170;
-        let t2_173 = sin_q3 * t2_168;
-        let t2_174 = cos_q3.mul_add(t2_29, t2_173);
-        let t2_175 = cos_u3_1.mul_add(t2_174, t2_172);
-        let t2_176 = cos_u3_2 * t2_175;
-        let t2_177 = t2_52 - t2_53;
-        let t2_178 = sin_u3_2.mul_add(t2_177, t2_176);
-        let t2_179 = like.lift(1.244).mul_add(t2_178, t2_171);
-        let t2_180 = t2_171 - t2_179;
-        let t2_181 = t2_165 * t2_180;
-        let t2_182 = t2_62 - t2_63;
-        let t2_183 = t2_61 + t2_182;
-        let t2_184 = t2_66 - t2_67;
-        let t2_185 = cos_q3 * t2_184;
-        let t2_186 = sin_q3.mul_add(t2_34, t2_185);
-        let t2_187 = like.lift(0.524).mul_add(t2_186, t2_183);
-        let t2_188 = sin_u3_1 * t2_186;
-        let t2_189 = sin_q3 * t2_184;
-        let t2_190 = (-cos_q3).mul_add(t2_34, t2_189);
-        let t2_191 = cos_u3_1.mul_add(t2_190, t2_188);
-        let t2_192 = cos_u3_2 * t2_191;
-        let t2_193 = sin_u3_2.mul_add(t2_165, t2_192);
-        let t2_194 = like.lift(1.244).mul_add(t2_193, t2_187);
-        let t2_195 = t2_187 - t2_194;
-        let t2_196 = (-t2_177).mul_add(t2_195, t2_181);
-        let t2_197 = cos_u3_1 * t2_186;
-        let t2_198 = (-sin_u3_1).mul_add(t2_190, t2_197);
-        let t2_199 = t2_198 * t2_180;
-        let t2_200 = cos_u3_1 * t2_170;
-        let t2_201 = (-sin_u3_1).mul_add(t2_174, t2_200);
-        let t2_202 = (-t2_201).mul_add(t2_195, t2_199);
-        let t2_203 = -t2_202;
-        let t2_204 = u_e1x_u1_1y + t2_88;
-        let t2_205 = -t2_204;
-        let t2_206 = u_e1x_u1_2y + t2_92;
-        let t2_207 = t2_100 - t2_101;
-        let t2_208 = t2_99 + t2_207;
-        let t2_209 = t2_104 - t2_105;
-        let t2_210 = cos_q3 * t2_209;
-        let t2_211 = (-sin_q3).mul_add(t2_98, t2_210);
-        let t2_212 = like.lift(0.524).mul_add(t2_211, t2_208);
-        let t2_213 = sin_u3_1 * t2_211;
-        let t2_214 = sin_q3 * t2_209;
-        let t2_215 = cos_q3.mul_add(t2_98, t2_214);
-        let t2_216 = cos_u3_1.mul_add(t2_215, t2_213);
-        let t2_217 = cos_u3_2 * t2_216;
-        let t2_218 = t2_115 + t2_116;
-        let t2_219 = sin_u3_2.mul_add(t2_218, t2_217);
-        let t2_220 = like.lift(1.244).mul_add(t2_219, t2_212);
+        let t2_173 = sin_u3_1 * t2_171;
+        let t2_174 = sin_q3 * t2_169;
+        let t2_175 = cos_q3.mul_add(t2_29, t2_174);
+        let t2_176 = cos_u3_1.mul_add(t2_175, t2_173);
+        let t2_177 = cos_u3_2 * t2_176;
+        let t2_178 = t2_52 - t2_53;
+        let t2_179 = sin_u3_2.mul_add(t2_178, t2_177);
+        let t2_180 = like.lift(1.244).mul_add(t2_179, t2_172);
+        let t2_181 = t2_172 - t2_180;
+        let t2_182 = t2_166 * t2_181;
+        let t2_183 = t2_62 - t2_63;
+        let t2_184 = t2_61 + t2_183;
+        let t2_185 = t2_66 - t2_67;
+        let t2_186 = cos_q3 * t2_185;
+        let t2_187 = sin_q3.mul_add(t2_34, t2_186);
+        let t2_188 = like.lift(0.524).mul_add(t2_187, t2_184);
+        let t2_189 = sin_u3_1 * t2_187;
+        let t2_190 = sin_q3 * t2_185;
+        let t2_191 = (-cos_q3).mul_add(t2_34, t2_190);
+        let t2_192 = cos_u3_1.mul_add(t2_191, t2_189);
+        let t2_193 = cos_u3_2 * t2_192;
+        let t2_194 = sin_u3_2.mul_add(t2_166, t2_193);
+        let t2_195 = like.lift(1.244).mul_add(t2_194, t2_188);
+        let t2_196 = t2_188 - t2_195;
+        let t2_197 = (-t2_178).mul_add(t2_196, t2_182);
+        let t2_198 = cos_u3_1 * t2_187;
+        let t2_199 = (-sin_u3_1).mul_add(t2_191, t2_198);
+        let t2_200 = t2_199 * t2_181;
+        let t2_201 = cos_u3_1 * t2_171;
+        let t2_202 = (-sin_u3_1).mul_add(t2_175, t2_201);
+        let t2_203 = (-t2_202).mul_add(t2_196, t2_200);
+        let t2_204 = -t2_203;
+        let t2_205 = u_e1x_u1_1y + t2_88;
+        let t2_206 = -t2_205;
+        let t2_207 = u_e1x_u1_2y + t2_92;
+        let t2_208 = t2_100 - t2_101;
+        let t2_209 = t2_99 + t2_208;
+        let t2_210 = t2_104 - t2_105;
+        let t2_211 = cos_q3 * t2_210;
+        let t2_212 = (-sin_q3).mul_add(t2_98, t2_211);
+        let t2_213 = like.lift(0.524).mul_add(t2_212, t2_209);
+        let t2_214 = sin_u3_1 * t2_212;
+        let t2_215 = sin_q3 * t2_210;
+        let t2_216 = cos_q3.mul_add(t2_98, t2_215);
+        let t2_217 = cos_u3_1.mul_add(t2_216, t2_214);
+        let t2_218 = cos_u3_2 * t2_217;
+        let t2_219 = t2_115 + t2_116;
+        let t2_220 = sin_u3_2.mul_add(t2_219, t2_218);
+        let t2_221 = like.lift(1.244).mul_add(t2_220, t2_213);
         [
             sin_u1_2, cos_u1_2, w_u1_1x, w_rod1z, t2_1, al_u1_1x, t2_2, al_rod1x, sin_e1x,
             cos_e1x, sin_e1y, cos_e1y, sin_u1_2_e1y, cos_u1_2_e1y, e_e1x_q1z, t2_5, t2_6,
             u_platform_u1_2x, t2_7, t2_8, e_e1x_q1y, sin_u1_1, cos_u1_1, t2_16, t2_40, sin_q2,
             cos_q2, sin_u2_2, cos_u2_2, sin_u2_1, cos_u2_1, t2_54, t2_56, t2_65, t2_78, t2_80,
-            t2_85, t2_86, t2_87, t2_88, t2_89, t2_90, t2_91, t2_92, t2_93, t2_94, t2_103,
-            t2_117, t2_119, t2_122, pivot_1, t2_127, u_platform_u1_1z, t2_128, t2_129, t2_130,
-            t2_131, t2_132, u_e1x_u1_2z, t2_133, t2_134, t2_135, t2_137, t2_139, t2_146,
-            t2_147, t2_150, t2_151, t2_152, t2_157, t2_158, t2_163, t2_164, t2_165, t2_167,
-            sin_q3, cos_q3, sin_u3_2, cos_u3_2, sin_u3_1, cos_u3_1, t2_177, t2_179, t2_180,
-            t2_183, t2_194, t2_195, t2_196, t2_198, t2_201, t2_202, t2_203, t2_204, t2_205,
-            t2_206, t2_208, t2_211, t2_212, t2_215, t2_218, t2_220,
+            t2_86, t2_87, t2_88, t2_89, t2_90, t2_91, t2_92, t2_93, t2_94, t2_103, t2_117,
+            t2_119, t2_122, pivot_1, t2_127, u_platform_u1_1z, t2_128, t2_129, t2_130, t2_131,
+            t2_132, u_e1x_u1_2z, t2_133, t2_134, t2_135, t2_137, t2_139, t2_146, t2_147,
+            t2_150, t2_151, t2_152, t2_153, t2_158, t2_159, t2_164, t2_165, t2_166, t2_168,
+            sin_q3, cos_q3, sin_u3_2, cos_u3_2, sin_u3_1, cos_u3_1, t2_178, t2_180, t2_181,
+            t2_184, t2_195, t2_196, t2_197, t2_199, t2_202, t2_203, t2_204, t2_205, t2_206,
+            t2_207, t2_209, t2_212, t2_213, t2_216, t2_219, t2_221,
         ]
     };
     // body rod1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m, part 2
     let [
-        t3_3, t3_8, t3_10, t3_11, t3_13, t3_16, t3_24, t3_27, t3_29, t3_35, t3_40,
-        u_platform_q1x, t3_42, t3_46, u_e1x_q1y, t3_50, t3_51, t3_54, u_platform_q1z, t3_57,
-        t3_59, t3_63, t3_65, t3_68, t3_69, t3_71, inv_pivot_1, t3_75, pivot_2, inv_pivot_2,
-        t3_83, t3_84, pivot_4, inv_pivot_4, t3_88, t3_91, t3_98, t3_102, t3_105, pivot_5,
-        t3_113, t3_114, t3_120, pivot_6, pivot_7, pivot_8, t3_167, t3_169, t3_172, t3_176,
-        t3_179, t3_181, t3_184, t3_200, t3_202, t3_205, t3_209, t3_212, t3_219, t3_221, t3_224,
-        t3_228,
+        t3_3, t3_7, t3_9, t3_10, t3_12, t3_15, t3_23, t3_26, t3_28, t3_34, t3_39,
+        u_platform_q1x, t3_41, t3_45, u_e1x_q1y, t3_50, t3_53, u_platform_q1z, t3_56, t3_58,
+        t3_62, t3_63, t3_64, t3_67, t3_68, t3_70, inv_pivot_1, pivot_2, pivot_5, inv_pivot_3,
+        t3_86, pivot_4, inv_pivot_4, t3_91, pivot_6, t3_95, t3_101, pivot_7, pivot_8, t3_153,
+        t3_155, t3_158, t3_162, t3_176, t3_179, t3_183, t3_185, t3_192, t3_194, t3_197, t3_201,
+        t3_202, t3_203, t3_204, t3_205, t3_209, t3_213, t3_217, t3_218, t3_220, t3_225, t3_226,
     ] = {
-        let t3_1 = t2_212 - t2_220;
-        let t3_2 = t2_177 * t3_1;
-        let t3_3 = (-t2_218).mul_add(t2_180, t3_2);
-        let t3_4 = t2_201 * t3_1;
-        let t3_5 = cos_u3_1 * t2_211;
-        let t3_6 = (-sin_u3_1).mul_add(t2_215, t3_5);
-        let t3_7 = (-t3_6).mul_add(t2_180, t3_4);
-        let t3_8 = -t3_7;
-        let t3_9 = t2_128 + t2_129;
-        let t3_10 = u_platform_u1_1z + t3_9;
-        let t3_11 = u_e1x_u1_2z + t2_133;
-        let t3_12 = t2_218 * t2_195;
-        let t3_13 = (-t2_165).mul_add(t3_1, t3_12);
-        let t3_14 = t3_6 * t2_195;
-        let t3_15 = (-t2_198).mul_add(t3_1, t3_14);
-        let t3_16 = -t3_15;
-        let t3_17 = cos_u1_2_e1y * t2_201;
-        let t3_18 = like.lift(0.8660254037844386) * t3_17;
-        let t3_19 = e_e1x_q1y * t2_201;
-        let t3_20 = like.lift(-0.5).mul_add(t3_19, t3_18);
-        let t3_21 = like.lift(0.8660254037844386) * t3_6;
-        let t3_22 = like.lift(-0.5).mul_add(t2_198, t3_21);
-        let t3_23 = (-e_e1x_q1z).mul_add(t3_22, t3_20);
-        let t3_24 = -t3_23;
-        let t3_25 = cos_e1x * t2_201;
-        let t3_26 = like.lift(0.5) * t3_25;
-        let t3_27 = (-sin_e1x).mul_add(t3_22, t3_26);
-        let t3_28 = like.lift(0.8660254037844386) * t2_201;
-        let t3_29 = -t3_28;
-        let t3_30 = t2_218 * t2_201;
-        let t3_31 = like.lift(0.8660254037844386) * t3_30;
-        let t3_32 = t2_165 * t2_201;
-        let t3_33 = like.lift(-0.5).mul_add(t3_32, t3_31);
-        let t3_34 = (-t2_177).mul_add(t3_22, t3_33);
-        let t3_35 = -t3_34;
-        let t3_36 = t3_6 * t2_201;
-        let t3_37 = like.lift(0.8660254037844386) * t3_36;
-        let t3_38 = t2_198 * t2_201;
-        let t3_39 = like.lift(-0.5).mul_add(t3_38, t3_37);
-        let t3_40 = (-t2_201).mul_add(t3_22, t3_39);
-        let t3_41 = cos_u1_1 * sin_u1_2_e1y;
-        let u_e1y_q1x = like.lift(0.524) * t3_41;
+        let t3_1 = t2_213 - t2_221;
+        let t3_2 = t2_178 * t3_1;
+        let t3_3 = (-t2_219).mul_add(t2_181, t3_2);
+        let t3_4 = t2_202 * t3_1;
+        let t3_5 = cos_u3_1 * t2_212;
+        let t3_6 = (-sin_u3_1).mul_add(t2_216, t3_5);
+        let pivot_3 = (-t3_6).mul_add(t2_181, t3_4);
+        let t3_7 = -pivot_3;
+        let t3_8 = t2_128 + t2_129;
+        let t3_9 = u_platform_u1_1z + t3_8;
+        let t3_10 = u_e1x_u1_2z + t2_133;
+        let t3_11 = t2_219 * t2_196;
+        let t3_12 = (-t2_166).mul_add(t3_1, t3_11);
+        let t3_13 = t3_6 * t2_196;
+        let t3_14 = (-t2_199).mul_add(t3_1, t3_13);
+        let t3_15 = -t3_14;
+        let t3_16 = cos_u1_2_e1y * t2_202;
+        let t3_17 = like.lift(0.8660254037844386) * t3_16;
+        let t3_18 = e_e1x_q1y * t2_202;
+        let t3_19 = like.lift(-0.5).mul_add(t3_18, t3_17);
+        let t3_20 = like.lift(0.8660254037844386) * t3_6;
+        let t3_21 = like.lift(-0.5).mul_add(t2_199, t3_20);
+        let t3_22 = (-e_e1x_q1z).mul_add(t3_21, t3_19);
+        let t3_23 = -t3_22;
+        let t3_24 = cos_e1x * t2_202;
+        let t3_25 = like.lift(0.5) * t3_24;
+        let t3_26 = (-sin_e1x).mul_add(t3_21, t3_25);
+        let t3_27 = like.lift(0.8660254037844386) * t2_202;
+        let t3_28 = -t3_27;
+        let t3_29 = t2_219 * t2_202;
+        let t3_30 = like.lift(0.8660254037844386) * t3_29;
+        let t3_31 = t2_166 * t2_202;
+        let t3_32 = like.lift(-0.5).mul_add(t3_31, t3_30);
+        let t3_33 = (-t2_178).mul_add(t3_21, t3_32);
+        let t3_34 = -t3_33;
+        let t3_35 = t3_6 * t2_202;
+        let t3_36 = like.lift(0.8660254037844386) * t3_35;
+        let t3_37 = t2_199 * t2_202;
+        let t3_38 = like.lift(-0.5).mul_add(t3_37, t3_36);
+        let t3_39 = (-t2_202).mul_add(t3_21, t3_38);
+        let t3_40 = cos_u1_1 * sin_u1_2_e1y;
+        let u_e1y_q1x = like.lift(0.524) * t3_40;
         let u_platform_u1_1x = like.lift(0.044) * e_e1x_q1z;
         let u_platform_q1x = u_e1y_q1x - u_platform_u1_1x;
-        let t3_42 = like.lift(-0.022).mul_add(e_e1x_q1z, u_platform_q1x);
-        let t3_43 = t2_40 - t2_56;
-        let t3_44 = t2_16 * t3_43;
-        let t3_45 = t2_65 - t2_78;
-        let t3_46 = (-t2_54).mul_add(t3_45, t3_44);
+        let t3_41 = like.lift(-0.022).mul_add(e_e1x_q1z, u_platform_q1x);
+        let t3_42 = t2_40 - t2_56;
+        let t3_43 = t2_16 * t3_42;
+        let t3_44 = t2_65 - t2_78;
+        let t3_45 = (-t2_54).mul_add(t3_44, t3_43);
         let u_u1_1_q1y = like.lift(0.524) * sin_u1_1;
         let u_e1y_u1_1y = like.lift(1.244) * cos_u1_2;
         let u_e1y_q1y = u_u1_1_q1y + u_e1y_u1_1y;
-        let t3_47 = cos_e1x * u_e1y_q1y;
-        let t3_48 = cos_u1_1 * cos_u1_2_e1y;
-        let t3_49 = sin_e1x * t3_48;
-        let u_e1x_q1y = like.lift(0.524).mul_add(t3_49, t3_47);
-        let t3_50 = u_e1x_q1y - t2_88;
-        let t3_51 = -t3_50;
-        let t3_52 = t2_103 - t2_119;
-        let t3_53 = t2_54 * t3_52;
-        let t3_54 = (-t2_117).mul_add(t3_43, t3_53);
-        let t3_55 = sin_e1x * u_e1y_q1y;
-        let t3_56 = cos_e1x * t3_48;
-        let u_e1x_q1z = like.lift(-0.524).mul_add(t3_56, t3_55);
+        let t3_46 = cos_e1x * u_e1y_q1y;
+        let t3_47 = cos_u1_1 * cos_u1_2_e1y;
+        let t3_48 = sin_e1x * t3_47;
+        let u_e1x_q1y = like.lift(0.524).mul_add(t3_48, t3_46);
+        let t3_49 = u_e1x_q1y - t2_88;
+        let t3_50 = -t3_49;
+        let t3_51 = t2_103 - t2_119;
+        let t3_52 = t2_54 * t3_51;
+        let t3_53 = (-t2_117).mul_add(t3_42, t3_52);
+        let t3_54 = sin_e1x * u_e1y_q1y;
+        let t3_55 = cos_e1x * t3_47;
+        let u_e1x_q1z = like.lift(-0.524).mul_add(t3_55, t3_54);
         let u_platform_q1z = u_e1x_q1z + t2_127;
-        let t3_57 = u_platform_q1z + t2_130;
-        let t3_58 = t2_117 * t3_45;
-        let t3_59 = (-t2_16).mul_add(t3_52, t3_58);
-        let t3_60 = t2_167 - t2_179;
-        let t3_61 = t2_165 * t3_60;
-        let t3_62 = t2_183 - t2_194;
-        let t3_63 = (-t2_177).mul_add(t3_62, t3_61);
-        let t3_64 = u_e1x_q1y + t2_88;
-        let t3_65 = -t3_64;
-        let t3_66 = t2_208 - t2_220;
-        let t3_67 = t2_177 * t3_66;
-        let t3_68 = (-t2_218).mul_add(t3_60, t3_67);
-        let t3_69 = u_platform_q1z + t3_9;
-        let t3_70 = t2_218 * t3_62;
-        let t3_71 = (-t2_165).mul_add(t3_66, t3_70);
+        let t3_56 = u_platform_q1z + t2_130;
+        let t3_57 = t2_117 * t3_44;
+        let t3_58 = (-t2_16).mul_add(t3_51, t3_57);
+        let t3_59 = t2_168 - t2_180;
+        let t3_60 = t2_166 * t3_59;
+        let t3_61 = t2_184 - t2_195;
+        let t3_62 = (-t2_178).mul_add(t3_61, t3_60);
+        let t3_63 = u_e1x_q1y + t2_88;
+        let t3_64 = -t3_63;
+        let t3_65 = t2_209 - t2_221;
+        let t3_66 = t2_178 * t3_65;
+        let t3_67 = (-t2_219).mul_add(t3_59, t3_66);
+        let t3_68 = u_platform_q1z + t3_8;
+        let t3_69 = t2_219 * t3_61;
+        let t3_70 = (-t2_166).mul_add(t3_65, t3_69);
         let inv_pivot_1 = like.lift(1.0) / pivot_1;
-        let t3_72 = t2_139 * inv_pivot_1;
-        let t3_73 = t2_89.mul_add(t3_72, t2_131);
-        let t3_74 = t2_86 * inv_pivot_1;
-        let t3_75 = (-t2_89).mul_add(t3_74, t2_5);
-        let t3_76 = (-t2_122).mul_add(t3_72, t2_137);
-        let pivot_2 = (-t2_122).mul_add(t3_74, t2_80);
+        let t3_71 = t2_139 * inv_pivot_1;
+        let t3_72 = t2_89.mul_add(t3_71, t2_131);
+        let t3_73 = t2_86 * inv_pivot_1;
+        let t3_74 = (-t2_89).mul_add(t3_73, t2_5);
+        let t3_75 = (-t2_122).mul_add(t3_71, t2_137);
+        let pivot_2 = (-t2_122).mul_add(t3_73, t2_80);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t3_77 = t3_76 * inv_pivot_2;
-        let t3_78 = t3_75.mul_add(t3_77, t3_73);
-        let t3_79 = t2_163 * inv_pivot_1;
-        let t3_80 = t2_89.mul_add(t3_79, t2_146);
-        let t3_81 = (-t2_122).mul_add(t3_79, t2_157);
-        let t3_82 = t3_81 * inv_pivot_2;
-        let t3_83 = t3_75.mul_add(t3_82, t3_80);
-        let t3_84 = like.lift(1.0) / t2_85;
-        let t3_85 = t3_83 * t3_84;
-        let t3_86 = like.lift(0.0762102355330306) * t3_85;
-        let pivot_4 = t3_78 - t3_86;
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t3_87 = t3_50.mul_add(t3_72, t3_57);
-        let t3_88 = t3_50.mul_add(t3_74, t3_42);
-        let t3_89 = (-t3_88).mul_add(t3_77, t3_87);
-        let t3_90 = t3_50.mul_add(t3_79, t2_146);
-        let t3_91 = (-t3_88).mul_add(t3_82, t3_90);
-        let t3_92 = t3_91 * t3_84;
-        let t3_93 = like.lift(0.0762102355330306) * t3_92;
-        let t3_94 = t3_89 - t3_93;
-        let t3_95 = sin_e1x * t3_72;
-        let t3_96 = like.lift(-0.0381051177665153).mul_add(t3_95, t2_133);
-        let t3_97 = sin_e1x * t3_74;
-        let t3_98 = like.lift(0.0381051177665153).mul_add(t3_97, t2_8);
-        let t3_99 = t3_98.mul_add(t3_77, t3_96);
-        let t3_100 = sin_e1x * t3_79;
-        let t3_101 = like.lift(0.0381051177665153).mul_add(t3_100, t2_150);
-        let t3_102 = (-t3_98).mul_add(t3_82, t3_101);
-        let t3_103 = t3_102 * t3_84;
-        let t3_104 = like.lift(0.0762102355330306) * t3_103;
-        let t3_105 = t3_99 + t3_104;
-        let t3_106 = t2_201 * t3_84;
-        let t3_107 = t3_102.mul_add(t3_106, t3_27);
-        let t3_108 = (-t3_83).mul_add(t3_106, t3_23);
-        let t3_109 = t3_108 * inv_pivot_4;
-        let pivot_5 = (-t3_105).mul_add(t3_109, t3_107);
+        let t3_76 = t3_75 * inv_pivot_2;
+        let pivot_5 = t3_74.mul_add(t3_76, t3_72);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t3_110 = (-t3_91).mul_add(t3_106, t3_23);
-        let t3_111 = (-t3_94).mul_add(t3_109, t3_110);
-        let t3_112 = (-t2_93).mul_add(t3_79, t2_150);
-        let t3_113 = (-t2_93).mul_add(t3_74, t2_7);
-        let t3_114 = (-t3_113).mul_add(t3_82, t3_112);
-        let t3_115 = t3_114.mul_add(t3_106, t3_27);
-        let t3_116 = (-t2_93).mul_add(t3_72, t2_134);
-        let t3_117 = (-t3_113).mul_add(t3_77, t3_116);
-        let t3_118 = t3_114 * t3_84;
-        let t3_119 = like.lift(0.0762102355330306) * t3_118;
-        let t3_120 = t3_117 - t3_119;
-        let t3_121 = t3_120.mul_add(t3_109, t3_115);
-        let t3_122 = e_e1x_q1z * inv_pivot_4;
-        let t3_123 = t3_120 * t3_122;
-        let t3_124 = like.lift(0.066).mul_add(t3_123, t2_7);
-        let t3_125 = t3_105 * t3_122;
-        let t3_126 = like.lift(-0.066).mul_add(t3_125, t2_8);
-        let t3_127 = t3_126 * inv_pivot_5;
-        let pivot_6 = (-t3_121).mul_add(t3_127, t3_124);
+        let t3_77 = t3_49.mul_add(t3_71, t3_56);
+        let t3_78 = t3_49.mul_add(t3_73, t3_41);
+        let t3_79 = (-t3_78).mul_add(t3_76, t3_77);
+        let t3_80 = (-t2_93).mul_add(t3_71, t2_134);
+        let t3_81 = (-t2_93).mul_add(t3_73, t2_7);
+        let t3_82 = (-t3_81).mul_add(t3_76, t3_80);
+        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let t3_83 = t3_14 * inv_pivot_3;
+        let t3_84 = (-t2_207).mul_add(t3_83, t3_10);
+        let t3_85 = t2_203 * inv_pivot_3;
+        let t3_86 = (-t2_207).mul_add(t3_85, t2_7);
+        let t3_87 = (-t3_3).mul_add(t3_83, t3_12);
+        let pivot_4 = (-t3_3).mul_add(t3_85, t2_197);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t3_88 = t3_87 * inv_pivot_4;
+        let t3_89 = (-t3_86).mul_add(t3_88, t3_84);
+        let t3_90 = t2_205.mul_add(t3_83, t3_9);
+        let t3_91 = (-t2_205).mul_add(t3_85, t2_5);
+        let t3_92 = t3_91.mul_add(t3_88, t3_90);
+        let t3_93 = t3_92 * inv_pivot_5;
+        let pivot_6 = (-t3_82).mul_add(t3_93, t3_89);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t3_128 = t3_94 * t3_122;
-        let t3_129 = like.lift(0.066).mul_add(t3_128, t3_42);
-        let t3_130 = t3_111.mul_add(t3_127, t3_129);
-        let t3_131 = t3_34 * t3_127;
-        let t3_132 = t2_196 + t3_131;
-        let t3_133 = t2_133 - t3_104;
-        let t3_134 = t3_10 - t3_86;
-        let t3_135 = t3_134 * inv_pivot_4;
-        let t3_136 = t3_105.mul_add(t3_135, t3_133);
-        let t3_137 = t3_136 * inv_pivot_5;
-        let t3_138 = t3_34 * t3_137;
-        let t3_139 = t3_13 + t3_138;
-        let t3_140 = t3_11 - t3_119;
-        let t3_141 = (-t3_120).mul_add(t3_135, t3_140);
-        let t3_142 = (-t3_121).mul_add(t3_137, t3_141);
-        let t3_143 = t3_142 * inv_pivot_6;
-        let pivot_7 = (-t3_132).mul_add(t3_143, t3_139);
+        let t3_94 = t3_63.mul_add(t3_83, t3_68);
+        let t3_95 = t3_63.mul_add(t3_85, t3_41);
+        let t3_96 = (-t3_95).mul_add(t3_88, t3_94);
+        let t3_97 = (-t3_79).mul_add(t3_93, t3_96);
+        let t3_98 = sin_e1x * t3_83;
+        let t3_99 = like.lift(-0.0381051177665153).mul_add(t3_98, t2_133);
+        let t3_100 = sin_e1x * t3_85;
+        let t3_101 = like.lift(-0.0381051177665153).mul_add(t3_100, t2_8);
+        let t3_102 = (-t3_101).mul_add(t3_88, t3_99);
+        let t3_103 = sin_e1x * t3_71;
+        let t3_104 = like.lift(-0.0381051177665153).mul_add(t3_103, t2_133);
+        let t3_105 = sin_e1x * t3_73;
+        let t3_106 = like.lift(0.0381051177665153).mul_add(t3_105, t2_8);
+        let t3_107 = t3_106.mul_add(t3_76, t3_104);
+        let t3_108 = t3_107.mul_add(t3_93, t3_102);
+        let t3_109 = t2_164 * inv_pivot_1;
+        let t3_110 = sin_e1x * t3_109;
+        let t3_111 = like.lift(0.0381051177665153).mul_add(t3_110, t2_150);
+        let t3_112 = (-t2_122).mul_add(t3_109, t2_158);
+        let t3_113 = t3_112 * inv_pivot_2;
+        let t3_114 = (-t3_106).mul_add(t3_113, t3_111);
+        let t3_115 = t2_89.mul_add(t3_109, t2_146);
+        let t3_116 = t3_74.mul_add(t3_113, t3_115);
+        let t3_117 = t3_116 * inv_pivot_5;
+        let t3_118 = t3_107.mul_add(t3_117, t3_114);
+        let t3_119 = (-t2_93).mul_add(t3_109, t2_150);
+        let t3_120 = (-t3_81).mul_add(t3_113, t3_119);
+        let t3_121 = (-t3_82).mul_add(t3_117, t3_120);
+        let t3_122 = t3_121 * inv_pivot_6;
+        let pivot_7 = (-t3_108).mul_add(t3_122, t3_118);
         let inv_pivot_7 = like.lift(1.0) / pivot_7;
-        let t3_144 = t3_69 - t3_93;
-        let t3_145 = (-t3_94).mul_add(t3_135, t3_144);
-        let t3_146 = t3_111.mul_add(t3_137, t3_145);
-        let t3_147 = (-t3_130).mul_add(t3_143, t3_146);
-        let t3_148 = t3_40.mul_add(t3_137, t3_15);
-        let t3_149 = t3_40.mul_add(t3_127, t2_202);
-        let t3_150 = (-t3_149).mul_add(t3_143, t3_148);
-        let t3_151 = t2_204 * inv_pivot_4;
-        let t3_152 = (-t3_94).mul_add(t3_151, t3_64);
-        let t3_153 = (-t3_105).mul_add(t3_151, t2_92);
-        let t3_154 = t3_153 * inv_pivot_5;
-        let t3_155 = (-t3_111).mul_add(t3_154, t3_152);
-        let t3_156 = t3_120.mul_add(t3_151, t2_206);
-        let t3_157 = (-t3_121).mul_add(t3_154, t3_156);
-        let t3_158 = t3_157 * inv_pivot_6;
-        let t3_159 = t3_130.mul_add(t3_158, t3_155);
-        let t3_160 = t3_34 * t3_154;
-        let t3_161 = t3_3 + t3_160;
-        let t3_162 = (-t3_132).mul_add(t3_158, t3_161);
-        let t3_163 = t3_162 * inv_pivot_7;
-        let t3_164 = t3_147.mul_add(t3_163, t3_159);
-        let t3_165 = t3_40.mul_add(t3_154, t3_7);
-        let t3_166 = (-t3_149).mul_add(t3_158, t3_165);
-        let pivot_8 = (-t3_150).mul_add(t3_163, t3_166);
+        let t3_123 = t3_49.mul_add(t3_109, t2_146);
+        let t3_124 = (-t3_78).mul_add(t3_113, t3_123);
+        let t3_125 = (-t3_79).mul_add(t3_117, t3_124);
+        let t3_126 = (-t3_97).mul_add(t3_122, t3_125);
+        let t3_127 = like.lift(-0.066).mul_add(t3_117, t2_152);
+        let t3_128 = like.lift(-0.066).mul_add(t3_93, like.lift(0.066));
+        let t3_129 = (-t3_128).mul_add(t3_122, t3_127);
+        let t3_130 = t3_39 * inv_pivot_3;
+        let t3_131 = t3_63.mul_add(t3_130, t3_22);
+        let t3_132 = (-t3_3).mul_add(t3_130, t3_33);
+        let t3_133 = t3_132 * inv_pivot_4;
+        let t3_134 = (-t3_95).mul_add(t3_133, t3_131);
+        let t3_135 = t2_205.mul_add(t3_130, t3_22);
+        let t3_136 = t3_91.mul_add(t3_133, t3_135);
+        let t3_137 = t3_136 * inv_pivot_5;
+        let t3_138 = (-t3_79).mul_add(t3_137, t3_134);
+        let t3_139 = t2_207.mul_add(t3_130, t3_26);
+        let t3_140 = t3_86.mul_add(t3_133, t3_139);
+        let t3_141 = t3_82.mul_add(t3_137, t3_140);
+        let t3_142 = t3_141 * inv_pivot_6;
+        let t3_143 = t3_97.mul_add(t3_142, t3_138);
+        let t3_144 = sin_e1x * t3_130;
+        let t3_145 = like.lift(0.0381051177665153).mul_add(t3_144, t3_26);
+        let t3_146 = t3_101.mul_add(t3_133, t3_145);
+        let t3_147 = (-t3_107).mul_add(t3_137, t3_146);
+        let t3_148 = (-t3_108).mul_add(t3_142, t3_147);
+        let t3_149 = t3_148 * inv_pivot_7;
+        let t3_150 = t3_126.mul_add(t3_149, t3_143);
+        let t3_151 = like.lift(-0.066).mul_add(t3_137, t3_27);
+        let t3_152 = t3_128.mul_add(t3_142, t3_151);
+        let pivot_8 = t3_129.mul_add(t3_149, t3_152);
         let inv_pivot_8 = like.lift(1.0) / pivot_8;
-        let t3_167 = t3_164 * inv_pivot_8;
-        let t3_168 = t3_150.mul_add(t3_167, t3_147);
-        let t3_169 = inv_pivot_7 * t3_168;
-        let t3_170 = (-t3_132).mul_add(t3_169, t3_130);
-        let t3_171 = t3_149.mul_add(t3_167, t3_170);
-        let t3_172 = inv_pivot_6 * t3_171;
-        let t3_173 = t3_121.mul_add(t3_172, t3_111);
-        let t3_174 = (-t3_34).mul_add(t3_169, t3_173);
-        let t3_175 = t3_40.mul_add(t3_167, t3_174);
-        let t3_176 = inv_pivot_5 * t3_175;
-        let t3_177 = (-t3_105).mul_add(t3_176, t3_94);
-        let t3_178 = (-t3_120).mul_add(t3_172, t3_177);
-        let t3_179 = inv_pivot_4 * t3_178;
-        let t3_180 = (-t3_54).mul_add(t3_72, t3_59);
-        let t3_181 = (-t3_54).mul_add(t3_74, t3_46);
-        let t3_182 = (-t3_181).mul_add(t3_77, t3_180);
-        let t3_183 = (-t3_54).mul_add(t3_79, t2_157);
-        let t3_184 = (-t3_181).mul_add(t3_82, t3_183);
-        let t3_185 = t3_184 * t3_84;
-        let t3_186 = like.lift(0.0762102355330306) * t3_185;
-        let t3_187 = t3_182 - t3_186;
-        let t3_188 = t3_184 * t3_106;
-        let t3_189 = t3_187.mul_add(t3_109, t3_188);
-        let t3_190 = t3_187 * t3_122;
-        let t3_191 = like.lift(0.066) * t3_190;
-        let t3_192 = (-t3_189).mul_add(t3_127, t3_191);
-        let t3_193 = t3_187.mul_add(t3_135, t3_186);
-        let t3_194 = t3_189.mul_add(t3_137, t3_193);
-        let t3_195 = t3_192.mul_add(t3_143, t3_194);
-        let t3_196 = t3_187 * t3_151;
-        let t3_197 = (-t3_189).mul_add(t3_154, t3_196);
-        let t3_198 = (-t3_192).mul_add(t3_158, t3_197);
-        let t3_199 = t3_195.mul_add(t3_163, t3_198);
-        let t3_200 = t3_199 * inv_pivot_8;
-        let t3_201 = t3_150.mul_add(t3_200, t3_195);
-        let t3_202 = inv_pivot_7 * t3_201;
-        let t3_203 = t3_132.mul_add(t3_202, t3_192);
-        let t3_204 = (-t3_149).mul_add(t3_200, t3_203);
-        let t3_205 = inv_pivot_6 * t3_204;
-        let t3_206 = (-t3_121).mul_add(t3_205, t3_189);
-        let t3_207 = (-t3_34).mul_add(t3_202, t3_206);
-        let t3_208 = t3_40.mul_add(t3_200, t3_207);
-        let t3_209 = inv_pivot_5 * t3_208;
-        let t3_210 = t3_105.mul_add(t3_209, t3_187);
-        let t3_211 = (-t3_120).mul_add(t3_205, t3_210);
-        let t3_212 = inv_pivot_4 * t3_211;
-        let t3_213 = t3_63 + t3_131;
-        let t3_214 = t3_71 + t3_138;
-        let t3_215 = (-t3_213).mul_add(t3_143, t3_214);
-        let t3_216 = t3_68 + t3_160;
-        let t3_217 = (-t3_213).mul_add(t3_158, t3_216);
-        let t3_218 = (-t3_215).mul_add(t3_163, t3_217);
-        let t3_219 = t3_218 * inv_pivot_8;
-        let t3_220 = (-t3_150).mul_add(t3_219, t3_215);
-        let t3_221 = inv_pivot_7 * t3_220;
-        let t3_222 = (-t3_132).mul_add(t3_221, t3_213);
-        let t3_223 = (-t3_149).mul_add(t3_219, t3_222);
-        let t3_224 = inv_pivot_6 * t3_223;
-        let t3_225 = t3_121.mul_add(t3_224, t3_34);
-        let t3_226 = (-t3_34).mul_add(t3_221, t3_225);
-        let t3_227 = (-t3_40).mul_add(t3_219, t3_226);
-        let t3_228 = inv_pivot_5 * t3_227;
+        let t3_153 = t3_150 * inv_pivot_8;
+        let t3_154 = (-t3_129).mul_add(t3_153, t3_126);
+        let t3_155 = inv_pivot_7 * t3_154;
+        let t3_156 = (-t3_108).mul_add(t3_155, t3_97);
+        let t3_157 = (-t3_128).mul_add(t3_153, t3_156);
+        let t3_158 = inv_pivot_6 * t3_157;
+        let t3_159 = (-t3_82).mul_add(t3_158, t3_79);
+        let t3_160 = t3_107.mul_add(t3_155, t3_159);
+        let t3_161 = like.lift(-0.066).mul_add(t3_153, t3_160);
+        let t3_162 = inv_pivot_5 * t3_161;
+        let t3_163 = (-t3_53).mul_add(t3_71, t3_58);
+        let t3_164 = (-t3_53).mul_add(t3_73, t3_45);
+        let t3_165 = (-t3_164).mul_add(t3_76, t3_163);
+        let t3_166 = t3_165 * t3_93;
+        let t3_167 = (-t3_53).mul_add(t3_109, t2_158);
+        let t3_168 = (-t3_164).mul_add(t3_113, t3_167);
+        let t3_169 = (-t3_165).mul_add(t3_117, t3_168);
+        let t3_170 = t3_166.mul_add(t3_122, t3_169);
+        let t3_171 = t3_165 * t3_137;
+        let t3_172 = t3_166.mul_add(t3_142, t3_171);
+        let t3_173 = (-t3_170).mul_add(t3_149, t3_172);
+        let t3_174 = t3_173 * inv_pivot_8;
+        let t3_175 = t3_129.mul_add(t3_174, t3_170);
+        let t3_176 = inv_pivot_7 * t3_175;
+        let t3_177 = t3_108.mul_add(t3_176, t3_166);
+        let t3_178 = (-t3_128).mul_add(t3_174, t3_177);
+        let t3_179 = inv_pivot_6 * t3_178;
+        let t3_180 = t3_82.mul_add(t3_179, t3_165);
+        let t3_181 = t3_107.mul_add(t3_176, t3_180);
+        let t3_182 = like.lift(0.066).mul_add(t3_174, t3_181);
+        let t3_183 = inv_pivot_5 * t3_182;
+        let t3_184 = (-t3_67).mul_add(t3_83, t3_70);
+        let t3_185 = (-t3_67).mul_add(t3_85, t3_62);
+        let t3_186 = (-t3_185).mul_add(t3_88, t3_184);
+        let t3_187 = t3_186 * t3_122;
+        let t3_188 = (-t3_67).mul_add(t3_130, t3_33);
+        let t3_189 = (-t3_185).mul_add(t3_133, t3_188);
+        let t3_190 = t3_186.mul_add(t3_142, t3_189);
+        let t3_191 = (-t3_187).mul_add(t3_149, t3_190);
+        let t3_192 = t3_191 * inv_pivot_8;
+        let t3_193 = t3_129.mul_add(t3_192, t3_187);
+        let t3_194 = inv_pivot_7 * t3_193;
+        let t3_195 = t3_108.mul_add(t3_194, t3_186);
+        let t3_196 = (-t3_128).mul_add(t3_192, t3_195);
+        let t3_197 = inv_pivot_6 * t3_196;
+        let t3_198 = t3_82 * t3_197;
+        let t3_199 = t3_107.mul_add(t3_194, t3_198);
+        let t3_200 = like.lift(0.066).mul_add(t3_192, t3_199);
+        let t3_201 = inv_pivot_5 * t3_200;
+        let t3_202 = -t3_201;
+        let t3_203 = -t3_179;
+        let t3_204 = -t3_194;
+        let t3_205 = -t3_174;
+        let t3_206 = t3_74.mul_add(t3_162, t3_78);
+        let t3_207 = (-t3_81).mul_add(t3_158, t3_206);
+        let t3_208 = (-t3_106).mul_add(t3_155, t3_207);
+        let t3_209 = inv_pivot_2 * t3_208;
+        let t3_210 = t3_74.mul_add(t3_183, t3_164);
+        let t3_211 = t3_81.mul_add(t3_179, t3_210);
+        let t3_212 = (-t3_106).mul_add(t3_176, t3_211);
+        let t3_213 = inv_pivot_2 * t3_212;
+        let t3_214 = t3_74 * t3_201;
+        let t3_215 = t3_81.mul_add(t3_197, t3_214);
+        let t3_216 = (-t3_106).mul_add(t3_194, t3_215);
+        let t3_217 = inv_pivot_2 * t3_216;
+        let t3_218 = -t3_217;
+        let t3_219 = sin_e1x * t3_155;
+        let t3_220 = like.lift(0.0381051177665153) * t3_219;
+        let t3_221 = t2_122.mul_add(t3_209, t3_49);
+        let t3_222 = (-t2_89).mul_add(t3_162, t3_221);
+        let t3_223 = t2_93.mul_add(t3_158, t3_222);
+        let t3_224 = t3_220 - t3_223;
+        let t3_225 = inv_pivot_1 * t3_224;
+        let t3_226 = sin_e1x * t3_176;
         [
-            t3_3, t3_8, t3_10, t3_11, t3_13, t3_16, t3_24, t3_27, t3_29, t3_35, t3_40,
-            u_platform_q1x, t3_42, t3_46, u_e1x_q1y, t3_50, t3_51, t3_54, u_platform_q1z,
-            t3_57, t3_59, t3_63, t3_65, t3_68, t3_69, t3_71, inv_pivot_1, t3_75, pivot_2,
-            inv_pivot_2, t3_83, t3_84, pivot_4, inv_pivot_4, t3_88, t3_91, t3_98, t3_102,
-            t3_105, pivot_5, t3_113, t3_114, t3_120, pivot_6, pivot_7, pivot_8, t3_167, t3_169,
-            t3_172, t3_176, t3_179, t3_181, t3_184, t3_200, t3_202, t3_205, t3_209, t3_212,
-            t3_219, t3_221, t3_224, t3_228,
+            t3_3, t3_7, t3_9, t3_10, t3_12, t3_15, t3_23, t3_26, t3_28, t3_34, t3_39,
+            u_platform_q1x, t3_41, t3_45, u_e1x_q1y, t3_50, t3_53, u_platform_q1z, t3_56,
+            t3_58, t3_62, t3_63, t3_64, t3_67, t3_68, t3_70, inv_pivot_1, pivot_2, pivot_5,
+            inv_pivot_3, t3_86, pivot_4, inv_pivot_4, t3_91, pivot_6, t3_95, t3_101, pivot_7,
+            pivot_8, t3_153, t3_155, t3_158, t3_162, t3_176, t3_179, t3_183, t3_185, t3_192,
+            t3_194, t3_197, t3_201, t3_202, t3_203, t3_204, t3_205, t3_209, t3_213, t3_217,
+            t3_218, t3_220, t3_225, t3_226,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -4225,72 +4210,59 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
         x_e1y_q3, x_e1x_q1, x_e1x_q2, x_e1x_q3, x_u2_1_q1, x_u2_1_q2, x_u2_1_q3, x_u2_2_q1,
         x_u2_2_q2, x_u2_2_q3, x_u3_1_q1, x_u3_1_q2, x_u3_1_q3, x_u3_2_q1, x_u3_2_q2, x_u3_2_q3,
     ] = {
-        let t4_1 = t3_105 * t3_228;
-        let t4_2 = t3_120.mul_add(t3_224, t4_1);
-        let t4_3 = inv_pivot_4 * t4_2;
-        let t4_4 = -t4_3;
-        let t4_5 = -t3_176;
-        let t4_6 = -t3_228;
-        let t4_7 = (-t3_83).mul_add(t3_179, t3_91);
-        let t4_8 = t3_102.mul_add(t3_176, t4_7);
-        let t4_9 = (-t3_114).mul_add(t3_172, t4_8);
-        let t4_10 = t3_84 * t4_9;
-        let t4_11 = like.lift(1.1547005383792515) * t4_10;
-        let t4_12 = (-t3_83).mul_add(t3_212, t3_184);
-        let t4_13 = (-t3_102).mul_add(t3_209, t4_12);
-        let t4_14 = (-t3_114).mul_add(t3_205, t4_13);
-        let t4_15 = t3_84 * t4_14;
-        let t4_16 = like.lift(1.1547005383792515) * t4_15;
-        let t4_17 = t3_83 * t4_3;
-        let t4_18 = t3_102.mul_add(t3_228, t4_17);
-        let t4_19 = (-t3_114).mul_add(t3_224, t4_18);
-        let t4_20 = t3_84 * t4_19;
-        let t4_21 = like.lift(1.1547005383792515) * t4_20;
-        let t4_22 = t3_75.mul_add(t3_179, t3_88);
-        let t4_23 = t3_98.mul_add(t3_176, t4_22);
-        let t4_24 = (-t3_113).mul_add(t3_172, t4_23);
-        let t4_25 = inv_pivot_2 * t4_24;
-        let t4_26 = t3_75.mul_add(t3_212, t3_181);
-        let t4_27 = (-t3_98).mul_add(t3_209, t4_26);
-        let t4_28 = (-t3_113).mul_add(t3_205, t4_27);
-        let t4_29 = inv_pivot_2 * t4_28;
-        let t4_30 = t3_75 * t4_3;
-        let t4_31 = (-t3_98).mul_add(t3_228, t4_30);
-        let t4_32 = t3_113.mul_add(t3_224, t4_31);
-        let t4_33 = inv_pivot_2 * t4_32;
-        let t4_34 = -t4_33;
-        let t4_35 = t2_122.mul_add(t4_25, t3_50);
-        let t4_36 = (-t2_89).mul_add(t3_179, t4_35);
-        let t4_37 = sin_e1x * t3_176;
-        let t4_38 = like.lift(0.0381051177665153).mul_add(t4_37, t4_36);
-        let t4_39 = t2_93.mul_add(t3_172, t4_38);
-        let t4_40 = inv_pivot_1 * t4_39;
-        let t4_41 = -t4_40;
-        let t4_42 = (-t2_122).mul_add(t4_29, t3_54);
-        let t4_43 = t2_89.mul_add(t3_212, t4_42);
-        let t4_44 = sin_e1x * t3_209;
-        let t4_45 = like.lift(0.0381051177665153).mul_add(t4_44, t4_43);
-        let t4_46 = (-t2_93).mul_add(t3_205, t4_45);
-        let t4_47 = inv_pivot_1 * t4_46;
-        let t4_48 = t2_122 * t4_33;
-        let t4_49 = (-t2_89).mul_add(t4_3, t4_48);
-        let t4_50 = sin_e1x * t3_228;
-        let t4_51 = like.lift(-0.0381051177665153).mul_add(t4_50, t4_49);
-        let t4_52 = (-t2_93).mul_add(t3_224, t4_51);
-        let t4_53 = inv_pivot_1 * t4_52;
-        let t4_54 = -t3_202;
-        let t4_55 = -t3_200;
-        let t4_56 = -t3_219;
-        let t4_57 = -pivot_8;
+        let t4_1 = like.lift(0.0381051177665153) * t3_226;
+        let t4_2 = (-t2_122).mul_add(t3_213, t3_53);
+        let t4_3 = t2_89.mul_add(t3_183, t4_2);
+        let t4_4 = t2_93.mul_add(t3_179, t4_3);
+        let t4_5 = t4_1 + t4_4;
+        let t4_6 = inv_pivot_1 * t4_5;
+        let t4_7 = sin_e1x * t3_194;
+        let t4_8 = like.lift(0.0381051177665153) * t4_7;
+        let t4_9 = t2_122 * t3_217;
+        let t4_10 = (-t2_89).mul_add(t3_201, t4_9);
+        let t4_11 = (-t2_93).mul_add(t3_197, t4_10);
+        let t4_12 = t4_8 - t4_11;
+        let t4_13 = inv_pivot_1 * t4_12;
+        let t4_14 = -t4_13;
+        let t4_15 = t3_91.mul_add(t3_162, t3_95);
+        let t4_16 = (-t3_86).mul_add(t3_158, t4_15);
+        let t4_17 = (-t3_101).mul_add(t3_155, t4_16);
+        let t4_18 = inv_pivot_4 * t4_17;
+        let t4_19 = t3_91 * t3_183;
+        let t4_20 = t3_86.mul_add(t3_179, t4_19);
+        let t4_21 = (-t3_101).mul_add(t3_176, t4_20);
+        let t4_22 = inv_pivot_4 * t4_21;
+        let t4_23 = (-t3_91).mul_add(t3_201, t3_185);
+        let t4_24 = (-t3_86).mul_add(t3_197, t4_23);
+        let t4_25 = t3_101.mul_add(t3_194, t4_24);
+        let t4_26 = inv_pivot_4 * t4_25;
+        let t4_27 = t3_3.mul_add(t4_18, t3_63);
+        let t4_28 = (-t2_205).mul_add(t3_162, t4_27);
+        let t4_29 = t2_207.mul_add(t3_158, t4_28);
+        let t4_30 = t4_29 + t3_220;
+        let t4_31 = inv_pivot_3 * t4_30;
+        let t4_32 = t3_3 * t4_22;
+        let t4_33 = (-t2_205).mul_add(t3_183, t4_32);
+        let t4_34 = (-t2_207).mul_add(t3_179, t4_33);
+        let t4_35 = t4_34 + t4_1;
+        let t4_36 = inv_pivot_3 * t4_35;
+        let t4_37 = (-t3_3).mul_add(t4_26, t3_67);
+        let t4_38 = (-t2_205).mul_add(t3_201, t4_37);
+        let t4_39 = (-t2_207).mul_add(t3_197, t4_38);
+        let t4_40 = t4_39 + t4_8;
+        let t4_41 = inv_pivot_3 * t4_40;
+        let t4_42 = -t4_41;
+        let t4_43 = -pivot_7;
+        let t4_44 = -pivot_8;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(0.9580029161088279)).abs()
             .min((pivot_2 * like.lift(0.9018719688103075)).abs())
-            .min((t2_152 * like.lift(1.923718077658978)).abs())
-            .min((pivot_4 * like.lift(1.019503733280847)).abs())
-            .min((pivot_5 * like.lift(0.9467672644948026)).abs())
-            .min((pivot_6 * like.lift(0.8116685504320711)).abs())
-            .min((pivot_7 * like.lift(1.060112577367453)).abs())
-            .min((t4_57 * like.lift(0.697347665033695)).abs());
+            .min((t3_7 * like.lift(0.9441016894903256)).abs())
+            .min((pivot_4 * like.lift(0.7930813430566414)).abs())
+            .min((pivot_5 * like.lift(0.9552290039283993)).abs())
+            .min((pivot_6 * like.lift(0.6503970605951934)).abs())
+            .min((t4_43 * like.lift(1.8878245740206896)).abs())
+            .min((t4_44 * like.lift(1.0933635968062305)).abs());
         let ([
             [x_u1_1_q1, x_u1_1_q2, x_u1_1_q3], [x_u1_2_q1, x_u1_2_q2, x_u1_2_q3],
             [x_e1y_q1, x_e1y_q2, x_e1y_q3], [x_e1x_q1, x_e1x_q2, x_e1x_q3],
@@ -4298,9 +4270,9 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
             [x_u3_1_q1, x_u3_1_q2, x_u3_1_q3], [x_u3_2_q1, x_u3_2_q2, x_u3_2_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t3_179, t3_212, t4_4], [t3_172, t3_205, t3_224], [t4_5, t3_209, t4_6],
-                [t4_11, t4_16, t4_21], [t4_25, t4_29, t4_34], [t4_41, t4_47, t4_53],
-                [t3_169, t4_54, t3_221], [t3_167, t4_55, t4_56],
+                [t3_162, t3_183, t3_202], [t3_158, t3_203, t3_197], [t3_155, t3_176, t3_204],
+                [t3_153, t3_205, t3_192], [t3_209, t3_213, t3_218], [t3_225, t4_6, t4_14],
+                [t4_18, t4_22, t4_26], [t4_31, t4_36, t4_42],
             ],
             margin,
             || (
@@ -4308,17 +4280,17 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
                     [t2_6, t2_7, t2_8, like.lift(0.0), t2_80, t2_86, like.lift(0.0), like.lift(0.0)],
                     [t2_90, t2_93, t2_94, like.lift(0.0), t2_122, pivot_1, like.lift(0.0), like.lift(0.0)],
                     [t2_131, t2_134, t2_135, like.lift(0.066), t2_137, t2_139, like.lift(0.0), like.lift(0.0)],
-                    [t2_147, t2_151, t2_151, t2_152, t2_158, t2_164, like.lift(0.0), like.lift(0.0)],
-                    [t2_6, t2_7, t2_8, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_196, t2_203],
-                    [t2_205, t2_206, t2_92, like.lift(0.0), like.lift(0.0), like.lift(0.0), t3_3, t3_8],
-                    [t3_10, t3_11, t2_133, like.lift(0.066), like.lift(0.0), like.lift(0.0), t3_13, t3_16],
-                    [t3_24, t3_27, t3_27, t3_29, like.lift(0.0), like.lift(0.0), t3_35, t3_40],
+                    [t2_147, t2_151, t2_151, t2_153, t2_159, t2_165, like.lift(0.0), like.lift(0.0)],
+                    [t2_6, t2_7, t2_8, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_197, t2_204],
+                    [t2_206, t2_207, t2_92, like.lift(0.0), like.lift(0.0), like.lift(0.0), t3_3, t3_7],
+                    [t3_9, t3_10, t2_133, like.lift(0.066), like.lift(0.0), like.lift(0.0), t3_12, t3_15],
+                    [t3_23, t3_26, t3_26, t3_28, like.lift(0.0), like.lift(0.0), t3_34, t3_39],
                 ],
                 [
-                    [t3_42, t3_46, like.lift(0.0)], [t3_51, t3_54, like.lift(0.0)],
-                    [t3_57, t3_59, like.lift(0.0)], [t2_147, t2_158, like.lift(0.0)],
-                    [t3_42, like.lift(0.0), t3_63], [t3_65, like.lift(0.0), t3_68],
-                    [t3_69, like.lift(0.0), t3_71], [t3_24, like.lift(0.0), t3_35],
+                    [t3_41, t3_45, like.lift(0.0)], [t3_50, t3_53, like.lift(0.0)],
+                    [t3_56, t3_58, like.lift(0.0)], [t2_147, t2_159, like.lift(0.0)],
+                    [t3_41, like.lift(0.0), t3_62], [t3_64, like.lift(0.0), t3_67],
+                    [t3_68, like.lift(0.0), t3_70], [t3_23, like.lift(0.0), t3_34],
                 ],
             ),
         );
@@ -5118,7 +5090,7 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
 ///
-/// 586 additions, 776 multiplications, 8 divisions, 11 sines and cosines.
+/// 586 additions, 772 multiplications, 8 divisions, 11 sines and cosines.
 pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -5408,14 +5380,14 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
     };
     // tau, part 2
     let [
-        sin_q2, cos_q2, sin_u2_2, cos_u2_2, sin_u2_1, cos_u2_1, t2_23, t2_49, t2_54, t2_55,
-        t2_57, t2_58, t2_59, t2_61, t2_62, t2_63, t2_72, t2_86, t2_88, t2_91, pivot_1, t2_96,
-        t2_99, t2_100, t2_102, t2_103, t2_104, t2_106, t2_108, t2_115, t2_116, t2_119, t2_120,
-        t2_121, t2_126, t2_127, t2_132, t2_133, t2_134, t2_136, sin_q3, cos_q3, sin_u3_2,
-        cos_u3_2, sin_u3_1, cos_u3_1, t2_146, t2_148, t2_152, t2_163, t2_165, t2_170, t2_171,
-        t2_172, t2_173, t2_174, t2_175, t2_177, t2_187, t2_189, t2_192, t2_196, t2_197, t2_198,
-        t2_199, t2_200, t2_202, t2_204, t2_205, t2_212, t2_213, t2_216, t2_218, t2_223, t2_224,
-        t2_229, t2_231, t2_232, t2_233, t2_234,
+        sin_q2, cos_q2, sin_u2_2, cos_u2_2, sin_u2_1, cos_u2_1, t2_23, t2_49, t2_55, t2_57,
+        t2_58, t2_59, t2_61, t2_62, t2_63, t2_72, t2_86, t2_88, t2_91, pivot_1, t2_96, t2_99,
+        t2_100, t2_102, t2_103, t2_104, t2_106, t2_108, t2_115, t2_116, t2_119, t2_120, t2_121,
+        t2_122, t2_127, t2_128, t2_133, t2_134, t2_135, t2_137, sin_q3, cos_q3, sin_u3_2,
+        cos_u3_2, sin_u3_1, cos_u3_1, t2_147, t2_149, t2_153, t2_164, t2_166, t2_172, t2_173,
+        t2_174, t2_175, t2_176, t2_178, t2_188, t2_190, t2_193, pivot_3, t2_197, t2_198,
+        t2_199, t2_200, t2_202, t2_204, t2_205, t2_212, t2_213, t2_216, t2_217, t2_218, t2_223,
+        t2_224, t2_229, t2_231, t2_232, t2_233, t2_234,
     ] = {
         let t2_1 = like.lift(-1.244).mul_add(t1_204, t1_203);
         let t2_2 = cos_e1x * sin_q1_u1_1;
@@ -5546,119 +5518,119 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
         let t2_118 = like.lift(0.5) * t2_117;
         let t2_119 = sin_e1x.mul_add(t2_114, t2_118);
         let t2_120 = -t2_119;
-        let pivot_3 = like.lift(0.8660254037844386) * t2_54;
-        let t2_121 = -pivot_3;
-        let t2_122 = t2_86 * t2_54;
-        let t2_123 = like.lift(0.8660254037844386) * t2_122;
-        let t2_124 = t1_189 * t2_54;
-        let t2_125 = like.lift(0.5).mul_add(t2_124, t2_123);
-        let t2_126 = (-t2_23).mul_add(t2_114, t2_125);
-        let t2_127 = -t2_126;
-        let t2_128 = t2_94 * t2_54;
-        let t2_129 = like.lift(0.8660254037844386) * t2_128;
-        let t2_130 = t2_51 * t2_54;
-        let t2_131 = like.lift(0.5).mul_add(t2_130, t2_129);
-        let t2_132 = (-t2_54).mul_add(t2_114, t2_131);
-        let t2_133 = -t2_132;
-        let t2_134 = t1_182 + t1_188;
-        let t2_135 = t2_6 + t2_7;
-        let t2_136 = t2_5 + t2_135;
+        let t2_121 = like.lift(0.8660254037844386) * t2_54;
+        let t2_122 = -t2_121;
+        let t2_123 = t2_86 * t2_54;
+        let t2_124 = like.lift(0.8660254037844386) * t2_123;
+        let t2_125 = t1_189 * t2_54;
+        let t2_126 = like.lift(0.5).mul_add(t2_125, t2_124);
+        let t2_127 = (-t2_23).mul_add(t2_114, t2_126);
+        let t2_128 = -t2_127;
+        let t2_129 = t2_94 * t2_54;
+        let t2_130 = like.lift(0.8660254037844386) * t2_129;
+        let t2_131 = t2_51 * t2_54;
+        let t2_132 = like.lift(0.5).mul_add(t2_131, t2_130);
+        let t2_133 = (-t2_54).mul_add(t2_114, t2_132);
+        let t2_134 = -t2_133;
+        let t2_135 = t1_182 + t1_188;
+        let t2_136 = t2_6 + t2_7;
+        let t2_137 = t2_5 + t2_136;
         let (sin_q3, cos_q3) = q3.sin_cos();
-        let t2_137 = t2_10 + t2_11;
-        let t2_138 = cos_q3 * t2_137;
-        let t2_139 = (-sin_q3).mul_add(t1_202, t2_138);
-        let t2_140 = like.lift(0.524).mul_add(t2_139, t2_136);
+        let t2_138 = t2_10 + t2_11;
+        let t2_139 = cos_q3 * t2_138;
+        let t2_140 = (-sin_q3).mul_add(t1_202, t2_139);
+        let t2_141 = like.lift(0.524).mul_add(t2_140, t2_137);
         let (sin_u3_2, cos_u3_2) = u3_2.sin_cos();
         let (sin_u3_1, cos_u3_1) = u3_1.sin_cos();
-        let t2_141 = sin_u3_1 * t2_139;
-        let t2_142 = sin_q3 * t2_137;
-        let t2_143 = cos_q3.mul_add(t1_202, t2_142);
-        let t2_144 = cos_u3_1.mul_add(t2_143, t2_141);
-        let t2_145 = cos_u3_2 * t2_144;
-        let t2_146 = t2_21 - t2_22;
-        let t2_147 = sin_u3_2.mul_add(t2_146, t2_145);
-        let t2_148 = like.lift(1.244).mul_add(t2_147, t2_140);
-        let t2_149 = t2_140 - t2_148;
-        let t2_150 = t2_134 * t2_149;
-        let t2_151 = t2_31 - t2_32;
-        let t2_152 = t2_30 + t2_151;
-        let t2_153 = t2_35 - t2_36;
-        let t2_154 = cos_q3 * t2_153;
-        let t2_155 = sin_q3.mul_add(t2_3, t2_154);
-        let t2_156 = like.lift(0.524).mul_add(t2_155, t2_152);
-        let t2_157 = sin_u3_1 * t2_155;
-        let t2_158 = sin_q3 * t2_153;
-        let t2_159 = (-cos_q3).mul_add(t2_3, t2_158);
-        let t2_160 = cos_u3_1.mul_add(t2_159, t2_157);
-        let t2_161 = cos_u3_2 * t2_160;
-        let t2_162 = sin_u3_2.mul_add(t2_134, t2_161);
-        let t2_163 = like.lift(1.244).mul_add(t2_162, t2_156);
-        let t2_164 = t2_156 - t2_163;
-        let t2_165 = (-t2_146).mul_add(t2_164, t2_150);
-        let t2_166 = cos_u3_1 * t2_155;
-        let t2_167 = (-sin_u3_1).mul_add(t2_159, t2_166);
-        let t2_168 = t2_167 * t2_149;
-        let t2_169 = cos_u3_1 * t2_139;
-        let t2_170 = (-sin_u3_1).mul_add(t2_143, t2_169);
-        let t2_171 = (-t2_170).mul_add(t2_164, t2_168);
-        let t2_172 = -t2_171;
-        let t2_173 = u_e1x_u1_1y + t2_57;
-        let t2_174 = -t2_173;
-        let t2_175 = u_e1x_u1_2y + t2_61;
-        let t2_176 = t2_69 - t2_70;
-        let t2_177 = t2_68 + t2_176;
-        let t2_178 = t2_73 - t2_74;
-        let t2_179 = cos_q3 * t2_178;
-        let t2_180 = (-sin_q3).mul_add(t2_67, t2_179);
-        let t2_181 = like.lift(0.524).mul_add(t2_180, t2_177);
-        let t2_182 = sin_u3_1 * t2_180;
-        let t2_183 = sin_q3 * t2_178;
-        let t2_184 = cos_q3.mul_add(t2_67, t2_183);
-        let t2_185 = cos_u3_1.mul_add(t2_184, t2_182);
-        let t2_186 = cos_u3_2 * t2_185;
-        let t2_187 = t2_84 + t2_85;
-        let t2_188 = sin_u3_2.mul_add(t2_187, t2_186);
-        let t2_189 = like.lift(1.244).mul_add(t2_188, t2_181);
-        let t2_190 = t2_181 - t2_189;
-        let t2_191 = t2_146 * t2_190;
-        let t2_192 = (-t2_187).mul_add(t2_149, t2_191);
-        let t2_193 = t2_170 * t2_190;
-        let t2_194 = cos_u3_1 * t2_180;
-        let t2_195 = (-sin_u3_1).mul_add(t2_184, t2_194);
-        let t2_196 = (-t2_195).mul_add(t2_149, t2_193);
-        let t2_197 = -t2_196;
+        let t2_142 = sin_u3_1 * t2_140;
+        let t2_143 = sin_q3 * t2_138;
+        let t2_144 = cos_q3.mul_add(t1_202, t2_143);
+        let t2_145 = cos_u3_1.mul_add(t2_144, t2_142);
+        let t2_146 = cos_u3_2 * t2_145;
+        let t2_147 = t2_21 - t2_22;
+        let t2_148 = sin_u3_2.mul_add(t2_147, t2_146);
+        let t2_149 = like.lift(1.244).mul_add(t2_148, t2_141);
+        let t2_150 = t2_141 - t2_149;
+        let t2_151 = t2_135 * t2_150;
+        let t2_152 = t2_31 - t2_32;
+        let t2_153 = t2_30 + t2_152;
+        let t2_154 = t2_35 - t2_36;
+        let t2_155 = cos_q3 * t2_154;
+        let t2_156 = sin_q3.mul_add(t2_3, t2_155);
+        let t2_157 = like.lift(0.524).mul_add(t2_156, t2_153);
+        let t2_158 = sin_u3_1 * t2_156;
+        let t2_159 = sin_q3 * t2_154;
+        let t2_160 = (-cos_q3).mul_add(t2_3, t2_159);
+        let t2_161 = cos_u3_1.mul_add(t2_160, t2_158);
+        let t2_162 = cos_u3_2 * t2_161;
+        let t2_163 = sin_u3_2.mul_add(t2_135, t2_162);
+        let t2_164 = like.lift(1.244).mul_add(t2_163, t2_157);
+        let t2_165 = t2_157 - t2_164;
+        let t2_166 = (-t2_147).mul_add(t2_165, t2_151);
+        let t2_167 = cos_u3_1 * t2_156;
+        let t2_168 = (-sin_u3_1).mul_add(t2_160, t2_167);
+        let t2_169 = t2_168 * t2_150;
+        let t2_170 = cos_u3_1 * t2_140;
+        let t2_171 = (-sin_u3_1).mul_add(t2_144, t2_170);
+        let t2_172 = (-t2_171).mul_add(t2_165, t2_169);
+        let t2_173 = -t2_172;
+        let t2_174 = u_e1x_u1_1y + t2_57;
+        let t2_175 = -t2_174;
+        let t2_176 = u_e1x_u1_2y + t2_61;
+        let t2_177 = t2_69 - t2_70;
+        let t2_178 = t2_68 + t2_177;
+        let t2_179 = t2_73 - t2_74;
+        let t2_180 = cos_q3 * t2_179;
+        let t2_181 = (-sin_q3).mul_add(t2_67, t2_180);
+        let t2_182 = like.lift(0.524).mul_add(t2_181, t2_178);
+        let t2_183 = sin_u3_1 * t2_181;
+        let t2_184 = sin_q3 * t2_179;
+        let t2_185 = cos_q3.mul_add(t2_67, t2_184);
+        let t2_186 = cos_u3_1.mul_add(t2_185, t2_183);
+        let t2_187 = cos_u3_2 * t2_186;
+        let t2_188 = t2_84 + t2_85;
+        let t2_189 = sin_u3_2.mul_add(t2_188, t2_187);
+        let t2_190 = like.lift(1.244).mul_add(t2_189, t2_182);
+        let t2_191 = t2_182 - t2_190;
+        let t2_192 = t2_147 * t2_191;
+        let t2_193 = (-t2_188).mul_add(t2_150, t2_192);
+        let t2_194 = t2_171 * t2_191;
+        let t2_195 = cos_u3_1 * t2_181;
+        let t2_196 = (-sin_u3_1).mul_add(t2_185, t2_195);
+        let pivot_3 = (-t2_196).mul_add(t2_150, t2_194);
+        let t2_197 = -pivot_3;
         let t2_198 = t2_97 + t2_98;
         let t2_199 = u_platform_u1_1z + t2_198;
         let t2_200 = u_e1x_u1_2z + t2_102;
-        let t2_201 = t2_187 * t2_164;
-        let t2_202 = (-t2_134).mul_add(t2_190, t2_201);
-        let t2_203 = t2_195 * t2_164;
-        let t2_204 = (-t2_167).mul_add(t2_190, t2_203);
+        let t2_201 = t2_188 * t2_165;
+        let t2_202 = (-t2_135).mul_add(t2_191, t2_201);
+        let t2_203 = t2_196 * t2_165;
+        let t2_204 = (-t2_168).mul_add(t2_191, t2_203);
         let t2_205 = -t2_204;
-        let t2_206 = cos_u1_2_e1y * t2_170;
+        let t2_206 = cos_u1_2_e1y * t2_171;
         let t2_207 = like.lift(0.8660254037844386) * t2_206;
-        let t2_208 = e_e1x_q1y * t2_170;
+        let t2_208 = e_e1x_q1y * t2_171;
         let t2_209 = like.lift(-0.5).mul_add(t2_208, t2_207);
-        let t2_210 = like.lift(0.8660254037844386) * t2_195;
-        let t2_211 = like.lift(-0.5).mul_add(t2_167, t2_210);
+        let t2_210 = like.lift(0.8660254037844386) * t2_196;
+        let t2_211 = like.lift(-0.5).mul_add(t2_168, t2_210);
         let t2_212 = (-e_e1x_q1z).mul_add(t2_211, t2_209);
         let t2_213 = -t2_212;
-        let t2_214 = cos_e1x * t2_170;
+        let t2_214 = cos_e1x * t2_171;
         let t2_215 = like.lift(0.5) * t2_214;
         let t2_216 = (-sin_e1x).mul_add(t2_211, t2_215);
-        let t2_217 = like.lift(0.8660254037844386) * t2_170;
+        let t2_217 = like.lift(0.8660254037844386) * t2_171;
         let t2_218 = -t2_217;
-        let t2_219 = t2_187 * t2_170;
+        let t2_219 = t2_188 * t2_171;
         let t2_220 = like.lift(0.8660254037844386) * t2_219;
-        let t2_221 = t2_134 * t2_170;
+        let t2_221 = t2_135 * t2_171;
         let t2_222 = like.lift(-0.5).mul_add(t2_221, t2_220);
-        let t2_223 = (-t2_146).mul_add(t2_211, t2_222);
+        let t2_223 = (-t2_147).mul_add(t2_211, t2_222);
         let t2_224 = -t2_223;
-        let t2_225 = t2_195 * t2_170;
+        let t2_225 = t2_196 * t2_171;
         let t2_226 = like.lift(0.8660254037844386) * t2_225;
-        let t2_227 = t2_167 * t2_170;
+        let t2_227 = t2_168 * t2_171;
         let t2_228 = like.lift(-0.5).mul_add(t2_227, t2_226);
-        let t2_229 = (-t2_170).mul_add(t2_211, t2_228);
+        let t2_229 = (-t2_171).mul_add(t2_211, t2_228);
         let t2_230 = cos_u1_1 * sin_u1_2_e1y;
         let u_e1y_q1x = like.lift(0.524) * t2_230;
         let u_platform_u1_1x = like.lift(0.044) * e_e1x_q1z;
@@ -5668,22 +5640,21 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
         let t2_233 = t1_189 * t2_232;
         let t2_234 = t2_34 - t2_47;
         [
-            sin_q2, cos_q2, sin_u2_2, cos_u2_2, sin_u2_1, cos_u2_1, t2_23, t2_49, t2_54, t2_55,
-            t2_57, t2_58, t2_59, t2_61, t2_62, t2_63, t2_72, t2_86, t2_88, t2_91, pivot_1,
-            t2_96, t2_99, t2_100, t2_102, t2_103, t2_104, t2_106, t2_108, t2_115, t2_116,
-            t2_119, t2_120, t2_121, t2_126, t2_127, t2_132, t2_133, t2_134, t2_136, sin_q3,
-            cos_q3, sin_u3_2, cos_u3_2, sin_u3_1, cos_u3_1, t2_146, t2_148, t2_152, t2_163,
-            t2_165, t2_170, t2_171, t2_172, t2_173, t2_174, t2_175, t2_177, t2_187, t2_189,
-            t2_192, t2_196, t2_197, t2_198, t2_199, t2_200, t2_202, t2_204, t2_205, t2_212,
-            t2_213, t2_216, t2_218, t2_223, t2_224, t2_229, t2_231, t2_232, t2_233, t2_234,
+            sin_q2, cos_q2, sin_u2_2, cos_u2_2, sin_u2_1, cos_u2_1, t2_23, t2_49, t2_55, t2_57,
+            t2_58, t2_59, t2_61, t2_62, t2_63, t2_72, t2_86, t2_88, t2_91, pivot_1, t2_96,
+            t2_99, t2_100, t2_102, t2_103, t2_104, t2_106, t2_108, t2_115, t2_116, t2_119,
+            t2_120, t2_121, t2_122, t2_127, t2_128, t2_133, t2_134, t2_135, t2_137, sin_q3,
+            cos_q3, sin_u3_2, cos_u3_2, sin_u3_1, cos_u3_1, t2_147, t2_149, t2_153, t2_164,
+            t2_166, t2_172, t2_173, t2_174, t2_175, t2_176, t2_178, t2_188, t2_190, t2_193,
+            pivot_3, t2_197, t2_198, t2_199, t2_200, t2_202, t2_204, t2_205, t2_212, t2_213,
+            t2_216, t2_217, t2_218, t2_223, t2_224, t2_229, t2_231, t2_232, t2_233, t2_234,
         ]
     };
-    // tau, part 3
+    // loops: solve with A_e (Eq. 8, 10)
     let [
-        t3_1, t3_6, t3_9, t3_12, t3_14, t3_18, t3_20, t3_23, t3_24, t3_26, inv_pivot_1,
-        pivot_2, pivot_4, pivot_5, pivot_6, pivot_7, pivot_8, t3_122, t3_124, t3_127, t3_134,
-        t3_155, t3_157, t3_160, t3_164, t3_167, t3_174, t3_176, t3_179, t3_183, t3_186, t3_187,
-        t3_188, t3_189, t3_194, t3_199, t3_204, t3_208, t3_212, t3_217, t3_224, t3_230, t3_231,
+        x_u1_1_q1, x_u1_1_q2, x_u1_1_q3, x_u1_2_q1, x_u1_2_q2, x_u1_2_q3, x_e1y_q1, x_e1y_q2,
+        x_e1y_q3, x_e1x_q1, x_e1x_q2, x_e1x_q3, x_u2_1_q1, x_u2_1_q2, x_u2_1_q3, x_u2_2_q1,
+        x_u2_2_q2, x_u2_2_q3, x_u3_1_q1, x_u3_1_q2, x_u3_1_q3, x_u3_2_q1, x_u3_2_q2, x_u3_2_q3,
     ] = {
         let t3_1 = (-t2_23).mul_add(t2_234, t2_233);
         let u_u1_1_q1y = like.lift(0.524) * sin_u1_1;
@@ -5705,18 +5676,18 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
         let t3_12 = u_platform_q1z + t2_99;
         let t3_13 = t2_86 * t2_234;
         let t3_14 = (-t1_189).mul_add(t3_7, t3_13);
-        let t3_15 = t2_136 - t2_148;
-        let t3_16 = t2_134 * t3_15;
-        let t3_17 = t2_152 - t2_163;
-        let t3_18 = (-t2_146).mul_add(t3_17, t3_16);
+        let t3_15 = t2_137 - t2_149;
+        let t3_16 = t2_135 * t3_15;
+        let t3_17 = t2_153 - t2_164;
+        let t3_18 = (-t2_147).mul_add(t3_17, t3_16);
         let t3_19 = u_e1x_q1y + t2_57;
         let t3_20 = -t3_19;
-        let t3_21 = t2_177 - t2_189;
-        let t3_22 = t2_146 * t3_21;
-        let t3_23 = (-t2_187).mul_add(t3_15, t3_22);
+        let t3_21 = t2_178 - t2_190;
+        let t3_22 = t2_147 * t3_21;
+        let t3_23 = (-t2_188).mul_add(t3_15, t3_22);
         let t3_24 = u_platform_q1z + t2_198;
-        let t3_25 = t2_187 * t3_17;
-        let t3_26 = (-t2_134).mul_add(t3_21, t3_25);
+        let t3_25 = t2_188 * t3_17;
+        let t3_26 = (-t2_135).mul_add(t3_21, t3_25);
         let inv_pivot_1 = like.lift(1.0) / pivot_1;
         let t3_27 = t2_108 * inv_pivot_1;
         let t3_28 = t2_58.mul_add(t3_27, t2_100);
@@ -5726,247 +5697,220 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
         let pivot_2 = (-t2_91).mul_add(t3_29, t2_49);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
         let t3_32 = t3_31 * inv_pivot_2;
-        let t3_33 = t3_30.mul_add(t3_32, t3_28);
-        let t3_34 = t2_132 * inv_pivot_1;
-        let t3_35 = t2_58.mul_add(t3_34, t2_115);
-        let t3_36 = (-t2_91).mul_add(t3_34, t2_126);
-        let t3_37 = t3_36 * inv_pivot_2;
-        let t3_38 = t3_30.mul_add(t3_37, t3_35);
-        let t3_39 = like.lift(1.0) / t2_54;
-        let t3_40 = t3_38 * t3_39;
-        let t3_41 = like.lift(0.0762102355330306) * t3_40;
-        let pivot_4 = t3_33 - t3_41;
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t3_42 = t3_5.mul_add(t3_27, t3_12);
-        let t3_43 = t3_5.mul_add(t3_29, t2_231);
-        let t3_44 = (-t3_43).mul_add(t3_32, t3_42);
-        let t3_45 = t3_5.mul_add(t3_34, t2_115);
-        let t3_46 = (-t3_43).mul_add(t3_37, t3_45);
-        let t3_47 = t3_46 * t3_39;
-        let t3_48 = like.lift(0.0762102355330306) * t3_47;
-        let t3_49 = t3_44 - t3_48;
-        let t3_50 = sin_e1x * t3_27;
-        let t3_51 = like.lift(-0.0381051177665153).mul_add(t3_50, t2_102);
-        let t3_52 = sin_e1x * t3_29;
-        let t3_53 = like.lift(0.0381051177665153).mul_add(t3_52, t1_181);
-        let t3_54 = t3_53.mul_add(t3_32, t3_51);
-        let t3_55 = sin_e1x * t3_34;
-        let t3_56 = like.lift(0.0381051177665153).mul_add(t3_55, t2_119);
-        let t3_57 = (-t3_53).mul_add(t3_37, t3_56);
-        let t3_58 = t3_57 * t3_39;
-        let t3_59 = like.lift(0.0762102355330306) * t3_58;
-        let t3_60 = t3_54 + t3_59;
-        let t3_61 = t2_170 * t3_39;
-        let t3_62 = t3_57.mul_add(t3_61, t2_216);
-        let t3_63 = (-t3_38).mul_add(t3_61, t2_212);
-        let t3_64 = t3_63 * inv_pivot_4;
-        let pivot_5 = (-t3_60).mul_add(t3_64, t3_62);
+        let pivot_5 = t3_30.mul_add(t3_32, t3_28);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t3_65 = (-t3_46).mul_add(t3_61, t2_212);
-        let t3_66 = (-t3_49).mul_add(t3_64, t3_65);
-        let t3_67 = (-t2_62).mul_add(t3_34, t2_119);
-        let t3_68 = (-t2_62).mul_add(t3_29, t1_180);
-        let t3_69 = (-t3_68).mul_add(t3_37, t3_67);
-        let t3_70 = t3_69.mul_add(t3_61, t2_216);
-        let t3_71 = (-t2_62).mul_add(t3_27, t2_103);
-        let t3_72 = (-t3_68).mul_add(t3_32, t3_71);
-        let t3_73 = t3_69 * t3_39;
-        let t3_74 = like.lift(0.0762102355330306) * t3_73;
-        let t3_75 = t3_72 - t3_74;
-        let t3_76 = t3_75.mul_add(t3_64, t3_70);
-        let t3_77 = e_e1x_q1z * inv_pivot_4;
-        let t3_78 = t3_75 * t3_77;
-        let t3_79 = like.lift(0.066).mul_add(t3_78, t1_180);
-        let t3_80 = t3_60 * t3_77;
-        let t3_81 = like.lift(-0.066).mul_add(t3_80, t1_181);
-        let t3_82 = t3_81 * inv_pivot_5;
-        let pivot_6 = (-t3_76).mul_add(t3_82, t3_79);
+        let t3_33 = t3_5.mul_add(t3_27, t3_12);
+        let t3_34 = t3_5.mul_add(t3_29, t2_231);
+        let t3_35 = (-t3_34).mul_add(t3_32, t3_33);
+        let t3_36 = (-t2_62).mul_add(t3_27, t2_103);
+        let t3_37 = (-t2_62).mul_add(t3_29, t1_180);
+        let t3_38 = (-t3_37).mul_add(t3_32, t3_36);
+        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let t3_39 = t2_204 * inv_pivot_3;
+        let t3_40 = (-t2_176).mul_add(t3_39, t2_200);
+        let t3_41 = t2_172 * inv_pivot_3;
+        let t3_42 = (-t2_176).mul_add(t3_41, t1_180);
+        let t3_43 = (-t2_193).mul_add(t3_39, t2_202);
+        let pivot_4 = (-t2_193).mul_add(t3_41, t2_166);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t3_44 = t3_43 * inv_pivot_4;
+        let t3_45 = (-t3_42).mul_add(t3_44, t3_40);
+        let t3_46 = t2_174.mul_add(t3_39, t2_199);
+        let t3_47 = (-t2_174).mul_add(t3_41, t1_178);
+        let t3_48 = t3_47.mul_add(t3_44, t3_46);
+        let t3_49 = t3_48 * inv_pivot_5;
+        let pivot_6 = (-t3_38).mul_add(t3_49, t3_45);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t3_83 = t3_49 * t3_77;
-        let t3_84 = like.lift(0.066).mul_add(t3_83, t2_231);
-        let t3_85 = t3_66.mul_add(t3_82, t3_84);
-        let t3_86 = t2_223 * t3_82;
-        let t3_87 = t2_165 + t3_86;
-        let t3_88 = t2_102 - t3_59;
-        let t3_89 = t2_199 - t3_41;
-        let t3_90 = t3_89 * inv_pivot_4;
-        let t3_91 = t3_60.mul_add(t3_90, t3_88);
-        let t3_92 = t3_91 * inv_pivot_5;
-        let t3_93 = t2_223 * t3_92;
-        let t3_94 = t2_202 + t3_93;
-        let t3_95 = t2_200 - t3_74;
-        let t3_96 = (-t3_75).mul_add(t3_90, t3_95);
-        let t3_97 = (-t3_76).mul_add(t3_92, t3_96);
-        let t3_98 = t3_97 * inv_pivot_6;
-        let pivot_7 = (-t3_87).mul_add(t3_98, t3_94);
+        let t3_50 = t3_19.mul_add(t3_39, t3_24);
+        let t3_51 = t3_19.mul_add(t3_41, t2_231);
+        let t3_52 = (-t3_51).mul_add(t3_44, t3_50);
+        let t3_53 = (-t3_35).mul_add(t3_49, t3_52);
+        let t3_54 = sin_e1x * t3_39;
+        let t3_55 = like.lift(-0.0381051177665153).mul_add(t3_54, t2_102);
+        let t3_56 = sin_e1x * t3_41;
+        let t3_57 = like.lift(-0.0381051177665153).mul_add(t3_56, t1_181);
+        let t3_58 = (-t3_57).mul_add(t3_44, t3_55);
+        let t3_59 = sin_e1x * t3_27;
+        let t3_60 = like.lift(-0.0381051177665153).mul_add(t3_59, t2_102);
+        let t3_61 = sin_e1x * t3_29;
+        let t3_62 = like.lift(0.0381051177665153).mul_add(t3_61, t1_181);
+        let t3_63 = t3_62.mul_add(t3_32, t3_60);
+        let t3_64 = t3_63.mul_add(t3_49, t3_58);
+        let t3_65 = t2_133 * inv_pivot_1;
+        let t3_66 = sin_e1x * t3_65;
+        let t3_67 = like.lift(0.0381051177665153).mul_add(t3_66, t2_119);
+        let t3_68 = (-t2_91).mul_add(t3_65, t2_127);
+        let t3_69 = t3_68 * inv_pivot_2;
+        let t3_70 = (-t3_62).mul_add(t3_69, t3_67);
+        let t3_71 = t2_58.mul_add(t3_65, t2_115);
+        let t3_72 = t3_30.mul_add(t3_69, t3_71);
+        let t3_73 = t3_72 * inv_pivot_5;
+        let t3_74 = t3_63.mul_add(t3_73, t3_70);
+        let t3_75 = (-t2_62).mul_add(t3_65, t2_119);
+        let t3_76 = (-t3_37).mul_add(t3_69, t3_75);
+        let t3_77 = (-t3_38).mul_add(t3_73, t3_76);
+        let t3_78 = t3_77 * inv_pivot_6;
+        let pivot_7 = (-t3_64).mul_add(t3_78, t3_74);
         let inv_pivot_7 = like.lift(1.0) / pivot_7;
-        let t3_99 = t3_24 - t3_48;
-        let t3_100 = (-t3_49).mul_add(t3_90, t3_99);
-        let t3_101 = t3_66.mul_add(t3_92, t3_100);
-        let t3_102 = (-t3_85).mul_add(t3_98, t3_101);
-        let t3_103 = t2_229.mul_add(t3_92, t2_204);
-        let t3_104 = t2_229.mul_add(t3_82, t2_171);
-        let t3_105 = (-t3_104).mul_add(t3_98, t3_103);
-        let t3_106 = t2_173 * inv_pivot_4;
-        let t3_107 = (-t3_49).mul_add(t3_106, t3_19);
-        let t3_108 = (-t3_60).mul_add(t3_106, t2_61);
-        let t3_109 = t3_108 * inv_pivot_5;
-        let t3_110 = (-t3_66).mul_add(t3_109, t3_107);
-        let t3_111 = t3_75.mul_add(t3_106, t2_175);
-        let t3_112 = (-t3_76).mul_add(t3_109, t3_111);
-        let t3_113 = t3_112 * inv_pivot_6;
-        let t3_114 = t3_85.mul_add(t3_113, t3_110);
-        let t3_115 = t2_223 * t3_109;
-        let t3_116 = t2_192 + t3_115;
-        let t3_117 = (-t3_87).mul_add(t3_113, t3_116);
-        let t3_118 = t3_117 * inv_pivot_7;
-        let t3_119 = t3_102.mul_add(t3_118, t3_114);
-        let t3_120 = t2_229.mul_add(t3_109, t2_196);
-        let t3_121 = (-t3_104).mul_add(t3_113, t3_120);
-        let pivot_8 = (-t3_105).mul_add(t3_118, t3_121);
+        let t3_79 = t3_5.mul_add(t3_65, t2_115);
+        let t3_80 = (-t3_34).mul_add(t3_69, t3_79);
+        let t3_81 = (-t3_35).mul_add(t3_73, t3_80);
+        let t3_82 = (-t3_53).mul_add(t3_78, t3_81);
+        let t3_83 = like.lift(-0.066).mul_add(t3_73, t2_121);
+        let t3_84 = like.lift(-0.066).mul_add(t3_49, like.lift(0.066));
+        let t3_85 = (-t3_84).mul_add(t3_78, t3_83);
+        let t3_86 = t2_229 * inv_pivot_3;
+        let t3_87 = t3_19.mul_add(t3_86, t2_212);
+        let t3_88 = (-t2_193).mul_add(t3_86, t2_223);
+        let t3_89 = t3_88 * inv_pivot_4;
+        let t3_90 = (-t3_51).mul_add(t3_89, t3_87);
+        let t3_91 = t2_174.mul_add(t3_86, t2_212);
+        let t3_92 = t3_47.mul_add(t3_89, t3_91);
+        let t3_93 = t3_92 * inv_pivot_5;
+        let t3_94 = (-t3_35).mul_add(t3_93, t3_90);
+        let t3_95 = t2_176.mul_add(t3_86, t2_216);
+        let t3_96 = t3_42.mul_add(t3_89, t3_95);
+        let t3_97 = t3_38.mul_add(t3_93, t3_96);
+        let t3_98 = t3_97 * inv_pivot_6;
+        let t3_99 = t3_53.mul_add(t3_98, t3_94);
+        let t3_100 = sin_e1x * t3_86;
+        let t3_101 = like.lift(0.0381051177665153).mul_add(t3_100, t2_216);
+        let t3_102 = t3_57.mul_add(t3_89, t3_101);
+        let t3_103 = (-t3_63).mul_add(t3_93, t3_102);
+        let t3_104 = (-t3_64).mul_add(t3_98, t3_103);
+        let t3_105 = t3_104 * inv_pivot_7;
+        let t3_106 = t3_82.mul_add(t3_105, t3_99);
+        let t3_107 = like.lift(-0.066).mul_add(t3_93, t2_217);
+        let t3_108 = t3_84.mul_add(t3_98, t3_107);
+        let pivot_8 = t3_85.mul_add(t3_105, t3_108);
         let inv_pivot_8 = like.lift(1.0) / pivot_8;
-        let t3_122 = t3_119 * inv_pivot_8;
-        let t3_123 = t3_105.mul_add(t3_122, t3_102);
-        let t3_124 = inv_pivot_7 * t3_123;
-        let t3_125 = (-t3_87).mul_add(t3_124, t3_85);
-        let t3_126 = t3_104.mul_add(t3_122, t3_125);
-        let t3_127 = inv_pivot_6 * t3_126;
-        let t3_128 = t3_76.mul_add(t3_127, t3_66);
-        let t3_129 = (-t2_223).mul_add(t3_124, t3_128);
-        let t3_130 = t2_229.mul_add(t3_122, t3_129);
-        let t3_131 = inv_pivot_5 * t3_130;
-        let t3_132 = (-t3_60).mul_add(t3_131, t3_49);
-        let t3_133 = (-t3_75).mul_add(t3_127, t3_132);
-        let t3_134 = inv_pivot_4 * t3_133;
-        let t3_135 = (-t3_9).mul_add(t3_27, t3_14);
-        let t3_136 = (-t3_9).mul_add(t3_29, t3_1);
-        let t3_137 = (-t3_136).mul_add(t3_32, t3_135);
-        let t3_138 = (-t3_9).mul_add(t3_34, t2_126);
-        let t3_139 = (-t3_136).mul_add(t3_37, t3_138);
-        let t3_140 = t3_139 * t3_39;
-        let t3_141 = like.lift(0.0762102355330306) * t3_140;
-        let t3_142 = t3_137 - t3_141;
-        let t3_143 = t3_139 * t3_61;
-        let t3_144 = t3_142.mul_add(t3_64, t3_143);
-        let t3_145 = t3_142 * t3_77;
-        let t3_146 = like.lift(0.066) * t3_145;
-        let t3_147 = (-t3_144).mul_add(t3_82, t3_146);
-        let t3_148 = t3_142.mul_add(t3_90, t3_141);
-        let t3_149 = t3_144.mul_add(t3_92, t3_148);
-        let t3_150 = t3_147.mul_add(t3_98, t3_149);
-        let t3_151 = t3_142 * t3_106;
-        let t3_152 = (-t3_144).mul_add(t3_109, t3_151);
-        let t3_153 = (-t3_147).mul_add(t3_113, t3_152);
-        let t3_154 = t3_150.mul_add(t3_118, t3_153);
-        let t3_155 = t3_154 * inv_pivot_8;
-        let t3_156 = t3_105.mul_add(t3_155, t3_150);
-        let t3_157 = inv_pivot_7 * t3_156;
-        let t3_158 = t3_87.mul_add(t3_157, t3_147);
-        let t3_159 = (-t3_104).mul_add(t3_155, t3_158);
-        let t3_160 = inv_pivot_6 * t3_159;
-        let t3_161 = (-t3_76).mul_add(t3_160, t3_144);
-        let t3_162 = (-t2_223).mul_add(t3_157, t3_161);
-        let t3_163 = t2_229.mul_add(t3_155, t3_162);
-        let t3_164 = inv_pivot_5 * t3_163;
-        let t3_165 = t3_60.mul_add(t3_164, t3_142);
-        let t3_166 = (-t3_75).mul_add(t3_160, t3_165);
-        let t3_167 = inv_pivot_4 * t3_166;
-        let t3_168 = t3_18 + t3_86;
-        let t3_169 = t3_26 + t3_93;
-        let t3_170 = (-t3_168).mul_add(t3_98, t3_169);
-        let t3_171 = t3_23 + t3_115;
-        let t3_172 = (-t3_168).mul_add(t3_113, t3_171);
-        let t3_173 = (-t3_170).mul_add(t3_118, t3_172);
-        let t3_174 = t3_173 * inv_pivot_8;
-        let t3_175 = (-t3_105).mul_add(t3_174, t3_170);
-        let t3_176 = inv_pivot_7 * t3_175;
-        let t3_177 = (-t3_87).mul_add(t3_176, t3_168);
-        let t3_178 = (-t3_104).mul_add(t3_174, t3_177);
-        let t3_179 = inv_pivot_6 * t3_178;
-        let t3_180 = t3_76.mul_add(t3_179, t2_223);
-        let t3_181 = (-t2_223).mul_add(t3_176, t3_180);
-        let t3_182 = (-t2_229).mul_add(t3_174, t3_181);
-        let t3_183 = inv_pivot_5 * t3_182;
-        let t3_184 = t3_60 * t3_183;
-        let t3_185 = t3_75.mul_add(t3_179, t3_184);
-        let t3_186 = inv_pivot_4 * t3_185;
-        let t3_187 = -t3_186;
-        let t3_188 = -t3_131;
-        let t3_189 = -t3_183;
-        let t3_190 = (-t3_38).mul_add(t3_134, t3_46);
-        let t3_191 = t3_57.mul_add(t3_131, t3_190);
-        let t3_192 = (-t3_69).mul_add(t3_127, t3_191);
-        let t3_193 = t3_39 * t3_192;
-        let t3_194 = like.lift(1.1547005383792515) * t3_193;
-        let t3_195 = (-t3_38).mul_add(t3_167, t3_139);
-        let t3_196 = (-t3_57).mul_add(t3_164, t3_195);
-        let t3_197 = (-t3_69).mul_add(t3_160, t3_196);
-        let t3_198 = t3_39 * t3_197;
-        let t3_199 = like.lift(1.1547005383792515) * t3_198;
-        let t3_200 = t3_38 * t3_186;
-        let t3_201 = t3_57.mul_add(t3_183, t3_200);
-        let t3_202 = (-t3_69).mul_add(t3_179, t3_201);
-        let t3_203 = t3_39 * t3_202;
-        let t3_204 = like.lift(1.1547005383792515) * t3_203;
-        let t3_205 = t3_30.mul_add(t3_134, t3_43);
-        let t3_206 = t3_53.mul_add(t3_131, t3_205);
-        let t3_207 = (-t3_68).mul_add(t3_127, t3_206);
-        let t3_208 = inv_pivot_2 * t3_207;
-        let t3_209 = t3_30.mul_add(t3_167, t3_136);
-        let t3_210 = (-t3_53).mul_add(t3_164, t3_209);
-        let t3_211 = (-t3_68).mul_add(t3_160, t3_210);
-        let t3_212 = inv_pivot_2 * t3_211;
-        let t3_213 = t3_30 * t3_186;
-        let t3_214 = (-t3_53).mul_add(t3_183, t3_213);
-        let t3_215 = t3_68.mul_add(t3_179, t3_214);
-        let t3_216 = inv_pivot_2 * t3_215;
-        let t3_217 = -t3_216;
-        let t3_218 = t2_91.mul_add(t3_208, t3_5);
-        let t3_219 = (-t2_58).mul_add(t3_134, t3_218);
-        let t3_220 = sin_e1x * t3_131;
-        let t3_221 = like.lift(0.0381051177665153).mul_add(t3_220, t3_219);
-        let t3_222 = t2_62.mul_add(t3_127, t3_221);
-        let t3_223 = inv_pivot_1 * t3_222;
+        let t3_109 = t3_106 * inv_pivot_8;
+        let t3_110 = (-t3_85).mul_add(t3_109, t3_82);
+        let t3_111 = inv_pivot_7 * t3_110;
+        let t3_112 = (-t3_64).mul_add(t3_111, t3_53);
+        let t3_113 = (-t3_84).mul_add(t3_109, t3_112);
+        let t3_114 = inv_pivot_6 * t3_113;
+        let t3_115 = (-t3_38).mul_add(t3_114, t3_35);
+        let t3_116 = t3_63.mul_add(t3_111, t3_115);
+        let t3_117 = like.lift(-0.066).mul_add(t3_109, t3_116);
+        let t3_118 = inv_pivot_5 * t3_117;
+        let t3_119 = (-t3_9).mul_add(t3_27, t3_14);
+        let t3_120 = (-t3_9).mul_add(t3_29, t3_1);
+        let t3_121 = (-t3_120).mul_add(t3_32, t3_119);
+        let t3_122 = t3_121 * t3_49;
+        let t3_123 = (-t3_9).mul_add(t3_65, t2_127);
+        let t3_124 = (-t3_120).mul_add(t3_69, t3_123);
+        let t3_125 = (-t3_121).mul_add(t3_73, t3_124);
+        let t3_126 = t3_122.mul_add(t3_78, t3_125);
+        let t3_127 = t3_121 * t3_93;
+        let t3_128 = t3_122.mul_add(t3_98, t3_127);
+        let t3_129 = (-t3_126).mul_add(t3_105, t3_128);
+        let t3_130 = t3_129 * inv_pivot_8;
+        let t3_131 = t3_85.mul_add(t3_130, t3_126);
+        let t3_132 = inv_pivot_7 * t3_131;
+        let t3_133 = t3_64.mul_add(t3_132, t3_122);
+        let t3_134 = (-t3_84).mul_add(t3_130, t3_133);
+        let t3_135 = inv_pivot_6 * t3_134;
+        let t3_136 = t3_38.mul_add(t3_135, t3_121);
+        let t3_137 = t3_63.mul_add(t3_132, t3_136);
+        let t3_138 = like.lift(0.066).mul_add(t3_130, t3_137);
+        let t3_139 = inv_pivot_5 * t3_138;
+        let t3_140 = (-t3_23).mul_add(t3_39, t3_26);
+        let t3_141 = (-t3_23).mul_add(t3_41, t3_18);
+        let t3_142 = (-t3_141).mul_add(t3_44, t3_140);
+        let t3_143 = t3_142 * t3_78;
+        let t3_144 = (-t3_23).mul_add(t3_86, t2_223);
+        let t3_145 = (-t3_141).mul_add(t3_89, t3_144);
+        let t3_146 = t3_142.mul_add(t3_98, t3_145);
+        let t3_147 = (-t3_143).mul_add(t3_105, t3_146);
+        let t3_148 = t3_147 * inv_pivot_8;
+        let t3_149 = t3_85.mul_add(t3_148, t3_143);
+        let t3_150 = inv_pivot_7 * t3_149;
+        let t3_151 = t3_64.mul_add(t3_150, t3_142);
+        let t3_152 = (-t3_84).mul_add(t3_148, t3_151);
+        let t3_153 = inv_pivot_6 * t3_152;
+        let t3_154 = t3_38 * t3_153;
+        let t3_155 = t3_63.mul_add(t3_150, t3_154);
+        let t3_156 = like.lift(0.066).mul_add(t3_148, t3_155);
+        let t3_157 = inv_pivot_5 * t3_156;
+        let t3_158 = -t3_157;
+        let t3_159 = -t3_135;
+        let t3_160 = -t3_150;
+        let t3_161 = -t3_130;
+        let t3_162 = t3_30.mul_add(t3_118, t3_34);
+        let t3_163 = (-t3_37).mul_add(t3_114, t3_162);
+        let t3_164 = (-t3_62).mul_add(t3_111, t3_163);
+        let t3_165 = inv_pivot_2 * t3_164;
+        let t3_166 = t3_30.mul_add(t3_139, t3_120);
+        let t3_167 = t3_37.mul_add(t3_135, t3_166);
+        let t3_168 = (-t3_62).mul_add(t3_132, t3_167);
+        let t3_169 = inv_pivot_2 * t3_168;
+        let t3_170 = t3_30 * t3_157;
+        let t3_171 = t3_37.mul_add(t3_153, t3_170);
+        let t3_172 = (-t3_62).mul_add(t3_150, t3_171);
+        let t3_173 = inv_pivot_2 * t3_172;
+        let t3_174 = -t3_173;
+        let t3_175 = sin_e1x * t3_111;
+        let t3_176 = like.lift(0.0381051177665153) * t3_175;
+        let t3_177 = t2_91.mul_add(t3_165, t3_5);
+        let t3_178 = (-t2_58).mul_add(t3_118, t3_177);
+        let t3_179 = t2_62.mul_add(t3_114, t3_178);
+        let t3_180 = t3_176 - t3_179;
+        let t3_181 = inv_pivot_1 * t3_180;
+        let t3_182 = sin_e1x * t3_132;
+        let t3_183 = like.lift(0.0381051177665153) * t3_182;
+        let t3_184 = (-t2_91).mul_add(t3_169, t3_9);
+        let t3_185 = t2_58.mul_add(t3_139, t3_184);
+        let t3_186 = t2_62.mul_add(t3_135, t3_185);
+        let t3_187 = t3_183 + t3_186;
+        let t3_188 = inv_pivot_1 * t3_187;
+        let t3_189 = sin_e1x * t3_150;
+        let t3_190 = like.lift(0.0381051177665153) * t3_189;
+        let t3_191 = t2_91 * t3_173;
+        let t3_192 = (-t2_58).mul_add(t3_157, t3_191);
+        let t3_193 = (-t2_62).mul_add(t3_153, t3_192);
+        let t3_194 = t3_190 - t3_193;
+        let t3_195 = inv_pivot_1 * t3_194;
+        let t3_196 = -t3_195;
+        let t3_197 = t3_47.mul_add(t3_118, t3_51);
+        let t3_198 = (-t3_42).mul_add(t3_114, t3_197);
+        let t3_199 = (-t3_57).mul_add(t3_111, t3_198);
+        let t3_200 = inv_pivot_4 * t3_199;
+        let t3_201 = t3_47 * t3_139;
+        let t3_202 = t3_42.mul_add(t3_135, t3_201);
+        let t3_203 = (-t3_57).mul_add(t3_132, t3_202);
+        let t3_204 = inv_pivot_4 * t3_203;
+        let t3_205 = (-t3_47).mul_add(t3_157, t3_141);
+        let t3_206 = (-t3_42).mul_add(t3_153, t3_205);
+        let t3_207 = t3_57.mul_add(t3_150, t3_206);
+        let t3_208 = inv_pivot_4 * t3_207;
+        let t3_209 = t2_193.mul_add(t3_200, t3_19);
+        let t3_210 = (-t2_174).mul_add(t3_118, t3_209);
+        let t3_211 = t2_176.mul_add(t3_114, t3_210);
+        let t3_212 = t3_211 + t3_176;
+        let t3_213 = inv_pivot_3 * t3_212;
+        let t3_214 = t2_193 * t3_204;
+        let t3_215 = (-t2_174).mul_add(t3_139, t3_214);
+        let t3_216 = (-t2_176).mul_add(t3_135, t3_215);
+        let t3_217 = t3_216 + t3_183;
+        let t3_218 = inv_pivot_3 * t3_217;
+        let t3_219 = (-t2_193).mul_add(t3_208, t3_23);
+        let t3_220 = (-t2_174).mul_add(t3_157, t3_219);
+        let t3_221 = (-t2_176).mul_add(t3_153, t3_220);
+        let t3_222 = t3_221 + t3_190;
+        let t3_223 = inv_pivot_3 * t3_222;
         let t3_224 = -t3_223;
-        let t3_225 = (-t2_91).mul_add(t3_212, t3_9);
-        let t3_226 = t2_58.mul_add(t3_167, t3_225);
-        let t3_227 = sin_e1x * t3_164;
-        let t3_228 = like.lift(0.0381051177665153).mul_add(t3_227, t3_226);
-        let t3_229 = (-t2_62).mul_add(t3_160, t3_228);
-        let t3_230 = inv_pivot_1 * t3_229;
-        let t3_231 = t2_91 * t3_216;
-        [
-            t3_1, t3_6, t3_9, t3_12, t3_14, t3_18, t3_20, t3_23, t3_24, t3_26, inv_pivot_1,
-            pivot_2, pivot_4, pivot_5, pivot_6, pivot_7, pivot_8, t3_122, t3_124, t3_127,
-            t3_134, t3_155, t3_157, t3_160, t3_164, t3_167, t3_174, t3_176, t3_179, t3_183,
-            t3_186, t3_187, t3_188, t3_189, t3_194, t3_199, t3_204, t3_208, t3_212, t3_217,
-            t3_224, t3_230, t3_231,
-        ]
-    };
-    // loops: solve with A_e (Eq. 8, 10)
-    let [
-        x_u1_1_q1, x_u1_1_q2, x_u1_1_q3, x_u1_2_q1, x_u1_2_q2, x_u1_2_q3, x_e1y_q1, x_e1y_q2,
-        x_e1y_q3, x_e1x_q1, x_e1x_q2, x_e1x_q3, x_u2_1_q1, x_u2_1_q2, x_u2_1_q3, x_u2_2_q1,
-        x_u2_2_q2, x_u2_2_q3, x_u3_1_q1, x_u3_1_q2, x_u3_1_q3, x_u3_2_q1, x_u3_2_q2, x_u3_2_q3,
-    ] = {
-        let t4_1 = (-t2_58).mul_add(t3_186, t3_231);
-        let t4_2 = sin_e1x * t3_183;
-        let t4_3 = like.lift(-0.0381051177665153).mul_add(t4_2, t4_1);
-        let t4_4 = (-t2_62).mul_add(t3_179, t4_3);
-        let t4_5 = inv_pivot_1 * t4_4;
-        let t4_6 = -t3_157;
-        let t4_7 = -t3_155;
-        let t4_8 = -t3_174;
-        let t4_9 = -pivot_8;
+        let t3_225 = -pivot_7;
+        let t3_226 = -pivot_8;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(0.9580029161088279)).abs()
             .min((pivot_2 * like.lift(0.9018719688103075)).abs())
-            .min((t2_121 * like.lift(1.923718077658978)).abs())
-            .min((pivot_4 * like.lift(1.019503733280847)).abs())
-            .min((pivot_5 * like.lift(0.9467672644948026)).abs())
-            .min((pivot_6 * like.lift(0.8116685504320711)).abs())
-            .min((pivot_7 * like.lift(1.060112577367453)).abs())
-            .min((t4_9 * like.lift(0.697347665033695)).abs());
+            .min((t2_197 * like.lift(0.9441016894903256)).abs())
+            .min((pivot_4 * like.lift(0.7930813430566414)).abs())
+            .min((pivot_5 * like.lift(0.9552290039283993)).abs())
+            .min((pivot_6 * like.lift(0.6503970605951934)).abs())
+            .min((t3_225 * like.lift(1.8878245740206896)).abs())
+            .min((t3_226 * like.lift(1.0933635968062305)).abs());
         let ([
             [x_u1_1_q1, x_u1_1_q2, x_u1_1_q3], [x_u1_2_q1, x_u1_2_q2, x_u1_2_q3],
             [x_e1y_q1, x_e1y_q2, x_e1y_q3], [x_e1x_q1, x_e1x_q2, x_e1x_q3],
@@ -5974,9 +5918,9 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
             [x_u3_1_q1, x_u3_1_q2, x_u3_1_q3], [x_u3_2_q1, x_u3_2_q2, x_u3_2_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t3_134, t3_167, t3_187], [t3_127, t3_160, t3_179], [t3_188, t3_164, t3_189],
-                [t3_194, t3_199, t3_204], [t3_208, t3_212, t3_217], [t3_224, t3_230, t4_5],
-                [t3_124, t4_6, t3_176], [t3_122, t4_7, t4_8],
+                [t3_118, t3_139, t3_158], [t3_114, t3_159, t3_153], [t3_111, t3_132, t3_160],
+                [t3_109, t3_161, t3_148], [t3_165, t3_169, t3_174], [t3_181, t3_188, t3_196],
+                [t3_200, t3_204, t3_208], [t3_213, t3_218, t3_224],
             ],
             margin,
             || (
@@ -5984,15 +5928,15 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
                     [t1_179, t1_180, t1_181, like.lift(0.0), t2_49, t2_55, like.lift(0.0), like.lift(0.0)],
                     [t2_59, t2_62, t2_63, like.lift(0.0), t2_91, pivot_1, like.lift(0.0), like.lift(0.0)],
                     [t2_100, t2_103, t2_104, like.lift(0.066), t2_106, t2_108, like.lift(0.0), like.lift(0.0)],
-                    [t2_116, t2_120, t2_120, t2_121, t2_127, t2_133, like.lift(0.0), like.lift(0.0)],
-                    [t1_179, t1_180, t1_181, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_165, t2_172],
-                    [t2_174, t2_175, t2_61, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_192, t2_197],
+                    [t2_116, t2_120, t2_120, t2_122, t2_128, t2_134, like.lift(0.0), like.lift(0.0)],
+                    [t1_179, t1_180, t1_181, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_166, t2_173],
+                    [t2_175, t2_176, t2_61, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_193, t2_197],
                     [t2_199, t2_200, t2_102, like.lift(0.066), like.lift(0.0), like.lift(0.0), t2_202, t2_205],
                     [t2_213, t2_216, t2_216, t2_218, like.lift(0.0), like.lift(0.0), t2_224, t2_229],
                 ],
                 [
                     [t2_231, t3_1, like.lift(0.0)], [t3_6, t3_9, like.lift(0.0)],
-                    [t3_12, t3_14, like.lift(0.0)], [t2_116, t2_127, like.lift(0.0)],
+                    [t3_12, t3_14, like.lift(0.0)], [t2_116, t2_128, like.lift(0.0)],
                     [t2_231, like.lift(0.0), t3_18], [t3_20, like.lift(0.0), t3_23],
                     [t3_24, like.lift(0.0), t3_26], [t2_213, like.lift(0.0), t2_224],
                 ],
@@ -6008,244 +5952,244 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
     };
     // tau
     {
-        let t5_1 = t1_146.mul_add(x_u1_1_q1, t1_177);
-        let t5_2 = al_rod1x * p_ixy_rod1;
-        let t5_3 = (-dd_u1_2).mul_add(p_iyy_rod1, t5_2);
-        let t5_4 = (-al_rod1z).mul_add(p_iyz_rod1, t5_3);
-        let t5_5 = p_ixx_rod1 - p_izz_rod1;
-        let t5_6 = t1_13 * t5_5;
-        let t5_7 = t1_16 - t1_125;
-        let t5_8 = (-t5_7).mul_add(p_ixz_rod1, t5_6);
-        let t5_9 = t1_6.mul_add(p_ixy_rod1, t5_8);
-        let t5_10 = t1_10.mul_add(p_iyz_rod1, -t5_9);
-        let t5_11 = t5_4 + t5_10;
-        let t5_12 = a_rod1x * p_mz_rod1;
-        let t5_13 = a_rod1z.mul_add(p_mx_rod1, t5_12);
-        let t5_14 = t5_11 + t5_13;
-        let t5_15 = cos_e1x * t1_70;
-        let t5_16 = (-sin_e1x).mul_add(t1_94, t5_15);
-        let t5_17 = like.lift(-1.244).mul_add(t1_172, t5_16);
-        let t5_18 = t5_14 - t5_17;
-        let t5_19 = t5_18.mul_add(x_u1_2_q1, t5_1);
-        let t5_20 = (-t5_16).mul_add(x_e1y_q1, t5_19);
-        let t5_21 = (-t1_116).mul_add(x_e1x_q1, t5_20);
+        let t4_1 = t1_146.mul_add(x_u1_1_q1, t1_177);
+        let t4_2 = al_rod1x * p_ixy_rod1;
+        let t4_3 = (-dd_u1_2).mul_add(p_iyy_rod1, t4_2);
+        let t4_4 = (-al_rod1z).mul_add(p_iyz_rod1, t4_3);
+        let t4_5 = p_ixx_rod1 - p_izz_rod1;
+        let t4_6 = t1_13 * t4_5;
+        let t4_7 = t1_16 - t1_125;
+        let t4_8 = (-t4_7).mul_add(p_ixz_rod1, t4_6);
+        let t4_9 = t1_6.mul_add(p_ixy_rod1, t4_8);
+        let t4_10 = t1_10.mul_add(p_iyz_rod1, -t4_9);
+        let t4_11 = t4_4 + t4_10;
+        let t4_12 = a_rod1x * p_mz_rod1;
+        let t4_13 = a_rod1z.mul_add(p_mx_rod1, t4_12);
+        let t4_14 = t4_11 + t4_13;
+        let t4_15 = cos_e1x * t1_70;
+        let t4_16 = (-sin_e1x).mul_add(t1_94, t4_15);
+        let t4_17 = like.lift(-1.244).mul_add(t1_172, t4_16);
+        let t4_18 = t4_14 - t4_17;
+        let t4_19 = t4_18.mul_add(x_u1_2_q1, t4_1);
+        let t4_20 = (-t4_16).mul_add(x_e1y_q1, t4_19);
+        let t4_21 = (-t1_116).mul_add(x_e1x_q1, t4_20);
         let al_u2_1x = dd_q2 + dd_u2_1;
-        let t5_22 = cos_u2_2 * al_u2_1x;
+        let t4_22 = cos_u2_2 * al_u2_1x;
         let w_u2_1x = d_q2 + d_u2_1;
         let w_rod2z = sin_u2_2 * w_u2_1x;
-        let t5_23 = d_u2_2 * w_rod2z;
-        let al_rod2x = t5_22 - t5_23;
-        let t5_24 = al_rod2x * p_ixz_rod2;
-        let t5_25 = dd_u2_2.mul_add(p_iyz_rod2, t5_24);
-        let t5_26 = sin_u2_2 * al_u2_1x;
+        let t4_23 = d_u2_2 * w_rod2z;
+        let al_rod2x = t4_22 - t4_23;
+        let t4_24 = al_rod2x * p_ixz_rod2;
+        let t4_25 = dd_u2_2.mul_add(p_iyz_rod2, t4_24);
+        let t4_26 = sin_u2_2 * al_u2_1x;
         let w_rod2x = cos_u2_2 * w_u2_1x;
-        let t5_27 = d_u2_2 * w_rod2x;
-        let al_rod2z = t5_26 + t5_27;
-        let t5_28 = al_rod2z.mul_add(p_izz_rod2, t5_25);
-        let t5_29 = w_rod2z * w_rod2x;
-        let t5_30 = p_ixx_rod2 - p_iyy_rod2;
-        let t5_31 = t5_27 * t5_30;
-        let t5_32 = w_rod2x * w_rod2x;
-        let t5_33 = d_u2_2 * d_u2_2;
-        let t5_34 = t5_32 - t5_33;
-        let t5_35 = (-t5_34).mul_add(p_ixy_rod2, t5_31);
-        let t5_36 = t5_29.mul_add(p_iyz_rod2, -t5_35);
-        let t5_37 = t5_23.mul_add(p_ixz_rod2, -t5_36);
-        let t5_38 = t5_28 - t5_37;
+        let t4_27 = d_u2_2 * w_rod2x;
+        let al_rod2z = t4_26 + t4_27;
+        let t4_28 = al_rod2z.mul_add(p_izz_rod2, t4_25);
+        let t4_29 = w_rod2z * w_rod2x;
+        let t4_30 = p_ixx_rod2 - p_iyy_rod2;
+        let t4_31 = t4_27 * t4_30;
+        let t4_32 = w_rod2x * w_rod2x;
+        let t4_33 = d_u2_2 * d_u2_2;
+        let t4_34 = t4_32 - t4_33;
+        let t4_35 = (-t4_34).mul_add(p_ixy_rod2, t4_31);
+        let t4_36 = t4_29.mul_add(p_iyz_rod2, -t4_35);
+        let t4_37 = t4_23.mul_add(p_ixz_rod2, -t4_36);
+        let t4_38 = t4_28 - t4_37;
         let a_crank2y = like.lift(9.81) * sin_q2;
-        let t5_39 = d_q2 * d_q2;
-        let t5_40 = like.lift(-0.524).mul_add(t5_39, a_crank2y);
-        let t5_41 = cos_u2_1 * t5_40;
+        let t4_39 = d_q2 * d_q2;
+        let t4_40 = like.lift(-0.524).mul_add(t4_39, a_crank2y);
+        let t4_41 = cos_u2_1 * t4_40;
         let a_crank2z = like.lift(9.81) * cos_q2;
-        let t5_42 = like.lift(0.524).mul_add(dd_q2, a_crank2z);
-        let a_u2_1y = sin_u2_1.mul_add(t5_42, t5_41);
-        let t5_43 = a_u2_1y * p_mx_rod2;
-        let t5_44 = sin_u2_1 * t5_40;
-        let a_u2_1z = (-cos_u2_1).mul_add(t5_42, t5_44);
+        let t4_42 = like.lift(0.524).mul_add(dd_q2, a_crank2z);
+        let a_u2_1y = sin_u2_1.mul_add(t4_42, t4_41);
+        let t4_43 = a_u2_1y * p_mx_rod2;
+        let t4_44 = sin_u2_1 * t4_40;
+        let a_u2_1z = (-cos_u2_1).mul_add(t4_42, t4_44);
         let a_rod2x = sin_u2_2 * a_u2_1z;
-        let t5_45 = (-a_rod2x).mul_add(p_my_rod2, t5_43);
-        let t5_46 = t5_38 + t5_45;
-        let t5_47 = sin_u2_2 * t5_46;
-        let t5_48 = al_rod2x * p_ixx_rod2;
-        let t5_49 = dd_u2_2.mul_add(p_ixy_rod2, t5_48);
-        let t5_50 = al_rod2z.mul_add(p_ixz_rod2, t5_49);
-        let t5_51 = p_iyy_rod2 - p_izz_rod2;
-        let t5_52 = t5_23 * t5_51;
-        let t5_53 = w_rod2z * w_rod2z;
-        let t5_54 = t5_33 - t5_53;
-        let t5_55 = (-t5_54).mul_add(p_iyz_rod2, t5_52);
-        let t5_56 = t5_27.mul_add(p_ixz_rod2, -t5_55);
-        let t5_57 = t5_29.mul_add(p_ixy_rod2, -t5_56);
-        let t5_58 = t5_50 - t5_57;
+        let t4_45 = (-a_rod2x).mul_add(p_my_rod2, t4_43);
+        let t4_46 = t4_38 + t4_45;
+        let t4_47 = sin_u2_2 * t4_46;
+        let t4_48 = al_rod2x * p_ixx_rod2;
+        let t4_49 = dd_u2_2.mul_add(p_ixy_rod2, t4_48);
+        let t4_50 = al_rod2z.mul_add(p_ixz_rod2, t4_49);
+        let t4_51 = p_iyy_rod2 - p_izz_rod2;
+        let t4_52 = t4_23 * t4_51;
+        let t4_53 = w_rod2z * w_rod2z;
+        let t4_54 = t4_33 - t4_53;
+        let t4_55 = (-t4_54).mul_add(p_iyz_rod2, t4_52);
+        let t4_56 = t4_27.mul_add(p_ixz_rod2, -t4_55);
+        let t4_57 = t4_29.mul_add(p_ixy_rod2, -t4_56);
+        let t4_58 = t4_50 - t4_57;
         let a_rod2z = cos_u2_2 * a_u2_1z;
-        let t5_59 = a_rod2z * p_my_rod2;
-        let t5_60 = a_u2_1y.mul_add(p_mz_rod2, t5_59);
-        let t5_61 = t5_58 - t5_60;
-        let t5_62 = cos_u2_2.mul_add(t5_61, t5_47);
-        let t5_63 = (-t5_62).mul_add(x_u2_1_q1, t5_21);
-        let t5_64 = al_rod2x * p_ixy_rod2;
-        let t5_65 = dd_u2_2.mul_add(p_iyy_rod2, t5_64);
-        let t5_66 = al_rod2z.mul_add(p_iyz_rod2, t5_65);
-        let t5_67 = p_ixx_rod2 - p_izz_rod2;
-        let t5_68 = t5_29 * t5_67;
-        let t5_69 = t5_32 - t5_53;
-        let t5_70 = (-t5_69).mul_add(p_ixz_rod2, t5_68);
-        let t5_71 = t5_23.mul_add(p_ixy_rod2, t5_70);
-        let t5_72 = t5_27.mul_add(p_iyz_rod2, -t5_71);
-        let t5_73 = t5_66 - t5_72;
-        let t5_74 = a_rod2x * p_mz_rod2;
-        let t5_75 = a_rod2z.mul_add(p_mx_rod2, t5_74);
-        let t5_76 = t5_73 + t5_75;
-        let t5_77 = (-t5_76).mul_add(x_u2_2_q1, t5_63);
+        let t4_59 = a_rod2z * p_my_rod2;
+        let t4_60 = a_u2_1y.mul_add(p_mz_rod2, t4_59);
+        let t4_61 = t4_58 - t4_60;
+        let t4_62 = cos_u2_2.mul_add(t4_61, t4_47);
+        let t4_63 = (-t4_62).mul_add(x_u2_1_q1, t4_21);
+        let t4_64 = al_rod2x * p_ixy_rod2;
+        let t4_65 = dd_u2_2.mul_add(p_iyy_rod2, t4_64);
+        let t4_66 = al_rod2z.mul_add(p_iyz_rod2, t4_65);
+        let t4_67 = p_ixx_rod2 - p_izz_rod2;
+        let t4_68 = t4_29 * t4_67;
+        let t4_69 = t4_32 - t4_53;
+        let t4_70 = (-t4_69).mul_add(p_ixz_rod2, t4_68);
+        let t4_71 = t4_23.mul_add(p_ixy_rod2, t4_70);
+        let t4_72 = t4_27.mul_add(p_iyz_rod2, -t4_71);
+        let t4_73 = t4_66 - t4_72;
+        let t4_74 = a_rod2x * p_mz_rod2;
+        let t4_75 = a_rod2z.mul_add(p_mx_rod2, t4_74);
+        let t4_76 = t4_73 + t4_75;
+        let t4_77 = (-t4_76).mul_add(x_u2_2_q1, t4_63);
         let al_u3_1x = dd_q3 + dd_u3_1;
-        let t5_78 = cos_u3_2 * al_u3_1x;
+        let t4_78 = cos_u3_2 * al_u3_1x;
         let w_u3_1x = d_q3 + d_u3_1;
         let w_rod3z = sin_u3_2 * w_u3_1x;
-        let t5_79 = d_u3_2 * w_rod3z;
-        let al_rod3x = t5_78 - t5_79;
-        let t5_80 = al_rod3x * p_ixz_rod3;
-        let t5_81 = dd_u3_2.mul_add(p_iyz_rod3, t5_80);
-        let t5_82 = sin_u3_2 * al_u3_1x;
+        let t4_79 = d_u3_2 * w_rod3z;
+        let al_rod3x = t4_78 - t4_79;
+        let t4_80 = al_rod3x * p_ixz_rod3;
+        let t4_81 = dd_u3_2.mul_add(p_iyz_rod3, t4_80);
+        let t4_82 = sin_u3_2 * al_u3_1x;
         let w_rod3x = cos_u3_2 * w_u3_1x;
-        let t5_83 = d_u3_2 * w_rod3x;
-        let al_rod3z = t5_82 + t5_83;
-        let t5_84 = al_rod3z.mul_add(p_izz_rod3, t5_81);
-        let t5_85 = w_rod3z * w_rod3x;
-        let t5_86 = p_ixx_rod3 - p_iyy_rod3;
-        let t5_87 = t5_83 * t5_86;
-        let t5_88 = w_rod3x * w_rod3x;
-        let t5_89 = d_u3_2 * d_u3_2;
-        let t5_90 = t5_88 - t5_89;
-        let t5_91 = (-t5_90).mul_add(p_ixy_rod3, t5_87);
-        let t5_92 = t5_85.mul_add(p_iyz_rod3, -t5_91);
-        let t5_93 = t5_79.mul_add(p_ixz_rod3, -t5_92);
-        let t5_94 = t5_84 - t5_93;
+        let t4_83 = d_u3_2 * w_rod3x;
+        let al_rod3z = t4_82 + t4_83;
+        let t4_84 = al_rod3z.mul_add(p_izz_rod3, t4_81);
+        let t4_85 = w_rod3z * w_rod3x;
+        let t4_86 = p_ixx_rod3 - p_iyy_rod3;
+        let t4_87 = t4_83 * t4_86;
+        let t4_88 = w_rod3x * w_rod3x;
+        let t4_89 = d_u3_2 * d_u3_2;
+        let t4_90 = t4_88 - t4_89;
+        let t4_91 = (-t4_90).mul_add(p_ixy_rod3, t4_87);
+        let t4_92 = t4_85.mul_add(p_iyz_rod3, -t4_91);
+        let t4_93 = t4_79.mul_add(p_ixz_rod3, -t4_92);
+        let t4_94 = t4_84 - t4_93;
         let a_crank3y = like.lift(9.81) * sin_q3;
-        let t5_95 = d_q3 * d_q3;
-        let t5_96 = like.lift(-0.524).mul_add(t5_95, a_crank3y);
-        let t5_97 = cos_u3_1 * t5_96;
+        let t4_95 = d_q3 * d_q3;
+        let t4_96 = like.lift(-0.524).mul_add(t4_95, a_crank3y);
+        let t4_97 = cos_u3_1 * t4_96;
         let a_crank3z = like.lift(9.81) * cos_q3;
-        let t5_98 = like.lift(0.524).mul_add(dd_q3, a_crank3z);
-        let a_u3_1y = sin_u3_1.mul_add(t5_98, t5_97);
-        let t5_99 = a_u3_1y * p_mx_rod3;
-        let t5_100 = sin_u3_1 * t5_96;
-        let a_u3_1z = (-cos_u3_1).mul_add(t5_98, t5_100);
+        let t4_98 = like.lift(0.524).mul_add(dd_q3, a_crank3z);
+        let a_u3_1y = sin_u3_1.mul_add(t4_98, t4_97);
+        let t4_99 = a_u3_1y * p_mx_rod3;
+        let t4_100 = sin_u3_1 * t4_96;
+        let a_u3_1z = (-cos_u3_1).mul_add(t4_98, t4_100);
         let a_rod3x = sin_u3_2 * a_u3_1z;
-        let t5_101 = (-a_rod3x).mul_add(p_my_rod3, t5_99);
-        let t5_102 = t5_94 + t5_101;
-        let t5_103 = sin_u3_2 * t5_102;
-        let t5_104 = al_rod3x * p_ixx_rod3;
-        let t5_105 = dd_u3_2.mul_add(p_ixy_rod3, t5_104);
-        let t5_106 = al_rod3z.mul_add(p_ixz_rod3, t5_105);
-        let t5_107 = p_iyy_rod3 - p_izz_rod3;
-        let t5_108 = t5_79 * t5_107;
-        let t5_109 = w_rod3z * w_rod3z;
-        let t5_110 = t5_89 - t5_109;
-        let t5_111 = (-t5_110).mul_add(p_iyz_rod3, t5_108);
-        let t5_112 = t5_83.mul_add(p_ixz_rod3, -t5_111);
-        let t5_113 = t5_85.mul_add(p_ixy_rod3, -t5_112);
-        let t5_114 = t5_106 - t5_113;
+        let t4_101 = (-a_rod3x).mul_add(p_my_rod3, t4_99);
+        let t4_102 = t4_94 + t4_101;
+        let t4_103 = sin_u3_2 * t4_102;
+        let t4_104 = al_rod3x * p_ixx_rod3;
+        let t4_105 = dd_u3_2.mul_add(p_ixy_rod3, t4_104);
+        let t4_106 = al_rod3z.mul_add(p_ixz_rod3, t4_105);
+        let t4_107 = p_iyy_rod3 - p_izz_rod3;
+        let t4_108 = t4_79 * t4_107;
+        let t4_109 = w_rod3z * w_rod3z;
+        let t4_110 = t4_89 - t4_109;
+        let t4_111 = (-t4_110).mul_add(p_iyz_rod3, t4_108);
+        let t4_112 = t4_83.mul_add(p_ixz_rod3, -t4_111);
+        let t4_113 = t4_85.mul_add(p_ixy_rod3, -t4_112);
+        let t4_114 = t4_106 - t4_113;
         let a_rod3z = cos_u3_2 * a_u3_1z;
-        let t5_115 = a_rod3z * p_my_rod3;
-        let t5_116 = a_u3_1y.mul_add(p_mz_rod3, t5_115);
-        let t5_117 = t5_114 - t5_116;
-        let t5_118 = cos_u3_2.mul_add(t5_117, t5_103);
-        let t5_119 = (-t5_118).mul_add(x_u3_1_q1, t5_77);
-        let t5_120 = al_rod3x * p_ixy_rod3;
-        let t5_121 = dd_u3_2.mul_add(p_iyy_rod3, t5_120);
-        let t5_122 = al_rod3z.mul_add(p_iyz_rod3, t5_121);
-        let t5_123 = p_ixx_rod3 - p_izz_rod3;
-        let t5_124 = t5_85 * t5_123;
-        let t5_125 = t5_88 - t5_109;
-        let t5_126 = (-t5_125).mul_add(p_ixz_rod3, t5_124);
-        let t5_127 = t5_79.mul_add(p_ixy_rod3, t5_126);
-        let t5_128 = t5_83.mul_add(p_iyz_rod3, -t5_127);
-        let t5_129 = t5_122 - t5_128;
-        let t5_130 = a_rod3x * p_mz_rod3;
-        let t5_131 = a_rod3z.mul_add(p_mx_rod3, t5_130);
-        let t5_132 = t5_129 + t5_131;
-        let t5_133 = (-t5_132).mul_add(x_u3_2_q1, t5_119);
-        tau[0] = t5_133;
-        let t5_134 = cos_q2 * p_my_crank2;
-        let t5_135 = like.lift(9.81) * t5_134;
-        let t5_136 = sin_q2 * p_mz_crank2;
-        let t5_137 = like.lift(-9.81).mul_add(t5_136, t5_135);
-        let t5_138 = dd_q2.mul_add(p_ixx_crank2, t5_137);
-        let t5_139 = t5_27 + al_rod2z;
-        let t5_140 = t5_139 * p_mx_rod2;
-        let t5_141 = w_u2_1x * w_u2_1x;
-        let t5_142 = (-t5_141).mul_add(p_my_rod2, t5_140);
-        let t5_143 = t5_23 - al_rod2x;
-        let t5_144 = t5_143.mul_add(p_mz_rod2, t5_142);
-        let t5_145 = a_u2_1y.mul_add(p_m_rod2, t5_144);
-        let t5_146 = sin_u2_1 * t5_145;
-        let t5_147 = dd_u2_2 - t5_29;
-        let t5_148 = t5_147 * p_mx_rod2;
-        let t5_149 = (-t5_22).mul_add(p_my_rod2, t5_148);
-        let t5_150 = t5_32 + t5_33;
-        let t5_151 = t5_150.mul_add(p_mz_rod2, t5_149);
-        let t5_152 = a_rod2z.mul_add(p_m_rod2, t5_151);
-        let t5_153 = cos_u2_2 * t5_152;
-        let t5_154 = t5_33 + t5_53;
-        let t5_155 = t5_154 * p_mx_rod2;
-        let t5_156 = t5_26.mul_add(p_my_rod2, t5_155);
-        let t5_157 = dd_u2_2 + t5_29;
-        let t5_158 = (-t5_157).mul_add(p_mz_rod2, t5_156);
-        let t5_159 = a_rod2x.mul_add(p_m_rod2, -t5_158);
-        let t5_160 = sin_u2_2.mul_add(t5_159, t5_153);
-        let t5_161 = (-cos_u2_1).mul_add(t5_160, t5_146);
-        let t5_162 = like.lift(0.524).mul_add(t5_161, t5_62);
-        let t5_163 = t5_138 + t5_162;
-        let t5_164 = t1_146 * x_u1_1_q2;
-        let t5_165 = t5_18.mul_add(x_u1_2_q2, t5_164);
-        let t5_166 = (-t5_16).mul_add(x_e1y_q2, t5_165);
-        let t5_167 = (-t1_116).mul_add(x_e1x_q2, t5_166);
-        let t5_168 = t5_163 + t5_167;
-        let t5_169 = (-t5_62).mul_add(x_u2_1_q2, t5_168);
-        let t5_170 = (-t5_76).mul_add(x_u2_2_q2, t5_169);
-        let t5_171 = (-t5_118).mul_add(x_u3_1_q2, t5_170);
-        let t5_172 = (-t5_132).mul_add(x_u3_2_q2, t5_171);
-        tau[1] = t5_172;
-        let t5_173 = cos_q3 * p_my_crank3;
-        let t5_174 = like.lift(9.81) * t5_173;
-        let t5_175 = sin_q3 * p_mz_crank3;
-        let t5_176 = like.lift(-9.81).mul_add(t5_175, t5_174);
-        let t5_177 = dd_q3.mul_add(p_ixx_crank3, t5_176);
-        let t5_178 = t5_83 + al_rod3z;
-        let t5_179 = t5_178 * p_mx_rod3;
-        let t5_180 = w_u3_1x * w_u3_1x;
-        let t5_181 = (-t5_180).mul_add(p_my_rod3, t5_179);
-        let t5_182 = t5_79 - al_rod3x;
-        let t5_183 = t5_182.mul_add(p_mz_rod3, t5_181);
-        let t5_184 = a_u3_1y.mul_add(p_m_rod3, t5_183);
-        let t5_185 = sin_u3_1 * t5_184;
-        let t5_186 = dd_u3_2 - t5_85;
-        let t5_187 = t5_186 * p_mx_rod3;
-        let t5_188 = (-t5_78).mul_add(p_my_rod3, t5_187);
-        let t5_189 = t5_88 + t5_89;
-        let t5_190 = t5_189.mul_add(p_mz_rod3, t5_188);
-        let t5_191 = a_rod3z.mul_add(p_m_rod3, t5_190);
-        let t5_192 = cos_u3_2 * t5_191;
-        let t5_193 = t5_89 + t5_109;
-        let t5_194 = t5_193 * p_mx_rod3;
-        let t5_195 = t5_82.mul_add(p_my_rod3, t5_194);
-        let t5_196 = dd_u3_2 + t5_85;
-        let t5_197 = (-t5_196).mul_add(p_mz_rod3, t5_195);
-        let t5_198 = a_rod3x.mul_add(p_m_rod3, -t5_197);
-        let t5_199 = sin_u3_2.mul_add(t5_198, t5_192);
-        let t5_200 = (-cos_u3_1).mul_add(t5_199, t5_185);
-        let t5_201 = like.lift(0.524).mul_add(t5_200, t5_118);
-        let t5_202 = t5_177 + t5_201;
-        let t5_203 = t1_146 * x_u1_1_q3;
-        let t5_204 = t5_18.mul_add(x_u1_2_q3, t5_203);
-        let t5_205 = (-t5_16).mul_add(x_e1y_q3, t5_204);
-        let t5_206 = (-t1_116).mul_add(x_e1x_q3, t5_205);
-        let t5_207 = (-t5_62).mul_add(x_u2_1_q3, t5_206);
-        let t5_208 = (-t5_76).mul_add(x_u2_2_q3, t5_207);
-        let t5_209 = t5_202 + t5_208;
-        let t5_210 = (-t5_118).mul_add(x_u3_1_q3, t5_209);
-        let t5_211 = (-t5_132).mul_add(x_u3_2_q3, t5_210);
-        tau[2] = t5_211;
+        let t4_115 = a_rod3z * p_my_rod3;
+        let t4_116 = a_u3_1y.mul_add(p_mz_rod3, t4_115);
+        let t4_117 = t4_114 - t4_116;
+        let t4_118 = cos_u3_2.mul_add(t4_117, t4_103);
+        let t4_119 = (-t4_118).mul_add(x_u3_1_q1, t4_77);
+        let t4_120 = al_rod3x * p_ixy_rod3;
+        let t4_121 = dd_u3_2.mul_add(p_iyy_rod3, t4_120);
+        let t4_122 = al_rod3z.mul_add(p_iyz_rod3, t4_121);
+        let t4_123 = p_ixx_rod3 - p_izz_rod3;
+        let t4_124 = t4_85 * t4_123;
+        let t4_125 = t4_88 - t4_109;
+        let t4_126 = (-t4_125).mul_add(p_ixz_rod3, t4_124);
+        let t4_127 = t4_79.mul_add(p_ixy_rod3, t4_126);
+        let t4_128 = t4_83.mul_add(p_iyz_rod3, -t4_127);
+        let t4_129 = t4_122 - t4_128;
+        let t4_130 = a_rod3x * p_mz_rod3;
+        let t4_131 = a_rod3z.mul_add(p_mx_rod3, t4_130);
+        let t4_132 = t4_129 + t4_131;
+        let t4_133 = (-t4_132).mul_add(x_u3_2_q1, t4_119);
+        tau[0] = t4_133;
+        let t4_134 = cos_q2 * p_my_crank2;
+        let t4_135 = like.lift(9.81) * t4_134;
+        let t4_136 = sin_q2 * p_mz_crank2;
+        let t4_137 = like.lift(-9.81).mul_add(t4_136, t4_135);
+        let t4_138 = dd_q2.mul_add(p_ixx_crank2, t4_137);
+        let t4_139 = t4_27 + al_rod2z;
+        let t4_140 = t4_139 * p_mx_rod2;
+        let t4_141 = w_u2_1x * w_u2_1x;
+        let t4_142 = (-t4_141).mul_add(p_my_rod2, t4_140);
+        let t4_143 = t4_23 - al_rod2x;
+        let t4_144 = t4_143.mul_add(p_mz_rod2, t4_142);
+        let t4_145 = a_u2_1y.mul_add(p_m_rod2, t4_144);
+        let t4_146 = sin_u2_1 * t4_145;
+        let t4_147 = dd_u2_2 - t4_29;
+        let t4_148 = t4_147 * p_mx_rod2;
+        let t4_149 = (-t4_22).mul_add(p_my_rod2, t4_148);
+        let t4_150 = t4_32 + t4_33;
+        let t4_151 = t4_150.mul_add(p_mz_rod2, t4_149);
+        let t4_152 = a_rod2z.mul_add(p_m_rod2, t4_151);
+        let t4_153 = cos_u2_2 * t4_152;
+        let t4_154 = t4_33 + t4_53;
+        let t4_155 = t4_154 * p_mx_rod2;
+        let t4_156 = t4_26.mul_add(p_my_rod2, t4_155);
+        let t4_157 = dd_u2_2 + t4_29;
+        let t4_158 = (-t4_157).mul_add(p_mz_rod2, t4_156);
+        let t4_159 = a_rod2x.mul_add(p_m_rod2, -t4_158);
+        let t4_160 = sin_u2_2.mul_add(t4_159, t4_153);
+        let t4_161 = (-cos_u2_1).mul_add(t4_160, t4_146);
+        let t4_162 = like.lift(0.524).mul_add(t4_161, t4_62);
+        let t4_163 = t4_138 + t4_162;
+        let t4_164 = t1_146 * x_u1_1_q2;
+        let t4_165 = t4_18.mul_add(x_u1_2_q2, t4_164);
+        let t4_166 = (-t4_16).mul_add(x_e1y_q2, t4_165);
+        let t4_167 = (-t1_116).mul_add(x_e1x_q2, t4_166);
+        let t4_168 = t4_163 + t4_167;
+        let t4_169 = (-t4_62).mul_add(x_u2_1_q2, t4_168);
+        let t4_170 = (-t4_76).mul_add(x_u2_2_q2, t4_169);
+        let t4_171 = (-t4_118).mul_add(x_u3_1_q2, t4_170);
+        let t4_172 = (-t4_132).mul_add(x_u3_2_q2, t4_171);
+        tau[1] = t4_172;
+        let t4_173 = cos_q3 * p_my_crank3;
+        let t4_174 = like.lift(9.81) * t4_173;
+        let t4_175 = sin_q3 * p_mz_crank3;
+        let t4_176 = like.lift(-9.81).mul_add(t4_175, t4_174);
+        let t4_177 = dd_q3.mul_add(p_ixx_crank3, t4_176);
+        let t4_178 = t4_83 + al_rod3z;
+        let t4_179 = t4_178 * p_mx_rod3;
+        let t4_180 = w_u3_1x * w_u3_1x;
+        let t4_181 = (-t4_180).mul_add(p_my_rod3, t4_179);
+        let t4_182 = t4_79 - al_rod3x;
+        let t4_183 = t4_182.mul_add(p_mz_rod3, t4_181);
+        let t4_184 = a_u3_1y.mul_add(p_m_rod3, t4_183);
+        let t4_185 = sin_u3_1 * t4_184;
+        let t4_186 = dd_u3_2 - t4_85;
+        let t4_187 = t4_186 * p_mx_rod3;
+        let t4_188 = (-t4_78).mul_add(p_my_rod3, t4_187);
+        let t4_189 = t4_88 + t4_89;
+        let t4_190 = t4_189.mul_add(p_mz_rod3, t4_188);
+        let t4_191 = a_rod3z.mul_add(p_m_rod3, t4_190);
+        let t4_192 = cos_u3_2 * t4_191;
+        let t4_193 = t4_89 + t4_109;
+        let t4_194 = t4_193 * p_mx_rod3;
+        let t4_195 = t4_82.mul_add(p_my_rod3, t4_194);
+        let t4_196 = dd_u3_2 + t4_85;
+        let t4_197 = (-t4_196).mul_add(p_mz_rod3, t4_195);
+        let t4_198 = a_rod3x.mul_add(p_m_rod3, -t4_197);
+        let t4_199 = sin_u3_2.mul_add(t4_198, t4_192);
+        let t4_200 = (-cos_u3_1).mul_add(t4_199, t4_185);
+        let t4_201 = like.lift(0.524).mul_add(t4_200, t4_118);
+        let t4_202 = t4_177 + t4_201;
+        let t4_203 = t1_146 * x_u1_1_q3;
+        let t4_204 = t4_18.mul_add(x_u1_2_q3, t4_203);
+        let t4_205 = (-t4_16).mul_add(x_e1y_q3, t4_204);
+        let t4_206 = (-t1_116).mul_add(x_e1x_q3, t4_205);
+        let t4_207 = (-t4_62).mul_add(x_u2_1_q3, t4_206);
+        let t4_208 = (-t4_76).mul_add(x_u2_2_q3, t4_207);
+        let t4_209 = t4_202 + t4_208;
+        let t4_210 = (-t4_118).mul_add(x_u3_1_q3, t4_209);
+        let t4_211 = (-t4_132).mul_add(x_u3_2_q3, t4_210);
+        tau[2] = t4_211;
     }
     (tau, Condition { pivot: condition })
 }
@@ -6256,7 +6200,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: the efforts that hold the mechanism at rest
 ///
-/// 366 additions, 579 multiplications, 8 divisions, 11 sines and cosines.
+/// 366 additions, 575 multiplications, 8 divisions, 11 sines and cosines.
 pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -6275,12 +6219,12 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) 
         t1_14, t1_21, t1_30, t1_36, t1_40, t1_52, t1_67, t1_72, e_e1x_q1z, t1_73, t1_74, t1_75,
         t1_76, e_e1x_q1y, t1_77, t1_81, t1_82, t1_93, t1_96, t1_98, t1_99, t1_100, t1_102,
         sin_q2, cos_q2, t1_103, t1_104, sin_u2_2, cos_u2_2, sin_u2_1, cos_u2_1, t1_114, t1_115,
-        t1_116, t1_118, t1_123, t1_124, t1_125, t1_127, t1_128, t1_129, t1_140, t1_142, t1_147,
-        t1_148, u_e1x_u1_1y, t1_150, t1_151, t1_152, u_e1x_u1_2y, t1_154, t1_155, t1_156,
-        t1_160, t1_161, t1_162, t1_164, t1_165, t1_166, t1_176, t1_177, t1_178, t1_180, t1_183,
+        t1_116, t1_118, t1_123, t1_124, t1_125, t1_127, t1_128, t1_129, t1_140, t1_142, t1_148,
+        u_e1x_u1_1y, t1_150, t1_151, t1_152, u_e1x_u1_2y, t1_154, t1_155, t1_156, t1_160,
+        t1_161, t1_162, t1_164, t1_165, t1_166, t1_176, t1_177, t1_178, t1_180, t1_183,
         pivot_1, t1_188, u_platform_u1_1z, t1_189, t1_190, t1_191, t1_192, u_e1x_u1_2z, t1_194,
-        t1_195, t1_196, t1_198, t1_200, t1_207, t1_208, t1_211, t1_212, t1_213, t1_218, t1_219,
-        t1_224,
+        t1_195, t1_196, t1_198, t1_200, t1_207, t1_208, t1_211, t1_212, t1_213, t1_214, t1_219,
+        t1_220, t1_225,
     ] = {
         let (sin_q1, cos_q1) = q1.sin_cos();
         let t1_1 = cos_q1 * p_my_crank1;
@@ -6519,45 +6463,45 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) 
         let t1_210 = like.lift(0.5) * t1_209;
         let t1_211 = sin_e1x.mul_add(t1_206, t1_210);
         let t1_212 = -t1_211;
-        let pivot_3 = like.lift(0.8660254037844386) * t1_147;
-        let t1_213 = -pivot_3;
-        let t1_214 = t1_178 * t1_147;
-        let t1_215 = like.lift(0.8660254037844386) * t1_214;
-        let t1_216 = t1_82 * t1_147;
-        let t1_217 = like.lift(0.5).mul_add(t1_216, t1_215);
-        let t1_218 = (-t1_116).mul_add(t1_206, t1_217);
-        let t1_219 = -t1_218;
-        let t1_220 = t1_186 * t1_147;
-        let t1_221 = like.lift(0.8660254037844386) * t1_220;
-        let t1_222 = t1_144 * t1_147;
-        let t1_223 = like.lift(0.5).mul_add(t1_222, t1_221);
-        let t1_224 = (-t1_147).mul_add(t1_206, t1_223);
+        let t1_213 = like.lift(0.8660254037844386) * t1_147;
+        let t1_214 = -t1_213;
+        let t1_215 = t1_178 * t1_147;
+        let t1_216 = like.lift(0.8660254037844386) * t1_215;
+        let t1_217 = t1_82 * t1_147;
+        let t1_218 = like.lift(0.5).mul_add(t1_217, t1_216);
+        let t1_219 = (-t1_116).mul_add(t1_206, t1_218);
+        let t1_220 = -t1_219;
+        let t1_221 = t1_186 * t1_147;
+        let t1_222 = like.lift(0.8660254037844386) * t1_221;
+        let t1_223 = t1_144 * t1_147;
+        let t1_224 = like.lift(0.5).mul_add(t1_223, t1_222);
+        let t1_225 = (-t1_147).mul_add(t1_206, t1_224);
         [
             cos_u1_2, sin_u1_1, cos_u1_1, t1_9, sin_e1x, cos_e1x, sin_u1_2_e1y, cos_u1_2_e1y,
             t1_14, t1_21, t1_30, t1_36, t1_40, t1_52, t1_67, t1_72, e_e1x_q1z, t1_73, t1_74,
             t1_75, t1_76, e_e1x_q1y, t1_77, t1_81, t1_82, t1_93, t1_96, t1_98, t1_99, t1_100,
             t1_102, sin_q2, cos_q2, t1_103, t1_104, sin_u2_2, cos_u2_2, sin_u2_1, cos_u2_1,
             t1_114, t1_115, t1_116, t1_118, t1_123, t1_124, t1_125, t1_127, t1_128, t1_129,
-            t1_140, t1_142, t1_147, t1_148, u_e1x_u1_1y, t1_150, t1_151, t1_152, u_e1x_u1_2y,
-            t1_154, t1_155, t1_156, t1_160, t1_161, t1_162, t1_164, t1_165, t1_166, t1_176,
-            t1_177, t1_178, t1_180, t1_183, pivot_1, t1_188, u_platform_u1_1z, t1_189, t1_190,
-            t1_191, t1_192, u_e1x_u1_2z, t1_194, t1_195, t1_196, t1_198, t1_200, t1_207,
-            t1_208, t1_211, t1_212, t1_213, t1_218, t1_219, t1_224,
+            t1_140, t1_142, t1_148, u_e1x_u1_1y, t1_150, t1_151, t1_152, u_e1x_u1_2y, t1_154,
+            t1_155, t1_156, t1_160, t1_161, t1_162, t1_164, t1_165, t1_166, t1_176, t1_177,
+            t1_178, t1_180, t1_183, pivot_1, t1_188, u_platform_u1_1z, t1_189, t1_190, t1_191,
+            t1_192, u_e1x_u1_2z, t1_194, t1_195, t1_196, t1_198, t1_200, t1_207, t1_208,
+            t1_211, t1_212, t1_213, t1_214, t1_219, t1_220, t1_225,
         ]
     };
     // tau, part 2
     let [
-        t2_1, sin_q3, cos_q3, sin_u3_2, cos_u3_2, sin_u3_1, cos_u3_1, t2_33, t2_40, t2_42,
-        t2_43, t2_60, t2_65, t2_67, t2_68, t2_70, t2_73, t2_81, t2_84, t2_86, t2_91, t2_92,
-        t2_97, t2_99, t2_103, t2_107, t2_108, t2_111, t2_114, t2_116, t2_120, t2_122, t2_125,
-        t2_126, t2_128, inv_pivot_1, t2_129, t2_131, t2_132, pivot_2, inv_pivot_2, t2_134,
-        t2_136, t2_139, t2_140, t2_141, pivot_4, inv_pivot_4, t2_145, t2_148, t2_151, t2_155,
-        t2_159, t2_162, t2_163, t2_166, pivot_5, inv_pivot_5, t2_168, t2_170, t2_171, t2_177,
-        t2_178, t2_179, t2_184, pivot_6, inv_pivot_6, t2_187, t2_188, t2_189, t2_192, t2_194,
-        t2_195, t2_200, pivot_7, inv_pivot_7, t2_206, t2_207, t2_208, t2_211, t2_215, t2_217,
-        t2_220, pivot_8, inv_pivot_8, t2_224, t2_225,
+        t2_1, sin_q3, cos_q3, sin_u3_2, cos_u3_2, sin_u3_1, cos_u3_1, t2_33, t2_40, t2_41,
+        t2_42, t2_43, t2_60, t2_64, t2_66, t2_67, t2_69, t2_72, t2_80, t2_83, t2_85, t2_90,
+        t2_91, t2_96, t2_98, t2_102, t2_106, t2_107, t2_110, t2_113, t2_115, t2_119, t2_120,
+        t2_121, t2_124, t2_125, t2_127, inv_pivot_1, t2_131, pivot_2, inv_pivot_2, pivot_5,
+        inv_pivot_5, t2_135, t2_138, t2_139, inv_pivot_3, t2_140, t2_142, t2_143, pivot_4,
+        inv_pivot_4, t2_145, t2_148, pivot_6, inv_pivot_6, t2_152, t2_158, t2_163, t2_164,
+        t2_165, t2_166, t2_170, t2_174, t2_179, pivot_7, inv_pivot_7, t2_185, t2_186, t2_187,
+        t2_190, t2_194, t2_199, t2_206, pivot_8, inv_pivot_8, t2_210, t2_212, t2_215, t2_219,
+        t2_221, t2_222, t2_223,
     ] = {
-        let t2_1 = -t1_224;
+        let t2_1 = -t1_225;
         let t2_2 = t1_77 + t1_81;
         let t2_3 = t1_99 + t1_100;
         let t2_4 = t1_98 + t2_3;
@@ -6623,201 +6567,200 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) 
         let t2_61 = t2_38 * t2_58;
         let t2_62 = cos_u3_1 * t2_48;
         let t2_63 = (-sin_u3_1).mul_add(t2_52, t2_62);
-        let t2_64 = (-t2_63).mul_add(t2_17, t2_61);
-        let t2_65 = -t2_64;
-        let t2_66 = t1_189 + t1_190;
-        let t2_67 = u_platform_u1_1z + t2_66;
-        let t2_68 = u_e1x_u1_2z + t1_194;
-        let t2_69 = t2_55 * t2_32;
-        let t2_70 = (-t2_2).mul_add(t2_58, t2_69);
-        let t2_71 = t2_63 * t2_32;
-        let t2_72 = (-t2_35).mul_add(t2_58, t2_71);
-        let t2_73 = -t2_72;
-        let t2_74 = cos_u1_2_e1y * t2_38;
-        let t2_75 = like.lift(0.8660254037844386) * t2_74;
-        let t2_76 = e_e1x_q1y * t2_38;
-        let t2_77 = like.lift(-0.5).mul_add(t2_76, t2_75);
-        let t2_78 = like.lift(0.8660254037844386) * t2_63;
-        let t2_79 = like.lift(-0.5).mul_add(t2_35, t2_78);
-        let t2_80 = (-e_e1x_q1z).mul_add(t2_79, t2_77);
-        let t2_81 = -t2_80;
-        let t2_82 = cos_e1x * t2_38;
-        let t2_83 = like.lift(0.5) * t2_82;
-        let t2_84 = (-sin_e1x).mul_add(t2_79, t2_83);
-        let t2_85 = like.lift(0.8660254037844386) * t2_38;
-        let t2_86 = -t2_85;
-        let t2_87 = t2_55 * t2_38;
-        let t2_88 = like.lift(0.8660254037844386) * t2_87;
-        let t2_89 = t2_2 * t2_38;
-        let t2_90 = like.lift(-0.5).mul_add(t2_89, t2_88);
-        let t2_91 = (-t2_14).mul_add(t2_79, t2_90);
-        let t2_92 = -t2_91;
-        let t2_93 = t2_63 * t2_38;
-        let t2_94 = like.lift(0.8660254037844386) * t2_93;
-        let t2_95 = t2_35 * t2_38;
-        let t2_96 = like.lift(-0.5).mul_add(t2_95, t2_94);
-        let t2_97 = (-t2_38).mul_add(t2_79, t2_96);
-        let t2_98 = cos_u1_1 * sin_u1_2_e1y;
-        let u_e1y_q1x = like.lift(0.524) * t2_98;
+        let pivot_3 = (-t2_63).mul_add(t2_17, t2_61);
+        let t2_64 = -pivot_3;
+        let t2_65 = t1_189 + t1_190;
+        let t2_66 = u_platform_u1_1z + t2_65;
+        let t2_67 = u_e1x_u1_2z + t1_194;
+        let t2_68 = t2_55 * t2_32;
+        let t2_69 = (-t2_2).mul_add(t2_58, t2_68);
+        let t2_70 = t2_63 * t2_32;
+        let t2_71 = (-t2_35).mul_add(t2_58, t2_70);
+        let t2_72 = -t2_71;
+        let t2_73 = cos_u1_2_e1y * t2_38;
+        let t2_74 = like.lift(0.8660254037844386) * t2_73;
+        let t2_75 = e_e1x_q1y * t2_38;
+        let t2_76 = like.lift(-0.5).mul_add(t2_75, t2_74);
+        let t2_77 = like.lift(0.8660254037844386) * t2_63;
+        let t2_78 = like.lift(-0.5).mul_add(t2_35, t2_77);
+        let t2_79 = (-e_e1x_q1z).mul_add(t2_78, t2_76);
+        let t2_80 = -t2_79;
+        let t2_81 = cos_e1x * t2_38;
+        let t2_82 = like.lift(0.5) * t2_81;
+        let t2_83 = (-sin_e1x).mul_add(t2_78, t2_82);
+        let t2_84 = like.lift(0.8660254037844386) * t2_38;
+        let t2_85 = -t2_84;
+        let t2_86 = t2_55 * t2_38;
+        let t2_87 = like.lift(0.8660254037844386) * t2_86;
+        let t2_88 = t2_2 * t2_38;
+        let t2_89 = like.lift(-0.5).mul_add(t2_88, t2_87);
+        let t2_90 = (-t2_14).mul_add(t2_78, t2_89);
+        let t2_91 = -t2_90;
+        let t2_92 = t2_63 * t2_38;
+        let t2_93 = like.lift(0.8660254037844386) * t2_92;
+        let t2_94 = t2_35 * t2_38;
+        let t2_95 = like.lift(-0.5).mul_add(t2_94, t2_93);
+        let t2_96 = (-t2_38).mul_add(t2_78, t2_95);
+        let t2_97 = cos_u1_1 * sin_u1_2_e1y;
+        let u_e1y_q1x = like.lift(0.524) * t2_97;
         let u_platform_u1_1x = like.lift(0.044) * e_e1x_q1z;
         let u_platform_q1x = u_e1y_q1x - u_platform_u1_1x;
-        let t2_99 = like.lift(-0.022).mul_add(e_e1x_q1z, u_platform_q1x);
-        let t2_100 = t1_102 - t1_118;
-        let t2_101 = t1_82 * t2_100;
-        let t2_102 = t1_127 - t1_140;
-        let t2_103 = (-t1_116).mul_add(t2_102, t2_101);
+        let t2_98 = like.lift(-0.022).mul_add(e_e1x_q1z, u_platform_q1x);
+        let t2_99 = t1_102 - t1_118;
+        let t2_100 = t1_82 * t2_99;
+        let t2_101 = t1_127 - t1_140;
+        let t2_102 = (-t1_116).mul_add(t2_101, t2_100);
         let u_u1_1_q1y = like.lift(0.524) * sin_u1_1;
         let u_e1y_u1_1y = like.lift(1.244) * cos_u1_2;
         let u_e1y_q1y = u_u1_1_q1y + u_e1y_u1_1y;
-        let t2_104 = cos_e1x * u_e1y_q1y;
-        let t2_105 = cos_u1_1 * cos_u1_2_e1y;
-        let t2_106 = sin_e1x * t2_105;
-        let u_e1x_q1y = like.lift(0.524).mul_add(t2_106, t2_104);
-        let t2_107 = u_e1x_q1y - t1_150;
-        let t2_108 = -t2_107;
-        let t2_109 = t1_164 - t1_180;
-        let t2_110 = t1_116 * t2_109;
-        let t2_111 = (-t1_178).mul_add(t2_100, t2_110);
-        let t2_112 = sin_e1x * u_e1y_q1y;
-        let t2_113 = cos_e1x * t2_105;
-        let u_e1x_q1z = like.lift(-0.524).mul_add(t2_113, t2_112);
+        let t2_103 = cos_e1x * u_e1y_q1y;
+        let t2_104 = cos_u1_1 * cos_u1_2_e1y;
+        let t2_105 = sin_e1x * t2_104;
+        let u_e1x_q1y = like.lift(0.524).mul_add(t2_105, t2_103);
+        let t2_106 = u_e1x_q1y - t1_150;
+        let t2_107 = -t2_106;
+        let t2_108 = t1_164 - t1_180;
+        let t2_109 = t1_116 * t2_108;
+        let t2_110 = (-t1_178).mul_add(t2_99, t2_109);
+        let t2_111 = sin_e1x * u_e1y_q1y;
+        let t2_112 = cos_e1x * t2_104;
+        let u_e1x_q1z = like.lift(-0.524).mul_add(t2_112, t2_111);
         let u_platform_q1z = u_e1x_q1z + t1_188;
-        let t2_114 = u_platform_q1z + t1_191;
-        let t2_115 = t1_178 * t2_102;
-        let t2_116 = (-t1_82).mul_add(t2_109, t2_115);
-        let t2_117 = t2_4 - t2_16;
-        let t2_118 = t2_2 * t2_117;
-        let t2_119 = t2_20 - t2_31;
-        let t2_120 = (-t2_14).mul_add(t2_119, t2_118);
-        let t2_121 = u_e1x_q1y + t1_150;
-        let t2_122 = -t2_121;
-        let t2_123 = t2_45 - t2_57;
-        let t2_124 = t2_14 * t2_123;
-        let t2_125 = (-t2_55).mul_add(t2_117, t2_124);
-        let t2_126 = u_platform_q1z + t2_66;
-        let t2_127 = t2_55 * t2_119;
-        let t2_128 = (-t2_2).mul_add(t2_123, t2_127);
+        let t2_113 = u_platform_q1z + t1_191;
+        let t2_114 = t1_178 * t2_101;
+        let t2_115 = (-t1_82).mul_add(t2_108, t2_114);
+        let t2_116 = t2_4 - t2_16;
+        let t2_117 = t2_2 * t2_116;
+        let t2_118 = t2_20 - t2_31;
+        let t2_119 = (-t2_14).mul_add(t2_118, t2_117);
+        let t2_120 = u_e1x_q1y + t1_150;
+        let t2_121 = -t2_120;
+        let t2_122 = t2_45 - t2_57;
+        let t2_123 = t2_14 * t2_122;
+        let t2_124 = (-t2_55).mul_add(t2_116, t2_123);
+        let t2_125 = u_platform_q1z + t2_65;
+        let t2_126 = t2_55 * t2_118;
+        let t2_127 = (-t2_2).mul_add(t2_122, t2_126);
         let inv_pivot_1 = like.lift(1.0) / pivot_1;
-        let t2_129 = t1_200 * inv_pivot_1;
-        let t2_130 = t1_151.mul_add(t2_129, t1_192);
-        let t2_131 = t1_148 * inv_pivot_1;
-        let t2_132 = (-t1_151).mul_add(t2_131, t1_73);
-        let t2_133 = (-t1_183).mul_add(t2_129, t1_198);
-        let pivot_2 = (-t1_183).mul_add(t2_131, t1_142);
+        let t2_128 = t1_200 * inv_pivot_1;
+        let t2_129 = t1_151.mul_add(t2_128, t1_192);
+        let t2_130 = t1_148 * inv_pivot_1;
+        let t2_131 = (-t1_151).mul_add(t2_130, t1_73);
+        let t2_132 = (-t1_183).mul_add(t2_128, t1_198);
+        let pivot_2 = (-t1_183).mul_add(t2_130, t1_142);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_134 = t2_133 * inv_pivot_2;
-        let t2_135 = t2_132.mul_add(t2_134, t2_130);
-        let t2_136 = t1_224 * inv_pivot_1;
-        let t2_137 = t1_151.mul_add(t2_136, t1_207);
-        let t2_138 = (-t1_183).mul_add(t2_136, t1_218);
-        let t2_139 = t2_138 * inv_pivot_2;
-        let t2_140 = t2_132.mul_add(t2_139, t2_137);
-        let t2_141 = like.lift(1.0) / t1_147;
-        let t2_142 = t2_140 * t2_141;
-        let t2_143 = like.lift(0.0762102355330306) * t2_142;
-        let pivot_4 = t2_135 - t2_143;
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_144 = t2_107.mul_add(t2_129, t2_114);
-        let t2_145 = t2_107.mul_add(t2_131, t2_99);
-        let t2_146 = (-t2_145).mul_add(t2_134, t2_144);
-        let t2_147 = t2_107.mul_add(t2_136, t1_207);
-        let t2_148 = (-t2_145).mul_add(t2_139, t2_147);
-        let t2_149 = t2_148 * t2_141;
-        let t2_150 = like.lift(0.0762102355330306) * t2_149;
-        let t2_151 = t2_146 - t2_150;
-        let t2_152 = sin_e1x * t2_129;
-        let t2_153 = like.lift(-0.0381051177665153).mul_add(t2_152, t1_194);
-        let t2_154 = sin_e1x * t2_131;
-        let t2_155 = like.lift(0.0381051177665153).mul_add(t2_154, t1_76);
-        let t2_156 = t2_155.mul_add(t2_134, t2_153);
-        let t2_157 = sin_e1x * t2_136;
-        let t2_158 = like.lift(0.0381051177665153).mul_add(t2_157, t1_211);
-        let t2_159 = (-t2_155).mul_add(t2_139, t2_158);
-        let t2_160 = t2_159 * t2_141;
-        let t2_161 = like.lift(0.0762102355330306) * t2_160;
-        let t2_162 = t2_156 + t2_161;
-        let t2_163 = t2_38 * t2_141;
-        let t2_164 = t2_159.mul_add(t2_163, t2_84);
-        let t2_165 = (-t2_140).mul_add(t2_163, t2_80);
-        let t2_166 = t2_165 * inv_pivot_4;
-        let pivot_5 = (-t2_162).mul_add(t2_166, t2_164);
+        let t2_133 = t2_132 * inv_pivot_2;
+        let pivot_5 = t2_131.mul_add(t2_133, t2_129);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_167 = (-t2_148).mul_add(t2_163, t2_80);
-        let t2_168 = (-t2_151).mul_add(t2_166, t2_167);
-        let t2_169 = (-t1_155).mul_add(t2_136, t1_211);
-        let t2_170 = (-t1_155).mul_add(t2_131, t1_75);
-        let t2_171 = (-t2_170).mul_add(t2_139, t2_169);
-        let t2_172 = t2_171.mul_add(t2_163, t2_84);
-        let t2_173 = (-t1_155).mul_add(t2_129, t1_195);
-        let t2_174 = (-t2_170).mul_add(t2_134, t2_173);
-        let t2_175 = t2_171 * t2_141;
-        let t2_176 = like.lift(0.0762102355330306) * t2_175;
-        let t2_177 = t2_174 - t2_176;
-        let t2_178 = t2_177.mul_add(t2_166, t2_172);
-        let t2_179 = e_e1x_q1z * inv_pivot_4;
-        let t2_180 = t2_177 * t2_179;
-        let t2_181 = like.lift(0.066).mul_add(t2_180, t1_75);
-        let t2_182 = t2_162 * t2_179;
-        let t2_183 = like.lift(-0.066).mul_add(t2_182, t1_76);
-        let t2_184 = t2_183 * inv_pivot_5;
-        let pivot_6 = (-t2_178).mul_add(t2_184, t2_181);
+        let t2_134 = t2_106.mul_add(t2_128, t2_113);
+        let t2_135 = t2_106.mul_add(t2_130, t2_98);
+        let t2_136 = (-t2_135).mul_add(t2_133, t2_134);
+        let t2_137 = (-t1_155).mul_add(t2_128, t1_195);
+        let t2_138 = (-t1_155).mul_add(t2_130, t1_75);
+        let t2_139 = (-t2_138).mul_add(t2_133, t2_137);
+        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let t2_140 = t2_71 * inv_pivot_3;
+        let t2_141 = (-t2_43).mul_add(t2_140, t2_67);
+        let t2_142 = t2_39 * inv_pivot_3;
+        let t2_143 = (-t2_43).mul_add(t2_142, t1_75);
+        let t2_144 = (-t2_60).mul_add(t2_140, t2_69);
+        let pivot_4 = (-t2_60).mul_add(t2_142, t2_33);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t2_145 = t2_144 * inv_pivot_4;
+        let t2_146 = (-t2_143).mul_add(t2_145, t2_141);
+        let t2_147 = t2_41.mul_add(t2_140, t2_66);
+        let t2_148 = (-t2_41).mul_add(t2_142, t1_73);
+        let t2_149 = t2_148.mul_add(t2_145, t2_147);
+        let t2_150 = t2_149 * inv_pivot_5;
+        let pivot_6 = (-t2_139).mul_add(t2_150, t2_146);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_185 = t2_151 * t2_179;
-        let t2_186 = like.lift(0.066).mul_add(t2_185, t2_99);
-        let t2_187 = t2_168.mul_add(t2_184, t2_186);
-        let t2_188 = t2_91 * t2_184;
-        let t2_189 = t2_33 + t2_188;
-        let t2_190 = t1_194 - t2_161;
-        let t2_191 = t2_67 - t2_143;
-        let t2_192 = t2_191 * inv_pivot_4;
-        let t2_193 = t2_162.mul_add(t2_192, t2_190);
-        let t2_194 = t2_193 * inv_pivot_5;
-        let t2_195 = t2_91 * t2_194;
-        let t2_196 = t2_70 + t2_195;
-        let t2_197 = t2_68 - t2_176;
-        let t2_198 = (-t2_177).mul_add(t2_192, t2_197);
-        let t2_199 = (-t2_178).mul_add(t2_194, t2_198);
-        let t2_200 = t2_199 * inv_pivot_6;
-        let pivot_7 = (-t2_189).mul_add(t2_200, t2_196);
+        let t2_151 = t2_120.mul_add(t2_140, t2_125);
+        let t2_152 = t2_120.mul_add(t2_142, t2_98);
+        let t2_153 = (-t2_152).mul_add(t2_145, t2_151);
+        let t2_154 = (-t2_136).mul_add(t2_150, t2_153);
+        let t2_155 = sin_e1x * t2_140;
+        let t2_156 = like.lift(-0.0381051177665153).mul_add(t2_155, t1_194);
+        let t2_157 = sin_e1x * t2_142;
+        let t2_158 = like.lift(-0.0381051177665153).mul_add(t2_157, t1_76);
+        let t2_159 = (-t2_158).mul_add(t2_145, t2_156);
+        let t2_160 = sin_e1x * t2_128;
+        let t2_161 = like.lift(-0.0381051177665153).mul_add(t2_160, t1_194);
+        let t2_162 = sin_e1x * t2_130;
+        let t2_163 = like.lift(0.0381051177665153).mul_add(t2_162, t1_76);
+        let t2_164 = t2_163.mul_add(t2_133, t2_161);
+        let t2_165 = t2_164.mul_add(t2_150, t2_159);
+        let t2_166 = t1_225 * inv_pivot_1;
+        let t2_167 = sin_e1x * t2_166;
+        let t2_168 = like.lift(0.0381051177665153).mul_add(t2_167, t1_211);
+        let t2_169 = (-t1_183).mul_add(t2_166, t1_219);
+        let t2_170 = t2_169 * inv_pivot_2;
+        let t2_171 = (-t2_163).mul_add(t2_170, t2_168);
+        let t2_172 = t1_151.mul_add(t2_166, t1_207);
+        let t2_173 = t2_131.mul_add(t2_170, t2_172);
+        let t2_174 = t2_173 * inv_pivot_5;
+        let t2_175 = t2_164.mul_add(t2_174, t2_171);
+        let t2_176 = (-t1_155).mul_add(t2_166, t1_211);
+        let t2_177 = (-t2_138).mul_add(t2_170, t2_176);
+        let t2_178 = (-t2_139).mul_add(t2_174, t2_177);
+        let t2_179 = t2_178 * inv_pivot_6;
+        let pivot_7 = (-t2_165).mul_add(t2_179, t2_175);
         let inv_pivot_7 = like.lift(1.0) / pivot_7;
-        let t2_201 = t2_126 - t2_150;
-        let t2_202 = (-t2_151).mul_add(t2_192, t2_201);
-        let t2_203 = t2_168.mul_add(t2_194, t2_202);
-        let t2_204 = (-t2_187).mul_add(t2_200, t2_203);
-        let t2_205 = t2_97.mul_add(t2_194, t2_72);
-        let t2_206 = t2_97.mul_add(t2_184, t2_39);
-        let t2_207 = (-t2_206).mul_add(t2_200, t2_205);
-        let t2_208 = t2_41 * inv_pivot_4;
-        let t2_209 = (-t2_151).mul_add(t2_208, t2_121);
-        let t2_210 = (-t2_162).mul_add(t2_208, t1_154);
-        let t2_211 = t2_210 * inv_pivot_5;
-        let t2_212 = (-t2_168).mul_add(t2_211, t2_209);
-        let t2_213 = t2_177.mul_add(t2_208, t2_43);
-        let t2_214 = (-t2_178).mul_add(t2_211, t2_213);
-        let t2_215 = t2_214 * inv_pivot_6;
-        let t2_216 = t2_187.mul_add(t2_215, t2_212);
-        let t2_217 = t2_91 * t2_211;
-        let t2_218 = t2_60 + t2_217;
-        let t2_219 = (-t2_189).mul_add(t2_215, t2_218);
-        let t2_220 = t2_219 * inv_pivot_7;
-        let t2_221 = t2_204.mul_add(t2_220, t2_216);
-        let t2_222 = t2_97.mul_add(t2_211, t2_64);
-        let t2_223 = (-t2_206).mul_add(t2_215, t2_222);
-        let pivot_8 = (-t2_207).mul_add(t2_220, t2_223);
+        let t2_180 = t2_106.mul_add(t2_166, t1_207);
+        let t2_181 = (-t2_135).mul_add(t2_170, t2_180);
+        let t2_182 = (-t2_136).mul_add(t2_174, t2_181);
+        let t2_183 = (-t2_154).mul_add(t2_179, t2_182);
+        let t2_184 = like.lift(-0.066).mul_add(t2_174, t1_213);
+        let t2_185 = like.lift(-0.066).mul_add(t2_150, like.lift(0.066));
+        let t2_186 = (-t2_185).mul_add(t2_179, t2_184);
+        let t2_187 = t2_96 * inv_pivot_3;
+        let t2_188 = t2_120.mul_add(t2_187, t2_79);
+        let t2_189 = (-t2_60).mul_add(t2_187, t2_90);
+        let t2_190 = t2_189 * inv_pivot_4;
+        let t2_191 = (-t2_152).mul_add(t2_190, t2_188);
+        let t2_192 = t2_41.mul_add(t2_187, t2_79);
+        let t2_193 = t2_148.mul_add(t2_190, t2_192);
+        let t2_194 = t2_193 * inv_pivot_5;
+        let t2_195 = (-t2_136).mul_add(t2_194, t2_191);
+        let t2_196 = t2_43.mul_add(t2_187, t2_83);
+        let t2_197 = t2_143.mul_add(t2_190, t2_196);
+        let t2_198 = t2_139.mul_add(t2_194, t2_197);
+        let t2_199 = t2_198 * inv_pivot_6;
+        let t2_200 = t2_154.mul_add(t2_199, t2_195);
+        let t2_201 = sin_e1x * t2_187;
+        let t2_202 = like.lift(0.0381051177665153).mul_add(t2_201, t2_83);
+        let t2_203 = t2_158.mul_add(t2_190, t2_202);
+        let t2_204 = (-t2_164).mul_add(t2_194, t2_203);
+        let t2_205 = (-t2_165).mul_add(t2_199, t2_204);
+        let t2_206 = t2_205 * inv_pivot_7;
+        let t2_207 = t2_183.mul_add(t2_206, t2_200);
+        let t2_208 = like.lift(-0.066).mul_add(t2_194, t2_84);
+        let t2_209 = t2_185.mul_add(t2_199, t2_208);
+        let pivot_8 = t2_186.mul_add(t2_206, t2_209);
         let inv_pivot_8 = like.lift(1.0) / pivot_8;
-        let t2_224 = t2_221 * inv_pivot_8;
-        let t2_225 = t2_207.mul_add(t2_224, t2_204);
+        let t2_210 = t2_207 * inv_pivot_8;
+        let t2_211 = (-t2_186).mul_add(t2_210, t2_183);
+        let t2_212 = inv_pivot_7 * t2_211;
+        let t2_213 = (-t2_165).mul_add(t2_212, t2_154);
+        let t2_214 = (-t2_185).mul_add(t2_210, t2_213);
+        let t2_215 = inv_pivot_6 * t2_214;
+        let t2_216 = (-t2_139).mul_add(t2_215, t2_136);
+        let t2_217 = t2_164.mul_add(t2_212, t2_216);
+        let t2_218 = like.lift(-0.066).mul_add(t2_210, t2_217);
+        let t2_219 = inv_pivot_5 * t2_218;
+        let t2_220 = (-t2_110).mul_add(t2_128, t2_115);
+        let t2_221 = (-t2_110).mul_add(t2_130, t2_102);
+        let t2_222 = (-t2_221).mul_add(t2_133, t2_220);
+        let t2_223 = t2_222 * t2_150;
         [
-            t2_1, sin_q3, cos_q3, sin_u3_2, cos_u3_2, sin_u3_1, cos_u3_1, t2_33, t2_40, t2_42,
-            t2_43, t2_60, t2_65, t2_67, t2_68, t2_70, t2_73, t2_81, t2_84, t2_86, t2_91, t2_92,
-            t2_97, t2_99, t2_103, t2_107, t2_108, t2_111, t2_114, t2_116, t2_120, t2_122,
-            t2_125, t2_126, t2_128, inv_pivot_1, t2_129, t2_131, t2_132, pivot_2, inv_pivot_2,
-            t2_134, t2_136, t2_139, t2_140, t2_141, pivot_4, inv_pivot_4, t2_145, t2_148,
-            t2_151, t2_155, t2_159, t2_162, t2_163, t2_166, pivot_5, inv_pivot_5, t2_168,
-            t2_170, t2_171, t2_177, t2_178, t2_179, t2_184, pivot_6, inv_pivot_6, t2_187,
-            t2_188, t2_189, t2_192, t2_194, t2_195, t2_200, pivot_7, inv_pivot_7, t2_206,
-            t2_207, t2_208, t2_211, t2_215, t2_217, t2_220, pivot_8, inv_pivot_8, t2_224,
-            t2_225,
+            t2_1, sin_q3, cos_q3, sin_u3_2, cos_u3_2, sin_u3_1, cos_u3_1, t2_33, t2_40, t2_41,
+            t2_42, t2_43, t2_60, t2_64, t2_66, t2_67, t2_69, t2_72, t2_80, t2_83, t2_85, t2_90,
+            t2_91, t2_96, t2_98, t2_102, t2_106, t2_107, t2_110, t2_113, t2_115, t2_119,
+            t2_120, t2_121, t2_124, t2_125, t2_127, inv_pivot_1, t2_131, pivot_2, inv_pivot_2,
+            pivot_5, inv_pivot_5, t2_135, t2_138, t2_139, inv_pivot_3, t2_140, t2_142, t2_143,
+            pivot_4, inv_pivot_4, t2_145, t2_148, pivot_6, inv_pivot_6, t2_152, t2_158, t2_163,
+            t2_164, t2_165, t2_166, t2_170, t2_174, t2_179, pivot_7, inv_pivot_7, t2_185,
+            t2_186, t2_187, t2_190, t2_194, t2_199, t2_206, pivot_8, inv_pivot_8, t2_210,
+            t2_212, t2_215, t2_219, t2_221, t2_222, t2_223,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -6826,132 +6769,119 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) 
         x_e1y_q3, x_e1x_q1, x_e1x_q2, x_e1x_q3, x_u2_1_q1, x_u2_1_q2, x_u2_1_q3, x_u2_2_q1,
         x_u2_2_q2, x_u2_2_q3, x_u3_1_q1, x_u3_1_q2, x_u3_1_q3, x_u3_2_q1, x_u3_2_q2, x_u3_2_q3,
     ] = {
-        let t3_1 = inv_pivot_7 * t2_225;
-        let t3_2 = (-t2_189).mul_add(t3_1, t2_187);
-        let t3_3 = t2_206.mul_add(t2_224, t3_2);
-        let t3_4 = inv_pivot_6 * t3_3;
-        let t3_5 = t2_178.mul_add(t3_4, t2_168);
-        let t3_6 = (-t2_91).mul_add(t3_1, t3_5);
-        let t3_7 = t2_97.mul_add(t2_224, t3_6);
-        let t3_8 = inv_pivot_5 * t3_7;
-        let t3_9 = (-t2_162).mul_add(t3_8, t2_151);
-        let t3_10 = (-t2_177).mul_add(t3_4, t3_9);
-        let t3_11 = inv_pivot_4 * t3_10;
-        let t3_12 = (-t2_111).mul_add(t2_129, t2_116);
-        let t3_13 = (-t2_111).mul_add(t2_131, t2_103);
-        let t3_14 = (-t3_13).mul_add(t2_134, t3_12);
-        let t3_15 = (-t2_111).mul_add(t2_136, t1_218);
-        let t3_16 = (-t3_13).mul_add(t2_139, t3_15);
-        let t3_17 = t3_16 * t2_141;
-        let t3_18 = like.lift(0.0762102355330306) * t3_17;
-        let t3_19 = t3_14 - t3_18;
-        let t3_20 = t3_16 * t2_163;
-        let t3_21 = t3_19.mul_add(t2_166, t3_20);
-        let t3_22 = t3_19 * t2_179;
-        let t3_23 = like.lift(0.066) * t3_22;
-        let t3_24 = (-t3_21).mul_add(t2_184, t3_23);
-        let t3_25 = t3_19.mul_add(t2_192, t3_18);
-        let t3_26 = t3_21.mul_add(t2_194, t3_25);
-        let t3_27 = t3_24.mul_add(t2_200, t3_26);
-        let t3_28 = t3_19 * t2_208;
-        let t3_29 = (-t3_21).mul_add(t2_211, t3_28);
-        let t3_30 = (-t3_24).mul_add(t2_215, t3_29);
-        let t3_31 = t3_27.mul_add(t2_220, t3_30);
-        let t3_32 = t3_31 * inv_pivot_8;
-        let t3_33 = t2_207.mul_add(t3_32, t3_27);
-        let t3_34 = inv_pivot_7 * t3_33;
-        let t3_35 = t2_189.mul_add(t3_34, t3_24);
-        let t3_36 = (-t2_206).mul_add(t3_32, t3_35);
-        let t3_37 = inv_pivot_6 * t3_36;
-        let t3_38 = (-t2_178).mul_add(t3_37, t3_21);
-        let t3_39 = (-t2_91).mul_add(t3_34, t3_38);
-        let t3_40 = t2_97.mul_add(t3_32, t3_39);
-        let t3_41 = inv_pivot_5 * t3_40;
-        let t3_42 = t2_162.mul_add(t3_41, t3_19);
-        let t3_43 = (-t2_177).mul_add(t3_37, t3_42);
-        let t3_44 = inv_pivot_4 * t3_43;
-        let t3_45 = t2_120 + t2_188;
-        let t3_46 = t2_128 + t2_195;
-        let t3_47 = (-t3_45).mul_add(t2_200, t3_46);
-        let t3_48 = t2_125 + t2_217;
-        let t3_49 = (-t3_45).mul_add(t2_215, t3_48);
-        let t3_50 = (-t3_47).mul_add(t2_220, t3_49);
-        let t3_51 = t3_50 * inv_pivot_8;
-        let t3_52 = (-t2_207).mul_add(t3_51, t3_47);
-        let t3_53 = inv_pivot_7 * t3_52;
-        let t3_54 = (-t2_189).mul_add(t3_53, t3_45);
-        let t3_55 = (-t2_206).mul_add(t3_51, t3_54);
-        let t3_56 = inv_pivot_6 * t3_55;
-        let t3_57 = t2_178.mul_add(t3_56, t2_91);
-        let t3_58 = (-t2_91).mul_add(t3_53, t3_57);
-        let t3_59 = (-t2_97).mul_add(t3_51, t3_58);
-        let t3_60 = inv_pivot_5 * t3_59;
-        let t3_61 = t2_162 * t3_60;
-        let t3_62 = t2_177.mul_add(t3_56, t3_61);
-        let t3_63 = inv_pivot_4 * t3_62;
-        let t3_64 = -t3_63;
-        let t3_65 = -t3_8;
-        let t3_66 = -t3_60;
-        let t3_67 = (-t2_140).mul_add(t3_11, t2_148);
-        let t3_68 = t2_159.mul_add(t3_8, t3_67);
-        let t3_69 = (-t2_171).mul_add(t3_4, t3_68);
-        let t3_70 = t2_141 * t3_69;
-        let t3_71 = like.lift(1.1547005383792515) * t3_70;
-        let t3_72 = (-t2_140).mul_add(t3_44, t3_16);
-        let t3_73 = (-t2_159).mul_add(t3_41, t3_72);
-        let t3_74 = (-t2_171).mul_add(t3_37, t3_73);
-        let t3_75 = t2_141 * t3_74;
-        let t3_76 = like.lift(1.1547005383792515) * t3_75;
-        let t3_77 = t2_140 * t3_63;
-        let t3_78 = t2_159.mul_add(t3_60, t3_77);
-        let t3_79 = (-t2_171).mul_add(t3_56, t3_78);
-        let t3_80 = t2_141 * t3_79;
-        let t3_81 = like.lift(1.1547005383792515) * t3_80;
-        let t3_82 = t2_132.mul_add(t3_11, t2_145);
-        let t3_83 = t2_155.mul_add(t3_8, t3_82);
-        let t3_84 = (-t2_170).mul_add(t3_4, t3_83);
-        let t3_85 = inv_pivot_2 * t3_84;
-        let t3_86 = t2_132.mul_add(t3_44, t3_13);
-        let t3_87 = (-t2_155).mul_add(t3_41, t3_86);
-        let t3_88 = (-t2_170).mul_add(t3_37, t3_87);
-        let t3_89 = inv_pivot_2 * t3_88;
-        let t3_90 = t2_132 * t3_63;
-        let t3_91 = (-t2_155).mul_add(t3_60, t3_90);
-        let t3_92 = t2_170.mul_add(t3_56, t3_91);
-        let t3_93 = inv_pivot_2 * t3_92;
-        let t3_94 = -t3_93;
-        let t3_95 = t1_183.mul_add(t3_85, t2_107);
-        let t3_96 = (-t1_151).mul_add(t3_11, t3_95);
-        let t3_97 = sin_e1x * t3_8;
-        let t3_98 = like.lift(0.0381051177665153).mul_add(t3_97, t3_96);
-        let t3_99 = t1_155.mul_add(t3_4, t3_98);
-        let t3_100 = inv_pivot_1 * t3_99;
-        let t3_101 = -t3_100;
-        let t3_102 = (-t1_183).mul_add(t3_89, t2_111);
-        let t3_103 = t1_151.mul_add(t3_44, t3_102);
-        let t3_104 = sin_e1x * t3_41;
-        let t3_105 = like.lift(0.0381051177665153).mul_add(t3_104, t3_103);
-        let t3_106 = (-t1_155).mul_add(t3_37, t3_105);
-        let t3_107 = inv_pivot_1 * t3_106;
-        let t3_108 = t1_183 * t3_93;
-        let t3_109 = (-t1_151).mul_add(t3_63, t3_108);
-        let t3_110 = sin_e1x * t3_60;
-        let t3_111 = like.lift(-0.0381051177665153).mul_add(t3_110, t3_109);
-        let t3_112 = (-t1_155).mul_add(t3_56, t3_111);
-        let t3_113 = inv_pivot_1 * t3_112;
-        let t3_114 = -t3_34;
-        let t3_115 = -t3_32;
-        let t3_116 = -t3_51;
-        let t3_117 = -pivot_8;
+        let t3_1 = (-t2_110).mul_add(t2_166, t1_219);
+        let t3_2 = (-t2_221).mul_add(t2_170, t3_1);
+        let t3_3 = (-t2_222).mul_add(t2_174, t3_2);
+        let t3_4 = t2_223.mul_add(t2_179, t3_3);
+        let t3_5 = t2_222 * t2_194;
+        let t3_6 = t2_223.mul_add(t2_199, t3_5);
+        let t3_7 = (-t3_4).mul_add(t2_206, t3_6);
+        let t3_8 = t3_7 * inv_pivot_8;
+        let t3_9 = t2_186.mul_add(t3_8, t3_4);
+        let t3_10 = inv_pivot_7 * t3_9;
+        let t3_11 = t2_165.mul_add(t3_10, t2_223);
+        let t3_12 = (-t2_185).mul_add(t3_8, t3_11);
+        let t3_13 = inv_pivot_6 * t3_12;
+        let t3_14 = t2_139.mul_add(t3_13, t2_222);
+        let t3_15 = t2_164.mul_add(t3_10, t3_14);
+        let t3_16 = like.lift(0.066).mul_add(t3_8, t3_15);
+        let t3_17 = inv_pivot_5 * t3_16;
+        let t3_18 = (-t2_124).mul_add(t2_140, t2_127);
+        let t3_19 = (-t2_124).mul_add(t2_142, t2_119);
+        let t3_20 = (-t3_19).mul_add(t2_145, t3_18);
+        let t3_21 = t3_20 * t2_179;
+        let t3_22 = (-t2_124).mul_add(t2_187, t2_90);
+        let t3_23 = (-t3_19).mul_add(t2_190, t3_22);
+        let t3_24 = t3_20.mul_add(t2_199, t3_23);
+        let t3_25 = (-t3_21).mul_add(t2_206, t3_24);
+        let t3_26 = t3_25 * inv_pivot_8;
+        let t3_27 = t2_186.mul_add(t3_26, t3_21);
+        let t3_28 = inv_pivot_7 * t3_27;
+        let t3_29 = t2_165.mul_add(t3_28, t3_20);
+        let t3_30 = (-t2_185).mul_add(t3_26, t3_29);
+        let t3_31 = inv_pivot_6 * t3_30;
+        let t3_32 = t2_139 * t3_31;
+        let t3_33 = t2_164.mul_add(t3_28, t3_32);
+        let t3_34 = like.lift(0.066).mul_add(t3_26, t3_33);
+        let t3_35 = inv_pivot_5 * t3_34;
+        let t3_36 = -t3_35;
+        let t3_37 = -t3_13;
+        let t3_38 = -t3_28;
+        let t3_39 = -t3_8;
+        let t3_40 = t2_131.mul_add(t2_219, t2_135);
+        let t3_41 = (-t2_138).mul_add(t2_215, t3_40);
+        let t3_42 = (-t2_163).mul_add(t2_212, t3_41);
+        let t3_43 = inv_pivot_2 * t3_42;
+        let t3_44 = t2_131.mul_add(t3_17, t2_221);
+        let t3_45 = t2_138.mul_add(t3_13, t3_44);
+        let t3_46 = (-t2_163).mul_add(t3_10, t3_45);
+        let t3_47 = inv_pivot_2 * t3_46;
+        let t3_48 = t2_131 * t3_35;
+        let t3_49 = t2_138.mul_add(t3_31, t3_48);
+        let t3_50 = (-t2_163).mul_add(t3_28, t3_49);
+        let t3_51 = inv_pivot_2 * t3_50;
+        let t3_52 = -t3_51;
+        let t3_53 = sin_e1x * t2_212;
+        let t3_54 = like.lift(0.0381051177665153) * t3_53;
+        let t3_55 = t1_183.mul_add(t3_43, t2_106);
+        let t3_56 = (-t1_151).mul_add(t2_219, t3_55);
+        let t3_57 = t1_155.mul_add(t2_215, t3_56);
+        let t3_58 = t3_54 - t3_57;
+        let t3_59 = inv_pivot_1 * t3_58;
+        let t3_60 = sin_e1x * t3_10;
+        let t3_61 = like.lift(0.0381051177665153) * t3_60;
+        let t3_62 = (-t1_183).mul_add(t3_47, t2_110);
+        let t3_63 = t1_151.mul_add(t3_17, t3_62);
+        let t3_64 = t1_155.mul_add(t3_13, t3_63);
+        let t3_65 = t3_61 + t3_64;
+        let t3_66 = inv_pivot_1 * t3_65;
+        let t3_67 = sin_e1x * t3_28;
+        let t3_68 = like.lift(0.0381051177665153) * t3_67;
+        let t3_69 = t1_183 * t3_51;
+        let t3_70 = (-t1_151).mul_add(t3_35, t3_69);
+        let t3_71 = (-t1_155).mul_add(t3_31, t3_70);
+        let t3_72 = t3_68 - t3_71;
+        let t3_73 = inv_pivot_1 * t3_72;
+        let t3_74 = -t3_73;
+        let t3_75 = t2_148.mul_add(t2_219, t2_152);
+        let t3_76 = (-t2_143).mul_add(t2_215, t3_75);
+        let t3_77 = (-t2_158).mul_add(t2_212, t3_76);
+        let t3_78 = inv_pivot_4 * t3_77;
+        let t3_79 = t2_148 * t3_17;
+        let t3_80 = t2_143.mul_add(t3_13, t3_79);
+        let t3_81 = (-t2_158).mul_add(t3_10, t3_80);
+        let t3_82 = inv_pivot_4 * t3_81;
+        let t3_83 = (-t2_148).mul_add(t3_35, t3_19);
+        let t3_84 = (-t2_143).mul_add(t3_31, t3_83);
+        let t3_85 = t2_158.mul_add(t3_28, t3_84);
+        let t3_86 = inv_pivot_4 * t3_85;
+        let t3_87 = t2_60.mul_add(t3_78, t2_120);
+        let t3_88 = (-t2_41).mul_add(t2_219, t3_87);
+        let t3_89 = t2_43.mul_add(t2_215, t3_88);
+        let t3_90 = t3_89 + t3_54;
+        let t3_91 = inv_pivot_3 * t3_90;
+        let t3_92 = t2_60 * t3_82;
+        let t3_93 = (-t2_41).mul_add(t3_17, t3_92);
+        let t3_94 = (-t2_43).mul_add(t3_13, t3_93);
+        let t3_95 = t3_94 + t3_61;
+        let t3_96 = inv_pivot_3 * t3_95;
+        let t3_97 = (-t2_60).mul_add(t3_86, t2_124);
+        let t3_98 = (-t2_41).mul_add(t3_35, t3_97);
+        let t3_99 = (-t2_43).mul_add(t3_31, t3_98);
+        let t3_100 = t3_99 + t3_68;
+        let t3_101 = inv_pivot_3 * t3_100;
+        let t3_102 = -t3_101;
+        let t3_103 = -pivot_7;
+        let t3_104 = -pivot_8;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(0.9580029161088279)).abs()
             .min((pivot_2 * like.lift(0.9018719688103075)).abs())
-            .min((t1_213 * like.lift(1.923718077658978)).abs())
-            .min((pivot_4 * like.lift(1.019503733280847)).abs())
-            .min((pivot_5 * like.lift(0.9467672644948026)).abs())
-            .min((pivot_6 * like.lift(0.8116685504320711)).abs())
-            .min((pivot_7 * like.lift(1.060112577367453)).abs())
-            .min((t3_117 * like.lift(0.697347665033695)).abs());
+            .min((t2_64 * like.lift(0.9441016894903256)).abs())
+            .min((pivot_4 * like.lift(0.7930813430566414)).abs())
+            .min((pivot_5 * like.lift(0.9552290039283993)).abs())
+            .min((pivot_6 * like.lift(0.6503970605951934)).abs())
+            .min((t3_103 * like.lift(1.8878245740206896)).abs())
+            .min((t3_104 * like.lift(1.0933635968062305)).abs());
         let ([
             [x_u1_1_q1, x_u1_1_q2, x_u1_1_q3], [x_u1_2_q1, x_u1_2_q2, x_u1_2_q3],
             [x_e1y_q1, x_e1y_q2, x_e1y_q3], [x_e1x_q1, x_e1x_q2, x_e1x_q3],
@@ -6959,9 +6889,9 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) 
             [x_u3_1_q1, x_u3_1_q2, x_u3_1_q3], [x_u3_2_q1, x_u3_2_q2, x_u3_2_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t3_11, t3_44, t3_64], [t3_4, t3_37, t3_56], [t3_65, t3_41, t3_66],
-                [t3_71, t3_76, t3_81], [t3_85, t3_89, t3_94], [t3_101, t3_107, t3_113],
-                [t3_1, t3_114, t3_53], [t2_224, t3_115, t3_116],
+                [t2_219, t3_17, t3_36], [t2_215, t3_37, t3_31], [t2_212, t3_10, t3_38],
+                [t2_210, t3_39, t3_26], [t3_43, t3_47, t3_52], [t3_59, t3_66, t3_74],
+                [t3_78, t3_82, t3_86], [t3_91, t3_96, t3_102],
             ],
             margin,
             || (
@@ -6969,17 +6899,17 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) 
                     [t1_74, t1_75, t1_76, like.lift(0.0), t1_142, t1_148, like.lift(0.0), like.lift(0.0)],
                     [t1_152, t1_155, t1_156, like.lift(0.0), t1_183, pivot_1, like.lift(0.0), like.lift(0.0)],
                     [t1_192, t1_195, t1_196, like.lift(0.066), t1_198, t1_200, like.lift(0.0), like.lift(0.0)],
-                    [t1_208, t1_212, t1_212, t1_213, t1_219, t2_1, like.lift(0.0), like.lift(0.0)],
+                    [t1_208, t1_212, t1_212, t1_214, t1_220, t2_1, like.lift(0.0), like.lift(0.0)],
                     [t1_74, t1_75, t1_76, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_33, t2_40],
-                    [t2_42, t2_43, t1_154, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_60, t2_65],
-                    [t2_67, t2_68, t1_194, like.lift(0.066), like.lift(0.0), like.lift(0.0), t2_70, t2_73],
-                    [t2_81, t2_84, t2_84, t2_86, like.lift(0.0), like.lift(0.0), t2_92, t2_97],
+                    [t2_42, t2_43, t1_154, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_60, t2_64],
+                    [t2_66, t2_67, t1_194, like.lift(0.066), like.lift(0.0), like.lift(0.0), t2_69, t2_72],
+                    [t2_80, t2_83, t2_83, t2_85, like.lift(0.0), like.lift(0.0), t2_91, t2_96],
                 ],
                 [
-                    [t2_99, t2_103, like.lift(0.0)], [t2_108, t2_111, like.lift(0.0)],
-                    [t2_114, t2_116, like.lift(0.0)], [t1_208, t1_219, like.lift(0.0)],
-                    [t2_99, like.lift(0.0), t2_120], [t2_122, like.lift(0.0), t2_125],
-                    [t2_126, like.lift(0.0), t2_128], [t2_81, like.lift(0.0), t2_92],
+                    [t2_98, t2_102, like.lift(0.0)], [t2_107, t2_110, like.lift(0.0)],
+                    [t2_113, t2_115, like.lift(0.0)], [t1_208, t1_220, like.lift(0.0)],
+                    [t2_98, like.lift(0.0), t2_119], [t2_121, like.lift(0.0), t2_124],
+                    [t2_125, like.lift(0.0), t2_127], [t2_80, like.lift(0.0), t2_91],
                 ],
             ),
         );
@@ -7095,7 +7025,7 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) 
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
 ///
-/// 743 additions, 1036 multiplications, 8 divisions, 11 sines and cosines.
+/// 743 additions, 1029 multiplications, 8 divisions, 11 sines and cosines.
 pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -7112,9 +7042,20 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         p_m_rod3,
     ] = *phi;
     let mut condition = like.lift(1.0);
-    let mut kept = [like; 306];
     // tau, part 1
-    {
+    let [
+        sin_u1_2, cos_u1_2, w_u1_1x, w_rod1z, t1_1, t1_2, t1_3, t1_6, t1_7, t1_11, sin_e1x,
+        cos_e1x, sin_e1y, cos_e1y, sin_u1_2_e1y, cos_u1_2_e1y, e_e1x_q1z, t1_14, t1_15, t1_16,
+        t1_17, e_e1x_q1y, sin_u1_1, cos_u1_1, t1_25, t1_49, t1_54, sin_u2_2, cos_u2_2,
+        sin_u2_1, cos_u2_1, t1_63, t1_64, t1_65, t1_74, t1_79, t1_86, t1_87, t1_89, t1_91,
+        t1_94, t1_95, t1_97, t1_98, t1_99, t1_101, t1_102, t1_103, t1_107, t1_112, t1_117,
+        t1_124, t1_125, t1_126, t1_127, t1_128, t1_131, t1_134, pivot_1, t1_136,
+        u_platform_u1_1z, t1_137, t1_138, t1_139, t1_140, u_e1x_u1_2z, t1_142, t1_143, t1_144,
+        t1_146, t1_148, t1_155, t1_156, t1_159, t1_160, t1_161, t1_162, t1_167, t1_168, t1_173,
+        t1_174, t1_175, t1_177, sin_q3, cos_q3, t1_180, sin_u3_2, cos_u3_2, sin_u3_1, cos_u3_1,
+        t1_187, t1_188, t1_189, t1_190, t1_193, t1_196, t1_203, t1_204, t1_205, t1_206, t1_208,
+        t1_211, t1_212, t1_213, t1_214, t1_215, t1_216, t1_218, t1_219, t1_221,
+    ] = {
         let (sin_u1_2, cos_u1_2) = u1_2.sin_cos();
         let w_u1_1x = d_q1 + d_u1_1;
         let w_rod1z = sin_u1_2 * w_u1_1x;
@@ -7301,238 +7242,98 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t1_158 = like.lift(0.5) * t1_157;
         let t1_159 = sin_e1x.mul_add(t1_154, t1_158);
         let t1_160 = -t1_159;
-        let pivot_3 = like.lift(0.8660254037844386) * t1_94;
-        let t1_161 = -pivot_3;
-        let t1_162 = t1_126 * t1_94;
-        let t1_163 = like.lift(0.8660254037844386) * t1_162;
-        let t1_164 = t1_25 * t1_94;
-        let t1_165 = like.lift(0.5).mul_add(t1_164, t1_163);
-        let t1_166 = (-t1_63).mul_add(t1_154, t1_165);
-        let t1_167 = -t1_166;
-        let t1_168 = t1_134 * t1_94;
-        let t1_169 = like.lift(0.8660254037844386) * t1_168;
-        let t1_170 = t1_91 * t1_94;
-        let t1_171 = like.lift(0.5).mul_add(t1_170, t1_169);
-        let t1_172 = (-t1_94).mul_add(t1_154, t1_171);
-        let t1_173 = -t1_172;
-        let t1_174 = t1_18 + t1_24;
-        let t1_175 = t1_46 + t1_47;
-        let t1_176 = t1_45 + t1_175;
+        let t1_161 = like.lift(0.8660254037844386) * t1_94;
+        let t1_162 = -t1_161;
+        let t1_163 = t1_126 * t1_94;
+        let t1_164 = like.lift(0.8660254037844386) * t1_163;
+        let t1_165 = t1_25 * t1_94;
+        let t1_166 = like.lift(0.5).mul_add(t1_165, t1_164);
+        let t1_167 = (-t1_63).mul_add(t1_154, t1_166);
+        let t1_168 = -t1_167;
+        let t1_169 = t1_134 * t1_94;
+        let t1_170 = like.lift(0.8660254037844386) * t1_169;
+        let t1_171 = t1_91 * t1_94;
+        let t1_172 = like.lift(0.5).mul_add(t1_171, t1_170);
+        let t1_173 = (-t1_94).mul_add(t1_154, t1_172);
+        let t1_174 = -t1_173;
+        let t1_175 = t1_18 + t1_24;
+        let t1_176 = t1_46 + t1_47;
+        let t1_177 = t1_45 + t1_176;
         let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_177 = t1_50 + t1_51;
-        let t1_178 = cos_q3 * t1_177;
-        let t1_179 = (-sin_q3).mul_add(t1_38, t1_178);
-        let t1_180 = like.lift(0.524).mul_add(t1_179, t1_176);
+        let t1_178 = t1_50 + t1_51;
+        let t1_179 = cos_q3 * t1_178;
+        let t1_180 = (-sin_q3).mul_add(t1_38, t1_179);
+        let t1_181 = like.lift(0.524).mul_add(t1_180, t1_177);
         let (sin_u3_2, cos_u3_2) = u3_2.sin_cos();
         let (sin_u3_1, cos_u3_1) = u3_1.sin_cos();
-        let t1_181 = sin_u3_1 * t1_179;
-        let t1_182 = sin_q3 * t1_177;
-        let t1_183 = cos_q3.mul_add(t1_38, t1_182);
-        let t1_184 = cos_u3_1.mul_add(t1_183, t1_181);
-        let t1_185 = cos_u3_2 * t1_184;
-        let t1_186 = t1_61 - t1_62;
-        let t1_187 = sin_u3_2.mul_add(t1_186, t1_185);
-        let t1_188 = like.lift(1.244).mul_add(t1_187, t1_180);
-        let t1_189 = t1_180 - t1_188;
-        let t1_190 = t1_174 * t1_189;
-        let t1_191 = t1_71 - t1_72;
-        let t1_192 = t1_70 + t1_191;
-        let t1_193 = t1_75 - t1_76;
-        let t1_194 = cos_q3 * t1_193;
-        let t1_195 = sin_q3.mul_add(t1_43, t1_194);
-        let t1_196 = like.lift(0.524).mul_add(t1_195, t1_192);
-        let t1_197 = sin_u3_1 * t1_195;
-        let t1_198 = sin_q3 * t1_193;
-        let t1_199 = (-cos_q3).mul_add(t1_43, t1_198);
-        let t1_200 = cos_u3_1.mul_add(t1_199, t1_197);
-        let t1_201 = cos_u3_2 * t1_200;
-        let t1_202 = sin_u3_2.mul_add(t1_174, t1_201);
-        let t1_203 = like.lift(1.244).mul_add(t1_202, t1_196);
-        let t1_204 = t1_196 - t1_203;
-        let t1_205 = (-t1_186).mul_add(t1_204, t1_190);
-        let t1_206 = cos_u3_1 * t1_195;
-        let t1_207 = (-sin_u3_1).mul_add(t1_199, t1_206);
-        let t1_208 = t1_207 * t1_189;
-        let t1_209 = cos_u3_1 * t1_179;
-        let t1_210 = (-sin_u3_1).mul_add(t1_183, t1_209);
-        let t1_211 = (-t1_210).mul_add(t1_204, t1_208);
-        let t1_212 = -t1_211;
-        let t1_213 = u_e1x_u1_1y + t1_97;
-        let t1_214 = -t1_213;
-        let t1_215 = u_e1x_u1_2y + t1_101;
-        let t1_216 = t1_109 - t1_110;
-        let t1_217 = t1_108 + t1_216;
-        let t1_218 = t1_113 - t1_114;
-        let t1_219 = cos_q3 * t1_218;
-        let t1_220 = (-sin_q3).mul_add(t1_107, t1_219);
-        kept[0] = sin_u1_2;
-        kept[1] = cos_u1_2;
-        kept[2] = w_u1_1x;
-        kept[3] = w_rod1z;
-        kept[4] = t1_1;
-        kept[5] = t1_2;
-        kept[6] = t1_3;
-        kept[7] = t1_6;
-        kept[8] = t1_7;
-        kept[9] = t1_11;
-        kept[10] = sin_e1x;
-        kept[11] = cos_e1x;
-        kept[12] = sin_e1y;
-        kept[13] = cos_e1y;
-        kept[14] = sin_u1_2_e1y;
-        kept[15] = cos_u1_2_e1y;
-        kept[16] = e_e1x_q1z;
-        kept[17] = t1_14;
-        kept[18] = t1_15;
-        kept[19] = t1_16;
-        kept[20] = t1_17;
-        kept[21] = e_e1x_q1y;
-        kept[22] = sin_u1_1;
-        kept[23] = cos_u1_1;
-        kept[24] = t1_25;
-        kept[25] = t1_49;
-        kept[26] = t1_54;
-        kept[27] = sin_u2_2;
-        kept[28] = cos_u2_2;
-        kept[29] = sin_u2_1;
-        kept[30] = cos_u2_1;
-        kept[31] = t1_63;
-        kept[32] = t1_64;
-        kept[33] = t1_65;
-        kept[34] = t1_74;
-        kept[35] = t1_79;
-        kept[36] = t1_86;
-        kept[37] = t1_87;
-        kept[38] = t1_89;
-        kept[39] = t1_91;
-        kept[40] = t1_94;
-        kept[41] = t1_95;
-        kept[42] = t1_97;
-        kept[43] = t1_98;
-        kept[44] = t1_99;
-        kept[45] = t1_101;
-        kept[46] = t1_102;
-        kept[47] = t1_103;
-        kept[48] = t1_107;
-        kept[49] = t1_112;
-        kept[50] = t1_117;
-        kept[51] = t1_124;
-        kept[52] = t1_125;
-        kept[53] = t1_126;
-        kept[54] = t1_127;
-        kept[55] = t1_128;
-        kept[56] = t1_131;
-        kept[57] = t1_134;
-        kept[58] = pivot_1;
-        kept[59] = t1_136;
-        kept[60] = u_platform_u1_1z;
-        kept[61] = t1_137;
-        kept[62] = t1_138;
-        kept[63] = t1_139;
-        kept[64] = t1_140;
-        kept[65] = u_e1x_u1_2z;
-        kept[66] = t1_142;
-        kept[67] = t1_143;
-        kept[68] = t1_144;
-        kept[69] = t1_146;
-        kept[70] = t1_148;
-        kept[71] = t1_155;
-        kept[72] = t1_156;
-        kept[73] = t1_159;
-        kept[74] = t1_160;
-        kept[75] = t1_161;
-        kept[76] = t1_166;
-        kept[77] = t1_167;
-        kept[78] = t1_172;
-        kept[79] = t1_173;
-        kept[80] = t1_174;
-        kept[81] = t1_176;
-        kept[82] = sin_q3;
-        kept[83] = cos_q3;
-        kept[84] = t1_179;
-        kept[85] = sin_u3_2;
-        kept[86] = cos_u3_2;
-        kept[87] = sin_u3_1;
-        kept[88] = cos_u3_1;
-        kept[89] = t1_186;
-        kept[90] = t1_187;
-        kept[91] = t1_188;
-        kept[92] = t1_189;
-        kept[93] = t1_192;
-        kept[94] = t1_195;
-        kept[95] = t1_202;
-        kept[96] = t1_203;
-        kept[97] = t1_204;
-        kept[98] = t1_205;
-        kept[99] = t1_207;
-        kept[100] = t1_210;
-        kept[101] = t1_211;
-        kept[102] = t1_212;
-        kept[103] = t1_213;
-        kept[104] = t1_214;
-        kept[105] = t1_215;
-        kept[106] = t1_217;
-        kept[107] = t1_218;
-        kept[108] = t1_220;
-    }
+        let t1_182 = sin_u3_1 * t1_180;
+        let t1_183 = sin_q3 * t1_178;
+        let t1_184 = cos_q3.mul_add(t1_38, t1_183);
+        let t1_185 = cos_u3_1.mul_add(t1_184, t1_182);
+        let t1_186 = cos_u3_2 * t1_185;
+        let t1_187 = t1_61 - t1_62;
+        let t1_188 = sin_u3_2.mul_add(t1_187, t1_186);
+        let t1_189 = like.lift(1.244).mul_add(t1_188, t1_181);
+        let t1_190 = t1_181 - t1_189;
+        let t1_191 = t1_175 * t1_190;
+        let t1_192 = t1_71 - t1_72;
+        let t1_193 = t1_70 + t1_192;
+        let t1_194 = t1_75 - t1_76;
+        let t1_195 = cos_q3 * t1_194;
+        let t1_196 = sin_q3.mul_add(t1_43, t1_195);
+        let t1_197 = like.lift(0.524).mul_add(t1_196, t1_193);
+        let t1_198 = sin_u3_1 * t1_196;
+        let t1_199 = sin_q3 * t1_194;
+        let t1_200 = (-cos_q3).mul_add(t1_43, t1_199);
+        let t1_201 = cos_u3_1.mul_add(t1_200, t1_198);
+        let t1_202 = cos_u3_2 * t1_201;
+        let t1_203 = sin_u3_2.mul_add(t1_175, t1_202);
+        let t1_204 = like.lift(1.244).mul_add(t1_203, t1_197);
+        let t1_205 = t1_197 - t1_204;
+        let t1_206 = (-t1_187).mul_add(t1_205, t1_191);
+        let t1_207 = cos_u3_1 * t1_196;
+        let t1_208 = (-sin_u3_1).mul_add(t1_200, t1_207);
+        let t1_209 = t1_208 * t1_190;
+        let t1_210 = cos_u3_1 * t1_180;
+        let t1_211 = (-sin_u3_1).mul_add(t1_184, t1_210);
+        let t1_212 = (-t1_211).mul_add(t1_205, t1_209);
+        let t1_213 = -t1_212;
+        let t1_214 = u_e1x_u1_1y + t1_97;
+        let t1_215 = -t1_214;
+        let t1_216 = u_e1x_u1_2y + t1_101;
+        let t1_217 = t1_109 - t1_110;
+        let t1_218 = t1_108 + t1_217;
+        let t1_219 = t1_113 - t1_114;
+        let t1_220 = cos_q3 * t1_219;
+        let t1_221 = (-sin_q3).mul_add(t1_107, t1_220);
+        [
+            sin_u1_2, cos_u1_2, w_u1_1x, w_rod1z, t1_1, t1_2, t1_3, t1_6, t1_7, t1_11, sin_e1x,
+            cos_e1x, sin_e1y, cos_e1y, sin_u1_2_e1y, cos_u1_2_e1y, e_e1x_q1z, t1_14, t1_15,
+            t1_16, t1_17, e_e1x_q1y, sin_u1_1, cos_u1_1, t1_25, t1_49, t1_54, sin_u2_2,
+            cos_u2_2, sin_u2_1, cos_u2_1, t1_63, t1_64, t1_65, t1_74, t1_79, t1_86, t1_87,
+            t1_89, t1_91, t1_94, t1_95, t1_97, t1_98, t1_99, t1_101, t1_102, t1_103, t1_107,
+            t1_112, t1_117, t1_124, t1_125, t1_126, t1_127, t1_128, t1_131, t1_134, pivot_1,
+            t1_136, u_platform_u1_1z, t1_137, t1_138, t1_139, t1_140, u_e1x_u1_2z, t1_142,
+            t1_143, t1_144, t1_146, t1_148, t1_155, t1_156, t1_159, t1_160, t1_161, t1_162,
+            t1_167, t1_168, t1_173, t1_174, t1_175, t1_177, sin_q3, cos_q3, t1_180, sin_u3_2,
+            cos_u3_2, sin_u3_1, cos_u3_1, t1_187, t1_188, t1_189, t1_190, t1_193, t1_196,
+            t1_203, t1_204, t1_205, t1_206, t1_208, t1_211, t1_212, t1_213, t1_214, t1_215,
+            t1_216, t1_218, t1_219, t1_221,
+        ]
+    };
     // tau, part 2
-    {
-        let sin_u1_2 = kept[0];
-        let cos_u1_2 = kept[1];
-        let w_u1_1x = kept[2];
-        let t1_1 = kept[4];
-        let t1_2 = kept[5];
-        let t1_6 = kept[7];
-        let t1_7 = kept[8];
-        let sin_e1x = kept[10];
-        let cos_e1x = kept[11];
-        let sin_e1y = kept[12];
-        let cos_e1y = kept[13];
-        let sin_u1_2_e1y = kept[14];
-        let cos_u1_2_e1y = kept[15];
-        let e_e1x_q1z = kept[16];
-        let e_e1x_q1y = kept[21];
-        let sin_u1_1 = kept[22];
-        let cos_u1_1 = kept[23];
-        let t1_25 = kept[24];
-        let t1_54 = kept[26];
-        let t1_63 = kept[31];
-        let t1_64 = kept[32];
-        let t1_79 = kept[35];
-        let t1_86 = kept[36];
-        let t1_91 = kept[39];
-        let t1_94 = kept[40];
-        let t1_107 = kept[48];
-        let t1_117 = kept[50];
-        let t1_124 = kept[51];
-        let t1_125 = kept[52];
-        let t1_126 = kept[53];
-        let t1_127 = kept[54];
-        let t1_134 = kept[57];
-        let u_platform_u1_1z = kept[60];
-        let t1_137 = kept[61];
-        let t1_138 = kept[62];
-        let u_e1x_u1_2z = kept[65];
-        let t1_142 = kept[66];
-        let t1_174 = kept[80];
-        let sin_q3 = kept[82];
-        let cos_q3 = kept[83];
-        let sin_u3_2 = kept[85];
-        let cos_u3_2 = kept[86];
-        let sin_u3_1 = kept[87];
-        let cos_u3_1 = kept[88];
-        let t1_186 = kept[89];
-        let t1_189 = kept[92];
-        let t1_195 = kept[94];
-        let t1_204 = kept[97];
-        let t1_207 = kept[99];
-        let t1_210 = kept[100];
-        let t1_217 = kept[106];
-        let t1_218 = kept[107];
-        let t1_220 = kept[108];
-        let t2_1 = like.lift(0.524).mul_add(t1_220, t1_217);
-        let t2_2 = sin_u3_1 * t1_220;
-        let t2_3 = sin_q3 * t1_218;
+    let [
+        t2_7, t2_8, t2_9, t2_12, t2_15, pivot_3, t2_16, t2_17, t2_18, t2_19, t2_21, t2_23,
+        t2_24, t2_31, t2_32, t2_35, t2_36, t2_37, t2_42, t2_43, t2_48, t2_51, t2_52, t2_54,
+        t2_55, a_rod1x, t2_59, w_e1xy, t2_62, w_e1xx, t2_64, t2_67, w_e1xz, t2_69, t2_70,
+        t2_116, t2_117, t2_118, a_u1_1y, t2_121, t2_124, t2_125, t2_126, t2_127, t2_129,
+        t2_130, t2_154, t2_155, t2_159, t2_161, t2_163, t2_164, t2_166, t2_168, t2_169, t2_182,
+        t2_193, t2_194, t2_197, t2_198, t2_202, t2_203, t2_207, t2_208, t2_210, t2_211, t2_229,
+        t2_230, t2_232, t2_233, t2_234, t2_238, t2_239, t2_240,
+    ] = {
+        let t2_1 = like.lift(0.524).mul_add(t1_221, t1_218);
+        let t2_2 = sin_u3_1 * t1_221;
+        let t2_3 = sin_q3 * t1_219;
         let t2_4 = cos_q3.mul_add(t1_107, t2_3);
         let t2_5 = cos_u3_1.mul_add(t2_4, t2_2);
         let t2_6 = cos_u3_2 * t2_5;
@@ -7540,464 +7341,330 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t2_8 = sin_u3_2.mul_add(t2_7, t2_6);
         let t2_9 = like.lift(1.244).mul_add(t2_8, t2_1);
         let t2_10 = t2_1 - t2_9;
-        let t2_11 = t1_186 * t2_10;
-        let t2_12 = (-t2_7).mul_add(t1_189, t2_11);
-        let t2_13 = t1_210 * t2_10;
-        let t2_14 = cos_u3_1 * t1_220;
+        let t2_11 = t1_187 * t2_10;
+        let t2_12 = (-t2_7).mul_add(t1_190, t2_11);
+        let t2_13 = t1_211 * t2_10;
+        let t2_14 = cos_u3_1 * t1_221;
         let t2_15 = (-sin_u3_1).mul_add(t2_4, t2_14);
-        let t2_16 = (-t2_15).mul_add(t1_189, t2_13);
-        let t2_17 = -t2_16;
-        let t2_18 = t1_137 + t1_138;
-        let t2_19 = u_platform_u1_1z + t2_18;
-        let t2_20 = u_e1x_u1_2z + t1_142;
-        let t2_21 = t2_7 * t1_204;
-        let t2_22 = (-t1_174).mul_add(t2_10, t2_21);
-        let t2_23 = t2_15 * t1_204;
-        let t2_24 = (-t1_207).mul_add(t2_10, t2_23);
-        let t2_25 = -t2_24;
-        let t2_26 = cos_u1_2_e1y * t1_210;
-        let t2_27 = like.lift(0.8660254037844386) * t2_26;
-        let t2_28 = e_e1x_q1y * t1_210;
-        let t2_29 = like.lift(-0.5).mul_add(t2_28, t2_27);
-        let t2_30 = like.lift(0.8660254037844386) * t2_15;
-        let t2_31 = like.lift(-0.5).mul_add(t1_207, t2_30);
-        let t2_32 = (-e_e1x_q1z).mul_add(t2_31, t2_29);
-        let t2_33 = -t2_32;
-        let t2_34 = cos_e1x * t1_210;
-        let t2_35 = like.lift(0.5) * t2_34;
-        let t2_36 = (-sin_e1x).mul_add(t2_31, t2_35);
-        let t2_37 = like.lift(0.8660254037844386) * t1_210;
-        let t2_38 = -t2_37;
-        let t2_39 = t2_7 * t1_210;
-        let t2_40 = like.lift(0.8660254037844386) * t2_39;
-        let t2_41 = t1_174 * t1_210;
-        let t2_42 = like.lift(-0.5).mul_add(t2_41, t2_40);
-        let t2_43 = (-t1_186).mul_add(t2_31, t2_42);
-        let t2_44 = -t2_43;
-        let t2_45 = t2_15 * t1_210;
-        let t2_46 = like.lift(0.8660254037844386) * t2_45;
-        let t2_47 = t1_207 * t1_210;
-        let t2_48 = like.lift(-0.5).mul_add(t2_47, t2_46);
-        let t2_49 = (-t1_210).mul_add(t2_31, t2_48);
-        let t2_50 = d_q1 * d_q1;
-        let t2_51 = sin_u1_1 * t2_50;
-        let t2_52 = cos_u1_2 * t2_51;
-        let a_rod1z = like.lift(0.524) * t2_52;
-        let t2_53 = t1_6 + t1_7;
-        let t2_54 = like.lift(1.244).mul_add(t2_53, a_rod1z);
-        let t2_55 = sin_e1y * t2_54;
-        let t2_56 = sin_u1_2 * t2_51;
-        let a_rod1x = like.lift(0.524) * t2_56;
-        let t2_57 = like.lift(1.244).mul_add(t1_2, a_rod1x);
-        let t2_58 = cos_e1y.mul_add(t2_57, t2_55);
-        let t2_59 = cos_u1_2_e1y * d_u1_2;
+        let pivot_3 = (-t2_15).mul_add(t1_190, t2_13);
+        let t2_16 = -pivot_3;
+        let t2_17 = t1_137 + t1_138;
+        let t2_18 = u_platform_u1_1z + t2_17;
+        let t2_19 = u_e1x_u1_2z + t1_142;
+        let t2_20 = t2_7 * t1_205;
+        let t2_21 = (-t1_175).mul_add(t2_10, t2_20);
+        let t2_22 = t2_15 * t1_205;
+        let t2_23 = (-t1_208).mul_add(t2_10, t2_22);
+        let t2_24 = -t2_23;
+        let t2_25 = cos_u1_2_e1y * t1_211;
+        let t2_26 = like.lift(0.8660254037844386) * t2_25;
+        let t2_27 = e_e1x_q1y * t1_211;
+        let t2_28 = like.lift(-0.5).mul_add(t2_27, t2_26);
+        let t2_29 = like.lift(0.8660254037844386) * t2_15;
+        let t2_30 = like.lift(-0.5).mul_add(t1_208, t2_29);
+        let t2_31 = (-e_e1x_q1z).mul_add(t2_30, t2_28);
+        let t2_32 = -t2_31;
+        let t2_33 = cos_e1x * t1_211;
+        let t2_34 = like.lift(0.5) * t2_33;
+        let t2_35 = (-sin_e1x).mul_add(t2_30, t2_34);
+        let t2_36 = like.lift(0.8660254037844386) * t1_211;
+        let t2_37 = -t2_36;
+        let t2_38 = t2_7 * t1_211;
+        let t2_39 = like.lift(0.8660254037844386) * t2_38;
+        let t2_40 = t1_175 * t1_211;
+        let t2_41 = like.lift(-0.5).mul_add(t2_40, t2_39);
+        let t2_42 = (-t1_187).mul_add(t2_30, t2_41);
+        let t2_43 = -t2_42;
+        let t2_44 = t2_15 * t1_211;
+        let t2_45 = like.lift(0.8660254037844386) * t2_44;
+        let t2_46 = t1_208 * t1_211;
+        let t2_47 = like.lift(-0.5).mul_add(t2_46, t2_45);
+        let t2_48 = (-t1_211).mul_add(t2_30, t2_47);
+        let t2_49 = d_q1 * d_q1;
+        let t2_50 = sin_u1_1 * t2_49;
+        let t2_51 = cos_u1_2 * t2_50;
+        let a_rod1z = like.lift(0.524) * t2_51;
+        let t2_52 = t1_6 + t1_7;
+        let t2_53 = like.lift(1.244).mul_add(t2_52, a_rod1z);
+        let t2_54 = sin_e1y * t2_53;
+        let t2_55 = sin_u1_2 * t2_50;
+        let a_rod1x = like.lift(0.524) * t2_55;
+        let t2_56 = like.lift(1.244).mul_add(t1_2, a_rod1x);
+        let t2_57 = cos_e1y.mul_add(t2_56, t2_54);
+        let t2_58 = cos_u1_2_e1y * d_u1_2;
         let w_e1yx = cos_u1_2_e1y * w_u1_1x;
-        let t2_60 = d_e1y * w_e1yx;
-        let t2_61 = w_u1_1x.mul_add(t2_59, t2_60);
+        let t2_59 = d_e1y * w_e1yx;
+        let t2_60 = w_u1_1x.mul_add(t2_58, t2_59);
         let w_e1yy = d_u1_2 + d_e1y;
-        let t2_62 = cos_e1x * w_e1yy;
+        let t2_61 = cos_e1x * w_e1yy;
         let w_e1yz = sin_u1_2_e1y * w_u1_1x;
-        let w_e1xy = sin_e1x.mul_add(w_e1yz, t2_62);
-        let t2_63 = d_e1x * w_e1xy;
-        let t2_64 = cos_e1x.mul_add(t2_61, -t2_63);
+        let w_e1xy = sin_e1x.mul_add(w_e1yz, t2_61);
+        let t2_62 = d_e1x * w_e1xy;
+        let t2_63 = cos_e1x.mul_add(t2_60, -t2_62);
         let w_e1xx = d_e1x + w_e1yx;
-        let t2_65 = w_e1xy * w_e1xx;
-        let t2_66 = t2_64 - t2_65;
-        let t2_67 = like.lift(-0.044).mul_add(t2_66, t2_58);
-        let t2_68 = w_e1xy * w_e1xy;
-        let t2_69 = sin_e1x * w_e1yy;
-        let w_e1xz = (-cos_e1x).mul_add(w_e1yz, t2_69);
-        let t2_70 = w_e1xz * w_e1xz;
-        let t2_71 = t2_68 + t2_70;
-        let t2_72 = like.lift(0.0381051177665153) * t2_71;
-        let t2_73 = like.lift(0.022) * t2_66;
-        let t2_74 = t2_72 + t2_73;
-        let t2_75 = t2_67 - t2_74;
-        let t2_76 = t1_25 * d_q2;
-        let t2_77 = t1_126 * d_q2;
-        let t2_78 = t1_79 * t2_77;
-        let t2_79 = like.lift(0.524) * t2_78;
-        let t2_80 = t1_117 * t2_76;
-        let t2_81 = like.lift(-0.524).mul_add(t2_80, t2_79);
-        let t2_82 = t2_76 * t2_81;
-        let t2_83 = t1_63 * d_q2;
-        let t2_84 = t1_117 * t2_83;
-        let t2_85 = like.lift(0.524) * t2_84;
-        let t2_86 = t1_54 * t2_77;
-        let t2_87 = like.lift(-0.524).mul_add(t2_86, t2_85);
-        let t2_88 = (-t2_83).mul_add(t2_87, t2_82);
-        let t2_89 = t1_63.mul_add(d_u2_1, t2_83);
-        let t2_90 = t1_134 * t2_89;
-        let t2_91 = t1_126.mul_add(d_u2_1, t2_77);
-        let t2_92 = (-t1_94).mul_add(t2_91, t2_90);
-        let t2_93 = d_u2_2 * t2_92;
-        let t2_94 = t1_64 * t2_93;
-        let t2_95 = like.lift(1.244) * t2_94;
-        let t2_96 = t1_91 * t2_91;
-        let t2_97 = t1_25.mul_add(d_u2_1, t2_76);
-        let t2_98 = (-t1_134).mul_add(t2_97, t2_96);
-        let t2_99 = d_u2_2 * t2_98;
-        let t2_100 = t1_86 * t2_99;
-        let t2_101 = like.lift(-1.244).mul_add(t2_100, t2_95);
-        let t2_102 = t2_88 + t2_101;
-        let t2_103 = t1_91.mul_add(d_u2_2, t2_97);
-        let t2_104 = t1_134.mul_add(d_u2_2, t2_91);
-        let t2_105 = t1_86 * t2_104;
-        let t2_106 = like.lift(1.244) * t2_105;
-        let t2_107 = t1_127 * t2_103;
-        let t2_108 = like.lift(-1.244).mul_add(t2_107, t2_106);
-        let t2_109 = t2_103 * t2_108;
-        let t2_110 = t1_94.mul_add(d_u2_2, t2_89);
-        let t2_111 = t1_127 * t2_110;
-        let t2_112 = like.lift(1.244) * t2_111;
-        let t2_113 = t1_64 * t2_104;
-        let t2_114 = like.lift(-1.244).mul_add(t2_113, t2_112);
-        let t2_115 = (-t2_110).mul_add(t2_114, t2_109);
-        let t2_116 = t2_102 + t2_115;
-        let t2_117 = t2_75 - t2_116;
-        let t2_118 = -t2_117;
-        let t2_119 = cos_u1_1 * t2_50;
-        let a_u1_1y = like.lift(0.524) * t2_119;
-        let t2_120 = like.lift(2.488).mul_add(t1_1, a_u1_1y);
-        let t2_121 = cos_e1x * t2_120;
-        let t2_122 = cos_e1y * t2_54;
-        let t2_123 = (-sin_e1y).mul_add(t2_57, t2_122);
-        let t2_124 = (-sin_e1x).mul_add(t2_123, t2_121);
-        let t2_125 = w_e1xx * w_e1xx;
-        let t2_126 = t2_125 + t2_70;
-        let t2_127 = like.lift(0.044) * t2_126;
-        let t2_128 = t2_124 - t2_127;
-        let t2_129 = t2_64 + t2_65;
-        let t2_130 = like.lift(0.0381051177665153) * t2_129;
-        let t2_131 = like.lift(0.022) * t2_126;
-        let t2_132 = t2_130 - t2_131;
-        let t2_133 = t2_128 + t2_132;
-        let t2_134 = t1_54 * t2_76;
-        let t2_135 = like.lift(0.524) * t2_134;
-        let t2_136 = t1_79 * t2_83;
-        let t2_137 = like.lift(-0.524).mul_add(t2_136, t2_135);
-        let t2_138 = t2_83 * t2_137;
-        let t2_139 = (-t2_77).mul_add(t2_81, t2_138);
-        let t2_140 = t1_127 * t2_99;
-        let t2_141 = like.lift(1.244) * t2_140;
-        let t2_142 = t1_94 * t2_97;
-        let t2_143 = (-t1_91).mul_add(t2_89, t2_142);
-        let t2_144 = d_u2_2 * t2_143;
-        let t2_145 = t1_64 * t2_144;
-        let t2_146 = like.lift(-1.244).mul_add(t2_145, t2_141);
-        let t2_147 = t2_139 + t2_146;
-        let t2_148 = t1_64 * t2_103;
-        let t2_149 = like.lift(1.244) * t2_148;
-        let t2_150 = t1_86 * t2_110;
-        let t2_151 = like.lift(-1.244).mul_add(t2_150, t2_149);
-        let t2_152 = t2_110 * t2_151;
-        let t2_153 = (-t2_104).mul_add(t2_108, t2_152);
-        let t2_154 = t2_147 + t2_153;
-        let t2_155 = t2_133 - t2_154;
-        let t2_156 = -t2_155;
-        let t2_157 = sin_e1x * t2_120;
-        let t2_158 = cos_e1x.mul_add(t2_123, t2_157);
-        let t2_159 = sin_u1_2_e1y * d_u1_2;
-        let t2_160 = d_e1y * w_e1yz;
-        let t2_161 = w_u1_1x.mul_add(t2_159, t2_160);
-        let t2_162 = w_e1xy * w_e1xz;
-        let t2_163 = t2_161 + t2_162;
-        let t2_164 = like.lift(0.044).mul_add(t2_163, t2_158);
-        let t2_165 = d_e1x * w_e1xz;
-        let t2_166 = sin_e1x.mul_add(t2_61, -t2_165);
-        let t2_167 = w_e1xz * w_e1xx;
-        let t2_168 = t2_166 + t2_167;
-        let t2_169 = like.lift(0.0381051177665153) * t2_168;
-        let t2_170 = like.lift(0.022) * t2_163;
-        let t2_171 = t2_169 + t2_170;
-        let t2_172 = t2_164 + t2_171;
-        let t2_173 = t2_77 * t2_87;
-        let t2_174 = (-t2_76).mul_add(t2_137, t2_173);
-        let t2_175 = t1_86 * t2_144;
-        let t2_176 = like.lift(1.244) * t2_175;
-        let t2_177 = t1_127 * t2_93;
-        let t2_178 = like.lift(-1.244).mul_add(t2_177, t2_176);
-        let t2_179 = t2_174 + t2_178;
-        let t2_180 = t2_104 * t2_114;
-        let t2_181 = (-t2_103).mul_add(t2_151, t2_180);
-        let t2_182 = t2_179 + t2_181;
-        let t2_183 = t2_172 + t2_182;
-        let t2_184 = t1_94 * t2_103;
-        let t2_185 = (-t1_91).mul_add(t2_110, t2_184);
-        let t2_186 = w_e1xz * t2_185;
-        let t2_187 = like.lift(0.8660254037844386) * t2_186;
-        let t2_188 = t1_134 * t2_110;
-        let t2_189 = (-t1_94).mul_add(t2_104, t2_188);
-        let t2_190 = w_e1xz * t2_189;
-        let t2_191 = like.lift(0.5).mul_add(t2_190, t2_187);
-        let t2_192 = t1_91 * t2_104;
-        let t2_193 = (-t1_134).mul_add(t2_103, t2_192);
-        let t2_194 = like.lift(0.8660254037844386) * w_e1xx;
-        let t2_195 = like.lift(0.5) * w_e1xy;
-        let t2_196 = t2_194 + t2_195;
-        let t2_197 = t2_193.mul_add(t2_196, t2_191);
-        let t2_198 = like.lift(0.8660254037844386) * t2_64;
-        let t2_199 = like.lift(0.5) * t2_70;
-        let t2_200 = w_e1xy.mul_add(t2_196, t2_199);
-        let t2_201 = t2_198 - t2_200;
-        let t2_202 = t1_134 * t2_201;
-        let t2_203 = like.lift(0.5) * t2_64;
-        let t2_204 = like.lift(0.8660254037844386) * t2_70;
-        let t2_205 = w_e1xx.mul_add(t2_196, t2_204);
-        let t2_206 = t2_203 + t2_205;
-        let t2_207 = t1_91.mul_add(t2_206, t2_202);
-        let t2_208 = like.lift(0.8660254037844386) * t2_161;
-        let t2_209 = like.lift(0.5) * t2_166;
-        let t2_210 = t2_208 - t2_209;
-        let t2_211 = like.lift(0.5) * t2_167;
-        let t2_212 = like.lift(0.8660254037844386) * t2_162;
-        let t2_213 = t2_211 - t2_212;
-        let t2_214 = t2_210 - t2_213;
-        let t2_215 = t1_94.mul_add(t2_214, t2_207);
-        let t2_216 = t2_215 + t2_197;
-        let t2_217 = t2_197 + t2_216;
-        let t2_218 = t2_103 * t2_193;
-        let t2_219 = (-t2_110).mul_add(t2_189, t2_218);
-        let t2_220 = t1_94 * t2_93;
-        let t2_221 = (-t1_91).mul_add(t2_99, t2_220);
-        let t2_222 = t2_219 + t2_221;
-        let t2_223 = like.lift(0.5) * t2_222;
-        let t2_224 = t2_110 * t2_185;
-        let t2_225 = (-t2_104).mul_add(t2_193, t2_224);
-        let t2_226 = t1_134 * t2_99;
-        let t2_227 = (-t1_94).mul_add(t2_144, t2_226);
-        let t2_228 = t2_225 + t2_227;
-        let t2_229 = like.lift(-0.8660254037844386).mul_add(t2_228, t2_223);
-        let t2_230 = t2_217 + t2_229;
-        let t2_231 = -t2_230;
-        let t2_232 = t2_72 - t2_73;
-        let t2_233 = t2_67 + t2_232;
-        let t2_234 = t1_174 * d_q3;
-        let t2_235 = t2_7 * d_q3;
-        let t2_236 = t1_195 * t2_235;
-        let t2_237 = like.lift(0.524) * t2_236;
-        let t2_238 = t1_220 * t2_234;
-        let t2_239 = like.lift(-0.524).mul_add(t2_238, t2_237);
-        let t2_240 = t2_234 * t2_239;
-        let t2_241 = t1_186 * d_q3;
-        kept[109] = t2_7;
-        kept[110] = t2_8;
-        kept[111] = t2_9;
-        kept[112] = t2_12;
-        kept[113] = t2_15;
-        kept[114] = t2_16;
-        kept[115] = t2_17;
-        kept[116] = t2_18;
-        kept[117] = t2_19;
-        kept[118] = t2_20;
-        kept[119] = t2_22;
-        kept[120] = t2_24;
-        kept[121] = t2_25;
-        kept[122] = t2_32;
-        kept[123] = t2_33;
-        kept[124] = t2_36;
-        kept[125] = t2_38;
-        kept[126] = t2_43;
-        kept[127] = t2_44;
-        kept[128] = t2_49;
-        kept[129] = t2_52;
-        kept[130] = t2_53;
-        kept[131] = t2_55;
-        kept[132] = t2_56;
-        kept[133] = a_rod1x;
-        kept[134] = t2_60;
-        kept[135] = w_e1xy;
-        kept[136] = t2_63;
-        kept[137] = w_e1xx;
-        kept[138] = t2_65;
-        kept[139] = t2_68;
-        kept[140] = w_e1xz;
-        kept[141] = t2_70;
-        kept[142] = t2_71;
-        kept[143] = t2_117;
-        kept[144] = t2_118;
-        kept[145] = t2_119;
-        kept[146] = a_u1_1y;
-        kept[147] = t2_122;
-        kept[148] = t2_125;
-        kept[149] = t2_126;
-        kept[150] = t2_127;
-        kept[151] = t2_128;
-        kept[152] = t2_130;
-        kept[153] = t2_131;
-        kept[154] = t2_155;
-        kept[155] = t2_156;
-        kept[156] = t2_160;
-        kept[157] = t2_162;
-        kept[158] = t2_164;
-        kept[159] = t2_165;
-        kept[160] = t2_167;
-        kept[161] = t2_169;
-        kept[162] = t2_170;
-        kept[163] = t2_183;
-        kept[164] = t2_194;
-        kept[165] = t2_195;
-        kept[166] = t2_198;
-        kept[167] = t2_199;
-        kept[168] = t2_203;
-        kept[169] = t2_204;
-        kept[170] = t2_208;
-        kept[171] = t2_209;
-        kept[172] = t2_211;
-        kept[173] = t2_212;
-        kept[174] = t2_230;
-        kept[175] = t2_231;
-        kept[176] = t2_233;
-        kept[177] = t2_234;
-        kept[178] = t2_235;
-        kept[179] = t2_239;
-        kept[180] = t2_240;
-        kept[181] = t2_241;
-    }
-    // tau, part 3
-    {
-        let sin_e1x = kept[10];
-        let e_e1x_q1z = kept[16];
-        let t1_14 = kept[17];
-        let t1_16 = kept[19];
-        let t1_17 = kept[20];
-        let t1_89 = kept[38];
-        let t1_94 = kept[40];
-        let t1_95 = kept[41];
-        let t1_98 = kept[43];
-        let t1_101 = kept[45];
-        let t1_102 = kept[46];
-        let t1_131 = kept[56];
-        let pivot_1 = kept[58];
-        let t1_140 = kept[64];
-        let t1_142 = kept[66];
-        let t1_143 = kept[67];
-        let t1_146 = kept[69];
-        let t1_148 = kept[70];
-        let t1_155 = kept[71];
-        let t1_159 = kept[73];
-        let t1_166 = kept[76];
-        let t1_172 = kept[78];
-        let t1_174 = kept[80];
-        let t1_179 = kept[84];
-        let t1_186 = kept[89];
-        let t1_187 = kept[90];
-        let t1_195 = kept[94];
-        let t1_202 = kept[95];
-        let t1_205 = kept[98];
-        let t1_207 = kept[99];
-        let t1_210 = kept[100];
-        let t1_211 = kept[101];
-        let t1_213 = kept[103];
-        let t1_215 = kept[105];
-        let t1_220 = kept[108];
-        let t2_7 = kept[109];
-        let t2_8 = kept[110];
-        let t2_12 = kept[112];
-        let t2_15 = kept[113];
-        let t2_16 = kept[114];
-        let t2_19 = kept[117];
-        let t2_20 = kept[118];
-        let t2_22 = kept[119];
-        let t2_24 = kept[120];
-        let t2_32 = kept[122];
-        let t2_36 = kept[124];
-        let t2_43 = kept[126];
-        let t2_49 = kept[128];
-        let w_e1xy = kept[135];
-        let w_e1xx = kept[137];
-        let w_e1xz = kept[140];
-        let t2_117 = kept[143];
-        let t2_128 = kept[151];
-        let t2_130 = kept[152];
-        let t2_131 = kept[153];
-        let t2_155 = kept[154];
-        let t2_164 = kept[158];
-        let t2_169 = kept[161];
-        let t2_170 = kept[162];
-        let t2_183 = kept[163];
-        let t2_194 = kept[164];
-        let t2_195 = kept[165];
-        let t2_198 = kept[166];
-        let t2_199 = kept[167];
-        let t2_203 = kept[168];
-        let t2_204 = kept[169];
-        let t2_208 = kept[170];
-        let t2_209 = kept[171];
-        let t2_211 = kept[172];
-        let t2_212 = kept[173];
-        let t2_230 = kept[174];
-        let t2_233 = kept[176];
-        let t2_234 = kept[177];
-        let t2_235 = kept[178];
-        let t2_239 = kept[179];
-        let t2_240 = kept[180];
-        let t2_241 = kept[181];
-        let t3_1 = t1_220 * t2_241;
+        let t2_64 = w_e1xy * w_e1xx;
+        let t2_65 = t2_63 - t2_64;
+        let t2_66 = like.lift(-0.044).mul_add(t2_65, t2_57);
+        let t2_67 = w_e1xy * w_e1xy;
+        let t2_68 = sin_e1x * w_e1yy;
+        let w_e1xz = (-cos_e1x).mul_add(w_e1yz, t2_68);
+        let t2_69 = w_e1xz * w_e1xz;
+        let t2_70 = t2_67 + t2_69;
+        let t2_71 = like.lift(0.0381051177665153) * t2_70;
+        let t2_72 = like.lift(0.022) * t2_65;
+        let t2_73 = t2_71 + t2_72;
+        let t2_74 = t2_66 - t2_73;
+        let t2_75 = t1_25 * d_q2;
+        let t2_76 = t1_126 * d_q2;
+        let t2_77 = t1_79 * t2_76;
+        let t2_78 = like.lift(0.524) * t2_77;
+        let t2_79 = t1_117 * t2_75;
+        let t2_80 = like.lift(-0.524).mul_add(t2_79, t2_78);
+        let t2_81 = t2_75 * t2_80;
+        let t2_82 = t1_63 * d_q2;
+        let t2_83 = t1_117 * t2_82;
+        let t2_84 = like.lift(0.524) * t2_83;
+        let t2_85 = t1_54 * t2_76;
+        let t2_86 = like.lift(-0.524).mul_add(t2_85, t2_84);
+        let t2_87 = (-t2_82).mul_add(t2_86, t2_81);
+        let t2_88 = t1_63.mul_add(d_u2_1, t2_82);
+        let t2_89 = t1_134 * t2_88;
+        let t2_90 = t1_126.mul_add(d_u2_1, t2_76);
+        let t2_91 = (-t1_94).mul_add(t2_90, t2_89);
+        let t2_92 = d_u2_2 * t2_91;
+        let t2_93 = t1_64 * t2_92;
+        let t2_94 = like.lift(1.244) * t2_93;
+        let t2_95 = t1_91 * t2_90;
+        let t2_96 = t1_25.mul_add(d_u2_1, t2_75);
+        let t2_97 = (-t1_134).mul_add(t2_96, t2_95);
+        let t2_98 = d_u2_2 * t2_97;
+        let t2_99 = t1_86 * t2_98;
+        let t2_100 = like.lift(-1.244).mul_add(t2_99, t2_94);
+        let t2_101 = t2_87 + t2_100;
+        let t2_102 = t1_91.mul_add(d_u2_2, t2_96);
+        let t2_103 = t1_134.mul_add(d_u2_2, t2_90);
+        let t2_104 = t1_86 * t2_103;
+        let t2_105 = like.lift(1.244) * t2_104;
+        let t2_106 = t1_127 * t2_102;
+        let t2_107 = like.lift(-1.244).mul_add(t2_106, t2_105);
+        let t2_108 = t2_102 * t2_107;
+        let t2_109 = t1_94.mul_add(d_u2_2, t2_88);
+        let t2_110 = t1_127 * t2_109;
+        let t2_111 = like.lift(1.244) * t2_110;
+        let t2_112 = t1_64 * t2_103;
+        let t2_113 = like.lift(-1.244).mul_add(t2_112, t2_111);
+        let t2_114 = (-t2_109).mul_add(t2_113, t2_108);
+        let t2_115 = t2_101 + t2_114;
+        let t2_116 = t2_74 - t2_115;
+        let t2_117 = -t2_116;
+        let t2_118 = cos_u1_1 * t2_49;
+        let a_u1_1y = like.lift(0.524) * t2_118;
+        let t2_119 = like.lift(2.488).mul_add(t1_1, a_u1_1y);
+        let t2_120 = cos_e1x * t2_119;
+        let t2_121 = cos_e1y * t2_53;
+        let t2_122 = (-sin_e1y).mul_add(t2_56, t2_121);
+        let t2_123 = (-sin_e1x).mul_add(t2_122, t2_120);
+        let t2_124 = w_e1xx * w_e1xx;
+        let t2_125 = t2_124 + t2_69;
+        let t2_126 = like.lift(0.044) * t2_125;
+        let t2_127 = t2_123 - t2_126;
+        let t2_128 = t2_63 + t2_64;
+        let t2_129 = like.lift(0.0381051177665153) * t2_128;
+        let t2_130 = like.lift(0.022) * t2_125;
+        let t2_131 = t2_129 - t2_130;
+        let t2_132 = t2_127 + t2_131;
+        let t2_133 = t1_54 * t2_75;
+        let t2_134 = like.lift(0.524) * t2_133;
+        let t2_135 = t1_79 * t2_82;
+        let t2_136 = like.lift(-0.524).mul_add(t2_135, t2_134);
+        let t2_137 = t2_82 * t2_136;
+        let t2_138 = (-t2_76).mul_add(t2_80, t2_137);
+        let t2_139 = t1_127 * t2_98;
+        let t2_140 = like.lift(1.244) * t2_139;
+        let t2_141 = t1_94 * t2_96;
+        let t2_142 = (-t1_91).mul_add(t2_88, t2_141);
+        let t2_143 = d_u2_2 * t2_142;
+        let t2_144 = t1_64 * t2_143;
+        let t2_145 = like.lift(-1.244).mul_add(t2_144, t2_140);
+        let t2_146 = t2_138 + t2_145;
+        let t2_147 = t1_64 * t2_102;
+        let t2_148 = like.lift(1.244) * t2_147;
+        let t2_149 = t1_86 * t2_109;
+        let t2_150 = like.lift(-1.244).mul_add(t2_149, t2_148);
+        let t2_151 = t2_109 * t2_150;
+        let t2_152 = (-t2_103).mul_add(t2_107, t2_151);
+        let t2_153 = t2_146 + t2_152;
+        let t2_154 = t2_132 - t2_153;
+        let t2_155 = -t2_154;
+        let t2_156 = sin_e1x * t2_119;
+        let t2_157 = cos_e1x.mul_add(t2_122, t2_156);
+        let t2_158 = sin_u1_2_e1y * d_u1_2;
+        let t2_159 = d_e1y * w_e1yz;
+        let t2_160 = w_u1_1x.mul_add(t2_158, t2_159);
+        let t2_161 = w_e1xy * w_e1xz;
+        let t2_162 = t2_160 + t2_161;
+        let t2_163 = like.lift(0.044).mul_add(t2_162, t2_157);
+        let t2_164 = d_e1x * w_e1xz;
+        let t2_165 = sin_e1x.mul_add(t2_60, -t2_164);
+        let t2_166 = w_e1xz * w_e1xx;
+        let t2_167 = t2_165 + t2_166;
+        let t2_168 = like.lift(0.0381051177665153) * t2_167;
+        let t2_169 = like.lift(0.022) * t2_162;
+        let t2_170 = t2_168 + t2_169;
+        let t2_171 = t2_163 + t2_170;
+        let t2_172 = t2_76 * t2_86;
+        let t2_173 = (-t2_75).mul_add(t2_136, t2_172);
+        let t2_174 = t1_86 * t2_143;
+        let t2_175 = like.lift(1.244) * t2_174;
+        let t2_176 = t1_127 * t2_92;
+        let t2_177 = like.lift(-1.244).mul_add(t2_176, t2_175);
+        let t2_178 = t2_173 + t2_177;
+        let t2_179 = t2_103 * t2_113;
+        let t2_180 = (-t2_102).mul_add(t2_150, t2_179);
+        let t2_181 = t2_178 + t2_180;
+        let t2_182 = t2_171 + t2_181;
+        let t2_183 = t1_94 * t2_102;
+        let t2_184 = (-t1_91).mul_add(t2_109, t2_183);
+        let t2_185 = w_e1xz * t2_184;
+        let t2_186 = like.lift(0.8660254037844386) * t2_185;
+        let t2_187 = t1_134 * t2_109;
+        let t2_188 = (-t1_94).mul_add(t2_103, t2_187);
+        let t2_189 = w_e1xz * t2_188;
+        let t2_190 = like.lift(0.5).mul_add(t2_189, t2_186);
+        let t2_191 = t1_91 * t2_103;
+        let t2_192 = (-t1_134).mul_add(t2_102, t2_191);
+        let t2_193 = like.lift(0.8660254037844386) * w_e1xx;
+        let t2_194 = like.lift(0.5) * w_e1xy;
+        let t2_195 = t2_193 + t2_194;
+        let t2_196 = t2_192.mul_add(t2_195, t2_190);
+        let t2_197 = like.lift(0.8660254037844386) * t2_63;
+        let t2_198 = like.lift(0.5) * t2_69;
+        let t2_199 = w_e1xy.mul_add(t2_195, t2_198);
+        let t2_200 = t2_197 - t2_199;
+        let t2_201 = t1_134 * t2_200;
+        let t2_202 = like.lift(0.5) * t2_63;
+        let t2_203 = like.lift(0.8660254037844386) * t2_69;
+        let t2_204 = w_e1xx.mul_add(t2_195, t2_203);
+        let t2_205 = t2_202 + t2_204;
+        let t2_206 = t1_91.mul_add(t2_205, t2_201);
+        let t2_207 = like.lift(0.8660254037844386) * t2_160;
+        let t2_208 = like.lift(0.5) * t2_165;
+        let t2_209 = t2_207 - t2_208;
+        let t2_210 = like.lift(0.5) * t2_166;
+        let t2_211 = like.lift(0.8660254037844386) * t2_161;
+        let t2_212 = t2_210 - t2_211;
+        let t2_213 = t2_209 - t2_212;
+        let t2_214 = t1_94.mul_add(t2_213, t2_206);
+        let t2_215 = t2_214 + t2_196;
+        let t2_216 = t2_196 + t2_215;
+        let t2_217 = t2_102 * t2_192;
+        let t2_218 = (-t2_109).mul_add(t2_188, t2_217);
+        let t2_219 = t1_94 * t2_92;
+        let t2_220 = (-t1_91).mul_add(t2_98, t2_219);
+        let t2_221 = t2_218 + t2_220;
+        let t2_222 = like.lift(0.5) * t2_221;
+        let t2_223 = t2_109 * t2_184;
+        let t2_224 = (-t2_103).mul_add(t2_192, t2_223);
+        let t2_225 = t1_134 * t2_98;
+        let t2_226 = (-t1_94).mul_add(t2_143, t2_225);
+        let t2_227 = t2_224 + t2_226;
+        let t2_228 = like.lift(-0.8660254037844386).mul_add(t2_227, t2_222);
+        let t2_229 = t2_216 + t2_228;
+        let t2_230 = -t2_229;
+        let t2_231 = t2_71 - t2_72;
+        let t2_232 = t2_66 + t2_231;
+        let t2_233 = t1_175 * d_q3;
+        let t2_234 = t2_7 * d_q3;
+        let t2_235 = t1_196 * t2_234;
+        let t2_236 = like.lift(0.524) * t2_235;
+        let t2_237 = t1_221 * t2_233;
+        let t2_238 = like.lift(-0.524).mul_add(t2_237, t2_236);
+        let t2_239 = t2_233 * t2_238;
+        let t2_240 = t1_187 * d_q3;
+        [
+            t2_7, t2_8, t2_9, t2_12, t2_15, pivot_3, t2_16, t2_17, t2_18, t2_19, t2_21, t2_23,
+            t2_24, t2_31, t2_32, t2_35, t2_36, t2_37, t2_42, t2_43, t2_48, t2_51, t2_52, t2_54,
+            t2_55, a_rod1x, t2_59, w_e1xy, t2_62, w_e1xx, t2_64, t2_67, w_e1xz, t2_69, t2_70,
+            t2_116, t2_117, t2_118, a_u1_1y, t2_121, t2_124, t2_125, t2_126, t2_127, t2_129,
+            t2_130, t2_154, t2_155, t2_159, t2_161, t2_163, t2_164, t2_166, t2_168, t2_169,
+            t2_182, t2_193, t2_194, t2_197, t2_198, t2_202, t2_203, t2_207, t2_208, t2_210,
+            t2_211, t2_229, t2_230, t2_232, t2_233, t2_234, t2_238, t2_239, t2_240,
+        ]
+    };
+    // loops: solve with A_e (Eq. 8, 10)
+    let [
+        inv_pivot_1, t3_112, t3_114, t3_115, pivot_2, inv_pivot_2, t3_117, pivot_5,
+        inv_pivot_5, t3_122, t3_123, inv_pivot_3, t3_124, t3_126, t3_127, pivot_4, inv_pivot_4,
+        t3_129, t3_132, t3_134, pivot_6, inv_pivot_6, t3_142, t3_147, t3_148, t3_149, t3_150,
+        t3_154, t3_158, t3_163, inv_pivot_7, t3_169, t3_170, t3_171, t3_174, t3_176, t3_181,
+        t3_188, inv_pivot_8, t3_226, t3_227, al_u1_1x, al_rod1y, t3_228, t3_229, al_u2_1x,
+        al_rod2y, al_u3_1x, al_rod3y,
+    ] = {
+        let t3_1 = t1_221 * t2_240;
         let t3_2 = like.lift(0.524) * t3_1;
-        let t3_3 = t1_179 * t2_235;
+        let t3_3 = t1_180 * t2_234;
         let t3_4 = like.lift(-0.524).mul_add(t3_3, t3_2);
-        let t3_5 = (-t2_241).mul_add(t3_4, t2_240);
-        let t3_6 = t1_186.mul_add(d_u3_1, t2_241);
+        let t3_5 = (-t2_240).mul_add(t3_4, t2_239);
+        let t3_6 = t1_187.mul_add(d_u3_1, t2_240);
         let t3_7 = t2_15 * t3_6;
-        let t3_8 = t2_7.mul_add(d_u3_1, t2_235);
-        let t3_9 = (-t1_210).mul_add(t3_8, t3_7);
+        let t3_8 = t2_7.mul_add(d_u3_1, t2_234);
+        let t3_9 = (-t1_211).mul_add(t3_8, t3_7);
         let t3_10 = d_u3_2 * t3_9;
-        let t3_11 = t1_187 * t3_10;
+        let t3_11 = t1_188 * t3_10;
         let t3_12 = like.lift(1.244) * t3_11;
-        let t3_13 = t1_207 * t3_8;
-        let t3_14 = t1_174.mul_add(d_u3_1, t2_234);
+        let t3_13 = t1_208 * t3_8;
+        let t3_14 = t1_175.mul_add(d_u3_1, t2_233);
         let t3_15 = (-t2_15).mul_add(t3_14, t3_13);
         let t3_16 = d_u3_2 * t3_15;
-        let t3_17 = t1_202 * t3_16;
+        let t3_17 = t1_203 * t3_16;
         let t3_18 = like.lift(-1.244).mul_add(t3_17, t3_12);
         let t3_19 = t3_5 - t3_18;
-        let t3_20 = (-t1_207).mul_add(d_u3_2, t3_14);
+        let t3_20 = (-t1_208).mul_add(d_u3_2, t3_14);
         let t3_21 = (-t2_15).mul_add(d_u3_2, t3_8);
-        let t3_22 = t1_202 * t3_21;
+        let t3_22 = t1_203 * t3_21;
         let t3_23 = like.lift(1.244) * t3_22;
         let t3_24 = t2_8 * t3_20;
         let t3_25 = like.lift(-1.244).mul_add(t3_24, t3_23);
         let t3_26 = t3_20 * t3_25;
-        let t3_27 = (-t1_210).mul_add(d_u3_2, t3_6);
+        let t3_27 = (-t1_211).mul_add(d_u3_2, t3_6);
         let t3_28 = t2_8 * t3_27;
         let t3_29 = like.lift(1.244) * t3_28;
-        let t3_30 = t1_187 * t3_21;
+        let t3_30 = t1_188 * t3_21;
         let t3_31 = like.lift(-1.244).mul_add(t3_30, t3_29);
         let t3_32 = (-t3_27).mul_add(t3_31, t3_26);
         let t3_33 = t3_19 + t3_32;
-        let t3_34 = t2_233 + t3_33;
+        let t3_34 = t2_232 + t3_33;
         let t3_35 = -t3_34;
-        let t3_36 = t2_130 + t2_131;
-        let t3_37 = t2_128 - t3_36;
-        let t3_38 = t1_179 * t2_234;
+        let t3_36 = t2_129 + t2_130;
+        let t3_37 = t2_127 - t3_36;
+        let t3_38 = t1_180 * t2_233;
         let t3_39 = like.lift(0.524) * t3_38;
-        let t3_40 = t1_195 * t2_241;
+        let t3_40 = t1_196 * t2_240;
         let t3_41 = like.lift(-0.524).mul_add(t3_40, t3_39);
-        let t3_42 = t2_241 * t3_41;
-        let t3_43 = (-t2_235).mul_add(t2_239, t3_42);
+        let t3_42 = t2_240 * t3_41;
+        let t3_43 = (-t2_234).mul_add(t2_238, t3_42);
         let t3_44 = t2_8 * t3_16;
         let t3_45 = like.lift(1.244) * t3_44;
-        let t3_46 = t1_210 * t3_14;
-        let t3_47 = (-t1_207).mul_add(t3_6, t3_46);
+        let t3_46 = t1_211 * t3_14;
+        let t3_47 = (-t1_208).mul_add(t3_6, t3_46);
         let t3_48 = d_u3_2 * t3_47;
-        let t3_49 = t1_187 * t3_48;
+        let t3_49 = t1_188 * t3_48;
         let t3_50 = like.lift(-1.244).mul_add(t3_49, t3_45);
         let t3_51 = t3_43 - t3_50;
-        let t3_52 = t1_187 * t3_20;
+        let t3_52 = t1_188 * t3_20;
         let t3_53 = like.lift(1.244) * t3_52;
-        let t3_54 = t1_202 * t3_27;
+        let t3_54 = t1_203 * t3_27;
         let t3_55 = like.lift(-1.244).mul_add(t3_54, t3_53);
         let t3_56 = t3_27 * t3_55;
         let t3_57 = (-t3_21).mul_add(t3_25, t3_56);
         let t3_58 = t3_51 + t3_57;
         let t3_59 = t3_37 + t3_58;
         let t3_60 = -t3_59;
-        let t3_61 = t2_169 - t2_170;
-        let t3_62 = t2_164 - t3_61;
-        let t3_63 = t2_235 * t3_4;
-        let t3_64 = (-t2_234).mul_add(t3_41, t3_63);
-        let t3_65 = t1_202 * t3_48;
+        let t3_61 = t2_168 - t2_169;
+        let t3_62 = t2_163 - t3_61;
+        let t3_63 = t2_234 * t3_4;
+        let t3_64 = (-t2_233).mul_add(t3_41, t3_63);
+        let t3_65 = t1_203 * t3_48;
         let t3_66 = like.lift(1.244) * t3_65;
         let t3_67 = t2_8 * t3_10;
         let t3_68 = like.lift(-1.244).mul_add(t3_67, t3_66);
@@ -8006,40 +7673,40 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t3_71 = (-t3_20).mul_add(t3_55, t3_70);
         let t3_72 = t3_69 + t3_71;
         let t3_73 = t3_62 - t3_72;
-        let t3_74 = t1_210 * t3_20;
-        let t3_75 = (-t1_207).mul_add(t3_27, t3_74);
+        let t3_74 = t1_211 * t3_20;
+        let t3_75 = (-t1_208).mul_add(t3_27, t3_74);
         let t3_76 = w_e1xz * t3_75;
         let t3_77 = like.lift(0.8660254037844386) * t3_76;
         let t3_78 = t2_15 * t3_27;
-        let t3_79 = (-t1_210).mul_add(t3_21, t3_78);
+        let t3_79 = (-t1_211).mul_add(t3_21, t3_78);
         let t3_80 = w_e1xz * t3_79;
         let t3_81 = like.lift(-0.5).mul_add(t3_80, t3_77);
-        let t3_82 = t1_207 * t3_21;
+        let t3_82 = t1_208 * t3_21;
         let t3_83 = (-t2_15).mul_add(t3_20, t3_82);
-        let t3_84 = t2_194 - t2_195;
+        let t3_84 = t2_193 - t2_194;
         let t3_85 = t3_83.mul_add(t3_84, t3_81);
-        let t3_86 = (-w_e1xy).mul_add(t3_84, t2_199);
-        let t3_87 = t2_198 + t3_86;
+        let t3_86 = (-w_e1xy).mul_add(t3_84, t2_198);
+        let t3_87 = t2_197 + t3_86;
         let t3_88 = t2_15 * t3_87;
-        let t3_89 = w_e1xx.mul_add(t3_84, t2_204);
-        let t3_90 = t2_203 - t3_89;
-        let t3_91 = (-t1_207).mul_add(t3_90, t3_88);
-        let t3_92 = t2_208 + t2_209;
-        let t3_93 = t2_211 + t2_212;
+        let t3_89 = w_e1xx.mul_add(t3_84, t2_203);
+        let t3_90 = t2_202 - t3_89;
+        let t3_91 = (-t1_208).mul_add(t3_90, t3_88);
+        let t3_92 = t2_207 + t2_208;
+        let t3_93 = t2_210 + t2_211;
         let t3_94 = t3_92 + t3_93;
-        let t3_95 = t1_210.mul_add(t3_94, t3_91);
+        let t3_95 = t1_211.mul_add(t3_94, t3_91);
         let t3_96 = t3_95 + t3_85;
         let t3_97 = t3_85 + t3_96;
         let t3_98 = t3_20 * t3_83;
         let t3_99 = (-t3_27).mul_add(t3_79, t3_98);
-        let t3_100 = t1_210 * t3_10;
-        let t3_101 = (-t1_207).mul_add(t3_16, t3_100);
+        let t3_100 = t1_211 * t3_10;
+        let t3_101 = (-t1_208).mul_add(t3_16, t3_100);
         let t3_102 = t3_99 - t3_101;
         let t3_103 = like.lift(0.5) * t3_102;
         let t3_104 = t3_27 * t3_75;
         let t3_105 = (-t3_21).mul_add(t3_83, t3_104);
         let t3_106 = t2_15 * t3_16;
-        let t3_107 = (-t1_210).mul_add(t3_48, t3_106);
+        let t3_107 = (-t1_211).mul_add(t3_48, t3_106);
         let t3_108 = t3_105 - t3_107;
         let t3_109 = like.lift(0.8660254037844386).mul_add(t3_108, t3_103);
         let t3_110 = t3_97 - t3_109;
@@ -8053,884 +7720,529 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let pivot_2 = (-t1_131).mul_add(t3_114, t1_89);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
         let t3_117 = t3_116 * inv_pivot_2;
-        let t3_118 = t3_115.mul_add(t3_117, t3_113);
-        let t3_119 = t1_172 * inv_pivot_1;
-        let t3_120 = t1_98.mul_add(t3_119, t1_155);
-        let t3_121 = (-t1_131).mul_add(t3_119, t1_166);
-        let t3_122 = t3_121 * inv_pivot_2;
-        let t3_123 = t3_115.mul_add(t3_122, t3_120);
-        let t3_124 = like.lift(1.0) / t1_94;
-        let t3_125 = t3_123 * t3_124;
-        let t3_126 = like.lift(0.0762102355330306) * t3_125;
-        let pivot_4 = t3_118 - t3_126;
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t3_127 = t3_112.mul_add(t2_155, t2_183);
-        let t3_128 = (-t3_114).mul_add(t2_155, t2_117);
-        let t3_129 = t3_117.mul_add(t3_128, t3_127);
-        let t3_130 = t3_119.mul_add(t2_155, t2_230);
-        let t3_131 = t3_122.mul_add(t3_128, t3_130);
-        let t3_132 = t3_124 * t3_131;
-        let t3_133 = like.lift(0.0762102355330306) * t3_132;
-        let t3_134 = t3_129 - t3_133;
-        let t3_135 = sin_e1x * t3_112;
-        let t3_136 = like.lift(-0.0381051177665153).mul_add(t3_135, t1_142);
-        let t3_137 = sin_e1x * t3_114;
-        let t3_138 = like.lift(0.0381051177665153).mul_add(t3_137, t1_17);
-        let t3_139 = t3_138.mul_add(t3_117, t3_136);
-        let t3_140 = sin_e1x * t3_119;
-        let t3_141 = like.lift(0.0381051177665153).mul_add(t3_140, t1_159);
-        let t3_142 = (-t3_138).mul_add(t3_122, t3_141);
-        let t3_143 = t3_142 * t3_124;
-        let t3_144 = like.lift(0.0762102355330306) * t3_143;
-        let t3_145 = t3_139 + t3_144;
-        let t3_146 = t1_210 * t3_124;
-        let t3_147 = t3_142.mul_add(t3_146, t2_36);
-        let t3_148 = (-t3_123).mul_add(t3_146, t2_32);
-        let t3_149 = t3_148 * inv_pivot_4;
-        let pivot_5 = (-t3_145).mul_add(t3_149, t3_147);
+        let pivot_5 = t3_115.mul_add(t3_117, t3_113);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t3_150 = (-t3_146).mul_add(t3_131, t3_110);
-        let t3_151 = (-t3_149).mul_add(t3_134, t3_150);
-        let t3_152 = (-t1_102).mul_add(t3_119, t1_159);
-        let t3_153 = (-t1_102).mul_add(t3_114, t1_16);
-        let t3_154 = (-t3_153).mul_add(t3_122, t3_152);
-        let t3_155 = t3_154.mul_add(t3_146, t2_36);
-        let t3_156 = (-t1_102).mul_add(t3_112, t1_143);
-        let t3_157 = (-t3_153).mul_add(t3_117, t3_156);
-        let t3_158 = t3_154 * t3_124;
-        let t3_159 = like.lift(0.0762102355330306) * t3_158;
-        let t3_160 = t3_157 - t3_159;
-        let t3_161 = t3_160.mul_add(t3_149, t3_155);
-        let t3_162 = e_e1x_q1z * inv_pivot_4;
-        let t3_163 = t3_160 * t3_162;
-        let t3_164 = like.lift(0.066).mul_add(t3_163, t1_16);
-        let t3_165 = t3_145 * t3_162;
-        let t3_166 = like.lift(-0.066).mul_add(t3_165, t1_17);
-        let t3_167 = t3_166 * inv_pivot_5;
-        let pivot_6 = (-t3_161).mul_add(t3_167, t3_164);
+        let t3_118 = t3_112.mul_add(t2_154, t2_182);
+        let t3_119 = (-t3_114).mul_add(t2_154, t2_116);
+        let t3_120 = t3_117.mul_add(t3_119, t3_118);
+        let t3_121 = (-t1_102).mul_add(t3_112, t1_143);
+        let t3_122 = (-t1_102).mul_add(t3_114, t1_16);
+        let t3_123 = (-t3_122).mul_add(t3_117, t3_121);
+        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let t3_124 = t2_23 * inv_pivot_3;
+        let t3_125 = (-t1_216).mul_add(t3_124, t2_19);
+        let t3_126 = t1_212 * inv_pivot_3;
+        let t3_127 = (-t1_216).mul_add(t3_126, t1_16);
+        let t3_128 = (-t2_12).mul_add(t3_124, t2_21);
+        let pivot_4 = (-t2_12).mul_add(t3_126, t1_206);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t3_129 = t3_128 * inv_pivot_4;
+        let t3_130 = (-t3_127).mul_add(t3_129, t3_125);
+        let t3_131 = t1_214.mul_add(t3_124, t2_18);
+        let t3_132 = (-t1_214).mul_add(t3_126, t1_14);
+        let t3_133 = t3_132.mul_add(t3_129, t3_131);
+        let t3_134 = t3_133 * inv_pivot_5;
+        let pivot_6 = (-t3_123).mul_add(t3_134, t3_130);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t3_168 = t3_162 * t3_134;
-        let t3_169 = like.lift(-0.066).mul_add(t3_168, t3_34);
-        let t3_170 = (-t3_167).mul_add(t3_151, t3_169);
-        let t3_171 = t2_43 * t3_167;
-        let t3_172 = t1_205 + t3_171;
-        let t3_173 = t1_142 - t3_144;
-        let t3_174 = t2_19 - t3_126;
-        let t3_175 = t3_174 * inv_pivot_4;
-        let t3_176 = t3_145.mul_add(t3_175, t3_173);
-        let t3_177 = t3_176 * inv_pivot_5;
-        let t3_178 = t2_43 * t3_177;
-        let t3_179 = t2_22 + t3_178;
-        let t3_180 = t2_20 - t3_159;
-        let t3_181 = (-t3_160).mul_add(t3_175, t3_180);
-        let t3_182 = (-t3_161).mul_add(t3_177, t3_181);
-        let t3_183 = t3_182 * inv_pivot_6;
-        let pivot_7 = (-t3_172).mul_add(t3_183, t3_179);
+        let t3_135 = t3_124.mul_add(t3_59, t3_73);
+        let t3_136 = (-t3_126).mul_add(t3_59, t3_34);
+        let t3_137 = t3_129.mul_add(t3_136, t3_135);
+        let t3_138 = (-t3_134).mul_add(t3_120, t3_137);
+        let t3_139 = sin_e1x * t3_124;
+        let t3_140 = like.lift(-0.0381051177665153).mul_add(t3_139, t1_142);
+        let t3_141 = sin_e1x * t3_126;
+        let t3_142 = like.lift(-0.0381051177665153).mul_add(t3_141, t1_17);
+        let t3_143 = (-t3_142).mul_add(t3_129, t3_140);
+        let t3_144 = sin_e1x * t3_112;
+        let t3_145 = like.lift(-0.0381051177665153).mul_add(t3_144, t1_142);
+        let t3_146 = sin_e1x * t3_114;
+        let t3_147 = like.lift(0.0381051177665153).mul_add(t3_146, t1_17);
+        let t3_148 = t3_147.mul_add(t3_117, t3_145);
+        let t3_149 = t3_148.mul_add(t3_134, t3_143);
+        let t3_150 = t1_173 * inv_pivot_1;
+        let t3_151 = sin_e1x * t3_150;
+        let t3_152 = like.lift(0.0381051177665153).mul_add(t3_151, t1_159);
+        let t3_153 = (-t1_131).mul_add(t3_150, t1_167);
+        let t3_154 = t3_153 * inv_pivot_2;
+        let t3_155 = (-t3_147).mul_add(t3_154, t3_152);
+        let t3_156 = t1_98.mul_add(t3_150, t1_155);
+        let t3_157 = t3_115.mul_add(t3_154, t3_156);
+        let t3_158 = t3_157 * inv_pivot_5;
+        let t3_159 = t3_148.mul_add(t3_158, t3_155);
+        let t3_160 = (-t1_102).mul_add(t3_150, t1_159);
+        let t3_161 = (-t3_122).mul_add(t3_154, t3_160);
+        let t3_162 = (-t3_123).mul_add(t3_158, t3_161);
+        let t3_163 = t3_162 * inv_pivot_6;
+        let pivot_7 = (-t3_149).mul_add(t3_163, t3_159);
         let inv_pivot_7 = like.lift(1.0) / pivot_7;
-        let t3_184 = t3_73 - t3_133;
-        let t3_185 = (-t3_175).mul_add(t3_134, t3_184);
-        let t3_186 = t3_177.mul_add(t3_151, t3_185);
-        let t3_187 = t3_183.mul_add(t3_170, t3_186);
-        let t3_188 = t2_49.mul_add(t3_177, t2_24);
-        let t3_189 = t2_49.mul_add(t3_167, t1_211);
-        let t3_190 = (-t3_189).mul_add(t3_183, t3_188);
-        let t3_191 = t1_213 * inv_pivot_4;
-        let t3_192 = (-t3_145).mul_add(t3_191, t1_101);
-        let t3_193 = t3_192 * inv_pivot_5;
-        let t3_194 = t2_49.mul_add(t3_193, t2_16);
-        let t3_195 = t3_160.mul_add(t3_191, t1_215);
-        let t3_196 = (-t3_161).mul_add(t3_193, t3_195);
-        let t3_197 = t3_196 * inv_pivot_6;
-        let t3_198 = (-t3_189).mul_add(t3_197, t3_194);
-        let t3_199 = t2_43 * t3_193;
-        let t3_200 = t2_12 + t3_199;
-        let t3_201 = (-t3_172).mul_add(t3_197, t3_200);
-        let t3_202 = t3_201 * inv_pivot_7;
-        let pivot_8 = (-t3_190).mul_add(t3_202, t3_198);
+        let t3_164 = t3_150.mul_add(t2_154, t2_229);
+        let t3_165 = t3_154.mul_add(t3_119, t3_164);
+        let t3_166 = (-t3_158).mul_add(t3_120, t3_165);
+        let t3_167 = (-t3_163).mul_add(t3_138, t3_166);
+        let t3_168 = like.lift(-0.066).mul_add(t3_158, t1_161);
+        let t3_169 = like.lift(-0.066).mul_add(t3_134, like.lift(0.066));
+        let t3_170 = (-t3_169).mul_add(t3_163, t3_168);
+        let t3_171 = t2_48 * inv_pivot_3;
+        let t3_172 = t1_214.mul_add(t3_171, t2_31);
+        let t3_173 = (-t2_12).mul_add(t3_171, t2_42);
+        let t3_174 = t3_173 * inv_pivot_4;
+        let t3_175 = t3_132.mul_add(t3_174, t3_172);
+        let t3_176 = t3_175 * inv_pivot_5;
+        let t3_177 = like.lift(-0.066).mul_add(t3_176, t2_36);
+        let t3_178 = t1_216.mul_add(t3_171, t2_35);
+        let t3_179 = t3_127.mul_add(t3_174, t3_178);
+        let t3_180 = t3_123.mul_add(t3_176, t3_179);
+        let t3_181 = t3_180 * inv_pivot_6;
+        let t3_182 = t3_169.mul_add(t3_181, t3_177);
+        let t3_183 = sin_e1x * t3_171;
+        let t3_184 = like.lift(0.0381051177665153).mul_add(t3_183, t2_35);
+        let t3_185 = t3_142.mul_add(t3_174, t3_184);
+        let t3_186 = (-t3_148).mul_add(t3_176, t3_185);
+        let t3_187 = (-t3_149).mul_add(t3_181, t3_186);
+        let t3_188 = t3_187 * inv_pivot_7;
+        let pivot_8 = t3_170.mul_add(t3_188, t3_182);
         let inv_pivot_8 = like.lift(1.0) / pivot_8;
-        let t3_203 = (-t3_191).mul_add(t3_134, t3_59);
-        let t3_204 = (-t3_193).mul_add(t3_151, t3_203);
-        let t3_205 = (-t3_197).mul_add(t3_170, t3_204);
-        let t3_206 = t3_202.mul_add(t3_187, t3_205);
-        let t3_207 = inv_pivot_8 * t3_206;
-        let t3_208 = t3_190.mul_add(t3_207, t3_187);
-        let t3_209 = inv_pivot_7 * t3_208;
-        let t3_210 = t3_172.mul_add(t3_209, t3_170);
-        let t3_211 = (-t3_189).mul_add(t3_207, t3_210);
-        let t3_212 = inv_pivot_6 * t3_211;
-        let t3_213 = (-t3_161).mul_add(t3_212, t3_151);
-        let t3_214 = (-t2_43).mul_add(t3_209, t3_213);
-        let t3_215 = t2_49.mul_add(t3_207, t3_214);
-        let t3_216 = inv_pivot_5 * t3_215;
-        let t3_217 = (-t3_145).mul_add(t3_216, t3_134);
-        let t3_218 = t3_160.mul_add(t3_212, t3_217);
+        let t3_189 = t3_171.mul_add(t3_59, t3_110);
+        let t3_190 = t3_174.mul_add(t3_136, t3_189);
+        let t3_191 = (-t3_176).mul_add(t3_120, t3_190);
+        let t3_192 = t3_181.mul_add(t3_138, t3_191);
+        let t3_193 = t3_188.mul_add(t3_167, t3_192);
+        let t3_194 = inv_pivot_8 * t3_193;
+        let t3_195 = (-t3_170).mul_add(t3_194, t3_167);
+        let t3_196 = inv_pivot_7 * t3_195;
+        let t3_197 = (-t3_149).mul_add(t3_196, t3_138);
+        let t3_198 = (-t3_169).mul_add(t3_194, t3_197);
+        let t3_199 = inv_pivot_6 * t3_198;
+        let t3_200 = (-t3_123).mul_add(t3_199, t3_120);
+        let t3_201 = t3_148.mul_add(t3_196, t3_200);
+        let t3_202 = like.lift(-0.066).mul_add(t3_194, t3_201);
+        let t3_203 = inv_pivot_5 * t3_202;
+        let t3_204 = (-t3_115).mul_add(t3_203, t3_119);
+        let t3_205 = t3_122.mul_add(t3_199, t3_204);
+        let t3_206 = t3_147.mul_add(t3_196, t3_205);
+        let t3_207 = inv_pivot_2 * t3_206;
+        let t3_208 = -t3_207;
+        let t3_209 = sin_e1x * t3_196;
+        let t3_210 = like.lift(0.0381051177665153) * t3_209;
+        let t3_211 = (-t1_131).mul_add(t3_207, t2_154);
+        let t3_212 = (-t1_98).mul_add(t3_203, t3_211);
+        let t3_213 = t1_102.mul_add(t3_199, t3_212);
+        let t3_214 = t3_210 - t3_213;
+        let t3_215 = inv_pivot_1 * t3_214;
+        let t3_216 = (-t3_132).mul_add(t3_203, t3_136);
+        let t3_217 = t3_127.mul_add(t3_199, t3_216);
+        let t3_218 = t3_142.mul_add(t3_196, t3_217);
         let t3_219 = inv_pivot_4 * t3_218;
-        let t3_220 = -t3_212;
-        let t3_221 = -t3_216;
-        let t3_222 = (-t3_123).mul_add(t3_219, t3_131);
-        let t3_223 = t3_142.mul_add(t3_216, t3_222);
-        let t3_224 = t3_154.mul_add(t3_212, t3_223);
-        let t3_225 = t3_124 * t3_224;
-        let t3_226 = like.lift(1.1547005383792515) * t3_225;
-        let t3_227 = (-t3_115).mul_add(t3_219, t3_128);
-        let t3_228 = (-t3_138).mul_add(t3_216, t3_227);
-        let t3_229 = (-t3_153).mul_add(t3_212, t3_228);
-        let t3_230 = inv_pivot_2 * t3_229;
-        let t3_231 = -t3_230;
-        let t3_232 = (-t1_131).mul_add(t3_230, t2_155);
-        let t3_233 = (-t1_98).mul_add(t3_219, t3_232);
-        let t3_234 = sin_e1x * t3_216;
-        let t3_235 = like.lift(0.0381051177665153).mul_add(t3_234, t3_233);
-        let t3_236 = (-t1_102).mul_add(t3_212, t3_235);
-        let t3_237 = inv_pivot_1 * t3_236;
-        kept[182] = t3_35;
-        kept[183] = t3_60;
-        kept[184] = t3_73;
-        kept[185] = t3_111;
-        kept[186] = inv_pivot_1;
-        kept[187] = t3_112;
-        kept[188] = t3_114;
-        kept[189] = t3_115;
-        kept[190] = pivot_2;
-        kept[191] = inv_pivot_2;
-        kept[192] = t3_117;
-        kept[193] = t3_119;
-        kept[194] = t3_122;
-        kept[195] = t3_123;
-        kept[196] = t3_124;
-        kept[197] = pivot_4;
-        kept[198] = inv_pivot_4;
-        kept[199] = t3_138;
-        kept[200] = t3_142;
-        kept[201] = t3_145;
-        kept[202] = t3_146;
-        kept[203] = t3_149;
-        kept[204] = pivot_5;
-        kept[205] = inv_pivot_5;
-        kept[206] = t3_153;
-        kept[207] = t3_154;
-        kept[208] = t3_160;
-        kept[209] = t3_161;
-        kept[210] = t3_162;
-        kept[211] = t3_167;
-        kept[212] = pivot_6;
-        kept[213] = inv_pivot_6;
-        kept[214] = t3_171;
-        kept[215] = t3_172;
-        kept[216] = t3_175;
-        kept[217] = t3_177;
-        kept[218] = t3_178;
-        kept[219] = t3_183;
-        kept[220] = pivot_7;
-        kept[221] = inv_pivot_7;
-        kept[222] = t3_189;
-        kept[223] = t3_190;
-        kept[224] = t3_191;
-        kept[225] = t3_193;
-        kept[226] = t3_197;
-        kept[227] = t3_199;
-        kept[228] = t3_202;
-        kept[229] = pivot_8;
-        kept[230] = inv_pivot_8;
-        kept[231] = t3_207;
-        kept[232] = t3_209;
-        kept[233] = t3_219;
-        kept[234] = t3_220;
-        kept[235] = t3_221;
-        kept[236] = t3_226;
-        kept[237] = t3_231;
-        kept[238] = t3_237;
-    }
-    // loops: solve with A_e (Eq. 8, 10)
-    {
-        let t1_15 = kept[18];
-        let t1_16 = kept[19];
-        let t1_17 = kept[20];
-        let t1_89 = kept[38];
-        let t1_95 = kept[41];
-        let t1_99 = kept[44];
-        let t1_101 = kept[45];
-        let t1_102 = kept[46];
-        let t1_103 = kept[47];
-        let t1_131 = kept[56];
-        let pivot_1 = kept[58];
-        let t1_140 = kept[64];
-        let t1_142 = kept[66];
-        let t1_143 = kept[67];
-        let t1_144 = kept[68];
-        let t1_146 = kept[69];
-        let t1_148 = kept[70];
-        let t1_156 = kept[72];
-        let t1_160 = kept[74];
-        let t1_161 = kept[75];
-        let t1_167 = kept[77];
-        let t1_173 = kept[79];
-        let t1_205 = kept[98];
-        let t1_212 = kept[102];
-        let t1_214 = kept[104];
-        let t1_215 = kept[105];
-        let t2_12 = kept[112];
-        let t2_17 = kept[115];
-        let t2_19 = kept[117];
-        let t2_20 = kept[118];
-        let t2_22 = kept[119];
-        let t2_25 = kept[121];
-        let t2_33 = kept[123];
-        let t2_36 = kept[124];
-        let t2_38 = kept[125];
-        let t2_44 = kept[127];
-        let t2_49 = kept[128];
-        let t2_118 = kept[144];
-        let t2_156 = kept[155];
-        let t2_183 = kept[163];
-        let t2_231 = kept[175];
-        let t3_35 = kept[182];
-        let t3_60 = kept[183];
-        let t3_73 = kept[184];
-        let t3_111 = kept[185];
-        let pivot_2 = kept[190];
-        let pivot_4 = kept[197];
-        let pivot_5 = kept[204];
-        let pivot_6 = kept[212];
-        let pivot_7 = kept[220];
-        let pivot_8 = kept[229];
-        let t3_207 = kept[231];
-        let t3_209 = kept[232];
-        let t3_219 = kept[233];
-        let t3_220 = kept[234];
-        let t3_221 = kept[235];
-        let t3_226 = kept[236];
-        let t3_231 = kept[237];
-        let t3_237 = kept[238];
-        let t4_1 = -t3_237;
-        let t4_2 = -pivot_8;
+        let t3_220 = -t3_219;
+        let t3_221 = (-t2_12).mul_add(t3_219, t3_59);
+        let t3_222 = (-t1_214).mul_add(t3_203, t3_221);
+        let t3_223 = t1_216.mul_add(t3_199, t3_222);
+        let t3_224 = t3_223 + t3_210;
+        let t3_225 = inv_pivot_3 * t3_224;
+        let t3_226 = -pivot_7;
+        let t3_227 = -pivot_8;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(0.9580029161088279)).abs()
             .min((pivot_2 * like.lift(0.9018719688103075)).abs())
-            .min((t1_161 * like.lift(1.923718077658978)).abs())
-            .min((pivot_4 * like.lift(1.019503733280847)).abs())
-            .min((pivot_5 * like.lift(0.9467672644948026)).abs())
-            .min((pivot_6 * like.lift(0.8116685504320711)).abs())
-            .min((pivot_7 * like.lift(1.060112577367453)).abs())
-            .min((t4_2 * like.lift(0.697347665033695)).abs());
+            .min((t2_16 * like.lift(0.9441016894903256)).abs())
+            .min((pivot_4 * like.lift(0.7930813430566414)).abs())
+            .min((pivot_5 * like.lift(0.9552290039283993)).abs())
+            .min((pivot_6 * like.lift(0.6503970605951934)).abs())
+            .min((t3_226 * like.lift(1.8878245740206896)).abs())
+            .min((t3_227 * like.lift(1.0933635968062305)).abs());
         let ([
-            [al_u1_1x], [al_rod1y], [t4_3], [t4_4], [al_u2_1x], [al_rod2y], [al_u3_1x],
+            [al_u1_1x], [al_rod1y], [t3_228], [t3_229], [al_u2_1x], [al_rod2y], [al_u3_1x],
             [al_rod3y],
         ], found) = ::regen_runtime::guarded(
-            [[t3_219], [t3_220], [t3_221], [t3_226], [t3_231], [t4_1], [t3_209], [t3_207]],
+            [[t3_203], [t3_199], [t3_196], [t3_194], [t3_208], [t3_215], [t3_220], [t3_225]],
             margin,
             || (
                 [
                     [t1_15, t1_16, t1_17, like.lift(0.0), t1_89, t1_95, like.lift(0.0), like.lift(0.0)],
                     [t1_99, t1_102, t1_103, like.lift(0.0), t1_131, pivot_1, like.lift(0.0), like.lift(0.0)],
                     [t1_140, t1_143, t1_144, like.lift(0.066), t1_146, t1_148, like.lift(0.0), like.lift(0.0)],
-                    [t1_156, t1_160, t1_160, t1_161, t1_167, t1_173, like.lift(0.0), like.lift(0.0)],
-                    [t1_15, t1_16, t1_17, like.lift(0.0), like.lift(0.0), like.lift(0.0), t1_205, t1_212],
-                    [t1_214, t1_215, t1_101, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_12, t2_17],
-                    [t2_19, t2_20, t1_142, like.lift(0.066), like.lift(0.0), like.lift(0.0), t2_22, t2_25],
-                    [t2_33, t2_36, t2_36, t2_38, like.lift(0.0), like.lift(0.0), t2_44, t2_49],
+                    [t1_156, t1_160, t1_160, t1_162, t1_168, t1_174, like.lift(0.0), like.lift(0.0)],
+                    [t1_15, t1_16, t1_17, like.lift(0.0), like.lift(0.0), like.lift(0.0), t1_206, t1_213],
+                    [t1_215, t1_216, t1_101, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_12, t2_16],
+                    [t2_18, t2_19, t1_142, like.lift(0.066), like.lift(0.0), like.lift(0.0), t2_21, t2_24],
+                    [t2_32, t2_35, t2_35, t2_37, like.lift(0.0), like.lift(0.0), t2_43, t2_48],
                 ],
-                [[t2_118], [t2_156], [t2_183], [t2_231], [t3_35], [t3_60], [t3_73], [t3_111]],
+                [[t2_117], [t2_155], [t2_182], [t2_230], [t3_35], [t3_60], [t3_73], [t3_111]],
             ),
         );
         condition = condition.min(found);
-        kept[239] = t4_2;
-        kept[240] = al_u1_1x;
-        kept[241] = al_rod1y;
-        kept[242] = t4_3;
-        kept[243] = t4_4;
-        kept[244] = al_u2_1x;
-        kept[245] = al_rod2y;
-        kept[246] = al_u3_1x;
-        kept[247] = al_rod3y;
-    }
-    // tau, part 5
-    {
-        let sin_u1_2 = kept[0];
-        let cos_u1_2 = kept[1];
-        let w_u1_1x = kept[2];
-        let w_rod1z = kept[3];
-        let t1_1 = kept[4];
-        let t1_2 = kept[5];
-        let t1_3 = kept[6];
-        let t1_7 = kept[8];
-        let t1_11 = kept[9];
-        let sin_e1x = kept[10];
-        let cos_e1x = kept[11];
-        let sin_e1y = kept[12];
-        let cos_e1y = kept[13];
-        let sin_u1_2_e1y = kept[14];
-        let cos_u1_2_e1y = kept[15];
-        let e_e1x_q1z = kept[16];
-        let sin_u1_1 = kept[22];
-        let cos_u1_1 = kept[23];
-        let t1_25 = kept[24];
-        let t1_49 = kept[25];
-        let t1_63 = kept[31];
-        let t1_65 = kept[33];
-        let t1_74 = kept[34];
-        let t1_87 = kept[37];
-        let t1_97 = kept[42];
-        let t1_112 = kept[49];
-        let t1_126 = kept[53];
-        let t1_128 = kept[55];
-        let t1_136 = kept[59];
-        let t1_139 = kept[63];
-        let t1_155 = kept[71];
-        let t1_166 = kept[76];
-        let t1_174 = kept[80];
-        let t1_176 = kept[81];
-        let t1_186 = kept[89];
-        let t1_188 = kept[91];
-        let t1_192 = kept[93];
-        let t1_203 = kept[96];
-        let t1_217 = kept[106];
-        let t2_7 = kept[109];
-        let t2_9 = kept[111];
-        let t2_18 = kept[116];
-        let t2_32 = kept[122];
-        let t2_43 = kept[126];
-        let t2_49 = kept[128];
-        let t2_52 = kept[129];
-        let t2_53 = kept[130];
-        let t2_55 = kept[131];
-        let t2_56 = kept[132];
-        let a_rod1x = kept[133];
-        let t2_60 = kept[134];
-        let t2_63 = kept[136];
-        let t2_65 = kept[138];
-        let t2_68 = kept[139];
-        let t2_70 = kept[141];
-        let t2_71 = kept[142];
-        let t2_119 = kept[145];
-        let a_u1_1y = kept[146];
-        let t2_122 = kept[147];
-        let t2_125 = kept[148];
-        let t2_126 = kept[149];
-        let t2_127 = kept[150];
-        let t2_160 = kept[156];
-        let t2_162 = kept[157];
-        let t2_165 = kept[159];
-        let t2_167 = kept[160];
-        let t3_112 = kept[187];
-        let t3_114 = kept[188];
-        let t3_117 = kept[192];
-        let t3_119 = kept[193];
-        let t3_122 = kept[194];
-        let t3_124 = kept[196];
-        let inv_pivot_4 = kept[198];
-        let t3_145 = kept[201];
-        let t3_146 = kept[202];
-        let t3_149 = kept[203];
-        let inv_pivot_5 = kept[205];
-        let t3_160 = kept[208];
-        let t3_161 = kept[209];
-        let t3_162 = kept[210];
-        let t3_167 = kept[211];
-        let inv_pivot_6 = kept[213];
-        let t3_172 = kept[215];
-        let t3_175 = kept[216];
-        let t3_177 = kept[217];
-        let t3_183 = kept[219];
-        let inv_pivot_7 = kept[221];
-        let t3_189 = kept[222];
-        let t3_190 = kept[223];
-        let t3_191 = kept[224];
-        let t3_193 = kept[225];
-        let t3_197 = kept[226];
-        let t3_202 = kept[228];
-        let inv_pivot_8 = kept[230];
-        let al_u1_1x = kept[240];
-        let al_rod1y = kept[241];
-        let t4_3 = kept[242];
-        let t4_4 = kept[243];
-        let t5_1 = cos_u1_2 * al_u1_1x;
-        let al_rod1x = t1_1 - t5_1;
-        let t5_2 = p_ixz_rod1 * al_rod1x;
-        let t5_3 = (-p_iyz_rod1).mul_add(al_rod1y, t5_2);
-        let t5_4 = sin_u1_2 * al_u1_1x;
-        let al_rod1z = t1_3 + t5_4;
-        let t5_5 = (-p_izz_rod1).mul_add(al_rod1z, t5_3);
-        let t5_6 = t1_11 + t5_5;
-        let t5_7 = t2_119 * p_mx_rod1;
-        let t5_8 = like.lift(0.524) * t5_7;
-        let t5_9 = t2_56 * p_my_rod1;
-        let t5_10 = like.lift(-0.524).mul_add(t5_9, t5_8);
-        let t5_11 = t5_6 + t5_10;
-        let t5_12 = p_ixx_platform - p_izz_platform;
-        let t5_13 = t2_167 * t5_12;
-        let t5_14 = t2_125 - t2_70;
-        let t5_15 = t5_14.mul_add(p_ixz_platform, t5_13);
-        let t5_16 = t2_162.mul_add(p_ixy_platform, t5_15);
-        let t5_17 = t2_65.mul_add(p_iyz_platform, t5_16);
-        let t5_18 = sin_e1y * al_rod1z;
-        let t5_19 = cos_e1y.mul_add(al_rod1x, t5_18);
-        let al_e1yx = t2_160 + t5_19;
-        let al_e1xx = t4_4 - al_e1yx;
-        let t5_20 = p_ixy_platform * al_e1xx;
-        let al_e1yy = al_rod1y + t4_3;
-        let t5_21 = cos_e1x * al_e1yy;
-        let t5_22 = cos_e1y * al_rod1z;
-        let t5_23 = (-sin_e1y).mul_add(al_rod1x, t5_22);
-        let al_e1yz = t2_60 + t5_23;
-        let t5_24 = sin_e1x.mul_add(al_e1yz, t5_21);
-        let al_e1xy = t2_165 - t5_24;
-        let t5_25 = (-p_iyy_platform).mul_add(al_e1xy, t5_20);
-        let t5_26 = sin_e1x * al_e1yy;
-        let t5_27 = (-cos_e1x).mul_add(al_e1yz, t5_26);
-        let al_e1xz = t2_63 + t5_27;
-        let t5_28 = (-p_iyz_platform).mul_add(al_e1xz, t5_25);
-        let t5_29 = t5_17 - t5_28;
-        let t5_30 = t1_2 + al_rod1y;
-        let t5_31 = like.lift(1.244).mul_add(t5_30, a_rod1x);
-        let a_e1yx = cos_e1y.mul_add(t5_31, t2_55);
-        let t5_32 = t2_65 + al_e1xz;
-        let a_platformx = like.lift(0.044).mul_add(t5_32, a_e1yx);
-        let t5_33 = p_mz_platform * a_platformx;
-        let t5_34 = t1_1 + al_rod1x;
-        let a_e1yy = like.lift(1.244).mul_add(t5_34, a_u1_1y);
-        let t5_35 = sin_e1x * a_e1yy;
-        let a_e1yz = (-sin_e1y).mul_add(t5_31, t2_122);
-        let a_e1xz = cos_e1x.mul_add(a_e1yz, t5_35);
-        let t5_36 = t2_162 - al_e1xx;
-        let a_platformz = like.lift(0.044).mul_add(t5_36, a_e1xz);
-        let t5_37 = p_mx_platform.mul_add(a_platformz, t5_33);
-        let t5_38 = t5_29 + t5_37;
-        let t5_39 = sin_e1x * t5_38;
-        let t5_40 = p_ixx_platform - p_iyy_platform;
-        let t5_41 = t2_65 * t5_40;
-        let t5_42 = t2_125 - t2_68;
-        let t5_43 = (-t5_42).mul_add(p_ixy_platform, t5_41);
-        let t5_44 = t2_167.mul_add(p_iyz_platform, t5_43);
-        let t5_45 = t2_162.mul_add(p_ixz_platform, -t5_44);
-        let t5_46 = p_ixz_platform * al_e1xx;
-        let t5_47 = (-p_iyz_platform).mul_add(al_e1xy, t5_46);
-        let t5_48 = (-p_izz_platform).mul_add(al_e1xz, t5_47);
-        let t5_49 = t5_45 + t5_48;
-        let t5_50 = cos_e1x * a_e1yy;
-        let a_e1xy = (-sin_e1x).mul_add(a_e1yz, t5_50);
-        let a_platformy = t2_127 - a_e1xy;
-        let t5_51 = p_mx_platform * a_platformy;
-        let t5_52 = p_my_platform.mul_add(a_platformx, t5_51);
-        let t5_53 = t5_49 + t5_52;
-        let t5_54 = t2_71 * p_mx_platform;
-        let t5_55 = (-p_my_platform).mul_add(t5_32, t5_54);
-        let t5_56 = t2_167 + al_e1xy;
-        let t5_57 = p_mz_platform.mul_add(t5_56, t5_55);
-        let t5_58 = p_m_platform.mul_add(a_platformx, t5_57);
-        let t5_59 = like.lift(-0.044).mul_add(t5_58, t5_53);
-        let t5_60 = (-cos_e1x).mul_add(t5_59, t5_39);
-        let t5_61 = cos_e1y * t5_60;
-        let t5_62 = p_iyy_platform - p_izz_platform;
-        let t5_63 = t2_162 * t5_62;
-        let t5_64 = t2_68 - t2_70;
-        let t5_65 = t5_64.mul_add(p_iyz_platform, t5_63);
-        let t5_66 = t2_65.mul_add(p_ixz_platform, t5_65);
-        let t5_67 = t2_167.mul_add(p_ixy_platform, t5_66);
-        let t5_68 = p_ixx_platform * al_e1xx;
-        let t5_69 = (-p_ixy_platform).mul_add(al_e1xy, t5_68);
-        let t5_70 = (-p_ixz_platform).mul_add(al_e1xz, t5_69);
-        let t5_71 = t5_67 + t5_70;
-        let t5_72 = p_my_platform * a_platformz;
-        let t5_73 = (-p_mz_platform).mul_add(a_platformy, t5_72);
-        let t5_74 = t5_71 + t5_73;
-        let t5_75 = t2_125 + t2_68;
-        let t5_76 = t2_167 - al_e1xy;
-        let t5_77 = p_mx_platform * t5_76;
-        let t5_78 = p_my_platform.mul_add(t5_36, t5_77);
-        let t5_79 = t5_75.mul_add(p_mz_platform, t5_78);
-        let t5_80 = p_m_platform.mul_add(a_platformz, -t5_79);
-        let t5_81 = like.lift(-0.044).mul_add(t5_80, t5_74);
-        let t5_82 = sin_e1y.mul_add(t5_81, t5_61);
-        let t5_83 = t5_11 + t5_82;
-        let t5_84 = sin_u1_2 * t5_83;
-        let t5_85 = p_iyy_rod1 - p_izz_rod1;
-        let t5_86 = t1_1 * t5_85;
-        let t5_87 = w_rod1z * w_rod1z;
-        let t5_88 = t1_7 - t5_87;
-        let t5_89 = (-t5_88).mul_add(p_iyz_rod1, t5_86);
-        let t5_90 = t1_3.mul_add(p_ixz_rod1, -t5_89);
-        let t5_91 = t1_2.mul_add(p_ixy_rod1, -t5_90);
-        let t5_92 = p_ixx_rod1 * al_rod1x;
-        let t5_93 = (-p_ixy_rod1).mul_add(al_rod1y, t5_92);
-        let t5_94 = (-p_ixz_rod1).mul_add(al_rod1z, t5_93);
-        let t5_95 = t5_91 + t5_94;
-        let t5_96 = t2_52 * p_my_rod1;
-        let t5_97 = like.lift(0.524) * t5_96;
-        let t5_98 = t2_119 * p_mz_rod1;
-        let t5_99 = like.lift(0.524).mul_add(t5_98, t5_97);
-        let t5_100 = t5_95 - t5_99;
-        let t5_101 = sin_e1y * t5_60;
-        let t5_102 = (-cos_e1y).mul_add(t5_81, t5_101);
-        let t5_103 = t2_126 * p_my_platform;
-        let t5_104 = t2_65 - al_e1xz;
-        let t5_105 = (-p_mx_platform).mul_add(t5_104, t5_103);
-        let t5_106 = t2_162 + al_e1xx;
-        let t5_107 = p_mz_platform.mul_add(t5_106, t5_105);
-        let t5_108 = p_m_platform.mul_add(a_platformy, -t5_107);
-        let t5_109 = cos_e1x * t5_108;
-        let t5_110 = (-sin_e1x).mul_add(t5_80, t5_109);
-        let t5_111 = like.lift(-1.244).mul_add(t5_110, t5_102);
-        let t5_112 = t5_100 + t5_111;
-        let t5_113 = cos_u1_2.mul_add(t5_112, t5_84);
-        let t5_114 = t2_119 * p_m_rod1;
-        let t5_115 = w_u1_1x * w_u1_1x;
-        let t5_116 = t5_115 * p_my_rod1;
-        let t5_117 = t1_3 + al_rod1z;
-        let t5_118 = (-p_mx_rod1).mul_add(t5_117, t5_116);
-        let t5_119 = (-p_mz_rod1).mul_add(t5_34, t5_118);
-        let t5_120 = like.lift(0.524).mul_add(t5_114, t5_119);
-        let t5_121 = t5_120 - t5_110;
-        let t5_122 = sin_u1_1 * t5_121;
-        let t5_123 = t2_52 * p_m_rod1;
-        let t5_124 = t1_2 - al_rod1y;
-        let t5_125 = p_mx_rod1 * t5_124;
-        let t5_126 = p_my_rod1.mul_add(t5_1, t5_125);
-        let t5_127 = t2_53.mul_add(p_mz_rod1, -t5_126);
-        let t5_128 = like.lift(0.524).mul_add(t5_123, -t5_127);
-        let t5_129 = sin_e1x * t5_108;
-        let t5_130 = cos_e1x.mul_add(t5_80, t5_129);
-        let t5_131 = cos_e1y * t5_130;
-        let t5_132 = sin_e1y.mul_add(t5_58, t5_131);
-        let t5_133 = t5_128 + t5_132;
-        let t5_134 = cos_u1_2 * t5_133;
-        let t5_135 = t2_56 * p_m_rod1;
-        let t5_136 = t1_7 + t5_87;
-        let t5_137 = t5_136 * p_mx_rod1;
-        let t5_138 = p_my_rod1.mul_add(t5_4, t5_137);
-        let t5_139 = (-p_mz_rod1).mul_add(t5_30, t5_138);
-        let t5_140 = like.lift(0.524).mul_add(t5_135, t5_139);
-        let t5_141 = sin_e1y * t5_130;
-        let t5_142 = (-cos_e1y).mul_add(t5_58, t5_141);
-        let t5_143 = t5_140 - t5_142;
-        let t5_144 = sin_u1_2.mul_add(t5_143, t5_134);
-        let t5_145 = (-cos_u1_1).mul_add(t5_144, t5_122);
-        let t5_146 = like.lift(0.524).mul_add(t5_145, t5_113);
-        let t5_147 = cos_u1_1 * sin_u1_2_e1y;
-        let u_e1y_q1x = like.lift(0.524) * t5_147;
+        [
+            inv_pivot_1, t3_112, t3_114, t3_115, pivot_2, inv_pivot_2, t3_117, pivot_5,
+            inv_pivot_5, t3_122, t3_123, inv_pivot_3, t3_124, t3_126, t3_127, pivot_4,
+            inv_pivot_4, t3_129, t3_132, t3_134, pivot_6, inv_pivot_6, t3_142, t3_147, t3_148,
+            t3_149, t3_150, t3_154, t3_158, t3_163, inv_pivot_7, t3_169, t3_170, t3_171,
+            t3_174, t3_176, t3_181, t3_188, inv_pivot_8, t3_226, t3_227, al_u1_1x, al_rod1y,
+            t3_228, t3_229, al_u2_1x, al_rod2y, al_u3_1x, al_rod3y,
+        ]
+    };
+    // tau, part 4
+    let [
+        al_rod1x, al_rod1z, t4_38, t4_59, t4_81, t4_87, t4_113, t4_142, t4_146, t4_148, t4_152,
+        t4_156, t4_157, t4_160, t4_163, t4_165, t4_169, t4_170, t4_171, t4_174, t4_175, t4_177,
+        t4_179, t4_182, t4_194, t4_196, t4_199, t4_203, t4_205, t4_215, t4_217, t4_220, t4_224,
+        t4_225,
+    ] = {
+        let t4_1 = cos_u1_2 * al_u1_1x;
+        let al_rod1x = t1_1 - t4_1;
+        let t4_2 = p_ixz_rod1 * al_rod1x;
+        let t4_3 = (-p_iyz_rod1).mul_add(al_rod1y, t4_2);
+        let t4_4 = sin_u1_2 * al_u1_1x;
+        let al_rod1z = t1_3 + t4_4;
+        let t4_5 = (-p_izz_rod1).mul_add(al_rod1z, t4_3);
+        let t4_6 = t1_11 + t4_5;
+        let t4_7 = t2_118 * p_mx_rod1;
+        let t4_8 = like.lift(0.524) * t4_7;
+        let t4_9 = t2_55 * p_my_rod1;
+        let t4_10 = like.lift(-0.524).mul_add(t4_9, t4_8);
+        let t4_11 = t4_6 + t4_10;
+        let t4_12 = p_ixx_platform - p_izz_platform;
+        let t4_13 = t2_166 * t4_12;
+        let t4_14 = t2_124 - t2_69;
+        let t4_15 = t4_14.mul_add(p_ixz_platform, t4_13);
+        let t4_16 = t2_161.mul_add(p_ixy_platform, t4_15);
+        let t4_17 = t2_64.mul_add(p_iyz_platform, t4_16);
+        let t4_18 = sin_e1y * al_rod1z;
+        let t4_19 = cos_e1y.mul_add(al_rod1x, t4_18);
+        let al_e1yx = t2_159 + t4_19;
+        let al_e1xx = t3_229 - al_e1yx;
+        let t4_20 = p_ixy_platform * al_e1xx;
+        let al_e1yy = al_rod1y + t3_228;
+        let t4_21 = cos_e1x * al_e1yy;
+        let t4_22 = cos_e1y * al_rod1z;
+        let t4_23 = (-sin_e1y).mul_add(al_rod1x, t4_22);
+        let al_e1yz = t2_59 + t4_23;
+        let t4_24 = sin_e1x.mul_add(al_e1yz, t4_21);
+        let al_e1xy = t2_164 - t4_24;
+        let t4_25 = (-p_iyy_platform).mul_add(al_e1xy, t4_20);
+        let t4_26 = sin_e1x * al_e1yy;
+        let t4_27 = (-cos_e1x).mul_add(al_e1yz, t4_26);
+        let al_e1xz = t2_62 + t4_27;
+        let t4_28 = (-p_iyz_platform).mul_add(al_e1xz, t4_25);
+        let t4_29 = t4_17 - t4_28;
+        let t4_30 = t1_2 + al_rod1y;
+        let t4_31 = like.lift(1.244).mul_add(t4_30, a_rod1x);
+        let a_e1yx = cos_e1y.mul_add(t4_31, t2_54);
+        let t4_32 = t2_64 + al_e1xz;
+        let a_platformx = like.lift(0.044).mul_add(t4_32, a_e1yx);
+        let t4_33 = p_mz_platform * a_platformx;
+        let t4_34 = t1_1 + al_rod1x;
+        let a_e1yy = like.lift(1.244).mul_add(t4_34, a_u1_1y);
+        let t4_35 = sin_e1x * a_e1yy;
+        let a_e1yz = (-sin_e1y).mul_add(t4_31, t2_121);
+        let a_e1xz = cos_e1x.mul_add(a_e1yz, t4_35);
+        let t4_36 = t2_161 - al_e1xx;
+        let a_platformz = like.lift(0.044).mul_add(t4_36, a_e1xz);
+        let t4_37 = p_mx_platform.mul_add(a_platformz, t4_33);
+        let t4_38 = t4_29 + t4_37;
+        let t4_39 = sin_e1x * t4_38;
+        let t4_40 = p_ixx_platform - p_iyy_platform;
+        let t4_41 = t2_64 * t4_40;
+        let t4_42 = t2_124 - t2_67;
+        let t4_43 = (-t4_42).mul_add(p_ixy_platform, t4_41);
+        let t4_44 = t2_166.mul_add(p_iyz_platform, t4_43);
+        let t4_45 = t2_161.mul_add(p_ixz_platform, -t4_44);
+        let t4_46 = p_ixz_platform * al_e1xx;
+        let t4_47 = (-p_iyz_platform).mul_add(al_e1xy, t4_46);
+        let t4_48 = (-p_izz_platform).mul_add(al_e1xz, t4_47);
+        let t4_49 = t4_45 + t4_48;
+        let t4_50 = cos_e1x * a_e1yy;
+        let a_e1xy = (-sin_e1x).mul_add(a_e1yz, t4_50);
+        let a_platformy = t2_126 - a_e1xy;
+        let t4_51 = p_mx_platform * a_platformy;
+        let t4_52 = p_my_platform.mul_add(a_platformx, t4_51);
+        let t4_53 = t4_49 + t4_52;
+        let t4_54 = t2_70 * p_mx_platform;
+        let t4_55 = (-p_my_platform).mul_add(t4_32, t4_54);
+        let t4_56 = t2_166 + al_e1xy;
+        let t4_57 = p_mz_platform.mul_add(t4_56, t4_55);
+        let t4_58 = p_m_platform.mul_add(a_platformx, t4_57);
+        let t4_59 = like.lift(-0.044).mul_add(t4_58, t4_53);
+        let t4_60 = (-cos_e1x).mul_add(t4_59, t4_39);
+        let t4_61 = cos_e1y * t4_60;
+        let t4_62 = p_iyy_platform - p_izz_platform;
+        let t4_63 = t2_161 * t4_62;
+        let t4_64 = t2_67 - t2_69;
+        let t4_65 = t4_64.mul_add(p_iyz_platform, t4_63);
+        let t4_66 = t2_64.mul_add(p_ixz_platform, t4_65);
+        let t4_67 = t2_166.mul_add(p_ixy_platform, t4_66);
+        let t4_68 = p_ixx_platform * al_e1xx;
+        let t4_69 = (-p_ixy_platform).mul_add(al_e1xy, t4_68);
+        let t4_70 = (-p_ixz_platform).mul_add(al_e1xz, t4_69);
+        let t4_71 = t4_67 + t4_70;
+        let t4_72 = p_my_platform * a_platformz;
+        let t4_73 = (-p_mz_platform).mul_add(a_platformy, t4_72);
+        let t4_74 = t4_71 + t4_73;
+        let t4_75 = t2_124 + t2_67;
+        let t4_76 = t2_166 - al_e1xy;
+        let t4_77 = p_mx_platform * t4_76;
+        let t4_78 = p_my_platform.mul_add(t4_36, t4_77);
+        let t4_79 = t4_75.mul_add(p_mz_platform, t4_78);
+        let t4_80 = p_m_platform.mul_add(a_platformz, -t4_79);
+        let t4_81 = like.lift(-0.044).mul_add(t4_80, t4_74);
+        let t4_82 = sin_e1y.mul_add(t4_81, t4_61);
+        let t4_83 = t4_11 + t4_82;
+        let t4_84 = sin_u1_2 * t4_83;
+        let t4_85 = p_iyy_rod1 - p_izz_rod1;
+        let t4_86 = t1_1 * t4_85;
+        let t4_87 = w_rod1z * w_rod1z;
+        let t4_88 = t1_7 - t4_87;
+        let t4_89 = (-t4_88).mul_add(p_iyz_rod1, t4_86);
+        let t4_90 = t1_3.mul_add(p_ixz_rod1, -t4_89);
+        let t4_91 = t1_2.mul_add(p_ixy_rod1, -t4_90);
+        let t4_92 = p_ixx_rod1 * al_rod1x;
+        let t4_93 = (-p_ixy_rod1).mul_add(al_rod1y, t4_92);
+        let t4_94 = (-p_ixz_rod1).mul_add(al_rod1z, t4_93);
+        let t4_95 = t4_91 + t4_94;
+        let t4_96 = t2_51 * p_my_rod1;
+        let t4_97 = like.lift(0.524) * t4_96;
+        let t4_98 = t2_118 * p_mz_rod1;
+        let t4_99 = like.lift(0.524).mul_add(t4_98, t4_97);
+        let t4_100 = t4_95 - t4_99;
+        let t4_101 = sin_e1y * t4_60;
+        let t4_102 = (-cos_e1y).mul_add(t4_81, t4_101);
+        let t4_103 = t2_125 * p_my_platform;
+        let t4_104 = t2_64 - al_e1xz;
+        let t4_105 = (-p_mx_platform).mul_add(t4_104, t4_103);
+        let t4_106 = t2_161 + al_e1xx;
+        let t4_107 = p_mz_platform.mul_add(t4_106, t4_105);
+        let t4_108 = p_m_platform.mul_add(a_platformy, -t4_107);
+        let t4_109 = cos_e1x * t4_108;
+        let t4_110 = (-sin_e1x).mul_add(t4_80, t4_109);
+        let t4_111 = like.lift(-1.244).mul_add(t4_110, t4_102);
+        let t4_112 = t4_100 + t4_111;
+        let t4_113 = cos_u1_2.mul_add(t4_112, t4_84);
+        let t4_114 = t2_118 * p_m_rod1;
+        let t4_115 = w_u1_1x * w_u1_1x;
+        let t4_116 = t4_115 * p_my_rod1;
+        let t4_117 = t1_3 + al_rod1z;
+        let t4_118 = (-p_mx_rod1).mul_add(t4_117, t4_116);
+        let t4_119 = (-p_mz_rod1).mul_add(t4_34, t4_118);
+        let t4_120 = like.lift(0.524).mul_add(t4_114, t4_119);
+        let t4_121 = t4_120 - t4_110;
+        let t4_122 = sin_u1_1 * t4_121;
+        let t4_123 = t2_51 * p_m_rod1;
+        let t4_124 = t1_2 - al_rod1y;
+        let t4_125 = p_mx_rod1 * t4_124;
+        let t4_126 = p_my_rod1.mul_add(t4_1, t4_125);
+        let t4_127 = t2_52.mul_add(p_mz_rod1, -t4_126);
+        let t4_128 = like.lift(0.524).mul_add(t4_123, -t4_127);
+        let t4_129 = sin_e1x * t4_108;
+        let t4_130 = cos_e1x.mul_add(t4_80, t4_129);
+        let t4_131 = cos_e1y * t4_130;
+        let t4_132 = sin_e1y.mul_add(t4_58, t4_131);
+        let t4_133 = t4_128 + t4_132;
+        let t4_134 = cos_u1_2 * t4_133;
+        let t4_135 = t2_55 * p_m_rod1;
+        let t4_136 = t1_7 + t4_87;
+        let t4_137 = t4_136 * p_mx_rod1;
+        let t4_138 = p_my_rod1.mul_add(t4_4, t4_137);
+        let t4_139 = (-p_mz_rod1).mul_add(t4_30, t4_138);
+        let t4_140 = like.lift(0.524).mul_add(t4_135, t4_139);
+        let t4_141 = sin_e1y * t4_130;
+        let t4_142 = (-cos_e1y).mul_add(t4_58, t4_141);
+        let t4_143 = t4_140 - t4_142;
+        let t4_144 = sin_u1_2.mul_add(t4_143, t4_134);
+        let t4_145 = (-cos_u1_1).mul_add(t4_144, t4_122);
+        let t4_146 = like.lift(0.524).mul_add(t4_145, t4_113);
+        let t4_147 = cos_u1_1 * sin_u1_2_e1y;
+        let u_e1y_q1x = like.lift(0.524) * t4_147;
         let u_platform_u1_1x = like.lift(0.044) * e_e1x_q1z;
         let u_platform_q1x = u_e1y_q1x - u_platform_u1_1x;
-        let t5_148 = like.lift(-0.022).mul_add(e_e1x_q1z, u_platform_q1x);
-        let t5_149 = t1_49 - t1_65;
-        let t5_150 = t1_25 * t5_149;
-        let t5_151 = t1_74 - t1_87;
-        let t5_152 = (-t1_63).mul_add(t5_151, t5_150);
+        let t4_148 = like.lift(-0.022).mul_add(e_e1x_q1z, u_platform_q1x);
+        let t4_149 = t1_49 - t1_65;
+        let t4_150 = t1_25 * t4_149;
+        let t4_151 = t1_74 - t1_87;
+        let t4_152 = (-t1_63).mul_add(t4_151, t4_150);
         let u_u1_1_q1y = like.lift(0.524) * sin_u1_1;
         let u_e1y_u1_1y = like.lift(1.244) * cos_u1_2;
         let u_e1y_q1y = u_u1_1_q1y + u_e1y_u1_1y;
-        let t5_153 = cos_e1x * u_e1y_q1y;
-        let t5_154 = cos_u1_1 * cos_u1_2_e1y;
-        let t5_155 = sin_e1x * t5_154;
-        let u_e1x_q1y = like.lift(0.524).mul_add(t5_155, t5_153);
-        let t5_156 = u_e1x_q1y - t1_97;
-        let t5_157 = -t5_156;
-        let t5_158 = t1_112 - t1_128;
-        let t5_159 = t1_63 * t5_158;
-        let t5_160 = (-t1_126).mul_add(t5_149, t5_159);
-        let t5_161 = sin_e1x * u_e1y_q1y;
-        let t5_162 = cos_e1x * t5_154;
-        let u_e1x_q1z = like.lift(-0.524).mul_add(t5_162, t5_161);
+        let t4_153 = cos_e1x * u_e1y_q1y;
+        let t4_154 = cos_u1_1 * cos_u1_2_e1y;
+        let t4_155 = sin_e1x * t4_154;
+        let u_e1x_q1y = like.lift(0.524).mul_add(t4_155, t4_153);
+        let t4_156 = u_e1x_q1y - t1_97;
+        let t4_157 = -t4_156;
+        let t4_158 = t1_112 - t1_128;
+        let t4_159 = t1_63 * t4_158;
+        let t4_160 = (-t1_126).mul_add(t4_149, t4_159);
+        let t4_161 = sin_e1x * u_e1y_q1y;
+        let t4_162 = cos_e1x * t4_154;
+        let u_e1x_q1z = like.lift(-0.524).mul_add(t4_162, t4_161);
         let u_platform_q1z = u_e1x_q1z + t1_136;
-        let t5_163 = u_platform_q1z + t1_139;
-        let t5_164 = t1_126 * t5_151;
-        let t5_165 = (-t1_25).mul_add(t5_158, t5_164);
-        let t5_166 = t1_176 - t1_188;
-        let t5_167 = t1_174 * t5_166;
-        let t5_168 = t1_192 - t1_203;
-        let t5_169 = (-t1_186).mul_add(t5_168, t5_167);
-        let t5_170 = u_e1x_q1y + t1_97;
-        let t5_171 = -t5_170;
-        let t5_172 = t1_217 - t2_9;
-        let t5_173 = t1_186 * t5_172;
-        let t5_174 = (-t2_7).mul_add(t5_166, t5_173);
-        let t5_175 = u_platform_q1z + t2_18;
-        let t5_176 = t2_7 * t5_168;
-        let t5_177 = (-t1_174).mul_add(t5_172, t5_176);
-        let t5_178 = t5_156.mul_add(t3_112, t5_163);
-        let t5_179 = t5_156.mul_add(t3_114, t5_148);
-        let t5_180 = (-t5_179).mul_add(t3_117, t5_178);
-        let t5_181 = t5_156.mul_add(t3_119, t1_155);
-        let t5_182 = (-t5_179).mul_add(t3_122, t5_181);
-        let t5_183 = t5_182 * t3_124;
-        let t5_184 = like.lift(0.0762102355330306) * t5_183;
-        let t5_185 = t5_180 - t5_184;
-        let t5_186 = (-t5_182).mul_add(t3_146, t2_32);
-        let t5_187 = (-t5_185).mul_add(t3_149, t5_186);
-        let t5_188 = t5_185 * t3_162;
-        let t5_189 = like.lift(0.066).mul_add(t5_188, t5_148);
-        let t5_190 = t5_187.mul_add(t3_167, t5_189);
-        let t5_191 = t5_175 - t5_184;
-        let t5_192 = (-t5_185).mul_add(t3_175, t5_191);
-        let t5_193 = t5_187.mul_add(t3_177, t5_192);
-        let t5_194 = (-t5_190).mul_add(t3_183, t5_193);
-        let t5_195 = (-t5_185).mul_add(t3_191, t5_170);
-        let t5_196 = (-t5_187).mul_add(t3_193, t5_195);
-        let t5_197 = t5_190.mul_add(t3_197, t5_196);
-        let t5_198 = t5_194.mul_add(t3_202, t5_197);
-        let t5_199 = t5_198 * inv_pivot_8;
-        let t5_200 = t3_190.mul_add(t5_199, t5_194);
-        let t5_201 = inv_pivot_7 * t5_200;
-        let t5_202 = (-t3_172).mul_add(t5_201, t5_190);
-        let t5_203 = t3_189.mul_add(t5_199, t5_202);
-        let t5_204 = inv_pivot_6 * t5_203;
-        let t5_205 = t3_161.mul_add(t5_204, t5_187);
-        let t5_206 = (-t2_43).mul_add(t5_201, t5_205);
-        let t5_207 = t2_49.mul_add(t5_199, t5_206);
-        let t5_208 = inv_pivot_5 * t5_207;
-        let t5_209 = (-t3_145).mul_add(t5_208, t5_185);
-        let t5_210 = (-t3_160).mul_add(t5_204, t5_209);
-        let t5_211 = inv_pivot_4 * t5_210;
-        let t5_212 = (-t5_160).mul_add(t3_112, t5_165);
-        let t5_213 = (-t5_160).mul_add(t3_114, t5_152);
-        let t5_214 = (-t5_213).mul_add(t3_117, t5_212);
-        let t5_215 = (-t5_160).mul_add(t3_119, t1_166);
-        let t5_216 = (-t5_213).mul_add(t3_122, t5_215);
-        let t5_217 = t5_216 * t3_124;
-        let t5_218 = like.lift(0.0762102355330306) * t5_217;
-        let t5_219 = t5_214 - t5_218;
-        let t5_220 = t5_216 * t3_146;
-        let t5_221 = t5_219.mul_add(t3_149, t5_220);
-        let t5_222 = t5_219 * t3_162;
-        let t5_223 = like.lift(0.066) * t5_222;
-        let t5_224 = (-t5_221).mul_add(t3_167, t5_223);
-        let t5_225 = t5_219.mul_add(t3_175, t5_218);
-        kept[248] = al_rod1x;
-        kept[249] = al_rod1z;
-        kept[250] = t5_38;
-        kept[251] = t5_59;
-        kept[252] = t5_81;
-        kept[253] = t5_87;
-        kept[254] = t5_113;
-        kept[255] = t5_142;
-        kept[256] = t5_146;
-        kept[257] = t5_148;
-        kept[258] = t5_152;
-        kept[259] = t5_156;
-        kept[260] = t5_157;
-        kept[261] = t5_160;
-        kept[262] = t5_163;
-        kept[263] = t5_165;
-        kept[264] = t5_169;
-        kept[265] = t5_171;
-        kept[266] = t5_174;
-        kept[267] = t5_175;
-        kept[268] = t5_177;
-        kept[269] = t5_179;
-        kept[270] = t5_182;
-        kept[271] = t5_199;
-        kept[272] = t5_201;
-        kept[273] = t5_204;
-        kept[274] = t5_208;
-        kept[275] = t5_211;
-        kept[276] = t5_213;
-        kept[277] = t5_216;
-        kept[278] = t5_219;
-        kept[279] = t5_221;
-        kept[280] = t5_224;
-        kept[281] = t5_225;
-    }
+        let t4_163 = u_platform_q1z + t1_139;
+        let t4_164 = t1_126 * t4_151;
+        let t4_165 = (-t1_25).mul_add(t4_158, t4_164);
+        let t4_166 = t1_177 - t1_189;
+        let t4_167 = t1_175 * t4_166;
+        let t4_168 = t1_193 - t1_204;
+        let t4_169 = (-t1_187).mul_add(t4_168, t4_167);
+        let t4_170 = u_e1x_q1y + t1_97;
+        let t4_171 = -t4_170;
+        let t4_172 = t1_218 - t2_9;
+        let t4_173 = t1_187 * t4_172;
+        let t4_174 = (-t2_7).mul_add(t4_166, t4_173);
+        let t4_175 = u_platform_q1z + t2_17;
+        let t4_176 = t2_7 * t4_168;
+        let t4_177 = (-t1_175).mul_add(t4_172, t4_176);
+        let t4_178 = t4_156.mul_add(t3_112, t4_163);
+        let t4_179 = t4_156.mul_add(t3_114, t4_148);
+        let t4_180 = (-t4_179).mul_add(t3_117, t4_178);
+        let t4_181 = t4_170.mul_add(t3_124, t4_175);
+        let t4_182 = t4_170.mul_add(t3_126, t4_148);
+        let t4_183 = (-t4_182).mul_add(t3_129, t4_181);
+        let t4_184 = (-t4_180).mul_add(t3_134, t4_183);
+        let t4_185 = t4_156.mul_add(t3_150, t1_155);
+        let t4_186 = (-t4_179).mul_add(t3_154, t4_185);
+        let t4_187 = (-t4_180).mul_add(t3_158, t4_186);
+        let t4_188 = (-t4_184).mul_add(t3_163, t4_187);
+        let t4_189 = t4_170.mul_add(t3_171, t2_31);
+        let t4_190 = (-t4_182).mul_add(t3_174, t4_189);
+        let t4_191 = (-t4_180).mul_add(t3_176, t4_190);
+        let t4_192 = t4_184.mul_add(t3_181, t4_191);
+        let t4_193 = t4_188.mul_add(t3_188, t4_192);
+        let t4_194 = t4_193 * inv_pivot_8;
+        let t4_195 = (-t3_170).mul_add(t4_194, t4_188);
+        let t4_196 = inv_pivot_7 * t4_195;
+        let t4_197 = (-t3_149).mul_add(t4_196, t4_184);
+        let t4_198 = (-t3_169).mul_add(t4_194, t4_197);
+        let t4_199 = inv_pivot_6 * t4_198;
+        let t4_200 = (-t3_123).mul_add(t4_199, t4_180);
+        let t4_201 = t3_148.mul_add(t4_196, t4_200);
+        let t4_202 = like.lift(-0.066).mul_add(t4_194, t4_201);
+        let t4_203 = inv_pivot_5 * t4_202;
+        let t4_204 = (-t4_160).mul_add(t3_112, t4_165);
+        let t4_205 = (-t4_160).mul_add(t3_114, t4_152);
+        let t4_206 = (-t4_205).mul_add(t3_117, t4_204);
+        let t4_207 = t4_206 * t3_134;
+        let t4_208 = (-t4_160).mul_add(t3_150, t1_167);
+        let t4_209 = (-t4_205).mul_add(t3_154, t4_208);
+        let t4_210 = (-t4_206).mul_add(t3_158, t4_209);
+        let t4_211 = t4_207.mul_add(t3_163, t4_210);
+        let t4_212 = t4_206 * t3_176;
+        let t4_213 = t4_207.mul_add(t3_181, t4_212);
+        let t4_214 = (-t4_211).mul_add(t3_188, t4_213);
+        let t4_215 = t4_214 * inv_pivot_8;
+        let t4_216 = t3_170.mul_add(t4_215, t4_211);
+        let t4_217 = inv_pivot_7 * t4_216;
+        let t4_218 = t3_149.mul_add(t4_217, t4_207);
+        let t4_219 = (-t3_169).mul_add(t4_215, t4_218);
+        let t4_220 = inv_pivot_6 * t4_219;
+        let t4_221 = t3_123.mul_add(t4_220, t4_206);
+        let t4_222 = t3_148.mul_add(t4_217, t4_221);
+        let t4_223 = like.lift(0.066).mul_add(t4_215, t4_222);
+        let t4_224 = inv_pivot_5 * t4_223;
+        let t4_225 = (-t4_174).mul_add(t3_124, t4_177);
+        [
+            al_rod1x, al_rod1z, t4_38, t4_59, t4_81, t4_87, t4_113, t4_142, t4_146, t4_148,
+            t4_152, t4_156, t4_157, t4_160, t4_163, t4_165, t4_169, t4_170, t4_171, t4_174,
+            t4_175, t4_177, t4_179, t4_182, t4_194, t4_196, t4_199, t4_203, t4_205, t4_215,
+            t4_217, t4_220, t4_224, t4_225,
+        ]
+    };
     // loops: solve with A_e (Eq. 8, 10)
-    {
-        let sin_e1x = kept[10];
-        let t1_15 = kept[18];
-        let t1_16 = kept[19];
-        let t1_17 = kept[20];
-        let t1_89 = kept[38];
-        let t1_95 = kept[41];
-        let t1_98 = kept[43];
-        let t1_99 = kept[44];
-        let t1_101 = kept[45];
-        let t1_102 = kept[46];
-        let t1_103 = kept[47];
-        let t1_131 = kept[56];
-        let pivot_1 = kept[58];
-        let t1_140 = kept[64];
-        let t1_142 = kept[66];
-        let t1_143 = kept[67];
-        let t1_144 = kept[68];
-        let t1_146 = kept[69];
-        let t1_148 = kept[70];
-        let t1_156 = kept[72];
-        let t1_160 = kept[74];
-        let t1_161 = kept[75];
-        let t1_167 = kept[77];
-        let t1_173 = kept[79];
-        let t1_205 = kept[98];
-        let t1_212 = kept[102];
-        let t1_214 = kept[104];
-        let t1_215 = kept[105];
-        let t2_12 = kept[112];
-        let t2_17 = kept[115];
-        let t2_19 = kept[117];
-        let t2_20 = kept[118];
-        let t2_22 = kept[119];
-        let t2_25 = kept[121];
-        let t2_33 = kept[123];
-        let t2_36 = kept[124];
-        let t2_38 = kept[125];
-        let t2_43 = kept[126];
-        let t2_44 = kept[127];
-        let t2_49 = kept[128];
-        let inv_pivot_1 = kept[186];
-        let t3_115 = kept[189];
-        let pivot_2 = kept[190];
-        let inv_pivot_2 = kept[191];
-        let t3_123 = kept[195];
-        let t3_124 = kept[196];
-        let pivot_4 = kept[197];
-        let inv_pivot_4 = kept[198];
-        let t3_138 = kept[199];
-        let t3_142 = kept[200];
-        let t3_145 = kept[201];
-        let pivot_5 = kept[204];
-        let inv_pivot_5 = kept[205];
-        let t3_153 = kept[206];
-        let t3_154 = kept[207];
-        let t3_160 = kept[208];
-        let t3_161 = kept[209];
-        let pivot_6 = kept[212];
-        let inv_pivot_6 = kept[213];
-        let t3_171 = kept[214];
-        let t3_172 = kept[215];
-        let t3_177 = kept[217];
-        let t3_178 = kept[218];
-        let t3_183 = kept[219];
-        let pivot_7 = kept[220];
-        let inv_pivot_7 = kept[221];
-        let t3_189 = kept[222];
-        let t3_190 = kept[223];
-        let t3_191 = kept[224];
-        let t3_193 = kept[225];
-        let t3_197 = kept[226];
-        let t3_199 = kept[227];
-        let t3_202 = kept[228];
-        let inv_pivot_8 = kept[230];
-        let t4_2 = kept[239];
-        let t5_148 = kept[257];
-        let t5_152 = kept[258];
-        let t5_156 = kept[259];
-        let t5_157 = kept[260];
-        let t5_160 = kept[261];
-        let t5_163 = kept[262];
-        let t5_165 = kept[263];
-        let t5_169 = kept[264];
-        let t5_171 = kept[265];
-        let t5_174 = kept[266];
-        let t5_175 = kept[267];
-        let t5_177 = kept[268];
-        let t5_179 = kept[269];
-        let t5_182 = kept[270];
-        let t5_199 = kept[271];
-        let t5_201 = kept[272];
-        let t5_204 = kept[273];
-        let t5_208 = kept[274];
-        let t5_211 = kept[275];
-        let t5_213 = kept[276];
-        let t5_216 = kept[277];
-        let t5_219 = kept[278];
-        let t5_221 = kept[279];
-        let t5_224 = kept[280];
-        let t5_225 = kept[281];
-        let t6_1 = t5_221.mul_add(t3_177, t5_225);
-        let t6_2 = t5_224.mul_add(t3_183, t6_1);
-        let t6_3 = t5_219 * t3_191;
-        let t6_4 = (-t5_221).mul_add(t3_193, t6_3);
-        let t6_5 = (-t5_224).mul_add(t3_197, t6_4);
-        let t6_6 = t6_2.mul_add(t3_202, t6_5);
-        let t6_7 = t6_6 * inv_pivot_8;
-        let t6_8 = t3_190.mul_add(t6_7, t6_2);
-        let t6_9 = inv_pivot_7 * t6_8;
-        let t6_10 = t3_172.mul_add(t6_9, t5_224);
-        let t6_11 = (-t3_189).mul_add(t6_7, t6_10);
-        let t6_12 = inv_pivot_6 * t6_11;
-        let t6_13 = (-t3_161).mul_add(t6_12, t5_221);
-        let t6_14 = (-t2_43).mul_add(t6_9, t6_13);
-        let t6_15 = t2_49.mul_add(t6_7, t6_14);
-        let t6_16 = inv_pivot_5 * t6_15;
-        let t6_17 = t3_145.mul_add(t6_16, t5_219);
-        let t6_18 = (-t3_160).mul_add(t6_12, t6_17);
-        let t6_19 = inv_pivot_4 * t6_18;
-        let t6_20 = t5_169 + t3_171;
-        let t6_21 = t5_177 + t3_178;
-        let t6_22 = (-t6_20).mul_add(t3_183, t6_21);
-        let t6_23 = t5_174 + t3_199;
-        let t6_24 = (-t6_20).mul_add(t3_197, t6_23);
-        let t6_25 = (-t6_22).mul_add(t3_202, t6_24);
-        let t6_26 = t6_25 * inv_pivot_8;
-        let t6_27 = (-t3_190).mul_add(t6_26, t6_22);
-        let t6_28 = inv_pivot_7 * t6_27;
-        let t6_29 = (-t3_172).mul_add(t6_28, t6_20);
-        let t6_30 = (-t3_189).mul_add(t6_26, t6_29);
-        let t6_31 = inv_pivot_6 * t6_30;
-        let t6_32 = t3_161.mul_add(t6_31, t2_43);
-        let t6_33 = (-t2_43).mul_add(t6_28, t6_32);
-        let t6_34 = (-t2_49).mul_add(t6_26, t6_33);
-        let t6_35 = inv_pivot_5 * t6_34;
-        let t6_36 = t3_145 * t6_35;
-        let t6_37 = t3_160.mul_add(t6_31, t6_36);
-        let t6_38 = inv_pivot_4 * t6_37;
-        let t6_39 = -t6_38;
-        let t6_40 = -t5_208;
-        let t6_41 = -t6_35;
-        let t6_42 = (-t3_123).mul_add(t5_211, t5_182);
-        let t6_43 = t3_142.mul_add(t5_208, t6_42);
-        let t6_44 = (-t3_154).mul_add(t5_204, t6_43);
-        let t6_45 = t3_124 * t6_44;
-        let t6_46 = like.lift(1.1547005383792515) * t6_45;
-        let t6_47 = (-t3_123).mul_add(t6_19, t5_216);
-        let t6_48 = (-t3_142).mul_add(t6_16, t6_47);
-        let t6_49 = (-t3_154).mul_add(t6_12, t6_48);
-        let t6_50 = t3_124 * t6_49;
-        let t6_51 = like.lift(1.1547005383792515) * t6_50;
-        let t6_52 = t3_123 * t6_38;
-        let t6_53 = t3_142.mul_add(t6_35, t6_52);
-        let t6_54 = (-t3_154).mul_add(t6_31, t6_53);
-        let t6_55 = t3_124 * t6_54;
-        let t6_56 = like.lift(1.1547005383792515) * t6_55;
-        let t6_57 = t3_115.mul_add(t5_211, t5_179);
-        let t6_58 = t3_138.mul_add(t5_208, t6_57);
-        let t6_59 = (-t3_153).mul_add(t5_204, t6_58);
-        let t6_60 = inv_pivot_2 * t6_59;
-        let t6_61 = t3_115.mul_add(t6_19, t5_213);
-        let t6_62 = (-t3_138).mul_add(t6_16, t6_61);
-        let t6_63 = (-t3_153).mul_add(t6_12, t6_62);
-        let t6_64 = inv_pivot_2 * t6_63;
-        let t6_65 = t3_115 * t6_38;
-        let t6_66 = (-t3_138).mul_add(t6_35, t6_65);
-        let t6_67 = t3_153.mul_add(t6_31, t6_66);
-        let t6_68 = inv_pivot_2 * t6_67;
-        let t6_69 = -t6_68;
-        let t6_70 = t1_131.mul_add(t6_60, t5_156);
-        let t6_71 = (-t1_98).mul_add(t5_211, t6_70);
-        let t6_72 = sin_e1x * t5_208;
-        let t6_73 = like.lift(0.0381051177665153).mul_add(t6_72, t6_71);
-        let t6_74 = t1_102.mul_add(t5_204, t6_73);
-        let t6_75 = inv_pivot_1 * t6_74;
-        let t6_76 = -t6_75;
-        let t6_77 = (-t1_131).mul_add(t6_64, t5_160);
-        let t6_78 = t1_98.mul_add(t6_19, t6_77);
-        let t6_79 = sin_e1x * t6_16;
-        let t6_80 = like.lift(0.0381051177665153).mul_add(t6_79, t6_78);
-        let t6_81 = (-t1_102).mul_add(t6_12, t6_80);
-        let t6_82 = inv_pivot_1 * t6_81;
-        let t6_83 = t1_131 * t6_68;
-        let t6_84 = (-t1_98).mul_add(t6_38, t6_83);
-        let t6_85 = sin_e1x * t6_35;
-        let t6_86 = like.lift(-0.0381051177665153).mul_add(t6_85, t6_84);
-        let t6_87 = (-t1_102).mul_add(t6_31, t6_86);
-        let t6_88 = inv_pivot_1 * t6_87;
-        let t6_89 = -t6_9;
-        let t6_90 = -t6_7;
-        let t6_91 = -t6_26;
+    let [
+        x_u1_1_q1, x_u1_1_q2, x_u1_1_q3, x_u1_2_q1, x_u1_2_q2, x_u1_2_q3, x_e1y_q1, x_e1y_q2,
+        x_e1y_q3, x_e1x_q1, x_e1x_q2, x_e1x_q3, x_u2_1_q1, x_u2_1_q2, x_u2_1_q3, x_u2_2_q1,
+        x_u2_2_q2, x_u2_2_q3, x_u3_1_q1, x_u3_1_q2, x_u3_1_q3, x_u3_2_q1, x_u3_2_q2, x_u3_2_q3,
+    ] = {
+        let t5_1 = (-t4_174).mul_add(t3_126, t4_169);
+        let t5_2 = (-t5_1).mul_add(t3_129, t4_225);
+        let t5_3 = t5_2 * t3_163;
+        let t5_4 = (-t4_174).mul_add(t3_171, t2_42);
+        let t5_5 = (-t5_1).mul_add(t3_174, t5_4);
+        let t5_6 = t5_2.mul_add(t3_181, t5_5);
+        let t5_7 = (-t5_3).mul_add(t3_188, t5_6);
+        let t5_8 = t5_7 * inv_pivot_8;
+        let t5_9 = t3_170.mul_add(t5_8, t5_3);
+        let t5_10 = inv_pivot_7 * t5_9;
+        let t5_11 = t3_149.mul_add(t5_10, t5_2);
+        let t5_12 = (-t3_169).mul_add(t5_8, t5_11);
+        let t5_13 = inv_pivot_6 * t5_12;
+        let t5_14 = t3_123 * t5_13;
+        let t5_15 = t3_148.mul_add(t5_10, t5_14);
+        let t5_16 = like.lift(0.066).mul_add(t5_8, t5_15);
+        let t5_17 = inv_pivot_5 * t5_16;
+        let t5_18 = -t5_17;
+        let t5_19 = -t4_220;
+        let t5_20 = -t5_10;
+        let t5_21 = -t4_215;
+        let t5_22 = t3_115.mul_add(t4_203, t4_179);
+        let t5_23 = (-t3_122).mul_add(t4_199, t5_22);
+        let t5_24 = (-t3_147).mul_add(t4_196, t5_23);
+        let t5_25 = inv_pivot_2 * t5_24;
+        let t5_26 = t3_115.mul_add(t4_224, t4_205);
+        let t5_27 = t3_122.mul_add(t4_220, t5_26);
+        let t5_28 = (-t3_147).mul_add(t4_217, t5_27);
+        let t5_29 = inv_pivot_2 * t5_28;
+        let t5_30 = t3_115 * t5_17;
+        let t5_31 = t3_122.mul_add(t5_13, t5_30);
+        let t5_32 = (-t3_147).mul_add(t5_10, t5_31);
+        let t5_33 = inv_pivot_2 * t5_32;
+        let t5_34 = -t5_33;
+        let t5_35 = sin_e1x * t4_196;
+        let t5_36 = like.lift(0.0381051177665153) * t5_35;
+        let t5_37 = t1_131.mul_add(t5_25, t4_156);
+        let t5_38 = (-t1_98).mul_add(t4_203, t5_37);
+        let t5_39 = t1_102.mul_add(t4_199, t5_38);
+        let t5_40 = t5_36 - t5_39;
+        let t5_41 = inv_pivot_1 * t5_40;
+        let t5_42 = sin_e1x * t4_217;
+        let t5_43 = like.lift(0.0381051177665153) * t5_42;
+        let t5_44 = (-t1_131).mul_add(t5_29, t4_160);
+        let t5_45 = t1_98.mul_add(t4_224, t5_44);
+        let t5_46 = t1_102.mul_add(t4_220, t5_45);
+        let t5_47 = t5_43 + t5_46;
+        let t5_48 = inv_pivot_1 * t5_47;
+        let t5_49 = sin_e1x * t5_10;
+        let t5_50 = like.lift(0.0381051177665153) * t5_49;
+        let t5_51 = t1_131 * t5_33;
+        let t5_52 = (-t1_98).mul_add(t5_17, t5_51);
+        let t5_53 = (-t1_102).mul_add(t5_13, t5_52);
+        let t5_54 = t5_50 - t5_53;
+        let t5_55 = inv_pivot_1 * t5_54;
+        let t5_56 = -t5_55;
+        let t5_57 = t3_132.mul_add(t4_203, t4_182);
+        let t5_58 = (-t3_127).mul_add(t4_199, t5_57);
+        let t5_59 = (-t3_142).mul_add(t4_196, t5_58);
+        let t5_60 = inv_pivot_4 * t5_59;
+        let t5_61 = t3_132 * t4_224;
+        let t5_62 = t3_127.mul_add(t4_220, t5_61);
+        let t5_63 = (-t3_142).mul_add(t4_217, t5_62);
+        let t5_64 = inv_pivot_4 * t5_63;
+        let t5_65 = (-t3_132).mul_add(t5_17, t5_1);
+        let t5_66 = (-t3_127).mul_add(t5_13, t5_65);
+        let t5_67 = t3_142.mul_add(t5_10, t5_66);
+        let t5_68 = inv_pivot_4 * t5_67;
+        let t5_69 = t2_12.mul_add(t5_60, t4_170);
+        let t5_70 = (-t1_214).mul_add(t4_203, t5_69);
+        let t5_71 = t1_216.mul_add(t4_199, t5_70);
+        let t5_72 = t5_71 + t5_36;
+        let t5_73 = inv_pivot_3 * t5_72;
+        let t5_74 = t2_12 * t5_64;
+        let t5_75 = (-t1_214).mul_add(t4_224, t5_74);
+        let t5_76 = (-t1_216).mul_add(t4_220, t5_75);
+        let t5_77 = t5_76 + t5_43;
+        let t5_78 = inv_pivot_3 * t5_77;
+        let t5_79 = (-t2_12).mul_add(t5_68, t4_174);
+        let t5_80 = (-t1_214).mul_add(t5_17, t5_79);
+        let t5_81 = (-t1_216).mul_add(t5_13, t5_80);
+        let t5_82 = t5_81 + t5_50;
+        let t5_83 = inv_pivot_3 * t5_82;
+        let t5_84 = -t5_83;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(0.9580029161088279)).abs()
             .min((pivot_2 * like.lift(0.9018719688103075)).abs())
-            .min((t1_161 * like.lift(1.923718077658978)).abs())
-            .min((pivot_4 * like.lift(1.019503733280847)).abs())
-            .min((pivot_5 * like.lift(0.9467672644948026)).abs())
-            .min((pivot_6 * like.lift(0.8116685504320711)).abs())
-            .min((pivot_7 * like.lift(1.060112577367453)).abs())
-            .min((t4_2 * like.lift(0.697347665033695)).abs());
+            .min((t2_16 * like.lift(0.9441016894903256)).abs())
+            .min((pivot_4 * like.lift(0.7930813430566414)).abs())
+            .min((pivot_5 * like.lift(0.9552290039283993)).abs())
+            .min((pivot_6 * like.lift(0.6503970605951934)).abs())
+            .min((t3_226 * like.lift(1.8878245740206896)).abs())
+            .min((t3_227 * like.lift(1.0933635968062305)).abs());
         let ([
             [x_u1_1_q1, x_u1_1_q2, x_u1_1_q3], [x_u1_2_q1, x_u1_2_q2, x_u1_2_q3],
             [x_e1y_q1, x_e1y_q2, x_e1y_q3], [x_e1x_q1, x_e1x_q2, x_e1x_q3],
@@ -8938,9 +8250,9 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
             [x_u3_1_q1, x_u3_1_q2, x_u3_1_q3], [x_u3_2_q1, x_u3_2_q2, x_u3_2_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t5_211, t6_19, t6_39], [t5_204, t6_12, t6_31], [t6_40, t6_16, t6_41],
-                [t6_46, t6_51, t6_56], [t6_60, t6_64, t6_69], [t6_76, t6_82, t6_88],
-                [t5_201, t6_89, t6_28], [t5_199, t6_90, t6_91],
+                [t4_203, t4_224, t5_18], [t4_199, t5_19, t5_13], [t4_196, t4_217, t5_20],
+                [t4_194, t5_21, t5_8], [t5_25, t5_29, t5_34], [t5_41, t5_48, t5_56],
+                [t5_60, t5_64, t5_68], [t5_73, t5_78, t5_84],
             ],
             margin,
             || (
@@ -8948,337 +8260,265 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
                     [t1_15, t1_16, t1_17, like.lift(0.0), t1_89, t1_95, like.lift(0.0), like.lift(0.0)],
                     [t1_99, t1_102, t1_103, like.lift(0.0), t1_131, pivot_1, like.lift(0.0), like.lift(0.0)],
                     [t1_140, t1_143, t1_144, like.lift(0.066), t1_146, t1_148, like.lift(0.0), like.lift(0.0)],
-                    [t1_156, t1_160, t1_160, t1_161, t1_167, t1_173, like.lift(0.0), like.lift(0.0)],
-                    [t1_15, t1_16, t1_17, like.lift(0.0), like.lift(0.0), like.lift(0.0), t1_205, t1_212],
-                    [t1_214, t1_215, t1_101, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_12, t2_17],
-                    [t2_19, t2_20, t1_142, like.lift(0.066), like.lift(0.0), like.lift(0.0), t2_22, t2_25],
-                    [t2_33, t2_36, t2_36, t2_38, like.lift(0.0), like.lift(0.0), t2_44, t2_49],
+                    [t1_156, t1_160, t1_160, t1_162, t1_168, t1_174, like.lift(0.0), like.lift(0.0)],
+                    [t1_15, t1_16, t1_17, like.lift(0.0), like.lift(0.0), like.lift(0.0), t1_206, t1_213],
+                    [t1_215, t1_216, t1_101, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_12, t2_16],
+                    [t2_18, t2_19, t1_142, like.lift(0.066), like.lift(0.0), like.lift(0.0), t2_21, t2_24],
+                    [t2_32, t2_35, t2_35, t2_37, like.lift(0.0), like.lift(0.0), t2_43, t2_48],
                 ],
                 [
-                    [t5_148, t5_152, like.lift(0.0)], [t5_157, t5_160, like.lift(0.0)],
-                    [t5_163, t5_165, like.lift(0.0)], [t1_156, t1_167, like.lift(0.0)],
-                    [t5_148, like.lift(0.0), t5_169], [t5_171, like.lift(0.0), t5_174],
-                    [t5_175, like.lift(0.0), t5_177], [t2_33, like.lift(0.0), t2_44],
+                    [t4_148, t4_152, like.lift(0.0)], [t4_157, t4_160, like.lift(0.0)],
+                    [t4_163, t4_165, like.lift(0.0)], [t1_156, t1_168, like.lift(0.0)],
+                    [t4_148, like.lift(0.0), t4_169], [t4_171, like.lift(0.0), t4_174],
+                    [t4_175, like.lift(0.0), t4_177], [t2_32, like.lift(0.0), t2_43],
                 ],
             ),
         );
         condition = condition.min(found);
-        kept[282] = x_u1_1_q1;
-        kept[283] = x_u1_1_q2;
-        kept[284] = x_u1_1_q3;
-        kept[285] = x_u1_2_q1;
-        kept[286] = x_u1_2_q2;
-        kept[287] = x_u1_2_q3;
-        kept[288] = x_e1y_q1;
-        kept[289] = x_e1y_q2;
-        kept[290] = x_e1y_q3;
-        kept[291] = x_e1x_q1;
-        kept[292] = x_e1x_q2;
-        kept[293] = x_e1x_q3;
-        kept[294] = x_u2_1_q1;
-        kept[295] = x_u2_1_q2;
-        kept[296] = x_u2_1_q3;
-        kept[297] = x_u2_2_q1;
-        kept[298] = x_u2_2_q2;
-        kept[299] = x_u2_2_q3;
-        kept[300] = x_u3_1_q1;
-        kept[301] = x_u3_1_q2;
-        kept[302] = x_u3_1_q3;
-        kept[303] = x_u3_2_q1;
-        kept[304] = x_u3_2_q2;
-        kept[305] = x_u3_2_q3;
-    }
+        [
+            x_u1_1_q1, x_u1_1_q2, x_u1_1_q3, x_u1_2_q1, x_u1_2_q2, x_u1_2_q3, x_e1y_q1,
+            x_e1y_q2, x_e1y_q3, x_e1x_q1, x_e1x_q2, x_e1x_q3, x_u2_1_q1, x_u2_1_q2, x_u2_1_q3,
+            x_u2_2_q1, x_u2_2_q2, x_u2_2_q3, x_u3_1_q1, x_u3_1_q2, x_u3_1_q3, x_u3_2_q1,
+            x_u3_2_q2, x_u3_2_q3,
+        ]
+    };
     // tau
     {
-        let t1_1 = kept[4];
-        let t1_2 = kept[5];
-        let t1_3 = kept[6];
-        let t1_6 = kept[7];
-        let sin_e1x = kept[10];
-        let cos_e1x = kept[11];
-        let sin_u2_2 = kept[27];
-        let cos_u2_2 = kept[28];
-        let sin_u2_1 = kept[29];
-        let cos_u2_1 = kept[30];
-        let sin_u3_2 = kept[85];
-        let cos_u3_2 = kept[86];
-        let sin_u3_1 = kept[87];
-        let cos_u3_1 = kept[88];
-        let t2_52 = kept[129];
-        let t2_56 = kept[132];
-        let al_rod1y = kept[241];
-        let al_u2_1x = kept[244];
-        let al_rod2y = kept[245];
-        let al_u3_1x = kept[246];
-        let al_rod3y = kept[247];
-        let al_rod1x = kept[248];
-        let al_rod1z = kept[249];
-        let t5_38 = kept[250];
-        let t5_59 = kept[251];
-        let t5_81 = kept[252];
-        let t5_87 = kept[253];
-        let t5_113 = kept[254];
-        let t5_142 = kept[255];
-        let t5_146 = kept[256];
-        let x_u1_1_q1 = kept[282];
-        let x_u1_1_q2 = kept[283];
-        let x_u1_1_q3 = kept[284];
-        let x_u1_2_q1 = kept[285];
-        let x_u1_2_q2 = kept[286];
-        let x_u1_2_q3 = kept[287];
-        let x_e1y_q1 = kept[288];
-        let x_e1y_q2 = kept[289];
-        let x_e1y_q3 = kept[290];
-        let x_e1x_q1 = kept[291];
-        let x_e1x_q2 = kept[292];
-        let x_e1x_q3 = kept[293];
-        let x_u2_1_q1 = kept[294];
-        let x_u2_1_q2 = kept[295];
-        let x_u2_1_q3 = kept[296];
-        let x_u2_2_q1 = kept[297];
-        let x_u2_2_q2 = kept[298];
-        let x_u2_2_q3 = kept[299];
-        let x_u3_1_q1 = kept[300];
-        let x_u3_1_q2 = kept[301];
-        let x_u3_1_q3 = kept[302];
-        let x_u3_2_q1 = kept[303];
-        let x_u3_2_q2 = kept[304];
-        let x_u3_2_q3 = kept[305];
-        let t7_1 = (-t5_113).mul_add(x_u1_1_q1, t5_146);
-        let t7_2 = p_ixx_rod1 - p_izz_rod1;
-        let t7_3 = t1_2 * t7_2;
-        let t7_4 = t1_6 - t5_87;
-        let t7_5 = (-t7_4).mul_add(p_ixz_rod1, t7_3);
-        let t7_6 = t1_1.mul_add(p_ixy_rod1, t7_5);
-        let t7_7 = t1_3.mul_add(p_iyz_rod1, -t7_6);
-        let t7_8 = p_ixy_rod1 * al_rod1x;
-        let t7_9 = (-p_iyy_rod1).mul_add(al_rod1y, t7_8);
-        let t7_10 = (-p_iyz_rod1).mul_add(al_rod1z, t7_9);
-        let t7_11 = t7_7 + t7_10;
-        let t7_12 = t2_56 * p_mz_rod1;
-        let t7_13 = like.lift(0.524) * t7_12;
-        let t7_14 = t2_52 * p_mx_rod1;
-        let t7_15 = like.lift(0.524).mul_add(t7_14, t7_13);
-        let t7_16 = t7_11 + t7_15;
-        let t7_17 = cos_e1x * t5_38;
-        let t7_18 = sin_e1x.mul_add(t5_59, t7_17);
-        let t7_19 = like.lift(1.244).mul_add(t5_142, t7_18);
-        let t7_20 = t7_16 + t7_19;
-        let t7_21 = (-t7_20).mul_add(x_u1_2_q1, t7_1);
-        let t7_22 = (-t7_18).mul_add(x_e1y_q1, t7_21);
-        let t7_23 = t5_81.mul_add(x_e1x_q1, t7_22);
+        let t6_1 = (-t4_113).mul_add(x_u1_1_q1, t4_146);
+        let t6_2 = p_ixx_rod1 - p_izz_rod1;
+        let t6_3 = t1_2 * t6_2;
+        let t6_4 = t1_6 - t4_87;
+        let t6_5 = (-t6_4).mul_add(p_ixz_rod1, t6_3);
+        let t6_6 = t1_1.mul_add(p_ixy_rod1, t6_5);
+        let t6_7 = t1_3.mul_add(p_iyz_rod1, -t6_6);
+        let t6_8 = p_ixy_rod1 * al_rod1x;
+        let t6_9 = (-p_iyy_rod1).mul_add(al_rod1y, t6_8);
+        let t6_10 = (-p_iyz_rod1).mul_add(al_rod1z, t6_9);
+        let t6_11 = t6_7 + t6_10;
+        let t6_12 = t2_55 * p_mz_rod1;
+        let t6_13 = like.lift(0.524) * t6_12;
+        let t6_14 = t2_51 * p_mx_rod1;
+        let t6_15 = like.lift(0.524).mul_add(t6_14, t6_13);
+        let t6_16 = t6_11 + t6_15;
+        let t6_17 = cos_e1x * t4_38;
+        let t6_18 = sin_e1x.mul_add(t4_59, t6_17);
+        let t6_19 = like.lift(1.244).mul_add(t4_142, t6_18);
+        let t6_20 = t6_16 + t6_19;
+        let t6_21 = (-t6_20).mul_add(x_u1_2_q1, t6_1);
+        let t6_22 = (-t6_18).mul_add(x_e1y_q1, t6_21);
+        let t6_23 = t4_81.mul_add(x_e1x_q1, t6_22);
         let w_u2_1x = d_q2 + d_u2_1;
         let w_rod2z = sin_u2_2 * w_u2_1x;
-        let t7_24 = d_u2_2 * w_rod2z;
+        let t6_24 = d_u2_2 * w_rod2z;
         let w_rod2x = cos_u2_2 * w_u2_1x;
-        let t7_25 = w_rod2z * w_rod2x;
-        let t7_26 = d_u2_2 * w_rod2x;
-        let t7_27 = p_ixx_rod2 - p_iyy_rod2;
-        let t7_28 = t7_26 * t7_27;
-        let t7_29 = w_rod2x * w_rod2x;
-        let t7_30 = d_u2_2 * d_u2_2;
-        let t7_31 = t7_29 - t7_30;
-        let t7_32 = (-t7_31).mul_add(p_ixy_rod2, t7_28);
-        let t7_33 = t7_25.mul_add(p_iyz_rod2, -t7_32);
-        let t7_34 = t7_24.mul_add(p_ixz_rod2, -t7_33);
-        let t7_35 = cos_u2_2 * al_u2_1x;
-        let al_rod2x = t7_24 - t7_35;
-        let t7_36 = p_ixz_rod2 * al_rod2x;
-        let t7_37 = (-p_iyz_rod2).mul_add(al_rod2y, t7_36);
-        let t7_38 = sin_u2_2 * al_u2_1x;
-        let al_rod2z = t7_26 + t7_38;
-        let t7_39 = (-p_izz_rod2).mul_add(al_rod2z, t7_37);
-        let t7_40 = t7_34 + t7_39;
-        let t7_41 = d_q2 * d_q2;
-        let t7_42 = cos_u2_1 * t7_41;
-        let t7_43 = p_mx_rod2 * t7_42;
-        let t7_44 = like.lift(0.524) * t7_43;
-        let t7_45 = sin_u2_1 * t7_41;
-        let t7_46 = sin_u2_2 * t7_45;
-        let t7_47 = p_my_rod2 * t7_46;
-        let t7_48 = like.lift(-0.524).mul_add(t7_47, t7_44);
-        let t7_49 = t7_40 + t7_48;
-        let t7_50 = sin_u2_2 * t7_49;
-        let t7_51 = p_iyy_rod2 - p_izz_rod2;
-        let t7_52 = t7_24 * t7_51;
-        let t7_53 = w_rod2z * w_rod2z;
-        let t7_54 = t7_30 - t7_53;
-        let t7_55 = (-t7_54).mul_add(p_iyz_rod2, t7_52);
-        let t7_56 = t7_26.mul_add(p_ixz_rod2, -t7_55);
-        let t7_57 = t7_25.mul_add(p_ixy_rod2, -t7_56);
-        let t7_58 = p_ixx_rod2 * al_rod2x;
-        let t7_59 = (-p_ixy_rod2).mul_add(al_rod2y, t7_58);
-        let t7_60 = (-p_ixz_rod2).mul_add(al_rod2z, t7_59);
-        let t7_61 = t7_57 + t7_60;
-        let t7_62 = cos_u2_2 * t7_45;
-        let t7_63 = p_my_rod2 * t7_62;
-        let t7_64 = like.lift(0.524) * t7_63;
-        let t7_65 = p_mz_rod2 * t7_42;
-        let t7_66 = like.lift(0.524).mul_add(t7_65, t7_64);
-        let t7_67 = t7_61 - t7_66;
-        let t7_68 = cos_u2_2.mul_add(t7_67, t7_50);
-        let t7_69 = (-t7_68).mul_add(x_u2_1_q1, t7_23);
-        let t7_70 = p_ixx_rod2 - p_izz_rod2;
-        let t7_71 = t7_25 * t7_70;
-        let t7_72 = t7_29 - t7_53;
-        let t7_73 = (-t7_72).mul_add(p_ixz_rod2, t7_71);
-        let t7_74 = t7_24.mul_add(p_ixy_rod2, t7_73);
-        let t7_75 = t7_26.mul_add(p_iyz_rod2, -t7_74);
-        let t7_76 = p_ixy_rod2 * al_rod2x;
-        let t7_77 = (-p_iyy_rod2).mul_add(al_rod2y, t7_76);
-        let t7_78 = (-p_iyz_rod2).mul_add(al_rod2z, t7_77);
-        let t7_79 = t7_75 + t7_78;
-        let t7_80 = p_mz_rod2 * t7_46;
-        let t7_81 = like.lift(0.524) * t7_80;
-        let t7_82 = p_mx_rod2 * t7_62;
-        let t7_83 = like.lift(0.524).mul_add(t7_82, t7_81);
-        let t7_84 = t7_79 + t7_83;
-        let t7_85 = (-t7_84).mul_add(x_u2_2_q1, t7_69);
+        let t6_25 = w_rod2z * w_rod2x;
+        let t6_26 = d_u2_2 * w_rod2x;
+        let t6_27 = p_ixx_rod2 - p_iyy_rod2;
+        let t6_28 = t6_26 * t6_27;
+        let t6_29 = w_rod2x * w_rod2x;
+        let t6_30 = d_u2_2 * d_u2_2;
+        let t6_31 = t6_29 - t6_30;
+        let t6_32 = (-t6_31).mul_add(p_ixy_rod2, t6_28);
+        let t6_33 = t6_25.mul_add(p_iyz_rod2, -t6_32);
+        let t6_34 = t6_24.mul_add(p_ixz_rod2, -t6_33);
+        let t6_35 = cos_u2_2 * al_u2_1x;
+        let al_rod2x = t6_24 - t6_35;
+        let t6_36 = p_ixz_rod2 * al_rod2x;
+        let t6_37 = (-p_iyz_rod2).mul_add(al_rod2y, t6_36);
+        let t6_38 = sin_u2_2 * al_u2_1x;
+        let al_rod2z = t6_26 + t6_38;
+        let t6_39 = (-p_izz_rod2).mul_add(al_rod2z, t6_37);
+        let t6_40 = t6_34 + t6_39;
+        let t6_41 = d_q2 * d_q2;
+        let t6_42 = cos_u2_1 * t6_41;
+        let t6_43 = p_mx_rod2 * t6_42;
+        let t6_44 = like.lift(0.524) * t6_43;
+        let t6_45 = sin_u2_1 * t6_41;
+        let t6_46 = sin_u2_2 * t6_45;
+        let t6_47 = p_my_rod2 * t6_46;
+        let t6_48 = like.lift(-0.524).mul_add(t6_47, t6_44);
+        let t6_49 = t6_40 + t6_48;
+        let t6_50 = sin_u2_2 * t6_49;
+        let t6_51 = p_iyy_rod2 - p_izz_rod2;
+        let t6_52 = t6_24 * t6_51;
+        let t6_53 = w_rod2z * w_rod2z;
+        let t6_54 = t6_30 - t6_53;
+        let t6_55 = (-t6_54).mul_add(p_iyz_rod2, t6_52);
+        let t6_56 = t6_26.mul_add(p_ixz_rod2, -t6_55);
+        let t6_57 = t6_25.mul_add(p_ixy_rod2, -t6_56);
+        let t6_58 = p_ixx_rod2 * al_rod2x;
+        let t6_59 = (-p_ixy_rod2).mul_add(al_rod2y, t6_58);
+        let t6_60 = (-p_ixz_rod2).mul_add(al_rod2z, t6_59);
+        let t6_61 = t6_57 + t6_60;
+        let t6_62 = cos_u2_2 * t6_45;
+        let t6_63 = p_my_rod2 * t6_62;
+        let t6_64 = like.lift(0.524) * t6_63;
+        let t6_65 = p_mz_rod2 * t6_42;
+        let t6_66 = like.lift(0.524).mul_add(t6_65, t6_64);
+        let t6_67 = t6_61 - t6_66;
+        let t6_68 = cos_u2_2.mul_add(t6_67, t6_50);
+        let t6_69 = (-t6_68).mul_add(x_u2_1_q1, t6_23);
+        let t6_70 = p_ixx_rod2 - p_izz_rod2;
+        let t6_71 = t6_25 * t6_70;
+        let t6_72 = t6_29 - t6_53;
+        let t6_73 = (-t6_72).mul_add(p_ixz_rod2, t6_71);
+        let t6_74 = t6_24.mul_add(p_ixy_rod2, t6_73);
+        let t6_75 = t6_26.mul_add(p_iyz_rod2, -t6_74);
+        let t6_76 = p_ixy_rod2 * al_rod2x;
+        let t6_77 = (-p_iyy_rod2).mul_add(al_rod2y, t6_76);
+        let t6_78 = (-p_iyz_rod2).mul_add(al_rod2z, t6_77);
+        let t6_79 = t6_75 + t6_78;
+        let t6_80 = p_mz_rod2 * t6_46;
+        let t6_81 = like.lift(0.524) * t6_80;
+        let t6_82 = p_mx_rod2 * t6_62;
+        let t6_83 = like.lift(0.524).mul_add(t6_82, t6_81);
+        let t6_84 = t6_79 + t6_83;
+        let t6_85 = (-t6_84).mul_add(x_u2_2_q1, t6_69);
         let w_u3_1x = d_q3 + d_u3_1;
         let w_rod3z = sin_u3_2 * w_u3_1x;
-        let t7_86 = d_u3_2 * w_rod3z;
+        let t6_86 = d_u3_2 * w_rod3z;
         let w_rod3x = cos_u3_2 * w_u3_1x;
-        let t7_87 = w_rod3z * w_rod3x;
-        let t7_88 = d_u3_2 * w_rod3x;
-        let t7_89 = p_ixx_rod3 - p_iyy_rod3;
-        let t7_90 = t7_88 * t7_89;
-        let t7_91 = w_rod3x * w_rod3x;
-        let t7_92 = d_u3_2 * d_u3_2;
-        let t7_93 = t7_91 - t7_92;
-        let t7_94 = (-t7_93).mul_add(p_ixy_rod3, t7_90);
-        let t7_95 = t7_87.mul_add(p_iyz_rod3, -t7_94);
-        let t7_96 = t7_86.mul_add(p_ixz_rod3, -t7_95);
-        let t7_97 = cos_u3_2 * al_u3_1x;
-        let al_rod3x = t7_86 - t7_97;
-        let t7_98 = p_ixz_rod3 * al_rod3x;
-        let t7_99 = (-p_iyz_rod3).mul_add(al_rod3y, t7_98);
-        let t7_100 = sin_u3_2 * al_u3_1x;
-        let al_rod3z = t7_88 + t7_100;
-        let t7_101 = (-p_izz_rod3).mul_add(al_rod3z, t7_99);
-        let t7_102 = t7_96 + t7_101;
-        let t7_103 = d_q3 * d_q3;
-        let t7_104 = cos_u3_1 * t7_103;
-        let t7_105 = p_mx_rod3 * t7_104;
-        let t7_106 = like.lift(0.524) * t7_105;
-        let t7_107 = sin_u3_1 * t7_103;
-        let t7_108 = sin_u3_2 * t7_107;
-        let t7_109 = p_my_rod3 * t7_108;
-        let t7_110 = like.lift(-0.524).mul_add(t7_109, t7_106);
-        let t7_111 = t7_102 + t7_110;
-        let t7_112 = sin_u3_2 * t7_111;
-        let t7_113 = p_iyy_rod3 - p_izz_rod3;
-        let t7_114 = t7_86 * t7_113;
-        let t7_115 = w_rod3z * w_rod3z;
-        let t7_116 = t7_92 - t7_115;
-        let t7_117 = (-t7_116).mul_add(p_iyz_rod3, t7_114);
-        let t7_118 = t7_88.mul_add(p_ixz_rod3, -t7_117);
-        let t7_119 = t7_87.mul_add(p_ixy_rod3, -t7_118);
-        let t7_120 = p_ixx_rod3 * al_rod3x;
-        let t7_121 = (-p_ixy_rod3).mul_add(al_rod3y, t7_120);
-        let t7_122 = (-p_ixz_rod3).mul_add(al_rod3z, t7_121);
-        let t7_123 = t7_119 + t7_122;
-        let t7_124 = cos_u3_2 * t7_107;
-        let t7_125 = p_my_rod3 * t7_124;
-        let t7_126 = like.lift(0.524) * t7_125;
-        let t7_127 = p_mz_rod3 * t7_104;
-        let t7_128 = like.lift(0.524).mul_add(t7_127, t7_126);
-        let t7_129 = t7_123 - t7_128;
-        let t7_130 = cos_u3_2.mul_add(t7_129, t7_112);
-        let t7_131 = (-t7_130).mul_add(x_u3_1_q1, t7_85);
-        let t7_132 = p_ixx_rod3 - p_izz_rod3;
-        let t7_133 = t7_87 * t7_132;
-        let t7_134 = t7_91 - t7_115;
-        let t7_135 = (-t7_134).mul_add(p_ixz_rod3, t7_133);
-        let t7_136 = t7_86.mul_add(p_ixy_rod3, t7_135);
-        let t7_137 = t7_88.mul_add(p_iyz_rod3, -t7_136);
-        let t7_138 = p_ixy_rod3 * al_rod3x;
-        let t7_139 = (-p_iyy_rod3).mul_add(al_rod3y, t7_138);
-        let t7_140 = (-p_iyz_rod3).mul_add(al_rod3z, t7_139);
-        let t7_141 = t7_137 + t7_140;
-        let t7_142 = p_mz_rod3 * t7_108;
-        let t7_143 = like.lift(0.524) * t7_142;
-        let t7_144 = p_mx_rod3 * t7_124;
-        let t7_145 = like.lift(0.524).mul_add(t7_144, t7_143);
-        let t7_146 = t7_141 + t7_145;
-        let t7_147 = (-t7_146).mul_add(x_u3_2_q1, t7_131);
-        let t7_148 = -t7_147;
-        tau[0] = t7_148;
-        let t7_149 = p_m_rod2 * t7_42;
-        let t7_150 = w_u2_1x * w_u2_1x;
-        let t7_151 = t7_150 * p_my_rod2;
-        let t7_152 = t7_26 + al_rod2z;
-        let t7_153 = (-p_mx_rod2).mul_add(t7_152, t7_151);
-        let t7_154 = t7_24 + al_rod2x;
-        let t7_155 = (-p_mz_rod2).mul_add(t7_154, t7_153);
-        let t7_156 = like.lift(0.524).mul_add(t7_149, t7_155);
-        let t7_157 = sin_u2_1 * t7_156;
-        let t7_158 = p_m_rod2 * t7_62;
-        let t7_159 = t7_29 + t7_30;
-        let t7_160 = t7_25 - al_rod2y;
-        let t7_161 = p_mx_rod2 * t7_160;
-        let t7_162 = p_my_rod2.mul_add(t7_35, t7_161);
-        let t7_163 = t7_159.mul_add(p_mz_rod2, -t7_162);
-        let t7_164 = like.lift(0.524).mul_add(t7_158, -t7_163);
-        let t7_165 = cos_u2_2 * t7_164;
-        let t7_166 = p_m_rod2 * t7_46;
-        let t7_167 = t7_30 + t7_53;
-        let t7_168 = t7_167 * p_mx_rod2;
-        let t7_169 = p_my_rod2.mul_add(t7_38, t7_168);
-        let t7_170 = t7_25 + al_rod2y;
-        let t7_171 = (-p_mz_rod2).mul_add(t7_170, t7_169);
-        let t7_172 = like.lift(0.524).mul_add(t7_166, t7_171);
-        let t7_173 = sin_u2_2.mul_add(t7_172, t7_165);
-        let t7_174 = (-cos_u2_1).mul_add(t7_173, t7_157);
-        let t7_175 = like.lift(0.524).mul_add(t7_174, t7_68);
-        let t7_176 = t5_113 * x_u1_1_q2;
-        let t7_177 = t7_20.mul_add(x_u1_2_q2, t7_176);
-        let t7_178 = t7_18.mul_add(x_e1y_q2, t7_177);
-        let t7_179 = (-t5_81).mul_add(x_e1x_q2, t7_178);
-        let t7_180 = t7_175 - t7_179;
-        let t7_181 = (-t7_68).mul_add(x_u2_1_q2, t7_180);
-        let t7_182 = (-t7_84).mul_add(x_u2_2_q2, t7_181);
-        let t7_183 = (-t7_130).mul_add(x_u3_1_q2, t7_182);
-        let t7_184 = (-t7_146).mul_add(x_u3_2_q2, t7_183);
-        let t7_185 = -t7_184;
-        tau[1] = t7_185;
-        let t7_186 = p_m_rod3 * t7_104;
-        let t7_187 = w_u3_1x * w_u3_1x;
-        let t7_188 = t7_187 * p_my_rod3;
-        let t7_189 = t7_88 + al_rod3z;
-        let t7_190 = (-p_mx_rod3).mul_add(t7_189, t7_188);
-        let t7_191 = t7_86 + al_rod3x;
-        let t7_192 = (-p_mz_rod3).mul_add(t7_191, t7_190);
-        let t7_193 = like.lift(0.524).mul_add(t7_186, t7_192);
-        let t7_194 = sin_u3_1 * t7_193;
-        let t7_195 = p_m_rod3 * t7_124;
-        let t7_196 = t7_91 + t7_92;
-        let t7_197 = t7_87 - al_rod3y;
-        let t7_198 = p_mx_rod3 * t7_197;
-        let t7_199 = p_my_rod3.mul_add(t7_97, t7_198);
-        let t7_200 = t7_196.mul_add(p_mz_rod3, -t7_199);
-        let t7_201 = like.lift(0.524).mul_add(t7_195, -t7_200);
-        let t7_202 = cos_u3_2 * t7_201;
-        let t7_203 = p_m_rod3 * t7_108;
-        let t7_204 = t7_92 + t7_115;
-        let t7_205 = t7_204 * p_mx_rod3;
-        let t7_206 = p_my_rod3.mul_add(t7_100, t7_205);
-        let t7_207 = t7_87 + al_rod3y;
-        let t7_208 = (-p_mz_rod3).mul_add(t7_207, t7_206);
-        let t7_209 = like.lift(0.524).mul_add(t7_203, t7_208);
-        let t7_210 = sin_u3_2.mul_add(t7_209, t7_202);
-        let t7_211 = (-cos_u3_1).mul_add(t7_210, t7_194);
-        let t7_212 = like.lift(0.524).mul_add(t7_211, t7_130);
-        let t7_213 = t5_113 * x_u1_1_q3;
-        let t7_214 = t7_20.mul_add(x_u1_2_q3, t7_213);
-        let t7_215 = t7_18.mul_add(x_e1y_q3, t7_214);
-        let t7_216 = (-t5_81).mul_add(x_e1x_q3, t7_215);
-        let t7_217 = t7_68.mul_add(x_u2_1_q3, t7_216);
-        let t7_218 = t7_84.mul_add(x_u2_2_q3, t7_217);
-        let t7_219 = t7_212 - t7_218;
-        let t7_220 = (-t7_130).mul_add(x_u3_1_q3, t7_219);
-        let t7_221 = (-t7_146).mul_add(x_u3_2_q3, t7_220);
-        let t7_222 = -t7_221;
-        tau[2] = t7_222;
+        let t6_87 = w_rod3z * w_rod3x;
+        let t6_88 = d_u3_2 * w_rod3x;
+        let t6_89 = p_ixx_rod3 - p_iyy_rod3;
+        let t6_90 = t6_88 * t6_89;
+        let t6_91 = w_rod3x * w_rod3x;
+        let t6_92 = d_u3_2 * d_u3_2;
+        let t6_93 = t6_91 - t6_92;
+        let t6_94 = (-t6_93).mul_add(p_ixy_rod3, t6_90);
+        let t6_95 = t6_87.mul_add(p_iyz_rod3, -t6_94);
+        let t6_96 = t6_86.mul_add(p_ixz_rod3, -t6_95);
+        let t6_97 = cos_u3_2 * al_u3_1x;
+        let al_rod3x = t6_86 - t6_97;
+        let t6_98 = p_ixz_rod3 * al_rod3x;
+        let t6_99 = (-p_iyz_rod3).mul_add(al_rod3y, t6_98);
+        let t6_100 = sin_u3_2 * al_u3_1x;
+        let al_rod3z = t6_88 + t6_100;
+        let t6_101 = (-p_izz_rod3).mul_add(al_rod3z, t6_99);
+        let t6_102 = t6_96 + t6_101;
+        let t6_103 = d_q3 * d_q3;
+        let t6_104 = cos_u3_1 * t6_103;
+        let t6_105 = p_mx_rod3 * t6_104;
+        let t6_106 = like.lift(0.524) * t6_105;
+        let t6_107 = sin_u3_1 * t6_103;
+        let t6_108 = sin_u3_2 * t6_107;
+        let t6_109 = p_my_rod3 * t6_108;
+        let t6_110 = like.lift(-0.524).mul_add(t6_109, t6_106);
+        let t6_111 = t6_102 + t6_110;
+        let t6_112 = sin_u3_2 * t6_111;
+        let t6_113 = p_iyy_rod3 - p_izz_rod3;
+        let t6_114 = t6_86 * t6_113;
+        let t6_115 = w_rod3z * w_rod3z;
+        let t6_116 = t6_92 - t6_115;
+        let t6_117 = (-t6_116).mul_add(p_iyz_rod3, t6_114);
+        let t6_118 = t6_88.mul_add(p_ixz_rod3, -t6_117);
+        let t6_119 = t6_87.mul_add(p_ixy_rod3, -t6_118);
+        let t6_120 = p_ixx_rod3 * al_rod3x;
+        let t6_121 = (-p_ixy_rod3).mul_add(al_rod3y, t6_120);
+        let t6_122 = (-p_ixz_rod3).mul_add(al_rod3z, t6_121);
+        let t6_123 = t6_119 + t6_122;
+        let t6_124 = cos_u3_2 * t6_107;
+        let t6_125 = p_my_rod3 * t6_124;
+        let t6_126 = like.lift(0.524) * t6_125;
+        let t6_127 = p_mz_rod3 * t6_104;
+        let t6_128 = like.lift(0.524).mul_add(t6_127, t6_126);
+        let t6_129 = t6_123 - t6_128;
+        let t6_130 = cos_u3_2.mul_add(t6_129, t6_112);
+        let t6_131 = (-t6_130).mul_add(x_u3_1_q1, t6_85);
+        let t6_132 = p_ixx_rod3 - p_izz_rod3;
+        let t6_133 = t6_87 * t6_132;
+        let t6_134 = t6_91 - t6_115;
+        let t6_135 = (-t6_134).mul_add(p_ixz_rod3, t6_133);
+        let t6_136 = t6_86.mul_add(p_ixy_rod3, t6_135);
+        let t6_137 = t6_88.mul_add(p_iyz_rod3, -t6_136);
+        let t6_138 = p_ixy_rod3 * al_rod3x;
+        let t6_139 = (-p_iyy_rod3).mul_add(al_rod3y, t6_138);
+        let t6_140 = (-p_iyz_rod3).mul_add(al_rod3z, t6_139);
+        let t6_141 = t6_137 + t6_140;
+        let t6_142 = p_mz_rod3 * t6_108;
+        let t6_143 = like.lift(0.524) * t6_142;
+        let t6_144 = p_mx_rod3 * t6_124;
+        let t6_145 = like.lift(0.524).mul_add(t6_144, t6_143);
+        let t6_146 = t6_141 + t6_145;
+        let t6_147 = (-t6_146).mul_add(x_u3_2_q1, t6_131);
+        let t6_148 = -t6_147;
+        tau[0] = t6_148;
+        let t6_149 = p_m_rod2 * t6_42;
+        let t6_150 = w_u2_1x * w_u2_1x;
+        let t6_151 = t6_150 * p_my_rod2;
+        let t6_152 = t6_26 + al_rod2z;
+        let t6_153 = (-p_mx_rod2).mul_add(t6_152, t6_151);
+        let t6_154 = t6_24 + al_rod2x;
+        let t6_155 = (-p_mz_rod2).mul_add(t6_154, t6_153);
+        let t6_156 = like.lift(0.524).mul_add(t6_149, t6_155);
+        let t6_157 = sin_u2_1 * t6_156;
+        let t6_158 = p_m_rod2 * t6_62;
+        let t6_159 = t6_29 + t6_30;
+        let t6_160 = t6_25 - al_rod2y;
+        let t6_161 = p_mx_rod2 * t6_160;
+        let t6_162 = p_my_rod2.mul_add(t6_35, t6_161);
+        let t6_163 = t6_159.mul_add(p_mz_rod2, -t6_162);
+        let t6_164 = like.lift(0.524).mul_add(t6_158, -t6_163);
+        let t6_165 = cos_u2_2 * t6_164;
+        let t6_166 = p_m_rod2 * t6_46;
+        let t6_167 = t6_30 + t6_53;
+        let t6_168 = t6_167 * p_mx_rod2;
+        let t6_169 = p_my_rod2.mul_add(t6_38, t6_168);
+        let t6_170 = t6_25 + al_rod2y;
+        let t6_171 = (-p_mz_rod2).mul_add(t6_170, t6_169);
+        let t6_172 = like.lift(0.524).mul_add(t6_166, t6_171);
+        let t6_173 = sin_u2_2.mul_add(t6_172, t6_165);
+        let t6_174 = (-cos_u2_1).mul_add(t6_173, t6_157);
+        let t6_175 = like.lift(0.524).mul_add(t6_174, t6_68);
+        let t6_176 = t4_113 * x_u1_1_q2;
+        let t6_177 = t6_20.mul_add(x_u1_2_q2, t6_176);
+        let t6_178 = t6_18.mul_add(x_e1y_q2, t6_177);
+        let t6_179 = (-t4_81).mul_add(x_e1x_q2, t6_178);
+        let t6_180 = t6_175 - t6_179;
+        let t6_181 = (-t6_68).mul_add(x_u2_1_q2, t6_180);
+        let t6_182 = (-t6_84).mul_add(x_u2_2_q2, t6_181);
+        let t6_183 = (-t6_130).mul_add(x_u3_1_q2, t6_182);
+        let t6_184 = (-t6_146).mul_add(x_u3_2_q2, t6_183);
+        let t6_185 = -t6_184;
+        tau[1] = t6_185;
+        let t6_186 = p_m_rod3 * t6_104;
+        let t6_187 = w_u3_1x * w_u3_1x;
+        let t6_188 = t6_187 * p_my_rod3;
+        let t6_189 = t6_88 + al_rod3z;
+        let t6_190 = (-p_mx_rod3).mul_add(t6_189, t6_188);
+        let t6_191 = t6_86 + al_rod3x;
+        let t6_192 = (-p_mz_rod3).mul_add(t6_191, t6_190);
+        let t6_193 = like.lift(0.524).mul_add(t6_186, t6_192);
+        let t6_194 = sin_u3_1 * t6_193;
+        let t6_195 = p_m_rod3 * t6_124;
+        let t6_196 = t6_91 + t6_92;
+        let t6_197 = t6_87 - al_rod3y;
+        let t6_198 = p_mx_rod3 * t6_197;
+        let t6_199 = p_my_rod3.mul_add(t6_97, t6_198);
+        let t6_200 = t6_196.mul_add(p_mz_rod3, -t6_199);
+        let t6_201 = like.lift(0.524).mul_add(t6_195, -t6_200);
+        let t6_202 = cos_u3_2 * t6_201;
+        let t6_203 = p_m_rod3 * t6_108;
+        let t6_204 = t6_92 + t6_115;
+        let t6_205 = t6_204 * p_mx_rod3;
+        let t6_206 = p_my_rod3.mul_add(t6_100, t6_205);
+        let t6_207 = t6_87 + al_rod3y;
+        let t6_208 = (-p_mz_rod3).mul_add(t6_207, t6_206);
+        let t6_209 = like.lift(0.524).mul_add(t6_203, t6_208);
+        let t6_210 = sin_u3_2.mul_add(t6_209, t6_202);
+        let t6_211 = (-cos_u3_1).mul_add(t6_210, t6_194);
+        let t6_212 = like.lift(0.524).mul_add(t6_211, t6_130);
+        let t6_213 = t4_113 * x_u1_1_q3;
+        let t6_214 = t6_20.mul_add(x_u1_2_q3, t6_213);
+        let t6_215 = t6_18.mul_add(x_e1y_q3, t6_214);
+        let t6_216 = (-t4_81).mul_add(x_e1x_q3, t6_215);
+        let t6_217 = t6_68.mul_add(x_u2_1_q3, t6_216);
+        let t6_218 = t6_84.mul_add(x_u2_2_q3, t6_217);
+        let t6_219 = t6_212 - t6_218;
+        let t6_220 = (-t6_130).mul_add(x_u3_1_q3, t6_219);
+        let t6_221 = (-t6_146).mul_add(x_u3_2_q3, t6_220);
+        let t6_222 = -t6_221;
+        tau[2] = t6_222;
     }
     (tau, Condition { pivot: condition })
 }
@@ -9289,7 +8529,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
 ///
-/// 503 additions, 696 multiplications, 8 divisions, 11 sines and cosines.
+/// 503 additions, 692 multiplications, 8 divisions, 11 sines and cosines.
 pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 3]; 3];
@@ -9312,12 +8552,12 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
         t1_52, t1_54, t1_62, t1_63, sin_u1_2_e1y, cos_u1_2_e1y, e_e1x_q1z, t1_66, t1_67, t1_68,
         t1_69, e_e1x_q1y, t1_77, t1_90, t1_95, t1_97, t1_98, t1_99, t1_101, t1_102, t1_103,
         sin_u2_2, cos_u2_2, sin_u2_1, cos_u2_1, t1_113, t1_114, t1_115, t1_117, t1_122, t1_123,
-        t1_124, t1_126, t1_127, t1_128, t1_139, t1_141, t1_146, t1_147, u_e1x_u1_1y, t1_149,
-        t1_150, t1_151, u_e1x_u1_2y, t1_153, t1_154, t1_155, t1_159, t1_160, t1_161, t1_162,
-        t1_164, t1_165, t1_166, t1_176, t1_177, t1_178, t1_180, t1_183, pivot_1, t1_188,
+        t1_124, t1_126, t1_127, t1_128, t1_139, t1_141, t1_147, u_e1x_u1_1y, t1_149, t1_150,
+        t1_151, u_e1x_u1_2y, t1_153, t1_154, t1_155, t1_159, t1_160, t1_161, t1_162, t1_164,
+        t1_165, t1_166, t1_176, t1_177, t1_178, t1_180, t1_183, pivot_1, t1_188,
         u_platform_u1_1z, t1_189, t1_190, t1_191, t1_192, u_e1x_u1_2z, t1_194, t1_195, t1_196,
-        t1_198, t1_200, t1_207, t1_208, t1_211, t1_212, t1_213, t1_218, t1_219, t1_224, t1_225,
-        t1_226,
+        t1_198, t1_200, t1_207, t1_208, t1_211, t1_212, t1_213, t1_214, t1_219, t1_220, t1_225,
+        t1_226, t1_227,
     ] = {
         let (sin_u1_2, cos_u1_2) = u1_2.sin_cos();
         let (sin_e1y, cos_e1y) = e1y.sin_cos();
@@ -9554,46 +8794,45 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
         let t1_210 = like.lift(0.5) * t1_209;
         let t1_211 = sin_e1x.mul_add(t1_206, t1_210);
         let t1_212 = -t1_211;
-        let pivot_3 = like.lift(0.8660254037844386) * t1_146;
-        let t1_213 = -pivot_3;
-        let t1_214 = t1_178 * t1_146;
-        let t1_215 = like.lift(0.8660254037844386) * t1_214;
-        let t1_216 = t1_77 * t1_146;
-        let t1_217 = like.lift(0.5).mul_add(t1_216, t1_215);
-        let t1_218 = (-t1_115).mul_add(t1_206, t1_217);
-        let t1_219 = -t1_218;
-        let t1_220 = t1_186 * t1_146;
-        let t1_221 = like.lift(0.8660254037844386) * t1_220;
-        let t1_222 = t1_143 * t1_146;
-        let t1_223 = like.lift(0.5).mul_add(t1_222, t1_221);
-        let t1_224 = (-t1_146).mul_add(t1_206, t1_223);
-        let t1_225 = -t1_224;
-        let t1_226 = t1_70 + t1_76;
+        let t1_213 = like.lift(0.8660254037844386) * t1_146;
+        let t1_214 = -t1_213;
+        let t1_215 = t1_178 * t1_146;
+        let t1_216 = like.lift(0.8660254037844386) * t1_215;
+        let t1_217 = t1_77 * t1_146;
+        let t1_218 = like.lift(0.5).mul_add(t1_217, t1_216);
+        let t1_219 = (-t1_115).mul_add(t1_206, t1_218);
+        let t1_220 = -t1_219;
+        let t1_221 = t1_186 * t1_146;
+        let t1_222 = like.lift(0.8660254037844386) * t1_221;
+        let t1_223 = t1_143 * t1_146;
+        let t1_224 = like.lift(0.5).mul_add(t1_223, t1_222);
+        let t1_225 = (-t1_146).mul_add(t1_206, t1_224);
+        let t1_226 = -t1_225;
+        let t1_227 = t1_70 + t1_76;
         [
             sin_u1_2, cos_u1_2, sin_e1y, cos_e1y, sin_e1x, cos_e1x, t1_1, t1_6, t1_9, t1_13,
             t1_19, t1_20, t1_23, t1_25, t1_31, t1_40, t1_42, t1_43, t1_47, sin_u1_1, cos_u1_1,
             t1_49, t1_52, t1_54, t1_62, t1_63, sin_u1_2_e1y, cos_u1_2_e1y, e_e1x_q1z, t1_66,
             t1_67, t1_68, t1_69, e_e1x_q1y, t1_77, t1_90, t1_95, t1_97, t1_98, t1_99, t1_101,
             t1_102, t1_103, sin_u2_2, cos_u2_2, sin_u2_1, cos_u2_1, t1_113, t1_114, t1_115,
-            t1_117, t1_122, t1_123, t1_124, t1_126, t1_127, t1_128, t1_139, t1_141, t1_146,
-            t1_147, u_e1x_u1_1y, t1_149, t1_150, t1_151, u_e1x_u1_2y, t1_153, t1_154, t1_155,
-            t1_159, t1_160, t1_161, t1_162, t1_164, t1_165, t1_166, t1_176, t1_177, t1_178,
-            t1_180, t1_183, pivot_1, t1_188, u_platform_u1_1z, t1_189, t1_190, t1_191, t1_192,
+            t1_117, t1_122, t1_123, t1_124, t1_126, t1_127, t1_128, t1_139, t1_141, t1_147,
+            u_e1x_u1_1y, t1_149, t1_150, t1_151, u_e1x_u1_2y, t1_153, t1_154, t1_155, t1_159,
+            t1_160, t1_161, t1_162, t1_164, t1_165, t1_166, t1_176, t1_177, t1_178, t1_180,
+            t1_183, pivot_1, t1_188, u_platform_u1_1z, t1_189, t1_190, t1_191, t1_192,
             u_e1x_u1_2z, t1_194, t1_195, t1_196, t1_198, t1_200, t1_207, t1_208, t1_211,
-            t1_212, t1_213, t1_218, t1_219, t1_224, t1_225, t1_226,
+            t1_212, t1_213, t1_214, t1_219, t1_220, t1_225, t1_226, t1_227,
         ]
     };
     // M, part 2
     let [
-        sin_u3_2, cos_u3_2, sin_u3_1, cos_u3_1, t2_31, t2_38, t2_40, t2_41, t2_58, t2_63,
-        t2_65, t2_66, t2_68, t2_71, t2_79, t2_82, t2_84, t2_89, t2_90, t2_95, t2_97, t2_101,
-        t2_105, t2_106, t2_109, t2_112, t2_114, t2_118, t2_120, t2_123, t2_124, t2_126,
-        inv_pivot_1, t2_127, t2_129, t2_130, pivot_2, inv_pivot_2, t2_132, t2_134, t2_137,
-        t2_138, t2_139, pivot_4, inv_pivot_4, t2_143, t2_146, t2_149, t2_153, t2_157, t2_160,
-        t2_161, t2_164, pivot_5, inv_pivot_5, t2_166, t2_168, t2_169, t2_175, t2_176, t2_177,
-        t2_182, pivot_6, inv_pivot_6, t2_186, t2_187, t2_190, t2_192, t2_193, t2_198, pivot_7,
-        inv_pivot_7, t2_204, t2_205, t2_206, t2_209, t2_213, t2_215, t2_218, pivot_8,
-        inv_pivot_8, t2_222, t2_224, t2_225,
+        sin_u3_2, cos_u3_2, sin_u3_1, cos_u3_1, t2_31, t2_38, t2_39, t2_40, t2_41, t2_58,
+        t2_62, t2_64, t2_65, t2_67, t2_70, t2_78, t2_81, t2_83, t2_88, t2_89, t2_94, t2_96,
+        t2_100, t2_104, t2_105, t2_108, t2_111, t2_113, t2_117, t2_118, t2_119, t2_122, t2_123,
+        t2_125, inv_pivot_1, t2_129, pivot_2, inv_pivot_2, pivot_5, inv_pivot_5, t2_133,
+        t2_136, t2_137, inv_pivot_3, t2_138, t2_140, t2_141, pivot_4, inv_pivot_4, t2_143,
+        t2_146, pivot_6, inv_pivot_6, t2_150, t2_156, t2_161, t2_162, t2_163, t2_172, t2_177,
+        pivot_7, inv_pivot_7, t2_183, t2_184, t2_185, t2_188, t2_192, t2_197, t2_204, pivot_8,
+        inv_pivot_8, t2_208, t2_210, t2_213, t2_217, t2_219, t2_220, t2_221, t2_223,
     ] = {
         let t2_1 = t1_98 + t1_99;
         let t2_2 = t1_97 + t2_1;
@@ -9613,7 +8852,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
         let t2_13 = sin_u3_2.mul_add(t2_12, t2_11);
         let t2_14 = like.lift(1.244).mul_add(t2_13, t2_6);
         let t2_15 = t2_6 - t2_14;
-        let t2_16 = t1_226 * t2_15;
+        let t2_16 = t1_227 * t2_15;
         let t2_17 = t1_123 - t1_124;
         let t2_18 = t1_122 + t2_17;
         let t2_19 = t1_127 - t1_128;
@@ -9625,7 +8864,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
         let t2_25 = (-cos_q3).mul_add(t1_95, t2_24);
         let t2_26 = cos_u3_1.mul_add(t2_25, t2_23);
         let t2_27 = cos_u3_2 * t2_26;
-        let t2_28 = sin_u3_2.mul_add(t1_226, t2_27);
+        let t2_28 = sin_u3_2.mul_add(t1_227, t2_27);
         let t2_29 = like.lift(1.244).mul_add(t2_28, t2_22);
         let t2_30 = t2_22 - t2_29;
         let t2_31 = (-t2_12).mul_add(t2_30, t2_16);
@@ -9659,202 +8898,202 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
         let t2_59 = t2_36 * t2_56;
         let t2_60 = cos_u3_1 * t2_46;
         let t2_61 = (-sin_u3_1).mul_add(t2_50, t2_60);
-        let t2_62 = (-t2_61).mul_add(t2_15, t2_59);
-        let t2_63 = -t2_62;
-        let t2_64 = t1_189 + t1_190;
-        let t2_65 = u_platform_u1_1z + t2_64;
-        let t2_66 = u_e1x_u1_2z + t1_194;
-        let t2_67 = t2_53 * t2_30;
-        let t2_68 = (-t1_226).mul_add(t2_56, t2_67);
-        let t2_69 = t2_61 * t2_30;
-        let t2_70 = (-t2_33).mul_add(t2_56, t2_69);
-        let t2_71 = -t2_70;
-        let t2_72 = cos_u1_2_e1y * t2_36;
-        let t2_73 = like.lift(0.8660254037844386) * t2_72;
-        let t2_74 = e_e1x_q1y * t2_36;
-        let t2_75 = like.lift(-0.5).mul_add(t2_74, t2_73);
-        let t2_76 = like.lift(0.8660254037844386) * t2_61;
-        let t2_77 = like.lift(-0.5).mul_add(t2_33, t2_76);
-        let t2_78 = (-e_e1x_q1z).mul_add(t2_77, t2_75);
-        let t2_79 = -t2_78;
-        let t2_80 = cos_e1x * t2_36;
-        let t2_81 = like.lift(0.5) * t2_80;
-        let t2_82 = (-sin_e1x).mul_add(t2_77, t2_81);
-        let t2_83 = like.lift(0.8660254037844386) * t2_36;
-        let t2_84 = -t2_83;
-        let t2_85 = t2_53 * t2_36;
-        let t2_86 = like.lift(0.8660254037844386) * t2_85;
-        let t2_87 = t1_226 * t2_36;
-        let t2_88 = like.lift(-0.5).mul_add(t2_87, t2_86);
-        let t2_89 = (-t2_12).mul_add(t2_77, t2_88);
-        let t2_90 = -t2_89;
-        let t2_91 = t2_61 * t2_36;
-        let t2_92 = like.lift(0.8660254037844386) * t2_91;
-        let t2_93 = t2_33 * t2_36;
-        let t2_94 = like.lift(-0.5).mul_add(t2_93, t2_92);
-        let t2_95 = (-t2_36).mul_add(t2_77, t2_94);
-        let t2_96 = cos_u1_1 * sin_u1_2_e1y;
-        let u_e1y_q1x = like.lift(0.524) * t2_96;
+        let pivot_3 = (-t2_61).mul_add(t2_15, t2_59);
+        let t2_62 = -pivot_3;
+        let t2_63 = t1_189 + t1_190;
+        let t2_64 = u_platform_u1_1z + t2_63;
+        let t2_65 = u_e1x_u1_2z + t1_194;
+        let t2_66 = t2_53 * t2_30;
+        let t2_67 = (-t1_227).mul_add(t2_56, t2_66);
+        let t2_68 = t2_61 * t2_30;
+        let t2_69 = (-t2_33).mul_add(t2_56, t2_68);
+        let t2_70 = -t2_69;
+        let t2_71 = cos_u1_2_e1y * t2_36;
+        let t2_72 = like.lift(0.8660254037844386) * t2_71;
+        let t2_73 = e_e1x_q1y * t2_36;
+        let t2_74 = like.lift(-0.5).mul_add(t2_73, t2_72);
+        let t2_75 = like.lift(0.8660254037844386) * t2_61;
+        let t2_76 = like.lift(-0.5).mul_add(t2_33, t2_75);
+        let t2_77 = (-e_e1x_q1z).mul_add(t2_76, t2_74);
+        let t2_78 = -t2_77;
+        let t2_79 = cos_e1x * t2_36;
+        let t2_80 = like.lift(0.5) * t2_79;
+        let t2_81 = (-sin_e1x).mul_add(t2_76, t2_80);
+        let t2_82 = like.lift(0.8660254037844386) * t2_36;
+        let t2_83 = -t2_82;
+        let t2_84 = t2_53 * t2_36;
+        let t2_85 = like.lift(0.8660254037844386) * t2_84;
+        let t2_86 = t1_227 * t2_36;
+        let t2_87 = like.lift(-0.5).mul_add(t2_86, t2_85);
+        let t2_88 = (-t2_12).mul_add(t2_76, t2_87);
+        let t2_89 = -t2_88;
+        let t2_90 = t2_61 * t2_36;
+        let t2_91 = like.lift(0.8660254037844386) * t2_90;
+        let t2_92 = t2_33 * t2_36;
+        let t2_93 = like.lift(-0.5).mul_add(t2_92, t2_91);
+        let t2_94 = (-t2_36).mul_add(t2_76, t2_93);
+        let t2_95 = cos_u1_1 * sin_u1_2_e1y;
+        let u_e1y_q1x = like.lift(0.524) * t2_95;
         let u_platform_u1_1x = like.lift(0.044) * e_e1x_q1z;
         let u_platform_q1x = u_e1y_q1x - u_platform_u1_1x;
-        let t2_97 = like.lift(-0.022).mul_add(e_e1x_q1z, u_platform_q1x);
-        let t2_98 = t1_101 - t1_117;
-        let t2_99 = t1_77 * t2_98;
-        let t2_100 = t1_126 - t1_139;
-        let t2_101 = (-t1_115).mul_add(t2_100, t2_99);
+        let t2_96 = like.lift(-0.022).mul_add(e_e1x_q1z, u_platform_q1x);
+        let t2_97 = t1_101 - t1_117;
+        let t2_98 = t1_77 * t2_97;
+        let t2_99 = t1_126 - t1_139;
+        let t2_100 = (-t1_115).mul_add(t2_99, t2_98);
         let u_u1_1_q1y = like.lift(0.524) * sin_u1_1;
         let u_e1y_u1_1y = like.lift(1.244) * cos_u1_2;
         let u_e1y_q1y = u_u1_1_q1y + u_e1y_u1_1y;
-        let t2_102 = cos_e1x * u_e1y_q1y;
-        let t2_103 = cos_u1_1 * cos_u1_2_e1y;
-        let t2_104 = sin_e1x * t2_103;
-        let u_e1x_q1y = like.lift(0.524).mul_add(t2_104, t2_102);
-        let t2_105 = u_e1x_q1y - t1_149;
-        let t2_106 = -t2_105;
-        let t2_107 = t1_164 - t1_180;
-        let t2_108 = t1_115 * t2_107;
-        let t2_109 = (-t1_178).mul_add(t2_98, t2_108);
-        let t2_110 = sin_e1x * u_e1y_q1y;
-        let t2_111 = cos_e1x * t2_103;
-        let u_e1x_q1z = like.lift(-0.524).mul_add(t2_111, t2_110);
+        let t2_101 = cos_e1x * u_e1y_q1y;
+        let t2_102 = cos_u1_1 * cos_u1_2_e1y;
+        let t2_103 = sin_e1x * t2_102;
+        let u_e1x_q1y = like.lift(0.524).mul_add(t2_103, t2_101);
+        let t2_104 = u_e1x_q1y - t1_149;
+        let t2_105 = -t2_104;
+        let t2_106 = t1_164 - t1_180;
+        let t2_107 = t1_115 * t2_106;
+        let t2_108 = (-t1_178).mul_add(t2_97, t2_107);
+        let t2_109 = sin_e1x * u_e1y_q1y;
+        let t2_110 = cos_e1x * t2_102;
+        let u_e1x_q1z = like.lift(-0.524).mul_add(t2_110, t2_109);
         let u_platform_q1z = u_e1x_q1z + t1_188;
-        let t2_112 = u_platform_q1z + t1_191;
-        let t2_113 = t1_178 * t2_100;
-        let t2_114 = (-t1_77).mul_add(t2_107, t2_113);
-        let t2_115 = t2_2 - t2_14;
-        let t2_116 = t1_226 * t2_115;
-        let t2_117 = t2_18 - t2_29;
-        let t2_118 = (-t2_12).mul_add(t2_117, t2_116);
-        let t2_119 = u_e1x_q1y + t1_149;
-        let t2_120 = -t2_119;
-        let t2_121 = t2_43 - t2_55;
-        let t2_122 = t2_12 * t2_121;
-        let t2_123 = (-t2_53).mul_add(t2_115, t2_122);
-        let t2_124 = u_platform_q1z + t2_64;
-        let t2_125 = t2_53 * t2_117;
-        let t2_126 = (-t1_226).mul_add(t2_121, t2_125);
+        let t2_111 = u_platform_q1z + t1_191;
+        let t2_112 = t1_178 * t2_99;
+        let t2_113 = (-t1_77).mul_add(t2_106, t2_112);
+        let t2_114 = t2_2 - t2_14;
+        let t2_115 = t1_227 * t2_114;
+        let t2_116 = t2_18 - t2_29;
+        let t2_117 = (-t2_12).mul_add(t2_116, t2_115);
+        let t2_118 = u_e1x_q1y + t1_149;
+        let t2_119 = -t2_118;
+        let t2_120 = t2_43 - t2_55;
+        let t2_121 = t2_12 * t2_120;
+        let t2_122 = (-t2_53).mul_add(t2_114, t2_121);
+        let t2_123 = u_platform_q1z + t2_63;
+        let t2_124 = t2_53 * t2_116;
+        let t2_125 = (-t1_227).mul_add(t2_120, t2_124);
         let inv_pivot_1 = like.lift(1.0) / pivot_1;
-        let t2_127 = t1_200 * inv_pivot_1;
-        let t2_128 = t1_150.mul_add(t2_127, t1_192);
-        let t2_129 = t1_147 * inv_pivot_1;
-        let t2_130 = (-t1_150).mul_add(t2_129, t1_66);
-        let t2_131 = (-t1_183).mul_add(t2_127, t1_198);
-        let pivot_2 = (-t1_183).mul_add(t2_129, t1_141);
+        let t2_126 = t1_200 * inv_pivot_1;
+        let t2_127 = t1_150.mul_add(t2_126, t1_192);
+        let t2_128 = t1_147 * inv_pivot_1;
+        let t2_129 = (-t1_150).mul_add(t2_128, t1_66);
+        let t2_130 = (-t1_183).mul_add(t2_126, t1_198);
+        let pivot_2 = (-t1_183).mul_add(t2_128, t1_141);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_132 = t2_131 * inv_pivot_2;
-        let t2_133 = t2_130.mul_add(t2_132, t2_128);
-        let t2_134 = t1_224 * inv_pivot_1;
-        let t2_135 = t1_150.mul_add(t2_134, t1_207);
-        let t2_136 = (-t1_183).mul_add(t2_134, t1_218);
-        let t2_137 = t2_136 * inv_pivot_2;
-        let t2_138 = t2_130.mul_add(t2_137, t2_135);
-        let t2_139 = like.lift(1.0) / t1_146;
-        let t2_140 = t2_138 * t2_139;
-        let t2_141 = like.lift(0.0762102355330306) * t2_140;
-        let pivot_4 = t2_133 - t2_141;
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_142 = t2_105.mul_add(t2_127, t2_112);
-        let t2_143 = t2_105.mul_add(t2_129, t2_97);
-        let t2_144 = (-t2_143).mul_add(t2_132, t2_142);
-        let t2_145 = t2_105.mul_add(t2_134, t1_207);
-        let t2_146 = (-t2_143).mul_add(t2_137, t2_145);
-        let t2_147 = t2_146 * t2_139;
-        let t2_148 = like.lift(0.0762102355330306) * t2_147;
-        let t2_149 = t2_144 - t2_148;
-        let t2_150 = sin_e1x * t2_127;
-        let t2_151 = like.lift(-0.0381051177665153).mul_add(t2_150, t1_194);
-        let t2_152 = sin_e1x * t2_129;
-        let t2_153 = like.lift(0.0381051177665153).mul_add(t2_152, t1_69);
-        let t2_154 = t2_153.mul_add(t2_132, t2_151);
-        let t2_155 = sin_e1x * t2_134;
-        let t2_156 = like.lift(0.0381051177665153).mul_add(t2_155, t1_211);
-        let t2_157 = (-t2_153).mul_add(t2_137, t2_156);
-        let t2_158 = t2_157 * t2_139;
-        let t2_159 = like.lift(0.0762102355330306) * t2_158;
-        let t2_160 = t2_154 + t2_159;
-        let t2_161 = t2_36 * t2_139;
-        let t2_162 = t2_157.mul_add(t2_161, t2_82);
-        let t2_163 = (-t2_138).mul_add(t2_161, t2_78);
-        let t2_164 = t2_163 * inv_pivot_4;
-        let pivot_5 = (-t2_160).mul_add(t2_164, t2_162);
+        let t2_131 = t2_130 * inv_pivot_2;
+        let pivot_5 = t2_129.mul_add(t2_131, t2_127);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_165 = (-t2_146).mul_add(t2_161, t2_78);
-        let t2_166 = (-t2_149).mul_add(t2_164, t2_165);
-        let t2_167 = (-t1_154).mul_add(t2_134, t1_211);
-        let t2_168 = (-t1_154).mul_add(t2_129, t1_68);
-        let t2_169 = (-t2_168).mul_add(t2_137, t2_167);
-        let t2_170 = t2_169.mul_add(t2_161, t2_82);
-        let t2_171 = (-t1_154).mul_add(t2_127, t1_195);
-        let t2_172 = (-t2_168).mul_add(t2_132, t2_171);
-        let t2_173 = t2_169 * t2_139;
-        let t2_174 = like.lift(0.0762102355330306) * t2_173;
-        let t2_175 = t2_172 - t2_174;
-        let t2_176 = t2_175.mul_add(t2_164, t2_170);
-        let t2_177 = e_e1x_q1z * inv_pivot_4;
-        let t2_178 = t2_175 * t2_177;
-        let t2_179 = like.lift(0.066).mul_add(t2_178, t1_68);
-        let t2_180 = t2_160 * t2_177;
-        let t2_181 = like.lift(-0.066).mul_add(t2_180, t1_69);
-        let t2_182 = t2_181 * inv_pivot_5;
-        let pivot_6 = (-t2_176).mul_add(t2_182, t2_179);
+        let t2_132 = t2_104.mul_add(t2_126, t2_111);
+        let t2_133 = t2_104.mul_add(t2_128, t2_96);
+        let t2_134 = (-t2_133).mul_add(t2_131, t2_132);
+        let t2_135 = (-t1_154).mul_add(t2_126, t1_195);
+        let t2_136 = (-t1_154).mul_add(t2_128, t1_68);
+        let t2_137 = (-t2_136).mul_add(t2_131, t2_135);
+        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let t2_138 = t2_69 * inv_pivot_3;
+        let t2_139 = (-t2_41).mul_add(t2_138, t2_65);
+        let t2_140 = t2_37 * inv_pivot_3;
+        let t2_141 = (-t2_41).mul_add(t2_140, t1_68);
+        let t2_142 = (-t2_58).mul_add(t2_138, t2_67);
+        let pivot_4 = (-t2_58).mul_add(t2_140, t2_31);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t2_143 = t2_142 * inv_pivot_4;
+        let t2_144 = (-t2_141).mul_add(t2_143, t2_139);
+        let t2_145 = t2_39.mul_add(t2_138, t2_64);
+        let t2_146 = (-t2_39).mul_add(t2_140, t1_66);
+        let t2_147 = t2_146.mul_add(t2_143, t2_145);
+        let t2_148 = t2_147 * inv_pivot_5;
+        let pivot_6 = (-t2_137).mul_add(t2_148, t2_144);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_183 = t2_149 * t2_177;
-        let t2_184 = like.lift(0.066).mul_add(t2_183, t2_97);
-        let t2_185 = t2_166.mul_add(t2_182, t2_184);
-        let t2_186 = t2_89 * t2_182;
-        let t2_187 = t2_31 + t2_186;
-        let t2_188 = t1_194 - t2_159;
-        let t2_189 = t2_65 - t2_141;
-        let t2_190 = t2_189 * inv_pivot_4;
-        let t2_191 = t2_160.mul_add(t2_190, t2_188);
-        let t2_192 = t2_191 * inv_pivot_5;
-        let t2_193 = t2_89 * t2_192;
-        let t2_194 = t2_68 + t2_193;
-        let t2_195 = t2_66 - t2_174;
-        let t2_196 = (-t2_175).mul_add(t2_190, t2_195);
-        let t2_197 = (-t2_176).mul_add(t2_192, t2_196);
-        let t2_198 = t2_197 * inv_pivot_6;
-        let pivot_7 = (-t2_187).mul_add(t2_198, t2_194);
+        let t2_149 = t2_118.mul_add(t2_138, t2_123);
+        let t2_150 = t2_118.mul_add(t2_140, t2_96);
+        let t2_151 = (-t2_150).mul_add(t2_143, t2_149);
+        let t2_152 = (-t2_134).mul_add(t2_148, t2_151);
+        let t2_153 = sin_e1x * t2_138;
+        let t2_154 = like.lift(-0.0381051177665153).mul_add(t2_153, t1_194);
+        let t2_155 = sin_e1x * t2_140;
+        let t2_156 = like.lift(-0.0381051177665153).mul_add(t2_155, t1_69);
+        let t2_157 = (-t2_156).mul_add(t2_143, t2_154);
+        let t2_158 = sin_e1x * t2_126;
+        let t2_159 = like.lift(-0.0381051177665153).mul_add(t2_158, t1_194);
+        let t2_160 = sin_e1x * t2_128;
+        let t2_161 = like.lift(0.0381051177665153).mul_add(t2_160, t1_69);
+        let t2_162 = t2_161.mul_add(t2_131, t2_159);
+        let t2_163 = t2_162.mul_add(t2_148, t2_157);
+        let t2_164 = t1_225 * inv_pivot_1;
+        let t2_165 = sin_e1x * t2_164;
+        let t2_166 = like.lift(0.0381051177665153).mul_add(t2_165, t1_211);
+        let t2_167 = (-t1_183).mul_add(t2_164, t1_219);
+        let t2_168 = t2_167 * inv_pivot_2;
+        let t2_169 = (-t2_161).mul_add(t2_168, t2_166);
+        let t2_170 = t1_150.mul_add(t2_164, t1_207);
+        let t2_171 = t2_129.mul_add(t2_168, t2_170);
+        let t2_172 = t2_171 * inv_pivot_5;
+        let t2_173 = t2_162.mul_add(t2_172, t2_169);
+        let t2_174 = (-t1_154).mul_add(t2_164, t1_211);
+        let t2_175 = (-t2_136).mul_add(t2_168, t2_174);
+        let t2_176 = (-t2_137).mul_add(t2_172, t2_175);
+        let t2_177 = t2_176 * inv_pivot_6;
+        let pivot_7 = (-t2_163).mul_add(t2_177, t2_173);
         let inv_pivot_7 = like.lift(1.0) / pivot_7;
-        let t2_199 = t2_124 - t2_148;
-        let t2_200 = (-t2_149).mul_add(t2_190, t2_199);
-        let t2_201 = t2_166.mul_add(t2_192, t2_200);
-        let t2_202 = (-t2_185).mul_add(t2_198, t2_201);
-        let t2_203 = t2_95.mul_add(t2_192, t2_70);
-        let t2_204 = t2_95.mul_add(t2_182, t2_37);
-        let t2_205 = (-t2_204).mul_add(t2_198, t2_203);
-        let t2_206 = t2_39 * inv_pivot_4;
-        let t2_207 = (-t2_149).mul_add(t2_206, t2_119);
-        let t2_208 = (-t2_160).mul_add(t2_206, t1_153);
-        let t2_209 = t2_208 * inv_pivot_5;
-        let t2_210 = (-t2_166).mul_add(t2_209, t2_207);
-        let t2_211 = t2_175.mul_add(t2_206, t2_41);
-        let t2_212 = (-t2_176).mul_add(t2_209, t2_211);
-        let t2_213 = t2_212 * inv_pivot_6;
-        let t2_214 = t2_185.mul_add(t2_213, t2_210);
-        let t2_215 = t2_89 * t2_209;
-        let t2_216 = t2_58 + t2_215;
-        let t2_217 = (-t2_187).mul_add(t2_213, t2_216);
-        let t2_218 = t2_217 * inv_pivot_7;
-        let t2_219 = t2_202.mul_add(t2_218, t2_214);
-        let t2_220 = t2_95.mul_add(t2_209, t2_62);
-        let t2_221 = (-t2_204).mul_add(t2_213, t2_220);
-        let pivot_8 = (-t2_205).mul_add(t2_218, t2_221);
+        let t2_178 = t2_104.mul_add(t2_164, t1_207);
+        let t2_179 = (-t2_133).mul_add(t2_168, t2_178);
+        let t2_180 = (-t2_134).mul_add(t2_172, t2_179);
+        let t2_181 = (-t2_152).mul_add(t2_177, t2_180);
+        let t2_182 = like.lift(-0.066).mul_add(t2_172, t1_213);
+        let t2_183 = like.lift(-0.066).mul_add(t2_148, like.lift(0.066));
+        let t2_184 = (-t2_183).mul_add(t2_177, t2_182);
+        let t2_185 = t2_94 * inv_pivot_3;
+        let t2_186 = t2_118.mul_add(t2_185, t2_77);
+        let t2_187 = (-t2_58).mul_add(t2_185, t2_88);
+        let t2_188 = t2_187 * inv_pivot_4;
+        let t2_189 = (-t2_150).mul_add(t2_188, t2_186);
+        let t2_190 = t2_39.mul_add(t2_185, t2_77);
+        let t2_191 = t2_146.mul_add(t2_188, t2_190);
+        let t2_192 = t2_191 * inv_pivot_5;
+        let t2_193 = (-t2_134).mul_add(t2_192, t2_189);
+        let t2_194 = t2_41.mul_add(t2_185, t2_81);
+        let t2_195 = t2_141.mul_add(t2_188, t2_194);
+        let t2_196 = t2_137.mul_add(t2_192, t2_195);
+        let t2_197 = t2_196 * inv_pivot_6;
+        let t2_198 = t2_152.mul_add(t2_197, t2_193);
+        let t2_199 = sin_e1x * t2_185;
+        let t2_200 = like.lift(0.0381051177665153).mul_add(t2_199, t2_81);
+        let t2_201 = t2_156.mul_add(t2_188, t2_200);
+        let t2_202 = (-t2_162).mul_add(t2_192, t2_201);
+        let t2_203 = (-t2_163).mul_add(t2_197, t2_202);
+        let t2_204 = t2_203 * inv_pivot_7;
+        let t2_205 = t2_181.mul_add(t2_204, t2_198);
+        let t2_206 = like.lift(-0.066).mul_add(t2_192, t2_82);
+        let t2_207 = t2_183.mul_add(t2_197, t2_206);
+        let pivot_8 = t2_184.mul_add(t2_204, t2_207);
         let inv_pivot_8 = like.lift(1.0) / pivot_8;
-        let t2_222 = t2_219 * inv_pivot_8;
-        let t2_223 = t2_205.mul_add(t2_222, t2_202);
-        let t2_224 = inv_pivot_7 * t2_223;
-        let t2_225 = (-t2_187).mul_add(t2_224, t2_185);
+        let t2_208 = t2_205 * inv_pivot_8;
+        let t2_209 = (-t2_184).mul_add(t2_208, t2_181);
+        let t2_210 = inv_pivot_7 * t2_209;
+        let t2_211 = (-t2_163).mul_add(t2_210, t2_152);
+        let t2_212 = (-t2_183).mul_add(t2_208, t2_211);
+        let t2_213 = inv_pivot_6 * t2_212;
+        let t2_214 = (-t2_137).mul_add(t2_213, t2_134);
+        let t2_215 = t2_162.mul_add(t2_210, t2_214);
+        let t2_216 = like.lift(-0.066).mul_add(t2_208, t2_215);
+        let t2_217 = inv_pivot_5 * t2_216;
+        let t2_218 = (-t2_108).mul_add(t2_126, t2_113);
+        let t2_219 = (-t2_108).mul_add(t2_128, t2_100);
+        let t2_220 = (-t2_219).mul_add(t2_131, t2_218);
+        let t2_221 = t2_220 * t2_148;
+        let t2_222 = (-t2_108).mul_add(t2_164, t1_219);
+        let t2_223 = (-t2_219).mul_add(t2_168, t2_222);
         [
-            sin_u3_2, cos_u3_2, sin_u3_1, cos_u3_1, t2_31, t2_38, t2_40, t2_41, t2_58, t2_63,
-            t2_65, t2_66, t2_68, t2_71, t2_79, t2_82, t2_84, t2_89, t2_90, t2_95, t2_97,
-            t2_101, t2_105, t2_106, t2_109, t2_112, t2_114, t2_118, t2_120, t2_123, t2_124,
-            t2_126, inv_pivot_1, t2_127, t2_129, t2_130, pivot_2, inv_pivot_2, t2_132, t2_134,
-            t2_137, t2_138, t2_139, pivot_4, inv_pivot_4, t2_143, t2_146, t2_149, t2_153,
-            t2_157, t2_160, t2_161, t2_164, pivot_5, inv_pivot_5, t2_166, t2_168, t2_169,
-            t2_175, t2_176, t2_177, t2_182, pivot_6, inv_pivot_6, t2_186, t2_187, t2_190,
-            t2_192, t2_193, t2_198, pivot_7, inv_pivot_7, t2_204, t2_205, t2_206, t2_209,
-            t2_213, t2_215, t2_218, pivot_8, inv_pivot_8, t2_222, t2_224, t2_225,
+            sin_u3_2, cos_u3_2, sin_u3_1, cos_u3_1, t2_31, t2_38, t2_39, t2_40, t2_41, t2_58,
+            t2_62, t2_64, t2_65, t2_67, t2_70, t2_78, t2_81, t2_83, t2_88, t2_89, t2_94, t2_96,
+            t2_100, t2_104, t2_105, t2_108, t2_111, t2_113, t2_117, t2_118, t2_119, t2_122,
+            t2_123, t2_125, inv_pivot_1, t2_129, pivot_2, inv_pivot_2, pivot_5, inv_pivot_5,
+            t2_133, t2_136, t2_137, inv_pivot_3, t2_138, t2_140, t2_141, pivot_4, inv_pivot_4,
+            t2_143, t2_146, pivot_6, inv_pivot_6, t2_150, t2_156, t2_161, t2_162, t2_163,
+            t2_172, t2_177, pivot_7, inv_pivot_7, t2_183, t2_184, t2_185, t2_188, t2_192,
+            t2_197, t2_204, pivot_8, inv_pivot_8, t2_208, t2_210, t2_213, t2_217, t2_219,
+            t2_220, t2_221, t2_223,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -9863,130 +9102,117 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
         x_e1y_q3, x_e1x_q1, x_e1x_q2, x_e1x_q3, x_u2_1_q1, x_u2_1_q2, x_u2_1_q3, x_u2_2_q1,
         x_u2_2_q2, x_u2_2_q3, x_u3_1_q1, x_u3_1_q2, x_u3_1_q3, x_u3_2_q1, x_u3_2_q2, x_u3_2_q3,
     ] = {
-        let t3_1 = t2_204.mul_add(t2_222, t2_225);
-        let t3_2 = inv_pivot_6 * t3_1;
-        let t3_3 = t2_176.mul_add(t3_2, t2_166);
-        let t3_4 = (-t2_89).mul_add(t2_224, t3_3);
-        let t3_5 = t2_95.mul_add(t2_222, t3_4);
-        let t3_6 = inv_pivot_5 * t3_5;
-        let t3_7 = (-t2_160).mul_add(t3_6, t2_149);
-        let t3_8 = (-t2_175).mul_add(t3_2, t3_7);
-        let t3_9 = inv_pivot_4 * t3_8;
-        let t3_10 = (-t2_109).mul_add(t2_127, t2_114);
-        let t3_11 = (-t2_109).mul_add(t2_129, t2_101);
-        let t3_12 = (-t3_11).mul_add(t2_132, t3_10);
-        let t3_13 = (-t2_109).mul_add(t2_134, t1_218);
-        let t3_14 = (-t3_11).mul_add(t2_137, t3_13);
-        let t3_15 = t3_14 * t2_139;
-        let t3_16 = like.lift(0.0762102355330306) * t3_15;
-        let t3_17 = t3_12 - t3_16;
-        let t3_18 = t3_14 * t2_161;
-        let t3_19 = t3_17.mul_add(t2_164, t3_18);
-        let t3_20 = t3_17 * t2_177;
-        let t3_21 = like.lift(0.066) * t3_20;
-        let t3_22 = (-t3_19).mul_add(t2_182, t3_21);
-        let t3_23 = t3_17.mul_add(t2_190, t3_16);
-        let t3_24 = t3_19.mul_add(t2_192, t3_23);
-        let t3_25 = t3_22.mul_add(t2_198, t3_24);
-        let t3_26 = t3_17 * t2_206;
-        let t3_27 = (-t3_19).mul_add(t2_209, t3_26);
-        let t3_28 = (-t3_22).mul_add(t2_213, t3_27);
-        let t3_29 = t3_25.mul_add(t2_218, t3_28);
-        let t3_30 = t3_29 * inv_pivot_8;
-        let t3_31 = t2_205.mul_add(t3_30, t3_25);
-        let t3_32 = inv_pivot_7 * t3_31;
-        let t3_33 = t2_187.mul_add(t3_32, t3_22);
-        let t3_34 = (-t2_204).mul_add(t3_30, t3_33);
-        let t3_35 = inv_pivot_6 * t3_34;
-        let t3_36 = (-t2_176).mul_add(t3_35, t3_19);
-        let t3_37 = (-t2_89).mul_add(t3_32, t3_36);
-        let t3_38 = t2_95.mul_add(t3_30, t3_37);
-        let t3_39 = inv_pivot_5 * t3_38;
-        let t3_40 = t2_160.mul_add(t3_39, t3_17);
-        let t3_41 = (-t2_175).mul_add(t3_35, t3_40);
-        let t3_42 = inv_pivot_4 * t3_41;
-        let t3_43 = t2_118 + t2_186;
-        let t3_44 = t2_126 + t2_193;
-        let t3_45 = (-t3_43).mul_add(t2_198, t3_44);
-        let t3_46 = t2_123 + t2_215;
-        let t3_47 = (-t3_43).mul_add(t2_213, t3_46);
-        let t3_48 = (-t3_45).mul_add(t2_218, t3_47);
-        let t3_49 = t3_48 * inv_pivot_8;
-        let t3_50 = (-t2_205).mul_add(t3_49, t3_45);
-        let t3_51 = inv_pivot_7 * t3_50;
-        let t3_52 = (-t2_187).mul_add(t3_51, t3_43);
-        let t3_53 = (-t2_204).mul_add(t3_49, t3_52);
-        let t3_54 = inv_pivot_6 * t3_53;
-        let t3_55 = t2_176.mul_add(t3_54, t2_89);
-        let t3_56 = (-t2_89).mul_add(t3_51, t3_55);
-        let t3_57 = (-t2_95).mul_add(t3_49, t3_56);
-        let t3_58 = inv_pivot_5 * t3_57;
-        let t3_59 = t2_160 * t3_58;
-        let t3_60 = t2_175.mul_add(t3_54, t3_59);
-        let t3_61 = inv_pivot_4 * t3_60;
-        let t3_62 = -t3_61;
-        let t3_63 = -t3_6;
-        let t3_64 = -t3_58;
-        let t3_65 = (-t2_138).mul_add(t3_9, t2_146);
-        let t3_66 = t2_157.mul_add(t3_6, t3_65);
-        let t3_67 = (-t2_169).mul_add(t3_2, t3_66);
-        let t3_68 = t2_139 * t3_67;
-        let t3_69 = like.lift(1.1547005383792515) * t3_68;
-        let t3_70 = (-t2_138).mul_add(t3_42, t3_14);
-        let t3_71 = (-t2_157).mul_add(t3_39, t3_70);
-        let t3_72 = (-t2_169).mul_add(t3_35, t3_71);
-        let t3_73 = t2_139 * t3_72;
-        let t3_74 = like.lift(1.1547005383792515) * t3_73;
-        let t3_75 = t2_138 * t3_61;
-        let t3_76 = t2_157.mul_add(t3_58, t3_75);
-        let t3_77 = (-t2_169).mul_add(t3_54, t3_76);
-        let t3_78 = t2_139 * t3_77;
-        let t3_79 = like.lift(1.1547005383792515) * t3_78;
-        let t3_80 = t2_130.mul_add(t3_9, t2_143);
-        let t3_81 = t2_153.mul_add(t3_6, t3_80);
-        let t3_82 = (-t2_168).mul_add(t3_2, t3_81);
-        let t3_83 = inv_pivot_2 * t3_82;
-        let t3_84 = t2_130.mul_add(t3_42, t3_11);
-        let t3_85 = (-t2_153).mul_add(t3_39, t3_84);
-        let t3_86 = (-t2_168).mul_add(t3_35, t3_85);
-        let t3_87 = inv_pivot_2 * t3_86;
-        let t3_88 = t2_130 * t3_61;
-        let t3_89 = (-t2_153).mul_add(t3_58, t3_88);
-        let t3_90 = t2_168.mul_add(t3_54, t3_89);
-        let t3_91 = inv_pivot_2 * t3_90;
-        let t3_92 = -t3_91;
-        let t3_93 = t1_183.mul_add(t3_83, t2_105);
-        let t3_94 = (-t1_150).mul_add(t3_9, t3_93);
-        let t3_95 = sin_e1x * t3_6;
-        let t3_96 = like.lift(0.0381051177665153).mul_add(t3_95, t3_94);
-        let t3_97 = t1_154.mul_add(t3_2, t3_96);
-        let t3_98 = inv_pivot_1 * t3_97;
-        let t3_99 = -t3_98;
-        let t3_100 = (-t1_183).mul_add(t3_87, t2_109);
-        let t3_101 = t1_150.mul_add(t3_42, t3_100);
-        let t3_102 = sin_e1x * t3_39;
-        let t3_103 = like.lift(0.0381051177665153).mul_add(t3_102, t3_101);
-        let t3_104 = (-t1_154).mul_add(t3_35, t3_103);
-        let t3_105 = inv_pivot_1 * t3_104;
-        let t3_106 = t1_183 * t3_91;
-        let t3_107 = (-t1_150).mul_add(t3_61, t3_106);
-        let t3_108 = sin_e1x * t3_58;
-        let t3_109 = like.lift(-0.0381051177665153).mul_add(t3_108, t3_107);
-        let t3_110 = (-t1_154).mul_add(t3_54, t3_109);
-        let t3_111 = inv_pivot_1 * t3_110;
-        let t3_112 = -t3_32;
-        let t3_113 = -t3_30;
-        let t3_114 = -t3_49;
-        let t3_115 = -pivot_8;
+        let t3_1 = (-t2_220).mul_add(t2_172, t2_223);
+        let t3_2 = t2_221.mul_add(t2_177, t3_1);
+        let t3_3 = t2_220 * t2_192;
+        let t3_4 = t2_221.mul_add(t2_197, t3_3);
+        let t3_5 = (-t3_2).mul_add(t2_204, t3_4);
+        let t3_6 = t3_5 * inv_pivot_8;
+        let t3_7 = t2_184.mul_add(t3_6, t3_2);
+        let t3_8 = inv_pivot_7 * t3_7;
+        let t3_9 = t2_163.mul_add(t3_8, t2_221);
+        let t3_10 = (-t2_183).mul_add(t3_6, t3_9);
+        let t3_11 = inv_pivot_6 * t3_10;
+        let t3_12 = t2_137.mul_add(t3_11, t2_220);
+        let t3_13 = t2_162.mul_add(t3_8, t3_12);
+        let t3_14 = like.lift(0.066).mul_add(t3_6, t3_13);
+        let t3_15 = inv_pivot_5 * t3_14;
+        let t3_16 = (-t2_122).mul_add(t2_138, t2_125);
+        let t3_17 = (-t2_122).mul_add(t2_140, t2_117);
+        let t3_18 = (-t3_17).mul_add(t2_143, t3_16);
+        let t3_19 = t3_18 * t2_177;
+        let t3_20 = (-t2_122).mul_add(t2_185, t2_88);
+        let t3_21 = (-t3_17).mul_add(t2_188, t3_20);
+        let t3_22 = t3_18.mul_add(t2_197, t3_21);
+        let t3_23 = (-t3_19).mul_add(t2_204, t3_22);
+        let t3_24 = t3_23 * inv_pivot_8;
+        let t3_25 = t2_184.mul_add(t3_24, t3_19);
+        let t3_26 = inv_pivot_7 * t3_25;
+        let t3_27 = t2_163.mul_add(t3_26, t3_18);
+        let t3_28 = (-t2_183).mul_add(t3_24, t3_27);
+        let t3_29 = inv_pivot_6 * t3_28;
+        let t3_30 = t2_137 * t3_29;
+        let t3_31 = t2_162.mul_add(t3_26, t3_30);
+        let t3_32 = like.lift(0.066).mul_add(t3_24, t3_31);
+        let t3_33 = inv_pivot_5 * t3_32;
+        let t3_34 = -t3_33;
+        let t3_35 = -t3_11;
+        let t3_36 = -t3_26;
+        let t3_37 = -t3_6;
+        let t3_38 = t2_129.mul_add(t2_217, t2_133);
+        let t3_39 = (-t2_136).mul_add(t2_213, t3_38);
+        let t3_40 = (-t2_161).mul_add(t2_210, t3_39);
+        let t3_41 = inv_pivot_2 * t3_40;
+        let t3_42 = t2_129.mul_add(t3_15, t2_219);
+        let t3_43 = t2_136.mul_add(t3_11, t3_42);
+        let t3_44 = (-t2_161).mul_add(t3_8, t3_43);
+        let t3_45 = inv_pivot_2 * t3_44;
+        let t3_46 = t2_129 * t3_33;
+        let t3_47 = t2_136.mul_add(t3_29, t3_46);
+        let t3_48 = (-t2_161).mul_add(t3_26, t3_47);
+        let t3_49 = inv_pivot_2 * t3_48;
+        let t3_50 = -t3_49;
+        let t3_51 = sin_e1x * t2_210;
+        let t3_52 = like.lift(0.0381051177665153) * t3_51;
+        let t3_53 = t1_183.mul_add(t3_41, t2_104);
+        let t3_54 = (-t1_150).mul_add(t2_217, t3_53);
+        let t3_55 = t1_154.mul_add(t2_213, t3_54);
+        let t3_56 = t3_52 - t3_55;
+        let t3_57 = inv_pivot_1 * t3_56;
+        let t3_58 = sin_e1x * t3_8;
+        let t3_59 = like.lift(0.0381051177665153) * t3_58;
+        let t3_60 = (-t1_183).mul_add(t3_45, t2_108);
+        let t3_61 = t1_150.mul_add(t3_15, t3_60);
+        let t3_62 = t1_154.mul_add(t3_11, t3_61);
+        let t3_63 = t3_59 + t3_62;
+        let t3_64 = inv_pivot_1 * t3_63;
+        let t3_65 = sin_e1x * t3_26;
+        let t3_66 = like.lift(0.0381051177665153) * t3_65;
+        let t3_67 = t1_183 * t3_49;
+        let t3_68 = (-t1_150).mul_add(t3_33, t3_67);
+        let t3_69 = (-t1_154).mul_add(t3_29, t3_68);
+        let t3_70 = t3_66 - t3_69;
+        let t3_71 = inv_pivot_1 * t3_70;
+        let t3_72 = -t3_71;
+        let t3_73 = t2_146.mul_add(t2_217, t2_150);
+        let t3_74 = (-t2_141).mul_add(t2_213, t3_73);
+        let t3_75 = (-t2_156).mul_add(t2_210, t3_74);
+        let t3_76 = inv_pivot_4 * t3_75;
+        let t3_77 = t2_146 * t3_15;
+        let t3_78 = t2_141.mul_add(t3_11, t3_77);
+        let t3_79 = (-t2_156).mul_add(t3_8, t3_78);
+        let t3_80 = inv_pivot_4 * t3_79;
+        let t3_81 = (-t2_146).mul_add(t3_33, t3_17);
+        let t3_82 = (-t2_141).mul_add(t3_29, t3_81);
+        let t3_83 = t2_156.mul_add(t3_26, t3_82);
+        let t3_84 = inv_pivot_4 * t3_83;
+        let t3_85 = t2_58.mul_add(t3_76, t2_118);
+        let t3_86 = (-t2_39).mul_add(t2_217, t3_85);
+        let t3_87 = t2_41.mul_add(t2_213, t3_86);
+        let t3_88 = t3_87 + t3_52;
+        let t3_89 = inv_pivot_3 * t3_88;
+        let t3_90 = t2_58 * t3_80;
+        let t3_91 = (-t2_39).mul_add(t3_15, t3_90);
+        let t3_92 = (-t2_41).mul_add(t3_11, t3_91);
+        let t3_93 = t3_92 + t3_59;
+        let t3_94 = inv_pivot_3 * t3_93;
+        let t3_95 = (-t2_58).mul_add(t3_84, t2_122);
+        let t3_96 = (-t2_39).mul_add(t3_33, t3_95);
+        let t3_97 = (-t2_41).mul_add(t3_29, t3_96);
+        let t3_98 = t3_97 + t3_66;
+        let t3_99 = inv_pivot_3 * t3_98;
+        let t3_100 = -t3_99;
+        let t3_101 = -pivot_7;
+        let t3_102 = -pivot_8;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(0.9580029161088279)).abs()
             .min((pivot_2 * like.lift(0.9018719688103075)).abs())
-            .min((t1_213 * like.lift(1.923718077658978)).abs())
-            .min((pivot_4 * like.lift(1.019503733280847)).abs())
-            .min((pivot_5 * like.lift(0.9467672644948026)).abs())
-            .min((pivot_6 * like.lift(0.8116685504320711)).abs())
-            .min((pivot_7 * like.lift(1.060112577367453)).abs())
-            .min((t3_115 * like.lift(0.697347665033695)).abs());
+            .min((t2_62 * like.lift(0.9441016894903256)).abs())
+            .min((pivot_4 * like.lift(0.7930813430566414)).abs())
+            .min((pivot_5 * like.lift(0.9552290039283993)).abs())
+            .min((pivot_6 * like.lift(0.6503970605951934)).abs())
+            .min((t3_101 * like.lift(1.8878245740206896)).abs())
+            .min((t3_102 * like.lift(1.0933635968062305)).abs());
         let ([
             [x_u1_1_q1, x_u1_1_q2, x_u1_1_q3], [x_u1_2_q1, x_u1_2_q2, x_u1_2_q3],
             [x_e1y_q1, x_e1y_q2, x_e1y_q3], [x_e1x_q1, x_e1x_q2, x_e1x_q3],
@@ -9994,9 +9220,9 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
             [x_u3_1_q1, x_u3_1_q2, x_u3_1_q3], [x_u3_2_q1, x_u3_2_q2, x_u3_2_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t3_9, t3_42, t3_62], [t3_2, t3_35, t3_54], [t3_63, t3_39, t3_64],
-                [t3_69, t3_74, t3_79], [t3_83, t3_87, t3_92], [t3_99, t3_105, t3_111],
-                [t2_224, t3_112, t3_51], [t2_222, t3_113, t3_114],
+                [t2_217, t3_15, t3_34], [t2_213, t3_35, t3_29], [t2_210, t3_8, t3_36],
+                [t2_208, t3_37, t3_24], [t3_41, t3_45, t3_50], [t3_57, t3_64, t3_72],
+                [t3_76, t3_80, t3_84], [t3_89, t3_94, t3_100],
             ],
             margin,
             || (
@@ -10004,17 +9230,17 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
                     [t1_67, t1_68, t1_69, like.lift(0.0), t1_141, t1_147, like.lift(0.0), like.lift(0.0)],
                     [t1_151, t1_154, t1_155, like.lift(0.0), t1_183, pivot_1, like.lift(0.0), like.lift(0.0)],
                     [t1_192, t1_195, t1_196, like.lift(0.066), t1_198, t1_200, like.lift(0.0), like.lift(0.0)],
-                    [t1_208, t1_212, t1_212, t1_213, t1_219, t1_225, like.lift(0.0), like.lift(0.0)],
+                    [t1_208, t1_212, t1_212, t1_214, t1_220, t1_226, like.lift(0.0), like.lift(0.0)],
                     [t1_67, t1_68, t1_69, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_31, t2_38],
-                    [t2_40, t2_41, t1_153, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_58, t2_63],
-                    [t2_65, t2_66, t1_194, like.lift(0.066), like.lift(0.0), like.lift(0.0), t2_68, t2_71],
-                    [t2_79, t2_82, t2_82, t2_84, like.lift(0.0), like.lift(0.0), t2_90, t2_95],
+                    [t2_40, t2_41, t1_153, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_58, t2_62],
+                    [t2_64, t2_65, t1_194, like.lift(0.066), like.lift(0.0), like.lift(0.0), t2_67, t2_70],
+                    [t2_78, t2_81, t2_81, t2_83, like.lift(0.0), like.lift(0.0), t2_89, t2_94],
                 ],
                 [
-                    [t2_97, t2_101, like.lift(0.0)], [t2_106, t2_109, like.lift(0.0)],
-                    [t2_112, t2_114, like.lift(0.0)], [t1_208, t1_219, like.lift(0.0)],
-                    [t2_97, like.lift(0.0), t2_118], [t2_120, like.lift(0.0), t2_123],
-                    [t2_124, like.lift(0.0), t2_126], [t2_79, like.lift(0.0), t2_90],
+                    [t2_96, t2_100, like.lift(0.0)], [t2_105, t2_108, like.lift(0.0)],
+                    [t2_111, t2_113, like.lift(0.0)], [t1_208, t1_220, like.lift(0.0)],
+                    [t2_96, like.lift(0.0), t2_117], [t2_119, like.lift(0.0), t2_122],
+                    [t2_123, like.lift(0.0), t2_125], [t2_78, like.lift(0.0), t2_89],
                 ],
             ),
         );
@@ -10270,7 +9496,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
 /// - `qdd_r`: reference accelerations of the independent coordinates
 /// - `y`: column by column: Y phi = M qdd_r + C(q, qd) qd_r + g, with dM/dt - 2 C skew
 ///
-/// 1011 additions, 1554 multiplications, 8 divisions, 11 sines and cosines.
+/// 1011 additions, 1544 multiplications, 8 divisions, 11 sines and cosines.
 pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[T; 3], y: &mut [[T; 3]; 70]) -> Condition<T> {
     let like = q[0];
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
@@ -10278,7 +9504,7 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
     let [r_q1, r_q2, r_q3] = *qd_r;
     let [dr_q1, dr_q2, dr_q3] = *qdd_r;
     let mut condition = like.lift(1.0);
-    let mut kept = [like; 335];
+    let mut kept = [like; 332];
     // body crank1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
         let (sin_q1, cos_q1) = q1.sin_cos();
@@ -10477,83 +9703,83 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t2_147 = like.lift(0.5) * t2_146;
         let t2_148 = sin_e1x.mul_add(t2_143, t2_147);
         let t2_149 = -t2_148;
-        let pivot_3 = like.lift(0.8660254037844386) * t2_83;
-        let t2_150 = -pivot_3;
-        let t2_151 = t2_115 * t2_83;
-        let t2_152 = like.lift(0.8660254037844386) * t2_151;
-        let t2_153 = t2_14 * t2_83;
-        let t2_154 = like.lift(0.5).mul_add(t2_153, t2_152);
-        let t2_155 = (-t2_52).mul_add(t2_143, t2_154);
-        let t2_156 = -t2_155;
-        let t2_157 = t2_123 * t2_83;
-        let t2_158 = like.lift(0.8660254037844386) * t2_157;
-        let t2_159 = t2_80 * t2_83;
-        let t2_160 = like.lift(0.5).mul_add(t2_159, t2_158);
-        let t2_161 = (-t2_83).mul_add(t2_143, t2_160);
-        let t2_162 = -t2_161;
-        let t2_163 = t2_7 + t2_13;
-        let t2_164 = t2_35 + t2_36;
-        let t2_165 = t2_34 + t2_164;
+        let t2_150 = like.lift(0.8660254037844386) * t2_83;
+        let t2_151 = -t2_150;
+        let t2_152 = t2_115 * t2_83;
+        let t2_153 = like.lift(0.8660254037844386) * t2_152;
+        let t2_154 = t2_14 * t2_83;
+        let t2_155 = like.lift(0.5).mul_add(t2_154, t2_153);
+        let t2_156 = (-t2_52).mul_add(t2_143, t2_155);
+        let t2_157 = -t2_156;
+        let t2_158 = t2_123 * t2_83;
+        let t2_159 = like.lift(0.8660254037844386) * t2_158;
+        let t2_160 = t2_80 * t2_83;
+        let t2_161 = like.lift(0.5).mul_add(t2_160, t2_159);
+        let t2_162 = (-t2_83).mul_add(t2_143, t2_161);
+        let t2_163 = -t2_162;
+        let t2_164 = t2_7 + t2_13;
+        let t2_165 = t2_35 + t2_36;
+        let t2_166 = t2_34 + t2_165;
         let (sin_q3, cos_q3) = q3.sin_cos();
-        let t2_166 = t2_39 + t2_40;
-        let t2_167 = cos_q3 * t2_166;
-        let t2_168 = (-sin_q3).mul_add(t2_27, t2_167);
-        let t2_169 = like.lift(0.524).mul_add(t2_168, t2_165);
+        let t2_167 = t2_39 + t2_40;
+        let t2_168 = cos_q3 * t2_167;
+        let t2_169 = (-sin_q3).mul_add(t2_27, t2_168);
+        let t2_170 = like.lift(0.524).mul_add(t2_169, t2_166);
         let (sin_u3_2, cos_u3_2) = u3_2.sin_cos();
         let (sin_u3_1, cos_u3_1) = u3_1.sin_cos();
-        let t2_170 = sin_u3_1 * t2_168;
-        let t2_171 = sin_q3 * t2_166;
-        let t2_172 = cos_q3.mul_add(t2_27, t2_171);
-        let t2_173 = cos_u3_1.mul_add(t2_172, t2_170);
-        let t2_174 = cos_u3_2 * t2_173;
-        let t2_175 = t2_50 - t2_51;
-        let t2_176 = sin_u3_2.mul_add(t2_175, t2_174);
-        let t2_177 = like.lift(1.244).mul_add(t2_176, t2_169);
-        let t2_178 = t2_169 - t2_177;
-        let t2_179 = t2_163 * t2_178;
-        let t2_180 = t2_60 - t2_61;
-        let t2_181 = t2_59 + t2_180;
-        let t2_182 = t2_64 - t2_65;
-        let t2_183 = cos_q3 * t2_182;
-        let t2_184 = sin_q3.mul_add(t2_32, t2_183);
-        let t2_185 = like.lift(0.524).mul_add(t2_184, t2_181);
-        let t2_186 = sin_u3_1 * t2_184;
-        let t2_187 = sin_q3 * t2_182;
-        let t2_188 = (-cos_q3).mul_add(t2_32, t2_187);
-        let t2_189 = cos_u3_1.mul_add(t2_188, t2_186);
-        let t2_190 = cos_u3_2 * t2_189;
-        let t2_191 = sin_u3_2.mul_add(t2_163, t2_190);
-        let t2_192 = like.lift(1.244).mul_add(t2_191, t2_185);
-        let t2_193 = t2_185 - t2_192;
-        let t2_194 = (-t2_175).mul_add(t2_193, t2_179);
-        let t2_195 = cos_u3_1 * t2_184;
-        let t2_196 = (-sin_u3_1).mul_add(t2_188, t2_195);
-        let t2_197 = t2_196 * t2_178;
-        let t2_198 = cos_u3_1 * t2_168;
-        let t2_199 = (-sin_u3_1).mul_add(t2_172, t2_198);
-        let t2_200 = (-t2_199).mul_add(t2_193, t2_197);
-        let t2_201 = -t2_200;
-        let t2_202 = u_e1x_u1_1y + t2_86;
-        let t2_203 = -t2_202;
-        let t2_204 = u_e1x_u1_2y + t2_90;
-        let t2_205 = t2_98 - t2_99;
-        let t2_206 = t2_97 + t2_205;
-        let t2_207 = t2_102 - t2_103;
-        let t2_208 = cos_q3 * t2_207;
-        let t2_209 = (-sin_q3).mul_add(t2_96, t2_208);
-        let t2_210 = like.lift(0.524).mul_add(t2_209, t2_206);
-        let t2_211 = sin_u3_1 * t2_209;
-        let t2_212 = sin_q3 * t2_207;
-        let t2_213 = cos_q3.mul_add(t2_96, t2_212);
-        let t2_214 = cos_u3_1.mul_add(t2_213, t2_211);
-        let t2_215 = cos_u3_2 * t2_214;
-        let t2_216 = t2_113 + t2_114;
-        let t2_217 = sin_u3_2.mul_add(t2_216, t2_215);
-        let t2_218 = like.lift(1.244).mul_add(t2_217, t2_210);
-        let t2_219 = t2_210 - t2_218;
-        let t2_220 = t2_175 * t2_219;
-        let t2_221 = (-t2_216).mul_add(t2_178, t2_220);
-        let t2_222 = t2_199 * t2_219;
+        let t2_171 = sin_u3_1 * t2_169;
+        let t2_172 = sin_q3 * t2_167;
+        let t2_173 = cos_q3.mul_add(t2_27, t2_172);
+        let t2_174 = cos_u3_1.mul_add(t2_173, t2_171);
+        let t2_175 = cos_u3_2 * t2_174;
+        let t2_176 = t2_50 - t2_51;
+        let t2_177 = sin_u3_2.mul_add(t2_176, t2_175);
+        let t2_178 = like.lift(1.244).mul_add(t2_177, t2_170);
+        let t2_179 = t2_170 - t2_178;
+        let t2_180 = t2_164 * t2_179;
+        let t2_181 = t2_60 - t2_61;
+        let t2_182 = t2_59 + t2_181;
+        let t2_183 = t2_64 - t2_65;
+        let t2_184 = cos_q3 * t2_183;
+        let t2_185 = sin_q3.mul_add(t2_32, t2_184);
+        let t2_186 = like.lift(0.524).mul_add(t2_185, t2_182);
+        let t2_187 = sin_u3_1 * t2_185;
+        let t2_188 = sin_q3 * t2_183;
+        let t2_189 = (-cos_q3).mul_add(t2_32, t2_188);
+        let t2_190 = cos_u3_1.mul_add(t2_189, t2_187);
+        let t2_191 = cos_u3_2 * t2_190;
+        let t2_192 = sin_u3_2.mul_add(t2_164, t2_191);
+        let t2_193 = like.lift(1.244).mul_add(t2_192, t2_186);
+        let t2_194 = t2_186 - t2_193;
+        let t2_195 = (-t2_176).mul_add(t2_194, t2_180);
+        let t2_196 = cos_u3_1 * t2_185;
+        let t2_197 = (-sin_u3_1).mul_add(t2_189, t2_196);
+        let t2_198 = t2_197 * t2_179;
+        let t2_199 = cos_u3_1 * t2_169;
+        let t2_200 = (-sin_u3_1).mul_add(t2_173, t2_199);
+        let t2_201 = (-t2_200).mul_add(t2_194, t2_198);
+        let t2_202 = -t2_201;
+        let t2_203 = u_e1x_u1_1y + t2_86;
+        let t2_204 = -t2_203;
+        let t2_205 = u_e1x_u1_2y + t2_90;
+        let t2_206 = t2_98 - t2_99;
+        let t2_207 = t2_97 + t2_206;
+        let t2_208 = t2_102 - t2_103;
+        let t2_209 = cos_q3 * t2_208;
+        let t2_210 = (-sin_q3).mul_add(t2_96, t2_209);
+        let t2_211 = like.lift(0.524).mul_add(t2_210, t2_207);
+        let t2_212 = sin_u3_1 * t2_210;
+        let t2_213 = sin_q3 * t2_208;
+        let t2_214 = cos_q3.mul_add(t2_96, t2_213);
+        let t2_215 = cos_u3_1.mul_add(t2_214, t2_212);
+        let t2_216 = cos_u3_2 * t2_215;
+        let t2_217 = t2_113 + t2_114;
+        let t2_218 = sin_u3_2.mul_add(t2_217, t2_216);
+        let t2_219 = like.lift(1.244).mul_add(t2_218, t2_211);
+        let t2_220 = t2_211 - t2_219;
+        let t2_221 = t2_176 * t2_220;
+        let t2_222 = (-t2_217).mul_add(t2_179, t2_221);
+        let t2_223 = t2_200 * t2_220;
         kept[4] = sin_u1_2;
         kept[5] = cos_u1_2;
         kept[6] = w_u1_1x;
@@ -10627,45 +9853,46 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         kept[74] = t2_148;
         kept[75] = t2_149;
         kept[76] = t2_150;
-        kept[77] = t2_155;
+        kept[77] = t2_151;
         kept[78] = t2_156;
-        kept[79] = t2_161;
+        kept[79] = t2_157;
         kept[80] = t2_162;
         kept[81] = t2_163;
-        kept[82] = t2_165;
-        kept[83] = sin_q3;
-        kept[84] = cos_q3;
-        kept[85] = t2_168;
-        kept[86] = sin_u3_2;
-        kept[87] = cos_u3_2;
-        kept[88] = sin_u3_1;
-        kept[89] = cos_u3_1;
-        kept[90] = t2_175;
+        kept[82] = t2_164;
+        kept[83] = t2_166;
+        kept[84] = sin_q3;
+        kept[85] = cos_q3;
+        kept[86] = t2_169;
+        kept[87] = sin_u3_2;
+        kept[88] = cos_u3_2;
+        kept[89] = sin_u3_1;
+        kept[90] = cos_u3_1;
         kept[91] = t2_176;
         kept[92] = t2_177;
         kept[93] = t2_178;
-        kept[94] = t2_181;
-        kept[95] = t2_184;
-        kept[96] = t2_191;
+        kept[94] = t2_179;
+        kept[95] = t2_182;
+        kept[96] = t2_185;
         kept[97] = t2_192;
         kept[98] = t2_193;
         kept[99] = t2_194;
-        kept[100] = t2_196;
-        kept[101] = t2_199;
+        kept[100] = t2_195;
+        kept[101] = t2_197;
         kept[102] = t2_200;
         kept[103] = t2_201;
         kept[104] = t2_202;
         kept[105] = t2_203;
         kept[106] = t2_204;
-        kept[107] = t2_206;
-        kept[108] = t2_209;
-        kept[109] = t2_213;
-        kept[110] = t2_216;
+        kept[107] = t2_205;
+        kept[108] = t2_207;
+        kept[109] = t2_210;
+        kept[110] = t2_214;
         kept[111] = t2_217;
         kept[112] = t2_218;
         kept[113] = t2_219;
-        kept[114] = t2_221;
+        kept[114] = t2_220;
         kept[115] = t2_222;
+        kept[116] = t2_223;
     }
     // loops: solve with A_e (Eq. 8, 10)
     {
@@ -10689,7 +9916,6 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t2_63 = kept[35];
         let t2_76 = kept[38];
         let t2_78 = kept[39];
-        let t2_83 = kept[41];
         let t2_84 = kept[42];
         let t2_86 = kept[44];
         let t2_87 = kept[45];
@@ -10719,381 +9945,371 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t2_148 = kept[74];
         let t2_149 = kept[75];
         let t2_150 = kept[76];
-        let t2_155 = kept[77];
+        let t2_151 = kept[77];
         let t2_156 = kept[78];
-        let t2_161 = kept[79];
+        let t2_157 = kept[79];
         let t2_162 = kept[80];
         let t2_163 = kept[81];
-        let t2_165 = kept[82];
-        let sin_u3_1 = kept[88];
-        let cos_u3_1 = kept[89];
-        let t2_175 = kept[90];
-        let t2_177 = kept[92];
+        let t2_164 = kept[82];
+        let t2_166 = kept[83];
+        let sin_u3_1 = kept[89];
+        let cos_u3_1 = kept[90];
+        let t2_176 = kept[91];
         let t2_178 = kept[93];
-        let t2_181 = kept[94];
-        let t2_192 = kept[97];
+        let t2_179 = kept[94];
+        let t2_182 = kept[95];
         let t2_193 = kept[98];
         let t2_194 = kept[99];
-        let t2_196 = kept[100];
-        let t2_199 = kept[101];
+        let t2_195 = kept[100];
+        let t2_197 = kept[101];
         let t2_200 = kept[102];
         let t2_201 = kept[103];
         let t2_202 = kept[104];
         let t2_203 = kept[105];
         let t2_204 = kept[106];
-        let t2_206 = kept[107];
-        let t2_209 = kept[108];
-        let t2_213 = kept[109];
-        let t2_216 = kept[110];
-        let t2_218 = kept[112];
+        let t2_205 = kept[107];
+        let t2_207 = kept[108];
+        let t2_210 = kept[109];
+        let t2_214 = kept[110];
+        let t2_217 = kept[111];
         let t2_219 = kept[113];
-        let t2_221 = kept[114];
+        let t2_220 = kept[114];
         let t2_222 = kept[115];
-        let t3_1 = cos_u3_1 * t2_209;
-        let t3_2 = (-sin_u3_1).mul_add(t2_213, t3_1);
-        let t3_3 = (-t3_2).mul_add(t2_178, t2_222);
-        let t3_4 = -t3_3;
-        let t3_5 = t2_126 + t2_127;
-        let t3_6 = u_platform_u1_1z + t3_5;
-        let t3_7 = u_e1x_u1_2z + t2_131;
-        let t3_8 = t2_216 * t2_193;
-        let t3_9 = (-t2_163).mul_add(t2_219, t3_8);
-        let t3_10 = t3_2 * t2_193;
-        let t3_11 = (-t2_196).mul_add(t2_219, t3_10);
-        let t3_12 = -t3_11;
-        let t3_13 = cos_u1_2_e1y * t2_199;
-        let t3_14 = like.lift(0.8660254037844386) * t3_13;
-        let t3_15 = e_e1x_q1y * t2_199;
-        let t3_16 = like.lift(-0.5).mul_add(t3_15, t3_14);
-        let t3_17 = like.lift(0.8660254037844386) * t3_2;
-        let t3_18 = like.lift(-0.5).mul_add(t2_196, t3_17);
-        let t3_19 = (-e_e1x_q1z).mul_add(t3_18, t3_16);
-        let t3_20 = -t3_19;
-        let t3_21 = cos_e1x * t2_199;
-        let t3_22 = like.lift(0.5) * t3_21;
-        let t3_23 = (-sin_e1x).mul_add(t3_18, t3_22);
-        let t3_24 = like.lift(0.8660254037844386) * t2_199;
-        let t3_25 = -t3_24;
-        let t3_26 = t2_216 * t2_199;
-        let t3_27 = like.lift(0.8660254037844386) * t3_26;
-        let t3_28 = t2_163 * t2_199;
-        let t3_29 = like.lift(-0.5).mul_add(t3_28, t3_27);
-        let t3_30 = (-t2_175).mul_add(t3_18, t3_29);
-        let t3_31 = -t3_30;
-        let t3_32 = t3_2 * t2_199;
-        let t3_33 = like.lift(0.8660254037844386) * t3_32;
-        let t3_34 = t2_196 * t2_199;
-        let t3_35 = like.lift(-0.5).mul_add(t3_34, t3_33);
-        let t3_36 = (-t2_199).mul_add(t3_18, t3_35);
-        let t3_37 = cos_u1_1 * sin_u1_2_e1y;
-        let u_e1y_q1x = like.lift(0.524) * t3_37;
+        let t2_223 = kept[116];
+        let t3_1 = cos_u3_1 * t2_210;
+        let t3_2 = (-sin_u3_1).mul_add(t2_214, t3_1);
+        let pivot_3 = (-t3_2).mul_add(t2_179, t2_223);
+        let t3_3 = -pivot_3;
+        let t3_4 = t2_126 + t2_127;
+        let t3_5 = u_platform_u1_1z + t3_4;
+        let t3_6 = u_e1x_u1_2z + t2_131;
+        let t3_7 = t2_217 * t2_194;
+        let t3_8 = (-t2_164).mul_add(t2_220, t3_7);
+        let t3_9 = t3_2 * t2_194;
+        let t3_10 = (-t2_197).mul_add(t2_220, t3_9);
+        let t3_11 = -t3_10;
+        let t3_12 = cos_u1_2_e1y * t2_200;
+        let t3_13 = like.lift(0.8660254037844386) * t3_12;
+        let t3_14 = e_e1x_q1y * t2_200;
+        let t3_15 = like.lift(-0.5).mul_add(t3_14, t3_13);
+        let t3_16 = like.lift(0.8660254037844386) * t3_2;
+        let t3_17 = like.lift(-0.5).mul_add(t2_197, t3_16);
+        let t3_18 = (-e_e1x_q1z).mul_add(t3_17, t3_15);
+        let t3_19 = -t3_18;
+        let t3_20 = cos_e1x * t2_200;
+        let t3_21 = like.lift(0.5) * t3_20;
+        let t3_22 = (-sin_e1x).mul_add(t3_17, t3_21);
+        let t3_23 = like.lift(0.8660254037844386) * t2_200;
+        let t3_24 = -t3_23;
+        let t3_25 = t2_217 * t2_200;
+        let t3_26 = like.lift(0.8660254037844386) * t3_25;
+        let t3_27 = t2_164 * t2_200;
+        let t3_28 = like.lift(-0.5).mul_add(t3_27, t3_26);
+        let t3_29 = (-t2_176).mul_add(t3_17, t3_28);
+        let t3_30 = -t3_29;
+        let t3_31 = t3_2 * t2_200;
+        let t3_32 = like.lift(0.8660254037844386) * t3_31;
+        let t3_33 = t2_197 * t2_200;
+        let t3_34 = like.lift(-0.5).mul_add(t3_33, t3_32);
+        let t3_35 = (-t2_200).mul_add(t3_17, t3_34);
+        let t3_36 = cos_u1_1 * sin_u1_2_e1y;
+        let u_e1y_q1x = like.lift(0.524) * t3_36;
         let u_platform_u1_1x = like.lift(0.044) * e_e1x_q1z;
         let u_platform_q1x = u_e1y_q1x - u_platform_u1_1x;
-        let t3_38 = like.lift(-0.022).mul_add(e_e1x_q1z, u_platform_q1x);
-        let t3_39 = t3_38 * r_q1;
-        let t3_40 = t2_38 - t2_54;
-        let t3_41 = t2_14 * t3_40;
-        let t3_42 = t2_63 - t2_76;
-        let t3_43 = (-t2_52).mul_add(t3_42, t3_41);
-        let t3_44 = t3_43.mul_add(r_q2, t3_39);
-        let t3_45 = -t3_44;
+        let t3_37 = like.lift(-0.022).mul_add(e_e1x_q1z, u_platform_q1x);
+        let t3_38 = t3_37 * r_q1;
+        let t3_39 = t2_38 - t2_54;
+        let t3_40 = t2_14 * t3_39;
+        let t3_41 = t2_63 - t2_76;
+        let t3_42 = (-t2_52).mul_add(t3_41, t3_40);
+        let t3_43 = t3_42.mul_add(r_q2, t3_38);
+        let t3_44 = -t3_43;
         let u_u1_1_q1y = like.lift(0.524) * sin_u1_1;
         let u_e1y_u1_1y = like.lift(1.244) * cos_u1_2;
         let u_e1y_q1y = u_u1_1_q1y + u_e1y_u1_1y;
-        let t3_46 = cos_e1x * u_e1y_q1y;
-        let t3_47 = cos_u1_1 * cos_u1_2_e1y;
-        let t3_48 = sin_e1x * t3_47;
-        let u_e1x_q1y = like.lift(0.524).mul_add(t3_48, t3_46);
-        let t3_49 = u_e1x_q1y - t2_86;
-        let t3_50 = t3_49 * r_q1;
-        let t3_51 = t2_101 - t2_117;
-        let t3_52 = t2_52 * t3_51;
-        let t3_53 = (-t2_115).mul_add(t3_40, t3_52);
-        let t3_54 = (-t3_53).mul_add(r_q2, t3_50);
-        let t3_55 = sin_e1x * u_e1y_q1y;
-        let t3_56 = cos_e1x * t3_47;
-        let u_e1x_q1z = like.lift(-0.524).mul_add(t3_56, t3_55);
+        let t3_45 = cos_e1x * u_e1y_q1y;
+        let t3_46 = cos_u1_1 * cos_u1_2_e1y;
+        let t3_47 = sin_e1x * t3_46;
+        let u_e1x_q1y = like.lift(0.524).mul_add(t3_47, t3_45);
+        let t3_48 = u_e1x_q1y - t2_86;
+        let t3_49 = t3_48 * r_q1;
+        let t3_50 = t2_101 - t2_117;
+        let t3_51 = t2_52 * t3_50;
+        let t3_52 = (-t2_115).mul_add(t3_39, t3_51);
+        let t3_53 = (-t3_52).mul_add(r_q2, t3_49);
+        let t3_54 = sin_e1x * u_e1y_q1y;
+        let t3_55 = cos_e1x * t3_46;
+        let u_e1x_q1z = like.lift(-0.524).mul_add(t3_55, t3_54);
         let u_platform_q1z = u_e1x_q1z + t2_125;
-        let t3_57 = u_platform_q1z + t2_128;
-        let t3_58 = t3_57 * r_q1;
-        let t3_59 = t2_115 * t3_42;
-        let t3_60 = (-t2_14).mul_add(t3_51, t3_59);
-        let t3_61 = t3_60.mul_add(r_q2, t3_58);
-        let t3_62 = -t3_61;
-        let t3_63 = t2_144 * r_q1;
-        let t3_64 = t2_155.mul_add(r_q2, t3_63);
-        let t3_65 = t2_165 - t2_177;
-        let t3_66 = t2_163 * t3_65;
-        let t3_67 = t2_181 - t2_192;
-        let t3_68 = (-t2_175).mul_add(t3_67, t3_66);
-        let t3_69 = t3_68.mul_add(r_q3, t3_39);
-        let t3_70 = -t3_69;
-        let t3_71 = u_e1x_q1y + t2_86;
-        let t3_72 = t3_71 * r_q1;
-        let t3_73 = t2_206 - t2_218;
-        let t3_74 = t2_175 * t3_73;
-        let t3_75 = (-t2_216).mul_add(t3_65, t3_74);
-        let t3_76 = (-t3_75).mul_add(r_q3, t3_72);
-        let t3_77 = u_platform_q1z + t3_5;
-        let t3_78 = t3_77 * r_q1;
-        let t3_79 = t2_216 * t3_67;
-        let t3_80 = (-t2_163).mul_add(t3_73, t3_79);
-        let t3_81 = t3_80.mul_add(r_q3, t3_78);
-        let t3_82 = -t3_81;
-        let t3_83 = t3_19 * r_q1;
-        let t3_84 = t3_30.mul_add(r_q3, t3_83);
+        let t3_56 = u_platform_q1z + t2_128;
+        let t3_57 = t3_56 * r_q1;
+        let t3_58 = t2_115 * t3_41;
+        let t3_59 = (-t2_14).mul_add(t3_50, t3_58);
+        let t3_60 = t3_59.mul_add(r_q2, t3_57);
+        let t3_61 = -t3_60;
+        let t3_62 = t2_144 * r_q1;
+        let t3_63 = t2_156.mul_add(r_q2, t3_62);
+        let t3_64 = t2_166 - t2_178;
+        let t3_65 = t2_164 * t3_64;
+        let t3_66 = t2_182 - t2_193;
+        let t3_67 = (-t2_176).mul_add(t3_66, t3_65);
+        let t3_68 = t3_67.mul_add(r_q3, t3_38);
+        let t3_69 = -t3_68;
+        let t3_70 = u_e1x_q1y + t2_86;
+        let t3_71 = t3_70 * r_q1;
+        let t3_72 = t2_207 - t2_219;
+        let t3_73 = t2_176 * t3_72;
+        let t3_74 = (-t2_217).mul_add(t3_64, t3_73);
+        let t3_75 = (-t3_74).mul_add(r_q3, t3_71);
+        let t3_76 = u_platform_q1z + t3_4;
+        let t3_77 = t3_76 * r_q1;
+        let t3_78 = t2_217 * t3_66;
+        let t3_79 = (-t2_164).mul_add(t3_72, t3_78);
+        let t3_80 = t3_79.mul_add(r_q3, t3_77);
+        let t3_81 = -t3_80;
+        let t3_82 = t3_18 * r_q1;
+        let t3_83 = t3_29.mul_add(r_q3, t3_82);
         let inv_pivot_1 = like.lift(1.0) / pivot_1;
-        let t3_85 = t2_137 * inv_pivot_1;
-        let t3_86 = t2_87.mul_add(t3_85, t2_129);
-        let t3_87 = t2_84 * inv_pivot_1;
-        let t3_88 = (-t2_87).mul_add(t3_87, t2_3);
-        let t3_89 = (-t2_120).mul_add(t3_85, t2_135);
-        let pivot_2 = (-t2_120).mul_add(t3_87, t2_78);
+        let t3_84 = t2_137 * inv_pivot_1;
+        let t3_85 = t2_87.mul_add(t3_84, t2_129);
+        let t3_86 = t2_84 * inv_pivot_1;
+        let t3_87 = (-t2_87).mul_add(t3_86, t2_3);
+        let t3_88 = (-t2_120).mul_add(t3_84, t2_135);
+        let pivot_2 = (-t2_120).mul_add(t3_86, t2_78);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t3_90 = t3_89 * inv_pivot_2;
-        let t3_91 = t3_88.mul_add(t3_90, t3_86);
-        let t3_92 = t2_161 * inv_pivot_1;
-        let t3_93 = t2_87.mul_add(t3_92, t2_144);
-        let t3_94 = (-t2_120).mul_add(t3_92, t2_155);
-        let t3_95 = t3_94 * inv_pivot_2;
-        let t3_96 = t3_88.mul_add(t3_95, t3_93);
-        let t3_97 = like.lift(1.0) / t2_83;
-        let t3_98 = t3_96 * t3_97;
-        let t3_99 = like.lift(0.0762102355330306) * t3_98;
-        let pivot_4 = t3_91 - t3_99;
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t3_100 = t3_85.mul_add(t3_54, t3_61);
-        let t3_101 = t3_87.mul_add(t3_54, t3_44);
-        let t3_102 = (-t3_90).mul_add(t3_101, t3_100);
-        let t3_103 = t3_92.mul_add(t3_54, t3_64);
-        let t3_104 = (-t3_95).mul_add(t3_101, t3_103);
-        let t3_105 = t3_97 * t3_104;
-        let t3_106 = like.lift(0.0762102355330306) * t3_105;
-        let t3_107 = t3_102 - t3_106;
-        let t3_108 = sin_e1x * t3_85;
-        let t3_109 = like.lift(-0.0381051177665153).mul_add(t3_108, t2_131);
-        let t3_110 = sin_e1x * t3_87;
-        let t3_111 = like.lift(0.0381051177665153).mul_add(t3_110, t2_6);
-        let t3_112 = t3_111.mul_add(t3_90, t3_109);
-        let t3_113 = sin_e1x * t3_92;
-        let t3_114 = like.lift(0.0381051177665153).mul_add(t3_113, t2_148);
-        let t3_115 = (-t3_111).mul_add(t3_95, t3_114);
-        let t3_116 = t3_115 * t3_97;
-        let t3_117 = like.lift(0.0762102355330306) * t3_116;
-        let t3_118 = t3_112 + t3_117;
-        let t3_119 = t2_199 * t3_97;
-        let t3_120 = t3_115.mul_add(t3_119, t3_23);
-        let t3_121 = (-t3_96).mul_add(t3_119, t3_19);
-        let t3_122 = t3_121 * inv_pivot_4;
-        let pivot_5 = (-t3_118).mul_add(t3_122, t3_120);
+        let t3_89 = t3_88 * inv_pivot_2;
+        let pivot_5 = t3_87.mul_add(t3_89, t3_85);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t3_123 = (-t3_119).mul_add(t3_104, t3_84);
-        let t3_124 = (-t3_122).mul_add(t3_107, t3_123);
-        let t3_125 = (-t2_91).mul_add(t3_92, t2_148);
-        let t3_126 = (-t2_91).mul_add(t3_87, t2_5);
-        let t3_127 = (-t3_126).mul_add(t3_95, t3_125);
-        let t3_128 = t3_127.mul_add(t3_119, t3_23);
-        let t3_129 = (-t2_91).mul_add(t3_85, t2_132);
-        let t3_130 = (-t3_126).mul_add(t3_90, t3_129);
-        let t3_131 = t3_127 * t3_97;
-        let t3_132 = like.lift(0.0762102355330306) * t3_131;
-        let t3_133 = t3_130 - t3_132;
-        let t3_134 = t3_133.mul_add(t3_122, t3_128);
-        let t3_135 = e_e1x_q1z * inv_pivot_4;
-        let t3_136 = t3_133 * t3_135;
-        let t3_137 = like.lift(0.066).mul_add(t3_136, t2_5);
-        let t3_138 = t3_118 * t3_135;
-        let t3_139 = like.lift(-0.066).mul_add(t3_138, t2_6);
-        let t3_140 = t3_139 * inv_pivot_5;
-        let pivot_6 = (-t3_134).mul_add(t3_140, t3_137);
+        let t3_90 = t3_84.mul_add(t3_53, t3_60);
+        let t3_91 = t3_86.mul_add(t3_53, t3_43);
+        let t3_92 = (-t3_89).mul_add(t3_91, t3_90);
+        let t3_93 = (-t2_91).mul_add(t3_84, t2_132);
+        let t3_94 = (-t2_91).mul_add(t3_86, t2_5);
+        let t3_95 = (-t3_94).mul_add(t3_89, t3_93);
+        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let t3_96 = t3_10 * inv_pivot_3;
+        let t3_97 = (-t2_205).mul_add(t3_96, t3_6);
+        let t3_98 = t2_201 * inv_pivot_3;
+        let t3_99 = (-t2_205).mul_add(t3_98, t2_5);
+        let t3_100 = (-t2_222).mul_add(t3_96, t3_8);
+        let pivot_4 = (-t2_222).mul_add(t3_98, t2_195);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t3_101 = t3_100 * inv_pivot_4;
+        let t3_102 = (-t3_99).mul_add(t3_101, t3_97);
+        let t3_103 = t2_203.mul_add(t3_96, t3_5);
+        let t3_104 = (-t2_203).mul_add(t3_98, t2_3);
+        let t3_105 = t3_104.mul_add(t3_101, t3_103);
+        let t3_106 = t3_105 * inv_pivot_5;
+        let pivot_6 = (-t3_95).mul_add(t3_106, t3_102);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t3_141 = t3_135 * t3_107;
-        let t3_142 = like.lift(0.066).mul_add(t3_141, t3_69);
-        let t3_143 = t3_140.mul_add(t3_124, t3_142);
-        let t3_144 = t3_30 * t3_140;
-        let t3_145 = t2_194 + t3_144;
-        let t3_146 = t2_131 - t3_117;
-        let t3_147 = t3_6 - t3_99;
-        let t3_148 = t3_147 * inv_pivot_4;
-        let t3_149 = t3_118.mul_add(t3_148, t3_146);
-        let t3_150 = t3_149 * inv_pivot_5;
-        let t3_151 = t3_30 * t3_150;
-        let t3_152 = t3_9 + t3_151;
-        let t3_153 = t3_7 - t3_132;
-        let t3_154 = (-t3_133).mul_add(t3_148, t3_153);
-        let t3_155 = (-t3_134).mul_add(t3_150, t3_154);
-        let t3_156 = t3_155 * inv_pivot_6;
-        let pivot_7 = (-t3_145).mul_add(t3_156, t3_152);
+        let t3_107 = t3_96.mul_add(t3_75, t3_80);
+        let t3_108 = t3_98.mul_add(t3_75, t3_68);
+        let t3_109 = (-t3_101).mul_add(t3_108, t3_107);
+        let t3_110 = (-t3_106).mul_add(t3_92, t3_109);
+        let t3_111 = sin_e1x * t3_96;
+        let t3_112 = like.lift(-0.0381051177665153).mul_add(t3_111, t2_131);
+        let t3_113 = sin_e1x * t3_98;
+        let t3_114 = like.lift(-0.0381051177665153).mul_add(t3_113, t2_6);
+        let t3_115 = (-t3_114).mul_add(t3_101, t3_112);
+        let t3_116 = sin_e1x * t3_84;
+        let t3_117 = like.lift(-0.0381051177665153).mul_add(t3_116, t2_131);
+        let t3_118 = sin_e1x * t3_86;
+        let t3_119 = like.lift(0.0381051177665153).mul_add(t3_118, t2_6);
+        let t3_120 = t3_119.mul_add(t3_89, t3_117);
+        let t3_121 = t3_120.mul_add(t3_106, t3_115);
+        let t3_122 = t2_162 * inv_pivot_1;
+        let t3_123 = sin_e1x * t3_122;
+        let t3_124 = like.lift(0.0381051177665153).mul_add(t3_123, t2_148);
+        let t3_125 = (-t2_120).mul_add(t3_122, t2_156);
+        let t3_126 = t3_125 * inv_pivot_2;
+        let t3_127 = (-t3_119).mul_add(t3_126, t3_124);
+        let t3_128 = t2_87.mul_add(t3_122, t2_144);
+        let t3_129 = t3_87.mul_add(t3_126, t3_128);
+        let t3_130 = t3_129 * inv_pivot_5;
+        let t3_131 = t3_120.mul_add(t3_130, t3_127);
+        let t3_132 = (-t2_91).mul_add(t3_122, t2_148);
+        let t3_133 = (-t3_94).mul_add(t3_126, t3_132);
+        let t3_134 = (-t3_95).mul_add(t3_130, t3_133);
+        let t3_135 = t3_134 * inv_pivot_6;
+        let pivot_7 = (-t3_121).mul_add(t3_135, t3_131);
         let inv_pivot_7 = like.lift(1.0) / pivot_7;
-        let t3_157 = t3_81 - t3_106;
-        let t3_158 = (-t3_148).mul_add(t3_107, t3_157);
-        let t3_159 = t3_150.mul_add(t3_124, t3_158);
-        let t3_160 = (-t3_156).mul_add(t3_143, t3_159);
-        let t3_161 = t3_36.mul_add(t3_150, t3_11);
-        let t3_162 = t3_36.mul_add(t3_140, t2_200);
-        let t3_163 = (-t3_162).mul_add(t3_156, t3_161);
-        let t3_164 = t2_202 * inv_pivot_4;
-        let t3_165 = (-t3_118).mul_add(t3_164, t2_90);
-        let t3_166 = t3_165 * inv_pivot_5;
-        let t3_167 = t3_36.mul_add(t3_166, t3_3);
-        let t3_168 = t3_133.mul_add(t3_164, t2_204);
-        let t3_169 = (-t3_134).mul_add(t3_166, t3_168);
-        let t3_170 = t3_169 * inv_pivot_6;
-        let t3_171 = (-t3_162).mul_add(t3_170, t3_167);
-        let t3_172 = t3_30 * t3_166;
-        let t3_173 = t2_221 + t3_172;
-        let t3_174 = (-t3_145).mul_add(t3_170, t3_173);
-        let t3_175 = t3_174 * inv_pivot_7;
-        let pivot_8 = (-t3_163).mul_add(t3_175, t3_171);
+        let t3_136 = t3_122.mul_add(t3_53, t3_63);
+        let t3_137 = (-t3_126).mul_add(t3_91, t3_136);
+        let t3_138 = (-t3_130).mul_add(t3_92, t3_137);
+        let t3_139 = (-t3_135).mul_add(t3_110, t3_138);
+        let t3_140 = like.lift(-0.066).mul_add(t3_130, t2_150);
+        let t3_141 = like.lift(-0.066).mul_add(t3_106, like.lift(0.066));
+        let t3_142 = (-t3_141).mul_add(t3_135, t3_140);
+        let t3_143 = t3_35 * inv_pivot_3;
+        let t3_144 = t2_203.mul_add(t3_143, t3_18);
+        let t3_145 = (-t2_222).mul_add(t3_143, t3_29);
+        let t3_146 = t3_145 * inv_pivot_4;
+        let t3_147 = t3_104.mul_add(t3_146, t3_144);
+        let t3_148 = t3_147 * inv_pivot_5;
+        let t3_149 = like.lift(-0.066).mul_add(t3_148, t3_23);
+        let t3_150 = t2_205.mul_add(t3_143, t3_22);
+        let t3_151 = t3_99.mul_add(t3_146, t3_150);
+        let t3_152 = t3_95.mul_add(t3_148, t3_151);
+        let t3_153 = t3_152 * inv_pivot_6;
+        let t3_154 = t3_141.mul_add(t3_153, t3_149);
+        let t3_155 = sin_e1x * t3_143;
+        let t3_156 = like.lift(0.0381051177665153).mul_add(t3_155, t3_22);
+        let t3_157 = t3_114.mul_add(t3_146, t3_156);
+        let t3_158 = (-t3_120).mul_add(t3_148, t3_157);
+        let t3_159 = (-t3_121).mul_add(t3_153, t3_158);
+        let t3_160 = t3_159 * inv_pivot_7;
+        let pivot_8 = t3_142.mul_add(t3_160, t3_154);
         let inv_pivot_8 = like.lift(1.0) / pivot_8;
-        let t3_176 = (-t3_164).mul_add(t3_107, t3_76);
-        let t3_177 = (-t3_166).mul_add(t3_124, t3_176);
-        let t3_178 = t3_170.mul_add(t3_143, t3_177);
-        let t3_179 = t3_175.mul_add(t3_160, t3_178);
-        let t3_180 = inv_pivot_8 * t3_179;
-        let t3_181 = t3_163.mul_add(t3_180, t3_160);
-        let t3_182 = inv_pivot_7 * t3_181;
-        let t3_183 = (-t3_145).mul_add(t3_182, t3_143);
-        let t3_184 = t3_162.mul_add(t3_180, t3_183);
-        let t3_185 = inv_pivot_6 * t3_184;
-        let t3_186 = t3_134.mul_add(t3_185, t3_124);
-        let t3_187 = (-t3_30).mul_add(t3_182, t3_186);
-        let t3_188 = t3_36.mul_add(t3_180, t3_187);
-        let t3_189 = inv_pivot_5 * t3_188;
-        let t3_190 = (-t3_118).mul_add(t3_189, t3_107);
-        let t3_191 = (-t3_133).mul_add(t3_185, t3_190);
-        let t3_192 = inv_pivot_4 * t3_191;
-        let t3_193 = -t3_192;
-        let t3_194 = -t3_185;
-        let t3_195 = (-t3_96).mul_add(t3_192, t3_104);
-        let t3_196 = t3_115.mul_add(t3_189, t3_195);
-        let t3_197 = (-t3_127).mul_add(t3_185, t3_196);
-        let t3_198 = t3_97 * t3_197;
-        let t3_199 = like.lift(1.1547005383792515) * t3_198;
-        let t3_200 = -t3_199;
-        let t3_201 = t3_88.mul_add(t3_192, t3_101);
-        let t3_202 = t3_111.mul_add(t3_189, t3_201);
-        let t3_203 = (-t3_126).mul_add(t3_185, t3_202);
-        let t3_204 = inv_pivot_2 * t3_203;
-        let t3_205 = -t3_204;
-        let t3_206 = t2_120.mul_add(t3_204, t3_54);
-        let t3_207 = (-t2_87).mul_add(t3_192, t3_206);
-        let t3_208 = sin_e1x * t3_189;
-        let t3_209 = like.lift(0.0381051177665153).mul_add(t3_208, t3_207);
-        let t3_210 = t2_91.mul_add(t3_185, t3_209);
-        let t3_211 = inv_pivot_1 * t3_210;
-        let t3_212 = -t3_182;
-        let t3_213 = -t3_180;
-        let t3_214 = -pivot_8;
+        let t3_161 = t3_143.mul_add(t3_75, t3_83);
+        let t3_162 = (-t3_146).mul_add(t3_108, t3_161);
+        let t3_163 = (-t3_148).mul_add(t3_92, t3_162);
+        let t3_164 = t3_153.mul_add(t3_110, t3_163);
+        let t3_165 = t3_160.mul_add(t3_139, t3_164);
+        let t3_166 = inv_pivot_8 * t3_165;
+        let t3_167 = (-t3_142).mul_add(t3_166, t3_139);
+        let t3_168 = inv_pivot_7 * t3_167;
+        let t3_169 = (-t3_121).mul_add(t3_168, t3_110);
+        let t3_170 = (-t3_141).mul_add(t3_166, t3_169);
+        let t3_171 = inv_pivot_6 * t3_170;
+        let t3_172 = (-t3_95).mul_add(t3_171, t3_92);
+        let t3_173 = t3_120.mul_add(t3_168, t3_172);
+        let t3_174 = like.lift(-0.066).mul_add(t3_166, t3_173);
+        let t3_175 = inv_pivot_5 * t3_174;
+        let t3_176 = -t3_175;
+        let t3_177 = -t3_171;
+        let t3_178 = -t3_168;
+        let t3_179 = -t3_166;
+        let t3_180 = t3_87.mul_add(t3_175, t3_91);
+        let t3_181 = (-t3_94).mul_add(t3_171, t3_180);
+        let t3_182 = (-t3_119).mul_add(t3_168, t3_181);
+        let t3_183 = inv_pivot_2 * t3_182;
+        let t3_184 = -t3_183;
+        let t3_185 = sin_e1x * t3_168;
+        let t3_186 = like.lift(0.0381051177665153) * t3_185;
+        let t3_187 = t2_120.mul_add(t3_183, t3_53);
+        let t3_188 = (-t2_87).mul_add(t3_175, t3_187);
+        let t3_189 = t2_91.mul_add(t3_171, t3_188);
+        let t3_190 = t3_186 - t3_189;
+        let t3_191 = inv_pivot_1 * t3_190;
+        let t3_192 = -t3_191;
+        let t3_193 = t3_104.mul_add(t3_175, t3_108);
+        let t3_194 = (-t3_99).mul_add(t3_171, t3_193);
+        let t3_195 = (-t3_114).mul_add(t3_168, t3_194);
+        let t3_196 = inv_pivot_4 * t3_195;
+        let t3_197 = -t3_196;
+        let t3_198 = t2_222.mul_add(t3_196, t3_75);
+        let t3_199 = (-t2_203).mul_add(t3_175, t3_198);
+        let t3_200 = t2_205.mul_add(t3_171, t3_199);
+        let t3_201 = t3_200 + t3_186;
+        let t3_202 = inv_pivot_3 * t3_201;
+        let t3_203 = -t3_202;
+        let t3_204 = -pivot_7;
+        let t3_205 = -pivot_8;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(0.9580029161088279)).abs()
             .min((pivot_2 * like.lift(0.9018719688103075)).abs())
-            .min((t2_150 * like.lift(1.923718077658978)).abs())
-            .min((pivot_4 * like.lift(1.019503733280847)).abs())
-            .min((pivot_5 * like.lift(0.9467672644948026)).abs())
-            .min((pivot_6 * like.lift(0.8116685504320711)).abs())
-            .min((pivot_7 * like.lift(1.060112577367453)).abs())
-            .min((t3_214 * like.lift(0.697347665033695)).abs());
+            .min((t3_3 * like.lift(0.9441016894903256)).abs())
+            .min((pivot_4 * like.lift(0.7930813430566414)).abs())
+            .min((pivot_5 * like.lift(0.9552290039283993)).abs())
+            .min((pivot_6 * like.lift(0.6503970605951934)).abs())
+            .min((t3_204 * like.lift(1.8878245740206896)).abs())
+            .min((t3_205 * like.lift(1.0933635968062305)).abs());
         let ([
-            [t3_215], [t3_216], [t3_217], [t3_218], [t3_219], [t3_220], [t3_221], [t3_222],
+            [t3_206], [t3_207], [t3_208], [t3_209], [t3_210], [t3_211], [t3_212], [t3_213],
         ], found) = ::regen_runtime::guarded(
-            [[t3_193], [t3_194], [t3_189], [t3_200], [t3_205], [t3_211], [t3_212], [t3_213]],
+            [[t3_176], [t3_177], [t3_178], [t3_179], [t3_184], [t3_192], [t3_197], [t3_203]],
             margin,
             || (
                 [
                     [t2_4, t2_5, t2_6, like.lift(0.0), t2_78, t2_84, like.lift(0.0), like.lift(0.0)],
                     [t2_88, t2_91, t2_92, like.lift(0.0), t2_120, pivot_1, like.lift(0.0), like.lift(0.0)],
                     [t2_129, t2_132, t2_133, like.lift(0.066), t2_135, t2_137, like.lift(0.0), like.lift(0.0)],
-                    [t2_145, t2_149, t2_149, t2_150, t2_156, t2_162, like.lift(0.0), like.lift(0.0)],
-                    [t2_4, t2_5, t2_6, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_194, t2_201],
-                    [t2_203, t2_204, t2_90, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_221, t3_4],
-                    [t3_6, t3_7, t2_131, like.lift(0.066), like.lift(0.0), like.lift(0.0), t3_9, t3_12],
-                    [t3_20, t3_23, t3_23, t3_25, like.lift(0.0), like.lift(0.0), t3_31, t3_36],
+                    [t2_145, t2_149, t2_149, t2_151, t2_157, t2_163, like.lift(0.0), like.lift(0.0)],
+                    [t2_4, t2_5, t2_6, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_195, t2_202],
+                    [t2_204, t2_205, t2_90, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_222, t3_3],
+                    [t3_5, t3_6, t2_131, like.lift(0.066), like.lift(0.0), like.lift(0.0), t3_8, t3_11],
+                    [t3_19, t3_22, t3_22, t3_24, like.lift(0.0), like.lift(0.0), t3_30, t3_35],
                 ],
-                [[t3_45], [t3_54], [t3_62], [t3_64], [t3_70], [t3_76], [t3_82], [t3_84]],
+                [[t3_44], [t3_53], [t3_61], [t3_63], [t3_69], [t3_75], [t3_81], [t3_83]],
             ),
         );
         condition = condition.min(found);
-        kept[116] = t3_2;
-        kept[117] = t3_4;
-        kept[118] = t3_6;
-        kept[119] = t3_7;
-        kept[120] = t3_9;
-        kept[121] = t3_12;
-        kept[122] = t3_19;
-        kept[123] = t3_20;
-        kept[124] = t3_23;
-        kept[125] = t3_25;
-        kept[126] = t3_30;
-        kept[127] = t3_31;
-        kept[128] = t3_36;
-        kept[129] = u_platform_q1x;
-        kept[130] = t3_38;
-        kept[131] = t3_43;
-        kept[132] = u_e1x_q1y;
-        kept[133] = t3_49;
-        kept[134] = t3_53;
-        kept[135] = u_platform_q1z;
-        kept[136] = t3_57;
-        kept[137] = t3_60;
-        kept[138] = t3_68;
-        kept[139] = t3_71;
-        kept[140] = t3_75;
-        kept[141] = t3_77;
-        kept[142] = t3_80;
-        kept[143] = inv_pivot_1;
-        kept[144] = t3_85;
-        kept[145] = t3_87;
-        kept[146] = t3_88;
-        kept[147] = pivot_2;
-        kept[148] = inv_pivot_2;
-        kept[149] = t3_90;
-        kept[150] = t3_92;
-        kept[151] = t3_95;
-        kept[152] = t3_96;
-        kept[153] = t3_97;
-        kept[154] = pivot_4;
-        kept[155] = inv_pivot_4;
-        kept[156] = t3_111;
-        kept[157] = t3_115;
-        kept[158] = t3_118;
-        kept[159] = t3_119;
-        kept[160] = t3_122;
-        kept[161] = pivot_5;
-        kept[162] = inv_pivot_5;
-        kept[163] = t3_126;
-        kept[164] = t3_127;
-        kept[165] = t3_133;
-        kept[166] = t3_134;
-        kept[167] = t3_135;
-        kept[168] = t3_140;
-        kept[169] = pivot_6;
-        kept[170] = inv_pivot_6;
-        kept[171] = t3_144;
-        kept[172] = t3_145;
-        kept[173] = t3_148;
-        kept[174] = t3_150;
-        kept[175] = t3_151;
-        kept[176] = t3_156;
-        kept[177] = pivot_7;
-        kept[178] = inv_pivot_7;
-        kept[179] = t3_162;
-        kept[180] = t3_163;
-        kept[181] = t3_164;
-        kept[182] = t3_166;
-        kept[183] = t3_170;
-        kept[184] = t3_172;
-        kept[185] = t3_175;
-        kept[186] = inv_pivot_8;
-        kept[187] = t3_214;
-        kept[188] = t3_215;
-        kept[189] = t3_216;
-        kept[190] = t3_217;
-        kept[191] = t3_218;
-        kept[192] = t3_219;
-        kept[193] = t3_220;
-        kept[194] = t3_221;
-        kept[195] = t3_222;
+        kept[117] = t3_2;
+        kept[118] = t3_3;
+        kept[119] = t3_5;
+        kept[120] = t3_6;
+        kept[121] = t3_8;
+        kept[122] = t3_11;
+        kept[123] = t3_18;
+        kept[124] = t3_19;
+        kept[125] = t3_22;
+        kept[126] = t3_24;
+        kept[127] = t3_29;
+        kept[128] = t3_30;
+        kept[129] = t3_35;
+        kept[130] = u_platform_q1x;
+        kept[131] = t3_37;
+        kept[132] = t3_42;
+        kept[133] = u_e1x_q1y;
+        kept[134] = t3_48;
+        kept[135] = t3_52;
+        kept[136] = u_platform_q1z;
+        kept[137] = t3_56;
+        kept[138] = t3_59;
+        kept[139] = t3_67;
+        kept[140] = t3_70;
+        kept[141] = t3_74;
+        kept[142] = t3_76;
+        kept[143] = t3_79;
+        kept[144] = inv_pivot_1;
+        kept[145] = t3_84;
+        kept[146] = t3_86;
+        kept[147] = t3_87;
+        kept[148] = pivot_2;
+        kept[149] = inv_pivot_2;
+        kept[150] = t3_89;
+        kept[151] = pivot_5;
+        kept[152] = inv_pivot_5;
+        kept[153] = t3_94;
+        kept[154] = t3_95;
+        kept[155] = inv_pivot_3;
+        kept[156] = t3_96;
+        kept[157] = t3_98;
+        kept[158] = t3_99;
+        kept[159] = pivot_4;
+        kept[160] = inv_pivot_4;
+        kept[161] = t3_101;
+        kept[162] = t3_104;
+        kept[163] = t3_106;
+        kept[164] = pivot_6;
+        kept[165] = inv_pivot_6;
+        kept[166] = t3_114;
+        kept[167] = t3_119;
+        kept[168] = t3_120;
+        kept[169] = t3_121;
+        kept[170] = t3_122;
+        kept[171] = t3_126;
+        kept[172] = t3_130;
+        kept[173] = t3_135;
+        kept[174] = inv_pivot_7;
+        kept[175] = t3_141;
+        kept[176] = t3_142;
+        kept[177] = t3_143;
+        kept[178] = t3_146;
+        kept[179] = t3_148;
+        kept[180] = t3_153;
+        kept[181] = t3_160;
+        kept[182] = inv_pivot_8;
+        kept[183] = t3_204;
+        kept[184] = t3_205;
+        kept[185] = t3_206;
+        kept[186] = t3_207;
+        kept[187] = t3_208;
+        kept[188] = t3_209;
+        kept[189] = t3_210;
+        kept[190] = t3_211;
+        kept[191] = t3_212;
+        kept[192] = t3_213;
     }
     // body rod1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m, part 3
     {
@@ -11121,32 +10337,32 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t2_115 = kept[53];
         let t2_116 = kept[54];
         let t2_123 = kept[57];
-        let t3_38 = kept[130];
-        let t3_43 = kept[131];
-        let t3_49 = kept[133];
-        let t3_53 = kept[134];
-        let t3_57 = kept[136];
-        let t3_60 = kept[137];
-        let t3_215 = kept[188];
-        let t3_216 = kept[189];
-        let t3_217 = kept[190];
-        let t3_218 = kept[191];
-        let t3_219 = kept[192];
-        let t3_220 = kept[193];
-        let t4_1 = w_rod1z * t3_216;
-        let t4_2 = r_q1 + t3_215;
+        let t3_37 = kept[131];
+        let t3_42 = kept[132];
+        let t3_48 = kept[134];
+        let t3_52 = kept[135];
+        let t3_56 = kept[137];
+        let t3_59 = kept[138];
+        let t3_206 = kept[185];
+        let t3_207 = kept[186];
+        let t3_208 = kept[187];
+        let t3_209 = kept[188];
+        let t3_210 = kept[189];
+        let t3_211 = kept[190];
+        let t4_1 = w_rod1z * t3_207;
+        let t4_2 = r_q1 + t3_206;
         let t4_3 = sin_u1_2 * t4_2;
         let t4_4 = d_u1_2.mul_add(t4_3, t4_1);
         let t4_5 = like.lift(0.5) * t4_4;
-        let t4_6 = t3_38 * dr_q1;
-        let t4_7 = t3_43.mul_add(dr_q2, t4_6);
+        let t4_6 = t3_37 * dr_q1;
+        let t4_7 = t3_42.mul_add(dr_q2, t4_6);
         let t4_8 = d_q1 * r_q1;
         let t4_9 = sin_u1_1 * t4_8;
         let t4_10 = cos_u1_2 * t4_9;
         let w_rod1x = cos_u1_2 * w_u1_1x;
         let t4_11 = cos_u1_2 * t4_2;
         let t4_12 = w_rod1x * t4_11;
-        let t4_13 = d_u1_2 * t3_216;
+        let t4_13 = d_u1_2 * t3_207;
         let t4_14 = t4_12 + t4_13;
         let t4_15 = like.lift(1.244) * t4_14;
         let t4_16 = like.lift(0.524).mul_add(t4_10, t4_15);
@@ -11156,14 +10372,14 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t4_20 = w_rod1x * t4_3;
         let t4_21 = like.lift(1.244).mul_add(t4_20, t4_19);
         let t4_22 = cos_e1y.mul_add(t4_21, t4_17);
-        let t4_23 = w_rod1x * t3_216;
+        let t4_23 = w_rod1x * t3_207;
         let t4_24 = d_u1_2.mul_add(t4_11, t4_23);
         let t4_25 = cos_e1y * t4_24;
         let t4_26 = like.lift(0.5) * t4_25;
         let t4_27 = sin_e1y * t4_4;
         let t4_28 = like.lift(-0.5).mul_add(t4_27, t4_26);
         let w_e1yx = cos_u1_2_e1y * w_u1_1x;
-        let t4_29 = w_e1yx * t3_217;
+        let t4_29 = w_e1yx * t3_208;
         let t4_30 = cos_u1_2_e1y * t4_2;
         let t4_31 = d_e1y.mul_add(t4_30, t4_29);
         let t4_32 = like.lift(0.5) * t4_31;
@@ -11172,8 +10388,8 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t4_34 = cos_e1x * w_e1yy;
         let w_e1yz = sin_u1_2_e1y * w_u1_1x;
         let w_e1xy = sin_e1x.mul_add(w_e1yz, t4_34);
-        let t4_35 = w_e1xy * t3_218;
-        let t4_36 = t3_216 + t3_217;
+        let t4_35 = w_e1xy * t3_209;
+        let t4_36 = t3_207 + t3_208;
         let t4_37 = cos_e1x * t4_36;
         let t4_38 = sin_u1_2_e1y * t4_2;
         let t4_39 = sin_e1x.mul_add(t4_38, t4_37);
@@ -11182,7 +10398,7 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t4_42 = cos_e1x.mul_add(t4_33, -t4_41);
         let w_e1xx = d_e1x + w_e1yx;
         let t4_43 = w_e1xx * t4_39;
-        let t4_44 = t3_218 + t4_30;
+        let t4_44 = t3_209 + t4_30;
         let t4_45 = w_e1xy.mul_add(t4_44, t4_43);
         let t4_46 = like.lift(0.5) * t4_45;
         let t4_47 = t4_42 - t4_46;
@@ -11229,10 +10445,10 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t4_87 = t2_123 * t4_86;
         let t4_88 = t2_115.mul_add(d_u2_1, t4_74);
         let t4_89 = (-t2_83).mul_add(t4_88, t4_87);
-        let t4_90 = t4_89 * t3_220;
-        let t4_91 = t2_52.mul_add(t3_219, t4_68);
+        let t4_90 = t4_89 * t3_211;
+        let t4_91 = t2_52.mul_add(t3_210, t4_68);
         let t4_92 = t2_123 * t4_91;
-        let t4_93 = t2_115.mul_add(t3_219, t4_60);
+        let t4_93 = t2_115.mul_add(t3_210, t4_60);
         let t4_94 = (-t2_83).mul_add(t4_93, t4_92);
         let t4_95 = d_u2_2.mul_add(t4_94, t4_90);
         let t4_96 = t2_53 * t4_95;
@@ -11240,24 +10456,24 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t4_98 = t2_80 * t4_88;
         let t4_99 = t2_14.mul_add(d_u2_1, t4_59);
         let t4_100 = (-t2_123).mul_add(t4_99, t4_98);
-        let t4_101 = t4_100 * t3_220;
+        let t4_101 = t4_100 * t3_211;
         let t4_102 = t2_80 * t4_93;
-        let t4_103 = t2_14.mul_add(t3_219, t4_63);
+        let t4_103 = t2_14.mul_add(t3_210, t4_63);
         let t4_104 = (-t2_123).mul_add(t4_103, t4_102);
         let t4_105 = d_u2_2.mul_add(t4_104, t4_101);
         let t4_106 = t2_75 * t4_105;
         let t4_107 = like.lift(-0.622).mul_add(t4_106, t4_97);
         let t4_108 = like.lift(0.5).mul_add(t4_85, t4_107);
         let t4_109 = t2_80.mul_add(d_u2_2, t4_99);
-        let t4_110 = t2_123.mul_add(t3_220, t4_93);
+        let t4_110 = t2_123.mul_add(t3_211, t4_93);
         let t4_111 = t2_75 * t4_110;
         let t4_112 = like.lift(1.244) * t4_111;
-        let t4_113 = t2_80.mul_add(t3_220, t4_103);
+        let t4_113 = t2_80.mul_add(t3_211, t4_103);
         let t4_114 = t2_116 * t4_113;
         let t4_115 = like.lift(-1.244).mul_add(t4_114, t4_112);
         let t4_116 = t4_109 * t4_115;
         let t4_117 = t2_83.mul_add(d_u2_2, t4_86);
-        let t4_118 = t2_83.mul_add(t3_220, t4_91);
+        let t4_118 = t2_83.mul_add(t3_211, t4_91);
         let t4_119 = t2_116 * t4_118;
         let t4_120 = like.lift(1.244) * t4_119;
         let t4_121 = t2_53 * t4_110;
@@ -11279,8 +10495,8 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t4_137 = t4_58 - t4_136;
         let t4_138 = t4_7 + t4_137;
         let t4_139 = -t4_138;
-        let t4_140 = t3_49 * dr_q1;
-        let t4_141 = (-t3_53).mul_add(dr_q2, t4_140);
+        let t4_140 = t3_48 * dr_q1;
+        let t4_141 = (-t3_52).mul_add(dr_q2, t4_140);
         let t4_142 = cos_u1_1 * t4_8;
         let t4_143 = like.lift(0.524) * t4_142;
         let t4_144 = like.lift(1.244).mul_add(t4_4, t4_143);
@@ -11314,7 +10530,7 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t4_172 = like.lift(0.622) * t4_171;
         let t4_173 = t2_83 * t4_99;
         let t4_174 = (-t2_80).mul_add(t4_86, t4_173);
-        let t4_175 = t4_174 * t3_220;
+        let t4_175 = t4_174 * t3_211;
         let t4_176 = t2_83 * t4_103;
         let t4_177 = (-t2_80).mul_add(t4_91, t4_176);
         let t4_178 = d_u2_2.mul_add(t4_177, t4_175);
@@ -11337,15 +10553,15 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t4_195 = like.lift(0.5).mul_add(t4_194, t4_181);
         let t4_196 = t4_157 - t4_195;
         let t4_197 = t4_141 - t4_196;
-        let t4_198 = t3_57 * dr_q1;
-        let t4_199 = t3_60.mul_add(dr_q2, t4_198);
+        let t4_198 = t3_56 * dr_q1;
+        let t4_199 = t3_59.mul_add(dr_q2, t4_198);
         let t4_200 = sin_e1x * t4_144;
         let t4_201 = cos_e1x.mul_add(t4_147, t4_200);
         let t4_202 = sin_e1y * t4_24;
         let t4_203 = like.lift(0.5) * t4_202;
         let t4_204 = cos_e1y * t4_4;
         let t4_205 = like.lift(0.5).mul_add(t4_204, t4_203);
-        let t4_206 = w_e1yz * t3_217;
+        let t4_206 = w_e1yz * t3_208;
         let t4_207 = d_e1y.mul_add(t4_38, t4_206);
         let t4_208 = like.lift(0.5) * t4_207;
         let t4_209 = t4_205 + t4_208;
@@ -11355,7 +10571,7 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t4_213 = like.lift(0.5) * t4_212;
         let t4_214 = t4_209 + t4_213;
         let t4_215 = like.lift(0.044).mul_add(t4_214, t4_201);
-        let t4_216 = w_e1xz * t3_218;
+        let t4_216 = w_e1xz * t3_209;
         let t4_217 = d_e1x.mul_add(t4_52, t4_216);
         let t4_218 = like.lift(0.5) * t4_217;
         let t4_219 = sin_e1x.mul_add(t4_33, -t4_218);
@@ -11383,72 +10599,72 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t4_241 = t4_133 * t4_110;
         let t4_242 = (-t4_191).mul_add(t4_113, t4_241);
         let t4_243 = t4_240 + t4_242;
-        kept[196] = t4_2;
-        kept[197] = t4_3;
-        kept[198] = t4_4;
-        kept[199] = t4_5;
-        kept[200] = t4_6;
-        kept[201] = t4_8;
-        kept[202] = t4_12;
-        kept[203] = t4_13;
-        kept[204] = t4_14;
-        kept[205] = t4_15;
-        kept[206] = t4_20;
-        kept[207] = t4_24;
-        kept[208] = t4_32;
-        kept[209] = w_e1xy;
-        kept[210] = t4_39;
-        kept[211] = t4_41;
-        kept[212] = t4_42;
-        kept[213] = w_e1xx;
-        kept[214] = t4_44;
-        kept[215] = t4_45;
-        kept[216] = t4_46;
-        kept[217] = t4_48;
-        kept[218] = t4_49;
-        kept[219] = w_e1xz;
-        kept[220] = t4_52;
-        kept[221] = t4_53;
-        kept[222] = t4_54;
-        kept[223] = t4_55;
-        kept[224] = t4_56;
-        kept[225] = t4_95;
-        kept[226] = t4_105;
-        kept[227] = t4_109;
-        kept[228] = t4_110;
-        kept[229] = t4_113;
-        kept[230] = t4_117;
-        kept[231] = t4_118;
-        kept[232] = t4_124;
-        kept[233] = t4_138;
-        kept[234] = t4_139;
-        kept[235] = t4_149;
-        kept[236] = t4_150;
-        kept[237] = t4_151;
-        kept[238] = t4_152;
-        kept[239] = t4_154;
-        kept[240] = t4_155;
-        kept[241] = t4_178;
-        kept[242] = t4_197;
-        kept[243] = t4_199;
-        kept[244] = t4_208;
-        kept[245] = t4_209;
-        kept[246] = t4_210;
-        kept[247] = t4_211;
-        kept[248] = t4_212;
-        kept[249] = t4_213;
-        kept[250] = t4_215;
-        kept[251] = t4_218;
-        kept[252] = t4_219;
-        kept[253] = t4_220;
-        kept[254] = t4_221;
-        kept[255] = t4_222;
-        kept[256] = t4_223;
-        kept[257] = t4_225;
-        kept[258] = t4_226;
-        kept[259] = t4_228;
-        kept[260] = t4_238;
-        kept[261] = t4_243;
+        kept[193] = t4_2;
+        kept[194] = t4_3;
+        kept[195] = t4_4;
+        kept[196] = t4_5;
+        kept[197] = t4_6;
+        kept[198] = t4_8;
+        kept[199] = t4_12;
+        kept[200] = t4_13;
+        kept[201] = t4_14;
+        kept[202] = t4_15;
+        kept[203] = t4_20;
+        kept[204] = t4_24;
+        kept[205] = t4_32;
+        kept[206] = w_e1xy;
+        kept[207] = t4_39;
+        kept[208] = t4_41;
+        kept[209] = t4_42;
+        kept[210] = w_e1xx;
+        kept[211] = t4_44;
+        kept[212] = t4_45;
+        kept[213] = t4_46;
+        kept[214] = t4_48;
+        kept[215] = t4_49;
+        kept[216] = w_e1xz;
+        kept[217] = t4_52;
+        kept[218] = t4_53;
+        kept[219] = t4_54;
+        kept[220] = t4_55;
+        kept[221] = t4_56;
+        kept[222] = t4_95;
+        kept[223] = t4_105;
+        kept[224] = t4_109;
+        kept[225] = t4_110;
+        kept[226] = t4_113;
+        kept[227] = t4_117;
+        kept[228] = t4_118;
+        kept[229] = t4_124;
+        kept[230] = t4_138;
+        kept[231] = t4_139;
+        kept[232] = t4_149;
+        kept[233] = t4_150;
+        kept[234] = t4_151;
+        kept[235] = t4_152;
+        kept[236] = t4_154;
+        kept[237] = t4_155;
+        kept[238] = t4_178;
+        kept[239] = t4_197;
+        kept[240] = t4_199;
+        kept[241] = t4_208;
+        kept[242] = t4_209;
+        kept[243] = t4_210;
+        kept[244] = t4_211;
+        kept[245] = t4_212;
+        kept[246] = t4_213;
+        kept[247] = t4_215;
+        kept[248] = t4_218;
+        kept[249] = t4_219;
+        kept[250] = t4_220;
+        kept[251] = t4_221;
+        kept[252] = t4_222;
+        kept[253] = t4_223;
+        kept[254] = t4_225;
+        kept[255] = t4_226;
+        kept[256] = t4_228;
+        kept[257] = t4_238;
+        kept[258] = t4_243;
     }
     // body rod1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m, part 4
     {
@@ -11456,71 +10672,71 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t2_83 = kept[41];
         let t2_123 = kept[57];
         let t2_144 = kept[72];
-        let t2_155 = kept[77];
-        let t2_163 = kept[81];
-        let t2_168 = kept[85];
-        let t2_175 = kept[90];
+        let t2_156 = kept[78];
+        let t2_164 = kept[82];
+        let t2_169 = kept[86];
         let t2_176 = kept[91];
-        let t2_184 = kept[95];
-        let t2_191 = kept[96];
-        let t2_196 = kept[100];
-        let t2_199 = kept[101];
-        let t2_209 = kept[108];
-        let t2_216 = kept[110];
+        let t2_177 = kept[92];
+        let t2_185 = kept[96];
+        let t2_192 = kept[97];
+        let t2_197 = kept[101];
+        let t2_200 = kept[102];
+        let t2_210 = kept[109];
         let t2_217 = kept[111];
-        let t3_2 = kept[116];
-        let t3_19 = kept[122];
-        let t3_30 = kept[126];
-        let t3_68 = kept[138];
-        let t3_71 = kept[139];
-        let t3_75 = kept[140];
-        let t3_77 = kept[141];
-        let t3_80 = kept[142];
-        let t3_221 = kept[194];
-        let t3_222 = kept[195];
-        let t4_6 = kept[200];
-        let w_e1xy = kept[209];
-        let t4_39 = kept[210];
-        let t4_42 = kept[212];
-        let w_e1xx = kept[213];
-        let t4_44 = kept[214];
-        let t4_48 = kept[217];
-        let w_e1xz = kept[219];
-        let t4_52 = kept[220];
-        let t4_53 = kept[221];
-        let t4_55 = kept[223];
-        let t4_56 = kept[224];
-        let t4_95 = kept[225];
-        let t4_105 = kept[226];
-        let t4_109 = kept[227];
-        let t4_110 = kept[228];
-        let t4_113 = kept[229];
-        let t4_117 = kept[230];
-        let t4_118 = kept[231];
-        let t4_124 = kept[232];
-        let t4_152 = kept[238];
-        let t4_154 = kept[239];
-        let t4_155 = kept[240];
-        let t4_178 = kept[241];
-        let t4_199 = kept[243];
-        let t4_209 = kept[245];
-        let t4_210 = kept[246];
-        let t4_211 = kept[247];
-        let t4_215 = kept[250];
-        let t4_219 = kept[252];
-        let t4_220 = kept[253];
-        let t4_221 = kept[254];
-        let t4_225 = kept[257];
-        let t4_226 = kept[258];
-        let t4_228 = kept[259];
-        let t4_238 = kept[260];
-        let t4_243 = kept[261];
+        let t2_218 = kept[112];
+        let t3_2 = kept[117];
+        let t3_18 = kept[123];
+        let t3_29 = kept[127];
+        let t3_67 = kept[139];
+        let t3_70 = kept[140];
+        let t3_74 = kept[141];
+        let t3_76 = kept[142];
+        let t3_79 = kept[143];
+        let t3_212 = kept[191];
+        let t3_213 = kept[192];
+        let t4_6 = kept[197];
+        let w_e1xy = kept[206];
+        let t4_39 = kept[207];
+        let t4_42 = kept[209];
+        let w_e1xx = kept[210];
+        let t4_44 = kept[211];
+        let t4_48 = kept[214];
+        let w_e1xz = kept[216];
+        let t4_52 = kept[217];
+        let t4_53 = kept[218];
+        let t4_55 = kept[220];
+        let t4_56 = kept[221];
+        let t4_95 = kept[222];
+        let t4_105 = kept[223];
+        let t4_109 = kept[224];
+        let t4_110 = kept[225];
+        let t4_113 = kept[226];
+        let t4_117 = kept[227];
+        let t4_118 = kept[228];
+        let t4_124 = kept[229];
+        let t4_152 = kept[235];
+        let t4_154 = kept[236];
+        let t4_155 = kept[237];
+        let t4_178 = kept[238];
+        let t4_199 = kept[240];
+        let t4_209 = kept[242];
+        let t4_210 = kept[243];
+        let t4_211 = kept[244];
+        let t4_215 = kept[247];
+        let t4_219 = kept[249];
+        let t4_220 = kept[250];
+        let t4_221 = kept[251];
+        let t4_225 = kept[254];
+        let t4_226 = kept[255];
+        let t4_228 = kept[256];
+        let t4_238 = kept[257];
+        let t4_243 = kept[258];
         let t5_1 = like.lift(0.5).mul_add(t4_243, t4_238);
         let t5_2 = t4_228 + t5_1;
         let t5_3 = t4_199 - t5_2;
         let t5_4 = -t5_3;
         let t5_5 = t2_144 * dr_q1;
-        let t5_6 = t2_155.mul_add(dr_q2, t5_5);
+        let t5_6 = t2_156.mul_add(dr_q2, t5_5);
         let t5_7 = like.lift(0.8660254037844386) * t4_42;
         let t5_8 = like.lift(0.8660254037844386) * t4_44;
         let t5_9 = like.lift(0.5) * t4_39;
@@ -11601,83 +10817,83 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t5_84 = like.lift(-0.8660254037844386).mul_add(t5_83, t5_73);
         let t5_85 = t5_62 + t5_84;
         let t5_86 = t5_6 - t5_85;
-        let t5_87 = t3_68.mul_add(dr_q3, t4_6);
+        let t5_87 = t3_67.mul_add(dr_q3, t4_6);
         let t5_88 = t4_55 - t4_56;
         let t5_89 = t4_48 + t5_88;
-        let t5_90 = t2_163 * d_q3;
-        let t5_91 = t2_216 * r_q3;
-        let t5_92 = t2_184 * t5_91;
+        let t5_90 = t2_164 * d_q3;
+        let t5_91 = t2_217 * r_q3;
+        let t5_92 = t2_185 * t5_91;
         let t5_93 = like.lift(0.524) * t5_92;
-        let t5_94 = t2_163 * r_q3;
-        let t5_95 = t2_209 * t5_94;
+        let t5_94 = t2_164 * r_q3;
+        let t5_95 = t2_210 * t5_94;
         let t5_96 = like.lift(-0.524).mul_add(t5_95, t5_93);
         let t5_97 = t5_90 * t5_96;
-        let t5_98 = t2_175 * d_q3;
-        let t5_99 = t2_175 * r_q3;
-        let t5_100 = t2_209 * t5_99;
+        let t5_98 = t2_176 * d_q3;
+        let t5_99 = t2_176 * r_q3;
+        let t5_100 = t2_210 * t5_99;
         let t5_101 = like.lift(0.524) * t5_100;
-        let t5_102 = t2_168 * t5_91;
+        let t5_102 = t2_169 * t5_91;
         let t5_103 = like.lift(-0.524).mul_add(t5_102, t5_101);
         let t5_104 = (-t5_98).mul_add(t5_103, t5_97);
-        let t5_105 = t2_216 * d_q3;
-        let t5_106 = t2_184 * t5_105;
+        let t5_105 = t2_217 * d_q3;
+        let t5_106 = t2_185 * t5_105;
         let t5_107 = like.lift(0.524) * t5_106;
-        let t5_108 = t2_209 * t5_90;
+        let t5_108 = t2_210 * t5_90;
         let t5_109 = like.lift(-0.524).mul_add(t5_108, t5_107);
         let t5_110 = t5_109 * t5_94;
-        let t5_111 = t2_209 * t5_98;
+        let t5_111 = t2_210 * t5_98;
         let t5_112 = like.lift(0.524) * t5_111;
-        let t5_113 = t2_168 * t5_105;
+        let t5_113 = t2_169 * t5_105;
         let t5_114 = like.lift(-0.524).mul_add(t5_113, t5_112);
         let t5_115 = (-t5_114).mul_add(t5_99, t5_110);
         let t5_116 = t5_104 + t5_115;
-        let t5_117 = t2_175.mul_add(d_u3_1, t5_98);
+        let t5_117 = t2_176.mul_add(d_u3_1, t5_98);
         let t5_118 = t3_2 * t5_117;
-        let t5_119 = t2_216.mul_add(d_u3_1, t5_105);
-        let t5_120 = (-t2_199).mul_add(t5_119, t5_118);
-        let t5_121 = t5_120 * t3_222;
-        let t5_122 = t2_175.mul_add(t3_221, t5_99);
+        let t5_119 = t2_217.mul_add(d_u3_1, t5_105);
+        let t5_120 = (-t2_200).mul_add(t5_119, t5_118);
+        let t5_121 = t5_120 * t3_213;
+        let t5_122 = t2_176.mul_add(t3_212, t5_99);
         let t5_123 = t3_2 * t5_122;
-        let t5_124 = t2_216.mul_add(t3_221, t5_91);
-        let t5_125 = (-t2_199).mul_add(t5_124, t5_123);
+        let t5_124 = t2_217.mul_add(t3_212, t5_91);
+        let t5_125 = (-t2_200).mul_add(t5_124, t5_123);
         let t5_126 = d_u3_2.mul_add(t5_125, t5_121);
-        let t5_127 = t2_176 * t5_126;
+        let t5_127 = t2_177 * t5_126;
         let t5_128 = like.lift(0.622) * t5_127;
-        let t5_129 = t2_196 * t5_119;
-        let t5_130 = t2_163.mul_add(d_u3_1, t5_90);
+        let t5_129 = t2_197 * t5_119;
+        let t5_130 = t2_164.mul_add(d_u3_1, t5_90);
         let t5_131 = (-t3_2).mul_add(t5_130, t5_129);
-        let t5_132 = t5_131 * t3_222;
-        let t5_133 = t2_196 * t5_124;
-        let t5_134 = t2_163.mul_add(t3_221, t5_94);
+        let t5_132 = t5_131 * t3_213;
+        let t5_133 = t2_197 * t5_124;
+        let t5_134 = t2_164.mul_add(t3_212, t5_94);
         let t5_135 = (-t3_2).mul_add(t5_134, t5_133);
         let t5_136 = d_u3_2.mul_add(t5_135, t5_132);
-        let t5_137 = t2_191 * t5_136;
+        let t5_137 = t2_192 * t5_136;
         let t5_138 = like.lift(-0.622).mul_add(t5_137, t5_128);
         let t5_139 = like.lift(0.5).mul_add(t5_116, -t5_138);
-        let t5_140 = (-t2_196).mul_add(d_u3_2, t5_130);
-        let t5_141 = (-t3_2).mul_add(t3_222, t5_124);
-        let t5_142 = t2_191 * t5_141;
+        let t5_140 = (-t2_197).mul_add(d_u3_2, t5_130);
+        let t5_141 = (-t3_2).mul_add(t3_213, t5_124);
+        let t5_142 = t2_192 * t5_141;
         let t5_143 = like.lift(1.244) * t5_142;
-        let t5_144 = (-t2_196).mul_add(t3_222, t5_134);
-        let t5_145 = t2_217 * t5_144;
+        let t5_144 = (-t2_197).mul_add(t3_213, t5_134);
+        let t5_145 = t2_218 * t5_144;
         let t5_146 = like.lift(-1.244).mul_add(t5_145, t5_143);
         let t5_147 = t5_140 * t5_146;
-        let t5_148 = (-t2_199).mul_add(d_u3_2, t5_117);
-        let t5_149 = (-t2_199).mul_add(t3_222, t5_122);
-        let t5_150 = t2_217 * t5_149;
+        let t5_148 = (-t2_200).mul_add(d_u3_2, t5_117);
+        let t5_149 = (-t2_200).mul_add(t3_213, t5_122);
+        let t5_150 = t2_218 * t5_149;
         let t5_151 = like.lift(1.244) * t5_150;
-        let t5_152 = t2_176 * t5_141;
+        let t5_152 = t2_177 * t5_141;
         let t5_153 = like.lift(-1.244).mul_add(t5_152, t5_151);
         let t5_154 = (-t5_148).mul_add(t5_153, t5_147);
         let t5_155 = (-t3_2).mul_add(d_u3_2, t5_119);
-        let t5_156 = t2_191 * t5_155;
+        let t5_156 = t2_192 * t5_155;
         let t5_157 = like.lift(1.244) * t5_156;
-        let t5_158 = t2_217 * t5_140;
+        let t5_158 = t2_218 * t5_140;
         let t5_159 = like.lift(-1.244).mul_add(t5_158, t5_157);
         let t5_160 = t5_159 * t5_144;
-        let t5_161 = t2_217 * t5_148;
+        let t5_161 = t2_218 * t5_148;
         let t5_162 = like.lift(1.244) * t5_161;
-        let t5_163 = t2_176 * t5_155;
+        let t5_163 = t2_177 * t5_155;
         let t5_164 = like.lift(-1.244).mul_add(t5_163, t5_162);
         let t5_165 = (-t5_164).mul_add(t5_149, t5_160);
         let t5_166 = t5_154 + t5_165;
@@ -11685,43 +10901,43 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t5_168 = t5_89 + t5_167;
         let t5_169 = t5_87 + t5_168;
         let t5_170 = -t5_169;
-        let t5_171 = t3_71 * dr_q1;
-        let t5_172 = (-t3_75).mul_add(dr_q3, t5_171);
+        let t5_171 = t3_70 * dr_q1;
+        let t5_172 = (-t3_74).mul_add(dr_q3, t5_171);
         let t5_173 = t4_154 + t4_155;
         let t5_174 = t4_152 - t5_173;
-        let t5_175 = t2_168 * t5_94;
+        let t5_175 = t2_169 * t5_94;
         let t5_176 = like.lift(0.524) * t5_175;
-        let t5_177 = t2_184 * t5_99;
+        let t5_177 = t2_185 * t5_99;
         let t5_178 = like.lift(-0.524).mul_add(t5_177, t5_176);
         let t5_179 = t5_98 * t5_178;
         let t5_180 = (-t5_105).mul_add(t5_96, t5_179);
-        let t5_181 = t2_168 * t5_90;
+        let t5_181 = t2_169 * t5_90;
         let t5_182 = like.lift(0.524) * t5_181;
-        let t5_183 = t2_184 * t5_98;
+        let t5_183 = t2_185 * t5_98;
         let t5_184 = like.lift(-0.524).mul_add(t5_183, t5_182);
         let t5_185 = t5_184 * t5_99;
         let t5_186 = (-t5_109).mul_add(t5_91, t5_185);
         let t5_187 = t5_180 + t5_186;
-        let t5_188 = t2_217 * t5_136;
+        let t5_188 = t2_218 * t5_136;
         let t5_189 = like.lift(0.622) * t5_188;
-        let t5_190 = t2_199 * t5_130;
-        let t5_191 = (-t2_196).mul_add(t5_117, t5_190);
-        let t5_192 = t5_191 * t3_222;
-        let t5_193 = t2_199 * t5_134;
-        let t5_194 = (-t2_196).mul_add(t5_122, t5_193);
+        let t5_190 = t2_200 * t5_130;
+        let t5_191 = (-t2_197).mul_add(t5_117, t5_190);
+        let t5_192 = t5_191 * t3_213;
+        let t5_193 = t2_200 * t5_134;
+        let t5_194 = (-t2_197).mul_add(t5_122, t5_193);
         let t5_195 = d_u3_2.mul_add(t5_194, t5_192);
-        let t5_196 = t2_176 * t5_195;
+        let t5_196 = t2_177 * t5_195;
         let t5_197 = like.lift(-0.622).mul_add(t5_196, t5_189);
         let t5_198 = like.lift(0.5).mul_add(t5_187, -t5_197);
-        let t5_199 = t2_176 * t5_144;
+        let t5_199 = t2_177 * t5_144;
         let t5_200 = like.lift(1.244) * t5_199;
-        let t5_201 = t2_191 * t5_149;
+        let t5_201 = t2_192 * t5_149;
         let t5_202 = like.lift(-1.244).mul_add(t5_201, t5_200);
         let t5_203 = t5_148 * t5_202;
         let t5_204 = (-t5_155).mul_add(t5_146, t5_203);
-        let t5_205 = t2_176 * t5_140;
+        let t5_205 = t2_177 * t5_140;
         let t5_206 = like.lift(1.244) * t5_205;
-        let t5_207 = t2_191 * t5_148;
+        let t5_207 = t2_192 * t5_148;
         let t5_208 = like.lift(-1.244).mul_add(t5_207, t5_206);
         let t5_209 = t5_208 * t5_149;
         let t5_210 = (-t5_159).mul_add(t5_141, t5_209);
@@ -11729,8 +10945,8 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t5_212 = like.lift(0.5).mul_add(t5_211, t5_198);
         let t5_213 = t5_174 + t5_212;
         let t5_214 = t5_172 - t5_213;
-        let t5_215 = t3_77 * dr_q1;
-        let t5_216 = t3_80.mul_add(dr_q3, t5_215);
+        let t5_215 = t3_76 * dr_q1;
+        let t5_216 = t3_79.mul_add(dr_q3, t5_215);
         let t5_217 = t4_225 - t4_226;
         let t5_218 = t4_215 - t5_217;
         let t5_219 = t5_105 * t5_103;
@@ -11738,9 +10954,9 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t5_221 = t5_114 * t5_91;
         let t5_222 = (-t5_184).mul_add(t5_94, t5_221);
         let t5_223 = t5_220 + t5_222;
-        let t5_224 = t2_191 * t5_195;
+        let t5_224 = t2_192 * t5_195;
         let t5_225 = like.lift(0.622) * t5_224;
-        let t5_226 = t2_217 * t5_126;
+        let t5_226 = t2_218 * t5_126;
         let t5_227 = like.lift(-0.622).mul_add(t5_226, t5_225);
         let t5_228 = like.lift(0.5).mul_add(t5_223, -t5_227);
         let t5_229 = t5_155 * t5_153;
@@ -11752,8 +10968,8 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t5_235 = t5_218 - t5_234;
         let t5_236 = t5_216 - t5_235;
         let t5_237 = -t5_236;
-        let t5_238 = t3_19 * dr_q1;
-        let t5_239 = t3_30.mul_add(dr_q3, t5_238);
+        let t5_238 = t3_18 * dr_q1;
+        let t5_239 = t3_29.mul_add(dr_q3, t5_238);
         let t5_240 = t5_8 - t5_9;
         let t5_241 = (-w_e1xy).mul_add(t5_240, t5_11);
         let t5_242 = t5_13 - t5_14;
@@ -11765,34 +10981,34 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t5_248 = t5_242.mul_add(t4_44, t5_21);
         let t5_249 = t5_247 + t5_248;
         let t5_250 = like.lift(-0.5).mul_add(t5_249, t5_20);
-        kept[262] = t5_3;
-        kept[263] = t5_4;
-        kept[264] = t5_27;
-        kept[265] = t5_28;
-        kept[266] = t5_30;
-        kept[267] = t5_31;
-        kept[268] = t5_33;
-        kept[269] = t5_34;
-        kept[270] = t5_86;
-        kept[271] = t5_126;
-        kept[272] = t5_136;
-        kept[273] = t5_140;
-        kept[274] = t5_141;
-        kept[275] = t5_144;
-        kept[276] = t5_148;
-        kept[277] = t5_149;
-        kept[278] = t5_155;
-        kept[279] = t5_169;
-        kept[280] = t5_170;
-        kept[281] = t5_195;
-        kept[282] = t5_214;
-        kept[283] = t5_236;
-        kept[284] = t5_237;
-        kept[285] = t5_239;
-        kept[286] = t5_240;
-        kept[287] = t5_242;
-        kept[288] = t5_246;
-        kept[289] = t5_250;
+        kept[259] = t5_3;
+        kept[260] = t5_4;
+        kept[261] = t5_27;
+        kept[262] = t5_28;
+        kept[263] = t5_30;
+        kept[264] = t5_31;
+        kept[265] = t5_33;
+        kept[266] = t5_34;
+        kept[267] = t5_86;
+        kept[268] = t5_126;
+        kept[269] = t5_136;
+        kept[270] = t5_140;
+        kept[271] = t5_141;
+        kept[272] = t5_144;
+        kept[273] = t5_148;
+        kept[274] = t5_149;
+        kept[275] = t5_155;
+        kept[276] = t5_169;
+        kept[277] = t5_170;
+        kept[278] = t5_195;
+        kept[279] = t5_214;
+        kept[280] = t5_236;
+        kept[281] = t5_237;
+        kept[282] = t5_239;
+        kept[283] = t5_240;
+        kept[284] = t5_242;
+        kept[285] = t5_246;
+        kept[286] = t5_250;
     }
     // loops: solve with A_e (Eq. 8, 10)
     {
@@ -11817,131 +11033,130 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t2_137 = kept[71];
         let t2_145 = kept[73];
         let t2_149 = kept[75];
-        let t2_150 = kept[76];
-        let t2_156 = kept[78];
-        let t2_162 = kept[80];
-        let t2_194 = kept[99];
-        let t2_196 = kept[100];
-        let t2_199 = kept[101];
-        let t2_201 = kept[103];
+        let t2_151 = kept[77];
+        let t2_157 = kept[79];
+        let t2_163 = kept[81];
+        let t2_195 = kept[100];
+        let t2_197 = kept[101];
+        let t2_200 = kept[102];
+        let t2_202 = kept[104];
         let t2_203 = kept[105];
         let t2_204 = kept[106];
-        let t2_221 = kept[114];
-        let t3_2 = kept[116];
-        let t3_4 = kept[117];
-        let t3_6 = kept[118];
-        let t3_7 = kept[119];
-        let t3_9 = kept[120];
-        let t3_12 = kept[121];
-        let t3_20 = kept[123];
-        let t3_23 = kept[124];
-        let t3_25 = kept[125];
-        let t3_30 = kept[126];
-        let t3_31 = kept[127];
-        let t3_36 = kept[128];
-        let inv_pivot_1 = kept[143];
-        let t3_85 = kept[144];
-        let t3_87 = kept[145];
-        let t3_88 = kept[146];
-        let pivot_2 = kept[147];
-        let inv_pivot_2 = kept[148];
-        let t3_90 = kept[149];
-        let t3_92 = kept[150];
-        let t3_95 = kept[151];
-        let t3_96 = kept[152];
-        let t3_97 = kept[153];
-        let pivot_4 = kept[154];
-        let inv_pivot_4 = kept[155];
-        let t3_111 = kept[156];
-        let t3_115 = kept[157];
-        let t3_118 = kept[158];
-        let t3_119 = kept[159];
-        let t3_122 = kept[160];
-        let pivot_5 = kept[161];
-        let inv_pivot_5 = kept[162];
-        let t3_126 = kept[163];
-        let t3_127 = kept[164];
-        let t3_133 = kept[165];
-        let t3_134 = kept[166];
-        let t3_135 = kept[167];
-        let t3_140 = kept[168];
-        let pivot_6 = kept[169];
-        let inv_pivot_6 = kept[170];
-        let t3_145 = kept[172];
-        let t3_148 = kept[173];
-        let t3_150 = kept[174];
-        let t3_156 = kept[176];
-        let pivot_7 = kept[177];
-        let inv_pivot_7 = kept[178];
-        let t3_162 = kept[179];
-        let t3_163 = kept[180];
-        let t3_164 = kept[181];
-        let t3_166 = kept[182];
-        let t3_170 = kept[183];
-        let t3_175 = kept[185];
-        let inv_pivot_8 = kept[186];
-        let t3_214 = kept[187];
-        let w_e1xz = kept[219];
-        let t4_52 = kept[220];
-        let t4_138 = kept[233];
-        let t4_139 = kept[234];
-        let t4_197 = kept[242];
-        let t5_3 = kept[262];
-        let t5_4 = kept[263];
-        let t5_27 = kept[264];
-        let t5_28 = kept[265];
-        let t5_30 = kept[266];
-        let t5_31 = kept[267];
-        let t5_33 = kept[268];
-        let t5_34 = kept[269];
-        let t5_86 = kept[270];
-        let t5_126 = kept[271];
-        let t5_136 = kept[272];
-        let t5_140 = kept[273];
-        let t5_141 = kept[274];
-        let t5_144 = kept[275];
-        let t5_148 = kept[276];
-        let t5_149 = kept[277];
-        let t5_155 = kept[278];
-        let t5_169 = kept[279];
-        let t5_170 = kept[280];
-        let t5_195 = kept[281];
-        let t5_214 = kept[282];
-        let t5_236 = kept[283];
-        let t5_237 = kept[284];
-        let t5_239 = kept[285];
-        let t5_240 = kept[286];
-        let t5_242 = kept[287];
-        let t5_246 = kept[288];
-        let t5_250 = kept[289];
-        let t6_1 = (-t2_196).mul_add(t5_250, t5_246);
+        let t2_205 = kept[107];
+        let t2_222 = kept[115];
+        let t3_2 = kept[117];
+        let t3_3 = kept[118];
+        let t3_5 = kept[119];
+        let t3_6 = kept[120];
+        let t3_8 = kept[121];
+        let t3_11 = kept[122];
+        let t3_19 = kept[124];
+        let t3_22 = kept[125];
+        let t3_24 = kept[126];
+        let t3_30 = kept[128];
+        let t3_35 = kept[129];
+        let inv_pivot_1 = kept[144];
+        let t3_84 = kept[145];
+        let t3_86 = kept[146];
+        let t3_87 = kept[147];
+        let pivot_2 = kept[148];
+        let inv_pivot_2 = kept[149];
+        let t3_89 = kept[150];
+        let pivot_5 = kept[151];
+        let inv_pivot_5 = kept[152];
+        let t3_94 = kept[153];
+        let t3_95 = kept[154];
+        let inv_pivot_3 = kept[155];
+        let t3_96 = kept[156];
+        let t3_98 = kept[157];
+        let t3_99 = kept[158];
+        let pivot_4 = kept[159];
+        let inv_pivot_4 = kept[160];
+        let t3_101 = kept[161];
+        let t3_104 = kept[162];
+        let t3_106 = kept[163];
+        let pivot_6 = kept[164];
+        let inv_pivot_6 = kept[165];
+        let t3_114 = kept[166];
+        let t3_119 = kept[167];
+        let t3_120 = kept[168];
+        let t3_121 = kept[169];
+        let t3_122 = kept[170];
+        let t3_126 = kept[171];
+        let t3_130 = kept[172];
+        let t3_135 = kept[173];
+        let inv_pivot_7 = kept[174];
+        let t3_141 = kept[175];
+        let t3_142 = kept[176];
+        let t3_143 = kept[177];
+        let t3_146 = kept[178];
+        let t3_148 = kept[179];
+        let t3_153 = kept[180];
+        let t3_160 = kept[181];
+        let inv_pivot_8 = kept[182];
+        let t3_204 = kept[183];
+        let t3_205 = kept[184];
+        let w_e1xz = kept[216];
+        let t4_52 = kept[217];
+        let t4_138 = kept[230];
+        let t4_139 = kept[231];
+        let t4_197 = kept[239];
+        let t5_3 = kept[259];
+        let t5_4 = kept[260];
+        let t5_27 = kept[261];
+        let t5_28 = kept[262];
+        let t5_30 = kept[263];
+        let t5_31 = kept[264];
+        let t5_33 = kept[265];
+        let t5_34 = kept[266];
+        let t5_86 = kept[267];
+        let t5_126 = kept[268];
+        let t5_136 = kept[269];
+        let t5_140 = kept[270];
+        let t5_141 = kept[271];
+        let t5_144 = kept[272];
+        let t5_148 = kept[273];
+        let t5_149 = kept[274];
+        let t5_155 = kept[275];
+        let t5_169 = kept[276];
+        let t5_170 = kept[277];
+        let t5_195 = kept[278];
+        let t5_214 = kept[279];
+        let t5_236 = kept[280];
+        let t5_237 = kept[281];
+        let t5_239 = kept[282];
+        let t5_240 = kept[283];
+        let t5_242 = kept[284];
+        let t5_246 = kept[285];
+        let t5_250 = kept[286];
+        let t6_1 = (-t2_197).mul_add(t5_250, t5_246);
         let t6_2 = t5_27 + t5_28;
         let t6_3 = t5_30 + t5_31;
         let t6_4 = t5_33 + t5_34;
         let t6_5 = t6_3 + t6_4;
         let t6_6 = like.lift(0.5).mul_add(t6_5, t6_2);
-        let t6_7 = t2_199.mul_add(t6_6, t6_1);
-        let t6_8 = t2_199 * t5_144;
-        let t6_9 = (-t2_196).mul_add(t5_149, t6_8);
+        let t6_7 = t2_200.mul_add(t6_6, t6_1);
+        let t6_8 = t2_200 * t5_144;
+        let t6_9 = (-t2_197).mul_add(t5_149, t6_8);
         let t6_10 = w_e1xz * t6_9;
         let t6_11 = like.lift(0.8660254037844386) * t6_10;
         let t6_12 = t3_2 * t5_149;
-        let t6_13 = (-t2_199).mul_add(t5_141, t6_12);
+        let t6_13 = (-t2_200).mul_add(t5_141, t6_12);
         let t6_14 = w_e1xz * t6_13;
         let t6_15 = like.lift(-0.5).mul_add(t6_14, t6_11);
-        let t6_16 = t2_196 * t5_141;
+        let t6_16 = t2_197 * t5_141;
         let t6_17 = (-t3_2).mul_add(t5_144, t6_16);
         let t6_18 = t5_242.mul_add(t6_17, t6_15);
         let t6_19 = t6_7 + t6_18;
-        let t6_20 = t2_199 * t5_140;
-        let t6_21 = (-t2_196).mul_add(t5_148, t6_20);
+        let t6_20 = t2_200 * t5_140;
+        let t6_21 = (-t2_197).mul_add(t5_148, t6_20);
         let t6_22 = t6_21 * t4_52;
         let t6_23 = like.lift(0.8660254037844386) * t6_22;
         let t6_24 = t3_2 * t5_148;
-        let t6_25 = (-t2_199).mul_add(t5_155, t6_24);
+        let t6_25 = (-t2_200).mul_add(t5_155, t6_24);
         let t6_26 = t6_25 * t4_52;
         let t6_27 = like.lift(-0.5).mul_add(t6_26, t6_23);
-        let t6_28 = t2_196 * t5_155;
+        let t6_28 = t2_197 * t5_155;
         let t6_29 = (-t3_2).mul_add(t5_140, t6_28);
         let t6_30 = t6_29.mul_add(t5_240, t6_27);
         let t6_31 = t6_19 + t6_30;
@@ -11950,9 +11165,9 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t6_34 = t6_29 * t5_144;
         let t6_35 = (-t6_25).mul_add(t5_149, t6_34);
         let t6_36 = t6_33 + t6_35;
-        let t6_37 = t2_199 * t5_126;
+        let t6_37 = t2_200 * t5_126;
         let t6_38 = like.lift(0.5) * t6_37;
-        let t6_39 = t2_196 * t5_136;
+        let t6_39 = t2_197 * t5_136;
         let t6_40 = like.lift(-0.5).mul_add(t6_39, t6_38);
         let t6_41 = like.lift(0.5).mul_add(t6_36, -t6_40);
         let t6_42 = like.lift(0.5) * t6_41;
@@ -11963,105 +11178,104 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t6_47 = t6_44 + t6_46;
         let t6_48 = t3_2 * t5_136;
         let t6_49 = like.lift(0.5) * t6_48;
-        let t6_50 = t2_199 * t5_195;
+        let t6_50 = t2_200 * t5_195;
         let t6_51 = like.lift(-0.5).mul_add(t6_50, t6_49);
         let t6_52 = like.lift(0.5).mul_add(t6_47, -t6_51);
         let t6_53 = like.lift(0.8660254037844386).mul_add(t6_52, t6_42);
         let t6_54 = t6_31 - t6_53;
         let t6_55 = t5_239 - t6_54;
-        let t6_56 = t3_85.mul_add(t4_197, t5_3);
-        let t6_57 = t3_87.mul_add(t4_197, t4_138);
-        let t6_58 = (-t3_90).mul_add(t6_57, t6_56);
-        let t6_59 = t3_92.mul_add(t4_197, t5_86);
-        let t6_60 = (-t3_95).mul_add(t6_57, t6_59);
-        let t6_61 = t3_97 * t6_60;
-        let t6_62 = like.lift(0.0762102355330306) * t6_61;
-        let t6_63 = t6_58 - t6_62;
-        let t6_64 = (-t3_119).mul_add(t6_60, t6_55);
-        let t6_65 = (-t3_122).mul_add(t6_63, t6_64);
-        let t6_66 = t3_135 * t6_63;
-        let t6_67 = like.lift(0.066).mul_add(t6_66, t5_169);
-        let t6_68 = t3_140.mul_add(t6_65, t6_67);
-        let t6_69 = t5_236 - t6_62;
-        let t6_70 = (-t3_148).mul_add(t6_63, t6_69);
-        let t6_71 = t3_150.mul_add(t6_65, t6_70);
-        let t6_72 = (-t3_156).mul_add(t6_68, t6_71);
-        let t6_73 = (-t3_164).mul_add(t6_63, t5_214);
-        let t6_74 = (-t3_166).mul_add(t6_65, t6_73);
-        let t6_75 = t3_170.mul_add(t6_68, t6_74);
-        let t6_76 = t3_175.mul_add(t6_72, t6_75);
-        let t6_77 = inv_pivot_8 * t6_76;
-        let t6_78 = t3_163.mul_add(t6_77, t6_72);
-        let t6_79 = inv_pivot_7 * t6_78;
-        let t6_80 = (-t3_145).mul_add(t6_79, t6_68);
-        let t6_81 = t3_162.mul_add(t6_77, t6_80);
-        let t6_82 = inv_pivot_6 * t6_81;
-        let t6_83 = t3_134.mul_add(t6_82, t6_65);
-        let t6_84 = (-t3_30).mul_add(t6_79, t6_83);
-        let t6_85 = t3_36.mul_add(t6_77, t6_84);
-        let t6_86 = inv_pivot_5 * t6_85;
-        let t6_87 = (-t3_118).mul_add(t6_86, t6_63);
-        let t6_88 = (-t3_133).mul_add(t6_82, t6_87);
-        let t6_89 = inv_pivot_4 * t6_88;
+        let t6_56 = t3_84.mul_add(t4_197, t5_3);
+        let t6_57 = t3_86.mul_add(t4_197, t4_138);
+        let t6_58 = (-t3_89).mul_add(t6_57, t6_56);
+        let t6_59 = t3_96.mul_add(t5_214, t5_236);
+        let t6_60 = t3_98.mul_add(t5_214, t5_169);
+        let t6_61 = (-t3_101).mul_add(t6_60, t6_59);
+        let t6_62 = (-t3_106).mul_add(t6_58, t6_61);
+        let t6_63 = t3_122.mul_add(t4_197, t5_86);
+        let t6_64 = (-t3_126).mul_add(t6_57, t6_63);
+        let t6_65 = (-t3_130).mul_add(t6_58, t6_64);
+        let t6_66 = (-t3_135).mul_add(t6_62, t6_65);
+        let t6_67 = t3_143.mul_add(t5_214, t6_55);
+        let t6_68 = (-t3_146).mul_add(t6_60, t6_67);
+        let t6_69 = (-t3_148).mul_add(t6_58, t6_68);
+        let t6_70 = t3_153.mul_add(t6_62, t6_69);
+        let t6_71 = t3_160.mul_add(t6_66, t6_70);
+        let t6_72 = inv_pivot_8 * t6_71;
+        let t6_73 = (-t3_142).mul_add(t6_72, t6_66);
+        let t6_74 = inv_pivot_7 * t6_73;
+        let t6_75 = (-t3_121).mul_add(t6_74, t6_62);
+        let t6_76 = (-t3_141).mul_add(t6_72, t6_75);
+        let t6_77 = inv_pivot_6 * t6_76;
+        let t6_78 = (-t3_95).mul_add(t6_77, t6_58);
+        let t6_79 = t3_120.mul_add(t6_74, t6_78);
+        let t6_80 = like.lift(-0.066).mul_add(t6_72, t6_79);
+        let t6_81 = inv_pivot_5 * t6_80;
+        let t6_82 = -t6_81;
+        let t6_83 = -t6_77;
+        let t6_84 = -t6_74;
+        let t6_85 = -t6_72;
+        let t6_86 = t3_87.mul_add(t6_81, t6_57);
+        let t6_87 = (-t3_94).mul_add(t6_77, t6_86);
+        let t6_88 = (-t3_119).mul_add(t6_74, t6_87);
+        let t6_89 = inv_pivot_2 * t6_88;
         let t6_90 = -t6_89;
-        let t6_91 = -t6_82;
-        let t6_92 = (-t3_96).mul_add(t6_89, t6_60);
-        let t6_93 = t3_115.mul_add(t6_86, t6_92);
-        let t6_94 = (-t3_127).mul_add(t6_82, t6_93);
-        let t6_95 = t3_97 * t6_94;
-        let t6_96 = like.lift(1.1547005383792515) * t6_95;
-        let t6_97 = -t6_96;
-        let t6_98 = t3_88.mul_add(t6_89, t6_57);
-        let t6_99 = t3_111.mul_add(t6_86, t6_98);
-        let t6_100 = (-t3_126).mul_add(t6_82, t6_99);
-        let t6_101 = inv_pivot_2 * t6_100;
-        let t6_102 = -t6_101;
-        let t6_103 = t2_120.mul_add(t6_101, t4_197);
-        let t6_104 = (-t2_87).mul_add(t6_89, t6_103);
-        let t6_105 = sin_e1x * t6_86;
-        let t6_106 = like.lift(0.0381051177665153).mul_add(t6_105, t6_104);
-        let t6_107 = t2_91.mul_add(t6_82, t6_106);
-        let t6_108 = inv_pivot_1 * t6_107;
-        let t6_109 = -t6_79;
-        let t6_110 = -t6_77;
+        let t6_91 = sin_e1x * t6_74;
+        let t6_92 = like.lift(0.0381051177665153) * t6_91;
+        let t6_93 = t2_120.mul_add(t6_89, t4_197);
+        let t6_94 = (-t2_87).mul_add(t6_81, t6_93);
+        let t6_95 = t2_91.mul_add(t6_77, t6_94);
+        let t6_96 = t6_92 - t6_95;
+        let t6_97 = inv_pivot_1 * t6_96;
+        let t6_98 = -t6_97;
+        let t6_99 = t3_104.mul_add(t6_81, t6_60);
+        let t6_100 = (-t3_99).mul_add(t6_77, t6_99);
+        let t6_101 = (-t3_114).mul_add(t6_74, t6_100);
+        let t6_102 = inv_pivot_4 * t6_101;
+        let t6_103 = -t6_102;
+        let t6_104 = t2_222.mul_add(t6_102, t5_214);
+        let t6_105 = (-t2_203).mul_add(t6_81, t6_104);
+        let t6_106 = t2_205.mul_add(t6_77, t6_105);
+        let t6_107 = t6_106 + t6_92;
+        let t6_108 = inv_pivot_3 * t6_107;
+        let t6_109 = -t6_108;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(0.9580029161088279)).abs()
             .min((pivot_2 * like.lift(0.9018719688103075)).abs())
-            .min((t2_150 * like.lift(1.923718077658978)).abs())
-            .min((pivot_4 * like.lift(1.019503733280847)).abs())
-            .min((pivot_5 * like.lift(0.9467672644948026)).abs())
-            .min((pivot_6 * like.lift(0.8116685504320711)).abs())
-            .min((pivot_7 * like.lift(1.060112577367453)).abs())
-            .min((t3_214 * like.lift(0.697347665033695)).abs());
+            .min((t3_3 * like.lift(0.9441016894903256)).abs())
+            .min((pivot_4 * like.lift(0.7930813430566414)).abs())
+            .min((pivot_5 * like.lift(0.9552290039283993)).abs())
+            .min((pivot_6 * like.lift(0.6503970605951934)).abs())
+            .min((t3_204 * like.lift(1.8878245740206896)).abs())
+            .min((t3_205 * like.lift(1.0933635968062305)).abs());
         let ([
-            [t6_111], [al_rod1y], [t6_112], [t6_113], [t6_114], [al_rod2y], [t6_115],
+            [t6_110], [al_rod1y], [t6_111], [t6_112], [t6_113], [al_rod2y], [t6_114],
             [al_rod3y],
         ], found) = ::regen_runtime::guarded(
-            [[t6_90], [t6_91], [t6_86], [t6_97], [t6_102], [t6_108], [t6_109], [t6_110]],
+            [[t6_82], [t6_83], [t6_84], [t6_85], [t6_90], [t6_98], [t6_103], [t6_109]],
             margin,
             || (
                 [
                     [t2_4, t2_5, t2_6, like.lift(0.0), t2_78, t2_84, like.lift(0.0), like.lift(0.0)],
                     [t2_88, t2_91, t2_92, like.lift(0.0), t2_120, pivot_1, like.lift(0.0), like.lift(0.0)],
                     [t2_129, t2_132, t2_133, like.lift(0.066), t2_135, t2_137, like.lift(0.0), like.lift(0.0)],
-                    [t2_145, t2_149, t2_149, t2_150, t2_156, t2_162, like.lift(0.0), like.lift(0.0)],
-                    [t2_4, t2_5, t2_6, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_194, t2_201],
-                    [t2_203, t2_204, t2_90, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_221, t3_4],
-                    [t3_6, t3_7, t2_131, like.lift(0.066), like.lift(0.0), like.lift(0.0), t3_9, t3_12],
-                    [t3_20, t3_23, t3_23, t3_25, like.lift(0.0), like.lift(0.0), t3_31, t3_36],
+                    [t2_145, t2_149, t2_149, t2_151, t2_157, t2_163, like.lift(0.0), like.lift(0.0)],
+                    [t2_4, t2_5, t2_6, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_195, t2_202],
+                    [t2_204, t2_205, t2_90, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_222, t3_3],
+                    [t3_5, t3_6, t2_131, like.lift(0.066), like.lift(0.0), like.lift(0.0), t3_8, t3_11],
+                    [t3_19, t3_22, t3_22, t3_24, like.lift(0.0), like.lift(0.0), t3_30, t3_35],
                 ],
                 [[t4_139], [t4_197], [t5_4], [t5_86], [t5_170], [t5_214], [t5_237], [t6_55]],
             ),
         );
         condition = condition.min(found);
-        kept[290] = t6_111;
-        kept[291] = al_rod1y;
-        kept[292] = t6_112;
-        kept[293] = t6_113;
-        kept[294] = t6_114;
-        kept[295] = al_rod2y;
-        kept[296] = t6_115;
-        kept[297] = al_rod3y;
+        kept[287] = t6_110;
+        kept[288] = al_rod1y;
+        kept[289] = t6_111;
+        kept[290] = t6_112;
+        kept[291] = t6_113;
+        kept[292] = al_rod2y;
+        kept[293] = t6_114;
+        kept[294] = al_rod3y;
     }
     // loops: solve with A_e (Eq. 8, 10)
     {
@@ -12088,238 +11302,228 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t2_144 = kept[72];
         let t2_145 = kept[73];
         let t2_149 = kept[75];
-        let t2_150 = kept[76];
-        let t2_155 = kept[77];
+        let t2_151 = kept[77];
         let t2_156 = kept[78];
-        let t2_162 = kept[80];
-        let t2_194 = kept[99];
-        let t2_201 = kept[103];
+        let t2_157 = kept[79];
+        let t2_163 = kept[81];
+        let t2_195 = kept[100];
+        let t2_202 = kept[104];
         let t2_203 = kept[105];
         let t2_204 = kept[106];
-        let t2_221 = kept[114];
-        let t3_4 = kept[117];
-        let t3_6 = kept[118];
-        let t3_7 = kept[119];
-        let t3_9 = kept[120];
-        let t3_12 = kept[121];
-        let t3_19 = kept[122];
-        let t3_20 = kept[123];
-        let t3_23 = kept[124];
-        let t3_25 = kept[125];
-        let t3_30 = kept[126];
-        let t3_31 = kept[127];
-        let t3_36 = kept[128];
-        let t3_38 = kept[130];
-        let t3_43 = kept[131];
-        let t3_49 = kept[133];
-        let t3_53 = kept[134];
-        let t3_57 = kept[136];
-        let t3_60 = kept[137];
-        let t3_68 = kept[138];
-        let t3_71 = kept[139];
-        let t3_75 = kept[140];
-        let t3_77 = kept[141];
-        let t3_80 = kept[142];
-        let inv_pivot_1 = kept[143];
-        let t3_85 = kept[144];
-        let t3_87 = kept[145];
-        let t3_88 = kept[146];
-        let pivot_2 = kept[147];
-        let inv_pivot_2 = kept[148];
-        let t3_90 = kept[149];
-        let t3_92 = kept[150];
-        let t3_95 = kept[151];
-        let t3_96 = kept[152];
-        let t3_97 = kept[153];
-        let pivot_4 = kept[154];
-        let inv_pivot_4 = kept[155];
-        let t3_111 = kept[156];
-        let t3_115 = kept[157];
-        let t3_118 = kept[158];
-        let t3_119 = kept[159];
-        let t3_122 = kept[160];
-        let pivot_5 = kept[161];
-        let inv_pivot_5 = kept[162];
-        let t3_126 = kept[163];
-        let t3_127 = kept[164];
-        let t3_133 = kept[165];
-        let t3_134 = kept[166];
-        let t3_135 = kept[167];
-        let t3_140 = kept[168];
-        let pivot_6 = kept[169];
-        let inv_pivot_6 = kept[170];
-        let t3_144 = kept[171];
-        let t3_145 = kept[172];
-        let t3_148 = kept[173];
-        let t3_150 = kept[174];
-        let t3_151 = kept[175];
-        let t3_156 = kept[176];
-        let pivot_7 = kept[177];
-        let inv_pivot_7 = kept[178];
-        let t3_162 = kept[179];
-        let t3_163 = kept[180];
-        let t3_164 = kept[181];
-        let t3_166 = kept[182];
-        let t3_170 = kept[183];
-        let t3_172 = kept[184];
-        let t3_175 = kept[185];
-        let inv_pivot_8 = kept[186];
-        let t3_214 = kept[187];
-        let t4_5 = kept[199];
-        let t6_111 = kept[290];
-        let al_u1_1x = dr_q1 + t6_111;
+        let t2_205 = kept[107];
+        let t2_222 = kept[115];
+        let t3_3 = kept[118];
+        let t3_5 = kept[119];
+        let t3_6 = kept[120];
+        let t3_8 = kept[121];
+        let t3_11 = kept[122];
+        let t3_18 = kept[123];
+        let t3_19 = kept[124];
+        let t3_22 = kept[125];
+        let t3_24 = kept[126];
+        let t3_29 = kept[127];
+        let t3_30 = kept[128];
+        let t3_35 = kept[129];
+        let t3_37 = kept[131];
+        let t3_42 = kept[132];
+        let t3_48 = kept[134];
+        let t3_52 = kept[135];
+        let t3_56 = kept[137];
+        let t3_59 = kept[138];
+        let t3_67 = kept[139];
+        let t3_70 = kept[140];
+        let t3_74 = kept[141];
+        let t3_76 = kept[142];
+        let t3_79 = kept[143];
+        let inv_pivot_1 = kept[144];
+        let t3_84 = kept[145];
+        let t3_86 = kept[146];
+        let t3_87 = kept[147];
+        let pivot_2 = kept[148];
+        let inv_pivot_2 = kept[149];
+        let t3_89 = kept[150];
+        let pivot_5 = kept[151];
+        let inv_pivot_5 = kept[152];
+        let t3_94 = kept[153];
+        let t3_95 = kept[154];
+        let inv_pivot_3 = kept[155];
+        let t3_96 = kept[156];
+        let t3_98 = kept[157];
+        let t3_99 = kept[158];
+        let pivot_4 = kept[159];
+        let inv_pivot_4 = kept[160];
+        let t3_101 = kept[161];
+        let t3_104 = kept[162];
+        let t3_106 = kept[163];
+        let pivot_6 = kept[164];
+        let inv_pivot_6 = kept[165];
+        let t3_114 = kept[166];
+        let t3_119 = kept[167];
+        let t3_120 = kept[168];
+        let t3_121 = kept[169];
+        let t3_122 = kept[170];
+        let t3_126 = kept[171];
+        let t3_130 = kept[172];
+        let t3_135 = kept[173];
+        let inv_pivot_7 = kept[174];
+        let t3_141 = kept[175];
+        let t3_142 = kept[176];
+        let t3_143 = kept[177];
+        let t3_146 = kept[178];
+        let t3_148 = kept[179];
+        let t3_153 = kept[180];
+        let t3_160 = kept[181];
+        let inv_pivot_8 = kept[182];
+        let t3_204 = kept[183];
+        let t3_205 = kept[184];
+        let t4_5 = kept[196];
+        let t6_110 = kept[287];
+        let al_u1_1x = dr_q1 + t6_110;
         let t7_1 = cos_u1_2 * al_u1_1x;
         let al_rod1x = t4_5 - t7_1;
-        let t7_2 = -t3_49;
-        let t7_3 = -t3_71;
-        let t7_4 = t3_49.mul_add(t3_85, t3_57);
-        let t7_5 = t3_49.mul_add(t3_87, t3_38);
-        let t7_6 = (-t7_5).mul_add(t3_90, t7_4);
-        let t7_7 = t3_49.mul_add(t3_92, t2_144);
-        let t7_8 = (-t7_5).mul_add(t3_95, t7_7);
-        let t7_9 = t7_8 * t3_97;
-        let t7_10 = like.lift(0.0762102355330306) * t7_9;
-        let t7_11 = t7_6 - t7_10;
-        let t7_12 = (-t7_8).mul_add(t3_119, t3_19);
-        let t7_13 = (-t7_11).mul_add(t3_122, t7_12);
-        let t7_14 = t7_11 * t3_135;
-        let t7_15 = like.lift(0.066).mul_add(t7_14, t3_38);
-        let t7_16 = t7_13.mul_add(t3_140, t7_15);
-        let t7_17 = t3_77 - t7_10;
-        let t7_18 = (-t7_11).mul_add(t3_148, t7_17);
-        let t7_19 = t7_13.mul_add(t3_150, t7_18);
-        let t7_20 = (-t7_16).mul_add(t3_156, t7_19);
-        let t7_21 = (-t7_11).mul_add(t3_164, t3_71);
-        let t7_22 = (-t7_13).mul_add(t3_166, t7_21);
-        let t7_23 = t7_16.mul_add(t3_170, t7_22);
-        let t7_24 = t7_20.mul_add(t3_175, t7_23);
-        let t7_25 = t7_24 * inv_pivot_8;
-        let t7_26 = t3_163.mul_add(t7_25, t7_20);
-        let t7_27 = inv_pivot_7 * t7_26;
-        let t7_28 = (-t3_145).mul_add(t7_27, t7_16);
-        let t7_29 = t3_162.mul_add(t7_25, t7_28);
-        let t7_30 = inv_pivot_6 * t7_29;
-        let t7_31 = t3_134.mul_add(t7_30, t7_13);
-        let t7_32 = (-t3_30).mul_add(t7_27, t7_31);
-        let t7_33 = t3_36.mul_add(t7_25, t7_32);
-        let t7_34 = inv_pivot_5 * t7_33;
-        let t7_35 = (-t3_118).mul_add(t7_34, t7_11);
-        let t7_36 = (-t3_133).mul_add(t7_30, t7_35);
-        let t7_37 = inv_pivot_4 * t7_36;
-        let t7_38 = (-t3_53).mul_add(t3_85, t3_60);
-        let t7_39 = (-t3_53).mul_add(t3_87, t3_43);
-        let t7_40 = (-t7_39).mul_add(t3_90, t7_38);
-        let t7_41 = (-t3_53).mul_add(t3_92, t2_155);
-        let t7_42 = (-t7_39).mul_add(t3_95, t7_41);
-        let t7_43 = t7_42 * t3_97;
-        let t7_44 = like.lift(0.0762102355330306) * t7_43;
-        let t7_45 = t7_40 - t7_44;
-        let t7_46 = t7_42 * t3_119;
-        let t7_47 = t7_45.mul_add(t3_122, t7_46);
-        let t7_48 = t7_45 * t3_135;
-        let t7_49 = like.lift(0.066) * t7_48;
-        let t7_50 = (-t7_47).mul_add(t3_140, t7_49);
-        let t7_51 = t7_45.mul_add(t3_148, t7_44);
-        let t7_52 = t7_47.mul_add(t3_150, t7_51);
-        let t7_53 = t7_50.mul_add(t3_156, t7_52);
-        let t7_54 = t7_45 * t3_164;
-        let t7_55 = (-t7_47).mul_add(t3_166, t7_54);
-        let t7_56 = (-t7_50).mul_add(t3_170, t7_55);
-        let t7_57 = t7_53.mul_add(t3_175, t7_56);
-        let t7_58 = t7_57 * inv_pivot_8;
-        let t7_59 = t3_163.mul_add(t7_58, t7_53);
-        let t7_60 = inv_pivot_7 * t7_59;
-        let t7_61 = t3_145.mul_add(t7_60, t7_50);
-        let t7_62 = (-t3_162).mul_add(t7_58, t7_61);
-        let t7_63 = inv_pivot_6 * t7_62;
-        let t7_64 = (-t3_134).mul_add(t7_63, t7_47);
-        let t7_65 = (-t3_30).mul_add(t7_60, t7_64);
-        let t7_66 = t3_36.mul_add(t7_58, t7_65);
-        let t7_67 = inv_pivot_5 * t7_66;
-        let t7_68 = t3_118.mul_add(t7_67, t7_45);
-        let t7_69 = (-t3_133).mul_add(t7_63, t7_68);
-        let t7_70 = inv_pivot_4 * t7_69;
-        let t7_71 = t3_68 + t3_144;
-        let t7_72 = t3_80 + t3_151;
-        let t7_73 = (-t7_71).mul_add(t3_156, t7_72);
-        let t7_74 = t3_75 + t3_172;
-        let t7_75 = (-t7_71).mul_add(t3_170, t7_74);
-        let t7_76 = (-t7_73).mul_add(t3_175, t7_75);
-        let t7_77 = t7_76 * inv_pivot_8;
-        let t7_78 = (-t3_163).mul_add(t7_77, t7_73);
-        let t7_79 = inv_pivot_7 * t7_78;
-        let t7_80 = (-t3_145).mul_add(t7_79, t7_71);
-        let t7_81 = (-t3_162).mul_add(t7_77, t7_80);
-        let t7_82 = inv_pivot_6 * t7_81;
-        let t7_83 = t3_134.mul_add(t7_82, t3_30);
-        let t7_84 = (-t3_30).mul_add(t7_79, t7_83);
-        let t7_85 = (-t3_36).mul_add(t7_77, t7_84);
-        let t7_86 = inv_pivot_5 * t7_85;
-        let t7_87 = t3_118 * t7_86;
-        let t7_88 = t3_133.mul_add(t7_82, t7_87);
-        let t7_89 = inv_pivot_4 * t7_88;
-        let t7_90 = -t7_89;
-        let t7_91 = -t7_34;
-        let t7_92 = -t7_86;
-        let t7_93 = (-t3_96).mul_add(t7_37, t7_8);
-        let t7_94 = t3_115.mul_add(t7_34, t7_93);
-        let t7_95 = (-t3_127).mul_add(t7_30, t7_94);
-        let t7_96 = t3_97 * t7_95;
-        let t7_97 = like.lift(1.1547005383792515) * t7_96;
-        let t7_98 = (-t3_96).mul_add(t7_70, t7_42);
-        let t7_99 = (-t3_115).mul_add(t7_67, t7_98);
-        let t7_100 = (-t3_127).mul_add(t7_63, t7_99);
-        let t7_101 = t3_97 * t7_100;
-        let t7_102 = like.lift(1.1547005383792515) * t7_101;
-        let t7_103 = t3_96 * t7_89;
-        let t7_104 = t3_115.mul_add(t7_86, t7_103);
-        let t7_105 = (-t3_127).mul_add(t7_82, t7_104);
-        let t7_106 = t3_97 * t7_105;
-        let t7_107 = like.lift(1.1547005383792515) * t7_106;
-        let t7_108 = t3_88.mul_add(t7_37, t7_5);
-        let t7_109 = t3_111.mul_add(t7_34, t7_108);
-        let t7_110 = (-t3_126).mul_add(t7_30, t7_109);
-        let t7_111 = inv_pivot_2 * t7_110;
-        let t7_112 = t3_88.mul_add(t7_70, t7_39);
-        let t7_113 = (-t3_111).mul_add(t7_67, t7_112);
-        let t7_114 = (-t3_126).mul_add(t7_63, t7_113);
-        let t7_115 = inv_pivot_2 * t7_114;
-        let t7_116 = t3_88 * t7_89;
-        let t7_117 = (-t3_111).mul_add(t7_86, t7_116);
-        let t7_118 = t3_126.mul_add(t7_82, t7_117);
-        let t7_119 = inv_pivot_2 * t7_118;
-        let t7_120 = -t7_119;
-        let t7_121 = t2_120.mul_add(t7_111, t3_49);
-        let t7_122 = (-t2_87).mul_add(t7_37, t7_121);
-        let t7_123 = sin_e1x * t7_34;
-        let t7_124 = like.lift(0.0381051177665153).mul_add(t7_123, t7_122);
-        let t7_125 = t2_91.mul_add(t7_30, t7_124);
-        let t7_126 = inv_pivot_1 * t7_125;
-        let t7_127 = -t7_126;
-        let t7_128 = (-t2_120).mul_add(t7_115, t3_53);
-        let t7_129 = t2_87.mul_add(t7_70, t7_128);
-        let t7_130 = sin_e1x * t7_67;
-        let t7_131 = like.lift(0.0381051177665153).mul_add(t7_130, t7_129);
-        let t7_132 = (-t2_91).mul_add(t7_63, t7_131);
-        let t7_133 = inv_pivot_1 * t7_132;
-        let t7_134 = t2_120 * t7_119;
-        let t7_135 = (-t2_87).mul_add(t7_89, t7_134);
-        let t7_136 = sin_e1x * t7_86;
-        let t7_137 = like.lift(-0.0381051177665153).mul_add(t7_136, t7_135);
-        let t7_138 = (-t2_91).mul_add(t7_82, t7_137);
-        let t7_139 = inv_pivot_1 * t7_138;
-        let t7_140 = -t7_60;
-        let t7_141 = -t7_58;
-        let t7_142 = -t7_77;
+        let t7_2 = -t3_48;
+        let t7_3 = -t3_70;
+        let t7_4 = t3_48.mul_add(t3_84, t3_56);
+        let t7_5 = t3_48.mul_add(t3_86, t3_37);
+        let t7_6 = (-t7_5).mul_add(t3_89, t7_4);
+        let t7_7 = t3_70.mul_add(t3_96, t3_76);
+        let t7_8 = t3_70.mul_add(t3_98, t3_37);
+        let t7_9 = (-t7_8).mul_add(t3_101, t7_7);
+        let t7_10 = (-t7_6).mul_add(t3_106, t7_9);
+        let t7_11 = t3_48.mul_add(t3_122, t2_144);
+        let t7_12 = (-t7_5).mul_add(t3_126, t7_11);
+        let t7_13 = (-t7_6).mul_add(t3_130, t7_12);
+        let t7_14 = (-t7_10).mul_add(t3_135, t7_13);
+        let t7_15 = t3_70.mul_add(t3_143, t3_18);
+        let t7_16 = (-t7_8).mul_add(t3_146, t7_15);
+        let t7_17 = (-t7_6).mul_add(t3_148, t7_16);
+        let t7_18 = t7_10.mul_add(t3_153, t7_17);
+        let t7_19 = t7_14.mul_add(t3_160, t7_18);
+        let t7_20 = t7_19 * inv_pivot_8;
+        let t7_21 = (-t3_142).mul_add(t7_20, t7_14);
+        let t7_22 = inv_pivot_7 * t7_21;
+        let t7_23 = (-t3_121).mul_add(t7_22, t7_10);
+        let t7_24 = (-t3_141).mul_add(t7_20, t7_23);
+        let t7_25 = inv_pivot_6 * t7_24;
+        let t7_26 = (-t3_95).mul_add(t7_25, t7_6);
+        let t7_27 = t3_120.mul_add(t7_22, t7_26);
+        let t7_28 = like.lift(-0.066).mul_add(t7_20, t7_27);
+        let t7_29 = inv_pivot_5 * t7_28;
+        let t7_30 = (-t3_52).mul_add(t3_84, t3_59);
+        let t7_31 = (-t3_52).mul_add(t3_86, t3_42);
+        let t7_32 = (-t7_31).mul_add(t3_89, t7_30);
+        let t7_33 = t7_32 * t3_106;
+        let t7_34 = (-t3_52).mul_add(t3_122, t2_156);
+        let t7_35 = (-t7_31).mul_add(t3_126, t7_34);
+        let t7_36 = (-t7_32).mul_add(t3_130, t7_35);
+        let t7_37 = t7_33.mul_add(t3_135, t7_36);
+        let t7_38 = t7_32 * t3_148;
+        let t7_39 = t7_33.mul_add(t3_153, t7_38);
+        let t7_40 = (-t7_37).mul_add(t3_160, t7_39);
+        let t7_41 = t7_40 * inv_pivot_8;
+        let t7_42 = t3_142.mul_add(t7_41, t7_37);
+        let t7_43 = inv_pivot_7 * t7_42;
+        let t7_44 = t3_121.mul_add(t7_43, t7_33);
+        let t7_45 = (-t3_141).mul_add(t7_41, t7_44);
+        let t7_46 = inv_pivot_6 * t7_45;
+        let t7_47 = t3_95.mul_add(t7_46, t7_32);
+        let t7_48 = t3_120.mul_add(t7_43, t7_47);
+        let t7_49 = like.lift(0.066).mul_add(t7_41, t7_48);
+        let t7_50 = inv_pivot_5 * t7_49;
+        let t7_51 = (-t3_74).mul_add(t3_96, t3_79);
+        let t7_52 = (-t3_74).mul_add(t3_98, t3_67);
+        let t7_53 = (-t7_52).mul_add(t3_101, t7_51);
+        let t7_54 = t7_53 * t3_135;
+        let t7_55 = (-t3_74).mul_add(t3_143, t3_29);
+        let t7_56 = (-t7_52).mul_add(t3_146, t7_55);
+        let t7_57 = t7_53.mul_add(t3_153, t7_56);
+        let t7_58 = (-t7_54).mul_add(t3_160, t7_57);
+        let t7_59 = t7_58 * inv_pivot_8;
+        let t7_60 = t3_142.mul_add(t7_59, t7_54);
+        let t7_61 = inv_pivot_7 * t7_60;
+        let t7_62 = t3_121.mul_add(t7_61, t7_53);
+        let t7_63 = (-t3_141).mul_add(t7_59, t7_62);
+        let t7_64 = inv_pivot_6 * t7_63;
+        let t7_65 = t3_95 * t7_64;
+        let t7_66 = t3_120.mul_add(t7_61, t7_65);
+        let t7_67 = like.lift(0.066).mul_add(t7_59, t7_66);
+        let t7_68 = inv_pivot_5 * t7_67;
+        let t7_69 = -t7_68;
+        let t7_70 = -t7_46;
+        let t7_71 = -t7_61;
+        let t7_72 = -t7_41;
+        let t7_73 = t3_87.mul_add(t7_29, t7_5);
+        let t7_74 = (-t3_94).mul_add(t7_25, t7_73);
+        let t7_75 = (-t3_119).mul_add(t7_22, t7_74);
+        let t7_76 = inv_pivot_2 * t7_75;
+        let t7_77 = t3_87.mul_add(t7_50, t7_31);
+        let t7_78 = t3_94.mul_add(t7_46, t7_77);
+        let t7_79 = (-t3_119).mul_add(t7_43, t7_78);
+        let t7_80 = inv_pivot_2 * t7_79;
+        let t7_81 = t3_87 * t7_68;
+        let t7_82 = t3_94.mul_add(t7_64, t7_81);
+        let t7_83 = (-t3_119).mul_add(t7_61, t7_82);
+        let t7_84 = inv_pivot_2 * t7_83;
+        let t7_85 = -t7_84;
+        let t7_86 = sin_e1x * t7_22;
+        let t7_87 = like.lift(0.0381051177665153) * t7_86;
+        let t7_88 = t2_120.mul_add(t7_76, t3_48);
+        let t7_89 = (-t2_87).mul_add(t7_29, t7_88);
+        let t7_90 = t2_91.mul_add(t7_25, t7_89);
+        let t7_91 = t7_87 - t7_90;
+        let t7_92 = inv_pivot_1 * t7_91;
+        let t7_93 = sin_e1x * t7_43;
+        let t7_94 = like.lift(0.0381051177665153) * t7_93;
+        let t7_95 = (-t2_120).mul_add(t7_80, t3_52);
+        let t7_96 = t2_87.mul_add(t7_50, t7_95);
+        let t7_97 = t2_91.mul_add(t7_46, t7_96);
+        let t7_98 = t7_94 + t7_97;
+        let t7_99 = inv_pivot_1 * t7_98;
+        let t7_100 = sin_e1x * t7_61;
+        let t7_101 = like.lift(0.0381051177665153) * t7_100;
+        let t7_102 = t2_120 * t7_84;
+        let t7_103 = (-t2_87).mul_add(t7_68, t7_102);
+        let t7_104 = (-t2_91).mul_add(t7_64, t7_103);
+        let t7_105 = t7_101 - t7_104;
+        let t7_106 = inv_pivot_1 * t7_105;
+        let t7_107 = -t7_106;
+        let t7_108 = t3_104.mul_add(t7_29, t7_8);
+        let t7_109 = (-t3_99).mul_add(t7_25, t7_108);
+        let t7_110 = (-t3_114).mul_add(t7_22, t7_109);
+        let t7_111 = inv_pivot_4 * t7_110;
+        let t7_112 = t3_104 * t7_50;
+        let t7_113 = t3_99.mul_add(t7_46, t7_112);
+        let t7_114 = (-t3_114).mul_add(t7_43, t7_113);
+        let t7_115 = inv_pivot_4 * t7_114;
+        let t7_116 = (-t3_104).mul_add(t7_68, t7_52);
+        let t7_117 = (-t3_99).mul_add(t7_64, t7_116);
+        let t7_118 = t3_114.mul_add(t7_61, t7_117);
+        let t7_119 = inv_pivot_4 * t7_118;
+        let t7_120 = t2_222.mul_add(t7_111, t3_70);
+        let t7_121 = (-t2_203).mul_add(t7_29, t7_120);
+        let t7_122 = t2_205.mul_add(t7_25, t7_121);
+        let t7_123 = t7_122 + t7_87;
+        let t7_124 = inv_pivot_3 * t7_123;
+        let t7_125 = t2_222 * t7_115;
+        let t7_126 = (-t2_203).mul_add(t7_50, t7_125);
+        let t7_127 = (-t2_205).mul_add(t7_46, t7_126);
+        let t7_128 = t7_127 + t7_94;
+        let t7_129 = inv_pivot_3 * t7_128;
+        let t7_130 = (-t2_222).mul_add(t7_119, t3_74);
+        let t7_131 = (-t2_203).mul_add(t7_68, t7_130);
+        let t7_132 = (-t2_205).mul_add(t7_64, t7_131);
+        let t7_133 = t7_132 + t7_101;
+        let t7_134 = inv_pivot_3 * t7_133;
+        let t7_135 = -t7_134;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(0.9580029161088279)).abs()
             .min((pivot_2 * like.lift(0.9018719688103075)).abs())
-            .min((t2_150 * like.lift(1.923718077658978)).abs())
-            .min((pivot_4 * like.lift(1.019503733280847)).abs())
-            .min((pivot_5 * like.lift(0.9467672644948026)).abs())
-            .min((pivot_6 * like.lift(0.8116685504320711)).abs())
-            .min((pivot_7 * like.lift(1.060112577367453)).abs())
-            .min((t3_214 * like.lift(0.697347665033695)).abs());
+            .min((t3_3 * like.lift(0.9441016894903256)).abs())
+            .min((pivot_4 * like.lift(0.7930813430566414)).abs())
+            .min((pivot_5 * like.lift(0.9552290039283993)).abs())
+            .min((pivot_6 * like.lift(0.6503970605951934)).abs())
+            .min((t3_204 * like.lift(1.8878245740206896)).abs())
+            .min((t3_205 * like.lift(1.0933635968062305)).abs());
         let ([
             [x_u1_1_q1, x_u1_1_q2, x_u1_1_q3], [x_u1_2_q1, x_u1_2_q2, x_u1_2_q3],
             [x_e1y_q1, x_e1y_q2, x_e1y_q3], [x_e1x_q1, x_e1x_q2, x_e1x_q3],
@@ -12327,9 +11531,9 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
             [x_u3_1_q1, x_u3_1_q2, x_u3_1_q3], [x_u3_2_q1, x_u3_2_q2, x_u3_2_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t7_37, t7_70, t7_90], [t7_30, t7_63, t7_82], [t7_91, t7_67, t7_92],
-                [t7_97, t7_102, t7_107], [t7_111, t7_115, t7_120], [t7_127, t7_133, t7_139],
-                [t7_27, t7_140, t7_79], [t7_25, t7_141, t7_142],
+                [t7_29, t7_50, t7_69], [t7_25, t7_70, t7_64], [t7_22, t7_43, t7_71],
+                [t7_20, t7_72, t7_59], [t7_76, t7_80, t7_85], [t7_92, t7_99, t7_107],
+                [t7_111, t7_115, t7_119], [t7_124, t7_129, t7_135],
             ],
             margin,
             || (
@@ -12337,48 +11541,48 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
                     [t2_4, t2_5, t2_6, like.lift(0.0), t2_78, t2_84, like.lift(0.0), like.lift(0.0)],
                     [t2_88, t2_91, t2_92, like.lift(0.0), t2_120, pivot_1, like.lift(0.0), like.lift(0.0)],
                     [t2_129, t2_132, t2_133, like.lift(0.066), t2_135, t2_137, like.lift(0.0), like.lift(0.0)],
-                    [t2_145, t2_149, t2_149, t2_150, t2_156, t2_162, like.lift(0.0), like.lift(0.0)],
-                    [t2_4, t2_5, t2_6, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_194, t2_201],
-                    [t2_203, t2_204, t2_90, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_221, t3_4],
-                    [t3_6, t3_7, t2_131, like.lift(0.066), like.lift(0.0), like.lift(0.0), t3_9, t3_12],
-                    [t3_20, t3_23, t3_23, t3_25, like.lift(0.0), like.lift(0.0), t3_31, t3_36],
+                    [t2_145, t2_149, t2_149, t2_151, t2_157, t2_163, like.lift(0.0), like.lift(0.0)],
+                    [t2_4, t2_5, t2_6, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_195, t2_202],
+                    [t2_204, t2_205, t2_90, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_222, t3_3],
+                    [t3_5, t3_6, t2_131, like.lift(0.066), like.lift(0.0), like.lift(0.0), t3_8, t3_11],
+                    [t3_19, t3_22, t3_22, t3_24, like.lift(0.0), like.lift(0.0), t3_30, t3_35],
                 ],
                 [
-                    [t3_38, t3_43, like.lift(0.0)], [t7_2, t3_53, like.lift(0.0)],
-                    [t3_57, t3_60, like.lift(0.0)], [t2_145, t2_156, like.lift(0.0)],
-                    [t3_38, like.lift(0.0), t3_68], [t7_3, like.lift(0.0), t3_75],
-                    [t3_77, like.lift(0.0), t3_80], [t3_20, like.lift(0.0), t3_31],
+                    [t3_37, t3_42, like.lift(0.0)], [t7_2, t3_52, like.lift(0.0)],
+                    [t3_56, t3_59, like.lift(0.0)], [t2_145, t2_157, like.lift(0.0)],
+                    [t3_37, like.lift(0.0), t3_67], [t7_3, like.lift(0.0), t3_74],
+                    [t3_76, like.lift(0.0), t3_79], [t3_19, like.lift(0.0), t3_30],
                 ],
             ),
         );
         condition = condition.min(found);
-        kept[298] = al_u1_1x;
-        kept[299] = t7_1;
-        kept[300] = al_rod1x;
-        kept[301] = x_u1_1_q1;
-        kept[302] = x_u1_1_q2;
-        kept[303] = x_u1_1_q3;
-        kept[304] = x_u1_2_q1;
-        kept[305] = x_u1_2_q2;
-        kept[306] = x_u1_2_q3;
-        kept[307] = x_e1y_q1;
-        kept[308] = x_e1y_q2;
-        kept[309] = x_e1y_q3;
-        kept[310] = x_e1x_q1;
-        kept[311] = x_e1x_q2;
-        kept[312] = x_e1x_q3;
-        kept[313] = x_u2_1_q1;
-        kept[314] = x_u2_1_q2;
-        kept[315] = x_u2_1_q3;
-        kept[316] = x_u2_2_q1;
-        kept[317] = x_u2_2_q2;
-        kept[318] = x_u2_2_q3;
-        kept[319] = x_u3_1_q1;
-        kept[320] = x_u3_1_q2;
-        kept[321] = x_u3_1_q3;
-        kept[322] = x_u3_2_q1;
-        kept[323] = x_u3_2_q2;
-        kept[324] = x_u3_2_q3;
+        kept[295] = al_u1_1x;
+        kept[296] = t7_1;
+        kept[297] = al_rod1x;
+        kept[298] = x_u1_1_q1;
+        kept[299] = x_u1_1_q2;
+        kept[300] = x_u1_1_q3;
+        kept[301] = x_u1_2_q1;
+        kept[302] = x_u1_2_q2;
+        kept[303] = x_u1_2_q3;
+        kept[304] = x_e1y_q1;
+        kept[305] = x_e1y_q2;
+        kept[306] = x_e1y_q3;
+        kept[307] = x_e1x_q1;
+        kept[308] = x_e1x_q2;
+        kept[309] = x_e1x_q3;
+        kept[310] = x_u2_1_q1;
+        kept[311] = x_u2_1_q2;
+        kept[312] = x_u2_1_q3;
+        kept[313] = x_u2_2_q1;
+        kept[314] = x_u2_2_q2;
+        kept[315] = x_u2_2_q3;
+        kept[316] = x_u3_1_q1;
+        kept[317] = x_u3_1_q2;
+        kept[318] = x_u3_1_q3;
+        kept[319] = x_u3_2_q1;
+        kept[320] = x_u3_2_q2;
+        kept[321] = x_u3_2_q3;
     }
     // body rod1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
@@ -12390,26 +11594,26 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let w_rod1z = kept[7];
         let sin_u1_1 = kept[21];
         let cos_u1_1 = kept[22];
-        let t4_2 = kept[196];
-        let t4_3 = kept[197];
-        let t4_4 = kept[198];
-        let t4_5 = kept[199];
-        let t4_8 = kept[201];
-        let t4_12 = kept[202];
-        let t4_13 = kept[203];
-        let t4_14 = kept[204];
-        let t4_20 = kept[206];
-        let t4_24 = kept[207];
-        let al_rod1y = kept[291];
-        let al_u1_1x = kept[298];
-        let t7_1 = kept[299];
-        let al_rod1x = kept[300];
-        let x_u1_1_q1 = kept[301];
-        let x_u1_1_q2 = kept[302];
-        let x_u1_1_q3 = kept[303];
-        let x_u1_2_q1 = kept[304];
-        let x_u1_2_q2 = kept[305];
-        let x_u1_2_q3 = kept[306];
+        let t4_2 = kept[193];
+        let t4_3 = kept[194];
+        let t4_4 = kept[195];
+        let t4_5 = kept[196];
+        let t4_8 = kept[198];
+        let t4_12 = kept[199];
+        let t4_13 = kept[200];
+        let t4_14 = kept[201];
+        let t4_20 = kept[203];
+        let t4_24 = kept[204];
+        let al_rod1y = kept[288];
+        let al_u1_1x = kept[295];
+        let t7_1 = kept[296];
+        let al_rod1x = kept[297];
+        let x_u1_1_q1 = kept[298];
+        let x_u1_1_q2 = kept[299];
+        let x_u1_1_q3 = kept[300];
+        let x_u1_2_q1 = kept[301];
+        let x_u1_2_q2 = kept[302];
+        let x_u1_2_q3 = kept[303];
         let t8_1 = (-cos_u1_2).mul_add(x_u1_1_q1, cos_u1_2);
         let t8_2 = t4_20 * x_u1_2_q1;
         let t8_3 = al_rod1x.mul_add(t8_1, t8_2);
@@ -12562,12 +11766,12 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t8_109 = cos_u1_1 * a_u1_1z;
         let w_m_rod1_q1 = like.lift(-0.524).mul_add(t8_109, t8_108);
         y[19] = [w_m_rod1_q1, like.lift(0.0), like.lift(0.0)];
-        kept[325] = al_rod1z;
-        kept[326] = t8_36;
-        kept[327] = t8_57;
-        kept[328] = a_u1_1y;
-        kept[329] = a_rod1z;
-        kept[330] = a_rod1x;
+        kept[322] = al_rod1z;
+        kept[323] = t8_36;
+        kept[324] = t8_57;
+        kept[325] = a_u1_1y;
+        kept[326] = a_rod1z;
+        kept[327] = a_rod1x;
     }
     // body platform: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
@@ -12583,52 +11787,52 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t2_89 = kept[47];
         let u_platform_u1_1z = kept[60];
         let t2_130 = kept[65];
-        let u_platform_q1x = kept[129];
-        let u_e1x_q1y = kept[132];
-        let u_platform_q1z = kept[135];
-        let t4_15 = kept[205];
-        let t4_32 = kept[208];
-        let t4_41 = kept[211];
-        let t4_45 = kept[215];
-        let t4_46 = kept[216];
-        let t4_49 = kept[218];
-        let t4_53 = kept[221];
-        let t4_54 = kept[222];
-        let t4_149 = kept[235];
-        let t4_150 = kept[236];
-        let t4_151 = kept[237];
-        let t4_208 = kept[244];
-        let t4_212 = kept[248];
-        let t4_213 = kept[249];
-        let t4_218 = kept[251];
-        let t4_222 = kept[255];
-        let t4_223 = kept[256];
-        let al_rod1y = kept[291];
-        let t6_112 = kept[292];
-        let t6_113 = kept[293];
-        let al_rod1x = kept[300];
-        let x_u1_1_q1 = kept[301];
-        let x_u1_1_q2 = kept[302];
-        let x_u1_1_q3 = kept[303];
-        let x_u1_2_q1 = kept[304];
-        let x_u1_2_q2 = kept[305];
-        let x_u1_2_q3 = kept[306];
-        let x_e1y_q1 = kept[307];
-        let x_e1y_q2 = kept[308];
-        let x_e1y_q3 = kept[309];
-        let x_e1x_q1 = kept[310];
-        let x_e1x_q2 = kept[311];
-        let x_e1x_q3 = kept[312];
-        let al_rod1z = kept[325];
-        let t8_36 = kept[326];
-        let t8_57 = kept[327];
-        let a_u1_1y = kept[328];
-        let a_rod1z = kept[329];
-        let a_rod1x = kept[330];
+        let u_platform_q1x = kept[130];
+        let u_e1x_q1y = kept[133];
+        let u_platform_q1z = kept[136];
+        let t4_15 = kept[202];
+        let t4_32 = kept[205];
+        let t4_41 = kept[208];
+        let t4_45 = kept[212];
+        let t4_46 = kept[213];
+        let t4_49 = kept[215];
+        let t4_53 = kept[218];
+        let t4_54 = kept[219];
+        let t4_149 = kept[232];
+        let t4_150 = kept[233];
+        let t4_151 = kept[234];
+        let t4_208 = kept[241];
+        let t4_212 = kept[245];
+        let t4_213 = kept[246];
+        let t4_218 = kept[248];
+        let t4_222 = kept[252];
+        let t4_223 = kept[253];
+        let al_rod1y = kept[288];
+        let t6_111 = kept[289];
+        let t6_112 = kept[290];
+        let al_rod1x = kept[297];
+        let x_u1_1_q1 = kept[298];
+        let x_u1_1_q2 = kept[299];
+        let x_u1_1_q3 = kept[300];
+        let x_u1_2_q1 = kept[301];
+        let x_u1_2_q2 = kept[302];
+        let x_u1_2_q3 = kept[303];
+        let x_e1y_q1 = kept[304];
+        let x_e1y_q2 = kept[305];
+        let x_e1y_q3 = kept[306];
+        let x_e1x_q1 = kept[307];
+        let x_e1x_q2 = kept[308];
+        let x_e1x_q3 = kept[309];
+        let al_rod1z = kept[322];
+        let t8_36 = kept[323];
+        let t8_57 = kept[324];
+        let a_u1_1y = kept[325];
+        let a_rod1z = kept[326];
+        let a_rod1x = kept[327];
         let t9_1 = sin_e1y * al_rod1z;
         let t9_2 = cos_e1y.mul_add(al_rod1x, t9_1);
         let al_e1yx = t4_208 + t9_2;
-        let al_e1xx = t6_113 - al_e1yx;
+        let al_e1xx = t6_112 - al_e1yx;
         let t9_3 = (-cos_u1_2_e1y).mul_add(x_u1_1_q1, cos_u1_2_e1y);
         let t9_4 = x_e1x_q1 - t9_3;
         let t9_5 = (-e_e1x_q1y).mul_add(x_u1_1_q1, e_e1x_q1y);
@@ -12677,7 +11881,7 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let w_ixx_platform_q3 = t9_39 - t9_45;
         let t9_46 = -w_ixx_platform_q3;
         y[20] = [t9_18, t9_32, t9_46];
-        let al_e1yy = al_rod1y + t6_112;
+        let al_e1yy = al_rod1y + t6_111;
         let t9_47 = cos_e1x * al_e1yy;
         let t9_48 = cos_e1y * al_rod1z;
         let t9_49 = (-sin_e1y).mul_add(al_rod1x, t9_48);
@@ -12895,8 +12099,8 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         y[35] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         y[36] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         y[39] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        kept[331] = a_crank2z;
-        kept[332] = a_crank2y;
+        kept[328] = a_crank2z;
+        kept[329] = a_crank2y;
     }
     // body rod2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
@@ -12904,24 +12108,24 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let cos_u2_2 = kept[29];
         let sin_u2_1 = kept[30];
         let cos_u2_1 = kept[31];
-        let t3_219 = kept[192];
-        let t3_220 = kept[193];
-        let t6_114 = kept[294];
-        let al_rod2y = kept[295];
-        let x_u2_1_q1 = kept[313];
-        let x_u2_1_q2 = kept[314];
-        let x_u2_1_q3 = kept[315];
-        let x_u2_2_q1 = kept[316];
-        let x_u2_2_q2 = kept[317];
-        let x_u2_2_q3 = kept[318];
-        let a_crank2z = kept[331];
-        let a_crank2y = kept[332];
-        let al_u2_1x = dr_q2 + t6_114;
+        let t3_210 = kept[189];
+        let t3_211 = kept[190];
+        let t6_113 = kept[291];
+        let al_rod2y = kept[292];
+        let x_u2_1_q1 = kept[310];
+        let x_u2_1_q2 = kept[311];
+        let x_u2_1_q3 = kept[312];
+        let x_u2_2_q1 = kept[313];
+        let x_u2_2_q2 = kept[314];
+        let x_u2_2_q3 = kept[315];
+        let a_crank2z = kept[328];
+        let a_crank2y = kept[329];
+        let al_u2_1x = dr_q2 + t6_113;
         let t11_1 = cos_u2_2 * al_u2_1x;
         let w_u2_1x = d_q2 + d_u2_1;
         let w_rod2z = sin_u2_2 * w_u2_1x;
-        let t11_2 = w_rod2z * t3_220;
-        let t11_3 = r_q2 + t3_219;
+        let t11_2 = w_rod2z * t3_211;
+        let t11_3 = r_q2 + t3_210;
         let t11_4 = sin_u2_2 * t11_3;
         let t11_5 = d_u2_2.mul_add(t11_4, t11_2);
         let t11_6 = like.lift(0.5) * t11_5;
@@ -12931,7 +12135,7 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t11_8 = w_rod2x * t11_4;
         let t11_9 = x_u2_2_q1 * t11_8;
         let t11_10 = al_rod2x.mul_add(t11_7, t11_9);
-        let t11_11 = w_rod2x * t3_220;
+        let t11_11 = w_rod2x * t3_211;
         let t11_12 = cos_u2_2 * t11_3;
         let t11_13 = d_u2_2.mul_add(t11_12, t11_11);
         let t11_14 = sin_u2_2 * x_u2_1_q1;
@@ -12959,7 +12163,7 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t11_32 = t11_31 * t11_7;
         let t11_33 = x_u2_2_q1.mul_add(t11_1, t11_32);
         let t11_34 = w_rod2x * t11_12;
-        let t11_35 = d_u2_2 * t3_220;
+        let t11_35 = d_u2_2 * t3_211;
         let t11_36 = t11_34 - t11_35;
         let w_ixy_rod2_q1 = t11_36.mul_add(t11_14, t11_33);
         let t11_37 = -w_ixy_rod2_q1;
@@ -13092,8 +12296,8 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
     }
     // body crank3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let sin_q3 = kept[83];
-        let cos_q3 = kept[84];
+        let sin_q3 = kept[84];
+        let cos_q3 = kept[85];
         let a_crank3z = like.lift(9.81) * cos_q3;
         y[57] = [like.lift(0.0), like.lift(0.0), a_crank3z];
         let a_crank3y = like.lift(9.81) * sin_q3;
@@ -13107,33 +12311,33 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         y[55] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         y[56] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         y[59] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        kept[333] = a_crank3z;
-        kept[334] = a_crank3y;
+        kept[330] = a_crank3z;
+        kept[331] = a_crank3y;
     }
     // body rod3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let sin_u3_2 = kept[86];
-        let cos_u3_2 = kept[87];
-        let sin_u3_1 = kept[88];
-        let cos_u3_1 = kept[89];
-        let t3_221 = kept[194];
-        let t3_222 = kept[195];
-        let t6_115 = kept[296];
-        let al_rod3y = kept[297];
-        let x_u3_1_q1 = kept[319];
-        let x_u3_1_q2 = kept[320];
-        let x_u3_1_q3 = kept[321];
-        let x_u3_2_q1 = kept[322];
-        let x_u3_2_q2 = kept[323];
-        let x_u3_2_q3 = kept[324];
-        let a_crank3z = kept[333];
-        let a_crank3y = kept[334];
-        let al_u3_1x = dr_q3 + t6_115;
+        let sin_u3_2 = kept[87];
+        let cos_u3_2 = kept[88];
+        let sin_u3_1 = kept[89];
+        let cos_u3_1 = kept[90];
+        let t3_212 = kept[191];
+        let t3_213 = kept[192];
+        let t6_114 = kept[293];
+        let al_rod3y = kept[294];
+        let x_u3_1_q1 = kept[316];
+        let x_u3_1_q2 = kept[317];
+        let x_u3_1_q3 = kept[318];
+        let x_u3_2_q1 = kept[319];
+        let x_u3_2_q2 = kept[320];
+        let x_u3_2_q3 = kept[321];
+        let a_crank3z = kept[330];
+        let a_crank3y = kept[331];
+        let al_u3_1x = dr_q3 + t6_114;
         let t13_1 = cos_u3_2 * al_u3_1x;
         let w_u3_1x = d_q3 + d_u3_1;
         let w_rod3z = sin_u3_2 * w_u3_1x;
-        let t13_2 = w_rod3z * t3_222;
-        let t13_3 = r_q3 + t3_221;
+        let t13_2 = w_rod3z * t3_213;
+        let t13_3 = r_q3 + t3_212;
         let t13_4 = sin_u3_2 * t13_3;
         let t13_5 = d_u3_2.mul_add(t13_4, t13_2);
         let t13_6 = like.lift(0.5) * t13_5;
@@ -13143,7 +12347,7 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t13_8 = w_rod3x * t13_4;
         let t13_9 = x_u3_2_q1 * t13_8;
         let t13_10 = al_rod3x.mul_add(t13_7, t13_9);
-        let t13_11 = w_rod3x * t3_222;
+        let t13_11 = w_rod3x * t3_213;
         let t13_12 = cos_u3_2 * t13_3;
         let t13_13 = d_u3_2.mul_add(t13_12, t13_11);
         let t13_14 = sin_u3_2 * x_u3_1_q1;
@@ -13171,7 +12375,7 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
         let t13_32 = t13_31 * t13_7;
         let t13_33 = x_u3_2_q1.mul_add(t13_1, t13_32);
         let t13_34 = w_rod3x * t13_12;
-        let t13_35 = d_u3_2 * t3_222;
+        let t13_35 = d_u3_2 * t3_213;
         let t13_36 = t13_34 - t13_35;
         let w_ixy_rod3_q1 = t13_36.mul_add(t13_14, t13_33);
         let t13_37 = -w_ixy_rod3_q1;
@@ -13483,7 +12687,7 @@ pub fn poses<T: Scalar>(q: &[T; 11]) -> [[T; 12]; 7] {
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: W_red (Eq. 23), column by column: `w[c][r]` multiplies `BASE[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 483 additions, 745 multiplications, 8 divisions, 11 sines and cosines.
+/// 483 additions, 741 multiplications, 8 divisions, 11 sines and cosines.
 pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[T; 3]; 34]) -> Condition<T> {
     let like = q[0];
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
@@ -13508,13 +12712,13 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
         sin_u1_2, cos_u1_2, w_u1_1x, w_rod1z, t2_1, al_u1_1x, t2_2, al_rod1x, sin_e1x, cos_e1x,
         sin_u1_2_e1y, cos_u1_2_e1y, e_e1x_q1z, t2_5, t2_6, t2_7, t2_8, e_e1x_q1y, sin_u1_1,
         cos_u1_1, t2_16, t2_40, sin_q2, cos_q2, sin_u2_2, cos_u2_2, sin_u2_1, cos_u2_1, t2_54,
-        t2_56, t2_65, t2_78, t2_80, t2_85, t2_86, t2_88, t2_89, t2_90, t2_92, t2_93, t2_94,
-        t2_103, t2_117, t2_119, t2_122, pivot_1, t2_127, u_platform_u1_1z, t2_128, t2_129,
-        t2_130, t2_131, u_e1x_u1_2z, t2_133, t2_134, t2_135, t2_137, t2_139, t2_146, t2_147,
-        t2_150, t2_151, t2_152, t2_157, t2_158, t2_163, t2_164, t2_165, t2_167, sin_q3, cos_q3,
-        sin_u3_2, cos_u3_2, sin_u3_1, cos_u3_1, t2_177, t2_179, t2_180, t2_183, t2_194, t2_195,
-        t2_196, t2_198, t2_201, t2_202, t2_203, t2_204, t2_205, t2_206, t2_208, t2_211, t2_212,
-        t2_215, t2_218, t2_220,
+        t2_56, t2_65, t2_78, t2_80, t2_86, t2_88, t2_89, t2_90, t2_92, t2_93, t2_94, t2_103,
+        t2_117, t2_119, t2_122, pivot_1, t2_127, u_platform_u1_1z, t2_128, t2_129, t2_130,
+        t2_131, u_e1x_u1_2z, t2_133, t2_134, t2_135, t2_137, t2_139, t2_146, t2_147, t2_150,
+        t2_151, t2_152, t2_153, t2_158, t2_159, t2_164, t2_165, t2_166, t2_168, sin_q3, cos_q3,
+        sin_u3_2, cos_u3_2, sin_u3_1, cos_u3_1, t2_178, t2_180, t2_181, t2_184, t2_195, t2_196,
+        t2_197, t2_199, t2_202, t2_203, t2_204, t2_205, t2_206, t2_207, t2_209, t2_212, t2_213,
+        t2_216, t2_219, t2_221,
     ] = {
         let (sin_u1_2, cos_u1_2) = u1_2.sin_cos();
         let w_u1_1x = d_q1 + d_u1_1;
@@ -13693,359 +12897,358 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
         let t2_149 = like.lift(0.5) * t2_148;
         let t2_150 = sin_e1x.mul_add(t2_145, t2_149);
         let t2_151 = -t2_150;
-        let pivot_3 = like.lift(0.8660254037844386) * t2_85;
-        let t2_152 = -pivot_3;
-        let t2_153 = t2_117 * t2_85;
-        let t2_154 = like.lift(0.8660254037844386) * t2_153;
-        let t2_155 = t2_16 * t2_85;
-        let t2_156 = like.lift(0.5).mul_add(t2_155, t2_154);
-        let t2_157 = (-t2_54).mul_add(t2_145, t2_156);
-        let t2_158 = -t2_157;
-        let t2_159 = t2_125 * t2_85;
-        let t2_160 = like.lift(0.8660254037844386) * t2_159;
-        let t2_161 = t2_82 * t2_85;
-        let t2_162 = like.lift(0.5).mul_add(t2_161, t2_160);
-        let t2_163 = (-t2_85).mul_add(t2_145, t2_162);
-        let t2_164 = -t2_163;
-        let t2_165 = t2_9 + t2_15;
-        let t2_166 = t2_37 + t2_38;
-        let t2_167 = t2_36 + t2_166;
+        let t2_152 = like.lift(0.8660254037844386) * t2_85;
+        let t2_153 = -t2_152;
+        let t2_154 = t2_117 * t2_85;
+        let t2_155 = like.lift(0.8660254037844386) * t2_154;
+        let t2_156 = t2_16 * t2_85;
+        let t2_157 = like.lift(0.5).mul_add(t2_156, t2_155);
+        let t2_158 = (-t2_54).mul_add(t2_145, t2_157);
+        let t2_159 = -t2_158;
+        let t2_160 = t2_125 * t2_85;
+        let t2_161 = like.lift(0.8660254037844386) * t2_160;
+        let t2_162 = t2_82 * t2_85;
+        let t2_163 = like.lift(0.5).mul_add(t2_162, t2_161);
+        let t2_164 = (-t2_85).mul_add(t2_145, t2_163);
+        let t2_165 = -t2_164;
+        let t2_166 = t2_9 + t2_15;
+        let t2_167 = t2_37 + t2_38;
+        let t2_168 = t2_36 + t2_167;
         let (sin_q3, cos_q3) = q3.sin_cos();
-        let t2_168 = t2_41 + t2_42;
-        let t2_169 = cos_q3 * t2_168;
-        let t2_170 = (-sin_q3).mul_add(t2_29, t2_169);
-        let t2_171 = like.lift(0.524).mul_add(t2_170, t2_167);
+        let t2_169 = t2_41 + t2_42;
+        let t2_170 = cos_q3 * t2_169;
+        let t2_171 = (-sin_q3).mul_add(t2_29, t2_170);
+        let t2_172 = like.lift(0.524).mul_add(t2_171, t2_168);
         let (sin_u3_2, cos_u3_2) = u3_2.sin_cos();
         let (sin_u3_1, cos_u3_1) = u3_1.sin_cos();
-        let t2_172 = sin_u3_1 * t2_170;
-        let t2_173 = sin_q3 * t2_168;
-        let t2_174 = cos_q3.mul_add(t2_29, t2_173);
-        let t2_175 = cos_u3_1.mul_add(t2_174, t2_172);
-        let t2_176 = cos_u3_2 * t2_175;
-        let t2_177 = t2_52 - t2_53;
-        let t2_178 = sin_u3_2.mul_add(t2_177, t2_176);
-        let t2_179 = like.lift(1.244).mul_add(t2_178, t2_171);
-        let t2_180 = t2_171 - t2_179;
-        let t2_181 = t2_165 * t2_180;
-        let t2_182 = t2_62 - t2_63;
-        let t2_183 = t2_61 + t2_182;
-        let t2_184 = t2_66 - t2_67;
-        let t2_185 = cos_q3 * t2_184;
-        let t2_186 = sin_q3.mul_add(t2_34, t2_185);
-        let t2_187 = like.lift(0.524).mul_add(t2_186, t2_183);
-        let t2_188 = sin_u3_1 * t2_186;
-        let t2_189 = sin_q3 * t2_184;
-        let t2_190 = (-cos_q3).mul_add(t2_34, t2_189);
-        let t2_191 = cos_u3_1.mul_add(t2_190, t2_188);
-        let t2_192 = cos_u3_2 * t2_191;
-        let t2_193 = sin_u3_2.mul_add(t2_165, t2_192);
-        let t2_194 = like.lift(1.244).mul_add(t2_193, t2_187);
-        let t2_195 = t2_187 - t2_194;
-        let t2_196 = (-t2_177).mul_add(t2_195, t2_181);
-        let t2_197 = cos_u3_1 * t2_186;
-        let t2_198 = (-sin_u3_1).mul_add(t2_190, t2_197);
-        let t2_199 = t2_198 * t2_180;
-        let t2_200 = cos_u3_1 * t2_170;
-        let t2_201 = (-sin_u3_1).mul_add(t2_174, t2_200);
-        let t2_202 = (-t2_201).mul_add(t2_195, t2_199);
-        let t2_203 = -t2_202;
-        let t2_204 = u_e1x_u1_1y + t2_88;
-        let t2_205 = -t2_204;
-        let t2_206 = u_e1x_u1_2y + t2_92;
-        let t2_207 = t2_100 - t2_101;
-        let t2_208 = t2_99 + t2_207;
-        let t2_209 = t2_104 - t2_105;
-        let t2_210 = cos_q3 * t2_209;
-        let t2_211 = (-sin_q3).mul_add(t2_98, t2_210);
-        let t2_212 = like.lift(0.524).mul_add(t2_211, t2_208);
-        let t2_213 = sin_u3_1 * t2_211;
-        let t2_214 = sin_q3 * t2_209;
-        let t2_215 = cos_q3.mul_add(t2_98, t2_214);
-        let t2_216 = cos_u3_1.mul_add(t2_215, t2_213);
-        let t2_217 = cos_u3_2 * t2_216;
-        let t2_218 = t2_115 + t2_116;
-        let t2_219 = sin_u3_2.mul_add(t2_218, t2_217);
-        let t2_220 = like.lift(1.244).mul_add(t2_219, t2_212);
+        let t2_173 = sin_u3_1 * t2_171;
+        let t2_174 = sin_q3 * t2_169;
+        let t2_175 = cos_q3.mul_add(t2_29, t2_174);
+        let t2_176 = cos_u3_1.mul_add(t2_175, t2_173);
+        let t2_177 = cos_u3_2 * t2_176;
+        let t2_178 = t2_52 - t2_53;
+        let t2_179 = sin_u3_2.mul_add(t2_178, t2_177);
+        let t2_180 = like.lift(1.244).mul_add(t2_179, t2_172);
+        let t2_181 = t2_172 - t2_180;
+        let t2_182 = t2_166 * t2_181;
+        let t2_183 = t2_62 - t2_63;
+        let t2_184 = t2_61 + t2_183;
+        let t2_185 = t2_66 - t2_67;
+        let t2_186 = cos_q3 * t2_185;
+        let t2_187 = sin_q3.mul_add(t2_34, t2_186);
+        let t2_188 = like.lift(0.524).mul_add(t2_187, t2_184);
+        let t2_189 = sin_u3_1 * t2_187;
+        let t2_190 = sin_q3 * t2_185;
+        let t2_191 = (-cos_q3).mul_add(t2_34, t2_190);
+        let t2_192 = cos_u3_1.mul_add(t2_191, t2_189);
+        let t2_193 = cos_u3_2 * t2_192;
+        let t2_194 = sin_u3_2.mul_add(t2_166, t2_193);
+        let t2_195 = like.lift(1.244).mul_add(t2_194, t2_188);
+        let t2_196 = t2_188 - t2_195;
+        let t2_197 = (-t2_178).mul_add(t2_196, t2_182);
+        let t2_198 = cos_u3_1 * t2_187;
+        let t2_199 = (-sin_u3_1).mul_add(t2_191, t2_198);
+        let t2_200 = t2_199 * t2_181;
+        let t2_201 = cos_u3_1 * t2_171;
+        let t2_202 = (-sin_u3_1).mul_add(t2_175, t2_201);
+        let t2_203 = (-t2_202).mul_add(t2_196, t2_200);
+        let t2_204 = -t2_203;
+        let t2_205 = u_e1x_u1_1y + t2_88;
+        let t2_206 = -t2_205;
+        let t2_207 = u_e1x_u1_2y + t2_92;
+        let t2_208 = t2_100 - t2_101;
+        let t2_209 = t2_99 + t2_208;
+        let t2_210 = t2_104 - t2_105;
+        let t2_211 = cos_q3 * t2_210;
+        let t2_212 = (-sin_q3).mul_add(t2_98, t2_211);
+        let t2_213 = like.lift(0.524).mul_add(t2_212, t2_209);
+        let t2_214 = sin_u3_1 * t2_212;
+        let t2_215 = sin_q3 * t2_210;
+        let t2_216 = cos_q3.mul_add(t2_98, t2_215);
+        let t2_217 = cos_u3_1.mul_add(t2_216, t2_214);
+        let t2_218 = cos_u3_2 * t2_217;
+        let t2_219 = t2_115 + t2_116;
+        let t2_220 = sin_u3_2.mul_add(t2_219, t2_218);
+        let t2_221 = like.lift(1.244).mul_add(t2_220, t2_213);
         [
             sin_u1_2, cos_u1_2, w_u1_1x, w_rod1z, t2_1, al_u1_1x, t2_2, al_rod1x, sin_e1x,
             cos_e1x, sin_u1_2_e1y, cos_u1_2_e1y, e_e1x_q1z, t2_5, t2_6, t2_7, t2_8, e_e1x_q1y,
             sin_u1_1, cos_u1_1, t2_16, t2_40, sin_q2, cos_q2, sin_u2_2, cos_u2_2, sin_u2_1,
-            cos_u2_1, t2_54, t2_56, t2_65, t2_78, t2_80, t2_85, t2_86, t2_88, t2_89, t2_90,
-            t2_92, t2_93, t2_94, t2_103, t2_117, t2_119, t2_122, pivot_1, t2_127,
-            u_platform_u1_1z, t2_128, t2_129, t2_130, t2_131, u_e1x_u1_2z, t2_133, t2_134,
-            t2_135, t2_137, t2_139, t2_146, t2_147, t2_150, t2_151, t2_152, t2_157, t2_158,
-            t2_163, t2_164, t2_165, t2_167, sin_q3, cos_q3, sin_u3_2, cos_u3_2, sin_u3_1,
-            cos_u3_1, t2_177, t2_179, t2_180, t2_183, t2_194, t2_195, t2_196, t2_198, t2_201,
-            t2_202, t2_203, t2_204, t2_205, t2_206, t2_208, t2_211, t2_212, t2_215, t2_218,
-            t2_220,
+            cos_u2_1, t2_54, t2_56, t2_65, t2_78, t2_80, t2_86, t2_88, t2_89, t2_90, t2_92,
+            t2_93, t2_94, t2_103, t2_117, t2_119, t2_122, pivot_1, t2_127, u_platform_u1_1z,
+            t2_128, t2_129, t2_130, t2_131, u_e1x_u1_2z, t2_133, t2_134, t2_135, t2_137,
+            t2_139, t2_146, t2_147, t2_150, t2_151, t2_152, t2_153, t2_158, t2_159, t2_164,
+            t2_165, t2_166, t2_168, sin_q3, cos_q3, sin_u3_2, cos_u3_2, sin_u3_1, cos_u3_1,
+            t2_178, t2_180, t2_181, t2_184, t2_195, t2_196, t2_197, t2_199, t2_202, t2_203,
+            t2_204, t2_205, t2_206, t2_207, t2_209, t2_212, t2_213, t2_216, t2_219, t2_221,
         ]
     };
     // body rod1, part 2
     let [
-        t3_3, t3_8, t3_10, t3_11, t3_13, t3_16, t3_24, t3_27, t3_29, t3_35, t3_40, t3_42,
-        t3_46, t3_50, t3_51, t3_54, t3_57, t3_59, t3_63, t3_65, t3_68, t3_69, t3_71,
-        inv_pivot_1, t3_75, pivot_2, inv_pivot_2, t3_83, t3_84, pivot_4, inv_pivot_4, t3_88,
-        t3_91, t3_98, t3_102, t3_105, pivot_5, t3_113, t3_114, t3_120, pivot_6, pivot_7,
-        pivot_8, t3_167, t3_169, t3_172, t3_176, t3_179, t3_181, t3_184, t3_200, t3_202,
-        t3_205, t3_209, t3_212, t3_219, t3_221, t3_224, t3_228,
+        t3_3, t3_7, t3_9, t3_10, t3_12, t3_15, t3_23, t3_26, t3_28, t3_34, t3_39, t3_41, t3_45,
+        t3_50, t3_53, t3_56, t3_58, t3_62, t3_63, t3_64, t3_67, t3_68, t3_70, inv_pivot_1,
+        pivot_2, pivot_5, inv_pivot_3, t3_86, pivot_4, inv_pivot_4, t3_91, pivot_6, t3_95,
+        t3_101, pivot_7, pivot_8, t3_153, t3_155, t3_158, t3_162, t3_176, t3_179, t3_183,
+        t3_185, t3_192, t3_194, t3_197, t3_201, t3_202, t3_203, t3_204, t3_205, t3_209, t3_213,
+        t3_217, t3_218, t3_220, t3_225, t3_226,
     ] = {
-        let t3_1 = t2_212 - t2_220;
-        let t3_2 = t2_177 * t3_1;
-        let t3_3 = (-t2_218).mul_add(t2_180, t3_2);
-        let t3_4 = t2_201 * t3_1;
-        let t3_5 = cos_u3_1 * t2_211;
-        let t3_6 = (-sin_u3_1).mul_add(t2_215, t3_5);
-        let t3_7 = (-t3_6).mul_add(t2_180, t3_4);
-        let t3_8 = -t3_7;
-        let t3_9 = t2_128 + t2_129;
-        let t3_10 = u_platform_u1_1z + t3_9;
-        let t3_11 = u_e1x_u1_2z + t2_133;
-        let t3_12 = t2_218 * t2_195;
-        let t3_13 = (-t2_165).mul_add(t3_1, t3_12);
-        let t3_14 = t3_6 * t2_195;
-        let t3_15 = (-t2_198).mul_add(t3_1, t3_14);
-        let t3_16 = -t3_15;
-        let t3_17 = cos_u1_2_e1y * t2_201;
-        let t3_18 = like.lift(0.8660254037844386) * t3_17;
-        let t3_19 = e_e1x_q1y * t2_201;
-        let t3_20 = like.lift(-0.5).mul_add(t3_19, t3_18);
-        let t3_21 = like.lift(0.8660254037844386) * t3_6;
-        let t3_22 = like.lift(-0.5).mul_add(t2_198, t3_21);
-        let t3_23 = (-e_e1x_q1z).mul_add(t3_22, t3_20);
-        let t3_24 = -t3_23;
-        let t3_25 = cos_e1x * t2_201;
-        let t3_26 = like.lift(0.5) * t3_25;
-        let t3_27 = (-sin_e1x).mul_add(t3_22, t3_26);
-        let t3_28 = like.lift(0.8660254037844386) * t2_201;
-        let t3_29 = -t3_28;
-        let t3_30 = t2_218 * t2_201;
-        let t3_31 = like.lift(0.8660254037844386) * t3_30;
-        let t3_32 = t2_165 * t2_201;
-        let t3_33 = like.lift(-0.5).mul_add(t3_32, t3_31);
-        let t3_34 = (-t2_177).mul_add(t3_22, t3_33);
-        let t3_35 = -t3_34;
-        let t3_36 = t3_6 * t2_201;
-        let t3_37 = like.lift(0.8660254037844386) * t3_36;
-        let t3_38 = t2_198 * t2_201;
-        let t3_39 = like.lift(-0.5).mul_add(t3_38, t3_37);
-        let t3_40 = (-t2_201).mul_add(t3_22, t3_39);
-        let t3_41 = cos_u1_1 * sin_u1_2_e1y;
-        let u_e1y_q1x = like.lift(0.524) * t3_41;
+        let t3_1 = t2_213 - t2_221;
+        let t3_2 = t2_178 * t3_1;
+        let t3_3 = (-t2_219).mul_add(t2_181, t3_2);
+        let t3_4 = t2_202 * t3_1;
+        let t3_5 = cos_u3_1 * t2_212;
+        let t3_6 = (-sin_u3_1).mul_add(t2_216, t3_5);
+        let pivot_3 = (-t3_6).mul_add(t2_181, t3_4);
+        let t3_7 = -pivot_3;
+        let t3_8 = t2_128 + t2_129;
+        let t3_9 = u_platform_u1_1z + t3_8;
+        let t3_10 = u_e1x_u1_2z + t2_133;
+        let t3_11 = t2_219 * t2_196;
+        let t3_12 = (-t2_166).mul_add(t3_1, t3_11);
+        let t3_13 = t3_6 * t2_196;
+        let t3_14 = (-t2_199).mul_add(t3_1, t3_13);
+        let t3_15 = -t3_14;
+        let t3_16 = cos_u1_2_e1y * t2_202;
+        let t3_17 = like.lift(0.8660254037844386) * t3_16;
+        let t3_18 = e_e1x_q1y * t2_202;
+        let t3_19 = like.lift(-0.5).mul_add(t3_18, t3_17);
+        let t3_20 = like.lift(0.8660254037844386) * t3_6;
+        let t3_21 = like.lift(-0.5).mul_add(t2_199, t3_20);
+        let t3_22 = (-e_e1x_q1z).mul_add(t3_21, t3_19);
+        let t3_23 = -t3_22;
+        let t3_24 = cos_e1x * t2_202;
+        let t3_25 = like.lift(0.5) * t3_24;
+        let t3_26 = (-sin_e1x).mul_add(t3_21, t3_25);
+        let t3_27 = like.lift(0.8660254037844386) * t2_202;
+        let t3_28 = -t3_27;
+        let t3_29 = t2_219 * t2_202;
+        let t3_30 = like.lift(0.8660254037844386) * t3_29;
+        let t3_31 = t2_166 * t2_202;
+        let t3_32 = like.lift(-0.5).mul_add(t3_31, t3_30);
+        let t3_33 = (-t2_178).mul_add(t3_21, t3_32);
+        let t3_34 = -t3_33;
+        let t3_35 = t3_6 * t2_202;
+        let t3_36 = like.lift(0.8660254037844386) * t3_35;
+        let t3_37 = t2_199 * t2_202;
+        let t3_38 = like.lift(-0.5).mul_add(t3_37, t3_36);
+        let t3_39 = (-t2_202).mul_add(t3_21, t3_38);
+        let t3_40 = cos_u1_1 * sin_u1_2_e1y;
+        let u_e1y_q1x = like.lift(0.524) * t3_40;
         let u_platform_u1_1x = like.lift(0.044) * e_e1x_q1z;
         let u_platform_q1x = u_e1y_q1x - u_platform_u1_1x;
-        let t3_42 = like.lift(-0.022).mul_add(e_e1x_q1z, u_platform_q1x);
-        let t3_43 = t2_40 - t2_56;
-        let t3_44 = t2_16 * t3_43;
-        let t3_45 = t2_65 - t2_78;
-        let t3_46 = (-t2_54).mul_add(t3_45, t3_44);
+        let t3_41 = like.lift(-0.022).mul_add(e_e1x_q1z, u_platform_q1x);
+        let t3_42 = t2_40 - t2_56;
+        let t3_43 = t2_16 * t3_42;
+        let t3_44 = t2_65 - t2_78;
+        let t3_45 = (-t2_54).mul_add(t3_44, t3_43);
         let u_u1_1_q1y = like.lift(0.524) * sin_u1_1;
         let u_e1y_u1_1y = like.lift(1.244) * cos_u1_2;
         let u_e1y_q1y = u_u1_1_q1y + u_e1y_u1_1y;
-        let t3_47 = cos_e1x * u_e1y_q1y;
-        let t3_48 = cos_u1_1 * cos_u1_2_e1y;
-        let t3_49 = sin_e1x * t3_48;
-        let u_e1x_q1y = like.lift(0.524).mul_add(t3_49, t3_47);
-        let t3_50 = u_e1x_q1y - t2_88;
-        let t3_51 = -t3_50;
-        let t3_52 = t2_103 - t2_119;
-        let t3_53 = t2_54 * t3_52;
-        let t3_54 = (-t2_117).mul_add(t3_43, t3_53);
-        let t3_55 = sin_e1x * u_e1y_q1y;
-        let t3_56 = cos_e1x * t3_48;
-        let u_e1x_q1z = like.lift(-0.524).mul_add(t3_56, t3_55);
+        let t3_46 = cos_e1x * u_e1y_q1y;
+        let t3_47 = cos_u1_1 * cos_u1_2_e1y;
+        let t3_48 = sin_e1x * t3_47;
+        let u_e1x_q1y = like.lift(0.524).mul_add(t3_48, t3_46);
+        let t3_49 = u_e1x_q1y - t2_88;
+        let t3_50 = -t3_49;
+        let t3_51 = t2_103 - t2_119;
+        let t3_52 = t2_54 * t3_51;
+        let t3_53 = (-t2_117).mul_add(t3_42, t3_52);
+        let t3_54 = sin_e1x * u_e1y_q1y;
+        let t3_55 = cos_e1x * t3_47;
+        let u_e1x_q1z = like.lift(-0.524).mul_add(t3_55, t3_54);
         let u_platform_q1z = u_e1x_q1z + t2_127;
-        let t3_57 = u_platform_q1z + t2_130;
-        let t3_58 = t2_117 * t3_45;
-        let t3_59 = (-t2_16).mul_add(t3_52, t3_58);
-        let t3_60 = t2_167 - t2_179;
-        let t3_61 = t2_165 * t3_60;
-        let t3_62 = t2_183 - t2_194;
-        let t3_63 = (-t2_177).mul_add(t3_62, t3_61);
-        let t3_64 = u_e1x_q1y + t2_88;
-        let t3_65 = -t3_64;
-        let t3_66 = t2_208 - t2_220;
-        let t3_67 = t2_177 * t3_66;
-        let t3_68 = (-t2_218).mul_add(t3_60, t3_67);
-        let t3_69 = u_platform_q1z + t3_9;
-        let t3_70 = t2_218 * t3_62;
-        let t3_71 = (-t2_165).mul_add(t3_66, t3_70);
+        let t3_56 = u_platform_q1z + t2_130;
+        let t3_57 = t2_117 * t3_44;
+        let t3_58 = (-t2_16).mul_add(t3_51, t3_57);
+        let t3_59 = t2_168 - t2_180;
+        let t3_60 = t2_166 * t3_59;
+        let t3_61 = t2_184 - t2_195;
+        let t3_62 = (-t2_178).mul_add(t3_61, t3_60);
+        let t3_63 = u_e1x_q1y + t2_88;
+        let t3_64 = -t3_63;
+        let t3_65 = t2_209 - t2_221;
+        let t3_66 = t2_178 * t3_65;
+        let t3_67 = (-t2_219).mul_add(t3_59, t3_66);
+        let t3_68 = u_platform_q1z + t3_8;
+        let t3_69 = t2_219 * t3_61;
+        let t3_70 = (-t2_166).mul_add(t3_65, t3_69);
         let inv_pivot_1 = like.lift(1.0) / pivot_1;
-        let t3_72 = t2_139 * inv_pivot_1;
-        let t3_73 = t2_89.mul_add(t3_72, t2_131);
-        let t3_74 = t2_86 * inv_pivot_1;
-        let t3_75 = (-t2_89).mul_add(t3_74, t2_5);
-        let t3_76 = (-t2_122).mul_add(t3_72, t2_137);
-        let pivot_2 = (-t2_122).mul_add(t3_74, t2_80);
+        let t3_71 = t2_139 * inv_pivot_1;
+        let t3_72 = t2_89.mul_add(t3_71, t2_131);
+        let t3_73 = t2_86 * inv_pivot_1;
+        let t3_74 = (-t2_89).mul_add(t3_73, t2_5);
+        let t3_75 = (-t2_122).mul_add(t3_71, t2_137);
+        let pivot_2 = (-t2_122).mul_add(t3_73, t2_80);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t3_77 = t3_76 * inv_pivot_2;
-        let t3_78 = t3_75.mul_add(t3_77, t3_73);
-        let t3_79 = t2_163 * inv_pivot_1;
-        let t3_80 = t2_89.mul_add(t3_79, t2_146);
-        let t3_81 = (-t2_122).mul_add(t3_79, t2_157);
-        let t3_82 = t3_81 * inv_pivot_2;
-        let t3_83 = t3_75.mul_add(t3_82, t3_80);
-        let t3_84 = like.lift(1.0) / t2_85;
-        let t3_85 = t3_83 * t3_84;
-        let t3_86 = like.lift(0.0762102355330306) * t3_85;
-        let pivot_4 = t3_78 - t3_86;
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t3_87 = t3_50.mul_add(t3_72, t3_57);
-        let t3_88 = t3_50.mul_add(t3_74, t3_42);
-        let t3_89 = (-t3_88).mul_add(t3_77, t3_87);
-        let t3_90 = t3_50.mul_add(t3_79, t2_146);
-        let t3_91 = (-t3_88).mul_add(t3_82, t3_90);
-        let t3_92 = t3_91 * t3_84;
-        let t3_93 = like.lift(0.0762102355330306) * t3_92;
-        let t3_94 = t3_89 - t3_93;
-        let t3_95 = sin_e1x * t3_72;
-        let t3_96 = like.lift(-0.0381051177665153).mul_add(t3_95, t2_133);
-        let t3_97 = sin_e1x * t3_74;
-        let t3_98 = like.lift(0.0381051177665153).mul_add(t3_97, t2_8);
-        let t3_99 = t3_98.mul_add(t3_77, t3_96);
-        let t3_100 = sin_e1x * t3_79;
-        let t3_101 = like.lift(0.0381051177665153).mul_add(t3_100, t2_150);
-        let t3_102 = (-t3_98).mul_add(t3_82, t3_101);
-        let t3_103 = t3_102 * t3_84;
-        let t3_104 = like.lift(0.0762102355330306) * t3_103;
-        let t3_105 = t3_99 + t3_104;
-        let t3_106 = t2_201 * t3_84;
-        let t3_107 = t3_102.mul_add(t3_106, t3_27);
-        let t3_108 = (-t3_83).mul_add(t3_106, t3_23);
-        let t3_109 = t3_108 * inv_pivot_4;
-        let pivot_5 = (-t3_105).mul_add(t3_109, t3_107);
+        let t3_76 = t3_75 * inv_pivot_2;
+        let pivot_5 = t3_74.mul_add(t3_76, t3_72);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t3_110 = (-t3_91).mul_add(t3_106, t3_23);
-        let t3_111 = (-t3_94).mul_add(t3_109, t3_110);
-        let t3_112 = (-t2_93).mul_add(t3_79, t2_150);
-        let t3_113 = (-t2_93).mul_add(t3_74, t2_7);
-        let t3_114 = (-t3_113).mul_add(t3_82, t3_112);
-        let t3_115 = t3_114.mul_add(t3_106, t3_27);
-        let t3_116 = (-t2_93).mul_add(t3_72, t2_134);
-        let t3_117 = (-t3_113).mul_add(t3_77, t3_116);
-        let t3_118 = t3_114 * t3_84;
-        let t3_119 = like.lift(0.0762102355330306) * t3_118;
-        let t3_120 = t3_117 - t3_119;
-        let t3_121 = t3_120.mul_add(t3_109, t3_115);
-        let t3_122 = e_e1x_q1z * inv_pivot_4;
-        let t3_123 = t3_120 * t3_122;
-        let t3_124 = like.lift(0.066).mul_add(t3_123, t2_7);
-        let t3_125 = t3_105 * t3_122;
-        let t3_126 = like.lift(-0.066).mul_add(t3_125, t2_8);
-        let t3_127 = t3_126 * inv_pivot_5;
-        let pivot_6 = (-t3_121).mul_add(t3_127, t3_124);
+        let t3_77 = t3_49.mul_add(t3_71, t3_56);
+        let t3_78 = t3_49.mul_add(t3_73, t3_41);
+        let t3_79 = (-t3_78).mul_add(t3_76, t3_77);
+        let t3_80 = (-t2_93).mul_add(t3_71, t2_134);
+        let t3_81 = (-t2_93).mul_add(t3_73, t2_7);
+        let t3_82 = (-t3_81).mul_add(t3_76, t3_80);
+        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let t3_83 = t3_14 * inv_pivot_3;
+        let t3_84 = (-t2_207).mul_add(t3_83, t3_10);
+        let t3_85 = t2_203 * inv_pivot_3;
+        let t3_86 = (-t2_207).mul_add(t3_85, t2_7);
+        let t3_87 = (-t3_3).mul_add(t3_83, t3_12);
+        let pivot_4 = (-t3_3).mul_add(t3_85, t2_197);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t3_88 = t3_87 * inv_pivot_4;
+        let t3_89 = (-t3_86).mul_add(t3_88, t3_84);
+        let t3_90 = t2_205.mul_add(t3_83, t3_9);
+        let t3_91 = (-t2_205).mul_add(t3_85, t2_5);
+        let t3_92 = t3_91.mul_add(t3_88, t3_90);
+        let t3_93 = t3_92 * inv_pivot_5;
+        let pivot_6 = (-t3_82).mul_add(t3_93, t3_89);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t3_128 = t3_94 * t3_122;
-        let t3_129 = like.lift(0.066).mul_add(t3_128, t3_42);
-        let t3_130 = t3_111.mul_add(t3_127, t3_129);
-        let t3_131 = t3_34 * t3_127;
-        let t3_132 = t2_196 + t3_131;
-        let t3_133 = t2_133 - t3_104;
-        let t3_134 = t3_10 - t3_86;
-        let t3_135 = t3_134 * inv_pivot_4;
-        let t3_136 = t3_105.mul_add(t3_135, t3_133);
-        let t3_137 = t3_136 * inv_pivot_5;
-        let t3_138 = t3_34 * t3_137;
-        let t3_139 = t3_13 + t3_138;
-        let t3_140 = t3_11 - t3_119;
-        let t3_141 = (-t3_120).mul_add(t3_135, t3_140);
-        let t3_142 = (-t3_121).mul_add(t3_137, t3_141);
-        let t3_143 = t3_142 * inv_pivot_6;
-        let pivot_7 = (-t3_132).mul_add(t3_143, t3_139);
+        let t3_94 = t3_63.mul_add(t3_83, t3_68);
+        let t3_95 = t3_63.mul_add(t3_85, t3_41);
+        let t3_96 = (-t3_95).mul_add(t3_88, t3_94);
+        let t3_97 = (-t3_79).mul_add(t3_93, t3_96);
+        let t3_98 = sin_e1x * t3_83;
+        let t3_99 = like.lift(-0.0381051177665153).mul_add(t3_98, t2_133);
+        let t3_100 = sin_e1x * t3_85;
+        let t3_101 = like.lift(-0.0381051177665153).mul_add(t3_100, t2_8);
+        let t3_102 = (-t3_101).mul_add(t3_88, t3_99);
+        let t3_103 = sin_e1x * t3_71;
+        let t3_104 = like.lift(-0.0381051177665153).mul_add(t3_103, t2_133);
+        let t3_105 = sin_e1x * t3_73;
+        let t3_106 = like.lift(0.0381051177665153).mul_add(t3_105, t2_8);
+        let t3_107 = t3_106.mul_add(t3_76, t3_104);
+        let t3_108 = t3_107.mul_add(t3_93, t3_102);
+        let t3_109 = t2_164 * inv_pivot_1;
+        let t3_110 = sin_e1x * t3_109;
+        let t3_111 = like.lift(0.0381051177665153).mul_add(t3_110, t2_150);
+        let t3_112 = (-t2_122).mul_add(t3_109, t2_158);
+        let t3_113 = t3_112 * inv_pivot_2;
+        let t3_114 = (-t3_106).mul_add(t3_113, t3_111);
+        let t3_115 = t2_89.mul_add(t3_109, t2_146);
+        let t3_116 = t3_74.mul_add(t3_113, t3_115);
+        let t3_117 = t3_116 * inv_pivot_5;
+        let t3_118 = t3_107.mul_add(t3_117, t3_114);
+        let t3_119 = (-t2_93).mul_add(t3_109, t2_150);
+        let t3_120 = (-t3_81).mul_add(t3_113, t3_119);
+        let t3_121 = (-t3_82).mul_add(t3_117, t3_120);
+        let t3_122 = t3_121 * inv_pivot_6;
+        let pivot_7 = (-t3_108).mul_add(t3_122, t3_118);
         let inv_pivot_7 = like.lift(1.0) / pivot_7;
-        let t3_144 = t3_69 - t3_93;
-        let t3_145 = (-t3_94).mul_add(t3_135, t3_144);
-        let t3_146 = t3_111.mul_add(t3_137, t3_145);
-        let t3_147 = (-t3_130).mul_add(t3_143, t3_146);
-        let t3_148 = t3_40.mul_add(t3_137, t3_15);
-        let t3_149 = t3_40.mul_add(t3_127, t2_202);
-        let t3_150 = (-t3_149).mul_add(t3_143, t3_148);
-        let t3_151 = t2_204 * inv_pivot_4;
-        let t3_152 = (-t3_94).mul_add(t3_151, t3_64);
-        let t3_153 = (-t3_105).mul_add(t3_151, t2_92);
-        let t3_154 = t3_153 * inv_pivot_5;
-        let t3_155 = (-t3_111).mul_add(t3_154, t3_152);
-        let t3_156 = t3_120.mul_add(t3_151, t2_206);
-        let t3_157 = (-t3_121).mul_add(t3_154, t3_156);
-        let t3_158 = t3_157 * inv_pivot_6;
-        let t3_159 = t3_130.mul_add(t3_158, t3_155);
-        let t3_160 = t3_34 * t3_154;
-        let t3_161 = t3_3 + t3_160;
-        let t3_162 = (-t3_132).mul_add(t3_158, t3_161);
-        let t3_163 = t3_162 * inv_pivot_7;
-        let t3_164 = t3_147.mul_add(t3_163, t3_159);
-        let t3_165 = t3_40.mul_add(t3_154, t3_7);
-        let t3_166 = (-t3_149).mul_add(t3_158, t3_165);
-        let pivot_8 = (-t3_150).mul_add(t3_163, t3_166);
+        let t3_123 = t3_49.mul_add(t3_109, t2_146);
+        let t3_124 = (-t3_78).mul_add(t3_113, t3_123);
+        let t3_125 = (-t3_79).mul_add(t3_117, t3_124);
+        let t3_126 = (-t3_97).mul_add(t3_122, t3_125);
+        let t3_127 = like.lift(-0.066).mul_add(t3_117, t2_152);
+        let t3_128 = like.lift(-0.066).mul_add(t3_93, like.lift(0.066));
+        let t3_129 = (-t3_128).mul_add(t3_122, t3_127);
+        let t3_130 = t3_39 * inv_pivot_3;
+        let t3_131 = t3_63.mul_add(t3_130, t3_22);
+        let t3_132 = (-t3_3).mul_add(t3_130, t3_33);
+        let t3_133 = t3_132 * inv_pivot_4;
+        let t3_134 = (-t3_95).mul_add(t3_133, t3_131);
+        let t3_135 = t2_205.mul_add(t3_130, t3_22);
+        let t3_136 = t3_91.mul_add(t3_133, t3_135);
+        let t3_137 = t3_136 * inv_pivot_5;
+        let t3_138 = (-t3_79).mul_add(t3_137, t3_134);
+        let t3_139 = t2_207.mul_add(t3_130, t3_26);
+        let t3_140 = t3_86.mul_add(t3_133, t3_139);
+        let t3_141 = t3_82.mul_add(t3_137, t3_140);
+        let t3_142 = t3_141 * inv_pivot_6;
+        let t3_143 = t3_97.mul_add(t3_142, t3_138);
+        let t3_144 = sin_e1x * t3_130;
+        let t3_145 = like.lift(0.0381051177665153).mul_add(t3_144, t3_26);
+        let t3_146 = t3_101.mul_add(t3_133, t3_145);
+        let t3_147 = (-t3_107).mul_add(t3_137, t3_146);
+        let t3_148 = (-t3_108).mul_add(t3_142, t3_147);
+        let t3_149 = t3_148 * inv_pivot_7;
+        let t3_150 = t3_126.mul_add(t3_149, t3_143);
+        let t3_151 = like.lift(-0.066).mul_add(t3_137, t3_27);
+        let t3_152 = t3_128.mul_add(t3_142, t3_151);
+        let pivot_8 = t3_129.mul_add(t3_149, t3_152);
         let inv_pivot_8 = like.lift(1.0) / pivot_8;
-        let t3_167 = t3_164 * inv_pivot_8;
-        let t3_168 = t3_150.mul_add(t3_167, t3_147);
-        let t3_169 = inv_pivot_7 * t3_168;
-        let t3_170 = (-t3_132).mul_add(t3_169, t3_130);
-        let t3_171 = t3_149.mul_add(t3_167, t3_170);
-        let t3_172 = inv_pivot_6 * t3_171;
-        let t3_173 = t3_121.mul_add(t3_172, t3_111);
-        let t3_174 = (-t3_34).mul_add(t3_169, t3_173);
-        let t3_175 = t3_40.mul_add(t3_167, t3_174);
-        let t3_176 = inv_pivot_5 * t3_175;
-        let t3_177 = (-t3_105).mul_add(t3_176, t3_94);
-        let t3_178 = (-t3_120).mul_add(t3_172, t3_177);
-        let t3_179 = inv_pivot_4 * t3_178;
-        let t3_180 = (-t3_54).mul_add(t3_72, t3_59);
-        let t3_181 = (-t3_54).mul_add(t3_74, t3_46);
-        let t3_182 = (-t3_181).mul_add(t3_77, t3_180);
-        let t3_183 = (-t3_54).mul_add(t3_79, t2_157);
-        let t3_184 = (-t3_181).mul_add(t3_82, t3_183);
-        let t3_185 = t3_184 * t3_84;
-        let t3_186 = like.lift(0.0762102355330306) * t3_185;
-        let t3_187 = t3_182 - t3_186;
-        let t3_188 = t3_184 * t3_106;
-        let t3_189 = t3_187.mul_add(t3_109, t3_188);
-        let t3_190 = t3_187 * t3_122;
-        let t3_191 = like.lift(0.066) * t3_190;
-        let t3_192 = (-t3_189).mul_add(t3_127, t3_191);
-        let t3_193 = t3_187.mul_add(t3_135, t3_186);
-        let t3_194 = t3_189.mul_add(t3_137, t3_193);
-        let t3_195 = t3_192.mul_add(t3_143, t3_194);
-        let t3_196 = t3_187 * t3_151;
-        let t3_197 = (-t3_189).mul_add(t3_154, t3_196);
-        let t3_198 = (-t3_192).mul_add(t3_158, t3_197);
-        let t3_199 = t3_195.mul_add(t3_163, t3_198);
-        let t3_200 = t3_199 * inv_pivot_8;
-        let t3_201 = t3_150.mul_add(t3_200, t3_195);
-        let t3_202 = inv_pivot_7 * t3_201;
-        let t3_203 = t3_132.mul_add(t3_202, t3_192);
-        let t3_204 = (-t3_149).mul_add(t3_200, t3_203);
-        let t3_205 = inv_pivot_6 * t3_204;
-        let t3_206 = (-t3_121).mul_add(t3_205, t3_189);
-        let t3_207 = (-t3_34).mul_add(t3_202, t3_206);
-        let t3_208 = t3_40.mul_add(t3_200, t3_207);
-        let t3_209 = inv_pivot_5 * t3_208;
-        let t3_210 = t3_105.mul_add(t3_209, t3_187);
-        let t3_211 = (-t3_120).mul_add(t3_205, t3_210);
-        let t3_212 = inv_pivot_4 * t3_211;
-        let t3_213 = t3_63 + t3_131;
-        let t3_214 = t3_71 + t3_138;
-        let t3_215 = (-t3_213).mul_add(t3_143, t3_214);
-        let t3_216 = t3_68 + t3_160;
-        let t3_217 = (-t3_213).mul_add(t3_158, t3_216);
-        let t3_218 = (-t3_215).mul_add(t3_163, t3_217);
-        let t3_219 = t3_218 * inv_pivot_8;
-        let t3_220 = (-t3_150).mul_add(t3_219, t3_215);
-        let t3_221 = inv_pivot_7 * t3_220;
-        let t3_222 = (-t3_132).mul_add(t3_221, t3_213);
-        let t3_223 = (-t3_149).mul_add(t3_219, t3_222);
-        let t3_224 = inv_pivot_6 * t3_223;
-        let t3_225 = t3_121.mul_add(t3_224, t3_34);
-        let t3_226 = (-t3_34).mul_add(t3_221, t3_225);
-        let t3_227 = (-t3_40).mul_add(t3_219, t3_226);
-        let t3_228 = inv_pivot_5 * t3_227;
+        let t3_153 = t3_150 * inv_pivot_8;
+        let t3_154 = (-t3_129).mul_add(t3_153, t3_126);
+        let t3_155 = inv_pivot_7 * t3_154;
+        let t3_156 = (-t3_108).mul_add(t3_155, t3_97);
+        let t3_157 = (-t3_128).mul_add(t3_153, t3_156);
+        let t3_158 = inv_pivot_6 * t3_157;
+        let t3_159 = (-t3_82).mul_add(t3_158, t3_79);
+        let t3_160 = t3_107.mul_add(t3_155, t3_159);
+        let t3_161 = like.lift(-0.066).mul_add(t3_153, t3_160);
+        let t3_162 = inv_pivot_5 * t3_161;
+        let t3_163 = (-t3_53).mul_add(t3_71, t3_58);
+        let t3_164 = (-t3_53).mul_add(t3_73, t3_45);
+        let t3_165 = (-t3_164).mul_add(t3_76, t3_163);
+        let t3_166 = t3_165 * t3_93;
+        let t3_167 = (-t3_53).mul_add(t3_109, t2_158);
+        let t3_168 = (-t3_164).mul_add(t3_113, t3_167);
+        let t3_169 = (-t3_165).mul_add(t3_117, t3_168);
+        let t3_170 = t3_166.mul_add(t3_122, t3_169);
+        let t3_171 = t3_165 * t3_137;
+        let t3_172 = t3_166.mul_add(t3_142, t3_171);
+        let t3_173 = (-t3_170).mul_add(t3_149, t3_172);
+        let t3_174 = t3_173 * inv_pivot_8;
+        let t3_175 = t3_129.mul_add(t3_174, t3_170);
+        let t3_176 = inv_pivot_7 * t3_175;
+        let t3_177 = t3_108.mul_add(t3_176, t3_166);
+        let t3_178 = (-t3_128).mul_add(t3_174, t3_177);
+        let t3_179 = inv_pivot_6 * t3_178;
+        let t3_180 = t3_82.mul_add(t3_179, t3_165);
+        let t3_181 = t3_107.mul_add(t3_176, t3_180);
+        let t3_182 = like.lift(0.066).mul_add(t3_174, t3_181);
+        let t3_183 = inv_pivot_5 * t3_182;
+        let t3_184 = (-t3_67).mul_add(t3_83, t3_70);
+        let t3_185 = (-t3_67).mul_add(t3_85, t3_62);
+        let t3_186 = (-t3_185).mul_add(t3_88, t3_184);
+        let t3_187 = t3_186 * t3_122;
+        let t3_188 = (-t3_67).mul_add(t3_130, t3_33);
+        let t3_189 = (-t3_185).mul_add(t3_133, t3_188);
+        let t3_190 = t3_186.mul_add(t3_142, t3_189);
+        let t3_191 = (-t3_187).mul_add(t3_149, t3_190);
+        let t3_192 = t3_191 * inv_pivot_8;
+        let t3_193 = t3_129.mul_add(t3_192, t3_187);
+        let t3_194 = inv_pivot_7 * t3_193;
+        let t3_195 = t3_108.mul_add(t3_194, t3_186);
+        let t3_196 = (-t3_128).mul_add(t3_192, t3_195);
+        let t3_197 = inv_pivot_6 * t3_196;
+        let t3_198 = t3_82 * t3_197;
+        let t3_199 = t3_107.mul_add(t3_194, t3_198);
+        let t3_200 = like.lift(0.066).mul_add(t3_192, t3_199);
+        let t3_201 = inv_pivot_5 * t3_200;
+        let t3_202 = -t3_201;
+        let t3_203 = -t3_179;
+        let t3_204 = -t3_194;
+        let t3_205 = -t3_174;
+        let t3_206 = t3_74.mul_add(t3_162, t3_78);
+        let t3_207 = (-t3_81).mul_add(t3_158, t3_206);
+        let t3_208 = (-t3_106).mul_add(t3_155, t3_207);
+        let t3_209 = inv_pivot_2 * t3_208;
+        let t3_210 = t3_74.mul_add(t3_183, t3_164);
+        let t3_211 = t3_81.mul_add(t3_179, t3_210);
+        let t3_212 = (-t3_106).mul_add(t3_176, t3_211);
+        let t3_213 = inv_pivot_2 * t3_212;
+        let t3_214 = t3_74 * t3_201;
+        let t3_215 = t3_81.mul_add(t3_197, t3_214);
+        let t3_216 = (-t3_106).mul_add(t3_194, t3_215);
+        let t3_217 = inv_pivot_2 * t3_216;
+        let t3_218 = -t3_217;
+        let t3_219 = sin_e1x * t3_155;
+        let t3_220 = like.lift(0.0381051177665153) * t3_219;
+        let t3_221 = t2_122.mul_add(t3_209, t3_49);
+        let t3_222 = (-t2_89).mul_add(t3_162, t3_221);
+        let t3_223 = t2_93.mul_add(t3_158, t3_222);
+        let t3_224 = t3_220 - t3_223;
+        let t3_225 = inv_pivot_1 * t3_224;
+        let t3_226 = sin_e1x * t3_176;
         [
-            t3_3, t3_8, t3_10, t3_11, t3_13, t3_16, t3_24, t3_27, t3_29, t3_35, t3_40, t3_42,
-            t3_46, t3_50, t3_51, t3_54, t3_57, t3_59, t3_63, t3_65, t3_68, t3_69, t3_71,
-            inv_pivot_1, t3_75, pivot_2, inv_pivot_2, t3_83, t3_84, pivot_4, inv_pivot_4,
-            t3_88, t3_91, t3_98, t3_102, t3_105, pivot_5, t3_113, t3_114, t3_120, pivot_6,
-            pivot_7, pivot_8, t3_167, t3_169, t3_172, t3_176, t3_179, t3_181, t3_184, t3_200,
-            t3_202, t3_205, t3_209, t3_212, t3_219, t3_221, t3_224, t3_228,
+            t3_3, t3_7, t3_9, t3_10, t3_12, t3_15, t3_23, t3_26, t3_28, t3_34, t3_39, t3_41,
+            t3_45, t3_50, t3_53, t3_56, t3_58, t3_62, t3_63, t3_64, t3_67, t3_68, t3_70,
+            inv_pivot_1, pivot_2, pivot_5, inv_pivot_3, t3_86, pivot_4, inv_pivot_4, t3_91,
+            pivot_6, t3_95, t3_101, pivot_7, pivot_8, t3_153, t3_155, t3_158, t3_162, t3_176,
+            t3_179, t3_183, t3_185, t3_192, t3_194, t3_197, t3_201, t3_202, t3_203, t3_204,
+            t3_205, t3_209, t3_213, t3_217, t3_218, t3_220, t3_225, t3_226,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -14054,81 +13257,68 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
         x_u2_1_q3, x_u2_2_q1, x_u2_2_q2, x_u2_2_q3, x_u3_1_q1, x_u3_1_q2, x_u3_1_q3, x_u3_2_q1,
         x_u3_2_q2, x_u3_2_q3,
     ] = {
-        let t4_1 = t3_105 * t3_228;
-        let t4_2 = t3_120.mul_add(t3_224, t4_1);
-        let t4_3 = inv_pivot_4 * t4_2;
-        let t4_4 = -t4_3;
-        let t4_5 = -t3_176;
-        let t4_6 = -t3_228;
-        let t4_7 = (-t3_83).mul_add(t3_179, t3_91);
-        let t4_8 = t3_102.mul_add(t3_176, t4_7);
-        let t4_9 = (-t3_114).mul_add(t3_172, t4_8);
-        let t4_10 = t3_84 * t4_9;
-        let t4_11 = like.lift(1.1547005383792515) * t4_10;
-        let t4_12 = (-t3_83).mul_add(t3_212, t3_184);
-        let t4_13 = (-t3_102).mul_add(t3_209, t4_12);
-        let t4_14 = (-t3_114).mul_add(t3_205, t4_13);
-        let t4_15 = t3_84 * t4_14;
-        let t4_16 = like.lift(1.1547005383792515) * t4_15;
-        let t4_17 = t3_83 * t4_3;
-        let t4_18 = t3_102.mul_add(t3_228, t4_17);
-        let t4_19 = (-t3_114).mul_add(t3_224, t4_18);
-        let t4_20 = t3_84 * t4_19;
-        let t4_21 = like.lift(1.1547005383792515) * t4_20;
-        let t4_22 = t3_75.mul_add(t3_179, t3_88);
-        let t4_23 = t3_98.mul_add(t3_176, t4_22);
-        let t4_24 = (-t3_113).mul_add(t3_172, t4_23);
-        let t4_25 = inv_pivot_2 * t4_24;
-        let t4_26 = t3_75.mul_add(t3_212, t3_181);
-        let t4_27 = (-t3_98).mul_add(t3_209, t4_26);
-        let t4_28 = (-t3_113).mul_add(t3_205, t4_27);
-        let t4_29 = inv_pivot_2 * t4_28;
-        let t4_30 = t3_75 * t4_3;
-        let t4_31 = (-t3_98).mul_add(t3_228, t4_30);
-        let t4_32 = t3_113.mul_add(t3_224, t4_31);
-        let t4_33 = inv_pivot_2 * t4_32;
-        let t4_34 = -t4_33;
-        let t4_35 = t2_122.mul_add(t4_25, t3_50);
-        let t4_36 = (-t2_89).mul_add(t3_179, t4_35);
-        let t4_37 = sin_e1x * t3_176;
-        let t4_38 = like.lift(0.0381051177665153).mul_add(t4_37, t4_36);
-        let t4_39 = t2_93.mul_add(t3_172, t4_38);
-        let t4_40 = inv_pivot_1 * t4_39;
-        let t4_41 = -t4_40;
-        let t4_42 = (-t2_122).mul_add(t4_29, t3_54);
-        let t4_43 = t2_89.mul_add(t3_212, t4_42);
-        let t4_44 = sin_e1x * t3_209;
-        let t4_45 = like.lift(0.0381051177665153).mul_add(t4_44, t4_43);
-        let t4_46 = (-t2_93).mul_add(t3_205, t4_45);
-        let t4_47 = inv_pivot_1 * t4_46;
-        let t4_48 = t2_122 * t4_33;
-        let t4_49 = (-t2_89).mul_add(t4_3, t4_48);
-        let t4_50 = sin_e1x * t3_228;
-        let t4_51 = like.lift(-0.0381051177665153).mul_add(t4_50, t4_49);
-        let t4_52 = (-t2_93).mul_add(t3_224, t4_51);
-        let t4_53 = inv_pivot_1 * t4_52;
-        let t4_54 = -t3_202;
-        let t4_55 = -t3_200;
-        let t4_56 = -t3_219;
-        let t4_57 = -pivot_8;
+        let t4_1 = like.lift(0.0381051177665153) * t3_226;
+        let t4_2 = (-t2_122).mul_add(t3_213, t3_53);
+        let t4_3 = t2_89.mul_add(t3_183, t4_2);
+        let t4_4 = t2_93.mul_add(t3_179, t4_3);
+        let t4_5 = t4_1 + t4_4;
+        let t4_6 = inv_pivot_1 * t4_5;
+        let t4_7 = sin_e1x * t3_194;
+        let t4_8 = like.lift(0.0381051177665153) * t4_7;
+        let t4_9 = t2_122 * t3_217;
+        let t4_10 = (-t2_89).mul_add(t3_201, t4_9);
+        let t4_11 = (-t2_93).mul_add(t3_197, t4_10);
+        let t4_12 = t4_8 - t4_11;
+        let t4_13 = inv_pivot_1 * t4_12;
+        let t4_14 = -t4_13;
+        let t4_15 = t3_91.mul_add(t3_162, t3_95);
+        let t4_16 = (-t3_86).mul_add(t3_158, t4_15);
+        let t4_17 = (-t3_101).mul_add(t3_155, t4_16);
+        let t4_18 = inv_pivot_4 * t4_17;
+        let t4_19 = t3_91 * t3_183;
+        let t4_20 = t3_86.mul_add(t3_179, t4_19);
+        let t4_21 = (-t3_101).mul_add(t3_176, t4_20);
+        let t4_22 = inv_pivot_4 * t4_21;
+        let t4_23 = (-t3_91).mul_add(t3_201, t3_185);
+        let t4_24 = (-t3_86).mul_add(t3_197, t4_23);
+        let t4_25 = t3_101.mul_add(t3_194, t4_24);
+        let t4_26 = inv_pivot_4 * t4_25;
+        let t4_27 = t3_3.mul_add(t4_18, t3_63);
+        let t4_28 = (-t2_205).mul_add(t3_162, t4_27);
+        let t4_29 = t2_207.mul_add(t3_158, t4_28);
+        let t4_30 = t4_29 + t3_220;
+        let t4_31 = inv_pivot_3 * t4_30;
+        let t4_32 = t3_3 * t4_22;
+        let t4_33 = (-t2_205).mul_add(t3_183, t4_32);
+        let t4_34 = (-t2_207).mul_add(t3_179, t4_33);
+        let t4_35 = t4_34 + t4_1;
+        let t4_36 = inv_pivot_3 * t4_35;
+        let t4_37 = (-t3_3).mul_add(t4_26, t3_67);
+        let t4_38 = (-t2_205).mul_add(t3_201, t4_37);
+        let t4_39 = (-t2_207).mul_add(t3_197, t4_38);
+        let t4_40 = t4_39 + t4_8;
+        let t4_41 = inv_pivot_3 * t4_40;
+        let t4_42 = -t4_41;
+        let t4_43 = -pivot_7;
+        let t4_44 = -pivot_8;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(0.9580029161088279)).abs()
             .min((pivot_2 * like.lift(0.9018719688103075)).abs())
-            .min((t2_152 * like.lift(1.923718077658978)).abs())
-            .min((pivot_4 * like.lift(1.019503733280847)).abs())
-            .min((pivot_5 * like.lift(0.9467672644948026)).abs())
-            .min((pivot_6 * like.lift(0.8116685504320711)).abs())
-            .min((pivot_7 * like.lift(1.060112577367453)).abs())
-            .min((t4_57 * like.lift(0.697347665033695)).abs());
+            .min((t3_7 * like.lift(0.9441016894903256)).abs())
+            .min((pivot_4 * like.lift(0.7930813430566414)).abs())
+            .min((pivot_5 * like.lift(0.9552290039283993)).abs())
+            .min((pivot_6 * like.lift(0.6503970605951934)).abs())
+            .min((t4_43 * like.lift(1.8878245740206896)).abs())
+            .min((t4_44 * like.lift(1.0933635968062305)).abs());
         let ([
             [x_u1_1_q1, x_u1_1_q2, x_u1_1_q3], [x_u1_2_q1, x_u1_2_q2, x_u1_2_q3], [_, _, _],
             [_, _, _], [x_u2_1_q1, x_u2_1_q2, x_u2_1_q3], [x_u2_2_q1, x_u2_2_q2, x_u2_2_q3],
             [x_u3_1_q1, x_u3_1_q2, x_u3_1_q3], [x_u3_2_q1, x_u3_2_q2, x_u3_2_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t3_179, t3_212, t4_4], [t3_172, t3_205, t3_224], [t4_5, t3_209, t4_6],
-                [t4_11, t4_16, t4_21], [t4_25, t4_29, t4_34], [t4_41, t4_47, t4_53],
-                [t3_169, t4_54, t3_221], [t3_167, t4_55, t4_56],
+                [t3_162, t3_183, t3_202], [t3_158, t3_203, t3_197], [t3_155, t3_176, t3_204],
+                [t3_153, t3_205, t3_192], [t3_209, t3_213, t3_218], [t3_225, t4_6, t4_14],
+                [t4_18, t4_22, t4_26], [t4_31, t4_36, t4_42],
             ],
             margin,
             || (
@@ -14136,17 +13326,17 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
                     [t2_6, t2_7, t2_8, like.lift(0.0), t2_80, t2_86, like.lift(0.0), like.lift(0.0)],
                     [t2_90, t2_93, t2_94, like.lift(0.0), t2_122, pivot_1, like.lift(0.0), like.lift(0.0)],
                     [t2_131, t2_134, t2_135, like.lift(0.066), t2_137, t2_139, like.lift(0.0), like.lift(0.0)],
-                    [t2_147, t2_151, t2_151, t2_152, t2_158, t2_164, like.lift(0.0), like.lift(0.0)],
-                    [t2_6, t2_7, t2_8, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_196, t2_203],
-                    [t2_205, t2_206, t2_92, like.lift(0.0), like.lift(0.0), like.lift(0.0), t3_3, t3_8],
-                    [t3_10, t3_11, t2_133, like.lift(0.066), like.lift(0.0), like.lift(0.0), t3_13, t3_16],
-                    [t3_24, t3_27, t3_27, t3_29, like.lift(0.0), like.lift(0.0), t3_35, t3_40],
+                    [t2_147, t2_151, t2_151, t2_153, t2_159, t2_165, like.lift(0.0), like.lift(0.0)],
+                    [t2_6, t2_7, t2_8, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_197, t2_204],
+                    [t2_206, t2_207, t2_92, like.lift(0.0), like.lift(0.0), like.lift(0.0), t3_3, t3_7],
+                    [t3_9, t3_10, t2_133, like.lift(0.066), like.lift(0.0), like.lift(0.0), t3_12, t3_15],
+                    [t3_23, t3_26, t3_26, t3_28, like.lift(0.0), like.lift(0.0), t3_34, t3_39],
                 ],
                 [
-                    [t3_42, t3_46, like.lift(0.0)], [t3_51, t3_54, like.lift(0.0)],
-                    [t3_57, t3_59, like.lift(0.0)], [t2_147, t2_158, like.lift(0.0)],
-                    [t3_42, like.lift(0.0), t3_63], [t3_65, like.lift(0.0), t3_68],
-                    [t3_69, like.lift(0.0), t3_71], [t3_24, like.lift(0.0), t3_35],
+                    [t3_41, t3_45, like.lift(0.0)], [t3_50, t3_53, like.lift(0.0)],
+                    [t3_56, t3_58, like.lift(0.0)], [t2_147, t2_159, like.lift(0.0)],
+                    [t3_41, like.lift(0.0), t3_62], [t3_64, like.lift(0.0), t3_67],
+                    [t3_68, like.lift(0.0), t3_70], [t3_23, like.lift(0.0), t3_34],
                 ],
             ),
         );
@@ -14861,7 +14051,7 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 34], free: &[T; 36]) -> [T; 70
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
 ///
-/// 472 additions, 657 multiplications, 8 divisions, 11 sines and cosines.
+/// 472 additions, 653 multiplications, 8 divisions, 11 sines and cosines.
 pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], beta: &[T; 34]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -15157,131 +14347,131 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
     };
     // tau, part 2
     let [
-        t2_2, t2_3, t2_8, t2_9, t2_15, sin_q3, cos_q3, sin_u3_2, cos_u3_2, sin_u3_1, cos_u3_1,
-        t2_47, t2_54, t2_56, t2_57, t2_74, t2_78, t2_79, t2_81, t2_82, t2_84, t2_87, t2_95,
+        t2_2, t2_4, t2_9, t2_10, t2_16, sin_q3, cos_q3, sin_u3_2, cos_u3_2, sin_u3_1, cos_u3_1,
+        t2_48, t2_55, t2_56, t2_57, t2_58, t2_75, t2_79, t2_81, t2_82, t2_84, t2_87, t2_95,
         t2_98, t2_100, t2_105, t2_106, t2_111, t2_113, t2_117, t2_121, t2_122, t2_125, t2_128,
-        t2_130, t2_134, t2_136, t2_139, t2_140, t2_142, inv_pivot_1, t2_143, t2_145, t2_146,
-        pivot_2, inv_pivot_2, t2_148, t2_150, t2_153, t2_154, t2_155, pivot_4, inv_pivot_4,
-        t2_159, t2_162, t2_165, t2_169, t2_173, t2_176, t2_177, t2_180, pivot_5, inv_pivot_5,
-        t2_182, t2_184, t2_185, t2_191, t2_192, t2_193, t2_198, pivot_6, inv_pivot_6, t2_201,
-        t2_202, t2_203, t2_206, t2_208, t2_209, t2_214, pivot_7, inv_pivot_7, t2_218, t2_220,
-        t2_221, t2_222, t2_225, t2_226,
+        t2_130, t2_134, t2_135, t2_136, t2_139, t2_140, t2_142, inv_pivot_1, t2_143, t2_145,
+        t2_146, pivot_2, inv_pivot_2, t2_148, pivot_5, inv_pivot_5, t2_150, t2_151, t2_153,
+        t2_154, inv_pivot_3, t2_155, t2_157, t2_158, pivot_4, inv_pivot_4, t2_160, t2_163,
+        t2_165, pivot_6, inv_pivot_6, t2_167, t2_169, t2_173, t2_178, t2_179, t2_180, t2_181,
+        t2_185, t2_189, t2_194, pivot_7, inv_pivot_7, t2_198, t2_200, t2_201, t2_202, t2_205,
+        t2_209, t2_214, t2_221, t2_222, pivot_8,
     ] = {
         let t2_1 = sin_e1x.mul_add(t1_211, t1_215);
         let t2_2 = -t2_1;
-        let pivot_3 = like.lift(0.8660254037844386) * t1_151;
-        let t2_3 = -pivot_3;
-        let t2_4 = t1_183 * t1_151;
-        let t2_5 = like.lift(0.8660254037844386) * t2_4;
-        let t2_6 = t1_82 * t1_151;
-        let t2_7 = like.lift(0.5).mul_add(t2_6, t2_5);
-        let t2_8 = (-t1_120).mul_add(t1_211, t2_7);
-        let t2_9 = -t2_8;
-        let t2_10 = t1_191 * t1_151;
-        let t2_11 = like.lift(0.8660254037844386) * t2_10;
-        let t2_12 = t1_148 * t1_151;
-        let t2_13 = like.lift(0.5).mul_add(t2_12, t2_11);
-        let t2_14 = (-t1_151).mul_add(t1_211, t2_13);
-        let t2_15 = -t2_14;
-        let t2_16 = t1_75 + t1_81;
-        let t2_17 = t1_103 + t1_104;
-        let t2_18 = t1_102 + t2_17;
+        let t2_3 = like.lift(0.8660254037844386) * t1_151;
+        let t2_4 = -t2_3;
+        let t2_5 = t1_183 * t1_151;
+        let t2_6 = like.lift(0.8660254037844386) * t2_5;
+        let t2_7 = t1_82 * t1_151;
+        let t2_8 = like.lift(0.5).mul_add(t2_7, t2_6);
+        let t2_9 = (-t1_120).mul_add(t1_211, t2_8);
+        let t2_10 = -t2_9;
+        let t2_11 = t1_191 * t1_151;
+        let t2_12 = like.lift(0.8660254037844386) * t2_11;
+        let t2_13 = t1_148 * t1_151;
+        let t2_14 = like.lift(0.5).mul_add(t2_13, t2_12);
+        let t2_15 = (-t1_151).mul_add(t1_211, t2_14);
+        let t2_16 = -t2_15;
+        let t2_17 = t1_75 + t1_81;
+        let t2_18 = t1_103 + t1_104;
+        let t2_19 = t1_102 + t2_18;
         let (sin_q3, cos_q3) = q3.sin_cos();
-        let t2_19 = t1_107 + t1_108;
-        let t2_20 = cos_q3 * t2_19;
-        let t2_21 = (-sin_q3).mul_add(t1_95, t2_20);
-        let t2_22 = like.lift(0.524).mul_add(t2_21, t2_18);
+        let t2_20 = t1_107 + t1_108;
+        let t2_21 = cos_q3 * t2_20;
+        let t2_22 = (-sin_q3).mul_add(t1_95, t2_21);
+        let t2_23 = like.lift(0.524).mul_add(t2_22, t2_19);
         let (sin_u3_2, cos_u3_2) = u3_2.sin_cos();
         let (sin_u3_1, cos_u3_1) = u3_1.sin_cos();
-        let t2_23 = sin_u3_1 * t2_21;
-        let t2_24 = sin_q3 * t2_19;
-        let t2_25 = cos_q3.mul_add(t1_95, t2_24);
-        let t2_26 = cos_u3_1.mul_add(t2_25, t2_23);
-        let t2_27 = cos_u3_2 * t2_26;
-        let t2_28 = t1_118 - t1_119;
-        let t2_29 = sin_u3_2.mul_add(t2_28, t2_27);
-        let t2_30 = like.lift(1.244).mul_add(t2_29, t2_22);
-        let t2_31 = t2_22 - t2_30;
-        let t2_32 = t2_16 * t2_31;
-        let t2_33 = t1_128 - t1_129;
-        let t2_34 = t1_127 + t2_33;
-        let t2_35 = t1_132 - t1_133;
-        let t2_36 = cos_q3 * t2_35;
-        let t2_37 = sin_q3.mul_add(t1_100, t2_36);
-        let t2_38 = like.lift(0.524).mul_add(t2_37, t2_34);
-        let t2_39 = sin_u3_1 * t2_37;
-        let t2_40 = sin_q3 * t2_35;
-        let t2_41 = (-cos_q3).mul_add(t1_100, t2_40);
-        let t2_42 = cos_u3_1.mul_add(t2_41, t2_39);
-        let t2_43 = cos_u3_2 * t2_42;
-        let t2_44 = sin_u3_2.mul_add(t2_16, t2_43);
-        let t2_45 = like.lift(1.244).mul_add(t2_44, t2_38);
-        let t2_46 = t2_38 - t2_45;
-        let t2_47 = (-t2_28).mul_add(t2_46, t2_32);
-        let t2_48 = cos_u3_1 * t2_37;
-        let t2_49 = (-sin_u3_1).mul_add(t2_41, t2_48);
-        let t2_50 = t2_49 * t2_31;
-        let t2_51 = cos_u3_1 * t2_21;
-        let t2_52 = (-sin_u3_1).mul_add(t2_25, t2_51);
-        let t2_53 = (-t2_52).mul_add(t2_46, t2_50);
-        let t2_54 = -t2_53;
-        let t2_55 = u_e1x_u1_1y + t1_154;
-        let t2_56 = -t2_55;
-        let t2_57 = u_e1x_u1_2y + t1_158;
-        let t2_58 = t1_166 - t1_167;
-        let t2_59 = t1_165 + t2_58;
-        let t2_60 = t1_170 - t1_171;
-        let t2_61 = cos_q3 * t2_60;
-        let t2_62 = (-sin_q3).mul_add(t1_164, t2_61);
-        let t2_63 = like.lift(0.524).mul_add(t2_62, t2_59);
-        let t2_64 = sin_u3_1 * t2_62;
-        let t2_65 = sin_q3 * t2_60;
-        let t2_66 = cos_q3.mul_add(t1_164, t2_65);
-        let t2_67 = cos_u3_1.mul_add(t2_66, t2_64);
-        let t2_68 = cos_u3_2 * t2_67;
-        let t2_69 = t1_181 + t1_182;
-        let t2_70 = sin_u3_2.mul_add(t2_69, t2_68);
-        let t2_71 = like.lift(1.244).mul_add(t2_70, t2_63);
-        let t2_72 = t2_63 - t2_71;
-        let t2_73 = t2_28 * t2_72;
-        let t2_74 = (-t2_69).mul_add(t2_31, t2_73);
-        let t2_75 = t2_52 * t2_72;
-        let t2_76 = cos_u3_1 * t2_62;
-        let t2_77 = (-sin_u3_1).mul_add(t2_66, t2_76);
-        let t2_78 = (-t2_77).mul_add(t2_31, t2_75);
-        let t2_79 = -t2_78;
+        let t2_24 = sin_u3_1 * t2_22;
+        let t2_25 = sin_q3 * t2_20;
+        let t2_26 = cos_q3.mul_add(t1_95, t2_25);
+        let t2_27 = cos_u3_1.mul_add(t2_26, t2_24);
+        let t2_28 = cos_u3_2 * t2_27;
+        let t2_29 = t1_118 - t1_119;
+        let t2_30 = sin_u3_2.mul_add(t2_29, t2_28);
+        let t2_31 = like.lift(1.244).mul_add(t2_30, t2_23);
+        let t2_32 = t2_23 - t2_31;
+        let t2_33 = t2_17 * t2_32;
+        let t2_34 = t1_128 - t1_129;
+        let t2_35 = t1_127 + t2_34;
+        let t2_36 = t1_132 - t1_133;
+        let t2_37 = cos_q3 * t2_36;
+        let t2_38 = sin_q3.mul_add(t1_100, t2_37);
+        let t2_39 = like.lift(0.524).mul_add(t2_38, t2_35);
+        let t2_40 = sin_u3_1 * t2_38;
+        let t2_41 = sin_q3 * t2_36;
+        let t2_42 = (-cos_q3).mul_add(t1_100, t2_41);
+        let t2_43 = cos_u3_1.mul_add(t2_42, t2_40);
+        let t2_44 = cos_u3_2 * t2_43;
+        let t2_45 = sin_u3_2.mul_add(t2_17, t2_44);
+        let t2_46 = like.lift(1.244).mul_add(t2_45, t2_39);
+        let t2_47 = t2_39 - t2_46;
+        let t2_48 = (-t2_29).mul_add(t2_47, t2_33);
+        let t2_49 = cos_u3_1 * t2_38;
+        let t2_50 = (-sin_u3_1).mul_add(t2_42, t2_49);
+        let t2_51 = t2_50 * t2_32;
+        let t2_52 = cos_u3_1 * t2_22;
+        let t2_53 = (-sin_u3_1).mul_add(t2_26, t2_52);
+        let t2_54 = (-t2_53).mul_add(t2_47, t2_51);
+        let t2_55 = -t2_54;
+        let t2_56 = u_e1x_u1_1y + t1_154;
+        let t2_57 = -t2_56;
+        let t2_58 = u_e1x_u1_2y + t1_158;
+        let t2_59 = t1_166 - t1_167;
+        let t2_60 = t1_165 + t2_59;
+        let t2_61 = t1_170 - t1_171;
+        let t2_62 = cos_q3 * t2_61;
+        let t2_63 = (-sin_q3).mul_add(t1_164, t2_62);
+        let t2_64 = like.lift(0.524).mul_add(t2_63, t2_60);
+        let t2_65 = sin_u3_1 * t2_63;
+        let t2_66 = sin_q3 * t2_61;
+        let t2_67 = cos_q3.mul_add(t1_164, t2_66);
+        let t2_68 = cos_u3_1.mul_add(t2_67, t2_65);
+        let t2_69 = cos_u3_2 * t2_68;
+        let t2_70 = t1_181 + t1_182;
+        let t2_71 = sin_u3_2.mul_add(t2_70, t2_69);
+        let t2_72 = like.lift(1.244).mul_add(t2_71, t2_64);
+        let t2_73 = t2_64 - t2_72;
+        let t2_74 = t2_29 * t2_73;
+        let t2_75 = (-t2_70).mul_add(t2_32, t2_74);
+        let t2_76 = t2_53 * t2_73;
+        let t2_77 = cos_u3_1 * t2_63;
+        let t2_78 = (-sin_u3_1).mul_add(t2_67, t2_77);
+        let pivot_3 = (-t2_78).mul_add(t2_32, t2_76);
+        let t2_79 = -pivot_3;
         let t2_80 = t1_194 + t1_195;
         let t2_81 = u_platform_u1_1z + t2_80;
         let t2_82 = u_e1x_u1_2z + t1_199;
-        let t2_83 = t2_69 * t2_46;
-        let t2_84 = (-t2_16).mul_add(t2_72, t2_83);
-        let t2_85 = t2_77 * t2_46;
-        let t2_86 = (-t2_49).mul_add(t2_72, t2_85);
+        let t2_83 = t2_70 * t2_47;
+        let t2_84 = (-t2_17).mul_add(t2_73, t2_83);
+        let t2_85 = t2_78 * t2_47;
+        let t2_86 = (-t2_50).mul_add(t2_73, t2_85);
         let t2_87 = -t2_86;
-        let t2_88 = cos_u1_2_e1y * t2_52;
+        let t2_88 = cos_u1_2_e1y * t2_53;
         let t2_89 = like.lift(0.8660254037844386) * t2_88;
-        let t2_90 = e_e1x_q1y * t2_52;
+        let t2_90 = e_e1x_q1y * t2_53;
         let t2_91 = like.lift(-0.5).mul_add(t2_90, t2_89);
-        let t2_92 = like.lift(0.8660254037844386) * t2_77;
-        let t2_93 = like.lift(-0.5).mul_add(t2_49, t2_92);
+        let t2_92 = like.lift(0.8660254037844386) * t2_78;
+        let t2_93 = like.lift(-0.5).mul_add(t2_50, t2_92);
         let t2_94 = (-e_e1x_q1z).mul_add(t2_93, t2_91);
         let t2_95 = -t2_94;
-        let t2_96 = cos_e1x * t2_52;
+        let t2_96 = cos_e1x * t2_53;
         let t2_97 = like.lift(0.5) * t2_96;
         let t2_98 = (-sin_e1x).mul_add(t2_93, t2_97);
-        let t2_99 = like.lift(0.8660254037844386) * t2_52;
+        let t2_99 = like.lift(0.8660254037844386) * t2_53;
         let t2_100 = -t2_99;
-        let t2_101 = t2_69 * t2_52;
+        let t2_101 = t2_70 * t2_53;
         let t2_102 = like.lift(0.8660254037844386) * t2_101;
-        let t2_103 = t2_16 * t2_52;
+        let t2_103 = t2_17 * t2_53;
         let t2_104 = like.lift(-0.5).mul_add(t2_103, t2_102);
-        let t2_105 = (-t2_28).mul_add(t2_93, t2_104);
+        let t2_105 = (-t2_29).mul_add(t2_93, t2_104);
         let t2_106 = -t2_105;
-        let t2_107 = t2_77 * t2_52;
+        let t2_107 = t2_78 * t2_53;
         let t2_108 = like.lift(0.8660254037844386) * t2_107;
-        let t2_109 = t2_49 * t2_52;
+        let t2_109 = t2_50 * t2_53;
         let t2_110 = like.lift(-0.5).mul_add(t2_109, t2_108);
-        let t2_111 = (-t2_52).mul_add(t2_93, t2_110);
+        let t2_111 = (-t2_53).mul_add(t2_93, t2_110);
         let t2_112 = cos_u1_1 * sin_u1_2_e1y;
         let u_e1y_q1x = like.lift(0.524) * t2_112;
         let u_platform_u1_1x = like.lift(0.044) * e_e1x_q1z;
@@ -15310,18 +14500,18 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
         let t2_128 = u_platform_q1z + t1_196;
         let t2_129 = t1_183 * t2_116;
         let t2_130 = (-t1_82).mul_add(t2_123, t2_129);
-        let t2_131 = t2_18 - t2_30;
-        let t2_132 = t2_16 * t2_131;
-        let t2_133 = t2_34 - t2_45;
-        let t2_134 = (-t2_28).mul_add(t2_133, t2_132);
+        let t2_131 = t2_19 - t2_31;
+        let t2_132 = t2_17 * t2_131;
+        let t2_133 = t2_35 - t2_46;
+        let t2_134 = (-t2_29).mul_add(t2_133, t2_132);
         let t2_135 = u_e1x_q1y + t1_154;
         let t2_136 = -t2_135;
-        let t2_137 = t2_59 - t2_71;
-        let t2_138 = t2_28 * t2_137;
-        let t2_139 = (-t2_69).mul_add(t2_131, t2_138);
+        let t2_137 = t2_60 - t2_72;
+        let t2_138 = t2_29 * t2_137;
+        let t2_139 = (-t2_70).mul_add(t2_131, t2_138);
         let t2_140 = u_platform_q1z + t2_80;
-        let t2_141 = t2_69 * t2_133;
-        let t2_142 = (-t2_16).mul_add(t2_137, t2_141);
+        let t2_141 = t2_70 * t2_133;
+        let t2_142 = (-t2_17).mul_add(t2_137, t2_141);
         let inv_pivot_1 = like.lift(1.0) / pivot_1;
         let t2_143 = t1_205 * inv_pivot_1;
         let t2_144 = t1_155.mul_add(t2_143, t1_197);
@@ -15331,103 +14521,103 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
         let pivot_2 = (-t1_188).mul_add(t2_145, t1_146);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
         let t2_148 = t2_147 * inv_pivot_2;
-        let t2_149 = t2_146.mul_add(t2_148, t2_144);
-        let t2_150 = t2_14 * inv_pivot_1;
-        let t2_151 = t1_155.mul_add(t2_150, t1_212);
-        let t2_152 = (-t1_188).mul_add(t2_150, t2_8);
-        let t2_153 = t2_152 * inv_pivot_2;
-        let t2_154 = t2_146.mul_add(t2_153, t2_151);
-        let t2_155 = like.lift(1.0) / t1_151;
-        let t2_156 = t2_154 * t2_155;
-        let t2_157 = like.lift(0.0762102355330306) * t2_156;
-        let pivot_4 = t2_149 - t2_157;
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_158 = t2_121.mul_add(t2_143, t2_128);
-        let t2_159 = t2_121.mul_add(t2_145, t2_113);
-        let t2_160 = (-t2_159).mul_add(t2_148, t2_158);
-        let t2_161 = t2_121.mul_add(t2_150, t1_212);
-        let t2_162 = (-t2_159).mul_add(t2_153, t2_161);
-        let t2_163 = t2_162 * t2_155;
-        let t2_164 = like.lift(0.0762102355330306) * t2_163;
-        let t2_165 = t2_160 - t2_164;
-        let t2_166 = sin_e1x * t2_143;
-        let t2_167 = like.lift(-0.0381051177665153).mul_add(t2_166, t1_199);
-        let t2_168 = sin_e1x * t2_145;
-        let t2_169 = like.lift(0.0381051177665153).mul_add(t2_168, t1_74);
-        let t2_170 = t2_169.mul_add(t2_148, t2_167);
-        let t2_171 = sin_e1x * t2_150;
-        let t2_172 = like.lift(0.0381051177665153).mul_add(t2_171, t2_1);
-        let t2_173 = (-t2_169).mul_add(t2_153, t2_172);
-        let t2_174 = t2_173 * t2_155;
-        let t2_175 = like.lift(0.0762102355330306) * t2_174;
-        let t2_176 = t2_170 + t2_175;
-        let t2_177 = t2_52 * t2_155;
-        let t2_178 = t2_173.mul_add(t2_177, t2_98);
-        let t2_179 = (-t2_154).mul_add(t2_177, t2_94);
-        let t2_180 = t2_179 * inv_pivot_4;
-        let pivot_5 = (-t2_176).mul_add(t2_180, t2_178);
+        let pivot_5 = t2_146.mul_add(t2_148, t2_144);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_181 = (-t2_162).mul_add(t2_177, t2_94);
-        let t2_182 = (-t2_165).mul_add(t2_180, t2_181);
-        let t2_183 = (-t1_159).mul_add(t2_150, t2_1);
-        let t2_184 = (-t1_159).mul_add(t2_145, t1_73);
-        let t2_185 = (-t2_184).mul_add(t2_153, t2_183);
-        let t2_186 = t2_185.mul_add(t2_177, t2_98);
-        let t2_187 = (-t1_159).mul_add(t2_143, t1_200);
-        let t2_188 = (-t2_184).mul_add(t2_148, t2_187);
-        let t2_189 = t2_185 * t2_155;
-        let t2_190 = like.lift(0.0762102355330306) * t2_189;
-        let t2_191 = t2_188 - t2_190;
-        let t2_192 = t2_191.mul_add(t2_180, t2_186);
-        let t2_193 = e_e1x_q1z * inv_pivot_4;
-        let t2_194 = t2_191 * t2_193;
-        let t2_195 = like.lift(0.066).mul_add(t2_194, t1_73);
-        let t2_196 = t2_176 * t2_193;
-        let t2_197 = like.lift(-0.066).mul_add(t2_196, t1_74);
-        let t2_198 = t2_197 * inv_pivot_5;
-        let pivot_6 = (-t2_192).mul_add(t2_198, t2_195);
+        let t2_149 = t2_121.mul_add(t2_143, t2_128);
+        let t2_150 = t2_121.mul_add(t2_145, t2_113);
+        let t2_151 = (-t2_150).mul_add(t2_148, t2_149);
+        let t2_152 = (-t1_159).mul_add(t2_143, t1_200);
+        let t2_153 = (-t1_159).mul_add(t2_145, t1_73);
+        let t2_154 = (-t2_153).mul_add(t2_148, t2_152);
+        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let t2_155 = t2_86 * inv_pivot_3;
+        let t2_156 = (-t2_58).mul_add(t2_155, t2_82);
+        let t2_157 = t2_54 * inv_pivot_3;
+        let t2_158 = (-t2_58).mul_add(t2_157, t1_73);
+        let t2_159 = (-t2_75).mul_add(t2_155, t2_84);
+        let pivot_4 = (-t2_75).mul_add(t2_157, t2_48);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t2_160 = t2_159 * inv_pivot_4;
+        let t2_161 = (-t2_158).mul_add(t2_160, t2_156);
+        let t2_162 = t2_56.mul_add(t2_155, t2_81);
+        let t2_163 = (-t2_56).mul_add(t2_157, t1_71);
+        let t2_164 = t2_163.mul_add(t2_160, t2_162);
+        let t2_165 = t2_164 * inv_pivot_5;
+        let pivot_6 = (-t2_154).mul_add(t2_165, t2_161);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_199 = t2_165 * t2_193;
-        let t2_200 = like.lift(0.066).mul_add(t2_199, t2_113);
-        let t2_201 = t2_182.mul_add(t2_198, t2_200);
-        let t2_202 = t2_105 * t2_198;
-        let t2_203 = t2_47 + t2_202;
-        let t2_204 = t1_199 - t2_175;
-        let t2_205 = t2_81 - t2_157;
-        let t2_206 = t2_205 * inv_pivot_4;
-        let t2_207 = t2_176.mul_add(t2_206, t2_204);
-        let t2_208 = t2_207 * inv_pivot_5;
-        let t2_209 = t2_105 * t2_208;
-        let t2_210 = t2_84 + t2_209;
-        let t2_211 = t2_82 - t2_190;
-        let t2_212 = (-t2_191).mul_add(t2_206, t2_211);
-        let t2_213 = (-t2_192).mul_add(t2_208, t2_212);
-        let t2_214 = t2_213 * inv_pivot_6;
-        let pivot_7 = (-t2_203).mul_add(t2_214, t2_210);
+        let t2_166 = t2_135.mul_add(t2_155, t2_140);
+        let t2_167 = t2_135.mul_add(t2_157, t2_113);
+        let t2_168 = (-t2_167).mul_add(t2_160, t2_166);
+        let t2_169 = (-t2_151).mul_add(t2_165, t2_168);
+        let t2_170 = sin_e1x * t2_155;
+        let t2_171 = like.lift(-0.0381051177665153).mul_add(t2_170, t1_199);
+        let t2_172 = sin_e1x * t2_157;
+        let t2_173 = like.lift(-0.0381051177665153).mul_add(t2_172, t1_74);
+        let t2_174 = (-t2_173).mul_add(t2_160, t2_171);
+        let t2_175 = sin_e1x * t2_143;
+        let t2_176 = like.lift(-0.0381051177665153).mul_add(t2_175, t1_199);
+        let t2_177 = sin_e1x * t2_145;
+        let t2_178 = like.lift(0.0381051177665153).mul_add(t2_177, t1_74);
+        let t2_179 = t2_178.mul_add(t2_148, t2_176);
+        let t2_180 = t2_179.mul_add(t2_165, t2_174);
+        let t2_181 = t2_15 * inv_pivot_1;
+        let t2_182 = sin_e1x * t2_181;
+        let t2_183 = like.lift(0.0381051177665153).mul_add(t2_182, t2_1);
+        let t2_184 = (-t1_188).mul_add(t2_181, t2_9);
+        let t2_185 = t2_184 * inv_pivot_2;
+        let t2_186 = (-t2_178).mul_add(t2_185, t2_183);
+        let t2_187 = t1_155.mul_add(t2_181, t1_212);
+        let t2_188 = t2_146.mul_add(t2_185, t2_187);
+        let t2_189 = t2_188 * inv_pivot_5;
+        let t2_190 = t2_179.mul_add(t2_189, t2_186);
+        let t2_191 = (-t1_159).mul_add(t2_181, t2_1);
+        let t2_192 = (-t2_153).mul_add(t2_185, t2_191);
+        let t2_193 = (-t2_154).mul_add(t2_189, t2_192);
+        let t2_194 = t2_193 * inv_pivot_6;
+        let pivot_7 = (-t2_180).mul_add(t2_194, t2_190);
         let inv_pivot_7 = like.lift(1.0) / pivot_7;
-        let t2_215 = t2_140 - t2_164;
-        let t2_216 = (-t2_165).mul_add(t2_206, t2_215);
-        let t2_217 = t2_182.mul_add(t2_208, t2_216);
-        let t2_218 = (-t2_201).mul_add(t2_214, t2_217);
-        let t2_219 = t2_111.mul_add(t2_208, t2_86);
-        let t2_220 = t2_111.mul_add(t2_198, t2_53);
-        let t2_221 = (-t2_220).mul_add(t2_214, t2_219);
-        let t2_222 = t2_55 * inv_pivot_4;
-        let t2_223 = (-t2_165).mul_add(t2_222, t2_135);
-        let t2_224 = (-t2_176).mul_add(t2_222, t1_158);
-        let t2_225 = t2_224 * inv_pivot_5;
-        let t2_226 = (-t2_182).mul_add(t2_225, t2_223);
+        let t2_195 = t2_121.mul_add(t2_181, t1_212);
+        let t2_196 = (-t2_150).mul_add(t2_185, t2_195);
+        let t2_197 = (-t2_151).mul_add(t2_189, t2_196);
+        let t2_198 = (-t2_169).mul_add(t2_194, t2_197);
+        let t2_199 = like.lift(-0.066).mul_add(t2_189, t2_3);
+        let t2_200 = like.lift(-0.066).mul_add(t2_165, like.lift(0.066));
+        let t2_201 = (-t2_200).mul_add(t2_194, t2_199);
+        let t2_202 = t2_111 * inv_pivot_3;
+        let t2_203 = t2_135.mul_add(t2_202, t2_94);
+        let t2_204 = (-t2_75).mul_add(t2_202, t2_105);
+        let t2_205 = t2_204 * inv_pivot_4;
+        let t2_206 = (-t2_167).mul_add(t2_205, t2_203);
+        let t2_207 = t2_56.mul_add(t2_202, t2_94);
+        let t2_208 = t2_163.mul_add(t2_205, t2_207);
+        let t2_209 = t2_208 * inv_pivot_5;
+        let t2_210 = (-t2_151).mul_add(t2_209, t2_206);
+        let t2_211 = t2_58.mul_add(t2_202, t2_98);
+        let t2_212 = t2_158.mul_add(t2_205, t2_211);
+        let t2_213 = t2_154.mul_add(t2_209, t2_212);
+        let t2_214 = t2_213 * inv_pivot_6;
+        let t2_215 = t2_169.mul_add(t2_214, t2_210);
+        let t2_216 = sin_e1x * t2_202;
+        let t2_217 = like.lift(0.0381051177665153).mul_add(t2_216, t2_98);
+        let t2_218 = t2_173.mul_add(t2_205, t2_217);
+        let t2_219 = (-t2_179).mul_add(t2_209, t2_218);
+        let t2_220 = (-t2_180).mul_add(t2_214, t2_219);
+        let t2_221 = t2_220 * inv_pivot_7;
+        let t2_222 = t2_198.mul_add(t2_221, t2_215);
+        let t2_223 = like.lift(-0.066).mul_add(t2_209, t2_99);
+        let t2_224 = t2_200.mul_add(t2_214, t2_223);
+        let pivot_8 = t2_201.mul_add(t2_221, t2_224);
         [
-            t2_2, t2_3, t2_8, t2_9, t2_15, sin_q3, cos_q3, sin_u3_2, cos_u3_2, sin_u3_1,
-            cos_u3_1, t2_47, t2_54, t2_56, t2_57, t2_74, t2_78, t2_79, t2_81, t2_82, t2_84,
+            t2_2, t2_4, t2_9, t2_10, t2_16, sin_q3, cos_q3, sin_u3_2, cos_u3_2, sin_u3_1,
+            cos_u3_1, t2_48, t2_55, t2_56, t2_57, t2_58, t2_75, t2_79, t2_81, t2_82, t2_84,
             t2_87, t2_95, t2_98, t2_100, t2_105, t2_106, t2_111, t2_113, t2_117, t2_121,
-            t2_122, t2_125, t2_128, t2_130, t2_134, t2_136, t2_139, t2_140, t2_142,
-            inv_pivot_1, t2_143, t2_145, t2_146, pivot_2, inv_pivot_2, t2_148, t2_150, t2_153,
-            t2_154, t2_155, pivot_4, inv_pivot_4, t2_159, t2_162, t2_165, t2_169, t2_173,
-            t2_176, t2_177, t2_180, pivot_5, inv_pivot_5, t2_182, t2_184, t2_185, t2_191,
-            t2_192, t2_193, t2_198, pivot_6, inv_pivot_6, t2_201, t2_202, t2_203, t2_206,
-            t2_208, t2_209, t2_214, pivot_7, inv_pivot_7, t2_218, t2_220, t2_221, t2_222,
-            t2_225, t2_226,
+            t2_122, t2_125, t2_128, t2_130, t2_134, t2_135, t2_136, t2_139, t2_140, t2_142,
+            inv_pivot_1, t2_143, t2_145, t2_146, pivot_2, inv_pivot_2, t2_148, pivot_5,
+            inv_pivot_5, t2_150, t2_151, t2_153, t2_154, inv_pivot_3, t2_155, t2_157, t2_158,
+            pivot_4, inv_pivot_4, t2_160, t2_163, t2_165, pivot_6, inv_pivot_6, t2_167, t2_169,
+            t2_173, t2_178, t2_179, t2_180, t2_181, t2_185, t2_189, t2_194, pivot_7,
+            inv_pivot_7, t2_198, t2_200, t2_201, t2_202, t2_205, t2_209, t2_214, t2_221,
+            t2_222, pivot_8,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -15436,156 +14626,143 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
         x_u2_1_q3, x_u2_2_q1, x_u2_2_q2, x_u2_2_q3, x_u3_1_q1, x_u3_1_q2, x_u3_1_q3, x_u3_2_q1,
         x_u3_2_q2, x_u3_2_q3,
     ] = {
-        let t3_1 = t2_191.mul_add(t2_222, t2_57);
-        let t3_2 = (-t2_192).mul_add(t2_225, t3_1);
-        let t3_3 = t3_2 * inv_pivot_6;
-        let t3_4 = t2_201.mul_add(t3_3, t2_226);
-        let t3_5 = t2_105 * t2_225;
-        let t3_6 = t2_74 + t3_5;
-        let t3_7 = (-t2_203).mul_add(t3_3, t3_6);
-        let t3_8 = t3_7 * inv_pivot_7;
-        let t3_9 = t2_218.mul_add(t3_8, t3_4);
-        let t3_10 = t2_111.mul_add(t2_225, t2_78);
-        let t3_11 = (-t2_220).mul_add(t3_3, t3_10);
-        let pivot_8 = (-t2_221).mul_add(t3_8, t3_11);
         let inv_pivot_8 = like.lift(1.0) / pivot_8;
-        let t3_12 = t3_9 * inv_pivot_8;
-        let t3_13 = t2_221.mul_add(t3_12, t2_218);
-        let t3_14 = inv_pivot_7 * t3_13;
-        let t3_15 = (-t2_203).mul_add(t3_14, t2_201);
-        let t3_16 = t2_220.mul_add(t3_12, t3_15);
-        let t3_17 = inv_pivot_6 * t3_16;
-        let t3_18 = t2_192.mul_add(t3_17, t2_182);
-        let t3_19 = (-t2_105).mul_add(t3_14, t3_18);
-        let t3_20 = t2_111.mul_add(t3_12, t3_19);
-        let t3_21 = inv_pivot_5 * t3_20;
-        let t3_22 = (-t2_176).mul_add(t3_21, t2_165);
-        let t3_23 = (-t2_191).mul_add(t3_17, t3_22);
-        let t3_24 = inv_pivot_4 * t3_23;
-        let t3_25 = (-t2_125).mul_add(t2_143, t2_130);
-        let t3_26 = (-t2_125).mul_add(t2_145, t2_117);
-        let t3_27 = (-t3_26).mul_add(t2_148, t3_25);
-        let t3_28 = (-t2_125).mul_add(t2_150, t2_8);
-        let t3_29 = (-t3_26).mul_add(t2_153, t3_28);
-        let t3_30 = t3_29 * t2_155;
-        let t3_31 = like.lift(0.0762102355330306) * t3_30;
-        let t3_32 = t3_27 - t3_31;
-        let t3_33 = t3_29 * t2_177;
-        let t3_34 = t3_32.mul_add(t2_180, t3_33);
-        let t3_35 = t3_32 * t2_193;
-        let t3_36 = like.lift(0.066) * t3_35;
-        let t3_37 = (-t3_34).mul_add(t2_198, t3_36);
-        let t3_38 = t3_32.mul_add(t2_206, t3_31);
-        let t3_39 = t3_34.mul_add(t2_208, t3_38);
-        let t3_40 = t3_37.mul_add(t2_214, t3_39);
-        let t3_41 = t3_32 * t2_222;
-        let t3_42 = (-t3_34).mul_add(t2_225, t3_41);
-        let t3_43 = (-t3_37).mul_add(t3_3, t3_42);
-        let t3_44 = t3_40.mul_add(t3_8, t3_43);
-        let t3_45 = t3_44 * inv_pivot_8;
-        let t3_46 = t2_221.mul_add(t3_45, t3_40);
-        let t3_47 = inv_pivot_7 * t3_46;
-        let t3_48 = t2_203.mul_add(t3_47, t3_37);
-        let t3_49 = (-t2_220).mul_add(t3_45, t3_48);
-        let t3_50 = inv_pivot_6 * t3_49;
-        let t3_51 = (-t2_192).mul_add(t3_50, t3_34);
-        let t3_52 = (-t2_105).mul_add(t3_47, t3_51);
-        let t3_53 = t2_111.mul_add(t3_45, t3_52);
-        let t3_54 = inv_pivot_5 * t3_53;
-        let t3_55 = t2_176.mul_add(t3_54, t3_32);
-        let t3_56 = (-t2_191).mul_add(t3_50, t3_55);
-        let t3_57 = inv_pivot_4 * t3_56;
-        let t3_58 = t2_134 + t2_202;
-        let t3_59 = t2_142 + t2_209;
-        let t3_60 = (-t3_58).mul_add(t2_214, t3_59);
-        let t3_61 = t2_139 + t3_5;
-        let t3_62 = (-t3_58).mul_add(t3_3, t3_61);
-        let t3_63 = (-t3_60).mul_add(t3_8, t3_62);
-        let t3_64 = t3_63 * inv_pivot_8;
-        let t3_65 = (-t2_221).mul_add(t3_64, t3_60);
-        let t3_66 = inv_pivot_7 * t3_65;
-        let t3_67 = (-t2_203).mul_add(t3_66, t3_58);
-        let t3_68 = (-t2_220).mul_add(t3_64, t3_67);
-        let t3_69 = inv_pivot_6 * t3_68;
-        let t3_70 = t2_192.mul_add(t3_69, t2_105);
-        let t3_71 = (-t2_105).mul_add(t3_66, t3_70);
-        let t3_72 = (-t2_111).mul_add(t3_64, t3_71);
-        let t3_73 = inv_pivot_5 * t3_72;
-        let t3_74 = t2_176 * t3_73;
-        let t3_75 = t2_191.mul_add(t3_69, t3_74);
-        let t3_76 = inv_pivot_4 * t3_75;
-        let t3_77 = -t3_76;
-        let t3_78 = -t3_21;
-        let t3_79 = -t3_73;
-        let t3_80 = (-t2_154).mul_add(t3_24, t2_162);
-        let t3_81 = t2_173.mul_add(t3_21, t3_80);
-        let t3_82 = (-t2_185).mul_add(t3_17, t3_81);
-        let t3_83 = t2_155 * t3_82;
-        let t3_84 = like.lift(1.1547005383792515) * t3_83;
-        let t3_85 = (-t2_154).mul_add(t3_57, t3_29);
-        let t3_86 = (-t2_173).mul_add(t3_54, t3_85);
-        let t3_87 = (-t2_185).mul_add(t3_50, t3_86);
-        let t3_88 = t2_155 * t3_87;
-        let t3_89 = like.lift(1.1547005383792515) * t3_88;
-        let t3_90 = t2_154 * t3_76;
-        let t3_91 = t2_173.mul_add(t3_73, t3_90);
-        let t3_92 = (-t2_185).mul_add(t3_69, t3_91);
-        let t3_93 = t2_155 * t3_92;
-        let t3_94 = like.lift(1.1547005383792515) * t3_93;
-        let t3_95 = t2_146.mul_add(t3_24, t2_159);
-        let t3_96 = t2_169.mul_add(t3_21, t3_95);
-        let t3_97 = (-t2_184).mul_add(t3_17, t3_96);
-        let t3_98 = inv_pivot_2 * t3_97;
-        let t3_99 = t2_146.mul_add(t3_57, t3_26);
-        let t3_100 = (-t2_169).mul_add(t3_54, t3_99);
-        let t3_101 = (-t2_184).mul_add(t3_50, t3_100);
-        let t3_102 = inv_pivot_2 * t3_101;
-        let t3_103 = t2_146 * t3_76;
-        let t3_104 = (-t2_169).mul_add(t3_73, t3_103);
-        let t3_105 = t2_184.mul_add(t3_69, t3_104);
-        let t3_106 = inv_pivot_2 * t3_105;
-        let t3_107 = -t3_106;
-        let t3_108 = t1_188.mul_add(t3_98, t2_121);
-        let t3_109 = (-t1_155).mul_add(t3_24, t3_108);
-        let t3_110 = sin_e1x * t3_21;
-        let t3_111 = like.lift(0.0381051177665153).mul_add(t3_110, t3_109);
-        let t3_112 = t1_159.mul_add(t3_17, t3_111);
-        let t3_113 = inv_pivot_1 * t3_112;
-        let t3_114 = -t3_113;
-        let t3_115 = (-t1_188).mul_add(t3_102, t2_125);
-        let t3_116 = t1_155.mul_add(t3_57, t3_115);
-        let t3_117 = sin_e1x * t3_54;
-        let t3_118 = like.lift(0.0381051177665153).mul_add(t3_117, t3_116);
-        let t3_119 = (-t1_159).mul_add(t3_50, t3_118);
-        let t3_120 = inv_pivot_1 * t3_119;
-        let t3_121 = t1_188 * t3_106;
-        let t3_122 = (-t1_155).mul_add(t3_76, t3_121);
-        let t3_123 = sin_e1x * t3_73;
-        let t3_124 = like.lift(-0.0381051177665153).mul_add(t3_123, t3_122);
-        let t3_125 = (-t1_159).mul_add(t3_69, t3_124);
-        let t3_126 = inv_pivot_1 * t3_125;
-        let t3_127 = -t3_47;
-        let t3_128 = -t3_45;
-        let t3_129 = -t3_64;
-        let t3_130 = -pivot_8;
+        let t3_1 = t2_222 * inv_pivot_8;
+        let t3_2 = (-t2_201).mul_add(t3_1, t2_198);
+        let t3_3 = inv_pivot_7 * t3_2;
+        let t3_4 = (-t2_180).mul_add(t3_3, t2_169);
+        let t3_5 = (-t2_200).mul_add(t3_1, t3_4);
+        let t3_6 = inv_pivot_6 * t3_5;
+        let t3_7 = (-t2_154).mul_add(t3_6, t2_151);
+        let t3_8 = t2_179.mul_add(t3_3, t3_7);
+        let t3_9 = like.lift(-0.066).mul_add(t3_1, t3_8);
+        let t3_10 = inv_pivot_5 * t3_9;
+        let t3_11 = (-t2_125).mul_add(t2_143, t2_130);
+        let t3_12 = (-t2_125).mul_add(t2_145, t2_117);
+        let t3_13 = (-t3_12).mul_add(t2_148, t3_11);
+        let t3_14 = t3_13 * t2_165;
+        let t3_15 = (-t2_125).mul_add(t2_181, t2_9);
+        let t3_16 = (-t3_12).mul_add(t2_185, t3_15);
+        let t3_17 = (-t3_13).mul_add(t2_189, t3_16);
+        let t3_18 = t3_14.mul_add(t2_194, t3_17);
+        let t3_19 = t3_13 * t2_209;
+        let t3_20 = t3_14.mul_add(t2_214, t3_19);
+        let t3_21 = (-t3_18).mul_add(t2_221, t3_20);
+        let t3_22 = t3_21 * inv_pivot_8;
+        let t3_23 = t2_201.mul_add(t3_22, t3_18);
+        let t3_24 = inv_pivot_7 * t3_23;
+        let t3_25 = t2_180.mul_add(t3_24, t3_14);
+        let t3_26 = (-t2_200).mul_add(t3_22, t3_25);
+        let t3_27 = inv_pivot_6 * t3_26;
+        let t3_28 = t2_154.mul_add(t3_27, t3_13);
+        let t3_29 = t2_179.mul_add(t3_24, t3_28);
+        let t3_30 = like.lift(0.066).mul_add(t3_22, t3_29);
+        let t3_31 = inv_pivot_5 * t3_30;
+        let t3_32 = (-t2_139).mul_add(t2_155, t2_142);
+        let t3_33 = (-t2_139).mul_add(t2_157, t2_134);
+        let t3_34 = (-t3_33).mul_add(t2_160, t3_32);
+        let t3_35 = t3_34 * t2_194;
+        let t3_36 = (-t2_139).mul_add(t2_202, t2_105);
+        let t3_37 = (-t3_33).mul_add(t2_205, t3_36);
+        let t3_38 = t3_34.mul_add(t2_214, t3_37);
+        let t3_39 = (-t3_35).mul_add(t2_221, t3_38);
+        let t3_40 = t3_39 * inv_pivot_8;
+        let t3_41 = t2_201.mul_add(t3_40, t3_35);
+        let t3_42 = inv_pivot_7 * t3_41;
+        let t3_43 = t2_180.mul_add(t3_42, t3_34);
+        let t3_44 = (-t2_200).mul_add(t3_40, t3_43);
+        let t3_45 = inv_pivot_6 * t3_44;
+        let t3_46 = t2_154 * t3_45;
+        let t3_47 = t2_179.mul_add(t3_42, t3_46);
+        let t3_48 = like.lift(0.066).mul_add(t3_40, t3_47);
+        let t3_49 = inv_pivot_5 * t3_48;
+        let t3_50 = -t3_49;
+        let t3_51 = -t3_27;
+        let t3_52 = -t3_42;
+        let t3_53 = -t3_22;
+        let t3_54 = t2_146.mul_add(t3_10, t2_150);
+        let t3_55 = (-t2_153).mul_add(t3_6, t3_54);
+        let t3_56 = (-t2_178).mul_add(t3_3, t3_55);
+        let t3_57 = inv_pivot_2 * t3_56;
+        let t3_58 = t2_146.mul_add(t3_31, t3_12);
+        let t3_59 = t2_153.mul_add(t3_27, t3_58);
+        let t3_60 = (-t2_178).mul_add(t3_24, t3_59);
+        let t3_61 = inv_pivot_2 * t3_60;
+        let t3_62 = t2_146 * t3_49;
+        let t3_63 = t2_153.mul_add(t3_45, t3_62);
+        let t3_64 = (-t2_178).mul_add(t3_42, t3_63);
+        let t3_65 = inv_pivot_2 * t3_64;
+        let t3_66 = -t3_65;
+        let t3_67 = sin_e1x * t3_3;
+        let t3_68 = like.lift(0.0381051177665153) * t3_67;
+        let t3_69 = t1_188.mul_add(t3_57, t2_121);
+        let t3_70 = (-t1_155).mul_add(t3_10, t3_69);
+        let t3_71 = t1_159.mul_add(t3_6, t3_70);
+        let t3_72 = t3_68 - t3_71;
+        let t3_73 = inv_pivot_1 * t3_72;
+        let t3_74 = sin_e1x * t3_24;
+        let t3_75 = like.lift(0.0381051177665153) * t3_74;
+        let t3_76 = (-t1_188).mul_add(t3_61, t2_125);
+        let t3_77 = t1_155.mul_add(t3_31, t3_76);
+        let t3_78 = t1_159.mul_add(t3_27, t3_77);
+        let t3_79 = t3_75 + t3_78;
+        let t3_80 = inv_pivot_1 * t3_79;
+        let t3_81 = sin_e1x * t3_42;
+        let t3_82 = like.lift(0.0381051177665153) * t3_81;
+        let t3_83 = t1_188 * t3_65;
+        let t3_84 = (-t1_155).mul_add(t3_49, t3_83);
+        let t3_85 = (-t1_159).mul_add(t3_45, t3_84);
+        let t3_86 = t3_82 - t3_85;
+        let t3_87 = inv_pivot_1 * t3_86;
+        let t3_88 = -t3_87;
+        let t3_89 = t2_163.mul_add(t3_10, t2_167);
+        let t3_90 = (-t2_158).mul_add(t3_6, t3_89);
+        let t3_91 = (-t2_173).mul_add(t3_3, t3_90);
+        let t3_92 = inv_pivot_4 * t3_91;
+        let t3_93 = t2_163 * t3_31;
+        let t3_94 = t2_158.mul_add(t3_27, t3_93);
+        let t3_95 = (-t2_173).mul_add(t3_24, t3_94);
+        let t3_96 = inv_pivot_4 * t3_95;
+        let t3_97 = (-t2_163).mul_add(t3_49, t3_33);
+        let t3_98 = (-t2_158).mul_add(t3_45, t3_97);
+        let t3_99 = t2_173.mul_add(t3_42, t3_98);
+        let t3_100 = inv_pivot_4 * t3_99;
+        let t3_101 = t2_75.mul_add(t3_92, t2_135);
+        let t3_102 = (-t2_56).mul_add(t3_10, t3_101);
+        let t3_103 = t2_58.mul_add(t3_6, t3_102);
+        let t3_104 = t3_103 + t3_68;
+        let t3_105 = inv_pivot_3 * t3_104;
+        let t3_106 = t2_75 * t3_96;
+        let t3_107 = (-t2_56).mul_add(t3_31, t3_106);
+        let t3_108 = (-t2_58).mul_add(t3_27, t3_107);
+        let t3_109 = t3_108 + t3_75;
+        let t3_110 = inv_pivot_3 * t3_109;
+        let t3_111 = (-t2_75).mul_add(t3_100, t2_139);
+        let t3_112 = (-t2_56).mul_add(t3_49, t3_111);
+        let t3_113 = (-t2_58).mul_add(t3_45, t3_112);
+        let t3_114 = t3_113 + t3_82;
+        let t3_115 = inv_pivot_3 * t3_114;
+        let t3_116 = -t3_115;
+        let t3_117 = -pivot_7;
+        let t3_118 = -pivot_8;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(0.9580029161088279)).abs()
             .min((pivot_2 * like.lift(0.9018719688103075)).abs())
-            .min((t2_3 * like.lift(1.923718077658978)).abs())
-            .min((pivot_4 * like.lift(1.019503733280847)).abs())
-            .min((pivot_5 * like.lift(0.9467672644948026)).abs())
-            .min((pivot_6 * like.lift(0.8116685504320711)).abs())
-            .min((pivot_7 * like.lift(1.060112577367453)).abs())
-            .min((t3_130 * like.lift(0.697347665033695)).abs());
+            .min((t2_79 * like.lift(0.9441016894903256)).abs())
+            .min((pivot_4 * like.lift(0.7930813430566414)).abs())
+            .min((pivot_5 * like.lift(0.9552290039283993)).abs())
+            .min((pivot_6 * like.lift(0.6503970605951934)).abs())
+            .min((t3_117 * like.lift(1.8878245740206896)).abs())
+            .min((t3_118 * like.lift(1.0933635968062305)).abs());
         let ([
             [x_u1_1_q1, x_u1_1_q2, x_u1_1_q3], [x_u1_2_q1, x_u1_2_q2, x_u1_2_q3], [_, _, _],
             [_, _, _], [x_u2_1_q1, x_u2_1_q2, x_u2_1_q3], [x_u2_2_q1, x_u2_2_q2, x_u2_2_q3],
             [x_u3_1_q1, x_u3_1_q2, x_u3_1_q3], [x_u3_2_q1, x_u3_2_q2, x_u3_2_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t3_24, t3_57, t3_77], [t3_17, t3_50, t3_69], [t3_78, t3_54, t3_79],
-                [t3_84, t3_89, t3_94], [t3_98, t3_102, t3_107], [t3_114, t3_120, t3_126],
-                [t3_14, t3_127, t3_66], [t3_12, t3_128, t3_129],
+                [t3_10, t3_31, t3_50], [t3_6, t3_51, t3_45], [t3_3, t3_24, t3_52],
+                [t3_1, t3_53, t3_40], [t3_57, t3_61, t3_66], [t3_73, t3_80, t3_88],
+                [t3_92, t3_96, t3_100], [t3_105, t3_110, t3_116],
             ],
             margin,
             || (
@@ -15593,15 +14770,15 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
                     [t1_72, t1_73, t1_74, like.lift(0.0), t1_146, t1_152, like.lift(0.0), like.lift(0.0)],
                     [t1_156, t1_159, t1_160, like.lift(0.0), t1_188, pivot_1, like.lift(0.0), like.lift(0.0)],
                     [t1_197, t1_200, t1_201, like.lift(0.066), t1_203, t1_205, like.lift(0.0), like.lift(0.0)],
-                    [t1_213, t2_2, t2_2, t2_3, t2_9, t2_15, like.lift(0.0), like.lift(0.0)],
-                    [t1_72, t1_73, t1_74, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_47, t2_54],
-                    [t2_56, t2_57, t1_158, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_74, t2_79],
+                    [t1_213, t2_2, t2_2, t2_4, t2_10, t2_16, like.lift(0.0), like.lift(0.0)],
+                    [t1_72, t1_73, t1_74, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_48, t2_55],
+                    [t2_57, t2_58, t1_158, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_75, t2_79],
                     [t2_81, t2_82, t1_199, like.lift(0.066), like.lift(0.0), like.lift(0.0), t2_84, t2_87],
                     [t2_95, t2_98, t2_98, t2_100, like.lift(0.0), like.lift(0.0), t2_106, t2_111],
                 ],
                 [
                     [t2_113, t2_117, like.lift(0.0)], [t2_122, t2_125, like.lift(0.0)],
-                    [t2_128, t2_130, like.lift(0.0)], [t1_213, t2_9, like.lift(0.0)],
+                    [t2_128, t2_130, like.lift(0.0)], [t1_213, t2_10, like.lift(0.0)],
                     [t2_113, like.lift(0.0), t2_134], [t2_136, like.lift(0.0), t2_139],
                     [t2_140, like.lift(0.0), t2_142], [t2_95, like.lift(0.0), t2_106],
                 ],
@@ -15836,7 +15013,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: the efforts that hold the mechanism at rest
 ///
-/// 329 additions, 517 multiplications, 8 divisions, 11 sines and cosines.
+/// 329 additions, 513 multiplications, 8 divisions, 11 sines and cosines.
 pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -15852,13 +15029,13 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([T; 3], Conditio
         cos_u1_2, sin_u1_1, cos_u1_1, t1_9, t1_13, t1_18, t1_19, sin_e1x, cos_e1x,
         sin_u1_2_e1y, cos_u1_2_e1y, e_e1x_q1z, t1_22, t1_23, t1_24, t1_25, e_e1x_q1y, t1_31,
         t1_54, sin_q2, cos_q2, sin_u2_2, cos_u2_2, sin_u2_1, cos_u2_1, t1_68, t1_70, t1_79,
-        t1_92, t1_94, t1_99, t1_100, t1_102, t1_103, t1_104, t1_106, t1_107, t1_108, t1_112,
-        t1_117, t1_129, t1_130, t1_131, t1_133, t1_136, pivot_1, t1_141, u_platform_u1_1z,
-        t1_142, t1_143, t1_144, t1_145, u_e1x_u1_2z, t1_147, t1_148, t1_149, t1_151, t1_153,
-        t1_160, t1_161, t1_164, t1_165, t1_166, t1_171, t1_172, t1_177, t1_178, t1_179, t1_181,
-        sin_q3, cos_q3, sin_u3_2, cos_u3_2, sin_u3_1, cos_u3_1, t1_191, t1_193, t1_194, t1_197,
-        t1_208, t1_209, t1_210, t1_212, t1_215, t1_216, t1_217, t1_218, t1_219, t1_220, t1_222,
-        t1_223,
+        t1_92, t1_94, t1_100, t1_102, t1_103, t1_104, t1_106, t1_107, t1_108, t1_112, t1_117,
+        t1_129, t1_130, t1_131, t1_133, t1_136, pivot_1, t1_141, u_platform_u1_1z, t1_142,
+        t1_143, t1_144, t1_145, u_e1x_u1_2z, t1_147, t1_148, t1_149, t1_151, t1_153, t1_160,
+        t1_161, t1_164, t1_165, t1_166, t1_167, t1_172, t1_173, t1_178, t1_179, t1_180, t1_182,
+        sin_q3, cos_q3, sin_u3_2, cos_u3_2, sin_u3_1, cos_u3_1, t1_192, t1_194, t1_195, t1_198,
+        t1_209, t1_210, t1_211, t1_213, t1_216, t1_217, t1_218, t1_219, t1_220, t1_221, t1_223,
+        t1_224,
     ] = {
         let (sin_q1, cos_q1) = q1.sin_cos();
         let t1_1 = cos_q1 * p_my_crank1;
@@ -16048,96 +15225,95 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([T; 3], Conditio
         let t1_163 = like.lift(0.5) * t1_162;
         let t1_164 = sin_e1x.mul_add(t1_159, t1_163);
         let t1_165 = -t1_164;
-        let pivot_3 = like.lift(0.8660254037844386) * t1_99;
-        let t1_166 = -pivot_3;
-        let t1_167 = t1_131 * t1_99;
-        let t1_168 = like.lift(0.8660254037844386) * t1_167;
-        let t1_169 = t1_31 * t1_99;
-        let t1_170 = like.lift(0.5).mul_add(t1_169, t1_168);
-        let t1_171 = (-t1_68).mul_add(t1_159, t1_170);
-        let t1_172 = -t1_171;
-        let t1_173 = t1_139 * t1_99;
-        let t1_174 = like.lift(0.8660254037844386) * t1_173;
-        let t1_175 = t1_96 * t1_99;
-        let t1_176 = like.lift(0.5).mul_add(t1_175, t1_174);
-        let t1_177 = (-t1_99).mul_add(t1_159, t1_176);
-        let t1_178 = -t1_177;
-        let t1_179 = t1_26 + t1_30;
-        let t1_180 = t1_51 + t1_52;
-        let t1_181 = t1_50 + t1_180;
+        let t1_166 = like.lift(0.8660254037844386) * t1_99;
+        let t1_167 = -t1_166;
+        let t1_168 = t1_131 * t1_99;
+        let t1_169 = like.lift(0.8660254037844386) * t1_168;
+        let t1_170 = t1_31 * t1_99;
+        let t1_171 = like.lift(0.5).mul_add(t1_170, t1_169);
+        let t1_172 = (-t1_68).mul_add(t1_159, t1_171);
+        let t1_173 = -t1_172;
+        let t1_174 = t1_139 * t1_99;
+        let t1_175 = like.lift(0.8660254037844386) * t1_174;
+        let t1_176 = t1_96 * t1_99;
+        let t1_177 = like.lift(0.5).mul_add(t1_176, t1_175);
+        let t1_178 = (-t1_99).mul_add(t1_159, t1_177);
+        let t1_179 = -t1_178;
+        let t1_180 = t1_26 + t1_30;
+        let t1_181 = t1_51 + t1_52;
+        let t1_182 = t1_50 + t1_181;
         let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_182 = t1_55 + t1_56;
-        let t1_183 = cos_q3 * t1_182;
-        let t1_184 = (-sin_q3).mul_add(t1_44, t1_183);
-        let t1_185 = like.lift(0.524).mul_add(t1_184, t1_181);
+        let t1_183 = t1_55 + t1_56;
+        let t1_184 = cos_q3 * t1_183;
+        let t1_185 = (-sin_q3).mul_add(t1_44, t1_184);
+        let t1_186 = like.lift(0.524).mul_add(t1_185, t1_182);
         let (sin_u3_2, cos_u3_2) = u3_2.sin_cos();
         let (sin_u3_1, cos_u3_1) = u3_1.sin_cos();
-        let t1_186 = sin_u3_1 * t1_184;
-        let t1_187 = sin_q3 * t1_182;
-        let t1_188 = cos_q3.mul_add(t1_44, t1_187);
-        let t1_189 = cos_u3_1.mul_add(t1_188, t1_186);
-        let t1_190 = cos_u3_2 * t1_189;
-        let t1_191 = t1_66 - t1_67;
-        let t1_192 = sin_u3_2.mul_add(t1_191, t1_190);
-        let t1_193 = like.lift(1.244).mul_add(t1_192, t1_185);
-        let t1_194 = t1_185 - t1_193;
-        let t1_195 = t1_179 * t1_194;
-        let t1_196 = t1_76 - t1_77;
-        let t1_197 = t1_75 + t1_196;
-        let t1_198 = t1_80 - t1_81;
-        let t1_199 = cos_q3 * t1_198;
-        let t1_200 = sin_q3.mul_add(t1_48, t1_199);
-        let t1_201 = like.lift(0.524).mul_add(t1_200, t1_197);
-        let t1_202 = sin_u3_1 * t1_200;
-        let t1_203 = sin_q3 * t1_198;
-        let t1_204 = (-cos_q3).mul_add(t1_48, t1_203);
-        let t1_205 = cos_u3_1.mul_add(t1_204, t1_202);
-        let t1_206 = cos_u3_2 * t1_205;
-        let t1_207 = sin_u3_2.mul_add(t1_179, t1_206);
-        let t1_208 = like.lift(1.244).mul_add(t1_207, t1_201);
-        let t1_209 = t1_201 - t1_208;
-        let t1_210 = (-t1_191).mul_add(t1_209, t1_195);
-        let t1_211 = cos_u3_1 * t1_200;
-        let t1_212 = (-sin_u3_1).mul_add(t1_204, t1_211);
-        let t1_213 = t1_212 * t1_194;
-        let t1_214 = cos_u3_1 * t1_184;
-        let t1_215 = (-sin_u3_1).mul_add(t1_188, t1_214);
-        let t1_216 = (-t1_215).mul_add(t1_209, t1_213);
-        let t1_217 = -t1_216;
-        let t1_218 = u_e1x_u1_1y + t1_102;
-        let t1_219 = -t1_218;
-        let t1_220 = u_e1x_u1_2y + t1_106;
-        let t1_221 = t1_114 - t1_115;
-        let t1_222 = t1_113 + t1_221;
-        let t1_223 = t1_118 - t1_119;
+        let t1_187 = sin_u3_1 * t1_185;
+        let t1_188 = sin_q3 * t1_183;
+        let t1_189 = cos_q3.mul_add(t1_44, t1_188);
+        let t1_190 = cos_u3_1.mul_add(t1_189, t1_187);
+        let t1_191 = cos_u3_2 * t1_190;
+        let t1_192 = t1_66 - t1_67;
+        let t1_193 = sin_u3_2.mul_add(t1_192, t1_191);
+        let t1_194 = like.lift(1.244).mul_add(t1_193, t1_186);
+        let t1_195 = t1_186 - t1_194;
+        let t1_196 = t1_180 * t1_195;
+        let t1_197 = t1_76 - t1_77;
+        let t1_198 = t1_75 + t1_197;
+        let t1_199 = t1_80 - t1_81;
+        let t1_200 = cos_q3 * t1_199;
+        let t1_201 = sin_q3.mul_add(t1_48, t1_200);
+        let t1_202 = like.lift(0.524).mul_add(t1_201, t1_198);
+        let t1_203 = sin_u3_1 * t1_201;
+        let t1_204 = sin_q3 * t1_199;
+        let t1_205 = (-cos_q3).mul_add(t1_48, t1_204);
+        let t1_206 = cos_u3_1.mul_add(t1_205, t1_203);
+        let t1_207 = cos_u3_2 * t1_206;
+        let t1_208 = sin_u3_2.mul_add(t1_180, t1_207);
+        let t1_209 = like.lift(1.244).mul_add(t1_208, t1_202);
+        let t1_210 = t1_202 - t1_209;
+        let t1_211 = (-t1_192).mul_add(t1_210, t1_196);
+        let t1_212 = cos_u3_1 * t1_201;
+        let t1_213 = (-sin_u3_1).mul_add(t1_205, t1_212);
+        let t1_214 = t1_213 * t1_195;
+        let t1_215 = cos_u3_1 * t1_185;
+        let t1_216 = (-sin_u3_1).mul_add(t1_189, t1_215);
+        let t1_217 = (-t1_216).mul_add(t1_210, t1_214);
+        let t1_218 = -t1_217;
+        let t1_219 = u_e1x_u1_1y + t1_102;
+        let t1_220 = -t1_219;
+        let t1_221 = u_e1x_u1_2y + t1_106;
+        let t1_222 = t1_114 - t1_115;
+        let t1_223 = t1_113 + t1_222;
+        let t1_224 = t1_118 - t1_119;
         [
             cos_u1_2, sin_u1_1, cos_u1_1, t1_9, t1_13, t1_18, t1_19, sin_e1x, cos_e1x,
             sin_u1_2_e1y, cos_u1_2_e1y, e_e1x_q1z, t1_22, t1_23, t1_24, t1_25, e_e1x_q1y,
             t1_31, t1_54, sin_q2, cos_q2, sin_u2_2, cos_u2_2, sin_u2_1, cos_u2_1, t1_68, t1_70,
-            t1_79, t1_92, t1_94, t1_99, t1_100, t1_102, t1_103, t1_104, t1_106, t1_107, t1_108,
+            t1_79, t1_92, t1_94, t1_100, t1_102, t1_103, t1_104, t1_106, t1_107, t1_108,
             t1_112, t1_117, t1_129, t1_130, t1_131, t1_133, t1_136, pivot_1, t1_141,
             u_platform_u1_1z, t1_142, t1_143, t1_144, t1_145, u_e1x_u1_2z, t1_147, t1_148,
-            t1_149, t1_151, t1_153, t1_160, t1_161, t1_164, t1_165, t1_166, t1_171, t1_172,
-            t1_177, t1_178, t1_179, t1_181, sin_q3, cos_q3, sin_u3_2, cos_u3_2, sin_u3_1,
-            cos_u3_1, t1_191, t1_193, t1_194, t1_197, t1_208, t1_209, t1_210, t1_212, t1_215,
-            t1_216, t1_217, t1_218, t1_219, t1_220, t1_222, t1_223,
+            t1_149, t1_151, t1_153, t1_160, t1_161, t1_164, t1_165, t1_166, t1_167, t1_172,
+            t1_173, t1_178, t1_179, t1_180, t1_182, sin_q3, cos_q3, sin_u3_2, cos_u3_2,
+            sin_u3_1, cos_u3_1, t1_192, t1_194, t1_195, t1_198, t1_209, t1_210, t1_211, t1_213,
+            t1_216, t1_217, t1_218, t1_219, t1_220, t1_221, t1_223, t1_224,
         ]
     };
     // tau, part 2
     let [
-        t2_14, t2_19, t2_21, t2_22, t2_24, t2_27, t2_35, t2_38, t2_40, t2_45, t2_46, t2_51,
-        t2_53, t2_57, t2_61, t2_62, t2_65, t2_68, t2_70, t2_74, t2_76, t2_79, t2_80, t2_82,
-        inv_pivot_1, t2_86, pivot_2, inv_pivot_2, t2_94, t2_95, pivot_4, inv_pivot_4, t2_99,
-        t2_102, t2_109, t2_113, t2_116, pivot_5, inv_pivot_5, t2_124, t2_125, t2_131, t2_132,
-        pivot_6, inv_pivot_6, t2_143, pivot_7, inv_pivot_7, t2_160, t2_161, t2_174, pivot_8,
-        inv_pivot_8, t2_178, t2_180, t2_183, t2_187, t2_190, t2_192, t2_195, t2_211, t2_213,
-        t2_216, t2_220, t2_223, t2_224, t2_226, t2_228,
+        t2_14, t2_18, t2_20, t2_21, t2_23, t2_26, t2_34, t2_37, t2_39, t2_45, t2_50, t2_52,
+        t2_56, t2_60, t2_61, t2_64, t2_67, t2_69, t2_73, t2_74, t2_75, t2_78, t2_79, t2_81,
+        inv_pivot_1, pivot_2, inv_pivot_2, pivot_5, inv_pivot_3, t2_97, pivot_4, inv_pivot_4,
+        t2_102, pivot_6, t2_106, t2_112, t2_117, pivot_7, pivot_8, t2_164, t2_166, t2_169,
+        t2_173, t2_187, t2_190, t2_194, t2_196, t2_203, t2_205, t2_208, t2_212, t2_213, t2_214,
+        t2_215, t2_216, t2_220, t2_224, t2_226,
     ] = {
-        let t2_1 = cos_q3 * t1_223;
+        let t2_1 = cos_q3 * t1_224;
         let t2_2 = (-sin_q3).mul_add(t1_112, t2_1);
-        let t2_3 = like.lift(0.524).mul_add(t2_2, t1_222);
+        let t2_3 = like.lift(0.524).mul_add(t2_2, t1_223);
         let t2_4 = sin_u3_1 * t2_2;
-        let t2_5 = sin_q3 * t1_223;
+        let t2_5 = sin_q3 * t1_224;
         let t2_6 = cos_q3.mul_add(t1_112, t2_5);
         let t2_7 = cos_u3_1.mul_add(t2_6, t2_4);
         let t2_8 = cos_u3_2 * t2_7;
@@ -16145,252 +15321,251 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([T; 3], Conditio
         let t2_10 = sin_u3_2.mul_add(t2_9, t2_8);
         let t2_11 = like.lift(1.244).mul_add(t2_10, t2_3);
         let t2_12 = t2_3 - t2_11;
-        let t2_13 = t1_191 * t2_12;
-        let t2_14 = (-t2_9).mul_add(t1_194, t2_13);
-        let t2_15 = t1_215 * t2_12;
+        let t2_13 = t1_192 * t2_12;
+        let t2_14 = (-t2_9).mul_add(t1_195, t2_13);
+        let t2_15 = t1_216 * t2_12;
         let t2_16 = cos_u3_1 * t2_2;
         let t2_17 = (-sin_u3_1).mul_add(t2_6, t2_16);
-        let t2_18 = (-t2_17).mul_add(t1_194, t2_15);
-        let t2_19 = -t2_18;
-        let t2_20 = t1_142 + t1_143;
-        let t2_21 = u_platform_u1_1z + t2_20;
-        let t2_22 = u_e1x_u1_2z + t1_147;
-        let t2_23 = t2_9 * t1_209;
-        let t2_24 = (-t1_179).mul_add(t2_12, t2_23);
-        let t2_25 = t2_17 * t1_209;
-        let t2_26 = (-t1_212).mul_add(t2_12, t2_25);
-        let t2_27 = -t2_26;
-        let t2_28 = cos_u1_2_e1y * t1_215;
-        let t2_29 = like.lift(0.8660254037844386) * t2_28;
-        let t2_30 = e_e1x_q1y * t1_215;
-        let t2_31 = like.lift(-0.5).mul_add(t2_30, t2_29);
-        let t2_32 = like.lift(0.8660254037844386) * t2_17;
-        let t2_33 = like.lift(-0.5).mul_add(t1_212, t2_32);
-        let t2_34 = (-e_e1x_q1z).mul_add(t2_33, t2_31);
-        let t2_35 = -t2_34;
-        let t2_36 = cos_e1x * t1_215;
-        let t2_37 = like.lift(0.5) * t2_36;
-        let t2_38 = (-sin_e1x).mul_add(t2_33, t2_37);
-        let t2_39 = like.lift(0.8660254037844386) * t1_215;
-        let t2_40 = -t2_39;
-        let t2_41 = t2_9 * t1_215;
-        let t2_42 = like.lift(0.8660254037844386) * t2_41;
-        let t2_43 = t1_179 * t1_215;
-        let t2_44 = like.lift(-0.5).mul_add(t2_43, t2_42);
-        let t2_45 = (-t1_191).mul_add(t2_33, t2_44);
-        let t2_46 = -t2_45;
-        let t2_47 = t2_17 * t1_215;
-        let t2_48 = like.lift(0.8660254037844386) * t2_47;
-        let t2_49 = t1_212 * t1_215;
-        let t2_50 = like.lift(-0.5).mul_add(t2_49, t2_48);
-        let t2_51 = (-t1_215).mul_add(t2_33, t2_50);
-        let t2_52 = cos_u1_1 * sin_u1_2_e1y;
-        let u_e1y_q1x = like.lift(0.524) * t2_52;
+        let pivot_3 = (-t2_17).mul_add(t1_195, t2_15);
+        let t2_18 = -pivot_3;
+        let t2_19 = t1_142 + t1_143;
+        let t2_20 = u_platform_u1_1z + t2_19;
+        let t2_21 = u_e1x_u1_2z + t1_147;
+        let t2_22 = t2_9 * t1_210;
+        let t2_23 = (-t1_180).mul_add(t2_12, t2_22);
+        let t2_24 = t2_17 * t1_210;
+        let t2_25 = (-t1_213).mul_add(t2_12, t2_24);
+        let t2_26 = -t2_25;
+        let t2_27 = cos_u1_2_e1y * t1_216;
+        let t2_28 = like.lift(0.8660254037844386) * t2_27;
+        let t2_29 = e_e1x_q1y * t1_216;
+        let t2_30 = like.lift(-0.5).mul_add(t2_29, t2_28);
+        let t2_31 = like.lift(0.8660254037844386) * t2_17;
+        let t2_32 = like.lift(-0.5).mul_add(t1_213, t2_31);
+        let t2_33 = (-e_e1x_q1z).mul_add(t2_32, t2_30);
+        let t2_34 = -t2_33;
+        let t2_35 = cos_e1x * t1_216;
+        let t2_36 = like.lift(0.5) * t2_35;
+        let t2_37 = (-sin_e1x).mul_add(t2_32, t2_36);
+        let t2_38 = like.lift(0.8660254037844386) * t1_216;
+        let t2_39 = -t2_38;
+        let t2_40 = t2_9 * t1_216;
+        let t2_41 = like.lift(0.8660254037844386) * t2_40;
+        let t2_42 = t1_180 * t1_216;
+        let t2_43 = like.lift(-0.5).mul_add(t2_42, t2_41);
+        let t2_44 = (-t1_192).mul_add(t2_32, t2_43);
+        let t2_45 = -t2_44;
+        let t2_46 = t2_17 * t1_216;
+        let t2_47 = like.lift(0.8660254037844386) * t2_46;
+        let t2_48 = t1_213 * t1_216;
+        let t2_49 = like.lift(-0.5).mul_add(t2_48, t2_47);
+        let t2_50 = (-t1_216).mul_add(t2_32, t2_49);
+        let t2_51 = cos_u1_1 * sin_u1_2_e1y;
+        let u_e1y_q1x = like.lift(0.524) * t2_51;
         let u_platform_u1_1x = like.lift(0.044) * e_e1x_q1z;
         let u_platform_q1x = u_e1y_q1x - u_platform_u1_1x;
-        let t2_53 = like.lift(-0.022).mul_add(e_e1x_q1z, u_platform_q1x);
-        let t2_54 = t1_54 - t1_70;
-        let t2_55 = t1_31 * t2_54;
-        let t2_56 = t1_79 - t1_92;
-        let t2_57 = (-t1_68).mul_add(t2_56, t2_55);
+        let t2_52 = like.lift(-0.022).mul_add(e_e1x_q1z, u_platform_q1x);
+        let t2_53 = t1_54 - t1_70;
+        let t2_54 = t1_31 * t2_53;
+        let t2_55 = t1_79 - t1_92;
+        let t2_56 = (-t1_68).mul_add(t2_55, t2_54);
         let u_u1_1_q1y = like.lift(0.524) * sin_u1_1;
         let u_e1y_u1_1y = like.lift(1.244) * cos_u1_2;
         let u_e1y_q1y = u_u1_1_q1y + u_e1y_u1_1y;
-        let t2_58 = cos_e1x * u_e1y_q1y;
-        let t2_59 = cos_u1_1 * cos_u1_2_e1y;
-        let t2_60 = sin_e1x * t2_59;
-        let u_e1x_q1y = like.lift(0.524).mul_add(t2_60, t2_58);
-        let t2_61 = u_e1x_q1y - t1_102;
-        let t2_62 = -t2_61;
-        let t2_63 = t1_117 - t1_133;
-        let t2_64 = t1_68 * t2_63;
-        let t2_65 = (-t1_131).mul_add(t2_54, t2_64);
-        let t2_66 = sin_e1x * u_e1y_q1y;
-        let t2_67 = cos_e1x * t2_59;
-        let u_e1x_q1z = like.lift(-0.524).mul_add(t2_67, t2_66);
+        let t2_57 = cos_e1x * u_e1y_q1y;
+        let t2_58 = cos_u1_1 * cos_u1_2_e1y;
+        let t2_59 = sin_e1x * t2_58;
+        let u_e1x_q1y = like.lift(0.524).mul_add(t2_59, t2_57);
+        let t2_60 = u_e1x_q1y - t1_102;
+        let t2_61 = -t2_60;
+        let t2_62 = t1_117 - t1_133;
+        let t2_63 = t1_68 * t2_62;
+        let t2_64 = (-t1_131).mul_add(t2_53, t2_63);
+        let t2_65 = sin_e1x * u_e1y_q1y;
+        let t2_66 = cos_e1x * t2_58;
+        let u_e1x_q1z = like.lift(-0.524).mul_add(t2_66, t2_65);
         let u_platform_q1z = u_e1x_q1z + t1_141;
-        let t2_68 = u_platform_q1z + t1_144;
-        let t2_69 = t1_131 * t2_56;
-        let t2_70 = (-t1_31).mul_add(t2_63, t2_69);
-        let t2_71 = t1_181 - t1_193;
-        let t2_72 = t1_179 * t2_71;
-        let t2_73 = t1_197 - t1_208;
-        let t2_74 = (-t1_191).mul_add(t2_73, t2_72);
-        let t2_75 = u_e1x_q1y + t1_102;
-        let t2_76 = -t2_75;
-        let t2_77 = t1_222 - t2_11;
-        let t2_78 = t1_191 * t2_77;
-        let t2_79 = (-t2_9).mul_add(t2_71, t2_78);
-        let t2_80 = u_platform_q1z + t2_20;
-        let t2_81 = t2_9 * t2_73;
-        let t2_82 = (-t1_179).mul_add(t2_77, t2_81);
+        let t2_67 = u_platform_q1z + t1_144;
+        let t2_68 = t1_131 * t2_55;
+        let t2_69 = (-t1_31).mul_add(t2_62, t2_68);
+        let t2_70 = t1_182 - t1_194;
+        let t2_71 = t1_180 * t2_70;
+        let t2_72 = t1_198 - t1_209;
+        let t2_73 = (-t1_192).mul_add(t2_72, t2_71);
+        let t2_74 = u_e1x_q1y + t1_102;
+        let t2_75 = -t2_74;
+        let t2_76 = t1_223 - t2_11;
+        let t2_77 = t1_192 * t2_76;
+        let t2_78 = (-t2_9).mul_add(t2_70, t2_77);
+        let t2_79 = u_platform_q1z + t2_19;
+        let t2_80 = t2_9 * t2_72;
+        let t2_81 = (-t1_180).mul_add(t2_76, t2_80);
         let inv_pivot_1 = like.lift(1.0) / pivot_1;
-        let t2_83 = t1_153 * inv_pivot_1;
-        let t2_84 = t1_103.mul_add(t2_83, t1_145);
-        let t2_85 = t1_100 * inv_pivot_1;
-        let t2_86 = (-t1_103).mul_add(t2_85, t1_22);
-        let t2_87 = (-t1_136).mul_add(t2_83, t1_151);
-        let pivot_2 = (-t1_136).mul_add(t2_85, t1_94);
+        let t2_82 = t1_153 * inv_pivot_1;
+        let t2_83 = t1_103.mul_add(t2_82, t1_145);
+        let t2_84 = t1_100 * inv_pivot_1;
+        let t2_85 = (-t1_103).mul_add(t2_84, t1_22);
+        let t2_86 = (-t1_136).mul_add(t2_82, t1_151);
+        let pivot_2 = (-t1_136).mul_add(t2_84, t1_94);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_88 = t2_87 * inv_pivot_2;
-        let t2_89 = t2_86.mul_add(t2_88, t2_84);
-        let t2_90 = t1_177 * inv_pivot_1;
-        let t2_91 = t1_103.mul_add(t2_90, t1_160);
-        let t2_92 = (-t1_136).mul_add(t2_90, t1_171);
-        let t2_93 = t2_92 * inv_pivot_2;
-        let t2_94 = t2_86.mul_add(t2_93, t2_91);
-        let t2_95 = like.lift(1.0) / t1_99;
-        let t2_96 = t2_94 * t2_95;
-        let t2_97 = like.lift(0.0762102355330306) * t2_96;
-        let pivot_4 = t2_89 - t2_97;
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_98 = t2_61.mul_add(t2_83, t2_68);
-        let t2_99 = t2_61.mul_add(t2_85, t2_53);
-        let t2_100 = (-t2_99).mul_add(t2_88, t2_98);
-        let t2_101 = t2_61.mul_add(t2_90, t1_160);
-        let t2_102 = (-t2_99).mul_add(t2_93, t2_101);
-        let t2_103 = t2_102 * t2_95;
-        let t2_104 = like.lift(0.0762102355330306) * t2_103;
-        let t2_105 = t2_100 - t2_104;
-        let t2_106 = sin_e1x * t2_83;
-        let t2_107 = like.lift(-0.0381051177665153).mul_add(t2_106, t1_147);
-        let t2_108 = sin_e1x * t2_85;
-        let t2_109 = like.lift(0.0381051177665153).mul_add(t2_108, t1_25);
-        let t2_110 = t2_109.mul_add(t2_88, t2_107);
-        let t2_111 = sin_e1x * t2_90;
-        let t2_112 = like.lift(0.0381051177665153).mul_add(t2_111, t1_164);
-        let t2_113 = (-t2_109).mul_add(t2_93, t2_112);
-        let t2_114 = t2_113 * t2_95;
-        let t2_115 = like.lift(0.0762102355330306) * t2_114;
-        let t2_116 = t2_110 + t2_115;
-        let t2_117 = t1_215 * t2_95;
-        let t2_118 = t2_113.mul_add(t2_117, t2_38);
-        let t2_119 = (-t2_94).mul_add(t2_117, t2_34);
-        let t2_120 = t2_119 * inv_pivot_4;
-        let pivot_5 = (-t2_116).mul_add(t2_120, t2_118);
+        let t2_87 = t2_86 * inv_pivot_2;
+        let pivot_5 = t2_85.mul_add(t2_87, t2_83);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_121 = (-t2_102).mul_add(t2_117, t2_34);
-        let t2_122 = (-t2_105).mul_add(t2_120, t2_121);
-        let t2_123 = (-t1_107).mul_add(t2_90, t1_164);
-        let t2_124 = (-t1_107).mul_add(t2_85, t1_24);
-        let t2_125 = (-t2_124).mul_add(t2_93, t2_123);
-        let t2_126 = t2_125.mul_add(t2_117, t2_38);
-        let t2_127 = (-t1_107).mul_add(t2_83, t1_148);
-        let t2_128 = (-t2_124).mul_add(t2_88, t2_127);
-        let t2_129 = t2_125 * t2_95;
-        let t2_130 = like.lift(0.0762102355330306) * t2_129;
-        let t2_131 = t2_128 - t2_130;
-        let t2_132 = t2_131.mul_add(t2_120, t2_126);
-        let t2_133 = e_e1x_q1z * inv_pivot_4;
-        let t2_134 = t2_131 * t2_133;
-        let t2_135 = like.lift(0.066).mul_add(t2_134, t1_24);
-        let t2_136 = t2_116 * t2_133;
-        let t2_137 = like.lift(-0.066).mul_add(t2_136, t1_25);
-        let t2_138 = t2_137 * inv_pivot_5;
-        let pivot_6 = (-t2_132).mul_add(t2_138, t2_135);
+        let t2_88 = t2_60.mul_add(t2_82, t2_67);
+        let t2_89 = t2_60.mul_add(t2_84, t2_52);
+        let t2_90 = (-t2_89).mul_add(t2_87, t2_88);
+        let t2_91 = (-t1_107).mul_add(t2_82, t1_148);
+        let t2_92 = (-t1_107).mul_add(t2_84, t1_24);
+        let t2_93 = (-t2_92).mul_add(t2_87, t2_91);
+        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let t2_94 = t2_25 * inv_pivot_3;
+        let t2_95 = (-t1_221).mul_add(t2_94, t2_21);
+        let t2_96 = t1_217 * inv_pivot_3;
+        let t2_97 = (-t1_221).mul_add(t2_96, t1_24);
+        let t2_98 = (-t2_14).mul_add(t2_94, t2_23);
+        let pivot_4 = (-t2_14).mul_add(t2_96, t1_211);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t2_99 = t2_98 * inv_pivot_4;
+        let t2_100 = (-t2_97).mul_add(t2_99, t2_95);
+        let t2_101 = t1_219.mul_add(t2_94, t2_20);
+        let t2_102 = (-t1_219).mul_add(t2_96, t1_22);
+        let t2_103 = t2_102.mul_add(t2_99, t2_101);
+        let t2_104 = t2_103 * inv_pivot_5;
+        let pivot_6 = (-t2_93).mul_add(t2_104, t2_100);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_139 = t2_105 * t2_133;
-        let t2_140 = like.lift(0.066).mul_add(t2_139, t2_53);
-        let t2_141 = t2_122.mul_add(t2_138, t2_140);
-        let t2_142 = t2_45 * t2_138;
-        let t2_143 = t1_210 + t2_142;
-        let t2_144 = t1_147 - t2_115;
-        let t2_145 = t2_21 - t2_97;
-        let t2_146 = t2_145 * inv_pivot_4;
-        let t2_147 = t2_116.mul_add(t2_146, t2_144);
-        let t2_148 = t2_147 * inv_pivot_5;
-        let t2_149 = t2_45 * t2_148;
-        let t2_150 = t2_24 + t2_149;
-        let t2_151 = t2_22 - t2_130;
-        let t2_152 = (-t2_131).mul_add(t2_146, t2_151);
-        let t2_153 = (-t2_132).mul_add(t2_148, t2_152);
-        let t2_154 = t2_153 * inv_pivot_6;
-        let pivot_7 = (-t2_143).mul_add(t2_154, t2_150);
+        let t2_105 = t2_74.mul_add(t2_94, t2_79);
+        let t2_106 = t2_74.mul_add(t2_96, t2_52);
+        let t2_107 = (-t2_106).mul_add(t2_99, t2_105);
+        let t2_108 = (-t2_90).mul_add(t2_104, t2_107);
+        let t2_109 = sin_e1x * t2_94;
+        let t2_110 = like.lift(-0.0381051177665153).mul_add(t2_109, t1_147);
+        let t2_111 = sin_e1x * t2_96;
+        let t2_112 = like.lift(-0.0381051177665153).mul_add(t2_111, t1_25);
+        let t2_113 = (-t2_112).mul_add(t2_99, t2_110);
+        let t2_114 = sin_e1x * t2_82;
+        let t2_115 = like.lift(-0.0381051177665153).mul_add(t2_114, t1_147);
+        let t2_116 = sin_e1x * t2_84;
+        let t2_117 = like.lift(0.0381051177665153).mul_add(t2_116, t1_25);
+        let t2_118 = t2_117.mul_add(t2_87, t2_115);
+        let t2_119 = t2_118.mul_add(t2_104, t2_113);
+        let t2_120 = t1_178 * inv_pivot_1;
+        let t2_121 = sin_e1x * t2_120;
+        let t2_122 = like.lift(0.0381051177665153).mul_add(t2_121, t1_164);
+        let t2_123 = (-t1_136).mul_add(t2_120, t1_172);
+        let t2_124 = t2_123 * inv_pivot_2;
+        let t2_125 = (-t2_117).mul_add(t2_124, t2_122);
+        let t2_126 = t1_103.mul_add(t2_120, t1_160);
+        let t2_127 = t2_85.mul_add(t2_124, t2_126);
+        let t2_128 = t2_127 * inv_pivot_5;
+        let t2_129 = t2_118.mul_add(t2_128, t2_125);
+        let t2_130 = (-t1_107).mul_add(t2_120, t1_164);
+        let t2_131 = (-t2_92).mul_add(t2_124, t2_130);
+        let t2_132 = (-t2_93).mul_add(t2_128, t2_131);
+        let t2_133 = t2_132 * inv_pivot_6;
+        let pivot_7 = (-t2_119).mul_add(t2_133, t2_129);
         let inv_pivot_7 = like.lift(1.0) / pivot_7;
-        let t2_155 = t2_80 - t2_104;
-        let t2_156 = (-t2_105).mul_add(t2_146, t2_155);
-        let t2_157 = t2_122.mul_add(t2_148, t2_156);
-        let t2_158 = (-t2_141).mul_add(t2_154, t2_157);
-        let t2_159 = t2_51.mul_add(t2_148, t2_26);
-        let t2_160 = t2_51.mul_add(t2_138, t1_216);
-        let t2_161 = (-t2_160).mul_add(t2_154, t2_159);
-        let t2_162 = t1_218 * inv_pivot_4;
-        let t2_163 = (-t2_105).mul_add(t2_162, t2_75);
-        let t2_164 = (-t2_116).mul_add(t2_162, t1_106);
-        let t2_165 = t2_164 * inv_pivot_5;
-        let t2_166 = (-t2_122).mul_add(t2_165, t2_163);
-        let t2_167 = t2_131.mul_add(t2_162, t1_220);
-        let t2_168 = (-t2_132).mul_add(t2_165, t2_167);
-        let t2_169 = t2_168 * inv_pivot_6;
-        let t2_170 = t2_141.mul_add(t2_169, t2_166);
-        let t2_171 = t2_45 * t2_165;
-        let t2_172 = t2_14 + t2_171;
-        let t2_173 = (-t2_143).mul_add(t2_169, t2_172);
-        let t2_174 = t2_173 * inv_pivot_7;
-        let t2_175 = t2_158.mul_add(t2_174, t2_170);
-        let t2_176 = t2_51.mul_add(t2_165, t2_18);
-        let t2_177 = (-t2_160).mul_add(t2_169, t2_176);
-        let pivot_8 = (-t2_161).mul_add(t2_174, t2_177);
+        let t2_134 = t2_60.mul_add(t2_120, t1_160);
+        let t2_135 = (-t2_89).mul_add(t2_124, t2_134);
+        let t2_136 = (-t2_90).mul_add(t2_128, t2_135);
+        let t2_137 = (-t2_108).mul_add(t2_133, t2_136);
+        let t2_138 = like.lift(-0.066).mul_add(t2_128, t1_166);
+        let t2_139 = like.lift(-0.066).mul_add(t2_104, like.lift(0.066));
+        let t2_140 = (-t2_139).mul_add(t2_133, t2_138);
+        let t2_141 = t2_50 * inv_pivot_3;
+        let t2_142 = t2_74.mul_add(t2_141, t2_33);
+        let t2_143 = (-t2_14).mul_add(t2_141, t2_44);
+        let t2_144 = t2_143 * inv_pivot_4;
+        let t2_145 = (-t2_106).mul_add(t2_144, t2_142);
+        let t2_146 = t1_219.mul_add(t2_141, t2_33);
+        let t2_147 = t2_102.mul_add(t2_144, t2_146);
+        let t2_148 = t2_147 * inv_pivot_5;
+        let t2_149 = (-t2_90).mul_add(t2_148, t2_145);
+        let t2_150 = t1_221.mul_add(t2_141, t2_37);
+        let t2_151 = t2_97.mul_add(t2_144, t2_150);
+        let t2_152 = t2_93.mul_add(t2_148, t2_151);
+        let t2_153 = t2_152 * inv_pivot_6;
+        let t2_154 = t2_108.mul_add(t2_153, t2_149);
+        let t2_155 = sin_e1x * t2_141;
+        let t2_156 = like.lift(0.0381051177665153).mul_add(t2_155, t2_37);
+        let t2_157 = t2_112.mul_add(t2_144, t2_156);
+        let t2_158 = (-t2_118).mul_add(t2_148, t2_157);
+        let t2_159 = (-t2_119).mul_add(t2_153, t2_158);
+        let t2_160 = t2_159 * inv_pivot_7;
+        let t2_161 = t2_137.mul_add(t2_160, t2_154);
+        let t2_162 = like.lift(-0.066).mul_add(t2_148, t2_38);
+        let t2_163 = t2_139.mul_add(t2_153, t2_162);
+        let pivot_8 = t2_140.mul_add(t2_160, t2_163);
         let inv_pivot_8 = like.lift(1.0) / pivot_8;
-        let t2_178 = t2_175 * inv_pivot_8;
-        let t2_179 = t2_161.mul_add(t2_178, t2_158);
-        let t2_180 = inv_pivot_7 * t2_179;
-        let t2_181 = (-t2_143).mul_add(t2_180, t2_141);
-        let t2_182 = t2_160.mul_add(t2_178, t2_181);
-        let t2_183 = inv_pivot_6 * t2_182;
-        let t2_184 = t2_132.mul_add(t2_183, t2_122);
-        let t2_185 = (-t2_45).mul_add(t2_180, t2_184);
-        let t2_186 = t2_51.mul_add(t2_178, t2_185);
-        let t2_187 = inv_pivot_5 * t2_186;
-        let t2_188 = (-t2_116).mul_add(t2_187, t2_105);
-        let t2_189 = (-t2_131).mul_add(t2_183, t2_188);
-        let t2_190 = inv_pivot_4 * t2_189;
-        let t2_191 = (-t2_65).mul_add(t2_83, t2_70);
-        let t2_192 = (-t2_65).mul_add(t2_85, t2_57);
-        let t2_193 = (-t2_192).mul_add(t2_88, t2_191);
-        let t2_194 = (-t2_65).mul_add(t2_90, t1_171);
-        let t2_195 = (-t2_192).mul_add(t2_93, t2_194);
-        let t2_196 = t2_195 * t2_95;
-        let t2_197 = like.lift(0.0762102355330306) * t2_196;
-        let t2_198 = t2_193 - t2_197;
-        let t2_199 = t2_195 * t2_117;
-        let t2_200 = t2_198.mul_add(t2_120, t2_199);
-        let t2_201 = t2_198 * t2_133;
-        let t2_202 = like.lift(0.066) * t2_201;
-        let t2_203 = (-t2_200).mul_add(t2_138, t2_202);
-        let t2_204 = t2_198.mul_add(t2_146, t2_197);
-        let t2_205 = t2_200.mul_add(t2_148, t2_204);
-        let t2_206 = t2_203.mul_add(t2_154, t2_205);
-        let t2_207 = t2_198 * t2_162;
-        let t2_208 = (-t2_200).mul_add(t2_165, t2_207);
-        let t2_209 = (-t2_203).mul_add(t2_169, t2_208);
-        let t2_210 = t2_206.mul_add(t2_174, t2_209);
-        let t2_211 = t2_210 * inv_pivot_8;
-        let t2_212 = t2_161.mul_add(t2_211, t2_206);
-        let t2_213 = inv_pivot_7 * t2_212;
-        let t2_214 = t2_143.mul_add(t2_213, t2_203);
-        let t2_215 = (-t2_160).mul_add(t2_211, t2_214);
-        let t2_216 = inv_pivot_6 * t2_215;
-        let t2_217 = (-t2_132).mul_add(t2_216, t2_200);
-        let t2_218 = (-t2_45).mul_add(t2_213, t2_217);
-        let t2_219 = t2_51.mul_add(t2_211, t2_218);
-        let t2_220 = inv_pivot_5 * t2_219;
-        let t2_221 = t2_116.mul_add(t2_220, t2_198);
-        let t2_222 = (-t2_131).mul_add(t2_216, t2_221);
-        let t2_223 = inv_pivot_4 * t2_222;
-        let t2_224 = t2_74 + t2_142;
-        let t2_225 = t2_82 + t2_149;
-        let t2_226 = (-t2_224).mul_add(t2_154, t2_225);
-        let t2_227 = t2_79 + t2_171;
-        let t2_228 = (-t2_224).mul_add(t2_169, t2_227);
+        let t2_164 = t2_161 * inv_pivot_8;
+        let t2_165 = (-t2_140).mul_add(t2_164, t2_137);
+        let t2_166 = inv_pivot_7 * t2_165;
+        let t2_167 = (-t2_119).mul_add(t2_166, t2_108);
+        let t2_168 = (-t2_139).mul_add(t2_164, t2_167);
+        let t2_169 = inv_pivot_6 * t2_168;
+        let t2_170 = (-t2_93).mul_add(t2_169, t2_90);
+        let t2_171 = t2_118.mul_add(t2_166, t2_170);
+        let t2_172 = like.lift(-0.066).mul_add(t2_164, t2_171);
+        let t2_173 = inv_pivot_5 * t2_172;
+        let t2_174 = (-t2_64).mul_add(t2_82, t2_69);
+        let t2_175 = (-t2_64).mul_add(t2_84, t2_56);
+        let t2_176 = (-t2_175).mul_add(t2_87, t2_174);
+        let t2_177 = t2_176 * t2_104;
+        let t2_178 = (-t2_64).mul_add(t2_120, t1_172);
+        let t2_179 = (-t2_175).mul_add(t2_124, t2_178);
+        let t2_180 = (-t2_176).mul_add(t2_128, t2_179);
+        let t2_181 = t2_177.mul_add(t2_133, t2_180);
+        let t2_182 = t2_176 * t2_148;
+        let t2_183 = t2_177.mul_add(t2_153, t2_182);
+        let t2_184 = (-t2_181).mul_add(t2_160, t2_183);
+        let t2_185 = t2_184 * inv_pivot_8;
+        let t2_186 = t2_140.mul_add(t2_185, t2_181);
+        let t2_187 = inv_pivot_7 * t2_186;
+        let t2_188 = t2_119.mul_add(t2_187, t2_177);
+        let t2_189 = (-t2_139).mul_add(t2_185, t2_188);
+        let t2_190 = inv_pivot_6 * t2_189;
+        let t2_191 = t2_93.mul_add(t2_190, t2_176);
+        let t2_192 = t2_118.mul_add(t2_187, t2_191);
+        let t2_193 = like.lift(0.066).mul_add(t2_185, t2_192);
+        let t2_194 = inv_pivot_5 * t2_193;
+        let t2_195 = (-t2_78).mul_add(t2_94, t2_81);
+        let t2_196 = (-t2_78).mul_add(t2_96, t2_73);
+        let t2_197 = (-t2_196).mul_add(t2_99, t2_195);
+        let t2_198 = t2_197 * t2_133;
+        let t2_199 = (-t2_78).mul_add(t2_141, t2_44);
+        let t2_200 = (-t2_196).mul_add(t2_144, t2_199);
+        let t2_201 = t2_197.mul_add(t2_153, t2_200);
+        let t2_202 = (-t2_198).mul_add(t2_160, t2_201);
+        let t2_203 = t2_202 * inv_pivot_8;
+        let t2_204 = t2_140.mul_add(t2_203, t2_198);
+        let t2_205 = inv_pivot_7 * t2_204;
+        let t2_206 = t2_119.mul_add(t2_205, t2_197);
+        let t2_207 = (-t2_139).mul_add(t2_203, t2_206);
+        let t2_208 = inv_pivot_6 * t2_207;
+        let t2_209 = t2_93 * t2_208;
+        let t2_210 = t2_118.mul_add(t2_205, t2_209);
+        let t2_211 = like.lift(0.066).mul_add(t2_203, t2_210);
+        let t2_212 = inv_pivot_5 * t2_211;
+        let t2_213 = -t2_212;
+        let t2_214 = -t2_190;
+        let t2_215 = -t2_205;
+        let t2_216 = -t2_185;
+        let t2_217 = t2_85.mul_add(t2_173, t2_89);
+        let t2_218 = (-t2_92).mul_add(t2_169, t2_217);
+        let t2_219 = (-t2_117).mul_add(t2_166, t2_218);
+        let t2_220 = inv_pivot_2 * t2_219;
+        let t2_221 = t2_85.mul_add(t2_194, t2_175);
+        let t2_222 = t2_92.mul_add(t2_190, t2_221);
+        let t2_223 = (-t2_117).mul_add(t2_187, t2_222);
+        let t2_224 = inv_pivot_2 * t2_223;
+        let t2_225 = t2_85 * t2_212;
+        let t2_226 = t2_92.mul_add(t2_208, t2_225);
         [
-            t2_14, t2_19, t2_21, t2_22, t2_24, t2_27, t2_35, t2_38, t2_40, t2_45, t2_46, t2_51,
-            t2_53, t2_57, t2_61, t2_62, t2_65, t2_68, t2_70, t2_74, t2_76, t2_79, t2_80, t2_82,
-            inv_pivot_1, t2_86, pivot_2, inv_pivot_2, t2_94, t2_95, pivot_4, inv_pivot_4,
-            t2_99, t2_102, t2_109, t2_113, t2_116, pivot_5, inv_pivot_5, t2_124, t2_125,
-            t2_131, t2_132, pivot_6, inv_pivot_6, t2_143, pivot_7, inv_pivot_7, t2_160, t2_161,
-            t2_174, pivot_8, inv_pivot_8, t2_178, t2_180, t2_183, t2_187, t2_190, t2_192,
-            t2_195, t2_211, t2_213, t2_216, t2_220, t2_223, t2_224, t2_226, t2_228,
+            t2_14, t2_18, t2_20, t2_21, t2_23, t2_26, t2_34, t2_37, t2_39, t2_45, t2_50, t2_52,
+            t2_56, t2_60, t2_61, t2_64, t2_67, t2_69, t2_73, t2_74, t2_75, t2_78, t2_79, t2_81,
+            inv_pivot_1, pivot_2, inv_pivot_2, pivot_5, inv_pivot_3, t2_97, pivot_4,
+            inv_pivot_4, t2_102, pivot_6, t2_106, t2_112, t2_117, pivot_7, pivot_8, t2_164,
+            t2_166, t2_169, t2_173, t2_187, t2_190, t2_194, t2_196, t2_203, t2_205, t2_208,
+            t2_212, t2_213, t2_214, t2_215, t2_216, t2_220, t2_224, t2_226,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -16399,92 +15574,79 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([T; 3], Conditio
         x_u2_1_q3, x_u2_2_q1, x_u2_2_q2, x_u2_2_q3, x_u3_1_q1, x_u3_1_q2, x_u3_1_q3, x_u3_2_q1,
         x_u3_2_q2, x_u3_2_q3,
     ] = {
-        let t3_1 = (-t2_226).mul_add(t2_174, t2_228);
-        let t3_2 = t3_1 * inv_pivot_8;
-        let t3_3 = (-t2_161).mul_add(t3_2, t2_226);
-        let t3_4 = inv_pivot_7 * t3_3;
-        let t3_5 = (-t2_143).mul_add(t3_4, t2_224);
-        let t3_6 = (-t2_160).mul_add(t3_2, t3_5);
-        let t3_7 = inv_pivot_6 * t3_6;
-        let t3_8 = t2_132.mul_add(t3_7, t2_45);
-        let t3_9 = (-t2_45).mul_add(t3_4, t3_8);
-        let t3_10 = (-t2_51).mul_add(t3_2, t3_9);
-        let t3_11 = inv_pivot_5 * t3_10;
-        let t3_12 = t2_116 * t3_11;
-        let t3_13 = t2_131.mul_add(t3_7, t3_12);
-        let t3_14 = inv_pivot_4 * t3_13;
-        let t3_15 = -t3_14;
-        let t3_16 = -t2_187;
-        let t3_17 = -t3_11;
-        let t3_18 = (-t2_94).mul_add(t2_190, t2_102);
-        let t3_19 = t2_113.mul_add(t2_187, t3_18);
-        let t3_20 = (-t2_125).mul_add(t2_183, t3_19);
-        let t3_21 = t2_95 * t3_20;
-        let t3_22 = like.lift(1.1547005383792515) * t3_21;
-        let t3_23 = (-t2_94).mul_add(t2_223, t2_195);
-        let t3_24 = (-t2_113).mul_add(t2_220, t3_23);
-        let t3_25 = (-t2_125).mul_add(t2_216, t3_24);
-        let t3_26 = t2_95 * t3_25;
-        let t3_27 = like.lift(1.1547005383792515) * t3_26;
-        let t3_28 = t2_94 * t3_14;
-        let t3_29 = t2_113.mul_add(t3_11, t3_28);
-        let t3_30 = (-t2_125).mul_add(t3_7, t3_29);
-        let t3_31 = t2_95 * t3_30;
-        let t3_32 = like.lift(1.1547005383792515) * t3_31;
-        let t3_33 = t2_86.mul_add(t2_190, t2_99);
-        let t3_34 = t2_109.mul_add(t2_187, t3_33);
-        let t3_35 = (-t2_124).mul_add(t2_183, t3_34);
-        let t3_36 = inv_pivot_2 * t3_35;
-        let t3_37 = t2_86.mul_add(t2_223, t2_192);
-        let t3_38 = (-t2_109).mul_add(t2_220, t3_37);
-        let t3_39 = (-t2_124).mul_add(t2_216, t3_38);
-        let t3_40 = inv_pivot_2 * t3_39;
-        let t3_41 = t2_86 * t3_14;
-        let t3_42 = (-t2_109).mul_add(t3_11, t3_41);
-        let t3_43 = t2_124.mul_add(t3_7, t3_42);
-        let t3_44 = inv_pivot_2 * t3_43;
-        let t3_45 = -t3_44;
-        let t3_46 = t1_136.mul_add(t3_36, t2_61);
-        let t3_47 = (-t1_103).mul_add(t2_190, t3_46);
-        let t3_48 = sin_e1x * t2_187;
-        let t3_49 = like.lift(0.0381051177665153).mul_add(t3_48, t3_47);
-        let t3_50 = t1_107.mul_add(t2_183, t3_49);
-        let t3_51 = inv_pivot_1 * t3_50;
-        let t3_52 = -t3_51;
-        let t3_53 = (-t1_136).mul_add(t3_40, t2_65);
-        let t3_54 = t1_103.mul_add(t2_223, t3_53);
-        let t3_55 = sin_e1x * t2_220;
-        let t3_56 = like.lift(0.0381051177665153).mul_add(t3_55, t3_54);
-        let t3_57 = (-t1_107).mul_add(t2_216, t3_56);
-        let t3_58 = inv_pivot_1 * t3_57;
-        let t3_59 = t1_136 * t3_44;
-        let t3_60 = (-t1_103).mul_add(t3_14, t3_59);
-        let t3_61 = sin_e1x * t3_11;
-        let t3_62 = like.lift(-0.0381051177665153).mul_add(t3_61, t3_60);
-        let t3_63 = (-t1_107).mul_add(t3_7, t3_62);
-        let t3_64 = inv_pivot_1 * t3_63;
-        let t3_65 = -t2_213;
-        let t3_66 = -t2_211;
-        let t3_67 = -t3_2;
-        let t3_68 = -pivot_8;
+        let t3_1 = (-t2_117).mul_add(t2_205, t2_226);
+        let t3_2 = inv_pivot_2 * t3_1;
+        let t3_3 = -t3_2;
+        let t3_4 = sin_e1x * t2_166;
+        let t3_5 = like.lift(0.0381051177665153) * t3_4;
+        let t3_6 = t1_136.mul_add(t2_220, t2_60);
+        let t3_7 = (-t1_103).mul_add(t2_173, t3_6);
+        let t3_8 = t1_107.mul_add(t2_169, t3_7);
+        let t3_9 = t3_5 - t3_8;
+        let t3_10 = inv_pivot_1 * t3_9;
+        let t3_11 = sin_e1x * t2_187;
+        let t3_12 = like.lift(0.0381051177665153) * t3_11;
+        let t3_13 = (-t1_136).mul_add(t2_224, t2_64);
+        let t3_14 = t1_103.mul_add(t2_194, t3_13);
+        let t3_15 = t1_107.mul_add(t2_190, t3_14);
+        let t3_16 = t3_12 + t3_15;
+        let t3_17 = inv_pivot_1 * t3_16;
+        let t3_18 = sin_e1x * t2_205;
+        let t3_19 = like.lift(0.0381051177665153) * t3_18;
+        let t3_20 = t1_136 * t3_2;
+        let t3_21 = (-t1_103).mul_add(t2_212, t3_20);
+        let t3_22 = (-t1_107).mul_add(t2_208, t3_21);
+        let t3_23 = t3_19 - t3_22;
+        let t3_24 = inv_pivot_1 * t3_23;
+        let t3_25 = -t3_24;
+        let t3_26 = t2_102.mul_add(t2_173, t2_106);
+        let t3_27 = (-t2_97).mul_add(t2_169, t3_26);
+        let t3_28 = (-t2_112).mul_add(t2_166, t3_27);
+        let t3_29 = inv_pivot_4 * t3_28;
+        let t3_30 = t2_102 * t2_194;
+        let t3_31 = t2_97.mul_add(t2_190, t3_30);
+        let t3_32 = (-t2_112).mul_add(t2_187, t3_31);
+        let t3_33 = inv_pivot_4 * t3_32;
+        let t3_34 = (-t2_102).mul_add(t2_212, t2_196);
+        let t3_35 = (-t2_97).mul_add(t2_208, t3_34);
+        let t3_36 = t2_112.mul_add(t2_205, t3_35);
+        let t3_37 = inv_pivot_4 * t3_36;
+        let t3_38 = t2_14.mul_add(t3_29, t2_74);
+        let t3_39 = (-t1_219).mul_add(t2_173, t3_38);
+        let t3_40 = t1_221.mul_add(t2_169, t3_39);
+        let t3_41 = t3_40 + t3_5;
+        let t3_42 = inv_pivot_3 * t3_41;
+        let t3_43 = t2_14 * t3_33;
+        let t3_44 = (-t1_219).mul_add(t2_194, t3_43);
+        let t3_45 = (-t1_221).mul_add(t2_190, t3_44);
+        let t3_46 = t3_45 + t3_12;
+        let t3_47 = inv_pivot_3 * t3_46;
+        let t3_48 = (-t2_14).mul_add(t3_37, t2_78);
+        let t3_49 = (-t1_219).mul_add(t2_212, t3_48);
+        let t3_50 = (-t1_221).mul_add(t2_208, t3_49);
+        let t3_51 = t3_50 + t3_19;
+        let t3_52 = inv_pivot_3 * t3_51;
+        let t3_53 = -t3_52;
+        let t3_54 = -pivot_7;
+        let t3_55 = -pivot_8;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(0.9580029161088279)).abs()
             .min((pivot_2 * like.lift(0.9018719688103075)).abs())
-            .min((t1_166 * like.lift(1.923718077658978)).abs())
-            .min((pivot_4 * like.lift(1.019503733280847)).abs())
-            .min((pivot_5 * like.lift(0.9467672644948026)).abs())
-            .min((pivot_6 * like.lift(0.8116685504320711)).abs())
-            .min((pivot_7 * like.lift(1.060112577367453)).abs())
-            .min((t3_68 * like.lift(0.697347665033695)).abs());
+            .min((t2_18 * like.lift(0.9441016894903256)).abs())
+            .min((pivot_4 * like.lift(0.7930813430566414)).abs())
+            .min((pivot_5 * like.lift(0.9552290039283993)).abs())
+            .min((pivot_6 * like.lift(0.6503970605951934)).abs())
+            .min((t3_54 * like.lift(1.8878245740206896)).abs())
+            .min((t3_55 * like.lift(1.0933635968062305)).abs());
         let ([
             [x_u1_1_q1, x_u1_1_q2, x_u1_1_q3], [x_u1_2_q1, x_u1_2_q2, x_u1_2_q3], [_, _, _],
             [_, _, _], [x_u2_1_q1, x_u2_1_q2, x_u2_1_q3], [x_u2_2_q1, x_u2_2_q2, x_u2_2_q3],
             [x_u3_1_q1, x_u3_1_q2, x_u3_1_q3], [x_u3_2_q1, x_u3_2_q2, x_u3_2_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_190, t2_223, t3_15], [t2_183, t2_216, t3_7], [t3_16, t2_220, t3_17],
-                [t3_22, t3_27, t3_32], [t3_36, t3_40, t3_45], [t3_52, t3_58, t3_64],
-                [t2_180, t3_65, t3_4], [t2_178, t3_66, t3_67],
+                [t2_173, t2_194, t2_213], [t2_169, t2_214, t2_208], [t2_166, t2_187, t2_215],
+                [t2_164, t2_216, t2_203], [t2_220, t2_224, t3_3], [t3_10, t3_17, t3_25],
+                [t3_29, t3_33, t3_37], [t3_42, t3_47, t3_53],
             ],
             margin,
             || (
@@ -16492,17 +15654,17 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([T; 3], Conditio
                     [t1_23, t1_24, t1_25, like.lift(0.0), t1_94, t1_100, like.lift(0.0), like.lift(0.0)],
                     [t1_104, t1_107, t1_108, like.lift(0.0), t1_136, pivot_1, like.lift(0.0), like.lift(0.0)],
                     [t1_145, t1_148, t1_149, like.lift(0.066), t1_151, t1_153, like.lift(0.0), like.lift(0.0)],
-                    [t1_161, t1_165, t1_165, t1_166, t1_172, t1_178, like.lift(0.0), like.lift(0.0)],
-                    [t1_23, t1_24, t1_25, like.lift(0.0), like.lift(0.0), like.lift(0.0), t1_210, t1_217],
-                    [t1_219, t1_220, t1_106, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_14, t2_19],
-                    [t2_21, t2_22, t1_147, like.lift(0.066), like.lift(0.0), like.lift(0.0), t2_24, t2_27],
-                    [t2_35, t2_38, t2_38, t2_40, like.lift(0.0), like.lift(0.0), t2_46, t2_51],
+                    [t1_161, t1_165, t1_165, t1_167, t1_173, t1_179, like.lift(0.0), like.lift(0.0)],
+                    [t1_23, t1_24, t1_25, like.lift(0.0), like.lift(0.0), like.lift(0.0), t1_211, t1_218],
+                    [t1_220, t1_221, t1_106, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_14, t2_18],
+                    [t2_20, t2_21, t1_147, like.lift(0.066), like.lift(0.0), like.lift(0.0), t2_23, t2_26],
+                    [t2_34, t2_37, t2_37, t2_39, like.lift(0.0), like.lift(0.0), t2_45, t2_50],
                 ],
                 [
-                    [t2_53, t2_57, like.lift(0.0)], [t2_62, t2_65, like.lift(0.0)],
-                    [t2_68, t2_70, like.lift(0.0)], [t1_161, t1_172, like.lift(0.0)],
-                    [t2_53, like.lift(0.0), t2_74], [t2_76, like.lift(0.0), t2_79],
-                    [t2_80, like.lift(0.0), t2_82], [t2_35, like.lift(0.0), t2_46],
+                    [t2_52, t2_56, like.lift(0.0)], [t2_61, t2_64, like.lift(0.0)],
+                    [t2_67, t2_69, like.lift(0.0)], [t1_161, t1_173, like.lift(0.0)],
+                    [t2_52, like.lift(0.0), t2_73], [t2_75, like.lift(0.0), t2_78],
+                    [t2_79, like.lift(0.0), t2_81], [t2_34, like.lift(0.0), t2_45],
                 ],
             ),
         );
@@ -16599,7 +15761,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([T; 3], Conditio
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
 ///
-/// 637 additions, 928 multiplications, 8 divisions, 11 sines and cosines.
+/// 637 additions, 921 multiplications, 8 divisions, 11 sines and cosines.
 pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -16621,10 +15783,10 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         t1_94, t1_95, t1_97, t1_98, t1_99, t1_101, t1_102, t1_103, t1_107, t1_112, t1_117,
         t1_124, t1_125, t1_126, t1_127, t1_128, t1_131, t1_134, pivot_1, t1_136,
         u_platform_u1_1z, t1_137, t1_138, t1_139, t1_140, u_e1x_u1_2z, t1_142, t1_143, t1_144,
-        t1_146, t1_148, t1_155, t1_156, t1_159, t1_160, t1_161, t1_166, t1_167, t1_172, t1_173,
-        t1_174, t1_176, sin_q3, cos_q3, t1_179, sin_u3_2, cos_u3_2, sin_u3_1, cos_u3_1, t1_186,
-        t1_187, t1_188, t1_189, t1_192, t1_195, t1_202, t1_203, t1_204, t1_205, t1_207, t1_210,
-        t1_211, t1_212, t1_213, t1_214, t1_215, t1_217, t1_218, t1_220,
+        t1_146, t1_148, t1_155, t1_156, t1_159, t1_160, t1_161, t1_162, t1_167, t1_168, t1_173,
+        t1_174, t1_175, t1_177, sin_q3, cos_q3, t1_180, sin_u3_2, cos_u3_2, sin_u3_1, cos_u3_1,
+        t1_187, t1_188, t1_189, t1_190, t1_193, t1_196, t1_203, t1_204, t1_205, t1_206, t1_208,
+        t1_211, t1_212, t1_213, t1_214, t1_215, t1_216, t1_218, t1_219, t1_221,
     ] = {
         let (sin_u1_2, cos_u1_2) = u1_2.sin_cos();
         let w_u1_1x = d_q1 + d_u1_1;
@@ -16812,70 +15974,70 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let t1_158 = like.lift(0.5) * t1_157;
         let t1_159 = sin_e1x.mul_add(t1_154, t1_158);
         let t1_160 = -t1_159;
-        let pivot_3 = like.lift(0.8660254037844386) * t1_94;
-        let t1_161 = -pivot_3;
-        let t1_162 = t1_126 * t1_94;
-        let t1_163 = like.lift(0.8660254037844386) * t1_162;
-        let t1_164 = t1_25 * t1_94;
-        let t1_165 = like.lift(0.5).mul_add(t1_164, t1_163);
-        let t1_166 = (-t1_63).mul_add(t1_154, t1_165);
-        let t1_167 = -t1_166;
-        let t1_168 = t1_134 * t1_94;
-        let t1_169 = like.lift(0.8660254037844386) * t1_168;
-        let t1_170 = t1_91 * t1_94;
-        let t1_171 = like.lift(0.5).mul_add(t1_170, t1_169);
-        let t1_172 = (-t1_94).mul_add(t1_154, t1_171);
-        let t1_173 = -t1_172;
-        let t1_174 = t1_18 + t1_24;
-        let t1_175 = t1_46 + t1_47;
-        let t1_176 = t1_45 + t1_175;
+        let t1_161 = like.lift(0.8660254037844386) * t1_94;
+        let t1_162 = -t1_161;
+        let t1_163 = t1_126 * t1_94;
+        let t1_164 = like.lift(0.8660254037844386) * t1_163;
+        let t1_165 = t1_25 * t1_94;
+        let t1_166 = like.lift(0.5).mul_add(t1_165, t1_164);
+        let t1_167 = (-t1_63).mul_add(t1_154, t1_166);
+        let t1_168 = -t1_167;
+        let t1_169 = t1_134 * t1_94;
+        let t1_170 = like.lift(0.8660254037844386) * t1_169;
+        let t1_171 = t1_91 * t1_94;
+        let t1_172 = like.lift(0.5).mul_add(t1_171, t1_170);
+        let t1_173 = (-t1_94).mul_add(t1_154, t1_172);
+        let t1_174 = -t1_173;
+        let t1_175 = t1_18 + t1_24;
+        let t1_176 = t1_46 + t1_47;
+        let t1_177 = t1_45 + t1_176;
         let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_177 = t1_50 + t1_51;
-        let t1_178 = cos_q3 * t1_177;
-        let t1_179 = (-sin_q3).mul_add(t1_38, t1_178);
-        let t1_180 = like.lift(0.524).mul_add(t1_179, t1_176);
+        let t1_178 = t1_50 + t1_51;
+        let t1_179 = cos_q3 * t1_178;
+        let t1_180 = (-sin_q3).mul_add(t1_38, t1_179);
+        let t1_181 = like.lift(0.524).mul_add(t1_180, t1_177);
         let (sin_u3_2, cos_u3_2) = u3_2.sin_cos();
         let (sin_u3_1, cos_u3_1) = u3_1.sin_cos();
-        let t1_181 = sin_u3_1 * t1_179;
-        let t1_182 = sin_q3 * t1_177;
-        let t1_183 = cos_q3.mul_add(t1_38, t1_182);
-        let t1_184 = cos_u3_1.mul_add(t1_183, t1_181);
-        let t1_185 = cos_u3_2 * t1_184;
-        let t1_186 = t1_61 - t1_62;
-        let t1_187 = sin_u3_2.mul_add(t1_186, t1_185);
-        let t1_188 = like.lift(1.244).mul_add(t1_187, t1_180);
-        let t1_189 = t1_180 - t1_188;
-        let t1_190 = t1_174 * t1_189;
-        let t1_191 = t1_71 - t1_72;
-        let t1_192 = t1_70 + t1_191;
-        let t1_193 = t1_75 - t1_76;
-        let t1_194 = cos_q3 * t1_193;
-        let t1_195 = sin_q3.mul_add(t1_43, t1_194);
-        let t1_196 = like.lift(0.524).mul_add(t1_195, t1_192);
-        let t1_197 = sin_u3_1 * t1_195;
-        let t1_198 = sin_q3 * t1_193;
-        let t1_199 = (-cos_q3).mul_add(t1_43, t1_198);
-        let t1_200 = cos_u3_1.mul_add(t1_199, t1_197);
-        let t1_201 = cos_u3_2 * t1_200;
-        let t1_202 = sin_u3_2.mul_add(t1_174, t1_201);
-        let t1_203 = like.lift(1.244).mul_add(t1_202, t1_196);
-        let t1_204 = t1_196 - t1_203;
-        let t1_205 = (-t1_186).mul_add(t1_204, t1_190);
-        let t1_206 = cos_u3_1 * t1_195;
-        let t1_207 = (-sin_u3_1).mul_add(t1_199, t1_206);
-        let t1_208 = t1_207 * t1_189;
-        let t1_209 = cos_u3_1 * t1_179;
-        let t1_210 = (-sin_u3_1).mul_add(t1_183, t1_209);
-        let t1_211 = (-t1_210).mul_add(t1_204, t1_208);
-        let t1_212 = -t1_211;
-        let t1_213 = u_e1x_u1_1y + t1_97;
-        let t1_214 = -t1_213;
-        let t1_215 = u_e1x_u1_2y + t1_101;
-        let t1_216 = t1_109 - t1_110;
-        let t1_217 = t1_108 + t1_216;
-        let t1_218 = t1_113 - t1_114;
-        let t1_219 = cos_q3 * t1_218;
-        let t1_220 = (-sin_q3).mul_add(t1_107, t1_219);
+        let t1_182 = sin_u3_1 * t1_180;
+        let t1_183 = sin_q3 * t1_178;
+        let t1_184 = cos_q3.mul_add(t1_38, t1_183);
+        let t1_185 = cos_u3_1.mul_add(t1_184, t1_182);
+        let t1_186 = cos_u3_2 * t1_185;
+        let t1_187 = t1_61 - t1_62;
+        let t1_188 = sin_u3_2.mul_add(t1_187, t1_186);
+        let t1_189 = like.lift(1.244).mul_add(t1_188, t1_181);
+        let t1_190 = t1_181 - t1_189;
+        let t1_191 = t1_175 * t1_190;
+        let t1_192 = t1_71 - t1_72;
+        let t1_193 = t1_70 + t1_192;
+        let t1_194 = t1_75 - t1_76;
+        let t1_195 = cos_q3 * t1_194;
+        let t1_196 = sin_q3.mul_add(t1_43, t1_195);
+        let t1_197 = like.lift(0.524).mul_add(t1_196, t1_193);
+        let t1_198 = sin_u3_1 * t1_196;
+        let t1_199 = sin_q3 * t1_194;
+        let t1_200 = (-cos_q3).mul_add(t1_43, t1_199);
+        let t1_201 = cos_u3_1.mul_add(t1_200, t1_198);
+        let t1_202 = cos_u3_2 * t1_201;
+        let t1_203 = sin_u3_2.mul_add(t1_175, t1_202);
+        let t1_204 = like.lift(1.244).mul_add(t1_203, t1_197);
+        let t1_205 = t1_197 - t1_204;
+        let t1_206 = (-t1_187).mul_add(t1_205, t1_191);
+        let t1_207 = cos_u3_1 * t1_196;
+        let t1_208 = (-sin_u3_1).mul_add(t1_200, t1_207);
+        let t1_209 = t1_208 * t1_190;
+        let t1_210 = cos_u3_1 * t1_180;
+        let t1_211 = (-sin_u3_1).mul_add(t1_184, t1_210);
+        let t1_212 = (-t1_211).mul_add(t1_205, t1_209);
+        let t1_213 = -t1_212;
+        let t1_214 = u_e1x_u1_1y + t1_97;
+        let t1_215 = -t1_214;
+        let t1_216 = u_e1x_u1_2y + t1_101;
+        let t1_217 = t1_109 - t1_110;
+        let t1_218 = t1_108 + t1_217;
+        let t1_219 = t1_113 - t1_114;
+        let t1_220 = cos_q3 * t1_219;
+        let t1_221 = (-sin_q3).mul_add(t1_107, t1_220);
         [
             sin_u1_2, cos_u1_2, w_u1_1x, w_rod1z, t1_1, t1_2, t1_3, t1_6, t1_7, t1_11, sin_e1x,
             cos_e1x, sin_e1y, cos_e1y, sin_u1_2_e1y, cos_u1_2_e1y, e_e1x_q1z, t1_14, t1_15,
@@ -16884,24 +16046,25 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
             t1_89, t1_91, t1_94, t1_95, t1_97, t1_98, t1_99, t1_101, t1_102, t1_103, t1_107,
             t1_112, t1_117, t1_124, t1_125, t1_126, t1_127, t1_128, t1_131, t1_134, pivot_1,
             t1_136, u_platform_u1_1z, t1_137, t1_138, t1_139, t1_140, u_e1x_u1_2z, t1_142,
-            t1_143, t1_144, t1_146, t1_148, t1_155, t1_156, t1_159, t1_160, t1_161, t1_166,
-            t1_167, t1_172, t1_173, t1_174, t1_176, sin_q3, cos_q3, t1_179, sin_u3_2, cos_u3_2,
-            sin_u3_1, cos_u3_1, t1_186, t1_187, t1_188, t1_189, t1_192, t1_195, t1_202, t1_203,
-            t1_204, t1_205, t1_207, t1_210, t1_211, t1_212, t1_213, t1_214, t1_215, t1_217,
-            t1_218, t1_220,
+            t1_143, t1_144, t1_146, t1_148, t1_155, t1_156, t1_159, t1_160, t1_161, t1_162,
+            t1_167, t1_168, t1_173, t1_174, t1_175, t1_177, sin_q3, cos_q3, t1_180, sin_u3_2,
+            cos_u3_2, sin_u3_1, cos_u3_1, t1_187, t1_188, t1_189, t1_190, t1_193, t1_196,
+            t1_203, t1_204, t1_205, t1_206, t1_208, t1_211, t1_212, t1_213, t1_214, t1_215,
+            t1_216, t1_218, t1_219, t1_221,
         ]
     };
     // tau, part 2
     let [
-        t2_7, t2_8, t2_9, t2_12, t2_15, t2_16, t2_17, t2_18, t2_19, t2_20, t2_22, t2_24, t2_25,
-        t2_32, t2_33, t2_36, t2_38, t2_43, t2_44, t2_49, t2_52, t2_53, t2_56, w_e1xy, w_e1xx,
-        w_e1xz, t2_116, t2_117, t2_118, t2_125, t2_127, t2_128, t2_152, t2_153, t2_161, t2_166,
-        t2_167, t2_180, t2_191, t2_192, t2_195, t2_196, t2_200, t2_201, t2_205, t2_206, t2_208,
-        t2_209, t2_227, t2_228, t2_230, t2_231, t2_232, t2_236, t2_237, t2_238, t2_240, t2_241,
+        t2_7, t2_8, t2_9, t2_12, t2_15, pivot_3, t2_16, t2_17, t2_18, t2_19, t2_21, t2_23,
+        t2_24, t2_31, t2_32, t2_35, t2_36, t2_37, t2_42, t2_43, t2_48, t2_51, t2_52, t2_55,
+        w_e1xy, w_e1xx, w_e1xz, t2_115, t2_116, t2_117, t2_124, t2_126, t2_127, t2_151, t2_152,
+        t2_160, t2_165, t2_166, t2_179, t2_190, t2_191, t2_194, t2_195, t2_199, t2_200, t2_204,
+        t2_205, t2_207, t2_208, t2_226, t2_227, t2_229, t2_230, t2_231, t2_235, t2_236, t2_237,
+        t2_239, t2_240,
     ] = {
-        let t2_1 = like.lift(0.524).mul_add(t1_220, t1_217);
-        let t2_2 = sin_u3_1 * t1_220;
-        let t2_3 = sin_q3 * t1_218;
+        let t2_1 = like.lift(0.524).mul_add(t1_221, t1_218);
+        let t2_2 = sin_u3_1 * t1_221;
+        let t2_3 = sin_q3 * t1_219;
         let t2_4 = cos_q3.mul_add(t1_107, t2_3);
         let t2_5 = cos_u3_1.mul_add(t2_4, t2_2);
         let t2_6 = cos_u3_2 * t2_5;
@@ -16909,326 +16072,326 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let t2_8 = sin_u3_2.mul_add(t2_7, t2_6);
         let t2_9 = like.lift(1.244).mul_add(t2_8, t2_1);
         let t2_10 = t2_1 - t2_9;
-        let t2_11 = t1_186 * t2_10;
-        let t2_12 = (-t2_7).mul_add(t1_189, t2_11);
-        let t2_13 = t1_210 * t2_10;
-        let t2_14 = cos_u3_1 * t1_220;
+        let t2_11 = t1_187 * t2_10;
+        let t2_12 = (-t2_7).mul_add(t1_190, t2_11);
+        let t2_13 = t1_211 * t2_10;
+        let t2_14 = cos_u3_1 * t1_221;
         let t2_15 = (-sin_u3_1).mul_add(t2_4, t2_14);
-        let t2_16 = (-t2_15).mul_add(t1_189, t2_13);
-        let t2_17 = -t2_16;
-        let t2_18 = t1_137 + t1_138;
-        let t2_19 = u_platform_u1_1z + t2_18;
-        let t2_20 = u_e1x_u1_2z + t1_142;
-        let t2_21 = t2_7 * t1_204;
-        let t2_22 = (-t1_174).mul_add(t2_10, t2_21);
-        let t2_23 = t2_15 * t1_204;
-        let t2_24 = (-t1_207).mul_add(t2_10, t2_23);
-        let t2_25 = -t2_24;
-        let t2_26 = cos_u1_2_e1y * t1_210;
-        let t2_27 = like.lift(0.8660254037844386) * t2_26;
-        let t2_28 = e_e1x_q1y * t1_210;
-        let t2_29 = like.lift(-0.5).mul_add(t2_28, t2_27);
-        let t2_30 = like.lift(0.8660254037844386) * t2_15;
-        let t2_31 = like.lift(-0.5).mul_add(t1_207, t2_30);
-        let t2_32 = (-e_e1x_q1z).mul_add(t2_31, t2_29);
-        let t2_33 = -t2_32;
-        let t2_34 = cos_e1x * t1_210;
-        let t2_35 = like.lift(0.5) * t2_34;
-        let t2_36 = (-sin_e1x).mul_add(t2_31, t2_35);
-        let t2_37 = like.lift(0.8660254037844386) * t1_210;
-        let t2_38 = -t2_37;
-        let t2_39 = t2_7 * t1_210;
-        let t2_40 = like.lift(0.8660254037844386) * t2_39;
-        let t2_41 = t1_174 * t1_210;
-        let t2_42 = like.lift(-0.5).mul_add(t2_41, t2_40);
-        let t2_43 = (-t1_186).mul_add(t2_31, t2_42);
-        let t2_44 = -t2_43;
-        let t2_45 = t2_15 * t1_210;
-        let t2_46 = like.lift(0.8660254037844386) * t2_45;
-        let t2_47 = t1_207 * t1_210;
-        let t2_48 = like.lift(-0.5).mul_add(t2_47, t2_46);
-        let t2_49 = (-t1_210).mul_add(t2_31, t2_48);
-        let t2_50 = d_q1 * d_q1;
-        let t2_51 = sin_u1_1 * t2_50;
-        let t2_52 = cos_u1_2 * t2_51;
-        let a_rod1z = like.lift(0.524) * t2_52;
-        let t2_53 = t1_6 + t1_7;
-        let t2_54 = like.lift(1.244).mul_add(t2_53, a_rod1z);
-        let t2_55 = sin_e1y * t2_54;
-        let t2_56 = sin_u1_2 * t2_51;
-        let a_rod1x = like.lift(0.524) * t2_56;
-        let t2_57 = like.lift(1.244).mul_add(t1_2, a_rod1x);
-        let t2_58 = cos_e1y.mul_add(t2_57, t2_55);
-        let t2_59 = cos_u1_2_e1y * d_u1_2;
-        let t2_60 = w_u1_1x * t2_59;
+        let pivot_3 = (-t2_15).mul_add(t1_190, t2_13);
+        let t2_16 = -pivot_3;
+        let t2_17 = t1_137 + t1_138;
+        let t2_18 = u_platform_u1_1z + t2_17;
+        let t2_19 = u_e1x_u1_2z + t1_142;
+        let t2_20 = t2_7 * t1_205;
+        let t2_21 = (-t1_175).mul_add(t2_10, t2_20);
+        let t2_22 = t2_15 * t1_205;
+        let t2_23 = (-t1_208).mul_add(t2_10, t2_22);
+        let t2_24 = -t2_23;
+        let t2_25 = cos_u1_2_e1y * t1_211;
+        let t2_26 = like.lift(0.8660254037844386) * t2_25;
+        let t2_27 = e_e1x_q1y * t1_211;
+        let t2_28 = like.lift(-0.5).mul_add(t2_27, t2_26);
+        let t2_29 = like.lift(0.8660254037844386) * t2_15;
+        let t2_30 = like.lift(-0.5).mul_add(t1_208, t2_29);
+        let t2_31 = (-e_e1x_q1z).mul_add(t2_30, t2_28);
+        let t2_32 = -t2_31;
+        let t2_33 = cos_e1x * t1_211;
+        let t2_34 = like.lift(0.5) * t2_33;
+        let t2_35 = (-sin_e1x).mul_add(t2_30, t2_34);
+        let t2_36 = like.lift(0.8660254037844386) * t1_211;
+        let t2_37 = -t2_36;
+        let t2_38 = t2_7 * t1_211;
+        let t2_39 = like.lift(0.8660254037844386) * t2_38;
+        let t2_40 = t1_175 * t1_211;
+        let t2_41 = like.lift(-0.5).mul_add(t2_40, t2_39);
+        let t2_42 = (-t1_187).mul_add(t2_30, t2_41);
+        let t2_43 = -t2_42;
+        let t2_44 = t2_15 * t1_211;
+        let t2_45 = like.lift(0.8660254037844386) * t2_44;
+        let t2_46 = t1_208 * t1_211;
+        let t2_47 = like.lift(-0.5).mul_add(t2_46, t2_45);
+        let t2_48 = (-t1_211).mul_add(t2_30, t2_47);
+        let t2_49 = d_q1 * d_q1;
+        let t2_50 = sin_u1_1 * t2_49;
+        let t2_51 = cos_u1_2 * t2_50;
+        let a_rod1z = like.lift(0.524) * t2_51;
+        let t2_52 = t1_6 + t1_7;
+        let t2_53 = like.lift(1.244).mul_add(t2_52, a_rod1z);
+        let t2_54 = sin_e1y * t2_53;
+        let t2_55 = sin_u1_2 * t2_50;
+        let a_rod1x = like.lift(0.524) * t2_55;
+        let t2_56 = like.lift(1.244).mul_add(t1_2, a_rod1x);
+        let t2_57 = cos_e1y.mul_add(t2_56, t2_54);
+        let t2_58 = cos_u1_2_e1y * d_u1_2;
+        let t2_59 = w_u1_1x * t2_58;
         let w_e1yx = cos_u1_2_e1y * w_u1_1x;
-        let t2_61 = d_e1y.mul_add(w_e1yx, t2_60);
-        let t2_62 = cos_e1x * t2_61;
+        let t2_60 = d_e1y.mul_add(w_e1yx, t2_59);
+        let t2_61 = cos_e1x * t2_60;
         let w_e1yy = d_u1_2 + d_e1y;
-        let t2_63 = cos_e1x * w_e1yy;
+        let t2_62 = cos_e1x * w_e1yy;
         let w_e1yz = sin_u1_2_e1y * w_u1_1x;
-        let w_e1xy = sin_e1x.mul_add(w_e1yz, t2_63);
-        let t2_64 = (-d_e1x).mul_add(w_e1xy, t2_62);
+        let w_e1xy = sin_e1x.mul_add(w_e1yz, t2_62);
+        let t2_63 = (-d_e1x).mul_add(w_e1xy, t2_61);
         let w_e1xx = d_e1x + w_e1yx;
-        let t2_65 = w_e1xy * w_e1xx;
-        let t2_66 = t2_64 - t2_65;
-        let t2_67 = like.lift(-0.044).mul_add(t2_66, t2_58);
-        let t2_68 = sin_e1x * w_e1yy;
-        let w_e1xz = (-cos_e1x).mul_add(w_e1yz, t2_68);
-        let t2_69 = w_e1xz * w_e1xz;
-        let t2_70 = w_e1xy.mul_add(w_e1xy, t2_69);
-        let t2_71 = like.lift(0.0381051177665153) * t2_70;
-        let t2_72 = like.lift(0.022) * t2_66;
-        let t2_73 = t2_71 + t2_72;
-        let t2_74 = t2_67 - t2_73;
-        let t2_75 = t1_25 * d_q2;
-        let t2_76 = t1_126 * d_q2;
-        let t2_77 = t1_79 * t2_76;
-        let t2_78 = like.lift(0.524) * t2_77;
-        let t2_79 = t1_117 * t2_75;
-        let t2_80 = like.lift(-0.524).mul_add(t2_79, t2_78);
-        let t2_81 = t2_75 * t2_80;
-        let t2_82 = t1_63 * d_q2;
-        let t2_83 = t1_117 * t2_82;
-        let t2_84 = like.lift(0.524) * t2_83;
-        let t2_85 = t1_54 * t2_76;
-        let t2_86 = like.lift(-0.524).mul_add(t2_85, t2_84);
-        let t2_87 = (-t2_82).mul_add(t2_86, t2_81);
-        let t2_88 = t1_63.mul_add(d_u2_1, t2_82);
-        let t2_89 = t1_134 * t2_88;
-        let t2_90 = t1_126.mul_add(d_u2_1, t2_76);
-        let t2_91 = (-t1_94).mul_add(t2_90, t2_89);
-        let t2_92 = d_u2_2 * t2_91;
-        let t2_93 = t1_64 * t2_92;
-        let t2_94 = like.lift(1.244) * t2_93;
-        let t2_95 = t1_91 * t2_90;
-        let t2_96 = t1_25.mul_add(d_u2_1, t2_75);
-        let t2_97 = (-t1_134).mul_add(t2_96, t2_95);
-        let t2_98 = d_u2_2 * t2_97;
-        let t2_99 = t1_86 * t2_98;
-        let t2_100 = like.lift(-1.244).mul_add(t2_99, t2_94);
-        let t2_101 = t2_87 + t2_100;
-        let t2_102 = t1_91.mul_add(d_u2_2, t2_96);
-        let t2_103 = t1_134.mul_add(d_u2_2, t2_90);
-        let t2_104 = t1_86 * t2_103;
-        let t2_105 = like.lift(1.244) * t2_104;
-        let t2_106 = t1_127 * t2_102;
-        let t2_107 = like.lift(-1.244).mul_add(t2_106, t2_105);
-        let t2_108 = t2_102 * t2_107;
-        let t2_109 = t1_94.mul_add(d_u2_2, t2_88);
-        let t2_110 = t1_127 * t2_109;
-        let t2_111 = like.lift(1.244) * t2_110;
-        let t2_112 = t1_64 * t2_103;
-        let t2_113 = like.lift(-1.244).mul_add(t2_112, t2_111);
-        let t2_114 = (-t2_109).mul_add(t2_113, t2_108);
-        let t2_115 = t2_101 + t2_114;
-        let t2_116 = t2_74 - t2_115;
-        let t2_117 = -t2_116;
-        let t2_118 = cos_u1_1 * t2_50;
-        let a_u1_1y = like.lift(0.524) * t2_118;
-        let t2_119 = like.lift(2.488).mul_add(t1_1, a_u1_1y);
-        let t2_120 = cos_e1x * t2_119;
-        let t2_121 = cos_e1y * t2_54;
-        let t2_122 = (-sin_e1y).mul_add(t2_57, t2_121);
-        let t2_123 = (-sin_e1x).mul_add(t2_122, t2_120);
-        let t2_124 = w_e1xx.mul_add(w_e1xx, t2_69);
-        let t2_125 = like.lift(-0.044).mul_add(t2_124, t2_123);
-        let t2_126 = t2_64 + t2_65;
-        let t2_127 = like.lift(0.0381051177665153) * t2_126;
-        let t2_128 = like.lift(0.022) * t2_124;
-        let t2_129 = t2_127 - t2_128;
-        let t2_130 = t2_125 + t2_129;
-        let t2_131 = t1_54 * t2_75;
-        let t2_132 = like.lift(0.524) * t2_131;
-        let t2_133 = t1_79 * t2_82;
-        let t2_134 = like.lift(-0.524).mul_add(t2_133, t2_132);
-        let t2_135 = t2_82 * t2_134;
-        let t2_136 = (-t2_76).mul_add(t2_80, t2_135);
-        let t2_137 = t1_127 * t2_98;
-        let t2_138 = like.lift(1.244) * t2_137;
-        let t2_139 = t1_94 * t2_96;
-        let t2_140 = (-t1_91).mul_add(t2_88, t2_139);
-        let t2_141 = d_u2_2 * t2_140;
-        let t2_142 = t1_64 * t2_141;
-        let t2_143 = like.lift(-1.244).mul_add(t2_142, t2_138);
-        let t2_144 = t2_136 + t2_143;
-        let t2_145 = t1_64 * t2_102;
-        let t2_146 = like.lift(1.244) * t2_145;
-        let t2_147 = t1_86 * t2_109;
-        let t2_148 = like.lift(-1.244).mul_add(t2_147, t2_146);
-        let t2_149 = t2_109 * t2_148;
-        let t2_150 = (-t2_103).mul_add(t2_107, t2_149);
-        let t2_151 = t2_144 + t2_150;
-        let t2_152 = t2_130 - t2_151;
-        let t2_153 = -t2_152;
-        let t2_154 = sin_e1x * t2_119;
-        let t2_155 = cos_e1x.mul_add(t2_122, t2_154);
-        let t2_156 = sin_u1_2_e1y * d_u1_2;
-        let t2_157 = w_u1_1x * t2_156;
-        let t2_158 = d_e1y.mul_add(w_e1yz, t2_157);
-        let t2_159 = w_e1xy * w_e1xz;
-        let t2_160 = t2_158 + t2_159;
-        let t2_161 = like.lift(0.044).mul_add(t2_160, t2_155);
-        let t2_162 = sin_e1x * t2_61;
-        let t2_163 = (-d_e1x).mul_add(w_e1xz, t2_162);
-        let t2_164 = w_e1xz * w_e1xx;
-        let t2_165 = t2_163 + t2_164;
-        let t2_166 = like.lift(0.0381051177665153) * t2_165;
-        let t2_167 = like.lift(0.022) * t2_160;
-        let t2_168 = t2_166 + t2_167;
-        let t2_169 = t2_161 + t2_168;
-        let t2_170 = t2_76 * t2_86;
-        let t2_171 = (-t2_75).mul_add(t2_134, t2_170);
-        let t2_172 = t1_86 * t2_141;
-        let t2_173 = like.lift(1.244) * t2_172;
-        let t2_174 = t1_127 * t2_92;
-        let t2_175 = like.lift(-1.244).mul_add(t2_174, t2_173);
-        let t2_176 = t2_171 + t2_175;
-        let t2_177 = t2_103 * t2_113;
-        let t2_178 = (-t2_102).mul_add(t2_148, t2_177);
-        let t2_179 = t2_176 + t2_178;
-        let t2_180 = t2_169 + t2_179;
-        let t2_181 = t1_94 * t2_102;
-        let t2_182 = (-t1_91).mul_add(t2_109, t2_181);
-        let t2_183 = w_e1xz * t2_182;
-        let t2_184 = like.lift(0.8660254037844386) * t2_183;
-        let t2_185 = t1_134 * t2_109;
-        let t2_186 = (-t1_94).mul_add(t2_103, t2_185);
-        let t2_187 = w_e1xz * t2_186;
-        let t2_188 = like.lift(0.5).mul_add(t2_187, t2_184);
-        let t2_189 = t1_91 * t2_103;
-        let t2_190 = (-t1_134).mul_add(t2_102, t2_189);
-        let t2_191 = like.lift(0.8660254037844386) * w_e1xx;
-        let t2_192 = like.lift(0.5) * w_e1xy;
-        let t2_193 = t2_191 + t2_192;
-        let t2_194 = t2_190.mul_add(t2_193, t2_188);
-        let t2_195 = like.lift(0.8660254037844386) * t2_64;
-        let t2_196 = like.lift(0.5) * t2_69;
-        let t2_197 = w_e1xy.mul_add(t2_193, t2_196);
-        let t2_198 = t2_195 - t2_197;
-        let t2_199 = t1_134 * t2_198;
-        let t2_200 = like.lift(0.5) * t2_64;
-        let t2_201 = like.lift(0.8660254037844386) * t2_69;
-        let t2_202 = w_e1xx.mul_add(t2_193, t2_201);
-        let t2_203 = t2_200 + t2_202;
-        let t2_204 = t1_91.mul_add(t2_203, t2_199);
-        let t2_205 = like.lift(0.8660254037844386) * t2_158;
-        let t2_206 = like.lift(0.5) * t2_163;
-        let t2_207 = t2_205 - t2_206;
-        let t2_208 = like.lift(0.5) * t2_164;
-        let t2_209 = like.lift(0.8660254037844386) * t2_159;
-        let t2_210 = t2_208 - t2_209;
-        let t2_211 = t2_207 - t2_210;
-        let t2_212 = t1_94.mul_add(t2_211, t2_204);
-        let t2_213 = t2_212 + t2_194;
-        let t2_214 = t2_194 + t2_213;
-        let t2_215 = t2_102 * t2_190;
-        let t2_216 = (-t2_109).mul_add(t2_186, t2_215);
-        let t2_217 = t1_94 * t2_92;
-        let t2_218 = (-t1_91).mul_add(t2_98, t2_217);
-        let t2_219 = t2_216 + t2_218;
-        let t2_220 = like.lift(0.5) * t2_219;
-        let t2_221 = t2_109 * t2_182;
-        let t2_222 = (-t2_103).mul_add(t2_190, t2_221);
-        let t2_223 = t1_134 * t2_98;
-        let t2_224 = (-t1_94).mul_add(t2_141, t2_223);
-        let t2_225 = t2_222 + t2_224;
-        let t2_226 = like.lift(-0.8660254037844386).mul_add(t2_225, t2_220);
-        let t2_227 = t2_214 + t2_226;
-        let t2_228 = -t2_227;
-        let t2_229 = t2_71 - t2_72;
-        let t2_230 = t2_67 + t2_229;
-        let t2_231 = t1_174 * d_q3;
-        let t2_232 = t2_7 * d_q3;
-        let t2_233 = t1_195 * t2_232;
-        let t2_234 = like.lift(0.524) * t2_233;
-        let t2_235 = t1_220 * t2_231;
-        let t2_236 = like.lift(-0.524).mul_add(t2_235, t2_234);
-        let t2_237 = t2_231 * t2_236;
-        let t2_238 = t1_186 * d_q3;
-        let t2_239 = t1_220 * t2_238;
-        let t2_240 = like.lift(0.524) * t2_239;
-        let t2_241 = t1_179 * t2_232;
+        let t2_64 = w_e1xy * w_e1xx;
+        let t2_65 = t2_63 - t2_64;
+        let t2_66 = like.lift(-0.044).mul_add(t2_65, t2_57);
+        let t2_67 = sin_e1x * w_e1yy;
+        let w_e1xz = (-cos_e1x).mul_add(w_e1yz, t2_67);
+        let t2_68 = w_e1xz * w_e1xz;
+        let t2_69 = w_e1xy.mul_add(w_e1xy, t2_68);
+        let t2_70 = like.lift(0.0381051177665153) * t2_69;
+        let t2_71 = like.lift(0.022) * t2_65;
+        let t2_72 = t2_70 + t2_71;
+        let t2_73 = t2_66 - t2_72;
+        let t2_74 = t1_25 * d_q2;
+        let t2_75 = t1_126 * d_q2;
+        let t2_76 = t1_79 * t2_75;
+        let t2_77 = like.lift(0.524) * t2_76;
+        let t2_78 = t1_117 * t2_74;
+        let t2_79 = like.lift(-0.524).mul_add(t2_78, t2_77);
+        let t2_80 = t2_74 * t2_79;
+        let t2_81 = t1_63 * d_q2;
+        let t2_82 = t1_117 * t2_81;
+        let t2_83 = like.lift(0.524) * t2_82;
+        let t2_84 = t1_54 * t2_75;
+        let t2_85 = like.lift(-0.524).mul_add(t2_84, t2_83);
+        let t2_86 = (-t2_81).mul_add(t2_85, t2_80);
+        let t2_87 = t1_63.mul_add(d_u2_1, t2_81);
+        let t2_88 = t1_134 * t2_87;
+        let t2_89 = t1_126.mul_add(d_u2_1, t2_75);
+        let t2_90 = (-t1_94).mul_add(t2_89, t2_88);
+        let t2_91 = d_u2_2 * t2_90;
+        let t2_92 = t1_64 * t2_91;
+        let t2_93 = like.lift(1.244) * t2_92;
+        let t2_94 = t1_91 * t2_89;
+        let t2_95 = t1_25.mul_add(d_u2_1, t2_74);
+        let t2_96 = (-t1_134).mul_add(t2_95, t2_94);
+        let t2_97 = d_u2_2 * t2_96;
+        let t2_98 = t1_86 * t2_97;
+        let t2_99 = like.lift(-1.244).mul_add(t2_98, t2_93);
+        let t2_100 = t2_86 + t2_99;
+        let t2_101 = t1_91.mul_add(d_u2_2, t2_95);
+        let t2_102 = t1_134.mul_add(d_u2_2, t2_89);
+        let t2_103 = t1_86 * t2_102;
+        let t2_104 = like.lift(1.244) * t2_103;
+        let t2_105 = t1_127 * t2_101;
+        let t2_106 = like.lift(-1.244).mul_add(t2_105, t2_104);
+        let t2_107 = t2_101 * t2_106;
+        let t2_108 = t1_94.mul_add(d_u2_2, t2_87);
+        let t2_109 = t1_127 * t2_108;
+        let t2_110 = like.lift(1.244) * t2_109;
+        let t2_111 = t1_64 * t2_102;
+        let t2_112 = like.lift(-1.244).mul_add(t2_111, t2_110);
+        let t2_113 = (-t2_108).mul_add(t2_112, t2_107);
+        let t2_114 = t2_100 + t2_113;
+        let t2_115 = t2_73 - t2_114;
+        let t2_116 = -t2_115;
+        let t2_117 = cos_u1_1 * t2_49;
+        let a_u1_1y = like.lift(0.524) * t2_117;
+        let t2_118 = like.lift(2.488).mul_add(t1_1, a_u1_1y);
+        let t2_119 = cos_e1x * t2_118;
+        let t2_120 = cos_e1y * t2_53;
+        let t2_121 = (-sin_e1y).mul_add(t2_56, t2_120);
+        let t2_122 = (-sin_e1x).mul_add(t2_121, t2_119);
+        let t2_123 = w_e1xx.mul_add(w_e1xx, t2_68);
+        let t2_124 = like.lift(-0.044).mul_add(t2_123, t2_122);
+        let t2_125 = t2_63 + t2_64;
+        let t2_126 = like.lift(0.0381051177665153) * t2_125;
+        let t2_127 = like.lift(0.022) * t2_123;
+        let t2_128 = t2_126 - t2_127;
+        let t2_129 = t2_124 + t2_128;
+        let t2_130 = t1_54 * t2_74;
+        let t2_131 = like.lift(0.524) * t2_130;
+        let t2_132 = t1_79 * t2_81;
+        let t2_133 = like.lift(-0.524).mul_add(t2_132, t2_131);
+        let t2_134 = t2_81 * t2_133;
+        let t2_135 = (-t2_75).mul_add(t2_79, t2_134);
+        let t2_136 = t1_127 * t2_97;
+        let t2_137 = like.lift(1.244) * t2_136;
+        let t2_138 = t1_94 * t2_95;
+        let t2_139 = (-t1_91).mul_add(t2_87, t2_138);
+        let t2_140 = d_u2_2 * t2_139;
+        let t2_141 = t1_64 * t2_140;
+        let t2_142 = like.lift(-1.244).mul_add(t2_141, t2_137);
+        let t2_143 = t2_135 + t2_142;
+        let t2_144 = t1_64 * t2_101;
+        let t2_145 = like.lift(1.244) * t2_144;
+        let t2_146 = t1_86 * t2_108;
+        let t2_147 = like.lift(-1.244).mul_add(t2_146, t2_145);
+        let t2_148 = t2_108 * t2_147;
+        let t2_149 = (-t2_102).mul_add(t2_106, t2_148);
+        let t2_150 = t2_143 + t2_149;
+        let t2_151 = t2_129 - t2_150;
+        let t2_152 = -t2_151;
+        let t2_153 = sin_e1x * t2_118;
+        let t2_154 = cos_e1x.mul_add(t2_121, t2_153);
+        let t2_155 = sin_u1_2_e1y * d_u1_2;
+        let t2_156 = w_u1_1x * t2_155;
+        let t2_157 = d_e1y.mul_add(w_e1yz, t2_156);
+        let t2_158 = w_e1xy * w_e1xz;
+        let t2_159 = t2_157 + t2_158;
+        let t2_160 = like.lift(0.044).mul_add(t2_159, t2_154);
+        let t2_161 = sin_e1x * t2_60;
+        let t2_162 = (-d_e1x).mul_add(w_e1xz, t2_161);
+        let t2_163 = w_e1xz * w_e1xx;
+        let t2_164 = t2_162 + t2_163;
+        let t2_165 = like.lift(0.0381051177665153) * t2_164;
+        let t2_166 = like.lift(0.022) * t2_159;
+        let t2_167 = t2_165 + t2_166;
+        let t2_168 = t2_160 + t2_167;
+        let t2_169 = t2_75 * t2_85;
+        let t2_170 = (-t2_74).mul_add(t2_133, t2_169);
+        let t2_171 = t1_86 * t2_140;
+        let t2_172 = like.lift(1.244) * t2_171;
+        let t2_173 = t1_127 * t2_91;
+        let t2_174 = like.lift(-1.244).mul_add(t2_173, t2_172);
+        let t2_175 = t2_170 + t2_174;
+        let t2_176 = t2_102 * t2_112;
+        let t2_177 = (-t2_101).mul_add(t2_147, t2_176);
+        let t2_178 = t2_175 + t2_177;
+        let t2_179 = t2_168 + t2_178;
+        let t2_180 = t1_94 * t2_101;
+        let t2_181 = (-t1_91).mul_add(t2_108, t2_180);
+        let t2_182 = w_e1xz * t2_181;
+        let t2_183 = like.lift(0.8660254037844386) * t2_182;
+        let t2_184 = t1_134 * t2_108;
+        let t2_185 = (-t1_94).mul_add(t2_102, t2_184);
+        let t2_186 = w_e1xz * t2_185;
+        let t2_187 = like.lift(0.5).mul_add(t2_186, t2_183);
+        let t2_188 = t1_91 * t2_102;
+        let t2_189 = (-t1_134).mul_add(t2_101, t2_188);
+        let t2_190 = like.lift(0.8660254037844386) * w_e1xx;
+        let t2_191 = like.lift(0.5) * w_e1xy;
+        let t2_192 = t2_190 + t2_191;
+        let t2_193 = t2_189.mul_add(t2_192, t2_187);
+        let t2_194 = like.lift(0.8660254037844386) * t2_63;
+        let t2_195 = like.lift(0.5) * t2_68;
+        let t2_196 = w_e1xy.mul_add(t2_192, t2_195);
+        let t2_197 = t2_194 - t2_196;
+        let t2_198 = t1_134 * t2_197;
+        let t2_199 = like.lift(0.5) * t2_63;
+        let t2_200 = like.lift(0.8660254037844386) * t2_68;
+        let t2_201 = w_e1xx.mul_add(t2_192, t2_200);
+        let t2_202 = t2_199 + t2_201;
+        let t2_203 = t1_91.mul_add(t2_202, t2_198);
+        let t2_204 = like.lift(0.8660254037844386) * t2_157;
+        let t2_205 = like.lift(0.5) * t2_162;
+        let t2_206 = t2_204 - t2_205;
+        let t2_207 = like.lift(0.5) * t2_163;
+        let t2_208 = like.lift(0.8660254037844386) * t2_158;
+        let t2_209 = t2_207 - t2_208;
+        let t2_210 = t2_206 - t2_209;
+        let t2_211 = t1_94.mul_add(t2_210, t2_203);
+        let t2_212 = t2_211 + t2_193;
+        let t2_213 = t2_193 + t2_212;
+        let t2_214 = t2_101 * t2_189;
+        let t2_215 = (-t2_108).mul_add(t2_185, t2_214);
+        let t2_216 = t1_94 * t2_91;
+        let t2_217 = (-t1_91).mul_add(t2_97, t2_216);
+        let t2_218 = t2_215 + t2_217;
+        let t2_219 = like.lift(0.5) * t2_218;
+        let t2_220 = t2_108 * t2_181;
+        let t2_221 = (-t2_102).mul_add(t2_189, t2_220);
+        let t2_222 = t1_134 * t2_97;
+        let t2_223 = (-t1_94).mul_add(t2_140, t2_222);
+        let t2_224 = t2_221 + t2_223;
+        let t2_225 = like.lift(-0.8660254037844386).mul_add(t2_224, t2_219);
+        let t2_226 = t2_213 + t2_225;
+        let t2_227 = -t2_226;
+        let t2_228 = t2_70 - t2_71;
+        let t2_229 = t2_66 + t2_228;
+        let t2_230 = t1_175 * d_q3;
+        let t2_231 = t2_7 * d_q3;
+        let t2_232 = t1_196 * t2_231;
+        let t2_233 = like.lift(0.524) * t2_232;
+        let t2_234 = t1_221 * t2_230;
+        let t2_235 = like.lift(-0.524).mul_add(t2_234, t2_233);
+        let t2_236 = t2_230 * t2_235;
+        let t2_237 = t1_187 * d_q3;
+        let t2_238 = t1_221 * t2_237;
+        let t2_239 = like.lift(0.524) * t2_238;
+        let t2_240 = t1_180 * t2_231;
         [
-            t2_7, t2_8, t2_9, t2_12, t2_15, t2_16, t2_17, t2_18, t2_19, t2_20, t2_22, t2_24,
-            t2_25, t2_32, t2_33, t2_36, t2_38, t2_43, t2_44, t2_49, t2_52, t2_53, t2_56,
-            w_e1xy, w_e1xx, w_e1xz, t2_116, t2_117, t2_118, t2_125, t2_127, t2_128, t2_152,
-            t2_153, t2_161, t2_166, t2_167, t2_180, t2_191, t2_192, t2_195, t2_196, t2_200,
-            t2_201, t2_205, t2_206, t2_208, t2_209, t2_227, t2_228, t2_230, t2_231, t2_232,
-            t2_236, t2_237, t2_238, t2_240, t2_241,
+            t2_7, t2_8, t2_9, t2_12, t2_15, pivot_3, t2_16, t2_17, t2_18, t2_19, t2_21, t2_23,
+            t2_24, t2_31, t2_32, t2_35, t2_36, t2_37, t2_42, t2_43, t2_48, t2_51, t2_52, t2_55,
+            w_e1xy, w_e1xx, w_e1xz, t2_115, t2_116, t2_117, t2_124, t2_126, t2_127, t2_151,
+            t2_152, t2_160, t2_165, t2_166, t2_179, t2_190, t2_191, t2_194, t2_195, t2_199,
+            t2_200, t2_204, t2_205, t2_207, t2_208, t2_226, t2_227, t2_229, t2_230, t2_231,
+            t2_235, t2_236, t2_237, t2_239, t2_240,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        inv_pivot_1, t3_109, t3_111, t3_112, pivot_2, inv_pivot_2, t3_114, t3_116, t3_119,
-        t3_120, t3_121, pivot_4, inv_pivot_4, t3_135, t3_139, t3_142, t3_143, t3_146, pivot_5,
-        inv_pivot_5, t3_150, t3_151, t3_157, t3_158, t3_159, t3_164, pivot_6, inv_pivot_6,
-        t3_168, t3_169, t3_172, t3_174, t3_175, t3_180, pivot_7, inv_pivot_7, t3_186, t3_187,
-        t3_188, t3_190, t3_194, t3_196, t3_199, inv_pivot_8, t3_236, al_u1_1x, al_rod1y,
-        al_u2_1x, al_rod2y, al_u3_1x, al_rod3y,
+        inv_pivot_1, t3_109, t3_111, t3_112, pivot_2, inv_pivot_2, t3_114, pivot_5,
+        inv_pivot_5, t3_119, t3_120, inv_pivot_3, t3_121, t3_123, t3_124, pivot_4, inv_pivot_4,
+        t3_126, t3_129, t3_131, pivot_6, inv_pivot_6, t3_139, t3_144, t3_145, t3_146, t3_147,
+        t3_151, t3_155, t3_160, inv_pivot_7, t3_166, t3_167, t3_168, t3_171, t3_173, t3_178,
+        t3_185, inv_pivot_8, t3_223, t3_224, al_u1_1x, al_rod1y, al_u2_1x, al_rod2y, al_u3_1x,
+        al_rod3y,
     ] = {
-        let t3_1 = like.lift(-0.524).mul_add(t2_241, t2_240);
-        let t3_2 = (-t2_238).mul_add(t3_1, t2_237);
-        let t3_3 = t1_186.mul_add(d_u3_1, t2_238);
+        let t3_1 = like.lift(-0.524).mul_add(t2_240, t2_239);
+        let t3_2 = (-t2_237).mul_add(t3_1, t2_236);
+        let t3_3 = t1_187.mul_add(d_u3_1, t2_237);
         let t3_4 = t2_15 * t3_3;
-        let t3_5 = t2_7.mul_add(d_u3_1, t2_232);
-        let t3_6 = (-t1_210).mul_add(t3_5, t3_4);
+        let t3_5 = t2_7.mul_add(d_u3_1, t2_231);
+        let t3_6 = (-t1_211).mul_add(t3_5, t3_4);
         let t3_7 = d_u3_2 * t3_6;
-        let t3_8 = t1_187 * t3_7;
+        let t3_8 = t1_188 * t3_7;
         let t3_9 = like.lift(1.244) * t3_8;
-        let t3_10 = t1_207 * t3_5;
-        let t3_11 = t1_174.mul_add(d_u3_1, t2_231);
+        let t3_10 = t1_208 * t3_5;
+        let t3_11 = t1_175.mul_add(d_u3_1, t2_230);
         let t3_12 = (-t2_15).mul_add(t3_11, t3_10);
         let t3_13 = d_u3_2 * t3_12;
-        let t3_14 = t1_202 * t3_13;
+        let t3_14 = t1_203 * t3_13;
         let t3_15 = like.lift(-1.244).mul_add(t3_14, t3_9);
         let t3_16 = t3_2 - t3_15;
-        let t3_17 = (-t1_207).mul_add(d_u3_2, t3_11);
+        let t3_17 = (-t1_208).mul_add(d_u3_2, t3_11);
         let t3_18 = (-t2_15).mul_add(d_u3_2, t3_5);
-        let t3_19 = t1_202 * t3_18;
+        let t3_19 = t1_203 * t3_18;
         let t3_20 = like.lift(1.244) * t3_19;
         let t3_21 = t2_8 * t3_17;
         let t3_22 = like.lift(-1.244).mul_add(t3_21, t3_20);
         let t3_23 = t3_17 * t3_22;
-        let t3_24 = (-t1_210).mul_add(d_u3_2, t3_3);
+        let t3_24 = (-t1_211).mul_add(d_u3_2, t3_3);
         let t3_25 = t2_8 * t3_24;
         let t3_26 = like.lift(1.244) * t3_25;
-        let t3_27 = t1_187 * t3_18;
+        let t3_27 = t1_188 * t3_18;
         let t3_28 = like.lift(-1.244).mul_add(t3_27, t3_26);
         let t3_29 = (-t3_24).mul_add(t3_28, t3_23);
         let t3_30 = t3_16 + t3_29;
-        let t3_31 = t2_230 + t3_30;
+        let t3_31 = t2_229 + t3_30;
         let t3_32 = -t3_31;
-        let t3_33 = t2_127 + t2_128;
-        let t3_34 = t2_125 - t3_33;
-        let t3_35 = t1_179 * t2_231;
+        let t3_33 = t2_126 + t2_127;
+        let t3_34 = t2_124 - t3_33;
+        let t3_35 = t1_180 * t2_230;
         let t3_36 = like.lift(0.524) * t3_35;
-        let t3_37 = t1_195 * t2_238;
+        let t3_37 = t1_196 * t2_237;
         let t3_38 = like.lift(-0.524).mul_add(t3_37, t3_36);
-        let t3_39 = t2_238 * t3_38;
-        let t3_40 = (-t2_232).mul_add(t2_236, t3_39);
+        let t3_39 = t2_237 * t3_38;
+        let t3_40 = (-t2_231).mul_add(t2_235, t3_39);
         let t3_41 = t2_8 * t3_13;
         let t3_42 = like.lift(1.244) * t3_41;
-        let t3_43 = t1_210 * t3_11;
-        let t3_44 = (-t1_207).mul_add(t3_3, t3_43);
+        let t3_43 = t1_211 * t3_11;
+        let t3_44 = (-t1_208).mul_add(t3_3, t3_43);
         let t3_45 = d_u3_2 * t3_44;
-        let t3_46 = t1_187 * t3_45;
+        let t3_46 = t1_188 * t3_45;
         let t3_47 = like.lift(-1.244).mul_add(t3_46, t3_42);
         let t3_48 = t3_40 - t3_47;
-        let t3_49 = t1_187 * t3_17;
+        let t3_49 = t1_188 * t3_17;
         let t3_50 = like.lift(1.244) * t3_49;
-        let t3_51 = t1_202 * t3_24;
+        let t3_51 = t1_203 * t3_24;
         let t3_52 = like.lift(-1.244).mul_add(t3_51, t3_50);
         let t3_53 = t3_24 * t3_52;
         let t3_54 = (-t3_18).mul_add(t3_22, t3_53);
         let t3_55 = t3_48 + t3_54;
         let t3_56 = t3_34 + t3_55;
         let t3_57 = -t3_56;
-        let t3_58 = t2_166 - t2_167;
-        let t3_59 = t2_161 - t3_58;
-        let t3_60 = t2_232 * t3_1;
-        let t3_61 = (-t2_231).mul_add(t3_38, t3_60);
-        let t3_62 = t1_202 * t3_45;
+        let t3_58 = t2_165 - t2_166;
+        let t3_59 = t2_160 - t3_58;
+        let t3_60 = t2_231 * t3_1;
+        let t3_61 = (-t2_230).mul_add(t3_38, t3_60);
+        let t3_62 = t1_203 * t3_45;
         let t3_63 = like.lift(1.244) * t3_62;
         let t3_64 = t2_8 * t3_7;
         let t3_65 = like.lift(-1.244).mul_add(t3_64, t3_63);
@@ -17237,40 +16400,40 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let t3_68 = (-t3_17).mul_add(t3_52, t3_67);
         let t3_69 = t3_66 + t3_68;
         let t3_70 = t3_59 - t3_69;
-        let t3_71 = t1_210 * t3_17;
-        let t3_72 = (-t1_207).mul_add(t3_24, t3_71);
+        let t3_71 = t1_211 * t3_17;
+        let t3_72 = (-t1_208).mul_add(t3_24, t3_71);
         let t3_73 = w_e1xz * t3_72;
         let t3_74 = like.lift(0.8660254037844386) * t3_73;
         let t3_75 = t2_15 * t3_24;
-        let t3_76 = (-t1_210).mul_add(t3_18, t3_75);
+        let t3_76 = (-t1_211).mul_add(t3_18, t3_75);
         let t3_77 = w_e1xz * t3_76;
         let t3_78 = like.lift(-0.5).mul_add(t3_77, t3_74);
-        let t3_79 = t1_207 * t3_18;
+        let t3_79 = t1_208 * t3_18;
         let t3_80 = (-t2_15).mul_add(t3_17, t3_79);
-        let t3_81 = t2_191 - t2_192;
+        let t3_81 = t2_190 - t2_191;
         let t3_82 = t3_80.mul_add(t3_81, t3_78);
-        let t3_83 = (-w_e1xy).mul_add(t3_81, t2_196);
-        let t3_84 = t2_195 + t3_83;
+        let t3_83 = (-w_e1xy).mul_add(t3_81, t2_195);
+        let t3_84 = t2_194 + t3_83;
         let t3_85 = t2_15 * t3_84;
-        let t3_86 = w_e1xx.mul_add(t3_81, t2_201);
-        let t3_87 = t2_200 - t3_86;
-        let t3_88 = (-t1_207).mul_add(t3_87, t3_85);
-        let t3_89 = t2_205 + t2_206;
-        let t3_90 = t2_208 + t2_209;
+        let t3_86 = w_e1xx.mul_add(t3_81, t2_200);
+        let t3_87 = t2_199 - t3_86;
+        let t3_88 = (-t1_208).mul_add(t3_87, t3_85);
+        let t3_89 = t2_204 + t2_205;
+        let t3_90 = t2_207 + t2_208;
         let t3_91 = t3_89 + t3_90;
-        let t3_92 = t1_210.mul_add(t3_91, t3_88);
+        let t3_92 = t1_211.mul_add(t3_91, t3_88);
         let t3_93 = t3_92 + t3_82;
         let t3_94 = t3_82 + t3_93;
         let t3_95 = t3_17 * t3_80;
         let t3_96 = (-t3_24).mul_add(t3_76, t3_95);
-        let t3_97 = t1_210 * t3_7;
-        let t3_98 = (-t1_207).mul_add(t3_13, t3_97);
+        let t3_97 = t1_211 * t3_7;
+        let t3_98 = (-t1_208).mul_add(t3_13, t3_97);
         let t3_99 = t3_96 - t3_98;
         let t3_100 = like.lift(0.5) * t3_99;
         let t3_101 = t3_24 * t3_72;
         let t3_102 = (-t3_18).mul_add(t3_80, t3_101);
         let t3_103 = t2_15 * t3_13;
-        let t3_104 = (-t1_210).mul_add(t3_45, t3_103);
+        let t3_104 = (-t1_211).mul_add(t3_45, t3_103);
         let t3_105 = t3_102 - t3_104;
         let t3_106 = like.lift(0.8660254037844386).mul_add(t3_105, t3_100);
         let t3_107 = t3_94 - t3_106;
@@ -17284,174 +16447,163 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let pivot_2 = (-t1_131).mul_add(t3_111, t1_89);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
         let t3_114 = t3_113 * inv_pivot_2;
-        let t3_115 = t3_112.mul_add(t3_114, t3_110);
-        let t3_116 = t1_172 * inv_pivot_1;
-        let t3_117 = t1_98.mul_add(t3_116, t1_155);
-        let t3_118 = (-t1_131).mul_add(t3_116, t1_166);
-        let t3_119 = t3_118 * inv_pivot_2;
-        let t3_120 = t3_112.mul_add(t3_119, t3_117);
-        let t3_121 = like.lift(1.0) / t1_94;
-        let t3_122 = t3_120 * t3_121;
-        let t3_123 = like.lift(0.0762102355330306) * t3_122;
-        let pivot_4 = t3_115 - t3_123;
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t3_124 = t3_109.mul_add(t2_152, t2_180);
-        let t3_125 = (-t3_111).mul_add(t2_152, t2_116);
-        let t3_126 = t3_114.mul_add(t3_125, t3_124);
-        let t3_127 = t3_116.mul_add(t2_152, t2_227);
-        let t3_128 = t3_119.mul_add(t3_125, t3_127);
-        let t3_129 = t3_121 * t3_128;
-        let t3_130 = like.lift(0.0762102355330306) * t3_129;
-        let t3_131 = t3_126 - t3_130;
-        let t3_132 = sin_e1x * t3_109;
-        let t3_133 = like.lift(-0.0381051177665153).mul_add(t3_132, t1_142);
-        let t3_134 = sin_e1x * t3_111;
-        let t3_135 = like.lift(0.0381051177665153).mul_add(t3_134, t1_17);
-        let t3_136 = t3_135.mul_add(t3_114, t3_133);
-        let t3_137 = sin_e1x * t3_116;
-        let t3_138 = like.lift(0.0381051177665153).mul_add(t3_137, t1_159);
-        let t3_139 = (-t3_135).mul_add(t3_119, t3_138);
-        let t3_140 = t3_139 * t3_121;
-        let t3_141 = like.lift(0.0762102355330306) * t3_140;
-        let t3_142 = t3_136 + t3_141;
-        let t3_143 = t1_210 * t3_121;
-        let t3_144 = t3_139.mul_add(t3_143, t2_36);
-        let t3_145 = (-t3_120).mul_add(t3_143, t2_32);
-        let t3_146 = t3_145 * inv_pivot_4;
-        let pivot_5 = (-t3_142).mul_add(t3_146, t3_144);
+        let pivot_5 = t3_112.mul_add(t3_114, t3_110);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t3_147 = (-t3_143).mul_add(t3_128, t3_107);
-        let t3_148 = (-t3_146).mul_add(t3_131, t3_147);
-        let t3_149 = (-t1_102).mul_add(t3_116, t1_159);
-        let t3_150 = (-t1_102).mul_add(t3_111, t1_16);
-        let t3_151 = (-t3_150).mul_add(t3_119, t3_149);
-        let t3_152 = t3_151.mul_add(t3_143, t2_36);
-        let t3_153 = (-t1_102).mul_add(t3_109, t1_143);
-        let t3_154 = (-t3_150).mul_add(t3_114, t3_153);
-        let t3_155 = t3_151 * t3_121;
-        let t3_156 = like.lift(0.0762102355330306) * t3_155;
-        let t3_157 = t3_154 - t3_156;
-        let t3_158 = t3_157.mul_add(t3_146, t3_152);
-        let t3_159 = e_e1x_q1z * inv_pivot_4;
-        let t3_160 = t3_157 * t3_159;
-        let t3_161 = like.lift(0.066).mul_add(t3_160, t1_16);
-        let t3_162 = t3_142 * t3_159;
-        let t3_163 = like.lift(-0.066).mul_add(t3_162, t1_17);
-        let t3_164 = t3_163 * inv_pivot_5;
-        let pivot_6 = (-t3_158).mul_add(t3_164, t3_161);
+        let t3_115 = t3_109.mul_add(t2_151, t2_179);
+        let t3_116 = (-t3_111).mul_add(t2_151, t2_115);
+        let t3_117 = t3_114.mul_add(t3_116, t3_115);
+        let t3_118 = (-t1_102).mul_add(t3_109, t1_143);
+        let t3_119 = (-t1_102).mul_add(t3_111, t1_16);
+        let t3_120 = (-t3_119).mul_add(t3_114, t3_118);
+        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let t3_121 = t2_23 * inv_pivot_3;
+        let t3_122 = (-t1_216).mul_add(t3_121, t2_19);
+        let t3_123 = t1_212 * inv_pivot_3;
+        let t3_124 = (-t1_216).mul_add(t3_123, t1_16);
+        let t3_125 = (-t2_12).mul_add(t3_121, t2_21);
+        let pivot_4 = (-t2_12).mul_add(t3_123, t1_206);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t3_126 = t3_125 * inv_pivot_4;
+        let t3_127 = (-t3_124).mul_add(t3_126, t3_122);
+        let t3_128 = t1_214.mul_add(t3_121, t2_18);
+        let t3_129 = (-t1_214).mul_add(t3_123, t1_14);
+        let t3_130 = t3_129.mul_add(t3_126, t3_128);
+        let t3_131 = t3_130 * inv_pivot_5;
+        let pivot_6 = (-t3_120).mul_add(t3_131, t3_127);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t3_165 = t3_159 * t3_131;
-        let t3_166 = like.lift(-0.066).mul_add(t3_165, t3_31);
-        let t3_167 = (-t3_164).mul_add(t3_148, t3_166);
-        let t3_168 = t2_43 * t3_164;
-        let t3_169 = t1_205 + t3_168;
-        let t3_170 = t1_142 - t3_141;
-        let t3_171 = t2_19 - t3_123;
-        let t3_172 = t3_171 * inv_pivot_4;
-        let t3_173 = t3_142.mul_add(t3_172, t3_170);
-        let t3_174 = t3_173 * inv_pivot_5;
-        let t3_175 = t2_43 * t3_174;
-        let t3_176 = t2_22 + t3_175;
-        let t3_177 = t2_20 - t3_156;
-        let t3_178 = (-t3_157).mul_add(t3_172, t3_177);
-        let t3_179 = (-t3_158).mul_add(t3_174, t3_178);
-        let t3_180 = t3_179 * inv_pivot_6;
-        let pivot_7 = (-t3_169).mul_add(t3_180, t3_176);
+        let t3_132 = t3_121.mul_add(t3_56, t3_70);
+        let t3_133 = (-t3_123).mul_add(t3_56, t3_31);
+        let t3_134 = t3_126.mul_add(t3_133, t3_132);
+        let t3_135 = (-t3_131).mul_add(t3_117, t3_134);
+        let t3_136 = sin_e1x * t3_121;
+        let t3_137 = like.lift(-0.0381051177665153).mul_add(t3_136, t1_142);
+        let t3_138 = sin_e1x * t3_123;
+        let t3_139 = like.lift(-0.0381051177665153).mul_add(t3_138, t1_17);
+        let t3_140 = (-t3_139).mul_add(t3_126, t3_137);
+        let t3_141 = sin_e1x * t3_109;
+        let t3_142 = like.lift(-0.0381051177665153).mul_add(t3_141, t1_142);
+        let t3_143 = sin_e1x * t3_111;
+        let t3_144 = like.lift(0.0381051177665153).mul_add(t3_143, t1_17);
+        let t3_145 = t3_144.mul_add(t3_114, t3_142);
+        let t3_146 = t3_145.mul_add(t3_131, t3_140);
+        let t3_147 = t1_173 * inv_pivot_1;
+        let t3_148 = sin_e1x * t3_147;
+        let t3_149 = like.lift(0.0381051177665153).mul_add(t3_148, t1_159);
+        let t3_150 = (-t1_131).mul_add(t3_147, t1_167);
+        let t3_151 = t3_150 * inv_pivot_2;
+        let t3_152 = (-t3_144).mul_add(t3_151, t3_149);
+        let t3_153 = t1_98.mul_add(t3_147, t1_155);
+        let t3_154 = t3_112.mul_add(t3_151, t3_153);
+        let t3_155 = t3_154 * inv_pivot_5;
+        let t3_156 = t3_145.mul_add(t3_155, t3_152);
+        let t3_157 = (-t1_102).mul_add(t3_147, t1_159);
+        let t3_158 = (-t3_119).mul_add(t3_151, t3_157);
+        let t3_159 = (-t3_120).mul_add(t3_155, t3_158);
+        let t3_160 = t3_159 * inv_pivot_6;
+        let pivot_7 = (-t3_146).mul_add(t3_160, t3_156);
         let inv_pivot_7 = like.lift(1.0) / pivot_7;
-        let t3_181 = t3_70 - t3_130;
-        let t3_182 = (-t3_172).mul_add(t3_131, t3_181);
-        let t3_183 = t3_174.mul_add(t3_148, t3_182);
-        let t3_184 = t3_180.mul_add(t3_167, t3_183);
-        let t3_185 = t2_49.mul_add(t3_174, t2_24);
-        let t3_186 = t2_49.mul_add(t3_164, t1_211);
-        let t3_187 = (-t3_186).mul_add(t3_180, t3_185);
-        let t3_188 = t1_213 * inv_pivot_4;
-        let t3_189 = (-t3_142).mul_add(t3_188, t1_101);
-        let t3_190 = t3_189 * inv_pivot_5;
-        let t3_191 = t2_49.mul_add(t3_190, t2_16);
-        let t3_192 = t3_157.mul_add(t3_188, t1_215);
-        let t3_193 = (-t3_158).mul_add(t3_190, t3_192);
-        let t3_194 = t3_193 * inv_pivot_6;
-        let t3_195 = (-t3_186).mul_add(t3_194, t3_191);
-        let t3_196 = t2_43 * t3_190;
-        let t3_197 = t2_12 + t3_196;
-        let t3_198 = (-t3_169).mul_add(t3_194, t3_197);
-        let t3_199 = t3_198 * inv_pivot_7;
-        let pivot_8 = (-t3_187).mul_add(t3_199, t3_195);
+        let t3_161 = t3_147.mul_add(t2_151, t2_226);
+        let t3_162 = t3_151.mul_add(t3_116, t3_161);
+        let t3_163 = (-t3_155).mul_add(t3_117, t3_162);
+        let t3_164 = (-t3_160).mul_add(t3_135, t3_163);
+        let t3_165 = like.lift(-0.066).mul_add(t3_155, t1_161);
+        let t3_166 = like.lift(-0.066).mul_add(t3_131, like.lift(0.066));
+        let t3_167 = (-t3_166).mul_add(t3_160, t3_165);
+        let t3_168 = t2_48 * inv_pivot_3;
+        let t3_169 = t1_214.mul_add(t3_168, t2_31);
+        let t3_170 = (-t2_12).mul_add(t3_168, t2_42);
+        let t3_171 = t3_170 * inv_pivot_4;
+        let t3_172 = t3_129.mul_add(t3_171, t3_169);
+        let t3_173 = t3_172 * inv_pivot_5;
+        let t3_174 = like.lift(-0.066).mul_add(t3_173, t2_36);
+        let t3_175 = t1_216.mul_add(t3_168, t2_35);
+        let t3_176 = t3_124.mul_add(t3_171, t3_175);
+        let t3_177 = t3_120.mul_add(t3_173, t3_176);
+        let t3_178 = t3_177 * inv_pivot_6;
+        let t3_179 = t3_166.mul_add(t3_178, t3_174);
+        let t3_180 = sin_e1x * t3_168;
+        let t3_181 = like.lift(0.0381051177665153).mul_add(t3_180, t2_35);
+        let t3_182 = t3_139.mul_add(t3_171, t3_181);
+        let t3_183 = (-t3_145).mul_add(t3_173, t3_182);
+        let t3_184 = (-t3_146).mul_add(t3_178, t3_183);
+        let t3_185 = t3_184 * inv_pivot_7;
+        let pivot_8 = t3_167.mul_add(t3_185, t3_179);
         let inv_pivot_8 = like.lift(1.0) / pivot_8;
-        let t3_200 = (-t3_188).mul_add(t3_131, t3_56);
-        let t3_201 = (-t3_190).mul_add(t3_148, t3_200);
-        let t3_202 = (-t3_194).mul_add(t3_167, t3_201);
-        let t3_203 = t3_199.mul_add(t3_184, t3_202);
-        let t3_204 = inv_pivot_8 * t3_203;
-        let t3_205 = t3_187.mul_add(t3_204, t3_184);
-        let t3_206 = inv_pivot_7 * t3_205;
-        let t3_207 = t3_169.mul_add(t3_206, t3_167);
-        let t3_208 = (-t3_186).mul_add(t3_204, t3_207);
-        let t3_209 = inv_pivot_6 * t3_208;
-        let t3_210 = (-t3_158).mul_add(t3_209, t3_148);
-        let t3_211 = (-t2_43).mul_add(t3_206, t3_210);
-        let t3_212 = t2_49.mul_add(t3_204, t3_211);
-        let t3_213 = inv_pivot_5 * t3_212;
-        let t3_214 = (-t3_142).mul_add(t3_213, t3_131);
-        let t3_215 = t3_157.mul_add(t3_209, t3_214);
+        let t3_186 = t3_168.mul_add(t3_56, t3_107);
+        let t3_187 = t3_171.mul_add(t3_133, t3_186);
+        let t3_188 = (-t3_173).mul_add(t3_117, t3_187);
+        let t3_189 = t3_178.mul_add(t3_135, t3_188);
+        let t3_190 = t3_185.mul_add(t3_164, t3_189);
+        let t3_191 = inv_pivot_8 * t3_190;
+        let t3_192 = (-t3_167).mul_add(t3_191, t3_164);
+        let t3_193 = inv_pivot_7 * t3_192;
+        let t3_194 = (-t3_146).mul_add(t3_193, t3_135);
+        let t3_195 = (-t3_166).mul_add(t3_191, t3_194);
+        let t3_196 = inv_pivot_6 * t3_195;
+        let t3_197 = (-t3_120).mul_add(t3_196, t3_117);
+        let t3_198 = t3_145.mul_add(t3_193, t3_197);
+        let t3_199 = like.lift(-0.066).mul_add(t3_191, t3_198);
+        let t3_200 = inv_pivot_5 * t3_199;
+        let t3_201 = (-t3_112).mul_add(t3_200, t3_116);
+        let t3_202 = t3_119.mul_add(t3_196, t3_201);
+        let t3_203 = t3_144.mul_add(t3_193, t3_202);
+        let t3_204 = inv_pivot_2 * t3_203;
+        let t3_205 = -t3_204;
+        let t3_206 = sin_e1x * t3_193;
+        let t3_207 = like.lift(0.0381051177665153) * t3_206;
+        let t3_208 = (-t1_131).mul_add(t3_204, t2_151);
+        let t3_209 = (-t1_98).mul_add(t3_200, t3_208);
+        let t3_210 = t1_102.mul_add(t3_196, t3_209);
+        let t3_211 = t3_207 - t3_210;
+        let t3_212 = inv_pivot_1 * t3_211;
+        let t3_213 = (-t3_129).mul_add(t3_200, t3_133);
+        let t3_214 = t3_124.mul_add(t3_196, t3_213);
+        let t3_215 = t3_139.mul_add(t3_193, t3_214);
         let t3_216 = inv_pivot_4 * t3_215;
-        let t3_217 = -t3_209;
-        let t3_218 = -t3_213;
-        let t3_219 = (-t3_120).mul_add(t3_216, t3_128);
-        let t3_220 = t3_139.mul_add(t3_213, t3_219);
-        let t3_221 = t3_151.mul_add(t3_209, t3_220);
-        let t3_222 = t3_121 * t3_221;
-        let t3_223 = like.lift(1.1547005383792515) * t3_222;
-        let t3_224 = (-t3_112).mul_add(t3_216, t3_125);
-        let t3_225 = (-t3_135).mul_add(t3_213, t3_224);
-        let t3_226 = (-t3_150).mul_add(t3_209, t3_225);
-        let t3_227 = inv_pivot_2 * t3_226;
-        let t3_228 = -t3_227;
-        let t3_229 = (-t1_131).mul_add(t3_227, t2_152);
-        let t3_230 = (-t1_98).mul_add(t3_216, t3_229);
-        let t3_231 = sin_e1x * t3_213;
-        let t3_232 = like.lift(0.0381051177665153).mul_add(t3_231, t3_230);
-        let t3_233 = (-t1_102).mul_add(t3_209, t3_232);
-        let t3_234 = inv_pivot_1 * t3_233;
-        let t3_235 = -t3_234;
-        let t3_236 = -pivot_8;
+        let t3_217 = -t3_216;
+        let t3_218 = (-t2_12).mul_add(t3_216, t3_56);
+        let t3_219 = (-t1_214).mul_add(t3_200, t3_218);
+        let t3_220 = t1_216.mul_add(t3_196, t3_219);
+        let t3_221 = t3_220 + t3_207;
+        let t3_222 = inv_pivot_3 * t3_221;
+        let t3_223 = -pivot_7;
+        let t3_224 = -pivot_8;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(0.9580029161088279)).abs()
             .min((pivot_2 * like.lift(0.9018719688103075)).abs())
-            .min((t1_161 * like.lift(1.923718077658978)).abs())
-            .min((pivot_4 * like.lift(1.019503733280847)).abs())
-            .min((pivot_5 * like.lift(0.9467672644948026)).abs())
-            .min((pivot_6 * like.lift(0.8116685504320711)).abs())
-            .min((pivot_7 * like.lift(1.060112577367453)).abs())
-            .min((t3_236 * like.lift(0.697347665033695)).abs());
+            .min((t2_16 * like.lift(0.9441016894903256)).abs())
+            .min((pivot_4 * like.lift(0.7930813430566414)).abs())
+            .min((pivot_5 * like.lift(0.9552290039283993)).abs())
+            .min((pivot_6 * like.lift(0.6503970605951934)).abs())
+            .min((t3_223 * like.lift(1.8878245740206896)).abs())
+            .min((t3_224 * like.lift(1.0933635968062305)).abs());
         let ([
             [al_u1_1x], [al_rod1y], [_], [_], [al_u2_1x], [al_rod2y], [al_u3_1x], [al_rod3y],
         ], found) = ::regen_runtime::guarded(
-            [[t3_216], [t3_217], [t3_218], [t3_223], [t3_228], [t3_235], [t3_206], [t3_204]],
+            [[t3_200], [t3_196], [t3_193], [t3_191], [t3_205], [t3_212], [t3_217], [t3_222]],
             margin,
             || (
                 [
                     [t1_15, t1_16, t1_17, like.lift(0.0), t1_89, t1_95, like.lift(0.0), like.lift(0.0)],
                     [t1_99, t1_102, t1_103, like.lift(0.0), t1_131, pivot_1, like.lift(0.0), like.lift(0.0)],
                     [t1_140, t1_143, t1_144, like.lift(0.066), t1_146, t1_148, like.lift(0.0), like.lift(0.0)],
-                    [t1_156, t1_160, t1_160, t1_161, t1_167, t1_173, like.lift(0.0), like.lift(0.0)],
-                    [t1_15, t1_16, t1_17, like.lift(0.0), like.lift(0.0), like.lift(0.0), t1_205, t1_212],
-                    [t1_214, t1_215, t1_101, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_12, t2_17],
-                    [t2_19, t2_20, t1_142, like.lift(0.066), like.lift(0.0), like.lift(0.0), t2_22, t2_25],
-                    [t2_33, t2_36, t2_36, t2_38, like.lift(0.0), like.lift(0.0), t2_44, t2_49],
+                    [t1_156, t1_160, t1_160, t1_162, t1_168, t1_174, like.lift(0.0), like.lift(0.0)],
+                    [t1_15, t1_16, t1_17, like.lift(0.0), like.lift(0.0), like.lift(0.0), t1_206, t1_213],
+                    [t1_215, t1_216, t1_101, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_12, t2_16],
+                    [t2_18, t2_19, t1_142, like.lift(0.066), like.lift(0.0), like.lift(0.0), t2_21, t2_24],
+                    [t2_32, t2_35, t2_35, t2_37, like.lift(0.0), like.lift(0.0), t2_43, t2_48],
                 ],
-                [[t2_117], [t2_153], [t2_180], [t2_228], [t3_32], [t3_57], [t3_70], [t3_108]],
+                [[t2_116], [t2_152], [t2_179], [t2_227], [t3_32], [t3_57], [t3_70], [t3_108]],
             ),
         );
         condition = condition.min(found);
         [
-            inv_pivot_1, t3_109, t3_111, t3_112, pivot_2, inv_pivot_2, t3_114, t3_116, t3_119,
-            t3_120, t3_121, pivot_4, inv_pivot_4, t3_135, t3_139, t3_142, t3_143, t3_146,
-            pivot_5, inv_pivot_5, t3_150, t3_151, t3_157, t3_158, t3_159, t3_164, pivot_6,
-            inv_pivot_6, t3_168, t3_169, t3_172, t3_174, t3_175, t3_180, pivot_7, inv_pivot_7,
-            t3_186, t3_187, t3_188, t3_190, t3_194, t3_196, t3_199, inv_pivot_8, t3_236,
-            al_u1_1x, al_rod1y, al_u2_1x, al_rod2y, al_u3_1x, al_rod3y,
+            inv_pivot_1, t3_109, t3_111, t3_112, pivot_2, inv_pivot_2, t3_114, pivot_5,
+            inv_pivot_5, t3_119, t3_120, inv_pivot_3, t3_121, t3_123, t3_124, pivot_4,
+            inv_pivot_4, t3_126, t3_129, t3_131, pivot_6, inv_pivot_6, t3_139, t3_144, t3_145,
+            t3_146, t3_147, t3_151, t3_155, t3_160, inv_pivot_7, t3_166, t3_167, t3_168,
+            t3_171, t3_173, t3_178, t3_185, inv_pivot_8, t3_223, t3_224, al_u1_1x, al_rod1y,
+            al_u2_1x, al_rod2y, al_u3_1x, al_rod3y,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -17468,9 +16620,9 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let al_rod1z = t1_3 + t4_4;
         let t4_5 = (-p_izz_rod1).mul_add(al_rod1z, t4_3);
         let t4_6 = t1_11 + t4_5;
-        let t4_7 = t2_118 * p_mx_rod1;
+        let t4_7 = t2_117 * p_mx_rod1;
         let t4_8 = like.lift(0.524) * t4_7;
-        let t4_9 = t2_56 * p_my_rod1;
+        let t4_9 = t2_55 * p_my_rod1;
         let t4_10 = like.lift(-0.524).mul_add(t4_9, t4_8);
         let t4_11 = t4_6 + t4_10;
         let t4_12 = sin_u1_2 * t4_11;
@@ -17485,9 +16637,9 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let t4_21 = (-p_ixy_rod1).mul_add(al_rod1y, t4_20);
         let t4_22 = (-p_ixz_rod1).mul_add(al_rod1z, t4_21);
         let t4_23 = t4_19 + t4_22;
-        let t4_24 = t2_52 * p_my_rod1;
+        let t4_24 = t2_51 * p_my_rod1;
         let t4_25 = like.lift(0.524) * t4_24;
-        let t4_26 = t2_118 * p_mz_rod1;
+        let t4_26 = t2_117 * p_mz_rod1;
         let t4_27 = like.lift(0.524).mul_add(t4_26, t4_25);
         let t4_28 = t4_23 - t4_27;
         let t4_29 = cos_u1_2.mul_add(t4_28, t4_12);
@@ -17501,7 +16653,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let t4_37 = t1_2 - al_rod1y;
         let t4_38 = p_mx_rod1 * t4_37;
         let t4_39 = p_my_rod1.mul_add(t4_1, t4_38);
-        let t4_40 = t2_53.mul_add(p_mz_rod1, -t4_39);
+        let t4_40 = t2_52.mul_add(p_mz_rod1, -t4_39);
         let t4_41 = cos_u1_2 * t4_40;
         let t4_42 = t1_7 + t4_15;
         let t4_43 = t4_42 * p_mx_rod1;
@@ -17539,175 +16691,168 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let t4_66 = u_platform_q1z + t1_139;
         let t4_67 = t1_126 * t4_54;
         let t4_68 = (-t1_25).mul_add(t4_61, t4_67);
-        let t4_69 = t1_176 - t1_188;
-        let t4_70 = t1_174 * t4_69;
-        let t4_71 = t1_192 - t1_203;
-        let t4_72 = (-t1_186).mul_add(t4_71, t4_70);
+        let t4_69 = t1_177 - t1_189;
+        let t4_70 = t1_175 * t4_69;
+        let t4_71 = t1_193 - t1_204;
+        let t4_72 = (-t1_187).mul_add(t4_71, t4_70);
         let t4_73 = u_e1x_q1y + t1_97;
         let t4_74 = -t4_73;
-        let t4_75 = t1_217 - t2_9;
-        let t4_76 = t1_186 * t4_75;
+        let t4_75 = t1_218 - t2_9;
+        let t4_76 = t1_187 * t4_75;
         let t4_77 = (-t2_7).mul_add(t4_69, t4_76);
-        let t4_78 = u_platform_q1z + t2_18;
+        let t4_78 = u_platform_q1z + t2_17;
         let t4_79 = t2_7 * t4_71;
-        let t4_80 = (-t1_174).mul_add(t4_75, t4_79);
+        let t4_80 = (-t1_175).mul_add(t4_75, t4_79);
         let t4_81 = t4_59.mul_add(t3_109, t4_66);
         let t4_82 = t4_59.mul_add(t3_111, t4_51);
         let t4_83 = (-t4_82).mul_add(t3_114, t4_81);
-        let t4_84 = t4_59.mul_add(t3_116, t1_155);
-        let t4_85 = (-t4_82).mul_add(t3_119, t4_84);
-        let t4_86 = t4_85 * t3_121;
-        let t4_87 = like.lift(0.0762102355330306) * t4_86;
-        let t4_88 = t4_83 - t4_87;
-        let t4_89 = (-t4_85).mul_add(t3_143, t2_32);
-        let t4_90 = (-t4_88).mul_add(t3_146, t4_89);
-        let t4_91 = t4_88 * t3_159;
-        let t4_92 = like.lift(0.066).mul_add(t4_91, t4_51);
-        let t4_93 = t4_90.mul_add(t3_164, t4_92);
-        let t4_94 = t4_78 - t4_87;
-        let t4_95 = (-t4_88).mul_add(t3_172, t4_94);
-        let t4_96 = t4_90.mul_add(t3_174, t4_95);
-        let t4_97 = (-t4_93).mul_add(t3_180, t4_96);
-        let t4_98 = (-t4_88).mul_add(t3_188, t4_73);
-        let t4_99 = (-t4_90).mul_add(t3_190, t4_98);
-        let t4_100 = t4_93.mul_add(t3_194, t4_99);
-        let t4_101 = t4_97.mul_add(t3_199, t4_100);
-        let t4_102 = t4_101 * inv_pivot_8;
-        let t4_103 = t3_187.mul_add(t4_102, t4_97);
-        let t4_104 = inv_pivot_7 * t4_103;
-        let t4_105 = (-t3_169).mul_add(t4_104, t4_93);
-        let t4_106 = t3_186.mul_add(t4_102, t4_105);
-        let t4_107 = inv_pivot_6 * t4_106;
-        let t4_108 = t3_158.mul_add(t4_107, t4_90);
-        let t4_109 = (-t2_43).mul_add(t4_104, t4_108);
-        let t4_110 = t2_49.mul_add(t4_102, t4_109);
-        let t4_111 = inv_pivot_5 * t4_110;
-        let t4_112 = (-t3_142).mul_add(t4_111, t4_88);
-        let t4_113 = (-t3_157).mul_add(t4_107, t4_112);
-        let t4_114 = inv_pivot_4 * t4_113;
-        let t4_115 = (-t4_63).mul_add(t3_109, t4_68);
-        let t4_116 = (-t4_63).mul_add(t3_111, t4_55);
-        let t4_117 = (-t4_116).mul_add(t3_114, t4_115);
-        let t4_118 = (-t4_63).mul_add(t3_116, t1_166);
-        let t4_119 = (-t4_116).mul_add(t3_119, t4_118);
-        let t4_120 = t4_119 * t3_121;
-        let t4_121 = like.lift(0.0762102355330306) * t4_120;
-        let t4_122 = t4_117 - t4_121;
-        let t4_123 = t4_119 * t3_143;
-        let t4_124 = t4_122.mul_add(t3_146, t4_123);
-        let t4_125 = t4_122 * t3_159;
-        let t4_126 = like.lift(0.066) * t4_125;
-        let t4_127 = (-t4_124).mul_add(t3_164, t4_126);
-        let t4_128 = t4_122.mul_add(t3_172, t4_121);
-        let t4_129 = t4_124.mul_add(t3_174, t4_128);
-        let t4_130 = t4_127.mul_add(t3_180, t4_129);
-        let t4_131 = t4_122 * t3_188;
-        let t4_132 = (-t4_124).mul_add(t3_190, t4_131);
-        let t4_133 = (-t4_127).mul_add(t3_194, t4_132);
-        let t4_134 = t4_130.mul_add(t3_199, t4_133);
-        let t4_135 = t4_134 * inv_pivot_8;
-        let t4_136 = t3_187.mul_add(t4_135, t4_130);
-        let t4_137 = inv_pivot_7 * t4_136;
-        let t4_138 = t3_169.mul_add(t4_137, t4_127);
-        let t4_139 = (-t3_186).mul_add(t4_135, t4_138);
-        let t4_140 = inv_pivot_6 * t4_139;
-        let t4_141 = (-t3_158).mul_add(t4_140, t4_124);
-        let t4_142 = (-t2_43).mul_add(t4_137, t4_141);
-        let t4_143 = t2_49.mul_add(t4_135, t4_142);
-        let t4_144 = inv_pivot_5 * t4_143;
-        let t4_145 = t3_142.mul_add(t4_144, t4_122);
-        let t4_146 = (-t3_157).mul_add(t4_140, t4_145);
-        let t4_147 = inv_pivot_4 * t4_146;
-        let t4_148 = t4_72 + t3_168;
-        let t4_149 = t4_80 + t3_175;
-        let t4_150 = (-t4_148).mul_add(t3_180, t4_149);
-        let t4_151 = t4_77 + t3_196;
-        let t4_152 = (-t4_148).mul_add(t3_194, t4_151);
-        let t4_153 = (-t4_150).mul_add(t3_199, t4_152);
-        let t4_154 = t4_153 * inv_pivot_8;
-        let t4_155 = (-t3_187).mul_add(t4_154, t4_150);
-        let t4_156 = inv_pivot_7 * t4_155;
-        let t4_157 = (-t3_169).mul_add(t4_156, t4_148);
-        let t4_158 = (-t3_186).mul_add(t4_154, t4_157);
-        let t4_159 = inv_pivot_6 * t4_158;
-        let t4_160 = t3_158.mul_add(t4_159, t2_43);
-        let t4_161 = (-t2_43).mul_add(t4_156, t4_160);
-        let t4_162 = (-t2_49).mul_add(t4_154, t4_161);
-        let t4_163 = inv_pivot_5 * t4_162;
-        let t4_164 = t3_142 * t4_163;
-        let t4_165 = t3_157.mul_add(t4_159, t4_164);
-        let t4_166 = inv_pivot_4 * t4_165;
-        let t4_167 = -t4_166;
-        let t4_168 = -t4_111;
-        let t4_169 = -t4_163;
-        let t4_170 = (-t3_120).mul_add(t4_114, t4_85);
-        let t4_171 = t3_139.mul_add(t4_111, t4_170);
-        let t4_172 = (-t3_151).mul_add(t4_107, t4_171);
-        let t4_173 = t3_121 * t4_172;
-        let t4_174 = like.lift(1.1547005383792515) * t4_173;
-        let t4_175 = (-t3_120).mul_add(t4_147, t4_119);
-        let t4_176 = (-t3_139).mul_add(t4_144, t4_175);
-        let t4_177 = (-t3_151).mul_add(t4_140, t4_176);
-        let t4_178 = t3_121 * t4_177;
-        let t4_179 = like.lift(1.1547005383792515) * t4_178;
-        let t4_180 = t3_120 * t4_166;
-        let t4_181 = t3_139.mul_add(t4_163, t4_180);
-        let t4_182 = (-t3_151).mul_add(t4_159, t4_181);
-        let t4_183 = t3_121 * t4_182;
-        let t4_184 = like.lift(1.1547005383792515) * t4_183;
-        let t4_185 = t3_112.mul_add(t4_114, t4_82);
-        let t4_186 = t3_135.mul_add(t4_111, t4_185);
-        let t4_187 = (-t3_150).mul_add(t4_107, t4_186);
-        let t4_188 = inv_pivot_2 * t4_187;
-        let t4_189 = t3_112.mul_add(t4_147, t4_116);
-        let t4_190 = (-t3_135).mul_add(t4_144, t4_189);
-        let t4_191 = (-t3_150).mul_add(t4_140, t4_190);
-        let t4_192 = inv_pivot_2 * t4_191;
-        let t4_193 = t3_112 * t4_166;
-        let t4_194 = (-t3_135).mul_add(t4_163, t4_193);
-        let t4_195 = t3_150.mul_add(t4_159, t4_194);
-        let t4_196 = inv_pivot_2 * t4_195;
-        let t4_197 = -t4_196;
-        let t4_198 = t1_131.mul_add(t4_188, t4_59);
-        let t4_199 = (-t1_98).mul_add(t4_114, t4_198);
-        let t4_200 = sin_e1x * t4_111;
-        let t4_201 = like.lift(0.0381051177665153).mul_add(t4_200, t4_199);
-        let t4_202 = t1_102.mul_add(t4_107, t4_201);
-        let t4_203 = inv_pivot_1 * t4_202;
-        let t4_204 = -t4_203;
-        let t4_205 = (-t1_131).mul_add(t4_192, t4_63);
-        let t4_206 = t1_98.mul_add(t4_147, t4_205);
-        let t4_207 = sin_e1x * t4_144;
-        let t4_208 = like.lift(0.0381051177665153).mul_add(t4_207, t4_206);
-        let t4_209 = (-t1_102).mul_add(t4_140, t4_208);
-        let t4_210 = inv_pivot_1 * t4_209;
-        let t4_211 = t1_131 * t4_196;
-        let t4_212 = (-t1_98).mul_add(t4_166, t4_211);
-        let t4_213 = sin_e1x * t4_163;
-        let t4_214 = like.lift(-0.0381051177665153).mul_add(t4_213, t4_212);
-        let t4_215 = (-t1_102).mul_add(t4_159, t4_214);
-        let t4_216 = inv_pivot_1 * t4_215;
-        let t4_217 = -t4_137;
-        let t4_218 = -t4_135;
-        let t4_219 = -t4_154;
+        let t4_84 = t4_73.mul_add(t3_121, t4_78);
+        let t4_85 = t4_73.mul_add(t3_123, t4_51);
+        let t4_86 = (-t4_85).mul_add(t3_126, t4_84);
+        let t4_87 = (-t4_83).mul_add(t3_131, t4_86);
+        let t4_88 = t4_59.mul_add(t3_147, t1_155);
+        let t4_89 = (-t4_82).mul_add(t3_151, t4_88);
+        let t4_90 = (-t4_83).mul_add(t3_155, t4_89);
+        let t4_91 = (-t4_87).mul_add(t3_160, t4_90);
+        let t4_92 = t4_73.mul_add(t3_168, t2_31);
+        let t4_93 = (-t4_85).mul_add(t3_171, t4_92);
+        let t4_94 = (-t4_83).mul_add(t3_173, t4_93);
+        let t4_95 = t4_87.mul_add(t3_178, t4_94);
+        let t4_96 = t4_91.mul_add(t3_185, t4_95);
+        let t4_97 = t4_96 * inv_pivot_8;
+        let t4_98 = (-t3_167).mul_add(t4_97, t4_91);
+        let t4_99 = inv_pivot_7 * t4_98;
+        let t4_100 = (-t3_146).mul_add(t4_99, t4_87);
+        let t4_101 = (-t3_166).mul_add(t4_97, t4_100);
+        let t4_102 = inv_pivot_6 * t4_101;
+        let t4_103 = (-t3_120).mul_add(t4_102, t4_83);
+        let t4_104 = t3_145.mul_add(t4_99, t4_103);
+        let t4_105 = like.lift(-0.066).mul_add(t4_97, t4_104);
+        let t4_106 = inv_pivot_5 * t4_105;
+        let t4_107 = (-t4_63).mul_add(t3_109, t4_68);
+        let t4_108 = (-t4_63).mul_add(t3_111, t4_55);
+        let t4_109 = (-t4_108).mul_add(t3_114, t4_107);
+        let t4_110 = t4_109 * t3_131;
+        let t4_111 = (-t4_63).mul_add(t3_147, t1_167);
+        let t4_112 = (-t4_108).mul_add(t3_151, t4_111);
+        let t4_113 = (-t4_109).mul_add(t3_155, t4_112);
+        let t4_114 = t4_110.mul_add(t3_160, t4_113);
+        let t4_115 = t4_109 * t3_173;
+        let t4_116 = t4_110.mul_add(t3_178, t4_115);
+        let t4_117 = (-t4_114).mul_add(t3_185, t4_116);
+        let t4_118 = t4_117 * inv_pivot_8;
+        let t4_119 = t3_167.mul_add(t4_118, t4_114);
+        let t4_120 = inv_pivot_7 * t4_119;
+        let t4_121 = t3_146.mul_add(t4_120, t4_110);
+        let t4_122 = (-t3_166).mul_add(t4_118, t4_121);
+        let t4_123 = inv_pivot_6 * t4_122;
+        let t4_124 = t3_120.mul_add(t4_123, t4_109);
+        let t4_125 = t3_145.mul_add(t4_120, t4_124);
+        let t4_126 = like.lift(0.066).mul_add(t4_118, t4_125);
+        let t4_127 = inv_pivot_5 * t4_126;
+        let t4_128 = (-t4_77).mul_add(t3_121, t4_80);
+        let t4_129 = (-t4_77).mul_add(t3_123, t4_72);
+        let t4_130 = (-t4_129).mul_add(t3_126, t4_128);
+        let t4_131 = t4_130 * t3_160;
+        let t4_132 = (-t4_77).mul_add(t3_168, t2_42);
+        let t4_133 = (-t4_129).mul_add(t3_171, t4_132);
+        let t4_134 = t4_130.mul_add(t3_178, t4_133);
+        let t4_135 = (-t4_131).mul_add(t3_185, t4_134);
+        let t4_136 = t4_135 * inv_pivot_8;
+        let t4_137 = t3_167.mul_add(t4_136, t4_131);
+        let t4_138 = inv_pivot_7 * t4_137;
+        let t4_139 = t3_146.mul_add(t4_138, t4_130);
+        let t4_140 = (-t3_166).mul_add(t4_136, t4_139);
+        let t4_141 = inv_pivot_6 * t4_140;
+        let t4_142 = t3_120 * t4_141;
+        let t4_143 = t3_145.mul_add(t4_138, t4_142);
+        let t4_144 = like.lift(0.066).mul_add(t4_136, t4_143);
+        let t4_145 = inv_pivot_5 * t4_144;
+        let t4_146 = -t4_145;
+        let t4_147 = -t4_123;
+        let t4_148 = -t4_138;
+        let t4_149 = -t4_118;
+        let t4_150 = t3_112.mul_add(t4_106, t4_82);
+        let t4_151 = (-t3_119).mul_add(t4_102, t4_150);
+        let t4_152 = (-t3_144).mul_add(t4_99, t4_151);
+        let t4_153 = inv_pivot_2 * t4_152;
+        let t4_154 = t3_112.mul_add(t4_127, t4_108);
+        let t4_155 = t3_119.mul_add(t4_123, t4_154);
+        let t4_156 = (-t3_144).mul_add(t4_120, t4_155);
+        let t4_157 = inv_pivot_2 * t4_156;
+        let t4_158 = t3_112 * t4_145;
+        let t4_159 = t3_119.mul_add(t4_141, t4_158);
+        let t4_160 = (-t3_144).mul_add(t4_138, t4_159);
+        let t4_161 = inv_pivot_2 * t4_160;
+        let t4_162 = -t4_161;
+        let t4_163 = sin_e1x * t4_99;
+        let t4_164 = like.lift(0.0381051177665153) * t4_163;
+        let t4_165 = t1_131.mul_add(t4_153, t4_59);
+        let t4_166 = (-t1_98).mul_add(t4_106, t4_165);
+        let t4_167 = t1_102.mul_add(t4_102, t4_166);
+        let t4_168 = t4_164 - t4_167;
+        let t4_169 = inv_pivot_1 * t4_168;
+        let t4_170 = sin_e1x * t4_120;
+        let t4_171 = like.lift(0.0381051177665153) * t4_170;
+        let t4_172 = (-t1_131).mul_add(t4_157, t4_63);
+        let t4_173 = t1_98.mul_add(t4_127, t4_172);
+        let t4_174 = t1_102.mul_add(t4_123, t4_173);
+        let t4_175 = t4_171 + t4_174;
+        let t4_176 = inv_pivot_1 * t4_175;
+        let t4_177 = sin_e1x * t4_138;
+        let t4_178 = like.lift(0.0381051177665153) * t4_177;
+        let t4_179 = t1_131 * t4_161;
+        let t4_180 = (-t1_98).mul_add(t4_145, t4_179);
+        let t4_181 = (-t1_102).mul_add(t4_141, t4_180);
+        let t4_182 = t4_178 - t4_181;
+        let t4_183 = inv_pivot_1 * t4_182;
+        let t4_184 = -t4_183;
+        let t4_185 = t3_129.mul_add(t4_106, t4_85);
+        let t4_186 = (-t3_124).mul_add(t4_102, t4_185);
+        let t4_187 = (-t3_139).mul_add(t4_99, t4_186);
+        let t4_188 = inv_pivot_4 * t4_187;
+        let t4_189 = t3_129 * t4_127;
+        let t4_190 = t3_124.mul_add(t4_123, t4_189);
+        let t4_191 = (-t3_139).mul_add(t4_120, t4_190);
+        let t4_192 = inv_pivot_4 * t4_191;
+        let t4_193 = (-t3_129).mul_add(t4_145, t4_129);
+        let t4_194 = (-t3_124).mul_add(t4_141, t4_193);
+        let t4_195 = t3_139.mul_add(t4_138, t4_194);
+        let t4_196 = inv_pivot_4 * t4_195;
+        let t4_197 = t2_12.mul_add(t4_188, t4_73);
+        let t4_198 = (-t1_214).mul_add(t4_106, t4_197);
+        let t4_199 = t1_216.mul_add(t4_102, t4_198);
+        let t4_200 = t4_199 + t4_164;
+        let t4_201 = inv_pivot_3 * t4_200;
+        let t4_202 = t2_12 * t4_192;
+        let t4_203 = (-t1_214).mul_add(t4_127, t4_202);
+        let t4_204 = (-t1_216).mul_add(t4_123, t4_203);
+        let t4_205 = t4_204 + t4_171;
+        let t4_206 = inv_pivot_3 * t4_205;
+        let t4_207 = (-t2_12).mul_add(t4_196, t4_77);
+        let t4_208 = (-t1_214).mul_add(t4_145, t4_207);
+        let t4_209 = (-t1_216).mul_add(t4_141, t4_208);
+        let t4_210 = t4_209 + t4_178;
+        let t4_211 = inv_pivot_3 * t4_210;
+        let t4_212 = -t4_211;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(0.9580029161088279)).abs()
             .min((pivot_2 * like.lift(0.9018719688103075)).abs())
-            .min((t1_161 * like.lift(1.923718077658978)).abs())
-            .min((pivot_4 * like.lift(1.019503733280847)).abs())
-            .min((pivot_5 * like.lift(0.9467672644948026)).abs())
-            .min((pivot_6 * like.lift(0.8116685504320711)).abs())
-            .min((pivot_7 * like.lift(1.060112577367453)).abs())
-            .min((t3_236 * like.lift(0.697347665033695)).abs());
+            .min((t2_16 * like.lift(0.9441016894903256)).abs())
+            .min((pivot_4 * like.lift(0.7930813430566414)).abs())
+            .min((pivot_5 * like.lift(0.9552290039283993)).abs())
+            .min((pivot_6 * like.lift(0.6503970605951934)).abs())
+            .min((t3_223 * like.lift(1.8878245740206896)).abs())
+            .min((t3_224 * like.lift(1.0933635968062305)).abs());
         let ([
             [x_u1_1_q1, x_u1_1_q2, x_u1_1_q3], [x_u1_2_q1, x_u1_2_q2, x_u1_2_q3], [_, _, _],
             [_, _, _], [x_u2_1_q1, x_u2_1_q2, x_u2_1_q3], [x_u2_2_q1, x_u2_2_q2, x_u2_2_q3],
             [x_u3_1_q1, x_u3_1_q2, x_u3_1_q3], [x_u3_2_q1, x_u3_2_q2, x_u3_2_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t4_114, t4_147, t4_167], [t4_107, t4_140, t4_159], [t4_168, t4_144, t4_169],
-                [t4_174, t4_179, t4_184], [t4_188, t4_192, t4_197], [t4_204, t4_210, t4_216],
-                [t4_104, t4_217, t4_156], [t4_102, t4_218, t4_219],
+                [t4_106, t4_127, t4_146], [t4_102, t4_147, t4_141], [t4_99, t4_120, t4_148],
+                [t4_97, t4_149, t4_136], [t4_153, t4_157, t4_162], [t4_169, t4_176, t4_184],
+                [t4_188, t4_192, t4_196], [t4_201, t4_206, t4_212],
             ],
             margin,
             || (
@@ -17715,17 +16860,17 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
                     [t1_15, t1_16, t1_17, like.lift(0.0), t1_89, t1_95, like.lift(0.0), like.lift(0.0)],
                     [t1_99, t1_102, t1_103, like.lift(0.0), t1_131, pivot_1, like.lift(0.0), like.lift(0.0)],
                     [t1_140, t1_143, t1_144, like.lift(0.066), t1_146, t1_148, like.lift(0.0), like.lift(0.0)],
-                    [t1_156, t1_160, t1_160, t1_161, t1_167, t1_173, like.lift(0.0), like.lift(0.0)],
-                    [t1_15, t1_16, t1_17, like.lift(0.0), like.lift(0.0), like.lift(0.0), t1_205, t1_212],
-                    [t1_214, t1_215, t1_101, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_12, t2_17],
-                    [t2_19, t2_20, t1_142, like.lift(0.066), like.lift(0.0), like.lift(0.0), t2_22, t2_25],
-                    [t2_33, t2_36, t2_36, t2_38, like.lift(0.0), like.lift(0.0), t2_44, t2_49],
+                    [t1_156, t1_160, t1_160, t1_162, t1_168, t1_174, like.lift(0.0), like.lift(0.0)],
+                    [t1_15, t1_16, t1_17, like.lift(0.0), like.lift(0.0), like.lift(0.0), t1_206, t1_213],
+                    [t1_215, t1_216, t1_101, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_12, t2_16],
+                    [t2_18, t2_19, t1_142, like.lift(0.066), like.lift(0.0), like.lift(0.0), t2_21, t2_24],
+                    [t2_32, t2_35, t2_35, t2_37, like.lift(0.0), like.lift(0.0), t2_43, t2_48],
                 ],
                 [
                     [t4_51, t4_55, like.lift(0.0)], [t4_60, t4_63, like.lift(0.0)],
-                    [t4_66, t4_68, like.lift(0.0)], [t1_156, t1_167, like.lift(0.0)],
+                    [t4_66, t4_68, like.lift(0.0)], [t1_156, t1_168, like.lift(0.0)],
                     [t4_51, like.lift(0.0), t4_72], [t4_74, like.lift(0.0), t4_77],
-                    [t4_78, like.lift(0.0), t4_80], [t2_33, like.lift(0.0), t2_44],
+                    [t4_78, like.lift(0.0), t4_80], [t2_32, like.lift(0.0), t2_43],
                 ],
             ),
         );
@@ -17750,9 +16895,9 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let t5_9 = (-p_iyy_rod1).mul_add(al_rod1y, t5_8);
         let t5_10 = (-p_iyz_rod1).mul_add(al_rod1z, t5_9);
         let t5_11 = t5_7 + t5_10;
-        let t5_12 = t2_56 * p_mz_rod1;
+        let t5_12 = t2_55 * p_mz_rod1;
         let t5_13 = like.lift(0.524) * t5_12;
-        let t5_14 = t2_52 * p_mx_rod1;
+        let t5_14 = t2_51 * p_mx_rod1;
         let t5_15 = like.lift(0.524).mul_add(t5_14, t5_13);
         let t5_16 = t5_11 + t5_15;
         let t5_17 = (-t5_16).mul_add(x_u1_2_q1, t5_1);
@@ -17950,7 +17095,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
 ///
-/// 392 additions, 572 multiplications, 8 divisions, 11 sines and cosines.
+/// 392 additions, 568 multiplications, 8 divisions, 11 sines and cosines.
 pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([[T; 3]; 3], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 3]; 3];
@@ -17968,13 +17113,13 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([[T; 3]; 3],
         sin_u1_2, cos_u1_2, t1_6, sin_u1_1, cos_u1_1, t1_12, t1_13, sin_e1x, cos_e1x,
         sin_u1_2_e1y, cos_u1_2_e1y, e_e1x_q1z, t1_16, t1_17, t1_18, t1_19, e_e1x_q1y, t1_27,
         t1_51, sin_u2_2, cos_u2_2, sin_u2_1, cos_u2_1, t1_65, t1_67, t1_76, t1_89, t1_91,
-        t1_96, t1_97, t1_99, t1_100, t1_101, t1_103, t1_104, t1_105, t1_109, t1_114, t1_126,
-        t1_127, t1_128, t1_130, t1_133, pivot_1, t1_138, u_platform_u1_1z, t1_139, t1_140,
-        t1_141, t1_142, u_e1x_u1_2z, t1_144, t1_145, t1_146, t1_148, t1_150, t1_157, t1_158,
-        t1_161, t1_162, t1_163, t1_168, t1_169, t1_174, t1_175, t1_176, t1_178, sin_q3, cos_q3,
-        sin_u3_2, cos_u3_2, sin_u3_1, cos_u3_1, t1_188, t1_190, t1_191, t1_194, t1_205, t1_206,
-        t1_207, t1_209, t1_212, t1_213, t1_214, t1_215, t1_216, t1_217, t1_219, t1_220, t1_222,
-        t1_223,
+        t1_97, t1_99, t1_100, t1_101, t1_103, t1_104, t1_105, t1_109, t1_114, t1_126, t1_127,
+        t1_128, t1_130, t1_133, pivot_1, t1_138, u_platform_u1_1z, t1_139, t1_140, t1_141,
+        t1_142, u_e1x_u1_2z, t1_144, t1_145, t1_146, t1_148, t1_150, t1_157, t1_158, t1_161,
+        t1_162, t1_163, t1_164, t1_169, t1_170, t1_175, t1_176, t1_177, t1_179, sin_q3, cos_q3,
+        sin_u3_2, cos_u3_2, sin_u3_1, cos_u3_1, t1_189, t1_191, t1_192, t1_195, t1_206, t1_207,
+        t1_208, t1_210, t1_213, t1_214, t1_215, t1_216, t1_217, t1_218, t1_220, t1_221, t1_223,
+        t1_224,
     ] = {
         let (sin_u1_2, cos_u1_2) = u1_2.sin_cos();
         let t1_1 = cos_u1_2 * p_ixz_rod1;
@@ -18161,352 +17306,350 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([[T; 3]; 3],
         let t1_160 = like.lift(0.5) * t1_159;
         let t1_161 = sin_e1x.mul_add(t1_156, t1_160);
         let t1_162 = -t1_161;
-        let pivot_3 = like.lift(0.8660254037844386) * t1_96;
-        let t1_163 = -pivot_3;
-        let t1_164 = t1_128 * t1_96;
-        let t1_165 = like.lift(0.8660254037844386) * t1_164;
-        let t1_166 = t1_27 * t1_96;
-        let t1_167 = like.lift(0.5).mul_add(t1_166, t1_165);
-        let t1_168 = (-t1_65).mul_add(t1_156, t1_167);
-        let t1_169 = -t1_168;
-        let t1_170 = t1_136 * t1_96;
-        let t1_171 = like.lift(0.8660254037844386) * t1_170;
-        let t1_172 = t1_93 * t1_96;
-        let t1_173 = like.lift(0.5).mul_add(t1_172, t1_171);
-        let t1_174 = (-t1_96).mul_add(t1_156, t1_173);
-        let t1_175 = -t1_174;
-        let t1_176 = t1_20 + t1_26;
-        let t1_177 = t1_48 + t1_49;
-        let t1_178 = t1_47 + t1_177;
+        let t1_163 = like.lift(0.8660254037844386) * t1_96;
+        let t1_164 = -t1_163;
+        let t1_165 = t1_128 * t1_96;
+        let t1_166 = like.lift(0.8660254037844386) * t1_165;
+        let t1_167 = t1_27 * t1_96;
+        let t1_168 = like.lift(0.5).mul_add(t1_167, t1_166);
+        let t1_169 = (-t1_65).mul_add(t1_156, t1_168);
+        let t1_170 = -t1_169;
+        let t1_171 = t1_136 * t1_96;
+        let t1_172 = like.lift(0.8660254037844386) * t1_171;
+        let t1_173 = t1_93 * t1_96;
+        let t1_174 = like.lift(0.5).mul_add(t1_173, t1_172);
+        let t1_175 = (-t1_96).mul_add(t1_156, t1_174);
+        let t1_176 = -t1_175;
+        let t1_177 = t1_20 + t1_26;
+        let t1_178 = t1_48 + t1_49;
+        let t1_179 = t1_47 + t1_178;
         let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_179 = t1_52 + t1_53;
-        let t1_180 = cos_q3 * t1_179;
-        let t1_181 = (-sin_q3).mul_add(t1_40, t1_180);
-        let t1_182 = like.lift(0.524).mul_add(t1_181, t1_178);
+        let t1_180 = t1_52 + t1_53;
+        let t1_181 = cos_q3 * t1_180;
+        let t1_182 = (-sin_q3).mul_add(t1_40, t1_181);
+        let t1_183 = like.lift(0.524).mul_add(t1_182, t1_179);
         let (sin_u3_2, cos_u3_2) = u3_2.sin_cos();
         let (sin_u3_1, cos_u3_1) = u3_1.sin_cos();
-        let t1_183 = sin_u3_1 * t1_181;
-        let t1_184 = sin_q3 * t1_179;
-        let t1_185 = cos_q3.mul_add(t1_40, t1_184);
-        let t1_186 = cos_u3_1.mul_add(t1_185, t1_183);
-        let t1_187 = cos_u3_2 * t1_186;
-        let t1_188 = t1_63 - t1_64;
-        let t1_189 = sin_u3_2.mul_add(t1_188, t1_187);
-        let t1_190 = like.lift(1.244).mul_add(t1_189, t1_182);
-        let t1_191 = t1_182 - t1_190;
-        let t1_192 = t1_176 * t1_191;
-        let t1_193 = t1_73 - t1_74;
-        let t1_194 = t1_72 + t1_193;
-        let t1_195 = t1_77 - t1_78;
-        let t1_196 = cos_q3 * t1_195;
-        let t1_197 = sin_q3.mul_add(t1_45, t1_196);
-        let t1_198 = like.lift(0.524).mul_add(t1_197, t1_194);
-        let t1_199 = sin_u3_1 * t1_197;
-        let t1_200 = sin_q3 * t1_195;
-        let t1_201 = (-cos_q3).mul_add(t1_45, t1_200);
-        let t1_202 = cos_u3_1.mul_add(t1_201, t1_199);
-        let t1_203 = cos_u3_2 * t1_202;
-        let t1_204 = sin_u3_2.mul_add(t1_176, t1_203);
-        let t1_205 = like.lift(1.244).mul_add(t1_204, t1_198);
-        let t1_206 = t1_198 - t1_205;
-        let t1_207 = (-t1_188).mul_add(t1_206, t1_192);
-        let t1_208 = cos_u3_1 * t1_197;
-        let t1_209 = (-sin_u3_1).mul_add(t1_201, t1_208);
-        let t1_210 = t1_209 * t1_191;
-        let t1_211 = cos_u3_1 * t1_181;
-        let t1_212 = (-sin_u3_1).mul_add(t1_185, t1_211);
-        let t1_213 = (-t1_212).mul_add(t1_206, t1_210);
-        let t1_214 = -t1_213;
-        let t1_215 = u_e1x_u1_1y + t1_99;
-        let t1_216 = -t1_215;
-        let t1_217 = u_e1x_u1_2y + t1_103;
-        let t1_218 = t1_111 - t1_112;
-        let t1_219 = t1_110 + t1_218;
-        let t1_220 = t1_115 - t1_116;
-        let t1_221 = cos_q3 * t1_220;
-        let t1_222 = (-sin_q3).mul_add(t1_109, t1_221);
-        let t1_223 = like.lift(0.524).mul_add(t1_222, t1_219);
+        let t1_184 = sin_u3_1 * t1_182;
+        let t1_185 = sin_q3 * t1_180;
+        let t1_186 = cos_q3.mul_add(t1_40, t1_185);
+        let t1_187 = cos_u3_1.mul_add(t1_186, t1_184);
+        let t1_188 = cos_u3_2 * t1_187;
+        let t1_189 = t1_63 - t1_64;
+        let t1_190 = sin_u3_2.mul_add(t1_189, t1_188);
+        let t1_191 = like.lift(1.244).mul_add(t1_190, t1_183);
+        let t1_192 = t1_183 - t1_191;
+        let t1_193 = t1_177 * t1_192;
+        let t1_194 = t1_73 - t1_74;
+        let t1_195 = t1_72 + t1_194;
+        let t1_196 = t1_77 - t1_78;
+        let t1_197 = cos_q3 * t1_196;
+        let t1_198 = sin_q3.mul_add(t1_45, t1_197);
+        let t1_199 = like.lift(0.524).mul_add(t1_198, t1_195);
+        let t1_200 = sin_u3_1 * t1_198;
+        let t1_201 = sin_q3 * t1_196;
+        let t1_202 = (-cos_q3).mul_add(t1_45, t1_201);
+        let t1_203 = cos_u3_1.mul_add(t1_202, t1_200);
+        let t1_204 = cos_u3_2 * t1_203;
+        let t1_205 = sin_u3_2.mul_add(t1_177, t1_204);
+        let t1_206 = like.lift(1.244).mul_add(t1_205, t1_199);
+        let t1_207 = t1_199 - t1_206;
+        let t1_208 = (-t1_189).mul_add(t1_207, t1_193);
+        let t1_209 = cos_u3_1 * t1_198;
+        let t1_210 = (-sin_u3_1).mul_add(t1_202, t1_209);
+        let t1_211 = t1_210 * t1_192;
+        let t1_212 = cos_u3_1 * t1_182;
+        let t1_213 = (-sin_u3_1).mul_add(t1_186, t1_212);
+        let t1_214 = (-t1_213).mul_add(t1_207, t1_211);
+        let t1_215 = -t1_214;
+        let t1_216 = u_e1x_u1_1y + t1_99;
+        let t1_217 = -t1_216;
+        let t1_218 = u_e1x_u1_2y + t1_103;
+        let t1_219 = t1_111 - t1_112;
+        let t1_220 = t1_110 + t1_219;
+        let t1_221 = t1_115 - t1_116;
+        let t1_222 = cos_q3 * t1_221;
+        let t1_223 = (-sin_q3).mul_add(t1_109, t1_222);
+        let t1_224 = like.lift(0.524).mul_add(t1_223, t1_220);
         [
             sin_u1_2, cos_u1_2, t1_6, sin_u1_1, cos_u1_1, t1_12, t1_13, sin_e1x, cos_e1x,
             sin_u1_2_e1y, cos_u1_2_e1y, e_e1x_q1z, t1_16, t1_17, t1_18, t1_19, e_e1x_q1y,
             t1_27, t1_51, sin_u2_2, cos_u2_2, sin_u2_1, cos_u2_1, t1_65, t1_67, t1_76, t1_89,
-            t1_91, t1_96, t1_97, t1_99, t1_100, t1_101, t1_103, t1_104, t1_105, t1_109, t1_114,
+            t1_91, t1_97, t1_99, t1_100, t1_101, t1_103, t1_104, t1_105, t1_109, t1_114,
             t1_126, t1_127, t1_128, t1_130, t1_133, pivot_1, t1_138, u_platform_u1_1z, t1_139,
             t1_140, t1_141, t1_142, u_e1x_u1_2z, t1_144, t1_145, t1_146, t1_148, t1_150,
-            t1_157, t1_158, t1_161, t1_162, t1_163, t1_168, t1_169, t1_174, t1_175, t1_176,
-            t1_178, sin_q3, cos_q3, sin_u3_2, cos_u3_2, sin_u3_1, cos_u3_1, t1_188, t1_190,
-            t1_191, t1_194, t1_205, t1_206, t1_207, t1_209, t1_212, t1_213, t1_214, t1_215,
-            t1_216, t1_217, t1_219, t1_220, t1_222, t1_223,
+            t1_157, t1_158, t1_161, t1_162, t1_163, t1_164, t1_169, t1_170, t1_175, t1_176,
+            t1_177, t1_179, sin_q3, cos_q3, sin_u3_2, cos_u3_2, sin_u3_1, cos_u3_1, t1_189,
+            t1_191, t1_192, t1_195, t1_206, t1_207, t1_208, t1_210, t1_213, t1_214, t1_215,
+            t1_216, t1_217, t1_218, t1_220, t1_221, t1_223, t1_224,
         ]
     };
     // M, part 2
     let [
-        t2_11, t2_16, t2_18, t2_19, t2_21, t2_24, t2_32, t2_35, t2_37, t2_42, t2_43, t2_48,
-        t2_50, t2_54, t2_58, t2_59, t2_62, t2_65, t2_67, t2_71, t2_73, t2_76, t2_77, t2_79,
-        inv_pivot_1, t2_83, pivot_2, inv_pivot_2, t2_91, t2_92, pivot_4, inv_pivot_4, t2_96,
-        t2_99, t2_106, t2_110, t2_113, pivot_5, inv_pivot_5, t2_121, t2_122, t2_128, t2_129,
-        pivot_6, inv_pivot_6, t2_140, pivot_7, inv_pivot_7, t2_157, pivot_8, t2_175, t2_177,
-        t2_180, t2_184, t2_187, t2_189, t2_192, t2_208, t2_210, t2_213, t2_217, t2_220, t2_221,
-        t2_227, t2_228,
+        t2_11, t2_15, t2_17, t2_18, t2_20, t2_23, t2_31, t2_34, t2_36, t2_42, t2_47, t2_49,
+        t2_53, t2_57, t2_58, t2_61, t2_64, t2_66, t2_70, t2_71, t2_72, t2_75, t2_76, t2_78,
+        inv_pivot_1, pivot_2, pivot_5, inv_pivot_3, t2_94, pivot_4, inv_pivot_4, t2_99,
+        pivot_6, t2_103, t2_109, pivot_7, pivot_8, t2_161, t2_163, t2_166, t2_170, t2_184,
+        t2_187, t2_191, t2_193, t2_200, t2_202, t2_205, t2_209, t2_210, t2_211, t2_212, t2_213,
+        t2_217, t2_221, t2_225, t2_226,
     ] = {
-        let t2_1 = sin_u3_1 * t1_222;
-        let t2_2 = sin_q3 * t1_220;
+        let t2_1 = sin_u3_1 * t1_223;
+        let t2_2 = sin_q3 * t1_221;
         let t2_3 = cos_q3.mul_add(t1_109, t2_2);
         let t2_4 = cos_u3_1.mul_add(t2_3, t2_1);
         let t2_5 = cos_u3_2 * t2_4;
         let t2_6 = t1_126 + t1_127;
         let t2_7 = sin_u3_2.mul_add(t2_6, t2_5);
-        let t2_8 = like.lift(1.244).mul_add(t2_7, t1_223);
-        let t2_9 = t1_223 - t2_8;
-        let t2_10 = t1_188 * t2_9;
-        let t2_11 = (-t2_6).mul_add(t1_191, t2_10);
-        let t2_12 = t1_212 * t2_9;
-        let t2_13 = cos_u3_1 * t1_222;
+        let t2_8 = like.lift(1.244).mul_add(t2_7, t1_224);
+        let t2_9 = t1_224 - t2_8;
+        let t2_10 = t1_189 * t2_9;
+        let t2_11 = (-t2_6).mul_add(t1_192, t2_10);
+        let t2_12 = t1_213 * t2_9;
+        let t2_13 = cos_u3_1 * t1_223;
         let t2_14 = (-sin_u3_1).mul_add(t2_3, t2_13);
-        let t2_15 = (-t2_14).mul_add(t1_191, t2_12);
-        let t2_16 = -t2_15;
-        let t2_17 = t1_139 + t1_140;
-        let t2_18 = u_platform_u1_1z + t2_17;
-        let t2_19 = u_e1x_u1_2z + t1_144;
-        let t2_20 = t2_6 * t1_206;
-        let t2_21 = (-t1_176).mul_add(t2_9, t2_20);
-        let t2_22 = t2_14 * t1_206;
-        let t2_23 = (-t1_209).mul_add(t2_9, t2_22);
-        let t2_24 = -t2_23;
-        let t2_25 = cos_u1_2_e1y * t1_212;
-        let t2_26 = like.lift(0.8660254037844386) * t2_25;
-        let t2_27 = e_e1x_q1y * t1_212;
-        let t2_28 = like.lift(-0.5).mul_add(t2_27, t2_26);
-        let t2_29 = like.lift(0.8660254037844386) * t2_14;
-        let t2_30 = like.lift(-0.5).mul_add(t1_209, t2_29);
-        let t2_31 = (-e_e1x_q1z).mul_add(t2_30, t2_28);
-        let t2_32 = -t2_31;
-        let t2_33 = cos_e1x * t1_212;
-        let t2_34 = like.lift(0.5) * t2_33;
-        let t2_35 = (-sin_e1x).mul_add(t2_30, t2_34);
-        let t2_36 = like.lift(0.8660254037844386) * t1_212;
-        let t2_37 = -t2_36;
-        let t2_38 = t2_6 * t1_212;
-        let t2_39 = like.lift(0.8660254037844386) * t2_38;
-        let t2_40 = t1_176 * t1_212;
-        let t2_41 = like.lift(-0.5).mul_add(t2_40, t2_39);
-        let t2_42 = (-t1_188).mul_add(t2_30, t2_41);
-        let t2_43 = -t2_42;
-        let t2_44 = t2_14 * t1_212;
-        let t2_45 = like.lift(0.8660254037844386) * t2_44;
-        let t2_46 = t1_209 * t1_212;
-        let t2_47 = like.lift(-0.5).mul_add(t2_46, t2_45);
-        let t2_48 = (-t1_212).mul_add(t2_30, t2_47);
-        let t2_49 = cos_u1_1 * sin_u1_2_e1y;
-        let u_e1y_q1x = like.lift(0.524) * t2_49;
+        let pivot_3 = (-t2_14).mul_add(t1_192, t2_12);
+        let t2_15 = -pivot_3;
+        let t2_16 = t1_139 + t1_140;
+        let t2_17 = u_platform_u1_1z + t2_16;
+        let t2_18 = u_e1x_u1_2z + t1_144;
+        let t2_19 = t2_6 * t1_207;
+        let t2_20 = (-t1_177).mul_add(t2_9, t2_19);
+        let t2_21 = t2_14 * t1_207;
+        let t2_22 = (-t1_210).mul_add(t2_9, t2_21);
+        let t2_23 = -t2_22;
+        let t2_24 = cos_u1_2_e1y * t1_213;
+        let t2_25 = like.lift(0.8660254037844386) * t2_24;
+        let t2_26 = e_e1x_q1y * t1_213;
+        let t2_27 = like.lift(-0.5).mul_add(t2_26, t2_25);
+        let t2_28 = like.lift(0.8660254037844386) * t2_14;
+        let t2_29 = like.lift(-0.5).mul_add(t1_210, t2_28);
+        let t2_30 = (-e_e1x_q1z).mul_add(t2_29, t2_27);
+        let t2_31 = -t2_30;
+        let t2_32 = cos_e1x * t1_213;
+        let t2_33 = like.lift(0.5) * t2_32;
+        let t2_34 = (-sin_e1x).mul_add(t2_29, t2_33);
+        let t2_35 = like.lift(0.8660254037844386) * t1_213;
+        let t2_36 = -t2_35;
+        let t2_37 = t2_6 * t1_213;
+        let t2_38 = like.lift(0.8660254037844386) * t2_37;
+        let t2_39 = t1_177 * t1_213;
+        let t2_40 = like.lift(-0.5).mul_add(t2_39, t2_38);
+        let t2_41 = (-t1_189).mul_add(t2_29, t2_40);
+        let t2_42 = -t2_41;
+        let t2_43 = t2_14 * t1_213;
+        let t2_44 = like.lift(0.8660254037844386) * t2_43;
+        let t2_45 = t1_210 * t1_213;
+        let t2_46 = like.lift(-0.5).mul_add(t2_45, t2_44);
+        let t2_47 = (-t1_213).mul_add(t2_29, t2_46);
+        let t2_48 = cos_u1_1 * sin_u1_2_e1y;
+        let u_e1y_q1x = like.lift(0.524) * t2_48;
         let u_platform_u1_1x = like.lift(0.044) * e_e1x_q1z;
         let u_platform_q1x = u_e1y_q1x - u_platform_u1_1x;
-        let t2_50 = like.lift(-0.022).mul_add(e_e1x_q1z, u_platform_q1x);
-        let t2_51 = t1_51 - t1_67;
-        let t2_52 = t1_27 * t2_51;
-        let t2_53 = t1_76 - t1_89;
-        let t2_54 = (-t1_65).mul_add(t2_53, t2_52);
+        let t2_49 = like.lift(-0.022).mul_add(e_e1x_q1z, u_platform_q1x);
+        let t2_50 = t1_51 - t1_67;
+        let t2_51 = t1_27 * t2_50;
+        let t2_52 = t1_76 - t1_89;
+        let t2_53 = (-t1_65).mul_add(t2_52, t2_51);
         let u_u1_1_q1y = like.lift(0.524) * sin_u1_1;
         let u_e1y_u1_1y = like.lift(1.244) * cos_u1_2;
         let u_e1y_q1y = u_u1_1_q1y + u_e1y_u1_1y;
-        let t2_55 = cos_e1x * u_e1y_q1y;
-        let t2_56 = cos_u1_1 * cos_u1_2_e1y;
-        let t2_57 = sin_e1x * t2_56;
-        let u_e1x_q1y = like.lift(0.524).mul_add(t2_57, t2_55);
-        let t2_58 = u_e1x_q1y - t1_99;
-        let t2_59 = -t2_58;
-        let t2_60 = t1_114 - t1_130;
-        let t2_61 = t1_65 * t2_60;
-        let t2_62 = (-t1_128).mul_add(t2_51, t2_61);
-        let t2_63 = sin_e1x * u_e1y_q1y;
-        let t2_64 = cos_e1x * t2_56;
-        let u_e1x_q1z = like.lift(-0.524).mul_add(t2_64, t2_63);
+        let t2_54 = cos_e1x * u_e1y_q1y;
+        let t2_55 = cos_u1_1 * cos_u1_2_e1y;
+        let t2_56 = sin_e1x * t2_55;
+        let u_e1x_q1y = like.lift(0.524).mul_add(t2_56, t2_54);
+        let t2_57 = u_e1x_q1y - t1_99;
+        let t2_58 = -t2_57;
+        let t2_59 = t1_114 - t1_130;
+        let t2_60 = t1_65 * t2_59;
+        let t2_61 = (-t1_128).mul_add(t2_50, t2_60);
+        let t2_62 = sin_e1x * u_e1y_q1y;
+        let t2_63 = cos_e1x * t2_55;
+        let u_e1x_q1z = like.lift(-0.524).mul_add(t2_63, t2_62);
         let u_platform_q1z = u_e1x_q1z + t1_138;
-        let t2_65 = u_platform_q1z + t1_141;
-        let t2_66 = t1_128 * t2_53;
-        let t2_67 = (-t1_27).mul_add(t2_60, t2_66);
-        let t2_68 = t1_178 - t1_190;
-        let t2_69 = t1_176 * t2_68;
-        let t2_70 = t1_194 - t1_205;
-        let t2_71 = (-t1_188).mul_add(t2_70, t2_69);
-        let t2_72 = u_e1x_q1y + t1_99;
-        let t2_73 = -t2_72;
-        let t2_74 = t1_219 - t2_8;
-        let t2_75 = t1_188 * t2_74;
-        let t2_76 = (-t2_6).mul_add(t2_68, t2_75);
-        let t2_77 = u_platform_q1z + t2_17;
-        let t2_78 = t2_6 * t2_70;
-        let t2_79 = (-t1_176).mul_add(t2_74, t2_78);
+        let t2_64 = u_platform_q1z + t1_141;
+        let t2_65 = t1_128 * t2_52;
+        let t2_66 = (-t1_27).mul_add(t2_59, t2_65);
+        let t2_67 = t1_179 - t1_191;
+        let t2_68 = t1_177 * t2_67;
+        let t2_69 = t1_195 - t1_206;
+        let t2_70 = (-t1_189).mul_add(t2_69, t2_68);
+        let t2_71 = u_e1x_q1y + t1_99;
+        let t2_72 = -t2_71;
+        let t2_73 = t1_220 - t2_8;
+        let t2_74 = t1_189 * t2_73;
+        let t2_75 = (-t2_6).mul_add(t2_67, t2_74);
+        let t2_76 = u_platform_q1z + t2_16;
+        let t2_77 = t2_6 * t2_69;
+        let t2_78 = (-t1_177).mul_add(t2_73, t2_77);
         let inv_pivot_1 = like.lift(1.0) / pivot_1;
-        let t2_80 = t1_150 * inv_pivot_1;
-        let t2_81 = t1_100.mul_add(t2_80, t1_142);
-        let t2_82 = t1_97 * inv_pivot_1;
-        let t2_83 = (-t1_100).mul_add(t2_82, t1_16);
-        let t2_84 = (-t1_133).mul_add(t2_80, t1_148);
-        let pivot_2 = (-t1_133).mul_add(t2_82, t1_91);
+        let t2_79 = t1_150 * inv_pivot_1;
+        let t2_80 = t1_100.mul_add(t2_79, t1_142);
+        let t2_81 = t1_97 * inv_pivot_1;
+        let t2_82 = (-t1_100).mul_add(t2_81, t1_16);
+        let t2_83 = (-t1_133).mul_add(t2_79, t1_148);
+        let pivot_2 = (-t1_133).mul_add(t2_81, t1_91);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_85 = t2_84 * inv_pivot_2;
-        let t2_86 = t2_83.mul_add(t2_85, t2_81);
-        let t2_87 = t1_174 * inv_pivot_1;
-        let t2_88 = t1_100.mul_add(t2_87, t1_157);
-        let t2_89 = (-t1_133).mul_add(t2_87, t1_168);
-        let t2_90 = t2_89 * inv_pivot_2;
-        let t2_91 = t2_83.mul_add(t2_90, t2_88);
-        let t2_92 = like.lift(1.0) / t1_96;
-        let t2_93 = t2_91 * t2_92;
-        let t2_94 = like.lift(0.0762102355330306) * t2_93;
-        let pivot_4 = t2_86 - t2_94;
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_95 = t2_58.mul_add(t2_80, t2_65);
-        let t2_96 = t2_58.mul_add(t2_82, t2_50);
-        let t2_97 = (-t2_96).mul_add(t2_85, t2_95);
-        let t2_98 = t2_58.mul_add(t2_87, t1_157);
-        let t2_99 = (-t2_96).mul_add(t2_90, t2_98);
-        let t2_100 = t2_99 * t2_92;
-        let t2_101 = like.lift(0.0762102355330306) * t2_100;
-        let t2_102 = t2_97 - t2_101;
-        let t2_103 = sin_e1x * t2_80;
-        let t2_104 = like.lift(-0.0381051177665153).mul_add(t2_103, t1_144);
-        let t2_105 = sin_e1x * t2_82;
-        let t2_106 = like.lift(0.0381051177665153).mul_add(t2_105, t1_19);
-        let t2_107 = t2_106.mul_add(t2_85, t2_104);
-        let t2_108 = sin_e1x * t2_87;
-        let t2_109 = like.lift(0.0381051177665153).mul_add(t2_108, t1_161);
-        let t2_110 = (-t2_106).mul_add(t2_90, t2_109);
-        let t2_111 = t2_110 * t2_92;
-        let t2_112 = like.lift(0.0762102355330306) * t2_111;
-        let t2_113 = t2_107 + t2_112;
-        let t2_114 = t1_212 * t2_92;
-        let t2_115 = t2_110.mul_add(t2_114, t2_35);
-        let t2_116 = (-t2_91).mul_add(t2_114, t2_31);
-        let t2_117 = t2_116 * inv_pivot_4;
-        let pivot_5 = (-t2_113).mul_add(t2_117, t2_115);
+        let t2_84 = t2_83 * inv_pivot_2;
+        let pivot_5 = t2_82.mul_add(t2_84, t2_80);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_118 = (-t2_99).mul_add(t2_114, t2_31);
-        let t2_119 = (-t2_102).mul_add(t2_117, t2_118);
-        let t2_120 = (-t1_104).mul_add(t2_87, t1_161);
-        let t2_121 = (-t1_104).mul_add(t2_82, t1_18);
-        let t2_122 = (-t2_121).mul_add(t2_90, t2_120);
-        let t2_123 = t2_122.mul_add(t2_114, t2_35);
-        let t2_124 = (-t1_104).mul_add(t2_80, t1_145);
-        let t2_125 = (-t2_121).mul_add(t2_85, t2_124);
-        let t2_126 = t2_122 * t2_92;
-        let t2_127 = like.lift(0.0762102355330306) * t2_126;
-        let t2_128 = t2_125 - t2_127;
-        let t2_129 = t2_128.mul_add(t2_117, t2_123);
-        let t2_130 = e_e1x_q1z * inv_pivot_4;
-        let t2_131 = t2_128 * t2_130;
-        let t2_132 = like.lift(0.066).mul_add(t2_131, t1_18);
-        let t2_133 = t2_113 * t2_130;
-        let t2_134 = like.lift(-0.066).mul_add(t2_133, t1_19);
-        let t2_135 = t2_134 * inv_pivot_5;
-        let pivot_6 = (-t2_129).mul_add(t2_135, t2_132);
+        let t2_85 = t2_57.mul_add(t2_79, t2_64);
+        let t2_86 = t2_57.mul_add(t2_81, t2_49);
+        let t2_87 = (-t2_86).mul_add(t2_84, t2_85);
+        let t2_88 = (-t1_104).mul_add(t2_79, t1_145);
+        let t2_89 = (-t1_104).mul_add(t2_81, t1_18);
+        let t2_90 = (-t2_89).mul_add(t2_84, t2_88);
+        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let t2_91 = t2_22 * inv_pivot_3;
+        let t2_92 = (-t1_218).mul_add(t2_91, t2_18);
+        let t2_93 = t1_214 * inv_pivot_3;
+        let t2_94 = (-t1_218).mul_add(t2_93, t1_18);
+        let t2_95 = (-t2_11).mul_add(t2_91, t2_20);
+        let pivot_4 = (-t2_11).mul_add(t2_93, t1_208);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t2_96 = t2_95 * inv_pivot_4;
+        let t2_97 = (-t2_94).mul_add(t2_96, t2_92);
+        let t2_98 = t1_216.mul_add(t2_91, t2_17);
+        let t2_99 = (-t1_216).mul_add(t2_93, t1_16);
+        let t2_100 = t2_99.mul_add(t2_96, t2_98);
+        let t2_101 = t2_100 * inv_pivot_5;
+        let pivot_6 = (-t2_90).mul_add(t2_101, t2_97);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_136 = t2_102 * t2_130;
-        let t2_137 = like.lift(0.066).mul_add(t2_136, t2_50);
-        let t2_138 = t2_119.mul_add(t2_135, t2_137);
-        let t2_139 = t2_42 * t2_135;
-        let t2_140 = t1_207 + t2_139;
-        let t2_141 = t1_144 - t2_112;
-        let t2_142 = t2_18 - t2_94;
-        let t2_143 = t2_142 * inv_pivot_4;
-        let t2_144 = t2_113.mul_add(t2_143, t2_141);
-        let t2_145 = t2_144 * inv_pivot_5;
-        let t2_146 = t2_42 * t2_145;
-        let t2_147 = t2_21 + t2_146;
-        let t2_148 = t2_19 - t2_127;
-        let t2_149 = (-t2_128).mul_add(t2_143, t2_148);
-        let t2_150 = (-t2_129).mul_add(t2_145, t2_149);
-        let t2_151 = t2_150 * inv_pivot_6;
-        let pivot_7 = (-t2_140).mul_add(t2_151, t2_147);
+        let t2_102 = t2_71.mul_add(t2_91, t2_76);
+        let t2_103 = t2_71.mul_add(t2_93, t2_49);
+        let t2_104 = (-t2_103).mul_add(t2_96, t2_102);
+        let t2_105 = (-t2_87).mul_add(t2_101, t2_104);
+        let t2_106 = sin_e1x * t2_91;
+        let t2_107 = like.lift(-0.0381051177665153).mul_add(t2_106, t1_144);
+        let t2_108 = sin_e1x * t2_93;
+        let t2_109 = like.lift(-0.0381051177665153).mul_add(t2_108, t1_19);
+        let t2_110 = (-t2_109).mul_add(t2_96, t2_107);
+        let t2_111 = sin_e1x * t2_79;
+        let t2_112 = like.lift(-0.0381051177665153).mul_add(t2_111, t1_144);
+        let t2_113 = sin_e1x * t2_81;
+        let t2_114 = like.lift(0.0381051177665153).mul_add(t2_113, t1_19);
+        let t2_115 = t2_114.mul_add(t2_84, t2_112);
+        let t2_116 = t2_115.mul_add(t2_101, t2_110);
+        let t2_117 = t1_175 * inv_pivot_1;
+        let t2_118 = sin_e1x * t2_117;
+        let t2_119 = like.lift(0.0381051177665153).mul_add(t2_118, t1_161);
+        let t2_120 = (-t1_133).mul_add(t2_117, t1_169);
+        let t2_121 = t2_120 * inv_pivot_2;
+        let t2_122 = (-t2_114).mul_add(t2_121, t2_119);
+        let t2_123 = t1_100.mul_add(t2_117, t1_157);
+        let t2_124 = t2_82.mul_add(t2_121, t2_123);
+        let t2_125 = t2_124 * inv_pivot_5;
+        let t2_126 = t2_115.mul_add(t2_125, t2_122);
+        let t2_127 = (-t1_104).mul_add(t2_117, t1_161);
+        let t2_128 = (-t2_89).mul_add(t2_121, t2_127);
+        let t2_129 = (-t2_90).mul_add(t2_125, t2_128);
+        let t2_130 = t2_129 * inv_pivot_6;
+        let pivot_7 = (-t2_116).mul_add(t2_130, t2_126);
         let inv_pivot_7 = like.lift(1.0) / pivot_7;
-        let t2_152 = t2_77 - t2_101;
-        let t2_153 = (-t2_102).mul_add(t2_143, t2_152);
-        let t2_154 = t2_119.mul_add(t2_145, t2_153);
-        let t2_155 = (-t2_138).mul_add(t2_151, t2_154);
-        let t2_156 = t2_48.mul_add(t2_145, t2_23);
-        let t2_157 = t2_48.mul_add(t2_135, t1_213);
-        let t2_158 = (-t2_157).mul_add(t2_151, t2_156);
-        let t2_159 = t1_215 * inv_pivot_4;
-        let t2_160 = (-t2_102).mul_add(t2_159, t2_72);
-        let t2_161 = (-t2_113).mul_add(t2_159, t1_103);
-        let t2_162 = t2_161 * inv_pivot_5;
-        let t2_163 = (-t2_119).mul_add(t2_162, t2_160);
-        let t2_164 = t2_128.mul_add(t2_159, t1_217);
-        let t2_165 = (-t2_129).mul_add(t2_162, t2_164);
-        let t2_166 = t2_165 * inv_pivot_6;
-        let t2_167 = t2_138.mul_add(t2_166, t2_163);
-        let t2_168 = t2_42 * t2_162;
-        let t2_169 = t2_11 + t2_168;
-        let t2_170 = (-t2_140).mul_add(t2_166, t2_169);
-        let t2_171 = t2_170 * inv_pivot_7;
-        let t2_172 = t2_155.mul_add(t2_171, t2_167);
-        let t2_173 = t2_48.mul_add(t2_162, t2_15);
-        let t2_174 = (-t2_157).mul_add(t2_166, t2_173);
-        let pivot_8 = (-t2_158).mul_add(t2_171, t2_174);
+        let t2_131 = t2_57.mul_add(t2_117, t1_157);
+        let t2_132 = (-t2_86).mul_add(t2_121, t2_131);
+        let t2_133 = (-t2_87).mul_add(t2_125, t2_132);
+        let t2_134 = (-t2_105).mul_add(t2_130, t2_133);
+        let t2_135 = like.lift(-0.066).mul_add(t2_125, t1_163);
+        let t2_136 = like.lift(-0.066).mul_add(t2_101, like.lift(0.066));
+        let t2_137 = (-t2_136).mul_add(t2_130, t2_135);
+        let t2_138 = t2_47 * inv_pivot_3;
+        let t2_139 = t2_71.mul_add(t2_138, t2_30);
+        let t2_140 = (-t2_11).mul_add(t2_138, t2_41);
+        let t2_141 = t2_140 * inv_pivot_4;
+        let t2_142 = (-t2_103).mul_add(t2_141, t2_139);
+        let t2_143 = t1_216.mul_add(t2_138, t2_30);
+        let t2_144 = t2_99.mul_add(t2_141, t2_143);
+        let t2_145 = t2_144 * inv_pivot_5;
+        let t2_146 = (-t2_87).mul_add(t2_145, t2_142);
+        let t2_147 = t1_218.mul_add(t2_138, t2_34);
+        let t2_148 = t2_94.mul_add(t2_141, t2_147);
+        let t2_149 = t2_90.mul_add(t2_145, t2_148);
+        let t2_150 = t2_149 * inv_pivot_6;
+        let t2_151 = t2_105.mul_add(t2_150, t2_146);
+        let t2_152 = sin_e1x * t2_138;
+        let t2_153 = like.lift(0.0381051177665153).mul_add(t2_152, t2_34);
+        let t2_154 = t2_109.mul_add(t2_141, t2_153);
+        let t2_155 = (-t2_115).mul_add(t2_145, t2_154);
+        let t2_156 = (-t2_116).mul_add(t2_150, t2_155);
+        let t2_157 = t2_156 * inv_pivot_7;
+        let t2_158 = t2_134.mul_add(t2_157, t2_151);
+        let t2_159 = like.lift(-0.066).mul_add(t2_145, t2_35);
+        let t2_160 = t2_136.mul_add(t2_150, t2_159);
+        let pivot_8 = t2_137.mul_add(t2_157, t2_160);
         let inv_pivot_8 = like.lift(1.0) / pivot_8;
-        let t2_175 = t2_172 * inv_pivot_8;
-        let t2_176 = t2_158.mul_add(t2_175, t2_155);
-        let t2_177 = inv_pivot_7 * t2_176;
-        let t2_178 = (-t2_140).mul_add(t2_177, t2_138);
-        let t2_179 = t2_157.mul_add(t2_175, t2_178);
-        let t2_180 = inv_pivot_6 * t2_179;
-        let t2_181 = t2_129.mul_add(t2_180, t2_119);
-        let t2_182 = (-t2_42).mul_add(t2_177, t2_181);
-        let t2_183 = t2_48.mul_add(t2_175, t2_182);
-        let t2_184 = inv_pivot_5 * t2_183;
-        let t2_185 = (-t2_113).mul_add(t2_184, t2_102);
-        let t2_186 = (-t2_128).mul_add(t2_180, t2_185);
-        let t2_187 = inv_pivot_4 * t2_186;
-        let t2_188 = (-t2_62).mul_add(t2_80, t2_67);
-        let t2_189 = (-t2_62).mul_add(t2_82, t2_54);
-        let t2_190 = (-t2_189).mul_add(t2_85, t2_188);
-        let t2_191 = (-t2_62).mul_add(t2_87, t1_168);
-        let t2_192 = (-t2_189).mul_add(t2_90, t2_191);
-        let t2_193 = t2_192 * t2_92;
-        let t2_194 = like.lift(0.0762102355330306) * t2_193;
-        let t2_195 = t2_190 - t2_194;
-        let t2_196 = t2_192 * t2_114;
-        let t2_197 = t2_195.mul_add(t2_117, t2_196);
-        let t2_198 = t2_195 * t2_130;
-        let t2_199 = like.lift(0.066) * t2_198;
-        let t2_200 = (-t2_197).mul_add(t2_135, t2_199);
-        let t2_201 = t2_195.mul_add(t2_143, t2_194);
-        let t2_202 = t2_197.mul_add(t2_145, t2_201);
-        let t2_203 = t2_200.mul_add(t2_151, t2_202);
-        let t2_204 = t2_195 * t2_159;
-        let t2_205 = (-t2_197).mul_add(t2_162, t2_204);
-        let t2_206 = (-t2_200).mul_add(t2_166, t2_205);
-        let t2_207 = t2_203.mul_add(t2_171, t2_206);
-        let t2_208 = t2_207 * inv_pivot_8;
-        let t2_209 = t2_158.mul_add(t2_208, t2_203);
-        let t2_210 = inv_pivot_7 * t2_209;
-        let t2_211 = t2_140.mul_add(t2_210, t2_200);
-        let t2_212 = (-t2_157).mul_add(t2_208, t2_211);
-        let t2_213 = inv_pivot_6 * t2_212;
-        let t2_214 = (-t2_129).mul_add(t2_213, t2_197);
-        let t2_215 = (-t2_42).mul_add(t2_210, t2_214);
-        let t2_216 = t2_48.mul_add(t2_208, t2_215);
-        let t2_217 = inv_pivot_5 * t2_216;
-        let t2_218 = t2_113.mul_add(t2_217, t2_195);
-        let t2_219 = (-t2_128).mul_add(t2_213, t2_218);
-        let t2_220 = inv_pivot_4 * t2_219;
-        let t2_221 = t2_71 + t2_139;
-        let t2_222 = t2_79 + t2_146;
-        let t2_223 = (-t2_221).mul_add(t2_151, t2_222);
-        let t2_224 = t2_76 + t2_168;
-        let t2_225 = (-t2_221).mul_add(t2_166, t2_224);
-        let t2_226 = (-t2_223).mul_add(t2_171, t2_225);
-        let t2_227 = t2_226 * inv_pivot_8;
-        let t2_228 = (-t2_158).mul_add(t2_227, t2_223);
+        let t2_161 = t2_158 * inv_pivot_8;
+        let t2_162 = (-t2_137).mul_add(t2_161, t2_134);
+        let t2_163 = inv_pivot_7 * t2_162;
+        let t2_164 = (-t2_116).mul_add(t2_163, t2_105);
+        let t2_165 = (-t2_136).mul_add(t2_161, t2_164);
+        let t2_166 = inv_pivot_6 * t2_165;
+        let t2_167 = (-t2_90).mul_add(t2_166, t2_87);
+        let t2_168 = t2_115.mul_add(t2_163, t2_167);
+        let t2_169 = like.lift(-0.066).mul_add(t2_161, t2_168);
+        let t2_170 = inv_pivot_5 * t2_169;
+        let t2_171 = (-t2_61).mul_add(t2_79, t2_66);
+        let t2_172 = (-t2_61).mul_add(t2_81, t2_53);
+        let t2_173 = (-t2_172).mul_add(t2_84, t2_171);
+        let t2_174 = t2_173 * t2_101;
+        let t2_175 = (-t2_61).mul_add(t2_117, t1_169);
+        let t2_176 = (-t2_172).mul_add(t2_121, t2_175);
+        let t2_177 = (-t2_173).mul_add(t2_125, t2_176);
+        let t2_178 = t2_174.mul_add(t2_130, t2_177);
+        let t2_179 = t2_173 * t2_145;
+        let t2_180 = t2_174.mul_add(t2_150, t2_179);
+        let t2_181 = (-t2_178).mul_add(t2_157, t2_180);
+        let t2_182 = t2_181 * inv_pivot_8;
+        let t2_183 = t2_137.mul_add(t2_182, t2_178);
+        let t2_184 = inv_pivot_7 * t2_183;
+        let t2_185 = t2_116.mul_add(t2_184, t2_174);
+        let t2_186 = (-t2_136).mul_add(t2_182, t2_185);
+        let t2_187 = inv_pivot_6 * t2_186;
+        let t2_188 = t2_90.mul_add(t2_187, t2_173);
+        let t2_189 = t2_115.mul_add(t2_184, t2_188);
+        let t2_190 = like.lift(0.066).mul_add(t2_182, t2_189);
+        let t2_191 = inv_pivot_5 * t2_190;
+        let t2_192 = (-t2_75).mul_add(t2_91, t2_78);
+        let t2_193 = (-t2_75).mul_add(t2_93, t2_70);
+        let t2_194 = (-t2_193).mul_add(t2_96, t2_192);
+        let t2_195 = t2_194 * t2_130;
+        let t2_196 = (-t2_75).mul_add(t2_138, t2_41);
+        let t2_197 = (-t2_193).mul_add(t2_141, t2_196);
+        let t2_198 = t2_194.mul_add(t2_150, t2_197);
+        let t2_199 = (-t2_195).mul_add(t2_157, t2_198);
+        let t2_200 = t2_199 * inv_pivot_8;
+        let t2_201 = t2_137.mul_add(t2_200, t2_195);
+        let t2_202 = inv_pivot_7 * t2_201;
+        let t2_203 = t2_116.mul_add(t2_202, t2_194);
+        let t2_204 = (-t2_136).mul_add(t2_200, t2_203);
+        let t2_205 = inv_pivot_6 * t2_204;
+        let t2_206 = t2_90 * t2_205;
+        let t2_207 = t2_115.mul_add(t2_202, t2_206);
+        let t2_208 = like.lift(0.066).mul_add(t2_200, t2_207);
+        let t2_209 = inv_pivot_5 * t2_208;
+        let t2_210 = -t2_209;
+        let t2_211 = -t2_187;
+        let t2_212 = -t2_202;
+        let t2_213 = -t2_182;
+        let t2_214 = t2_82.mul_add(t2_170, t2_86);
+        let t2_215 = (-t2_89).mul_add(t2_166, t2_214);
+        let t2_216 = (-t2_114).mul_add(t2_163, t2_215);
+        let t2_217 = inv_pivot_2 * t2_216;
+        let t2_218 = t2_82.mul_add(t2_191, t2_172);
+        let t2_219 = t2_89.mul_add(t2_187, t2_218);
+        let t2_220 = (-t2_114).mul_add(t2_184, t2_219);
+        let t2_221 = inv_pivot_2 * t2_220;
+        let t2_222 = t2_82 * t2_209;
+        let t2_223 = t2_89.mul_add(t2_205, t2_222);
+        let t2_224 = (-t2_114).mul_add(t2_202, t2_223);
+        let t2_225 = inv_pivot_2 * t2_224;
+        let t2_226 = -t2_225;
         [
-            t2_11, t2_16, t2_18, t2_19, t2_21, t2_24, t2_32, t2_35, t2_37, t2_42, t2_43, t2_48,
-            t2_50, t2_54, t2_58, t2_59, t2_62, t2_65, t2_67, t2_71, t2_73, t2_76, t2_77, t2_79,
-            inv_pivot_1, t2_83, pivot_2, inv_pivot_2, t2_91, t2_92, pivot_4, inv_pivot_4,
-            t2_96, t2_99, t2_106, t2_110, t2_113, pivot_5, inv_pivot_5, t2_121, t2_122, t2_128,
-            t2_129, pivot_6, inv_pivot_6, t2_140, pivot_7, inv_pivot_7, t2_157, pivot_8,
-            t2_175, t2_177, t2_180, t2_184, t2_187, t2_189, t2_192, t2_208, t2_210, t2_213,
-            t2_217, t2_220, t2_221, t2_227, t2_228,
+            t2_11, t2_15, t2_17, t2_18, t2_20, t2_23, t2_31, t2_34, t2_36, t2_42, t2_47, t2_49,
+            t2_53, t2_57, t2_58, t2_61, t2_64, t2_66, t2_70, t2_71, t2_72, t2_75, t2_76, t2_78,
+            inv_pivot_1, pivot_2, pivot_5, inv_pivot_3, t2_94, pivot_4, inv_pivot_4, t2_99,
+            pivot_6, t2_103, t2_109, pivot_7, pivot_8, t2_161, t2_163, t2_166, t2_170, t2_184,
+            t2_187, t2_191, t2_193, t2_200, t2_202, t2_205, t2_209, t2_210, t2_211, t2_212,
+            t2_213, t2_217, t2_221, t2_225, t2_226,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -18515,89 +17658,76 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([[T; 3]; 3],
         x_u2_1_q3, x_u2_2_q1, x_u2_2_q2, x_u2_2_q3, x_u3_1_q1, x_u3_1_q2, x_u3_1_q3, x_u3_2_q1,
         x_u3_2_q2, x_u3_2_q3,
     ] = {
-        let t3_1 = inv_pivot_7 * t2_228;
-        let t3_2 = (-t2_140).mul_add(t3_1, t2_221);
-        let t3_3 = (-t2_157).mul_add(t2_227, t3_2);
-        let t3_4 = inv_pivot_6 * t3_3;
-        let t3_5 = t2_129.mul_add(t3_4, t2_42);
-        let t3_6 = (-t2_42).mul_add(t3_1, t3_5);
-        let t3_7 = (-t2_48).mul_add(t2_227, t3_6);
-        let t3_8 = inv_pivot_5 * t3_7;
-        let t3_9 = t2_113 * t3_8;
-        let t3_10 = t2_128.mul_add(t3_4, t3_9);
-        let t3_11 = inv_pivot_4 * t3_10;
-        let t3_12 = -t3_11;
-        let t3_13 = -t2_184;
-        let t3_14 = -t3_8;
-        let t3_15 = (-t2_91).mul_add(t2_187, t2_99);
-        let t3_16 = t2_110.mul_add(t2_184, t3_15);
-        let t3_17 = (-t2_122).mul_add(t2_180, t3_16);
-        let t3_18 = t2_92 * t3_17;
-        let t3_19 = like.lift(1.1547005383792515) * t3_18;
-        let t3_20 = (-t2_91).mul_add(t2_220, t2_192);
-        let t3_21 = (-t2_110).mul_add(t2_217, t3_20);
-        let t3_22 = (-t2_122).mul_add(t2_213, t3_21);
-        let t3_23 = t2_92 * t3_22;
-        let t3_24 = like.lift(1.1547005383792515) * t3_23;
-        let t3_25 = t2_91 * t3_11;
-        let t3_26 = t2_110.mul_add(t3_8, t3_25);
-        let t3_27 = (-t2_122).mul_add(t3_4, t3_26);
-        let t3_28 = t2_92 * t3_27;
-        let t3_29 = like.lift(1.1547005383792515) * t3_28;
-        let t3_30 = t2_83.mul_add(t2_187, t2_96);
-        let t3_31 = t2_106.mul_add(t2_184, t3_30);
-        let t3_32 = (-t2_121).mul_add(t2_180, t3_31);
-        let t3_33 = inv_pivot_2 * t3_32;
-        let t3_34 = t2_83.mul_add(t2_220, t2_189);
-        let t3_35 = (-t2_106).mul_add(t2_217, t3_34);
-        let t3_36 = (-t2_121).mul_add(t2_213, t3_35);
-        let t3_37 = inv_pivot_2 * t3_36;
-        let t3_38 = t2_83 * t3_11;
-        let t3_39 = (-t2_106).mul_add(t3_8, t3_38);
-        let t3_40 = t2_121.mul_add(t3_4, t3_39);
-        let t3_41 = inv_pivot_2 * t3_40;
-        let t3_42 = -t3_41;
-        let t3_43 = t1_133.mul_add(t3_33, t2_58);
-        let t3_44 = (-t1_100).mul_add(t2_187, t3_43);
-        let t3_45 = sin_e1x * t2_184;
-        let t3_46 = like.lift(0.0381051177665153).mul_add(t3_45, t3_44);
-        let t3_47 = t1_104.mul_add(t2_180, t3_46);
-        let t3_48 = inv_pivot_1 * t3_47;
-        let t3_49 = -t3_48;
-        let t3_50 = (-t1_133).mul_add(t3_37, t2_62);
-        let t3_51 = t1_100.mul_add(t2_220, t3_50);
-        let t3_52 = sin_e1x * t2_217;
-        let t3_53 = like.lift(0.0381051177665153).mul_add(t3_52, t3_51);
-        let t3_54 = (-t1_104).mul_add(t2_213, t3_53);
-        let t3_55 = inv_pivot_1 * t3_54;
-        let t3_56 = t1_133 * t3_41;
-        let t3_57 = (-t1_100).mul_add(t3_11, t3_56);
-        let t3_58 = sin_e1x * t3_8;
-        let t3_59 = like.lift(-0.0381051177665153).mul_add(t3_58, t3_57);
-        let t3_60 = (-t1_104).mul_add(t3_4, t3_59);
-        let t3_61 = inv_pivot_1 * t3_60;
-        let t3_62 = -t2_210;
-        let t3_63 = -t2_208;
-        let t3_64 = -t2_227;
-        let t3_65 = -pivot_8;
+        let t3_1 = sin_e1x * t2_163;
+        let t3_2 = like.lift(0.0381051177665153) * t3_1;
+        let t3_3 = t1_133.mul_add(t2_217, t2_57);
+        let t3_4 = (-t1_100).mul_add(t2_170, t3_3);
+        let t3_5 = t1_104.mul_add(t2_166, t3_4);
+        let t3_6 = t3_2 - t3_5;
+        let t3_7 = inv_pivot_1 * t3_6;
+        let t3_8 = sin_e1x * t2_184;
+        let t3_9 = like.lift(0.0381051177665153) * t3_8;
+        let t3_10 = (-t1_133).mul_add(t2_221, t2_61);
+        let t3_11 = t1_100.mul_add(t2_191, t3_10);
+        let t3_12 = t1_104.mul_add(t2_187, t3_11);
+        let t3_13 = t3_9 + t3_12;
+        let t3_14 = inv_pivot_1 * t3_13;
+        let t3_15 = sin_e1x * t2_202;
+        let t3_16 = like.lift(0.0381051177665153) * t3_15;
+        let t3_17 = t1_133 * t2_225;
+        let t3_18 = (-t1_100).mul_add(t2_209, t3_17);
+        let t3_19 = (-t1_104).mul_add(t2_205, t3_18);
+        let t3_20 = t3_16 - t3_19;
+        let t3_21 = inv_pivot_1 * t3_20;
+        let t3_22 = -t3_21;
+        let t3_23 = t2_99.mul_add(t2_170, t2_103);
+        let t3_24 = (-t2_94).mul_add(t2_166, t3_23);
+        let t3_25 = (-t2_109).mul_add(t2_163, t3_24);
+        let t3_26 = inv_pivot_4 * t3_25;
+        let t3_27 = t2_99 * t2_191;
+        let t3_28 = t2_94.mul_add(t2_187, t3_27);
+        let t3_29 = (-t2_109).mul_add(t2_184, t3_28);
+        let t3_30 = inv_pivot_4 * t3_29;
+        let t3_31 = (-t2_99).mul_add(t2_209, t2_193);
+        let t3_32 = (-t2_94).mul_add(t2_205, t3_31);
+        let t3_33 = t2_109.mul_add(t2_202, t3_32);
+        let t3_34 = inv_pivot_4 * t3_33;
+        let t3_35 = t2_11.mul_add(t3_26, t2_71);
+        let t3_36 = (-t1_216).mul_add(t2_170, t3_35);
+        let t3_37 = t1_218.mul_add(t2_166, t3_36);
+        let t3_38 = t3_37 + t3_2;
+        let t3_39 = inv_pivot_3 * t3_38;
+        let t3_40 = t2_11 * t3_30;
+        let t3_41 = (-t1_216).mul_add(t2_191, t3_40);
+        let t3_42 = (-t1_218).mul_add(t2_187, t3_41);
+        let t3_43 = t3_42 + t3_9;
+        let t3_44 = inv_pivot_3 * t3_43;
+        let t3_45 = (-t2_11).mul_add(t3_34, t2_75);
+        let t3_46 = (-t1_216).mul_add(t2_209, t3_45);
+        let t3_47 = (-t1_218).mul_add(t2_205, t3_46);
+        let t3_48 = t3_47 + t3_16;
+        let t3_49 = inv_pivot_3 * t3_48;
+        let t3_50 = -t3_49;
+        let t3_51 = -pivot_7;
+        let t3_52 = -pivot_8;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(0.9580029161088279)).abs()
             .min((pivot_2 * like.lift(0.9018719688103075)).abs())
-            .min((t1_163 * like.lift(1.923718077658978)).abs())
-            .min((pivot_4 * like.lift(1.019503733280847)).abs())
-            .min((pivot_5 * like.lift(0.9467672644948026)).abs())
-            .min((pivot_6 * like.lift(0.8116685504320711)).abs())
-            .min((pivot_7 * like.lift(1.060112577367453)).abs())
-            .min((t3_65 * like.lift(0.697347665033695)).abs());
+            .min((t2_15 * like.lift(0.9441016894903256)).abs())
+            .min((pivot_4 * like.lift(0.7930813430566414)).abs())
+            .min((pivot_5 * like.lift(0.9552290039283993)).abs())
+            .min((pivot_6 * like.lift(0.6503970605951934)).abs())
+            .min((t3_51 * like.lift(1.8878245740206896)).abs())
+            .min((t3_52 * like.lift(1.0933635968062305)).abs());
         let ([
             [x_u1_1_q1, x_u1_1_q2, x_u1_1_q3], [x_u1_2_q1, x_u1_2_q2, x_u1_2_q3], [_, _, _],
             [_, _, _], [x_u2_1_q1, x_u2_1_q2, x_u2_1_q3], [x_u2_2_q1, x_u2_2_q2, x_u2_2_q3],
             [x_u3_1_q1, x_u3_1_q2, x_u3_1_q3], [x_u3_2_q1, x_u3_2_q2, x_u3_2_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_187, t2_220, t3_12], [t2_180, t2_213, t3_4], [t3_13, t2_217, t3_14],
-                [t3_19, t3_24, t3_29], [t3_33, t3_37, t3_42], [t3_49, t3_55, t3_61],
-                [t2_177, t3_62, t3_1], [t2_175, t3_63, t3_64],
+                [t2_170, t2_191, t2_210], [t2_166, t2_211, t2_205], [t2_163, t2_184, t2_212],
+                [t2_161, t2_213, t2_200], [t2_217, t2_221, t2_226], [t3_7, t3_14, t3_22],
+                [t3_26, t3_30, t3_34], [t3_39, t3_44, t3_50],
             ],
             margin,
             || (
@@ -18605,17 +17735,17 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([[T; 3]; 3],
                     [t1_17, t1_18, t1_19, like.lift(0.0), t1_91, t1_97, like.lift(0.0), like.lift(0.0)],
                     [t1_101, t1_104, t1_105, like.lift(0.0), t1_133, pivot_1, like.lift(0.0), like.lift(0.0)],
                     [t1_142, t1_145, t1_146, like.lift(0.066), t1_148, t1_150, like.lift(0.0), like.lift(0.0)],
-                    [t1_158, t1_162, t1_162, t1_163, t1_169, t1_175, like.lift(0.0), like.lift(0.0)],
-                    [t1_17, t1_18, t1_19, like.lift(0.0), like.lift(0.0), like.lift(0.0), t1_207, t1_214],
-                    [t1_216, t1_217, t1_103, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_11, t2_16],
-                    [t2_18, t2_19, t1_144, like.lift(0.066), like.lift(0.0), like.lift(0.0), t2_21, t2_24],
-                    [t2_32, t2_35, t2_35, t2_37, like.lift(0.0), like.lift(0.0), t2_43, t2_48],
+                    [t1_158, t1_162, t1_162, t1_164, t1_170, t1_176, like.lift(0.0), like.lift(0.0)],
+                    [t1_17, t1_18, t1_19, like.lift(0.0), like.lift(0.0), like.lift(0.0), t1_208, t1_215],
+                    [t1_217, t1_218, t1_103, like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_11, t2_15],
+                    [t2_17, t2_18, t1_144, like.lift(0.066), like.lift(0.0), like.lift(0.0), t2_20, t2_23],
+                    [t2_31, t2_34, t2_34, t2_36, like.lift(0.0), like.lift(0.0), t2_42, t2_47],
                 ],
                 [
-                    [t2_50, t2_54, like.lift(0.0)], [t2_59, t2_62, like.lift(0.0)],
-                    [t2_65, t2_67, like.lift(0.0)], [t1_158, t1_169, like.lift(0.0)],
-                    [t2_50, like.lift(0.0), t2_71], [t2_73, like.lift(0.0), t2_76],
-                    [t2_77, like.lift(0.0), t2_79], [t2_32, like.lift(0.0), t2_43],
+                    [t2_49, t2_53, like.lift(0.0)], [t2_58, t2_61, like.lift(0.0)],
+                    [t2_64, t2_66, like.lift(0.0)], [t1_158, t1_170, like.lift(0.0)],
+                    [t2_49, like.lift(0.0), t2_70], [t2_72, like.lift(0.0), t2_75],
+                    [t2_76, like.lift(0.0), t2_78], [t2_31, like.lift(0.0), t2_42],
                 ],
             ),
         );

@@ -66,7 +66,12 @@ impl Model<f64> for DerivedModel<'_> {
             bodies: &self.bodies,
             cuts: &self.cuts,
             home: &self.robot.home,
+            gravity: self.robot.gravity,
             rows: self.robot.rows,
+            // Limits and nominal values have no part in the closure.
+            joints: &[],
+            cones: &[],
+            nominal: &[],
         }
     }
 
