@@ -212,48 +212,41 @@ fn one_derivation_holds_at_other_geometries() {
 /// What was recognised as a function of the names, at other values of them.
 #[test]
 fn completed_factors_hold_at_other_geometries() {
-    let cases: [(&str, usize, &[(&str, &str)]); 5] = [
+    let cases: [(&str, usize, [&str; 2]); 5] = [
         (
             "mechanisms/parallelogram_cut.yaml",
             3,
-            &[("l: 0.4, w: 0.25", "l: 0.31, w: sqrt(0.1)")],
+            ["l: 0.4, w: 0.25", "l: 0.31, w: sqrt(0.1)"],
         ),
         (
             "mechanisms/delta.yaml",
             34,
-            &[(
+            [
                 "rb: 0.2, rp: 0.06, l1: 0.25, l2: 0.6",
                 "rb: 0.21, rp: 0.05, l1: 0.28, l2: 0.57",
-            )],
+            ],
         ),
-        (
-            "base/sarrus.yaml",
-            5,
-            &[("l: 0.3, r: 0.2", "l: 1/3, r: 0.1")],
-        ),
+        ("base/sarrus.yaml", 5, ["l: 0.3, r: 0.2", "l: 1/3, r: 0.1"]),
         (
             "base/delta4.yaml",
             43,
-            &[(
+            [
                 "rb: 0.2, rp: 0.06, l1: 0.25, l2: 0.6",
                 "rb: 0.21, rp: 0.05, l1: 0.28, l2: 0.57",
-            )],
+            ],
         ),
         (
             "base/fourbar_two_names.yaml",
             3,
-            &[("crank: 0.4, rocker: 0.4", "crank: 0.5, rocker: 0.5")],
+            ["crank: 0.4, rocker: 0.4", "crank: 0.5, rocker: 0.5"],
         ),
     ];
-    for (file, count, replacements) in cases {
+    for (file, count, [from, to]) in cases {
         let text = text_of(&files::package().join(file));
         let derivation = Derivation::completed(&text).unwrap();
         assert_eq!(derivation.kept().len(), count, "{file}");
-        let mut other = text.clone();
-        for (from, to) in replacements {
-            assert!(other.contains(from), "{file}: {from}");
-            other = other.replacen(from, to, 1);
-        }
+        assert!(text.contains(from), "{file}: {from}");
+        let other = text.replacen(from, to, 1);
         let mechanism = Mechanism::from_yaml(&other).unwrap();
         let spec = Derivation::new(&other).unwrap().spec;
         let states = mechanism.random_states(6, states_for(&mechanism)).unwrap();
@@ -324,7 +317,7 @@ fn combinations_hold_on_random_loops() {
 }
 
 /// Larger ones are judged in an optimised build: `tests/base/RECORD.md`.
-const SMALL: usize = 60;
+const SMALL: usize = 40;
 
 fn holds(seed: u64) -> Result<(), String> {
     let text = random_spec::closed_loop(seed)?;
@@ -342,7 +335,7 @@ fn bases_of_random_loops_are_complete_and_reproduce_the_regressor() {
     };
     let failed: Vec<String> = (0..200)
         .filter(small)
-        .take(24)
+        .take(16)
         .filter_map(|seed| holds(seed).err())
         .collect();
     assert!(failed.is_empty(), "{}", failed.join("\n"));
