@@ -50,7 +50,13 @@ mod condition;
 pub mod data;
 #[cfg(feature = "estimation")]
 pub mod estimate;
+#[cfg(feature = "feasibility")]
+pub mod feasibility;
+#[cfg(feature = "feasibility")]
+pub mod friction;
 mod guarded;
+#[cfg(feature = "feasibility")]
+pub mod identifiability;
 #[cfg(feature = "estimation")]
 pub mod identify;
 mod info;
