@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use regen_runtime::Friction;
-use regen_runtime::feasibility::{Combinations, Layout, Options};
+use regen_runtime::feasibility::{Combinations, Layout, Options, Scale};
 use regen_runtime::friction::{FrictionData, FrictionFit, FrictionJoint, fit};
 
 use crate::robots::{Robot, robot};
@@ -119,7 +119,7 @@ proptest! {
             [(Friction::Stribeck, &[fc, 1.0, 0.2, 1.5, 0.4]), (Friction::Power, &[fc, 1.0, 1.0])];
         let found = of_robot(&robot, &simulate(&robot, &laws, noise));
         prop_assert!(found.squared_residual <= found.linear * (1.0 + 1e-6) + 1e-9);
-        let check = robot.layout.check(&found.phi, Default::default()).unwrap();
+        let check = robot.layout.check(&found.phi, Scale::default()).unwrap();
         prop_assert!(check.is_physical());
         prop_assert!(found.joints.iter().all(|j| j.values.iter().all(|v| *v >= 0.0)));
     }

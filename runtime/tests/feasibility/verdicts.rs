@@ -66,7 +66,7 @@ proptest! {
         let mut low = 0.0;
         let mut high = ten[9] + 10.0 * far;
         for _ in 0..80 {
-            let middle = (low + high) / 2.0;
+            let middle = f64::midpoint(low, high);
             let mut less = ten;
             less[9] -= middle;
             if scale.smallest_eigenvalue(&less) < -far { high = middle } else { low = middle }
