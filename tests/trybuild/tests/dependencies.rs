@@ -5,15 +5,13 @@ use std::path::Path;
 use std::process::Command;
 
 /// Crates of the solvers and the command line: minutes to build, or of no use in a controller.
-const HEAVY: [&str; 11] = [
-const HEAVY: [&str; 12] = [
+const HEAVY: [&str; 13] = [
     "faer",
     "csv",
     "statrs",
     "clarabel",
     "regen-lapack",
     "lapack-sys",
-    "csv",
     "nalgebra",
     "schemars",
     "clap",
