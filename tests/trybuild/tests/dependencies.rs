@@ -97,7 +97,13 @@ fn a_crate_that_is_built_is_found() {
 #[test]
 fn the_conic_solver_needs_no_system_lapack() {
     let tree = tree("regen-runtime", &["--features", "feasibility"]);
-    for library in ["openblas-src", "netlib-src", "intel-mkl-src", "accelerate-src", "cc"] {
+    for library in [
+        "openblas-src",
+        "netlib-src",
+        "intel-mkl-src",
+        "accelerate-src",
+        "cc",
+    ] {
         assert!(!holds(&tree, library), "feasibility builds {library}");
     }
 }
