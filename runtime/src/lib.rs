@@ -29,6 +29,11 @@
 //! - `estimation`: observations reduced to a triangle, least squares with statistics.
 //! - `data`: logs from CSV files.
 //!
+//! Physical parameters:
+//! - `feasibility`: verdicts, identification under constraints, nonlinear friction, reduction to
+//!   what is identifiable. Brings a conic solver, with dense routines of its own.
+//! - `lapack-system`: leaves the dense routines to a BLAS and LAPACK that the program links.
+//!
 //! The macro:
 //! - `macros`: `robot_model!`, a robot from its YAML file at compile time.
 #![no_std]
@@ -50,7 +55,13 @@ mod condition;
 pub mod data;
 #[cfg(feature = "estimation")]
 pub mod estimate;
+#[cfg(feature = "feasibility")]
+pub mod feasibility;
+#[cfg(feature = "feasibility")]
+pub mod friction;
 mod guarded;
+#[cfg(feature = "feasibility")]
+pub mod identifiability;
 #[cfg(feature = "estimation")]
 pub mod identify;
 mod info;

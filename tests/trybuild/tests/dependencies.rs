@@ -5,11 +5,13 @@ use std::path::Path;
 use std::process::Command;
 
 /// Crates of the solvers and the command line: minutes to build, or of no use in a controller.
-const HEAVY: [&str; 11] = [
+const HEAVY: [&str; 13] = [
     "faer",
     "csv",
     "statrs",
     "clarabel",
+    "regen-lapack",
+    "lapack-sys",
     "nalgebra",
     "schemars",
     "clap",
@@ -83,8 +85,27 @@ fn a_crate_that_is_built_is_found() {
         &tree("regen-runtime", &["--features", "macros"]),
         "regen-codegen"
     ));
+    let feasibility = tree("regen-runtime", &["--features", "feasibility"]);
+    for part in ["faer", "clarabel", "nalgebra", "regen-lapack"] {
+        assert!(holds(&feasibility, part), "{part}");
+    }
     assert!(holds(&tree("regen-cli", &[]), "clap"));
     assert!(holds(&tree("regen-cli", &[]), "serde_json"));
+}
+
+/// No system library and none that a build script fetches or compiles.
+#[test]
+fn the_conic_solver_needs_no_system_lapack() {
+    let tree = tree("regen-runtime", &["--features", "feasibility"]);
+    for library in [
+        "openblas-src",
+        "netlib-src",
+        "intel-mkl-src",
+        "accelerate-src",
+        "cc",
+    ] {
+        assert!(!holds(&tree, library), "feasibility builds {library}");
+    }
 }
 
 /// Without the macro the runtime is two crates at most.

@@ -1,0 +1,313 @@
+//! The nonlinear fit: shapes outside, convex programmes inside.
+
+use std::prelude::v1::*;
+use std::vec;
+
+use super::FrictionData;
+use super::law::{SHAPES, STARTS};
+use crate::Friction;
+use crate::estimate::Factor;
+use crate::feasibility::{
+    Bound, Combinations, FeasibilityError, Layout, Options, Physical, identify,
+};
+
+/// Steps from each start, and from the best of them.
+const FEW: usize = 3;
+const MANY: usize = 40;
+/// A relative gain that is not worth another step.
+const GAIN: f64 = 1e-9;
+/// The region of trust in the logarithms: at the start, at most, and where it ends.
+const REACH: f64 = 0.5;
+const WIDEST: f64 = 1.0;
+const NARROWEST: f64 = 1e-6;
+/// Shapes stay within this factor of the first start: beyond, a law degenerates.
+const FARTHEST: f64 = 1e3;
+
+/// The friction of one joint.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JointFit {
+    /// The coordinate's name.
+    pub name: String,
+    /// The law.
+    pub friction: Friction,
+    /// Its coefficients in the order of [`Friction::symbols`], SI.
+    pub values: Vec<f64>,
+}
+
+/// Parameters with nonlinear friction.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FrictionFit {
+    /// The friction of each joint.
+    pub joints: Vec<JointFit>,
+    /// All p parameters of the layout, SI, physical.
+    pub phi: Vec<f64>,
+    /// Their base parameters, SI.
+    pub beta: Vec<f64>,
+    /// The sum of squared residuals.
+    pub squared_residual: f64,
+    /// That of linear friction (viscous and Coulomb) at the same joints, under the same
+    /// constraints: never smaller.
+    pub linear: f64,
+    /// Whether the steps ended because they gained nothing any more.
+    pub converged: bool,
+    /// The convex programmes that were solved.
+    pub programmes: usize,
+}
+
+/// The search's state.
+struct Search<'a> {
+    data: &'a FrictionData,
+    combinations: Combinations,
+    layout: Layout,
+    options: &'a Options,
+    first: Vec<[f64; SHAPES]>,
+    programmes: usize,
+}
+
+/// A shape with the best parameters for it.
+#[derive(Clone)]
+struct Point {
+    shapes: Vec<[f64; SHAPES]>,
+    solution: Physical,
+    /// What is minimised: squared residuals and what priors add.
+    cost: f64,
+}
+
+impl Search<'_> {
+    fn solve(
+        &mut self,
+        factor: &Factor,
+        combinations: &Combinations,
+        layout: &Layout,
+        options: &Options,
+    ) -> Result<Physical, FeasibilityError> {
+        self.programmes += 1;
+        identify(factor, combinations, layout, options)
+    }
+
+    fn padded(&self, layout: &Layout) -> Options {
+        let mut options = self.options.clone();
+        if !options.reference.is_empty() {
+            options.reference.resize(layout.len(), None);
+        }
+        options
+    }
+
+    /// Squared residuals, and what beliefs add to them.
+    fn cost(&self, solution: &Physical) -> f64 {
+        let noise = self.options.noise.unwrap_or(1.0);
+        let beliefs = self.options.priors.iter().filter_map(|prior| {
+            let at = self.layout.find(&prior.parameter).ok()?;
+            Some(((solution.phi[at] - prior.value) / prior.deviation * noise).powi(2))
+        });
+        solution.squared_residual + beliefs.sum::<f64>()
+    }
+
+    fn point(&mut self, shapes: Vec<[f64; SHAPES]>) -> Result<Point, FeasibilityError> {
+        let factor = self.data.factor(&shapes, None)?;
+        let (combinations, layout) = (self.combinations.clone(), self.layout.clone());
+        let options = self.padded(&layout);
+        let solution = self.solve(&factor, &combinations, &layout, &options)?;
+        let cost = self.cost(&solution);
+        Ok(Point {
+            shapes,
+            solution,
+            cost,
+        })
+    }
+
+    /// The step that least squares without constraints asks for, cut to the reach.
+    fn free_step(&self, from: &Point, reach: f64) -> Option<Vec<f64>> {
+        let effect = Some((from.solution.beta.as_slice(), 1.0));
+        let factor = self.data.factor(&from.shapes, effect).ok()?;
+        let values = factor.solve().ok()?;
+        let known = self.combinations.labels().len();
+        let steps: Vec<f64> = values[known..].iter().map(|s| s - 1.0).collect();
+        let longest = steps.iter().fold(0.0, |m: f64, s| m.max(s.abs()));
+        let part = if longest > reach {
+            reach / longest
+        } else {
+            1.0
+        };
+        Some(steps.iter().map(|s| s * part).collect())
+    }
+
+    /// The logarithms' steps that the linearised problem asks for within a reach.
+    fn step(&mut self, from: &Point, reach: f64) -> Result<Vec<f64>, FeasibilityError> {
+        let factor = self
+            .data
+            .factor(&from.shapes, Some((&from.solution.beta, reach)))?;
+        let known = self.combinations.labels().len();
+        let steps = factor.labels()[known..].to_vec();
+        let layout = self.layout.extended(&steps)?;
+        let combinations = self.combinations.extended(&steps);
+        let mut options = self.padded(&layout);
+        options.bounds.extend(steps.iter().map(|label| Bound {
+            parameter: label.clone(),
+            lowest: 0.0,
+            highest: 2.0,
+        }));
+        let solution = self.solve(&factor, &combinations, &layout, &options)?;
+        let values = &solution.phi[self.layout.len()..];
+        Ok(values.iter().map(|s| reach * (s - 1.0)).collect())
+    }
+
+    fn moved(&self, shapes: &[[f64; SHAPES]], by: &[f64]) -> Vec<[f64; SHAPES]> {
+        let mut by = by.iter();
+        let laws = self.data.laws.iter().zip(&self.first);
+        let pairs = shapes.iter().zip(laws);
+        pairs
+            .map(|(shape, (law, first))| {
+                let mut out = *shape;
+                for (value, first) in out.iter_mut().zip(first).take(law.shape().len()) {
+                    let step = by.next().copied().unwrap_or(0.0);
+                    *value = (*value * step.exp()).clamp(first / FARTHEST, first * FARTHEST);
+                }
+                out
+            })
+            .collect()
+    }
+
+    /// Descends; whether it ended by itself.
+    fn descend(&mut self, mut at: Point, most: usize) -> (Point, bool) {
+        let mut reach = REACH;
+        for _ in 0..most {
+            // far from the constraints plain least squares is exact and quick; a programme
+            // that fails says no more than that this step is too long
+            let free = self.free_step(&at, reach);
+            let next = free
+                .and_then(|by| self.point(self.moved(&at.shapes, &by)).ok())
+                .filter(|next| next.cost < at.cost)
+                .or_else(|| {
+                    let by = self.step(&at, reach).ok()?;
+                    self.point(self.moved(&at.shapes, &by)).ok()
+                });
+            match next {
+                Some(next) if next.cost < at.cost => {
+                    let gain = at.cost - next.cost;
+                    let worth = gain > GAIN * at.cost;
+                    at = next;
+                    if !worth {
+                        return (at, true);
+                    }
+                    reach = (2.0 * reach).min(WIDEST);
+                }
+                _ => reach /= 4.0,
+            }
+            if reach < NARROWEST {
+                return (at, true);
+            }
+        }
+        (at, false)
+    }
+}
+
+/// Fits nonlinear friction and all other parameters together.
+///
+/// - `combinations`: how the r columns of the data combine the p parameters of `layout`, which
+///   know nothing of the nonlinear friction;
+/// - `options`: constraints and priors, as for [`identify`].
+///
+/// The result is never worse than linear friction at the same joints: that is where the search
+/// starts, and only steps that lower the cost are taken.
+///
+/// # Errors
+/// As [`identify`].
+pub fn fit(
+    data: &FrictionData,
+    combinations: &Combinations,
+    layout: &Layout,
+    options: &Options,
+) -> Result<FrictionFit, FeasibilityError> {
+    let coefficients = data.coefficients();
+    let fastest = data.fastest();
+    let start = |which: usize| -> Vec<[f64; SHAPES]> {
+        let laws = data.laws.iter().zip(&fastest);
+        laws.map(|(law, v)| law.start(which, *v)).collect()
+    };
+    let mut search = Search {
+        data,
+        combinations: combinations.extended(&coefficients),
+        layout: layout.extended(&coefficients)?,
+        options,
+        first: start(0),
+        programmes: 0,
+    };
+    let linear = linear(&mut search)?;
+    let mut points = Vec::with_capacity(STARTS);
+    for which in 0..STARTS {
+        points.push(search.point(start(which))?);
+    }
+    points.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    points.truncate(2);
+    let mut best: Option<Point> = None;
+    for point in points {
+        let (end, _) = search.descend(point, FEW);
+        if best.as_ref().is_none_or(|b| end.cost < b.cost) {
+            best = Some(end);
+        }
+    }
+    let Some(best) = best else {
+        return Err(FeasibilityError::Size {
+            what: "starts",
+            expected: STARTS,
+            got: 0,
+        });
+    };
+    let (best, converged) = search.descend(best, MANY);
+
+    let inertial = layout.len();
+    let mut next = inertial;
+    let mut joints = Vec::with_capacity(data.joints.len());
+    for ((joint, law), shape) in data.joints.iter().zip(&data.laws).zip(&best.shapes) {
+        let symbols = joint.friction.symbols();
+        let mut values = vec![0.0; symbols.len()];
+        let place = |symbol: &str| symbols.iter().position(|s| *s == symbol);
+        for symbol in law.linear() {
+            if let Some(k) = place(symbol) {
+                values[k] = best.solution.phi[next];
+            }
+            next += 1;
+        }
+        for (symbol, value) in law.shape().iter().zip(shape) {
+            if let Some(k) = place(symbol) {
+                values[k] = *value;
+            }
+        }
+        joints.push(JointFit {
+            name: joint.name.clone(),
+            friction: joint.friction,
+            values,
+        });
+    }
+    let observed = combinations.labels().len();
+    Ok(FrictionFit {
+        joints,
+        phi: best.solution.phi[..inertial].to_vec(),
+        beta: best.solution.beta[..observed].to_vec(),
+        squared_residual: best.solution.squared_residual,
+        linear: linear.squared_residual,
+        converged,
+        programmes: search.programmes,
+    })
+}
+
+/// The fit with linear friction: the power law at the exponent 1 has its columns.
+fn linear(search: &mut Search<'_>) -> Result<Physical, FeasibilityError> {
+    let mut plain = search.data.clone();
+    for (joint, law) in plain.joints.iter_mut().zip(&mut plain.laws) {
+        joint.friction = Friction::Power;
+        *law = super::law::Law::Power;
+    }
+    let factor = plain.factor(&vec![[1.0; SHAPES]; plain.joints.len()], None)?;
+    let more = plain.coefficients();
+    let base = search.data.labels.len();
+    let p = search.layout.len() - search.data.coefficients().len();
+    let layout = Layout::new(&search.layout.labels()[..p])?.extended(&more)?;
+    let kept: Vec<usize> = (0..base).collect();
+    let rows = search.combinations.select(&kept)?;
+    let cut = rows.rows().iter().map(|row| row[..p].to_vec()).collect();
+    let combinations = Combinations::new(rows.labels().to_vec(), cut)?.extended(&more);
+    let options = search.padded(&layout);
+    search.solve(&factor, &combinations, &layout, &options)
+}

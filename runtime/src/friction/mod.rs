@@ -1,0 +1,17 @@
+//! Nonlinear friction (Eq. 16, 17, 32), at active and passive joints, identified together with
+//! the other parameters under the constraints of [`feasibility`](crate::feasibility) (Eq. 29).
+//!
+//! The laws are linear in their coefficients and not in their shape: `vs` and `delta` of
+//! Stribeck's, `Fv3` of the arctangent, `delta` of the power law. The coefficients and all other
+//! parameters are eliminated: for each shape they are the solution of a convex programme. What
+//! remains is a function of the logarithms of the shape, which Gauss-Newton steps with exact
+//! derivatives and a region of trust minimise, from several starts. Each step is a cone
+//! programme in all unknowns, so that it knows of the constraints; ready-made nonlinear
+//! least-squares solvers know of none.
+
+mod data;
+mod fit;
+mod law;
+
+pub use data::{FrictionData, FrictionJoint, directions};
+pub use fit::{FrictionFit, JointFit, fit};

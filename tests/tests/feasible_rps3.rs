@@ -1,0 +1,236 @@
+//! The chapter's robot with noise: least squares is of no robot, the constrained fit is, and
+//! nonlinear friction at active and passive joints is found together with it.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+use std::time::Instant;
+
+use regen_generated::rps3_friction::Rps3Friction;
+use regen_runtime::estimate::Factor;
+use regen_runtime::feasibility::{
+    Combinations, Layout, Options, Outcome, Scale, Verdict, bodies_yaml, identify, verdict,
+};
+use regen_runtime::friction::{FrictionData, FrictionJoint, directions, fit};
+use regen_runtime::identifiability::{Checks, Feasibility, WELL, reduce};
+use regen_runtime::{BaseModel, Closure, Friction, State};
+
+/// A sequence of numbers that is the same everywhere (SplitMix64), by Box and Muller normal.
+struct Random(u64);
+
+impl Random {
+    fn uniform(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    fn normal(&mut self) -> f64 {
+        let (u, v) = (1.0 - self.uniform(), self.uniform());
+        (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
+    }
+}
+
+fn model() -> &'static dyn BaseModel<f64> {
+    &Rps3Friction
+}
+
+fn layout() -> Layout {
+    Layout::new(model().info().parameters).unwrap()
+}
+
+fn combinations() -> Combinations {
+    Combinations::from_base(&model().base_info(), layout().len()).unwrap()
+}
+
+fn nominal() -> Vec<f64> {
+    model().info().nominal_parameters().unwrap()
+}
+
+/// States along sums of sines about the middle of the legs' strokes.
+fn states(samples: usize, phase: f64) -> Vec<State> {
+    let model = model();
+    let mut closure = Closure::new(model).unwrap();
+    (0..samples)
+        .map(|k| {
+            let t = 7.5 * k as f64 / samples as f64;
+            let mut q = [0.62; 3];
+            let (mut qd, mut qdd) = ([0.0; 3], [0.0; 3]);
+            for leg in 0..3 {
+                for (h, size) in [(1.0, 0.05), (2.0, 0.03), (3.0, 0.02)] {
+                    let w = std::f64::consts::TAU * h / 7.5 * 2.0;
+                    let a = w * t + phase + 2.1 * leg as f64 * h;
+                    q[leg] += size * a.sin();
+                    qd[leg] += size * w * a.cos();
+                    qdd[leg] -= size * w * w * a.sin();
+                }
+            }
+            closure.solve_state(&q, &qd, &qdd).unwrap()
+        })
+        .collect()
+}
+
+/// The base regressor and the efforts of given base parameters at a state.
+fn equations(state: &State, beta: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let mut w = vec![0.0; 3 * beta.len()];
+    let _ = model()
+        .base_regressor(&state.q, &state.qd, &state.qdd, &mut w)
+        .unwrap();
+    let tau = (0..3)
+        .map(|i| beta.iter().enumerate().map(|(j, b)| w[3 * j + i] * b).sum())
+        .collect();
+    (w, tau)
+}
+
+fn factor(states: &[State], beta: &[f64], sigma: f64, seed: u64) -> Factor {
+    let mut random = Random(seed);
+    let mut factor = Factor::new(combinations().labels().to_vec());
+    for state in states {
+        let (w, mut tau) = equations(state, beta);
+        tau.iter_mut().for_each(|t| *t += sigma * random.normal());
+        factor.push_block(&w, &tau).unwrap();
+    }
+    factor
+}
+
+#[test]
+fn with_noise_least_squares_is_of_no_robot_and_the_constrained_fit_costs_little() {
+    let (layout, combinations) = (layout(), combinations());
+    let beta = combinations.apply(&nominal()).unwrap();
+    let factor = factor(&states(300, 0.3), &beta, 5.0, 1);
+    let plain = factor.solve().unwrap();
+    let judged = verdict(&layout, &combinations, &plain, Scale::default()).unwrap();
+    assert!(matches!(judged, Verdict::Infeasible { .. }), "{judged:?}");
+
+    let start = Instant::now();
+    let found = identify(&factor, &combinations, &layout, &Options::default()).unwrap();
+    let seconds = start.elapsed().as_secs_f64();
+    println!(
+        "feasible 3-RPS: {seconds:.3} s, residual rises by {:.3e}",
+        found.rise()
+    );
+    // one thread: elapsed time bounds CPU time; without optimisation it says nothing
+    if cfg!(not(debug_assertions)) {
+        assert!(seconds < 1.0, "{seconds} s");
+    }
+    assert!(found.check.is_physical());
+    assert_ne!(found.outcome, Outcome::Unconstrained);
+    assert!(
+        found.rise() > 0.0 && found.rise() < 0.05,
+        "{}",
+        found.rise()
+    );
+    // what is left out of a robot's file can be read back as one
+    let text = bodies_yaml(&layout, &found.phi).unwrap();
+    assert_eq!(text.lines().count(), 8);
+}
+
+#[test]
+fn exact_data_keep_their_parameters_and_the_verdict_is_feasible() {
+    let (layout, combinations) = (layout(), combinations());
+    let beta = combinations.apply(&nominal()).unwrap();
+    let factor = factor(&states(120, 0.3), &beta, 0.0, 1);
+    let found = identify(&factor, &combinations, &layout, &Options::default()).unwrap();
+    assert_eq!(found.outcome, Outcome::Unconstrained);
+    for (a, b) in found.beta.iter().zip(&beta) {
+        assert!((a - b).abs() < 1e-7 * (1.0 + b.abs()), "{a} {b}");
+    }
+    let judged = verdict(&layout, &combinations, &beta, Scale::default()).unwrap();
+    assert!(judged.is_feasible());
+}
+
+#[test]
+fn the_reduction_ends_with_parameters_that_are_all_well_identified() {
+    let (layout, combinations) = (layout(), combinations());
+    let beta = combinations.apply(&nominal()).unwrap();
+    let data = factor(&states(300, 0.3), &beta, 5.0, 2);
+    let other = factor(&states(150, 1.7), &beta, 5.0, 3);
+    let checks = Checks {
+        other: Some(&other),
+        exact: Some(&beta),
+        ..Checks::default()
+    };
+    let reduction = reduce(&data, &combinations, &layout, &checks).unwrap();
+    println!("{}", reduction.table());
+    let (first, last) = (&reduction.steps[0], reduction.result().unwrap());
+    assert_eq!(last.feasibility, Feasibility::Feasible);
+    assert!(last.well == last.kept.len() && last.well > 0);
+    assert!((0..last.kept.len()).all(|k| last.estimate.sigma_percent(k) < WELL));
+    assert!(last.kept.len() < first.kept.len());
+    assert!(last.condition < first.condition);
+    // fewer parameters are nearer to the exact ones, and predict another trajectory
+    assert!(last.average_relative.unwrap() < first.average_relative.unwrap());
+    assert!(last.other_residual.unwrap() < 1.5 * first.other_residual.unwrap());
+}
+
+/// Stribeck friction in an active leg and in a passive pivot.
+#[test]
+fn nonlinear_friction_of_active_and_passive_joints_is_recovered() {
+    let (layout, combinations) = (layout(), combinations());
+    let beta = combinations.apply(&nominal()).unwrap();
+    let joints = ["q1", "q2"].map(|name| FrictionJoint {
+        name: name.to_owned(),
+        friction: Friction::Stribeck,
+    });
+    // the active leg's model has linear friction with columns of its own: leave them out
+    let kept: Vec<usize> = (0..beta.len())
+        .filter(|k| !["Fv(q2)", "Fc(q2)"].contains(&combinations.labels()[*k].as_str()))
+        .collect();
+    let seen = combinations.select(&kept).unwrap();
+    let places = ["q1", "q2"].map(|name| model().info().index_of(name).unwrap());
+    let laws = [
+        [40.0, 90.0, 0.05, 1.2, 30.0],
+        [150.0, 300.0, 0.03, 1.4, 2500.0],
+    ];
+    let mut data = FrictionData::new(seen.labels(), &joints, 3).unwrap();
+    for state in &states(200, 0.3) {
+        let (w, _) = equations(state, &beta);
+        let columns: Vec<f64> = kept
+            .iter()
+            .flat_map(|k| w[3 * k..3 * k + 3].to_vec())
+            .collect();
+        let qd = places.map(|k| state.qd[k]);
+        let (d, _) = directions(model(), &state.q, &places).unwrap();
+        let tau: Vec<f64> = (0..3)
+            .map(|i| {
+                let body: f64 = kept.iter().map(|k| w[3 * k + i] * beta[*k]).sum();
+                let friction = qd.iter().zip(&laws).enumerate().map(|(k, (v, x))| {
+                    let [fc, fs, vs, delta, fv] = *x;
+                    let e = (-(v / vs).abs().powf(delta)).exp();
+                    d[3 * k + i] * (v.signum() * (fc + (fs - fc) * e) + fv * v)
+                });
+                body + friction.sum::<f64>()
+            })
+            .collect();
+        data.push(&columns, &tau, &qd, &d, &[1.0; 3]).unwrap();
+    }
+    let plain = Layout::new(
+        &layout
+            .labels()
+            .iter()
+            .filter(|l| !["Fv(q2)", "Fc(q2)"].contains(&l.as_str()))
+            .collect::<Vec<_>>(),
+    )
+    .unwrap();
+    let columns: Vec<usize> = plain
+        .labels()
+        .iter()
+        .map(|l| layout.find(l).unwrap())
+        .collect();
+    let rows = seen.rows().iter();
+    let rows = rows
+        .map(|row| columns.iter().map(|c| row[*c]).collect())
+        .collect();
+    let narrowed = Combinations::new(seen.labels().to_vec(), rows).unwrap();
+    let found = fit(&data, &narrowed, &plain, &Options::default()).unwrap();
+    println!(
+        "{} programmes, {:e} of {:e}",
+        found.programmes, found.squared_residual, found.linear
+    );
+    assert!(found.squared_residual < 1e-6 * found.linear);
+    for (joint, law) in found.joints.iter().zip(laws) {
+        for (a, b) in joint.values.iter().zip(law) {
+            assert!((a - b).abs() < 1e-6 * b, "{:?} {law:?}", joint.values);
+        }
+    }
+}
