@@ -149,7 +149,8 @@ impl Mechanism {
     /// values, staying on the assembly branch.
     ///
     /// # Errors
-    /// When a step does not close, or crosses or comes near a singularity.
+    /// When a step does not close, leaps to another assembly, or crosses or comes near a
+    /// singularity.
     pub fn follow(&self, start: &[f64], target: &[f64]) -> Result<Vec<f64>, String> {
         let from: Vec<f64> = self.independent.iter().map(|k| start[*k]).collect();
         let distance = from
@@ -169,6 +170,12 @@ impl Mechanism {
             let change = self.velocities(&q, &move_i)?;
             let predicted: Vec<f64> = q.iter().zip(&change).map(|(x, d)| x + d).collect();
             q = self.close(&predicted)?;
+            let size = |v: &mut dyn Iterator<Item = f64>| v.fold(0.0_f64, |m, x| m.max(x.abs()));
+            let corrected = size(&mut q.iter().zip(&predicted).map(|(x, p)| x - p));
+            // Over a short step the prediction is good: more is another assembly.
+            if corrected > 0.5 * size(&mut change.iter().copied()) + 1e-9 {
+                return Err(format!("{}: a leap on the way", self.name));
+            }
             let next = self.dependent_columns(&self.jacobian(&q));
             // Over a short step det(A^T A') has the sign of det A det A' of any regular rows.
             if (a_e.transpose() * &next).determinant() <= 0.0 {
