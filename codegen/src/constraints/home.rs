@@ -182,7 +182,9 @@ fn check_mobility(loops: &NumericLoops<'_>, model: &Model, q: &[f64]) -> Result<
     let (_, mut a) = loops.at(q);
     // cuts that hold by themselves leave rows of rounding, and no rank
     if a.iter().flatten().all(|x| x.abs() < ROUNDING) {
-        a.iter_mut().for_each(|row| row.fill(0.0));
+        for row in &mut a {
+            row.fill(0.0);
+        }
     }
     let n = model.coordinates.len();
     let (rank, _) = rank_and_columns(a.clone(), RANK_TOLERANCE);
