@@ -47,7 +47,7 @@ pub fn differences(engine: &dyn Engine, mechanism: &Mechanism, seed: u64) -> Res
     // Central differences: the third derivatives of sums of products of sines, times h^2, and
     // rounding over h, are both below 1e-7 here.
     let h = 1e-5;
-    let mut random = Random::new(seed ^ 0x00d1_ff);
+    let mut random = Random::new(seed ^ 0xd1ff);
     let off = random.vector(mechanism.n(), 0.2);
     let at = |q: &[f64], v: &[f64], h: f64| -> Vec<f64> {
         q.iter().zip(v).map(|(x, v)| x + h * v).collect()

@@ -80,12 +80,12 @@ fn refused(text: &str) -> Result<Option<Report>, String> {
 /// A wrong number of independent coordinates is refused with the mobility and a choice that is accepted.
 fn independent(sample: &Sample) -> Result<(), String> {
     let dof = sample.independent.len();
-    let body: String = sample
+    let body: Vec<&str> = sample
         .text
-        .lines()
+        .split_inclusive('\n')
         .filter(|line| !line.starts_with("independent:"))
-        .map(|line| format!("{line}\n"))
         .collect();
+    let body = body.concat();
     // One too few, or one too many where there is but one.
     let mechanism = &sample.mechanism;
     let coupled = |k: &usize| mechanism.couplings.iter().any(|c| c.key == *k);
@@ -254,10 +254,10 @@ fn changed(text: &str, random: &mut Random) -> String {
                 format!("{}{new}{}", &out[..at], &out[at + old.len()..])
             }
             1 => {
-                let lines: Vec<&str> = out.lines().collect();
+                let lines: Vec<&str> = out.split_inclusive('\n').collect();
                 let gone = below(random, lines.len());
                 let kept = lines.iter().enumerate().filter(|(i, _)| *i != gone);
-                kept.map(|(_, l)| format!("{l}\n")).collect()
+                kept.map(|(_, l)| *l).collect()
             }
             _ => {
                 let entries: Vec<usize> =

@@ -222,7 +222,7 @@ fn several(d: &mut Drawing, group: Group) {
 /// A second loop through the first: a new limb from a body of it to another of it.
 fn nested(d: &mut Drawing, group: Group) {
     single(d, None, group);
-    for _ in 0..1 + d.below(2) {
+    for _ in 0..=d.below(2) {
         let start = d.below(d.bodies.len());
         let mut end = d.below(d.bodies.len());
         if end == start {
@@ -260,7 +260,7 @@ fn shared(d: &mut Drawing, group: Group) {
     let n = group.freedoms() - d.below(2);
     d.chain(limb, group, n);
     let platform = d.tip(limb);
-    for _ in 0..1 + d.below(3) {
+    for _ in 0..=d.below(3) {
         close_onto(d, from.as_deref(), platform.clone(), group);
     }
 }
@@ -324,7 +324,7 @@ fn overconstrained(d: &mut Drawing) {
     let mut platform = None;
     for crank in 0..cranks {
         let mut base = Placement::none();
-        base.xyz[0] = format!("{}*b", crank);
+        base.xyz[0] = format!("{crank}*b");
         if d.chance(0.5) {
             base.xyz[1] = d.length();
         }
@@ -365,11 +365,11 @@ fn couple(d: &mut Drawing) {
     if names.len() < 2 {
         return;
     }
-    for _ in 0..1 + d.below(2) {
+    for _ in 0..=d.below(2) {
         // Forms name earlier coordinates only: no cycles.
         let key = 1 + d.below(names.len() - 1);
         let mut terms = Vec::new();
-        for _ in 0..1 + d.below(2) {
+        for _ in 0..=d.below(2) {
             let name = names[d.below(key)].clone();
             let factors = ["1", "-1", "0.5", "-c", "2", "1/3"];
             let factor = format!("({})", factors[d.below(factors.len())]);
