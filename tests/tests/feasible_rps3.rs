@@ -87,7 +87,9 @@ fn factor(states: &[State], beta: &[f64], sigma: f64, seed: u64) -> Factor {
     let mut factor = Factor::new(combinations().labels().to_vec());
     for state in states {
         let (w, mut tau) = equations(state, beta);
-        tau.iter_mut().for_each(|t| *t += sigma * random.normal());
+        for t in &mut tau {
+            *t += sigma * random.normal();
+        }
         factor.push_block(&w, &tau).unwrap();
     }
     factor

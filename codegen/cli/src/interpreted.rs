@@ -82,7 +82,7 @@ impl<'a> Interpreted<'a> {
     /// The model of a robot with its base parameters.
     pub(crate) fn with_terms(robot: &'a Robot, terms: &'a BaseTerms<'a>) -> Self {
         let null = robot.analysis.iter().flat_map(|a| &a.base.null);
-        let free = null.filter_map(|(column, _)| robot.parameters.get(*column));
+        let free = null.filter_map(|d| robot.parameters.get(d.column));
         let base = terms
             .0
             .iter()
