@@ -477,7 +477,8 @@ pub(crate) struct ValidateArgs {
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Reading logs")]
 pub(crate) struct ReadingArgs {
-    /// A column whose header does not say what it is: Q=COLUMN[:UNIT][*FACTOR]
+    /// A column whose header does not say what it is: Q=COLUMN, and
+    /// behind it :UNIT and *FACTOR where they are needed
     #[arg(long, value_name = "ASSIGNMENT")]
     pub(crate) column: Vec<regen_runtime::data::Assignment>,
     /// Differentiate the finite Fourier series of this frequency in Hz and
