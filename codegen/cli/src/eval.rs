@@ -6,7 +6,7 @@ use std::path::Path;
 
 use regen_codegen::diag::Source;
 use regen_codegen::robot::Robot;
-use regen_runtime::{Closure, Model, Status};
+use regen_runtime::{BaseModel, Closure, Model, Status};
 use serde::Serialize;
 
 use crate::args::{EvalArgs, Format};
@@ -76,7 +76,8 @@ fn evaluate(model: &Interpreted<'_>, motion: Motion, number: usize) -> Result<Ev
     model.bias(&q, &qd, &mut bias)?;
     let mut columns = vec![0.0; dof * info.parameters.len()];
     let condition = model.regressor(&q, &qd, &qdd, &mut columns)?;
-    let base = model.base_regressor(&q, &qd, &qdd)?;
+    let mut base = vec![0.0; dof * model.rank()];
+    let _condition = model.base_regressor(&q, &qd, &qdd, &mut base)?;
 
     let results = [&residual, &jacobian, &bias, &columns, &base];
     let finite = results.iter().all(|r| r.iter().all(|x| x.is_finite()));

@@ -13,7 +13,7 @@ use regen_runtime::data::{Logs, Settings};
 use regen_runtime::estimate::{Estimate, EstimateError, FactorSet, Weighting};
 use regen_runtime::identify::{Identified, Kind, Options, Recorded, identify, observe, residuals};
 use regen_runtime::signals::{Fourier, Method};
-use regen_runtime::{Closure, Model, Motion};
+use regen_runtime::{BaseModel, Closure, Model, Motion};
 
 use crate::interpreted::{BaseTerms, Interpreted};
 use crate::load;
@@ -53,7 +53,8 @@ fn truth(model: &Interpreted<'_>, random: &mut Random) -> (Vec<f64>, Vec<f64>) {
     let info = model.info();
     let made = info.parameters.iter().map(|_| 1.0 + 0.5 * random.signed());
     let phi: Vec<f64> = info.nominal_parameters().unwrap_or_else(|| made.collect());
-    let beta = model.to_base(&phi).unwrap();
+    let mut beta = vec![0.0; model.rank()];
+    model.to_base(&phi, &mut beta).unwrap();
     (phi, beta)
 }
 

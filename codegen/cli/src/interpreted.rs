@@ -50,8 +50,10 @@ impl<'a> BaseTerms<'a> {
 type Input<'a> = (&'static str, usize, &'a [f64]);
 
 impl<'a> Interpreted<'a> {
-    /// The model of a robot.
+    /// The model of a robot; its base parameters have no terms to show.
     pub(crate) fn new(robot: &'a Robot) -> Self {
+        let null = robot.analysis.iter().flat_map(|a| &a.base.null);
+        let free = null.filter_map(|d| robot.parameters.get(d.column));
         Self {
             robot,
             coordinates: robot.coordinates.iter().map(String::as_str).collect(),
@@ -75,21 +77,18 @@ impl<'a> Interpreted<'a> {
                 })
                 .collect(),
             base: Vec::new(),
-            free: Vec::new(),
+            free: free.map(String::as_str).collect(),
         }
     }
 
     /// The model of a robot with its base parameters.
     pub(crate) fn with_terms(robot: &'a Robot, terms: &'a BaseTerms<'a>) -> Self {
-        let null = robot.analysis.iter().flat_map(|a| &a.base.null);
-        let free = null.filter_map(|d| robot.parameters.get(d.column));
         let base = terms
             .0
             .iter()
             .map(|(label, terms)| BaseParameter { label, terms });
         Self {
             base: base.collect(),
-            free: free.map(String::as_str).collect(),
             ..Self::new(robot)
         }
     }
@@ -119,73 +118,13 @@ impl<'a> Interpreted<'a> {
     }
 
     /// The number of base parameters.
-    fn rank(&self) -> usize {
+    pub(crate) fn rank(&self) -> usize {
         let analysis = self.robot.analysis.as_ref();
         analysis.map_or(0, |analysis| analysis.base.rank())
     }
 
-    /// The regressor of the base parameters, column by column.
-    pub(crate) fn base_regressor(
-        &self,
-        q: &[f64],
-        qd: &[f64],
-        qdd: &[f64],
-    ) -> Result<Vec<f64>, SizeError> {
-        let inputs = [self.q(q), self.qd(qd), self.qdd(qdd)];
-        let size = self.dof() * self.rank();
-        self.filled(FunctionKind::BaseRegressor, &inputs, size)
-    }
-
-    /// The base parameters of given parameters.
-    pub(crate) fn to_base(&self, phi: &[f64]) -> Result<Vec<f64>, SizeError> {
-        self.filled(FunctionKind::ToBase, &[self.phi(phi)], self.rank())
-    }
-
-    /// Parameters with given base parameters; `free` are the eliminated ones.
-    pub(crate) fn with_base(&self, beta: &[f64], free: &[f64]) -> Result<Vec<f64>, SizeError> {
-        let analysis = self.robot.analysis.as_ref();
-        let eliminated = analysis.map_or(0, |analysis| analysis.base.null.len());
-        let inputs = [self.beta(beta), ("free", eliminated, free)];
-        self.filled(FunctionKind::FromBase, &inputs, self.parameters.len())
-    }
-
-    /// Inverse dynamics, gravity and bias forces from base parameters.
-    pub(crate) fn base_forces(
-        &self,
-        q: &[f64],
-        qd: &[f64],
-        qdd: &[f64],
-        beta: &[f64],
-    ) -> Result<[Vec<f64>; 3], SizeError> {
-        use FunctionKind as Kind;
-        let (q, qd, qdd, beta) = (self.q(q), self.qd(qd), self.qdd(qdd), self.beta(beta));
-        let dof = self.dof();
-        Ok([
-            self.filled(Kind::BaseInverseDynamics, &[q, qd, qdd, beta], dof)?,
-            self.filled(Kind::BaseGravity, &[q, beta], dof)?,
-            self.filled(Kind::BaseBiasForces, &[q, qd, beta], dof)?,
-        ])
-    }
-
-    /// The mass matrix from base parameters.
-    pub(crate) fn base_mass_matrix(&self, q: &[f64], beta: &[f64]) -> Result<Vec<f64>, SizeError> {
-        let inputs = [self.q(q), self.beta(beta)];
-        self.filled(FunctionKind::BaseMassMatrix, &inputs, self.dof().pow(2))
-    }
-
     fn beta<'v>(&self, v: &'v [f64]) -> Input<'v> {
         ("beta", self.rank(), v)
-    }
-
-    fn filled(
-        &self,
-        kind: FunctionKind,
-        inputs: &[Input<'_>],
-        size: usize,
-    ) -> Result<Vec<f64>, SizeError> {
-        let mut out = vec![0.0; size];
-        self.call(kind, inputs, size, &mut out).map(drop)?;
-        Ok(out)
     }
 
     /// Runs one function; `size` is the length of its output.

@@ -152,7 +152,9 @@ pub(crate) fn read(path: &Path, model: &Interpreted<'_>) -> Result<Vec<f64>, Fai
     };
     let base: Vec<&str> = model.base_info().base.iter().map(|b| b.label).collect();
     if let Some(phi) = all(info.parameters) {
-        return Ok(model.to_base(&phi)?);
+        let mut beta = vec![0.0; base.len()];
+        model.to_base(&phi, &mut beta)?;
+        return Ok(beta);
     }
     if let Some(beta) = all(&base) {
         return Ok(beta);
