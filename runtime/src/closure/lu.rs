@@ -1,4 +1,5 @@
-//! A small dense factorisation, to compare A_e between two states.
+//! A small dense factorisation, to compare the columns of A that belong to the dependent
+//! coordinates between two states.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -7,19 +8,22 @@ use crate::Scalar;
 
 /// P A D^-1 = L U with partial pivoting, D the columns' largest entries: the comparison of
 /// two matrices below then does not depend on the units of the coordinates.
+///
+/// A may have more rows than columns. The pivots then choose as many rows as there are columns,
+/// and those that are left follow from them in a closed state: where loops are redundant, one
+/// may be at its dead centre while another one holds the bodies.
 #[derive(Clone, Debug)]
 pub(super) struct Lu {
     size: usize,
-    /// L below the diagonal, U on and above it, row-major.
+    /// L below the diagonal, U on and above it, row-major, of the chosen rows.
     factors: Vec<f64>,
+    /// The rows of A that were chosen, in the order of the pivots.
     rows: Vec<usize>,
     scale: Vec<f64>,
-    /// -1, 0 or 1: the sign of det A.
-    sign: f64,
 }
 
 impl Lu {
-    /// Factors a row-major square matrix.
+    /// Factors a row-major matrix of `size` columns and at least as many rows.
     pub(super) fn new(matrix: &[f64], size: usize) -> Self {
         let mut scale = vec![0.0_f64; size];
         for row in matrix.chunks_exact(size.max(1)) {
@@ -30,19 +34,20 @@ impl Lu {
         let mut lu = Self {
             size,
             factors: scaled(matrix, &scale),
-            rows: (0..size).collect(),
+            rows: (0..matrix.len() / size.max(1)).collect(),
             scale,
-            sign: 1.0,
         };
         for k in 0..size {
             lu.pivot(k);
         }
+        lu.rows.truncate(size);
+        lu.factors.truncate(size * size);
         lu
     }
 
     fn pivot(&mut self, k: usize) {
         let n = self.size;
-        let best = (k..n).fold(k, |best, i| {
+        let best = (k..self.rows.len()).fold(k, |best, i| {
             let larger = self.factors[i * n + k].abs() > self.factors[best * n + k].abs();
             if larger { i } else { best }
         });
@@ -51,11 +56,9 @@ impl Lu {
                 self.factors.swap(k * n + j, best * n + j);
             }
             self.rows.swap(k, best);
-            self.sign = -self.sign;
         }
         let pivot = self.factors[k * n + k];
-        self.sign *= if pivot == 0.0 { 0.0 } else { pivot.signum() };
-        for i in k + 1..n {
+        for i in k + 1..self.rows.len() {
             let factor = self.factors[i * n + k] / pivot;
             self.factors[i * n + k] = factor;
             for j in k + 1..n {
@@ -71,29 +74,45 @@ impl Lu {
         pivots().fold(1.0, |m, pivot| Scalar::min(m, pivot / largest))
     }
 
-    /// The sign of the determinant: -1, 0 or 1, NaN where the matrix is not finite.
-    pub(super) fn sign(&self) -> f64 {
-        self.sign
+    /// Replaces b by the solution of A x = b, where A is square.
+    pub(super) fn solve(&self, b: &mut [f64]) {
+        let ordered: Vec<f64> = self.rows.iter().map(|row| b[*row]).collect();
+        b.copy_from_slice(&ordered);
+        self.substitute(b);
+        for (x, scale) in b.iter_mut().zip(&self.scale) {
+            if *scale > 0.0 {
+                *x /= scale;
+            }
+        }
     }
 
-    /// The largest row sum of |D A^-1 B D^-1 - I|. Below 1, every matrix on the straight line
-    /// from A to B is regular.
+    /// Replaces b by the solution of L U x = b.
+    fn substitute(&self, b: &mut [f64]) {
+        let n = self.size;
+        for i in 0..n {
+            let known = (0..i).map(|j| self.factors[i * n + j] * b[j]).sum::<f64>();
+            b[i] -= known;
+        }
+        for i in (0..n).rev() {
+            let known = (i + 1..n)
+                .map(|j| self.factors[i * n + j] * b[j])
+                .sum::<f64>();
+            b[i] = (b[i] - known) / self.factors[i * n + i];
+        }
+    }
+
+    /// The largest row sum of |D A^-1 B D^-1 - I| over the chosen rows of both. Below 1, every
+    /// matrix on the straight line from A to B is regular in these rows.
     pub(super) fn distance(&self, other: &[f64]) -> f64 {
         let n = self.size;
         let other = scaled(other, &self.scale);
         let mut sums = vec![0.0; n];
         let mut x = vec![0.0; n];
         for column in 0..n {
-            for i in 0..n {
-                let known = (0..i).map(|j| self.factors[i * n + j] * x[j]).sum::<f64>();
-                x[i] = other[self.rows[i] * n + column] - known;
+            for (x, row) in x.iter_mut().zip(&self.rows) {
+                *x = other[row * n + column];
             }
-            for i in (0..n).rev() {
-                let known = (i + 1..n)
-                    .map(|j| self.factors[i * n + j] * x[j])
-                    .sum::<f64>();
-                x[i] = (x[i] - known) / self.factors[i * n + i];
-            }
+            self.substitute(&mut x);
             x[column] -= 1.0;
             for (sum, x) in sums.iter_mut().zip(&x) {
                 *sum += x.abs();
@@ -123,16 +142,23 @@ mod tests {
     use super::Lu;
 
     #[test]
-    fn the_sign_is_that_of_the_determinant() {
-        assert!(Lu::new(&[0.0, 1.0, 1.0, 0.0], 2).sign() < 0.0);
-        assert!(Lu::new(&[0.0, -2.0, 1.0, 0.0], 2).sign() > 0.0);
-        // Three cyclic swaps, then one entry negative.
-        let cyclic = [0.0, 5.0, 1.0, 1e-9, 0.0, 2.0, 3.0, 7.0, 0.0];
-        let det = 5.0 * 2.0 * 3.0 + 1.0 * 1e-9 * 7.0;
-        assert!(Lu::new(&cyclic, 3).sign() * det > 0.0);
-        assert!(Lu::new(&[1.0, 2.0, 2.0, 4.0], 2).sign().abs() < 0.5);
-        assert!(Lu::new(&[f64::NAN, 2.0, 2.0, 4.0], 2).sign().is_nan());
-        assert!(Lu::new(&[], 0).sign() > 0.0);
+    fn the_solution_solves_the_system_in_the_units_of_its_columns() {
+        let mut x = [3.0e-3, 5.0];
+        Lu::new(&[0.0, 3e-3, 2.0, 1e-3], 2).solve(&mut x);
+        assert!((x[0] - 2.4995).abs() < 1e-14 && (x[1] - 1.0).abs() < 1e-14);
+    }
+
+    #[test]
+    fn redundant_rows_stand_in_for_a_vanishing_pivot() {
+        // The first two rows alone are singular.
+        let tall = [1.0, 2.0, 2.0, 4.0, 0.0, 3.0];
+        let lu = Lu::new(&tall, 2);
+        assert!(lu.ratio() > 0.5);
+        assert!(lu.distance(&tall) < 1e-15);
+        let near = tall.map(|x| 1.25 * x);
+        assert!((lu.distance(&near) - 0.25).abs() < 1e-15);
+        // All rows together lose a column.
+        assert!(Lu::new(&[1.0, 2.0, 2.0, 4.0, 3.0, 6.0], 2).ratio() < 1e-15);
     }
 
     #[test]

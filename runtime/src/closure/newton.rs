@@ -3,6 +3,7 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
+use super::lu::Lu;
 use crate::{Condition, Model, SizeError};
 
 /// The residual of a closed state, in units of what the constraint rows are made of.
@@ -72,9 +73,50 @@ impl<'m, M: Model<f64> + ?Sized> Newton<'m, M> {
     }
 
     /// Fills `step` with the Newton step; returns its largest entry and the condition.
+    ///
+    /// The model solves as many rows as there are dependent coordinates. Where there are more,
+    /// these may have further solutions nearby that the others do not have, and all are solved
+    /// in the sense of least squares instead: the condition is still the model's.
     fn newton_step(&mut self, q: &[f64]) -> Result<(f64, Condition<f64>), SizeError> {
         let condition = self.model.newton_step(q, &mut self.step)?;
+        if self.redundant() {
+            self.gauss_newton_step(q)?;
+        }
         Ok((largest(&self.step), condition))
+    }
+
+    /// Are there more constraint rows than dependent coordinates?
+    pub(super) fn redundant(&self) -> bool {
+        self.f.len() > self.dependent.len()
+    }
+
+    /// The rows of A in the dependent coordinates' columns, row-major, at `q`.
+    pub(super) fn dependent_columns(&mut self, q: &[f64]) -> Result<Vec<f64>, SizeError> {
+        self.model.jacobian(q, &mut self.jacobian)?;
+        let rows = self.jacobian.chunks_exact(q.len().max(1));
+        Ok(rows
+            .flat_map(|row| self.dependent.iter().map(|at| row[*at]))
+            .collect())
+    }
+
+    /// Fills `step` with the solution of A^T A step = -A^T f: it is repeated until f vanishes, so
+    /// that the squared condition costs steps and no accuracy.
+    fn gauss_newton_step(&mut self, q: &[f64]) -> Result<(), SizeError> {
+        let size = self.dependent.len();
+        let a = self.dependent_columns(q)?;
+        self.model.constraints(q, &mut self.f)?;
+        let mut normal = vec![0.0; size * size];
+        self.step.fill(0.0);
+        for (row, f) in a.chunks_exact(size.max(1)).zip(&self.f) {
+            for (i, x) in row.iter().enumerate() {
+                self.step[i] -= x * f;
+                for (sum, y) in normal[i * size..].iter_mut().zip(row) {
+                    *sum += x * y;
+                }
+            }
+        }
+        Lu::new(&normal, size).solve(&mut self.step);
+        Ok(())
     }
 
     pub(super) fn condition(&mut self, q: &[f64]) -> Result<Condition<f64>, SizeError> {

@@ -17,6 +17,10 @@ const CORRECTION: f64 = 0.25;
 /// How far A_e may change in one step, see [`Lu::distance`]: half of what could be singular.
 const CHANGE: f64 = 0.5;
 
+/// Residuals of redundant rows up to this many times what counts as closed are taken on the way:
+/// the last of them is polished.
+const NEARLY: f64 = 1e6;
+
 /// The shortest step, in the independent coordinates relative to 1 + their size.
 const SHORTEST: f64 = 1e-12;
 
@@ -36,7 +40,7 @@ pub(super) struct Point {
 enum Refusal {
     /// The corrector's reason, with the residual where it stopped.
     NotClosed(f64),
-    /// The corrector moved far, or A_e changed much or its determinant's sign.
+    /// The corrector moved far, or A_e changed much.
     OffBranch,
 }
 
@@ -59,20 +63,25 @@ impl Point {
     }
 }
 
-/// The factored A_e at `q`, and its condition.
+/// The factored rows at `q`, and the model's condition there.
 fn factored<M: Model<f64> + ?Sized>(
     newton: &mut Newton<'_, M>,
     q: &[f64],
 ) -> Result<(Lu, Condition<f64>), Misuse> {
-    let matrix = dependent_jacobian(newton, q)?;
+    let matrix = compared(newton, q)?;
     let condition = newton.condition(q)?;
     Ok((Lu::new(&matrix, newton.dependent.len()), condition))
 }
 
-fn dependent_jacobian<M: Model<f64> + ?Sized>(
-    newton: &Newton<'_, M>,
+/// A_e, or all rows of A in the dependent columns where there are redundant ones: each of A_e's
+/// rows may lose its pivot while the mechanism has no singularity.
+fn compared<M: Model<f64> + ?Sized>(
+    newton: &mut Newton<'_, M>,
     q: &[f64],
 ) -> Result<Vec<f64>, Misuse> {
+    if newton.redundant() {
+        return Ok(newton.dependent_columns(q)?);
+    }
     let mut matrix = vec![0.0; newton.dependent.len() * newton.dependent.len()];
     newton.model.dependent_jacobian(q, &mut matrix)?;
     Ok(matrix)
@@ -197,17 +206,20 @@ fn step<M: Model<f64> + ?Sized>(
         }
     }
     let residual = newton.residual(&q)?;
-    let matrix = dependent_jacobian(newton, &q)?;
+    let matrix = compared(newton, &q)?;
     let change = point.lu.distance(&matrix);
     let (lu, condition) = (
         Lu::new(&matrix, newton.dependent.len()),
         newton.condition(&q)?,
     );
-    if !residual.is_finite() {
+    // Steps may end without closing redundant rows, where least squares have a minimum.
+    let closes = !newton.redundant() || residual <= NEARLY * newton.tolerance(&q)?;
+    if !(residual.is_finite() && closes) {
         return Ok(Err(Refusal::NotClosed(residual)));
     }
-    let like = change <= CHANGE && lu.sign() * point.lu.sign() > 0.5;
-    if !like {
+    // NaN is no small change.
+    let near = change <= CHANGE;
+    if !near {
         return Ok(Err(Refusal::OffBranch));
     }
     Ok(Ok((Point { q, condition, lu }, change)))
