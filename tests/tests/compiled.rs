@@ -32,9 +32,7 @@ robot_model!("../pairs/slider_crank/rail.yaml");
 robot_model!("../pairs/turntable/pin.yaml");
 robot_model!("../pairs/turntable/rocker.yaml");
 // Kept from among the random ones; the rest are compiled by `examples/compile_random.rs`.
-robot_model!("../random/kept/coupled_choice.yaml");
 robot_model!("../random/kept/cut_that_holds_by_itself.yaml");
-robot_model!("../random/nasty/nested_bars.yaml");
 robot_model!("../random/nasty/rail_on_an_arm.yaml");
 robot_model!("../random/nasty/spinning_rod.yaml");
 
@@ -117,16 +115,8 @@ fn compiled() -> Vec<(&'static str, Box<dyn Model<f64>>)> {
             Box::new(turntable_rocker::TurntableRocker),
         ),
         (
-            "random/kept/coupled_choice.yaml",
-            Box::new(coupled_choice::CoupledChoice),
-        ),
-        (
             "random/kept/cut_that_holds_by_itself.yaml",
             Box::new(cut_that_holds_by_itself::CutThatHoldsByItself),
-        ),
-        (
-            "random/nasty/nested_bars.yaml",
-            Box::new(nested_bars::NestedBars),
         ),
         (
             "random/nasty/rail_on_an_arm.yaml",

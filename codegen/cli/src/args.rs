@@ -17,6 +17,7 @@ Exit codes:
 
 const EXAMPLES: &str = "\
 Examples:
+  regen new my_arm --kind serial     a commented spec to begin with
   regen robots/3rps.yaml             derive, write the source, verify it
   regen info robots/3rps.yaml        coordinates, parameters, operations
   regen base robots/3rps.yaml        base parameters with their certificate
@@ -60,6 +61,8 @@ pub(crate) struct Cli {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
+    /// Write a commented spec to begin with
+    New(NewArgs),
     /// Write the source of every robot, or check that it is up to date
     Generate(GenerateArgs),
     /// Print a robot's coordinates, parameters, cuts and operation counts
@@ -85,6 +88,14 @@ pub(crate) enum Command {
     Validate(ValidateArgs),
     /// Print the JSON Schema of the spec format, for editors
     Schema,
+    /// Print a manual page, of regen or of one of its commands
+    #[command(
+        after_help = "Examples:\n  regen man | man -l -\n  regen man identify > regen-identify.1"
+    )]
+    Man {
+        /// The command [default: regen itself]
+        command: Option<String>,
+    },
     /// Print a completion script, to be sourced by your shell
     #[command(after_help = "Example:\n  regen completions bash > \
         ~/.local/share/bash-completion/completions/regen")]
@@ -102,6 +113,40 @@ pub(crate) enum Format {
     Human,
     /// JSON, numbers in the shortest form that reads back to the same double
     Json,
+}
+
+/// What the new spec describes, to begin with
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Kind {
+    /// An arm: joints one behind the other
+    Serial,
+    /// A loop in a plane: two limbs that meet
+    Planar,
+    /// A platform on legs
+    Parallel,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+The file is a complete robot that regen derives, with a comment at every place
+where specs go wrong: which Denavit-Hartenberg rows, frames of cut joints, what
+home is for. It never replaces a file.
+
+Examples:
+  regen new my_arm --kind serial
+  regen new picker --kind parallel --out robots/picker.yaml")]
+pub(crate) struct NewArgs {
+    /// The robot's name: lower case, digits and _
+    pub(crate) name: String,
+    /// What it describes, to begin with
+    #[arg(long, value_enum)]
+    pub(crate) kind: Kind,
+    /// Where it is written [default: NAME.yaml here]
+    #[arg(long, value_name = "FILE")]
+    pub(crate) out: Option<PathBuf>,
+    /// How the result is printed
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) format: Format,
 }
 
 #[derive(Debug, Args)]

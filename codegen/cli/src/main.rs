@@ -20,8 +20,10 @@ mod import;
 mod info;
 mod interpreted;
 mod load;
+mod man;
 mod model;
 mod modules;
+mod new;
 mod numeric;
 mod observe;
 mod parameters;
@@ -54,6 +56,7 @@ fn main() -> ExitCode {
 
 fn run(cli: Cli) -> Result<(), Failure> {
     match cli.command {
+        Some(Command::New(args)) => new::run(&args),
         Some(Command::Generate(args)) => generate::run(&args),
         Some(Command::Info(args)) => info::run(&args),
         Some(Command::Base(args)) => base::run(&args),
@@ -66,6 +69,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Identify(args)) => identify::run(&args),
         Some(Command::Validate(args)) => validate::run(&args),
         Some(Command::Schema) => terminal::print(&regen_codegen::spec::schema()),
+        Some(Command::Man { command }) => man::run(command.as_deref()),
         Some(Command::Completions { shell }) => {
             let mut text = Vec::new();
             clap_complete::generate(shell, &mut Cli::command(), "regen", &mut text);
