@@ -37,7 +37,7 @@ pub enum Friction {
     Stribeck,
     /// `sgn(qd) Fc + Fv1 qd + Fv2 atan(Fv3 qd)` (Eq. 16); no columns.
     Atan,
-    /// `sgn(qd) (Fc + Fv |qd|^delta)` (Eq. 17); no columns.
+    /// `Fc+ + Fv |qd|^delta` where qd > 0, `-Fc- - Fv |qd|^delta` where qd < 0 (Eq. 17); no columns.
     Power,
 }
 
@@ -61,7 +61,7 @@ impl Friction {
             Friction::Asymmetric => &["Fv+", "Fc+", "Fv-", "Fc-"],
             Friction::Stribeck => &["Fc", "Fs", "vs", "delta", "Fv"],
             Friction::Atan => &["Fc", "Fv1", "Fv2", "Fv3"],
-            Friction::Power => &["Fc", "Fv", "delta"],
+            Friction::Power => &["Fc+", "Fc-", "Fv", "delta"],
         }
     }
 

@@ -65,6 +65,8 @@ pub mod identifiability;
 #[cfg(feature = "estimation")]
 pub mod identify;
 mod info;
+#[cfg(any(feature = "feasibility", feature = "simulation"))]
+mod law;
 mod linear;
 mod model;
 #[cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]

@@ -33,7 +33,7 @@ impl Friction {
         match self {
             Self::Stribeck => &["Fc", "Fs", "vs", "delta", "Fv"],
             Self::Atan => &["Fc", "Fv1", "Fv2", "Fv3"],
-            Self::Power => &["Fc", "Fv", "delta"],
+            Self::Power => &["Fc+", "Fc-", "Fv", "delta"],
             _ => self.parameters(),
         }
     }
@@ -43,6 +43,7 @@ impl Friction {
         match self {
             Self::CoulombAsymmetric => &["Fv", "Fc", "Fc+", "Fc-"],
             Self::Asymmetric => &["Fv", "Fc", "Fv+", "Fv-", "Fc+", "Fc-"],
+            Self::Power => &["Fc", "Fc+", "Fc-", "Fv", "delta"],
             other => other.symbols(),
         }
     }

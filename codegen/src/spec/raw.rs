@@ -40,7 +40,7 @@ choices! { Friction, "friction kind" {
     "asymmetric" => Asymmetric: "Fv+ qd + Fc+ where qd > 0, Fv- qd - Fc- where qd < 0",
     "stribeck" => Stribeck: "sgn(qd) (Fc + (Fs - Fc) exp(-|qd/vs|^delta)) + Fv qd; nonlinear, adds no parameters",
     "atan" => Atan: "sgn(qd) Fc + Fv1 qd + Fv2 atan(Fv3 qd); nonlinear, adds no parameters",
-    "power" => Power: "sgn(qd) (Fc + Fv |qd|^delta); nonlinear, adds no parameters",
+    "power" => Power: "Fc+ + Fv |qd|^delta where qd > 0, -Fc- - Fv |qd|^delta where qd < 0; nonlinear, adds no parameters",
 } }
 
 record! {

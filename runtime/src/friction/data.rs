@@ -3,9 +3,9 @@
 use std::prelude::v1::*;
 use std::vec;
 
-use super::law::{COLUMNS, Law, SHAPES};
 use crate::estimate::{EstimateError, Factor};
 use crate::feasibility::FeasibilityError;
+use crate::law::{Law, SHAPES};
 use crate::{Condition, Friction, Model, SizeError};
 
 /// How friction at joints acts on the rows of the reduced model: column k is the derivative of
@@ -220,18 +220,21 @@ impl FrictionData {
                 }
                 let (mut column, mut step) = (r, linear);
                 for (k, law) in self.laws.iter().enumerate() {
-                    let values = law.columns(self.qd[sample * joints + k], shapes[k]);
+                    let v = self.qd[sample * joints + k];
+                    let sign = if v == 0.0 { 0.0 } else { v.signum() };
+                    let values = law.values(v, sign, shapes[k]);
                     let direction = &self.directions[(sample * joints + k) * dof..][..dof];
                     let used = law.linear().len();
-                    for (c, value) in values.values[..used].iter().enumerate() {
+                    for (c, value) in values[..used].iter().enumerate() {
                         for (i, d) in direction.iter().enumerate() {
                             w[(column + c) * rows + at + i] = d * value;
                         }
                     }
                     if let Some((x, reach)) = steps {
                         let own = &x[column..column + used];
-                        for slope in &values.slopes[..law.shape().len()] {
-                            let pairs = slope[..COLUMNS.min(used)].iter().zip(own);
+                        let slopes = law.slopes(v, sign, shapes[k]);
+                        for slope in &slopes[..law.shape().len()] {
+                            let pairs = slope.iter().zip(own);
                             let effect: f64 = pairs.map(|(s, x)| s * x).sum();
                             for (i, d) in direction.iter().enumerate() {
                                 w[step * rows + at + i] = d * effect * reach;

@@ -4,12 +4,13 @@ use std::prelude::v1::*;
 use std::vec;
 
 use super::FrictionData;
-use super::law::{SHAPES, STARTS};
+use super::starts::{STARTS, start};
 use crate::Friction;
 use crate::estimate::Factor;
 use crate::feasibility::{
     Bound, Combinations, FeasibilityError, Layout, Options, Physical, identify,
 };
+use crate::law::{Law, SHAPES};
 
 /// Steps from each start, and from the best of them.
 const FEW: usize = 3;
@@ -221,22 +222,22 @@ pub fn fit(
 ) -> Result<FrictionFit, FeasibilityError> {
     let coefficients = data.coefficients();
     let fastest = data.fastest();
-    let start = |which: usize| -> Vec<[f64; SHAPES]> {
+    let shapes = |which: usize| -> Vec<[f64; SHAPES]> {
         let laws = data.laws.iter().zip(&fastest);
-        laws.map(|(law, v)| law.start(which, *v)).collect()
+        laws.map(|(law, v)| start(*law, which, *v)).collect()
     };
     let mut search = Search {
         data,
         combinations: combinations.extended(&coefficients),
         layout: layout.extended(&coefficients)?,
         options,
-        first: start(0),
+        first: shapes(0),
         programmes: 0,
     };
     let linear = linear(&mut search)?;
     let mut points = Vec::with_capacity(STARTS);
     for which in 0..STARTS {
-        points.push(search.point(start(which))?);
+        points.push(search.point(shapes(which))?);
     }
     points.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     points.truncate(2);
@@ -263,11 +264,17 @@ pub fn fit(
         let symbols = joint.friction.symbols();
         let mut values = vec![0.0; symbols.len()];
         let place = |symbol: &str| symbols.iter().position(|s| *s == symbol);
-        for symbol in law.linear() {
+        let own = &best.solution.phi[next..next + law.linear().len()];
+        next += own.len();
+        for (symbol, value) in law.linear().iter().zip(own) {
+            // static friction is what is found above Coulomb's
+            let (symbol, value) = match *symbol {
+                "Fs-Fc" => ("Fs", own[0] + value),
+                other => (other, *value),
+            };
             if let Some(k) = place(symbol) {
-                values[k] = best.solution.phi[next];
+                values[k] = value;
             }
-            next += 1;
         }
         for (symbol, value) in law.shape().iter().zip(shape) {
             if let Some(k) = place(symbol) {
@@ -292,13 +299,10 @@ pub fn fit(
     })
 }
 
-/// The fit with linear friction: the power law at the exponent 1 has its columns.
+/// The fit with linear friction.
 fn linear(search: &mut Search<'_>) -> Result<Physical, FeasibilityError> {
     let mut plain = search.data.clone();
-    for (joint, law) in plain.joints.iter_mut().zip(&mut plain.laws) {
-        joint.friction = Friction::Power;
-        *law = super::law::Law::Power;
-    }
+    plain.laws.fill(Law::Linear);
     let factor = plain.factor(&vec![[1.0; SHAPES]; plain.joints.len()], None)?;
     let more = plain.coefficients();
     let base = search.data.labels.len();

@@ -2,7 +2,8 @@
 //! the other parameters under the constraints of [`feasibility`](crate::feasibility) (Eq. 29).
 //!
 //! The laws are linear in their coefficients and not in their shape: `vs` and `delta` of
-//! Stribeck's, `Fv3` of the arctangent, `delta` of the power law. The coefficients and all other
+//! Stribeck's, `Fv3` of the arctangent, `delta` of the power law. No coefficient is negative, and
+//! static friction is not below Coulomb friction: its excess `Fs-Fc` is the coefficient. The coefficients and all other
 //! parameters are eliminated: for each shape they are the solution of a convex programme. What
 //! remains is a function of the logarithms of the shape, which Gauss-Newton steps with exact
 //! derivatives and a region of trust minimise, from several starts. Each step is a cone
@@ -11,7 +12,7 @@
 
 mod data;
 mod fit;
-mod law;
+mod starts;
 
 pub use data::{FrictionData, FrictionJoint, directions};
 pub use fit::{FrictionFit, JointFit, fit};

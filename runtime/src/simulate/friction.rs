@@ -2,6 +2,7 @@
 
 use std::vec::Vec;
 
+use crate::law::Law;
 use crate::{Friction, Info};
 
 /// A friction law with its coefficients, in SI units: N or N m over m/s or rad/s.
@@ -57,10 +58,12 @@ pub enum FrictionLaw {
         /// How fast it saturates.
         fv3: f64,
     },
-    /// `sgn(v) (Fc + Fv |v|^delta)` (Eq. 17).
+    /// `Fc+ + Fv |v|^delta` forwards, `-Fc- - Fv |v|^delta` backwards (Eq. 17).
     Power {
-        /// Coulomb.
-        fc: f64,
+        /// Coulomb, forwards.
+        fc_plus: f64,
+        /// Coulomb, backwards.
+        fc_minus: f64,
         /// Coefficient.
         fv: f64,
         /// Exponent.
@@ -73,6 +76,10 @@ impl FrictionLaw {
     /// tanh(v/width).
     pub fn effort(self, v: f64, width: f64) -> f64 {
         let sign = libm::tanh(v / width);
+        let sum = |law: Law, shape: [f64; 2], coefficients: [f64; 3]| -> f64 {
+            let columns = law.values(v, sign, shape);
+            columns.iter().zip(coefficients).map(|(c, x)| c * x).sum()
+        };
         match self {
             FrictionLaw::None => 0.0,
             FrictionLaw::Linear {
@@ -94,14 +101,14 @@ impl FrictionLaw {
                 vs,
                 delta,
                 fv,
-            } => {
-                let bump = libm::exp(-libm::pow((v / vs).abs(), delta));
-                sign * (fc + (fs - fc) * bump) + fv * v
-            }
-            FrictionLaw::Atan { fc, fv1, fv2, fv3 } => {
-                sign * fc + fv1 * v + fv2 * libm::atan(fv3 * v)
-            }
-            FrictionLaw::Power { fc, fv, delta } => sign * (fc + fv * libm::pow(v.abs(), delta)),
+            } => sum(Law::Stribeck, [vs, delta], [fc, fs - fc, fv]),
+            FrictionLaw::Atan { fc, fv1, fv2, fv3 } => sum(Law::Atan, [fv3, 0.0], [fc, fv1, fv2]),
+            FrictionLaw::Power {
+                fc_plus,
+                fc_minus,
+                fv,
+                delta,
+            } => sum(Law::Power, [delta, 0.0], [fc_plus, fc_minus, fv]),
         }
     }
 
@@ -140,8 +147,14 @@ impl FrictionLaw {
                 fv2: fv2 * by,
                 fv3,
             },
-            FrictionLaw::Power { fc, fv, delta } => FrictionLaw::Power {
-                fc: fc * by,
+            FrictionLaw::Power {
+                fc_plus,
+                fc_minus,
+                fv,
+                delta,
+            } => FrictionLaw::Power {
+                fc_plus: fc_plus * by,
+                fc_minus: fc_minus * by,
                 fv: fv * by,
                 delta,
             },
@@ -203,9 +216,10 @@ pub fn friction_laws(info: &Info<'_>) -> Result<Vec<FrictionLaw>, (usize, &'stat
                 fv3: d,
             },
             Friction::Power => FrictionLaw::Power {
-                fc: a,
-                fv: b,
-                delta: c,
+                fc_plus: a,
+                fc_minus: b,
+                fv: c,
+                delta: d,
             },
         });
     }

@@ -15,7 +15,10 @@ fn force(friction: Friction, v: f64, x: &[f64]) -> f64 {
             sign * (fc + (fs - fc) * (-(v / vs).abs().powf(*delta)).exp()) + fv * v
         }
         (Friction::Atan, [fc, fv1, fv2, fv3]) => sign * fc + fv1 * v + fv2 * (fv3 * v).atan(),
-        (Friction::Power, [fc, fv, delta]) => sign * (fc + fv * v.abs().powf(*delta)),
+        (Friction::Power, [forwards, backwards, fv, delta]) => {
+            let fc = if v > 0.0 { forwards } else { backwards };
+            sign * (fc + fv * v.abs().powf(*delta))
+        }
         _ => panic!("{friction:?} has other coefficients"),
     }
 }
@@ -86,7 +89,7 @@ fn the_shapes_of_every_law_are_recovered_from_exact_data() {
     let robot = plain();
     let stribeck: &[f64] = &[2.0, 3.5, 0.12, 1.3, 1.1];
     let atan: &[f64] = &[0.8, 0.5, 2.0, 14.0];
-    let power: &[f64] = &[1.5, 2.2, 0.6];
+    let power: &[f64] = &[1.5, 0.9, 2.2, 0.6];
     for laws in [
         [(Friction::Stribeck, stribeck), (Friction::Atan, atan)],
         [(Friction::Power, power), (Friction::Stribeck, stribeck)],
@@ -116,12 +119,14 @@ proptest! {
     #[test]
     fn it_is_never_worse_than_linear_friction(robot in robot(), noise in 0.0..20.0_f64, fc in 0.0..3.0_f64) {
         let laws: [(Friction, &[f64]); 2] =
-            [(Friction::Stribeck, &[fc, 1.0, 0.2, 1.5, 0.4]), (Friction::Power, &[fc, 1.0, 1.0])];
+            [(Friction::Stribeck, &[fc, 1.0, 0.2, 1.5, 0.4]), (Friction::Power, &[fc, fc, 1.0, 1.0])];
         let found = of_robot(&robot, &simulate(&robot, &laws, noise));
         prop_assert!(found.squared_residual <= found.linear * (1.0 + 1e-6) + 1e-9);
         let check = robot.layout.check(&found.phi, Scale::default()).unwrap();
         prop_assert!(check.is_physical());
         prop_assert!(found.joints.iter().all(|j| j.values.iter().all(|v| *v >= 0.0)));
+        let stribeck = &found.joints[0].values;
+        prop_assert!(stribeck[1] >= stribeck[0], "static below Coulomb friction: {:?}", stribeck);
     }
 }
 
