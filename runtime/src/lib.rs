@@ -28,6 +28,7 @@
 //! - `signals`: velocities and accelerations from sampled positions. Needs `std`.
 //! - `estimation`: observations reduced to a triangle, least squares with statistics.
 //! - `data`: logs from CSV files.
+//! - `parquet`: logs from Parquet files too, plain or compressed by snappy.
 //!
 //! Physical parameters:
 //! - `feasibility`: verdicts, identification under constraints, nonlinear friction, reduction to

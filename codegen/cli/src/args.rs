@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use crate::args_physical::PhysicalArgs;
+
 const EXIT_CODES: &str = "\
 Exit codes:
   0  done; with --check: everything is up to date
@@ -389,8 +391,9 @@ pub(crate) enum Base {
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-PARAMS is JSON: values as in `bodies:` of the spec, about the centre of mass in
-the body's frame, and friction by joint; each part and each entry may be missing.
+PARAMS is what `regen identify --feasible --out` wrote, or JSON or YAML (by its
+name) with values as in `bodies:` of the spec, about the centre of mass in the
+body's frame, and friction by joint; each part and each entry may be missing.
   {\"bodies\": {\"forearm\": {\"mass\": 2.3, \"com\": [0, 0, 0.2],
                            \"inertia\": [0.03, 0, 0, 0.03, 0, 0.004]}},
    \"joints\": {\"elbow\": {\"Fv\": 1.2, \"Fc\": 0.4}}}
@@ -408,7 +411,7 @@ pub(crate) struct ExportArgs {
     /// The spec that the parameters belong to
     #[arg(long, value_name = "SPEC")]
     pub(crate) spec: PathBuf,
-    /// The parameters, a JSON file
+    /// The parameters, a JSON or YAML file
     #[arg(long, value_name = "PARAMS")]
     pub(crate) parameters: PathBuf,
     /// Where the file is written [default: standard output]
@@ -431,7 +434,7 @@ Example:
 pub(crate) struct ObserveArgs {
     /// The robot's spec
     pub(crate) file: PathBuf,
-    /// CSV files
+    /// Logs, CSV or Parquet files
     #[arg(required = true, value_name = "LOG")]
     pub(crate) logs: Vec<PathBuf>,
     /// Where the factors are written
@@ -456,11 +459,21 @@ Examples:
   regen identify robots/3rps.yaml run.csv --butterworth 4,20 --decimate 10
   regen identify robots/fivebar.yaml run.csv --local 0.05 --huber 1.345
   regen identify robots/3rps.yaml --from monday.json tuesday.json --out p.json
-  regen identify arm.yaml run.csv --column q1=angle:deg --column 'tau_q1=i:A*0.12'")]
+  regen identify arm.yaml run.csv --column q1=angle:deg --column 'tau_q1=i:A*0.12'
+  regen identify arm.yaml run.csv --feasible --prior weighted:20 --bodies new.yaml
+  regen identify arm.yaml run.csv --friction --against other.csv slow.csv
+  regen identify arm.yaml run.csv --reduce --against other.csv
+
+With --feasible the parameters of --out are physical: the semidefinite programme
+finds all ten of each body, friction and rotors that are not negative. What the
+data leave open is taken close to the spec's nominal values. With --friction they
+have the spec's nonlinear friction too; its samples stay in memory (--decimate).
+With --against, or more models than one, a table has eps_RA (Eq. 33) of each
+model on each log, as the chapter's Table 4.")]
 pub(crate) struct IdentifyArgs {
     /// The robot's spec
     pub(crate) file: PathBuf,
-    /// CSV files
+    /// Logs, CSV or Parquet files
     #[arg(required_unless_present = "from", value_name = "LOG")]
     pub(crate) logs: Vec<PathBuf>,
     /// Factor files instead of logs, merged
@@ -468,6 +481,8 @@ pub(crate) struct IdentifyArgs {
     pub(crate) from: Vec<PathBuf>,
     #[command(flatten)]
     pub(crate) reading: ReadingArgs,
+    #[command(flatten)]
+    pub(crate) physical: PhysicalArgs,
     /// How the efforts are weighted against each other
     #[arg(long, value_enum, default_value_t)]
     pub(crate) weighting: WeightingArg,
@@ -483,7 +498,8 @@ pub(crate) struct IdentifyArgs {
     /// Identify from all logs but one and predict that one, each in turn
     #[arg(long)]
     pub(crate) cross: bool,
-    /// Write the parameters to a JSON file, for `validate`
+    /// Write the parameters for `validate` and `export`: YAML if PARAMS ends in
+    /// .yaml, else JSON
     #[arg(long, value_name = "PARAMS")]
     pub(crate) out: Option<PathBuf>,
     /// How the result is printed
@@ -493,7 +509,8 @@ pub(crate) struct IdentifyArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-PARAMS is a file that `regen identify --out` wrote, or a JSON object with the
+PARAMS is a file that `regen identify --out` wrote, or an object (JSON, or YAML if
+its name ends so) with the
 labels of all parameters or of all base parameters as keys. The table has a row
 for each PARAMS and a column for each log: eps_RA (Eq. 33) in percent.
 
@@ -505,7 +522,7 @@ pub(crate) struct ValidateArgs {
     pub(crate) file: PathBuf,
     /// Identified parameters
     pub(crate) params: PathBuf,
-    /// CSV files that were not used for identification
+    /// Logs that were not used for identification
     #[arg(required = true, value_name = "LOG")]
     pub(crate) logs: Vec<PathBuf>,
     /// Further parameters to compare with

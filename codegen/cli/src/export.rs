@@ -1,6 +1,7 @@
 //! `regen export`: identified parameters back into robot files of others.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use regen_codegen::diag::{Diagnostic, Report, Source, Span};
 use regen_import::{BodyParameters, JointParameters, Parameters};
@@ -8,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::args::{ExportArgs, Format};
 use crate::exit::Failure;
-use crate::{load, table, terminal, write};
+use crate::{load, parameters, table, terminal, write};
 
 /// The JSON of parameters.
 #[derive(Deserialize)]
@@ -62,7 +63,10 @@ pub(crate) fn run(args: &ExportArgs) -> Result<(), Failure> {
     let urdf = load::source(&args.urdf)?;
     let spec = load::source(&args.spec)?;
     let given = load::source(&args.parameters)?;
-    let parameters = parameters(&given)?;
+    let parameters = match identified(&args.parameters, &given)? {
+        Some(given) => checked(given),
+        None => placed(&given)?,
+    };
     let exported =
         regen_import::export(&urdf, &spec, &given, &parameters).map_err(Failure::Spec)?;
     for note in &exported.notes {
@@ -84,7 +88,7 @@ pub(crate) fn run(args: &ExportArgs) -> Result<(), Failure> {
     })
 }
 
-fn parameters(source: &Source) -> Result<Parameters, Failure> {
+fn placed(source: &Source) -> Result<Parameters, Failure> {
     let given: Given = serde_json::from_str(&source.text).map_err(|error| {
         let lines = source.text.split_inclusive('\n').map(str::len);
         let before: usize = lines.take(error.line().saturating_sub(1)).sum();
@@ -95,6 +99,41 @@ fn parameters(source: &Source) -> Result<Parameters, Failure> {
             .hint("regen export --help shows what stands here");
         Failure::Spec(vec![Report::new(source.clone(), vec![diagnostic])])
     })?;
+    Ok(checked(given))
+}
+
+/// What `regen identify --out` wrote, or any parameters in YAML; `None` for other JSON, whose
+/// mistakes have places.
+fn identified(path: &Path, source: &Source) -> Result<Option<Given>, Failure> {
+    let yaml = parameters::is_yaml(path);
+    let Ok(mut value) = parameters::value(path) else {
+        // YAML that does not parse has its place in the message
+        return if yaml {
+            parameters::value(path).map(|_| None)
+        } else {
+            Ok(None)
+        };
+    };
+    let wrong = |why: String| Failure::Input(format!("{}: {why}", source.name));
+    if let Some(fields) = value.as_object_mut()
+        && fields.contains_key("parameters")
+        && fields.contains_key("method")
+    {
+        if !fields.contains_key("bodies") {
+            let why = "these are base parameters, of which bodies cannot be made: identify with \
+                       --feasible";
+            return Err(wrong(why.to_owned()));
+        }
+        fields.retain(|key, _| key == "bodies" || key == "joints");
+    } else if !yaml {
+        return Ok(None);
+    }
+    serde_json::from_value(value)
+        .map(Some)
+        .map_err(|error| wrong(error.to_string()))
+}
+
+fn checked(given: Given) -> Parameters {
     let bodies = given.bodies.into_iter().map(|(label, body)| {
         let Body { mass, com, inertia } = body;
         (label, BodyParameters { mass, com, inertia })
@@ -111,8 +150,8 @@ fn parameters(source: &Source) -> Result<Parameters, Failure> {
         };
         (name, parameters)
     });
-    Ok(Parameters {
+    Parameters {
         bodies: bodies.collect(),
         joints: joints.collect(),
-    })
+    }
 }

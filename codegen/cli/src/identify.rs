@@ -1,8 +1,9 @@
 //! `regen identify`: base parameters from logs or from factor files.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use regen_runtime::estimate::{EffortError, Estimate, FactorSet, Weighting};
+use regen_runtime::estimate::{EffortError, Estimate, Factor, FactorSet, Weighting};
+use regen_runtime::friction::FrictionData;
 use regen_runtime::identify::{self, Kind, Options, digest};
 use serde::Serialize;
 
@@ -11,8 +12,11 @@ use crate::exit::Failure;
 use crate::identify_table::human;
 use crate::interpreted::{BaseTerms, Interpreted};
 use crate::observe::{self, FileJson};
-use crate::parameters::{ParameterFile, ParameterRow};
-use crate::{load, table, terminal, write};
+use crate::parameters::{FrictionRow, ParameterFile, ParameterRow, PhysicalRow};
+use crate::physical::{self, Found};
+use crate::predicted::{self, OnLog};
+use crate::reduce::{self, StepJson};
+use crate::{identify_friction, load, outputs, table, terminal, watch, write};
 
 /// The JSON of `regen identify`.
 #[derive(Serialize)]
@@ -33,6 +37,13 @@ pub(crate) struct Json {
     pub(crate) confidence: f64,
     pub(crate) parameters: Vec<ParameterRow>,
     pub(crate) cross: Vec<Cross>,
+    /// All parameters, where they are physical.
+    pub(crate) physical: Vec<PhysicalRow>,
+    /// The steps of `--reduce`.
+    pub(crate) reduction: Vec<StepJson>,
+    /// The models that were found, on each log; those after the first are only there where they
+    /// were asked for.
+    pub(crate) models: Vec<ModelJson>,
     pub(crate) files: Vec<FileJson>,
 }
 
@@ -54,6 +65,28 @@ pub(crate) struct Cross {
     pub(crate) efforts: Vec<EffortError>,
 }
 
+/// A model on the logs.
+#[derive(Serialize)]
+pub(crate) struct ModelJson {
+    pub(crate) name: String,
+    pub(crate) feasibility: String,
+    pub(crate) base: Vec<f64>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(crate) friction: Vec<FrictionRow>,
+    pub(crate) logs: Vec<OnLog>,
+}
+
+/// What least squares found, and what goes on from it.
+pub(crate) struct Start {
+    pub(crate) json: Json,
+    pub(crate) file: ParameterFile,
+    /// The weighted factor that the values are the solution of.
+    pub(crate) factor: Factor,
+    pub(crate) estimate: Estimate,
+    /// The samples, where friction is not linear.
+    pub(crate) data: Option<FrictionData>,
+}
+
 /// Runs the command.
 pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     if !(args.confidence > 0.0 && args.confidence < 1.0) {
@@ -66,39 +99,132 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     {
         return Err(Failure::Input("--huber must be above 0".to_owned()));
     }
-    let robot = load::robot(&args.file)?;
+    let source = load::source(&args.file)?;
+    let robot = load::derived(&source)?;
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     observe::require_base(&model, &robot.name)?;
-    let (json, file) = if args.from.is_empty() {
-        from_logs(args, &model)?
+    let mut start = if args.physical.friction {
+        identify_friction::start(args, &model)?
     } else {
-        from_factors(args, &model)?
+        physical::note_friction(&model);
+        if args.from.is_empty() {
+            from_logs(args, &model)?
+        } else {
+            from_factors(args, &model)?
+        }
     };
+    let last = models(args, &model, &mut start)?;
+    let Start { json, file, .. } = start;
+    let mut written = Vec::new();
     if let Some(out) = &args.out {
-        write::atomically(out, &table::json(&file))?;
+        written.push((out, file.text(out)?));
+    }
+    if let (Some(out), Some(phi)) = (&args.physical.bodies, &last.phi) {
+        let layout = physical::frame(&model)?.0;
+        written.push((out, outputs::spec(&source, &layout, phi)?));
+    }
+    if let Some(out) = &args.physical.rust {
+        written.push((out, outputs::rust(&model, &last)?));
+    }
+    for (out, text) in &written {
+        write::atomically(out, text)?;
     }
     terminal::print(&match args.format {
         Format::Json => table::json(&json),
         Format::Human => human(&json),
     })?;
-    if let Some(out) = &args.out {
+    for (out, _) in &written {
         terminal::note(&format!("{}: written", out.display()));
     }
     Ok(())
 }
 
-fn weighting(args: &IdentifyArgs) -> Weighting {
+/// Goes on from least squares as asked for; the last model is the result, and is adopted by the
+/// file.
+fn models(
+    args: &IdentifyArgs,
+    model: &Interpreted<'_>,
+    start: &mut Start,
+) -> Result<Found, Failure> {
+    let mut found = vec![Found {
+        name: "least squares",
+        beta: start.estimate.values.clone(),
+        phi: None,
+        friction: Vec::new(),
+        feasibility: "not judged: --feasible does".to_owned(),
+    }];
+    if args.physical.wanted() {
+        let working = watch::spinner("solving for physical parameters".to_owned());
+        let result = physical::models(
+            model,
+            &args.physical,
+            &start.factor,
+            &start.estimate.values,
+            start.data.as_ref(),
+        );
+        working.finish_and_clear();
+        found = result?;
+    } else if args.physical.reduce {
+        let reduction = reduce::run(args, model, &start.factor, &start.estimate.efforts)?;
+        start.json.reduction = reduce::json(&reduction, &start.estimate.labels);
+        found.push(reduce::adopt(
+            &reduction,
+            start.estimate.labels.len(),
+            &mut start.file,
+        )?);
+    }
+    let Some(last) = found.last().cloned() else {
+        return Err(Failure::Input("no model was found".to_owned()));
+    };
+    if args.physical.wanted() {
+        start.file.adopt(model, &last)?;
+        start.json.physical.clone_from(&start.file.physical);
+    }
+    if found.len() > 1 || !args.physical.against.is_empty() {
+        let logs: Vec<&Path> = args
+            .logs
+            .iter()
+            .chain(&args.physical.against)
+            .map(PathBuf::as_path)
+            .collect();
+        let models: Vec<(&[f64], &[_])> = found
+            .iter()
+            .map(|f| (f.beta.as_slice(), f.friction.as_slice()))
+            .collect();
+        let errors = predicted::table(model, &args.reading, &logs, &models)?;
+        start.json.models = found
+            .iter()
+            .zip(errors)
+            .map(|(f, logs)| ModelJson {
+                name: f.name.to_owned(),
+                feasibility: f.feasibility.clone(),
+                base: f.beta.clone(),
+                friction: f.friction.iter().map(FrictionRow::new).collect(),
+                logs,
+            })
+            .collect();
+    }
+    Ok(last)
+}
+
+pub(crate) fn weighting(args: &IdentifyArgs) -> Weighting {
     match args.weighting {
         WeightingArg::PerEffort => Weighting::PerEffort,
         WeightingArg::Equal => Weighting::Equal,
     }
 }
 
-fn from_factors(
-    args: &IdentifyArgs,
-    model: &Interpreted<'_>,
-) -> Result<(Json, ParameterFile), Failure> {
+fn options(args: &IdentifyArgs) -> Options {
+    Options {
+        weighting: weighting(args),
+        huber: args.huber,
+        bandwidth: args.bandwidth,
+        ..Options::default()
+    }
+}
+
+fn from_factors(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Start, Failure> {
     let mut sets = Vec::with_capacity(args.from.len());
     let own = digest(model);
     for path in &args.from {
@@ -116,27 +242,21 @@ fn from_factors(
     let set = FactorSet::merged(sets)?;
     let estimate = Estimate::new(&set, weighting(args))?;
     let file = ParameterFile::new(model, &estimate, &estimate, args.confidence);
-    let json = Json {
-        kind: set.kind.clone(),
-        ..json(&estimate, &file, &set.kind)
-    };
-    Ok((json, file))
+    let weights: Vec<f64> = estimate.efforts.iter().map(|e| e.weight).collect();
+    Ok(Start {
+        json: json(&estimate, &file, &set.kind),
+        file,
+        factor: set.combined(&weights)?,
+        estimate,
+        data: None,
+    })
 }
 
-fn from_logs(
-    args: &IdentifyArgs,
-    model: &Interpreted<'_>,
-) -> Result<(Json, ParameterFile), Failure> {
+fn from_logs(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Start, Failure> {
     let kind = observe::kind(&args.reading);
     let mut logs = observe::open(model, &args.logs, &args.reading)?;
-    let options = Options {
-        weighting: weighting(args),
-        huber: args.huber,
-        bandwidth: args.bandwidth,
-        ..Options::default()
-    };
-    let found = identify::identify(model, kind, &options, &mut logs)?;
-    observe::note_problems(logs.reports());
+    let found = identify::identify(model, kind, &options(args), &mut logs)?;
+    observe::note_problems(logs.logs().reports());
     let used = found
         .estimate
         .with_covariance(found.correlated_covariance.clone())?;
@@ -148,14 +268,20 @@ fn from_logs(
     json.relative_absolute = Some(found.relative_absolute);
     json.bandwidth = Some(found.bandwidth);
     json.singular = found.singular;
-    json.files = logs.reports().iter().map(FileJson::new).collect();
+    json.files = logs.logs().reports().iter().map(FileJson::new).collect();
     if args.cross {
         json.cross = cross(args, model, kind)?;
     }
-    Ok((json, file))
+    Ok(Start {
+        json,
+        file,
+        factor: found.factor,
+        estimate: found.estimate,
+        data: None,
+    })
 }
 
-fn json(estimate: &Estimate, file: &ParameterFile, kind: &str) -> Json {
+pub(crate) fn json(estimate: &Estimate, file: &ParameterFile, kind: &str) -> Json {
     let efforts = estimate.efforts.iter().map(|e| EffortJson {
         name: e.name.clone(),
         equations: e.rows,
@@ -178,6 +304,9 @@ fn json(estimate: &Estimate, file: &ParameterFile, kind: &str) -> Json {
         confidence: file.confidence,
         parameters: file.parameters.clone(),
         cross: Vec::new(),
+        physical: Vec::new(),
+        reduction: Vec::new(),
+        models: Vec::new(),
         files: Vec::new(),
     }
 }
@@ -189,18 +318,27 @@ fn cross(args: &IdentifyArgs, model: &Interpreted<'_>, kind: Kind) -> Result<Vec
         return Err(Failure::Input(text.to_owned()));
     }
     let one = |path: &PathBuf| observe::open(model, std::slice::from_ref(path), &args.reading);
+    // without Huber's weights a log's factor is all that is needed of it
     let mut sets = Vec::with_capacity(args.logs.len());
     for path in &args.logs {
         sets.push(identify::observe(model, kind, &mut one(path)?)?.0);
     }
     let mut out = Vec::with_capacity(sets.len());
     for (k, path) in args.logs.iter().enumerate() {
-        let others = sets.iter().enumerate().filter(|(j, _)| *j != k);
-        let merged = FactorSet::merged(others.map(|(_, set)| set.clone()).collect())?;
-        let estimate = Estimate::new(&merged, weighting(args))?;
+        let values = if args.huber.is_some() {
+            let others = args.logs.iter().enumerate().filter(|(j, _)| *j != k);
+            let others: Vec<PathBuf> = others.map(|(_, path)| path.clone()).collect();
+            let mut logs = observe::open(model, &others, &args.reading)?;
+            identify::identify(model, kind, &options(args), &mut logs)?
+                .estimate
+                .values
+        } else {
+            let others = sets.iter().enumerate().filter(|(j, _)| *j != k);
+            let merged = FactorSet::merged(others.map(|(_, set)| set.clone()).collect())?;
+            Estimate::new(&merged, weighting(args))?.values
+        };
         let means = sets.get(k).map(FactorSet::means).unwrap_or_default();
-        let mut log = one(path)?;
-        let residuals = identify::residuals(model, kind, &mut log, &estimate.values, &means, 1)?;
+        let residuals = identify::residuals(model, kind, &mut one(path)?, &values, &means, 1)?;
         out.push(Cross {
             file: path.display().to_string(),
             relative_absolute: residuals.relative_absolute(),

@@ -3,7 +3,8 @@
 use std::fmt::Write as _;
 
 use crate::identify::Json;
-use crate::table;
+use crate::predicted::{self, OnLog};
+use crate::{reduce, table};
 
 /// A probability of white residuals below which they are called correlated.
 const WHITE: f64 = 0.01;
@@ -33,6 +34,32 @@ pub(crate) fn human(json: &Json) -> String {
     out.push_str(&efforts(json));
     out.push('\n');
     out.push_str(&parameters(json));
+    if !json.reduction.is_empty() {
+        out.push_str("\n  the reduction, step by step\n");
+        out.push_str(&reduce::human(&json.reduction));
+    }
+    if !json.models.is_empty() {
+        out.push('\n');
+        for model in &json.models {
+            out.push_str(&table::item(&format!(
+                "{}: {}",
+                model.name, model.feasibility
+            )));
+        }
+        let rows: Vec<(String, &[OnLog])> = json
+            .models
+            .iter()
+            .map(|m| (m.name.clone(), m.logs.as_slice()))
+            .collect();
+        if json.models.iter().any(|m| !m.logs.is_empty()) {
+            out.push('\n');
+            out.push_str(&predicted::human("eps_RA in percent", &rows));
+        }
+    }
+    if !json.physical.is_empty() {
+        out.push('\n');
+        out.push_str(&physical(json));
+    }
     if !json.cross.is_empty() {
         out.push_str("\n  each log predicted by parameters from the others\n");
         let lines: Vec<Vec<String>> = json
@@ -115,6 +142,26 @@ fn parameters(json: &Json) -> String {
     );
     if json.bandwidth.is_some_and(|b| b > 1) {
         out.push_str("  sigma knows of the residuals' correlation in time (Newey and West)\n");
+    }
+    out
+}
+
+/// What the last model has beyond base parameters.
+fn physical(json: &Json) -> String {
+    let rows = json.physical.iter();
+    let lines: Vec<Vec<String>> = rows
+        .map(|p| vec![p.label.clone(), table::figure(p.value), p.unit.to_owned()])
+        .collect();
+    let mut out = table::columns(&["physical parameter", "value", "unit"], &lines);
+    let friction = json.models.last().map_or(&[][..], |m| &m.friction);
+    for row in friction {
+        let coefficients: Vec<String> = row
+            .coefficients
+            .iter()
+            .map(|(symbol, value)| format!("{symbol} {}", table::figure(*value)))
+            .collect();
+        let name = format!("{} ({})", row.joint, row.law);
+        out.push_str(&table::field(&name, &coefficients.join(", ")));
     }
     out
 }

@@ -2,6 +2,7 @@
 //! evaluates and verifies them.
 
 mod args;
+mod args_physical;
 mod base;
 mod base_factor;
 mod base_latex;
@@ -13,6 +14,7 @@ mod exit;
 mod export;
 mod generate;
 mod identify;
+mod identify_friction;
 mod identify_table;
 #[cfg(test)]
 mod identify_tests;
@@ -26,7 +28,11 @@ mod modules;
 mod new;
 mod numeric;
 mod observe;
+mod outputs;
 mod parameters;
+mod physical;
+mod predicted;
+mod reduce;
 mod states;
 mod table;
 mod terminal;
@@ -34,6 +40,7 @@ mod validate;
 mod verify;
 mod verify_base;
 mod verify_run;
+mod watch;
 mod workspace;
 mod write;
 
@@ -45,6 +52,7 @@ use args::{Cli, Command};
 use exit::Failure;
 
 fn main() -> ExitCode {
+    write::clean_up_on_interrupt();
     match run(Cli::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {

@@ -12,6 +12,7 @@ use serde::Serialize;
 use crate::args::{Format, ObserveArgs, ProblemsArg, ReadingArgs};
 use crate::exit::Failure;
 use crate::interpreted::{BaseTerms, Interpreted};
+use crate::watch::{Watched, spinner};
 use crate::{load, table, terminal, write};
 
 /// The JSON of `regen observe`.
@@ -71,7 +72,7 @@ pub(crate) fn run(args: &ObserveArgs) -> Result<(), Failure> {
     let mut logs = open(&model, &args.logs, &args.reading)?;
     let (set, singular) = observe(&model, kind(&args.reading), &mut logs)?;
     write::atomically(&args.out, &set.to_text())?;
-    note_problems(logs.reports());
+    note_problems(logs.logs().reports());
     let json = Json {
         robot: &set.robot,
         model: &set.model,
@@ -79,7 +80,7 @@ pub(crate) fn run(args: &ObserveArgs) -> Result<(), Failure> {
         parameters: set.labels().len(),
         efforts: rows(&set),
         singular,
-        files: logs.reports().iter().map(FileJson::new).collect(),
+        files: logs.logs().reports().iter().map(FileJson::new).collect(),
     };
     terminal::print(&match args.format {
         Format::Json => table::json(&json),
@@ -121,13 +122,17 @@ pub(crate) fn require_base(model: &Interpreted<'_>, name: &str) -> Result<(), Fa
     Err(Failure::Input(text))
 }
 
-/// Opens logs as the options say.
+/// Opens logs as the options say, and watches the passes over them.
 pub(crate) fn open<'m>(
     model: &'m Interpreted<'m>,
     paths: &[PathBuf],
     reading: &ReadingArgs,
-) -> Result<Logs<'m, Interpreted<'m>>, Failure> {
-    Ok(Logs::open(model, paths, &settings(reading))?)
+) -> Result<Watched<'m>, Failure> {
+    let names: Vec<String> = paths.iter().map(|p| p.display().to_string()).collect();
+    let spinner = spinner(format!("checking {}", names.join(", ")));
+    let logs = Logs::open(model, paths, &settings(reading));
+    spinner.finish_and_clear();
+    Ok(Watched::new(logs?, reading.decimate))
 }
 
 /// What the options say of reading.
@@ -184,6 +189,7 @@ impl From<DataError> for Failure {
         match error {
             DataError::Io { .. } => Self::Io(error.to_string()),
             DataError::Estimate(error) => error.into(),
+            DataError::Feasibility(error) => error.into(),
             other => Self::Input(other.to_string()),
         }
     }

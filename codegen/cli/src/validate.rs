@@ -1,7 +1,7 @@
 //! `regen validate`: the forces of logs predicted from identified parameters.
 
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use regen_runtime::estimate::EffortError;
 use regen_runtime::identify;
@@ -10,7 +10,7 @@ use serde::Serialize;
 use crate::args::{Format, ValidateArgs};
 use crate::exit::Failure;
 use crate::interpreted::{BaseTerms, Interpreted};
-use crate::{load, observe, parameters, table, terminal};
+use crate::{load, observe, parameters, predicted, table, terminal};
 
 /// The JSON of `regen validate`.
 #[derive(Serialize)]
@@ -55,9 +55,9 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
     for path in &args.logs {
         let mut log = observe::open(&model, std::slice::from_ref(path), &args.reading)?;
         let means = identify::observe(&model, kind, &mut log)?.0.means();
-        observe::note_problems(log.reports());
-        for (values, predicted) in &mut models {
-            let found = identify::residuals(&model, kind, &mut log, values, &means, 1)?;
+        observe::note_problems(log.logs().reports());
+        for ((beta, joints), predicted) in &mut models {
+            let found = predicted::residuals(&model, kind, &mut log, beta, joints, &means)?;
             predicted.logs.push(OnLog {
                 relative_absolute: found.relative_absolute(),
                 efforts: found.efforts(),
@@ -78,10 +78,7 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
 
 fn human(json: &Json) -> String {
     let mut out = format!("{}, eps_RA in percent\n", json.robot);
-    let name = |path: &str| {
-        let stem = Path::new(path).file_stem();
-        stem.map_or_else(|| path.to_owned(), |s| s.to_string_lossy().into_owned())
-    };
+    let name = predicted::stem;
     // as many logs beside each other as fit
     const BLOCK: usize = 5;
     let names: Vec<String> = json.logs.iter().map(|log| name(log)).collect();

@@ -1,8 +1,10 @@
-//! Logs from CSV files: columns, checks, and the way to whole states of motion.
+//! Logs from CSV and Parquet files: columns, checks, and the way to whole states of motion.
 
 mod average;
 mod columns;
 mod logs;
+#[cfg(feature = "parquet")]
+mod parquet;
 mod problem;
 mod reader;
 

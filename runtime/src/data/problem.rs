@@ -13,7 +13,7 @@ use crate::{Misuse, SizeError};
 /// A row that cannot be used, or a place where rows are missing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Problem {
-    /// The line of the file, from 1; the header is line 1.
+    /// The line of a CSV file, from 1, its header being line 1; the row of a Parquet file, from 1.
     pub row: u64,
     /// What is wrong there.
     pub what: Fault,
@@ -30,7 +30,7 @@ pub enum Fault {
         /// Entries of the header.
         expected: usize,
     },
-    /// An entry that is no number, NaN, infinite or empty.
+    /// An entry that is no number, NaN, infinite, empty or null.
     NotANumber {
         /// The column.
         column: String,
@@ -207,7 +207,7 @@ pub enum DataError {
         /// Why.
         why: String,
     },
-    /// The file is no CSV file of this robot.
+    /// The file is no log of this robot.
     Layout {
         /// The file.
         file: String,
@@ -232,6 +232,9 @@ pub enum DataError {
     Model(Misuse),
     /// Equations that do not fit or do not determine the parameters.
     Estimate(EstimateError),
+    /// Nonlinear friction that does not fit the model.
+    #[cfg(feature = "feasibility")]
+    Feasibility(crate::feasibility::FeasibilityError),
 }
 
 impl fmt::Display for DataError {
@@ -247,6 +250,8 @@ impl fmt::Display for DataError {
             Self::Signal { file, why } => write!(f, "{file}: {why}"),
             Self::Model(why) => write!(f, "{why}"),
             Self::Estimate(why) => write!(f, "{why}"),
+            #[cfg(feature = "feasibility")]
+            Self::Feasibility(why) => write!(f, "{why}"),
         }
     }
 }
@@ -256,6 +261,13 @@ impl core::error::Error for DataError {}
 impl From<EstimateError> for DataError {
     fn from(error: EstimateError) -> Self {
         Self::Estimate(error)
+    }
+}
+
+#[cfg(feature = "feasibility")]
+impl From<crate::feasibility::FeasibilityError> for DataError {
+    fn from(error: crate::feasibility::FeasibilityError) -> Self {
+        Self::Feasibility(error)
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::prelude::v1::*;
 
@@ -50,6 +51,24 @@ const STUCK: usize = 4;
 pub(super) struct LogFile {
     pub(super) path: PathBuf,
     pub(super) layout: Layout,
+    parquet: bool,
+}
+
+/// What a Parquet file starts with.
+const MAGIC: [u8; 4] = *b"PAR1";
+
+/// Whether a file is Parquet, by its first bytes; what cannot be read is told later.
+fn is_parquet(path: &Path) -> bool {
+    let mut start = [0; 4];
+    File::open(path).is_ok_and(|mut file| file.read_exact(&mut start).is_ok()) && start == MAGIC
+}
+
+#[cfg(not(feature = "parquet"))]
+fn unsupported(path: &Path) -> DataError {
+    DataError::Layout {
+        file: path.display().to_string(),
+        why: "this is a Parquet file: build with the feature `parquet`".to_owned(),
+    }
 }
 
 impl LogFile {
@@ -58,13 +77,18 @@ impl LogFile {
         info: &Info<'_>,
         assignments: &[Assignment],
     ) -> Result<Self, DataError> {
-        let mut reader = reader(path)?;
-        let header = reader
-            .headers()
-            .map_err(|error| failed(path, &error))?
-            .iter()
-            .map(|title| title.trim().to_owned())
-            .collect();
+        let parquet = is_parquet(path);
+        let header = if parquet {
+            #[cfg(feature = "parquet")]
+            let header = super::parquet::header(path)?;
+            #[cfg(not(feature = "parquet"))]
+            let header: Vec<String> = return Err(unsupported(path));
+            header
+        } else {
+            let mut reader = reader(path)?;
+            let titles = reader.headers().map_err(|error| failed(path, &error))?;
+            titles.iter().map(|title| title.trim().to_owned()).collect()
+        };
         let layout = Layout::new(header, info, assignments).map_err(|why| DataError::Layout {
             file: path.display().to_string(),
             why,
@@ -72,6 +96,7 @@ impl LogFile {
         Ok(Self {
             path: path.to_path_buf(),
             layout,
+            parquet,
         })
     }
 
@@ -79,8 +104,8 @@ impl LogFile {
     pub(super) fn survey(&self) -> Result<Survey, DataError> {
         let mut times: Vec<f64> = Vec::new();
         let mut extremes = std::vec![(f64::INFINITY, f64::NEG_INFINITY); self.layout.efforts];
-        self.records(&mut |line, record| {
-            if let Ok(row) = self.parse(line, record) {
+        self.records(&mut |row| {
+            if let Ok(row) = row {
                 if let (true, Some(&time)) = (times.len() < STEPS, row.values.first()) {
                     times.push(time);
                 }
@@ -101,8 +126,14 @@ impl LogFile {
 
     fn records(
         &self,
-        each: &mut dyn FnMut(u64, &ByteRecord) -> Result<(), DataError>,
+        each: &mut dyn FnMut(Result<Kept, Problem>) -> Result<(), DataError>,
     ) -> Result<(), DataError> {
+        if self.parquet {
+            #[cfg(feature = "parquet")]
+            return super::parquet::records(&self.path, &self.layout, each);
+            #[cfg(not(feature = "parquet"))]
+            return Err(unsupported(&self.path));
+        }
         let mut reader = reader(&self.path)?;
         let mut record = ByteRecord::new();
         while reader
@@ -110,7 +141,7 @@ impl LogFile {
             .map_err(|error| failed(&self.path, &error))?
         {
             let line = record.position().map_or(0, csv::Position::line);
-            each(line, &record)?;
+            each(self.parse(line, &record))?;
         }
         Ok(())
     }
@@ -163,8 +194,8 @@ impl LogFile {
             known: true,
             stuck: std::vec![0; self.layout.efforts],
         };
-        self.records(&mut |line, record| {
-            match self.parse(line, record) {
+        self.records(&mut |row| {
+            match row {
                 Ok(row) => cleaner.take(row, problem),
                 Err(found) => {
                     problem(found);

@@ -119,7 +119,7 @@ impl FrictionData {
         qd: &[f64],
         directions: &[f64],
         weights: &[f64],
-    ) -> Result<(), FeasibilityError> {
+    ) -> Result<(), EstimateError> {
         let (dof, joints) = (self.dof, self.joints.len());
         for (what, expected, values) in [
             ("w", dof * self.labels.len(), w),
@@ -130,14 +130,14 @@ impl FrictionData {
         ] {
             if values.len() != expected {
                 let got = values.len();
-                return Err(FeasibilityError::Size {
+                return Err(EstimateError::Size {
                     what,
                     expected,
                     got,
                 });
             }
-            if let Some(index) = values.iter().position(|x| !x.is_finite()) {
-                return Err(FeasibilityError::NotFinite { what, index });
+            if let Some(row) = values.iter().position(|x| !x.is_finite()) {
+                return Err(EstimateError::NotFinite { what, row });
             }
         }
         let weighted = |values: &[f64], into: &mut Vec<f64>| {
@@ -149,6 +149,48 @@ impl FrictionData {
         weighted(directions, &mut self.directions);
         self.qd.extend(qd);
         Ok(())
+    }
+
+    /// Multiplies the rows of each effort, dof weights: by 1/sigma.
+    ///
+    /// # Errors
+    /// When the length does not fit or a weight is not positive.
+    pub fn weigh(&mut self, weights: &[f64]) -> Result<(), EstimateError> {
+        if weights.len() != self.dof {
+            return Err(EstimateError::Size {
+                what: "weights",
+                expected: self.dof,
+                got: weights.len(),
+            });
+        }
+        if let Some(row) = weights.iter().position(|x| !(x.is_finite() && *x > 0.0)) {
+            let what = "weights";
+            return Err(EstimateError::NotFinite { what, row });
+        }
+        for values in [&mut self.w, &mut self.tau, &mut self.directions] {
+            for row in values.chunks_exact_mut(self.dof.max(1)) {
+                for (value, weight) in row.iter_mut().zip(weights) {
+                    *value *= weight;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The factor of all linear columns where the joints have linear friction instead: those of
+    /// [`new`](Self::new), then `Fc` and `Fv` of each joint.
+    ///
+    /// # Errors
+    /// When an entry is not finite.
+    pub fn linear_factor(&self) -> Result<Factor, EstimateError> {
+        let mut plain = self.clone();
+        plain.laws.fill(Law::Linear);
+        plain.factor(&vec![[1.0; SHAPES]; plain.joints.len()], None)
+    }
+
+    /// The joints whose friction is not linear.
+    pub fn joints(&self) -> &[FrictionJoint] {
+        &self.joints
     }
 
     /// The number of samples.

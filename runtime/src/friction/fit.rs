@@ -35,6 +35,49 @@ pub struct JointFit {
     pub values: Vec<f64>,
 }
 
+impl JointFit {
+    /// Its friction at a velocity (Eq. 14, 16, 17, 32), N or N m over rad/s or m/s; opposes the
+    /// motion where positive at a positive velocity.
+    ///
+    /// ```
+    /// use regen_runtime::{Friction, friction::JointFit};
+    ///
+    /// let joint = JointFit {
+    ///     name: "q1".to_owned(),
+    ///     friction: Friction::Stribeck,
+    ///     values: vec![2.0, 3.0, 0.1, 2.0, 5.0],
+    /// };
+    /// // far above the Stribeck velocity: Coulomb and viscous friction
+    /// assert!((joint.effort(1.0) - 7.0).abs() < 1e-12);
+    /// assert_eq!(joint.effort(-1.0), -joint.effort(1.0));
+    /// ```
+    pub fn effort(&self, v: f64) -> f64 {
+        let sign = if v == 0.0 { 0.0 } else { v.signum() };
+        let value = |symbol: &str| {
+            let place = self.friction.symbols().iter().position(|s| *s == symbol);
+            place.and_then(|k| self.values.get(k)).copied()
+        };
+        let Some(law) = Law::of(self.friction) else {
+            let signed = |plus: &str, minus: &str, both: &str| {
+                let own = value(if v > 0.0 { plus } else { minus });
+                own.or_else(|| value(both)).unwrap_or(0.0)
+            };
+            return signed("Fc+", "Fc-", "Fc") * sign + signed("Fv+", "Fv-", "Fv") * v;
+        };
+        let mut shape = [0.0; SHAPES];
+        for (slot, symbol) in shape.iter_mut().zip(law.shape()) {
+            *slot = value(symbol).unwrap_or(0.0);
+        }
+        let coefficient = |symbol: &&str| match *symbol {
+            "Fs-Fc" => value("Fs").unwrap_or(0.0) - value("Fc").unwrap_or(0.0),
+            other => value(other).unwrap_or(0.0),
+        };
+        let columns = law.values(v, sign, shape);
+        let coefficients = law.linear().iter().map(coefficient);
+        columns.iter().zip(coefficients).map(|(c, x)| c * x).sum()
+    }
+}
+
 /// Parameters with nonlinear friction.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrictionFit {

@@ -12,7 +12,9 @@
 
 mod data;
 mod fit;
+mod passes;
 mod starts;
 
 pub use data::{FrictionData, FrictionJoint, directions};
 pub use fit::{FrictionFit, JointFit, fit};
+pub use passes::{collect, nonlinear_joints, residuals};

@@ -9,8 +9,8 @@ use statrs::distribution::{Continuous, ContinuousCDF, Normal};
 use super::observer::{Equations, Kind, Observer, Row};
 use crate::BaseModel;
 use crate::estimate::{
-    Accumulator, Autocorrelated, EffortError, Estimate, EstimateError, FactorSet, Residuals,
-    Weighting,
+    Accumulator, Autocorrelated, EffortError, Estimate, EstimateError, Factor, FactorSet,
+    Residuals, Weighting,
 };
 
 /// A log that can be read any number of times.
@@ -59,6 +59,8 @@ impl Default for Options {
 pub struct Identified {
     /// Values, and the covariance for white residuals.
     pub estimate: Estimate,
+    /// The factor that it is the solution of: all efforts with their weights, and Huber's.
+    pub factor: Factor,
     /// The covariance that knows of the residuals' correlation, n x n.
     pub correlated_covariance: Vec<f64>,
     /// The samples it counts as correlated.
@@ -161,15 +163,17 @@ pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
 ) -> Result<Identified, S::Error> {
     let (plain, singular) = observe(model, kind, source)?;
     let mut estimate = Estimate::new(&plain, options.weighting)?;
+    let weights: Vec<f64> = estimate.efforts.iter().map(|e| e.weight).collect();
+    let mut factor = plain.combined(&weights)?;
     if let Some(bound) = options.huber {
         for _ in 0..PASSES {
-            let next = reweighted(model, kind, source, &estimate, bound, options.weighting)?;
+            let (next, own) = reweighted(model, kind, source, &estimate, bound, options.weighting)?;
             let deviation = |k: usize| next.sigma(k).max(f64::MIN_POSITIVE);
             let pairs = next.values.iter().zip(&estimate.values).enumerate();
             let moved = pairs.fold(0.0, |m: f64, (k, (a, b))| {
                 m.max((a - b).abs() / deviation(k))
             });
-            estimate = next;
+            (estimate, factor) = (next, own);
             if moved < SETTLED {
                 break;
             }
@@ -204,6 +208,7 @@ pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         relative_absolute: errors.relative_absolute(),
         errors: efforts,
         estimate,
+        factor,
         correlated_covariance,
         bandwidth,
         singular,
@@ -219,7 +224,7 @@ fn reweighted<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     last: &Estimate,
     bound: f64,
     weighting: Weighting,
-) -> Result<Estimate, S::Error> {
+) -> Result<(Estimate, Factor), S::Error> {
     let sigmas: Vec<f64> = last.efforts.iter().map(|e| e.sigma).collect();
     let huber = Huber {
         values: &last.values,
@@ -231,11 +236,7 @@ fn reweighted<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     let beyond = normal.sf(bound);
     let inside = 1.0 - 2.0 * beyond - 2.0 * bound * normal.pdf(bound);
     let expected = (2.0 * bound * bound).mul_add(beyond, inside);
-    let all: usize = set
-        .factors()
-        .iter()
-        .map(crate::estimate::Factor::rows)
-        .sum();
+    let all: usize = set.factors().iter().map(Factor::rows).sum();
     let free = 1.0 - last.values.len() as f64 / all.max(1) as f64;
     let scales = squares.iter().zip(set.factors()).zip(&sigmas);
     let scales = scales.map(|((squares, factor), old)| {
@@ -254,13 +255,14 @@ fn reweighted<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
             Weighting::PerEffort => 1.0 / sigma,
         })
         .collect();
-    let mut next = Estimate::of(&set.combined(&weights)?)?;
+    let factor = set.combined(&weights)?;
+    let mut next = Estimate::of(&factor)?;
     next.efforts.clone_from(&last.efforts);
     for (effort, (sigma, weight)) in next.efforts.iter_mut().zip(scales.iter().zip(&weights)) {
         effort.sigma = *sigma;
         effort.weight = *weight;
     }
-    Ok(next)
+    Ok((next, factor))
 }
 
 /// The residuals of given parameters on a log.

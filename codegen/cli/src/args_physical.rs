@@ -1,0 +1,139 @@
+//! What `regen identify` may be told beyond least squares.
+
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use clap::{ArgGroup, Args};
+
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Physical parameters")]
+#[command(group(ArgGroup::new("physical").multiple(true)))]
+pub(crate) struct PhysicalArgs {
+    /// Judge whether the least-squares parameters are of any physical robot, then
+    /// find those that fit best among the physical ones: all ten of every body
+    #[arg(long, group = "physical")]
+    pub(crate) feasible: bool,
+    /// Identify the nonlinear friction of the spec (atan, power, stribeck) with
+    /// all other parameters, physical ones only (Eq. 29)
+    #[arg(long, group = "physical", conflicts_with_all = ["from", "huber", "energy", "cross", "bandwidth"])]
+    pub(crate) friction: bool,
+    /// Leave out base parameters until all are well identified (sigma below 15 %)
+    /// and together feasible; every step is printed
+    #[arg(long, conflicts_with_all = ["physical", "huber"])]
+    pub(crate) reduce: bool,
+    /// Logs to predict with every model that was found, and by which --reduce is
+    /// cross-validated
+    #[arg(long, value_name = "LOG", num_args = 1..)]
+    pub(crate) against: Vec<PathBuf>,
+    /// Believe in the spec's nominal values: `weighted` or `weighted:PERCENT` by
+    /// standard deviations in percent of them [default 30], `entropic` or
+    /// `entropic:WEIGHT` by the divergence of pseudo-inertias [default 1]
+    #[arg(long, value_name = "KIND", requires = "physical")]
+    pub(crate) prior: Option<PriorArg>,
+    /// A parameter's value, SI: LABEL=VALUE, such as 'm(3)=6.05'
+    #[arg(long, value_name = "LABEL=VALUE", requires = "physical", value_parser = value)]
+    pub(crate) known: Vec<(String, f64)>,
+    /// A parameter's limits, SI: LABEL=LOW..HIGH, either may be missing
+    #[arg(long, value_name = "LABEL=RANGE", requires = "physical", value_parser = range)]
+    pub(crate) bound: Vec<(String, f64, f64)>,
+    /// A known sum: 'm(1),m(2),m(3)=12.5'
+    #[arg(long, value_name = "LABELS=VALUE", requires = "physical", value_parser = value)]
+    pub(crate) total: Vec<(String, f64)>,
+    /// Bodies that are the same, in frames that correspond: 1,4,6
+    #[arg(long, value_name = "BODIES", requires = "physical")]
+    pub(crate) identical: Vec<String>,
+    /// Write the spec with `bodies:` filled with the physical values
+    #[arg(long, value_name = "SPEC", requires = "physical")]
+    pub(crate) bodies: Option<PathBuf>,
+    /// Write the parameters as Rust constants for a controller
+    #[arg(long, value_name = "FILE")]
+    pub(crate) rust: Option<PathBuf>,
+}
+
+impl PhysicalArgs {
+    /// Whether physical parameters are asked for.
+    pub(crate) fn wanted(&self) -> bool {
+        self.feasible || self.friction
+    }
+}
+
+/// How nominal values are believed in.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum PriorArg {
+    /// Each by a standard deviation of this part of it.
+    Weighted(f64),
+    /// Bodies by the log-det divergence with this weight.
+    Entropic(f64),
+}
+
+impl FromStr for PriorArg {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (kind, figure) = match text.split_once(':') {
+            Some((kind, figure)) => (kind, Some(positive(figure)?)),
+            None => (text, None),
+        };
+        match kind {
+            "weighted" => Ok(Self::Weighted(figure.unwrap_or(30.0) / 100.0)),
+            "entropic" => Ok(Self::Entropic(figure.unwrap_or(1.0))),
+            other => Err(format!("`{other}` is neither `weighted` nor `entropic`")),
+        }
+    }
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
+        _ => Err(format!("`{text}` is no number above 0")),
+    }
+}
+
+fn number(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(value) if value.is_finite() => Ok(value),
+        _ => Err(format!("`{text}` is no number")),
+    }
+}
+
+fn value(text: &str) -> Result<(String, f64), String> {
+    let (label, value) = text.split_once('=').ok_or("LABEL=VALUE is needed")?;
+    Ok((label.trim().to_owned(), number(value)?))
+}
+
+fn range(text: &str) -> Result<(String, f64, f64), String> {
+    let wanted = "LABEL=LOW..HIGH is needed";
+    let (label, limits) = text.split_once('=').ok_or(wanted)?;
+    let (low, high) = limits.split_once("..").ok_or(wanted)?;
+    let limit = |text: &str, none: f64| match text.trim() {
+        "" => Ok(none),
+        text => number(text),
+    };
+    let low = limit(low, f64::NEG_INFINITY)?;
+    let high = limit(high, f64::INFINITY)?;
+    if low > high {
+        return Err(format!("{low} is above {high}"));
+    }
+    Ok((label.trim().to_owned(), low, high))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn priors_and_ranges_are_read_and_their_mistakes_told() {
+        assert_eq!("weighted:20".parse(), Ok(PriorArg::Weighted(0.2)));
+        assert_eq!("entropic".parse(), Ok(PriorArg::Entropic(1.0)));
+        assert!("entropic:-1".parse::<PriorArg>().is_err());
+        assert!("cad".parse::<PriorArg>().unwrap_err().contains("cad"));
+        assert_eq!(
+            range("m(3)=..2"),
+            Ok(("m(3)".to_owned(), f64::NEG_INFINITY, 2.0))
+        );
+        assert!(range("m(3)=2..1").is_err() && range("m(3)=2").is_err());
+        assert_eq!(value("m(1),m(2)=3"), Ok(("m(1),m(2)".to_owned(), 3.0)));
+        assert!(value("m(1)=heavy").is_err());
+    }
+}

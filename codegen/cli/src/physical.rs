@@ -1,0 +1,277 @@
+//! Physical parameters for `regen identify`: verdict, constraints, nonlinear friction.
+
+use regen_runtime::estimate::Factor;
+use regen_runtime::feasibility::{
+    Bound, Combinations, FeasibilityError, Layout, Options, Outcome, Physical, Prior, SYMBOLS,
+    Scale, Total, Verdict, identify, verdict,
+};
+use regen_runtime::friction::{FrictionData, FrictionJoint, JointFit, fit};
+use regen_runtime::{BaseModel, Friction, Model};
+
+use crate::args_physical::{PhysicalArgs, PriorArg};
+use crate::exit::Failure;
+use crate::interpreted::Interpreted;
+use crate::terminal;
+
+/// A model that was found.
+#[derive(Clone, Debug)]
+pub(crate) struct Found {
+    /// What kind of model it is.
+    pub(crate) name: &'static str,
+    /// Its r base parameters.
+    pub(crate) beta: Vec<f64>,
+    /// All p parameters, where it is physical.
+    pub(crate) phi: Option<Vec<f64>>,
+    /// Friction that has no columns among the base parameters.
+    pub(crate) friction: Vec<JointFit>,
+    /// What is known of its feasibility.
+    pub(crate) feasibility: String,
+}
+
+/// The layout and combinations of a model.
+pub(crate) fn frame(model: &Interpreted<'_>) -> Result<(Layout, Combinations), Failure> {
+    let layout = Layout::new(model.info().parameters)?;
+    let combinations = Combinations::from_base(&model.base_info(), layout.len())?;
+    Ok((layout, combinations))
+}
+
+/// The models of a factor: least squares with its verdict, and the physical one if wanted.
+///
+/// `values` are the least-squares parameters of the factor; those behind the base parameters are
+/// of linear friction at joints whose friction is not linear.
+pub(crate) fn models(
+    model: &Interpreted<'_>,
+    args: &PhysicalArgs,
+    factor: &Factor,
+    values: &[f64],
+    data: Option<&FrictionData>,
+) -> Result<Vec<Found>, Failure> {
+    let (plain_layout, plain) = frame(model)?;
+    let r = plain.labels().len();
+    let more = factor.labels().get(r..).unwrap_or_default();
+    let joints = data.map_or(&[][..], FrictionData::joints);
+    let layout = plain_layout.extended(more)?;
+    let combinations = plain.extended(more);
+    let options = options(model, args, &layout)?;
+    let judged = verdict(&layout, &combinations, values, Scale::default())?;
+    let mut out = vec![Found {
+        name: if data.is_some() {
+            "linear, least squares"
+        } else {
+            "least squares"
+        },
+        beta: values.get(..r).unwrap_or_default().to_vec(),
+        phi: None,
+        friction: linear(joints, values.get(r..).unwrap_or_default()),
+        feasibility: told(&judged),
+    }];
+    let linear_fit = identify(factor, &combinations, &layout, &options)?;
+    let p = plain_layout.len();
+    out.push(Found {
+        name: if data.is_some() {
+            "linear, feasible"
+        } else {
+            "feasible"
+        },
+        beta: linear_fit.beta.get(..r).unwrap_or_default().to_vec(),
+        phi: linear_fit.phi.get(..p).map(<[f64]>::to_vec),
+        friction: linear(joints, linear_fit.phi.get(p..).unwrap_or_default()),
+        feasibility: cost(&linear_fit),
+    });
+    if let Some(data) = data {
+        let own = self::options(model, args, &plain_layout)?;
+        let found = fit(data, &plain, &plain_layout, &own)?;
+        let mut text = format!(
+            "physical; {:.3} % of the linear model's squared residuals",
+            100.0 * found.squared_residual / found.linear
+        );
+        if !found.converged {
+            text.push_str("; the search for the shapes had not settled");
+        }
+        out.push(Found {
+            name: "nonlinear, feasible",
+            beta: found.beta,
+            phi: Some(found.phi),
+            friction: found.joints,
+            feasibility: text,
+        });
+    }
+    Ok(out)
+}
+
+/// A verdict in words.
+fn told(judged: &Verdict) -> String {
+    match judged {
+        Verdict::Feasible { margin, .. } => {
+            format!("feasible: a physical robot has them (smallest eigenvalue {margin:.2e})")
+        }
+        Verdict::Infeasible { certificate } => {
+            let escape = certificate.escape();
+            if escape.is_finite() {
+                format!("infeasible: proven for robots of less than {escape:.1e} kg and kg m^2")
+            } else {
+                "infeasible: proven, no physical robot has them".to_owned()
+            }
+        }
+        Verdict::Undecided { .. } => {
+            "undecided: too close to the border for double precision".to_owned()
+        }
+    }
+}
+
+/// What being physical costs.
+fn cost(found: &Physical) -> String {
+    let how = match found.outcome {
+        Outcome::Unconstrained => "physical, no constraint is active",
+        Outcome::Constrained => "physical",
+        Outcome::Inaccurate => "physical; the solver stopped early, others may fit a little better",
+    };
+    let (margin, rise) = (found.check.margin(), 100.0 * found.rise());
+    format!("{how} (smallest eigenvalue {margin:.2e}, rms residual +{rise:.3} %)")
+}
+
+/// Linear friction at joints whose law is another: Fc and Fv of each.
+fn linear(joints: &[FrictionJoint], values: &[f64]) -> Vec<JointFit> {
+    let pairs = joints.iter().zip(values.chunks_exact(2));
+    pairs
+        .map(|(joint, own)| JointFit {
+            name: joint.name.clone(),
+            friction: Friction::Linear,
+            // the symbols are Fv, Fc
+            values: own.iter().rev().copied().collect(),
+        })
+        .collect()
+}
+
+/// Least-squares parameters apart: base parameters, and linear friction at these joints.
+pub(crate) fn linear_part(
+    model: &Interpreted<'_>,
+    joints: &[FrictionJoint],
+    values: &[f64],
+) -> (Vec<f64>, Vec<JointFit>) {
+    let r = model.base_info().base.len().min(values.len());
+    let (beta, more) = values.split_at(r);
+    (beta.to_vec(), linear(joints, more))
+}
+
+/// What is known besides the data.
+fn options(
+    model: &Interpreted<'_>,
+    args: &PhysicalArgs,
+    layout: &Layout,
+) -> Result<Options, Failure> {
+    let info = model.info();
+    let mut reference = info.nominal.to_vec();
+    reference.resize(layout.len(), None);
+    let names = |text: &str| -> Vec<String> {
+        let parts = text.split(',').map(str::trim);
+        parts.map(str::to_owned).collect()
+    };
+    let mut options = Options {
+        identical: args.identical.iter().map(|text| names(text)).collect(),
+        known: args.known.clone(),
+        bounds: args
+            .bound
+            .iter()
+            .map(|(label, lowest, highest)| Bound {
+                parameter: label.clone(),
+                lowest: *lowest,
+                highest: *highest,
+            })
+            .collect(),
+        totals: args
+            .total
+            .iter()
+            .map(|(labels, value)| Total {
+                parameters: names(labels),
+                value: *value,
+            })
+            .collect(),
+        reference,
+        ..Options::default()
+    };
+    match args.prior {
+        None => {}
+        Some(PriorArg::Entropic(weight)) => {
+            let complete = |body: &regen_runtime::feasibility::Body| {
+                let values = body.columns.map(|c| options.reference.get(c).copied());
+                values.iter().all(|v| v.flatten().is_some())
+            };
+            if !layout.bodies().iter().any(complete) {
+                return Err(no_nominal(info.name));
+            }
+            options.entropic = weight;
+        }
+        Some(PriorArg::Weighted(part)) => {
+            options.priors = beliefs(layout, &options.reference, part);
+            if options.priors.is_empty() {
+                return Err(no_nominal(info.name));
+            }
+        }
+    }
+    Ok(options)
+}
+
+fn no_nominal(name: &str) -> Failure {
+    Failure::Input(format!(
+        "{name} has no nominal values to believe in: give `bodies:` and `nominal:` in the spec"
+    ))
+}
+
+/// Nominal values with deviations: a part of the value, or of what is usual for the body where
+/// the value is small.
+fn beliefs(layout: &Layout, nominal: &[Option<f64>], part: f64) -> Vec<Prior> {
+    let of = |k: usize| nominal.get(k).copied().flatten();
+    let mut out = Vec::new();
+    let mut push = |k: usize, size: f64| {
+        if let (Some(value), Some(label), true) = (of(k), layout.labels().get(k), size > 0.0) {
+            out.push(Prior {
+                parameter: label.clone(),
+                value,
+                deviation: part * size,
+            });
+        }
+    };
+    for body in layout.bodies() {
+        let at = |symbol: &str| {
+            let place = SYMBOLS.iter().position(|s| *s == symbol);
+            place.and_then(|k| of(body.columns[k])).unwrap_or(0.0)
+        };
+        let mass = at("m");
+        let moment = at("Ixx").max(at("Iyy")).max(at("Izz"));
+        for (column, symbol) in body.columns.iter().zip(SYMBOLS) {
+            let usual = match symbol {
+                "m" => mass,
+                "mx" | "my" | "mz" => (mass * moment).sqrt(),
+                _ => moment,
+            };
+            push(*column, usual);
+        }
+    }
+    for k in layout.single() {
+        push(*k, of(*k).unwrap_or(0.0).abs());
+    }
+    out
+}
+
+/// Notes that friction of the spec is left out of a linear model.
+pub(crate) fn note_friction(model: &Interpreted<'_>) {
+    let joints = regen_runtime::friction::nonlinear_joints(model);
+    if !joints.is_empty() {
+        let names: Vec<&str> = joints.iter().map(|j| j.name.as_str()).collect();
+        terminal::note(&format!(
+            "note: the nonlinear friction of {} is left out; --friction identifies it",
+            names.join(", ")
+        ));
+    }
+}
+
+impl From<FeasibilityError> for Failure {
+    fn from(error: FeasibilityError) -> Self {
+        match error {
+            FeasibilityError::Estimate(error) => error.into(),
+            FeasibilityError::Solver(_) => Self::Numeric(error.to_string()),
+            other => Self::Input(other.to_string()),
+        }
+    }
+}

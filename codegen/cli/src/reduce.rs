@@ -1,0 +1,206 @@
+//! `regen identify --reduce`: from all base parameters to those the data determine well.
+
+use regen_runtime::estimate::{EffortFit, Factor, FactorSet};
+use regen_runtime::identifiability::{Checks, Feasibility, Reduction, Step, reduce};
+use regen_runtime::identify::{self, Kind, Observer, Source};
+use serde::Serialize;
+
+use crate::args::IdentifyArgs;
+use crate::exit::Failure;
+use crate::interpreted::Interpreted;
+use crate::parameters::ParameterFile;
+use crate::physical::Found;
+use crate::{observe, physical};
+
+/// A step in JSON.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct StepJson {
+    pub(crate) change: String,
+    pub(crate) kept: Vec<String>,
+    pub(crate) well: usize,
+    pub(crate) feasibility: &'static str,
+    pub(crate) condition: f64,
+    pub(crate) residual: f64,
+    pub(crate) other_residual: Option<f64>,
+    pub(crate) relative_absolute: Option<f64>,
+}
+
+/// Equations of the logs that a model is validated on, in memory.
+struct Equations {
+    columns: usize,
+    rows: Vec<(Vec<f64>, Vec<f64>)>,
+    means: Vec<f64>,
+}
+
+impl Equations {
+    fn relative_absolute(&self, beta: &[f64]) -> f64 {
+        let (mut absolute, mut spread) = (0.0, 0.0);
+        for (w, tau) in &self.rows {
+            for (i, (t, mean)) in tau.iter().zip(&self.means).enumerate() {
+                let entries = w.iter().skip(i).step_by(tau.len());
+                let fitted: f64 = entries.zip(beta).map(|(w, b)| w * b).sum();
+                absolute += (t - fitted).abs();
+                spread += (t - mean).abs();
+            }
+        }
+        debug_assert_eq!(self.columns, beta.len());
+        100.0 * absolute / spread
+    }
+}
+
+/// Reduces the base parameters of a factor; the steps, and the last of them over all r.
+pub(crate) fn run(
+    args: &IdentifyArgs,
+    model: &Interpreted<'_>,
+    factor: &Factor,
+    efforts: &[EffortFit],
+) -> Result<Reduction, Failure> {
+    let (layout, combinations) = physical::frame(model)?;
+    let kind = observe::kind(&args.reading);
+    let against = match args.physical.against.as_slice() {
+        [] => None,
+        paths => {
+            let mut logs = observe::open(model, paths, &args.reading)?;
+            let set = identify::observe(model, kind, &mut logs)?.0;
+            Some((
+                weighted(&set, efforts)?,
+                equations(model, kind, &mut logs, &set)?,
+            ))
+        }
+    };
+    let predict = against
+        .as_ref()
+        .map(|(_, equations)| |beta: &[f64]| equations.relative_absolute(beta));
+    let checks = Checks {
+        other: against.as_ref().map(|(factor, _)| factor),
+        relative_absolute: predict.as_ref().map(|f| f as _),
+        ..Checks::default()
+    };
+    Ok(reduce(factor, &combinations, &layout, &checks)?)
+}
+
+fn weighted(set: &FactorSet, efforts: &[EffortFit]) -> Result<Factor, Failure> {
+    let weights: Vec<f64> = efforts.iter().map(|e| e.weight).collect();
+    Ok(set.combined(&weights)?)
+}
+
+fn equations<S: Source<Error = regen_runtime::data::DataError>>(
+    model: &Interpreted<'_>,
+    kind: Kind,
+    logs: &mut S,
+    set: &FactorSet,
+) -> Result<Equations, Failure> {
+    let mut observer = Observer::new(model, kind);
+    let mut out = Equations {
+        columns: set.labels().len(),
+        rows: Vec::new(),
+        means: set.means(),
+    };
+    logs.visit(&mut |row| {
+        let found = observer.observe(row)?;
+        if !found.tau.is_empty() {
+            out.rows.push((found.w.to_vec(), found.tau.to_vec()));
+        }
+        Ok(())
+    })?;
+    Ok(out)
+}
+
+/// Takes the last step over: what was left out is zero in the forces.
+pub(crate) fn adopt(
+    reduction: &Reduction,
+    columns: usize,
+    file: &mut ParameterFile,
+) -> Result<Found, Failure> {
+    let step = reduction.result().ok_or_else(|| {
+        Failure::Numeric("no base parameter is well identified: excite the robot more".to_owned())
+    })?;
+    let feasibility = feasibility(step.feasibility);
+    let mut beta = vec![0.0; columns];
+    for (k, place) in step.kept.iter().enumerate() {
+        let value = step.estimate.values.get(k).copied().unwrap_or(0.0);
+        if let Some(slot) = beta.get_mut(*place) {
+            *slot = value;
+        }
+    }
+    for (place, row) in file.parameters.iter_mut().enumerate() {
+        row.value = beta.get(place).copied().unwrap_or(0.0);
+        if let Some(k) = step.kept.iter().position(|kept| *kept == place) {
+            let half = step.estimate.half_width(k, file.confidence);
+            row.sigma = step.estimate.sigma(k);
+            row.sigma_white = row.sigma;
+            row.sigma_percent = step.estimate.sigma_percent(k);
+            (row.low, row.high) = (row.value - half, row.value + half);
+            row.status = if step.well == step.kept.len() {
+                "well identified".to_owned()
+            } else {
+                "poorly identified".to_owned()
+            };
+        } else {
+            (row.sigma, row.sigma_white, row.sigma_percent) = (0.0, 0.0, 0.0);
+            (row.low, row.high) = (0.0, 0.0);
+            row.status = "left out".to_owned();
+        }
+    }
+    "reduced".clone_into(&mut file.method);
+    file.feasibility = Some(feasibility.to_owned());
+    Ok(Found {
+        name: "reduced",
+        beta,
+        phi: None,
+        friction: Vec::new(),
+        feasibility: feasibility.to_owned(),
+    })
+}
+
+fn feasibility(judged: Feasibility) -> &'static str {
+    match judged {
+        Feasibility::Feasible => "feasible",
+        Feasibility::Infeasible => "infeasible",
+        Feasibility::Undecided => "undecided",
+    }
+}
+
+/// The steps in JSON.
+pub(crate) fn json(reduction: &Reduction, labels: &[String]) -> Vec<StepJson> {
+    let one = |step: &Step| StepJson {
+        change: step.change.to_string(),
+        kept: step
+            .kept
+            .iter()
+            .filter_map(|k| labels.get(*k).cloned())
+            .collect(),
+        well: step.well,
+        feasibility: feasibility(step.feasibility),
+        condition: step.condition,
+        residual: step.residual,
+        other_residual: step.other_residual,
+        relative_absolute: step.relative_absolute,
+    };
+    reduction.steps.iter().map(one).collect()
+}
+
+/// The steps for people, in 80 columns.
+pub(crate) fn human(steps: &[StepJson]) -> String {
+    let figure = |x: Option<f64>| x.map_or_else(|| "-".to_owned(), |x| format!("{x:.3}"));
+    let lines: Vec<Vec<String>> = steps
+        .iter()
+        .map(|step| {
+            vec![
+                step.change.clone(),
+                step.kept.len().to_string(),
+                step.well.to_string(),
+                step.feasibility.to_owned(),
+                format!("{:.2e}", step.condition),
+                figure(Some(step.residual)),
+                figure(step.relative_absolute),
+            ]
+        })
+        .collect();
+    let head = ["step", "kept", "well", "physical", "cond", "rms", "eps_RA"];
+    let mut out = crate::table::columns(&head, &lines);
+    out.push_str(
+        "  rms in standard deviations of the noise; eps_RA in percent, on the logs of --against\n",
+    );
+    out
+}

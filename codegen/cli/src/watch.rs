@@ -1,0 +1,89 @@
+//! A bar on a terminal's standard error while logs are read.
+
+use std::io::IsTerminal;
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressStyle};
+use regen_runtime::data::{DataError, Logs};
+use regen_runtime::estimate::EstimateError;
+use regen_runtime::identify::{Row, Source};
+
+use crate::interpreted::Interpreted;
+
+/// Rows between two steps of a bar.
+const EVERY: u64 = 64;
+
+/// Logs that show how far a pass over them is, and the time it has left.
+pub(crate) struct Watched<'m> {
+    logs: Logs<'m, Interpreted<'m>>,
+    bar: ProgressBar,
+    passes: usize,
+}
+
+impl<'m> Watched<'m> {
+    /// Watches logs whose states are taken with this decimation.
+    pub(crate) fn new(logs: Logs<'m, Interpreted<'m>>, decimation: usize) -> Self {
+        let rows: usize = logs.reports().iter().map(|report| report.rows).sum();
+        let bar = bar((rows / decimation.max(1)) as u64);
+        Self {
+            logs,
+            bar,
+            passes: 0,
+        }
+    }
+
+    /// The logs.
+    pub(crate) fn logs(&self) -> &Logs<'m, Interpreted<'m>> {
+        &self.logs
+    }
+}
+
+impl Source for Watched<'_> {
+    type Error = DataError;
+
+    fn visit(
+        &mut self,
+        each: &mut dyn FnMut(&Row<'_>) -> Result<(), EstimateError>,
+    ) -> Result<(), DataError> {
+        self.passes += 1;
+        self.bar.reset();
+        self.bar.set_message(format!("pass {}", self.passes));
+        let mut rows = 0;
+        let bar = &self.bar;
+        self.logs.visit(&mut |row| {
+            rows += 1;
+            if rows % EVERY == 0 {
+                bar.set_position(rows);
+            }
+            each(row)
+        })
+    }
+}
+
+impl Drop for Watched<'_> {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+fn bar(rows: u64) -> ProgressBar {
+    if !std::io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new(rows);
+    let style = "{msg} {bar:24} {pos}/{len} rows, {eta} left";
+    if let Ok(style) = ProgressStyle::with_template(style) {
+        bar.set_style(style);
+    }
+    bar
+}
+
+/// A sign of life while something of unknown length runs.
+pub(crate) fn spinner(message: String) -> ProgressBar {
+    if !std::io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new_spinner().with_message(message);
+    bar.enable_steady_tick(Duration::from_millis(120));
+    bar
+}

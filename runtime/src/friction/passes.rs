@@ -1,0 +1,151 @@
+//! Passes over a log for nonlinear friction: to equations in memory, and to residuals.
+
+use std::prelude::v1::*;
+use std::vec;
+
+use super::{FrictionData, FrictionJoint, JointFit, directions};
+use crate::estimate::{EstimateError, Residuals};
+use crate::feasibility::FeasibilityError;
+use crate::identify::{Kind, Observer, Row, Source};
+use crate::{BaseModel, SizeError, Status};
+
+/// The joints of a model whose friction is not linear.
+pub fn nonlinear_joints<M: BaseModel<f64> + ?Sized>(model: &M) -> Vec<FrictionJoint> {
+    let info = model.info();
+    let pairs = info.coordinates.iter().zip(info.joints);
+    pairs
+        .filter(|(_, joint)| !joint.friction.is_linear())
+        .map(|(name, joint)| FrictionJoint {
+            name: (*name).to_owned(),
+            friction: joint.friction,
+        })
+        .collect()
+}
+
+fn places<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    names: impl Iterator<Item = String>,
+) -> Result<Vec<usize>, FeasibilityError> {
+    let info = model.info();
+    names
+        .map(|name| {
+            info.index_of(&name).ok_or(FeasibilityError::Unknown {
+                what: "coordinate",
+                label: name,
+            })
+        })
+        .collect()
+}
+
+/// The velocities of joints and how their friction acts on the rows; `None` at a singularity.
+fn motion<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    row: &Row<'_>,
+    at: &[usize],
+) -> Result<Option<(Vec<f64>, Vec<f64>)>, SizeError> {
+    let (d, condition) = directions(model, row.q, at)?;
+    let qd = at.iter().map(|&k| row.qd.get(k).copied());
+    let Some(qd) = qd.collect::<Option<Vec<f64>>>() else {
+        return Err(SizeError {
+            argument: "qd",
+            expected: model.info().coordinates.len(),
+            got: row.qd.len(),
+        });
+    };
+    let regular = condition.status() != Status::Singular && d.iter().all(|x| x.is_finite());
+    Ok(regular.then_some((qd, d)))
+}
+
+/// Reads a log into memory for [`fit`](super::fit), all efforts weighted alike: see
+/// [`FrictionData::weigh`]. Also returns the number of samples left out as singular.
+///
+/// # Errors
+/// When a joint is none of the model's or has linear friction, or the log cannot be read.
+pub fn collect<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+    model: &M,
+    source: &mut S,
+    joints: &[FrictionJoint],
+) -> Result<(FrictionData, usize), S::Error>
+where
+    S::Error: From<FeasibilityError>,
+{
+    let mut observer = Observer::new(model, Kind::Forces);
+    let labels = observer.origin().labels;
+    let at = places(model, joints.iter().map(|j| j.name.clone()))?;
+    let mut data = FrictionData::new(&labels, joints, model.info().dof())?;
+    let mut singular = 0;
+    source.visit(&mut |row| {
+        let equations = observer.observe(row)?;
+        match motion(model, row, &at)? {
+            Some((qd, d)) if !equations.tau.is_empty() => {
+                data.push(equations.w, equations.tau, &qd, &d, equations.weights)
+            }
+            _ => {
+                singular += 1;
+                Ok(())
+            }
+        }
+    })?;
+    Ok((data, singular))
+}
+
+/// The residuals of base parameters with friction on a log, as
+/// [`identify::residuals`](crate::identify::residuals) for linear models (Eq. 29).
+///
+/// - `values`: r base parameters, SI; `joints`: friction that has no columns among them;
+/// - `means`: of the efforts on this log, for eps_RA.
+///
+/// # Errors
+/// When a joint is none of the model's, or the log cannot be read.
+pub fn residuals<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+    model: &M,
+    source: &mut S,
+    values: &[f64],
+    joints: &[JointFit],
+    means: &[f64],
+    lags: usize,
+) -> Result<Residuals, S::Error>
+where
+    S::Error: From<FeasibilityError>,
+{
+    let mut observer = Observer::new(model, Kind::Forces);
+    let origin = observer.origin();
+    if values.len() != origin.labels.len() {
+        let error = EstimateError::Size {
+            what: "values",
+            expected: origin.labels.len(),
+            got: values.len(),
+        };
+        return Err(error.into());
+    }
+    let at = places(model, joints.iter().map(|j| j.name.clone()))?;
+    let mut out = Residuals::new(&origin.efforts, means, lags);
+    let mut fitted = vec![0.0; origin.efforts.len()];
+    source.visit(&mut |row| {
+        let equations = observer.observe(row)?;
+        if !row.follows {
+            out.interrupt();
+        }
+        let dof = equations.tau.len();
+        let Some((qd, d)) = motion(model, row, &at)? else {
+            return Ok(());
+        };
+        if dof == 0 {
+            return Ok(());
+        }
+        fitted.fill(0.0);
+        for (column, value) in equations.w.chunks_exact(dof).zip(values) {
+            for (sum, w) in fitted.iter_mut().zip(column) {
+                *sum += w * value;
+            }
+        }
+        let efforts = joints.iter().zip(&qd).map(|(joint, v)| joint.effort(*v));
+        for (column, effort) in d.chunks_exact(dof).zip(efforts) {
+            for (sum, direction) in fitted.iter_mut().zip(column) {
+                *sum += direction * effort;
+            }
+        }
+        out.push(equations.tau, &fitted)
+    })?;
+    Ok(out)
+}
