@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::args_physical::PhysicalArgs;
+pub(crate) use crate::simulate::SimulateArgs;
 
 const EXIT_CODES: &str = "\
 Exit codes:
@@ -31,6 +32,7 @@ Examples:
   regen import arm.urdf --out arm.yaml   a URDF or MJCF file as a spec
   regen identify robots/3rps.yaml log.csv --fourier 0.1333,11 --out p.json
   regen validate robots/3rps.yaml p.json other.csv --fourier 0.1333,11
+  regen simulate robots/3rps.yaml --trajectory t.json --out log.csv
 
 A spec that does not parse is explained with line, column and what is allowed.
 Results go to standard output, messages to standard error. Colour is used only
@@ -88,6 +90,8 @@ pub(crate) enum Command {
     Identify(IdentifyArgs),
     /// Predict the forces of logs from identified parameters
     Validate(ValidateArgs),
+    /// Run the robot under control, with friction and noise, and log what it does
+    Simulate(SimulateArgs),
     /// Print the JSON Schema of the spec format, for editors
     Schema,
     /// Print a manual page, of regen or of one of its commands

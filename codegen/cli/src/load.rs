@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use regen_codegen::diag::Source;
-use regen_codegen::pipeline;
+use regen_codegen::pipeline::{self, BaseFrom, DeriveError};
 use regen_codegen::robot::Robot;
 
 use crate::exit::Failure;
@@ -38,4 +38,15 @@ pub(crate) fn robot(path: &Path) -> Result<Robot, Failure> {
 /// Derives one robot.
 pub(crate) fn derived(source: &Source) -> Result<Robot, Failure> {
     pipeline::derive(source).map_err(|report| Failure::Spec(vec![report]))
+}
+
+/// Reads and derives one robot without its base parameters: quick for large ones too.
+pub(crate) fn without_base(path: &Path) -> Result<Robot, Failure> {
+    pipeline::derive_with(&source(path)?, BaseFrom::Nowhere).map_err(|error| match error {
+        DeriveError::Spec(report) => Failure::Spec(vec![*report]),
+        // nothing stored was asked for
+        DeriveError::Store(_) | DeriveError::NotStored => {
+            Failure::Input(format!("{}: stored base parameters", path.display()))
+        }
+    })
 }

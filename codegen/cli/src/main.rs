@@ -30,10 +30,13 @@ mod numeric;
 mod observe;
 mod outputs;
 mod parameters;
+mod path;
 mod physical;
 mod predicted;
 mod reduce;
+mod simulate;
 mod states;
+mod sweep;
 mod table;
 mod terminal;
 mod validate;
@@ -76,6 +79,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Observe(args)) => observe::run(&args),
         Some(Command::Identify(args)) => identify::run(&args),
         Some(Command::Validate(args)) => validate::run(&args),
+        Some(Command::Simulate(args)) => simulate::run(&args),
         Some(Command::Schema) => terminal::print(&regen_codegen::spec::schema()),
         Some(Command::Man { command }) => man::run(command.as_deref()),
         Some(Command::Completions { shell }) => {

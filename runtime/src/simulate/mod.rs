@@ -22,4 +22,6 @@ pub use control::{Drive, Pid};
 pub use forward::{Forward, Freed};
 pub use friction::{FrictionLaw, friction_laws};
 pub use noise::{Noise, perturbed};
-pub use run::{Ended, Log, Reference, Sensors, Settings, SimulationError, simulate};
+pub use run::{
+    Ended, Log, Reference, Sensors, Settings, SimulationError, simulate, simulate_watched,
+};

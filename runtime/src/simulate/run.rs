@@ -39,6 +39,21 @@ pub struct Sensors {
     pub effort_noise: f64,
 }
 
+impl Sensors {
+    /// What an encoder makes of a position, rad or m.
+    pub fn position(&self, truth: f64, noise: &mut Noise) -> f64 {
+        quantised(
+            truth + self.position_noise * noise.normal(),
+            self.position_step,
+        )
+    }
+
+    /// What is measured of an effort, N or N m.
+    pub fn effort(&self, truth: f64, noise: &mut Noise) -> f64 {
+        quantised(truth + self.effort_noise * noise.normal(), self.effort_step)
+    }
+}
+
 /// How a run goes.
 #[derive(Clone, Debug)]
 pub struct Settings {
@@ -52,6 +67,9 @@ pub struct Settings {
     pub pid: Vec<Pid>,
     /// One drive per actuated joint, or none.
     pub drives: Vec<Drive>,
+    /// Constant efforts under the controllers', one per actuated joint, or none: N or N m. The
+    /// drives start with them; without control they act alone.
+    pub offset: Vec<f64>,
     /// One law per coordinate, or none.
     pub friction: Vec<FrictionLaw>,
     /// The velocity, rad/s or m/s, within which friction changes its direction.
@@ -72,6 +90,7 @@ impl Default for Settings {
             period: 0.01,
             pid: Vec::new(),
             drives: Vec::new(),
+            offset: Vec::new(),
             friction: Vec::new(),
             friction_width: 1e-3,
             sensors: Sensors::default(),
@@ -194,12 +213,27 @@ pub fn simulate<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
     reference: &R,
     settings: &Settings,
 ) -> Result<Log, SimulationError> {
+    simulate_watched(model, phi, reference, settings, &mut |_| {})
+}
+
+/// As [`simulate`]; `watch` is called with the time of each sample, s, before it is taken.
+///
+/// # Errors
+/// As [`simulate`].
+pub fn simulate_watched<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
+    model: &M,
+    phi: &[f64],
+    reference: &R,
+    settings: &Settings,
+    watch: &mut dyn FnMut(f64),
+) -> Result<Log, SimulationError> {
     let mut robot = Robot::new(model, phi, settings)?;
     let dof = robot.dof;
     let (mut q_i, mut qd_i, mut qdd_i) = (vec![0.0; dof], vec![0.0; dof], vec![0.0; dof]);
     reference.at(0.0, &mut q_i, &mut qd_i, &mut qdd_i);
     let mut y = q_i.clone();
     y.extend(&qd_i);
+    y.extend(&robot.command);
     y.resize(robot.size(), 0.0);
     // the scales of positions, velocities, efforts, energies where they are small
     let mut scales = vec![1.0; y.len()];
@@ -218,6 +252,7 @@ pub fn simulate<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
     let mut start = None;
     for sample in 0..=count {
         let t = sample as f64 * settings.period;
+        watch(t);
         // measure, then command
         let measured = robot.measured(&integrator.y, &mut noise)?;
         if !settings.pid.is_empty() {
@@ -230,8 +265,11 @@ pub fn simulate<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
             let loops = robot.actuated.iter().zip(&settings.pid).zip(&mut memories);
             for (k, ((joint, pid), memory)) in loops.enumerate() {
                 let error = target.q[*joint] - measured[k];
-                let limit = robot.drive(k).limit;
-                robot.command[k] = pid.command(memory, error, settings.period, limit);
+                let offset = settings.offset.get(k).copied().unwrap_or(0.0);
+                // what is left for the controller
+                let limit = robot.drive(k).limit.map(|l| l.map(|bound| bound - offset));
+                let effort = pid.command(memory, error, settings.period, limit);
+                robot.command[k] = offset + effort;
             }
         }
         if let Err(stop) = robot.record(t, &integrator.y, &measured, &mut noise, &mut log)? {
@@ -341,6 +379,7 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
         let (n, dof, a) = (info.coordinates.len(), info.dof(), info.actuated.len());
         fits("pid", settings.pid.len(), a)?;
         fits("drives", settings.drives.len(), a)?;
+        fits("offset", settings.offset.len(), a)?;
         fits("friction", settings.friction.len(), n)?;
         let forward = Forward::new(model, phi)?;
         Ok(Self {
@@ -353,7 +392,11 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
             dof,
             independent: info.independent.to_vec(),
             actuated: info.actuated.to_vec(),
-            command: vec![0.0; a],
+            command: if settings.offset.is_empty() {
+                vec![0.0; a]
+            } else {
+                settings.offset.clone()
+            },
             q: vec![0.0; n],
             qd: vec![0.0; n],
             qdd_i: vec![0.0; dof],
@@ -445,14 +488,12 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
 
     /// The positions of the actuated joints as the encoders give them.
     fn measured(&mut self, y: &[f64], noise: &mut Noise) -> Result<Vec<f64>, SimulationError> {
-        let Sensors {
-            position_step,
-            position_noise,
-            ..
-        } = self.settings.sensors;
         let closed = self.closure.track(&y[..self.dof])?;
-        let mut seen = |x: f64| quantised(x + position_noise * noise.normal(), position_step);
-        Ok(self.actuated.iter().map(|j| seen(closed.q[*j])).collect())
+        let sensors = self.settings.sensors;
+        let joints = self.actuated.iter();
+        Ok(joints
+            .map(|j| sensors.position(closed.q[*j], noise))
+            .collect())
     }
 
     fn record(
@@ -477,14 +518,9 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
         log.qdd.extend(&qdd);
         log.effort.extend(&self.effort);
         log.measured_position.extend(measured);
-        let Sensors {
-            effort_step,
-            effort_noise,
-            ..
-        } = self.settings.sensors;
-        let seen = self.effort.iter();
-        log.measured_effort
-            .extend(seen.map(|e| quantised(e + effort_noise * noise.normal(), effort_step)));
+        let sensors = self.settings.sensors;
+        let seen = self.effort.iter().map(|e| sensors.effort(*e, noise));
+        log.measured_effort.extend(seen);
         log.residual = log.residual.max(self.residual);
         let phi = self.forward.phi();
         log.energy.push(Energy {

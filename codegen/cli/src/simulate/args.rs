@@ -1,0 +1,137 @@
+//! The options of `regen simulate`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::args::Format;
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Every actuated joint has a PID controller that samples at 100 Hz, on top of the
+constant effort that holds the start against gravity. Without --pid, its gains
+follow from the robot's inertia at the start and the bandwidth. Friction is that
+of the spec, with its nominal coefficients; efforts are limited as the spec says.
+
+Without --trajectory each independent coordinate swings about home, at 0.1 Hz and
+its multiples, by at most 40 % of the way that limits and loops leave it.
+
+The log has t, the measured positions of the actuated joints and their efforts as
+tau_NAME, which is what `regen identify` reads. With --exact it has positions,
+velocities and accelerations of all coordinates as they are.
+
+PARAMS is a JSON object of labels with values, laid over the nominal ones, or a
+file of `regen identify --out`.
+
+Examples:
+  regen simulate robots/3rps.yaml --out log.csv
+  regen simulate robots/3rps.yaml --trajectory t.json --noise 1e-5,0.5 \\
+      --quantum 1e-6 --runs 10 --seed 7 --out log.csv
+  regen simulate robots/fivebar.yaml --pid 50,20,3 --lag 0.002 --out log.csv")]
+pub(crate) struct SimulateArgs {
+    /// The robot's spec
+    pub(crate) file: PathBuf,
+    /// What to follow, as `regen excite` writes it
+    #[arg(long, value_name = "TRAJECTORY")]
+    pub(crate) trajectory: Option<PathBuf>,
+    /// Where the log is written; with --runs, a number is put before .csv
+    #[arg(long, value_name = "LOG")]
+    pub(crate) out: PathBuf,
+    /// The robot's true parameters [default: the spec's nominal ones]
+    #[arg(long, value_name = "PARAMS")]
+    pub(crate) parameters: Option<PathBuf>,
+    /// Change each body's and each other parameter by up to this part, by chance
+    #[arg(long, value_name = "PART", default_value_t = 0.0)]
+    pub(crate) perturb: f64,
+    /// Seconds [default: one period]
+    #[arg(long, value_name = "S")]
+    pub(crate) duration: Option<f64>,
+    /// Seconds at the start that are left out of the log
+    #[arg(long, value_name = "S", default_value_t = 0.0)]
+    pub(crate) settle: f64,
+    /// Time between samples of the controller and of the log, s
+    #[arg(long, value_name = "S", default_value_t = 0.01)]
+    pub(crate) step: f64,
+    /// Gains of all controllers, or of one: [NAME=]KP,KI,KD (may be repeated)
+    #[arg(long, value_name = "GAINS", value_parser = gains)]
+    pub(crate) pid: Vec<Gains>,
+    /// Of controllers without --pid, Hz
+    #[arg(long, value_name = "HZ", default_value_t = 3.0)]
+    pub(crate) bandwidth: f64,
+    /// Time constant of the drives, s
+    #[arg(long, value_name = "S", default_value_t = 0.0)]
+    pub(crate) lag: f64,
+    /// Leave friction out
+    #[arg(long)]
+    pub(crate) no_friction: bool,
+    /// The speed within which friction turns round, rad/s or m/s
+    #[arg(long, value_name = "V", default_value_t = 1e-3)]
+    pub(crate) friction_width: f64,
+    /// Standard deviations of measured positions (rad or m) and efforts
+    #[arg(long, value_name = "Q,TAU", value_parser = two)]
+    pub(crate) noise: Option<[f64; 2]>,
+    /// Steps of measured positions and, if given, of efforts
+    #[arg(long, value_name = "Q[,TAU]", value_parser = one_or_two)]
+    pub(crate) quantum: Option<[f64; 2]>,
+    /// Runs that differ in their noise
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub(crate) runs: usize,
+    /// For all that is by chance: the same seed gives the same logs
+    #[arg(long, value_name = "S", default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// Log all coordinates as they are, with velocities and accelerations
+    #[arg(long)]
+    pub(crate) exact: bool,
+    /// How the summary is printed
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) format: Format,
+}
+
+/// Gains by joint; of all without a name.
+#[derive(Clone, Debug)]
+pub(crate) struct Gains {
+    pub(crate) name: Option<String>,
+    pub(crate) values: [f64; 3],
+}
+
+fn gains(text: &str) -> Result<Gains, String> {
+    let (name, rest) = match text.rsplit_once('=') {
+        Some((name, rest)) => (Some(name.trim().to_owned()), rest),
+        None => (None, text),
+    };
+    match numbers(rest)?[..] {
+        [kp, ki, kd] => Ok(Gains {
+            name,
+            values: [kp, ki, kd],
+        }),
+        _ => Err("three gains with commas are needed: KP,KI,KD".to_owned()),
+    }
+}
+
+fn two(text: &str) -> Result<[f64; 2], String> {
+    match numbers(text)?[..] {
+        [a, b] => Ok([a, b]),
+        _ => Err("two numbers with a comma are needed".to_owned()),
+    }
+}
+
+fn one_or_two(text: &str) -> Result<[f64; 2], String> {
+    match numbers(text)?[..] {
+        [a] => Ok([a, 0.0]),
+        [a, b] => Ok([a, b]),
+        _ => Err("one number, or two with a comma, are needed".to_owned()),
+    }
+}
+
+/// Numbers of at least 0.
+fn numbers(text: &str) -> Result<Vec<f64>, String> {
+    let number = |part: &str| {
+        let x: f64 = part.trim().parse().map_err(|e| format!("{part}: {e}"))?;
+        if x >= 0.0 && x.is_finite() {
+            Ok(x)
+        } else {
+            Err(format!("{part} is not a finite number of at least 0"))
+        }
+    };
+    text.split(',').map(number).collect()
+}

@@ -1,0 +1,348 @@
+//! `regen simulate`: what a log of the real robot would hold.
+
+mod args;
+mod control;
+mod log;
+mod parameters;
+
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+
+pub(crate) use args::SimulateArgs;
+
+use indicatif::{ProgressBar, ProgressStyle};
+use regen_runtime::Model;
+use regen_runtime::simulate::{
+    Drive, Ended, Log, Noise, Reference, Sensors, Settings, SimulationError, perturbed,
+    simulate_watched,
+};
+use serde::Serialize;
+
+use crate::args::Format;
+use crate::exit::Failure;
+use crate::interpreted::Interpreted;
+use crate::path::Path as Motion;
+use crate::{load, table, terminal, write};
+
+/// The JSON of `regen simulate`.
+#[derive(Serialize)]
+struct Json {
+    robot: String,
+    motion: String,
+    duration: f64,
+    step: f64,
+    seed: u64,
+    controllers: Vec<Controller>,
+    runs: Vec<Run>,
+}
+
+#[derive(Serialize)]
+struct Controller {
+    joint: String,
+    kp: f64,
+    ki: f64,
+    kd: f64,
+    offset: f64,
+}
+
+/// What one run came to.
+#[derive(Serialize)]
+struct Run {
+    file: String,
+    samples: usize,
+    steps: usize,
+    /// The largest |f| of the closure equations, m or without unit.
+    drift: f64,
+    /// The largest imbalance of energy, J, and what it is compared with.
+    imbalance: f64,
+    work: f64,
+    loss: f64,
+    kinetic: f64,
+    /// The largest distance of an independent coordinate from the motion, rad or m.
+    tracking: f64,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
+    check(args)?;
+    let robot = load::without_base(&args.file)?;
+    let model = Interpreted::new(&robot);
+    let info = model.info();
+    let motion = Motion::of(args.trajectory.as_deref(), &model)?;
+    let nominal = parameters::read(args, &model)?;
+    let mut chance = Noise::new(args.seed);
+    let phi = if args.perturb > 0.0 {
+        perturbed(&info, &nominal, args.perturb, &mut chance)
+    } else {
+        nominal.clone()
+    };
+    let friction = if args.no_friction {
+        Vec::new()
+    } else {
+        parameters::friction(args, &info, &phi, &mut chance)?
+    };
+    // the controllers know the nominal robot
+    let control = control::control(args, &model, &nominal, &motion.start())?;
+    let duration = args.duration.unwrap_or(motion.period());
+    let [position_noise, effort_noise] = args.noise.unwrap_or_default();
+    let [position_step, effort_step] = args.quantum.unwrap_or_default();
+    let drive = |joint: &usize| Drive {
+        lag: args.lag,
+        limit: info.joints.get(*joint).and_then(|j| j.limits.effort),
+    };
+    let settings = Settings {
+        duration: duration + args.settle,
+        period: args.step,
+        pid: control.pid,
+        drives: info.actuated.iter().map(drive).collect(),
+        offset: control.offset,
+        friction,
+        friction_width: args.friction_width,
+        sensors: Sensors {
+            position_step,
+            position_noise,
+            effort_step,
+            effort_noise,
+        },
+        ..Settings::default()
+    };
+    let names = info.actuated.iter().zip(&settings.pid);
+    let controllers = names
+        .zip(&settings.offset)
+        .map(|((joint, pid), offset)| Controller {
+            joint: info.coordinates.get(*joint).unwrap_or(&"?").to_string(),
+            kp: pid.kp,
+            ki: pid.ki,
+            kd: pid.kd,
+            offset: *offset,
+        })
+        .collect();
+
+    // all runs before any file: an interrupt leaves all or none
+    let bar = progress(args.runs, settings.duration);
+    let mut texts = Vec::with_capacity(args.runs);
+    let mut runs = Vec::with_capacity(args.runs);
+    for number in 0..args.runs {
+        let settings = Settings {
+            seed: seed(args.seed, number),
+            ..settings.clone()
+        };
+        let from = number as f64 * settings.duration;
+        let mut watch = |t: f64| bar.set_position(thousandths(from + t));
+        let found = simulate_watched(&model, &phi, &motion, &settings, &mut watch);
+        let found = found.map_err(misuse)?;
+        if let Some(why) = reason(&found) {
+            bar.finish_and_clear();
+            let at = found.t.last().copied().unwrap_or(0.0);
+            return Err(Failure::Numeric(format!(
+                "run {} ended after {at} s of {} s: {why}",
+                number + 1,
+                settings.duration
+            )));
+        }
+        let file = numbered(&args.out, number, args.runs);
+        runs.push(Run {
+            file: file.display().to_string(),
+            ..summary(&model, &found, &motion)
+        });
+        texts.push((file, log::csv(args, &info, &found, &settings)));
+    }
+    bar.finish_and_clear();
+    for (file, text) in &texts {
+        write::atomically(file, text)?;
+    }
+    let json = Json {
+        robot: robot.name.clone(),
+        motion: motion.name().to_owned(),
+        duration,
+        step: args.step,
+        seed: args.seed,
+        controllers,
+        runs,
+    };
+    terminal::print(&match args.format {
+        Format::Json => table::json(&json),
+        Format::Human => human(&json),
+    })?;
+    for (file, _) in &texts {
+        terminal::note(&format!("{}: written", file.display()));
+    }
+    Ok(())
+}
+
+/// Options that no robot can make good.
+fn check(args: &SimulateArgs) -> Result<(), Failure> {
+    let positive = [
+        ("--step", Some(args.step)),
+        ("--duration", args.duration),
+        ("--bandwidth", Some(args.bandwidth)),
+        ("--friction-width", Some(args.friction_width)),
+    ];
+    for (name, value) in positive {
+        if value.is_some_and(|v| !(v > 0.0 && v.is_finite())) {
+            return Err(Failure::Input(format!("{name} must be above 0")));
+        }
+    }
+    let at_least_zero = [("--lag", args.lag), ("--settle", args.settle)];
+    for (name, value) in at_least_zero {
+        if !(value >= 0.0 && value.is_finite()) {
+            return Err(Failure::Input(format!("{name} must be at least 0")));
+        }
+    }
+    if !(0.0..1.0).contains(&args.perturb) {
+        let text = "--perturb must be at least 0 and below 1, such as 0.05";
+        return Err(Failure::Input(text.to_owned()));
+    }
+    if args.runs == 0 {
+        return Err(Failure::Input("--runs must be at least 1".to_owned()));
+    }
+    Ok(())
+}
+
+/// A seed for each run's sensors, apart from those of other seeds.
+fn seed(seed: u64, run: usize) -> u64 {
+    seed ^ ((run as u64 + 1) << 32)
+}
+
+fn misuse(error: SimulationError) -> Failure {
+    Failure::Input(error.to_string())
+}
+
+fn reason(log: &Log) -> Option<String> {
+    Some(match log.ended {
+        Ended::Complete => return None,
+        Ended::Open(outcome) => format!(
+            "the loops cannot be kept closed ({outcome}); stay further from singularities, or \
+             raise --bandwidth"
+        ),
+        Ended::NoMass => "the mass matrix is not positive definite: the parameters are not those \
+                          of bodies"
+            .to_owned(),
+        Ended::Stiff => "no step of the integration is short enough; raise --friction-width, or \
+                         lower the gains"
+            .to_owned(),
+        Ended::Diverged => {
+            "positions grew beyond all bounds: the gains are too high for this --step".to_owned()
+        }
+    })
+}
+
+fn summary(model: &Interpreted<'_>, log: &Log, motion: &Motion) -> Run {
+    let info = model.info();
+    let (n, dof) = (info.coordinates.len(), info.dof());
+    let mut tracking: f64 = 0.0;
+    let (mut q, mut qd, mut qdd) = (vec![0.0; dof], vec![0.0; dof], vec![0.0; dof]);
+    for (t, row) in log.t.iter().zip(log.q.chunks_exact(n.max(1))) {
+        motion.at(*t, &mut q, &mut qd, &mut qdd);
+        for (c, wanted) in info.independent.iter().zip(&q) {
+            tracking = tracking.max((row[*c] - wanted).abs());
+        }
+    }
+    let last = log.energy.last().copied().unwrap_or_default();
+    Run {
+        file: String::new(),
+        samples: log.t.len(),
+        steps: log.steps,
+        drift: log.residual,
+        imbalance: log.imbalance,
+        work: last.work,
+        loss: last.loss,
+        kinetic: log.energy.iter().fold(0.0, |m, e| m.max(e.kinetic)),
+        tracking,
+    }
+}
+
+/// A bar with the time left, on a terminal.
+fn progress(runs: usize, duration: f64) -> ProgressBar {
+    if !std::io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new(thousandths(runs as f64 * duration));
+    let style = ProgressStyle::with_template("{bar:24} {percent:>3} %, {eta} left");
+    if let Ok(style) = style {
+        bar.set_style(style);
+    }
+    bar
+}
+
+/// Milliseconds for a bar.
+#[allow(clippy::cast_sign_loss, reason = "times are not negative")]
+fn thousandths(t: f64) -> u64 {
+    (t * 1e3) as u64
+}
+
+/// `log.csv`, or `log-3.csv` where there are several.
+fn numbered(out: &Path, number: usize, runs: usize) -> PathBuf {
+    if runs == 1 {
+        return out.to_owned();
+    }
+    let stem = out.file_stem().unwrap_or_default().to_string_lossy();
+    let end = out.extension().map(|e| format!(".{}", e.to_string_lossy()));
+    out.with_file_name(format!("{stem}-{}{}", number + 1, end.unwrap_or_default()))
+}
+
+fn human(json: &Json) -> String {
+    let mut out = format!(
+        "{}, {} s every {} s\n",
+        json.robot, json.duration, json.step
+    );
+    out.push_str(&table::field("motion", &json.motion));
+    out.push('\n');
+    let lines: Vec<Vec<String>> = json
+        .controllers
+        .iter()
+        .map(|c| {
+            let figures = [c.kp, c.ki, c.kd, c.offset].map(table::figure);
+            std::iter::once(c.joint.clone()).chain(figures).collect()
+        })
+        .collect();
+    out.push_str(&table::columns(
+        &["controller", "kp", "ki", "kd", "offset"],
+        &lines,
+    ));
+    out.push('\n');
+    let lines: Vec<Vec<String>> = json
+        .runs
+        .iter()
+        .enumerate()
+        .map(|(k, run)| {
+            let figures = [run.tracking, run.drift, run.imbalance, run.work, run.loss];
+            std::iter::once((k + 1).to_string())
+                .chain(figures.map(|x| format!("{x:.2e}")))
+                .collect()
+        })
+        .collect();
+    let head = [
+        "run",
+        "off the motion",
+        "loops open by",
+        "imbalance J",
+        "work J",
+        "friction J",
+    ];
+    out.push_str(&table::columns(&head, &lines));
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runs_are_numbered_before_the_extension() {
+        let name = |out: &str, runs| numbered(Path::new(out), 2, runs);
+        assert_eq!(name("a/log.csv", 5), Path::new("a/log-3.csv"));
+        assert_eq!(name("a/log.csv", 1), Path::new("a/log.csv"));
+        assert_eq!(name("log", 5), Path::new("log-3"));
+    }
+
+    #[test]
+    fn no_two_runs_of_small_seeds_share_a_seed() {
+        let mut all: Vec<u64> = (0..50)
+            .flat_map(|s| (0..50).map(move |run| seed(s, run)))
+            .collect();
+        all.sort_unstable();
+        all.dedup();
+        assert_eq!(all.len(), 2500);
+    }
+}

@@ -1,0 +1,110 @@
+//! The simulated robot's true parameters and friction.
+
+use std::collections::BTreeMap;
+
+use regen_runtime::simulate::{FrictionLaw, Noise, friction_laws};
+use regen_runtime::{BaseModel, Info, Joint, Model};
+
+use super::args::SimulateArgs;
+use crate::exit::Failure;
+use crate::interpreted::{BaseTerms, Interpreted};
+use crate::{load, parameters};
+
+/// All parameters: nominal values, with those of a file over them; or any that have the base
+/// parameters of a file.
+pub(super) fn read(args: &SimulateArgs, model: &Interpreted<'_>) -> Result<Vec<f64>, Failure> {
+    let info = model.info();
+    let mut values: Vec<Option<f64>> = info.nominal.to_vec();
+    values.resize(info.parameters.len(), None);
+    if let Some(path) = &args.parameters {
+        let text = load::text(path)?;
+        let given: Option<BTreeMap<String, f64>> = serde_json::from_str(&text).ok();
+        let place = |label: &str| info.parameters.iter().position(|p| *p == label);
+        match given {
+            Some(given) => {
+                for (label, value) in given {
+                    let Some(slot) = place(&label).and_then(|k| values.get_mut(k)) else {
+                        return Err(Failure::Input(format!(
+                            "{}: `{label}` is no parameter of {}; `regen info` lists them",
+                            path.display(),
+                            info.name
+                        )));
+                    };
+                    *slot = Some(value);
+                }
+            }
+            None => return identified(args, path),
+        }
+    }
+    let labels = info.parameters.iter().zip(&values);
+    let missing: Vec<&str> = labels
+        .filter(|(_, value)| value.is_none())
+        .map(|(label, _)| *label)
+        .collect();
+    if missing.is_empty() {
+        return Ok(values.into_iter().flatten().collect());
+    }
+    Err(Failure::Input(format!(
+        "{}: no nominal values of {}; state them under `bodies:` and at the joints, or give them \
+         with --parameters",
+        args.file.display(),
+        missing.join(", ")
+    )))
+}
+
+/// Parameters that have the base parameters of a file; the others are zero.
+fn identified(args: &SimulateArgs, path: &std::path::Path) -> Result<Vec<f64>, Failure> {
+    let robot = load::robot(&args.file)?;
+    let terms = BaseTerms::new(&robot);
+    let model = Interpreted::with_terms(&robot, &terms);
+    let beta = parameters::read(path, &model)?;
+    let info = model.info();
+    let mut phi = vec![0.0; info.parameters.len()];
+    let free = vec![0.0; model.base_info().free.len()];
+    model.parameters_from_base(&beta, &free, &mut phi)?;
+    Ok(phi)
+}
+
+/// The friction law of each coordinate: linear ones with the coefficients among the parameters,
+/// others with nominal ones, changed by chance as the parameters are.
+pub(super) fn friction(
+    args: &SimulateArgs,
+    info: &Info<'_>,
+    phi: &[f64],
+    chance: &mut Noise,
+) -> Result<Vec<FrictionLaw>, Failure> {
+    let stated = info.joints.iter().zip(info.coordinates);
+    let joints: Vec<Joint> = stated
+        .map(|(joint, name)| {
+            let mut joint = *joint;
+            if joint.friction.is_linear() {
+                let slots = joint.nominal.iter_mut().zip(joint.friction.symbols());
+                for (slot, symbol) in slots {
+                    let index = info.parameter_of(&format!("{symbol}({name})"));
+                    *slot = index.and_then(|k| phi.get(k)).copied().or(*slot);
+                }
+            }
+            joint
+        })
+        .collect();
+    let with = Info {
+        joints: &joints,
+        ..*info
+    };
+    let mut laws = friction_laws(&with).map_err(|(coordinate, symbol)| {
+        let name = info.coordinates.get(coordinate).unwrap_or(&"?");
+        Failure::Input(format!(
+            "{}: joint {name} has no nominal value of {symbol}; state it under `friction:`, or \
+             leave friction out with --no-friction",
+            args.file.display()
+        ))
+    })?;
+    if args.perturb > 0.0 {
+        for (law, joint) in laws.iter_mut().zip(&joints) {
+            if !joint.friction.is_linear() {
+                *law = law.scaled(1.0 + args.perturb * (2.0 * chance.uniform() - 1.0));
+            }
+        }
+    }
+    Ok(laws)
+}

@@ -1,0 +1,152 @@
+//! Motions about home that need no trajectory file: how far each coordinate can go.
+
+use std::f64::consts::TAU;
+
+use regen_runtime::{Closure, Info, Model, Motion};
+
+use crate::exit::Failure;
+use crate::interpreted::Interpreted;
+
+/// Parts in which the way to a limit is walked.
+const PARTS: usize = 40;
+/// How far a turn without limits goes, rad.
+const TURN: f64 = 1.0;
+/// The part of the mechanism's size that a shift without limits goes.
+const SHIFT: f64 = 0.25;
+
+/// How far each independent coordinate can go from home while the others stay: the loops close
+/// on home's branch, and no limit that home itself keeps is passed. Lowest and highest value,
+/// in rad or m.
+pub(crate) fn ranges(model: &Interpreted<'_>) -> Result<Vec<[f64; 2]>, Failure> {
+    let info = model.info();
+    let home: Vec<f64> = info.independent.iter().map(|c| info.home[*c]).collect();
+    let size = size(model)?;
+    let judge = Judge::new(model)?;
+    let mut closure = Closure::new(model)?;
+    let mut ranges = Vec::with_capacity(home.len());
+    for (k, coordinate) in info.independent.iter().enumerate() {
+        let joint = info.joints.get(*coordinate);
+        let free = match joint.map(|j| j.motion) {
+            Some(Motion::Shift) => SHIFT * size,
+            _ => TURN,
+        };
+        let limit = joint.and_then(|j| j.limits.position);
+        let [lo, hi] = limit.unwrap_or([home[k] - free, home[k] + free]);
+        let mut range = [home[k]; 2];
+        for (end, reached) in [lo, hi].into_iter().zip(&mut range) {
+            closure.restart();
+            for part in 1..=PARTS {
+                let mut q = home.clone();
+                q[k] += (end - home[k]) * part as f64 / PARTS as f64;
+                let found = closure.track(&q)?;
+                if !found.outcome.is_closed() || !judge.allows(model, &found.q)? {
+                    break;
+                }
+                *reached = q[k];
+            }
+        }
+        ranges.push(range);
+    }
+    Ok(ranges)
+}
+
+/// A gentle periodic motion of all independent coordinates at once: sines about the middle of
+/// the nearer range, each at a harmonic of its own, starting at home. The result is the
+/// amplitude of each; they are made smaller together until every state of the period is allowed.
+pub(crate) fn gentle(model: &Interpreted<'_>) -> Result<Vec<f64>, Failure> {
+    let info = model.info();
+    let home: Vec<f64> = info.independent.iter().map(|c| info.home[*c]).collect();
+    let judge = Judge::new(model)?;
+    let mut amplitudes: Vec<f64> = ranges(model)?
+        .iter()
+        .zip(&home)
+        .map(|([lo, hi], home)| 0.4 * (hi - home).min(home - lo))
+        .collect();
+    let mut closure = Closure::new(model)?;
+    let samples = 40 * home.len().max(1);
+    for _ in 0..20 {
+        closure.restart();
+        let mut allowed = true;
+        for sample in 0..samples {
+            let phase = sample as f64 / samples as f64;
+            let q: Vec<f64> = (home.iter().zip(&amplitudes).enumerate())
+                .map(|(k, (home, a))| home + a * libm::sin(TAU * (k + 1) as f64 * phase))
+                .collect();
+            let found = closure.track(&q)?;
+            if !found.outcome.is_closed() || !judge.allows(model, &found.q)? {
+                allowed = false;
+                break;
+            }
+        }
+        if allowed {
+            return Ok(amplitudes);
+        }
+        amplitudes.iter_mut().for_each(|a| *a *= 0.7);
+    }
+    Ok(vec![0.0; home.len()])
+}
+
+/// The greatest distance of a body's origin at home from the world's or another body's, m; 1
+/// where there is none.
+fn size(model: &Interpreted<'_>) -> Result<f64, Failure> {
+    let info = model.info();
+    let mut poses = vec![0.0; 12 * info.bodies.len()];
+    model.poses(info.home, &mut poses)?;
+    let (poses, _) = poses.as_chunks::<12>();
+    let mut points = vec![[0.0; 3]];
+    points.extend(poses.iter().map(|p| [p[9], p[10], p[11]]));
+    let mut size: f64 = 0.0;
+    for (i, a) in points.iter().enumerate() {
+        for b in points.iter().skip(i + 1) {
+            let square: f64 = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum();
+            size = size.max(libm::sqrt(square));
+        }
+    }
+    Ok(if size > 0.0 { size } else { 1.0 })
+}
+
+/// The limits that home keeps.
+struct Judge {
+    positions: Vec<Option<[f64; 2]>>,
+    /// Least cosines.
+    cones: Vec<Option<f64>>,
+}
+
+impl Judge {
+    fn new(model: &Interpreted<'_>) -> Result<Self, Failure> {
+        let info = model.info();
+        let cosines = cosines(model, &info, info.home)?;
+        let inside = |limit: &[f64; 2], at: f64| (limit[0]..=limit[1]).contains(&at);
+        let positions = info.joints.iter().zip(info.home);
+        let cones = info.cones.iter().zip(cosines);
+        Ok(Self {
+            positions: positions
+                .map(|(joint, at)| joint.limits.position.filter(|limit| inside(limit, *at)))
+                .collect(),
+            cones: cones
+                .map(|(cone, at)| Some(libm::cos(cone.greatest)).filter(|least| at >= *least))
+                .collect(),
+        })
+    }
+
+    fn allows(&self, model: &Interpreted<'_>, q: &[f64]) -> Result<bool, Failure> {
+        // as much as the end of a walk to a limit may round
+        const SLACK: f64 = 1e-9;
+        let info = model.info();
+        let positions = self.positions.iter().zip(q);
+        let mut inside = positions
+            .map(|(limit, at)| limit.is_none_or(|[lo, hi]| *at >= lo - SLACK && *at <= hi + SLACK));
+        if !inside.all(|x| x) {
+            return Ok(false);
+        }
+        let found = cosines(model, &info, q)?;
+        let mut inside = self.cones.iter().zip(&found);
+        Ok(inside.all(|(least, at)| least.is_none_or(|least| *at >= least)))
+    }
+}
+
+fn cosines(model: &Interpreted<'_>, info: &Info<'_>, q: &[f64]) -> Result<Vec<f64>, Failure> {
+    let mut out = vec![0.0; info.cones.len()];
+    model.cones(q, &mut out)?;
+    Ok(out)
+}

@@ -1,0 +1,186 @@
+//! `regen simulate` as a user runs it.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod common;
+
+use std::fs;
+use std::path::Path;
+
+use common::{regen, root, scratch};
+
+fn robot(name: &str) -> String {
+    root().join("robots").join(name).display().to_string()
+}
+
+/// The columns of a log by their headers.
+fn columns(path: &Path) -> Vec<(String, Vec<f64>)> {
+    let text = fs::read_to_string(path).unwrap();
+    let mut lines = text.lines();
+    let heads = lines.next().unwrap().split(',');
+    let mut columns: Vec<(String, Vec<f64>)> = heads.map(|h| (h.to_owned(), vec![])).collect();
+    for line in lines {
+        for (column, cell) in columns.iter_mut().zip(line.split(',')) {
+            column.1.push(cell.parse().unwrap());
+        }
+    }
+    columns
+}
+
+#[test]
+fn a_minute_keeps_loops_closed_to_a_nanometre_and_energy_to_a_microjoule() {
+    let dir = scratch("simulate_minute");
+    let spec = robot("3rps.yaml");
+    let args = ["simulate", &spec, "--out", "log.csv", "--duration", "60"];
+    let json = regen(&dir, &[&args[..], &["--format", "json"]].concat())
+        .ended(0)
+        .json();
+    let run = &json["runs"][0];
+    assert_eq!(run["samples"], 6001);
+    assert!(run["drift"].as_f64().unwrap() < 1e-9, "{run}");
+    assert!(run["imbalance"].as_f64().unwrap() < 1e-6, "{run}");
+    // it moved, and stayed near what it was told to follow
+    assert!(run["kinetic"].as_f64().unwrap() > 1e-3, "{run}");
+    assert!(run["tracking"].as_f64().unwrap() < 0.01, "{run}");
+}
+
+#[test]
+fn identification_finds_the_friction_that_was_simulated() {
+    let dir = scratch("simulate_identify");
+    fs::write(
+        dir.join("arm.yaml"),
+        "\
+name: arm
+gravity: [0, 0, -9.81]
+limbs:
+  - name: arm
+    joints:
+      - {name: x, type: prismatic, axis: x, body: cart, actuated: true,
+         friction: viscous, nominal: {Fv: 4.0}, limits: {position: [-0.5, 0.5]}}
+      - {name: q, type: revolute, axis: y, body: rod, actuated: true,
+         friction: viscous, nominal: {Fv: 0.3}, limits: {position: [-2, 2]}}
+home: {x: 0.1, q: 0.3}
+bodies:
+  cart: {mass: 3.0, com: [0, 0, 0], inertia: [0.01, 0, 0, 0.01, 0, 0.01]}
+  rod: {mass: 1.0, com: [0, 0, -0.2], inertia: [0.02, 0, 0, 0.02, 0, 0.001]}
+",
+    )
+    .unwrap();
+    regen(
+        &dir,
+        &[
+            "simulate",
+            "arm.yaml",
+            "--out",
+            "log.csv",
+            "--bandwidth",
+            "6",
+        ],
+    )
+    .ended(0);
+    let fit = ["identify", "arm.yaml", "log.csv", "--format", "json"];
+    let found = regen(&dir, &[&fit[..], &["--butterworth", "4,15"]].concat())
+        .ended(0)
+        .json();
+    let rows = found["parameters"].as_array().unwrap();
+    let value = |label: &str| {
+        let row = rows.iter().find(|r| r["label"] == label).unwrap();
+        row["value"].as_f64().unwrap()
+    };
+    // held efforts lead the motion by half a sample: 5 ms of 1.6 s a radian, twice over
+    for (label, truth) in [("Fv(x)", 4.0), ("Fv(q)", 0.3), ("mx(rod)", 0.0)] {
+        let off = (value(label) - truth).abs();
+        assert!(
+            off < 0.02 * f64::max(truth, 1.0),
+            "{label} {}",
+            value(label)
+        );
+    }
+}
+
+#[test]
+fn runs_differ_in_noise_and_the_same_seed_gives_the_same_files() {
+    let dir = scratch("simulate_runs");
+    let spec = robot("fivebar.yaml");
+    let with = |seed: &str, out: &str| {
+        let args = ["simulate", &spec, "--duration", "0.3", "--runs", "2"];
+        let noise = [
+            "--noise",
+            "1e-4,0.01",
+            "--quantum",
+            "1e-5,0.001",
+            "--perturb",
+            "0.1",
+        ];
+        let rest = ["--seed", seed, "--out", out];
+        regen(&dir, &[&args[..], &noise, &rest].concat()).ended(0);
+    };
+    with("3", "a.csv");
+    with("3", "b.csv");
+    with("4", "c.csv");
+    let read = |name: &str| fs::read_to_string(dir.join(name)).unwrap();
+    assert_eq!(read("a-1.csv"), read("b-1.csv"));
+    assert_eq!(read("a-2.csv"), read("b-2.csv"));
+    assert_ne!(read("a-1.csv"), read("a-2.csv"));
+    assert_ne!(read("a-1.csv"), read("c-1.csv"));
+    for (head, values) in columns(&dir.join("a-1.csv")) {
+        let step = match head.as_str() {
+            "t" => continue,
+            h if h.starts_with("tau_") => 1e-3,
+            _ => 1e-5,
+        };
+        for x in values {
+            // what is printed is the nearest double to the step's multiple
+            assert!((x / step - (x / step).round()).abs() < 1e-6, "{head} {x}");
+        }
+    }
+}
+
+#[test]
+fn exact_logs_hold_every_coordinate_with_its_rates() {
+    let dir = scratch("simulate_exact");
+    let spec = robot("3rps.yaml");
+    let args = ["simulate", &spec, "--out", "log.csv", "--duration", "0.2"];
+    regen(&dir, &[&args[..], &["--settle", "0.1", "--exact"]].concat()).ended(0);
+    let columns = columns(&dir.join("log.csv"));
+    assert_eq!(columns.len(), 1 + 3 * 9 + 3);
+    let find = |head: &str| &columns.iter().find(|c| c.0 == head).unwrap().1;
+    assert_eq!(find("t").len(), 21);
+    assert!(find("t")[0].abs() < 1e-12);
+    // central differences of positions are the velocities: T^2/6 of a jerk below 10 m/s^3
+    let (q, qd) = (find("s1.2"), find("qd_s1.2"));
+    for k in 1..20 {
+        let rate = (q[k + 1] - q[k - 1]) / 0.02;
+        assert!((rate - qd[k]).abs() < 2e-4, "{rate} {}", qd[k]);
+    }
+}
+
+#[test]
+fn what_cannot_be_simulated_is_said_and_leaves_no_file() {
+    let dir = scratch("simulate_wrong");
+    let spec = robot("fivebar.yaml");
+    let says = |args: &[&str], code: i32, text: &str| {
+        let base = ["simulate", &spec, "--out", "log.csv"];
+        let run = regen(&dir, &[&base[..], args].concat()).ended(code);
+        assert!(run.err.contains(text), "{}", run.err);
+        assert_eq!(fs::read_dir(&dir).unwrap().count(), 1, "{args:?}");
+    };
+    fs::write(dir.join("p.json"), "{\"m(9)\": 1}").unwrap();
+    says(
+        &["--parameters", "p.json"],
+        3,
+        "`m(9)` is no parameter of fivebar",
+    );
+    says(&["--parameters", "none.json"], 5, "cannot read none.json");
+    says(
+        &["--pid", "q2=1,2,3"],
+        3,
+        "`q2` is no actuated joint; these are q1, q3",
+    );
+    says(&["--pid", "1,2"], 2, "KP,KI,KD");
+    says(&["--step", "0"], 3, "--step must be above 0");
+    says(&["--perturb", "1"], 3, "--perturb");
+    fs::write(dir.join("p.json"), "{\"m(2)\": -9}").unwrap();
+    says(&["--parameters", "p.json"], 4, "not positive definite");
+    // a controller this slow does not hold it
+    says(&["--pid", "0,0,0", "--duration", "9"], 4, "ended after");
+}
