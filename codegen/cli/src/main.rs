@@ -39,6 +39,7 @@ mod states;
 mod sweep;
 mod table;
 mod terminal;
+mod trajectory;
 mod validate;
 mod verify;
 mod verify_base;

@@ -60,6 +60,54 @@ impl Fourier {
         })
     }
 
+    /// A series from the coefficients of the positions: for each signal its constant, then the
+    /// factors of the cosines and of the sines, `q0 + sum_k c_k cos(2 pi f k t) + s_k sin(...)`.
+    ///
+    /// - `frequency`: f, Hz.
+    ///
+    /// # Errors
+    /// When the frequency is not positive or the lengths differ.
+    ///
+    /// ```
+    /// use regen_runtime::signals::Fourier;
+    ///
+    /// let series = Fourier::of_positions(0.5, &[(1.0, vec![0.25], vec![2.0])])?;
+    /// assert_eq!(series.at(0, 0.0)[0], 1.25);
+    /// assert_eq!(series.coefficients(0), (1.0, vec![0.25], vec![2.0]));
+    /// # Ok::<(), regen_runtime::signals::SignalError>(())
+    /// ```
+    pub fn of_positions(
+        frequency: f64,
+        signals: &[(f64, Vec<f64>, Vec<f64>)],
+    ) -> Result<Self, SignalError> {
+        // checks the lengths
+        let mut series = Self::new(frequency, signals)?;
+        for (row, (_, cosine, sine)) in series.coefficients.iter_mut().zip(signals) {
+            let pairs = cosine.iter().zip(sine).flat_map(|(c, s)| [*c, *s]);
+            row.truncate(1);
+            row.extend(pairs);
+        }
+        Ok(series)
+    }
+
+    /// A signal's constant, and the factors of its cosines and sines; NaN and none if there is
+    /// no such signal.
+    pub fn coefficients(&self, signal: usize) -> (f64, Vec<f64>, Vec<f64>) {
+        let row = self.coefficients.get(signal);
+        let (constant, rest) = row.and_then(|row| row.split_first()).unzip();
+        let (pairs, _) = rest.unwrap_or(&[]).as_chunks::<2>();
+        (
+            constant.copied().unwrap_or(f64::NAN),
+            pairs.iter().map(|pair| pair[0]).collect(),
+            pairs.iter().map(|pair| pair[1]).collect(),
+        )
+    }
+
+    /// The frequency of the fundamental, Hz.
+    pub fn frequency(&self) -> f64 {
+        self.frequency
+    }
+
     /// A signal's value and its first and second derivative at a time in s; NaN if there is no
     /// such signal.
     pub fn at(&self, signal: usize, time: f64) -> [f64; 3] {

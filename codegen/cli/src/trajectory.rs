@@ -1,0 +1,420 @@
+//! Trajectory files: finite Fourier series of the independent coordinates (Eq. 25), from JSON
+//! and to it, errors with their places.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use regen_codegen::diag::{Diagnostic, Report, Source, Span};
+use regen_runtime::Info;
+use regen_runtime::signals::Fourier;
+use serde::{Deserialize, Serialize};
+use serde_json::value::RawValue;
+
+use crate::exit::Failure;
+use crate::{load, table, write};
+
+/// What the key `format` says.
+const FORMAT: &str = "regen-trajectory";
+/// More is a mistake: the fit of [`regen_runtime::signals::FourierFit`] takes no more.
+const MOST_HARMONICS: usize = 200;
+
+/// A periodic motion of the independent coordinates:
+/// `offset + sum_k cosine_k cos(2 pi f k t) + sine_k sin(2 pi f k t)`, SI units and radians.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(crate) struct Trajectory {
+    format: &'static str,
+    /// The robot that it was made for.
+    pub(crate) robot: String,
+    /// The independent coordinates in model order.
+    pub(crate) coordinates: Vec<String>,
+    /// f, Hz.
+    pub(crate) base_frequency: f64,
+    /// The number of harmonics.
+    pub(crate) harmonics: usize,
+    /// One for each coordinate.
+    pub(crate) offset: Vec<f64>,
+    /// One per harmonic for each coordinate.
+    pub(crate) cosine: Vec<Vec<f64>>,
+    /// As `cosine`.
+    pub(crate) sine: Vec<Vec<f64>>,
+    /// Figures that whoever made it states about it.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub(crate) criterion: BTreeMap<String, f64>,
+}
+
+impl Trajectory {
+    /// A series of a robot's independent coordinates.
+    #[allow(dead_code, reason = "written by the command that makes trajectories")]
+    pub(crate) fn new(info: &Info<'_>, series: &Fourier, criterion: BTreeMap<String, f64>) -> Self {
+        let names = info.independent.iter().map(|c| info.coordinates.get(*c));
+        let coordinates: Vec<String> = names.flatten().map(|&name| name.to_owned()).collect();
+        let parts: Vec<_> = (0..coordinates.len())
+            .map(|signal| series.coefficients(signal))
+            .collect();
+        Self {
+            format: FORMAT,
+            robot: info.name.to_owned(),
+            base_frequency: series.frequency(),
+            harmonics: series.harmonics(),
+            offset: parts.iter().map(|part| part.0).collect(),
+            cosine: parts.iter().map(|part| part.1.clone()).collect(),
+            sine: parts.into_iter().map(|part| part.2).collect(),
+            coordinates,
+            criterion,
+        }
+    }
+
+    /// The period, s.
+    #[allow(dead_code, reason = "for the commands that follow trajectories")]
+    pub(crate) fn period(&self) -> f64 {
+        1.0 / self.base_frequency
+    }
+
+    /// The series, its signals the independent coordinates.
+    ///
+    /// # Errors
+    /// When the lengths do not fit, which [`read`](Self::read) has checked.
+    #[allow(dead_code, reason = "for the commands that follow trajectories")]
+    pub(crate) fn series(&self) -> Result<Fourier, Failure> {
+        let parts = self.offset.iter().zip(&self.cosine).zip(&self.sine);
+        let parts: Vec<_> = parts
+            .map(|((offset, cosine), sine)| (*offset, cosine.clone(), sine.clone()))
+            .collect();
+        Fourier::of_positions(self.base_frequency, &parts)
+            .map_err(|why| Failure::Input(why.to_string()))
+    }
+
+    /// Writes the file.
+    #[allow(dead_code, reason = "written by the command that makes trajectories")]
+    pub(crate) fn write(&self, path: &Path) -> Result<(), Failure> {
+        write::atomically(path, &table::json(self))
+    }
+
+    /// Reads a file for a robot.
+    ///
+    /// # Errors
+    /// Every mistake in it with its place; a file that cannot be read.
+    #[allow(dead_code, reason = "for the commands that follow trajectories")]
+    pub(crate) fn read(path: &Path, info: &Info<'_>) -> Result<Self, Failure> {
+        let source = load::source(path)?;
+        parse(&source, info).map_err(|report| Failure::Spec(vec![report]))
+    }
+}
+
+/// The keys as they stand in the file.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "expected a trajectory: an object")]
+struct Raw<'a> {
+    #[serde(borrow)]
+    format: Option<&'a RawValue>,
+    #[serde(borrow)]
+    robot: Option<&'a RawValue>,
+    #[serde(borrow)]
+    coordinates: Option<&'a RawValue>,
+    #[serde(borrow)]
+    base_frequency: Option<&'a RawValue>,
+    #[serde(borrow)]
+    harmonics: Option<&'a RawValue>,
+    #[serde(borrow)]
+    offset: Option<&'a RawValue>,
+    #[serde(borrow)]
+    cosine: Option<&'a RawValue>,
+    #[serde(borrow)]
+    sine: Option<&'a RawValue>,
+    #[serde(borrow)]
+    criterion: Option<&'a RawValue>,
+}
+
+/// Reads a trajectory of a robot, or every error in it.
+pub(crate) fn parse(source: &Source, info: &Info<'_>) -> Result<Trajectory, Report> {
+    let mut reader = Reader {
+        source,
+        errors: Vec::new(),
+    };
+    let read = reader.trajectory(info);
+    match read {
+        Some(trajectory) if reader.errors.is_empty() => Ok(trajectory),
+        _ => Err(Report::new(source.clone(), reader.errors)),
+    }
+}
+
+struct Reader<'a> {
+    source: &'a Source,
+    errors: Vec<Diagnostic>,
+}
+
+impl<'a> Reader<'a> {
+    fn trajectory(&mut self, info: &Info<'_>) -> Option<Trajectory> {
+        let text: &'a str = &self.source.text;
+        let raw: Raw<'a> = match serde_json::from_str(text) {
+            Ok(raw) => raw,
+            Err(error) => {
+                self.json_error(text, &error, "");
+                return None;
+            }
+        };
+        let names = info.independent.iter().map(|c| info.coordinates.get(*c));
+        let names: Vec<&str> = names.flatten().copied().collect();
+        self.format(raw.format);
+        let robot = self.robot(raw.robot, info.name);
+        let coordinates = self.coordinates(raw.coordinates, &names);
+        let base_frequency = self.frequency(raw.base_frequency);
+        let harmonics = self.harmonics(raw.harmonics);
+        let offset = self.numbers(raw.offset, "offset", names.len());
+        let cosine = self.series(raw.cosine, "cosine", names.len(), harmonics);
+        let sine = self.series(raw.sine, "sine", names.len(), harmonics);
+        let criterion = match raw.criterion {
+            Some(raw) => self.decode(raw, "criterion"),
+            None => Some(BTreeMap::new()),
+        };
+        Some(Trajectory {
+            format: FORMAT,
+            robot: robot?,
+            coordinates: coordinates?,
+            base_frequency: base_frequency?,
+            harmonics: harmonics?,
+            offset: offset?,
+            cosine: cosine?,
+            sine: sine?,
+            criterion: criterion?,
+        })
+    }
+
+    fn format(&mut self, raw: Option<&'a RawValue>) {
+        let Some(raw) = self.present(raw, "format") else {
+            return;
+        };
+        if let Some(format) = self.decode::<String>(raw, "format")
+            && format != FORMAT
+        {
+            let message = format!("'{format}' is not '{FORMAT}'");
+            self.error(raw, "format", &message, "give what `regen excite` wrote");
+        }
+    }
+
+    fn robot(&mut self, raw: Option<&'a RawValue>, own: &str) -> Option<String> {
+        let raw = self.present(raw, "robot")?;
+        let robot: String = self.decode(raw, "robot")?;
+        if robot != own {
+            let message =
+                format!("the trajectory is one of '{robot}', the spec is that of '{own}'");
+            let hint = "give the spec that the trajectory was made for";
+            self.error(raw, "robot", &message, hint);
+            return None;
+        }
+        Some(robot)
+    }
+
+    fn coordinates(&mut self, raw: Option<&'a RawValue>, own: &[&str]) -> Option<Vec<String>> {
+        let raw = self.present(raw, "coordinates")?;
+        let names: Vec<String> = self.decode(raw, "coordinates")?;
+        if names != own {
+            let message = format!(
+                "the coordinates are {}, the robot's independent ones are {}",
+                names.join(" "),
+                own.join(" ")
+            );
+            let hint = "series are given in the order of the independent coordinates";
+            self.error(raw, "coordinates", &message, hint);
+            return None;
+        }
+        Some(names)
+    }
+
+    fn frequency(&mut self, raw: Option<&'a RawValue>) -> Option<f64> {
+        let raw = self.present(raw, "base_frequency")?;
+        let frequency: f64 = self.decode(raw, "base_frequency")?;
+        if frequency > 0.0 {
+            return Some(frequency);
+        }
+        let hint = "the frequency is that of the first harmonic in Hz";
+        self.error(raw, "base_frequency", "is not above 0", hint);
+        None
+    }
+
+    fn harmonics(&mut self, raw: Option<&'a RawValue>) -> Option<usize> {
+        let raw = self.present(raw, "harmonics")?;
+        let harmonics: usize = self.decode(raw, "harmonics")?;
+        if (1..=MOST_HARMONICS).contains(&harmonics) {
+            return Some(harmonics);
+        }
+        let message = format!("{harmonics} is not between 1 and {MOST_HARMONICS}");
+        self.error(raw, "harmonics", &message, "11 is usual");
+        None
+    }
+
+    fn numbers(&mut self, raw: Option<&'a RawValue>, key: &str, size: usize) -> Option<Vec<f64>> {
+        let raw = self.present(raw, key)?;
+        let values: Vec<f64> = self.decode(raw, key)?;
+        self.fits(raw, key, values.len(), size, "independent coordinate")?;
+        Some(values)
+    }
+
+    fn series(
+        &mut self,
+        raw: Option<&'a RawValue>,
+        key: &str,
+        size: usize,
+        harmonics: Option<usize>,
+    ) -> Option<Vec<Vec<f64>>> {
+        let raw = self.present(raw, key)?;
+        let rows: Vec<&'a RawValue> = self.decode(raw, key)?;
+        self.fits(raw, key, rows.len(), size, "independent coordinate")?;
+        let harmonics = harmonics?;
+        let mut read = |(k, raw): (usize, &'a RawValue)| {
+            let path = format!("{key}, row {}", k + 1);
+            let values: Vec<f64> = self.decode(raw, &path)?;
+            self.fits(raw, &path, values.len(), harmonics, "harmonic")?;
+            Some(values)
+        };
+        // every row is read before one is missed, so that every error is told
+        let rows: Vec<_> = rows.into_iter().enumerate().map(&mut read).collect();
+        rows.into_iter().collect()
+    }
+
+    fn fits(
+        &mut self,
+        raw: &RawValue,
+        path: &str,
+        got: usize,
+        size: usize,
+        each: &str,
+    ) -> Option<()> {
+        if got == size {
+            return Some(());
+        }
+        let message = format!("has {got} entries, {size} are needed");
+        let hint = format!("one for each {each}");
+        self.error(raw, path, &message, &hint);
+        None
+    }
+
+    fn present(&mut self, raw: Option<&'a RawValue>, key: &str) -> Option<&'a RawValue> {
+        if raw.is_none() {
+            let at = self.source.text.find('{').unwrap_or(0);
+            self.errors.push(
+                Diagnostic::new(Span::new(at, at + 1), format!("`{key}` is missing"))
+                    .hint("give what `regen excite` wrote"),
+            );
+        }
+        raw
+    }
+
+    fn decode<T: Deserialize<'a>>(&mut self, raw: &'a RawValue, path: &str) -> Option<T> {
+        serde_json::from_str(raw.get())
+            .map_err(|error| self.json_error(raw.get(), &error, path))
+            .ok()
+    }
+
+    /// Where a part of the source's text starts in it.
+    fn offset(&self, part: &str) -> usize {
+        let start = self.source.text.as_ptr() as usize;
+        (part.as_ptr() as usize).saturating_sub(start)
+    }
+
+    fn error(&mut self, raw: &RawValue, path: &str, message: &str, hint: &str) {
+        let start = self.offset(raw.get());
+        self.errors.push(
+            Diagnostic::new(Span::new(start, start + 1), message)
+                .path(path)
+                .hint(hint),
+        );
+    }
+
+    /// An error of the JSON parser in a part of the text, with its place in the whole.
+    fn json_error(&mut self, part: &str, error: &serde_json::Error, path: &str) {
+        let line_start: usize = part
+            .split_inclusive('\n')
+            .take(error.line().saturating_sub(1))
+            .map(str::len)
+            .sum();
+        let at = self.offset(part) + line_start + error.column().saturating_sub(1);
+        // Without its own " at line 1 column 2", which counts from the part.
+        let whole = error.to_string();
+        let message = whole.rsplit_once(" at line ").map_or(&*whole, |(m, _)| m);
+        self.errors
+            .push(Diagnostic::new(Span::new(at, at + 1), message).path(path));
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, clippy::expect_used)]
+mod tests {
+    use super::*;
+
+    const INFO: Info<'static> = Info {
+        name: "arm",
+        coordinates: &["a", "b", "c"],
+        independent: &[0, 2],
+        dependent: &[1],
+        home: &[0.0; 3],
+        ..Info::EMPTY
+    };
+    const GOOD: &str = r#"{"format": "regen-trajectory", "robot": "arm",
+ "coordinates": ["a", "c"], "base_frequency": 0.1, "harmonics": 2,
+ "offset": [0.5, 0.6],
+ "cosine": [[0.1, 0.2], [0.3, 0.4]],
+ "sine": [[1, 2], [3, 4]]}"#;
+
+    fn read(text: &str) -> Result<Trajectory, Report> {
+        parse(&Source::new("t.json", text), &INFO)
+    }
+
+    #[test]
+    fn a_trajectory_reads_back_to_the_same_bytes_and_numbers() {
+        let trajectory = read(GOOD).unwrap();
+        let text = table::json(&trajectory);
+        let again = read(&text).unwrap();
+        assert_eq!(again, trajectory);
+        let series = again.series().unwrap();
+        let made = Trajectory::new(&INFO, &series, BTreeMap::new());
+        assert_eq!(table::json(&made), text);
+        // q_1(0) = offset + the cosines; the sines are velocities there
+        let [q, qd, _] = series.at(1, 0.0);
+        assert!((q - (0.6 + 0.3 + 0.4)).abs() < 1e-15);
+        let w = std::f64::consts::TAU * 0.1;
+        assert!((qd - w * (3.0 + 2.0 * 4.0)).abs() < 1e-14);
+        assert!((again.period() - 10.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn every_mistake_is_told_with_its_place_and_remedy() {
+        for (from, to, line, words) in [
+            ("\"arm\"", "\"leg\"", 1, "one of 'leg'"),
+            (
+                "[\"a\", \"c\"]",
+                "[\"c\", \"a\"]",
+                2,
+                "independent ones are a c",
+            ),
+            ("\"offset\": [0.5, 0.6],", "", 1, "`offset` is missing"),
+            ("[0.3, 0.4]", "[0.3]", 4, "has 1 entries, 2 are needed"),
+            ("[1, 2]", "[1, \"x\"]", 5, "expected f64"),
+            ("0.1, \"harm", "-1, \"harm", 2, "is not above 0"),
+            (
+                "-trajectory",
+                "-trajectories",
+                1,
+                "is not 'regen-trajectory'",
+            ),
+            (
+                "\"harmonics\": 2",
+                "\"harmonics\": 0",
+                2,
+                "between 1 and 200",
+            ),
+            ("[0.5, 0.6]", "[0.5, 0.6", 4, "expected"),
+        ] {
+            let text = GOOD.replacen(from, to, 1);
+            assert_ne!(text, GOOD);
+            let report = read(&text).unwrap_err();
+            let first = report.shown().next().expect("one error");
+            let told = report.to_string();
+            assert_eq!(first.line(), line, "{told}");
+            assert!(told.contains(words), "{told}");
+        }
+        // all of them at once
+        let text = GOOD.replace("\"arm\"", "\"leg\"").replace("[1, 2]", "[1]");
+        assert_eq!(read(&text).unwrap_err().shown().count(), 2);
+    }
+}
