@@ -1,46 +1,55 @@
 //! A motion of the independent coordinates for a simulation or a view: from a file or gentle.
 
-use std::f64::consts::TAU;
 use std::path;
 
 use regen_runtime::Model;
+use regen_runtime::signals::Fourier;
 use regen_runtime::simulate::Reference;
 
 use crate::exit::Failure;
 use crate::interpreted::Interpreted;
 use crate::sweep;
+use crate::trajectory::Trajectory;
 
-/// Finite Fourier series with one fundamental frequency.
+/// The fundamental frequency of the motion that is made without a file, Hz.
+const GENTLE: f64 = 0.1;
+
+/// A finite Fourier series of the independent coordinates and its name.
 pub(crate) struct Path {
     name: String,
-    frequency: f64,
-    offset: Vec<f64>,
-    /// Of each coordinate, by harmonic.
-    cosine: Vec<Vec<f64>>,
-    sine: Vec<Vec<f64>>,
+    series: Fourier,
+    dof: usize,
 }
 
 impl Path {
     /// The trajectory in a file, or a gentle motion about home.
     pub(crate) fn of(file: Option<&path::Path>, model: &Interpreted<'_>) -> Result<Self, Failure> {
         let info = model.info();
-        let Some(file) = file else {
-            let amplitudes = sweep::gentle(model)?;
-            let dof = amplitudes.len();
-            let alone = |(k, a): (usize, &f64)| {
-                let mut sine = vec![0.0; dof];
-                sine[k] = *a;
-                sine
-            };
+        let dof = info.dof();
+        if let Some(file) = file {
             return Ok(Self {
-                name: "gentle swing about home".to_owned(),
-                frequency: 0.1,
-                offset: info.independent.iter().map(|c| info.home[*c]).collect(),
-                cosine: vec![vec![0.0; dof]; dof],
-                sine: amplitudes.iter().enumerate().map(alone).collect(),
+                name: file.display().to_string(),
+                series: Trajectory::read(file, &info)?.series()?,
+                dof,
             });
-        };
-        Err(Failure::Input(file.display().to_string()))
+        }
+        let amplitudes = sweep::gentle(model)?;
+        let home = info.independent.iter().map(|c| info.home[*c]);
+        let signals: Vec<_> = home
+            .zip(amplitudes)
+            .enumerate()
+            .map(|(k, (home, amplitude))| {
+                let mut sine = vec![0.0; dof];
+                sine[k] = amplitude;
+                (home, vec![0.0; dof], sine)
+            })
+            .collect();
+        let series = Fourier::of_positions(GENTLE, &signals);
+        Ok(Self {
+            name: "gentle swing about home".to_owned(),
+            series: series.map_err(|why| Failure::Input(why.to_string()))?,
+            dof,
+        })
     }
 
     /// What it is called.
@@ -50,29 +59,20 @@ impl Path {
 
     /// Its period, s.
     pub(crate) fn period(&self) -> f64 {
-        1.0 / self.frequency
+        1.0 / self.series.frequency()
     }
 
-    /// The independent coordinates at its start.
-    pub(crate) fn start(&self) -> Vec<f64> {
-        let harmonics = self.cosine.iter().zip(&self.offset);
-        harmonics.map(|(c, o)| o + c.iter().sum::<f64>()).collect()
+    /// The independent coordinates at a time, s.
+    pub(crate) fn position(&self, t: f64) -> Vec<f64> {
+        (0..self.dof).map(|k| self.series.at(k, t)[0]).collect()
     }
 }
 
 impl Reference for Path {
     fn at(&self, t: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]) {
-        let series = self.offset.iter().zip(self.cosine.iter().zip(&self.sine));
-        let slots = q.iter_mut().zip(qd).zip(qdd);
-        for (((q, qd), qdd), (offset, (cosine, sine))) in slots.zip(series) {
-            (*q, *qd, *qdd) = (*offset, 0.0, 0.0);
-            for (k, (a, b)) in cosine.iter().zip(sine).enumerate() {
-                let w = TAU * self.frequency * (k + 1) as f64;
-                let (s, c) = (libm::sin(w * t), libm::cos(w * t));
-                *q += a * c + b * s;
-                *qd += w * (b * c - a * s);
-                *qdd -= w * w * (a * c + b * s);
-            }
+        let slots = q.iter_mut().zip(qd).zip(qdd).enumerate();
+        for (k, ((q, qd), qdd)) in slots {
+            [*q, *qd, *qdd] = self.series.at(k, t);
         }
     }
 }

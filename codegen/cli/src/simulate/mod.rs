@@ -82,7 +82,7 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
         parameters::friction(args, &info, &phi, &mut chance)?
     };
     // the controllers know the nominal robot
-    let control = control::control(args, &model, &nominal, &motion.start())?;
+    let control = control::control(args, &model, &nominal, &motion.position(0.0))?;
     let duration = args.duration.unwrap_or(motion.period());
     let [position_noise, effort_noise] = args.noise.unwrap_or_default();
     let [position_step, effort_step] = args.quantum.unwrap_or_default();
