@@ -16,5 +16,6 @@ pub mod numeric;
 pub mod optimize;
 pub mod pipeline;
 pub mod robot;
+pub mod scene;
 pub mod spec;
 pub mod sym;

@@ -6,6 +6,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::args_physical::PhysicalArgs;
 pub(crate) use crate::simulate::SimulateArgs;
+pub(crate) use crate::view::ViewArgs;
 
 const EXIT_CODES: &str = "\
 Exit codes:
@@ -33,6 +34,7 @@ Examples:
   regen identify robots/3rps.yaml log.csv --fourier 0.1333,11 --out p.json
   regen validate robots/3rps.yaml p.json other.csv --fourier 0.1333,11
   regen simulate robots/3rps.yaml --trajectory t.json --out log.csv
+  regen view robots/3rps.yaml --out 3rps.html   the mechanism in 3D
 
 A spec that does not parse is explained with line, column and what is allowed.
 Results go to standard output, messages to standard error. Colour is used only
@@ -92,6 +94,8 @@ pub(crate) enum Command {
     Validate(ValidateArgs),
     /// Run the robot under control, with friction and noise, and log what it does
     Simulate(SimulateArgs),
+    /// Show the mechanism in 3D, on one page for a browser
+    View(ViewArgs),
     /// Print the JSON Schema of the spec format, for editors
     Schema,
     /// Print a manual page, of regen or of one of its commands

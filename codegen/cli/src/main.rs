@@ -44,6 +44,7 @@ mod validate;
 mod verify;
 mod verify_base;
 mod verify_run;
+mod view;
 mod watch;
 mod workspace;
 mod write;
@@ -81,6 +82,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Identify(args)) => identify::run(&args),
         Some(Command::Validate(args)) => validate::run(&args),
         Some(Command::Simulate(args)) => simulate::run(&args),
+        Some(Command::View(args)) => view::run(&args),
         Some(Command::Schema) => terminal::print(&regen_codegen::spec::schema()),
         Some(Command::Man { command }) => man::run(command.as_deref()),
         Some(Command::Completions { shell }) => {

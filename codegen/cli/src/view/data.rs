@@ -1,0 +1,304 @@
+//! What the page draws: the tree's constants, and the frames of all links over time.
+
+use std::f64::consts::TAU;
+use std::path;
+
+use regen_codegen::scene::{Pose, Scene};
+use regen_runtime::{Closure, Model};
+use serde::Serialize;
+
+use crate::exit::Failure;
+use crate::interpreted::Interpreted;
+use crate::path::Path;
+use crate::sweep;
+
+/// Samples of one coordinate's sweep, and its time in s.
+const SWEEP: (usize, f64) = (40, 4.0);
+/// Samples of a trajectory's period at most, and their least distance in s.
+const TRAJECTORY: (usize, f64) = (400, 0.02);
+/// The part of the range that a sweep uses: its ends are singularities or limits.
+const PART: f64 = 0.9;
+
+/// The JSON in the page.
+#[derive(Serialize)]
+pub(super) struct Data {
+    name: String,
+    description: String,
+    /// Why it does not move.
+    note: String,
+    /// Against gravity, a unit vector.
+    up: [f64; 3],
+    coordinates: Vec<Coordinate>,
+    bodies: Vec<Body>,
+    joints: Vec<Joint>,
+    cuts: Vec<Cut>,
+    /// Seconds of all samples together.
+    duration: f64,
+    /// The parts of the motion: first sample and what moves.
+    parts: Vec<(usize, String)>,
+    /// For each sample all links: quaternion w x y z, then position.
+    poses: Vec<Vec<Fixed>>,
+    /// For each sample all coordinates.
+    q: Vec<Vec<Fixed>>,
+}
+
+#[derive(Serialize)]
+struct Coordinate {
+    name: String,
+    turn: bool,
+    independent: bool,
+    actuated: bool,
+}
+
+#[derive(Serialize)]
+struct Body {
+    label: String,
+    link: usize,
+    points: Vec<[Fixed; 3]>,
+}
+
+#[derive(Serialize)]
+struct Joint {
+    name: String,
+    kind: &'static str,
+    actuated: bool,
+    /// The link that it stands on, none for the world.
+    parent: Option<usize>,
+    /// The link that it carries.
+    link: usize,
+    /// One per coordinate: the link behind it, the constant frame on the link before it as
+    /// quaternion and position, and the axis there.
+    axes: Vec<Axis>,
+}
+
+#[derive(Serialize)]
+struct Axis {
+    link: usize,
+    parent: Option<usize>,
+    frame: Vec<Fixed>,
+    axis: [f64; 3],
+}
+
+#[derive(Serialize)]
+struct Cut {
+    name: String,
+    kind: &'static str,
+    /// Link and frame of each side.
+    sides: [(Option<usize>, Vec<Fixed>); 2],
+}
+
+/// A number of six decimals: a micrometre, and pages of a tenth of the size.
+#[derive(Clone, Copy, Serialize)]
+#[serde(transparent)]
+struct Fixed(f64);
+
+fn fixed(x: f64) -> Fixed {
+    // no negative zeros
+    Fixed((x * 1e6).round() / 1e6 + 0.0)
+}
+
+/// A mechanism that moves along a trajectory, or is swept.
+pub(super) fn moving(
+    scene: &Scene,
+    model: &Interpreted<'_>,
+    trajectory: Option<&path::Path>,
+) -> Result<Data, Failure> {
+    let info = model.info();
+    let (duration, parts, asked) = match trajectory {
+        Some(_) => {
+            let path = Path::of(trajectory, model)?;
+            let period = path.period();
+            #[allow(clippy::cast_sign_loss, reason = "periods are positive")]
+            let count = ((period / TRAJECTORY.1).ceil() as usize).clamp(24, TRAJECTORY.0);
+            let asked = (0..=count)
+                .map(|k| path.position(period * k as f64 / count as f64))
+                .collect();
+            (period, vec![(0, path.name().to_owned())], asked)
+        }
+        None => swept(model)?,
+    };
+    let mut closure = Closure::new(model)?;
+    let mut states: Vec<Vec<f64>> = Vec::with_capacity(asked.len());
+    for (k, q) in asked.iter().enumerate() {
+        let found = closure.track(q)?;
+        if !found.outcome.is_closed() {
+            return Err(Failure::Numeric(format!(
+                "the motion cannot be followed after {:.2} s: {}",
+                duration * k as f64 / asked.len() as f64,
+                found.outcome
+            )));
+        }
+        states.push(found.q);
+    }
+    let mut data = still(scene, "");
+    let largest = info.gravity.iter().fold(0.0, |m: f64, g| m.max(g.abs()));
+    if largest > 0.0 {
+        data.up = info.gravity.map(|g| fixed(-g / largest).0);
+    }
+    for (k, coordinate) in data.coordinates.iter_mut().enumerate() {
+        coordinate.independent = info.independent.contains(&k);
+        coordinate.actuated = info.actuated.contains(&k);
+    }
+    (data.duration, data.parts) = (duration, parts);
+    (data.poses, data.q) = states.iter().map(|q| sample(scene, q)).unzip();
+    Ok(data)
+}
+
+/// Times, parts and independent coordinates of a sweep of each coordinate in turn.
+type Swept = (f64, Vec<(usize, String)>, Vec<Vec<f64>>);
+
+fn swept(model: &Interpreted<'_>) -> Result<Swept, Failure> {
+    let info = model.info();
+    let ranges = sweep::ranges(model)?;
+    let home: Vec<f64> = info.independent.iter().map(|c| info.home[*c]).collect();
+    let mut parts = Vec::new();
+    let mut asked = Vec::new();
+    for (k, ([lo, hi], at)) in ranges.iter().zip(&home).enumerate() {
+        let name = info
+            .independent
+            .get(k)
+            .and_then(|c| info.coordinates.get(*c));
+        parts.push((asked.len(), (*name.unwrap_or(&"?")).to_owned()));
+        for sample in 0..SWEEP.0 {
+            let sine = libm::sin(TAU * sample as f64 / SWEEP.0 as f64);
+            let way = if sine > 0.0 { hi - at } else { at - lo };
+            let mut q = home.clone();
+            q[k] += PART * way * sine;
+            asked.push(q);
+        }
+    }
+    let duration = SWEEP.1 * home.len() as f64;
+    asked.push(home);
+    Ok((duration, parts, asked))
+}
+
+/// A mechanism as its home states it.
+pub(super) fn still(scene: &Scene, note: &str) -> Data {
+    let bodies = scene.bodies.iter().map(|body| Body {
+        label: body.label.clone(),
+        link: body.link,
+        points: body.points.iter().map(|p| p.map(fixed)).collect(),
+    });
+    let parents: Vec<Option<usize>> = scene.parents().collect();
+    let joints = scene.joints.iter().map(|joint| Joint {
+        name: joint.name.clone(),
+        kind: joint.kind,
+        actuated: joint.actuated,
+        parent: joint.parent,
+        link: joint.links.last().copied().unwrap_or(0),
+        axes: joint
+            .links
+            .iter()
+            .map(|l| axis(scene, *l, &parents))
+            .collect(),
+    });
+    let cuts = scene.cuts.iter().map(|cut| Cut {
+        name: cut.name.clone(),
+        kind: cut.kind,
+        sides: cut.sides.each_ref().map(|(link, on)| (*link, compact(on))),
+    });
+    let coordinates = scene.coordinates.iter().zip(&scene.turns);
+    let (poses, q) = sample(scene, &scene.home);
+    Data {
+        name: scene.name.clone(),
+        description: scene.description.clone().unwrap_or_default(),
+        note: note.to_owned(),
+        up: [0.0, 0.0, 1.0],
+        coordinates: coordinates
+            .map(|(name, turn)| Coordinate {
+                name: name.clone(),
+                turn: *turn,
+                independent: false,
+                actuated: false,
+            })
+            .collect(),
+        bodies: bodies.collect(),
+        joints: joints.collect(),
+        cuts: cuts.collect(),
+        duration: 0.0,
+        parts: vec![(0, "home as stated".to_owned())],
+        poses: vec![poses],
+        q: vec![q],
+    }
+}
+
+fn axis(scene: &Scene, link: usize, parents: &[Option<usize>]) -> Axis {
+    // with the parent at the world's frame, the frame before the motion is the placement
+    Axis {
+        link,
+        parent: parents.get(link).copied().flatten(),
+        frame: compact(&scene.before(&[], link)),
+        axis: scene.axis(link).unwrap_or([0.0, 0.0, 1.0]),
+    }
+}
+
+/// All links' frames and all coordinates.
+fn sample(scene: &Scene, q: &[f64]) -> (Vec<Fixed>, Vec<Fixed>) {
+    let frames = scene.frames(q);
+    let poses = frames.iter().flat_map(compact).collect();
+    (poses, q.iter().copied().map(fixed).collect())
+}
+
+/// The unit quaternion of a rotation matrix, w x y z, then the position. From the largest of
+/// the four squares (Shepperd, 1978).
+fn compact(pose: &Pose) -> Vec<Fixed> {
+    let [a, b, c, d, e, f, g, h, i, x, y, z] = *pose;
+    let squares = [
+        1.0 + a + e + i,
+        1.0 + a - e - i,
+        1.0 - a + e - i,
+        1.0 - a - e + i,
+    ];
+    let largest = squares.iter().copied().fold(f64::MIN, f64::max);
+    let four = [
+        [squares[0], h - f, c - g, d - b],
+        [h - f, squares[1], b + d, c + g],
+        [c - g, b + d, squares[2], f + h],
+        [d - b, c + g, f + h, squares[3]],
+    ];
+    let place = squares.iter().position(|s| *s >= largest).unwrap_or(0);
+    let scale = 0.5 / libm::sqrt(largest);
+    let quaternion = four[place].iter().map(|v| v * scale);
+    quaternion.chain([x, y, z]).map(fixed).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quaternions_turn_vectors_as_their_matrices_do() {
+        let turn = |axis: usize, angle: f64| {
+            let (s, c) = angle.sin_cos();
+            let mut m = [0.0; 9];
+            let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
+            m[4 * axis] = 1.0;
+            (m[4 * i], m[4 * j], m[3 * i + j], m[3 * j + i]) = (c, c, -s, s);
+            m
+        };
+        for axis in 0..3 {
+            for angle in [0.0, 0.3, 1.6, 2.9, -3.0, std::f64::consts::PI] {
+                let m = turn(axis, angle);
+                let mut pose = [0.0; 12];
+                pose[..9].copy_from_slice(&m);
+                let [w, x, y, z]: [f64; 4] =
+                    std::array::from_fn(|k| compact(&pose).get(k).map_or(f64::NAN, |v| v.0));
+                let again = [
+                    1.0 - 2.0 * (y * y + z * z),
+                    2.0 * (x * y - w * z),
+                    2.0 * (x * z + w * y),
+                    2.0 * (x * y + w * z),
+                    1.0 - 2.0 * (x * x + z * z),
+                    2.0 * (y * z - w * x),
+                    2.0 * (x * z - w * y),
+                    2.0 * (y * z + w * x),
+                    1.0 - 2.0 * (x * x + y * y),
+                ];
+                for (a, b) in m.iter().zip(again) {
+                    // six decimals
+                    assert!((a - b).abs() < 1e-5, "{axis} {angle}");
+                }
+            }
+        }
+    }
+}

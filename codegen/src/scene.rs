@@ -1,0 +1,354 @@
+//! The mechanism as a picture needs it: where every frame, joint and cut stands, as numbers.
+//!
+//! A scene is made of a spec alone, before its loops are closed, so that a mechanism whose
+//! description is wrong can be looked at too.
+
+use crate::diag::{Report, Source};
+use crate::model::{self, Link, Model, MotionKind, Side, Step, joints_of_coordinates};
+use crate::spec::{self, Axis, CutKind, JointKind};
+
+/// A frame in the world: the rotation matrix row-major (the frame's axes are its columns), then
+/// the position of the origin, m.
+pub type Pose = [f64; 12];
+
+const WORLD: Pose = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
+
+/// A mechanism ready to be drawn at any coordinates, closed or not.
+///
+/// ```
+/// use regen_codegen::{diag::Source, scene::Scene};
+///
+/// let text = "
+/// name: arm
+/// gravity: [0, 0, -9.81]
+/// limbs:
+///   - name: arm
+///     joints:
+///       - {name: q1, type: revolute, axis: z, body: 1, actuated: true}
+///       - {name: q2, type: prismatic, xyz: [2, 0, 0], axis: x, body: 2, actuated: true}
+/// ";
+/// let scene = Scene::new(&Source::new("arm.yaml", text)).unwrap();
+/// // A quarter turn, then 0.5 m: the second body's origin stands at (0, 2.5, 0).
+/// let frames = scene.frames(&[std::f64::consts::FRAC_PI_2, 0.5]);
+/// let [x, y, z] = [9, 10, 11].map(|k| frames[scene.bodies[1].link][k]);
+/// assert!(x.abs() < 1e-15 && (y - 2.5).abs() < 1e-15 && z == 0.0);
+/// ```
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// The robot's name.
+    pub name: String,
+    /// What the robot is, if the spec says it.
+    pub description: Option<String>,
+    /// The bodies with their links.
+    pub bodies: Vec<Body>,
+    /// The joints of the tree.
+    pub joints: Vec<Joint>,
+    /// The joints at which loops were cut.
+    pub cuts: Vec<Cut>,
+    /// The names of all coordinates.
+    pub coordinates: Vec<String>,
+    /// Whether each coordinate is a turn (rad) rather than a shift (m).
+    pub turns: Vec<bool>,
+    /// The coordinates that home states, 0 where it does not: not closed yet.
+    pub home: Vec<f64>,
+    links: Vec<Link>,
+    placements: Vec<Pose>,
+}
+
+/// A body and the link whose frame is its own.
+#[derive(Clone, Debug)]
+pub struct Body {
+    /// Its label.
+    pub label: String,
+    /// Index into [`Scene::frames`].
+    pub link: usize,
+    /// Points fixed to it where something is joined, in its own frame, m: its origin, joints
+    /// that stand on it, cuts.
+    pub points: Vec<[f64; 3]>,
+}
+
+/// A joint of the tree.
+#[derive(Clone, Debug)]
+pub struct Joint {
+    /// Its name, as in the spec.
+    pub name: String,
+    /// `revolute`, `spherical`, ...
+    pub kind: &'static str,
+    /// Its coordinates.
+    pub coordinates: Vec<usize>,
+    /// The links behind its coordinates: the last one is what the joint carries.
+    pub links: Vec<usize>,
+    /// The link that it stands on; `None` is the world.
+    pub parent: Option<usize>,
+    /// Whether it is actuated.
+    pub actuated: bool,
+}
+
+/// A cut joint.
+#[derive(Clone, Debug)]
+pub struct Cut {
+    /// Its name.
+    pub name: String,
+    /// `spherical`, `revolute`, ...
+    pub kind: &'static str,
+    /// The links that carry its two frames, `None` is the world, and the frames on them.
+    pub sides: [(Option<usize>, Pose); 2],
+}
+
+impl Scene {
+    /// The scene of a spec.
+    ///
+    /// # Errors
+    /// A report with every mistake of the spec's text; loops are not closed here.
+    pub fn new(source: &Source) -> Result<Self, Report> {
+        let spec = spec::parse(source)?;
+        let model = model::build(&spec);
+        let placements: Vec<Pose> = model.links.iter().map(|l| placed(&l.placement)).collect();
+        let side = |side: &Side| (side.link, placed(&side.placement));
+        let cuts = model.cuts.iter().map(|cut| Cut {
+            name: cut.name.clone(),
+            kind: cut_name(cut.kind),
+            sides: cut.sides.each_ref().map(side),
+        });
+        let cuts: Vec<Cut> = cuts.collect();
+        Ok(Self {
+            name: spec.name.value.clone(),
+            description: spec.description.clone(),
+            bodies: bodies(&model, &placements, &cuts),
+            joints: joints(&spec, &model),
+            cuts,
+            coordinates: model.coordinates.iter().map(|c| c.name.clone()).collect(),
+            turns: turns(&model),
+            home: model.home.iter().map(crate::sym::Number::to_f64).collect(),
+            placements,
+            links: model.links,
+        })
+    }
+
+    /// The frames of all links in the world.
+    ///
+    /// - `q`: n, rad or m; what is missing counts as 0.
+    pub fn frames(&self, q: &[f64]) -> Vec<Pose> {
+        let mut frames: Vec<Pose> = Vec::with_capacity(self.links.len());
+        for (k, link) in self.links.iter().enumerate() {
+            let before = self.before(&frames, k);
+            let motion = link.motion.map(|m| {
+                let value = q.get(m.coordinate).copied().unwrap_or(0.0);
+                match m.kind {
+                    MotionKind::Rotation => turned(m.axis, value),
+                    MotionKind::Translation => shifted(m.axis, value),
+                }
+            });
+            frames.push(motion.map_or(before, |motion| after(&before, &motion)));
+        }
+        frames
+    }
+
+    /// The frame of a link before its motion, from all links' frames.
+    pub fn before(&self, frames: &[Pose], link: usize) -> Pose {
+        let parent = self.links.get(link).and_then(|l| l.parent);
+        let parent = parent.and_then(|p| frames.get(p)).unwrap_or(&WORLD);
+        self.placements
+            .get(link)
+            .map_or(*parent, |p| after(parent, p))
+    }
+
+    /// The axis of a link's motion in the frame before it, a unit vector; `None` where it is
+    /// fixed.
+    pub fn axis(&self, link: usize) -> Option<[f64; 3]> {
+        let motion = self.links.get(link)?.motion?;
+        Some(match motion.axis {
+            Axis::X => [1.0, 0.0, 0.0],
+            Axis::Y => [0.0, 1.0, 0.0],
+            Axis::Z => [0.0, 0.0, 1.0],
+        })
+    }
+
+    /// The links in order, each with its parent.
+    pub fn parents(&self) -> impl Iterator<Item = Option<usize>> + '_ {
+        self.links.iter().map(|l| l.parent)
+    }
+
+    /// The origins of a cut's two frames in the world, m: the same point where a loop that
+    /// has one is closed.
+    pub fn ends(frames: &[Pose], cut: &Cut) -> [[f64; 3]; 2] {
+        cut.sides.each_ref().map(|(link, on)| {
+            let link = link.and_then(|l| frames.get(l)).unwrap_or(&WORLD);
+            let end = after(link, on);
+            [end[9], end[10], end[11]]
+        })
+    }
+}
+
+fn turns(model: &Model) -> Vec<bool> {
+    let kind = |c: &model::Coordinate| model.links.get(c.link).and_then(|l| l.motion);
+    let coordinates = model.coordinates.iter();
+    coordinates
+        .map(|c| kind(c).is_some_and(|m| m.kind == MotionKind::Rotation))
+        .collect()
+}
+
+/// The joints with their coordinates, in the order of the spec.
+fn joints(spec: &spec::Spec, model: &Model) -> Vec<Joint> {
+    let mut joints: Vec<Joint> = Vec::new();
+    let mut last = None;
+    let behind = joints_of_coordinates(spec).into_iter();
+    for ((k, coordinate), joint) in model.coordinates.iter().enumerate().zip(behind) {
+        let own = joint.span.start;
+        if last != Some(own) {
+            last = Some(own);
+            let parent = model.links.get(coordinate.link).and_then(|l| l.parent);
+            joints.push(Joint {
+                name: joint
+                    .name
+                    .as_ref()
+                    .map_or_else(String::new, |n| n.value.clone()),
+                kind: joint_name(joint.kind.value),
+                coordinates: Vec::new(),
+                links: Vec::new(),
+                parent,
+                actuated: coordinate.actuated,
+            });
+        }
+        if let Some(joint) = joints.last_mut() {
+            joint.coordinates.push(k);
+            joint.links.push(coordinate.link);
+        }
+    }
+    joints
+}
+
+/// The bodies with the points where others are joined to them.
+fn bodies(model: &Model, placements: &[Pose], cuts: &[Cut]) -> Vec<Body> {
+    let carrier = |mut link: Option<usize>, mut pose: Pose| {
+        // up through fixed links without a body
+        while let Some(l) = link {
+            if let Some(body) = model.bodies.iter().position(|b| b.link == l) {
+                return Some((body, pose));
+            }
+            if model.links.get(l)?.motion.is_some() {
+                return None;
+            }
+            pose = after(placements.get(l)?, &pose);
+            link = model.links.get(l)?.parent;
+        }
+        None
+    };
+    let mut points = vec![vec![[0.0; 3]]; model.bodies.len()];
+    let on_links = model.links.iter().zip(placements);
+    let on_links = on_links.map(|(link, placement)| (link.parent, *placement));
+    let on_cuts = cuts.iter().flat_map(|cut| cut.sides.iter().copied());
+    for (link, pose) in on_links.chain(on_cuts) {
+        let Some((body, pose)) = carrier(link, pose) else {
+            continue;
+        };
+        let point = [pose[9], pose[10], pose[11]];
+        let Some(points) = points.get_mut(body) else {
+            continue;
+        };
+        let near = |p: &[f64; 3]| p.iter().zip(point).all(|(a, b)| (a - b).abs() < 1e-9);
+        if !points.iter().any(near) {
+            points.push(point);
+        }
+    }
+    let carried = model
+        .bodies
+        .iter()
+        .map(|b| carried_at(model, placements, b.link));
+    for (points, carried) in points.iter_mut().zip(carried) {
+        // the origin of a frame that a fixed joint put somewhere is no place on the body
+        if let Some(point) = carried {
+            if points.len() > 2 {
+                points.remove(0);
+            }
+            points.push(point);
+        }
+    }
+    let bodies = model.bodies.iter().zip(points);
+    bodies
+        .map(|(body, points)| Body {
+            label: body.label.clone(),
+            link: body.link,
+            points,
+        })
+        .collect()
+}
+
+/// Where the joint that carries a body is, in the body's frame, m; `None` where that is its
+/// origin.
+fn carried_at(model: &Model, placements: &[Pose], link: usize) -> Option<[f64; 3]> {
+    let mut at = link;
+    let mut pose = WORLD;
+    while model.links.get(at)?.motion.is_none() {
+        pose = after(placements.get(at)?, &pose);
+        at = model.links.get(at)?.parent?;
+    }
+    let back = [9, 10, 11].map(|k| -pose[k]);
+    let far = back.iter().any(|x| x.abs() > 1e-9);
+    // R^T (-p)
+    far.then(|| [0, 1, 2].map(|j: usize| (0..3).map(|i| pose[3 * i + j] * back[i]).sum()))
+}
+
+fn joint_name(kind: JointKind) -> &'static str {
+    match kind {
+        JointKind::Revolute => "revolute",
+        JointKind::Prismatic => "prismatic",
+        JointKind::Cylindrical => "cylindrical",
+        JointKind::Universal => "universal",
+        JointKind::Spherical => "spherical",
+        JointKind::Fixed => "fixed",
+    }
+}
+
+fn cut_name(kind: CutKind) -> &'static str {
+    match kind {
+        CutKind::Revolute => "revolute",
+        CutKind::Prismatic => "prismatic",
+        CutKind::Cylindrical => "cylindrical",
+        CutKind::Universal => "universal",
+        CutKind::Spherical => "spherical",
+        CutKind::Fixed => "fixed",
+    }
+}
+
+fn placed(steps: &[Step]) -> Pose {
+    steps.iter().fold(WORLD, |pose, step| {
+        let step = match step {
+            Step::Rotate(axis, angle) => turned(*axis, angle.to_f64()),
+            Step::Translate(axis, length) => shifted(*axis, length.value.to_f64()),
+        };
+        after(&pose, &step)
+    })
+}
+
+fn turned(axis: Axis, angle: f64) -> Pose {
+    let (s, c) = (libm::sin(angle), libm::cos(angle));
+    let [a, b, k, d, e, f, g, h, i] = match axis {
+        Axis::X => [1.0, 0.0, 0.0, 0.0, c, -s, 0.0, s, c],
+        Axis::Y => [c, 0.0, s, 0.0, 1.0, 0.0, -s, 0.0, c],
+        Axis::Z => [c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0],
+    };
+    [a, b, k, d, e, f, g, h, i, 0.0, 0.0, 0.0]
+}
+
+fn shifted(axis: Axis, by: f64) -> Pose {
+    let mut pose = WORLD;
+    pose[match axis {
+        Axis::X => 9,
+        Axis::Y => 10,
+        Axis::Z => 11,
+    }] = by;
+    pose
+}
+
+/// One frame in another's.
+fn after(a: &Pose, b: &Pose) -> Pose {
+    let mut out = [0.0; 12];
+    for i in 0..3 {
+        for j in 0..3 {
+            out[3 * i + j] = (0..3).map(|k| a[3 * i + k] * b[3 * k + j]).sum();
+        }
+        out[9 + i] = a[9 + i] + (0..3).map(|k| a[3 * i + k] * b[9 + k]).sum::<f64>();
+    }
+    out
+}

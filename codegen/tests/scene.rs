@@ -1,0 +1,93 @@
+//! The scene that pictures are made of.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+use std::fs;
+use std::path::Path;
+
+use regen_codegen::diag::Source;
+use regen_codegen::interpret;
+use regen_codegen::pipeline::{BaseFrom, derive_with};
+use regen_codegen::robot::FunctionKind;
+use regen_codegen::scene::Scene;
+
+fn source(robot: &str) -> Source {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../robots/{robot}.yaml"));
+    Source::new(robot, fs::read_to_string(path).unwrap())
+}
+
+#[test]
+fn bodies_stand_where_the_derived_poses_put_them() {
+    for robot in [
+        "3rps",
+        "delta",
+        "stewart",
+        "hybrid",
+        "ur5e",
+        "tree_branch",
+        "palletiser",
+    ] {
+        let source = source(robot);
+        let scene = Scene::new(&source).unwrap();
+        let derived = derive_with(&source, BaseFrom::Nowhere).unwrap();
+        let poses = derived.function(FunctionKind::Poses).unwrap();
+        // closed or not: any coordinates
+        let n = derived.coordinates.len();
+        let q: Vec<f64> = (0..n).map(|k| (1.3 * k as f64 + 0.4).sin()).collect();
+        let (expected, _) = interpret::run(&poses.program, &[&q]);
+        let frames = scene.frames(&q);
+        assert_eq!(expected.len(), 12 * scene.bodies.len());
+        for (body, expected) in scene.bodies.iter().zip(expected.chunks(12)) {
+            for (ours, theirs) in frames[body.link].iter().zip(expected) {
+                // some twenty products of entries of size 1
+                assert!(
+                    (ours - theirs).abs() < 1e-13,
+                    "{robot}, body {}",
+                    body.label
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn the_ends_of_cuts_meet_at_home_and_part_elsewhere() {
+    let source = source("3rps");
+    let scene = Scene::new(&source).unwrap();
+    let derived = derive_with(&source, BaseFrom::Nowhere).unwrap();
+    let gap = |q: &[f64]| {
+        let frames = scene.frames(q);
+        let cuts = scene.cuts.iter().map(|cut| Scene::ends(&frames, cut));
+        cuts.flat_map(|[a, b]| [0, 1, 2].map(|i: usize| (a[i] - b[i]).abs()))
+            .fold(0.0, f64::max)
+    };
+    assert!(gap(&derived.home) < 1e-12);
+    let mut open = derived.home.clone();
+    open[0] += 0.1;
+    assert!(gap(&open) > 0.01);
+}
+
+#[test]
+fn what_is_joined_to_a_body_is_among_its_points() {
+    // the platform of the 3-RPS: its origin under the first leg, and the corners of its cuts
+    let scene = Scene::new(&source("3rps")).unwrap();
+    let platform = scene.bodies.iter().find(|b| b.label == "3").unwrap();
+    let a = 0.4563;
+    let corners = [[0.0; 3], [a, 0.0, 0.0], [a / 2.0, a * 0.75_f64.sqrt(), 0.0]];
+    assert_eq!(platform.points.len(), 3);
+    for (point, corner) in platform.points.iter().zip(corners) {
+        for (x, y) in point.iter().zip(corner) {
+            assert!((x - y).abs() < 1e-15);
+        }
+    }
+    // a spherical joint is one joint with three coordinates
+    let names: Vec<(&str, usize)> = scene
+        .joints
+        .iter()
+        .map(|j| (j.name.as_str(), j.coordinates.len()))
+        .collect();
+    assert_eq!(names[2], ("s1", 3));
+    // the Stewart platform's six corners, and not its frame's origin between them
+    let scene = Scene::new(&source("stewart")).unwrap();
+    let most = scene.bodies.iter().map(|b| b.points.len()).max();
+    assert_eq!(most, Some(6));
+}
