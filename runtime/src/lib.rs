@@ -22,6 +22,7 @@
 //!   samples. Needs an allocator and, through `std` or `libm`, `f64`.
 //! - `simulation`: a simulated robot, `simulate`: forward dynamics of closed chains, control,
 //!   friction and sensors.
+//! - `excitation`: exciting trajectories, `excite`. Brings a conic solver.
 //! - `alloc`: set by the above; of no use alone.
 //!
 //! Identification:
@@ -56,6 +57,8 @@ mod condition;
 pub mod data;
 #[cfg(feature = "estimation")]
 pub mod estimate;
+#[cfg(feature = "excitation")]
+pub mod excite;
 #[cfg(feature = "feasibility")]
 pub mod feasibility;
 #[cfg(feature = "feasibility")]
