@@ -120,6 +120,9 @@ mod tests {
             .collect();
         let seen = values.iter().copied().fold(0.0, f64::max);
         let bound = bounds(&values, 1)[0].value;
-        assert!(seen < 0.99 && bound >= 1.0 && bound < 1.03, "{seen} {bound}");
+        assert!(
+            seen < 0.99 && bound >= 1.0 && bound < 1.03,
+            "{seen} {bound}"
+        );
     }
 }

@@ -116,10 +116,7 @@ impl Criterion {
         let s: Vec<f64> = values.iter().map(|s| s.max(floor)).collect();
         let smallest = s.last().copied().unwrap_or(1.0);
         let high: Vec<f64> = s.iter().map(|s| libm::pow(s / largest, 2.0 * p)).collect();
-        let low: Vec<f64> = s
-            .iter()
-            .map(|s| libm::pow(smallest / s, 2.0 * p))
-            .collect();
+        let low: Vec<f64> = s.iter().map(|s| libm::pow(smallest / s, 2.0 * p)).collect();
         let (high_sum, low_sum) = (high.iter().sum::<f64>(), low.iter().sum::<f64>());
         let log_high = libm::log(largest) + libm::log(high_sum) / (2.0 * p);
         let log_low = libm::log(smallest) - libm::log(low_sum) / (2.0 * p);

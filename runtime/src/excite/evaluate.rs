@@ -333,12 +333,9 @@ where
                 }
                 if g % self.stride == 0 {
                     let s = g / self.stride;
-                    let _condition = self.derivatives.base_regressor(
-                        &q,
-                        &motion.qd,
-                        &motion.qdd,
-                        &mut block,
-                    )?;
+                    let _condition =
+                        self.derivatives
+                            .base_regressor(&q, &motion.qd, &motion.qdd, &mut block)?;
                     for (k, entry) in block.iter().enumerate() {
                         w[(k / dof) * rows + s * dof + k % dof] = entry.value;
                         let start = (s * entries + k) * directions + first;

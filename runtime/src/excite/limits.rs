@@ -53,7 +53,10 @@ impl fmt::Display for Limit {
             Quantity::Effort => write!(f, "effort of {name} {side} {bound}"),
             Quantity::Cone => write!(f, "cone angle of {name} {side} {bound}"),
             Quantity::Singularity => {
-                write!(f, "distance from singularities (pivot of A_e) {side} {bound}")
+                write!(
+                    f,
+                    "distance from singularities (pivot of A_e) {side} {bound}"
+                )
             }
         }
     }

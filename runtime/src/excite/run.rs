@@ -193,7 +193,11 @@ where
     if !(2..=200).contains(&settings.harmonics) {
         return wrong("harmonics must be 2 to 200");
     }
-    if settings.deviations.iter().any(|d| !(*d > 0.0 && d.is_finite())) {
+    if settings
+        .deviations
+        .iter()
+        .any(|d| !(*d > 0.0 && d.is_finite()))
+    {
         return wrong("deviations must be positive");
     }
     if settings.starts == 0 {

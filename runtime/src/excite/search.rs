@@ -206,10 +206,8 @@ where
                 .collect();
             let worst = (0..count).fold(0.0, |m: f64, k| m.max(after(k)));
             let curve = self.curvature(&step.d);
-            let model = now.objective
-                + dot(&now.gradient, &step.d)
-                + 0.5 * curve
-                + self.penalty * worst;
+            let model =
+                now.objective + dot(&now.gradient, &step.d) + 0.5 * curve + self.penalty * worst;
             let gain = self.merit(now) - model;
             found = Some((step, active.clone(), gain));
             if broken.is_empty() {

@@ -47,7 +47,10 @@ impl Space {
                     speed.map_or(*reach, |v| reach.min(v / w)) / (k as f64).sqrt()
                 };
                 let each = || (1..=harmonics).map(of);
-                std::iter::once(*reach).chain(each()).chain(each()).collect()
+                std::iter::once(*reach)
+                    .chain(each())
+                    .chain(each())
+                    .collect()
             })
             .collect();
         let rest = at_rest.then(|| {

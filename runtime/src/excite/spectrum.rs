@@ -95,9 +95,18 @@ mod tests {
         // columns of lengths 3, 1e-9 and 2 along rotated axes
         let (c, s) = (0.8, 0.6);
         let w = [
-            3.0 * c, 3.0 * s, 0.0, 0.0, //
-            -1e-9 * s, 1e-9 * c, 0.0, 0.0, //
-            0.0, 0.0, 0.0, 2.0,
+            3.0 * c,
+            3.0 * s,
+            0.0,
+            0.0, //
+            -1e-9 * s,
+            1e-9 * c,
+            0.0,
+            0.0, //
+            0.0,
+            0.0,
+            0.0,
+            2.0,
         ];
         let found = Spectrum::new(&w, 3);
         for (value, known) in found.values.iter().zip([3.0, 2.0, 1e-9]) {

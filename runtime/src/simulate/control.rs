@@ -1,4 +1,8 @@
-//! PID position control of actuated joints, and the drives that carry it out.
+//! Controllers of actuated joints, PID position control among them, and the drives that carry
+//! out what they command.
+
+use std::vec;
+use std::vec::Vec;
 
 /// A PID controller's gains at one joint: effort per position, per integral, per velocity.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -18,6 +22,80 @@ pub struct Drive {
     pub lag: f64,
     /// The least and greatest effort, N or N m.
     pub limit: Option<[f64; 2]>,
+}
+
+/// What a controller is given at each sample.
+#[derive(Clone, Copy, Debug)]
+pub struct Now<'a> {
+    /// The time, s.
+    pub t: f64,
+    /// The time between samples, s.
+    pub period: f64,
+    /// The reference: all coordinates, closed (n).
+    pub q: &'a [f64],
+    /// The reference's independent positions, rad or m (dof).
+    pub q_i: &'a [f64],
+    /// The reference's independent velocities (dof).
+    pub qd_i: &'a [f64],
+    /// The reference's independent accelerations (dof).
+    pub qdd_i: &'a [f64],
+    /// The positions of the actuated joints as measured, in the order of `Info::actuated`.
+    pub measured: &'a [f64],
+}
+
+/// What decides on the efforts of the actuated joints, once a period.
+pub trait Controller {
+    /// Fills the efforts of the actuated joints, N or N m, in the order of `Info::actuated`. The
+    /// drives carry them out, within their limits.
+    fn efforts(&mut self, now: &Now<'_>, efforts: &mut [f64]);
+}
+
+impl<F: FnMut(&Now<'_>, &mut [f64])> Controller for F {
+    fn efforts(&mut self, now: &Now<'_>, efforts: &mut [f64]) {
+        self(now, efforts);
+    }
+}
+
+/// A PID controller for each actuated joint, with constant efforts under them.
+#[derive(Clone, Debug)]
+pub(super) struct Bank<'a> {
+    pub(super) pid: &'a [Pid],
+    pub(super) offset: &'a [f64],
+    pub(super) drives: &'a [Drive],
+    /// The coordinates of the actuated joints.
+    pub(super) joints: &'a [usize],
+    memories: Vec<Memory>,
+}
+
+impl<'a> Bank<'a> {
+    pub(super) fn new(
+        pid: &'a [Pid],
+        offset: &'a [f64],
+        drives: &'a [Drive],
+        joints: &'a [usize],
+    ) -> Self {
+        Self {
+            pid,
+            offset,
+            drives,
+            joints,
+            memories: vec![Memory::default(); joints.len()],
+        }
+    }
+}
+
+impl Controller for Bank<'_> {
+    fn efforts(&mut self, now: &Now<'_>, efforts: &mut [f64]) {
+        let loops = self.joints.iter().zip(self.pid).zip(&mut self.memories);
+        for (k, ((joint, pid), memory)) in loops.enumerate() {
+            let error = now.q[*joint] - now.measured[k];
+            let offset = self.offset.get(k).copied().unwrap_or(0.0);
+            let drive = self.drives.get(k).copied().unwrap_or_default();
+            // what is left for the controller
+            let limit = drive.limit.map(|l| l.map(|bound| bound - offset));
+            efforts[k] = offset + pid.command(memory, error, now.period, limit);
+        }
+    }
 }
 
 /// A controller's memory between samples.

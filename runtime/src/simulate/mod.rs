@@ -18,10 +18,11 @@ mod noise;
 mod run;
 
 pub use audit::Energy;
-pub use control::{Drive, Pid};
+pub use control::{Controller, Drive, Now, Pid};
 pub use forward::{Forward, Freed};
 pub use friction::{FrictionLaw, friction_laws};
 pub use noise::{Noise, perturbed};
 pub use run::{
-    Ended, Log, Reference, Sensors, Settings, SimulationError, simulate, simulate_watched,
+    Ended, Log, Reference, Sensors, Settings, SimulationError, simulate, simulate_controlled,
+    simulate_watched,
 };

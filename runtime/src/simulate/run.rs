@@ -6,7 +6,7 @@ use std::vec::Vec;
 use core::fmt;
 
 use super::audit::{Energy, kinetic, moments, potential};
-use super::control::{Drive, Memory, Pid};
+use super::control::{Bank, Controller, Drive, Now, Pid};
 use super::forward::{Forward, Freed};
 use super::friction::FrictionLaw;
 use super::integrate::{Integrator, Stop};
@@ -227,6 +227,65 @@ pub fn simulate_watched<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
     settings: &Settings,
     watch: &mut dyn FnMut(f64),
 ) -> Result<Log, SimulationError> {
+    let joints = model.info().actuated.to_vec();
+    let mut bank = Bank::new(&settings.pid, &settings.offset, &settings.drives, &joints);
+    let controller: Option<&mut dyn Controller> = if settings.pid.is_empty() {
+        None
+    } else {
+        Some(&mut bank)
+    };
+    run(model, phi, reference, settings, controller, watch)
+}
+
+/// As [`simulate`], under a controller of your own instead of `settings.pid`. What it commands is
+/// held within the drives' limits; a command that is not finite ends the run as
+/// [`Ended::Diverged`].
+///
+/// # Errors
+/// As [`simulate`].
+///
+/// ```
+/// # mod models { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/models/pendulum.rs")); }
+/// use regen_runtime::Model;
+/// use regen_runtime::simulate::{Ended, Now, Settings, simulate_controlled};
+///
+/// // The pendulum's own weight, at the angle that is measured, holds it where it is.
+/// let (pendulum, phi) = (models::Pendulum, [0.02, 0.1]);
+/// let start = |_: f64, q: &mut [f64], _: &mut [f64], _: &mut [f64]| q[0] = 0.4;
+/// let mut hold = |now: &Now<'_>, efforts: &mut [f64]| {
+///     let _condition = pendulum.gravity(now.measured, &phi, efforts).expect("one joint");
+/// };
+/// let settings = Settings { duration: 0.5, ..Settings::default() };
+/// let log = simulate_controlled(&pendulum, &phi, &start, &mut hold, &settings)?;
+/// assert_eq!(log.ended, Ended::Complete);
+/// assert!(log.q.iter().all(|q| (q - 0.4).abs() < 1e-9));
+/// # Ok::<(), regen_runtime::simulate::SimulationError>(())
+/// ```
+pub fn simulate_controlled<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
+    model: &M,
+    phi: &[f64],
+    reference: &R,
+    controller: &mut dyn Controller,
+    settings: &Settings,
+) -> Result<Log, SimulationError> {
+    run(
+        model,
+        phi,
+        reference,
+        settings,
+        Some(controller),
+        &mut |_| {},
+    )
+}
+
+fn run<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
+    model: &M,
+    phi: &[f64],
+    reference: &R,
+    settings: &Settings,
+    mut controller: Option<&mut dyn Controller>,
+    watch: &mut dyn FnMut(f64),
+) -> Result<Log, SimulationError> {
     let mut robot = Robot::new(model, phi, settings)?;
     let dof = robot.dof;
     let (mut q_i, mut qd_i, mut qdd_i) = (vec![0.0; dof], vec![0.0; dof], vec![0.0; dof]);
@@ -239,7 +298,6 @@ pub fn simulate_watched<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
     let mut scales = vec![1.0; y.len()];
     scales[2 * dof..].fill(1e2);
     let mut wanted = Closure::new(model)?;
-    let mut memories = vec![Memory::default(); robot.actuated.len()];
     let mut noise = Noise::new(settings.seed);
     let mut log = Log::empty();
 
@@ -255,21 +313,31 @@ pub fn simulate_watched<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
         watch(t);
         // measure, then command
         let measured = robot.measured(&integrator.y, &mut noise)?;
-        if !settings.pid.is_empty() {
+        if let Some(controller) = controller.as_deref_mut() {
             reference.at(t, &mut q_i, &mut qd_i, &mut qdd_i);
             let target = wanted.track(&q_i)?;
             if !target.outcome.is_closed() {
                 log.ended = Ended::Open(target.outcome);
                 return Ok(log);
             }
-            let loops = robot.actuated.iter().zip(&settings.pid).zip(&mut memories);
-            for (k, ((joint, pid), memory)) in loops.enumerate() {
-                let error = target.q[*joint] - measured[k];
-                let offset = settings.offset.get(k).copied().unwrap_or(0.0);
-                // what is left for the controller
-                let limit = robot.drive(k).limit.map(|l| l.map(|bound| bound - offset));
-                let effort = pid.command(memory, error, settings.period, limit);
-                robot.command[k] = offset + effort;
+            let now = Now {
+                t,
+                period: settings.period,
+                q: &target.q,
+                q_i: &q_i,
+                qd_i: &qd_i,
+                qdd_i: &qdd_i,
+                measured: &measured,
+            };
+            controller.efforts(&now, &mut robot.command);
+            for (drive, command) in settings.drives.iter().zip(&mut robot.command) {
+                if let Some([lo, hi]) = drive.limit {
+                    *command = command.max(lo).min(hi);
+                }
+            }
+            if robot.command.iter().any(|effort| !effort.is_finite()) {
+                log.ended = Ended::Diverged;
+                return Ok(log);
             }
         }
         if let Err(stop) = robot.record(t, &integrator.y, &measured, &mut noise, &mut log)? {
