@@ -1,0 +1,180 @@
+//! Identify the simulated 3-RPS from one experiment, then let it follow a fast motion: by PID
+//! alone, and by computed torque with the parameters just identified.
+//!
+//! ```sh
+//! cargo run --release -p regen-guide --example computed_torque
+//! ```
+
+use std::error::Error;
+use std::f64::consts::TAU;
+
+use regen_generated::rps3_friction::Rps3Friction;
+use regen_runtime::identify::{Kind, Options, Recorded, identify};
+use regen_runtime::simulate::Noise;
+use regen_runtime::simulate::{
+    Drive, Log, Now, Pid, Sensors, Settings, friction_laws, perturbed, simulate,
+    simulate_controlled,
+};
+use regen_runtime::{BaseModel, Closure};
+
+/// The robot, over `f64`.
+fn robot() -> &'static dyn BaseModel<f64> {
+    &Rps3Friction
+}
+
+/// A smooth periodic motion of the three legs about 0.62 m: amplitudes in m, multiples of 1/7.5 Hz.
+fn motion(waves: &'static [(f64, f64)]) -> impl Fn(f64, &mut [f64], &mut [f64], &mut [f64]) {
+    move |t, q, qd, qdd| {
+        for leg in 0..3 {
+            (q[leg], qd[leg], qdd[leg]) = (0.62, 0.0, 0.0);
+            for (size, multiple) in waves {
+                let w = TAU * multiple / 7.5;
+                // Harmonics of the legs differ in phase, so that the platform tilts.
+                let a = w * t + 2.1 * leg as f64 * multiple;
+                q[leg] += size * a.sin();
+                qd[leg] += size * w * a.cos();
+                qdd[leg] -= size * w * w * a.sin();
+            }
+        }
+    }
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let info = robot().info();
+    // The robot that nobody knows: its bodies differ from the drawing by up to 10 %.
+    let drawing = info.nominal_parameters().ok_or("no nominal values")?;
+    let truth = perturbed(&info, &drawing, 0.1, &mut Noise::new(7));
+    let laws = friction_laws(&info).map_err(|(_, why)| why)?;
+    let settings = Settings {
+        duration: 7.5,
+        pid: vec![
+            Pid {
+                kp: 8.0e4,
+                ki: 2.0e5,
+                kd: 4.0e3
+            };
+            3
+        ],
+        drives: vec![
+            Drive {
+                lag: 0.0,
+                limit: Some([-3000.0, 3000.0])
+            };
+            3
+        ],
+        friction: laws,
+        sensors: Sensors {
+            position_step: 1e-6,
+            effort_noise: 2.0,
+            ..Sensors::default()
+        },
+        seed: 1,
+        ..Settings::default()
+    };
+
+    // 1. The experiment, under the PID that every robot has.
+    let exciting = motion(&[(0.03, 2.0), (0.02, 5.0), (0.008, 9.0)]);
+    let log = simulate(robot(), &truth, &exciting, &settings)?;
+    let beta = identified(&log)?;
+
+    // 2. A motion that was not in the experiment.
+    let fast = motion(&[(0.06, 4.0), (0.006, 10.0)]);
+    let by_pid = simulate(robot(), &truth, &fast, &settings)?;
+    let mut controller = ComputedTorque::new(beta)?;
+    let mut command = |now: &Now<'_>, efforts: &mut [f64]| controller.efforts(now, efforts);
+    let by_model = simulate_controlled(robot(), &truth, &fast, &mut command, &settings)?;
+
+    let (pid, model) = (tracking(&by_pid, &fast), tracking(&by_model, &fast));
+    println!("root mean square of the legs' errors, after the first second");
+    println!("  PID alone                          {:7.3} mm", 1e3 * pid);
+    println!(
+        "  computed torque as identified      {:7.3} mm",
+        1e3 * model
+    );
+    if model * 3.0 > pid {
+        return Err("the model should track at least three times better".into());
+    }
+    Ok(())
+}
+
+/// Base parameters by least squares, each leg weighted by its noise.
+fn identified(log: &Log) -> Result<Vec<f64>, Box<dyn Error>> {
+    let n = robot().info().coordinates.len();
+    let mut data = Recorded::new();
+    for (k, t) in log.t.iter().enumerate() {
+        let row = |list: &[f64], width: usize| list[k * width..(k + 1) * width].to_vec();
+        data.push(
+            *t,
+            &row(&log.q, n),
+            &row(&log.qd, n),
+            &row(&log.qdd, n),
+            &row(&log.measured_effort, 3),
+        );
+    }
+    let found = identify(robot(), Kind::Forces, &Options::default(), &mut data)?.estimate;
+    println!(
+        "{} samples, {} base parameters, condition number {:.0} with columns scaled",
+        log.t.len(),
+        found.values.len(),
+        found.scaled_condition
+    );
+    Ok(found.values)
+}
+
+/// tau = M(q) (qdd_wanted + Kv e' + Kp e) + h(q, qd), in base parameters.
+struct ComputedTorque {
+    beta: Vec<f64>,
+    closure: Closure<'static, dyn BaseModel<f64>>,
+    last: Option<Vec<f64>>,
+}
+
+impl ComputedTorque {
+    fn new(beta: Vec<f64>) -> Result<Self, Box<dyn Error>> {
+        let closure = Closure::new(robot())?;
+        Ok(Self {
+            beta,
+            closure,
+            last: None,
+        })
+    }
+
+    fn efforts(&mut self, now: &Now<'_>, efforts: &mut [f64]) {
+        // 20 rad/s, critically damped.
+        let (kp, kv) = (400.0, 40.0);
+        let measured = now.measured;
+        let last = self.last.replace(measured.to_vec());
+        let rate = |k: usize| match &last {
+            Some(last) => (measured[k] - last[k]) / now.period,
+            None => now.qd_i[k],
+        };
+        let wanted: Vec<f64> = (0..3)
+            .map(|k| {
+                let (e, ed) = (now.q_i[k] - measured[k], now.qd_i[k] - rate(k));
+                now.qdd_i[k] + kv * ed + kp * e
+            })
+            .collect();
+        // The model is asked at the measured positions, and at the wanted velocities: those of
+        // the encoders are noisy, and Coulomb friction would chatter at each reversal.
+        if let Ok(state) = self.closure.solve_state(measured, now.qd_i, &wanted)
+            && state.outcome.is_closed()
+        {
+            let _condition =
+                robot().base_inverse_dynamics(&state.q, &state.qd, &state.qdd, &self.beta, efforts);
+        }
+    }
+}
+
+/// The root mean square of the legs' errors, m.
+fn tracking(log: &Log, reference: &impl Fn(f64, &mut [f64], &mut [f64], &mut [f64])) -> f64 {
+    let n = robot().info().coordinates.len();
+    let (mut sum, mut count) = (0.0, 0.0);
+    for (k, t) in log.t.iter().enumerate().filter(|(_, t)| **t > 1.0) {
+        let mut wanted = [0.0; 3];
+        reference(*t, &mut wanted, &mut [0.0; 3], &mut [0.0; 3]);
+        for (leg, wanted) in robot().info().independent.iter().zip(wanted) {
+            sum += (log.q[k * n + leg] - wanted).powi(2);
+            count += 1.0;
+        }
+    }
+    (sum / f64::max(count, 1.0)).sqrt()
+}
