@@ -524,7 +524,8 @@ for each PARAMS and a column for each log: eps_RA (Eq. 33) in percent.
 
 Examples:
   regen validate robots/3rps.yaml p.json run3.csv run4.csv --fourier 0.1333,11
-  regen validate robots/3rps.yaml a.json run3.csv --beside b.json")]
+  regen validate robots/3rps.yaml lsm.json run3.csv run4.csv \\
+      --beside feasible.json nonlinear.yaml --fourier 0.1333,11")]
 pub(crate) struct ValidateArgs {
     /// The robot's spec
     pub(crate) file: PathBuf,
@@ -534,7 +535,7 @@ pub(crate) struct ValidateArgs {
     #[arg(required = true, value_name = "LOG")]
     pub(crate) logs: Vec<PathBuf>,
     /// Further parameters to compare with
-    #[arg(long, value_name = "PARAMS")]
+    #[arg(long, value_name = "PARAMS", num_args = 1..)]
     pub(crate) beside: Vec<PathBuf>,
     #[command(flatten)]
     pub(crate) reading: ReadingArgs,

@@ -312,7 +312,11 @@ pub(crate) fn json(estimate: &Estimate, file: &ParameterFile, kind: &str) -> Jso
 }
 
 /// Each log predicted by parameters from all others.
-fn cross(args: &IdentifyArgs, model: &Interpreted<'_>, kind: Kind) -> Result<Vec<Cross>, Failure> {
+pub(crate) fn cross(
+    args: &IdentifyArgs,
+    model: &Interpreted<'_>,
+    kind: Kind,
+) -> Result<Vec<Cross>, Failure> {
     if args.logs.len() < 2 {
         let text = "--cross needs two logs or more";
         return Err(Failure::Input(text.to_owned()));

@@ -1,8 +1,10 @@
 //! From motions made by inverse dynamics back to the parameters.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+mod commands;
 mod estimates;
 mod logs;
+mod parquet_logs;
 
 use std::fmt::Write as _;
 use std::fs;
