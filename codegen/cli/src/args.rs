@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::args_physical::PhysicalArgs;
+pub(crate) use crate::report::{ReportArgs, ReportOptions};
 pub(crate) use crate::simulate::SimulateArgs;
 pub(crate) use crate::view::ViewArgs;
 
@@ -92,6 +93,8 @@ pub(crate) enum Command {
     Identify(IdentifyArgs),
     /// Predict the forces of logs from identified parameters
     Validate(ValidateArgs),
+    /// Show what was identified on one page, with tables and figures
+    Report(ReportArgs),
     /// Run the robot under control, with friction and noise, and log what it does
     Simulate(SimulateArgs),
     /// Show the mechanism in 3D, on one page for a browser
@@ -510,6 +513,8 @@ pub(crate) struct IdentifyArgs {
     /// .yaml, else JSON
     #[arg(long, value_name = "PARAMS")]
     pub(crate) out: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) report: ReportOptions,
     /// How the result is printed
     #[arg(long, value_enum, default_value_t)]
     pub(crate) format: Format,

@@ -130,6 +130,8 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     for (out, text) in &written {
         write::atomically(out, text)?;
     }
+    args.report
+        .write(&robot, &model, &file, &last.friction, args)?;
     terminal::print(&match args.format {
         Format::Json => table::json(&json),
         Format::Human => human(&json),

@@ -34,6 +34,7 @@ mod path;
 mod physical;
 mod predicted;
 mod reduce;
+mod report;
 mod simulate;
 mod states;
 mod sweep;
@@ -83,6 +84,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Validate(args)) => validate::run(&args),
         Some(Command::Simulate(args)) => simulate::run(&args),
         Some(Command::View(args)) => view::run(&args),
+        Some(Command::Report(args)) => report::run(&args),
         Some(Command::Schema) => terminal::print(&regen_codegen::spec::schema()),
         Some(Command::Man { command }) => man::run(command.as_deref()),
         Some(Command::Completions { shell }) => {

@@ -18,10 +18,10 @@ use crate::load;
 use crate::physical::Found;
 
 /// Relative deviations below this, in percent, are of well identified parameters (section 5.3).
-const WELL: f64 = regen_runtime::identifiability::WELL;
+pub(crate) const WELL: f64 = regen_runtime::identifiability::WELL;
 
 /// One identified base parameter.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct ParameterRow {
     pub(crate) label: String,
     /// The combination that it stands for.
@@ -30,19 +30,24 @@ pub(crate) struct ParameterRow {
     pub(crate) value: f64,
     /// Its standard deviation, which knows of correlated residuals where these are known; that of
     /// least squares for parameters under constraints.
+    #[serde(deserialize_with = "perhaps")]
     pub(crate) sigma: f64,
     /// The standard deviation for white residuals.
+    #[serde(deserialize_with = "perhaps")]
     pub(crate) sigma_white: f64,
+    #[serde(deserialize_with = "perhaps")]
     pub(crate) sigma_percent: f64,
     /// The confidence interval of least squares.
+    #[serde(deserialize_with = "perhaps")]
     pub(crate) low: f64,
+    #[serde(deserialize_with = "perhaps")]
     pub(crate) high: f64,
     /// `well identified`, `poorly identified` or `left out`.
     pub(crate) status: String,
 }
 
 /// A file of identified parameters.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct ParameterFile {
     pub(crate) robot: String,
     pub(crate) model: String,
@@ -54,16 +59,21 @@ pub(crate) struct ParameterFile {
     pub(crate) confidence: f64,
     pub(crate) parameters: Vec<ParameterRow>,
     /// Friction that has no columns.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(crate) friction: Vec<FrictionRow>,
     /// All parameters, where they are physical.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_deserializing, skip_serializing_if = "Vec::is_empty")]
     pub(crate) physical: Vec<PhysicalRow>,
     /// The bodies as in a spec, and what joints have in robot files: for `regen export`.
-    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    #[serde(skip_deserializing, skip_serializing_if = "BTreeMap::is_empty")]
     pub(crate) bodies: BTreeMap<String, BodyRow>,
-    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    #[serde(skip_deserializing, skip_serializing_if = "BTreeMap::is_empty")]
     pub(crate) joints: BTreeMap<String, BTreeMap<String, f64>>,
+}
+
+/// A number, or null for one that is not finite.
+fn perhaps<'de, D: serde::Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+    Ok(Option::<f64>::deserialize(from)?.unwrap_or(f64::NAN))
 }
 
 /// The friction of a joint.

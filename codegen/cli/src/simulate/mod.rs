@@ -69,7 +69,7 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
     let model = Interpreted::new(&robot);
     let info = model.info();
     let motion = Motion::of(args.trajectory.as_deref(), &model)?;
-    let nominal = parameters::read(args, &model)?;
+    let (nominal, fitted) = parameters::read(args, &model)?;
     let mut chance = Noise::new(args.seed);
     let phi = if args.perturb > 0.0 {
         perturbed(&info, &nominal, args.perturb, &mut chance)
@@ -79,7 +79,7 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
     let friction = if args.no_friction {
         Vec::new()
     } else {
-        parameters::friction(args, &info, &phi, &mut chance)?
+        parameters::friction(args, &info, &phi, &fitted, &mut chance)?
     };
     // the controllers know the nominal robot
     let control = control::control(args, &model, &nominal, &motion.position(0.0))?;

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use regen_runtime::friction::JointFit;
 use regen_runtime::simulate::{FrictionLaw, Noise, friction_laws};
 use regen_runtime::{BaseModel, Info, Joint, Model};
 
@@ -11,14 +12,17 @@ use crate::interpreted::{BaseTerms, Interpreted};
 use crate::{load, parameters};
 
 /// All parameters: nominal values, with those of a file over them; or any that have the base
-/// parameters of a file.
-pub(super) fn read(args: &SimulateArgs, model: &Interpreted<'_>) -> Result<Vec<f64>, Failure> {
+/// parameters of a file, and the friction beside them.
+pub(super) fn read(
+    args: &SimulateArgs,
+    model: &Interpreted<'_>,
+) -> Result<(Vec<f64>, Vec<JointFit>), Failure> {
     let info = model.info();
     let mut values: Vec<Option<f64>> = info.nominal.to_vec();
     values.resize(info.parameters.len(), None);
     if let Some(path) = &args.parameters {
-        let text = load::text(path)?;
-        let given: Option<BTreeMap<String, f64>> = serde_json::from_str(&text).ok();
+        let given = parameters::value(path)?;
+        let given: Option<BTreeMap<String, f64>> = serde_json::from_value(given).ok();
         let place = |label: &str| info.parameters.iter().position(|p| *p == label);
         match given {
             Some(given) => {
@@ -42,7 +46,7 @@ pub(super) fn read(args: &SimulateArgs, model: &Interpreted<'_>) -> Result<Vec<f
         .map(|(label, _)| *label)
         .collect();
     if missing.is_empty() {
-        return Ok(values.into_iter().flatten().collect());
+        return Ok((values.into_iter().flatten().collect(), Vec::new()));
     }
     Err(Failure::Input(format!(
         "{}: no nominal values of {}; state them under `bodies:` and at the joints, or give them \
@@ -53,24 +57,28 @@ pub(super) fn read(args: &SimulateArgs, model: &Interpreted<'_>) -> Result<Vec<f
 }
 
 /// Parameters that have the base parameters of a file; the others are zero.
-fn identified(args: &SimulateArgs, path: &std::path::Path) -> Result<Vec<f64>, Failure> {
+fn identified(
+    args: &SimulateArgs,
+    path: &std::path::Path,
+) -> Result<(Vec<f64>, Vec<JointFit>), Failure> {
     let robot = load::robot(&args.file)?;
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
-    let beta = parameters::read(path, &model)?;
+    let (beta, friction) = parameters::read(path, &model)?;
     let info = model.info();
     let mut phi = vec![0.0; info.parameters.len()];
     let free = vec![0.0; model.base_info().free.len()];
     model.parameters_from_base(&beta, &free, &mut phi)?;
-    Ok(phi)
+    Ok((phi, friction))
 }
 
 /// The friction law of each coordinate: linear ones with the coefficients among the parameters,
-/// others with nominal ones, changed by chance as the parameters are.
+/// others with fitted ones or else nominal ones, changed by chance as the parameters are.
 pub(super) fn friction(
     args: &SimulateArgs,
     info: &Info<'_>,
     phi: &[f64],
+    fitted: &[JointFit],
     chance: &mut Noise,
 ) -> Result<Vec<FrictionLaw>, Failure> {
     let stated = info.joints.iter().zip(info.coordinates);
@@ -82,6 +90,12 @@ pub(super) fn friction(
                 for (slot, symbol) in slots {
                     let index = info.parameter_of(&format!("{symbol}({name})"));
                     *slot = index.and_then(|k| phi.get(k)).copied().or(*slot);
+                }
+            }
+            let own = |f: &&JointFit| f.name == *name && f.friction == joint.friction;
+            if let Some(fit) = fitted.iter().find(own) {
+                for (slot, value) in joint.nominal.iter_mut().zip(&fit.values) {
+                    *slot = Some(*value);
                 }
             }
             joint

@@ -1,0 +1,339 @@
+//! Charts as SVG text.
+
+use std::ops::Range;
+
+use plotters::coord::Shift;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+use crate::exit::Failure;
+
+/// A chart with the file name it has as a figure, and what stands under it.
+pub(super) struct Figure {
+    pub(super) name: String,
+    pub(super) caption: String,
+    pub(super) svg: String,
+}
+
+/// A line in a chart.
+pub(super) struct Line {
+    pub(super) label: String,
+    pub(super) points: Vec<(f64, f64)>,
+    pub(super) dye: RGBColor,
+    pub(super) look: Look,
+}
+
+/// How a series is drawn.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Look {
+    Solid,
+    Dashed,
+    Dots,
+}
+
+pub(super) const BLUE: RGBColor = RGBColor(11, 98, 196);
+pub(super) const ORANGE: RGBColor = RGBColor(214, 93, 14);
+pub(super) const GREY: RGBColor = RGBColor(110, 117, 125);
+pub(super) const RED: RGBColor = RGBColor(194, 24, 91);
+const INK: RGBColor = RGBColor(28, 32, 36);
+/// For several lines of one kind.
+pub(super) const DYES: [RGBColor; 6] = [
+    BLUE,
+    ORANGE,
+    RGBColor(46, 125, 50),
+    RGBColor(123, 63, 160),
+    RGBColor(0, 131, 143),
+    RGBColor(141, 110, 32),
+];
+const WIDTH: u32 = 760;
+/// Points of a drawing in one of the page: coordinates are whole numbers, and lines would show
+/// it.
+const FINE: u32 = 8;
+const FONT: &str = "sans-serif";
+
+type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+type Drawn = Result<(), Box<dyn std::error::Error>>;
+
+/// Draws on a page of this height.
+fn drawn(height: u32, draw: impl FnOnce(&Area<'_>) -> Drawn) -> Result<String, Failure> {
+    let mut svg = String::new();
+    {
+        let size = (px(WIDTH), px(height));
+        let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
+        draw(&area)
+            .and_then(|()| Ok(area.present()?))
+            .map_err(|why| Failure::Io(format!("cannot draw a figure: {why}")))?;
+    }
+    let head = |w: u32, h: u32| format!("<svg width=\"{w}\" height=\"{h}\"");
+    Ok(svg.replacen(&head(px(WIDTH), px(height)), &head(WIDTH, height), 1))
+}
+
+/// A length in points of the drawing.
+fn px(length: u32) -> u32 {
+    length * FINE
+}
+
+/// A place in points of the drawing.
+fn at(x: u32, y: u32) -> (i32, i32) {
+    let place = |v: u32| i32::try_from(px(v)).unwrap_or(i32::MAX);
+    (place(x), place(y))
+}
+
+fn letters() -> TextStyle<'static> {
+    (FONT, px(12)).into_font().color(&INK)
+}
+
+/// What stands for a series in its legend.
+#[derive(Clone, Copy)]
+enum Sign {
+    Line(RGBColor),
+    Dot(RGBColor),
+    Ring(RGBColor),
+}
+
+/// A row of signs with their names above a chart, which covers nothing.
+fn legend(area: &Area<'_>, left: u32, entries: &[(String, Sign)]) -> Drawn {
+    let mut x = left;
+    for (text, sign) in entries {
+        match sign {
+            Sign::Line(dye) => {
+                let ends = vec![at(x, 11), at(x + 18, 11)];
+                area.draw(&PathElement::new(ends, dye.stroke_width(px(2))))?;
+            }
+            Sign::Dot(dye) => area.draw(&Circle::new(at(x + 9, 11), px(3), dye.filled()))?,
+            Sign::Ring(dye) => {
+                area.draw(&Circle::new(at(x + 9, 11), px(4), dye.stroke_width(px(1))))?;
+            }
+        }
+        let style = letters().pos(Pos::new(HPos::Left, VPos::Center));
+        area.draw_text(text, &style, at(x + 24, 11))?;
+        // letters are about seven points wide
+        x += 44 + 7 * u32::try_from(text.chars().count()).unwrap_or(0);
+    }
+    Ok(())
+}
+
+/// Lines over time or another quantity, with a legend.
+pub(super) fn lines(x: &str, y: &str, height: u32, lines: &[Line]) -> Result<String, Failure> {
+    drawn(height, |area| panel(area, x, y, lines, true))
+}
+
+/// Lines, and below them others at the same times.
+pub(super) fn two_panels(
+    x: &str,
+    y: [&str; 2],
+    above: &[Line],
+    below: &[Line],
+) -> Result<String, Failure> {
+    drawn(330, |area| {
+        let (upper, lower) = area.split_vertically(px(215));
+        panel(&upper, "", y[0], above, true)?;
+        panel(&lower, x, y[1], below, false)
+    })
+}
+
+fn panel(area: &Area<'_>, x: &str, y: &str, lines: &[Line], titled: bool) -> Drawn {
+    let points = || lines.iter().flat_map(|l| &l.points);
+    let across = range(points().map(|p| p.0), 0.0);
+    let up = range(points().map(|p| p.1), 0.06);
+    let digits = decimals(&up);
+    let across_digits = decimals(&across);
+    let named = lines.iter().filter(|l| titled && !l.label.is_empty());
+    let entries: Vec<(String, Sign)> = named
+        .map(|l| match l.look {
+            Look::Dots => (l.label.clone(), Sign::Dot(l.dye)),
+            Look::Solid | Look::Dashed => (l.label.clone(), Sign::Line(l.dye)),
+        })
+        .collect();
+    let mut chart = ChartBuilder::on(area)
+        .margin_top(px(if entries.is_empty() { 8 } else { 26 }))
+        .margin_right(px(14))
+        .x_label_area_size(px(if x.is_empty() { 10 } else { 40 }))
+        .y_label_area_size(px(72))
+        .build_cartesian_2d(across, up)?;
+    chart
+        .configure_mesh()
+        .light_line_style(TRANSPARENT)
+        .bold_line_style(GREY.mix(0.18).stroke_width(px(1)))
+        .axis_style(GREY.stroke_width(px(1)))
+        .set_all_tick_mark_size(px(4))
+        .label_style(letters())
+        .axis_desc_style(letters())
+        .x_labels(if x.is_empty() { 0 } else { 10 })
+        .y_labels(6)
+        .x_label_formatter(&|v| number(*v, across_digits))
+        .y_label_formatter(&|v| number(*v, digits))
+        .x_desc(x)
+        .y_desc(y)
+        .draw()?;
+    for line in lines {
+        let points = line.points.iter().copied();
+        let style = line.dye.stroke_width(px(3) / 2);
+        match line.look {
+            Look::Solid => chart.draw_series(LineSeries::new(points, style))?,
+            Look::Dashed => {
+                chart.draw_series(DashedLineSeries::new(points, px(6), px(4), style))?
+            }
+            Look::Dots => {
+                let dot = |p| Circle::new(p, px(3) / 2, line.dye.mix(0.6).filled());
+                chart.draw_series(points.map(dot))?
+            }
+        };
+    }
+    legend(area, 72, &entries)
+}
+
+/// Singular values by number over a logarithmic axis, and the certified rank.
+pub(super) fn spectrum(all: &[f64], base: &[f64], rank: Option<usize>) -> Result<String, Failure> {
+    /// What is less is rounding.
+    const FLOOR: f64 = 1e-18;
+    drawn(300, |area| {
+        let count = all.len().max(base.len()).max(1);
+        let mut chart = ChartBuilder::on(area)
+            .margin_top(px(26))
+            .margin_right(px(14))
+            .x_label_area_size(px(40))
+            .y_label_area_size(px(72))
+            .build_cartesian_2d(0.0..(count + 1) as f64, (FLOOR..3.0).log_scale())?;
+        chart
+            .configure_mesh()
+            .light_line_style(TRANSPARENT)
+            .bold_line_style(GREY.mix(0.18).stroke_width(px(1)))
+            .axis_style(GREY.stroke_width(px(1)))
+            .set_all_tick_mark_size(px(4))
+            .label_style(letters())
+            .axis_desc_style(letters())
+            .x_labels(12)
+            .x_label_formatter(&|v| format!("{v:.0}"))
+            .y_labels(7)
+            .y_label_formatter(&|v| format!("1e{:.0}", v.log10()))
+            .x_desc("number of the singular value")
+            .y_desc("part of the largest")
+            .draw()?;
+        let dots = |values: &[f64]| -> Vec<(f64, f64)> {
+            let values = values.iter().enumerate();
+            values
+                .map(|(k, v)| ((k + 1) as f64, v.max(FLOOR)))
+                .collect()
+        };
+        let ring = |p| Circle::new(p, px(4), GREY.stroke_width(px(1)));
+        chart.draw_series(dots(all).into_iter().map(ring))?;
+        let dot = |p| Circle::new(p, px(2), BLUE.filled());
+        chart.draw_series(dots(base).into_iter().map(dot))?;
+        let mut entries = vec![
+            ("all parameters".to_owned(), Sign::Ring(GREY)),
+            ("base parameters".to_owned(), Sign::Dot(BLUE)),
+        ];
+        if let Some(rank) = rank {
+            let end = rank as f64 + 0.5;
+            let cut = [(end, FLOOR), (end, 3.0)];
+            let style = RED.stroke_width(px(3) / 2);
+            chart.draw_series(DashedLineSeries::new(cut, px(5), px(4), style))?;
+            entries.push((format!("certified rank {rank}"), Sign::Line(RED)));
+        }
+        legend(area, 72, &entries)
+    })
+}
+
+/// Relative standard deviations in percent, as bars over a logarithmic axis with the bound of
+/// those that are well identified.
+pub(super) fn deviations(rows: &[(String, f64)], bound: f64) -> Result<String, Failure> {
+    let height = u32::try_from(60 + 17 * rows.len()).unwrap_or(u32::MAX / FINE);
+    drawn(height, |area| {
+        let (lo, hi) = (0.01, 1e4);
+        let mut chart = ChartBuilder::on(area)
+            .margin_top(px(6))
+            .margin_right(px(24))
+            .x_label_area_size(px(40))
+            .y_label_area_size(px(96))
+            .build_cartesian_2d((lo..hi).log_scale(), rows.len() as f64..0.0)?;
+        chart
+            .configure_mesh()
+            .light_line_style(TRANSPARENT)
+            .bold_line_style(GREY.mix(0.18).stroke_width(px(1)))
+            .disable_y_mesh()
+            .disable_y_axis()
+            .axis_style(GREY.stroke_width(px(1)))
+            .set_all_tick_mark_size(px(4))
+            .label_style(letters())
+            .axis_desc_style(letters())
+            .x_labels(7)
+            .x_label_formatter(&|v| number(*v, 2))
+            .x_desc("standard deviation, percent of the value")
+            .draw()?;
+        for (k, (name, percent)) in rows.iter().enumerate() {
+            let end = if percent.is_finite() { *percent } else { hi };
+            let dye = if *percent < bound { BLUE } else { ORANGE };
+            let corners = [(lo, k as f64 + 0.2), (end.clamp(lo, hi), k as f64 + 0.8)];
+            chart.draw_series([Rectangle::new(corners, dye.filled())])?;
+            let (x, y) = chart.backend_coord(&(lo, k as f64 + 0.5));
+            let style = letters().pos(Pos::new(HPos::Right, VPos::Center));
+            area.draw_text(name, &style, (x - at(6, 0).0, y))?;
+        }
+        let line = [(bound, 0.0), (bound, rows.len() as f64)];
+        let style = RED.stroke_width(px(3) / 2);
+        chart.draw_series(DashedLineSeries::new(line, px(5), px(4), style))?;
+        Ok(())
+    })
+}
+
+/// The range of finite values with a margin; around a single value too.
+fn range(values: impl Iterator<Item = f64>, margin: f64) -> Range<f64> {
+    let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
+    for v in values.filter(|v| v.is_finite()) {
+        (lo, hi) = (lo.min(v), hi.max(v));
+    }
+    if lo > hi {
+        return 0.0..1.0;
+    }
+    let size = hi - lo;
+    if size <= 1e-9 * lo.abs().max(hi.abs()) {
+        let pad = (0.1 * lo.abs()).max(1e-3);
+        return lo - pad..hi + pad;
+    }
+    lo - margin * size..hi + margin * size
+}
+
+/// Decimals that tell the marks of an axis apart.
+fn decimals(range: &Range<f64>) -> usize {
+    let step = (range.end - range.start) / 8.0;
+    #[allow(clippy::cast_sign_loss, reason = "clamped")]
+    let digits = (-step.log10().floor()).clamp(0.0, 9.0) as usize;
+    digits
+}
+
+fn number(value: f64, digits: usize) -> String {
+    let text = format!("{value:.digits$}");
+    // no negative zeros
+    let text = if text
+        .trim_start_matches('-')
+        .chars()
+        .all(|c| c == '0' || c == '.')
+    {
+        text.trim_start_matches('-').to_owned()
+    } else {
+        text
+    };
+    if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    } else {
+        text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn marks_are_told_apart_without_more_digits_than_that() {
+        assert_eq!(decimals(&(0.0..100.0)), 0);
+        assert_eq!(number(20.0, decimals(&(0.0..100.0))), "20");
+        assert_eq!(number(0.65, decimals(&(0.6..0.8))), "0.65");
+        assert_eq!(number(-0.0, 2), "0");
+        assert_eq!(range([3.0, f64::NAN, 5.0].into_iter(), 0.0), 3.0..5.0);
+        assert_eq!(range(std::iter::empty(), 0.1), 0.0..1.0);
+        let one = range([2.0].into_iter(), 0.1);
+        assert!(one.start < 2.0 && one.end > 2.0);
+    }
+}

@@ -1,0 +1,255 @@
+//! The figures of a report from what was gathered.
+
+use regen_runtime::{BaseModel, Limits, Model, Motion};
+
+use super::charts::{self, BLUE, DYES, Figure, GREY, Line, Look, ORANGE, RED};
+use super::gather::{Predictor, Seen, Spectra};
+use crate::exit::Failure;
+use crate::interpreted::Interpreted;
+use crate::parameters::{ParameterFile, WELL};
+
+/// Points of a line at most: more is not seen, and makes pages heavy.
+const POINTS: usize = 1500;
+/// Points of a curve.
+const CURVE: usize = 200;
+
+/// Column `k` of rows of this width over time, thinned.
+fn column(t: &[f64], values: &[f64], k: usize, width: usize) -> Vec<(f64, f64)> {
+    let stride = t.len().div_ceil(POINTS).max(1);
+    let values = values.iter().skip(k).step_by(width.max(1));
+    let points = t.iter().copied().zip(values.copied());
+    points.step_by(stride).collect()
+}
+
+/// A name that is good in a file's name too.
+fn slug(name: &str) -> String {
+    let keep = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
+    name.chars().map(keep).collect()
+}
+
+/// Positions and velocities of the independent coordinates beside their limits, those of one
+/// unit together.
+pub(super) fn motion(model: &Interpreted<'_>, seen: &Seen) -> Result<Vec<Figure>, Failure> {
+    type Of = fn(&Limits) -> Option<[f64; 2]>;
+    let info = model.info();
+    let n = info.coordinates.len();
+    let kinds: [(&str, &[f64], Of, [&str; 2]); 2] = [
+        ("position", &seen.q, |l| l.position, ["rad", "m"]),
+        ("velocity", &seen.qd, |l| l.velocity, ["rad/s", "m/s"]),
+    ];
+    let mut figures = Vec::new();
+    for (what, values, limit, units) in kinds {
+        for (unit, kind) in units.into_iter().zip([Motion::Turn, Motion::Shift]) {
+            let joint = |c: &usize| info.joints.get(*c);
+            let own: Vec<usize> = info
+                .independent
+                .iter()
+                .copied()
+                .filter(|c| joint(c).is_some_and(|j| j.motion == kind))
+                .collect();
+            if own.is_empty() {
+                continue;
+            }
+            let mut lines: Vec<Line> = own
+                .iter()
+                .zip(DYES.iter().cycle())
+                .map(|(c, dye)| Line {
+                    label: info.coordinates.get(*c).unwrap_or(&"?").to_string(),
+                    points: column(&seen.t, values, *c, n),
+                    dye: *dye,
+                    look: Look::Solid,
+                })
+                .collect();
+            let mut bounds: Vec<f64> = own
+                .iter()
+                .filter_map(|c| joint(c).and_then(|j| limit(&j.limits)))
+                .flatten()
+                .filter(|x| x.is_finite())
+                .collect();
+            bounds.sort_by(f64::total_cmp);
+            bounds.dedup();
+            let ends = seen.t.first().zip(seen.t.last());
+            for (k, bound) in bounds.iter().enumerate() {
+                let Some((from, to)) = ends else { break };
+                lines.push(Line {
+                    label: if k == 0 { "limit" } else { "" }.to_owned(),
+                    points: vec![(*from, *bound), (*to, *bound)],
+                    dye: RED,
+                    look: Look::Dashed,
+                });
+            }
+            let suffix = if kind == Motion::Turn {
+                "turns"
+            } else {
+                "shifts"
+            };
+            figures.push(Figure {
+                name: format!("{what}-{suffix}"),
+                caption: format!("{what} of the independent coordinates over {}", seen.file),
+                svg: charts::lines("t, s", &format!("{what}, {unit}"), 250, &lines)?,
+            });
+        }
+    }
+    Ok(figures)
+}
+
+/// Forces measured and predicted, and below them what is left.
+pub(super) fn forces(model: &Interpreted<'_>, seen: &Seen) -> Result<Vec<Figure>, Failure> {
+    let info = model.info();
+    let dof = info.dof();
+    let left: Vec<f64> = seen
+        .tau
+        .iter()
+        .zip(&seen.predicted)
+        .map(|(a, b)| a - b)
+        .collect();
+    let mut figures = Vec::with_capacity(dof);
+    for (k, c) in info.independent.iter().enumerate() {
+        let name = info.coordinates.get(*c).copied().unwrap_or("?");
+        let shift = info
+            .joints
+            .get(*c)
+            .is_some_and(|j| j.motion == Motion::Shift);
+        let unit = if shift { "N" } else { "N m" };
+        let line = |label: &str, values: &[f64], dye, look| Line {
+            label: label.to_owned(),
+            points: column(&seen.t, values, k, dof),
+            dye,
+            look,
+        };
+        let above = [
+            line("measured", &seen.tau, GREY, Look::Dots),
+            line("predicted", &seen.predicted, BLUE, Look::Solid),
+        ];
+        let below = [line("", &left, ORANGE, Look::Solid)];
+        let [up, down] = ["effort", "residual"].map(|what| format!("{what}, {unit}"));
+        figures.push(Figure {
+            name: format!("forces-{}", slug(name)),
+            caption: format!(
+                "effort of {name} over {}, and what is left of it",
+                seen.file
+            ),
+            svg: charts::two_panels("t, s", [&up, &down], &above, &below)?,
+        });
+    }
+    Ok(figures)
+}
+
+/// Friction of each independent coordinate that has coefficients, linear or not: the
+/// curve over the velocities that were reached, and what the rest of the model leaves of the
+/// measured efforts.
+pub(super) fn friction(
+    model: &Interpreted<'_>,
+    seen: &Seen,
+    predictor: &Predictor<'_>,
+) -> Result<Vec<Figure>, Failure> {
+    let info = model.info();
+    let base = model.base_info().base;
+    let (n, dof) = (info.coordinates.len(), info.dof());
+    let mut figures = Vec::new();
+    for (k, c) in info.independent.iter().enumerate() {
+        let name = info.coordinates.get(*c).copied().unwrap_or("?");
+        let of = |symbol: &str| {
+            let label = format!("{symbol}({name})");
+            let place = base.iter().position(|b| b.label == label)?;
+            predictor.beta.get(place).copied()
+        };
+        let found = ["Fv", "Fc", "Fv+", "Fc+", "Fv-", "Fc-"].map(of);
+        let fit = predictor.friction.iter().find(|f| f.name == name);
+        if found.iter().all(Option::is_none) && fit.is_none() {
+            continue;
+        }
+        let [fv, fc, fv_plus, fc_plus, fv_minus, fc_minus] = found;
+        let curve = |v: f64| {
+            if let Some(fit) = fit {
+                return fit.effort(v);
+            }
+            let (own_v, own_c) = if v > 0.0 {
+                (fv_plus, fc_plus)
+            } else {
+                (fv_minus, fc_minus)
+            };
+            let viscous = fv.or(own_v).unwrap_or(0.0);
+            let coulomb = fc.or(own_c).unwrap_or(0.0);
+            // nothing is left at rest
+            let sign = if v > 0.0 {
+                1.0
+            } else if v < 0.0 {
+                -1.0
+            } else {
+                0.0
+            };
+            viscous * v + coulomb * sign
+        };
+        let velocities = column(&seen.t, &seen.qd, *c, n);
+        let tau = column(&seen.t, &seen.tau, k, dof);
+        let predicted = column(&seen.t, &seen.predicted, k, dof);
+        let cloud: Vec<(f64, f64)> = velocities
+            .iter()
+            .zip(tau.iter().zip(&predicted))
+            .map(|((_, v), ((_, tau), (_, predicted)))| (*v, tau - predicted + curve(*v)))
+            .collect();
+        let widest = cloud.iter().fold(0.0_f64, |m, p| m.max(p.0.abs()));
+        let ends = |from: f64, to: f64| -> Vec<(f64, f64)> {
+            let part = |j: usize| from + (to - from) * j as f64 / CURVE as f64;
+            (0..=CURVE).map(|j| (part(j), curve(part(j)))).collect()
+        };
+        let near = 1e-9 * widest.max(1e-9);
+        let line = |label: &str, points| Line {
+            label: label.to_owned(),
+            points,
+            dye: BLUE,
+            look: Look::Solid,
+        };
+        let lines = [
+            Line {
+                label: "effort less the rest of the model".to_owned(),
+                points: cloud,
+                dye: GREY,
+                look: Look::Dots,
+            },
+            line("identified friction", ends(-widest, -near)),
+            line("", ends(near, widest)),
+        ];
+        let shift = info
+            .joints
+            .get(*c)
+            .is_some_and(|j| j.motion == Motion::Shift);
+        let (x, y) = if shift {
+            ("velocity, m/s", "friction, N")
+        } else {
+            ("velocity, rad/s", "friction, N m")
+        };
+        figures.push(Figure {
+            name: format!("friction-{}", slug(name)),
+            caption: format!("friction of {name} over the velocities of {}", seen.file),
+            svg: charts::lines(x, y, 260, &lines)?,
+        });
+    }
+    Ok(figures)
+}
+
+/// The singular values with the certified rank.
+pub(super) fn spectrum(model: &Interpreted<'_>, spectra: &Spectra) -> Result<Figure, Failure> {
+    let rank = model.base_info().certificate.map(|c| c.rank);
+    Ok(Figure {
+        name: "singular-values".to_owned(),
+        caption: "singular values of the regressor over the log, columns scaled to unit length"
+            .to_owned(),
+        svg: charts::spectrum(&spectra.all, &spectra.base, rank)?,
+    })
+}
+
+/// The relative deviations.
+pub(super) fn deviations(file: &ParameterFile) -> Result<Figure, Failure> {
+    let rows = file.parameters.iter();
+    let rows: Vec<(String, f64)> = rows.map(|p| (p.label.clone(), p.sigma_percent)).collect();
+    Ok(Figure {
+        name: "deviations".to_owned(),
+        caption: format!(
+            "relative standard deviations; the dashed line is {WELL:.0} %, below which a \
+             parameter counts as well identified"
+        ),
+        svg: charts::deviations(&rows, WELL)?,
+    })
+}

@@ -1,0 +1,212 @@
+//! What a report shows of logs: motion, forces measured and predicted, singular values.
+
+use std::path::{Path, PathBuf};
+
+use nalgebra::DMatrix;
+use regen_runtime::data::DataError;
+use regen_runtime::estimate::EffortError;
+use regen_runtime::friction::{self, JointFit};
+use regen_runtime::identify::{self, Kind, Source};
+use regen_runtime::{BaseModel, Model};
+
+use crate::args::ReadingArgs;
+use crate::exit::Failure;
+use crate::interpreted::Interpreted;
+use crate::{observe, predicted};
+
+/// States of the regressor at most whose singular values are shown.
+const STATES: usize = 300;
+
+/// One log, row by row.
+pub(super) struct Seen {
+    pub(super) file: String,
+    pub(super) t: Vec<f64>,
+    /// Of all coordinates, n a row.
+    pub(super) q: Vec<f64>,
+    pub(super) qd: Vec<f64>,
+    pub(super) qdd: Vec<f64>,
+    /// Of the independent coordinates, dof a row.
+    pub(super) tau: Vec<f64>,
+    pub(super) predicted: Vec<f64>,
+}
+
+/// The errors of one log.
+pub(super) struct Errors {
+    pub(super) file: String,
+    /// Whether it was used for identification.
+    pub(super) used: bool,
+    /// eps_RA, percent.
+    pub(super) all: f64,
+    pub(super) efforts: Vec<EffortError>,
+}
+
+/// What predicts forces: base parameters, and friction that has no columns.
+pub(super) struct Predictor<'a> {
+    pub(super) beta: &'a [f64],
+    pub(super) friction: &'a [JointFit],
+}
+
+/// Singular values of the regressor over a log, columns scaled to unit length, largest first
+/// and as a part of it.
+pub(super) struct Spectra {
+    /// Of all parameters' columns.
+    pub(super) all: Vec<f64>,
+    /// Of the base parameters' columns.
+    pub(super) base: Vec<f64>,
+}
+
+/// Reads one log's rows and predicts their forces.
+pub(super) fn seen(
+    model: &Interpreted<'_>,
+    path: &Path,
+    reading: &ReadingArgs,
+    predictor: &Predictor<'_>,
+) -> Result<Seen, Failure> {
+    let mut logs = observe::open(model, &[path.to_owned()], reading)?;
+    let mut seen = Seen {
+        file: name(path),
+        t: Vec::new(),
+        q: Vec::new(),
+        qd: Vec::new(),
+        qdd: Vec::new(),
+        tau: Vec::new(),
+        predicted: Vec::new(),
+    };
+    let found: Result<(), DataError> = logs.visit(&mut |row| {
+        seen.t.push(row.time);
+        seen.q.extend(row.q);
+        seen.qd.extend(row.qd);
+        seen.qdd.extend(row.qdd);
+        seen.tau.extend(row.tau);
+        Ok(())
+    });
+    found?;
+    let info = model.info();
+    let (n, dof) = (info.coordinates.len().max(1), info.dof());
+    let rows = seen.q.chunks_exact(n).zip(seen.qd.chunks_exact(n));
+    let mut tau = vec![0.0; dof];
+    let fits = predictor.friction.iter();
+    let fits = fits.filter_map(|fit| Some((info.index_of(&fit.name)?, fit)));
+    let (joints, fits): (Vec<usize>, Vec<&JointFit>) = fits.unzip();
+    for ((q, qd), qdd) in rows.zip(seen.qdd.chunks_exact(n)) {
+        let _condition = model.base_inverse_dynamics(q, qd, qdd, predictor.beta, &mut tau)?;
+        if !fits.is_empty() {
+            let (shares, _condition) = friction::directions(model, q, &joints)?;
+            let columns = shares.chunks_exact(dof.max(1));
+            for (share, (joint, fit)) in columns.zip(joints.iter().zip(&fits)) {
+                let effort = fit.effort(qd.get(*joint).copied().unwrap_or(0.0));
+                for (sum, share) in tau.iter_mut().zip(share) {
+                    *sum += share * effort;
+                }
+            }
+        }
+        seen.predicted.extend(&tau);
+    }
+    Ok(seen)
+}
+
+/// The errors of given parameters on a log.
+pub(super) fn errors(
+    model: &Interpreted<'_>,
+    path: &PathBuf,
+    reading: &ReadingArgs,
+    predictor: &Predictor<'_>,
+    used: bool,
+) -> Result<Errors, Failure> {
+    let kind: Kind = observe::kind(reading);
+    let mut log = observe::open(model, std::slice::from_ref(path), reading)?;
+    let means = identify::observe(model, kind, &mut log)?.0.means();
+    let Predictor { beta, friction } = predictor;
+    let found = predicted::residuals(model, kind, &mut log, beta, friction, &means)?;
+    Ok(Errors {
+        file: name(path),
+        used,
+        all: found.relative_absolute(),
+        efforts: found.efforts(),
+    })
+}
+
+/// The singular values over a log.
+pub(super) fn spectra(model: &Interpreted<'_>, seen: &Seen) -> Result<Spectra, Failure> {
+    let info = model.info();
+    let (n, dof) = (info.coordinates.len().max(1), info.dof());
+    let stride = seen.t.len().div_ceil(STATES).max(1);
+    let rows: Vec<usize> = (0..seen.t.len()).step_by(stride).collect();
+    let of = |values: &[f64], row: usize| -> Vec<f64> {
+        values.iter().skip(row * n).take(n).copied().collect()
+    };
+    let (p, rank) = (info.parameters.len(), model.base_info().base.len());
+    let mut all = DMatrix::zeros(rows.len() * dof, p);
+    let mut base = DMatrix::zeros(rows.len() * dof, rank);
+    let (mut wide, mut narrow) = (vec![0.0; dof * p], vec![0.0; dof * rank]);
+    for (k, row) in rows.iter().enumerate() {
+        let (q, qd, qdd) = (of(&seen.q, *row), of(&seen.qd, *row), of(&seen.qdd, *row));
+        let _condition = model.regressor(&q, &qd, &qdd, &mut wide)?;
+        let _condition = model.base_regressor(&q, &qd, &qdd, &mut narrow)?;
+        for (block, matrix) in [(&wide, &mut all), (&narrow, &mut base)] {
+            for (j, column) in block.chunks_exact(dof.max(1)).enumerate() {
+                for (i, x) in column.iter().enumerate() {
+                    matrix[(k * dof + i, j)] = *x;
+                }
+            }
+        }
+    }
+    Ok(Spectra {
+        all: singular(all),
+        base: singular(base),
+    })
+}
+
+/// Singular values with columns scaled, as a part of the largest; none where a state was
+/// singular.
+fn singular(mut w: DMatrix<f64>) -> Vec<f64> {
+    if w.is_empty() || w.iter().any(|x| !x.is_finite()) {
+        return Vec::new();
+    }
+    let norms: Vec<f64> = w.column_iter().map(|c| c.norm()).collect();
+    let longest = norms.iter().copied().fold(0.0, f64::max);
+    for (mut column, norm) in w.column_iter_mut().zip(norms) {
+        // shorter columns are rounding
+        if norm > 1e-12 * longest {
+            column /= norm;
+        } else {
+            column.fill(0.0);
+        }
+    }
+    let triangle = w.qr().r();
+    let Some(svd) = triangle.try_svd(false, false, f64::EPSILON, 10_000) else {
+        return Vec::new();
+    };
+    let mut values: Vec<f64> = svd.singular_values.iter().copied().collect();
+    values.sort_by(|a, b| b.total_cmp(a));
+    let largest = values.first().copied().unwrap_or(1.0);
+    values.iter().map(|v| v / largest).collect()
+}
+
+/// A file's name without its folders, which differ from machine to machine.
+pub(super) fn name(path: &Path) -> String {
+    let name = path.file_name().unwrap_or(path.as_os_str());
+    name.to_string_lossy().into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn singular_values_do_not_know_the_columns_units() {
+        // the third column is the sum of the others, in other units
+        let a = |r: usize| (r as f64).sin();
+        let b = |r: usize| 1e4 * (0.7 * r as f64).cos();
+        let w = DMatrix::from_fn(12, 4, |r, c| match c {
+            0 => a(r),
+            1 => b(r),
+            2 => 1e3 * (a(r) + b(r) / 1e4),
+            _ => 0.0,
+        });
+        let values = singular(w);
+        assert_eq!(values.len(), 4);
+        assert!((values[0] - 1.0).abs() < 1e-15);
+        assert!(values[1] > 0.1 && values[2] < 1e-14 && values[3] < 1e-14);
+    }
+}

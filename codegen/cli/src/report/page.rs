@@ -1,0 +1,454 @@
+//! The page of a report.
+
+use std::fmt::Write as _;
+
+use regen_runtime::{BaseModel, Model, Motion};
+
+use super::charts::Figure;
+use super::{Errors, Report};
+
+/// Text that is safe between tags and in quotes.
+fn escaped(text: &str) -> String {
+    let text = text.replace('&', "&amp;").replace('<', "&lt;");
+    text.replace('>', "&gt;").replace('"', "&quot;")
+}
+
+/// A figure in four digits, without an exponent where it can be read so.
+fn four(value: f64) -> String {
+    let size = value.abs();
+    if !value.is_finite() {
+        "–".to_owned()
+    } else if size < 1e-15 {
+        // rounding
+        "0".to_owned()
+    } else if (1e-3..1e5).contains(&size) {
+        #[allow(clippy::cast_sign_loss, reason = "clamped")]
+        let digits = (3.0 - size.log10().floor()).clamp(0.0, 6.0) as usize;
+        format!("{value:.digits$}")
+    } else {
+        format!("{value:.3e}")
+    }
+}
+
+/// The whole page.
+pub(super) fn html(report: &Report<'_>) -> String {
+    let name = escaped(&report.robot.name);
+    let mut body = String::new();
+    for section in [
+        summary(report),
+        base(report),
+        motion(report),
+        forces(report),
+        parameters(report),
+        friction(report),
+        singular(report),
+        validation(report),
+    ] {
+        body.push_str(&section);
+    }
+    format!(
+        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <title>Identification of {name}</title>\n<link rel=\"icon\" href=\"data:,\">\n\
+         <style>\n{}</style>\n</head>\n<body>\n<main>\n<h1>Identification of {name}</h1>\n\
+         {body}</main>\n</body>\n</html>\n",
+        include_str!("report.css")
+    )
+}
+
+fn section(id: &str, title: &str, content: &str) -> String {
+    format!("<section id=\"{id}\">\n<h2>{title}</h2>\n{content}</section>\n")
+}
+
+fn figure(figure: &Figure) -> String {
+    // in a page, drawings need no name space
+    let svg = figure
+        .svg
+        .replace(" xmlns=\"http://www.w3.org/2000/svg\"", "");
+    let caption = escaped(&figure.caption);
+    format!(
+        "<figure id=\"{}\" role=\"img\" aria-label=\"{caption}\">\n{}\n\
+         <figcaption>{caption}</figcaption>\n</figure>\n",
+        figure.name,
+        svg.trim_end()
+    )
+}
+
+fn table(caption: &str, head: &[&str], rows: &[Vec<String>]) -> String {
+    let mut out = format!("<table>\n<caption>{caption}</caption>\n<thead><tr>");
+    for title in head {
+        let _ = write!(out, "<th scope=\"col\">{title}</th>");
+    }
+    out.push_str("</tr></thead>\n<tbody>\n");
+    for row in rows {
+        out.push_str("<tr>");
+        for cell in row {
+            let _ = write!(out, "<td>{cell}</td>");
+        }
+        out.push_str("</tr>\n");
+    }
+    out.push_str("</tbody>\n</table>\n");
+    out
+}
+
+fn summary(report: &Report<'_>) -> String {
+    let info = report.model.info();
+    let names = |of: &[usize]| {
+        let names = of.iter().filter_map(|c| info.coordinates.get(*c).copied());
+        names.map(escaped).collect::<Vec<_>>().join(", ")
+    };
+    let well = report.file.parameters.iter();
+    let well = well.filter(|p| p.status.starts_with("well")).count();
+    let mut rows = vec![
+        (
+            "Independent coordinates",
+            format!(
+                "{} of {}: {}",
+                info.dof(),
+                info.coordinates.len(),
+                names(info.independent)
+            ),
+        ),
+        ("Actuated", names(info.actuated)),
+        ("Bodies", info.bodies.len().to_string()),
+        (
+            "Loops",
+            match info.cuts.len() {
+                0 => "none".to_owned(),
+                n => format!(
+                    "{n}, cut at {}",
+                    info.cuts
+                        .iter()
+                        .map(|c| escaped(c.name))
+                        .collect::<Vec<_>>()
+                        .join(", ")
+                ),
+            },
+        ),
+        (
+            "Parameters",
+            format!(
+                "{}, of which {} base parameters count; {well} of {} are well identified",
+                info.parameters.len(),
+                report.model.base_info().base.len(),
+                report.file.parameters.len()
+            ),
+        ),
+        ("Method", escaped(&report.file.method)),
+        ("Derivatives", escaped(&report.method)),
+    ];
+    if let Some(text) = &report.file.feasibility {
+        rows.push(("Feasibility", escaped(text)));
+    }
+    for errors in &report.errors {
+        let title = if errors.used {
+            "eps<sub>RA</sub>"
+        } else {
+            "eps<sub>RA</sub>, validation"
+        };
+        rows.push((
+            title,
+            format!("{:.3} % on {}", errors.all, escaped(&errors.file)),
+        ));
+    }
+    rows.push((
+        "Digest of the model",
+        format!("<code>{}</code>", escaped(&report.file.model)),
+    ));
+    let mut out = String::new();
+    if let Some(text) = &report.robot.description {
+        let _ = writeln!(out, "<p class=\"lead\">{}</p>", escaped(text));
+    }
+    out.push_str("<dl>\n");
+    for (title, text) in rows {
+        let _ = writeln!(out, "<dt>{title}</dt><dd>{text}</dd>");
+    }
+    out.push_str("</dl>\n");
+    section("summary", "Model", &out)
+}
+
+fn base(report: &Report<'_>) -> String {
+    /// Longer coefficients are printed as numbers.
+    const LONGEST: usize = 28;
+    let rows: Vec<Vec<String>> = report
+        .model
+        .base_info()
+        .base
+        .iter()
+        .enumerate()
+        .map(|(k, parameter)| {
+            let mut text = String::new();
+            for (j, term) in parameter.terms.iter().enumerate() {
+                let label = escaped(term.parameter);
+                if j == 0 {
+                    text.push_str(&label);
+                    continue;
+                }
+                let plain = |one: f64| (term.value - one).abs() < 1e-15;
+                let _ = if plain(1.0) {
+                    write!(text, " + {label}")
+                } else if plain(-1.0) {
+                    write!(text, " − {label}")
+                } else if term.coefficient.len() <= LONGEST {
+                    write!(text, " + ({}) {label}", escaped(term.coefficient))
+                } else {
+                    let sign = if term.value < 0.0 { "−" } else { "+" };
+                    write!(text, " {sign} {} {label}", four(term.value.abs()))
+                };
+            }
+            vec![(k + 1).to_string(), text]
+        })
+        .collect();
+    let caption = "Table 1. Base parameters: the combinations on which the forces depend";
+    section(
+        "base",
+        "Base parameters",
+        &table(caption, &["", "combination"], &rows),
+    )
+}
+
+fn motion(report: &Report<'_>) -> String {
+    let info = report.model.info();
+    let (n, dof) = (info.coordinates.len(), info.dof());
+    let ends = |values: &[f64], k: usize, width: usize| {
+        let column = values.iter().skip(k).step_by(width.max(1));
+        column.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], x| {
+            [lo.min(*x), hi.max(*x)]
+        })
+    };
+    let cell = |[lo, hi]: [f64; 2], limit: Option<[f64; 2]>| {
+        let reached = format!("{} … {}", four(lo), four(hi));
+        let Some([least, most]) = limit else {
+            return reached;
+        };
+        let over = lo < least || hi > most;
+        let class = if over { " class=\"over\"" } else { "" };
+        format!(
+            "<span{class}>{reached}</span><br><small>{} … {}</small>",
+            four(least),
+            four(most)
+        )
+    };
+    let seen = &report.seen;
+    let rows: Vec<Vec<String>> = info
+        .independent
+        .iter()
+        .enumerate()
+        .map(|(k, c)| {
+            let joint = info.joints.get(*c);
+            let limits = joint.map(|j| j.limits).unwrap_or_default();
+            let shift = joint.is_some_and(|j| j.motion == Motion::Shift);
+            vec![
+                format!(
+                    "{} <small>{}</small>",
+                    escaped(info.coordinates.get(*c).unwrap_or(&"?")),
+                    if shift { "m, N" } else { "rad, N m" }
+                ),
+                cell(ends(&seen.q, *c, n), limits.position),
+                cell(ends(&seen.qd, *c, n), limits.velocity),
+                cell(ends(&seen.qdd, *c, n), limits.acceleration),
+                cell(ends(&seen.tau, k, dof), limits.effort),
+            ]
+        })
+        .collect();
+    let caption = "Reached by the independent coordinates, and below it the limits";
+    let head = [
+        "coordinate",
+        "position",
+        "velocity",
+        "acceleration",
+        "effort",
+    ];
+    let mut out = table(caption, &head, &rows);
+    report.motion.iter().for_each(|f| out.push_str(&figure(f)));
+    section("motion", "Motion and limits", &out)
+}
+
+fn forces(report: &Report<'_>) -> String {
+    let figures: String = report.forces.iter().map(figure).collect();
+    section("forces", "Forces", &figures)
+}
+
+fn parameters(report: &Report<'_>) -> String {
+    let base = report.model.base_info().base;
+    let rows: Vec<Vec<String>> = report
+        .file
+        .parameters
+        .iter()
+        .map(|p| {
+            let place = base.iter().position(|b| b.label == p.label);
+            let nominal = report.nominal.as_ref().zip(place);
+            let nominal = nominal.and_then(|(values, k)| values.get(k)).copied();
+            // a bar from 0.1 to 100 percent over a logarithmic scale
+            let decades = (p.sigma_percent / 0.1).log10() / 3.0;
+            let width = 100.0
+                * if decades.is_finite() {
+                    decades.clamp(0.02, 1.0)
+                } else {
+                    1.0
+                };
+            let well = p.status.starts_with("well");
+            let class = if well { "well" } else { "poor" };
+            let percent = if p.sigma_percent < 1e4 {
+                format!("{:.2}", p.sigma_percent)
+            } else {
+                "&gt; 10⁴".to_owned()
+            };
+            vec![
+                format!(
+                    "<span title=\"{}\">{}</span>",
+                    escaped(&p.combination),
+                    escaped(&p.label)
+                ),
+                four(p.value),
+                escaped(&p.unit),
+                four(p.sigma),
+                format!(
+                    "{percent}<span class=\"track\"><span class=\"{class}\" \
+                     style=\"width:{width:.0}%\"></span></span>"
+                ),
+                nominal.map_or_else(|| "–".to_owned(), four),
+                if well {
+                    "well".to_owned()
+                } else if p.status.starts_with("left") {
+                    "left out".to_owned()
+                } else {
+                    "<b>poor</b>".to_owned()
+                },
+            ]
+        })
+        .collect();
+    let head = [
+        "parameter",
+        "value",
+        "unit",
+        "σ",
+        "σ, %",
+        "nominal",
+        "identified",
+    ];
+    let caption = "Identified values with standard deviations; nominal ones are the spec's. \
+                   The bars' ends are 0.1 % and 100 %";
+    let out = table(caption, &head, &rows) + &figure(&report.deviations);
+    section("parameters", "Parameters", &out)
+}
+
+fn friction(report: &Report<'_>) -> String {
+    if report.friction.is_empty() {
+        let text = "<p>No friction coefficient of an independent coordinate is among the base \
+                    parameters.</p>\n";
+        return section("friction", "Friction", text);
+    }
+    let mut figures = String::new();
+    let rows: Vec<Vec<String>> = report
+        .file
+        .friction
+        .iter()
+        .map(|row| {
+            let values = row.coefficients.iter();
+            let values: Vec<String> = values
+                .map(|(symbol, value)| format!("{} = {}", escaped(symbol), four(*value)))
+                .collect();
+            vec![escaped(&row.joint), escaped(&row.law), values.join(", ")]
+        })
+        .collect();
+    if !rows.is_empty() {
+        let caption = "Friction that has no columns, in SI units";
+        figures = table(caption, &["joint", "law", "coefficients"], &rows);
+    }
+    report
+        .friction
+        .iter()
+        .for_each(|f| figures.push_str(&figure(f)));
+    section("friction", "Friction", &figures)
+}
+
+fn singular(report: &Report<'_>) -> String {
+    let info = report.model.base_info();
+    let mut out = figure(&report.spectrum);
+    let condition = |values: &[f64]| values.last().map(|last| 1.0 / last);
+    if let Some(condition) = condition(&report.spectra.base) {
+        let _ = writeln!(
+            out,
+            "<p>Condition number of the base regressor with scaled columns over this log: \
+             <b>{}</b>.</p>",
+            four(condition)
+        );
+    }
+    match info.certificate {
+        Some(c) => {
+            let _ = writeln!(
+                out,
+                "<p>Certificate: the regressor's {} columns have rank <b>{}</b> at {} random \
+                 closed states in {} digits; the smallest number that counted is {:.0e} of the \
+                 largest, the largest that did not {:.0e}. {}</p>",
+                c.columns,
+                c.rank,
+                c.states,
+                c.digits,
+                c.smallest_kept,
+                c.largest_dropped,
+                if info.complete {
+                    "The base parameters are as many: there are no fewer."
+                } else {
+                    "The base parameters are INCOMPLETE."
+                }
+            );
+        }
+        None => out.push_str("<p>The base has no certificate.</p>\n"),
+    }
+    section("singular", "Singular values and certificate", &out)
+}
+
+fn validation(report: &Report<'_>) -> String {
+    let cells = |errors: &Errors| -> Vec<Vec<String>> {
+        let of = errors.efforts.iter().map(|e| {
+            vec![
+                escaped(&errors.file),
+                if errors.used {
+                    "identification"
+                } else {
+                    "validation"
+                }
+                .to_owned(),
+                escaped(&e.name),
+                e.samples.to_string(),
+                format!("{:.3}", e.relative_absolute),
+                four(e.rms),
+                four(e.largest),
+            ]
+        });
+        of.collect()
+    };
+    let rows: Vec<Vec<String>> = report.errors.iter().flat_map(cells).collect();
+    let head = [
+        "log",
+        "used for",
+        "effort",
+        "samples",
+        "eps<sub>RA</sub>, %",
+        "rms",
+        "largest",
+    ];
+    let caption = "Errors of the predicted efforts, relative to the efforts' own spread (Eq. 33)";
+    section("validation", "Validation", &table(caption, &head, &rows))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn figures_have_four_digits_and_no_needless_exponent() {
+        assert_eq!(four(12.345_67), "12.35");
+        assert_eq!(four(0.001_234_5), "0.001234");
+        assert_eq!(four(98_765.4), "98765");
+        assert_eq!(four(-1.5e-7), "-1.500e-7");
+        assert_eq!(four(f64::NAN), "–");
+    }
+
+    #[test]
+    fn text_cannot_become_tags() {
+        assert_eq!(escaped("a<b & \"c\">"), "a&lt;b &amp; &quot;c&quot;&gt;");
+    }
+}
