@@ -98,7 +98,7 @@
     const top = cross(back, right);
     const narrow = w <= 640;
     const free = narrow ? { x: w / 2, y: h * 0.36, s: Math.min(w, h * 0.62) }
-      : { x: (w - 200) / 2, y: h / 2, s: Math.min(w - 220, h) };
+      : { x: (w - 200) / 2, y: h / 2 - 24, s: Math.min(w - 220, h - 60) };
     const from = add(eye.to, times(back, eye.away));
     const zoom = 1.35 * free.s;
     place = (p) => {
