@@ -1,6 +1,8 @@
-//! Programs run without being compiled, in double precision. The same result on
-//! every machine: plain arithmetic, and sines and cosines from a software
-//! library.
+//! Programs run without being compiled, in double precision or in numbers that carry
+//! derivatives. The same result on every machine: plain arithmetic, and sines and cosines from
+//! a software library.
+
+use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use crate::numeric::solve_pivoted;
 use crate::optimize::{Op, Operand, Program, SolveStep, Temp};
@@ -9,15 +11,57 @@ use crate::optimize::{Op, Operand, Program, SolveStep, Temp};
 /// the system is solved anew with pivoting.
 pub const PIVOT_BOUND: f64 = 1e-3;
 
+/// A number that programs run with.
+pub trait Number:
+    Copy
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+{
+    /// A constant.
+    fn constant(value: f64) -> Self;
+
+    /// The number without its derivatives.
+    fn value(self) -> f64;
+
+    /// Sine and cosine.
+    fn sin_cos(self) -> (Self, Self);
+
+    /// The solution of `A X = B`, unknowns by right-hand sides, by elimination with pivoting,
+    /// and the smallest over the largest pivot.
+    fn solve(matrix: &[Vec<Self>], rhs: &[Vec<Self>]) -> (Vec<Vec<Self>>, f64);
+}
+
+impl Number for f64 {
+    fn constant(value: f64) -> Self {
+        value
+    }
+
+    fn value(self) -> f64 {
+        self
+    }
+
+    fn sin_cos(self) -> (Self, Self) {
+        (libm::sin(self), libm::cos(self))
+    }
+
+    fn solve(matrix: &[Vec<Self>], rhs: &[Vec<Self>]) -> (Vec<Vec<Self>>, f64) {
+        let anew = solve_pivoted(matrix.to_vec(), rhs.to_vec());
+        (anew.solution, anew.pivot_ratio)
+    }
+}
+
 /// The program's outputs for these arguments, and its condition: the smallest
 /// pivot relative to its usual size (1 where nothing is solved).
 ///
 /// Missing arguments and elements count as NaN.
-pub fn run(program: &Program, inputs: &[&[f64]]) -> (Vec<f64>, f64) {
+pub fn run<T: Number>(program: &Program, inputs: &[&[T]]) -> (Vec<T>, T) {
     let mut machine = Machine {
         inputs,
-        temps: vec![f64::NAN; program.names.len()],
-        condition: 1.0,
+        temps: vec![T::constant(f64::NAN); program.names.len()],
+        condition: T::constant(1.0),
     };
     for step in &program.steps {
         machine.step(&step.op, &step.results);
@@ -26,27 +70,37 @@ pub fn run(program: &Program, inputs: &[&[f64]]) -> (Vec<f64>, f64) {
     (outputs, machine.condition)
 }
 
-struct Machine<'a> {
-    inputs: &'a [&'a [f64]],
-    temps: Vec<f64>,
-    condition: f64,
+struct Machine<'a, T> {
+    inputs: &'a [&'a [T]],
+    temps: Vec<T>,
+    condition: T,
 }
 
-impl Machine<'_> {
-    fn at(&self, operand: &Operand) -> f64 {
+/// The smaller of two, and NaN where the second is.
+fn smaller<T: Number>(a: T, b: T) -> T {
+    if b.value().is_nan() || b.value() < a.value() {
+        b
+    } else {
+        a
+    }
+}
+
+impl<T: Number> Machine<'_, T> {
+    fn at(&self, operand: &Operand) -> T {
         match *operand {
             Operand::Input { argument, element } => self
                 .inputs
                 .get(argument)
                 .and_then(|a| a.get(element))
                 .copied()
-                .unwrap_or(f64::NAN),
-            Operand::Constant(c) => c,
+                .unwrap_or(T::constant(f64::NAN)),
+            Operand::Constant(c) => T::constant(c),
             Operand::Temp(Temp(t)) => self.temps[t as usize],
         }
     }
 
     fn step(&mut self, op: &Op, results: &[Temp]) {
+        let flag = |holds: bool| T::constant(f64::from(u8::from(holds)));
         let value = match op {
             Op::Neg(a) => -self.at(a),
             Op::Add(a, b) => self.at(a) + self.at(b),
@@ -57,16 +111,16 @@ impl Machine<'_> {
             Op::MulSub(a, b, c) => self.at(a) * self.at(b) - self.at(c),
             Op::Div(a, b) => self.at(a) / self.at(b),
             Op::Sign(a) => {
-                let a = self.at(a);
-                if a == 0.0 { 0.0 } else { a.signum() }
+                let a = self.at(a).value();
+                T::constant(if a == 0.0 { 0.0 } else { a.signum() })
             }
-            Op::Positive(a) => f64::from(u8::from(self.at(a) > 0.0)),
-            Op::Negative(a) => f64::from(u8::from(self.at(a) < 0.0)),
+            Op::Positive(a) => flag(self.at(a).value() > 0.0),
+            Op::Negative(a) => flag(self.at(a).value() < 0.0),
             Op::SinCos(a) => {
-                let a = self.at(a);
+                let values = self.at(a).sin_cos();
                 if let [sin, cos] = results {
-                    self.temps[sin.0 as usize] = libm::sin(a);
-                    self.temps[cos.0 as usize] = libm::cos(a);
+                    self.temps[sin.0 as usize] = values.0;
+                    self.temps[cos.0 as usize] = values.1;
                 }
                 return;
             }
@@ -83,24 +137,23 @@ impl Machine<'_> {
         }
     }
 
-    fn solve(&mut self, solve: &SolveStep) -> Vec<f64> {
-        // min that keeps NaN
-        let margin = solve
-            .pivots
-            .iter()
-            .map(|(p, size)| (self.at(p) / size).abs())
-            .fold(1.0, |m: f64, x| if x.is_nan() || x < m { x } else { m });
-        if margin > PIVOT_BOUND {
-            self.condition = self.condition.min(margin);
+    fn solve(&mut self, solve: &SolveStep) -> Vec<T> {
+        let sizes = solve.pivots.iter().map(|(p, size)| {
+            let part = self.at(p) / T::constant(*size);
+            if part.value() < 0.0 { -part } else { part }
+        });
+        let margin = sizes.fold(T::constant(1.0), smaller);
+        if margin.value() > PIVOT_BOUND {
+            self.condition = smaller(self.condition, margin);
             return solve.fixed.iter().flatten().map(|o| self.at(o)).collect();
         }
-        let numbers = |rows: &[Vec<Operand>]| -> Vec<Vec<f64>> {
+        let numbers = |rows: &[Vec<Operand>]| -> Vec<Vec<T>> {
             rows.iter()
                 .map(|row| row.iter().map(|o| self.at(o)).collect())
                 .collect()
         };
-        let anew = solve_pivoted(numbers(&solve.matrix), numbers(&solve.rhs));
-        self.condition = self.condition.min(anew.pivot_ratio);
-        anew.solution.into_iter().flatten().collect()
+        let (solution, ratio) = T::solve(&numbers(&solve.matrix), &numbers(&solve.rhs));
+        self.condition = smaller(self.condition, T::constant(ratio));
+        solution.into_iter().flatten().collect()
     }
 }

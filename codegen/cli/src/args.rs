@@ -8,6 +8,7 @@ use crate::args_physical::PhysicalArgs;
 pub(crate) use crate::report::{ReportArgs, ReportOptions};
 pub(crate) use crate::simulate::SimulateArgs;
 pub(crate) use crate::view::ViewArgs;
+pub(crate) use crate::excite::ExciteArgs;
 
 const EXIT_CODES: &str = "\
 Exit codes:
@@ -32,6 +33,7 @@ Examples:
   regen generate --check             is generated/ what regen would write?
   regen eval robots/3rps.yaml --states states.json --format json
   regen import arm.urdf --out arm.yaml   a URDF or MJCF file as a spec
+  regen excite robots/3rps.yaml --out t.json   a trajectory to identify from
   regen identify robots/3rps.yaml log.csv --fourier 0.1333,11 --out p.json
   regen validate robots/3rps.yaml p.json other.csv --fourier 0.1333,11
   regen simulate robots/3rps.yaml --trajectory t.json --out log.csv
@@ -87,6 +89,8 @@ pub(crate) enum Command {
     Import(ImportArgs),
     /// Write identified parameters back into a robot file of your own
     Export(ExportArgs),
+    /// Seek an exciting trajectory within the robot's limits
+    Excite(ExciteArgs),
     /// Reduce logs to a factor file, to be merged by `identify --from`
     Observe(ObserveArgs),
     /// Identify base parameters from logs or factor files

@@ -10,6 +10,7 @@ mod base_table;
 mod check;
 mod closed;
 mod eval;
+mod excite;
 mod exit;
 mod export;
 mod generate;
@@ -79,6 +80,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Eval(args)) => eval::run(&args),
         Some(Command::Import(args)) => import::run(&args),
         Some(Command::Export(args)) => export::run(&args),
+        Some(Command::Excite(args)) => excite::run(&args),
         Some(Command::Observe(args)) => observe::run(&args),
         Some(Command::Identify(args)) => identify::run(&args),
         Some(Command::Validate(args)) => validate::run(&args),

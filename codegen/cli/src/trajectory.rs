@@ -44,7 +44,6 @@ pub(crate) struct Trajectory {
 
 impl Trajectory {
     /// A series of a robot's independent coordinates.
-    #[allow(dead_code, reason = "written by the command that makes trajectories")]
     pub(crate) fn new(info: &Info<'_>, series: &Fourier, criterion: BTreeMap<String, f64>) -> Self {
         let names = info.independent.iter().map(|c| info.coordinates.get(*c));
         let coordinates: Vec<String> = names.flatten().map(|&name| name.to_owned()).collect();
@@ -85,7 +84,6 @@ impl Trajectory {
     }
 
     /// Writes the file.
-    #[allow(dead_code, reason = "written by the command that makes trajectories")]
     pub(crate) fn write(&self, path: &Path) -> Result<(), Failure> {
         write::atomically(path, &table::json(self))
     }

@@ -15,6 +15,7 @@
 mod check;
 mod criterion;
 mod evaluate;
+mod landscape;
 mod limits;
 mod quadratic;
 mod run;
@@ -28,6 +29,7 @@ use std::prelude::v1::*;
 
 pub use criterion::{Criterion, Figures};
 pub use evaluate::Evaluate;
+pub use landscape::{Landscape, Sight};
 pub use limits::{Limit, Quantity};
 pub use run::{Excitation, Margin, Outcome, Progress, Watch, excite};
 pub use tangent::Tangent;

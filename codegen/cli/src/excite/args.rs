@@ -1,0 +1,171 @@
+//! The options of `regen excite`.
+
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use clap::{Args, ValueEnum};
+
+use crate::args::Format;
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+The independent coordinates follow finite Fourier series (Eq. 25) that make the
+observation matrix of the base parameters well conditioned. Limits are those of
+the spec, changed by --limit and --cone; they hold over the whole period, between
+samples too: positions, velocities and accelerations of all coordinates, cones of
+spherical joints, efforts of the actuators at the nominal parameters, and a
+margin from singularities. The loops stay closed on the branch of `home`.
+
+If no trajectory keeps all limits, the one that is in the way is named, and the
+exit code is 4. Ctrl-C ends the search with the best found so far. The same seed
+gives the same file, on any number of threads.
+
+Examples:
+  regen excite robots/3rps.yaml --out t.json
+  regen excite robots/3rps.yaml --harmonics 11 --frequency 0.13333 --samples 75 \\
+      --limit q2.velocity=-0.6,0.6 --cone s1=45deg --cone s2=45deg --seed 7
+  regen excite robots/fivebar.yaml --criterion determinant --at-rest --out t.json")]
+pub(crate) struct ExciteArgs {
+    /// The robot's spec
+    pub(crate) file: PathBuf,
+    /// Where the trajectory is written [default: nowhere, only the summary is
+    /// printed; its JSON holds the trajectory too]
+    #[arg(long, value_name = "TRAJECTORY")]
+    pub(crate) out: Option<PathBuf>,
+    /// The number of harmonics
+    #[arg(long, value_name = "N", default_value_t = 11)]
+    pub(crate) harmonics: usize,
+    /// The frequency of the first harmonic in Hz
+    #[arg(long, value_name = "HZ", default_value_t = 1.0 / 7.5)]
+    pub(crate) frequency: f64,
+    /// Samples in a period
+    #[arg(long, value_name = "N", default_value_t = 75)]
+    pub(crate) samples: usize,
+    /// What is sought
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) criterion: CriterionArg,
+    /// Start and end with velocities and accelerations of zero
+    #[arg(long)]
+    pub(crate) at_rest: bool,
+    /// Another limit than the spec's, COORDINATE.QUANTITY=LOWEST,HIGHEST, where
+    /// QUANTITY is position, velocity, acceleration or effort (may be repeated)
+    #[arg(long, value_name = "LIMIT", allow_hyphen_values = true)]
+    pub(crate) limit: Vec<LimitArg>,
+    /// Another cone than the spec's, NAME=ANGLE in rad, or with `deg` behind it
+    /// (may be repeated)
+    #[arg(long, value_name = "CONE")]
+    pub(crate) cone: Vec<ConeArg>,
+    /// The least pivot of A_e: 1 in the middle of a workspace, 0 at singularities
+    #[arg(long, value_name = "PIVOT", default_value_t = 0.05)]
+    pub(crate) margin: f64,
+    /// Which random starts
+    #[arg(long, value_name = "SEED", default_value_t = 1)]
+    pub(crate) seed: u64,
+    /// The number of random starts; the best counts
+    #[arg(long, value_name = "N", default_value_t = 4)]
+    pub(crate) starts: usize,
+    /// Steps in each of the five stages of a start
+    #[arg(long, value_name = "N", default_value_t = 60)]
+    pub(crate) steps: usize,
+    /// Threads [default: as many as the machine has]
+    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
+    pub(crate) threads: usize,
+    /// How the summary is printed
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) format: Format,
+}
+
+/// What is sought
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum CriterionArg {
+    /// A small condition number, columns scaled to unit length (Eq. 27)
+    #[default]
+    Scaled,
+    /// A small condition number (Eq. 24)
+    Condition,
+    /// A small -log det(W^T W) (Eq. 26)
+    Determinant,
+    /// A large smallest singular value
+    Smallest,
+}
+
+/// `q2.velocity=-0.6,0.6`
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct LimitArg {
+    pub(crate) coordinate: String,
+    pub(crate) quantity: String,
+    pub(crate) range: [f64; 2],
+}
+
+/// `s1=45deg`
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct ConeArg {
+    pub(crate) name: String,
+    /// rad
+    pub(crate) angle: f64,
+}
+
+impl FromStr for LimitArg {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let form = "COORDINATE.QUANTITY=LOWEST,HIGHEST is needed";
+        let (target, range) = text.split_once('=').ok_or(form)?;
+        let (coordinate, quantity) = target.rsplit_once('.').ok_or(form)?;
+        if !["position", "velocity", "acceleration", "effort"].contains(&quantity) {
+            return Err(format!(
+                "{quantity}: position, velocity, acceleration or effort is needed"
+            ));
+        }
+        let (low, high) = range.split_once(',').ok_or(form)?;
+        let number = |text: &str| {
+            let text = text.trim();
+            text.parse().map_err(|why| format!("{text}: {why}"))
+        };
+        Ok(Self {
+            coordinate: coordinate.to_owned(),
+            quantity: quantity.to_owned(),
+            range: [number(low)?, number(high)?],
+        })
+    }
+}
+
+impl FromStr for ConeArg {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (name, angle) = text.split_once('=').ok_or("NAME=ANGLE is needed")?;
+        let (digits, factor) = match angle.trim().strip_suffix("deg") {
+            Some(digits) => (digits, std::f64::consts::PI / 180.0),
+            None => (angle.trim(), 1.0),
+        };
+        let value: f64 = digits.parse().map_err(|why| format!("{digits}: {why}"))?;
+        Ok(Self {
+            name: name.to_owned(),
+            angle: value * factor,
+        })
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn limits_and_cones_are_read_and_mistakes_explained() {
+        let limit: LimitArg = "u1.3.velocity=-0.6,1e3".parse().unwrap();
+        assert_eq!(limit.coordinate, "u1.3");
+        assert_eq!(limit.range, [-0.6, 1e3]);
+        let cone: ConeArg = "s1=45deg".parse().unwrap();
+        assert!((cone.angle - std::f64::consts::FRAC_PI_4).abs() < 1e-15);
+        assert!("q=1".parse::<LimitArg>().unwrap_err().contains("is needed"));
+        assert!(
+            "q.speed=1,2"
+                .parse::<LimitArg>()
+                .unwrap_err()
+                .contains("speed")
+        );
+        assert!("s1=x".parse::<ConeArg>().unwrap_err().contains('x'));
+    }
+}

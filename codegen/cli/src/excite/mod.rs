@@ -1,0 +1,258 @@
+//! `regen excite`: exciting trajectories.
+
+mod args;
+mod tangents;
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::io::IsTerminal;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use indicatif::{ProgressBar, ProgressStyle};
+use regen_runtime::excite::{
+    Criterion, Excitation, ExciteError, Margin, Outcome, Progress, Settings, Watch, excite,
+};
+use regen_runtime::{Info, Model};
+use serde::Serialize;
+
+use args::CriterionArg;
+pub(crate) use args::ExciteArgs;
+use tangents::Differentiable;
+
+use crate::args::Format;
+use crate::exit::Failure;
+use crate::interpreted::{BaseTerms, Interpreted};
+use crate::trajectory::Trajectory;
+use crate::{load, observe, table, terminal};
+
+/// The JSON of `regen excite`.
+#[derive(Serialize)]
+struct Json<'a> {
+    trajectory: &'a Trajectory,
+    seed: u64,
+    start: usize,
+    interrupted: bool,
+    limits: Vec<LimitJson>,
+}
+
+#[derive(Serialize)]
+struct LimitJson {
+    limit: String,
+    bound: f64,
+    /// A part of half the range.
+    left: f64,
+    time: f64,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &ExciteArgs) -> Result<(), Failure> {
+    let robot = load::robot(&args.file)?;
+    let terms = BaseTerms::new(&robot);
+    let model = Interpreted::with_terms(&robot, &terms);
+    observe::require_base(&model, &robot.name)?;
+    let info = model.info();
+    let settings = settings(args, &info)?;
+    let limited = settings.limits.iter().any(|limit| limit.effort.is_some());
+    if limited && settings.nominal.is_none() {
+        terminal::note("efforts are not limited: the spec has no nominal value of some parameter");
+    } else if limited && info.actuated.len() != info.dof() {
+        terminal::note(
+            "efforts are not limited: actuators share them, for there are more than one each",
+        );
+    }
+    let stop = Arc::new(AtomicBool::new(false));
+    let asked = Arc::clone(&stop);
+    // without a handler Ctrl-C ends the command, and nothing is lost but the search
+    let _ = ctrlc::set_handler(move || {
+        if asked.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+    });
+    let bar = bar();
+    let report = |progress: Progress| show(&bar, progress);
+    let watch = Watch {
+        stop: &stop,
+        report: &report,
+    };
+    let outcome = excite(&model, &Differentiable(&robot), &settings, watch);
+    bar.finish_and_clear();
+    let found = match outcome? {
+        Outcome::Found(found) => found,
+        Outcome::Infeasible {
+            limit,
+            excess,
+            time,
+        } => {
+            return Err(Failure::Numeric(format!(
+                "no trajectory keeps every limit: {limit} is passed by {:.2} % of half its range \
+                 at {time:.3} s; widen it, or take more --starts",
+                100.0 * excess
+            )));
+        }
+        Outcome::NotClosed => {
+            return Err(Failure::Numeric(
+                "the loops cannot be closed along any start: narrow the ranges of positions"
+                    .to_owned(),
+            ));
+        }
+        Outcome::Stopped => {
+            return Err(Failure::Numeric(
+                "stopped before a trajectory was found".to_owned(),
+            ));
+        }
+    };
+    let interrupted = stop.load(Ordering::Relaxed);
+    if interrupted {
+        terminal::note("stopped: this is the best so far");
+    }
+    let trajectory = Trajectory::new(&info, &found.series, figures(&found));
+    if let Some(out) = &args.out {
+        trajectory.write(out)?;
+    }
+    let limits = found.margins.iter().map(|margin| LimitJson {
+        limit: margin.limit.to_string(),
+        bound: margin.limit.bound,
+        left: margin.left,
+        time: margin.time,
+    });
+    terminal::print(&match args.format {
+        Format::Json => table::json(&Json {
+            trajectory: &trajectory,
+            seed: args.seed,
+            start: found.start,
+            interrupted,
+            limits: limits.collect(),
+        }),
+        Format::Human => human(&trajectory, &found),
+    })?;
+    if let Some(out) = &args.out {
+        terminal::note(&format!("{}: written", out.display()));
+    }
+    Ok(())
+}
+
+fn settings(args: &ExciteArgs, info: &Info<'_>) -> Result<Settings, Failure> {
+    let mut settings = Settings {
+        harmonics: args.harmonics,
+        frequency: args.frequency,
+        samples: args.samples,
+        criterion: match args.criterion {
+            CriterionArg::Scaled => Criterion::ScaledCondition,
+            CriterionArg::Condition => Criterion::Condition,
+            CriterionArg::Determinant => Criterion::Determinant,
+            CriterionArg::Smallest => Criterion::SmallestSingular,
+        },
+        at_rest: args.at_rest,
+        singular_margin: args.margin,
+        seed: args.seed,
+        starts: args.starts,
+        threads: args.threads,
+        steps: args.steps,
+        ..Settings::of(info)
+    };
+    for given in &args.limit {
+        let place = info.index_of(&given.coordinate);
+        let Some(limits) = place.and_then(|c| settings.limits.get_mut(c)) else {
+            return Err(Failure::Input(format!(
+                "--limit: there is no coordinate {}; there are {}",
+                given.coordinate,
+                info.coordinates.join(" ")
+            )));
+        };
+        let slot = match given.quantity.as_str() {
+            "position" => &mut limits.position,
+            "velocity" => &mut limits.velocity,
+            "acceleration" => &mut limits.acceleration,
+            _ => &mut limits.effort,
+        };
+        *slot = Some(given.range);
+    }
+    for given in &args.cone {
+        let place = info.cones.iter().position(|cone| cone.name == given.name);
+        let Some(slot) = place.and_then(|k| settings.cones.get_mut(k)) else {
+            let names: Vec<&str> = info.cones.iter().map(|cone| cone.name).collect();
+            return Err(Failure::Input(format!(
+                "--cone: the spec states no cone of {}; it does of {}",
+                given.name,
+                if names.is_empty() {
+                    "none".to_owned()
+                } else {
+                    names.join(" ")
+                }
+            )));
+        };
+        *slot = given.angle;
+    }
+    Ok(settings)
+}
+
+fn figures(found: &Excitation) -> BTreeMap<String, f64> {
+    let figures = found.figures;
+    BTreeMap::from([
+        ("scaled_condition".to_owned(), figures.scaled_condition),
+        ("condition".to_owned(), figures.condition),
+        ("log_det".to_owned(), figures.determinant),
+        ("smallest_singular".to_owned(), figures.smallest_singular),
+    ])
+}
+
+fn human(trajectory: &Trajectory, found: &Excitation) -> String {
+    let figures = found.figures;
+    let mut out = format!(
+        "{}, {} harmonics of {} Hz\n",
+        trajectory.robot, trajectory.harmonics, trajectory.base_frequency
+    );
+    let _ = writeln!(
+        out,
+        "  condition     {:.4} with scaled columns (Eq. 27), {:.4} without (Eq. 24)\n  \
+         -log det      {:.4} (Eq. 26)\n  smallest      singular value {:.4e}\n",
+        figures.scaled_condition, figures.condition, figures.determinant, figures.smallest_singular
+    );
+    let mut margins: Vec<&Margin> = found.margins.iter().collect();
+    margins.sort_by(|a, b| a.left.total_cmp(&b.left));
+    let rows: Vec<Vec<String>> = margins
+        .iter()
+        .take(12)
+        .map(|margin| {
+            vec![
+                margin.limit.to_string(),
+                format!("{:.2}", 100.0 * margin.left),
+                format!("{:.3}", margin.time),
+            ]
+        })
+        .collect();
+    out.push_str(&table::columns(
+        &["closest limits", "left, %", "at, s"],
+        &rows,
+    ));
+    if margins.len() > rows.len() {
+        let _ = writeln!(out, "  and {} more, all kept", margins.len() - rows.len());
+    }
+    out
+}
+
+fn bar() -> ProgressBar {
+    if !std::io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new(1);
+    if let Ok(style) = ProgressStyle::with_template("{bar:24} {percent} %, {eta} left{msg}") {
+        bar.set_style(style);
+    }
+    bar
+}
+
+fn show(bar: &ProgressBar, progress: Progress) {
+    bar.set_length(progress.of as u64);
+    bar.set_position(progress.done as u64);
+    if let Some(best) = progress.best {
+        bar.set_message(format!(", best {best:.2}"));
+    }
+}
+
+impl From<ExciteError> for Failure {
+    fn from(error: ExciteError) -> Self {
+        Self::Input(error.to_string())
+    }
+}

@@ -1,0 +1,111 @@
+//! The stand-in of the actual robot: simulated under control, with friction at its joints,
+//! encoders and noise; what is measured is averaged, filtered and thinned as in section 6.1.
+
+use regen_generated::rps3_friction::Rps3Friction;
+use regen_runtime::signals::{Butterworth, Fourier, FourierFit};
+use regen_runtime::simulate::{Ended, FrictionLaw, Pid, Sensors, Settings, perturbed, simulate};
+use regen_runtime::{Model, State};
+
+use super::friction::stribeck;
+use super::robot::{HARMONICS, POINTS, places, states};
+
+/// Runs that are averaged; one more goes before, for the start.
+const RUNS: usize = 4;
+
+/// What identification gets of a trajectory.
+pub struct Measured {
+    /// The states at the points, from the refitted series.
+    pub states: Vec<State>,
+    /// The forces there, three each.
+    pub forces: Vec<f64>,
+    /// The largest distance of a leg from its reference, m.
+    pub tracking: f64,
+}
+
+/// Simulates and measures.
+///
+/// - `seed`: of the sensors' noise; the robot differs from CAD by up to 5 % in each body.
+pub fn measure(reference: &Fourier, seed: u64) -> Measured {
+    let info = Model::<f64>::info(&Rps3Friction);
+    let nominal = info.nominal_parameters().expect("nominal values");
+    let mut robot = regen_runtime::simulate::Noise::new(5);
+    let mut phi = perturbed(&info, &nominal, 0.05, &mut robot);
+    for (label, (value, nominal)) in info.parameters.iter().zip(phi.iter_mut().zip(&nominal)) {
+        if label.starts_with("J(") {
+            *value = *nominal;
+        }
+    }
+    let mut friction = vec![FrictionLaw::None; info.coordinates.len()];
+    for (place, law) in places().iter().zip(stribeck()) {
+        friction[*place] = law;
+    }
+    let period = 1.0 / reference.frequency();
+    let settings = Settings {
+        duration: period * (RUNS + 1) as f64,
+        period: 0.01,
+        pid: vec![
+            Pid {
+                kp: 4e5,
+                ki: 8e5,
+                kd: 8e3
+            };
+            3
+        ],
+        friction,
+        friction_width: 2e-3,
+        sensors: Sensors {
+            position_step: 1e-5,
+            position_noise: 0.0,
+            effort_step: 1.0,
+            effort_noise: 40.0,
+        },
+        seed,
+        tolerance: 1e-6,
+        ..Settings::default()
+    };
+    let follow = |t: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]| {
+        for leg in 0..3 {
+            [q[leg], qd[leg], qdd[leg]] = reference.at(leg, t);
+        }
+    };
+    let log = simulate(&Rps3Friction, &phi, &follow, &settings).expect("settings that fit");
+    assert_eq!(log.ended, Ended::Complete);
+    let rows = (period / settings.period).round() as usize;
+    let mean = |values: &[f64], k: usize, i: usize| {
+        let runs = (1..=RUNS).map(|run| values[3 * (run * rows + k) + i]);
+        runs.sum::<f64>() / RUNS as f64
+    };
+    let mut fit = FourierFit::new(reference.frequency(), HARMONICS, 3).expect("settings");
+    let mut tracking = 0.0_f64;
+    for k in 0..rows {
+        let t = k as f64 * settings.period;
+        let legs = [0, 1, 2].map(|i| mean(&log.measured_position, k, i));
+        for (i, leg) in legs.iter().enumerate() {
+            tracking = tracking.max((leg - reference.at(i, t)[0]).abs());
+        }
+        fit.push(t, &legs).expect("finite");
+    }
+    let series = fit.finish().expect("a whole period");
+    // second order, well above the eleventh harmonic; the period is repeated on both sides
+    let filter = Butterworth::new(2, 8.0, settings.period).expect("a filter");
+    let smooth = [0, 1, 2].map(|i| {
+        let once: Vec<f64> = (0..rows)
+            .map(|k| mean(&log.measured_effort, k, i))
+            .collect();
+        let thrice = [once.as_slice(), &once, &once].concat();
+        filter.zero_phase(&thrice).expect("enough")[rows..2 * rows].to_vec()
+    });
+    let points = if rows % POINTS == 0 { POINTS } else { rows };
+    let forces = (0..points).flat_map(|p| [0, 1, 2].map(|i: usize| smooth[i][p * rows / points]));
+    Measured {
+        forces: forces.collect(),
+        states: states(&series, points),
+        tracking,
+    }
+}
+
+/// The same trajectory at a quarter of its speed.
+pub fn slow(reference: &Fourier) -> Fourier {
+    let parts: Vec<_> = (0..3).map(|leg| reference.coefficients(leg)).collect();
+    Fourier::of_positions(0.25 * reference.frequency(), &parts).expect("a frequency")
+}

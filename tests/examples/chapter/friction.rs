@@ -1,0 +1,143 @@
+//! Tables 3 and 4: linear and nonlinear friction, with and without feasibility.
+
+use regen_runtime::feasibility::{Options, identify};
+use regen_runtime::friction::{FrictionData, FrictionJoint, JointFit, directions, fit};
+use regen_runtime::simulate::{FrictionLaw, Noise};
+use regen_runtime::{Friction, State};
+
+use super::robot::{
+    Equations, JOINTS, cad, friction_forces, model, perturbed, places, relative_absolute,
+};
+
+/// The rotor and screw inertia of Table 5, kg.
+pub const J: f64 = 483.1;
+
+/// Stribeck friction (Eq. 32) of the simulated robot. Fv and Fc of the legs are Table 5's; the
+/// static friction, the Stribeck velocity and the pivots' friction are not in the chapter.
+pub fn stribeck() -> [FrictionLaw; 6] {
+    let leg = FrictionLaw::Stribeck {
+        fc: 228.0,
+        fs: 420.0,
+        vs: 0.06,
+        delta: 1.5,
+        fv: 3272.0,
+    };
+    let pivot = FrictionLaw::Stribeck {
+        fc: 4.0,
+        fs: 7.0,
+        vs: 0.1,
+        delta: 1.5,
+        fv: 6.0,
+    };
+    [leg, leg, leg, pivot, pivot, pivot]
+}
+
+/// The forces without errors of the simulated robot along states.
+pub fn original(states: &[State]) -> Vec<f64> {
+    let bodies = Equations::new(&["J"], 3);
+    let mut values = cad();
+    values.extend([J; 3]);
+    let rigid = bodies.forces(states, &values);
+    let friction = friction_forces(states, &stribeck());
+    rigid.iter().zip(&friction).map(|(r, f)| r + f).collect()
+}
+
+/// Three sets of parameters from one set of data: rows of Tables 3 and 4.
+pub struct Fits {
+    linear: Equations,
+    pub plain: Vec<f64>,
+    pub feasible: Vec<f64>,
+    bodies: Equations,
+    pub rigid: Vec<f64>,
+    pub laws: [FrictionLaw; 6],
+}
+
+impl Fits {
+    /// - `friction`: with asymmetric Coulomb and viscous friction at all of [`JOINTS`], by least
+    ///   squares and among physical parameters, and with Stribeck friction among physical ones.
+    pub fn new(states: &[State], forces: &[f64]) -> Self {
+        let linear = Equations::new(&["Fv", "Fc+", "Fc-", "J"], 6);
+        let factor = linear.factor(states, forces);
+        let plain = factor.solve().expect("determined");
+        let (combinations, layout) = linear.combinations();
+        let options = Options::default();
+        let feasible = identify(&factor, &combinations, &layout, &options).expect("a solution");
+
+        let bodies = Equations::new(&["J"], 3);
+        let (combinations, layout) = bodies.combinations();
+        let joints = JOINTS.map(|name| FrictionJoint {
+            name: name.to_owned(),
+            friction: Friction::Stribeck,
+        });
+        let places = places();
+        let mut data = FrictionData::new(&bodies.labels(), &joints, 3).expect("laws");
+        for (state, tau) in states.iter().zip(forces.chunks(3)) {
+            let (d, _) = directions(model(), &state.q, &places).expect("sizes");
+            let qd = places.map(|k| state.qd[k]);
+            data.push(&bodies.rows(state), tau, &qd, &d, &[1.0; 3])
+                .expect("sizes");
+        }
+        let found = fit(&data, &combinations, &layout, &options).expect("a solution");
+        let law = |fit: &JointFit| match fit.values.as_slice() {
+            [fc, fs, vs, delta, fv] => FrictionLaw::Stribeck {
+                fc: *fc,
+                fs: *fs,
+                vs: *vs,
+                delta: *delta,
+                fv: *fv,
+            },
+            _ => FrictionLaw::None,
+        };
+        let mut laws = [FrictionLaw::None; 6];
+        for (slot, joint) in laws.iter_mut().zip(&found.joints) {
+            *slot = law(joint);
+        }
+        Self {
+            linear,
+            plain,
+            feasible: feasible.beta,
+            bodies,
+            rigid: found.beta,
+            laws,
+        }
+    }
+
+    /// The forces along states by all three.
+    pub fn forces(&self, states: &[State]) -> [Vec<f64>; 3] {
+        let rigid = self.bodies.forces(states, &self.rigid);
+        let friction = friction_forces(states, &self.laws);
+        [
+            self.linear.forces(states, &self.plain),
+            self.linear.forces(states, &self.feasible),
+            rigid.iter().zip(&friction).map(|(r, f)| r + f).collect(),
+        ]
+    }
+
+    /// eps_RA of all three against forces, percent.
+    pub fn errors(&self, states: &[State], forces: &[f64]) -> [f64; 3] {
+        self.forces(states)
+            .map(|predicted| relative_absolute(forces, &predicted))
+    }
+}
+
+/// Table 3 for one seed of noise: eps_RA against perturbed and original forces of all three.
+pub fn table3(states: &[State], seed: u64) -> [[f64; 2]; 3] {
+    let exact = original(states);
+    let sigma = noise_size(&exact);
+    let measured = perturbed(&exact, sigma, &mut Noise::new(seed));
+    let fits = Fits::new(states, &measured);
+    let (a, b) = (fits.errors(states, &measured), fits.errors(states, &exact));
+    [[a[0], b[0]], [a[1], b[1]], [a[2], b[2]]]
+}
+
+/// The deviation of the errors: a tenth of the mean size of the forces about their means.
+pub fn noise_size(exact: &[f64]) -> f64 {
+    let samples = (exact.len() / 3).max(1) as f64;
+    let mean = |i: usize| exact.iter().skip(i).step_by(3).sum::<f64>() / samples;
+    let means = [mean(0), mean(1), mean(2)];
+    let spread = exact
+        .iter()
+        .enumerate()
+        .map(|(k, x)| (x - means[k % 3]).abs());
+    0.1 * spread.sum::<f64>() / exact.len().max(1) as f64
+}

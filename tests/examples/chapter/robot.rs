@@ -1,0 +1,236 @@
+//! The chapter's 3-RPS: its trajectories, its equations, and what predicts its forces.
+
+use std::sync::atomic::AtomicBool;
+
+use regen_generated::rps3::Rps3;
+use regen_runtime::estimate::Factor;
+use regen_runtime::excite::{Criterion, Excitation, Outcome, Settings, Watch, excite};
+use regen_runtime::feasibility::{Combinations, Layout};
+use regen_runtime::friction::directions;
+use regen_runtime::signals::Fourier;
+use regen_runtime::simulate::{FrictionLaw, Noise};
+use regen_runtime::{BaseModel, Closure, Limits, Model, State};
+
+/// The period, s (section 6.1).
+pub const PERIOD: f64 = 7.5;
+/// Harmonics (section 3).
+pub const HARMONICS: usize = 11;
+/// Configurations that identification takes, one each 0.1 s (section 6.1).
+pub const POINTS: usize = 75;
+/// Legs, in the order of the independent coordinates.
+pub const LEGS: [&str; 3] = ["q2", "q7", "q9"];
+/// Joints that the friction models know: the legs and the pivots at the ground. The chapter has
+/// friction at all joints; that of a ball has no coordinate of its own and is left out.
+pub const JOINTS: [&str; 6] = ["q2", "q7", "q9", "q1", "q6", "q8"];
+
+pub fn model() -> &'static dyn BaseModel<f64> {
+    &Rps3
+}
+
+/// A trajectory as section 3 has it: stroke, velocity and cone limited, 11 harmonics. The
+/// chapter states which limits it kept, not their values: 0.6 +- 0.15 m, 0.6 m/s and 45 degrees
+/// are ours.
+pub fn trajectory(seed: u64, criterion: Criterion, steps: usize) -> Excitation {
+    let info = model().info();
+    let mut settings = Settings {
+        criterion,
+        harmonics: HARMONICS,
+        frequency: 1.0 / PERIOD,
+        samples: POINTS,
+        seed,
+        starts: 1,
+        threads: 1,
+        steps,
+        ..Settings::of(&info)
+    };
+    settings.limits = vec![Limits::NONE; info.coordinates.len()];
+    for c in info.independent {
+        settings.limits[*c].position = Some([0.45, 0.75]);
+        settings.limits[*c].velocity = Some([-0.6, 0.6]);
+    }
+    settings.cones.fill(45.0_f64.to_radians());
+    let stop = AtomicBool::new(false);
+    let watch = Watch {
+        stop: &stop,
+        report: &|_| {},
+    };
+    match excite(&Rps3, &Rps3, &settings, watch).expect("settings that fit") {
+        Outcome::Found(found) => *found,
+        other => panic!("no trajectory: {other:?}"),
+    }
+}
+
+/// The closed states at `count` times of a period.
+pub fn states(series: &Fourier, count: usize) -> Vec<State> {
+    let period = 1.0 / series.frequency();
+    let mut closure = Closure::new(model()).expect("a model");
+    let state = |k: usize| {
+        let t = period * k as f64 / count as f64;
+        let at = [0, 1, 2].map(|leg| series.at(leg, t));
+        let part = |order: usize| at.map(|leg| leg[order]);
+        closure
+            .track_state(&part(0), &part(1), &part(2))
+            .expect("finite")
+    };
+    (0..count).map(state).collect()
+}
+
+/// What a column of the equations stands for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Column {
+    /// A rigid-body base parameter of Table 1, counted from 0.
+    Body(usize),
+    /// A friction or drive parameter of one of [`JOINTS`].
+    Joint(&'static str, usize),
+}
+
+/// The columns of a model.
+#[derive(Clone, Debug)]
+pub struct Equations {
+    pub columns: Vec<Column>,
+}
+
+impl Equations {
+    /// All of Table 1 with these friction and drive parameters at the first `joints` of
+    /// [`JOINTS`] (J at the legs only).
+    pub fn new(symbols: &[&'static str], joints: usize) -> Self {
+        let bodies = (0..25).map(Column::Body);
+        let friction = symbols.iter().flat_map(|symbol| {
+            let used = if *symbol == "J" { 3 } else { joints };
+            (0..used).map(move |k| Column::Joint(symbol, k))
+        });
+        Self {
+            columns: bodies.chain(friction).collect(),
+        }
+    }
+
+    pub fn labels(&self) -> Vec<String> {
+        let base = model().base_info().base;
+        let label = |column: &Column| match column {
+            Column::Body(k) => base[*k].label.to_owned(),
+            Column::Joint(symbol, k) => format!("{symbol}({})", JOINTS[*k]),
+        };
+        self.columns.iter().map(label).collect()
+    }
+
+    /// How the columns combine the parameters, and those parameters.
+    pub fn combinations(&self) -> (Combinations, Layout) {
+        let info = model().info();
+        let bodies = Combinations::from_base(&model().base_info(), info.parameters.len());
+        let labels = self.labels();
+        let more = labels[25..].to_vec();
+        let mut all: Vec<String> = info.parameters.iter().map(|&p| p.to_owned()).collect();
+        all.extend(more.iter().cloned());
+        let layout = Layout::new(&all).expect("known labels");
+        (bodies.expect("a base").extended(&more), layout)
+    }
+
+    /// 3 rows by the columns, column by column.
+    pub fn rows(&self, state: &State) -> Vec<f64> {
+        let mut bodies = vec![0.0; 75];
+        let _condition = model()
+            .base_regressor(&state.q, &state.qd, &state.qdd, &mut bodies)
+            .expect("sizes");
+        let places = places();
+        let (d, _) = directions(model(), &state.q, &places).expect("sizes");
+        let mut out = Vec::with_capacity(3 * self.columns.len());
+        for column in &self.columns {
+            match column {
+                Column::Body(k) => out.extend(&bodies[3 * k..3 * k + 3]),
+                Column::Joint(symbol, k) => {
+                    let v = state.qd[places[*k]];
+                    let value = match *symbol {
+                        "Fv" => v,
+                        "Fc" => v.signum(),
+                        "Fc+" => f64::from(u8::from(v > 0.0)),
+                        "Fc-" => -f64::from(u8::from(v < 0.0)),
+                        _ => state.qdd[places[*k]],
+                    };
+                    out.extend(d[3 * k..3 * k + 3].iter().map(|d| d * value));
+                }
+            }
+        }
+        out
+    }
+
+    /// The factor of states with their forces, three each.
+    pub fn factor(&self, states: &[State], forces: &[f64]) -> Factor {
+        let mut factor = Factor::new(self.labels());
+        for (state, tau) in states.iter().zip(forces.chunks(3)) {
+            factor.push_block(&self.rows(state), tau).expect("sizes");
+        }
+        factor
+    }
+
+    /// The forces of parameters, three for each state.
+    pub fn forces(&self, states: &[State], values: &[f64]) -> Vec<f64> {
+        let mut out = Vec::with_capacity(3 * states.len());
+        for state in states {
+            let rows = self.rows(state);
+            let sum = |i: usize| {
+                values
+                    .iter()
+                    .enumerate()
+                    .map(|(j, x)| rows[3 * j + i] * x)
+                    .sum()
+            };
+            out.extend((0..3).map(sum).collect::<Vec<f64>>());
+        }
+        out
+    }
+}
+
+/// The places of [`JOINTS`].
+pub fn places() -> [usize; 6] {
+    JOINTS.map(|name| model().info().index_of(name).expect("a joint"))
+}
+
+/// The forces of friction laws at [`JOINTS`], three for each state.
+pub fn friction_forces(states: &[State], laws: &[FrictionLaw; 6]) -> Vec<f64> {
+    let places = places();
+    let mut out = Vec::with_capacity(3 * states.len());
+    for state in states {
+        let (d, _) = directions(model(), &state.q, &places).expect("sizes");
+        for i in 0..3 {
+            let share = |k: usize| d[3 * k + i] * laws[k].effort(state.qd[places[k]], 1e-9);
+            out.push((0..6).map(share).sum());
+        }
+    }
+    out
+}
+
+/// Rigid bodies of CAD (25 of Table 1).
+pub fn cad() -> Vec<f64> {
+    let phi = model().info().nominal_parameters().expect("nominal values");
+    let mut beta = vec![0.0; 25];
+    model().to_base(&phi, &mut beta).expect("sizes");
+    beta
+}
+
+/// eps_RA in percent (Eq. 33), three forces a sample, each about its own mean.
+pub fn relative_absolute(actual: &[f64], predicted: &[f64]) -> f64 {
+    let samples = (actual.len() / 3).max(1) as f64;
+    let mean = |i: usize| actual.iter().skip(i).step_by(3).sum::<f64>() / samples;
+    let means = [mean(0), mean(1), mean(2)];
+    let error: f64 = actual
+        .iter()
+        .zip(predicted)
+        .map(|(a, p)| (a - p).abs())
+        .sum();
+    let spread = actual.iter().enumerate();
+    let spread: f64 = spread.map(|(k, a)| (a - means[k % 3]).abs()).sum();
+    100.0 * error / spread
+}
+
+/// Normal noise of this deviation added.
+pub fn perturbed(values: &[f64], sigma: f64, noise: &mut Noise) -> Vec<f64> {
+    values.iter().map(|v| v + sigma * noise.normal()).collect()
+}
+
+/// Mean, least and greatest of figures of several seeds.
+pub fn summary(values: &[f64]) -> String {
+    let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
+    let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    format!("{mean:.2} [{low:.2}, {high:.2}]")
+}

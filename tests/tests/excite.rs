@@ -1,0 +1,242 @@
+//! Exciting trajectories: exact derivatives, limits that hold everywhere, repeatable results.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+use std::sync::atomic::AtomicBool;
+
+use regen_generated::rps3::Rps3;
+use regen_runtime::excite::{
+    Criterion, Excitation, ExciteError, Landscape, Outcome, Quantity, Settings, Watch, excite,
+};
+use regen_runtime::{Closure, Limits, Model};
+
+/// Few harmonics and samples, the limits of the chapter's robot.
+fn settings() -> Settings {
+    let info = Model::<f64>::info(&Rps3);
+    let mut settings = Settings {
+        harmonics: 4,
+        samples: 40,
+        starts: 2,
+        steps: 4,
+        threads: 1,
+        ..Settings::of(&info)
+    };
+    for c in info.independent {
+        settings.limits[*c].position = Some([0.45, 0.75]);
+        settings.limits[*c].velocity = Some([-0.6, 0.6]);
+    }
+    settings
+}
+
+fn seek(settings: &Settings, stop: bool) -> Outcome {
+    let stop = AtomicBool::new(stop);
+    let watch = Watch {
+        stop: &stop,
+        report: &|_| {},
+    };
+    excite(&Rps3, &Rps3, settings, watch).unwrap()
+}
+
+fn found(outcome: Outcome) -> Box<Excitation> {
+    match outcome {
+        Outcome::Found(found) => found,
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn gradients_are_the_finite_differences_of_every_criterion_and_limit() {
+    for criterion in [
+        Criterion::ScaledCondition,
+        Criterion::Condition,
+        Criterion::Determinant,
+        Criterion::SmallestSingular,
+    ] {
+        let settings = Settings {
+            criterion,
+            samples: 20,
+            deviations: vec![1.0, 2.0, 3.0],
+            at_rest: criterion == Criterion::Condition,
+            ..settings()
+        };
+        let mut landscape = Landscape::new(&Rps3, &Rps3, &settings).unwrap();
+        let kinds = landscape.limits().iter().map(|limit| limit.quantity);
+        for quantity in [
+            Quantity::Position,
+            Quantity::Velocity,
+            Quantity::Acceleration,
+            Quantity::Effort,
+            Quantity::Cone,
+            Quantity::Singularity,
+        ] {
+            assert!(kinds.clone().any(|kind| kind == quantity), "{quantity:?}");
+        }
+        let mut y = landscape.still(&[0.6, 0.61, 0.59]);
+        for (k, y) in y.iter_mut().enumerate() {
+            *y += 0.1 * (1.7 * k as f64).sin();
+        }
+        let direction: Vec<f64> = (0..y.len()).map(|k| (0.9 * k as f64 + 0.3).sin()).collect();
+        // rounding of the closure, 1e-12 over h, and h^2 of curvature balance here
+        let h = 1e-5;
+        let mut at = |part: f64| {
+            let moved = y.iter().zip(&direction).map(|(y, d)| y + part * d);
+            let moved: Vec<f64> = moved.collect();
+            landscape.at(&moved, 5.0).unwrap().expect("closed")
+        };
+        let (before, here, after) = (at(-h), at(0.0), at(h));
+        let along = |slope: &[f64]| {
+            slope
+                .iter()
+                .zip(&direction)
+                .map(|(s, d)| s * d)
+                .sum::<f64>()
+        };
+        let agree = |exact: f64, a: f64, b: f64, what: &str| {
+            let difference = (b - a) / (2.0 * h);
+            let tolerance = 2e-6 * (1.0 + exact.abs());
+            assert!(
+                (exact - difference).abs() < tolerance,
+                "{criterion:?} {what}: {exact} {difference}"
+            );
+        };
+        agree(
+            along(&here.gradient),
+            before.objective,
+            after.objective,
+            "objective",
+        );
+        let count = landscape.limits().len();
+        for (k, slope) in here.slopes.iter().enumerate() {
+            let what = landscape.limits()[k % count].to_string();
+            agree(along(slope), before.values[k], after.values[k], &what);
+        }
+    }
+}
+
+#[test]
+fn a_trajectory_keeps_every_limit_between_samples_too_and_starts_at_rest() {
+    let settings = Settings {
+        at_rest: true,
+        ..settings()
+    };
+    let found = found(seek(&settings, false));
+    let info = Model::<f64>::info(&Rps3);
+    let phi = settings.nominal.clone().unwrap();
+    let mut closure = Closure::new(&Rps3).unwrap();
+    let (mut nearest, steps) = (f64::INFINITY, 3001);
+    let mut inside = |value: f64, range: Option<[f64; 2]>| {
+        if let Some([lowest, highest]) = range {
+            let left = (value - lowest).min(highest - value) / (0.5 * (highest - lowest));
+            assert!(left >= 0.0, "{value} {lowest} {highest}");
+            nearest = nearest.min(left);
+        }
+    };
+    for step in 0..steps {
+        let time = step as f64 / steps as f64 / settings.frequency;
+        let motion = [0, 1, 2].map(|c| found.series.at(c, time));
+        let part = |order: usize| motion.map(|m| m[order]);
+        let state = closure
+            .track_state(&part(0), &part(1), &part(2))
+            .expect("finite");
+        assert!(state.outcome.is_closed());
+        assert!(state.condition.pivot >= settings.singular_margin);
+        if step == 0 {
+            assert!(
+                part(1)
+                    .iter()
+                    .chain(&part(2))
+                    .all(|rate| rate.abs() < 1e-12)
+            );
+        }
+        let mut tau = [0.0; 3];
+        let _condition = Rps3
+            .inverse_dynamics(&state.q, &state.qd, &state.qdd, &phi, &mut tau)
+            .unwrap();
+        let mut cones = [0.0; 3];
+        Model::<f64>::cones(&Rps3, &state.q, &mut cones).unwrap();
+        for (cosine, greatest) in cones.iter().zip(&settings.cones) {
+            assert!(*cosine >= greatest.cos());
+        }
+        for (c, limits) in settings.limits.iter().enumerate() {
+            inside(state.q[c], limits.position);
+            inside(state.qd[c], limits.velocity);
+            inside(state.qdd[c], limits.acceleration);
+            if let Some(k) = info.actuated.iter().position(|a| *a == c) {
+                inside(tau[k], limits.effort);
+            }
+        }
+    }
+    // the limits matter: one of them is nearly reached
+    assert!(nearest < 0.05, "{nearest}");
+    let stated = found.margins.iter().map(|m| m.left).fold(1.0, f64::min);
+    assert!(stated >= 0.0 && stated <= nearest);
+}
+
+#[test]
+fn the_result_is_the_same_on_any_number_of_threads_and_better_than_its_start() {
+    let one = settings();
+    let two = Settings {
+        threads: 2,
+        ..settings()
+    };
+    let searched = found(seek(&one, false));
+    assert_eq!(searched, found(seek(&two, false)));
+    let other = Settings {
+        seed: 2,
+        ..settings()
+    };
+    assert_ne!(searched.series, found(seek(&other, false)).series);
+    // asked to stop at once, it gives the best of the starts
+    let start = found(seek(&one, true));
+    let (before, after) = (start.figures, searched.figures);
+    assert!(
+        after.scaled_condition < 0.5 * before.scaled_condition,
+        "{before:?} {after:?}"
+    );
+}
+
+#[test]
+fn a_limit_that_no_motion_keeps_is_named() {
+    let mut settings = settings();
+    settings.starts = 1;
+    let q7 = Model::<f64>::info(&Rps3).index_of("q7").unwrap();
+    // the platform alone weighs more
+    settings.limits[q7].effort = Some([-5.0, 5.0]);
+    match seek(&settings, false) {
+        Outcome::Infeasible { limit, excess, .. } => {
+            assert_eq!(
+                (limit.quantity, limit.name.as_str()),
+                (Quantity::Effort, "q7")
+            );
+            assert!(excess > 1.0);
+        }
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn misuse_is_an_error_that_says_what_to_do() {
+    let fails = |settings: &Settings| match Landscape::new(&Rps3, &Rps3, settings) {
+        Err(error) => error,
+        Ok(_) => panic!("accepted"),
+    };
+    let mut settings = settings();
+    let q2 = Model::<f64>::info(&Rps3).index_of("q2").unwrap();
+    settings.limits[q2].position = Some([0.7, 0.5]);
+    assert!(matches!(fails(&settings), ExciteError::Range { .. }));
+    settings.limits[q2] = Limits::NONE;
+    assert!(
+        fails(&settings)
+            .to_string()
+            .contains("coordinate q2 has no range")
+    );
+    let few = Settings {
+        samples: 5,
+        ..self::settings()
+    };
+    assert!(fails(&few).to_string().contains("take more samples"));
+    let short = Settings {
+        cones: vec![0.5],
+        ..self::settings()
+    };
+    assert!(fails(&short).to_string().contains("`cones` has 1 entries"));
+}
