@@ -5,10 +5,10 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::args_physical::PhysicalArgs;
+pub(crate) use crate::excite::ExciteArgs;
 pub(crate) use crate::report::{ReportArgs, ReportOptions};
 pub(crate) use crate::simulate::SimulateArgs;
 pub(crate) use crate::view::ViewArgs;
-pub(crate) use crate::excite::ExciteArgs;
 
 const EXIT_CODES: &str = "\
 Exit codes:
