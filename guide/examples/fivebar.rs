@@ -1,7 +1,74 @@
-//! A planar five-bar from a CSV file to its parameters, by the library alone; `regen identify`
-//! does the same from the command line, with a report.
+//! A planar five-bar from a CSV file to its parameters, by the library alone: read, differentiate,
+//! identify, and predict a log that was not used. `regen identify --report` does the same from
+//! the command line, with figures.
 //!
 //! ```sh
 //! cargo run --release -p regen-guide --example fivebar
 //! ```
-fn main() {}
+
+use std::error::Error;
+use std::path::{Path, PathBuf};
+
+use regen_runtime::BaseModel;
+use regen_runtime::data::{Logs, Settings};
+use regen_runtime::identify::{Identified, Kind, Options, identify, observe, residuals};
+use regen_runtime::signals::Method;
+
+regen_runtime::robot_model!("../fivebar/fivebar.yaml");
+
+/// The robot, over `f64`.
+fn robot() -> &'static dyn BaseModel<f64> {
+    &picker::Picker
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fivebar");
+    // Positions and torques of the motors; all else follows from the loop.
+    let mut first = logs(&folder.join("run1.csv"))?;
+    let found = identify(robot(), Kind::Forces, &Options::default(), &mut first)?;
+    table(&found);
+
+    let mut second = logs(&folder.join("run2.csv"))?;
+    let (set, _) = observe(robot(), Kind::Forces, &mut second)?;
+    let values = &found.estimate.values;
+    let checked = residuals(robot(), Kind::Forces, &mut second, values, &set.means(), 0)?;
+    for error in checked.efforts() {
+        println!(
+            "on the other log, {}: eps_RA {:.2} %",
+            error.name, error.relative_absolute
+        );
+    }
+    Ok(())
+}
+
+fn logs(path: &Path) -> Result<Logs<'static, dyn BaseModel<f64>>, Box<dyn Error>> {
+    let settings = Settings {
+        method: Method::Butterworth {
+            order: 4,
+            cutoff: 20.0,
+        },
+        ..Settings::default()
+    };
+    Ok(Logs::open(robot(), &[PathBuf::from(path)], &settings)?)
+}
+
+/// Values with their deviations; above 15 % a parameter is not properly identified.
+fn table(found: &Identified) {
+    let estimate = &found.estimate;
+    println!("{:8} {:>10} {:>10} {:>8}", "", "value", "sigma", "sigma %");
+    for (k, label) in estimate.labels.iter().enumerate() {
+        let percent = estimate.sigma_percent(k);
+        let note = if percent < 15.0 { "" } else { "poor" };
+        println!(
+            "{label:8} {:10.5} {:10.5} {percent:8.2} {note}",
+            estimate.values[k],
+            estimate.sigma(k)
+        );
+    }
+    println!(
+        "{} parameters, condition number {:.0}, eps_RA {:.2} %",
+        estimate.values.len(),
+        estimate.scaled_condition,
+        found.relative_absolute
+    );
+}

@@ -1,0 +1,93 @@
+//! The guide, word for word: every block headed `sh run`, page by page, as in a clone.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod common;
+
+use std::fs;
+use std::path::Path;
+
+use common::{regen, root, scratch};
+
+/// The commands of a page, in order.
+fn commands(page: &str) -> Vec<String> {
+    let mut inside = false;
+    let mut found = Vec::new();
+    for line in page.lines() {
+        match line {
+            "```sh run" => inside = true,
+            "```" => inside = false,
+            _ if inside => found.push(line.to_owned()),
+            _ => {}
+        }
+    }
+    found
+}
+
+/// What of a clone the pages name.
+fn clone(dir: &Path) {
+    for folder in ["robots", "guide/fivebar", "tests/import/airo-models"] {
+        let into = dir.join(folder);
+        fs::create_dir_all(&into).unwrap();
+        for entry in fs::read_dir(root().join(folder)).unwrap() {
+            let entry = entry.unwrap();
+            if entry.file_type().unwrap().is_file() {
+                fs::copy(entry.path(), into.join(entry.file_name())).unwrap();
+            }
+        }
+    }
+}
+
+/// Runs a page's commands; every file that one writes must be there and not empty.
+fn follow(page: &str) -> Vec<String> {
+    let text = fs::read_to_string(root().join(format!("guide/pages/{page}.md"))).unwrap();
+    let dir = scratch(&format!("guide_{page}"));
+    clone(&dir);
+    let commands = commands(&text);
+    for command in &commands {
+        let mut words = command.split_whitespace();
+        assert_eq!(words.next(), Some("regen"), "{command}");
+        let args: Vec<_> = words.collect();
+        let run = regen(&dir, &args);
+        assert_eq!(run.code, 0, "{command}\n{}\n{}", run.out, run.err);
+        for pair in args
+            .windows(2)
+            .filter(|pair| ["--out", "--report"].contains(&pair[0]))
+        {
+            assert!(dir.join(pair[1]).exists(), "{command}");
+        }
+    }
+    commands
+}
+
+#[test]
+fn a_urdf_arm_has_its_base_table_in_under_ten_commands() {
+    let commands = follow("model");
+    let table = commands
+        .iter()
+        .position(|c| c == "regen base arm.yaml")
+        .unwrap();
+    assert!(table < 9);
+}
+
+#[test]
+fn the_table_and_what_makes_it_certain_print_as_told() {
+    assert_eq!(
+        follow("table").len() + follow("trust").len() + follow("controller").len(),
+        4
+    );
+}
+
+#[test]
+fn the_five_bars_log_becomes_a_report_in_under_ten_commands() {
+    assert!(follow("experiment").len() < 10);
+    assert!(follow("identify").len() < 10);
+    let dir = scratch("guide_report");
+    clone(&dir);
+    let args = "identify guide/fivebar/fivebar.yaml guide/fivebar/run1.csv --butterworth 4,20 \
+                --against guide/fivebar/run2.csv --format json";
+    let args: Vec<_> = args.split_whitespace().collect();
+    let json = regen(&dir, &args).ended(0).json();
+    // The log has 1 % of noise; what fits it fits the other one too.
+    assert!(json["relative_absolute"].as_f64().unwrap() < 3.0, "{json}");
+    assert_eq!(json["parameters"].as_array().unwrap().len(), 15);
+}
