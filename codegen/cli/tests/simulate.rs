@@ -81,6 +81,26 @@ bodies:
     let found = regen(&dir, &[&fit[..], &["--butterworth", "4,15"]].concat())
         .ended(0)
         .json();
+    // what was identified can be simulated in turn
+    let out = [&fit[..], &["--butterworth", "4,15", "--out", "p.json"]].concat();
+    regen(&dir, &out).ended(0);
+    let again = [
+        "simulate",
+        "arm.yaml",
+        "--parameters",
+        "p.json",
+        "--out",
+        "again.csv",
+    ];
+    regen(&dir, &[&again[..], &["--bandwidth", "6"]].concat()).ended(0);
+    let [first, second] = ["log.csv", "again.csv"].map(|name| columns(&dir.join(name)));
+    for ((head, a), (_, b)) in first.iter().zip(&second) {
+        let size = a.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+        let pairs = a.iter().zip(b);
+        let off = pairs.fold(0.0_f64, |m, (x, y)| m.max((x - y).abs()));
+        // friction is found to 3 percent, and is a part of the efforts
+        assert!(off < 0.03 * size, "{head}: {off} of {size}");
+    }
     let rows = found["parameters"].as_array().unwrap();
     let value = |label: &str| {
         let row = rows.iter().find(|r| r["label"] == label).unwrap();
