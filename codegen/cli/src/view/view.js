@@ -69,12 +69,14 @@
   }
   const everywhere = [];
   for (let k = 0; k < 24; k++) everywhere.push(...solid(posesAt(k / 23)));
-  const low = [0, 1, 2].map((i) => Math.min(...everywhere.map((p) => p[i])));
-  const high = [0, 1, 2].map((i) => Math.max(...everywhere.map((p) => p[i])));
-  const middle = times(add(low, high), 0.5);
-  const reach = Math.max(...everywhere.map((p) => long(sub(p, middle))), 1e-3);
   const home = solid(posesAt(0));
-  const size = Math.max(...home.map((p) => long(sub(p, middle))), reach * 0.5);
+  const low = [0, 1, 2].map((i) => Math.min(...home.map((p) => p[i])));
+  const high = [0, 1, 2].map((i) => Math.max(...home.map((p) => p[i])));
+  const middle = times(add(low, high), 0.5);
+  const farthest = (points) => Math.max(...points.map((p) => long(sub(p, middle))), 1e-3);
+  const size = farthest(home);
+  // what a long arm sweeps would leave it small: its farthest ends may leave the picture
+  const reach = Math.min(farthest(everywhere), 1.5 * size);
   const glyph = 0.055 * size;
 
   // ---- the eye
