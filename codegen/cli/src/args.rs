@@ -94,7 +94,7 @@ pub(crate) enum Command {
     /// Reduce logs to a factor file, to be merged by `identify --from`
     Observe(ObserveArgs),
     /// Identify base parameters from logs or factor files
-    Identify(IdentifyArgs),
+    Identify(Box<IdentifyArgs>),
     /// Predict the forces of logs from identified parameters
     Validate(ValidateArgs),
     /// Show what was identified on one page, with tables and figures

@@ -81,7 +81,9 @@ pub(crate) fn gentle(model: &Interpreted<'_>) -> Result<Vec<f64>, Failure> {
         if allowed {
             return Ok(amplitudes);
         }
-        amplitudes.iter_mut().for_each(|a| *a *= 0.7);
+        for amplitude in &mut amplitudes {
+            *amplitude *= 0.7;
+        }
     }
     Ok(vec![0.0; home.len()])
 }

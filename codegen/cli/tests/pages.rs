@@ -90,7 +90,7 @@ fn is_well_formed(page: &str) {
         let name = text.trim_start_matches('/');
         let name = name.split([' ', '\n', '/']).next().unwrap();
         if text.starts_with('/') {
-            assert_eq!(open.pop(), Some(name), "before {:.80}", after);
+            assert_eq!(open.pop(), Some(name), "before {after:.80}");
         } else if !text.ends_with('/') && !VOID.contains(&name) {
             open.push(name);
             // scripts and styles are not markup

@@ -130,7 +130,7 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
         let from = number as f64 * settings.duration;
         let mut watch = |t: f64| bar.set_position(thousandths(from + t));
         let found = simulate_watched(&model, &phi, &motion, &settings, &mut watch);
-        let found = found.map_err(misuse)?;
+        let found = found.map_err(|error| misuse(&error))?;
         if let Some(why) = reason(&found) {
             bar.finish_and_clear();
             let at = found.t.last().copied().unwrap_or(0.0);
@@ -204,7 +204,7 @@ fn seed(seed: u64, run: usize) -> u64 {
     seed ^ ((run as u64 + 1) << 32)
 }
 
-fn misuse(error: SimulationError) -> Failure {
+fn misuse(error: &SimulationError) -> Failure {
     Failure::Input(error.to_string())
 }
 

@@ -68,11 +68,11 @@ struct Joint {
     link: usize,
     /// One per coordinate: the link behind it, the constant frame on the link before it as
     /// quaternion and position, and the axis there.
-    axes: Vec<Axis>,
+    axes: Vec<Moving>,
 }
 
 #[derive(Serialize)]
-struct Axis {
+struct Moving {
     link: usize,
     parent: Option<usize>,
     frame: Vec<Fixed>,
@@ -222,9 +222,9 @@ pub(super) fn still(scene: &Scene, note: &str) -> Data {
     }
 }
 
-fn axis(scene: &Scene, link: usize, parents: &[Option<usize>]) -> Axis {
+fn axis(scene: &Scene, link: usize, parents: &[Option<usize>]) -> Moving {
     // with the parent at the world's frame, the frame before the motion is the placement
-    Axis {
+    Moving {
         link,
         parent: parents.get(link).copied().flatten(),
         frame: compact(&scene.before(&[], link)),
