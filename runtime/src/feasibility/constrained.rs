@@ -153,18 +153,10 @@ pub fn identify(
     let spectrum = Directions::of(&a);
     let start = spectrum.solve(&target);
     let least = (&a * &start - &target).norm_squared() * strongest * strongest + factor.rss();
-    let rows = factor.rows().saturating_sub(spectrum.rank).max(1);
-    let noise = options.noise.unwrap_or((least / rows as f64).sqrt());
-    let target = &a * &start;
-
+    let spare = factor.rows().saturating_sub(spectrum.rank).max(1);
+    let noise = options.noise.unwrap_or((least / spare as f64).sqrt());
     let mut program = Program::default();
     program.variables(reduced.count);
-    for (i, side) in target.iter().enumerate() {
-        program.square(&Affine {
-            terms: a.row(i).iter().copied().enumerate().collect(),
-            constant: -side,
-        });
-    }
     // squared deviations in units of the data's objective
     let weight = noise / strongest;
     let mut beliefs = Vec::with_capacity(options.priors.len());
@@ -178,22 +170,33 @@ pub fn identify(
         }
         let mut off = reduced.expression(layout.find(&prior.parameter)?, prior.deviation / weight);
         off.constant -= prior.value / prior.deviation * weight;
-        program.square(&off);
         beliefs.push(off);
     }
-    // what neither observations nor beliefs determine
-    let open = if beliefs.is_empty() {
-        spectrum.null
+    // around the best parameters that constraints let be; beliefs count there too
+    let (rows, middle, open) = if beliefs.is_empty() {
+        (a, start, spectrum.null)
     } else {
         let first = a.nrows();
-        let mut all = a.clone().resize_vertically(first + beliefs.len(), 0.0);
+        let mut all = a.resize_vertically(first + beliefs.len(), 0.0);
+        let mut sides = target.resize_vertically(first + beliefs.len(), 0.0);
         for (k, belief) in beliefs.iter().enumerate() {
             for (v, factor) in &belief.terms {
                 all[(first + k, *v)] += factor;
             }
+            sides[first + k] = -belief.constant;
         }
-        Directions::of(&all).null
+        let both = Directions::of(&all);
+        let middle = both.solve(&sides);
+        (all, middle, both.null)
     };
+    let sides = &rows * &middle;
+    for (i, side) in sides.iter().enumerate() {
+        program.square(&Affine {
+            terms: rows.row(i).iter().copied().enumerate().collect(),
+            constant: -side,
+        });
+    }
+    // what neither observations nor beliefs determine
     for direction in &open {
         let mut off = Affine::default();
         for (j, slot) in reduced.slots.iter().enumerate() {
