@@ -40,6 +40,8 @@ pub enum EstimateError {
         rows: usize,
         /// Parameters asked for.
         parameters: usize,
+        /// Labels of the parameters that have a part in what is not determined.
+        labels: Vec<String>,
     },
     /// The data leave parameters undetermined.
     Undetermined {
@@ -70,10 +72,20 @@ impl fmt::Display for EstimateError {
             Self::Mismatch { what, left, right } => {
                 write!(f, "the {what} differ: {left} and {right}")
             }
-            Self::TooShort { rows, parameters } => write!(
-                f,
-                "{rows} equations cannot determine {parameters} parameters: give a longer log"
-            ),
+            Self::TooShort {
+                rows,
+                parameters,
+                labels,
+            } => {
+                write!(
+                    f,
+                    "{rows} equations cannot determine {parameters} parameters"
+                )?;
+                if !labels.is_empty() {
+                    write!(f, " (undetermined: {})", labels.join(", "))?;
+                }
+                f.write_str(": give a longer log")
+            }
             Self::Undetermined {
                 rank,
                 parameters,

@@ -113,6 +113,7 @@ impl FactorSet {
         let mut first = sets.next().ok_or(EstimateError::TooShort {
             rows: 0,
             parameters: 0,
+            labels: Vec::new(),
         })?;
         for set in sets {
             first.merge(&set)?;

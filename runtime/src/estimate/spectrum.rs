@@ -67,10 +67,17 @@ impl Spectrum {
 
     pub(super) fn require_full_rank(&self, factor: &Factor) -> Result<(), EstimateError> {
         let parameters = factor.columns();
+        let labels = || -> Vec<String> {
+            self.undetermined()
+                .into_iter()
+                .filter_map(|c| factor.labels().get(c).cloned())
+                .collect()
+        };
         if factor.rows() < parameters {
             return Err(EstimateError::TooShort {
                 rows: factor.rows(),
                 parameters,
+                labels: labels(),
             });
         }
         let rank = self.rank();
@@ -80,11 +87,7 @@ impl Spectrum {
         Err(EstimateError::Undetermined {
             rank,
             parameters,
-            labels: self
-                .undetermined()
-                .into_iter()
-                .filter_map(|c| factor.labels().get(c).cloned())
-                .collect(),
+            labels: labels(),
             reciprocal_condition: 1.0 / self.scaled_condition(),
         })
     }

@@ -255,7 +255,8 @@ fn what_the_data_leave_open_is_named() {
         short.solve(),
         Err(EstimateError::TooShort {
             rows: 2,
-            parameters: 5
+            parameters: 5,
+            labels: labels(5),
         })
     );
     let before = short.clone();
