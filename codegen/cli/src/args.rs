@@ -19,7 +19,8 @@ Exit codes:
   3  the spec, the states or another file that was given is wrong
   4  a state could not be closed, or is singular; data that leave parameters
       undetermined
-  5  a file could not be read or written";
+  5  a file could not be read or written
+  130  interrupted; no file is left half written";
 
 const EXAMPLES: &str = "\
 Examples:
