@@ -73,6 +73,38 @@ const WINDOW: usize = 8192;
 const WIDEST: usize = 1_000_000;
 
 /// Log files of one robot, as a [`Source`]: memory does not grow with their length.
+///
+/// ```
+/// # mod models {
+/// #     include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/models/pendulum.rs"));
+/// #     include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/models/pendulum_base.rs"));
+/// # }
+/// # use models::Pendulum;
+/// use regen_runtime::data::{Logs, Settings};
+/// use regen_runtime::identify::{Kind, Options, identify};
+/// use regen_runtime::signals::Method;
+///
+/// // angles and torques of a pendulum of 0.5 kg m^2 and 2 kg m, moved as q = sin(2 pi t)
+/// let mut text = String::from("t,q1,tau_q1\n");
+/// for k in 0..200 {
+///     let t = 0.01 * f64::from(k);
+///     let w = core::f64::consts::TAU;
+///     let (q, qdd) = ((w * t).sin(), -w * w * (w * t).sin());
+///     text += &format!("{t},{q},{}\n", 0.5 * qdd + 2.0 * 9.81 * q.sin());
+/// }
+/// let path = std::env::temp_dir().join(format!("pendulum-{}.csv", std::process::id()));
+/// std::fs::write(&path, text)?;
+/// let settings = Settings {
+///     method: Method::Fourier { frequency: 1.0, harmonics: 1 },
+///     ..Settings::default()
+/// };
+/// let mut logs = Logs::open(&Pendulum, &[path.clone()], &settings)?;
+/// let found = identify(&Pendulum, Kind::Forces, &Options::default(), &mut logs)?;
+/// assert!((found.estimate.values[0] - 0.5).abs() < 1e-8);
+/// assert_eq!(logs.reports()[0].states, 200);
+/// # std::fs::remove_file(path)?;
+/// # Ok::<(), Box<dyn core::error::Error>>(())
+/// ```
 pub struct Logs<'m, M: ?Sized> {
     model: &'m M,
     settings: Settings,

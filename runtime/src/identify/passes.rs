@@ -155,6 +155,30 @@ fn predicted(equations: &Equations<'_>, effort: usize, values: &[f64]) -> f64 {
 ///
 /// # Errors
 /// When the log cannot be read or does not fit the model, or leaves parameters undetermined.
+///
+/// ```
+/// # mod models {
+/// #     include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/models/pendulum.rs"));
+/// #     include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/models/pendulum_base.rs"));
+/// # }
+/// # use models::Pendulum;
+/// use regen_runtime::identify::{Kind, Options, Recorded, identify};
+///
+/// // a pendulum of 0.5 kg m^2 and 2 kg m about its axis, moved as q = sin(t)
+/// let mut log = Recorded::new();
+/// for k in 0..100 {
+///     let t = 0.05 * f64::from(k);
+///     let (q, qd, qdd) = (t.sin(), t.cos(), -t.sin());
+///     let tau = 0.5 * qdd + 2.0 * 9.81 * q.sin();
+///     log.push(t, &[q], &[qd], &[qdd], &[tau]);
+/// }
+/// let found = identify(&Pendulum, Kind::Forces, &Options::default(), &mut log)?;
+/// assert_eq!(found.estimate.labels, ["Izz(1)", "mx(1)"]);
+/// assert!((found.estimate.values[0] - 0.5).abs() < 1e-9);
+/// assert!((found.estimate.values[1] - 2.0).abs() < 1e-9);
+/// assert!(found.relative_absolute < 1e-6, "percent");
+/// # Ok::<(), Box<dyn core::error::Error>>(())
+/// ```
 pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     model: &M,
     kind: Kind,
