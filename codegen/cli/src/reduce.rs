@@ -139,7 +139,7 @@ pub(crate) fn adopt(
         } else {
             (row.sigma, row.sigma_white, row.sigma_percent) = (0.0, 0.0, 0.0);
             (row.low, row.high) = (0.0, 0.0);
-            row.status = "left out".to_owned();
+            "left out".clone_into(&mut row.status);
         }
     }
     "reduced".clone_into(&mut file.method);

@@ -37,12 +37,15 @@ fn places<M: BaseModel<f64> + ?Sized>(
         .collect()
 }
 
-/// The velocities of joints and how their friction acts on the rows; `None` at a singularity.
+/// The velocities of joints, and how their friction acts on the rows.
+type Moved = (Vec<f64>, Vec<f64>);
+
+/// How joints move at a row; `None` at a singularity.
 fn motion<M: BaseModel<f64> + ?Sized>(
     model: &M,
     row: &Row<'_>,
     at: &[usize],
-) -> Result<Option<(Vec<f64>, Vec<f64>)>, SizeError> {
+) -> Result<Option<Moved>, SizeError> {
     let (d, condition) = directions(model, row.q, at)?;
     let qd = at.iter().map(|&k| row.qd.get(k).copied());
     let Some(qd) = qd.collect::<Option<Vec<f64>>>() else {
