@@ -310,6 +310,18 @@ impl At<'_> {
             .map(|x| -x)
             .collect();
         worst.compare("b = -(dA/dt) qd", &b, &drift, scale, DIFFERENCES);
+        // Newton's step leads back: from q + h d it is -h d, to first order.
+        let away: Vec<f64> = (0..info.dependent.len())
+            .map(|k| 1.0 / (k as f64 + 1.0))
+            .collect();
+        let back = slope(|h| {
+            let mut q = q.clone();
+            for (k, d) in info.dependent.iter().zip(&away) {
+                q[*k] -= h * d;
+            }
+            fill(away.len(), |out| self.model.newton_step(&q, out))
+        })?;
+        worst.compare("Newton's step leads back", &back, &away, 1.0, DIFFERENCES);
         Ok(())
     }
 

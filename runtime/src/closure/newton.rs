@@ -24,6 +24,20 @@ pub(super) struct Newton<'m, M: ?Sized> {
     jacobian: Vec<f64>,
 }
 
+/// Residuals of redundant rows up to this many times what counts as closed are taken on the way:
+/// the last of them is polished.
+pub(super) const NEARLY: f64 = 1e6;
+
+/// Which rows a step solves, where there are more than dependent coordinates.
+#[derive(Clone, Copy)]
+enum Way {
+    /// As many as there are dependent coordinates: the model's choice.
+    Chosen,
+    /// All of them, in the sense of least squares: the chosen ones may meet at states where the
+    /// others are open.
+    All,
+}
+
 /// How a correction ended.
 pub(super) enum Correction {
     /// At a solution near the start.
@@ -72,17 +86,21 @@ impl<'m, M: Model<f64> + ?Sized> Newton<'m, M> {
         Ok(TOLERANCE * size)
     }
 
-    /// Fills `step` with the Newton step; returns its largest entry and the condition.
-    ///
-    /// The model solves as many rows as there are dependent coordinates. Where there are more,
-    /// these may have further solutions nearby that the others do not have, and all are solved
-    /// in the sense of least squares instead: the condition is still the model's.
+    /// Fills `step` with the model's Newton step; returns its largest entry and the condition.
     fn newton_step(&mut self, q: &[f64]) -> Result<(f64, Condition<f64>), SizeError> {
         let condition = self.model.newton_step(q, &mut self.step)?;
-        if self.redundant() {
-            self.gauss_newton_step(q)?;
-        }
         Ok((largest(&self.step), condition))
+    }
+
+    /// Fills `step` by this way; returns its largest entry.
+    fn step_by(&mut self, way: Way, q: &[f64]) -> Result<f64, SizeError> {
+        match way {
+            Way::Chosen => {
+                let _ = self.newton_step(q)?;
+            }
+            Way::All => self.gauss_newton_step(q)?,
+        }
+        Ok(largest(&self.step))
     }
 
     /// Are there more constraint rows than dependent coordinates?
@@ -131,12 +149,30 @@ impl<'m, M: Model<f64> + ?Sized> Newton<'m, M> {
     }
 
     /// Full Newton steps that must halve at least each time and stay within `reach` together.
+    ///
+    /// Where the rows that the model solves lead away, or to a place where redundant ones are
+    /// open, all rows are tried.
     pub(super) fn correct(&mut self, q: &mut [f64], reach: f64) -> Result<Correction, SizeError> {
+        let start = self.redundant().then(|| q.to_vec());
+        let chosen = self.correct_by(Way::Chosen, q, reach)?;
+        let Some(start) = start else {
+            return Ok(chosen);
+        };
+        if matches!(chosen, Correction::Converged)
+            && self.residual(q)? <= NEARLY * self.tolerance(q)?
+        {
+            return Ok(chosen);
+        }
+        q.copy_from_slice(&start);
+        self.correct_by(Way::All, q, reach)
+    }
+
+    fn correct_by(&mut self, way: Way, q: &mut [f64], reach: f64) -> Result<Correction, SizeError> {
         let floor = CONVERGED * (1.0 + largest_at(q, &self.dependent));
         let mut moved = 0.0;
         let mut last = f64::INFINITY;
         for _ in 0..30 {
-            let (size, _) = self.newton_step(q)?;
+            let size = self.step_by(way, q)?;
             if !size.is_finite() {
                 return Ok(Correction::Failed);
             }
@@ -155,9 +191,17 @@ impl<'m, M: Model<f64> + ?Sized> Newton<'m, M> {
 
     /// Newton steps as long as the residual falls; returns it.
     pub(super) fn polish(&mut self, q: &mut [f64]) -> Result<f64, SizeError> {
+        let best = self.polish_by(Way::Chosen, q)?;
+        if self.redundant() && best > self.tolerance(q)? {
+            return self.polish_by(Way::All, q);
+        }
+        Ok(best)
+    }
+
+    fn polish_by(&mut self, way: Way, q: &mut [f64]) -> Result<f64, SizeError> {
         let mut best = self.residual(q)?;
         for _ in 0..8 {
-            let _ = self.newton_step(q)?;
+            let _ = self.step_by(way, q)?;
             let mut trial = q.to_vec();
             self.advance(&mut trial, 1.0);
             let residual = self.residual(&trial)?;

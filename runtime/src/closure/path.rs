@@ -4,7 +4,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::lu::Lu;
-use super::newton::{Correction, Newton, largest};
+use super::newton::{Correction, NEARLY, Newton, largest};
 use super::{Misuse, Outcome};
 use crate::{Condition, Model, Status};
 
@@ -16,10 +16,6 @@ const CORRECTION: f64 = 0.25;
 
 /// How far A_e may change in one step, see [`Lu::distance`]: half of what could be singular.
 const CHANGE: f64 = 0.5;
-
-/// Residuals of redundant rows up to this many times what counts as closed are taken on the way:
-/// the last of them is polished.
-const NEARLY: f64 = 1e6;
 
 /// The shortest step, in the independent coordinates relative to 1 + their size.
 const SHORTEST: f64 = 1e-12;
