@@ -13,19 +13,19 @@ use super::robot::{HARMONICS, POINTS, places, states};
 const RUNS: usize = 4;
 
 /// What identification gets of a trajectory.
-pub struct Measured {
+pub(crate) struct Measured {
     /// The states at the points, from the refitted series.
-    pub states: Vec<State>,
+    pub(crate) states: Vec<State>,
     /// The forces there, three each.
-    pub forces: Vec<f64>,
+    pub(crate) forces: Vec<f64>,
     /// The largest distance of a leg from its reference, m.
-    pub tracking: f64,
+    pub(crate) tracking: f64,
 }
 
 /// Simulates and measures.
 ///
 /// - `seed`: of the sensors' noise; the robot differs from CAD by up to 5 % in each body.
-pub fn measure(reference: &Fourier, seed: u64) -> Measured {
+pub(crate) fn measure(reference: &Fourier, seed: u64) -> Measured {
     let info = Model::<f64>::info(&Rps3Friction);
     let nominal = info.nominal_parameters().expect("nominal values");
     let mut robot = regen_runtime::simulate::Noise::new(5);
@@ -105,7 +105,7 @@ pub fn measure(reference: &Fourier, seed: u64) -> Measured {
 }
 
 /// The same trajectory at a quarter of its speed.
-pub fn slow(reference: &Fourier) -> Fourier {
+pub(crate) fn slow(reference: &Fourier) -> Fourier {
     let parts: Vec<_> = (0..3).map(|leg| reference.coefficients(leg)).collect();
     Fourier::of_positions(0.25 * reference.frequency(), &parts).expect("a frequency")
 }

@@ -7,21 +7,21 @@ use std::path::Path;
 use plotters::prelude::*;
 
 /// A curve: its name and a value for each time.
-pub struct Curve {
-    pub name: String,
-    pub values: Vec<f64>,
+pub(crate) struct Curve {
+    pub(crate) name: String,
+    pub(crate) values: Vec<f64>,
     /// Whether it is drawn as points.
-    pub points: bool,
+    pub(crate) points: bool,
 }
 
 /// One panel of a figure.
-pub struct Panel {
-    pub label: String,
-    pub curves: Vec<Curve>,
+pub(crate) struct Panel {
+    pub(crate) label: String,
+    pub(crate) curves: Vec<Curve>,
 }
 
 /// Writes NAME.csv and NAME.svg.
-pub fn write(dir: &Path, name: &str, title: &str, times: &[f64], panels: &[Panel]) {
+pub(crate) fn write(dir: &Path, name: &str, title: &str, times: &[f64], panels: &[Panel]) {
     fs::create_dir_all(dir).expect("a directory");
     let mut csv = String::from("t");
     for curve in panels.iter().flat_map(|panel| &panel.curves) {
@@ -53,7 +53,7 @@ pub fn write(dir: &Path, name: &str, title: &str, times: &[f64], panels: &[Panel
             .margin(8)
             .x_label_area_size(32)
             .y_label_area_size(64)
-            .build_cartesian_2d(0.0..last, low - room..high + room)
+            .build_cartesian_2d(0.0..1.15 * last, low - room..high + room)
             .expect("axes");
         chart
             .configure_mesh()
@@ -79,6 +79,7 @@ pub fn write(dir: &Path, name: &str, title: &str, times: &[f64], panels: &[Panel
         }
         chart
             .configure_series_labels()
+            .position(SeriesLabelPosition::UpperRight)
             .background_style(WHITE.mix(0.8))
             .draw()
             .expect("labels");

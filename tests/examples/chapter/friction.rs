@@ -10,11 +10,11 @@ use super::robot::{
 };
 
 /// The rotor and screw inertia of Table 5, kg.
-pub const J: f64 = 483.1;
+pub(crate) const J: f64 = 483.1;
 
 /// Stribeck friction (Eq. 32) of the simulated robot. Fv and Fc of the legs are Table 5's; the
 /// static friction, the Stribeck velocity and the pivots' friction are not in the chapter.
-pub fn stribeck() -> [FrictionLaw; 6] {
+pub(crate) fn stribeck() -> [FrictionLaw; 6] {
     let leg = FrictionLaw::Stribeck {
         fc: 228.0,
         fs: 420.0,
@@ -33,7 +33,7 @@ pub fn stribeck() -> [FrictionLaw; 6] {
 }
 
 /// The forces without errors of the simulated robot along states.
-pub fn original(states: &[State]) -> Vec<f64> {
+pub(crate) fn original(states: &[State]) -> Vec<f64> {
     let bodies = Equations::new(&["J"], 3);
     let mut values = cad();
     values.extend([J; 3]);
@@ -43,19 +43,19 @@ pub fn original(states: &[State]) -> Vec<f64> {
 }
 
 /// Three sets of parameters from one set of data: rows of Tables 3 and 4.
-pub struct Fits {
+pub(crate) struct Fits {
     linear: Equations,
-    pub plain: Vec<f64>,
-    pub feasible: Vec<f64>,
+    pub(crate) plain: Vec<f64>,
+    pub(crate) feasible: Vec<f64>,
     bodies: Equations,
-    pub rigid: Vec<f64>,
-    pub laws: [FrictionLaw; 6],
+    pub(crate) rigid: Vec<f64>,
+    pub(crate) laws: [FrictionLaw; 6],
 }
 
 impl Fits {
     /// - `friction`: with asymmetric Coulomb and viscous friction at all of [`JOINTS`], by least
     ///   squares and among physical parameters, and with Stribeck friction among physical ones.
-    pub fn new(states: &[State], forces: &[f64]) -> Self {
+    pub(crate) fn new(states: &[State], forces: &[f64]) -> Self {
         let linear = Equations::new(&["Fv", "Fc+", "Fc-", "J"], 6);
         let factor = linear.factor(states, forces);
         let plain = factor.solve().expect("determined");
@@ -103,7 +103,7 @@ impl Fits {
     }
 
     /// The forces along states by all three.
-    pub fn forces(&self, states: &[State]) -> [Vec<f64>; 3] {
+    pub(crate) fn forces(&self, states: &[State]) -> [Vec<f64>; 3] {
         let rigid = self.bodies.forces(states, &self.rigid);
         let friction = friction_forces(states, &self.laws);
         [
@@ -114,14 +114,14 @@ impl Fits {
     }
 
     /// eps_RA of all three against forces, percent.
-    pub fn errors(&self, states: &[State], forces: &[f64]) -> [f64; 3] {
+    pub(crate) fn errors(&self, states: &[State], forces: &[f64]) -> [f64; 3] {
         self.forces(states)
             .map(|predicted| relative_absolute(forces, &predicted))
     }
 }
 
 /// Table 3 for one seed of noise: eps_RA against perturbed and original forces of all three.
-pub fn table3(states: &[State], seed: u64) -> [[f64; 2]; 3] {
+pub(crate) fn table3(states: &[State], seed: u64) -> [[f64; 2]; 3] {
     let exact = original(states);
     let sigma = noise_size(&exact);
     let measured = perturbed(&exact, sigma, &mut Noise::new(seed));
@@ -131,7 +131,7 @@ pub fn table3(states: &[State], seed: u64) -> [[f64; 2]; 3] {
 }
 
 /// The deviation of the errors: a tenth of the mean size of the forces about their means.
-pub fn noise_size(exact: &[f64]) -> f64 {
+pub(crate) fn noise_size(exact: &[f64]) -> f64 {
     let samples = (exact.len() / 3).max(1) as f64;
     let mean = |i: usize| exact.iter().skip(i).step_by(3).sum::<f64>() / samples;
     let means = [mean(0), mean(1), mean(2)];

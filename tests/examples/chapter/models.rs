@@ -1,9 +1,9 @@
 //! Tables 2 and 5 to 8: Models 1 to 4, and the reduction that finds one by itself.
 
 use regen_runtime::State;
-use regen_runtime::estimate::{Estimate, Factor};
+use regen_runtime::estimate::Estimate;
 use regen_runtime::feasibility::{Scale, verdict};
-use regen_runtime::identifiability::{Checks, Reduction, WELL, reduce};
+use regen_runtime::identifiability::{Checks, WELL, reduce};
 use regen_runtime::simulate::Noise;
 
 use super::robot::{Column, Equations, LEGS, cad, relative_absolute};
@@ -16,9 +16,8 @@ const DAGGERS: [usize; 3] = [12, 17, 23];
 /// Columns that symmetry adds: rows of leg 1 with those of legs 2 and 3.
 const SYMMETRIC: [[usize; 3]; 3] = [[2, 15, 21], [3, 16, 22], [5, 19, 25]];
 
-/// Table 1's numbers of our rows, which come in the bodies' order: theirs too, but that Izz(1)
-/// leads and each pair of first moments follows its inertia.
-pub fn number(label: &str) -> usize {
+/// The number in Table 1 of the row with this kept parameter; 0 if there is none.
+pub(crate) fn number(label: &str) -> usize {
     const ROWS: [&str; 25] = [
         "mx(1)", "my(1)", "Izz(1)", "mx(2)", "mz(2)", "Ixx(3)", "Ixy(3)", "Ixz(3)", "Iyy(3)",
         "Iyz(3)", "Izz(3)", "mx(3)", "mz(3)", "mx(4)", "my(4)", "Izz(4)", "m(5)", "mx(5)", "mz(5)",
@@ -31,12 +30,12 @@ pub fn number(label: &str) -> usize {
 
 /// A model: groups of columns that are added, one parameter each.
 #[derive(Clone, Debug)]
-pub struct Reduced {
-    pub groups: Vec<Vec<usize>>,
+pub(crate) struct Reduced {
+    pub(crate) groups: Vec<Vec<usize>>,
 }
 
 /// Models 1 to 4 (Table 2 and section 6.2) over these equations.
-pub fn models(equations: &Equations) -> [Reduced; 4] {
+pub(crate) fn models(equations: &Equations) -> [Reduced; 4] {
     let labels = equations.labels();
     let place = |row: usize| labels.iter().position(|l| number(l) == row).unwrap_or(0);
     let joints = (0..labels.len())
@@ -72,19 +71,19 @@ pub fn models(equations: &Equations) -> [Reduced; 4] {
 
 /// One row of Table 6.
 #[derive(Clone, Debug)]
-pub struct Row {
+pub(crate) struct Row {
     /// eps_RA, percent (Eq. 33).
-    pub relative_absolute: f64,
+    pub(crate) relative_absolute: f64,
     /// eps_AV as a fraction (Eq. 34), over parameters that are not zero.
-    pub average: f64,
+    pub(crate) average: f64,
     /// Parameters, and those of them with sigma below 15 % and a sign that a robot can have.
-    pub parameters: usize,
-    pub well: usize,
-    pub estimate: Estimate,
+    pub(crate) parameters: usize,
+    pub(crate) well: usize,
+    pub(crate) estimate: Estimate,
 }
 
 /// Fits a model.
-pub fn row(
+pub(crate) fn row(
     equations: &Equations,
     model: &Reduced,
     states: &[State],
@@ -131,13 +130,13 @@ pub fn row(
 
 /// Whether a parameter alone can have this value: friction, rotors and sums of moments of
 /// inertia about one axis are not negative (the chapter's mark * in Table 5).
-pub fn possible(label: &str, value: f64) -> bool {
+pub(crate) fn possible(label: &str, value: f64) -> bool {
     let positive = ["Fv", "Fc", "J(", "Izz(1)", "Izz(4)", "Izz(6)"];
     value > 0.0 || !positive.iter().any(|start| label.starts_with(start))
 }
 
 /// Symmetric linear friction at the legs, J: 34 parameters, or with Coulomb friction by sign 37.
-pub fn equations(by_sign: bool) -> Equations {
+pub(crate) fn equations(by_sign: bool) -> Equations {
     if by_sign {
         Equations::new(&["Fv", "Fc+", "Fc-", "J"], 3)
     } else {
@@ -146,7 +145,7 @@ pub fn equations(by_sign: bool) -> Equations {
 }
 
 /// The exact parameters of the simulated robot of section 6.2: CAD, and Table 5's friction.
-pub fn exact(equations: &Equations) -> Vec<f64> {
+pub(crate) fn exact(equations: &Equations) -> Vec<f64> {
     let mut values = cad();
     for column in &equations.columns[25..] {
         values.push(match column {
@@ -160,7 +159,7 @@ pub fn exact(equations: &Equations) -> Vec<f64> {
 
 /// Noise on the independent coordinates and their derivatives: every measured state is closed
 /// again.
-pub fn noisy(states: &[State], noise: &mut Noise) -> Vec<State> {
+pub(crate) fn noisy(states: &[State], noise: &mut Noise) -> Vec<State> {
     use regen_runtime::Closure;
     let model = super::robot::model();
     let mut closure = Closure::new(model).expect("a model");
@@ -178,36 +177,105 @@ pub fn noisy(states: &[State], noise: &mut Noise) -> Vec<State> {
 }
 
 /// Noise on forces, N.
-pub const FORCE_NOISE: f64 = 30.0;
+pub(crate) const FORCE_NOISE: f64 = 30.0;
+/// The noise with which eps_RA is about the chapter's.
+pub(crate) const MORE_NOISE: f64 = 65.0;
 
-/// Table 6 for one seed of noise.
-pub fn table6(equations: &Equations, states: &[State], seed: u64) -> [Row; 4] {
-    let exact = exact(equations);
-    let mut noise = Noise::new(seed);
-    let forces = equations.forces(states, &exact);
-    let forces = super::robot::perturbed(&forces, FORCE_NOISE, &mut noise);
-    let seen = noisy(states, &mut noise);
-    models(equations).map(|model| row(equations, &model, &seen, &forces, &exact))
+/// Table 6: Model 1 with Coulomb friction by sign, 37 parameters, and Models 1 to 4 with
+/// symmetric friction, 34, 24, 18 and 12.
+pub(crate) struct Table6 {
+    pub(crate) by_sign: Row,
+    pub(crate) symmetric: [Row; 4],
 }
 
-/// The reduction by statistics and feasibility alone, on the same data.
-pub fn automatic(
-    equations: &Equations,
-    factor: &Factor,
-    other: &Factor,
-    exact: &[f64],
-) -> Reduction {
-    let (combinations, layout) = equations.combinations();
-    let checks = Checks {
-        other: Some(other),
-        exact: Some(exact),
-        ..Checks::default()
-    };
-    reduce(factor, &combinations, &layout, &checks).expect("a reduction")
+impl Table6 {
+    /// Of these data; the exact parameters are CAD's and Table 5's.
+    pub(crate) fn of(states: &[State], forces: &[f64]) -> Self {
+        let (split, plain) = (equations(true), equations(false));
+        let of = |equations: &Equations, model: &Reduced| {
+            row(equations, model, states, forces, &exact(equations))
+        };
+        Self {
+            by_sign: of(&split, &models(&split)[0]),
+            symmetric: models(&plain).map(|model| of(&plain, &model)),
+        }
+    }
+
+    /// For one seed of noise; `sigma`: of the forces, N.
+    pub(crate) fn new(states: &[State], sigma: f64, seed: u64) -> Self {
+        let (seen, forces) = noisy_data(states, sigma, seed);
+        Self::of(&seen, &forces)
+    }
+
+    /// The five rows with their names.
+    pub(crate) fn rows(&self) -> [(&'static str, &Row); 5] {
+        let [first, second, third, fourth] = &self.symmetric;
+        [
+            ("1, by sign", &self.by_sign),
+            ("1", first),
+            ("2", second),
+            ("3", third),
+            ("4", fourth),
+        ]
+    }
+}
+
+/// States and forces of the robot of section 6.2 as they are measured, with noise on both.
+pub(crate) fn noisy_data(states: &[State], sigma: f64, seed: u64) -> (Vec<State>, Vec<f64>) {
+    let plain = equations(false);
+    let mut noise = Noise::new(seed);
+    let forces = plain.forces(states, &exact(&plain));
+    let forces = super::robot::perturbed(&forces, sigma, &mut noise);
+    (noisy(states, &mut noise), forces)
+}
+
+/// What the reduction without being told came to, beside Model 4.
+pub(crate) struct Automatic {
+    /// Labels of the parameters that it kept.
+    pub(crate) kept: Vec<String>,
+    /// eps_RA on another trajectory, percent: its own and Model 4's.
+    pub(crate) errors: [f64; 2],
+    /// eps_AV of what it kept, as a fraction.
+    pub(crate) average: f64,
+}
+
+impl Automatic {
+    /// From the 34 parameters of Model 1 by statistics and feasibility alone.
+    pub(crate) fn new(states: &[State], others: &[State], seed: u64) -> Self {
+        let plain = equations(false);
+        let exact = exact(&plain);
+        let (seen, forces) = noisy_data(states, FORCE_NOISE, seed);
+        let factor = plain.factor(&seen, &forces);
+        let (seen, forces) = noisy_data(others, FORCE_NOISE, seed + 1000);
+        let (combinations, layout) = plain.combinations();
+        let checks = Checks {
+            exact: Some(&exact),
+            ..Checks::default()
+        };
+        let found = reduce(&factor, &combinations, &layout, &checks).expect("a reduction");
+        let last = found.result().expect("a model");
+        let error = |kept: &[usize], values: &[f64]| {
+            let mut all = vec![0.0; plain.columns.len()];
+            for (place, value) in kept.iter().zip(values) {
+                all[*place] = *value;
+            }
+            relative_absolute(&forces, &plain.forces(&seen, &all))
+        };
+        let fourth: Vec<usize> = models(&plain)[3].groups.concat();
+        let told = factor.select(&fourth).expect("columns").solve();
+        Self {
+            kept: last.estimate.labels.clone(),
+            errors: [
+                error(&last.kept, &last.estimate.values),
+                error(&fourth, &told.expect("determined")),
+            ],
+            average: last.average_relative.unwrap_or(f64::NAN),
+        }
+    }
 }
 
 /// Whether a full set of parameters is one of bodies.
-pub fn feasible(equations: &Equations, values: &[f64]) -> bool {
+pub(crate) fn feasible(equations: &Equations, values: &[f64]) -> bool {
     let (combinations, layout) = equations.combinations();
     verdict(&layout, &combinations, values, Scale::default()).is_ok_and(|v| v.is_feasible())
 }

@@ -9,28 +9,28 @@ use regen_runtime::feasibility::{Combinations, Layout};
 use regen_runtime::friction::directions;
 use regen_runtime::signals::Fourier;
 use regen_runtime::simulate::{FrictionLaw, Noise};
-use regen_runtime::{BaseModel, Closure, Limits, Model, State};
+use regen_runtime::{BaseModel, Closure, Limits, State};
 
 /// The period, s (section 6.1).
-pub const PERIOD: f64 = 7.5;
+pub(crate) const PERIOD: f64 = 7.5;
 /// Harmonics (section 3).
-pub const HARMONICS: usize = 11;
+pub(crate) const HARMONICS: usize = 11;
 /// Configurations that identification takes, one each 0.1 s (section 6.1).
-pub const POINTS: usize = 75;
+pub(crate) const POINTS: usize = 75;
 /// Legs, in the order of the independent coordinates.
-pub const LEGS: [&str; 3] = ["q2", "q7", "q9"];
+pub(crate) const LEGS: [&str; 3] = ["q2", "q7", "q9"];
 /// Joints that the friction models know: the legs and the pivots at the ground. The chapter has
 /// friction at all joints; that of a ball has no coordinate of its own and is left out.
-pub const JOINTS: [&str; 6] = ["q2", "q7", "q9", "q1", "q6", "q8"];
+pub(crate) const JOINTS: [&str; 6] = ["q2", "q7", "q9", "q1", "q6", "q8"];
 
-pub fn model() -> &'static dyn BaseModel<f64> {
+pub(crate) fn model() -> &'static dyn BaseModel<f64> {
     &Rps3
 }
 
 /// A trajectory as section 3 has it: stroke, velocity and cone limited, 11 harmonics. The
 /// chapter states which limits it kept, not their values: 0.6 +- 0.15 m, 0.6 m/s and 45 degrees
 /// are ours.
-pub fn trajectory(seed: u64, criterion: Criterion, steps: usize) -> Excitation {
+pub(crate) fn trajectory(seed: u64, criterion: Criterion, steps: usize) -> Excitation {
     let info = model().info();
     let mut settings = Settings {
         criterion,
@@ -61,7 +61,7 @@ pub fn trajectory(seed: u64, criterion: Criterion, steps: usize) -> Excitation {
 }
 
 /// The closed states at `count` times of a period.
-pub fn states(series: &Fourier, count: usize) -> Vec<State> {
+pub(crate) fn states(series: &Fourier, count: usize) -> Vec<State> {
     let period = 1.0 / series.frequency();
     let mut closure = Closure::new(model()).expect("a model");
     let state = |k: usize| {
@@ -77,7 +77,7 @@ pub fn states(series: &Fourier, count: usize) -> Vec<State> {
 
 /// What a column of the equations stands for.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Column {
+pub(crate) enum Column {
     /// A rigid-body base parameter of Table 1, counted from 0.
     Body(usize),
     /// A friction or drive parameter of one of [`JOINTS`].
@@ -86,14 +86,14 @@ pub enum Column {
 
 /// The columns of a model.
 #[derive(Clone, Debug)]
-pub struct Equations {
-    pub columns: Vec<Column>,
+pub(crate) struct Equations {
+    pub(crate) columns: Vec<Column>,
 }
 
 impl Equations {
     /// All of Table 1 with these friction and drive parameters at the first `joints` of
     /// [`JOINTS`] (J at the legs only).
-    pub fn new(symbols: &[&'static str], joints: usize) -> Self {
+    pub(crate) fn new(symbols: &[&'static str], joints: usize) -> Self {
         let bodies = (0..25).map(Column::Body);
         let friction = symbols.iter().flat_map(|symbol| {
             let used = if *symbol == "J" { 3 } else { joints };
@@ -104,7 +104,7 @@ impl Equations {
         }
     }
 
-    pub fn labels(&self) -> Vec<String> {
+    pub(crate) fn labels(&self) -> Vec<String> {
         let base = model().base_info().base;
         let label = |column: &Column| match column {
             Column::Body(k) => base[*k].label.to_owned(),
@@ -114,7 +114,7 @@ impl Equations {
     }
 
     /// How the columns combine the parameters, and those parameters.
-    pub fn combinations(&self) -> (Combinations, Layout) {
+    pub(crate) fn combinations(&self) -> (Combinations, Layout) {
         let info = model().info();
         let bodies = Combinations::from_base(&model().base_info(), info.parameters.len());
         let labels = self.labels();
@@ -126,7 +126,7 @@ impl Equations {
     }
 
     /// 3 rows by the columns, column by column.
-    pub fn rows(&self, state: &State) -> Vec<f64> {
+    pub(crate) fn rows(&self, state: &State) -> Vec<f64> {
         let mut bodies = vec![0.0; 75];
         let _condition = model()
             .base_regressor(&state.q, &state.qd, &state.qdd, &mut bodies)
@@ -154,7 +154,7 @@ impl Equations {
     }
 
     /// The factor of states with their forces, three each.
-    pub fn factor(&self, states: &[State], forces: &[f64]) -> Factor {
+    pub(crate) fn factor(&self, states: &[State], forces: &[f64]) -> Factor {
         let mut factor = Factor::new(self.labels());
         for (state, tau) in states.iter().zip(forces.chunks(3)) {
             factor.push_block(&self.rows(state), tau).expect("sizes");
@@ -163,7 +163,7 @@ impl Equations {
     }
 
     /// The forces of parameters, three for each state.
-    pub fn forces(&self, states: &[State], values: &[f64]) -> Vec<f64> {
+    pub(crate) fn forces(&self, states: &[State], values: &[f64]) -> Vec<f64> {
         let mut out = Vec::with_capacity(3 * states.len());
         for state in states {
             let rows = self.rows(state);
@@ -181,12 +181,12 @@ impl Equations {
 }
 
 /// The places of [`JOINTS`].
-pub fn places() -> [usize; 6] {
+pub(crate) fn places() -> [usize; 6] {
     JOINTS.map(|name| model().info().index_of(name).expect("a joint"))
 }
 
 /// The forces of friction laws at [`JOINTS`], three for each state.
-pub fn friction_forces(states: &[State], laws: &[FrictionLaw; 6]) -> Vec<f64> {
+pub(crate) fn friction_forces(states: &[State], laws: &[FrictionLaw; 6]) -> Vec<f64> {
     let places = places();
     let mut out = Vec::with_capacity(3 * states.len());
     for state in states {
@@ -200,7 +200,7 @@ pub fn friction_forces(states: &[State], laws: &[FrictionLaw; 6]) -> Vec<f64> {
 }
 
 /// Rigid bodies of CAD (25 of Table 1).
-pub fn cad() -> Vec<f64> {
+pub(crate) fn cad() -> Vec<f64> {
     let phi = model().info().nominal_parameters().expect("nominal values");
     let mut beta = vec![0.0; 25];
     model().to_base(&phi, &mut beta).expect("sizes");
@@ -208,7 +208,7 @@ pub fn cad() -> Vec<f64> {
 }
 
 /// eps_RA in percent (Eq. 33), three forces a sample, each about its own mean.
-pub fn relative_absolute(actual: &[f64], predicted: &[f64]) -> f64 {
+pub(crate) fn relative_absolute(actual: &[f64], predicted: &[f64]) -> f64 {
     let samples = (actual.len() / 3).max(1) as f64;
     let mean = |i: usize| actual.iter().skip(i).step_by(3).sum::<f64>() / samples;
     let means = [mean(0), mean(1), mean(2)];
@@ -223,12 +223,12 @@ pub fn relative_absolute(actual: &[f64], predicted: &[f64]) -> f64 {
 }
 
 /// Normal noise of this deviation added.
-pub fn perturbed(values: &[f64], sigma: f64, noise: &mut Noise) -> Vec<f64> {
+pub(crate) fn perturbed(values: &[f64], sigma: f64, noise: &mut Noise) -> Vec<f64> {
     values.iter().map(|v| v + sigma * noise.normal()).collect()
 }
 
 /// Mean, least and greatest of figures of several seeds.
-pub fn summary(values: &[f64]) -> String {
+pub(crate) fn summary(values: &[f64]) -> String {
     let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
     let low = values.iter().copied().fold(f64::INFINITY, f64::min);
     let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);

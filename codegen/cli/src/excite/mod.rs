@@ -253,6 +253,11 @@ fn show(bar: &ProgressBar, progress: Progress) {
 
 impl From<ExciteError> for Failure {
     fn from(error: ExciteError) -> Self {
-        Self::Input(error.to_string())
+        Self::Input(match &error {
+            ExciteError::Unbounded { coordinate } => {
+                format!("{error}, or give --limit {coordinate}.position=LOWEST,HIGHEST")
+            }
+            _ => error.to_string(),
+        })
     }
 }

@@ -1,0 +1,89 @@
+//! `regen excite` as a user sees it.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod common;
+
+use std::fs;
+use std::path::Path;
+
+use common::regen;
+
+/// A small search.
+const SMALL: [&str; 12] = [
+    "--harmonics",
+    "3",
+    "--samples",
+    "20",
+    "--steps",
+    "2",
+    "--starts",
+    "2",
+    "--frequency",
+    "0.5",
+    "--format",
+    "json",
+];
+
+fn robots() -> &'static Path {
+    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots"))
+}
+
+fn excite(more: &[&str]) -> common::Run {
+    let mut args = vec!["excite", "fivebar.yaml"];
+    args.extend(SMALL);
+    args.extend(more);
+    regen(robots(), &args)
+}
+
+#[test]
+fn the_same_seed_writes_the_same_file_and_says_which_limits_are_near() {
+    let dir = std::env::temp_dir().join(format!("regen-excite-{}", std::process::id()));
+    let limits = ["--limit", LIMITS[0], "--limit", LIMITS[1], "--threads"];
+    let run = |threads: &str, name: &str| {
+        let path = dir.join(name);
+        let mut args = limits.to_vec();
+        let text = path.display().to_string();
+        args.extend([threads, "--out", text.as_str()]);
+        let json = excite(&args).ended(0).json();
+        (json, fs::read(&path).unwrap())
+    };
+    let (json, one) = run("1", "a.json");
+    let (_, two) = run("2", "b.json");
+    fs::remove_dir_all(&dir).unwrap();
+    assert_eq!(one, two);
+    let file: serde_json::Value = serde_json::from_slice(&one).unwrap();
+    assert_eq!(file, json["trajectory"]);
+    assert_eq!(file["format"], "regen-trajectory");
+    assert_eq!(file["sine"][0].as_array().unwrap().len(), 3);
+    assert!(file["criterion"]["scaled_condition"].as_f64().unwrap() > 1.0);
+    let kept = json["limits"].as_array().unwrap();
+    assert!(!kept.is_empty());
+    assert!(
+        kept.iter()
+            .all(|limit| limit["left"].as_f64().unwrap() >= 0.0)
+    );
+}
+
+const LIMITS: [&str; 2] = ["q1.position=0.5,2.5", "q3.position=0.5,2.5"];
+
+#[test]
+fn what_stands_in_the_way_is_named_with_its_exit_code() {
+    // no range, no such coordinate, no such cone: wrong input
+    let open = excite(&[]).ended(3);
+    assert!(open.err.contains("--limit q1.position="), "{}", open.err);
+    let unknown = excite(&["--limit", "q99.position=0,1"]).ended(3);
+    assert!(unknown.err.contains("no coordinate q99"), "{}", unknown.err);
+    let cone = excite(&["--cone", "q1=1"]).ended(3);
+    assert!(cone.err.contains("no cone of q1"), "{}", cone.err);
+    excite(&["--limit", "q1.position=1"]).ended(2);
+    // a range that leaves out every singularity's distance: no trajectory
+    let narrow = [
+        "--limit", LIMITS[0], "--limit", LIMITS[1], "--margin", "1000",
+    ];
+    let none = excite(&narrow).ended(4);
+    assert!(
+        none.err.contains("distance from singularities"),
+        "{}",
+        none.err
+    );
+}
