@@ -38,6 +38,6 @@ dominate it, and in Model 4 none is left.";
 
 pub(crate) const TABLES_7_AND_8: &str = "\
 With drives, control, Stribeck friction and differentiated encoders the residual is model error,
-as on the chapter's robot and at its level. Nine parameters are well identified in Models 2 to 4,
-those of friction and drives, where the chapter's have 9, 12 and 12. As there, Model 4 is
-comparable with CAD, and Model 1 is far from it and not of any robot that can be built.";
+as on the chapter's robot and at its level. Nine parameters are well identified in each of Models
+2 to 4, where the chapter's have 9, 12 and 12. As there, Model 4 has the signs and sizes of CAD,
+and Model 1 is far from it and not of any robot that can be built.";
