@@ -172,7 +172,7 @@ struct Motion<T> {
     pivot: T,
 }
 
-impl<'m, M, D> Problem<'m, M, D>
+impl<M, D> Problem<'_, M, D>
 where
     M: BaseModel<f64>,
     D: Evaluate<Number>,

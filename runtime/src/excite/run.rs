@@ -381,6 +381,10 @@ where
     }
 
     /// The better of two, the first where they are alike.
+    #[allow(
+        clippy::unnecessary_box_returns,
+        reason = "one of two boxes is handed on"
+    )]
     fn smaller(&self, a: Box<Excitation>, b: Box<Excitation>) -> Box<Excitation> {
         let of = |e: &Excitation| self.problem.criterion.of(&e.figures);
         if of(&b) < of(&a) { b } else { a }

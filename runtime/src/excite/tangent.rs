@@ -82,6 +82,7 @@ impl<const N: usize> Sub for Tangent<N> {
 
 impl<const N: usize> Mul for Tangent<N> {
     type Output = Self;
+    #[allow(clippy::suspicious_arithmetic_impl, reason = "the rule of products")]
     #[inline]
     fn mul(self, other: Self) -> Self {
         let (x, y) = (self.value, other.value);
@@ -91,6 +92,7 @@ impl<const N: usize> Mul for Tangent<N> {
 
 impl<const N: usize> Div for Tangent<N> {
     type Output = Self;
+    #[allow(clippy::suspicious_arithmetic_impl, reason = "the rule of quotients")]
     #[inline]
     fn div(self, other: Self) -> Self {
         let y = other.value;
