@@ -14,8 +14,8 @@
 //! Further scalars:
 //! - `dual`: `Dual` over the crate `num-dual`, derivatives of everything a model computes.
 //!   Needs `std`.
-//! - `simd`: `Lane`, several states at once, by the instruction set found at run time. Brings
-//!   `libm` along for targets without `std`.
+//! - `simd`: `Lane`, several states at once, by the instruction set found at run time; `batch`,
+//!   base regressors of many samples. Brings `libm` along for targets without `std`.
 //!
 //! Solvers and evaluation over a [`Model`]:
 //! - `closure` (default): loop closure on an assembly branch; observation matrices over
@@ -50,6 +50,8 @@ extern crate alloc;
 extern crate std;
 
 mod base;
+#[cfg(feature = "simd")]
+pub mod batch;
 #[cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]
 mod closure;
 mod condition;
@@ -69,6 +71,7 @@ pub mod identifiability;
 #[cfg(feature = "estimation")]
 pub mod identify;
 mod info;
+mod kernel;
 #[cfg(any(feature = "feasibility", feature = "simulation"))]
 mod law;
 mod linear;
@@ -89,6 +92,7 @@ pub use closure::{Closure, Misuse, Outcome, Solution, State};
 pub use condition::{Condition, NEAR_SINGULAR, SINGULAR, Status};
 pub use guarded::{PIVOT_BOUND, guarded};
 pub use info::{Cone, Cut, Friction, Info, Joint, Limits, Motion};
+pub use kernel::BaseKernel;
 pub use linear::solve_pivoted;
 pub use model::{Model, SizeError, array, array_mut, matrix_mut};
 #[cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]

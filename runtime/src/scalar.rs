@@ -3,6 +3,8 @@
 use core::fmt::Debug;
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
+#[cfg(any(feature = "std", feature = "libm"))]
+mod angles;
 #[cfg(feature = "dual")]
 mod dual;
 #[cfg(feature = "simd")]
@@ -89,6 +91,24 @@ pub trait Scalar:
     /// Sine and cosine of an angle in radians.
     #[must_use]
     fn sin_cos(self) -> (Self, Self);
+
+    /// Sine and cosine of several angles in radians at once.
+    ///
+    /// For `f64` a polynomial in vector registers where all angles are within 2^20 rad, each
+    /// result within one ulp; otherwise, and for other types, as [`sin_cos`](Scalar::sin_cos).
+    ///
+    /// ```
+    /// use regen_runtime::Scalar;
+    ///
+    /// let [(sine, _), (_, cosine)] = f64::sin_cos_all([0.5, 1.0]);
+    /// assert!((sine - 0.5_f64.sin()).abs() < 1e-15);
+    /// assert!((cosine - 1.0_f64.cos()).abs() < 1e-15);
+    /// ```
+    #[inline]
+    #[must_use]
+    fn sin_cos_all<const N: usize>(angles: [Self; N]) -> [(Self, Self); N] {
+        angles.map(Self::sin_cos)
+    }
 
     /// The arc tangent, in radians.
     #[must_use]

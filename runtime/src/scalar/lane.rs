@@ -9,6 +9,7 @@ use core::ops::{Add, Div, Mul, Neg, Sub};
 use pulp::{Simd, bytemuck};
 
 use super::Scalar;
+use super::angles::{COS, HALF_PI, MAGIC, SIN};
 
 /// A SIMD register of `f64`s as a [`Scalar`]: each lane is a state of its own.
 ///
@@ -17,7 +18,7 @@ use super::Scalar;
 /// compiled for the instruction set; a function that is not still gives the right values, but
 /// each of its operations becomes a call.
 ///
-/// Sine and cosine are polynomials within 2 ulp where all lanes are up to [`Lane::REACH`] in
+/// Sine and cosine are polynomials within 1 ulp where all lanes are up to [`Lane::REACH`] in
 /// size; beyond, and for `atan`, `exp` and `powf`, each lane is computed on its own.
 ///
 /// ```
@@ -57,7 +58,7 @@ pub struct LaneMask<S: Simd> {
 
 impl<S: Simd> Lane<S> {
     /// The greatest angle in size, in rad, that the vector reduction is exact for: 2^20.
-    pub const REACH: f64 = 1_048_576.0;
+    pub const REACH: f64 = super::angles::REACH;
 
     /// The constant in every lane.
     #[inline(always)]
@@ -94,8 +95,10 @@ impl<S: Simd> Lane<S> {
     /// Sine and cosine for |x| up to [`Lane::REACH`].
     #[inline(always)]
     fn sin_cos_near(self) -> (Self, Self) {
-        let quarters = (self * self.lift(TWO_OVER_PI)).round();
-        let (y, tail) = self.reduce(quarters);
+        // the sum rounds to an integer of quarter turns, which then stands in its last bits
+        let magic = self.lift(MAGIC);
+        let shifted = self.mul_add(self.lift(TWO_OVER_PI), magic);
+        let (y, tail) = self.reduce(shifted - magic);
         let z = y * y;
 
         // sin(y + tail) = y + (y^3 S(y^2) + tail cos y)
@@ -106,31 +109,30 @@ impl<S: Simd> Lane<S> {
         // cos(y + tail) = 1 - y^2/2 + (y^4 C(y^2) - y tail); what 1 - y^2/2 rounds off comes back.
         let leading = self.lift(1.0) - half;
         let lost = (self.lift(1.0) - leading) - half;
-        let cos = leading + (lost + ((z * z) * polynomial(z, &COS) - y * tail));
+        let cos = leading + (lost + (z * z).mul_add(polynomial(z, &COS), -(y * tail)));
 
-        // Quarter turns, from -2 to 2: odd ones swap, and each has its signs.
-        let turn = quarters - (quarters * self.lift(0.25)).round() * self.lift(4.0);
-        let (size, half) = (turn.abs(), self.lift(0.5));
-        let even = Self::select(
-            size.less(half),
-            self.lift(1.0),
-            (size - self.lift(1.0)).abs(),
-        );
-        let swap = even.less(half);
+        // odd quarter turns swap the two, and each has its signs
+        let swap = shifted.last_bit_as_sign(63);
         let (s, c) = (Self::select(swap, cos, sin), Self::select(swap, sin, cos));
-        let s_negative = Self::select(turn.less(-half), self.lift(1.0), size - self.lift(1.0));
-        let c_negative = Self::select(turn.less(half), -turn - self.lift(1.0), turn);
+        let s_negative = shifted.last_bit_as_sign(62);
+        let c_negative = (shifted + self.lift(1.0)).last_bit_as_sign(62);
         (
-            Self::select(half.less(s_negative), -s, s),
-            Self::select(half.less(c_negative), -c, c),
+            Self::select(s_negative, -s, s),
+            Self::select(c_negative, -c, c),
         )
     }
 
-    /// To the nearest integer, for |x| below 2^51.
+    /// Whether a bit of the number is set: the last one turned left by 63, the one before by 62,
+    /// becomes the sign. Of a sum with [`MAGIC`], what comes after the sign is never infinite.
     #[inline(always)]
-    fn round(self) -> Self {
-        let magic = self.lift(6_755_399_441_055_744.0);
-        (self + magic) - magic
+    fn last_bit_as_sign(self, left: usize) -> LaneMask<S> {
+        let bits = self.simd.transmute_u64s_f64s(self.v);
+        let turned = self.simd.rotate_left_u64s(bits, left);
+        let turned = Self {
+            v: self.simd.transmute_f64s_u64s(turned),
+            ..self
+        };
+        turned.less(self.lift(0.0))
     }
 
     /// `self - quarters * pi/2` as a value and its rounding error (Cody and Waite).
@@ -150,40 +152,14 @@ impl<S: Simd> Lane<S> {
 
 const TWO_OVER_PI: f64 = core::f64::consts::FRAC_2_PI;
 
-/// pi/2 in three parts of 33 bits and the rest.
-const HALF_PI: [f64; 4] = [
-    1.570_796_326_734_125_6,
-    6.077_100_506_303_966e-11,
-    2.022_266_248_711_166_5e-21,
-    8.478_427_660_368_9e-32,
-];
-
-/// (sin y - y) / y^3 in powers of y^2 up to |y| = pi/4, interpolated at Chebyshev nodes.
-const SIN: [f64; 6] = [
-    -0.166_666_666_666_666_66,
-    0.008_333_333_333_330_943,
-    -0.000_198_412_698_367_495_6,
-    2.755_731_609_787_775e-6,
-    -2.505_113_087_096_829_7e-8,
-    1.591_805_913_698_281e-10,
-];
-
-/// (cos y - 1 + y^2/2) / y^4 in powers of y^2, likewise.
-const COS: [f64; 6] = [
-    0.041_666_666_666_666_664,
-    -0.001_388_888_888_888_739_3,
-    2.480_158_729_876_004_8e-5,
-    -2.755_731_726_880_539e-7,
-    2.087_614_565_905_934_4e-9,
-    -1.138_258_853_535_252_6e-11,
-];
-
 /// The polynomial with these coefficients, lowest power first.
 #[inline(always)]
 fn polynomial<S: Simd>(z: Lane<S>, coefficients: &[f64; 6]) -> Lane<S> {
     let [c0, c1, c2, c3, c4, c5] = coefficients.map(|c| z.lift(c));
-    let high = c5.mul_add(z, c4).mul_add(z, c3);
-    high.mul_add(z, c2).mul_add(z, c1).mul_add(z, c0)
+    // Estrin's scheme: half as deep as Horner's
+    let square = z * z;
+    let high = c5.mul_add(z, c4).mul_add(square, c3.mul_add(z, c2));
+    high.mul_add(square, c1.mul_add(z, c0))
 }
 
 /// The rounded sum and exactly what it rounds off.

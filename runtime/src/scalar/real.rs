@@ -4,7 +4,7 @@ use super::Scalar;
 
 /// The functions of one float type that `core` does not have, by either provider.
 macro_rules! scalar {
-    ($float:ident, $sqrt:ident, $sincos:ident, $atan:ident, $exp:ident, $pow:ident) => {
+    ($float:ident, $sqrt:ident, $sincos:ident, $atan:ident, $exp:ident, $pow:ident, { $($all:item)* }) => {
         impl Scalar for $float {
             type Mask = bool;
 
@@ -67,6 +67,8 @@ macro_rules! scalar {
                 }
             }
 
+            $($all)*
+
             #[inline]
             fn atan(self) -> Self {
                 #[cfg(feature = "std")]
@@ -121,5 +123,13 @@ macro_rules! scalar {
     };
 }
 
-scalar!(f64, sqrt, sincos, atan, exp, pow);
-scalar!(f32, sqrtf, sincosf, atanf, expf, powf);
+scalar!(f64, sqrt, sincos, atan, exp, pow, {
+    #[inline]
+    fn sin_cos_all<const N: usize>(angles: [Self; N]) -> [(Self, Self); N] {
+        match super::angles::sin_cos_all(&angles) {
+            Some(all) => all,
+            None => angles.map(Scalar::sin_cos),
+        }
+    }
+});
+scalar!(f32, sqrtf, sincosf, atanf, expf, powf, {});

@@ -1,0 +1,327 @@
+//! Base regressors of many samples: as many at once as a vector register holds, by the
+//! instruction set found at run time.
+#![allow(
+    clippy::inline_always,
+    reason = "what is left as a call is compiled without the token's instruction set"
+)]
+
+use core::marker::PhantomData;
+
+use pulp::{Arch, Simd, WithSimd, bytemuck};
+
+use crate::{BaseKernel, Condition, Lane, Scalar, SizeError};
+
+/// States of a model with N coordinates, one series per coordinate: registers are filled with
+/// samples that follow one another.
+#[derive(Clone, Copy, Debug)]
+pub struct Samples<'a, const N: usize> {
+    q: [&'a [f64]; N],
+    qd: [&'a [f64]; N],
+    qdd: [&'a [f64]; N],
+    len: usize,
+}
+
+impl<'a, const N: usize> Samples<'a, N> {
+    /// Coordinates, velocities and accelerations, in m or rad and their rates.
+    ///
+    /// # Errors
+    /// When the series are not equally long.
+    pub fn new(
+        q: [&'a [f64]; N],
+        qd: [&'a [f64]; N],
+        qdd: [&'a [f64]; N],
+    ) -> Result<Self, SizeError> {
+        let len = q.first().map_or(0, |series| series.len());
+        for (argument, all) in [("q", &q), ("qd", &qd), ("qdd", &qdd)] {
+            if let Some(other) = all.iter().find(|series| series.len() != len) {
+                return Err(SizeError {
+                    argument,
+                    expected: len,
+                    got: other.len(),
+                });
+            }
+        }
+        Ok(Samples { q, qd, qdd, len })
+    }
+
+    /// How many samples there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// The samples in `parts` parts, one after the other, none longer than another by more than
+    /// one: for as many threads.
+    #[cfg(feature = "std")]
+    fn split(&self, parts: usize) -> impl Iterator<Item = (usize, Self)> + use<'a, N> {
+        let Samples { q, qd, qdd, len } = *self;
+        let parts = parts.max(1);
+        (0..parts).map(move |part| {
+            let (first, end) = (len * part / parts, len * (part + 1) / parts);
+            let [q, qd, qdd] = [q, qd, qdd].map(|all| all.map(|series| &series[first..end]));
+            let len = end - first;
+            (first, Samples { q, qd, qdd, len })
+        })
+    }
+}
+
+/// The base regressors of a few samples that follow one another, one in each lane.
+#[derive(Debug)]
+pub struct Block<'a, S: Simd, const DOF: usize, const COLUMNS: usize> {
+    /// The first sample.
+    pub first: usize,
+    /// How many samples: lanes beyond hold a state of zeros.
+    pub len: usize,
+    /// `w[c][r]` multiplies base parameter c in the equation of independent coordinate r.
+    pub w: &'a [[Lane<S>; DOF]; COLUMNS],
+    /// The condition of the solve with A_e.
+    pub condition: Condition<Lane<S>>,
+}
+
+impl<S: Simd, const DOF: usize, const COLUMNS: usize> Block<'_, S, DOF, COLUMNS> {
+    /// The values of an entry, one per sample.
+    #[inline(always)]
+    pub fn entry(&self, column: usize, row: usize) -> &[f64] {
+        let values = core::slice::from_ref(&self.w[column][row].v);
+        &bytemuck::cast_slice::<S::f64s, f64>(values)[..self.len]
+    }
+
+    /// The pivots of the condition, one per sample.
+    #[inline(always)]
+    pub fn pivots(&self) -> &[f64] {
+        let values = core::slice::from_ref(&self.condition.pivot.v);
+        &bytemuck::cast_slice::<S::f64s, f64>(values)[..self.len]
+    }
+}
+
+/// What takes base regressors, block by block, while they are in the cache.
+pub trait Consumer<const DOF: usize, const COLUMNS: usize> {
+    /// Takes the next samples. Mark it `#[inline(always)]`, so that it is compiled for the
+    /// instruction set of its lanes.
+    fn take<S: Simd>(&mut self, block: &Block<'_, S, DOF, COLUMNS>);
+}
+
+/// Computes the base regressor of every sample in lanes and hands the blocks, in order, to the
+/// consumer. Nothing is allocated; what is zero at every state is written once.
+///
+/// ```
+/// # use regen_runtime::{BaseKernel, Condition, Scalar};
+/// use pulp::Simd;
+/// use regen_runtime::batch::{Block, Consumer, Samples, base_regressors};
+///
+/// /// A slider: its force is (qdd + g) m.
+/// struct Slider;
+/// impl BaseKernel<1, 1, 1> for Slider {
+///     #[inline(always)]
+///     fn base_entries<T: Scalar>(
+///         _q: &[T; 1],
+///         _qd: &[T; 1],
+///         [qdd]: &[T; 1],
+///         w: &mut [[T; 1]; 1],
+///     ) -> Condition<T> {
+///         w[0][0] = *qdd + qdd.lift(9.81);
+///         Condition::regular(*qdd)
+///     }
+/// }
+///
+/// struct Sum(f64);
+/// impl Consumer<1, 1> for Sum {
+///     #[inline(always)]
+///     fn take<S: Simd>(&mut self, block: &Block<'_, S, 1, 1>) {
+///         self.0 += block.entry(0, 0).iter().sum::<f64>();
+///     }
+/// }
+///
+/// let qdd: Vec<f64> = (0..11).map(f64::from).collect();
+/// let rest = vec![0.0; 11];
+/// let mut sum = Sum(0.0);
+/// base_regressors::<Slider, _, 1, 1, 1>(&Samples::new([&rest], [&rest], [&qdd])?, &mut sum);
+/// assert!((sum.0 - (55.0 + 11.0 * 9.81)).abs() < 1e-12);
+/// # Ok::<(), regen_runtime::SizeError>(())
+/// ```
+pub fn base_regressors<K, C, const N: usize, const DOF: usize, const COLUMNS: usize>(
+    samples: &Samples<'_, N>,
+    consumer: &mut C,
+) where
+    K: BaseKernel<N, DOF, COLUMNS>,
+    C: Consumer<DOF, COLUMNS>,
+{
+    Arch::new().dispatch(Run::<K, C, N, DOF, COLUMNS>::new(samples, 0, consumer));
+}
+
+/// The work of [`base_regressors`], for an instruction set of the caller's choice: dispatch it with
+/// a token of `pulp`, or run it with `pulp::Scalar`, which is in one lane.
+pub fn task<'a, K, C, const N: usize, const DOF: usize, const COLUMNS: usize>(
+    samples: &Samples<'a, N>,
+    consumer: &'a mut C,
+) -> impl WithSimd<Output = ()>
+where
+    K: BaseKernel<N, DOF, COLUMNS>,
+    C: Consumer<DOF, COLUMNS>,
+{
+    Run::<K, C, N, DOF, COLUMNS>::new(samples, 0, consumer)
+}
+
+/// As [`base_regressors`] on some threads, each with a consumer of its own and a part of the
+/// samples that follow one another. The consumers come back in the order of their parts, so that
+/// putting them together does not depend on which thread was faster.
+#[cfg(feature = "std")]
+pub fn base_regressors_on_threads<K, C, const N: usize, const DOF: usize, const COLUMNS: usize>(
+    samples: &Samples<'_, N>,
+    consumers: &mut [C],
+) where
+    K: BaseKernel<N, DOF, COLUMNS>,
+    C: Consumer<DOF, COLUMNS> + Send,
+{
+    let parts = samples.split(consumers.len());
+    std::thread::scope(|scope| {
+        for (consumer, (first, part)) in consumers.iter_mut().zip(parts) {
+            scope.spawn(move || {
+                let run = Run::<K, C, N, DOF, COLUMNS>::new(&part, first, consumer);
+                Arch::new().dispatch(run);
+            });
+        }
+    });
+}
+
+struct Run<'a, K, C, const N: usize, const DOF: usize, const COLUMNS: usize> {
+    samples: Samples<'a, N>,
+    offset: usize,
+    consumer: &'a mut C,
+    kernel: PhantomData<K>,
+}
+
+impl<'a, K, C, const N: usize, const DOF: usize, const COLUMNS: usize>
+    Run<'a, K, C, N, DOF, COLUMNS>
+{
+    fn new(samples: &Samples<'a, N>, offset: usize, consumer: &'a mut C) -> Self {
+        Run {
+            samples: *samples,
+            offset,
+            consumer,
+            kernel: PhantomData,
+        }
+    }
+}
+
+impl<K, C, const N: usize, const DOF: usize, const COLUMNS: usize> WithSimd
+    for Run<'_, K, C, N, DOF, COLUMNS>
+where
+    K: BaseKernel<N, DOF, COLUMNS>,
+    C: Consumer<DOF, COLUMNS>,
+{
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Samples { q, qd, qdd, len } = self.samples;
+        let mut w = [[Lane::splat(simd, 0.0); DOF]; COLUMNS];
+        let mut first = 0;
+        while first < len {
+            let end = len.min(first + S::F64_LANES);
+            let q = loaded(simd, &q, first, end);
+            let qd = loaded(simd, &qd, first, end);
+            let qdd = loaded(simd, &qdd, first, end);
+            let condition = K::base_entries(&q, &qd, &qdd, &mut w);
+            self.consumer.take(&Block {
+                first: self.offset + first,
+                len: end - first,
+                w: &w,
+                condition,
+            });
+            first = end;
+        }
+    }
+}
+
+/// Samples of every series side by side: one lane each, zeros beyond.
+#[inline(always)]
+fn loaded<S: Simd, const N: usize>(
+    simd: S,
+    series: &[&[f64]; N],
+    first: usize,
+    end: usize,
+) -> [Lane<S>; N] {
+    let mut lanes = [Lane::splat(simd, 0.0); N];
+    for (lane, series) in lanes.iter_mut().zip(series) {
+        lane.v = simd.partial_load_f64s(&series[first..end]);
+    }
+    lanes
+}
+
+/// Accumulates the normal equations `W^T W` and `W^T tau` of base parameters, in lanes: the
+/// quickest way to least squares, at the price of squaring the condition number of W. Observation
+/// matrices that are not well conditioned belong into an orthogonal factor instead.
+///
+/// Equations are weighted by row: 1 / sigma^2 of each independent coordinate's effort.
+#[derive(Clone, Debug)]
+pub struct Normal<'a, const DOF: usize, const COLUMNS: usize> {
+    tau: [&'a [f64]; DOF],
+    weights: [f64; DOF],
+    /// `W^T W`, symmetric; its lower triangle is filled: `gram[a][b]` for b <= a.
+    pub gram: [[f64; COLUMNS]; COLUMNS],
+    /// `W^T tau`.
+    pub right: [f64; COLUMNS],
+}
+
+impl<'a, const DOF: usize, const COLUMNS: usize> Normal<'a, DOF, COLUMNS> {
+    /// Nothing yet. `tau` are the efforts of the independent coordinates, N or N m, one series per
+    /// coordinate; samples beyond their end do not count. `weights` in 1/N^2 or 1/(N m)^2.
+    #[must_use]
+    pub fn new(tau: [&'a [f64]; DOF], weights: [f64; DOF]) -> Self {
+        Normal {
+            tau,
+            weights,
+            gram: [[0.0; COLUMNS]; COLUMNS],
+            right: [0.0; COLUMNS],
+        }
+    }
+
+    /// Adds what another one has accumulated.
+    pub fn merge(&mut self, other: &Self) {
+        let mine = self.gram.iter_mut().flatten().chain(&mut self.right);
+        for (x, y) in mine.zip(other.gram.iter().flatten().chain(&other.right)) {
+            *x += y;
+        }
+    }
+}
+
+impl<const DOF: usize, const COLUMNS: usize> Consumer<DOF, COLUMNS> for Normal<'_, DOF, COLUMNS> {
+    #[inline(always)]
+    fn take<S: Simd>(&mut self, block: &Block<'_, S, DOF, COLUMNS>) {
+        let simd = block.condition.pivot.simd;
+        let measured = self.tau.iter().map(|series| series.len()).min();
+        let end = (block.first + block.len).min(measured.unwrap_or(0));
+        if end <= block.first {
+            return;
+        }
+        let tau: [Lane<S>; DOF] = loaded(simd, &self.tau, block.first, end);
+        // lanes without a sample do not count
+        let mut counts = Lane::splat(simd, 0.0);
+        let values = bytemuck::cast_slice_mut::<S::f64s, f64>(core::slice::from_mut(&mut counts.v));
+        for value in values.iter_mut().take(end - block.first) {
+            *value = 1.0;
+        }
+        for (a, column) in block.w.iter().enumerate() {
+            let mut weighted = *column;
+            for (entry, weight) in weighted.iter_mut().zip(self.weights) {
+                *entry = *entry * counts * counts.lift(weight);
+            }
+            let dot = |other: &[Lane<S>; DOF]| {
+                let products = weighted.iter().zip(other);
+                let sum = products.fold(counts.lift(0.0), |sum, (x, y)| x.mul_add(*y, sum));
+                simd.reduce_sum_f64s(sum.v)
+            };
+            for (b, other) in block.w[..=a].iter().enumerate() {
+                self.gram[a][b] += dot(other);
+            }
+            self.right[a] += dot(&tau);
+        }
+    }
+}

@@ -1,0 +1,122 @@
+//! Sines and cosines of several `f64` at once: a polynomial without branches, so that the
+//! compiler puts the angles into vector registers.
+
+/// The greatest angle in size, in rad, that the reduction by quarter turns is exact for: 2^20.
+pub(super) const REACH: f64 = 1_048_576.0;
+
+/// pi/2 in three parts of 33 bits and the rest.
+///
+/// The three leading parts times an integer of 20 bits are exact (Cody and Waite, 1980).
+pub(super) const HALF_PI: [f64; 4] = [
+    1.570_796_326_734_125_6,
+    6.077_100_506_303_966e-11,
+    2.022_266_248_711_166_5e-21,
+    8.478_427_660_368_9e-32,
+];
+
+/// (sin y - y) / y^3 in powers of y^2 up to |y| = pi/4, interpolated at Chebyshev nodes.
+pub(super) const SIN: [f64; 6] = [
+    -0.166_666_666_666_666_66,
+    0.008_333_333_333_330_943,
+    -0.000_198_412_698_367_495_6,
+    2.755_731_609_787_775e-6,
+    -2.505_113_087_096_829_7e-8,
+    1.591_805_913_698_281e-10,
+];
+
+/// (cos y - 1 + y^2/2) / y^4 in powers of y^2, likewise.
+pub(super) const COS: [f64; 6] = [
+    0.041_666_666_666_666_664,
+    -0.001_388_888_888_888_739_3,
+    2.480_158_729_876_004_8e-5,
+    -2.755_731_726_880_539e-7,
+    2.087_614_565_905_934_4e-9,
+    -1.138_258_853_535_252_6e-11,
+];
+
+/// Adding it rounds to an integer, which then stands in the last bits.
+pub(super) const MAGIC: f64 = 6_755_399_441_055_744.0;
+
+/// Sine and cosine of every angle, each within one ulp; `None` where one is beyond [`REACH`], or
+/// no number.
+#[inline]
+pub(super) fn sin_cos_all<const N: usize>(angles: &[f64; N]) -> Option<[(f64, f64); N]> {
+    let mut within = true;
+    for x in angles {
+        within &= x.abs() < REACH;
+    }
+    if !within {
+        return None;
+    }
+    let (mut sines, mut cosines) = ([0.0; N], [0.0; N]);
+    for ((x, s), c) in angles.iter().zip(&mut sines).zip(&mut cosines) {
+        (*s, *c) = near(*x);
+    }
+    Some(core::array::from_fn(|i| (sines[i], cosines[i])))
+}
+
+/// Sine and cosine for |x| up to [`REACH`].
+#[inline(always)]
+#[allow(
+    clippy::inline_always,
+    reason = "left as a call, it keeps the loop around it from being vectorised"
+)]
+fn near(x: f64) -> (f64, f64) {
+    let shifted = fused(x, core::f64::consts::FRAC_2_PI, MAGIC);
+    let turns = shifted.to_bits();
+    let quarters = shifted - MAGIC;
+
+    // y + tail = x - quarters * pi/2; the sums keep what they round off
+    let first = x - quarters * HALF_PI[0];
+    let (second, error_2) = two_sum(first, -(quarters * HALF_PI[1]));
+    let (third, error_3) = two_sum(second, -(quarters * HALF_PI[2]));
+    let rest = (error_2 + error_3) - quarters * HALF_PI[3];
+    let y = third + rest;
+    let tail = (third - y) + rest;
+
+    let z = y * y;
+    let half = z * 0.5;
+    // sin(y + tail) = y + (y^3 S(y^2) + tail cos y)
+    let sin = y + fused(y * z, polynomial(z, &SIN), tail * (1.0 - half));
+    // cos(y + tail) = 1 - y^2/2 + (y^4 C(y^2) - y tail); what 1 - y^2/2 rounds off comes back
+    let leading = 1.0 - half;
+    let lost = (1.0 - leading) - half;
+    let cos = leading + (lost + fused(z * z, polynomial(z, &COS), -(y * tail)));
+
+    // odd quarter turns swap the two, and each has its signs
+    let swap = 0_u64.wrapping_sub(turns & 1);
+    let (s, c) = (sin.to_bits(), cos.to_bits());
+    let exchanged = (s ^ c) & swap;
+    let (s_sign, c_sign) = ((turns & 2) << 62, (turns.wrapping_add(1) & 2) << 62);
+    (
+        f64::from_bits((s ^ exchanged) ^ s_sign),
+        f64::from_bits((c ^ exchanged) ^ c_sign),
+    )
+}
+
+#[inline(always)]
+#[allow(clippy::inline_always, reason = "as for `near`")]
+fn fused(a: f64, b: f64, c: f64) -> f64 {
+    super::Scalar::mul_add(a, b, c)
+}
+
+#[inline(always)]
+#[allow(clippy::inline_always, reason = "as for `near`")]
+fn polynomial(z: f64, [c0, c1, c2, c3, c4, c5]: &[f64; 6]) -> f64 {
+    // Estrin's scheme: half as deep as Horner's
+    let low = fused(*c1, z, *c0);
+    let middle = fused(*c3, z, *c2);
+    let high = fused(*c5, z, *c4);
+    let square = z * z;
+    fused(fused(high, square, middle), square, low)
+}
+
+/// The rounded sum and exactly what it rounds off (Knuth).
+#[inline(always)]
+#[allow(clippy::inline_always, reason = "as for `near`")]
+fn two_sum(a: f64, b: f64) -> (f64, f64) {
+    let sum = a + b;
+    let from_b = sum - a;
+    let from_a = sum - from_b;
+    (sum, (a - from_a) + (b - from_b))
+}
