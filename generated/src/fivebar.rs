@@ -9,34 +9,34 @@
 //!
 //! | function | add | mul | div | sin and cos |
 //! |---|---|---|---|---|
-//! | [`constraints`] | 9 | 8 | 0 | 4 |
+//! | [`constraints`] | 9 | 4 | 0 | 4 |
 //! | [`jacobian`] | 6 | 8 | 0 | 4 |
-//! | [`bias`] | 10 | 24 | 0 | 4 |
-//! | [`newton_step`] | 14 | 12 | 1 | 4 |
+//! | [`bias`] | 10 | 16 | 0 | 4 |
+//! | [`newton_step`] | 14 | 10 | 1 | 4 |
 //! | [`dependent_jacobian`] | 3 | 2 | 0 | 1 |
 //! | [`velocities`] | 11 | 14 | 1 | 3 |
-//! | [`accelerations`] | 20 | 33 | 1 | 3 |
-//! | [`regressor`] | 35 | 83 | 1 | 4 |
-//! | [`inverse_dynamics`] | 49 | 85 | 1 | 4 |
-//! | [`gravity`] | 25 | 47 | 1 | 5 |
-//! | [`bias_forces`] | 37 | 82 | 1 | 3 |
-//! | [`mass_matrix`] | 31 | 42 | 1 | 3 |
-//! | [`slotine_li`] | 50 | 118 | 1 | 4 |
+//! | [`accelerations`] | 20 | 26 | 1 | 3 |
+//! | [`regressor`] | 35 | 77 | 1 | 4 |
+//! | [`inverse_dynamics`] | 49 | 83 | 1 | 4 |
+//! | [`gravity`] | 25 | 43 | 1 | 5 |
+//! | [`bias_forces`] | 37 | 70 | 1 | 3 |
+//! | [`mass_matrix`] | 31 | 40 | 1 | 3 |
+//! | [`slotine_li`] | 50 | 102 | 1 | 4 |
 //! | [`efforts`] | 0 | 0 | 0 | 0 |
 //! | [`poses`] | 3 | 4 | 0 | 4 |
-//! | [`base_regressor`] | 33 | 75 | 1 | 4 |
-//! | [`to_base`] | 15 | 9 | 0 | 0 |
-//! | [`parameters_from_base`] | 13 | 9 | 0 | 0 |
-//! | [`base_inverse_dynamics`] | 44 | 79 | 1 | 4 |
-//! | [`base_gravity`] | 22 | 41 | 1 | 5 |
-//! | [`base_bias_forces`] | 33 | 74 | 1 | 3 |
-//! | [`base_mass_matrix`] | 27 | 40 | 1 | 3 |
+//! | [`base_regressor`] | 33 | 71 | 1 | 4 |
+//! | [`to_base`] | 15 | 7 | 0 | 0 |
+//! | [`parameters_from_base`] | 13 | 7 | 0 | 0 |
+//! | [`base_inverse_dynamics`] | 44 | 77 | 1 | 4 |
+//! | [`base_gravity`] | 22 | 38 | 1 | 5 |
+//! | [`base_bias_forces`] | 33 | 64 | 1 | 3 |
+//! | [`base_mass_matrix`] | 27 | 38 | 1 | 3 |
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
 use ::regen_runtime::{
  Condition, Cone, Cut, Info, Joint, Limits, Model, Scalar, SizeError, };
-use ::regen_runtime::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
+use ::regen_runtime::{BaseInfo, BaseKernel, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
 pub const COORDINATES: [&str; 4] = [
@@ -237,36 +237,35 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
 /// - `f`: closure residual f, zero when closed (Eq. 6)
 ///
-/// 9 additions, 8 multiplications, 0 divisions, 4 sines and cosines.
+/// 9 additions, 4 multiplications, 0 divisions, 4 sines and cosines.
 pub fn constraints<T: Scalar>(q: &[T; 4]) -> [T; 5] {
     let like = q[0];
     let mut f = [like.lift(0.0); 5];
     let [q1, q2, q3, q4] = *q;
+    // sines and cosines
+    let [sin_q1, cos_q1, sin_q1_q2, cos_q1_q2, sin_q3, cos_q3, sin_q3_q4, cos_q3_q4] = {
+        let t1_1 = q2 + q1;
+        let t1_2 = q4 + q3;
+        let [
+            (sin_q1, cos_q1), (sin_q1_q2, cos_q1_q2), (sin_q3, cos_q3), (sin_q3_q4, cos_q3_q4),
+        ] =
+            T::sin_cos_all([q1, t1_1, q3, t1_2]);
+        [sin_q1, cos_q1, sin_q1_q2, cos_q1_q2, sin_q3, cos_q3, sin_q3_q4, cos_q3_q4]
+    };
     // f (Eq. 6)
     {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = like.lift(0.3) * cos_q1;
-        let t1_2 = q2 + q1;
-        let (sin_q1_q2, cos_q1_q2) = t1_2.sin_cos();
-        let t1_3 = like.lift(0.4).mul_add(cos_q1_q2, t1_1);
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_4 = like.lift(0.3).mul_add(cos_q3, like.lift(0.2));
-        let t1_5 = q4 + q3;
-        let (sin_q3_q4, cos_q3_q4) = t1_5.sin_cos();
-        let t1_6 = like.lift(0.4).mul_add(cos_q3_q4, t1_4);
-        let t1_7 = t1_3 - t1_6;
-        let t1_8 = -t1_7;
-        f[0] = t1_8;
-        let t1_9 = like.lift(0.3) * sin_q1;
-        let t1_10 = like.lift(0.4).mul_add(sin_q1_q2, t1_9);
-        let t1_11 = like.lift(0.3) * sin_q3;
-        let t1_12 = like.lift(0.4).mul_add(sin_q3_q4, t1_11);
-        let t1_13 = t1_10 - t1_12;
-        let t1_14 = -t1_13;
-        f[2] = t1_14;
-        f[1] = like.lift(0.0);
-        f[3] = like.lift(0.0);
-        f[4] = like.lift(0.0);
+        let t2_1 = cos_q1 - cos_q3;
+        let t2_2 = cos_q1_q2 - cos_q3_q4;
+        let t2_3 = like.lift(0.4).mul_add(t2_2, like.lift(-0.2));
+        let t2_4 = like.lift(0.3).mul_add(t2_1, t2_3);
+        let t2_5 = -t2_4;
+        f[0] = t2_5;
+        let t2_6 = sin_q1 - sin_q3;
+        let t2_7 = sin_q1_q2 - sin_q3_q4;
+        let t2_8 = like.lift(0.4) * t2_7;
+        let t2_9 = like.lift(0.3).mul_add(t2_6, t2_8);
+        let t2_10 = -t2_9;
+        f[2] = t2_10;
     }
     f
 }
@@ -281,44 +280,44 @@ pub fn jacobian<T: Scalar>(q: &[T; 4]) -> [[T; 4]; 5] {
     let like = q[0];
     let mut a = [[like.lift(0.0); 4]; 5];
     let [q1, q2, q3, q4] = *q;
-    // row 1
-    let [cos_q1, cos_q1_q2, cos_q3, cos_q3_q4] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
+    // sines and cosines
+    let [sin_q1, cos_q1, sin_q1_q2, cos_q1_q2, sin_q3, cos_q3, sin_q3_q4, cos_q3_q4] = {
         let t1_1 = q2 + q1;
-        let (sin_q1_q2, cos_q1_q2) = t1_1.sin_cos();
-        let t1_2 = like.lift(0.4) * sin_q1_q2;
-        let t1_3 = like.lift(0.3).mul_add(sin_q1, t1_2);
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_4 = q4 + q3;
-        let (sin_q3_q4, cos_q3_q4) = t1_4.sin_cos();
-        let t1_5 = like.lift(0.4) * sin_q3_q4;
-        let t1_6 = like.lift(0.3).mul_add(sin_q3, t1_5);
-        let t1_7 = -t1_6;
-        let t1_8 = -t1_5;
-        a[0] = [t1_3, t1_2, t1_7, t1_8];
-        [cos_q1, cos_q1_q2, cos_q3, cos_q3_q4]
+        let t1_2 = q4 + q3;
+        let [
+            (sin_q1, cos_q1), (sin_q1_q2, cos_q1_q2), (sin_q3, cos_q3), (sin_q3_q4, cos_q3_q4),
+        ] =
+            T::sin_cos_all([q1, t1_1, q3, t1_2]);
+        [sin_q1, cos_q1, sin_q1_q2, cos_q1_q2, sin_q3, cos_q3, sin_q3_q4, cos_q3_q4]
     };
+    // row 1
+    {
+        let t2_1 = like.lift(0.4) * sin_q1_q2;
+        let t2_2 = like.lift(0.3).mul_add(sin_q1, t2_1);
+        let t2_3 = like.lift(0.4) * sin_q3_q4;
+        let t2_4 = like.lift(0.3).mul_add(sin_q3, t2_3);
+        let t2_5 = -t2_4;
+        let t2_6 = -t2_3;
+        a[0] = [t2_2, t2_1, t2_5, t2_6];
+    }
     // row 2
     {
-        a[1] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
     }
     // row 3
     {
-        let t3_1 = like.lift(0.4) * cos_q1_q2;
-        let t3_2 = like.lift(0.3).mul_add(cos_q1, t3_1);
-        let t3_3 = -t3_2;
-        let t3_4 = -t3_1;
-        let t3_5 = like.lift(0.4) * cos_q3_q4;
-        let t3_6 = like.lift(0.3).mul_add(cos_q3, t3_5);
-        a[2] = [t3_3, t3_4, t3_6, t3_5];
+        let t4_1 = like.lift(0.4) * cos_q1_q2;
+        let t4_2 = like.lift(0.3).mul_add(cos_q1, t4_1);
+        let t4_3 = -t4_2;
+        let t4_4 = -t4_1;
+        let t4_5 = like.lift(0.4) * cos_q3_q4;
+        let t4_6 = like.lift(0.3).mul_add(cos_q3, t4_5);
+        a[2] = [t4_3, t4_4, t4_6, t4_5];
     }
     // row 4
     {
-        a[3] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
     }
     // row 5
     {
-        a[4] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
     }
     a
 }
@@ -329,55 +328,46 @@ pub fn jacobian<T: Scalar>(q: &[T; 4]) -> [[T; 4]; 5] {
 /// - `qd`: velocities of all coordinates
 /// - `b`: b = -(dA/dt) qd, so that A qdd = b (Eq. 7)
 ///
-/// 10 additions, 24 multiplications, 0 divisions, 4 sines and cosines.
+/// 10 additions, 16 multiplications, 0 divisions, 4 sines and cosines.
 pub fn bias<T: Scalar>(q: &[T; 4], qd: &[T; 4]) -> [T; 5] {
     let like = q[0];
     let mut b = [like.lift(0.0); 5];
     let [q1, q2, q3, q4] = *q;
     let [d_q1, d_q2, d_q3, d_q4] = *qd;
+    // sines and cosines
+    let [sin_q1, cos_q1, sin_q1_q2, cos_q1_q2, sin_q3, cos_q3, sin_q3_q4, cos_q3_q4] = {
+        let t1_1 = q2 + q1;
+        let t1_2 = q4 + q3;
+        let [
+            (sin_q1, cos_q1), (sin_q1_q2, cos_q1_q2), (sin_q3, cos_q3), (sin_q3_q4, cos_q3_q4),
+        ] =
+            T::sin_cos_all([q1, t1_1, q3, t1_2]);
+        [sin_q1, cos_q1, sin_q1_q2, cos_q1_q2, sin_q3, cos_q3, sin_q3_q4, cos_q3_q4]
+    };
     // b (Eq. 7)
     {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = cos_q1 * d_q1;
-        let t1_2 = d_q1 * t1_1;
-        let t1_3 = like.lift(0.3) * t1_2;
-        let t1_4 = d_q1 + d_q2;
-        let t1_5 = q2 + q1;
-        let (sin_q1_q2, cos_q1_q2) = t1_5.sin_cos();
-        let t1_6 = cos_q1_q2 * t1_4;
-        let t1_7 = t1_4 * t1_6;
-        let t1_8 = like.lift(0.4).mul_add(t1_7, t1_3);
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_9 = cos_q3 * d_q3;
-        let t1_10 = d_q3 * t1_9;
-        let t1_11 = like.lift(0.3) * t1_10;
-        let t1_12 = d_q3 + d_q4;
-        let t1_13 = q4 + q3;
-        let (sin_q3_q4, cos_q3_q4) = t1_13.sin_cos();
-        let t1_14 = cos_q3_q4 * t1_12;
-        let t1_15 = t1_12 * t1_14;
-        let t1_16 = like.lift(0.4).mul_add(t1_15, t1_11);
-        let t1_17 = t1_8 - t1_16;
-        let t1_18 = -t1_17;
-        b[0] = t1_18;
-        let t1_19 = sin_q1 * d_q1;
-        let t1_20 = d_q1 * t1_19;
-        let t1_21 = like.lift(0.3) * t1_20;
-        let t1_22 = sin_q1_q2 * t1_4;
-        let t1_23 = t1_4 * t1_22;
-        let t1_24 = like.lift(0.4).mul_add(t1_23, t1_21);
-        let t1_25 = sin_q3 * d_q3;
-        let t1_26 = d_q3 * t1_25;
-        let t1_27 = like.lift(0.3) * t1_26;
-        let t1_28 = sin_q3_q4 * t1_12;
-        let t1_29 = t1_12 * t1_28;
-        let t1_30 = like.lift(0.4).mul_add(t1_29, t1_27);
-        let t1_31 = t1_24 - t1_30;
-        let t1_32 = -t1_31;
-        b[2] = t1_32;
-        b[1] = like.lift(0.0);
-        b[3] = like.lift(0.0);
-        b[4] = like.lift(0.0);
+        let t2_1 = d_q1 + d_q2;
+        let t2_2 = d_q3 + d_q4;
+        let t2_3 = t2_2 * t2_2;
+        let t2_4 = t2_1 * t2_1;
+        let t2_5 = d_q3 * d_q3;
+        let t2_6 = d_q1 * d_q1;
+        let t2_7 = cos_q1 * t2_6;
+        let t2_8 = (-cos_q3).mul_add(t2_5, t2_7);
+        let t2_9 = cos_q1_q2 * t2_4;
+        let t2_10 = (-cos_q3_q4).mul_add(t2_3, t2_9);
+        let t2_11 = like.lift(0.4) * t2_10;
+        let t2_12 = like.lift(0.3).mul_add(t2_8, t2_11);
+        let t2_13 = -t2_12;
+        b[0] = t2_13;
+        let t2_14 = sin_q1 * t2_6;
+        let t2_15 = (-sin_q3).mul_add(t2_5, t2_14);
+        let t2_16 = sin_q1_q2 * t2_4;
+        let t2_17 = (-sin_q3_q4).mul_add(t2_3, t2_16);
+        let t2_18 = like.lift(0.4) * t2_17;
+        let t2_19 = like.lift(0.3).mul_add(t2_15, t2_18);
+        let t2_20 = -t2_19;
+        b[2] = t2_20;
     }
     b
 }
@@ -387,58 +377,68 @@ pub fn bias<T: Scalar>(q: &[T; 4], qd: &[T; 4]) -> [T; 5] {
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
 /// - `dq_e`: step of the dependent coordinates in the order of `DEPENDENT`: A_e dq_e = -f
 ///
-/// 14 additions, 12 multiplications, 1 divisions, 4 sines and cosines.
+/// 14 additions, 10 multiplications, 1 divisions, 4 sines and cosines.
 pub fn newton_step<T: Scalar>(q: &[T; 4]) -> ([T; 2], Condition<T>) {
     let like = q[0];
     let mut dq_e = [like.lift(0.0); 2];
     let [q1, q2, q3, q4] = *q;
     let mut condition = like.lift(1.0);
-    // A_e dq_e = -f
-    {
+    // sines and cosines
+    let [
+        sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4, sin_q2, cos_q2, sin_q1_q2,
+        cos_q1_q2, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3,
+    ] = {
         let t1_1 = q2 + q1;
         let t1_2 = t1_1 - q3;
         let t1_3 = t1_2 - q4;
-        let (sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4) = t1_3.sin_cos();
+        let t1_4 = q2 + q1;
+        let t1_5 = q2 + q1;
+        let t1_6 = t1_5 - q3;
+        let [
+            (sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4), (sin_q2, cos_q2),
+            (sin_q1_q2, cos_q1_q2), (sin_q1_q2_minus_q3, cos_q1_q2_minus_q3),
+        ] =
+            T::sin_cos_all([t1_3, q2, t1_4, t1_6]);
+        [
+            sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4, sin_q2, cos_q2,
+            sin_q1_q2, cos_q1_q2, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3,
+        ]
+    };
+    // A_e dq_e = -f
+    {
         let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t1_4 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_5 = like.lift(0.3) * cos_q2;
-        let t1_6 = q2 + q1;
-        let (sin_q1_q2, cos_q1_q2) = t1_6.sin_cos();
-        let t1_7 = like.lift(-0.2).mul_add(cos_q1_q2, t1_5);
-        let t1_8 = q2 + q1;
-        let t1_9 = t1_8 - q3;
-        let (sin_q1_q2_minus_q3, cos_q1_q2_minus_q3) = t1_9.sin_cos();
-        let t1_10 = like.lift(-0.3).mul_add(cos_q1_q2_minus_q3, t1_7);
-        let t1_11 = t1_10 - t1_4;
-        let t1_12 = like.lift(0.4) + t1_11;
-        let t1_13 = like.lift(0.3) * sin_q2;
-        let t1_14 = like.lift(-0.2).mul_add(sin_q1_q2, t1_13);
-        let t1_15 = like.lift(-0.3).mul_add(sin_q1_q2_minus_q3, t1_14);
-        let t1_16 = t1_15 - pivot_2;
-        let t1_17 = -t1_16;
-        let t1_18 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t1_19 = t1_12 * t1_18;
-        let t1_20 = cos_q1_q2_minus_q3_minus_q4.mul_add(t1_19, t1_16);
-        let t1_21 = like.lift(2.5) * t1_20;
-        let t1_22 = like.lift(2.5) * t1_19;
+        let t2_1 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_2 = cos_q1_q2_minus_q3 - cos_q2;
+        let t2_3 = like.lift(-0.3).mul_add(t2_2, like.lift(0.4));
+        let t2_4 = like.lift(-0.2).mul_add(cos_q1_q2, t2_3);
+        let t2_5 = t2_4 - t2_1;
+        let t2_6 = sin_q1_q2_minus_q3 - sin_q2;
+        let t2_7 = like.lift(0.3).mul_add(t2_6, pivot_2);
+        let t2_8 = like.lift(0.2).mul_add(sin_q1_q2, t2_7);
+        let t2_9 = -t2_8;
+        let t2_10 = -t2_9;
+        let t2_11 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_12 = t2_5 * t2_11;
+        let t2_13 = cos_q1_q2_minus_q3_minus_q4.mul_add(t2_12, t2_9);
+        let t2_14 = like.lift(2.5) * t2_13;
+        let t2_15 = like.lift(2.5) * t2_12;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
-        let ([[t1_23], [t1_24]], found) = ::regen_runtime::guarded(
-            [[t1_21], [t1_22]],
+        let ([[t2_16], [t2_17]], found) = ::regen_runtime::guarded(
+            [[t2_14], [t2_15]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t1_4],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_1],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t1_12], [t1_17], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_5], [t2_10], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        dq_e[0] = t1_23;
-        dq_e[1] = t1_24;
+        dq_e[0] = t2_16;
+        dq_e[1] = t2_17;
     }
     (dq_e, Condition { pivot: condition })
 }
@@ -462,7 +462,7 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 4]) -> [[T; 2]; 2] {
         let t1_4 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
         a_e[0] = [like.lift(-0.4), t1_4];
         let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        a_e[1] = [like.lift(0.0), pivot_2];
+        a_e[1][1] = pivot_2;
     }
     a_e
 }
@@ -480,49 +480,61 @@ pub fn velocities<T: Scalar>(q: &[T; 4], qd_i: &[T; 2]) -> ([T; 4], Condition<T>
     let [q1, q2, q3, q4] = *q;
     let [d_q1, d_q3] = *qd_i;
     let mut condition = like.lift(1.0);
-    // A_e qd_e = -A_i qd_i (Eq. 8)
-    {
+    // sines and cosines
+    let [
+        sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4, sin_q2, cos_q2,
+        sin_q1_q2_minus_q3, cos_q1_q2_minus_q3,
+    ] = {
         let t1_1 = q2 + q1;
         let t1_2 = t1_1 - q3;
         let t1_3 = t1_2 - q4;
-        let (sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4) = t1_3.sin_cos();
+        let t1_4 = q2 + q1;
+        let t1_5 = t1_4 - q3;
+        let [
+            (sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4), (sin_q2, cos_q2),
+            (sin_q1_q2_minus_q3, cos_q1_q2_minus_q3),
+        ] =
+            T::sin_cos_all([t1_3, q2, t1_5]);
+        [
+            sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4, sin_q2, cos_q2,
+            sin_q1_q2_minus_q3, cos_q1_q2_minus_q3,
+        ]
+    };
+    // A_e qd_e = -A_i qd_i (Eq. 8)
+    {
         let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t1_4 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_5 = sin_q2 * d_q1;
-        let t1_6 = like.lift(0.3) * t1_5;
-        let t1_7 = q2 + q1;
-        let t1_8 = t1_7 - q3;
-        let (sin_q1_q2_minus_q3, cos_q1_q2_minus_q3) = t1_8.sin_cos();
-        let t1_9 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let t1_10 = (-t1_9).mul_add(d_q3, t1_6);
-        let t1_11 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
-        let t1_12 = t1_11 * d_q1;
-        let t1_13 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t1_4);
-        let t1_14 = (-t1_13).mul_add(d_q3, t1_12);
-        let t1_15 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t1_16 = t1_15 * t1_10;
-        let t1_17 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t1_16, t1_14);
-        let t1_18 = like.lift(2.5) * t1_17;
-        let t1_19 = -t1_18;
-        let t1_20 = like.lift(2.5) * t1_16;
+        let t2_1 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_2 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t2_3 = like.lift(0.3) * sin_q2;
+        let t2_4 = t2_3 * d_q1;
+        let t2_5 = (-t2_2).mul_add(d_q3, t2_4);
+        let t2_6 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
+        let t2_7 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_1);
+        let t2_8 = t2_6 * d_q1;
+        let t2_9 = (-t2_7).mul_add(d_q3, t2_8);
+        let t2_10 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_11 = t2_10 * t2_5;
+        let t2_12 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_11, t2_9);
+        let t2_13 = like.lift(2.5) * t2_12;
+        let t2_14 = -t2_13;
+        let t2_15 = like.lift(2.5) * t2_11;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
-        let ([[t1_21], [t1_22]], found) = ::regen_runtime::guarded(
-            [[t1_19], [t1_20]],
+        let ([[t2_16], [t2_17]], found) = ::regen_runtime::guarded(
+            [[t2_14], [t2_15]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t1_4],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_1],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t1_10], [t1_14], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_5], [t2_9], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        qd[1] = t1_21;
-        qd[3] = t1_22;
+        qd[1] = t2_16;
+        qd[3] = t2_17;
         qd[0] = d_q1;
         qd[2] = d_q3;
     }
@@ -536,7 +548,7 @@ pub fn velocities<T: Scalar>(q: &[T; 4], qd_i: &[T; 2]) -> ([T; 4], Condition<T>
 /// - `qdd_i`: accelerations of the independent coordinates
 /// - `qdd`: accelerations of all coordinates
 ///
-/// 20 additions, 33 multiplications, 1 divisions, 3 sines and cosines.
+/// 20 additions, 26 multiplications, 1 divisions, 3 sines and cosines.
 pub fn accelerations<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd_i: &[T; 2]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut qdd = [like.lift(0.0); 4];
@@ -544,73 +556,75 @@ pub fn accelerations<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd_i: &[T; 2]) -> ([T;
     let [d_q1, d_q2, d_q3, d_q4] = *qd;
     let [dd_q1, dd_q3] = *qdd_i;
     let mut condition = like.lift(1.0);
-    // A_e qdd_e = b - A_i qdd_i (Eq. 8)
-    {
+    // sines and cosines
+    let [
+        sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4, sin_q2, cos_q2,
+        sin_q1_q2_minus_q3, cos_q1_q2_minus_q3,
+    ] = {
         let t1_1 = q2 + q1;
         let t1_2 = t1_1 - q3;
         let t1_3 = t1_2 - q4;
-        let (sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4) = t1_3.sin_cos();
+        let t1_4 = q2 + q1;
+        let t1_5 = t1_4 - q3;
+        let [
+            (sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4), (sin_q2, cos_q2),
+            (sin_q1_q2_minus_q3, cos_q1_q2_minus_q3),
+        ] =
+            T::sin_cos_all([t1_3, q2, t1_5]);
+        [
+            sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4, sin_q2, cos_q2,
+            sin_q1_q2_minus_q3, cos_q1_q2_minus_q3,
+        ]
+    };
+    // A_e qdd_e = b - A_i qdd_i (Eq. 8)
+    {
         let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t1_4 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_5 = sin_q2 * dd_q1;
-        let t1_6 = like.lift(0.3) * t1_5;
-        let t1_7 = q2 + q1;
-        let t1_8 = t1_7 - q3;
-        let (sin_q1_q2_minus_q3, cos_q1_q2_minus_q3) = t1_8.sin_cos();
-        let t1_9 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let t1_10 = (-t1_9).mul_add(dd_q3, t1_6);
-        let t1_11 = d_q1 * d_q1;
-        let t1_12 = cos_q2 * t1_11;
-        let t1_13 = like.lift(0.3) * t1_12;
-        let t1_14 = d_q1 + d_q2;
-        let t1_15 = t1_14 * t1_14;
-        let t1_16 = like.lift(0.4).mul_add(t1_15, t1_13);
-        let t1_17 = cos_q1_q2_minus_q3 * d_q3;
-        let t1_18 = d_q3 * t1_17;
-        let t1_19 = like.lift(0.3) * t1_18;
-        let t1_20 = d_q3 + d_q4;
-        let t1_21 = cos_q1_q2_minus_q3_minus_q4 * t1_20;
-        let t1_22 = t1_20 * t1_21;
-        let t1_23 = like.lift(0.4).mul_add(t1_22, t1_19);
-        let t1_24 = t1_16 - t1_23;
-        let t1_25 = t1_10 - t1_24;
-        let t1_26 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
-        let t1_27 = t1_26 * dd_q1;
-        let t1_28 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t1_4);
-        let t1_29 = (-t1_28).mul_add(dd_q3, t1_27);
-        let t1_30 = sin_q2 * t1_11;
-        let t1_31 = sin_q1_q2_minus_q3 * d_q3;
-        let t1_32 = d_q3 * t1_31;
-        let t1_33 = like.lift(0.3) * t1_32;
-        let t1_34 = sin_q1_q2_minus_q3_minus_q4 * t1_20;
-        let t1_35 = t1_20 * t1_34;
-        let t1_36 = like.lift(0.4).mul_add(t1_35, t1_33);
-        let t1_37 = like.lift(0.3).mul_add(t1_30, -t1_36);
-        let t1_38 = t1_29 + t1_37;
-        let t1_39 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t1_40 = t1_39 * t1_25;
-        let t1_41 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t1_40, t1_38);
-        let t1_42 = like.lift(2.5) * t1_41;
-        let t1_43 = -t1_42;
-        let t1_44 = like.lift(2.5) * t1_40;
+        let t2_1 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_2 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t2_3 = d_q1 * d_q1;
+        let t2_4 = d_q1 + d_q2;
+        let t2_5 = d_q3 + d_q4;
+        let t2_6 = t2_5 * t2_5;
+        let t2_7 = d_q3 * d_q3;
+        let t2_8 = sin_q2 * dd_q1;
+        let t2_9 = (-cos_q2).mul_add(t2_3, t2_8);
+        let t2_10 = cos_q1_q2_minus_q3.mul_add(t2_7, t2_9);
+        let t2_11 = t2_4 * t2_4;
+        let t2_12 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_6, t2_11);
+        let t2_13 = like.lift(0.3) * t2_10;
+        let t2_14 = (-t2_2).mul_add(dd_q3, t2_13);
+        let t2_15 = like.lift(-0.4).mul_add(t2_12, t2_14);
+        let t2_16 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
+        let t2_17 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_1);
+        let t2_18 = sin_q2 * t2_3;
+        let t2_19 = (-sin_q1_q2_minus_q3).mul_add(t2_7, t2_18);
+        let t2_20 = t2_16 * dd_q1;
+        let t2_21 = (-t2_17).mul_add(dd_q3, t2_20);
+        let t2_22 = like.lift(0.3).mul_add(t2_19, t2_21);
+        let t2_23 = (-pivot_2).mul_add(t2_6, t2_22);
+        let t2_24 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_25 = t2_24 * t2_15;
+        let t2_26 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_25, t2_23);
+        let t2_27 = like.lift(2.5) * t2_26;
+        let t2_28 = -t2_27;
+        let t2_29 = like.lift(2.5) * t2_25;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
-        let ([[t1_45], [t1_46]], found) = ::regen_runtime::guarded(
-            [[t1_43], [t1_44]],
+        let ([[t2_30], [t2_31]], found) = ::regen_runtime::guarded(
+            [[t2_28], [t2_29]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t1_4],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_1],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t1_25], [t1_38], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_15], [t2_23], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        qdd[1] = t1_45;
-        qdd[3] = t1_46;
+        qdd[1] = t2_30;
+        qdd[3] = t2_31;
         qdd[0] = dd_q1;
         qdd[2] = dd_q3;
     }
@@ -624,202 +638,176 @@ pub fn accelerations<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd_i: &[T; 2]) -> ([T;
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: column by column: `w[c][r]` multiplies `PARAMETERS[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 35 additions, 83 multiplications, 1 divisions, 4 sines and cosines.
+/// 35 additions, 77 multiplications, 1 divisions, 4 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut [[T; 2]; 40]) -> Condition<T> {
+    *w = [[q[0].lift(0.0); 2]; 40];
+    regressor_entries(q, qd, qdd, w)
+}
+
+/// The entries of [`regressor`] that are not zero at every state; the others are left as they are.
+///
+/// Inlined where it is called, so that lanes keep the caller's instruction set.
+#[inline(always)]
+pub fn regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut [[T; 2]; 40]) -> Condition<T> {
     let like = q[0];
     let [q1, q2, q3, q4] = *q;
     let [d_q1, d_q2, d_q3, d_q4] = *qd;
     let [dd_q1, dd_q2, dd_q3, dd_q4] = *qdd;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4] = {
+        let [(sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q3, cos_q3), (sin_q4, cos_q4)] =
+            T::sin_cos_all([q1, q2, q3, q4]);
+        [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4]
+    };
     // body 1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [sin_q1, cos_q1, a_1y, a_1x] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
+    let [a_1y, a_1x] = {
         let a_1y = like.lift(9.81) * cos_q1;
-        w[6] = [a_1y, like.lift(0.0)];
+        w[6][0] = a_1y;
         let a_1x = like.lift(9.81) * sin_q1;
-        let t1_1 = -a_1x;
-        w[7] = [t1_1, like.lift(0.0)];
-        w[0] = [like.lift(0.0), like.lift(0.0)];
-        w[1] = [like.lift(0.0), like.lift(0.0)];
-        w[2] = [like.lift(0.0), like.lift(0.0)];
-        w[3] = [like.lift(0.0), like.lift(0.0)];
-        w[4] = [like.lift(0.0), like.lift(0.0)];
-        w[5] = [dd_q1, like.lift(0.0)];
-        w[8] = [like.lift(0.0), like.lift(0.0)];
-        w[9] = [like.lift(0.0), like.lift(0.0)];
-        [sin_q1, cos_q1, a_1y, a_1x]
+        let t2_1 = -a_1x;
+        w[7][0] = t2_1;
+        w[5][0] = dd_q1;
+        [a_1y, a_1x]
     };
     // loops: solve with A_e (Eq. 8, 10)
-    let [
-        al_2z, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, x_q2_q1, x_q2_q3, x_q4_q1,
-        x_q4_q3,
-    ] = {
+    let [al_2z, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
         let al_2z = dd_q1 + dd_q2;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t2_1 = cos_q1 * sin_q2;
-        let t2_2 = sin_q1 * sin_q2;
-        let sin_q1_q2 = sin_q1.mul_add(cos_q2, t2_1);
-        let cos_q1_q2 = cos_q1.mul_add(cos_q2, -t2_2);
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let t2_3 = cos_q1_q2 * sin_q3;
-        let t2_4 = sin_q1_q2 * sin_q3;
-        let sin_q1_q2_minus_q3 = sin_q1_q2.mul_add(cos_q3, -t2_3);
-        let cos_q1_q2_minus_q3 = cos_q1_q2.mul_add(cos_q3, t2_4);
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t2_5 = cos_q1_q2_minus_q3 * sin_q4;
-        let t2_6 = sin_q1_q2_minus_q3 * sin_q4;
-        let sin_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(cos_q4, -t2_5);
-        let cos_q1_q2_minus_q3_minus_q4 = cos_q1_q2_minus_q3.mul_add(cos_q4, t2_6);
+        let t3_1 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_1);
+        let t3_2 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_2);
+        let t3_3 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t3_3);
+        let t3_4 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t3_4);
+        let t3_5 = sin_q1_q2_minus_q3 * cos_q4;
+        let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t3_5);
+        let t3_6 = cos_q1_q2_minus_q3 * cos_q4;
+        let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t3_6);
         let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t2_7 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t3_7 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
         let u_2_q1x = like.lift(0.3) * sin_q2;
-        let t2_8 = -u_2_q1x;
-        let t2_9 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let u_2_q1y = like.lift(0.3) * cos_q2;
-        let t2_10 = like.lift(0.4) + u_2_q1y;
-        let t2_11 = -t2_10;
-        let t2_12 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_7);
-        let t2_13 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t2_14 = sin_q2 * t2_13;
-        let t2_15 = cos_q1_q2_minus_q3_minus_q4 * t2_14;
-        let t2_16 = like.lift(-0.3).mul_add(t2_15, t2_10);
-        let t2_17 = like.lift(2.5) * t2_16;
-        let t2_18 = t2_9 * t2_13;
-        let t2_19 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_18, t2_12);
-        let t2_20 = like.lift(2.5) * t2_19;
-        let t2_21 = -t2_20;
-        let t2_22 = like.lift(0.75) * t2_14;
-        let t2_23 = -t2_22;
-        let t2_24 = like.lift(2.5) * t2_18;
+        let t3_8 = -u_2_q1x;
+        let t3_9 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t3_10 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
+        let t3_11 = -t3_10;
+        let t3_12 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t3_7);
+        let t3_13 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t3_14 = sin_q2 * t3_13;
+        let t3_15 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t3_16 = (-t3_15).mul_add(t3_14, t3_10);
+        let t3_17 = like.lift(2.5) * t3_16;
+        let t3_18 = t3_9 * t3_13;
+        let t3_19 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t3_18, t3_12);
+        let t3_20 = like.lift(2.5) * t3_19;
+        let t3_21 = -t3_20;
+        let t3_22 = like.lift(0.75) * t3_14;
+        let t3_23 = -t3_22;
+        let t3_24 = like.lift(2.5) * t3_18;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
         let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
-            [[t2_17, t2_21], [t2_23, t2_24]],
+            [[t3_17, t3_21], [t3_23, t3_24]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_7],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t3_7],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_8, t2_9], [t2_11, t2_12], [like.lift(0.0), like.lift(0.0)],
+                    [t3_8, t3_9], [t3_11, t3_12], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
-        [
-            al_2z, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, x_q2_q1, x_q2_q3, x_q4_q1,
-            x_q4_q3,
-        ]
+        [al_2z, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
     };
     // body 2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let t3_1 = like.lift(1.0) - x_q2_q1;
-        let w_izz_2_q1 = al_2z * t3_1;
+        let t4_1 = like.lift(1.0) - x_q2_q1;
+        let w_izz_2_q1 = al_2z * t4_1;
         let w_izz_2_q3 = x_q2_q3 * al_2z;
-        let t3_2 = -w_izz_2_q3;
-        w[15] = [w_izz_2_q1, t3_2];
-        let t3_3 = d_q1 * d_q1;
-        let t3_4 = like.lift(0.3).mul_add(t3_3, -a_1x);
-        let t3_5 = sin_q2 * t3_4;
-        let t3_6 = like.lift(0.3).mul_add(dd_q1, a_1y);
-        let a_2y = cos_q2.mul_add(t3_6, t3_5);
+        let t4_2 = -w_izz_2_q3;
+        w[15] = [w_izz_2_q1, t4_2];
+        let t4_3 = like.lift(0.3) * d_q1;
+        let t4_4 = t4_3.mul_add(d_q1, -a_1x);
+        let t4_5 = like.lift(0.3).mul_add(dd_q1, a_1y);
+        let t4_6 = cos_q2 * t4_5;
+        let a_2y = sin_q2.mul_add(t4_4, t4_6);
         let w_2z = d_q1 + d_q2;
-        let t3_7 = w_2z * w_2z;
-        let t3_8 = sin_q2 * t3_7;
-        let t3_9 = like.lift(0.3) * t3_8;
-        let t3_10 = cos_q2 * al_2z;
-        let t3_11 = like.lift(-0.3).mul_add(t3_10, t3_9);
-        let w_mx_2_q1 = a_2y.mul_add(t3_1, -t3_11);
+        let t4_7 = w_2z * w_2z;
+        let t4_8 = cos_q2 * al_2z;
+        let t4_9 = (-sin_q2).mul_add(t4_7, t4_8);
+        let t4_10 = a_2y * t4_1;
+        let w_mx_2_q1 = like.lift(0.3).mul_add(t4_9, t4_10);
         let w_mx_2_q3 = x_q2_q3 * a_2y;
-        let t3_12 = -w_mx_2_q3;
-        w[16] = [w_mx_2_q1, t3_12];
-        let t3_13 = cos_q2 * t3_4;
-        let a_2x = (-sin_q2).mul_add(t3_6, t3_13);
-        let t3_14 = sin_q2 * al_2z;
-        let t3_15 = like.lift(0.3) * t3_14;
-        let t3_16 = cos_q2 * t3_7;
-        let t3_17 = like.lift(0.3).mul_add(t3_16, t3_15);
-        let w_my_2_q1 = a_2x.mul_add(t3_1, -t3_17);
+        let t4_11 = -w_mx_2_q3;
+        w[16] = [w_mx_2_q1, t4_11];
+        let t4_12 = cos_q2 * t4_4;
+        let a_2x = (-sin_q2).mul_add(t4_5, t4_12);
+        let t4_13 = cos_q2 * t4_7;
+        let t4_14 = sin_q2.mul_add(al_2z, t4_13);
+        let t4_15 = a_2x * t4_1;
+        let w_my_2_q1 = like.lift(-0.3).mul_add(t4_14, t4_15);
         let w_my_2_q3 = x_q2_q3 * a_2x;
-        let t3_18 = -w_my_2_q3;
-        w[17] = [w_my_2_q1, t3_18];
-        let t3_19 = sin_q2 * a_2x;
-        let t3_20 = like.lift(0.3) * t3_19;
-        let t3_21 = cos_q2 * a_2y;
-        let w_m_2_q1 = like.lift(-0.3).mul_add(t3_21, t3_20);
-        let t3_22 = -w_m_2_q1;
-        w[19] = [t3_22, like.lift(0.0)];
-        w[10] = [like.lift(0.0), like.lift(0.0)];
-        w[11] = [like.lift(0.0), like.lift(0.0)];
-        w[12] = [like.lift(0.0), like.lift(0.0)];
-        w[13] = [like.lift(0.0), like.lift(0.0)];
-        w[14] = [like.lift(0.0), like.lift(0.0)];
-        w[18] = [like.lift(0.0), like.lift(0.0)];
+        let t4_16 = -w_my_2_q3;
+        w[17] = [w_my_2_q1, t4_16];
+        let t4_17 = cos_q2 * a_2y;
+        let t4_18 = (-sin_q2).mul_add(a_2x, t4_17);
+        let t4_19 = like.lift(0.3) * t4_18;
+        let w_m_2_q1 = -t4_19;
+        let t4_20 = -w_m_2_q1;
+        w[19][0] = t4_20;
     }
     // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_3y, a_3x] = {
         let a_3y = like.lift(9.81) * cos_q3;
-        w[26] = [like.lift(0.0), a_3y];
+        w[26][1] = a_3y;
         let a_3x = like.lift(9.81) * sin_q3;
-        let t4_1 = -a_3x;
-        w[27] = [like.lift(0.0), t4_1];
-        w[20] = [like.lift(0.0), like.lift(0.0)];
-        w[21] = [like.lift(0.0), like.lift(0.0)];
-        w[22] = [like.lift(0.0), like.lift(0.0)];
-        w[23] = [like.lift(0.0), like.lift(0.0)];
-        w[24] = [like.lift(0.0), like.lift(0.0)];
-        w[25] = [like.lift(0.0), dd_q3];
-        w[28] = [like.lift(0.0), like.lift(0.0)];
-        w[29] = [like.lift(0.0), like.lift(0.0)];
+        let t5_1 = -a_3x;
+        w[27][1] = t5_1;
+        w[25][1] = dd_q3;
         [a_3y, a_3x]
     };
     // body 4: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
         let al_4z = dd_q3 + dd_q4;
         let w_izz_4_q1 = x_q4_q1 * al_4z;
-        let t5_1 = -w_izz_4_q1;
-        let t5_2 = like.lift(1.0) - x_q4_q3;
-        let w_izz_4_q3 = al_4z * t5_2;
-        w[35] = [t5_1, w_izz_4_q3];
-        let t5_3 = d_q3 * d_q3;
-        let t5_4 = like.lift(-0.3).mul_add(t5_3, a_3x);
-        let t5_5 = sin_q4 * t5_4;
-        let t5_6 = like.lift(0.3).mul_add(dd_q3, a_3y);
-        let a_4y = (-cos_q4).mul_add(t5_6, t5_5);
+        let t6_1 = -w_izz_4_q1;
+        let t6_2 = like.lift(1.0) - x_q4_q3;
+        let w_izz_4_q3 = al_4z * t6_2;
+        w[35] = [t6_1, w_izz_4_q3];
+        let t6_3 = like.lift(0.3) * d_q3;
+        let t6_4 = (-t6_3).mul_add(d_q3, a_3x);
+        let t6_5 = like.lift(0.3).mul_add(dd_q3, a_3y);
+        let t6_6 = sin_q4 * t6_4;
+        let a_4y = (-cos_q4).mul_add(t6_5, t6_6);
         let w_mx_4_q1 = x_q4_q1 * a_4y;
         let w_4z = d_q3 + d_q4;
-        let t5_7 = w_4z * w_4z;
-        let t5_8 = sin_q4 * t5_7;
-        let t5_9 = like.lift(0.3) * t5_8;
-        let t5_10 = cos_q4 * al_4z;
-        let t5_11 = like.lift(-0.3).mul_add(t5_10, t5_9);
-        let w_mx_4_q3 = a_4y.mul_add(t5_2, t5_11);
-        let t5_12 = -w_mx_4_q3;
-        w[36] = [w_mx_4_q1, t5_12];
-        let t5_13 = cos_q4 * t5_4;
-        let a_4x = sin_q4.mul_add(t5_6, t5_13);
+        let t6_7 = w_4z * w_4z;
+        let t6_8 = cos_q4 * al_4z;
+        let t6_9 = (-sin_q4).mul_add(t6_7, t6_8);
+        let t6_10 = a_4y * t6_2;
+        let w_mx_4_q3 = like.lift(-0.3).mul_add(t6_9, t6_10);
+        let t6_11 = -w_mx_4_q3;
+        w[36] = [w_mx_4_q1, t6_11];
+        let t6_12 = sin_q4 * t6_5;
+        let a_4x = cos_q4.mul_add(t6_4, t6_12);
         let w_my_4_q1 = x_q4_q1 * a_4x;
-        let t5_14 = sin_q4 * al_4z;
-        let t5_15 = like.lift(0.3) * t5_14;
-        let t5_16 = cos_q4 * t5_7;
-        let t5_17 = like.lift(0.3).mul_add(t5_16, t5_15);
-        let w_my_4_q3 = a_4x.mul_add(t5_2, t5_17);
-        let t5_18 = -w_my_4_q3;
-        w[37] = [w_my_4_q1, t5_18];
-        let t5_19 = sin_q4 * a_4x;
-        let t5_20 = like.lift(0.3) * t5_19;
-        let t5_21 = cos_q4 * a_4y;
-        let w_m_4_q3 = like.lift(-0.3).mul_add(t5_21, t5_20);
-        w[39] = [like.lift(0.0), w_m_4_q3];
-        w[30] = [like.lift(0.0), like.lift(0.0)];
-        w[31] = [like.lift(0.0), like.lift(0.0)];
-        w[32] = [like.lift(0.0), like.lift(0.0)];
-        w[33] = [like.lift(0.0), like.lift(0.0)];
-        w[34] = [like.lift(0.0), like.lift(0.0)];
-        w[38] = [like.lift(0.0), like.lift(0.0)];
+        let t6_13 = cos_q4 * t6_7;
+        let t6_14 = sin_q4.mul_add(al_4z, t6_13);
+        let t6_15 = a_4x * t6_2;
+        let w_my_4_q3 = like.lift(0.3).mul_add(t6_14, t6_15);
+        let t6_16 = -w_my_4_q3;
+        w[37] = [w_my_4_q1, t6_16];
+        let t6_17 = cos_q4 * a_4y;
+        let t6_18 = (-sin_q4).mul_add(a_4x, t6_17);
+        let t6_19 = like.lift(0.3) * t6_18;
+        let w_m_4_q3 = -t6_19;
+        w[39][1] = w_m_4_q3;
     }
     Condition { pivot: condition }
 }
@@ -832,7 +820,7 @@ pub fn regressor<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut [[T; 
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
 ///
-/// 49 additions, 85 multiplications, 1 divisions, 4 sines and cosines.
+/// 49 additions, 83 multiplications, 1 divisions, 4 sines and cosines.
 pub fn inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], phi: &[T; 40]) -> ([T; 2], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 2];
@@ -845,133 +833,130 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], phi: &
         p_my_4, _, p_m_4,
     ] = *phi;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4] = {
+        let [(sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q3, cos_q3), (sin_q4, cos_q4)] =
+            T::sin_cos_all([q1, q2, q3, q4]);
+        [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4]
+    };
     // loops: solve with A_e (Eq. 8, 10)
-    let [t1_13, t1_24, sin_q3, cos_q3, sin_q4, cos_q4, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = cos_q1 * p_mx_1;
-        let t1_2 = like.lift(9.81) * t1_1;
-        let t1_3 = sin_q1 * p_my_1;
-        let t1_4 = like.lift(-9.81).mul_add(t1_3, t1_2);
-        let t1_5 = dd_q1.mul_add(p_izz_1, t1_4);
+    let [t2_10, t2_19, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
         let al_2z = dd_q1 + dd_q2;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_6 = d_q1 * d_q1;
-        let a_1x = like.lift(9.81) * sin_q1;
-        let t1_7 = like.lift(0.3).mul_add(t1_6, -a_1x);
-        let t1_8 = sin_q2 * t1_7;
-        let a_1y = like.lift(9.81) * cos_q1;
-        let t1_9 = like.lift(0.3).mul_add(dd_q1, a_1y);
-        let a_2y = cos_q2.mul_add(t1_9, t1_8);
-        let t1_10 = a_2y * p_mx_2;
-        let t1_11 = cos_q2 * t1_7;
-        let a_2x = (-sin_q2).mul_add(t1_9, t1_11);
-        let t1_12 = a_2x.mul_add(p_my_2, t1_10);
-        let t1_13 = al_2z.mul_add(p_izz_2, t1_12);
+        let t2_1 = like.lift(0.3) * d_q1;
+        let t2_2 = t2_1 * d_q1;
+        let t2_3 = like.lift(-9.81).mul_add(sin_q1, t2_2);
+        let t2_4 = like.lift(0.3) * dd_q1;
+        let t2_5 = like.lift(9.81).mul_add(cos_q1, t2_4);
+        let t2_6 = cos_q2 * t2_5;
+        let a_2y = sin_q2.mul_add(t2_3, t2_6);
+        let t2_7 = cos_q2 * t2_3;
+        let a_2x = (-sin_q2).mul_add(t2_5, t2_7);
+        let t2_8 = al_2z * p_izz_2;
+        let t2_9 = a_2x.mul_add(p_my_2, t2_8);
+        let t2_10 = a_2y.mul_add(p_mx_2, t2_9);
         let w_2z = d_q1 + d_q2;
-        let t1_14 = w_2z * w_2z;
-        let t1_15 = t1_14 * p_mx_2;
-        let t1_16 = al_2z.mul_add(p_my_2, t1_15);
-        let t1_17 = a_2x.mul_add(p_m_2, t1_16);
-        let t1_18 = sin_q2 * t1_17;
-        let t1_19 = al_2z * p_mx_2;
-        let t1_20 = (-t1_14).mul_add(p_my_2, t1_19);
-        let t1_21 = a_2y.mul_add(p_m_2, t1_20);
-        let t1_22 = (-cos_q2).mul_add(t1_21, t1_18);
-        let t1_23 = like.lift(-0.3).mul_add(t1_22, t1_13);
-        let t1_24 = t1_5 + t1_23;
-        let t1_25 = cos_q1 * sin_q2;
-        let t1_26 = sin_q1 * sin_q2;
-        let sin_q1_q2 = sin_q1.mul_add(cos_q2, t1_25);
-        let cos_q1_q2 = cos_q1.mul_add(cos_q2, -t1_26);
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_27 = cos_q1_q2 * sin_q3;
-        let t1_28 = sin_q1_q2 * sin_q3;
-        let sin_q1_q2_minus_q3 = sin_q1_q2.mul_add(cos_q3, -t1_27);
-        let cos_q1_q2_minus_q3 = cos_q1_q2.mul_add(cos_q3, t1_28);
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t1_29 = cos_q1_q2_minus_q3 * sin_q4;
-        let t1_30 = sin_q1_q2_minus_q3 * sin_q4;
-        let sin_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(cos_q4, -t1_29);
-        let cos_q1_q2_minus_q3_minus_q4 = cos_q1_q2_minus_q3.mul_add(cos_q4, t1_30);
+        let t2_11 = w_2z * w_2z;
+        let t2_12 = a_2x * p_m_2;
+        let t2_13 = al_2z.mul_add(p_my_2, t2_12);
+        let t2_14 = t2_11.mul_add(p_mx_2, t2_13);
+        let t2_15 = a_2y * p_m_2;
+        let t2_16 = (-t2_11).mul_add(p_my_2, t2_15);
+        let t2_17 = al_2z.mul_add(p_mx_2, t2_16);
+        let t2_18 = sin_q2 * t2_14;
+        let t2_19 = (-cos_q2).mul_add(t2_17, t2_18);
+        let t2_20 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_20);
+        let t2_21 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_21);
+        let t2_22 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t2_22);
+        let t2_23 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t2_23);
+        let t2_24 = sin_q1_q2_minus_q3 * cos_q4;
+        let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t2_24);
+        let t2_25 = cos_q1_q2_minus_q3 * cos_q4;
+        let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t2_25);
         let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t1_31 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_26 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
         let u_2_q1x = like.lift(0.3) * sin_q2;
-        let t1_32 = -u_2_q1x;
-        let t1_33 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let u_2_q1y = like.lift(0.3) * cos_q2;
-        let t1_34 = like.lift(0.4) + u_2_q1y;
-        let t1_35 = -t1_34;
-        let t1_36 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t1_31);
-        let t1_37 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t1_38 = sin_q2 * t1_37;
-        let t1_39 = cos_q1_q2_minus_q3_minus_q4 * t1_38;
-        let t1_40 = like.lift(-0.3).mul_add(t1_39, t1_34);
-        let t1_41 = like.lift(2.5) * t1_40;
-        let t1_42 = t1_33 * t1_37;
-        let t1_43 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t1_42, t1_36);
-        let t1_44 = like.lift(2.5) * t1_43;
-        let t1_45 = -t1_44;
-        let t1_46 = like.lift(0.75) * t1_38;
-        let t1_47 = -t1_46;
-        let t1_48 = like.lift(2.5) * t1_42;
+        let t2_27 = -u_2_q1x;
+        let t2_28 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t2_29 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
+        let t2_30 = -t2_29;
+        let t2_31 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_26);
+        let t2_32 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_33 = sin_q2 * t2_32;
+        let t2_34 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_35 = (-t2_34).mul_add(t2_33, t2_29);
+        let t2_36 = like.lift(2.5) * t2_35;
+        let t2_37 = t2_28 * t2_32;
+        let t2_38 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_37, t2_31);
+        let t2_39 = like.lift(2.5) * t2_38;
+        let t2_40 = -t2_39;
+        let t2_41 = like.lift(0.75) * t2_33;
+        let t2_42 = -t2_41;
+        let t2_43 = like.lift(2.5) * t2_37;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
         let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
-            [[t1_41, t1_45], [t1_47, t1_48]],
+            [[t2_36, t2_40], [t2_42, t2_43]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t1_31],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_26],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t1_32, t1_33], [t1_35, t1_36], [like.lift(0.0), like.lift(0.0)],
+                    [t2_27, t2_28], [t2_30, t2_31], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
-        [t1_13, t1_24, sin_q3, cos_q3, sin_q4, cos_q4, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
+        [t2_10, t2_19, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
     };
     // tau
     {
-        let t2_1 = (-t1_13).mul_add(x_q2_q1, t1_24);
         let al_4z = dd_q3 + dd_q4;
-        let a_3x = like.lift(9.81) * sin_q3;
-        let t2_2 = d_q3 * d_q3;
-        let t2_3 = like.lift(-0.3).mul_add(t2_2, a_3x);
-        let t2_4 = sin_q4 * t2_3;
-        let a_3y = like.lift(9.81) * cos_q3;
-        let t2_5 = like.lift(0.3).mul_add(dd_q3, a_3y);
-        let a_4y = (-cos_q4).mul_add(t2_5, t2_4);
-        let t2_6 = a_4y * p_mx_4;
-        let t2_7 = cos_q4 * t2_3;
-        let a_4x = sin_q4.mul_add(t2_5, t2_7);
-        let t2_8 = a_4x.mul_add(p_my_4, t2_6);
-        let t2_9 = al_4z.mul_add(p_izz_4, -t2_8);
-        let t2_10 = (-t2_9).mul_add(x_q4_q1, t2_1);
-        tau[0] = t2_10;
-        let t2_11 = cos_q3 * p_mx_3;
-        let t2_12 = like.lift(9.81) * t2_11;
-        let t2_13 = sin_q3 * p_my_3;
-        let t2_14 = like.lift(-9.81).mul_add(t2_13, t2_12);
-        let t2_15 = dd_q3.mul_add(p_izz_3, t2_14);
+        let t3_1 = like.lift(9.81) * sin_q3;
+        let t3_2 = like.lift(0.3) * d_q3;
+        let t3_3 = (-t3_2).mul_add(d_q3, t3_1);
+        let t3_4 = like.lift(0.3) * dd_q3;
+        let t3_5 = like.lift(9.81).mul_add(cos_q3, t3_4);
+        let t3_6 = sin_q4 * t3_3;
+        let a_4y = (-cos_q4).mul_add(t3_5, t3_6);
+        let t3_7 = sin_q4 * t3_5;
+        let a_4x = cos_q4.mul_add(t3_3, t3_7);
+        let t3_8 = al_4z * p_izz_4;
+        let t3_9 = (-a_4x).mul_add(p_my_4, t3_8);
+        let t3_10 = (-a_4y).mul_add(p_mx_4, t3_9);
+        let t3_11 = sin_q1 * p_my_1;
+        let t3_12 = (-cos_q1).mul_add(p_mx_1, t3_11);
+        let t3_13 = (-t3_10).mul_add(x_q4_q1, t2_10);
+        let t3_14 = (-t2_10).mul_add(x_q2_q1, t3_13);
+        let t3_15 = dd_q1.mul_add(p_izz_1, t3_14);
+        let t3_16 = like.lift(-9.81).mul_add(t3_12, t3_15);
+        let t3_17 = like.lift(-0.3).mul_add(t2_19, t3_16);
+        tau[0] = t3_17;
         let w_4z = d_q3 + d_q4;
-        let t2_16 = w_4z * w_4z;
-        let t2_17 = t2_16 * p_mx_4;
-        let t2_18 = al_4z.mul_add(p_my_4, t2_17);
-        let t2_19 = a_4x.mul_add(p_m_4, -t2_18);
-        let t2_20 = sin_q4 * t2_19;
-        let t2_21 = al_4z * p_mx_4;
-        let t2_22 = (-t2_16).mul_add(p_my_4, t2_21);
-        let t2_23 = a_4y.mul_add(p_m_4, -t2_22);
-        let t2_24 = (-cos_q4).mul_add(t2_23, t2_20);
-        let t2_25 = like.lift(0.3).mul_add(t2_24, t2_9);
-        let t2_26 = t2_15 + t2_25;
-        let t2_27 = (-t1_13).mul_add(x_q2_q3, t2_26);
-        let t2_28 = (-t2_9).mul_add(x_q4_q3, t2_27);
-        tau[1] = t2_28;
+        let t3_18 = w_4z * w_4z;
+        let t3_19 = a_4x * p_m_4;
+        let t3_20 = (-al_4z).mul_add(p_my_4, t3_19);
+        let t3_21 = (-t3_18).mul_add(p_mx_4, t3_20);
+        let t3_22 = a_4y * p_m_4;
+        let t3_23 = t3_18.mul_add(p_my_4, t3_22);
+        let t3_24 = (-al_4z).mul_add(p_mx_4, t3_23);
+        let t3_25 = sin_q4 * t3_21;
+        let t3_26 = (-cos_q4).mul_add(t3_24, t3_25);
+        let t3_27 = sin_q3 * p_my_3;
+        let t3_28 = (-cos_q3).mul_add(p_mx_3, t3_27);
+        let t3_29 = (-t3_10).mul_add(x_q4_q3, t3_10);
+        let t3_30 = (-t2_10).mul_add(x_q2_q3, t3_29);
+        let t3_31 = dd_q3.mul_add(p_izz_3, t3_30);
+        let t3_32 = like.lift(-9.81).mul_add(t3_28, t3_31);
+        let t3_33 = like.lift(0.3).mul_add(t3_26, t3_32);
+        tau[1] = t3_33;
     }
     (tau, Condition { pivot: condition })
 }
@@ -982,7 +967,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], phi: &
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: the efforts that hold the mechanism at rest
 ///
-/// 25 additions, 47 multiplications, 1 divisions, 5 sines and cosines.
+/// 25 additions, 43 multiplications, 1 divisions, 5 sines and cosines.
 pub fn gravity<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([T; 2], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 2];
@@ -992,96 +977,102 @@ pub fn gravity<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([T; 2], Condition<T>) {
         _, _, _, _, _, p_mx_3, p_my_3, _, _, _, _, _, _, _, _, p_mx_4, p_my_4, _, p_m_4,
     ] = *phi;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_q1, cos_q1, sin_q2, cos_q2, sin_q1_q2_minus_q3_minus_q4,
+        cos_q1_q2_minus_q3_minus_q4, sin_q3, cos_q3, sin_q3_q4, cos_q3_q4,
+    ] = {
+        let t1_1 = q2 + q1;
+        let t1_2 = t1_1 - q3;
+        let t1_3 = t1_2 - q4;
+        let t1_4 = q4 + q3;
+        let [
+            (sin_q1, cos_q1), (sin_q2, cos_q2),
+            (sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4), (sin_q3, cos_q3),
+            (sin_q3_q4, cos_q3_q4),
+        ] =
+            T::sin_cos_all([q1, q2, t1_3, q3, t1_4]);
+        [
+            sin_q1, cos_q1, sin_q2, cos_q2, sin_q1_q2_minus_q3_minus_q4,
+            cos_q1_q2_minus_q3_minus_q4, sin_q3, cos_q3, sin_q3_q4, cos_q3_q4,
+        ]
+    };
     // loops: solve with A_e (Eq. 8, 10)
-    let [t1_10, t1_13, sin_q3, cos_q3, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = cos_q1 * p_mx_1;
-        let t1_2 = like.lift(9.81) * t1_1;
-        let t1_3 = sin_q1 * p_my_1;
-        let t1_4 = like.lift(-9.81).mul_add(t1_3, t1_2);
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_5 = cos_q1 * sin_q2;
-        let t1_6 = sin_q1 * sin_q2;
-        let sin_q1_q2 = sin_q1.mul_add(cos_q2, t1_5);
-        let cos_q1_q2 = cos_q1.mul_add(cos_q2, -t1_6);
-        let t1_7 = cos_q1_q2 * p_mx_2;
-        let t1_8 = like.lift(9.81) * t1_7;
-        let t1_9 = sin_q1_q2 * p_my_2;
-        let t1_10 = like.lift(-9.81).mul_add(t1_9, t1_8);
-        let t1_11 = cos_q1 * p_m_2;
-        let t1_12 = like.lift(2.943).mul_add(t1_11, t1_10);
-        let t1_13 = t1_4 + t1_12;
-        let t1_14 = q2 + q1;
-        let t1_15 = t1_14 - q3;
-        let t1_16 = t1_15 - q4;
-        let (sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4) = t1_16.sin_cos();
+    let [t2_6, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
+        let t2_1 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_1);
+        let t2_2 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_2);
+        let t2_3 = sin_q1_q2 * p_my_2;
+        let t2_4 = (-cos_q1_q2).mul_add(p_mx_2, t2_3);
+        let t2_5 = like.lift(9.81) * t2_4;
+        let t2_6 = -t2_5;
         let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t1_17 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_7 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
         let u_2_q1x = like.lift(0.3) * sin_q2;
-        let t1_18 = -u_2_q1x;
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_19 = cos_q1_q2 * sin_q3;
-        let t1_20 = sin_q1_q2 * sin_q3;
-        let sin_q1_q2_minus_q3 = sin_q1_q2.mul_add(cos_q3, -t1_19);
-        let cos_q1_q2_minus_q3 = cos_q1_q2.mul_add(cos_q3, t1_20);
-        let t1_21 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let u_2_q1y = like.lift(0.3) * cos_q2;
-        let t1_22 = like.lift(0.4) + u_2_q1y;
-        let t1_23 = -t1_22;
-        let t1_24 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t1_17);
-        let t1_25 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t1_26 = sin_q2 * t1_25;
-        let t1_27 = cos_q1_q2_minus_q3_minus_q4 * t1_26;
-        let t1_28 = like.lift(-0.3).mul_add(t1_27, t1_22);
-        let t1_29 = like.lift(2.5) * t1_28;
-        let t1_30 = t1_21 * t1_25;
-        let t1_31 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t1_30, t1_24);
-        let t1_32 = like.lift(2.5) * t1_31;
-        let t1_33 = -t1_32;
-        let t1_34 = like.lift(0.75) * t1_26;
-        let t1_35 = -t1_34;
-        let t1_36 = like.lift(2.5) * t1_30;
+        let t2_8 = -u_2_q1x;
+        let t2_9 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t2_9);
+        let t2_10 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t2_10);
+        let t2_11 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t2_12 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
+        let t2_13 = -t2_12;
+        let t2_14 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_7);
+        let t2_15 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_16 = sin_q2 * t2_15;
+        let t2_17 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_18 = (-t2_17).mul_add(t2_16, t2_12);
+        let t2_19 = like.lift(2.5) * t2_18;
+        let t2_20 = t2_11 * t2_15;
+        let t2_21 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_20, t2_14);
+        let t2_22 = like.lift(2.5) * t2_21;
+        let t2_23 = -t2_22;
+        let t2_24 = like.lift(0.75) * t2_16;
+        let t2_25 = -t2_24;
+        let t2_26 = like.lift(2.5) * t2_20;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
         let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
-            [[t1_29, t1_33], [t1_35, t1_36]],
+            [[t2_19, t2_23], [t2_25, t2_26]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t1_17],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_7],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t1_18, t1_21], [t1_23, t1_24], [like.lift(0.0), like.lift(0.0)],
+                    [t2_8, t2_11], [t2_13, t2_14], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
-        [t1_10, t1_13, sin_q3, cos_q3, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
+        [t2_6, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
     };
     // tau
     {
-        let t2_1 = (-t1_10).mul_add(x_q2_q1, t1_13);
-        let t2_2 = q4 + q3;
-        let (sin_q3_q4, cos_q3_q4) = t2_2.sin_cos();
-        let t2_3 = cos_q3_q4 * p_mx_4;
-        let t2_4 = like.lift(9.81) * t2_3;
-        let t2_5 = sin_q3_q4 * p_my_4;
-        let t2_6 = like.lift(-9.81).mul_add(t2_5, t2_4);
-        let t2_7 = (-t2_6).mul_add(x_q4_q1, t2_1);
-        tau[0] = t2_7;
-        let t2_8 = cos_q3 * p_mx_3;
-        let t2_9 = like.lift(9.81) * t2_8;
-        let t2_10 = sin_q3 * p_my_3;
-        let t2_11 = like.lift(-9.81).mul_add(t2_10, t2_9);
-        let t2_12 = cos_q3 * p_m_4;
-        let t2_13 = like.lift(2.943).mul_add(t2_12, t2_6);
-        let t2_14 = t2_11 + t2_13;
-        let t2_15 = (-t1_10).mul_add(x_q2_q3, t2_14);
-        let t2_16 = (-t2_6).mul_add(x_q4_q3, t2_15);
-        tau[1] = t2_16;
+        let t3_1 = sin_q3_q4 * p_my_4;
+        let t3_2 = (-cos_q3_q4).mul_add(p_mx_4, t3_1);
+        let t3_3 = like.lift(9.81) * t3_2;
+        let t3_4 = -t3_3;
+        let t3_5 = sin_q1 * p_my_1;
+        let t3_6 = (-cos_q1).mul_add(p_mx_1, t3_5);
+        let t3_7 = (-t3_4).mul_add(x_q4_q1, t2_6);
+        let t3_8 = (-t2_6).mul_add(x_q2_q1, t3_7);
+        let t3_9 = like.lift(-9.81).mul_add(t3_6, t3_8);
+        let t3_10 = like.lift(2.943) * cos_q1;
+        let t3_11 = t3_10.mul_add(p_m_2, t3_9);
+        tau[0] = t3_11;
+        let t3_12 = sin_q3 * p_my_3;
+        let t3_13 = (-cos_q3).mul_add(p_mx_3, t3_12);
+        let t3_14 = (-t3_4).mul_add(x_q4_q3, t3_4);
+        let t3_15 = (-t2_6).mul_add(x_q2_q3, t3_14);
+        let t3_16 = like.lift(-9.81).mul_add(t3_13, t3_15);
+        let t3_17 = like.lift(2.943) * cos_q3;
+        let t3_18 = t3_17.mul_add(p_m_4, t3_16);
+        tau[1] = t3_18;
     }
     (tau, Condition { pivot: condition })
 }
@@ -1093,7 +1084,7 @@ pub fn gravity<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([T; 2], Condition<T>) {
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
 ///
-/// 37 additions, 82 multiplications, 1 divisions, 3 sines and cosines.
+/// 37 additions, 70 multiplications, 1 divisions, 3 sines and cosines.
 pub fn bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], phi: &[T; 40]) -> ([T; 2], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 2];
@@ -1104,158 +1095,145 @@ pub fn bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], phi: &[T; 40]) -> ([T; 2]
         _, _, _, _, _, _, _, _, _, _, _, _, _, p_izz_4, p_mx_4, p_my_4, _, p_m_4,
     ] = *phi;
     let mut condition = like.lift(1.0);
-    // loops: solve with A_e (Eq. 8, 10)
-    let [
-        sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4, cos_q1_q2_minus_q3_minus_q4,
-        pivot_2, t1_5, sin_q2, cos_q2, t1_7, t1_8, w_4z, t1_18, t1_26, al_2z, al_4z,
-    ] = {
+    // sines and cosines
+    let [sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4, sin_q2, cos_q2] = {
         let t1_1 = q2 + q1;
         let t1_2 = t1_1 - q3;
-        let (sin_q1_q2_minus_q3, cos_q1_q2_minus_q3) = t1_2.sin_cos();
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t1_3 = cos_q1_q2_minus_q3 * sin_q4;
-        let t1_4 = sin_q1_q2_minus_q3 * sin_q4;
-        let sin_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(cos_q4, -t1_3);
-        let cos_q1_q2_minus_q3_minus_q4 = cos_q1_q2_minus_q3.mul_add(cos_q4, t1_4);
+        let [(sin_q1_q2_minus_q3, cos_q1_q2_minus_q3), (sin_q4, cos_q4), (sin_q2, cos_q2)] =
+            T::sin_cos_all([t1_2, q4, q2]);
+        [sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4, sin_q2, cos_q2]
+    };
+    // loops: solve with A_e (Eq. 8, 10)
+    let [
+        cos_q1_q2_minus_q3_minus_q4, pivot_2, t2_3, t2_5, t2_6, t2_7, t2_8, t2_14, t2_18,
+        al_2z, al_4z,
+    ] = {
+        let t2_1 = sin_q1_q2_minus_q3 * cos_q4;
+        let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t2_1);
+        let t2_2 = cos_q1_q2_minus_q3 * cos_q4;
+        let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t2_2);
         let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t1_5 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_6 = d_q1 * d_q1;
-        let t1_7 = cos_q2 * t1_6;
-        let a_2x = like.lift(0.3) * t1_7;
+        let t2_3 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_4 = d_q1 * d_q1;
+        let t2_5 = cos_q2 * t2_4;
         let w_2z = d_q1 + d_q2;
-        let t1_8 = w_2z * w_2z;
-        let t1_9 = like.lift(0.4).mul_add(t1_8, a_2x);
-        let t1_10 = cos_q1_q2_minus_q3 * d_q3;
-        let t1_11 = d_q3 * t1_10;
-        let t1_12 = like.lift(0.3) * t1_11;
+        let t2_6 = w_2z * w_2z;
         let w_4z = d_q3 + d_q4;
-        let t1_13 = cos_q1_q2_minus_q3_minus_q4 * w_4z;
-        let t1_14 = w_4z * t1_13;
-        let t1_15 = like.lift(0.4).mul_add(t1_14, t1_12);
-        let t1_16 = t1_9 - t1_15;
-        let t1_17 = -t1_16;
-        let t1_18 = sin_q2 * t1_6;
-        let a_2y = like.lift(0.3) * t1_18;
-        let t1_19 = sin_q1_q2_minus_q3 * d_q3;
-        let t1_20 = d_q3 * t1_19;
-        let t1_21 = like.lift(0.3) * t1_20;
-        let t1_22 = sin_q1_q2_minus_q3_minus_q4 * w_4z;
-        let t1_23 = w_4z * t1_22;
-        let t1_24 = like.lift(0.4).mul_add(t1_23, t1_21);
-        let t1_25 = a_2y - t1_24;
-        let t1_26 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t1_27 = t1_26 * t1_16;
-        let t1_28 = cos_q1_q2_minus_q3_minus_q4.mul_add(t1_27, t1_25);
-        let t1_29 = like.lift(2.5) * t1_28;
-        let t1_30 = -t1_29;
-        let t1_31 = like.lift(2.5) * t1_27;
-        let t1_32 = -t1_31;
+        let t2_7 = w_4z * w_4z;
+        let t2_8 = d_q3 * d_q3;
+        let t2_9 = (-cos_q1_q2_minus_q3).mul_add(t2_8, t2_5);
+        let t2_10 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_7, t2_6);
+        let t2_11 = like.lift(0.4) * t2_10;
+        let t2_12 = like.lift(0.3).mul_add(t2_9, t2_11);
+        let t2_13 = -t2_12;
+        let t2_14 = sin_q2 * t2_4;
+        let t2_15 = (-sin_q1_q2_minus_q3).mul_add(t2_8, t2_14);
+        let t2_16 = like.lift(0.3) * t2_15;
+        let t2_17 = (-t2_7).mul_add(pivot_2, t2_16);
+        let t2_18 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_19 = t2_18 * t2_12;
+        let t2_20 = cos_q1_q2_minus_q3_minus_q4.mul_add(t2_19, t2_17);
+        let t2_21 = like.lift(2.5) * t2_20;
+        let t2_22 = -t2_21;
+        let t2_23 = like.lift(2.5) * t2_19;
+        let t2_24 = -t2_23;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
         let ([[al_2z], [al_4z]], found) = ::regen_runtime::guarded(
-            [[t1_30], [t1_32]],
+            [[t2_22], [t2_24]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t1_5],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_3],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t1_17], [t1_25], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_13], [t2_17], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
         [
-            sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4,
-            cos_q1_q2_minus_q3_minus_q4, pivot_2, t1_5, sin_q2, cos_q2, t1_7, t1_8, w_4z,
-            t1_18, t1_26, al_2z, al_4z,
+            cos_q1_q2_minus_q3_minus_q4, pivot_2, t2_3, t2_5, t2_6, t2_7, t2_8, t2_14, t2_18,
+            al_2z, al_4z,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
-    let [t2_5, t2_16, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
-        let t2_1 = t1_18 * p_mx_2;
-        let t2_2 = like.lift(0.3) * t2_1;
-        let t2_3 = t1_7 * p_my_2;
-        let t2_4 = like.lift(0.3).mul_add(t2_3, t2_2);
-        let t2_5 = p_izz_2.mul_add(al_2z, t2_4);
-        let t2_6 = t1_7 * p_m_2;
-        let t2_7 = t1_8 * p_mx_2;
-        let t2_8 = p_my_2.mul_add(al_2z, t2_7);
-        let t2_9 = like.lift(0.3).mul_add(t2_6, t2_8);
-        let t2_10 = sin_q2 * t2_9;
-        let t2_11 = t1_18 * p_m_2;
-        let t2_12 = t1_8 * p_my_2;
-        let t2_13 = (-p_mx_2).mul_add(al_2z, t2_12);
-        let t2_14 = like.lift(0.3).mul_add(t2_11, -t2_13);
-        let t2_15 = (-cos_q2).mul_add(t2_14, t2_10);
-        let t2_16 = like.lift(-0.3).mul_add(t2_15, t2_5);
+    let [t3_4, t3_13, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
+        let t3_1 = t2_5 * p_my_2;
+        let t3_2 = t2_14.mul_add(p_mx_2, t3_1);
+        let t3_3 = p_izz_2 * al_2z;
+        let t3_4 = like.lift(0.3).mul_add(t3_2, t3_3);
+        let t3_5 = like.lift(0.3) * p_m_2;
+        let t3_6 = t2_5 * t3_5;
+        let t3_7 = p_my_2.mul_add(al_2z, t3_6);
+        let t3_8 = t2_6.mul_add(p_mx_2, t3_7);
+        let t3_9 = t2_14 * t3_5;
+        let t3_10 = p_mx_2.mul_add(al_2z, t3_9);
+        let t3_11 = (-t2_6).mul_add(p_my_2, t3_10);
+        let t3_12 = sin_q2 * t3_8;
+        let t3_13 = (-cos_q2).mul_add(t3_11, t3_12);
         let u_2_q1x = like.lift(0.3) * sin_q2;
-        let t2_17 = -u_2_q1x;
-        let t2_18 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let u_2_q1y = like.lift(0.3) * cos_q2;
-        let t2_19 = like.lift(0.4) + u_2_q1y;
-        let t2_20 = -t2_19;
-        let t2_21 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t1_5);
-        let t2_22 = sin_q2 * t1_26;
-        let t2_23 = cos_q1_q2_minus_q3_minus_q4 * t2_22;
-        let t2_24 = like.lift(-0.3).mul_add(t2_23, t2_19);
-        let t2_25 = like.lift(2.5) * t2_24;
-        let t2_26 = t2_18 * t1_26;
-        let t2_27 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_26, t2_21);
-        let t2_28 = like.lift(2.5) * t2_27;
-        let t2_29 = -t2_28;
-        let t2_30 = like.lift(0.75) * t2_22;
-        let t2_31 = -t2_30;
-        let t2_32 = like.lift(2.5) * t2_26;
+        let t3_14 = -u_2_q1x;
+        let t3_15 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t3_16 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
+        let t3_17 = -t3_16;
+        let t3_18 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_3);
+        let t3_19 = sin_q2 * t2_18;
+        let t3_20 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t3_21 = (-t3_20).mul_add(t3_19, t3_16);
+        let t3_22 = like.lift(2.5) * t3_21;
+        let t3_23 = t3_15 * t2_18;
+        let t3_24 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t3_23, t3_18);
+        let t3_25 = like.lift(2.5) * t3_24;
+        let t3_26 = -t3_25;
+        let t3_27 = like.lift(0.75) * t3_19;
+        let t3_28 = -t3_27;
+        let t3_29 = like.lift(2.5) * t3_23;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
         let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
-            [[t2_25, t2_29], [t2_31, t2_32]],
+            [[t3_22, t3_26], [t3_28, t3_29]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t1_5],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_3],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_17, t2_18], [t2_20, t2_21], [like.lift(0.0), like.lift(0.0)],
+                    [t3_14, t3_15], [t3_17, t3_18], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
-        [t2_5, t2_16, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
+        [t3_4, t3_13, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
     };
     // tau
     {
-        let t3_1 = (-t2_5).mul_add(x_q2_q1, t2_16);
-        let t3_2 = d_q3 * d_q3;
-        let t3_3 = sin_q4 * t3_2;
-        let t3_4 = p_mx_4 * t3_3;
-        let t3_5 = like.lift(0.3) * t3_4;
-        let t3_6 = cos_q4 * t3_2;
-        let t3_7 = p_my_4 * t3_6;
-        let t3_8 = like.lift(0.3).mul_add(t3_7, t3_5);
-        let t3_9 = p_izz_4.mul_add(al_4z, t3_8);
-        let t3_10 = (-t3_9).mul_add(x_q4_q1, t3_1);
-        tau[0] = t3_10;
-        let t3_11 = p_m_4 * t3_6;
-        let t3_12 = w_4z * w_4z;
-        let t3_13 = t3_12 * p_mx_4;
-        let t3_14 = p_my_4.mul_add(al_4z, t3_13);
-        let t3_15 = like.lift(0.3).mul_add(t3_11, t3_14);
-        let t3_16 = sin_q4 * t3_15;
-        let t3_17 = p_m_4 * t3_3;
-        let t3_18 = t3_12 * p_my_4;
-        let t3_19 = (-p_mx_4).mul_add(al_4z, t3_18);
-        let t3_20 = like.lift(0.3).mul_add(t3_17, -t3_19);
-        let t3_21 = (-cos_q4).mul_add(t3_20, t3_16);
-        let t3_22 = like.lift(-0.3).mul_add(t3_21, t3_9);
-        let t3_23 = (-t2_5).mul_add(x_q2_q3, t3_22);
-        let t3_24 = (-t3_9).mul_add(x_q4_q3, t3_23);
-        tau[1] = t3_24;
+        let t4_1 = sin_q4 * t2_8;
+        let t4_2 = cos_q4 * t2_8;
+        let t4_3 = p_my_4 * t4_2;
+        let t4_4 = p_mx_4.mul_add(t4_1, t4_3);
+        let t4_5 = p_izz_4 * al_4z;
+        let t4_6 = like.lift(0.3).mul_add(t4_4, t4_5);
+        let t4_7 = (-t4_6).mul_add(x_q4_q1, t3_4);
+        let t4_8 = (-t3_4).mul_add(x_q2_q1, t4_7);
+        let t4_9 = like.lift(-0.3).mul_add(t3_13, t4_8);
+        tau[0] = t4_9;
+        let t4_10 = like.lift(0.3) * p_m_4;
+        let t4_11 = t4_2 * t4_10;
+        let t4_12 = p_my_4.mul_add(al_4z, t4_11);
+        let t4_13 = t2_7.mul_add(p_mx_4, t4_12);
+        let t4_14 = t4_1 * t4_10;
+        let t4_15 = p_mx_4.mul_add(al_4z, t4_14);
+        let t4_16 = (-t2_7).mul_add(p_my_4, t4_15);
+        let t4_17 = sin_q4 * t4_13;
+        let t4_18 = (-cos_q4).mul_add(t4_16, t4_17);
+        let t4_19 = (-t4_6).mul_add(x_q4_q3, t4_6);
+        let t4_20 = (-t3_4).mul_add(x_q2_q3, t4_19);
+        let t4_21 = like.lift(-0.3).mul_add(t4_18, t4_20);
+        tau[1] = t4_21;
     }
     (tau, Condition { pivot: condition })
 }
@@ -1266,7 +1244,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], phi: &[T; 40]) -> ([T; 2]
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
 ///
-/// 31 additions, 42 multiplications, 1 divisions, 3 sines and cosines.
+/// 31 additions, 40 multiplications, 1 divisions, 3 sines and cosines.
 pub fn mass_matrix<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([[T; 2]; 2], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 2]; 2];
@@ -1276,92 +1254,94 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([[T; 2]; 2], Condit
         _, _, _, _, _, p_izz_3, _, _, _, _, _, _, _, _, _, p_izz_4, p_mx_4, p_my_4, _, p_m_4,
     ] = *phi;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [sin_q2, cos_q2, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4] = {
+        let t1_1 = q2 + q1;
+        let t1_2 = t1_1 - q3;
+        let [(sin_q2, cos_q2), (sin_q1_q2_minus_q3, cos_q1_q2_minus_q3), (sin_q4, cos_q4)] =
+            T::sin_cos_all([q2, t1_2, q4]);
+        [sin_q2, cos_q2, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4]
+    };
     // loops: solve with A_e (Eq. 8, 10)
-    let [t1_7, t1_8, sin_q4, cos_q4, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_1 = cos_q2 * p_mx_2;
-        let t1_2 = (-sin_q2).mul_add(p_my_2, t1_1);
-        let t1_3 = like.lift(0.3).mul_add(p_m_2, t1_2);
-        let t1_4 = like.lift(0.3) * t1_2;
-        let t1_5 = like.lift(0.3).mul_add(t1_3, t1_4);
-        let t1_6 = p_izz_2 + t1_5;
-        let t1_7 = p_izz_1 + t1_6;
-        let t1_8 = p_izz_2 + t1_4;
-        let t1_9 = q2 + q1;
-        let t1_10 = t1_9 - q3;
-        let (sin_q1_q2_minus_q3, cos_q1_q2_minus_q3) = t1_10.sin_cos();
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t1_11 = cos_q1_q2_minus_q3 * sin_q4;
-        let t1_12 = sin_q1_q2_minus_q3 * sin_q4;
-        let sin_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(cos_q4, -t1_11);
-        let cos_q1_q2_minus_q3_minus_q4 = cos_q1_q2_minus_q3.mul_add(cos_q4, t1_12);
+    let [t2_3, t2_4, t2_5, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
+        let t2_1 = cos_q2 * p_mx_2;
+        let t2_2 = (-sin_q2).mul_add(p_my_2, t2_1);
+        let t2_3 = like.lift(0.3).mul_add(p_m_2, t2_2);
+        let t2_4 = like.lift(0.3) * t2_2;
+        let t2_5 = p_izz_2 + t2_4;
+        let t2_6 = sin_q1_q2_minus_q3 * cos_q4;
+        let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t2_6);
+        let t2_7 = cos_q1_q2_minus_q3 * cos_q4;
+        let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t2_7);
         let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t1_13 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_8 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
         let u_2_q1x = like.lift(0.3) * sin_q2;
-        let t1_14 = -u_2_q1x;
-        let t1_15 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let u_2_q1y = like.lift(0.3) * cos_q2;
-        let t1_16 = like.lift(0.4) + u_2_q1y;
-        let t1_17 = -t1_16;
-        let t1_18 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t1_13);
-        let t1_19 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t1_20 = sin_q2 * t1_19;
-        let t1_21 = cos_q1_q2_minus_q3_minus_q4 * t1_20;
-        let t1_22 = like.lift(-0.3).mul_add(t1_21, t1_16);
-        let t1_23 = like.lift(2.5) * t1_22;
-        let t1_24 = t1_15 * t1_19;
-        let t1_25 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t1_24, t1_18);
-        let t1_26 = like.lift(2.5) * t1_25;
-        let t1_27 = -t1_26;
-        let t1_28 = like.lift(0.75) * t1_20;
-        let t1_29 = -t1_28;
-        let t1_30 = like.lift(2.5) * t1_24;
+        let t2_9 = -u_2_q1x;
+        let t2_10 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t2_11 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
+        let t2_12 = -t2_11;
+        let t2_13 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_8);
+        let t2_14 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_15 = sin_q2 * t2_14;
+        let t2_16 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_17 = (-t2_16).mul_add(t2_15, t2_11);
+        let t2_18 = like.lift(2.5) * t2_17;
+        let t2_19 = t2_10 * t2_14;
+        let t2_20 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_19, t2_13);
+        let t2_21 = like.lift(2.5) * t2_20;
+        let t2_22 = -t2_21;
+        let t2_23 = like.lift(0.75) * t2_15;
+        let t2_24 = -t2_23;
+        let t2_25 = like.lift(2.5) * t2_19;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
         let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
-            [[t1_23, t1_27], [t1_29, t1_30]],
+            [[t2_18, t2_22], [t2_24, t2_25]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t1_13],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_8],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t1_14, t1_15], [t1_17, t1_18], [like.lift(0.0), like.lift(0.0)],
+                    [t2_9, t2_10], [t2_12, t2_13], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
-        [t1_7, t1_8, sin_q4, cos_q4, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
+        [t2_3, t2_4, t2_5, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
     };
     // M
     {
-        let t2_1 = (-t1_8).mul_add(x_q2_q1, t1_7);
-        let t2_2 = (-p_izz_2).mul_add(x_q2_q1, t1_8);
-        let t2_3 = (-x_q2_q1).mul_add(t2_2, t2_1);
-        let t2_4 = p_izz_4 * x_q4_q1;
-        let t2_5 = x_q4_q1.mul_add(t2_4, t2_3);
-        let t2_6 = t1_8 * x_q2_q3;
-        let t2_7 = p_izz_2 * x_q2_q3;
-        let t2_8 = (-x_q2_q1).mul_add(t2_7, t2_6);
-        let t2_9 = cos_q4 * p_mx_4;
-        let t2_10 = (-sin_q4).mul_add(p_my_4, t2_9);
-        let t2_11 = like.lift(0.3) * t2_10;
-        let t2_12 = p_izz_4 + t2_11;
-        let t2_13 = (-p_izz_4).mul_add(x_q4_q3, t2_12);
-        let t2_14 = x_q4_q1.mul_add(t2_13, t2_8);
-        let t2_15 = -t2_14;
-        m[0] = [t2_5, t2_15];
-        let t2_16 = like.lift(0.3).mul_add(p_m_4, t2_10);
-        let t2_17 = like.lift(0.3).mul_add(t2_16, t2_11);
-        let t2_18 = p_izz_4 + t2_17;
-        let t2_19 = p_izz_3 + t2_18;
-        let t2_20 = (-t2_12).mul_add(x_q4_q3, t2_19);
-        let t2_21 = x_q2_q3.mul_add(t2_7, t2_20);
-        let t2_22 = (-x_q4_q3).mul_add(t2_13, t2_21);
-        m[1] = [t2_15, t2_22];
+        let t3_1 = (-p_izz_2).mul_add(x_q2_q1, t2_5);
+        let t3_2 = t3_1 + t2_5;
+        let t3_3 = x_q4_q1 * p_izz_4;
+        let t3_4 = t3_3.mul_add(x_q4_q1, p_izz_1);
+        let t3_5 = (-x_q2_q1).mul_add(t3_2, t3_4);
+        let t3_6 = t3_5 + p_izz_2;
+        let t3_7 = like.lift(0.3).mul_add(t2_3, t3_6);
+        let t3_8 = t3_7 + t2_4;
+        let t3_9 = p_izz_2 * x_q2_q3;
+        let t3_10 = cos_q4 * p_mx_4;
+        let t3_11 = (-sin_q4).mul_add(p_my_4, t3_10);
+        let t3_12 = like.lift(0.3) * t3_11;
+        let t3_13 = p_izz_4 + t3_12;
+        let t3_14 = (-p_izz_4).mul_add(x_q4_q3, t3_13);
+        let t3_15 = x_q4_q1 * t3_14;
+        let t3_16 = (-x_q2_q1).mul_add(t3_9, t3_15);
+        let t3_17 = t2_5.mul_add(x_q2_q3, t3_16);
+        let t3_18 = -t3_17;
+        m[0] = [t3_8, t3_18];
+        let t3_19 = like.lift(0.3).mul_add(p_m_4, t3_11);
+        let t3_20 = t3_14 + t3_13;
+        let t3_21 = (-x_q4_q3).mul_add(t3_20, p_izz_3);
+        let t3_22 = x_q2_q3.mul_add(t3_9, t3_21);
+        let t3_23 = t3_22 + p_izz_4;
+        let t3_24 = like.lift(0.3).mul_add(t3_19, t3_23);
+        let t3_25 = t3_24 + t3_12;
+        m[1] = [t3_18, t3_25];
     }
     (m, Condition { pivot: condition })
 }
@@ -1374,176 +1354,166 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([[T; 2]; 2], Condit
 /// - `qdd_r`: reference accelerations of the independent coordinates
 /// - `y`: column by column: Y phi = M qdd_r + C(q, qd) qd_r + g, with dM/dt - 2 C skew
 ///
-/// 50 additions, 118 multiplications, 1 divisions, 4 sines and cosines.
+/// 50 additions, 102 multiplications, 1 divisions, 4 sines and cosines.
 pub fn slotine_li<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd_r: &[T; 2], y: &mut [[T; 2]; 40]) -> Condition<T> {
+    *y = [[q[0].lift(0.0); 2]; 40];
+    slotine_li_entries(q, qd, qd_r, qdd_r, y)
+}
+
+/// The entries of [`slotine_li`] that are not zero at every state; the others are left as they are.
+///
+/// Inlined where it is called, so that lanes keep the caller's instruction set.
+#[inline(always)]
+pub fn slotine_li_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd_r: &[T; 2], y: &mut [[T; 2]; 40]) -> Condition<T> {
     let like = q[0];
     let [q1, q2, q3, q4] = *q;
     let [d_q1, d_q2, d_q3, d_q4] = *qd;
     let [r_q1, r_q3] = *qd_r;
     let [dr_q1, dr_q3] = *qdd_r;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4] = {
+        let [(sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q3, cos_q3), (sin_q4, cos_q4)] =
+            T::sin_cos_all([q1, q2, q3, q4]);
+        [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4]
+    };
     // body 1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [sin_q1, cos_q1, a_1y, a_1x] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
+    let [a_1y, a_1x] = {
         let a_1y = like.lift(9.81) * cos_q1;
-        y[6] = [a_1y, like.lift(0.0)];
+        y[6][0] = a_1y;
         let a_1x = like.lift(9.81) * sin_q1;
-        let t1_1 = -a_1x;
-        y[7] = [t1_1, like.lift(0.0)];
-        y[0] = [like.lift(0.0), like.lift(0.0)];
-        y[1] = [like.lift(0.0), like.lift(0.0)];
-        y[2] = [like.lift(0.0), like.lift(0.0)];
-        y[3] = [like.lift(0.0), like.lift(0.0)];
-        y[4] = [like.lift(0.0), like.lift(0.0)];
-        y[5] = [dr_q1, like.lift(0.0)];
-        y[8] = [like.lift(0.0), like.lift(0.0)];
-        y[9] = [like.lift(0.0), like.lift(0.0)];
-        [sin_q1, cos_q1, a_1y, a_1x]
+        let t2_1 = -a_1x;
+        y[7][0] = t2_1;
+        y[5][0] = dr_q1;
+        [a_1y, a_1x]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        sin_q2, cos_q2, sin_q3, cos_q3, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4,
-        sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4, pivot_2, t2_7, t2_10, t2_11,
-        t2_12, t2_14, w_2z, t2_18, t2_20, t2_22, t2_28, t2_29,
+        sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, cos_q1_q2_minus_q3_minus_q4, pivot_2, t3_7,
+        t3_8, t3_9, w_2z, u_2_q1x, t3_12, t3_13, t3_16, t3_22, t3_23,
     ] = {
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t2_1 = cos_q1 * sin_q2;
-        let t2_2 = sin_q1 * sin_q2;
-        let sin_q1_q2 = sin_q1.mul_add(cos_q2, t2_1);
-        let cos_q1_q2 = cos_q1.mul_add(cos_q2, -t2_2);
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let t2_3 = cos_q1_q2 * sin_q3;
-        let t2_4 = sin_q1_q2 * sin_q3;
-        let sin_q1_q2_minus_q3 = sin_q1_q2.mul_add(cos_q3, -t2_3);
-        let cos_q1_q2_minus_q3 = cos_q1_q2.mul_add(cos_q3, t2_4);
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t2_5 = cos_q1_q2_minus_q3 * sin_q4;
-        let t2_6 = sin_q1_q2_minus_q3 * sin_q4;
-        let sin_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(cos_q4, -t2_5);
-        let cos_q1_q2_minus_q3_minus_q4 = cos_q1_q2_minus_q3.mul_add(cos_q4, t2_6);
+        let t3_1 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_1);
+        let t3_2 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_2);
+        let t3_3 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t3_3);
+        let t3_4 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t3_4);
+        let t3_5 = sin_q1_q2_minus_q3 * cos_q4;
+        let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t3_5);
+        let t3_6 = cos_q1_q2_minus_q3 * cos_q4;
+        let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t3_6);
         let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t2_7 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
-        let t2_8 = sin_q2 * dr_q1;
-        let t2_9 = like.lift(0.3) * t2_8;
-        let t2_10 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let t2_11 = (-t2_10).mul_add(dr_q3, t2_9);
-        let t2_12 = d_q1 * r_q1;
-        let t2_13 = cos_q2 * t2_12;
-        let t2_14 = like.lift(0.3) * t2_13;
+        let t3_7 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t3_8 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t3_9 = d_q1 * r_q1;
         let w_2z = d_q1 + d_q2;
-        let t2_15 = sin_q2 * r_q1;
-        let t2_16 = like.lift(0.3) * t2_15;
-        let t2_17 = (-t2_10).mul_add(r_q3, t2_16);
-        let u_2_q1y = like.lift(0.3) * cos_q2;
-        let t2_18 = like.lift(0.4) + u_2_q1y;
-        let t2_19 = t2_18 * r_q1;
-        let t2_20 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_7);
-        let t2_21 = (-t2_20).mul_add(r_q3, t2_19);
-        let t2_22 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t2_23 = t2_22 * t2_17;
-        let t2_24 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_23, t2_21);
-        let t2_25 = like.lift(2.5) * t2_24;
-        let t2_26 = -t2_25;
-        let t2_27 = like.lift(2.5) * t2_23;
+        let u_2_q1x = like.lift(0.3) * sin_q2;
+        let t3_10 = r_q1 * u_2_q1x;
+        let t3_11 = (-t3_8).mul_add(r_q3, t3_10);
+        let t3_12 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
+        let t3_13 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t3_7);
+        let t3_14 = t3_12 * r_q1;
+        let t3_15 = (-t3_13).mul_add(r_q3, t3_14);
+        let t3_16 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t3_17 = t3_16 * t3_11;
+        let t3_18 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t3_17, t3_15);
+        let t3_19 = like.lift(2.5) * t3_18;
+        let t3_20 = -t3_19;
+        let t3_21 = like.lift(2.5) * t3_17;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
-        let ([[t2_28], [t2_29]], found) = ::regen_runtime::guarded(
-            [[t2_26], [t2_27]],
+        let ([[t3_22], [t3_23]], found) = ::regen_runtime::guarded(
+            [[t3_20], [t3_21]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_7],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t3_7],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t2_17], [t2_21], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t3_11], [t3_15], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
         [
-            sin_q2, cos_q2, sin_q3, cos_q3, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4,
-            cos_q4, sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4, pivot_2, t2_7,
-            t2_10, t2_11, t2_12, t2_14, w_2z, t2_18, t2_20, t2_22, t2_28, t2_29,
+            sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, cos_q1_q2_minus_q3_minus_q4, pivot_2, t3_7,
+            t3_8, t3_9, w_2z, u_2_q1x, t3_12, t3_13, t3_16, t3_22, t3_23,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
-    let [t3_2, w_4z, t3_7, t3_29, t3_30] = {
-        let t3_1 = r_q1 + t2_28;
-        let t3_2 = w_2z * t3_1;
-        let t3_3 = like.lift(0.4).mul_add(t3_2, t2_14);
-        let t3_4 = cos_q1_q2_minus_q3 * r_q3;
-        let t3_5 = d_q3 * t3_4;
-        let t3_6 = like.lift(0.3) * t3_5;
+    let [t4_2, t4_4, t4_5, t4_24, t4_25] = {
+        let t4_1 = r_q1 + t3_22;
+        let t4_2 = w_2z * t4_1;
         let w_4z = d_q3 + d_q4;
-        let t3_7 = r_q3 + t2_29;
-        let t3_8 = cos_q1_q2_minus_q3_minus_q4 * t3_7;
-        let t3_9 = w_4z * t3_8;
-        let t3_10 = like.lift(0.4).mul_add(t3_9, t3_6);
-        let t3_11 = t3_3 - t3_10;
-        let t3_12 = t2_11 - t3_11;
-        let t3_13 = t2_18 * dr_q1;
-        let t3_14 = (-t2_20).mul_add(dr_q3, t3_13);
-        let t3_15 = sin_q2 * t2_12;
-        let t3_16 = sin_q1_q2_minus_q3 * r_q3;
-        let t3_17 = d_q3 * t3_16;
-        let t3_18 = like.lift(0.3) * t3_17;
-        let t3_19 = sin_q1_q2_minus_q3_minus_q4 * t3_7;
-        let t3_20 = w_4z * t3_19;
-        let t3_21 = like.lift(0.4).mul_add(t3_20, t3_18);
-        let t3_22 = like.lift(0.3).mul_add(t3_15, -t3_21);
-        let t3_23 = t3_14 + t3_22;
-        let t3_24 = t2_22 * t3_12;
-        let t3_25 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t3_24, t3_23);
-        let t3_26 = like.lift(2.5) * t3_25;
-        let t3_27 = -t3_26;
-        let t3_28 = like.lift(2.5) * t3_24;
+        let t4_3 = r_q3 + t3_23;
+        let t4_4 = w_4z * t4_3;
+        let t4_5 = d_q3 * r_q3;
+        let t4_6 = sin_q2 * dr_q1;
+        let t4_7 = (-cos_q2).mul_add(t3_9, t4_6);
+        let t4_8 = cos_q1_q2_minus_q3.mul_add(t4_5, t4_7);
+        let t4_9 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t4_4, t4_2);
+        let t4_10 = like.lift(0.3) * t4_8;
+        let t4_11 = (-t3_8).mul_add(dr_q3, t4_10);
+        let t4_12 = like.lift(-0.4).mul_add(t4_9, t4_11);
+        let t4_13 = sin_q2 * t3_9;
+        let t4_14 = (-sin_q1_q2_minus_q3).mul_add(t4_5, t4_13);
+        let t4_15 = t3_12 * dr_q1;
+        let t4_16 = (-t3_13).mul_add(dr_q3, t4_15);
+        let t4_17 = like.lift(0.3).mul_add(t4_14, t4_16);
+        let t4_18 = (-t4_4).mul_add(pivot_2, t4_17);
+        let t4_19 = t3_16 * t4_12;
+        let t4_20 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t4_19, t4_18);
+        let t4_21 = like.lift(2.5) * t4_20;
+        let t4_22 = -t4_21;
+        let t4_23 = like.lift(2.5) * t4_19;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
-        let ([[t3_29], [t3_30]], found) = ::regen_runtime::guarded(
-            [[t3_27], [t3_28]],
+        let ([[t4_24], [t4_25]], found) = ::regen_runtime::guarded(
+            [[t4_22], [t4_23]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_7],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t3_7],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t3_12], [t3_23], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t4_12], [t4_18], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        [t3_2, w_4z, t3_7, t3_29, t3_30]
+        [t4_2, t4_4, t4_5, t4_24, t4_25]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [al_2z, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
-        let al_2z = dr_q1 + t3_29;
-        let u_2_q1x = like.lift(0.3) * sin_q2;
-        let t4_1 = -u_2_q1x;
-        let t4_2 = -t2_18;
-        let t4_3 = sin_q2 * t2_22;
-        let t4_4 = cos_q1_q2_minus_q3_minus_q4 * t4_3;
-        let t4_5 = like.lift(-0.3).mul_add(t4_4, t2_18);
-        let t4_6 = like.lift(2.5) * t4_5;
-        let t4_7 = t2_10 * t2_22;
-        let t4_8 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t4_7, t2_20);
-        let t4_9 = like.lift(2.5) * t4_8;
-        let t4_10 = -t4_9;
-        let t4_11 = like.lift(0.75) * t4_3;
-        let t4_12 = -t4_11;
-        let t4_13 = like.lift(2.5) * t4_7;
+        let al_2z = dr_q1 + t4_24;
+        let t5_1 = -u_2_q1x;
+        let t5_2 = -t3_12;
+        let t5_3 = sin_q2 * t3_16;
+        let t5_4 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t5_5 = (-t5_4).mul_add(t5_3, t3_12);
+        let t5_6 = like.lift(2.5) * t5_5;
+        let t5_7 = t3_8 * t3_16;
+        let t5_8 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t5_7, t3_13);
+        let t5_9 = like.lift(2.5) * t5_8;
+        let t5_10 = -t5_9;
+        let t5_11 = like.lift(0.75) * t5_3;
+        let t5_12 = -t5_11;
+        let t5_13 = like.lift(2.5) * t5_7;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
         let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
-            [[t4_6, t4_10], [t4_12, t4_13]],
+            [[t5_6, t5_10], [t5_12, t5_13]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_7],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t3_7],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t4_1, t2_10], [t4_2, t2_20], [like.lift(0.0), like.lift(0.0)],
+                    [t5_1, t3_8], [t5_2, t3_13], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                 ],
             ),
@@ -1553,105 +1523,80 @@ pub fn slotine_li<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd_r: &[T;
     };
     // body 2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let t5_1 = like.lift(1.0) - x_q2_q1;
-        let w_izz_2_q1 = al_2z * t5_1;
+        let t6_1 = like.lift(1.0) - x_q2_q1;
+        let w_izz_2_q1 = al_2z * t6_1;
         let w_izz_2_q3 = x_q2_q3 * al_2z;
-        let t5_2 = -w_izz_2_q3;
-        y[15] = [w_izz_2_q1, t5_2];
-        let t5_3 = like.lift(-0.3).mul_add(t2_12, a_1x);
-        let t5_4 = sin_q2 * t5_3;
-        let t5_5 = like.lift(0.3).mul_add(dr_q1, a_1y);
-        let a_2y = (-cos_q2).mul_add(t5_5, t5_4);
-        let t5_6 = sin_q2 * t3_2;
-        let t5_7 = like.lift(0.3) * t5_6;
-        let t5_8 = cos_q2 * al_2z;
-        let t5_9 = like.lift(-0.3).mul_add(t5_8, t5_7);
-        let w_mx_2_q1 = a_2y.mul_add(t5_1, t5_9);
-        let t5_10 = -w_mx_2_q1;
+        let t6_2 = -w_izz_2_q3;
+        y[15] = [w_izz_2_q1, t6_2];
+        let t6_3 = like.lift(-0.3).mul_add(t3_9, a_1x);
+        let t6_4 = like.lift(0.3).mul_add(dr_q1, a_1y);
+        let t6_5 = sin_q2 * t6_3;
+        let a_2y = (-cos_q2).mul_add(t6_4, t6_5);
+        let t6_6 = cos_q2 * al_2z;
+        let t6_7 = (-sin_q2).mul_add(t4_2, t6_6);
+        let t6_8 = a_2y * t6_1;
+        let w_mx_2_q1 = like.lift(-0.3).mul_add(t6_7, t6_8);
+        let t6_9 = -w_mx_2_q1;
         let w_mx_2_q3 = x_q2_q3 * a_2y;
-        y[16] = [t5_10, w_mx_2_q3];
-        let t5_11 = cos_q2 * t5_3;
-        let a_2x = sin_q2.mul_add(t5_5, t5_11);
-        let t5_12 = sin_q2 * al_2z;
-        let t5_13 = like.lift(0.3) * t5_12;
-        let t5_14 = cos_q2 * t3_2;
-        let t5_15 = like.lift(0.3).mul_add(t5_14, t5_13);
-        let w_my_2_q1 = a_2x.mul_add(t5_1, t5_15);
-        let t5_16 = -w_my_2_q1;
+        y[16] = [t6_9, w_mx_2_q3];
+        let t6_10 = sin_q2 * t6_4;
+        let a_2x = cos_q2.mul_add(t6_3, t6_10);
+        let t6_11 = cos_q2 * t4_2;
+        let t6_12 = sin_q2.mul_add(al_2z, t6_11);
+        let t6_13 = a_2x * t6_1;
+        let w_my_2_q1 = like.lift(0.3).mul_add(t6_12, t6_13);
+        let t6_14 = -w_my_2_q1;
         let w_my_2_q3 = x_q2_q3 * a_2x;
-        y[17] = [t5_16, w_my_2_q3];
-        let t5_17 = sin_q2 * a_2x;
-        let t5_18 = like.lift(0.3) * t5_17;
-        let t5_19 = cos_q2 * a_2y;
-        let w_m_2_q1 = like.lift(-0.3).mul_add(t5_19, t5_18);
-        y[19] = [w_m_2_q1, like.lift(0.0)];
-        y[10] = [like.lift(0.0), like.lift(0.0)];
-        y[11] = [like.lift(0.0), like.lift(0.0)];
-        y[12] = [like.lift(0.0), like.lift(0.0)];
-        y[13] = [like.lift(0.0), like.lift(0.0)];
-        y[14] = [like.lift(0.0), like.lift(0.0)];
-        y[18] = [like.lift(0.0), like.lift(0.0)];
+        y[17] = [t6_14, w_my_2_q3];
+        let t6_15 = cos_q2 * a_2y;
+        let t6_16 = (-sin_q2).mul_add(a_2x, t6_15);
+        let t6_17 = like.lift(0.3) * t6_16;
+        let w_m_2_q1 = -t6_17;
+        y[19][0] = w_m_2_q1;
     }
     // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_3y, a_3x] = {
         let a_3y = like.lift(9.81) * cos_q3;
-        y[26] = [like.lift(0.0), a_3y];
+        y[26][1] = a_3y;
         let a_3x = like.lift(9.81) * sin_q3;
-        let t6_1 = -a_3x;
-        y[27] = [like.lift(0.0), t6_1];
-        y[20] = [like.lift(0.0), like.lift(0.0)];
-        y[21] = [like.lift(0.0), like.lift(0.0)];
-        y[22] = [like.lift(0.0), like.lift(0.0)];
-        y[23] = [like.lift(0.0), like.lift(0.0)];
-        y[24] = [like.lift(0.0), like.lift(0.0)];
-        y[25] = [like.lift(0.0), dr_q3];
-        y[28] = [like.lift(0.0), like.lift(0.0)];
-        y[29] = [like.lift(0.0), like.lift(0.0)];
+        let t7_1 = -a_3x;
+        y[27][1] = t7_1;
+        y[25][1] = dr_q3;
         [a_3y, a_3x]
     };
     // body 4: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let al_4z = dr_q3 + t3_30;
+        let al_4z = dr_q3 + t4_25;
         let w_izz_4_q1 = x_q4_q1 * al_4z;
-        let t7_1 = -w_izz_4_q1;
-        let t7_2 = like.lift(1.0) - x_q4_q3;
-        let w_izz_4_q3 = al_4z * t7_2;
-        y[35] = [t7_1, w_izz_4_q3];
-        let t7_3 = d_q3 * r_q3;
-        let t7_4 = like.lift(-0.3).mul_add(t7_3, a_3x);
-        let t7_5 = sin_q4 * t7_4;
-        let t7_6 = like.lift(0.3).mul_add(dr_q3, a_3y);
-        let a_4y = (-cos_q4).mul_add(t7_6, t7_5);
+        let t8_1 = -w_izz_4_q1;
+        let t8_2 = like.lift(1.0) - x_q4_q3;
+        let w_izz_4_q3 = al_4z * t8_2;
+        y[35] = [t8_1, w_izz_4_q3];
+        let t8_3 = like.lift(-0.3).mul_add(t4_5, a_3x);
+        let t8_4 = like.lift(0.3).mul_add(dr_q3, a_3y);
+        let t8_5 = sin_q4 * t8_3;
+        let a_4y = (-cos_q4).mul_add(t8_4, t8_5);
         let w_mx_4_q1 = x_q4_q1 * a_4y;
-        let t7_7 = w_4z * t3_7;
-        let t7_8 = sin_q4 * t7_7;
-        let t7_9 = like.lift(0.3) * t7_8;
-        let t7_10 = cos_q4 * al_4z;
-        let t7_11 = like.lift(-0.3).mul_add(t7_10, t7_9);
-        let w_mx_4_q3 = a_4y.mul_add(t7_2, t7_11);
-        let t7_12 = -w_mx_4_q3;
-        y[36] = [w_mx_4_q1, t7_12];
-        let t7_13 = cos_q4 * t7_4;
-        let a_4x = sin_q4.mul_add(t7_6, t7_13);
+        let t8_6 = cos_q4 * al_4z;
+        let t8_7 = (-sin_q4).mul_add(t4_4, t8_6);
+        let t8_8 = a_4y * t8_2;
+        let w_mx_4_q3 = like.lift(-0.3).mul_add(t8_7, t8_8);
+        let t8_9 = -w_mx_4_q3;
+        y[36] = [w_mx_4_q1, t8_9];
+        let t8_10 = sin_q4 * t8_4;
+        let a_4x = cos_q4.mul_add(t8_3, t8_10);
         let w_my_4_q1 = x_q4_q1 * a_4x;
-        let t7_14 = sin_q4 * al_4z;
-        let t7_15 = like.lift(0.3) * t7_14;
-        let t7_16 = cos_q4 * t7_7;
-        let t7_17 = like.lift(0.3).mul_add(t7_16, t7_15);
-        let w_my_4_q3 = a_4x.mul_add(t7_2, t7_17);
-        let t7_18 = -w_my_4_q3;
-        y[37] = [w_my_4_q1, t7_18];
-        let t7_19 = sin_q4 * a_4x;
-        let t7_20 = like.lift(0.3) * t7_19;
-        let t7_21 = cos_q4 * a_4y;
-        let w_m_4_q3 = like.lift(-0.3).mul_add(t7_21, t7_20);
-        y[39] = [like.lift(0.0), w_m_4_q3];
-        y[30] = [like.lift(0.0), like.lift(0.0)];
-        y[31] = [like.lift(0.0), like.lift(0.0)];
-        y[32] = [like.lift(0.0), like.lift(0.0)];
-        y[33] = [like.lift(0.0), like.lift(0.0)];
-        y[34] = [like.lift(0.0), like.lift(0.0)];
-        y[38] = [like.lift(0.0), like.lift(0.0)];
+        let t8_11 = cos_q4 * t4_4;
+        let t8_12 = sin_q4.mul_add(al_4z, t8_11);
+        let t8_13 = a_4x * t8_2;
+        let w_my_4_q3 = like.lift(0.3).mul_add(t8_12, t8_13);
+        let t8_14 = -w_my_4_q3;
+        y[37] = [w_my_4_q1, t8_14];
+        let t8_15 = cos_q4 * a_4y;
+        let t8_16 = (-sin_q4).mul_add(a_4x, t8_15);
+        let t8_17 = like.lift(0.3) * t8_16;
+        let w_m_4_q3 = -t8_17;
+        y[39][1] = w_m_4_q3;
     }
     Condition { pivot: condition }
 }
@@ -1685,37 +1630,39 @@ pub fn poses<T: Scalar>(q: &[T; 4]) -> [[T; 12]; 4] {
     let like = q[0];
     let mut poses = [[like.lift(0.0); 12]; 4];
     let [q1, q2, q3, q4] = *q;
-    // body 1
-    let [sin_q1, cos_q1] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = -sin_q1;
-        poses[0] = [cos_q1, t1_1, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(-1.0), sin_q1, cos_q1, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        [sin_q1, cos_q1]
+    // sines and cosines
+    let [sin_q1, cos_q1, sin_q1_q2, cos_q1_q2, sin_q3, cos_q3, sin_q3_q4, cos_q3_q4] = {
+        let t1_1 = q2 + q1;
+        let t1_2 = q4 + q3;
+        let [
+            (sin_q1, cos_q1), (sin_q1_q2, cos_q1_q2), (sin_q3, cos_q3), (sin_q3_q4, cos_q3_q4),
+        ] =
+            T::sin_cos_all([q1, t1_1, q3, t1_2]);
+        [sin_q1, cos_q1, sin_q1_q2, cos_q1_q2, sin_q3, cos_q3, sin_q3_q4, cos_q3_q4]
     };
+    // body 1
+    {
+        let t2_1 = -sin_q1;
+        poses[0][0] = cos_q1; poses[0][1] = t2_1; poses[0][5] = like.lift(-1.0); poses[0][6] = sin_q1; poses[0][7] = cos_q1;
+    }
     // body 2
     {
-        let t2_1 = q2 + q1;
-        let (sin_q1_q2, cos_q1_q2) = t2_1.sin_cos();
-        let t2_2 = -sin_q1_q2;
-        let t2_3 = like.lift(0.3) * cos_q1;
-        let t2_4 = like.lift(0.3) * sin_q1;
-        poses[1] = [cos_q1_q2, t2_2, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(-1.0), sin_q1_q2, cos_q1_q2, like.lift(0.0), t2_3, like.lift(0.0), t2_4];
+        let t3_1 = -sin_q1_q2;
+        let t3_2 = like.lift(0.3) * cos_q1;
+        let t3_3 = like.lift(0.3) * sin_q1;
+        poses[1][0] = cos_q1_q2; poses[1][1] = t3_1; poses[1][5] = like.lift(-1.0); poses[1][6] = sin_q1_q2; poses[1][7] = cos_q1_q2; poses[1][9] = t3_2; poses[1][11] = t3_3;
     }
     // body 3
-    let [sin_q3, cos_q3] = {
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let t3_1 = -sin_q3;
-        poses[2] = [cos_q3, t3_1, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(-1.0), sin_q3, cos_q3, like.lift(0.0), like.lift(0.2), like.lift(0.0), like.lift(0.0)];
-        [sin_q3, cos_q3]
-    };
+    {
+        let t4_1 = -sin_q3;
+        poses[2][0] = cos_q3; poses[2][1] = t4_1; poses[2][5] = like.lift(-1.0); poses[2][6] = sin_q3; poses[2][7] = cos_q3; poses[2][9] = like.lift(0.2);
+    }
     // body 4
     {
-        let t4_1 = q4 + q3;
-        let (sin_q3_q4, cos_q3_q4) = t4_1.sin_cos();
-        let t4_2 = -sin_q3_q4;
-        let t4_3 = like.lift(0.3).mul_add(cos_q3, like.lift(0.2));
-        let t4_4 = like.lift(0.3) * sin_q3;
-        poses[3] = [cos_q3_q4, t4_2, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(-1.0), sin_q3_q4, cos_q3_q4, like.lift(0.0), t4_3, like.lift(0.0), t4_4];
+        let t5_1 = -sin_q3_q4;
+        let t5_2 = like.lift(0.3).mul_add(cos_q3, like.lift(0.2));
+        let t5_3 = like.lift(0.3) * sin_q3;
+        poses[3][0] = cos_q3_q4; poses[3][1] = t5_1; poses[3][5] = like.lift(-1.0); poses[3][6] = sin_q3_q4; poses[3][7] = cos_q3_q4; poses[3][9] = t5_2; poses[3][11] = t5_3;
     }
     poses
 }
@@ -1727,166 +1674,167 @@ pub fn poses<T: Scalar>(q: &[T; 4]) -> [[T; 12]; 4] {
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: W_red (Eq. 23), column by column: `w[c][r]` multiplies `BASE[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 33 additions, 75 multiplications, 1 divisions, 4 sines and cosines.
+/// 33 additions, 71 multiplications, 1 divisions, 4 sines and cosines.
 pub fn base_regressor<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut [[T; 2]; 11]) -> Condition<T> {
+    *w = [[q[0].lift(0.0); 2]; 11];
+    base_regressor_entries(q, qd, qdd, w)
+}
+
+/// The entries of [`base_regressor`] that are not zero at every state; the others are left as they are.
+///
+/// Inlined where it is called, so that lanes keep the caller's instruction set.
+#[inline(always)]
+pub fn base_regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut [[T; 2]; 11]) -> Condition<T> {
     let like = q[0];
     let [q1, q2, q3, q4] = *q;
     let [d_q1, d_q2, d_q3, d_q4] = *qd;
     let [dd_q1, dd_q2, dd_q3, dd_q4] = *qdd;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4] = {
+        let [(sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q3, cos_q3), (sin_q4, cos_q4)] =
+            T::sin_cos_all([q1, q2, q3, q4]);
+        [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4]
+    };
     // body 1
-    let [sin_q1, cos_q1, a_1y, a_1x] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
+    let [a_1y, a_1x] = {
         let a_1y = like.lift(9.81) * cos_q1;
-        w[1] = [a_1y, like.lift(0.0)];
+        w[1][0] = a_1y;
         let a_1x = like.lift(9.81) * sin_q1;
-        let t1_1 = -a_1x;
-        w[2] = [t1_1, like.lift(0.0)];
-        w[0] = [dd_q1, like.lift(0.0)];
-        [sin_q1, cos_q1, a_1y, a_1x]
+        let t2_1 = -a_1x;
+        w[2][0] = t2_1;
+        w[0][0] = dd_q1;
+        [a_1y, a_1x]
     };
     // loops: solve with A_e (Eq. 8, 10)
-    let [
-        al_2z, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, x_q2_q1, x_q2_q3, x_q4_q1,
-        x_q4_q3,
-    ] = {
+    let [al_2z, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
         let al_2z = dd_q1 + dd_q2;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t2_1 = cos_q1 * sin_q2;
-        let t2_2 = sin_q1 * sin_q2;
-        let sin_q1_q2 = sin_q1.mul_add(cos_q2, t2_1);
-        let cos_q1_q2 = cos_q1.mul_add(cos_q2, -t2_2);
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let t2_3 = cos_q1_q2 * sin_q3;
-        let t2_4 = sin_q1_q2 * sin_q3;
-        let sin_q1_q2_minus_q3 = sin_q1_q2.mul_add(cos_q3, -t2_3);
-        let cos_q1_q2_minus_q3 = cos_q1_q2.mul_add(cos_q3, t2_4);
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t2_5 = cos_q1_q2_minus_q3 * sin_q4;
-        let t2_6 = sin_q1_q2_minus_q3 * sin_q4;
-        let sin_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(cos_q4, -t2_5);
-        let cos_q1_q2_minus_q3_minus_q4 = cos_q1_q2_minus_q3.mul_add(cos_q4, t2_6);
+        let t3_1 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_1);
+        let t3_2 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_2);
+        let t3_3 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t3_3);
+        let t3_4 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t3_4);
+        let t3_5 = sin_q1_q2_minus_q3 * cos_q4;
+        let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t3_5);
+        let t3_6 = cos_q1_q2_minus_q3 * cos_q4;
+        let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t3_6);
         let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t2_7 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t3_7 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
         let u_2_q1x = like.lift(0.3) * sin_q2;
-        let t2_8 = -u_2_q1x;
-        let t2_9 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let u_2_q1y = like.lift(0.3) * cos_q2;
-        let t2_10 = like.lift(0.4) + u_2_q1y;
-        let t2_11 = -t2_10;
-        let t2_12 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_7);
-        let t2_13 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t2_14 = sin_q2 * t2_13;
-        let t2_15 = cos_q1_q2_minus_q3_minus_q4 * t2_14;
-        let t2_16 = like.lift(-0.3).mul_add(t2_15, t2_10);
-        let t2_17 = like.lift(2.5) * t2_16;
-        let t2_18 = t2_9 * t2_13;
-        let t2_19 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_18, t2_12);
-        let t2_20 = like.lift(2.5) * t2_19;
-        let t2_21 = -t2_20;
-        let t2_22 = like.lift(0.75) * t2_14;
-        let t2_23 = -t2_22;
-        let t2_24 = like.lift(2.5) * t2_18;
+        let t3_8 = -u_2_q1x;
+        let t3_9 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t3_10 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
+        let t3_11 = -t3_10;
+        let t3_12 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t3_7);
+        let t3_13 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t3_14 = sin_q2 * t3_13;
+        let t3_15 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t3_16 = (-t3_15).mul_add(t3_14, t3_10);
+        let t3_17 = like.lift(2.5) * t3_16;
+        let t3_18 = t3_9 * t3_13;
+        let t3_19 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t3_18, t3_12);
+        let t3_20 = like.lift(2.5) * t3_19;
+        let t3_21 = -t3_20;
+        let t3_22 = like.lift(0.75) * t3_14;
+        let t3_23 = -t3_22;
+        let t3_24 = like.lift(2.5) * t3_18;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
         let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
-            [[t2_17, t2_21], [t2_23, t2_24]],
+            [[t3_17, t3_21], [t3_23, t3_24]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_7],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t3_7],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_8, t2_9], [t2_11, t2_12], [like.lift(0.0), like.lift(0.0)],
+                    [t3_8, t3_9], [t3_11, t3_12], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
-        [
-            al_2z, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, x_q2_q1, x_q2_q3, x_q4_q1,
-            x_q4_q3,
-        ]
+        [al_2z, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
     };
     // body 2
     {
-        let t3_1 = like.lift(1.0) - x_q2_q1;
-        let w_izz_2_q1 = al_2z * t3_1;
+        let t4_1 = like.lift(1.0) - x_q2_q1;
+        let w_izz_2_q1 = al_2z * t4_1;
         let w_izz_2_q3 = al_2z * x_q2_q3;
-        let t3_2 = -w_izz_2_q3;
-        w[3] = [w_izz_2_q1, t3_2];
+        let t4_2 = -w_izz_2_q3;
+        w[3] = [w_izz_2_q1, t4_2];
         let w_2z = d_q1 + d_q2;
-        let t3_3 = w_2z * w_2z;
-        let t3_4 = sin_q2 * t3_3;
-        let t3_5 = like.lift(0.3) * t3_4;
-        let t3_6 = cos_q2 * al_2z;
-        let t3_7 = like.lift(-0.3).mul_add(t3_6, t3_5);
-        let t3_8 = d_q1 * d_q1;
-        let t3_9 = like.lift(0.3).mul_add(t3_8, -a_1x);
-        let t3_10 = sin_q2 * t3_9;
-        let t3_11 = like.lift(0.3).mul_add(dd_q1, a_1y);
-        let a_2y = cos_q2.mul_add(t3_11, t3_10);
-        let w_mx_2_q1 = (-a_2y).mul_add(t3_1, t3_7);
-        let t3_12 = -w_mx_2_q1;
+        let t4_3 = w_2z * w_2z;
+        let t4_4 = like.lift(0.3) * d_q1;
+        let t4_5 = t4_4.mul_add(d_q1, -a_1x);
+        let t4_6 = like.lift(0.3).mul_add(dd_q1, a_1y);
+        let t4_7 = cos_q2 * t4_6;
+        let a_2y = sin_q2.mul_add(t4_5, t4_7);
+        let t4_8 = cos_q2 * al_2z;
+        let t4_9 = (-sin_q2).mul_add(t4_3, t4_8);
+        let t4_10 = a_2y * t4_1;
+        let t4_11 = like.lift(0.3).mul_add(t4_9, t4_10);
+        let w_mx_2_q1 = -t4_11;
+        let t4_12 = -w_mx_2_q1;
         let w_mx_2_q3 = a_2y * x_q2_q3;
-        let t3_13 = -w_mx_2_q3;
-        w[4] = [t3_12, t3_13];
-        let t3_14 = sin_q2 * al_2z;
-        let t3_15 = like.lift(0.3) * t3_14;
-        let t3_16 = cos_q2 * t3_3;
-        let t3_17 = like.lift(0.3).mul_add(t3_16, t3_15);
-        let t3_18 = cos_q2 * t3_9;
-        let a_2x = (-sin_q2).mul_add(t3_11, t3_18);
-        let w_my_2_q1 = (-a_2x).mul_add(t3_1, t3_17);
-        let t3_19 = -w_my_2_q1;
+        let t4_13 = -w_mx_2_q3;
+        w[4] = [t4_12, t4_13];
+        let t4_14 = cos_q2 * t4_5;
+        let a_2x = (-sin_q2).mul_add(t4_6, t4_14);
+        let t4_15 = cos_q2 * t4_3;
+        let t4_16 = sin_q2.mul_add(al_2z, t4_15);
+        let t4_17 = like.lift(0.3) * t4_16;
+        let w_my_2_q1 = (-a_2x).mul_add(t4_1, t4_17);
+        let t4_18 = -w_my_2_q1;
         let w_my_2_q3 = a_2x * x_q2_q3;
-        let t3_20 = -w_my_2_q3;
-        w[5] = [t3_19, t3_20];
+        let t4_19 = -w_my_2_q3;
+        w[5] = [t4_18, t4_19];
     }
     // body 3
     let [a_3x] = {
         let a_3x = like.lift(9.81) * sin_q3;
-        let t4_1 = -a_3x;
-        w[7] = [like.lift(0.0), t4_1];
-        w[6] = [like.lift(0.0), dd_q3];
+        let t5_1 = -a_3x;
+        w[7][1] = t5_1;
+        w[6][1] = dd_q3;
         [a_3x]
     };
     // body 4
     {
         let al_4z = dd_q3 + dd_q4;
         let w_izz_4_q1 = al_4z * x_q4_q1;
-        let t5_1 = -w_izz_4_q1;
-        let t5_2 = like.lift(1.0) - x_q4_q3;
-        let w_izz_4_q3 = al_4z * t5_2;
-        w[8] = [t5_1, w_izz_4_q3];
-        let t5_3 = d_q3 * d_q3;
-        let t5_4 = like.lift(-0.3).mul_add(t5_3, a_3x);
-        let t5_5 = sin_q4 * t5_4;
-        let a_3y = like.lift(9.81) * cos_q3;
-        let t5_6 = like.lift(0.3).mul_add(dd_q3, a_3y);
-        let a_4y = (-cos_q4).mul_add(t5_6, t5_5);
+        let t6_1 = -w_izz_4_q1;
+        let t6_2 = like.lift(1.0) - x_q4_q3;
+        let w_izz_4_q3 = al_4z * t6_2;
+        w[8] = [t6_1, w_izz_4_q3];
+        let t6_3 = like.lift(0.3) * d_q3;
+        let t6_4 = (-t6_3).mul_add(d_q3, a_3x);
+        let t6_5 = like.lift(0.3) * dd_q3;
+        let t6_6 = like.lift(9.81).mul_add(cos_q3, t6_5);
+        let t6_7 = sin_q4 * t6_4;
+        let a_4y = (-cos_q4).mul_add(t6_6, t6_7);
         let w_mx_4_q1 = a_4y * x_q4_q1;
         let w_4z = d_q3 + d_q4;
-        let t5_7 = w_4z * w_4z;
-        let t5_8 = sin_q4 * t5_7;
-        let t5_9 = like.lift(0.3) * t5_8;
-        let t5_10 = cos_q4 * al_4z;
-        let t5_11 = like.lift(-0.3).mul_add(t5_10, t5_9);
-        let w_mx_4_q3 = a_4y.mul_add(t5_2, t5_11);
-        let t5_12 = -w_mx_4_q3;
-        w[9] = [w_mx_4_q1, t5_12];
-        let t5_13 = cos_q4 * t5_4;
-        let a_4x = sin_q4.mul_add(t5_6, t5_13);
+        let t6_8 = w_4z * w_4z;
+        let t6_9 = cos_q4 * al_4z;
+        let t6_10 = (-sin_q4).mul_add(t6_8, t6_9);
+        let t6_11 = a_4y * t6_2;
+        let w_mx_4_q3 = like.lift(-0.3).mul_add(t6_10, t6_11);
+        let t6_12 = -w_mx_4_q3;
+        w[9] = [w_mx_4_q1, t6_12];
+        let t6_13 = sin_q4 * t6_6;
+        let a_4x = cos_q4.mul_add(t6_4, t6_13);
         let w_my_4_q1 = a_4x * x_q4_q1;
-        let t5_14 = sin_q4 * al_4z;
-        let t5_15 = like.lift(0.3) * t5_14;
-        let t5_16 = cos_q4 * t5_7;
-        let t5_17 = like.lift(0.3).mul_add(t5_16, t5_15);
-        let w_my_4_q3 = a_4x.mul_add(t5_2, t5_17);
-        let t5_18 = -w_my_4_q3;
-        w[10] = [w_my_4_q1, t5_18];
+        let t6_14 = cos_q4 * t6_8;
+        let t6_15 = sin_q4.mul_add(al_4z, t6_14);
+        let t6_16 = a_4x * t6_2;
+        let w_my_4_q3 = like.lift(0.3).mul_add(t6_15, t6_16);
+        let t6_17 = -w_my_4_q3;
+        w[10] = [w_my_4_q1, t6_17];
     }
     Condition { pivot: condition }
 }
@@ -1896,7 +1844,7 @@ pub fn base_regressor<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut 
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `beta`: base parameters, in the order of `BASE`
 ///
-/// 15 additions, 9 multiplications, 0 divisions, 0 sines and cosines.
+/// 15 additions, 7 multiplications, 0 divisions, 0 sines and cosines.
 pub fn to_base<T: Scalar>(phi: &[T; 40]) -> [T; 11] {
     let like = phi[0];
     let mut beta = [like.lift(0.0); 11];
@@ -1908,32 +1856,32 @@ pub fn to_base<T: Scalar>(phi: &[T; 40]) -> [T; 11] {
     // combinations
     {
         let t1_1 = like.lift(0.3) * p_mx_3;
-        let t1_2 = p_izz_1 + t1_1;
-        let t1_3 = like.lift(0.09).mul_add(p_m_4, t1_2);
-        let t1_4 = like.lift(0.09).mul_add(p_m_2, t1_3);
+        let t1_2 = p_m_2 + p_m_4;
+        let t1_3 = like.lift(0.09).mul_add(t1_2, p_izz_1);
+        let t1_4 = t1_3 + t1_1;
         beta[0] = t1_4;
-        let t1_5 = p_mx_1 + p_mx_3;
-        let t1_6 = like.lift(0.3).mul_add(p_m_4, t1_5);
-        let t1_7 = like.lift(0.3).mul_add(p_m_2, t1_6);
+        let t1_5 = p_m_2 + p_m_4;
+        let t1_6 = like.lift(0.3).mul_add(t1_5, p_mx_1);
+        let t1_7 = t1_6 + p_mx_3;
         beta[1] = t1_7;
         let t1_8 = like.lift(0.16) * p_m_4;
-        let t1_9 = p_izz_2 + t1_8;
-        let t1_10 = like.lift(0.5333333333333333) * p_mx_3;
-        let t1_11 = t1_9 + t1_10;
+        let t1_9 = like.lift(0.5333333333333333) * p_mx_3;
+        let t1_10 = p_izz_2 + t1_8;
+        let t1_11 = t1_10 + t1_9;
         beta[3] = t1_11;
         let t1_12 = like.lift(0.4) * p_m_4;
-        let t1_13 = p_mx_2 + t1_12;
-        let t1_14 = like.lift(1.3333333333333333) * p_mx_3;
-        let t1_15 = t1_13 + t1_14;
+        let t1_13 = like.lift(1.3333333333333333) * p_mx_3;
+        let t1_14 = p_mx_2 + t1_12;
+        let t1_15 = t1_14 + t1_13;
         beta[4] = t1_15;
         let t1_16 = p_izz_3 - t1_1;
         beta[6] = t1_16;
-        let t1_17 = p_izz_4 - t1_8;
-        let t1_18 = t1_10 - t1_17;
+        let t1_17 = t1_9 - p_izz_4;
+        let t1_18 = t1_17 + t1_8;
         let t1_19 = -t1_18;
         beta[8] = t1_19;
-        let t1_20 = p_mx_4 - t1_12;
-        let t1_21 = t1_14 - t1_20;
+        let t1_20 = t1_13 - p_mx_4;
+        let t1_21 = t1_20 + t1_12;
         let t1_22 = -t1_21;
         beta[9] = t1_22;
         beta[2] = p_my_1;
@@ -1950,7 +1898,7 @@ pub fn to_base<T: Scalar>(phi: &[T; 40]) -> [T; 11] {
 /// - `free`: values of the eliminated parameters, in the order of `FREE`
 /// - `phi`: dynamic parameters, in the order of `PARAMETERS`
 ///
-/// 13 additions, 9 multiplications, 0 divisions, 0 sines and cosines.
+/// 13 additions, 7 multiplications, 0 divisions, 0 sines and cosines.
 pub fn parameters_from_base<T: Scalar>(beta: &[T; 11], free: &[T; 29]) -> [T; 40] {
     let like = beta[0];
     let mut phi = [like.lift(0.0); 40];
@@ -1966,20 +1914,20 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 11], free: &[T; 29]) -> [T; 40
     // phi
     {
         let t1_1 = like.lift(0.3) * p_mx_3;
-        let t1_2 = like.lift(0.09).mul_add(p_m_4, t1_1);
-        let t1_3 = like.lift(0.09).mul_add(p_m_2, t1_2);
-        let t1_4 = p_izz_1 - t1_3;
+        let t1_2 = p_m_2 + p_m_4;
+        let t1_3 = like.lift(-0.09).mul_add(t1_2, p_izz_1);
+        let t1_4 = t1_3 - t1_1;
         phi[5] = t1_4;
-        let t1_5 = like.lift(0.3).mul_add(p_m_4, p_mx_3);
-        let t1_6 = like.lift(0.3).mul_add(p_m_2, t1_5);
-        let t1_7 = p_mx_1 - t1_6;
+        let t1_5 = p_m_2 + p_m_4;
+        let t1_6 = like.lift(-0.3).mul_add(t1_5, p_mx_1);
+        let t1_7 = t1_6 - p_mx_3;
         phi[6] = t1_7;
-        let t1_8 = like.lift(0.16) * p_m_4;
-        let t1_9 = like.lift(0.5333333333333333).mul_add(p_mx_3, t1_8);
+        let t1_8 = like.lift(0.5333333333333333) * p_mx_3;
+        let t1_9 = like.lift(0.16).mul_add(p_m_4, t1_8);
         let t1_10 = p_izz_2 - t1_9;
         phi[15] = t1_10;
-        let t1_11 = like.lift(0.4) * p_m_4;
-        let t1_12 = like.lift(1.3333333333333333).mul_add(p_mx_3, t1_11);
+        let t1_11 = like.lift(1.3333333333333333) * p_mx_3;
+        let t1_12 = like.lift(0.4).mul_add(p_m_4, t1_11);
         let t1_13 = p_mx_2 - t1_12;
         phi[16] = t1_13;
         let t1_14 = p_izz_3 + t1_1;
@@ -2033,7 +1981,7 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 11], free: &[T; 29]) -> [T; 40
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
 ///
-/// 44 additions, 79 multiplications, 1 divisions, 4 sines and cosines.
+/// 44 additions, 77 multiplications, 1 divisions, 4 sines and cosines.
 pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], beta: &[T; 11]) -> ([T; 2], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 2];
@@ -2045,127 +1993,124 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], b
         p_my_4,
     ] = *beta;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4] = {
+        let [(sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q3, cos_q3), (sin_q4, cos_q4)] =
+            T::sin_cos_all([q1, q2, q3, q4]);
+        [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4]
+    };
     // loops: solve with A_e (Eq. 8, 10)
-    let [t1_13, t1_22, sin_q3, cos_q3, sin_q4, cos_q4, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = cos_q1 * p_mx_1;
-        let t1_2 = like.lift(9.81) * t1_1;
-        let t1_3 = sin_q1 * p_my_1;
-        let t1_4 = like.lift(-9.81).mul_add(t1_3, t1_2);
-        let t1_5 = dd_q1.mul_add(p_izz_1, t1_4);
+    let [t2_10, t2_17, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
         let al_2z = dd_q1 + dd_q2;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_6 = d_q1 * d_q1;
-        let a_1x = like.lift(9.81) * sin_q1;
-        let t1_7 = like.lift(0.3).mul_add(t1_6, -a_1x);
-        let t1_8 = sin_q2 * t1_7;
-        let a_1y = like.lift(9.81) * cos_q1;
-        let t1_9 = like.lift(0.3).mul_add(dd_q1, a_1y);
-        let a_2y = cos_q2.mul_add(t1_9, t1_8);
-        let t1_10 = a_2y * p_mx_2;
-        let t1_11 = cos_q2 * t1_7;
-        let a_2x = (-sin_q2).mul_add(t1_9, t1_11);
-        let t1_12 = a_2x.mul_add(p_my_2, t1_10);
-        let t1_13 = al_2z.mul_add(p_izz_2, t1_12);
+        let t2_1 = like.lift(0.3) * d_q1;
+        let t2_2 = t2_1 * d_q1;
+        let t2_3 = like.lift(-9.81).mul_add(sin_q1, t2_2);
+        let t2_4 = like.lift(0.3) * dd_q1;
+        let t2_5 = like.lift(9.81).mul_add(cos_q1, t2_4);
+        let t2_6 = cos_q2 * t2_5;
+        let a_2y = sin_q2.mul_add(t2_3, t2_6);
+        let t2_7 = cos_q2 * t2_3;
+        let a_2x = (-sin_q2).mul_add(t2_5, t2_7);
+        let t2_8 = al_2z * p_izz_2;
+        let t2_9 = a_2x.mul_add(p_my_2, t2_8);
+        let t2_10 = a_2y.mul_add(p_mx_2, t2_9);
         let w_2z = d_q1 + d_q2;
-        let t1_14 = w_2z * w_2z;
-        let t1_15 = t1_14 * p_mx_2;
-        let t1_16 = al_2z.mul_add(p_my_2, t1_15);
-        let t1_17 = sin_q2 * t1_16;
-        let t1_18 = al_2z * p_mx_2;
-        let t1_19 = (-t1_14).mul_add(p_my_2, t1_18);
-        let t1_20 = (-cos_q2).mul_add(t1_19, t1_17);
-        let t1_21 = like.lift(-0.3).mul_add(t1_20, t1_13);
-        let t1_22 = t1_5 + t1_21;
-        let t1_23 = cos_q1 * sin_q2;
-        let t1_24 = sin_q1 * sin_q2;
-        let sin_q1_q2 = sin_q1.mul_add(cos_q2, t1_23);
-        let cos_q1_q2 = cos_q1.mul_add(cos_q2, -t1_24);
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_25 = cos_q1_q2 * sin_q3;
-        let t1_26 = sin_q1_q2 * sin_q3;
-        let sin_q1_q2_minus_q3 = sin_q1_q2.mul_add(cos_q3, -t1_25);
-        let cos_q1_q2_minus_q3 = cos_q1_q2.mul_add(cos_q3, t1_26);
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t1_27 = cos_q1_q2_minus_q3 * sin_q4;
-        let t1_28 = sin_q1_q2_minus_q3 * sin_q4;
-        let sin_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(cos_q4, -t1_27);
-        let cos_q1_q2_minus_q3_minus_q4 = cos_q1_q2_minus_q3.mul_add(cos_q4, t1_28);
+        let t2_11 = w_2z * w_2z;
+        let t2_12 = al_2z * p_my_2;
+        let t2_13 = t2_11.mul_add(p_mx_2, t2_12);
+        let t2_14 = al_2z * p_mx_2;
+        let t2_15 = (-t2_11).mul_add(p_my_2, t2_14);
+        let t2_16 = sin_q2 * t2_13;
+        let t2_17 = (-cos_q2).mul_add(t2_15, t2_16);
+        let t2_18 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_18);
+        let t2_19 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_19);
+        let t2_20 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t2_20);
+        let t2_21 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t2_21);
+        let t2_22 = sin_q1_q2_minus_q3 * cos_q4;
+        let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t2_22);
+        let t2_23 = cos_q1_q2_minus_q3 * cos_q4;
+        let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t2_23);
         let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t1_29 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_24 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
         let u_2_q1x = like.lift(0.3) * sin_q2;
-        let t1_30 = -u_2_q1x;
-        let t1_31 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let u_2_q1y = like.lift(0.3) * cos_q2;
-        let t1_32 = like.lift(0.4) + u_2_q1y;
-        let t1_33 = -t1_32;
-        let t1_34 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t1_29);
-        let t1_35 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t1_36 = sin_q2 * t1_35;
-        let t1_37 = cos_q1_q2_minus_q3_minus_q4 * t1_36;
-        let t1_38 = like.lift(-0.3).mul_add(t1_37, t1_32);
-        let t1_39 = like.lift(2.5) * t1_38;
-        let t1_40 = t1_31 * t1_35;
-        let t1_41 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t1_40, t1_34);
-        let t1_42 = like.lift(2.5) * t1_41;
-        let t1_43 = -t1_42;
-        let t1_44 = like.lift(0.75) * t1_36;
-        let t1_45 = -t1_44;
-        let t1_46 = like.lift(2.5) * t1_40;
+        let t2_25 = -u_2_q1x;
+        let t2_26 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t2_27 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
+        let t2_28 = -t2_27;
+        let t2_29 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_24);
+        let t2_30 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_31 = sin_q2 * t2_30;
+        let t2_32 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_33 = (-t2_32).mul_add(t2_31, t2_27);
+        let t2_34 = like.lift(2.5) * t2_33;
+        let t2_35 = t2_26 * t2_30;
+        let t2_36 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_35, t2_29);
+        let t2_37 = like.lift(2.5) * t2_36;
+        let t2_38 = -t2_37;
+        let t2_39 = like.lift(0.75) * t2_31;
+        let t2_40 = -t2_39;
+        let t2_41 = like.lift(2.5) * t2_35;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
         let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
-            [[t1_39, t1_43], [t1_45, t1_46]],
+            [[t2_34, t2_38], [t2_40, t2_41]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t1_29],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_24],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t1_30, t1_31], [t1_33, t1_34], [like.lift(0.0), like.lift(0.0)],
+                    [t2_25, t2_26], [t2_28, t2_29], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
-        [t1_13, t1_22, sin_q3, cos_q3, sin_q4, cos_q4, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
+        [t2_10, t2_17, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
     };
     // tau
     {
-        let t2_1 = (-t1_13).mul_add(x_q2_q1, t1_22);
         let al_4z = dd_q3 + dd_q4;
-        let a_3x = like.lift(9.81) * sin_q3;
-        let t2_2 = d_q3 * d_q3;
-        let t2_3 = like.lift(-0.3).mul_add(t2_2, a_3x);
-        let t2_4 = sin_q4 * t2_3;
-        let a_3y = like.lift(9.81) * cos_q3;
-        let t2_5 = like.lift(0.3).mul_add(dd_q3, a_3y);
-        let a_4y = (-cos_q4).mul_add(t2_5, t2_4);
-        let t2_6 = a_4y * p_mx_4;
-        let t2_7 = cos_q4 * t2_3;
-        let a_4x = sin_q4.mul_add(t2_5, t2_7);
-        let t2_8 = a_4x.mul_add(p_my_4, t2_6);
-        let t2_9 = al_4z.mul_add(p_izz_4, -t2_8);
-        let t2_10 = (-t2_9).mul_add(x_q4_q1, t2_1);
-        tau[0] = t2_10;
-        let t2_11 = dd_q3 * p_izz_3;
-        let t2_12 = sin_q3 * p_my_3;
-        let t2_13 = like.lift(-9.81).mul_add(t2_12, t2_11);
+        let t3_1 = like.lift(9.81) * sin_q3;
+        let t3_2 = like.lift(0.3) * d_q3;
+        let t3_3 = (-t3_2).mul_add(d_q3, t3_1);
+        let t3_4 = like.lift(0.3) * dd_q3;
+        let t3_5 = like.lift(9.81).mul_add(cos_q3, t3_4);
+        let t3_6 = sin_q4 * t3_3;
+        let a_4y = (-cos_q4).mul_add(t3_5, t3_6);
+        let t3_7 = sin_q4 * t3_5;
+        let a_4x = cos_q4.mul_add(t3_3, t3_7);
+        let t3_8 = al_4z * p_izz_4;
+        let t3_9 = (-a_4x).mul_add(p_my_4, t3_8);
+        let t3_10 = (-a_4y).mul_add(p_mx_4, t3_9);
+        let t3_11 = sin_q1 * p_my_1;
+        let t3_12 = (-cos_q1).mul_add(p_mx_1, t3_11);
+        let t3_13 = (-t3_10).mul_add(x_q4_q1, t2_10);
+        let t3_14 = (-t2_10).mul_add(x_q2_q1, t3_13);
+        let t3_15 = dd_q1.mul_add(p_izz_1, t3_14);
+        let t3_16 = like.lift(-9.81).mul_add(t3_12, t3_15);
+        let t3_17 = like.lift(-0.3).mul_add(t2_17, t3_16);
+        tau[0] = t3_17;
         let w_4z = d_q3 + d_q4;
-        let t2_14 = w_4z * w_4z;
-        let t2_15 = t2_14 * p_mx_4;
-        let t2_16 = al_4z.mul_add(p_my_4, t2_15);
-        let t2_17 = sin_q4 * t2_16;
-        let t2_18 = al_4z * p_mx_4;
-        let t2_19 = (-t2_14).mul_add(p_my_4, t2_18);
-        let t2_20 = (-cos_q4).mul_add(t2_19, t2_17);
-        let t2_21 = like.lift(-0.3).mul_add(t2_20, t2_9);
-        let t2_22 = t2_13 + t2_21;
-        let t2_23 = (-t1_13).mul_add(x_q2_q3, t2_22);
-        let t2_24 = (-t2_9).mul_add(x_q4_q3, t2_23);
-        tau[1] = t2_24;
+        let t3_18 = w_4z * w_4z;
+        let t3_19 = al_4z * p_my_4;
+        let t3_20 = t3_18.mul_add(p_mx_4, t3_19);
+        let t3_21 = al_4z * p_mx_4;
+        let t3_22 = (-t3_18).mul_add(p_my_4, t3_21);
+        let t3_23 = sin_q4 * t3_20;
+        let t3_24 = (-cos_q4).mul_add(t3_22, t3_23);
+        let t3_25 = (-t3_10).mul_add(x_q4_q3, t3_10);
+        let t3_26 = (-t2_10).mul_add(x_q2_q3, t3_25);
+        let t3_27 = (-p_my_3).mul_add(t3_1, t3_26);
+        let t3_28 = dd_q3.mul_add(p_izz_3, t3_27);
+        let t3_29 = like.lift(-0.3).mul_add(t3_24, t3_28);
+        tau[1] = t3_29;
     }
     (tau, Condition { pivot: condition })
 }
@@ -2176,97 +2121,105 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], b
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: the efforts that hold the mechanism at rest
 ///
-/// 22 additions, 41 multiplications, 1 divisions, 5 sines and cosines.
+/// 22 additions, 38 multiplications, 1 divisions, 5 sines and cosines.
 pub fn base_gravity<T: Scalar>(q: &[T; 4], beta: &[T; 11]) -> ([T; 2], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 2];
     let [q1, q2, q3, q4] = *q;
     let [_, p_mx_1, p_my_1, _, p_mx_2, p_my_2, _, p_my_3, _, p_mx_4, p_my_4] = *beta;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_q1, cos_q1, sin_q2, cos_q2, sin_q1_q2_minus_q3_minus_q4,
+        cos_q1_q2_minus_q3_minus_q4, sin_q3, cos_q3, sin_q3_q4, cos_q3_q4,
+    ] = {
+        let t1_1 = q2 + q1;
+        let t1_2 = t1_1 - q3;
+        let t1_3 = t1_2 - q4;
+        let t1_4 = q4 + q3;
+        let [
+            (sin_q1, cos_q1), (sin_q2, cos_q2),
+            (sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4), (sin_q3, cos_q3),
+            (sin_q3_q4, cos_q3_q4),
+        ] =
+            T::sin_cos_all([q1, q2, t1_3, q3, t1_4]);
+        [
+            sin_q1, cos_q1, sin_q2, cos_q2, sin_q1_q2_minus_q3_minus_q4,
+            cos_q1_q2_minus_q3_minus_q4, sin_q3, cos_q3, sin_q3_q4, cos_q3_q4,
+        ]
+    };
     // loops: solve with A_e (Eq. 8, 10)
-    let [t1_10, t1_11, sin_q3, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = cos_q1 * p_mx_1;
-        let t1_2 = like.lift(9.81) * t1_1;
-        let t1_3 = sin_q1 * p_my_1;
-        let t1_4 = like.lift(-9.81).mul_add(t1_3, t1_2);
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_5 = cos_q1 * sin_q2;
-        let t1_6 = sin_q1 * sin_q2;
-        let sin_q1_q2 = sin_q1.mul_add(cos_q2, t1_5);
-        let cos_q1_q2 = cos_q1.mul_add(cos_q2, -t1_6);
-        let t1_7 = cos_q1_q2 * p_mx_2;
-        let t1_8 = like.lift(9.81) * t1_7;
-        let t1_9 = sin_q1_q2 * p_my_2;
-        let t1_10 = like.lift(-9.81).mul_add(t1_9, t1_8);
-        let t1_11 = t1_4 + t1_10;
-        let t1_12 = q2 + q1;
-        let t1_13 = t1_12 - q3;
-        let t1_14 = t1_13 - q4;
-        let (sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4) = t1_14.sin_cos();
+    let [t2_6, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
+        let t2_1 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_1);
+        let t2_2 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_2);
+        let t2_3 = sin_q1_q2 * p_my_2;
+        let t2_4 = (-cos_q1_q2).mul_add(p_mx_2, t2_3);
+        let t2_5 = like.lift(9.81) * t2_4;
+        let t2_6 = -t2_5;
         let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t1_15 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_7 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
         let u_2_q1x = like.lift(0.3) * sin_q2;
-        let t1_16 = -u_2_q1x;
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_17 = cos_q1_q2 * sin_q3;
-        let t1_18 = sin_q1_q2 * sin_q3;
-        let sin_q1_q2_minus_q3 = sin_q1_q2.mul_add(cos_q3, -t1_17);
-        let cos_q1_q2_minus_q3 = cos_q1_q2.mul_add(cos_q3, t1_18);
-        let t1_19 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let u_2_q1y = like.lift(0.3) * cos_q2;
-        let t1_20 = like.lift(0.4) + u_2_q1y;
-        let t1_21 = -t1_20;
-        let t1_22 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t1_15);
-        let t1_23 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t1_24 = sin_q2 * t1_23;
-        let t1_25 = cos_q1_q2_minus_q3_minus_q4 * t1_24;
-        let t1_26 = like.lift(-0.3).mul_add(t1_25, t1_20);
-        let t1_27 = like.lift(2.5) * t1_26;
-        let t1_28 = t1_19 * t1_23;
-        let t1_29 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t1_28, t1_22);
-        let t1_30 = like.lift(2.5) * t1_29;
-        let t1_31 = -t1_30;
-        let t1_32 = like.lift(0.75) * t1_24;
-        let t1_33 = -t1_32;
-        let t1_34 = like.lift(2.5) * t1_28;
+        let t2_8 = -u_2_q1x;
+        let t2_9 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t2_9);
+        let t2_10 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t2_10);
+        let t2_11 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t2_12 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
+        let t2_13 = -t2_12;
+        let t2_14 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_7);
+        let t2_15 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_16 = sin_q2 * t2_15;
+        let t2_17 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_18 = (-t2_17).mul_add(t2_16, t2_12);
+        let t2_19 = like.lift(2.5) * t2_18;
+        let t2_20 = t2_11 * t2_15;
+        let t2_21 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_20, t2_14);
+        let t2_22 = like.lift(2.5) * t2_21;
+        let t2_23 = -t2_22;
+        let t2_24 = like.lift(0.75) * t2_16;
+        let t2_25 = -t2_24;
+        let t2_26 = like.lift(2.5) * t2_20;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
         let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
-            [[t1_27, t1_31], [t1_33, t1_34]],
+            [[t2_19, t2_23], [t2_25, t2_26]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t1_15],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_7],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t1_16, t1_19], [t1_21, t1_22], [like.lift(0.0), like.lift(0.0)],
+                    [t2_8, t2_11], [t2_13, t2_14], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
-        [t1_10, t1_11, sin_q3, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
+        [t2_6, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
     };
     // tau
     {
-        let t2_1 = (-t1_10).mul_add(x_q2_q1, t1_11);
-        let t2_2 = q4 + q3;
-        let (sin_q3_q4, cos_q3_q4) = t2_2.sin_cos();
-        let t2_3 = cos_q3_q4 * p_mx_4;
-        let t2_4 = like.lift(9.81) * t2_3;
-        let t2_5 = sin_q3_q4 * p_my_4;
-        let t2_6 = like.lift(-9.81).mul_add(t2_5, t2_4);
-        let t2_7 = (-t2_6).mul_add(x_q4_q1, t2_1);
-        tau[0] = t2_7;
-        let t2_8 = sin_q3 * p_my_3;
-        let t2_9 = like.lift(9.81).mul_add(t2_8, -t2_6);
-        let t2_10 = t1_10.mul_add(x_q2_q3, t2_9);
-        let t2_11 = t2_6.mul_add(x_q4_q3, t2_10);
-        let t2_12 = -t2_11;
-        tau[1] = t2_12;
+        let t3_1 = sin_q3_q4 * p_my_4;
+        let t3_2 = (-cos_q3_q4).mul_add(p_mx_4, t3_1);
+        let t3_3 = like.lift(9.81) * t3_2;
+        let t3_4 = -t3_3;
+        let t3_5 = sin_q1 * p_my_1;
+        let t3_6 = (-cos_q1).mul_add(p_mx_1, t3_5);
+        let t3_7 = (-t3_4).mul_add(x_q4_q1, t2_6);
+        let t3_8 = (-t2_6).mul_add(x_q2_q1, t3_7);
+        let t3_9 = like.lift(-9.81).mul_add(t3_6, t3_8);
+        tau[0] = t3_9;
+        let t3_10 = t3_4.mul_add(x_q4_q3, -t3_4);
+        let t3_11 = t2_6.mul_add(x_q2_q3, t3_10);
+        let t3_12 = like.lift(9.81) * sin_q3;
+        let t3_13 = t3_12.mul_add(p_my_3, t3_11);
+        let t3_14 = -t3_13;
+        tau[1] = t3_14;
     }
     (tau, Condition { pivot: condition })
 }
@@ -2278,7 +2231,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 4], beta: &[T; 11]) -> ([T; 2], Condition
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
 ///
-/// 33 additions, 74 multiplications, 1 divisions, 3 sines and cosines.
+/// 33 additions, 64 multiplications, 1 divisions, 3 sines and cosines.
 pub fn base_bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], beta: &[T; 11]) -> ([T; 2], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 2];
@@ -2286,150 +2239,139 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], beta: &[T; 11]) -> (
     let [d_q1, d_q2, d_q3, d_q4] = *qd;
     let [_, _, _, p_izz_2, p_mx_2, p_my_2, _, _, p_izz_4, p_mx_4, p_my_4] = *beta;
     let mut condition = like.lift(1.0);
-    // loops: solve with A_e (Eq. 8, 10)
-    let [
-        sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4, cos_q1_q2_minus_q3_minus_q4,
-        pivot_2, t1_5, sin_q2, cos_q2, t1_7, t1_8, w_4z, t1_18, t1_26, al_2z, al_4z,
-    ] = {
+    // sines and cosines
+    let [sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4, sin_q2, cos_q2] = {
         let t1_1 = q2 + q1;
         let t1_2 = t1_1 - q3;
-        let (sin_q1_q2_minus_q3, cos_q1_q2_minus_q3) = t1_2.sin_cos();
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t1_3 = cos_q1_q2_minus_q3 * sin_q4;
-        let t1_4 = sin_q1_q2_minus_q3 * sin_q4;
-        let sin_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(cos_q4, -t1_3);
-        let cos_q1_q2_minus_q3_minus_q4 = cos_q1_q2_minus_q3.mul_add(cos_q4, t1_4);
+        let [(sin_q1_q2_minus_q3, cos_q1_q2_minus_q3), (sin_q4, cos_q4), (sin_q2, cos_q2)] =
+            T::sin_cos_all([t1_2, q4, q2]);
+        [sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4, sin_q2, cos_q2]
+    };
+    // loops: solve with A_e (Eq. 8, 10)
+    let [
+        cos_q1_q2_minus_q3_minus_q4, pivot_2, t2_3, t2_5, t2_6, t2_7, t2_8, t2_14, t2_18,
+        al_2z, al_4z,
+    ] = {
+        let t2_1 = sin_q1_q2_minus_q3 * cos_q4;
+        let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t2_1);
+        let t2_2 = cos_q1_q2_minus_q3 * cos_q4;
+        let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t2_2);
         let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t1_5 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_6 = d_q1 * d_q1;
-        let t1_7 = cos_q2 * t1_6;
-        let a_2x = like.lift(0.3) * t1_7;
+        let t2_3 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_4 = d_q1 * d_q1;
+        let t2_5 = cos_q2 * t2_4;
         let w_2z = d_q1 + d_q2;
-        let t1_8 = w_2z * w_2z;
-        let t1_9 = like.lift(0.4).mul_add(t1_8, a_2x);
-        let t1_10 = cos_q1_q2_minus_q3 * d_q3;
-        let t1_11 = d_q3 * t1_10;
-        let t1_12 = like.lift(0.3) * t1_11;
+        let t2_6 = w_2z * w_2z;
         let w_4z = d_q3 + d_q4;
-        let t1_13 = cos_q1_q2_minus_q3_minus_q4 * w_4z;
-        let t1_14 = w_4z * t1_13;
-        let t1_15 = like.lift(0.4).mul_add(t1_14, t1_12);
-        let t1_16 = t1_9 - t1_15;
-        let t1_17 = -t1_16;
-        let t1_18 = sin_q2 * t1_6;
-        let a_2y = like.lift(0.3) * t1_18;
-        let t1_19 = sin_q1_q2_minus_q3 * d_q3;
-        let t1_20 = d_q3 * t1_19;
-        let t1_21 = like.lift(0.3) * t1_20;
-        let t1_22 = sin_q1_q2_minus_q3_minus_q4 * w_4z;
-        let t1_23 = w_4z * t1_22;
-        let t1_24 = like.lift(0.4).mul_add(t1_23, t1_21);
-        let t1_25 = a_2y - t1_24;
-        let t1_26 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t1_27 = t1_26 * t1_16;
-        let t1_28 = cos_q1_q2_minus_q3_minus_q4.mul_add(t1_27, t1_25);
-        let t1_29 = like.lift(2.5) * t1_28;
-        let t1_30 = -t1_29;
-        let t1_31 = like.lift(2.5) * t1_27;
-        let t1_32 = -t1_31;
+        let t2_7 = w_4z * w_4z;
+        let t2_8 = d_q3 * d_q3;
+        let t2_9 = (-cos_q1_q2_minus_q3).mul_add(t2_8, t2_5);
+        let t2_10 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_7, t2_6);
+        let t2_11 = like.lift(0.4) * t2_10;
+        let t2_12 = like.lift(0.3).mul_add(t2_9, t2_11);
+        let t2_13 = -t2_12;
+        let t2_14 = sin_q2 * t2_4;
+        let t2_15 = (-sin_q1_q2_minus_q3).mul_add(t2_8, t2_14);
+        let t2_16 = like.lift(0.3) * t2_15;
+        let t2_17 = (-t2_7).mul_add(pivot_2, t2_16);
+        let t2_18 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_19 = t2_18 * t2_12;
+        let t2_20 = cos_q1_q2_minus_q3_minus_q4.mul_add(t2_19, t2_17);
+        let t2_21 = like.lift(2.5) * t2_20;
+        let t2_22 = -t2_21;
+        let t2_23 = like.lift(2.5) * t2_19;
+        let t2_24 = -t2_23;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
         let ([[al_2z], [al_4z]], found) = ::regen_runtime::guarded(
-            [[t1_30], [t1_32]],
+            [[t2_22], [t2_24]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t1_5],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_3],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t1_17], [t1_25], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_13], [t2_17], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
         [
-            sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4,
-            cos_q1_q2_minus_q3_minus_q4, pivot_2, t1_5, sin_q2, cos_q2, t1_7, t1_8, w_4z,
-            t1_18, t1_26, al_2z, al_4z,
+            cos_q1_q2_minus_q3_minus_q4, pivot_2, t2_3, t2_5, t2_6, t2_7, t2_8, t2_14, t2_18,
+            al_2z, al_4z,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
-    let [t2_5, t2_12, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
-        let t2_1 = t1_18 * p_mx_2;
-        let t2_2 = like.lift(0.3) * t2_1;
-        let t2_3 = t1_7 * p_my_2;
-        let t2_4 = like.lift(0.3).mul_add(t2_3, t2_2);
-        let t2_5 = p_izz_2.mul_add(al_2z, t2_4);
-        let t2_6 = t1_8 * p_mx_2;
-        let t2_7 = p_my_2.mul_add(al_2z, t2_6);
-        let t2_8 = sin_q2 * t2_7;
-        let t2_9 = t1_8 * p_my_2;
-        let t2_10 = (-p_mx_2).mul_add(al_2z, t2_9);
-        let t2_11 = cos_q2.mul_add(t2_10, t2_8);
-        let t2_12 = like.lift(-0.3).mul_add(t2_11, t2_5);
+    let [t3_4, t3_10, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
+        let t3_1 = t2_5 * p_my_2;
+        let t3_2 = t2_14.mul_add(p_mx_2, t3_1);
+        let t3_3 = p_izz_2 * al_2z;
+        let t3_4 = like.lift(0.3).mul_add(t3_2, t3_3);
+        let t3_5 = p_my_2 * al_2z;
+        let t3_6 = t2_6.mul_add(p_mx_2, t3_5);
+        let t3_7 = t2_6 * p_my_2;
+        let t3_8 = (-p_mx_2).mul_add(al_2z, t3_7);
+        let t3_9 = cos_q2 * t3_8;
+        let t3_10 = sin_q2.mul_add(t3_6, t3_9);
         let u_2_q1x = like.lift(0.3) * sin_q2;
-        let t2_13 = -u_2_q1x;
-        let t2_14 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let u_2_q1y = like.lift(0.3) * cos_q2;
-        let t2_15 = like.lift(0.4) + u_2_q1y;
-        let t2_16 = -t2_15;
-        let t2_17 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t1_5);
-        let t2_18 = sin_q2 * t1_26;
-        let t2_19 = cos_q1_q2_minus_q3_minus_q4 * t2_18;
-        let t2_20 = like.lift(-0.3).mul_add(t2_19, t2_15);
-        let t2_21 = like.lift(2.5) * t2_20;
-        let t2_22 = t2_14 * t1_26;
-        let t2_23 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_22, t2_17);
-        let t2_24 = like.lift(2.5) * t2_23;
-        let t2_25 = -t2_24;
-        let t2_26 = like.lift(0.75) * t2_18;
-        let t2_27 = -t2_26;
-        let t2_28 = like.lift(2.5) * t2_22;
+        let t3_11 = -u_2_q1x;
+        let t3_12 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t3_13 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
+        let t3_14 = -t3_13;
+        let t3_15 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_3);
+        let t3_16 = sin_q2 * t2_18;
+        let t3_17 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t3_18 = (-t3_17).mul_add(t3_16, t3_13);
+        let t3_19 = like.lift(2.5) * t3_18;
+        let t3_20 = t3_12 * t2_18;
+        let t3_21 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t3_20, t3_15);
+        let t3_22 = like.lift(2.5) * t3_21;
+        let t3_23 = -t3_22;
+        let t3_24 = like.lift(0.75) * t3_16;
+        let t3_25 = -t3_24;
+        let t3_26 = like.lift(2.5) * t3_20;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
         let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
-            [[t2_21, t2_25], [t2_27, t2_28]],
+            [[t3_19, t3_23], [t3_25, t3_26]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t1_5],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_3],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_13, t2_14], [t2_16, t2_17], [like.lift(0.0), like.lift(0.0)],
+                    [t3_11, t3_12], [t3_14, t3_15], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
-        [t2_5, t2_12, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
+        [t3_4, t3_10, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
     };
     // tau
     {
-        let t3_1 = (-t2_5).mul_add(x_q2_q1, t2_12);
-        let t3_2 = d_q3 * d_q3;
-        let t3_3 = sin_q4 * t3_2;
-        let t3_4 = t3_3 * p_mx_4;
-        let t3_5 = like.lift(0.3) * t3_4;
-        let t3_6 = cos_q4 * t3_2;
-        let t3_7 = t3_6 * p_my_4;
-        let t3_8 = like.lift(0.3).mul_add(t3_7, t3_5);
-        let t3_9 = p_izz_4.mul_add(al_4z, t3_8);
-        let t3_10 = (-t3_9).mul_add(x_q4_q1, t3_1);
-        tau[0] = t3_10;
-        let t3_11 = w_4z * w_4z;
-        let t3_12 = t3_11 * p_mx_4;
-        let t3_13 = p_my_4.mul_add(al_4z, t3_12);
-        let t3_14 = sin_q4 * t3_13;
-        let t3_15 = t3_11 * p_my_4;
-        let t3_16 = (-p_mx_4).mul_add(al_4z, t3_15);
-        let t3_17 = cos_q4.mul_add(t3_16, t3_14);
-        let t3_18 = like.lift(-0.3).mul_add(t3_17, t3_9);
-        let t3_19 = (-t2_5).mul_add(x_q2_q3, t3_18);
-        let t3_20 = (-t3_9).mul_add(x_q4_q3, t3_19);
-        tau[1] = t3_20;
+        let t4_1 = cos_q4 * t2_8;
+        let t4_2 = t4_1 * p_my_4;
+        let t4_3 = sin_q4 * t2_8;
+        let t4_4 = t4_3.mul_add(p_mx_4, t4_2);
+        let t4_5 = p_izz_4 * al_4z;
+        let t4_6 = like.lift(0.3).mul_add(t4_4, t4_5);
+        let t4_7 = (-t4_6).mul_add(x_q4_q1, t3_4);
+        let t4_8 = (-t3_4).mul_add(x_q2_q1, t4_7);
+        let t4_9 = like.lift(-0.3).mul_add(t3_10, t4_8);
+        tau[0] = t4_9;
+        let t4_10 = p_my_4 * al_4z;
+        let t4_11 = t2_7.mul_add(p_mx_4, t4_10);
+        let t4_12 = t2_7 * p_my_4;
+        let t4_13 = (-p_mx_4).mul_add(al_4z, t4_12);
+        let t4_14 = cos_q4 * t4_13;
+        let t4_15 = sin_q4.mul_add(t4_11, t4_14);
+        let t4_16 = (-t4_6).mul_add(x_q4_q3, t4_6);
+        let t4_17 = (-t3_4).mul_add(x_q2_q3, t4_16);
+        let t4_18 = like.lift(-0.3).mul_add(t4_15, t4_17);
+        tau[1] = t4_18;
     }
     (tau, Condition { pivot: condition })
 }
@@ -2440,93 +2382,95 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], beta: &[T; 11]) -> (
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
 ///
-/// 27 additions, 40 multiplications, 1 divisions, 3 sines and cosines.
+/// 27 additions, 38 multiplications, 1 divisions, 3 sines and cosines.
 pub fn base_mass_matrix<T: Scalar>(q: &[T; 4], beta: &[T; 11]) -> ([[T; 2]; 2], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 2]; 2];
     let [q1, q2, q3, q4] = *q;
     let [p_izz_1, _, _, p_izz_2, p_mx_2, p_my_2, p_izz_3, _, p_izz_4, p_mx_4, p_my_4] = *beta;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [sin_q2, cos_q2, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4] = {
+        let t1_1 = q2 + q1;
+        let t1_2 = t1_1 - q3;
+        let [(sin_q2, cos_q2), (sin_q1_q2_minus_q3, cos_q1_q2_minus_q3), (sin_q4, cos_q4)] =
+            T::sin_cos_all([q2, t1_2, q4]);
+        [sin_q2, cos_q2, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4]
+    };
     // loops: solve with A_e (Eq. 8, 10)
-    let [t1_4, t1_5, sin_q4, cos_q4, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_1 = cos_q2 * p_mx_2;
-        let t1_2 = (-sin_q2).mul_add(p_my_2, t1_1);
-        let t1_3 = like.lift(0.6).mul_add(t1_2, p_izz_2);
-        let t1_4 = p_izz_1 + t1_3;
-        let t1_5 = like.lift(0.3).mul_add(t1_2, p_izz_2);
-        let t1_6 = q2 + q1;
-        let t1_7 = t1_6 - q3;
-        let (sin_q1_q2_minus_q3, cos_q1_q2_minus_q3) = t1_7.sin_cos();
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t1_8 = cos_q1_q2_minus_q3 * sin_q4;
-        let t1_9 = sin_q1_q2_minus_q3 * sin_q4;
-        let sin_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(cos_q4, -t1_8);
-        let cos_q1_q2_minus_q3_minus_q4 = cos_q1_q2_minus_q3.mul_add(cos_q4, t1_9);
+    let [t2_2, t2_3, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
+        let t2_1 = cos_q2 * p_mx_2;
+        let t2_2 = (-sin_q2).mul_add(p_my_2, t2_1);
+        let t2_3 = like.lift(0.3).mul_add(t2_2, p_izz_2);
+        let t2_4 = sin_q1_q2_minus_q3 * cos_q4;
+        let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t2_4);
+        let t2_5 = cos_q1_q2_minus_q3 * cos_q4;
+        let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t2_5);
         let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t1_10 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_6 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
         let u_2_q1x = like.lift(0.3) * sin_q2;
-        let t1_11 = -u_2_q1x;
-        let t1_12 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let u_2_q1y = like.lift(0.3) * cos_q2;
-        let t1_13 = like.lift(0.4) + u_2_q1y;
-        let t1_14 = -t1_13;
-        let t1_15 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t1_10);
-        let t1_16 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t1_17 = sin_q2 * t1_16;
-        let t1_18 = cos_q1_q2_minus_q3_minus_q4 * t1_17;
-        let t1_19 = like.lift(-0.3).mul_add(t1_18, t1_13);
-        let t1_20 = like.lift(2.5) * t1_19;
-        let t1_21 = t1_12 * t1_16;
-        let t1_22 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t1_21, t1_15);
-        let t1_23 = like.lift(2.5) * t1_22;
-        let t1_24 = -t1_23;
-        let t1_25 = like.lift(0.75) * t1_17;
-        let t1_26 = -t1_25;
-        let t1_27 = like.lift(2.5) * t1_21;
+        let t2_7 = -u_2_q1x;
+        let t2_8 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t2_9 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
+        let t2_10 = -t2_9;
+        let t2_11 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_6);
+        let t2_12 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_13 = sin_q2 * t2_12;
+        let t2_14 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_15 = (-t2_14).mul_add(t2_13, t2_9);
+        let t2_16 = like.lift(2.5) * t2_15;
+        let t2_17 = t2_8 * t2_12;
+        let t2_18 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_17, t2_11);
+        let t2_19 = like.lift(2.5) * t2_18;
+        let t2_20 = -t2_19;
+        let t2_21 = like.lift(0.75) * t2_13;
+        let t2_22 = -t2_21;
+        let t2_23 = like.lift(2.5) * t2_17;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
         let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
-            [[t1_20, t1_24], [t1_26, t1_27]],
+            [[t2_16, t2_20], [t2_22, t2_23]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t1_10],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_6],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t1_11, t1_12], [t1_14, t1_15], [like.lift(0.0), like.lift(0.0)],
+                    [t2_7, t2_8], [t2_10, t2_11], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
-        [t1_4, t1_5, sin_q4, cos_q4, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
+        [t2_2, t2_3, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
     };
     // M
     {
-        let t2_1 = (-t1_5).mul_add(x_q2_q1, t1_4);
-        let t2_2 = (-p_izz_2).mul_add(x_q2_q1, t1_5);
-        let t2_3 = (-x_q2_q1).mul_add(t2_2, t2_1);
-        let t2_4 = p_izz_4 * x_q4_q1;
-        let t2_5 = x_q4_q1.mul_add(t2_4, t2_3);
-        let t2_6 = t1_5 * x_q2_q3;
-        let t2_7 = p_izz_2 * x_q2_q3;
-        let t2_8 = (-x_q2_q1).mul_add(t2_7, t2_6);
-        let t2_9 = cos_q4 * p_mx_4;
-        let t2_10 = (-sin_q4).mul_add(p_my_4, t2_9);
-        let t2_11 = like.lift(0.3).mul_add(t2_10, p_izz_4);
-        let t2_12 = (-p_izz_4).mul_add(x_q4_q3, t2_11);
-        let t2_13 = x_q4_q1.mul_add(t2_12, t2_8);
-        let t2_14 = -t2_13;
-        m[0] = [t2_5, t2_14];
-        let t2_15 = like.lift(0.6).mul_add(t2_10, p_izz_4);
-        let t2_16 = p_izz_3 + t2_15;
-        let t2_17 = (-t2_11).mul_add(x_q4_q3, t2_16);
-        let t2_18 = x_q2_q3.mul_add(t2_7, t2_17);
-        let t2_19 = (-x_q4_q3).mul_add(t2_12, t2_18);
-        m[1] = [t2_14, t2_19];
+        let t3_1 = (-p_izz_2).mul_add(x_q2_q1, t2_3);
+        let t3_2 = t3_1 + t2_3;
+        let t3_3 = x_q4_q1 * p_izz_4;
+        let t3_4 = t3_3.mul_add(x_q4_q1, p_izz_1);
+        let t3_5 = (-x_q2_q1).mul_add(t3_2, t3_4);
+        let t3_6 = like.lift(0.6).mul_add(t2_2, t3_5);
+        let t3_7 = t3_6 + p_izz_2;
+        let t3_8 = p_izz_2 * x_q2_q3;
+        let t3_9 = cos_q4 * p_mx_4;
+        let t3_10 = (-sin_q4).mul_add(p_my_4, t3_9);
+        let t3_11 = like.lift(0.3).mul_add(t3_10, p_izz_4);
+        let t3_12 = (-p_izz_4).mul_add(x_q4_q3, t3_11);
+        let t3_13 = x_q4_q1 * t3_12;
+        let t3_14 = (-x_q2_q1).mul_add(t3_8, t3_13);
+        let t3_15 = t2_3.mul_add(x_q2_q3, t3_14);
+        let t3_16 = -t3_15;
+        m[0] = [t3_7, t3_16];
+        let t3_17 = t3_12 + t3_11;
+        let t3_18 = (-x_q4_q3).mul_add(t3_17, p_izz_3);
+        let t3_19 = x_q2_q3.mul_add(t3_8, t3_18);
+        let t3_20 = like.lift(0.6).mul_add(t3_10, t3_19);
+        let t3_21 = t3_20 + p_izz_4;
+        m[1] = [t3_16, t3_21];
     }
     (m, Condition { pivot: condition })
 }
@@ -2734,5 +2678,12 @@ impl<T: Scalar> BaseModel<T> for Fivebar {
         let (value, condition) = base_mass_matrix(q, beta);
         *out = value;
         Ok(condition)
+    }
+}
+
+impl BaseKernel<4, 2, 11> for Fivebar {
+    #[inline(always)]
+    fn base_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut [[T; 2]; 11]) -> Condition<T> {
+        base_regressor_entries(q, qd, qdd, w)
     }
 }

@@ -9,34 +9,34 @@
 //!
 //! | function | add | mul | div | sin and cos |
 //! |---|---|---|---|---|
-//! | [`constraints`] | 13 | 20 | 0 | 5 |
-//! | [`jacobian`] | 14 | 38 | 0 | 5 |
-//! | [`bias`] | 93 | 166 | 0 | 5 |
-//! | [`newton_step`] | 20 | 17 | 1 | 4 |
+//! | [`constraints`] | 13 | 12 | 0 | 5 |
+//! | [`jacobian`] | 14 | 29 | 0 | 5 |
+//! | [`bias`] | 93 | 136 | 0 | 5 |
+//! | [`newton_step`] | 20 | 14 | 1 | 4 |
 //! | [`dependent_jacobian`] | 3 | 2 | 0 | 1 |
 //! | [`velocities`] | 12 | 14 | 1 | 3 |
-//! | [`accelerations`] | 21 | 33 | 1 | 3 |
-//! | [`regressor`] | 288 | 481 | 1 | 6 |
-//! | [`inverse_dynamics`] | 391 | 435 | 1 | 6 |
-//! | [`gravity`] | 66 | 141 | 1 | 6 |
-//! | [`bias_forces`] | 353 | 433 | 1 | 6 |
-//! | [`mass_matrix`] | 191 | 226 | 1 | 6 |
-//! | [`slotine_li`] | 335 | 589 | 1 | 6 |
+//! | [`accelerations`] | 21 | 26 | 1 | 3 |
+//! | [`regressor`] | 288 | 448 | 1 | 6 |
+//! | [`inverse_dynamics`] | 391 | 388 | 1 | 6 |
+//! | [`gravity`] | 66 | 124 | 1 | 6 |
+//! | [`bias_forces`] | 353 | 382 | 1 | 6 |
+//! | [`mass_matrix`] | 191 | 219 | 1 | 6 |
+//! | [`slotine_li`] | 335 | 530 | 1 | 6 |
 //! | [`efforts`] | 0 | 0 | 0 | 0 |
 //! | [`poses`] | 20 | 44 | 0 | 7 |
-//! | [`base_regressor`] | 180 | 299 | 1 | 6 |
-//! | [`to_base`] | 51 | 24 | 0 | 0 |
-//! | [`parameters_from_base`] | 51 | 24 | 0 | 0 |
-//! | [`base_inverse_dynamics`] | 211 | 288 | 1 | 6 |
-//! | [`base_gravity`] | 40 | 90 | 1 | 6 |
-//! | [`base_bias_forces`] | 183 | 293 | 1 | 6 |
-//! | [`base_mass_matrix`] | 104 | 163 | 1 | 6 |
+//! | [`base_regressor`] | 180 | 276 | 1 | 6 |
+//! | [`to_base`] | 51 | 19 | 0 | 0 |
+//! | [`parameters_from_base`] | 51 | 19 | 0 | 0 |
+//! | [`base_inverse_dynamics`] | 211 | 265 | 1 | 6 |
+//! | [`base_gravity`] | 40 | 79 | 1 | 6 |
+//! | [`base_bias_forces`] | 183 | 264 | 1 | 6 |
+//! | [`base_mass_matrix`] | 104 | 149 | 1 | 6 |
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
 use ::regen_runtime::{
  Condition, Cone, Cut, Info, Joint, Limits, Model, Scalar, SizeError, };
-use ::regen_runtime::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
+use ::regen_runtime::{BaseInfo, BaseKernel, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
 pub const COORDINATES: [&str; 7] = [
@@ -379,51 +379,53 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
 /// - `f`: closure residual f, zero when closed (Eq. 6)
 ///
-/// 13 additions, 20 multiplications, 0 divisions, 5 sines and cosines.
+/// 13 additions, 12 multiplications, 0 divisions, 5 sines and cosines.
 pub fn constraints<T: Scalar>(q: &[T; 7]) -> [T; 6] {
     let like = q[0];
     let mut f = [like.lift(0.0); 6];
     let [q1, q2, elbow, wrist, _, q3, pin] = *q;
+    // sines and cosines
+    let [
+        sin_q1, cos_q1, sin_q3_pin, cos_q3_pin, sin_q3, cos_q3, sin_q2, cos_q2, sin_q2_elbow,
+        cos_q2_elbow,
+    ] = {
+        let t1_1 = pin + q3;
+        let t1_2 = elbow + q2;
+        let [
+            (sin_q1, cos_q1), (sin_q3_pin, cos_q3_pin), (sin_q3, cos_q3), (sin_q2, cos_q2),
+            (sin_q2_elbow, cos_q2_elbow),
+        ] =
+            T::sin_cos_all([q1, t1_1, q3, q2, t1_2]);
+        [
+            sin_q1, cos_q1, sin_q3_pin, cos_q3_pin, sin_q3, cos_q3, sin_q2, cos_q2,
+            sin_q2_elbow, cos_q2_elbow,
+        ]
+    };
     // f (Eq. 6)
     {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = pin + q3;
-        let (sin_q3_pin, cos_q3_pin) = t1_1.sin_cos();
-        let t1_2 = cos_q1 * cos_q3_pin;
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_3 = cos_q1 * cos_q3;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_4 = cos_q1 * cos_q2;
-        let t1_5 = like.lift(0.14207) * t1_4;
-        let t1_6 = elbow + q2;
-        let (sin_q2_elbow, cos_q2_elbow) = t1_6.sin_cos();
-        let t1_7 = cos_q1 * cos_q2_elbow;
-        let t1_8 = like.lift(-0.0456).mul_add(t1_7, t1_5);
-        let t1_9 = like.lift(0.0456).mul_add(t1_3, -t1_8);
-        let t1_10 = like.lift(0.14207).mul_add(t1_2, t1_9);
-        let t1_11 = -t1_10;
-        f[0] = t1_11;
-        let t1_12 = sin_q1 * cos_q3_pin;
-        let t1_13 = sin_q1 * cos_q3;
-        let t1_14 = sin_q1 * cos_q2;
-        let t1_15 = like.lift(0.14207) * t1_14;
-        let t1_16 = sin_q1 * cos_q2_elbow;
-        let t1_17 = like.lift(-0.0456).mul_add(t1_16, t1_15);
-        let t1_18 = like.lift(0.0456).mul_add(t1_13, -t1_17);
-        let t1_19 = like.lift(0.14207).mul_add(t1_12, t1_18);
-        let t1_20 = -t1_19;
-        f[1] = t1_20;
-        let t1_21 = like.lift(0.14207) * sin_q2;
-        let t1_22 = like.lift(-0.0456).mul_add(sin_q2_elbow, t1_21);
-        let t1_23 = like.lift(0.0456).mul_add(sin_q3, -t1_22);
-        let t1_24 = like.lift(0.14207).mul_add(sin_q3_pin, t1_23);
-        let t1_25 = -t1_24;
-        f[2] = t1_25;
-        let t1_26 = q2 + wrist;
-        let t1_27 = elbow + t1_26;
-        f[5] = t1_27;
-        f[3] = like.lift(0.0);
-        f[4] = like.lift(0.0);
+        let t2_1 = like.lift(0.14207) * cos_q3_pin;
+        let t2_2 = like.lift(0.0456).mul_add(cos_q3, t2_1);
+        let t2_3 = like.lift(0.0456).mul_add(cos_q2_elbow, t2_2);
+        let t2_4 = like.lift(-0.14207).mul_add(cos_q2, t2_3);
+        let t2_5 = cos_q1 * t2_4;
+        let t2_6 = -t2_5;
+        f[0] = t2_6;
+        let t2_7 = like.lift(0.14207) * cos_q3_pin;
+        let t2_8 = like.lift(0.0456).mul_add(cos_q3, t2_7);
+        let t2_9 = like.lift(0.0456).mul_add(cos_q2_elbow, t2_8);
+        let t2_10 = like.lift(-0.14207).mul_add(cos_q2, t2_9);
+        let t2_11 = sin_q1 * t2_10;
+        let t2_12 = -t2_11;
+        f[1] = t2_12;
+        let t2_13 = sin_q3 + sin_q2_elbow;
+        let t2_14 = sin_q3_pin - sin_q2;
+        let t2_15 = like.lift(0.14207) * t2_14;
+        let t2_16 = like.lift(0.0456).mul_add(t2_13, t2_15);
+        let t2_17 = -t2_16;
+        f[2] = t2_17;
+        let t2_18 = elbow + q2;
+        let t2_19 = t2_18 + wrist;
+        f[5] = t2_19;
     }
     f
 }
@@ -433,99 +435,92 @@ pub fn constraints<T: Scalar>(q: &[T; 7]) -> [T; 6] {
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
 /// - `a`: A = df/dq, row by row (Eq. 7)
 ///
-/// 14 additions, 38 multiplications, 0 divisions, 5 sines and cosines.
+/// 14 additions, 29 multiplications, 0 divisions, 5 sines and cosines.
 pub fn jacobian<T: Scalar>(q: &[T; 7]) -> [[T; 7]; 6] {
     let like = q[0];
     let mut a = [[like.lift(0.0); 7]; 6];
     let [q1, q2, elbow, _, _, q3, pin] = *q;
-    // row 1
+    // sines and cosines
     let [
-        sin_q1, cos_q1, sin_q2_elbow, cos_q2_elbow, t1_3, cos_q2, t1_5, cos_q3, sin_q3_pin,
-        cos_q3_pin, t1_10, t1_14, t1_20,
+        sin_q1, cos_q1, sin_q2_elbow, cos_q2_elbow, sin_q2, cos_q2, sin_q3, cos_q3, sin_q3_pin,
+        cos_q3_pin,
     ] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
         let t1_1 = elbow + q2;
-        let (sin_q2_elbow, cos_q2_elbow) = t1_1.sin_cos();
-        let t1_2 = sin_q1 * cos_q2_elbow;
-        let t1_3 = like.lift(0.0456) * t1_2;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_4 = sin_q1 * cos_q2;
-        let t1_5 = like.lift(0.14207) * t1_4;
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_6 = sin_q1 * cos_q3;
-        let t1_7 = like.lift(0.0456) * t1_6;
-        let t1_8 = pin + q3;
-        let (sin_q3_pin, cos_q3_pin) = t1_8.sin_cos();
-        let t1_9 = sin_q1 * cos_q3_pin;
-        let t1_10 = like.lift(0.14207).mul_add(t1_9, t1_7);
-        let t1_11 = t1_5 - t1_10;
-        let t1_12 = t1_3 - t1_11;
-        let t1_13 = like.lift(0.14207) * sin_q2;
-        let t1_14 = like.lift(-0.0456).mul_add(sin_q2_elbow, t1_13);
-        let t1_15 = cos_q1 * t1_14;
-        let t1_16 = -t1_15;
-        let t1_17 = cos_q1 * sin_q2_elbow;
-        let t1_18 = like.lift(0.0456) * t1_17;
-        let t1_19 = like.lift(0.0456) * sin_q3;
-        let t1_20 = like.lift(0.14207).mul_add(sin_q3_pin, t1_19);
-        let t1_21 = cos_q1 * t1_20;
-        let t1_22 = cos_q1 * sin_q3_pin;
-        let t1_23 = like.lift(0.14207) * t1_22;
-        a[0] = [t1_12, t1_16, t1_18, like.lift(0.0), like.lift(0.0), t1_21, t1_23];
+        let t1_2 = pin + q3;
+        let [
+            (sin_q1, cos_q1), (sin_q2_elbow, cos_q2_elbow), (sin_q2, cos_q2), (sin_q3, cos_q3),
+            (sin_q3_pin, cos_q3_pin),
+        ] =
+            T::sin_cos_all([q1, t1_1, q2, q3, t1_2]);
         [
-            sin_q1, cos_q1, sin_q2_elbow, cos_q2_elbow, t1_3, cos_q2, t1_5, cos_q3, sin_q3_pin,
-            cos_q3_pin, t1_10, t1_14, t1_20,
+            sin_q1, cos_q1, sin_q2_elbow, cos_q2_elbow, sin_q2, cos_q2, sin_q3, cos_q3,
+            sin_q3_pin, cos_q3_pin,
         ]
     };
-    // row 2
-    let [t2_2, t2_4, t2_8] = {
-        let t2_1 = cos_q1 * cos_q2_elbow;
-        let t2_2 = like.lift(0.0456) * t2_1;
-        let t2_3 = cos_q1 * cos_q2;
-        let t2_4 = like.lift(0.14207) * t2_3;
-        let t2_5 = cos_q1 * cos_q3;
-        let t2_6 = like.lift(0.0456) * t2_5;
-        let t2_7 = cos_q1 * cos_q3_pin;
-        let t2_8 = like.lift(0.14207).mul_add(t2_7, t2_6);
-        let t2_9 = t2_4 - t2_8;
-        let t2_10 = t2_2 - t2_9;
-        let t2_11 = -t2_10;
-        let t2_12 = sin_q1 * t1_14;
+    // row 1
+    let [t2_1, t2_2, t2_3, t2_4, t2_7, t2_10, t2_11, t2_15, t2_16] = {
+        let t2_1 = like.lift(0.0456) * cos_q2_elbow;
+        let t2_2 = sin_q1 * t2_1;
+        let t2_3 = like.lift(0.14207) * cos_q2;
+        let t2_4 = sin_q1 * t2_3;
+        let t2_5 = like.lift(0.14207) * cos_q3_pin;
+        let t2_6 = like.lift(0.0456).mul_add(cos_q3, t2_5);
+        let t2_7 = sin_q1 * t2_6;
+        let t2_8 = t2_2 - t2_4;
+        let t2_9 = t2_8 + t2_7;
+        let t2_10 = like.lift(0.0456) * sin_q2_elbow;
+        let t2_11 = like.lift(0.14207).mul_add(sin_q2, -t2_10);
+        let t2_12 = cos_q1 * t2_11;
         let t2_13 = -t2_12;
-        let t2_14 = sin_q1 * sin_q2_elbow;
-        let t2_15 = like.lift(0.0456) * t2_14;
-        let t2_16 = sin_q1 * t1_20;
-        let t2_17 = sin_q1 * sin_q3_pin;
-        let t2_18 = like.lift(0.14207) * t2_17;
-        a[1] = [t2_11, t2_13, t2_15, like.lift(0.0), like.lift(0.0), t2_16, t2_18];
-        [t2_2, t2_4, t2_8]
+        let t2_14 = cos_q1 * t2_10;
+        let t2_15 = like.lift(0.14207) * sin_q3_pin;
+        let t2_16 = like.lift(0.0456).mul_add(sin_q3, t2_15);
+        let t2_17 = cos_q1 * t2_16;
+        let t2_18 = cos_q1 * t2_15;
+        a[0][0] = t2_9; a[0][1] = t2_13; a[0][2] = t2_14; a[0][5] = t2_17; a[0][6] = t2_18;
+        [t2_1, t2_2, t2_3, t2_4, t2_7, t2_10, t2_11, t2_15, t2_16]
+    };
+    // row 2
+    let [t3_1, t3_2, t3_5] = {
+        let t3_1 = cos_q1 * t2_1;
+        let t3_2 = cos_q1 * t2_3;
+        let t3_3 = like.lift(0.14207) * cos_q3_pin;
+        let t3_4 = like.lift(0.0456).mul_add(cos_q3, t3_3);
+        let t3_5 = cos_q1 * t3_4;
+        let t3_6 = t3_1 - t3_2;
+        let t3_7 = t3_6 + t3_5;
+        let t3_8 = -t3_7;
+        let t3_9 = sin_q1 * t2_11;
+        let t3_10 = -t3_9;
+        let t3_11 = sin_q1 * t2_10;
+        let t3_12 = sin_q1 * t2_16;
+        let t3_13 = sin_q1 * t2_15;
+        a[1][0] = t3_8; a[1][1] = t3_10; a[1][2] = t3_11; a[1][5] = t3_12; a[1][6] = t3_13;
+        [t3_1, t3_2, t3_5]
     };
     // row 3
     {
-        let t3_1 = t1_5 - t1_3;
-        let t3_2 = sin_q1 * t3_1;
-        let t3_3 = t2_4 - t2_2;
-        let t3_4 = cos_q1.mul_add(t3_3, t3_2);
-        let t3_5 = like.lift(0.0456) * cos_q2_elbow;
-        let t3_6 = -t3_5;
-        let t3_7 = sin_q1 * t1_10;
-        let t3_8 = cos_q1.mul_add(t2_8, t3_7);
-        let t3_9 = -t3_8;
-        let t3_10 = like.lift(0.14207) * cos_q3_pin;
-        let t3_11 = -t3_10;
-        a[2] = [like.lift(0.0), t3_4, t3_6, like.lift(0.0), like.lift(0.0), t3_9, t3_11];
+        let t4_1 = t2_4 - t2_2;
+        let t4_2 = t3_2 - t3_1;
+        let t4_3 = cos_q1 * t4_2;
+        let t4_4 = sin_q1.mul_add(t4_1, t4_3);
+        let t4_5 = -t2_1;
+        let t4_6 = cos_q1 * t3_5;
+        let t4_7 = sin_q1.mul_add(t2_7, t4_6);
+        let t4_8 = -t4_7;
+        let t4_9 = like.lift(0.14207) * cos_q3_pin;
+        let t4_10 = -t4_9;
+        a[2][1] = t4_4; a[2][2] = t4_5; a[2][5] = t4_8; a[2][6] = t4_10;
     }
     // row 4
     {
-        a[3] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
     }
     // row 5
     {
-        a[4] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
     }
     // row 6
     {
-        a[5] = [like.lift(0.0), like.lift(1.0), like.lift(1.0), like.lift(1.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        a[5][1] = like.lift(1.0); a[5][2] = like.lift(1.0); a[5][3] = like.lift(1.0);
     }
     a
 }
@@ -536,222 +531,194 @@ pub fn jacobian<T: Scalar>(q: &[T; 7]) -> [[T; 7]; 6] {
 /// - `qd`: velocities of all coordinates
 /// - `b`: b = -(dA/dt) qd, so that A qdd = b (Eq. 7)
 ///
-/// 93 additions, 166 multiplications, 0 divisions, 5 sines and cosines.
+/// 93 additions, 136 multiplications, 0 divisions, 5 sines and cosines.
 pub fn bias<T: Scalar>(q: &[T; 7], qd: &[T; 7]) -> [T; 6] {
     let like = q[0];
     let mut b = [like.lift(0.0); 6];
     let [q1, q2, elbow, _, _, q3, pin] = *q;
     let [d_q1, d_q2, d_elbow, _, _, d_q3, d_pin] = *qd;
+    // sines and cosines
+    let [
+        sin_q1, cos_q1, sin_q3, cos_q3, sin_q3_pin, cos_q3_pin, sin_q2, cos_q2, sin_q2_elbow,
+        cos_q2_elbow,
+    ] = {
+        let t1_1 = pin + q3;
+        let t1_2 = elbow + q2;
+        let [
+            (sin_q1, cos_q1), (sin_q3, cos_q3), (sin_q3_pin, cos_q3_pin), (sin_q2, cos_q2),
+            (sin_q2_elbow, cos_q2_elbow),
+        ] =
+            T::sin_cos_all([q1, q3, t1_1, q2, t1_2]);
+        [
+            sin_q1, cos_q1, sin_q3, cos_q3, sin_q3_pin, cos_q3_pin, sin_q2, cos_q2,
+            sin_q2_elbow, cos_q2_elbow,
+        ]
+    };
     // b (Eq. 7)
     {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = cos_q1 * d_q1;
-        let t1_2 = d_q1 * t1_1;
-        let t1_3 = like.lift(0.0132) * t1_2;
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_4 = sin_q1 * d_q1;
-        let t1_5 = d_q3 * t1_4;
-        let t1_6 = sin_q3 * t1_5;
-        let t1_7 = like.lift(-0.0456).mul_add(t1_6, t1_3);
-        let t1_8 = cos_q1 * d_q3;
-        let t1_9 = cos_q3 * d_q3;
-        let t1_10 = t1_8 * t1_9;
-        let t1_11 = like.lift(0.0456) * t1_10;
-        let t1_12 = cos_q1 * cos_q3;
-        let t1_13 = t1_12 * d_q1;
-        let t1_14 = like.lift(0.0456) * t1_13;
-        let t1_15 = sin_q1 * d_q3;
-        let t1_16 = sin_q3 * t1_15;
-        let t1_17 = like.lift(-0.0456).mul_add(t1_16, t1_14);
-        let t1_18 = d_q1.mul_add(t1_17, t1_11);
-        let t1_19 = t1_7 + t1_18;
-        let t1_20 = pin + q3;
-        let (sin_q3_pin, cos_q3_pin) = t1_20.sin_cos();
-        let t1_21 = d_pin.mul_add(t1_4, t1_5);
-        let t1_22 = sin_q3_pin * t1_21;
-        let t1_23 = like.lift(-0.14207).mul_add(t1_22, t1_19);
-        let t1_24 = cos_q1.mul_add(d_pin, t1_8);
-        let t1_25 = sin_q1 * cos_q3_pin;
-        let t1_26 = sin_q1.mul_add(d_pin, t1_15);
-        let t1_27 = t1_25 * t1_26;
-        let t1_28 = like.lift(0.14207) * t1_27;
-        let t1_29 = cos_q1 * cos_q3_pin;
-        let t1_30 = t1_29 * t1_24;
-        let t1_31 = like.lift(0.14207).mul_add(t1_30, t1_28);
-        let t1_32 = t1_24 * t1_31;
-        let t1_33 = t1_29 * d_q1;
-        let t1_34 = like.lift(0.14207) * t1_33;
-        let t1_35 = sin_q3_pin * t1_26;
-        let t1_36 = like.lift(-0.14207).mul_add(t1_35, t1_34);
-        let t1_37 = d_q1.mul_add(t1_36, t1_32);
-        let t1_38 = t1_23 + t1_37;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_39 = d_q2 * t1_4;
-        let t1_40 = sin_q2 * t1_39;
-        let t1_41 = like.lift(-0.14207).mul_add(t1_40, t1_3);
-        let t1_42 = cos_q1 * d_q2;
-        let t1_43 = cos_q2 * d_q2;
-        let t1_44 = t1_42 * t1_43;
-        let t1_45 = like.lift(0.14207) * t1_44;
-        let t1_46 = cos_q1 * cos_q2;
-        let t1_47 = t1_46 * d_q1;
-        let t1_48 = like.lift(0.14207) * t1_47;
-        let t1_49 = sin_q1 * d_q2;
-        let t1_50 = sin_q2 * t1_49;
-        let t1_51 = like.lift(-0.14207).mul_add(t1_50, t1_48);
-        let t1_52 = d_q1.mul_add(t1_51, t1_45);
-        let t1_53 = t1_41 + t1_52;
-        let t1_54 = elbow + q2;
-        let (sin_q2_elbow, cos_q2_elbow) = t1_54.sin_cos();
-        let t1_55 = d_elbow.mul_add(t1_4, t1_39);
-        let t1_56 = sin_q2_elbow * t1_55;
-        let t1_57 = like.lift(0.0456).mul_add(t1_56, t1_53);
-        let t1_58 = cos_q1.mul_add(d_elbow, t1_42);
-        let t1_59 = sin_q1 * cos_q2_elbow;
-        let t1_60 = sin_q1.mul_add(d_elbow, t1_49);
-        let t1_61 = t1_59 * t1_60;
-        let t1_62 = like.lift(0.0456) * t1_61;
-        let t1_63 = cos_q1 * cos_q2_elbow;
-        let t1_64 = t1_63 * t1_58;
-        let t1_65 = like.lift(0.0456).mul_add(t1_64, t1_62);
-        let t1_66 = t1_58 * t1_65;
-        let t1_67 = t1_63 * d_q1;
-        let t1_68 = like.lift(0.0456) * t1_67;
-        let t1_69 = sin_q2_elbow * t1_60;
-        let t1_70 = like.lift(-0.0456).mul_add(t1_69, t1_68);
-        let t1_71 = d_q1.mul_add(t1_70, t1_66);
-        let t1_72 = t1_57 - t1_71;
-        let t1_73 = t1_38 - t1_72;
-        let t1_74 = -t1_73;
-        b[0] = t1_74;
-        let t1_75 = d_q1 * t1_4;
-        let t1_76 = like.lift(0.0132) * t1_75;
-        let t1_77 = d_q3 * t1_1;
-        let t1_78 = sin_q3 * t1_77;
-        let t1_79 = like.lift(0.0456).mul_add(t1_78, t1_76);
-        let t1_80 = sin_q3 * t1_8;
-        let t1_81 = like.lift(0.0456) * t1_80;
-        let t1_82 = sin_q1 * cos_q3;
-        let t1_83 = t1_82 * d_q1;
-        let t1_84 = like.lift(0.0456).mul_add(t1_83, t1_81);
-        let t1_85 = d_q1 * t1_84;
-        let t1_86 = t1_15 * t1_9;
-        let t1_87 = like.lift(0.0456).mul_add(t1_86, t1_85);
-        let t1_88 = t1_79 + t1_87;
-        let t1_89 = d_pin.mul_add(t1_1, t1_77);
-        let t1_90 = sin_q3_pin * t1_89;
-        let t1_91 = like.lift(0.14207).mul_add(t1_90, t1_88);
-        let t1_92 = sin_q3_pin * t1_24;
-        let t1_93 = like.lift(0.14207) * t1_92;
-        let t1_94 = t1_25 * d_q1;
-        let t1_95 = like.lift(0.14207).mul_add(t1_94, t1_93);
-        let t1_96 = d_q1 * t1_95;
-        let t1_97 = t1_26.mul_add(t1_31, t1_96);
-        let t1_98 = t1_91 + t1_97;
-        let t1_99 = d_q2 * t1_1;
-        let t1_100 = sin_q2 * t1_99;
-        let t1_101 = like.lift(0.14207).mul_add(t1_100, t1_76);
-        let t1_102 = sin_q2 * t1_42;
-        let t1_103 = like.lift(0.14207) * t1_102;
-        let t1_104 = sin_q1 * cos_q2;
-        let t1_105 = t1_104 * d_q1;
-        let t1_106 = like.lift(0.14207).mul_add(t1_105, t1_103);
-        let t1_107 = d_q1 * t1_106;
-        let t1_108 = t1_49 * t1_43;
-        let t1_109 = like.lift(0.14207).mul_add(t1_108, t1_107);
-        let t1_110 = t1_101 + t1_109;
-        let t1_111 = d_elbow.mul_add(t1_1, t1_99);
-        let t1_112 = sin_q2_elbow * t1_111;
-        let t1_113 = like.lift(-0.0456).mul_add(t1_112, t1_110);
-        let t1_114 = sin_q2_elbow * t1_58;
-        let t1_115 = like.lift(0.0456) * t1_114;
-        let t1_116 = t1_59 * d_q1;
-        let t1_117 = like.lift(0.0456).mul_add(t1_116, t1_115);
-        let t1_118 = d_q1 * t1_117;
-        let t1_119 = t1_60.mul_add(t1_65, t1_118);
-        let t1_120 = t1_113 - t1_119;
-        let t1_121 = t1_98 - t1_120;
-        let t1_122 = -t1_121;
-        b[1] = t1_122;
-        let t1_123 = t1_15 * t1_17;
-        let t1_124 = (-t1_8).mul_add(t1_84, t1_123);
-        let t1_125 = t1_25 * t1_89;
-        let t1_126 = like.lift(0.14207) * t1_125;
-        let t1_127 = t1_29 * t1_21;
-        let t1_128 = like.lift(-0.14207).mul_add(t1_127, t1_126);
-        let t1_129 = t1_124 + t1_128;
-        let t1_130 = t1_26 * t1_36;
-        let t1_131 = (-t1_24).mul_add(t1_95, t1_130);
-        let t1_132 = t1_129 + t1_131;
-        let t1_133 = t1_49 * t1_51;
-        let t1_134 = (-t1_42).mul_add(t1_106, t1_133);
-        let t1_135 = t1_59 * t1_111;
-        let t1_136 = like.lift(0.0456) * t1_135;
-        let t1_137 = t1_63 * t1_55;
-        let t1_138 = like.lift(-0.0456).mul_add(t1_137, t1_136);
-        let t1_139 = t1_134 - t1_138;
-        let t1_140 = t1_60 * t1_70;
-        let t1_141 = (-t1_58).mul_add(t1_117, t1_140);
-        let t1_142 = t1_139 - t1_141;
-        let t1_143 = t1_132 - t1_142;
-        b[2] = t1_143;
-        let t1_144 = t1_92 + t1_94;
-        let t1_145 = t1_1 * t1_144;
-        let t1_146 = t1_33 - t1_35;
-        let t1_147 = (-t1_4).mul_add(t1_146, t1_145);
-        let t1_148 = cos_q1 * t1_60;
-        let t1_149 = (-sin_q1).mul_add(t1_58, t1_148);
-        let t1_150 = t1_27 + t1_30;
-        let t1_151 = t1_149.mul_add(t1_150, t1_147);
-        let t1_152 = t1_24 * t1_150;
-        let t1_153 = d_q1.mul_add(t1_146, t1_152);
-        let t1_154 = t1_22 - t1_153;
-        let t1_155 = sin_q1 * t1_154;
-        let t1_156 = d_q1 * t1_144;
-        let t1_157 = t1_26.mul_add(t1_150, t1_156);
-        let t1_158 = t1_90 + t1_157;
-        let t1_159 = cos_q1.mul_add(t1_158, t1_155);
-        let t1_160 = t1_159 - t1_151;
-        let t1_161 = t1_151 - t1_160;
-        let t1_162 = (-t1_58).mul_add(t1_149, t1_75);
-        let t1_163 = t1_29 * t1_162;
-        let t1_164 = t1_60.mul_add(t1_149, t1_2);
-        let t1_165 = (-t1_25).mul_add(t1_164, t1_163);
-        let t1_166 = t1_4 * t1_60;
-        let t1_167 = t1_1.mul_add(t1_58, t1_166);
-        let t1_168 = cos_q1 * t1_111;
-        let t1_169 = sin_q1.mul_add(t1_55, t1_168);
-        let t1_170 = t1_167 - t1_169;
-        let t1_171 = (-sin_q3_pin).mul_add(t1_170, t1_165);
-        let t1_172 = t1_161 + t1_171;
-        b[3] = t1_172;
-        let t1_173 = cos_q3_pin * t1_24;
-        let t1_174 = sin_q1 * sin_q3_pin;
-        let t1_175 = (-t1_174).mul_add(d_q1, t1_173);
-        let t1_176 = t1_1 * t1_175;
-        let t1_177 = cos_q1 * sin_q3_pin;
-        let t1_178 = t1_177 * d_q1;
-        let t1_179 = cos_q3_pin.mul_add(t1_26, t1_178);
-        let t1_180 = t1_4.mul_add(t1_179, t1_176);
-        let t1_181 = t1_174 * t1_26;
-        let t1_182 = t1_177.mul_add(t1_24, t1_181);
-        let t1_183 = (-t1_149).mul_add(t1_182, t1_180);
-        let t1_184 = t1_24 * t1_182;
-        let t1_185 = d_q1.mul_add(t1_179, t1_184);
-        let t1_186 = cos_q3_pin.mul_add(t1_21, t1_185);
-        let t1_187 = sin_q1 * t1_186;
-        let t1_188 = d_q1 * t1_175;
-        let t1_189 = (-t1_26).mul_add(t1_182, t1_188);
-        let t1_190 = cos_q3_pin.mul_add(t1_89, t1_189);
-        let t1_191 = cos_q1.mul_add(t1_190, t1_187);
-        let t1_192 = t1_191 - t1_183;
-        let t1_193 = t1_183 - t1_192;
-        let t1_194 = t1_177 * t1_162;
-        let t1_195 = (-t1_174).mul_add(t1_164, t1_194);
-        let t1_196 = cos_q3_pin.mul_add(t1_170, t1_195);
-        let t1_197 = t1_193 - t1_196;
-        b[4] = t1_197;
-        b[5] = like.lift(0.0);
+        let t2_1 = d_q1 * cos_q1;
+        let t2_2 = d_q1 * t2_1;
+        let t2_3 = like.lift(0.0132) * t2_2;
+        let t2_4 = d_q1 * sin_q1;
+        let t2_5 = d_q3 * t2_4;
+        let t2_6 = cos_q1 * d_q3;
+        let t2_7 = cos_q3 * d_q3;
+        let t2_8 = sin_q1 * d_q3;
+        let t2_9 = sin_q3 * t2_8;
+        let t2_10 = (-cos_q3).mul_add(t2_1, t2_9);
+        let t2_11 = like.lift(0.0456) * t2_10;
+        let t2_12 = -t2_11;
+        let t2_13 = d_pin.mul_add(t2_4, t2_5);
+        let t2_14 = sin_q3_pin * t2_13;
+        let t2_15 = cos_q1.mul_add(d_pin, t2_6);
+        let t2_16 = sin_q1 * cos_q3_pin;
+        let t2_17 = sin_q1.mul_add(d_pin, t2_8);
+        let t2_18 = t2_16 * t2_17;
+        let t2_19 = cos_q1 * cos_q3_pin;
+        let t2_20 = t2_19 * t2_15;
+        let t2_21 = t2_20 + t2_18;
+        let t2_22 = like.lift(0.14207) * t2_21;
+        let t2_23 = t2_19 * d_q1;
+        let t2_24 = sin_q3_pin * t2_17;
+        let t2_25 = t2_24 - t2_23;
+        let t2_26 = like.lift(0.14207) * t2_25;
+        let t2_27 = -t2_26;
+        let t2_28 = d_q2 * t2_4;
+        let t2_29 = cos_q1 * d_q2;
+        let t2_30 = cos_q2 * d_q2;
+        let t2_31 = sin_q1 * d_q2;
+        let t2_32 = sin_q2 * t2_31;
+        let t2_33 = (-cos_q2).mul_add(t2_1, t2_32);
+        let t2_34 = like.lift(0.14207) * t2_33;
+        let t2_35 = -t2_34;
+        let t2_36 = d_elbow.mul_add(t2_4, t2_28);
+        let t2_37 = cos_q1.mul_add(d_elbow, t2_29);
+        let t2_38 = sin_q1 * cos_q2_elbow;
+        let t2_39 = sin_q1.mul_add(d_elbow, t2_31);
+        let t2_40 = cos_q1 * cos_q2_elbow;
+        let t2_41 = t2_40 * t2_37;
+        let t2_42 = t2_38.mul_add(t2_39, t2_41);
+        let t2_43 = like.lift(0.0456) * t2_42;
+        let t2_44 = sin_q2_elbow * t2_39;
+        let t2_45 = (-t2_40).mul_add(d_q1, t2_44);
+        let t2_46 = like.lift(0.0456) * t2_45;
+        let t2_47 = -t2_46;
+        let t2_48 = t2_12 + t2_27;
+        let t2_49 = t2_48 - t2_35;
+        let t2_50 = t2_49 + t2_47;
+        let t2_51 = sin_q3 * t2_5;
+        let t2_52 = (-t2_6).mul_add(t2_7, t2_51);
+        let t2_53 = sin_q2_elbow.mul_add(t2_36, t2_52);
+        let t2_54 = (-sin_q2).mul_add(t2_28, t2_14);
+        let t2_55 = t2_29.mul_add(t2_30, t2_54);
+        let t2_56 = like.lift(-0.14207).mul_add(t2_55, t2_3);
+        let t2_57 = like.lift(-0.0456).mul_add(t2_53, t2_56);
+        let t2_58 = d_q1.mul_add(t2_50, t2_57);
+        let t2_59 = t2_15.mul_add(t2_22, t2_58);
+        let t2_60 = t2_59 - t2_3;
+        let t2_61 = t2_37.mul_add(t2_43, t2_60);
+        let t2_62 = -t2_61;
+        b[0] = t2_62;
+        let t2_63 = d_q1 * t2_4;
+        let t2_64 = like.lift(0.0132) * t2_63;
+        let t2_65 = d_q3 * t2_1;
+        let t2_66 = cos_q3 * t2_4;
+        let t2_67 = sin_q3.mul_add(t2_6, t2_66);
+        let t2_68 = like.lift(0.0456) * t2_67;
+        let t2_69 = d_pin.mul_add(t2_1, t2_65);
+        let t2_70 = sin_q3_pin * t2_69;
+        let t2_71 = sin_q3_pin * t2_15;
+        let t2_72 = t2_16 * d_q1;
+        let t2_73 = t2_72 + t2_71;
+        let t2_74 = like.lift(0.14207) * t2_73;
+        let t2_75 = d_q2 * t2_1;
+        let t2_76 = cos_q2 * t2_4;
+        let t2_77 = sin_q2.mul_add(t2_29, t2_76);
+        let t2_78 = like.lift(0.14207) * t2_77;
+        let t2_79 = d_elbow.mul_add(t2_1, t2_75);
+        let t2_80 = t2_38 * d_q1;
+        let t2_81 = sin_q2_elbow.mul_add(t2_37, t2_80);
+        let t2_82 = like.lift(0.0456) * t2_81;
+        let t2_83 = t2_68 + t2_74;
+        let t2_84 = t2_83 - t2_78;
+        let t2_85 = t2_84 + t2_82;
+        let t2_86 = sin_q3 * t2_65;
+        let t2_87 = t2_8.mul_add(t2_7, t2_86);
+        let t2_88 = sin_q2_elbow.mul_add(t2_79, t2_87);
+        let t2_89 = (-sin_q2).mul_add(t2_75, t2_70);
+        let t2_90 = (-t2_31).mul_add(t2_30, t2_89);
+        let t2_91 = like.lift(0.14207).mul_add(t2_90, t2_64);
+        let t2_92 = like.lift(0.0456).mul_add(t2_88, t2_91);
+        let t2_93 = d_q1.mul_add(t2_85, t2_92);
+        let t2_94 = t2_17.mul_add(t2_22, t2_93);
+        let t2_95 = t2_94 - t2_64;
+        let t2_96 = t2_39.mul_add(t2_43, t2_95);
+        let t2_97 = -t2_96;
+        b[1] = t2_97;
+        let t2_98 = t2_40 * t2_36;
+        let t2_99 = (-t2_38).mul_add(t2_79, t2_98);
+        let t2_100 = t2_19 * t2_13;
+        let t2_101 = (-t2_16).mul_add(t2_69, t2_100);
+        let t2_102 = t2_8 * t2_12;
+        let t2_103 = (-t2_6).mul_add(t2_68, t2_102);
+        let t2_104 = like.lift(-0.14207).mul_add(t2_101, t2_103);
+        let t2_105 = (-t2_15).mul_add(t2_74, t2_104);
+        let t2_106 = t2_17.mul_add(t2_27, t2_105);
+        let t2_107 = t2_29.mul_add(t2_78, t2_106);
+        let t2_108 = (-t2_31).mul_add(t2_35, t2_107);
+        let t2_109 = like.lift(-0.0456).mul_add(t2_99, t2_108);
+        let t2_110 = (-t2_37).mul_add(t2_82, t2_109);
+        let t2_111 = t2_39.mul_add(t2_47, t2_110);
+        b[2] = t2_111;
+        let t2_112 = t2_71 + t2_72;
+        let t2_113 = t2_23 - t2_24;
+        let t2_114 = cos_q1 * t2_39;
+        let t2_115 = (-sin_q1).mul_add(t2_37, t2_114);
+        let t2_116 = t2_18 + t2_20;
+        let t2_117 = t2_115 * t2_116;
+        let t2_118 = (-t2_4).mul_add(t2_113, t2_117);
+        let t2_119 = t2_1.mul_add(t2_112, t2_118);
+        let t2_120 = (-d_q1).mul_add(t2_113, t2_14);
+        let t2_121 = (-t2_15).mul_add(t2_116, t2_120);
+        let t2_122 = t2_17.mul_add(t2_116, t2_70);
+        let t2_123 = d_q1.mul_add(t2_112, t2_122);
+        let t2_124 = (-t2_37).mul_add(t2_115, t2_63);
+        let t2_125 = t2_39.mul_add(t2_115, t2_2);
+        let t2_126 = t2_1 * t2_37;
+        let t2_127 = t2_4.mul_add(t2_39, t2_126);
+        let t2_128 = (-sin_q1).mul_add(t2_36, t2_127);
+        let t2_129 = (-cos_q1).mul_add(t2_79, t2_128);
+        let t2_130 = (-cos_q1).mul_add(t2_123, t2_119);
+        let t2_131 = (-sin_q1).mul_add(t2_121, t2_130);
+        let t2_132 = t2_131 + t2_119;
+        let t2_133 = (-sin_q3_pin).mul_add(t2_129, t2_132);
+        let t2_134 = (-t2_16).mul_add(t2_125, t2_133);
+        let t2_135 = t2_19.mul_add(t2_124, t2_134);
+        b[3] = t2_135;
+        let t2_136 = sin_q1 * sin_q3_pin;
+        let t2_137 = cos_q3_pin * t2_15;
+        let t2_138 = (-t2_136).mul_add(d_q1, t2_137);
+        let t2_139 = cos_q1 * sin_q3_pin;
+        let t2_140 = cos_q3_pin * t2_17;
+        let t2_141 = t2_139.mul_add(d_q1, t2_140);
+        let t2_142 = t2_139 * t2_15;
+        let t2_143 = t2_136.mul_add(t2_17, t2_142);
+        let t2_144 = t2_4 * t2_141;
+        let t2_145 = (-t2_115).mul_add(t2_143, t2_144);
+        let t2_146 = t2_1.mul_add(t2_138, t2_145);
+        let t2_147 = cos_q3_pin * t2_13;
+        let t2_148 = d_q1.mul_add(t2_141, t2_147);
+        let t2_149 = t2_15.mul_add(t2_143, t2_148);
+        let t2_150 = cos_q3_pin * t2_69;
+        let t2_151 = (-t2_17).mul_add(t2_143, t2_150);
+        let t2_152 = d_q1.mul_add(t2_138, t2_151);
+        let t2_153 = (-cos_q1).mul_add(t2_152, t2_146);
+        let t2_154 = (-sin_q1).mul_add(t2_149, t2_153);
+        let t2_155 = t2_154 + t2_146;
+        let t2_156 = (-cos_q3_pin).mul_add(t2_129, t2_155);
+        let t2_157 = t2_136.mul_add(t2_125, t2_156);
+        let t2_158 = (-t2_139).mul_add(t2_124, t2_157);
+        b[4] = t2_158;
     }
     b
 }
@@ -761,76 +728,85 @@ pub fn bias<T: Scalar>(q: &[T; 7], qd: &[T; 7]) -> [T; 6] {
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
 /// - `dq_e`: step of the dependent coordinates in the order of `DEPENDENT`: A_e dq_e = -f
 ///
-/// 20 additions, 17 multiplications, 1 divisions, 4 sines and cosines.
+/// 20 additions, 14 multiplications, 1 divisions, 4 sines and cosines.
 pub fn newton_step<T: Scalar>(q: &[T; 7]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut dq_e = [like.lift(0.0); 3];
     let [_, q2, elbow, wrist, _, q3, pin] = *q;
     let mut condition = like.lift(1.0);
-    // A_e dq_e = -f
-    {
+    // sines and cosines
+    let [
+        sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin, sin_q3_pin,
+        cos_q3_pin, sin_q3, cos_q3, sin_q2_minus_q3_minus_pin, cos_q2_minus_q3_minus_pin,
+    ] = {
         let t1_1 = elbow + q2;
         let t1_2 = t1_1 - q3;
         let t1_3 = t1_2 - pin;
-        let (sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin) = t1_3.sin_cos();
+        let t1_4 = pin + q3;
+        let t1_5 = q2 - q3;
+        let t1_6 = t1_5 - pin;
+        let [
+            (sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin),
+            (sin_q3_pin, cos_q3_pin), (sin_q3, cos_q3),
+            (sin_q2_minus_q3_minus_pin, cos_q2_minus_q3_minus_pin),
+        ] =
+            T::sin_cos_all([t1_3, t1_4, q3, t1_6]);
+        [
+            sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin, sin_q3_pin,
+            cos_q3_pin, sin_q3, cos_q3, sin_q2_minus_q3_minus_pin, cos_q2_minus_q3_minus_pin,
+        ]
+    };
+    // A_e dq_e = -f
+    {
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t1_4 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t1_5 = -t1_4;
-        let t1_6 = pin + q3;
-        let (sin_q3_pin, cos_q3_pin) = t1_6.sin_cos();
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_7 = like.lift(0.0456).mul_add(cos_q3, like.lift(0.0132));
-        let t1_8 = cos_q3_pin * t1_7;
-        let t1_9 = sin_q3 * sin_q3_pin;
-        let t1_10 = like.lift(0.0456).mul_add(t1_9, t1_8);
-        let t1_11 = like.lift(-0.0132).mul_add(cos_q3_pin, t1_10);
-        let t1_12 = q2 - q3;
-        let t1_13 = t1_12 - pin;
-        let (sin_q2_minus_q3_minus_pin, cos_q2_minus_q3_minus_pin) = t1_13.sin_cos();
-        let t1_14 = like.lift(-0.14207).mul_add(cos_q2_minus_q3_minus_pin, t1_11);
-        let t1_15 = t1_14 + t1_4;
-        let t1_16 = like.lift(0.14207) + t1_15;
-        let t1_17 = sin_q3_pin * t1_7;
-        let t1_18 = sin_q3 * cos_q3_pin;
-        let t1_19 = like.lift(-0.0456).mul_add(t1_18, t1_17);
-        let t1_20 = like.lift(-0.0132).mul_add(sin_q3_pin, t1_19);
-        let t1_21 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, t1_20);
-        let t1_22 = t1_21 - pivot_3;
-        let t1_23 = -t1_22;
-        let t1_24 = q2 + wrist;
-        let t1_25 = elbow + t1_24;
-        let t1_26 = -t1_25;
-        let t1_27 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t1_28 = t1_16 * t1_27;
-        let t1_29 = like.lift(21.92982456140351) * t1_28;
-        let t1_30 = t1_25 + t1_29;
-        let t1_31 = -t1_30;
-        let t1_32 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t1_28, t1_22);
-        let t1_33 = like.lift(7.038783698176955) * t1_32;
+        let t2_1 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t2_2 = -t2_1;
+        let t2_3 = like.lift(0.0456).mul_add(cos_q3, like.lift(0.0132));
+        let t2_4 = like.lift(0.0456) * sin_q3;
+        let t2_5 = like.lift(0.0132) - t2_3;
+        let t2_6 = like.lift(-0.14207).mul_add(cos_q2_minus_q3_minus_pin, like.lift(0.14207));
+        let t2_7 = (-cos_q3_pin).mul_add(t2_5, t2_6);
+        let t2_8 = sin_q3_pin.mul_add(t2_4, t2_7);
+        let t2_9 = t2_8 + t2_1;
+        let t2_10 = like.lift(0.0132) - t2_3;
+        let t2_11 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
+        let t2_12 = (-sin_q3_pin).mul_add(t2_10, t2_11);
+        let t2_13 = (-cos_q3_pin).mul_add(t2_4, t2_12);
+        let t2_14 = -t2_13;
+        let t2_15 = elbow + q2;
+        let t2_16 = t2_15 + wrist;
+        let t2_17 = -t2_16;
+        let t2_18 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t2_19 = t2_9 * t2_18;
+        let t2_20 = like.lift(21.92982456140351) * t2_19;
+        let t2_21 = t2_16 + t2_20;
+        let t2_22 = -t2_21;
+        let t2_23 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_19, t2_13);
+        let t2_24 = like.lift(7.038783698176955) * t2_23;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
-        let ([[t1_34], [t1_35], [t1_36]], found) = ::regen_runtime::guarded(
-            [[t1_29], [t1_31], [t1_33]],
+        let ([[t2_25], [t2_26], [t2_27]], found) = ::regen_runtime::guarded(
+            [[t2_20], [t2_22], [t2_24]],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t1_5, like.lift(0.0), like.lift(-0.14207)],
+                    [t2_2, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [t1_16], [t1_23], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
-                    [t1_26],
+                    [t2_9], [t2_14], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_17],
                 ],
             ),
         );
         condition = condition.min(found);
-        dq_e[0] = t1_34;
-        dq_e[1] = t1_35;
-        dq_e[2] = t1_36;
+        dq_e[0] = t2_25;
+        dq_e[1] = t2_26;
+        dq_e[2] = t2_27;
     }
     (dq_e, Condition { pivot: condition })
 }
@@ -853,10 +829,10 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 7]) -> [[T; 3]; 3] {
         let (sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin) = t1_3.sin_cos();
         let t1_4 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
         let t1_5 = -t1_4;
-        a_e[1] = [t1_5, like.lift(0.0), like.lift(-0.14207)];
+        a_e[1][0] = t1_5; a_e[1][2] = like.lift(-0.14207);
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        a_e[2] = [pivot_3, like.lift(0.0), like.lift(0.0)];
-        a_e[0] = [like.lift(1.0), like.lift(1.0), like.lift(0.0)];
+        a_e[2][0] = pivot_3;
+        a_e[0][0] = like.lift(1.0); a_e[0][1] = like.lift(1.0);
     }
     a_e
 }
@@ -874,60 +850,72 @@ pub fn velocities<T: Scalar>(q: &[T; 7], qd_i: &[T; 4]) -> ([T; 7], Condition<T>
     let [_, q2, elbow, _, _, q3, pin] = *q;
     let [d_q1, d_q2, d_q4, d_q3] = *qd_i;
     let mut condition = like.lift(1.0);
-    // A_e qd_e = -A_i qd_i (Eq. 8)
-    {
+    // sines and cosines
+    let [
+        sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin,
+        sin_q2_minus_q3_minus_pin, cos_q2_minus_q3_minus_pin, sin_pin, cos_pin,
+    ] = {
         let t1_1 = elbow + q2;
         let t1_2 = t1_1 - q3;
         let t1_3 = t1_2 - pin;
-        let (sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin) = t1_3.sin_cos();
+        let t1_4 = q2 - q3;
+        let t1_5 = t1_4 - pin;
+        let [
+            (sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin),
+            (sin_q2_minus_q3_minus_pin, cos_q2_minus_q3_minus_pin), (sin_pin, cos_pin),
+        ] =
+            T::sin_cos_all([t1_3, t1_5, pin]);
+        [
+            sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin,
+            sin_q2_minus_q3_minus_pin, cos_q2_minus_q3_minus_pin, sin_pin, cos_pin,
+        ]
+    };
+    // A_e qd_e = -A_i qd_i (Eq. 8)
+    {
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t1_4 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t1_5 = -t1_4;
-        let t1_6 = q2 - q3;
-        let t1_7 = t1_6 - pin;
-        let (sin_q2_minus_q3_minus_pin, cos_q2_minus_q3_minus_pin) = t1_7.sin_cos();
-        let t1_8 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t1_9 = t1_8 * d_q2;
-        let (sin_pin, cos_pin) = pin.sin_cos();
-        let t1_10 = sin_pin * d_q3;
-        let t1_11 = like.lift(0.0456).mul_add(t1_10, t1_9);
-        let t1_12 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t1_4);
-        let t1_13 = t1_12 * d_q2;
-        let t1_14 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
-        let t1_15 = (-t1_14).mul_add(d_q3, t1_13);
-        let t1_16 = -t1_15;
-        let t1_17 = -d_q2;
-        let t1_18 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t1_19 = t1_18 * t1_11;
-        let t1_20 = like.lift(21.92982456140351) * t1_19;
-        let t1_21 = d_q2 + t1_20;
-        let t1_22 = -t1_21;
-        let t1_23 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t1_19, t1_15);
-        let t1_24 = like.lift(7.038783698176955) * t1_23;
+        let t2_1 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t2_2 = -t2_1;
+        let t2_3 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
+        let t2_4 = like.lift(0.0456) * sin_pin;
+        let t2_5 = t2_4 * d_q3;
+        let t2_6 = t2_3.mul_add(d_q2, t2_5);
+        let t2_7 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t2_1);
+        let t2_8 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t2_9 = t2_7 * d_q2;
+        let t2_10 = (-t2_8).mul_add(d_q3, t2_9);
+        let t2_11 = -t2_10;
+        let t2_12 = -d_q2;
+        let t2_13 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t2_14 = t2_13 * t2_6;
+        let t2_15 = like.lift(21.92982456140351) * t2_14;
+        let t2_16 = d_q2 + t2_15;
+        let t2_17 = -t2_16;
+        let t2_18 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_14, t2_10);
+        let t2_19 = like.lift(7.038783698176955) * t2_18;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
-        let ([[t1_25], [t1_26], [t1_27]], found) = ::regen_runtime::guarded(
-            [[t1_20], [t1_22], [t1_24]],
+        let ([[t2_20], [t2_21], [t2_22]], found) = ::regen_runtime::guarded(
+            [[t2_15], [t2_17], [t2_19]],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t1_5, like.lift(0.0), like.lift(-0.14207)],
+                    [t2_2, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [t1_11], [t1_16], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
-                    [t1_17],
+                    [t2_6], [t2_11], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_12],
                 ],
             ),
         );
         condition = condition.min(found);
-        qd[2] = t1_25;
-        qd[3] = t1_26;
-        qd[6] = t1_27;
+        qd[2] = t2_20;
+        qd[3] = t2_21;
+        qd[6] = t2_22;
         qd[0] = d_q1;
         qd[1] = d_q2;
         qd[4] = d_q4;
@@ -943,7 +931,7 @@ pub fn velocities<T: Scalar>(q: &[T; 7], qd_i: &[T; 4]) -> ([T; 7], Condition<T>
 /// - `qdd_i`: accelerations of the independent coordinates
 /// - `qdd`: accelerations of all coordinates
 ///
-/// 21 additions, 33 multiplications, 1 divisions, 3 sines and cosines.
+/// 21 additions, 26 multiplications, 1 divisions, 3 sines and cosines.
 pub fn accelerations<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd_i: &[T; 4]) -> ([T; 7], Condition<T>) {
     let like = q[0];
     let mut qdd = [like.lift(0.0); 7];
@@ -951,84 +939,87 @@ pub fn accelerations<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd_i: &[T; 4]) -> ([T;
     let [_, d_q2, d_elbow, _, _, d_q3, d_pin] = *qd;
     let [dd_q1, dd_q2, dd_q4, dd_q3] = *qdd_i;
     let mut condition = like.lift(1.0);
-    // A_e qdd_e = b - A_i qdd_i (Eq. 8)
-    {
+    // sines and cosines
+    let [
+        sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin,
+        sin_q2_minus_q3_minus_pin, cos_q2_minus_q3_minus_pin, sin_pin, cos_pin,
+    ] = {
         let t1_1 = elbow + q2;
         let t1_2 = t1_1 - q3;
         let t1_3 = t1_2 - pin;
-        let (sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin) = t1_3.sin_cos();
+        let t1_4 = q2 - q3;
+        let t1_5 = t1_4 - pin;
+        let [
+            (sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin),
+            (sin_q2_minus_q3_minus_pin, cos_q2_minus_q3_minus_pin), (sin_pin, cos_pin),
+        ] =
+            T::sin_cos_all([t1_3, t1_5, pin]);
+        [
+            sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin,
+            sin_q2_minus_q3_minus_pin, cos_q2_minus_q3_minus_pin, sin_pin, cos_pin,
+        ]
+    };
+    // A_e qdd_e = b - A_i qdd_i (Eq. 8)
+    {
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t1_4 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t1_5 = -t1_4;
-        let t1_6 = q2 - q3;
-        let t1_7 = t1_6 - pin;
-        let (sin_q2_minus_q3_minus_pin, cos_q2_minus_q3_minus_pin) = t1_7.sin_cos();
-        let t1_8 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t1_9 = t1_8 * dd_q2;
-        let (sin_pin, cos_pin) = pin.sin_cos();
-        let t1_10 = sin_pin * dd_q3;
-        let t1_11 = like.lift(0.0456).mul_add(t1_10, t1_9);
-        let t1_12 = d_q3 * d_q3;
-        let t1_13 = cos_pin * t1_12;
-        let t1_14 = like.lift(0.0456) * t1_13;
-        let t1_15 = d_q3 + d_pin;
-        let t1_16 = t1_15 * t1_15;
-        let t1_17 = like.lift(0.14207).mul_add(t1_16, t1_14);
-        let t1_18 = cos_q2_minus_q3_minus_pin * d_q2;
-        let t1_19 = d_q2 * t1_18;
-        let t1_20 = like.lift(0.14207) * t1_19;
-        let t1_21 = d_q2 + d_elbow;
-        let t1_22 = cos_q2_elbow_minus_q3_minus_pin * t1_21;
-        let t1_23 = t1_21 * t1_22;
-        let t1_24 = like.lift(-0.0456).mul_add(t1_23, t1_20);
-        let t1_25 = t1_17 - t1_24;
-        let t1_26 = t1_11 - t1_25;
-        let t1_27 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t1_4);
-        let t1_28 = t1_27 * dd_q2;
-        let t1_29 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
-        let t1_30 = (-t1_29).mul_add(dd_q3, t1_28);
-        let t1_31 = sin_pin * t1_12;
-        let t1_32 = sin_q2_minus_q3_minus_pin * d_q2;
-        let t1_33 = d_q2 * t1_32;
-        let t1_34 = like.lift(0.14207) * t1_33;
-        let t1_35 = sin_q2_elbow_minus_q3_minus_pin * t1_21;
-        let t1_36 = t1_21 * t1_35;
-        let t1_37 = like.lift(-0.0456).mul_add(t1_36, t1_34);
-        let t1_38 = like.lift(0.0456).mul_add(t1_31, t1_37);
-        let t1_39 = t1_30 - t1_38;
-        let t1_40 = -t1_39;
-        let t1_41 = -dd_q2;
-        let t1_42 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t1_43 = t1_42 * t1_26;
-        let t1_44 = like.lift(21.92982456140351) * t1_43;
-        let t1_45 = dd_q2 + t1_44;
-        let t1_46 = -t1_45;
-        let t1_47 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t1_43, t1_39);
-        let t1_48 = like.lift(7.038783698176955) * t1_47;
+        let t2_1 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t2_2 = -t2_1;
+        let t2_3 = like.lift(0.14207) * sin_q2_minus_q3_minus_pin;
+        let t2_4 = t2_3 - pivot_3;
+        let t2_5 = d_q3 * d_q3;
+        let t2_6 = d_q3 + d_pin;
+        let t2_7 = d_q2 + d_elbow;
+        let t2_8 = t2_7 * t2_7;
+        let t2_9 = d_q2 * d_q2;
+        let t2_10 = sin_pin * dd_q3;
+        let t2_11 = (-cos_pin).mul_add(t2_5, t2_10);
+        let t2_12 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_8, t2_11);
+        let t2_13 = t2_6 * t2_6;
+        let t2_14 = (-cos_q2_minus_q3_minus_pin).mul_add(t2_9, t2_13);
+        let t2_15 = like.lift(0.0456) * t2_12;
+        let t2_16 = t2_4.mul_add(dd_q2, t2_15);
+        let t2_17 = like.lift(-0.14207).mul_add(t2_14, t2_16);
+        let t2_18 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t2_1);
+        let t2_19 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t2_20 = sin_pin * t2_5;
+        let t2_21 = (-sin_q2_elbow_minus_q3_minus_pin).mul_add(t2_8, t2_20);
+        let t2_22 = t2_18 * dd_q2;
+        let t2_23 = (-t2_19).mul_add(dd_q3, t2_22);
+        let t2_24 = like.lift(-0.0456).mul_add(t2_21, t2_23);
+        let t2_25 = (-t2_3).mul_add(t2_9, t2_24);
+        let t2_26 = -t2_25;
+        let t2_27 = -dd_q2;
+        let t2_28 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t2_29 = t2_28 * t2_17;
+        let t2_30 = like.lift(21.92982456140351) * t2_29;
+        let t2_31 = dd_q2 + t2_30;
+        let t2_32 = -t2_31;
+        let t2_33 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_29, t2_25);
+        let t2_34 = like.lift(7.038783698176955) * t2_33;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
-        let ([[t1_49], [t1_50], [t1_51]], found) = ::regen_runtime::guarded(
-            [[t1_44], [t1_46], [t1_48]],
+        let ([[t2_35], [t2_36], [t2_37]], found) = ::regen_runtime::guarded(
+            [[t2_30], [t2_32], [t2_34]],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t1_5, like.lift(0.0), like.lift(-0.14207)],
+                    [t2_2, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [t1_26], [t1_40], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
-                    [t1_41],
+                    [t2_17], [t2_26], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_27],
                 ],
             ),
         );
         condition = condition.min(found);
-        qdd[2] = t1_49;
-        qdd[3] = t1_50;
-        qdd[6] = t1_51;
+        qdd[2] = t2_35;
+        qdd[3] = t2_36;
+        qdd[6] = t2_37;
         qdd[0] = dd_q1;
         qdd[1] = dd_q2;
         qdd[4] = dd_q4;
@@ -1044,159 +1035,162 @@ pub fn accelerations<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd_i: &[T; 4]) -> ([T;
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: column by column: `w[c][r]` multiplies `PARAMETERS[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 288 additions, 481 multiplications, 1 divisions, 6 sines and cosines.
+/// 288 additions, 448 multiplications, 1 divisions, 6 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 4]; 70]) -> Condition<T> {
+    *w = [[q[0].lift(0.0); 4]; 70];
+    regressor_entries(q, qd, qdd, w)
+}
+
+/// The entries of [`regressor`] that are not zero at every state; the others are left as they are.
+///
+/// Inlined where it is called, so that lanes keep the caller's instruction set.
+#[inline(always)]
+pub fn regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 4]; 70]) -> Condition<T> {
     let like = q[0];
     let [_, q2, elbow, wrist, q4, q3, pin] = *q;
     let [d_q1, d_q2, d_elbow, d_wrist, d_q4, d_q3, d_pin] = *qd;
     let [dd_q1, dd_q2, dd_elbow, dd_wrist, dd_q4, dd_q3, dd_pin] = *qdd;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_q2, cos_q2, sin_elbow, cos_elbow, sin_q3, cos_q3, sin_pin, cos_pin, sin_wrist,
+        cos_wrist, sin_q4, cos_q4,
+    ] = {
+        let [
+            (sin_q2, cos_q2), (sin_elbow, cos_elbow), (sin_q3, cos_q3), (sin_pin, cos_pin),
+            (sin_wrist, cos_wrist), (sin_q4, cos_q4),
+        ] =
+            T::sin_cos_all([q2, elbow, q3, pin, wrist, q4]);
+        [
+            sin_q2, cos_q2, sin_elbow, cos_elbow, sin_q3, cos_q3, sin_pin, cos_pin, sin_wrist,
+            cos_wrist, sin_q4, cos_q4,
+        ]
+    };
     // body column: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        w[0] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[1] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[2] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[3] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[4] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[5] = [dd_q1, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[6] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[7] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[8] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[9] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        w[5][0] = dd_q1;
     }
     // body arm: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [
-        sin_q2, cos_q2, al_armx, al_army, t2_5, t2_10, t2_11, t2_13, t2_21, a_army, a_armx,
-        t2_28, w_m_arm_q1,
+        al_armx, al_army, t3_5, t3_10, t3_11, t3_12, t3_22, t3_23, a_army, a_armx, w_m_arm_q1,
     ] = {
-        let (sin_q2, cos_q2) = q2.sin_cos();
         let w_ixz_arm_q2 = sin_q2 * dd_q1;
         let w_army = cos_q2 * d_q1;
-        let t2_1 = d_q2 * w_army;
-        let al_armx = w_ixz_arm_q2 + t2_1;
-        let t2_2 = sin_q2 * al_armx;
+        let t3_1 = d_q2 * w_army;
+        let al_armx = w_ixz_arm_q2 + t3_1;
         let w_armx = sin_q2 * d_q1;
-        let t2_3 = d_q2 * w_armx;
-        let w_ixx_arm_q1 = cos_q2.mul_add(t2_3, t2_2);
+        let t3_2 = d_q2 * w_armx;
+        let t3_3 = cos_q2 * t3_2;
+        let w_ixx_arm_q1 = sin_q2.mul_add(al_armx, t3_3);
         let w_ixx_arm_q2 = w_armx * w_army;
-        let t2_4 = -w_ixx_arm_q2;
-        w[10] = [w_ixx_arm_q1, t2_4, like.lift(0.0), like.lift(0.0)];
+        let t3_4 = -w_ixx_arm_q2;
+        w[10][0] = w_ixx_arm_q1; w[10][1] = t3_4;
         let w_iyz_arm_q2 = cos_q2 * dd_q1;
-        let al_army = w_iyz_arm_q2 - t2_3;
-        let t2_5 = t2_3 - al_army;
-        let t2_6 = sin_q2 * t2_5;
-        let t2_7 = t2_1 + al_armx;
-        let w_ixy_arm_q1 = (-cos_q2).mul_add(t2_7, t2_6);
-        let t2_8 = -w_ixy_arm_q1;
-        let t2_9 = w_armx * w_armx;
-        let t2_10 = w_army * w_army;
-        let w_ixy_arm_q2 = t2_9 - t2_10;
-        w[11] = [t2_8, w_ixy_arm_q2, like.lift(0.0), like.lift(0.0)];
-        let t2_11 = dd_q2 + w_ixx_arm_q2;
-        let t2_12 = sin_q2 * t2_11;
-        let t2_13 = d_q2 * d_q2;
-        let t2_14 = t2_9 - t2_13;
-        let w_ixz_arm_q1 = (-cos_q2).mul_add(t2_14, t2_12);
-        w[12] = [w_ixz_arm_q1, w_ixz_arm_q2, like.lift(0.0), like.lift(0.0)];
-        let t2_15 = sin_q2 * t2_1;
-        let w_iyy_arm_q1 = (-cos_q2).mul_add(al_army, t2_15);
-        let t2_16 = -w_iyy_arm_q1;
-        w[13] = [t2_16, w_ixx_arm_q2, like.lift(0.0), like.lift(0.0)];
-        let t2_17 = t2_10 - t2_13;
-        let t2_18 = sin_q2 * t2_17;
-        let t2_19 = dd_q2 - w_ixx_arm_q2;
-        let w_iyz_arm_q1 = cos_q2.mul_add(t2_19, t2_18);
-        w[14] = [w_iyz_arm_q1, w_iyz_arm_q2, like.lift(0.0), like.lift(0.0)];
-        let t2_20 = like.lift(0.0132) * w_iyz_arm_q2;
-        let w_mx_arm_q1 = like.lift(-0.0132).mul_add(t2_5, t2_20);
-        let t2_21 = d_q1 * d_q1;
-        let t2_22 = sin_q2 * t2_21;
-        let t2_23 = like.lift(0.0132) * t2_22;
-        let a_army = like.lift(9.81).mul_add(cos_q2, t2_23);
-        w[16] = [w_mx_arm_q1, a_army, like.lift(0.0), like.lift(0.0)];
-        let t2_24 = like.lift(0.0132) * w_ixz_arm_q2;
-        let w_my_arm_q1 = like.lift(0.0132).mul_add(t2_7, t2_24);
-        let t2_25 = -w_my_arm_q1;
-        let t2_26 = cos_q2 * t2_21;
-        let t2_27 = like.lift(0.0132) * t2_26;
-        let a_armx = like.lift(-9.81).mul_add(sin_q2, t2_27);
-        w[17] = [t2_25, a_armx, like.lift(0.0), like.lift(0.0)];
-        let t2_28 = like.lift(0.0132) * t2_21;
-        let t2_29 = cos_q2 * a_armx;
-        let t2_30 = sin_q2.mul_add(a_army, t2_29);
-        let w_mz_arm_q1 = t2_28 - t2_30;
-        w[18] = [w_mz_arm_q1, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let al_army = w_iyz_arm_q2 - t3_2;
+        let t3_5 = t3_2 - al_army;
+        let t3_6 = t3_1 + al_armx;
+        let t3_7 = sin_q2 * t3_5;
+        let w_ixy_arm_q1 = (-cos_q2).mul_add(t3_6, t3_7);
+        let t3_8 = -w_ixy_arm_q1;
+        let t3_9 = w_armx * w_armx;
+        let t3_10 = w_army * w_army;
+        let w_ixy_arm_q2 = t3_9 - t3_10;
+        w[11][0] = t3_8; w[11][1] = w_ixy_arm_q2;
+        let t3_11 = dd_q2 + w_ixx_arm_q2;
+        let t3_12 = d_q2 * d_q2;
+        let t3_13 = t3_9 - t3_12;
+        let t3_14 = sin_q2 * t3_11;
+        let w_ixz_arm_q1 = (-cos_q2).mul_add(t3_13, t3_14);
+        w[12][0] = w_ixz_arm_q1; w[12][1] = w_ixz_arm_q2;
+        let t3_15 = sin_q2 * t3_1;
+        let w_iyy_arm_q1 = (-cos_q2).mul_add(al_army, t3_15);
+        let t3_16 = -w_iyy_arm_q1;
+        w[13][0] = t3_16; w[13][1] = w_ixx_arm_q2;
+        let t3_17 = t3_10 - t3_12;
+        let t3_18 = dd_q2 - w_ixx_arm_q2;
+        let t3_19 = cos_q2 * t3_18;
+        let w_iyz_arm_q1 = sin_q2.mul_add(t3_17, t3_19);
+        w[14][0] = w_iyz_arm_q1; w[14][1] = w_iyz_arm_q2;
+        let t3_20 = t3_5 - w_iyz_arm_q2;
+        let t3_21 = like.lift(0.0132) * t3_20;
+        let w_mx_arm_q1 = -t3_21;
+        let t3_22 = d_q1 * d_q1;
+        let t3_23 = like.lift(0.0132) * t3_22;
+        let t3_24 = like.lift(9.81) * cos_q2;
+        let a_army = sin_q2.mul_add(t3_23, t3_24);
+        w[16][0] = w_mx_arm_q1; w[16][1] = a_army;
+        let t3_25 = t3_6 + w_ixz_arm_q2;
+        let w_my_arm_q1 = like.lift(0.0132) * t3_25;
+        let t3_26 = -w_my_arm_q1;
+        let t3_27 = cos_q2 * t3_23;
+        let a_armx = like.lift(-9.81).mul_add(sin_q2, t3_27);
+        w[17][0] = t3_26; w[17][1] = a_armx;
+        let t3_28 = (-sin_q2).mul_add(a_army, t3_23);
+        let w_mz_arm_q1 = (-cos_q2).mul_add(a_armx, t3_28);
+        w[18][0] = w_mz_arm_q1;
         let w_m_arm_q1 = like.lift(0.00017424) * dd_q1;
-        w[19] = [w_m_arm_q1, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[15] = [like.lift(0.0), dd_q2, like.lift(0.0), like.lift(0.0)];
-        [
-            sin_q2, cos_q2, al_armx, al_army, t2_5, t2_10, t2_11, t2_13, t2_21, a_army, a_armx,
-            t2_28, w_m_arm_q1,
-        ]
+        w[19][0] = w_m_arm_q1;
+        w[15][1] = dd_q2;
+        [al_armx, al_army, t3_5, t3_10, t3_11, t3_12, t3_22, t3_23, a_army, a_armx, w_m_arm_q1]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        sin_elbow, cos_elbow, sin_q2_elbow, cos_q2_elbow, w_forearmy, al_forearmx, w_forearmz,
-        w_forearmx, t3_6, w_ixx_forearm_q1, t3_7, sin_q3, cos_q3, sin_pin, cos_pin, x_elbow_q2,
-        x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
+        sin_q2_elbow, cos_q2_elbow, w_forearmy, al_forearmx, w_forearmz, w_forearmx, t4_5,
+        w_ixx_forearm_q1, t4_7, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2,
+        x_pin_q3,
     ] = {
-        let (sin_elbow, cos_elbow) = elbow.sin_cos();
-        let t3_1 = cos_q2 * sin_elbow;
-        let t3_2 = sin_q2 * sin_elbow;
-        let sin_q2_elbow = sin_q2.mul_add(cos_elbow, t3_1);
-        let cos_q2_elbow = cos_q2.mul_add(cos_elbow, -t3_2);
-        let t3_3 = cos_elbow * al_armx;
-        let t3_4 = sin_elbow.mul_add(al_army, t3_3);
+        let t4_1 = sin_q2 * cos_elbow;
+        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t4_1);
+        let t4_2 = cos_q2 * cos_elbow;
+        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t4_2);
         let w_forearmy = cos_q2_elbow * d_q1;
-        let al_forearmx = d_elbow.mul_add(w_forearmy, t3_4);
-        let t3_5 = sin_q2_elbow * al_forearmx;
+        let t4_3 = d_elbow * w_forearmy;
+        let t4_4 = sin_elbow.mul_add(al_army, t4_3);
+        let al_forearmx = cos_elbow.mul_add(al_armx, t4_4);
         let w_forearmz = d_q2 + d_elbow;
         let w_forearmx = sin_q2_elbow * d_q1;
-        let t3_6 = w_forearmz * w_forearmx;
-        let w_ixx_forearm_q1 = cos_q2_elbow.mul_add(t3_6, t3_5);
-        let t3_7 = w_forearmx * w_forearmy;
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let t3_8 = cos_q2_elbow * sin_q3;
-        let t3_9 = sin_q2_elbow * sin_q3;
-        let sin_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(cos_q3, -t3_8);
-        let cos_q2_elbow_minus_q3 = cos_q2_elbow.mul_add(cos_q3, t3_9);
-        let (sin_pin, cos_pin) = pin.sin_cos();
-        let t3_10 = cos_q2_elbow_minus_q3 * sin_pin;
-        let t3_11 = sin_q2_elbow_minus_q3 * sin_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(cos_pin, -t3_10);
-        let cos_q2_elbow_minus_q3_minus_pin = cos_q2_elbow_minus_q3.mul_add(cos_pin, t3_11);
+        let t4_5 = w_forearmz * w_forearmx;
+        let t4_6 = cos_q2_elbow * t4_5;
+        let w_ixx_forearm_q1 = sin_q2_elbow.mul_add(al_forearmx, t4_6);
+        let t4_7 = w_forearmx * w_forearmy;
+        let t4_8 = sin_q2_elbow * cos_q3;
+        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t4_8);
+        let t4_9 = cos_q2_elbow * cos_q3;
+        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t4_9);
+        let t4_10 = sin_q2_elbow_minus_q3 * cos_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t4_10);
+        let t4_11 = cos_q2_elbow_minus_q3 * cos_pin;
+        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t4_11);
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t3_12 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t3_13 = -t3_12;
-        let t3_14 = cos_q2 * sin_q3;
-        let t3_15 = sin_q2 * sin_q3;
-        let sin_q2_minus_q3 = sin_q2.mul_add(cos_q3, -t3_14);
-        let cos_q2_minus_q3 = cos_q2.mul_add(cos_q3, t3_15);
-        let t3_16 = cos_q2_minus_q3 * sin_pin;
-        let t3_17 = sin_q2_minus_q3 * sin_pin;
-        let sin_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(cos_pin, -t3_16);
-        let cos_q2_minus_q3_minus_pin = cos_q2_minus_q3.mul_add(cos_pin, t3_17);
-        let t3_18 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t3_19 = -t3_18;
+        let t4_12 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t4_13 = -t4_12;
+        let t4_14 = sin_q2 * cos_q3;
+        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t4_14);
+        let t4_15 = cos_q2 * cos_q3;
+        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t4_15);
+        let t4_16 = sin_q2_minus_q3 * cos_pin;
+        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t4_16);
+        let t4_17 = cos_q2_minus_q3 * cos_pin;
+        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t4_17);
+        let t4_18 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
+        let t4_19 = -t4_18;
         let u_rod_q3x = like.lift(0.0456) * sin_pin;
-        let t3_20 = -u_rod_q3x;
-        let t3_21 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t3_12);
-        let u_rod_q3y = like.lift(0.0456) * cos_pin;
-        let t3_22 = like.lift(0.14207) + u_rod_q3y;
-        let t3_23 = -t3_22;
-        let t3_24 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t3_25 = t3_18 * t3_24;
-        let t3_26 = like.lift(21.92982456140351) * t3_25;
-        let t3_27 = -t3_26;
-        let t3_28 = sin_pin * t3_24;
-        let t3_29 = -t3_28;
-        let t3_30 = like.lift(1.0) + t3_26;
-        let t3_31 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t3_25, t3_21);
-        let t3_32 = like.lift(7.038783698176955) * t3_31;
-        let t3_33 = -t3_32;
-        let t3_34 = cos_q2_elbow_minus_q3_minus_pin * t3_28;
-        let t3_35 = like.lift(0.0456).mul_add(t3_34, t3_22);
-        let t3_36 = like.lift(7.038783698176955) * t3_35;
+        let t4_20 = -u_rod_q3x;
+        let t4_21 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t4_12);
+        let t4_22 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t4_23 = -t4_22;
+        let t4_24 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t4_25 = t4_18 * t4_24;
+        let t4_26 = like.lift(21.92982456140351) * t4_25;
+        let t4_27 = -t4_26;
+        let t4_28 = sin_pin * t4_24;
+        let t4_29 = -t4_28;
+        let t4_30 = like.lift(1.0) + t4_26;
+        let t4_31 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t4_25, t4_21);
+        let t4_32 = like.lift(7.038783698176955) * t4_31;
+        let t4_33 = -t4_32;
+        let t4_34 = t4_28.mul_add(t4_12, t4_22);
+        let t4_35 = like.lift(7.038783698176955) * t4_34;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([
@@ -1204,23 +1198,23 @@ pub fn regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t3_27, like.lift(0.0), t3_29],
-                [like.lift(0.0), t3_30, like.lift(0.0), t3_28],
-                [like.lift(0.0), t3_33, like.lift(0.0), t3_36],
+                [like.lift(0.0), t4_27, like.lift(0.0), t4_29],
+                [like.lift(0.0), t4_30, like.lift(0.0), t4_28],
+                [like.lift(0.0), t4_33, like.lift(0.0), t4_35],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t3_13, like.lift(0.0), like.lift(-0.14207)],
+                    [t4_13, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t3_19, like.lift(0.0), t3_20],
-                    [like.lift(0.0), t3_21, like.lift(0.0), t3_23],
+                    [like.lift(0.0), t4_19, like.lift(0.0), t4_20],
+                    [like.lift(0.0), t4_21, like.lift(0.0), t4_23],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -1230,645 +1224,617 @@ pub fn regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 
         );
         condition = condition.min(found);
         [
-            sin_elbow, cos_elbow, sin_q2_elbow, cos_q2_elbow, w_forearmy, al_forearmx,
-            w_forearmz, w_forearmx, t3_6, w_ixx_forearm_q1, t3_7, sin_q3, cos_q3, sin_pin,
-            cos_pin, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
+            sin_q2_elbow, cos_q2_elbow, w_forearmy, al_forearmx, w_forearmz, w_forearmx, t4_5,
+            w_ixx_forearm_q1, t4_7, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2,
+            x_pin_q3,
         ]
     };
     // body forearm: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [
-        t4_1, al_forearmy, t4_5, al_forearmz, t4_14, a_armz, a_forearmz, u_forearm_q1z,
-        a_forearmy, t4_34, a_forearmx,
+        t5_1, al_forearmy, t5_5, al_forearmz, t5_14, a_armz, a_forearmz, u_forearm_q1z,
+        a_forearmy, t5_34, a_forearmx,
     ] = {
-        let t4_1 = like.lift(1.0) - x_elbow_q2;
-        let w_ixx_forearm_q2 = t3_7 * t4_1;
-        let t4_2 = -w_ixx_forearm_q2;
-        let w_ixx_forearm_q3 = x_elbow_q3 * t3_7;
-        w[20] = [w_ixx_forearm_q1, t4_2, like.lift(0.0), w_ixx_forearm_q3];
-        let t4_3 = sin_elbow * al_armx;
-        let t4_4 = (-cos_elbow).mul_add(al_army, t4_3);
-        let al_forearmy = d_elbow.mul_add(w_forearmx, t4_4);
-        let t4_5 = al_forearmy + t3_6;
-        let t4_6 = sin_q2_elbow * t4_5;
-        let t4_7 = w_forearmz * w_forearmy;
-        let t4_8 = al_forearmx + t4_7;
-        let w_ixy_forearm_q1 = (-cos_q2_elbow).mul_add(t4_8, t4_6);
-        let t4_9 = -w_ixy_forearm_q1;
-        let t4_10 = w_forearmx * w_forearmx;
-        let t4_11 = w_forearmy * w_forearmy;
-        let t4_12 = t4_10 - t4_11;
-        let w_ixy_forearm_q2 = t4_12 * t4_1;
-        let w_ixy_forearm_q3 = x_elbow_q3 * t4_12;
-        let t4_13 = -w_ixy_forearm_q3;
-        w[21] = [t4_9, w_ixy_forearm_q2, like.lift(0.0), t4_13];
+        let t5_1 = like.lift(1.0) - x_elbow_q2;
+        let w_ixx_forearm_q2 = t4_7 * t5_1;
+        let t5_2 = -w_ixx_forearm_q2;
+        let w_ixx_forearm_q3 = x_elbow_q3 * t4_7;
+        w[20][0] = w_ixx_forearm_q1; w[20][1] = t5_2; w[20][3] = w_ixx_forearm_q3;
+        let t5_3 = d_elbow * w_forearmx;
+        let t5_4 = (-cos_elbow).mul_add(al_army, t5_3);
+        let al_forearmy = sin_elbow.mul_add(al_armx, t5_4);
+        let t5_5 = al_forearmy + t4_5;
+        let t5_6 = w_forearmz * w_forearmy;
+        let t5_7 = al_forearmx + t5_6;
+        let t5_8 = sin_q2_elbow * t5_5;
+        let w_ixy_forearm_q1 = (-cos_q2_elbow).mul_add(t5_7, t5_8);
+        let t5_9 = -w_ixy_forearm_q1;
+        let t5_10 = w_forearmx * w_forearmx;
+        let t5_11 = w_forearmy * w_forearmy;
+        let t5_12 = t5_10 - t5_11;
+        let w_ixy_forearm_q2 = t5_12 * t5_1;
+        let w_ixy_forearm_q3 = x_elbow_q3 * t5_12;
+        let t5_13 = -w_ixy_forearm_q3;
+        w[21][0] = t5_9; w[21][1] = w_ixy_forearm_q2; w[21][3] = t5_13;
         let al_forearmz = dd_q2 + dd_elbow;
-        let t4_14 = al_forearmz + t3_7;
-        let t4_15 = sin_q2_elbow * t4_14;
-        let t4_16 = w_forearmz * w_forearmz;
-        let t4_17 = t4_10 - t4_16;
-        let w_ixz_forearm_q1 = (-cos_q2_elbow).mul_add(t4_17, t4_15);
-        let t4_18 = al_forearmx - t4_7;
-        let w_ixz_forearm_q2 = t4_18 * t4_1;
-        let w_ixz_forearm_q3 = x_elbow_q3 * t4_18;
-        let t4_19 = -w_ixz_forearm_q3;
-        w[22] = [w_ixz_forearm_q1, w_ixz_forearm_q2, like.lift(0.0), t4_19];
-        let t4_20 = sin_q2_elbow * t4_7;
-        let w_iyy_forearm_q1 = cos_q2_elbow.mul_add(al_forearmy, t4_20);
-        let t4_21 = -w_iyy_forearm_q1;
-        let t4_22 = -w_ixx_forearm_q3;
-        w[23] = [t4_21, w_ixx_forearm_q2, like.lift(0.0), t4_22];
-        let t4_23 = t4_11 - t4_16;
-        let t4_24 = sin_q2_elbow * t4_23;
-        let t4_25 = al_forearmz - t3_7;
-        let w_iyz_forearm_q1 = cos_q2_elbow.mul_add(t4_25, t4_24);
-        let t4_26 = al_forearmy - t3_6;
-        let w_iyz_forearm_q2 = t4_26 * t4_1;
-        let t4_27 = -w_iyz_forearm_q2;
-        let w_iyz_forearm_q3 = x_elbow_q3 * t4_26;
-        w[24] = [w_iyz_forearm_q1, t4_27, like.lift(0.0), w_iyz_forearm_q3];
-        let w_izz_forearm_q2 = al_forearmz * t4_1;
+        let t5_14 = al_forearmz + t4_7;
+        let t5_15 = w_forearmz * w_forearmz;
+        let t5_16 = t5_10 - t5_15;
+        let t5_17 = sin_q2_elbow * t5_14;
+        let w_ixz_forearm_q1 = (-cos_q2_elbow).mul_add(t5_16, t5_17);
+        let t5_18 = al_forearmx - t5_6;
+        let w_ixz_forearm_q2 = t5_18 * t5_1;
+        let w_ixz_forearm_q3 = x_elbow_q3 * t5_18;
+        let t5_19 = -w_ixz_forearm_q3;
+        w[22][0] = w_ixz_forearm_q1; w[22][1] = w_ixz_forearm_q2; w[22][3] = t5_19;
+        let t5_20 = cos_q2_elbow * al_forearmy;
+        let w_iyy_forearm_q1 = sin_q2_elbow.mul_add(t5_6, t5_20);
+        let t5_21 = -w_iyy_forearm_q1;
+        let t5_22 = -w_ixx_forearm_q3;
+        w[23][0] = t5_21; w[23][1] = w_ixx_forearm_q2; w[23][3] = t5_22;
+        let t5_23 = t5_11 - t5_15;
+        let t5_24 = al_forearmz - t4_7;
+        let t5_25 = cos_q2_elbow * t5_24;
+        let w_iyz_forearm_q1 = sin_q2_elbow.mul_add(t5_23, t5_25);
+        let t5_26 = al_forearmy - t4_5;
+        let w_iyz_forearm_q2 = t5_26 * t5_1;
+        let t5_27 = -w_iyz_forearm_q2;
+        let w_iyz_forearm_q3 = x_elbow_q3 * t5_26;
+        w[24][0] = w_iyz_forearm_q1; w[24][1] = t5_27; w[24][3] = w_iyz_forearm_q3;
+        let w_izz_forearm_q2 = al_forearmz * t5_1;
         let w_izz_forearm_q3 = x_elbow_q3 * al_forearmz;
-        let t4_28 = -w_izz_forearm_q3;
-        w[25] = [like.lift(0.0), w_izz_forearm_q2, like.lift(0.0), t4_28];
+        let t5_28 = -w_izz_forearm_q3;
+        w[25][1] = w_izz_forearm_q2; w[25][3] = t5_28;
         let a_armz = like.lift(0.0132) * dd_q1;
-        let a_forearmz = like.lift(-0.14207).mul_add(t2_5, a_armz);
-        let t4_29 = cos_q2_elbow * a_forearmz;
+        let a_forearmz = like.lift(-0.14207).mul_add(t3_5, a_armz);
         let u_forearm_q1z = like.lift(0.14207).mul_add(cos_q2, like.lift(0.0132));
-        let w_mx_forearm_q1 = (-u_forearm_q1z).mul_add(t4_5, t4_29);
-        let t4_30 = t2_10 + t2_13;
-        let t4_31 = like.lift(0.14207).mul_add(t4_30, a_armx);
-        let t4_32 = sin_elbow * t4_31;
-        let t4_33 = like.lift(0.14207).mul_add(t2_11, a_army);
-        let a_forearmy = cos_elbow.mul_add(t4_33, t4_32);
-        let t4_34 = t4_11 + t4_16;
-        let t4_35 = sin_elbow * t4_34;
-        let t4_36 = like.lift(0.14207) * t4_35;
-        let t4_37 = cos_elbow * t4_14;
-        let t4_38 = like.lift(-0.14207).mul_add(t4_37, t4_36);
-        let w_mx_forearm_q2 = a_forearmy.mul_add(t4_1, -t4_38);
+        let t5_29 = cos_q2_elbow * a_forearmz;
+        let w_mx_forearm_q1 = (-u_forearm_q1z).mul_add(t5_5, t5_29);
+        let t5_30 = t3_10 + t3_12;
+        let t5_31 = like.lift(0.14207).mul_add(t5_30, a_armx);
+        let t5_32 = like.lift(0.14207).mul_add(t3_11, a_army);
+        let t5_33 = cos_elbow * t5_32;
+        let a_forearmy = sin_elbow.mul_add(t5_31, t5_33);
+        let t5_34 = t5_11 + t5_15;
+        let t5_35 = cos_elbow * t5_14;
+        let t5_36 = (-sin_elbow).mul_add(t5_34, t5_35);
+        let t5_37 = a_forearmy * t5_1;
+        let w_mx_forearm_q2 = like.lift(0.14207).mul_add(t5_36, t5_37);
         let w_mx_forearm_q3 = x_elbow_q3 * a_forearmy;
-        let t4_39 = -w_mx_forearm_q3;
-        w[26] = [w_mx_forearm_q1, w_mx_forearm_q2, like.lift(0.0), t4_39];
-        let t4_40 = sin_q2_elbow * a_forearmz;
-        let w_my_forearm_q1 = u_forearm_q1z.mul_add(t4_8, t4_40);
-        let t4_41 = -w_my_forearm_q1;
-        let t4_42 = cos_elbow * t4_31;
-        let a_forearmx = (-sin_elbow).mul_add(t4_33, t4_42);
-        let t4_43 = sin_elbow * t4_25;
-        let t4_44 = like.lift(0.14207) * t4_43;
-        let t4_45 = t4_10 + t4_16;
-        let t4_46 = cos_elbow * t4_45;
-        let t4_47 = like.lift(0.14207).mul_add(t4_46, t4_44);
-        let w_my_forearm_q2 = a_forearmx.mul_add(t4_1, -t4_47);
+        let t5_38 = -w_mx_forearm_q3;
+        w[26][0] = w_mx_forearm_q1; w[26][1] = w_mx_forearm_q2; w[26][3] = t5_38;
+        let t5_39 = u_forearm_q1z * t5_7;
+        let w_my_forearm_q1 = sin_q2_elbow.mul_add(a_forearmz, t5_39);
+        let t5_40 = -w_my_forearm_q1;
+        let t5_41 = cos_elbow * t5_31;
+        let a_forearmx = (-sin_elbow).mul_add(t5_32, t5_41);
+        let t5_42 = t5_10 + t5_15;
+        let t5_43 = cos_elbow * t5_42;
+        let t5_44 = sin_elbow.mul_add(t5_24, t5_43);
+        let t5_45 = a_forearmx * t5_1;
+        let w_my_forearm_q2 = like.lift(-0.14207).mul_add(t5_44, t5_45);
         let w_my_forearm_q3 = x_elbow_q3 * a_forearmx;
-        let t4_48 = -w_my_forearm_q3;
-        w[27] = [t4_41, w_my_forearm_q2, like.lift(0.0), t4_48];
-        let t4_49 = cos_q2_elbow * a_forearmx;
-        let t4_50 = sin_q2_elbow.mul_add(a_forearmy, t4_49);
-        let w_mz_forearm_q1 = (-u_forearm_q1z).mul_add(t2_21, t4_50);
-        let t4_51 = -w_mz_forearm_q1;
-        let t4_52 = sin_elbow * t4_26;
-        let t4_53 = like.lift(0.14207) * t4_52;
-        let t4_54 = cos_elbow * t4_18;
-        let w_mz_forearm_q2 = like.lift(0.14207).mul_add(t4_54, t4_53);
-        let t4_55 = -w_mz_forearm_q2;
-        w[28] = [t4_51, t4_55, like.lift(0.0), like.lift(0.0)];
+        let t5_46 = -w_my_forearm_q3;
+        w[27][0] = t5_40; w[27][1] = w_my_forearm_q2; w[27][3] = t5_46;
+        let t5_47 = sin_q2_elbow * a_forearmy;
+        let t5_48 = (-u_forearm_q1z).mul_add(t3_22, t5_47);
+        let w_mz_forearm_q1 = cos_q2_elbow.mul_add(a_forearmx, t5_48);
+        let t5_49 = -w_mz_forearm_q1;
+        let t5_50 = cos_elbow * t5_18;
+        let t5_51 = sin_elbow.mul_add(t5_26, t5_50);
+        let w_mz_forearm_q2 = like.lift(0.14207) * t5_51;
+        let t5_52 = -w_mz_forearm_q2;
+        w[28][0] = t5_49; w[28][1] = t5_52;
         let w_m_forearm_q1 = u_forearm_q1z * a_forearmz;
-        let t4_56 = sin_elbow * a_forearmx;
-        let t4_57 = like.lift(0.14207) * t4_56;
-        let t4_58 = cos_elbow * a_forearmy;
-        let w_m_forearm_q2 = like.lift(-0.14207).mul_add(t4_58, t4_57);
-        let t4_59 = -w_m_forearm_q2;
-        w[29] = [w_m_forearm_q1, t4_59, like.lift(0.0), like.lift(0.0)];
+        let t5_53 = cos_elbow * a_forearmy;
+        let t5_54 = (-sin_elbow).mul_add(a_forearmx, t5_53);
+        let t5_55 = like.lift(0.14207) * t5_54;
+        let w_m_forearm_q2 = -t5_55;
+        let t5_56 = -w_m_forearm_q2;
+        w[29][0] = w_m_forearm_q1; w[29][1] = t5_56;
         [
-            t4_1, al_forearmy, t4_5, al_forearmz, t4_14, a_armz, a_forearmz, u_forearm_q1z,
-            a_forearmy, t4_34, a_forearmx,
+            t5_1, al_forearmy, t5_5, al_forearmz, t5_14, a_armz, a_forearmz, u_forearm_q1z,
+            a_forearmy, t5_34, a_forearmx,
         ]
     };
     // body wrist: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [
-        sin_wrist, cos_wrist, sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristy, al_wristx,
-        w_wristx, w_wristz, al_wristy, t5_12, al_wristz, t5_22, a_wristz, u_wrist_q1z,
-        a_wristy, t5_43, u_wrist_q2x, u_wrist_q2y, a_wristx,
+        sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristy, al_wristx, w_wristx, w_wristz,
+        al_wristy, t6_12, al_wristz, t6_22, a_wristz, u_wrist_q1z, a_wristy, t6_43,
+        u_wrist_q2x, t6_47, u_wrist_q2y, a_wristx,
     ] = {
-        let (sin_wrist, cos_wrist) = wrist.sin_cos();
-        let t5_1 = cos_q2_elbow * sin_wrist;
-        let t5_2 = sin_q2_elbow * sin_wrist;
-        let sin_q2_elbow_wrist = sin_q2_elbow.mul_add(cos_wrist, t5_1);
-        let cos_q2_elbow_wrist = cos_q2_elbow.mul_add(cos_wrist, -t5_2);
-        let t5_3 = cos_wrist * al_forearmx;
-        let t5_4 = (-sin_wrist).mul_add(al_forearmy, t5_3);
+        let t6_1 = sin_q2_elbow * cos_wrist;
+        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t6_1);
+        let t6_2 = cos_q2_elbow * cos_wrist;
+        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t6_2);
         let w_wristy = d_q1 * cos_q2_elbow_wrist;
-        let al_wristx = d_wrist.mul_add(w_wristy, t5_4);
-        let t5_5 = sin_q2_elbow_wrist * al_wristx;
+        let t6_3 = d_wrist * w_wristy;
+        let t6_4 = (-sin_wrist).mul_add(al_forearmy, t6_3);
+        let al_wristx = cos_wrist.mul_add(al_forearmx, t6_4);
         let w_wristx = d_q1 * sin_q2_elbow_wrist;
         let w_wristz = d_wrist + w_forearmz;
-        let t5_6 = w_wristx * w_wristz;
-        let w_ixx_wrist_q1 = cos_q2_elbow_wrist.mul_add(t5_6, t5_5);
-        let t5_7 = w_wristx * w_wristy;
-        let t5_8 = x_wrist_q2 - t4_1;
-        let w_ixx_wrist_q2 = t5_7 * t5_8;
-        let t5_9 = x_elbow_q3 + x_wrist_q3;
-        let w_ixx_wrist_q3 = t5_7 * t5_9;
-        w[30] = [w_ixx_wrist_q1, w_ixx_wrist_q2, like.lift(0.0), w_ixx_wrist_q3];
-        let t5_10 = sin_wrist * al_forearmx;
-        let t5_11 = cos_wrist.mul_add(al_forearmy, t5_10);
-        let al_wristy = d_wrist.mul_add(w_wristx, t5_11);
-        let t5_12 = al_wristy + t5_6;
-        let t5_13 = sin_q2_elbow_wrist * t5_12;
-        let t5_14 = w_wristy * w_wristz;
-        let t5_15 = al_wristx + t5_14;
-        let w_ixy_wrist_q1 = (-cos_q2_elbow_wrist).mul_add(t5_15, t5_13);
-        let t5_16 = -w_ixy_wrist_q1;
-        let t5_17 = w_wristx * w_wristx;
-        let t5_18 = w_wristy * w_wristy;
-        let t5_19 = t5_17 - t5_18;
-        let w_ixy_wrist_q2 = t5_19 * t5_8;
-        let t5_20 = -w_ixy_wrist_q2;
-        let w_ixy_wrist_q3 = t5_19 * t5_9;
-        let t5_21 = -w_ixy_wrist_q3;
-        w[31] = [t5_16, t5_20, like.lift(0.0), t5_21];
+        let t6_5 = w_wristx * w_wristz;
+        let t6_6 = cos_q2_elbow_wrist * t6_5;
+        let w_ixx_wrist_q1 = sin_q2_elbow_wrist.mul_add(al_wristx, t6_6);
+        let t6_7 = w_wristx * w_wristy;
+        let t6_8 = x_wrist_q2 - t5_1;
+        let w_ixx_wrist_q2 = t6_7 * t6_8;
+        let t6_9 = x_elbow_q3 + x_wrist_q3;
+        let w_ixx_wrist_q3 = t6_7 * t6_9;
+        w[30][0] = w_ixx_wrist_q1; w[30][1] = w_ixx_wrist_q2; w[30][3] = w_ixx_wrist_q3;
+        let t6_10 = d_wrist * w_wristx;
+        let t6_11 = cos_wrist.mul_add(al_forearmy, t6_10);
+        let al_wristy = sin_wrist.mul_add(al_forearmx, t6_11);
+        let t6_12 = al_wristy + t6_5;
+        let t6_13 = w_wristy * w_wristz;
+        let t6_14 = al_wristx + t6_13;
+        let t6_15 = sin_q2_elbow_wrist * t6_12;
+        let w_ixy_wrist_q1 = (-cos_q2_elbow_wrist).mul_add(t6_14, t6_15);
+        let t6_16 = -w_ixy_wrist_q1;
+        let t6_17 = w_wristx * w_wristx;
+        let t6_18 = w_wristy * w_wristy;
+        let t6_19 = t6_17 - t6_18;
+        let w_ixy_wrist_q2 = t6_19 * t6_8;
+        let t6_20 = -w_ixy_wrist_q2;
+        let w_ixy_wrist_q3 = t6_19 * t6_9;
+        let t6_21 = -w_ixy_wrist_q3;
+        w[31][0] = t6_16; w[31][1] = t6_20; w[31][3] = t6_21;
         let al_wristz = dd_wrist + al_forearmz;
-        let t5_22 = al_wristz + t5_7;
-        let t5_23 = sin_q2_elbow_wrist * t5_22;
-        let t5_24 = w_wristz * w_wristz;
-        let t5_25 = t5_17 - t5_24;
-        let w_ixz_wrist_q1 = (-cos_q2_elbow_wrist).mul_add(t5_25, t5_23);
-        let t5_26 = al_wristx - t5_14;
-        let w_ixz_wrist_q2 = t5_26 * t5_8;
-        let t5_27 = -w_ixz_wrist_q2;
-        let w_ixz_wrist_q3 = t5_26 * t5_9;
-        let t5_28 = -w_ixz_wrist_q3;
-        w[32] = [w_ixz_wrist_q1, t5_27, like.lift(0.0), t5_28];
-        let t5_29 = sin_q2_elbow_wrist * t5_14;
-        let w_iyy_wrist_q1 = cos_q2_elbow_wrist.mul_add(al_wristy, t5_29);
-        let t5_30 = -w_iyy_wrist_q1;
-        let t5_31 = -w_ixx_wrist_q2;
-        let t5_32 = -w_ixx_wrist_q3;
-        w[33] = [t5_30, t5_31, like.lift(0.0), t5_32];
-        let t5_33 = t5_18 - t5_24;
-        let t5_34 = sin_q2_elbow_wrist * t5_33;
-        let t5_35 = al_wristz - t5_7;
-        let w_iyz_wrist_q1 = cos_q2_elbow_wrist.mul_add(t5_35, t5_34);
-        let t5_36 = al_wristy - t5_6;
-        let w_iyz_wrist_q2 = t5_36 * t5_8;
-        let w_iyz_wrist_q3 = t5_36 * t5_9;
-        w[34] = [w_iyz_wrist_q1, w_iyz_wrist_q2, like.lift(0.0), w_iyz_wrist_q3];
-        let w_izz_wrist_q2 = al_wristz * t5_8;
-        let t5_37 = -w_izz_wrist_q2;
-        let w_izz_wrist_q3 = al_wristz * t5_9;
-        let t5_38 = -w_izz_wrist_q3;
-        w[35] = [like.lift(0.0), t5_37, like.lift(0.0), t5_38];
-        let a_wristz = like.lift(-0.15852).mul_add(t4_5, a_forearmz);
-        let t5_39 = a_wristz * cos_q2_elbow_wrist;
+        let t6_22 = al_wristz + t6_7;
+        let t6_23 = w_wristz * w_wristz;
+        let t6_24 = t6_17 - t6_23;
+        let t6_25 = sin_q2_elbow_wrist * t6_22;
+        let w_ixz_wrist_q1 = (-cos_q2_elbow_wrist).mul_add(t6_24, t6_25);
+        let t6_26 = al_wristx - t6_13;
+        let w_ixz_wrist_q2 = t6_26 * t6_8;
+        let t6_27 = -w_ixz_wrist_q2;
+        let w_ixz_wrist_q3 = t6_26 * t6_9;
+        let t6_28 = -w_ixz_wrist_q3;
+        w[32][0] = w_ixz_wrist_q1; w[32][1] = t6_27; w[32][3] = t6_28;
+        let t6_29 = cos_q2_elbow_wrist * al_wristy;
+        let w_iyy_wrist_q1 = sin_q2_elbow_wrist.mul_add(t6_13, t6_29);
+        let t6_30 = -w_iyy_wrist_q1;
+        let t6_31 = -w_ixx_wrist_q2;
+        let t6_32 = -w_ixx_wrist_q3;
+        w[33][0] = t6_30; w[33][1] = t6_31; w[33][3] = t6_32;
+        let t6_33 = t6_18 - t6_23;
+        let t6_34 = al_wristz - t6_7;
+        let t6_35 = cos_q2_elbow_wrist * t6_34;
+        let w_iyz_wrist_q1 = sin_q2_elbow_wrist.mul_add(t6_33, t6_35);
+        let t6_36 = al_wristy - t6_5;
+        let w_iyz_wrist_q2 = t6_36 * t6_8;
+        let w_iyz_wrist_q3 = t6_36 * t6_9;
+        w[34][0] = w_iyz_wrist_q1; w[34][1] = w_iyz_wrist_q2; w[34][3] = w_iyz_wrist_q3;
+        let w_izz_wrist_q2 = al_wristz * t6_8;
+        let t6_37 = -w_izz_wrist_q2;
+        let w_izz_wrist_q3 = al_wristz * t6_9;
+        let t6_38 = -w_izz_wrist_q3;
+        w[35][1] = t6_37; w[35][3] = t6_38;
+        let a_wristz = like.lift(-0.15852).mul_add(t5_5, a_forearmz);
         let u_wrist_q1z = like.lift(0.15852).mul_add(cos_q2_elbow, u_forearm_q1z);
-        let w_mx_wrist_q1 = (-t5_12).mul_add(u_wrist_q1z, t5_39);
-        let t5_40 = like.lift(0.15852).mul_add(t4_34, a_forearmx);
-        let t5_41 = sin_wrist * t5_40;
-        let t5_42 = like.lift(0.15852).mul_add(t4_14, a_forearmy);
-        let a_wristy = cos_wrist.mul_add(t5_42, t5_41);
-        let t5_43 = t5_18 + t5_24;
-        let t5_44 = sin_elbow * cos_wrist;
-        let t5_45 = like.lift(0.14207) * t5_44;
-        let u_forearm_q2y = like.lift(0.14207) * cos_elbow;
-        let t5_46 = like.lift(0.15852) + u_forearm_q2y;
-        let u_wrist_q2x = sin_wrist.mul_add(t5_46, t5_45);
-        let t5_47 = sin_wrist * x_elbow_q2;
-        let t5_48 = like.lift(-0.15852).mul_add(t5_47, u_wrist_q2x);
-        let t5_49 = t5_43 * t5_48;
-        let t5_50 = sin_elbow * sin_wrist;
-        let t5_51 = like.lift(0.14207) * t5_50;
-        let u_wrist_q2y = (-cos_wrist).mul_add(t5_46, t5_51);
-        let t5_52 = cos_wrist * x_elbow_q2;
-        let t5_53 = like.lift(0.15852).mul_add(t5_52, u_wrist_q2y);
-        let t5_54 = t5_22.mul_add(t5_53, t5_49);
-        let w_mx_wrist_q2 = a_wristy.mul_add(t5_8, t5_54);
-        let t5_55 = -w_mx_wrist_q2;
-        let t5_56 = sin_wrist * x_elbow_q3;
-        let t5_57 = t5_43 * t5_56;
-        let t5_58 = like.lift(0.15852) * t5_57;
-        let t5_59 = cos_wrist * x_elbow_q3;
-        let t5_60 = t5_22 * t5_59;
-        let t5_61 = like.lift(-0.15852).mul_add(t5_60, t5_58);
-        let w_mx_wrist_q3 = a_wristy.mul_add(t5_9, -t5_61);
-        let t5_62 = -w_mx_wrist_q3;
-        w[36] = [w_mx_wrist_q1, t5_55, like.lift(0.0), t5_62];
-        let t5_63 = a_wristz * sin_q2_elbow_wrist;
-        let w_my_wrist_q1 = t5_15.mul_add(u_wrist_q1z, t5_63);
-        let t5_64 = -w_my_wrist_q1;
-        let t5_65 = cos_wrist * t5_40;
-        let a_wristx = (-sin_wrist).mul_add(t5_42, t5_65);
-        let t5_66 = t5_35 * t5_48;
-        let t5_67 = t5_17 + t5_24;
-        let t5_68 = (-t5_67).mul_add(t5_53, t5_66);
-        let w_my_wrist_q2 = a_wristx.mul_add(t5_8, t5_68);
-        let t5_69 = -w_my_wrist_q2;
-        let t5_70 = t5_35 * t5_56;
-        let t5_71 = like.lift(0.15852) * t5_70;
-        let t5_72 = t5_67 * t5_59;
-        let t5_73 = like.lift(0.15852).mul_add(t5_72, t5_71);
-        let w_my_wrist_q3 = a_wristx.mul_add(t5_9, -t5_73);
-        let t5_74 = -w_my_wrist_q3;
-        w[37] = [t5_64, t5_69, like.lift(0.0), t5_74];
-        let t5_75 = cos_q2_elbow_wrist * a_wristx;
-        let t5_76 = sin_q2_elbow_wrist.mul_add(a_wristy, t5_75);
-        let w_mz_wrist_q1 = (-t2_21).mul_add(u_wrist_q1z, t5_76);
-        let t5_77 = -w_mz_wrist_q1;
-        let t5_78 = t5_36 * t5_48;
-        let w_mz_wrist_q2 = (-t5_26).mul_add(t5_53, t5_78);
-        let t5_79 = -w_mz_wrist_q2;
-        let t5_80 = t5_36 * t5_56;
-        let t5_81 = like.lift(0.15852) * t5_80;
-        let t5_82 = t5_26 * t5_59;
-        let w_mz_wrist_q3 = like.lift(0.15852).mul_add(t5_82, t5_81);
-        w[38] = [t5_77, t5_79, like.lift(0.0), w_mz_wrist_q3];
+        let t6_39 = a_wristz * cos_q2_elbow_wrist;
+        let w_mx_wrist_q1 = (-t6_12).mul_add(u_wrist_q1z, t6_39);
+        let t6_40 = like.lift(0.15852).mul_add(t5_34, a_forearmx);
+        let t6_41 = like.lift(0.15852).mul_add(t5_14, a_forearmy);
+        let t6_42 = cos_wrist * t6_41;
+        let a_wristy = sin_wrist.mul_add(t6_40, t6_42);
+        let t6_43 = t6_18 + t6_23;
+        let t6_44 = like.lift(0.14207).mul_add(cos_elbow, like.lift(0.15852));
+        let t6_45 = like.lift(0.14207) * sin_elbow;
+        let t6_46 = sin_wrist * t6_44;
+        let u_wrist_q2x = cos_wrist.mul_add(t6_45, t6_46);
+        let t6_47 = like.lift(0.15852) * x_elbow_q2;
+        let t6_48 = (-sin_wrist).mul_add(t6_47, u_wrist_q2x);
+        let t6_49 = sin_wrist * t6_45;
+        let u_wrist_q2y = (-cos_wrist).mul_add(t6_44, t6_49);
+        let t6_50 = cos_wrist.mul_add(t6_47, u_wrist_q2y);
+        let t6_51 = a_wristy * t6_8;
+        let t6_52 = t6_22.mul_add(t6_50, t6_51);
+        let w_mx_wrist_q2 = t6_43.mul_add(t6_48, t6_52);
+        let t6_53 = -w_mx_wrist_q2;
+        let t6_54 = sin_wrist * x_elbow_q3;
+        let t6_55 = cos_wrist * x_elbow_q3;
+        let t6_56 = t6_22 * t6_55;
+        let t6_57 = (-t6_43).mul_add(t6_54, t6_56);
+        let t6_58 = a_wristy * t6_9;
+        let w_mx_wrist_q3 = like.lift(0.15852).mul_add(t6_57, t6_58);
+        let t6_59 = -w_mx_wrist_q3;
+        w[36][0] = w_mx_wrist_q1; w[36][1] = t6_53; w[36][3] = t6_59;
+        let t6_60 = t6_14 * u_wrist_q1z;
+        let w_my_wrist_q1 = a_wristz.mul_add(sin_q2_elbow_wrist, t6_60);
+        let t6_61 = -w_my_wrist_q1;
+        let t6_62 = cos_wrist * t6_40;
+        let a_wristx = (-sin_wrist).mul_add(t6_41, t6_62);
+        let t6_63 = t6_17 + t6_23;
+        let t6_64 = a_wristx * t6_8;
+        let t6_65 = (-t6_63).mul_add(t6_50, t6_64);
+        let w_my_wrist_q2 = t6_34.mul_add(t6_48, t6_65);
+        let t6_66 = -w_my_wrist_q2;
+        let t6_67 = t6_63 * t6_55;
+        let t6_68 = t6_34.mul_add(t6_54, t6_67);
+        let t6_69 = a_wristx * t6_9;
+        let w_my_wrist_q3 = like.lift(-0.15852).mul_add(t6_68, t6_69);
+        let t6_70 = -w_my_wrist_q3;
+        w[37][0] = t6_61; w[37][1] = t6_66; w[37][3] = t6_70;
+        let t6_71 = sin_q2_elbow_wrist * a_wristy;
+        let t6_72 = (-t3_22).mul_add(u_wrist_q1z, t6_71);
+        let w_mz_wrist_q1 = cos_q2_elbow_wrist.mul_add(a_wristx, t6_72);
+        let t6_73 = -w_mz_wrist_q1;
+        let t6_74 = t6_36 * t6_48;
+        let w_mz_wrist_q2 = (-t6_26).mul_add(t6_50, t6_74);
+        let t6_75 = -w_mz_wrist_q2;
+        let t6_76 = t6_26 * t6_55;
+        let t6_77 = t6_36.mul_add(t6_54, t6_76);
+        let w_mz_wrist_q3 = like.lift(0.15852) * t6_77;
+        w[38][0] = t6_73; w[38][1] = t6_75; w[38][3] = w_mz_wrist_q3;
         let w_m_wrist_q1 = a_wristz * u_wrist_q1z;
-        let t5_83 = a_wristx * t5_48;
-        let w_m_wrist_q2 = a_wristy.mul_add(t5_53, t5_83);
-        let t5_84 = -w_m_wrist_q2;
-        let t5_85 = a_wristx * t5_56;
-        let t5_86 = like.lift(0.15852) * t5_85;
-        let t5_87 = a_wristy * t5_59;
-        let w_m_wrist_q3 = like.lift(-0.15852).mul_add(t5_87, t5_86);
-        w[39] = [w_m_wrist_q1, t5_84, like.lift(0.0), w_m_wrist_q3];
+        let t6_78 = a_wristy * t6_50;
+        let w_m_wrist_q2 = a_wristx.mul_add(t6_48, t6_78);
+        let t6_79 = -w_m_wrist_q2;
+        let t6_80 = a_wristy * t6_55;
+        let t6_81 = (-a_wristx).mul_add(t6_54, t6_80);
+        let t6_82 = like.lift(0.15852) * t6_81;
+        let w_m_wrist_q3 = -t6_82;
+        w[39][0] = w_m_wrist_q1; w[39][1] = t6_79; w[39][3] = w_m_wrist_q3;
         [
-            sin_wrist, cos_wrist, sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristy, al_wristx,
-            w_wristx, w_wristz, al_wristy, t5_12, al_wristz, t5_22, a_wristz, u_wrist_q1z,
-            a_wristy, t5_43, u_wrist_q2x, u_wrist_q2y, a_wristx,
+            sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristy, al_wristx, w_wristx, w_wristz,
+            al_wristy, t6_12, al_wristz, t6_22, a_wristz, u_wrist_q1z, a_wristy, t6_43,
+            u_wrist_q2x, t6_47, u_wrist_q2y, a_wristx,
         ]
     };
     // body flange: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t6_1 = cos_q4 * al_wristx;
-        let t6_2 = sin_q4.mul_add(al_wristz, t6_1);
-        let t6_3 = sin_q4 * w_wristx;
-        let w_flangey = (-cos_q4).mul_add(w_wristz, t6_3);
-        let al_flangex = (-d_q4).mul_add(w_flangey, t6_2);
+        let t7_1 = sin_q4 * w_wristx;
+        let w_flangey = (-cos_q4).mul_add(w_wristz, t7_1);
+        let t7_2 = sin_q4 * al_wristz;
+        let t7_3 = (-d_q4).mul_add(w_flangey, t7_2);
+        let al_flangex = cos_q4.mul_add(al_wristx, t7_3);
         let e_flange_q1x = cos_q4 * sin_q2_elbow_wrist;
-        let t6_4 = cos_q4 * w_wristx;
-        let w_flangex = sin_q4.mul_add(w_wristz, t6_4);
+        let t7_4 = sin_q4 * w_wristz;
+        let w_flangex = cos_q4.mul_add(w_wristx, t7_4);
         let w_flangez = d_q4 - w_wristy;
-        let t6_5 = w_flangex * w_flangez;
+        let t7_5 = w_flangex * w_flangez;
         let e_flange_q1y = sin_q4 * sin_q2_elbow_wrist;
-        let t6_6 = t6_5 * e_flange_q1y;
-        let t6_7 = al_flangex.mul_add(e_flange_q1x, -t6_6);
+        let t7_6 = t7_5 * e_flange_q1y;
         let w_ixx_flange_q4 = w_flangex * w_flangey;
-        let t6_8 = cos_q2_elbow_wrist * w_ixx_flange_q4;
-        let w_ixx_flange_q1 = t6_7 - t6_8;
-        let t6_9 = (-sin_q4).mul_add(x_elbow_q2, sin_q4);
-        let t6_10 = (-sin_q4).mul_add(x_wrist_q2, t6_9);
-        let t6_11 = (-cos_q4).mul_add(x_elbow_q2, cos_q4);
-        let t6_12 = (-cos_q4).mul_add(x_wrist_q2, t6_11);
-        let t6_13 = t6_5 * t6_12;
-        let w_ixx_flange_q2 = al_flangex.mul_add(t6_10, t6_13);
-        let t6_14 = sin_q4 * x_elbow_q3;
-        let t6_15 = sin_q4.mul_add(x_wrist_q3, t6_14);
-        let t6_16 = cos_q4 * x_elbow_q3;
-        let t6_17 = cos_q4.mul_add(x_wrist_q3, t6_16);
-        let t6_18 = t6_5 * t6_17;
-        let w_ixx_flange_q3 = al_flangex.mul_add(t6_15, t6_18);
-        let t6_19 = -w_ixx_flange_q3;
-        w[40] = [w_ixx_flange_q1, w_ixx_flange_q2, w_ixx_flange_q4, t6_19];
-        let t6_20 = sin_q4 * al_wristx;
-        let t6_21 = (-cos_q4).mul_add(al_wristz, t6_20);
-        let al_flangey = d_q4.mul_add(w_flangex, t6_21);
-        let t6_22 = al_flangey + t6_5;
-        let t6_23 = t6_22 * e_flange_q1x;
-        let t6_24 = w_flangey * w_flangez;
-        let t6_25 = al_flangex - t6_24;
-        let t6_26 = t6_25.mul_add(e_flange_q1y, t6_23);
-        let t6_27 = w_flangex * w_flangex;
-        let t6_28 = w_flangey * w_flangey;
-        let w_ixy_flange_q4 = t6_27 - t6_28;
-        let w_ixy_flange_q1 = cos_q2_elbow_wrist.mul_add(w_ixy_flange_q4, t6_26);
-        let t6_29 = -w_ixy_flange_q1;
-        let t6_30 = t6_22 * t6_10;
-        let w_ixy_flange_q2 = (-t6_25).mul_add(t6_12, t6_30);
-        let t6_31 = -w_ixy_flange_q2;
-        let t6_32 = t6_22 * t6_15;
-        let w_ixy_flange_q3 = (-t6_25).mul_add(t6_17, t6_32);
-        w[41] = [t6_29, t6_31, w_ixy_flange_q4, w_ixy_flange_q3];
+        let t7_7 = cos_q2_elbow_wrist * w_ixx_flange_q4;
+        let t7_8 = al_flangex.mul_add(e_flange_q1x, -t7_6);
+        let w_ixx_flange_q1 = t7_8 - t7_7;
+        let t7_9 = x_wrist_q2 + x_elbow_q2;
+        let t7_10 = (-sin_q4).mul_add(t7_9, sin_q4);
+        let t7_11 = x_wrist_q2 + x_elbow_q2;
+        let t7_12 = (-cos_q4).mul_add(t7_11, cos_q4);
+        let t7_13 = t7_5 * t7_12;
+        let w_ixx_flange_q2 = al_flangex.mul_add(t7_10, t7_13);
+        let t7_14 = x_wrist_q3 + x_elbow_q3;
+        let t7_15 = sin_q4 * t7_14;
+        let t7_16 = x_wrist_q3 + x_elbow_q3;
+        let t7_17 = cos_q4 * t7_16;
+        let t7_18 = t7_5 * t7_17;
+        let w_ixx_flange_q3 = al_flangex.mul_add(t7_15, t7_18);
+        let t7_19 = -w_ixx_flange_q3;
+        w[40] = [w_ixx_flange_q1, w_ixx_flange_q2, w_ixx_flange_q4, t7_19];
+        let t7_20 = d_q4 * w_flangex;
+        let t7_21 = (-cos_q4).mul_add(al_wristz, t7_20);
+        let al_flangey = sin_q4.mul_add(al_wristx, t7_21);
+        let t7_22 = al_flangey + t7_5;
+        let t7_23 = w_flangey * w_flangez;
+        let t7_24 = al_flangex - t7_23;
+        let t7_25 = w_flangex * w_flangex;
+        let t7_26 = w_flangey * w_flangey;
+        let w_ixy_flange_q4 = t7_25 - t7_26;
+        let t7_27 = cos_q2_elbow_wrist * w_ixy_flange_q4;
+        let t7_28 = t7_24.mul_add(e_flange_q1y, t7_27);
+        let w_ixy_flange_q1 = t7_22.mul_add(e_flange_q1x, t7_28);
+        let t7_29 = -w_ixy_flange_q1;
+        let t7_30 = t7_22 * t7_10;
+        let w_ixy_flange_q2 = (-t7_24).mul_add(t7_12, t7_30);
+        let t7_31 = -w_ixy_flange_q2;
+        let t7_32 = t7_22 * t7_15;
+        let w_ixy_flange_q3 = (-t7_24).mul_add(t7_17, t7_32);
+        w[41] = [t7_29, t7_31, w_ixy_flange_q4, w_ixy_flange_q3];
         let al_flangez = dd_q4 + al_wristy;
-        let t6_33 = al_flangez - w_ixx_flange_q4;
-        let t6_34 = t6_33 * e_flange_q1x;
-        let t6_35 = w_flangez * w_flangez;
-        let t6_36 = t6_27 - t6_35;
-        let t6_37 = e_flange_q1y.mul_add(t6_36, t6_34);
-        let w_ixz_flange_q4 = al_flangex + t6_24;
-        let w_ixz_flange_q1 = (-cos_q2_elbow_wrist).mul_add(w_ixz_flange_q4, t6_37);
-        let t6_38 = t6_33 * t6_10;
-        let w_ixz_flange_q2 = (-t6_36).mul_add(t6_12, t6_38);
-        let t6_39 = t6_33 * t6_15;
-        let w_ixz_flange_q3 = (-t6_36).mul_add(t6_17, t6_39);
-        let t6_40 = -w_ixz_flange_q3;
-        w[42] = [w_ixz_flange_q1, w_ixz_flange_q2, w_ixz_flange_q4, t6_40];
-        let t6_41 = t6_24 * e_flange_q1x;
-        let t6_42 = al_flangey.mul_add(e_flange_q1y, t6_41);
-        let w_iyy_flange_q1 = t6_8 + t6_42;
-        let t6_43 = t6_24 * t6_10;
-        let w_iyy_flange_q2 = (-al_flangey).mul_add(t6_12, t6_43);
-        let t6_44 = -w_ixx_flange_q4;
-        let t6_45 = t6_24 * t6_15;
-        let w_iyy_flange_q3 = (-al_flangey).mul_add(t6_17, t6_45);
-        let t6_46 = -w_iyy_flange_q3;
-        w[43] = [w_iyy_flange_q1, w_iyy_flange_q2, t6_44, t6_46];
-        let t6_47 = t6_28 - t6_35;
-        let t6_48 = e_flange_q1x * t6_47;
-        let t6_49 = al_flangez + w_ixx_flange_q4;
-        let t6_50 = (-t6_49).mul_add(e_flange_q1y, t6_48);
-        let w_iyz_flange_q4 = al_flangey - t6_5;
-        let w_iyz_flange_q1 = cos_q2_elbow_wrist.mul_add(w_iyz_flange_q4, t6_50);
-        let t6_51 = t6_47 * t6_10;
-        let w_iyz_flange_q2 = t6_49.mul_add(t6_12, t6_51);
-        let t6_52 = -w_iyz_flange_q4;
-        let t6_53 = t6_47 * t6_15;
-        let w_iyz_flange_q3 = t6_49.mul_add(t6_17, t6_53);
-        let t6_54 = -w_iyz_flange_q3;
-        w[44] = [w_iyz_flange_q1, w_iyz_flange_q2, t6_52, t6_54];
-        let t6_55 = t6_6 - t6_41;
-        let w_izz_flange_q1 = (-cos_q2_elbow_wrist).mul_add(al_flangez, t6_55);
-        let w_izz_flange_q2 = t6_13 + t6_43;
-        let t6_56 = -w_izz_flange_q2;
-        let w_izz_flange_q3 = t6_18 + t6_45;
-        w[45] = [w_izz_flange_q1, t6_56, al_flangez, w_izz_flange_q3];
-        let t6_57 = like.lift(0.05).mul_add(t5_43, a_wristx);
-        let t6_58 = sin_q4 * t6_57;
-        let t6_59 = like.lift(-0.05).mul_add(t5_12, a_wristz);
-        let a_flangey = (-cos_q4).mul_add(t6_59, t6_58);
-        let t6_60 = cos_q2_elbow_wrist * a_flangey;
-        let a_flangez = like.lift(0.05).mul_add(t5_22, a_wristy);
-        let t6_61 = a_flangez.mul_add(e_flange_q1y, t6_60);
-        let t6_62 = t6_28 + t6_35;
-        let t6_63 = like.lift(0.05).mul_add(cos_q2_elbow_wrist, u_wrist_q1z);
-        let u_flange_q1x = sin_q4 * t6_63;
-        let t6_64 = t6_62 * u_flange_q1x;
-        let u_flange_q1y = cos_q4 * t6_63;
-        let t6_65 = (-t6_33).mul_add(u_flange_q1y, t6_64);
-        let w_mx_flange_q1 = t6_61 - t6_65;
-        let t6_66 = -w_mx_flange_q1;
-        let u_flange_q2x = cos_q4 * u_wrist_q2x;
-        let t6_67 = sin_wrist * cos_q4;
-        let t6_68 = x_elbow_q2 * t6_67;
-        let t6_69 = like.lift(-0.15852).mul_add(t6_68, u_flange_q2x);
-        let t6_70 = t6_62 * t6_69;
-        let u_flange_q2y = sin_q4 * u_wrist_q2x;
-        let t6_71 = sin_wrist * sin_q4;
-        let t6_72 = x_elbow_q2 * t6_71;
-        let t6_73 = like.lift(-0.15852).mul_add(t6_72, u_flange_q2y);
-        let t6_74 = t6_33.mul_add(t6_73, t6_70);
-        let u_flange_q2z = like.lift(0.05) - u_wrist_q2y;
-        let u_wrist_elbowy = like.lift(0.15852) * cos_wrist;
-        let u_flange_elbowz = like.lift(0.05) + u_wrist_elbowy;
-        let t6_75 = (-x_elbow_q2).mul_add(u_flange_elbowz, u_flange_q2z);
-        let t6_76 = like.lift(-0.05).mul_add(x_wrist_q2, t6_75);
-        let t6_77 = t6_22.mul_add(t6_76, t6_74);
-        let w_mx_flange_q2 = a_flangez.mul_add(t6_12, -t6_77);
-        let t6_78 = x_elbow_q3 * t6_67;
-        let t6_79 = t6_62 * t6_78;
-        let t6_80 = like.lift(0.15852) * t6_79;
-        let t6_81 = x_elbow_q3 * t6_71;
-        let t6_82 = t6_33 * t6_81;
-        let t6_83 = like.lift(0.15852).mul_add(t6_82, t6_80);
-        let t6_84 = x_elbow_q3 * u_flange_elbowz;
-        let t6_85 = like.lift(0.05).mul_add(x_wrist_q3, t6_84);
-        let t6_86 = t6_22.mul_add(t6_85, t6_83);
-        let w_mx_flange_q3 = a_flangez.mul_add(t6_17, -t6_86);
-        let t6_87 = -w_mx_flange_q3;
-        w[46] = [t6_66, w_mx_flange_q2, a_flangey, t6_87];
-        let t6_88 = a_flangez * e_flange_q1x;
-        let t6_89 = cos_q4 * t6_57;
-        let a_flangex = sin_q4.mul_add(t6_59, t6_89);
-        let t6_90 = cos_q2_elbow_wrist.mul_add(a_flangex, t6_88);
-        let t6_91 = t6_49 * u_flange_q1x;
-        let t6_92 = t6_27 + t6_35;
-        let t6_93 = t6_92.mul_add(u_flange_q1y, t6_91);
-        let w_my_flange_q1 = t6_90 - t6_93;
-        let t6_94 = -w_my_flange_q1;
-        let t6_95 = t6_49 * t6_69;
-        let t6_96 = (-t6_92).mul_add(t6_73, t6_95);
-        let t6_97 = t6_25.mul_add(t6_76, t6_96);
-        let w_my_flange_q2 = a_flangez.mul_add(t6_10, t6_97);
-        let t6_98 = -w_my_flange_q2;
-        let t6_99 = t6_49 * t6_78;
-        let t6_100 = like.lift(0.15852) * t6_99;
-        let t6_101 = t6_92 * t6_81;
-        let t6_102 = like.lift(-0.15852).mul_add(t6_101, t6_100);
-        let t6_103 = t6_25.mul_add(t6_85, t6_102);
-        let w_my_flange_q3 = a_flangez.mul_add(t6_15, t6_103);
-        w[47] = [t6_94, t6_98, a_flangex, w_my_flange_q3];
-        let t6_104 = a_flangex * e_flange_q1y;
-        let t6_105 = (-a_flangey).mul_add(e_flange_q1x, t6_104);
-        let t6_106 = w_iyz_flange_q4 * u_flange_q1x;
-        let t6_107 = w_ixz_flange_q4.mul_add(u_flange_q1y, t6_106);
-        let w_mz_flange_q1 = t6_105 + t6_107;
-        let t6_108 = a_flangex * t6_12;
-        let t6_109 = a_flangey.mul_add(t6_10, t6_108);
-        let t6_110 = w_iyz_flange_q4 * t6_69;
-        let t6_111 = (-w_ixz_flange_q4).mul_add(t6_73, t6_110);
-        let t6_112 = t6_27 + t6_28;
-        let t6_113 = (-t6_112).mul_add(t6_76, t6_111);
-        let w_mz_flange_q2 = t6_109 + t6_113;
-        let t6_114 = -w_mz_flange_q2;
-        let t6_115 = a_flangex * t6_17;
-        let t6_116 = a_flangey.mul_add(t6_15, t6_115);
-        let t6_117 = w_iyz_flange_q4 * t6_78;
-        let t6_118 = like.lift(0.15852) * t6_117;
-        let t6_119 = w_ixz_flange_q4 * t6_81;
-        let t6_120 = like.lift(-0.15852).mul_add(t6_119, t6_118);
-        let t6_121 = (-t6_112).mul_add(t6_85, t6_120);
-        let w_mz_flange_q3 = t6_116 + t6_121;
-        w[48] = [w_mz_flange_q1, t6_114, like.lift(0.0), w_mz_flange_q3];
-        let t6_122 = a_flangex * u_flange_q1x;
-        let w_m_flange_q1 = (-a_flangey).mul_add(u_flange_q1y, t6_122);
-        let t6_123 = a_flangex * t6_69;
-        let t6_124 = a_flangey.mul_add(t6_73, t6_123);
-        let w_m_flange_q2 = (-a_flangez).mul_add(t6_76, t6_124);
-        let t6_125 = -w_m_flange_q2;
-        let t6_126 = a_flangex * t6_78;
-        let t6_127 = like.lift(0.15852) * t6_126;
-        let t6_128 = a_flangey * t6_81;
-        let t6_129 = like.lift(0.15852).mul_add(t6_128, t6_127);
-        let w_m_flange_q3 = (-a_flangez).mul_add(t6_85, t6_129);
-        w[49] = [w_m_flange_q1, t6_125, like.lift(0.0), w_m_flange_q3];
+        let t7_33 = al_flangez - w_ixx_flange_q4;
+        let t7_34 = w_flangez * w_flangez;
+        let t7_35 = t7_25 - t7_34;
+        let w_ixz_flange_q4 = al_flangex + t7_23;
+        let t7_36 = e_flange_q1y * t7_35;
+        let t7_37 = (-cos_q2_elbow_wrist).mul_add(w_ixz_flange_q4, t7_36);
+        let w_ixz_flange_q1 = t7_33.mul_add(e_flange_q1x, t7_37);
+        let t7_38 = t7_33 * t7_10;
+        let w_ixz_flange_q2 = (-t7_35).mul_add(t7_12, t7_38);
+        let t7_39 = t7_33 * t7_15;
+        let w_ixz_flange_q3 = (-t7_35).mul_add(t7_17, t7_39);
+        let t7_40 = -w_ixz_flange_q3;
+        w[42] = [w_ixz_flange_q1, w_ixz_flange_q2, w_ixz_flange_q4, t7_40];
+        let t7_41 = t7_23 * e_flange_q1x;
+        let t7_42 = al_flangey.mul_add(e_flange_q1y, t7_7);
+        let w_iyy_flange_q1 = t7_42 + t7_41;
+        let t7_43 = t7_23 * t7_10;
+        let w_iyy_flange_q2 = (-al_flangey).mul_add(t7_12, t7_43);
+        let t7_44 = -w_ixx_flange_q4;
+        let t7_45 = t7_23 * t7_15;
+        let w_iyy_flange_q3 = (-al_flangey).mul_add(t7_17, t7_45);
+        let t7_46 = -w_iyy_flange_q3;
+        w[43] = [w_iyy_flange_q1, w_iyy_flange_q2, t7_44, t7_46];
+        let t7_47 = t7_26 - t7_34;
+        let t7_48 = al_flangez + w_ixx_flange_q4;
+        let w_iyz_flange_q4 = al_flangey - t7_5;
+        let t7_49 = cos_q2_elbow_wrist * w_iyz_flange_q4;
+        let t7_50 = (-t7_48).mul_add(e_flange_q1y, t7_49);
+        let w_iyz_flange_q1 = e_flange_q1x.mul_add(t7_47, t7_50);
+        let t7_51 = t7_48 * t7_12;
+        let w_iyz_flange_q2 = t7_47.mul_add(t7_10, t7_51);
+        let t7_52 = -w_iyz_flange_q4;
+        let t7_53 = t7_48 * t7_17;
+        let w_iyz_flange_q3 = t7_47.mul_add(t7_15, t7_53);
+        let t7_54 = -w_iyz_flange_q3;
+        w[44] = [w_iyz_flange_q1, w_iyz_flange_q2, t7_52, t7_54];
+        let t7_55 = (-cos_q2_elbow_wrist).mul_add(al_flangez, t7_6);
+        let w_izz_flange_q1 = t7_55 - t7_41;
+        let w_izz_flange_q2 = t7_13 + t7_43;
+        let t7_56 = -w_izz_flange_q2;
+        let w_izz_flange_q3 = t7_18 + t7_45;
+        w[45] = [w_izz_flange_q1, t7_56, al_flangez, w_izz_flange_q3];
+        let t7_57 = like.lift(0.05).mul_add(t6_43, a_wristx);
+        let t7_58 = like.lift(-0.05).mul_add(t6_12, a_wristz);
+        let t7_59 = sin_q4 * t7_57;
+        let a_flangey = (-cos_q4).mul_add(t7_58, t7_59);
+        let a_flangez = like.lift(0.05).mul_add(t6_22, a_wristy);
+        let t7_60 = t7_26 + t7_34;
+        let t7_61 = like.lift(0.05).mul_add(cos_q2_elbow_wrist, u_wrist_q1z);
+        let u_flange_q1x = sin_q4 * t7_61;
+        let u_flange_q1y = cos_q4 * t7_61;
+        let t7_62 = a_flangez * e_flange_q1y;
+        let t7_63 = cos_q2_elbow_wrist.mul_add(a_flangey, t7_62);
+        let t7_64 = t7_33.mul_add(u_flange_q1y, t7_63);
+        let w_mx_flange_q1 = (-t7_60).mul_add(u_flange_q1x, t7_64);
+        let t7_65 = -w_mx_flange_q1;
+        let t7_66 = sin_wrist * cos_q4;
+        let t7_67 = cos_q4 * u_wrist_q2x;
+        let t7_68 = (-t7_66).mul_add(t6_47, t7_67);
+        let t7_69 = sin_wrist * sin_q4;
+        let t7_70 = sin_q4 * u_wrist_q2x;
+        let t7_71 = (-t7_69).mul_add(t6_47, t7_70);
+        let u_flange_elbowz = like.lift(0.15852).mul_add(cos_wrist, like.lift(0.05));
+        let t7_72 = like.lift(-0.05).mul_add(x_wrist_q2, like.lift(0.05));
+        let t7_73 = (-x_elbow_q2).mul_add(u_flange_elbowz, t7_72);
+        let t7_74 = t7_73 - u_wrist_q2y;
+        let t7_75 = a_flangez * t7_12;
+        let t7_76 = (-t7_22).mul_add(t7_74, t7_75);
+        let t7_77 = (-t7_33).mul_add(t7_71, t7_76);
+        let w_mx_flange_q2 = (-t7_60).mul_add(t7_68, t7_77);
+        let t7_78 = x_elbow_q3 * t7_66;
+        let t7_79 = x_elbow_q3 * t7_69;
+        let t7_80 = like.lift(0.05) * x_wrist_q3;
+        let t7_81 = x_elbow_q3.mul_add(u_flange_elbowz, t7_80);
+        let t7_82 = t7_33 * t7_79;
+        let t7_83 = t7_60.mul_add(t7_78, t7_82);
+        let t7_84 = a_flangez * t7_17;
+        let t7_85 = (-t7_22).mul_add(t7_81, t7_84);
+        let w_mx_flange_q3 = like.lift(-0.15852).mul_add(t7_83, t7_85);
+        let t7_86 = -w_mx_flange_q3;
+        w[46] = [t7_65, w_mx_flange_q2, a_flangey, t7_86];
+        let t7_87 = sin_q4 * t7_58;
+        let a_flangex = cos_q4.mul_add(t7_57, t7_87);
+        let t7_88 = t7_25 + t7_34;
+        let t7_89 = cos_q2_elbow_wrist * a_flangex;
+        let t7_90 = a_flangez.mul_add(e_flange_q1x, t7_89);
+        let t7_91 = (-t7_88).mul_add(u_flange_q1y, t7_90);
+        let w_my_flange_q1 = (-t7_48).mul_add(u_flange_q1x, t7_91);
+        let t7_92 = -w_my_flange_q1;
+        let t7_93 = a_flangez * t7_10;
+        let t7_94 = t7_24.mul_add(t7_74, t7_93);
+        let t7_95 = (-t7_88).mul_add(t7_71, t7_94);
+        let w_my_flange_q2 = t7_48.mul_add(t7_68, t7_95);
+        let t7_96 = -w_my_flange_q2;
+        let t7_97 = t7_88 * t7_79;
+        let t7_98 = (-t7_48).mul_add(t7_78, t7_97);
+        let t7_99 = a_flangez * t7_15;
+        let t7_100 = t7_24.mul_add(t7_81, t7_99);
+        let w_my_flange_q3 = like.lift(-0.15852).mul_add(t7_98, t7_100);
+        w[47] = [t7_92, t7_96, a_flangex, w_my_flange_q3];
+        let t7_101 = a_flangex * e_flange_q1y;
+        let t7_102 = (-a_flangey).mul_add(e_flange_q1x, t7_101);
+        let t7_103 = w_ixz_flange_q4.mul_add(u_flange_q1y, t7_102);
+        let w_mz_flange_q1 = w_iyz_flange_q4.mul_add(u_flange_q1x, t7_103);
+        let t7_104 = t7_25 + t7_26;
+        let t7_105 = a_flangey * t7_10;
+        let t7_106 = a_flangex.mul_add(t7_12, t7_105);
+        let t7_107 = (-t7_104).mul_add(t7_74, t7_106);
+        let t7_108 = (-w_ixz_flange_q4).mul_add(t7_71, t7_107);
+        let w_mz_flange_q2 = w_iyz_flange_q4.mul_add(t7_68, t7_108);
+        let t7_109 = -w_mz_flange_q2;
+        let t7_110 = w_ixz_flange_q4 * t7_79;
+        let t7_111 = (-w_iyz_flange_q4).mul_add(t7_78, t7_110);
+        let t7_112 = a_flangey * t7_15;
+        let t7_113 = a_flangex.mul_add(t7_17, t7_112);
+        let t7_114 = (-t7_104).mul_add(t7_81, t7_113);
+        let w_mz_flange_q3 = like.lift(-0.15852).mul_add(t7_111, t7_114);
+        w[48][0] = w_mz_flange_q1; w[48][1] = t7_109; w[48][3] = w_mz_flange_q3;
+        let t7_115 = a_flangex * u_flange_q1x;
+        let w_m_flange_q1 = (-a_flangey).mul_add(u_flange_q1y, t7_115);
+        let t7_116 = a_flangey * t7_71;
+        let t7_117 = (-a_flangez).mul_add(t7_74, t7_116);
+        let w_m_flange_q2 = a_flangex.mul_add(t7_68, t7_117);
+        let t7_118 = -w_m_flange_q2;
+        let t7_119 = a_flangey * t7_79;
+        let t7_120 = a_flangex.mul_add(t7_78, t7_119);
+        let t7_121 = like.lift(0.15852) * t7_120;
+        let w_m_flange_q3 = (-a_flangez).mul_add(t7_81, t7_121);
+        w[49][0] = w_m_flange_q1; w[49][1] = t7_118; w[49][3] = w_m_flange_q3;
     }
     // body crank: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [al_crankx, al_cranky, t7_5, t7_10, t7_11, t7_13, a_cranky, a_crankx] = {
+    let [al_crankx, al_cranky, t8_5, t8_10, t8_11, t8_12, a_cranky, a_crankx] = {
         let w_ixz_crank_q3 = sin_q3 * dd_q1;
         let w_cranky = cos_q3 * d_q1;
-        let t7_1 = d_q3 * w_cranky;
-        let al_crankx = w_ixz_crank_q3 + t7_1;
-        let t7_2 = sin_q3 * al_crankx;
+        let t8_1 = d_q3 * w_cranky;
+        let al_crankx = w_ixz_crank_q3 + t8_1;
         let w_crankx = sin_q3 * d_q1;
-        let t7_3 = d_q3 * w_crankx;
-        let w_ixx_crank_q1 = cos_q3.mul_add(t7_3, t7_2);
+        let t8_2 = d_q3 * w_crankx;
+        let t8_3 = cos_q3 * t8_2;
+        let w_ixx_crank_q1 = sin_q3.mul_add(al_crankx, t8_3);
         let w_ixx_crank_q3 = w_crankx * w_cranky;
-        let t7_4 = -w_ixx_crank_q3;
-        w[50] = [w_ixx_crank_q1, like.lift(0.0), like.lift(0.0), t7_4];
+        let t8_4 = -w_ixx_crank_q3;
+        w[50][0] = w_ixx_crank_q1; w[50][3] = t8_4;
         let w_iyz_crank_q3 = cos_q3 * dd_q1;
-        let al_cranky = w_iyz_crank_q3 - t7_3;
-        let t7_5 = t7_3 - al_cranky;
-        let t7_6 = sin_q3 * t7_5;
-        let t7_7 = t7_1 + al_crankx;
-        let w_ixy_crank_q1 = (-cos_q3).mul_add(t7_7, t7_6);
-        let t7_8 = -w_ixy_crank_q1;
-        let t7_9 = w_crankx * w_crankx;
-        let t7_10 = w_cranky * w_cranky;
-        let w_ixy_crank_q3 = t7_9 - t7_10;
-        w[51] = [t7_8, like.lift(0.0), like.lift(0.0), w_ixy_crank_q3];
-        let t7_11 = dd_q3 + w_ixx_crank_q3;
-        let t7_12 = sin_q3 * t7_11;
-        let t7_13 = d_q3 * d_q3;
-        let t7_14 = t7_13 - t7_9;
-        let w_ixz_crank_q1 = cos_q3.mul_add(t7_14, t7_12);
-        w[52] = [w_ixz_crank_q1, like.lift(0.0), like.lift(0.0), w_ixz_crank_q3];
-        let t7_15 = sin_q3 * t7_1;
-        let w_iyy_crank_q1 = (-cos_q3).mul_add(al_cranky, t7_15);
-        let t7_16 = -w_iyy_crank_q1;
-        w[53] = [t7_16, like.lift(0.0), like.lift(0.0), w_ixx_crank_q3];
-        let t7_17 = t7_13 - t7_10;
-        let t7_18 = sin_q3 * t7_17;
-        let t7_19 = dd_q3 - w_ixx_crank_q3;
-        let w_iyz_crank_q1 = (-cos_q3).mul_add(t7_19, t7_18);
-        let t7_20 = -w_iyz_crank_q1;
-        w[54] = [t7_20, like.lift(0.0), like.lift(0.0), w_iyz_crank_q3];
-        let t7_21 = like.lift(0.0132) * w_iyz_crank_q3;
-        let w_mx_crank_q1 = like.lift(-0.0132).mul_add(t7_5, t7_21);
-        let t7_22 = sin_q3 * t2_21;
-        let t7_23 = like.lift(0.0132) * t7_22;
-        let a_cranky = like.lift(9.81).mul_add(cos_q3, t7_23);
-        w[56] = [w_mx_crank_q1, like.lift(0.0), like.lift(0.0), a_cranky];
-        let t7_24 = like.lift(0.0132) * w_ixz_crank_q3;
-        let w_my_crank_q1 = like.lift(0.0132).mul_add(t7_7, t7_24);
-        let t7_25 = -w_my_crank_q1;
-        let t7_26 = cos_q3 * t2_21;
-        let t7_27 = like.lift(0.0132) * t7_26;
-        let a_crankx = like.lift(-9.81).mul_add(sin_q3, t7_27);
-        w[57] = [t7_25, like.lift(0.0), like.lift(0.0), a_crankx];
-        let t7_28 = cos_q3 * a_crankx;
-        let t7_29 = sin_q3.mul_add(a_cranky, t7_28);
-        let w_mz_crank_q1 = t2_28 - t7_29;
-        w[58] = [w_mz_crank_q1, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[55] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), dd_q3];
-        w[59] = [w_m_arm_q1, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        [al_crankx, al_cranky, t7_5, t7_10, t7_11, t7_13, a_cranky, a_crankx]
+        let al_cranky = w_iyz_crank_q3 - t8_2;
+        let t8_5 = t8_2 - al_cranky;
+        let t8_6 = t8_1 + al_crankx;
+        let t8_7 = sin_q3 * t8_5;
+        let w_ixy_crank_q1 = (-cos_q3).mul_add(t8_6, t8_7);
+        let t8_8 = -w_ixy_crank_q1;
+        let t8_9 = w_crankx * w_crankx;
+        let t8_10 = w_cranky * w_cranky;
+        let w_ixy_crank_q3 = t8_9 - t8_10;
+        w[51][0] = t8_8; w[51][3] = w_ixy_crank_q3;
+        let t8_11 = dd_q3 + w_ixx_crank_q3;
+        let t8_12 = d_q3 * d_q3;
+        let t8_13 = t8_12 - t8_9;
+        let t8_14 = cos_q3 * t8_13;
+        let w_ixz_crank_q1 = sin_q3.mul_add(t8_11, t8_14);
+        w[52][0] = w_ixz_crank_q1; w[52][3] = w_ixz_crank_q3;
+        let t8_15 = sin_q3 * t8_1;
+        let w_iyy_crank_q1 = (-cos_q3).mul_add(al_cranky, t8_15);
+        let t8_16 = -w_iyy_crank_q1;
+        w[53][0] = t8_16; w[53][3] = w_ixx_crank_q3;
+        let t8_17 = t8_12 - t8_10;
+        let t8_18 = dd_q3 - w_ixx_crank_q3;
+        let t8_19 = sin_q3 * t8_17;
+        let w_iyz_crank_q1 = (-cos_q3).mul_add(t8_18, t8_19);
+        let t8_20 = -w_iyz_crank_q1;
+        w[54][0] = t8_20; w[54][3] = w_iyz_crank_q3;
+        let t8_21 = t8_5 - w_iyz_crank_q3;
+        let t8_22 = like.lift(0.0132) * t8_21;
+        let w_mx_crank_q1 = -t8_22;
+        let t8_23 = like.lift(9.81) * cos_q3;
+        let a_cranky = sin_q3.mul_add(t3_23, t8_23);
+        w[56][0] = w_mx_crank_q1; w[56][3] = a_cranky;
+        let t8_24 = t8_6 + w_ixz_crank_q3;
+        let w_my_crank_q1 = like.lift(0.0132) * t8_24;
+        let t8_25 = -w_my_crank_q1;
+        let t8_26 = cos_q3 * t3_23;
+        let a_crankx = like.lift(-9.81).mul_add(sin_q3, t8_26);
+        w[57][0] = t8_25; w[57][3] = a_crankx;
+        let t8_27 = (-sin_q3).mul_add(a_cranky, t3_23);
+        let w_mz_crank_q1 = (-cos_q3).mul_add(a_crankx, t8_27);
+        w[58][0] = w_mz_crank_q1;
+        w[55][3] = dd_q3;
+        w[59][0] = w_m_arm_q1;
+        [al_crankx, al_cranky, t8_5, t8_10, t8_11, t8_12, a_cranky, a_crankx]
     };
     // body rod: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let t8_1 = cos_q3 * sin_pin;
-        let t8_2 = sin_q3 * sin_pin;
-        let sin_q3_pin = sin_q3.mul_add(cos_pin, t8_1);
-        let cos_q3_pin = cos_q3.mul_add(cos_pin, -t8_2);
-        let t8_3 = cos_pin * al_crankx;
-        let t8_4 = sin_pin.mul_add(al_cranky, t8_3);
+        let t9_1 = sin_q3 * cos_pin;
+        let sin_q3_pin = cos_q3.mul_add(sin_pin, t9_1);
+        let t9_2 = cos_q3 * cos_pin;
+        let cos_q3_pin = (-sin_q3).mul_add(sin_pin, t9_2);
         let w_rody = cos_q3_pin * d_q1;
-        let al_rodx = d_pin.mul_add(w_rody, t8_4);
-        let t8_5 = sin_q3_pin * al_rodx;
+        let t9_3 = d_pin * w_rody;
+        let t9_4 = sin_pin.mul_add(al_cranky, t9_3);
+        let al_rodx = cos_pin.mul_add(al_crankx, t9_4);
         let w_rodz = d_q3 + d_pin;
         let w_rodx = sin_q3_pin * d_q1;
-        let t8_6 = w_rodz * w_rodx;
-        let w_ixx_rod_q1 = cos_q3_pin.mul_add(t8_6, t8_5);
-        let t8_7 = w_rodx * w_rody;
-        let w_ixx_rod_q2 = x_pin_q2 * t8_7;
-        let t8_8 = like.lift(1.0) - x_pin_q3;
-        let w_ixx_rod_q3 = t8_7 * t8_8;
-        let t8_9 = -w_ixx_rod_q3;
-        w[60] = [w_ixx_rod_q1, w_ixx_rod_q2, like.lift(0.0), t8_9];
-        let t8_10 = sin_pin * al_crankx;
-        let t8_11 = (-cos_pin).mul_add(al_cranky, t8_10);
-        let al_rody = d_pin.mul_add(w_rodx, t8_11);
-        let t8_12 = al_rody + t8_6;
-        let t8_13 = sin_q3_pin * t8_12;
-        let t8_14 = w_rodz * w_rody;
-        let t8_15 = al_rodx + t8_14;
-        let w_ixy_rod_q1 = (-cos_q3_pin).mul_add(t8_15, t8_13);
-        let t8_16 = -w_ixy_rod_q1;
-        let t8_17 = w_rodx * w_rodx;
-        let t8_18 = w_rody * w_rody;
-        let t8_19 = t8_17 - t8_18;
-        let w_ixy_rod_q2 = x_pin_q2 * t8_19;
-        let t8_20 = -w_ixy_rod_q2;
-        let w_ixy_rod_q3 = t8_19 * t8_8;
-        w[61] = [t8_16, t8_20, like.lift(0.0), w_ixy_rod_q3];
+        let t9_5 = w_rodz * w_rodx;
+        let t9_6 = cos_q3_pin * t9_5;
+        let w_ixx_rod_q1 = sin_q3_pin.mul_add(al_rodx, t9_6);
+        let t9_7 = w_rodx * w_rody;
+        let w_ixx_rod_q2 = x_pin_q2 * t9_7;
+        let t9_8 = like.lift(1.0) - x_pin_q3;
+        let w_ixx_rod_q3 = t9_7 * t9_8;
+        let t9_9 = -w_ixx_rod_q3;
+        w[60][0] = w_ixx_rod_q1; w[60][1] = w_ixx_rod_q2; w[60][3] = t9_9;
+        let t9_10 = d_pin * w_rodx;
+        let t9_11 = (-cos_pin).mul_add(al_cranky, t9_10);
+        let al_rody = sin_pin.mul_add(al_crankx, t9_11);
+        let t9_12 = al_rody + t9_5;
+        let t9_13 = w_rodz * w_rody;
+        let t9_14 = al_rodx + t9_13;
+        let t9_15 = sin_q3_pin * t9_12;
+        let w_ixy_rod_q1 = (-cos_q3_pin).mul_add(t9_14, t9_15);
+        let t9_16 = -w_ixy_rod_q1;
+        let t9_17 = w_rodx * w_rodx;
+        let t9_18 = w_rody * w_rody;
+        let t9_19 = t9_17 - t9_18;
+        let w_ixy_rod_q2 = x_pin_q2 * t9_19;
+        let t9_20 = -w_ixy_rod_q2;
+        let w_ixy_rod_q3 = t9_19 * t9_8;
+        w[61][0] = t9_16; w[61][1] = t9_20; w[61][3] = w_ixy_rod_q3;
         let al_rodz = dd_q3 + dd_pin;
-        let t8_21 = al_rodz + t8_7;
-        let t8_22 = sin_q3_pin * t8_21;
-        let t8_23 = w_rodz * w_rodz;
-        let t8_24 = t8_23 - t8_17;
-        let w_ixz_rod_q1 = cos_q3_pin.mul_add(t8_24, t8_22);
-        let t8_25 = al_rodx - t8_14;
-        let w_ixz_rod_q2 = x_pin_q2 * t8_25;
-        let t8_26 = -w_ixz_rod_q2;
-        let w_ixz_rod_q3 = t8_25 * t8_8;
-        w[62] = [w_ixz_rod_q1, t8_26, like.lift(0.0), w_ixz_rod_q3];
-        let t8_27 = sin_q3_pin * t8_14;
-        let w_iyy_rod_q1 = cos_q3_pin.mul_add(al_rody, t8_27);
-        let t8_28 = -w_iyy_rod_q1;
-        let t8_29 = -w_ixx_rod_q2;
-        w[63] = [t8_28, t8_29, like.lift(0.0), w_ixx_rod_q3];
-        let t8_30 = t8_23 - t8_18;
-        let t8_31 = sin_q3_pin * t8_30;
-        let t8_32 = al_rodz - t8_7;
-        let w_iyz_rod_q1 = (-cos_q3_pin).mul_add(t8_32, t8_31);
-        let t8_33 = -w_iyz_rod_q1;
-        let t8_34 = al_rody - t8_6;
-        let w_iyz_rod_q2 = x_pin_q2 * t8_34;
-        let w_iyz_rod_q3 = t8_34 * t8_8;
-        let t8_35 = -w_iyz_rod_q3;
-        w[64] = [t8_33, w_iyz_rod_q2, like.lift(0.0), t8_35];
+        let t9_21 = al_rodz + t9_7;
+        let t9_22 = w_rodz * w_rodz;
+        let t9_23 = t9_22 - t9_17;
+        let t9_24 = cos_q3_pin * t9_23;
+        let w_ixz_rod_q1 = sin_q3_pin.mul_add(t9_21, t9_24);
+        let t9_25 = al_rodx - t9_13;
+        let w_ixz_rod_q2 = x_pin_q2 * t9_25;
+        let t9_26 = -w_ixz_rod_q2;
+        let w_ixz_rod_q3 = t9_25 * t9_8;
+        w[62][0] = w_ixz_rod_q1; w[62][1] = t9_26; w[62][3] = w_ixz_rod_q3;
+        let t9_27 = cos_q3_pin * al_rody;
+        let w_iyy_rod_q1 = sin_q3_pin.mul_add(t9_13, t9_27);
+        let t9_28 = -w_iyy_rod_q1;
+        let t9_29 = -w_ixx_rod_q2;
+        w[63][0] = t9_28; w[63][1] = t9_29; w[63][3] = w_ixx_rod_q3;
+        let t9_30 = t9_22 - t9_18;
+        let t9_31 = al_rodz - t9_7;
+        let t9_32 = sin_q3_pin * t9_30;
+        let w_iyz_rod_q1 = (-cos_q3_pin).mul_add(t9_31, t9_32);
+        let t9_33 = -w_iyz_rod_q1;
+        let t9_34 = al_rody - t9_5;
+        let w_iyz_rod_q2 = x_pin_q2 * t9_34;
+        let w_iyz_rod_q3 = t9_34 * t9_8;
+        let t9_35 = -w_iyz_rod_q3;
+        w[64][0] = t9_33; w[64][1] = w_iyz_rod_q2; w[64][3] = t9_35;
         let w_izz_rod_q2 = x_pin_q2 * al_rodz;
-        let t8_36 = -w_izz_rod_q2;
-        let w_izz_rod_q3 = al_rodz * t8_8;
-        w[65] = [like.lift(0.0), t8_36, like.lift(0.0), w_izz_rod_q3];
-        let a_rodz = like.lift(-0.0456).mul_add(t7_5, a_armz);
-        let t8_37 = cos_q3_pin * a_rodz;
+        let t9_36 = -w_izz_rod_q2;
+        let w_izz_rod_q3 = al_rodz * t9_8;
+        w[65][1] = t9_36; w[65][3] = w_izz_rod_q3;
+        let a_rodz = like.lift(-0.0456).mul_add(t8_5, a_armz);
         let u_rod_q1z = like.lift(0.0456).mul_add(cos_q3, like.lift(0.0132));
-        let w_mx_rod_q1 = (-u_rod_q1z).mul_add(t8_12, t8_37);
-        let t8_38 = t7_13 + t7_10;
-        let t8_39 = like.lift(0.0456).mul_add(t8_38, a_crankx);
-        let t8_40 = sin_pin * t8_39;
-        let t8_41 = like.lift(0.0456).mul_add(t7_11, a_cranky);
-        let a_rody = cos_pin.mul_add(t8_41, t8_40);
+        let t9_37 = cos_q3_pin * a_rodz;
+        let w_mx_rod_q1 = (-u_rod_q1z).mul_add(t9_12, t9_37);
+        let t9_38 = t8_12 + t8_10;
+        let t9_39 = like.lift(0.0456).mul_add(t9_38, a_crankx);
+        let t9_40 = like.lift(0.0456).mul_add(t8_11, a_cranky);
+        let t9_41 = cos_pin * t9_40;
+        let a_rody = sin_pin.mul_add(t9_39, t9_41);
         let w_mx_rod_q2 = x_pin_q2 * a_rody;
-        let t8_42 = -w_mx_rod_q2;
-        let t8_43 = t8_23 + t8_18;
-        let t8_44 = sin_pin * t8_43;
-        let t8_45 = like.lift(0.0456) * t8_44;
-        let t8_46 = cos_pin * t8_21;
-        let t8_47 = like.lift(-0.0456).mul_add(t8_46, t8_45);
-        let w_mx_rod_q3 = a_rody.mul_add(t8_8, -t8_47);
-        w[66] = [w_mx_rod_q1, t8_42, like.lift(0.0), w_mx_rod_q3];
-        let t8_48 = sin_q3_pin * a_rodz;
-        let w_my_rod_q1 = u_rod_q1z.mul_add(t8_15, t8_48);
-        let t8_49 = -w_my_rod_q1;
-        let t8_50 = cos_pin * t8_39;
-        let a_rodx = (-sin_pin).mul_add(t8_41, t8_50);
+        let t9_42 = -w_mx_rod_q2;
+        let t9_43 = t9_22 + t9_18;
+        let t9_44 = cos_pin * t9_21;
+        let t9_45 = (-sin_pin).mul_add(t9_43, t9_44);
+        let t9_46 = a_rody * t9_8;
+        let w_mx_rod_q3 = like.lift(0.0456).mul_add(t9_45, t9_46);
+        w[66][0] = w_mx_rod_q1; w[66][1] = t9_42; w[66][3] = w_mx_rod_q3;
+        let t9_47 = u_rod_q1z * t9_14;
+        let w_my_rod_q1 = sin_q3_pin.mul_add(a_rodz, t9_47);
+        let t9_48 = -w_my_rod_q1;
+        let t9_49 = cos_pin * t9_39;
+        let a_rodx = (-sin_pin).mul_add(t9_40, t9_49);
         let w_my_rod_q2 = x_pin_q2 * a_rodx;
-        let t8_51 = -w_my_rod_q2;
-        let t8_52 = sin_pin * t8_32;
-        let t8_53 = like.lift(0.0456) * t8_52;
-        let t8_54 = t8_23 + t8_17;
-        let t8_55 = cos_pin * t8_54;
-        let t8_56 = like.lift(0.0456).mul_add(t8_55, t8_53);
-        let w_my_rod_q3 = a_rodx.mul_add(t8_8, -t8_56);
-        w[67] = [t8_49, t8_51, like.lift(0.0), w_my_rod_q3];
-        let t8_57 = cos_q3_pin * a_rodx;
-        let t8_58 = sin_q3_pin.mul_add(a_rody, t8_57);
-        let w_mz_rod_q1 = (-u_rod_q1z).mul_add(t2_21, t8_58);
-        let t8_59 = -w_mz_rod_q1;
-        let t8_60 = sin_pin * t8_34;
-        let t8_61 = like.lift(0.0456) * t8_60;
-        let t8_62 = cos_pin * t8_25;
-        let w_mz_rod_q3 = like.lift(0.0456).mul_add(t8_62, t8_61);
-        let t8_63 = -w_mz_rod_q3;
-        w[68] = [t8_59, like.lift(0.0), like.lift(0.0), t8_63];
+        let t9_50 = -w_my_rod_q2;
+        let t9_51 = t9_22 + t9_17;
+        let t9_52 = cos_pin * t9_51;
+        let t9_53 = sin_pin.mul_add(t9_31, t9_52);
+        let t9_54 = a_rodx * t9_8;
+        let w_my_rod_q3 = like.lift(-0.0456).mul_add(t9_53, t9_54);
+        w[67][0] = t9_48; w[67][1] = t9_50; w[67][3] = w_my_rod_q3;
+        let t9_55 = sin_q3_pin * a_rody;
+        let t9_56 = (-u_rod_q1z).mul_add(t3_22, t9_55);
+        let w_mz_rod_q1 = cos_q3_pin.mul_add(a_rodx, t9_56);
+        let t9_57 = -w_mz_rod_q1;
+        let t9_58 = cos_pin * t9_25;
+        let t9_59 = sin_pin.mul_add(t9_34, t9_58);
+        let w_mz_rod_q3 = like.lift(0.0456) * t9_59;
+        let t9_60 = -w_mz_rod_q3;
+        w[68][0] = t9_57; w[68][3] = t9_60;
         let w_m_rod_q1 = u_rod_q1z * a_rodz;
-        let t8_64 = sin_pin * a_rodx;
-        let t8_65 = like.lift(0.0456) * t8_64;
-        let t8_66 = cos_pin * a_rody;
-        let w_m_rod_q3 = like.lift(-0.0456).mul_add(t8_66, t8_65);
-        let t8_67 = -w_m_rod_q3;
-        w[69] = [w_m_rod_q1, like.lift(0.0), like.lift(0.0), t8_67];
+        let t9_61 = cos_pin * a_rody;
+        let t9_62 = (-sin_pin).mul_add(a_rodx, t9_61);
+        let t9_63 = like.lift(0.0456) * t9_62;
+        let w_m_rod_q3 = -t9_63;
+        let t9_64 = -w_m_rod_q3;
+        w[69][0] = w_m_rod_q1; w[69][3] = t9_64;
     }
     Condition { pivot: condition }
 }
@@ -1881,7 +1847,7 @@ pub fn regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
 ///
-/// 391 additions, 435 multiplications, 1 divisions, 6 sines and cosines.
+/// 391 additions, 388 multiplications, 1 divisions, 6 sines and cosines.
 pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &[T; 70]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 4];
@@ -1901,585 +1867,517 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
         p_iyz_rod, p_izz_rod, p_mx_rod, p_my_rod, p_mz_rod, p_m_rod,
     ] = *phi;
     let mut condition = like.lift(1.0);
-    // tau, part 1
+    // sines and cosines
     let [
-        sin_q3, cos_q3, t1_1, al_crankx, t1_3, al_cranky, w_ixx_crank_q3, t1_9, t1_17,
-        a_cranky, sin_pin, cos_pin, al_rodx, al_rody, al_rodz, t1_31, t1_32, t1_33, t1_36,
-        t1_37, a_crankx, a_rody, t1_60, a_rodx, t1_78, t1_107, sin_q2, cos_q2, t1_108, al_armx,
-        w_armx, t1_110, al_army, w_ixx_arm_q2, t1_115, t1_116, a_army, t1_127, sin_elbow,
-        cos_elbow, sin_q2_elbow, cos_q2_elbow, al_forearmx, w_forearmx, al_forearmy,
-        al_forearmz, t1_137, t1_138, t1_139, t1_142, t1_143, t1_149, a_forearmz, a_armx,
-        a_forearmy, t1_159, sin_wrist, cos_wrist, w_wristy, al_wristx, w_wristx, al_wristy,
-        al_wristz, w_wristz, t1_169, t1_170, t1_171, t1_174, t1_175, t1_181, a_wristz,
-        a_forearmx, t1_184, t1_185, t1_187, t1_188, a_wristy, t1_190, sin_q4, cos_q4, t1_192,
-        t1_193,
+        sin_q3, cos_q3, sin_pin, cos_pin, sin_q2, cos_q2, sin_elbow, cos_elbow, sin_wrist,
+        cos_wrist, sin_q4, cos_q4,
     ] = {
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let w_ixz_crank_q3 = sin_q3 * dd_q1;
-        let w_cranky = cos_q3 * d_q1;
-        let t1_1 = d_q3 * w_cranky;
-        let al_crankx = w_ixz_crank_q3 + t1_1;
-        let t1_2 = al_crankx * p_ixx_crank;
-        let w_iyz_crank_q3 = cos_q3 * dd_q1;
-        let w_crankx = sin_q3 * d_q1;
-        let t1_3 = d_q3 * w_crankx;
-        let al_cranky = w_iyz_crank_q3 - t1_3;
-        let t1_4 = al_cranky.mul_add(p_ixy_crank, t1_2);
-        let t1_5 = dd_q3.mul_add(p_ixz_crank, t1_4);
-        let w_ixx_crank_q3 = w_crankx * w_cranky;
-        let t1_6 = p_iyy_crank - p_izz_crank;
-        let t1_7 = t1_1 * t1_6;
-        let t1_8 = d_q3 * d_q3;
-        let t1_9 = w_cranky * w_cranky;
-        let t1_10 = t1_8 - t1_9;
-        let t1_11 = t1_10.mul_add(p_iyz_crank, t1_7);
-        let t1_12 = w_ixx_crank_q3.mul_add(p_ixz_crank, -t1_11);
-        let t1_13 = t1_3.mul_add(p_ixy_crank, -t1_12);
-        let t1_14 = t1_5 - t1_13;
-        let t1_15 = dd_q1 * p_my_crank;
-        let t1_16 = like.lift(0.0132) * t1_15;
-        let t1_17 = d_q1 * d_q1;
-        let t1_18 = sin_q3 * t1_17;
-        let t1_19 = like.lift(0.0132) * t1_18;
-        let a_cranky = like.lift(9.81).mul_add(cos_q3, t1_19);
-        let t1_20 = a_cranky.mul_add(p_mz_crank, t1_16);
-        let t1_21 = t1_14 - t1_20;
-        let (sin_pin, cos_pin) = pin.sin_cos();
-        let t1_22 = cos_pin * al_crankx;
-        let t1_23 = sin_pin.mul_add(al_cranky, t1_22);
-        let t1_24 = cos_q3 * sin_pin;
-        let t1_25 = sin_q3 * sin_pin;
-        let sin_q3_pin = sin_q3.mul_add(cos_pin, t1_24);
-        let cos_q3_pin = cos_q3.mul_add(cos_pin, -t1_25);
-        let w_rody = cos_q3_pin * d_q1;
-        let al_rodx = d_pin.mul_add(w_rody, t1_23);
-        let t1_26 = al_rodx * p_ixx_rod;
-        let t1_27 = sin_pin * al_crankx;
-        let t1_28 = (-cos_pin).mul_add(al_cranky, t1_27);
-        let w_rodx = sin_q3_pin * d_q1;
-        let al_rody = d_pin.mul_add(w_rodx, t1_28);
-        let t1_29 = (-al_rody).mul_add(p_ixy_rod, t1_26);
-        let al_rodz = dd_q3 + dd_pin;
-        let t1_30 = al_rodz.mul_add(p_ixz_rod, t1_29);
-        let w_rodz = d_q3 + d_pin;
-        let t1_31 = w_rodz * w_rodx;
-        let t1_32 = w_rodx * w_rody;
-        let t1_33 = w_rodz * w_rody;
-        let t1_34 = p_iyy_rod - p_izz_rod;
-        let t1_35 = t1_33 * t1_34;
-        let t1_36 = w_rodz * w_rodz;
-        let t1_37 = w_rody * w_rody;
-        let t1_38 = t1_36 - t1_37;
-        let t1_39 = t1_38.mul_add(p_iyz_rod, t1_35);
-        let t1_40 = t1_32.mul_add(p_ixz_rod, -t1_39);
-        let t1_41 = t1_31.mul_add(p_ixy_rod, -t1_40);
-        let t1_42 = t1_30 - t1_41;
-        let a_armz = like.lift(0.0132) * dd_q1;
-        let t1_43 = t1_3 - al_cranky;
-        let a_rodz = like.lift(-0.0456).mul_add(t1_43, a_armz);
-        let t1_44 = a_rodz * p_my_rod;
-        let t1_45 = cos_q3 * t1_17;
-        let t1_46 = like.lift(0.0132) * t1_45;
-        let a_crankx = like.lift(-9.81).mul_add(sin_q3, t1_46);
-        let t1_47 = t1_8 + t1_9;
-        let t1_48 = like.lift(0.0456).mul_add(t1_47, a_crankx);
-        let t1_49 = sin_pin * t1_48;
-        let t1_50 = dd_q3 + w_ixx_crank_q3;
-        let t1_51 = like.lift(0.0456).mul_add(t1_50, a_cranky);
-        let a_rody = cos_pin.mul_add(t1_51, t1_49);
-        let t1_52 = a_rody.mul_add(p_mz_rod, t1_44);
-        let t1_53 = t1_42 - t1_52;
-        let t1_54 = cos_pin * t1_53;
-        let t1_55 = al_rodx * p_ixy_rod;
-        let t1_56 = (-al_rody).mul_add(p_iyy_rod, t1_55);
-        let t1_57 = al_rodz.mul_add(p_iyz_rod, t1_56);
-        let t1_58 = p_ixx_rod - p_izz_rod;
-        let t1_59 = t1_31 * t1_58;
-        let t1_60 = w_rodx * w_rodx;
-        let t1_61 = t1_36 - t1_60;
-        let t1_62 = t1_61.mul_add(p_ixz_rod, t1_59);
-        let t1_63 = t1_33.mul_add(p_ixy_rod, t1_62);
-        let t1_64 = t1_32.mul_add(p_iyz_rod, -t1_63);
-        let t1_65 = t1_57 - t1_64;
-        let t1_66 = cos_pin * t1_48;
-        let a_rodx = (-sin_pin).mul_add(t1_51, t1_66);
-        let t1_67 = a_rodx * p_mz_rod;
-        let t1_68 = (-a_rodz).mul_add(p_mx_rod, t1_67);
-        let t1_69 = t1_65 - t1_68;
-        let t1_70 = (-sin_pin).mul_add(t1_69, t1_54);
-        let t1_71 = t1_21 + t1_70;
-        let t1_72 = sin_q3 * t1_71;
-        let t1_73 = al_crankx * p_ixy_crank;
-        let t1_74 = al_cranky.mul_add(p_iyy_crank, t1_73);
-        let t1_75 = dd_q3.mul_add(p_iyz_crank, t1_74);
-        let t1_76 = p_ixx_crank - p_izz_crank;
-        let t1_77 = t1_3 * t1_76;
-        let t1_78 = w_crankx * w_crankx;
-        let t1_79 = t1_8 - t1_78;
-        let t1_80 = t1_79.mul_add(p_ixz_crank, t1_77);
-        let t1_81 = t1_1.mul_add(p_ixy_crank, t1_80);
-        let t1_82 = w_ixx_crank_q3.mul_add(p_iyz_crank, -t1_81);
-        let t1_83 = t1_75 - t1_82;
-        let t1_84 = a_crankx * p_mz_crank;
-        let t1_85 = dd_q1 * p_mx_crank;
-        let t1_86 = like.lift(-0.0132).mul_add(t1_85, t1_84);
-        let t1_87 = t1_83 - t1_86;
-        let t1_88 = sin_pin * t1_53;
-        let t1_89 = cos_pin.mul_add(t1_69, t1_88);
-        let t1_90 = al_rody + t1_31;
-        let t1_91 = t1_90 * p_mx_rod;
-        let t1_92 = al_rodx + t1_33;
-        let t1_93 = t1_92.mul_add(p_my_rod, t1_91);
-        let t1_94 = (-t1_17).mul_add(p_mz_rod, t1_93);
-        let t1_95 = a_rodz.mul_add(p_m_rod, -t1_94);
-        let t1_96 = like.lift(0.0456).mul_add(t1_95, t1_89);
-        let t1_97 = t1_87 + t1_96;
-        let t1_98 = cos_q3.mul_add(t1_97, t1_72);
-        let t1_99 = dd_q1 * p_m_crank;
-        let t1_100 = t1_43 * p_mx_crank;
-        let t1_101 = t1_1 + al_crankx;
-        let t1_102 = t1_101.mul_add(p_my_crank, t1_100);
-        let t1_103 = (-t1_17).mul_add(p_mz_crank, t1_102);
-        let t1_104 = like.lift(0.0132).mul_add(t1_99, -t1_103);
-        let t1_105 = t1_104 + t1_95;
-        let t1_106 = like.lift(0.0132).mul_add(t1_105, t1_98);
-        let t1_107 = dd_q1.mul_add(p_izz_column, t1_106);
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let w_ixz_arm_q2 = sin_q2 * dd_q1;
-        let w_army = cos_q2 * d_q1;
-        let t1_108 = d_q2 * w_army;
-        let al_armx = w_ixz_arm_q2 + t1_108;
-        let t1_109 = al_armx * p_ixx_arm;
-        let w_iyz_arm_q2 = cos_q2 * dd_q1;
-        let w_armx = sin_q2 * d_q1;
-        let t1_110 = d_q2 * w_armx;
-        let al_army = w_iyz_arm_q2 - t1_110;
-        let t1_111 = al_army.mul_add(p_ixy_arm, t1_109);
-        let t1_112 = dd_q2.mul_add(p_ixz_arm, t1_111);
-        let w_ixx_arm_q2 = w_armx * w_army;
-        let t1_113 = p_iyy_arm - p_izz_arm;
-        let t1_114 = t1_108 * t1_113;
-        let t1_115 = w_army * w_army;
-        let t1_116 = d_q2 * d_q2;
-        let t1_117 = t1_115 - t1_116;
-        let t1_118 = (-t1_117).mul_add(p_iyz_arm, t1_114);
-        let t1_119 = w_ixx_arm_q2.mul_add(p_ixz_arm, -t1_118);
-        let t1_120 = t1_110.mul_add(p_ixy_arm, -t1_119);
-        let t1_121 = t1_112 - t1_120;
-        let t1_122 = dd_q1 * p_my_arm;
-        let t1_123 = like.lift(0.0132) * t1_122;
-        let t1_124 = sin_q2 * t1_17;
-        let t1_125 = like.lift(0.0132) * t1_124;
-        let a_army = like.lift(9.81).mul_add(cos_q2, t1_125);
-        let t1_126 = a_army.mul_add(p_mz_arm, t1_123);
-        let t1_127 = t1_121 - t1_126;
-        let (sin_elbow, cos_elbow) = elbow.sin_cos();
-        let t1_128 = cos_elbow * al_armx;
-        let t1_129 = sin_elbow.mul_add(al_army, t1_128);
-        let t1_130 = cos_q2 * sin_elbow;
-        let t1_131 = sin_q2 * sin_elbow;
-        let sin_q2_elbow = sin_q2.mul_add(cos_elbow, t1_130);
-        let cos_q2_elbow = cos_q2.mul_add(cos_elbow, -t1_131);
-        let w_forearmy = cos_q2_elbow * d_q1;
-        let al_forearmx = d_elbow.mul_add(w_forearmy, t1_129);
-        let t1_132 = al_forearmx * p_ixx_forearm;
-        let t1_133 = sin_elbow * al_armx;
-        let t1_134 = (-cos_elbow).mul_add(al_army, t1_133);
-        let w_forearmx = sin_q2_elbow * d_q1;
-        let al_forearmy = d_elbow.mul_add(w_forearmx, t1_134);
-        let t1_135 = (-al_forearmy).mul_add(p_ixy_forearm, t1_132);
-        let al_forearmz = dd_q2 + dd_elbow;
-        let t1_136 = al_forearmz.mul_add(p_ixz_forearm, t1_135);
-        let w_forearmz = d_q2 + d_elbow;
-        let t1_137 = w_forearmz * w_forearmx;
-        let t1_138 = w_forearmx * w_forearmy;
-        let t1_139 = w_forearmz * w_forearmy;
-        let t1_140 = p_iyy_forearm - p_izz_forearm;
-        let t1_141 = t1_139 * t1_140;
-        let t1_142 = w_forearmy * w_forearmy;
-        let t1_143 = w_forearmz * w_forearmz;
-        let t1_144 = t1_142 - t1_143;
-        let t1_145 = (-t1_144).mul_add(p_iyz_forearm, t1_141);
-        let t1_146 = t1_138.mul_add(p_ixz_forearm, -t1_145);
-        let t1_147 = t1_137.mul_add(p_ixy_forearm, -t1_146);
-        let t1_148 = t1_136 - t1_147;
-        let t1_149 = t1_110 - al_army;
-        let a_forearmz = like.lift(-0.14207).mul_add(t1_149, a_armz);
-        let t1_150 = a_forearmz * p_my_forearm;
-        let t1_151 = cos_q2 * t1_17;
-        let t1_152 = like.lift(0.0132) * t1_151;
-        let a_armx = like.lift(-9.81).mul_add(sin_q2, t1_152);
-        let t1_153 = t1_115 + t1_116;
-        let t1_154 = like.lift(0.14207).mul_add(t1_153, a_armx);
-        let t1_155 = sin_elbow * t1_154;
-        let t1_156 = dd_q2 + w_ixx_arm_q2;
-        let t1_157 = like.lift(0.14207).mul_add(t1_156, a_army);
-        let a_forearmy = cos_elbow.mul_add(t1_157, t1_155);
-        let t1_158 = a_forearmy.mul_add(p_mz_forearm, t1_150);
-        let t1_159 = t1_148 - t1_158;
-        let (sin_wrist, cos_wrist) = wrist.sin_cos();
-        let t1_160 = cos_wrist * al_forearmx;
-        let t1_161 = (-sin_wrist).mul_add(al_forearmy, t1_160);
-        let t1_162 = cos_q2_elbow * sin_wrist;
-        let t1_163 = sin_q2_elbow * sin_wrist;
-        let sin_q2_elbow_wrist = sin_q2_elbow.mul_add(cos_wrist, t1_162);
-        let cos_q2_elbow_wrist = cos_q2_elbow.mul_add(cos_wrist, -t1_163);
-        let w_wristy = d_q1 * cos_q2_elbow_wrist;
-        let al_wristx = d_wrist.mul_add(w_wristy, t1_161);
-        let t1_164 = al_wristx * p_ixx_wrist;
-        let t1_165 = sin_wrist * al_forearmx;
-        let t1_166 = cos_wrist.mul_add(al_forearmy, t1_165);
-        let w_wristx = d_q1 * sin_q2_elbow_wrist;
-        let al_wristy = d_wrist.mul_add(w_wristx, t1_166);
-        let t1_167 = (-al_wristy).mul_add(p_ixy_wrist, t1_164);
-        let al_wristz = dd_wrist + al_forearmz;
-        let t1_168 = al_wristz.mul_add(p_ixz_wrist, t1_167);
-        let w_wristz = d_wrist + w_forearmz;
-        let t1_169 = w_wristx * w_wristz;
-        let t1_170 = w_wristx * w_wristy;
-        let t1_171 = w_wristy * w_wristz;
-        let t1_172 = p_iyy_wrist - p_izz_wrist;
-        let t1_173 = t1_171 * t1_172;
-        let t1_174 = w_wristy * w_wristy;
-        let t1_175 = w_wristz * w_wristz;
-        let t1_176 = t1_174 - t1_175;
-        let t1_177 = (-t1_176).mul_add(p_iyz_wrist, t1_173);
-        let t1_178 = t1_170.mul_add(p_ixz_wrist, -t1_177);
-        let t1_179 = t1_169.mul_add(p_ixy_wrist, -t1_178);
-        let t1_180 = t1_168 - t1_179;
-        let t1_181 = al_forearmy + t1_137;
-        let a_wristz = like.lift(-0.15852).mul_add(t1_181, a_forearmz);
-        let t1_182 = a_wristz * p_my_wrist;
-        let t1_183 = cos_elbow * t1_154;
-        let a_forearmx = (-sin_elbow).mul_add(t1_157, t1_183);
-        let t1_184 = t1_142 + t1_143;
-        let t1_185 = like.lift(0.15852).mul_add(t1_184, a_forearmx);
-        let t1_186 = sin_wrist * t1_185;
-        let t1_187 = al_forearmz + t1_138;
-        let t1_188 = like.lift(0.15852).mul_add(t1_187, a_forearmy);
-        let a_wristy = cos_wrist.mul_add(t1_188, t1_186);
-        let t1_189 = a_wristy.mul_add(p_mz_wrist, t1_182);
-        let t1_190 = t1_180 - t1_189;
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t1_191 = cos_q4 * al_wristx;
-        let t1_192 = sin_q4.mul_add(al_wristz, t1_191);
-        let t1_193 = sin_q4 * w_wristx;
+        let [
+            (sin_q3, cos_q3), (sin_pin, cos_pin), (sin_q2, cos_q2), (sin_elbow, cos_elbow),
+            (sin_wrist, cos_wrist), (sin_q4, cos_q4),
+        ] =
+            T::sin_cos_all([q3, pin, q2, elbow, wrist, q4]);
         [
-            sin_q3, cos_q3, t1_1, al_crankx, t1_3, al_cranky, w_ixx_crank_q3, t1_9, t1_17,
-            a_cranky, sin_pin, cos_pin, al_rodx, al_rody, al_rodz, t1_31, t1_32, t1_33, t1_36,
-            t1_37, a_crankx, a_rody, t1_60, a_rodx, t1_78, t1_107, sin_q2, cos_q2, t1_108,
-            al_armx, w_armx, t1_110, al_army, w_ixx_arm_q2, t1_115, t1_116, a_army, t1_127,
-            sin_elbow, cos_elbow, sin_q2_elbow, cos_q2_elbow, al_forearmx, w_forearmx,
-            al_forearmy, al_forearmz, t1_137, t1_138, t1_139, t1_142, t1_143, t1_149,
-            a_forearmz, a_armx, a_forearmy, t1_159, sin_wrist, cos_wrist, w_wristy, al_wristx,
-            w_wristx, al_wristy, al_wristz, w_wristz, t1_169, t1_170, t1_171, t1_174, t1_175,
-            t1_181, a_wristz, a_forearmx, t1_184, t1_185, t1_187, t1_188, a_wristy, t1_190,
-            sin_q4, cos_q4, t1_192, t1_193,
+            sin_q3, cos_q3, sin_pin, cos_pin, sin_q2, cos_q2, sin_elbow, cos_elbow, sin_wrist,
+            cos_wrist, sin_q4, cos_q4,
         ]
     };
-    // tau, part 2
-    let [t2_72, t2_153, t2_165, t2_202, t2_220, t2_222, t2_232, t2_235] = {
-        let w_flangey = (-cos_q4).mul_add(w_wristz, t1_193);
-        let al_flangex = (-d_q4).mul_add(w_flangey, t1_192);
-        let t2_1 = al_flangex * p_ixx_flange;
-        let t2_2 = sin_q4 * al_wristx;
-        let t2_3 = (-cos_q4).mul_add(al_wristz, t2_2);
-        let t2_4 = cos_q4 * w_wristx;
-        let w_flangex = sin_q4.mul_add(w_wristz, t2_4);
-        let al_flangey = d_q4.mul_add(w_flangex, t2_3);
-        let t2_5 = (-al_flangey).mul_add(p_ixy_flange, t2_1);
+    // tau, part 1
+    let [
+        t2_1, al_crankx, t2_2, al_cranky, w_ixx_crank_q3, t2_5, t2_7, a_cranky, al_rodx,
+        al_rody, al_rodz, t2_16, t2_17, t2_18, t2_20, t2_21, a_armz, a_crankx, a_rody, t2_40,
+        a_rodx, t2_62, t2_64, t2_83, t2_88, t2_89, al_armx, w_armx, t2_90, al_army,
+        w_ixx_arm_q2, t2_91, t2_92, t2_93, t2_94, a_army, sin_q2_elbow, cos_q2_elbow,
+        al_forearmx, w_forearmx, al_forearmy, al_forearmz, t2_102, t2_103, t2_104, t2_105,
+        t2_106, t2_107, t2_108, t2_109, a_forearmz, a_armx, a_forearmy, al_wristx, al_wristy,
+        al_wristz, t2_122, t2_123, t2_124, t2_126, t2_127, t2_129, a_wristz, a_forearmx,
+        t2_131, t2_133, a_wristy, al_flangex, al_flangey, al_flangez, t2_142, w_ixx_flange_q4,
+        t2_143, t2_145, t2_146, t2_148, a_flangez, a_wristx, t2_150, t2_152, a_flangey, t2_163,
+        t2_165, a_flangex, t2_176, t2_187, t2_188, t2_189, t2_190, t2_191, w_ixy_flange_q4,
+    ] = {
+        let w_cranky = cos_q3 * d_q1;
+        let t2_1 = d_q3 * w_cranky;
+        let al_crankx = sin_q3.mul_add(dd_q1, t2_1);
+        let w_crankx = sin_q3 * d_q1;
+        let t2_2 = d_q3 * w_crankx;
+        let al_cranky = cos_q3.mul_add(dd_q1, -t2_2);
+        let w_ixx_crank_q3 = w_crankx * w_cranky;
+        let t2_3 = p_iyy_crank - p_izz_crank;
+        let t2_4 = d_q3 * d_q3;
+        let t2_5 = w_cranky * w_cranky;
+        let t2_6 = t2_4 - t2_5;
+        let t2_7 = d_q1 * d_q1;
+        let t2_8 = like.lift(0.0132) * t2_7;
+        let t2_9 = like.lift(9.81) * cos_q3;
+        let a_cranky = sin_q3.mul_add(t2_8, t2_9);
+        let t2_10 = sin_q3 * cos_pin;
+        let sin_q3_pin = cos_q3.mul_add(sin_pin, t2_10);
+        let t2_11 = cos_q3 * cos_pin;
+        let cos_q3_pin = (-sin_q3).mul_add(sin_pin, t2_11);
+        let w_rody = cos_q3_pin * d_q1;
+        let t2_12 = d_pin * w_rody;
+        let t2_13 = sin_pin.mul_add(al_cranky, t2_12);
+        let al_rodx = cos_pin.mul_add(al_crankx, t2_13);
+        let w_rodx = sin_q3_pin * d_q1;
+        let t2_14 = d_pin * w_rodx;
+        let t2_15 = (-cos_pin).mul_add(al_cranky, t2_14);
+        let al_rody = sin_pin.mul_add(al_crankx, t2_15);
+        let al_rodz = dd_q3 + dd_pin;
+        let w_rodz = d_q3 + d_pin;
+        let t2_16 = w_rodz * w_rodx;
+        let t2_17 = w_rodx * w_rody;
+        let t2_18 = w_rodz * w_rody;
+        let t2_19 = p_iyy_rod - p_izz_rod;
+        let t2_20 = w_rodz * w_rodz;
+        let t2_21 = w_rody * w_rody;
+        let t2_22 = t2_20 - t2_21;
+        let a_armz = like.lift(0.0132) * dd_q1;
+        let t2_23 = t2_2 - al_cranky;
+        let a_rodz = like.lift(-0.0456).mul_add(t2_23, a_armz);
+        let t2_24 = cos_q3 * t2_8;
+        let a_crankx = like.lift(-9.81).mul_add(sin_q3, t2_24);
+        let t2_25 = t2_4 + t2_5;
+        let t2_26 = like.lift(0.0456).mul_add(t2_25, a_crankx);
+        let t2_27 = dd_q3 + w_ixx_crank_q3;
+        let t2_28 = like.lift(0.0456).mul_add(t2_27, a_cranky);
+        let t2_29 = cos_pin * t2_28;
+        let a_rody = sin_pin.mul_add(t2_26, t2_29);
+        let t2_30 = al_rody + t2_16;
+        let t2_31 = al_rodz + t2_17;
+        let t2_32 = p_ixz_rod * t2_31;
+        let t2_33 = (-p_ixy_rod).mul_add(t2_30, t2_32);
+        let t2_34 = al_rodx.mul_add(p_ixx_rod, t2_33);
+        let t2_35 = (-t2_22).mul_add(p_iyz_rod, t2_34);
+        let t2_36 = (-t2_18).mul_add(t2_19, t2_35);
+        let t2_37 = (-a_rody).mul_add(p_mz_rod, t2_36);
+        let t2_38 = (-a_rodz).mul_add(p_my_rod, t2_37);
+        let t2_39 = p_ixx_rod - p_izz_rod;
+        let t2_40 = w_rodx * w_rodx;
+        let t2_41 = t2_20 - t2_40;
+        let t2_42 = cos_pin * t2_26;
+        let a_rodx = (-sin_pin).mul_add(t2_28, t2_42);
+        let t2_43 = al_rodx + t2_18;
+        let t2_44 = al_rodz - t2_17;
+        let t2_45 = p_iyz_rod * t2_44;
+        let t2_46 = (-al_rody).mul_add(p_iyy_rod, t2_45);
+        let t2_47 = p_ixy_rod.mul_add(t2_43, t2_46);
+        let t2_48 = t2_41.mul_add(p_ixz_rod, t2_47);
+        let t2_49 = t2_16.mul_add(t2_39, t2_48);
+        let t2_50 = a_rodz.mul_add(p_mx_rod, t2_49);
+        let t2_51 = (-a_rodx).mul_add(p_mz_rod, t2_50);
+        let t2_52 = al_cranky - t2_2;
+        let t2_53 = dd_q3 + w_ixx_crank_q3;
+        let t2_54 = p_ixz_crank * t2_53;
+        let t2_55 = p_ixy_crank.mul_add(t2_52, t2_54);
+        let t2_56 = al_crankx.mul_add(p_ixx_crank, t2_55);
+        let t2_57 = (-t2_6).mul_add(p_iyz_crank, t2_56);
+        let t2_58 = (-t2_1).mul_add(t2_3, t2_57);
+        let t2_59 = (-a_cranky).mul_add(p_mz_crank, t2_58);
+        let t2_60 = (-p_my_crank).mul_add(a_armz, t2_59);
+        let t2_61 = (-sin_pin).mul_add(t2_51, t2_60);
+        let t2_62 = cos_pin.mul_add(t2_38, t2_61);
+        let t2_63 = p_ixx_crank - p_izz_crank;
+        let t2_64 = w_crankx * w_crankx;
+        let t2_65 = t2_4 - t2_64;
+        let t2_66 = al_rody + t2_16;
+        let t2_67 = al_rodx + t2_18;
+        let t2_68 = a_rodz * p_m_rod;
+        let t2_69 = t2_7.mul_add(p_mz_rod, t2_68);
+        let t2_70 = (-t2_67).mul_add(p_my_rod, t2_69);
+        let t2_71 = (-t2_66).mul_add(p_mx_rod, t2_70);
+        let t2_72 = al_crankx + t2_1;
+        let t2_73 = dd_q3 - w_ixx_crank_q3;
+        let t2_74 = p_iyz_crank * t2_73;
+        let t2_75 = al_cranky.mul_add(p_iyy_crank, t2_74);
+        let t2_76 = p_ixy_crank.mul_add(t2_72, t2_75);
+        let t2_77 = t2_65.mul_add(p_ixz_crank, t2_76);
+        let t2_78 = t2_2.mul_add(t2_63, t2_77);
+        let t2_79 = p_mx_crank.mul_add(a_armz, t2_78);
+        let t2_80 = (-a_crankx).mul_add(p_mz_crank, t2_79);
+        let t2_81 = like.lift(0.0456).mul_add(t2_71, t2_80);
+        let t2_82 = cos_pin.mul_add(t2_51, t2_81);
+        let t2_83 = sin_pin.mul_add(t2_38, t2_82);
+        let t2_84 = t2_1 + al_crankx;
+        let t2_85 = p_m_crank.mul_add(a_armz, t2_71);
+        let t2_86 = t2_7.mul_add(p_mz_crank, t2_85);
+        let t2_87 = (-t2_84).mul_add(p_my_crank, t2_86);
+        let t2_88 = (-t2_23).mul_add(p_mx_crank, t2_87);
+        let w_army = cos_q2 * d_q1;
+        let t2_89 = d_q2 * w_army;
+        let al_armx = sin_q2.mul_add(dd_q1, t2_89);
+        let w_armx = sin_q2 * d_q1;
+        let t2_90 = d_q2 * w_armx;
+        let al_army = cos_q2.mul_add(dd_q1, -t2_90);
+        let w_ixx_arm_q2 = w_armx * w_army;
+        let t2_91 = p_iyy_arm - p_izz_arm;
+        let t2_92 = w_army * w_army;
+        let t2_93 = d_q2 * d_q2;
+        let t2_94 = t2_92 - t2_93;
+        let t2_95 = like.lift(9.81) * cos_q2;
+        let a_army = sin_q2.mul_add(t2_8, t2_95);
+        let t2_96 = sin_q2 * cos_elbow;
+        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t2_96);
+        let t2_97 = cos_q2 * cos_elbow;
+        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t2_97);
+        let w_forearmy = cos_q2_elbow * d_q1;
+        let t2_98 = d_elbow * w_forearmy;
+        let t2_99 = sin_elbow.mul_add(al_army, t2_98);
+        let al_forearmx = cos_elbow.mul_add(al_armx, t2_99);
+        let w_forearmx = sin_q2_elbow * d_q1;
+        let t2_100 = d_elbow * w_forearmx;
+        let t2_101 = (-cos_elbow).mul_add(al_army, t2_100);
+        let al_forearmy = sin_elbow.mul_add(al_armx, t2_101);
+        let al_forearmz = dd_q2 + dd_elbow;
+        let w_forearmz = d_q2 + d_elbow;
+        let t2_102 = w_forearmz * w_forearmx;
+        let t2_103 = w_forearmx * w_forearmy;
+        let t2_104 = w_forearmz * w_forearmy;
+        let t2_105 = p_iyy_forearm - p_izz_forearm;
+        let t2_106 = w_forearmy * w_forearmy;
+        let t2_107 = w_forearmz * w_forearmz;
+        let t2_108 = t2_106 - t2_107;
+        let t2_109 = t2_90 - al_army;
+        let a_forearmz = like.lift(-0.14207).mul_add(t2_109, a_armz);
+        let t2_110 = cos_q2 * t2_8;
+        let a_armx = like.lift(-9.81).mul_add(sin_q2, t2_110);
+        let t2_111 = t2_92 + t2_93;
+        let t2_112 = like.lift(0.14207).mul_add(t2_111, a_armx);
+        let t2_113 = dd_q2 + w_ixx_arm_q2;
+        let t2_114 = like.lift(0.14207).mul_add(t2_113, a_army);
+        let t2_115 = cos_elbow * t2_114;
+        let a_forearmy = sin_elbow.mul_add(t2_112, t2_115);
+        let t2_116 = sin_q2_elbow * cos_wrist;
+        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t2_116);
+        let t2_117 = cos_q2_elbow * cos_wrist;
+        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t2_117);
+        let w_wristy = d_q1 * cos_q2_elbow_wrist;
+        let t2_118 = d_wrist * w_wristy;
+        let t2_119 = (-sin_wrist).mul_add(al_forearmy, t2_118);
+        let al_wristx = cos_wrist.mul_add(al_forearmx, t2_119);
+        let w_wristx = d_q1 * sin_q2_elbow_wrist;
+        let t2_120 = d_wrist * w_wristx;
+        let t2_121 = cos_wrist.mul_add(al_forearmy, t2_120);
+        let al_wristy = sin_wrist.mul_add(al_forearmx, t2_121);
+        let al_wristz = dd_wrist + al_forearmz;
+        let w_wristz = d_wrist + w_forearmz;
+        let t2_122 = w_wristx * w_wristz;
+        let t2_123 = w_wristx * w_wristy;
+        let t2_124 = w_wristy * w_wristz;
+        let t2_125 = p_iyy_wrist - p_izz_wrist;
+        let t2_126 = w_wristy * w_wristy;
+        let t2_127 = w_wristz * w_wristz;
+        let t2_128 = t2_126 - t2_127;
+        let t2_129 = al_forearmy + t2_102;
+        let a_wristz = like.lift(-0.15852).mul_add(t2_129, a_forearmz);
+        let t2_130 = cos_elbow * t2_112;
+        let a_forearmx = (-sin_elbow).mul_add(t2_114, t2_130);
+        let t2_131 = t2_106 + t2_107;
+        let t2_132 = like.lift(0.15852).mul_add(t2_131, a_forearmx);
+        let t2_133 = al_forearmz + t2_103;
+        let t2_134 = like.lift(0.15852).mul_add(t2_133, a_forearmy);
+        let t2_135 = cos_wrist * t2_134;
+        let a_wristy = sin_wrist.mul_add(t2_132, t2_135);
+        let t2_136 = sin_q4 * w_wristx;
+        let w_flangey = (-cos_q4).mul_add(w_wristz, t2_136);
+        let t2_137 = sin_q4 * al_wristz;
+        let t2_138 = (-d_q4).mul_add(w_flangey, t2_137);
+        let al_flangex = cos_q4.mul_add(al_wristx, t2_138);
+        let t2_139 = sin_q4 * w_wristz;
+        let w_flangex = cos_q4.mul_add(w_wristx, t2_139);
+        let t2_140 = d_q4 * w_flangex;
+        let t2_141 = (-cos_q4).mul_add(al_wristz, t2_140);
+        let al_flangey = sin_q4.mul_add(al_wristx, t2_141);
         let al_flangez = dd_q4 + al_wristy;
-        let t2_6 = al_flangez.mul_add(p_ixz_flange, t2_5);
         let w_flangez = d_q4 - w_wristy;
-        let t2_7 = w_flangex * w_flangez;
+        let t2_142 = w_flangex * w_flangez;
         let w_ixx_flange_q4 = w_flangex * w_flangey;
-        let t2_8 = w_flangey * w_flangez;
-        let t2_9 = p_iyy_flange - p_izz_flange;
-        let t2_10 = t2_8 * t2_9;
-        let t2_11 = w_flangey * w_flangey;
-        let t2_12 = w_flangez * w_flangez;
-        let t2_13 = t2_11 - t2_12;
-        let t2_14 = t2_13.mul_add(p_iyz_flange, t2_10);
-        let t2_15 = w_ixx_flange_q4.mul_add(p_ixz_flange, -t2_14);
-        let t2_16 = t2_7.mul_add(p_ixy_flange, t2_15);
-        let t2_17 = t2_6 - t2_16;
-        let t2_18 = al_wristz + t1_170;
-        let a_flangez = like.lift(0.05).mul_add(t2_18, a_wristy);
-        let t2_19 = a_flangez * p_my_flange;
-        let t2_20 = cos_wrist * t1_185;
-        let a_wristx = (-sin_wrist).mul_add(t1_188, t2_20);
-        let t2_21 = t1_174 + t1_175;
-        let t2_22 = like.lift(0.05).mul_add(t2_21, a_wristx);
-        let t2_23 = sin_q4 * t2_22;
-        let t2_24 = al_wristy + t1_169;
-        let t2_25 = like.lift(-0.05).mul_add(t2_24, a_wristz);
-        let a_flangey = (-cos_q4).mul_add(t2_25, t2_23);
-        let t2_26 = a_flangey.mul_add(p_mz_flange, t2_19);
-        let t2_27 = t2_17 - t2_26;
-        let t2_28 = cos_q4 * t2_27;
-        let t2_29 = al_flangex * p_ixy_flange;
-        let t2_30 = (-al_flangey).mul_add(p_iyy_flange, t2_29);
-        let t2_31 = al_flangez.mul_add(p_iyz_flange, t2_30);
-        let t2_32 = p_ixx_flange - p_izz_flange;
-        let t2_33 = t2_7 * t2_32;
-        let t2_34 = w_flangex * w_flangex;
-        let t2_35 = t2_34 - t2_12;
-        let t2_36 = (-t2_35).mul_add(p_ixz_flange, t2_33);
-        let t2_37 = t2_8.mul_add(p_ixy_flange, -t2_36);
-        let t2_38 = w_ixx_flange_q4.mul_add(p_iyz_flange, -t2_37);
-        let t2_39 = t2_31 + t2_38;
-        let t2_40 = cos_q4 * t2_22;
-        let a_flangex = sin_q4.mul_add(t2_25, t2_40);
-        let t2_41 = a_flangex * p_mz_flange;
-        let t2_42 = (-a_flangez).mul_add(p_mx_flange, t2_41);
-        let t2_43 = t2_39 - t2_42;
-        let t2_44 = (-sin_q4).mul_add(t2_43, t2_28);
-        let t2_45 = t1_190 + t2_44;
-        let t2_46 = cos_wrist * t2_45;
-        let t2_47 = al_wristx * p_ixy_wrist;
-        let t2_48 = (-al_wristy).mul_add(p_iyy_wrist, t2_47);
-        let t2_49 = al_wristz.mul_add(p_iyz_wrist, t2_48);
-        let t2_50 = p_ixx_wrist - p_izz_wrist;
-        let t2_51 = t1_169 * t2_50;
-        let t2_52 = w_wristx * w_wristx;
-        let t2_53 = t2_52 - t1_175;
-        let t2_54 = (-t2_53).mul_add(p_ixz_wrist, t2_51);
-        let t2_55 = t1_171.mul_add(p_ixy_wrist, t2_54);
-        let t2_56 = t1_170.mul_add(p_iyz_wrist, -t2_55);
-        let t2_57 = t2_49 - t2_56;
-        let t2_58 = a_wristx * p_mz_wrist;
-        let t2_59 = (-a_wristz).mul_add(p_mx_wrist, t2_58);
-        let t2_60 = t2_57 - t2_59;
-        let t2_61 = al_flangex * p_ixz_flange;
-        let t2_62 = (-al_flangey).mul_add(p_iyz_flange, t2_61);
-        let t2_63 = al_flangez.mul_add(p_izz_flange, t2_62);
-        let t2_64 = p_ixx_flange - p_iyy_flange;
-        let t2_65 = w_ixx_flange_q4 * t2_64;
-        let w_ixy_flange_q4 = t2_34 - t2_11;
-        let t2_66 = w_ixy_flange_q4.mul_add(p_ixy_flange, t2_65);
-        let t2_67 = t2_7.mul_add(p_iyz_flange, t2_66);
-        let t2_68 = t2_8.mul_add(p_ixz_flange, t2_67);
-        let t2_69 = t2_63 + t2_68;
-        let t2_70 = a_flangey * p_mx_flange;
-        let t2_71 = a_flangex.mul_add(p_my_flange, t2_70);
-        let t2_72 = t2_69 + t2_71;
-        let t2_73 = t2_11 + t2_12;
-        let t2_74 = t2_73 * p_mx_flange;
-        let t2_75 = al_flangez + w_ixx_flange_q4;
-        let t2_76 = t2_75.mul_add(p_my_flange, t2_74);
-        let w_iyz_flange_q4 = al_flangey - t2_7;
-        let t2_77 = w_iyz_flange_q4.mul_add(p_mz_flange, t2_76);
-        let t2_78 = a_flangex.mul_add(p_m_flange, t2_77);
-        let t2_79 = sin_q4 * t2_78;
-        let t2_80 = al_flangez - w_ixx_flange_q4;
-        let t2_81 = t2_80 * p_mx_flange;
-        let t2_82 = t2_34 + t2_12;
-        let t2_83 = (-t2_82).mul_add(p_my_flange, t2_81);
-        let w_ixz_flange_q4 = al_flangex + t2_8;
-        let t2_84 = (-w_ixz_flange_q4).mul_add(p_mz_flange, t2_83);
-        let t2_85 = a_flangey.mul_add(p_m_flange, t2_84);
-        let t2_86 = (-cos_q4).mul_add(t2_85, t2_79);
-        let t2_87 = like.lift(-0.05).mul_add(t2_86, t2_72);
-        let t2_88 = t2_60 - t2_87;
-        let t2_89 = (-sin_wrist).mul_add(t2_88, t2_46);
-        let t2_90 = t1_159 + t2_89;
-        let t2_91 = cos_elbow * t2_90;
-        let t2_92 = al_forearmx * p_ixy_forearm;
-        let t2_93 = (-al_forearmy).mul_add(p_iyy_forearm, t2_92);
-        let t2_94 = al_forearmz.mul_add(p_iyz_forearm, t2_93);
-        let t2_95 = p_ixx_forearm - p_izz_forearm;
-        let t2_96 = t1_137 * t2_95;
-        let t2_97 = w_forearmx * w_forearmx;
-        let t2_98 = t2_97 - t1_143;
-        let t2_99 = (-t2_98).mul_add(p_ixz_forearm, t2_96);
-        let t2_100 = t1_139.mul_add(p_ixy_forearm, t2_99);
-        let t2_101 = t1_138.mul_add(p_iyz_forearm, -t2_100);
-        let t2_102 = t2_94 - t2_101;
-        let t2_103 = a_forearmx * p_mz_forearm;
-        let t2_104 = (-a_forearmz).mul_add(p_mx_forearm, t2_103);
-        let t2_105 = t2_102 - t2_104;
-        let t2_106 = sin_wrist * t2_45;
-        let t2_107 = cos_wrist.mul_add(t2_88, t2_106);
-        let t2_108 = t2_24 * p_mx_wrist;
-        let t2_109 = al_wristx + t1_171;
-        let t2_110 = t2_109.mul_add(p_my_wrist, t2_108);
-        let t2_111 = (-t1_17).mul_add(p_mz_wrist, t2_110);
-        let t2_112 = a_wristz.mul_add(p_m_wrist, -t2_111);
-        let t2_113 = t2_112 + t2_86;
-        let t2_114 = like.lift(0.15852).mul_add(t2_113, t2_107);
-        let t2_115 = t2_105 + t2_114;
-        let t2_116 = (-sin_elbow).mul_add(t2_115, t2_91);
-        let t2_117 = t1_127 + t2_116;
-        let t2_118 = sin_q2 * t2_117;
-        let t2_119 = al_armx * p_ixy_arm;
-        let t2_120 = al_army.mul_add(p_iyy_arm, t2_119);
-        let t2_121 = dd_q2.mul_add(p_iyz_arm, t2_120);
-        let t2_122 = p_ixx_arm - p_izz_arm;
-        let t2_123 = t1_110 * t2_122;
-        let t2_124 = w_armx * w_armx;
-        let t2_125 = t2_124 - t1_116;
-        let t2_126 = (-t2_125).mul_add(p_ixz_arm, t2_123);
-        let t2_127 = t1_108.mul_add(p_ixy_arm, t2_126);
-        let t2_128 = w_ixx_arm_q2.mul_add(p_iyz_arm, -t2_127);
-        let t2_129 = t2_121 - t2_128;
-        let t2_130 = a_armx * p_mz_arm;
-        let t2_131 = dd_q1 * p_mx_arm;
-        let t2_132 = like.lift(-0.0132).mul_add(t2_131, t2_130);
-        let t2_133 = t2_129 - t2_132;
-        let t2_134 = sin_elbow * t2_90;
-        let t2_135 = cos_elbow.mul_add(t2_115, t2_134);
-        let t2_136 = t1_181 * p_mx_forearm;
-        let t2_137 = al_forearmx + t1_139;
-        let t2_138 = t2_137.mul_add(p_my_forearm, t2_136);
-        let t2_139 = (-t1_17).mul_add(p_mz_forearm, t2_138);
-        let t2_140 = a_forearmz.mul_add(p_m_forearm, -t2_139);
-        let t2_141 = t2_140 + t2_113;
-        let t2_142 = like.lift(0.14207).mul_add(t2_141, t2_135);
-        let t2_143 = t2_133 + t2_142;
-        let t2_144 = cos_q2.mul_add(t2_143, t2_118);
-        let t2_145 = dd_q1 * p_m_arm;
-        let t2_146 = t1_149 * p_mx_arm;
-        let t2_147 = t1_108 + al_armx;
-        let t2_148 = t2_147.mul_add(p_my_arm, t2_146);
-        let t2_149 = (-t1_17).mul_add(p_mz_arm, t2_148);
-        let t2_150 = like.lift(0.0132).mul_add(t2_145, -t2_149);
-        let t2_151 = t2_150 + t2_141;
-        let t2_152 = like.lift(0.0132).mul_add(t2_151, t2_144);
-        let t2_153 = t1_107 + t2_152;
-        let t2_154 = al_armx * p_ixz_arm;
-        let t2_155 = al_army.mul_add(p_iyz_arm, t2_154);
-        let t2_156 = dd_q2.mul_add(p_izz_arm, t2_155);
-        let t2_157 = p_ixx_arm - p_iyy_arm;
-        let t2_158 = w_ixx_arm_q2 * t2_157;
-        let w_ixy_arm_q2 = t2_124 - t1_115;
-        let t2_159 = (-w_ixy_arm_q2).mul_add(p_ixy_arm, t2_158);
-        let t2_160 = t1_110.mul_add(p_iyz_arm, -t2_159);
-        let t2_161 = t1_108.mul_add(p_ixz_arm, -t2_160);
-        let t2_162 = t2_156 - t2_161;
-        let t2_163 = a_army * p_mx_arm;
-        let t2_164 = a_armx.mul_add(p_my_arm, t2_163);
-        let t2_165 = t2_162 + t2_164;
-        let t2_166 = al_forearmx * p_ixz_forearm;
-        let t2_167 = (-al_forearmy).mul_add(p_iyz_forearm, t2_166);
-        let t2_168 = al_forearmz.mul_add(p_izz_forearm, t2_167);
-        let t2_169 = p_ixx_forearm - p_iyy_forearm;
-        let t2_170 = t1_138 * t2_169;
-        let t2_171 = t2_97 - t1_142;
-        let t2_172 = (-t2_171).mul_add(p_ixy_forearm, t2_170);
-        let t2_173 = t1_137.mul_add(p_iyz_forearm, -t2_172);
-        let t2_174 = t1_139.mul_add(p_ixz_forearm, -t2_173);
-        let t2_175 = t2_168 - t2_174;
-        let t2_176 = a_forearmy * p_mx_forearm;
-        let t2_177 = a_forearmx.mul_add(p_my_forearm, t2_176);
-        let t2_178 = t2_175 + t2_177;
-        let t2_179 = al_wristx * p_ixz_wrist;
-        let t2_180 = (-al_wristy).mul_add(p_iyz_wrist, t2_179);
-        let t2_181 = al_wristz.mul_add(p_izz_wrist, t2_180);
-        let t2_182 = p_ixx_wrist - p_iyy_wrist;
-        let t2_183 = t1_170 * t2_182;
-        let t2_184 = t2_52 - t1_174;
-        let t2_185 = (-t2_184).mul_add(p_ixy_wrist, t2_183);
-        let t2_186 = t1_169.mul_add(p_iyz_wrist, -t2_185);
-        let t2_187 = t1_171.mul_add(p_ixz_wrist, -t2_186);
-        let t2_188 = t2_181 - t2_187;
-        let t2_189 = a_wristy * p_mx_wrist;
-        let t2_190 = a_wristx.mul_add(p_my_wrist, t2_189);
-        let t2_191 = t2_188 + t2_190;
-        let t2_192 = sin_q4 * t2_27;
-        let t2_193 = cos_q4.mul_add(t2_43, t2_192);
-        let t2_194 = al_flangey + t2_7;
-        let t2_195 = t2_194 * p_mx_flange;
-        let t2_196 = al_flangex - t2_8;
-        let t2_197 = t2_196.mul_add(p_my_flange, t2_195);
-        let t2_198 = t2_34 + t2_11;
-        let t2_199 = (-t2_198).mul_add(p_mz_flange, t2_197);
-        let t2_200 = a_flangez.mul_add(p_m_flange, -t2_199);
-        let t2_201 = like.lift(0.05).mul_add(t2_200, t2_193);
-        let t2_202 = t2_191 + t2_201;
-        let t2_203 = t2_21 * p_mx_wrist;
-        let t2_204 = al_wristz - t1_170;
-        let t2_205 = t2_204.mul_add(p_my_wrist, t2_203);
-        let t2_206 = al_wristy - t1_169;
-        let t2_207 = t2_206.mul_add(p_mz_wrist, t2_205);
-        let t2_208 = a_wristx.mul_add(p_m_wrist, t2_207);
-        let t2_209 = cos_q4 * t2_78;
-        let t2_210 = sin_q4.mul_add(t2_85, t2_209);
-        let t2_211 = t2_208 + t2_210;
-        let t2_212 = sin_wrist * t2_211;
-        let t2_213 = t2_18 * p_mx_wrist;
-        let t2_214 = t2_52 + t1_175;
-        let t2_215 = (-t2_214).mul_add(p_my_wrist, t2_213);
-        let t2_216 = al_wristx - t1_171;
-        let t2_217 = (-t2_216).mul_add(p_mz_wrist, t2_215);
-        let t2_218 = a_wristy.mul_add(p_m_wrist, t2_217);
-        let t2_219 = t2_218 + t2_200;
-        let t2_220 = (-cos_wrist).mul_add(t2_219, t2_212);
-        let t2_221 = like.lift(-0.15852).mul_add(t2_220, t2_202);
-        let t2_222 = t2_178 + t2_221;
-        let t2_223 = t1_184 * p_mx_forearm;
-        let t2_224 = al_forearmz - t1_138;
-        let t2_225 = t2_224.mul_add(p_my_forearm, t2_223);
-        let t2_226 = al_forearmy - t1_137;
-        let t2_227 = t2_226.mul_add(p_mz_forearm, t2_225);
-        let t2_228 = a_forearmx.mul_add(p_m_forearm, t2_227);
-        let t2_229 = cos_wrist * t2_211;
-        let t2_230 = sin_wrist.mul_add(t2_219, t2_229);
-        let t2_231 = t2_228 + t2_230;
-        let t2_232 = sin_elbow * t2_231;
-        let t2_233 = t1_187 * p_mx_forearm;
-        let t2_234 = t2_97 + t1_143;
-        let t2_235 = (-t2_234).mul_add(p_my_forearm, t2_233);
-        [t2_72, t2_153, t2_165, t2_202, t2_220, t2_222, t2_232, t2_235]
+        let t2_143 = w_flangey * w_flangez;
+        let t2_144 = p_iyy_flange - p_izz_flange;
+        let t2_145 = w_flangey * w_flangey;
+        let t2_146 = w_flangez * w_flangez;
+        let t2_147 = t2_145 - t2_146;
+        let t2_148 = al_wristz + t2_123;
+        let a_flangez = like.lift(0.05).mul_add(t2_148, a_wristy);
+        let t2_149 = cos_wrist * t2_132;
+        let a_wristx = (-sin_wrist).mul_add(t2_134, t2_149);
+        let t2_150 = t2_126 + t2_127;
+        let t2_151 = like.lift(0.05).mul_add(t2_150, a_wristx);
+        let t2_152 = al_wristy + t2_122;
+        let t2_153 = like.lift(-0.05).mul_add(t2_152, a_wristz);
+        let t2_154 = sin_q4 * t2_151;
+        let a_flangey = (-cos_q4).mul_add(t2_153, t2_154);
+        let t2_155 = al_flangey + t2_142;
+        let t2_156 = al_flangez - w_ixx_flange_q4;
+        let t2_157 = p_ixz_flange * t2_156;
+        let t2_158 = (-p_ixy_flange).mul_add(t2_155, t2_157);
+        let t2_159 = al_flangex.mul_add(p_ixx_flange, t2_158);
+        let t2_160 = t2_147.mul_add(p_iyz_flange, t2_159);
+        let t2_161 = t2_143.mul_add(t2_144, t2_160);
+        let t2_162 = (-a_flangey).mul_add(p_mz_flange, t2_161);
+        let t2_163 = (-a_flangez).mul_add(p_my_flange, t2_162);
+        let t2_164 = p_ixx_flange - p_izz_flange;
+        let t2_165 = w_flangex * w_flangex;
+        let t2_166 = t2_165 - t2_146;
+        let t2_167 = sin_q4 * t2_153;
+        let a_flangex = cos_q4.mul_add(t2_151, t2_167);
+        let t2_168 = al_flangex - t2_143;
+        let t2_169 = al_flangez + w_ixx_flange_q4;
+        let t2_170 = p_iyz_flange * t2_169;
+        let t2_171 = (-al_flangey).mul_add(p_iyy_flange, t2_170);
+        let t2_172 = p_ixy_flange.mul_add(t2_168, t2_171);
+        let t2_173 = (-t2_166).mul_add(p_ixz_flange, t2_172);
+        let t2_174 = t2_142.mul_add(t2_164, t2_173);
+        let t2_175 = a_flangez.mul_add(p_mx_flange, t2_174);
+        let t2_176 = (-a_flangex).mul_add(p_mz_flange, t2_175);
+        let t2_177 = al_wristy + t2_122;
+        let t2_178 = al_wristz + t2_123;
+        let t2_179 = p_ixz_wrist * t2_178;
+        let t2_180 = (-p_ixy_wrist).mul_add(t2_177, t2_179);
+        let t2_181 = al_wristx.mul_add(p_ixx_wrist, t2_180);
+        let t2_182 = t2_128.mul_add(p_iyz_wrist, t2_181);
+        let t2_183 = (-t2_124).mul_add(t2_125, t2_182);
+        let t2_184 = (-a_wristy).mul_add(p_mz_wrist, t2_183);
+        let t2_185 = (-a_wristz).mul_add(p_my_wrist, t2_184);
+        let t2_186 = (-sin_q4).mul_add(t2_176, t2_185);
+        let t2_187 = cos_q4.mul_add(t2_163, t2_186);
+        let t2_188 = p_ixx_wrist - p_izz_wrist;
+        let t2_189 = w_wristx * w_wristx;
+        let t2_190 = t2_189 - t2_127;
+        let t2_191 = p_ixx_flange - p_iyy_flange;
+        let w_ixy_flange_q4 = t2_165 - t2_145;
+        [
+            t2_1, al_crankx, t2_2, al_cranky, w_ixx_crank_q3, t2_5, t2_7, a_cranky, al_rodx,
+            al_rody, al_rodz, t2_16, t2_17, t2_18, t2_20, t2_21, a_armz, a_crankx, a_rody,
+            t2_40, a_rodx, t2_62, t2_64, t2_83, t2_88, t2_89, al_armx, w_armx, t2_90, al_army,
+            w_ixx_arm_q2, t2_91, t2_92, t2_93, t2_94, a_army, sin_q2_elbow, cos_q2_elbow,
+            al_forearmx, w_forearmx, al_forearmy, al_forearmz, t2_102, t2_103, t2_104, t2_105,
+            t2_106, t2_107, t2_108, t2_109, a_forearmz, a_armx, a_forearmy, al_wristx,
+            al_wristy, al_wristz, t2_122, t2_123, t2_124, t2_126, t2_127, t2_129, a_wristz,
+            a_forearmx, t2_131, t2_133, a_wristy, al_flangex, al_flangey, al_flangez, t2_142,
+            w_ixx_flange_q4, t2_143, t2_145, t2_146, t2_148, a_flangez, a_wristx, t2_150,
+            t2_152, a_flangey, t2_163, t2_165, a_flangex, t2_176, t2_187, t2_188, t2_189,
+            t2_190, t2_191, w_ixy_flange_q4,
+        ]
     };
     // loops: solve with A_e (Eq. 8, 10)
-    let [t3_7, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3] = {
-        let t3_1 = al_forearmx - t1_139;
-        let t3_2 = (-t3_1).mul_add(p_mz_forearm, t2_235);
-        let t3_3 = a_forearmy.mul_add(p_m_forearm, t3_2);
-        let t3_4 = t3_3 - t2_220;
-        let t3_5 = (-cos_elbow).mul_add(t3_4, t2_232);
-        let t3_6 = like.lift(-0.14207).mul_add(t3_5, t2_222);
-        let t3_7 = t2_165 + t3_6;
-        let t3_8 = cos_q2_elbow * sin_q3;
-        let t3_9 = sin_q2_elbow * sin_q3;
-        let sin_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(cos_q3, -t3_8);
-        let cos_q2_elbow_minus_q3 = cos_q2_elbow.mul_add(cos_q3, t3_9);
-        let t3_10 = cos_q2_elbow_minus_q3 * sin_pin;
-        let t3_11 = sin_q2_elbow_minus_q3 * sin_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(cos_pin, -t3_10);
-        let cos_q2_elbow_minus_q3_minus_pin = cos_q2_elbow_minus_q3.mul_add(cos_pin, t3_11);
+    let [
+        t3_9, t3_107, t3_108, w_ixy_arm_q2, t3_131, t3_157, t3_173, x_elbow_q2, x_elbow_q3,
+        x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
+    ] = {
+        let t3_1 = al_flangex + t2_143;
+        let t3_2 = al_flangey - t2_142;
+        let t3_3 = al_flangez * p_izz_flange;
+        let t3_4 = (-p_iyz_flange).mul_add(t3_2, t3_3);
+        let t3_5 = p_ixz_flange.mul_add(t3_1, t3_4);
+        let t3_6 = w_ixy_flange_q4.mul_add(p_ixy_flange, t3_5);
+        let t3_7 = w_ixx_flange_q4.mul_add(t2_191, t3_6);
+        let t3_8 = a_flangex.mul_add(p_my_flange, t3_7);
+        let t3_9 = a_flangey.mul_add(p_mx_flange, t3_8);
+        let t3_10 = t2_145 + t2_146;
+        let t3_11 = al_flangez + w_ixx_flange_q4;
+        let w_iyz_flange_q4 = al_flangey - t2_142;
+        let t3_12 = a_flangex * p_m_flange;
+        let t3_13 = w_iyz_flange_q4.mul_add(p_mz_flange, t3_12);
+        let t3_14 = t3_11.mul_add(p_my_flange, t3_13);
+        let t3_15 = t3_10.mul_add(p_mx_flange, t3_14);
+        let t3_16 = al_flangez - w_ixx_flange_q4;
+        let t3_17 = t2_165 + t2_146;
+        let w_ixz_flange_q4 = al_flangex + t2_143;
+        let t3_18 = a_flangey * p_m_flange;
+        let t3_19 = (-w_ixz_flange_q4).mul_add(p_mz_flange, t3_18);
+        let t3_20 = (-t3_17).mul_add(p_my_flange, t3_19);
+        let t3_21 = t3_16.mul_add(p_mx_flange, t3_20);
+        let t3_22 = sin_q4 * t3_15;
+        let t3_23 = (-cos_q4).mul_add(t3_21, t3_22);
+        let t3_24 = al_wristx + t2_124;
+        let t3_25 = al_wristz - t2_123;
+        let t3_26 = p_iyz_wrist.mul_add(t3_25, -t3_9);
+        let t3_27 = (-al_wristy).mul_add(p_iyy_wrist, t3_26);
+        let t3_28 = p_ixy_wrist.mul_add(t3_24, t3_27);
+        let t3_29 = (-t2_190).mul_add(p_ixz_wrist, t3_28);
+        let t3_30 = t2_122.mul_add(t2_188, t3_29);
+        let t3_31 = a_wristz.mul_add(p_mx_wrist, t3_30);
+        let t3_32 = (-a_wristx).mul_add(p_mz_wrist, t3_31);
+        let t3_33 = like.lift(0.05).mul_add(t3_23, t3_32);
+        let t3_34 = al_forearmy + t2_102;
+        let t3_35 = al_forearmz + t2_103;
+        let t3_36 = p_ixz_forearm * t3_35;
+        let t3_37 = (-p_ixy_forearm).mul_add(t3_34, t3_36);
+        let t3_38 = al_forearmx.mul_add(p_ixx_forearm, t3_37);
+        let t3_39 = t2_108.mul_add(p_iyz_forearm, t3_38);
+        let t3_40 = (-t2_104).mul_add(t2_105, t3_39);
+        let t3_41 = (-a_forearmy).mul_add(p_mz_forearm, t3_40);
+        let t3_42 = (-a_forearmz).mul_add(p_my_forearm, t3_41);
+        let t3_43 = (-sin_wrist).mul_add(t3_33, t3_42);
+        let t3_44 = cos_wrist.mul_add(t2_187, t3_43);
+        let t3_45 = p_ixx_forearm - p_izz_forearm;
+        let t3_46 = w_forearmx * w_forearmx;
+        let t3_47 = t3_46 - t2_107;
+        let t3_48 = al_wristx + t2_124;
+        let t3_49 = a_wristz.mul_add(p_m_wrist, t3_23);
+        let t3_50 = t2_7.mul_add(p_mz_wrist, t3_49);
+        let t3_51 = (-t3_48).mul_add(p_my_wrist, t3_50);
+        let t3_52 = (-t2_152).mul_add(p_mx_wrist, t3_51);
+        let t3_53 = al_forearmx + t2_104;
+        let t3_54 = al_forearmz - t2_103;
+        let t3_55 = p_iyz_forearm * t3_54;
+        let t3_56 = (-al_forearmy).mul_add(p_iyy_forearm, t3_55);
+        let t3_57 = p_ixy_forearm.mul_add(t3_53, t3_56);
+        let t3_58 = (-t3_47).mul_add(p_ixz_forearm, t3_57);
+        let t3_59 = t2_102.mul_add(t3_45, t3_58);
+        let t3_60 = a_forearmz.mul_add(p_mx_forearm, t3_59);
+        let t3_61 = (-a_forearmx).mul_add(p_mz_forearm, t3_60);
+        let t3_62 = like.lift(0.15852).mul_add(t3_52, t3_61);
+        let t3_63 = cos_wrist.mul_add(t3_33, t3_62);
+        let t3_64 = sin_wrist.mul_add(t2_187, t3_63);
+        let t3_65 = al_army - t2_90;
+        let t3_66 = dd_q2 + w_ixx_arm_q2;
+        let t3_67 = p_ixz_arm * t3_66;
+        let t3_68 = p_ixy_arm.mul_add(t3_65, t3_67);
+        let t3_69 = al_armx.mul_add(p_ixx_arm, t3_68);
+        let t3_70 = t2_94.mul_add(p_iyz_arm, t3_69);
+        let t3_71 = (-t2_89).mul_add(t2_91, t3_70);
+        let t3_72 = (-a_army).mul_add(p_mz_arm, t3_71);
+        let t3_73 = (-p_my_arm).mul_add(a_armz, t3_72);
+        let t3_74 = (-sin_elbow).mul_add(t3_64, t3_73);
+        let t3_75 = cos_elbow.mul_add(t3_44, t3_74);
+        let t3_76 = p_ixx_arm - p_izz_arm;
+        let t3_77 = w_armx * w_armx;
+        let t3_78 = t3_77 - t2_93;
+        let t3_79 = al_forearmx + t2_104;
+        let t3_80 = a_forearmz.mul_add(p_m_forearm, t3_52);
+        let t3_81 = t2_7.mul_add(p_mz_forearm, t3_80);
+        let t3_82 = (-t3_79).mul_add(p_my_forearm, t3_81);
+        let t3_83 = (-t2_129).mul_add(p_mx_forearm, t3_82);
+        let t3_84 = al_armx + t2_89;
+        let t3_85 = dd_q2 - w_ixx_arm_q2;
+        let t3_86 = p_iyz_arm * t3_85;
+        let t3_87 = al_army.mul_add(p_iyy_arm, t3_86);
+        let t3_88 = p_ixy_arm.mul_add(t3_84, t3_87);
+        let t3_89 = (-t3_78).mul_add(p_ixz_arm, t3_88);
+        let t3_90 = t2_90.mul_add(t3_76, t3_89);
+        let t3_91 = p_mx_arm.mul_add(a_armz, t3_90);
+        let t3_92 = (-a_armx).mul_add(p_mz_arm, t3_91);
+        let t3_93 = like.lift(0.14207).mul_add(t3_83, t3_92);
+        let t3_94 = cos_elbow.mul_add(t3_64, t3_93);
+        let t3_95 = sin_elbow.mul_add(t3_44, t3_94);
+        let t3_96 = t2_89 + al_armx;
+        let t3_97 = p_m_arm.mul_add(a_armz, t3_83);
+        let t3_98 = t2_7.mul_add(p_mz_arm, t3_97);
+        let t3_99 = (-t3_96).mul_add(p_my_arm, t3_98);
+        let t3_100 = (-t2_109).mul_add(p_mx_arm, t3_99);
+        let t3_101 = t2_88 + t3_100;
+        let t3_102 = dd_q1 * p_izz_column;
+        let t3_103 = like.lift(0.0132).mul_add(t3_101, t3_102);
+        let t3_104 = cos_q3.mul_add(t2_83, t3_103);
+        let t3_105 = sin_q3.mul_add(t2_62, t3_104);
+        let t3_106 = cos_q2.mul_add(t3_95, t3_105);
+        let t3_107 = sin_q2.mul_add(t3_75, t3_106);
+        let t3_108 = p_ixx_arm - p_iyy_arm;
+        let w_ixy_arm_q2 = t3_77 - t2_92;
+        let t3_109 = p_ixx_forearm - p_iyy_forearm;
+        let t3_110 = t3_46 - t2_106;
+        let t3_111 = p_ixx_wrist - p_iyy_wrist;
+        let t3_112 = t2_189 - t2_126;
+        let t3_113 = al_flangey + t2_142;
+        let t3_114 = al_flangex - t2_143;
+        let t3_115 = t2_165 + t2_145;
+        let t3_116 = a_flangez * p_m_flange;
+        let t3_117 = t3_115.mul_add(p_mz_flange, t3_116);
+        let t3_118 = (-t3_114).mul_add(p_my_flange, t3_117);
+        let t3_119 = (-t3_113).mul_add(p_mx_flange, t3_118);
+        let t3_120 = al_wristx - t2_124;
+        let t3_121 = al_wristy - t2_122;
+        let t3_122 = al_wristz * p_izz_wrist;
+        let t3_123 = (-p_iyz_wrist).mul_add(t3_121, t3_122);
+        let t3_124 = p_ixz_wrist.mul_add(t3_120, t3_123);
+        let t3_125 = t3_112.mul_add(p_ixy_wrist, t3_124);
+        let t3_126 = (-t2_123).mul_add(t3_111, t3_125);
+        let t3_127 = a_wristx.mul_add(p_my_wrist, t3_126);
+        let t3_128 = a_wristy.mul_add(p_mx_wrist, t3_127);
+        let t3_129 = like.lift(0.05).mul_add(t3_119, t3_128);
+        let t3_130 = cos_q4.mul_add(t2_176, t3_129);
+        let t3_131 = sin_q4.mul_add(t2_163, t3_130);
+        let t3_132 = al_wristz - t2_123;
+        let t3_133 = al_wristy - t2_122;
+        let t3_134 = a_wristx * p_m_wrist;
+        let t3_135 = t3_133.mul_add(p_mz_wrist, t3_134);
+        let t3_136 = t3_132.mul_add(p_my_wrist, t3_135);
+        let t3_137 = t2_150.mul_add(p_mx_wrist, t3_136);
+        let t3_138 = sin_q4.mul_add(t3_21, t3_137);
+        let t3_139 = cos_q4.mul_add(t3_15, t3_138);
+        let t3_140 = t2_189 + t2_127;
+        let t3_141 = al_wristx - t2_124;
+        let t3_142 = a_wristy.mul_add(p_m_wrist, t3_119);
+        let t3_143 = (-t3_141).mul_add(p_mz_wrist, t3_142);
+        let t3_144 = (-t3_140).mul_add(p_my_wrist, t3_143);
+        let t3_145 = t2_148.mul_add(p_mx_wrist, t3_144);
+        let t3_146 = sin_wrist * t3_139;
+        let t3_147 = (-cos_wrist).mul_add(t3_145, t3_146);
+        let t3_148 = al_forearmx - t2_104;
+        let t3_149 = al_forearmy - t2_102;
+        let t3_150 = al_forearmz.mul_add(p_izz_forearm, t3_131);
+        let t3_151 = (-p_iyz_forearm).mul_add(t3_149, t3_150);
+        let t3_152 = p_ixz_forearm.mul_add(t3_148, t3_151);
+        let t3_153 = t3_110.mul_add(p_ixy_forearm, t3_152);
+        let t3_154 = (-t2_103).mul_add(t3_109, t3_153);
+        let t3_155 = a_forearmx.mul_add(p_my_forearm, t3_154);
+        let t3_156 = a_forearmy.mul_add(p_mx_forearm, t3_155);
+        let t3_157 = like.lift(-0.15852).mul_add(t3_147, t3_156);
+        let t3_158 = al_forearmz - t2_103;
+        let t3_159 = al_forearmy - t2_102;
+        let t3_160 = a_forearmx * p_m_forearm;
+        let t3_161 = t3_159.mul_add(p_mz_forearm, t3_160);
+        let t3_162 = t3_158.mul_add(p_my_forearm, t3_161);
+        let t3_163 = t2_131.mul_add(p_mx_forearm, t3_162);
+        let t3_164 = sin_wrist.mul_add(t3_145, t3_163);
+        let t3_165 = cos_wrist.mul_add(t3_139, t3_164);
+        let t3_166 = t3_46 + t2_107;
+        let t3_167 = al_forearmx - t2_104;
+        let t3_168 = a_forearmy.mul_add(p_m_forearm, -t3_147);
+        let t3_169 = (-t3_167).mul_add(p_mz_forearm, t3_168);
+        let t3_170 = (-t3_166).mul_add(p_my_forearm, t3_169);
+        let t3_171 = t2_133.mul_add(p_mx_forearm, t3_170);
+        let t3_172 = sin_elbow * t3_165;
+        let t3_173 = (-cos_elbow).mul_add(t3_171, t3_172);
+        let t3_174 = sin_q2_elbow * cos_q3;
+        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t3_174);
+        let t3_175 = cos_q2_elbow * cos_q3;
+        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t3_175);
+        let t3_176 = sin_q2_elbow_minus_q3 * cos_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t3_176);
+        let t3_177 = cos_q2_elbow_minus_q3 * cos_pin;
+        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t3_177);
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t3_12 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t3_13 = -t3_12;
-        let t3_14 = cos_q2 * sin_q3;
-        let t3_15 = sin_q2 * sin_q3;
-        let sin_q2_minus_q3 = sin_q2.mul_add(cos_q3, -t3_14);
-        let cos_q2_minus_q3 = cos_q2.mul_add(cos_q3, t3_15);
-        let t3_16 = cos_q2_minus_q3 * sin_pin;
-        let t3_17 = sin_q2_minus_q3 * sin_pin;
-        let sin_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(cos_pin, -t3_16);
-        let cos_q2_minus_q3_minus_pin = cos_q2_minus_q3.mul_add(cos_pin, t3_17);
-        let t3_18 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t3_19 = -t3_18;
+        let t3_178 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t3_179 = -t3_178;
+        let t3_180 = sin_q2 * cos_q3;
+        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t3_180);
+        let t3_181 = cos_q2 * cos_q3;
+        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t3_181);
+        let t3_182 = sin_q2_minus_q3 * cos_pin;
+        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t3_182);
+        let t3_183 = cos_q2_minus_q3 * cos_pin;
+        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t3_183);
+        let t3_184 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
+        let t3_185 = -t3_184;
         let u_rod_q3x = like.lift(0.0456) * sin_pin;
-        let t3_20 = -u_rod_q3x;
-        let t3_21 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t3_12);
-        let u_rod_q3y = like.lift(0.0456) * cos_pin;
-        let t3_22 = like.lift(0.14207) + u_rod_q3y;
-        let t3_23 = -t3_22;
-        let t3_24 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t3_25 = t3_18 * t3_24;
-        let t3_26 = like.lift(21.92982456140351) * t3_25;
-        let t3_27 = -t3_26;
-        let t3_28 = sin_pin * t3_24;
-        let t3_29 = -t3_28;
-        let t3_30 = like.lift(1.0) + t3_26;
-        let t3_31 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t3_25, t3_21);
-        let t3_32 = like.lift(7.038783698176955) * t3_31;
-        let t3_33 = -t3_32;
-        let t3_34 = cos_q2_elbow_minus_q3_minus_pin * t3_28;
-        let t3_35 = like.lift(0.0456).mul_add(t3_34, t3_22);
-        let t3_36 = like.lift(7.038783698176955) * t3_35;
+        let t3_186 = -u_rod_q3x;
+        let t3_187 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t3_178);
+        let t3_188 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t3_189 = -t3_188;
+        let t3_190 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t3_191 = t3_184 * t3_190;
+        let t3_192 = like.lift(21.92982456140351) * t3_191;
+        let t3_193 = -t3_192;
+        let t3_194 = sin_pin * t3_190;
+        let t3_195 = -t3_194;
+        let t3_196 = like.lift(1.0) + t3_192;
+        let t3_197 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t3_191, t3_187);
+        let t3_198 = like.lift(7.038783698176955) * t3_197;
+        let t3_199 = -t3_198;
+        let t3_200 = t3_194.mul_add(t3_178, t3_188);
+        let t3_201 = like.lift(7.038783698176955) * t3_200;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([
@@ -2487,23 +2385,23 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t3_27, like.lift(0.0), t3_29],
-                [like.lift(0.0), t3_30, like.lift(0.0), t3_28],
-                [like.lift(0.0), t3_33, like.lift(0.0), t3_36],
+                [like.lift(0.0), t3_193, like.lift(0.0), t3_195],
+                [like.lift(0.0), t3_196, like.lift(0.0), t3_194],
+                [like.lift(0.0), t3_199, like.lift(0.0), t3_201],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t3_13, like.lift(0.0), like.lift(-0.14207)],
+                    [t3_179, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t3_19, like.lift(0.0), t3_20],
-                    [like.lift(0.0), t3_21, like.lift(0.0), t3_23],
+                    [like.lift(0.0), t3_185, like.lift(0.0), t3_186],
+                    [like.lift(0.0), t3_187, like.lift(0.0), t3_189],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -2512,65 +2410,72 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
             ),
         );
         condition = condition.min(found);
-        [t3_7, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3]
+        [
+            t3_9, t3_107, t3_108, w_ixy_arm_q2, t3_131, t3_157, t3_173, x_elbow_q2, x_elbow_q3,
+            x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
+        ]
     };
     // tau
     {
-        let t4_1 = (-t2_222).mul_add(x_elbow_q2, t3_7);
-        let t4_2 = (-t2_202).mul_add(x_wrist_q2, t4_1);
-        let t4_3 = al_rodx * p_ixz_rod;
-        let t4_4 = (-al_rody).mul_add(p_iyz_rod, t4_3);
-        let t4_5 = al_rodz.mul_add(p_izz_rod, t4_4);
-        let t4_6 = p_ixx_rod - p_iyy_rod;
-        let t4_7 = t1_32 * t4_6;
-        let t4_8 = t1_60 - t1_37;
-        let t4_9 = (-t4_8).mul_add(p_ixy_rod, t4_7);
-        let t4_10 = t1_31.mul_add(p_iyz_rod, -t4_9);
-        let t4_11 = t1_33.mul_add(p_ixz_rod, -t4_10);
-        let t4_12 = t4_5 - t4_11;
-        let t4_13 = a_rody * p_mx_rod;
-        let t4_14 = a_rodx.mul_add(p_my_rod, t4_13);
-        let t4_15 = t4_12 + t4_14;
-        let t4_16 = (-t4_15).mul_add(x_pin_q2, t4_2);
-        tau[1] = t4_16;
-        let t4_17 = al_crankx * p_ixz_crank;
-        let t4_18 = al_cranky.mul_add(p_iyz_crank, t4_17);
-        let t4_19 = dd_q3.mul_add(p_izz_crank, t4_18);
-        let t4_20 = p_ixx_crank - p_iyy_crank;
-        let t4_21 = w_ixx_crank_q3 * t4_20;
-        let w_ixy_crank_q3 = t1_78 - t1_9;
-        let t4_22 = (-w_ixy_crank_q3).mul_add(p_ixy_crank, t4_21);
-        let t4_23 = t1_3.mul_add(p_iyz_crank, -t4_22);
-        let t4_24 = t1_1.mul_add(p_ixz_crank, -t4_23);
-        let t4_25 = t4_19 - t4_24;
-        let t4_26 = a_cranky * p_mx_crank;
-        let t4_27 = a_crankx.mul_add(p_my_crank, t4_26);
-        let t4_28 = t4_25 + t4_27;
-        let t4_29 = t1_36 + t1_37;
-        let t4_30 = t4_29 * p_mx_rod;
-        let t4_31 = al_rodz - t1_32;
-        let t4_32 = t4_31.mul_add(p_my_rod, t4_30);
-        let t4_33 = al_rody - t1_31;
-        let t4_34 = t4_33.mul_add(p_mz_rod, t4_32);
-        let t4_35 = a_rodx.mul_add(p_m_rod, t4_34);
-        let t4_36 = sin_pin * t4_35;
-        let t4_37 = al_rodz + t1_32;
-        let t4_38 = t4_37 * p_mx_rod;
-        let t4_39 = t1_36 + t1_60;
-        let t4_40 = (-t4_39).mul_add(p_my_rod, t4_38);
-        let t4_41 = al_rodx - t1_33;
-        let t4_42 = (-t4_41).mul_add(p_mz_rod, t4_40);
-        let t4_43 = a_rody.mul_add(p_m_rod, t4_42);
-        let t4_44 = (-cos_pin).mul_add(t4_43, t4_36);
-        let t4_45 = like.lift(-0.0456).mul_add(t4_44, t4_15);
-        let t4_46 = t4_28 + t4_45;
-        let t4_47 = t2_222 * x_elbow_q3;
-        let t4_48 = t2_202.mul_add(x_wrist_q3, t4_47);
-        let t4_49 = t4_46 - t4_48;
-        let t4_50 = (-t4_15).mul_add(x_pin_q3, t4_49);
-        tau[3] = t4_50;
-        tau[0] = t2_153;
-        tau[2] = t2_72;
+        let t4_1 = p_ixx_rod - p_iyy_rod;
+        let t4_2 = t2_40 - t2_21;
+        let t4_3 = al_rodx - t2_18;
+        let t4_4 = al_rody - t2_16;
+        let t4_5 = al_rodz * p_izz_rod;
+        let t4_6 = (-p_iyz_rod).mul_add(t4_4, t4_5);
+        let t4_7 = p_ixz_rod.mul_add(t4_3, t4_6);
+        let t4_8 = t4_2.mul_add(p_ixy_rod, t4_7);
+        let t4_9 = (-t2_17).mul_add(t4_1, t4_8);
+        let t4_10 = a_rodx.mul_add(p_my_rod, t4_9);
+        let t4_11 = a_rody.mul_add(p_mx_rod, t4_10);
+        let t4_12 = al_armx - t2_89;
+        let t4_13 = al_army + t2_90;
+        let t4_14 = (-t4_11).mul_add(x_pin_q2, t3_157);
+        let t4_15 = (-t3_131).mul_add(x_wrist_q2, t4_14);
+        let t4_16 = (-t3_157).mul_add(x_elbow_q2, t4_15);
+        let t4_17 = dd_q2.mul_add(p_izz_arm, t4_16);
+        let t4_18 = p_iyz_arm.mul_add(t4_13, t4_17);
+        let t4_19 = p_ixz_arm.mul_add(t4_12, t4_18);
+        let t4_20 = w_ixy_arm_q2.mul_add(p_ixy_arm, t4_19);
+        let t4_21 = (-w_ixx_arm_q2).mul_add(t3_108, t4_20);
+        let t4_22 = a_armx.mul_add(p_my_arm, t4_21);
+        let t4_23 = a_army.mul_add(p_mx_arm, t4_22);
+        let t4_24 = like.lift(-0.14207).mul_add(t3_173, t4_23);
+        tau[1] = t4_24;
+        let t4_25 = p_ixx_crank - p_iyy_crank;
+        let w_ixy_crank_q3 = t2_64 - t2_5;
+        let t4_26 = t2_20 + t2_21;
+        let t4_27 = al_rodz - t2_17;
+        let t4_28 = al_rody - t2_16;
+        let t4_29 = a_rodx * p_m_rod;
+        let t4_30 = t4_28.mul_add(p_mz_rod, t4_29);
+        let t4_31 = t4_27.mul_add(p_my_rod, t4_30);
+        let t4_32 = t4_26.mul_add(p_mx_rod, t4_31);
+        let t4_33 = al_rodz + t2_17;
+        let t4_34 = t2_20 + t2_40;
+        let t4_35 = al_rodx - t2_18;
+        let t4_36 = a_rody * p_m_rod;
+        let t4_37 = (-t4_35).mul_add(p_mz_rod, t4_36);
+        let t4_38 = (-t4_34).mul_add(p_my_rod, t4_37);
+        let t4_39 = t4_33.mul_add(p_mx_rod, t4_38);
+        let t4_40 = sin_pin * t4_32;
+        let t4_41 = (-cos_pin).mul_add(t4_39, t4_40);
+        let t4_42 = al_crankx - t2_1;
+        let t4_43 = al_cranky + t2_2;
+        let t4_44 = (-t4_11).mul_add(x_pin_q3, t4_11);
+        let t4_45 = dd_q3.mul_add(p_izz_crank, t4_44);
+        let t4_46 = p_iyz_crank.mul_add(t4_43, t4_45);
+        let t4_47 = p_ixz_crank.mul_add(t4_42, t4_46);
+        let t4_48 = w_ixy_crank_q3.mul_add(p_ixy_crank, t4_47);
+        let t4_49 = (-w_ixx_crank_q3).mul_add(t4_25, t4_48);
+        let t4_50 = a_crankx.mul_add(p_my_crank, t4_49);
+        let t4_51 = a_cranky.mul_add(p_mx_crank, t4_50);
+        let t4_52 = like.lift(-0.0456).mul_add(t4_41, t4_51);
+        let t4_53 = (-t3_131).mul_add(x_wrist_q3, t4_52);
+        let t4_54 = (-t3_157).mul_add(x_elbow_q3, t4_53);
+        tau[3] = t4_54;
+        tau[0] = t3_107;
+        tau[2] = t3_9;
     }
     (tau, Condition { pivot: condition })
 }
@@ -2581,7 +2486,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: the efforts that hold the mechanism at rest
 ///
-/// 66 additions, 141 multiplications, 1 divisions, 6 sines and cosines.
+/// 66 additions, 124 multiplications, 1 divisions, 6 sines and cosines.
 pub fn gravity<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 4];
@@ -2594,153 +2499,139 @@ pub fn gravity<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([T; 4], Condition<T>) {
         p_mz_crank, _, _, _, _, _, _, _, p_mx_rod, p_my_rod, p_mz_rod, p_m_rod,
     ] = *phi;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_q3, cos_q3, sin_q2, cos_q2, sin_elbow, cos_elbow, sin_wrist, cos_wrist, sin_q4,
+        cos_q4, sin_pin, cos_pin,
+    ] = {
+        let [
+            (sin_q3, cos_q3), (sin_q2, cos_q2), (sin_elbow, cos_elbow), (sin_wrist, cos_wrist),
+            (sin_q4, cos_q4), (sin_pin, cos_pin),
+        ] =
+            T::sin_cos_all([q3, q2, elbow, wrist, q4, pin]);
+        [
+            sin_q3, cos_q3, sin_q2, cos_q2, sin_elbow, cos_elbow, sin_wrist, cos_wrist, sin_q4,
+            cos_q4, sin_pin, cos_pin,
+        ]
+    };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        sin_q3, cos_q3, t1_34, t1_52, t1_69, t1_80, t1_90, sin_pin, cos_pin, x_elbow_q2,
-        x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
+        t2_24, t2_44, t2_51, t2_62, t2_69, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3,
+        x_pin_q2, x_pin_q3,
     ] = {
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_1 = cos_q3 * p_mz_crank;
-        let t1_2 = like.lift(9.81) * t1_1;
-        let t1_3 = cos_q3 * p_mz_rod;
-        let t1_4 = like.lift(9.81).mul_add(t1_3, t1_2);
-        let t1_5 = sin_q3 * t1_4;
-        let t1_6 = sin_q3 * p_mz_crank;
-        let t1_7 = like.lift(9.81) * t1_6;
-        let t1_8 = sin_q3 * p_mz_rod;
-        let t1_9 = like.lift(9.81).mul_add(t1_8, t1_7);
-        let t1_10 = (-cos_q3).mul_add(t1_9, t1_5);
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_11 = cos_q2 * p_mz_arm;
-        let (sin_elbow, cos_elbow) = elbow.sin_cos();
-        let t1_12 = cos_q2 * sin_elbow;
-        let t1_13 = sin_q2 * sin_elbow;
-        let sin_q2_elbow = sin_q2.mul_add(cos_elbow, t1_12);
-        let cos_q2_elbow = cos_q2.mul_add(cos_elbow, -t1_13);
-        let t1_14 = cos_q2_elbow * p_mz_forearm;
-        let (sin_wrist, cos_wrist) = wrist.sin_cos();
-        let t1_15 = cos_q2_elbow * sin_wrist;
-        let t1_16 = sin_q2_elbow * sin_wrist;
-        let sin_q2_elbow_wrist = sin_q2_elbow.mul_add(cos_wrist, t1_15);
-        let cos_q2_elbow_wrist = cos_q2_elbow.mul_add(cos_wrist, -t1_16);
-        let t1_17 = cos_q2_elbow_wrist * p_mz_wrist;
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t1_18 = cos_q2_elbow_wrist * p_my_flange;
-        let t1_19 = like.lift(9.81) * t1_18;
+        let t2_1 = cos_q3 * p_mz_rod;
+        let t2_2 = cos_q3.mul_add(p_mz_crank, t2_1);
+        let t2_3 = like.lift(9.81) * t2_2;
+        let t2_4 = sin_q3 * p_mz_rod;
+        let t2_5 = sin_q3.mul_add(p_mz_crank, t2_4);
+        let t2_6 = like.lift(9.81) * t2_5;
+        let t2_7 = sin_q2 * cos_elbow;
+        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t2_7);
+        let t2_8 = cos_q2 * cos_elbow;
+        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t2_8);
+        let t2_9 = sin_q2_elbow * cos_wrist;
+        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t2_9);
+        let t2_10 = cos_q2_elbow * cos_wrist;
+        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t2_10);
         let e_flange_q1y = sin_q4 * sin_q2_elbow_wrist;
-        let t1_20 = e_flange_q1y * p_mz_flange;
-        let t1_21 = like.lift(-9.81).mul_add(t1_20, t1_19);
-        let t1_22 = cos_q4 * t1_21;
+        let t2_11 = e_flange_q1y * p_mz_flange;
+        let t2_12 = (-cos_q2_elbow_wrist).mul_add(p_my_flange, t2_11);
+        let t2_13 = like.lift(9.81) * t2_12;
+        let t2_14 = -t2_13;
         let e_flange_q1x = cos_q4 * sin_q2_elbow_wrist;
-        let t1_23 = e_flange_q1x * p_mz_flange;
-        let t1_24 = like.lift(9.81) * t1_23;
-        let t1_25 = cos_q2_elbow_wrist * p_mx_flange;
-        let t1_26 = like.lift(9.81).mul_add(t1_25, t1_24);
-        let t1_27 = sin_q4.mul_add(t1_26, t1_22);
-        let t1_28 = like.lift(9.81).mul_add(t1_17, t1_27);
-        let t1_29 = cos_wrist * t1_28;
-        let t1_30 = sin_q2_elbow_wrist * p_mz_wrist;
-        let t1_31 = e_flange_q1y * p_mx_flange;
-        let t1_32 = like.lift(9.81) * t1_31;
-        let t1_33 = e_flange_q1x * p_my_flange;
-        let t1_34 = like.lift(9.81).mul_add(t1_33, t1_32);
-        let t1_35 = like.lift(9.81).mul_add(t1_30, t1_34);
-        let t1_36 = sin_wrist.mul_add(t1_35, t1_29);
-        let t1_37 = like.lift(9.81).mul_add(t1_14, t1_36);
-        let t1_38 = cos_elbow * t1_37;
-        let t1_39 = sin_q2_elbow * p_mz_forearm;
-        let t1_40 = sin_wrist * t1_28;
-        let t1_41 = (-cos_wrist).mul_add(t1_35, t1_40);
-        let t1_42 = like.lift(9.81).mul_add(t1_39, -t1_41);
-        let t1_43 = sin_elbow.mul_add(t1_42, t1_38);
-        let t1_44 = like.lift(9.81).mul_add(t1_11, t1_43);
-        let t1_45 = sin_q2 * t1_44;
-        let t1_46 = sin_q2 * p_mz_arm;
-        let t1_47 = sin_elbow * t1_37;
-        let t1_48 = (-cos_elbow).mul_add(t1_42, t1_47);
-        let t1_49 = like.lift(9.81).mul_add(t1_46, -t1_48);
-        let t1_50 = (-cos_q2).mul_add(t1_49, t1_45);
-        let t1_51 = t1_10 + t1_50;
-        let t1_52 = -t1_51;
-        let t1_53 = cos_q2 * p_mx_arm;
-        let t1_54 = like.lift(9.81) * t1_53;
-        let t1_55 = sin_q2 * p_my_arm;
-        let t1_56 = like.lift(-9.81).mul_add(t1_55, t1_54);
-        let t1_57 = cos_q2_elbow * p_mx_forearm;
-        let t1_58 = like.lift(9.81) * t1_57;
-        let t1_59 = sin_q2_elbow * p_my_forearm;
-        let t1_60 = like.lift(-9.81).mul_add(t1_59, t1_58);
-        let t1_61 = cos_q2_elbow_wrist * p_mx_wrist;
-        let t1_62 = like.lift(9.81) * t1_61;
-        let t1_63 = sin_q2_elbow_wrist * p_my_wrist;
-        let t1_64 = like.lift(-9.81).mul_add(t1_63, t1_62);
-        let t1_65 = sin_q4 * t1_21;
-        let t1_66 = (-cos_q4).mul_add(t1_26, t1_65);
-        let t1_67 = cos_q2_elbow_wrist * p_m_flange;
-        let t1_68 = like.lift(-0.4905).mul_add(t1_67, t1_66);
-        let t1_69 = t1_64 - t1_68;
-        let t1_70 = sin_q2_elbow_wrist * p_m_wrist;
-        let t1_71 = like.lift(9.81) * t1_70;
-        let t1_72 = sin_q2_elbow_wrist * p_m_flange;
-        let t1_73 = like.lift(9.81).mul_add(t1_72, t1_71);
-        let t1_74 = sin_wrist * t1_73;
-        let t1_75 = cos_q2_elbow_wrist * p_m_wrist;
-        let t1_76 = like.lift(9.81) * t1_75;
-        let t1_77 = like.lift(9.81).mul_add(t1_67, t1_76);
-        let t1_78 = cos_wrist.mul_add(t1_77, t1_74);
-        let t1_79 = like.lift(0.15852).mul_add(t1_78, t1_69);
-        let t1_80 = t1_60 + t1_79;
-        let t1_81 = sin_q2_elbow * p_m_forearm;
-        let t1_82 = cos_wrist * t1_73;
-        let t1_83 = (-sin_wrist).mul_add(t1_77, t1_82);
-        let t1_84 = like.lift(9.81).mul_add(t1_81, t1_83);
-        let t1_85 = sin_elbow * t1_84;
-        let t1_86 = cos_q2_elbow * p_m_forearm;
-        let t1_87 = like.lift(9.81).mul_add(t1_86, t1_78);
-        let t1_88 = cos_elbow.mul_add(t1_87, t1_85);
-        let t1_89 = like.lift(0.14207).mul_add(t1_88, t1_80);
-        let t1_90 = t1_56 + t1_89;
-        let t1_91 = cos_q2_elbow * sin_q3;
-        let t1_92 = sin_q2_elbow * sin_q3;
-        let sin_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(cos_q3, -t1_91);
-        let cos_q2_elbow_minus_q3 = cos_q2_elbow.mul_add(cos_q3, t1_92);
-        let (sin_pin, cos_pin) = pin.sin_cos();
-        let t1_93 = cos_q2_elbow_minus_q3 * sin_pin;
-        let t1_94 = sin_q2_elbow_minus_q3 * sin_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(cos_pin, -t1_93);
-        let cos_q2_elbow_minus_q3_minus_pin = cos_q2_elbow_minus_q3.mul_add(cos_pin, t1_94);
+        let t2_15 = cos_q2_elbow_wrist * p_mx_flange;
+        let t2_16 = e_flange_q1x.mul_add(p_mz_flange, t2_15);
+        let t2_17 = like.lift(9.81) * t2_16;
+        let t2_18 = like.lift(9.81) * p_mz_wrist;
+        let t2_19 = cos_q2_elbow_wrist * t2_18;
+        let t2_20 = sin_q4.mul_add(t2_17, t2_19);
+        let t2_21 = cos_q4.mul_add(t2_14, t2_20);
+        let t2_22 = e_flange_q1x * p_my_flange;
+        let t2_23 = e_flange_q1y.mul_add(p_mx_flange, t2_22);
+        let t2_24 = like.lift(9.81) * t2_23;
+        let t2_25 = sin_q2_elbow_wrist.mul_add(t2_18, t2_24);
+        let t2_26 = like.lift(9.81) * p_mz_forearm;
+        let t2_27 = cos_q2_elbow * t2_26;
+        let t2_28 = sin_wrist.mul_add(t2_25, t2_27);
+        let t2_29 = cos_wrist.mul_add(t2_21, t2_28);
+        let t2_30 = sin_q2_elbow * t2_26;
+        let t2_31 = cos_wrist.mul_add(t2_25, t2_30);
+        let t2_32 = (-sin_wrist).mul_add(t2_21, t2_31);
+        let t2_33 = like.lift(9.81) * p_mz_arm;
+        let t2_34 = cos_q2 * t2_33;
+        let t2_35 = sin_elbow.mul_add(t2_32, t2_34);
+        let t2_36 = cos_elbow.mul_add(t2_29, t2_35);
+        let t2_37 = sin_q2 * t2_33;
+        let t2_38 = cos_elbow.mul_add(t2_32, t2_37);
+        let t2_39 = (-sin_elbow).mul_add(t2_29, t2_38);
+        let t2_40 = sin_q3 * t2_3;
+        let t2_41 = (-cos_q3).mul_add(t2_6, t2_40);
+        let t2_42 = (-cos_q2).mul_add(t2_39, t2_41);
+        let t2_43 = sin_q2.mul_add(t2_36, t2_42);
+        let t2_44 = -t2_43;
+        let t2_45 = cos_q2_elbow_wrist * p_m_flange;
+        let t2_46 = sin_q2_elbow_wrist * p_my_wrist;
+        let t2_47 = (-cos_q2_elbow_wrist).mul_add(p_mx_wrist, t2_46);
+        let t2_48 = like.lift(0.4905) * t2_45;
+        let t2_49 = like.lift(-9.81).mul_add(t2_47, t2_48);
+        let t2_50 = cos_q4.mul_add(t2_17, t2_49);
+        let t2_51 = (-sin_q4).mul_add(t2_14, t2_50);
+        let t2_52 = sin_q2_elbow_wrist * p_m_flange;
+        let t2_53 = sin_q2_elbow_wrist.mul_add(p_m_wrist, t2_52);
+        let t2_54 = like.lift(9.81) * t2_53;
+        let t2_55 = cos_q2_elbow_wrist.mul_add(p_m_wrist, t2_45);
+        let t2_56 = like.lift(9.81) * t2_55;
+        let t2_57 = cos_wrist * t2_56;
+        let t2_58 = sin_wrist.mul_add(t2_54, t2_57);
+        let t2_59 = sin_q2_elbow * p_my_forearm;
+        let t2_60 = (-cos_q2_elbow).mul_add(p_mx_forearm, t2_59);
+        let t2_61 = like.lift(-9.81).mul_add(t2_60, t2_51);
+        let t2_62 = like.lift(0.15852).mul_add(t2_58, t2_61);
+        let t2_63 = like.lift(9.81) * p_m_forearm;
+        let t2_64 = sin_q2_elbow * t2_63;
+        let t2_65 = (-sin_wrist).mul_add(t2_56, t2_64);
+        let t2_66 = cos_wrist.mul_add(t2_54, t2_65);
+        let t2_67 = cos_q2_elbow.mul_add(t2_63, t2_58);
+        let t2_68 = cos_elbow * t2_67;
+        let t2_69 = sin_elbow.mul_add(t2_66, t2_68);
+        let t2_70 = sin_q2_elbow * cos_q3;
+        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t2_70);
+        let t2_71 = cos_q2_elbow * cos_q3;
+        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t2_71);
+        let t2_72 = sin_q2_elbow_minus_q3 * cos_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t2_72);
+        let t2_73 = cos_q2_elbow_minus_q3 * cos_pin;
+        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t2_73);
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t1_95 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t1_96 = -t1_95;
-        let t1_97 = cos_q2 * sin_q3;
-        let t1_98 = sin_q2 * sin_q3;
-        let sin_q2_minus_q3 = sin_q2.mul_add(cos_q3, -t1_97);
-        let cos_q2_minus_q3 = cos_q2.mul_add(cos_q3, t1_98);
-        let t1_99 = cos_q2_minus_q3 * sin_pin;
-        let t1_100 = sin_q2_minus_q3 * sin_pin;
-        let sin_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(cos_pin, -t1_99);
-        let cos_q2_minus_q3_minus_pin = cos_q2_minus_q3.mul_add(cos_pin, t1_100);
-        let t1_101 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t1_102 = -t1_101;
+        let t2_74 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t2_75 = -t2_74;
+        let t2_76 = sin_q2 * cos_q3;
+        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t2_76);
+        let t2_77 = cos_q2 * cos_q3;
+        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t2_77);
+        let t2_78 = sin_q2_minus_q3 * cos_pin;
+        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t2_78);
+        let t2_79 = cos_q2_minus_q3 * cos_pin;
+        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t2_79);
+        let t2_80 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
+        let t2_81 = -t2_80;
         let u_rod_q3x = like.lift(0.0456) * sin_pin;
-        let t1_103 = -u_rod_q3x;
-        let t1_104 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t1_95);
-        let u_rod_q3y = like.lift(0.0456) * cos_pin;
-        let t1_105 = like.lift(0.14207) + u_rod_q3y;
-        let t1_106 = -t1_105;
-        let t1_107 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t1_108 = t1_101 * t1_107;
-        let t1_109 = like.lift(21.92982456140351) * t1_108;
-        let t1_110 = -t1_109;
-        let t1_111 = sin_pin * t1_107;
-        let t1_112 = -t1_111;
-        let t1_113 = like.lift(1.0) + t1_109;
-        let t1_114 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t1_108, t1_104);
-        let t1_115 = like.lift(7.038783698176955) * t1_114;
-        let t1_116 = -t1_115;
-        let t1_117 = cos_q2_elbow_minus_q3_minus_pin * t1_111;
-        let t1_118 = like.lift(0.0456).mul_add(t1_117, t1_105);
-        let t1_119 = like.lift(7.038783698176955) * t1_118;
+        let t2_82 = -u_rod_q3x;
+        let t2_83 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t2_74);
+        let t2_84 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t2_85 = -t2_84;
+        let t2_86 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t2_87 = t2_80 * t2_86;
+        let t2_88 = like.lift(21.92982456140351) * t2_87;
+        let t2_89 = -t2_88;
+        let t2_90 = sin_pin * t2_86;
+        let t2_91 = -t2_90;
+        let t2_92 = like.lift(1.0) + t2_88;
+        let t2_93 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_87, t2_83);
+        let t2_94 = like.lift(7.038783698176955) * t2_93;
+        let t2_95 = -t2_94;
+        let t2_96 = t2_90.mul_add(t2_74, t2_84);
+        let t2_97 = like.lift(7.038783698176955) * t2_96;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([
@@ -2748,23 +2639,23 @@ pub fn gravity<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([T; 4], Condition<T>) {
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t1_110, like.lift(0.0), t1_112],
-                [like.lift(0.0), t1_113, like.lift(0.0), t1_111],
-                [like.lift(0.0), t1_116, like.lift(0.0), t1_119],
+                [like.lift(0.0), t2_89, like.lift(0.0), t2_91],
+                [like.lift(0.0), t2_92, like.lift(0.0), t2_90],
+                [like.lift(0.0), t2_95, like.lift(0.0), t2_97],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t1_96, like.lift(0.0), like.lift(-0.14207)],
+                    [t2_75, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t1_102, like.lift(0.0), t1_103],
-                    [like.lift(0.0), t1_104, like.lift(0.0), t1_106],
+                    [like.lift(0.0), t2_81, like.lift(0.0), t2_82],
+                    [like.lift(0.0), t2_83, like.lift(0.0), t2_85],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -2774,39 +2665,40 @@ pub fn gravity<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([T; 4], Condition<T>) {
         );
         condition = condition.min(found);
         [
-            sin_q3, cos_q3, t1_34, t1_52, t1_69, t1_80, t1_90, sin_pin, cos_pin, x_elbow_q2,
-            x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
+            t2_24, t2_44, t2_51, t2_62, t2_69, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3,
+            x_pin_q2, x_pin_q3,
         ]
     };
     // tau
     {
-        let t2_1 = (-t1_80).mul_add(x_elbow_q2, t1_90);
-        let t2_2 = (-t1_69).mul_add(x_wrist_q2, t2_1);
-        let t2_3 = cos_q3 * sin_pin;
-        let t2_4 = sin_q3 * sin_pin;
-        let sin_q3_pin = sin_q3.mul_add(cos_pin, t2_3);
-        let cos_q3_pin = cos_q3.mul_add(cos_pin, -t2_4);
-        let t2_5 = cos_q3_pin * p_mx_rod;
-        let t2_6 = like.lift(9.81) * t2_5;
-        let t2_7 = sin_q3_pin * p_my_rod;
-        let t2_8 = like.lift(-9.81).mul_add(t2_7, t2_6);
-        let t2_9 = (-t2_8).mul_add(x_pin_q2, t2_2);
-        tau[1] = t2_9;
-        let t2_10 = -t1_34;
-        tau[2] = t2_10;
-        let t2_11 = cos_q3 * p_mx_crank;
-        let t2_12 = like.lift(9.81) * t2_11;
-        let t2_13 = sin_q3 * p_my_crank;
-        let t2_14 = like.lift(-9.81).mul_add(t2_13, t2_12);
-        let t2_15 = cos_q3 * p_m_rod;
-        let t2_16 = like.lift(0.447336).mul_add(t2_15, t2_8);
-        let t2_17 = t2_14 + t2_16;
-        let t2_18 = t1_80 * x_elbow_q3;
-        let t2_19 = t1_69.mul_add(x_wrist_q3, t2_18);
-        let t2_20 = t2_17 - t2_19;
-        let t2_21 = (-t2_8).mul_add(x_pin_q3, t2_20);
-        tau[3] = t2_21;
-        tau[0] = t1_52;
+        let t3_1 = sin_q3 * cos_pin;
+        let sin_q3_pin = cos_q3.mul_add(sin_pin, t3_1);
+        let t3_2 = cos_q3 * cos_pin;
+        let cos_q3_pin = (-sin_q3).mul_add(sin_pin, t3_2);
+        let t3_3 = sin_q3_pin * p_my_rod;
+        let t3_4 = (-cos_q3_pin).mul_add(p_mx_rod, t3_3);
+        let t3_5 = like.lift(9.81) * t3_4;
+        let t3_6 = -t3_5;
+        let t3_7 = sin_q2 * p_my_arm;
+        let t3_8 = (-cos_q2).mul_add(p_mx_arm, t3_7);
+        let t3_9 = (-t3_6).mul_add(x_pin_q2, t2_62);
+        let t3_10 = (-t2_51).mul_add(x_wrist_q2, t3_9);
+        let t3_11 = (-t2_62).mul_add(x_elbow_q2, t3_10);
+        let t3_12 = like.lift(-9.81).mul_add(t3_8, t3_11);
+        let t3_13 = like.lift(0.14207).mul_add(t2_69, t3_12);
+        tau[1] = t3_13;
+        let t3_14 = -t2_24;
+        tau[2] = t3_14;
+        let t3_15 = sin_q3 * p_my_crank;
+        let t3_16 = (-cos_q3).mul_add(p_mx_crank, t3_15);
+        let t3_17 = (-t3_6).mul_add(x_pin_q3, t3_6);
+        let t3_18 = like.lift(-9.81).mul_add(t3_16, t3_17);
+        let t3_19 = like.lift(0.447336) * cos_q3;
+        let t3_20 = t3_19.mul_add(p_m_rod, t3_18);
+        let t3_21 = (-t2_51).mul_add(x_wrist_q3, t3_20);
+        let t3_22 = (-t2_62).mul_add(x_elbow_q3, t3_21);
+        tau[3] = t3_22;
+        tau[0] = t2_44;
     }
     (tau, Condition { pivot: condition })
 }
@@ -2818,7 +2710,7 @@ pub fn gravity<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([T; 4], Condition<T>) {
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
 ///
-/// 353 additions, 433 multiplications, 1 divisions, 6 sines and cosines.
+/// 353 additions, 382 multiplications, 1 divisions, 6 sines and cosines.
 pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 4];
@@ -2837,610 +2729,541 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 4]
         p_mz_rod, p_m_rod,
     ] = *phi;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_q3, cos_q3, sin_pin, cos_pin, sin_q2, cos_q2, sin_elbow, cos_elbow, sin_wrist,
+        cos_wrist, sin_q4, cos_q4,
+    ] = {
+        let [
+            (sin_q3, cos_q3), (sin_pin, cos_pin), (sin_q2, cos_q2), (sin_elbow, cos_elbow),
+            (sin_wrist, cos_wrist), (sin_q4, cos_q4),
+        ] =
+            T::sin_cos_all([q3, pin, q2, elbow, wrist, q4]);
+        [
+            sin_q3, cos_q3, sin_pin, cos_pin, sin_q2, cos_q2, sin_elbow, cos_elbow, sin_wrist,
+            cos_wrist, sin_q4, cos_q4,
+        ]
+    };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        sin_q3, cos_q3, w_crankx, al_cranky, w_ixx_crank_q3, al_crankx, t1_4, t1_5, t1_12,
-        t1_13, t1_15, sin_pin, cos_pin, w_rodx, t1_18, t1_19, t1_20, t1_23, t1_24, t1_28,
-        al_rodx, al_rody, t1_34, sin_q2, cos_q2, sin_elbow, cos_elbow, sin_q2_elbow,
-        cos_q2_elbow, cos_q2_elbow_minus_q3_minus_pin, pivot_3, t1_41, t1_42,
-        sin_q2_minus_q3_minus_pin, cos_q2_minus_q3_minus_pin, w_forearmz, t1_66, al_forearmz,
-        t1_73, al_rodz,
+        w_crankx, al_cranky, t2_1, w_ixx_crank_q3, al_crankx, t2_2, t2_3, t2_4, t2_5, t2_6,
+        t2_7, w_rodx, t2_10, t2_11, t2_12, t2_13, t2_14, t2_15, t2_16, al_rodx, al_rody,
+        sin_q2_elbow, cos_q2_elbow, cos_q2_elbow_minus_q3_minus_pin, pivot_3, t2_26, t2_27,
+        cos_q2_minus_q3_minus_pin, w_forearmz, t2_32, t2_33, t2_40, t2_45, al_forearmz, t2_52,
+        al_rodz,
     ] = {
-        let (sin_q3, cos_q3) = q3.sin_cos();
         let w_crankx = sin_q3 * d_q1;
         let al_cranky = d_q3 * w_crankx;
-        let t1_1 = al_cranky * p_ixy_crank;
+        let t2_1 = al_cranky * p_ixy_crank;
         let w_cranky = cos_q3 * d_q1;
         let w_ixx_crank_q3 = w_crankx * w_cranky;
         let al_crankx = d_q3 * w_cranky;
-        let t1_2 = p_iyy_crank - p_izz_crank;
-        let t1_3 = al_crankx * t1_2;
-        let t1_4 = d_q3 * d_q3;
-        let t1_5 = w_cranky * w_cranky;
-        let t1_6 = t1_4 - t1_5;
-        let t1_7 = t1_6.mul_add(p_iyz_crank, t1_3);
-        let t1_8 = w_ixx_crank_q3.mul_add(p_ixz_crank, -t1_7);
-        let t1_9 = t1_1 - t1_8;
-        let t1_10 = (-al_crankx).mul_add(p_ixx_crank, t1_1);
-        let t1_11 = t1_9 + t1_10;
-        let t1_12 = d_q1 * d_q1;
-        let t1_13 = sin_q3 * t1_12;
-        let t1_14 = t1_13 * p_mz_crank;
-        let t1_15 = like.lift(0.0132).mul_add(t1_14, t1_11);
-        let (sin_pin, cos_pin) = pin.sin_cos();
+        let t2_2 = p_iyy_crank - p_izz_crank;
+        let t2_3 = d_q3 * d_q3;
+        let t2_4 = w_cranky * w_cranky;
+        let t2_5 = t2_3 - t2_4;
+        let t2_6 = d_q1 * d_q1;
+        let t2_7 = sin_q3 * t2_6;
         let w_rodz = d_q3 + d_pin;
-        let t1_16 = cos_q3 * sin_pin;
-        let t1_17 = sin_q3 * sin_pin;
-        let sin_q3_pin = sin_q3.mul_add(cos_pin, t1_16);
-        let cos_q3_pin = cos_q3.mul_add(cos_pin, -t1_17);
+        let t2_8 = sin_q3 * cos_pin;
+        let sin_q3_pin = cos_q3.mul_add(sin_pin, t2_8);
+        let t2_9 = cos_q3 * cos_pin;
+        let cos_q3_pin = (-sin_q3).mul_add(sin_pin, t2_9);
         let w_rodx = sin_q3_pin * d_q1;
-        let t1_18 = w_rodz * w_rodx;
+        let t2_10 = w_rodz * w_rodx;
         let w_rody = cos_q3_pin * d_q1;
-        let t1_19 = w_rodx * w_rody;
-        let t1_20 = w_rodz * w_rody;
-        let t1_21 = p_iyy_rod - p_izz_rod;
-        let t1_22 = t1_20 * t1_21;
-        let t1_23 = w_rodz * w_rodz;
-        let t1_24 = w_rody * w_rody;
-        let t1_25 = t1_23 - t1_24;
-        let t1_26 = t1_25.mul_add(p_iyz_rod, t1_22);
-        let t1_27 = t1_19.mul_add(p_ixz_rod, -t1_26);
-        let t1_28 = t1_18.mul_add(p_ixy_rod, -t1_27);
-        let t1_29 = d_pin * w_rody;
-        let t1_30 = cos_q3_pin * d_q3;
-        let al_rodx = d_q1.mul_add(t1_30, t1_29);
-        let t1_31 = p_ixx_rod * al_rodx;
-        let t1_32 = d_pin * w_rodx;
-        let t1_33 = sin_q3_pin * d_q3;
-        let al_rody = d_q1.mul_add(t1_33, t1_32);
-        let t1_34 = (-p_ixy_rod).mul_add(al_rody, t1_31);
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let (sin_elbow, cos_elbow) = elbow.sin_cos();
-        let t1_35 = cos_q2 * sin_elbow;
-        let t1_36 = sin_q2 * sin_elbow;
-        let sin_q2_elbow = sin_q2.mul_add(cos_elbow, t1_35);
-        let cos_q2_elbow = cos_q2.mul_add(cos_elbow, -t1_36);
-        let t1_37 = cos_q2_elbow * sin_q3;
-        let t1_38 = sin_q2_elbow * sin_q3;
-        let sin_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(cos_q3, -t1_37);
-        let cos_q2_elbow_minus_q3 = cos_q2_elbow.mul_add(cos_q3, t1_38);
-        let t1_39 = cos_q2_elbow_minus_q3 * sin_pin;
-        let t1_40 = sin_q2_elbow_minus_q3 * sin_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(cos_pin, -t1_39);
-        let cos_q2_elbow_minus_q3_minus_pin = cos_q2_elbow_minus_q3.mul_add(cos_pin, t1_40);
+        let t2_11 = w_rodx * w_rody;
+        let t2_12 = w_rodz * w_rody;
+        let t2_13 = p_iyy_rod - p_izz_rod;
+        let t2_14 = w_rodz * w_rodz;
+        let t2_15 = w_rody * w_rody;
+        let t2_16 = t2_14 - t2_15;
+        let t2_17 = d_q1 * d_q3;
+        let t2_18 = cos_q3_pin * t2_17;
+        let al_rodx = d_pin.mul_add(w_rody, t2_18);
+        let t2_19 = sin_q3_pin * t2_17;
+        let al_rody = d_pin.mul_add(w_rodx, t2_19);
+        let t2_20 = sin_q2 * cos_elbow;
+        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t2_20);
+        let t2_21 = cos_q2 * cos_elbow;
+        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t2_21);
+        let t2_22 = sin_q2_elbow * cos_q3;
+        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t2_22);
+        let t2_23 = cos_q2_elbow * cos_q3;
+        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t2_23);
+        let t2_24 = sin_q2_elbow_minus_q3 * cos_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t2_24);
+        let t2_25 = cos_q2_elbow_minus_q3 * cos_pin;
+        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t2_25);
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t1_41 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t1_42 = -t1_41;
-        let t1_43 = cos_pin * t1_4;
-        let t1_44 = like.lift(0.0456) * t1_43;
-        let t1_45 = like.lift(0.14207).mul_add(t1_23, t1_44);
-        let t1_46 = cos_q2 * sin_q3;
-        let t1_47 = sin_q2 * sin_q3;
-        let sin_q2_minus_q3 = sin_q2.mul_add(cos_q3, -t1_46);
-        let cos_q2_minus_q3 = cos_q2.mul_add(cos_q3, t1_47);
-        let t1_48 = cos_q2_minus_q3 * sin_pin;
-        let t1_49 = sin_q2_minus_q3 * sin_pin;
-        let sin_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(cos_pin, -t1_48);
-        let cos_q2_minus_q3_minus_pin = cos_q2_minus_q3.mul_add(cos_pin, t1_49);
-        let t1_50 = cos_q2_minus_q3_minus_pin * d_q2;
-        let t1_51 = d_q2 * t1_50;
-        let t1_52 = like.lift(0.14207) * t1_51;
+        let t2_26 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t2_27 = -t2_26;
+        let t2_28 = sin_q2 * cos_q3;
+        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t2_28);
+        let t2_29 = cos_q2 * cos_q3;
+        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t2_29);
+        let t2_30 = sin_q2_minus_q3 * cos_pin;
+        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t2_30);
+        let t2_31 = cos_q2_minus_q3 * cos_pin;
+        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t2_31);
         let w_forearmz = d_q2 + d_elbow;
-        let t1_53 = cos_q2_elbow_minus_q3_minus_pin * w_forearmz;
-        let t1_54 = w_forearmz * t1_53;
-        let t1_55 = like.lift(-0.0456).mul_add(t1_54, t1_52);
-        let t1_56 = t1_45 - t1_55;
-        let t1_57 = -t1_56;
-        let t1_58 = sin_pin * t1_4;
-        let t1_59 = sin_q2_minus_q3_minus_pin * d_q2;
-        let t1_60 = d_q2 * t1_59;
-        let t1_61 = like.lift(0.14207) * t1_60;
-        let t1_62 = sin_q2_elbow_minus_q3_minus_pin * w_forearmz;
-        let t1_63 = w_forearmz * t1_62;
-        let t1_64 = like.lift(-0.0456).mul_add(t1_63, t1_61);
-        let t1_65 = like.lift(0.0456).mul_add(t1_58, t1_64);
-        let t1_66 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t1_67 = t1_66 * t1_56;
-        let t1_68 = like.lift(21.92982456140351) * t1_67;
-        let t1_69 = -t1_68;
-        let t1_70 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t1_67, t1_65);
-        let t1_71 = like.lift(7.038783698176955) * t1_70;
-        let t1_72 = -t1_71;
+        let t2_32 = w_forearmz * w_forearmz;
+        let t2_33 = d_q2 * d_q2;
+        let t2_34 = cos_pin * t2_3;
+        let t2_35 = cos_q2_elbow_minus_q3_minus_pin.mul_add(t2_32, t2_34);
+        let t2_36 = (-cos_q2_minus_q3_minus_pin).mul_add(t2_33, t2_14);
+        let t2_37 = like.lift(0.14207) * t2_36;
+        let t2_38 = like.lift(0.0456).mul_add(t2_35, t2_37);
+        let t2_39 = -t2_38;
+        let t2_40 = like.lift(0.14207) * sin_q2_minus_q3_minus_pin;
+        let t2_41 = sin_pin * t2_3;
+        let t2_42 = (-sin_q2_elbow_minus_q3_minus_pin).mul_add(t2_32, t2_41);
+        let t2_43 = like.lift(0.0456) * t2_42;
+        let t2_44 = t2_33.mul_add(t2_40, t2_43);
+        let t2_45 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t2_46 = t2_45 * t2_38;
+        let t2_47 = like.lift(21.92982456140351) * t2_46;
+        let t2_48 = -t2_47;
+        let t2_49 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_46, t2_44);
+        let t2_50 = like.lift(7.038783698176955) * t2_49;
+        let t2_51 = -t2_50;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
-        let ([[al_forearmz], [t1_73], [al_rodz]], found) = ::regen_runtime::guarded(
-            [[t1_69], [t1_68], [t1_72]],
+        let ([[al_forearmz], [t2_52], [al_rodz]], found) = ::regen_runtime::guarded(
+            [[t2_48], [t2_47], [t2_51]],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t1_42, like.lift(0.0), like.lift(-0.14207)],
+                    [t2_27, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [t1_57], [t1_65], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_39], [t2_44], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
                     [like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            sin_q3, cos_q3, w_crankx, al_cranky, w_ixx_crank_q3, al_crankx, t1_4, t1_5, t1_12,
-            t1_13, t1_15, sin_pin, cos_pin, w_rodx, t1_18, t1_19, t1_20, t1_23, t1_24, t1_28,
-            al_rodx, al_rody, t1_34, sin_q2, cos_q2, sin_elbow, cos_elbow, sin_q2_elbow,
-            cos_q2_elbow, cos_q2_elbow_minus_q3_minus_pin, pivot_3, t1_41, t1_42,
-            sin_q2_minus_q3_minus_pin, cos_q2_minus_q3_minus_pin, w_forearmz, t1_66,
-            al_forearmz, t1_73, al_rodz,
+            w_crankx, al_cranky, t2_1, w_ixx_crank_q3, al_crankx, t2_2, t2_3, t2_4, t2_5, t2_6,
+            t2_7, w_rodx, t2_10, t2_11, t2_12, t2_13, t2_14, t2_15, t2_16, al_rodx, al_rody,
+            sin_q2_elbow, cos_q2_elbow, cos_q2_elbow_minus_q3_minus_pin, pivot_3, t2_26, t2_27,
+            cos_q2_minus_q3_minus_pin, w_forearmz, t2_32, t2_33, t2_40, t2_45, al_forearmz,
+            t2_52, al_rodz,
         ]
     };
     // tau, part 2
     let [
-        t2_5, a_rody, t2_15, a_rodx, t2_35, t2_62, w_armx, al_army, w_ixx_arm_q2, al_armx,
-        t2_66, t2_67, t2_74, t2_76, w_forearmx, t2_77, t2_78, t2_79, t2_82, t2_83, al_forearmx,
-        al_forearmy, t2_98, a_forearmy, t2_104, sin_wrist, cos_wrist, t2_107, t2_108, t2_109,
-        t2_112, t2_113, al_wristx, al_wristy, al_wristz, t2_126, a_wristz, t2_128, a_forearmx,
-        t2_132, a_wristy, sin_q4, cos_q4, t2_137, w_ixx_flange_q4, t2_139, t2_142, t2_143,
-        al_flangex, al_flangey, t2_156, a_flangez, t2_158, a_wristx, t2_162, a_flangey, t2_165,
-        t2_169, a_flangex, t2_181, t2_183, t2_184, t2_187, t2_198, t2_207, t2_209,
+        t3_1, a_rody, t3_19, a_rodx, t3_39, t3_42, t3_58, t3_62, w_armx, al_army, t3_63,
+        w_ixx_arm_q2, al_armx, t3_64, t3_65, t3_66, t3_67, t3_68, t3_69, t3_70, t3_72,
+        al_forearmx, al_forearmy, t3_77, a_forearmy, t3_86, t3_87, t3_88, t3_90, t3_91,
+        al_wristx, al_wristy, al_wristz, t3_97, t3_98, t3_99, a_forearmx, t3_102, a_wristy,
+        t3_106, t3_108, t3_110, al_flangex, al_flangey, t3_117, a_flangez, t3_118, a_wristx,
+        t3_132, t3_134, t3_145, t3_156, t3_158, t3_169, t3_176, t3_183, t3_195, t3_206, t3_207,
+        t3_208, t3_209, t3_214, t3_215, t3_216,
     ] = {
-        let t2_1 = p_ixz_rod.mul_add(al_rodz, t1_34);
-        let t2_2 = t1_28 - t2_1;
-        let t2_3 = al_cranky * p_my_rod;
-        let t2_4 = like.lift(0.0912) * t2_3;
-        let t2_5 = cos_q3 * t1_12;
-        let a_crankx = like.lift(0.0132) * t2_5;
-        let t2_6 = t1_4 + t1_5;
-        let t2_7 = like.lift(0.0456).mul_add(t2_6, a_crankx);
-        let t2_8 = sin_pin * t2_7;
-        let a_cranky = like.lift(0.0132) * t1_13;
-        let t2_9 = like.lift(0.0456).mul_add(w_ixx_crank_q3, a_cranky);
-        let a_rody = cos_pin.mul_add(t2_9, t2_8);
-        let t2_10 = (-p_mz_rod).mul_add(a_rody, t2_4);
-        let t2_11 = t2_2 - t2_10;
-        let t2_12 = cos_pin * t2_11;
-        let t2_13 = p_ixx_rod - p_izz_rod;
-        let t2_14 = t1_18 * t2_13;
-        let t2_15 = w_rodx * w_rodx;
-        let t2_16 = t1_23 - t2_15;
-        let t2_17 = t2_16.mul_add(p_ixz_rod, t2_14);
-        let t2_18 = t1_20.mul_add(p_ixy_rod, t2_17);
-        let t2_19 = t1_19.mul_add(p_iyz_rod, -t2_18);
-        let t2_20 = p_ixy_rod * al_rodx;
-        let t2_21 = (-p_iyy_rod).mul_add(al_rody, t2_20);
-        let t2_22 = p_iyz_rod.mul_add(al_rodz, t2_21);
-        let t2_23 = t2_19 - t2_22;
-        let t2_24 = cos_pin * t2_7;
-        let a_rodx = (-sin_pin).mul_add(t2_9, t2_24);
-        let t2_25 = p_mz_rod * a_rodx;
-        let t2_26 = al_cranky * p_mx_rod;
-        let t2_27 = like.lift(0.0912).mul_add(t2_26, t2_25);
-        let t2_28 = t2_23 + t2_27;
-        let t2_29 = (-sin_pin).mul_add(t2_28, t2_12);
-        let t2_30 = t1_15 + t2_29;
-        let t2_31 = sin_q3 * t2_30;
-        let t2_32 = al_crankx * p_ixy_crank;
-        let t2_33 = p_ixx_crank - p_izz_crank;
-        let t2_34 = al_cranky * t2_33;
-        let t2_35 = w_crankx * w_crankx;
-        let t2_36 = t1_4 - t2_35;
-        let t2_37 = t2_36.mul_add(p_ixz_crank, t2_34);
-        let t2_38 = t2_32 + t2_37;
-        let t2_39 = w_ixx_crank_q3.mul_add(p_iyz_crank, -t2_38);
-        let t2_40 = (-al_cranky).mul_add(p_iyy_crank, t2_32);
-        let t2_41 = t2_39 - t2_40;
-        let t2_42 = t2_5 * p_mz_crank;
-        let t2_43 = like.lift(0.0132).mul_add(t2_42, t2_41);
-        let t2_44 = sin_pin * t2_11;
-        let t2_45 = cos_pin.mul_add(t2_28, t2_44);
-        let t2_46 = al_cranky * p_m_rod;
-        let t2_47 = t1_18 + al_rody;
-        let t2_48 = p_mx_rod * t2_47;
-        let t2_49 = t1_20 + al_rodx;
-        let t2_50 = p_my_rod.mul_add(t2_49, t2_48);
-        let t2_51 = t1_12.mul_add(p_mz_rod, -t2_50);
-        let t2_52 = like.lift(0.0912).mul_add(t2_46, -t2_51);
-        let t2_53 = like.lift(0.0456).mul_add(t2_52, t2_45);
-        let t2_54 = t2_43 + t2_53;
-        let t2_55 = cos_q3.mul_add(t2_54, t2_31);
-        let t2_56 = al_cranky * p_mx_crank;
-        let t2_57 = like.lift(2.0) * t2_56;
-        let t2_58 = al_crankx * p_my_crank;
-        let t2_59 = like.lift(2.0).mul_add(t2_58, t2_57);
-        let t2_60 = t1_12.mul_add(p_mz_crank, -t2_59);
-        let t2_61 = t2_60 - t2_52;
-        let t2_62 = like.lift(-0.0132).mul_add(t2_61, t2_55);
+        let t3_1 = cos_q3 * t2_6;
+        let t3_2 = t2_3 + t2_4;
+        let t3_3 = like.lift(0.0456) * t3_2;
+        let t3_4 = like.lift(0.0132).mul_add(t3_1, t3_3);
+        let t3_5 = like.lift(0.0456) * w_ixx_crank_q3;
+        let t3_6 = like.lift(0.0132).mul_add(t2_7, t3_5);
+        let t3_7 = cos_pin * t3_6;
+        let a_rody = sin_pin.mul_add(t3_4, t3_7);
+        let t3_8 = like.lift(0.0912) * al_cranky;
+        let t3_9 = t2_10 + al_rody;
+        let t3_10 = t2_11 + al_rodz;
+        let t3_11 = p_ixy_rod * t3_9;
+        let t3_12 = (-p_ixz_rod).mul_add(t3_10, t3_11);
+        let t3_13 = t2_16.mul_add(p_iyz_rod, t3_12);
+        let t3_14 = t2_12.mul_add(t2_13, t3_13);
+        let t3_15 = (-p_ixx_rod).mul_add(al_rodx, t3_14);
+        let t3_16 = p_mz_rod.mul_add(a_rody, t3_15);
+        let t3_17 = (-p_my_rod).mul_add(t3_8, t3_16);
+        let t3_18 = p_ixx_rod - p_izz_rod;
+        let t3_19 = w_rodx * w_rodx;
+        let t3_20 = t2_14 - t3_19;
+        let t3_21 = cos_pin * t3_4;
+        let a_rodx = (-sin_pin).mul_add(t3_6, t3_21);
+        let t3_22 = t2_12 + al_rodx;
+        let t3_23 = t2_11 - al_rodz;
+        let t3_24 = p_iyz_rod * t3_23;
+        let t3_25 = (-p_ixy_rod).mul_add(t3_22, t3_24);
+        let t3_26 = (-t3_20).mul_add(p_ixz_rod, t3_25);
+        let t3_27 = (-t2_10).mul_add(t3_18, t3_26);
+        let t3_28 = p_iyy_rod.mul_add(al_rody, t3_27);
+        let t3_29 = p_mx_rod.mul_add(t3_8, t3_28);
+        let t3_30 = p_mz_rod.mul_add(a_rodx, t3_29);
+        let t3_31 = like.lift(0.0132) * p_mz_crank;
+        let t3_32 = t2_2 - p_ixx_crank;
+        let t3_33 = t2_7.mul_add(t3_31, t2_1);
+        let t3_34 = (-w_ixx_crank_q3).mul_add(p_ixz_crank, t3_33);
+        let t3_35 = t2_5.mul_add(p_iyz_crank, t3_34);
+        let t3_36 = al_crankx.mul_add(t3_32, t3_35);
+        let t3_37 = t3_36 + t2_1;
+        let t3_38 = (-sin_pin).mul_add(t3_30, t3_37);
+        let t3_39 = cos_pin.mul_add(t3_17, t3_38);
+        let t3_40 = al_crankx * p_ixy_crank;
+        let t3_41 = p_ixx_crank - p_izz_crank;
+        let t3_42 = w_crankx * w_crankx;
+        let t3_43 = t2_3 - t3_42;
+        let t3_44 = t2_10 + al_rody;
+        let t3_45 = t2_12 + al_rodx;
+        let t3_46 = p_m_rod * t3_8;
+        let t3_47 = (-t2_6).mul_add(p_mz_rod, t3_46);
+        let t3_48 = p_my_rod.mul_add(t3_45, t3_47);
+        let t3_49 = p_mx_rod.mul_add(t3_44, t3_48);
+        let t3_50 = t3_41 - p_iyy_crank;
+        let t3_51 = t3_1.mul_add(t3_31, -t3_40);
+        let t3_52 = w_ixx_crank_q3.mul_add(p_iyz_crank, t3_51);
+        let t3_53 = (-t3_43).mul_add(p_ixz_crank, t3_52);
+        let t3_54 = (-al_cranky).mul_add(t3_50, t3_53);
+        let t3_55 = t3_54 - t3_40;
+        let t3_56 = like.lift(0.0456).mul_add(t3_49, t3_55);
+        let t3_57 = cos_pin.mul_add(t3_30, t3_56);
+        let t3_58 = sin_pin.mul_add(t3_17, t3_57);
+        let t3_59 = al_crankx * p_my_crank;
+        let t3_60 = al_cranky.mul_add(p_mx_crank, t3_59);
+        let t3_61 = t2_6.mul_add(p_mz_crank, -t3_49);
+        let t3_62 = like.lift(-2.0).mul_add(t3_60, t3_61);
         let w_armx = sin_q2 * d_q1;
         let al_army = d_q2 * w_armx;
-        let t2_63 = al_army * p_ixy_arm;
+        let t3_63 = al_army * p_ixy_arm;
         let w_army = cos_q2 * d_q1;
         let w_ixx_arm_q2 = w_armx * w_army;
         let al_armx = d_q2 * w_army;
-        let t2_64 = p_iyy_arm - p_izz_arm;
-        let t2_65 = al_armx * t2_64;
-        let t2_66 = w_army * w_army;
-        let t2_67 = d_q2 * d_q2;
-        let t2_68 = t2_66 - t2_67;
-        let t2_69 = (-t2_68).mul_add(p_iyz_arm, t2_65);
-        let t2_70 = w_ixx_arm_q2.mul_add(p_ixz_arm, -t2_69);
-        let t2_71 = t2_63 - t2_70;
-        let t2_72 = (-al_armx).mul_add(p_ixx_arm, t2_63);
-        let t2_73 = t2_71 + t2_72;
-        let t2_74 = sin_q2 * t1_12;
-        let t2_75 = t2_74 * p_mz_arm;
-        let t2_76 = like.lift(0.0132).mul_add(t2_75, t2_73);
+        let t3_64 = p_iyy_arm - p_izz_arm;
+        let t3_65 = w_army * w_army;
+        let t3_66 = t3_65 - t2_33;
+        let t3_67 = sin_q2 * t2_6;
         let w_forearmx = sin_q2_elbow * d_q1;
-        let t2_77 = w_forearmz * w_forearmx;
+        let t3_68 = w_forearmz * w_forearmx;
         let w_forearmy = cos_q2_elbow * d_q1;
-        let t2_78 = w_forearmx * w_forearmy;
-        let t2_79 = w_forearmz * w_forearmy;
-        let t2_80 = p_iyy_forearm - p_izz_forearm;
-        let t2_81 = t2_79 * t2_80;
-        let t2_82 = w_forearmy * w_forearmy;
-        let t2_83 = w_forearmz * w_forearmz;
-        let t2_84 = t2_82 - t2_83;
-        let t2_85 = (-t2_84).mul_add(p_iyz_forearm, t2_81);
-        let t2_86 = t2_78.mul_add(p_ixz_forearm, -t2_85);
-        let t2_87 = t2_77.mul_add(p_ixy_forearm, -t2_86);
-        let t2_88 = d_elbow * w_forearmy;
-        let t2_89 = cos_q2_elbow * d_q2;
-        let al_forearmx = d_q1.mul_add(t2_89, t2_88);
-        let t2_90 = p_ixx_forearm * al_forearmx;
-        let t2_91 = d_elbow * w_forearmx;
-        let t2_92 = sin_q2_elbow * d_q2;
-        let al_forearmy = d_q1.mul_add(t2_92, t2_91);
-        let t2_93 = (-p_ixy_forearm).mul_add(al_forearmy, t2_90);
-        let t2_94 = p_ixz_forearm.mul_add(al_forearmz, t2_93);
-        let t2_95 = t2_87 - t2_94;
-        let t2_96 = al_army * p_my_forearm;
-        let t2_97 = like.lift(0.28414) * t2_96;
-        let t2_98 = cos_q2 * t1_12;
-        let a_armx = like.lift(0.0132) * t2_98;
-        let t2_99 = t2_66 + t2_67;
-        let t2_100 = like.lift(0.14207).mul_add(t2_99, a_armx);
-        let t2_101 = sin_elbow * t2_100;
-        let a_army = like.lift(0.0132) * t2_74;
-        let t2_102 = like.lift(0.14207).mul_add(w_ixx_arm_q2, a_army);
-        let a_forearmy = cos_elbow.mul_add(t2_102, t2_101);
-        let t2_103 = (-p_mz_forearm).mul_add(a_forearmy, t2_97);
-        let t2_104 = t2_95 - t2_103;
-        let (sin_wrist, cos_wrist) = wrist.sin_cos();
-        let t2_105 = cos_q2_elbow * sin_wrist;
-        let t2_106 = sin_q2_elbow * sin_wrist;
-        let sin_q2_elbow_wrist = sin_q2_elbow.mul_add(cos_wrist, t2_105);
-        let cos_q2_elbow_wrist = cos_q2_elbow.mul_add(cos_wrist, -t2_106);
+        let t3_69 = w_forearmx * w_forearmy;
+        let t3_70 = w_forearmz * w_forearmy;
+        let t3_71 = p_iyy_forearm - p_izz_forearm;
+        let t3_72 = w_forearmy * w_forearmy;
+        let t3_73 = t3_72 - t2_32;
+        let t3_74 = d_q1 * d_q2;
+        let t3_75 = cos_q2_elbow * t3_74;
+        let al_forearmx = d_elbow.mul_add(w_forearmy, t3_75);
+        let t3_76 = sin_q2_elbow * t3_74;
+        let al_forearmy = d_elbow.mul_add(w_forearmx, t3_76);
+        let t3_77 = cos_q2 * t2_6;
+        let t3_78 = t3_65 + t2_33;
+        let t3_79 = like.lift(0.14207) * t3_78;
+        let t3_80 = like.lift(0.0132).mul_add(t3_77, t3_79);
+        let t3_81 = like.lift(0.14207) * w_ixx_arm_q2;
+        let t3_82 = like.lift(0.0132).mul_add(t3_67, t3_81);
+        let t3_83 = cos_elbow * t3_82;
+        let a_forearmy = sin_elbow.mul_add(t3_80, t3_83);
+        let t3_84 = sin_q2_elbow * cos_wrist;
+        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t3_84);
+        let t3_85 = cos_q2_elbow * cos_wrist;
+        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t3_85);
         let w_wristx = d_q1 * sin_q2_elbow_wrist;
         let w_wristz = d_wrist + w_forearmz;
-        let t2_107 = w_wristx * w_wristz;
+        let t3_86 = w_wristx * w_wristz;
         let w_wristy = d_q1 * cos_q2_elbow_wrist;
-        let t2_108 = w_wristx * w_wristy;
-        let t2_109 = w_wristy * w_wristz;
-        let t2_110 = p_iyy_wrist - p_izz_wrist;
-        let t2_111 = t2_109 * t2_110;
-        let t2_112 = w_wristy * w_wristy;
-        let t2_113 = w_wristz * w_wristz;
-        let t2_114 = t2_112 - t2_113;
-        let t2_115 = (-t2_114).mul_add(p_iyz_wrist, t2_111);
-        let t2_116 = t2_108.mul_add(p_ixz_wrist, -t2_115);
-        let t2_117 = t2_107.mul_add(p_ixy_wrist, -t2_116);
-        let t2_118 = cos_wrist * al_forearmx;
-        let t2_119 = (-sin_wrist).mul_add(al_forearmy, t2_118);
-        let al_wristx = d_wrist.mul_add(w_wristy, t2_119);
-        let t2_120 = p_ixx_wrist * al_wristx;
-        let t2_121 = sin_wrist * al_forearmx;
-        let t2_122 = cos_wrist.mul_add(al_forearmy, t2_121);
-        let al_wristy = d_wrist.mul_add(w_wristx, t2_122);
-        let t2_123 = (-p_ixy_wrist).mul_add(al_wristy, t2_120);
-        let al_wristz = al_forearmz + t1_73;
-        let t2_124 = p_ixz_wrist.mul_add(al_wristz, t2_123);
-        let t2_125 = t2_117 - t2_124;
-        let a_forearmz = like.lift(0.28414) * al_army;
-        let t2_126 = t2_77 + al_forearmy;
-        let a_wristz = like.lift(0.15852).mul_add(t2_126, a_forearmz);
-        let t2_127 = p_my_wrist * a_wristz;
-        let t2_128 = t2_82 + t2_83;
-        let t2_129 = cos_elbow * t2_100;
-        let a_forearmx = (-sin_elbow).mul_add(t2_102, t2_129);
-        let t2_130 = like.lift(0.15852).mul_add(t2_128, a_forearmx);
-        let t2_131 = sin_wrist * t2_130;
-        let t2_132 = t2_78 + al_forearmz;
-        let t2_133 = like.lift(0.15852).mul_add(t2_132, a_forearmy);
-        let a_wristy = cos_wrist.mul_add(t2_133, t2_131);
-        let t2_134 = (-p_mz_wrist).mul_add(a_wristy, t2_127);
-        let t2_135 = t2_125 - t2_134;
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t2_136 = cos_q4 * w_wristx;
-        let w_flangex = sin_q4.mul_add(w_wristz, t2_136);
+        let t3_87 = w_wristx * w_wristy;
+        let t3_88 = w_wristy * w_wristz;
+        let t3_89 = p_iyy_wrist - p_izz_wrist;
+        let t3_90 = w_wristy * w_wristy;
+        let t3_91 = w_wristz * w_wristz;
+        let t3_92 = t3_90 - t3_91;
+        let t3_93 = d_wrist * w_wristy;
+        let t3_94 = (-sin_wrist).mul_add(al_forearmy, t3_93);
+        let al_wristx = cos_wrist.mul_add(al_forearmx, t3_94);
+        let t3_95 = d_wrist * w_wristx;
+        let t3_96 = cos_wrist.mul_add(al_forearmy, t3_95);
+        let al_wristy = sin_wrist.mul_add(al_forearmx, t3_96);
+        let al_wristz = al_forearmz + t2_52;
+        let t3_97 = t3_68 + al_forearmy;
+        let t3_98 = like.lift(0.28414) * al_army;
+        let a_wristz = like.lift(0.15852).mul_add(t3_97, t3_98);
+        let t3_99 = t3_72 + t2_32;
+        let t3_100 = cos_elbow * t3_80;
+        let a_forearmx = (-sin_elbow).mul_add(t3_82, t3_100);
+        let t3_101 = like.lift(0.15852).mul_add(t3_99, a_forearmx);
+        let t3_102 = t3_69 + al_forearmz;
+        let t3_103 = like.lift(0.15852).mul_add(t3_102, a_forearmy);
+        let t3_104 = cos_wrist * t3_103;
+        let a_wristy = sin_wrist.mul_add(t3_101, t3_104);
+        let t3_105 = sin_q4 * w_wristz;
+        let w_flangex = cos_q4.mul_add(w_wristx, t3_105);
         let w_flangez = d_q4 - w_wristy;
-        let t2_137 = w_flangex * w_flangez;
-        let t2_138 = sin_q4 * w_wristx;
-        let w_flangey = (-cos_q4).mul_add(w_wristz, t2_138);
+        let t3_106 = w_flangex * w_flangez;
+        let t3_107 = sin_q4 * w_wristx;
+        let w_flangey = (-cos_q4).mul_add(w_wristz, t3_107);
         let w_ixx_flange_q4 = w_flangex * w_flangey;
-        let t2_139 = w_flangey * w_flangez;
-        let t2_140 = p_iyy_flange - p_izz_flange;
-        let t2_141 = t2_139 * t2_140;
-        let t2_142 = w_flangey * w_flangey;
-        let t2_143 = w_flangez * w_flangez;
-        let t2_144 = t2_142 - t2_143;
-        let t2_145 = t2_144.mul_add(p_iyz_flange, t2_141);
-        let t2_146 = w_ixx_flange_q4.mul_add(p_ixz_flange, -t2_145);
-        let t2_147 = t2_137.mul_add(p_ixy_flange, t2_146);
-        let t2_148 = cos_q4 * al_wristx;
-        let t2_149 = sin_q4.mul_add(al_wristz, t2_148);
-        let al_flangex = d_q4.mul_add(w_flangey, -t2_149);
-        let t2_150 = p_ixx_flange * al_flangex;
-        let t2_151 = sin_q4 * al_wristx;
-        let t2_152 = (-cos_q4).mul_add(al_wristz, t2_151);
-        let al_flangey = d_q4.mul_add(w_flangex, t2_152);
-        let t2_153 = p_ixy_flange.mul_add(al_flangey, t2_150);
-        let t2_154 = (-p_ixz_flange).mul_add(al_wristy, t2_153);
-        let t2_155 = t2_147 + t2_154;
-        let t2_156 = t2_108 + al_wristz;
-        let a_flangez = like.lift(0.05).mul_add(t2_156, a_wristy);
-        let t2_157 = p_my_flange * a_flangez;
-        let t2_158 = t2_112 + t2_113;
-        let t2_159 = cos_wrist * t2_130;
-        let a_wristx = (-sin_wrist).mul_add(t2_133, t2_159);
-        let t2_160 = like.lift(0.05).mul_add(t2_158, a_wristx);
-        let t2_161 = sin_q4 * t2_160;
-        let t2_162 = t2_107 + al_wristy;
-        let t2_163 = like.lift(0.05).mul_add(t2_162, a_wristz);
-        let a_flangey = cos_q4.mul_add(t2_163, t2_161);
-        let t2_164 = p_mz_flange.mul_add(a_flangey, t2_157);
-        let t2_165 = t2_155 + t2_164;
-        let t2_166 = cos_q4 * t2_165;
-        let t2_167 = p_ixx_flange - p_izz_flange;
-        let t2_168 = t2_137 * t2_167;
-        let t2_169 = w_flangex * w_flangex;
-        let t2_170 = t2_169 - t2_143;
-        let t2_171 = (-t2_170).mul_add(p_ixz_flange, t2_168);
-        let t2_172 = t2_139.mul_add(p_ixy_flange, -t2_171);
-        let t2_173 = w_ixx_flange_q4.mul_add(p_iyz_flange, -t2_172);
-        let t2_174 = p_ixy_flange * al_flangex;
-        let t2_175 = p_iyy_flange.mul_add(al_flangey, t2_174);
-        let t2_176 = (-p_iyz_flange).mul_add(al_wristy, t2_175);
-        let t2_177 = t2_173 - t2_176;
-        let t2_178 = cos_q4 * t2_160;
-        let a_flangex = (-sin_q4).mul_add(t2_163, t2_178);
-        let t2_179 = p_mz_flange * a_flangex;
-        let t2_180 = (-p_mx_flange).mul_add(a_flangez, t2_179);
-        let t2_181 = t2_177 - t2_180;
-        let t2_182 = sin_q4.mul_add(t2_181, t2_166);
-        let t2_183 = t2_135 + t2_182;
-        let t2_184 = cos_wrist * t2_183;
-        let t2_185 = p_ixx_wrist - p_izz_wrist;
-        let t2_186 = t2_107 * t2_185;
-        let t2_187 = w_wristx * w_wristx;
-        let t2_188 = t2_187 - t2_113;
-        let t2_189 = (-t2_188).mul_add(p_ixz_wrist, t2_186);
-        let t2_190 = t2_109.mul_add(p_ixy_wrist, t2_189);
-        let t2_191 = t2_108.mul_add(p_iyz_wrist, -t2_190);
-        let t2_192 = p_ixy_wrist * al_wristx;
-        let t2_193 = (-p_iyy_wrist).mul_add(al_wristy, t2_192);
-        let t2_194 = p_iyz_wrist.mul_add(al_wristz, t2_193);
-        let t2_195 = t2_191 - t2_194;
-        let t2_196 = p_mz_wrist * a_wristx;
-        let t2_197 = p_mx_wrist.mul_add(a_wristz, t2_196);
-        let t2_198 = t2_195 + t2_197;
-        let t2_199 = p_ixx_flange - p_iyy_flange;
-        let t2_200 = w_ixx_flange_q4 * t2_199;
-        let w_ixy_flange_q4 = t2_169 - t2_142;
-        let t2_201 = w_ixy_flange_q4.mul_add(p_ixy_flange, t2_200);
-        let t2_202 = t2_137.mul_add(p_iyz_flange, t2_201);
-        let t2_203 = t2_139.mul_add(p_ixz_flange, t2_202);
-        let t2_204 = p_ixz_flange * al_flangex;
-        let t2_205 = p_iyz_flange.mul_add(al_flangey, t2_204);
-        let t2_206 = (-p_izz_flange).mul_add(al_wristy, t2_205);
-        let t2_207 = t2_203 - t2_206;
-        let t2_208 = p_mx_flange * a_flangey;
-        let t2_209 = p_my_flange.mul_add(a_flangex, t2_208);
+        let t3_108 = w_flangey * w_flangez;
+        let t3_109 = p_iyy_flange - p_izz_flange;
+        let t3_110 = w_flangey * w_flangey;
+        let t3_111 = w_flangez * w_flangez;
+        let t3_112 = t3_110 - t3_111;
+        let t3_113 = d_q4 * w_flangey;
+        let t3_114 = (-sin_q4).mul_add(al_wristz, t3_113);
+        let al_flangex = (-cos_q4).mul_add(al_wristx, t3_114);
+        let t3_115 = d_q4 * w_flangex;
+        let t3_116 = (-cos_q4).mul_add(al_wristz, t3_115);
+        let al_flangey = sin_q4.mul_add(al_wristx, t3_116);
+        let t3_117 = t3_87 + al_wristz;
+        let a_flangez = like.lift(0.05).mul_add(t3_117, a_wristy);
+        let t3_118 = t3_90 + t3_91;
+        let t3_119 = cos_wrist * t3_101;
+        let a_wristx = (-sin_wrist).mul_add(t3_103, t3_119);
+        let t3_120 = like.lift(0.05).mul_add(t3_118, a_wristx);
+        let t3_121 = t3_86 + al_wristy;
+        let t3_122 = like.lift(0.05).mul_add(t3_121, a_wristz);
+        let t3_123 = cos_q4 * t3_122;
+        let a_flangey = sin_q4.mul_add(t3_120, t3_123);
+        let t3_124 = t3_106 + al_flangey;
+        let t3_125 = w_ixx_flange_q4 - al_wristy;
+        let t3_126 = p_ixy_flange * t3_124;
+        let t3_127 = p_ixz_flange.mul_add(t3_125, t3_126);
+        let t3_128 = (-t3_112).mul_add(p_iyz_flange, t3_127);
+        let t3_129 = (-t3_108).mul_add(t3_109, t3_128);
+        let t3_130 = p_ixx_flange.mul_add(al_flangex, t3_129);
+        let t3_131 = p_mz_flange.mul_add(a_flangey, t3_130);
+        let t3_132 = p_my_flange.mul_add(a_flangez, t3_131);
+        let t3_133 = p_ixx_flange - p_izz_flange;
+        let t3_134 = w_flangex * w_flangex;
+        let t3_135 = t3_134 - t3_111;
+        let t3_136 = cos_q4 * t3_120;
+        let a_flangex = (-sin_q4).mul_add(t3_122, t3_136);
+        let t3_137 = t3_108 + al_flangex;
+        let t3_138 = w_ixx_flange_q4 + al_wristy;
+        let t3_139 = p_iyz_flange * t3_138;
+        let t3_140 = (-p_ixy_flange).mul_add(t3_137, t3_139);
+        let t3_141 = (-t3_135).mul_add(p_ixz_flange, t3_140);
+        let t3_142 = t3_106.mul_add(t3_133, t3_141);
+        let t3_143 = (-p_iyy_flange).mul_add(al_flangey, t3_142);
+        let t3_144 = p_mx_flange.mul_add(a_flangez, t3_143);
+        let t3_145 = (-p_mz_flange).mul_add(a_flangex, t3_144);
+        let t3_146 = t3_86 + al_wristy;
+        let t3_147 = t3_87 + al_wristz;
+        let t3_148 = p_ixy_wrist * t3_146;
+        let t3_149 = (-p_ixz_wrist).mul_add(t3_147, t3_148);
+        let t3_150 = (-t3_92).mul_add(p_iyz_wrist, t3_149);
+        let t3_151 = t3_88.mul_add(t3_89, t3_150);
+        let t3_152 = (-p_ixx_wrist).mul_add(al_wristx, t3_151);
+        let t3_153 = p_mz_wrist.mul_add(a_wristy, t3_152);
+        let t3_154 = (-p_my_wrist).mul_add(a_wristz, t3_153);
+        let t3_155 = sin_q4.mul_add(t3_145, t3_154);
+        let t3_156 = cos_q4.mul_add(t3_132, t3_155);
+        let t3_157 = p_ixx_wrist - p_izz_wrist;
+        let t3_158 = w_wristx * w_wristx;
+        let t3_159 = t3_158 - t3_91;
+        let t3_160 = p_ixx_flange - p_iyy_flange;
+        let w_ixy_flange_q4 = t3_134 - t3_110;
+        let t3_161 = t3_108 - al_flangex;
+        let t3_162 = t3_106 - al_flangey;
+        let t3_163 = p_ixz_flange * t3_161;
+        let t3_164 = p_iyz_flange.mul_add(t3_162, t3_163);
+        let t3_165 = w_ixy_flange_q4.mul_add(p_ixy_flange, t3_164);
+        let t3_166 = w_ixx_flange_q4.mul_add(t3_160, t3_165);
+        let t3_167 = p_izz_flange.mul_add(al_wristy, t3_166);
+        let t3_168 = p_my_flange.mul_add(a_flangex, t3_167);
+        let t3_169 = p_mx_flange.mul_add(a_flangey, t3_168);
+        let t3_170 = t3_110 + t3_111;
+        let t3_171 = w_ixx_flange_q4 + al_wristy;
+        let t3_172 = t3_106 - al_flangey;
+        let t3_173 = p_m_flange * a_flangex;
+        let t3_174 = (-p_mz_flange).mul_add(t3_172, t3_173);
+        let t3_175 = p_my_flange.mul_add(t3_171, t3_174);
+        let t3_176 = t3_170.mul_add(p_mx_flange, t3_175);
+        let t3_177 = t3_134 + t3_111;
+        let t3_178 = w_ixx_flange_q4 - al_wristy;
+        let t3_179 = t3_108 - al_flangex;
+        let t3_180 = p_m_flange * a_flangey;
+        let t3_181 = (-p_mz_flange).mul_add(t3_179, t3_180);
+        let t3_182 = (-p_mx_flange).mul_add(t3_178, t3_181);
+        let t3_183 = (-t3_177).mul_add(p_my_flange, t3_182);
+        let t3_184 = sin_q4 * t3_176;
+        let t3_185 = (-cos_q4).mul_add(t3_183, t3_184);
+        let t3_186 = t3_88 + al_wristx;
+        let t3_187 = t3_87 - al_wristz;
+        let t3_188 = p_iyz_wrist.mul_add(t3_187, t3_169);
+        let t3_189 = (-p_ixy_wrist).mul_add(t3_186, t3_188);
+        let t3_190 = t3_159.mul_add(p_ixz_wrist, t3_189);
+        let t3_191 = (-t3_86).mul_add(t3_157, t3_190);
+        let t3_192 = p_iyy_wrist.mul_add(al_wristy, t3_191);
+        let t3_193 = p_mx_wrist.mul_add(a_wristz, t3_192);
+        let t3_194 = p_mz_wrist.mul_add(a_wristx, t3_193);
+        let t3_195 = like.lift(-0.05).mul_add(t3_185, t3_194);
+        let t3_196 = t3_68 + al_forearmy;
+        let t3_197 = t3_69 + al_forearmz;
+        let t3_198 = p_ixy_forearm * t3_196;
+        let t3_199 = (-p_ixz_forearm).mul_add(t3_197, t3_198);
+        let t3_200 = (-t3_73).mul_add(p_iyz_forearm, t3_199);
+        let t3_201 = t3_70.mul_add(t3_71, t3_200);
+        let t3_202 = (-p_ixx_forearm).mul_add(al_forearmx, t3_201);
+        let t3_203 = p_mz_forearm.mul_add(a_forearmy, t3_202);
+        let t3_204 = (-p_my_forearm).mul_add(t3_98, t3_203);
+        let t3_205 = (-sin_wrist).mul_add(t3_195, t3_204);
+        let t3_206 = cos_wrist.mul_add(t3_156, t3_205);
+        let t3_207 = p_ixx_forearm - p_izz_forearm;
+        let t3_208 = w_forearmx * w_forearmx;
+        let t3_209 = t3_208 - t2_32;
+        let t3_210 = t3_88 + al_wristx;
+        let t3_211 = p_m_wrist.mul_add(a_wristz, -t3_185);
+        let t3_212 = (-t2_6).mul_add(p_mz_wrist, t3_211);
+        let t3_213 = p_my_wrist.mul_add(t3_210, t3_212);
+        let t3_214 = p_mx_wrist.mul_add(t3_121, t3_213);
+        let t3_215 = t3_70 + al_forearmx;
+        let t3_216 = t3_69 - al_forearmz;
         [
-            t2_5, a_rody, t2_15, a_rodx, t2_35, t2_62, w_armx, al_army, w_ixx_arm_q2, al_armx,
-            t2_66, t2_67, t2_74, t2_76, w_forearmx, t2_77, t2_78, t2_79, t2_82, t2_83,
-            al_forearmx, al_forearmy, t2_98, a_forearmy, t2_104, sin_wrist, cos_wrist, t2_107,
-            t2_108, t2_109, t2_112, t2_113, al_wristx, al_wristy, al_wristz, t2_126, a_wristz,
-            t2_128, a_forearmx, t2_132, a_wristy, sin_q4, cos_q4, t2_137, w_ixx_flange_q4,
-            t2_139, t2_142, t2_143, al_flangex, al_flangey, t2_156, a_flangez, t2_158,
-            a_wristx, t2_162, a_flangey, t2_165, t2_169, a_flangex, t2_181, t2_183, t2_184,
-            t2_187, t2_198, t2_207, t2_209,
+            t3_1, a_rody, t3_19, a_rodx, t3_39, t3_42, t3_58, t3_62, w_armx, al_army, t3_63,
+            w_ixx_arm_q2, al_armx, t3_64, t3_65, t3_66, t3_67, t3_68, t3_69, t3_70, t3_72,
+            al_forearmx, al_forearmy, t3_77, a_forearmy, t3_86, t3_87, t3_88, t3_90, t3_91,
+            al_wristx, al_wristy, al_wristz, t3_97, t3_98, t3_99, a_forearmx, t3_102, a_wristy,
+            t3_106, t3_108, t3_110, al_flangex, al_flangey, t3_117, a_flangez, t3_118,
+            a_wristx, t3_132, t3_134, t3_145, t3_156, t3_158, t3_169, t3_176, t3_183, t3_195,
+            t3_206, t3_207, t3_208, t3_209, t3_214, t3_215, t3_216,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t3_1, t3_83, t3_128, t3_148, t3_168, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3,
-        x_pin_q2, x_pin_q3,
+        t4_48, t4_49, w_ixy_arm_q2, t4_72, t4_98, t4_114, x_elbow_q2, x_elbow_q3, x_wrist_q2,
+        x_wrist_q3, x_pin_q2, x_pin_q3,
     ] = {
-        let t3_1 = t2_207 + t2_209;
-        let t3_2 = t2_142 + t2_143;
-        let t3_3 = t3_2 * p_mx_flange;
-        let t3_4 = w_ixx_flange_q4 + al_wristy;
-        let t3_5 = p_my_flange.mul_add(t3_4, t3_3);
-        let t3_6 = t2_137 - al_flangey;
-        let t3_7 = (-p_mz_flange).mul_add(t3_6, t3_5);
-        let t3_8 = p_m_flange.mul_add(a_flangex, t3_7);
-        let t3_9 = sin_q4 * t3_8;
-        let t3_10 = t2_169 + t2_143;
-        let t3_11 = t3_10 * p_my_flange;
-        let t3_12 = w_ixx_flange_q4 - al_wristy;
-        let t3_13 = p_mx_flange.mul_add(t3_12, t3_11);
-        let t3_14 = t2_139 - al_flangex;
-        let t3_15 = p_mz_flange.mul_add(t3_14, t3_13);
-        let t3_16 = p_m_flange.mul_add(a_flangey, -t3_15);
-        let t3_17 = (-cos_q4).mul_add(t3_16, t3_9);
-        let t3_18 = like.lift(-0.05).mul_add(t3_17, t3_1);
-        let t3_19 = t2_198 + t3_18;
-        let t3_20 = (-sin_wrist).mul_add(t3_19, t2_184);
-        let t3_21 = t2_104 + t3_20;
-        let t3_22 = cos_elbow * t3_21;
-        let t3_23 = p_ixx_forearm - p_izz_forearm;
-        let t3_24 = t2_77 * t3_23;
-        let t3_25 = w_forearmx * w_forearmx;
-        let t3_26 = t3_25 - t2_83;
-        let t3_27 = (-t3_26).mul_add(p_ixz_forearm, t3_24);
-        let t3_28 = t2_79.mul_add(p_ixy_forearm, t3_27);
-        let t3_29 = t2_78.mul_add(p_iyz_forearm, -t3_28);
-        let t3_30 = p_ixy_forearm * al_forearmx;
-        let t3_31 = (-p_iyy_forearm).mul_add(al_forearmy, t3_30);
-        let t3_32 = p_iyz_forearm.mul_add(al_forearmz, t3_31);
-        let t3_33 = t3_29 - t3_32;
-        let t3_34 = p_mz_forearm * a_forearmx;
-        let t3_35 = al_army * p_mx_forearm;
-        let t3_36 = like.lift(0.28414).mul_add(t3_35, t3_34);
-        let t3_37 = t3_33 + t3_36;
-        let t3_38 = sin_wrist * t2_183;
-        let t3_39 = cos_wrist.mul_add(t3_19, t3_38);
-        let t3_40 = p_mx_wrist * t2_162;
-        let t3_41 = t2_109 + al_wristx;
-        let t3_42 = p_my_wrist.mul_add(t3_41, t3_40);
-        let t3_43 = t1_12.mul_add(p_mz_wrist, -t3_42);
-        let t3_44 = p_m_wrist.mul_add(a_wristz, -t3_43);
-        let t3_45 = t3_44 - t3_17;
-        let t3_46 = like.lift(0.15852).mul_add(t3_45, t3_39);
-        let t3_47 = t3_37 + t3_46;
-        let t3_48 = (-sin_elbow).mul_add(t3_47, t3_22);
-        let t3_49 = t2_76 + t3_48;
-        let t3_50 = sin_q2 * t3_49;
-        let t3_51 = al_armx * p_ixy_arm;
-        let t3_52 = p_ixx_arm - p_izz_arm;
-        let t3_53 = al_army * t3_52;
-        let t3_54 = w_armx * w_armx;
-        let t3_55 = t3_54 - t2_67;
-        let t3_56 = (-t3_55).mul_add(p_ixz_arm, t3_53);
-        let t3_57 = t3_51 + t3_56;
-        let t3_58 = w_ixx_arm_q2.mul_add(p_iyz_arm, -t3_57);
-        let t3_59 = (-al_army).mul_add(p_iyy_arm, t3_51);
-        let t3_60 = t3_58 - t3_59;
-        let t3_61 = t2_98 * p_mz_arm;
-        let t3_62 = like.lift(0.0132).mul_add(t3_61, t3_60);
-        let t3_63 = sin_elbow * t3_21;
-        let t3_64 = cos_elbow.mul_add(t3_47, t3_63);
-        let t3_65 = al_army * p_m_forearm;
-        let t3_66 = p_mx_forearm * t2_126;
-        let t3_67 = t2_79 + al_forearmx;
-        let t3_68 = p_my_forearm.mul_add(t3_67, t3_66);
-        let t3_69 = t1_12.mul_add(p_mz_forearm, -t3_68);
-        let t3_70 = like.lift(0.28414).mul_add(t3_65, -t3_69);
-        let t3_71 = t3_70 + t3_45;
-        let t3_72 = like.lift(0.14207).mul_add(t3_71, t3_64);
-        let t3_73 = t3_62 + t3_72;
-        let t3_74 = cos_q2.mul_add(t3_73, t3_50);
-        let t3_75 = al_army * p_mx_arm;
-        let t3_76 = like.lift(2.0) * t3_75;
-        let t3_77 = al_armx * p_my_arm;
-        let t3_78 = like.lift(2.0).mul_add(t3_77, t3_76);
-        let t3_79 = t1_12.mul_add(p_mz_arm, -t3_78);
-        let t3_80 = t3_79 - t3_71;
-        let t3_81 = like.lift(-0.0132).mul_add(t3_80, t3_74);
-        let t3_82 = t2_62 + t3_81;
-        let t3_83 = -t3_82;
-        let t3_84 = p_ixx_arm - p_iyy_arm;
-        let t3_85 = w_ixx_arm_q2 * t3_84;
-        let w_ixy_arm_q2 = t3_54 - t2_66;
-        let t3_86 = (-w_ixy_arm_q2).mul_add(p_ixy_arm, t3_85);
-        let t3_87 = t2_74 * p_mx_arm;
-        let t3_88 = like.lift(0.0132) * t3_87;
-        let t3_89 = t2_98 * p_my_arm;
-        let t3_90 = like.lift(0.0132).mul_add(t3_89, t3_88);
-        let t3_91 = t3_86 - t3_90;
-        let t3_92 = p_ixx_forearm - p_iyy_forearm;
-        let t3_93 = t2_78 * t3_92;
-        let t3_94 = t3_25 - t2_82;
-        let t3_95 = (-t3_94).mul_add(p_ixy_forearm, t3_93);
-        let t3_96 = t2_77.mul_add(p_iyz_forearm, -t3_95);
-        let t3_97 = t2_79.mul_add(p_ixz_forearm, -t3_96);
-        let t3_98 = p_ixz_forearm * al_forearmx;
-        let t3_99 = (-p_iyz_forearm).mul_add(al_forearmy, t3_98);
-        let t3_100 = p_izz_forearm.mul_add(al_forearmz, t3_99);
-        let t3_101 = t3_97 - t3_100;
-        let t3_102 = p_mx_forearm * a_forearmy;
-        let t3_103 = p_my_forearm.mul_add(a_forearmx, t3_102);
-        let t3_104 = t3_101 - t3_103;
-        let t3_105 = p_ixx_wrist - p_iyy_wrist;
-        let t3_106 = t2_108 * t3_105;
-        let t3_107 = t2_187 - t2_112;
-        let t3_108 = (-t3_107).mul_add(p_ixy_wrist, t3_106);
-        let t3_109 = t2_107.mul_add(p_iyz_wrist, -t3_108);
-        let t3_110 = t2_109.mul_add(p_ixz_wrist, -t3_109);
-        let t3_111 = p_ixz_wrist * al_wristx;
-        let t3_112 = (-p_iyz_wrist).mul_add(al_wristy, t3_111);
-        let t3_113 = p_izz_wrist.mul_add(al_wristz, t3_112);
-        let t3_114 = t3_110 - t3_113;
-        let t3_115 = p_mx_wrist * a_wristy;
-        let t3_116 = p_my_wrist.mul_add(a_wristx, t3_115);
-        let t3_117 = t3_114 - t3_116;
-        let t3_118 = sin_q4 * t2_165;
-        let t3_119 = (-cos_q4).mul_add(t2_181, t3_118);
-        let t3_120 = t2_169 + t2_142;
-        let t3_121 = t2_137 + al_flangey;
-        let t3_122 = p_mx_flange * t3_121;
-        let t3_123 = t2_139 + al_flangex;
-        let t3_124 = (-p_my_flange).mul_add(t3_123, t3_122);
-        let t3_125 = t3_120.mul_add(p_mz_flange, -t3_124);
-        let t3_126 = p_m_flange.mul_add(a_flangez, t3_125);
-        let t3_127 = like.lift(-0.05).mul_add(t3_126, t3_119);
-        let t3_128 = t3_117 + t3_127;
-        let t3_129 = t2_158 * p_mx_wrist;
-        let t3_130 = t2_108 - al_wristz;
-        let t3_131 = (-p_my_wrist).mul_add(t3_130, t3_129);
-        let t3_132 = t2_107 - al_wristy;
-        let t3_133 = (-p_mz_wrist).mul_add(t3_132, t3_131);
-        let t3_134 = p_m_wrist.mul_add(a_wristx, t3_133);
-        let t3_135 = cos_q4 * t3_8;
-        let t3_136 = sin_q4.mul_add(t3_16, t3_135);
-        let t3_137 = t3_134 + t3_136;
-        let t3_138 = sin_wrist * t3_137;
-        let t3_139 = t2_187 + t2_113;
-        let t3_140 = t3_139 * p_my_wrist;
-        let t3_141 = (-p_mx_wrist).mul_add(t2_156, t3_140);
-        let t3_142 = t2_109 - al_wristx;
-        let t3_143 = (-p_mz_wrist).mul_add(t3_142, t3_141);
-        let t3_144 = p_m_wrist.mul_add(a_wristy, -t3_143);
-        let t3_145 = t3_144 + t3_126;
-        let t3_146 = (-cos_wrist).mul_add(t3_145, t3_138);
-        let t3_147 = like.lift(0.15852).mul_add(t3_146, t3_128);
-        let t3_148 = t3_104 + t3_147;
-        let t3_149 = t2_128 * p_mx_forearm;
-        let t3_150 = t2_78 - al_forearmz;
-        let t3_151 = (-p_my_forearm).mul_add(t3_150, t3_149);
-        let t3_152 = t2_77 - al_forearmy;
-        let t3_153 = (-p_mz_forearm).mul_add(t3_152, t3_151);
-        let t3_154 = p_m_forearm.mul_add(a_forearmx, t3_153);
-        let t3_155 = cos_wrist * t3_137;
-        let t3_156 = sin_wrist.mul_add(t3_145, t3_155);
-        let t3_157 = t3_154 + t3_156;
-        let t3_158 = sin_elbow * t3_157;
-        let t3_159 = t3_25 + t2_83;
-        let t3_160 = t3_159 * p_my_forearm;
-        let t3_161 = (-p_mx_forearm).mul_add(t2_132, t3_160);
-        let t3_162 = t2_79 - al_forearmx;
-        let t3_163 = (-p_mz_forearm).mul_add(t3_162, t3_161);
-        let t3_164 = p_m_forearm.mul_add(a_forearmy, -t3_163);
-        let t3_165 = t3_164 - t3_146;
-        let t3_166 = (-cos_elbow).mul_add(t3_165, t3_158);
-        let t3_167 = like.lift(0.14207).mul_add(t3_166, t3_148);
-        let t3_168 = t3_91 + t3_167;
-        let t3_169 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t3_170 = -t3_169;
+        let t4_1 = p_iyz_forearm * t3_216;
+        let t4_2 = (-p_ixy_forearm).mul_add(t3_215, t4_1);
+        let t4_3 = t3_209.mul_add(p_ixz_forearm, t4_2);
+        let t4_4 = (-t3_68).mul_add(t3_207, t4_3);
+        let t4_5 = p_iyy_forearm.mul_add(al_forearmy, t4_4);
+        let t4_6 = p_mx_forearm.mul_add(t3_98, t4_5);
+        let t4_7 = p_mz_forearm.mul_add(a_forearmx, t4_6);
+        let t4_8 = like.lift(0.15852).mul_add(t3_214, t4_7);
+        let t4_9 = cos_wrist.mul_add(t3_195, t4_8);
+        let t4_10 = sin_wrist.mul_add(t3_156, t4_9);
+        let t4_11 = like.lift(0.0132) * p_mz_arm;
+        let t4_12 = t3_64 - p_ixx_arm;
+        let t4_13 = t3_67.mul_add(t4_11, t3_63);
+        let t4_14 = (-w_ixx_arm_q2).mul_add(p_ixz_arm, t4_13);
+        let t4_15 = (-t3_66).mul_add(p_iyz_arm, t4_14);
+        let t4_16 = al_armx.mul_add(t4_12, t4_15);
+        let t4_17 = t4_16 + t3_63;
+        let t4_18 = (-sin_elbow).mul_add(t4_10, t4_17);
+        let t4_19 = cos_elbow.mul_add(t3_206, t4_18);
+        let t4_20 = al_armx * p_ixy_arm;
+        let t4_21 = p_ixx_arm - p_izz_arm;
+        let t4_22 = w_armx * w_armx;
+        let t4_23 = t4_22 - t2_33;
+        let t4_24 = t3_70 + al_forearmx;
+        let t4_25 = p_m_forearm.mul_add(t3_98, t3_214);
+        let t4_26 = (-t2_6).mul_add(p_mz_forearm, t4_25);
+        let t4_27 = p_my_forearm.mul_add(t4_24, t4_26);
+        let t4_28 = p_mx_forearm.mul_add(t3_97, t4_27);
+        let t4_29 = t4_21 - p_iyy_arm;
+        let t4_30 = t3_77.mul_add(t4_11, -t4_20);
+        let t4_31 = w_ixx_arm_q2.mul_add(p_iyz_arm, t4_30);
+        let t4_32 = t4_23.mul_add(p_ixz_arm, t4_31);
+        let t4_33 = (-al_army).mul_add(t4_29, t4_32);
+        let t4_34 = t4_33 - t4_20;
+        let t4_35 = like.lift(0.14207).mul_add(t4_28, t4_34);
+        let t4_36 = cos_elbow.mul_add(t4_10, t4_35);
+        let t4_37 = sin_elbow.mul_add(t3_206, t4_36);
+        let t4_38 = al_armx * p_my_arm;
+        let t4_39 = al_army.mul_add(p_mx_arm, t4_38);
+        let t4_40 = t2_6.mul_add(p_mz_arm, -t4_28);
+        let t4_41 = like.lift(-2.0).mul_add(t4_39, t4_40);
+        let t4_42 = t3_62 + t4_41;
+        let t4_43 = cos_q3 * t3_58;
+        let t4_44 = like.lift(-0.0132).mul_add(t4_42, t4_43);
+        let t4_45 = sin_q3.mul_add(t3_39, t4_44);
+        let t4_46 = cos_q2.mul_add(t4_37, t4_45);
+        let t4_47 = sin_q2.mul_add(t4_19, t4_46);
+        let t4_48 = -t4_47;
+        let t4_49 = p_ixx_arm - p_iyy_arm;
+        let w_ixy_arm_q2 = t4_22 - t3_65;
+        let t4_50 = p_ixx_forearm - p_iyy_forearm;
+        let t4_51 = t3_208 - t3_72;
+        let t4_52 = p_ixx_wrist - p_iyy_wrist;
+        let t4_53 = t3_158 - t3_90;
+        let t4_54 = t3_134 + t3_110;
+        let t4_55 = t3_106 + al_flangey;
+        let t4_56 = t3_108 + al_flangex;
+        let t4_57 = p_m_flange * a_flangez;
+        let t4_58 = t4_54.mul_add(p_mz_flange, t4_57);
+        let t4_59 = p_my_flange.mul_add(t4_56, t4_58);
+        let t4_60 = (-p_mx_flange).mul_add(t4_55, t4_59);
+        let t4_61 = t3_88 - al_wristx;
+        let t4_62 = t3_86 - al_wristy;
+        let t4_63 = p_ixz_wrist * t4_61;
+        let t4_64 = (-p_iyz_wrist).mul_add(t4_62, t4_63);
+        let t4_65 = (-t4_53).mul_add(p_ixy_wrist, t4_64);
+        let t4_66 = t3_87.mul_add(t4_52, t4_65);
+        let t4_67 = (-p_izz_wrist).mul_add(al_wristz, t4_66);
+        let t4_68 = (-p_my_wrist).mul_add(a_wristx, t4_67);
+        let t4_69 = (-p_mx_wrist).mul_add(a_wristy, t4_68);
+        let t4_70 = like.lift(-0.05).mul_add(t4_60, t4_69);
+        let t4_71 = (-cos_q4).mul_add(t3_145, t4_70);
+        let t4_72 = sin_q4.mul_add(t3_132, t4_71);
+        let t4_73 = t3_87 - al_wristz;
+        let t4_74 = t3_86 - al_wristy;
+        let t4_75 = p_m_wrist * a_wristx;
+        let t4_76 = (-p_mz_wrist).mul_add(t4_74, t4_75);
+        let t4_77 = (-p_my_wrist).mul_add(t4_73, t4_76);
+        let t4_78 = t3_118.mul_add(p_mx_wrist, t4_77);
+        let t4_79 = sin_q4.mul_add(t3_183, t4_78);
+        let t4_80 = cos_q4.mul_add(t3_176, t4_79);
+        let t4_81 = t3_158 + t3_91;
+        let t4_82 = t3_88 - al_wristx;
+        let t4_83 = p_m_wrist.mul_add(a_wristy, t4_60);
+        let t4_84 = p_mz_wrist.mul_add(t4_82, t4_83);
+        let t4_85 = p_mx_wrist.mul_add(t3_117, t4_84);
+        let t4_86 = (-t4_81).mul_add(p_my_wrist, t4_85);
+        let t4_87 = sin_wrist * t4_80;
+        let t4_88 = (-cos_wrist).mul_add(t4_86, t4_87);
+        let t4_89 = t3_70 - al_forearmx;
+        let t4_90 = t3_68 - al_forearmy;
+        let t4_91 = p_ixz_forearm.mul_add(t4_89, t4_72);
+        let t4_92 = (-p_iyz_forearm).mul_add(t4_90, t4_91);
+        let t4_93 = (-t4_51).mul_add(p_ixy_forearm, t4_92);
+        let t4_94 = t3_69.mul_add(t4_50, t4_93);
+        let t4_95 = (-p_izz_forearm).mul_add(al_forearmz, t4_94);
+        let t4_96 = (-p_my_forearm).mul_add(a_forearmx, t4_95);
+        let t4_97 = (-p_mx_forearm).mul_add(a_forearmy, t4_96);
+        let t4_98 = like.lift(0.15852).mul_add(t4_88, t4_97);
+        let t4_99 = t3_69 - al_forearmz;
+        let t4_100 = t3_68 - al_forearmy;
+        let t4_101 = p_m_forearm * a_forearmx;
+        let t4_102 = (-p_mz_forearm).mul_add(t4_100, t4_101);
+        let t4_103 = (-p_my_forearm).mul_add(t4_99, t4_102);
+        let t4_104 = t3_99.mul_add(p_mx_forearm, t4_103);
+        let t4_105 = sin_wrist.mul_add(t4_86, t4_104);
+        let t4_106 = cos_wrist.mul_add(t4_80, t4_105);
+        let t4_107 = t3_208 + t2_32;
+        let t4_108 = t3_70 - al_forearmx;
+        let t4_109 = p_m_forearm.mul_add(a_forearmy, -t4_88);
+        let t4_110 = p_mz_forearm.mul_add(t4_108, t4_109);
+        let t4_111 = p_mx_forearm.mul_add(t3_102, t4_110);
+        let t4_112 = (-t4_107).mul_add(p_my_forearm, t4_111);
+        let t4_113 = sin_elbow * t4_106;
+        let t4_114 = (-cos_elbow).mul_add(t4_112, t4_113);
+        let t4_115 = t2_40 - pivot_3;
+        let t4_116 = -t4_115;
         let u_rod_q3x = like.lift(0.0456) * sin_pin;
-        let t3_171 = -u_rod_q3x;
-        let t3_172 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t1_41);
-        let u_rod_q3y = like.lift(0.0456) * cos_pin;
-        let t3_173 = like.lift(0.14207) + u_rod_q3y;
-        let t3_174 = -t3_173;
-        let t3_175 = t3_169 * t1_66;
-        let t3_176 = like.lift(21.92982456140351) * t3_175;
-        let t3_177 = -t3_176;
-        let t3_178 = sin_pin * t1_66;
-        let t3_179 = -t3_178;
-        let t3_180 = like.lift(1.0) + t3_176;
-        let t3_181 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t3_175, t3_172);
-        let t3_182 = like.lift(7.038783698176955) * t3_181;
-        let t3_183 = -t3_182;
-        let t3_184 = cos_q2_elbow_minus_q3_minus_pin * t3_178;
-        let t3_185 = like.lift(0.0456).mul_add(t3_184, t3_173);
-        let t3_186 = like.lift(7.038783698176955) * t3_185;
+        let t4_117 = -u_rod_q3x;
+        let t4_118 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t2_26);
+        let t4_119 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t4_120 = -t4_119;
+        let t4_121 = t4_115 * t2_45;
+        let t4_122 = like.lift(21.92982456140351) * t4_121;
+        let t4_123 = -t4_122;
+        let t4_124 = sin_pin * t2_45;
+        let t4_125 = -t4_124;
+        let t4_126 = like.lift(1.0) + t4_122;
+        let t4_127 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t4_121, t4_118);
+        let t4_128 = like.lift(7.038783698176955) * t4_127;
+        let t4_129 = -t4_128;
+        let t4_130 = t4_124.mul_add(t2_26, t4_119);
+        let t4_131 = like.lift(7.038783698176955) * t4_130;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([
@@ -3448,23 +3271,23 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 4]
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t3_177, like.lift(0.0), t3_179],
-                [like.lift(0.0), t3_180, like.lift(0.0), t3_178],
-                [like.lift(0.0), t3_183, like.lift(0.0), t3_186],
+                [like.lift(0.0), t4_123, like.lift(0.0), t4_125],
+                [like.lift(0.0), t4_126, like.lift(0.0), t4_124],
+                [like.lift(0.0), t4_129, like.lift(0.0), t4_131],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t1_42, like.lift(0.0), like.lift(-0.14207)],
+                    [t2_27, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t3_170, like.lift(0.0), t3_171],
-                    [like.lift(0.0), t3_172, like.lift(0.0), t3_174],
+                    [like.lift(0.0), t4_116, like.lift(0.0), t4_117],
+                    [like.lift(0.0), t4_118, like.lift(0.0), t4_120],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -3474,65 +3297,65 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 4]
         );
         condition = condition.min(found);
         [
-            t3_1, t3_83, t3_128, t3_148, t3_168, x_elbow_q2, x_elbow_q3, x_wrist_q2,
-            x_wrist_q3, x_pin_q2, x_pin_q3,
+            t4_48, t4_49, w_ixy_arm_q2, t4_72, t4_98, t4_114, x_elbow_q2, x_elbow_q3,
+            x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
         ]
     };
     // tau
     {
-        let t4_1 = (-t3_148).mul_add(x_elbow_q2, t3_168);
-        let t4_2 = (-t3_128).mul_add(x_wrist_q2, t4_1);
-        let t4_3 = p_ixx_rod - p_iyy_rod;
-        let t4_4 = t1_19 * t4_3;
-        let t4_5 = t2_15 - t1_24;
-        let t4_6 = (-t4_5).mul_add(p_ixy_rod, t4_4);
-        let t4_7 = t1_18.mul_add(p_iyz_rod, -t4_6);
-        let t4_8 = t1_20.mul_add(p_ixz_rod, -t4_7);
-        let t4_9 = p_ixz_rod * al_rodx;
-        let t4_10 = (-p_iyz_rod).mul_add(al_rody, t4_9);
-        let t4_11 = p_izz_rod.mul_add(al_rodz, t4_10);
-        let t4_12 = t4_8 - t4_11;
-        let t4_13 = p_mx_rod * a_rody;
-        let t4_14 = p_my_rod.mul_add(a_rodx, t4_13);
-        let t4_15 = t4_12 - t4_14;
-        let t4_16 = (-t4_15).mul_add(x_pin_q2, t4_2);
-        let t4_17 = -t4_16;
-        tau[1] = t4_17;
-        let t4_18 = p_ixx_crank - p_iyy_crank;
-        let t4_19 = w_ixx_crank_q3 * t4_18;
-        let w_ixy_crank_q3 = t2_35 - t1_5;
-        let t4_20 = (-w_ixy_crank_q3).mul_add(p_ixy_crank, t4_19);
-        let t4_21 = t1_13 * p_mx_crank;
-        let t4_22 = like.lift(0.0132) * t4_21;
-        let t4_23 = t2_5 * p_my_crank;
-        let t4_24 = like.lift(0.0132).mul_add(t4_23, t4_22);
-        let t4_25 = t4_20 - t4_24;
-        let t4_26 = t1_23 + t1_24;
-        let t4_27 = t4_26 * p_mx_rod;
-        let t4_28 = t1_19 - al_rodz;
-        let t4_29 = (-p_my_rod).mul_add(t4_28, t4_27);
-        let t4_30 = t1_18 - al_rody;
-        let t4_31 = (-p_mz_rod).mul_add(t4_30, t4_29);
-        let t4_32 = p_m_rod.mul_add(a_rodx, t4_31);
-        let t4_33 = sin_pin * t4_32;
-        let t4_34 = t1_23 + t2_15;
-        let t4_35 = t4_34 * p_my_rod;
-        let t4_36 = t1_19 + al_rodz;
-        let t4_37 = (-p_mx_rod).mul_add(t4_36, t4_35);
-        let t4_38 = t1_20 - al_rodx;
-        let t4_39 = (-p_mz_rod).mul_add(t4_38, t4_37);
-        let t4_40 = p_m_rod.mul_add(a_rody, -t4_39);
-        let t4_41 = (-cos_pin).mul_add(t4_40, t4_33);
-        let t4_42 = like.lift(0.0456).mul_add(t4_41, t4_15);
-        let t4_43 = t4_25 + t4_42;
-        let t4_44 = t3_148 * x_elbow_q3;
-        let t4_45 = t3_128.mul_add(x_wrist_q3, t4_44);
-        let t4_46 = t4_43 - t4_45;
-        let t4_47 = (-t4_15).mul_add(x_pin_q3, t4_46);
-        let t4_48 = -t4_47;
-        tau[3] = t4_48;
-        tau[0] = t3_83;
-        tau[2] = t3_1;
+        let t5_1 = p_ixx_rod - p_iyy_rod;
+        let t5_2 = t3_19 - t2_15;
+        let t5_3 = t2_12 - al_rodx;
+        let t5_4 = t2_10 - al_rody;
+        let t5_5 = p_ixz_rod * t5_3;
+        let t5_6 = (-p_iyz_rod).mul_add(t5_4, t5_5);
+        let t5_7 = (-t5_2).mul_add(p_ixy_rod, t5_6);
+        let t5_8 = t2_11.mul_add(t5_1, t5_7);
+        let t5_9 = (-p_izz_rod).mul_add(al_rodz, t5_8);
+        let t5_10 = (-p_my_rod).mul_add(a_rodx, t5_9);
+        let t5_11 = (-p_mx_rod).mul_add(a_rody, t5_10);
+        let t5_12 = t3_77 * p_my_arm;
+        let t5_13 = t3_67.mul_add(p_mx_arm, t5_12);
+        let t5_14 = (-t5_11).mul_add(x_pin_q2, t4_98);
+        let t5_15 = (-t4_72).mul_add(x_wrist_q2, t5_14);
+        let t5_16 = (-t4_98).mul_add(x_elbow_q2, t5_15);
+        let t5_17 = (-w_ixy_arm_q2).mul_add(p_ixy_arm, t5_16);
+        let t5_18 = w_ixx_arm_q2.mul_add(t4_49, t5_17);
+        let t5_19 = like.lift(-0.0132).mul_add(t5_13, t5_18);
+        let t5_20 = like.lift(0.14207).mul_add(t4_114, t5_19);
+        let t5_21 = -t5_20;
+        tau[1] = t5_21;
+        let t5_22 = p_ixx_crank - p_iyy_crank;
+        let w_ixy_crank_q3 = t3_42 - t2_4;
+        let t5_23 = t2_14 + t2_15;
+        let t5_24 = t2_11 - al_rodz;
+        let t5_25 = t2_10 - al_rody;
+        let t5_26 = p_m_rod * a_rodx;
+        let t5_27 = (-p_mz_rod).mul_add(t5_25, t5_26);
+        let t5_28 = (-p_my_rod).mul_add(t5_24, t5_27);
+        let t5_29 = t5_23.mul_add(p_mx_rod, t5_28);
+        let t5_30 = t2_14 + t3_19;
+        let t5_31 = t2_11 + al_rodz;
+        let t5_32 = t2_12 - al_rodx;
+        let t5_33 = p_m_rod * a_rody;
+        let t5_34 = p_mz_rod.mul_add(t5_32, t5_33);
+        let t5_35 = p_mx_rod.mul_add(t5_31, t5_34);
+        let t5_36 = (-t5_30).mul_add(p_my_rod, t5_35);
+        let t5_37 = sin_pin * t5_29;
+        let t5_38 = (-cos_pin).mul_add(t5_36, t5_37);
+        let t5_39 = t3_1 * p_my_crank;
+        let t5_40 = t2_7.mul_add(p_mx_crank, t5_39);
+        let t5_41 = (-t5_11).mul_add(x_pin_q3, t5_11);
+        let t5_42 = (-w_ixy_crank_q3).mul_add(p_ixy_crank, t5_41);
+        let t5_43 = w_ixx_crank_q3.mul_add(t5_22, t5_42);
+        let t5_44 = like.lift(-0.0132).mul_add(t5_40, t5_43);
+        let t5_45 = like.lift(0.0456).mul_add(t5_38, t5_44);
+        let t5_46 = (-t4_72).mul_add(x_wrist_q3, t5_45);
+        let t5_47 = (-t4_98).mul_add(x_elbow_q3, t5_46);
+        let t5_48 = -t5_47;
+        tau[3] = t5_48;
+        tau[0] = t4_48;
+        tau[2] = t3_169;
     }
     (tau, Condition { pivot: condition })
 }
@@ -3543,7 +3366,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 4]
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
 ///
-/// 191 additions, 226 multiplications, 1 divisions, 6 sines and cosines.
+/// 191 additions, 219 multiplications, 1 divisions, 6 sines and cosines.
 pub fn mass_matrix<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([[T; 4]; 4], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 4]; 4];
@@ -3561,220 +3384,209 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([[T; 4]; 4], Condit
         p_m_rod,
     ] = *phi;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_q3, cos_q3, sin_pin, cos_pin, sin_q2, cos_q2, sin_elbow, cos_elbow, sin_wrist,
+        cos_wrist, sin_q4, cos_q4,
+    ] = {
+        let [
+            (sin_q3, cos_q3), (sin_pin, cos_pin), (sin_q2, cos_q2), (sin_elbow, cos_elbow),
+            (sin_wrist, cos_wrist), (sin_q4, cos_q4),
+        ] =
+            T::sin_cos_all([q3, pin, q2, elbow, wrist, q4]);
+        [
+            sin_q3, cos_q3, sin_pin, cos_pin, sin_q2, cos_q2, sin_elbow, cos_elbow, sin_wrist,
+            cos_wrist, sin_q4, cos_q4,
+        ]
+    };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        sin_q3, cos_q3, sin_pin, cos_pin, t1_25, t1_26, sin_q2, cos_q2, sin_elbow, cos_elbow,
-        sin_wrist, cos_wrist, sin_q4, cos_q4, t1_41, t1_44, t1_49, t1_57, t1_59, t1_60, t1_71,
-        t1_83, t1_86, t1_87, t1_113, t1_114, t1_128, t1_132, t1_137, t1_139, t1_145, t1_155,
-        t1_157, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
+        t2_19, t2_20, t2_32, t2_34, t2_39, t2_46, t2_48, t2_49, t2_58, t2_68, t2_71, t2_72,
+        t2_94, t2_95, t2_114, t2_116, t2_121, t2_124, t2_129, t2_135, t2_138, t2_140,
+        x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
     ] = {
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let (sin_pin, cos_pin) = pin.sin_cos();
-        let t1_1 = sin_pin * p_ixy_rod;
-        let t1_2 = cos_pin.mul_add(p_ixx_rod, -t1_1);
-        let t1_3 = cos_pin * t1_2;
-        let t1_4 = cos_pin * p_ixy_rod;
-        let t1_5 = (-sin_pin).mul_add(p_iyy_rod, t1_4);
-        let t1_6 = (-sin_pin).mul_add(t1_5, t1_3);
-        let t1_7 = p_ixx_crank + t1_6;
-        let t1_8 = sin_q3 * t1_7;
-        let t1_9 = sin_pin * t1_2;
-        let t1_10 = cos_pin.mul_add(t1_5, t1_9);
-        let t1_11 = sin_pin * p_mx_rod;
-        let t1_12 = cos_pin.mul_add(p_my_rod, t1_11);
-        let t1_13 = like.lift(-0.0456).mul_add(t1_12, t1_10);
-        let t1_14 = p_ixy_crank + t1_13;
-        let t1_15 = cos_q3.mul_add(t1_14, t1_8);
-        let t1_16 = sin_q3 * t1_15;
-        let t1_17 = sin_q3 * t1_14;
-        let t1_18 = sin_pin.mul_add(p_ixx_rod, t1_4);
-        let t1_19 = sin_pin * t1_18;
-        let t1_20 = cos_pin.mul_add(p_iyy_rod, t1_1);
-        let t1_21 = cos_pin.mul_add(t1_20, t1_19);
-        let t1_22 = cos_pin * p_mx_rod;
-        let t1_23 = (-sin_pin).mul_add(p_my_rod, t1_22);
-        let t1_24 = like.lift(0.0456).mul_add(p_m_rod, t1_23);
-        let t1_25 = like.lift(0.0456) * t1_23;
-        let t1_26 = like.lift(0.0456).mul_add(t1_24, t1_25);
-        let t1_27 = t1_21 + t1_26;
-        let t1_28 = p_iyy_crank + t1_27;
-        let t1_29 = cos_q3.mul_add(t1_28, t1_17);
-        let t1_30 = cos_q3.mul_add(t1_29, t1_16);
-        let t1_31 = p_mx_crank + t1_24;
-        let t1_32 = cos_q3 * t1_31;
-        let t1_33 = p_my_crank + t1_12;
-        let t1_34 = (-sin_q3).mul_add(t1_33, t1_32);
-        let t1_35 = p_m_crank + p_m_rod;
-        let t1_36 = like.lift(0.0132).mul_add(t1_35, t1_34);
-        let t1_37 = like.lift(0.0132) * t1_36;
-        let t1_38 = like.lift(0.0132).mul_add(t1_34, t1_37);
-        let t1_39 = t1_30 + t1_38;
-        let t1_40 = p_izz_column + t1_39;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let (sin_elbow, cos_elbow) = elbow.sin_cos();
-        let (sin_wrist, cos_wrist) = wrist.sin_cos();
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t1_41 = sin_q4 * p_ixy_flange;
-        let t1_42 = cos_q4.mul_add(p_ixx_flange, -t1_41);
-        let t1_43 = cos_q4 * t1_42;
-        let t1_44 = cos_q4 * p_ixy_flange;
-        let t1_45 = (-sin_q4).mul_add(p_iyy_flange, t1_44);
-        let t1_46 = (-sin_q4).mul_add(t1_45, t1_43);
-        let t1_47 = p_ixx_wrist + t1_46;
-        let t1_48 = cos_q4 * p_ixz_flange;
-        let t1_49 = (-sin_q4).mul_add(p_iyz_flange, t1_48);
-        let t1_50 = like.lift(-0.05).mul_add(p_mz_flange, t1_49);
-        let t1_51 = p_ixy_wrist - t1_50;
-        let t1_52 = sin_wrist * t1_51;
-        let t1_53 = cos_wrist.mul_add(t1_47, -t1_52);
-        let t1_54 = cos_wrist * t1_53;
-        let t1_55 = cos_wrist * t1_51;
-        let t1_56 = cos_q4 * p_mx_flange;
-        let t1_57 = (-sin_q4).mul_add(p_my_flange, t1_56);
-        let t1_58 = like.lift(0.05).mul_add(p_m_flange, t1_57);
-        let t1_59 = like.lift(0.05) * t1_57;
-        let t1_60 = like.lift(0.05).mul_add(t1_58, t1_59);
-        let t1_61 = p_izz_flange + t1_60;
-        let t1_62 = p_iyy_wrist + t1_61;
-        let t1_63 = (-sin_wrist).mul_add(t1_62, t1_55);
-        let t1_64 = (-sin_wrist).mul_add(t1_63, t1_54);
-        let t1_65 = p_ixx_forearm + t1_64;
-        let t1_66 = sin_wrist * t1_53;
-        let t1_67 = cos_wrist.mul_add(t1_63, t1_66);
-        let t1_68 = p_mx_wrist + t1_58;
-        let t1_69 = sin_wrist * t1_68;
-        let t1_70 = p_my_wrist - p_mz_flange;
-        let t1_71 = cos_wrist.mul_add(t1_70, t1_69);
-        let t1_72 = like.lift(-0.15852).mul_add(t1_71, t1_67);
-        let t1_73 = p_ixy_forearm + t1_72;
-        let t1_74 = sin_elbow * t1_73;
-        let t1_75 = cos_elbow.mul_add(t1_65, -t1_74);
-        let t1_76 = cos_elbow * t1_75;
-        let t1_77 = cos_elbow * t1_73;
-        let t1_78 = sin_wrist.mul_add(t1_47, t1_55);
-        let t1_79 = sin_wrist * t1_78;
-        let t1_80 = cos_wrist.mul_add(t1_62, t1_52);
-        let t1_81 = cos_wrist.mul_add(t1_80, t1_79);
-        let t1_82 = cos_wrist * t1_68;
-        let t1_83 = (-sin_wrist).mul_add(t1_70, t1_82);
-        let t1_84 = p_m_wrist + p_m_flange;
-        let t1_85 = like.lift(0.15852).mul_add(t1_84, t1_83);
-        let t1_86 = like.lift(0.15852) * t1_83;
-        let t1_87 = like.lift(0.15852).mul_add(t1_85, t1_86);
-        let t1_88 = t1_81 + t1_87;
-        let t1_89 = p_iyy_forearm + t1_88;
-        let t1_90 = (-sin_elbow).mul_add(t1_89, t1_77);
-        let t1_91 = (-sin_elbow).mul_add(t1_90, t1_76);
-        let t1_92 = p_ixx_arm + t1_91;
-        let t1_93 = sin_q2 * t1_92;
-        let t1_94 = sin_elbow * t1_75;
-        let t1_95 = cos_elbow.mul_add(t1_90, t1_94);
-        let t1_96 = p_mx_forearm + t1_85;
-        let t1_97 = sin_elbow * t1_96;
-        let t1_98 = p_my_forearm + t1_71;
-        let t1_99 = cos_elbow.mul_add(t1_98, t1_97);
-        let t1_100 = like.lift(-0.14207).mul_add(t1_99, t1_95);
-        let t1_101 = p_ixy_arm + t1_100;
-        let t1_102 = cos_q2.mul_add(t1_101, t1_93);
-        let t1_103 = sin_q2 * t1_102;
-        let t1_104 = sin_q2 * t1_101;
-        let t1_105 = sin_elbow.mul_add(t1_65, t1_77);
-        let t1_106 = sin_elbow * t1_105;
-        let t1_107 = cos_elbow.mul_add(t1_89, t1_74);
-        let t1_108 = cos_elbow.mul_add(t1_107, t1_106);
-        let t1_109 = cos_elbow * t1_96;
-        let t1_110 = (-sin_elbow).mul_add(t1_98, t1_109);
-        let t1_111 = p_m_forearm + t1_84;
-        let t1_112 = like.lift(0.14207).mul_add(t1_111, t1_110);
-        let t1_113 = like.lift(0.14207) * t1_110;
-        let t1_114 = like.lift(0.14207).mul_add(t1_112, t1_113);
-        let t1_115 = t1_108 + t1_114;
-        let t1_116 = p_iyy_arm + t1_115;
-        let t1_117 = cos_q2.mul_add(t1_116, t1_104);
-        let t1_118 = cos_q2.mul_add(t1_117, t1_103);
-        let t1_119 = p_mx_arm + t1_112;
-        let t1_120 = cos_q2 * t1_119;
-        let t1_121 = p_my_arm + t1_99;
-        let t1_122 = (-sin_q2).mul_add(t1_121, t1_120);
-        let t1_123 = p_m_arm + t1_111;
-        let t1_124 = like.lift(0.0132).mul_add(t1_123, t1_122);
-        let t1_125 = like.lift(0.0132) * t1_124;
-        let t1_126 = like.lift(0.0132).mul_add(t1_122, t1_125);
-        let t1_127 = t1_118 + t1_126;
-        let t1_128 = t1_40 + t1_127;
-        let t1_129 = sin_q4 * t1_42;
-        let t1_130 = cos_q4.mul_add(t1_45, t1_129);
-        let t1_131 = sin_q4 * p_mx_flange;
-        let t1_132 = cos_q4.mul_add(p_my_flange, t1_131);
-        let t1_133 = like.lift(-0.05).mul_add(t1_132, t1_130);
-        let t1_134 = p_ixz_wrist + t1_133;
-        let t1_135 = cos_wrist * t1_134;
-        let t1_136 = sin_q4 * p_ixz_flange;
-        let t1_137 = cos_q4.mul_add(p_iyz_flange, t1_136);
-        let t1_138 = p_iyz_wrist - t1_137;
-        let t1_139 = (-sin_wrist).mul_add(t1_138, t1_135);
-        let t1_140 = p_mz_wrist + t1_132;
-        let t1_141 = like.lift(-0.15852).mul_add(t1_140, t1_139);
-        let t1_142 = p_ixz_forearm + t1_141;
-        let t1_143 = cos_elbow * t1_142;
-        let t1_144 = sin_wrist * t1_134;
-        let t1_145 = cos_wrist.mul_add(t1_138, t1_144);
-        let t1_146 = p_iyz_forearm + t1_145;
-        let t1_147 = (-sin_elbow).mul_add(t1_146, t1_143);
-        let t1_148 = p_mz_forearm + t1_140;
-        let t1_149 = like.lift(-0.14207).mul_add(t1_148, t1_147);
-        let t1_150 = p_ixz_arm + t1_149;
-        let t1_151 = sin_q2 * t1_150;
-        let t1_152 = sin_elbow * t1_142;
-        let t1_153 = cos_elbow.mul_add(t1_146, t1_152);
-        let t1_154 = p_iyz_arm + t1_153;
-        let t1_155 = cos_q2.mul_add(t1_154, t1_151);
-        let t1_156 = sin_q2 * t1_147;
-        let t1_157 = cos_q2.mul_add(t1_153, t1_156);
-        let t1_158 = cos_q2 * sin_elbow;
-        let t1_159 = sin_q2 * sin_elbow;
-        let sin_q2_elbow = sin_q2.mul_add(cos_elbow, t1_158);
-        let cos_q2_elbow = cos_q2.mul_add(cos_elbow, -t1_159);
-        let t1_160 = cos_q2_elbow * sin_q3;
-        let t1_161 = sin_q2_elbow * sin_q3;
-        let sin_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(cos_q3, -t1_160);
-        let cos_q2_elbow_minus_q3 = cos_q2_elbow.mul_add(cos_q3, t1_161);
-        let t1_162 = cos_q2_elbow_minus_q3 * sin_pin;
-        let t1_163 = sin_q2_elbow_minus_q3 * sin_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(cos_pin, -t1_162);
-        let cos_q2_elbow_minus_q3_minus_pin = cos_q2_elbow_minus_q3.mul_add(cos_pin, t1_163);
+        let t2_1 = sin_pin * p_ixy_rod;
+        let t2_2 = cos_pin.mul_add(p_ixx_rod, -t2_1);
+        let t2_3 = cos_pin * p_ixy_rod;
+        let t2_4 = (-sin_pin).mul_add(p_iyy_rod, t2_3);
+        let t2_5 = (-sin_pin).mul_add(t2_4, p_ixx_crank);
+        let t2_6 = cos_pin.mul_add(t2_2, t2_5);
+        let t2_7 = cos_pin * p_my_rod;
+        let t2_8 = sin_pin.mul_add(p_mx_rod, t2_7);
+        let t2_9 = like.lift(-0.0456).mul_add(t2_8, p_ixy_crank);
+        let t2_10 = cos_pin.mul_add(t2_4, t2_9);
+        let t2_11 = sin_pin.mul_add(t2_2, t2_10);
+        let t2_12 = cos_q3 * t2_11;
+        let t2_13 = sin_q3.mul_add(t2_6, t2_12);
+        let t2_14 = sin_pin.mul_add(p_ixx_rod, t2_3);
+        let t2_15 = cos_pin.mul_add(p_iyy_rod, t2_1);
+        let t2_16 = cos_pin * p_mx_rod;
+        let t2_17 = (-sin_pin).mul_add(p_my_rod, t2_16);
+        let t2_18 = like.lift(0.0456).mul_add(p_m_rod, t2_17);
+        let t2_19 = like.lift(0.0456) * t2_17;
+        let t2_20 = like.lift(0.0456).mul_add(t2_18, t2_19);
+        let t2_21 = cos_pin.mul_add(t2_15, p_iyy_crank);
+        let t2_22 = sin_pin.mul_add(t2_14, t2_21);
+        let t2_23 = t2_22 + t2_20;
+        let t2_24 = cos_q3 * t2_23;
+        let t2_25 = sin_q3.mul_add(t2_11, t2_24);
+        let t2_26 = p_mx_crank + t2_18;
+        let t2_27 = p_my_crank + t2_8;
+        let t2_28 = cos_q3 * t2_26;
+        let t2_29 = (-sin_q3).mul_add(t2_27, t2_28);
+        let t2_30 = p_m_crank + p_m_rod;
+        let t2_31 = like.lift(0.0132).mul_add(t2_30, t2_29);
+        let t2_32 = sin_q4 * p_ixy_flange;
+        let t2_33 = cos_q4.mul_add(p_ixx_flange, -t2_32);
+        let t2_34 = cos_q4 * p_ixy_flange;
+        let t2_35 = (-sin_q4).mul_add(p_iyy_flange, t2_34);
+        let t2_36 = (-sin_q4).mul_add(t2_35, p_ixx_wrist);
+        let t2_37 = cos_q4.mul_add(t2_33, t2_36);
+        let t2_38 = cos_q4 * p_ixz_flange;
+        let t2_39 = (-sin_q4).mul_add(p_iyz_flange, t2_38);
+        let t2_40 = like.lift(0.05).mul_add(p_mz_flange, p_ixy_wrist);
+        let t2_41 = t2_40 - t2_39;
+        let t2_42 = sin_wrist * t2_41;
+        let t2_43 = cos_wrist.mul_add(t2_37, -t2_42);
+        let t2_44 = cos_wrist * t2_41;
+        let t2_45 = cos_q4 * p_mx_flange;
+        let t2_46 = (-sin_q4).mul_add(p_my_flange, t2_45);
+        let t2_47 = like.lift(0.05).mul_add(p_m_flange, t2_46);
+        let t2_48 = like.lift(0.05) * t2_46;
+        let t2_49 = like.lift(0.05).mul_add(t2_47, t2_48);
+        let t2_50 = p_iyy_wrist + p_izz_flange;
+        let t2_51 = t2_50 + t2_49;
+        let t2_52 = (-sin_wrist).mul_add(t2_51, t2_44);
+        let t2_53 = (-sin_wrist).mul_add(t2_52, p_ixx_forearm);
+        let t2_54 = cos_wrist.mul_add(t2_43, t2_53);
+        let t2_55 = p_mx_wrist + t2_47;
+        let t2_56 = p_my_wrist - p_mz_flange;
+        let t2_57 = cos_wrist * t2_56;
+        let t2_58 = sin_wrist.mul_add(t2_55, t2_57);
+        let t2_59 = like.lift(-0.15852).mul_add(t2_58, p_ixy_forearm);
+        let t2_60 = cos_wrist.mul_add(t2_52, t2_59);
+        let t2_61 = sin_wrist.mul_add(t2_43, t2_60);
+        let t2_62 = sin_elbow * t2_61;
+        let t2_63 = cos_elbow.mul_add(t2_54, -t2_62);
+        let t2_64 = cos_elbow * t2_61;
+        let t2_65 = sin_wrist.mul_add(t2_37, t2_44);
+        let t2_66 = cos_wrist.mul_add(t2_51, t2_42);
+        let t2_67 = cos_wrist * t2_55;
+        let t2_68 = (-sin_wrist).mul_add(t2_56, t2_67);
+        let t2_69 = p_m_wrist + p_m_flange;
+        let t2_70 = like.lift(0.15852).mul_add(t2_69, t2_68);
+        let t2_71 = like.lift(0.15852) * t2_68;
+        let t2_72 = like.lift(0.15852).mul_add(t2_70, t2_71);
+        let t2_73 = cos_wrist.mul_add(t2_66, p_iyy_forearm);
+        let t2_74 = sin_wrist.mul_add(t2_65, t2_73);
+        let t2_75 = t2_74 + t2_72;
+        let t2_76 = (-sin_elbow).mul_add(t2_75, t2_64);
+        let t2_77 = (-sin_elbow).mul_add(t2_76, p_ixx_arm);
+        let t2_78 = cos_elbow.mul_add(t2_63, t2_77);
+        let t2_79 = p_mx_forearm + t2_70;
+        let t2_80 = p_my_forearm + t2_58;
+        let t2_81 = cos_elbow * t2_80;
+        let t2_82 = sin_elbow.mul_add(t2_79, t2_81);
+        let t2_83 = like.lift(-0.14207).mul_add(t2_82, p_ixy_arm);
+        let t2_84 = cos_elbow.mul_add(t2_76, t2_83);
+        let t2_85 = sin_elbow.mul_add(t2_63, t2_84);
+        let t2_86 = cos_q2 * t2_85;
+        let t2_87 = sin_q2.mul_add(t2_78, t2_86);
+        let t2_88 = sin_elbow.mul_add(t2_54, t2_64);
+        let t2_89 = cos_elbow.mul_add(t2_75, t2_62);
+        let t2_90 = cos_elbow * t2_79;
+        let t2_91 = (-sin_elbow).mul_add(t2_80, t2_90);
+        let t2_92 = p_m_forearm + t2_69;
+        let t2_93 = like.lift(0.14207).mul_add(t2_92, t2_91);
+        let t2_94 = like.lift(0.14207) * t2_91;
+        let t2_95 = like.lift(0.14207).mul_add(t2_93, t2_94);
+        let t2_96 = cos_elbow.mul_add(t2_89, p_iyy_arm);
+        let t2_97 = sin_elbow.mul_add(t2_88, t2_96);
+        let t2_98 = t2_97 + t2_95;
+        let t2_99 = cos_q2 * t2_98;
+        let t2_100 = sin_q2.mul_add(t2_85, t2_99);
+        let t2_101 = p_mx_arm + t2_93;
+        let t2_102 = p_my_arm + t2_82;
+        let t2_103 = cos_q2 * t2_101;
+        let t2_104 = (-sin_q2).mul_add(t2_102, t2_103);
+        let t2_105 = p_m_arm + t2_92;
+        let t2_106 = like.lift(0.0132).mul_add(t2_105, t2_104);
+        let t2_107 = t2_29 + t2_31;
+        let t2_108 = t2_107 + t2_104;
+        let t2_109 = t2_108 + t2_106;
+        let t2_110 = cos_q3.mul_add(t2_25, p_izz_column);
+        let t2_111 = sin_q3.mul_add(t2_13, t2_110);
+        let t2_112 = like.lift(0.0132).mul_add(t2_109, t2_111);
+        let t2_113 = cos_q2.mul_add(t2_100, t2_112);
+        let t2_114 = sin_q2.mul_add(t2_87, t2_113);
+        let t2_115 = cos_q4 * p_my_flange;
+        let t2_116 = sin_q4.mul_add(p_mx_flange, t2_115);
+        let t2_117 = like.lift(-0.05).mul_add(t2_116, p_ixz_wrist);
+        let t2_118 = cos_q4.mul_add(t2_35, t2_117);
+        let t2_119 = sin_q4.mul_add(t2_33, t2_118);
+        let t2_120 = cos_q4 * p_iyz_flange;
+        let t2_121 = sin_q4.mul_add(p_ixz_flange, t2_120);
+        let t2_122 = p_iyz_wrist - t2_121;
+        let t2_123 = cos_wrist * t2_119;
+        let t2_124 = (-sin_wrist).mul_add(t2_122, t2_123);
+        let t2_125 = p_mz_wrist + t2_116;
+        let t2_126 = like.lift(-0.15852).mul_add(t2_125, p_ixz_forearm);
+        let t2_127 = t2_126 + t2_124;
+        let t2_128 = cos_wrist * t2_122;
+        let t2_129 = sin_wrist.mul_add(t2_119, t2_128);
+        let t2_130 = p_iyz_forearm + t2_129;
+        let t2_131 = cos_elbow * t2_127;
+        let t2_132 = (-sin_elbow).mul_add(t2_130, t2_131);
+        let t2_133 = p_mz_forearm + t2_125;
+        let t2_134 = like.lift(-0.14207).mul_add(t2_133, p_ixz_arm);
+        let t2_135 = t2_134 + t2_132;
+        let t2_136 = cos_elbow * t2_130;
+        let t2_137 = sin_elbow.mul_add(t2_127, t2_136);
+        let t2_138 = p_iyz_arm + t2_137;
+        let t2_139 = cos_q2 * t2_137;
+        let t2_140 = sin_q2.mul_add(t2_132, t2_139);
+        let t2_141 = sin_q2 * cos_elbow;
+        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t2_141);
+        let t2_142 = cos_q2 * cos_elbow;
+        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t2_142);
+        let t2_143 = sin_q2_elbow * cos_q3;
+        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t2_143);
+        let t2_144 = cos_q2_elbow * cos_q3;
+        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t2_144);
+        let t2_145 = sin_q2_elbow_minus_q3 * cos_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t2_145);
+        let t2_146 = cos_q2_elbow_minus_q3 * cos_pin;
+        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t2_146);
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t1_164 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t1_165 = -t1_164;
-        let t1_166 = cos_q2 * sin_q3;
-        let t1_167 = sin_q2 * sin_q3;
-        let sin_q2_minus_q3 = sin_q2.mul_add(cos_q3, -t1_166);
-        let cos_q2_minus_q3 = cos_q2.mul_add(cos_q3, t1_167);
-        let t1_168 = cos_q2_minus_q3 * sin_pin;
-        let t1_169 = sin_q2_minus_q3 * sin_pin;
-        let sin_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(cos_pin, -t1_168);
-        let cos_q2_minus_q3_minus_pin = cos_q2_minus_q3.mul_add(cos_pin, t1_169);
-        let t1_170 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t1_171 = -t1_170;
+        let t2_147 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t2_148 = -t2_147;
+        let t2_149 = sin_q2 * cos_q3;
+        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t2_149);
+        let t2_150 = cos_q2 * cos_q3;
+        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t2_150);
+        let t2_151 = sin_q2_minus_q3 * cos_pin;
+        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t2_151);
+        let t2_152 = cos_q2_minus_q3 * cos_pin;
+        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t2_152);
+        let t2_153 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
+        let t2_154 = -t2_153;
         let u_rod_q3x = like.lift(0.0456) * sin_pin;
-        let t1_172 = -u_rod_q3x;
-        let t1_173 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t1_164);
-        let u_rod_q3y = like.lift(0.0456) * cos_pin;
-        let t1_174 = like.lift(0.14207) + u_rod_q3y;
-        let t1_175 = -t1_174;
-        let t1_176 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t1_177 = t1_170 * t1_176;
-        let t1_178 = like.lift(21.92982456140351) * t1_177;
-        let t1_179 = -t1_178;
-        let t1_180 = sin_pin * t1_176;
-        let t1_181 = -t1_180;
-        let t1_182 = like.lift(1.0) + t1_178;
-        let t1_183 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t1_177, t1_173);
-        let t1_184 = like.lift(7.038783698176955) * t1_183;
-        let t1_185 = -t1_184;
-        let t1_186 = cos_q2_elbow_minus_q3_minus_pin * t1_180;
-        let t1_187 = like.lift(0.0456).mul_add(t1_186, t1_174);
-        let t1_188 = like.lift(7.038783698176955) * t1_187;
+        let t2_155 = -u_rod_q3x;
+        let t2_156 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t2_147);
+        let t2_157 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t2_158 = -t2_157;
+        let t2_159 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t2_160 = t2_153 * t2_159;
+        let t2_161 = like.lift(21.92982456140351) * t2_160;
+        let t2_162 = -t2_161;
+        let t2_163 = sin_pin * t2_159;
+        let t2_164 = -t2_163;
+        let t2_165 = like.lift(1.0) + t2_161;
+        let t2_166 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_160, t2_156);
+        let t2_167 = like.lift(7.038783698176955) * t2_166;
+        let t2_168 = -t2_167;
+        let t2_169 = t2_163.mul_add(t2_147, t2_157);
+        let t2_170 = like.lift(7.038783698176955) * t2_169;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([
@@ -3782,23 +3594,23 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([[T; 4]; 4], Condit
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t1_179, like.lift(0.0), t1_181],
-                [like.lift(0.0), t1_182, like.lift(0.0), t1_180],
-                [like.lift(0.0), t1_185, like.lift(0.0), t1_188],
+                [like.lift(0.0), t2_162, like.lift(0.0), t2_164],
+                [like.lift(0.0), t2_165, like.lift(0.0), t2_163],
+                [like.lift(0.0), t2_168, like.lift(0.0), t2_170],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t1_165, like.lift(0.0), like.lift(-0.14207)],
+                    [t2_148, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t1_171, like.lift(0.0), t1_172],
-                    [like.lift(0.0), t1_173, like.lift(0.0), t1_175],
+                    [like.lift(0.0), t2_154, like.lift(0.0), t2_155],
+                    [like.lift(0.0), t2_156, like.lift(0.0), t2_158],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -3808,112 +3620,109 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([[T; 4]; 4], Condit
         );
         condition = condition.min(found);
         [
-            sin_q3, cos_q3, sin_pin, cos_pin, t1_25, t1_26, sin_q2, cos_q2, sin_elbow,
-            cos_elbow, sin_wrist, cos_wrist, sin_q4, cos_q4, t1_41, t1_44, t1_49, t1_57, t1_59,
-            t1_60, t1_71, t1_83, t1_86, t1_87, t1_113, t1_114, t1_128, t1_132, t1_137, t1_139,
-            t1_145, t1_155, t1_157, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2,
-            x_pin_q3,
+            t2_19, t2_20, t2_32, t2_34, t2_39, t2_46, t2_48, t2_49, t2_58, t2_68, t2_71, t2_72,
+            t2_94, t2_95, t2_114, t2_116, t2_121, t2_124, t2_129, t2_135, t2_138, t2_140,
+            x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
         ]
     };
     // M
     {
-        let t2_1 = (-t1_157).mul_add(x_elbow_q2, t1_155);
-        let t2_2 = cos_elbow * t1_139;
-        let t2_3 = (-sin_elbow).mul_add(t1_145, t2_2);
-        let t2_4 = sin_q2 * t2_3;
-        let t2_5 = sin_elbow * t1_139;
-        let t2_6 = cos_elbow.mul_add(t1_145, t2_5);
-        let t2_7 = cos_q2.mul_add(t2_6, t2_4);
-        let t2_8 = (-t2_7).mul_add(x_wrist_q2, t2_1);
-        let t2_9 = cos_pin * p_ixz_rod;
-        let t2_10 = (-sin_pin).mul_add(p_iyz_rod, t2_9);
-        let t2_11 = sin_q3 * t2_10;
-        let t2_12 = sin_pin * p_ixz_rod;
-        let t2_13 = cos_pin.mul_add(p_iyz_rod, t2_12);
-        let t2_14 = cos_q3.mul_add(t2_13, t2_11);
-        let t2_15 = (-t2_14).mul_add(x_pin_q2, t2_8);
-        let t2_16 = cos_wrist * t1_49;
-        let t2_17 = p_izz_flange + t1_59;
-        let t2_18 = sin_wrist.mul_add(t2_17, t2_16);
-        let t2_19 = cos_elbow * t2_18;
-        let t2_20 = sin_wrist * t1_49;
-        let t2_21 = (-cos_wrist).mul_add(t2_17, t2_20);
-        let t2_22 = like.lift(-0.15852).mul_add(t1_57, t2_21);
-        let t2_23 = (-sin_elbow).mul_add(t2_22, t2_19);
-        let t2_24 = sin_q2 * t2_23;
-        let t2_25 = sin_elbow * t2_18;
-        let t2_26 = cos_elbow.mul_add(t2_22, t2_25);
-        let t2_27 = like.lift(-0.14207).mul_add(t1_57, t2_26);
-        let t2_28 = cos_q2.mul_add(t2_27, t2_24);
-        let t2_29 = like.lift(-0.0132).mul_add(t1_57, t2_28);
-        let t2_30 = like.lift(-0.0456).mul_add(p_mz_rod, t2_10);
-        let t2_31 = p_ixz_crank + t2_30;
-        let t2_32 = sin_q3 * t2_31;
-        let t2_33 = p_iyz_crank + t2_13;
-        let t2_34 = cos_q3.mul_add(t2_33, t2_32);
-        let t2_35 = t1_157 * x_elbow_q3;
-        let t2_36 = t2_7.mul_add(x_wrist_q3, t2_35);
-        let t2_37 = t2_34 - t2_36;
-        let t2_38 = (-t2_14).mul_add(x_pin_q3, t2_37);
-        m[0] = [t1_128, t2_15, t2_29, t2_38];
-        let t2_39 = sin_q4.mul_add(p_ixx_flange, t1_44);
-        let t2_40 = sin_q4 * t2_39;
-        let t2_41 = cos_q4.mul_add(p_iyy_flange, t1_41);
-        let t2_42 = cos_q4.mul_add(t2_41, t2_40);
-        let t2_43 = t2_42 + t1_60;
-        let t2_44 = p_izz_wrist + t2_43;
-        let t2_45 = t2_44 + t1_87;
-        let t2_46 = p_izz_forearm + t2_45;
-        let t2_47 = t2_46 + t1_114;
-        let t2_48 = p_izz_arm + t2_47;
-        let t2_49 = t2_46 + t1_113;
-        let t2_50 = (-t2_49).mul_add(x_elbow_q2, t2_48);
-        let t2_51 = t2_44 + t1_86;
-        let t2_52 = sin_elbow * t1_71;
-        let t2_53 = (-cos_elbow).mul_add(t1_83, t2_52);
-        let t2_54 = like.lift(-0.14207).mul_add(t2_53, t2_51);
-        let t2_55 = (-t2_54).mul_add(x_wrist_q2, t2_50);
-        let t2_56 = (-t2_46).mul_add(x_elbow_q2, t2_49);
-        let t2_57 = (-t2_51).mul_add(x_wrist_q2, t2_56);
-        let t2_58 = (-x_elbow_q2).mul_add(t2_57, t2_55);
-        let t2_59 = (-t2_51).mul_add(x_elbow_q2, t2_54);
-        let t2_60 = (-t2_44).mul_add(x_wrist_q2, t2_59);
-        let t2_61 = (-x_wrist_q2).mul_add(t2_60, t2_58);
-        let t2_62 = p_izz_rod * x_pin_q2;
-        let t2_63 = x_pin_q2.mul_add(t2_62, t2_61);
-        let t2_64 = sin_wrist * t1_132;
-        let t2_65 = like.lift(-0.15852).mul_add(t2_64, t1_137);
-        let t2_66 = cos_elbow * sin_wrist;
-        let sin_elbow_wrist = sin_elbow.mul_add(cos_wrist, t2_66);
-        let t2_67 = t1_132 * sin_elbow_wrist;
-        let t2_68 = like.lift(-0.14207).mul_add(t2_67, t2_65);
-        let t2_69 = (-t2_65).mul_add(x_elbow_q2, t2_68);
-        let t2_70 = (-t1_137).mul_add(x_wrist_q2, t2_69);
-        let t2_71 = t2_49 * x_elbow_q3;
-        let t2_72 = t2_54.mul_add(x_wrist_q3, t2_71);
-        let t2_73 = t2_46 * x_elbow_q3;
-        let t2_74 = t2_51.mul_add(x_wrist_q3, t2_73);
-        let t2_75 = (-x_elbow_q2).mul_add(t2_74, t2_72);
-        let t2_76 = t2_51 * x_elbow_q3;
-        let t2_77 = t2_44.mul_add(x_wrist_q3, t2_76);
-        let t2_78 = (-x_wrist_q2).mul_add(t2_77, t2_75);
-        let t2_79 = p_izz_rod + t1_25;
-        let t2_80 = (-p_izz_rod).mul_add(x_pin_q3, t2_79);
-        let t2_81 = x_pin_q2.mul_add(t2_80, t2_78);
-        let t2_82 = -t2_81;
-        m[1] = [t2_15, t2_63, t2_70, t2_82];
-        let t2_83 = t2_65 * x_elbow_q3;
-        let t2_84 = t1_137.mul_add(x_wrist_q3, t2_83);
-        let t2_85 = -t2_84;
-        m[2] = [t2_29, t2_70, p_izz_flange, t2_85];
-        let t2_86 = p_izz_rod + t1_26;
-        let t2_87 = p_izz_crank + t2_86;
-        let t2_88 = (-t2_79).mul_add(x_pin_q3, t2_87);
-        let t2_89 = x_elbow_q3 * t2_74;
-        let t2_90 = x_wrist_q3.mul_add(t2_77, t2_89);
-        let t2_91 = t2_88 + t2_90;
-        let t2_92 = (-x_pin_q3).mul_add(t2_80, t2_91);
-        m[3] = [t2_38, t2_82, t2_85, t2_92];
+        let t3_1 = cos_elbow * t2_124;
+        let t3_2 = (-sin_elbow).mul_add(t2_129, t3_1);
+        let t3_3 = cos_elbow * t2_129;
+        let t3_4 = sin_elbow.mul_add(t2_124, t3_3);
+        let t3_5 = cos_q2 * t3_4;
+        let t3_6 = sin_q2.mul_add(t3_2, t3_5);
+        let t3_7 = cos_pin * p_ixz_rod;
+        let t3_8 = (-sin_pin).mul_add(p_iyz_rod, t3_7);
+        let t3_9 = cos_pin * p_iyz_rod;
+        let t3_10 = sin_pin.mul_add(p_ixz_rod, t3_9);
+        let t3_11 = cos_q3 * t3_10;
+        let t3_12 = sin_q3.mul_add(t3_8, t3_11);
+        let t3_13 = cos_q2 * t2_138;
+        let t3_14 = (-t3_12).mul_add(x_pin_q2, t3_13);
+        let t3_15 = (-t3_6).mul_add(x_wrist_q2, t3_14);
+        let t3_16 = (-t2_140).mul_add(x_elbow_q2, t3_15);
+        let t3_17 = sin_q2.mul_add(t2_135, t3_16);
+        let t3_18 = p_izz_flange + t2_48;
+        let t3_19 = sin_wrist * t3_18;
+        let t3_20 = cos_wrist.mul_add(t2_39, t3_19);
+        let t3_21 = sin_wrist * t2_39;
+        let t3_22 = like.lift(-0.15852).mul_add(t2_46, t3_21);
+        let t3_23 = (-cos_wrist).mul_add(t3_18, t3_22);
+        let t3_24 = cos_elbow * t3_20;
+        let t3_25 = (-sin_elbow).mul_add(t3_23, t3_24);
+        let t3_26 = cos_elbow * t3_23;
+        let t3_27 = like.lift(-0.14207).mul_add(t2_46, t3_26);
+        let t3_28 = sin_elbow.mul_add(t3_20, t3_27);
+        let t3_29 = cos_q2 * t3_28;
+        let t3_30 = like.lift(-0.0132).mul_add(t2_46, t3_29);
+        let t3_31 = sin_q2.mul_add(t3_25, t3_30);
+        let t3_32 = like.lift(-0.0456).mul_add(p_mz_rod, p_ixz_crank);
+        let t3_33 = t3_32 + t3_8;
+        let t3_34 = p_iyz_crank + t3_10;
+        let t3_35 = cos_q3 * t3_34;
+        let t3_36 = (-t3_12).mul_add(x_pin_q3, t3_35);
+        let t3_37 = sin_q3.mul_add(t3_33, t3_36);
+        let t3_38 = (-t3_6).mul_add(x_wrist_q3, t3_37);
+        let t3_39 = (-t2_140).mul_add(x_elbow_q3, t3_38);
+        m[0] = [t2_114, t3_17, t3_31, t3_39];
+        let t3_40 = sin_q4.mul_add(p_ixx_flange, t2_34);
+        let t3_41 = cos_q4.mul_add(p_iyy_flange, t2_32);
+        let t3_42 = cos_q4.mul_add(t3_41, p_izz_wrist);
+        let t3_43 = sin_q4.mul_add(t3_40, t3_42);
+        let t3_44 = t3_43 + t2_49;
+        let t3_45 = p_izz_forearm + t3_44;
+        let t3_46 = t3_45 + t2_72;
+        let t3_47 = t3_46 + t2_94;
+        let t3_48 = t3_44 + t2_71;
+        let t3_49 = sin_elbow * t2_58;
+        let t3_50 = (-cos_elbow).mul_add(t2_68, t3_49);
+        let t3_51 = like.lift(-0.14207).mul_add(t3_50, t3_48);
+        let t3_52 = (-t3_48).mul_add(x_wrist_q2, t3_47);
+        let t3_53 = (-t3_46).mul_add(x_elbow_q2, t3_52);
+        let t3_54 = (-t3_44).mul_add(x_wrist_q2, t3_51);
+        let t3_55 = (-t3_48).mul_add(x_elbow_q2, t3_54);
+        let t3_56 = t3_53 + t3_47;
+        let t3_57 = t3_55 + t3_51;
+        let t3_58 = x_pin_q2 * p_izz_rod;
+        let t3_59 = t3_58.mul_add(x_pin_q2, p_izz_arm);
+        let t3_60 = (-x_wrist_q2).mul_add(t3_57, t3_59);
+        let t3_61 = (-x_elbow_q2).mul_add(t3_56, t3_60);
+        let t3_62 = t3_61 + t3_46;
+        let t3_63 = t3_62 + t2_95;
+        let t3_64 = like.lift(0.15852) * sin_wrist;
+        let t3_65 = (-t3_64).mul_add(t2_116, t2_121);
+        let t3_66 = sin_elbow * cos_wrist;
+        let sin_elbow_wrist = cos_elbow.mul_add(sin_wrist, t3_66);
+        let t3_67 = (-t2_121).mul_add(x_wrist_q2, t3_65);
+        let t3_68 = (-t3_65).mul_add(x_elbow_q2, t3_67);
+        let t3_69 = like.lift(0.14207) * t2_116;
+        let t3_70 = (-t3_69).mul_add(sin_elbow_wrist, t3_68);
+        let t3_71 = t3_48 * x_wrist_q3;
+        let t3_72 = t3_46.mul_add(x_elbow_q3, t3_71);
+        let t3_73 = t3_44 * x_wrist_q3;
+        let t3_74 = t3_48.mul_add(x_elbow_q3, t3_73);
+        let t3_75 = p_izz_rod + t2_19;
+        let t3_76 = (-p_izz_rod).mul_add(x_pin_q3, t3_75);
+        let t3_77 = x_pin_q2 * t3_76;
+        let t3_78 = (-x_wrist_q2).mul_add(t3_74, t3_77);
+        let t3_79 = (-x_elbow_q2).mul_add(t3_72, t3_78);
+        let t3_80 = t3_51.mul_add(x_wrist_q3, t3_79);
+        let t3_81 = t3_47.mul_add(x_elbow_q3, t3_80);
+        let t3_82 = -t3_81;
+        m[1] = [t3_17, t3_63, t3_70, t3_82];
+        let t3_83 = t2_121 * x_wrist_q3;
+        let t3_84 = t3_65.mul_add(x_elbow_q3, t3_83);
+        let t3_85 = -t3_84;
+        m[2] = [t3_31, t3_70, p_izz_flange, t3_85];
+        let t3_86 = t3_76 + t3_75;
+        let t3_87 = (-x_pin_q3).mul_add(t3_86, p_izz_crank);
+        let t3_88 = t3_87 + p_izz_rod;
+        let t3_89 = t3_88 + t2_20;
+        let t3_90 = x_wrist_q3.mul_add(t3_74, t3_89);
+        let t3_91 = x_elbow_q3.mul_add(t3_72, t3_90);
+        m[3] = [t3_39, t3_82, t3_85, t3_91];
     }
     (m, Condition { pivot: condition })
 }
@@ -3926,225 +3735,224 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([[T; 4]; 4], Condit
 /// - `qdd_r`: reference accelerations of the independent coordinates
 /// - `y`: column by column: Y phi = M qdd_r + C(q, qd) qd_r + g, with dM/dt - 2 C skew
 ///
-/// 335 additions, 589 multiplications, 1 divisions, 6 sines and cosines.
+/// 335 additions, 530 multiplications, 1 divisions, 6 sines and cosines.
 pub fn slotine_li<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 4], qdd_r: &[T; 4], y: &mut [[T; 4]; 70]) -> Condition<T> {
+    *y = [[q[0].lift(0.0); 4]; 70];
+    slotine_li_entries(q, qd, qd_r, qdd_r, y)
+}
+
+/// The entries of [`slotine_li`] that are not zero at every state; the others are left as they are.
+///
+/// Inlined where it is called, so that lanes keep the caller's instruction set.
+#[inline(always)]
+pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 4], qdd_r: &[T; 4], y: &mut [[T; 4]; 70]) -> Condition<T> {
     let like = q[0];
     let [_, q2, elbow, wrist, q4, q3, pin] = *q;
     let [d_q1, d_q2, d_elbow, d_wrist, d_q4, d_q3, d_pin] = *qd;
     let [r_q1, r_q2, r_q4, r_q3] = *qd_r;
     let [dr_q1, dr_q2, dr_q4, dr_q3] = *qdd_r;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_q2, cos_q2, sin_elbow, cos_elbow, sin_q3, cos_q3, sin_pin, cos_pin, sin_wrist,
+        cos_wrist, sin_q4, cos_q4,
+    ] = {
+        let [
+            (sin_q2, cos_q2), (sin_elbow, cos_elbow), (sin_q3, cos_q3), (sin_pin, cos_pin),
+            (sin_wrist, cos_wrist), (sin_q4, cos_q4),
+        ] =
+            T::sin_cos_all([q2, elbow, q3, pin, wrist, q4]);
+        [
+            sin_q2, cos_q2, sin_elbow, cos_elbow, sin_q3, cos_q3, sin_pin, cos_pin, sin_wrist,
+            cos_wrist, sin_q4, cos_q4,
+        ]
+    };
     // body column: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        y[0] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[1] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[2] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[3] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[4] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[5] = [dr_q1, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[6] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[7] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[8] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[9] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        y[5][0] = dr_q1;
     }
     // body arm: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [
-        sin_q2, cos_q2, al_armx, al_army, t2_12, t2_17, t2_18, t2_20, t2_30, a_army_2,
-        a_armx_2, t2_36, w_m_arm_q1,
+        al_armx, al_army, t3_11, t3_16, t3_17, t3_18, t3_29, t3_30, a_army, a_armx, w_m_arm_q1,
     ] = {
-        let (sin_q2, cos_q2) = q2.sin_cos();
         let w_ixz_arm_q2 = sin_q2 * dr_q1;
         let w_army = cos_q2 * d_q1;
-        let t2_1 = w_army * r_q2;
-        let t2_2 = cos_q2 * r_q1;
-        let t2_3 = d_q2.mul_add(t2_2, t2_1);
-        let t2_4 = like.lift(0.5) * t2_3;
-        let al_armx = w_ixz_arm_q2 + t2_4;
+        let t3_1 = cos_q2 * r_q1;
+        let t3_2 = d_q2 * t3_1;
+        let t3_3 = w_army.mul_add(r_q2, t3_2);
+        let t3_4 = like.lift(0.5) * t3_3;
+        let al_armx = w_ixz_arm_q2 + t3_4;
         let w_armx = sin_q2 * d_q1;
-        let t2_5 = w_armx * r_q2;
-        let t2_6 = sin_q2 * r_q1;
-        let t2_7 = d_q2.mul_add(t2_6, t2_5);
-        let t2_8 = cos_q2 * t2_7;
-        let t2_9 = like.lift(0.5) * t2_8;
-        let w_ixx_arm_q1 = sin_q2.mul_add(al_armx, t2_9);
-        let w_ixx_arm_q2 = w_armx * t2_2;
-        let t2_10 = -w_ixx_arm_q2;
-        y[10] = [w_ixx_arm_q1, t2_10, like.lift(0.0), like.lift(0.0)];
-        let t2_11 = like.lift(0.5) * t2_7;
+        let t3_5 = sin_q2 * r_q1;
+        let t3_6 = d_q2 * t3_5;
+        let t3_7 = w_armx.mul_add(r_q2, t3_6);
+        let t3_8 = like.lift(0.5) * t3_7;
+        let t3_9 = cos_q2 * t3_8;
+        let w_ixx_arm_q1 = sin_q2.mul_add(al_armx, t3_9);
+        let w_ixx_arm_q2 = w_armx * t3_1;
+        let t3_10 = -w_ixx_arm_q2;
+        y[10][0] = w_ixx_arm_q1; y[10][1] = t3_10;
         let w_iyz_arm_q2 = cos_q2 * dr_q1;
-        let al_army = w_iyz_arm_q2 - t2_11;
-        let t2_12 = t2_11 - al_army;
-        let t2_13 = sin_q2 * t2_12;
-        let t2_14 = t2_4 + al_armx;
-        let w_ixy_arm_q1 = (-cos_q2).mul_add(t2_14, t2_13);
-        let t2_15 = -w_ixy_arm_q1;
-        let t2_16 = w_armx * t2_6;
-        let t2_17 = w_army * t2_2;
-        let w_ixy_arm_q2 = t2_16 - t2_17;
-        y[11] = [t2_15, w_ixy_arm_q2, like.lift(0.0), like.lift(0.0)];
-        let t2_18 = dr_q2 + w_ixx_arm_q2;
-        let t2_19 = sin_q2 * t2_18;
-        let t2_20 = d_q2 * r_q2;
-        let t2_21 = t2_16 - t2_20;
-        let w_ixz_arm_q1 = (-cos_q2).mul_add(t2_21, t2_19);
-        y[12] = [w_ixz_arm_q1, w_ixz_arm_q2, like.lift(0.0), like.lift(0.0)];
-        let t2_22 = sin_q2 * t2_3;
-        let t2_23 = like.lift(0.5) * t2_22;
-        let w_iyy_arm_q1 = (-cos_q2).mul_add(al_army, t2_23);
-        let t2_24 = -w_iyy_arm_q1;
-        y[13] = [t2_24, w_ixx_arm_q2, like.lift(0.0), like.lift(0.0)];
-        let t2_25 = t2_17 - t2_20;
-        let t2_26 = sin_q2 * t2_25;
-        let t2_27 = dr_q2 - w_ixx_arm_q2;
-        let w_iyz_arm_q1 = cos_q2.mul_add(t2_27, t2_26);
-        y[14] = [w_iyz_arm_q1, w_iyz_arm_q2, like.lift(0.0), like.lift(0.0)];
-        let w_izz_arm_q1 = t2_9 - t2_23;
-        let t2_28 = -w_izz_arm_q1;
-        y[15] = [t2_28, dr_q2, like.lift(0.0), like.lift(0.0)];
-        let t2_29 = like.lift(0.0132) * w_iyz_arm_q2;
-        let w_mx_arm_q1 = like.lift(-0.0132).mul_add(t2_12, t2_29);
-        let a_army = like.lift(9.81) * cos_q2;
-        let t2_30 = d_q1 * r_q1;
-        let t2_31 = sin_q2 * t2_30;
-        let a_army_2 = like.lift(0.0132).mul_add(t2_31, a_army);
-        y[16] = [w_mx_arm_q1, a_army_2, like.lift(0.0), like.lift(0.0)];
-        let t2_32 = like.lift(0.0132) * w_ixz_arm_q2;
-        let w_my_arm_q1 = like.lift(0.0132).mul_add(t2_14, t2_32);
-        let t2_33 = -w_my_arm_q1;
-        let a_armx = like.lift(9.81) * sin_q2;
-        let t2_34 = cos_q2 * t2_30;
-        let a_armx_2 = like.lift(-0.0132).mul_add(t2_34, a_armx);
-        let t2_35 = -a_armx_2;
-        y[17] = [t2_33, t2_35, like.lift(0.0), like.lift(0.0)];
-        let t2_36 = like.lift(0.0132) * t2_30;
-        let t2_37 = cos_q2 * a_armx_2;
-        let t2_38 = (-sin_q2).mul_add(a_army_2, t2_37);
-        let w_mz_arm_q1 = t2_36 + t2_38;
-        y[18] = [w_mz_arm_q1, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let al_army = w_iyz_arm_q2 - t3_8;
+        let t3_11 = t3_8 - al_army;
+        let t3_12 = t3_4 + al_armx;
+        let t3_13 = sin_q2 * t3_11;
+        let w_ixy_arm_q1 = (-cos_q2).mul_add(t3_12, t3_13);
+        let t3_14 = -w_ixy_arm_q1;
+        let t3_15 = w_armx * t3_5;
+        let t3_16 = w_army * t3_1;
+        let w_ixy_arm_q2 = t3_15 - t3_16;
+        y[11][0] = t3_14; y[11][1] = w_ixy_arm_q2;
+        let t3_17 = dr_q2 + w_ixx_arm_q2;
+        let t3_18 = d_q2 * r_q2;
+        let t3_19 = t3_15 - t3_18;
+        let t3_20 = sin_q2 * t3_17;
+        let w_ixz_arm_q1 = (-cos_q2).mul_add(t3_19, t3_20);
+        y[12][0] = w_ixz_arm_q1; y[12][1] = w_ixz_arm_q2;
+        let t3_21 = sin_q2 * t3_4;
+        let w_iyy_arm_q1 = (-cos_q2).mul_add(al_army, t3_21);
+        let t3_22 = -w_iyy_arm_q1;
+        y[13][0] = t3_22; y[13][1] = w_ixx_arm_q2;
+        let t3_23 = t3_16 - t3_18;
+        let t3_24 = dr_q2 - w_ixx_arm_q2;
+        let t3_25 = cos_q2 * t3_24;
+        let w_iyz_arm_q1 = sin_q2.mul_add(t3_23, t3_25);
+        y[14][0] = w_iyz_arm_q1; y[14][1] = w_iyz_arm_q2;
+        let w_izz_arm_q1 = t3_9 - t3_21;
+        let t3_26 = -w_izz_arm_q1;
+        y[15][0] = t3_26; y[15][1] = dr_q2;
+        let t3_27 = t3_11 - w_iyz_arm_q2;
+        let t3_28 = like.lift(0.0132) * t3_27;
+        let w_mx_arm_q1 = -t3_28;
+        let t3_29 = d_q1 * r_q1;
+        let t3_30 = like.lift(0.0132) * t3_29;
+        let t3_31 = sin_q2 * t3_30;
+        let a_army = like.lift(9.81).mul_add(cos_q2, t3_31);
+        y[16][0] = w_mx_arm_q1; y[16][1] = a_army;
+        let t3_32 = t3_12 + w_ixz_arm_q2;
+        let w_my_arm_q1 = like.lift(0.0132) * t3_32;
+        let t3_33 = -w_my_arm_q1;
+        let t3_34 = like.lift(9.81) * sin_q2;
+        let a_armx = (-cos_q2).mul_add(t3_30, t3_34);
+        let t3_35 = -a_armx;
+        y[17][0] = t3_33; y[17][1] = t3_35;
+        let t3_36 = (-sin_q2).mul_add(a_army, t3_30);
+        let w_mz_arm_q1 = cos_q2.mul_add(a_armx, t3_36);
+        y[18][0] = w_mz_arm_q1;
         let w_m_arm_q1 = like.lift(0.00017424) * dr_q1;
-        y[19] = [w_m_arm_q1, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        [
-            sin_q2, cos_q2, al_armx, al_army, t2_12, t2_17, t2_18, t2_20, t2_30, a_army_2,
-            a_armx_2, t2_36, w_m_arm_q1,
-        ]
+        y[19][0] = w_m_arm_q1;
+        [al_armx, al_army, t3_11, t3_16, t3_17, t3_18, t3_29, t3_30, a_army, a_armx, w_m_arm_q1]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        sin_elbow, cos_elbow, sin_q2_elbow, cos_q2_elbow, t3_4, w_forearmy, sin_q3, cos_q3,
-        sin_pin, cos_pin, sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin,
-        pivot_3, t3_10, sin_q2_minus_q3_minus_pin, cos_q2_minus_q3_minus_pin, t3_15, t3_19,
-        t3_21, t3_25, t3_32, t3_33, t3_34,
+        sin_q2_elbow, cos_q2_elbow, w_forearmy, sin_q2_elbow_minus_q3_minus_pin,
+        cos_q2_elbow_minus_q3_minus_pin, pivot_3, t4_7, t4_8, cos_q2_minus_q3_minus_pin, t4_13,
+        t4_14, u_rod_q3x, t4_17, t4_18, t4_23, t4_30, t4_31, t4_32,
     ] = {
-        let (sin_elbow, cos_elbow) = elbow.sin_cos();
-        let t3_1 = cos_q2 * sin_elbow;
-        let t3_2 = sin_q2 * sin_elbow;
-        let sin_q2_elbow = sin_q2.mul_add(cos_elbow, t3_1);
-        let cos_q2_elbow = cos_q2.mul_add(cos_elbow, -t3_2);
-        let t3_3 = cos_elbow * al_armx;
-        let t3_4 = sin_elbow.mul_add(al_army, t3_3);
+        let t4_1 = sin_q2 * cos_elbow;
+        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t4_1);
+        let t4_2 = cos_q2 * cos_elbow;
+        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t4_2);
         let w_forearmy = cos_q2_elbow * d_q1;
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let t3_5 = cos_q2_elbow * sin_q3;
-        let t3_6 = sin_q2_elbow * sin_q3;
-        let sin_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(cos_q3, -t3_5);
-        let cos_q2_elbow_minus_q3 = cos_q2_elbow.mul_add(cos_q3, t3_6);
-        let (sin_pin, cos_pin) = pin.sin_cos();
-        let t3_7 = cos_q2_elbow_minus_q3 * sin_pin;
-        let t3_8 = sin_q2_elbow_minus_q3 * sin_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(cos_pin, -t3_7);
-        let cos_q2_elbow_minus_q3_minus_pin = cos_q2_elbow_minus_q3.mul_add(cos_pin, t3_8);
+        let t4_3 = sin_q2_elbow * cos_q3;
+        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t4_3);
+        let t4_4 = cos_q2_elbow * cos_q3;
+        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t4_4);
+        let t4_5 = sin_q2_elbow_minus_q3 * cos_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t4_5);
+        let t4_6 = cos_q2_elbow_minus_q3 * cos_pin;
+        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t4_6);
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t3_9 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t3_10 = -t3_9;
-        let t3_11 = cos_q2 * sin_q3;
-        let t3_12 = sin_q2 * sin_q3;
-        let sin_q2_minus_q3 = sin_q2.mul_add(cos_q3, -t3_11);
-        let cos_q2_minus_q3 = cos_q2.mul_add(cos_q3, t3_12);
-        let t3_13 = cos_q2_minus_q3 * sin_pin;
-        let t3_14 = sin_q2_minus_q3 * sin_pin;
-        let sin_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(cos_pin, -t3_13);
-        let cos_q2_minus_q3_minus_pin = cos_q2_minus_q3.mul_add(cos_pin, t3_14);
-        let t3_15 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t3_16 = t3_15 * r_q2;
-        let t3_17 = sin_pin * r_q3;
-        let t3_18 = like.lift(0.0456).mul_add(t3_17, t3_16);
-        let t3_19 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t3_9);
-        let t3_20 = t3_19 * r_q2;
-        let u_rod_q3y = like.lift(0.0456) * cos_pin;
-        let t3_21 = like.lift(0.14207) + u_rod_q3y;
-        let t3_22 = (-t3_21).mul_add(r_q3, t3_20);
-        let t3_23 = -t3_22;
-        let t3_24 = -r_q2;
-        let t3_25 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t3_26 = t3_25 * t3_18;
-        let t3_27 = like.lift(21.92982456140351) * t3_26;
-        let t3_28 = r_q2 + t3_27;
-        let t3_29 = -t3_28;
-        let t3_30 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t3_26, t3_22);
-        let t3_31 = like.lift(7.038783698176955) * t3_30;
+        let t4_7 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t4_8 = -t4_7;
+        let t4_9 = sin_q2 * cos_q3;
+        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t4_9);
+        let t4_10 = cos_q2 * cos_q3;
+        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t4_10);
+        let t4_11 = sin_q2_minus_q3 * cos_pin;
+        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t4_11);
+        let t4_12 = cos_q2_minus_q3 * cos_pin;
+        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t4_12);
+        let t4_13 = like.lift(0.14207) * sin_q2_minus_q3_minus_pin;
+        let t4_14 = t4_13 - pivot_3;
+        let u_rod_q3x = like.lift(0.0456) * sin_pin;
+        let t4_15 = r_q3 * u_rod_q3x;
+        let t4_16 = t4_14.mul_add(r_q2, t4_15);
+        let t4_17 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t4_7);
+        let t4_18 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t4_19 = t4_17 * r_q2;
+        let t4_20 = (-t4_18).mul_add(r_q3, t4_19);
+        let t4_21 = -t4_20;
+        let t4_22 = -r_q2;
+        let t4_23 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t4_24 = t4_23 * t4_16;
+        let t4_25 = like.lift(21.92982456140351) * t4_24;
+        let t4_26 = r_q2 + t4_25;
+        let t4_27 = -t4_26;
+        let t4_28 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t4_24, t4_20);
+        let t4_29 = like.lift(7.038783698176955) * t4_28;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
-        let ([[t3_32], [t3_33], [t3_34]], found) = ::regen_runtime::guarded(
-            [[t3_27], [t3_29], [t3_31]],
+        let ([[t4_30], [t4_31], [t4_32]], found) = ::regen_runtime::guarded(
+            [[t4_25], [t4_27], [t4_29]],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t3_10, like.lift(0.0), like.lift(-0.14207)],
+                    [t4_8, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [t3_18], [t3_23], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
-                    [t3_24],
+                    [t4_16], [t4_21], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t4_22],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            sin_elbow, cos_elbow, sin_q2_elbow, cos_q2_elbow, t3_4, w_forearmy, sin_q3, cos_q3,
-            sin_pin, cos_pin, sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin,
-            pivot_3, t3_10, sin_q2_minus_q3_minus_pin, cos_q2_minus_q3_minus_pin, t3_15, t3_19,
-            t3_21, t3_25, t3_32, t3_33, t3_34,
+            sin_q2_elbow, cos_q2_elbow, w_forearmy, sin_q2_elbow_minus_q3_minus_pin,
+            cos_q2_elbow_minus_q3_minus_pin, pivot_3, t4_7, t4_8, cos_q2_minus_q3_minus_pin,
+            t4_13, t4_14, u_rod_q3x, t4_17, t4_18, t4_23, t4_30, t4_31, t4_32,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t4_2, al_forearmx, w_forearmx, t4_4, w_forearmz, t4_6, t4_7, t4_9, w_ixx_forearm_q1,
-        t4_10, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
+        t5_1, al_forearmx, w_forearmx, t5_6, w_forearmz, t5_7, t5_10, t5_11, w_ixx_forearm_q1,
+        t5_12, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
     ] = {
-        let t4_1 = w_forearmy * t3_32;
-        let t4_2 = cos_q2_elbow * r_q1;
-        let t4_3 = d_elbow.mul_add(t4_2, t4_1);
-        let al_forearmx = like.lift(0.5).mul_add(t4_3, t3_4);
+        let t5_1 = cos_q2_elbow * r_q1;
+        let t5_2 = d_elbow * t5_1;
+        let t5_3 = w_forearmy.mul_add(t4_30, t5_2);
+        let t5_4 = like.lift(0.5) * t5_3;
+        let t5_5 = sin_elbow.mul_add(al_army, t5_4);
+        let al_forearmx = cos_elbow.mul_add(al_armx, t5_5);
         let w_forearmx = sin_q2_elbow * d_q1;
-        let t4_4 = r_q2 + t3_32;
-        let t4_5 = w_forearmx * t4_4;
+        let t5_6 = r_q2 + t4_30;
         let w_forearmz = d_q2 + d_elbow;
-        let t4_6 = sin_q2_elbow * r_q1;
-        let t4_7 = w_forearmz.mul_add(t4_6, t4_5);
-        let t4_8 = cos_q2_elbow * t4_7;
-        let t4_9 = like.lift(0.5) * t4_8;
-        let w_ixx_forearm_q1 = sin_q2_elbow.mul_add(al_forearmx, t4_9);
-        let t4_10 = w_forearmx * t4_2;
-        let t4_11 = -t3_15;
-        let u_rod_q3x = like.lift(0.0456) * sin_pin;
-        let t4_12 = -u_rod_q3x;
-        let t4_13 = -t3_21;
-        let t4_14 = t3_15 * t3_25;
-        let t4_15 = like.lift(21.92982456140351) * t4_14;
-        let t4_16 = -t4_15;
-        let t4_17 = sin_pin * t3_25;
-        let t4_18 = -t4_17;
-        let t4_19 = like.lift(1.0) + t4_15;
-        let t4_20 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t4_14, t3_19);
-        let t4_21 = like.lift(7.038783698176955) * t4_20;
-        let t4_22 = -t4_21;
-        let t4_23 = cos_q2_elbow_minus_q3_minus_pin * t4_17;
-        let t4_24 = like.lift(0.0456).mul_add(t4_23, t3_21);
-        let t4_25 = like.lift(7.038783698176955) * t4_24;
+        let t5_7 = sin_q2_elbow * r_q1;
+        let t5_8 = w_forearmz * t5_7;
+        let t5_9 = w_forearmx.mul_add(t5_6, t5_8);
+        let t5_10 = like.lift(0.5) * t5_9;
+        let t5_11 = cos_q2_elbow * t5_10;
+        let w_ixx_forearm_q1 = sin_q2_elbow.mul_add(al_forearmx, t5_11);
+        let t5_12 = w_forearmx * t5_1;
+        let t5_13 = -t4_14;
+        let t5_14 = -u_rod_q3x;
+        let t5_15 = -t4_18;
+        let t5_16 = t4_14 * t4_23;
+        let t5_17 = like.lift(21.92982456140351) * t5_16;
+        let t5_18 = -t5_17;
+        let t5_19 = sin_pin * t4_23;
+        let t5_20 = -t5_19;
+        let t5_21 = like.lift(1.0) + t5_17;
+        let t5_22 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t5_16, t4_17);
+        let t5_23 = like.lift(7.038783698176955) * t5_22;
+        let t5_24 = -t5_23;
+        let t5_25 = t5_19.mul_add(t4_7, t4_18);
+        let t5_26 = like.lift(7.038783698176955) * t5_25;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([
@@ -4152,23 +3960,23 @@ pub fn slotine_li<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 4], qdd_r: &[T;
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t4_16, like.lift(0.0), t4_18],
-                [like.lift(0.0), t4_19, like.lift(0.0), t4_17],
-                [like.lift(0.0), t4_22, like.lift(0.0), t4_25],
+                [like.lift(0.0), t5_18, like.lift(0.0), t5_20],
+                [like.lift(0.0), t5_21, like.lift(0.0), t5_19],
+                [like.lift(0.0), t5_24, like.lift(0.0), t5_26],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t3_10, like.lift(0.0), like.lift(-0.14207)],
+                    [t4_8, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t4_11, like.lift(0.0), t4_12],
-                    [like.lift(0.0), t3_19, like.lift(0.0), t4_13],
+                    [like.lift(0.0), t5_13, like.lift(0.0), t5_14],
+                    [like.lift(0.0), t4_17, like.lift(0.0), t5_15],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -4178,771 +3986,717 @@ pub fn slotine_li<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 4], qdd_r: &[T;
         );
         condition = condition.min(found);
         [
-            t4_2, al_forearmx, w_forearmx, t4_4, w_forearmz, t4_6, t4_7, t4_9,
-            w_ixx_forearm_q1, t4_10, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2,
+            t5_1, al_forearmx, w_forearmx, t5_6, w_forearmz, t5_7, t5_10, t5_11,
+            w_ixx_forearm_q1, t5_12, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2,
             x_pin_q3,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t5_1, w_ixx_forearm_q2, t5_2, w_ixx_forearm_q3, al_forearmy, t5_7, t5_8, t5_11, t5_12,
-        t5_13, t5_14, t5_15, t5_16, w_ixy_forearm_q2, t5_18, t5_22, w_rodz, t5_25, t5_26,
-        t5_55, t5_56, t5_57,
+        t6_1, w_ixx_forearm_q2, t6_2, w_ixx_forearm_q3, al_forearmy, t6_7, t6_10, t6_11, t6_13,
+        t6_14, t6_15, w_ixy_forearm_q2, t6_17, t6_18, w_rodz, t6_19, t6_20, t6_21, t6_43,
+        t6_44, t6_45,
     ] = {
-        let t5_1 = like.lift(1.0) - x_elbow_q2;
-        let w_ixx_forearm_q2 = t4_10 * t5_1;
-        let t5_2 = -w_ixx_forearm_q2;
-        let w_ixx_forearm_q3 = x_elbow_q3 * t4_10;
-        let t5_3 = sin_elbow * al_armx;
-        let t5_4 = (-cos_elbow).mul_add(al_army, t5_3);
-        let t5_5 = w_forearmx * t3_32;
-        let t5_6 = d_elbow.mul_add(t4_6, t5_5);
-        let al_forearmy = like.lift(0.5).mul_add(t5_6, t5_4);
-        let t5_7 = like.lift(0.5) * t4_7;
-        let t5_8 = al_forearmy + t5_7;
-        let t5_9 = sin_q2_elbow * t5_8;
-        let t5_10 = w_forearmy * t4_4;
-        let t5_11 = w_forearmz.mul_add(t4_2, t5_10);
-        let t5_12 = like.lift(0.5) * t5_11;
-        let t5_13 = al_forearmx + t5_12;
-        let w_ixy_forearm_q1 = (-cos_q2_elbow).mul_add(t5_13, t5_9);
-        let t5_14 = -w_ixy_forearm_q1;
-        let t5_15 = w_forearmx * t4_6;
-        let t5_16 = w_forearmy * t4_2;
-        let t5_17 = t5_15 - t5_16;
-        let w_ixy_forearm_q2 = t5_17 * t5_1;
-        let w_ixy_forearm_q3 = x_elbow_q3 * t5_17;
-        let t5_18 = -w_ixy_forearm_q3;
-        let t5_19 = t3_15 * dr_q2;
-        let t5_20 = sin_pin * dr_q3;
-        let t5_21 = like.lift(0.0456).mul_add(t5_20, t5_19);
-        let t5_22 = d_q3 * r_q3;
-        let t5_23 = cos_pin * t5_22;
-        let t5_24 = like.lift(0.0456) * t5_23;
+        let t6_1 = like.lift(1.0) - x_elbow_q2;
+        let w_ixx_forearm_q2 = t5_12 * t6_1;
+        let t6_2 = -w_ixx_forearm_q2;
+        let w_ixx_forearm_q3 = x_elbow_q3 * t5_12;
+        let t6_3 = d_elbow * t5_7;
+        let t6_4 = w_forearmx.mul_add(t4_30, t6_3);
+        let t6_5 = like.lift(0.5) * t6_4;
+        let t6_6 = (-cos_elbow).mul_add(al_army, t6_5);
+        let al_forearmy = sin_elbow.mul_add(al_armx, t6_6);
+        let t6_7 = al_forearmy + t5_10;
+        let t6_8 = w_forearmz * t5_1;
+        let t6_9 = w_forearmy.mul_add(t5_6, t6_8);
+        let t6_10 = like.lift(0.5) * t6_9;
+        let t6_11 = al_forearmx + t6_10;
+        let t6_12 = sin_q2_elbow * t6_7;
+        let w_ixy_forearm_q1 = (-cos_q2_elbow).mul_add(t6_11, t6_12);
+        let t6_13 = -w_ixy_forearm_q1;
+        let t6_14 = w_forearmx * t5_7;
+        let t6_15 = w_forearmy * t5_1;
+        let t6_16 = t6_14 - t6_15;
+        let w_ixy_forearm_q2 = t6_16 * t6_1;
+        let w_ixy_forearm_q3 = x_elbow_q3 * t6_16;
+        let t6_17 = -w_ixy_forearm_q3;
+        let t6_18 = d_q3 * r_q3;
         let w_rodz = d_q3 + d_pin;
-        let t5_25 = r_q3 + t3_34;
-        let t5_26 = w_rodz * t5_25;
-        let t5_27 = like.lift(0.14207).mul_add(t5_26, t5_24);
-        let t5_28 = cos_q2_minus_q3_minus_pin * r_q2;
-        let t5_29 = d_q2 * t5_28;
-        let t5_30 = like.lift(0.14207) * t5_29;
-        let t5_31 = cos_q2_elbow_minus_q3_minus_pin * t4_4;
-        let t5_32 = w_forearmz * t5_31;
-        let t5_33 = like.lift(-0.0456).mul_add(t5_32, t5_30);
-        let t5_34 = t5_27 - t5_33;
-        let t5_35 = t5_21 - t5_34;
-        let t5_36 = t3_19 * dr_q2;
-        let t5_37 = (-t3_21).mul_add(dr_q3, t5_36);
-        let t5_38 = sin_pin * t5_22;
-        let t5_39 = sin_q2_minus_q3_minus_pin * r_q2;
-        let t5_40 = d_q2 * t5_39;
-        let t5_41 = like.lift(0.14207) * t5_40;
-        let t5_42 = sin_q2_elbow_minus_q3_minus_pin * t4_4;
-        let t5_43 = w_forearmz * t5_42;
-        let t5_44 = like.lift(-0.0456).mul_add(t5_43, t5_41);
-        let t5_45 = like.lift(0.0456).mul_add(t5_38, t5_44);
-        let t5_46 = t5_37 - t5_45;
-        let t5_47 = -t5_46;
-        let t5_48 = -dr_q2;
-        let t5_49 = t3_25 * t5_35;
-        let t5_50 = like.lift(21.92982456140351) * t5_49;
-        let t5_51 = dr_q2 + t5_50;
-        let t5_52 = -t5_51;
-        let t5_53 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t5_49, t5_46);
-        let t5_54 = like.lift(7.038783698176955) * t5_53;
+        let t6_19 = r_q3 + t4_32;
+        let t6_20 = w_rodz * t6_19;
+        let t6_21 = t5_6 * w_forearmz;
+        let t6_22 = sin_pin * dr_q3;
+        let t6_23 = (-cos_pin).mul_add(t6_18, t6_22);
+        let t6_24 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t6_21, t6_23);
+        let t6_25 = (-cos_q2_minus_q3_minus_pin).mul_add(t3_18, t6_20);
+        let t6_26 = like.lift(0.0456) * t6_24;
+        let t6_27 = t4_14.mul_add(dr_q2, t6_26);
+        let t6_28 = like.lift(-0.14207).mul_add(t6_25, t6_27);
+        let t6_29 = sin_pin * t6_18;
+        let t6_30 = (-sin_q2_elbow_minus_q3_minus_pin).mul_add(t6_21, t6_29);
+        let t6_31 = t4_17 * dr_q2;
+        let t6_32 = (-t4_18).mul_add(dr_q3, t6_31);
+        let t6_33 = like.lift(-0.0456).mul_add(t6_30, t6_32);
+        let t6_34 = (-t3_18).mul_add(t4_13, t6_33);
+        let t6_35 = -t6_34;
+        let t6_36 = -dr_q2;
+        let t6_37 = t4_23 * t6_28;
+        let t6_38 = like.lift(21.92982456140351) * t6_37;
+        let t6_39 = dr_q2 + t6_38;
+        let t6_40 = -t6_39;
+        let t6_41 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t6_37, t6_34);
+        let t6_42 = like.lift(7.038783698176955) * t6_41;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
-        let ([[t5_55], [t5_56], [t5_57]], found) = ::regen_runtime::guarded(
-            [[t5_50], [t5_52], [t5_54]],
+        let ([[t6_43], [t6_44], [t6_45]], found) = ::regen_runtime::guarded(
+            [[t6_38], [t6_40], [t6_42]],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t3_10, like.lift(0.0), like.lift(-0.14207)],
+                    [t4_8, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [t5_35], [t5_47], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
-                    [t5_48],
+                    [t6_28], [t6_35], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t6_36],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            t5_1, w_ixx_forearm_q2, t5_2, w_ixx_forearm_q3, al_forearmy, t5_7, t5_8, t5_11,
-            t5_12, t5_13, t5_14, t5_15, t5_16, w_ixy_forearm_q2, t5_18, t5_22, w_rodz, t5_25,
-            t5_26, t5_55, t5_56, t5_57,
+            t6_1, w_ixx_forearm_q2, t6_2, w_ixx_forearm_q3, al_forearmy, t6_7, t6_10, t6_11,
+            t6_13, t6_14, t6_15, w_ixy_forearm_q2, t6_17, t6_18, w_rodz, t6_19, t6_20, t6_21,
+            t6_43, t6_44, t6_45,
         ]
     };
     // body forearm: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [
-        al_forearmz, t6_1, a_armz, a_forearmz, u_forearm_q1z, a_forearmy, t6_23, a_forearmx,
+        al_forearmz, t7_1, a_armz, a_forearmz, u_forearm_q1z, a_forearmy, t7_21, a_forearmx,
     ] = {
-        let al_forearmz = dr_q2 + t5_55;
-        let t6_1 = al_forearmz + t4_10;
-        let t6_2 = sin_q2_elbow * t6_1;
-        let t6_3 = w_forearmz * t4_4;
-        let t6_4 = t5_15 - t6_3;
-        let w_ixz_forearm_q1 = (-cos_q2_elbow).mul_add(t6_4, t6_2);
-        let t6_5 = al_forearmx - t5_12;
-        let w_ixz_forearm_q2 = t6_5 * t5_1;
-        let w_ixz_forearm_q3 = x_elbow_q3 * t6_5;
-        let t6_6 = -w_ixz_forearm_q3;
-        y[22] = [w_ixz_forearm_q1, w_ixz_forearm_q2, like.lift(0.0), t6_6];
-        let t6_7 = sin_q2_elbow * t5_11;
-        let t6_8 = like.lift(0.5) * t6_7;
-        let w_iyy_forearm_q1 = cos_q2_elbow.mul_add(al_forearmy, t6_8);
-        let t6_9 = -w_iyy_forearm_q1;
-        let t6_10 = -w_ixx_forearm_q3;
-        y[23] = [t6_9, w_ixx_forearm_q2, like.lift(0.0), t6_10];
-        let t6_11 = t5_16 - t6_3;
-        let t6_12 = sin_q2_elbow * t6_11;
-        let t6_13 = al_forearmz - t4_10;
-        let w_iyz_forearm_q1 = cos_q2_elbow.mul_add(t6_13, t6_12);
-        let t6_14 = al_forearmy - t5_7;
-        let w_iyz_forearm_q2 = t6_14 * t5_1;
-        let t6_15 = -w_iyz_forearm_q2;
-        let w_iyz_forearm_q3 = x_elbow_q3 * t6_14;
-        y[24] = [w_iyz_forearm_q1, t6_15, like.lift(0.0), w_iyz_forearm_q3];
-        let w_izz_forearm_q1 = t4_9 - t6_8;
-        let t6_16 = -w_izz_forearm_q1;
-        let w_izz_forearm_q2 = al_forearmz * t5_1;
+        let al_forearmz = dr_q2 + t6_43;
+        let t7_1 = al_forearmz + t5_12;
+        let t7_2 = t6_14 - t6_21;
+        let t7_3 = sin_q2_elbow * t7_1;
+        let w_ixz_forearm_q1 = (-cos_q2_elbow).mul_add(t7_2, t7_3);
+        let t7_4 = al_forearmx - t6_10;
+        let w_ixz_forearm_q2 = t7_4 * t6_1;
+        let w_ixz_forearm_q3 = x_elbow_q3 * t7_4;
+        let t7_5 = -w_ixz_forearm_q3;
+        y[22][0] = w_ixz_forearm_q1; y[22][1] = w_ixz_forearm_q2; y[22][3] = t7_5;
+        let t7_6 = sin_q2_elbow * t6_10;
+        let w_iyy_forearm_q1 = cos_q2_elbow.mul_add(al_forearmy, t7_6);
+        let t7_7 = -w_iyy_forearm_q1;
+        let t7_8 = -w_ixx_forearm_q3;
+        y[23][0] = t7_7; y[23][1] = w_ixx_forearm_q2; y[23][3] = t7_8;
+        let t7_9 = t6_15 - t6_21;
+        let t7_10 = al_forearmz - t5_12;
+        let t7_11 = cos_q2_elbow * t7_10;
+        let w_iyz_forearm_q1 = sin_q2_elbow.mul_add(t7_9, t7_11);
+        let t7_12 = al_forearmy - t5_10;
+        let w_iyz_forearm_q2 = t7_12 * t6_1;
+        let t7_13 = -w_iyz_forearm_q2;
+        let w_iyz_forearm_q3 = x_elbow_q3 * t7_12;
+        y[24][0] = w_iyz_forearm_q1; y[24][1] = t7_13; y[24][3] = w_iyz_forearm_q3;
+        let w_izz_forearm_q1 = t5_11 - t7_6;
+        let t7_14 = -w_izz_forearm_q1;
+        let w_izz_forearm_q2 = al_forearmz * t6_1;
         let w_izz_forearm_q3 = x_elbow_q3 * al_forearmz;
-        let t6_17 = -w_izz_forearm_q3;
-        y[25] = [t6_16, w_izz_forearm_q2, like.lift(0.0), t6_17];
+        let t7_15 = -w_izz_forearm_q3;
+        y[25][0] = t7_14; y[25][1] = w_izz_forearm_q2; y[25][3] = t7_15;
         let a_armz = like.lift(0.0132) * dr_q1;
-        let a_forearmz = like.lift(-0.14207).mul_add(t2_12, a_armz);
-        let t6_18 = cos_q2_elbow * a_forearmz;
+        let a_forearmz = like.lift(-0.14207).mul_add(t3_11, a_armz);
         let u_forearm_q1z = like.lift(0.14207).mul_add(cos_q2, like.lift(0.0132));
-        let w_mx_forearm_q1 = (-u_forearm_q1z).mul_add(t5_8, t6_18);
-        let t6_19 = t2_17 + t2_20;
-        let t6_20 = like.lift(-0.14207).mul_add(t6_19, a_armx_2);
-        let t6_21 = sin_elbow * t6_20;
-        let t6_22 = like.lift(0.14207).mul_add(t2_18, a_army_2);
-        let a_forearmy = (-cos_elbow).mul_add(t6_22, t6_21);
-        let t6_23 = t5_16 + t6_3;
-        let t6_24 = sin_elbow * t6_23;
-        let t6_25 = like.lift(0.14207) * t6_24;
-        let t6_26 = cos_elbow * t6_1;
-        let t6_27 = like.lift(-0.14207).mul_add(t6_26, t6_25);
-        let w_mx_forearm_q2 = a_forearmy.mul_add(t5_1, t6_27);
-        let t6_28 = -w_mx_forearm_q2;
+        let t7_16 = cos_q2_elbow * a_forearmz;
+        let w_mx_forearm_q1 = (-u_forearm_q1z).mul_add(t6_7, t7_16);
+        let t7_17 = t3_16 + t3_18;
+        let t7_18 = like.lift(-0.14207).mul_add(t7_17, a_armx);
+        let t7_19 = like.lift(0.14207).mul_add(t3_17, a_army);
+        let t7_20 = sin_elbow * t7_18;
+        let a_forearmy = (-cos_elbow).mul_add(t7_19, t7_20);
+        let t7_21 = t6_15 + t6_21;
+        let t7_22 = cos_elbow * t7_1;
+        let t7_23 = (-sin_elbow).mul_add(t7_21, t7_22);
+        let t7_24 = a_forearmy * t6_1;
+        let w_mx_forearm_q2 = like.lift(-0.14207).mul_add(t7_23, t7_24);
+        let t7_25 = -w_mx_forearm_q2;
         let w_mx_forearm_q3 = x_elbow_q3 * a_forearmy;
-        y[26] = [w_mx_forearm_q1, t6_28, like.lift(0.0), w_mx_forearm_q3];
-        let t6_29 = sin_q2_elbow * a_forearmz;
-        let w_my_forearm_q1 = u_forearm_q1z.mul_add(t5_13, t6_29);
-        let t6_30 = -w_my_forearm_q1;
-        let t6_31 = cos_elbow * t6_20;
-        let a_forearmx = sin_elbow.mul_add(t6_22, t6_31);
-        let t6_32 = sin_elbow * t6_13;
-        let t6_33 = like.lift(0.14207) * t6_32;
-        let t6_34 = t5_15 + t6_3;
-        let t6_35 = cos_elbow * t6_34;
-        let t6_36 = like.lift(0.14207).mul_add(t6_35, t6_33);
-        let w_my_forearm_q2 = a_forearmx.mul_add(t5_1, t6_36);
-        let t6_37 = -w_my_forearm_q2;
+        y[26][0] = w_mx_forearm_q1; y[26][1] = t7_25; y[26][3] = w_mx_forearm_q3;
+        let t7_26 = u_forearm_q1z * t6_11;
+        let w_my_forearm_q1 = sin_q2_elbow.mul_add(a_forearmz, t7_26);
+        let t7_27 = -w_my_forearm_q1;
+        let t7_28 = sin_elbow * t7_19;
+        let a_forearmx = cos_elbow.mul_add(t7_18, t7_28);
+        let t7_29 = t6_14 + t6_21;
+        let t7_30 = cos_elbow * t7_29;
+        let t7_31 = sin_elbow.mul_add(t7_10, t7_30);
+        let t7_32 = a_forearmx * t6_1;
+        let w_my_forearm_q2 = like.lift(0.14207).mul_add(t7_31, t7_32);
+        let t7_33 = -w_my_forearm_q2;
         let w_my_forearm_q3 = x_elbow_q3 * a_forearmx;
-        y[27] = [t6_30, t6_37, like.lift(0.0), w_my_forearm_q3];
-        let t6_38 = cos_q2_elbow * a_forearmx;
-        let t6_39 = sin_q2_elbow.mul_add(a_forearmy, t6_38);
-        let w_mz_forearm_q1 = u_forearm_q1z.mul_add(t2_30, t6_39);
-        let t6_40 = sin_elbow * t6_14;
-        let t6_41 = like.lift(0.14207) * t6_40;
-        let t6_42 = cos_elbow * t6_5;
-        let w_mz_forearm_q2 = like.lift(0.14207).mul_add(t6_42, t6_41);
-        let t6_43 = -w_mz_forearm_q2;
-        y[28] = [w_mz_forearm_q1, t6_43, like.lift(0.0), like.lift(0.0)];
+        y[27][0] = t7_27; y[27][1] = t7_33; y[27][3] = w_my_forearm_q3;
+        let t7_34 = u_forearm_q1z * t3_29;
+        let t7_35 = sin_q2_elbow.mul_add(a_forearmy, t7_34);
+        let w_mz_forearm_q1 = cos_q2_elbow.mul_add(a_forearmx, t7_35);
+        let t7_36 = cos_elbow * t7_4;
+        let t7_37 = sin_elbow.mul_add(t7_12, t7_36);
+        let w_mz_forearm_q2 = like.lift(0.14207) * t7_37;
+        let t7_38 = -w_mz_forearm_q2;
+        y[28][0] = w_mz_forearm_q1; y[28][1] = t7_38;
         let w_m_forearm_q1 = u_forearm_q1z * a_forearmz;
-        let t6_44 = sin_elbow * a_forearmx;
-        let t6_45 = like.lift(0.14207) * t6_44;
-        let t6_46 = cos_elbow * a_forearmy;
-        let w_m_forearm_q2 = like.lift(-0.14207).mul_add(t6_46, t6_45);
-        y[29] = [w_m_forearm_q1, w_m_forearm_q2, like.lift(0.0), like.lift(0.0)];
-        y[20] = [w_ixx_forearm_q1, t5_2, like.lift(0.0), w_ixx_forearm_q3];
-        y[21] = [t5_14, w_ixy_forearm_q2, like.lift(0.0), t5_18];
-        [al_forearmz, t6_1, a_armz, a_forearmz, u_forearm_q1z, a_forearmy, t6_23, a_forearmx]
+        let t7_39 = cos_elbow * a_forearmy;
+        let t7_40 = (-sin_elbow).mul_add(a_forearmx, t7_39);
+        let t7_41 = like.lift(0.14207) * t7_40;
+        let w_m_forearm_q2 = -t7_41;
+        y[29][0] = w_m_forearm_q1; y[29][1] = w_m_forearm_q2;
+        y[20][0] = w_ixx_forearm_q1; y[20][1] = t6_2; y[20][3] = w_ixx_forearm_q3;
+        y[21][0] = t6_13; y[21][1] = w_ixy_forearm_q2; y[21][3] = t6_17;
+        [al_forearmz, t7_1, a_armz, a_forearmz, u_forearm_q1z, a_forearmy, t7_21, a_forearmx]
     };
     // body wrist: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [
-        sin_wrist, cos_wrist, sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristy, t7_6,
-        al_wristx, w_wristx, t7_8, w_wristz, t7_10, al_wristy, t7_22, al_wristz, t7_34,
-        a_wristz, u_wrist_q1z, a_wristy, t7_57, u_wrist_q2x, u_wrist_q2y, a_wristx,
+        sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristy, t8_3, al_wristx, w_wristx, t8_8,
+        w_wristz, t8_9, t8_12, al_wristy, t8_22, al_wristz, t8_34, a_wristz, u_wrist_q1z,
+        a_wristy, t8_56, u_wrist_q2x, t8_60, u_wrist_q2y, a_wristx,
     ] = {
-        let (sin_wrist, cos_wrist) = wrist.sin_cos();
-        let t7_1 = cos_q2_elbow * sin_wrist;
-        let t7_2 = sin_q2_elbow * sin_wrist;
-        let sin_q2_elbow_wrist = sin_q2_elbow.mul_add(cos_wrist, t7_1);
-        let cos_q2_elbow_wrist = cos_q2_elbow.mul_add(cos_wrist, -t7_2);
-        let t7_3 = cos_wrist * al_forearmx;
-        let t7_4 = (-sin_wrist).mul_add(al_forearmy, t7_3);
+        let t8_1 = sin_q2_elbow * cos_wrist;
+        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t8_1);
+        let t8_2 = cos_q2_elbow * cos_wrist;
+        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t8_2);
         let w_wristy = d_q1 * cos_q2_elbow_wrist;
-        let t7_5 = w_wristy * t3_33;
-        let t7_6 = cos_q2_elbow_wrist * r_q1;
-        let t7_7 = d_wrist.mul_add(t7_6, t7_5);
-        let al_wristx = like.lift(0.5).mul_add(t7_7, t7_4);
+        let t8_3 = cos_q2_elbow_wrist * r_q1;
+        let t8_4 = d_wrist * t8_3;
+        let t8_5 = w_wristy.mul_add(t4_31, t8_4);
+        let t8_6 = like.lift(0.5) * t8_5;
+        let t8_7 = (-sin_wrist).mul_add(al_forearmy, t8_6);
+        let al_wristx = cos_wrist.mul_add(al_forearmx, t8_7);
         let w_wristx = d_q1 * sin_q2_elbow_wrist;
-        let t7_8 = t3_33 + t4_4;
-        let t7_9 = w_wristx * t7_8;
+        let t8_8 = t4_31 + t5_6;
         let w_wristz = d_wrist + w_forearmz;
-        let t7_10 = sin_q2_elbow_wrist * r_q1;
-        let t7_11 = w_wristz.mul_add(t7_10, t7_9);
-        let t7_12 = cos_q2_elbow_wrist * t7_11;
-        let t7_13 = like.lift(0.5) * t7_12;
-        let w_ixx_wrist_q1 = sin_q2_elbow_wrist.mul_add(al_wristx, t7_13);
-        let t7_14 = w_wristx * t7_6;
-        let t7_15 = x_wrist_q2 - t5_1;
-        let w_ixx_wrist_q2 = t7_14 * t7_15;
-        let t7_16 = x_elbow_q3 + x_wrist_q3;
-        let w_ixx_wrist_q3 = t7_14 * t7_16;
-        y[30] = [w_ixx_wrist_q1, w_ixx_wrist_q2, like.lift(0.0), w_ixx_wrist_q3];
-        let t7_17 = sin_wrist * al_forearmx;
-        let t7_18 = cos_wrist.mul_add(al_forearmy, t7_17);
-        let t7_19 = w_wristx * t3_33;
-        let t7_20 = d_wrist.mul_add(t7_10, t7_19);
-        let al_wristy = like.lift(0.5).mul_add(t7_20, t7_18);
-        let t7_21 = like.lift(0.5) * t7_11;
-        let t7_22 = al_wristy + t7_21;
-        let t7_23 = sin_q2_elbow_wrist * t7_22;
-        let t7_24 = w_wristy * t7_8;
-        let t7_25 = w_wristz.mul_add(t7_6, t7_24);
-        let t7_26 = like.lift(0.5) * t7_25;
-        let t7_27 = al_wristx + t7_26;
-        let w_ixy_wrist_q1 = (-cos_q2_elbow_wrist).mul_add(t7_27, t7_23);
-        let t7_28 = -w_ixy_wrist_q1;
-        let t7_29 = w_wristx * t7_10;
-        let t7_30 = w_wristy * t7_6;
-        let t7_31 = t7_29 - t7_30;
-        let w_ixy_wrist_q2 = t7_31 * t7_15;
-        let t7_32 = -w_ixy_wrist_q2;
-        let w_ixy_wrist_q3 = t7_31 * t7_16;
-        let t7_33 = -w_ixy_wrist_q3;
-        y[31] = [t7_28, t7_32, like.lift(0.0), t7_33];
-        let al_wristz = t5_56 + al_forearmz;
-        let t7_34 = al_wristz + t7_14;
-        let t7_35 = sin_q2_elbow_wrist * t7_34;
-        let t7_36 = w_wristz * t7_8;
-        let t7_37 = t7_29 - t7_36;
-        let w_ixz_wrist_q1 = (-cos_q2_elbow_wrist).mul_add(t7_37, t7_35);
-        let t7_38 = al_wristx - t7_26;
-        let w_ixz_wrist_q2 = t7_38 * t7_15;
-        let t7_39 = -w_ixz_wrist_q2;
-        let w_ixz_wrist_q3 = t7_38 * t7_16;
-        let t7_40 = -w_ixz_wrist_q3;
-        y[32] = [w_ixz_wrist_q1, t7_39, like.lift(0.0), t7_40];
-        let t7_41 = sin_q2_elbow_wrist * t7_25;
-        let t7_42 = like.lift(0.5) * t7_41;
-        let w_iyy_wrist_q1 = cos_q2_elbow_wrist.mul_add(al_wristy, t7_42);
-        let t7_43 = -w_iyy_wrist_q1;
-        let t7_44 = -w_ixx_wrist_q2;
-        let t7_45 = -w_ixx_wrist_q3;
-        y[33] = [t7_43, t7_44, like.lift(0.0), t7_45];
-        let t7_46 = t7_30 - t7_36;
-        let t7_47 = sin_q2_elbow_wrist * t7_46;
-        let t7_48 = al_wristz - t7_14;
-        let w_iyz_wrist_q1 = cos_q2_elbow_wrist.mul_add(t7_48, t7_47);
-        let t7_49 = al_wristy - t7_21;
-        let w_iyz_wrist_q2 = t7_49 * t7_15;
-        let w_iyz_wrist_q3 = t7_49 * t7_16;
-        y[34] = [w_iyz_wrist_q1, w_iyz_wrist_q2, like.lift(0.0), w_iyz_wrist_q3];
-        let w_izz_wrist_q1 = t7_13 - t7_42;
-        let t7_50 = -w_izz_wrist_q1;
-        let w_izz_wrist_q2 = al_wristz * t7_15;
-        let t7_51 = -w_izz_wrist_q2;
-        let w_izz_wrist_q3 = al_wristz * t7_16;
-        let t7_52 = -w_izz_wrist_q3;
-        y[35] = [t7_50, t7_51, like.lift(0.0), t7_52];
-        let a_wristz = like.lift(-0.15852).mul_add(t5_8, a_forearmz);
-        let t7_53 = cos_q2_elbow_wrist * a_wristz;
+        let t8_9 = sin_q2_elbow_wrist * r_q1;
+        let t8_10 = w_wristz * t8_9;
+        let t8_11 = w_wristx.mul_add(t8_8, t8_10);
+        let t8_12 = like.lift(0.5) * cos_q2_elbow_wrist;
+        let t8_13 = t8_11 * t8_12;
+        let w_ixx_wrist_q1 = sin_q2_elbow_wrist.mul_add(al_wristx, t8_13);
+        let t8_14 = w_wristx * t8_3;
+        let t8_15 = x_wrist_q2 - t6_1;
+        let w_ixx_wrist_q2 = t8_14 * t8_15;
+        let t8_16 = x_elbow_q3 + x_wrist_q3;
+        let w_ixx_wrist_q3 = t8_14 * t8_16;
+        y[30][0] = w_ixx_wrist_q1; y[30][1] = w_ixx_wrist_q2; y[30][3] = w_ixx_wrist_q3;
+        let t8_17 = d_wrist * t8_9;
+        let t8_18 = w_wristx.mul_add(t4_31, t8_17);
+        let t8_19 = like.lift(0.5) * t8_18;
+        let t8_20 = cos_wrist.mul_add(al_forearmy, t8_19);
+        let al_wristy = sin_wrist.mul_add(al_forearmx, t8_20);
+        let t8_21 = like.lift(0.5) * t8_11;
+        let t8_22 = al_wristy + t8_21;
+        let t8_23 = w_wristz * t8_3;
+        let t8_24 = w_wristy.mul_add(t8_8, t8_23);
+        let t8_25 = like.lift(0.5) * t8_24;
+        let t8_26 = al_wristx + t8_25;
+        let t8_27 = sin_q2_elbow_wrist * t8_22;
+        let w_ixy_wrist_q1 = (-cos_q2_elbow_wrist).mul_add(t8_26, t8_27);
+        let t8_28 = -w_ixy_wrist_q1;
+        let t8_29 = w_wristx * t8_9;
+        let t8_30 = w_wristy * t8_3;
+        let t8_31 = t8_29 - t8_30;
+        let w_ixy_wrist_q2 = t8_31 * t8_15;
+        let t8_32 = -w_ixy_wrist_q2;
+        let w_ixy_wrist_q3 = t8_31 * t8_16;
+        let t8_33 = -w_ixy_wrist_q3;
+        y[31][0] = t8_28; y[31][1] = t8_32; y[31][3] = t8_33;
+        let al_wristz = t6_44 + al_forearmz;
+        let t8_34 = al_wristz + t8_14;
+        let t8_35 = w_wristz * t8_8;
+        let t8_36 = t8_29 - t8_35;
+        let t8_37 = sin_q2_elbow_wrist * t8_34;
+        let w_ixz_wrist_q1 = (-cos_q2_elbow_wrist).mul_add(t8_36, t8_37);
+        let t8_38 = al_wristx - t8_25;
+        let w_ixz_wrist_q2 = t8_38 * t8_15;
+        let t8_39 = -w_ixz_wrist_q2;
+        let w_ixz_wrist_q3 = t8_38 * t8_16;
+        let t8_40 = -w_ixz_wrist_q3;
+        y[32][0] = w_ixz_wrist_q1; y[32][1] = t8_39; y[32][3] = t8_40;
+        let t8_41 = sin_q2_elbow_wrist * t8_25;
+        let w_iyy_wrist_q1 = cos_q2_elbow_wrist.mul_add(al_wristy, t8_41);
+        let t8_42 = -w_iyy_wrist_q1;
+        let t8_43 = -w_ixx_wrist_q2;
+        let t8_44 = -w_ixx_wrist_q3;
+        y[33][0] = t8_42; y[33][1] = t8_43; y[33][3] = t8_44;
+        let t8_45 = t8_30 - t8_35;
+        let t8_46 = al_wristz - t8_14;
+        let t8_47 = cos_q2_elbow_wrist * t8_46;
+        let w_iyz_wrist_q1 = sin_q2_elbow_wrist.mul_add(t8_45, t8_47);
+        let t8_48 = al_wristy - t8_21;
+        let w_iyz_wrist_q2 = t8_48 * t8_15;
+        let w_iyz_wrist_q3 = t8_48 * t8_16;
+        y[34][0] = w_iyz_wrist_q1; y[34][1] = w_iyz_wrist_q2; y[34][3] = w_iyz_wrist_q3;
+        let w_izz_wrist_q1 = t8_13 - t8_41;
+        let t8_49 = -w_izz_wrist_q1;
+        let w_izz_wrist_q2 = al_wristz * t8_15;
+        let t8_50 = -w_izz_wrist_q2;
+        let w_izz_wrist_q3 = al_wristz * t8_16;
+        let t8_51 = -w_izz_wrist_q3;
+        y[35][0] = t8_49; y[35][1] = t8_50; y[35][3] = t8_51;
+        let a_wristz = like.lift(-0.15852).mul_add(t6_7, a_forearmz);
         let u_wrist_q1z = like.lift(0.15852).mul_add(cos_q2_elbow, u_forearm_q1z);
-        let w_mx_wrist_q1 = (-u_wrist_q1z).mul_add(t7_22, t7_53);
-        let t7_54 = like.lift(-0.15852).mul_add(t6_23, a_forearmx);
-        let t7_55 = sin_wrist * t7_54;
-        let t7_56 = like.lift(-0.15852).mul_add(t6_1, a_forearmy);
-        let a_wristy = cos_wrist.mul_add(t7_56, t7_55);
-        let t7_57 = t7_30 + t7_36;
-        let t7_58 = sin_elbow * cos_wrist;
-        let t7_59 = like.lift(0.14207) * t7_58;
-        let u_forearm_q2y = like.lift(0.14207) * cos_elbow;
-        let t7_60 = like.lift(0.15852) + u_forearm_q2y;
-        let u_wrist_q2x = sin_wrist.mul_add(t7_60, t7_59);
-        let t7_61 = sin_wrist * x_elbow_q2;
-        let t7_62 = like.lift(-0.15852).mul_add(t7_61, u_wrist_q2x);
-        let t7_63 = t7_57 * t7_62;
-        let t7_64 = sin_elbow * sin_wrist;
-        let t7_65 = like.lift(0.14207) * t7_64;
-        let u_wrist_q2y = (-cos_wrist).mul_add(t7_60, t7_65);
-        let t7_66 = cos_wrist * x_elbow_q2;
-        let t7_67 = like.lift(0.15852).mul_add(t7_66, u_wrist_q2y);
-        let t7_68 = t7_34.mul_add(t7_67, t7_63);
-        let w_mx_wrist_q2 = a_wristy.mul_add(t7_15, -t7_68);
-        let t7_69 = sin_wrist * x_elbow_q3;
-        let t7_70 = t7_57 * t7_69;
-        let t7_71 = like.lift(0.15852) * t7_70;
-        let t7_72 = cos_wrist * x_elbow_q3;
-        let t7_73 = t7_34 * t7_72;
-        let t7_74 = like.lift(-0.15852).mul_add(t7_73, t7_71);
-        let w_mx_wrist_q3 = a_wristy.mul_add(t7_16, t7_74);
-        y[36] = [w_mx_wrist_q1, w_mx_wrist_q2, like.lift(0.0), w_mx_wrist_q3];
-        let t7_75 = sin_q2_elbow_wrist * a_wristz;
-        let w_my_wrist_q1 = u_wrist_q1z.mul_add(t7_27, t7_75);
-        let t7_76 = -w_my_wrist_q1;
-        let t7_77 = cos_wrist * t7_54;
-        let a_wristx = (-sin_wrist).mul_add(t7_56, t7_77);
-        let t7_78 = t7_48 * t7_62;
-        let t7_79 = t7_29 + t7_36;
-        let t7_80 = (-t7_79).mul_add(t7_67, t7_78);
-        let w_my_wrist_q2 = a_wristx.mul_add(t7_15, -t7_80);
-        let t7_81 = t7_48 * t7_69;
-        let t7_82 = like.lift(0.15852) * t7_81;
-        let t7_83 = t7_79 * t7_72;
-        let t7_84 = like.lift(0.15852).mul_add(t7_83, t7_82);
-        let w_my_wrist_q3 = a_wristx.mul_add(t7_16, t7_84);
-        y[37] = [t7_76, w_my_wrist_q2, like.lift(0.0), w_my_wrist_q3];
-        let t7_85 = cos_q2_elbow_wrist * a_wristx;
-        let t7_86 = sin_q2_elbow_wrist.mul_add(a_wristy, t7_85);
-        let w_mz_wrist_q1 = u_wrist_q1z.mul_add(t2_30, t7_86);
-        let t7_87 = t7_49 * t7_62;
-        let w_mz_wrist_q2 = (-t7_38).mul_add(t7_67, t7_87);
-        let t7_88 = -w_mz_wrist_q2;
-        let t7_89 = t7_49 * t7_69;
-        let t7_90 = like.lift(0.15852) * t7_89;
-        let t7_91 = t7_38 * t7_72;
-        let w_mz_wrist_q3 = like.lift(0.15852).mul_add(t7_91, t7_90);
-        y[38] = [w_mz_wrist_q1, t7_88, like.lift(0.0), w_mz_wrist_q3];
+        let t8_52 = cos_q2_elbow_wrist * a_wristz;
+        let w_mx_wrist_q1 = (-u_wrist_q1z).mul_add(t8_22, t8_52);
+        let t8_53 = like.lift(-0.15852).mul_add(t7_21, a_forearmx);
+        let t8_54 = like.lift(-0.15852).mul_add(t7_1, a_forearmy);
+        let t8_55 = cos_wrist * t8_54;
+        let a_wristy = sin_wrist.mul_add(t8_53, t8_55);
+        let t8_56 = t8_30 + t8_35;
+        let t8_57 = like.lift(0.14207).mul_add(cos_elbow, like.lift(0.15852));
+        let t8_58 = like.lift(0.14207) * sin_elbow;
+        let t8_59 = sin_wrist * t8_57;
+        let u_wrist_q2x = cos_wrist.mul_add(t8_58, t8_59);
+        let t8_60 = like.lift(0.15852) * x_elbow_q2;
+        let t8_61 = (-sin_wrist).mul_add(t8_60, u_wrist_q2x);
+        let t8_62 = sin_wrist * t8_58;
+        let u_wrist_q2y = (-cos_wrist).mul_add(t8_57, t8_62);
+        let t8_63 = cos_wrist.mul_add(t8_60, u_wrist_q2y);
+        let t8_64 = a_wristy * t8_15;
+        let t8_65 = (-t8_34).mul_add(t8_63, t8_64);
+        let w_mx_wrist_q2 = (-t8_56).mul_add(t8_61, t8_65);
+        let t8_66 = sin_wrist * x_elbow_q3;
+        let t8_67 = cos_wrist * x_elbow_q3;
+        let t8_68 = t8_34 * t8_67;
+        let t8_69 = (-t8_56).mul_add(t8_66, t8_68);
+        let t8_70 = a_wristy * t8_16;
+        let w_mx_wrist_q3 = like.lift(-0.15852).mul_add(t8_69, t8_70);
+        y[36][0] = w_mx_wrist_q1; y[36][1] = w_mx_wrist_q2; y[36][3] = w_mx_wrist_q3;
+        let t8_71 = u_wrist_q1z * t8_26;
+        let w_my_wrist_q1 = sin_q2_elbow_wrist.mul_add(a_wristz, t8_71);
+        let t8_72 = -w_my_wrist_q1;
+        let t8_73 = cos_wrist * t8_53;
+        let a_wristx = (-sin_wrist).mul_add(t8_54, t8_73);
+        let t8_74 = t8_29 + t8_35;
+        let t8_75 = a_wristx * t8_15;
+        let t8_76 = t8_74.mul_add(t8_63, t8_75);
+        let w_my_wrist_q2 = (-t8_46).mul_add(t8_61, t8_76);
+        let t8_77 = t8_74 * t8_67;
+        let t8_78 = t8_46.mul_add(t8_66, t8_77);
+        let t8_79 = a_wristx * t8_16;
+        let w_my_wrist_q3 = like.lift(0.15852).mul_add(t8_78, t8_79);
+        y[37][0] = t8_72; y[37][1] = w_my_wrist_q2; y[37][3] = w_my_wrist_q3;
+        let t8_80 = u_wrist_q1z * t3_29;
+        let t8_81 = sin_q2_elbow_wrist.mul_add(a_wristy, t8_80);
+        let w_mz_wrist_q1 = cos_q2_elbow_wrist.mul_add(a_wristx, t8_81);
+        let t8_82 = t8_48 * t8_61;
+        let w_mz_wrist_q2 = (-t8_38).mul_add(t8_63, t8_82);
+        let t8_83 = -w_mz_wrist_q2;
+        let t8_84 = t8_38 * t8_67;
+        let t8_85 = t8_48.mul_add(t8_66, t8_84);
+        let w_mz_wrist_q3 = like.lift(0.15852) * t8_85;
+        y[38][0] = w_mz_wrist_q1; y[38][1] = t8_83; y[38][3] = w_mz_wrist_q3;
         let w_m_wrist_q1 = u_wrist_q1z * a_wristz;
-        let t7_92 = a_wristx * t7_62;
-        let w_m_wrist_q2 = a_wristy.mul_add(t7_67, t7_92);
-        let t7_93 = a_wristx * t7_69;
-        let t7_94 = like.lift(0.15852) * t7_93;
-        let t7_95 = a_wristy * t7_72;
-        let w_m_wrist_q3 = like.lift(-0.15852).mul_add(t7_95, t7_94);
-        let t7_96 = -w_m_wrist_q3;
-        y[39] = [w_m_wrist_q1, w_m_wrist_q2, like.lift(0.0), t7_96];
+        let t8_86 = a_wristy * t8_63;
+        let w_m_wrist_q2 = a_wristx.mul_add(t8_61, t8_86);
+        let t8_87 = a_wristy * t8_67;
+        let t8_88 = (-a_wristx).mul_add(t8_66, t8_87);
+        let t8_89 = like.lift(0.15852) * t8_88;
+        let w_m_wrist_q3 = -t8_89;
+        let t8_90 = -w_m_wrist_q3;
+        y[39][0] = w_m_wrist_q1; y[39][1] = w_m_wrist_q2; y[39][3] = t8_90;
         [
-            sin_wrist, cos_wrist, sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristy, t7_6,
-            al_wristx, w_wristx, t7_8, w_wristz, t7_10, al_wristy, t7_22, al_wristz, t7_34,
-            a_wristz, u_wrist_q1z, a_wristy, t7_57, u_wrist_q2x, u_wrist_q2y, a_wristx,
+            sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristy, t8_3, al_wristx, w_wristx, t8_8,
+            w_wristz, t8_9, t8_12, al_wristy, t8_22, al_wristz, t8_34, a_wristz, u_wrist_q1z,
+            a_wristy, t8_56, u_wrist_q2x, t8_60, u_wrist_q2y, a_wristx,
         ]
     };
     // body flange: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let (sin_q4, cos_q4) = q4.sin_cos();
         let e_flange_q1x = cos_q4 * sin_q2_elbow_wrist;
-        let t8_1 = cos_q4 * al_wristx;
-        let t8_2 = sin_q4.mul_add(al_wristz, t8_1);
-        let t8_3 = sin_q4 * w_wristx;
-        let w_flangey = (-cos_q4).mul_add(w_wristz, t8_3);
-        let t8_4 = w_flangey * r_q4;
-        let t8_5 = sin_q4 * t7_10;
-        let t8_6 = (-cos_q4).mul_add(t7_8, t8_5);
-        let t8_7 = d_q4.mul_add(t8_6, t8_4);
-        let al_flangex = like.lift(-0.5).mul_add(t8_7, t8_2);
+        let t9_1 = sin_q4 * w_wristx;
+        let w_flangey = (-cos_q4).mul_add(w_wristz, t9_1);
+        let t9_2 = sin_q4 * t8_9;
+        let t9_3 = (-cos_q4).mul_add(t8_8, t9_2);
+        let t9_4 = d_q4 * t9_3;
+        let t9_5 = w_flangey.mul_add(r_q4, t9_4);
+        let t9_6 = sin_q4 * al_wristz;
+        let t9_7 = like.lift(-0.5).mul_add(t9_5, t9_6);
+        let al_flangex = cos_q4.mul_add(al_wristx, t9_7);
         let e_flange_q1y = sin_q4 * sin_q2_elbow_wrist;
-        let t8_8 = cos_q4 * w_wristx;
-        let w_flangex = sin_q4.mul_add(w_wristz, t8_8);
-        let t8_9 = r_q4 - t7_6;
-        let t8_10 = w_flangex * t8_9;
+        let t9_8 = sin_q4 * w_wristz;
+        let w_flangex = cos_q4.mul_add(w_wristx, t9_8);
+        let t9_9 = r_q4 - t8_3;
         let w_flangez = d_q4 - w_wristy;
-        let t8_11 = cos_q4 * t7_10;
-        let t8_12 = sin_q4.mul_add(t7_8, t8_11);
-        let t8_13 = w_flangez.mul_add(t8_12, t8_10);
-        let t8_14 = e_flange_q1y * t8_13;
-        let t8_15 = like.lift(0.5) * t8_14;
-        let t8_16 = e_flange_q1x.mul_add(al_flangex, -t8_15);
-        let t8_17 = w_flangex * t8_6;
-        let t8_18 = w_flangey.mul_add(t8_12, t8_17);
-        let t8_19 = cos_q2_elbow_wrist * t8_18;
-        let t8_20 = like.lift(0.5) * t8_19;
-        let w_ixx_flange_q1 = t8_16 - t8_20;
-        let t8_21 = (-sin_q4).mul_add(x_elbow_q2, sin_q4);
-        let t8_22 = (-sin_q4).mul_add(x_wrist_q2, t8_21);
-        let t8_23 = (-cos_q4).mul_add(x_elbow_q2, cos_q4);
-        let t8_24 = (-cos_q4).mul_add(x_wrist_q2, t8_23);
-        let t8_25 = t8_13 * t8_24;
-        let t8_26 = like.lift(0.5) * t8_25;
-        let w_ixx_flange_q2 = al_flangex.mul_add(t8_22, t8_26);
-        let w_ixx_flange_q4 = like.lift(0.5) * t8_18;
-        let t8_27 = sin_q4 * x_elbow_q3;
-        let t8_28 = sin_q4.mul_add(x_wrist_q3, t8_27);
-        let t8_29 = cos_q4 * x_elbow_q3;
-        let t8_30 = cos_q4.mul_add(x_wrist_q3, t8_29);
-        let t8_31 = t8_13 * t8_30;
-        let t8_32 = like.lift(0.5) * t8_31;
-        let w_ixx_flange_q3 = al_flangex.mul_add(t8_28, t8_32);
-        let t8_33 = -w_ixx_flange_q3;
-        y[40] = [w_ixx_flange_q1, w_ixx_flange_q2, w_ixx_flange_q4, t8_33];
-        let t8_34 = sin_q4 * al_wristx;
-        let t8_35 = (-cos_q4).mul_add(al_wristz, t8_34);
-        let t8_36 = w_flangex * r_q4;
-        let t8_37 = d_q4.mul_add(t8_12, t8_36);
-        let al_flangey = like.lift(0.5).mul_add(t8_37, t8_35);
-        let t8_38 = like.lift(0.5) * t8_13;
-        let t8_39 = al_flangey + t8_38;
-        let t8_40 = e_flange_q1x * t8_39;
-        let t8_41 = w_flangey * t8_9;
-        let t8_42 = w_flangez.mul_add(t8_6, t8_41);
-        let t8_43 = like.lift(0.5) * t8_42;
-        let t8_44 = al_flangex - t8_43;
-        let t8_45 = e_flange_q1y.mul_add(t8_44, t8_40);
-        let t8_46 = w_flangex * t8_12;
-        let t8_47 = w_flangey * t8_6;
-        let w_ixy_flange_q4 = t8_46 - t8_47;
-        let w_ixy_flange_q1 = cos_q2_elbow_wrist.mul_add(w_ixy_flange_q4, t8_45);
-        let t8_48 = -w_ixy_flange_q1;
-        let t8_49 = t8_39 * t8_22;
-        let w_ixy_flange_q2 = (-t8_44).mul_add(t8_24, t8_49);
-        let t8_50 = -w_ixy_flange_q2;
-        let t8_51 = t8_39 * t8_28;
-        let w_ixy_flange_q3 = (-t8_44).mul_add(t8_30, t8_51);
-        y[41] = [t8_48, t8_50, w_ixy_flange_q4, w_ixy_flange_q3];
+        let t9_10 = sin_q4 * t8_8;
+        let t9_11 = cos_q4.mul_add(t8_9, t9_10);
+        let t9_12 = w_flangez * t9_11;
+        let t9_13 = w_flangex.mul_add(t9_9, t9_12);
+        let t9_14 = like.lift(0.5) * t9_13;
+        let t9_15 = e_flange_q1y * t9_14;
+        let t9_16 = w_flangey * t9_11;
+        let t9_17 = w_flangex.mul_add(t9_3, t9_16);
+        let t9_18 = t9_17 * t8_12;
+        let t9_19 = e_flange_q1x.mul_add(al_flangex, -t9_15);
+        let w_ixx_flange_q1 = t9_19 - t9_18;
+        let t9_20 = x_wrist_q2 + x_elbow_q2;
+        let t9_21 = (-sin_q4).mul_add(t9_20, sin_q4);
+        let t9_22 = x_wrist_q2 + x_elbow_q2;
+        let t9_23 = (-cos_q4).mul_add(t9_22, cos_q4);
+        let t9_24 = t9_23 * t9_14;
+        let w_ixx_flange_q2 = al_flangex.mul_add(t9_21, t9_24);
+        let w_ixx_flange_q4 = like.lift(0.5) * t9_17;
+        let t9_25 = x_wrist_q3 + x_elbow_q3;
+        let t9_26 = sin_q4 * t9_25;
+        let t9_27 = x_wrist_q3 + x_elbow_q3;
+        let t9_28 = cos_q4 * t9_27;
+        let t9_29 = t9_28 * t9_14;
+        let w_ixx_flange_q3 = al_flangex.mul_add(t9_26, t9_29);
+        let t9_30 = -w_ixx_flange_q3;
+        y[40] = [w_ixx_flange_q1, w_ixx_flange_q2, w_ixx_flange_q4, t9_30];
+        let t9_31 = d_q4 * t9_11;
+        let t9_32 = w_flangex.mul_add(r_q4, t9_31);
+        let t9_33 = like.lift(0.5) * t9_32;
+        let t9_34 = (-cos_q4).mul_add(al_wristz, t9_33);
+        let al_flangey = sin_q4.mul_add(al_wristx, t9_34);
+        let t9_35 = al_flangey + t9_14;
+        let t9_36 = w_flangez * t9_3;
+        let t9_37 = w_flangey.mul_add(t9_9, t9_36);
+        let t9_38 = like.lift(0.5) * t9_37;
+        let t9_39 = al_flangex - t9_38;
+        let t9_40 = w_flangex * t9_11;
+        let t9_41 = w_flangey * t9_3;
+        let w_ixy_flange_q4 = t9_40 - t9_41;
+        let t9_42 = cos_q2_elbow_wrist * w_ixy_flange_q4;
+        let t9_43 = e_flange_q1y.mul_add(t9_39, t9_42);
+        let w_ixy_flange_q1 = e_flange_q1x.mul_add(t9_35, t9_43);
+        let t9_44 = -w_ixy_flange_q1;
+        let t9_45 = t9_35 * t9_21;
+        let w_ixy_flange_q2 = (-t9_39).mul_add(t9_23, t9_45);
+        let t9_46 = -w_ixy_flange_q2;
+        let t9_47 = t9_35 * t9_26;
+        let w_ixy_flange_q3 = (-t9_39).mul_add(t9_28, t9_47);
+        y[41] = [t9_44, t9_46, w_ixy_flange_q4, w_ixy_flange_q3];
         let al_flangez = dr_q4 + al_wristy;
-        let t8_52 = al_flangez - w_ixx_flange_q4;
-        let t8_53 = e_flange_q1x * t8_52;
-        let t8_54 = w_flangez * t8_9;
-        let t8_55 = t8_46 - t8_54;
-        let t8_56 = e_flange_q1y.mul_add(t8_55, t8_53);
-        let w_ixz_flange_q4 = al_flangex + t8_43;
-        let w_ixz_flange_q1 = (-cos_q2_elbow_wrist).mul_add(w_ixz_flange_q4, t8_56);
-        let t8_57 = t8_52 * t8_22;
-        let w_ixz_flange_q2 = (-t8_55).mul_add(t8_24, t8_57);
-        let t8_58 = t8_52 * t8_28;
-        let w_ixz_flange_q3 = (-t8_55).mul_add(t8_30, t8_58);
-        let t8_59 = -w_ixz_flange_q3;
-        y[42] = [w_ixz_flange_q1, w_ixz_flange_q2, w_ixz_flange_q4, t8_59];
-        let t8_60 = e_flange_q1x * t8_42;
-        let t8_61 = like.lift(0.5) * t8_60;
-        let t8_62 = e_flange_q1y.mul_add(al_flangey, t8_61);
-        let w_iyy_flange_q1 = t8_20 + t8_62;
-        let t8_63 = t8_42 * t8_22;
-        let t8_64 = like.lift(0.5) * t8_63;
-        let w_iyy_flange_q2 = (-al_flangey).mul_add(t8_24, t8_64);
-        let t8_65 = -w_ixx_flange_q4;
-        let t8_66 = t8_42 * t8_28;
-        let t8_67 = like.lift(0.5) * t8_66;
-        let w_iyy_flange_q3 = (-al_flangey).mul_add(t8_30, t8_67);
-        let t8_68 = -w_iyy_flange_q3;
-        y[43] = [w_iyy_flange_q1, w_iyy_flange_q2, t8_65, t8_68];
-        let t8_69 = t8_47 - t8_54;
-        let t8_70 = e_flange_q1x * t8_69;
-        let t8_71 = al_flangez + w_ixx_flange_q4;
-        let t8_72 = (-e_flange_q1y).mul_add(t8_71, t8_70);
-        let w_iyz_flange_q4 = al_flangey - t8_38;
-        let w_iyz_flange_q1 = cos_q2_elbow_wrist.mul_add(w_iyz_flange_q4, t8_72);
-        let t8_73 = t8_69 * t8_22;
-        let w_iyz_flange_q2 = t8_71.mul_add(t8_24, t8_73);
-        let t8_74 = -w_iyz_flange_q4;
-        let t8_75 = t8_69 * t8_28;
-        let w_iyz_flange_q3 = t8_71.mul_add(t8_30, t8_75);
-        let t8_76 = -w_iyz_flange_q3;
-        y[44] = [w_iyz_flange_q1, w_iyz_flange_q2, t8_74, t8_76];
-        let t8_77 = t8_15 - t8_61;
-        let w_izz_flange_q1 = (-cos_q2_elbow_wrist).mul_add(al_flangez, t8_77);
-        let w_izz_flange_q2 = t8_26 + t8_64;
-        let t8_78 = -w_izz_flange_q2;
-        let w_izz_flange_q3 = t8_32 + t8_67;
-        y[45] = [w_izz_flange_q1, t8_78, al_flangez, w_izz_flange_q3];
-        let t8_79 = like.lift(-0.05).mul_add(t7_57, a_wristx);
-        let t8_80 = sin_q4 * t8_79;
-        let t8_81 = like.lift(-0.05).mul_add(t7_22, a_wristz);
-        let a_flangey = cos_q4.mul_add(t8_81, t8_80);
-        let t8_82 = cos_q2_elbow_wrist * a_flangey;
-        let a_flangez = like.lift(-0.05).mul_add(t7_34, a_wristy);
-        let t8_83 = e_flange_q1y.mul_add(a_flangez, t8_82);
-        let t8_84 = like.lift(0.05).mul_add(cos_q2_elbow_wrist, u_wrist_q1z);
-        let u_flange_q1x = sin_q4 * t8_84;
-        let t8_85 = t8_47 + t8_54;
-        let t8_86 = u_flange_q1x * t8_85;
-        let u_flange_q1y = cos_q4 * t8_84;
-        let t8_87 = (-u_flange_q1y).mul_add(t8_52, t8_86);
-        let w_mx_flange_q1 = t8_83 + t8_87;
-        let u_flange_q2x = cos_q4 * u_wrist_q2x;
-        let t8_88 = sin_wrist * cos_q4;
-        let t8_89 = t8_88 * x_elbow_q2;
-        let t8_90 = like.lift(-0.15852).mul_add(t8_89, u_flange_q2x);
-        let t8_91 = t8_85 * t8_90;
-        let u_flange_q2y = sin_q4 * u_wrist_q2x;
-        let t8_92 = sin_wrist * sin_q4;
-        let t8_93 = t8_92 * x_elbow_q2;
-        let t8_94 = like.lift(-0.15852).mul_add(t8_93, u_flange_q2y);
-        let t8_95 = t8_52.mul_add(t8_94, t8_91);
-        let u_flange_q2z = like.lift(0.05) - u_wrist_q2y;
-        let u_wrist_elbowy = like.lift(0.15852) * cos_wrist;
-        let u_flange_elbowz = like.lift(0.05) + u_wrist_elbowy;
-        let t8_96 = (-u_flange_elbowz).mul_add(x_elbow_q2, u_flange_q2z);
-        let t8_97 = like.lift(-0.05).mul_add(x_wrist_q2, t8_96);
-        let t8_98 = t8_39.mul_add(t8_97, t8_95);
-        let w_mx_flange_q2 = a_flangez.mul_add(t8_24, t8_98);
-        let t8_99 = -w_mx_flange_q2;
-        let t8_100 = -a_flangey;
-        let t8_101 = t8_88 * x_elbow_q3;
-        let t8_102 = t8_85 * t8_101;
-        let t8_103 = like.lift(0.15852) * t8_102;
-        let t8_104 = t8_92 * x_elbow_q3;
-        let t8_105 = t8_52 * t8_104;
-        let t8_106 = like.lift(0.15852).mul_add(t8_105, t8_103);
-        let t8_107 = u_flange_elbowz * x_elbow_q3;
-        let t8_108 = like.lift(0.05).mul_add(x_wrist_q3, t8_107);
-        let t8_109 = t8_39.mul_add(t8_108, t8_106);
-        let w_mx_flange_q3 = a_flangez.mul_add(t8_30, t8_109);
-        y[46] = [w_mx_flange_q1, t8_99, t8_100, w_mx_flange_q3];
-        let t8_110 = e_flange_q1x * a_flangez;
-        let t8_111 = cos_q4 * t8_79;
-        let a_flangex = (-sin_q4).mul_add(t8_81, t8_111);
-        let t8_112 = cos_q2_elbow_wrist.mul_add(a_flangex, t8_110);
-        let t8_113 = u_flange_q1x * t8_71;
-        let t8_114 = t8_46 + t8_54;
-        let t8_115 = u_flange_q1y.mul_add(t8_114, t8_113);
-        let w_my_flange_q1 = t8_112 + t8_115;
-        let t8_116 = t8_71 * t8_90;
-        let t8_117 = (-t8_114).mul_add(t8_94, t8_116);
-        let t8_118 = t8_44.mul_add(t8_97, t8_117);
-        let w_my_flange_q2 = a_flangez.mul_add(t8_22, -t8_118);
-        let t8_119 = -a_flangex;
-        let t8_120 = t8_71 * t8_101;
-        let t8_121 = like.lift(0.15852) * t8_120;
-        let t8_122 = t8_114 * t8_104;
-        let t8_123 = like.lift(-0.15852).mul_add(t8_122, t8_121);
-        let t8_124 = t8_44.mul_add(t8_108, t8_123);
-        let w_my_flange_q3 = a_flangez.mul_add(t8_28, -t8_124);
-        let t8_125 = -w_my_flange_q3;
-        y[47] = [w_my_flange_q1, w_my_flange_q2, t8_119, t8_125];
-        let t8_126 = e_flange_q1y * a_flangex;
-        let t8_127 = (-e_flange_q1x).mul_add(a_flangey, t8_126);
-        let t8_128 = u_flange_q1x * w_iyz_flange_q4;
-        let t8_129 = u_flange_q1y.mul_add(w_ixz_flange_q4, t8_128);
-        let w_mz_flange_q1 = t8_127 - t8_129;
-        let t8_130 = -w_mz_flange_q1;
-        let t8_131 = a_flangex * t8_24;
-        let t8_132 = a_flangey.mul_add(t8_22, t8_131);
-        let t8_133 = w_iyz_flange_q4 * t8_90;
-        let t8_134 = (-w_ixz_flange_q4).mul_add(t8_94, t8_133);
-        let t8_135 = t8_46 + t8_47;
-        let t8_136 = (-t8_135).mul_add(t8_97, t8_134);
-        let w_mz_flange_q2 = t8_132 - t8_136;
-        let t8_137 = a_flangex * t8_30;
-        let t8_138 = a_flangey.mul_add(t8_28, t8_137);
-        let t8_139 = w_iyz_flange_q4 * t8_101;
-        let t8_140 = like.lift(0.15852) * t8_139;
-        let t8_141 = w_ixz_flange_q4 * t8_104;
-        let t8_142 = like.lift(-0.15852).mul_add(t8_141, t8_140);
-        let t8_143 = (-t8_135).mul_add(t8_108, t8_142);
-        let w_mz_flange_q3 = t8_138 - t8_143;
-        let t8_144 = -w_mz_flange_q3;
-        y[48] = [t8_130, w_mz_flange_q2, like.lift(0.0), t8_144];
-        let t8_145 = u_flange_q1x * a_flangex;
-        let w_m_flange_q1 = (-u_flange_q1y).mul_add(a_flangey, t8_145);
-        let t8_146 = -w_m_flange_q1;
-        let t8_147 = a_flangex * t8_90;
-        let t8_148 = a_flangey.mul_add(t8_94, t8_147);
-        let w_m_flange_q2 = (-a_flangez).mul_add(t8_97, t8_148);
-        let t8_149 = a_flangex * t8_101;
-        let t8_150 = like.lift(0.15852) * t8_149;
-        let t8_151 = a_flangey * t8_104;
-        let t8_152 = like.lift(0.15852).mul_add(t8_151, t8_150);
-        let w_m_flange_q3 = (-a_flangez).mul_add(t8_108, t8_152);
-        let t8_153 = -w_m_flange_q3;
-        y[49] = [t8_146, w_m_flange_q2, like.lift(0.0), t8_153];
+        let t9_48 = al_flangez - w_ixx_flange_q4;
+        let t9_49 = w_flangez * t9_9;
+        let t9_50 = t9_40 - t9_49;
+        let w_ixz_flange_q4 = al_flangex + t9_38;
+        let t9_51 = e_flange_q1y * t9_50;
+        let t9_52 = (-cos_q2_elbow_wrist).mul_add(w_ixz_flange_q4, t9_51);
+        let w_ixz_flange_q1 = e_flange_q1x.mul_add(t9_48, t9_52);
+        let t9_53 = t9_48 * t9_21;
+        let w_ixz_flange_q2 = (-t9_50).mul_add(t9_23, t9_53);
+        let t9_54 = t9_48 * t9_26;
+        let w_ixz_flange_q3 = (-t9_50).mul_add(t9_28, t9_54);
+        let t9_55 = -w_ixz_flange_q3;
+        y[42] = [w_ixz_flange_q1, w_ixz_flange_q2, w_ixz_flange_q4, t9_55];
+        let t9_56 = e_flange_q1x * t9_38;
+        let t9_57 = e_flange_q1y.mul_add(al_flangey, t9_18);
+        let w_iyy_flange_q1 = t9_57 + t9_56;
+        let t9_58 = t9_21 * t9_38;
+        let w_iyy_flange_q2 = (-al_flangey).mul_add(t9_23, t9_58);
+        let t9_59 = -w_ixx_flange_q4;
+        let t9_60 = t9_26 * t9_38;
+        let w_iyy_flange_q3 = (-al_flangey).mul_add(t9_28, t9_60);
+        let t9_61 = -w_iyy_flange_q3;
+        y[43] = [w_iyy_flange_q1, w_iyy_flange_q2, t9_59, t9_61];
+        let t9_62 = t9_41 - t9_49;
+        let t9_63 = al_flangez + w_ixx_flange_q4;
+        let w_iyz_flange_q4 = al_flangey - t9_14;
+        let t9_64 = cos_q2_elbow_wrist * w_iyz_flange_q4;
+        let t9_65 = (-e_flange_q1y).mul_add(t9_63, t9_64);
+        let w_iyz_flange_q1 = e_flange_q1x.mul_add(t9_62, t9_65);
+        let t9_66 = t9_63 * t9_23;
+        let w_iyz_flange_q2 = t9_62.mul_add(t9_21, t9_66);
+        let t9_67 = -w_iyz_flange_q4;
+        let t9_68 = t9_63 * t9_28;
+        let w_iyz_flange_q3 = t9_62.mul_add(t9_26, t9_68);
+        let t9_69 = -w_iyz_flange_q3;
+        y[44] = [w_iyz_flange_q1, w_iyz_flange_q2, t9_67, t9_69];
+        let t9_70 = (-cos_q2_elbow_wrist).mul_add(al_flangez, t9_15);
+        let w_izz_flange_q1 = t9_70 - t9_56;
+        let w_izz_flange_q2 = t9_24 + t9_58;
+        let t9_71 = -w_izz_flange_q2;
+        let w_izz_flange_q3 = t9_29 + t9_60;
+        y[45] = [w_izz_flange_q1, t9_71, al_flangez, w_izz_flange_q3];
+        let t9_72 = like.lift(-0.05).mul_add(t8_56, a_wristx);
+        let t9_73 = like.lift(-0.05).mul_add(t8_22, a_wristz);
+        let t9_74 = cos_q4 * t9_73;
+        let a_flangey = sin_q4.mul_add(t9_72, t9_74);
+        let a_flangez = like.lift(-0.05).mul_add(t8_34, a_wristy);
+        let t9_75 = like.lift(0.05).mul_add(cos_q2_elbow_wrist, u_wrist_q1z);
+        let u_flange_q1x = sin_q4 * t9_75;
+        let t9_76 = t9_41 + t9_49;
+        let u_flange_q1y = cos_q4 * t9_75;
+        let t9_77 = e_flange_q1y * a_flangez;
+        let t9_78 = cos_q2_elbow_wrist.mul_add(a_flangey, t9_77);
+        let t9_79 = (-u_flange_q1y).mul_add(t9_48, t9_78);
+        let w_mx_flange_q1 = u_flange_q1x.mul_add(t9_76, t9_79);
+        let t9_80 = sin_wrist * cos_q4;
+        let t9_81 = cos_q4 * u_wrist_q2x;
+        let t9_82 = (-t9_80).mul_add(t8_60, t9_81);
+        let t9_83 = sin_wrist * sin_q4;
+        let t9_84 = sin_q4 * u_wrist_q2x;
+        let t9_85 = (-t9_83).mul_add(t8_60, t9_84);
+        let u_flange_elbowz = like.lift(0.15852).mul_add(cos_wrist, like.lift(0.05));
+        let t9_86 = like.lift(-0.05).mul_add(x_wrist_q2, like.lift(0.05));
+        let t9_87 = (-u_flange_elbowz).mul_add(x_elbow_q2, t9_86);
+        let t9_88 = t9_87 - u_wrist_q2y;
+        let t9_89 = a_flangez * t9_23;
+        let t9_90 = t9_35.mul_add(t9_88, t9_89);
+        let t9_91 = t9_48.mul_add(t9_85, t9_90);
+        let w_mx_flange_q2 = t9_76.mul_add(t9_82, t9_91);
+        let t9_92 = -w_mx_flange_q2;
+        let t9_93 = -a_flangey;
+        let t9_94 = t9_80 * x_elbow_q3;
+        let t9_95 = t9_83 * x_elbow_q3;
+        let t9_96 = like.lift(0.05) * x_wrist_q3;
+        let t9_97 = u_flange_elbowz.mul_add(x_elbow_q3, t9_96);
+        let t9_98 = t9_48 * t9_95;
+        let t9_99 = t9_76.mul_add(t9_94, t9_98);
+        let t9_100 = a_flangez * t9_28;
+        let t9_101 = t9_35.mul_add(t9_97, t9_100);
+        let w_mx_flange_q3 = like.lift(0.15852).mul_add(t9_99, t9_101);
+        y[46] = [w_mx_flange_q1, t9_92, t9_93, w_mx_flange_q3];
+        let t9_102 = cos_q4 * t9_72;
+        let a_flangex = (-sin_q4).mul_add(t9_73, t9_102);
+        let t9_103 = t9_40 + t9_49;
+        let t9_104 = cos_q2_elbow_wrist * a_flangex;
+        let t9_105 = e_flange_q1x.mul_add(a_flangez, t9_104);
+        let t9_106 = u_flange_q1y.mul_add(t9_103, t9_105);
+        let w_my_flange_q1 = u_flange_q1x.mul_add(t9_63, t9_106);
+        let t9_107 = a_flangez * t9_21;
+        let t9_108 = (-t9_39).mul_add(t9_88, t9_107);
+        let t9_109 = t9_103.mul_add(t9_85, t9_108);
+        let w_my_flange_q2 = (-t9_63).mul_add(t9_82, t9_109);
+        let t9_110 = -a_flangex;
+        let t9_111 = t9_103 * t9_95;
+        let t9_112 = (-t9_63).mul_add(t9_94, t9_111);
+        let t9_113 = a_flangez * t9_26;
+        let t9_114 = (-t9_39).mul_add(t9_97, t9_113);
+        let w_my_flange_q3 = like.lift(0.15852).mul_add(t9_112, t9_114);
+        let t9_115 = -w_my_flange_q3;
+        y[47] = [w_my_flange_q1, w_my_flange_q2, t9_110, t9_115];
+        let t9_116 = e_flange_q1y * a_flangex;
+        let t9_117 = (-e_flange_q1x).mul_add(a_flangey, t9_116);
+        let t9_118 = (-u_flange_q1y).mul_add(w_ixz_flange_q4, t9_117);
+        let w_mz_flange_q1 = (-u_flange_q1x).mul_add(w_iyz_flange_q4, t9_118);
+        let t9_119 = -w_mz_flange_q1;
+        let t9_120 = t9_40 + t9_41;
+        let t9_121 = a_flangey * t9_21;
+        let t9_122 = a_flangex.mul_add(t9_23, t9_121);
+        let t9_123 = t9_120.mul_add(t9_88, t9_122);
+        let t9_124 = w_ixz_flange_q4.mul_add(t9_85, t9_123);
+        let w_mz_flange_q2 = (-w_iyz_flange_q4).mul_add(t9_82, t9_124);
+        let t9_125 = w_ixz_flange_q4 * t9_95;
+        let t9_126 = (-w_iyz_flange_q4).mul_add(t9_94, t9_125);
+        let t9_127 = a_flangey * t9_26;
+        let t9_128 = a_flangex.mul_add(t9_28, t9_127);
+        let t9_129 = t9_120.mul_add(t9_97, t9_128);
+        let w_mz_flange_q3 = like.lift(0.15852).mul_add(t9_126, t9_129);
+        let t9_130 = -w_mz_flange_q3;
+        y[48][0] = t9_119; y[48][1] = w_mz_flange_q2; y[48][3] = t9_130;
+        let t9_131 = u_flange_q1x * a_flangex;
+        let w_m_flange_q1 = (-u_flange_q1y).mul_add(a_flangey, t9_131);
+        let t9_132 = -w_m_flange_q1;
+        let t9_133 = a_flangey * t9_85;
+        let t9_134 = (-a_flangez).mul_add(t9_88, t9_133);
+        let w_m_flange_q2 = a_flangex.mul_add(t9_82, t9_134);
+        let t9_135 = a_flangey * t9_95;
+        let t9_136 = a_flangex.mul_add(t9_94, t9_135);
+        let t9_137 = like.lift(0.15852) * t9_136;
+        let w_m_flange_q3 = (-a_flangez).mul_add(t9_97, t9_137);
+        let t9_138 = -w_m_flange_q3;
+        y[49][0] = t9_132; y[49][1] = w_m_flange_q2; y[49][3] = t9_138;
     }
     // body crank: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [al_crankx, al_cranky, t9_12, t9_17, t9_18, a_cranky_2, a_crankx_2] = {
+    let [al_crankx, al_cranky, t10_11, t10_16, t10_17, a_cranky, a_crankx] = {
         let w_ixz_crank_q3 = sin_q3 * dr_q1;
         let w_cranky = cos_q3 * d_q1;
-        let t9_1 = w_cranky * r_q3;
-        let t9_2 = cos_q3 * r_q1;
-        let t9_3 = d_q3.mul_add(t9_2, t9_1);
-        let t9_4 = like.lift(0.5) * t9_3;
-        let al_crankx = w_ixz_crank_q3 + t9_4;
+        let t10_1 = cos_q3 * r_q1;
+        let t10_2 = d_q3 * t10_1;
+        let t10_3 = w_cranky.mul_add(r_q3, t10_2);
+        let t10_4 = like.lift(0.5) * t10_3;
+        let al_crankx = w_ixz_crank_q3 + t10_4;
         let w_crankx = sin_q3 * d_q1;
-        let t9_5 = w_crankx * r_q3;
-        let t9_6 = sin_q3 * r_q1;
-        let t9_7 = d_q3.mul_add(t9_6, t9_5);
-        let t9_8 = cos_q3 * t9_7;
-        let t9_9 = like.lift(0.5) * t9_8;
-        let w_ixx_crank_q1 = sin_q3.mul_add(al_crankx, t9_9);
-        let w_ixx_crank_q3 = w_crankx * t9_2;
-        let t9_10 = -w_ixx_crank_q3;
-        y[50] = [w_ixx_crank_q1, like.lift(0.0), like.lift(0.0), t9_10];
-        let t9_11 = like.lift(0.5) * t9_7;
+        let t10_5 = sin_q3 * r_q1;
+        let t10_6 = d_q3 * t10_5;
+        let t10_7 = w_crankx.mul_add(r_q3, t10_6);
+        let t10_8 = like.lift(0.5) * t10_7;
+        let t10_9 = cos_q3 * t10_8;
+        let w_ixx_crank_q1 = sin_q3.mul_add(al_crankx, t10_9);
+        let w_ixx_crank_q3 = w_crankx * t10_1;
+        let t10_10 = -w_ixx_crank_q3;
+        y[50][0] = w_ixx_crank_q1; y[50][3] = t10_10;
         let w_iyz_crank_q3 = cos_q3 * dr_q1;
-        let al_cranky = w_iyz_crank_q3 - t9_11;
-        let t9_12 = t9_11 - al_cranky;
-        let t9_13 = sin_q3 * t9_12;
-        let t9_14 = t9_4 + al_crankx;
-        let w_ixy_crank_q1 = (-cos_q3).mul_add(t9_14, t9_13);
-        let t9_15 = -w_ixy_crank_q1;
-        let t9_16 = w_crankx * t9_6;
-        let t9_17 = w_cranky * t9_2;
-        let w_ixy_crank_q3 = t9_16 - t9_17;
-        y[51] = [t9_15, like.lift(0.0), like.lift(0.0), w_ixy_crank_q3];
-        let t9_18 = dr_q3 + w_ixx_crank_q3;
-        let t9_19 = sin_q3 * t9_18;
-        let t9_20 = t5_22 - t9_16;
-        let w_ixz_crank_q1 = cos_q3.mul_add(t9_20, t9_19);
-        y[52] = [w_ixz_crank_q1, like.lift(0.0), like.lift(0.0), w_ixz_crank_q3];
-        let t9_21 = sin_q3 * t9_3;
-        let t9_22 = like.lift(0.5) * t9_21;
-        let w_iyy_crank_q1 = (-cos_q3).mul_add(al_cranky, t9_22);
-        let t9_23 = -w_iyy_crank_q1;
-        y[53] = [t9_23, like.lift(0.0), like.lift(0.0), w_ixx_crank_q3];
-        let t9_24 = t5_22 - t9_17;
-        let t9_25 = sin_q3 * t9_24;
-        let t9_26 = dr_q3 - w_ixx_crank_q3;
-        let w_iyz_crank_q1 = (-cos_q3).mul_add(t9_26, t9_25);
-        let t9_27 = -w_iyz_crank_q1;
-        y[54] = [t9_27, like.lift(0.0), like.lift(0.0), w_iyz_crank_q3];
-        let w_izz_crank_q1 = t9_9 - t9_22;
-        let t9_28 = -w_izz_crank_q1;
-        y[55] = [t9_28, like.lift(0.0), like.lift(0.0), dr_q3];
-        let t9_29 = like.lift(0.0132) * w_iyz_crank_q3;
-        let w_mx_crank_q1 = like.lift(-0.0132).mul_add(t9_12, t9_29);
-        let a_cranky = like.lift(9.81) * cos_q3;
-        let t9_30 = sin_q3 * t2_30;
-        let a_cranky_2 = like.lift(0.0132).mul_add(t9_30, a_cranky);
-        y[56] = [w_mx_crank_q1, like.lift(0.0), like.lift(0.0), a_cranky_2];
-        let t9_31 = like.lift(0.0132) * w_ixz_crank_q3;
-        let w_my_crank_q1 = like.lift(0.0132).mul_add(t9_14, t9_31);
-        let t9_32 = -w_my_crank_q1;
-        let a_crankx = like.lift(9.81) * sin_q3;
-        let t9_33 = cos_q3 * t2_30;
-        let a_crankx_2 = like.lift(-0.0132).mul_add(t9_33, a_crankx);
-        let t9_34 = -a_crankx_2;
-        y[57] = [t9_32, like.lift(0.0), like.lift(0.0), t9_34];
-        let t9_35 = cos_q3 * a_crankx_2;
-        let t9_36 = (-sin_q3).mul_add(a_cranky_2, t9_35);
-        let w_mz_crank_q1 = t2_36 + t9_36;
-        y[58] = [w_mz_crank_q1, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[59] = [w_m_arm_q1, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        [al_crankx, al_cranky, t9_12, t9_17, t9_18, a_cranky_2, a_crankx_2]
+        let al_cranky = w_iyz_crank_q3 - t10_8;
+        let t10_11 = t10_8 - al_cranky;
+        let t10_12 = t10_4 + al_crankx;
+        let t10_13 = sin_q3 * t10_11;
+        let w_ixy_crank_q1 = (-cos_q3).mul_add(t10_12, t10_13);
+        let t10_14 = -w_ixy_crank_q1;
+        let t10_15 = w_crankx * t10_5;
+        let t10_16 = w_cranky * t10_1;
+        let w_ixy_crank_q3 = t10_15 - t10_16;
+        y[51][0] = t10_14; y[51][3] = w_ixy_crank_q3;
+        let t10_17 = dr_q3 + w_ixx_crank_q3;
+        let t10_18 = t6_18 - t10_15;
+        let t10_19 = cos_q3 * t10_18;
+        let w_ixz_crank_q1 = sin_q3.mul_add(t10_17, t10_19);
+        y[52][0] = w_ixz_crank_q1; y[52][3] = w_ixz_crank_q3;
+        let t10_20 = sin_q3 * t10_4;
+        let w_iyy_crank_q1 = (-cos_q3).mul_add(al_cranky, t10_20);
+        let t10_21 = -w_iyy_crank_q1;
+        y[53][0] = t10_21; y[53][3] = w_ixx_crank_q3;
+        let t10_22 = t6_18 - t10_16;
+        let t10_23 = dr_q3 - w_ixx_crank_q3;
+        let t10_24 = sin_q3 * t10_22;
+        let w_iyz_crank_q1 = (-cos_q3).mul_add(t10_23, t10_24);
+        let t10_25 = -w_iyz_crank_q1;
+        y[54][0] = t10_25; y[54][3] = w_iyz_crank_q3;
+        let w_izz_crank_q1 = t10_9 - t10_20;
+        let t10_26 = -w_izz_crank_q1;
+        y[55][0] = t10_26; y[55][3] = dr_q3;
+        let t10_27 = t10_11 - w_iyz_crank_q3;
+        let t10_28 = like.lift(0.0132) * t10_27;
+        let w_mx_crank_q1 = -t10_28;
+        let t10_29 = sin_q3 * t3_30;
+        let a_cranky = like.lift(9.81).mul_add(cos_q3, t10_29);
+        y[56][0] = w_mx_crank_q1; y[56][3] = a_cranky;
+        let t10_30 = t10_12 + w_ixz_crank_q3;
+        let w_my_crank_q1 = like.lift(0.0132) * t10_30;
+        let t10_31 = -w_my_crank_q1;
+        let t10_32 = like.lift(9.81) * sin_q3;
+        let a_crankx = (-cos_q3).mul_add(t3_30, t10_32);
+        let t10_33 = -a_crankx;
+        y[57][0] = t10_31; y[57][3] = t10_33;
+        let t10_34 = (-sin_q3).mul_add(a_cranky, t3_30);
+        let w_mz_crank_q1 = cos_q3.mul_add(a_crankx, t10_34);
+        y[58][0] = w_mz_crank_q1;
+        y[59][0] = w_m_arm_q1;
+        [al_crankx, al_cranky, t10_11, t10_16, t10_17, a_cranky, a_crankx]
     };
     // body rod: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let t10_1 = cos_q3 * sin_pin;
-        let t10_2 = sin_q3 * sin_pin;
-        let sin_q3_pin = sin_q3.mul_add(cos_pin, t10_1);
-        let cos_q3_pin = cos_q3.mul_add(cos_pin, -t10_2);
-        let t10_3 = cos_pin * al_crankx;
-        let t10_4 = sin_pin.mul_add(al_cranky, t10_3);
+        let t11_1 = sin_q3 * cos_pin;
+        let sin_q3_pin = cos_q3.mul_add(sin_pin, t11_1);
+        let t11_2 = cos_q3 * cos_pin;
+        let cos_q3_pin = (-sin_q3).mul_add(sin_pin, t11_2);
         let w_rody = cos_q3_pin * d_q1;
-        let t10_5 = w_rody * t3_34;
-        let t10_6 = cos_q3_pin * r_q1;
-        let t10_7 = d_pin.mul_add(t10_6, t10_5);
-        let al_rodx = like.lift(0.5).mul_add(t10_7, t10_4);
+        let t11_3 = cos_q3_pin * r_q1;
+        let t11_4 = d_pin * t11_3;
+        let t11_5 = w_rody.mul_add(t4_32, t11_4);
+        let t11_6 = like.lift(0.5) * t11_5;
+        let t11_7 = sin_pin.mul_add(al_cranky, t11_6);
+        let al_rodx = cos_pin.mul_add(al_crankx, t11_7);
         let w_rodx = sin_q3_pin * d_q1;
-        let t10_8 = w_rodx * t5_25;
-        let t10_9 = sin_q3_pin * r_q1;
-        let t10_10 = w_rodz.mul_add(t10_9, t10_8);
-        let t10_11 = cos_q3_pin * t10_10;
-        let t10_12 = like.lift(0.5) * t10_11;
-        let w_ixx_rod_q1 = sin_q3_pin.mul_add(al_rodx, t10_12);
-        let t10_13 = w_rodx * t10_6;
-        let w_ixx_rod_q2 = x_pin_q2 * t10_13;
-        let t10_14 = like.lift(1.0) - x_pin_q3;
-        let w_ixx_rod_q3 = t10_13 * t10_14;
-        let t10_15 = -w_ixx_rod_q3;
-        y[60] = [w_ixx_rod_q1, w_ixx_rod_q2, like.lift(0.0), t10_15];
-        let t10_16 = sin_pin * al_crankx;
-        let t10_17 = (-cos_pin).mul_add(al_cranky, t10_16);
-        let t10_18 = w_rodx * t3_34;
-        let t10_19 = d_pin.mul_add(t10_9, t10_18);
-        let al_rody = like.lift(0.5).mul_add(t10_19, t10_17);
-        let t10_20 = like.lift(0.5) * t10_10;
-        let t10_21 = al_rody + t10_20;
-        let t10_22 = sin_q3_pin * t10_21;
-        let t10_23 = w_rody * t5_25;
-        let t10_24 = w_rodz.mul_add(t10_6, t10_23);
-        let t10_25 = like.lift(0.5) * t10_24;
-        let t10_26 = al_rodx + t10_25;
-        let w_ixy_rod_q1 = (-cos_q3_pin).mul_add(t10_26, t10_22);
-        let t10_27 = -w_ixy_rod_q1;
-        let t10_28 = w_rodx * t10_9;
-        let t10_29 = w_rody * t10_6;
-        let t10_30 = t10_28 - t10_29;
-        let w_ixy_rod_q2 = x_pin_q2 * t10_30;
-        let t10_31 = -w_ixy_rod_q2;
-        let w_ixy_rod_q3 = t10_30 * t10_14;
-        y[61] = [t10_27, t10_31, like.lift(0.0), w_ixy_rod_q3];
-        let al_rodz = dr_q3 + t5_57;
-        let t10_32 = al_rodz + t10_13;
-        let t10_33 = sin_q3_pin * t10_32;
-        let t10_34 = t5_26 - t10_28;
-        let w_ixz_rod_q1 = cos_q3_pin.mul_add(t10_34, t10_33);
-        let t10_35 = al_rodx - t10_25;
-        let w_ixz_rod_q2 = x_pin_q2 * t10_35;
-        let t10_36 = -w_ixz_rod_q2;
-        let w_ixz_rod_q3 = t10_35 * t10_14;
-        y[62] = [w_ixz_rod_q1, t10_36, like.lift(0.0), w_ixz_rod_q3];
-        let t10_37 = sin_q3_pin * t10_24;
-        let t10_38 = like.lift(0.5) * t10_37;
-        let w_iyy_rod_q1 = cos_q3_pin.mul_add(al_rody, t10_38);
-        let t10_39 = -w_iyy_rod_q1;
-        let t10_40 = -w_ixx_rod_q2;
-        y[63] = [t10_39, t10_40, like.lift(0.0), w_ixx_rod_q3];
-        let t10_41 = t5_26 - t10_29;
-        let t10_42 = sin_q3_pin * t10_41;
-        let t10_43 = al_rodz - t10_13;
-        let w_iyz_rod_q1 = (-cos_q3_pin).mul_add(t10_43, t10_42);
-        let t10_44 = -w_iyz_rod_q1;
-        let t10_45 = al_rody - t10_20;
-        let w_iyz_rod_q2 = x_pin_q2 * t10_45;
-        let w_iyz_rod_q3 = t10_45 * t10_14;
-        let t10_46 = -w_iyz_rod_q3;
-        y[64] = [t10_44, w_iyz_rod_q2, like.lift(0.0), t10_46];
-        let w_izz_rod_q1 = t10_12 - t10_38;
-        let t10_47 = -w_izz_rod_q1;
+        let t11_8 = sin_q3_pin * r_q1;
+        let t11_9 = w_rodz * t11_8;
+        let t11_10 = w_rodx.mul_add(t6_19, t11_9);
+        let t11_11 = like.lift(0.5) * t11_10;
+        let t11_12 = cos_q3_pin * t11_11;
+        let w_ixx_rod_q1 = sin_q3_pin.mul_add(al_rodx, t11_12);
+        let t11_13 = w_rodx * t11_3;
+        let w_ixx_rod_q2 = x_pin_q2 * t11_13;
+        let t11_14 = like.lift(1.0) - x_pin_q3;
+        let w_ixx_rod_q3 = t11_13 * t11_14;
+        let t11_15 = -w_ixx_rod_q3;
+        y[60][0] = w_ixx_rod_q1; y[60][1] = w_ixx_rod_q2; y[60][3] = t11_15;
+        let t11_16 = d_pin * t11_8;
+        let t11_17 = w_rodx.mul_add(t4_32, t11_16);
+        let t11_18 = like.lift(0.5) * t11_17;
+        let t11_19 = (-cos_pin).mul_add(al_cranky, t11_18);
+        let al_rody = sin_pin.mul_add(al_crankx, t11_19);
+        let t11_20 = al_rody + t11_11;
+        let t11_21 = w_rodz * t11_3;
+        let t11_22 = w_rody.mul_add(t6_19, t11_21);
+        let t11_23 = like.lift(0.5) * t11_22;
+        let t11_24 = al_rodx + t11_23;
+        let t11_25 = sin_q3_pin * t11_20;
+        let w_ixy_rod_q1 = (-cos_q3_pin).mul_add(t11_24, t11_25);
+        let t11_26 = -w_ixy_rod_q1;
+        let t11_27 = w_rodx * t11_8;
+        let t11_28 = w_rody * t11_3;
+        let t11_29 = t11_27 - t11_28;
+        let w_ixy_rod_q2 = x_pin_q2 * t11_29;
+        let t11_30 = -w_ixy_rod_q2;
+        let w_ixy_rod_q3 = t11_29 * t11_14;
+        y[61][0] = t11_26; y[61][1] = t11_30; y[61][3] = w_ixy_rod_q3;
+        let al_rodz = dr_q3 + t6_45;
+        let t11_31 = al_rodz + t11_13;
+        let t11_32 = t6_20 - t11_27;
+        let t11_33 = cos_q3_pin * t11_32;
+        let w_ixz_rod_q1 = sin_q3_pin.mul_add(t11_31, t11_33);
+        let t11_34 = al_rodx - t11_23;
+        let w_ixz_rod_q2 = x_pin_q2 * t11_34;
+        let t11_35 = -w_ixz_rod_q2;
+        let w_ixz_rod_q3 = t11_34 * t11_14;
+        y[62][0] = w_ixz_rod_q1; y[62][1] = t11_35; y[62][3] = w_ixz_rod_q3;
+        let t11_36 = sin_q3_pin * t11_23;
+        let w_iyy_rod_q1 = cos_q3_pin.mul_add(al_rody, t11_36);
+        let t11_37 = -w_iyy_rod_q1;
+        let t11_38 = -w_ixx_rod_q2;
+        y[63][0] = t11_37; y[63][1] = t11_38; y[63][3] = w_ixx_rod_q3;
+        let t11_39 = t6_20 - t11_28;
+        let t11_40 = al_rodz - t11_13;
+        let t11_41 = sin_q3_pin * t11_39;
+        let w_iyz_rod_q1 = (-cos_q3_pin).mul_add(t11_40, t11_41);
+        let t11_42 = -w_iyz_rod_q1;
+        let t11_43 = al_rody - t11_11;
+        let w_iyz_rod_q2 = x_pin_q2 * t11_43;
+        let w_iyz_rod_q3 = t11_43 * t11_14;
+        let t11_44 = -w_iyz_rod_q3;
+        y[64][0] = t11_42; y[64][1] = w_iyz_rod_q2; y[64][3] = t11_44;
+        let w_izz_rod_q1 = t11_12 - t11_36;
+        let t11_45 = -w_izz_rod_q1;
         let w_izz_rod_q2 = x_pin_q2 * al_rodz;
-        let t10_48 = -w_izz_rod_q2;
-        let w_izz_rod_q3 = al_rodz * t10_14;
-        y[65] = [t10_47, t10_48, like.lift(0.0), w_izz_rod_q3];
-        let a_rodz = like.lift(-0.0456).mul_add(t9_12, a_armz);
-        let t10_49 = cos_q3_pin * a_rodz;
+        let t11_46 = -w_izz_rod_q2;
+        let w_izz_rod_q3 = al_rodz * t11_14;
+        y[65][0] = t11_45; y[65][1] = t11_46; y[65][3] = w_izz_rod_q3;
+        let a_rodz = like.lift(-0.0456).mul_add(t10_11, a_armz);
         let u_rod_q1z = like.lift(0.0456).mul_add(cos_q3, like.lift(0.0132));
-        let w_mx_rod_q1 = (-u_rod_q1z).mul_add(t10_21, t10_49);
-        let t10_50 = t5_22 + t9_17;
-        let t10_51 = like.lift(-0.0456).mul_add(t10_50, a_crankx_2);
-        let t10_52 = sin_pin * t10_51;
-        let t10_53 = like.lift(0.0456).mul_add(t9_18, a_cranky_2);
-        let a_rody = (-cos_pin).mul_add(t10_53, t10_52);
+        let t11_47 = cos_q3_pin * a_rodz;
+        let w_mx_rod_q1 = (-u_rod_q1z).mul_add(t11_20, t11_47);
+        let t11_48 = t6_18 + t10_16;
+        let t11_49 = like.lift(-0.0456).mul_add(t11_48, a_crankx);
+        let t11_50 = like.lift(0.0456).mul_add(t10_17, a_cranky);
+        let t11_51 = sin_pin * t11_49;
+        let a_rody = (-cos_pin).mul_add(t11_50, t11_51);
         let w_mx_rod_q2 = x_pin_q2 * a_rody;
-        let t10_54 = t5_26 + t10_29;
-        let t10_55 = sin_pin * t10_54;
-        let t10_56 = like.lift(0.0456) * t10_55;
-        let t10_57 = cos_pin * t10_32;
-        let t10_58 = like.lift(-0.0456).mul_add(t10_57, t10_56);
-        let w_mx_rod_q3 = a_rody.mul_add(t10_14, t10_58);
-        let t10_59 = -w_mx_rod_q3;
-        y[66] = [w_mx_rod_q1, w_mx_rod_q2, like.lift(0.0), t10_59];
-        let t10_60 = sin_q3_pin * a_rodz;
-        let w_my_rod_q1 = u_rod_q1z.mul_add(t10_26, t10_60);
-        let t10_61 = -w_my_rod_q1;
-        let t10_62 = cos_pin * t10_51;
-        let a_rodx = sin_pin.mul_add(t10_53, t10_62);
+        let t11_52 = t6_20 + t11_28;
+        let t11_53 = cos_pin * t11_31;
+        let t11_54 = (-sin_pin).mul_add(t11_52, t11_53);
+        let t11_55 = a_rody * t11_14;
+        let w_mx_rod_q3 = like.lift(-0.0456).mul_add(t11_54, t11_55);
+        let t11_56 = -w_mx_rod_q3;
+        y[66][0] = w_mx_rod_q1; y[66][1] = w_mx_rod_q2; y[66][3] = t11_56;
+        let t11_57 = u_rod_q1z * t11_24;
+        let w_my_rod_q1 = sin_q3_pin.mul_add(a_rodz, t11_57);
+        let t11_58 = -w_my_rod_q1;
+        let t11_59 = sin_pin * t11_50;
+        let a_rodx = cos_pin.mul_add(t11_49, t11_59);
         let w_my_rod_q2 = x_pin_q2 * a_rodx;
-        let t10_63 = sin_pin * t10_43;
-        let t10_64 = like.lift(0.0456) * t10_63;
-        let t10_65 = t5_26 + t10_28;
-        let t10_66 = cos_pin * t10_65;
-        let t10_67 = like.lift(0.0456).mul_add(t10_66, t10_64);
-        let w_my_rod_q3 = a_rodx.mul_add(t10_14, t10_67);
-        let t10_68 = -w_my_rod_q3;
-        y[67] = [t10_61, w_my_rod_q2, like.lift(0.0), t10_68];
-        let t10_69 = cos_q3_pin * a_rodx;
-        let t10_70 = sin_q3_pin.mul_add(a_rody, t10_69);
-        let w_mz_rod_q1 = u_rod_q1z.mul_add(t2_30, t10_70);
-        let t10_71 = sin_pin * t10_45;
-        let t10_72 = like.lift(0.0456) * t10_71;
-        let t10_73 = cos_pin * t10_35;
-        let w_mz_rod_q3 = like.lift(0.0456).mul_add(t10_73, t10_72);
-        let t10_74 = -w_mz_rod_q3;
-        y[68] = [w_mz_rod_q1, like.lift(0.0), like.lift(0.0), t10_74];
+        let t11_60 = t6_20 + t11_27;
+        let t11_61 = cos_pin * t11_60;
+        let t11_62 = sin_pin.mul_add(t11_40, t11_61);
+        let t11_63 = a_rodx * t11_14;
+        let w_my_rod_q3 = like.lift(0.0456).mul_add(t11_62, t11_63);
+        let t11_64 = -w_my_rod_q3;
+        y[67][0] = t11_58; y[67][1] = w_my_rod_q2; y[67][3] = t11_64;
+        let t11_65 = u_rod_q1z * t3_29;
+        let t11_66 = sin_q3_pin.mul_add(a_rody, t11_65);
+        let w_mz_rod_q1 = cos_q3_pin.mul_add(a_rodx, t11_66);
+        let t11_67 = cos_pin * t11_34;
+        let t11_68 = sin_pin.mul_add(t11_43, t11_67);
+        let w_mz_rod_q3 = like.lift(0.0456) * t11_68;
+        let t11_69 = -w_mz_rod_q3;
+        y[68][0] = w_mz_rod_q1; y[68][3] = t11_69;
         let w_m_rod_q1 = u_rod_q1z * a_rodz;
-        let t10_75 = sin_pin * a_rodx;
-        let t10_76 = like.lift(0.0456) * t10_75;
-        let t10_77 = cos_pin * a_rody;
-        let w_m_rod_q3 = like.lift(-0.0456).mul_add(t10_77, t10_76);
-        y[69] = [w_m_rod_q1, like.lift(0.0), like.lift(0.0), w_m_rod_q3];
+        let t11_70 = cos_pin * a_rody;
+        let t11_71 = (-sin_pin).mul_add(a_rodx, t11_70);
+        let t11_72 = like.lift(0.0456) * t11_71;
+        let w_m_rod_q3 = -t11_72;
+        y[69][0] = w_m_rod_q1; y[69][3] = w_m_rod_q3;
     }
     Condition { pivot: condition }
 }
@@ -4978,109 +4732,117 @@ pub fn poses<T: Scalar>(q: &[T; 7]) -> [[T; 12]; 7] {
     let like = q[0];
     let mut poses = [[like.lift(0.0); 12]; 7];
     let [q1, q2, elbow, wrist, q4, q3, pin] = *q;
-    // body column
-    let [sin_q1, cos_q1] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = -sin_q1;
-        poses[0] = [cos_q1, t1_1, like.lift(0.0), sin_q1, cos_q1, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(1.0), like.lift(0.0), like.lift(0.0), like.lift(0.1056)];
-        [sin_q1, cos_q1]
+    // sines and cosines
+    let [
+        sin_q1, cos_q1, sin_q2, cos_q2, sin_q2_elbow, cos_q2_elbow, sin_q2_elbow_wrist,
+        cos_q2_elbow_wrist, sin_q4, cos_q4, sin_q3, cos_q3, sin_q3_pin, cos_q3_pin,
+    ] = {
+        let t1_1 = elbow + q2;
+        let t1_2 = wrist + elbow;
+        let t1_3 = t1_2 + q2;
+        let t1_4 = pin + q3;
+        let [
+            (sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q2_elbow, cos_q2_elbow),
+            (sin_q2_elbow_wrist, cos_q2_elbow_wrist), (sin_q4, cos_q4), (sin_q3, cos_q3),
+            (sin_q3_pin, cos_q3_pin),
+        ] =
+            T::sin_cos_all([q1, q2, t1_1, t1_3, q4, q3, t1_4]);
+        [
+            sin_q1, cos_q1, sin_q2, cos_q2, sin_q2_elbow, cos_q2_elbow, sin_q2_elbow_wrist,
+            cos_q2_elbow_wrist, sin_q4, cos_q4, sin_q3, cos_q3, sin_q3_pin, cos_q3_pin,
+        ]
     };
+    // body column
+    {
+        let t2_1 = -sin_q1;
+        poses[0][0] = cos_q1; poses[0][1] = t2_1; poses[0][3] = sin_q1; poses[0][4] = cos_q1; poses[0][8] = like.lift(1.0); poses[0][11] = like.lift(0.1056);
+    }
     // body arm
-    let [sin_q2, t2_1, t2_4, t2_7, t2_8, t2_9] = {
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t2_1 = cos_q1 * cos_q2;
-        let t2_2 = cos_q1 * sin_q2;
-        let t2_3 = -t2_2;
-        let t2_4 = sin_q1 * cos_q2;
-        let t2_5 = sin_q1 * sin_q2;
-        let t2_6 = -t2_5;
-        let t2_7 = -cos_q1;
-        let t2_8 = like.lift(0.0132) * cos_q1;
-        let t2_9 = like.lift(0.0132) * sin_q1;
-        poses[1] = [t2_1, t2_3, sin_q1, t2_4, t2_6, t2_7, sin_q2, cos_q2, like.lift(0.0), t2_8, t2_9, like.lift(0.1056)];
-        [sin_q2, t2_1, t2_4, t2_7, t2_8, t2_9]
+    let [t3_1, t3_4, t3_7, t3_8, t3_9] = {
+        let t3_1 = cos_q1 * cos_q2;
+        let t3_2 = cos_q1 * sin_q2;
+        let t3_3 = -t3_2;
+        let t3_4 = sin_q1 * cos_q2;
+        let t3_5 = sin_q1 * sin_q2;
+        let t3_6 = -t3_5;
+        let t3_7 = -cos_q1;
+        let t3_8 = like.lift(0.0132) * cos_q1;
+        let t3_9 = like.lift(0.0132) * sin_q1;
+        poses[1][0] = t3_1; poses[1][1] = t3_3; poses[1][2] = sin_q1; poses[1][3] = t3_4; poses[1][4] = t3_6; poses[1][5] = t3_7; poses[1][6] = sin_q2; poses[1][7] = cos_q2; poses[1][9] = t3_8; poses[1][10] = t3_9; poses[1][11] = like.lift(0.1056);
+        [t3_1, t3_4, t3_7, t3_8, t3_9]
     };
     // body forearm
-    let [sin_q2_elbow, t3_2, t3_5, t3_8, t3_9, t3_10] = {
-        let t3_1 = elbow + q2;
-        let (sin_q2_elbow, cos_q2_elbow) = t3_1.sin_cos();
-        let t3_2 = cos_q1 * cos_q2_elbow;
-        let t3_3 = cos_q1 * sin_q2_elbow;
-        let t3_4 = -t3_3;
-        let t3_5 = sin_q1 * cos_q2_elbow;
-        let t3_6 = sin_q1 * sin_q2_elbow;
-        let t3_7 = -t3_6;
-        let t3_8 = like.lift(0.14207).mul_add(t2_1, t2_8);
-        let t3_9 = like.lift(0.14207).mul_add(t2_4, t2_9);
-        let t3_10 = like.lift(0.14207).mul_add(sin_q2, like.lift(0.1056));
-        poses[2] = [t3_2, t3_4, sin_q1, t3_5, t3_7, t2_7, sin_q2_elbow, cos_q2_elbow, like.lift(0.0), t3_8, t3_9, t3_10];
-        [sin_q2_elbow, t3_2, t3_5, t3_8, t3_9, t3_10]
+    let [t4_1, t4_4, t4_7, t4_8, t4_9] = {
+        let t4_1 = cos_q1 * cos_q2_elbow;
+        let t4_2 = cos_q1 * sin_q2_elbow;
+        let t4_3 = -t4_2;
+        let t4_4 = sin_q1 * cos_q2_elbow;
+        let t4_5 = sin_q1 * sin_q2_elbow;
+        let t4_6 = -t4_5;
+        let t4_7 = like.lift(0.14207).mul_add(t3_1, t3_8);
+        let t4_8 = like.lift(0.14207).mul_add(t3_4, t3_9);
+        let t4_9 = like.lift(0.14207).mul_add(sin_q2, like.lift(0.1056));
+        poses[2][0] = t4_1; poses[2][1] = t4_3; poses[2][2] = sin_q1; poses[2][3] = t4_4; poses[2][4] = t4_6; poses[2][5] = t3_7; poses[2][6] = sin_q2_elbow; poses[2][7] = cos_q2_elbow; poses[2][9] = t4_7; poses[2][10] = t4_8; poses[2][11] = t4_9;
+        [t4_1, t4_4, t4_7, t4_8, t4_9]
     };
     // body wrist
-    let [sin_q2_elbow_wrist, cos_q2_elbow_wrist, t4_3, t4_4, t4_6, t4_7, t4_9, t4_10, t4_11] = {
-        let t4_1 = elbow + q2;
-        let t4_2 = wrist + t4_1;
-        let (sin_q2_elbow_wrist, cos_q2_elbow_wrist) = t4_2.sin_cos();
-        let t4_3 = cos_q1 * cos_q2_elbow_wrist;
-        let t4_4 = cos_q1 * sin_q2_elbow_wrist;
-        let t4_5 = -t4_4;
-        let t4_6 = sin_q1 * cos_q2_elbow_wrist;
-        let t4_7 = sin_q1 * sin_q2_elbow_wrist;
-        let t4_8 = -t4_7;
-        let t4_9 = like.lift(0.15852).mul_add(t3_2, t3_8);
-        let t4_10 = like.lift(0.15852).mul_add(t3_5, t3_9);
-        let t4_11 = like.lift(0.15852).mul_add(sin_q2_elbow, t3_10);
-        poses[3] = [t4_3, t4_5, sin_q1, t4_6, t4_8, t2_7, sin_q2_elbow_wrist, cos_q2_elbow_wrist, like.lift(0.0), t4_9, t4_10, t4_11];
-        [sin_q2_elbow_wrist, cos_q2_elbow_wrist, t4_3, t4_4, t4_6, t4_7, t4_9, t4_10, t4_11]
+    let [t5_1, t5_2, t5_4, t5_5, t5_7, t5_8, t5_9] = {
+        let t5_1 = cos_q1 * cos_q2_elbow_wrist;
+        let t5_2 = cos_q1 * sin_q2_elbow_wrist;
+        let t5_3 = -t5_2;
+        let t5_4 = sin_q1 * cos_q2_elbow_wrist;
+        let t5_5 = sin_q1 * sin_q2_elbow_wrist;
+        let t5_6 = -t5_5;
+        let t5_7 = like.lift(0.15852).mul_add(t4_1, t4_7);
+        let t5_8 = like.lift(0.15852).mul_add(t4_4, t4_8);
+        let t5_9 = like.lift(0.15852).mul_add(sin_q2_elbow, t4_9);
+        poses[3][0] = t5_1; poses[3][1] = t5_3; poses[3][2] = sin_q1; poses[3][3] = t5_4; poses[3][4] = t5_6; poses[3][5] = t3_7; poses[3][6] = sin_q2_elbow_wrist; poses[3][7] = cos_q2_elbow_wrist; poses[3][9] = t5_7; poses[3][10] = t5_8; poses[3][11] = t5_9;
+        [t5_1, t5_2, t5_4, t5_5, t5_7, t5_8, t5_9]
     };
     // body flange
     {
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t5_1 = cos_q4 * t4_3;
-        let t5_2 = sin_q1.mul_add(sin_q4, t5_1);
-        let t5_3 = sin_q4 * t4_3;
-        let t5_4 = (-sin_q1).mul_add(cos_q4, t5_3);
-        let t5_5 = -t5_4;
-        let t5_6 = cos_q4 * t4_6;
-        let t5_7 = (-cos_q1).mul_add(sin_q4, t5_6);
-        let t5_8 = sin_q4 * t4_6;
-        let t5_9 = cos_q1.mul_add(cos_q4, t5_8);
-        let t5_10 = -t5_9;
+        let t6_1 = sin_q1 * sin_q4;
+        let t6_2 = cos_q4.mul_add(t5_1, t6_1);
+        let t6_3 = sin_q4 * t5_1;
+        let t6_4 = (-sin_q1).mul_add(cos_q4, t6_3);
+        let t6_5 = -t6_4;
+        let t6_6 = cos_q4 * t5_4;
+        let t6_7 = (-cos_q1).mul_add(sin_q4, t6_6);
+        let t6_8 = cos_q1 * cos_q4;
+        let t6_9 = sin_q4.mul_add(t5_4, t6_8);
+        let t6_10 = -t6_9;
         let e_flange_q1x = cos_q4 * sin_q2_elbow_wrist;
         let e_flange_q1y = sin_q4 * sin_q2_elbow_wrist;
-        let t5_11 = -e_flange_q1y;
-        let t5_12 = -cos_q2_elbow_wrist;
-        let t5_13 = like.lift(0.05).mul_add(t4_3, t4_9);
-        let t5_14 = like.lift(0.05).mul_add(t4_6, t4_10);
-        let t5_15 = like.lift(0.05).mul_add(sin_q2_elbow_wrist, t4_11);
-        poses[4] = [t5_2, t5_5, t4_4, t5_7, t5_10, t4_7, e_flange_q1x, t5_11, t5_12, t5_13, t5_14, t5_15];
+        let t6_11 = -e_flange_q1y;
+        let t6_12 = -cos_q2_elbow_wrist;
+        let t6_13 = like.lift(0.05).mul_add(t5_1, t5_7);
+        let t6_14 = like.lift(0.05).mul_add(t5_4, t5_8);
+        let t6_15 = like.lift(0.05).mul_add(sin_q2_elbow_wrist, t5_9);
+        poses[4] = [t6_2, t6_5, t5_2, t6_7, t6_10, t5_5, e_flange_q1x, t6_11, t6_12, t6_13, t6_14, t6_15];
     }
     // body crank
-    let [sin_q3, t6_1, t6_4] = {
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let t6_1 = cos_q1 * cos_q3;
-        let t6_2 = cos_q1 * sin_q3;
-        let t6_3 = -t6_2;
-        let t6_4 = sin_q1 * cos_q3;
-        let t6_5 = sin_q1 * sin_q3;
-        let t6_6 = -t6_5;
-        poses[5] = [t6_1, t6_3, sin_q1, t6_4, t6_6, t2_7, sin_q3, cos_q3, like.lift(0.0), t2_8, t2_9, like.lift(0.1056)];
-        [sin_q3, t6_1, t6_4]
+    let [t7_1, t7_4] = {
+        let t7_1 = cos_q1 * cos_q3;
+        let t7_2 = cos_q1 * sin_q3;
+        let t7_3 = -t7_2;
+        let t7_4 = sin_q1 * cos_q3;
+        let t7_5 = sin_q1 * sin_q3;
+        let t7_6 = -t7_5;
+        poses[5][0] = t7_1; poses[5][1] = t7_3; poses[5][2] = sin_q1; poses[5][3] = t7_4; poses[5][4] = t7_6; poses[5][5] = t3_7; poses[5][6] = sin_q3; poses[5][7] = cos_q3; poses[5][9] = t3_8; poses[5][10] = t3_9; poses[5][11] = like.lift(0.1056);
+        [t7_1, t7_4]
     };
     // body rod
     {
-        let t7_1 = pin + q3;
-        let (sin_q3_pin, cos_q3_pin) = t7_1.sin_cos();
-        let t7_2 = cos_q1 * cos_q3_pin;
-        let t7_3 = cos_q1 * sin_q3_pin;
-        let t7_4 = -t7_3;
-        let t7_5 = sin_q1 * cos_q3_pin;
-        let t7_6 = sin_q1 * sin_q3_pin;
-        let t7_7 = -t7_6;
-        let t7_8 = like.lift(0.0456).mul_add(t6_1, t2_8);
-        let t7_9 = like.lift(0.0456).mul_add(t6_4, t2_9);
-        let t7_10 = like.lift(0.0456).mul_add(sin_q3, like.lift(0.1056));
-        poses[6] = [t7_2, t7_4, sin_q1, t7_5, t7_7, t2_7, sin_q3_pin, cos_q3_pin, like.lift(0.0), t7_8, t7_9, t7_10];
+        let t8_1 = cos_q1 * cos_q3_pin;
+        let t8_2 = cos_q1 * sin_q3_pin;
+        let t8_3 = -t8_2;
+        let t8_4 = sin_q1 * cos_q3_pin;
+        let t8_5 = sin_q1 * sin_q3_pin;
+        let t8_6 = -t8_5;
+        let t8_7 = like.lift(0.0456).mul_add(t7_1, t3_8);
+        let t8_8 = like.lift(0.0456).mul_add(t7_4, t3_9);
+        let t8_9 = like.lift(0.0456).mul_add(sin_q3, like.lift(0.1056));
+        poses[6][0] = t8_1; poses[6][1] = t8_3; poses[6][2] = sin_q1; poses[6][3] = t8_4; poses[6][4] = t8_6; poses[6][5] = t3_7; poses[6][6] = sin_q3_pin; poses[6][7] = cos_q3_pin; poses[6][9] = t8_7; poses[6][10] = t8_8; poses[6][11] = t8_9;
     }
     poses
 }
@@ -5092,141 +4854,151 @@ pub fn poses<T: Scalar>(q: &[T; 7]) -> [[T; 12]; 7] {
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: W_red (Eq. 23), column by column: `w[c][r]` multiplies `BASE[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 180 additions, 299 multiplications, 1 divisions, 6 sines and cosines.
+/// 180 additions, 276 multiplications, 1 divisions, 6 sines and cosines.
 pub fn base_regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 4]; 22]) -> Condition<T> {
+    *w = [[q[0].lift(0.0); 4]; 22];
+    base_regressor_entries(q, qd, qdd, w)
+}
+
+/// The entries of [`base_regressor`] that are not zero at every state; the others are left as they are.
+///
+/// Inlined where it is called, so that lanes keep the caller's instruction set.
+#[inline(always)]
+pub fn base_regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 4]; 22]) -> Condition<T> {
     let like = q[0];
     let [_, q2, elbow, wrist, q4, q3, pin] = *q;
     let [d_q1, d_q2, d_elbow, d_wrist, d_q4, d_q3, d_pin] = *qd;
     let [dd_q1, dd_q2, dd_elbow, dd_wrist, dd_q4, dd_q3, dd_pin] = *qdd;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_q2, cos_q2, sin_elbow, cos_elbow, sin_q3, cos_q3, sin_pin, cos_pin, sin_wrist,
+        cos_wrist, sin_q4, cos_q4,
+    ] = {
+        let [
+            (sin_q2, cos_q2), (sin_elbow, cos_elbow), (sin_q3, cos_q3), (sin_pin, cos_pin),
+            (sin_wrist, cos_wrist), (sin_q4, cos_q4),
+        ] =
+            T::sin_cos_all([q2, elbow, q3, pin, wrist, q4]);
+        [
+            sin_q2, cos_q2, sin_elbow, cos_elbow, sin_q3, cos_q3, sin_pin, cos_pin, sin_wrist,
+            cos_wrist, sin_q4, cos_q4,
+        ]
+    };
     // body column
     {
-        w[0] = [dd_q1, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        w[0][0] = dd_q1;
     }
     // body arm
-    let [
-        sin_q2, cos_q2, al_armx_2, al_army_2, t2_3, t2_8, t2_9, t2_11, t2_17, a_army_3,
-        a_armx_3,
-    ] = {
-        let (sin_q2, cos_q2) = q2.sin_cos();
+    let [al_armx_2, al_army_2, t3_3, t3_8, t3_9, t3_10, t3_19, a_army, a_armx] = {
         let w_ixz_arm_q2 = sin_q2 * dd_q1;
         let w_army = cos_q2 * d_q1;
         let al_armx = d_q2 * w_army;
         let al_armx_2 = w_ixz_arm_q2 + al_armx;
-        let t2_1 = sin_q2 * al_armx_2;
         let w_armx = sin_q2 * d_q1;
         let al_army = d_q2 * w_armx;
-        let w_ixx_arm_q1 = cos_q2.mul_add(al_army, t2_1);
+        let t3_1 = cos_q2 * al_army;
+        let w_ixx_arm_q1 = sin_q2.mul_add(al_armx_2, t3_1);
         let w_ixx_arm_q2 = w_armx * w_army;
-        let t2_2 = -w_ixx_arm_q2;
-        w[1] = [w_ixx_arm_q1, t2_2, like.lift(0.0), like.lift(0.0)];
+        let t3_2 = -w_ixx_arm_q2;
+        w[1][0] = w_ixx_arm_q1; w[1][1] = t3_2;
         let w_iyz_arm_q2 = cos_q2 * dd_q1;
         let al_army_2 = w_iyz_arm_q2 - al_army;
-        let t2_3 = al_army - al_army_2;
-        let t2_4 = sin_q2 * t2_3;
-        let t2_5 = al_armx + al_armx_2;
-        let w_ixy_arm_q1 = (-cos_q2).mul_add(t2_5, t2_4);
-        let t2_6 = -w_ixy_arm_q1;
-        let t2_7 = w_armx * w_armx;
-        let t2_8 = w_army * w_army;
-        let w_ixy_arm_q2 = t2_7 - t2_8;
-        w[2] = [t2_6, w_ixy_arm_q2, like.lift(0.0), like.lift(0.0)];
-        let t2_9 = dd_q2 + w_ixx_arm_q2;
-        let t2_10 = sin_q2 * t2_9;
-        let t2_11 = d_q2 * d_q2;
-        let t2_12 = t2_7 - t2_11;
-        let w_ixz_arm_q1 = (-cos_q2).mul_add(t2_12, t2_10);
-        w[3] = [w_ixz_arm_q1, w_ixz_arm_q2, like.lift(0.0), like.lift(0.0)];
-        let t2_13 = t2_8 - t2_11;
-        let t2_14 = sin_q2 * t2_13;
-        let t2_15 = dd_q2 - w_ixx_arm_q2;
-        let w_iyz_arm_q1 = cos_q2.mul_add(t2_15, t2_14);
-        w[4] = [w_iyz_arm_q1, w_iyz_arm_q2, like.lift(0.0), like.lift(0.0)];
-        let t2_16 = like.lift(0.0132) * w_iyz_arm_q2;
-        let w_mx_arm_q1 = like.lift(-0.0132).mul_add(t2_3, t2_16);
-        let t2_17 = d_q1 * d_q1;
-        let t2_18 = sin_q2 * t2_17;
-        let a_army = like.lift(0.0132) * t2_18;
-        let a_army_2 = like.lift(9.81) * cos_q2;
-        let a_army_3 = a_army + a_army_2;
-        w[6] = [w_mx_arm_q1, a_army_3, like.lift(0.0), like.lift(0.0)];
-        let t2_19 = like.lift(0.0132) * w_ixz_arm_q2;
-        let w_my_arm_q1 = like.lift(0.0132).mul_add(t2_5, t2_19);
-        let t2_20 = -w_my_arm_q1;
-        let t2_21 = cos_q2 * t2_17;
-        let a_armx = like.lift(0.0132) * t2_21;
-        let a_armx_2 = like.lift(9.81) * sin_q2;
-        let a_armx_3 = a_armx - a_armx_2;
-        w[7] = [t2_20, a_armx_3, like.lift(0.0), like.lift(0.0)];
-        w[5] = [like.lift(0.0), dd_q2, like.lift(0.0), like.lift(0.0)];
-        [
-            sin_q2, cos_q2, al_armx_2, al_army_2, t2_3, t2_8, t2_9, t2_11, t2_17, a_army_3,
-            a_armx_3,
-        ]
+        let t3_3 = al_army - al_army_2;
+        let t3_4 = al_armx + al_armx_2;
+        let t3_5 = sin_q2 * t3_3;
+        let w_ixy_arm_q1 = (-cos_q2).mul_add(t3_4, t3_5);
+        let t3_6 = -w_ixy_arm_q1;
+        let t3_7 = w_armx * w_armx;
+        let t3_8 = w_army * w_army;
+        let w_ixy_arm_q2 = t3_7 - t3_8;
+        w[2][0] = t3_6; w[2][1] = w_ixy_arm_q2;
+        let t3_9 = dd_q2 + w_ixx_arm_q2;
+        let t3_10 = d_q2 * d_q2;
+        let t3_11 = t3_7 - t3_10;
+        let t3_12 = sin_q2 * t3_9;
+        let w_ixz_arm_q1 = (-cos_q2).mul_add(t3_11, t3_12);
+        w[3][0] = w_ixz_arm_q1; w[3][1] = w_ixz_arm_q2;
+        let t3_13 = t3_8 - t3_10;
+        let t3_14 = dd_q2 - w_ixx_arm_q2;
+        let t3_15 = cos_q2 * t3_14;
+        let w_iyz_arm_q1 = sin_q2.mul_add(t3_13, t3_15);
+        w[4][0] = w_iyz_arm_q1; w[4][1] = w_iyz_arm_q2;
+        let t3_16 = t3_3 - w_iyz_arm_q2;
+        let t3_17 = like.lift(0.0132) * t3_16;
+        let w_mx_arm_q1 = -t3_17;
+        let t3_18 = d_q1 * d_q1;
+        let t3_19 = like.lift(0.0132) * t3_18;
+        let t3_20 = sin_q2 * t3_19;
+        let a_army = like.lift(9.81).mul_add(cos_q2, t3_20);
+        w[6][0] = w_mx_arm_q1; w[6][1] = a_army;
+        let t3_21 = t3_4 + w_ixz_arm_q2;
+        let w_my_arm_q1 = like.lift(0.0132) * t3_21;
+        let t3_22 = -w_my_arm_q1;
+        let t3_23 = cos_q2 * t3_19;
+        let a_armx = like.lift(-9.81).mul_add(sin_q2, t3_23);
+        w[7][0] = t3_22; w[7][1] = a_armx;
+        w[5][1] = dd_q2;
+        [al_armx_2, al_army_2, t3_3, t3_8, t3_9, t3_10, t3_19, a_army, a_armx]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        sin_elbow, cos_elbow, sin_q2_elbow, cos_q2_elbow, w_forearmy, al_forearmx, w_forearmz,
-        w_forearmx, t3_6, w_ixx_forearm_q1, t3_7, sin_q3, cos_q3, sin_pin, cos_pin, x_elbow_q2,
-        x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
+        sin_q2_elbow, cos_q2_elbow, w_forearmy, al_forearmx, w_forearmz, w_forearmx, t4_5,
+        w_ixx_forearm_q1, t4_7, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2,
+        x_pin_q3,
     ] = {
-        let (sin_elbow, cos_elbow) = elbow.sin_cos();
-        let t3_1 = cos_q2 * sin_elbow;
-        let t3_2 = sin_q2 * sin_elbow;
-        let sin_q2_elbow = sin_q2.mul_add(cos_elbow, t3_1);
-        let cos_q2_elbow = cos_q2.mul_add(cos_elbow, -t3_2);
-        let t3_3 = cos_elbow * al_armx_2;
-        let t3_4 = sin_elbow.mul_add(al_army_2, t3_3);
+        let t4_1 = sin_q2 * cos_elbow;
+        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t4_1);
+        let t4_2 = cos_q2 * cos_elbow;
+        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t4_2);
         let w_forearmy = cos_q2_elbow * d_q1;
-        let al_forearmx = d_elbow.mul_add(w_forearmy, t3_4);
-        let t3_5 = sin_q2_elbow * al_forearmx;
+        let t4_3 = d_elbow * w_forearmy;
+        let t4_4 = sin_elbow.mul_add(al_army_2, t4_3);
+        let al_forearmx = cos_elbow.mul_add(al_armx_2, t4_4);
         let w_forearmz = d_q2 + d_elbow;
         let w_forearmx = sin_q2_elbow * d_q1;
-        let t3_6 = w_forearmz * w_forearmx;
-        let w_ixx_forearm_q1 = cos_q2_elbow.mul_add(t3_6, t3_5);
-        let t3_7 = w_forearmx * w_forearmy;
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let t3_8 = cos_q2_elbow * sin_q3;
-        let t3_9 = sin_q2_elbow * sin_q3;
-        let sin_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(cos_q3, -t3_8);
-        let cos_q2_elbow_minus_q3 = cos_q2_elbow.mul_add(cos_q3, t3_9);
-        let (sin_pin, cos_pin) = pin.sin_cos();
-        let t3_10 = cos_q2_elbow_minus_q3 * sin_pin;
-        let t3_11 = sin_q2_elbow_minus_q3 * sin_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(cos_pin, -t3_10);
-        let cos_q2_elbow_minus_q3_minus_pin = cos_q2_elbow_minus_q3.mul_add(cos_pin, t3_11);
+        let t4_5 = w_forearmz * w_forearmx;
+        let t4_6 = cos_q2_elbow * t4_5;
+        let w_ixx_forearm_q1 = sin_q2_elbow.mul_add(al_forearmx, t4_6);
+        let t4_7 = w_forearmx * w_forearmy;
+        let t4_8 = sin_q2_elbow * cos_q3;
+        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t4_8);
+        let t4_9 = cos_q2_elbow * cos_q3;
+        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t4_9);
+        let t4_10 = sin_q2_elbow_minus_q3 * cos_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t4_10);
+        let t4_11 = cos_q2_elbow_minus_q3 * cos_pin;
+        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t4_11);
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t3_12 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t3_13 = -t3_12;
-        let t3_14 = cos_q2 * sin_q3;
-        let t3_15 = sin_q2 * sin_q3;
-        let sin_q2_minus_q3 = sin_q2.mul_add(cos_q3, -t3_14);
-        let cos_q2_minus_q3 = cos_q2.mul_add(cos_q3, t3_15);
-        let t3_16 = cos_q2_minus_q3 * sin_pin;
-        let t3_17 = sin_q2_minus_q3 * sin_pin;
-        let sin_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(cos_pin, -t3_16);
-        let cos_q2_minus_q3_minus_pin = cos_q2_minus_q3.mul_add(cos_pin, t3_17);
-        let t3_18 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t3_19 = -t3_18;
+        let t4_12 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t4_13 = -t4_12;
+        let t4_14 = sin_q2 * cos_q3;
+        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t4_14);
+        let t4_15 = cos_q2 * cos_q3;
+        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t4_15);
+        let t4_16 = sin_q2_minus_q3 * cos_pin;
+        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t4_16);
+        let t4_17 = cos_q2_minus_q3 * cos_pin;
+        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t4_17);
+        let t4_18 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
+        let t4_19 = -t4_18;
         let u_rod_q3x = like.lift(0.0456) * sin_pin;
-        let t3_20 = -u_rod_q3x;
-        let t3_21 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t3_12);
-        let u_rod_q3y = like.lift(0.0456) * cos_pin;
-        let t3_22 = like.lift(0.14207) + u_rod_q3y;
-        let t3_23 = -t3_22;
-        let t3_24 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t3_25 = t3_18 * t3_24;
-        let t3_26 = like.lift(21.92982456140351) * t3_25;
-        let t3_27 = -t3_26;
-        let t3_28 = sin_pin * t3_24;
-        let t3_29 = -t3_28;
-        let t3_30 = like.lift(1.0) + t3_26;
-        let t3_31 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t3_25, t3_21);
-        let t3_32 = like.lift(7.038783698176955) * t3_31;
-        let t3_33 = -t3_32;
-        let t3_34 = cos_q2_elbow_minus_q3_minus_pin * t3_28;
-        let t3_35 = like.lift(0.0456).mul_add(t3_34, t3_22);
-        let t3_36 = like.lift(7.038783698176955) * t3_35;
+        let t4_20 = -u_rod_q3x;
+        let t4_21 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t4_12);
+        let t4_22 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t4_23 = -t4_22;
+        let t4_24 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t4_25 = t4_18 * t4_24;
+        let t4_26 = like.lift(21.92982456140351) * t4_25;
+        let t4_27 = -t4_26;
+        let t4_28 = sin_pin * t4_24;
+        let t4_29 = -t4_28;
+        let t4_30 = like.lift(1.0) + t4_26;
+        let t4_31 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t4_25, t4_21);
+        let t4_32 = like.lift(7.038783698176955) * t4_31;
+        let t4_33 = -t4_32;
+        let t4_34 = t4_28.mul_add(t4_12, t4_22);
+        let t4_35 = like.lift(7.038783698176955) * t4_34;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([
@@ -5234,23 +5006,23 @@ pub fn base_regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut 
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t3_27, like.lift(0.0), t3_29],
-                [like.lift(0.0), t3_30, like.lift(0.0), t3_28],
-                [like.lift(0.0), t3_33, like.lift(0.0), t3_36],
+                [like.lift(0.0), t4_27, like.lift(0.0), t4_29],
+                [like.lift(0.0), t4_30, like.lift(0.0), t4_28],
+                [like.lift(0.0), t4_33, like.lift(0.0), t4_35],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t3_13, like.lift(0.0), like.lift(-0.14207)],
+                    [t4_13, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t3_19, like.lift(0.0), t3_20],
-                    [like.lift(0.0), t3_21, like.lift(0.0), t3_23],
+                    [like.lift(0.0), t4_19, like.lift(0.0), t4_20],
+                    [like.lift(0.0), t4_21, like.lift(0.0), t4_23],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -5260,346 +5032,325 @@ pub fn base_regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut 
         );
         condition = condition.min(found);
         [
-            sin_elbow, cos_elbow, sin_q2_elbow, cos_q2_elbow, w_forearmy, al_forearmx,
-            w_forearmz, w_forearmx, t3_6, w_ixx_forearm_q1, t3_7, sin_q3, cos_q3, sin_pin,
-            cos_pin, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
+            sin_q2_elbow, cos_q2_elbow, w_forearmy, al_forearmx, w_forearmz, w_forearmx, t4_5,
+            w_ixx_forearm_q1, t4_7, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2,
+            x_pin_q3,
         ]
     };
     // body forearm
     let [
-        t4_1, al_forearmy, t4_5, al_forearmz, t4_14, a_armz, a_forearmz, u_forearm_q1z, t4_27,
+        t5_1, al_forearmy, t5_5, al_forearmz, t5_14, a_armz, a_forearmz, u_forearm_q1z, t5_27,
         a_forearmy, a_forearmx,
     ] = {
-        let t4_1 = like.lift(1.0) - x_elbow_q2;
-        let w_ixx_forearm_q2 = t3_7 * t4_1;
-        let t4_2 = -w_ixx_forearm_q2;
-        let w_ixx_forearm_q3 = t3_7 * x_elbow_q3;
-        w[8] = [w_ixx_forearm_q1, t4_2, like.lift(0.0), w_ixx_forearm_q3];
-        let t4_3 = sin_elbow * al_armx_2;
-        let t4_4 = (-cos_elbow).mul_add(al_army_2, t4_3);
-        let al_forearmy = d_elbow.mul_add(w_forearmx, t4_4);
-        let t4_5 = al_forearmy + t3_6;
-        let t4_6 = sin_q2_elbow * t4_5;
-        let t4_7 = w_forearmz * w_forearmy;
-        let t4_8 = al_forearmx + t4_7;
-        let w_ixy_forearm_q1 = (-cos_q2_elbow).mul_add(t4_8, t4_6);
-        let t4_9 = -w_ixy_forearm_q1;
-        let t4_10 = w_forearmx * w_forearmx;
-        let t4_11 = w_forearmy * w_forearmy;
-        let t4_12 = t4_10 - t4_11;
-        let w_ixy_forearm_q2 = t4_12 * t4_1;
-        let w_ixy_forearm_q3 = t4_12 * x_elbow_q3;
-        let t4_13 = -w_ixy_forearm_q3;
-        w[9] = [t4_9, w_ixy_forearm_q2, like.lift(0.0), t4_13];
+        let t5_1 = like.lift(1.0) - x_elbow_q2;
+        let w_ixx_forearm_q2 = t4_7 * t5_1;
+        let t5_2 = -w_ixx_forearm_q2;
+        let w_ixx_forearm_q3 = t4_7 * x_elbow_q3;
+        w[8][0] = w_ixx_forearm_q1; w[8][1] = t5_2; w[8][3] = w_ixx_forearm_q3;
+        let t5_3 = d_elbow * w_forearmx;
+        let t5_4 = (-cos_elbow).mul_add(al_army_2, t5_3);
+        let al_forearmy = sin_elbow.mul_add(al_armx_2, t5_4);
+        let t5_5 = al_forearmy + t4_5;
+        let t5_6 = w_forearmz * w_forearmy;
+        let t5_7 = al_forearmx + t5_6;
+        let t5_8 = sin_q2_elbow * t5_5;
+        let w_ixy_forearm_q1 = (-cos_q2_elbow).mul_add(t5_7, t5_8);
+        let t5_9 = -w_ixy_forearm_q1;
+        let t5_10 = w_forearmx * w_forearmx;
+        let t5_11 = w_forearmy * w_forearmy;
+        let t5_12 = t5_10 - t5_11;
+        let w_ixy_forearm_q2 = t5_12 * t5_1;
+        let w_ixy_forearm_q3 = t5_12 * x_elbow_q3;
+        let t5_13 = -w_ixy_forearm_q3;
+        w[9][0] = t5_9; w[9][1] = w_ixy_forearm_q2; w[9][3] = t5_13;
         let al_forearmz = dd_q2 + dd_elbow;
-        let t4_14 = al_forearmz + t3_7;
-        let t4_15 = sin_q2_elbow * t4_14;
-        let t4_16 = w_forearmz * w_forearmz;
-        let t4_17 = t4_10 - t4_16;
-        let w_ixz_forearm_q1 = (-cos_q2_elbow).mul_add(t4_17, t4_15);
-        let t4_18 = al_forearmx - t4_7;
-        let w_ixz_forearm_q2 = t4_18 * t4_1;
-        let w_ixz_forearm_q3 = t4_18 * x_elbow_q3;
-        let t4_19 = -w_ixz_forearm_q3;
-        w[10] = [w_ixz_forearm_q1, w_ixz_forearm_q2, like.lift(0.0), t4_19];
-        let t4_20 = t4_11 - t4_16;
-        let t4_21 = sin_q2_elbow * t4_20;
-        let t4_22 = al_forearmz - t3_7;
-        let w_iyz_forearm_q1 = cos_q2_elbow.mul_add(t4_22, t4_21);
-        let t4_23 = al_forearmy - t3_6;
-        let w_iyz_forearm_q2 = t4_23 * t4_1;
-        let t4_24 = -w_iyz_forearm_q2;
-        let w_iyz_forearm_q3 = t4_23 * x_elbow_q3;
-        w[11] = [w_iyz_forearm_q1, t4_24, like.lift(0.0), w_iyz_forearm_q3];
-        let w_izz_forearm_q2 = al_forearmz * t4_1;
+        let t5_14 = al_forearmz + t4_7;
+        let t5_15 = w_forearmz * w_forearmz;
+        let t5_16 = t5_10 - t5_15;
+        let t5_17 = sin_q2_elbow * t5_14;
+        let w_ixz_forearm_q1 = (-cos_q2_elbow).mul_add(t5_16, t5_17);
+        let t5_18 = al_forearmx - t5_6;
+        let w_ixz_forearm_q2 = t5_18 * t5_1;
+        let w_ixz_forearm_q3 = t5_18 * x_elbow_q3;
+        let t5_19 = -w_ixz_forearm_q3;
+        w[10][0] = w_ixz_forearm_q1; w[10][1] = w_ixz_forearm_q2; w[10][3] = t5_19;
+        let t5_20 = t5_11 - t5_15;
+        let t5_21 = al_forearmz - t4_7;
+        let t5_22 = cos_q2_elbow * t5_21;
+        let w_iyz_forearm_q1 = sin_q2_elbow.mul_add(t5_20, t5_22);
+        let t5_23 = al_forearmy - t4_5;
+        let w_iyz_forearm_q2 = t5_23 * t5_1;
+        let t5_24 = -w_iyz_forearm_q2;
+        let w_iyz_forearm_q3 = t5_23 * x_elbow_q3;
+        w[11][0] = w_iyz_forearm_q1; w[11][1] = t5_24; w[11][3] = w_iyz_forearm_q3;
+        let w_izz_forearm_q2 = al_forearmz * t5_1;
         let w_izz_forearm_q3 = al_forearmz * x_elbow_q3;
-        let t4_25 = -w_izz_forearm_q3;
-        w[12] = [like.lift(0.0), w_izz_forearm_q2, like.lift(0.0), t4_25];
+        let t5_25 = -w_izz_forearm_q3;
+        w[12][1] = w_izz_forearm_q2; w[12][3] = t5_25;
         let a_armz = like.lift(0.0132) * dd_q1;
-        let a_forearmz = like.lift(-0.14207).mul_add(t2_3, a_armz);
-        let t4_26 = cos_q2_elbow * a_forearmz;
+        let a_forearmz = like.lift(-0.14207).mul_add(t3_3, a_armz);
         let u_forearm_q1z = like.lift(0.14207).mul_add(cos_q2, like.lift(0.0132));
-        let w_mx_forearm_q1 = (-u_forearm_q1z).mul_add(t4_5, t4_26);
-        let t4_27 = t4_11 + t4_16;
-        let t4_28 = sin_elbow * t4_27;
-        let t4_29 = like.lift(0.14207) * t4_28;
-        let t4_30 = cos_elbow * t4_14;
-        let t4_31 = like.lift(-0.14207).mul_add(t4_30, t4_29);
-        let t4_32 = t2_8 + t2_11;
-        let t4_33 = like.lift(0.14207).mul_add(t4_32, a_armx_3);
-        let t4_34 = sin_elbow * t4_33;
-        let t4_35 = like.lift(0.14207).mul_add(t2_9, a_army_3);
-        let a_forearmy = cos_elbow.mul_add(t4_35, t4_34);
-        let w_mx_forearm_q2 = (-a_forearmy).mul_add(t4_1, t4_31);
-        let t4_36 = -w_mx_forearm_q2;
+        let t5_26 = cos_q2_elbow * a_forearmz;
+        let w_mx_forearm_q1 = (-u_forearm_q1z).mul_add(t5_5, t5_26);
+        let t5_27 = t5_11 + t5_15;
+        let t5_28 = t3_8 + t3_10;
+        let t5_29 = like.lift(0.14207).mul_add(t5_28, a_armx);
+        let t5_30 = like.lift(0.14207).mul_add(t3_9, a_army);
+        let t5_31 = cos_elbow * t5_30;
+        let a_forearmy = sin_elbow.mul_add(t5_29, t5_31);
+        let t5_32 = cos_elbow * t5_14;
+        let t5_33 = (-sin_elbow).mul_add(t5_27, t5_32);
+        let t5_34 = a_forearmy * t5_1;
+        let t5_35 = like.lift(0.14207).mul_add(t5_33, t5_34);
+        let w_mx_forearm_q2 = -t5_35;
+        let t5_36 = -w_mx_forearm_q2;
         let w_mx_forearm_q3 = a_forearmy * x_elbow_q3;
-        let t4_37 = -w_mx_forearm_q3;
-        w[13] = [w_mx_forearm_q1, t4_36, like.lift(0.0), t4_37];
-        let t4_38 = sin_q2_elbow * a_forearmz;
-        let w_my_forearm_q1 = u_forearm_q1z.mul_add(t4_8, t4_38);
-        let t4_39 = -w_my_forearm_q1;
-        let t4_40 = sin_elbow * t4_22;
-        let t4_41 = like.lift(0.14207) * t4_40;
-        let t4_42 = t4_10 + t4_16;
-        let t4_43 = cos_elbow * t4_42;
-        let t4_44 = like.lift(0.14207).mul_add(t4_43, t4_41);
-        let t4_45 = cos_elbow * t4_33;
-        let a_forearmx = (-sin_elbow).mul_add(t4_35, t4_45);
-        let w_my_forearm_q2 = (-a_forearmx).mul_add(t4_1, t4_44);
-        let t4_46 = -w_my_forearm_q2;
+        let t5_37 = -w_mx_forearm_q3;
+        w[13][0] = w_mx_forearm_q1; w[13][1] = t5_36; w[13][3] = t5_37;
+        let t5_38 = u_forearm_q1z * t5_7;
+        let w_my_forearm_q1 = sin_q2_elbow.mul_add(a_forearmz, t5_38);
+        let t5_39 = -w_my_forearm_q1;
+        let t5_40 = t5_10 + t5_15;
+        let t5_41 = cos_elbow * t5_29;
+        let a_forearmx = (-sin_elbow).mul_add(t5_30, t5_41);
+        let t5_42 = cos_elbow * t5_40;
+        let t5_43 = sin_elbow.mul_add(t5_21, t5_42);
+        let t5_44 = like.lift(0.14207) * t5_43;
+        let w_my_forearm_q2 = (-a_forearmx).mul_add(t5_1, t5_44);
+        let t5_45 = -w_my_forearm_q2;
         let w_my_forearm_q3 = a_forearmx * x_elbow_q3;
-        let t4_47 = -w_my_forearm_q3;
-        w[14] = [t4_39, t4_46, like.lift(0.0), t4_47];
+        let t5_46 = -w_my_forearm_q3;
+        w[14][0] = t5_39; w[14][1] = t5_45; w[14][3] = t5_46;
         [
-            t4_1, al_forearmy, t4_5, al_forearmz, t4_14, a_armz, a_forearmz, u_forearm_q1z,
-            t4_27, a_forearmy, a_forearmx,
+            t5_1, al_forearmy, t5_5, al_forearmz, t5_14, a_armz, a_forearmz, u_forearm_q1z,
+            t5_27, a_forearmy, a_forearmx,
         ]
     };
     // body wrist
     let [
-        a_wristz, sin_wrist, cos_wrist, sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristx,
-        al_wristy, w_wristz, t5_6, u_wrist_q1z, t5_7, t5_9, a_wristy, w_wristy, t5_12,
-        u_wrist_q2x, al_wristz, t5_19, u_wrist_q2y,
+        a_wristz, sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristx, al_wristy, w_wristz, t6_5,
+        u_wrist_q1z, t6_7, t6_8, a_wristy, w_wristy, t6_12, u_wrist_q2x, t6_16, al_wristz,
+        t6_18, u_wrist_q2y,
     ] = {
-        let a_wristz = like.lift(-0.15852).mul_add(t4_5, a_forearmz);
-        let (sin_wrist, cos_wrist) = wrist.sin_cos();
-        let t5_1 = cos_q2_elbow * sin_wrist;
-        let t5_2 = sin_q2_elbow * sin_wrist;
-        let sin_q2_elbow_wrist = sin_q2_elbow.mul_add(cos_wrist, t5_1);
-        let cos_q2_elbow_wrist = cos_q2_elbow.mul_add(cos_wrist, -t5_2);
-        let t5_3 = a_wristz * cos_q2_elbow_wrist;
-        let t5_4 = sin_wrist * al_forearmx;
-        let t5_5 = cos_wrist.mul_add(al_forearmy, t5_4);
+        let a_wristz = like.lift(-0.15852).mul_add(t5_5, a_forearmz);
+        let t6_1 = sin_q2_elbow * cos_wrist;
+        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t6_1);
+        let t6_2 = cos_q2_elbow * cos_wrist;
+        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t6_2);
         let w_wristx = d_q1 * sin_q2_elbow_wrist;
-        let al_wristy = d_wrist.mul_add(w_wristx, t5_5);
+        let t6_3 = d_wrist * w_wristx;
+        let t6_4 = cos_wrist.mul_add(al_forearmy, t6_3);
+        let al_wristy = sin_wrist.mul_add(al_forearmx, t6_4);
         let w_wristz = d_wrist + w_forearmz;
-        let t5_6 = w_wristx.mul_add(w_wristz, al_wristy);
+        let t6_5 = w_wristx.mul_add(w_wristz, al_wristy);
         let u_wrist_q1z = like.lift(0.15852).mul_add(cos_q2_elbow, u_forearm_q1z);
-        let w_mx_wrist_q1 = (-t5_6).mul_add(u_wrist_q1z, t5_3);
-        let t5_7 = like.lift(0.15852).mul_add(t4_27, a_forearmx);
-        let t5_8 = sin_wrist * t5_7;
-        let t5_9 = like.lift(0.15852).mul_add(t4_14, a_forearmy);
-        let a_wristy = cos_wrist.mul_add(t5_9, t5_8);
-        let t5_10 = x_wrist_q2 - t4_1;
+        let t6_6 = a_wristz * cos_q2_elbow_wrist;
+        let w_mx_wrist_q1 = (-t6_5).mul_add(u_wrist_q1z, t6_6);
+        let t6_7 = like.lift(0.15852).mul_add(t5_27, a_forearmx);
+        let t6_8 = like.lift(0.15852).mul_add(t5_14, a_forearmy);
+        let t6_9 = cos_wrist * t6_8;
+        let a_wristy = sin_wrist.mul_add(t6_7, t6_9);
+        let t6_10 = x_wrist_q2 - t5_1;
         let w_wristy = d_q1 * cos_q2_elbow_wrist;
-        let t5_11 = w_wristy * w_wristy;
-        let t5_12 = w_wristz.mul_add(w_wristz, t5_11);
-        let t5_13 = sin_elbow * cos_wrist;
-        let t5_14 = like.lift(0.14207) * t5_13;
-        let u_forearm_q2y = like.lift(0.14207) * cos_elbow;
-        let t5_15 = like.lift(0.15852) + u_forearm_q2y;
-        let u_wrist_q2x = sin_wrist.mul_add(t5_15, t5_14);
-        let t5_16 = sin_wrist * x_elbow_q2;
-        let t5_17 = like.lift(-0.15852).mul_add(t5_16, u_wrist_q2x);
-        let t5_18 = t5_12 * t5_17;
+        let t6_11 = w_wristz * w_wristz;
+        let t6_12 = w_wristy.mul_add(w_wristy, t6_11);
+        let t6_13 = like.lift(0.14207).mul_add(cos_elbow, like.lift(0.15852));
+        let t6_14 = like.lift(0.14207) * sin_elbow;
+        let t6_15 = sin_wrist * t6_13;
+        let u_wrist_q2x = cos_wrist.mul_add(t6_14, t6_15);
+        let t6_16 = like.lift(0.15852) * x_elbow_q2;
+        let t6_17 = (-sin_wrist).mul_add(t6_16, u_wrist_q2x);
         let al_wristz = dd_wrist + al_forearmz;
-        let t5_19 = w_wristx.mul_add(w_wristy, al_wristz);
-        let t5_20 = sin_elbow * sin_wrist;
-        let t5_21 = like.lift(0.14207) * t5_20;
-        let u_wrist_q2y = (-cos_wrist).mul_add(t5_15, t5_21);
-        let t5_22 = cos_wrist * x_elbow_q2;
-        let t5_23 = like.lift(0.15852).mul_add(t5_22, u_wrist_q2y);
-        let t5_24 = t5_19.mul_add(t5_23, t5_18);
-        let w_mx_wrist_q2 = a_wristy.mul_add(t5_10, t5_24);
-        let t5_25 = -w_mx_wrist_q2;
-        let t5_26 = x_elbow_q3 + x_wrist_q3;
-        let t5_27 = sin_wrist * x_elbow_q3;
-        let t5_28 = t5_12 * t5_27;
-        let t5_29 = like.lift(0.15852) * t5_28;
-        let t5_30 = cos_wrist * x_elbow_q3;
-        let t5_31 = t5_19 * t5_30;
-        let t5_32 = like.lift(-0.15852).mul_add(t5_31, t5_29);
-        let w_mx_wrist_q3 = a_wristy.mul_add(t5_26, -t5_32);
-        let t5_33 = -w_mx_wrist_q3;
-        w[15] = [w_mx_wrist_q1, t5_25, like.lift(0.0), t5_33];
+        let t6_18 = w_wristx.mul_add(w_wristy, al_wristz);
+        let t6_19 = sin_wrist * t6_14;
+        let u_wrist_q2y = (-cos_wrist).mul_add(t6_13, t6_19);
+        let t6_20 = cos_wrist.mul_add(t6_16, u_wrist_q2y);
+        let t6_21 = a_wristy * t6_10;
+        let t6_22 = t6_18.mul_add(t6_20, t6_21);
+        let w_mx_wrist_q2 = t6_12.mul_add(t6_17, t6_22);
+        let t6_23 = -w_mx_wrist_q2;
+        let t6_24 = x_elbow_q3 + x_wrist_q3;
+        let t6_25 = t6_18 * cos_wrist;
+        let t6_26 = t6_25 * x_elbow_q3;
+        let t6_27 = t6_12 * sin_wrist;
+        let t6_28 = (-t6_27).mul_add(x_elbow_q3, t6_26);
+        let t6_29 = a_wristy * t6_24;
+        let w_mx_wrist_q3 = like.lift(0.15852).mul_add(t6_28, t6_29);
+        let t6_30 = -w_mx_wrist_q3;
+        w[15][0] = w_mx_wrist_q1; w[15][1] = t6_23; w[15][3] = t6_30;
         [
-            a_wristz, sin_wrist, cos_wrist, sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristx,
-            al_wristy, w_wristz, t5_6, u_wrist_q1z, t5_7, t5_9, a_wristy, w_wristy, t5_12,
-            u_wrist_q2x, al_wristz, t5_19, u_wrist_q2y,
+            a_wristz, sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristx, al_wristy, w_wristz,
+            t6_5, u_wrist_q1z, t6_7, t6_8, a_wristy, w_wristy, t6_12, u_wrist_q2x, t6_16,
+            al_wristz, t6_18, u_wrist_q2y,
         ]
     };
     // body flange
     {
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t6_1 = cos_q4 * w_wristx;
-        let w_flangex = sin_q4.mul_add(w_wristz, t6_1);
+        let t7_1 = sin_q4 * w_wristz;
+        let w_flangex = cos_q4.mul_add(w_wristx, t7_1);
         let w_flangez = d_q4 - w_wristy;
-        let t6_2 = w_flangex * w_flangez;
+        let t7_2 = w_flangex * w_flangez;
         let e_flange_q1y = sin_q4 * sin_q2_elbow_wrist;
-        let t6_3 = t6_2 * e_flange_q1y;
-        let t6_4 = sin_q4 * w_wristx;
-        let w_flangey = (-cos_q4).mul_add(w_wristz, t6_4);
-        let t6_5 = w_flangey * w_flangez;
+        let t7_3 = sin_q4 * w_wristx;
+        let w_flangey = (-cos_q4).mul_add(w_wristz, t7_3);
+        let t7_4 = w_flangey * w_flangez;
         let e_flange_q1x = cos_q4 * sin_q2_elbow_wrist;
-        let t6_6 = (-t6_5).mul_add(e_flange_q1x, t6_3);
         let al_flangez = dd_q4 + al_wristy;
-        let w_izz_flange_q1 = (-cos_q2_elbow_wrist).mul_add(al_flangez, t6_6);
-        let t6_7 = (-cos_q4).mul_add(x_elbow_q2, cos_q4);
-        let t6_8 = (-cos_q4).mul_add(x_wrist_q2, t6_7);
-        let t6_9 = t6_2 * t6_8;
-        let t6_10 = (-sin_q4).mul_add(x_elbow_q2, sin_q4);
-        let t6_11 = (-sin_q4).mul_add(x_wrist_q2, t6_10);
-        let w_izz_flange_q2 = t6_5.mul_add(t6_11, t6_9);
-        let t6_12 = -w_izz_flange_q2;
-        let t6_13 = cos_q4 * x_elbow_q3;
-        let t6_14 = cos_q4.mul_add(x_wrist_q3, t6_13);
-        let t6_15 = t6_2 * t6_14;
-        let t6_16 = sin_q4 * x_elbow_q3;
-        let t6_17 = sin_q4.mul_add(x_wrist_q3, t6_16);
-        let w_izz_flange_q3 = t6_5.mul_add(t6_17, t6_15);
-        w[16] = [w_izz_flange_q1, t6_12, al_flangez, w_izz_flange_q3];
-        let t6_18 = cos_wrist * t5_7;
-        let a_wristx = (-sin_wrist).mul_add(t5_9, t6_18);
-        let t6_19 = like.lift(0.05).mul_add(t5_12, a_wristx);
-        let t6_20 = sin_q4 * t6_19;
-        let t6_21 = like.lift(-0.05).mul_add(t5_6, a_wristz);
-        let a_flangey = (-cos_q4).mul_add(t6_21, t6_20);
-        let t6_22 = cos_q2_elbow_wrist * a_flangey;
-        let a_flangez = like.lift(0.05).mul_add(t5_19, a_wristy);
-        let t6_23 = a_flangez.mul_add(e_flange_q1y, t6_22);
-        let t6_24 = w_flangez * w_flangez;
-        let t6_25 = w_flangey.mul_add(w_flangey, t6_24);
-        let t6_26 = like.lift(0.05).mul_add(cos_q2_elbow_wrist, u_wrist_q1z);
-        let u_flange_q1x = sin_q4 * t6_26;
-        let t6_27 = t6_25 * u_flange_q1x;
+        let t7_5 = t7_2 * e_flange_q1y;
+        let t7_6 = (-cos_q2_elbow_wrist).mul_add(al_flangez, t7_5);
+        let w_izz_flange_q1 = (-t7_4).mul_add(e_flange_q1x, t7_6);
+        let t7_7 = x_wrist_q2 + x_elbow_q2;
+        let t7_8 = (-cos_q4).mul_add(t7_7, cos_q4);
+        let t7_9 = x_wrist_q2 + x_elbow_q2;
+        let t7_10 = (-sin_q4).mul_add(t7_9, sin_q4);
+        let t7_11 = t7_4 * t7_10;
+        let w_izz_flange_q2 = t7_2.mul_add(t7_8, t7_11);
+        let t7_12 = -w_izz_flange_q2;
+        let t7_13 = x_wrist_q3 + x_elbow_q3;
+        let t7_14 = cos_q4 * t7_13;
+        let t7_15 = x_wrist_q3 + x_elbow_q3;
+        let t7_16 = sin_q4 * t7_15;
+        let t7_17 = t7_4 * t7_16;
+        let w_izz_flange_q3 = t7_2.mul_add(t7_14, t7_17);
+        w[16] = [w_izz_flange_q1, t7_12, al_flangez, w_izz_flange_q3];
+        let t7_18 = like.lift(0.05) * t6_12;
+        let t7_19 = (-sin_wrist).mul_add(t6_8, t7_18);
+        let t7_20 = cos_wrist.mul_add(t6_7, t7_19);
+        let t7_21 = like.lift(-0.05).mul_add(t6_5, a_wristz);
+        let t7_22 = sin_q4 * t7_20;
+        let a_flangey = (-cos_q4).mul_add(t7_21, t7_22);
+        let a_flangez = like.lift(0.05).mul_add(t6_18, a_wristy);
+        let t7_23 = w_flangez * w_flangez;
+        let t7_24 = w_flangey.mul_add(w_flangey, t7_23);
+        let t7_25 = like.lift(0.05).mul_add(cos_q2_elbow_wrist, u_wrist_q1z);
+        let u_flange_q1x = sin_q4 * t7_25;
         let w_ixx_flange_q4 = w_flangex * w_flangey;
-        let t6_28 = al_flangez - w_ixx_flange_q4;
-        let u_flange_q1y = cos_q4 * t6_26;
-        let t6_29 = (-t6_28).mul_add(u_flange_q1y, t6_27);
-        let w_mx_flange_q1 = t6_23 - t6_29;
-        let t6_30 = -w_mx_flange_q1;
-        let u_flange_q2x = cos_q4 * u_wrist_q2x;
-        let t6_31 = sin_wrist * cos_q4;
-        let t6_32 = t6_31 * x_elbow_q2;
-        let t6_33 = like.lift(-0.15852).mul_add(t6_32, u_flange_q2x);
-        let t6_34 = t6_25 * t6_33;
-        let u_flange_q2y = sin_q4 * u_wrist_q2x;
-        let t6_35 = sin_wrist * sin_q4;
-        let t6_36 = t6_35 * x_elbow_q2;
-        let t6_37 = like.lift(-0.15852).mul_add(t6_36, u_flange_q2y);
-        let t6_38 = t6_28.mul_add(t6_37, t6_34);
-        let t6_39 = cos_wrist * al_forearmx;
-        let t6_40 = (-sin_wrist).mul_add(al_forearmy, t6_39);
-        let al_wristx = d_wrist.mul_add(w_wristy, t6_40);
-        let t6_41 = sin_q4 * al_wristx;
-        let t6_42 = (-cos_q4).mul_add(al_wristz, t6_41);
-        let al_flangey = d_q4.mul_add(w_flangex, t6_42);
-        let t6_43 = al_flangey + t6_2;
-        let u_flange_q2z = like.lift(0.05) - u_wrist_q2y;
-        let u_wrist_elbowy = like.lift(0.15852) * cos_wrist;
-        let u_flange_elbowz = like.lift(0.05) + u_wrist_elbowy;
-        let t6_44 = (-u_flange_elbowz).mul_add(x_elbow_q2, u_flange_q2z);
-        let t6_45 = like.lift(-0.05).mul_add(x_wrist_q2, t6_44);
-        let t6_46 = t6_43.mul_add(t6_45, t6_38);
-        let w_mx_flange_q2 = a_flangez.mul_add(t6_8, -t6_46);
-        let t6_47 = t6_31 * x_elbow_q3;
-        let t6_48 = t6_25 * t6_47;
-        let t6_49 = like.lift(0.15852) * t6_48;
-        let t6_50 = t6_35 * x_elbow_q3;
-        let t6_51 = t6_28 * t6_50;
-        let t6_52 = like.lift(0.15852).mul_add(t6_51, t6_49);
-        let t6_53 = u_flange_elbowz * x_elbow_q3;
-        let t6_54 = like.lift(0.05).mul_add(x_wrist_q3, t6_53);
-        let t6_55 = t6_43.mul_add(t6_54, t6_52);
-        let w_mx_flange_q3 = a_flangez.mul_add(t6_14, -t6_55);
-        let t6_56 = -w_mx_flange_q3;
-        w[17] = [t6_30, w_mx_flange_q2, a_flangey, t6_56];
-        let t6_57 = a_flangez * e_flange_q1x;
-        let t6_58 = cos_q4 * t6_19;
-        let a_flangex = sin_q4.mul_add(t6_21, t6_58);
-        let t6_59 = cos_q2_elbow_wrist.mul_add(a_flangex, t6_57);
-        let t6_60 = al_flangez + w_ixx_flange_q4;
-        let t6_61 = t6_60 * u_flange_q1x;
-        let t6_62 = w_flangex.mul_add(w_flangex, t6_24);
-        let t6_63 = t6_62.mul_add(u_flange_q1y, t6_61);
-        let w_my_flange_q1 = t6_59 - t6_63;
-        let t6_64 = -w_my_flange_q1;
-        let t6_65 = t6_60 * t6_33;
-        let t6_66 = (-t6_62).mul_add(t6_37, t6_65);
-        let t6_67 = cos_q4 * al_wristx;
-        let t6_68 = sin_q4.mul_add(al_wristz, t6_67);
-        let al_flangex = (-d_q4).mul_add(w_flangey, t6_68);
-        let t6_69 = al_flangex - t6_5;
-        let t6_70 = t6_69.mul_add(t6_45, t6_66);
-        let w_my_flange_q2 = a_flangez.mul_add(t6_11, t6_70);
-        let t6_71 = -w_my_flange_q2;
-        let t6_72 = t6_60 * t6_47;
-        let t6_73 = like.lift(0.15852) * t6_72;
-        let t6_74 = t6_62 * t6_50;
-        let t6_75 = like.lift(-0.15852).mul_add(t6_74, t6_73);
-        let t6_76 = t6_69.mul_add(t6_54, t6_75);
-        let w_my_flange_q3 = a_flangez.mul_add(t6_17, t6_76);
-        w[18] = [t6_64, t6_71, a_flangex, w_my_flange_q3];
+        let t7_26 = al_flangez - w_ixx_flange_q4;
+        let u_flange_q1y = cos_q4 * t7_25;
+        let t7_27 = a_flangez * e_flange_q1y;
+        let t7_28 = cos_q2_elbow_wrist.mul_add(a_flangey, t7_27);
+        let t7_29 = t7_26.mul_add(u_flange_q1y, t7_28);
+        let w_mx_flange_q1 = (-t7_24).mul_add(u_flange_q1x, t7_29);
+        let t7_30 = -w_mx_flange_q1;
+        let t7_31 = sin_wrist * cos_q4;
+        let t7_32 = cos_q4 * u_wrist_q2x;
+        let t7_33 = (-t7_31).mul_add(t6_16, t7_32);
+        let t7_34 = sin_wrist * sin_q4;
+        let t7_35 = sin_q4 * u_wrist_q2x;
+        let t7_36 = (-t7_34).mul_add(t6_16, t7_35);
+        let t7_37 = d_wrist * w_wristy;
+        let t7_38 = (-sin_wrist).mul_add(al_forearmy, t7_37);
+        let al_wristx = cos_wrist.mul_add(al_forearmx, t7_38);
+        let t7_39 = d_q4.mul_add(w_flangex, t7_2);
+        let t7_40 = (-cos_q4).mul_add(al_wristz, t7_39);
+        let t7_41 = sin_q4.mul_add(al_wristx, t7_40);
+        let u_flange_elbowz = like.lift(0.15852).mul_add(cos_wrist, like.lift(0.05));
+        let t7_42 = like.lift(-0.05).mul_add(x_wrist_q2, like.lift(0.05));
+        let t7_43 = (-u_flange_elbowz).mul_add(x_elbow_q2, t7_42);
+        let t7_44 = t7_43 - u_wrist_q2y;
+        let t7_45 = a_flangez * t7_8;
+        let t7_46 = (-t7_41).mul_add(t7_44, t7_45);
+        let t7_47 = (-t7_26).mul_add(t7_36, t7_46);
+        let w_mx_flange_q2 = (-t7_24).mul_add(t7_33, t7_47);
+        let t7_48 = t7_31 * x_elbow_q3;
+        let t7_49 = t7_34 * x_elbow_q3;
+        let t7_50 = like.lift(0.05) * x_wrist_q3;
+        let t7_51 = u_flange_elbowz.mul_add(x_elbow_q3, t7_50);
+        let t7_52 = t7_26 * t7_49;
+        let t7_53 = t7_24.mul_add(t7_48, t7_52);
+        let t7_54 = a_flangez * t7_14;
+        let t7_55 = (-t7_41).mul_add(t7_51, t7_54);
+        let w_mx_flange_q3 = like.lift(-0.15852).mul_add(t7_53, t7_55);
+        let t7_56 = -w_mx_flange_q3;
+        w[17] = [t7_30, w_mx_flange_q2, a_flangey, t7_56];
+        let t7_57 = sin_q4 * t7_21;
+        let a_flangex = cos_q4.mul_add(t7_20, t7_57);
+        let t7_58 = al_flangez + w_ixx_flange_q4;
+        let t7_59 = w_flangex.mul_add(w_flangex, t7_23);
+        let t7_60 = cos_q2_elbow_wrist * a_flangex;
+        let t7_61 = a_flangez.mul_add(e_flange_q1x, t7_60);
+        let t7_62 = (-t7_59).mul_add(u_flange_q1y, t7_61);
+        let w_my_flange_q1 = (-t7_58).mul_add(u_flange_q1x, t7_62);
+        let t7_63 = -w_my_flange_q1;
+        let t7_64 = sin_q4.mul_add(al_wristz, -t7_4);
+        let t7_65 = (-d_q4).mul_add(w_flangey, t7_64);
+        let t7_66 = cos_q4.mul_add(al_wristx, t7_65);
+        let t7_67 = a_flangez * t7_10;
+        let t7_68 = t7_66.mul_add(t7_44, t7_67);
+        let t7_69 = (-t7_59).mul_add(t7_36, t7_68);
+        let w_my_flange_q2 = t7_58.mul_add(t7_33, t7_69);
+        let t7_70 = -w_my_flange_q2;
+        let t7_71 = t7_59 * t7_49;
+        let t7_72 = (-t7_58).mul_add(t7_48, t7_71);
+        let t7_73 = a_flangez * t7_16;
+        let t7_74 = t7_66.mul_add(t7_51, t7_73);
+        let w_my_flange_q3 = like.lift(-0.15852).mul_add(t7_72, t7_74);
+        w[18] = [t7_63, t7_70, a_flangex, w_my_flange_q3];
     }
     // body crank
-    let [w_crankx, al_cranky_2, t7_2, a_cranky_3, w_cranky, al_crankx_2, a_crankx_3] = {
+    let [w_crankx, al_cranky_2, t8_1, a_cranky, w_cranky, al_crankx_2, a_crankx] = {
         let w_iyz_crank_q3 = cos_q3 * dd_q1;
-        let t7_1 = like.lift(0.0132) * w_iyz_crank_q3;
         let w_crankx = sin_q3 * d_q1;
         let al_cranky = d_q3 * w_crankx;
         let al_cranky_2 = w_iyz_crank_q3 - al_cranky;
-        let t7_2 = al_cranky - al_cranky_2;
-        let w_mx_crank_q1 = like.lift(-0.0132).mul_add(t7_2, t7_1);
-        let t7_3 = sin_q3 * t2_17;
-        let a_cranky = like.lift(0.0132) * t7_3;
-        let a_cranky_2 = like.lift(9.81) * cos_q3;
-        let a_cranky_3 = a_cranky + a_cranky_2;
-        w[19] = [w_mx_crank_q1, like.lift(0.0), like.lift(0.0), a_cranky_3];
+        let t8_1 = al_cranky - al_cranky_2;
+        let t8_2 = t8_1 - w_iyz_crank_q3;
+        let t8_3 = like.lift(0.0132) * t8_2;
+        let w_mx_crank_q1 = -t8_3;
+        let t8_4 = sin_q3 * t3_19;
+        let a_cranky = like.lift(9.81).mul_add(cos_q3, t8_4);
+        w[19][0] = w_mx_crank_q1; w[19][3] = a_cranky;
         let w_ixz_crank_q3 = sin_q3 * dd_q1;
-        let t7_4 = like.lift(0.0132) * w_ixz_crank_q3;
         let w_cranky = cos_q3 * d_q1;
         let al_crankx = d_q3 * w_cranky;
         let al_crankx_2 = w_ixz_crank_q3 + al_crankx;
-        let t7_5 = al_crankx + al_crankx_2;
-        let w_my_crank_q1 = like.lift(0.0132).mul_add(t7_5, t7_4);
-        let t7_6 = -w_my_crank_q1;
-        let t7_7 = cos_q3 * t2_17;
-        let a_crankx = like.lift(0.0132) * t7_7;
-        let a_crankx_2 = like.lift(9.81) * sin_q3;
-        let a_crankx_3 = a_crankx - a_crankx_2;
-        w[20] = [t7_6, like.lift(0.0), like.lift(0.0), a_crankx_3];
-        [w_crankx, al_cranky_2, t7_2, a_cranky_3, w_cranky, al_crankx_2, a_crankx_3]
+        let t8_5 = al_crankx + al_crankx_2;
+        let t8_6 = t8_5 + w_ixz_crank_q3;
+        let w_my_crank_q1 = like.lift(0.0132) * t8_6;
+        let t8_7 = -w_my_crank_q1;
+        let t8_8 = cos_q3 * t3_19;
+        let a_crankx = like.lift(-9.81).mul_add(sin_q3, t8_8);
+        w[20][0] = t8_7; w[20][3] = a_crankx;
+        [w_crankx, al_cranky_2, t8_1, a_cranky, w_cranky, al_crankx_2, a_crankx]
     };
     // body rod
     {
-        let t8_1 = cos_q3 * sin_pin;
-        let t8_2 = sin_q3 * sin_pin;
-        let sin_q3_pin = sin_q3.mul_add(cos_pin, t8_1);
-        let cos_q3_pin = cos_q3.mul_add(cos_pin, -t8_2);
-        let a_rodz = like.lift(-0.0456).mul_add(t7_2, a_armz);
-        let t8_3 = sin_q3_pin * a_rodz;
+        let t9_1 = sin_q3 * cos_pin;
+        let sin_q3_pin = cos_q3.mul_add(sin_pin, t9_1);
+        let t9_2 = cos_q3 * cos_pin;
+        let cos_q3_pin = (-sin_q3).mul_add(sin_pin, t9_2);
+        let a_rodz = like.lift(-0.0456).mul_add(t8_1, a_armz);
         let u_rod_q1z = like.lift(0.0456).mul_add(cos_q3, like.lift(0.0132));
-        let t8_4 = cos_pin * al_crankx_2;
-        let t8_5 = sin_pin.mul_add(al_cranky_2, t8_4);
         let w_rody = cos_q3_pin * d_q1;
-        let al_rodx = d_pin.mul_add(w_rody, t8_5);
         let w_rodz = d_q3 + d_pin;
-        let t8_6 = w_rodz.mul_add(w_rody, al_rodx);
-        let w_my_rod_q1 = u_rod_q1z.mul_add(t8_6, t8_3);
-        let t8_7 = -w_my_rod_q1;
-        let t8_8 = d_q3 * d_q3;
-        let t8_9 = w_cranky.mul_add(w_cranky, t8_8);
-        let t8_10 = like.lift(0.0456).mul_add(t8_9, a_crankx_3);
-        let t8_11 = cos_pin * t8_10;
-        let w_ixx_crank_q3 = w_crankx * w_cranky;
-        let t8_12 = dd_q3 + w_ixx_crank_q3;
-        let t8_13 = like.lift(0.0456).mul_add(t8_12, a_cranky_3);
-        let a_rodx = (-sin_pin).mul_add(t8_13, t8_11);
+        let t9_3 = w_rodz + d_pin;
+        let t9_4 = w_rody * t9_3;
+        let t9_5 = sin_pin.mul_add(al_cranky_2, t9_4);
+        let t9_6 = cos_pin.mul_add(al_crankx_2, t9_5);
+        let t9_7 = u_rod_q1z * t9_6;
+        let w_my_rod_q1 = sin_q3_pin.mul_add(a_rodz, t9_7);
+        let t9_8 = -w_my_rod_q1;
+        let t9_9 = w_cranky * w_cranky;
+        let t9_10 = d_q3.mul_add(d_q3, t9_9);
+        let t9_11 = like.lift(0.0456).mul_add(t9_10, a_crankx);
+        let t9_12 = w_crankx.mul_add(w_cranky, dd_q3);
+        let t9_13 = like.lift(0.0456).mul_add(t9_12, a_cranky);
+        let t9_14 = cos_pin * t9_11;
+        let a_rodx = (-sin_pin).mul_add(t9_13, t9_14);
         let w_my_rod_q2 = a_rodx * x_pin_q2;
-        let t8_14 = -w_my_rod_q2;
-        let al_rodz = dd_q3 + dd_pin;
+        let t9_15 = -w_my_rod_q2;
         let w_rodx = sin_q3_pin * d_q1;
-        let t8_15 = (-w_rodx).mul_add(w_rody, al_rodz);
-        let t8_16 = sin_pin * t8_15;
-        let t8_17 = like.lift(0.0456) * t8_16;
-        let t8_18 = w_rodz * w_rodz;
-        let t8_19 = w_rodx.mul_add(w_rodx, t8_18);
-        let t8_20 = cos_pin * t8_19;
-        let t8_21 = like.lift(0.0456).mul_add(t8_20, t8_17);
-        let t8_22 = like.lift(1.0) - x_pin_q3;
-        let w_my_rod_q3 = (-a_rodx).mul_add(t8_22, t8_21);
-        let t8_23 = -w_my_rod_q3;
-        w[21] = [t8_7, t8_14, like.lift(0.0), t8_23];
+        let t9_16 = (-w_rodx).mul_add(w_rody, dd_q3);
+        let t9_17 = t9_16 + dd_pin;
+        let t9_18 = w_rodx * w_rodx;
+        let t9_19 = w_rodz.mul_add(w_rodz, t9_18);
+        let t9_20 = like.lift(1.0) - x_pin_q3;
+        let t9_21 = cos_pin * t9_19;
+        let t9_22 = sin_pin.mul_add(t9_17, t9_21);
+        let t9_23 = like.lift(0.0456) * t9_22;
+        let w_my_rod_q3 = (-a_rodx).mul_add(t9_20, t9_23);
+        let t9_24 = -w_my_rod_q3;
+        w[21][0] = t9_8; w[21][1] = t9_15; w[21][3] = t9_24;
     }
     Condition { pivot: condition }
 }
@@ -5609,7 +5360,7 @@ pub fn base_regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut 
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `beta`: base parameters, in the order of `BASE`
 ///
-/// 51 additions, 24 multiplications, 0 divisions, 0 sines and cosines.
+/// 51 additions, 19 multiplications, 0 divisions, 0 sines and cosines.
 pub fn to_base<T: Scalar>(phi: &[T; 70]) -> [T; 22] {
     let like = phi[0];
     let mut beta = [like.lift(0.0); 22];
@@ -5625,80 +5376,80 @@ pub fn to_base<T: Scalar>(phi: &[T; 70]) -> [T; 22] {
     ] = *phi;
     // combinations
     {
-        let t1_1 = p_izz_column + p_iyy_rod;
-        let t1_2 = p_iyy_crank + t1_1;
-        let t1_3 = p_iyy_wrist + t1_2;
-        let t1_4 = p_iyy_forearm + t1_3;
-        let t1_5 = p_iyy_arm + t1_4;
-        let t1_6 = like.lift(0.00017424).mul_add(p_m_crank, t1_5);
-        let t1_7 = like.lift(0.00017424).mul_add(p_m_arm, t1_6);
-        let t1_8 = like.lift(0.0022536).mul_add(p_m_rod, t1_7);
-        let t1_9 = like.lift(0.0203581249).mul_add(p_m_forearm, t1_8);
-        let t1_10 = like.lift(0.0454867153).mul_add(p_m_wrist, t1_9);
-        let t1_11 = like.lift(0.0479867153).mul_add(p_m_flange, t1_10);
+        let t1_1 = p_m_arm + p_m_crank;
+        let t1_2 = like.lift(0.0479867153).mul_add(p_m_flange, p_iyy_arm);
+        let t1_3 = like.lift(0.0454867153).mul_add(p_m_wrist, t1_2);
+        let t1_4 = like.lift(0.0203581249).mul_add(p_m_forearm, t1_3);
+        let t1_5 = like.lift(0.0022536).mul_add(p_m_rod, t1_4);
+        let t1_6 = like.lift(0.00017424).mul_add(t1_1, t1_5);
+        let t1_7 = t1_6 + p_iyy_forearm;
+        let t1_8 = t1_7 + p_iyy_wrist;
+        let t1_9 = t1_8 + p_iyy_crank;
+        let t1_10 = t1_9 + p_izz_column;
+        let t1_11 = t1_10 + p_iyy_rod;
         beta[0] = t1_11;
-        let t1_12 = p_ixx_arm - p_iyy_rod;
-        let t1_13 = p_ixx_rod + t1_12;
-        let t1_14 = p_iyy_arm - t1_13;
-        let t1_15 = like.lift(0.0201838849) * p_m_flange;
-        let t1_16 = t1_14 + t1_15;
-        let t1_17 = like.lift(0.0201838849) * p_m_wrist;
-        let t1_18 = t1_16 + t1_17;
-        let t1_19 = like.lift(0.0201838849) * p_m_forearm;
-        let t1_20 = t1_18 + t1_19;
+        let t1_12 = like.lift(0.0201838849) * p_m_flange;
+        let t1_13 = like.lift(0.0201838849) * p_m_wrist;
+        let t1_14 = like.lift(0.0201838849) * p_m_forearm;
+        let t1_15 = p_iyy_arm - p_ixx_rod;
+        let t1_16 = t1_15 - p_ixx_arm;
+        let t1_17 = t1_16 + p_iyy_rod;
+        let t1_18 = t1_17 + t1_12;
+        let t1_19 = t1_18 + t1_13;
+        let t1_20 = t1_19 + t1_14;
         let t1_21 = -t1_20;
         beta[1] = t1_21;
         let t1_22 = p_ixy_arm + p_ixy_rod;
         beta[2] = t1_22;
-        let t1_23 = p_ixz_arm + p_ixz_rod;
-        let t1_24 = like.lift(-0.14207).mul_add(p_mz_wrist, t1_23);
-        let t1_25 = like.lift(-0.14207).mul_add(p_mz_forearm, t1_24);
+        let t1_23 = p_mz_forearm + p_mz_wrist;
+        let t1_24 = like.lift(-0.14207).mul_add(t1_23, p_ixz_arm);
+        let t1_25 = t1_24 + p_ixz_rod;
         beta[3] = t1_25;
         let t1_26 = p_iyz_arm + p_iyz_rod;
         beta[4] = t1_26;
-        let t1_27 = p_izz_arm + p_izz_rod;
-        let t1_28 = t1_15 + t1_27;
-        let t1_29 = t1_17 + t1_28;
-        let t1_30 = t1_19 + t1_29;
+        let t1_27 = t1_14 + t1_13;
+        let t1_28 = t1_27 + t1_12;
+        let t1_29 = t1_28 + p_izz_arm;
+        let t1_30 = t1_29 + p_izz_rod;
         beta[5] = t1_30;
-        let t1_31 = p_mx_arm + p_mx_rod;
-        let t1_32 = like.lift(0.14207).mul_add(p_m_flange, t1_31);
-        let t1_33 = like.lift(0.14207).mul_add(p_m_wrist, t1_32);
-        let t1_34 = like.lift(0.14207).mul_add(p_m_forearm, t1_33);
+        let t1_31 = p_m_forearm + p_m_wrist;
+        let t1_32 = t1_31 + p_m_flange;
+        let t1_33 = like.lift(0.14207).mul_add(t1_32, p_mx_arm);
+        let t1_34 = t1_33 + p_mx_rod;
         beta[6] = t1_34;
-        let t1_35 = p_ixx_forearm - p_iyy_crank;
-        let t1_36 = p_ixx_crank + t1_35;
-        let t1_37 = p_iyy_forearm - t1_36;
-        let t1_38 = like.lift(0.00207936) * p_m_rod;
-        let t1_39 = t1_37 + t1_38;
-        let t1_40 = like.lift(0.0251285904) * p_m_flange;
-        let t1_41 = t1_39 + t1_40;
-        let t1_42 = like.lift(0.0251285904) * p_m_wrist;
-        let t1_43 = t1_41 + t1_42;
+        let t1_35 = like.lift(0.00207936) * p_m_rod;
+        let t1_36 = like.lift(0.0251285904) * p_m_flange;
+        let t1_37 = like.lift(0.0251285904) * p_m_wrist;
+        let t1_38 = p_iyy_forearm - p_ixx_crank;
+        let t1_39 = t1_38 - p_ixx_forearm;
+        let t1_40 = t1_39 + p_iyy_crank;
+        let t1_41 = t1_40 + t1_35;
+        let t1_42 = t1_41 + t1_36;
+        let t1_43 = t1_42 + t1_37;
         let t1_44 = -t1_43;
         beta[8] = t1_44;
         let t1_45 = p_ixy_forearm + p_ixy_crank;
         beta[9] = t1_45;
-        let t1_46 = p_ixz_forearm - p_ixz_crank;
+        let t1_46 = like.lift(-0.15852).mul_add(p_mz_wrist, p_ixz_forearm);
         let t1_47 = like.lift(0.0456).mul_add(p_mz_rod, t1_46);
-        let t1_48 = like.lift(-0.15852).mul_add(p_mz_wrist, t1_47);
+        let t1_48 = t1_47 - p_ixz_crank;
         beta[10] = t1_48;
         let t1_49 = p_iyz_forearm - p_iyz_crank;
         beta[11] = t1_49;
-        let t1_50 = p_izz_forearm + p_izz_crank;
-        let t1_51 = t1_38 + t1_50;
-        let t1_52 = t1_40 + t1_51;
-        let t1_53 = t1_42 + t1_52;
+        let t1_50 = t1_37 + t1_36;
+        let t1_51 = t1_50 + t1_35;
+        let t1_52 = t1_51 + p_izz_forearm;
+        let t1_53 = t1_52 + p_izz_crank;
         beta[12] = t1_53;
-        let t1_54 = like.lift(0.15852).mul_add(p_m_flange, p_mx_forearm);
-        let t1_55 = like.lift(0.15852).mul_add(p_m_wrist, t1_54);
-        let t1_56 = like.lift(0.32096853663686914) * p_mx_rod;
-        let t1_57 = t1_55 - t1_56;
+        let t1_54 = like.lift(0.32096853663686914) * p_mx_rod;
+        let t1_55 = p_m_wrist + p_m_flange;
+        let t1_56 = like.lift(0.15852).mul_add(t1_55, p_mx_forearm);
+        let t1_57 = t1_56 - t1_54;
         beta[13] = t1_57;
         let t1_58 = like.lift(0.05).mul_add(p_m_flange, p_mx_wrist);
         beta[15] = t1_58;
-        let t1_59 = like.lift(0.0456).mul_add(p_m_rod, p_mx_crank);
-        let t1_60 = t1_56 - t1_59;
+        let t1_59 = like.lift(-0.0456).mul_add(p_m_rod, t1_54);
+        let t1_60 = t1_59 - p_mx_crank;
         let t1_61 = -t1_60;
         beta[19] = t1_61;
         beta[7] = p_my_arm;
@@ -5718,7 +5469,7 @@ pub fn to_base<T: Scalar>(phi: &[T; 70]) -> [T; 22] {
 /// - `free`: values of the eliminated parameters, in the order of `FREE`
 /// - `phi`: dynamic parameters, in the order of `PARAMETERS`
 ///
-/// 51 additions, 24 multiplications, 0 divisions, 0 sines and cosines.
+/// 51 additions, 19 multiplications, 0 divisions, 0 sines and cosines.
 pub fn parameters_from_base<T: Scalar>(beta: &[T; 22], free: &[T; 48]) -> [T; 70] {
     let like = beta[0];
     let mut phi = [like.lift(0.0); 70];
@@ -5740,80 +5491,79 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 22], free: &[T; 48]) -> [T; 70
     ] = *free;
     // phi
     {
-        let t1_1 = p_iyy_crank + p_iyy_rod;
-        let t1_2 = p_iyy_wrist + t1_1;
-        let t1_3 = p_iyy_forearm + t1_2;
-        let t1_4 = p_iyy_arm + t1_3;
-        let t1_5 = like.lift(0.00017424).mul_add(p_m_crank, t1_4);
-        let t1_6 = like.lift(0.00017424).mul_add(p_m_arm, t1_5);
-        let t1_7 = like.lift(0.0022536).mul_add(p_m_rod, t1_6);
-        let t1_8 = like.lift(0.0203581249).mul_add(p_m_forearm, t1_7);
-        let t1_9 = like.lift(0.0454867153).mul_add(p_m_wrist, t1_8);
-        let t1_10 = like.lift(0.0479867153).mul_add(p_m_flange, t1_9);
-        let t1_11 = p_izz_column - t1_10;
+        let t1_1 = p_m_arm + p_m_crank;
+        let t1_2 = like.lift(-0.0479867153).mul_add(p_m_flange, p_izz_column);
+        let t1_3 = like.lift(-0.0454867153).mul_add(p_m_wrist, t1_2);
+        let t1_4 = like.lift(-0.0203581249).mul_add(p_m_forearm, t1_3);
+        let t1_5 = like.lift(-0.0022536).mul_add(p_m_rod, t1_4);
+        let t1_6 = like.lift(-0.00017424).mul_add(t1_1, t1_5);
+        let t1_7 = t1_6 - p_iyy_arm;
+        let t1_8 = t1_7 - p_iyy_forearm;
+        let t1_9 = t1_8 - p_iyy_wrist;
+        let t1_10 = t1_9 - p_iyy_crank;
+        let t1_11 = t1_10 - p_iyy_rod;
         phi[5] = t1_11;
-        let t1_12 = p_ixx_rod - p_iyy_rod;
-        let t1_13 = p_iyy_arm - t1_12;
-        let t1_14 = like.lift(0.0201838849) * p_m_flange;
-        let t1_15 = t1_13 + t1_14;
-        let t1_16 = like.lift(0.0201838849) * p_m_wrist;
-        let t1_17 = t1_15 + t1_16;
-        let t1_18 = like.lift(0.0201838849) * p_m_forearm;
-        let t1_19 = t1_17 + t1_18;
-        let t1_20 = p_ixx_arm + t1_19;
+        let t1_12 = like.lift(0.0201838849) * p_m_flange;
+        let t1_13 = like.lift(0.0201838849) * p_m_wrist;
+        let t1_14 = like.lift(0.0201838849) * p_m_forearm;
+        let t1_15 = p_ixx_arm + p_iyy_arm;
+        let t1_16 = t1_15 - p_ixx_rod;
+        let t1_17 = t1_16 + p_iyy_rod;
+        let t1_18 = t1_17 + t1_12;
+        let t1_19 = t1_18 + t1_13;
+        let t1_20 = t1_19 + t1_14;
         phi[10] = t1_20;
         let t1_21 = p_ixy_arm - p_ixy_rod;
         phi[11] = t1_21;
-        let t1_22 = like.lift(-0.14207).mul_add(p_mz_wrist, p_ixz_rod);
-        let t1_23 = like.lift(-0.14207).mul_add(p_mz_forearm, t1_22);
-        let t1_24 = p_ixz_arm - t1_23;
+        let t1_22 = p_mz_forearm + p_mz_wrist;
+        let t1_23 = like.lift(0.14207).mul_add(t1_22, p_ixz_arm);
+        let t1_24 = t1_23 - p_ixz_rod;
         phi[12] = t1_24;
         let t1_25 = p_iyz_arm - p_iyz_rod;
         phi[14] = t1_25;
-        let t1_26 = p_izz_rod + t1_14;
-        let t1_27 = t1_16 + t1_26;
-        let t1_28 = t1_18 + t1_27;
-        let t1_29 = p_izz_arm - t1_28;
+        let t1_26 = p_izz_arm - t1_14;
+        let t1_27 = t1_26 - t1_13;
+        let t1_28 = t1_27 - p_izz_rod;
+        let t1_29 = t1_28 - t1_12;
         phi[15] = t1_29;
-        let t1_30 = like.lift(0.14207).mul_add(p_m_flange, p_mx_rod);
-        let t1_31 = like.lift(0.14207).mul_add(p_m_wrist, t1_30);
-        let t1_32 = like.lift(0.14207).mul_add(p_m_forearm, t1_31);
-        let t1_33 = p_mx_arm - t1_32;
+        let t1_30 = p_m_forearm + p_m_wrist;
+        let t1_31 = t1_30 + p_m_flange;
+        let t1_32 = like.lift(-0.14207).mul_add(t1_31, p_mx_arm);
+        let t1_33 = t1_32 - p_mx_rod;
         phi[16] = t1_33;
-        let t1_34 = p_ixx_crank - p_iyy_crank;
-        let t1_35 = p_iyy_forearm - t1_34;
-        let t1_36 = like.lift(0.00207936) * p_m_rod;
-        let t1_37 = t1_35 + t1_36;
-        let t1_38 = like.lift(0.0251285904) * p_m_flange;
-        let t1_39 = t1_37 + t1_38;
-        let t1_40 = like.lift(0.0251285904) * p_m_wrist;
-        let t1_41 = t1_39 + t1_40;
-        let t1_42 = p_ixx_forearm + t1_41;
+        let t1_34 = like.lift(0.00207936) * p_m_rod;
+        let t1_35 = like.lift(0.0251285904) * p_m_flange;
+        let t1_36 = like.lift(0.0251285904) * p_m_wrist;
+        let t1_37 = p_ixx_forearm + p_iyy_forearm;
+        let t1_38 = t1_37 - p_ixx_crank;
+        let t1_39 = t1_38 + p_iyy_crank;
+        let t1_40 = t1_39 + t1_34;
+        let t1_41 = t1_40 + t1_35;
+        let t1_42 = t1_41 + t1_36;
         phi[20] = t1_42;
         let t1_43 = p_ixy_forearm - p_ixy_crank;
         phi[21] = t1_43;
-        let t1_44 = like.lift(-0.0456).mul_add(p_mz_rod, p_ixz_crank);
-        let t1_45 = like.lift(0.15852).mul_add(p_mz_wrist, t1_44);
-        let t1_46 = p_ixz_forearm + t1_45;
+        let t1_44 = like.lift(0.15852).mul_add(p_mz_wrist, p_ixz_forearm);
+        let t1_45 = like.lift(-0.0456).mul_add(p_mz_rod, t1_44);
+        let t1_46 = t1_45 + p_ixz_crank;
         phi[22] = t1_46;
         let t1_47 = p_iyz_forearm + p_iyz_crank;
         phi[24] = t1_47;
-        let t1_48 = p_izz_crank + t1_36;
-        let t1_49 = t1_38 + t1_48;
-        let t1_50 = t1_40 + t1_49;
-        let t1_51 = p_izz_forearm - t1_50;
+        let t1_48 = p_izz_forearm - t1_36;
+        let t1_49 = t1_48 - t1_35;
+        let t1_50 = t1_49 - p_izz_crank;
+        let t1_51 = t1_50 - t1_34;
         phi[25] = t1_51;
-        let t1_52 = like.lift(0.15852) * p_m_flange;
-        let t1_53 = like.lift(0.15852).mul_add(p_m_wrist, t1_52);
-        let t1_54 = like.lift(0.32096853663686914) * p_mx_rod;
-        let t1_55 = t1_53 - t1_54;
-        let t1_56 = p_mx_forearm - t1_55;
-        phi[26] = t1_56;
-        let t1_57 = like.lift(-0.05).mul_add(p_m_flange, p_mx_wrist);
-        phi[36] = t1_57;
-        let t1_58 = like.lift(-0.0456).mul_add(p_m_rod, t1_54);
-        let t1_59 = p_mx_crank + t1_58;
-        phi[56] = t1_59;
+        let t1_52 = like.lift(0.32096853663686914) * p_mx_rod;
+        let t1_53 = p_m_wrist + p_m_flange;
+        let t1_54 = like.lift(-0.15852).mul_add(t1_53, p_mx_forearm);
+        let t1_55 = t1_54 + t1_52;
+        phi[26] = t1_55;
+        let t1_56 = like.lift(-0.05).mul_add(p_m_flange, p_mx_wrist);
+        phi[36] = t1_56;
+        let t1_57 = like.lift(-0.0456).mul_add(p_m_rod, p_mx_crank);
+        let t1_58 = t1_57 + t1_52;
+        phi[56] = t1_58;
         phi[0] = p_ixx_column;
         phi[1] = p_ixy_column;
         phi[2] = p_ixz_column;
@@ -5881,7 +5631,7 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 22], free: &[T; 48]) -> [T; 70
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
 ///
-/// 211 additions, 288 multiplications, 1 divisions, 6 sines and cosines.
+/// 211 additions, 265 multiplications, 1 divisions, 6 sines and cosines.
 pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], beta: &[T; 22]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 4];
@@ -5895,359 +5645,315 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
         p_mx_crank, p_my_crank, p_my_rod,
     ] = *beta;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_q3, cos_q3, sin_pin, cos_pin, sin_q2, cos_q2, sin_elbow, cos_elbow, sin_wrist,
+        cos_wrist, sin_q4, cos_q4,
+    ] = {
+        let [
+            (sin_q3, cos_q3), (sin_pin, cos_pin), (sin_q2, cos_q2), (sin_elbow, cos_elbow),
+            (sin_wrist, cos_wrist), (sin_q4, cos_q4),
+        ] =
+            T::sin_cos_all([q3, pin, q2, elbow, wrist, q4]);
+        [
+            sin_q3, cos_q3, sin_pin, cos_pin, sin_q2, cos_q2, sin_elbow, cos_elbow, sin_wrist,
+            cos_wrist, sin_q4, cos_q4,
+        ]
+    };
     // tau, part 1
     let [
-        sin_q3, cos_q3, sin_pin, cos_pin, w_crankx, w_cranky, sin_q3_pin, w_rody, w_rodz,
-        sin_q2, cos_q2, sin_elbow, cos_elbow, sin_q2_elbow, cos_q2_elbow, al_forearmx,
-        al_forearmy, al_forearmz, t1_47, t1_51, sin_wrist, cos_wrist, sin_q4, cos_q4,
-        w_flangey, w_wristy, t1_62, t1_64, t1_72, t1_76, a_wristy, al_wristz, t1_78, t1_79,
-        w_flangex, t1_82, t1_84, t1_92, t1_100, t1_105, t1_110, t1_121, t1_162, t1_173, t1_182,
-        t1_184,
+        w_crankx, w_cranky, sin_q3_pin, w_rody, w_rodz, al_armx, al_armx_2, al_army, al_army_2,
+        w_ixx_arm_q2, t2_39, a_armx, a_army, t2_76, t2_149, w_ixy_arm_q2, t2_164, t2_180,
+        t2_190, sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin, pivot_3,
     ] = {
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_1 = dd_q1 * p_my_crank;
-        let t1_2 = like.lift(0.0132) * t1_1;
-        let (sin_pin, cos_pin) = pin.sin_cos();
         let a_armz = like.lift(0.0132) * dd_q1;
         let w_crankx = sin_q3 * d_q1;
         let al_cranky = d_q3 * w_crankx;
-        let w_iyz_crank_q3 = cos_q3 * dd_q1;
-        let al_cranky_2 = w_iyz_crank_q3 - al_cranky;
-        let t1_3 = al_cranky - al_cranky_2;
-        let a_rodz = like.lift(-0.0456).mul_add(t1_3, a_armz);
-        let t1_4 = a_rodz * p_my_rod;
-        let t1_5 = cos_pin.mul_add(t1_4, t1_2);
-        let t1_6 = sin_q3 * t1_5;
-        let t1_7 = dd_q1 * p_mx_crank;
-        let t1_8 = sin_pin * t1_4;
-        let w_ixz_crank_q3 = sin_q3 * dd_q1;
+        let al_cranky_2 = cos_q3.mul_add(dd_q1, -al_cranky);
+        let t2_1 = al_cranky - al_cranky_2;
+        let a_rodz = like.lift(-0.0456).mul_add(t2_1, a_armz);
+        let t2_2 = a_rodz * p_my_rod;
+        let t2_3 = cos_pin * t2_2;
+        let t2_4 = p_my_crank.mul_add(a_armz, t2_3);
         let w_cranky = cos_q3 * d_q1;
         let al_crankx = d_q3 * w_cranky;
-        let al_crankx_2 = w_ixz_crank_q3 + al_crankx;
-        let t1_9 = cos_pin * al_crankx_2;
-        let t1_10 = sin_pin.mul_add(al_cranky_2, t1_9);
-        let t1_11 = cos_q3 * sin_pin;
-        let t1_12 = sin_q3 * sin_pin;
-        let sin_q3_pin = sin_q3.mul_add(cos_pin, t1_11);
-        let cos_q3_pin = cos_q3.mul_add(cos_pin, -t1_12);
+        let al_crankx_2 = sin_q3.mul_add(dd_q1, al_crankx);
+        let t2_5 = sin_q3 * cos_pin;
+        let sin_q3_pin = cos_q3.mul_add(sin_pin, t2_5);
+        let t2_6 = cos_q3 * cos_pin;
+        let cos_q3_pin = (-sin_q3).mul_add(sin_pin, t2_6);
         let w_rody = cos_q3_pin * d_q1;
-        let al_rodx = d_pin.mul_add(w_rody, t1_10);
         let w_rodz = d_q3 + d_pin;
-        let t1_13 = w_rodz.mul_add(w_rody, al_rodx);
-        let t1_14 = t1_13 * p_my_rod;
-        let t1_15 = like.lift(0.0456).mul_add(t1_14, t1_8);
-        let t1_16 = like.lift(0.0132).mul_add(t1_7, -t1_15);
-        let t1_17 = (-cos_q3).mul_add(t1_16, t1_6);
-        let t1_18 = t1_3 * p_mx_crank;
-        let t1_19 = al_crankx + al_crankx_2;
-        let t1_20 = t1_19.mul_add(p_my_crank, t1_18);
-        let t1_21 = t1_20 + t1_14;
-        let t1_22 = like.lift(0.0132).mul_add(t1_21, t1_17);
-        let t1_23 = dd_q1.mul_add(p_izz_column, -t1_22);
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let w_ixz_arm_q2 = sin_q2 * dd_q1;
+        let t2_7 = w_rodz + d_pin;
+        let t2_8 = w_rody * t2_7;
+        let t2_9 = sin_pin.mul_add(al_cranky_2, t2_8);
+        let t2_10 = cos_pin.mul_add(al_crankx_2, t2_9);
+        let t2_11 = t2_10 * p_my_rod;
+        let t2_12 = p_mx_crank * a_armz;
+        let t2_13 = like.lift(-0.0456).mul_add(t2_11, t2_12);
+        let t2_14 = (-sin_pin).mul_add(t2_2, t2_13);
+        let t2_15 = al_crankx + al_crankx_2;
+        let t2_16 = t2_15.mul_add(p_my_crank, t2_11);
+        let t2_17 = t2_1.mul_add(p_mx_crank, t2_16);
         let w_army = cos_q2 * d_q1;
         let al_armx = d_q2 * w_army;
-        let al_armx_2 = w_ixz_arm_q2 + al_armx;
-        let t1_24 = al_armx_2 * p_ixx_arm;
-        let w_iyz_arm_q2 = cos_q2 * dd_q1;
+        let al_armx_2 = sin_q2.mul_add(dd_q1, al_armx);
         let w_armx = sin_q2 * d_q1;
         let al_army = d_q2 * w_armx;
-        let al_army_2 = w_iyz_arm_q2 - al_army;
-        let t1_25 = al_army_2.mul_add(p_ixy_arm, t1_24);
-        let t1_26 = dd_q2.mul_add(p_ixz_arm, t1_25);
+        let al_army_2 = cos_q2.mul_add(dd_q1, -al_army);
         let w_ixx_arm_q2 = w_armx * w_army;
-        let t1_27 = al_armx * p_izz_arm;
-        let t1_28 = w_army * w_army;
-        let t1_29 = d_q2 * d_q2;
-        let t1_30 = t1_28 - t1_29;
-        let t1_31 = t1_30.mul_add(p_iyz_arm, t1_27);
-        let t1_32 = w_ixx_arm_q2.mul_add(p_ixz_arm, t1_31);
-        let t1_33 = al_army.mul_add(p_ixy_arm, -t1_32);
-        let t1_34 = t1_26 - t1_33;
-        let t1_35 = dd_q1 * p_my_arm;
-        let t1_36 = like.lift(-0.0132).mul_add(t1_35, t1_34);
-        let (sin_elbow, cos_elbow) = elbow.sin_cos();
-        let t1_37 = cos_elbow * al_armx_2;
-        let t1_38 = sin_elbow.mul_add(al_army_2, t1_37);
-        let t1_39 = cos_q2 * sin_elbow;
-        let t1_40 = sin_q2 * sin_elbow;
-        let sin_q2_elbow = sin_q2.mul_add(cos_elbow, t1_39);
-        let cos_q2_elbow = cos_q2.mul_add(cos_elbow, -t1_40);
+        let t2_18 = w_army * w_army;
+        let t2_19 = d_q2 * d_q2;
+        let t2_20 = t2_18 - t2_19;
+        let t2_21 = sin_q2 * cos_elbow;
+        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t2_21);
+        let t2_22 = cos_q2 * cos_elbow;
+        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t2_22);
         let w_forearmy = cos_q2_elbow * d_q1;
-        let al_forearmx = d_elbow.mul_add(w_forearmy, t1_38);
-        let t1_41 = al_forearmx * p_ixx_forearm;
-        let t1_42 = sin_elbow * al_armx_2;
-        let t1_43 = (-cos_elbow).mul_add(al_army_2, t1_42);
+        let t2_23 = d_elbow * w_forearmy;
+        let t2_24 = sin_elbow.mul_add(al_army_2, t2_23);
+        let al_forearmx = cos_elbow.mul_add(al_armx_2, t2_24);
         let w_forearmx = sin_q2_elbow * d_q1;
-        let al_forearmy = d_elbow.mul_add(w_forearmx, t1_43);
-        let t1_44 = (-al_forearmy).mul_add(p_ixy_forearm, t1_41);
+        let t2_25 = d_elbow * w_forearmx;
+        let t2_26 = (-cos_elbow).mul_add(al_army_2, t2_25);
+        let al_forearmy = sin_elbow.mul_add(al_armx_2, t2_26);
         let al_forearmz = dd_q2 + dd_elbow;
-        let t1_45 = al_forearmz.mul_add(p_ixz_forearm, t1_44);
         let w_forearmz = d_q2 + d_elbow;
-        let t1_46 = w_forearmz * w_forearmx;
-        let t1_47 = w_forearmx * w_forearmy;
-        let t1_48 = w_forearmz * w_forearmy;
-        let t1_49 = t1_48 * p_izz_forearm;
-        let t1_50 = w_forearmy * w_forearmy;
-        let t1_51 = w_forearmz * w_forearmz;
-        let t1_52 = t1_50 - t1_51;
-        let t1_53 = t1_52.mul_add(p_iyz_forearm, t1_49);
-        let t1_54 = t1_47.mul_add(p_ixz_forearm, t1_53);
-        let t1_55 = t1_46.mul_add(p_ixy_forearm, -t1_54);
-        let t1_56 = t1_45 - t1_55;
-        let t1_57 = al_army - al_army_2;
-        let a_forearmz = like.lift(-0.14207).mul_add(t1_57, a_armz);
-        let t1_58 = (-a_forearmz).mul_add(p_my_forearm, t1_56);
-        let (sin_wrist, cos_wrist) = wrist.sin_cos();
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t1_59 = cos_q2_elbow * sin_wrist;
-        let t1_60 = sin_q2_elbow * sin_wrist;
-        let sin_q2_elbow_wrist = sin_q2_elbow.mul_add(cos_wrist, t1_59);
-        let cos_q2_elbow_wrist = cos_q2_elbow.mul_add(cos_wrist, -t1_60);
+        let t2_27 = w_forearmz * w_forearmx;
+        let t2_28 = w_forearmx * w_forearmy;
+        let t2_29 = w_forearmz * w_forearmy;
+        let t2_30 = w_forearmy * w_forearmy;
+        let t2_31 = w_forearmz * w_forearmz;
+        let t2_32 = t2_30 - t2_31;
+        let t2_33 = al_army - al_army_2;
+        let a_forearmz = like.lift(-0.14207).mul_add(t2_33, a_armz);
+        let t2_34 = sin_q2_elbow * cos_wrist;
+        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t2_34);
+        let t2_35 = cos_q2_elbow * cos_wrist;
+        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t2_35);
         let w_wristx = d_q1 * sin_q2_elbow_wrist;
-        let t1_61 = sin_q4 * w_wristx;
         let w_wristz = d_wrist + w_forearmz;
-        let w_flangey = (-cos_q4).mul_add(w_wristz, t1_61);
+        let t2_36 = sin_q4 * w_wristx;
+        let w_flangey = (-cos_q4).mul_add(w_wristz, t2_36);
         let w_wristy = d_q1 * cos_q2_elbow_wrist;
         let w_flangez = d_q4 - w_wristy;
-        let t1_62 = w_flangey * w_flangez;
-        let t1_63 = t1_62 * p_izz_flange;
-        let t1_64 = d_q1 * d_q1;
-        let t1_65 = cos_q2 * t1_64;
-        let a_armx = like.lift(0.0132) * t1_65;
-        let a_armx_2 = like.lift(9.81) * sin_q2;
-        let a_armx_3 = a_armx - a_armx_2;
-        let t1_66 = t1_28 + t1_29;
-        let t1_67 = like.lift(0.14207).mul_add(t1_66, a_armx_3);
-        let t1_68 = cos_elbow * t1_67;
-        let t1_69 = sin_q2 * t1_64;
-        let a_army = like.lift(0.0132) * t1_69;
-        let a_army_2 = like.lift(9.81) * cos_q2;
-        let a_army_3 = a_army + a_army_2;
-        let t1_70 = dd_q2 + w_ixx_arm_q2;
-        let t1_71 = like.lift(0.14207).mul_add(t1_70, a_army_3);
-        let a_forearmx = (-sin_elbow).mul_add(t1_71, t1_68);
-        let t1_72 = t1_50 + t1_51;
-        let t1_73 = like.lift(0.15852).mul_add(t1_72, a_forearmx);
-        let t1_74 = sin_wrist * t1_73;
-        let t1_75 = sin_elbow * t1_67;
-        let a_forearmy = cos_elbow.mul_add(t1_71, t1_75);
-        let t1_76 = al_forearmz + t1_47;
-        let t1_77 = like.lift(0.15852).mul_add(t1_76, a_forearmy);
-        let a_wristy = cos_wrist.mul_add(t1_77, t1_74);
+        let t2_37 = w_flangey * w_flangez;
+        let t2_38 = d_q1 * d_q1;
+        let t2_39 = like.lift(0.0132) * t2_38;
+        let t2_40 = cos_q2 * t2_39;
+        let a_armx = like.lift(-9.81).mul_add(sin_q2, t2_40);
+        let t2_41 = t2_18 + t2_19;
+        let t2_42 = like.lift(0.14207).mul_add(t2_41, a_armx);
+        let t2_43 = sin_q2 * t2_39;
+        let a_army = like.lift(9.81).mul_add(cos_q2, t2_43);
+        let t2_44 = dd_q2 + w_ixx_arm_q2;
+        let t2_45 = like.lift(0.14207).mul_add(t2_44, a_army);
+        let t2_46 = cos_elbow * t2_42;
+        let a_forearmx = (-sin_elbow).mul_add(t2_45, t2_46);
+        let t2_47 = t2_30 + t2_31;
+        let t2_48 = like.lift(0.15852).mul_add(t2_47, a_forearmx);
+        let t2_49 = cos_elbow * t2_45;
+        let a_forearmy = sin_elbow.mul_add(t2_42, t2_49);
+        let t2_50 = al_forearmz + t2_28;
+        let t2_51 = like.lift(0.15852).mul_add(t2_50, a_forearmy);
+        let t2_52 = cos_wrist * t2_51;
+        let a_wristy = sin_wrist.mul_add(t2_48, t2_52);
         let al_wristz = dd_wrist + al_forearmz;
-        let t1_78 = w_wristx.mul_add(w_wristy, al_wristz);
-        let a_flangez = like.lift(0.05).mul_add(t1_78, a_wristy);
-        let t1_79 = a_flangez.mul_add(p_my_flange, t1_63);
-        let t1_80 = cos_q4 * t1_79;
-        let t1_81 = cos_q4 * w_wristx;
-        let w_flangex = sin_q4.mul_add(w_wristz, t1_81);
-        let t1_82 = w_flangex * w_flangez;
-        let t1_83 = t1_82 * p_izz_flange;
-        let t1_84 = (-a_flangez).mul_add(p_mx_flange, t1_83);
-        let t1_85 = (-sin_q4).mul_add(t1_84, t1_80);
-        let t1_86 = cos_wrist * t1_85;
-        let t1_87 = al_forearmy + t1_46;
-        let a_wristz = like.lift(-0.15852).mul_add(t1_87, a_forearmz);
-        let t1_88 = sin_wrist * al_forearmx;
-        let t1_89 = cos_wrist.mul_add(al_forearmy, t1_88);
-        let al_wristy = d_wrist.mul_add(w_wristx, t1_89);
+        let t2_53 = w_wristx.mul_add(w_wristy, al_wristz);
+        let a_flangez = like.lift(0.05).mul_add(t2_53, a_wristy);
+        let t2_54 = a_flangez * p_my_flange;
+        let t2_55 = t2_37.mul_add(p_izz_flange, t2_54);
+        let t2_56 = sin_q4 * w_wristz;
+        let w_flangex = cos_q4.mul_add(w_wristx, t2_56);
+        let t2_57 = w_flangex * w_flangez;
+        let t2_58 = t2_57 * p_izz_flange;
+        let t2_59 = (-a_flangez).mul_add(p_mx_flange, t2_58);
+        let t2_60 = cos_q4 * t2_55;
+        let t2_61 = (-sin_q4).mul_add(t2_59, t2_60);
+        let t2_62 = al_forearmy + t2_27;
+        let a_wristz = like.lift(-0.15852).mul_add(t2_62, a_forearmz);
+        let t2_63 = d_wrist * w_wristx;
+        let t2_64 = cos_wrist.mul_add(al_forearmy, t2_63);
+        let al_wristy = sin_wrist.mul_add(al_forearmx, t2_64);
         let al_flangez = dd_q4 + al_wristy;
-        let t1_90 = cos_wrist * t1_73;
-        let a_wristx = (-sin_wrist).mul_add(t1_77, t1_90);
-        let t1_91 = w_wristy * w_wristy;
-        let t1_92 = w_wristz.mul_add(w_wristz, t1_91);
-        let t1_93 = like.lift(0.05).mul_add(t1_92, a_wristx);
-        let t1_94 = sin_q4 * t1_93;
-        let t1_95 = w_wristx.mul_add(w_wristz, al_wristy);
-        let t1_96 = like.lift(-0.05).mul_add(t1_95, a_wristz);
-        let a_flangey = (-cos_q4).mul_add(t1_96, t1_94);
-        let t1_97 = a_flangey * p_mx_flange;
-        let t1_98 = cos_q4 * t1_93;
-        let a_flangex = sin_q4.mul_add(t1_96, t1_98);
-        let t1_99 = a_flangex.mul_add(p_my_flange, t1_97);
-        let t1_100 = al_flangez.mul_add(p_izz_flange, t1_99);
-        let t1_101 = w_flangez * w_flangez;
-        let t1_102 = w_flangey.mul_add(w_flangey, t1_101);
-        let t1_103 = t1_102 * p_mx_flange;
+        let t2_65 = w_wristz * w_wristz;
+        let t2_66 = w_wristy.mul_add(w_wristy, t2_65);
+        let t2_67 = like.lift(0.05) * t2_66;
+        let t2_68 = (-sin_wrist).mul_add(t2_51, t2_67);
+        let t2_69 = cos_wrist.mul_add(t2_48, t2_68);
+        let t2_70 = w_wristx.mul_add(w_wristz, al_wristy);
+        let t2_71 = like.lift(-0.05).mul_add(t2_70, a_wristz);
+        let t2_72 = sin_q4 * t2_69;
+        let a_flangey = (-cos_q4).mul_add(t2_71, t2_72);
+        let t2_73 = sin_q4 * t2_71;
+        let a_flangex = cos_q4.mul_add(t2_69, t2_73);
+        let t2_74 = al_flangez * p_izz_flange;
+        let t2_75 = a_flangex.mul_add(p_my_flange, t2_74);
+        let t2_76 = a_flangey.mul_add(p_mx_flange, t2_75);
+        let t2_77 = w_flangez * w_flangez;
+        let t2_78 = w_flangey.mul_add(w_flangey, t2_77);
         let w_ixx_flange_q4 = w_flangex * w_flangey;
-        let t1_104 = al_flangez + w_ixx_flange_q4;
-        let t1_105 = t1_104.mul_add(p_my_flange, t1_103);
-        let t1_106 = sin_q4 * t1_105;
-        let t1_107 = al_flangez - w_ixx_flange_q4;
-        let t1_108 = t1_107 * p_mx_flange;
-        let t1_109 = w_flangex.mul_add(w_flangex, t1_101);
-        let t1_110 = (-t1_109).mul_add(p_my_flange, t1_108);
-        let t1_111 = (-cos_q4).mul_add(t1_110, t1_106);
-        let t1_112 = like.lift(-0.05).mul_add(t1_111, t1_100);
-        let t1_113 = a_wristz.mul_add(p_mx_wrist, -t1_112);
-        let t1_114 = sin_wrist.mul_add(t1_113, t1_86);
-        let t1_115 = t1_58 - t1_114;
-        let t1_116 = cos_elbow * t1_115;
-        let t1_117 = al_forearmx * p_ixy_forearm;
-        let t1_118 = al_forearmz.mul_add(p_iyz_forearm, t1_117);
-        let t1_119 = p_ixx_forearm - p_izz_forearm;
-        let t1_120 = t1_46 * t1_119;
-        let t1_121 = w_forearmx * w_forearmx;
-        let t1_122 = t1_121 - t1_51;
-        let t1_123 = (-t1_122).mul_add(p_ixz_forearm, t1_120);
-        let t1_124 = t1_48.mul_add(p_ixy_forearm, t1_123);
-        let t1_125 = t1_47.mul_add(p_iyz_forearm, -t1_124);
-        let t1_126 = t1_118 - t1_125;
-        let t1_127 = a_forearmz.mul_add(p_mx_forearm, t1_126);
-        let t1_128 = sin_wrist * t1_85;
-        let t1_129 = (-cos_wrist).mul_add(t1_113, t1_128);
-        let t1_130 = t1_95.mul_add(p_mx_wrist, -t1_111);
-        let t1_131 = like.lift(0.15852).mul_add(t1_130, t1_129);
-        let t1_132 = t1_127 - t1_131;
-        let t1_133 = (-sin_elbow).mul_add(t1_132, t1_116);
-        let t1_134 = t1_36 + t1_133;
-        let t1_135 = sin_q2 * t1_134;
-        let t1_136 = al_armx_2 * p_ixy_arm;
-        let t1_137 = dd_q2.mul_add(p_iyz_arm, t1_136);
-        let t1_138 = p_ixx_arm - p_izz_arm;
-        let t1_139 = al_army * t1_138;
-        let t1_140 = w_armx * w_armx;
-        let t1_141 = t1_140 - t1_29;
-        let t1_142 = (-t1_141).mul_add(p_ixz_arm, t1_139);
-        let t1_143 = al_armx.mul_add(p_ixy_arm, t1_142);
-        let t1_144 = w_ixx_arm_q2.mul_add(p_iyz_arm, -t1_143);
-        let t1_145 = t1_137 - t1_144;
-        let t1_146 = dd_q1 * p_mx_arm;
-        let t1_147 = like.lift(0.0132).mul_add(t1_146, t1_145);
-        let t1_148 = sin_elbow * t1_115;
-        let t1_149 = cos_elbow.mul_add(t1_132, t1_148);
-        let t1_150 = t1_87 * p_mx_forearm;
-        let t1_151 = al_forearmx + t1_48;
-        let t1_152 = t1_151.mul_add(p_my_forearm, t1_150);
-        let t1_153 = t1_152 + t1_130;
-        let t1_154 = like.lift(-0.14207).mul_add(t1_153, t1_149);
-        let t1_155 = t1_147 + t1_154;
-        let t1_156 = cos_q2.mul_add(t1_155, t1_135);
-        let t1_157 = t1_57 * p_mx_arm;
-        let t1_158 = al_armx + al_armx_2;
-        let t1_159 = t1_158.mul_add(p_my_arm, t1_157);
-        let t1_160 = t1_159 + t1_153;
-        let t1_161 = like.lift(-0.0132).mul_add(t1_160, t1_156);
-        let t1_162 = t1_23 + t1_161;
-        let t1_163 = al_armx_2 * p_ixz_arm;
-        let t1_164 = al_army_2.mul_add(p_iyz_arm, t1_163);
-        let t1_165 = dd_q2.mul_add(p_izz_arm, t1_164);
-        let t1_166 = w_ixx_arm_q2 * p_ixx_arm;
-        let w_ixy_arm_q2 = t1_140 - t1_28;
-        let t1_167 = (-w_ixy_arm_q2).mul_add(p_ixy_arm, t1_166);
-        let t1_168 = al_army.mul_add(p_iyz_arm, -t1_167);
-        let t1_169 = al_armx.mul_add(p_ixz_arm, -t1_168);
-        let t1_170 = t1_165 - t1_169;
-        let t1_171 = a_army_3 * p_mx_arm;
-        let t1_172 = a_armx_3.mul_add(p_my_arm, t1_171);
-        let t1_173 = t1_170 + t1_172;
-        let t1_174 = al_forearmx * p_ixz_forearm;
-        let t1_175 = (-al_forearmy).mul_add(p_iyz_forearm, t1_174);
-        let t1_176 = al_forearmz.mul_add(p_izz_forearm, t1_175);
-        let t1_177 = t1_47 * p_ixx_forearm;
-        let t1_178 = t1_121 - t1_50;
-        let t1_179 = (-t1_178).mul_add(p_ixy_forearm, t1_177);
-        let t1_180 = t1_46.mul_add(p_iyz_forearm, -t1_179);
-        let t1_181 = t1_48.mul_add(p_ixz_forearm, -t1_180);
-        let t1_182 = t1_176 - t1_181;
-        let t1_183 = a_forearmy * p_mx_forearm;
-        let t1_184 = a_forearmx.mul_add(p_my_forearm, t1_183);
+        let t2_79 = al_flangez + w_ixx_flange_q4;
+        let t2_80 = t2_79 * p_my_flange;
+        let t2_81 = t2_78.mul_add(p_mx_flange, t2_80);
+        let t2_82 = al_flangez - w_ixx_flange_q4;
+        let t2_83 = w_flangex.mul_add(w_flangex, t2_77);
+        let t2_84 = t2_82 * p_mx_flange;
+        let t2_85 = (-t2_83).mul_add(p_my_flange, t2_84);
+        let t2_86 = sin_q4 * t2_81;
+        let t2_87 = (-cos_q4).mul_add(t2_85, t2_86);
+        let t2_88 = a_wristz.mul_add(p_mx_wrist, -t2_76);
+        let t2_89 = like.lift(0.05).mul_add(t2_87, t2_88);
+        let t2_90 = al_forearmy + t2_27;
+        let t2_91 = al_forearmz + t2_28;
+        let t2_92 = p_ixz_forearm * t2_91;
+        let t2_93 = (-a_forearmz).mul_add(p_my_forearm, t2_92);
+        let t2_94 = (-p_ixy_forearm).mul_add(t2_90, t2_93);
+        let t2_95 = al_forearmx.mul_add(p_ixx_forearm, t2_94);
+        let t2_96 = t2_32.mul_add(p_iyz_forearm, t2_95);
+        let t2_97 = t2_29.mul_add(p_izz_forearm, t2_96);
+        let t2_98 = (-sin_wrist).mul_add(t2_89, t2_97);
+        let t2_99 = (-cos_wrist).mul_add(t2_61, t2_98);
+        let t2_100 = p_ixx_forearm - p_izz_forearm;
+        let t2_101 = w_forearmx * w_forearmx;
+        let t2_102 = t2_101 - t2_31;
+        let t2_103 = t2_70.mul_add(p_mx_wrist, -t2_87);
+        let t2_104 = al_forearmx + t2_29;
+        let t2_105 = al_forearmz - t2_28;
+        let t2_106 = a_forearmz * p_mx_forearm;
+        let t2_107 = p_iyz_forearm.mul_add(t2_105, t2_106);
+        let t2_108 = p_ixy_forearm.mul_add(t2_104, t2_107);
+        let t2_109 = (-t2_102).mul_add(p_ixz_forearm, t2_108);
+        let t2_110 = t2_27.mul_add(t2_100, t2_109);
+        let t2_111 = like.lift(-0.15852).mul_add(t2_103, t2_110);
+        let t2_112 = cos_wrist.mul_add(t2_89, t2_111);
+        let t2_113 = (-sin_wrist).mul_add(t2_61, t2_112);
+        let t2_114 = al_army_2 - al_army;
+        let t2_115 = dd_q2 + w_ixx_arm_q2;
+        let t2_116 = p_ixz_arm * t2_115;
+        let t2_117 = (-p_my_arm).mul_add(a_armz, t2_116);
+        let t2_118 = p_ixy_arm.mul_add(t2_114, t2_117);
+        let t2_119 = al_armx_2.mul_add(p_ixx_arm, t2_118);
+        let t2_120 = t2_20.mul_add(p_iyz_arm, t2_119);
+        let t2_121 = al_armx.mul_add(p_izz_arm, t2_120);
+        let t2_122 = (-sin_elbow).mul_add(t2_113, t2_121);
+        let t2_123 = cos_elbow.mul_add(t2_99, t2_122);
+        let t2_124 = p_ixx_arm - p_izz_arm;
+        let t2_125 = w_armx * w_armx;
+        let t2_126 = t2_125 - t2_19;
+        let t2_127 = al_forearmx + t2_29;
+        let t2_128 = t2_127.mul_add(p_my_forearm, t2_103);
+        let t2_129 = t2_62.mul_add(p_mx_forearm, t2_128);
+        let t2_130 = al_armx_2 + al_armx;
+        let t2_131 = dd_q2 - w_ixx_arm_q2;
+        let t2_132 = p_mx_arm * a_armz;
+        let t2_133 = p_iyz_arm.mul_add(t2_131, t2_132);
+        let t2_134 = p_ixy_arm.mul_add(t2_130, t2_133);
+        let t2_135 = (-t2_126).mul_add(p_ixz_arm, t2_134);
+        let t2_136 = al_army.mul_add(t2_124, t2_135);
+        let t2_137 = like.lift(-0.14207).mul_add(t2_129, t2_136);
+        let t2_138 = cos_elbow.mul_add(t2_113, t2_137);
+        let t2_139 = sin_elbow.mul_add(t2_99, t2_138);
+        let t2_140 = al_armx + al_armx_2;
+        let t2_141 = t2_140.mul_add(p_my_arm, t2_129);
+        let t2_142 = t2_33.mul_add(p_mx_arm, t2_141);
+        let t2_143 = t2_17 + t2_142;
+        let t2_144 = dd_q1 * p_izz_column;
+        let t2_145 = like.lift(-0.0132).mul_add(t2_143, t2_144);
+        let t2_146 = cos_q3.mul_add(t2_14, t2_145);
+        let t2_147 = (-sin_q3).mul_add(t2_4, t2_146);
+        let t2_148 = cos_q2.mul_add(t2_139, t2_147);
+        let t2_149 = sin_q2.mul_add(t2_123, t2_148);
+        let w_ixy_arm_q2 = t2_125 - t2_18;
+        let t2_150 = t2_101 - t2_30;
+        let t2_151 = d_wrist * w_wristy;
+        let t2_152 = (-sin_wrist).mul_add(al_forearmy, t2_151);
+        let al_wristx = cos_wrist.mul_add(al_forearmx, t2_152);
+        let t2_153 = d_q4.mul_add(w_flangex, t2_57);
+        let t2_154 = (-cos_q4).mul_add(al_wristz, t2_153);
+        let t2_155 = sin_q4.mul_add(al_wristx, t2_154);
+        let t2_156 = sin_q4.mul_add(al_wristz, -t2_37);
+        let t2_157 = (-d_q4).mul_add(w_flangey, t2_156);
+        let t2_158 = cos_q4.mul_add(al_wristx, t2_157);
+        let t2_159 = t2_158 * p_my_flange;
+        let t2_160 = t2_155.mul_add(p_mx_flange, t2_159);
+        let t2_161 = a_wristy * p_mx_wrist;
+        let t2_162 = like.lift(-0.05).mul_add(t2_160, t2_161);
+        let t2_163 = (-cos_q4).mul_add(t2_59, t2_162);
+        let t2_164 = (-sin_q4).mul_add(t2_55, t2_163);
+        let t2_165 = t2_66 * p_mx_wrist;
+        let t2_166 = sin_q4.mul_add(t2_85, t2_165);
+        let t2_167 = cos_q4.mul_add(t2_81, t2_166);
+        let t2_168 = t2_53.mul_add(p_mx_wrist, -t2_160);
+        let t2_169 = sin_wrist * t2_167;
+        let t2_170 = (-cos_wrist).mul_add(t2_168, t2_169);
+        let t2_171 = al_forearmx - t2_29;
+        let t2_172 = al_forearmy - t2_27;
+        let t2_173 = al_forearmz.mul_add(p_izz_forearm, t2_164);
+        let t2_174 = (-p_iyz_forearm).mul_add(t2_172, t2_173);
+        let t2_175 = p_ixz_forearm.mul_add(t2_171, t2_174);
+        let t2_176 = t2_150.mul_add(p_ixy_forearm, t2_175);
+        let t2_177 = (-t2_28).mul_add(p_ixx_forearm, t2_176);
+        let t2_178 = a_forearmx.mul_add(p_my_forearm, t2_177);
+        let t2_179 = a_forearmy.mul_add(p_mx_forearm, t2_178);
+        let t2_180 = like.lift(-0.15852).mul_add(t2_170, t2_179);
+        let t2_181 = al_forearmz - t2_28;
+        let t2_182 = t2_181 * p_my_forearm;
+        let t2_183 = t2_47.mul_add(p_mx_forearm, t2_182);
+        let t2_184 = sin_wrist.mul_add(t2_168, t2_183);
+        let t2_185 = cos_wrist.mul_add(t2_167, t2_184);
+        let t2_186 = t2_101 + t2_31;
+        let t2_187 = t2_50.mul_add(p_mx_forearm, -t2_170);
+        let t2_188 = (-t2_186).mul_add(p_my_forearm, t2_187);
+        let t2_189 = sin_elbow * t2_185;
+        let t2_190 = (-cos_elbow).mul_add(t2_188, t2_189);
+        let t2_191 = sin_q2_elbow * cos_q3;
+        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t2_191);
+        let t2_192 = cos_q2_elbow * cos_q3;
+        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t2_192);
+        let t2_193 = sin_q2_elbow_minus_q3 * cos_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t2_193);
+        let t2_194 = cos_q2_elbow_minus_q3 * cos_pin;
+        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t2_194);
+        let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
         [
-            sin_q3, cos_q3, sin_pin, cos_pin, w_crankx, w_cranky, sin_q3_pin, w_rody, w_rodz,
-            sin_q2, cos_q2, sin_elbow, cos_elbow, sin_q2_elbow, cos_q2_elbow, al_forearmx,
-            al_forearmy, al_forearmz, t1_47, t1_51, sin_wrist, cos_wrist, sin_q4, cos_q4,
-            w_flangey, w_wristy, t1_62, t1_64, t1_72, t1_76, a_wristy, al_wristz, t1_78, t1_79,
-            w_flangex, t1_82, t1_84, t1_92, t1_100, t1_105, t1_110, t1_121, t1_162, t1_173,
-            t1_182, t1_184,
+            w_crankx, w_cranky, sin_q3_pin, w_rody, w_rodz, al_armx, al_armx_2, al_army,
+            al_army_2, w_ixx_arm_q2, t2_39, a_armx, a_army, t2_76, t2_149, w_ixy_arm_q2,
+            t2_164, t2_180, t2_190, sin_q2_elbow_minus_q3_minus_pin,
+            cos_q2_elbow_minus_q3_minus_pin, pivot_3,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
-    let [
-        t2_15, t2_23, t2_37, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2,
-        x_pin_q3,
-    ] = {
-        let t2_1 = t1_182 + t1_184;
-        let t2_2 = sin_q4 * t1_79;
-        let t2_3 = cos_q4.mul_add(t1_84, t2_2);
-        let t2_4 = cos_wrist * al_forearmx;
-        let t2_5 = (-sin_wrist).mul_add(al_forearmy, t2_4);
-        let al_wristx = d_wrist.mul_add(w_wristy, t2_5);
-        let t2_6 = sin_q4 * al_wristx;
-        let t2_7 = (-cos_q4).mul_add(al_wristz, t2_6);
-        let al_flangey = d_q4.mul_add(w_flangex, t2_7);
-        let t2_8 = al_flangey + t1_82;
-        let t2_9 = t2_8 * p_mx_flange;
-        let t2_10 = cos_q4 * al_wristx;
-        let t2_11 = sin_q4.mul_add(al_wristz, t2_10);
-        let al_flangex = (-d_q4).mul_add(w_flangey, t2_11);
-        let t2_12 = al_flangex - t1_62;
-        let t2_13 = t2_12.mul_add(p_my_flange, t2_9);
-        let t2_14 = like.lift(0.05).mul_add(t2_13, t2_3);
-        let t2_15 = a_wristy.mul_add(p_mx_wrist, -t2_14);
-        let t2_16 = cos_q4 * t1_105;
-        let t2_17 = sin_q4.mul_add(t1_110, t2_16);
-        let t2_18 = t1_92.mul_add(p_mx_wrist, t2_17);
-        let t2_19 = sin_wrist * t2_18;
-        let t2_20 = t1_78.mul_add(p_mx_wrist, -t2_13);
-        let t2_21 = (-cos_wrist).mul_add(t2_20, t2_19);
-        let t2_22 = like.lift(-0.15852).mul_add(t2_21, t2_15);
-        let t2_23 = t2_1 + t2_22;
-        let t2_24 = t1_72 * p_mx_forearm;
-        let t2_25 = al_forearmz - t1_47;
-        let t2_26 = t2_25.mul_add(p_my_forearm, t2_24);
-        let t2_27 = cos_wrist * t2_18;
-        let t2_28 = sin_wrist.mul_add(t2_20, t2_27);
-        let t2_29 = t2_26 + t2_28;
-        let t2_30 = sin_elbow * t2_29;
-        let t2_31 = t1_76 * p_mx_forearm;
-        let t2_32 = t1_121 + t1_51;
-        let t2_33 = (-t2_32).mul_add(p_my_forearm, t2_31);
-        let t2_34 = t2_33 - t2_21;
-        let t2_35 = (-cos_elbow).mul_add(t2_34, t2_30);
-        let t2_36 = like.lift(-0.14207).mul_add(t2_35, t2_23);
-        let t2_37 = t1_173 + t2_36;
-        let t2_38 = cos_q2_elbow * sin_q3;
-        let t2_39 = sin_q2_elbow * sin_q3;
-        let sin_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(cos_q3, -t2_38);
-        let cos_q2_elbow_minus_q3 = cos_q2_elbow.mul_add(cos_q3, t2_39);
-        let t2_40 = cos_q2_elbow_minus_q3 * sin_pin;
-        let t2_41 = sin_q2_elbow_minus_q3 * sin_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(cos_pin, -t2_40);
-        let cos_q2_elbow_minus_q3_minus_pin = cos_q2_elbow_minus_q3.mul_add(cos_pin, t2_41);
-        let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t2_42 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t2_43 = -t2_42;
-        let t2_44 = cos_q2 * sin_q3;
-        let t2_45 = sin_q2 * sin_q3;
-        let sin_q2_minus_q3 = sin_q2.mul_add(cos_q3, -t2_44);
-        let cos_q2_minus_q3 = cos_q2.mul_add(cos_q3, t2_45);
-        let t2_46 = cos_q2_minus_q3 * sin_pin;
-        let t2_47 = sin_q2_minus_q3 * sin_pin;
-        let sin_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(cos_pin, -t2_46);
-        let cos_q2_minus_q3_minus_pin = cos_q2_minus_q3.mul_add(cos_pin, t2_47);
-        let t2_48 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t2_49 = -t2_48;
+    let [x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3] = {
+        let t3_1 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t3_2 = -t3_1;
+        let t3_3 = sin_q2 * cos_q3;
+        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t3_3);
+        let t3_4 = cos_q2 * cos_q3;
+        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t3_4);
+        let t3_5 = sin_q2_minus_q3 * cos_pin;
+        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t3_5);
+        let t3_6 = cos_q2_minus_q3 * cos_pin;
+        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t3_6);
+        let t3_7 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
+        let t3_8 = -t3_7;
         let u_rod_q3x = like.lift(0.0456) * sin_pin;
-        let t2_50 = -u_rod_q3x;
-        let t2_51 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t2_42);
-        let u_rod_q3y = like.lift(0.0456) * cos_pin;
-        let t2_52 = like.lift(0.14207) + u_rod_q3y;
-        let t2_53 = -t2_52;
-        let t2_54 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t2_55 = t2_48 * t2_54;
-        let t2_56 = like.lift(21.92982456140351) * t2_55;
-        let t2_57 = -t2_56;
-        let t2_58 = sin_pin * t2_54;
-        let t2_59 = -t2_58;
-        let t2_60 = like.lift(1.0) + t2_56;
-        let t2_61 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_55, t2_51);
-        let t2_62 = like.lift(7.038783698176955) * t2_61;
-        let t2_63 = -t2_62;
-        let t2_64 = cos_q2_elbow_minus_q3_minus_pin * t2_58;
-        let t2_65 = like.lift(0.0456).mul_add(t2_64, t2_52);
-        let t2_66 = like.lift(7.038783698176955) * t2_65;
+        let t3_9 = -u_rod_q3x;
+        let t3_10 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t3_1);
+        let t3_11 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t3_12 = -t3_11;
+        let t3_13 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t3_14 = t3_7 * t3_13;
+        let t3_15 = like.lift(21.92982456140351) * t3_14;
+        let t3_16 = -t3_15;
+        let t3_17 = sin_pin * t3_13;
+        let t3_18 = -t3_17;
+        let t3_19 = like.lift(1.0) + t3_15;
+        let t3_20 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t3_14, t3_10);
+        let t3_21 = like.lift(7.038783698176955) * t3_20;
+        let t3_22 = -t3_21;
+        let t3_23 = t3_17.mul_add(t3_1, t3_11);
+        let t3_24 = like.lift(7.038783698176955) * t3_23;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([
@@ -6255,23 +5961,23 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t2_57, like.lift(0.0), t2_59],
-                [like.lift(0.0), t2_60, like.lift(0.0), t2_58],
-                [like.lift(0.0), t2_63, like.lift(0.0), t2_66],
+                [like.lift(0.0), t3_16, like.lift(0.0), t3_18],
+                [like.lift(0.0), t3_19, like.lift(0.0), t3_17],
+                [like.lift(0.0), t3_22, like.lift(0.0), t3_24],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t2_43, like.lift(0.0), like.lift(-0.14207)],
+                    [t3_2, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t2_49, like.lift(0.0), t2_50],
-                    [like.lift(0.0), t2_51, like.lift(0.0), t2_53],
+                    [like.lift(0.0), t3_8, like.lift(0.0), t3_9],
+                    [like.lift(0.0), t3_10, like.lift(0.0), t3_12],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -6280,54 +5986,53 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
             ),
         );
         condition = condition.min(found);
-        [
-            t2_15, t2_23, t2_37, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2,
-            x_pin_q3,
-        ]
+        [x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3]
     };
     // tau
     {
-        let t3_1 = (-t2_23).mul_add(x_elbow_q2, t2_37);
-        let t3_2 = (-t2_15).mul_add(x_wrist_q2, t3_1);
-        let t3_3 = cos_q3 * t1_64;
-        let a_crankx = like.lift(0.0132) * t3_3;
-        let a_crankx_2 = like.lift(9.81) * sin_q3;
-        let a_crankx_3 = a_crankx - a_crankx_2;
-        let t3_4 = d_q3 * d_q3;
-        let t3_5 = w_cranky.mul_add(w_cranky, t3_4);
-        let t3_6 = like.lift(0.0456).mul_add(t3_5, a_crankx_3);
-        let t3_7 = cos_pin * t3_6;
-        let t3_8 = sin_q3 * t1_64;
-        let a_cranky = like.lift(0.0132) * t3_8;
-        let a_cranky_2 = like.lift(9.81) * cos_q3;
-        let a_cranky_3 = a_cranky + a_cranky_2;
-        let w_ixx_crank_q3 = w_crankx * w_cranky;
-        let t3_9 = dd_q3 + w_ixx_crank_q3;
-        let t3_10 = like.lift(0.0456).mul_add(t3_9, a_cranky_3);
-        let a_rodx = (-sin_pin).mul_add(t3_10, t3_7);
-        let t3_11 = a_rodx * p_my_rod;
-        let t3_12 = (-t3_11).mul_add(x_pin_q2, t3_2);
-        tau[1] = t3_12;
-        let t3_13 = a_cranky_3 * p_mx_crank;
-        let t3_14 = a_crankx_3.mul_add(p_my_crank, t3_13);
-        let al_rodz = dd_q3 + dd_pin;
+        let t4_1 = cos_q3 * t2_39;
+        let a_crankx = like.lift(-9.81).mul_add(sin_q3, t4_1);
+        let t4_2 = w_cranky * w_cranky;
+        let t4_3 = d_q3.mul_add(d_q3, t4_2);
+        let t4_4 = like.lift(0.0456).mul_add(t4_3, a_crankx);
+        let t4_5 = sin_q3 * t2_39;
+        let a_cranky = like.lift(9.81).mul_add(cos_q3, t4_5);
+        let t4_6 = w_crankx.mul_add(w_cranky, dd_q3);
+        let t4_7 = like.lift(0.0456).mul_add(t4_6, a_cranky);
+        let t4_8 = cos_pin * t4_4;
+        let a_rodx = (-sin_pin).mul_add(t4_7, t4_8);
+        let t4_9 = a_rodx * p_my_rod;
+        let t4_10 = al_armx_2 - al_armx;
+        let t4_11 = al_army_2 + al_army;
+        let t4_12 = (-t4_9).mul_add(x_pin_q2, t2_180);
+        let t4_13 = (-t2_164).mul_add(x_wrist_q2, t4_12);
+        let t4_14 = (-t2_180).mul_add(x_elbow_q2, t4_13);
+        let t4_15 = dd_q2.mul_add(p_izz_arm, t4_14);
+        let t4_16 = p_iyz_arm.mul_add(t4_11, t4_15);
+        let t4_17 = p_ixz_arm.mul_add(t4_10, t4_16);
+        let t4_18 = w_ixy_arm_q2.mul_add(p_ixy_arm, t4_17);
+        let t4_19 = (-w_ixx_arm_q2).mul_add(p_ixx_arm, t4_18);
+        let t4_20 = a_armx.mul_add(p_my_arm, t4_19);
+        let t4_21 = a_army.mul_add(p_mx_arm, t4_20);
+        let t4_22 = like.lift(-0.14207).mul_add(t2_190, t4_21);
+        tau[1] = t4_22;
         let w_rodx = sin_q3_pin * d_q1;
-        let t3_15 = (-w_rodx).mul_add(w_rody, al_rodz);
-        let t3_16 = t3_15 * p_my_rod;
-        let t3_17 = sin_pin * t3_16;
-        let t3_18 = w_rodz * w_rodz;
-        let t3_19 = w_rodx.mul_add(w_rodx, t3_18);
-        let t3_20 = t3_19 * p_my_rod;
-        let t3_21 = cos_pin.mul_add(t3_20, t3_17);
-        let t3_22 = like.lift(-0.0456).mul_add(t3_21, t3_11);
-        let t3_23 = t3_14 + t3_22;
-        let t3_24 = t2_23 * x_elbow_q3;
-        let t3_25 = t2_15.mul_add(x_wrist_q3, t3_24);
-        let t3_26 = t3_23 - t3_25;
-        let t3_27 = (-t3_11).mul_add(x_pin_q3, t3_26);
-        tau[3] = t3_27;
-        tau[0] = t1_162;
-        tau[2] = t1_100;
+        let t4_23 = (-w_rodx).mul_add(w_rody, dd_q3);
+        let t4_24 = t4_23 + dd_pin;
+        let t4_25 = w_rodx * w_rodx;
+        let t4_26 = w_rodz.mul_add(w_rodz, t4_25);
+        let t4_27 = cos_pin * t4_26;
+        let t4_28 = sin_pin.mul_add(t4_24, t4_27);
+        let t4_29 = p_my_rod * t4_28;
+        let t4_30 = (-t4_9).mul_add(x_pin_q3, t4_9);
+        let t4_31 = a_crankx.mul_add(p_my_crank, t4_30);
+        let t4_32 = a_cranky.mul_add(p_mx_crank, t4_31);
+        let t4_33 = like.lift(-0.0456).mul_add(t4_29, t4_32);
+        let t4_34 = (-t2_164).mul_add(x_wrist_q3, t4_33);
+        let t4_35 = (-t2_180).mul_add(x_elbow_q3, t4_34);
+        tau[3] = t4_35;
+        tau[0] = t2_149;
+        tau[2] = t2_76;
     }
     (tau, Condition { pivot: condition })
 }
@@ -6338,7 +6043,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: the efforts that hold the mechanism at rest
 ///
-/// 40 additions, 90 multiplications, 1 divisions, 6 sines and cosines.
+/// 40 additions, 79 multiplications, 1 divisions, 6 sines and cosines.
 pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 22]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 4];
@@ -6348,104 +6053,100 @@ pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 22]) -> ([T; 4], Condition
         p_mx_wrist, _, p_mx_flange, p_my_flange, p_mx_crank, p_my_crank, p_my_rod,
     ] = *beta;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_q2, cos_q2, sin_elbow, cos_elbow, sin_wrist, cos_wrist, sin_q4, cos_q4, sin_q3,
+        cos_q3, sin_pin, cos_pin,
+    ] = {
+        let [
+            (sin_q2, cos_q2), (sin_elbow, cos_elbow), (sin_wrist, cos_wrist), (sin_q4, cos_q4),
+            (sin_q3, cos_q3), (sin_pin, cos_pin),
+        ] =
+            T::sin_cos_all([q2, elbow, wrist, q4, q3, pin]);
+        [
+            sin_q2, cos_q2, sin_elbow, cos_elbow, sin_wrist, cos_wrist, sin_q4, cos_q4, sin_q3,
+            cos_q3, sin_pin, cos_pin,
+        ]
+    };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t1_15, t1_25, t1_39, t1_40, t1_41, sin_q3, cos_q3, sin_pin, cos_pin, x_elbow_q2,
-        x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
+        t2_14, t2_25, t2_29, t2_32, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2,
+        x_pin_q3,
     ] = {
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let (sin_elbow, cos_elbow) = elbow.sin_cos();
-        let (sin_wrist, cos_wrist) = wrist.sin_cos();
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t1_1 = cos_q2 * sin_elbow;
-        let t1_2 = sin_q2 * sin_elbow;
-        let sin_q2_elbow = sin_q2.mul_add(cos_elbow, t1_1);
-        let cos_q2_elbow = cos_q2.mul_add(cos_elbow, -t1_2);
-        let t1_3 = cos_q2_elbow * sin_wrist;
-        let t1_4 = sin_q2_elbow * sin_wrist;
-        let sin_q2_elbow_wrist = sin_q2_elbow.mul_add(cos_wrist, t1_3);
-        let cos_q2_elbow_wrist = cos_q2_elbow.mul_add(cos_wrist, -t1_4);
-        let t1_5 = cos_q2_elbow_wrist * p_my_flange;
-        let t1_6 = cos_q4 * t1_5;
-        let t1_7 = like.lift(9.81) * t1_6;
-        let t1_8 = cos_q2_elbow_wrist * p_mx_flange;
-        let t1_9 = sin_q4 * t1_8;
-        let t1_10 = like.lift(9.81).mul_add(t1_9, t1_7);
-        let t1_11 = cos_wrist * t1_10;
-        let e_flange_q1y = sin_q4 * sin_q2_elbow_wrist;
-        let t1_12 = e_flange_q1y * p_mx_flange;
-        let t1_13 = like.lift(9.81) * t1_12;
-        let e_flange_q1x = cos_q4 * sin_q2_elbow_wrist;
-        let t1_14 = e_flange_q1x * p_my_flange;
-        let t1_15 = like.lift(9.81).mul_add(t1_14, t1_13);
-        let t1_16 = sin_wrist.mul_add(t1_15, t1_11);
-        let t1_17 = cos_elbow * t1_16;
-        let t1_18 = sin_wrist * t1_10;
-        let t1_19 = (-cos_wrist).mul_add(t1_15, t1_18);
-        let t1_20 = (-sin_elbow).mul_add(t1_19, t1_17);
-        let t1_21 = sin_q2 * t1_20;
-        let t1_22 = sin_elbow * t1_16;
-        let t1_23 = cos_elbow.mul_add(t1_19, t1_22);
-        let t1_24 = cos_q2.mul_add(t1_23, t1_21);
-        let t1_25 = -t1_24;
-        let t1_26 = cos_q2 * p_mx_arm;
-        let t1_27 = like.lift(9.81) * t1_26;
-        let t1_28 = sin_q2 * p_my_arm;
-        let t1_29 = like.lift(-9.81).mul_add(t1_28, t1_27);
-        let t1_30 = cos_q2_elbow * p_mx_forearm;
-        let t1_31 = like.lift(9.81) * t1_30;
-        let t1_32 = sin_q2_elbow * p_my_forearm;
-        let t1_33 = like.lift(-9.81).mul_add(t1_32, t1_31);
-        let t1_34 = cos_q2_elbow_wrist * p_mx_wrist;
-        let t1_35 = sin_q4 * t1_5;
-        let t1_36 = like.lift(9.81) * t1_35;
-        let t1_37 = cos_q4 * t1_8;
-        let t1_38 = like.lift(-9.81).mul_add(t1_37, t1_36);
-        let t1_39 = like.lift(9.81).mul_add(t1_34, -t1_38);
-        let t1_40 = t1_33 + t1_39;
-        let t1_41 = t1_29 + t1_40;
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_42 = cos_q2_elbow * sin_q3;
-        let t1_43 = sin_q2_elbow * sin_q3;
-        let sin_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(cos_q3, -t1_42);
-        let cos_q2_elbow_minus_q3 = cos_q2_elbow.mul_add(cos_q3, t1_43);
-        let (sin_pin, cos_pin) = pin.sin_cos();
-        let t1_44 = cos_q2_elbow_minus_q3 * sin_pin;
-        let t1_45 = sin_q2_elbow_minus_q3 * sin_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(cos_pin, -t1_44);
-        let cos_q2_elbow_minus_q3_minus_pin = cos_q2_elbow_minus_q3.mul_add(cos_pin, t1_45);
+        let t2_1 = sin_q2 * cos_elbow;
+        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t2_1);
+        let t2_2 = cos_q2 * cos_elbow;
+        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t2_2);
+        let t2_3 = sin_q2_elbow * cos_wrist;
+        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t2_3);
+        let t2_4 = cos_q2_elbow * cos_wrist;
+        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t2_4);
+        let t2_5 = cos_q2_elbow_wrist * p_my_flange;
+        let t2_6 = cos_q2_elbow_wrist * p_mx_flange;
+        let t2_7 = sin_q4 * t2_6;
+        let t2_8 = cos_q4.mul_add(t2_5, t2_7);
+        let t2_9 = like.lift(9.81) * t2_8;
+        let t2_10 = cos_q4 * sin_q2_elbow_wrist;
+        let t2_11 = t2_10 * p_my_flange;
+        let t2_12 = sin_q4 * sin_q2_elbow_wrist;
+        let t2_13 = t2_12.mul_add(p_mx_flange, t2_11);
+        let t2_14 = like.lift(9.81) * t2_13;
+        let t2_15 = sin_wrist * t2_14;
+        let t2_16 = cos_wrist.mul_add(t2_9, t2_15);
+        let t2_17 = sin_wrist * t2_9;
+        let t2_18 = (-cos_wrist).mul_add(t2_14, t2_17);
+        let t2_19 = cos_elbow * t2_16;
+        let t2_20 = (-sin_elbow).mul_add(t2_18, t2_19);
+        let t2_21 = cos_elbow * t2_18;
+        let t2_22 = sin_elbow.mul_add(t2_16, t2_21);
+        let t2_23 = cos_q2 * t2_22;
+        let t2_24 = sin_q2.mul_add(t2_20, t2_23);
+        let t2_25 = -t2_24;
+        let t2_26 = cos_q2_elbow_wrist * p_mx_wrist;
+        let t2_27 = cos_q4.mul_add(t2_6, t2_26);
+        let t2_28 = (-sin_q4).mul_add(t2_5, t2_27);
+        let t2_29 = like.lift(9.81) * t2_28;
+        let t2_30 = sin_q2_elbow * p_my_forearm;
+        let t2_31 = (-cos_q2_elbow).mul_add(p_mx_forearm, t2_30);
+        let t2_32 = like.lift(-9.81).mul_add(t2_31, t2_29);
+        let t2_33 = sin_q2_elbow * cos_q3;
+        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t2_33);
+        let t2_34 = cos_q2_elbow * cos_q3;
+        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t2_34);
+        let t2_35 = sin_q2_elbow_minus_q3 * cos_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t2_35);
+        let t2_36 = cos_q2_elbow_minus_q3 * cos_pin;
+        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t2_36);
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t1_46 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t1_47 = -t1_46;
-        let t1_48 = cos_q2 * sin_q3;
-        let t1_49 = sin_q2 * sin_q3;
-        let sin_q2_minus_q3 = sin_q2.mul_add(cos_q3, -t1_48);
-        let cos_q2_minus_q3 = cos_q2.mul_add(cos_q3, t1_49);
-        let t1_50 = cos_q2_minus_q3 * sin_pin;
-        let t1_51 = sin_q2_minus_q3 * sin_pin;
-        let sin_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(cos_pin, -t1_50);
-        let cos_q2_minus_q3_minus_pin = cos_q2_minus_q3.mul_add(cos_pin, t1_51);
-        let t1_52 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t1_53 = -t1_52;
+        let t2_37 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t2_38 = -t2_37;
+        let t2_39 = sin_q2 * cos_q3;
+        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t2_39);
+        let t2_40 = cos_q2 * cos_q3;
+        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t2_40);
+        let t2_41 = sin_q2_minus_q3 * cos_pin;
+        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t2_41);
+        let t2_42 = cos_q2_minus_q3 * cos_pin;
+        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t2_42);
+        let t2_43 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
+        let t2_44 = -t2_43;
         let u_rod_q3x = like.lift(0.0456) * sin_pin;
-        let t1_54 = -u_rod_q3x;
-        let t1_55 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t1_46);
-        let u_rod_q3y = like.lift(0.0456) * cos_pin;
-        let t1_56 = like.lift(0.14207) + u_rod_q3y;
-        let t1_57 = -t1_56;
-        let t1_58 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t1_59 = t1_52 * t1_58;
-        let t1_60 = like.lift(21.92982456140351) * t1_59;
-        let t1_61 = -t1_60;
-        let t1_62 = sin_pin * t1_58;
-        let t1_63 = -t1_62;
-        let t1_64 = like.lift(1.0) + t1_60;
-        let t1_65 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t1_59, t1_55);
-        let t1_66 = like.lift(7.038783698176955) * t1_65;
-        let t1_67 = -t1_66;
-        let t1_68 = cos_q2_elbow_minus_q3_minus_pin * t1_62;
-        let t1_69 = like.lift(0.0456).mul_add(t1_68, t1_56);
-        let t1_70 = like.lift(7.038783698176955) * t1_69;
+        let t2_45 = -u_rod_q3x;
+        let t2_46 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t2_37);
+        let t2_47 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t2_48 = -t2_47;
+        let t2_49 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t2_50 = t2_43 * t2_49;
+        let t2_51 = like.lift(21.92982456140351) * t2_50;
+        let t2_52 = -t2_51;
+        let t2_53 = sin_pin * t2_49;
+        let t2_54 = -t2_53;
+        let t2_55 = like.lift(1.0) + t2_51;
+        let t2_56 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_50, t2_46);
+        let t2_57 = like.lift(7.038783698176955) * t2_56;
+        let t2_58 = -t2_57;
+        let t2_59 = t2_53.mul_add(t2_37, t2_47);
+        let t2_60 = like.lift(7.038783698176955) * t2_59;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([
@@ -6453,23 +6154,23 @@ pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 22]) -> ([T; 4], Condition
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t1_61, like.lift(0.0), t1_63],
-                [like.lift(0.0), t1_64, like.lift(0.0), t1_62],
-                [like.lift(0.0), t1_67, like.lift(0.0), t1_70],
+                [like.lift(0.0), t2_52, like.lift(0.0), t2_54],
+                [like.lift(0.0), t2_55, like.lift(0.0), t2_53],
+                [like.lift(0.0), t2_58, like.lift(0.0), t2_60],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t1_47, like.lift(0.0), like.lift(-0.14207)],
+                    [t2_38, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t1_53, like.lift(0.0), t1_54],
-                    [like.lift(0.0), t1_55, like.lift(0.0), t1_57],
+                    [like.lift(0.0), t2_44, like.lift(0.0), t2_45],
+                    [like.lift(0.0), t2_46, like.lift(0.0), t2_48],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -6479,34 +6180,32 @@ pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 22]) -> ([T; 4], Condition
         );
         condition = condition.min(found);
         [
-            t1_15, t1_25, t1_39, t1_40, t1_41, sin_q3, cos_q3, sin_pin, cos_pin, x_elbow_q2,
-            x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
+            t2_14, t2_25, t2_29, t2_32, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3,
+            x_pin_q2, x_pin_q3,
         ]
     };
     // tau
     {
-        let t2_1 = (-t1_40).mul_add(x_elbow_q2, t1_41);
-        let t2_2 = (-t1_39).mul_add(x_wrist_q2, t2_1);
-        let t2_3 = cos_q3 * sin_pin;
-        let sin_q3_pin = sin_q3.mul_add(cos_pin, t2_3);
-        let t2_4 = sin_q3_pin * p_my_rod;
-        let t2_5 = t2_4 * x_pin_q2;
-        let t2_6 = like.lift(9.81).mul_add(t2_5, t2_2);
-        tau[1] = t2_6;
-        let t2_7 = -t1_15;
-        tau[2] = t2_7;
-        let t2_8 = cos_q3 * p_mx_crank;
-        let t2_9 = like.lift(9.81) * t2_8;
-        let t2_10 = sin_q3 * p_my_crank;
-        let t2_11 = like.lift(-9.81).mul_add(t2_10, t2_9);
-        let t2_12 = like.lift(-9.81).mul_add(t2_4, t2_11);
-        let t2_13 = t1_40 * x_elbow_q3;
-        let t2_14 = t1_39.mul_add(x_wrist_q3, t2_13);
-        let t2_15 = t2_12 - t2_14;
-        let t2_16 = t2_4 * x_pin_q3;
-        let t2_17 = like.lift(9.81).mul_add(t2_16, t2_15);
-        tau[3] = t2_17;
-        tau[0] = t1_25;
+        let t3_1 = sin_q3 * cos_pin;
+        let sin_q3_pin = cos_q3.mul_add(sin_pin, t3_1);
+        let t3_2 = sin_q3_pin * p_my_rod;
+        let t3_3 = t3_2 * x_pin_q2;
+        let t3_4 = (-sin_q2).mul_add(p_my_arm, t3_3);
+        let t3_5 = cos_q2.mul_add(p_mx_arm, t3_4);
+        let t3_6 = like.lift(9.81).mul_add(t3_5, t2_32);
+        let t3_7 = (-t2_29).mul_add(x_wrist_q2, t3_6);
+        let t3_8 = (-t2_32).mul_add(x_elbow_q2, t3_7);
+        tau[1] = t3_8;
+        let t3_9 = -t2_14;
+        tau[2] = t3_9;
+        let t3_10 = t3_2.mul_add(x_pin_q3, -t3_2);
+        let t3_11 = (-sin_q3).mul_add(p_my_crank, t3_10);
+        let t3_12 = cos_q3.mul_add(p_mx_crank, t3_11);
+        let t3_13 = like.lift(9.81) * t3_12;
+        let t3_14 = (-t2_29).mul_add(x_wrist_q3, t3_13);
+        let t3_15 = (-t2_32).mul_add(x_elbow_q3, t3_14);
+        tau[3] = t3_15;
+        tau[0] = t2_25;
     }
     (tau, Condition { pivot: condition })
 }
@@ -6518,7 +6217,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 22]) -> ([T; 4], Condition
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
 ///
-/// 183 additions, 293 multiplications, 1 divisions, 6 sines and cosines.
+/// 183 additions, 264 multiplications, 1 divisions, 6 sines and cosines.
 pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 22]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 4];
@@ -6531,380 +6230,340 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 22]) -> (
         p_mx_crank, p_my_crank, p_my_rod,
     ] = *beta;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_q3, cos_q3, sin_pin, cos_pin, sin_q2, cos_q2, sin_elbow, cos_elbow, sin_wrist,
+        cos_wrist, sin_q4, cos_q4,
+    ] = {
+        let [
+            (sin_q3, cos_q3), (sin_pin, cos_pin), (sin_q2, cos_q2), (sin_elbow, cos_elbow),
+            (sin_wrist, cos_wrist), (sin_q4, cos_q4),
+        ] =
+            T::sin_cos_all([q3, pin, q2, elbow, wrist, q4]);
+        [
+            sin_q3, cos_q3, sin_pin, cos_pin, sin_q2, cos_q2, sin_elbow, cos_elbow, sin_wrist,
+            cos_wrist, sin_q4, cos_q4,
+        ]
+    };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        sin_q3, cos_q3, sin_pin, cos_pin, w_crankx, sin_q3_pin, w_rody, w_cranky, t1_20,
-        sin_q2, cos_q2, w_armx, al_army, w_ixx_arm_q2, al_armx, t1_23, t1_24, t1_30, sin_elbow,
-        cos_elbow, w_forearmz, sin_q2_elbow, cos_q2_elbow, w_forearmx, t1_33, t1_34, t1_35,
-        t1_37, t1_38, t1_42, al_forearmx, al_forearmy, t1_48, cos_q2_elbow_minus_q3_minus_pin,
-        pivot_3, t1_53, t1_54, t1_55, t1_58, sin_q2_minus_q3_minus_pin,
-        cos_q2_minus_q3_minus_pin, t1_80, al_forearmz, t1_87, al_rodz,
+        w_crankx, t2_2, sin_q3_pin, w_rody, t2_8, t2_10, w_cranky, t2_14, w_armx, al_army,
+        t2_15, w_ixx_arm_q2, al_armx, t2_16, t2_17, t2_18, w_forearmz, sin_q2_elbow,
+        cos_q2_elbow, w_forearmx, t2_21, t2_22, t2_23, t2_24, t2_25, t2_26, al_forearmx,
+        al_forearmy, cos_q2_elbow_minus_q3_minus_pin, pivot_3, t2_34, t2_35, t2_36, t2_37,
+        cos_q2_minus_q3_minus_pin, t2_48, t2_53, al_forearmz, t2_60, al_rodz,
     ] = {
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let (sin_pin, cos_pin) = pin.sin_cos();
         let w_crankx = sin_q3 * d_q1;
         let al_cranky = d_q3 * w_crankx;
-        let t1_1 = al_cranky * p_my_rod;
-        let t1_2 = cos_pin * t1_1;
-        let t1_3 = sin_q3 * t1_2;
-        let t1_4 = like.lift(0.0912) * t1_3;
-        let t1_5 = sin_pin * t1_1;
-        let t1_6 = like.lift(0.0912) * t1_5;
+        let t2_1 = al_cranky * p_my_rod;
         let w_rodz = d_q3 + d_pin;
-        let t1_7 = cos_q3 * sin_pin;
-        let t1_8 = sin_q3 * sin_pin;
-        let sin_q3_pin = sin_q3.mul_add(cos_pin, t1_7);
-        let cos_q3_pin = cos_q3.mul_add(cos_pin, -t1_8);
-        let w_rody = cos_q3_pin * d_q1;
-        let t1_9 = d_pin * w_rody;
-        let t1_10 = cos_q3_pin * d_q3;
-        let al_rodx = d_q1.mul_add(t1_10, t1_9);
-        let t1_11 = w_rodz.mul_add(w_rody, al_rodx);
-        let t1_12 = t1_11 * p_my_rod;
-        let t1_13 = like.lift(-0.0456).mul_add(t1_12, t1_6);
-        let t1_14 = cos_q3.mul_add(t1_13, t1_4);
-        let t1_15 = al_cranky * p_mx_crank;
-        let t1_16 = like.lift(2.0) * t1_15;
+        let t2_2 = sin_q3 * cos_pin;
+        let sin_q3_pin = cos_q3.mul_add(sin_pin, t2_2);
+        let t2_3 = cos_q3 * cos_pin;
+        let cos_q3_pin = (-sin_q3).mul_add(sin_pin, t2_3);
+        let w_rody = d_q1 * cos_q3_pin;
+        let t2_4 = w_rodz + d_pin;
+        let t2_5 = w_rody * t2_4;
+        let t2_6 = d_q3.mul_add(w_rody, t2_5);
+        let t2_7 = t2_6 * p_my_rod;
+        let t2_8 = like.lift(0.0912) * t2_1;
+        let t2_9 = sin_pin * t2_8;
+        let t2_10 = like.lift(-0.0456).mul_add(t2_7, t2_9);
         let w_cranky = cos_q3 * d_q1;
-        let al_crankx = d_q3 * w_cranky;
-        let t1_17 = al_crankx * p_my_crank;
-        let t1_18 = like.lift(2.0).mul_add(t1_17, t1_16);
-        let t1_19 = t1_18 + t1_12;
-        let t1_20 = like.lift(-0.0132).mul_add(t1_19, t1_14);
-        let (sin_q2, cos_q2) = q2.sin_cos();
+        let t2_11 = d_q3 * w_cranky;
+        let t2_12 = t2_11 * p_my_crank;
+        let t2_13 = al_cranky.mul_add(p_mx_crank, t2_12);
+        let t2_14 = like.lift(2.0).mul_add(t2_13, t2_7);
         let w_armx = sin_q2 * d_q1;
         let al_army = d_q2 * w_armx;
-        let t1_21 = al_army * p_ixy_arm;
+        let t2_15 = al_army * p_ixy_arm;
         let w_army = cos_q2 * d_q1;
         let w_ixx_arm_q2 = w_armx * w_army;
         let al_armx = d_q2 * w_army;
-        let t1_22 = al_armx * p_izz_arm;
-        let t1_23 = w_army * w_army;
-        let t1_24 = d_q2 * d_q2;
-        let t1_25 = t1_23 - t1_24;
-        let t1_26 = t1_25.mul_add(p_iyz_arm, t1_22);
-        let t1_27 = w_ixx_arm_q2.mul_add(p_ixz_arm, t1_26);
-        let t1_28 = t1_21 - t1_27;
-        let t1_29 = (-al_armx).mul_add(p_ixx_arm, t1_21);
-        let t1_30 = t1_28 + t1_29;
-        let (sin_elbow, cos_elbow) = elbow.sin_cos();
+        let t2_16 = w_army * w_army;
+        let t2_17 = d_q2 * d_q2;
+        let t2_18 = t2_16 - t2_17;
         let w_forearmz = d_q2 + d_elbow;
-        let t1_31 = cos_q2 * sin_elbow;
-        let t1_32 = sin_q2 * sin_elbow;
-        let sin_q2_elbow = sin_q2.mul_add(cos_elbow, t1_31);
-        let cos_q2_elbow = cos_q2.mul_add(cos_elbow, -t1_32);
+        let t2_19 = sin_q2 * cos_elbow;
+        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t2_19);
+        let t2_20 = cos_q2 * cos_elbow;
+        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t2_20);
         let w_forearmx = sin_q2_elbow * d_q1;
-        let t1_33 = w_forearmz * w_forearmx;
+        let t2_21 = w_forearmz * w_forearmx;
         let w_forearmy = cos_q2_elbow * d_q1;
-        let t1_34 = w_forearmx * w_forearmy;
-        let t1_35 = w_forearmz * w_forearmy;
-        let t1_36 = t1_35 * p_izz_forearm;
-        let t1_37 = w_forearmy * w_forearmy;
-        let t1_38 = w_forearmz * w_forearmz;
-        let t1_39 = t1_37 - t1_38;
-        let t1_40 = t1_39.mul_add(p_iyz_forearm, t1_36);
-        let t1_41 = t1_34.mul_add(p_ixz_forearm, t1_40);
-        let t1_42 = t1_33.mul_add(p_ixy_forearm, -t1_41);
-        let t1_43 = d_elbow * w_forearmy;
-        let t1_44 = cos_q2_elbow * d_q2;
-        let al_forearmx = d_q1.mul_add(t1_44, t1_43);
-        let t1_45 = al_forearmx * p_ixx_forearm;
-        let t1_46 = d_elbow * w_forearmx;
-        let t1_47 = sin_q2_elbow * d_q2;
-        let al_forearmy = d_q1.mul_add(t1_47, t1_46);
-        let t1_48 = (-al_forearmy).mul_add(p_ixy_forearm, t1_45);
-        let t1_49 = cos_q2_elbow * sin_q3;
-        let t1_50 = sin_q2_elbow * sin_q3;
-        let sin_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(cos_q3, -t1_49);
-        let cos_q2_elbow_minus_q3 = cos_q2_elbow.mul_add(cos_q3, t1_50);
-        let t1_51 = cos_q2_elbow_minus_q3 * sin_pin;
-        let t1_52 = sin_q2_elbow_minus_q3 * sin_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(cos_pin, -t1_51);
-        let cos_q2_elbow_minus_q3_minus_pin = cos_q2_elbow_minus_q3.mul_add(cos_pin, t1_52);
+        let t2_22 = w_forearmx * w_forearmy;
+        let t2_23 = w_forearmz * w_forearmy;
+        let t2_24 = w_forearmy * w_forearmy;
+        let t2_25 = w_forearmz * w_forearmz;
+        let t2_26 = t2_24 - t2_25;
+        let t2_27 = d_q1 * d_q2;
+        let t2_28 = cos_q2_elbow * t2_27;
+        let al_forearmx = d_elbow.mul_add(w_forearmy, t2_28);
+        let t2_29 = sin_q2_elbow * t2_27;
+        let al_forearmy = d_elbow.mul_add(w_forearmx, t2_29);
+        let t2_30 = sin_q2_elbow * cos_q3;
+        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t2_30);
+        let t2_31 = cos_q2_elbow * cos_q3;
+        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t2_31);
+        let t2_32 = sin_q2_elbow_minus_q3 * cos_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t2_32);
+        let t2_33 = cos_q2_elbow_minus_q3 * cos_pin;
+        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t2_33);
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t1_53 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t1_54 = -t1_53;
-        let t1_55 = d_q3 * d_q3;
-        let t1_56 = cos_pin * t1_55;
-        let t1_57 = like.lift(0.0456) * t1_56;
-        let t1_58 = w_rodz * w_rodz;
-        let t1_59 = like.lift(0.14207).mul_add(t1_58, t1_57);
-        let t1_60 = cos_q2 * sin_q3;
-        let t1_61 = sin_q2 * sin_q3;
-        let sin_q2_minus_q3 = sin_q2.mul_add(cos_q3, -t1_60);
-        let cos_q2_minus_q3 = cos_q2.mul_add(cos_q3, t1_61);
-        let t1_62 = cos_q2_minus_q3 * sin_pin;
-        let t1_63 = sin_q2_minus_q3 * sin_pin;
-        let sin_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(cos_pin, -t1_62);
-        let cos_q2_minus_q3_minus_pin = cos_q2_minus_q3.mul_add(cos_pin, t1_63);
-        let t1_64 = cos_q2_minus_q3_minus_pin * d_q2;
-        let t1_65 = d_q2 * t1_64;
-        let t1_66 = like.lift(0.14207) * t1_65;
-        let t1_67 = cos_q2_elbow_minus_q3_minus_pin * w_forearmz;
-        let t1_68 = w_forearmz * t1_67;
-        let t1_69 = like.lift(-0.0456).mul_add(t1_68, t1_66);
-        let t1_70 = t1_59 - t1_69;
-        let t1_71 = -t1_70;
-        let t1_72 = sin_pin * t1_55;
-        let t1_73 = sin_q2_minus_q3_minus_pin * d_q2;
-        let t1_74 = d_q2 * t1_73;
-        let t1_75 = like.lift(0.14207) * t1_74;
-        let t1_76 = sin_q2_elbow_minus_q3_minus_pin * w_forearmz;
-        let t1_77 = w_forearmz * t1_76;
-        let t1_78 = like.lift(-0.0456).mul_add(t1_77, t1_75);
-        let t1_79 = like.lift(0.0456).mul_add(t1_72, t1_78);
-        let t1_80 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t1_81 = t1_80 * t1_70;
-        let t1_82 = like.lift(21.92982456140351) * t1_81;
-        let t1_83 = -t1_82;
-        let t1_84 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t1_81, t1_79);
-        let t1_85 = like.lift(7.038783698176955) * t1_84;
-        let t1_86 = -t1_85;
+        let t2_34 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t2_35 = -t2_34;
+        let t2_36 = d_q3 * d_q3;
+        let t2_37 = w_rodz * w_rodz;
+        let t2_38 = sin_q2 * cos_q3;
+        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t2_38);
+        let t2_39 = cos_q2 * cos_q3;
+        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t2_39);
+        let t2_40 = sin_q2_minus_q3 * cos_pin;
+        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t2_40);
+        let t2_41 = cos_q2_minus_q3 * cos_pin;
+        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t2_41);
+        let t2_42 = cos_pin * t2_36;
+        let t2_43 = cos_q2_elbow_minus_q3_minus_pin.mul_add(t2_25, t2_42);
+        let t2_44 = (-cos_q2_minus_q3_minus_pin).mul_add(t2_17, t2_37);
+        let t2_45 = like.lift(0.14207) * t2_44;
+        let t2_46 = like.lift(0.0456).mul_add(t2_43, t2_45);
+        let t2_47 = -t2_46;
+        let t2_48 = like.lift(0.14207) * sin_q2_minus_q3_minus_pin;
+        let t2_49 = sin_pin * t2_36;
+        let t2_50 = (-sin_q2_elbow_minus_q3_minus_pin).mul_add(t2_25, t2_49);
+        let t2_51 = like.lift(0.0456) * t2_50;
+        let t2_52 = t2_17.mul_add(t2_48, t2_51);
+        let t2_53 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t2_54 = t2_53 * t2_46;
+        let t2_55 = like.lift(21.92982456140351) * t2_54;
+        let t2_56 = -t2_55;
+        let t2_57 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_54, t2_52);
+        let t2_58 = like.lift(7.038783698176955) * t2_57;
+        let t2_59 = -t2_58;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
-        let ([[al_forearmz], [t1_87], [al_rodz]], found) = ::regen_runtime::guarded(
-            [[t1_83], [t1_82], [t1_86]],
+        let ([[al_forearmz], [t2_60], [al_rodz]], found) = ::regen_runtime::guarded(
+            [[t2_56], [t2_55], [t2_59]],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t1_54, like.lift(0.0), like.lift(-0.14207)],
+                    [t2_35, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [t1_71], [t1_79], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_47], [t2_52], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
                     [like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            sin_q3, cos_q3, sin_pin, cos_pin, w_crankx, sin_q3_pin, w_rody, w_cranky, t1_20,
-            sin_q2, cos_q2, w_armx, al_army, w_ixx_arm_q2, al_armx, t1_23, t1_24, t1_30,
-            sin_elbow, cos_elbow, w_forearmz, sin_q2_elbow, cos_q2_elbow, w_forearmx, t1_33,
-            t1_34, t1_35, t1_37, t1_38, t1_42, al_forearmx, al_forearmy, t1_48,
-            cos_q2_elbow_minus_q3_minus_pin, pivot_3, t1_53, t1_54, t1_55, t1_58,
-            sin_q2_minus_q3_minus_pin, cos_q2_minus_q3_minus_pin, t1_80, al_forearmz, t1_87,
-            al_rodz,
+            w_crankx, t2_2, sin_q3_pin, w_rody, t2_8, t2_10, w_cranky, t2_14, w_armx, al_army,
+            t2_15, w_ixx_arm_q2, al_armx, t2_16, t2_17, t2_18, w_forearmz, sin_q2_elbow,
+            cos_q2_elbow, w_forearmx, t2_21, t2_22, t2_23, t2_24, t2_25, t2_26, al_forearmx,
+            al_forearmy, cos_q2_elbow_minus_q3_minus_pin, pivot_3, t2_34, t2_35, t2_36, t2_37,
+            cos_q2_minus_q3_minus_pin, t2_48, t2_53, al_forearmz, t2_60, al_rodz,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t2_11, t2_45, t2_106, t2_139, t2_147, t2_161, x_elbow_q2, x_elbow_q3, x_wrist_q2,
-        x_wrist_q3, x_pin_q2, x_pin_q3,
+        t3_6, t3_7, t3_11, t3_44, t3_111, w_ixy_arm_q2, t3_126, t3_142, t3_152, x_elbow_q2,
+        x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
     ] = {
-        let t2_1 = p_ixz_forearm.mul_add(al_forearmz, t1_48);
-        let t2_2 = t1_42 - t2_1;
-        let t2_3 = al_army * p_my_forearm;
-        let t2_4 = like.lift(-0.28414).mul_add(t2_3, t2_2);
-        let (sin_wrist, cos_wrist) = wrist.sin_cos();
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t2_5 = cos_q2_elbow * sin_wrist;
-        let t2_6 = sin_q2_elbow * sin_wrist;
-        let sin_q2_elbow_wrist = sin_q2_elbow.mul_add(cos_wrist, t2_5);
-        let cos_q2_elbow_wrist = cos_q2_elbow.mul_add(cos_wrist, -t2_6);
+        let t3_1 = sin_q2_elbow * cos_wrist;
+        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t3_1);
+        let t3_2 = cos_q2_elbow * cos_wrist;
+        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t3_2);
         let w_wristx = d_q1 * sin_q2_elbow_wrist;
-        let t2_7 = sin_q4 * w_wristx;
         let w_wristz = d_wrist + w_forearmz;
-        let w_flangey = (-cos_q4).mul_add(w_wristz, t2_7);
+        let t3_3 = sin_q4 * w_wristx;
+        let w_flangey = (-cos_q4).mul_add(w_wristz, t3_3);
         let w_wristy = d_q1 * cos_q2_elbow_wrist;
         let w_flangez = d_q4 - w_wristy;
-        let t2_8 = w_flangey * w_flangez;
-        let t2_9 = t2_8 * p_izz_flange;
-        let t2_10 = t1_37 + t1_38;
-        let t2_11 = d_q1 * d_q1;
-        let t2_12 = cos_q2 * t2_11;
-        let a_armx = like.lift(0.0132) * t2_12;
-        let t2_13 = t1_23 + t1_24;
-        let t2_14 = like.lift(0.14207).mul_add(t2_13, a_armx);
-        let t2_15 = cos_elbow * t2_14;
-        let t2_16 = sin_q2 * t2_11;
-        let a_army = like.lift(0.0132) * t2_16;
-        let t2_17 = like.lift(0.14207).mul_add(w_ixx_arm_q2, a_army);
-        let a_forearmx = (-sin_elbow).mul_add(t2_17, t2_15);
-        let t2_18 = like.lift(0.15852).mul_add(t2_10, a_forearmx);
-        let t2_19 = sin_wrist * t2_18;
-        let t2_20 = sin_elbow * t2_14;
-        let a_forearmy = cos_elbow.mul_add(t2_17, t2_20);
-        let t2_21 = t1_34 + al_forearmz;
-        let t2_22 = like.lift(0.15852).mul_add(t2_21, a_forearmy);
-        let a_wristy = cos_wrist.mul_add(t2_22, t2_19);
-        let al_wristz = al_forearmz + t1_87;
-        let t2_23 = w_wristx.mul_add(w_wristy, al_wristz);
-        let a_flangez = like.lift(0.05).mul_add(t2_23, a_wristy);
-        let t2_24 = p_my_flange.mul_add(a_flangez, t2_9);
-        let t2_25 = cos_q4 * t2_24;
-        let t2_26 = cos_q4 * w_wristx;
-        let w_flangex = sin_q4.mul_add(w_wristz, t2_26);
-        let t2_27 = w_flangex * w_flangez;
-        let t2_28 = t2_27 * p_izz_flange;
-        let t2_29 = (-p_mx_flange).mul_add(a_flangez, t2_28);
-        let t2_30 = (-sin_q4).mul_add(t2_29, t2_25);
-        let t2_31 = cos_wrist * t2_30;
-        let a_forearmz = like.lift(0.28414) * al_army;
-        let t2_32 = t1_33 + al_forearmy;
-        let a_wristz = like.lift(0.15852).mul_add(t2_32, a_forearmz);
-        let t2_33 = sin_wrist * al_forearmx;
-        let t2_34 = cos_wrist.mul_add(al_forearmy, t2_33);
-        let al_wristy = d_wrist.mul_add(w_wristx, t2_34);
-        let t2_35 = w_wristx.mul_add(w_wristz, al_wristy);
-        let t2_36 = like.lift(0.05).mul_add(t2_35, a_wristz);
-        let t2_37 = cos_q4 * t2_36;
-        let t2_38 = w_wristy * w_wristy;
-        let t2_39 = w_wristz.mul_add(w_wristz, t2_38);
-        let t2_40 = cos_wrist * t2_18;
-        let a_wristx = (-sin_wrist).mul_add(t2_22, t2_40);
-        let t2_41 = like.lift(0.05).mul_add(t2_39, a_wristx);
-        let a_flangey = sin_q4.mul_add(t2_41, t2_37);
-        let t2_42 = p_mx_flange * a_flangey;
-        let t2_43 = sin_q4 * t2_36;
-        let a_flangex = (-cos_q4).mul_add(t2_41, t2_43);
-        let t2_44 = (-p_my_flange).mul_add(a_flangex, t2_42);
-        let t2_45 = al_wristy.mul_add(p_izz_flange, t2_44);
-        let t2_46 = w_flangez * w_flangez;
-        let t2_47 = w_flangey.mul_add(w_flangey, t2_46);
-        let t2_48 = t2_47 * p_mx_flange;
+        let t3_4 = w_flangey * w_flangez;
+        let t3_5 = t2_24 + t2_25;
+        let t3_6 = d_q1 * d_q1;
+        let t3_7 = cos_q2 * t3_6;
+        let t3_8 = t2_16 + t2_17;
+        let t3_9 = like.lift(0.14207) * t3_8;
+        let t3_10 = like.lift(0.0132).mul_add(t3_7, t3_9);
+        let t3_11 = sin_q2 * t3_6;
+        let t3_12 = like.lift(0.14207) * w_ixx_arm_q2;
+        let t3_13 = like.lift(0.0132).mul_add(t3_11, t3_12);
+        let t3_14 = cos_elbow * t3_10;
+        let a_forearmx = (-sin_elbow).mul_add(t3_13, t3_14);
+        let t3_15 = like.lift(0.15852).mul_add(t3_5, a_forearmx);
+        let t3_16 = cos_elbow * t3_13;
+        let a_forearmy = sin_elbow.mul_add(t3_10, t3_16);
+        let t3_17 = t2_22 + al_forearmz;
+        let t3_18 = like.lift(0.15852).mul_add(t3_17, a_forearmy);
+        let t3_19 = cos_wrist * t3_18;
+        let a_wristy = sin_wrist.mul_add(t3_15, t3_19);
+        let al_wristz = al_forearmz + t2_60;
+        let t3_20 = w_wristx.mul_add(w_wristy, al_wristz);
+        let a_flangez = like.lift(0.05).mul_add(t3_20, a_wristy);
+        let t3_21 = p_my_flange * a_flangez;
+        let t3_22 = t3_4.mul_add(p_izz_flange, t3_21);
+        let t3_23 = sin_q4 * w_wristz;
+        let w_flangex = cos_q4.mul_add(w_wristx, t3_23);
+        let t3_24 = w_flangex * w_flangez;
+        let t3_25 = t3_24 * p_izz_flange;
+        let t3_26 = (-p_mx_flange).mul_add(a_flangez, t3_25);
+        let t3_27 = cos_q4 * t3_22;
+        let t3_28 = (-sin_q4).mul_add(t3_26, t3_27);
+        let t3_29 = t2_21 + al_forearmy;
+        let t3_30 = like.lift(0.28414) * al_army;
+        let a_wristz = like.lift(0.15852).mul_add(t3_29, t3_30);
+        let t3_31 = d_wrist * w_wristx;
+        let t3_32 = cos_wrist.mul_add(al_forearmy, t3_31);
+        let al_wristy = sin_wrist.mul_add(al_forearmx, t3_32);
+        let t3_33 = w_wristx.mul_add(w_wristz, al_wristy);
+        let t3_34 = like.lift(0.05).mul_add(t3_33, a_wristz);
+        let t3_35 = w_wristz * w_wristz;
+        let t3_36 = w_wristy.mul_add(w_wristy, t3_35);
+        let t3_37 = like.lift(0.05) * t3_36;
+        let t3_38 = (-sin_wrist).mul_add(t3_18, t3_37);
+        let t3_39 = cos_wrist.mul_add(t3_15, t3_38);
+        let t3_40 = sin_q4 * t3_39;
+        let a_flangey = cos_q4.mul_add(t3_34, t3_40);
+        let t3_41 = sin_q4 * t3_34;
+        let a_flangex = (-cos_q4).mul_add(t3_39, t3_41);
+        let t3_42 = al_wristy * p_izz_flange;
+        let t3_43 = (-p_my_flange).mul_add(a_flangex, t3_42);
+        let t3_44 = p_mx_flange.mul_add(a_flangey, t3_43);
+        let t3_45 = w_flangez * w_flangez;
+        let t3_46 = w_flangey.mul_add(w_flangey, t3_45);
         let w_ixx_flange_q4 = w_flangex * w_flangey;
-        let t2_49 = w_ixx_flange_q4 + al_wristy;
-        let t2_50 = t2_49.mul_add(p_my_flange, t2_48);
-        let t2_51 = sin_q4 * t2_50;
-        let t2_52 = w_flangex.mul_add(w_flangex, t2_46);
-        let t2_53 = t2_52 * p_my_flange;
-        let t2_54 = w_ixx_flange_q4 - al_wristy;
-        let t2_55 = t2_54.mul_add(p_mx_flange, t2_53);
-        let t2_56 = cos_q4.mul_add(t2_55, t2_51);
-        let t2_57 = like.lift(-0.05).mul_add(t2_56, t2_45);
-        let t2_58 = a_wristz.mul_add(p_mx_wrist, t2_57);
-        let t2_59 = (-sin_wrist).mul_add(t2_58, t2_31);
-        let t2_60 = t2_4 + t2_59;
-        let t2_61 = cos_elbow * t2_60;
-        let t2_62 = p_ixx_forearm - p_izz_forearm;
-        let t2_63 = t1_33 * t2_62;
-        let t2_64 = w_forearmx * w_forearmx;
-        let t2_65 = t2_64 - t1_38;
-        let t2_66 = (-t2_65).mul_add(p_ixz_forearm, t2_63);
-        let t2_67 = t1_35.mul_add(p_ixy_forearm, t2_66);
-        let t2_68 = t1_34.mul_add(p_iyz_forearm, -t2_67);
-        let t2_69 = al_forearmx * p_ixy_forearm;
-        let t2_70 = p_iyz_forearm.mul_add(al_forearmz, t2_69);
-        let t2_71 = t2_68 - t2_70;
-        let t2_72 = al_army * p_mx_forearm;
-        let t2_73 = like.lift(0.28414).mul_add(t2_72, t2_71);
-        let t2_74 = sin_wrist * t2_30;
-        let t2_75 = cos_wrist.mul_add(t2_58, t2_74);
-        let t2_76 = t2_35.mul_add(p_mx_wrist, -t2_56);
-        let t2_77 = like.lift(0.15852).mul_add(t2_76, t2_75);
-        let t2_78 = t2_73 + t2_77;
-        let t2_79 = (-sin_elbow).mul_add(t2_78, t2_61);
-        let t2_80 = t1_30 + t2_79;
-        let t2_81 = sin_q2 * t2_80;
-        let t2_82 = al_armx * p_ixy_arm;
-        let t2_83 = p_ixx_arm - p_izz_arm;
-        let t2_84 = al_army * t2_83;
-        let t2_85 = w_armx * w_armx;
-        let t2_86 = t2_85 - t1_24;
-        let t2_87 = (-t2_86).mul_add(p_ixz_arm, t2_84);
-        let t2_88 = t2_82 + t2_87;
-        let t2_89 = w_ixx_arm_q2.mul_add(p_iyz_arm, -t2_88);
-        let t2_90 = t2_82 - t2_89;
-        let t2_91 = sin_elbow * t2_60;
-        let t2_92 = cos_elbow.mul_add(t2_78, t2_91);
-        let t2_93 = t2_32 * p_mx_forearm;
-        let t2_94 = t1_35 + al_forearmx;
-        let t2_95 = t2_94.mul_add(p_my_forearm, t2_93);
-        let t2_96 = t2_95 + t2_76;
-        let t2_97 = like.lift(0.14207).mul_add(t2_96, t2_92);
-        let t2_98 = t2_90 - t2_97;
-        let t2_99 = (-cos_q2).mul_add(t2_98, t2_81);
-        let t2_100 = al_army * p_mx_arm;
-        let t2_101 = like.lift(2.0) * t2_100;
-        let t2_102 = al_armx * p_my_arm;
-        let t2_103 = like.lift(2.0).mul_add(t2_102, t2_101);
-        let t2_104 = t2_103 + t2_96;
-        let t2_105 = like.lift(0.0132).mul_add(t2_104, t2_99);
-        let t2_106 = t1_20 - t2_105;
-        let t2_107 = w_ixx_arm_q2 * p_ixx_arm;
-        let w_ixy_arm_q2 = t2_85 - t1_23;
-        let t2_108 = (-w_ixy_arm_q2).mul_add(p_ixy_arm, t2_107);
-        let t2_109 = t2_16 * p_mx_arm;
-        let t2_110 = like.lift(0.0132) * t2_109;
-        let t2_111 = t2_12 * p_my_arm;
-        let t2_112 = like.lift(0.0132).mul_add(t2_111, t2_110);
-        let t2_113 = t2_108 - t2_112;
-        let t2_114 = t1_34 * p_ixx_forearm;
-        let t2_115 = t2_64 - t1_37;
-        let t2_116 = (-t2_115).mul_add(p_ixy_forearm, t2_114);
-        let t2_117 = t1_33.mul_add(p_iyz_forearm, -t2_116);
-        let t2_118 = t1_35.mul_add(p_ixz_forearm, -t2_117);
-        let t2_119 = al_forearmx * p_ixz_forearm;
-        let t2_120 = (-al_forearmy).mul_add(p_iyz_forearm, t2_119);
-        let t2_121 = p_izz_forearm.mul_add(al_forearmz, t2_120);
-        let t2_122 = t2_118 - t2_121;
-        let t2_123 = a_forearmy * p_mx_forearm;
-        let t2_124 = a_forearmx.mul_add(p_my_forearm, t2_123);
-        let t2_125 = t2_122 - t2_124;
-        let t2_126 = sin_q4 * t2_24;
-        let t2_127 = cos_q4.mul_add(t2_29, t2_126);
-        let t2_128 = cos_wrist * al_forearmx;
-        let t2_129 = (-sin_wrist).mul_add(al_forearmy, t2_128);
-        let al_wristx = d_wrist.mul_add(w_wristy, t2_129);
-        let t2_130 = sin_q4 * al_wristx;
-        let t2_131 = (-cos_q4).mul_add(al_wristz, t2_130);
-        let al_flangey = d_q4.mul_add(w_flangex, t2_131);
-        let t2_132 = t2_27 + al_flangey;
-        let t2_133 = p_mx_flange * t2_132;
-        let t2_134 = cos_q4 * al_wristx;
-        let t2_135 = sin_q4.mul_add(al_wristz, t2_134);
-        let al_flangex = d_q4.mul_add(w_flangey, -t2_135);
-        let t2_136 = t2_8 + al_flangex;
-        let t2_137 = (-p_my_flange).mul_add(t2_136, t2_133);
-        let t2_138 = like.lift(0.05).mul_add(t2_137, t2_127);
-        let t2_139 = p_mx_wrist.mul_add(a_wristy, -t2_138);
-        let t2_140 = cos_q4 * t2_50;
-        let t2_141 = (-sin_q4).mul_add(t2_55, t2_140);
-        let t2_142 = t2_39.mul_add(p_mx_wrist, t2_141);
-        let t2_143 = sin_wrist * t2_142;
-        let t2_144 = p_mx_wrist.mul_add(t2_23, -t2_137);
-        let t2_145 = (-cos_wrist).mul_add(t2_144, t2_143);
-        let t2_146 = like.lift(-0.15852).mul_add(t2_145, t2_139);
-        let t2_147 = t2_125 - t2_146;
-        let t2_148 = t2_10 * p_mx_forearm;
-        let t2_149 = t1_34 - al_forearmz;
-        let t2_150 = (-p_my_forearm).mul_add(t2_149, t2_148);
-        let t2_151 = cos_wrist * t2_142;
-        let t2_152 = sin_wrist.mul_add(t2_144, t2_151);
-        let t2_153 = t2_150 + t2_152;
-        let t2_154 = sin_elbow * t2_153;
-        let t2_155 = t2_64 + t1_38;
-        let t2_156 = t2_155 * p_my_forearm;
-        let t2_157 = (-p_mx_forearm).mul_add(t2_21, t2_156);
-        let t2_158 = t2_157 + t2_145;
-        let t2_159 = cos_elbow.mul_add(t2_158, t2_154);
-        let t2_160 = like.lift(0.14207).mul_add(t2_159, t2_147);
-        let t2_161 = t2_113 + t2_160;
-        let t2_162 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t2_163 = -t2_162;
+        let t3_47 = w_ixx_flange_q4 + al_wristy;
+        let t3_48 = t3_47 * p_my_flange;
+        let t3_49 = t3_46.mul_add(p_mx_flange, t3_48);
+        let t3_50 = w_flangex.mul_add(w_flangex, t3_45);
+        let t3_51 = w_ixx_flange_q4 - al_wristy;
+        let t3_52 = t3_51 * p_mx_flange;
+        let t3_53 = t3_50.mul_add(p_my_flange, t3_52);
+        let t3_54 = cos_q4 * t3_53;
+        let t3_55 = sin_q4.mul_add(t3_49, t3_54);
+        let t3_56 = a_wristz.mul_add(p_mx_wrist, t3_44);
+        let t3_57 = like.lift(-0.05).mul_add(t3_55, t3_56);
+        let t3_58 = t2_21 + al_forearmy;
+        let t3_59 = t2_22 + al_forearmz;
+        let t3_60 = p_ixy_forearm * t3_58;
+        let t3_61 = (-p_my_forearm).mul_add(t3_30, t3_60);
+        let t3_62 = (-p_ixz_forearm).mul_add(t3_59, t3_61);
+        let t3_63 = (-t2_26).mul_add(p_iyz_forearm, t3_62);
+        let t3_64 = (-t2_23).mul_add(p_izz_forearm, t3_63);
+        let t3_65 = (-al_forearmx).mul_add(p_ixx_forearm, t3_64);
+        let t3_66 = (-sin_wrist).mul_add(t3_57, t3_65);
+        let t3_67 = cos_wrist.mul_add(t3_28, t3_66);
+        let t3_68 = p_ixx_forearm - p_izz_forearm;
+        let t3_69 = w_forearmx * w_forearmx;
+        let t3_70 = t3_69 - t2_25;
+        let t3_71 = t3_33.mul_add(p_mx_wrist, -t3_55);
+        let t3_72 = t2_23 + al_forearmx;
+        let t3_73 = t2_22 - al_forearmz;
+        let t3_74 = p_mx_forearm * t3_30;
+        let t3_75 = p_iyz_forearm.mul_add(t3_73, t3_74);
+        let t3_76 = (-p_ixy_forearm).mul_add(t3_72, t3_75);
+        let t3_77 = t3_70.mul_add(p_ixz_forearm, t3_76);
+        let t3_78 = (-t2_21).mul_add(t3_68, t3_77);
+        let t3_79 = like.lift(0.15852).mul_add(t3_71, t3_78);
+        let t3_80 = cos_wrist.mul_add(t3_57, t3_79);
+        let t3_81 = sin_wrist.mul_add(t3_28, t3_80);
+        let t3_82 = p_izz_arm + p_ixx_arm;
+        let t3_83 = (-w_ixx_arm_q2).mul_add(p_ixz_arm, t2_15);
+        let t3_84 = (-t2_18).mul_add(p_iyz_arm, t3_83);
+        let t3_85 = (-al_armx).mul_add(t3_82, t3_84);
+        let t3_86 = t3_85 + t2_15;
+        let t3_87 = (-sin_elbow).mul_add(t3_81, t3_86);
+        let t3_88 = cos_elbow.mul_add(t3_67, t3_87);
+        let t3_89 = al_armx * p_ixy_arm;
+        let t3_90 = p_ixx_arm - p_izz_arm;
+        let t3_91 = w_armx * w_armx;
+        let t3_92 = t3_91 - t2_17;
+        let t3_93 = t2_23 + al_forearmx;
+        let t3_94 = t3_93.mul_add(p_my_forearm, t3_71);
+        let t3_95 = t3_29.mul_add(p_mx_forearm, t3_94);
+        let t3_96 = (-w_ixx_arm_q2).mul_add(p_iyz_arm, t3_89);
+        let t3_97 = t3_96 + t3_89;
+        let t3_98 = (-t3_92).mul_add(p_ixz_arm, t3_97);
+        let t3_99 = al_army.mul_add(t3_90, t3_98);
+        let t3_100 = like.lift(-0.14207).mul_add(t3_95, t3_99);
+        let t3_101 = (-cos_elbow).mul_add(t3_81, t3_100);
+        let t3_102 = (-sin_elbow).mul_add(t3_67, t3_101);
+        let t3_103 = al_armx * p_my_arm;
+        let t3_104 = al_army.mul_add(p_mx_arm, t3_103);
+        let t3_105 = like.lift(2.0).mul_add(t3_104, t3_95);
+        let t3_106 = t2_14 + t3_105;
+        let t3_107 = cos_q3 * t2_10;
+        let t3_108 = like.lift(-0.0132).mul_add(t3_106, t3_107);
+        let t3_109 = t2_8.mul_add(t2_2, t3_108);
+        let t3_110 = cos_q2.mul_add(t3_102, t3_109);
+        let t3_111 = (-sin_q2).mul_add(t3_88, t3_110);
+        let w_ixy_arm_q2 = t3_91 - t2_16;
+        let t3_112 = t3_69 - t2_24;
+        let t3_113 = d_wrist * w_wristy;
+        let t3_114 = (-sin_wrist).mul_add(al_forearmy, t3_113);
+        let al_wristx = cos_wrist.mul_add(al_forearmx, t3_114);
+        let t3_115 = d_q4.mul_add(w_flangex, t3_24);
+        let t3_116 = (-cos_q4).mul_add(al_wristz, t3_115);
+        let t3_117 = sin_q4.mul_add(al_wristx, t3_116);
+        let t3_118 = d_q4.mul_add(w_flangey, t3_4);
+        let t3_119 = (-sin_q4).mul_add(al_wristz, t3_118);
+        let t3_120 = (-cos_q4).mul_add(al_wristx, t3_119);
+        let t3_121 = p_mx_flange * t3_117;
+        let t3_122 = (-p_my_flange).mul_add(t3_120, t3_121);
+        let t3_123 = p_mx_wrist * a_wristy;
+        let t3_124 = like.lift(-0.05).mul_add(t3_122, t3_123);
+        let t3_125 = (-cos_q4).mul_add(t3_26, t3_124);
+        let t3_126 = (-sin_q4).mul_add(t3_22, t3_125);
+        let t3_127 = t3_36 * p_mx_wrist;
+        let t3_128 = (-sin_q4).mul_add(t3_53, t3_127);
+        let t3_129 = cos_q4.mul_add(t3_49, t3_128);
+        let t3_130 = p_mx_wrist.mul_add(t3_20, -t3_122);
+        let t3_131 = sin_wrist * t3_129;
+        let t3_132 = (-cos_wrist).mul_add(t3_130, t3_131);
+        let t3_133 = t2_23 - al_forearmx;
+        let t3_134 = t2_21 - al_forearmy;
+        let t3_135 = p_ixz_forearm.mul_add(t3_133, -t3_126);
+        let t3_136 = (-p_iyz_forearm).mul_add(t3_134, t3_135);
+        let t3_137 = (-t3_112).mul_add(p_ixy_forearm, t3_136);
+        let t3_138 = t2_22.mul_add(p_ixx_forearm, t3_137);
+        let t3_139 = (-p_izz_forearm).mul_add(al_forearmz, t3_138);
+        let t3_140 = (-a_forearmx).mul_add(p_my_forearm, t3_139);
+        let t3_141 = (-a_forearmy).mul_add(p_mx_forearm, t3_140);
+        let t3_142 = like.lift(0.15852).mul_add(t3_132, t3_141);
+        let t3_143 = t2_22 - al_forearmz;
+        let t3_144 = t3_5 * p_mx_forearm;
+        let t3_145 = (-p_my_forearm).mul_add(t3_143, t3_144);
+        let t3_146 = sin_wrist.mul_add(t3_130, t3_145);
+        let t3_147 = cos_wrist.mul_add(t3_129, t3_146);
+        let t3_148 = t3_69 + t2_25;
+        let t3_149 = (-p_mx_forearm).mul_add(t3_17, t3_132);
+        let t3_150 = t3_148.mul_add(p_my_forearm, t3_149);
+        let t3_151 = cos_elbow * t3_150;
+        let t3_152 = sin_elbow.mul_add(t3_147, t3_151);
+        let t3_153 = t2_48 - pivot_3;
+        let t3_154 = -t3_153;
         let u_rod_q3x = like.lift(0.0456) * sin_pin;
-        let t2_164 = -u_rod_q3x;
-        let t2_165 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t1_53);
-        let u_rod_q3y = like.lift(0.0456) * cos_pin;
-        let t2_166 = like.lift(0.14207) + u_rod_q3y;
-        let t2_167 = -t2_166;
-        let t2_168 = t2_162 * t1_80;
-        let t2_169 = like.lift(21.92982456140351) * t2_168;
-        let t2_170 = -t2_169;
-        let t2_171 = sin_pin * t1_80;
-        let t2_172 = -t2_171;
-        let t2_173 = like.lift(1.0) + t2_169;
-        let t2_174 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_168, t2_165);
-        let t2_175 = like.lift(7.038783698176955) * t2_174;
-        let t2_176 = -t2_175;
-        let t2_177 = cos_q2_elbow_minus_q3_minus_pin * t2_171;
-        let t2_178 = like.lift(0.0456).mul_add(t2_177, t2_166);
-        let t2_179 = like.lift(7.038783698176955) * t2_178;
+        let t3_155 = -u_rod_q3x;
+        let t3_156 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t2_34);
+        let t3_157 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t3_158 = -t3_157;
+        let t3_159 = t3_153 * t2_53;
+        let t3_160 = like.lift(21.92982456140351) * t3_159;
+        let t3_161 = -t3_160;
+        let t3_162 = sin_pin * t2_53;
+        let t3_163 = -t3_162;
+        let t3_164 = like.lift(1.0) + t3_160;
+        let t3_165 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t3_159, t3_156);
+        let t3_166 = like.lift(7.038783698176955) * t3_165;
+        let t3_167 = -t3_166;
+        let t3_168 = t3_162.mul_add(t2_34, t3_157);
+        let t3_169 = like.lift(7.038783698176955) * t3_168;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([
@@ -6912,23 +6571,23 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 22]) -> (
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t2_170, like.lift(0.0), t2_172],
-                [like.lift(0.0), t2_173, like.lift(0.0), t2_171],
-                [like.lift(0.0), t2_176, like.lift(0.0), t2_179],
+                [like.lift(0.0), t3_161, like.lift(0.0), t3_163],
+                [like.lift(0.0), t3_164, like.lift(0.0), t3_162],
+                [like.lift(0.0), t3_167, like.lift(0.0), t3_169],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t1_54, like.lift(0.0), like.lift(-0.14207)],
+                    [t2_35, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t2_163, like.lift(0.0), t2_164],
-                    [like.lift(0.0), t2_165, like.lift(0.0), t2_167],
+                    [like.lift(0.0), t3_154, like.lift(0.0), t3_155],
+                    [like.lift(0.0), t3_156, like.lift(0.0), t3_158],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -6938,48 +6597,51 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 22]) -> (
         );
         condition = condition.min(found);
         [
-            t2_11, t2_45, t2_106, t2_139, t2_147, t2_161, x_elbow_q2, x_elbow_q3, x_wrist_q2,
-            x_wrist_q3, x_pin_q2, x_pin_q3,
+            t3_6, t3_7, t3_11, t3_44, t3_111, w_ixy_arm_q2, t3_126, t3_142, t3_152, x_elbow_q2,
+            x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
         ]
     };
     // tau
     {
-        let t3_1 = (-t2_147).mul_add(x_elbow_q2, t2_161);
-        let t3_2 = t2_139.mul_add(x_wrist_q2, t3_1);
-        let t3_3 = cos_q3 * t2_11;
-        let a_crankx = like.lift(0.0132) * t3_3;
-        let t3_4 = w_cranky.mul_add(w_cranky, t1_55);
-        let t3_5 = like.lift(0.0456).mul_add(t3_4, a_crankx);
-        let t3_6 = cos_pin * t3_5;
-        let t3_7 = sin_q3 * t2_11;
-        let a_cranky = like.lift(0.0132) * t3_7;
-        let w_ixx_crank_q3 = w_crankx * w_cranky;
-        let t3_8 = like.lift(0.0456).mul_add(w_ixx_crank_q3, a_cranky);
-        let a_rodx = (-sin_pin).mul_add(t3_8, t3_6);
-        let t3_9 = a_rodx * p_my_rod;
-        let t3_10 = t3_9.mul_add(x_pin_q2, t3_2);
-        let t3_11 = -t3_10;
-        tau[1] = t3_11;
-        let t3_12 = t3_7 * p_mx_crank;
-        let t3_13 = like.lift(0.0132) * t3_12;
-        let t3_14 = t3_3 * p_my_crank;
-        let t3_15 = like.lift(0.0132).mul_add(t3_14, t3_13);
+        let t4_1 = cos_q3 * t3_6;
+        let t4_2 = w_cranky.mul_add(w_cranky, t2_36);
+        let t4_3 = like.lift(0.0456) * t4_2;
+        let t4_4 = like.lift(0.0132).mul_add(t4_1, t4_3);
+        let t4_5 = sin_q3 * t3_6;
+        let t4_6 = like.lift(0.0456) * w_crankx;
+        let t4_7 = t4_6 * w_cranky;
+        let t4_8 = like.lift(0.0132).mul_add(t4_5, t4_7);
+        let t4_9 = cos_pin * t4_4;
+        let a_rodx = (-sin_pin).mul_add(t4_8, t4_9);
+        let t4_10 = a_rodx * p_my_rod;
+        let t4_11 = t3_7 * p_my_arm;
+        let t4_12 = t3_11.mul_add(p_mx_arm, t4_11);
+        let t4_13 = t4_10.mul_add(x_pin_q2, t3_142);
+        let t4_14 = t3_126.mul_add(x_wrist_q2, t4_13);
+        let t4_15 = (-t3_142).mul_add(x_elbow_q2, t4_14);
+        let t4_16 = (-w_ixy_arm_q2).mul_add(p_ixy_arm, t4_15);
+        let t4_17 = w_ixx_arm_q2.mul_add(p_ixx_arm, t4_16);
+        let t4_18 = like.lift(-0.0132).mul_add(t4_12, t4_17);
+        let t4_19 = like.lift(0.14207).mul_add(t3_152, t4_18);
+        let t4_20 = -t4_19;
+        tau[1] = t4_20;
         let w_rodx = sin_q3_pin * d_q1;
-        let t3_16 = w_rodx.mul_add(w_rodx, t1_58);
-        let t3_17 = t3_16 * p_my_rod;
-        let t3_18 = cos_pin * t3_17;
-        let t3_19 = w_rodx.mul_add(w_rody, -al_rodz);
-        let t3_20 = p_my_rod * t3_19;
-        let t3_21 = (-sin_pin).mul_add(t3_20, t3_18);
-        let t3_22 = like.lift(-0.0456).mul_add(t3_21, t3_9);
-        let t3_23 = t3_15 + t3_22;
-        let t3_24 = t2_147 * x_elbow_q3;
-        let t3_25 = (-t2_139).mul_add(x_wrist_q3, t3_24);
-        let t3_26 = t3_23 + t3_25;
-        let t3_27 = (-t3_9).mul_add(x_pin_q3, t3_26);
-        tau[3] = t3_27;
-        tau[0] = t2_106;
-        tau[2] = t2_45;
+        let t4_21 = w_rodx.mul_add(w_rodx, t2_37);
+        let t4_22 = w_rodx.mul_add(w_rody, -al_rodz);
+        let t4_23 = sin_pin * t4_22;
+        let t4_24 = (-cos_pin).mul_add(t4_21, t4_23);
+        let t4_25 = p_my_rod * t4_24;
+        let t4_26 = -t4_25;
+        let t4_27 = t4_1 * p_my_crank;
+        let t4_28 = t4_5.mul_add(p_mx_crank, t4_27);
+        let t4_29 = (-t4_10).mul_add(x_pin_q3, t4_10);
+        let t4_30 = like.lift(0.0132).mul_add(t4_28, t4_29);
+        let t4_31 = like.lift(-0.0456).mul_add(t4_26, t4_30);
+        let t4_32 = (-t3_126).mul_add(x_wrist_q3, t4_31);
+        let t4_33 = t3_142.mul_add(x_elbow_q3, t4_32);
+        tau[3] = t4_33;
+        tau[0] = t3_111;
+        tau[2] = t3_44;
     }
     (tau, Condition { pivot: condition })
 }
@@ -6990,7 +6652,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 22]) -> (
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
 ///
-/// 104 additions, 163 multiplications, 1 divisions, 6 sines and cosines.
+/// 104 additions, 149 multiplications, 1 divisions, 6 sines and cosines.
 pub fn base_mass_matrix<T: Scalar>(q: &[T; 7], beta: &[T; 22]) -> ([[T; 4]; 4], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 4]; 4];
@@ -7002,147 +6664,143 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 7], beta: &[T; 22]) -> ([[T; 4]; 4], 
         p_mx_crank, p_my_crank, p_my_rod,
     ] = *beta;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_q3, cos_q3, sin_pin, cos_pin, sin_q2, cos_q2, sin_elbow, cos_elbow, sin_wrist,
+        cos_wrist, sin_q4, cos_q4,
+    ] = {
+        let [
+            (sin_q3, cos_q3), (sin_pin, cos_pin), (sin_q2, cos_q2), (sin_elbow, cos_elbow),
+            (sin_wrist, cos_wrist), (sin_q4, cos_q4),
+        ] =
+            T::sin_cos_all([q3, pin, q2, elbow, wrist, q4]);
+        [
+            sin_q3, cos_q3, sin_pin, cos_pin, sin_q2, cos_q2, sin_elbow, cos_elbow, sin_wrist,
+            cos_wrist, sin_q4, cos_q4,
+        ]
+    };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t1_7, sin_q2, cos_q2, sin_elbow, cos_elbow, sin_wrist, cos_wrist, t1_18, t1_19, t1_24,
-        t1_33, t1_34, t1_56, t1_57, t1_66, t1_68, t1_74, t1_83, t1_85, sin_q2_elbow,
-        cos_q2_elbow, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
+        t2_2, t2_3, t2_12, t2_13, t2_17, t2_24, t2_25, t2_43, t2_44, t2_58, t2_60, t2_63,
+        t2_67, t2_69, t2_72, t2_74, sin_q2_elbow, cos_q2_elbow, x_elbow_q2, x_elbow_q3,
+        x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
     ] = {
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let (sin_pin, cos_pin) = pin.sin_cos();
-        let t1_1 = cos_pin * p_my_rod;
-        let t1_2 = cos_q3 * t1_1;
-        let t1_3 = sin_q3 * t1_2;
-        let t1_4 = like.lift(0.0456) * t1_3;
-        let t1_5 = sin_q3 * t1_1;
-        let t1_6 = like.lift(0.0456) * t1_5;
-        let t1_7 = sin_pin * p_my_rod;
-        let t1_8 = cos_q3 * t1_7;
-        let t1_9 = like.lift(0.0912).mul_add(t1_8, t1_6);
-        let t1_10 = cos_q3.mul_add(t1_9, t1_4);
-        let t1_11 = p_mx_crank - t1_7;
-        let t1_12 = cos_q3 * t1_11;
-        let t1_13 = p_my_crank + t1_1;
-        let t1_14 = (-sin_q3).mul_add(t1_13, t1_12);
-        let t1_15 = like.lift(-0.0264).mul_add(t1_14, t1_10);
-        let t1_16 = p_izz_column - t1_15;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let (sin_elbow, cos_elbow) = elbow.sin_cos();
-        let (sin_wrist, cos_wrist) = wrist.sin_cos();
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t1_17 = cos_q4 * p_mx_flange;
-        let t1_18 = (-sin_q4).mul_add(p_my_flange, t1_17);
-        let t1_19 = like.lift(0.1) * t1_18;
-        let t1_20 = p_izz_flange + t1_19;
-        let t1_21 = sin_wrist * t1_20;
-        let t1_22 = sin_wrist.mul_add(t1_21, p_ixx_forearm);
-        let t1_23 = cos_wrist * t1_21;
-        let t1_24 = p_mx_wrist + t1_18;
-        let t1_25 = sin_wrist * t1_24;
-        let t1_26 = like.lift(0.15852).mul_add(t1_25, t1_23);
-        let t1_27 = p_ixy_forearm - t1_26;
-        let t1_28 = sin_elbow * t1_27;
-        let t1_29 = cos_elbow.mul_add(t1_22, -t1_28);
-        let t1_30 = cos_elbow * t1_29;
-        let t1_31 = cos_elbow * t1_27;
-        let t1_32 = cos_wrist * t1_20;
-        let t1_33 = cos_wrist * t1_24;
-        let t1_34 = like.lift(0.31704) * t1_33;
-        let t1_35 = cos_wrist.mul_add(t1_32, t1_34);
-        let t1_36 = (-sin_elbow).mul_add(t1_35, t1_31);
-        let t1_37 = (-sin_elbow).mul_add(t1_36, t1_30);
-        let t1_38 = p_ixx_arm + t1_37;
-        let t1_39 = sin_q2 * t1_38;
-        let t1_40 = sin_elbow * t1_29;
-        let t1_41 = cos_elbow.mul_add(t1_36, t1_40);
-        let t1_42 = p_mx_forearm + t1_33;
-        let t1_43 = sin_elbow * t1_42;
-        let t1_44 = p_my_forearm + t1_25;
-        let t1_45 = cos_elbow.mul_add(t1_44, t1_43);
-        let t1_46 = like.lift(-0.14207).mul_add(t1_45, t1_41);
-        let t1_47 = p_ixy_arm + t1_46;
-        let t1_48 = cos_q2.mul_add(t1_47, t1_39);
-        let t1_49 = sin_q2 * t1_48;
-        let t1_50 = sin_q2 * t1_47;
-        let t1_51 = sin_elbow.mul_add(t1_22, t1_31);
-        let t1_52 = sin_elbow * t1_51;
-        let t1_53 = cos_elbow.mul_add(t1_35, t1_28);
-        let t1_54 = cos_elbow.mul_add(t1_53, t1_52);
-        let t1_55 = cos_elbow * t1_42;
-        let t1_56 = (-sin_elbow).mul_add(t1_44, t1_55);
-        let t1_57 = like.lift(0.28414) * t1_56;
-        let t1_58 = t1_54 + t1_57;
-        let t1_59 = cos_q2.mul_add(t1_58, t1_50);
-        let t1_60 = cos_q2.mul_add(t1_59, t1_49);
-        let t1_61 = p_mx_arm + t1_56;
-        let t1_62 = cos_q2 * t1_61;
-        let t1_63 = p_my_arm + t1_45;
-        let t1_64 = (-sin_q2).mul_add(t1_63, t1_62);
-        let t1_65 = like.lift(0.0264).mul_add(t1_64, t1_60);
-        let t1_66 = t1_16 + t1_65;
-        let t1_67 = sin_q4 * p_mx_flange;
-        let t1_68 = cos_q4.mul_add(p_my_flange, t1_67);
-        let t1_69 = cos_wrist * t1_68;
-        let t1_70 = like.lift(0.05) * t1_69;
-        let t1_71 = like.lift(0.15852).mul_add(t1_68, t1_70);
-        let t1_72 = p_ixz_forearm - t1_71;
-        let t1_73 = cos_elbow * t1_72;
-        let t1_74 = sin_wrist * t1_68;
-        let t1_75 = like.lift(-0.05).mul_add(t1_74, p_iyz_forearm);
-        let t1_76 = (-sin_elbow).mul_add(t1_75, t1_73);
-        let t1_77 = like.lift(-0.14207).mul_add(t1_68, t1_76);
-        let t1_78 = p_ixz_arm + t1_77;
-        let t1_79 = sin_q2 * t1_78;
-        let t1_80 = sin_elbow * t1_72;
-        let t1_81 = cos_elbow.mul_add(t1_75, t1_80);
-        let t1_82 = p_iyz_arm + t1_81;
-        let t1_83 = cos_q2.mul_add(t1_82, t1_79);
-        let t1_84 = sin_q2 * t1_76;
-        let t1_85 = cos_q2.mul_add(t1_81, t1_84);
-        let t1_86 = cos_q2 * sin_elbow;
-        let t1_87 = sin_q2 * sin_elbow;
-        let sin_q2_elbow = sin_q2.mul_add(cos_elbow, t1_86);
-        let cos_q2_elbow = cos_q2.mul_add(cos_elbow, -t1_87);
-        let t1_88 = cos_q2_elbow * sin_q3;
-        let t1_89 = sin_q2_elbow * sin_q3;
-        let sin_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(cos_q3, -t1_88);
-        let cos_q2_elbow_minus_q3 = cos_q2_elbow.mul_add(cos_q3, t1_89);
-        let t1_90 = cos_q2_elbow_minus_q3 * sin_pin;
-        let t1_91 = sin_q2_elbow_minus_q3 * sin_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(cos_pin, -t1_90);
-        let cos_q2_elbow_minus_q3_minus_pin = cos_q2_elbow_minus_q3.mul_add(cos_pin, t1_91);
+        let t2_1 = cos_pin * p_my_rod;
+        let t2_2 = sin_pin * p_my_rod;
+        let t2_3 = like.lift(0.0912) * t2_2;
+        let t2_4 = like.lift(0.0456) * sin_q3;
+        let t2_5 = cos_q3 * t2_3;
+        let t2_6 = t2_1.mul_add(t2_4, t2_5);
+        let t2_7 = p_mx_crank - t2_2;
+        let t2_8 = p_my_crank + t2_1;
+        let t2_9 = cos_q3 * t2_7;
+        let t2_10 = (-sin_q3).mul_add(t2_8, t2_9);
+        let t2_11 = cos_q4 * p_mx_flange;
+        let t2_12 = (-sin_q4).mul_add(p_my_flange, t2_11);
+        let t2_13 = like.lift(0.1) * t2_12;
+        let t2_14 = p_izz_flange + t2_13;
+        let t2_15 = sin_wrist * t2_14;
+        let t2_16 = sin_wrist.mul_add(t2_15, p_ixx_forearm);
+        let t2_17 = p_mx_wrist + t2_12;
+        let t2_18 = sin_wrist * t2_17;
+        let t2_19 = like.lift(-0.15852).mul_add(t2_18, p_ixy_forearm);
+        let t2_20 = (-cos_wrist).mul_add(t2_15, t2_19);
+        let t2_21 = sin_elbow * t2_20;
+        let t2_22 = cos_elbow.mul_add(t2_16, -t2_21);
+        let t2_23 = cos_elbow * t2_20;
+        let t2_24 = cos_wrist * t2_17;
+        let t2_25 = like.lift(0.31704) * t2_24;
+        let t2_26 = cos_wrist * cos_wrist;
+        let t2_27 = t2_26.mul_add(t2_14, t2_25);
+        let t2_28 = (-sin_elbow).mul_add(t2_27, t2_23);
+        let t2_29 = (-sin_elbow).mul_add(t2_28, p_ixx_arm);
+        let t2_30 = cos_elbow.mul_add(t2_22, t2_29);
+        let t2_31 = p_mx_forearm + t2_24;
+        let t2_32 = p_my_forearm + t2_18;
+        let t2_33 = cos_elbow * t2_32;
+        let t2_34 = sin_elbow.mul_add(t2_31, t2_33);
+        let t2_35 = like.lift(-0.14207).mul_add(t2_34, p_ixy_arm);
+        let t2_36 = cos_elbow.mul_add(t2_28, t2_35);
+        let t2_37 = sin_elbow.mul_add(t2_22, t2_36);
+        let t2_38 = cos_q2 * t2_37;
+        let t2_39 = sin_q2.mul_add(t2_30, t2_38);
+        let t2_40 = sin_elbow.mul_add(t2_16, t2_23);
+        let t2_41 = cos_elbow.mul_add(t2_27, t2_21);
+        let t2_42 = cos_elbow * t2_31;
+        let t2_43 = (-sin_elbow).mul_add(t2_32, t2_42);
+        let t2_44 = like.lift(0.28414) * t2_43;
+        let t2_45 = cos_elbow.mul_add(t2_41, t2_44);
+        let t2_46 = sin_elbow.mul_add(t2_40, t2_45);
+        let t2_47 = cos_q2 * t2_46;
+        let t2_48 = sin_q2.mul_add(t2_37, t2_47);
+        let t2_49 = p_mx_arm + t2_43;
+        let t2_50 = p_my_arm + t2_34;
+        let t2_51 = cos_q2 * t2_49;
+        let t2_52 = (-sin_q2).mul_add(t2_50, t2_51);
+        let t2_53 = t2_10 + t2_52;
+        let t2_54 = t2_1.mul_add(t2_4, t2_6);
+        let t2_55 = like.lift(0.0264).mul_add(t2_53, p_izz_column);
+        let t2_56 = (-cos_q3).mul_add(t2_54, t2_55);
+        let t2_57 = cos_q2.mul_add(t2_48, t2_56);
+        let t2_58 = sin_q2.mul_add(t2_39, t2_57);
+        let t2_59 = cos_q4 * p_my_flange;
+        let t2_60 = sin_q4.mul_add(p_mx_flange, t2_59);
+        let t2_61 = like.lift(0.05).mul_add(cos_wrist, like.lift(0.15852));
+        let t2_62 = (-t2_60).mul_add(t2_61, p_ixz_forearm);
+        let t2_63 = sin_wrist * t2_60;
+        let t2_64 = like.lift(-0.05).mul_add(t2_63, p_iyz_forearm);
+        let t2_65 = cos_elbow * t2_62;
+        let t2_66 = (-sin_elbow).mul_add(t2_64, t2_65);
+        let t2_67 = like.lift(0.14207) * t2_60;
+        let t2_68 = p_ixz_arm - t2_67;
+        let t2_69 = t2_68 + t2_66;
+        let t2_70 = cos_elbow * t2_64;
+        let t2_71 = sin_elbow.mul_add(t2_62, t2_70);
+        let t2_72 = p_iyz_arm + t2_71;
+        let t2_73 = cos_q2 * t2_71;
+        let t2_74 = sin_q2.mul_add(t2_66, t2_73);
+        let t2_75 = sin_q2 * cos_elbow;
+        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t2_75);
+        let t2_76 = cos_q2 * cos_elbow;
+        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t2_76);
+        let t2_77 = sin_q2_elbow * cos_q3;
+        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t2_77);
+        let t2_78 = cos_q2_elbow * cos_q3;
+        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t2_78);
+        let t2_79 = sin_q2_elbow_minus_q3 * cos_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t2_79);
+        let t2_80 = cos_q2_elbow_minus_q3 * cos_pin;
+        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t2_80);
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t1_92 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t1_93 = -t1_92;
-        let t1_94 = cos_q2 * sin_q3;
-        let t1_95 = sin_q2 * sin_q3;
-        let sin_q2_minus_q3 = sin_q2.mul_add(cos_q3, -t1_94);
-        let cos_q2_minus_q3 = cos_q2.mul_add(cos_q3, t1_95);
-        let t1_96 = cos_q2_minus_q3 * sin_pin;
-        let t1_97 = sin_q2_minus_q3 * sin_pin;
-        let sin_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(cos_pin, -t1_96);
-        let cos_q2_minus_q3_minus_pin = cos_q2_minus_q3.mul_add(cos_pin, t1_97);
-        let t1_98 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t1_99 = -t1_98;
+        let t2_81 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t2_82 = -t2_81;
+        let t2_83 = sin_q2 * cos_q3;
+        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t2_83);
+        let t2_84 = cos_q2 * cos_q3;
+        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t2_84);
+        let t2_85 = sin_q2_minus_q3 * cos_pin;
+        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t2_85);
+        let t2_86 = cos_q2_minus_q3 * cos_pin;
+        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t2_86);
+        let t2_87 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
+        let t2_88 = -t2_87;
         let u_rod_q3x = like.lift(0.0456) * sin_pin;
-        let t1_100 = -u_rod_q3x;
-        let t1_101 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t1_92);
-        let u_rod_q3y = like.lift(0.0456) * cos_pin;
-        let t1_102 = like.lift(0.14207) + u_rod_q3y;
-        let t1_103 = -t1_102;
-        let t1_104 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t1_105 = t1_98 * t1_104;
-        let t1_106 = like.lift(21.92982456140351) * t1_105;
-        let t1_107 = -t1_106;
-        let t1_108 = sin_pin * t1_104;
-        let t1_109 = -t1_108;
-        let t1_110 = like.lift(1.0) + t1_106;
-        let t1_111 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t1_105, t1_101);
-        let t1_112 = like.lift(7.038783698176955) * t1_111;
-        let t1_113 = -t1_112;
-        let t1_114 = cos_q2_elbow_minus_q3_minus_pin * t1_108;
-        let t1_115 = like.lift(0.0456).mul_add(t1_114, t1_102);
-        let t1_116 = like.lift(7.038783698176955) * t1_115;
+        let t2_89 = -u_rod_q3x;
+        let t2_90 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t2_81);
+        let t2_91 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t2_92 = -t2_91;
+        let t2_93 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t2_94 = t2_87 * t2_93;
+        let t2_95 = like.lift(21.92982456140351) * t2_94;
+        let t2_96 = -t2_95;
+        let t2_97 = sin_pin * t2_93;
+        let t2_98 = -t2_97;
+        let t2_99 = like.lift(1.0) + t2_95;
+        let t2_100 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_94, t2_90);
+        let t2_101 = like.lift(7.038783698176955) * t2_100;
+        let t2_102 = -t2_101;
+        let t2_103 = t2_97.mul_add(t2_81, t2_91);
+        let t2_104 = like.lift(7.038783698176955) * t2_103;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([
@@ -7150,23 +6808,23 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 7], beta: &[T; 22]) -> ([[T; 4]; 4], 
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t1_107, like.lift(0.0), t1_109],
-                [like.lift(0.0), t1_110, like.lift(0.0), t1_108],
-                [like.lift(0.0), t1_113, like.lift(0.0), t1_116],
+                [like.lift(0.0), t2_96, like.lift(0.0), t2_98],
+                [like.lift(0.0), t2_99, like.lift(0.0), t2_97],
+                [like.lift(0.0), t2_102, like.lift(0.0), t2_104],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t1_93, like.lift(0.0), like.lift(-0.14207)],
+                    [t2_82, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t1_99, like.lift(0.0), t1_100],
-                    [like.lift(0.0), t1_101, like.lift(0.0), t1_103],
+                    [like.lift(0.0), t2_88, like.lift(0.0), t2_89],
+                    [like.lift(0.0), t2_90, like.lift(0.0), t2_92],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -7176,86 +6834,81 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 7], beta: &[T; 22]) -> ([[T; 4]; 4], 
         );
         condition = condition.min(found);
         [
-            t1_7, sin_q2, cos_q2, sin_elbow, cos_elbow, sin_wrist, cos_wrist, t1_18, t1_19,
-            t1_24, t1_33, t1_34, t1_56, t1_57, t1_66, t1_68, t1_74, t1_83, t1_85, sin_q2_elbow,
-            cos_q2_elbow, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
+            t2_2, t2_3, t2_12, t2_13, t2_17, t2_24, t2_25, t2_43, t2_44, t2_58, t2_60, t2_63,
+            t2_67, t2_69, t2_72, t2_74, sin_q2_elbow, cos_q2_elbow, x_elbow_q2, x_elbow_q3,
+            x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
         ]
     };
     // M
     {
-        let t2_1 = (-t1_85).mul_add(x_elbow_q2, t1_83);
-        let t2_2 = cos_q2_elbow * sin_wrist;
-        let sin_q2_elbow_wrist = sin_q2_elbow.mul_add(cos_wrist, t2_2);
-        let t2_3 = sin_q2_elbow_wrist * t1_68;
-        let t2_4 = t2_3 * x_wrist_q2;
-        let t2_5 = like.lift(0.05).mul_add(t2_4, t2_1);
-        let t2_6 = like.lift(0.05).mul_add(t1_18, p_izz_flange);
-        let t2_7 = sin_wrist * t2_6;
-        let t2_8 = cos_elbow * t2_7;
-        let t2_9 = cos_wrist * t2_6;
-        let t2_10 = like.lift(0.15852).mul_add(t1_18, t2_9);
-        let t2_11 = sin_elbow.mul_add(t2_10, t2_8);
-        let t2_12 = sin_q2 * t2_11;
-        let t2_13 = sin_elbow * t2_7;
-        let t2_14 = (-cos_elbow).mul_add(t2_10, t2_13);
-        let t2_15 = like.lift(-0.14207).mul_add(t1_18, t2_14);
-        let t2_16 = cos_q2.mul_add(t2_15, t2_12);
-        let t2_17 = like.lift(-0.0132).mul_add(t1_18, t2_16);
-        let t2_18 = t1_85 * x_elbow_q3;
-        let t2_19 = t2_3 * x_wrist_q3;
-        let t2_20 = like.lift(-0.05).mul_add(t2_19, t2_18);
-        let t2_21 = -t2_20;
-        m[0] = [t1_66, t2_5, t2_17, t2_21];
-        let t2_22 = t1_19 + t1_34;
-        let t2_23 = p_izz_forearm + t2_22;
-        let t2_24 = t2_23 + t1_57;
-        let t2_25 = p_izz_arm + t2_24;
-        let t2_26 = like.lift(0.14207).mul_add(t1_56, t2_23);
-        let t2_27 = (-t2_26).mul_add(x_elbow_q2, t2_25);
-        let t2_28 = like.lift(0.15852).mul_add(t1_33, t1_19);
-        let t2_29 = cos_elbow * sin_wrist;
-        let t2_30 = sin_elbow * sin_wrist;
-        let sin_elbow_wrist = sin_elbow.mul_add(cos_wrist, t2_29);
-        let cos_elbow_wrist = cos_elbow.mul_add(cos_wrist, -t2_30);
-        let t2_31 = cos_elbow_wrist * t1_24;
-        let t2_32 = like.lift(0.14207).mul_add(t2_31, t2_28);
-        let t2_33 = (-t2_32).mul_add(x_wrist_q2, t2_27);
-        let t2_34 = (-t2_23).mul_add(x_elbow_q2, t2_26);
-        let t2_35 = (-t2_28).mul_add(x_wrist_q2, t2_34);
-        let t2_36 = (-x_elbow_q2).mul_add(t2_35, t2_33);
-        let t2_37 = (-t2_28).mul_add(x_elbow_q2, t2_32);
-        let t2_38 = t1_18 * x_wrist_q2;
-        let t2_39 = like.lift(-0.1).mul_add(t2_38, t2_37);
-        let t2_40 = (-x_wrist_q2).mul_add(t2_39, t2_36);
-        let t2_41 = like.lift(0.15852) * t1_74;
-        let t2_42 = sin_elbow_wrist * t1_68;
-        let t2_43 = like.lift(0.14207).mul_add(t2_42, t2_41);
-        let t2_44 = t1_74 * x_elbow_q2;
-        let t2_45 = like.lift(-0.15852).mul_add(t2_44, t2_43);
-        let t2_46 = -t2_45;
-        let t2_47 = t1_7 * x_pin_q2;
-        let t2_48 = t2_26 * x_elbow_q3;
-        let t2_49 = t2_32.mul_add(x_wrist_q3, t2_48);
-        let t2_50 = t2_23 * x_elbow_q3;
-        let t2_51 = t2_28.mul_add(x_wrist_q3, t2_50);
-        let t2_52 = (-x_elbow_q2).mul_add(t2_51, t2_49);
-        let t2_53 = t2_28 * x_elbow_q3;
-        let t2_54 = t1_18 * x_wrist_q3;
-        let t2_55 = like.lift(0.1).mul_add(t2_54, t2_53);
-        let t2_56 = (-x_wrist_q2).mul_add(t2_55, t2_52);
-        let t2_57 = like.lift(0.0456).mul_add(t2_47, -t2_56);
-        m[1] = [t2_5, t2_40, t2_46, t2_57];
-        let t2_58 = t1_74 * x_elbow_q3;
-        let t2_59 = like.lift(0.15852) * t2_58;
-        m[2] = [t2_17, t2_46, p_izz_flange, t2_59];
-        let t2_60 = t1_7 * x_pin_q3;
-        let t2_61 = like.lift(0.0456) * t2_60;
-        let t2_62 = like.lift(0.0912).mul_add(t1_7, -t2_61);
-        let t2_63 = x_elbow_q3 * t2_51;
-        let t2_64 = x_wrist_q3.mul_add(t2_55, t2_63);
-        let t2_65 = t2_62 - t2_64;
-        let t2_66 = t2_61 - t2_65;
-        m[3] = [t2_21, t2_57, t2_59, t2_66];
+        let t3_1 = sin_q2_elbow * cos_wrist;
+        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t3_1);
+        let t3_2 = sin_q2_elbow_wrist * t2_60;
+        let t3_3 = like.lift(0.05) * t3_2;
+        let t3_4 = x_wrist_q2 * t3_3;
+        let t3_5 = (-t2_74).mul_add(x_elbow_q2, t3_4);
+        let t3_6 = cos_q2.mul_add(t2_72, t3_5);
+        let t3_7 = sin_q2.mul_add(t2_69, t3_6);
+        let t3_8 = like.lift(0.05).mul_add(t2_12, p_izz_flange);
+        let t3_9 = sin_wrist * t3_8;
+        let t3_10 = like.lift(0.15852) * t2_12;
+        let t3_11 = cos_wrist.mul_add(t3_8, t3_10);
+        let t3_12 = sin_elbow * t3_11;
+        let t3_13 = cos_elbow.mul_add(t3_9, t3_12);
+        let t3_14 = sin_elbow * t3_9;
+        let t3_15 = like.lift(-0.14207).mul_add(t2_12, t3_14);
+        let t3_16 = (-cos_elbow).mul_add(t3_11, t3_15);
+        let t3_17 = cos_q2 * t3_16;
+        let t3_18 = like.lift(-0.0132).mul_add(t2_12, t3_17);
+        let t3_19 = sin_q2.mul_add(t3_13, t3_18);
+        let t3_20 = t2_74 * x_elbow_q3;
+        let t3_21 = (-x_wrist_q3).mul_add(t3_3, t3_20);
+        let t3_22 = -t3_21;
+        m[0] = [t2_58, t3_7, t3_19, t3_22];
+        let t3_23 = p_izz_forearm + t2_13;
+        let t3_24 = t3_23 + t2_25;
+        let t3_25 = like.lift(0.14207).mul_add(t2_43, t3_24);
+        let t3_26 = like.lift(0.15852).mul_add(t2_24, t2_13);
+        let t3_27 = sin_elbow * cos_wrist;
+        let sin_elbow_wrist = cos_elbow.mul_add(sin_wrist, t3_27);
+        let t3_28 = cos_elbow * cos_wrist;
+        let cos_elbow_wrist = (-sin_elbow).mul_add(sin_wrist, t3_28);
+        let t3_29 = like.lift(0.14207) * cos_elbow_wrist;
+        let t3_30 = t3_29.mul_add(t2_17, t3_26);
+        let t3_31 = (-t3_26).mul_add(x_wrist_q2, t3_25);
+        let t3_32 = (-t3_24).mul_add(x_elbow_q2, t3_31);
+        let t3_33 = (-x_wrist_q2).mul_add(t2_13, t3_30);
+        let t3_34 = (-t3_26).mul_add(x_elbow_q2, t3_33);
+        let t3_35 = t3_32 + t3_25;
+        let t3_36 = t3_34 + t3_30;
+        let t3_37 = (-x_wrist_q2).mul_add(t3_36, p_izz_arm);
+        let t3_38 = (-x_elbow_q2).mul_add(t3_35, t3_37);
+        let t3_39 = t3_38 + t3_24;
+        let t3_40 = t3_39 + t2_44;
+        let t3_41 = t2_63.mul_add(x_elbow_q2, -t2_63);
+        let t3_42 = sin_elbow_wrist * t2_67;
+        let t3_43 = like.lift(-0.15852).mul_add(t3_41, t3_42);
+        let t3_44 = -t3_43;
+        let t3_45 = t3_26 * x_wrist_q3;
+        let t3_46 = t3_24.mul_add(x_elbow_q3, t3_45);
+        let t3_47 = x_wrist_q3 * t2_13;
+        let t3_48 = t3_26.mul_add(x_elbow_q3, t3_47);
+        let t3_49 = like.lift(0.0456) * t2_2;
+        let t3_50 = x_pin_q2 * t3_49;
+        let t3_51 = x_wrist_q2.mul_add(t3_48, t3_50);
+        let t3_52 = x_elbow_q2.mul_add(t3_46, t3_51);
+        let t3_53 = (-t3_30).mul_add(x_wrist_q3, t3_52);
+        let t3_54 = (-t3_25).mul_add(x_elbow_q3, t3_53);
+        m[1] = [t3_7, t3_40, t3_44, t3_54];
+        let t3_55 = like.lift(0.15852) * t2_63;
+        let t3_56 = t3_55 * x_elbow_q3;
+        m[2] = [t3_19, t3_44, p_izz_flange, t3_56];
+        let t3_57 = x_pin_q3 * t3_49;
+        let t3_58 = t3_57 - t2_3;
+        let t3_59 = t3_58 + t3_57;
+        let t3_60 = x_wrist_q3.mul_add(t3_48, t3_59);
+        let t3_61 = x_elbow_q3.mul_add(t3_46, t3_60);
+        m[3] = [t3_22, t3_54, t3_56, t3_61];
     }
     (m, Condition { pivot: condition })
 }
@@ -7463,5 +7116,12 @@ impl<T: Scalar> BaseModel<T> for Palletiser {
         let (value, condition) = base_mass_matrix(q, beta);
         *out = value;
         Ok(condition)
+    }
+}
+
+impl BaseKernel<7, 4, 22> for Palletiser {
+    #[inline(always)]
+    fn base_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 4]; 22]) -> Condition<T> {
+        base_regressor_entries(q, qd, qdd, w)
     }
 }

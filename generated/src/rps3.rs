@@ -9,35 +9,35 @@
 //!
 //! | function | add | mul | div | sin and cos |
 //! |---|---|---|---|---|
-//! | [`constraints`] | 25 | 39 | 0 | 6 |
-//! | [`jacobian`] | 26 | 78 | 0 | 6 |
-//! | [`bias`] | 68 | 141 | 0 | 6 |
-//! | [`newton_step`] | 76 | 137 | 6 | 6 |
-//! | [`dependent_jacobian`] | 26 | 74 | 0 | 6 |
-//! | [`velocities`] | 65 | 138 | 6 | 6 |
-//! | [`accelerations`] | 131 | 251 | 6 | 6 |
-//! | [`regressor`] | 246 | 465 | 6 | 6 |
-//! | [`inverse_dynamics`] | 220 | 359 | 6 | 6 |
-//! | [`gravity`] | 127 | 269 | 6 | 6 |
-//! | [`bias_forces`] | 282 | 479 | 6 | 6 |
-//! | [`mass_matrix`] | 212 | 347 | 6 | 6 |
-//! | [`slotine_li`] | 417 | 770 | 6 | 6 |
+//! | [`constraints`] | 25 | 38 | 0 | 6 |
+//! | [`jacobian`] | 26 | 73 | 0 | 6 |
+//! | [`bias`] | 68 | 127 | 0 | 6 |
+//! | [`newton_step`] | 76 | 126 | 6 | 6 |
+//! | [`dependent_jacobian`] | 26 | 69 | 0 | 6 |
+//! | [`velocities`] | 65 | 130 | 6 | 6 |
+//! | [`accelerations`] | 131 | 227 | 6 | 6 |
+//! | [`regressor`] | 246 | 435 | 6 | 6 |
+//! | [`inverse_dynamics`] | 220 | 335 | 6 | 6 |
+//! | [`gravity`] | 127 | 241 | 6 | 6 |
+//! | [`bias_forces`] | 282 | 438 | 6 | 6 |
+//! | [`mass_matrix`] | 212 | 326 | 6 | 6 |
+//! | [`slotine_li`] | 417 | 684 | 6 | 6 |
 //! | [`efforts`] | 0 | 0 | 0 | 0 |
 //! | [`poses`] | 15 | 44 | 0 | 6 |
-//! | [`cones`] | 9 | 26 | 0 | 6 |
-//! | [`base_regressor`] | 226 | 437 | 6 | 6 |
-//! | [`to_base`] | 17 | 8 | 0 | 0 |
-//! | [`parameters_from_base`] | 17 | 8 | 0 | 0 |
-//! | [`base_inverse_dynamics`] | 204 | 346 | 6 | 6 |
-//! | [`base_gravity`] | 116 | 249 | 6 | 6 |
-//! | [`base_bias_forces`] | 266 | 466 | 6 | 6 |
-//! | [`base_mass_matrix`] | 203 | 344 | 6 | 6 |
+//! | [`cones`] | 9 | 22 | 0 | 6 |
+//! | [`base_regressor`] | 226 | 407 | 6 | 6 |
+//! | [`to_base`] | 17 | 7 | 0 | 0 |
+//! | [`parameters_from_base`] | 17 | 7 | 0 | 0 |
+//! | [`base_inverse_dynamics`] | 204 | 325 | 6 | 6 |
+//! | [`base_gravity`] | 116 | 222 | 6 | 6 |
+//! | [`base_bias_forces`] | 266 | 428 | 6 | 6 |
+//! | [`base_mass_matrix`] | 203 | 324 | 6 | 6 |
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
 use ::regen_runtime::{
  Condition, Cone, Cut, Info, Joint, Limits, Model, Scalar, SizeError, };
-use ::regen_runtime::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
+use ::regen_runtime::{BaseInfo, BaseKernel, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
 pub const COORDINATES: [&str; 9] = [
@@ -357,75 +357,80 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
 /// - `f`: closure residual f, zero when closed (Eq. 6)
 ///
-/// 25 additions, 39 multiplications, 0 divisions, 6 sines and cosines.
+/// 25 additions, 38 multiplications, 0 divisions, 6 sines and cosines.
 pub fn constraints<T: Scalar>(q: &[T; 9]) -> [T; 6] {
     let like = q[0];
     let mut f = [like.lift(0.0); 6];
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
+    // sines and cosines
+    let [
+        sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, sin_q6, cos_q6, sin_s1_3,
+        cos_s1_3, sin_q8, cos_q8,
+    ] = {
+        let [
+            (sin_q1, cos_q1), (sin_s1_2, cos_s1_2), (sin_s1_1, cos_s1_1), (sin_q6, cos_q6),
+            (sin_s1_3, cos_s1_3), (sin_q8, cos_q8),
+        ] =
+            T::sin_cos_all([q1, s1_2, s1_1, q6, s1_3, q8]);
+        [
+            sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, sin_q6, cos_q6, sin_s1_3,
+            cos_s1_3, sin_q8, cos_q8,
+        ]
+    };
     // f (Eq. 6)
     {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = sin_q1.mul_add(q2, like.lift(0.26344492783122625));
-        let (sin_s1_2, cos_s1_2) = s1_2.sin_cos();
-        let t1_2 = sin_q1 * sin_s1_2;
-        let (sin_s1_1, cos_s1_1) = s1_1.sin_cos();
-        let t1_3 = cos_q1 * cos_s1_1;
-        let t1_4 = (-cos_s1_2).mul_add(t1_3, t1_2);
-        let t1_5 = like.lift(-0.4563).mul_add(t1_4, t1_1);
-        let (sin_q6, cos_q6) = q6.sin_cos();
-        let t1_6 = sin_q6 * q7;
-        let t1_7 = like.lift(0.5).mul_add(t1_6, like.lift(0.13172246391561312));
-        let t1_8 = t1_5 + t1_7;
-        let t1_9 = -t1_8;
-        f[0] = t1_9;
-        let t1_10 = sin_s1_1 * cos_s1_2;
-        let t1_11 = like.lift(0.8660254037844386).mul_add(t1_6, like.lift(0.22815));
-        let t1_12 = like.lift(0.4563).mul_add(t1_10, -t1_11);
-        let t1_13 = -t1_12;
-        f[1] = t1_13;
-        let t1_14 = cos_q1 * q2;
-        let t1_15 = cos_q1 * sin_s1_2;
-        let t1_16 = sin_q1 * cos_s1_1;
-        let t1_17 = cos_s1_2.mul_add(t1_16, t1_15);
-        let t1_18 = like.lift(-0.4563).mul_add(t1_17, t1_14);
-        let t1_19 = (-cos_q6).mul_add(q7, t1_18);
-        let t1_20 = -t1_19;
-        f[2] = t1_20;
-        let t1_21 = like.lift(0.22815) * t1_4;
-        let (sin_s1_3, cos_s1_3) = s1_3.sin_cos();
-        let t1_22 = cos_q1 * sin_s1_1;
-        let t1_23 = cos_s1_3 * t1_22;
-        let t1_24 = sin_q1 * cos_s1_2;
-        let t1_25 = sin_s1_2.mul_add(t1_3, t1_24);
-        let t1_26 = (-sin_s1_3).mul_add(t1_25, t1_23);
-        let t1_27 = like.lift(0.39516739174683935).mul_add(t1_26, t1_21);
-        let t1_28 = t1_1 - t1_27;
-        let (sin_q8, cos_q8) = q8.sin_cos();
-        let t1_29 = sin_q8 * q9;
-        let t1_30 = like.lift(0.5).mul_add(t1_29, like.lift(0.13172246391561312));
-        let t1_31 = t1_28 + t1_30;
-        let t1_32 = -t1_31;
-        f[3] = t1_32;
-        let t1_33 = like.lift(0.22815) * t1_10;
-        let t1_34 = cos_s1_1 * cos_s1_3;
-        let t1_35 = sin_s1_1 * sin_s1_2;
-        let t1_36 = sin_s1_3.mul_add(t1_35, t1_34);
-        let t1_37 = like.lift(0.39516739174683935).mul_add(t1_36, t1_33);
-        let t1_38 = like.lift(0.8660254037844386).mul_add(t1_29, like.lift(0.22815));
-        let t1_39 = t1_37 + t1_38;
-        let t1_40 = -t1_39;
-        f[4] = t1_40;
-        let t1_41 = like.lift(0.22815) * t1_17;
-        let t1_42 = sin_q1 * sin_s1_1;
-        let t1_43 = cos_s1_3 * t1_42;
-        let t1_44 = cos_q1 * cos_s1_2;
-        let t1_45 = (-sin_s1_2).mul_add(t1_16, t1_44);
-        let t1_46 = sin_s1_3.mul_add(t1_45, t1_43);
-        let t1_47 = like.lift(-0.39516739174683935).mul_add(t1_46, t1_41);
-        let t1_48 = t1_14 - t1_47;
-        let t1_49 = (-cos_q8).mul_add(q9, t1_48);
-        let t1_50 = -t1_49;
-        f[5] = t1_50;
+        let t2_1 = sin_q1.mul_add(q2, like.lift(0.26344492783122625));
+        let t2_2 = cos_q1 * cos_s1_1;
+        let t2_3 = sin_q1 * sin_s1_2;
+        let t2_4 = (-cos_s1_2).mul_add(t2_2, t2_3);
+        let t2_5 = sin_q6 * q7;
+        let t2_6 = like.lift(-0.4563).mul_add(t2_4, t2_1);
+        let t2_7 = like.lift(0.5).mul_add(t2_5, t2_6);
+        let t2_8 = t2_7 + like.lift(0.13172246391561312);
+        let t2_9 = -t2_8;
+        f[0] = t2_9;
+        let t2_10 = sin_s1_1 * cos_s1_2;
+        let t2_11 = like.lift(0.4563).mul_add(t2_10, like.lift(-0.22815));
+        let t2_12 = like.lift(-0.8660254037844386).mul_add(t2_5, t2_11);
+        let t2_13 = -t2_12;
+        f[1] = t2_13;
+        let t2_14 = cos_q1 * q2;
+        let t2_15 = sin_q1 * cos_s1_1;
+        let t2_16 = cos_s1_2 * t2_15;
+        let t2_17 = cos_q1.mul_add(sin_s1_2, t2_16);
+        let t2_18 = (-cos_q6).mul_add(q7, t2_14);
+        let t2_19 = like.lift(-0.4563).mul_add(t2_17, t2_18);
+        let t2_20 = -t2_19;
+        f[2] = t2_20;
+        let t2_21 = sin_s1_2 * t2_2;
+        let t2_22 = sin_q1.mul_add(cos_s1_2, t2_21);
+        let t2_23 = sin_s1_1 * cos_s1_3;
+        let t2_24 = cos_q1 * t2_23;
+        let t2_25 = (-sin_s1_3).mul_add(t2_22, t2_24);
+        let t2_26 = sin_q8 * q9;
+        let t2_27 = like.lift(-0.39516739174683935).mul_add(t2_25, t2_1);
+        let t2_28 = like.lift(-0.22815).mul_add(t2_4, t2_27);
+        let t2_29 = like.lift(0.5).mul_add(t2_26, t2_28);
+        let t2_30 = t2_29 + like.lift(0.13172246391561312);
+        let t2_31 = -t2_30;
+        f[3] = t2_31;
+        let t2_32 = sin_s1_3 * sin_s1_1;
+        let t2_33 = t2_32 * sin_s1_2;
+        let t2_34 = cos_s1_1.mul_add(cos_s1_3, t2_33);
+        let t2_35 = like.lift(0.39516739174683935).mul_add(t2_34, like.lift(0.22815));
+        let t2_36 = like.lift(0.22815).mul_add(t2_10, t2_35);
+        let t2_37 = like.lift(0.8660254037844386).mul_add(t2_26, t2_36);
+        let t2_38 = -t2_37;
+        f[4] = t2_38;
+        let t2_39 = cos_q1 * cos_s1_2;
+        let t2_40 = (-sin_s1_2).mul_add(t2_15, t2_39);
+        let t2_41 = sin_s1_3 * t2_40;
+        let t2_42 = sin_q1.mul_add(t2_23, t2_41);
+        let t2_43 = (-cos_q8).mul_add(q9, t2_14);
+        let t2_44 = like.lift(0.39516739174683935).mul_add(t2_42, t2_43);
+        let t2_45 = like.lift(-0.22815).mul_add(t2_17, t2_44);
+        let t2_46 = -t2_45;
+        f[5] = t2_46;
     }
     f
 }
@@ -435,149 +440,149 @@ pub fn constraints<T: Scalar>(q: &[T; 9]) -> [T; 6] {
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
 /// - `a`: A = df/dq, row by row (Eq. 7)
 ///
-/// 26 additions, 78 multiplications, 0 divisions, 6 sines and cosines.
+/// 26 additions, 73 multiplications, 0 divisions, 6 sines and cosines.
 pub fn jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 9]; 6] {
     let like = q[0];
     let mut a = [[like.lift(0.0); 9]; 6];
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
-    // row 1
+    // sines and cosines
     let [
-        sin_q1, cos_q1, t1_1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, t1_3, t1_4, t1_7, t1_8,
-        t1_13, sin_q6, cos_q6, t1_16,
+        sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, sin_q6, cos_q6, sin_s1_3,
+        cos_s1_3, sin_q8, cos_q8,
     ] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = cos_q1 * q2;
-        let (sin_s1_2, cos_s1_2) = s1_2.sin_cos();
-        let t1_2 = cos_q1 * sin_s1_2;
-        let (sin_s1_1, cos_s1_1) = s1_1.sin_cos();
-        let t1_3 = sin_q1 * cos_s1_1;
-        let t1_4 = cos_s1_2.mul_add(t1_3, t1_2);
-        let t1_5 = like.lift(-0.4563).mul_add(t1_4, t1_1);
-        let t1_6 = -t1_5;
-        let t1_7 = -sin_q1;
-        let t1_8 = sin_s1_1 * cos_s1_2;
-        let t1_9 = cos_q1 * t1_8;
-        let t1_10 = like.lift(0.4563) * t1_9;
-        let t1_11 = cos_s1_1 * t1_4;
-        let t1_12 = like.lift(0.4563) * t1_11;
-        let t1_13 = sin_q1 * sin_s1_1;
-        let t1_14 = t1_13 * t1_8;
-        let t1_15 = like.lift(0.4563).mul_add(t1_14, t1_12);
-        let (sin_q6, cos_q6) = q6.sin_cos();
-        let t1_16 = cos_q6 * q7;
-        let t1_17 = like.lift(0.5) * t1_16;
-        let t1_18 = -t1_17;
-        let t1_19 = like.lift(0.5) * sin_q6;
-        let t1_20 = -t1_19;
-        a[0] = [t1_6, t1_7, t1_10, t1_15, like.lift(0.0), t1_18, t1_20, like.lift(0.0), like.lift(0.0)];
+        let [
+            (sin_q1, cos_q1), (sin_s1_2, cos_s1_2), (sin_s1_1, cos_s1_1), (sin_q6, cos_q6),
+            (sin_s1_3, cos_s1_3), (sin_q8, cos_q8),
+        ] =
+            T::sin_cos_all([q1, s1_2, s1_1, q6, s1_3, q8]);
         [
-            sin_q1, cos_q1, t1_1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, t1_3, t1_4, t1_7,
-            t1_8, t1_13, sin_q6, cos_q6, t1_16,
+            sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, sin_q6, cos_q6, sin_s1_3,
+            cos_s1_3, sin_q8, cos_q8,
         ]
     };
-    // row 2
-    let [t2_2, t2_3, t2_10] = {
-        let t2_1 = sin_q1 * sin_s1_2;
-        let t2_2 = cos_q1 * cos_s1_1;
-        let t2_3 = (-cos_s1_2).mul_add(t2_2, t2_1);
-        let t2_4 = cos_q1 * t2_3;
-        let t2_5 = like.lift(0.4563) * t2_4;
-        let t2_6 = sin_q1 * t1_4;
-        let t2_7 = like.lift(-0.4563).mul_add(t2_6, t2_5);
-        let t2_8 = t1_13 * t2_3;
+    // row 1
+    let [t2_1, t2_2, t2_4, t2_7, t2_8, t2_9, t2_11, t2_15] = {
+        let t2_1 = cos_q1 * q2;
+        let t2_2 = sin_q1 * cos_s1_1;
+        let t2_3 = cos_s1_2 * t2_2;
+        let t2_4 = cos_q1.mul_add(sin_s1_2, t2_3);
+        let t2_5 = like.lift(-0.4563).mul_add(t2_4, t2_1);
+        let t2_6 = -t2_5;
+        let t2_7 = -sin_q1;
+        let t2_8 = sin_s1_1 * cos_s1_2;
         let t2_9 = like.lift(0.4563) * t2_8;
-        let t2_10 = cos_q1 * sin_s1_1;
-        let t2_11 = t2_10 * t1_4;
-        let t2_12 = like.lift(0.4563).mul_add(t2_11, t2_9);
-        let t2_13 = like.lift(0.8660254037844386) * t1_16;
-        let t2_14 = like.lift(0.8660254037844386) * sin_q6;
-        a[1] = [like.lift(0.0), like.lift(0.0), t2_7, t2_12, like.lift(0.0), t2_13, t2_14, like.lift(0.0), like.lift(0.0)];
-        [t2_2, t2_3, t2_10]
+        let t2_10 = cos_q1 * t2_9;
+        let t2_11 = sin_q1 * sin_s1_1;
+        let t2_12 = t2_11 * t2_8;
+        let t2_13 = cos_s1_1.mul_add(t2_4, t2_12);
+        let t2_14 = like.lift(0.4563) * t2_13;
+        let t2_15 = cos_q6 * q7;
+        let t2_16 = like.lift(0.5) * t2_15;
+        let t2_17 = -t2_16;
+        let t2_18 = like.lift(0.5) * sin_q6;
+        let t2_19 = -t2_18;
+        a[0][0] = t2_6; a[0][1] = t2_7; a[0][2] = t2_10; a[0][3] = t2_14; a[0][5] = t2_17; a[0][6] = t2_19;
+        [t2_1, t2_2, t2_4, t2_7, t2_8, t2_9, t2_11, t2_15]
+    };
+    // row 2
+    let [t3_1, t3_3, t3_8] = {
+        let t3_1 = cos_q1 * cos_s1_1;
+        let t3_2 = sin_q1 * sin_s1_2;
+        let t3_3 = (-cos_s1_2).mul_add(t3_1, t3_2);
+        let t3_4 = sin_q1 * t2_4;
+        let t3_5 = (-cos_q1).mul_add(t3_3, t3_4);
+        let t3_6 = like.lift(0.4563) * t3_5;
+        let t3_7 = -t3_6;
+        let t3_8 = cos_q1 * sin_s1_1;
+        let t3_9 = t3_8 * t2_4;
+        let t3_10 = t2_11.mul_add(t3_3, t3_9);
+        let t3_11 = like.lift(0.4563) * t3_10;
+        let t3_12 = like.lift(0.8660254037844386) * t2_15;
+        let t3_13 = like.lift(0.8660254037844386) * sin_q6;
+        a[1][2] = t3_7; a[1][3] = t3_11; a[1][5] = t3_12; a[1][6] = t3_13;
+        [t3_1, t3_3, t3_8]
     };
     // row 3
-    let [t3_1, t3_3] = {
-        let t3_1 = sin_q1 * q2;
-        let t3_2 = like.lift(-0.4563).mul_add(t2_3, t3_1);
-        let t3_3 = -cos_q1;
-        let t3_4 = sin_q1 * t1_8;
-        let t3_5 = like.lift(0.4563) * t3_4;
-        let t3_6 = -t3_5;
-        let t3_7 = t2_10 * t1_8;
-        let t3_8 = like.lift(0.4563) * t3_7;
-        let t3_9 = cos_s1_1 * t2_3;
-        let t3_10 = like.lift(-0.4563).mul_add(t3_9, t3_8);
-        let t3_11 = sin_q6 * q7;
-        let t3_12 = -t3_11;
-        a[2] = [t3_2, t3_3, t3_6, t3_10, like.lift(0.0), t3_12, cos_q6, like.lift(0.0), like.lift(0.0)];
-        [t3_1, t3_3]
+    let [t4_1, t4_3] = {
+        let t4_1 = sin_q1 * q2;
+        let t4_2 = like.lift(-0.4563).mul_add(t3_3, t4_1);
+        let t4_3 = -cos_q1;
+        let t4_4 = sin_q1 * t2_9;
+        let t4_5 = -t4_4;
+        let t4_6 = cos_s1_1 * t3_3;
+        let t4_7 = (-t3_8).mul_add(t2_8, t4_6);
+        let t4_8 = like.lift(0.4563) * t4_7;
+        let t4_9 = -t4_8;
+        let t4_10 = sin_q6 * q7;
+        let t4_11 = -t4_10;
+        a[2][0] = t4_2; a[2][1] = t4_3; a[2][2] = t4_5; a[2][3] = t4_9; a[2][5] = t4_11; a[2][6] = cos_q6;
+        [t4_1, t4_3]
     };
     // row 4
-    let [sin_s1_3, cos_s1_3, t4_6, t4_13, sin_q8, cos_q8, t4_19] = {
-        let t4_1 = like.lift(0.22815) * t1_4;
-        let (sin_s1_3, cos_s1_3) = s1_3.sin_cos();
-        let t4_2 = cos_s1_3 * t1_13;
-        let t4_3 = cos_q1 * cos_s1_2;
-        let t4_4 = (-sin_s1_2).mul_add(t1_3, t4_3);
-        let t4_5 = sin_s1_3.mul_add(t4_4, t4_2);
-        let t4_6 = like.lift(-0.39516739174683935).mul_add(t4_5, t4_1);
-        let t4_7 = t1_1 - t4_6;
-        let t4_8 = -t4_7;
-        let t4_9 = like.lift(0.22815) * t1_8;
-        let t4_10 = cos_s1_1 * cos_s1_3;
-        let t4_11 = sin_s1_1 * sin_s1_2;
-        let t4_12 = sin_s1_3.mul_add(t4_11, t4_10);
-        let t4_13 = like.lift(0.39516739174683935).mul_add(t4_12, t4_9);
-        let t4_14 = cos_q1 * t4_13;
-        let t4_15 = cos_s1_1 * t4_6;
-        let t4_16 = t1_13.mul_add(t4_13, t4_15);
-        let t4_17 = t1_8 * t4_6;
-        let t4_18 = (-t1_4).mul_add(t4_13, t4_17);
-        let (sin_q8, cos_q8) = q8.sin_cos();
-        let t4_19 = cos_q8 * q9;
-        let t4_20 = like.lift(0.5) * t4_19;
-        let t4_21 = -t4_20;
-        let t4_22 = like.lift(0.5) * sin_q8;
-        let t4_23 = -t4_22;
-        a[3] = [t4_8, t1_7, t4_14, t4_16, t4_18, like.lift(0.0), like.lift(0.0), t4_21, t4_23];
-        [sin_s1_3, cos_s1_3, t4_6, t4_13, sin_q8, cos_q8, t4_19]
+    let [t5_6, t5_13, t5_19] = {
+        let t5_1 = cos_q1 * cos_s1_2;
+        let t5_2 = (-sin_s1_2).mul_add(t2_2, t5_1);
+        let t5_3 = sin_s1_3 * t5_2;
+        let t5_4 = cos_s1_3.mul_add(t2_11, t5_3);
+        let t5_5 = like.lift(0.22815) * t2_4;
+        let t5_6 = like.lift(-0.39516739174683935).mul_add(t5_4, t5_5);
+        let t5_7 = t2_1 - t5_6;
+        let t5_8 = -t5_7;
+        let t5_9 = sin_s1_3 * sin_s1_1;
+        let t5_10 = t5_9 * sin_s1_2;
+        let t5_11 = cos_s1_1.mul_add(cos_s1_3, t5_10);
+        let t5_12 = like.lift(0.39516739174683935) * t5_11;
+        let t5_13 = like.lift(0.22815).mul_add(t2_8, t5_12);
+        let t5_14 = cos_q1 * t5_13;
+        let t5_15 = t2_11 * t5_13;
+        let t5_16 = cos_s1_1.mul_add(t5_6, t5_15);
+        let t5_17 = t2_8 * t5_6;
+        let t5_18 = (-t2_4).mul_add(t5_13, t5_17);
+        let t5_19 = cos_q8 * q9;
+        let t5_20 = like.lift(0.5) * t5_19;
+        let t5_21 = -t5_20;
+        let t5_22 = like.lift(0.5) * sin_q8;
+        let t5_23 = -t5_22;
+        a[3][0] = t5_8; a[3][1] = t2_7; a[3][2] = t5_14; a[3][3] = t5_16; a[3][4] = t5_18; a[3][7] = t5_21; a[3][8] = t5_23;
+        [t5_6, t5_13, t5_19]
     };
     // row 5
-    let [t5_1, t5_6, t5_7] = {
-        let t5_1 = like.lift(0.22815) * t2_3;
-        let t5_2 = cos_s1_3 * t2_10;
-        let t5_3 = sin_q1 * cos_s1_2;
-        let t5_4 = sin_s1_2.mul_add(t2_2, t5_3);
-        let t5_5 = (-sin_s1_3).mul_add(t5_4, t5_2);
-        let t5_6 = like.lift(0.39516739174683935) * t5_5;
-        let t5_7 = t5_1 + t5_6;
-        let t5_8 = cos_q1 * t5_7;
-        let t5_9 = (-sin_q1).mul_add(t4_6, t5_8);
-        let t5_10 = t1_13 * t5_7;
-        let t5_11 = t2_10.mul_add(t4_6, t5_10);
-        let t5_12 = t1_4 * t5_7;
-        let t5_13 = (-t2_3).mul_add(t4_6, t5_12);
-        let t5_14 = -t5_13;
-        let t5_15 = like.lift(0.8660254037844386) * t4_19;
-        let t5_16 = -t5_15;
-        let t5_17 = like.lift(0.8660254037844386) * sin_q8;
-        let t5_18 = -t5_17;
-        a[4] = [like.lift(0.0), like.lift(0.0), t5_9, t5_11, t5_14, like.lift(0.0), like.lift(0.0), t5_16, t5_18];
-        [t5_1, t5_6, t5_7]
+    let [t6_1, t6_6, t6_7] = {
+        let t6_1 = like.lift(0.22815) * t3_3;
+        let t6_2 = sin_s1_2 * t3_1;
+        let t6_3 = sin_q1.mul_add(cos_s1_2, t6_2);
+        let t6_4 = cos_s1_3 * t3_8;
+        let t6_5 = (-sin_s1_3).mul_add(t6_3, t6_4);
+        let t6_6 = like.lift(0.39516739174683935) * t6_5;
+        let t6_7 = t6_1 + t6_6;
+        let t6_8 = cos_q1 * t6_7;
+        let t6_9 = (-sin_q1).mul_add(t5_6, t6_8);
+        let t6_10 = t3_8 * t5_6;
+        let t6_11 = t2_11.mul_add(t6_7, t6_10);
+        let t6_12 = t2_4 * t6_7;
+        let t6_13 = (-t3_3).mul_add(t5_6, t6_12);
+        let t6_14 = -t6_13;
+        let t6_15 = like.lift(0.8660254037844386) * t5_19;
+        let t6_16 = -t6_15;
+        let t6_17 = like.lift(0.8660254037844386) * sin_q8;
+        let t6_18 = -t6_17;
+        a[4][2] = t6_9; a[4][3] = t6_11; a[4][4] = t6_14; a[4][7] = t6_16; a[4][8] = t6_18;
+        [t6_1, t6_6, t6_7]
     };
     // row 6
     {
-        let t6_1 = t3_1 - t5_1;
-        let t6_2 = t5_6 - t6_1;
-        let t6_3 = -t6_2;
-        let t6_4 = sin_q1 * t4_13;
-        let t6_5 = -t6_4;
-        let t6_6 = t2_10 * t4_13;
-        let t6_7 = (-cos_s1_1).mul_add(t5_7, t6_6);
-        let t6_8 = t2_3 * t4_13;
-        let t6_9 = (-t1_8).mul_add(t5_7, t6_8);
-        let t6_10 = sin_q8 * q9;
-        let t6_11 = -t6_10;
-        a[5] = [t6_3, t3_3, t6_5, t6_7, t6_9, like.lift(0.0), like.lift(0.0), t6_11, cos_q8];
+        let t7_1 = t6_6 - t4_1;
+        let t7_2 = t7_1 + t6_1;
+        let t7_3 = -t7_2;
+        let t7_4 = sin_q1 * t5_13;
+        let t7_5 = -t7_4;
+        let t7_6 = t3_8 * t5_13;
+        let t7_7 = (-cos_s1_1).mul_add(t6_7, t7_6);
+        let t7_8 = t3_3 * t5_13;
+        let t7_9 = (-t2_8).mul_add(t6_7, t7_8);
+        let t7_10 = sin_q8 * q9;
+        let t7_11 = -t7_10;
+        a[5][0] = t7_3; a[5][1] = t4_3; a[5][2] = t7_5; a[5][3] = t7_7; a[5][4] = t7_9; a[5][7] = t7_11; a[5][8] = cos_q8;
     }
     a
 }
@@ -588,187 +593,169 @@ pub fn jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 9]; 6] {
 /// - `qd`: velocities of all coordinates
 /// - `b`: b = -(dA/dt) qd, so that A qdd = b (Eq. 7)
 ///
-/// 68 additions, 141 multiplications, 0 divisions, 6 sines and cosines.
+/// 68 additions, 127 multiplications, 0 divisions, 6 sines and cosines.
 pub fn bias<T: Scalar>(q: &[T; 9], qd: &[T; 9]) -> [T; 6] {
     let like = q[0];
     let mut b = [like.lift(0.0); 6];
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     let [d_q1, d_q2, d_s1_1, d_s1_2, d_s1_3, d_q6, d_q7, d_q8, d_q9] = *qd;
+    // sines and cosines
+    let [
+        sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, sin_q6, cos_q6, sin_s1_3,
+        cos_s1_3, sin_q8, cos_q8,
+    ] = {
+        let [
+            (sin_q1, cos_q1), (sin_s1_2, cos_s1_2), (sin_s1_1, cos_s1_1), (sin_q6, cos_q6),
+            (sin_s1_3, cos_s1_3), (sin_q8, cos_q8),
+        ] =
+            T::sin_cos_all([q1, s1_2, s1_1, q6, s1_3, q8]);
+        [
+            sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, sin_q6, cos_q6, sin_s1_3,
+            cos_s1_3, sin_q8, cos_q8,
+        ]
+    };
     // b (Eq. 7)
     {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = sin_q1 * q2;
-        let t1_2 = t1_1 * d_q1;
-        let t1_3 = d_q1 * t1_2;
-        let t1_4 = cos_q1 * d_q1;
-        let t1_5 = d_q2 * t1_4;
-        let t1_6 = like.lift(-2.0).mul_add(t1_5, t1_3);
-        let (sin_s1_2, cos_s1_2) = s1_2.sin_cos();
-        let t1_7 = cos_q1 * sin_s1_2;
-        let (sin_s1_1, cos_s1_1) = s1_1.sin_cos();
-        let t1_8 = sin_q1 * cos_s1_1;
-        let t1_9 = cos_s1_2.mul_add(t1_8, t1_7);
-        let t1_10 = sin_s1_1 * d_s1_1;
-        let t1_11 = d_s1_2 * t1_10;
-        let t1_12 = sin_q1 * sin_s1_2;
-        let t1_13 = cos_q1 * cos_s1_1;
-        let t1_14 = (-cos_s1_2).mul_add(t1_13, t1_12);
-        let t1_15 = cos_q1 * d_s1_1;
-        let t1_16 = sin_q1 * sin_s1_1;
-        let t1_17 = t1_16.mul_add(d_s1_2, t1_15);
-        let t1_18 = t1_14 * t1_17;
-        let t1_19 = sin_q1 * d_s1_1;
-        let t1_20 = cos_q1 * sin_s1_1;
-        let t1_21 = (-t1_20).mul_add(d_s1_2, t1_19);
-        let t1_22 = (-t1_9).mul_add(t1_21, t1_18);
-        let t1_23 = d_s1_3.mul_add(t1_22, t1_11);
-        let t1_24 = t1_9 * t1_23;
-        let t1_25 = like.lift(0.4563) * t1_24;
-        let t1_26 = sin_s1_1 * cos_s1_2;
-        let t1_27 = sin_q1 * d_q1;
-        let t1_28 = d_s1_1 * t1_27;
-        let t1_29 = cos_s1_1 * t1_19;
-        let t1_30 = t1_20.mul_add(d_q1, t1_29);
-        let t1_31 = (-d_s1_2).mul_add(t1_30, t1_28);
-        let t1_32 = t1_26 * t1_21;
-        let t1_33 = cos_s1_1.mul_add(d_s1_2, d_q1);
-        let t1_34 = t1_14.mul_add(t1_33, t1_32);
-        let t1_35 = (-d_s1_3).mul_add(t1_34, t1_31);
-        let t1_36 = t1_26 * t1_35;
-        let t1_37 = like.lift(0.4563).mul_add(t1_36, t1_25);
-        let t1_38 = t1_6 - t1_37;
-        let t1_39 = t1_26.mul_add(d_s1_3, t1_33);
-        let t1_40 = (-t1_14).mul_add(d_s1_3, t1_21);
-        let t1_41 = t1_26 * t1_40;
-        let t1_42 = like.lift(0.4563) * t1_41;
-        let t1_43 = t1_14 * t1_39;
-        let t1_44 = like.lift(0.4563).mul_add(t1_43, t1_42);
-        let t1_45 = t1_39 * t1_44;
-        let t1_46 = (-t1_9).mul_add(d_s1_3, t1_17);
-        let t1_47 = t1_14 * t1_46;
-        let t1_48 = like.lift(0.4563) * t1_47;
-        let t1_49 = t1_9 * t1_40;
-        let t1_50 = like.lift(-0.4563).mul_add(t1_49, t1_48);
-        let t1_51 = t1_46.mul_add(t1_50, t1_45);
-        let t1_52 = t1_38 - t1_51;
-        let (sin_q6, cos_q6) = q6.sin_cos();
-        let t1_53 = sin_q6 * q7;
-        let t1_54 = t1_53 * d_q6;
-        let t1_55 = d_q6 * t1_54;
-        let t1_56 = cos_q6 * d_q6;
-        let t1_57 = d_q7 * t1_56;
-        let t1_58 = like.lift(0.5).mul_add(t1_55, -t1_57);
-        let t1_59 = t1_52 + t1_58;
-        let t1_60 = -t1_59;
-        b[0] = t1_60;
-        let t1_61 = t1_14 * t1_35;
-        let t1_62 = like.lift(0.4563) * t1_61;
-        let t1_63 = d_s1_1 * t1_4;
-        let t1_64 = t1_16 * d_q1;
-        let t1_65 = (-cos_s1_1).mul_add(t1_15, t1_64);
-        let t1_66 = d_s1_2.mul_add(t1_65, t1_63);
-        let t1_67 = t1_9 * t1_33;
-        let t1_68 = t1_26.mul_add(t1_17, t1_67);
-        let t1_69 = (-d_s1_3).mul_add(t1_68, t1_66);
-        let t1_70 = t1_9 * t1_69;
-        let t1_71 = like.lift(0.4563).mul_add(t1_70, t1_62);
-        let t1_72 = t1_9 * t1_39;
-        let t1_73 = like.lift(0.4563) * t1_72;
-        let t1_74 = t1_26 * t1_46;
-        let t1_75 = like.lift(0.4563).mul_add(t1_74, t1_73);
-        let t1_76 = t1_46 * t1_75;
-        let t1_77 = t1_40.mul_add(t1_44, t1_76);
-        let t1_78 = t1_71 - t1_77;
-        let t1_79 = like.lift(0.8660254037844386) * t1_55;
-        let t1_80 = like.lift(-1.7320508075688772).mul_add(t1_57, t1_79);
-        let t1_81 = t1_78 + t1_80;
-        b[1] = t1_81;
-        let t1_82 = cos_q1 * q2;
-        let t1_83 = t1_82 * d_q1;
-        let t1_84 = d_q1 * t1_83;
-        let t1_85 = d_q2 * t1_27;
-        let t1_86 = like.lift(2.0).mul_add(t1_85, t1_84);
-        let t1_87 = t1_26 * t1_69;
-        let t1_88 = like.lift(0.4563) * t1_87;
-        let t1_89 = t1_14 * t1_23;
-        let t1_90 = like.lift(-0.4563).mul_add(t1_89, t1_88);
-        let t1_91 = t1_86 - t1_90;
-        let t1_92 = t1_40 * t1_50;
-        let t1_93 = (-t1_39).mul_add(t1_75, t1_92);
-        let t1_94 = t1_91 + t1_93;
-        let t1_95 = cos_q6 * q7;
-        let t1_96 = t1_95 * d_q6;
-        let t1_97 = d_q6 * t1_96;
-        let t1_98 = sin_q6 * d_q6;
-        let t1_99 = d_q7 * t1_98;
-        let t1_100 = like.lift(2.0).mul_add(t1_99, t1_97);
-        let t1_101 = t1_94 - t1_100;
-        let t1_102 = -t1_101;
-        b[2] = t1_102;
-        let t1_103 = like.lift(0.22815) * t1_9;
-        let (sin_s1_3, cos_s1_3) = s1_3.sin_cos();
-        let t1_104 = cos_s1_3 * t1_16;
-        let t1_105 = cos_q1 * cos_s1_2;
-        let t1_106 = (-sin_s1_2).mul_add(t1_8, t1_105);
-        let t1_107 = sin_s1_3.mul_add(t1_106, t1_104);
-        let t1_108 = like.lift(-0.39516739174683935).mul_add(t1_107, t1_103);
-        let t1_109 = t1_108 * t1_23;
-        let t1_110 = like.lift(0.22815) * t1_26;
-        let t1_111 = cos_s1_1 * cos_s1_3;
-        let t1_112 = sin_s1_1 * sin_s1_2;
-        let t1_113 = sin_s1_3.mul_add(t1_112, t1_111);
-        let t1_114 = like.lift(0.39516739174683935).mul_add(t1_113, t1_110);
-        let t1_115 = t1_114.mul_add(t1_35, t1_109);
-        let t1_116 = t1_6 - t1_115;
-        let t1_117 = t1_114 * t1_40;
-        let t1_118 = like.lift(0.22815) * t1_14;
-        let t1_119 = cos_s1_3 * t1_20;
-        let t1_120 = sin_q1 * cos_s1_2;
-        let t1_121 = sin_s1_2.mul_add(t1_13, t1_120);
-        let t1_122 = (-sin_s1_3).mul_add(t1_121, t1_119);
-        let t1_123 = like.lift(0.39516739174683935).mul_add(t1_122, t1_118);
-        let t1_124 = t1_123.mul_add(t1_39, t1_117);
-        let t1_125 = t1_39 * t1_124;
-        let t1_126 = t1_123 * t1_46;
-        let t1_127 = (-t1_108).mul_add(t1_40, t1_126);
-        let t1_128 = t1_46.mul_add(t1_127, t1_125);
-        let t1_129 = t1_116 - t1_128;
-        let (sin_q8, cos_q8) = q8.sin_cos();
-        let t1_130 = sin_q8 * q9;
-        let t1_131 = t1_130 * d_q8;
-        let t1_132 = d_q8 * t1_131;
-        let t1_133 = cos_q8 * d_q8;
-        let t1_134 = d_q9 * t1_133;
-        let t1_135 = like.lift(0.5).mul_add(t1_132, -t1_134);
-        let t1_136 = t1_129 + t1_135;
-        let t1_137 = -t1_136;
-        b[3] = t1_137;
-        let t1_138 = t1_123 * t1_35;
-        let t1_139 = t1_108.mul_add(t1_69, t1_138);
-        let t1_140 = t1_108 * t1_39;
-        let t1_141 = t1_114.mul_add(t1_46, t1_140);
-        let t1_142 = t1_46 * t1_141;
-        let t1_143 = t1_40.mul_add(t1_124, t1_142);
-        let t1_144 = t1_139 - t1_143;
-        let t1_145 = like.lift(0.8660254037844386) * t1_132;
-        let t1_146 = like.lift(-1.7320508075688772).mul_add(t1_134, t1_145);
-        let t1_147 = t1_144 - t1_146;
-        b[4] = t1_147;
-        let t1_148 = t1_114 * t1_69;
-        let t1_149 = (-t1_123).mul_add(t1_23, t1_148);
-        let t1_150 = t1_86 - t1_149;
-        let t1_151 = t1_40 * t1_127;
-        let t1_152 = (-t1_39).mul_add(t1_141, t1_151);
-        let t1_153 = t1_150 + t1_152;
-        let t1_154 = cos_q8 * q9;
-        let t1_155 = t1_154 * d_q8;
-        let t1_156 = d_q8 * t1_155;
-        let t1_157 = sin_q8 * d_q8;
-        let t1_158 = d_q9 * t1_157;
-        let t1_159 = like.lift(2.0).mul_add(t1_158, t1_156);
-        let t1_160 = t1_153 - t1_159;
-        let t1_161 = -t1_160;
-        b[5] = t1_161;
+        let t2_1 = d_q1 * cos_q1;
+        let t2_2 = d_q1 * sin_q1;
+        let t2_3 = q2 * d_q1;
+        let t2_4 = like.lift(2.0) * d_q2;
+        let t2_5 = t2_3 * t2_2;
+        let t2_6 = (-t2_1).mul_add(t2_4, t2_5);
+        let t2_7 = sin_q1 * cos_s1_1;
+        let t2_8 = cos_s1_2 * t2_7;
+        let t2_9 = cos_q1.mul_add(sin_s1_2, t2_8);
+        let t2_10 = cos_q1 * cos_s1_1;
+        let t2_11 = sin_q1 * sin_s1_2;
+        let t2_12 = (-cos_s1_2).mul_add(t2_10, t2_11);
+        let t2_13 = cos_q1 * d_s1_1;
+        let t2_14 = sin_q1 * sin_s1_1;
+        let t2_15 = t2_14.mul_add(d_s1_2, t2_13);
+        let t2_16 = sin_q1 * d_s1_1;
+        let t2_17 = cos_q1 * sin_s1_1;
+        let t2_18 = (-t2_17).mul_add(d_s1_2, t2_16);
+        let t2_19 = t2_12 * t2_15;
+        let t2_20 = (-t2_9).mul_add(t2_18, t2_19);
+        let t2_21 = d_s1_3 * t2_20;
+        let t2_22 = d_s1_2 * sin_s1_1;
+        let t2_23 = t2_22.mul_add(d_s1_1, t2_21);
+        let t2_24 = sin_s1_1 * cos_s1_2;
+        let t2_25 = t2_17 * d_q1;
+        let t2_26 = cos_s1_1.mul_add(t2_16, t2_25);
+        let t2_27 = cos_s1_1.mul_add(d_s1_2, d_q1);
+        let t2_28 = t2_12 * t2_27;
+        let t2_29 = t2_24.mul_add(t2_18, t2_28);
+        let t2_30 = d_s1_1 * t2_2;
+        let t2_31 = (-d_s1_3).mul_add(t2_29, t2_30);
+        let t2_32 = (-d_s1_2).mul_add(t2_26, t2_31);
+        let t2_33 = t2_24.mul_add(d_s1_3, t2_27);
+        let t2_34 = (-t2_12).mul_add(d_s1_3, t2_18);
+        let t2_35 = t2_12 * t2_33;
+        let t2_36 = t2_24.mul_add(t2_34, t2_35);
+        let t2_37 = like.lift(0.4563) * t2_36;
+        let t2_38 = (-t2_9).mul_add(d_s1_3, t2_15);
+        let t2_39 = t2_9 * t2_34;
+        let t2_40 = (-t2_12).mul_add(t2_38, t2_39);
+        let t2_41 = like.lift(0.4563) * t2_40;
+        let t2_42 = -t2_41;
+        let t2_43 = q7 * d_q6;
+        let t2_44 = sin_q6 * d_q6;
+        let t2_45 = t2_44 * t2_43;
+        let t2_46 = d_q7 * cos_q6;
+        let t2_47 = t2_46 * d_q6;
+        let t2_48 = t2_24 * t2_32;
+        let t2_49 = t2_9.mul_add(t2_23, t2_48);
+        let t2_50 = like.lift(-0.4563).mul_add(t2_49, t2_6);
+        let t2_51 = (-t2_38).mul_add(t2_42, t2_50);
+        let t2_52 = (-t2_33).mul_add(t2_37, t2_51);
+        let t2_53 = like.lift(0.5).mul_add(t2_45, t2_52);
+        let t2_54 = t2_53 - t2_47;
+        let t2_55 = -t2_54;
+        b[0] = t2_55;
+        let t2_56 = t2_14 * d_q1;
+        let t2_57 = (-cos_s1_1).mul_add(t2_13, t2_56);
+        let t2_58 = t2_24 * t2_15;
+        let t2_59 = t2_9.mul_add(t2_27, t2_58);
+        let t2_60 = d_s1_2 * t2_57;
+        let t2_61 = (-d_s1_3).mul_add(t2_59, t2_60);
+        let t2_62 = d_s1_1.mul_add(t2_1, t2_61);
+        let t2_63 = t2_24 * t2_38;
+        let t2_64 = t2_9.mul_add(t2_33, t2_63);
+        let t2_65 = like.lift(0.4563) * t2_64;
+        let t2_66 = t2_9 * t2_62;
+        let t2_67 = t2_12.mul_add(t2_32, t2_66);
+        let t2_68 = like.lift(0.4563) * t2_67;
+        let t2_69 = (-t2_34).mul_add(t2_37, t2_68);
+        let t2_70 = (-t2_38).mul_add(t2_65, t2_69);
+        let t2_71 = like.lift(-1.7320508075688772).mul_add(t2_47, t2_70);
+        let t2_72 = like.lift(0.8660254037844386).mul_add(t2_45, t2_71);
+        b[1] = t2_72;
+        let t2_73 = t2_2 * t2_4;
+        let t2_74 = t2_3.mul_add(t2_1, t2_73);
+        let t2_75 = t2_12 * t2_23;
+        let t2_76 = (-t2_24).mul_add(t2_62, t2_75);
+        let t2_77 = like.lift(2.0) * d_q7;
+        let t2_78 = t2_77 * sin_q6;
+        let t2_79 = cos_q6.mul_add(t2_43, t2_78);
+        let t2_80 = like.lift(0.4563).mul_add(t2_76, t2_74);
+        let t2_81 = (-t2_33).mul_add(t2_65, t2_80);
+        let t2_82 = t2_34.mul_add(t2_42, t2_81);
+        let t2_83 = (-d_q6).mul_add(t2_79, t2_82);
+        let t2_84 = -t2_83;
+        b[2] = t2_84;
+        let t2_85 = cos_q1 * cos_s1_2;
+        let t2_86 = (-sin_s1_2).mul_add(t2_7, t2_85);
+        let t2_87 = sin_s1_3 * t2_86;
+        let t2_88 = cos_s1_3.mul_add(t2_14, t2_87);
+        let t2_89 = like.lift(0.22815) * t2_9;
+        let t2_90 = like.lift(-0.39516739174683935).mul_add(t2_88, t2_89);
+        let t2_91 = sin_s1_3 * sin_s1_1;
+        let t2_92 = t2_91 * sin_s1_2;
+        let t2_93 = cos_s1_1.mul_add(cos_s1_3, t2_92);
+        let t2_94 = like.lift(0.39516739174683935) * t2_93;
+        let t2_95 = like.lift(0.22815).mul_add(t2_24, t2_94);
+        let t2_96 = sin_s1_2 * t2_10;
+        let t2_97 = sin_q1.mul_add(cos_s1_2, t2_96);
+        let t2_98 = cos_s1_3 * t2_17;
+        let t2_99 = (-sin_s1_3).mul_add(t2_97, t2_98);
+        let t2_100 = like.lift(0.39516739174683935) * t2_99;
+        let t2_101 = like.lift(0.22815).mul_add(t2_12, t2_100);
+        let t2_102 = t2_101 * t2_33;
+        let t2_103 = t2_95.mul_add(t2_34, t2_102);
+        let t2_104 = t2_101 * t2_38;
+        let t2_105 = (-t2_90).mul_add(t2_34, t2_104);
+        let t2_106 = q9 * d_q8;
+        let t2_107 = sin_q8 * d_q8;
+        let t2_108 = t2_107 * t2_106;
+        let t2_109 = d_q9 * cos_q8;
+        let t2_110 = t2_109 * d_q8;
+        let t2_111 = (-t2_95).mul_add(t2_32, t2_6);
+        let t2_112 = (-t2_90).mul_add(t2_23, t2_111);
+        let t2_113 = (-t2_38).mul_add(t2_105, t2_112);
+        let t2_114 = (-t2_33).mul_add(t2_103, t2_113);
+        let t2_115 = like.lift(0.5).mul_add(t2_108, t2_114);
+        let t2_116 = t2_115 - t2_110;
+        let t2_117 = -t2_116;
+        b[3] = t2_117;
+        let t2_118 = t2_95 * t2_38;
+        let t2_119 = t2_90.mul_add(t2_33, t2_118);
+        let t2_120 = t2_90 * t2_62;
+        let t2_121 = t2_101.mul_add(t2_32, t2_120);
+        let t2_122 = (-t2_34).mul_add(t2_103, t2_121);
+        let t2_123 = (-t2_38).mul_add(t2_119, t2_122);
+        let t2_124 = like.lift(1.7320508075688772).mul_add(t2_110, t2_123);
+        let t2_125 = like.lift(-0.8660254037844386).mul_add(t2_108, t2_124);
+        b[4] = t2_125;
+        let t2_126 = like.lift(2.0) * d_q9;
+        let t2_127 = t2_126 * sin_q8;
+        let t2_128 = cos_q8.mul_add(t2_106, t2_127);
+        let t2_129 = t2_101.mul_add(t2_23, t2_74);
+        let t2_130 = (-t2_95).mul_add(t2_62, t2_129);
+        let t2_131 = (-t2_33).mul_add(t2_119, t2_130);
+        let t2_132 = t2_34.mul_add(t2_105, t2_131);
+        let t2_133 = (-d_q8).mul_add(t2_128, t2_132);
+        let t2_134 = -t2_133;
+        b[5] = t2_134;
     }
     b
 }
@@ -778,222 +765,223 @@ pub fn bias<T: Scalar>(q: &[T; 9], qd: &[T; 9]) -> [T; 6] {
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
 /// - `dq_e`: step of the dependent coordinates in the order of `DEPENDENT`: A_e dq_e = -f
 ///
-/// 76 additions, 137 multiplications, 6 divisions, 6 sines and cosines.
+/// 76 additions, 126 multiplications, 6 divisions, 6 sines and cosines.
 pub fn newton_step<T: Scalar>(q: &[T; 9]) -> ([T; 6], Condition<T>) {
     let like = q[0];
     let mut dq_e = [like.lift(0.0); 6];
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, sin_q6, cos_q6, sin_s1_3,
+        cos_s1_3, sin_q8, cos_q8,
+    ] = {
+        let [
+            (sin_q1, cos_q1), (sin_s1_2, cos_s1_2), (sin_s1_1, cos_s1_1), (sin_q6, cos_q6),
+            (sin_s1_3, cos_s1_3), (sin_q8, cos_q8),
+        ] =
+            T::sin_cos_all([q1, s1_2, s1_1, q6, s1_3, q8]);
+        [
+            sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, sin_q6, cos_q6, sin_s1_3,
+            cos_s1_3, sin_q8, cos_q8,
+        ]
+    };
     // A_e dq_e = -f
     {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = cos_q1 * q2;
-        let (sin_s1_2, cos_s1_2) = s1_2.sin_cos();
-        let t1_2 = cos_q1 * sin_s1_2;
-        let (sin_s1_1, cos_s1_1) = s1_1.sin_cos();
-        let t1_3 = sin_q1 * cos_s1_1;
-        let t1_4 = cos_s1_2.mul_add(t1_3, t1_2);
-        let t1_5 = like.lift(-0.4563).mul_add(t1_4, t1_1);
-        let t1_6 = -t1_5;
-        let t1_7 = sin_s1_1 * cos_s1_2;
-        let t1_8 = cos_q1 * t1_7;
-        let t1_9 = like.lift(0.4563) * t1_8;
-        let t1_10 = cos_s1_1 * t1_4;
-        let t1_11 = like.lift(0.4563) * t1_10;
-        let t1_12 = sin_q1 * sin_s1_1;
-        let t1_13 = t1_12 * t1_7;
-        let t1_14 = like.lift(0.4563).mul_add(t1_13, t1_11);
-        let (sin_q6, cos_q6) = q6.sin_cos();
-        let t1_15 = cos_q6 * q7;
-        let t1_16 = like.lift(0.5) * t1_15;
-        let t1_17 = -t1_16;
-        let t1_18 = sin_q1 * q2;
-        let t1_19 = sin_q1 * sin_s1_2;
-        let t1_20 = cos_q1 * cos_s1_1;
-        let t1_21 = (-cos_s1_2).mul_add(t1_20, t1_19);
-        let t1_22 = like.lift(0.4563) * t1_21;
-        let t1_23 = t1_18 - t1_22;
-        let t1_24 = -t1_23;
-        let t1_25 = sin_q1 * t1_7;
-        let t1_26 = like.lift(0.4563) * t1_25;
-        let t1_27 = cos_q1 * sin_s1_1;
-        let t1_28 = t1_27 * t1_7;
-        let t1_29 = like.lift(0.4563) * t1_28;
-        let t1_30 = cos_s1_1 * t1_21;
-        let t1_31 = like.lift(-0.4563).mul_add(t1_30, t1_29);
-        let t1_32 = -t1_31;
-        let t1_33 = sin_q6 * q7;
-        let t1_34 = cos_q1 * t1_21;
-        let t1_35 = like.lift(0.4563) * t1_34;
-        let t1_36 = sin_q1 * t1_4;
-        let t1_37 = like.lift(-0.4563).mul_add(t1_36, t1_35);
-        let t1_38 = t1_12 * t1_21;
-        let t1_39 = like.lift(0.4563) * t1_38;
-        let t1_40 = t1_27 * t1_4;
-        let t1_41 = like.lift(0.4563).mul_add(t1_40, t1_39);
-        let pivot_1 = like.lift(0.8660254037844386) * t1_15;
-        let t1_42 = like.lift(0.22815) * t1_4;
-        let (sin_s1_3, cos_s1_3) = s1_3.sin_cos();
-        let t1_43 = cos_s1_3 * t1_12;
-        let t1_44 = cos_q1 * cos_s1_2;
-        let t1_45 = (-sin_s1_2).mul_add(t1_3, t1_44);
-        let t1_46 = sin_s1_3.mul_add(t1_45, t1_43);
-        let t1_47 = like.lift(-0.39516739174683935).mul_add(t1_46, t1_42);
-        let t1_48 = t1_1 - t1_47;
-        let t1_49 = -t1_48;
-        let t1_50 = like.lift(0.22815) * t1_7;
-        let t1_51 = cos_s1_1 * cos_s1_3;
-        let t1_52 = sin_s1_1 * sin_s1_2;
-        let t1_53 = sin_s1_3.mul_add(t1_52, t1_51);
-        let t1_54 = like.lift(0.39516739174683935).mul_add(t1_53, t1_50);
-        let t1_55 = cos_q1 * t1_54;
-        let t1_56 = cos_s1_1 * t1_47;
-        let t1_57 = t1_12.mul_add(t1_54, t1_56);
-        let t1_58 = t1_7 * t1_47;
-        let t1_59 = (-t1_4).mul_add(t1_54, t1_58);
-        let (sin_q8, cos_q8) = q8.sin_cos();
-        let t1_60 = cos_q8 * q9;
-        let t1_61 = like.lift(0.5) * t1_60;
-        let t1_62 = -t1_61;
-        let t1_63 = cos_s1_3 * t1_27;
-        let t1_64 = sin_q1 * cos_s1_2;
-        let t1_65 = sin_s1_2.mul_add(t1_20, t1_64);
-        let t1_66 = (-sin_s1_3).mul_add(t1_65, t1_63);
-        let t1_67 = like.lift(0.39516739174683935) * t1_66;
-        let t1_68 = like.lift(0.22815) * t1_21;
-        let t1_69 = t1_18 - t1_68;
-        let t1_70 = t1_67 - t1_69;
-        let t1_71 = sin_q1 * t1_54;
-        let t1_72 = t1_27 * t1_54;
-        let t1_73 = t1_68 + t1_67;
-        let t1_74 = (-cos_s1_1).mul_add(t1_73, t1_72);
-        let t1_75 = -t1_74;
-        let t1_76 = t1_21 * t1_54;
-        let t1_77 = (-t1_7).mul_add(t1_73, t1_76);
-        let t1_78 = -t1_77;
-        let t1_79 = sin_q8 * q9;
-        let t1_80 = cos_q1 * t1_73;
-        let t1_81 = (-sin_q1).mul_add(t1_47, t1_80);
-        let t1_82 = t1_12 * t1_73;
-        let t1_83 = t1_27.mul_add(t1_47, t1_82);
-        let t1_84 = t1_4 * t1_73;
-        let t1_85 = (-t1_21).mul_add(t1_47, t1_84);
-        let t1_86 = -t1_85;
-        let pivot_2 = like.lift(0.8660254037844386) * t1_60;
-        let t1_87 = -pivot_2;
-        let t1_88 = like.lift(0.26344492783122625) + t1_18;
-        let t1_89 = t1_88 - t1_22;
-        let t1_90 = like.lift(0.5).mul_add(t1_33, like.lift(0.13172246391561312));
-        let t1_91 = t1_89 + t1_90;
-        let t1_92 = t1_5 - t1_15;
-        let t1_93 = -t1_92;
-        let t1_94 = like.lift(0.8660254037844386).mul_add(t1_33, like.lift(0.22815));
-        let t1_95 = like.lift(0.4563).mul_add(t1_7, -t1_94);
-        let t1_96 = t1_88 - t1_73;
-        let t1_97 = like.lift(0.5).mul_add(t1_79, like.lift(0.13172246391561312));
-        let t1_98 = t1_96 + t1_97;
-        let t1_99 = t1_48 - t1_60;
-        let t1_100 = -t1_99;
-        let t1_101 = like.lift(0.8660254037844386).mul_add(t1_79, like.lift(0.22815));
-        let t1_102 = t1_54 + t1_101;
-        let t1_103 = like.lift(0.5773502691896257).mul_add(t1_85, t1_59);
-        let t1_104 = like.lift(1.0) / t1_60;
-        let t1_105 = t1_79 * t1_104;
-        let t1_106 = t1_85 * t1_105;
-        let pivot_3 = like.lift(1.1547005383792515).mul_add(t1_106, t1_77);
+        let t2_1 = cos_q1 * q2;
+        let t2_2 = sin_q1 * cos_s1_1;
+        let t2_3 = cos_s1_2 * t2_2;
+        let t2_4 = cos_q1.mul_add(sin_s1_2, t2_3);
+        let t2_5 = like.lift(-0.4563).mul_add(t2_4, t2_1);
+        let t2_6 = -t2_5;
+        let t2_7 = sin_s1_1 * cos_s1_2;
+        let t2_8 = like.lift(0.4563) * t2_7;
+        let t2_9 = cos_q1 * t2_8;
+        let t2_10 = sin_q1 * sin_s1_1;
+        let t2_11 = t2_10 * t2_7;
+        let t2_12 = cos_s1_1.mul_add(t2_4, t2_11);
+        let t2_13 = like.lift(0.4563) * t2_12;
+        let t2_14 = cos_q6 * q7;
+        let t2_15 = like.lift(0.5) * t2_14;
+        let t2_16 = -t2_15;
+        let t2_17 = sin_q1 * q2;
+        let t2_18 = cos_q1 * cos_s1_1;
+        let t2_19 = sin_q1 * sin_s1_2;
+        let t2_20 = (-cos_s1_2).mul_add(t2_18, t2_19);
+        let t2_21 = like.lift(0.4563) * t2_20;
+        let t2_22 = t2_17 - t2_21;
+        let t2_23 = -t2_22;
+        let t2_24 = sin_q1 * t2_8;
+        let t2_25 = cos_q1 * sin_s1_1;
+        let t2_26 = cos_s1_1 * t2_20;
+        let t2_27 = (-t2_25).mul_add(t2_7, t2_26);
+        let t2_28 = like.lift(0.4563) * t2_27;
+        let t2_29 = -t2_28;
+        let t2_30 = -t2_29;
+        let t2_31 = sin_q6 * q7;
+        let t2_32 = sin_q1 * t2_4;
+        let t2_33 = (-cos_q1).mul_add(t2_20, t2_32);
+        let t2_34 = like.lift(0.4563) * t2_33;
+        let t2_35 = -t2_34;
+        let t2_36 = t2_25 * t2_4;
+        let t2_37 = t2_10.mul_add(t2_20, t2_36);
+        let t2_38 = like.lift(0.4563) * t2_37;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_14;
+        let t2_39 = cos_q1 * cos_s1_2;
+        let t2_40 = (-sin_s1_2).mul_add(t2_2, t2_39);
+        let t2_41 = sin_s1_3 * t2_40;
+        let t2_42 = cos_s1_3.mul_add(t2_10, t2_41);
+        let t2_43 = like.lift(0.22815) * t2_4;
+        let t2_44 = like.lift(-0.39516739174683935).mul_add(t2_42, t2_43);
+        let t2_45 = t2_1 - t2_44;
+        let t2_46 = -t2_45;
+        let t2_47 = sin_s1_3 * sin_s1_1;
+        let t2_48 = t2_47 * sin_s1_2;
+        let t2_49 = cos_s1_1.mul_add(cos_s1_3, t2_48);
+        let t2_50 = like.lift(0.39516739174683935) * t2_49;
+        let t2_51 = like.lift(0.22815).mul_add(t2_7, t2_50);
+        let t2_52 = cos_q1 * t2_51;
+        let t2_53 = t2_10 * t2_51;
+        let t2_54 = cos_s1_1.mul_add(t2_44, t2_53);
+        let t2_55 = t2_7 * t2_44;
+        let t2_56 = (-t2_4).mul_add(t2_51, t2_55);
+        let t2_57 = cos_q8 * q9;
+        let t2_58 = like.lift(0.5) * t2_57;
+        let t2_59 = -t2_58;
+        let t2_60 = sin_s1_2 * t2_18;
+        let t2_61 = sin_q1.mul_add(cos_s1_2, t2_60);
+        let t2_62 = cos_s1_3 * t2_25;
+        let t2_63 = (-sin_s1_3).mul_add(t2_61, t2_62);
+        let t2_64 = like.lift(0.39516739174683935) * t2_63;
+        let t2_65 = like.lift(0.22815) * t2_20;
+        let t2_66 = t2_64 - t2_17;
+        let t2_67 = t2_66 + t2_65;
+        let t2_68 = sin_q1 * t2_51;
+        let t2_69 = t2_65 + t2_64;
+        let t2_70 = t2_25 * t2_51;
+        let t2_71 = (-cos_s1_1).mul_add(t2_69, t2_70);
+        let t2_72 = -t2_71;
+        let t2_73 = t2_20 * t2_51;
+        let t2_74 = (-t2_7).mul_add(t2_69, t2_73);
+        let t2_75 = -t2_74;
+        let t2_76 = sin_q8 * q9;
+        let t2_77 = cos_q1 * t2_69;
+        let t2_78 = (-sin_q1).mul_add(t2_44, t2_77);
+        let t2_79 = t2_25 * t2_44;
+        let t2_80 = t2_10.mul_add(t2_69, t2_79);
+        let t2_81 = t2_4 * t2_69;
+        let t2_82 = (-t2_20).mul_add(t2_44, t2_81);
+        let t2_83 = -t2_82;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_57;
+        let t2_84 = -pivot_2;
+        let t2_85 = like.lift(0.26344492783122625) + t2_17;
+        let t2_86 = t2_85 - t2_21;
+        let t2_87 = like.lift(0.5).mul_add(t2_31, t2_86);
+        let t2_88 = t2_87 + like.lift(0.13172246391561312);
+        let t2_89 = t2_5 - t2_14;
+        let t2_90 = -t2_89;
+        let t2_91 = like.lift(-0.8660254037844386).mul_add(t2_31, t2_8);
+        let t2_92 = t2_91 - like.lift(0.22815);
+        let t2_93 = t2_85 - t2_69;
+        let t2_94 = like.lift(0.5).mul_add(t2_76, t2_93);
+        let t2_95 = t2_94 + like.lift(0.13172246391561312);
+        let t2_96 = t2_45 - t2_57;
+        let t2_97 = -t2_96;
+        let t2_98 = like.lift(0.8660254037844386).mul_add(t2_76, t2_51);
+        let t2_99 = t2_98 + like.lift(0.22815);
+        let t2_100 = like.lift(0.5773502691896257).mul_add(t2_82, t2_56);
+        let t2_101 = like.lift(1.0) / t2_57;
+        let t2_102 = t2_76 * t2_101;
+        let t2_103 = like.lift(1.1547005383792515) * t2_102;
+        let pivot_3 = t2_82.mul_add(t2_103, t2_74);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_107 = t1_103 * inv_pivot_3;
-        let t1_108 = (-t1_70).mul_add(t1_107, t1_48);
-        let t1_109 = like.lift(0.5773502691896257).mul_add(t1_37, t1_9);
-        let t1_110 = like.lift(-0.5773502691896257).mul_add(t1_81, t1_55);
-        let t1_111 = t1_81 * t1_105;
-        let t1_112 = like.lift(1.1547005383792515).mul_add(t1_111, t1_71);
-        let pivot_4 = t1_112.mul_add(t1_107, t1_110);
+        let t2_104 = t2_100 * inv_pivot_3;
+        let t2_105 = (-t2_67).mul_add(t2_104, t2_45);
+        let t2_106 = like.lift(0.5773502691896257).mul_add(t2_35, t2_9);
+        let t2_107 = t2_78.mul_add(t2_103, t2_68);
+        let t2_108 = t2_107.mul_add(t2_104, t2_52);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_78, t2_108);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t1_113 = t1_109 * inv_pivot_4;
-        let pivot_5 = (-t1_108).mul_add(t1_113, t1_5);
+        let t2_109 = t2_106 * inv_pivot_4;
+        let pivot_5 = (-t2_105).mul_add(t2_109, t2_5);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t1_114 = like.lift(0.5773502691896257).mul_add(t1_95, t1_91);
-        let t1_115 = like.lift(-0.5773502691896257).mul_add(t1_102, t1_98);
-        let t1_116 = t1_102 * t1_105;
-        let t1_117 = like.lift(-1.1547005383792515).mul_add(t1_116, t1_99);
-        let t1_118 = (-t1_107).mul_add(t1_117, t1_115);
-        let t1_119 = (-t1_113).mul_add(t1_118, t1_114);
-        let t1_120 = like.lift(0.5773502691896257).mul_add(t1_41, t1_14);
-        let t1_121 = like.lift(-0.5773502691896257).mul_add(t1_83, t1_57);
-        let t1_122 = t1_83 * t1_105;
-        let t1_123 = like.lift(-1.1547005383792515).mul_add(t1_122, t1_74);
-        let t1_124 = (-t1_123).mul_add(t1_107, t1_121);
-        let t1_125 = (-t1_124).mul_add(t1_113, t1_120);
-        let t1_126 = like.lift(1.0) / t1_15;
-        let t1_127 = t1_33 * t1_126;
-        let t1_128 = t1_41 * t1_127;
-        let t1_129 = like.lift(1.1547005383792515).mul_add(t1_128, t1_31);
-        let t1_130 = t1_37 * t1_127;
-        let t1_131 = like.lift(-1.1547005383792515).mul_add(t1_130, t1_26);
-        let t1_132 = t1_131 * inv_pivot_4;
-        let t1_133 = t1_124.mul_add(t1_132, t1_129);
-        let t1_134 = (-t1_108).mul_add(t1_132, t1_23);
-        let t1_135 = t1_134 * inv_pivot_5;
-        let pivot_6 = t1_125.mul_add(t1_135, t1_133);
+        let t2_110 = (-t2_99).mul_add(t2_103, t2_96);
+        let t2_111 = (-t2_104).mul_add(t2_110, t2_95);
+        let t2_112 = like.lift(-0.5773502691896257).mul_add(t2_99, t2_111);
+        let t2_113 = (-t2_109).mul_add(t2_112, t2_88);
+        let t2_114 = like.lift(0.5773502691896257).mul_add(t2_92, t2_113);
+        let t2_115 = (-t2_80).mul_add(t2_103, t2_71);
+        let t2_116 = (-t2_115).mul_add(t2_104, t2_54);
+        let t2_117 = like.lift(-0.5773502691896257).mul_add(t2_80, t2_116);
+        let t2_118 = (-t2_117).mul_add(t2_109, t2_13);
+        let t2_119 = like.lift(0.5773502691896257).mul_add(t2_38, t2_118);
+        let t2_120 = like.lift(1.0) / t2_14;
+        let t2_121 = t2_31 * t2_120;
+        let t2_122 = like.lift(1.1547005383792515) * t2_121;
+        let t2_123 = (-t2_35).mul_add(t2_122, t2_24);
+        let t2_124 = t2_123 * inv_pivot_4;
+        let t2_125 = (-t2_105).mul_add(t2_124, t2_22);
+        let t2_126 = t2_125 * inv_pivot_5;
+        let t2_127 = t2_119.mul_add(t2_126, t2_29);
+        let t2_128 = t2_117.mul_add(t2_124, t2_127);
+        let pivot_6 = t2_38.mul_add(t2_122, t2_128);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t1_136 = t1_95 * t1_127;
-        let t1_137 = like.lift(1.1547005383792515).mul_add(t1_136, t1_92);
-        let t1_138 = t1_132.mul_add(t1_118, t1_137);
-        let t1_139 = t1_135.mul_add(t1_119, t1_138);
-        let t1_140 = inv_pivot_6 * t1_139;
-        let t1_141 = (-t1_125).mul_add(t1_140, t1_119);
-        let t1_142 = inv_pivot_5 * t1_141;
-        let t1_143 = -t1_142;
-        let t1_144 = (-t1_108).mul_add(t1_142, t1_118);
-        let t1_145 = (-t1_124).mul_add(t1_140, t1_144);
-        let t1_146 = inv_pivot_4 * t1_145;
-        let t1_147 = t1_112.mul_add(t1_146, t1_117);
-        let t1_148 = (-t1_70).mul_add(t1_142, t1_147);
-        let t1_149 = (-t1_123).mul_add(t1_140, t1_148);
-        let t1_150 = inv_pivot_3 * t1_149;
-        let t1_151 = (-t1_37).mul_add(t1_146, t1_95);
-        let t1_152 = (-t1_41).mul_add(t1_140, t1_151);
-        let t1_153 = t1_126 * t1_152;
-        let t1_154 = like.lift(1.1547005383792515) * t1_153;
-        let t1_155 = t1_85.mul_add(t1_150, t1_102);
-        let t1_156 = (-t1_81).mul_add(t1_146, t1_155);
-        let t1_157 = (-t1_83).mul_add(t1_140, t1_156);
-        let t1_158 = t1_104 * t1_157;
-        let t1_159 = like.lift(1.1547005383792515) * t1_158;
-        let t1_160 = -t1_159;
-        let t1_161 = -pivot_3;
-        let t1_162 = -pivot_5;
-        let t1_163 = -pivot_6;
+        let t2_129 = t2_126.mul_add(t2_114, t2_89);
+        let t2_130 = t2_124.mul_add(t2_112, t2_129);
+        let t2_131 = t2_92.mul_add(t2_122, t2_130);
+        let t2_132 = inv_pivot_6 * t2_131;
+        let t2_133 = (-t2_119).mul_add(t2_132, t2_114);
+        let t2_134 = inv_pivot_5 * t2_133;
+        let t2_135 = -t2_134;
+        let t2_136 = (-t2_117).mul_add(t2_132, t2_112);
+        let t2_137 = (-t2_105).mul_add(t2_134, t2_136);
+        let t2_138 = inv_pivot_4 * t2_137;
+        let t2_139 = (-t2_115).mul_add(t2_132, t2_110);
+        let t2_140 = (-t2_67).mul_add(t2_134, t2_139);
+        let t2_141 = t2_107.mul_add(t2_138, t2_140);
+        let t2_142 = inv_pivot_3 * t2_141;
+        let t2_143 = (-t2_38).mul_add(t2_132, t2_92);
+        let t2_144 = (-t2_35).mul_add(t2_138, t2_143);
+        let t2_145 = like.lift(1.1547005383792515) * t2_120;
+        let t2_146 = t2_145 * t2_144;
+        let t2_147 = (-t2_80).mul_add(t2_132, t2_99);
+        let t2_148 = (-t2_78).mul_add(t2_138, t2_147);
+        let t2_149 = t2_82.mul_add(t2_142, t2_148);
+        let t2_150 = like.lift(1.1547005383792515) * t2_101;
+        let t2_151 = t2_150 * t2_149;
+        let t2_152 = -t2_151;
+        let t2_153 = -pivot_3;
+        let t2_154 = -pivot_5;
+        let t2_155 = -pivot_6;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t1_87 * like.lift(1.8955297449982944)).abs())
-            .min((t1_161 * like.lift(2.6463477742948585)).abs())
+            .min((t2_84 * like.lift(1.8955297449982944)).abs())
+            .min((t2_153 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t1_162 * like.lift(0.8284577646309275)).abs())
-            .min((t1_163 * like.lift(2.1915406530791146)).abs());
-        let ([[t1_164], [t1_165], [t1_166], [t1_167], [t1_168], [t1_169]], found) = ::regen_runtime::guarded(
-            [[t1_143], [t1_146], [t1_140], [t1_150], [t1_154], [t1_160]],
+            .min((t2_154 * like.lift(0.8284577646309275)).abs())
+            .min((t2_155 * like.lift(2.1915406530791146)).abs());
+        let ([[t2_156], [t2_157], [t2_158], [t2_159], [t2_160], [t2_161]], found) = ::regen_runtime::guarded(
+            [[t2_135], [t2_138], [t2_132], [t2_142], [t2_146], [t2_152]],
             margin,
             || (
                 [
-                    [t1_6, t1_9, t1_14, like.lift(0.0), t1_17, like.lift(0.0)],
-                    [t1_24, t1_26, t1_32, like.lift(0.0), t1_33, like.lift(0.0)],
-                    [like.lift(0.0), t1_37, t1_41, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t1_49, t1_55, t1_57, t1_59, like.lift(0.0), t1_62],
-                    [t1_70, t1_71, t1_75, t1_78, like.lift(0.0), t1_79],
-                    [like.lift(0.0), t1_81, t1_83, t1_86, like.lift(0.0), t1_87],
+                    [t2_6, t2_9, t2_13, like.lift(0.0), t2_16, like.lift(0.0)],
+                    [t2_23, t2_24, t2_30, like.lift(0.0), t2_31, like.lift(0.0)],
+                    [like.lift(0.0), t2_35, t2_38, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_46, t2_52, t2_54, t2_56, like.lift(0.0), t2_59],
+                    [t2_67, t2_68, t2_72, t2_75, like.lift(0.0), t2_76],
+                    [like.lift(0.0), t2_78, t2_80, t2_83, like.lift(0.0), t2_84],
                 ],
-                [[t1_91], [t1_93], [t1_95], [t1_98], [t1_100], [t1_102]],
+                [[t2_88], [t2_90], [t2_92], [t2_95], [t2_97], [t2_99]],
             ),
         );
         condition = condition.min(found);
-        dq_e[0] = t1_164;
-        dq_e[1] = t1_165;
-        dq_e[2] = t1_166;
-        dq_e[3] = t1_167;
-        dq_e[4] = t1_168;
-        dq_e[5] = t1_169;
+        dq_e[0] = t2_156;
+        dq_e[1] = t2_157;
+        dq_e[2] = t2_158;
+        dq_e[3] = t2_159;
+        dq_e[4] = t2_160;
+        dq_e[5] = t2_161;
     }
     (dq_e, Condition { pivot: condition })
 }
@@ -1003,113 +991,119 @@ pub fn newton_step<T: Scalar>(q: &[T; 9]) -> ([T; 6], Condition<T>) {
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
 /// - `a_e`: the square A_e on the rows that are kept, each loop seen from one of its own frames (Eq. 8)
 ///
-/// 26 additions, 74 multiplications, 0 divisions, 6 sines and cosines.
+/// 26 additions, 69 multiplications, 0 divisions, 6 sines and cosines.
 pub fn dependent_jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 6]; 6] {
     let like = q[0];
     let mut a_e = [[like.lift(0.0); 6]; 6];
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
+    // sines and cosines
+    let [
+        sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, sin_q6, cos_q6, sin_s1_3,
+        cos_s1_3, sin_q8, cos_q8,
+    ] = {
+        let [
+            (sin_q1, cos_q1), (sin_s1_2, cos_s1_2), (sin_s1_1, cos_s1_1), (sin_q6, cos_q6),
+            (sin_s1_3, cos_s1_3), (sin_q8, cos_q8),
+        ] =
+            T::sin_cos_all([q1, s1_2, s1_1, q6, s1_3, q8]);
+        [
+            sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, sin_q6, cos_q6, sin_s1_3,
+            cos_s1_3, sin_q8, cos_q8,
+        ]
+    };
     // A_e (Eq. 8)
     {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let (sin_s1_2, cos_s1_2) = s1_2.sin_cos();
-        let t1_1 = sin_q1 * sin_s1_2;
-        let (sin_s1_1, cos_s1_1) = s1_1.sin_cos();
-        let t1_2 = cos_q1 * cos_s1_1;
-        let t1_3 = (-cos_s1_2).mul_add(t1_2, t1_1);
-        let t1_4 = cos_q1 * t1_3;
-        let t1_5 = like.lift(0.4563) * t1_4;
-        let t1_6 = cos_q1 * sin_s1_2;
-        let t1_7 = sin_q1 * cos_s1_1;
-        let t1_8 = cos_s1_2.mul_add(t1_7, t1_6);
-        let t1_9 = sin_q1 * t1_8;
-        let t1_10 = like.lift(-0.4563).mul_add(t1_9, t1_5);
-        let t1_11 = sin_q1 * sin_s1_1;
-        let t1_12 = t1_11 * t1_3;
-        let t1_13 = like.lift(0.4563) * t1_12;
-        let t1_14 = cos_q1 * sin_s1_1;
-        let t1_15 = t1_14 * t1_8;
-        let t1_16 = like.lift(0.4563).mul_add(t1_15, t1_13);
-        let (sin_q6, cos_q6) = q6.sin_cos();
-        let t1_17 = cos_q6 * q7;
-        let pivot_1 = like.lift(0.8660254037844386) * t1_17;
-        a_e[0] = [like.lift(0.0), t1_10, t1_16, like.lift(0.0), pivot_1, like.lift(0.0)];
-        let t1_18 = like.lift(0.22815) * t1_3;
-        let (sin_s1_3, cos_s1_3) = s1_3.sin_cos();
-        let t1_19 = cos_s1_3 * t1_14;
-        let t1_20 = sin_q1 * cos_s1_2;
-        let t1_21 = sin_s1_2.mul_add(t1_2, t1_20);
-        let t1_22 = (-sin_s1_3).mul_add(t1_21, t1_19);
-        let t1_23 = like.lift(0.39516739174683935) * t1_22;
-        let t1_24 = t1_18 + t1_23;
-        let t1_25 = cos_q1 * t1_24;
-        let t1_26 = like.lift(0.22815) * t1_8;
-        let t1_27 = cos_s1_3 * t1_11;
-        let t1_28 = cos_q1 * cos_s1_2;
-        let t1_29 = (-sin_s1_2).mul_add(t1_7, t1_28);
-        let t1_30 = sin_s1_3.mul_add(t1_29, t1_27);
-        let t1_31 = like.lift(-0.39516739174683935).mul_add(t1_30, t1_26);
-        let t1_32 = (-sin_q1).mul_add(t1_31, t1_25);
-        let t1_33 = t1_11 * t1_24;
-        let t1_34 = t1_14.mul_add(t1_31, t1_33);
-        let t1_35 = t1_8 * t1_24;
-        let t1_36 = (-t1_3).mul_add(t1_31, t1_35);
-        let t1_37 = -t1_36;
-        let (sin_q8, cos_q8) = q8.sin_cos();
-        let t1_38 = cos_q8 * q9;
-        let pivot_2 = like.lift(0.8660254037844386) * t1_38;
-        let t1_39 = -pivot_2;
-        a_e[1] = [like.lift(0.0), t1_32, t1_34, t1_37, like.lift(0.0), t1_39];
-        let t1_40 = sin_q1 * q2;
-        let t1_41 = t1_40 - t1_18;
-        let t1_42 = t1_23 - t1_41;
-        let t1_43 = sin_s1_1 * cos_s1_2;
-        let t1_44 = like.lift(0.22815) * t1_43;
-        let t1_45 = cos_s1_1 * cos_s1_3;
-        let t1_46 = sin_s1_1 * sin_s1_2;
-        let t1_47 = sin_s1_3.mul_add(t1_46, t1_45);
-        let t1_48 = like.lift(0.39516739174683935).mul_add(t1_47, t1_44);
-        let t1_49 = sin_q1 * t1_48;
-        let t1_50 = t1_14 * t1_48;
-        let t1_51 = (-cos_s1_1).mul_add(t1_24, t1_50);
-        let t1_52 = -t1_51;
-        let t1_53 = t1_3 * t1_48;
-        let t1_54 = (-t1_43).mul_add(t1_24, t1_53);
-        let t1_55 = -t1_54;
-        let t1_56 = sin_q8 * q9;
-        a_e[2] = [t1_42, t1_49, t1_52, t1_55, like.lift(0.0), t1_56];
-        let t1_57 = cos_q1 * q2;
-        let t1_58 = t1_57 - t1_31;
-        let t1_59 = -t1_58;
-        let t1_60 = cos_q1 * t1_48;
-        let t1_61 = cos_s1_1 * t1_31;
-        let t1_62 = t1_11.mul_add(t1_48, t1_61);
-        let t1_63 = t1_43 * t1_31;
-        let t1_64 = (-t1_8).mul_add(t1_48, t1_63);
-        let t1_65 = like.lift(0.5) * t1_38;
-        let t1_66 = -t1_65;
-        a_e[3] = [t1_59, t1_60, t1_62, t1_64, like.lift(0.0), t1_66];
-        let t1_67 = like.lift(-0.4563).mul_add(t1_8, t1_57);
-        let t1_68 = -t1_67;
-        let t1_69 = cos_q1 * t1_43;
-        let t1_70 = like.lift(0.4563) * t1_69;
-        let t1_71 = cos_s1_1 * t1_8;
-        let t1_72 = like.lift(0.4563) * t1_71;
-        let t1_73 = t1_11 * t1_43;
-        let t1_74 = like.lift(0.4563).mul_add(t1_73, t1_72);
-        let t1_75 = like.lift(0.5) * t1_17;
-        let t1_76 = -t1_75;
-        a_e[4] = [t1_68, t1_70, t1_74, like.lift(0.0), t1_76, like.lift(0.0)];
-        let t1_77 = like.lift(-0.4563).mul_add(t1_3, t1_40);
-        let t1_78 = -t1_77;
-        let t1_79 = sin_q1 * t1_43;
-        let t1_80 = like.lift(0.4563) * t1_79;
-        let t1_81 = t1_14 * t1_43;
-        let t1_82 = like.lift(0.4563) * t1_81;
-        let t1_83 = cos_s1_1 * t1_3;
-        let t1_84 = like.lift(-0.4563).mul_add(t1_83, t1_82);
-        let t1_85 = -t1_84;
-        let t1_86 = sin_q6 * q7;
-        a_e[5] = [t1_78, t1_80, t1_85, like.lift(0.0), t1_86, like.lift(0.0)];
+        let t2_1 = cos_q1 * cos_s1_1;
+        let t2_2 = sin_q1 * sin_s1_2;
+        let t2_3 = (-cos_s1_2).mul_add(t2_1, t2_2);
+        let t2_4 = sin_q1 * cos_s1_1;
+        let t2_5 = cos_s1_2 * t2_4;
+        let t2_6 = cos_q1.mul_add(sin_s1_2, t2_5);
+        let t2_7 = sin_q1 * t2_6;
+        let t2_8 = (-cos_q1).mul_add(t2_3, t2_7);
+        let t2_9 = like.lift(0.4563) * t2_8;
+        let t2_10 = -t2_9;
+        let t2_11 = sin_q1 * sin_s1_1;
+        let t2_12 = cos_q1 * sin_s1_1;
+        let t2_13 = t2_12 * t2_6;
+        let t2_14 = t2_11.mul_add(t2_3, t2_13);
+        let t2_15 = like.lift(0.4563) * t2_14;
+        let t2_16 = cos_q6 * q7;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_16;
+        a_e[0][1] = t2_10; a_e[0][2] = t2_15; a_e[0][4] = pivot_1;
+        let t2_17 = like.lift(0.22815) * t2_3;
+        let t2_18 = sin_s1_2 * t2_1;
+        let t2_19 = sin_q1.mul_add(cos_s1_2, t2_18);
+        let t2_20 = cos_s1_3 * t2_12;
+        let t2_21 = (-sin_s1_3).mul_add(t2_19, t2_20);
+        let t2_22 = like.lift(0.39516739174683935) * t2_21;
+        let t2_23 = t2_17 + t2_22;
+        let t2_24 = cos_q1 * cos_s1_2;
+        let t2_25 = (-sin_s1_2).mul_add(t2_4, t2_24);
+        let t2_26 = sin_s1_3 * t2_25;
+        let t2_27 = cos_s1_3.mul_add(t2_11, t2_26);
+        let t2_28 = like.lift(0.22815) * t2_6;
+        let t2_29 = like.lift(-0.39516739174683935).mul_add(t2_27, t2_28);
+        let t2_30 = cos_q1 * t2_23;
+        let t2_31 = (-sin_q1).mul_add(t2_29, t2_30);
+        let t2_32 = t2_12 * t2_29;
+        let t2_33 = t2_11.mul_add(t2_23, t2_32);
+        let t2_34 = t2_6 * t2_23;
+        let t2_35 = (-t2_3).mul_add(t2_29, t2_34);
+        let t2_36 = -t2_35;
+        let t2_37 = cos_q8 * q9;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_37;
+        let t2_38 = -pivot_2;
+        a_e[1][1] = t2_31; a_e[1][2] = t2_33; a_e[1][3] = t2_36; a_e[1][5] = t2_38;
+        let t2_39 = sin_q1 * q2;
+        let t2_40 = t2_22 - t2_39;
+        let t2_41 = t2_40 + t2_17;
+        let t2_42 = sin_s1_1 * cos_s1_2;
+        let t2_43 = sin_s1_3 * sin_s1_1;
+        let t2_44 = t2_43 * sin_s1_2;
+        let t2_45 = cos_s1_1.mul_add(cos_s1_3, t2_44);
+        let t2_46 = like.lift(0.39516739174683935) * t2_45;
+        let t2_47 = like.lift(0.22815).mul_add(t2_42, t2_46);
+        let t2_48 = sin_q1 * t2_47;
+        let t2_49 = t2_12 * t2_47;
+        let t2_50 = (-cos_s1_1).mul_add(t2_23, t2_49);
+        let t2_51 = -t2_50;
+        let t2_52 = t2_3 * t2_47;
+        let t2_53 = (-t2_42).mul_add(t2_23, t2_52);
+        let t2_54 = -t2_53;
+        let t2_55 = sin_q8 * q9;
+        a_e[2][0] = t2_41; a_e[2][1] = t2_48; a_e[2][2] = t2_51; a_e[2][3] = t2_54; a_e[2][5] = t2_55;
+        let t2_56 = cos_q1 * q2;
+        let t2_57 = t2_56 - t2_29;
+        let t2_58 = -t2_57;
+        let t2_59 = cos_q1 * t2_47;
+        let t2_60 = t2_11 * t2_47;
+        let t2_61 = cos_s1_1.mul_add(t2_29, t2_60);
+        let t2_62 = t2_42 * t2_29;
+        let t2_63 = (-t2_6).mul_add(t2_47, t2_62);
+        let t2_64 = like.lift(0.5) * t2_37;
+        let t2_65 = -t2_64;
+        a_e[3][0] = t2_58; a_e[3][1] = t2_59; a_e[3][2] = t2_61; a_e[3][3] = t2_63; a_e[3][5] = t2_65;
+        let t2_66 = like.lift(-0.4563).mul_add(t2_6, t2_56);
+        let t2_67 = -t2_66;
+        let t2_68 = like.lift(0.4563) * t2_42;
+        let t2_69 = cos_q1 * t2_68;
+        let t2_70 = t2_11 * t2_42;
+        let t2_71 = cos_s1_1.mul_add(t2_6, t2_70);
+        let t2_72 = like.lift(0.4563) * t2_71;
+        let t2_73 = like.lift(0.5) * t2_16;
+        let t2_74 = -t2_73;
+        a_e[4][0] = t2_67; a_e[4][1] = t2_69; a_e[4][2] = t2_72; a_e[4][4] = t2_74;
+        let t2_75 = like.lift(-0.4563).mul_add(t2_3, t2_39);
+        let t2_76 = -t2_75;
+        let t2_77 = sin_q1 * t2_68;
+        let t2_78 = cos_s1_1 * t2_3;
+        let t2_79 = (-t2_12).mul_add(t2_42, t2_78);
+        let t2_80 = like.lift(0.4563) * t2_79;
+        let t2_81 = -t2_80;
+        let t2_82 = -t2_81;
+        let t2_83 = sin_q6 * q7;
+        a_e[5][0] = t2_76; a_e[5][1] = t2_77; a_e[5][2] = t2_82; a_e[5][4] = t2_83;
     }
     a_e
 }
@@ -1120,217 +1114,220 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 6]; 6] {
 /// - `qd_i`: velocities of the independent coordinates, in the order of `INDEPENDENT`
 /// - `qd`: velocities of all coordinates
 ///
-/// 65 additions, 138 multiplications, 6 divisions, 6 sines and cosines.
+/// 65 additions, 130 multiplications, 6 divisions, 6 sines and cosines.
 pub fn velocities<T: Scalar>(q: &[T; 9], qd_i: &[T; 3]) -> ([T; 9], Condition<T>) {
     let like = q[0];
     let mut qd = [like.lift(0.0); 9];
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     let [d_q2, d_q7, d_q9] = *qd_i;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, sin_q6, cos_q6, sin_s1_3,
+        cos_s1_3, sin_q8, cos_q8,
+    ] = {
+        let [
+            (sin_q1, cos_q1), (sin_s1_2, cos_s1_2), (sin_s1_1, cos_s1_1), (sin_q6, cos_q6),
+            (sin_s1_3, cos_s1_3), (sin_q8, cos_q8),
+        ] =
+            T::sin_cos_all([q1, s1_2, s1_1, q6, s1_3, q8]);
+        [
+            sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, sin_q6, cos_q6, sin_s1_3,
+            cos_s1_3, sin_q8, cos_q8,
+        ]
+    };
     // A_e qd_e = -A_i qd_i (Eq. 8)
     {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = cos_q1 * q2;
-        let (sin_s1_2, cos_s1_2) = s1_2.sin_cos();
-        let t1_2 = cos_q1 * sin_s1_2;
-        let (sin_s1_1, cos_s1_1) = s1_1.sin_cos();
-        let t1_3 = sin_q1 * cos_s1_1;
-        let t1_4 = cos_s1_2.mul_add(t1_3, t1_2);
-        let t1_5 = like.lift(-0.4563).mul_add(t1_4, t1_1);
-        let t1_6 = -t1_5;
-        let t1_7 = sin_s1_1 * cos_s1_2;
-        let t1_8 = cos_q1 * t1_7;
-        let t1_9 = like.lift(0.4563) * t1_8;
-        let t1_10 = cos_s1_1 * t1_4;
-        let t1_11 = like.lift(0.4563) * t1_10;
-        let t1_12 = sin_q1 * sin_s1_1;
-        let t1_13 = t1_12 * t1_7;
-        let t1_14 = like.lift(0.4563).mul_add(t1_13, t1_11);
-        let (sin_q6, cos_q6) = q6.sin_cos();
-        let t1_15 = cos_q6 * q7;
-        let t1_16 = like.lift(0.5) * t1_15;
-        let t1_17 = -t1_16;
-        let t1_18 = sin_q1 * q2;
-        let t1_19 = sin_q1 * sin_s1_2;
-        let t1_20 = cos_q1 * cos_s1_1;
-        let t1_21 = (-cos_s1_2).mul_add(t1_20, t1_19);
-        let t1_22 = like.lift(-0.4563).mul_add(t1_21, t1_18);
-        let t1_23 = -t1_22;
-        let t1_24 = sin_q1 * t1_7;
-        let t1_25 = like.lift(0.4563) * t1_24;
-        let t1_26 = cos_q1 * sin_s1_1;
-        let t1_27 = t1_26 * t1_7;
-        let t1_28 = like.lift(0.4563) * t1_27;
-        let t1_29 = cos_s1_1 * t1_21;
-        let t1_30 = like.lift(-0.4563).mul_add(t1_29, t1_28);
-        let t1_31 = -t1_30;
-        let t1_32 = sin_q6 * q7;
-        let t1_33 = cos_q1 * t1_21;
-        let t1_34 = like.lift(0.4563) * t1_33;
-        let t1_35 = sin_q1 * t1_4;
-        let t1_36 = like.lift(-0.4563).mul_add(t1_35, t1_34);
-        let t1_37 = t1_12 * t1_21;
-        let t1_38 = like.lift(0.4563) * t1_37;
-        let t1_39 = t1_26 * t1_4;
-        let t1_40 = like.lift(0.4563).mul_add(t1_39, t1_38);
-        let pivot_1 = like.lift(0.8660254037844386) * t1_15;
-        let t1_41 = like.lift(0.22815) * t1_4;
-        let (sin_s1_3, cos_s1_3) = s1_3.sin_cos();
-        let t1_42 = cos_s1_3 * t1_12;
-        let t1_43 = cos_q1 * cos_s1_2;
-        let t1_44 = (-sin_s1_2).mul_add(t1_3, t1_43);
-        let t1_45 = sin_s1_3.mul_add(t1_44, t1_42);
-        let t1_46 = like.lift(-0.39516739174683935).mul_add(t1_45, t1_41);
-        let t1_47 = t1_1 - t1_46;
-        let t1_48 = -t1_47;
-        let t1_49 = like.lift(0.22815) * t1_7;
-        let t1_50 = cos_s1_1 * cos_s1_3;
-        let t1_51 = sin_s1_1 * sin_s1_2;
-        let t1_52 = sin_s1_3.mul_add(t1_51, t1_50);
-        let t1_53 = like.lift(0.39516739174683935).mul_add(t1_52, t1_49);
-        let t1_54 = cos_q1 * t1_53;
-        let t1_55 = cos_s1_1 * t1_46;
-        let t1_56 = t1_12.mul_add(t1_53, t1_55);
-        let t1_57 = t1_7 * t1_46;
-        let t1_58 = (-t1_4).mul_add(t1_53, t1_57);
-        let (sin_q8, cos_q8) = q8.sin_cos();
-        let t1_59 = cos_q8 * q9;
-        let t1_60 = like.lift(0.5) * t1_59;
-        let t1_61 = -t1_60;
-        let t1_62 = cos_s1_3 * t1_26;
-        let t1_63 = sin_q1 * cos_s1_2;
-        let t1_64 = sin_s1_2.mul_add(t1_20, t1_63);
-        let t1_65 = (-sin_s1_3).mul_add(t1_64, t1_62);
-        let t1_66 = like.lift(0.39516739174683935) * t1_65;
-        let t1_67 = like.lift(0.22815) * t1_21;
-        let t1_68 = t1_18 - t1_67;
-        let t1_69 = t1_66 - t1_68;
-        let t1_70 = sin_q1 * t1_53;
-        let t1_71 = t1_26 * t1_53;
-        let t1_72 = t1_67 + t1_66;
-        let t1_73 = (-cos_s1_1).mul_add(t1_72, t1_71);
-        let t1_74 = -t1_73;
-        let t1_75 = t1_21 * t1_53;
-        let t1_76 = (-t1_7).mul_add(t1_72, t1_75);
-        let t1_77 = -t1_76;
-        let t1_78 = sin_q8 * q9;
-        let t1_79 = cos_q1 * t1_72;
-        let t1_80 = (-sin_q1).mul_add(t1_46, t1_79);
-        let t1_81 = t1_12 * t1_72;
-        let t1_82 = t1_26.mul_add(t1_46, t1_81);
-        let t1_83 = t1_4 * t1_72;
-        let t1_84 = (-t1_21).mul_add(t1_46, t1_83);
-        let t1_85 = -t1_84;
-        let pivot_2 = like.lift(0.8660254037844386) * t1_59;
-        let t1_86 = -pivot_2;
-        let t1_87 = sin_q1 * d_q2;
-        let t1_88 = sin_q6 * d_q7;
-        let t1_89 = like.lift(0.5).mul_add(t1_88, t1_87);
-        let t1_90 = cos_q1 * d_q2;
-        let t1_91 = (-cos_q6).mul_add(d_q7, t1_90);
-        let t1_92 = -t1_91;
-        let t1_93 = like.lift(0.8660254037844386) * t1_88;
-        let t1_94 = -t1_93;
-        let t1_95 = sin_q8 * d_q9;
-        let t1_96 = like.lift(0.5).mul_add(t1_95, t1_87);
-        let t1_97 = (-cos_q8).mul_add(d_q9, t1_90);
-        let t1_98 = -t1_97;
-        let t1_99 = like.lift(0.8660254037844386) * t1_95;
-        let t1_100 = like.lift(0.5773502691896257).mul_add(t1_84, t1_58);
-        let t1_101 = like.lift(1.0) / t1_59;
-        let t1_102 = t1_78 * t1_101;
-        let t1_103 = t1_84 * t1_102;
-        let pivot_3 = like.lift(1.1547005383792515).mul_add(t1_103, t1_76);
+        let t2_1 = cos_q1 * q2;
+        let t2_2 = sin_q1 * cos_s1_1;
+        let t2_3 = cos_s1_2 * t2_2;
+        let t2_4 = cos_q1.mul_add(sin_s1_2, t2_3);
+        let t2_5 = like.lift(-0.4563).mul_add(t2_4, t2_1);
+        let t2_6 = -t2_5;
+        let t2_7 = sin_s1_1 * cos_s1_2;
+        let t2_8 = like.lift(0.4563) * t2_7;
+        let t2_9 = cos_q1 * t2_8;
+        let t2_10 = sin_q1 * sin_s1_1;
+        let t2_11 = t2_10 * t2_7;
+        let t2_12 = cos_s1_1.mul_add(t2_4, t2_11);
+        let t2_13 = like.lift(0.4563) * t2_12;
+        let t2_14 = cos_q6 * q7;
+        let t2_15 = like.lift(0.5) * t2_14;
+        let t2_16 = -t2_15;
+        let t2_17 = sin_q1 * q2;
+        let t2_18 = cos_q1 * cos_s1_1;
+        let t2_19 = sin_q1 * sin_s1_2;
+        let t2_20 = (-cos_s1_2).mul_add(t2_18, t2_19);
+        let t2_21 = like.lift(-0.4563).mul_add(t2_20, t2_17);
+        let t2_22 = -t2_21;
+        let t2_23 = sin_q1 * t2_8;
+        let t2_24 = cos_q1 * sin_s1_1;
+        let t2_25 = cos_s1_1 * t2_20;
+        let t2_26 = (-t2_24).mul_add(t2_7, t2_25);
+        let t2_27 = like.lift(0.4563) * t2_26;
+        let t2_28 = -t2_27;
+        let t2_29 = -t2_28;
+        let t2_30 = sin_q6 * q7;
+        let t2_31 = sin_q1 * t2_4;
+        let t2_32 = (-cos_q1).mul_add(t2_20, t2_31);
+        let t2_33 = like.lift(0.4563) * t2_32;
+        let t2_34 = -t2_33;
+        let t2_35 = t2_24 * t2_4;
+        let t2_36 = t2_10.mul_add(t2_20, t2_35);
+        let t2_37 = like.lift(0.4563) * t2_36;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_14;
+        let t2_38 = cos_q1 * cos_s1_2;
+        let t2_39 = (-sin_s1_2).mul_add(t2_2, t2_38);
+        let t2_40 = sin_s1_3 * t2_39;
+        let t2_41 = cos_s1_3.mul_add(t2_10, t2_40);
+        let t2_42 = like.lift(0.22815) * t2_4;
+        let t2_43 = like.lift(-0.39516739174683935).mul_add(t2_41, t2_42);
+        let t2_44 = t2_1 - t2_43;
+        let t2_45 = -t2_44;
+        let t2_46 = sin_s1_3 * sin_s1_1;
+        let t2_47 = t2_46 * sin_s1_2;
+        let t2_48 = cos_s1_1.mul_add(cos_s1_3, t2_47);
+        let t2_49 = like.lift(0.39516739174683935) * t2_48;
+        let t2_50 = like.lift(0.22815).mul_add(t2_7, t2_49);
+        let t2_51 = cos_q1 * t2_50;
+        let t2_52 = t2_10 * t2_50;
+        let t2_53 = cos_s1_1.mul_add(t2_43, t2_52);
+        let t2_54 = t2_7 * t2_43;
+        let t2_55 = (-t2_4).mul_add(t2_50, t2_54);
+        let t2_56 = cos_q8 * q9;
+        let t2_57 = like.lift(0.5) * t2_56;
+        let t2_58 = -t2_57;
+        let t2_59 = sin_s1_2 * t2_18;
+        let t2_60 = sin_q1.mul_add(cos_s1_2, t2_59);
+        let t2_61 = cos_s1_3 * t2_24;
+        let t2_62 = (-sin_s1_3).mul_add(t2_60, t2_61);
+        let t2_63 = like.lift(0.39516739174683935) * t2_62;
+        let t2_64 = like.lift(0.22815) * t2_20;
+        let t2_65 = t2_63 - t2_17;
+        let t2_66 = t2_65 + t2_64;
+        let t2_67 = sin_q1 * t2_50;
+        let t2_68 = t2_64 + t2_63;
+        let t2_69 = t2_24 * t2_50;
+        let t2_70 = (-cos_s1_1).mul_add(t2_68, t2_69);
+        let t2_71 = -t2_70;
+        let t2_72 = t2_20 * t2_50;
+        let t2_73 = (-t2_7).mul_add(t2_68, t2_72);
+        let t2_74 = -t2_73;
+        let t2_75 = sin_q8 * q9;
+        let t2_76 = cos_q1 * t2_68;
+        let t2_77 = (-sin_q1).mul_add(t2_43, t2_76);
+        let t2_78 = t2_24 * t2_43;
+        let t2_79 = t2_10.mul_add(t2_68, t2_78);
+        let t2_80 = t2_4 * t2_68;
+        let t2_81 = (-t2_20).mul_add(t2_43, t2_80);
+        let t2_82 = -t2_81;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_56;
+        let t2_83 = -pivot_2;
+        let t2_84 = sin_q1 * d_q2;
+        let t2_85 = sin_q6 * d_q7;
+        let t2_86 = like.lift(0.5).mul_add(t2_85, t2_84);
+        let t2_87 = cos_q1 * d_q2;
+        let t2_88 = (-cos_q6).mul_add(d_q7, t2_87);
+        let t2_89 = -t2_88;
+        let t2_90 = like.lift(0.8660254037844386) * t2_85;
+        let t2_91 = -t2_90;
+        let t2_92 = sin_q8 * d_q9;
+        let t2_93 = like.lift(0.5).mul_add(t2_92, t2_84);
+        let t2_94 = (-cos_q8).mul_add(d_q9, t2_87);
+        let t2_95 = -t2_94;
+        let t2_96 = like.lift(0.8660254037844386) * t2_92;
+        let t2_97 = like.lift(0.5773502691896257).mul_add(t2_81, t2_55);
+        let t2_98 = like.lift(1.0) / t2_56;
+        let t2_99 = t2_75 * t2_98;
+        let t2_100 = like.lift(1.1547005383792515) * t2_99;
+        let pivot_3 = t2_81.mul_add(t2_100, t2_73);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_104 = t1_100 * inv_pivot_3;
-        let t1_105 = (-t1_69).mul_add(t1_104, t1_47);
-        let t1_106 = like.lift(0.5773502691896257).mul_add(t1_36, t1_9);
-        let t1_107 = like.lift(-0.5773502691896257).mul_add(t1_80, t1_54);
-        let t1_108 = t1_80 * t1_102;
-        let t1_109 = like.lift(1.1547005383792515).mul_add(t1_108, t1_70);
-        let pivot_4 = t1_109.mul_add(t1_104, t1_107);
+        let t2_101 = t2_97 * inv_pivot_3;
+        let t2_102 = (-t2_66).mul_add(t2_101, t2_44);
+        let t2_103 = like.lift(0.5773502691896257).mul_add(t2_34, t2_9);
+        let t2_104 = t2_77.mul_add(t2_100, t2_67);
+        let t2_105 = t2_104.mul_add(t2_101, t2_51);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_77, t2_105);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t1_110 = t1_106 * inv_pivot_4;
-        let pivot_5 = (-t1_105).mul_add(t1_110, t1_5);
+        let t2_106 = t2_103 * inv_pivot_4;
+        let pivot_5 = (-t2_102).mul_add(t2_106, t2_5);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t1_111 = (-t1_102).mul_add(t1_95, t1_97);
-        let t1_112 = (-t1_104).mul_add(t1_111, t1_87);
-        let t1_113 = (-t1_110).mul_add(t1_112, t1_87);
-        let t1_114 = like.lift(0.5773502691896257).mul_add(t1_40, t1_14);
-        let t1_115 = like.lift(-0.5773502691896257).mul_add(t1_82, t1_56);
-        let t1_116 = t1_82 * t1_102;
-        let t1_117 = like.lift(-1.1547005383792515).mul_add(t1_116, t1_73);
-        let t1_118 = (-t1_117).mul_add(t1_104, t1_115);
-        let t1_119 = (-t1_118).mul_add(t1_110, t1_114);
-        let t1_120 = like.lift(1.0) / t1_15;
-        let t1_121 = t1_32 * t1_120;
-        let t1_122 = t1_40 * t1_121;
-        let t1_123 = like.lift(1.1547005383792515).mul_add(t1_122, t1_30);
-        let t1_124 = t1_36 * t1_121;
-        let t1_125 = like.lift(-1.1547005383792515).mul_add(t1_124, t1_25);
-        let t1_126 = t1_125 * inv_pivot_4;
-        let t1_127 = t1_118.mul_add(t1_126, t1_123);
-        let t1_128 = (-t1_105).mul_add(t1_126, t1_22);
-        let t1_129 = t1_128 * inv_pivot_5;
-        let pivot_6 = t1_119.mul_add(t1_129, t1_127);
+        let t2_107 = (-t2_99).mul_add(t2_92, t2_94);
+        let t2_108 = (-t2_101).mul_add(t2_107, t2_84);
+        let t2_109 = (-t2_106).mul_add(t2_108, t2_84);
+        let t2_110 = (-t2_79).mul_add(t2_100, t2_70);
+        let t2_111 = (-t2_110).mul_add(t2_101, t2_53);
+        let t2_112 = like.lift(-0.5773502691896257).mul_add(t2_79, t2_111);
+        let t2_113 = (-t2_112).mul_add(t2_106, t2_13);
+        let t2_114 = like.lift(0.5773502691896257).mul_add(t2_37, t2_113);
+        let t2_115 = like.lift(1.0) / t2_14;
+        let t2_116 = t2_30 * t2_115;
+        let t2_117 = like.lift(1.1547005383792515) * t2_116;
+        let t2_118 = (-t2_34).mul_add(t2_117, t2_23);
+        let t2_119 = t2_118 * inv_pivot_4;
+        let t2_120 = (-t2_102).mul_add(t2_119, t2_21);
+        let t2_121 = t2_120 * inv_pivot_5;
+        let t2_122 = t2_114.mul_add(t2_121, t2_28);
+        let t2_123 = t2_112.mul_add(t2_119, t2_122);
+        let pivot_6 = t2_37.mul_add(t2_117, t2_123);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t1_130 = (-t1_121).mul_add(t1_88, t1_91);
-        let t1_131 = t1_126.mul_add(t1_112, t1_130);
-        let t1_132 = t1_129.mul_add(t1_113, t1_131);
-        let t1_133 = inv_pivot_6 * t1_132;
-        let t1_134 = (-t1_119).mul_add(t1_133, t1_113);
-        let t1_135 = inv_pivot_5 * t1_134;
-        let t1_136 = -t1_135;
-        let t1_137 = (-t1_105).mul_add(t1_135, t1_112);
-        let t1_138 = (-t1_118).mul_add(t1_133, t1_137);
-        let t1_139 = inv_pivot_4 * t1_138;
-        let t1_140 = t1_109.mul_add(t1_139, t1_111);
-        let t1_141 = (-t1_69).mul_add(t1_135, t1_140);
-        let t1_142 = (-t1_117).mul_add(t1_133, t1_141);
-        let t1_143 = inv_pivot_3 * t1_142;
-        let t1_144 = t1_36.mul_add(t1_139, t1_93);
-        let t1_145 = t1_40.mul_add(t1_133, t1_144);
-        let t1_146 = t1_120 * t1_145;
-        let t1_147 = like.lift(1.1547005383792515) * t1_146;
-        let t1_148 = -t1_147;
-        let t1_149 = t1_84.mul_add(t1_143, t1_99);
-        let t1_150 = (-t1_80).mul_add(t1_139, t1_149);
-        let t1_151 = (-t1_82).mul_add(t1_133, t1_150);
-        let t1_152 = t1_101 * t1_151;
-        let t1_153 = like.lift(1.1547005383792515) * t1_152;
-        let t1_154 = -t1_153;
-        let t1_155 = -pivot_3;
-        let t1_156 = -pivot_5;
-        let t1_157 = -pivot_6;
+        let t2_124 = t2_121.mul_add(t2_109, t2_88);
+        let t2_125 = t2_119.mul_add(t2_108, t2_124);
+        let t2_126 = (-t2_116).mul_add(t2_85, t2_125);
+        let t2_127 = inv_pivot_6 * t2_126;
+        let t2_128 = (-t2_114).mul_add(t2_127, t2_109);
+        let t2_129 = inv_pivot_5 * t2_128;
+        let t2_130 = -t2_129;
+        let t2_131 = (-t2_112).mul_add(t2_127, t2_108);
+        let t2_132 = (-t2_102).mul_add(t2_129, t2_131);
+        let t2_133 = inv_pivot_4 * t2_132;
+        let t2_134 = (-t2_110).mul_add(t2_127, t2_107);
+        let t2_135 = (-t2_66).mul_add(t2_129, t2_134);
+        let t2_136 = t2_104.mul_add(t2_133, t2_135);
+        let t2_137 = inv_pivot_3 * t2_136;
+        let t2_138 = t2_37.mul_add(t2_127, t2_90);
+        let t2_139 = t2_34.mul_add(t2_133, t2_138);
+        let t2_140 = like.lift(1.1547005383792515) * t2_115;
+        let t2_141 = t2_140 * t2_139;
+        let t2_142 = -t2_141;
+        let t2_143 = (-t2_79).mul_add(t2_127, t2_96);
+        let t2_144 = (-t2_77).mul_add(t2_133, t2_143);
+        let t2_145 = t2_81.mul_add(t2_137, t2_144);
+        let t2_146 = like.lift(1.1547005383792515) * t2_98;
+        let t2_147 = t2_146 * t2_145;
+        let t2_148 = -t2_147;
+        let t2_149 = -pivot_3;
+        let t2_150 = -pivot_5;
+        let t2_151 = -pivot_6;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t1_86 * like.lift(1.8955297449982944)).abs())
-            .min((t1_155 * like.lift(2.6463477742948585)).abs())
+            .min((t2_83 * like.lift(1.8955297449982944)).abs())
+            .min((t2_149 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t1_156 * like.lift(0.8284577646309275)).abs())
-            .min((t1_157 * like.lift(2.1915406530791146)).abs());
-        let ([[t1_158], [t1_159], [t1_160], [t1_161], [t1_162], [t1_163]], found) = ::regen_runtime::guarded(
-            [[t1_136], [t1_139], [t1_133], [t1_143], [t1_148], [t1_154]],
+            .min((t2_150 * like.lift(0.8284577646309275)).abs())
+            .min((t2_151 * like.lift(2.1915406530791146)).abs());
+        let ([[t2_152], [t2_153], [t2_154], [t2_155], [t2_156], [t2_157]], found) = ::regen_runtime::guarded(
+            [[t2_130], [t2_133], [t2_127], [t2_137], [t2_142], [t2_148]],
             margin,
             || (
                 [
-                    [t1_6, t1_9, t1_14, like.lift(0.0), t1_17, like.lift(0.0)],
-                    [t1_23, t1_25, t1_31, like.lift(0.0), t1_32, like.lift(0.0)],
-                    [like.lift(0.0), t1_36, t1_40, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t1_48, t1_54, t1_56, t1_58, like.lift(0.0), t1_61],
-                    [t1_69, t1_70, t1_74, t1_77, like.lift(0.0), t1_78],
-                    [like.lift(0.0), t1_80, t1_82, t1_85, like.lift(0.0), t1_86],
+                    [t2_6, t2_9, t2_13, like.lift(0.0), t2_16, like.lift(0.0)],
+                    [t2_22, t2_23, t2_29, like.lift(0.0), t2_30, like.lift(0.0)],
+                    [like.lift(0.0), t2_34, t2_37, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_45, t2_51, t2_53, t2_55, like.lift(0.0), t2_58],
+                    [t2_66, t2_67, t2_71, t2_74, like.lift(0.0), t2_75],
+                    [like.lift(0.0), t2_77, t2_79, t2_82, like.lift(0.0), t2_83],
                 ],
-                [[t1_89], [t1_92], [t1_94], [t1_96], [t1_98], [t1_99]],
+                [[t2_86], [t2_89], [t2_91], [t2_93], [t2_95], [t2_96]],
             ),
         );
         condition = condition.min(found);
-        qd[0] = t1_158;
-        qd[2] = t1_159;
-        qd[3] = t1_160;
-        qd[4] = t1_161;
-        qd[5] = t1_162;
-        qd[7] = t1_163;
+        qd[0] = t2_152;
+        qd[2] = t2_153;
+        qd[3] = t2_154;
+        qd[4] = t2_155;
+        qd[5] = t2_156;
+        qd[7] = t2_157;
         qd[1] = d_q2;
         qd[6] = d_q7;
         qd[8] = d_q9;
@@ -1345,7 +1342,7 @@ pub fn velocities<T: Scalar>(q: &[T; 9], qd_i: &[T; 3]) -> ([T; 9], Condition<T>
 /// - `qdd_i`: accelerations of the independent coordinates
 /// - `qdd`: accelerations of all coordinates
 ///
-/// 131 additions, 251 multiplications, 6 divisions, 6 sines and cosines.
+/// 131 additions, 227 multiplications, 6 divisions, 6 sines and cosines.
 pub fn accelerations<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd_i: &[T; 3]) -> ([T; 9], Condition<T>) {
     let like = q[0];
     let mut qdd = [like.lift(0.0); 9];
@@ -1353,359 +1350,337 @@ pub fn accelerations<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd_i: &[T; 3]) -> ([T;
     let [d_q1, d_q2, d_s1_1, d_s1_2, d_s1_3, d_q6, d_q7, d_q8, d_q9] = *qd;
     let [dd_q2, dd_q7, dd_q9] = *qdd_i;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, sin_q6, cos_q6, sin_s1_3,
+        cos_s1_3, sin_q8, cos_q8,
+    ] = {
+        let [
+            (sin_q1, cos_q1), (sin_s1_2, cos_s1_2), (sin_s1_1, cos_s1_1), (sin_q6, cos_q6),
+            (sin_s1_3, cos_s1_3), (sin_q8, cos_q8),
+        ] =
+            T::sin_cos_all([q1, s1_2, s1_1, q6, s1_3, q8]);
+        [
+            sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, sin_q6, cos_q6, sin_s1_3,
+            cos_s1_3, sin_q8, cos_q8,
+        ]
+    };
     // A_e qdd_e = b - A_i qdd_i (Eq. 8), part 1
     let [
-        t1_5, t1_6, t1_9, t1_14, t1_15, t1_17, t1_22, t1_23, t1_25, t1_30, t1_31, t1_32, t1_36,
-        t1_40, pivot_1, t1_48, t1_54, t1_56, t1_58, t1_61, t1_69, t1_70, t1_73, t1_74, t1_77,
-        t1_78, t1_80, t1_82, t1_84, t1_85, t1_86, t1_138, t1_139, t1_171, t1_182, t1_201,
-        t1_202, t1_218, t1_227, t1_229, t1_230, pivot_3, inv_pivot_3, t1_232, t1_233, t1_237,
-        pivot_4, inv_pivot_4, t1_238,
+        t2_6, t2_9, t2_13, t2_16, t2_22, t2_23, t2_29, t2_30, t2_34, t2_37, pivot_1, t2_45,
+        t2_51, t2_53, t2_55, t2_58, t2_66, t2_67, t2_71, t2_74, t2_75, t2_77, t2_79, t2_81,
+        t2_82, t2_83, t2_132, t2_156, t2_164, t2_182, t2_194, t2_201, t2_203, pivot_3,
+        inv_pivot_3, t2_209, pivot_4, pivot_5, t2_212, t2_217, t2_222, pivot_6, t2_234, t2_236,
+        t2_239, t2_240,
     ] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = cos_q1 * q2;
-        let (sin_s1_2, cos_s1_2) = s1_2.sin_cos();
-        let t1_2 = cos_q1 * sin_s1_2;
-        let (sin_s1_1, cos_s1_1) = s1_1.sin_cos();
-        let t1_3 = sin_q1 * cos_s1_1;
-        let t1_4 = cos_s1_2.mul_add(t1_3, t1_2);
-        let t1_5 = like.lift(-0.4563).mul_add(t1_4, t1_1);
-        let t1_6 = -t1_5;
-        let t1_7 = sin_s1_1 * cos_s1_2;
-        let t1_8 = cos_q1 * t1_7;
-        let t1_9 = like.lift(0.4563) * t1_8;
-        let t1_10 = cos_s1_1 * t1_4;
-        let t1_11 = like.lift(0.4563) * t1_10;
-        let t1_12 = sin_q1 * sin_s1_1;
-        let t1_13 = t1_12 * t1_7;
-        let t1_14 = like.lift(0.4563).mul_add(t1_13, t1_11);
-        let (sin_q6, cos_q6) = q6.sin_cos();
-        let t1_15 = cos_q6 * q7;
-        let t1_16 = like.lift(0.5) * t1_15;
-        let t1_17 = -t1_16;
-        let t1_18 = sin_q1 * q2;
-        let t1_19 = sin_q1 * sin_s1_2;
-        let t1_20 = cos_q1 * cos_s1_1;
-        let t1_21 = (-cos_s1_2).mul_add(t1_20, t1_19);
-        let t1_22 = like.lift(-0.4563).mul_add(t1_21, t1_18);
-        let t1_23 = -t1_22;
-        let t1_24 = sin_q1 * t1_7;
-        let t1_25 = like.lift(0.4563) * t1_24;
-        let t1_26 = cos_q1 * sin_s1_1;
-        let t1_27 = t1_26 * t1_7;
-        let t1_28 = like.lift(0.4563) * t1_27;
-        let t1_29 = cos_s1_1 * t1_21;
-        let t1_30 = like.lift(-0.4563).mul_add(t1_29, t1_28);
-        let t1_31 = -t1_30;
-        let t1_32 = sin_q6 * q7;
-        let t1_33 = cos_q1 * t1_21;
-        let t1_34 = like.lift(0.4563) * t1_33;
-        let t1_35 = sin_q1 * t1_4;
-        let t1_36 = like.lift(-0.4563).mul_add(t1_35, t1_34);
-        let t1_37 = t1_12 * t1_21;
-        let t1_38 = like.lift(0.4563) * t1_37;
-        let t1_39 = t1_26 * t1_4;
-        let t1_40 = like.lift(0.4563).mul_add(t1_39, t1_38);
-        let pivot_1 = like.lift(0.8660254037844386) * t1_15;
-        let t1_41 = like.lift(0.22815) * t1_4;
-        let (sin_s1_3, cos_s1_3) = s1_3.sin_cos();
-        let t1_42 = cos_s1_3 * t1_12;
-        let t1_43 = cos_q1 * cos_s1_2;
-        let t1_44 = (-sin_s1_2).mul_add(t1_3, t1_43);
-        let t1_45 = sin_s1_3.mul_add(t1_44, t1_42);
-        let t1_46 = like.lift(-0.39516739174683935).mul_add(t1_45, t1_41);
-        let t1_47 = t1_1 - t1_46;
-        let t1_48 = -t1_47;
-        let t1_49 = like.lift(0.22815) * t1_7;
-        let t1_50 = cos_s1_1 * cos_s1_3;
-        let t1_51 = sin_s1_1 * sin_s1_2;
-        let t1_52 = sin_s1_3.mul_add(t1_51, t1_50);
-        let t1_53 = like.lift(0.39516739174683935).mul_add(t1_52, t1_49);
-        let t1_54 = cos_q1 * t1_53;
-        let t1_55 = cos_s1_1 * t1_46;
-        let t1_56 = t1_12.mul_add(t1_53, t1_55);
-        let t1_57 = t1_7 * t1_46;
-        let t1_58 = (-t1_4).mul_add(t1_53, t1_57);
-        let (sin_q8, cos_q8) = q8.sin_cos();
-        let t1_59 = cos_q8 * q9;
-        let t1_60 = like.lift(0.5) * t1_59;
-        let t1_61 = -t1_60;
-        let t1_62 = cos_s1_3 * t1_26;
-        let t1_63 = sin_q1 * cos_s1_2;
-        let t1_64 = sin_s1_2.mul_add(t1_20, t1_63);
-        let t1_65 = (-sin_s1_3).mul_add(t1_64, t1_62);
-        let t1_66 = like.lift(0.39516739174683935) * t1_65;
-        let t1_67 = like.lift(0.22815) * t1_21;
-        let t1_68 = t1_18 - t1_67;
-        let t1_69 = t1_66 - t1_68;
-        let t1_70 = sin_q1 * t1_53;
-        let t1_71 = t1_26 * t1_53;
-        let t1_72 = t1_67 + t1_66;
-        let t1_73 = (-cos_s1_1).mul_add(t1_72, t1_71);
-        let t1_74 = -t1_73;
-        let t1_75 = t1_21 * t1_53;
-        let t1_76 = (-t1_7).mul_add(t1_72, t1_75);
-        let t1_77 = -t1_76;
-        let t1_78 = sin_q8 * q9;
-        let t1_79 = cos_q1 * t1_72;
-        let t1_80 = (-sin_q1).mul_add(t1_46, t1_79);
-        let t1_81 = t1_12 * t1_72;
-        let t1_82 = t1_26.mul_add(t1_46, t1_81);
-        let t1_83 = t1_4 * t1_72;
-        let t1_84 = (-t1_21).mul_add(t1_46, t1_83);
-        let t1_85 = -t1_84;
-        let pivot_2 = like.lift(0.8660254037844386) * t1_59;
-        let t1_86 = -pivot_2;
-        let t1_87 = t1_18 * d_q1;
-        let t1_88 = d_q1 * t1_87;
-        let t1_89 = cos_q1 * d_q1;
-        let t1_90 = d_q2 * t1_89;
-        let t1_91 = like.lift(-2.0).mul_add(t1_90, t1_88);
-        let t1_92 = sin_s1_1 * d_s1_1;
-        let t1_93 = d_s1_2 * t1_92;
-        let t1_94 = cos_q1 * d_s1_1;
-        let t1_95 = t1_12.mul_add(d_s1_2, t1_94);
-        let t1_96 = t1_21 * t1_95;
-        let t1_97 = sin_q1 * d_s1_1;
-        let t1_98 = (-t1_26).mul_add(d_s1_2, t1_97);
-        let t1_99 = (-t1_4).mul_add(t1_98, t1_96);
-        let t1_100 = d_s1_3.mul_add(t1_99, t1_93);
-        let t1_101 = t1_4 * t1_100;
-        let t1_102 = like.lift(0.4563) * t1_101;
-        let t1_103 = sin_q1 * d_q1;
-        let t1_104 = d_s1_1 * t1_103;
-        let t1_105 = cos_s1_1 * t1_97;
-        let t1_106 = t1_26.mul_add(d_q1, t1_105);
-        let t1_107 = (-d_s1_2).mul_add(t1_106, t1_104);
-        let t1_108 = t1_7 * t1_98;
-        let t1_109 = cos_s1_1.mul_add(d_s1_2, d_q1);
-        let t1_110 = t1_21.mul_add(t1_109, t1_108);
-        let t1_111 = (-d_s1_3).mul_add(t1_110, t1_107);
-        let t1_112 = t1_7 * t1_111;
-        let t1_113 = like.lift(0.4563).mul_add(t1_112, t1_102);
-        let t1_114 = t1_91 - t1_113;
-        let t1_115 = t1_7.mul_add(d_s1_3, t1_109);
-        let t1_116 = (-t1_21).mul_add(d_s1_3, t1_98);
-        let t1_117 = t1_7 * t1_116;
-        let t1_118 = like.lift(0.4563) * t1_117;
-        let t1_119 = t1_21 * t1_115;
-        let t1_120 = like.lift(0.4563).mul_add(t1_119, t1_118);
-        let t1_121 = t1_115 * t1_120;
-        let t1_122 = (-t1_4).mul_add(d_s1_3, t1_95);
-        let t1_123 = t1_21 * t1_122;
-        let t1_124 = like.lift(0.4563) * t1_123;
-        let t1_125 = t1_4 * t1_116;
-        let t1_126 = like.lift(-0.4563).mul_add(t1_125, t1_124);
-        let t1_127 = t1_122.mul_add(t1_126, t1_121);
-        let t1_128 = t1_114 - t1_127;
-        let t1_129 = t1_32 * d_q6;
-        let t1_130 = d_q6 * t1_129;
-        let t1_131 = cos_q6 * d_q6;
-        let t1_132 = d_q7 * t1_131;
-        let t1_133 = like.lift(0.5).mul_add(t1_130, -t1_132);
-        let t1_134 = t1_128 + t1_133;
-        let t1_135 = sin_q1 * dd_q2;
-        let t1_136 = sin_q6 * dd_q7;
-        let t1_137 = like.lift(0.5).mul_add(t1_136, t1_135);
-        let t1_138 = t1_134 - t1_137;
-        let t1_139 = -t1_138;
-        let t1_140 = t1_1 * d_q1;
-        let t1_141 = d_q1 * t1_140;
-        let t1_142 = d_q2 * t1_103;
-        let t1_143 = like.lift(2.0).mul_add(t1_142, t1_141);
-        let t1_144 = d_s1_1 * t1_89;
-        let t1_145 = t1_12 * d_q1;
-        let t1_146 = (-cos_s1_1).mul_add(t1_94, t1_145);
-        let t1_147 = d_s1_2.mul_add(t1_146, t1_144);
-        let t1_148 = t1_4 * t1_109;
-        let t1_149 = t1_7.mul_add(t1_95, t1_148);
-        let t1_150 = (-d_s1_3).mul_add(t1_149, t1_147);
-        let t1_151 = t1_7 * t1_150;
-        let t1_152 = like.lift(0.4563) * t1_151;
-        let t1_153 = t1_21 * t1_100;
-        let t1_154 = like.lift(-0.4563).mul_add(t1_153, t1_152);
-        let t1_155 = t1_143 - t1_154;
-        let t1_156 = t1_116 * t1_126;
-        let t1_157 = t1_4 * t1_115;
-        let t1_158 = like.lift(0.4563) * t1_157;
-        let t1_159 = t1_7 * t1_122;
-        let t1_160 = like.lift(0.4563).mul_add(t1_159, t1_158);
-        let t1_161 = (-t1_115).mul_add(t1_160, t1_156);
-        let t1_162 = t1_155 + t1_161;
-        let t1_163 = t1_15 * d_q6;
-        let t1_164 = d_q6 * t1_163;
-        let t1_165 = sin_q6 * d_q6;
-        let t1_166 = d_q7 * t1_165;
-        let t1_167 = like.lift(2.0).mul_add(t1_166, t1_164);
-        let t1_168 = t1_162 - t1_167;
-        let t1_169 = cos_q1 * dd_q2;
-        let t1_170 = (-cos_q6).mul_add(dd_q7, t1_169);
-        let t1_171 = t1_168 - t1_170;
-        let t1_172 = t1_21 * t1_111;
-        let t1_173 = like.lift(0.4563) * t1_172;
-        let t1_174 = t1_4 * t1_150;
-        let t1_175 = like.lift(0.4563).mul_add(t1_174, t1_173);
-        let t1_176 = t1_122 * t1_160;
-        let t1_177 = t1_116.mul_add(t1_120, t1_176);
-        let t1_178 = t1_175 - t1_177;
-        let t1_179 = like.lift(0.8660254037844386) * t1_130;
-        let t1_180 = like.lift(-1.7320508075688772).mul_add(t1_132, t1_179);
-        let t1_181 = t1_178 + t1_180;
-        let t1_182 = like.lift(-0.8660254037844386).mul_add(t1_136, t1_181);
-        let t1_183 = t1_46 * t1_100;
-        let t1_184 = t1_53.mul_add(t1_111, t1_183);
-        let t1_185 = t1_91 - t1_184;
-        let t1_186 = t1_53 * t1_116;
-        let t1_187 = t1_72.mul_add(t1_115, t1_186);
-        let t1_188 = t1_115 * t1_187;
-        let t1_189 = t1_72 * t1_122;
-        let t1_190 = (-t1_46).mul_add(t1_116, t1_189);
-        let t1_191 = t1_122.mul_add(t1_190, t1_188);
-        let t1_192 = t1_185 - t1_191;
-        let t1_193 = t1_78 * d_q8;
-        let t1_194 = d_q8 * t1_193;
-        let t1_195 = cos_q8 * d_q8;
-        let t1_196 = d_q9 * t1_195;
-        let t1_197 = like.lift(0.5).mul_add(t1_194, -t1_196);
-        let t1_198 = t1_192 + t1_197;
-        let t1_199 = sin_q8 * dd_q9;
-        let t1_200 = like.lift(0.5).mul_add(t1_199, t1_135);
-        let t1_201 = t1_198 - t1_200;
-        let t1_202 = -t1_201;
-        let t1_203 = t1_53 * t1_150;
-        let t1_204 = (-t1_72).mul_add(t1_100, t1_203);
-        let t1_205 = t1_143 - t1_204;
-        let t1_206 = t1_116 * t1_190;
-        let t1_207 = t1_46 * t1_115;
-        let t1_208 = t1_53.mul_add(t1_122, t1_207);
-        let t1_209 = (-t1_115).mul_add(t1_208, t1_206);
-        let t1_210 = t1_205 + t1_209;
-        let t1_211 = t1_59 * d_q8;
-        let t1_212 = d_q8 * t1_211;
-        let t1_213 = sin_q8 * d_q8;
-        let t1_214 = d_q9 * t1_213;
-        let t1_215 = like.lift(2.0).mul_add(t1_214, t1_212);
-        let t1_216 = t1_210 - t1_215;
-        let t1_217 = (-cos_q8).mul_add(dd_q9, t1_169);
-        let t1_218 = t1_216 - t1_217;
-        let t1_219 = t1_72 * t1_111;
-        let t1_220 = t1_46.mul_add(t1_150, t1_219);
-        let t1_221 = t1_122 * t1_208;
-        let t1_222 = t1_116.mul_add(t1_187, t1_221);
-        let t1_223 = t1_220 - t1_222;
-        let t1_224 = like.lift(0.8660254037844386) * t1_194;
-        let t1_225 = like.lift(-1.7320508075688772).mul_add(t1_196, t1_224);
-        let t1_226 = t1_223 - t1_225;
-        let t1_227 = like.lift(0.8660254037844386).mul_add(t1_199, t1_226);
-        let t1_228 = like.lift(0.5773502691896257).mul_add(t1_84, t1_58);
-        let t1_229 = like.lift(1.0) / t1_59;
-        let t1_230 = t1_78 * t1_229;
-        let t1_231 = t1_84 * t1_230;
-        let pivot_3 = like.lift(1.1547005383792515).mul_add(t1_231, t1_76);
+        let t2_1 = cos_q1 * q2;
+        let t2_2 = sin_q1 * cos_s1_1;
+        let t2_3 = cos_s1_2 * t2_2;
+        let t2_4 = cos_q1.mul_add(sin_s1_2, t2_3);
+        let t2_5 = like.lift(-0.4563).mul_add(t2_4, t2_1);
+        let t2_6 = -t2_5;
+        let t2_7 = sin_s1_1 * cos_s1_2;
+        let t2_8 = like.lift(0.4563) * t2_7;
+        let t2_9 = cos_q1 * t2_8;
+        let t2_10 = sin_q1 * sin_s1_1;
+        let t2_11 = t2_10 * t2_7;
+        let t2_12 = cos_s1_1.mul_add(t2_4, t2_11);
+        let t2_13 = like.lift(0.4563) * t2_12;
+        let t2_14 = cos_q6 * q7;
+        let t2_15 = like.lift(0.5) * t2_14;
+        let t2_16 = -t2_15;
+        let t2_17 = sin_q1 * q2;
+        let t2_18 = cos_q1 * cos_s1_1;
+        let t2_19 = sin_q1 * sin_s1_2;
+        let t2_20 = (-cos_s1_2).mul_add(t2_18, t2_19);
+        let t2_21 = like.lift(-0.4563).mul_add(t2_20, t2_17);
+        let t2_22 = -t2_21;
+        let t2_23 = sin_q1 * t2_8;
+        let t2_24 = cos_q1 * sin_s1_1;
+        let t2_25 = cos_s1_1 * t2_20;
+        let t2_26 = (-t2_24).mul_add(t2_7, t2_25);
+        let t2_27 = like.lift(0.4563) * t2_26;
+        let t2_28 = -t2_27;
+        let t2_29 = -t2_28;
+        let t2_30 = sin_q6 * q7;
+        let t2_31 = sin_q1 * t2_4;
+        let t2_32 = (-cos_q1).mul_add(t2_20, t2_31);
+        let t2_33 = like.lift(0.4563) * t2_32;
+        let t2_34 = -t2_33;
+        let t2_35 = t2_24 * t2_4;
+        let t2_36 = t2_10.mul_add(t2_20, t2_35);
+        let t2_37 = like.lift(0.4563) * t2_36;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_14;
+        let t2_38 = cos_q1 * cos_s1_2;
+        let t2_39 = (-sin_s1_2).mul_add(t2_2, t2_38);
+        let t2_40 = sin_s1_3 * t2_39;
+        let t2_41 = cos_s1_3.mul_add(t2_10, t2_40);
+        let t2_42 = like.lift(0.22815) * t2_4;
+        let t2_43 = like.lift(-0.39516739174683935).mul_add(t2_41, t2_42);
+        let t2_44 = t2_1 - t2_43;
+        let t2_45 = -t2_44;
+        let t2_46 = sin_s1_3 * sin_s1_1;
+        let t2_47 = t2_46 * sin_s1_2;
+        let t2_48 = cos_s1_1.mul_add(cos_s1_3, t2_47);
+        let t2_49 = like.lift(0.39516739174683935) * t2_48;
+        let t2_50 = like.lift(0.22815).mul_add(t2_7, t2_49);
+        let t2_51 = cos_q1 * t2_50;
+        let t2_52 = t2_10 * t2_50;
+        let t2_53 = cos_s1_1.mul_add(t2_43, t2_52);
+        let t2_54 = t2_7 * t2_43;
+        let t2_55 = (-t2_4).mul_add(t2_50, t2_54);
+        let t2_56 = cos_q8 * q9;
+        let t2_57 = like.lift(0.5) * t2_56;
+        let t2_58 = -t2_57;
+        let t2_59 = sin_s1_2 * t2_18;
+        let t2_60 = sin_q1.mul_add(cos_s1_2, t2_59);
+        let t2_61 = cos_s1_3 * t2_24;
+        let t2_62 = (-sin_s1_3).mul_add(t2_60, t2_61);
+        let t2_63 = like.lift(0.39516739174683935) * t2_62;
+        let t2_64 = like.lift(0.22815) * t2_20;
+        let t2_65 = t2_63 - t2_17;
+        let t2_66 = t2_65 + t2_64;
+        let t2_67 = sin_q1 * t2_50;
+        let t2_68 = t2_64 + t2_63;
+        let t2_69 = t2_24 * t2_50;
+        let t2_70 = (-cos_s1_1).mul_add(t2_68, t2_69);
+        let t2_71 = -t2_70;
+        let t2_72 = t2_20 * t2_50;
+        let t2_73 = (-t2_7).mul_add(t2_68, t2_72);
+        let t2_74 = -t2_73;
+        let t2_75 = sin_q8 * q9;
+        let t2_76 = cos_q1 * t2_68;
+        let t2_77 = (-sin_q1).mul_add(t2_43, t2_76);
+        let t2_78 = t2_24 * t2_43;
+        let t2_79 = t2_10.mul_add(t2_68, t2_78);
+        let t2_80 = t2_4 * t2_68;
+        let t2_81 = (-t2_20).mul_add(t2_43, t2_80);
+        let t2_82 = -t2_81;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_56;
+        let t2_83 = -pivot_2;
+        let t2_84 = cos_q1 * d_q1;
+        let t2_85 = d_q1 * d_q1;
+        let t2_86 = like.lift(2.0) * d_q2;
+        let t2_87 = t2_17 * t2_85;
+        let t2_88 = (-t2_84).mul_add(t2_86, t2_87);
+        let t2_89 = cos_q1 * d_s1_1;
+        let t2_90 = t2_10.mul_add(d_s1_2, t2_89);
+        let t2_91 = sin_q1 * d_s1_1;
+        let t2_92 = (-t2_24).mul_add(d_s1_2, t2_91);
+        let t2_93 = t2_20 * t2_90;
+        let t2_94 = (-t2_4).mul_add(t2_92, t2_93);
+        let t2_95 = d_s1_3 * t2_94;
+        let t2_96 = d_s1_2 * sin_s1_1;
+        let t2_97 = t2_96.mul_add(d_s1_1, t2_95);
+        let t2_98 = sin_q1 * d_q1;
+        let t2_99 = t2_24 * d_q1;
+        let t2_100 = cos_s1_1.mul_add(t2_91, t2_99);
+        let t2_101 = cos_s1_1.mul_add(d_s1_2, d_q1);
+        let t2_102 = t2_20 * t2_101;
+        let t2_103 = t2_7.mul_add(t2_92, t2_102);
+        let t2_104 = d_s1_1 * t2_98;
+        let t2_105 = (-d_s1_3).mul_add(t2_103, t2_104);
+        let t2_106 = (-d_s1_2).mul_add(t2_100, t2_105);
+        let t2_107 = t2_7.mul_add(d_s1_3, t2_101);
+        let t2_108 = (-t2_20).mul_add(d_s1_3, t2_92);
+        let t2_109 = t2_20 * t2_107;
+        let t2_110 = t2_7.mul_add(t2_108, t2_109);
+        let t2_111 = like.lift(0.4563) * t2_110;
+        let t2_112 = (-t2_4).mul_add(d_s1_3, t2_90);
+        let t2_113 = t2_4 * t2_108;
+        let t2_114 = (-t2_20).mul_add(t2_112, t2_113);
+        let t2_115 = like.lift(0.4563) * t2_114;
+        let t2_116 = -t2_115;
+        let t2_117 = d_q6 * t2_30;
+        let t2_118 = t2_117 * d_q6;
+        let t2_119 = d_q7 * cos_q6;
+        let t2_120 = t2_119 * d_q6;
+        let t2_121 = sin_q1 * dd_q2;
+        let t2_122 = sin_q6 * dd_q7;
+        let t2_123 = t2_7 * t2_106;
+        let t2_124 = t2_4.mul_add(t2_97, t2_123);
+        let t2_125 = t2_118 - t2_122;
+        let t2_126 = like.lift(-0.4563).mul_add(t2_124, t2_88);
+        let t2_127 = (-t2_112).mul_add(t2_116, t2_126);
+        let t2_128 = (-t2_107).mul_add(t2_111, t2_127);
+        let t2_129 = like.lift(0.5).mul_add(t2_125, t2_128);
+        let t2_130 = t2_129 - t2_120;
+        let t2_131 = t2_130 - t2_121;
+        let t2_132 = -t2_131;
+        let t2_133 = t2_98 * t2_86;
+        let t2_134 = t2_1.mul_add(t2_85, t2_133);
+        let t2_135 = t2_10 * d_q1;
+        let t2_136 = (-cos_s1_1).mul_add(t2_89, t2_135);
+        let t2_137 = t2_7 * t2_90;
+        let t2_138 = t2_4.mul_add(t2_101, t2_137);
+        let t2_139 = d_s1_2 * t2_136;
+        let t2_140 = (-d_s1_3).mul_add(t2_138, t2_139);
+        let t2_141 = d_s1_1.mul_add(t2_84, t2_140);
+        let t2_142 = t2_7 * t2_112;
+        let t2_143 = t2_4.mul_add(t2_107, t2_142);
+        let t2_144 = like.lift(0.4563) * t2_143;
+        let t2_145 = cos_q1 * dd_q2;
+        let t2_146 = t2_20 * t2_97;
+        let t2_147 = (-t2_7).mul_add(t2_141, t2_146);
+        let t2_148 = like.lift(2.0) * d_q7;
+        let t2_149 = t2_148 * sin_q6;
+        let t2_150 = t2_14.mul_add(d_q6, t2_149);
+        let t2_151 = like.lift(0.4563).mul_add(t2_147, t2_134);
+        let t2_152 = (-t2_107).mul_add(t2_144, t2_151);
+        let t2_153 = t2_108.mul_add(t2_116, t2_152);
+        let t2_154 = (-d_q6).mul_add(t2_150, t2_153);
+        let t2_155 = cos_q6.mul_add(dd_q7, t2_154);
+        let t2_156 = t2_155 - t2_145;
+        let t2_157 = t2_4 * t2_141;
+        let t2_158 = t2_20.mul_add(t2_106, t2_157);
+        let t2_159 = t2_122 - t2_118;
+        let t2_160 = like.lift(0.4563) * t2_158;
+        let t2_161 = like.lift(-0.8660254037844386).mul_add(t2_159, t2_160);
+        let t2_162 = (-t2_108).mul_add(t2_111, t2_161);
+        let t2_163 = (-t2_112).mul_add(t2_144, t2_162);
+        let t2_164 = like.lift(-1.7320508075688772).mul_add(t2_120, t2_163);
+        let t2_165 = t2_68 * t2_107;
+        let t2_166 = t2_50.mul_add(t2_108, t2_165);
+        let t2_167 = t2_68 * t2_112;
+        let t2_168 = (-t2_43).mul_add(t2_108, t2_167);
+        let t2_169 = d_q8 * t2_75;
+        let t2_170 = t2_169 * d_q8;
+        let t2_171 = d_q9 * cos_q8;
+        let t2_172 = t2_171 * d_q8;
+        let t2_173 = sin_q8 * dd_q9;
+        let t2_174 = t2_170 - t2_173;
+        let t2_175 = (-t2_50).mul_add(t2_106, t2_88);
+        let t2_176 = (-t2_43).mul_add(t2_97, t2_175);
+        let t2_177 = (-t2_112).mul_add(t2_168, t2_176);
+        let t2_178 = (-t2_107).mul_add(t2_166, t2_177);
+        let t2_179 = like.lift(0.5).mul_add(t2_174, t2_178);
+        let t2_180 = t2_179 - t2_172;
+        let t2_181 = t2_180 - t2_121;
+        let t2_182 = -t2_181;
+        let t2_183 = t2_50 * t2_112;
+        let t2_184 = t2_43.mul_add(t2_107, t2_183);
+        let t2_185 = like.lift(2.0) * d_q9;
+        let t2_186 = t2_185 * sin_q8;
+        let t2_187 = t2_56.mul_add(d_q8, t2_186);
+        let t2_188 = t2_68.mul_add(t2_97, t2_134);
+        let t2_189 = (-t2_50).mul_add(t2_141, t2_188);
+        let t2_190 = (-t2_107).mul_add(t2_184, t2_189);
+        let t2_191 = t2_108.mul_add(t2_168, t2_190);
+        let t2_192 = (-d_q8).mul_add(t2_187, t2_191);
+        let t2_193 = cos_q8.mul_add(dd_q9, t2_192);
+        let t2_194 = t2_193 - t2_145;
+        let t2_195 = t2_173 - t2_170;
+        let t2_196 = like.lift(0.8660254037844386) * t2_195;
+        let t2_197 = t2_43.mul_add(t2_141, t2_196);
+        let t2_198 = t2_68.mul_add(t2_106, t2_197);
+        let t2_199 = (-t2_108).mul_add(t2_166, t2_198);
+        let t2_200 = (-t2_112).mul_add(t2_184, t2_199);
+        let t2_201 = like.lift(1.7320508075688772).mul_add(t2_172, t2_200);
+        let t2_202 = like.lift(0.5773502691896257).mul_add(t2_81, t2_55);
+        let t2_203 = like.lift(1.0) / t2_56;
+        let t2_204 = t2_75 * t2_203;
+        let t2_205 = like.lift(1.1547005383792515) * t2_204;
+        let pivot_3 = t2_81.mul_add(t2_205, t2_73);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_232 = t1_228 * inv_pivot_3;
-        let t1_233 = (-t1_69).mul_add(t1_232, t1_47);
-        let t1_234 = like.lift(0.5773502691896257).mul_add(t1_36, t1_9);
-        let t1_235 = like.lift(-0.5773502691896257).mul_add(t1_80, t1_54);
-        let t1_236 = t1_80 * t1_230;
-        let t1_237 = like.lift(1.1547005383792515).mul_add(t1_236, t1_70);
-        let pivot_4 = t1_237.mul_add(t1_232, t1_235);
+        let t2_206 = t2_202 * inv_pivot_3;
+        let t2_207 = (-t2_66).mul_add(t2_206, t2_44);
+        let t2_208 = like.lift(0.5773502691896257).mul_add(t2_34, t2_9);
+        let t2_209 = t2_77.mul_add(t2_205, t2_67);
+        let t2_210 = t2_209.mul_add(t2_206, t2_51);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_77, t2_210);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t1_238 = t1_234 * inv_pivot_4;
+        let t2_211 = t2_208 * inv_pivot_4;
+        let pivot_5 = (-t2_207).mul_add(t2_211, t2_5);
+        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let t2_212 = t2_201.mul_add(t2_205, t2_194);
+        let t2_213 = (-t2_206).mul_add(t2_212, t2_181);
+        let t2_214 = like.lift(0.5773502691896257).mul_add(t2_201, t2_213);
+        let t2_215 = (-t2_211).mul_add(t2_214, t2_131);
+        let t2_216 = like.lift(-0.5773502691896257).mul_add(t2_164, t2_215);
+        let t2_217 = (-t2_79).mul_add(t2_205, t2_70);
+        let t2_218 = (-t2_217).mul_add(t2_206, t2_53);
+        let t2_219 = like.lift(-0.5773502691896257).mul_add(t2_79, t2_218);
+        let t2_220 = (-t2_219).mul_add(t2_211, t2_13);
+        let t2_221 = like.lift(0.5773502691896257).mul_add(t2_37, t2_220);
+        let t2_222 = like.lift(1.0) / t2_14;
+        let t2_223 = t2_30 * t2_222;
+        let t2_224 = like.lift(1.1547005383792515) * t2_223;
+        let t2_225 = (-t2_34).mul_add(t2_224, t2_23);
+        let t2_226 = t2_225 * inv_pivot_4;
+        let t2_227 = (-t2_207).mul_add(t2_226, t2_21);
+        let t2_228 = t2_227 * inv_pivot_5;
+        let t2_229 = t2_221.mul_add(t2_228, t2_28);
+        let t2_230 = t2_219.mul_add(t2_226, t2_229);
+        let pivot_6 = t2_37.mul_add(t2_224, t2_230);
+        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let t2_231 = t2_228.mul_add(t2_216, t2_156);
+        let t2_232 = t2_226.mul_add(t2_214, t2_231);
+        let t2_233 = (-t2_164).mul_add(t2_224, t2_232);
+        let t2_234 = inv_pivot_6 * t2_233;
+        let t2_235 = (-t2_221).mul_add(t2_234, t2_216);
+        let t2_236 = inv_pivot_5 * t2_235;
+        let t2_237 = (-t2_219).mul_add(t2_234, t2_214);
+        let t2_238 = (-t2_207).mul_add(t2_236, t2_237);
+        let t2_239 = inv_pivot_4 * t2_238;
+        let t2_240 = -t2_239;
         [
-            t1_5, t1_6, t1_9, t1_14, t1_15, t1_17, t1_22, t1_23, t1_25, t1_30, t1_31, t1_32,
-            t1_36, t1_40, pivot_1, t1_48, t1_54, t1_56, t1_58, t1_61, t1_69, t1_70, t1_73,
-            t1_74, t1_77, t1_78, t1_80, t1_82, t1_84, t1_85, t1_86, t1_138, t1_139, t1_171,
-            t1_182, t1_201, t1_202, t1_218, t1_227, t1_229, t1_230, pivot_3, inv_pivot_3,
-            t1_232, t1_233, t1_237, pivot_4, inv_pivot_4, t1_238,
+            t2_6, t2_9, t2_13, t2_16, t2_22, t2_23, t2_29, t2_30, t2_34, t2_37, pivot_1, t2_45,
+            t2_51, t2_53, t2_55, t2_58, t2_66, t2_67, t2_71, t2_74, t2_75, t2_77, t2_79, t2_81,
+            t2_82, t2_83, t2_132, t2_156, t2_164, t2_182, t2_194, t2_201, t2_203, pivot_3,
+            inv_pivot_3, t2_209, pivot_4, pivot_5, t2_212, t2_217, t2_222, pivot_6, t2_234,
+            t2_236, t2_239, t2_240,
         ]
     };
     // A_e qdd_e = b - A_i qdd_i (Eq. 8)
     {
-        let pivot_5 = (-t1_233).mul_add(t1_238, t1_5);
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_1 = like.lift(-0.5773502691896257).mul_add(t1_182, t1_138);
-        let t2_2 = like.lift(0.5773502691896257).mul_add(t1_227, t1_201);
-        let t2_3 = t1_230 * t1_227;
-        let t2_4 = like.lift(1.1547005383792515).mul_add(t2_3, t1_218);
-        let t2_5 = (-t1_232).mul_add(t2_4, t2_2);
-        let t2_6 = (-t1_238).mul_add(t2_5, t2_1);
-        let t2_7 = like.lift(0.5773502691896257).mul_add(t1_40, t1_14);
-        let t2_8 = like.lift(-0.5773502691896257).mul_add(t1_82, t1_56);
-        let t2_9 = t1_82 * t1_230;
-        let t2_10 = like.lift(-1.1547005383792515).mul_add(t2_9, t1_73);
-        let t2_11 = (-t2_10).mul_add(t1_232, t2_8);
-        let t2_12 = (-t2_11).mul_add(t1_238, t2_7);
-        let t2_13 = like.lift(1.0) / t1_15;
-        let t2_14 = t1_32 * t2_13;
-        let t2_15 = t1_40 * t2_14;
-        let t2_16 = like.lift(1.1547005383792515).mul_add(t2_15, t1_30);
-        let t2_17 = t1_36 * t2_14;
-        let t2_18 = like.lift(-1.1547005383792515).mul_add(t2_17, t1_25);
-        let t2_19 = t2_18 * inv_pivot_4;
-        let t2_20 = t2_11.mul_add(t2_19, t2_16);
-        let t2_21 = (-t1_233).mul_add(t2_19, t1_22);
-        let t2_22 = t2_21 * inv_pivot_5;
-        let pivot_6 = t2_12.mul_add(t2_22, t2_20);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_23 = t2_14 * t1_182;
-        let t2_24 = like.lift(-1.1547005383792515).mul_add(t2_23, t1_171);
-        let t2_25 = t2_19.mul_add(t2_5, t2_24);
-        let t2_26 = t2_22.mul_add(t2_6, t2_25);
-        let t2_27 = inv_pivot_6 * t2_26;
-        let t2_28 = (-t2_12).mul_add(t2_27, t2_6);
-        let t2_29 = inv_pivot_5 * t2_28;
-        let t2_30 = (-t1_233).mul_add(t2_29, t2_5);
-        let t2_31 = (-t2_11).mul_add(t2_27, t2_30);
-        let t2_32 = inv_pivot_4 * t2_31;
-        let t2_33 = -t2_32;
-        let t2_34 = -t2_27;
-        let t2_35 = t1_237.mul_add(t2_32, t2_4);
-        let t2_36 = (-t1_69).mul_add(t2_29, t2_35);
-        let t2_37 = (-t2_10).mul_add(t2_27, t2_36);
-        let t2_38 = inv_pivot_3 * t2_37;
-        let t2_39 = -t2_38;
-        let t2_40 = t1_36.mul_add(t2_32, t1_182);
-        let t2_41 = t1_40.mul_add(t2_27, t2_40);
-        let t2_42 = t2_13 * t2_41;
-        let t2_43 = like.lift(1.1547005383792515) * t2_42;
-        let t2_44 = (-t1_84).mul_add(t2_38, t1_227);
-        let t2_45 = t1_80.mul_add(t2_32, t2_44);
-        let t2_46 = t1_82.mul_add(t2_27, t2_45);
-        let t2_47 = t1_229 * t2_46;
-        let t2_48 = like.lift(1.1547005383792515) * t2_47;
-        let t2_49 = -t2_48;
-        let t2_50 = -pivot_3;
-        let t2_51 = -pivot_5;
-        let t2_52 = -pivot_6;
+        let t3_1 = -t2_234;
+        let t3_2 = (-t2_217).mul_add(t2_234, t2_212);
+        let t3_3 = (-t2_66).mul_add(t2_236, t3_2);
+        let t3_4 = t2_209.mul_add(t2_239, t3_3);
+        let t3_5 = inv_pivot_3 * t3_4;
+        let t3_6 = -t3_5;
+        let t3_7 = t2_37.mul_add(t2_234, t2_164);
+        let t3_8 = t2_34.mul_add(t2_239, t3_7);
+        let t3_9 = like.lift(1.1547005383792515) * t2_222;
+        let t3_10 = t3_9 * t3_8;
+        let t3_11 = t2_79.mul_add(t2_234, t2_201);
+        let t3_12 = t2_77.mul_add(t2_239, t3_11);
+        let t3_13 = (-t2_81).mul_add(t3_5, t3_12);
+        let t3_14 = like.lift(1.1547005383792515) * t2_203;
+        let t3_15 = t3_14 * t3_13;
+        let t3_16 = -t3_15;
+        let t3_17 = -pivot_3;
+        let t3_18 = -pivot_5;
+        let t3_19 = -pivot_6;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t1_86 * like.lift(1.8955297449982944)).abs())
-            .min((t2_50 * like.lift(2.6463477742948585)).abs())
+            .min((t2_83 * like.lift(1.8955297449982944)).abs())
+            .min((t3_17 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_51 * like.lift(0.8284577646309275)).abs())
-            .min((t2_52 * like.lift(2.1915406530791146)).abs());
-        let ([[t2_53], [t2_54], [t2_55], [t2_56], [t2_57], [t2_58]], found) = ::regen_runtime::guarded(
-            [[t2_29], [t2_33], [t2_34], [t2_39], [t2_43], [t2_49]],
+            .min((t3_18 * like.lift(0.8284577646309275)).abs())
+            .min((t3_19 * like.lift(2.1915406530791146)).abs());
+        let ([[t3_20], [t3_21], [t3_22], [t3_23], [t3_24], [t3_25]], found) = ::regen_runtime::guarded(
+            [[t2_236], [t2_240], [t3_1], [t3_6], [t3_10], [t3_16]],
             margin,
             || (
                 [
-                    [t1_6, t1_9, t1_14, like.lift(0.0), t1_17, like.lift(0.0)],
-                    [t1_23, t1_25, t1_31, like.lift(0.0), t1_32, like.lift(0.0)],
-                    [like.lift(0.0), t1_36, t1_40, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t1_48, t1_54, t1_56, t1_58, like.lift(0.0), t1_61],
-                    [t1_69, t1_70, t1_74, t1_77, like.lift(0.0), t1_78],
-                    [like.lift(0.0), t1_80, t1_82, t1_85, like.lift(0.0), t1_86],
+                    [t2_6, t2_9, t2_13, like.lift(0.0), t2_16, like.lift(0.0)],
+                    [t2_22, t2_23, t2_29, like.lift(0.0), t2_30, like.lift(0.0)],
+                    [like.lift(0.0), t2_34, t2_37, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_45, t2_51, t2_53, t2_55, like.lift(0.0), t2_58],
+                    [t2_66, t2_67, t2_71, t2_74, like.lift(0.0), t2_75],
+                    [like.lift(0.0), t2_77, t2_79, t2_82, like.lift(0.0), t2_83],
                 ],
-                [[t1_139], [t1_171], [t1_182], [t1_202], [t1_218], [t1_227]],
+                [[t2_132], [t2_156], [t2_164], [t2_182], [t2_194], [t2_201]],
             ),
         );
         condition = condition.min(found);
-        qdd[0] = t2_53;
-        qdd[2] = t2_54;
-        qdd[3] = t2_55;
-        qdd[4] = t2_56;
-        qdd[5] = t2_57;
-        qdd[7] = t2_58;
+        qdd[0] = t3_20;
+        qdd[2] = t3_21;
+        qdd[3] = t3_22;
+        qdd[4] = t3_23;
+        qdd[5] = t3_24;
+        qdd[7] = t3_25;
         qdd[1] = dd_q2;
         qdd[6] = dd_q7;
         qdd[8] = dd_q9;
@@ -1720,747 +1695,682 @@ pub fn accelerations<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd_i: &[T; 3]) -> ([T;
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: column by column: `w[c][r]` multiplies `PARAMETERS[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 246 additions, 465 multiplications, 6 divisions, 6 sines and cosines.
+/// 246 additions, 435 multiplications, 6 divisions, 6 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &mut [[T; 3]; 70]) -> Condition<T> {
+    *w = [[q[0].lift(0.0); 3]; 70];
+    regressor_entries(q, qd, qdd, w)
+}
+
+/// The entries of [`regressor`] that are not zero at every state; the others are left as they are.
+///
+/// Inlined where it is called, so that lanes keep the caller's instruction set.
+#[inline(always)]
+pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &mut [[T; 3]; 70]) -> Condition<T> {
     let like = q[0];
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     let [d_q1, d_q2, d_s1_1, d_s1_2, d_s1_3, d_q6, d_q7, d_q8, d_q9] = *qd;
     let [dd_q1, dd_q2, dd_s1_1, dd_s1_2, dd_s1_3, dd_q6, dd_q7, dd_q8, dd_q9] = *qdd;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, sin_q6, cos_q6, sin_s1_3,
+        cos_s1_3, sin_q8, cos_q8,
+    ] = {
+        let [
+            (sin_q1, cos_q1), (sin_s1_2, cos_s1_2), (sin_s1_1, cos_s1_1), (sin_q6, cos_q6),
+            (sin_s1_3, cos_s1_3), (sin_q8, cos_q8),
+        ] =
+            T::sin_cos_all([q1, s1_2, s1_1, q6, s1_3, q8]);
+        [
+            sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, sin_q6, cos_q6, sin_s1_3,
+            cos_s1_3, sin_q8, cos_q8,
+        ]
+    };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, e_s1_2_q1x, sin_q6, cos_q6,
-        sin_s1_3, cos_s1_3, e_s1_2_q1z, e_3_q1y, sin_q8, cos_q8, x_q1_q2, x_q1_q7, x_q1_q9,
-        x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7,
-        x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
+        e_s1_2_q1x, e_s1_2_q1z, e_3_q1y, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7,
+        x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2,
+        x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
     ] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = cos_q1 * q2;
-        let (sin_s1_2, cos_s1_2) = s1_2.sin_cos();
-        let t1_2 = cos_q1 * sin_s1_2;
-        let (sin_s1_1, cos_s1_1) = s1_1.sin_cos();
-        let t1_3 = sin_q1 * cos_s1_1;
-        let t1_4 = cos_s1_2.mul_add(t1_3, t1_2);
-        let t1_5 = like.lift(-0.4563).mul_add(t1_4, t1_1);
-        let t1_6 = -t1_5;
+        let t2_1 = cos_q1 * q2;
+        let t2_2 = sin_q1 * cos_s1_1;
+        let t2_3 = cos_s1_2 * t2_2;
+        let t2_4 = cos_q1.mul_add(sin_s1_2, t2_3);
+        let t2_5 = like.lift(-0.4563).mul_add(t2_4, t2_1);
+        let t2_6 = -t2_5;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t1_7 = cos_q1 * e_s1_2_q1x;
-        let t1_8 = like.lift(0.4563) * t1_7;
-        let t1_9 = cos_s1_1 * t1_4;
-        let t1_10 = like.lift(0.4563) * t1_9;
-        let t1_11 = sin_q1 * sin_s1_1;
-        let t1_12 = t1_11 * e_s1_2_q1x;
-        let t1_13 = like.lift(0.4563).mul_add(t1_12, t1_10);
-        let (sin_q6, cos_q6) = q6.sin_cos();
-        let t1_14 = cos_q6 * q7;
-        let t1_15 = like.lift(0.5) * t1_14;
-        let t1_16 = -t1_15;
-        let t1_17 = sin_q1 * q2;
-        let t1_18 = sin_q1 * sin_s1_2;
-        let t1_19 = cos_q1 * cos_s1_1;
-        let t1_20 = (-cos_s1_2).mul_add(t1_19, t1_18);
-        let t1_21 = like.lift(-0.4563).mul_add(t1_20, t1_17);
-        let t1_22 = -t1_21;
-        let t1_23 = sin_q1 * e_s1_2_q1x;
-        let t1_24 = like.lift(0.4563) * t1_23;
-        let t1_25 = cos_q1 * sin_s1_1;
-        let t1_26 = t1_25 * e_s1_2_q1x;
-        let t1_27 = like.lift(0.4563) * t1_26;
-        let t1_28 = cos_s1_1 * t1_20;
-        let t1_29 = like.lift(-0.4563).mul_add(t1_28, t1_27);
-        let t1_30 = -t1_29;
-        let t1_31 = sin_q6 * q7;
-        let t1_32 = cos_q1 * t1_20;
-        let t1_33 = like.lift(0.4563) * t1_32;
-        let t1_34 = sin_q1 * t1_4;
-        let t1_35 = like.lift(-0.4563).mul_add(t1_34, t1_33);
-        let t1_36 = t1_11 * t1_20;
-        let t1_37 = like.lift(0.4563) * t1_36;
-        let t1_38 = t1_25 * t1_4;
-        let t1_39 = like.lift(0.4563).mul_add(t1_38, t1_37);
-        let pivot_1 = like.lift(0.8660254037844386) * t1_14;
-        let t1_40 = like.lift(0.22815) * t1_4;
-        let (sin_s1_3, cos_s1_3) = s1_3.sin_cos();
-        let t1_41 = cos_s1_3 * t1_11;
-        let t1_42 = cos_q1 * cos_s1_2;
-        let t1_43 = (-sin_s1_2).mul_add(t1_3, t1_42);
-        let t1_44 = sin_s1_3.mul_add(t1_43, t1_41);
-        let t1_45 = like.lift(-0.39516739174683935).mul_add(t1_44, t1_40);
-        let t1_46 = t1_1 - t1_45;
-        let t1_47 = -t1_46;
-        let t1_48 = like.lift(0.22815) * e_s1_2_q1x;
-        let t1_49 = cos_s1_1 * cos_s1_3;
+        let t2_7 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_8 = cos_q1 * t2_7;
+        let t2_9 = sin_q1 * sin_s1_1;
+        let t2_10 = t2_9 * e_s1_2_q1x;
+        let t2_11 = cos_s1_1.mul_add(t2_4, t2_10);
+        let t2_12 = like.lift(0.4563) * t2_11;
+        let t2_13 = cos_q6 * q7;
+        let t2_14 = like.lift(0.5) * t2_13;
+        let t2_15 = -t2_14;
+        let t2_16 = sin_q1 * q2;
+        let t2_17 = cos_q1 * cos_s1_1;
+        let t2_18 = sin_q1 * sin_s1_2;
+        let t2_19 = (-cos_s1_2).mul_add(t2_17, t2_18);
+        let t2_20 = like.lift(-0.4563).mul_add(t2_19, t2_16);
+        let t2_21 = -t2_20;
+        let t2_22 = sin_q1 * t2_7;
+        let t2_23 = cos_q1 * sin_s1_1;
+        let t2_24 = cos_s1_1 * t2_19;
+        let t2_25 = (-t2_23).mul_add(e_s1_2_q1x, t2_24);
+        let t2_26 = like.lift(0.4563) * t2_25;
+        let t2_27 = -t2_26;
+        let t2_28 = -t2_27;
+        let t2_29 = sin_q6 * q7;
+        let t2_30 = sin_q1 * t2_4;
+        let t2_31 = (-cos_q1).mul_add(t2_19, t2_30);
+        let t2_32 = like.lift(0.4563) * t2_31;
+        let t2_33 = -t2_32;
+        let t2_34 = t2_23 * t2_4;
+        let t2_35 = t2_9.mul_add(t2_19, t2_34);
+        let t2_36 = like.lift(0.4563) * t2_35;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_13;
+        let t2_37 = cos_q1 * cos_s1_2;
+        let t2_38 = (-sin_s1_2).mul_add(t2_2, t2_37);
+        let t2_39 = sin_s1_3 * t2_38;
+        let t2_40 = cos_s1_3.mul_add(t2_9, t2_39);
+        let t2_41 = like.lift(0.22815) * t2_4;
+        let t2_42 = like.lift(-0.39516739174683935).mul_add(t2_40, t2_41);
+        let t2_43 = t2_1 - t2_42;
+        let t2_44 = -t2_43;
         let e_s1_2_q1z = sin_s1_1 * sin_s1_2;
-        let e_3_q1y = sin_s1_3.mul_add(e_s1_2_q1z, t1_49);
-        let t1_50 = like.lift(0.39516739174683935).mul_add(e_3_q1y, t1_48);
-        let t1_51 = cos_q1 * t1_50;
-        let t1_52 = cos_s1_1 * t1_45;
-        let t1_53 = t1_11.mul_add(t1_50, t1_52);
-        let t1_54 = e_s1_2_q1x * t1_45;
-        let t1_55 = (-t1_4).mul_add(t1_50, t1_54);
-        let (sin_q8, cos_q8) = q8.sin_cos();
-        let t1_56 = cos_q8 * q9;
-        let t1_57 = like.lift(0.5) * t1_56;
-        let t1_58 = -t1_57;
-        let t1_59 = cos_s1_3 * t1_25;
-        let t1_60 = sin_q1 * cos_s1_2;
-        let t1_61 = sin_s1_2.mul_add(t1_19, t1_60);
-        let t1_62 = (-sin_s1_3).mul_add(t1_61, t1_59);
-        let t1_63 = like.lift(0.39516739174683935) * t1_62;
-        let t1_64 = like.lift(0.22815) * t1_20;
-        let t1_65 = t1_17 - t1_64;
-        let t1_66 = t1_63 - t1_65;
-        let t1_67 = sin_q1 * t1_50;
-        let t1_68 = t1_25 * t1_50;
-        let t1_69 = t1_64 + t1_63;
-        let t1_70 = (-cos_s1_1).mul_add(t1_69, t1_68);
-        let t1_71 = -t1_70;
-        let t1_72 = t1_20 * t1_50;
-        let t1_73 = (-e_s1_2_q1x).mul_add(t1_69, t1_72);
-        let t1_74 = -t1_73;
-        let t1_75 = sin_q8 * q9;
-        let t1_76 = cos_q1 * t1_69;
-        let t1_77 = (-sin_q1).mul_add(t1_45, t1_76);
-        let t1_78 = t1_11 * t1_69;
-        let t1_79 = t1_25.mul_add(t1_45, t1_78);
-        let t1_80 = t1_4 * t1_69;
-        let t1_81 = (-t1_20).mul_add(t1_45, t1_80);
-        let t1_82 = -t1_81;
-        let pivot_2 = like.lift(0.8660254037844386) * t1_56;
-        let t1_83 = -pivot_2;
-        let t1_84 = -sin_q1;
-        let t1_85 = like.lift(0.5) * sin_q6;
-        let t1_86 = -t1_85;
-        let t1_87 = -cos_q6;
-        let t1_88 = like.lift(0.8660254037844386) * sin_q6;
-        let t1_89 = like.lift(0.5) * sin_q8;
-        let t1_90 = -t1_89;
-        let t1_91 = -cos_q8;
-        let t1_92 = like.lift(0.8660254037844386) * sin_q8;
-        let t1_93 = -t1_92;
-        let t1_94 = like.lift(0.5773502691896257).mul_add(t1_81, t1_55);
-        let t1_95 = like.lift(1.0) / t1_56;
-        let t1_96 = t1_75 * t1_95;
-        let t1_97 = t1_81 * t1_96;
-        let pivot_3 = like.lift(1.1547005383792515).mul_add(t1_97, t1_73);
+        let t2_45 = sin_s1_3 * e_s1_2_q1z;
+        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_45);
+        let t2_46 = like.lift(0.39516739174683935) * e_3_q1y;
+        let t2_47 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_46);
+        let t2_48 = cos_q1 * t2_47;
+        let t2_49 = t2_9 * t2_47;
+        let t2_50 = cos_s1_1.mul_add(t2_42, t2_49);
+        let t2_51 = e_s1_2_q1x * t2_42;
+        let t2_52 = (-t2_4).mul_add(t2_47, t2_51);
+        let t2_53 = cos_q8 * q9;
+        let t2_54 = like.lift(0.5) * t2_53;
+        let t2_55 = -t2_54;
+        let t2_56 = sin_s1_2 * t2_17;
+        let t2_57 = sin_q1.mul_add(cos_s1_2, t2_56);
+        let t2_58 = cos_s1_3 * t2_23;
+        let t2_59 = (-sin_s1_3).mul_add(t2_57, t2_58);
+        let t2_60 = like.lift(0.39516739174683935) * t2_59;
+        let t2_61 = like.lift(0.22815) * t2_19;
+        let t2_62 = t2_60 - t2_16;
+        let t2_63 = t2_62 + t2_61;
+        let t2_64 = sin_q1 * t2_47;
+        let t2_65 = t2_61 + t2_60;
+        let t2_66 = t2_23 * t2_47;
+        let t2_67 = (-cos_s1_1).mul_add(t2_65, t2_66);
+        let t2_68 = -t2_67;
+        let t2_69 = t2_19 * t2_47;
+        let t2_70 = (-e_s1_2_q1x).mul_add(t2_65, t2_69);
+        let t2_71 = -t2_70;
+        let t2_72 = sin_q8 * q9;
+        let t2_73 = cos_q1 * t2_65;
+        let t2_74 = (-sin_q1).mul_add(t2_42, t2_73);
+        let t2_75 = t2_23 * t2_42;
+        let t2_76 = t2_9.mul_add(t2_65, t2_75);
+        let t2_77 = t2_4 * t2_65;
+        let t2_78 = (-t2_19).mul_add(t2_42, t2_77);
+        let t2_79 = -t2_78;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_53;
+        let t2_80 = -pivot_2;
+        let t2_81 = -sin_q1;
+        let t2_82 = like.lift(0.5) * sin_q6;
+        let t2_83 = -t2_82;
+        let t2_84 = -cos_q6;
+        let t2_85 = like.lift(0.8660254037844386) * sin_q6;
+        let t2_86 = like.lift(0.5) * sin_q8;
+        let t2_87 = -t2_86;
+        let t2_88 = -cos_q8;
+        let t2_89 = like.lift(0.8660254037844386) * sin_q8;
+        let t2_90 = -t2_89;
+        let t2_91 = like.lift(0.5773502691896257).mul_add(t2_78, t2_52);
+        let t2_92 = like.lift(1.0) / t2_53;
+        let t2_93 = t2_72 * t2_92;
+        let t2_94 = like.lift(1.1547005383792515) * t2_93;
+        let pivot_3 = t2_78.mul_add(t2_94, t2_70);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_98 = t1_94 * inv_pivot_3;
-        let t1_99 = (-t1_66).mul_add(t1_98, t1_46);
-        let t1_100 = like.lift(0.5773502691896257).mul_add(t1_35, t1_8);
-        let t1_101 = like.lift(-0.5773502691896257).mul_add(t1_77, t1_51);
-        let t1_102 = t1_77 * t1_96;
-        let t1_103 = like.lift(1.1547005383792515).mul_add(t1_102, t1_67);
-        let pivot_4 = t1_103.mul_add(t1_98, t1_101);
+        let t2_95 = t2_91 * inv_pivot_3;
+        let t2_96 = (-t2_63).mul_add(t2_95, t2_43);
+        let t2_97 = like.lift(0.5773502691896257).mul_add(t2_33, t2_8);
+        let t2_98 = t2_74.mul_add(t2_94, t2_64);
+        let t2_99 = t2_98.mul_add(t2_95, t2_48);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_74, t2_99);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t1_104 = t1_100 * inv_pivot_4;
-        let pivot_5 = (-t1_99).mul_add(t1_104, t1_5);
+        let t2_100 = t2_97 * inv_pivot_4;
+        let pivot_5 = (-t2_96).mul_add(t2_100, t2_5);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t1_105 = (-cos_q1).mul_add(t1_98, sin_q1);
-        let t1_106 = (-t1_105).mul_add(t1_104, sin_q1);
-        let t1_107 = like.lift(0.5773502691896257).mul_add(t1_39, t1_13);
-        let t1_108 = like.lift(-0.5773502691896257).mul_add(t1_79, t1_53);
-        let t1_109 = t1_79 * t1_96;
-        let t1_110 = like.lift(-1.1547005383792515).mul_add(t1_109, t1_70);
-        let t1_111 = (-t1_110).mul_add(t1_98, t1_108);
-        let t1_112 = (-t1_111).mul_add(t1_104, t1_107);
-        let t1_113 = like.lift(1.0) / t1_14;
-        let t1_114 = t1_31 * t1_113;
-        let t1_115 = t1_35 * t1_114;
-        let t1_116 = like.lift(-1.1547005383792515).mul_add(t1_115, t1_24);
-        let t1_117 = t1_116 * inv_pivot_4;
-        let t1_118 = t1_105.mul_add(t1_117, cos_q1);
-        let t1_119 = (-t1_99).mul_add(t1_117, t1_21);
-        let t1_120 = t1_119 * inv_pivot_5;
-        let t1_121 = t1_106.mul_add(t1_120, t1_118);
-        let t1_122 = t1_39 * t1_114;
-        let t1_123 = like.lift(1.1547005383792515).mul_add(t1_122, t1_29);
-        let t1_124 = t1_111.mul_add(t1_117, t1_123);
-        let pivot_6 = t1_112.mul_add(t1_120, t1_124);
+        let t2_101 = (-cos_q1).mul_add(t2_95, sin_q1);
+        let t2_102 = (-t2_101).mul_add(t2_100, sin_q1);
+        let t2_103 = (-t2_76).mul_add(t2_94, t2_67);
+        let t2_104 = (-t2_103).mul_add(t2_95, t2_50);
+        let t2_105 = like.lift(-0.5773502691896257).mul_add(t2_76, t2_104);
+        let t2_106 = (-t2_105).mul_add(t2_100, t2_12);
+        let t2_107 = like.lift(0.5773502691896257).mul_add(t2_36, t2_106);
+        let t2_108 = like.lift(1.0) / t2_13;
+        let t2_109 = t2_29 * t2_108;
+        let t2_110 = like.lift(1.1547005383792515) * t2_109;
+        let t2_111 = (-t2_33).mul_add(t2_110, t2_22);
+        let t2_112 = t2_111 * inv_pivot_4;
+        let t2_113 = (-t2_96).mul_add(t2_112, t2_20);
+        let t2_114 = t2_113 * inv_pivot_5;
+        let t2_115 = t2_102.mul_add(t2_114, cos_q1);
+        let t2_116 = t2_101.mul_add(t2_112, t2_115);
+        let t2_117 = t2_107.mul_add(t2_114, t2_27);
+        let t2_118 = t2_105.mul_add(t2_112, t2_117);
+        let pivot_6 = t2_36.mul_add(t2_110, t2_118);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t1_125 = t1_121 * inv_pivot_6;
-        let t1_126 = (-t1_112).mul_add(t1_125, t1_106);
-        let t1_127 = inv_pivot_5 * t1_126;
-        let t1_128 = sin_q6.mul_add(t1_114, cos_q6);
-        let t1_129 = t1_128 * inv_pivot_6;
-        let t1_130 = t1_112 * t1_129;
-        let t1_131 = inv_pivot_5 * t1_130;
-        let t1_132 = sin_q8.mul_add(t1_96, cos_q8);
-        let t1_133 = t1_132 * t1_98;
-        let t1_134 = t1_133 * t1_104;
-        let t1_135 = t1_133 * t1_117;
-        let t1_136 = (-t1_134).mul_add(t1_120, t1_135);
-        let t1_137 = t1_136 * inv_pivot_6;
-        let t1_138 = t1_112.mul_add(t1_137, t1_134);
-        let t1_139 = inv_pivot_5 * t1_138;
-        let t1_140 = -t1_139;
-        let t1_141 = (-t1_99).mul_add(t1_127, t1_105);
-        let t1_142 = (-t1_111).mul_add(t1_125, t1_141);
-        let t1_143 = inv_pivot_4 * t1_142;
-        let t1_144 = -t1_143;
-        let t1_145 = t1_99 * t1_131;
-        let t1_146 = (-t1_111).mul_add(t1_129, t1_145);
-        let t1_147 = inv_pivot_4 * t1_146;
-        let t1_148 = t1_99.mul_add(t1_139, t1_133);
-        let t1_149 = (-t1_111).mul_add(t1_137, t1_148);
-        let t1_150 = inv_pivot_4 * t1_149;
-        let t1_151 = -t1_150;
-        let t1_152 = -t1_125;
-        let t1_153 = -t1_137;
-        let t1_154 = t1_103.mul_add(t1_143, cos_q1);
-        let t1_155 = (-t1_66).mul_add(t1_127, t1_154);
-        let t1_156 = (-t1_110).mul_add(t1_125, t1_155);
-        let t1_157 = inv_pivot_3 * t1_156;
-        let t1_158 = -t1_157;
-        let t1_159 = t1_103 * t1_147;
-        let t1_160 = t1_66.mul_add(t1_131, t1_159);
-        let t1_161 = (-t1_110).mul_add(t1_129, t1_160);
-        let t1_162 = inv_pivot_3 * t1_161;
-        let t1_163 = (-t1_103).mul_add(t1_150, t1_132);
-        let t1_164 = (-t1_66).mul_add(t1_139, t1_163);
-        let t1_165 = t1_110.mul_add(t1_137, t1_164);
-        let t1_166 = inv_pivot_3 * t1_165;
-        let t1_167 = t1_35 * t1_143;
-        let t1_168 = t1_39.mul_add(t1_125, t1_167);
-        let t1_169 = t1_113 * t1_168;
-        let t1_170 = like.lift(1.1547005383792515) * t1_169;
-        let t1_171 = (-t1_35).mul_add(t1_147, t1_88);
-        let t1_172 = (-t1_39).mul_add(t1_129, t1_171);
-        let t1_173 = t1_113 * t1_172;
-        let t1_174 = like.lift(1.1547005383792515) * t1_173;
-        let t1_175 = t1_35 * t1_150;
-        let t1_176 = t1_39.mul_add(t1_137, t1_175);
-        let t1_177 = t1_113 * t1_176;
-        let t1_178 = like.lift(1.1547005383792515) * t1_177;
-        let t1_179 = t1_81 * t1_157;
-        let t1_180 = (-t1_77).mul_add(t1_143, t1_179);
-        let t1_181 = (-t1_79).mul_add(t1_125, t1_180);
-        let t1_182 = t1_95 * t1_181;
-        let t1_183 = like.lift(1.1547005383792515) * t1_182;
-        let t1_184 = t1_81 * t1_162;
-        let t1_185 = (-t1_77).mul_add(t1_147, t1_184);
-        let t1_186 = (-t1_79).mul_add(t1_129, t1_185);
-        let t1_187 = t1_95 * t1_186;
-        let t1_188 = like.lift(1.1547005383792515) * t1_187;
-        let t1_189 = -t1_188;
-        let t1_190 = (-t1_81).mul_add(t1_166, t1_92);
-        let t1_191 = (-t1_77).mul_add(t1_150, t1_190);
-        let t1_192 = (-t1_79).mul_add(t1_137, t1_191);
-        let t1_193 = t1_95 * t1_192;
-        let t1_194 = like.lift(1.1547005383792515) * t1_193;
-        let t1_195 = -pivot_3;
-        let t1_196 = -pivot_5;
-        let t1_197 = -pivot_6;
+        let t2_119 = t2_116 * inv_pivot_6;
+        let t2_120 = (-t2_107).mul_add(t2_119, t2_102);
+        let t2_121 = inv_pivot_5 * t2_120;
+        let t2_122 = sin_q6.mul_add(t2_109, cos_q6);
+        let t2_123 = t2_122 * inv_pivot_6;
+        let t2_124 = inv_pivot_5 * t2_107;
+        let t2_125 = t2_124 * t2_123;
+        let t2_126 = sin_q8.mul_add(t2_93, cos_q8);
+        let t2_127 = t2_126 * t2_95;
+        let t2_128 = t2_127 * t2_100;
+        let t2_129 = t2_127 * t2_112;
+        let t2_130 = (-t2_128).mul_add(t2_114, t2_129);
+        let t2_131 = t2_130 * inv_pivot_6;
+        let t2_132 = t2_107.mul_add(t2_131, t2_128);
+        let t2_133 = inv_pivot_5 * t2_132;
+        let t2_134 = -t2_133;
+        let t2_135 = (-t2_105).mul_add(t2_119, t2_101);
+        let t2_136 = (-t2_96).mul_add(t2_121, t2_135);
+        let t2_137 = inv_pivot_4 * t2_136;
+        let t2_138 = -t2_137;
+        let t2_139 = t2_96 * t2_125;
+        let t2_140 = (-t2_105).mul_add(t2_123, t2_139);
+        let t2_141 = inv_pivot_4 * t2_140;
+        let t2_142 = (-t2_105).mul_add(t2_131, t2_127);
+        let t2_143 = t2_96.mul_add(t2_133, t2_142);
+        let t2_144 = inv_pivot_4 * t2_143;
+        let t2_145 = -t2_144;
+        let t2_146 = -t2_119;
+        let t2_147 = -t2_131;
+        let t2_148 = (-t2_103).mul_add(t2_119, cos_q1);
+        let t2_149 = (-t2_63).mul_add(t2_121, t2_148);
+        let t2_150 = t2_98.mul_add(t2_137, t2_149);
+        let t2_151 = inv_pivot_3 * t2_150;
+        let t2_152 = -t2_151;
+        let t2_153 = t2_63 * t2_125;
+        let t2_154 = (-t2_103).mul_add(t2_123, t2_153);
+        let t2_155 = t2_98.mul_add(t2_141, t2_154);
+        let t2_156 = inv_pivot_3 * t2_155;
+        let t2_157 = t2_103.mul_add(t2_131, t2_126);
+        let t2_158 = (-t2_63).mul_add(t2_133, t2_157);
+        let t2_159 = (-t2_98).mul_add(t2_144, t2_158);
+        let t2_160 = inv_pivot_3 * t2_159;
+        let t2_161 = t2_36 * t2_119;
+        let t2_162 = t2_33.mul_add(t2_137, t2_161);
+        let t2_163 = like.lift(1.1547005383792515) * t2_108;
+        let t2_164 = t2_162 * t2_163;
+        let t2_165 = (-t2_36).mul_add(t2_123, t2_85);
+        let t2_166 = (-t2_33).mul_add(t2_141, t2_165);
+        let t2_167 = t2_166 * t2_163;
+        let t2_168 = t2_36 * t2_131;
+        let t2_169 = t2_33.mul_add(t2_144, t2_168);
+        let t2_170 = t2_169 * t2_163;
+        let t2_171 = t2_78 * t2_151;
+        let t2_172 = (-t2_76).mul_add(t2_119, t2_171);
+        let t2_173 = (-t2_74).mul_add(t2_137, t2_172);
+        let t2_174 = like.lift(1.1547005383792515) * t2_92;
+        let t2_175 = t2_173 * t2_174;
+        let t2_176 = t2_78 * t2_156;
+        let t2_177 = (-t2_76).mul_add(t2_123, t2_176);
+        let t2_178 = (-t2_74).mul_add(t2_141, t2_177);
+        let t2_179 = t2_178 * t2_174;
+        let t2_180 = -t2_179;
+        let t2_181 = (-t2_76).mul_add(t2_131, t2_89);
+        let t2_182 = (-t2_74).mul_add(t2_144, t2_181);
+        let t2_183 = (-t2_78).mul_add(t2_160, t2_182);
+        let t2_184 = t2_183 * t2_174;
+        let t2_185 = -pivot_3;
+        let t2_186 = -pivot_5;
+        let t2_187 = -pivot_6;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t1_83 * like.lift(1.8955297449982944)).abs())
-            .min((t1_195 * like.lift(2.6463477742948585)).abs())
+            .min((t2_80 * like.lift(1.8955297449982944)).abs())
+            .min((t2_185 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t1_196 * like.lift(0.8284577646309275)).abs())
-            .min((t1_197 * like.lift(2.1915406530791146)).abs());
+            .min((t2_186 * like.lift(0.8284577646309275)).abs())
+            .min((t2_187 * like.lift(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [t1_127, t1_131, t1_140], [t1_144, t1_147, t1_151], [t1_152, t1_129, t1_153],
-                [t1_158, t1_162, t1_166], [t1_170, t1_174, t1_178], [t1_183, t1_189, t1_194],
+                [t2_121, t2_125, t2_134], [t2_138, t2_141, t2_145], [t2_146, t2_123, t2_147],
+                [t2_152, t2_156, t2_160], [t2_164, t2_167, t2_170], [t2_175, t2_180, t2_184],
             ],
             margin,
             || (
                 [
-                    [t1_6, t1_8, t1_13, like.lift(0.0), t1_16, like.lift(0.0)],
-                    [t1_22, t1_24, t1_30, like.lift(0.0), t1_31, like.lift(0.0)],
-                    [like.lift(0.0), t1_35, t1_39, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t1_47, t1_51, t1_53, t1_55, like.lift(0.0), t1_58],
-                    [t1_66, t1_67, t1_71, t1_74, like.lift(0.0), t1_75],
-                    [like.lift(0.0), t1_77, t1_79, t1_82, like.lift(0.0), t1_83],
+                    [t2_6, t2_8, t2_12, like.lift(0.0), t2_15, like.lift(0.0)],
+                    [t2_21, t2_22, t2_28, like.lift(0.0), t2_29, like.lift(0.0)],
+                    [like.lift(0.0), t2_33, t2_36, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_44, t2_48, t2_50, t2_52, like.lift(0.0), t2_55],
+                    [t2_63, t2_64, t2_68, t2_71, like.lift(0.0), t2_72],
+                    [like.lift(0.0), t2_74, t2_76, t2_79, like.lift(0.0), t2_80],
                 ],
                 [
-                    [t1_84, t1_86, like.lift(0.0)], [cos_q1, t1_87, like.lift(0.0)],
-                    [like.lift(0.0), t1_88, like.lift(0.0)], [t1_84, like.lift(0.0), t1_90],
-                    [cos_q1, like.lift(0.0), t1_91], [like.lift(0.0), like.lift(0.0), t1_93],
+                    [t2_81, t2_83, like.lift(0.0)], [cos_q1, t2_84, like.lift(0.0)],
+                    [like.lift(0.0), t2_85, like.lift(0.0)], [t2_81, like.lift(0.0), t2_87],
+                    [cos_q1, like.lift(0.0), t2_88], [like.lift(0.0), like.lift(0.0), t2_90],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, e_s1_2_q1x, sin_q6, cos_q6,
-            sin_s1_3, cos_s1_3, e_s1_2_q1z, e_3_q1y, sin_q8, cos_q8, x_q1_q2, x_q1_q7, x_q1_q9,
-            x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2,
-            x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
+            e_s1_2_q1x, e_s1_2_q1z, e_3_q1y, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7,
+            x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9,
+            x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
         ]
     };
     // body 1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [t2_1, t2_2, t2_3] = {
+    let [t3_1, t3_2, t3_3, a_1y, t3_4] = {
         let w_izz_1_q2 = dd_q1 * x_q1_q2;
-        let t2_1 = -w_izz_1_q2;
+        let t3_1 = -w_izz_1_q2;
         let w_izz_1_q7 = dd_q1 * x_q1_q7;
-        let t2_2 = -w_izz_1_q7;
+        let t3_2 = -w_izz_1_q7;
         let w_izz_1_q9 = dd_q1 * x_q1_q9;
-        let t2_3 = -w_izz_1_q9;
-        w[5] = [t2_1, t2_2, t2_3];
-        let t2_4 = cos_q1 * x_q1_q2;
-        let w_mx_1_q2 = like.lift(9.81) * t2_4;
-        let t2_5 = cos_q1 * x_q1_q7;
-        let w_mx_1_q7 = like.lift(9.81) * t2_5;
-        let t2_6 = cos_q1 * x_q1_q9;
-        let w_mx_1_q9 = like.lift(9.81) * t2_6;
+        let t3_3 = -w_izz_1_q9;
+        w[5] = [t3_1, t3_2, t3_3];
+        let a_1y = like.lift(9.81) * cos_q1;
+        let w_mx_1_q2 = x_q1_q2 * a_1y;
+        let w_mx_1_q7 = x_q1_q7 * a_1y;
+        let w_mx_1_q9 = x_q1_q9 * a_1y;
         w[6] = [w_mx_1_q2, w_mx_1_q7, w_mx_1_q9];
-        let t2_7 = sin_q1 * x_q1_q2;
-        let w_my_1_q2 = like.lift(9.81) * t2_7;
-        let t2_8 = -w_my_1_q2;
-        let t2_9 = sin_q1 * x_q1_q7;
-        let w_my_1_q7 = like.lift(9.81) * t2_9;
-        let t2_10 = -w_my_1_q7;
-        let t2_11 = sin_q1 * x_q1_q9;
-        let w_my_1_q9 = like.lift(9.81) * t2_11;
-        let t2_12 = -w_my_1_q9;
-        w[7] = [t2_8, t2_10, t2_12];
-        w[0] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[1] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[2] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[3] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[4] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[8] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[9] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        [t2_1, t2_2, t2_3]
+        let t3_4 = like.lift(9.81) * sin_q1;
+        let w_my_1_q2 = x_q1_q2 * t3_4;
+        let t3_5 = -w_my_1_q2;
+        let w_my_1_q7 = x_q1_q7 * t3_4;
+        let t3_6 = -w_my_1_q7;
+        let w_my_1_q9 = x_q1_q9 * t3_4;
+        let t3_7 = -w_my_1_q9;
+        w[7] = [t3_5, t3_6, t3_7];
+        [t3_1, t3_2, t3_3, a_1y, t3_4]
     };
     // body 2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_2z, a_2x] = {
-        let a_1y = like.lift(9.81) * cos_q1;
-        let t3_1 = d_q1 * d_q1;
-        let t3_2 = (-q2).mul_add(t3_1, a_1y);
-        let a_2z = dd_q2 + t3_2;
-        let t3_3 = q2 * x_q1_q2;
-        let t3_4 = (-t3_1).mul_add(t3_3, dd_q1);
-        let w_mx_2_q2 = x_q1_q2.mul_add(a_2z, -t3_4);
-        let t3_5 = dd_q2 + a_1y;
-        let w_mx_2_q7 = x_q1_q7 * t3_5;
-        let w_mx_2_q9 = x_q1_q9 * t3_5;
+        let t4_1 = d_q1 * d_q1;
+        let t4_2 = (-q2).mul_add(t4_1, dd_q2);
+        let a_2z = t4_2 + a_1y;
+        let t4_3 = q2 * x_q1_q2;
+        let t4_4 = x_q1_q2.mul_add(a_2z, -dd_q1);
+        let w_mx_2_q2 = t4_1.mul_add(t4_3, t4_4);
+        let t4_5 = dd_q2 + a_1y;
+        let w_mx_2_q7 = x_q1_q7 * t4_5;
+        let w_mx_2_q9 = x_q1_q9 * t4_5;
         w[16] = [w_mx_2_q2, w_mx_2_q7, w_mx_2_q9];
-        let a_1x = like.lift(9.81) * sin_q1;
-        let t3_6 = q2 * dd_q1;
-        let t3_7 = a_1x - t3_6;
-        let t3_8 = d_q1 * d_q2;
-        let a_2x = like.lift(-2.0).mul_add(t3_8, t3_7);
-        let t3_9 = dd_q1.mul_add(t3_3, t3_1);
-        let w_mz_2_q2 = x_q1_q2.mul_add(a_2x, -t3_9);
-        let t3_10 = t3_6 - a_2x;
-        let w_mz_2_q7 = x_q1_q7 * t3_10;
-        let t3_11 = -w_mz_2_q7;
-        let w_mz_2_q9 = x_q1_q9 * t3_10;
-        let t3_12 = -w_mz_2_q9;
-        w[18] = [w_mz_2_q2, t3_11, t3_12];
-        let w_m_2_q2 = a_2x.mul_add(t3_3, a_2z);
-        let t3_13 = q2 * a_2x;
-        let w_m_2_q7 = x_q1_q7 * t3_13;
-        let w_m_2_q9 = x_q1_q9 * t3_13;
+        let t4_6 = q2 * dd_q1;
+        let t4_7 = like.lift(2.0) * d_q1;
+        let t4_8 = (-t4_7).mul_add(d_q2, t3_4);
+        let a_2x = t4_8 - t4_6;
+        let t4_9 = x_q1_q2.mul_add(a_2x, -t4_1);
+        let w_mz_2_q2 = (-dd_q1).mul_add(t4_3, t4_9);
+        let t4_10 = t4_6 - a_2x;
+        let w_mz_2_q7 = x_q1_q7 * t4_10;
+        let t4_11 = -w_mz_2_q7;
+        let w_mz_2_q9 = x_q1_q9 * t4_10;
+        let t4_12 = -w_mz_2_q9;
+        w[18] = [w_mz_2_q2, t4_11, t4_12];
+        let w_m_2_q2 = a_2x.mul_add(t4_3, a_2z);
+        let t4_13 = q2 * a_2x;
+        let w_m_2_q7 = x_q1_q7 * t4_13;
+        let w_m_2_q9 = x_q1_q9 * t4_13;
         w[19] = [w_m_2_q2, w_m_2_q7, w_m_2_q9];
-        w[10] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[11] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[12] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[13] = [t2_1, t2_2, t2_3];
-        w[14] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[15] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[17] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        w[13] = [t3_1, t3_2, t3_3];
         [a_2z, a_2x]
     };
     // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let t4_1 = sin_s1_2 * dd_s1_1;
-        let t4_2 = sin_s1_1 * dd_q1;
         let w_s1_1y = cos_s1_1 * d_q1;
-        let al_s1_1x = d_s1_1.mul_add(w_s1_1y, t4_2);
-        let t4_3 = (-cos_s1_2).mul_add(al_s1_1x, t4_1);
-        let t4_4 = cos_s1_2 * d_s1_1;
+        let t5_1 = d_s1_1 * w_s1_1y;
+        let al_s1_1x = sin_s1_1.mul_add(dd_q1, t5_1);
         let w_s1_1x = sin_s1_1 * d_q1;
-        let w_s1_2z = sin_s1_2.mul_add(w_s1_1x, t4_4);
-        let al_s1_2x = d_s1_2.mul_add(w_s1_2z, t4_3);
-        let al_3x = dd_s1_3 - al_s1_2x;
-        let t4_5 = e_s1_2_q1x * x_q1_q2;
-        let t4_6 = (-sin_s1_2).mul_add(x_s1_1_q2, t4_5);
-        let t4_7 = x_s1_3_q2 + t4_6;
+        let t5_2 = sin_s1_2 * w_s1_1x;
+        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t5_2);
+        let t5_3 = (-d_s1_2).mul_add(w_s1_2z, dd_s1_3);
+        let t5_4 = cos_s1_2.mul_add(al_s1_1x, t5_3);
+        let al_3x = (-sin_s1_2).mul_add(dd_s1_1, t5_4);
+        let t5_5 = (-sin_s1_2).mul_add(x_s1_1_q2, x_s1_3_q2);
+        let t5_6 = e_s1_2_q1x.mul_add(x_q1_q2, t5_5);
         let w_s1_2y = d_s1_2 + w_s1_1y;
-        let t4_8 = sin_s1_3 * w_s1_2y;
-        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t4_8);
-        let t4_9 = sin_s1_2 * d_s1_1;
-        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t4_9);
+        let t5_7 = sin_s1_3 * w_s1_2y;
+        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t5_7);
+        let t5_8 = sin_s1_2 * d_s1_1;
+        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t5_8);
         let w_3x = d_s1_3 - w_s1_2x;
-        let t4_10 = w_3z * w_3x;
-        let t4_11 = e_3_q1y * x_q1_q2;
+        let t5_9 = w_3z * w_3x;
         let u_3_q2y = cos_s1_2 * sin_s1_3;
-        let t4_12 = u_3_q2y.mul_add(x_s1_1_q2, t4_11);
-        let t4_13 = cos_s1_3.mul_add(x_s1_2_q2, t4_12);
-        let t4_14 = t4_10 * t4_13;
-        let t4_15 = al_3x.mul_add(t4_7, -t4_14);
-        let t4_16 = cos_s1_3 * w_s1_2y;
-        let w_3y = sin_s1_3.mul_add(w_s1_2z, t4_16);
-        let t4_17 = w_3y * w_3x;
-        let t4_18 = cos_s1_1 * sin_s1_3;
-        let e_3_q1z = (-cos_s1_3).mul_add(e_s1_2_q1z, t4_18);
-        let t4_19 = e_3_q1z * x_q1_q2;
+        let t5_10 = cos_s1_3 * x_s1_2_q2;
+        let t5_11 = u_3_q2y.mul_add(x_s1_1_q2, t5_10);
+        let t5_12 = e_3_q1y.mul_add(x_q1_q2, t5_11);
+        let t5_13 = t5_9 * t5_12;
+        let t5_14 = sin_s1_3 * w_s1_2z;
+        let w_3y = cos_s1_3.mul_add(w_s1_2y, t5_14);
+        let t5_15 = w_3y * w_3x;
+        let t5_16 = cos_s1_1 * sin_s1_3;
+        let e_3_q1z = (-cos_s1_3).mul_add(e_s1_2_q1z, t5_16);
         let u_3_q2z = cos_s1_2 * cos_s1_3;
-        let t4_20 = (-u_3_q2z).mul_add(x_s1_1_q2, t4_19);
-        let t4_21 = sin_s1_3.mul_add(x_s1_2_q2, t4_20);
-        let t4_22 = t4_17 * t4_21;
-        let w_ixx_3_q2 = t4_15 + t4_22;
-        let t4_23 = -w_ixx_3_q2;
-        let t4_24 = e_s1_2_q1x * x_q1_q7;
-        let t4_25 = (-sin_s1_2).mul_add(x_s1_1_q7, t4_24);
-        let t4_26 = x_s1_3_q7 + t4_25;
-        let t4_27 = e_3_q1y * x_q1_q7;
-        let t4_28 = u_3_q2y.mul_add(x_s1_1_q7, t4_27);
-        let t4_29 = cos_s1_3.mul_add(x_s1_2_q7, t4_28);
-        let t4_30 = t4_10 * t4_29;
-        let t4_31 = al_3x.mul_add(t4_26, -t4_30);
-        let t4_32 = e_3_q1z * x_q1_q7;
-        let t4_33 = (-u_3_q2z).mul_add(x_s1_1_q7, t4_32);
-        let t4_34 = sin_s1_3.mul_add(x_s1_2_q7, t4_33);
-        let t4_35 = t4_17 * t4_34;
-        let w_ixx_3_q7 = t4_31 + t4_35;
-        let t4_36 = -w_ixx_3_q7;
-        let t4_37 = e_s1_2_q1x * x_q1_q9;
-        let t4_38 = (-sin_s1_2).mul_add(x_s1_1_q9, t4_37);
-        let t4_39 = x_s1_3_q9 + t4_38;
-        let t4_40 = e_3_q1y * x_q1_q9;
-        let t4_41 = u_3_q2y.mul_add(x_s1_1_q9, t4_40);
-        let t4_42 = cos_s1_3.mul_add(x_s1_2_q9, t4_41);
-        let t4_43 = t4_10 * t4_42;
-        let t4_44 = al_3x.mul_add(t4_39, -t4_43);
-        let t4_45 = e_3_q1z * x_q1_q9;
-        let t4_46 = (-u_3_q2z).mul_add(x_s1_1_q9, t4_45);
-        let t4_47 = sin_s1_3.mul_add(x_s1_2_q9, t4_46);
-        let t4_48 = t4_17 * t4_47;
-        let w_ixx_3_q9 = t4_44 + t4_48;
-        let t4_49 = -w_ixx_3_q9;
-        w[20] = [t4_23, t4_36, t4_49];
-        let t4_50 = cos_s1_1 * dd_q1;
-        let al_s1_1y = (-d_s1_1).mul_add(w_s1_1x, t4_50);
-        let al_s1_2y = dd_s1_2 + al_s1_1y;
-        let t4_51 = cos_s1_3 * al_s1_2y;
-        let t4_52 = cos_s1_2 * dd_s1_1;
-        let t4_53 = sin_s1_2.mul_add(al_s1_1x, t4_52);
-        let al_s1_2z = (-d_s1_2).mul_add(w_s1_2x, t4_53);
-        let t4_54 = sin_s1_3.mul_add(al_s1_2z, t4_51);
-        let al_3y = (-d_s1_3).mul_add(w_3z, t4_54);
-        let t4_55 = al_3y + t4_10;
-        let t4_56 = t4_55 * t4_7;
-        let t4_57 = w_3y * w_3z;
-        let t4_58 = al_3x - t4_57;
-        let t4_59 = t4_58.mul_add(t4_13, t4_56);
-        let t4_60 = w_3x * w_3x;
-        let t4_61 = w_3y * w_3y;
-        let t4_62 = t4_60 - t4_61;
-        let w_ixy_3_q2 = (-t4_62).mul_add(t4_21, t4_59);
-        let t4_63 = -w_ixy_3_q2;
-        let t4_64 = t4_55 * t4_26;
-        let t4_65 = t4_58.mul_add(t4_29, t4_64);
-        let w_ixy_3_q7 = (-t4_62).mul_add(t4_34, t4_65);
-        let t4_66 = -w_ixy_3_q7;
-        let t4_67 = t4_55 * t4_39;
-        let t4_68 = t4_58.mul_add(t4_42, t4_67);
-        let w_ixy_3_q9 = (-t4_62).mul_add(t4_47, t4_68);
-        let t4_69 = -w_ixy_3_q9;
-        w[21] = [t4_63, t4_66, t4_69];
-        let t4_70 = sin_s1_3 * al_s1_2y;
-        let t4_71 = (-cos_s1_3).mul_add(al_s1_2z, t4_70);
-        let al_3z = d_s1_3.mul_add(w_3y, t4_71);
-        let t4_72 = al_3z - t4_17;
-        let t4_73 = t4_72 * t4_7;
-        let t4_74 = w_3z * w_3z;
-        let t4_75 = t4_60 - t4_74;
-        let t4_76 = t4_75.mul_add(t4_13, t4_73);
-        let t4_77 = al_3x + t4_57;
-        let w_ixz_3_q2 = t4_77.mul_add(t4_21, t4_76);
-        let t4_78 = t4_72 * t4_26;
-        let t4_79 = t4_75.mul_add(t4_29, t4_78);
-        let w_ixz_3_q7 = t4_77.mul_add(t4_34, t4_79);
-        let t4_80 = t4_72 * t4_39;
-        let t4_81 = t4_75.mul_add(t4_42, t4_80);
-        let w_ixz_3_q9 = t4_77.mul_add(t4_47, t4_81);
+        let t5_17 = sin_s1_3 * x_s1_2_q2;
+        let t5_18 = (-u_3_q2z).mul_add(x_s1_1_q2, t5_17);
+        let t5_19 = e_3_q1z.mul_add(x_q1_q2, t5_18);
+        let t5_20 = t5_15 * t5_19;
+        let t5_21 = al_3x.mul_add(t5_6, t5_20);
+        let w_ixx_3_q2 = t5_21 - t5_13;
+        let t5_22 = -w_ixx_3_q2;
+        let t5_23 = (-sin_s1_2).mul_add(x_s1_1_q7, x_s1_3_q7);
+        let t5_24 = e_s1_2_q1x.mul_add(x_q1_q7, t5_23);
+        let t5_25 = cos_s1_3 * x_s1_2_q7;
+        let t5_26 = u_3_q2y.mul_add(x_s1_1_q7, t5_25);
+        let t5_27 = e_3_q1y.mul_add(x_q1_q7, t5_26);
+        let t5_28 = t5_9 * t5_27;
+        let t5_29 = sin_s1_3 * x_s1_2_q7;
+        let t5_30 = (-u_3_q2z).mul_add(x_s1_1_q7, t5_29);
+        let t5_31 = e_3_q1z.mul_add(x_q1_q7, t5_30);
+        let t5_32 = t5_15 * t5_31;
+        let t5_33 = al_3x.mul_add(t5_24, t5_32);
+        let w_ixx_3_q7 = t5_33 - t5_28;
+        let t5_34 = -w_ixx_3_q7;
+        let t5_35 = (-sin_s1_2).mul_add(x_s1_1_q9, x_s1_3_q9);
+        let t5_36 = e_s1_2_q1x.mul_add(x_q1_q9, t5_35);
+        let t5_37 = cos_s1_3 * x_s1_2_q9;
+        let t5_38 = u_3_q2y.mul_add(x_s1_1_q9, t5_37);
+        let t5_39 = e_3_q1y.mul_add(x_q1_q9, t5_38);
+        let t5_40 = t5_9 * t5_39;
+        let t5_41 = sin_s1_3 * x_s1_2_q9;
+        let t5_42 = (-u_3_q2z).mul_add(x_s1_1_q9, t5_41);
+        let t5_43 = e_3_q1z.mul_add(x_q1_q9, t5_42);
+        let t5_44 = t5_15 * t5_43;
+        let t5_45 = al_3x.mul_add(t5_36, t5_44);
+        let w_ixx_3_q9 = t5_45 - t5_40;
+        let t5_46 = -w_ixx_3_q9;
+        w[20] = [t5_22, t5_34, t5_46];
+        let t5_47 = (-d_s1_1).mul_add(w_s1_1x, dd_s1_2);
+        let al_s1_2y = cos_s1_1.mul_add(dd_q1, t5_47);
+        let t5_48 = sin_s1_2 * al_s1_1x;
+        let t5_49 = (-d_s1_2).mul_add(w_s1_2x, t5_48);
+        let al_s1_2z = cos_s1_2.mul_add(dd_s1_1, t5_49);
+        let t5_50 = sin_s1_3 * al_s1_2z;
+        let t5_51 = (-d_s1_3).mul_add(w_3z, t5_50);
+        let al_3y = cos_s1_3.mul_add(al_s1_2y, t5_51);
+        let t5_52 = al_3y + t5_9;
+        let t5_53 = w_3y * w_3z;
+        let t5_54 = al_3x - t5_53;
+        let t5_55 = w_3x * w_3x;
+        let t5_56 = w_3y * w_3y;
+        let t5_57 = t5_55 - t5_56;
+        let t5_58 = t5_54 * t5_12;
+        let t5_59 = (-t5_57).mul_add(t5_19, t5_58);
+        let w_ixy_3_q2 = t5_52.mul_add(t5_6, t5_59);
+        let t5_60 = -w_ixy_3_q2;
+        let t5_61 = t5_54 * t5_27;
+        let t5_62 = (-t5_57).mul_add(t5_31, t5_61);
+        let w_ixy_3_q7 = t5_52.mul_add(t5_24, t5_62);
+        let t5_63 = -w_ixy_3_q7;
+        let t5_64 = t5_54 * t5_39;
+        let t5_65 = (-t5_57).mul_add(t5_43, t5_64);
+        let w_ixy_3_q9 = t5_52.mul_add(t5_36, t5_65);
+        let t5_66 = -w_ixy_3_q9;
+        w[21] = [t5_60, t5_63, t5_66];
+        let t5_67 = d_s1_3 * w_3y;
+        let t5_68 = (-cos_s1_3).mul_add(al_s1_2z, t5_67);
+        let al_3z = sin_s1_3.mul_add(al_s1_2y, t5_68);
+        let t5_69 = al_3z - t5_15;
+        let t5_70 = w_3z * w_3z;
+        let t5_71 = t5_55 - t5_70;
+        let t5_72 = al_3x + t5_53;
+        let t5_73 = t5_72 * t5_19;
+        let t5_74 = t5_71.mul_add(t5_12, t5_73);
+        let w_ixz_3_q2 = t5_69.mul_add(t5_6, t5_74);
+        let t5_75 = t5_72 * t5_31;
+        let t5_76 = t5_71.mul_add(t5_27, t5_75);
+        let w_ixz_3_q7 = t5_69.mul_add(t5_24, t5_76);
+        let t5_77 = t5_72 * t5_43;
+        let t5_78 = t5_71.mul_add(t5_39, t5_77);
+        let w_ixz_3_q9 = t5_69.mul_add(t5_36, t5_78);
         w[22] = [w_ixz_3_q2, w_ixz_3_q7, w_ixz_3_q9];
-        let t4_82 = t4_57 * t4_7;
-        let t4_83 = al_3y.mul_add(t4_13, t4_82);
-        let w_iyy_3_q2 = t4_22 - t4_83;
-        let t4_84 = t4_57 * t4_26;
-        let t4_85 = al_3y.mul_add(t4_29, t4_84);
-        let w_iyy_3_q7 = t4_35 - t4_85;
-        let t4_86 = t4_57 * t4_39;
-        let t4_87 = al_3y.mul_add(t4_42, t4_86);
-        let w_iyy_3_q9 = t4_48 - t4_87;
+        let t5_79 = t5_53 * t5_6;
+        let t5_80 = (-al_3y).mul_add(t5_12, t5_20);
+        let w_iyy_3_q2 = t5_80 - t5_79;
+        let t5_81 = t5_53 * t5_24;
+        let t5_82 = (-al_3y).mul_add(t5_27, t5_32);
+        let w_iyy_3_q7 = t5_82 - t5_81;
+        let t5_83 = t5_53 * t5_36;
+        let t5_84 = (-al_3y).mul_add(t5_39, t5_44);
+        let w_iyy_3_q9 = t5_84 - t5_83;
         w[23] = [w_iyy_3_q2, w_iyy_3_q7, w_iyy_3_q9];
-        let t4_88 = t4_61 - t4_74;
-        let t4_89 = t4_88 * t4_7;
-        let t4_90 = al_3z + t4_17;
-        let t4_91 = (-t4_90).mul_add(t4_13, t4_89);
-        let t4_92 = al_3y - t4_10;
-        let w_iyz_3_q2 = (-t4_92).mul_add(t4_21, t4_91);
-        let t4_93 = -w_iyz_3_q2;
-        let t4_94 = t4_88 * t4_26;
-        let t4_95 = (-t4_90).mul_add(t4_29, t4_94);
-        let w_iyz_3_q7 = (-t4_92).mul_add(t4_34, t4_95);
-        let t4_96 = -w_iyz_3_q7;
-        let t4_97 = t4_88 * t4_39;
-        let t4_98 = (-t4_90).mul_add(t4_42, t4_97);
-        let w_iyz_3_q9 = (-t4_92).mul_add(t4_47, t4_98);
-        let t4_99 = -w_iyz_3_q9;
-        w[24] = [t4_93, t4_96, t4_99];
-        let t4_100 = t4_14 - t4_82;
-        let w_izz_3_q2 = al_3z.mul_add(t4_21, t4_100);
-        let t4_101 = -w_izz_3_q2;
-        let t4_102 = t4_30 - t4_84;
-        let w_izz_3_q7 = al_3z.mul_add(t4_34, t4_102);
-        let t4_103 = -w_izz_3_q7;
-        let t4_104 = t4_43 - t4_86;
-        let w_izz_3_q9 = al_3z.mul_add(t4_47, t4_104);
-        let t4_105 = -w_izz_3_q9;
-        w[25] = [t4_101, t4_103, t4_105];
+        let t5_85 = t5_56 - t5_70;
+        let t5_86 = al_3z + t5_15;
+        let t5_87 = al_3y - t5_9;
+        let t5_88 = t5_85 * t5_6;
+        let t5_89 = (-t5_87).mul_add(t5_19, t5_88);
+        let w_iyz_3_q2 = (-t5_86).mul_add(t5_12, t5_89);
+        let t5_90 = -w_iyz_3_q2;
+        let t5_91 = t5_85 * t5_24;
+        let t5_92 = (-t5_87).mul_add(t5_31, t5_91);
+        let w_iyz_3_q7 = (-t5_86).mul_add(t5_27, t5_92);
+        let t5_93 = -w_iyz_3_q7;
+        let t5_94 = t5_85 * t5_36;
+        let t5_95 = (-t5_87).mul_add(t5_43, t5_94);
+        let w_iyz_3_q9 = (-t5_86).mul_add(t5_39, t5_95);
+        let t5_96 = -w_iyz_3_q9;
+        w[24] = [t5_90, t5_93, t5_96];
+        let t5_97 = al_3z.mul_add(t5_19, t5_13);
+        let w_izz_3_q2 = t5_97 - t5_79;
+        let t5_98 = -w_izz_3_q2;
+        let t5_99 = al_3z.mul_add(t5_31, t5_28);
+        let w_izz_3_q7 = t5_99 - t5_81;
+        let t5_100 = -w_izz_3_q7;
+        let t5_101 = al_3z.mul_add(t5_43, t5_40);
+        let w_izz_3_q9 = t5_101 - t5_83;
+        let t5_102 = -w_izz_3_q9;
+        w[25] = [t5_98, t5_100, t5_102];
         let a_s1_1y = sin_s1_1 * a_2x;
-        let t4_106 = cos_s1_3 * a_s1_1y;
-        let t4_107 = cos_s1_2 * a_2z;
         let a_s1_1x = cos_s1_1 * a_2x;
-        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t4_107);
-        let a_3y = sin_s1_3.mul_add(a_s1_2z, t4_106);
-        let t4_108 = a_3y * t4_21;
-        let t4_109 = sin_s1_3 * a_s1_1y;
-        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t4_109);
-        let t4_110 = (-a_3z).mul_add(t4_13, t4_108);
-        let t4_111 = t4_61 + t4_74;
+        let t5_103 = cos_s1_2 * a_2z;
+        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t5_103);
+        let t5_104 = sin_s1_3 * a_s1_2z;
+        let a_3y = cos_s1_3.mul_add(a_s1_1y, t5_104);
+        let t5_105 = sin_s1_3 * a_s1_1y;
+        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t5_105);
+        let t5_106 = t5_56 + t5_70;
         let u_s1_1_q1x = q2 * cos_s1_1;
         let u_s1_2_q1x = cos_s1_2 * u_s1_1_q1x;
-        let t4_112 = u_s1_2_q1x.mul_add(x_q1_q2, sin_s1_2);
-        let t4_113 = t4_111 * t4_112;
+        let t5_107 = u_s1_2_q1x.mul_add(x_q1_q2, sin_s1_2);
         let u_s1_1_q1y = q2 * sin_s1_1;
-        let t4_114 = cos_s1_3 * u_s1_1_q1y;
         let u_s1_2_q1z = sin_s1_2 * u_s1_1_q1x;
-        let u_3_q1y = (-sin_s1_3).mul_add(u_s1_2_q1z, t4_114);
-        let t4_115 = u_3_q1y.mul_add(x_q1_q2, u_3_q2y);
-        let t4_116 = (-t4_72).mul_add(t4_115, t4_113);
-        let t4_117 = sin_s1_3 * u_s1_1_q1y;
-        let u_3_q1z = cos_s1_3.mul_add(u_s1_2_q1z, t4_117);
-        let t4_118 = (-u_3_q1z).mul_add(x_q1_q2, u_3_q2z);
-        let t4_119 = (-t4_55).mul_add(t4_118, t4_116);
-        let w_mx_3_q2 = t4_110 + t4_119;
-        let t4_120 = a_3y * t4_34;
-        let t4_121 = (-a_3z).mul_add(t4_29, t4_120);
-        let t4_122 = u_s1_2_q1x * x_q1_q7;
-        let t4_123 = t4_111 * t4_122;
-        let t4_124 = u_3_q1y * x_q1_q7;
-        let t4_125 = (-t4_72).mul_add(t4_124, t4_123);
-        let t4_126 = u_3_q1z * x_q1_q7;
-        let t4_127 = t4_55.mul_add(t4_126, t4_125);
-        let w_mx_3_q7 = t4_121 + t4_127;
-        let t4_128 = a_3y * t4_47;
-        let t4_129 = (-a_3z).mul_add(t4_42, t4_128);
-        let t4_130 = u_s1_2_q1x * x_q1_q9;
-        let t4_131 = t4_111 * t4_130;
-        let t4_132 = u_3_q1y * x_q1_q9;
-        let t4_133 = (-t4_72).mul_add(t4_132, t4_131);
-        let t4_134 = u_3_q1z * x_q1_q9;
-        let t4_135 = t4_55.mul_add(t4_134, t4_133);
-        let w_mx_3_q9 = t4_129 + t4_135;
+        let t5_108 = cos_s1_3 * u_s1_1_q1y;
+        let u_3_q1y = (-sin_s1_3).mul_add(u_s1_2_q1z, t5_108);
+        let t5_109 = u_3_q1y.mul_add(x_q1_q2, u_3_q2y);
+        let t5_110 = cos_s1_3 * u_s1_2_q1z;
+        let u_3_q1z = sin_s1_3.mul_add(u_s1_1_q1y, t5_110);
+        let t5_111 = (-u_3_q1z).mul_add(x_q1_q2, u_3_q2z);
+        let t5_112 = a_3y * t5_19;
+        let t5_113 = (-a_3z).mul_add(t5_12, t5_112);
+        let t5_114 = (-t5_52).mul_add(t5_111, t5_113);
+        let t5_115 = (-t5_69).mul_add(t5_109, t5_114);
+        let w_mx_3_q2 = t5_106.mul_add(t5_107, t5_115);
+        let t5_116 = u_s1_2_q1x * x_q1_q7;
+        let t5_117 = u_3_q1y * x_q1_q7;
+        let t5_118 = u_3_q1z * x_q1_q7;
+        let t5_119 = a_3y * t5_31;
+        let t5_120 = (-a_3z).mul_add(t5_27, t5_119);
+        let t5_121 = t5_52.mul_add(t5_118, t5_120);
+        let t5_122 = (-t5_69).mul_add(t5_117, t5_121);
+        let w_mx_3_q7 = t5_106.mul_add(t5_116, t5_122);
+        let t5_123 = u_s1_2_q1x * x_q1_q9;
+        let t5_124 = u_3_q1y * x_q1_q9;
+        let t5_125 = u_3_q1z * x_q1_q9;
+        let t5_126 = a_3y * t5_43;
+        let t5_127 = (-a_3z).mul_add(t5_39, t5_126);
+        let t5_128 = t5_52.mul_add(t5_125, t5_127);
+        let t5_129 = (-t5_69).mul_add(t5_124, t5_128);
+        let w_mx_3_q9 = t5_106.mul_add(t5_123, t5_129);
         w[26] = [w_mx_3_q2, w_mx_3_q7, w_mx_3_q9];
-        let t4_136 = a_3z * t4_7;
-        let t4_137 = sin_s1_2 * a_2z;
-        let a_s1_2x = cos_s1_2.mul_add(a_s1_1x, t4_137);
-        let t4_138 = a_s1_2x.mul_add(t4_21, t4_136);
-        let t4_139 = t4_90 * t4_112;
-        let t4_140 = t4_60 + t4_74;
-        let t4_141 = t4_140.mul_add(t4_115, t4_139);
-        let t4_142 = (-t4_58).mul_add(t4_118, t4_141);
-        let w_my_3_q2 = t4_138 - t4_142;
-        let t4_143 = a_3z * t4_26;
-        let t4_144 = a_s1_2x.mul_add(t4_34, t4_143);
-        let t4_145 = t4_90 * t4_122;
-        let t4_146 = t4_140.mul_add(t4_124, t4_145);
-        let t4_147 = t4_58.mul_add(t4_126, t4_146);
-        let w_my_3_q7 = t4_144 - t4_147;
-        let t4_148 = a_3z * t4_39;
-        let t4_149 = a_s1_2x.mul_add(t4_47, t4_148);
-        let t4_150 = t4_90 * t4_130;
-        let t4_151 = t4_140.mul_add(t4_132, t4_150);
-        let t4_152 = t4_58.mul_add(t4_134, t4_151);
-        let w_my_3_q9 = t4_149 - t4_152;
+        let t5_130 = cos_s1_2 * a_s1_1x;
+        let a_s1_2x = sin_s1_2.mul_add(a_2z, t5_130);
+        let t5_131 = t5_55 + t5_70;
+        let t5_132 = a_s1_2x * t5_19;
+        let t5_133 = a_3z.mul_add(t5_6, t5_132);
+        let t5_134 = t5_54.mul_add(t5_111, t5_133);
+        let t5_135 = (-t5_131).mul_add(t5_109, t5_134);
+        let w_my_3_q2 = (-t5_86).mul_add(t5_107, t5_135);
+        let t5_136 = a_s1_2x * t5_31;
+        let t5_137 = a_3z.mul_add(t5_24, t5_136);
+        let t5_138 = (-t5_54).mul_add(t5_118, t5_137);
+        let t5_139 = (-t5_131).mul_add(t5_117, t5_138);
+        let w_my_3_q7 = (-t5_86).mul_add(t5_116, t5_139);
+        let t5_140 = a_s1_2x * t5_43;
+        let t5_141 = a_3z.mul_add(t5_36, t5_140);
+        let t5_142 = (-t5_54).mul_add(t5_125, t5_141);
+        let t5_143 = (-t5_131).mul_add(t5_124, t5_142);
+        let w_my_3_q9 = (-t5_86).mul_add(t5_123, t5_143);
         w[27] = [w_my_3_q2, w_my_3_q7, w_my_3_q9];
-        let t4_153 = a_s1_2x * t4_13;
-        let t4_154 = a_3y.mul_add(t4_7, t4_153);
-        let t4_155 = t4_92 * t4_112;
-        let t4_156 = t4_77.mul_add(t4_115, t4_155);
-        let t4_157 = t4_60 + t4_61;
-        let t4_158 = t4_157.mul_add(t4_118, t4_156);
-        let w_mz_3_q2 = t4_154 - t4_158;
-        let t4_159 = a_s1_2x * t4_29;
-        let t4_160 = a_3y.mul_add(t4_26, t4_159);
-        let t4_161 = t4_92 * t4_122;
-        let t4_162 = t4_77.mul_add(t4_124, t4_161);
-        let t4_163 = (-t4_157).mul_add(t4_126, t4_162);
-        let w_mz_3_q7 = t4_160 - t4_163;
-        let t4_164 = a_s1_2x * t4_42;
-        let t4_165 = a_3y.mul_add(t4_39, t4_164);
-        let t4_166 = t4_92 * t4_130;
-        let t4_167 = t4_77.mul_add(t4_132, t4_166);
-        let t4_168 = (-t4_157).mul_add(t4_134, t4_167);
-        let w_mz_3_q9 = t4_165 - t4_168;
+        let t5_144 = t5_55 + t5_56;
+        let t5_145 = a_3y * t5_6;
+        let t5_146 = a_s1_2x.mul_add(t5_12, t5_145);
+        let t5_147 = (-t5_144).mul_add(t5_111, t5_146);
+        let t5_148 = (-t5_72).mul_add(t5_109, t5_147);
+        let w_mz_3_q2 = (-t5_87).mul_add(t5_107, t5_148);
+        let t5_149 = a_3y * t5_24;
+        let t5_150 = a_s1_2x.mul_add(t5_27, t5_149);
+        let t5_151 = t5_144.mul_add(t5_118, t5_150);
+        let t5_152 = (-t5_72).mul_add(t5_117, t5_151);
+        let w_mz_3_q7 = (-t5_87).mul_add(t5_116, t5_152);
+        let t5_153 = a_3y * t5_36;
+        let t5_154 = a_s1_2x.mul_add(t5_39, t5_153);
+        let t5_155 = t5_144.mul_add(t5_125, t5_154);
+        let t5_156 = (-t5_72).mul_add(t5_124, t5_155);
+        let w_mz_3_q9 = (-t5_87).mul_add(t5_123, t5_156);
         w[28] = [w_mz_3_q2, w_mz_3_q7, w_mz_3_q9];
-        let t4_169 = a_s1_2x * t4_112;
-        let t4_170 = a_3y.mul_add(t4_115, t4_169);
-        let w_m_3_q2 = (-a_3z).mul_add(t4_118, t4_170);
-        let t4_171 = a_s1_2x * t4_122;
-        let t4_172 = a_3y.mul_add(t4_124, t4_171);
-        let w_m_3_q7 = a_3z.mul_add(t4_126, t4_172);
-        let t4_173 = a_s1_2x * t4_130;
-        let t4_174 = a_3y.mul_add(t4_132, t4_173);
-        let w_m_3_q9 = a_3z.mul_add(t4_134, t4_174);
+        let t5_157 = a_3y * t5_109;
+        let t5_158 = (-a_3z).mul_add(t5_111, t5_157);
+        let w_m_3_q2 = a_s1_2x.mul_add(t5_107, t5_158);
+        let t5_159 = a_3z * t5_118;
+        let t5_160 = a_3y.mul_add(t5_117, t5_159);
+        let w_m_3_q7 = a_s1_2x.mul_add(t5_116, t5_160);
+        let t5_161 = a_3z * t5_125;
+        let t5_162 = a_3y.mul_add(t5_124, t5_161);
+        let w_m_3_q9 = a_s1_2x.mul_add(t5_123, t5_162);
         w[29] = [w_m_3_q2, w_m_3_q7, w_m_3_q9];
     }
     // body 4: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [t5_1, t5_2, t5_3] = {
+    let [t6_1, t6_2, t6_3, a_4y, t6_4] = {
         let w_izz_4_q2 = dd_q6 * x_q6_q2;
-        let t5_1 = -w_izz_4_q2;
+        let t6_1 = -w_izz_4_q2;
         let w_izz_4_q7 = dd_q6 * x_q6_q7;
-        let t5_2 = -w_izz_4_q7;
+        let t6_2 = -w_izz_4_q7;
         let w_izz_4_q9 = dd_q6 * x_q6_q9;
-        let t5_3 = -w_izz_4_q9;
-        w[35] = [t5_1, t5_2, t5_3];
-        let t5_4 = cos_q6 * x_q6_q2;
-        let w_mx_4_q2 = like.lift(9.81) * t5_4;
-        let t5_5 = cos_q6 * x_q6_q7;
-        let w_mx_4_q7 = like.lift(9.81) * t5_5;
-        let t5_6 = cos_q6 * x_q6_q9;
-        let w_mx_4_q9 = like.lift(9.81) * t5_6;
+        let t6_3 = -w_izz_4_q9;
+        w[35] = [t6_1, t6_2, t6_3];
+        let a_4y = like.lift(9.81) * cos_q6;
+        let w_mx_4_q2 = x_q6_q2 * a_4y;
+        let w_mx_4_q7 = x_q6_q7 * a_4y;
+        let w_mx_4_q9 = x_q6_q9 * a_4y;
         w[36] = [w_mx_4_q2, w_mx_4_q7, w_mx_4_q9];
-        let t5_7 = sin_q6 * x_q6_q2;
-        let w_my_4_q2 = like.lift(9.81) * t5_7;
-        let t5_8 = -w_my_4_q2;
-        let t5_9 = sin_q6 * x_q6_q7;
-        let w_my_4_q7 = like.lift(9.81) * t5_9;
-        let t5_10 = -w_my_4_q7;
-        let t5_11 = sin_q6 * x_q6_q9;
-        let w_my_4_q9 = like.lift(9.81) * t5_11;
-        let t5_12 = -w_my_4_q9;
-        w[37] = [t5_8, t5_10, t5_12];
-        w[30] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[31] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[32] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[33] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[34] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[38] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[39] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        [t5_1, t5_2, t5_3]
+        let t6_4 = like.lift(9.81) * sin_q6;
+        let w_my_4_q2 = x_q6_q2 * t6_4;
+        let t6_5 = -w_my_4_q2;
+        let w_my_4_q7 = x_q6_q7 * t6_4;
+        let t6_6 = -w_my_4_q7;
+        let w_my_4_q9 = x_q6_q9 * t6_4;
+        let t6_7 = -w_my_4_q9;
+        w[37] = [t6_5, t6_6, t6_7];
+        [t6_1, t6_2, t6_3, a_4y, t6_4]
     };
     // body 5: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let a_4y = like.lift(9.81) * cos_q6;
-        let t6_1 = dd_q7 + a_4y;
-        let w_mx_5_q2 = x_q6_q2 * t6_1;
-        let t6_2 = d_q6 * d_q6;
-        let t6_3 = (-q7).mul_add(t6_2, a_4y);
-        let a_5z = dd_q7 + t6_3;
-        let t6_4 = q7 * x_q6_q7;
-        let t6_5 = (-t6_2).mul_add(t6_4, dd_q6);
-        let w_mx_5_q7 = x_q6_q7.mul_add(a_5z, -t6_5);
-        let w_mx_5_q9 = x_q6_q9 * t6_1;
+        let t7_1 = dd_q7 + a_4y;
+        let w_mx_5_q2 = x_q6_q2 * t7_1;
+        let t7_2 = d_q6 * d_q6;
+        let t7_3 = (-q7).mul_add(t7_2, dd_q7);
+        let a_5z = t7_3 + a_4y;
+        let t7_4 = q7 * x_q6_q7;
+        let t7_5 = x_q6_q7.mul_add(a_5z, -dd_q6);
+        let w_mx_5_q7 = t7_2.mul_add(t7_4, t7_5);
+        let w_mx_5_q9 = x_q6_q9 * t7_1;
         w[46] = [w_mx_5_q2, w_mx_5_q7, w_mx_5_q9];
-        let t6_6 = q7 * dd_q6;
-        let a_4x = like.lift(9.81) * sin_q6;
-        let t6_7 = a_4x - t6_6;
-        let t6_8 = d_q6 * d_q7;
-        let a_5x = like.lift(-2.0).mul_add(t6_8, t6_7);
-        let t6_9 = t6_6 - a_5x;
-        let w_mz_5_q2 = x_q6_q2 * t6_9;
-        let t6_10 = -w_mz_5_q2;
-        let t6_11 = dd_q6.mul_add(t6_4, t6_2);
-        let w_mz_5_q7 = x_q6_q7.mul_add(a_5x, -t6_11);
-        let w_mz_5_q9 = x_q6_q9 * t6_9;
-        let t6_12 = -w_mz_5_q9;
-        w[48] = [t6_10, w_mz_5_q7, t6_12];
-        let t6_13 = q7 * a_5x;
-        let w_m_5_q2 = x_q6_q2 * t6_13;
-        let w_m_5_q7 = a_5x.mul_add(t6_4, a_5z);
-        let w_m_5_q9 = x_q6_q9 * t6_13;
+        let t7_6 = q7 * dd_q6;
+        let t7_7 = like.lift(2.0) * d_q6;
+        let t7_8 = (-t7_7).mul_add(d_q7, t6_4);
+        let a_5x = t7_8 - t7_6;
+        let t7_9 = t7_6 - a_5x;
+        let w_mz_5_q2 = x_q6_q2 * t7_9;
+        let t7_10 = -w_mz_5_q2;
+        let t7_11 = x_q6_q7.mul_add(a_5x, -t7_2);
+        let w_mz_5_q7 = (-dd_q6).mul_add(t7_4, t7_11);
+        let w_mz_5_q9 = x_q6_q9 * t7_9;
+        let t7_12 = -w_mz_5_q9;
+        w[48] = [t7_10, w_mz_5_q7, t7_12];
+        let t7_13 = q7 * a_5x;
+        let w_m_5_q2 = x_q6_q2 * t7_13;
+        let w_m_5_q7 = a_5x.mul_add(t7_4, a_5z);
+        let w_m_5_q9 = x_q6_q9 * t7_13;
         w[49] = [w_m_5_q2, w_m_5_q7, w_m_5_q9];
-        w[40] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[41] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[42] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[43] = [t5_1, t5_2, t5_3];
-        w[44] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[45] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[47] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        w[43] = [t6_1, t6_2, t6_3];
     }
     // body 6: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [t7_1, t7_2, t7_3] = {
+    let [t8_1, t8_2, t8_3, a_6y, t8_4] = {
         let w_izz_6_q2 = dd_q8 * x_q8_q2;
-        let t7_1 = -w_izz_6_q2;
+        let t8_1 = -w_izz_6_q2;
         let w_izz_6_q7 = dd_q8 * x_q8_q7;
-        let t7_2 = -w_izz_6_q7;
+        let t8_2 = -w_izz_6_q7;
         let w_izz_6_q9 = dd_q8 * x_q8_q9;
-        let t7_3 = -w_izz_6_q9;
-        w[55] = [t7_1, t7_2, t7_3];
-        let t7_4 = cos_q8 * x_q8_q2;
-        let w_mx_6_q2 = like.lift(9.81) * t7_4;
-        let t7_5 = cos_q8 * x_q8_q7;
-        let w_mx_6_q7 = like.lift(9.81) * t7_5;
-        let t7_6 = cos_q8 * x_q8_q9;
-        let w_mx_6_q9 = like.lift(9.81) * t7_6;
+        let t8_3 = -w_izz_6_q9;
+        w[55] = [t8_1, t8_2, t8_3];
+        let a_6y = like.lift(9.81) * cos_q8;
+        let w_mx_6_q2 = x_q8_q2 * a_6y;
+        let w_mx_6_q7 = x_q8_q7 * a_6y;
+        let w_mx_6_q9 = x_q8_q9 * a_6y;
         w[56] = [w_mx_6_q2, w_mx_6_q7, w_mx_6_q9];
-        let t7_7 = sin_q8 * x_q8_q2;
-        let w_my_6_q2 = like.lift(9.81) * t7_7;
-        let t7_8 = -w_my_6_q2;
-        let t7_9 = sin_q8 * x_q8_q7;
-        let w_my_6_q7 = like.lift(9.81) * t7_9;
-        let t7_10 = -w_my_6_q7;
-        let t7_11 = sin_q8 * x_q8_q9;
-        let w_my_6_q9 = like.lift(9.81) * t7_11;
-        let t7_12 = -w_my_6_q9;
-        w[57] = [t7_8, t7_10, t7_12];
-        w[50] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[51] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[52] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[53] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[54] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[58] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[59] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        [t7_1, t7_2, t7_3]
+        let t8_4 = like.lift(9.81) * sin_q8;
+        let w_my_6_q2 = x_q8_q2 * t8_4;
+        let t8_5 = -w_my_6_q2;
+        let w_my_6_q7 = x_q8_q7 * t8_4;
+        let t8_6 = -w_my_6_q7;
+        let w_my_6_q9 = x_q8_q9 * t8_4;
+        let t8_7 = -w_my_6_q9;
+        w[57] = [t8_5, t8_6, t8_7];
+        [t8_1, t8_2, t8_3, a_6y, t8_4]
     };
     // body 7: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let a_6y = like.lift(9.81) * cos_q8;
-        let t8_1 = dd_q9 + a_6y;
-        let w_mx_7_q2 = x_q8_q2 * t8_1;
-        let w_mx_7_q7 = x_q8_q7 * t8_1;
-        let t8_2 = d_q8 * d_q8;
-        let t8_3 = (-q9).mul_add(t8_2, a_6y);
-        let a_7z = dd_q9 + t8_3;
-        let t8_4 = q9 * x_q8_q9;
-        let t8_5 = (-t8_2).mul_add(t8_4, dd_q8);
-        let w_mx_7_q9 = x_q8_q9.mul_add(a_7z, -t8_5);
+        let t9_1 = dd_q9 + a_6y;
+        let w_mx_7_q2 = x_q8_q2 * t9_1;
+        let w_mx_7_q7 = x_q8_q7 * t9_1;
+        let t9_2 = d_q8 * d_q8;
+        let t9_3 = (-q9).mul_add(t9_2, dd_q9);
+        let a_7z = t9_3 + a_6y;
+        let t9_4 = q9 * x_q8_q9;
+        let t9_5 = x_q8_q9.mul_add(a_7z, -dd_q8);
+        let w_mx_7_q9 = t9_2.mul_add(t9_4, t9_5);
         w[66] = [w_mx_7_q2, w_mx_7_q7, w_mx_7_q9];
-        let t8_6 = q9 * dd_q8;
-        let a_6x = like.lift(9.81) * sin_q8;
-        let t8_7 = a_6x - t8_6;
-        let t8_8 = d_q8 * d_q9;
-        let a_7x = like.lift(-2.0).mul_add(t8_8, t8_7);
-        let t8_9 = t8_6 - a_7x;
-        let w_mz_7_q2 = x_q8_q2 * t8_9;
-        let t8_10 = -w_mz_7_q2;
-        let w_mz_7_q7 = x_q8_q7 * t8_9;
-        let t8_11 = -w_mz_7_q7;
-        let t8_12 = dd_q8.mul_add(t8_4, t8_2);
-        let w_mz_7_q9 = x_q8_q9.mul_add(a_7x, -t8_12);
-        w[68] = [t8_10, t8_11, w_mz_7_q9];
-        let t8_13 = q9 * a_7x;
-        let w_m_7_q2 = x_q8_q2 * t8_13;
-        let w_m_7_q7 = x_q8_q7 * t8_13;
-        let w_m_7_q9 = a_7x.mul_add(t8_4, a_7z);
+        let t9_6 = q9 * dd_q8;
+        let t9_7 = like.lift(2.0) * d_q8;
+        let t9_8 = (-t9_7).mul_add(d_q9, t8_4);
+        let a_7x = t9_8 - t9_6;
+        let t9_9 = t9_6 - a_7x;
+        let w_mz_7_q2 = x_q8_q2 * t9_9;
+        let t9_10 = -w_mz_7_q2;
+        let w_mz_7_q7 = x_q8_q7 * t9_9;
+        let t9_11 = -w_mz_7_q7;
+        let t9_12 = x_q8_q9.mul_add(a_7x, -t9_2);
+        let w_mz_7_q9 = (-dd_q8).mul_add(t9_4, t9_12);
+        w[68] = [t9_10, t9_11, w_mz_7_q9];
+        let t9_13 = q9 * a_7x;
+        let w_m_7_q2 = x_q8_q2 * t9_13;
+        let w_m_7_q7 = x_q8_q7 * t9_13;
+        let w_m_7_q9 = a_7x.mul_add(t9_4, a_7z);
         w[69] = [w_m_7_q2, w_m_7_q7, w_m_7_q9];
-        w[60] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[61] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[62] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[63] = [t7_1, t7_2, t7_3];
-        w[64] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[65] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[67] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        w[63] = [t8_1, t8_2, t8_3];
     }
     Condition { pivot: condition }
 }
@@ -2473,7 +2383,7 @@ pub fn regressor<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &mut [[T; 
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
 ///
-/// 220 additions, 359 multiplications, 6 divisions, 6 sines and cosines.
+/// 220 additions, 335 multiplications, 6 divisions, 6 sines and cosines.
 pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -2488,271 +2398,288 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
         p_iyy_7, _, _, p_mx_7, _, p_mz_7, p_m_7,
     ] = *phi;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, sin_s1_1, cos_s1_1, sin_q6,
+        cos_q6, sin_q8, cos_q8,
+    ] = {
+        let [
+            (sin_q1, cos_q1), (sin_s1_2, cos_s1_2), (sin_s1_3, cos_s1_3), (sin_s1_1, cos_s1_1),
+            (sin_q6, cos_q6), (sin_q8, cos_q8),
+        ] =
+            T::sin_cos_all([q1, s1_2, s1_3, s1_1, q6, q8]);
+        [
+            sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, sin_s1_1, cos_s1_1, sin_q6,
+            cos_q6, sin_q8, cos_q8,
+        ]
+    };
     // tau, part 1
     let [
-        sin_q1, cos_q1, sin_s1_2, cos_s1_2, t1_57, t1_93, t1_107, t1_111, t1_125, t1_130,
-        t1_131, t1_133, t1_138, sin_q6, cos_q6, t1_139, t1_141, t1_146, t1_147, t1_149, t1_154,
-        t1_155, t1_156, t1_160, t1_164, pivot_1, t1_171, t1_172, t1_176, t1_178, t1_180,
-        sin_q8, cos_q8, t1_181, t1_183, t1_191, t1_192, t1_195, t1_196, t1_198, t1_199, t1_200,
-        t1_202, t1_204, t1_206, t1_207, t1_208, t1_209, t1_211, t1_212, t1_213,
+        t2_1, a_2z, t2_44, t2_52, t2_76, t2_87, t2_91, t2_110, t2_116, t2_118, t2_122, t2_123,
+        t2_125, t2_130, t2_131, t2_132, t2_137, t2_138, t2_139, t2_143, t2_146, pivot_1,
+        t2_154, t2_159, t2_161, t2_163, t2_166, t2_174, t2_175, t2_179, t2_182, t2_183, t2_185,
+        t2_187, t2_189, t2_190, t2_191, t2_192, t2_194, t2_195, t2_196, t2_198, t2_199, t2_200,
+        t2_201, t2_203, t2_204, pivot_3, inv_pivot_3, t2_206, t2_207, t2_209, pivot_4,
+        inv_pivot_4, t2_211, pivot_5, inv_pivot_5, t2_212, t2_213, t2_214, t2_216, t2_218,
     ] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let a_1y = like.lift(9.81) * cos_q1;
-        let t1_1 = d_q1 * d_q1;
-        let t1_2 = (-q2).mul_add(t1_1, a_1y);
-        let a_2z = dd_q2 + t1_2;
-        let t1_3 = dd_q1 * p_mx_2;
-        let t1_4 = t1_1.mul_add(p_mz_2, t1_3);
-        let t1_5 = a_2z.mul_add(p_m_2, -t1_4);
-        let (sin_s1_2, cos_s1_2) = s1_2.sin_cos();
-        let (sin_s1_3, cos_s1_3) = s1_3.sin_cos();
-        let (sin_s1_1, cos_s1_1) = s1_1.sin_cos();
-        let a_1x = like.lift(9.81) * sin_q1;
-        let t1_6 = (-q2).mul_add(dd_q1, a_1x);
-        let t1_7 = d_q1 * d_q2;
-        let a_2x = like.lift(-2.0).mul_add(t1_7, t1_6);
+        let t2_1 = d_q1 * d_q1;
+        let t2_2 = (-q2).mul_add(t2_1, dd_q2);
+        let a_2z = like.lift(9.81).mul_add(cos_q1, t2_2);
+        let t2_3 = like.lift(9.81) * sin_q1;
+        let t2_4 = like.lift(2.0) * d_q1;
+        let t2_5 = (-t2_4).mul_add(d_q2, t2_3);
+        let a_2x = (-q2).mul_add(dd_q1, t2_5);
         let a_s1_1y = sin_s1_1 * a_2x;
-        let t1_8 = cos_s1_3 * a_s1_1y;
-        let t1_9 = cos_s1_2 * a_2z;
         let a_s1_1x = cos_s1_1 * a_2x;
-        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t1_9);
-        let a_3y = sin_s1_3.mul_add(a_s1_2z, t1_8);
-        let t1_10 = cos_s1_1 * dd_q1;
+        let t2_6 = cos_s1_2 * a_2z;
+        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t2_6);
+        let t2_7 = sin_s1_3 * a_s1_2z;
+        let a_3y = cos_s1_3.mul_add(a_s1_1y, t2_7);
         let w_s1_1x = sin_s1_1 * d_q1;
-        let al_s1_1y = (-d_s1_1).mul_add(w_s1_1x, t1_10);
-        let al_s1_2y = dd_s1_2 + al_s1_1y;
-        let t1_11 = sin_s1_3 * al_s1_2y;
-        let t1_12 = cos_s1_2 * dd_s1_1;
-        let t1_13 = sin_s1_1 * dd_q1;
+        let t2_8 = (-d_s1_1).mul_add(w_s1_1x, dd_s1_2);
+        let al_s1_2y = cos_s1_1.mul_add(dd_q1, t2_8);
         let w_s1_1y = cos_s1_1 * d_q1;
-        let al_s1_1x = d_s1_1.mul_add(w_s1_1y, t1_13);
-        let t1_14 = sin_s1_2.mul_add(al_s1_1x, t1_12);
-        let t1_15 = sin_s1_2 * d_s1_1;
-        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t1_15);
-        let al_s1_2z = (-d_s1_2).mul_add(w_s1_2x, t1_14);
-        let t1_16 = (-cos_s1_3).mul_add(al_s1_2z, t1_11);
+        let t2_9 = d_s1_1 * w_s1_1y;
+        let al_s1_1x = sin_s1_1.mul_add(dd_q1, t2_9);
+        let t2_10 = sin_s1_2 * d_s1_1;
+        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t2_10);
+        let t2_11 = sin_s1_2 * al_s1_1x;
+        let t2_12 = (-d_s1_2).mul_add(w_s1_2x, t2_11);
+        let al_s1_2z = cos_s1_2.mul_add(dd_s1_1, t2_12);
         let w_s1_2y = d_s1_2 + w_s1_1y;
-        let t1_17 = cos_s1_3 * w_s1_2y;
-        let t1_18 = cos_s1_2 * d_s1_1;
-        let w_s1_2z = sin_s1_2.mul_add(w_s1_1x, t1_18);
-        let w_3y = sin_s1_3.mul_add(w_s1_2z, t1_17);
-        let al_3z = d_s1_3.mul_add(w_3y, t1_16);
+        let t2_13 = sin_s1_2 * w_s1_1x;
+        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t2_13);
+        let t2_14 = sin_s1_3 * w_s1_2z;
+        let w_3y = cos_s1_3.mul_add(w_s1_2y, t2_14);
+        let t2_15 = d_s1_3 * w_3y;
+        let t2_16 = (-cos_s1_3).mul_add(al_s1_2z, t2_15);
+        let al_3z = sin_s1_3.mul_add(al_s1_2y, t2_16);
         let w_3x = d_s1_3 - w_s1_2x;
-        let t1_19 = w_3y * w_3x;
-        let t1_20 = al_3z - t1_19;
-        let t1_21 = t1_20 * p_mx_3;
-        let t1_22 = w_3x * w_3x;
-        let t1_23 = sin_s1_3 * w_s1_2y;
-        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t1_23);
-        let t1_24 = w_3z * w_3z;
-        let t1_25 = t1_22 + t1_24;
-        let t1_26 = t1_25.mul_add(p_my_3, t1_21);
-        let t1_27 = sin_s1_2 * dd_s1_1;
-        let t1_28 = (-cos_s1_2).mul_add(al_s1_1x, t1_27);
-        let al_s1_2x = d_s1_2.mul_add(w_s1_2z, t1_28);
-        let al_3x = dd_s1_3 - al_s1_2x;
-        let t1_29 = w_3y * w_3z;
-        let t1_30 = al_3x + t1_29;
-        let t1_31 = t1_30.mul_add(p_mz_3, t1_26);
-        let t1_32 = a_3y.mul_add(p_m_3, -t1_31);
-        let t1_33 = sin_s1_3 * t1_32;
-        let t1_34 = sin_s1_3 * a_s1_1y;
-        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t1_34);
-        let t1_35 = cos_s1_3 * al_s1_2y;
-        let t1_36 = sin_s1_3.mul_add(al_s1_2z, t1_35);
-        let al_3y = (-d_s1_3).mul_add(w_3z, t1_36);
-        let t1_37 = w_3z * w_3x;
-        let t1_38 = al_3y + t1_37;
-        let t1_39 = t1_38 * p_mx_3;
-        let t1_40 = al_3x - t1_29;
-        let t1_41 = (-t1_40).mul_add(p_my_3, t1_39);
-        let t1_42 = w_3y * w_3y;
-        let t1_43 = t1_22 + t1_42;
-        let t1_44 = t1_43.mul_add(p_mz_3, t1_41);
-        let t1_45 = a_3z.mul_add(p_m_3, t1_44);
-        let t1_46 = (-cos_s1_3).mul_add(t1_45, t1_33);
-        let t1_47 = cos_s1_2 * t1_46;
-        let t1_48 = sin_s1_2 * a_2z;
-        let a_s1_2x = cos_s1_2.mul_add(a_s1_1x, t1_48);
-        let t1_49 = t1_42 + t1_24;
-        let t1_50 = t1_49 * p_mx_3;
-        let t1_51 = al_3z + t1_19;
-        let t1_52 = (-t1_51).mul_add(p_my_3, t1_50);
-        let t1_53 = al_3y - t1_37;
-        let t1_54 = (-t1_53).mul_add(p_mz_3, t1_52);
-        let t1_55 = a_s1_2x.mul_add(p_m_3, t1_54);
-        let t1_56 = sin_s1_2.mul_add(t1_55, t1_47);
-        let t1_57 = t1_5 + t1_56;
-        let t1_58 = cos_q1 * p_mx_1;
-        let t1_59 = like.lift(9.81) * t1_58;
-        let t1_60 = sin_q1 * p_my_1;
-        let t1_61 = like.lift(-9.81).mul_add(t1_60, t1_59);
-        let t1_62 = dd_q1.mul_add(p_izz_1, -t1_61);
-        let t1_63 = a_2x * p_mz_2;
-        let t1_64 = a_2z.mul_add(p_mx_2, t1_63);
-        let t1_65 = dd_q1.mul_add(p_iyy_2, -t1_64);
-        let t1_66 = al_3x * p_ixy_3;
-        let t1_67 = al_3y.mul_add(p_iyy_3, t1_66);
-        let t1_68 = (-al_3z).mul_add(p_iyz_3, t1_67);
-        let t1_69 = p_ixx_3 - p_izz_3;
-        let t1_70 = t1_37 * t1_69;
-        let t1_71 = t1_22 - t1_24;
-        let t1_72 = t1_71.mul_add(p_ixz_3, t1_70);
-        let t1_73 = t1_29.mul_add(p_ixy_3, t1_72);
-        let t1_74 = t1_19.mul_add(p_iyz_3, t1_73);
-        let t1_75 = t1_68 - t1_74;
-        let t1_76 = a_s1_2x * p_mz_3;
-        let t1_77 = (-a_3z).mul_add(p_mx_3, t1_76);
-        let t1_78 = t1_75 - t1_77;
-        let t1_79 = sin_s1_3 * t1_78;
-        let t1_80 = al_3x * p_ixz_3;
-        let t1_81 = al_3y.mul_add(p_iyz_3, t1_80);
-        let t1_82 = (-al_3z).mul_add(p_izz_3, t1_81);
-        let t1_83 = p_ixx_3 - p_iyy_3;
-        let t1_84 = t1_19 * t1_83;
-        let t1_85 = t1_22 - t1_42;
-        let t1_86 = (-t1_85).mul_add(p_ixy_3, t1_84);
-        let t1_87 = t1_37.mul_add(p_iyz_3, t1_86);
-        let t1_88 = t1_29.mul_add(p_ixz_3, -t1_87);
-        let t1_89 = t1_82 + t1_88;
-        let t1_90 = a_3y * p_mx_3;
-        let t1_91 = a_s1_2x.mul_add(p_my_3, t1_90);
-        let t1_92 = t1_89 + t1_91;
-        let t1_93 = cos_s1_3.mul_add(t1_92, t1_79);
-        let t1_94 = sin_s1_2 * t1_93;
-        let t1_95 = al_3x * p_ixx_3;
-        let t1_96 = al_3y.mul_add(p_ixy_3, t1_95);
-        let t1_97 = (-al_3z).mul_add(p_ixz_3, t1_96);
-        let t1_98 = p_iyy_3 - p_izz_3;
-        let t1_99 = t1_29 * t1_98;
-        let t1_100 = t1_42 - t1_24;
-        let t1_101 = t1_100.mul_add(p_iyz_3, t1_99);
-        let t1_102 = t1_19.mul_add(p_ixz_3, t1_101);
-        let t1_103 = t1_37.mul_add(p_ixy_3, t1_102);
-        let t1_104 = t1_97 + t1_103;
-        let t1_105 = a_3z * p_my_3;
-        let t1_106 = a_3y.mul_add(p_mz_3, t1_105);
-        let t1_107 = t1_104 - t1_106;
-        let t1_108 = cos_s1_2.mul_add(t1_107, t1_94);
-        let t1_109 = sin_s1_1 * t1_108;
-        let t1_110 = cos_s1_3 * t1_78;
-        let t1_111 = (-sin_s1_3).mul_add(t1_92, t1_110);
-        let t1_112 = cos_s1_1.mul_add(t1_111, t1_109);
-        let t1_113 = t1_65 + t1_112;
-        let t1_114 = t1_1 * p_mx_2;
-        let t1_115 = (-dd_q1).mul_add(p_mz_2, t1_114);
-        let t1_116 = a_2x.mul_add(p_m_2, t1_115);
-        let t1_117 = sin_s1_2 * t1_46;
-        let t1_118 = (-cos_s1_2).mul_add(t1_55, t1_117);
-        let t1_119 = cos_s1_1 * t1_118;
-        let t1_120 = cos_s1_3 * t1_32;
-        let t1_121 = sin_s1_3.mul_add(t1_45, t1_120);
-        let t1_122 = (-sin_s1_1).mul_add(t1_121, t1_119);
-        let t1_123 = t1_116 - t1_122;
-        let t1_124 = (-q2).mul_add(t1_123, t1_113);
-        let t1_125 = t1_62 + t1_124;
-        let t1_126 = cos_q1 * q2;
-        let t1_127 = cos_q1 * sin_s1_2;
-        let t1_128 = sin_q1 * cos_s1_1;
-        let t1_129 = cos_s1_2.mul_add(t1_128, t1_127);
-        let t1_130 = like.lift(-0.4563).mul_add(t1_129, t1_126);
-        let t1_131 = -t1_130;
+        let t2_17 = w_3y * w_3x;
+        let t2_18 = al_3z - t2_17;
+        let t2_19 = w_3x * w_3x;
+        let t2_20 = sin_s1_3 * w_s1_2y;
+        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t2_20);
+        let t2_21 = w_3z * w_3z;
+        let t2_22 = t2_19 + t2_21;
+        let t2_23 = (-d_s1_2).mul_add(w_s1_2z, dd_s1_3);
+        let t2_24 = cos_s1_2.mul_add(al_s1_1x, t2_23);
+        let al_3x = (-sin_s1_2).mul_add(dd_s1_1, t2_24);
+        let t2_25 = w_3y * w_3z;
+        let t2_26 = al_3x + t2_25;
+        let t2_27 = a_3y * p_m_3;
+        let t2_28 = (-t2_26).mul_add(p_mz_3, t2_27);
+        let t2_29 = (-t2_22).mul_add(p_my_3, t2_28);
+        let t2_30 = (-t2_18).mul_add(p_mx_3, t2_29);
+        let t2_31 = sin_s1_3 * a_s1_1y;
+        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t2_31);
+        let t2_32 = sin_s1_3 * al_s1_2z;
+        let t2_33 = (-d_s1_3).mul_add(w_3z, t2_32);
+        let al_3y = cos_s1_3.mul_add(al_s1_2y, t2_33);
+        let t2_34 = w_3z * w_3x;
+        let t2_35 = al_3y + t2_34;
+        let t2_36 = al_3x - t2_25;
+        let t2_37 = w_3y * w_3y;
+        let t2_38 = t2_19 + t2_37;
+        let t2_39 = a_3z * p_m_3;
+        let t2_40 = t2_38.mul_add(p_mz_3, t2_39);
+        let t2_41 = (-t2_36).mul_add(p_my_3, t2_40);
+        let t2_42 = t2_35.mul_add(p_mx_3, t2_41);
+        let t2_43 = sin_s1_3 * t2_30;
+        let t2_44 = (-cos_s1_3).mul_add(t2_42, t2_43);
+        let t2_45 = cos_s1_2 * a_s1_1x;
+        let a_s1_2x = sin_s1_2.mul_add(a_2z, t2_45);
+        let t2_46 = t2_37 + t2_21;
+        let t2_47 = al_3z + t2_17;
+        let t2_48 = al_3y - t2_34;
+        let t2_49 = a_s1_2x * p_m_3;
+        let t2_50 = (-t2_48).mul_add(p_mz_3, t2_49);
+        let t2_51 = (-t2_47).mul_add(p_my_3, t2_50);
+        let t2_52 = t2_46.mul_add(p_mx_3, t2_51);
+        let t2_53 = p_ixx_3 - p_izz_3;
+        let t2_54 = t2_19 - t2_21;
+        let t2_55 = al_3x - t2_25;
+        let t2_56 = al_3z + t2_17;
+        let t2_57 = al_3y * p_iyy_3;
+        let t2_58 = (-p_iyz_3).mul_add(t2_56, t2_57);
+        let t2_59 = p_ixy_3.mul_add(t2_55, t2_58);
+        let t2_60 = (-t2_54).mul_add(p_ixz_3, t2_59);
+        let t2_61 = (-t2_34).mul_add(t2_53, t2_60);
+        let t2_62 = a_3z.mul_add(p_mx_3, t2_61);
+        let t2_63 = (-a_s1_2x).mul_add(p_mz_3, t2_62);
+        let t2_64 = p_ixx_3 - p_iyy_3;
+        let t2_65 = t2_19 - t2_37;
+        let t2_66 = al_3x + t2_25;
+        let t2_67 = al_3y - t2_34;
+        let t2_68 = p_iyz_3 * t2_67;
+        let t2_69 = (-al_3z).mul_add(p_izz_3, t2_68);
+        let t2_70 = p_ixz_3.mul_add(t2_66, t2_69);
+        let t2_71 = t2_65.mul_add(p_ixy_3, t2_70);
+        let t2_72 = (-t2_17).mul_add(t2_64, t2_71);
+        let t2_73 = a_s1_2x.mul_add(p_my_3, t2_72);
+        let t2_74 = a_3y.mul_add(p_mx_3, t2_73);
+        let t2_75 = cos_s1_3 * t2_74;
+        let t2_76 = sin_s1_3.mul_add(t2_63, t2_75);
+        let t2_77 = p_iyy_3 - p_izz_3;
+        let t2_78 = t2_37 - t2_21;
+        let t2_79 = al_3y + t2_34;
+        let t2_80 = al_3z - t2_17;
+        let t2_81 = p_ixy_3 * t2_79;
+        let t2_82 = (-p_ixz_3).mul_add(t2_80, t2_81);
+        let t2_83 = al_3x.mul_add(p_ixx_3, t2_82);
+        let t2_84 = t2_78.mul_add(p_iyz_3, t2_83);
+        let t2_85 = t2_25.mul_add(t2_77, t2_84);
+        let t2_86 = (-a_3y).mul_add(p_mz_3, t2_85);
+        let t2_87 = (-a_3z).mul_add(p_my_3, t2_86);
+        let t2_88 = cos_s1_2 * t2_87;
+        let t2_89 = sin_s1_2.mul_add(t2_76, t2_88);
+        let t2_90 = cos_s1_3 * t2_63;
+        let t2_91 = (-sin_s1_3).mul_add(t2_74, t2_90);
+        let t2_92 = sin_s1_2 * t2_44;
+        let t2_93 = (-cos_s1_2).mul_add(t2_52, t2_92);
+        let t2_94 = sin_s1_3 * t2_42;
+        let t2_95 = cos_s1_3.mul_add(t2_30, t2_94);
+        let t2_96 = a_2x * p_m_2;
+        let t2_97 = (-dd_q1).mul_add(p_mz_2, t2_96);
+        let t2_98 = t2_1.mul_add(p_mx_2, t2_97);
+        let t2_99 = sin_s1_1.mul_add(t2_95, t2_98);
+        let t2_100 = (-cos_s1_1).mul_add(t2_93, t2_99);
+        let t2_101 = sin_q1 * p_my_1;
+        let t2_102 = (-cos_q1).mul_add(p_mx_1, t2_101);
+        let t2_103 = p_izz_1 + p_iyy_2;
+        let t2_104 = dd_q1 * t2_103;
+        let t2_105 = like.lift(9.81).mul_add(t2_102, t2_104);
+        let t2_106 = (-q2).mul_add(t2_100, t2_105);
+        let t2_107 = (-a_2z).mul_add(p_mx_2, t2_106);
+        let t2_108 = (-a_2x).mul_add(p_mz_2, t2_107);
+        let t2_109 = cos_s1_1.mul_add(t2_91, t2_108);
+        let t2_110 = sin_s1_1.mul_add(t2_89, t2_109);
+        let t2_111 = cos_q1 * q2;
+        let t2_112 = sin_q1 * cos_s1_1;
+        let t2_113 = cos_s1_2 * t2_112;
+        let t2_114 = cos_q1.mul_add(sin_s1_2, t2_113);
+        let t2_115 = like.lift(-0.4563).mul_add(t2_114, t2_111);
+        let t2_116 = -t2_115;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t1_132 = cos_q1 * e_s1_2_q1x;
-        let t1_133 = like.lift(0.4563) * t1_132;
-        let t1_134 = cos_s1_1 * t1_129;
-        let t1_135 = like.lift(0.4563) * t1_134;
-        let t1_136 = sin_q1 * sin_s1_1;
-        let t1_137 = t1_136 * e_s1_2_q1x;
-        let t1_138 = like.lift(0.4563).mul_add(t1_137, t1_135);
-        let (sin_q6, cos_q6) = q6.sin_cos();
-        let t1_139 = cos_q6 * q7;
-        let t1_140 = like.lift(0.5) * t1_139;
-        let t1_141 = -t1_140;
-        let t1_142 = sin_q1 * q2;
-        let t1_143 = sin_q1 * sin_s1_2;
-        let t1_144 = cos_q1 * cos_s1_1;
-        let t1_145 = (-cos_s1_2).mul_add(t1_144, t1_143);
-        let t1_146 = like.lift(-0.4563).mul_add(t1_145, t1_142);
-        let t1_147 = -t1_146;
-        let t1_148 = sin_q1 * e_s1_2_q1x;
-        let t1_149 = like.lift(0.4563) * t1_148;
-        let t1_150 = cos_q1 * sin_s1_1;
-        let t1_151 = t1_150 * e_s1_2_q1x;
-        let t1_152 = like.lift(0.4563) * t1_151;
-        let t1_153 = cos_s1_1 * t1_145;
-        let t1_154 = like.lift(-0.4563).mul_add(t1_153, t1_152);
-        let t1_155 = -t1_154;
-        let t1_156 = sin_q6 * q7;
-        let t1_157 = cos_q1 * t1_145;
-        let t1_158 = like.lift(0.4563) * t1_157;
-        let t1_159 = sin_q1 * t1_129;
-        let t1_160 = like.lift(-0.4563).mul_add(t1_159, t1_158);
-        let t1_161 = t1_136 * t1_145;
-        let t1_162 = like.lift(0.4563) * t1_161;
-        let t1_163 = t1_150 * t1_129;
-        let t1_164 = like.lift(0.4563).mul_add(t1_163, t1_162);
-        let pivot_1 = like.lift(0.8660254037844386) * t1_139;
-        let t1_165 = like.lift(0.22815) * t1_129;
-        let t1_166 = cos_s1_3 * t1_136;
-        let t1_167 = cos_q1 * cos_s1_2;
-        let t1_168 = (-sin_s1_2).mul_add(t1_128, t1_167);
-        let t1_169 = sin_s1_3.mul_add(t1_168, t1_166);
-        let t1_170 = like.lift(-0.39516739174683935).mul_add(t1_169, t1_165);
-        let t1_171 = t1_126 - t1_170;
-        let t1_172 = -t1_171;
-        let t1_173 = like.lift(0.22815) * e_s1_2_q1x;
-        let t1_174 = cos_s1_1 * cos_s1_3;
-        let e_s1_2_q1z = sin_s1_1 * sin_s1_2;
-        let e_3_q1y = sin_s1_3.mul_add(e_s1_2_q1z, t1_174);
-        let t1_175 = like.lift(0.39516739174683935).mul_add(e_3_q1y, t1_173);
-        let t1_176 = cos_q1 * t1_175;
-        let t1_177 = cos_s1_1 * t1_170;
-        let t1_178 = t1_136.mul_add(t1_175, t1_177);
-        let t1_179 = e_s1_2_q1x * t1_170;
-        let t1_180 = (-t1_129).mul_add(t1_175, t1_179);
-        let (sin_q8, cos_q8) = q8.sin_cos();
-        let t1_181 = cos_q8 * q9;
-        let t1_182 = like.lift(0.5) * t1_181;
-        let t1_183 = -t1_182;
-        let t1_184 = cos_s1_3 * t1_150;
-        let t1_185 = sin_q1 * cos_s1_2;
-        let t1_186 = sin_s1_2.mul_add(t1_144, t1_185);
-        let t1_187 = (-sin_s1_3).mul_add(t1_186, t1_184);
-        let t1_188 = like.lift(0.39516739174683935) * t1_187;
-        let t1_189 = like.lift(0.22815) * t1_145;
-        let t1_190 = t1_142 - t1_189;
-        let t1_191 = t1_188 - t1_190;
-        let t1_192 = sin_q1 * t1_175;
-        let t1_193 = t1_150 * t1_175;
-        let t1_194 = t1_189 + t1_188;
-        let t1_195 = (-cos_s1_1).mul_add(t1_194, t1_193);
-        let t1_196 = -t1_195;
-        let t1_197 = t1_145 * t1_175;
-        let t1_198 = (-e_s1_2_q1x).mul_add(t1_194, t1_197);
-        let t1_199 = -t1_198;
-        let t1_200 = sin_q8 * q9;
-        let t1_201 = cos_q1 * t1_194;
-        let t1_202 = (-sin_q1).mul_add(t1_170, t1_201);
-        let t1_203 = t1_136 * t1_194;
-        let t1_204 = t1_150.mul_add(t1_170, t1_203);
-        let t1_205 = t1_129 * t1_194;
-        let t1_206 = (-t1_145).mul_add(t1_170, t1_205);
-        let t1_207 = -t1_206;
-        let pivot_2 = like.lift(0.8660254037844386) * t1_181;
-        let t1_208 = -pivot_2;
-        let t1_209 = -sin_q1;
-        let t1_210 = like.lift(0.5) * sin_q6;
-        let t1_211 = -t1_210;
-        let t1_212 = -cos_q6;
-        let t1_213 = like.lift(0.8660254037844386) * sin_q6;
+        let t2_117 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_118 = cos_q1 * t2_117;
+        let t2_119 = sin_q1 * sin_s1_1;
+        let t2_120 = t2_119 * e_s1_2_q1x;
+        let t2_121 = cos_s1_1.mul_add(t2_114, t2_120);
+        let t2_122 = like.lift(0.4563) * t2_121;
+        let t2_123 = cos_q6 * q7;
+        let t2_124 = like.lift(0.5) * t2_123;
+        let t2_125 = -t2_124;
+        let t2_126 = sin_q1 * q2;
+        let t2_127 = cos_q1 * cos_s1_1;
+        let t2_128 = sin_q1 * sin_s1_2;
+        let t2_129 = (-cos_s1_2).mul_add(t2_127, t2_128);
+        let t2_130 = like.lift(-0.4563).mul_add(t2_129, t2_126);
+        let t2_131 = -t2_130;
+        let t2_132 = sin_q1 * t2_117;
+        let t2_133 = cos_q1 * sin_s1_1;
+        let t2_134 = cos_s1_1 * t2_129;
+        let t2_135 = (-t2_133).mul_add(e_s1_2_q1x, t2_134);
+        let t2_136 = like.lift(0.4563) * t2_135;
+        let t2_137 = -t2_136;
+        let t2_138 = -t2_137;
+        let t2_139 = sin_q6 * q7;
+        let t2_140 = sin_q1 * t2_114;
+        let t2_141 = (-cos_q1).mul_add(t2_129, t2_140);
+        let t2_142 = like.lift(0.4563) * t2_141;
+        let t2_143 = -t2_142;
+        let t2_144 = t2_133 * t2_114;
+        let t2_145 = t2_119.mul_add(t2_129, t2_144);
+        let t2_146 = like.lift(0.4563) * t2_145;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_123;
+        let t2_147 = cos_q1 * cos_s1_2;
+        let t2_148 = (-sin_s1_2).mul_add(t2_112, t2_147);
+        let t2_149 = sin_s1_3 * t2_148;
+        let t2_150 = cos_s1_3.mul_add(t2_119, t2_149);
+        let t2_151 = like.lift(0.22815) * t2_114;
+        let t2_152 = like.lift(-0.39516739174683935).mul_add(t2_150, t2_151);
+        let t2_153 = t2_111 - t2_152;
+        let t2_154 = -t2_153;
+        let t2_155 = sin_s1_3 * sin_s1_1;
+        let t2_156 = t2_155 * sin_s1_2;
+        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_156);
+        let t2_157 = like.lift(0.39516739174683935) * e_3_q1y;
+        let t2_158 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_157);
+        let t2_159 = cos_q1 * t2_158;
+        let t2_160 = t2_119 * t2_158;
+        let t2_161 = cos_s1_1.mul_add(t2_152, t2_160);
+        let t2_162 = e_s1_2_q1x * t2_152;
+        let t2_163 = (-t2_114).mul_add(t2_158, t2_162);
+        let t2_164 = cos_q8 * q9;
+        let t2_165 = like.lift(0.5) * t2_164;
+        let t2_166 = -t2_165;
+        let t2_167 = sin_s1_2 * t2_127;
+        let t2_168 = sin_q1.mul_add(cos_s1_2, t2_167);
+        let t2_169 = cos_s1_3 * t2_133;
+        let t2_170 = (-sin_s1_3).mul_add(t2_168, t2_169);
+        let t2_171 = like.lift(0.39516739174683935) * t2_170;
+        let t2_172 = like.lift(0.22815) * t2_129;
+        let t2_173 = t2_171 - t2_126;
+        let t2_174 = t2_173 + t2_172;
+        let t2_175 = sin_q1 * t2_158;
+        let t2_176 = t2_172 + t2_171;
+        let t2_177 = t2_133 * t2_158;
+        let t2_178 = (-cos_s1_1).mul_add(t2_176, t2_177);
+        let t2_179 = -t2_178;
+        let t2_180 = t2_129 * t2_158;
+        let t2_181 = (-e_s1_2_q1x).mul_add(t2_176, t2_180);
+        let t2_182 = -t2_181;
+        let t2_183 = sin_q8 * q9;
+        let t2_184 = cos_q1 * t2_176;
+        let t2_185 = (-sin_q1).mul_add(t2_152, t2_184);
+        let t2_186 = t2_133 * t2_152;
+        let t2_187 = t2_119.mul_add(t2_176, t2_186);
+        let t2_188 = t2_114 * t2_176;
+        let t2_189 = (-t2_129).mul_add(t2_152, t2_188);
+        let t2_190 = -t2_189;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_164;
+        let t2_191 = -pivot_2;
+        let t2_192 = -sin_q1;
+        let t2_193 = like.lift(0.5) * sin_q6;
+        let t2_194 = -t2_193;
+        let t2_195 = -cos_q6;
+        let t2_196 = like.lift(0.8660254037844386) * sin_q6;
+        let t2_197 = like.lift(0.5) * sin_q8;
+        let t2_198 = -t2_197;
+        let t2_199 = -cos_q8;
+        let t2_200 = like.lift(0.8660254037844386) * sin_q8;
+        let t2_201 = -t2_200;
+        let t2_202 = like.lift(0.5773502691896257).mul_add(t2_189, t2_163);
+        let t2_203 = like.lift(1.0) / t2_164;
+        let t2_204 = t2_183 * t2_203;
+        let t2_205 = like.lift(1.1547005383792515) * t2_204;
+        let pivot_3 = t2_189.mul_add(t2_205, t2_181);
+        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let t2_206 = t2_202 * inv_pivot_3;
+        let t2_207 = (-t2_174).mul_add(t2_206, t2_153);
+        let t2_208 = like.lift(0.5773502691896257).mul_add(t2_143, t2_118);
+        let t2_209 = t2_185.mul_add(t2_205, t2_175);
+        let t2_210 = t2_209.mul_add(t2_206, t2_159);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_185, t2_210);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t2_211 = t2_208 * inv_pivot_4;
+        let pivot_5 = (-t2_207).mul_add(t2_211, t2_115);
+        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let t2_212 = (-cos_q1).mul_add(t2_206, sin_q1);
+        let t2_213 = (-t2_212).mul_add(t2_211, sin_q1);
+        let t2_214 = (-t2_187).mul_add(t2_205, t2_178);
+        let t2_215 = (-t2_214).mul_add(t2_206, t2_161);
+        let t2_216 = like.lift(-0.5773502691896257).mul_add(t2_187, t2_215);
+        let t2_217 = (-t2_216).mul_add(t2_211, t2_122);
+        let t2_218 = like.lift(0.5773502691896257).mul_add(t2_146, t2_217);
         [
-            sin_q1, cos_q1, sin_s1_2, cos_s1_2, t1_57, t1_93, t1_107, t1_111, t1_125, t1_130,
-            t1_131, t1_133, t1_138, sin_q6, cos_q6, t1_139, t1_141, t1_146, t1_147, t1_149,
-            t1_154, t1_155, t1_156, t1_160, t1_164, pivot_1, t1_171, t1_172, t1_176, t1_178,
-            t1_180, sin_q8, cos_q8, t1_181, t1_183, t1_191, t1_192, t1_195, t1_196, t1_198,
-            t1_199, t1_200, t1_202, t1_204, t1_206, t1_207, t1_208, t1_209, t1_211, t1_212,
-            t1_213,
+            t2_1, a_2z, t2_44, t2_52, t2_76, t2_87, t2_91, t2_110, t2_116, t2_118, t2_122,
+            t2_123, t2_125, t2_130, t2_131, t2_132, t2_137, t2_138, t2_139, t2_143, t2_146,
+            pivot_1, t2_154, t2_159, t2_161, t2_163, t2_166, t2_174, t2_175, t2_179, t2_182,
+            t2_183, t2_185, t2_187, t2_189, t2_190, t2_191, t2_192, t2_194, t2_195, t2_196,
+            t2_198, t2_199, t2_200, t2_201, t2_203, t2_204, pivot_3, inv_pivot_3, t2_206,
+            t2_207, t2_209, pivot_4, inv_pivot_4, t2_211, pivot_5, inv_pivot_5, t2_212, t2_213,
+            t2_214, t2_216, t2_218,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -2761,153 +2688,118 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
         x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2,
         x_q8_q7, x_q8_q9,
     ] = {
-        let t2_1 = like.lift(0.5) * sin_q8;
-        let t2_2 = -t2_1;
-        let t2_3 = -cos_q8;
-        let t2_4 = like.lift(0.8660254037844386) * sin_q8;
-        let t2_5 = -t2_4;
-        let t2_6 = like.lift(0.5773502691896257).mul_add(t1_206, t1_180);
-        let t2_7 = like.lift(1.0) / t1_181;
-        let t2_8 = t1_200 * t2_7;
-        let t2_9 = t1_206 * t2_8;
-        let pivot_3 = like.lift(1.1547005383792515).mul_add(t2_9, t1_198);
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_10 = t2_6 * inv_pivot_3;
-        let t2_11 = (-t1_191).mul_add(t2_10, t1_171);
-        let t2_12 = like.lift(0.5773502691896257).mul_add(t1_160, t1_133);
-        let t2_13 = like.lift(-0.5773502691896257).mul_add(t1_202, t1_176);
-        let t2_14 = t1_202 * t2_8;
-        let t2_15 = like.lift(1.1547005383792515).mul_add(t2_14, t1_192);
-        let pivot_4 = t2_15.mul_add(t2_10, t2_13);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_16 = t2_12 * inv_pivot_4;
-        let pivot_5 = (-t2_11).mul_add(t2_16, t1_130);
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_17 = (-cos_q1).mul_add(t2_10, sin_q1);
-        let t2_18 = (-t2_17).mul_add(t2_16, sin_q1);
-        let t2_19 = like.lift(0.5773502691896257).mul_add(t1_164, t1_138);
-        let t2_20 = like.lift(-0.5773502691896257).mul_add(t1_204, t1_178);
-        let t2_21 = t1_204 * t2_8;
-        let t2_22 = like.lift(-1.1547005383792515).mul_add(t2_21, t1_195);
-        let t2_23 = (-t2_22).mul_add(t2_10, t2_20);
-        let t2_24 = (-t2_23).mul_add(t2_16, t2_19);
-        let t2_25 = like.lift(1.0) / t1_139;
-        let t2_26 = t1_156 * t2_25;
-        let t2_27 = t1_160 * t2_26;
-        let t2_28 = like.lift(-1.1547005383792515).mul_add(t2_27, t1_149);
-        let t2_29 = t2_28 * inv_pivot_4;
-        let t2_30 = t2_17.mul_add(t2_29, cos_q1);
-        let t2_31 = (-t2_11).mul_add(t2_29, t1_146);
-        let t2_32 = t2_31 * inv_pivot_5;
-        let t2_33 = t2_18.mul_add(t2_32, t2_30);
-        let t2_34 = t1_164 * t2_26;
-        let t2_35 = like.lift(1.1547005383792515).mul_add(t2_34, t1_154);
-        let t2_36 = t2_23.mul_add(t2_29, t2_35);
-        let pivot_6 = t2_24.mul_add(t2_32, t2_36);
+        let t3_1 = like.lift(1.0) / t2_123;
+        let t3_2 = t2_139 * t3_1;
+        let t3_3 = like.lift(1.1547005383792515) * t3_2;
+        let t3_4 = (-t2_143).mul_add(t3_3, t2_132);
+        let t3_5 = t3_4 * inv_pivot_4;
+        let t3_6 = (-t2_207).mul_add(t3_5, t2_130);
+        let t3_7 = t3_6 * inv_pivot_5;
+        let t3_8 = t2_213.mul_add(t3_7, cos_q1);
+        let t3_9 = t2_212.mul_add(t3_5, t3_8);
+        let t3_10 = t2_218.mul_add(t3_7, t2_137);
+        let t3_11 = t2_216.mul_add(t3_5, t3_10);
+        let pivot_6 = t2_146.mul_add(t3_3, t3_11);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_37 = t2_33 * inv_pivot_6;
-        let t2_38 = (-t2_24).mul_add(t2_37, t2_18);
-        let t2_39 = inv_pivot_5 * t2_38;
-        let t2_40 = sin_q6.mul_add(t2_26, cos_q6);
-        let t2_41 = t2_40 * inv_pivot_6;
-        let t2_42 = t2_24 * t2_41;
-        let t2_43 = inv_pivot_5 * t2_42;
-        let t2_44 = sin_q8.mul_add(t2_8, cos_q8);
-        let t2_45 = t2_44 * t2_10;
-        let t2_46 = t2_45 * t2_16;
-        let t2_47 = t2_45 * t2_29;
-        let t2_48 = (-t2_46).mul_add(t2_32, t2_47);
-        let t2_49 = t2_48 * inv_pivot_6;
-        let t2_50 = t2_24.mul_add(t2_49, t2_46);
-        let t2_51 = inv_pivot_5 * t2_50;
-        let t2_52 = -t2_51;
-        let t2_53 = (-t2_11).mul_add(t2_39, t2_17);
-        let t2_54 = (-t2_23).mul_add(t2_37, t2_53);
-        let t2_55 = inv_pivot_4 * t2_54;
-        let t2_56 = -t2_55;
-        let t2_57 = t2_11 * t2_43;
-        let t2_58 = (-t2_23).mul_add(t2_41, t2_57);
-        let t2_59 = inv_pivot_4 * t2_58;
-        let t2_60 = t2_11.mul_add(t2_51, t2_45);
-        let t2_61 = (-t2_23).mul_add(t2_49, t2_60);
-        let t2_62 = inv_pivot_4 * t2_61;
-        let t2_63 = -t2_62;
-        let t2_64 = -t2_37;
-        let t2_65 = -t2_49;
-        let t2_66 = t2_15.mul_add(t2_55, cos_q1);
-        let t2_67 = (-t1_191).mul_add(t2_39, t2_66);
-        let t2_68 = (-t2_22).mul_add(t2_37, t2_67);
-        let t2_69 = inv_pivot_3 * t2_68;
-        let t2_70 = -t2_69;
-        let t2_71 = t2_15 * t2_59;
-        let t2_72 = t1_191.mul_add(t2_43, t2_71);
-        let t2_73 = (-t2_22).mul_add(t2_41, t2_72);
-        let t2_74 = inv_pivot_3 * t2_73;
-        let t2_75 = (-t2_15).mul_add(t2_62, t2_44);
-        let t2_76 = (-t1_191).mul_add(t2_51, t2_75);
-        let t2_77 = t2_22.mul_add(t2_49, t2_76);
-        let t2_78 = inv_pivot_3 * t2_77;
-        let t2_79 = t1_160 * t2_55;
-        let t2_80 = t1_164.mul_add(t2_37, t2_79);
-        let t2_81 = t2_25 * t2_80;
-        let t2_82 = like.lift(1.1547005383792515) * t2_81;
-        let t2_83 = (-t1_160).mul_add(t2_59, t1_213);
-        let t2_84 = (-t1_164).mul_add(t2_41, t2_83);
-        let t2_85 = t2_25 * t2_84;
-        let t2_86 = like.lift(1.1547005383792515) * t2_85;
-        let t2_87 = t1_160 * t2_62;
-        let t2_88 = t1_164.mul_add(t2_49, t2_87);
-        let t2_89 = t2_25 * t2_88;
-        let t2_90 = like.lift(1.1547005383792515) * t2_89;
-        let t2_91 = t1_206 * t2_69;
-        let t2_92 = (-t1_202).mul_add(t2_55, t2_91);
-        let t2_93 = (-t1_204).mul_add(t2_37, t2_92);
-        let t2_94 = t2_7 * t2_93;
-        let t2_95 = like.lift(1.1547005383792515) * t2_94;
-        let t2_96 = t1_206 * t2_74;
-        let t2_97 = (-t1_202).mul_add(t2_59, t2_96);
-        let t2_98 = (-t1_204).mul_add(t2_41, t2_97);
-        let t2_99 = t2_7 * t2_98;
-        let t2_100 = like.lift(1.1547005383792515) * t2_99;
-        let t2_101 = -t2_100;
-        let t2_102 = (-t1_206).mul_add(t2_78, t2_4);
-        let t2_103 = (-t1_202).mul_add(t2_62, t2_102);
-        let t2_104 = (-t1_204).mul_add(t2_49, t2_103);
-        let t2_105 = t2_7 * t2_104;
-        let t2_106 = like.lift(1.1547005383792515) * t2_105;
-        let t2_107 = -pivot_3;
-        let t2_108 = -pivot_5;
-        let t2_109 = -pivot_6;
+        let t3_12 = t3_9 * inv_pivot_6;
+        let t3_13 = (-t2_218).mul_add(t3_12, t2_213);
+        let t3_14 = inv_pivot_5 * t3_13;
+        let t3_15 = sin_q6.mul_add(t3_2, cos_q6);
+        let t3_16 = t3_15 * inv_pivot_6;
+        let t3_17 = inv_pivot_5 * t2_218;
+        let t3_18 = t3_17 * t3_16;
+        let t3_19 = sin_q8.mul_add(t2_204, cos_q8);
+        let t3_20 = t3_19 * t2_206;
+        let t3_21 = t3_20 * t2_211;
+        let t3_22 = t3_20 * t3_5;
+        let t3_23 = (-t3_21).mul_add(t3_7, t3_22);
+        let t3_24 = t3_23 * inv_pivot_6;
+        let t3_25 = t2_218.mul_add(t3_24, t3_21);
+        let t3_26 = inv_pivot_5 * t3_25;
+        let t3_27 = -t3_26;
+        let t3_28 = (-t2_216).mul_add(t3_12, t2_212);
+        let t3_29 = (-t2_207).mul_add(t3_14, t3_28);
+        let t3_30 = inv_pivot_4 * t3_29;
+        let t3_31 = -t3_30;
+        let t3_32 = t2_207 * t3_18;
+        let t3_33 = (-t2_216).mul_add(t3_16, t3_32);
+        let t3_34 = inv_pivot_4 * t3_33;
+        let t3_35 = (-t2_216).mul_add(t3_24, t3_20);
+        let t3_36 = t2_207.mul_add(t3_26, t3_35);
+        let t3_37 = inv_pivot_4 * t3_36;
+        let t3_38 = -t3_37;
+        let t3_39 = -t3_12;
+        let t3_40 = -t3_24;
+        let t3_41 = (-t2_214).mul_add(t3_12, cos_q1);
+        let t3_42 = (-t2_174).mul_add(t3_14, t3_41);
+        let t3_43 = t2_209.mul_add(t3_30, t3_42);
+        let t3_44 = inv_pivot_3 * t3_43;
+        let t3_45 = -t3_44;
+        let t3_46 = t2_174 * t3_18;
+        let t3_47 = (-t2_214).mul_add(t3_16, t3_46);
+        let t3_48 = t2_209.mul_add(t3_34, t3_47);
+        let t3_49 = inv_pivot_3 * t3_48;
+        let t3_50 = t2_214.mul_add(t3_24, t3_19);
+        let t3_51 = (-t2_174).mul_add(t3_26, t3_50);
+        let t3_52 = (-t2_209).mul_add(t3_37, t3_51);
+        let t3_53 = inv_pivot_3 * t3_52;
+        let t3_54 = t2_146 * t3_12;
+        let t3_55 = t2_143.mul_add(t3_30, t3_54);
+        let t3_56 = like.lift(1.1547005383792515) * t3_1;
+        let t3_57 = t3_55 * t3_56;
+        let t3_58 = (-t2_146).mul_add(t3_16, t2_196);
+        let t3_59 = (-t2_143).mul_add(t3_34, t3_58);
+        let t3_60 = t3_59 * t3_56;
+        let t3_61 = t2_146 * t3_24;
+        let t3_62 = t2_143.mul_add(t3_37, t3_61);
+        let t3_63 = t3_62 * t3_56;
+        let t3_64 = t2_189 * t3_44;
+        let t3_65 = (-t2_187).mul_add(t3_12, t3_64);
+        let t3_66 = (-t2_185).mul_add(t3_30, t3_65);
+        let t3_67 = like.lift(1.1547005383792515) * t2_203;
+        let t3_68 = t3_66 * t3_67;
+        let t3_69 = t2_189 * t3_49;
+        let t3_70 = (-t2_187).mul_add(t3_16, t3_69);
+        let t3_71 = (-t2_185).mul_add(t3_34, t3_70);
+        let t3_72 = t3_71 * t3_67;
+        let t3_73 = -t3_72;
+        let t3_74 = (-t2_187).mul_add(t3_24, t2_200);
+        let t3_75 = (-t2_185).mul_add(t3_37, t3_74);
+        let t3_76 = (-t2_189).mul_add(t3_53, t3_75);
+        let t3_77 = t3_76 * t3_67;
+        let t3_78 = -pivot_3;
+        let t3_79 = -pivot_5;
+        let t3_80 = -pivot_6;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t1_208 * like.lift(1.8955297449982944)).abs())
-            .min((t2_107 * like.lift(2.6463477742948585)).abs())
+            .min((t2_191 * like.lift(1.8955297449982944)).abs())
+            .min((t3_78 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_108 * like.lift(0.8284577646309275)).abs())
-            .min((t2_109 * like.lift(2.1915406530791146)).abs());
+            .min((t3_79 * like.lift(0.8284577646309275)).abs())
+            .min((t3_80 * like.lift(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_39, t2_43, t2_52], [t2_56, t2_59, t2_63], [t2_64, t2_41, t2_65],
-                [t2_70, t2_74, t2_78], [t2_82, t2_86, t2_90], [t2_95, t2_101, t2_106],
+                [t3_14, t3_18, t3_27], [t3_31, t3_34, t3_38], [t3_39, t3_16, t3_40],
+                [t3_45, t3_49, t3_53], [t3_57, t3_60, t3_63], [t3_68, t3_73, t3_77],
             ],
             margin,
             || (
                 [
-                    [t1_131, t1_133, t1_138, like.lift(0.0), t1_141, like.lift(0.0)],
-                    [t1_147, t1_149, t1_155, like.lift(0.0), t1_156, like.lift(0.0)],
-                    [like.lift(0.0), t1_160, t1_164, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t1_172, t1_176, t1_178, t1_180, like.lift(0.0), t1_183],
-                    [t1_191, t1_192, t1_196, t1_199, like.lift(0.0), t1_200],
-                    [like.lift(0.0), t1_202, t1_204, t1_207, like.lift(0.0), t1_208],
+                    [t2_116, t2_118, t2_122, like.lift(0.0), t2_125, like.lift(0.0)],
+                    [t2_131, t2_132, t2_138, like.lift(0.0), t2_139, like.lift(0.0)],
+                    [like.lift(0.0), t2_143, t2_146, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_154, t2_159, t2_161, t2_163, like.lift(0.0), t2_166],
+                    [t2_174, t2_175, t2_179, t2_182, like.lift(0.0), t2_183],
+                    [like.lift(0.0), t2_185, t2_187, t2_190, like.lift(0.0), t2_191],
                 ],
                 [
-                    [t1_209, t1_211, like.lift(0.0)], [cos_q1, t1_212, like.lift(0.0)],
-                    [like.lift(0.0), t1_213, like.lift(0.0)], [t1_209, like.lift(0.0), t2_2],
-                    [cos_q1, like.lift(0.0), t2_3], [like.lift(0.0), like.lift(0.0), t2_5],
+                    [t2_192, t2_194, like.lift(0.0)], [cos_q1, t2_195, like.lift(0.0)],
+                    [like.lift(0.0), t2_196, like.lift(0.0)], [t2_192, like.lift(0.0), t2_198],
+                    [cos_q1, like.lift(0.0), t2_199], [like.lift(0.0), like.lift(0.0), t2_201],
                 ],
             ),
         );
@@ -2920,79 +2812,76 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
     };
     // tau
     {
-        let t3_1 = (-t1_125).mul_add(x_q1_q2, t1_57);
-        let t3_2 = cos_s1_2 * t1_93;
-        let t3_3 = (-sin_s1_2).mul_add(t1_107, t3_2);
-        let t3_4 = (-t3_3).mul_add(x_s1_1_q2, t3_1);
-        let t3_5 = (-t1_111).mul_add(x_s1_2_q2, t3_4);
-        let t3_6 = (-t1_107).mul_add(x_s1_3_q2, t3_5);
-        let t3_7 = cos_q6 * p_mx_4;
-        let t3_8 = like.lift(9.81) * t3_7;
-        let t3_9 = sin_q6 * p_my_4;
-        let t3_10 = like.lift(-9.81).mul_add(t3_9, t3_8);
-        let t3_11 = dd_q6.mul_add(p_izz_4, -t3_10);
-        let a_4x = like.lift(9.81) * sin_q6;
-        let t3_12 = (-q7).mul_add(dd_q6, a_4x);
-        let t3_13 = d_q6 * d_q7;
-        let a_5x = like.lift(-2.0).mul_add(t3_13, t3_12);
-        let t3_14 = a_5x * p_mz_5;
-        let a_4y = like.lift(9.81) * cos_q6;
-        let t3_15 = d_q6 * d_q6;
-        let t3_16 = (-q7).mul_add(t3_15, a_4y);
-        let a_5z = dd_q7 + t3_16;
-        let t3_17 = a_5z.mul_add(p_mx_5, t3_14);
-        let t3_18 = dd_q6.mul_add(p_iyy_5, -t3_17);
-        let t3_19 = t3_15 * p_mx_5;
-        let t3_20 = (-dd_q6).mul_add(p_mz_5, t3_19);
-        let t3_21 = a_5x.mul_add(p_m_5, t3_20);
-        let t3_22 = (-q7).mul_add(t3_21, t3_18);
-        let t3_23 = t3_11 + t3_22;
-        let t3_24 = (-t3_23).mul_add(x_q6_q2, t3_6);
-        let t3_25 = cos_q8 * p_mx_6;
-        let t3_26 = like.lift(9.81) * t3_25;
-        let t3_27 = sin_q8 * p_my_6;
-        let t3_28 = like.lift(-9.81).mul_add(t3_27, t3_26);
-        let t3_29 = dd_q8.mul_add(p_izz_6, -t3_28);
-        let a_6x = like.lift(9.81) * sin_q8;
-        let t3_30 = (-q9).mul_add(dd_q8, a_6x);
-        let t3_31 = d_q8 * d_q9;
-        let a_7x = like.lift(-2.0).mul_add(t3_31, t3_30);
-        let t3_32 = a_7x * p_mz_7;
-        let a_6y = like.lift(9.81) * cos_q8;
-        let t3_33 = d_q8 * d_q8;
-        let t3_34 = (-q9).mul_add(t3_33, a_6y);
-        let a_7z = dd_q9 + t3_34;
-        let t3_35 = a_7z.mul_add(p_mx_7, t3_32);
-        let t3_36 = dd_q8.mul_add(p_iyy_7, -t3_35);
-        let t3_37 = t3_33 * p_mx_7;
-        let t3_38 = (-dd_q8).mul_add(p_mz_7, t3_37);
-        let t3_39 = a_7x.mul_add(p_m_7, t3_38);
-        let t3_40 = (-q9).mul_add(t3_39, t3_36);
-        let t3_41 = t3_29 + t3_40;
-        let t3_42 = (-t3_41).mul_add(x_q8_q2, t3_24);
-        tau[0] = t3_42;
-        let t3_43 = dd_q6 * p_mx_5;
-        let t3_44 = t3_15.mul_add(p_mz_5, t3_43);
-        let t3_45 = a_5z.mul_add(p_m_5, -t3_44);
-        let t3_46 = t1_125 * x_q1_q7;
-        let t3_47 = t3_3.mul_add(x_s1_1_q7, t3_46);
-        let t3_48 = t1_111.mul_add(x_s1_2_q7, t3_47);
-        let t3_49 = t1_107.mul_add(x_s1_3_q7, t3_48);
-        let t3_50 = t3_23.mul_add(x_q6_q7, t3_49);
-        let t3_51 = t3_45 - t3_50;
-        let t3_52 = (-t3_41).mul_add(x_q8_q7, t3_51);
-        tau[1] = t3_52;
-        let t3_53 = dd_q8 * p_mx_7;
-        let t3_54 = t3_33.mul_add(p_mz_7, t3_53);
-        let t3_55 = a_7z.mul_add(p_m_7, -t3_54);
-        let t3_56 = t1_125 * x_q1_q9;
-        let t3_57 = t3_3.mul_add(x_s1_1_q9, t3_56);
-        let t3_58 = t1_111.mul_add(x_s1_2_q9, t3_57);
-        let t3_59 = t1_107.mul_add(x_s1_3_q9, t3_58);
-        let t3_60 = t3_23.mul_add(x_q6_q9, t3_59);
-        let t3_61 = t3_41.mul_add(x_q8_q9, t3_60);
-        let t3_62 = t3_55 - t3_61;
-        tau[2] = t3_62;
+        let t4_1 = cos_s1_2 * t2_76;
+        let t4_2 = (-sin_s1_2).mul_add(t2_87, t4_1);
+        let t4_3 = like.lift(9.81) * sin_q6;
+        let t4_4 = like.lift(2.0) * d_q6;
+        let t4_5 = (-t4_4).mul_add(d_q7, t4_3);
+        let a_5x = (-q7).mul_add(dd_q6, t4_5);
+        let t4_6 = d_q6 * d_q6;
+        let t4_7 = (-q7).mul_add(t4_6, dd_q7);
+        let a_5z = like.lift(9.81).mul_add(cos_q6, t4_7);
+        let t4_8 = a_5x * p_m_5;
+        let t4_9 = (-dd_q6).mul_add(p_mz_5, t4_8);
+        let t4_10 = t4_6.mul_add(p_mx_5, t4_9);
+        let t4_11 = sin_q6 * p_my_4;
+        let t4_12 = (-cos_q6).mul_add(p_mx_4, t4_11);
+        let t4_13 = p_izz_4 + p_iyy_5;
+        let t4_14 = dd_q6 * t4_13;
+        let t4_15 = like.lift(9.81).mul_add(t4_12, t4_14);
+        let t4_16 = (-q7).mul_add(t4_10, t4_15);
+        let t4_17 = (-a_5z).mul_add(p_mx_5, t4_16);
+        let t4_18 = (-a_5x).mul_add(p_mz_5, t4_17);
+        let t4_19 = like.lift(9.81) * sin_q8;
+        let t4_20 = like.lift(2.0) * d_q8;
+        let t4_21 = (-t4_20).mul_add(d_q9, t4_19);
+        let a_7x = (-q9).mul_add(dd_q8, t4_21);
+        let t4_22 = d_q8 * d_q8;
+        let t4_23 = (-q9).mul_add(t4_22, dd_q9);
+        let a_7z = like.lift(9.81).mul_add(cos_q8, t4_23);
+        let t4_24 = a_7x * p_m_7;
+        let t4_25 = (-dd_q8).mul_add(p_mz_7, t4_24);
+        let t4_26 = t4_22.mul_add(p_mx_7, t4_25);
+        let t4_27 = sin_q8 * p_my_6;
+        let t4_28 = (-cos_q8).mul_add(p_mx_6, t4_27);
+        let t4_29 = p_izz_6 + p_iyy_7;
+        let t4_30 = dd_q8 * t4_29;
+        let t4_31 = like.lift(9.81).mul_add(t4_28, t4_30);
+        let t4_32 = (-q9).mul_add(t4_26, t4_31);
+        let t4_33 = (-a_7z).mul_add(p_mx_7, t4_32);
+        let t4_34 = (-a_7x).mul_add(p_mz_7, t4_33);
+        let t4_35 = a_2z * p_m_2;
+        let t4_36 = (-t4_34).mul_add(x_q8_q2, t4_35);
+        let t4_37 = (-t4_18).mul_add(x_q6_q2, t4_36);
+        let t4_38 = (-t2_87).mul_add(x_s1_3_q2, t4_37);
+        let t4_39 = (-t2_91).mul_add(x_s1_2_q2, t4_38);
+        let t4_40 = (-t4_2).mul_add(x_s1_1_q2, t4_39);
+        let t4_41 = (-t2_110).mul_add(x_q1_q2, t4_40);
+        let t4_42 = (-t2_1).mul_add(p_mz_2, t4_41);
+        let t4_43 = (-dd_q1).mul_add(p_mx_2, t4_42);
+        let t4_44 = sin_s1_2.mul_add(t2_52, t4_43);
+        let t4_45 = cos_s1_2.mul_add(t2_44, t4_44);
+        tau[0] = t4_45;
+        let t4_46 = a_5z * p_m_5;
+        let t4_47 = (-t4_34).mul_add(x_q8_q7, t4_46);
+        let t4_48 = (-t4_6).mul_add(p_mz_5, t4_47);
+        let t4_49 = (-dd_q6).mul_add(p_mx_5, t4_48);
+        let t4_50 = (-t4_18).mul_add(x_q6_q7, t4_49);
+        let t4_51 = (-t2_87).mul_add(x_s1_3_q7, t4_50);
+        let t4_52 = (-t2_91).mul_add(x_s1_2_q7, t4_51);
+        let t4_53 = (-t4_2).mul_add(x_s1_1_q7, t4_52);
+        let t4_54 = (-t2_110).mul_add(x_q1_q7, t4_53);
+        tau[1] = t4_54;
+        let t4_55 = a_7z * p_m_7;
+        let t4_56 = (-t4_22).mul_add(p_mz_7, t4_55);
+        let t4_57 = (-dd_q8).mul_add(p_mx_7, t4_56);
+        let t4_58 = (-t4_34).mul_add(x_q8_q9, t4_57);
+        let t4_59 = (-t4_18).mul_add(x_q6_q9, t4_58);
+        let t4_60 = (-t2_87).mul_add(x_s1_3_q9, t4_59);
+        let t4_61 = (-t2_91).mul_add(x_s1_2_q9, t4_60);
+        let t4_62 = (-t4_2).mul_add(x_s1_1_q9, t4_61);
+        let t4_63 = (-t2_110).mul_add(x_q1_q9, t4_62);
+        tau[2] = t4_63;
     }
     (tau, Condition { pivot: condition })
 }
@@ -3003,7 +2892,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: the efforts that hold the mechanism at rest
 ///
-/// 127 additions, 269 multiplications, 6 divisions, 6 sines and cosines.
+/// 127 additions, 241 multiplications, 6 divisions, 6 sines and cosines.
 pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -3015,394 +2904,359 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
         _, _, _, _, _, p_mx_7, _, p_mz_7, p_m_7,
     ] = *phi;
     let mut condition = like.lift(1.0);
-    // tau, part 1
+    // sines and cosines
     let [
-        cos_q1, sin_s1_2, cos_s1_2, t1_21, t1_35, t1_38, t1_42, t1_54, t1_58, t1_60, t1_64,
-        sin_q6, cos_q6, t1_67, t1_73, t1_75, t1_81, t1_82, t1_86, t1_90, pivot_1, t1_96,
-        t1_100, t1_102, t1_104, sin_q8, cos_q8, t1_107, t1_115, t1_116, t1_120, t1_123, t1_124,
-        t1_126, t1_128, t1_130, t1_131, t1_132, t1_133, t1_135, t1_136, t1_137, t1_139, t1_140,
-        t1_141, t1_142, t1_144, pivot_3, pivot_4, pivot_5, pivot_6, t1_174, t1_176, t1_178,
-        t1_180, t1_186, t1_189, t1_192, t1_193, t1_196, t1_199, t1_200, t1_201, t1_202, t1_206,
-        t1_207, t1_211, t1_215, t1_219, t1_223, t1_227,
+        sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, sin_s1_1, cos_s1_1, sin_q6,
+        cos_q6, sin_q8, cos_q8,
     ] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = cos_q1 * p_m_2;
-        let (sin_s1_2, cos_s1_2) = s1_2.sin_cos();
-        let (sin_s1_3, cos_s1_3) = s1_3.sin_cos();
-        let (sin_s1_1, cos_s1_1) = s1_1.sin_cos();
-        let t1_2 = sin_q1 * sin_s1_1;
-        let t1_3 = cos_s1_3 * t1_2;
-        let t1_4 = like.lift(9.81) * t1_3;
-        let t1_5 = cos_q1 * cos_s1_2;
-        let t1_6 = like.lift(9.81) * t1_5;
-        let t1_7 = sin_q1 * cos_s1_1;
-        let t1_8 = sin_s1_2 * t1_7;
-        let a_s1_2z = like.lift(-9.81).mul_add(t1_8, t1_6);
-        let a_3y = sin_s1_3.mul_add(a_s1_2z, t1_4);
-        let t1_9 = p_m_3 * a_3y;
-        let t1_10 = sin_s1_3 * t1_9;
-        let t1_11 = sin_s1_3 * t1_2;
-        let t1_12 = like.lift(9.81) * t1_11;
-        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t1_12);
-        let t1_13 = p_m_3 * a_3z;
-        let t1_14 = (-cos_s1_3).mul_add(t1_13, t1_10);
-        let t1_15 = cos_s1_2 * t1_14;
-        let t1_16 = cos_q1 * sin_s1_2;
-        let t1_17 = like.lift(9.81) * t1_16;
-        let t1_18 = cos_s1_2 * t1_7;
-        let a_s1_2x = like.lift(9.81).mul_add(t1_18, t1_17);
-        let t1_19 = p_m_3 * a_s1_2x;
-        let t1_20 = sin_s1_2.mul_add(t1_19, t1_15);
-        let t1_21 = like.lift(9.81).mul_add(t1_1, t1_20);
-        let t1_22 = cos_q1 * p_mx_1;
-        let t1_23 = like.lift(9.81) * t1_22;
-        let t1_24 = sin_q1 * p_my_1;
-        let t1_25 = like.lift(-9.81).mul_add(t1_24, t1_23);
-        let t1_26 = sin_q1 * p_mz_2;
-        let t1_27 = like.lift(9.81) * t1_26;
-        let t1_28 = cos_q1 * p_mx_2;
-        let t1_29 = like.lift(9.81).mul_add(t1_28, t1_27);
-        let t1_30 = p_mz_3 * a_s1_2x;
-        let t1_31 = (-p_mx_3).mul_add(a_3z, t1_30);
-        let t1_32 = sin_s1_3 * t1_31;
-        let t1_33 = p_mx_3 * a_3y;
-        let t1_34 = p_my_3.mul_add(a_s1_2x, t1_33);
-        let t1_35 = (-cos_s1_3).mul_add(t1_34, t1_32);
-        let t1_36 = sin_s1_2 * t1_35;
-        let t1_37 = p_my_3 * a_3z;
-        let t1_38 = p_mz_3.mul_add(a_3y, t1_37);
-        let t1_39 = cos_s1_2.mul_add(t1_38, t1_36);
-        let t1_40 = sin_s1_1 * t1_39;
-        let t1_41 = cos_s1_3 * t1_31;
-        let t1_42 = sin_s1_3.mul_add(t1_34, t1_41);
-        let t1_43 = cos_s1_1.mul_add(t1_42, t1_40);
-        let t1_44 = t1_29 + t1_43;
-        let t1_45 = sin_q1 * p_m_2;
-        let t1_46 = sin_s1_2 * t1_14;
-        let t1_47 = (-cos_s1_2).mul_add(t1_19, t1_46);
-        let t1_48 = cos_s1_1 * t1_47;
-        let t1_49 = cos_s1_3 * t1_9;
-        let t1_50 = sin_s1_3.mul_add(t1_13, t1_49);
-        let t1_51 = (-sin_s1_1).mul_add(t1_50, t1_48);
-        let t1_52 = like.lift(9.81).mul_add(t1_45, -t1_51);
-        let t1_53 = q2.mul_add(t1_52, t1_44);
-        let t1_54 = t1_25 + t1_53;
-        let t1_55 = cos_q1 * q2;
-        let t1_56 = t1_16 + t1_18;
-        let t1_57 = like.lift(-0.4563).mul_add(t1_56, t1_55);
-        let t1_58 = -t1_57;
-        let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t1_59 = cos_q1 * e_s1_2_q1x;
-        let t1_60 = like.lift(0.4563) * t1_59;
-        let t1_61 = cos_s1_1 * t1_56;
-        let t1_62 = like.lift(0.4563) * t1_61;
-        let t1_63 = t1_2 * e_s1_2_q1x;
-        let t1_64 = like.lift(0.4563).mul_add(t1_63, t1_62);
-        let (sin_q6, cos_q6) = q6.sin_cos();
-        let t1_65 = cos_q6 * q7;
-        let t1_66 = like.lift(0.5) * t1_65;
-        let t1_67 = -t1_66;
-        let t1_68 = sin_q1 * q2;
-        let t1_69 = sin_q1 * sin_s1_2;
-        let t1_70 = cos_q1 * cos_s1_1;
-        let t1_71 = (-cos_s1_2).mul_add(t1_70, t1_69);
-        let t1_72 = like.lift(-0.4563).mul_add(t1_71, t1_68);
-        let t1_73 = -t1_72;
-        let t1_74 = sin_q1 * e_s1_2_q1x;
-        let t1_75 = like.lift(0.4563) * t1_74;
-        let t1_76 = cos_q1 * sin_s1_1;
-        let t1_77 = t1_76 * e_s1_2_q1x;
-        let t1_78 = like.lift(0.4563) * t1_77;
-        let t1_79 = cos_s1_1 * t1_71;
-        let t1_80 = like.lift(-0.4563).mul_add(t1_79, t1_78);
-        let t1_81 = -t1_80;
-        let t1_82 = sin_q6 * q7;
-        let t1_83 = cos_q1 * t1_71;
-        let t1_84 = like.lift(0.4563) * t1_83;
-        let t1_85 = sin_q1 * t1_56;
-        let t1_86 = like.lift(-0.4563).mul_add(t1_85, t1_84);
-        let t1_87 = t1_2 * t1_71;
-        let t1_88 = like.lift(0.4563) * t1_87;
-        let t1_89 = t1_76 * t1_56;
-        let t1_90 = like.lift(0.4563).mul_add(t1_89, t1_88);
-        let pivot_1 = like.lift(0.8660254037844386) * t1_65;
-        let t1_91 = like.lift(0.22815) * t1_56;
-        let t1_92 = t1_5 - t1_8;
-        let t1_93 = sin_s1_3.mul_add(t1_92, t1_3);
-        let t1_94 = like.lift(-0.39516739174683935).mul_add(t1_93, t1_91);
-        let t1_95 = t1_55 - t1_94;
-        let t1_96 = -t1_95;
-        let t1_97 = like.lift(0.22815) * e_s1_2_q1x;
-        let t1_98 = cos_s1_1 * cos_s1_3;
-        let e_s1_2_q1z = sin_s1_1 * sin_s1_2;
-        let e_3_q1y = sin_s1_3.mul_add(e_s1_2_q1z, t1_98);
-        let t1_99 = like.lift(0.39516739174683935).mul_add(e_3_q1y, t1_97);
-        let t1_100 = cos_q1 * t1_99;
-        let t1_101 = cos_s1_1 * t1_94;
-        let t1_102 = t1_2.mul_add(t1_99, t1_101);
-        let t1_103 = e_s1_2_q1x * t1_94;
-        let t1_104 = (-t1_56).mul_add(t1_99, t1_103);
-        let (sin_q8, cos_q8) = q8.sin_cos();
-        let t1_105 = cos_q8 * q9;
-        let t1_106 = like.lift(0.5) * t1_105;
-        let t1_107 = -t1_106;
-        let t1_108 = cos_s1_3 * t1_76;
-        let t1_109 = sin_q1 * cos_s1_2;
-        let t1_110 = sin_s1_2.mul_add(t1_70, t1_109);
-        let t1_111 = (-sin_s1_3).mul_add(t1_110, t1_108);
-        let t1_112 = like.lift(0.39516739174683935) * t1_111;
-        let t1_113 = like.lift(0.22815) * t1_71;
-        let t1_114 = t1_68 - t1_113;
-        let t1_115 = t1_112 - t1_114;
-        let t1_116 = sin_q1 * t1_99;
-        let t1_117 = t1_76 * t1_99;
-        let t1_118 = t1_113 + t1_112;
-        let t1_119 = (-cos_s1_1).mul_add(t1_118, t1_117);
-        let t1_120 = -t1_119;
-        let t1_121 = t1_71 * t1_99;
-        let t1_122 = (-e_s1_2_q1x).mul_add(t1_118, t1_121);
-        let t1_123 = -t1_122;
-        let t1_124 = sin_q8 * q9;
-        let t1_125 = cos_q1 * t1_118;
-        let t1_126 = (-sin_q1).mul_add(t1_94, t1_125);
-        let t1_127 = t1_2 * t1_118;
-        let t1_128 = t1_76.mul_add(t1_94, t1_127);
-        let t1_129 = t1_56 * t1_118;
-        let t1_130 = (-t1_71).mul_add(t1_94, t1_129);
-        let t1_131 = -t1_130;
-        let pivot_2 = like.lift(0.8660254037844386) * t1_105;
-        let t1_132 = -pivot_2;
-        let t1_133 = -sin_q1;
-        let t1_134 = like.lift(0.5) * sin_q6;
-        let t1_135 = -t1_134;
-        let t1_136 = -cos_q6;
-        let t1_137 = like.lift(0.8660254037844386) * sin_q6;
-        let t1_138 = like.lift(0.5) * sin_q8;
-        let t1_139 = -t1_138;
-        let t1_140 = -cos_q8;
-        let t1_141 = like.lift(0.8660254037844386) * sin_q8;
-        let t1_142 = -t1_141;
-        let t1_143 = like.lift(0.5773502691896257).mul_add(t1_130, t1_104);
-        let t1_144 = like.lift(1.0) / t1_105;
-        let t1_145 = t1_124 * t1_144;
-        let t1_146 = t1_130 * t1_145;
-        let pivot_3 = like.lift(1.1547005383792515).mul_add(t1_146, t1_122);
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_147 = t1_143 * inv_pivot_3;
-        let t1_148 = (-t1_115).mul_add(t1_147, t1_95);
-        let t1_149 = like.lift(0.5773502691896257).mul_add(t1_86, t1_60);
-        let t1_150 = like.lift(-0.5773502691896257).mul_add(t1_126, t1_100);
-        let t1_151 = t1_126 * t1_145;
-        let t1_152 = like.lift(1.1547005383792515).mul_add(t1_151, t1_116);
-        let pivot_4 = t1_152.mul_add(t1_147, t1_150);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t1_153 = t1_149 * inv_pivot_4;
-        let pivot_5 = (-t1_148).mul_add(t1_153, t1_57);
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t1_154 = (-cos_q1).mul_add(t1_147, sin_q1);
-        let t1_155 = (-t1_154).mul_add(t1_153, sin_q1);
-        let t1_156 = like.lift(0.5773502691896257).mul_add(t1_90, t1_64);
-        let t1_157 = like.lift(-0.5773502691896257).mul_add(t1_128, t1_102);
-        let t1_158 = t1_128 * t1_145;
-        let t1_159 = like.lift(-1.1547005383792515).mul_add(t1_158, t1_119);
-        let t1_160 = (-t1_159).mul_add(t1_147, t1_157);
-        let t1_161 = (-t1_160).mul_add(t1_153, t1_156);
-        let t1_162 = like.lift(1.0) / t1_65;
-        let t1_163 = t1_82 * t1_162;
-        let t1_164 = t1_86 * t1_163;
-        let t1_165 = like.lift(-1.1547005383792515).mul_add(t1_164, t1_75);
-        let t1_166 = t1_165 * inv_pivot_4;
-        let t1_167 = t1_154.mul_add(t1_166, cos_q1);
-        let t1_168 = (-t1_148).mul_add(t1_166, t1_72);
-        let t1_169 = t1_168 * inv_pivot_5;
-        let t1_170 = t1_155.mul_add(t1_169, t1_167);
-        let t1_171 = t1_90 * t1_163;
-        let t1_172 = like.lift(1.1547005383792515).mul_add(t1_171, t1_80);
-        let t1_173 = t1_160.mul_add(t1_166, t1_172);
-        let pivot_6 = t1_161.mul_add(t1_169, t1_173);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t1_174 = t1_170 * inv_pivot_6;
-        let t1_175 = (-t1_161).mul_add(t1_174, t1_155);
-        let t1_176 = inv_pivot_5 * t1_175;
-        let t1_177 = sin_q6.mul_add(t1_163, cos_q6);
-        let t1_178 = t1_177 * inv_pivot_6;
-        let t1_179 = t1_161 * t1_178;
-        let t1_180 = inv_pivot_5 * t1_179;
-        let t1_181 = sin_q8.mul_add(t1_145, cos_q8);
-        let t1_182 = t1_181 * t1_147;
-        let t1_183 = t1_182 * t1_153;
-        let t1_184 = t1_182 * t1_166;
-        let t1_185 = (-t1_183).mul_add(t1_169, t1_184);
-        let t1_186 = t1_185 * inv_pivot_6;
-        let t1_187 = t1_161.mul_add(t1_186, t1_183);
-        let t1_188 = inv_pivot_5 * t1_187;
-        let t1_189 = -t1_188;
-        let t1_190 = (-t1_148).mul_add(t1_176, t1_154);
-        let t1_191 = (-t1_160).mul_add(t1_174, t1_190);
-        let t1_192 = inv_pivot_4 * t1_191;
-        let t1_193 = -t1_192;
-        let t1_194 = t1_148 * t1_180;
-        let t1_195 = (-t1_160).mul_add(t1_178, t1_194);
-        let t1_196 = inv_pivot_4 * t1_195;
-        let t1_197 = t1_148.mul_add(t1_188, t1_182);
-        let t1_198 = (-t1_160).mul_add(t1_186, t1_197);
-        let t1_199 = inv_pivot_4 * t1_198;
-        let t1_200 = -t1_199;
-        let t1_201 = -t1_174;
-        let t1_202 = -t1_186;
-        let t1_203 = t1_152.mul_add(t1_192, cos_q1);
-        let t1_204 = (-t1_115).mul_add(t1_176, t1_203);
-        let t1_205 = (-t1_159).mul_add(t1_174, t1_204);
-        let t1_206 = inv_pivot_3 * t1_205;
-        let t1_207 = -t1_206;
-        let t1_208 = t1_152 * t1_196;
-        let t1_209 = t1_115.mul_add(t1_180, t1_208);
-        let t1_210 = (-t1_159).mul_add(t1_178, t1_209);
-        let t1_211 = inv_pivot_3 * t1_210;
-        let t1_212 = (-t1_152).mul_add(t1_199, t1_181);
-        let t1_213 = (-t1_115).mul_add(t1_188, t1_212);
-        let t1_214 = t1_159.mul_add(t1_186, t1_213);
-        let t1_215 = inv_pivot_3 * t1_214;
-        let t1_216 = t1_86 * t1_192;
-        let t1_217 = t1_90.mul_add(t1_174, t1_216);
-        let t1_218 = t1_162 * t1_217;
-        let t1_219 = like.lift(1.1547005383792515) * t1_218;
-        let t1_220 = (-t1_86).mul_add(t1_196, t1_137);
-        let t1_221 = (-t1_90).mul_add(t1_178, t1_220);
-        let t1_222 = t1_162 * t1_221;
-        let t1_223 = like.lift(1.1547005383792515) * t1_222;
-        let t1_224 = t1_86 * t1_199;
-        let t1_225 = t1_90.mul_add(t1_186, t1_224);
-        let t1_226 = t1_162 * t1_225;
-        let t1_227 = like.lift(1.1547005383792515) * t1_226;
+        let [
+            (sin_q1, cos_q1), (sin_s1_2, cos_s1_2), (sin_s1_3, cos_s1_3), (sin_s1_1, cos_s1_1),
+            (sin_q6, cos_q6), (sin_q8, cos_q8),
+        ] =
+            T::sin_cos_all([q1, s1_2, s1_3, s1_1, q6, q8]);
         [
-            cos_q1, sin_s1_2, cos_s1_2, t1_21, t1_35, t1_38, t1_42, t1_54, t1_58, t1_60, t1_64,
-            sin_q6, cos_q6, t1_67, t1_73, t1_75, t1_81, t1_82, t1_86, t1_90, pivot_1, t1_96,
-            t1_100, t1_102, t1_104, sin_q8, cos_q8, t1_107, t1_115, t1_116, t1_120, t1_123,
-            t1_124, t1_126, t1_128, t1_130, t1_131, t1_132, t1_133, t1_135, t1_136, t1_137,
-            t1_139, t1_140, t1_141, t1_142, t1_144, pivot_3, pivot_4, pivot_5, pivot_6, t1_174,
-            t1_176, t1_178, t1_180, t1_186, t1_189, t1_192, t1_193, t1_196, t1_199, t1_200,
-            t1_201, t1_202, t1_206, t1_207, t1_211, t1_215, t1_219, t1_223, t1_227,
+            sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, sin_s1_1, cos_s1_1, sin_q6,
+            cos_q6, sin_q8, cos_q8,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7,
-        x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2,
-        x_q8_q7, x_q8_q9,
+        t2_14, t2_18, t2_24, t2_26, t2_30, t2_35, t2_46, t2_72, t2_114, x_q1_q2, x_q1_q7,
+        x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2,
+        x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
     ] = {
-        let t2_1 = t1_130 * t1_206;
-        let t2_2 = (-t1_126).mul_add(t1_192, t2_1);
-        let t2_3 = (-t1_128).mul_add(t1_174, t2_2);
-        let t2_4 = t1_144 * t2_3;
-        let t2_5 = like.lift(1.1547005383792515) * t2_4;
-        let t2_6 = t1_130 * t1_211;
-        let t2_7 = (-t1_126).mul_add(t1_196, t2_6);
-        let t2_8 = (-t1_128).mul_add(t1_178, t2_7);
-        let t2_9 = t1_144 * t2_8;
-        let t2_10 = like.lift(1.1547005383792515) * t2_9;
-        let t2_11 = -t2_10;
-        let t2_12 = (-t1_130).mul_add(t1_215, t1_141);
-        let t2_13 = (-t1_126).mul_add(t1_199, t2_12);
-        let t2_14 = (-t1_128).mul_add(t1_186, t2_13);
-        let t2_15 = t1_144 * t2_14;
-        let t2_16 = like.lift(1.1547005383792515) * t2_15;
-        let t2_17 = -pivot_3;
-        let t2_18 = -pivot_5;
-        let t2_19 = -pivot_6;
+        let t2_1 = sin_q1 * sin_s1_1;
+        let t2_2 = cos_s1_3 * t2_1;
+        let t2_3 = cos_q1 * cos_s1_2;
+        let t2_4 = sin_q1 * cos_s1_1;
+        let t2_5 = sin_s1_2 * t2_4;
+        let t2_6 = t2_5 - t2_3;
+        let t2_7 = like.lift(9.81) * t2_6;
+        let a_s1_2z = -t2_7;
+        let t2_8 = sin_s1_3 * a_s1_2z;
+        let a_3y = like.lift(9.81).mul_add(t2_2, t2_8);
+        let t2_9 = p_m_3 * a_3y;
+        let t2_10 = like.lift(9.81) * sin_s1_3;
+        let t2_11 = t2_10 * t2_1;
+        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t2_11);
+        let t2_12 = p_m_3 * a_3z;
+        let t2_13 = sin_s1_3 * t2_9;
+        let t2_14 = (-cos_s1_3).mul_add(t2_12, t2_13);
+        let t2_15 = cos_q1 * sin_s1_2;
+        let t2_16 = cos_s1_2 * t2_4;
+        let t2_17 = t2_16 + t2_15;
+        let a_s1_2x = like.lift(9.81) * t2_17;
+        let t2_18 = p_m_3 * a_s1_2x;
+        let t2_19 = p_mz_3 * a_s1_2x;
+        let t2_20 = (-p_mx_3).mul_add(a_3z, t2_19);
+        let t2_21 = p_my_3 * a_s1_2x;
+        let t2_22 = p_mx_3.mul_add(a_3y, t2_21);
+        let t2_23 = sin_s1_3 * t2_20;
+        let t2_24 = (-cos_s1_3).mul_add(t2_22, t2_23);
+        let t2_25 = p_mz_3 * a_3y;
+        let t2_26 = p_my_3.mul_add(a_3z, t2_25);
+        let t2_27 = cos_s1_2 * t2_26;
+        let t2_28 = sin_s1_2.mul_add(t2_24, t2_27);
+        let t2_29 = sin_s1_3 * t2_22;
+        let t2_30 = cos_s1_3.mul_add(t2_20, t2_29);
+        let t2_31 = sin_s1_2 * t2_14;
+        let t2_32 = (-cos_s1_2).mul_add(t2_18, t2_31);
+        let t2_33 = sin_s1_3 * t2_12;
+        let t2_34 = cos_s1_3.mul_add(t2_9, t2_33);
+        let t2_35 = like.lift(9.81) * p_m_2;
+        let t2_36 = sin_q1 * t2_35;
+        let t2_37 = sin_s1_1.mul_add(t2_34, t2_36);
+        let t2_38 = (-cos_s1_1).mul_add(t2_32, t2_37);
+        let t2_39 = sin_q1 * p_my_1;
+        let t2_40 = (-cos_q1).mul_add(p_mx_1, t2_39);
+        let t2_41 = (-cos_q1).mul_add(p_mx_2, t2_40);
+        let t2_42 = (-sin_q1).mul_add(p_mz_2, t2_41);
+        let t2_43 = q2 * t2_38;
+        let t2_44 = like.lift(-9.81).mul_add(t2_42, t2_43);
+        let t2_45 = cos_s1_1.mul_add(t2_30, t2_44);
+        let t2_46 = sin_s1_1.mul_add(t2_28, t2_45);
+        let t2_47 = cos_q1 * q2;
+        let t2_48 = t2_15 + t2_16;
+        let t2_49 = like.lift(-0.4563).mul_add(t2_48, t2_47);
+        let t2_50 = -t2_49;
+        let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
+        let t2_51 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_52 = cos_q1 * t2_51;
+        let t2_53 = t2_1 * e_s1_2_q1x;
+        let t2_54 = cos_s1_1.mul_add(t2_48, t2_53);
+        let t2_55 = like.lift(0.4563) * t2_54;
+        let t2_56 = cos_q6 * q7;
+        let t2_57 = like.lift(0.5) * t2_56;
+        let t2_58 = -t2_57;
+        let t2_59 = sin_q1 * q2;
+        let t2_60 = cos_q1 * cos_s1_1;
+        let t2_61 = sin_q1 * sin_s1_2;
+        let t2_62 = (-cos_s1_2).mul_add(t2_60, t2_61);
+        let t2_63 = like.lift(-0.4563).mul_add(t2_62, t2_59);
+        let t2_64 = -t2_63;
+        let t2_65 = sin_q1 * t2_51;
+        let t2_66 = cos_q1 * sin_s1_1;
+        let t2_67 = cos_s1_1 * t2_62;
+        let t2_68 = (-t2_66).mul_add(e_s1_2_q1x, t2_67);
+        let t2_69 = like.lift(0.4563) * t2_68;
+        let t2_70 = -t2_69;
+        let t2_71 = -t2_70;
+        let t2_72 = q7 * sin_q6;
+        let t2_73 = sin_q1 * t2_48;
+        let t2_74 = (-cos_q1).mul_add(t2_62, t2_73);
+        let t2_75 = like.lift(0.4563) * t2_74;
+        let t2_76 = -t2_75;
+        let t2_77 = t2_66 * t2_48;
+        let t2_78 = t2_1.mul_add(t2_62, t2_77);
+        let t2_79 = like.lift(0.4563) * t2_78;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_56;
+        let t2_80 = t2_3 - t2_5;
+        let t2_81 = sin_s1_3.mul_add(t2_80, t2_2);
+        let t2_82 = like.lift(0.22815) * t2_48;
+        let t2_83 = like.lift(-0.39516739174683935).mul_add(t2_81, t2_82);
+        let t2_84 = t2_47 - t2_83;
+        let t2_85 = -t2_84;
+        let t2_86 = sin_s1_3 * sin_s1_1;
+        let t2_87 = t2_86 * sin_s1_2;
+        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_87);
+        let t2_88 = like.lift(0.39516739174683935) * e_3_q1y;
+        let t2_89 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_88);
+        let t2_90 = cos_q1 * t2_89;
+        let t2_91 = t2_1 * t2_89;
+        let t2_92 = cos_s1_1.mul_add(t2_83, t2_91);
+        let t2_93 = e_s1_2_q1x * t2_83;
+        let t2_94 = (-t2_48).mul_add(t2_89, t2_93);
+        let t2_95 = cos_q8 * q9;
+        let t2_96 = like.lift(0.5) * t2_95;
+        let t2_97 = -t2_96;
+        let t2_98 = sin_s1_2 * t2_60;
+        let t2_99 = sin_q1.mul_add(cos_s1_2, t2_98);
+        let t2_100 = cos_s1_3 * t2_66;
+        let t2_101 = (-sin_s1_3).mul_add(t2_99, t2_100);
+        let t2_102 = like.lift(0.39516739174683935) * t2_101;
+        let t2_103 = like.lift(0.22815) * t2_62;
+        let t2_104 = t2_102 - t2_59;
+        let t2_105 = t2_104 + t2_103;
+        let t2_106 = sin_q1 * t2_89;
+        let t2_107 = t2_103 + t2_102;
+        let t2_108 = t2_66 * t2_89;
+        let t2_109 = (-cos_s1_1).mul_add(t2_107, t2_108);
+        let t2_110 = -t2_109;
+        let t2_111 = t2_62 * t2_89;
+        let t2_112 = (-e_s1_2_q1x).mul_add(t2_107, t2_111);
+        let t2_113 = -t2_112;
+        let t2_114 = q9 * sin_q8;
+        let t2_115 = cos_q1 * t2_107;
+        let t2_116 = (-sin_q1).mul_add(t2_83, t2_115);
+        let t2_117 = t2_66 * t2_83;
+        let t2_118 = t2_1.mul_add(t2_107, t2_117);
+        let t2_119 = t2_48 * t2_107;
+        let t2_120 = (-t2_62).mul_add(t2_83, t2_119);
+        let t2_121 = -t2_120;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_95;
+        let t2_122 = -pivot_2;
+        let t2_123 = -sin_q1;
+        let t2_124 = like.lift(0.5) * sin_q6;
+        let t2_125 = -t2_124;
+        let t2_126 = -cos_q6;
+        let t2_127 = like.lift(0.8660254037844386) * sin_q6;
+        let t2_128 = like.lift(0.5) * sin_q8;
+        let t2_129 = -t2_128;
+        let t2_130 = -cos_q8;
+        let t2_131 = like.lift(0.8660254037844386) * sin_q8;
+        let t2_132 = -t2_131;
+        let t2_133 = like.lift(0.5773502691896257).mul_add(t2_120, t2_94);
+        let t2_134 = like.lift(1.0) / t2_95;
+        let t2_135 = t2_114 * t2_134;
+        let t2_136 = like.lift(1.1547005383792515) * t2_135;
+        let pivot_3 = t2_120.mul_add(t2_136, t2_112);
+        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let t2_137 = t2_133 * inv_pivot_3;
+        let t2_138 = (-t2_105).mul_add(t2_137, t2_84);
+        let t2_139 = like.lift(0.5773502691896257).mul_add(t2_76, t2_52);
+        let t2_140 = t2_116.mul_add(t2_136, t2_106);
+        let t2_141 = t2_140.mul_add(t2_137, t2_90);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_116, t2_141);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t2_142 = t2_139 * inv_pivot_4;
+        let pivot_5 = (-t2_138).mul_add(t2_142, t2_49);
+        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let t2_143 = (-cos_q1).mul_add(t2_137, sin_q1);
+        let t2_144 = (-t2_143).mul_add(t2_142, sin_q1);
+        let t2_145 = (-t2_118).mul_add(t2_136, t2_109);
+        let t2_146 = (-t2_145).mul_add(t2_137, t2_92);
+        let t2_147 = like.lift(-0.5773502691896257).mul_add(t2_118, t2_146);
+        let t2_148 = (-t2_147).mul_add(t2_142, t2_55);
+        let t2_149 = like.lift(0.5773502691896257).mul_add(t2_79, t2_148);
+        let t2_150 = like.lift(1.0) / t2_56;
+        let t2_151 = t2_72 * t2_150;
+        let t2_152 = like.lift(1.1547005383792515) * t2_151;
+        let t2_153 = (-t2_76).mul_add(t2_152, t2_65);
+        let t2_154 = t2_153 * inv_pivot_4;
+        let t2_155 = (-t2_138).mul_add(t2_154, t2_63);
+        let t2_156 = t2_155 * inv_pivot_5;
+        let t2_157 = t2_144.mul_add(t2_156, cos_q1);
+        let t2_158 = t2_143.mul_add(t2_154, t2_157);
+        let t2_159 = t2_149.mul_add(t2_156, t2_70);
+        let t2_160 = t2_147.mul_add(t2_154, t2_159);
+        let pivot_6 = t2_79.mul_add(t2_152, t2_160);
+        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let t2_161 = t2_158 * inv_pivot_6;
+        let t2_162 = (-t2_149).mul_add(t2_161, t2_144);
+        let t2_163 = inv_pivot_5 * t2_162;
+        let t2_164 = sin_q6.mul_add(t2_151, cos_q6);
+        let t2_165 = t2_164 * inv_pivot_6;
+        let t2_166 = inv_pivot_5 * t2_149;
+        let t2_167 = t2_166 * t2_165;
+        let t2_168 = sin_q8.mul_add(t2_135, cos_q8);
+        let t2_169 = t2_168 * t2_137;
+        let t2_170 = t2_169 * t2_142;
+        let t2_171 = t2_169 * t2_154;
+        let t2_172 = (-t2_170).mul_add(t2_156, t2_171);
+        let t2_173 = t2_172 * inv_pivot_6;
+        let t2_174 = t2_149.mul_add(t2_173, t2_170);
+        let t2_175 = inv_pivot_5 * t2_174;
+        let t2_176 = -t2_175;
+        let t2_177 = (-t2_147).mul_add(t2_161, t2_143);
+        let t2_178 = (-t2_138).mul_add(t2_163, t2_177);
+        let t2_179 = inv_pivot_4 * t2_178;
+        let t2_180 = -t2_179;
+        let t2_181 = t2_138 * t2_167;
+        let t2_182 = (-t2_147).mul_add(t2_165, t2_181);
+        let t2_183 = inv_pivot_4 * t2_182;
+        let t2_184 = (-t2_147).mul_add(t2_173, t2_169);
+        let t2_185 = t2_138.mul_add(t2_175, t2_184);
+        let t2_186 = inv_pivot_4 * t2_185;
+        let t2_187 = -t2_186;
+        let t2_188 = -t2_161;
+        let t2_189 = -t2_173;
+        let t2_190 = (-t2_145).mul_add(t2_161, cos_q1);
+        let t2_191 = (-t2_105).mul_add(t2_163, t2_190);
+        let t2_192 = t2_140.mul_add(t2_179, t2_191);
+        let t2_193 = inv_pivot_3 * t2_192;
+        let t2_194 = -t2_193;
+        let t2_195 = t2_105 * t2_167;
+        let t2_196 = (-t2_145).mul_add(t2_165, t2_195);
+        let t2_197 = t2_140.mul_add(t2_183, t2_196);
+        let t2_198 = inv_pivot_3 * t2_197;
+        let t2_199 = t2_145.mul_add(t2_173, t2_168);
+        let t2_200 = (-t2_105).mul_add(t2_175, t2_199);
+        let t2_201 = (-t2_140).mul_add(t2_186, t2_200);
+        let t2_202 = inv_pivot_3 * t2_201;
+        let t2_203 = t2_79 * t2_161;
+        let t2_204 = t2_76.mul_add(t2_179, t2_203);
+        let t2_205 = like.lift(1.1547005383792515) * t2_150;
+        let t2_206 = t2_204 * t2_205;
+        let t2_207 = (-t2_79).mul_add(t2_165, t2_127);
+        let t2_208 = (-t2_76).mul_add(t2_183, t2_207);
+        let t2_209 = t2_208 * t2_205;
+        let t2_210 = t2_79 * t2_173;
+        let t2_211 = t2_76.mul_add(t2_186, t2_210);
+        let t2_212 = t2_211 * t2_205;
+        let t2_213 = t2_120 * t2_193;
+        let t2_214 = (-t2_118).mul_add(t2_161, t2_213);
+        let t2_215 = (-t2_116).mul_add(t2_179, t2_214);
+        let t2_216 = like.lift(1.1547005383792515) * t2_134;
+        let t2_217 = t2_215 * t2_216;
+        let t2_218 = t2_120 * t2_198;
+        let t2_219 = (-t2_118).mul_add(t2_165, t2_218);
+        let t2_220 = (-t2_116).mul_add(t2_183, t2_219);
+        let t2_221 = t2_220 * t2_216;
+        let t2_222 = -t2_221;
+        let t2_223 = (-t2_118).mul_add(t2_173, t2_131);
+        let t2_224 = (-t2_116).mul_add(t2_186, t2_223);
+        let t2_225 = (-t2_120).mul_add(t2_202, t2_224);
+        let t2_226 = t2_225 * t2_216;
+        let t2_227 = -pivot_3;
+        let t2_228 = -pivot_5;
+        let t2_229 = -pivot_6;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t1_132 * like.lift(1.8955297449982944)).abs())
-            .min((t2_17 * like.lift(2.6463477742948585)).abs())
+            .min((t2_122 * like.lift(1.8955297449982944)).abs())
+            .min((t2_227 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_18 * like.lift(0.8284577646309275)).abs())
-            .min((t2_19 * like.lift(2.1915406530791146)).abs());
+            .min((t2_228 * like.lift(0.8284577646309275)).abs())
+            .min((t2_229 * like.lift(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [t1_176, t1_180, t1_189], [t1_193, t1_196, t1_200], [t1_201, t1_178, t1_202],
-                [t1_207, t1_211, t1_215], [t1_219, t1_223, t1_227], [t2_5, t2_11, t2_16],
+                [t2_163, t2_167, t2_176], [t2_180, t2_183, t2_187], [t2_188, t2_165, t2_189],
+                [t2_194, t2_198, t2_202], [t2_206, t2_209, t2_212], [t2_217, t2_222, t2_226],
             ],
             margin,
             || (
                 [
-                    [t1_58, t1_60, t1_64, like.lift(0.0), t1_67, like.lift(0.0)],
-                    [t1_73, t1_75, t1_81, like.lift(0.0), t1_82, like.lift(0.0)],
-                    [like.lift(0.0), t1_86, t1_90, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t1_96, t1_100, t1_102, t1_104, like.lift(0.0), t1_107],
-                    [t1_115, t1_116, t1_120, t1_123, like.lift(0.0), t1_124],
-                    [like.lift(0.0), t1_126, t1_128, t1_131, like.lift(0.0), t1_132],
+                    [t2_50, t2_52, t2_55, like.lift(0.0), t2_58, like.lift(0.0)],
+                    [t2_64, t2_65, t2_71, like.lift(0.0), t2_72, like.lift(0.0)],
+                    [like.lift(0.0), t2_76, t2_79, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_85, t2_90, t2_92, t2_94, like.lift(0.0), t2_97],
+                    [t2_105, t2_106, t2_110, t2_113, like.lift(0.0), t2_114],
+                    [like.lift(0.0), t2_116, t2_118, t2_121, like.lift(0.0), t2_122],
                 ],
                 [
-                    [t1_133, t1_135, like.lift(0.0)], [cos_q1, t1_136, like.lift(0.0)],
-                    [like.lift(0.0), t1_137, like.lift(0.0)], [t1_133, like.lift(0.0), t1_139],
-                    [cos_q1, like.lift(0.0), t1_140], [like.lift(0.0), like.lift(0.0), t1_142],
+                    [t2_123, t2_125, like.lift(0.0)], [cos_q1, t2_126, like.lift(0.0)],
+                    [like.lift(0.0), t2_127, like.lift(0.0)], [t2_123, like.lift(0.0), t2_129],
+                    [cos_q1, like.lift(0.0), t2_130], [like.lift(0.0), like.lift(0.0), t2_132],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7,
-            x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2,
-            x_q8_q7, x_q8_q9,
+            t2_14, t2_18, t2_24, t2_26, t2_30, t2_35, t2_46, t2_72, t2_114, x_q1_q2, x_q1_q7,
+            x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9,
+            x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7,
+            x_q8_q9,
         ]
     };
     // tau
     {
-        let t3_1 = t1_54.mul_add(x_q1_q2, t1_21);
-        let t3_2 = cos_s1_2 * t1_35;
-        let t3_3 = (-sin_s1_2).mul_add(t1_38, t3_2);
-        let t3_4 = t3_3.mul_add(x_s1_1_q2, t3_1);
-        let t3_5 = t1_42.mul_add(x_s1_2_q2, t3_4);
-        let t3_6 = t1_38.mul_add(x_s1_3_q2, t3_5);
-        let t3_7 = cos_q6 * p_mx_4;
+        let t3_1 = cos_s1_2 * t2_24;
+        let t3_2 = (-sin_s1_2).mul_add(t2_26, t3_1);
+        let t3_3 = sin_q6 * p_my_4;
+        let t3_4 = (-cos_q6).mul_add(p_mx_4, t3_3);
+        let t3_5 = (-p_m_5).mul_add(t2_72, t3_4);
+        let t3_6 = (-cos_q6).mul_add(p_mx_5, t3_5);
+        let t3_7 = (-sin_q6).mul_add(p_mz_5, t3_6);
         let t3_8 = like.lift(9.81) * t3_7;
-        let t3_9 = sin_q6 * p_my_4;
-        let t3_10 = like.lift(-9.81).mul_add(t3_9, t3_8);
-        let t3_11 = sin_q6 * p_mz_5;
-        let t3_12 = like.lift(9.81) * t3_11;
-        let t3_13 = cos_q6 * p_mx_5;
-        let t3_14 = like.lift(9.81).mul_add(t3_13, t3_12);
-        let t3_15 = sin_q6 * p_m_5;
-        let t3_16 = q7 * t3_15;
-        let t3_17 = like.lift(9.81).mul_add(t3_16, t3_14);
-        let t3_18 = t3_10 + t3_17;
-        let t3_19 = t3_18.mul_add(x_q6_q2, t3_6);
-        let t3_20 = cos_q8 * p_mx_6;
-        let t3_21 = like.lift(9.81) * t3_20;
-        let t3_22 = sin_q8 * p_my_6;
-        let t3_23 = like.lift(-9.81).mul_add(t3_22, t3_21);
-        let t3_24 = sin_q8 * p_mz_7;
-        let t3_25 = like.lift(9.81) * t3_24;
-        let t3_26 = cos_q8 * p_mx_7;
-        let t3_27 = like.lift(9.81).mul_add(t3_26, t3_25);
-        let t3_28 = sin_q8 * p_m_7;
-        let t3_29 = q9 * t3_28;
-        let t3_30 = like.lift(9.81).mul_add(t3_29, t3_27);
-        let t3_31 = t3_23 + t3_30;
-        let t3_32 = t3_31.mul_add(x_q8_q2, t3_19);
-        tau[0] = t3_32;
-        let t3_33 = cos_q6 * p_m_5;
-        let t3_34 = t1_54 * x_q1_q7;
-        let t3_35 = t3_3.mul_add(x_s1_1_q7, t3_34);
-        let t3_36 = t1_42.mul_add(x_s1_2_q7, t3_35);
-        let t3_37 = t1_38.mul_add(x_s1_3_q7, t3_36);
-        let t3_38 = t3_18.mul_add(x_q6_q7, t3_37);
-        let t3_39 = like.lift(9.81).mul_add(t3_33, t3_38);
-        let t3_40 = t3_31.mul_add(x_q8_q7, t3_39);
-        tau[1] = t3_40;
-        let t3_41 = cos_q8 * p_m_7;
-        let t3_42 = t1_54 * x_q1_q9;
-        let t3_43 = t3_3.mul_add(x_s1_1_q9, t3_42);
-        let t3_44 = t1_42.mul_add(x_s1_2_q9, t3_43);
-        let t3_45 = t1_38.mul_add(x_s1_3_q9, t3_44);
-        let t3_46 = t3_18.mul_add(x_q6_q9, t3_45);
-        let t3_47 = t3_31.mul_add(x_q8_q9, t3_46);
-        let t3_48 = like.lift(9.81).mul_add(t3_41, t3_47);
-        tau[2] = t3_48;
+        let t3_9 = -t3_8;
+        let t3_10 = sin_q8 * p_my_6;
+        let t3_11 = (-cos_q8).mul_add(p_mx_6, t3_10);
+        let t3_12 = (-p_m_7).mul_add(t2_114, t3_11);
+        let t3_13 = (-cos_q8).mul_add(p_mx_7, t3_12);
+        let t3_14 = (-sin_q8).mul_add(p_mz_7, t3_13);
+        let t3_15 = like.lift(9.81) * t3_14;
+        let t3_16 = -t3_15;
+        let t3_17 = t3_16 * x_q8_q2;
+        let t3_18 = t3_9.mul_add(x_q6_q2, t3_17);
+        let t3_19 = t2_26.mul_add(x_s1_3_q2, t3_18);
+        let t3_20 = t2_30.mul_add(x_s1_2_q2, t3_19);
+        let t3_21 = t3_2.mul_add(x_s1_1_q2, t3_20);
+        let t3_22 = t2_46.mul_add(x_q1_q2, t3_21);
+        let t3_23 = cos_q1.mul_add(t2_35, t3_22);
+        let t3_24 = sin_s1_2.mul_add(t2_18, t3_23);
+        let t3_25 = cos_s1_2.mul_add(t2_14, t3_24);
+        tau[0] = t3_25;
+        let t3_26 = t3_16 * x_q8_q7;
+        let t3_27 = like.lift(9.81) * cos_q6;
+        let t3_28 = t3_27.mul_add(p_m_5, t3_26);
+        let t3_29 = t3_9.mul_add(x_q6_q7, t3_28);
+        let t3_30 = t2_26.mul_add(x_s1_3_q7, t3_29);
+        let t3_31 = t2_30.mul_add(x_s1_2_q7, t3_30);
+        let t3_32 = t3_2.mul_add(x_s1_1_q7, t3_31);
+        let t3_33 = t2_46.mul_add(x_q1_q7, t3_32);
+        tau[1] = t3_33;
+        let t3_34 = like.lift(9.81) * cos_q8;
+        let t3_35 = t3_34 * p_m_7;
+        let t3_36 = t3_16.mul_add(x_q8_q9, t3_35);
+        let t3_37 = t3_9.mul_add(x_q6_q9, t3_36);
+        let t3_38 = t2_26.mul_add(x_s1_3_q9, t3_37);
+        let t3_39 = t2_30.mul_add(x_s1_2_q9, t3_38);
+        let t3_40 = t3_2.mul_add(x_s1_1_q9, t3_39);
+        let t3_41 = t2_46.mul_add(x_q1_q9, t3_40);
+        tau[2] = t3_41;
     }
     (tau, Condition { pivot: condition })
 }
@@ -3414,7 +3268,7 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
 ///
-/// 282 additions, 479 multiplications, 6 divisions, 6 sines and cosines.
+/// 282 additions, 438 multiplications, 6 divisions, 6 sines and cosines.
 pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -3427,686 +3281,633 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 70]) -> ([T; 3]
         _, _, _, _, p_izz_6, _, _, _, _, _, _, _, p_iyy_7, _, _, p_mx_7, _, p_mz_7, p_m_7,
     ] = *phi;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, sin_q6, cos_q6, sin_s1_3,
+        cos_s1_3, sin_q8, cos_q8,
+    ] = {
+        let [
+            (sin_q1, cos_q1), (sin_s1_2, cos_s1_2), (sin_s1_1, cos_s1_1), (sin_q6, cos_q6),
+            (sin_s1_3, cos_s1_3), (sin_q8, cos_q8),
+        ] =
+            T::sin_cos_all([q1, s1_2, s1_1, q6, s1_3, q8]);
+        [
+            sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, sin_q6, cos_q6, sin_s1_3,
+            cos_s1_3, sin_q8, cos_q8,
+        ]
+    };
     // tau, part 1
     let [
-        t1_1, a_2z, t1_2, sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, t1_8, t1_10,
-        t1_15, sin_q6, cos_q6, t1_16, t1_18, t1_23, t1_24, t1_26, t1_31, t1_32, t1_33, t1_37,
-        t1_41, pivot_1, sin_s1_3, cos_s1_3, t1_49, t1_53, t1_55, t1_57, sin_q8, cos_q8, t1_60,
-        t1_68, t1_69, t1_72, t1_73, t1_76, t1_77, t1_79, t1_81, t1_83, t1_84, t1_85, t1_134,
-        t1_163, t1_173, t1_190, t1_204, t1_212, t1_214, t1_215, pivot_3, inv_pivot_3, t1_217,
-        t1_218, t1_222, pivot_4, inv_pivot_4, t1_223, pivot_5, inv_pivot_5, t1_227, t1_228,
-        t1_229, t1_230, t1_231, t1_232,
+        t2_1, a_2z, t2_7, t2_9, t2_13, t2_16, t2_22, t2_23, t2_29, t2_30, t2_34, t2_37,
+        pivot_1, t2_45, t2_50, t2_52, t2_54, t2_57, t2_65, t2_66, t2_70, t2_73, t2_74, t2_76,
+        t2_78, t2_80, t2_81, t2_82, t2_84, t2_115, t2_126, t2_139, t2_147, t2_154, t2_159,
+        t2_169, t2_172, t2_179, t2_185, t2_187, t2_188, pivot_3, inv_pivot_3, t2_190, t2_191,
+        t2_193, pivot_4, inv_pivot_4, t2_195, pivot_5, inv_pivot_5, t2_201, t2_203, t2_205,
+        t2_207, t2_210, t2_212, pivot_6, inv_pivot_6, t2_220, t2_224, t2_225, t2_230, t2_233,
+        t2_234, t2_237,
     ] = {
-        let t1_1 = d_q1 * d_q1;
-        let a_2z = q2 * t1_1;
-        let t1_2 = t1_1 * p_mz_2;
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_3 = cos_q1 * q2;
-        let (sin_s1_2, cos_s1_2) = s1_2.sin_cos();
-        let t1_4 = cos_q1 * sin_s1_2;
-        let (sin_s1_1, cos_s1_1) = s1_1.sin_cos();
-        let t1_5 = sin_q1 * cos_s1_1;
-        let t1_6 = cos_s1_2.mul_add(t1_5, t1_4);
-        let t1_7 = like.lift(-0.4563).mul_add(t1_6, t1_3);
-        let t1_8 = -t1_7;
+        let t2_1 = d_q1 * d_q1;
+        let a_2z = q2 * t2_1;
+        let t2_2 = cos_q1 * q2;
+        let t2_3 = sin_q1 * cos_s1_1;
+        let t2_4 = cos_s1_2 * t2_3;
+        let t2_5 = cos_q1.mul_add(sin_s1_2, t2_4);
+        let t2_6 = like.lift(-0.4563).mul_add(t2_5, t2_2);
+        let t2_7 = -t2_6;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t1_9 = cos_q1 * e_s1_2_q1x;
-        let t1_10 = like.lift(0.4563) * t1_9;
-        let t1_11 = cos_s1_1 * t1_6;
-        let t1_12 = like.lift(0.4563) * t1_11;
-        let t1_13 = sin_q1 * sin_s1_1;
-        let t1_14 = t1_13 * e_s1_2_q1x;
-        let t1_15 = like.lift(0.4563).mul_add(t1_14, t1_12);
-        let (sin_q6, cos_q6) = q6.sin_cos();
-        let t1_16 = cos_q6 * q7;
-        let t1_17 = like.lift(0.5) * t1_16;
-        let t1_18 = -t1_17;
-        let t1_19 = sin_q1 * q2;
-        let t1_20 = sin_q1 * sin_s1_2;
-        let t1_21 = cos_q1 * cos_s1_1;
-        let t1_22 = (-cos_s1_2).mul_add(t1_21, t1_20);
-        let t1_23 = like.lift(-0.4563).mul_add(t1_22, t1_19);
-        let t1_24 = -t1_23;
-        let t1_25 = sin_q1 * e_s1_2_q1x;
-        let t1_26 = like.lift(0.4563) * t1_25;
-        let t1_27 = cos_q1 * sin_s1_1;
-        let t1_28 = t1_27 * e_s1_2_q1x;
-        let t1_29 = like.lift(0.4563) * t1_28;
-        let t1_30 = cos_s1_1 * t1_22;
-        let t1_31 = like.lift(-0.4563).mul_add(t1_30, t1_29);
-        let t1_32 = -t1_31;
-        let t1_33 = sin_q6 * q7;
-        let t1_34 = cos_q1 * t1_22;
-        let t1_35 = like.lift(0.4563) * t1_34;
-        let t1_36 = sin_q1 * t1_6;
-        let t1_37 = like.lift(-0.4563).mul_add(t1_36, t1_35);
-        let t1_38 = t1_13 * t1_22;
-        let t1_39 = like.lift(0.4563) * t1_38;
-        let t1_40 = t1_27 * t1_6;
-        let t1_41 = like.lift(0.4563).mul_add(t1_40, t1_39);
-        let pivot_1 = like.lift(0.8660254037844386) * t1_16;
-        let t1_42 = like.lift(0.22815) * t1_6;
-        let (sin_s1_3, cos_s1_3) = s1_3.sin_cos();
-        let t1_43 = cos_s1_3 * t1_13;
-        let t1_44 = cos_q1 * cos_s1_2;
-        let t1_45 = (-sin_s1_2).mul_add(t1_5, t1_44);
-        let t1_46 = sin_s1_3.mul_add(t1_45, t1_43);
-        let t1_47 = like.lift(-0.39516739174683935).mul_add(t1_46, t1_42);
-        let t1_48 = t1_3 - t1_47;
-        let t1_49 = -t1_48;
-        let t1_50 = like.lift(0.22815) * e_s1_2_q1x;
-        let t1_51 = cos_s1_1 * cos_s1_3;
-        let e_s1_2_q1z = sin_s1_1 * sin_s1_2;
-        let e_3_q1y = sin_s1_3.mul_add(e_s1_2_q1z, t1_51);
-        let t1_52 = like.lift(0.39516739174683935).mul_add(e_3_q1y, t1_50);
-        let t1_53 = cos_q1 * t1_52;
-        let t1_54 = cos_s1_1 * t1_47;
-        let t1_55 = t1_13.mul_add(t1_52, t1_54);
-        let t1_56 = e_s1_2_q1x * t1_47;
-        let t1_57 = (-t1_6).mul_add(t1_52, t1_56);
-        let (sin_q8, cos_q8) = q8.sin_cos();
-        let t1_58 = cos_q8 * q9;
-        let t1_59 = like.lift(0.5) * t1_58;
-        let t1_60 = -t1_59;
-        let t1_61 = cos_s1_3 * t1_27;
-        let t1_62 = sin_q1 * cos_s1_2;
-        let t1_63 = sin_s1_2.mul_add(t1_21, t1_62);
-        let t1_64 = (-sin_s1_3).mul_add(t1_63, t1_61);
-        let t1_65 = like.lift(0.39516739174683935) * t1_64;
-        let t1_66 = like.lift(0.22815) * t1_22;
-        let t1_67 = t1_19 - t1_66;
-        let t1_68 = t1_65 - t1_67;
-        let t1_69 = sin_q1 * t1_52;
-        let t1_70 = t1_27 * t1_52;
-        let t1_71 = t1_66 + t1_65;
-        let t1_72 = (-cos_s1_1).mul_add(t1_71, t1_70);
-        let t1_73 = -t1_72;
-        let t1_74 = t1_22 * t1_52;
-        let t1_75 = (-e_s1_2_q1x).mul_add(t1_71, t1_74);
-        let t1_76 = -t1_75;
-        let t1_77 = sin_q8 * q9;
-        let t1_78 = cos_q1 * t1_71;
-        let t1_79 = (-sin_q1).mul_add(t1_47, t1_78);
-        let t1_80 = t1_13 * t1_71;
-        let t1_81 = t1_27.mul_add(t1_47, t1_80);
-        let t1_82 = t1_6 * t1_71;
-        let t1_83 = (-t1_22).mul_add(t1_47, t1_82);
-        let t1_84 = -t1_83;
-        let pivot_2 = like.lift(0.8660254037844386) * t1_58;
-        let t1_85 = -pivot_2;
-        let t1_86 = t1_19 * d_q1;
-        let t1_87 = d_q1 * t1_86;
-        let t1_88 = cos_q1 * d_q1;
-        let t1_89 = d_q2 * t1_88;
-        let t1_90 = like.lift(-2.0).mul_add(t1_89, t1_87);
-        let t1_91 = sin_s1_1 * d_s1_1;
-        let t1_92 = d_s1_2 * t1_91;
-        let t1_93 = cos_q1 * d_s1_1;
-        let t1_94 = t1_13.mul_add(d_s1_2, t1_93);
-        let t1_95 = t1_22 * t1_94;
-        let t1_96 = sin_q1 * d_s1_1;
-        let t1_97 = (-t1_27).mul_add(d_s1_2, t1_96);
-        let t1_98 = (-t1_6).mul_add(t1_97, t1_95);
-        let t1_99 = d_s1_3.mul_add(t1_98, t1_92);
-        let t1_100 = t1_6 * t1_99;
-        let t1_101 = like.lift(0.4563) * t1_100;
-        let t1_102 = sin_q1 * d_q1;
-        let t1_103 = d_s1_1 * t1_102;
-        let t1_104 = cos_s1_1 * t1_96;
-        let t1_105 = t1_27.mul_add(d_q1, t1_104);
-        let t1_106 = (-d_s1_2).mul_add(t1_105, t1_103);
-        let t1_107 = e_s1_2_q1x * t1_97;
-        let t1_108 = cos_s1_1.mul_add(d_s1_2, d_q1);
-        let t1_109 = t1_22.mul_add(t1_108, t1_107);
-        let t1_110 = (-d_s1_3).mul_add(t1_109, t1_106);
-        let t1_111 = e_s1_2_q1x * t1_110;
-        let t1_112 = like.lift(0.4563).mul_add(t1_111, t1_101);
-        let t1_113 = t1_90 - t1_112;
-        let t1_114 = e_s1_2_q1x.mul_add(d_s1_3, t1_108);
-        let t1_115 = (-t1_22).mul_add(d_s1_3, t1_97);
-        let t1_116 = e_s1_2_q1x * t1_115;
-        let t1_117 = like.lift(0.4563) * t1_116;
-        let t1_118 = t1_22 * t1_114;
-        let t1_119 = like.lift(0.4563).mul_add(t1_118, t1_117);
-        let t1_120 = t1_114 * t1_119;
-        let t1_121 = (-t1_6).mul_add(d_s1_3, t1_94);
-        let t1_122 = t1_22 * t1_121;
-        let t1_123 = like.lift(0.4563) * t1_122;
-        let t1_124 = t1_6 * t1_115;
-        let t1_125 = like.lift(-0.4563).mul_add(t1_124, t1_123);
-        let t1_126 = t1_121.mul_add(t1_125, t1_120);
-        let t1_127 = t1_113 - t1_126;
-        let t1_128 = t1_33 * d_q6;
-        let t1_129 = d_q6 * t1_128;
-        let t1_130 = cos_q6 * d_q6;
-        let t1_131 = d_q7 * t1_130;
-        let t1_132 = like.lift(0.5).mul_add(t1_129, -t1_131);
-        let t1_133 = t1_127 + t1_132;
-        let t1_134 = -t1_133;
-        let t1_135 = t1_3 * d_q1;
-        let t1_136 = d_q1 * t1_135;
-        let t1_137 = d_q2 * t1_102;
-        let t1_138 = like.lift(2.0).mul_add(t1_137, t1_136);
-        let t1_139 = d_s1_1 * t1_88;
-        let t1_140 = t1_13 * d_q1;
-        let t1_141 = (-cos_s1_1).mul_add(t1_93, t1_140);
-        let t1_142 = d_s1_2.mul_add(t1_141, t1_139);
-        let t1_143 = t1_6 * t1_108;
-        let t1_144 = e_s1_2_q1x.mul_add(t1_94, t1_143);
-        let t1_145 = (-d_s1_3).mul_add(t1_144, t1_142);
-        let t1_146 = e_s1_2_q1x * t1_145;
-        let t1_147 = like.lift(0.4563) * t1_146;
-        let t1_148 = t1_22 * t1_99;
-        let t1_149 = like.lift(-0.4563).mul_add(t1_148, t1_147);
-        let t1_150 = t1_138 - t1_149;
-        let t1_151 = t1_115 * t1_125;
-        let t1_152 = t1_6 * t1_114;
-        let t1_153 = like.lift(0.4563) * t1_152;
-        let t1_154 = e_s1_2_q1x * t1_121;
-        let t1_155 = like.lift(0.4563).mul_add(t1_154, t1_153);
-        let t1_156 = (-t1_114).mul_add(t1_155, t1_151);
-        let t1_157 = t1_150 + t1_156;
-        let t1_158 = t1_16 * d_q6;
-        let t1_159 = d_q6 * t1_158;
-        let t1_160 = sin_q6 * d_q6;
-        let t1_161 = d_q7 * t1_160;
-        let t1_162 = like.lift(2.0).mul_add(t1_161, t1_159);
-        let t1_163 = t1_157 - t1_162;
-        let t1_164 = t1_22 * t1_110;
-        let t1_165 = like.lift(0.4563) * t1_164;
-        let t1_166 = t1_6 * t1_145;
-        let t1_167 = like.lift(0.4563).mul_add(t1_166, t1_165);
-        let t1_168 = t1_121 * t1_155;
-        let t1_169 = t1_115.mul_add(t1_119, t1_168);
-        let t1_170 = t1_167 - t1_169;
-        let t1_171 = like.lift(0.8660254037844386) * t1_129;
-        let t1_172 = like.lift(-1.7320508075688772).mul_add(t1_131, t1_171);
-        let t1_173 = t1_170 + t1_172;
-        let t1_174 = t1_47 * t1_99;
-        let t1_175 = t1_52.mul_add(t1_110, t1_174);
-        let t1_176 = t1_90 - t1_175;
-        let t1_177 = t1_52 * t1_115;
-        let t1_178 = t1_71.mul_add(t1_114, t1_177);
-        let t1_179 = t1_114 * t1_178;
-        let t1_180 = t1_71 * t1_121;
-        let t1_181 = (-t1_47).mul_add(t1_115, t1_180);
-        let t1_182 = t1_121.mul_add(t1_181, t1_179);
-        let t1_183 = t1_176 - t1_182;
-        let t1_184 = t1_77 * d_q8;
-        let t1_185 = d_q8 * t1_184;
-        let t1_186 = cos_q8 * d_q8;
-        let t1_187 = d_q9 * t1_186;
-        let t1_188 = like.lift(0.5).mul_add(t1_185, -t1_187);
-        let t1_189 = t1_183 + t1_188;
-        let t1_190 = -t1_189;
-        let t1_191 = t1_52 * t1_145;
-        let t1_192 = (-t1_71).mul_add(t1_99, t1_191);
-        let t1_193 = t1_138 - t1_192;
-        let t1_194 = t1_115 * t1_181;
-        let t1_195 = t1_47 * t1_114;
-        let t1_196 = t1_52.mul_add(t1_121, t1_195);
-        let t1_197 = (-t1_114).mul_add(t1_196, t1_194);
-        let t1_198 = t1_193 + t1_197;
-        let t1_199 = t1_58 * d_q8;
-        let t1_200 = d_q8 * t1_199;
-        let t1_201 = sin_q8 * d_q8;
-        let t1_202 = d_q9 * t1_201;
-        let t1_203 = like.lift(2.0).mul_add(t1_202, t1_200);
-        let t1_204 = t1_198 - t1_203;
-        let t1_205 = t1_71 * t1_110;
-        let t1_206 = t1_47.mul_add(t1_145, t1_205);
-        let t1_207 = t1_121 * t1_196;
-        let t1_208 = t1_115.mul_add(t1_178, t1_207);
-        let t1_209 = t1_206 - t1_208;
-        let t1_210 = like.lift(0.8660254037844386) * t1_185;
-        let t1_211 = like.lift(-1.7320508075688772).mul_add(t1_187, t1_210);
-        let t1_212 = t1_209 - t1_211;
-        let t1_213 = like.lift(0.5773502691896257).mul_add(t1_83, t1_57);
-        let t1_214 = like.lift(1.0) / t1_58;
-        let t1_215 = t1_77 * t1_214;
-        let t1_216 = t1_83 * t1_215;
-        let pivot_3 = like.lift(1.1547005383792515).mul_add(t1_216, t1_75);
+        let t2_8 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_9 = cos_q1 * t2_8;
+        let t2_10 = sin_q1 * sin_s1_1;
+        let t2_11 = t2_10 * e_s1_2_q1x;
+        let t2_12 = cos_s1_1.mul_add(t2_5, t2_11);
+        let t2_13 = like.lift(0.4563) * t2_12;
+        let t2_14 = cos_q6 * q7;
+        let t2_15 = like.lift(0.5) * t2_14;
+        let t2_16 = -t2_15;
+        let t2_17 = sin_q1 * q2;
+        let t2_18 = cos_q1 * cos_s1_1;
+        let t2_19 = sin_q1 * sin_s1_2;
+        let t2_20 = (-cos_s1_2).mul_add(t2_18, t2_19);
+        let t2_21 = like.lift(-0.4563).mul_add(t2_20, t2_17);
+        let t2_22 = -t2_21;
+        let t2_23 = sin_q1 * t2_8;
+        let t2_24 = cos_q1 * sin_s1_1;
+        let t2_25 = cos_s1_1 * t2_20;
+        let t2_26 = (-t2_24).mul_add(e_s1_2_q1x, t2_25);
+        let t2_27 = like.lift(0.4563) * t2_26;
+        let t2_28 = -t2_27;
+        let t2_29 = -t2_28;
+        let t2_30 = sin_q6 * q7;
+        let t2_31 = sin_q1 * t2_5;
+        let t2_32 = (-cos_q1).mul_add(t2_20, t2_31);
+        let t2_33 = like.lift(0.4563) * t2_32;
+        let t2_34 = -t2_33;
+        let t2_35 = t2_24 * t2_5;
+        let t2_36 = t2_10.mul_add(t2_20, t2_35);
+        let t2_37 = like.lift(0.4563) * t2_36;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_14;
+        let t2_38 = cos_q1 * cos_s1_2;
+        let t2_39 = (-sin_s1_2).mul_add(t2_3, t2_38);
+        let t2_40 = sin_s1_3 * t2_39;
+        let t2_41 = cos_s1_3.mul_add(t2_10, t2_40);
+        let t2_42 = like.lift(0.22815) * t2_5;
+        let t2_43 = like.lift(-0.39516739174683935).mul_add(t2_41, t2_42);
+        let t2_44 = t2_2 - t2_43;
+        let t2_45 = -t2_44;
+        let t2_46 = sin_s1_3 * sin_s1_1;
+        let t2_47 = t2_46 * sin_s1_2;
+        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_47);
+        let t2_48 = like.lift(0.39516739174683935) * e_3_q1y;
+        let t2_49 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_48);
+        let t2_50 = cos_q1 * t2_49;
+        let t2_51 = t2_10 * t2_49;
+        let t2_52 = cos_s1_1.mul_add(t2_43, t2_51);
+        let t2_53 = e_s1_2_q1x * t2_43;
+        let t2_54 = (-t2_5).mul_add(t2_49, t2_53);
+        let t2_55 = cos_q8 * q9;
+        let t2_56 = like.lift(0.5) * t2_55;
+        let t2_57 = -t2_56;
+        let t2_58 = sin_s1_2 * t2_18;
+        let t2_59 = sin_q1.mul_add(cos_s1_2, t2_58);
+        let t2_60 = cos_s1_3 * t2_24;
+        let t2_61 = (-sin_s1_3).mul_add(t2_59, t2_60);
+        let t2_62 = like.lift(0.39516739174683935) * t2_61;
+        let t2_63 = like.lift(0.22815) * t2_20;
+        let t2_64 = t2_62 - t2_17;
+        let t2_65 = t2_64 + t2_63;
+        let t2_66 = sin_q1 * t2_49;
+        let t2_67 = t2_63 + t2_62;
+        let t2_68 = t2_24 * t2_49;
+        let t2_69 = (-cos_s1_1).mul_add(t2_67, t2_68);
+        let t2_70 = -t2_69;
+        let t2_71 = t2_20 * t2_49;
+        let t2_72 = (-e_s1_2_q1x).mul_add(t2_67, t2_71);
+        let t2_73 = -t2_72;
+        let t2_74 = sin_q8 * q9;
+        let t2_75 = cos_q1 * t2_67;
+        let t2_76 = (-sin_q1).mul_add(t2_43, t2_75);
+        let t2_77 = t2_24 * t2_43;
+        let t2_78 = t2_10.mul_add(t2_67, t2_77);
+        let t2_79 = t2_5 * t2_67;
+        let t2_80 = (-t2_20).mul_add(t2_43, t2_79);
+        let t2_81 = -t2_80;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_55;
+        let t2_82 = -pivot_2;
+        let t2_83 = cos_q1 * d_q1;
+        let t2_84 = like.lift(2.0) * d_q2;
+        let t2_85 = t2_17 * t2_1;
+        let t2_86 = (-t2_83).mul_add(t2_84, t2_85);
+        let t2_87 = cos_q1 * d_s1_1;
+        let t2_88 = t2_10.mul_add(d_s1_2, t2_87);
+        let t2_89 = sin_q1 * d_s1_1;
+        let t2_90 = (-t2_24).mul_add(d_s1_2, t2_89);
+        let t2_91 = t2_20 * t2_88;
+        let t2_92 = (-t2_5).mul_add(t2_90, t2_91);
+        let t2_93 = d_s1_3 * t2_92;
+        let t2_94 = d_s1_2 * sin_s1_1;
+        let t2_95 = t2_94.mul_add(d_s1_1, t2_93);
+        let t2_96 = sin_q1 * d_q1;
+        let t2_97 = t2_24 * d_q1;
+        let t2_98 = cos_s1_1.mul_add(t2_89, t2_97);
+        let t2_99 = cos_s1_1.mul_add(d_s1_2, d_q1);
+        let t2_100 = t2_20 * t2_99;
+        let t2_101 = e_s1_2_q1x.mul_add(t2_90, t2_100);
+        let t2_102 = d_s1_1 * t2_96;
+        let t2_103 = (-d_s1_3).mul_add(t2_101, t2_102);
+        let t2_104 = (-d_s1_2).mul_add(t2_98, t2_103);
+        let t2_105 = e_s1_2_q1x.mul_add(d_s1_3, t2_99);
+        let t2_106 = (-t2_20).mul_add(d_s1_3, t2_90);
+        let t2_107 = t2_20 * t2_105;
+        let t2_108 = e_s1_2_q1x.mul_add(t2_106, t2_107);
+        let t2_109 = like.lift(0.4563) * t2_108;
+        let t2_110 = (-t2_5).mul_add(d_s1_3, t2_88);
+        let t2_111 = t2_5 * t2_106;
+        let t2_112 = (-t2_20).mul_add(t2_110, t2_111);
+        let t2_113 = like.lift(0.4563) * t2_112;
+        let t2_114 = -t2_113;
+        let t2_115 = d_q6 * d_q6;
+        let t2_116 = t2_30 * t2_115;
+        let t2_117 = d_q7 * cos_q6;
+        let t2_118 = t2_117 * d_q6;
+        let t2_119 = e_s1_2_q1x * t2_104;
+        let t2_120 = t2_5.mul_add(t2_95, t2_119);
+        let t2_121 = like.lift(-0.4563).mul_add(t2_120, t2_86);
+        let t2_122 = (-t2_110).mul_add(t2_114, t2_121);
+        let t2_123 = (-t2_105).mul_add(t2_109, t2_122);
+        let t2_124 = like.lift(0.5).mul_add(t2_116, t2_123);
+        let t2_125 = t2_124 - t2_118;
+        let t2_126 = -t2_125;
+        let t2_127 = t2_96 * t2_84;
+        let t2_128 = t2_2.mul_add(t2_1, t2_127);
+        let t2_129 = t2_10 * d_q1;
+        let t2_130 = (-cos_s1_1).mul_add(t2_87, t2_129);
+        let t2_131 = e_s1_2_q1x * t2_88;
+        let t2_132 = t2_5.mul_add(t2_99, t2_131);
+        let t2_133 = d_s1_2 * t2_130;
+        let t2_134 = (-d_s1_3).mul_add(t2_132, t2_133);
+        let t2_135 = d_s1_1.mul_add(t2_83, t2_134);
+        let t2_136 = e_s1_2_q1x * t2_110;
+        let t2_137 = t2_5.mul_add(t2_105, t2_136);
+        let t2_138 = like.lift(0.4563) * t2_137;
+        let t2_139 = like.lift(2.0) * d_q7;
+        let t2_140 = t2_20 * t2_95;
+        let t2_141 = (-e_s1_2_q1x).mul_add(t2_135, t2_140);
+        let t2_142 = sin_q6 * t2_139;
+        let t2_143 = t2_14.mul_add(d_q6, t2_142);
+        let t2_144 = like.lift(0.4563).mul_add(t2_141, t2_128);
+        let t2_145 = (-t2_105).mul_add(t2_138, t2_144);
+        let t2_146 = t2_106.mul_add(t2_114, t2_145);
+        let t2_147 = (-d_q6).mul_add(t2_143, t2_146);
+        let t2_148 = t2_5 * t2_135;
+        let t2_149 = t2_20.mul_add(t2_104, t2_148);
+        let t2_150 = like.lift(0.4563) * t2_149;
+        let t2_151 = (-t2_106).mul_add(t2_109, t2_150);
+        let t2_152 = (-t2_110).mul_add(t2_138, t2_151);
+        let t2_153 = like.lift(-1.7320508075688772).mul_add(t2_118, t2_152);
+        let t2_154 = like.lift(0.8660254037844386).mul_add(t2_116, t2_153);
+        let t2_155 = t2_67 * t2_105;
+        let t2_156 = t2_49.mul_add(t2_106, t2_155);
+        let t2_157 = t2_67 * t2_110;
+        let t2_158 = (-t2_43).mul_add(t2_106, t2_157);
+        let t2_159 = d_q8 * d_q8;
+        let t2_160 = t2_74 * t2_159;
+        let t2_161 = d_q9 * cos_q8;
+        let t2_162 = t2_161 * d_q8;
+        let t2_163 = (-t2_49).mul_add(t2_104, t2_86);
+        let t2_164 = (-t2_43).mul_add(t2_95, t2_163);
+        let t2_165 = (-t2_110).mul_add(t2_158, t2_164);
+        let t2_166 = (-t2_105).mul_add(t2_156, t2_165);
+        let t2_167 = like.lift(0.5).mul_add(t2_160, t2_166);
+        let t2_168 = t2_167 - t2_162;
+        let t2_169 = -t2_168;
+        let t2_170 = t2_49 * t2_110;
+        let t2_171 = t2_43.mul_add(t2_105, t2_170);
+        let t2_172 = like.lift(2.0) * d_q9;
+        let t2_173 = sin_q8 * t2_172;
+        let t2_174 = t2_55.mul_add(d_q8, t2_173);
+        let t2_175 = t2_67.mul_add(t2_95, t2_128);
+        let t2_176 = (-t2_49).mul_add(t2_135, t2_175);
+        let t2_177 = (-t2_105).mul_add(t2_171, t2_176);
+        let t2_178 = t2_106.mul_add(t2_158, t2_177);
+        let t2_179 = (-d_q8).mul_add(t2_174, t2_178);
+        let t2_180 = t2_43 * t2_135;
+        let t2_181 = t2_67.mul_add(t2_104, t2_180);
+        let t2_182 = (-t2_106).mul_add(t2_156, t2_181);
+        let t2_183 = (-t2_110).mul_add(t2_171, t2_182);
+        let t2_184 = like.lift(1.7320508075688772).mul_add(t2_162, t2_183);
+        let t2_185 = like.lift(-0.8660254037844386).mul_add(t2_160, t2_184);
+        let t2_186 = like.lift(0.5773502691896257).mul_add(t2_80, t2_54);
+        let t2_187 = like.lift(1.0) / t2_55;
+        let t2_188 = t2_74 * t2_187;
+        let t2_189 = like.lift(1.1547005383792515) * t2_188;
+        let pivot_3 = t2_80.mul_add(t2_189, t2_72);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_217 = t1_213 * inv_pivot_3;
-        let t1_218 = (-t1_68).mul_add(t1_217, t1_48);
-        let t1_219 = like.lift(0.5773502691896257).mul_add(t1_37, t1_10);
-        let t1_220 = like.lift(-0.5773502691896257).mul_add(t1_79, t1_53);
-        let t1_221 = t1_79 * t1_215;
-        let t1_222 = like.lift(1.1547005383792515).mul_add(t1_221, t1_69);
-        let pivot_4 = t1_222.mul_add(t1_217, t1_220);
+        let t2_190 = t2_186 * inv_pivot_3;
+        let t2_191 = (-t2_65).mul_add(t2_190, t2_44);
+        let t2_192 = like.lift(0.5773502691896257).mul_add(t2_34, t2_9);
+        let t2_193 = t2_76.mul_add(t2_189, t2_66);
+        let t2_194 = t2_193.mul_add(t2_190, t2_50);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_76, t2_194);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t1_223 = t1_219 * inv_pivot_4;
-        let pivot_5 = (-t1_218).mul_add(t1_223, t1_7);
+        let t2_195 = t2_192 * inv_pivot_4;
+        let pivot_5 = (-t2_191).mul_add(t2_195, t2_6);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t1_224 = like.lift(-0.5773502691896257).mul_add(t1_173, t1_133);
-        let t1_225 = like.lift(0.5773502691896257).mul_add(t1_212, t1_189);
-        let t1_226 = t1_215 * t1_212;
-        let t1_227 = like.lift(1.1547005383792515).mul_add(t1_226, t1_204);
-        let t1_228 = (-t1_217).mul_add(t1_227, t1_225);
-        let t1_229 = (-t1_223).mul_add(t1_228, t1_224);
-        let t1_230 = like.lift(0.5773502691896257).mul_add(t1_41, t1_15);
-        let t1_231 = like.lift(-0.5773502691896257).mul_add(t1_81, t1_55);
-        let t1_232 = t1_81 * t1_215;
+        let t2_196 = t2_185.mul_add(t2_189, t2_179);
+        let t2_197 = (-t2_190).mul_add(t2_196, t2_168);
+        let t2_198 = like.lift(0.5773502691896257).mul_add(t2_185, t2_197);
+        let t2_199 = (-t2_195).mul_add(t2_198, t2_125);
+        let t2_200 = like.lift(-0.5773502691896257).mul_add(t2_154, t2_199);
+        let t2_201 = (-t2_78).mul_add(t2_189, t2_69);
+        let t2_202 = (-t2_201).mul_add(t2_190, t2_52);
+        let t2_203 = like.lift(-0.5773502691896257).mul_add(t2_78, t2_202);
+        let t2_204 = (-t2_203).mul_add(t2_195, t2_13);
+        let t2_205 = like.lift(0.5773502691896257).mul_add(t2_37, t2_204);
+        let t2_206 = like.lift(1.0) / t2_14;
+        let t2_207 = t2_30 * t2_206;
+        let t2_208 = like.lift(1.1547005383792515) * t2_207;
+        let t2_209 = (-t2_34).mul_add(t2_208, t2_23);
+        let t2_210 = t2_209 * inv_pivot_4;
+        let t2_211 = (-t2_191).mul_add(t2_210, t2_21);
+        let t2_212 = t2_211 * inv_pivot_5;
+        let t2_213 = t2_205.mul_add(t2_212, t2_28);
+        let t2_214 = t2_203.mul_add(t2_210, t2_213);
+        let pivot_6 = t2_37.mul_add(t2_208, t2_214);
+        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let t2_215 = t2_212.mul_add(t2_200, t2_147);
+        let t2_216 = t2_210.mul_add(t2_198, t2_215);
+        let t2_217 = (-t2_154).mul_add(t2_208, t2_216);
+        let t2_218 = inv_pivot_6 * t2_217;
+        let t2_219 = (-t2_205).mul_add(t2_218, t2_200);
+        let t2_220 = inv_pivot_5 * t2_219;
+        let t2_221 = (-t2_203).mul_add(t2_218, t2_198);
+        let t2_222 = (-t2_191).mul_add(t2_220, t2_221);
+        let t2_223 = inv_pivot_4 * t2_222;
+        let t2_224 = -t2_223;
+        let t2_225 = -t2_218;
+        let t2_226 = (-t2_201).mul_add(t2_218, t2_196);
+        let t2_227 = (-t2_65).mul_add(t2_220, t2_226);
+        let t2_228 = t2_193.mul_add(t2_223, t2_227);
+        let t2_229 = inv_pivot_3 * t2_228;
+        let t2_230 = -t2_229;
+        let t2_231 = t2_37.mul_add(t2_218, t2_154);
+        let t2_232 = t2_34.mul_add(t2_223, t2_231);
+        let t2_233 = like.lift(1.1547005383792515) * t2_206;
+        let t2_234 = t2_232 * t2_233;
+        let t2_235 = t2_78.mul_add(t2_218, t2_185);
+        let t2_236 = t2_76.mul_add(t2_223, t2_235);
+        let t2_237 = (-t2_80).mul_add(t2_229, t2_236);
         [
-            t1_1, a_2z, t1_2, sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, t1_8,
-            t1_10, t1_15, sin_q6, cos_q6, t1_16, t1_18, t1_23, t1_24, t1_26, t1_31, t1_32,
-            t1_33, t1_37, t1_41, pivot_1, sin_s1_3, cos_s1_3, t1_49, t1_53, t1_55, t1_57,
-            sin_q8, cos_q8, t1_60, t1_68, t1_69, t1_72, t1_73, t1_76, t1_77, t1_79, t1_81,
-            t1_83, t1_84, t1_85, t1_134, t1_163, t1_173, t1_190, t1_204, t1_212, t1_214,
-            t1_215, pivot_3, inv_pivot_3, t1_217, t1_218, t1_222, pivot_4, inv_pivot_4, t1_223,
-            pivot_5, inv_pivot_5, t1_227, t1_228, t1_229, t1_230, t1_231, t1_232,
+            t2_1, a_2z, t2_7, t2_9, t2_13, t2_16, t2_22, t2_23, t2_29, t2_30, t2_34, t2_37,
+            pivot_1, t2_45, t2_50, t2_52, t2_54, t2_57, t2_65, t2_66, t2_70, t2_73, t2_74,
+            t2_76, t2_78, t2_80, t2_81, t2_82, t2_84, t2_115, t2_126, t2_139, t2_147, t2_154,
+            t2_159, t2_169, t2_172, t2_179, t2_185, t2_187, t2_188, pivot_3, inv_pivot_3,
+            t2_190, t2_191, t2_193, pivot_4, inv_pivot_4, t2_195, pivot_5, inv_pivot_5, t2_201,
+            t2_203, t2_205, t2_207, t2_210, t2_212, pivot_6, inv_pivot_6, t2_220, t2_224,
+            t2_225, t2_230, t2_233, t2_234, t2_237,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
-    let [
-        t2_1, t2_2, t2_3, t2_4, t2_5, t2_10, t2_13, inv_pivot_6, t2_41, t2_42, t2_43, al_1z,
-        al_s1_1z, t2_44, t2_45, al_4z, al_6z,
-    ] = {
-        let t2_1 = like.lift(-1.1547005383792515).mul_add(t1_232, t1_72);
-        let t2_2 = (-t2_1).mul_add(t1_217, t1_231);
-        let t2_3 = (-t2_2).mul_add(t1_223, t1_230);
-        let t2_4 = like.lift(1.0) / t1_16;
-        let t2_5 = t1_33 * t2_4;
-        let t2_6 = t1_41 * t2_5;
-        let t2_7 = like.lift(1.1547005383792515).mul_add(t2_6, t1_31);
-        let t2_8 = t1_37 * t2_5;
-        let t2_9 = like.lift(-1.1547005383792515).mul_add(t2_8, t1_26);
-        let t2_10 = t2_9 * inv_pivot_4;
-        let t2_11 = t2_2.mul_add(t2_10, t2_7);
-        let t2_12 = (-t1_218).mul_add(t2_10, t1_23);
-        let t2_13 = t2_12 * inv_pivot_5;
-        let pivot_6 = t2_3.mul_add(t2_13, t2_11);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_14 = t2_5 * t1_173;
-        let t2_15 = like.lift(-1.1547005383792515).mul_add(t2_14, t1_163);
-        let t2_16 = t2_10.mul_add(t1_228, t2_15);
-        let t2_17 = t2_13.mul_add(t1_229, t2_16);
-        let t2_18 = inv_pivot_6 * t2_17;
-        let t2_19 = (-t2_3).mul_add(t2_18, t1_229);
-        let t2_20 = inv_pivot_5 * t2_19;
-        let t2_21 = (-t1_218).mul_add(t2_20, t1_228);
-        let t2_22 = (-t2_2).mul_add(t2_18, t2_21);
-        let t2_23 = inv_pivot_4 * t2_22;
-        let t2_24 = -t2_23;
-        let t2_25 = -t2_18;
-        let t2_26 = t1_222.mul_add(t2_23, t1_227);
-        let t2_27 = (-t1_68).mul_add(t2_20, t2_26);
-        let t2_28 = (-t2_1).mul_add(t2_18, t2_27);
-        let t2_29 = inv_pivot_3 * t2_28;
-        let t2_30 = -t2_29;
-        let t2_31 = t1_37.mul_add(t2_23, t1_173);
-        let t2_32 = t1_41.mul_add(t2_18, t2_31);
-        let t2_33 = t2_4 * t2_32;
-        let t2_34 = like.lift(1.1547005383792515) * t2_33;
-        let t2_35 = (-t1_83).mul_add(t2_29, t1_212);
-        let t2_36 = t1_79.mul_add(t2_23, t2_35);
-        let t2_37 = t1_81.mul_add(t2_18, t2_36);
-        let t2_38 = t1_214 * t2_37;
-        let t2_39 = like.lift(1.1547005383792515) * t2_38;
-        let t2_40 = -t2_39;
-        let t2_41 = -pivot_3;
-        let t2_42 = -pivot_5;
-        let t2_43 = -pivot_6;
+    let [t3_1, t3_4, t3_5, t3_6, al_1z, al_s1_1z, t3_7, t3_8, al_4z, al_6z] = {
+        let t3_1 = like.lift(1.1547005383792515) * t2_187;
+        let t3_2 = t2_237 * t3_1;
+        let t3_3 = -t3_2;
+        let t3_4 = -pivot_3;
+        let t3_5 = -pivot_5;
+        let t3_6 = -pivot_6;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t1_85 * like.lift(1.8955297449982944)).abs())
-            .min((t2_41 * like.lift(2.6463477742948585)).abs())
+            .min((t2_82 * like.lift(1.8955297449982944)).abs())
+            .min((t3_4 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_42 * like.lift(0.8284577646309275)).abs())
-            .min((t2_43 * like.lift(2.1915406530791146)).abs());
-        let ([[al_1z], [al_s1_1z], [t2_44], [t2_45], [al_4z], [al_6z]], found) = ::regen_runtime::guarded(
-            [[t2_20], [t2_24], [t2_25], [t2_30], [t2_34], [t2_40]],
+            .min((t3_5 * like.lift(0.8284577646309275)).abs())
+            .min((t3_6 * like.lift(2.1915406530791146)).abs());
+        let ([[al_1z], [al_s1_1z], [t3_7], [t3_8], [al_4z], [al_6z]], found) = ::regen_runtime::guarded(
+            [[t2_220], [t2_224], [t2_225], [t2_230], [t2_234], [t3_3]],
             margin,
             || (
                 [
-                    [t1_8, t1_10, t1_15, like.lift(0.0), t1_18, like.lift(0.0)],
-                    [t1_24, t1_26, t1_32, like.lift(0.0), t1_33, like.lift(0.0)],
-                    [like.lift(0.0), t1_37, t1_41, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t1_49, t1_53, t1_55, t1_57, like.lift(0.0), t1_60],
-                    [t1_68, t1_69, t1_73, t1_76, like.lift(0.0), t1_77],
-                    [like.lift(0.0), t1_79, t1_81, t1_84, like.lift(0.0), t1_85],
+                    [t2_7, t2_9, t2_13, like.lift(0.0), t2_16, like.lift(0.0)],
+                    [t2_22, t2_23, t2_29, like.lift(0.0), t2_30, like.lift(0.0)],
+                    [like.lift(0.0), t2_34, t2_37, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_45, t2_50, t2_52, t2_54, like.lift(0.0), t2_57],
+                    [t2_65, t2_66, t2_70, t2_73, like.lift(0.0), t2_74],
+                    [like.lift(0.0), t2_76, t2_78, t2_81, like.lift(0.0), t2_82],
                 ],
-                [[t1_134], [t1_163], [t1_173], [t1_190], [t1_204], [t1_212]],
+                [[t2_126], [t2_147], [t2_154], [t2_169], [t2_179], [t2_185]],
             ),
         );
         condition = condition.min(found);
-        [
-            t2_1, t2_2, t2_3, t2_4, t2_5, t2_10, t2_13, inv_pivot_6, t2_41, t2_42, t2_43,
-            al_1z, al_s1_1z, t2_44, t2_45, al_4z, al_6z,
-        ]
+        [t3_1, t3_4, t3_5, t3_6, al_1z, al_s1_1z, t3_7, t3_8, al_4z, al_6z]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t3_54, t3_85, t3_99, t3_103, t3_117, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7,
-        x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2,
-        x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
+        t4_40, t4_48, t4_72, t4_83, t4_87, t4_103, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2,
+        x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9,
+        x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
     ] = {
-        let t3_1 = p_mx_2.mul_add(al_1z, t1_2);
-        let t3_2 = a_2z.mul_add(p_m_2, t3_1);
-        let t3_3 = d_q1 * d_q2;
-        let t3_4 = like.lift(2.0) * t3_3;
-        let a_2x = q2.mul_add(al_1z, t3_4);
+        let t4_1 = q2 * al_1z;
+        let a_2x = d_q1.mul_add(t2_84, t4_1);
         let a_s1_1y = sin_s1_1 * a_2x;
-        let t3_5 = cos_s1_3 * a_s1_1y;
-        let t3_6 = cos_s1_2 * a_2z;
         let a_s1_1x = cos_s1_1 * a_2x;
-        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t3_6);
-        let a_3y = sin_s1_3.mul_add(a_s1_2z, t3_5);
-        let t3_7 = sin_s1_2 * d_s1_1;
+        let t4_2 = cos_s1_2 * a_2z;
+        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t4_2);
+        let t4_3 = sin_s1_3 * a_s1_2z;
+        let a_3y = cos_s1_3.mul_add(a_s1_1y, t4_3);
         let w_s1_1x = sin_s1_1 * d_q1;
-        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t3_7);
+        let t4_4 = sin_s1_2 * d_s1_1;
+        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t4_4);
         let w_3x = d_s1_3 - w_s1_2x;
-        let t3_8 = w_3x * w_3x;
+        let t4_5 = w_3x * w_3x;
         let w_s1_1y = cos_s1_1 * d_q1;
         let w_s1_2y = d_s1_2 + w_s1_1y;
-        let t3_9 = sin_s1_3 * w_s1_2y;
-        let t3_10 = cos_s1_2 * d_s1_1;
-        let w_s1_2z = sin_s1_2.mul_add(w_s1_1x, t3_10);
-        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t3_9);
-        let t3_11 = w_3z * w_3z;
-        let t3_12 = t3_8 + t3_11;
-        let t3_13 = t3_12 * p_my_3;
-        let t3_14 = cos_s1_3 * w_s1_2y;
-        let w_3y = sin_s1_3.mul_add(w_s1_2z, t3_14);
-        let t3_15 = w_3y * w_3x;
-        let t3_16 = d_s1_1 * w_s1_1x;
-        let al_s1_1y = (-cos_s1_1).mul_add(al_1z, t3_16);
-        let al_s1_2y = t2_44 - al_s1_1y;
-        let t3_17 = sin_s1_3 * al_s1_2y;
-        let t3_18 = cos_s1_2 * al_s1_1z;
-        let t3_19 = d_s1_1 * w_s1_1y;
-        let al_s1_1x = sin_s1_1.mul_add(al_1z, t3_19);
-        let t3_20 = sin_s1_2.mul_add(al_s1_1x, t3_18);
-        let al_s1_2z = d_s1_2.mul_add(w_s1_2x, -t3_20);
-        let t3_21 = cos_s1_3.mul_add(al_s1_2z, t3_17);
-        let al_3z = d_s1_3.mul_add(w_3y, t3_21);
-        let t3_22 = t3_15 - al_3z;
-        let t3_23 = (-p_mx_3).mul_add(t3_22, t3_13);
-        let t3_24 = w_3y * w_3z;
-        let t3_25 = sin_s1_2 * al_s1_1z;
-        let t3_26 = (-cos_s1_2).mul_add(al_s1_1x, t3_25);
-        let al_s1_2x = d_s1_2.mul_add(w_s1_2z, t3_26);
-        let al_3x = t2_45 - al_s1_2x;
-        let t3_27 = t3_24 + al_3x;
-        let t3_28 = p_mz_3.mul_add(t3_27, t3_23);
-        let t3_29 = p_m_3.mul_add(a_3y, t3_28);
-        let t3_30 = sin_s1_3 * t3_29;
-        let t3_31 = sin_s1_3 * a_s1_1y;
-        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t3_31);
-        let t3_32 = w_3y * w_3y;
-        let t3_33 = t3_8 + t3_32;
-        let t3_34 = w_3z * w_3x;
-        let t3_35 = cos_s1_3 * al_s1_2y;
-        let t3_36 = (-sin_s1_3).mul_add(al_s1_2z, t3_35);
-        let al_3y = d_s1_3.mul_add(w_3z, -t3_36);
-        let t3_37 = t3_34 - al_3y;
-        let t3_38 = p_mx_3 * t3_37;
-        let t3_39 = t3_24 - al_3x;
-        let t3_40 = p_my_3.mul_add(t3_39, t3_38);
-        let t3_41 = t3_33.mul_add(p_mz_3, t3_40);
-        let t3_42 = p_m_3.mul_add(a_3z, -t3_41);
-        let t3_43 = (-cos_s1_3).mul_add(t3_42, t3_30);
-        let t3_44 = cos_s1_2 * t3_43;
-        let t3_45 = sin_s1_2 * a_2z;
-        let a_s1_2x = cos_s1_2.mul_add(a_s1_1x, t3_45);
-        let t3_46 = t3_32 + t3_11;
-        let t3_47 = t3_46 * p_mx_3;
-        let t3_48 = t3_15 + al_3z;
-        let t3_49 = (-p_my_3).mul_add(t3_48, t3_47);
-        let t3_50 = t3_34 + al_3y;
-        let t3_51 = p_mz_3.mul_add(t3_50, t3_49);
-        let t3_52 = p_m_3.mul_add(a_s1_2x, -t3_51);
-        let t3_53 = sin_s1_2.mul_add(t3_52, t3_44);
-        let t3_54 = t3_2 + t3_53;
-        let t3_55 = p_mz_2 * a_2x;
-        let t3_56 = a_2z.mul_add(p_mx_2, t3_55);
-        let t3_57 = p_iyy_2.mul_add(al_1z, t3_56);
-        let t3_58 = p_ixx_3 - p_izz_3;
-        let t3_59 = t3_34 * t3_58;
-        let t3_60 = t3_8 - t3_11;
-        let t3_61 = t3_60.mul_add(p_ixz_3, t3_59);
-        let t3_62 = t3_24.mul_add(p_ixy_3, t3_61);
-        let t3_63 = t3_15.mul_add(p_iyz_3, t3_62);
-        let t3_64 = p_ixy_3 * al_3x;
-        let t3_65 = (-p_iyy_3).mul_add(al_3y, t3_64);
-        let t3_66 = (-p_iyz_3).mul_add(al_3z, t3_65);
-        let t3_67 = t3_63 - t3_66;
-        let t3_68 = p_mz_3 * a_s1_2x;
-        let t3_69 = (-p_mx_3).mul_add(a_3z, t3_68);
-        let t3_70 = t3_67 - t3_69;
-        let t3_71 = sin_s1_3 * t3_70;
-        let t3_72 = p_ixx_3 - p_iyy_3;
-        let t3_73 = t3_15 * t3_72;
-        let t3_74 = t3_8 - t3_32;
-        let t3_75 = (-t3_74).mul_add(p_ixy_3, t3_73);
-        let t3_76 = t3_34.mul_add(p_iyz_3, t3_75);
-        let t3_77 = t3_24.mul_add(p_ixz_3, -t3_76);
-        let t3_78 = p_ixz_3 * al_3x;
-        let t3_79 = (-p_iyz_3).mul_add(al_3y, t3_78);
-        let t3_80 = (-p_izz_3).mul_add(al_3z, t3_79);
-        let t3_81 = t3_77 + t3_80;
-        let t3_82 = p_mx_3 * a_3y;
-        let t3_83 = p_my_3.mul_add(a_s1_2x, t3_82);
-        let t3_84 = t3_81 - t3_83;
-        let t3_85 = (-cos_s1_3).mul_add(t3_84, t3_71);
-        let t3_86 = sin_s1_2 * t3_85;
-        let t3_87 = p_iyy_3 - p_izz_3;
-        let t3_88 = t3_24 * t3_87;
-        let t3_89 = t3_32 - t3_11;
-        let t3_90 = t3_89.mul_add(p_iyz_3, t3_88);
-        let t3_91 = t3_15.mul_add(p_ixz_3, t3_90);
-        let t3_92 = t3_34.mul_add(p_ixy_3, t3_91);
-        let t3_93 = p_ixx_3 * al_3x;
-        let t3_94 = (-p_ixy_3).mul_add(al_3y, t3_93);
-        let t3_95 = (-p_ixz_3).mul_add(al_3z, t3_94);
-        let t3_96 = t3_92 + t3_95;
-        let t3_97 = p_my_3 * a_3z;
-        let t3_98 = p_mz_3.mul_add(a_3y, t3_97);
-        let t3_99 = t3_96 + t3_98;
-        let t3_100 = (-cos_s1_2).mul_add(t3_99, t3_86);
-        let t3_101 = sin_s1_1 * t3_100;
-        let t3_102 = cos_s1_3 * t3_70;
-        let t3_103 = sin_s1_3.mul_add(t3_84, t3_102);
-        let t3_104 = cos_s1_1.mul_add(t3_103, t3_101);
-        let t3_105 = t3_57 - t3_104;
-        let t3_106 = t1_1 * p_mx_2;
-        let t3_107 = (-p_mz_2).mul_add(al_1z, t3_106);
-        let t3_108 = p_m_2.mul_add(a_2x, -t3_107);
-        let t3_109 = sin_s1_2 * t3_43;
-        let t3_110 = (-cos_s1_2).mul_add(t3_52, t3_109);
-        let t3_111 = cos_s1_1 * t3_110;
-        let t3_112 = cos_s1_3 * t3_29;
-        let t3_113 = sin_s1_3.mul_add(t3_42, t3_112);
-        let t3_114 = (-sin_s1_1).mul_add(t3_113, t3_111);
-        let t3_115 = t3_108 - t3_114;
-        let t3_116 = q2.mul_add(t3_115, t3_105);
-        let t3_117 = p_izz_1.mul_add(al_1z, t3_116);
-        let t3_118 = -sin_q1;
-        let t3_119 = like.lift(0.5) * sin_q6;
-        let t3_120 = -t3_119;
-        let t3_121 = -cos_q6;
-        let t3_122 = like.lift(0.8660254037844386) * sin_q6;
-        let t3_123 = like.lift(0.5) * sin_q8;
-        let t3_124 = -t3_123;
-        let t3_125 = -cos_q8;
-        let t3_126 = like.lift(0.8660254037844386) * sin_q8;
-        let t3_127 = -t3_126;
-        let t3_128 = (-cos_q1).mul_add(t1_217, sin_q1);
-        let t3_129 = (-t3_128).mul_add(t1_223, sin_q1);
-        let t3_130 = t3_128.mul_add(t2_10, cos_q1);
-        let t3_131 = t3_129.mul_add(t2_13, t3_130);
-        let t3_132 = t3_131 * inv_pivot_6;
-        let t3_133 = (-t2_3).mul_add(t3_132, t3_129);
-        let t3_134 = inv_pivot_5 * t3_133;
-        let t3_135 = sin_q6.mul_add(t2_5, cos_q6);
-        let t3_136 = t3_135 * inv_pivot_6;
-        let t3_137 = t2_3 * t3_136;
-        let t3_138 = inv_pivot_5 * t3_137;
-        let t3_139 = sin_q8.mul_add(t1_215, cos_q8);
-        let t3_140 = t3_139 * t1_217;
-        let t3_141 = t3_140 * t1_223;
-        let t3_142 = t3_140 * t2_10;
-        let t3_143 = (-t3_141).mul_add(t2_13, t3_142);
-        let t3_144 = t3_143 * inv_pivot_6;
-        let t3_145 = t2_3.mul_add(t3_144, t3_141);
-        let t3_146 = inv_pivot_5 * t3_145;
-        let t3_147 = -t3_146;
-        let t3_148 = (-t1_218).mul_add(t3_134, t3_128);
-        let t3_149 = (-t2_2).mul_add(t3_132, t3_148);
-        let t3_150 = inv_pivot_4 * t3_149;
-        let t3_151 = -t3_150;
-        let t3_152 = t1_218 * t3_138;
-        let t3_153 = (-t2_2).mul_add(t3_136, t3_152);
-        let t3_154 = inv_pivot_4 * t3_153;
-        let t3_155 = t1_218.mul_add(t3_146, t3_140);
-        let t3_156 = (-t2_2).mul_add(t3_144, t3_155);
-        let t3_157 = inv_pivot_4 * t3_156;
-        let t3_158 = -t3_157;
-        let t3_159 = -t3_132;
-        let t3_160 = -t3_144;
-        let t3_161 = t1_222.mul_add(t3_150, cos_q1);
-        let t3_162 = (-t1_68).mul_add(t3_134, t3_161);
-        let t3_163 = (-t2_1).mul_add(t3_132, t3_162);
-        let t3_164 = inv_pivot_3 * t3_163;
-        let t3_165 = -t3_164;
-        let t3_166 = t1_222 * t3_154;
-        let t3_167 = t1_68.mul_add(t3_138, t3_166);
-        let t3_168 = (-t2_1).mul_add(t3_136, t3_167);
-        let t3_169 = inv_pivot_3 * t3_168;
-        let t3_170 = (-t1_222).mul_add(t3_157, t3_139);
-        let t3_171 = (-t1_68).mul_add(t3_146, t3_170);
-        let t3_172 = t2_1.mul_add(t3_144, t3_171);
-        let t3_173 = inv_pivot_3 * t3_172;
-        let t3_174 = t1_37 * t3_150;
-        let t3_175 = t1_41.mul_add(t3_132, t3_174);
-        let t3_176 = t2_4 * t3_175;
-        let t3_177 = like.lift(1.1547005383792515) * t3_176;
-        let t3_178 = (-t1_37).mul_add(t3_154, t3_122);
-        let t3_179 = (-t1_41).mul_add(t3_136, t3_178);
-        let t3_180 = t2_4 * t3_179;
-        let t3_181 = like.lift(1.1547005383792515) * t3_180;
-        let t3_182 = t1_37 * t3_157;
-        let t3_183 = t1_41.mul_add(t3_144, t3_182);
-        let t3_184 = t2_4 * t3_183;
-        let t3_185 = like.lift(1.1547005383792515) * t3_184;
-        let t3_186 = t1_83 * t3_164;
-        let t3_187 = (-t1_79).mul_add(t3_150, t3_186);
-        let t3_188 = (-t1_81).mul_add(t3_132, t3_187);
-        let t3_189 = t1_214 * t3_188;
-        let t3_190 = like.lift(1.1547005383792515) * t3_189;
-        let t3_191 = t1_83 * t3_169;
-        let t3_192 = (-t1_79).mul_add(t3_154, t3_191);
-        let t3_193 = (-t1_81).mul_add(t3_136, t3_192);
-        let t3_194 = t1_214 * t3_193;
-        let t3_195 = like.lift(1.1547005383792515) * t3_194;
-        let t3_196 = -t3_195;
-        let t3_197 = (-t1_83).mul_add(t3_173, t3_126);
-        let t3_198 = (-t1_79).mul_add(t3_157, t3_197);
-        let t3_199 = (-t1_81).mul_add(t3_144, t3_198);
-        let t3_200 = t1_214 * t3_199;
-        let t3_201 = like.lift(1.1547005383792515) * t3_200;
+        let t4_6 = sin_s1_2 * w_s1_1x;
+        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t4_6);
+        let t4_7 = sin_s1_3 * w_s1_2y;
+        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t4_7);
+        let t4_8 = w_3z * w_3z;
+        let t4_9 = t4_5 + t4_8;
+        let t4_10 = sin_s1_3 * w_s1_2z;
+        let w_3y = cos_s1_3.mul_add(w_s1_2y, t4_10);
+        let t4_11 = w_3y * w_3x;
+        let t4_12 = cos_s1_1.mul_add(al_1z, t3_7);
+        let al_s1_2y = (-d_s1_1).mul_add(w_s1_1x, t4_12);
+        let t4_13 = sin_s1_1 * al_1z;
+        let al_s1_1x = d_s1_1.mul_add(w_s1_1y, t4_13);
+        let t4_14 = d_s1_2 * w_s1_2x;
+        let t4_15 = (-sin_s1_2).mul_add(al_s1_1x, t4_14);
+        let al_s1_2z = (-cos_s1_2).mul_add(al_s1_1z, t4_15);
+        let t4_16 = d_s1_3 * w_3y;
+        let t4_17 = cos_s1_3.mul_add(al_s1_2z, t4_16);
+        let al_3z = sin_s1_3.mul_add(al_s1_2y, t4_17);
+        let t4_18 = t4_11 - al_3z;
+        let t4_19 = w_3y * w_3z;
+        let t4_20 = (-d_s1_2).mul_add(w_s1_2z, t3_8);
+        let t4_21 = cos_s1_2.mul_add(al_s1_1x, t4_20);
+        let al_3x = (-sin_s1_2).mul_add(al_s1_1z, t4_21);
+        let t4_22 = t4_19 + al_3x;
+        let t4_23 = p_m_3 * a_3y;
+        let t4_24 = p_mz_3.mul_add(t4_22, t4_23);
+        let t4_25 = (-p_mx_3).mul_add(t4_18, t4_24);
+        let t4_26 = t4_9.mul_add(p_my_3, t4_25);
+        let t4_27 = sin_s1_3 * a_s1_1y;
+        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t4_27);
+        let t4_28 = w_3y * w_3y;
+        let t4_29 = t4_5 + t4_28;
+        let t4_30 = w_3z * w_3x;
+        let t4_31 = d_s1_3 * w_3z;
+        let t4_32 = sin_s1_3.mul_add(al_s1_2z, t4_31);
+        let al_3y = (-cos_s1_3).mul_add(al_s1_2y, t4_32);
+        let t4_33 = t4_30 - al_3y;
+        let t4_34 = t4_19 - al_3x;
+        let t4_35 = p_m_3 * a_3z;
+        let t4_36 = (-t4_29).mul_add(p_mz_3, t4_35);
+        let t4_37 = (-p_my_3).mul_add(t4_34, t4_36);
+        let t4_38 = (-p_mx_3).mul_add(t4_33, t4_37);
+        let t4_39 = sin_s1_3 * t4_26;
+        let t4_40 = (-cos_s1_3).mul_add(t4_38, t4_39);
+        let t4_41 = cos_s1_2 * a_s1_1x;
+        let a_s1_2x = sin_s1_2.mul_add(a_2z, t4_41);
+        let t4_42 = t4_28 + t4_8;
+        let t4_43 = t4_11 + al_3z;
+        let t4_44 = t4_30 + al_3y;
+        let t4_45 = p_m_3 * a_s1_2x;
+        let t4_46 = (-p_mz_3).mul_add(t4_44, t4_45);
+        let t4_47 = p_my_3.mul_add(t4_43, t4_46);
+        let t4_48 = (-t4_42).mul_add(p_mx_3, t4_47);
+        let t4_49 = p_ixx_3 - p_izz_3;
+        let t4_50 = t4_5 - t4_8;
+        let t4_51 = t4_19 - al_3x;
+        let t4_52 = t4_11 + al_3z;
+        let t4_53 = p_iyz_3 * t4_52;
+        let t4_54 = p_ixy_3.mul_add(t4_51, t4_53);
+        let t4_55 = t4_50.mul_add(p_ixz_3, t4_54);
+        let t4_56 = t4_30.mul_add(t4_49, t4_55);
+        let t4_57 = p_iyy_3.mul_add(al_3y, t4_56);
+        let t4_58 = p_mx_3.mul_add(a_3z, t4_57);
+        let t4_59 = (-p_mz_3).mul_add(a_s1_2x, t4_58);
+        let t4_60 = p_ixx_3 - p_iyy_3;
+        let t4_61 = t4_5 - t4_28;
+        let t4_62 = t4_19 + al_3x;
+        let t4_63 = t4_30 + al_3y;
+        let t4_64 = p_ixz_3 * t4_62;
+        let t4_65 = (-p_iyz_3).mul_add(t4_63, t4_64);
+        let t4_66 = t4_61.mul_add(p_ixy_3, t4_65);
+        let t4_67 = (-t4_11).mul_add(t4_60, t4_66);
+        let t4_68 = (-p_izz_3).mul_add(al_3z, t4_67);
+        let t4_69 = (-p_my_3).mul_add(a_s1_2x, t4_68);
+        let t4_70 = (-p_mx_3).mul_add(a_3y, t4_69);
+        let t4_71 = sin_s1_3 * t4_59;
+        let t4_72 = (-cos_s1_3).mul_add(t4_70, t4_71);
+        let t4_73 = p_iyy_3 - p_izz_3;
+        let t4_74 = t4_28 - t4_8;
+        let t4_75 = t4_30 - al_3y;
+        let t4_76 = t4_11 - al_3z;
+        let t4_77 = p_ixy_3 * t4_75;
+        let t4_78 = p_ixz_3.mul_add(t4_76, t4_77);
+        let t4_79 = t4_74.mul_add(p_iyz_3, t4_78);
+        let t4_80 = t4_19.mul_add(t4_73, t4_79);
+        let t4_81 = p_ixx_3.mul_add(al_3x, t4_80);
+        let t4_82 = p_mz_3.mul_add(a_3y, t4_81);
+        let t4_83 = p_my_3.mul_add(a_3z, t4_82);
+        let t4_84 = sin_s1_2 * t4_72;
+        let t4_85 = (-cos_s1_2).mul_add(t4_83, t4_84);
+        let t4_86 = sin_s1_3 * t4_70;
+        let t4_87 = cos_s1_3.mul_add(t4_59, t4_86);
+        let t4_88 = sin_s1_2 * t4_40;
+        let t4_89 = (-cos_s1_2).mul_add(t4_48, t4_88);
+        let t4_90 = sin_s1_3 * t4_38;
+        let t4_91 = cos_s1_3.mul_add(t4_26, t4_90);
+        let t4_92 = p_m_2 * a_2x;
+        let t4_93 = p_mz_2.mul_add(al_1z, t4_92);
+        let t4_94 = (-t2_1).mul_add(p_mx_2, t4_93);
+        let t4_95 = sin_s1_1.mul_add(t4_91, t4_94);
+        let t4_96 = (-cos_s1_1).mul_add(t4_89, t4_95);
+        let t4_97 = p_izz_1 + p_iyy_2;
+        let t4_98 = al_1z * t4_97;
+        let t4_99 = q2.mul_add(t4_96, t4_98);
+        let t4_100 = a_2z.mul_add(p_mx_2, t4_99);
+        let t4_101 = p_mz_2.mul_add(a_2x, t4_100);
+        let t4_102 = (-cos_s1_1).mul_add(t4_87, t4_101);
+        let t4_103 = (-sin_s1_1).mul_add(t4_85, t4_102);
+        let t4_104 = -sin_q1;
+        let t4_105 = like.lift(0.5) * sin_q6;
+        let t4_106 = -t4_105;
+        let t4_107 = -cos_q6;
+        let t4_108 = like.lift(0.8660254037844386) * sin_q6;
+        let t4_109 = like.lift(0.5) * sin_q8;
+        let t4_110 = -t4_109;
+        let t4_111 = -cos_q8;
+        let t4_112 = like.lift(0.8660254037844386) * sin_q8;
+        let t4_113 = -t4_112;
+        let t4_114 = (-cos_q1).mul_add(t2_190, sin_q1);
+        let t4_115 = (-t4_114).mul_add(t2_195, sin_q1);
+        let t4_116 = t4_115.mul_add(t2_212, cos_q1);
+        let t4_117 = t4_114.mul_add(t2_210, t4_116);
+        let t4_118 = t4_117 * inv_pivot_6;
+        let t4_119 = (-t2_205).mul_add(t4_118, t4_115);
+        let t4_120 = inv_pivot_5 * t4_119;
+        let t4_121 = sin_q6.mul_add(t2_207, cos_q6);
+        let t4_122 = t4_121 * inv_pivot_6;
+        let t4_123 = inv_pivot_5 * t2_205;
+        let t4_124 = t4_123 * t4_122;
+        let t4_125 = sin_q8.mul_add(t2_188, cos_q8);
+        let t4_126 = t4_125 * t2_190;
+        let t4_127 = t4_126 * t2_195;
+        let t4_128 = t4_126 * t2_210;
+        let t4_129 = (-t4_127).mul_add(t2_212, t4_128);
+        let t4_130 = t4_129 * inv_pivot_6;
+        let t4_131 = t2_205.mul_add(t4_130, t4_127);
+        let t4_132 = inv_pivot_5 * t4_131;
+        let t4_133 = -t4_132;
+        let t4_134 = (-t2_203).mul_add(t4_118, t4_114);
+        let t4_135 = (-t2_191).mul_add(t4_120, t4_134);
+        let t4_136 = inv_pivot_4 * t4_135;
+        let t4_137 = -t4_136;
+        let t4_138 = t2_191 * t4_124;
+        let t4_139 = (-t2_203).mul_add(t4_122, t4_138);
+        let t4_140 = inv_pivot_4 * t4_139;
+        let t4_141 = (-t2_203).mul_add(t4_130, t4_126);
+        let t4_142 = t2_191.mul_add(t4_132, t4_141);
+        let t4_143 = inv_pivot_4 * t4_142;
+        let t4_144 = -t4_143;
+        let t4_145 = -t4_118;
+        let t4_146 = -t4_130;
+        let t4_147 = (-t2_201).mul_add(t4_118, cos_q1);
+        let t4_148 = (-t2_65).mul_add(t4_120, t4_147);
+        let t4_149 = t2_193.mul_add(t4_136, t4_148);
+        let t4_150 = inv_pivot_3 * t4_149;
+        let t4_151 = -t4_150;
+        let t4_152 = t2_65 * t4_124;
+        let t4_153 = (-t2_201).mul_add(t4_122, t4_152);
+        let t4_154 = t2_193.mul_add(t4_140, t4_153);
+        let t4_155 = inv_pivot_3 * t4_154;
+        let t4_156 = t2_201.mul_add(t4_130, t4_125);
+        let t4_157 = (-t2_65).mul_add(t4_132, t4_156);
+        let t4_158 = (-t2_193).mul_add(t4_143, t4_157);
+        let t4_159 = inv_pivot_3 * t4_158;
+        let t4_160 = t2_37 * t4_118;
+        let t4_161 = t2_34.mul_add(t4_136, t4_160);
+        let t4_162 = t4_161 * t2_233;
+        let t4_163 = (-t2_37).mul_add(t4_122, t4_108);
+        let t4_164 = (-t2_34).mul_add(t4_140, t4_163);
+        let t4_165 = t4_164 * t2_233;
+        let t4_166 = t2_37 * t4_130;
+        let t4_167 = t2_34.mul_add(t4_143, t4_166);
+        let t4_168 = t4_167 * t2_233;
+        let t4_169 = t2_80 * t4_150;
+        let t4_170 = (-t2_78).mul_add(t4_118, t4_169);
+        let t4_171 = (-t2_76).mul_add(t4_136, t4_170);
+        let t4_172 = t4_171 * t3_1;
+        let t4_173 = t2_80 * t4_155;
+        let t4_174 = (-t2_78).mul_add(t4_122, t4_173);
+        let t4_175 = (-t2_76).mul_add(t4_140, t4_174);
+        let t4_176 = t4_175 * t3_1;
+        let t4_177 = -t4_176;
+        let t4_178 = (-t2_78).mul_add(t4_130, t4_112);
+        let t4_179 = (-t2_76).mul_add(t4_143, t4_178);
+        let t4_180 = (-t2_80).mul_add(t4_159, t4_179);
+        let t4_181 = t4_180 * t3_1;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t1_85 * like.lift(1.8955297449982944)).abs())
-            .min((t2_41 * like.lift(2.6463477742948585)).abs())
+            .min((t2_82 * like.lift(1.8955297449982944)).abs())
+            .min((t3_4 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_42 * like.lift(0.8284577646309275)).abs())
-            .min((t2_43 * like.lift(2.1915406530791146)).abs());
+            .min((t3_5 * like.lift(0.8284577646309275)).abs())
+            .min((t3_6 * like.lift(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [t3_134, t3_138, t3_147], [t3_151, t3_154, t3_158], [t3_159, t3_136, t3_160],
-                [t3_165, t3_169, t3_173], [t3_177, t3_181, t3_185], [t3_190, t3_196, t3_201],
+                [t4_120, t4_124, t4_133], [t4_137, t4_140, t4_144], [t4_145, t4_122, t4_146],
+                [t4_151, t4_155, t4_159], [t4_162, t4_165, t4_168], [t4_172, t4_177, t4_181],
             ],
             margin,
             || (
                 [
-                    [t1_8, t1_10, t1_15, like.lift(0.0), t1_18, like.lift(0.0)],
-                    [t1_24, t1_26, t1_32, like.lift(0.0), t1_33, like.lift(0.0)],
-                    [like.lift(0.0), t1_37, t1_41, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t1_49, t1_53, t1_55, t1_57, like.lift(0.0), t1_60],
-                    [t1_68, t1_69, t1_73, t1_76, like.lift(0.0), t1_77],
-                    [like.lift(0.0), t1_79, t1_81, t1_84, like.lift(0.0), t1_85],
+                    [t2_7, t2_9, t2_13, like.lift(0.0), t2_16, like.lift(0.0)],
+                    [t2_22, t2_23, t2_29, like.lift(0.0), t2_30, like.lift(0.0)],
+                    [like.lift(0.0), t2_34, t2_37, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_45, t2_50, t2_52, t2_54, like.lift(0.0), t2_57],
+                    [t2_65, t2_66, t2_70, t2_73, like.lift(0.0), t2_74],
+                    [like.lift(0.0), t2_76, t2_78, t2_81, like.lift(0.0), t2_82],
                 ],
                 [
-                    [t3_118, t3_120, like.lift(0.0)], [cos_q1, t3_121, like.lift(0.0)],
-                    [like.lift(0.0), t3_122, like.lift(0.0)], [t3_118, like.lift(0.0), t3_124],
-                    [cos_q1, like.lift(0.0), t3_125], [like.lift(0.0), like.lift(0.0), t3_127],
+                    [t4_104, t4_106, like.lift(0.0)], [cos_q1, t4_107, like.lift(0.0)],
+                    [like.lift(0.0), t4_108, like.lift(0.0)], [t4_104, like.lift(0.0), t4_110],
+                    [cos_q1, like.lift(0.0), t4_111], [like.lift(0.0), like.lift(0.0), t4_113],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            t3_54, t3_85, t3_99, t3_103, t3_117, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2,
+            t4_40, t4_48, t4_72, t4_83, t4_87, t4_103, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2,
             x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7,
             x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
         ]
     };
     // tau
     {
-        let t4_1 = t3_117.mul_add(x_q1_q2, t3_54);
-        let t4_2 = cos_s1_2 * t3_85;
-        let t4_3 = sin_s1_2.mul_add(t3_99, t4_2);
-        let t4_4 = (-t4_3).mul_add(x_s1_1_q2, t4_1);
-        let t4_5 = (-t3_103).mul_add(x_s1_2_q2, t4_4);
-        let t4_6 = t3_99.mul_add(x_s1_3_q2, t4_5);
-        let t4_7 = d_q6 * d_q7;
-        let t4_8 = like.lift(2.0) * t4_7;
-        let a_5x = q7.mul_add(al_4z, t4_8);
-        let t4_9 = p_mz_5 * a_5x;
-        let t4_10 = d_q6 * d_q6;
-        let a_5z = q7 * t4_10;
-        let t4_11 = a_5z.mul_add(p_mx_5, t4_9);
-        let t4_12 = p_iyy_5.mul_add(al_4z, t4_11);
-        let t4_13 = t4_10 * p_mx_5;
-        let t4_14 = (-p_mz_5).mul_add(al_4z, t4_13);
-        let t4_15 = p_m_5.mul_add(a_5x, -t4_14);
-        let t4_16 = q7.mul_add(t4_15, t4_12);
-        let t4_17 = p_izz_4.mul_add(al_4z, t4_16);
-        let t4_18 = t4_17.mul_add(x_q6_q2, t4_6);
-        let t4_19 = d_q8 * d_q9;
-        let t4_20 = like.lift(2.0) * t4_19;
-        let a_7x = q9.mul_add(al_6z, t4_20);
-        let t4_21 = p_mz_7 * a_7x;
-        let t4_22 = d_q8 * d_q8;
-        let a_7z = q9 * t4_22;
-        let t4_23 = a_7z.mul_add(p_mx_7, t4_21);
-        let t4_24 = p_iyy_7.mul_add(al_6z, t4_23);
-        let t4_25 = t4_22 * p_mx_7;
-        let t4_26 = (-p_mz_7).mul_add(al_6z, t4_25);
-        let t4_27 = p_m_7.mul_add(a_7x, -t4_26);
-        let t4_28 = q9.mul_add(t4_27, t4_24);
-        let t4_29 = p_izz_6.mul_add(al_6z, t4_28);
-        let t4_30 = t4_29.mul_add(x_q8_q2, t4_18);
-        let t4_31 = -t4_30;
-        tau[0] = t4_31;
-        let t4_32 = t4_10 * p_mz_5;
-        let t4_33 = p_mx_5.mul_add(al_4z, t4_32);
-        let t4_34 = a_5z.mul_add(p_m_5, t4_33);
-        let t4_35 = t3_117 * x_q1_q7;
-        let t4_36 = (-t4_3).mul_add(x_s1_1_q7, t4_35);
-        let t4_37 = (-t3_103).mul_add(x_s1_2_q7, t4_36);
-        let t4_38 = t3_99.mul_add(x_s1_3_q7, t4_37);
-        let t4_39 = t4_17.mul_add(x_q6_q7, t4_38);
-        let t4_40 = t4_34 + t4_39;
-        let t4_41 = t4_29.mul_add(x_q8_q7, t4_40);
-        let t4_42 = -t4_41;
-        tau[1] = t4_42;
-        let t4_43 = t4_22 * p_mz_7;
-        let t4_44 = p_mx_7.mul_add(al_6z, t4_43);
-        let t4_45 = a_7z.mul_add(p_m_7, t4_44);
-        let t4_46 = t3_117 * x_q1_q9;
-        let t4_47 = (-t4_3).mul_add(x_s1_1_q9, t4_46);
-        let t4_48 = (-t3_103).mul_add(x_s1_2_q9, t4_47);
-        let t4_49 = t3_99.mul_add(x_s1_3_q9, t4_48);
-        let t4_50 = t4_17.mul_add(x_q6_q9, t4_49);
-        let t4_51 = t4_29.mul_add(x_q8_q9, t4_50);
-        let t4_52 = t4_45 + t4_51;
-        let t4_53 = -t4_52;
-        tau[2] = t4_53;
+        let t5_1 = sin_s1_2 * t4_83;
+        let t5_2 = cos_s1_2.mul_add(t4_72, t5_1);
+        let t5_3 = q7 * al_4z;
+        let a_5x = d_q6.mul_add(t2_139, t5_3);
+        let a_5z = q7 * t2_115;
+        let t5_4 = p_m_5 * a_5x;
+        let t5_5 = p_mz_5.mul_add(al_4z, t5_4);
+        let t5_6 = (-t2_115).mul_add(p_mx_5, t5_5);
+        let t5_7 = p_izz_4 + p_iyy_5;
+        let t5_8 = al_4z * t5_7;
+        let t5_9 = q7.mul_add(t5_6, t5_8);
+        let t5_10 = a_5z.mul_add(p_mx_5, t5_9);
+        let t5_11 = p_mz_5.mul_add(a_5x, t5_10);
+        let t5_12 = q9 * al_6z;
+        let a_7x = d_q8.mul_add(t2_172, t5_12);
+        let a_7z = q9 * t2_159;
+        let t5_13 = p_m_7 * a_7x;
+        let t5_14 = p_mz_7.mul_add(al_6z, t5_13);
+        let t5_15 = (-t2_159).mul_add(p_mx_7, t5_14);
+        let t5_16 = p_izz_6 + p_iyy_7;
+        let t5_17 = al_6z * t5_16;
+        let t5_18 = q9.mul_add(t5_15, t5_17);
+        let t5_19 = a_7z.mul_add(p_mx_7, t5_18);
+        let t5_20 = p_mz_7.mul_add(a_7x, t5_19);
+        let t5_21 = t5_20 * x_q8_q2;
+        let t5_22 = t5_11.mul_add(x_q6_q2, t5_21);
+        let t5_23 = t4_83.mul_add(x_s1_3_q2, t5_22);
+        let t5_24 = (-t4_87).mul_add(x_s1_2_q2, t5_23);
+        let t5_25 = (-t5_2).mul_add(x_s1_1_q2, t5_24);
+        let t5_26 = t4_103.mul_add(x_q1_q2, t5_25);
+        let t5_27 = a_2z.mul_add(p_m_2, t5_26);
+        let t5_28 = p_mx_2.mul_add(al_1z, t5_27);
+        let t5_29 = t2_1.mul_add(p_mz_2, t5_28);
+        let t5_30 = sin_s1_2.mul_add(t4_48, t5_29);
+        let t5_31 = cos_s1_2.mul_add(t4_40, t5_30);
+        let t5_32 = -t5_31;
+        tau[0] = t5_32;
+        let t5_33 = t5_20 * x_q8_q7;
+        let t5_34 = a_5z.mul_add(p_m_5, t5_33);
+        let t5_35 = p_mx_5.mul_add(al_4z, t5_34);
+        let t5_36 = t2_115.mul_add(p_mz_5, t5_35);
+        let t5_37 = t5_11.mul_add(x_q6_q7, t5_36);
+        let t5_38 = t4_83.mul_add(x_s1_3_q7, t5_37);
+        let t5_39 = (-t4_87).mul_add(x_s1_2_q7, t5_38);
+        let t5_40 = (-t5_2).mul_add(x_s1_1_q7, t5_39);
+        let t5_41 = t4_103.mul_add(x_q1_q7, t5_40);
+        let t5_42 = -t5_41;
+        tau[1] = t5_42;
+        let t5_43 = a_7z * p_m_7;
+        let t5_44 = p_mx_7.mul_add(al_6z, t5_43);
+        let t5_45 = t2_159.mul_add(p_mz_7, t5_44);
+        let t5_46 = t5_20.mul_add(x_q8_q9, t5_45);
+        let t5_47 = t5_11.mul_add(x_q6_q9, t5_46);
+        let t5_48 = t4_83.mul_add(x_s1_3_q9, t5_47);
+        let t5_49 = (-t4_87).mul_add(x_s1_2_q9, t5_48);
+        let t5_50 = (-t5_2).mul_add(x_s1_1_q9, t5_49);
+        let t5_51 = t4_103.mul_add(x_q1_q9, t5_50);
+        let t5_52 = -t5_51;
+        tau[2] = t5_52;
     }
     (tau, Condition { pivot: condition })
 }
@@ -4117,7 +3918,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 70]) -> ([T; 3]
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
 ///
-/// 212 additions, 347 multiplications, 6 divisions, 6 sines and cosines.
+/// 212 additions, 326 multiplications, 6 divisions, 6 sines and cosines.
 pub fn mass_matrix<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([[T; 3]; 3], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 3]; 3];
@@ -4129,460 +3930,449 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
         _, _, _, _, p_izz_6, _, _, _, _, _, _, _, p_iyy_7, _, _, p_mx_7, _, p_mz_7, p_m_7,
     ] = *phi;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, sin_q1, cos_q1, sin_q6,
+        cos_q6, sin_q8, cos_q8,
+    ] = {
+        let [
+            (sin_s1_1, cos_s1_1), (sin_s1_2, cos_s1_2), (sin_s1_3, cos_s1_3), (sin_q1, cos_q1),
+            (sin_q6, cos_q6), (sin_q8, cos_q8),
+        ] =
+            T::sin_cos_all([s1_1, s1_2, s1_3, q1, q6, q8]);
+        [
+            sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, sin_q1, cos_q1, sin_q6,
+            cos_q6, sin_q8, cos_q8,
+        ]
+    };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t1_1, sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, t1_3, t1_5, t1_8,
-        t1_10, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2,
-        x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9,
-        x_q8_q2, x_q8_q7, x_q8_q9,
+        t2_1, t2_3, t2_5, t2_7, t2_9, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7,
+        x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2,
+        x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
     ] = {
-        let t1_1 = p_m_2 + p_m_3;
-        let (sin_s1_1, cos_s1_1) = s1_1.sin_cos();
-        let (sin_s1_2, cos_s1_2) = s1_2.sin_cos();
-        let (sin_s1_3, cos_s1_3) = s1_3.sin_cos();
-        let t1_2 = sin_s1_3 * p_my_3;
-        let t1_3 = cos_s1_3.mul_add(p_mz_3, t1_2);
-        let t1_4 = sin_s1_2 * t1_3;
-        let t1_5 = cos_s1_2.mul_add(p_mx_3, t1_4);
-        let t1_6 = cos_s1_1 * t1_5;
-        let t1_7 = cos_s1_3 * p_my_3;
-        let t1_8 = (-sin_s1_3).mul_add(p_mz_3, t1_7);
-        let t1_9 = (-sin_s1_1).mul_add(t1_8, t1_6);
-        let t1_10 = p_mx_2 + t1_9;
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_11 = cos_q1 * q2;
-        let t1_12 = cos_q1 * sin_s1_2;
-        let t1_13 = sin_q1 * cos_s1_1;
-        let t1_14 = cos_s1_2.mul_add(t1_13, t1_12);
-        let t1_15 = like.lift(-0.4563).mul_add(t1_14, t1_11);
-        let t1_16 = -t1_15;
+        let t2_1 = p_m_2 + p_m_3;
+        let t2_2 = cos_s1_3 * p_mz_3;
+        let t2_3 = sin_s1_3.mul_add(p_my_3, t2_2);
+        let t2_4 = cos_s1_2 * p_mx_3;
+        let t2_5 = sin_s1_2.mul_add(t2_3, t2_4);
+        let t2_6 = cos_s1_3 * p_my_3;
+        let t2_7 = (-sin_s1_3).mul_add(p_mz_3, t2_6);
+        let t2_8 = (-sin_s1_1).mul_add(t2_7, p_mx_2);
+        let t2_9 = cos_s1_1.mul_add(t2_5, t2_8);
+        let t2_10 = cos_q1 * q2;
+        let t2_11 = sin_q1 * cos_s1_1;
+        let t2_12 = cos_s1_2 * t2_11;
+        let t2_13 = cos_q1.mul_add(sin_s1_2, t2_12);
+        let t2_14 = like.lift(-0.4563).mul_add(t2_13, t2_10);
+        let t2_15 = -t2_14;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t1_17 = cos_q1 * e_s1_2_q1x;
-        let t1_18 = like.lift(0.4563) * t1_17;
-        let t1_19 = cos_s1_1 * t1_14;
-        let t1_20 = like.lift(0.4563) * t1_19;
-        let t1_21 = sin_q1 * sin_s1_1;
-        let t1_22 = t1_21 * e_s1_2_q1x;
-        let t1_23 = like.lift(0.4563).mul_add(t1_22, t1_20);
-        let (sin_q6, cos_q6) = q6.sin_cos();
-        let t1_24 = cos_q6 * q7;
-        let t1_25 = like.lift(0.5) * t1_24;
-        let t1_26 = -t1_25;
-        let t1_27 = sin_q1 * q2;
-        let t1_28 = sin_q1 * sin_s1_2;
-        let t1_29 = cos_q1 * cos_s1_1;
-        let t1_30 = (-cos_s1_2).mul_add(t1_29, t1_28);
-        let t1_31 = like.lift(-0.4563).mul_add(t1_30, t1_27);
-        let t1_32 = -t1_31;
-        let t1_33 = sin_q1 * e_s1_2_q1x;
-        let t1_34 = like.lift(0.4563) * t1_33;
-        let t1_35 = cos_q1 * sin_s1_1;
-        let t1_36 = t1_35 * e_s1_2_q1x;
-        let t1_37 = like.lift(0.4563) * t1_36;
-        let t1_38 = cos_s1_1 * t1_30;
-        let t1_39 = like.lift(-0.4563).mul_add(t1_38, t1_37);
-        let t1_40 = -t1_39;
-        let t1_41 = sin_q6 * q7;
-        let t1_42 = cos_q1 * t1_30;
-        let t1_43 = like.lift(0.4563) * t1_42;
-        let t1_44 = sin_q1 * t1_14;
-        let t1_45 = like.lift(-0.4563).mul_add(t1_44, t1_43);
-        let t1_46 = t1_21 * t1_30;
-        let t1_47 = like.lift(0.4563) * t1_46;
-        let t1_48 = t1_35 * t1_14;
-        let t1_49 = like.lift(0.4563).mul_add(t1_48, t1_47);
-        let pivot_1 = like.lift(0.8660254037844386) * t1_24;
-        let t1_50 = like.lift(0.22815) * t1_14;
-        let t1_51 = cos_s1_3 * t1_21;
-        let t1_52 = cos_q1 * cos_s1_2;
-        let t1_53 = (-sin_s1_2).mul_add(t1_13, t1_52);
-        let t1_54 = sin_s1_3.mul_add(t1_53, t1_51);
-        let t1_55 = like.lift(-0.39516739174683935).mul_add(t1_54, t1_50);
-        let t1_56 = t1_11 - t1_55;
-        let t1_57 = -t1_56;
-        let t1_58 = like.lift(0.22815) * e_s1_2_q1x;
-        let t1_59 = cos_s1_1 * cos_s1_3;
-        let e_s1_2_q1z = sin_s1_1 * sin_s1_2;
-        let e_3_q1y = sin_s1_3.mul_add(e_s1_2_q1z, t1_59);
-        let t1_60 = like.lift(0.39516739174683935).mul_add(e_3_q1y, t1_58);
-        let t1_61 = cos_q1 * t1_60;
-        let t1_62 = cos_s1_1 * t1_55;
-        let t1_63 = t1_21.mul_add(t1_60, t1_62);
-        let t1_64 = e_s1_2_q1x * t1_55;
-        let t1_65 = (-t1_14).mul_add(t1_60, t1_64);
-        let (sin_q8, cos_q8) = q8.sin_cos();
-        let t1_66 = cos_q8 * q9;
-        let t1_67 = like.lift(0.5) * t1_66;
-        let t1_68 = -t1_67;
-        let t1_69 = cos_s1_3 * t1_35;
-        let t1_70 = sin_q1 * cos_s1_2;
-        let t1_71 = sin_s1_2.mul_add(t1_29, t1_70);
-        let t1_72 = (-sin_s1_3).mul_add(t1_71, t1_69);
-        let t1_73 = like.lift(0.39516739174683935) * t1_72;
-        let t1_74 = like.lift(0.22815) * t1_30;
-        let t1_75 = t1_27 - t1_74;
-        let t1_76 = t1_73 - t1_75;
-        let t1_77 = sin_q1 * t1_60;
-        let t1_78 = t1_35 * t1_60;
-        let t1_79 = t1_74 + t1_73;
-        let t1_80 = (-cos_s1_1).mul_add(t1_79, t1_78);
-        let t1_81 = -t1_80;
-        let t1_82 = t1_30 * t1_60;
-        let t1_83 = (-e_s1_2_q1x).mul_add(t1_79, t1_82);
-        let t1_84 = -t1_83;
-        let t1_85 = sin_q8 * q9;
-        let t1_86 = cos_q1 * t1_79;
-        let t1_87 = (-sin_q1).mul_add(t1_55, t1_86);
-        let t1_88 = t1_21 * t1_79;
-        let t1_89 = t1_35.mul_add(t1_55, t1_88);
-        let t1_90 = t1_14 * t1_79;
-        let t1_91 = (-t1_30).mul_add(t1_55, t1_90);
-        let t1_92 = -t1_91;
-        let pivot_2 = like.lift(0.8660254037844386) * t1_66;
-        let t1_93 = -pivot_2;
-        let t1_94 = -sin_q1;
-        let t1_95 = like.lift(0.5) * sin_q6;
-        let t1_96 = -t1_95;
-        let t1_97 = -cos_q6;
-        let t1_98 = like.lift(0.8660254037844386) * sin_q6;
-        let t1_99 = like.lift(0.5) * sin_q8;
-        let t1_100 = -t1_99;
-        let t1_101 = -cos_q8;
-        let t1_102 = like.lift(0.8660254037844386) * sin_q8;
-        let t1_103 = -t1_102;
-        let t1_104 = like.lift(0.5773502691896257).mul_add(t1_91, t1_65);
-        let t1_105 = like.lift(1.0) / t1_66;
-        let t1_106 = t1_85 * t1_105;
-        let t1_107 = t1_91 * t1_106;
-        let pivot_3 = like.lift(1.1547005383792515).mul_add(t1_107, t1_83);
+        let t2_16 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_17 = cos_q1 * t2_16;
+        let t2_18 = sin_q1 * sin_s1_1;
+        let t2_19 = t2_18 * e_s1_2_q1x;
+        let t2_20 = cos_s1_1.mul_add(t2_13, t2_19);
+        let t2_21 = like.lift(0.4563) * t2_20;
+        let t2_22 = cos_q6 * q7;
+        let t2_23 = like.lift(0.5) * t2_22;
+        let t2_24 = -t2_23;
+        let t2_25 = sin_q1 * q2;
+        let t2_26 = cos_q1 * cos_s1_1;
+        let t2_27 = sin_q1 * sin_s1_2;
+        let t2_28 = (-cos_s1_2).mul_add(t2_26, t2_27);
+        let t2_29 = like.lift(-0.4563).mul_add(t2_28, t2_25);
+        let t2_30 = -t2_29;
+        let t2_31 = sin_q1 * t2_16;
+        let t2_32 = cos_q1 * sin_s1_1;
+        let t2_33 = cos_s1_1 * t2_28;
+        let t2_34 = (-t2_32).mul_add(e_s1_2_q1x, t2_33);
+        let t2_35 = like.lift(0.4563) * t2_34;
+        let t2_36 = -t2_35;
+        let t2_37 = -t2_36;
+        let t2_38 = sin_q6 * q7;
+        let t2_39 = sin_q1 * t2_13;
+        let t2_40 = (-cos_q1).mul_add(t2_28, t2_39);
+        let t2_41 = like.lift(0.4563) * t2_40;
+        let t2_42 = -t2_41;
+        let t2_43 = t2_32 * t2_13;
+        let t2_44 = t2_18.mul_add(t2_28, t2_43);
+        let t2_45 = like.lift(0.4563) * t2_44;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_22;
+        let t2_46 = cos_q1 * cos_s1_2;
+        let t2_47 = (-sin_s1_2).mul_add(t2_11, t2_46);
+        let t2_48 = sin_s1_3 * t2_47;
+        let t2_49 = cos_s1_3.mul_add(t2_18, t2_48);
+        let t2_50 = like.lift(0.22815) * t2_13;
+        let t2_51 = like.lift(-0.39516739174683935).mul_add(t2_49, t2_50);
+        let t2_52 = t2_10 - t2_51;
+        let t2_53 = -t2_52;
+        let t2_54 = sin_s1_3 * sin_s1_1;
+        let t2_55 = t2_54 * sin_s1_2;
+        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_55);
+        let t2_56 = like.lift(0.39516739174683935) * e_3_q1y;
+        let t2_57 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_56);
+        let t2_58 = cos_q1 * t2_57;
+        let t2_59 = t2_18 * t2_57;
+        let t2_60 = cos_s1_1.mul_add(t2_51, t2_59);
+        let t2_61 = e_s1_2_q1x * t2_51;
+        let t2_62 = (-t2_13).mul_add(t2_57, t2_61);
+        let t2_63 = cos_q8 * q9;
+        let t2_64 = like.lift(0.5) * t2_63;
+        let t2_65 = -t2_64;
+        let t2_66 = sin_s1_2 * t2_26;
+        let t2_67 = sin_q1.mul_add(cos_s1_2, t2_66);
+        let t2_68 = cos_s1_3 * t2_32;
+        let t2_69 = (-sin_s1_3).mul_add(t2_67, t2_68);
+        let t2_70 = like.lift(0.39516739174683935) * t2_69;
+        let t2_71 = like.lift(0.22815) * t2_28;
+        let t2_72 = t2_70 - t2_25;
+        let t2_73 = t2_72 + t2_71;
+        let t2_74 = sin_q1 * t2_57;
+        let t2_75 = t2_71 + t2_70;
+        let t2_76 = t2_32 * t2_57;
+        let t2_77 = (-cos_s1_1).mul_add(t2_75, t2_76);
+        let t2_78 = -t2_77;
+        let t2_79 = t2_28 * t2_57;
+        let t2_80 = (-e_s1_2_q1x).mul_add(t2_75, t2_79);
+        let t2_81 = -t2_80;
+        let t2_82 = sin_q8 * q9;
+        let t2_83 = cos_q1 * t2_75;
+        let t2_84 = (-sin_q1).mul_add(t2_51, t2_83);
+        let t2_85 = t2_32 * t2_51;
+        let t2_86 = t2_18.mul_add(t2_75, t2_85);
+        let t2_87 = t2_13 * t2_75;
+        let t2_88 = (-t2_28).mul_add(t2_51, t2_87);
+        let t2_89 = -t2_88;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_63;
+        let t2_90 = -pivot_2;
+        let t2_91 = -sin_q1;
+        let t2_92 = like.lift(0.5) * sin_q6;
+        let t2_93 = -t2_92;
+        let t2_94 = -cos_q6;
+        let t2_95 = like.lift(0.8660254037844386) * sin_q6;
+        let t2_96 = like.lift(0.5) * sin_q8;
+        let t2_97 = -t2_96;
+        let t2_98 = -cos_q8;
+        let t2_99 = like.lift(0.8660254037844386) * sin_q8;
+        let t2_100 = -t2_99;
+        let t2_101 = like.lift(0.5773502691896257).mul_add(t2_88, t2_62);
+        let t2_102 = like.lift(1.0) / t2_63;
+        let t2_103 = t2_82 * t2_102;
+        let t2_104 = like.lift(1.1547005383792515) * t2_103;
+        let pivot_3 = t2_88.mul_add(t2_104, t2_80);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_108 = t1_104 * inv_pivot_3;
-        let t1_109 = (-t1_76).mul_add(t1_108, t1_56);
-        let t1_110 = like.lift(0.5773502691896257).mul_add(t1_45, t1_18);
-        let t1_111 = like.lift(-0.5773502691896257).mul_add(t1_87, t1_61);
-        let t1_112 = t1_87 * t1_106;
-        let t1_113 = like.lift(1.1547005383792515).mul_add(t1_112, t1_77);
-        let pivot_4 = t1_113.mul_add(t1_108, t1_111);
+        let t2_105 = t2_101 * inv_pivot_3;
+        let t2_106 = (-t2_73).mul_add(t2_105, t2_52);
+        let t2_107 = like.lift(0.5773502691896257).mul_add(t2_42, t2_17);
+        let t2_108 = t2_84.mul_add(t2_104, t2_74);
+        let t2_109 = t2_108.mul_add(t2_105, t2_58);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_84, t2_109);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t1_114 = t1_110 * inv_pivot_4;
-        let pivot_5 = (-t1_109).mul_add(t1_114, t1_15);
+        let t2_110 = t2_107 * inv_pivot_4;
+        let pivot_5 = (-t2_106).mul_add(t2_110, t2_14);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t1_115 = (-cos_q1).mul_add(t1_108, sin_q1);
-        let t1_116 = (-t1_115).mul_add(t1_114, sin_q1);
-        let t1_117 = like.lift(0.5773502691896257).mul_add(t1_49, t1_23);
-        let t1_118 = like.lift(-0.5773502691896257).mul_add(t1_89, t1_63);
-        let t1_119 = t1_89 * t1_106;
-        let t1_120 = like.lift(-1.1547005383792515).mul_add(t1_119, t1_80);
-        let t1_121 = (-t1_120).mul_add(t1_108, t1_118);
-        let t1_122 = (-t1_121).mul_add(t1_114, t1_117);
-        let t1_123 = like.lift(1.0) / t1_24;
-        let t1_124 = t1_41 * t1_123;
-        let t1_125 = t1_45 * t1_124;
-        let t1_126 = like.lift(-1.1547005383792515).mul_add(t1_125, t1_34);
-        let t1_127 = t1_126 * inv_pivot_4;
-        let t1_128 = t1_115.mul_add(t1_127, cos_q1);
-        let t1_129 = (-t1_109).mul_add(t1_127, t1_31);
-        let t1_130 = t1_129 * inv_pivot_5;
-        let t1_131 = t1_116.mul_add(t1_130, t1_128);
-        let t1_132 = t1_49 * t1_124;
-        let t1_133 = like.lift(1.1547005383792515).mul_add(t1_132, t1_39);
-        let t1_134 = t1_121.mul_add(t1_127, t1_133);
-        let pivot_6 = t1_122.mul_add(t1_130, t1_134);
+        let t2_111 = (-cos_q1).mul_add(t2_105, sin_q1);
+        let t2_112 = (-t2_111).mul_add(t2_110, sin_q1);
+        let t2_113 = (-t2_86).mul_add(t2_104, t2_77);
+        let t2_114 = (-t2_113).mul_add(t2_105, t2_60);
+        let t2_115 = like.lift(-0.5773502691896257).mul_add(t2_86, t2_114);
+        let t2_116 = (-t2_115).mul_add(t2_110, t2_21);
+        let t2_117 = like.lift(0.5773502691896257).mul_add(t2_45, t2_116);
+        let t2_118 = like.lift(1.0) / t2_22;
+        let t2_119 = t2_38 * t2_118;
+        let t2_120 = like.lift(1.1547005383792515) * t2_119;
+        let t2_121 = (-t2_42).mul_add(t2_120, t2_31);
+        let t2_122 = t2_121 * inv_pivot_4;
+        let t2_123 = (-t2_106).mul_add(t2_122, t2_29);
+        let t2_124 = t2_123 * inv_pivot_5;
+        let t2_125 = t2_112.mul_add(t2_124, cos_q1);
+        let t2_126 = t2_111.mul_add(t2_122, t2_125);
+        let t2_127 = t2_117.mul_add(t2_124, t2_36);
+        let t2_128 = t2_115.mul_add(t2_122, t2_127);
+        let pivot_6 = t2_45.mul_add(t2_120, t2_128);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t1_135 = t1_131 * inv_pivot_6;
-        let t1_136 = (-t1_122).mul_add(t1_135, t1_116);
-        let t1_137 = inv_pivot_5 * t1_136;
-        let t1_138 = sin_q6.mul_add(t1_124, cos_q6);
-        let t1_139 = t1_138 * inv_pivot_6;
-        let t1_140 = t1_122 * t1_139;
-        let t1_141 = inv_pivot_5 * t1_140;
-        let t1_142 = sin_q8.mul_add(t1_106, cos_q8);
-        let t1_143 = t1_142 * t1_108;
-        let t1_144 = t1_143 * t1_114;
-        let t1_145 = t1_143 * t1_127;
-        let t1_146 = (-t1_144).mul_add(t1_130, t1_145);
-        let t1_147 = t1_146 * inv_pivot_6;
-        let t1_148 = t1_122.mul_add(t1_147, t1_144);
-        let t1_149 = inv_pivot_5 * t1_148;
-        let t1_150 = -t1_149;
-        let t1_151 = (-t1_109).mul_add(t1_137, t1_115);
-        let t1_152 = (-t1_121).mul_add(t1_135, t1_151);
-        let t1_153 = inv_pivot_4 * t1_152;
-        let t1_154 = -t1_153;
-        let t1_155 = t1_109 * t1_141;
-        let t1_156 = (-t1_121).mul_add(t1_139, t1_155);
-        let t1_157 = inv_pivot_4 * t1_156;
-        let t1_158 = t1_109.mul_add(t1_149, t1_143);
-        let t1_159 = (-t1_121).mul_add(t1_147, t1_158);
-        let t1_160 = inv_pivot_4 * t1_159;
-        let t1_161 = -t1_160;
-        let t1_162 = -t1_135;
-        let t1_163 = -t1_147;
-        let t1_164 = t1_113.mul_add(t1_153, cos_q1);
-        let t1_165 = (-t1_76).mul_add(t1_137, t1_164);
-        let t1_166 = (-t1_120).mul_add(t1_135, t1_165);
-        let t1_167 = inv_pivot_3 * t1_166;
-        let t1_168 = -t1_167;
-        let t1_169 = t1_113 * t1_157;
-        let t1_170 = t1_76.mul_add(t1_141, t1_169);
-        let t1_171 = (-t1_120).mul_add(t1_139, t1_170);
-        let t1_172 = inv_pivot_3 * t1_171;
-        let t1_173 = (-t1_113).mul_add(t1_160, t1_142);
-        let t1_174 = (-t1_76).mul_add(t1_149, t1_173);
-        let t1_175 = t1_120.mul_add(t1_147, t1_174);
-        let t1_176 = inv_pivot_3 * t1_175;
-        let t1_177 = t1_45 * t1_153;
-        let t1_178 = t1_49.mul_add(t1_135, t1_177);
-        let t1_179 = t1_123 * t1_178;
-        let t1_180 = like.lift(1.1547005383792515) * t1_179;
-        let t1_181 = (-t1_45).mul_add(t1_157, t1_98);
-        let t1_182 = (-t1_49).mul_add(t1_139, t1_181);
-        let t1_183 = t1_123 * t1_182;
-        let t1_184 = like.lift(1.1547005383792515) * t1_183;
-        let t1_185 = t1_45 * t1_160;
-        let t1_186 = t1_49.mul_add(t1_147, t1_185);
-        let t1_187 = t1_123 * t1_186;
-        let t1_188 = like.lift(1.1547005383792515) * t1_187;
-        let t1_189 = t1_91 * t1_167;
-        let t1_190 = (-t1_87).mul_add(t1_153, t1_189);
-        let t1_191 = (-t1_89).mul_add(t1_135, t1_190);
-        let t1_192 = t1_105 * t1_191;
-        let t1_193 = like.lift(1.1547005383792515) * t1_192;
-        let t1_194 = t1_91 * t1_172;
-        let t1_195 = (-t1_87).mul_add(t1_157, t1_194);
-        let t1_196 = (-t1_89).mul_add(t1_139, t1_195);
-        let t1_197 = t1_105 * t1_196;
-        let t1_198 = like.lift(1.1547005383792515) * t1_197;
-        let t1_199 = -t1_198;
-        let t1_200 = (-t1_91).mul_add(t1_176, t1_102);
-        let t1_201 = (-t1_87).mul_add(t1_160, t1_200);
-        let t1_202 = (-t1_89).mul_add(t1_147, t1_201);
-        let t1_203 = t1_105 * t1_202;
-        let t1_204 = like.lift(1.1547005383792515) * t1_203;
-        let t1_205 = -pivot_3;
-        let t1_206 = -pivot_5;
-        let t1_207 = -pivot_6;
+        let t2_129 = t2_126 * inv_pivot_6;
+        let t2_130 = (-t2_117).mul_add(t2_129, t2_112);
+        let t2_131 = inv_pivot_5 * t2_130;
+        let t2_132 = sin_q6.mul_add(t2_119, cos_q6);
+        let t2_133 = t2_132 * inv_pivot_6;
+        let t2_134 = inv_pivot_5 * t2_117;
+        let t2_135 = t2_134 * t2_133;
+        let t2_136 = sin_q8.mul_add(t2_103, cos_q8);
+        let t2_137 = t2_136 * t2_105;
+        let t2_138 = t2_137 * t2_110;
+        let t2_139 = t2_137 * t2_122;
+        let t2_140 = (-t2_138).mul_add(t2_124, t2_139);
+        let t2_141 = t2_140 * inv_pivot_6;
+        let t2_142 = t2_117.mul_add(t2_141, t2_138);
+        let t2_143 = inv_pivot_5 * t2_142;
+        let t2_144 = -t2_143;
+        let t2_145 = (-t2_115).mul_add(t2_129, t2_111);
+        let t2_146 = (-t2_106).mul_add(t2_131, t2_145);
+        let t2_147 = inv_pivot_4 * t2_146;
+        let t2_148 = -t2_147;
+        let t2_149 = t2_106 * t2_135;
+        let t2_150 = (-t2_115).mul_add(t2_133, t2_149);
+        let t2_151 = inv_pivot_4 * t2_150;
+        let t2_152 = (-t2_115).mul_add(t2_141, t2_137);
+        let t2_153 = t2_106.mul_add(t2_143, t2_152);
+        let t2_154 = inv_pivot_4 * t2_153;
+        let t2_155 = -t2_154;
+        let t2_156 = -t2_129;
+        let t2_157 = -t2_141;
+        let t2_158 = (-t2_113).mul_add(t2_129, cos_q1);
+        let t2_159 = (-t2_73).mul_add(t2_131, t2_158);
+        let t2_160 = t2_108.mul_add(t2_147, t2_159);
+        let t2_161 = inv_pivot_3 * t2_160;
+        let t2_162 = -t2_161;
+        let t2_163 = t2_73 * t2_135;
+        let t2_164 = (-t2_113).mul_add(t2_133, t2_163);
+        let t2_165 = t2_108.mul_add(t2_151, t2_164);
+        let t2_166 = inv_pivot_3 * t2_165;
+        let t2_167 = t2_113.mul_add(t2_141, t2_136);
+        let t2_168 = (-t2_73).mul_add(t2_143, t2_167);
+        let t2_169 = (-t2_108).mul_add(t2_154, t2_168);
+        let t2_170 = inv_pivot_3 * t2_169;
+        let t2_171 = t2_45 * t2_129;
+        let t2_172 = t2_42.mul_add(t2_147, t2_171);
+        let t2_173 = like.lift(1.1547005383792515) * t2_118;
+        let t2_174 = t2_172 * t2_173;
+        let t2_175 = (-t2_45).mul_add(t2_133, t2_95);
+        let t2_176 = (-t2_42).mul_add(t2_151, t2_175);
+        let t2_177 = t2_176 * t2_173;
+        let t2_178 = t2_45 * t2_141;
+        let t2_179 = t2_42.mul_add(t2_154, t2_178);
+        let t2_180 = t2_179 * t2_173;
+        let t2_181 = t2_88 * t2_161;
+        let t2_182 = (-t2_86).mul_add(t2_129, t2_181);
+        let t2_183 = (-t2_84).mul_add(t2_147, t2_182);
+        let t2_184 = like.lift(1.1547005383792515) * t2_102;
+        let t2_185 = t2_183 * t2_184;
+        let t2_186 = t2_88 * t2_166;
+        let t2_187 = (-t2_86).mul_add(t2_133, t2_186);
+        let t2_188 = (-t2_84).mul_add(t2_151, t2_187);
+        let t2_189 = t2_188 * t2_184;
+        let t2_190 = -t2_189;
+        let t2_191 = (-t2_86).mul_add(t2_141, t2_99);
+        let t2_192 = (-t2_84).mul_add(t2_154, t2_191);
+        let t2_193 = (-t2_88).mul_add(t2_170, t2_192);
+        let t2_194 = t2_193 * t2_184;
+        let t2_195 = -pivot_3;
+        let t2_196 = -pivot_5;
+        let t2_197 = -pivot_6;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t1_93 * like.lift(1.8955297449982944)).abs())
-            .min((t1_205 * like.lift(2.6463477742948585)).abs())
+            .min((t2_90 * like.lift(1.8955297449982944)).abs())
+            .min((t2_195 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t1_206 * like.lift(0.8284577646309275)).abs())
-            .min((t1_207 * like.lift(2.1915406530791146)).abs());
+            .min((t2_196 * like.lift(0.8284577646309275)).abs())
+            .min((t2_197 * like.lift(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [t1_137, t1_141, t1_150], [t1_154, t1_157, t1_161], [t1_162, t1_139, t1_163],
-                [t1_168, t1_172, t1_176], [t1_180, t1_184, t1_188], [t1_193, t1_199, t1_204],
+                [t2_131, t2_135, t2_144], [t2_148, t2_151, t2_155], [t2_156, t2_133, t2_157],
+                [t2_162, t2_166, t2_170], [t2_174, t2_177, t2_180], [t2_185, t2_190, t2_194],
             ],
             margin,
             || (
                 [
-                    [t1_16, t1_18, t1_23, like.lift(0.0), t1_26, like.lift(0.0)],
-                    [t1_32, t1_34, t1_40, like.lift(0.0), t1_41, like.lift(0.0)],
-                    [like.lift(0.0), t1_45, t1_49, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t1_57, t1_61, t1_63, t1_65, like.lift(0.0), t1_68],
-                    [t1_76, t1_77, t1_81, t1_84, like.lift(0.0), t1_85],
-                    [like.lift(0.0), t1_87, t1_89, t1_92, like.lift(0.0), t1_93],
+                    [t2_15, t2_17, t2_21, like.lift(0.0), t2_24, like.lift(0.0)],
+                    [t2_30, t2_31, t2_37, like.lift(0.0), t2_38, like.lift(0.0)],
+                    [like.lift(0.0), t2_42, t2_45, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_53, t2_58, t2_60, t2_62, like.lift(0.0), t2_65],
+                    [t2_73, t2_74, t2_78, t2_81, like.lift(0.0), t2_82],
+                    [like.lift(0.0), t2_84, t2_86, t2_89, like.lift(0.0), t2_90],
                 ],
                 [
-                    [t1_94, t1_96, like.lift(0.0)], [cos_q1, t1_97, like.lift(0.0)],
-                    [like.lift(0.0), t1_98, like.lift(0.0)], [t1_94, like.lift(0.0), t1_100],
-                    [cos_q1, like.lift(0.0), t1_101], [like.lift(0.0), like.lift(0.0), t1_103],
+                    [t2_91, t2_93, like.lift(0.0)], [cos_q1, t2_94, like.lift(0.0)],
+                    [like.lift(0.0), t2_95, like.lift(0.0)], [t2_91, like.lift(0.0), t2_97],
+                    [cos_q1, like.lift(0.0), t2_98], [like.lift(0.0), like.lift(0.0), t2_100],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            t1_1, sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, t1_3, t1_5, t1_8,
-            t1_10, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2,
-            x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9,
-            x_q8_q2, x_q8_q7, x_q8_q9,
+            t2_1, t2_3, t2_5, t2_7, t2_9, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7,
+            x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9,
+            x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
         ]
     };
     // M
     {
-        let t2_1 = t1_10.mul_add(x_q1_q2, t1_1);
-        let t2_2 = t1_5.mul_add(x_s1_2_q2, t2_1);
-        let t2_3 = cos_s1_2 * t1_8;
-        let t2_4 = (-t2_3).mul_add(x_s1_3_q2, t2_2);
-        let t2_5 = sin_s1_3 * p_ixy_3;
-        let t2_6 = cos_s1_3.mul_add(p_ixz_3, t2_5);
-        let t2_7 = cos_s1_2 * t2_6;
-        let t2_8 = cos_s1_3 * p_iyz_3;
-        let t2_9 = sin_s1_3.mul_add(p_iyy_3, t2_8);
-        let t2_10 = sin_s1_3 * t2_9;
-        let t2_11 = sin_s1_3 * p_iyz_3;
-        let t2_12 = cos_s1_3.mul_add(p_izz_3, t2_11);
-        let t2_13 = cos_s1_3.mul_add(t2_12, t2_10);
-        let t2_14 = sin_s1_2.mul_add(t2_13, t2_7);
-        let t2_15 = sin_s1_2 * t2_14;
-        let t2_16 = sin_s1_2 * t2_6;
-        let t2_17 = cos_s1_2.mul_add(p_ixx_3, t2_16);
-        let t2_18 = cos_s1_2.mul_add(t2_17, t2_15);
-        let t2_19 = sin_s1_1 * t2_18;
-        let t2_20 = cos_s1_3.mul_add(p_iyy_3, -t2_11);
-        let t2_21 = sin_s1_3 * t2_20;
-        let t2_22 = (-sin_s1_3).mul_add(p_izz_3, t2_8);
-        let t2_23 = cos_s1_3.mul_add(t2_22, t2_21);
-        let t2_24 = sin_s1_2 * t2_23;
-        let t2_25 = cos_s1_3 * p_ixy_3;
-        let t2_26 = (-sin_s1_3).mul_add(p_ixz_3, t2_25);
-        let t2_27 = cos_s1_2.mul_add(t2_26, t2_24);
-        let t2_28 = cos_s1_1.mul_add(t2_27, t2_19);
-        let t2_29 = sin_s1_1 * t2_28;
-        let t2_30 = sin_s1_1 * t2_27;
-        let t2_31 = cos_s1_3 * t2_20;
-        let t2_32 = (-sin_s1_3).mul_add(t2_22, t2_31);
-        let t2_33 = cos_s1_1.mul_add(t2_32, t2_30);
-        let t2_34 = cos_s1_1.mul_add(t2_33, t2_29);
-        let t2_35 = p_iyy_2 + t2_34;
-        let t2_36 = cos_s1_2 * t1_3;
-        let t2_37 = (-sin_s1_2).mul_add(p_mx_3, t2_36);
-        let t2_38 = p_mz_2 + t2_37;
-        let t2_39 = q2.mul_add(t1_1, t2_38);
-        let t2_40 = q2 * t2_39;
-        let t2_41 = q2.mul_add(t2_38, t2_40);
-        let t2_42 = t2_35 + t2_41;
-        let t2_43 = p_izz_1 + t2_42;
-        let t2_44 = t2_43.mul_add(x_q1_q2, t1_10);
-        let t2_45 = cos_s1_2 * t2_14;
-        let t2_46 = (-sin_s1_2).mul_add(t2_17, t2_45);
-        let t2_47 = sin_s1_1 * t2_46;
-        let t2_48 = cos_s1_2 * t2_23;
-        let t2_49 = (-sin_s1_2).mul_add(t2_26, t2_48);
-        let t2_50 = cos_s1_1.mul_add(t2_49, t2_47);
-        let t2_51 = sin_s1_1 * t1_5;
-        let t2_52 = cos_s1_1.mul_add(t1_8, t2_51);
-        let t2_53 = (-q2).mul_add(t2_52, t2_50);
-        let t2_54 = t2_53.mul_add(x_s1_1_q2, t2_44);
-        let t2_55 = cos_s1_1 * t2_37;
-        let t2_56 = q2.mul_add(t2_55, t2_33);
-        let t2_57 = t2_56.mul_add(x_s1_2_q2, t2_54);
-        let t2_58 = sin_s1_1 * t2_17;
-        let t2_59 = cos_s1_1.mul_add(t2_26, t2_58);
-        let t2_60 = sin_s1_2 * t1_8;
-        let t2_61 = cos_s1_1 * t2_60;
-        let t2_62 = sin_s1_1.mul_add(t1_3, t2_61);
-        let t2_63 = q2.mul_add(t2_62, t2_59);
-        let t2_64 = t2_63.mul_add(x_s1_3_q2, t2_57);
-        let t2_65 = x_q1_q2.mul_add(t2_64, t2_4);
-        let t2_66 = t2_53 * x_q1_q2;
-        let t2_67 = (-cos_s1_2).mul_add(t2_13, t2_16);
-        let t2_68 = cos_s1_2 * t2_67;
-        let t2_69 = (-sin_s1_2).mul_add(p_ixx_3, t2_7);
-        let t2_70 = sin_s1_2.mul_add(t2_69, t2_68);
-        let t2_71 = (-t2_70).mul_add(x_s1_1_q2, t2_66);
-        let t2_72 = t2_49.mul_add(x_s1_2_q2, t2_71);
-        let t2_73 = t2_69.mul_add(x_s1_3_q2, t2_72);
-        let t2_74 = x_s1_1_q2.mul_add(t2_73, t2_65);
-        let t2_75 = t2_56.mul_add(x_q1_q2, t1_5);
-        let t2_76 = t2_49.mul_add(x_s1_1_q2, t2_75);
-        let t2_77 = t2_32.mul_add(x_s1_2_q2, t2_76);
-        let t2_78 = t2_26.mul_add(x_s1_3_q2, t2_77);
-        let t2_79 = x_s1_2_q2.mul_add(t2_78, t2_74);
-        let t2_80 = (-t2_63).mul_add(x_q1_q2, t2_3);
-        let t2_81 = (-t2_69).mul_add(x_s1_1_q2, t2_80);
-        let t2_82 = (-t2_26).mul_add(x_s1_2_q2, t2_81);
-        let t2_83 = (-p_ixx_3).mul_add(x_s1_3_q2, t2_82);
-        let t2_84 = (-x_s1_3_q2).mul_add(t2_83, t2_79);
-        let t2_85 = q7.mul_add(p_m_5, p_mz_5);
-        let t2_86 = q7 * t2_85;
-        let t2_87 = q7.mul_add(p_mz_5, t2_86);
-        let t2_88 = p_iyy_5 + t2_87;
-        let t2_89 = p_izz_4 + t2_88;
-        let t2_90 = t2_89 * x_q6_q2;
-        let t2_91 = x_q6_q2.mul_add(t2_90, t2_84);
-        let t2_92 = q9.mul_add(p_m_7, p_mz_7);
-        let t2_93 = q9 * t2_92;
-        let t2_94 = q9.mul_add(p_mz_7, t2_93);
-        let t2_95 = p_iyy_7 + t2_94;
-        let t2_96 = p_izz_6 + t2_95;
-        let t2_97 = t2_96 * x_q8_q2;
-        let t2_98 = x_q8_q2.mul_add(t2_97, t2_91);
-        let t2_99 = t1_10 * x_q1_q7;
-        let t2_100 = t1_5.mul_add(x_s1_2_q7, t2_99);
-        let t2_101 = (-t2_3).mul_add(x_s1_3_q7, t2_100);
-        let t2_102 = t2_43 * x_q1_q7;
-        let t2_103 = t2_53.mul_add(x_s1_1_q7, t2_102);
-        let t2_104 = t2_56.mul_add(x_s1_2_q7, t2_103);
-        let t2_105 = t2_63.mul_add(x_s1_3_q7, t2_104);
-        let t2_106 = x_q1_q2.mul_add(t2_105, t2_101);
-        let t2_107 = t2_53 * x_q1_q7;
-        let t2_108 = (-t2_70).mul_add(x_s1_1_q7, t2_107);
-        let t2_109 = t2_49.mul_add(x_s1_2_q7, t2_108);
-        let t2_110 = t2_69.mul_add(x_s1_3_q7, t2_109);
-        let t2_111 = x_s1_1_q2.mul_add(t2_110, t2_106);
-        let t2_112 = t2_56 * x_q1_q7;
-        let t2_113 = t2_49.mul_add(x_s1_1_q7, t2_112);
-        let t2_114 = t2_32.mul_add(x_s1_2_q7, t2_113);
-        let t2_115 = t2_26.mul_add(x_s1_3_q7, t2_114);
-        let t2_116 = x_s1_2_q2.mul_add(t2_115, t2_111);
-        let t2_117 = t2_63 * x_q1_q7;
-        let t2_118 = t2_69.mul_add(x_s1_1_q7, t2_117);
-        let t2_119 = t2_26.mul_add(x_s1_2_q7, t2_118);
-        let t2_120 = p_ixx_3.mul_add(x_s1_3_q7, t2_119);
-        let t2_121 = x_s1_3_q2.mul_add(t2_120, t2_116);
-        let t2_122 = t2_89.mul_add(x_q6_q7, p_mx_5);
-        let t2_123 = x_q6_q2.mul_add(t2_122, t2_121);
-        let t2_124 = t2_96 * x_q8_q7;
-        let t2_125 = x_q8_q2.mul_add(t2_124, t2_123);
-        let t2_126 = t1_10 * x_q1_q9;
-        let t2_127 = t1_5.mul_add(x_s1_2_q9, t2_126);
-        let t2_128 = (-t2_3).mul_add(x_s1_3_q9, t2_127);
-        let t2_129 = t2_43 * x_q1_q9;
-        let t2_130 = t2_53.mul_add(x_s1_1_q9, t2_129);
-        let t2_131 = t2_56.mul_add(x_s1_2_q9, t2_130);
-        let t2_132 = t2_63.mul_add(x_s1_3_q9, t2_131);
-        let t2_133 = x_q1_q2.mul_add(t2_132, t2_128);
-        let t2_134 = t2_53 * x_q1_q9;
-        let t2_135 = (-t2_70).mul_add(x_s1_1_q9, t2_134);
-        let t2_136 = t2_49.mul_add(x_s1_2_q9, t2_135);
-        let t2_137 = t2_69.mul_add(x_s1_3_q9, t2_136);
-        let t2_138 = x_s1_1_q2.mul_add(t2_137, t2_133);
-        let t2_139 = t2_56 * x_q1_q9;
-        let t2_140 = t2_49.mul_add(x_s1_1_q9, t2_139);
-        let t2_141 = t2_32.mul_add(x_s1_2_q9, t2_140);
-        let t2_142 = t2_26.mul_add(x_s1_3_q9, t2_141);
-        let t2_143 = x_s1_2_q2.mul_add(t2_142, t2_138);
-        let t2_144 = t2_63 * x_q1_q9;
-        let t2_145 = t2_69.mul_add(x_s1_1_q9, t2_144);
-        let t2_146 = t2_26.mul_add(x_s1_2_q9, t2_145);
-        let t2_147 = p_ixx_3.mul_add(x_s1_3_q9, t2_146);
-        let t2_148 = x_s1_3_q2.mul_add(t2_147, t2_143);
-        let t2_149 = t2_89 * x_q6_q9;
-        let t2_150 = x_q6_q2.mul_add(t2_149, t2_148);
-        let t2_151 = t2_96.mul_add(x_q8_q9, p_mx_7);
-        let t2_152 = x_q8_q2.mul_add(t2_151, t2_150);
-        m[0] = [t2_98, t2_125, t2_152];
-        let t2_153 = p_mx_5.mul_add(x_q6_q7, p_m_5);
-        let t2_154 = x_q1_q7 * t2_105;
-        let t2_155 = x_s1_1_q7.mul_add(t2_110, t2_154);
-        let t2_156 = x_s1_2_q7.mul_add(t2_115, t2_155);
-        let t2_157 = x_s1_3_q7.mul_add(t2_120, t2_156);
-        let t2_158 = x_q6_q7.mul_add(t2_122, t2_157);
-        let t2_159 = t2_153 + t2_158;
-        let t2_160 = x_q8_q7.mul_add(t2_124, t2_159);
-        let t2_161 = x_q1_q7 * t2_132;
-        let t2_162 = x_s1_1_q7.mul_add(t2_137, t2_161);
-        let t2_163 = x_s1_2_q7.mul_add(t2_142, t2_162);
-        let t2_164 = x_s1_3_q7.mul_add(t2_147, t2_163);
-        let t2_165 = x_q6_q7.mul_add(t2_149, t2_164);
-        let t2_166 = p_mx_5.mul_add(x_q6_q9, t2_165);
-        let t2_167 = x_q8_q7.mul_add(t2_151, t2_166);
-        m[1] = [t2_125, t2_160, t2_167];
-        let t2_168 = p_mx_7.mul_add(x_q8_q9, p_m_7);
-        let t2_169 = x_q1_q9 * t2_132;
-        let t2_170 = x_s1_1_q9.mul_add(t2_137, t2_169);
-        let t2_171 = x_s1_2_q9.mul_add(t2_142, t2_170);
-        let t2_172 = x_s1_3_q9.mul_add(t2_147, t2_171);
-        let t2_173 = x_q6_q9.mul_add(t2_149, t2_172);
-        let t2_174 = x_q8_q9.mul_add(t2_151, t2_173);
-        let t2_175 = t2_168 + t2_174;
-        m[2] = [t2_152, t2_167, t2_175];
+        let t3_1 = cos_s1_2 * t2_7;
+        let t3_2 = cos_s1_3 * p_ixz_3;
+        let t3_3 = sin_s1_3.mul_add(p_ixy_3, t3_2);
+        let t3_4 = cos_s1_2 * t3_3;
+        let t3_5 = cos_s1_3 * p_iyz_3;
+        let t3_6 = sin_s1_3.mul_add(p_iyy_3, t3_5);
+        let t3_7 = sin_s1_3 * p_iyz_3;
+        let t3_8 = cos_s1_3.mul_add(p_izz_3, t3_7);
+        let t3_9 = cos_s1_3 * t3_8;
+        let t3_10 = sin_s1_3.mul_add(t3_6, t3_9);
+        let t3_11 = sin_s1_2.mul_add(t3_10, t3_4);
+        let t3_12 = sin_s1_2 * t3_3;
+        let t3_13 = cos_s1_2.mul_add(p_ixx_3, t3_12);
+        let t3_14 = cos_s1_2 * t3_13;
+        let t3_15 = sin_s1_2.mul_add(t3_11, t3_14);
+        let t3_16 = cos_s1_3.mul_add(p_iyy_3, -t3_7);
+        let t3_17 = (-sin_s1_3).mul_add(p_izz_3, t3_5);
+        let t3_18 = cos_s1_3 * t3_17;
+        let t3_19 = sin_s1_3.mul_add(t3_16, t3_18);
+        let t3_20 = cos_s1_3 * p_ixy_3;
+        let t3_21 = (-sin_s1_3).mul_add(p_ixz_3, t3_20);
+        let t3_22 = cos_s1_2 * t3_21;
+        let t3_23 = sin_s1_2.mul_add(t3_19, t3_22);
+        let t3_24 = cos_s1_1 * t3_23;
+        let t3_25 = sin_s1_1.mul_add(t3_15, t3_24);
+        let t3_26 = cos_s1_3 * t3_16;
+        let t3_27 = (-sin_s1_3).mul_add(t3_17, t3_26);
+        let t3_28 = cos_s1_1 * t3_27;
+        let t3_29 = sin_s1_1.mul_add(t3_23, t3_28);
+        let t3_30 = cos_s1_2 * t2_3;
+        let t3_31 = (-sin_s1_2).mul_add(p_mx_3, t3_30);
+        let t3_32 = p_mz_2 + t3_31;
+        let t3_33 = q2.mul_add(t2_1, t3_32);
+        let t3_34 = t3_32 + t3_33;
+        let t3_35 = p_izz_1 + p_iyy_2;
+        let t3_36 = cos_s1_1.mul_add(t3_29, t3_35);
+        let t3_37 = sin_s1_1.mul_add(t3_25, t3_36);
+        let t3_38 = q2.mul_add(t3_34, t3_37);
+        let t3_39 = cos_s1_2 * t3_11;
+        let t3_40 = (-sin_s1_2).mul_add(t3_13, t3_39);
+        let t3_41 = cos_s1_2 * t3_19;
+        let t3_42 = (-sin_s1_2).mul_add(t3_21, t3_41);
+        let t3_43 = cos_s1_1 * t2_7;
+        let t3_44 = sin_s1_1.mul_add(t2_5, t3_43);
+        let t3_45 = cos_s1_1 * t3_42;
+        let t3_46 = (-q2).mul_add(t3_44, t3_45);
+        let t3_47 = sin_s1_1.mul_add(t3_40, t3_46);
+        let t3_48 = q2 * cos_s1_1;
+        let t3_49 = t3_48.mul_add(t3_31, t3_29);
+        let t3_50 = sin_s1_1 * t2_3;
+        let t3_51 = sin_s1_2.mul_add(t3_43, t3_50);
+        let t3_52 = q2 * t3_51;
+        let t3_53 = cos_s1_1.mul_add(t3_21, t3_52);
+        let t3_54 = sin_s1_1.mul_add(t3_13, t3_53);
+        let t3_55 = t3_54.mul_add(x_s1_3_q2, t2_9);
+        let t3_56 = t3_49.mul_add(x_s1_2_q2, t3_55);
+        let t3_57 = t3_47.mul_add(x_s1_1_q2, t3_56);
+        let t3_58 = t3_38.mul_add(x_q1_q2, t3_57);
+        let t3_59 = (-cos_s1_2).mul_add(t3_10, t3_12);
+        let t3_60 = (-sin_s1_2).mul_add(p_ixx_3, t3_4);
+        let t3_61 = sin_s1_2 * t3_60;
+        let t3_62 = cos_s1_2.mul_add(t3_59, t3_61);
+        let t3_63 = t3_60 * x_s1_3_q2;
+        let t3_64 = t3_42.mul_add(x_s1_2_q2, t3_63);
+        let t3_65 = (-t3_62).mul_add(x_s1_1_q2, t3_64);
+        let t3_66 = t3_47.mul_add(x_q1_q2, t3_65);
+        let t3_67 = t3_21.mul_add(x_s1_3_q2, t2_5);
+        let t3_68 = t3_27.mul_add(x_s1_2_q2, t3_67);
+        let t3_69 = t3_42.mul_add(x_s1_1_q2, t3_68);
+        let t3_70 = t3_49.mul_add(x_q1_q2, t3_69);
+        let t3_71 = (-p_ixx_3).mul_add(x_s1_3_q2, t3_1);
+        let t3_72 = (-t3_21).mul_add(x_s1_2_q2, t3_71);
+        let t3_73 = (-t3_60).mul_add(x_s1_1_q2, t3_72);
+        let t3_74 = (-t3_54).mul_add(x_q1_q2, t3_73);
+        let t3_75 = q7.mul_add(p_m_5, p_mz_5);
+        let t3_76 = p_mz_5 + t3_75;
+        let t3_77 = p_izz_4 + p_iyy_5;
+        let t3_78 = q7.mul_add(t3_76, t3_77);
+        let t3_79 = q9.mul_add(p_m_7, p_mz_7);
+        let t3_80 = p_mz_7 + t3_79;
+        let t3_81 = p_izz_6 + p_iyy_7;
+        let t3_82 = q9.mul_add(t3_80, t3_81);
+        let t3_83 = t3_58 + t2_9;
+        let t3_84 = t3_70 + t2_5;
+        let t3_85 = t3_74 + t3_1;
+        let t3_86 = x_q8_q2 * t3_82;
+        let t3_87 = t3_86.mul_add(x_q8_q2, t2_1);
+        let t3_88 = x_q6_q2 * t3_78;
+        let t3_89 = t3_88.mul_add(x_q6_q2, t3_87);
+        let t3_90 = (-x_s1_3_q2).mul_add(t3_85, t3_89);
+        let t3_91 = x_s1_2_q2.mul_add(t3_84, t3_90);
+        let t3_92 = x_s1_1_q2.mul_add(t3_66, t3_91);
+        let t3_93 = x_q1_q2.mul_add(t3_83, t3_92);
+        let t3_94 = t3_54 * x_s1_3_q7;
+        let t3_95 = t3_49.mul_add(x_s1_2_q7, t3_94);
+        let t3_96 = t3_47.mul_add(x_s1_1_q7, t3_95);
+        let t3_97 = t3_38.mul_add(x_q1_q7, t3_96);
+        let t3_98 = t3_60 * x_s1_3_q7;
+        let t3_99 = t3_42.mul_add(x_s1_2_q7, t3_98);
+        let t3_100 = (-t3_62).mul_add(x_s1_1_q7, t3_99);
+        let t3_101 = t3_47.mul_add(x_q1_q7, t3_100);
+        let t3_102 = t3_21 * x_s1_3_q7;
+        let t3_103 = t3_27.mul_add(x_s1_2_q7, t3_102);
+        let t3_104 = t3_42.mul_add(x_s1_1_q7, t3_103);
+        let t3_105 = t3_49.mul_add(x_q1_q7, t3_104);
+        let t3_106 = p_ixx_3 * x_s1_3_q7;
+        let t3_107 = t3_21.mul_add(x_s1_2_q7, t3_106);
+        let t3_108 = t3_60.mul_add(x_s1_1_q7, t3_107);
+        let t3_109 = t3_54.mul_add(x_q1_q7, t3_108);
+        let t3_110 = t3_78.mul_add(x_q6_q7, p_mx_5);
+        let t3_111 = t3_82 * x_q8_q7;
+        let t3_112 = x_q8_q2 * t3_111;
+        let t3_113 = x_q6_q2.mul_add(t3_110, t3_112);
+        let t3_114 = x_s1_3_q2.mul_add(t3_109, t3_113);
+        let t3_115 = x_s1_2_q2.mul_add(t3_105, t3_114);
+        let t3_116 = x_s1_1_q2.mul_add(t3_101, t3_115);
+        let t3_117 = x_q1_q2.mul_add(t3_97, t3_116);
+        let t3_118 = (-t3_1).mul_add(x_s1_3_q7, t3_117);
+        let t3_119 = t2_5.mul_add(x_s1_2_q7, t3_118);
+        let t3_120 = t2_9.mul_add(x_q1_q7, t3_119);
+        let t3_121 = t3_54 * x_s1_3_q9;
+        let t3_122 = t3_49.mul_add(x_s1_2_q9, t3_121);
+        let t3_123 = t3_47.mul_add(x_s1_1_q9, t3_122);
+        let t3_124 = t3_38.mul_add(x_q1_q9, t3_123);
+        let t3_125 = t3_60 * x_s1_3_q9;
+        let t3_126 = t3_42.mul_add(x_s1_2_q9, t3_125);
+        let t3_127 = (-t3_62).mul_add(x_s1_1_q9, t3_126);
+        let t3_128 = t3_47.mul_add(x_q1_q9, t3_127);
+        let t3_129 = t3_21 * x_s1_3_q9;
+        let t3_130 = t3_27.mul_add(x_s1_2_q9, t3_129);
+        let t3_131 = t3_42.mul_add(x_s1_1_q9, t3_130);
+        let t3_132 = t3_49.mul_add(x_q1_q9, t3_131);
+        let t3_133 = p_ixx_3 * x_s1_3_q9;
+        let t3_134 = t3_21.mul_add(x_s1_2_q9, t3_133);
+        let t3_135 = t3_60.mul_add(x_s1_1_q9, t3_134);
+        let t3_136 = t3_54.mul_add(x_q1_q9, t3_135);
+        let t3_137 = t3_78 * x_q6_q9;
+        let t3_138 = t3_82.mul_add(x_q8_q9, p_mx_7);
+        let t3_139 = x_q8_q2 * t3_138;
+        let t3_140 = x_q6_q2.mul_add(t3_137, t3_139);
+        let t3_141 = x_s1_3_q2.mul_add(t3_136, t3_140);
+        let t3_142 = x_s1_2_q2.mul_add(t3_132, t3_141);
+        let t3_143 = x_s1_1_q2.mul_add(t3_128, t3_142);
+        let t3_144 = x_q1_q2.mul_add(t3_124, t3_143);
+        let t3_145 = (-t3_1).mul_add(x_s1_3_q9, t3_144);
+        let t3_146 = t2_5.mul_add(x_s1_2_q9, t3_145);
+        let t3_147 = t2_9.mul_add(x_q1_q9, t3_146);
+        m[0] = [t3_93, t3_120, t3_147];
+        let t3_148 = p_mx_5 + t3_110;
+        let t3_149 = x_q8_q7.mul_add(t3_111, p_m_5);
+        let t3_150 = x_q6_q7.mul_add(t3_148, t3_149);
+        let t3_151 = x_s1_3_q7.mul_add(t3_109, t3_150);
+        let t3_152 = x_s1_2_q7.mul_add(t3_105, t3_151);
+        let t3_153 = x_s1_1_q7.mul_add(t3_101, t3_152);
+        let t3_154 = x_q1_q7.mul_add(t3_97, t3_153);
+        let t3_155 = x_q8_q7 * t3_138;
+        let t3_156 = p_mx_5.mul_add(x_q6_q9, t3_155);
+        let t3_157 = x_q6_q7.mul_add(t3_137, t3_156);
+        let t3_158 = x_s1_3_q7.mul_add(t3_136, t3_157);
+        let t3_159 = x_s1_2_q7.mul_add(t3_132, t3_158);
+        let t3_160 = x_s1_1_q7.mul_add(t3_128, t3_159);
+        let t3_161 = x_q1_q7.mul_add(t3_124, t3_160);
+        m[1] = [t3_120, t3_154, t3_161];
+        let t3_162 = p_mx_7 + t3_138;
+        let t3_163 = x_q8_q9.mul_add(t3_162, p_m_7);
+        let t3_164 = x_q6_q9.mul_add(t3_137, t3_163);
+        let t3_165 = x_s1_3_q9.mul_add(t3_136, t3_164);
+        let t3_166 = x_s1_2_q9.mul_add(t3_132, t3_165);
+        let t3_167 = x_s1_1_q9.mul_add(t3_128, t3_166);
+        let t3_168 = x_q1_q9.mul_add(t3_124, t3_167);
+        m[2] = [t3_147, t3_161, t3_168];
     }
     (m, Condition { pivot: condition })
 }
@@ -4595,524 +4385,502 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
 /// - `qdd_r`: reference accelerations of the independent coordinates
 /// - `y`: column by column: Y phi = M qdd_r + C(q, qd) qd_r + g, with dM/dt - 2 C skew
 ///
-/// 417 additions, 770 multiplications, 6 divisions, 6 sines and cosines.
+/// 417 additions, 684 multiplications, 6 divisions, 6 sines and cosines.
 pub fn slotine_li<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd_r: &[T; 3], y: &mut [[T; 3]; 70]) -> Condition<T> {
+    *y = [[q[0].lift(0.0); 3]; 70];
+    slotine_li_entries(q, qd, qd_r, qdd_r, y)
+}
+
+/// The entries of [`slotine_li`] that are not zero at every state; the others are left as they are.
+///
+/// Inlined where it is called, so that lanes keep the caller's instruction set.
+#[inline(always)]
+pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd_r: &[T; 3], y: &mut [[T; 3]; 70]) -> Condition<T> {
     let like = q[0];
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     let [d_q1, d_q2, d_s1_1, d_s1_2, d_s1_3, d_q6, d_q7, d_q8, d_q9] = *qd;
     let [r_q2, r_q7, r_q9] = *qd_r;
     let [dr_q2, dr_q7, dr_q9] = *qdd_r;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, sin_q6, cos_q6, sin_s1_3,
+        cos_s1_3, sin_q8, cos_q8,
+    ] = {
+        let [
+            (sin_q1, cos_q1), (sin_s1_2, cos_s1_2), (sin_s1_1, cos_s1_1), (sin_q6, cos_q6),
+            (sin_s1_3, cos_s1_3), (sin_q8, cos_q8),
+        ] =
+            T::sin_cos_all([q1, s1_2, s1_1, q6, s1_3, q8]);
+        [
+            sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, sin_q6, cos_q6, sin_s1_3,
+            cos_s1_3, sin_q8, cos_q8,
+        ]
+    };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        sin_q1, cos_q1, t1_1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, t1_4, t1_6, e_s1_2_q1x,
-        t1_8, t1_11, t1_13, sin_q6, cos_q6, t1_14, t1_16, t1_17, t1_20, t1_22, t1_24, t1_25,
-        t1_30, t1_31, t1_35, t1_39, pivot_1, sin_s1_3, cos_s1_3, t1_45, t1_47, e_s1_2_q1z,
-        e_3_q1y, t1_50, t1_51, t1_53, t1_55, sin_q8, cos_q8, t1_56, t1_58, t1_66, t1_67, t1_69,
-        t1_71, t1_74, t1_75, t1_77, t1_79, t1_81, t1_82, t1_83, t1_84, t1_85, t1_86, t1_101,
-        t1_102, inv_pivot_3, t1_104, t1_105, t1_109, pivot_4, inv_pivot_4, t1_110, inv_pivot_5,
-        t1_117, t1_118, t1_119, t1_120, t1_121, t1_126, t1_129, inv_pivot_6, t1_155, t1_156,
-        t1_157, t1_158, t1_159, t1_160, t1_161, t1_162, t1_163,
+        t2_1, t2_4, t2_6, e_s1_2_q1x, t2_8, t2_9, t2_12, t2_13, t2_15, t2_16, t2_19, t2_21,
+        t2_22, t2_23, t2_28, t2_29, t2_33, t2_36, pivot_1, t2_42, t2_44, e_s1_2_q1z, e_3_q1y,
+        t2_47, t2_48, t2_50, t2_52, t2_53, t2_55, t2_63, t2_64, t2_65, t2_68, t2_71, t2_72,
+        t2_74, t2_76, t2_78, t2_79, t2_80, t2_81, t2_82, t2_98, t2_99, inv_pivot_3, t2_100,
+        t2_101, t2_103, pivot_4, inv_pivot_4, t2_105, inv_pivot_5, t2_109, t2_111, t2_113,
+        t2_115, t2_116, t2_118, t2_120, inv_pivot_6, t2_139, t2_145, t2_148, t2_149, t2_150,
+        t2_151, t2_152, t2_153, t2_154, t2_155, t2_156,
     ] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = cos_q1 * q2;
-        let (sin_s1_2, cos_s1_2) = s1_2.sin_cos();
-        let t1_2 = cos_q1 * sin_s1_2;
-        let (sin_s1_1, cos_s1_1) = s1_1.sin_cos();
-        let t1_3 = sin_q1 * cos_s1_1;
-        let t1_4 = cos_s1_2.mul_add(t1_3, t1_2);
-        let t1_5 = like.lift(-0.4563).mul_add(t1_4, t1_1);
-        let t1_6 = -t1_5;
+        let t2_1 = cos_q1 * q2;
+        let t2_2 = sin_q1 * cos_s1_1;
+        let t2_3 = cos_s1_2 * t2_2;
+        let t2_4 = cos_q1.mul_add(sin_s1_2, t2_3);
+        let t2_5 = like.lift(-0.4563).mul_add(t2_4, t2_1);
+        let t2_6 = -t2_5;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t1_7 = cos_q1 * e_s1_2_q1x;
-        let t1_8 = like.lift(0.4563) * t1_7;
-        let t1_9 = cos_s1_1 * t1_4;
-        let t1_10 = like.lift(0.4563) * t1_9;
-        let t1_11 = sin_q1 * sin_s1_1;
-        let t1_12 = t1_11 * e_s1_2_q1x;
-        let t1_13 = like.lift(0.4563).mul_add(t1_12, t1_10);
-        let (sin_q6, cos_q6) = q6.sin_cos();
-        let t1_14 = cos_q6 * q7;
-        let t1_15 = like.lift(0.5) * t1_14;
-        let t1_16 = -t1_15;
-        let t1_17 = sin_q1 * q2;
-        let t1_18 = sin_q1 * sin_s1_2;
-        let t1_19 = cos_q1 * cos_s1_1;
-        let t1_20 = (-cos_s1_2).mul_add(t1_19, t1_18);
-        let t1_21 = like.lift(-0.4563).mul_add(t1_20, t1_17);
-        let t1_22 = -t1_21;
-        let t1_23 = sin_q1 * e_s1_2_q1x;
-        let t1_24 = like.lift(0.4563) * t1_23;
-        let t1_25 = cos_q1 * sin_s1_1;
-        let t1_26 = t1_25 * e_s1_2_q1x;
-        let t1_27 = like.lift(0.4563) * t1_26;
-        let t1_28 = cos_s1_1 * t1_20;
-        let t1_29 = like.lift(-0.4563).mul_add(t1_28, t1_27);
-        let t1_30 = -t1_29;
-        let t1_31 = sin_q6 * q7;
-        let t1_32 = cos_q1 * t1_20;
-        let t1_33 = like.lift(0.4563) * t1_32;
-        let t1_34 = sin_q1 * t1_4;
-        let t1_35 = like.lift(-0.4563).mul_add(t1_34, t1_33);
-        let t1_36 = t1_11 * t1_20;
-        let t1_37 = like.lift(0.4563) * t1_36;
-        let t1_38 = t1_25 * t1_4;
-        let t1_39 = like.lift(0.4563).mul_add(t1_38, t1_37);
-        let pivot_1 = like.lift(0.8660254037844386) * t1_14;
-        let t1_40 = like.lift(0.22815) * t1_4;
-        let (sin_s1_3, cos_s1_3) = s1_3.sin_cos();
-        let t1_41 = cos_s1_3 * t1_11;
-        let t1_42 = cos_q1 * cos_s1_2;
-        let t1_43 = (-sin_s1_2).mul_add(t1_3, t1_42);
-        let t1_44 = sin_s1_3.mul_add(t1_43, t1_41);
-        let t1_45 = like.lift(-0.39516739174683935).mul_add(t1_44, t1_40);
-        let t1_46 = t1_1 - t1_45;
-        let t1_47 = -t1_46;
-        let t1_48 = like.lift(0.22815) * e_s1_2_q1x;
-        let t1_49 = cos_s1_1 * cos_s1_3;
+        let t2_7 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_8 = cos_q1 * t2_7;
+        let t2_9 = sin_q1 * sin_s1_1;
+        let t2_10 = t2_9 * e_s1_2_q1x;
+        let t2_11 = cos_s1_1.mul_add(t2_4, t2_10);
+        let t2_12 = like.lift(0.4563) * t2_11;
+        let t2_13 = cos_q6 * q7;
+        let t2_14 = like.lift(0.5) * t2_13;
+        let t2_15 = -t2_14;
+        let t2_16 = sin_q1 * q2;
+        let t2_17 = cos_q1 * cos_s1_1;
+        let t2_18 = sin_q1 * sin_s1_2;
+        let t2_19 = (-cos_s1_2).mul_add(t2_17, t2_18);
+        let t2_20 = like.lift(-0.4563).mul_add(t2_19, t2_16);
+        let t2_21 = -t2_20;
+        let t2_22 = sin_q1 * t2_7;
+        let t2_23 = cos_q1 * sin_s1_1;
+        let t2_24 = cos_s1_1 * t2_19;
+        let t2_25 = (-t2_23).mul_add(e_s1_2_q1x, t2_24);
+        let t2_26 = like.lift(0.4563) * t2_25;
+        let t2_27 = -t2_26;
+        let t2_28 = -t2_27;
+        let t2_29 = sin_q6 * q7;
+        let t2_30 = sin_q1 * t2_4;
+        let t2_31 = (-cos_q1).mul_add(t2_19, t2_30);
+        let t2_32 = like.lift(0.4563) * t2_31;
+        let t2_33 = -t2_32;
+        let t2_34 = t2_23 * t2_4;
+        let t2_35 = t2_9.mul_add(t2_19, t2_34);
+        let t2_36 = like.lift(0.4563) * t2_35;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_13;
+        let t2_37 = cos_q1 * cos_s1_2;
+        let t2_38 = (-sin_s1_2).mul_add(t2_2, t2_37);
+        let t2_39 = sin_s1_3 * t2_38;
+        let t2_40 = cos_s1_3.mul_add(t2_9, t2_39);
+        let t2_41 = like.lift(0.22815) * t2_4;
+        let t2_42 = like.lift(-0.39516739174683935).mul_add(t2_40, t2_41);
+        let t2_43 = t2_1 - t2_42;
+        let t2_44 = -t2_43;
         let e_s1_2_q1z = sin_s1_1 * sin_s1_2;
-        let e_3_q1y = sin_s1_3.mul_add(e_s1_2_q1z, t1_49);
-        let t1_50 = like.lift(0.39516739174683935).mul_add(e_3_q1y, t1_48);
-        let t1_51 = cos_q1 * t1_50;
-        let t1_52 = cos_s1_1 * t1_45;
-        let t1_53 = t1_11.mul_add(t1_50, t1_52);
-        let t1_54 = e_s1_2_q1x * t1_45;
-        let t1_55 = (-t1_4).mul_add(t1_50, t1_54);
-        let (sin_q8, cos_q8) = q8.sin_cos();
-        let t1_56 = cos_q8 * q9;
-        let t1_57 = like.lift(0.5) * t1_56;
-        let t1_58 = -t1_57;
-        let t1_59 = cos_s1_3 * t1_25;
-        let t1_60 = sin_q1 * cos_s1_2;
-        let t1_61 = sin_s1_2.mul_add(t1_19, t1_60);
-        let t1_62 = (-sin_s1_3).mul_add(t1_61, t1_59);
-        let t1_63 = like.lift(0.39516739174683935) * t1_62;
-        let t1_64 = like.lift(0.22815) * t1_20;
-        let t1_65 = t1_17 - t1_64;
-        let t1_66 = t1_63 - t1_65;
-        let t1_67 = sin_q1 * t1_50;
-        let t1_68 = t1_25 * t1_50;
-        let t1_69 = t1_64 + t1_63;
-        let t1_70 = (-cos_s1_1).mul_add(t1_69, t1_68);
-        let t1_71 = -t1_70;
-        let t1_72 = t1_20 * t1_50;
-        let t1_73 = (-e_s1_2_q1x).mul_add(t1_69, t1_72);
-        let t1_74 = -t1_73;
-        let t1_75 = sin_q8 * q9;
-        let t1_76 = cos_q1 * t1_69;
-        let t1_77 = (-sin_q1).mul_add(t1_45, t1_76);
-        let t1_78 = t1_11 * t1_69;
-        let t1_79 = t1_25.mul_add(t1_45, t1_78);
-        let t1_80 = t1_4 * t1_69;
-        let t1_81 = (-t1_20).mul_add(t1_45, t1_80);
-        let t1_82 = -t1_81;
-        let pivot_2 = like.lift(0.8660254037844386) * t1_56;
-        let t1_83 = -pivot_2;
-        let t1_84 = sin_q1 * dr_q2;
-        let t1_85 = sin_q6 * dr_q7;
-        let t1_86 = like.lift(0.5).mul_add(t1_85, t1_84);
-        let t1_87 = sin_q1 * r_q2;
-        let t1_88 = sin_q6 * r_q7;
-        let t1_89 = like.lift(0.5).mul_add(t1_88, t1_87);
-        let t1_90 = cos_q1 * r_q2;
-        let t1_91 = (-cos_q6).mul_add(r_q7, t1_90);
-        let t1_92 = -t1_91;
-        let t1_93 = like.lift(0.8660254037844386) * t1_88;
-        let t1_94 = -t1_93;
-        let t1_95 = sin_q8 * r_q9;
-        let t1_96 = like.lift(0.5).mul_add(t1_95, t1_87);
-        let t1_97 = (-cos_q8).mul_add(r_q9, t1_90);
-        let t1_98 = -t1_97;
-        let t1_99 = like.lift(0.8660254037844386) * t1_95;
-        let t1_100 = like.lift(0.5773502691896257).mul_add(t1_81, t1_55);
-        let t1_101 = like.lift(1.0) / t1_56;
-        let t1_102 = t1_75 * t1_101;
-        let t1_103 = t1_81 * t1_102;
-        let pivot_3 = like.lift(1.1547005383792515).mul_add(t1_103, t1_73);
+        let t2_45 = sin_s1_3 * e_s1_2_q1z;
+        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_45);
+        let t2_46 = like.lift(0.39516739174683935) * e_3_q1y;
+        let t2_47 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_46);
+        let t2_48 = cos_q1 * t2_47;
+        let t2_49 = t2_9 * t2_47;
+        let t2_50 = cos_s1_1.mul_add(t2_42, t2_49);
+        let t2_51 = e_s1_2_q1x * t2_42;
+        let t2_52 = (-t2_4).mul_add(t2_47, t2_51);
+        let t2_53 = cos_q8 * q9;
+        let t2_54 = like.lift(0.5) * t2_53;
+        let t2_55 = -t2_54;
+        let t2_56 = sin_s1_2 * t2_17;
+        let t2_57 = sin_q1.mul_add(cos_s1_2, t2_56);
+        let t2_58 = cos_s1_3 * t2_23;
+        let t2_59 = (-sin_s1_3).mul_add(t2_57, t2_58);
+        let t2_60 = like.lift(0.39516739174683935) * t2_59;
+        let t2_61 = like.lift(0.22815) * t2_19;
+        let t2_62 = t2_60 - t2_16;
+        let t2_63 = t2_62 + t2_61;
+        let t2_64 = sin_q1 * t2_47;
+        let t2_65 = t2_61 + t2_60;
+        let t2_66 = t2_23 * t2_47;
+        let t2_67 = (-cos_s1_1).mul_add(t2_65, t2_66);
+        let t2_68 = -t2_67;
+        let t2_69 = t2_19 * t2_47;
+        let t2_70 = (-e_s1_2_q1x).mul_add(t2_65, t2_69);
+        let t2_71 = -t2_70;
+        let t2_72 = sin_q8 * q9;
+        let t2_73 = cos_q1 * t2_65;
+        let t2_74 = (-sin_q1).mul_add(t2_42, t2_73);
+        let t2_75 = t2_23 * t2_42;
+        let t2_76 = t2_9.mul_add(t2_65, t2_75);
+        let t2_77 = t2_4 * t2_65;
+        let t2_78 = (-t2_19).mul_add(t2_42, t2_77);
+        let t2_79 = -t2_78;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_53;
+        let t2_80 = -pivot_2;
+        let t2_81 = sin_q1 * dr_q2;
+        let t2_82 = sin_q6 * dr_q7;
+        let t2_83 = sin_q1 * r_q2;
+        let t2_84 = sin_q6 * r_q7;
+        let t2_85 = like.lift(0.5).mul_add(t2_84, t2_83);
+        let t2_86 = cos_q1 * r_q2;
+        let t2_87 = (-cos_q6).mul_add(r_q7, t2_86);
+        let t2_88 = -t2_87;
+        let t2_89 = like.lift(0.8660254037844386) * t2_84;
+        let t2_90 = -t2_89;
+        let t2_91 = sin_q8 * r_q9;
+        let t2_92 = like.lift(0.5).mul_add(t2_91, t2_83);
+        let t2_93 = (-cos_q8).mul_add(r_q9, t2_86);
+        let t2_94 = -t2_93;
+        let t2_95 = like.lift(0.8660254037844386) * t2_91;
+        let t2_96 = like.lift(0.5773502691896257).mul_add(t2_78, t2_52);
+        let t2_97 = like.lift(1.0) / t2_53;
+        let t2_98 = t2_72 * t2_97;
+        let t2_99 = like.lift(1.1547005383792515) * t2_98;
+        let pivot_3 = t2_78.mul_add(t2_99, t2_70);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_104 = t1_100 * inv_pivot_3;
-        let t1_105 = (-t1_66).mul_add(t1_104, t1_46);
-        let t1_106 = like.lift(0.5773502691896257).mul_add(t1_35, t1_8);
-        let t1_107 = like.lift(-0.5773502691896257).mul_add(t1_77, t1_51);
-        let t1_108 = t1_77 * t1_102;
-        let t1_109 = like.lift(1.1547005383792515).mul_add(t1_108, t1_67);
-        let pivot_4 = t1_109.mul_add(t1_104, t1_107);
+        let t2_100 = t2_96 * inv_pivot_3;
+        let t2_101 = (-t2_63).mul_add(t2_100, t2_43);
+        let t2_102 = like.lift(0.5773502691896257).mul_add(t2_33, t2_8);
+        let t2_103 = t2_74.mul_add(t2_99, t2_64);
+        let t2_104 = t2_103.mul_add(t2_100, t2_48);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_74, t2_104);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t1_110 = t1_106 * inv_pivot_4;
-        let pivot_5 = (-t1_105).mul_add(t1_110, t1_5);
+        let t2_105 = t2_102 * inv_pivot_4;
+        let pivot_5 = (-t2_101).mul_add(t2_105, t2_5);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t1_111 = (-t1_102).mul_add(t1_95, t1_97);
-        let t1_112 = (-t1_104).mul_add(t1_111, t1_87);
-        let t1_113 = (-t1_110).mul_add(t1_112, t1_87);
-        let t1_114 = like.lift(0.5773502691896257).mul_add(t1_39, t1_13);
-        let t1_115 = like.lift(-0.5773502691896257).mul_add(t1_79, t1_53);
-        let t1_116 = t1_79 * t1_102;
-        let t1_117 = like.lift(-1.1547005383792515).mul_add(t1_116, t1_70);
-        let t1_118 = (-t1_117).mul_add(t1_104, t1_115);
-        let t1_119 = (-t1_118).mul_add(t1_110, t1_114);
-        let t1_120 = like.lift(1.0) / t1_14;
-        let t1_121 = t1_31 * t1_120;
-        let t1_122 = t1_39 * t1_121;
-        let t1_123 = like.lift(1.1547005383792515).mul_add(t1_122, t1_29);
-        let t1_124 = t1_35 * t1_121;
-        let t1_125 = like.lift(-1.1547005383792515).mul_add(t1_124, t1_24);
-        let t1_126 = t1_125 * inv_pivot_4;
-        let t1_127 = t1_118.mul_add(t1_126, t1_123);
-        let t1_128 = (-t1_105).mul_add(t1_126, t1_21);
-        let t1_129 = t1_128 * inv_pivot_5;
-        let pivot_6 = t1_119.mul_add(t1_129, t1_127);
+        let t2_106 = (-t2_98).mul_add(t2_91, t2_93);
+        let t2_107 = (-t2_100).mul_add(t2_106, t2_83);
+        let t2_108 = (-t2_105).mul_add(t2_107, t2_83);
+        let t2_109 = (-t2_76).mul_add(t2_99, t2_67);
+        let t2_110 = (-t2_109).mul_add(t2_100, t2_50);
+        let t2_111 = like.lift(-0.5773502691896257).mul_add(t2_76, t2_110);
+        let t2_112 = (-t2_111).mul_add(t2_105, t2_12);
+        let t2_113 = like.lift(0.5773502691896257).mul_add(t2_36, t2_112);
+        let t2_114 = like.lift(1.0) / t2_13;
+        let t2_115 = t2_29 * t2_114;
+        let t2_116 = like.lift(1.1547005383792515) * t2_115;
+        let t2_117 = (-t2_33).mul_add(t2_116, t2_22);
+        let t2_118 = t2_117 * inv_pivot_4;
+        let t2_119 = (-t2_101).mul_add(t2_118, t2_20);
+        let t2_120 = t2_119 * inv_pivot_5;
+        let t2_121 = t2_113.mul_add(t2_120, t2_27);
+        let t2_122 = t2_111.mul_add(t2_118, t2_121);
+        let pivot_6 = t2_36.mul_add(t2_116, t2_122);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t1_130 = (-t1_121).mul_add(t1_88, t1_91);
-        let t1_131 = t1_126.mul_add(t1_112, t1_130);
-        let t1_132 = t1_129.mul_add(t1_113, t1_131);
-        let t1_133 = inv_pivot_6 * t1_132;
-        let t1_134 = (-t1_119).mul_add(t1_133, t1_113);
-        let t1_135 = inv_pivot_5 * t1_134;
-        let t1_136 = -t1_135;
-        let t1_137 = (-t1_105).mul_add(t1_135, t1_112);
-        let t1_138 = (-t1_118).mul_add(t1_133, t1_137);
-        let t1_139 = inv_pivot_4 * t1_138;
-        let t1_140 = t1_109.mul_add(t1_139, t1_111);
-        let t1_141 = (-t1_66).mul_add(t1_135, t1_140);
-        let t1_142 = (-t1_117).mul_add(t1_133, t1_141);
-        let t1_143 = inv_pivot_3 * t1_142;
-        let t1_144 = t1_35.mul_add(t1_139, t1_93);
-        let t1_145 = t1_39.mul_add(t1_133, t1_144);
-        let t1_146 = t1_120 * t1_145;
-        let t1_147 = like.lift(1.1547005383792515) * t1_146;
-        let t1_148 = -t1_147;
-        let t1_149 = t1_81.mul_add(t1_143, t1_99);
-        let t1_150 = (-t1_77).mul_add(t1_139, t1_149);
-        let t1_151 = (-t1_79).mul_add(t1_133, t1_150);
-        let t1_152 = t1_101 * t1_151;
-        let t1_153 = like.lift(1.1547005383792515) * t1_152;
-        let t1_154 = -t1_153;
-        let t1_155 = -pivot_3;
-        let t1_156 = -pivot_5;
-        let t1_157 = -pivot_6;
+        let t2_123 = t2_120.mul_add(t2_108, t2_87);
+        let t2_124 = t2_118.mul_add(t2_107, t2_123);
+        let t2_125 = (-t2_115).mul_add(t2_84, t2_124);
+        let t2_126 = inv_pivot_6 * t2_125;
+        let t2_127 = (-t2_113).mul_add(t2_126, t2_108);
+        let t2_128 = inv_pivot_5 * t2_127;
+        let t2_129 = -t2_128;
+        let t2_130 = (-t2_111).mul_add(t2_126, t2_107);
+        let t2_131 = (-t2_101).mul_add(t2_128, t2_130);
+        let t2_132 = inv_pivot_4 * t2_131;
+        let t2_133 = (-t2_109).mul_add(t2_126, t2_106);
+        let t2_134 = (-t2_63).mul_add(t2_128, t2_133);
+        let t2_135 = t2_103.mul_add(t2_132, t2_134);
+        let t2_136 = inv_pivot_3 * t2_135;
+        let t2_137 = t2_36.mul_add(t2_126, t2_89);
+        let t2_138 = t2_33.mul_add(t2_132, t2_137);
+        let t2_139 = like.lift(1.1547005383792515) * t2_114;
+        let t2_140 = t2_138 * t2_139;
+        let t2_141 = -t2_140;
+        let t2_142 = (-t2_76).mul_add(t2_126, t2_95);
+        let t2_143 = (-t2_74).mul_add(t2_132, t2_142);
+        let t2_144 = t2_78.mul_add(t2_136, t2_143);
+        let t2_145 = like.lift(1.1547005383792515) * t2_97;
+        let t2_146 = t2_144 * t2_145;
+        let t2_147 = -t2_146;
+        let t2_148 = -pivot_3;
+        let t2_149 = -pivot_5;
+        let t2_150 = -pivot_6;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t1_83 * like.lift(1.8955297449982944)).abs())
-            .min((t1_155 * like.lift(2.6463477742948585)).abs())
+            .min((t2_80 * like.lift(1.8955297449982944)).abs())
+            .min((t2_148 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t1_156 * like.lift(0.8284577646309275)).abs())
-            .min((t1_157 * like.lift(2.1915406530791146)).abs());
-        let ([[t1_158], [t1_159], [t1_160], [t1_161], [t1_162], [t1_163]], found) = ::regen_runtime::guarded(
-            [[t1_136], [t1_139], [t1_133], [t1_143], [t1_148], [t1_154]],
+            .min((t2_149 * like.lift(0.8284577646309275)).abs())
+            .min((t2_150 * like.lift(2.1915406530791146)).abs());
+        let ([[t2_151], [t2_152], [t2_153], [t2_154], [t2_155], [t2_156]], found) = ::regen_runtime::guarded(
+            [[t2_129], [t2_132], [t2_126], [t2_136], [t2_141], [t2_147]],
             margin,
             || (
                 [
-                    [t1_6, t1_8, t1_13, like.lift(0.0), t1_16, like.lift(0.0)],
-                    [t1_22, t1_24, t1_30, like.lift(0.0), t1_31, like.lift(0.0)],
-                    [like.lift(0.0), t1_35, t1_39, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t1_47, t1_51, t1_53, t1_55, like.lift(0.0), t1_58],
-                    [t1_66, t1_67, t1_71, t1_74, like.lift(0.0), t1_75],
-                    [like.lift(0.0), t1_77, t1_79, t1_82, like.lift(0.0), t1_83],
+                    [t2_6, t2_8, t2_12, like.lift(0.0), t2_15, like.lift(0.0)],
+                    [t2_21, t2_22, t2_28, like.lift(0.0), t2_29, like.lift(0.0)],
+                    [like.lift(0.0), t2_33, t2_36, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_44, t2_48, t2_50, t2_52, like.lift(0.0), t2_55],
+                    [t2_63, t2_64, t2_68, t2_71, like.lift(0.0), t2_72],
+                    [like.lift(0.0), t2_74, t2_76, t2_79, like.lift(0.0), t2_80],
                 ],
-                [[t1_89], [t1_92], [t1_94], [t1_96], [t1_98], [t1_99]],
+                [[t2_85], [t2_88], [t2_90], [t2_92], [t2_94], [t2_95]],
             ),
         );
         condition = condition.min(found);
         [
-            sin_q1, cos_q1, t1_1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, t1_4, t1_6,
-            e_s1_2_q1x, t1_8, t1_11, t1_13, sin_q6, cos_q6, t1_14, t1_16, t1_17, t1_20, t1_22,
-            t1_24, t1_25, t1_30, t1_31, t1_35, t1_39, pivot_1, sin_s1_3, cos_s1_3, t1_45,
-            t1_47, e_s1_2_q1z, e_3_q1y, t1_50, t1_51, t1_53, t1_55, sin_q8, cos_q8, t1_56,
-            t1_58, t1_66, t1_67, t1_69, t1_71, t1_74, t1_75, t1_77, t1_79, t1_81, t1_82, t1_83,
-            t1_84, t1_85, t1_86, t1_101, t1_102, inv_pivot_3, t1_104, t1_105, t1_109, pivot_4,
-            inv_pivot_4, t1_110, inv_pivot_5, t1_117, t1_118, t1_119, t1_120, t1_121, t1_126,
-            t1_129, inv_pivot_6, t1_155, t1_156, t1_157, t1_158, t1_159, t1_160, t1_161,
-            t1_162, t1_163,
+            t2_1, t2_4, t2_6, e_s1_2_q1x, t2_8, t2_9, t2_12, t2_13, t2_15, t2_16, t2_19, t2_21,
+            t2_22, t2_23, t2_28, t2_29, t2_33, t2_36, pivot_1, t2_42, t2_44, e_s1_2_q1z,
+            e_3_q1y, t2_47, t2_48, t2_50, t2_52, t2_53, t2_55, t2_63, t2_64, t2_65, t2_68,
+            t2_71, t2_72, t2_74, t2_76, t2_78, t2_79, t2_80, t2_81, t2_82, t2_98, t2_99,
+            inv_pivot_3, t2_100, t2_101, t2_103, pivot_4, inv_pivot_4, t2_105, inv_pivot_5,
+            t2_109, t2_111, t2_113, t2_115, t2_116, t2_118, t2_120, inv_pivot_6, t2_139,
+            t2_145, t2_148, t2_149, t2_150, t2_151, t2_152, t2_153, t2_154, t2_155, t2_156,
         ]
     };
-    // body 1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m, part 2
-    let [
-        t2_91, t2_142, t2_158, t2_188, t2_211, t2_224, t2_235, t2_238, t2_241, t2_245, t2_250,
-    ] = {
-        let t2_1 = t1_17 * t1_158;
-        let t2_2 = cos_q1 * d_q1;
-        let t2_3 = t2_2 * r_q2;
-        let t2_4 = cos_q1 * t1_158;
-        let t2_5 = d_q2.mul_add(t2_4, t2_3);
-        let t2_6 = d_q1.mul_add(t2_1, -t2_5);
-        let t2_7 = sin_q1 * d_q1;
-        let t2_8 = t2_7 * t1_159;
-        let t2_9 = sin_q1 * t1_158;
-        let t2_10 = d_s1_1.mul_add(t2_9, t2_8);
-        let t2_11 = like.lift(0.5) * t2_10;
-        let t2_12 = sin_q1 * d_s1_1;
-        let t2_13 = cos_s1_1 * t2_12;
-        let t2_14 = t1_25.mul_add(d_q1, t2_13);
-        let t2_15 = t2_14 * t1_160;
-        let t2_16 = t1_25 * t1_158;
-        let t2_17 = sin_q1 * t1_159;
-        let t2_18 = cos_s1_1.mul_add(t2_17, t2_16);
-        let t2_19 = d_s1_2.mul_add(t2_18, t2_15);
-        let t2_20 = like.lift(-0.5).mul_add(t2_19, t2_11);
-        let t2_21 = (-t1_25).mul_add(d_s1_2, t2_12);
-        let t2_22 = e_s1_2_q1x * t2_21;
-        let t2_23 = cos_s1_1.mul_add(d_s1_2, d_q1);
-        let t2_24 = t1_20.mul_add(t2_23, t2_22);
-        let t2_25 = t2_24 * t1_161;
-        let t2_26 = cos_s1_1.mul_add(t1_160, t1_158);
-        let t2_27 = t1_20 * t2_26;
-        let t2_28 = (-t1_25).mul_add(t1_160, t2_17);
-        let t2_29 = e_s1_2_q1x.mul_add(t2_28, t2_27);
-        let t2_30 = d_s1_3.mul_add(t2_29, t2_25);
-        let t2_31 = like.lift(-0.5).mul_add(t2_30, t2_20);
-        let t2_32 = e_s1_2_q1x * t2_31;
-        let t2_33 = like.lift(0.4563) * t2_32;
-        let t2_34 = sin_s1_1 * d_s1_1;
-        let t2_35 = t2_34 * t1_160;
-        let t2_36 = sin_s1_1 * t1_159;
-        let t2_37 = d_s1_2.mul_add(t2_36, t2_35);
-        let t2_38 = like.lift(0.5) * t2_37;
-        let t2_39 = cos_q1 * d_s1_1;
-        let t2_40 = t1_11.mul_add(d_s1_2, t2_39);
-        let t2_41 = t1_20 * t2_40;
-        let t2_42 = (-t1_4).mul_add(t2_21, t2_41);
-        let t2_43 = t2_42 * t1_161;
-        let t2_44 = t1_4 * t2_28;
-        let t2_45 = cos_q1 * t1_159;
-        let t2_46 = t1_11.mul_add(t1_160, t2_45);
-        let t2_47 = (-t1_20).mul_add(t2_46, t2_44);
-        let t2_48 = (-d_s1_3).mul_add(t2_47, t2_43);
-        let t2_49 = like.lift(0.5).mul_add(t2_48, t2_38);
-        let t2_50 = t1_4 * t2_49;
-        let t2_51 = like.lift(0.4563).mul_add(t2_50, t2_33);
-        let t2_52 = t2_6 - t2_51;
-        let t2_53 = (-t1_4).mul_add(d_s1_3, t2_40);
-        let t2_54 = (-t1_20).mul_add(t1_161, t2_28);
-        let t2_55 = t1_4 * t2_54;
-        let t2_56 = like.lift(0.4563) * t2_55;
-        let t2_57 = (-t1_4).mul_add(t1_161, t2_46);
-        let t2_58 = t1_20 * t2_57;
-        let t2_59 = like.lift(-0.4563).mul_add(t2_58, t2_56);
-        let t2_60 = t2_53 * t2_59;
-        let t2_61 = e_s1_2_q1x.mul_add(d_s1_3, t2_23);
-        let t2_62 = e_s1_2_q1x.mul_add(t1_161, t2_26);
-        let t2_63 = t1_20 * t2_62;
-        let t2_64 = like.lift(0.4563) * t2_63;
-        let t2_65 = e_s1_2_q1x * t2_54;
-        let t2_66 = like.lift(0.4563).mul_add(t2_65, t2_64);
-        let t2_67 = (-t2_61).mul_add(t2_66, t2_60);
-        let t2_68 = t1_20 * t2_53;
-        let t2_69 = like.lift(0.4563) * t2_68;
-        let t2_70 = (-t1_20).mul_add(d_s1_3, t2_21);
-        let t2_71 = t1_4 * t2_70;
-        let t2_72 = like.lift(-0.4563).mul_add(t2_71, t2_69);
-        let t2_73 = t2_72 * t2_57;
-        let t2_74 = e_s1_2_q1x * t2_70;
-        let t2_75 = like.lift(0.4563) * t2_74;
-        let t2_76 = t1_20 * t2_61;
-        let t2_77 = like.lift(0.4563).mul_add(t2_76, t2_75);
-        let t2_78 = t2_77.mul_add(t2_62, t2_73);
-        let t2_79 = t2_67 - t2_78;
-        let t2_80 = like.lift(0.5).mul_add(t2_79, t2_52);
-        let t2_81 = t1_31 * t1_162;
-        let t2_82 = d_q6 * t2_81;
-        let t2_83 = cos_q6 * d_q6;
-        let t2_84 = t2_83 * r_q7;
-        let t2_85 = like.lift(0.5) * t2_84;
-        let t2_86 = cos_q6 * t1_162;
-        let t2_87 = d_q7 * t2_86;
-        let t2_88 = like.lift(0.5).mul_add(t2_87, t2_85);
-        let t2_89 = like.lift(0.5).mul_add(t2_82, -t2_88);
-        let t2_90 = t2_80 + t2_89;
-        let t2_91 = t1_86 - t2_90;
-        let t2_92 = cos_q1 * dr_q2;
-        let t2_93 = (-cos_q6).mul_add(dr_q7, t2_92);
-        let t2_94 = t1_1 * t1_158;
-        let t2_95 = t2_7 * r_q2;
-        let t2_96 = d_q2.mul_add(t2_9, t2_95);
-        let t2_97 = d_q1.mul_add(t2_94, t2_96);
-        let t2_98 = t1_20 * t2_49;
-        let t2_99 = like.lift(0.4563) * t2_98;
-        let t2_100 = t2_2 * t1_159;
-        let t2_101 = d_s1_1.mul_add(t2_4, t2_100);
-        let t2_102 = like.lift(0.5) * t2_101;
-        let t2_103 = t1_11 * d_q1;
-        let t2_104 = (-cos_s1_1).mul_add(t2_39, t2_103);
-        let t2_105 = t2_104 * t1_160;
-        let t2_106 = cos_s1_1 * t2_45;
-        let t2_107 = (-t1_11).mul_add(t1_158, t2_106);
-        let t2_108 = (-d_s1_2).mul_add(t2_107, t2_105);
-        let t2_109 = like.lift(0.5).mul_add(t2_108, t2_102);
-        let t2_110 = t1_4 * t2_23;
-        let t2_111 = e_s1_2_q1x.mul_add(t2_40, t2_110);
-        let t2_112 = t2_111 * t1_161;
-        let t2_113 = e_s1_2_q1x * t2_46;
-        let t2_114 = t1_4.mul_add(t2_26, t2_113);
-        let t2_115 = d_s1_3.mul_add(t2_114, t2_112);
-        let t2_116 = like.lift(-0.5).mul_add(t2_115, t2_109);
-        let t2_117 = e_s1_2_q1x * t2_116;
-        let t2_118 = like.lift(-0.4563).mul_add(t2_117, t2_99);
-        let t2_119 = t2_97 + t2_118;
-        let t2_120 = e_s1_2_q1x * t2_57;
-        let t2_121 = like.lift(0.4563) * t2_120;
-        let t2_122 = t1_4 * t2_62;
-        let t2_123 = like.lift(0.4563).mul_add(t2_122, t2_121);
-        let t2_124 = t2_61 * t2_123;
-        let t2_125 = t2_70.mul_add(t2_59, t2_124);
-        let t2_126 = t1_4 * t2_61;
-        let t2_127 = like.lift(0.4563) * t2_126;
-        let t2_128 = e_s1_2_q1x * t2_53;
-        let t2_129 = like.lift(0.4563).mul_add(t2_128, t2_127);
-        let t2_130 = t2_129 * t2_62;
-        let t2_131 = (-t2_72).mul_add(t2_54, t2_130);
-        let t2_132 = t2_125 + t2_131;
-        let t2_133 = like.lift(-0.5).mul_add(t2_132, t2_119);
-        let t2_134 = t1_14 * t1_162;
-        let t2_135 = sin_q6 * d_q6;
-        let t2_136 = t2_135 * r_q7;
-        let t2_137 = sin_q6 * t1_162;
-        let t2_138 = d_q7.mul_add(t2_137, t2_136);
-        let t2_139 = d_q6.mul_add(t2_134, t2_138);
-        let t2_140 = t2_133 - t2_139;
-        let t2_141 = t2_93 - t2_140;
-        let t2_142 = -t2_141;
-        let t2_143 = t1_4 * t2_116;
-        let t2_144 = like.lift(0.4563) * t2_143;
-        let t2_145 = t1_20 * t2_31;
-        let t2_146 = like.lift(0.4563).mul_add(t2_145, t2_144);
-        let t2_147 = t2_70 * t2_66;
-        let t2_148 = t2_53.mul_add(t2_123, t2_147);
-        let t2_149 = t2_77 * t2_54;
-        let t2_150 = t2_129.mul_add(t2_57, t2_149);
-        let t2_151 = t2_148 + t2_150;
-        let t2_152 = like.lift(-0.5).mul_add(t2_151, t2_146);
-        let t2_153 = like.lift(0.8660254037844386) * t2_84;
-        let t2_154 = like.lift(0.8660254037844386).mul_add(t2_87, t2_153);
-        let t2_155 = like.lift(0.8660254037844386).mul_add(t2_82, -t2_154);
-        let t2_156 = t2_152 + t2_155;
-        let t2_157 = like.lift(0.8660254037844386).mul_add(t1_85, -t2_156);
-        let t2_158 = -t2_157;
-        let t2_159 = sin_q8 * dr_q9;
-        let t2_160 = like.lift(0.5).mul_add(t2_159, t1_84);
-        let t2_161 = t1_50 * t2_31;
-        let t2_162 = t1_45.mul_add(t2_49, t2_161);
-        let t2_163 = t2_6 - t2_162;
-        let t2_164 = t1_45 * t2_54;
-        let t2_165 = (-t1_69).mul_add(t2_57, t2_164);
-        let t2_166 = t2_53 * t2_165;
-        let t2_167 = t1_69 * t2_62;
-        let t2_168 = t1_50.mul_add(t2_54, t2_167);
-        let t2_169 = (-t2_61).mul_add(t2_168, t2_166);
-        let t2_170 = t1_69 * t2_53;
-        let t2_171 = (-t1_45).mul_add(t2_70, t2_170);
-        let t2_172 = t2_171 * t2_57;
-        let t2_173 = t1_50 * t2_70;
-        let t2_174 = t1_69.mul_add(t2_61, t2_173);
-        let t2_175 = t2_174.mul_add(t2_62, t2_172);
-        let t2_176 = t2_169 - t2_175;
-        let t2_177 = like.lift(0.5).mul_add(t2_176, t2_163);
-        let t2_178 = t1_75 * t1_163;
-        let t2_179 = d_q8 * t2_178;
-        let t2_180 = cos_q8 * d_q8;
-        let t2_181 = t2_180 * r_q9;
-        let t2_182 = like.lift(0.5) * t2_181;
-        let t2_183 = cos_q8 * t1_163;
-        let t2_184 = d_q9 * t2_183;
-        let t2_185 = like.lift(0.5).mul_add(t2_184, t2_182);
-        let t2_186 = like.lift(0.5).mul_add(t2_179, -t2_185);
-        let t2_187 = t2_177 + t2_186;
-        let t2_188 = t2_160 - t2_187;
-        let t2_189 = (-cos_q8).mul_add(dr_q9, t2_92);
-        let t2_190 = t1_69 * t2_49;
-        let t2_191 = (-t1_50).mul_add(t2_116, t2_190);
-        let t2_192 = t2_97 + t2_191;
-        let t2_193 = t1_50 * t2_57;
-        let t2_194 = t1_45.mul_add(t2_62, t2_193);
-        let t2_195 = t2_61 * t2_194;
-        let t2_196 = t2_70.mul_add(t2_165, t2_195);
-        let t2_197 = t1_45 * t2_61;
-        let t2_198 = t1_50.mul_add(t2_53, t2_197);
-        let t2_199 = t2_198 * t2_62;
-        let t2_200 = (-t2_171).mul_add(t2_54, t2_199);
-        let t2_201 = t2_196 + t2_200;
-        let t2_202 = like.lift(-0.5).mul_add(t2_201, t2_192);
-        let t2_203 = t1_56 * t1_163;
-        let t2_204 = sin_q8 * d_q8;
-        let t2_205 = t2_204 * r_q9;
-        let t2_206 = sin_q8 * t1_163;
-        let t2_207 = d_q9.mul_add(t2_206, t2_205);
-        let t2_208 = d_q8.mul_add(t2_203, t2_207);
-        let t2_209 = t2_202 - t2_208;
-        let t2_210 = t2_189 - t2_209;
-        let t2_211 = -t2_210;
-        let t2_212 = t1_45 * t2_116;
-        let t2_213 = t1_69.mul_add(t2_31, t2_212);
-        let t2_214 = t2_70 * t2_168;
-        let t2_215 = t2_53.mul_add(t2_194, t2_214);
-        let t2_216 = t2_174 * t2_54;
-        let t2_217 = t2_198.mul_add(t2_57, t2_216);
-        let t2_218 = t2_215 + t2_217;
-        let t2_219 = like.lift(-0.5).mul_add(t2_218, t2_213);
-        let t2_220 = like.lift(0.8660254037844386) * t2_181;
-        let t2_221 = like.lift(0.8660254037844386).mul_add(t2_184, t2_220);
-        let t2_222 = like.lift(0.8660254037844386).mul_add(t2_179, -t2_221);
-        let t2_223 = t2_219 - t2_222;
-        let t2_224 = like.lift(0.8660254037844386).mul_add(t2_159, t2_223);
-        let t2_225 = like.lift(-0.5773502691896257).mul_add(t2_157, t2_91);
-        let t2_226 = like.lift(-0.5773502691896257).mul_add(t2_224, t2_188);
-        let t2_227 = t1_102 * t2_224;
-        let t2_228 = like.lift(-1.1547005383792515).mul_add(t2_227, t2_210);
-        let t2_229 = (-t1_104).mul_add(t2_228, t2_226);
-        let t2_230 = (-t1_110).mul_add(t2_229, t2_225);
-        let t2_231 = t1_121 * t2_157;
-        let t2_232 = like.lift(-1.1547005383792515).mul_add(t2_231, t2_141);
-        let t2_233 = t1_126.mul_add(t2_229, t2_232);
-        let t2_234 = t1_129.mul_add(t2_230, t2_233);
-        let t2_235 = inv_pivot_6 * t2_234;
-        let t2_236 = (-t1_119).mul_add(t2_235, t2_230);
-        let t2_237 = inv_pivot_5 * t2_236;
-        let t2_238 = -t2_237;
-        let t2_239 = (-t1_105).mul_add(t2_237, t2_229);
-        let t2_240 = (-t1_118).mul_add(t2_235, t2_239);
-        let t2_241 = inv_pivot_4 * t2_240;
-        let t2_242 = t1_109.mul_add(t2_241, t2_228);
-        let t2_243 = (-t1_66).mul_add(t2_237, t2_242);
-        let t2_244 = (-t1_117).mul_add(t2_235, t2_243);
-        let t2_245 = inv_pivot_3 * t2_244;
-        let t2_246 = t1_35.mul_add(t2_241, t2_157);
-        let t2_247 = t1_39.mul_add(t2_235, t2_246);
-        let t2_248 = t1_120 * t2_247;
-        let t2_249 = like.lift(1.1547005383792515) * t2_248;
-        let t2_250 = -t2_249;
-        [t2_91, t2_142, t2_158, t2_188, t2_211, t2_224, t2_235, t2_238, t2_241, t2_245, t2_250]
-    };
     // loops: solve with A_e (Eq. 8, 10)
-    let [al_1z, al_s1_1z, t3_7, t3_8, al_4z, al_6z] = {
-        let t3_1 = t1_81.mul_add(t2_245, t2_224);
-        let t3_2 = (-t1_77).mul_add(t2_241, t3_1);
-        let t3_3 = (-t1_79).mul_add(t2_235, t3_2);
-        let t3_4 = t1_101 * t3_3;
-        let t3_5 = like.lift(1.1547005383792515) * t3_4;
-        let t3_6 = -t3_5;
+    let [
+        t3_3, t3_72, t3_74, t3_76, t3_156, t3_158, t3_160, al_1z, al_s1_1z, t3_227, t3_228,
+        al_4z, al_6z,
+    ] = {
+        let t3_1 = cos_q1 * d_q1;
+        let t3_2 = cos_q1 * t2_151;
+        let t3_3 = d_q1 * t2_151;
+        let t3_4 = t2_16 * t3_3;
+        let t3_5 = (-d_q2).mul_add(t3_2, t3_4);
+        let t3_6 = (-t3_1).mul_add(r_q2, t3_5);
+        let t3_7 = sin_q1 * d_q1;
+        let t3_8 = sin_q1 * t2_151;
+        let t3_9 = d_s1_1 * t3_8;
+        let t3_10 = t3_7.mul_add(t2_152, t3_9);
+        let t3_11 = sin_q1 * d_s1_1;
+        let t3_12 = t2_23 * d_q1;
+        let t3_13 = cos_s1_1.mul_add(t3_11, t3_12);
+        let t3_14 = sin_q1 * t2_152;
+        let t3_15 = cos_s1_1 * t3_14;
+        let t3_16 = t2_23.mul_add(t2_151, t3_15);
+        let t3_17 = d_s1_2 * t3_16;
+        let t3_18 = t3_13.mul_add(t2_153, t3_17);
+        let t3_19 = (-t2_23).mul_add(d_s1_2, t3_11);
+        let t3_20 = cos_s1_1.mul_add(d_s1_2, d_q1);
+        let t3_21 = t2_19 * t3_20;
+        let t3_22 = e_s1_2_q1x.mul_add(t3_19, t3_21);
+        let t3_23 = cos_s1_1.mul_add(t2_153, t2_151);
+        let t3_24 = (-t2_23).mul_add(t2_153, t3_14);
+        let t3_25 = e_s1_2_q1x * t3_24;
+        let t3_26 = t2_19.mul_add(t3_23, t3_25);
+        let t3_27 = d_s1_3 * t3_26;
+        let t3_28 = t3_22.mul_add(t2_154, t3_27);
+        let t3_29 = t3_28 + t3_18;
+        let t3_30 = t3_29 - t3_10;
+        let t3_31 = like.lift(0.5) * t3_30;
+        let t3_32 = -t3_31;
+        let t3_33 = d_s1_2 * t2_152;
+        let t3_34 = d_s1_1.mul_add(t2_153, t3_33);
+        let t3_35 = sin_s1_1 * t3_34;
+        let t3_36 = cos_q1 * d_s1_1;
+        let t3_37 = t2_9.mul_add(d_s1_2, t3_36);
+        let t3_38 = t2_19 * t3_37;
+        let t3_39 = (-t2_4).mul_add(t3_19, t3_38);
+        let t3_40 = cos_q1 * t2_152;
+        let t3_41 = t2_9.mul_add(t2_153, t3_40);
+        let t3_42 = t2_4 * t3_24;
+        let t3_43 = (-t2_19).mul_add(t3_41, t3_42);
+        let t3_44 = t3_39 * t2_154;
+        let t3_45 = (-d_s1_3).mul_add(t3_43, t3_44);
+        let t3_46 = t3_45 + t3_35;
+        let t3_47 = like.lift(0.5) * t3_46;
+        let t3_48 = (-t2_4).mul_add(d_s1_3, t3_37);
+        let t3_49 = (-t2_19).mul_add(t2_154, t3_24);
+        let t3_50 = (-t2_4).mul_add(t2_154, t3_41);
+        let t3_51 = t2_19 * t3_50;
+        let t3_52 = (-t2_4).mul_add(t3_49, t3_51);
+        let t3_53 = like.lift(0.4563) * t3_52;
+        let t3_54 = -t3_53;
+        let t3_55 = e_s1_2_q1x.mul_add(d_s1_3, t3_20);
+        let t3_56 = e_s1_2_q1x.mul_add(t2_154, t3_23);
+        let t3_57 = e_s1_2_q1x * t3_49;
+        let t3_58 = t2_19.mul_add(t3_56, t3_57);
+        let t3_59 = like.lift(0.4563) * t3_58;
+        let t3_60 = (-t2_19).mul_add(d_s1_3, t3_19);
+        let t3_61 = t2_4 * t3_60;
+        let t3_62 = (-t2_19).mul_add(t3_48, t3_61);
+        let t3_63 = like.lift(0.4563) * t3_62;
+        let t3_64 = -t3_63;
+        let t3_65 = t2_19 * t3_55;
+        let t3_66 = e_s1_2_q1x.mul_add(t3_60, t3_65);
+        let t3_67 = like.lift(0.4563) * t3_66;
+        let t3_68 = t3_48 * t3_54;
+        let t3_69 = (-t3_55).mul_add(t3_59, t3_68);
+        let t3_70 = (-t3_67).mul_add(t3_56, t3_69);
+        let t3_71 = (-t3_64).mul_add(t3_50, t3_70);
+        let t3_72 = d_q6 * t2_155;
+        let t3_73 = t2_29 * t3_72;
+        let t3_74 = d_q6 * r_q7;
+        let t3_75 = cos_q6 * t3_74;
+        let t3_76 = d_q7 * t2_155;
+        let t3_77 = cos_q6 * t3_76;
+        let t3_78 = t2_82 - t3_71;
+        let t3_79 = t3_78 - t3_73;
+        let t3_80 = t3_79 + t3_77;
+        let t3_81 = t3_80 + t3_75;
+        let t3_82 = t2_4 * t3_47;
+        let t3_83 = e_s1_2_q1x.mul_add(t3_32, t3_82);
+        let t3_84 = like.lift(0.5).mul_add(t3_81, t2_81);
+        let t3_85 = t3_84 - t3_6;
+        let t3_86 = like.lift(0.4563).mul_add(t3_83, t3_85);
+        let t3_87 = cos_q1 * dr_q2;
+        let t3_88 = t2_1 * t3_3;
+        let t3_89 = d_q2.mul_add(t3_8, t3_88);
+        let t3_90 = t3_7.mul_add(r_q2, t3_89);
+        let t3_91 = d_s1_1 * t3_2;
+        let t3_92 = t3_1.mul_add(t2_152, t3_91);
+        let t3_93 = t2_9 * d_q1;
+        let t3_94 = (-cos_s1_1).mul_add(t3_36, t3_93);
+        let t3_95 = cos_s1_1 * t3_40;
+        let t3_96 = (-t2_9).mul_add(t2_151, t3_95);
+        let t3_97 = t3_94 * t2_153;
+        let t3_98 = (-d_s1_2).mul_add(t3_96, t3_97);
+        let t3_99 = e_s1_2_q1x * t3_37;
+        let t3_100 = t2_4.mul_add(t3_20, t3_99);
+        let t3_101 = t2_4 * t3_23;
+        let t3_102 = e_s1_2_q1x.mul_add(t3_41, t3_101);
+        let t3_103 = d_s1_3 * t3_102;
+        let t3_104 = t3_100.mul_add(t2_154, t3_103);
+        let t3_105 = t3_104 - t3_98;
+        let t3_106 = t3_105 - t3_92;
+        let t3_107 = like.lift(0.5) * t3_106;
+        let t3_108 = -t3_107;
+        let t3_109 = t2_4 * t3_56;
+        let t3_110 = e_s1_2_q1x.mul_add(t3_50, t3_109);
+        let t3_111 = like.lift(0.4563) * t3_110;
+        let t3_112 = e_s1_2_q1x * t3_48;
+        let t3_113 = t2_4.mul_add(t3_55, t3_112);
+        let t3_114 = like.lift(0.4563) * t3_113;
+        let t3_115 = t3_60 * t3_54;
+        let t3_116 = t3_55.mul_add(t3_111, t3_115);
+        let t3_117 = (-t3_64).mul_add(t3_49, t3_116);
+        let t3_118 = t3_114.mul_add(t3_56, t3_117);
+        let t3_119 = e_s1_2_q1x * t3_108;
+        let t3_120 = (-t2_19).mul_add(t3_47, t3_119);
+        let t3_121 = t2_13 * t2_155;
+        let t3_122 = sin_q6.mul_add(r_q7, t3_121);
+        let t3_123 = (-cos_q6).mul_add(dr_q7, t3_87);
+        let t3_124 = like.lift(0.5).mul_add(t3_118, t3_123);
+        let t3_125 = t3_124 - t3_90;
+        let t3_126 = like.lift(0.4563).mul_add(t3_120, t3_125);
+        let t3_127 = d_q6.mul_add(t3_122, t3_126);
+        let t3_128 = sin_q6.mul_add(t3_76, t3_127);
+        let t3_129 = -t3_128;
+        let t3_130 = t3_48 * t3_111;
+        let t3_131 = t3_60.mul_add(t3_59, t3_130);
+        let t3_132 = t3_114.mul_add(t3_50, t3_131);
+        let t3_133 = t3_67.mul_add(t3_49, t3_132);
+        let t3_134 = t2_82 - t3_73;
+        let t3_135 = t3_134 + t3_77;
+        let t3_136 = t3_135 + t3_75;
+        let t3_137 = t2_19 * t3_32;
+        let t3_138 = t2_4.mul_add(t3_108, t3_137);
+        let t3_139 = like.lift(0.8660254037844386) * t3_136;
+        let t3_140 = like.lift(0.5).mul_add(t3_133, t3_139);
+        let t3_141 = like.lift(-0.4563).mul_add(t3_138, t3_140);
+        let t3_142 = -t3_141;
+        let t3_143 = sin_q8 * dr_q9;
+        let t3_144 = t2_42 * t3_49;
+        let t3_145 = (-t2_65).mul_add(t3_50, t3_144);
+        let t3_146 = t2_47 * t3_49;
+        let t3_147 = t2_65.mul_add(t3_56, t3_146);
+        let t3_148 = t2_65 * t3_48;
+        let t3_149 = (-t2_42).mul_add(t3_60, t3_148);
+        let t3_150 = t2_65 * t3_55;
+        let t3_151 = t2_47.mul_add(t3_60, t3_150);
+        let t3_152 = t3_48 * t3_145;
+        let t3_153 = (-t3_55).mul_add(t3_147, t3_152);
+        let t3_154 = (-t3_151).mul_add(t3_56, t3_153);
+        let t3_155 = (-t3_149).mul_add(t3_50, t3_154);
+        let t3_156 = d_q8 * t2_156;
+        let t3_157 = t2_72 * t3_156;
+        let t3_158 = d_q8 * r_q9;
+        let t3_159 = cos_q8 * t3_158;
+        let t3_160 = d_q9 * t2_156;
+        let t3_161 = cos_q8 * t3_160;
+        let t3_162 = t3_143 - t3_155;
+        let t3_163 = t3_162 - t3_157;
+        let t3_164 = t3_163 + t3_161;
+        let t3_165 = t3_164 + t3_159;
+        let t3_166 = like.lift(0.5).mul_add(t3_165, t2_81);
+        let t3_167 = t3_166 - t3_6;
+        let t3_168 = t2_42.mul_add(t3_47, t3_167);
+        let t3_169 = t2_47.mul_add(t3_32, t3_168);
+        let t3_170 = t2_42 * t3_56;
+        let t3_171 = t2_47.mul_add(t3_50, t3_170);
+        let t3_172 = t2_47 * t3_48;
+        let t3_173 = t2_42.mul_add(t3_55, t3_172);
+        let t3_174 = t3_60 * t3_145;
+        let t3_175 = t3_55.mul_add(t3_171, t3_174);
+        let t3_176 = (-t3_149).mul_add(t3_49, t3_175);
+        let t3_177 = t3_173.mul_add(t3_56, t3_176);
+        let t3_178 = t2_53 * t2_156;
+        let t3_179 = sin_q8.mul_add(r_q9, t3_178);
+        let t3_180 = (-cos_q8).mul_add(dr_q9, t3_87);
+        let t3_181 = like.lift(0.5).mul_add(t3_177, t3_180);
+        let t3_182 = t3_181 - t3_90;
+        let t3_183 = t2_47.mul_add(t3_108, t3_182);
+        let t3_184 = (-t2_65).mul_add(t3_47, t3_183);
+        let t3_185 = d_q8.mul_add(t3_179, t3_184);
+        let t3_186 = sin_q8.mul_add(t3_160, t3_185);
+        let t3_187 = -t3_186;
+        let t3_188 = t3_48 * t3_171;
+        let t3_189 = t3_60.mul_add(t3_147, t3_188);
+        let t3_190 = t3_173.mul_add(t3_50, t3_189);
+        let t3_191 = t3_151.mul_add(t3_49, t3_190);
+        let t3_192 = t3_143 - t3_157;
+        let t3_193 = t3_192 + t3_161;
+        let t3_194 = t3_193 + t3_159;
+        let t3_195 = like.lift(0.8660254037844386) * t3_194;
+        let t3_196 = like.lift(-0.5).mul_add(t3_191, t3_195);
+        let t3_197 = t2_65.mul_add(t3_32, t3_196);
+        let t3_198 = t2_42.mul_add(t3_108, t3_197);
+        let t3_199 = (-t3_198).mul_add(t2_99, t3_186);
+        let t3_200 = (-t2_100).mul_add(t3_199, t3_169);
+        let t3_201 = like.lift(-0.5773502691896257).mul_add(t3_198, t3_200);
+        let t3_202 = (-t2_105).mul_add(t3_201, t3_86);
+        let t3_203 = like.lift(-0.5773502691896257).mul_add(t3_141, t3_202);
+        let t3_204 = t2_120.mul_add(t3_203, t3_128);
+        let t3_205 = t2_118.mul_add(t3_201, t3_204);
+        let t3_206 = (-t3_141).mul_add(t2_116, t3_205);
+        let t3_207 = inv_pivot_6 * t3_206;
+        let t3_208 = (-t2_113).mul_add(t3_207, t3_203);
+        let t3_209 = inv_pivot_5 * t3_208;
+        let t3_210 = -t3_209;
+        let t3_211 = (-t2_111).mul_add(t3_207, t3_201);
+        let t3_212 = (-t2_101).mul_add(t3_209, t3_211);
+        let t3_213 = inv_pivot_4 * t3_212;
+        let t3_214 = (-t2_109).mul_add(t3_207, t3_199);
+        let t3_215 = (-t2_63).mul_add(t3_209, t3_214);
+        let t3_216 = t2_103.mul_add(t3_213, t3_215);
+        let t3_217 = inv_pivot_3 * t3_216;
+        let t3_218 = t2_36.mul_add(t3_207, t3_141);
+        let t3_219 = t2_33.mul_add(t3_213, t3_218);
+        let t3_220 = t3_219 * t2_139;
+        let t3_221 = -t3_220;
+        let t3_222 = (-t2_76).mul_add(t3_207, t3_198);
+        let t3_223 = (-t2_74).mul_add(t3_213, t3_222);
+        let t3_224 = t2_78.mul_add(t3_217, t3_223);
+        let t3_225 = t3_224 * t2_145;
+        let t3_226 = -t3_225;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t1_83 * like.lift(1.8955297449982944)).abs())
-            .min((t1_155 * like.lift(2.6463477742948585)).abs())
+            .min((t2_80 * like.lift(1.8955297449982944)).abs())
+            .min((t2_148 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t1_156 * like.lift(0.8284577646309275)).abs())
-            .min((t1_157 * like.lift(2.1915406530791146)).abs());
-        let ([[al_1z], [al_s1_1z], [t3_7], [t3_8], [al_4z], [al_6z]], found) = ::regen_runtime::guarded(
-            [[t2_238], [t2_241], [t2_235], [t2_245], [t2_250], [t3_6]],
+            .min((t2_149 * like.lift(0.8284577646309275)).abs())
+            .min((t2_150 * like.lift(2.1915406530791146)).abs());
+        let ([[al_1z], [al_s1_1z], [t3_227], [t3_228], [al_4z], [al_6z]], found) = ::regen_runtime::guarded(
+            [[t3_210], [t3_213], [t3_207], [t3_217], [t3_221], [t3_226]],
             margin,
             || (
                 [
-                    [t1_6, t1_8, t1_13, like.lift(0.0), t1_16, like.lift(0.0)],
-                    [t1_22, t1_24, t1_30, like.lift(0.0), t1_31, like.lift(0.0)],
-                    [like.lift(0.0), t1_35, t1_39, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t1_47, t1_51, t1_53, t1_55, like.lift(0.0), t1_58],
-                    [t1_66, t1_67, t1_71, t1_74, like.lift(0.0), t1_75],
-                    [like.lift(0.0), t1_77, t1_79, t1_82, like.lift(0.0), t1_83],
+                    [t2_6, t2_8, t2_12, like.lift(0.0), t2_15, like.lift(0.0)],
+                    [t2_21, t2_22, t2_28, like.lift(0.0), t2_29, like.lift(0.0)],
+                    [like.lift(0.0), t2_33, t2_36, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_44, t2_48, t2_50, t2_52, like.lift(0.0), t2_55],
+                    [t2_63, t2_64, t2_68, t2_71, like.lift(0.0), t2_72],
+                    [like.lift(0.0), t2_74, t2_76, t2_79, like.lift(0.0), t2_80],
                 ],
-                [[t2_91], [t2_142], [t2_158], [t2_188], [t2_211], [t2_224]],
+                [[t3_86], [t3_129], [t3_142], [t3_169], [t3_187], [t3_198]],
             ),
         );
         condition = condition.min(found);
-        [al_1z, al_s1_1z, t3_7, t3_8, al_4z, al_6z]
+        [
+            t3_3, t3_72, t3_74, t3_76, t3_156, t3_158, t3_160, al_1z, al_s1_1z, t3_227, t3_228,
+            al_4z, al_6z,
+        ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
@@ -5130,87 +4898,81 @@ pub fn slotine_li<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd_r: &[T;
         let t4_8 = -cos_q8;
         let t4_9 = like.lift(0.8660254037844386) * sin_q8;
         let t4_10 = -t4_9;
-        let t4_11 = (-cos_q1).mul_add(t1_104, sin_q1);
-        let t4_12 = (-t4_11).mul_add(t1_110, sin_q1);
-        let t4_13 = t4_11.mul_add(t1_126, cos_q1);
-        let t4_14 = t4_12.mul_add(t1_129, t4_13);
+        let t4_11 = (-cos_q1).mul_add(t2_100, sin_q1);
+        let t4_12 = (-t4_11).mul_add(t2_105, sin_q1);
+        let t4_13 = t4_12.mul_add(t2_120, cos_q1);
+        let t4_14 = t4_11.mul_add(t2_118, t4_13);
         let t4_15 = t4_14 * inv_pivot_6;
-        let t4_16 = (-t1_119).mul_add(t4_15, t4_12);
+        let t4_16 = (-t2_113).mul_add(t4_15, t4_12);
         let t4_17 = inv_pivot_5 * t4_16;
-        let t4_18 = sin_q6.mul_add(t1_121, cos_q6);
+        let t4_18 = sin_q6.mul_add(t2_115, cos_q6);
         let t4_19 = t4_18 * inv_pivot_6;
-        let t4_20 = t1_119 * t4_19;
-        let t4_21 = inv_pivot_5 * t4_20;
-        let t4_22 = sin_q8.mul_add(t1_102, cos_q8);
-        let t4_23 = t4_22 * t1_104;
-        let t4_24 = t4_23 * t1_110;
-        let t4_25 = t4_23 * t1_126;
-        let t4_26 = (-t4_24).mul_add(t1_129, t4_25);
+        let t4_20 = inv_pivot_5 * t2_113;
+        let t4_21 = t4_20 * t4_19;
+        let t4_22 = sin_q8.mul_add(t2_98, cos_q8);
+        let t4_23 = t4_22 * t2_100;
+        let t4_24 = t4_23 * t2_105;
+        let t4_25 = t4_23 * t2_118;
+        let t4_26 = (-t4_24).mul_add(t2_120, t4_25);
         let t4_27 = t4_26 * inv_pivot_6;
-        let t4_28 = t1_119.mul_add(t4_27, t4_24);
+        let t4_28 = t2_113.mul_add(t4_27, t4_24);
         let t4_29 = inv_pivot_5 * t4_28;
         let t4_30 = -t4_29;
-        let t4_31 = (-t1_105).mul_add(t4_17, t4_11);
-        let t4_32 = (-t1_118).mul_add(t4_15, t4_31);
+        let t4_31 = (-t2_111).mul_add(t4_15, t4_11);
+        let t4_32 = (-t2_101).mul_add(t4_17, t4_31);
         let t4_33 = inv_pivot_4 * t4_32;
         let t4_34 = -t4_33;
-        let t4_35 = t1_105 * t4_21;
-        let t4_36 = (-t1_118).mul_add(t4_19, t4_35);
+        let t4_35 = t2_101 * t4_21;
+        let t4_36 = (-t2_111).mul_add(t4_19, t4_35);
         let t4_37 = inv_pivot_4 * t4_36;
-        let t4_38 = t1_105.mul_add(t4_29, t4_23);
-        let t4_39 = (-t1_118).mul_add(t4_27, t4_38);
+        let t4_38 = (-t2_111).mul_add(t4_27, t4_23);
+        let t4_39 = t2_101.mul_add(t4_29, t4_38);
         let t4_40 = inv_pivot_4 * t4_39;
         let t4_41 = -t4_40;
         let t4_42 = -t4_15;
         let t4_43 = -t4_27;
-        let t4_44 = t1_109.mul_add(t4_33, cos_q1);
-        let t4_45 = (-t1_66).mul_add(t4_17, t4_44);
-        let t4_46 = (-t1_117).mul_add(t4_15, t4_45);
+        let t4_44 = (-t2_109).mul_add(t4_15, cos_q1);
+        let t4_45 = (-t2_63).mul_add(t4_17, t4_44);
+        let t4_46 = t2_103.mul_add(t4_33, t4_45);
         let t4_47 = inv_pivot_3 * t4_46;
         let t4_48 = -t4_47;
-        let t4_49 = t1_109 * t4_37;
-        let t4_50 = t1_66.mul_add(t4_21, t4_49);
-        let t4_51 = (-t1_117).mul_add(t4_19, t4_50);
+        let t4_49 = t2_63 * t4_21;
+        let t4_50 = (-t2_109).mul_add(t4_19, t4_49);
+        let t4_51 = t2_103.mul_add(t4_37, t4_50);
         let t4_52 = inv_pivot_3 * t4_51;
-        let t4_53 = (-t1_109).mul_add(t4_40, t4_22);
-        let t4_54 = (-t1_66).mul_add(t4_29, t4_53);
-        let t4_55 = t1_117.mul_add(t4_27, t4_54);
+        let t4_53 = t2_109.mul_add(t4_27, t4_22);
+        let t4_54 = (-t2_63).mul_add(t4_29, t4_53);
+        let t4_55 = (-t2_103).mul_add(t4_40, t4_54);
         let t4_56 = inv_pivot_3 * t4_55;
-        let t4_57 = t1_35 * t4_33;
-        let t4_58 = t1_39.mul_add(t4_15, t4_57);
-        let t4_59 = t1_120 * t4_58;
-        let t4_60 = like.lift(1.1547005383792515) * t4_59;
-        let t4_61 = (-t1_35).mul_add(t4_37, t4_5);
-        let t4_62 = (-t1_39).mul_add(t4_19, t4_61);
-        let t4_63 = t1_120 * t4_62;
-        let t4_64 = like.lift(1.1547005383792515) * t4_63;
-        let t4_65 = t1_35 * t4_40;
-        let t4_66 = t1_39.mul_add(t4_27, t4_65);
-        let t4_67 = t1_120 * t4_66;
-        let t4_68 = like.lift(1.1547005383792515) * t4_67;
-        let t4_69 = t1_81 * t4_47;
-        let t4_70 = (-t1_77).mul_add(t4_33, t4_69);
-        let t4_71 = (-t1_79).mul_add(t4_15, t4_70);
-        let t4_72 = t1_101 * t4_71;
-        let t4_73 = like.lift(1.1547005383792515) * t4_72;
-        let t4_74 = t1_81 * t4_52;
-        let t4_75 = (-t1_77).mul_add(t4_37, t4_74);
-        let t4_76 = (-t1_79).mul_add(t4_19, t4_75);
-        let t4_77 = t1_101 * t4_76;
-        let t4_78 = like.lift(1.1547005383792515) * t4_77;
-        let t4_79 = -t4_78;
-        let t4_80 = (-t1_81).mul_add(t4_56, t4_9);
-        let t4_81 = (-t1_77).mul_add(t4_40, t4_80);
-        let t4_82 = (-t1_79).mul_add(t4_27, t4_81);
-        let t4_83 = t1_101 * t4_82;
-        let t4_84 = like.lift(1.1547005383792515) * t4_83;
+        let t4_57 = t2_36 * t4_15;
+        let t4_58 = t2_33.mul_add(t4_33, t4_57);
+        let t4_59 = t4_58 * t2_139;
+        let t4_60 = (-t2_36).mul_add(t4_19, t4_5);
+        let t4_61 = (-t2_33).mul_add(t4_37, t4_60);
+        let t4_62 = t4_61 * t2_139;
+        let t4_63 = t2_36 * t4_27;
+        let t4_64 = t2_33.mul_add(t4_40, t4_63);
+        let t4_65 = t4_64 * t2_139;
+        let t4_66 = t2_78 * t4_47;
+        let t4_67 = (-t2_76).mul_add(t4_15, t4_66);
+        let t4_68 = (-t2_74).mul_add(t4_33, t4_67);
+        let t4_69 = t4_68 * t2_145;
+        let t4_70 = t2_78 * t4_52;
+        let t4_71 = (-t2_76).mul_add(t4_19, t4_70);
+        let t4_72 = (-t2_74).mul_add(t4_37, t4_71);
+        let t4_73 = t4_72 * t2_145;
+        let t4_74 = -t4_73;
+        let t4_75 = (-t2_76).mul_add(t4_27, t4_9);
+        let t4_76 = (-t2_74).mul_add(t4_40, t4_75);
+        let t4_77 = (-t2_78).mul_add(t4_56, t4_76);
+        let t4_78 = t4_77 * t2_145;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t1_83 * like.lift(1.8955297449982944)).abs())
-            .min((t1_155 * like.lift(2.6463477742948585)).abs())
+            .min((t2_80 * like.lift(1.8955297449982944)).abs())
+            .min((t2_148 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t1_156 * like.lift(0.8284577646309275)).abs())
-            .min((t1_157 * like.lift(2.1915406530791146)).abs());
+            .min((t2_149 * like.lift(0.8284577646309275)).abs())
+            .min((t2_150 * like.lift(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
@@ -5218,17 +4980,17 @@ pub fn slotine_li<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd_r: &[T;
         ], found) = ::regen_runtime::guarded(
             [
                 [t4_17, t4_21, t4_30], [t4_34, t4_37, t4_41], [t4_42, t4_19, t4_43],
-                [t4_48, t4_52, t4_56], [t4_60, t4_64, t4_68], [t4_73, t4_79, t4_84],
+                [t4_48, t4_52, t4_56], [t4_59, t4_62, t4_65], [t4_69, t4_74, t4_78],
             ],
             margin,
             || (
                 [
-                    [t1_6, t1_8, t1_13, like.lift(0.0), t1_16, like.lift(0.0)],
-                    [t1_22, t1_24, t1_30, like.lift(0.0), t1_31, like.lift(0.0)],
-                    [like.lift(0.0), t1_35, t1_39, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t1_47, t1_51, t1_53, t1_55, like.lift(0.0), t1_58],
-                    [t1_66, t1_67, t1_71, t1_74, like.lift(0.0), t1_75],
-                    [like.lift(0.0), t1_77, t1_79, t1_82, like.lift(0.0), t1_83],
+                    [t2_6, t2_8, t2_12, like.lift(0.0), t2_15, like.lift(0.0)],
+                    [t2_21, t2_22, t2_28, like.lift(0.0), t2_29, like.lift(0.0)],
+                    [like.lift(0.0), t2_33, t2_36, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_44, t2_48, t2_50, t2_52, like.lift(0.0), t2_55],
+                    [t2_63, t2_64, t2_68, t2_71, like.lift(0.0), t2_72],
+                    [like.lift(0.0), t2_74, t2_76, t2_79, like.lift(0.0), t2_80],
                 ],
                 [
                     [t4_1, t4_3, like.lift(0.0)], [cos_q1, t4_4, like.lift(0.0)],
@@ -5245,7 +5007,7 @@ pub fn slotine_li<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd_r: &[T;
         ]
     };
     // body 1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [t5_1, t5_2, t5_3] = {
+    let [t5_1, t5_2, t5_3, a_1y, t5_4] = {
         let w_izz_1_q2 = al_1z * x_q1_q2;
         let t5_1 = -w_izz_1_q2;
         let w_izz_1_q7 = al_1z * x_q1_q7;
@@ -5253,379 +5015,332 @@ pub fn slotine_li<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd_r: &[T;
         let w_izz_1_q9 = al_1z * x_q1_q9;
         let t5_3 = -w_izz_1_q9;
         y[5] = [t5_1, t5_2, t5_3];
-        let t5_4 = cos_q1 * x_q1_q2;
-        let w_mx_1_q2 = like.lift(9.81) * t5_4;
-        let t5_5 = cos_q1 * x_q1_q7;
-        let w_mx_1_q7 = like.lift(9.81) * t5_5;
-        let t5_6 = cos_q1 * x_q1_q9;
-        let w_mx_1_q9 = like.lift(9.81) * t5_6;
+        let a_1y = like.lift(9.81) * cos_q1;
+        let w_mx_1_q2 = x_q1_q2 * a_1y;
+        let w_mx_1_q7 = x_q1_q7 * a_1y;
+        let w_mx_1_q9 = x_q1_q9 * a_1y;
         y[6] = [w_mx_1_q2, w_mx_1_q7, w_mx_1_q9];
-        let t5_7 = sin_q1 * x_q1_q2;
-        let w_my_1_q2 = like.lift(9.81) * t5_7;
-        let t5_8 = -w_my_1_q2;
-        let t5_9 = sin_q1 * x_q1_q7;
-        let w_my_1_q7 = like.lift(9.81) * t5_9;
-        let t5_10 = -w_my_1_q7;
-        let t5_11 = sin_q1 * x_q1_q9;
-        let w_my_1_q9 = like.lift(9.81) * t5_11;
-        let t5_12 = -w_my_1_q9;
-        y[7] = [t5_8, t5_10, t5_12];
-        y[0] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[1] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[2] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[3] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[4] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[8] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[9] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        [t5_1, t5_2, t5_3]
+        let t5_4 = like.lift(9.81) * sin_q1;
+        let w_my_1_q2 = x_q1_q2 * t5_4;
+        let t5_5 = -w_my_1_q2;
+        let w_my_1_q7 = x_q1_q7 * t5_4;
+        let t5_6 = -w_my_1_q7;
+        let w_my_1_q9 = x_q1_q9 * t5_4;
+        let t5_7 = -w_my_1_q9;
+        y[7] = [t5_5, t5_6, t5_7];
+        [t5_1, t5_2, t5_3, a_1y, t5_4]
     };
     // body 2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_2z, a_2x] = {
-        let a_1y = like.lift(9.81) * cos_q1;
-        let t6_1 = d_q1 * t1_158;
-        let t6_2 = (-q2).mul_add(t6_1, a_1y);
-        let a_2z = dr_q2 + t6_2;
-        let t6_3 = q2 * x_q1_q2;
-        let t6_4 = (-t6_1).mul_add(t6_3, al_1z);
-        let w_mx_2_q2 = x_q1_q2.mul_add(a_2z, -t6_4);
-        let t6_5 = a_1y + dr_q2;
-        let w_mx_2_q7 = x_q1_q7 * t6_5;
-        let w_mx_2_q9 = x_q1_q9 * t6_5;
+        let t6_1 = (-q2).mul_add(t3_3, dr_q2);
+        let a_2z = t6_1 + a_1y;
+        let t6_2 = q2 * x_q1_q2;
+        let t6_3 = x_q1_q2.mul_add(a_2z, -al_1z);
+        let w_mx_2_q2 = t3_3.mul_add(t6_2, t6_3);
+        let t6_4 = a_1y + dr_q2;
+        let w_mx_2_q7 = x_q1_q7 * t6_4;
+        let w_mx_2_q9 = x_q1_q9 * t6_4;
         y[16] = [w_mx_2_q2, w_mx_2_q7, w_mx_2_q9];
-        let a_1x = like.lift(9.81) * sin_q1;
-        let t6_6 = q2 * al_1z;
-        let t6_7 = a_1x - t6_6;
-        let t6_8 = d_q1 * r_q2;
-        let t6_9 = d_q2.mul_add(t1_158, t6_8);
-        let a_2x = t6_7 - t6_9;
-        let t6_10 = al_1z.mul_add(t6_3, t6_1);
-        let w_mz_2_q2 = x_q1_q2.mul_add(a_2x, -t6_10);
-        let t6_11 = t6_6 - a_2x;
-        let w_mz_2_q7 = x_q1_q7 * t6_11;
-        let t6_12 = -w_mz_2_q7;
-        let w_mz_2_q9 = x_q1_q9 * t6_11;
-        let t6_13 = -w_mz_2_q9;
-        y[18] = [w_mz_2_q2, t6_12, t6_13];
-        let w_m_2_q2 = a_2x.mul_add(t6_3, a_2z);
-        let t6_14 = q2 * a_2x;
-        let w_m_2_q7 = x_q1_q7 * t6_14;
-        let w_m_2_q9 = x_q1_q9 * t6_14;
+        let t6_5 = q2 * al_1z;
+        let t6_6 = t5_4 - t6_5;
+        let t6_7 = (-d_q2).mul_add(t2_151, t6_6);
+        let a_2x = (-d_q1).mul_add(r_q2, t6_7);
+        let t6_8 = x_q1_q2.mul_add(a_2x, -t3_3);
+        let w_mz_2_q2 = (-al_1z).mul_add(t6_2, t6_8);
+        let t6_9 = t6_5 - a_2x;
+        let w_mz_2_q7 = x_q1_q7 * t6_9;
+        let t6_10 = -w_mz_2_q7;
+        let w_mz_2_q9 = x_q1_q9 * t6_9;
+        let t6_11 = -w_mz_2_q9;
+        y[18] = [w_mz_2_q2, t6_10, t6_11];
+        let w_m_2_q2 = a_2x.mul_add(t6_2, a_2z);
+        let t6_12 = q2 * a_2x;
+        let w_m_2_q7 = x_q1_q7 * t6_12;
+        let w_m_2_q9 = x_q1_q9 * t6_12;
         y[19] = [w_m_2_q2, w_m_2_q7, w_m_2_q9];
-        y[10] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[11] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[12] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         y[13] = [t5_1, t5_2, t5_3];
-        y[14] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[15] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[17] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         [a_2z, a_2x]
     };
     // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m, part 1
     let [
-        t7_43, t7_46, t7_49, t7_58, t7_61, t7_64, t7_73, t7_93, t7_94, t7_96, t7_99, t7_102,
-        t7_113, w_ixz_3_q2, w_ixz_3_q7, w_ixz_3_q9, w_iyy_3_q2, w_iyy_3_q7, w_iyy_3_q9, t7_131,
-        t7_132, t7_135, t7_138, t7_140, t7_142, t7_144, a_3y, a_3z, t7_151, t7_154, t7_157,
-        w_mx_3_q2, t7_161, t7_163, t7_165, w_mx_3_q7, t7_169, t7_171, t7_173, w_mx_3_q9,
-        a_s1_2x, w_my_3_q2, w_my_3_q7, w_my_3_q9, t7_193, t7_195,
+        t7_42, t7_54, t7_66, t7_88, t7_91, t7_94, w_ixz_3_q2, w_ixz_3_q7, w_ixz_3_q9,
+        w_iyy_3_q2, w_iyy_3_q7, w_iyy_3_q9, t7_120, t7_123, t7_126, t7_128, t7_130, t7_132,
+        w_mx_3_q2, w_mx_3_q7, t7_153, w_mx_3_q9, a_s1_2x, w_my_3_q2, w_my_3_q7, w_my_3_q9,
+        w_mz_3_q2, w_mz_3_q7, w_mz_3_q9, w_m_3_q2, w_m_3_q7, t7_192,
     ] = {
-        let t7_1 = sin_s1_2 * al_s1_1z;
-        let t7_2 = sin_s1_1 * al_1z;
         let w_s1_1y = cos_s1_1 * d_q1;
-        let t7_3 = w_s1_1y * t1_159;
-        let t7_4 = cos_s1_1 * t1_158;
-        let t7_5 = d_s1_1.mul_add(t7_4, t7_3);
-        let al_s1_1x = like.lift(0.5).mul_add(t7_5, t7_2);
-        let t7_6 = (-cos_s1_2).mul_add(al_s1_1x, t7_1);
-        let t7_7 = cos_s1_2 * d_s1_1;
+        let t7_1 = cos_s1_1 * t2_151;
+        let t7_2 = d_s1_1 * t7_1;
+        let t7_3 = w_s1_1y.mul_add(t2_152, t7_2);
+        let t7_4 = like.lift(0.5) * t7_3;
+        let al_s1_1x = sin_s1_1.mul_add(al_1z, t7_4);
         let w_s1_1x = sin_s1_1 * d_q1;
-        let w_s1_2z = sin_s1_2.mul_add(w_s1_1x, t7_7);
-        let t7_8 = w_s1_2z * t1_160;
-        let t7_9 = cos_s1_2 * t1_159;
-        let t7_10 = sin_s1_1 * t1_158;
-        let t7_11 = sin_s1_2.mul_add(t7_10, t7_9);
-        let t7_12 = d_s1_2.mul_add(t7_11, t7_8);
-        let al_s1_2x = like.lift(0.5).mul_add(t7_12, t7_6);
-        let al_3x = t3_8 - al_s1_2x;
-        let t7_13 = e_s1_2_q1x * x_q1_q2;
-        let t7_14 = (-sin_s1_2).mul_add(x_s1_1_q2, t7_13);
-        let t7_15 = x_s1_3_q2 + t7_14;
-        let t7_16 = sin_s1_2 * d_s1_1;
-        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t7_16);
+        let t7_5 = sin_s1_2 * w_s1_1x;
+        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t7_5);
+        let t7_6 = sin_s1_1 * t2_151;
+        let t7_7 = sin_s1_2 * t7_6;
+        let t7_8 = cos_s1_2.mul_add(t2_152, t7_7);
+        let t7_9 = d_s1_2 * t7_8;
+        let t7_10 = w_s1_2z.mul_add(t2_153, t7_9);
+        let t7_11 = like.lift(-0.5).mul_add(t7_10, t3_228);
+        let t7_12 = cos_s1_2.mul_add(al_s1_1x, t7_11);
+        let al_3x = (-sin_s1_2).mul_add(al_s1_1z, t7_12);
+        let t7_13 = (-sin_s1_2).mul_add(x_s1_1_q2, x_s1_3_q2);
+        let t7_14 = e_s1_2_q1x.mul_add(x_q1_q2, t7_13);
+        let t7_15 = sin_s1_2 * d_s1_1;
+        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t7_15);
         let w_3x = d_s1_3 - w_s1_2x;
-        let t7_17 = t1_160 + t7_4;
-        let t7_18 = sin_s1_3 * t7_17;
-        let t7_19 = (-cos_s1_3).mul_add(t7_11, t7_18);
-        let t7_20 = w_3x * t7_19;
+        let t7_16 = t2_153 + t7_1;
+        let t7_17 = sin_s1_3 * t7_16;
+        let t7_18 = (-cos_s1_3).mul_add(t7_8, t7_17);
         let w_s1_2y = d_s1_2 + w_s1_1y;
-        let t7_21 = sin_s1_3 * w_s1_2y;
-        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t7_21);
-        let t7_22 = sin_s1_2 * t1_159;
-        let t7_23 = (-cos_s1_2).mul_add(t7_10, t7_22);
-        let t7_24 = t1_161 - t7_23;
-        let t7_25 = w_3z.mul_add(t7_24, t7_20);
-        let t7_26 = e_3_q1y * x_q1_q2;
+        let t7_19 = sin_s1_3 * w_s1_2y;
+        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t7_19);
+        let t7_20 = sin_s1_2 * t2_152;
+        let t7_21 = (-cos_s1_2).mul_add(t7_6, t7_20);
+        let t7_22 = t2_154 - t7_21;
+        let t7_23 = w_3z * t7_22;
+        let t7_24 = w_3x.mul_add(t7_18, t7_23);
         let u_3_q2y = cos_s1_2 * sin_s1_3;
-        let t7_27 = u_3_q2y.mul_add(x_s1_1_q2, t7_26);
-        let t7_28 = cos_s1_3.mul_add(x_s1_2_q2, t7_27);
-        let t7_29 = t7_25 * t7_28;
-        let t7_30 = like.lift(0.5) * t7_29;
-        let t7_31 = al_3x.mul_add(t7_15, -t7_30);
-        let t7_32 = cos_s1_3 * t7_17;
-        let t7_33 = sin_s1_3.mul_add(t7_11, t7_32);
-        let t7_34 = w_3x * t7_33;
-        let t7_35 = cos_s1_3 * w_s1_2y;
-        let w_3y = sin_s1_3.mul_add(w_s1_2z, t7_35);
-        let t7_36 = w_3y.mul_add(t7_24, t7_34);
-        let t7_37 = cos_s1_1 * sin_s1_3;
-        let e_3_q1z = (-cos_s1_3).mul_add(e_s1_2_q1z, t7_37);
-        let t7_38 = e_3_q1z * x_q1_q2;
+        let t7_25 = cos_s1_3 * x_s1_2_q2;
+        let t7_26 = u_3_q2y.mul_add(x_s1_1_q2, t7_25);
+        let t7_27 = e_3_q1y.mul_add(x_q1_q2, t7_26);
+        let t7_28 = like.lift(0.5) * t7_24;
+        let t7_29 = t7_27 * t7_28;
+        let t7_30 = sin_s1_3 * t7_8;
+        let t7_31 = cos_s1_3.mul_add(t7_16, t7_30);
+        let t7_32 = sin_s1_3 * w_s1_2z;
+        let w_3y = cos_s1_3.mul_add(w_s1_2y, t7_32);
+        let t7_33 = w_3y * t7_22;
+        let t7_34 = w_3x.mul_add(t7_31, t7_33);
+        let t7_35 = cos_s1_1 * sin_s1_3;
+        let e_3_q1z = (-cos_s1_3).mul_add(e_s1_2_q1z, t7_35);
         let u_3_q2z = cos_s1_2 * cos_s1_3;
-        let t7_39 = (-u_3_q2z).mul_add(x_s1_1_q2, t7_38);
-        let t7_40 = sin_s1_3.mul_add(x_s1_2_q2, t7_39);
-        let t7_41 = t7_36 * t7_40;
-        let t7_42 = like.lift(0.5) * t7_41;
-        let w_ixx_3_q2 = t7_31 + t7_42;
-        let t7_43 = -w_ixx_3_q2;
-        let t7_44 = e_s1_2_q1x * x_q1_q7;
-        let t7_45 = (-sin_s1_2).mul_add(x_s1_1_q7, t7_44);
-        let t7_46 = x_s1_3_q7 + t7_45;
-        let t7_47 = e_3_q1y * x_q1_q7;
-        let t7_48 = u_3_q2y.mul_add(x_s1_1_q7, t7_47);
-        let t7_49 = cos_s1_3.mul_add(x_s1_2_q7, t7_48);
-        let t7_50 = t7_25 * t7_49;
-        let t7_51 = like.lift(0.5) * t7_50;
-        let t7_52 = al_3x.mul_add(t7_46, -t7_51);
-        let t7_53 = e_3_q1z * x_q1_q7;
-        let t7_54 = (-u_3_q2z).mul_add(x_s1_1_q7, t7_53);
-        let t7_55 = sin_s1_3.mul_add(x_s1_2_q7, t7_54);
-        let t7_56 = t7_36 * t7_55;
-        let t7_57 = like.lift(0.5) * t7_56;
-        let w_ixx_3_q7 = t7_52 + t7_57;
-        let t7_58 = -w_ixx_3_q7;
-        let t7_59 = e_s1_2_q1x * x_q1_q9;
-        let t7_60 = (-sin_s1_2).mul_add(x_s1_1_q9, t7_59);
-        let t7_61 = x_s1_3_q9 + t7_60;
-        let t7_62 = e_3_q1y * x_q1_q9;
-        let t7_63 = u_3_q2y.mul_add(x_s1_1_q9, t7_62);
-        let t7_64 = cos_s1_3.mul_add(x_s1_2_q9, t7_63);
-        let t7_65 = t7_25 * t7_64;
-        let t7_66 = like.lift(0.5) * t7_65;
-        let t7_67 = al_3x.mul_add(t7_61, -t7_66);
-        let t7_68 = e_3_q1z * x_q1_q9;
-        let t7_69 = (-u_3_q2z).mul_add(x_s1_1_q9, t7_68);
-        let t7_70 = sin_s1_3.mul_add(x_s1_2_q9, t7_69);
-        let t7_71 = t7_36 * t7_70;
-        let t7_72 = like.lift(0.5) * t7_71;
-        let w_ixx_3_q9 = t7_67 + t7_72;
-        let t7_73 = -w_ixx_3_q9;
-        let t7_74 = cos_s1_1 * al_1z;
-        let t7_75 = w_s1_1x * t1_159;
-        let t7_76 = d_s1_1.mul_add(t7_10, t7_75);
-        let al_s1_1y = like.lift(-0.5).mul_add(t7_76, t7_74);
-        let al_s1_2y = t3_7 + al_s1_1y;
-        let t7_77 = cos_s1_3 * al_s1_2y;
-        let t7_78 = cos_s1_2 * al_s1_1z;
-        let t7_79 = sin_s1_2.mul_add(al_s1_1x, t7_78);
-        let t7_80 = w_s1_2x * t1_160;
-        let t7_81 = d_s1_2.mul_add(t7_23, t7_80);
-        let al_s1_2z = like.lift(-0.5).mul_add(t7_81, t7_79);
-        let t7_82 = sin_s1_3.mul_add(al_s1_2z, t7_77);
-        let t7_83 = w_3z * t1_161;
-        let t7_84 = d_s1_3.mul_add(t7_19, t7_83);
-        let al_3y = like.lift(-0.5).mul_add(t7_84, t7_82);
-        let t7_85 = like.lift(0.5) * t7_25;
-        let t7_86 = al_3y + t7_85;
-        let t7_87 = t7_86 * t7_15;
-        let t7_88 = w_3y * t7_19;
-        let t7_89 = w_3z.mul_add(t7_33, t7_88);
-        let t7_90 = like.lift(0.5) * t7_89;
-        let t7_91 = al_3x - t7_90;
-        let t7_92 = t7_91.mul_add(t7_28, t7_87);
-        let t7_93 = w_3x * t7_24;
-        let t7_94 = w_3y * t7_33;
-        let t7_95 = t7_93 - t7_94;
-        let w_ixy_3_q2 = (-t7_95).mul_add(t7_40, t7_92);
-        let t7_96 = -w_ixy_3_q2;
-        let t7_97 = t7_86 * t7_46;
-        let t7_98 = t7_91.mul_add(t7_49, t7_97);
-        let w_ixy_3_q7 = (-t7_95).mul_add(t7_55, t7_98);
-        let t7_99 = -w_ixy_3_q7;
-        let t7_100 = t7_86 * t7_61;
-        let t7_101 = t7_91.mul_add(t7_64, t7_100);
-        let w_ixy_3_q9 = (-t7_95).mul_add(t7_70, t7_101);
-        let t7_102 = -w_ixy_3_q9;
-        let t7_103 = sin_s1_3 * al_s1_2y;
-        let t7_104 = (-cos_s1_3).mul_add(al_s1_2z, t7_103);
-        let t7_105 = w_3y * t1_161;
-        let t7_106 = d_s1_3.mul_add(t7_33, t7_105);
-        let al_3z = like.lift(0.5).mul_add(t7_106, t7_104);
-        let t7_107 = like.lift(0.5) * t7_36;
-        let t7_108 = al_3z - t7_107;
-        let t7_109 = t7_108 * t7_15;
-        let t7_110 = w_3z * t7_19;
-        let t7_111 = t7_93 - t7_110;
-        let t7_112 = t7_111.mul_add(t7_28, t7_109);
-        let t7_113 = al_3x + t7_90;
-        let w_ixz_3_q2 = t7_113.mul_add(t7_40, t7_112);
-        let t7_114 = t7_108 * t7_46;
-        let t7_115 = t7_111.mul_add(t7_49, t7_114);
-        let w_ixz_3_q7 = t7_113.mul_add(t7_55, t7_115);
-        let t7_116 = t7_108 * t7_61;
-        let t7_117 = t7_111.mul_add(t7_64, t7_116);
-        let w_ixz_3_q9 = t7_113.mul_add(t7_70, t7_117);
-        let t7_118 = t7_89 * t7_15;
-        let t7_119 = like.lift(0.5) * t7_118;
-        let t7_120 = al_3y.mul_add(t7_28, t7_119);
-        let w_iyy_3_q2 = t7_42 - t7_120;
-        let t7_121 = t7_89 * t7_46;
-        let t7_122 = like.lift(0.5) * t7_121;
-        let t7_123 = al_3y.mul_add(t7_49, t7_122);
-        let w_iyy_3_q7 = t7_57 - t7_123;
-        let t7_124 = t7_89 * t7_61;
-        let t7_125 = like.lift(0.5) * t7_124;
-        let t7_126 = al_3y.mul_add(t7_64, t7_125);
-        let w_iyy_3_q9 = t7_72 - t7_126;
-        let t7_127 = t7_94 - t7_110;
-        let t7_128 = t7_127 * t7_15;
-        let t7_129 = al_3z + t7_107;
-        let t7_130 = (-t7_129).mul_add(t7_28, t7_128);
-        let t7_131 = al_3y - t7_85;
-        let w_iyz_3_q2 = (-t7_131).mul_add(t7_40, t7_130);
-        let t7_132 = -w_iyz_3_q2;
-        let t7_133 = t7_127 * t7_46;
-        let t7_134 = (-t7_129).mul_add(t7_49, t7_133);
-        let w_iyz_3_q7 = (-t7_131).mul_add(t7_55, t7_134);
-        let t7_135 = -w_iyz_3_q7;
-        let t7_136 = t7_127 * t7_61;
-        let t7_137 = (-t7_129).mul_add(t7_64, t7_136);
-        let w_iyz_3_q9 = (-t7_131).mul_add(t7_70, t7_137);
-        let t7_138 = -w_iyz_3_q9;
-        let t7_139 = t7_30 - t7_119;
-        let w_izz_3_q2 = al_3z.mul_add(t7_40, t7_139);
-        let t7_140 = -w_izz_3_q2;
-        let t7_141 = t7_51 - t7_122;
-        let w_izz_3_q7 = al_3z.mul_add(t7_55, t7_141);
-        let t7_142 = -w_izz_3_q7;
-        let t7_143 = t7_66 - t7_125;
-        let w_izz_3_q9 = al_3z.mul_add(t7_70, t7_143);
-        let t7_144 = -w_izz_3_q9;
+        let t7_36 = sin_s1_3 * x_s1_2_q2;
+        let t7_37 = (-u_3_q2z).mul_add(x_s1_1_q2, t7_36);
+        let t7_38 = e_3_q1z.mul_add(x_q1_q2, t7_37);
+        let t7_39 = like.lift(0.5) * t7_34;
+        let t7_40 = t7_38 * t7_39;
+        let t7_41 = al_3x.mul_add(t7_14, t7_40);
+        let w_ixx_3_q2 = t7_41 - t7_29;
+        let t7_42 = -w_ixx_3_q2;
+        let t7_43 = (-sin_s1_2).mul_add(x_s1_1_q7, x_s1_3_q7);
+        let t7_44 = e_s1_2_q1x.mul_add(x_q1_q7, t7_43);
+        let t7_45 = cos_s1_3 * x_s1_2_q7;
+        let t7_46 = u_3_q2y.mul_add(x_s1_1_q7, t7_45);
+        let t7_47 = e_3_q1y.mul_add(x_q1_q7, t7_46);
+        let t7_48 = t7_47 * t7_28;
+        let t7_49 = sin_s1_3 * x_s1_2_q7;
+        let t7_50 = (-u_3_q2z).mul_add(x_s1_1_q7, t7_49);
+        let t7_51 = e_3_q1z.mul_add(x_q1_q7, t7_50);
+        let t7_52 = t7_51 * t7_39;
+        let t7_53 = al_3x.mul_add(t7_44, t7_52);
+        let w_ixx_3_q7 = t7_53 - t7_48;
+        let t7_54 = -w_ixx_3_q7;
+        let t7_55 = (-sin_s1_2).mul_add(x_s1_1_q9, x_s1_3_q9);
+        let t7_56 = e_s1_2_q1x.mul_add(x_q1_q9, t7_55);
+        let t7_57 = cos_s1_3 * x_s1_2_q9;
+        let t7_58 = u_3_q2y.mul_add(x_s1_1_q9, t7_57);
+        let t7_59 = e_3_q1y.mul_add(x_q1_q9, t7_58);
+        let t7_60 = t7_59 * t7_28;
+        let t7_61 = sin_s1_3 * x_s1_2_q9;
+        let t7_62 = (-u_3_q2z).mul_add(x_s1_1_q9, t7_61);
+        let t7_63 = e_3_q1z.mul_add(x_q1_q9, t7_62);
+        let t7_64 = t7_63 * t7_39;
+        let t7_65 = al_3x.mul_add(t7_56, t7_64);
+        let w_ixx_3_q9 = t7_65 - t7_60;
+        let t7_66 = -w_ixx_3_q9;
+        let t7_67 = d_s1_1 * t7_6;
+        let t7_68 = w_s1_1x.mul_add(t2_152, t7_67);
+        let t7_69 = like.lift(-0.5).mul_add(t7_68, t3_227);
+        let al_s1_2y = cos_s1_1.mul_add(al_1z, t7_69);
+        let t7_70 = d_s1_2 * t7_21;
+        let t7_71 = w_s1_2x.mul_add(t2_153, t7_70);
+        let t7_72 = sin_s1_2 * al_s1_1x;
+        let t7_73 = like.lift(-0.5).mul_add(t7_71, t7_72);
+        let al_s1_2z = cos_s1_2.mul_add(al_s1_1z, t7_73);
+        let t7_74 = d_s1_3 * t7_18;
+        let t7_75 = w_3z.mul_add(t2_154, t7_74);
+        let t7_76 = sin_s1_3 * al_s1_2z;
+        let t7_77 = like.lift(-0.5).mul_add(t7_75, t7_76);
+        let al_3y = cos_s1_3.mul_add(al_s1_2y, t7_77);
+        let t7_78 = al_3y + t7_28;
+        let t7_79 = w_3z * t7_31;
+        let t7_80 = w_3y.mul_add(t7_18, t7_79);
+        let t7_81 = like.lift(0.5) * t7_80;
+        let t7_82 = al_3x - t7_81;
+        let t7_83 = w_3x * t7_22;
+        let t7_84 = w_3y * t7_31;
+        let t7_85 = t7_83 - t7_84;
+        let t7_86 = t7_82 * t7_27;
+        let t7_87 = (-t7_85).mul_add(t7_38, t7_86);
+        let w_ixy_3_q2 = t7_78.mul_add(t7_14, t7_87);
+        let t7_88 = -w_ixy_3_q2;
+        let t7_89 = t7_82 * t7_47;
+        let t7_90 = (-t7_85).mul_add(t7_51, t7_89);
+        let w_ixy_3_q7 = t7_78.mul_add(t7_44, t7_90);
+        let t7_91 = -w_ixy_3_q7;
+        let t7_92 = t7_82 * t7_59;
+        let t7_93 = (-t7_85).mul_add(t7_63, t7_92);
+        let w_ixy_3_q9 = t7_78.mul_add(t7_56, t7_93);
+        let t7_94 = -w_ixy_3_q9;
+        let t7_95 = d_s1_3 * t7_31;
+        let t7_96 = w_3y.mul_add(t2_154, t7_95);
+        let t7_97 = like.lift(0.5) * t7_96;
+        let t7_98 = (-cos_s1_3).mul_add(al_s1_2z, t7_97);
+        let al_3z = sin_s1_3.mul_add(al_s1_2y, t7_98);
+        let t7_99 = al_3z - t7_39;
+        let t7_100 = w_3z * t7_18;
+        let t7_101 = t7_83 - t7_100;
+        let t7_102 = al_3x + t7_81;
+        let t7_103 = t7_102 * t7_38;
+        let t7_104 = t7_101.mul_add(t7_27, t7_103);
+        let w_ixz_3_q2 = t7_99.mul_add(t7_14, t7_104);
+        let t7_105 = t7_102 * t7_51;
+        let t7_106 = t7_101.mul_add(t7_47, t7_105);
+        let w_ixz_3_q7 = t7_99.mul_add(t7_44, t7_106);
+        let t7_107 = t7_102 * t7_63;
+        let t7_108 = t7_101.mul_add(t7_59, t7_107);
+        let w_ixz_3_q9 = t7_99.mul_add(t7_56, t7_108);
+        let t7_109 = t7_14 * t7_81;
+        let t7_110 = (-al_3y).mul_add(t7_27, t7_40);
+        let w_iyy_3_q2 = t7_110 - t7_109;
+        let t7_111 = t7_44 * t7_81;
+        let t7_112 = (-al_3y).mul_add(t7_47, t7_52);
+        let w_iyy_3_q7 = t7_112 - t7_111;
+        let t7_113 = t7_56 * t7_81;
+        let t7_114 = (-al_3y).mul_add(t7_59, t7_64);
+        let w_iyy_3_q9 = t7_114 - t7_113;
+        let t7_115 = t7_84 - t7_100;
+        let t7_116 = al_3z + t7_39;
+        let t7_117 = al_3y - t7_28;
+        let t7_118 = t7_115 * t7_14;
+        let t7_119 = (-t7_117).mul_add(t7_38, t7_118);
+        let w_iyz_3_q2 = (-t7_116).mul_add(t7_27, t7_119);
+        let t7_120 = -w_iyz_3_q2;
+        let t7_121 = t7_115 * t7_44;
+        let t7_122 = (-t7_117).mul_add(t7_51, t7_121);
+        let w_iyz_3_q7 = (-t7_116).mul_add(t7_47, t7_122);
+        let t7_123 = -w_iyz_3_q7;
+        let t7_124 = t7_115 * t7_56;
+        let t7_125 = (-t7_117).mul_add(t7_63, t7_124);
+        let w_iyz_3_q9 = (-t7_116).mul_add(t7_59, t7_125);
+        let t7_126 = -w_iyz_3_q9;
+        let t7_127 = al_3z.mul_add(t7_38, t7_29);
+        let w_izz_3_q2 = t7_127 - t7_109;
+        let t7_128 = -w_izz_3_q2;
+        let t7_129 = al_3z.mul_add(t7_51, t7_48);
+        let w_izz_3_q7 = t7_129 - t7_111;
+        let t7_130 = -w_izz_3_q7;
+        let t7_131 = al_3z.mul_add(t7_63, t7_60);
+        let w_izz_3_q9 = t7_131 - t7_113;
+        let t7_132 = -w_izz_3_q9;
         let a_s1_1y = sin_s1_1 * a_2x;
-        let t7_145 = cos_s1_3 * a_s1_1y;
-        let t7_146 = cos_s1_2 * a_2z;
         let a_s1_1x = cos_s1_1 * a_2x;
-        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t7_146);
-        let a_3y = sin_s1_3.mul_add(a_s1_2z, t7_145);
-        let t7_147 = a_3y * t7_40;
-        let t7_148 = sin_s1_3 * a_s1_1y;
-        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t7_148);
-        let t7_149 = (-a_3z).mul_add(t7_28, t7_147);
-        let t7_150 = t7_94 + t7_110;
+        let t7_133 = cos_s1_2 * a_2z;
+        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t7_133);
+        let t7_134 = sin_s1_3 * a_s1_2z;
+        let a_3y = cos_s1_3.mul_add(a_s1_1y, t7_134);
+        let t7_135 = sin_s1_3 * a_s1_1y;
+        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t7_135);
+        let t7_136 = t7_84 + t7_100;
         let u_s1_1_q1x = q2 * cos_s1_1;
         let u_s1_2_q1x = cos_s1_2 * u_s1_1_q1x;
-        let t7_151 = u_s1_2_q1x.mul_add(x_q1_q2, sin_s1_2);
-        let t7_152 = t7_150 * t7_151;
+        let t7_137 = u_s1_2_q1x.mul_add(x_q1_q2, sin_s1_2);
         let u_s1_1_q1y = q2 * sin_s1_1;
-        let t7_153 = cos_s1_3 * u_s1_1_q1y;
         let u_s1_2_q1z = sin_s1_2 * u_s1_1_q1x;
-        let u_3_q1y = (-sin_s1_3).mul_add(u_s1_2_q1z, t7_153);
-        let t7_154 = u_3_q1y.mul_add(x_q1_q2, u_3_q2y);
-        let t7_155 = (-t7_108).mul_add(t7_154, t7_152);
-        let t7_156 = sin_s1_3 * u_s1_1_q1y;
-        let u_3_q1z = cos_s1_3.mul_add(u_s1_2_q1z, t7_156);
-        let t7_157 = (-u_3_q1z).mul_add(x_q1_q2, u_3_q2z);
-        let t7_158 = (-t7_86).mul_add(t7_157, t7_155);
-        let w_mx_3_q2 = t7_149 + t7_158;
-        let t7_159 = a_3y * t7_55;
-        let t7_160 = (-a_3z).mul_add(t7_49, t7_159);
-        let t7_161 = u_s1_2_q1x * x_q1_q7;
-        let t7_162 = t7_150 * t7_161;
-        let t7_163 = u_3_q1y * x_q1_q7;
-        let t7_164 = (-t7_108).mul_add(t7_163, t7_162);
-        let t7_165 = u_3_q1z * x_q1_q7;
-        let t7_166 = t7_86.mul_add(t7_165, t7_164);
-        let w_mx_3_q7 = t7_160 + t7_166;
-        let t7_167 = a_3y * t7_70;
-        let t7_168 = (-a_3z).mul_add(t7_64, t7_167);
-        let t7_169 = u_s1_2_q1x * x_q1_q9;
-        let t7_170 = t7_150 * t7_169;
-        let t7_171 = u_3_q1y * x_q1_q9;
-        let t7_172 = (-t7_108).mul_add(t7_171, t7_170);
-        let t7_173 = u_3_q1z * x_q1_q9;
-        let t7_174 = t7_86.mul_add(t7_173, t7_172);
-        let w_mx_3_q9 = t7_168 + t7_174;
-        let t7_175 = a_3z * t7_15;
-        let t7_176 = sin_s1_2 * a_2z;
-        let a_s1_2x = cos_s1_2.mul_add(a_s1_1x, t7_176);
-        let t7_177 = a_s1_2x.mul_add(t7_40, t7_175);
-        let t7_178 = t7_129 * t7_151;
-        let t7_179 = t7_93 + t7_110;
-        let t7_180 = t7_179.mul_add(t7_154, t7_178);
-        let t7_181 = (-t7_91).mul_add(t7_157, t7_180);
-        let w_my_3_q2 = t7_177 - t7_181;
-        let t7_182 = a_3z * t7_46;
-        let t7_183 = a_s1_2x.mul_add(t7_55, t7_182);
-        let t7_184 = t7_129 * t7_161;
-        let t7_185 = t7_179.mul_add(t7_163, t7_184);
-        let t7_186 = t7_91.mul_add(t7_165, t7_185);
-        let w_my_3_q7 = t7_183 - t7_186;
-        let t7_187 = a_3z * t7_61;
-        let t7_188 = a_s1_2x.mul_add(t7_70, t7_187);
-        let t7_189 = t7_129 * t7_169;
-        let t7_190 = t7_179.mul_add(t7_171, t7_189);
-        let t7_191 = t7_91.mul_add(t7_173, t7_190);
-        let w_my_3_q9 = t7_188 - t7_191;
-        let t7_192 = a_s1_2x * t7_28;
-        let t7_193 = a_3y.mul_add(t7_15, t7_192);
-        let t7_194 = t7_131 * t7_151;
-        let t7_195 = t7_113.mul_add(t7_154, t7_194);
+        let t7_138 = cos_s1_3 * u_s1_1_q1y;
+        let u_3_q1y = (-sin_s1_3).mul_add(u_s1_2_q1z, t7_138);
+        let t7_139 = u_3_q1y.mul_add(x_q1_q2, u_3_q2y);
+        let t7_140 = cos_s1_3 * u_s1_2_q1z;
+        let u_3_q1z = sin_s1_3.mul_add(u_s1_1_q1y, t7_140);
+        let t7_141 = (-u_3_q1z).mul_add(x_q1_q2, u_3_q2z);
+        let t7_142 = a_3y * t7_38;
+        let t7_143 = (-a_3z).mul_add(t7_27, t7_142);
+        let t7_144 = (-t7_78).mul_add(t7_141, t7_143);
+        let t7_145 = (-t7_99).mul_add(t7_139, t7_144);
+        let w_mx_3_q2 = t7_136.mul_add(t7_137, t7_145);
+        let t7_146 = u_s1_2_q1x * x_q1_q7;
+        let t7_147 = u_3_q1y * x_q1_q7;
+        let t7_148 = u_3_q1z * x_q1_q7;
+        let t7_149 = a_3y * t7_51;
+        let t7_150 = (-a_3z).mul_add(t7_47, t7_149);
+        let t7_151 = t7_78.mul_add(t7_148, t7_150);
+        let t7_152 = (-t7_99).mul_add(t7_147, t7_151);
+        let w_mx_3_q7 = t7_136.mul_add(t7_146, t7_152);
+        let t7_153 = u_s1_2_q1x * x_q1_q9;
+        let t7_154 = u_3_q1y * x_q1_q9;
+        let t7_155 = u_3_q1z * x_q1_q9;
+        let t7_156 = a_3y * t7_63;
+        let t7_157 = (-a_3z).mul_add(t7_59, t7_156);
+        let t7_158 = t7_78.mul_add(t7_155, t7_157);
+        let t7_159 = (-t7_99).mul_add(t7_154, t7_158);
+        let w_mx_3_q9 = t7_136.mul_add(t7_153, t7_159);
+        let t7_160 = cos_s1_2 * a_s1_1x;
+        let a_s1_2x = sin_s1_2.mul_add(a_2z, t7_160);
+        let t7_161 = t7_83 + t7_100;
+        let t7_162 = a_s1_2x * t7_38;
+        let t7_163 = a_3z.mul_add(t7_14, t7_162);
+        let t7_164 = t7_82.mul_add(t7_141, t7_163);
+        let t7_165 = (-t7_161).mul_add(t7_139, t7_164);
+        let w_my_3_q2 = (-t7_116).mul_add(t7_137, t7_165);
+        let t7_166 = a_s1_2x * t7_51;
+        let t7_167 = a_3z.mul_add(t7_44, t7_166);
+        let t7_168 = (-t7_82).mul_add(t7_148, t7_167);
+        let t7_169 = (-t7_161).mul_add(t7_147, t7_168);
+        let w_my_3_q7 = (-t7_116).mul_add(t7_146, t7_169);
+        let t7_170 = a_s1_2x * t7_63;
+        let t7_171 = a_3z.mul_add(t7_56, t7_170);
+        let t7_172 = (-t7_82).mul_add(t7_155, t7_171);
+        let t7_173 = (-t7_161).mul_add(t7_154, t7_172);
+        let w_my_3_q9 = (-t7_116).mul_add(t7_153, t7_173);
+        let t7_174 = t7_83 + t7_84;
+        let t7_175 = a_3y * t7_14;
+        let t7_176 = a_s1_2x.mul_add(t7_27, t7_175);
+        let t7_177 = (-t7_174).mul_add(t7_141, t7_176);
+        let t7_178 = (-t7_102).mul_add(t7_139, t7_177);
+        let w_mz_3_q2 = (-t7_117).mul_add(t7_137, t7_178);
+        let t7_179 = a_3y * t7_44;
+        let t7_180 = a_s1_2x.mul_add(t7_47, t7_179);
+        let t7_181 = t7_174.mul_add(t7_148, t7_180);
+        let t7_182 = (-t7_102).mul_add(t7_147, t7_181);
+        let w_mz_3_q7 = (-t7_117).mul_add(t7_146, t7_182);
+        let t7_183 = a_3y * t7_56;
+        let t7_184 = a_s1_2x.mul_add(t7_59, t7_183);
+        let t7_185 = t7_174.mul_add(t7_155, t7_184);
+        let t7_186 = (-t7_102).mul_add(t7_154, t7_185);
+        let w_mz_3_q9 = (-t7_117).mul_add(t7_153, t7_186);
+        let t7_187 = a_3y * t7_139;
+        let t7_188 = (-a_3z).mul_add(t7_141, t7_187);
+        let w_m_3_q2 = a_s1_2x.mul_add(t7_137, t7_188);
+        let t7_189 = a_3z * t7_148;
+        let t7_190 = a_3y.mul_add(t7_147, t7_189);
+        let w_m_3_q7 = a_s1_2x.mul_add(t7_146, t7_190);
+        let t7_191 = a_3z * t7_155;
+        let t7_192 = a_3y.mul_add(t7_154, t7_191);
         [
-            t7_43, t7_46, t7_49, t7_58, t7_61, t7_64, t7_73, t7_93, t7_94, t7_96, t7_99,
-            t7_102, t7_113, w_ixz_3_q2, w_ixz_3_q7, w_ixz_3_q9, w_iyy_3_q2, w_iyy_3_q7,
-            w_iyy_3_q9, t7_131, t7_132, t7_135, t7_138, t7_140, t7_142, t7_144, a_3y, a_3z,
-            t7_151, t7_154, t7_157, w_mx_3_q2, t7_161, t7_163, t7_165, w_mx_3_q7, t7_169,
-            t7_171, t7_173, w_mx_3_q9, a_s1_2x, w_my_3_q2, w_my_3_q7, w_my_3_q9, t7_193,
-            t7_195,
+            t7_42, t7_54, t7_66, t7_88, t7_91, t7_94, w_ixz_3_q2, w_ixz_3_q7, w_ixz_3_q9,
+            w_iyy_3_q2, w_iyy_3_q7, w_iyy_3_q9, t7_120, t7_123, t7_126, t7_128, t7_130, t7_132,
+            w_mx_3_q2, w_mx_3_q7, t7_153, w_mx_3_q9, a_s1_2x, w_my_3_q2, w_my_3_q7, w_my_3_q9,
+            w_mz_3_q2, w_mz_3_q7, w_mz_3_q9, w_m_3_q2, w_m_3_q7, t7_192,
         ]
     };
     // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let t8_1 = t7_93 + t7_94;
-        let t8_2 = t8_1.mul_add(t7_157, t7_195);
-        let w_mz_3_q2 = t7_193 - t8_2;
-        let t8_3 = a_s1_2x * t7_49;
-        let t8_4 = a_3y.mul_add(t7_46, t8_3);
-        let t8_5 = t7_131 * t7_161;
-        let t8_6 = t7_113.mul_add(t7_163, t8_5);
-        let t8_7 = (-t8_1).mul_add(t7_165, t8_6);
-        let w_mz_3_q7 = t8_4 - t8_7;
-        let t8_8 = a_s1_2x * t7_64;
-        let t8_9 = a_3y.mul_add(t7_61, t8_8);
-        let t8_10 = t7_131 * t7_169;
-        let t8_11 = t7_113.mul_add(t7_171, t8_10);
-        let t8_12 = (-t8_1).mul_add(t7_173, t8_11);
-        let w_mz_3_q9 = t8_9 - t8_12;
-        y[28] = [w_mz_3_q2, w_mz_3_q7, w_mz_3_q9];
-        let t8_13 = a_s1_2x * t7_151;
-        let t8_14 = a_3y.mul_add(t7_154, t8_13);
-        let w_m_3_q2 = (-a_3z).mul_add(t7_157, t8_14);
-        let t8_15 = a_s1_2x * t7_161;
-        let t8_16 = a_3y.mul_add(t7_163, t8_15);
-        let w_m_3_q7 = a_3z.mul_add(t7_165, t8_16);
-        let t8_17 = a_s1_2x * t7_169;
-        let t8_18 = a_3y.mul_add(t7_171, t8_17);
-        let w_m_3_q9 = a_3z.mul_add(t7_173, t8_18);
+        let w_m_3_q9 = a_s1_2x.mul_add(t7_153, t7_192);
         y[29] = [w_m_3_q2, w_m_3_q7, w_m_3_q9];
-        y[20] = [t7_43, t7_58, t7_73];
-        y[21] = [t7_96, t7_99, t7_102];
+        y[20] = [t7_42, t7_54, t7_66];
+        y[21] = [t7_88, t7_91, t7_94];
         y[22] = [w_ixz_3_q2, w_ixz_3_q7, w_ixz_3_q9];
         y[23] = [w_iyy_3_q2, w_iyy_3_q7, w_iyy_3_q9];
-        y[24] = [t7_132, t7_135, t7_138];
-        y[25] = [t7_140, t7_142, t7_144];
+        y[24] = [t7_120, t7_123, t7_126];
+        y[25] = [t7_128, t7_130, t7_132];
         y[26] = [w_mx_3_q2, w_mx_3_q7, w_mx_3_q9];
         y[27] = [w_my_3_q2, w_my_3_q7, w_my_3_q9];
+        y[28] = [w_mz_3_q2, w_mz_3_q7, w_mz_3_q9];
     }
     // body 4: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [t9_1, t9_2, t9_3] = {
+    let [t9_1, t9_2, t9_3, a_4y, t9_4] = {
         let w_izz_4_q2 = al_4z * x_q6_q2;
         let t9_1 = -w_izz_4_q2;
         let w_izz_4_q7 = al_4z * x_q6_q7;
@@ -5633,74 +5348,53 @@ pub fn slotine_li<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd_r: &[T;
         let w_izz_4_q9 = al_4z * x_q6_q9;
         let t9_3 = -w_izz_4_q9;
         y[35] = [t9_1, t9_2, t9_3];
-        let t9_4 = cos_q6 * x_q6_q2;
-        let w_mx_4_q2 = like.lift(9.81) * t9_4;
-        let t9_5 = cos_q6 * x_q6_q7;
-        let w_mx_4_q7 = like.lift(9.81) * t9_5;
-        let t9_6 = cos_q6 * x_q6_q9;
-        let w_mx_4_q9 = like.lift(9.81) * t9_6;
+        let a_4y = like.lift(9.81) * cos_q6;
+        let w_mx_4_q2 = x_q6_q2 * a_4y;
+        let w_mx_4_q7 = x_q6_q7 * a_4y;
+        let w_mx_4_q9 = x_q6_q9 * a_4y;
         y[36] = [w_mx_4_q2, w_mx_4_q7, w_mx_4_q9];
-        let t9_7 = sin_q6 * x_q6_q2;
-        let w_my_4_q2 = like.lift(9.81) * t9_7;
-        let t9_8 = -w_my_4_q2;
-        let t9_9 = sin_q6 * x_q6_q7;
-        let w_my_4_q7 = like.lift(9.81) * t9_9;
-        let t9_10 = -w_my_4_q7;
-        let t9_11 = sin_q6 * x_q6_q9;
-        let w_my_4_q9 = like.lift(9.81) * t9_11;
-        let t9_12 = -w_my_4_q9;
-        y[37] = [t9_8, t9_10, t9_12];
-        y[30] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[31] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[32] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[33] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[34] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[38] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[39] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        [t9_1, t9_2, t9_3]
+        let t9_4 = like.lift(9.81) * sin_q6;
+        let w_my_4_q2 = x_q6_q2 * t9_4;
+        let t9_5 = -w_my_4_q2;
+        let w_my_4_q7 = x_q6_q7 * t9_4;
+        let t9_6 = -w_my_4_q7;
+        let w_my_4_q9 = x_q6_q9 * t9_4;
+        let t9_7 = -w_my_4_q9;
+        y[37] = [t9_5, t9_6, t9_7];
+        [t9_1, t9_2, t9_3, a_4y, t9_4]
     };
     // body 5: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let a_4y = like.lift(9.81) * cos_q6;
         let t10_1 = a_4y + dr_q7;
         let w_mx_5_q2 = x_q6_q2 * t10_1;
-        let t10_2 = d_q6 * t1_162;
-        let t10_3 = (-q7).mul_add(t10_2, a_4y);
-        let a_5z = dr_q7 + t10_3;
-        let t10_4 = q7 * x_q6_q7;
-        let t10_5 = (-t10_2).mul_add(t10_4, al_4z);
-        let w_mx_5_q7 = x_q6_q7.mul_add(a_5z, -t10_5);
+        let t10_2 = (-q7).mul_add(t3_72, dr_q7);
+        let a_5z = t10_2 + a_4y;
+        let t10_3 = q7 * x_q6_q7;
+        let t10_4 = x_q6_q7.mul_add(a_5z, -al_4z);
+        let w_mx_5_q7 = t3_72.mul_add(t10_3, t10_4);
         let w_mx_5_q9 = x_q6_q9 * t10_1;
         y[46] = [w_mx_5_q2, w_mx_5_q7, w_mx_5_q9];
-        let t10_6 = q7 * al_4z;
-        let a_4x = like.lift(9.81) * sin_q6;
-        let t10_7 = a_4x - t10_6;
-        let t10_8 = d_q6 * r_q7;
-        let t10_9 = d_q7.mul_add(t1_162, t10_8);
-        let a_5x = t10_7 - t10_9;
-        let t10_10 = t10_6 - a_5x;
-        let w_mz_5_q2 = x_q6_q2 * t10_10;
-        let t10_11 = -w_mz_5_q2;
-        let t10_12 = al_4z.mul_add(t10_4, t10_2);
-        let w_mz_5_q7 = x_q6_q7.mul_add(a_5x, -t10_12);
-        let w_mz_5_q9 = x_q6_q9 * t10_10;
-        let t10_13 = -w_mz_5_q9;
-        y[48] = [t10_11, w_mz_5_q7, t10_13];
-        let t10_14 = q7 * a_5x;
-        let w_m_5_q2 = x_q6_q2 * t10_14;
-        let w_m_5_q7 = a_5x.mul_add(t10_4, a_5z);
-        let w_m_5_q9 = x_q6_q9 * t10_14;
+        let t10_5 = q7 * al_4z;
+        let t10_6 = t9_4 - t10_5;
+        let t10_7 = t10_6 - t3_76;
+        let a_5x = t10_7 - t3_74;
+        let t10_8 = t10_5 - a_5x;
+        let w_mz_5_q2 = x_q6_q2 * t10_8;
+        let t10_9 = -w_mz_5_q2;
+        let t10_10 = x_q6_q7.mul_add(a_5x, -t3_72);
+        let w_mz_5_q7 = (-al_4z).mul_add(t10_3, t10_10);
+        let w_mz_5_q9 = x_q6_q9 * t10_8;
+        let t10_11 = -w_mz_5_q9;
+        y[48] = [t10_9, w_mz_5_q7, t10_11];
+        let t10_12 = q7 * a_5x;
+        let w_m_5_q2 = x_q6_q2 * t10_12;
+        let w_m_5_q7 = a_5x.mul_add(t10_3, a_5z);
+        let w_m_5_q9 = x_q6_q9 * t10_12;
         y[49] = [w_m_5_q2, w_m_5_q7, w_m_5_q9];
-        y[40] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[41] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[42] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         y[43] = [t9_1, t9_2, t9_3];
-        y[44] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[45] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[47] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
     }
     // body 6: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [t11_1, t11_2, t11_3] = {
+    let [t11_1, t11_2, t11_3, a_6y, t11_4] = {
         let w_izz_6_q2 = al_6z * x_q8_q2;
         let t11_1 = -w_izz_6_q2;
         let w_izz_6_q7 = al_6z * x_q8_q7;
@@ -5708,71 +5402,50 @@ pub fn slotine_li<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd_r: &[T;
         let w_izz_6_q9 = al_6z * x_q8_q9;
         let t11_3 = -w_izz_6_q9;
         y[55] = [t11_1, t11_2, t11_3];
-        let t11_4 = cos_q8 * x_q8_q2;
-        let w_mx_6_q2 = like.lift(9.81) * t11_4;
-        let t11_5 = cos_q8 * x_q8_q7;
-        let w_mx_6_q7 = like.lift(9.81) * t11_5;
-        let t11_6 = cos_q8 * x_q8_q9;
-        let w_mx_6_q9 = like.lift(9.81) * t11_6;
+        let a_6y = like.lift(9.81) * cos_q8;
+        let w_mx_6_q2 = x_q8_q2 * a_6y;
+        let w_mx_6_q7 = x_q8_q7 * a_6y;
+        let w_mx_6_q9 = x_q8_q9 * a_6y;
         y[56] = [w_mx_6_q2, w_mx_6_q7, w_mx_6_q9];
-        let t11_7 = sin_q8 * x_q8_q2;
-        let w_my_6_q2 = like.lift(9.81) * t11_7;
-        let t11_8 = -w_my_6_q2;
-        let t11_9 = sin_q8 * x_q8_q7;
-        let w_my_6_q7 = like.lift(9.81) * t11_9;
-        let t11_10 = -w_my_6_q7;
-        let t11_11 = sin_q8 * x_q8_q9;
-        let w_my_6_q9 = like.lift(9.81) * t11_11;
-        let t11_12 = -w_my_6_q9;
-        y[57] = [t11_8, t11_10, t11_12];
-        y[50] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[51] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[52] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[53] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[54] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[58] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[59] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        [t11_1, t11_2, t11_3]
+        let t11_4 = like.lift(9.81) * sin_q8;
+        let w_my_6_q2 = x_q8_q2 * t11_4;
+        let t11_5 = -w_my_6_q2;
+        let w_my_6_q7 = x_q8_q7 * t11_4;
+        let t11_6 = -w_my_6_q7;
+        let w_my_6_q9 = x_q8_q9 * t11_4;
+        let t11_7 = -w_my_6_q9;
+        y[57] = [t11_5, t11_6, t11_7];
+        [t11_1, t11_2, t11_3, a_6y, t11_4]
     };
     // body 7: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let a_6y = like.lift(9.81) * cos_q8;
         let t12_1 = a_6y + dr_q9;
         let w_mx_7_q2 = x_q8_q2 * t12_1;
         let w_mx_7_q7 = x_q8_q7 * t12_1;
-        let t12_2 = d_q8 * t1_163;
-        let t12_3 = (-q9).mul_add(t12_2, a_6y);
-        let a_7z = dr_q9 + t12_3;
-        let t12_4 = q9 * x_q8_q9;
-        let t12_5 = (-t12_2).mul_add(t12_4, al_6z);
-        let w_mx_7_q9 = x_q8_q9.mul_add(a_7z, -t12_5);
+        let t12_2 = (-q9).mul_add(t3_156, dr_q9);
+        let a_7z = t12_2 + a_6y;
+        let t12_3 = q9 * x_q8_q9;
+        let t12_4 = x_q8_q9.mul_add(a_7z, -al_6z);
+        let w_mx_7_q9 = t3_156.mul_add(t12_3, t12_4);
         y[66] = [w_mx_7_q2, w_mx_7_q7, w_mx_7_q9];
-        let t12_6 = q9 * al_6z;
-        let a_6x = like.lift(9.81) * sin_q8;
-        let t12_7 = a_6x - t12_6;
-        let t12_8 = d_q8 * r_q9;
-        let t12_9 = d_q9.mul_add(t1_163, t12_8);
-        let a_7x = t12_7 - t12_9;
-        let t12_10 = t12_6 - a_7x;
-        let w_mz_7_q2 = x_q8_q2 * t12_10;
-        let t12_11 = -w_mz_7_q2;
-        let w_mz_7_q7 = x_q8_q7 * t12_10;
-        let t12_12 = -w_mz_7_q7;
-        let t12_13 = al_6z.mul_add(t12_4, t12_2);
-        let w_mz_7_q9 = x_q8_q9.mul_add(a_7x, -t12_13);
-        y[68] = [t12_11, t12_12, w_mz_7_q9];
-        let t12_14 = q9 * a_7x;
-        let w_m_7_q2 = x_q8_q2 * t12_14;
-        let w_m_7_q7 = x_q8_q7 * t12_14;
-        let w_m_7_q9 = a_7x.mul_add(t12_4, a_7z);
+        let t12_5 = q9 * al_6z;
+        let t12_6 = t11_4 - t12_5;
+        let t12_7 = t12_6 - t3_160;
+        let a_7x = t12_7 - t3_158;
+        let t12_8 = t12_5 - a_7x;
+        let w_mz_7_q2 = x_q8_q2 * t12_8;
+        let t12_9 = -w_mz_7_q2;
+        let w_mz_7_q7 = x_q8_q7 * t12_8;
+        let t12_10 = -w_mz_7_q7;
+        let t12_11 = x_q8_q9.mul_add(a_7x, -t3_156);
+        let w_mz_7_q9 = (-al_6z).mul_add(t12_3, t12_11);
+        y[68] = [t12_9, t12_10, w_mz_7_q9];
+        let t12_12 = q9 * a_7x;
+        let w_m_7_q2 = x_q8_q2 * t12_12;
+        let w_m_7_q7 = x_q8_q7 * t12_12;
+        let w_m_7_q9 = a_7x.mul_add(t12_3, a_7z);
         y[69] = [w_m_7_q2, w_m_7_q7, w_m_7_q9];
-        y[60] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[61] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[62] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
         y[63] = [t11_1, t11_2, t11_3];
-        y[64] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[65] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[67] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
     }
     Condition { pivot: condition }
 }
@@ -5807,108 +5480,117 @@ pub fn poses<T: Scalar>(q: &[T; 9]) -> [[T; 12]; 7] {
     let like = q[0];
     let mut poses = [[like.lift(0.0); 12]; 7];
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
+    // sines and cosines
+    let [
+        sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, sin_s1_3, cos_s1_3, sin_q6,
+        cos_q6, sin_q8, cos_q8,
+    ] = {
+        let [
+            (sin_q1, cos_q1), (sin_s1_2, cos_s1_2), (sin_s1_1, cos_s1_1), (sin_s1_3, cos_s1_3),
+            (sin_q6, cos_q6), (sin_q8, cos_q8),
+        ] =
+            T::sin_cos_all([q1, s1_2, s1_1, s1_3, q6, q8]);
+        [
+            sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, sin_s1_3, cos_s1_3, sin_q6,
+            cos_q6, sin_q8, cos_q8,
+        ]
+    };
     // body 1
-    let [sin_q1, cos_q1, t1_1] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = -sin_q1;
-        let t1_2 = -cos_q1;
-        poses[0] = [cos_q1, t1_1, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(1.0), t1_1, t1_2, like.lift(0.0), like.lift(0.26344492783122625), like.lift(0.0), like.lift(0.0)];
-        [sin_q1, cos_q1, t1_1]
+    let [t2_1] = {
+        let t2_1 = -sin_q1;
+        let t2_2 = -cos_q1;
+        poses[0][0] = cos_q1; poses[0][1] = t2_1; poses[0][5] = like.lift(1.0); poses[0][6] = t2_1; poses[0][7] = t2_2; poses[0][9] = like.lift(0.26344492783122625);
+        [t2_1]
     };
     // body 2
-    let [t2_1, t2_2] = {
-        let t2_1 = sin_q1.mul_add(q2, like.lift(0.26344492783122625));
-        let t2_2 = cos_q1 * q2;
-        poses[1] = [cos_q1, like.lift(0.0), sin_q1, like.lift(0.0), like.lift(1.0), like.lift(0.0), t1_1, like.lift(0.0), cos_q1, t2_1, like.lift(0.0), t2_2];
-        [t2_1, t2_2]
+    let [t3_1, t3_2] = {
+        let t3_1 = sin_q1.mul_add(q2, like.lift(0.26344492783122625));
+        let t3_2 = cos_q1 * q2;
+        poses[1][0] = cos_q1; poses[1][2] = sin_q1; poses[1][4] = like.lift(1.0); poses[1][6] = t2_1; poses[1][8] = cos_q1; poses[1][9] = t3_1; poses[1][11] = t3_2;
+        [t3_1, t3_2]
     };
     // body 3
     {
-        let (sin_s1_2, cos_s1_2) = s1_2.sin_cos();
-        let t3_1 = sin_q1 * sin_s1_2;
-        let (sin_s1_1, cos_s1_1) = s1_1.sin_cos();
-        let t3_2 = cos_q1 * cos_s1_1;
-        let t3_3 = (-cos_s1_2).mul_add(t3_2, t3_1);
-        let t3_4 = -t3_3;
-        let (sin_s1_3, cos_s1_3) = s1_3.sin_cos();
-        let t3_5 = cos_q1 * sin_s1_1;
-        let t3_6 = cos_s1_3 * t3_5;
-        let t3_7 = sin_q1 * cos_s1_2;
-        let t3_8 = sin_s1_2.mul_add(t3_2, t3_7);
-        let t3_9 = (-sin_s1_3).mul_add(t3_8, t3_6);
-        let t3_10 = -t3_9;
-        let t3_11 = sin_s1_3 * t3_5;
-        let t3_12 = cos_s1_3.mul_add(t3_8, t3_11);
+        let t4_1 = cos_q1 * cos_s1_1;
+        let t4_2 = sin_q1 * sin_s1_2;
+        let t4_3 = (-cos_s1_2).mul_add(t4_1, t4_2);
+        let t4_4 = -t4_3;
+        let t4_5 = cos_q1 * sin_s1_1;
+        let t4_6 = sin_s1_2 * t4_1;
+        let t4_7 = sin_q1.mul_add(cos_s1_2, t4_6);
+        let t4_8 = cos_s1_3 * t4_5;
+        let t4_9 = (-sin_s1_3).mul_add(t4_7, t4_8);
+        let t4_10 = -t4_9;
+        let t4_11 = cos_s1_3 * t4_7;
+        let t4_12 = sin_s1_3.mul_add(t4_5, t4_11);
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t3_13 = cos_s1_1 * cos_s1_3;
         let e_s1_2_q1z = sin_s1_1 * sin_s1_2;
-        let e_3_q1y = sin_s1_3.mul_add(e_s1_2_q1z, t3_13);
-        let t3_14 = cos_s1_1 * sin_s1_3;
-        let e_3_q1z = (-cos_s1_3).mul_add(e_s1_2_q1z, t3_14);
-        let t3_15 = -e_3_q1z;
-        let t3_16 = cos_q1 * sin_s1_2;
-        let t3_17 = sin_q1 * cos_s1_1;
-        let t3_18 = cos_s1_2.mul_add(t3_17, t3_16);
-        let t3_19 = -t3_18;
-        let t3_20 = sin_q1 * sin_s1_1;
-        let t3_21 = cos_s1_3 * t3_20;
-        let t3_22 = cos_q1 * cos_s1_2;
-        let t3_23 = (-sin_s1_2).mul_add(t3_17, t3_22);
-        let t3_24 = sin_s1_3.mul_add(t3_23, t3_21);
-        let t3_25 = sin_s1_3 * t3_20;
-        let t3_26 = (-cos_s1_3).mul_add(t3_23, t3_25);
-        let t3_27 = -t3_26;
-        poses[2] = [t3_4, t3_10, t3_12, e_s1_2_q1x, e_3_q1y, t3_15, t3_19, t3_24, t3_27, t2_1, like.lift(0.0), t2_2];
+        let t4_13 = sin_s1_3 * e_s1_2_q1z;
+        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t4_13);
+        let t4_14 = cos_s1_1 * sin_s1_3;
+        let e_3_q1z = (-cos_s1_3).mul_add(e_s1_2_q1z, t4_14);
+        let t4_15 = -e_3_q1z;
+        let t4_16 = sin_q1 * cos_s1_1;
+        let t4_17 = cos_s1_2 * t4_16;
+        let t4_18 = cos_q1.mul_add(sin_s1_2, t4_17);
+        let t4_19 = -t4_18;
+        let t4_20 = sin_q1 * sin_s1_1;
+        let t4_21 = cos_q1 * cos_s1_2;
+        let t4_22 = (-sin_s1_2).mul_add(t4_16, t4_21);
+        let t4_23 = sin_s1_3 * t4_22;
+        let t4_24 = cos_s1_3.mul_add(t4_20, t4_23);
+        let t4_25 = sin_s1_3 * t4_20;
+        let t4_26 = (-cos_s1_3).mul_add(t4_22, t4_25);
+        let t4_27 = -t4_26;
+        poses[2][0] = t4_4; poses[2][1] = t4_10; poses[2][2] = t4_12; poses[2][3] = e_s1_2_q1x; poses[2][4] = e_3_q1y; poses[2][5] = t4_15; poses[2][6] = t4_19; poses[2][7] = t4_24; poses[2][8] = t4_27; poses[2][9] = t3_1; poses[2][11] = t3_2;
     }
     // body 4
-    let [sin_q6, cos_q6, t4_2, t4_3, t4_4, t4_5, t4_7] = {
-        let (sin_q6, cos_q6) = q6.sin_cos();
-        let t4_1 = like.lift(0.5) * cos_q6;
-        let t4_2 = -t4_1;
-        let t4_3 = like.lift(0.5) * sin_q6;
-        let t4_4 = like.lift(0.8660254037844386) * cos_q6;
-        let t4_5 = like.lift(0.8660254037844386) * sin_q6;
-        let t4_6 = -t4_5;
-        let t4_7 = -sin_q6;
-        let t4_8 = -cos_q6;
-        poses[3] = [t4_2, t4_3, like.lift(-0.8660254037844386), t4_4, t4_6, like.lift(-0.5), t4_7, t4_8, like.lift(0.0), like.lift(-0.13172246391561312), like.lift(0.22815), like.lift(0.0)];
-        [sin_q6, cos_q6, t4_2, t4_3, t4_4, t4_5, t4_7]
+    let [t5_2, t5_3, t5_4, t5_5, t5_7] = {
+        let t5_1 = like.lift(0.5) * cos_q6;
+        let t5_2 = -t5_1;
+        let t5_3 = like.lift(0.5) * sin_q6;
+        let t5_4 = like.lift(0.8660254037844386) * cos_q6;
+        let t5_5 = like.lift(0.8660254037844386) * sin_q6;
+        let t5_6 = -t5_5;
+        let t5_7 = -sin_q6;
+        let t5_8 = -cos_q6;
+        poses[3][0] = t5_2; poses[3][1] = t5_3; poses[3][2] = like.lift(-0.8660254037844386); poses[3][3] = t5_4; poses[3][4] = t5_6; poses[3][5] = like.lift(-0.5); poses[3][6] = t5_7; poses[3][7] = t5_8; poses[3][9] = like.lift(-0.13172246391561312); poses[3][10] = like.lift(0.22815);
+        [t5_2, t5_3, t5_4, t5_5, t5_7]
     };
     // body 5
     {
-        let t5_1 = -t4_3;
-        let t5_2 = sin_q6 * q7;
-        let t5_3 = like.lift(0.5).mul_add(t5_2, like.lift(0.13172246391561312));
-        let t5_4 = -t5_3;
-        let t5_5 = like.lift(0.8660254037844386).mul_add(t5_2, like.lift(0.22815));
-        let t5_6 = cos_q6 * q7;
-        poses[4] = [t4_2, like.lift(-0.8660254037844386), t5_1, t4_4, like.lift(-0.5), t4_5, t4_7, like.lift(0.0), cos_q6, t5_4, t5_5, t5_6];
+        let t6_1 = -t5_3;
+        let t6_2 = sin_q6 * q7;
+        let t6_3 = like.lift(0.5).mul_add(t6_2, like.lift(0.13172246391561312));
+        let t6_4 = -t6_3;
+        let t6_5 = like.lift(0.8660254037844386).mul_add(t6_2, like.lift(0.22815));
+        let t6_6 = cos_q6 * q7;
+        poses[4][0] = t5_2; poses[4][1] = like.lift(-0.8660254037844386); poses[4][2] = t6_1; poses[4][3] = t5_4; poses[4][4] = like.lift(-0.5); poses[4][5] = t5_5; poses[4][6] = t5_7; poses[4][8] = cos_q6; poses[4][9] = t6_4; poses[4][10] = t6_5; poses[4][11] = t6_6;
     }
     // body 6
-    let [sin_q8, cos_q8, t6_2, t6_3, t6_5, t6_6, t6_7] = {
-        let (sin_q8, cos_q8) = q8.sin_cos();
-        let t6_1 = like.lift(0.5) * cos_q8;
-        let t6_2 = -t6_1;
-        let t6_3 = like.lift(0.5) * sin_q8;
-        let t6_4 = like.lift(0.8660254037844386) * cos_q8;
-        let t6_5 = -t6_4;
-        let t6_6 = like.lift(0.8660254037844386) * sin_q8;
-        let t6_7 = -sin_q8;
-        let t6_8 = -cos_q8;
-        poses[5] = [t6_2, t6_3, like.lift(0.8660254037844386), t6_5, t6_6, like.lift(-0.5), t6_7, t6_8, like.lift(0.0), like.lift(-0.13172246391561312), like.lift(-0.22815), like.lift(0.0)];
-        [sin_q8, cos_q8, t6_2, t6_3, t6_5, t6_6, t6_7]
+    let [t7_2, t7_3, t7_5, t7_6, t7_7] = {
+        let t7_1 = like.lift(0.5) * cos_q8;
+        let t7_2 = -t7_1;
+        let t7_3 = like.lift(0.5) * sin_q8;
+        let t7_4 = like.lift(0.8660254037844386) * cos_q8;
+        let t7_5 = -t7_4;
+        let t7_6 = like.lift(0.8660254037844386) * sin_q8;
+        let t7_7 = -sin_q8;
+        let t7_8 = -cos_q8;
+        poses[5][0] = t7_2; poses[5][1] = t7_3; poses[5][2] = like.lift(0.8660254037844386); poses[5][3] = t7_5; poses[5][4] = t7_6; poses[5][5] = like.lift(-0.5); poses[5][6] = t7_7; poses[5][7] = t7_8; poses[5][9] = like.lift(-0.13172246391561312); poses[5][10] = like.lift(-0.22815);
+        [t7_2, t7_3, t7_5, t7_6, t7_7]
     };
     // body 7
     {
-        let t7_1 = -t6_3;
-        let t7_2 = -t6_6;
-        let t7_3 = sin_q8 * q9;
-        let t7_4 = like.lift(0.5).mul_add(t7_3, like.lift(0.13172246391561312));
-        let t7_5 = -t7_4;
-        let t7_6 = like.lift(0.8660254037844386).mul_add(t7_3, like.lift(0.22815));
-        let t7_7 = -t7_6;
-        let t7_8 = cos_q8 * q9;
-        poses[6] = [t6_2, like.lift(0.8660254037844386), t7_1, t6_5, like.lift(-0.5), t7_2, t6_7, like.lift(0.0), cos_q8, t7_5, t7_7, t7_8];
+        let t8_1 = -t7_3;
+        let t8_2 = -t7_6;
+        let t8_3 = sin_q8 * q9;
+        let t8_4 = like.lift(0.5).mul_add(t8_3, like.lift(0.13172246391561312));
+        let t8_5 = -t8_4;
+        let t8_6 = like.lift(0.8660254037844386).mul_add(t8_3, like.lift(0.22815));
+        let t8_7 = -t8_6;
+        let t8_8 = cos_q8 * q9;
+        poses[6][0] = t7_2; poses[6][1] = like.lift(0.8660254037844386); poses[6][2] = t8_1; poses[6][3] = t7_5; poses[6][4] = like.lift(-0.5); poses[6][5] = t8_2; poses[6][6] = t7_7; poses[6][8] = cos_q8; poses[6][9] = t8_5; poses[6][10] = t8_7; poses[6][11] = t8_8;
     }
     poses
 }
@@ -5918,58 +5600,62 @@ pub fn poses<T: Scalar>(q: &[T; 9]) -> [[T; 12]; 7] {
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
 /// - `cosines`: per cone in the order of `INFO.cones`: the cosine of the angle between the two z axes
 ///
-/// 9 additions, 26 multiplications, 0 divisions, 6 sines and cosines.
+/// 9 additions, 22 multiplications, 0 divisions, 6 sines and cosines.
 pub fn cones<T: Scalar>(q: &[T; 9]) -> [T; 3] {
     let like = q[0];
     let mut cosines = [like.lift(0.0); 3];
     let [q1, _, s1_1, s1_2, s1_3, q6, _, q8, _] = *q;
+    // sines and cosines
+    let [
+        sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, sin_q6, cos_q6, sin_q1, cos_q1, sin_s1_1,
+        cos_s1_1, sin_q8, cos_q8,
+    ] = {
+        let [
+            (sin_s1_2, cos_s1_2), (sin_s1_3, cos_s1_3), (sin_q6, cos_q6), (sin_q1, cos_q1),
+            (sin_s1_1, cos_s1_1), (sin_q8, cos_q8),
+        ] =
+            T::sin_cos_all([s1_2, s1_3, q6, q1, s1_1, q8]);
+        [
+            sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, sin_q6, cos_q6, sin_q1, cos_q1, sin_s1_1,
+            cos_s1_1, sin_q8, cos_q8,
+        ]
+    };
     // cone of s1
-    let [sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3] = {
-        let (sin_s1_2, cos_s1_2) = s1_2.sin_cos();
-        let (sin_s1_3, cos_s1_3) = s1_3.sin_cos();
+    {
         let u_3_q2z = cos_s1_2 * cos_s1_3;
         cosines[0] = u_3_q2z;
-        [sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3]
-    };
+    }
     // cone of s2
-    let [t2_6, t2_12, e_3_q1z] = {
-        let (sin_q6, cos_q6) = q6.sin_cos();
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let (sin_s1_1, cos_s1_1) = s1_1.sin_cos();
-        let t2_1 = sin_q1 * sin_s1_1;
-        let t2_2 = sin_s1_3 * t2_1;
-        let t2_3 = cos_q1 * cos_s1_2;
-        let t2_4 = sin_q1 * cos_s1_1;
-        let t2_5 = (-sin_s1_2).mul_add(t2_4, t2_3);
-        let t2_6 = (-cos_s1_3).mul_add(t2_5, t2_2);
-        let t2_7 = cos_q1 * sin_s1_1;
-        let t2_8 = sin_s1_3 * t2_7;
-        let t2_9 = sin_q1 * cos_s1_2;
-        let t2_10 = cos_q1 * cos_s1_1;
-        let t2_11 = sin_s1_2.mul_add(t2_10, t2_9);
-        let t2_12 = cos_s1_3.mul_add(t2_11, t2_8);
-        let t2_13 = sin_q6 * t2_12;
-        let t2_14 = like.lift(0.5) * t2_13;
-        let t2_15 = cos_s1_1 * sin_s1_3;
-        let e_s1_2_q1z = sin_s1_1 * sin_s1_2;
-        let e_3_q1z = (-cos_s1_3).mul_add(e_s1_2_q1z, t2_15);
-        let t2_16 = sin_q6 * e_3_q1z;
-        let t2_17 = like.lift(0.8660254037844386).mul_add(t2_16, t2_14);
-        let t2_18 = cos_q6.mul_add(t2_6, t2_17);
-        let t2_19 = -t2_18;
-        cosines[1] = t2_19;
-        [t2_6, t2_12, e_3_q1z]
+    let [t3_6, t3_10, e_3_q1z] = {
+        let t3_1 = sin_s1_2 * cos_s1_1;
+        let t3_2 = cos_q1 * cos_s1_2;
+        let t3_3 = (-sin_q1).mul_add(t3_1, t3_2);
+        let t3_4 = sin_s1_3 * sin_s1_1;
+        let t3_5 = sin_q1 * t3_4;
+        let t3_6 = (-cos_s1_3).mul_add(t3_3, t3_5);
+        let t3_7 = cos_q1 * t3_1;
+        let t3_8 = sin_q1.mul_add(cos_s1_2, t3_7);
+        let t3_9 = cos_s1_3 * t3_8;
+        let t3_10 = cos_q1.mul_add(t3_4, t3_9);
+        let t3_11 = cos_s1_1 * sin_s1_3;
+        let t3_12 = cos_s1_3 * sin_s1_1;
+        let e_3_q1z = (-t3_12).mul_add(sin_s1_2, t3_11);
+        let t3_13 = like.lift(0.8660254037844386) * e_3_q1z;
+        let t3_14 = like.lift(0.5).mul_add(t3_10, t3_13);
+        let t3_15 = cos_q6 * t3_6;
+        let t3_16 = sin_q6.mul_add(t3_14, t3_15);
+        let t3_17 = -t3_16;
+        cosines[1] = t3_17;
+        [t3_6, t3_10, e_3_q1z]
     };
     // cone of s3
     {
-        let (sin_q8, cos_q8) = q8.sin_cos();
-        let t3_1 = sin_q8 * t2_12;
-        let t3_2 = like.lift(0.5) * t3_1;
-        let t3_3 = sin_q8 * e_3_q1z;
-        let t3_4 = like.lift(-0.8660254037844386).mul_add(t3_3, t3_2);
-        let t3_5 = cos_q8.mul_add(t2_6, t3_4);
-        let t3_6 = -t3_5;
-        cosines[2] = t3_6;
+        let t4_1 = like.lift(0.8660254037844386) * e_3_q1z;
+        let t4_2 = like.lift(-0.5).mul_add(t3_10, t4_1);
+        let t4_3 = cos_q8 * t3_6;
+        let t4_4 = (-sin_q8).mul_add(t4_2, t4_3);
+        let t4_5 = -t4_4;
+        cosines[2] = t4_5;
     }
     cosines
 }
@@ -5981,669 +5667,646 @@ pub fn cones<T: Scalar>(q: &[T; 9]) -> [T; 3] {
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: W_red (Eq. 23), column by column: `w[c][r]` multiplies `BASE[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 226 additions, 437 multiplications, 6 divisions, 6 sines and cosines.
+/// 226 additions, 407 multiplications, 6 divisions, 6 sines and cosines.
 pub fn base_regressor<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &mut [[T; 3]; 25]) -> Condition<T> {
+    *w = [[q[0].lift(0.0); 3]; 25];
+    base_regressor_entries(q, qd, qdd, w)
+}
+
+/// The entries of [`base_regressor`] that are not zero at every state; the others are left as they are.
+///
+/// Inlined where it is called, so that lanes keep the caller's instruction set.
+#[inline(always)]
+pub fn base_regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &mut [[T; 3]; 25]) -> Condition<T> {
     let like = q[0];
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     let [d_q1, d_q2, d_s1_1, d_s1_2, d_s1_3, d_q6, d_q7, d_q8, d_q9] = *qd;
     let [dd_q1, dd_q2, dd_s1_1, dd_s1_2, dd_s1_3, dd_q6, dd_q7, dd_q8, dd_q9] = *qdd;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, sin_q6, cos_q6, sin_s1_3,
+        cos_s1_3, sin_q8, cos_q8,
+    ] = {
+        let [
+            (sin_q1, cos_q1), (sin_s1_2, cos_s1_2), (sin_s1_1, cos_s1_1), (sin_q6, cos_q6),
+            (sin_s1_3, cos_s1_3), (sin_q8, cos_q8),
+        ] =
+            T::sin_cos_all([q1, s1_2, s1_1, q6, s1_3, q8]);
+        [
+            sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, sin_q6, cos_q6, sin_s1_3,
+            cos_s1_3, sin_q8, cos_q8,
+        ]
+    };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, e_s1_2_q1x, sin_q6, cos_q6,
-        sin_s1_3, cos_s1_3, e_s1_2_q1z, e_3_q1y, sin_q8, cos_q8, x_q1_q2, x_q1_q7, x_q1_q9,
-        x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7,
-        x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
+        e_s1_2_q1x, e_s1_2_q1z, e_3_q1y, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7,
+        x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2,
+        x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
     ] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = cos_q1 * q2;
-        let (sin_s1_2, cos_s1_2) = s1_2.sin_cos();
-        let t1_2 = cos_q1 * sin_s1_2;
-        let (sin_s1_1, cos_s1_1) = s1_1.sin_cos();
-        let t1_3 = sin_q1 * cos_s1_1;
-        let t1_4 = cos_s1_2.mul_add(t1_3, t1_2);
-        let t1_5 = like.lift(-0.4563).mul_add(t1_4, t1_1);
-        let t1_6 = -t1_5;
+        let t2_1 = cos_q1 * q2;
+        let t2_2 = sin_q1 * cos_s1_1;
+        let t2_3 = cos_s1_2 * t2_2;
+        let t2_4 = cos_q1.mul_add(sin_s1_2, t2_3);
+        let t2_5 = like.lift(-0.4563).mul_add(t2_4, t2_1);
+        let t2_6 = -t2_5;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t1_7 = cos_q1 * e_s1_2_q1x;
-        let t1_8 = like.lift(0.4563) * t1_7;
-        let t1_9 = cos_s1_1 * t1_4;
-        let t1_10 = like.lift(0.4563) * t1_9;
-        let t1_11 = sin_q1 * sin_s1_1;
-        let t1_12 = t1_11 * e_s1_2_q1x;
-        let t1_13 = like.lift(0.4563).mul_add(t1_12, t1_10);
-        let (sin_q6, cos_q6) = q6.sin_cos();
-        let t1_14 = cos_q6 * q7;
-        let t1_15 = like.lift(0.5) * t1_14;
-        let t1_16 = -t1_15;
-        let t1_17 = sin_q1 * q2;
-        let t1_18 = sin_q1 * sin_s1_2;
-        let t1_19 = cos_q1 * cos_s1_1;
-        let t1_20 = (-cos_s1_2).mul_add(t1_19, t1_18);
-        let t1_21 = like.lift(-0.4563).mul_add(t1_20, t1_17);
-        let t1_22 = -t1_21;
-        let t1_23 = sin_q1 * e_s1_2_q1x;
-        let t1_24 = like.lift(0.4563) * t1_23;
-        let t1_25 = cos_q1 * sin_s1_1;
-        let t1_26 = t1_25 * e_s1_2_q1x;
-        let t1_27 = like.lift(0.4563) * t1_26;
-        let t1_28 = cos_s1_1 * t1_20;
-        let t1_29 = like.lift(-0.4563).mul_add(t1_28, t1_27);
-        let t1_30 = -t1_29;
-        let t1_31 = sin_q6 * q7;
-        let t1_32 = cos_q1 * t1_20;
-        let t1_33 = like.lift(0.4563) * t1_32;
-        let t1_34 = sin_q1 * t1_4;
-        let t1_35 = like.lift(-0.4563).mul_add(t1_34, t1_33);
-        let t1_36 = t1_11 * t1_20;
-        let t1_37 = like.lift(0.4563) * t1_36;
-        let t1_38 = t1_25 * t1_4;
-        let t1_39 = like.lift(0.4563).mul_add(t1_38, t1_37);
-        let pivot_1 = like.lift(0.8660254037844386) * t1_14;
-        let t1_40 = like.lift(0.22815) * t1_4;
-        let (sin_s1_3, cos_s1_3) = s1_3.sin_cos();
-        let t1_41 = cos_s1_3 * t1_11;
-        let t1_42 = cos_q1 * cos_s1_2;
-        let t1_43 = (-sin_s1_2).mul_add(t1_3, t1_42);
-        let t1_44 = sin_s1_3.mul_add(t1_43, t1_41);
-        let t1_45 = like.lift(-0.39516739174683935).mul_add(t1_44, t1_40);
-        let t1_46 = t1_1 - t1_45;
-        let t1_47 = -t1_46;
-        let t1_48 = like.lift(0.22815) * e_s1_2_q1x;
-        let t1_49 = cos_s1_1 * cos_s1_3;
+        let t2_7 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_8 = cos_q1 * t2_7;
+        let t2_9 = sin_q1 * sin_s1_1;
+        let t2_10 = t2_9 * e_s1_2_q1x;
+        let t2_11 = cos_s1_1.mul_add(t2_4, t2_10);
+        let t2_12 = like.lift(0.4563) * t2_11;
+        let t2_13 = cos_q6 * q7;
+        let t2_14 = like.lift(0.5) * t2_13;
+        let t2_15 = -t2_14;
+        let t2_16 = sin_q1 * q2;
+        let t2_17 = cos_q1 * cos_s1_1;
+        let t2_18 = sin_q1 * sin_s1_2;
+        let t2_19 = (-cos_s1_2).mul_add(t2_17, t2_18);
+        let t2_20 = like.lift(-0.4563).mul_add(t2_19, t2_16);
+        let t2_21 = -t2_20;
+        let t2_22 = sin_q1 * t2_7;
+        let t2_23 = cos_q1 * sin_s1_1;
+        let t2_24 = cos_s1_1 * t2_19;
+        let t2_25 = (-t2_23).mul_add(e_s1_2_q1x, t2_24);
+        let t2_26 = like.lift(0.4563) * t2_25;
+        let t2_27 = -t2_26;
+        let t2_28 = -t2_27;
+        let t2_29 = sin_q6 * q7;
+        let t2_30 = sin_q1 * t2_4;
+        let t2_31 = (-cos_q1).mul_add(t2_19, t2_30);
+        let t2_32 = like.lift(0.4563) * t2_31;
+        let t2_33 = -t2_32;
+        let t2_34 = t2_23 * t2_4;
+        let t2_35 = t2_9.mul_add(t2_19, t2_34);
+        let t2_36 = like.lift(0.4563) * t2_35;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_13;
+        let t2_37 = cos_q1 * cos_s1_2;
+        let t2_38 = (-sin_s1_2).mul_add(t2_2, t2_37);
+        let t2_39 = sin_s1_3 * t2_38;
+        let t2_40 = cos_s1_3.mul_add(t2_9, t2_39);
+        let t2_41 = like.lift(0.22815) * t2_4;
+        let t2_42 = like.lift(-0.39516739174683935).mul_add(t2_40, t2_41);
+        let t2_43 = t2_1 - t2_42;
+        let t2_44 = -t2_43;
         let e_s1_2_q1z = sin_s1_1 * sin_s1_2;
-        let e_3_q1y = sin_s1_3.mul_add(e_s1_2_q1z, t1_49);
-        let t1_50 = like.lift(0.39516739174683935).mul_add(e_3_q1y, t1_48);
-        let t1_51 = cos_q1 * t1_50;
-        let t1_52 = cos_s1_1 * t1_45;
-        let t1_53 = t1_11.mul_add(t1_50, t1_52);
-        let t1_54 = e_s1_2_q1x * t1_45;
-        let t1_55 = (-t1_4).mul_add(t1_50, t1_54);
-        let (sin_q8, cos_q8) = q8.sin_cos();
-        let t1_56 = cos_q8 * q9;
-        let t1_57 = like.lift(0.5) * t1_56;
-        let t1_58 = -t1_57;
-        let t1_59 = cos_s1_3 * t1_25;
-        let t1_60 = sin_q1 * cos_s1_2;
-        let t1_61 = sin_s1_2.mul_add(t1_19, t1_60);
-        let t1_62 = (-sin_s1_3).mul_add(t1_61, t1_59);
-        let t1_63 = like.lift(0.39516739174683935) * t1_62;
-        let t1_64 = like.lift(0.22815) * t1_20;
-        let t1_65 = t1_17 - t1_64;
-        let t1_66 = t1_63 - t1_65;
-        let t1_67 = sin_q1 * t1_50;
-        let t1_68 = t1_25 * t1_50;
-        let t1_69 = t1_64 + t1_63;
-        let t1_70 = (-cos_s1_1).mul_add(t1_69, t1_68);
-        let t1_71 = -t1_70;
-        let t1_72 = t1_20 * t1_50;
-        let t1_73 = (-e_s1_2_q1x).mul_add(t1_69, t1_72);
-        let t1_74 = -t1_73;
-        let t1_75 = sin_q8 * q9;
-        let t1_76 = cos_q1 * t1_69;
-        let t1_77 = (-sin_q1).mul_add(t1_45, t1_76);
-        let t1_78 = t1_11 * t1_69;
-        let t1_79 = t1_25.mul_add(t1_45, t1_78);
-        let t1_80 = t1_4 * t1_69;
-        let t1_81 = (-t1_20).mul_add(t1_45, t1_80);
-        let t1_82 = -t1_81;
-        let pivot_2 = like.lift(0.8660254037844386) * t1_56;
-        let t1_83 = -pivot_2;
-        let t1_84 = -sin_q1;
-        let t1_85 = like.lift(0.5) * sin_q6;
-        let t1_86 = -t1_85;
-        let t1_87 = -cos_q6;
-        let t1_88 = like.lift(0.8660254037844386) * sin_q6;
-        let t1_89 = like.lift(0.5) * sin_q8;
-        let t1_90 = -t1_89;
-        let t1_91 = -cos_q8;
-        let t1_92 = like.lift(0.8660254037844386) * sin_q8;
-        let t1_93 = -t1_92;
-        let t1_94 = like.lift(0.5773502691896257).mul_add(t1_81, t1_55);
-        let t1_95 = like.lift(1.0) / t1_56;
-        let t1_96 = t1_75 * t1_95;
-        let t1_97 = t1_81 * t1_96;
-        let pivot_3 = like.lift(1.1547005383792515).mul_add(t1_97, t1_73);
+        let t2_45 = sin_s1_3 * e_s1_2_q1z;
+        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_45);
+        let t2_46 = like.lift(0.39516739174683935) * e_3_q1y;
+        let t2_47 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_46);
+        let t2_48 = cos_q1 * t2_47;
+        let t2_49 = t2_9 * t2_47;
+        let t2_50 = cos_s1_1.mul_add(t2_42, t2_49);
+        let t2_51 = e_s1_2_q1x * t2_42;
+        let t2_52 = (-t2_4).mul_add(t2_47, t2_51);
+        let t2_53 = cos_q8 * q9;
+        let t2_54 = like.lift(0.5) * t2_53;
+        let t2_55 = -t2_54;
+        let t2_56 = sin_s1_2 * t2_17;
+        let t2_57 = sin_q1.mul_add(cos_s1_2, t2_56);
+        let t2_58 = cos_s1_3 * t2_23;
+        let t2_59 = (-sin_s1_3).mul_add(t2_57, t2_58);
+        let t2_60 = like.lift(0.39516739174683935) * t2_59;
+        let t2_61 = like.lift(0.22815) * t2_19;
+        let t2_62 = t2_60 - t2_16;
+        let t2_63 = t2_62 + t2_61;
+        let t2_64 = sin_q1 * t2_47;
+        let t2_65 = t2_61 + t2_60;
+        let t2_66 = t2_23 * t2_47;
+        let t2_67 = (-cos_s1_1).mul_add(t2_65, t2_66);
+        let t2_68 = -t2_67;
+        let t2_69 = t2_19 * t2_47;
+        let t2_70 = (-e_s1_2_q1x).mul_add(t2_65, t2_69);
+        let t2_71 = -t2_70;
+        let t2_72 = sin_q8 * q9;
+        let t2_73 = cos_q1 * t2_65;
+        let t2_74 = (-sin_q1).mul_add(t2_42, t2_73);
+        let t2_75 = t2_23 * t2_42;
+        let t2_76 = t2_9.mul_add(t2_65, t2_75);
+        let t2_77 = t2_4 * t2_65;
+        let t2_78 = (-t2_19).mul_add(t2_42, t2_77);
+        let t2_79 = -t2_78;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_53;
+        let t2_80 = -pivot_2;
+        let t2_81 = -sin_q1;
+        let t2_82 = like.lift(0.5) * sin_q6;
+        let t2_83 = -t2_82;
+        let t2_84 = -cos_q6;
+        let t2_85 = like.lift(0.8660254037844386) * sin_q6;
+        let t2_86 = like.lift(0.5) * sin_q8;
+        let t2_87 = -t2_86;
+        let t2_88 = -cos_q8;
+        let t2_89 = like.lift(0.8660254037844386) * sin_q8;
+        let t2_90 = -t2_89;
+        let t2_91 = like.lift(0.5773502691896257).mul_add(t2_78, t2_52);
+        let t2_92 = like.lift(1.0) / t2_53;
+        let t2_93 = t2_72 * t2_92;
+        let t2_94 = like.lift(1.1547005383792515) * t2_93;
+        let pivot_3 = t2_78.mul_add(t2_94, t2_70);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_98 = t1_94 * inv_pivot_3;
-        let t1_99 = (-t1_66).mul_add(t1_98, t1_46);
-        let t1_100 = like.lift(0.5773502691896257).mul_add(t1_35, t1_8);
-        let t1_101 = like.lift(-0.5773502691896257).mul_add(t1_77, t1_51);
-        let t1_102 = t1_77 * t1_96;
-        let t1_103 = like.lift(1.1547005383792515).mul_add(t1_102, t1_67);
-        let pivot_4 = t1_103.mul_add(t1_98, t1_101);
+        let t2_95 = t2_91 * inv_pivot_3;
+        let t2_96 = (-t2_63).mul_add(t2_95, t2_43);
+        let t2_97 = like.lift(0.5773502691896257).mul_add(t2_33, t2_8);
+        let t2_98 = t2_74.mul_add(t2_94, t2_64);
+        let t2_99 = t2_98.mul_add(t2_95, t2_48);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_74, t2_99);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t1_104 = t1_100 * inv_pivot_4;
-        let pivot_5 = (-t1_99).mul_add(t1_104, t1_5);
+        let t2_100 = t2_97 * inv_pivot_4;
+        let pivot_5 = (-t2_96).mul_add(t2_100, t2_5);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t1_105 = (-cos_q1).mul_add(t1_98, sin_q1);
-        let t1_106 = (-t1_105).mul_add(t1_104, sin_q1);
-        let t1_107 = like.lift(0.5773502691896257).mul_add(t1_39, t1_13);
-        let t1_108 = like.lift(-0.5773502691896257).mul_add(t1_79, t1_53);
-        let t1_109 = t1_79 * t1_96;
-        let t1_110 = like.lift(-1.1547005383792515).mul_add(t1_109, t1_70);
-        let t1_111 = (-t1_110).mul_add(t1_98, t1_108);
-        let t1_112 = (-t1_111).mul_add(t1_104, t1_107);
-        let t1_113 = like.lift(1.0) / t1_14;
-        let t1_114 = t1_31 * t1_113;
-        let t1_115 = t1_35 * t1_114;
-        let t1_116 = like.lift(-1.1547005383792515).mul_add(t1_115, t1_24);
-        let t1_117 = t1_116 * inv_pivot_4;
-        let t1_118 = t1_105.mul_add(t1_117, cos_q1);
-        let t1_119 = (-t1_99).mul_add(t1_117, t1_21);
-        let t1_120 = t1_119 * inv_pivot_5;
-        let t1_121 = t1_106.mul_add(t1_120, t1_118);
-        let t1_122 = t1_39 * t1_114;
-        let t1_123 = like.lift(1.1547005383792515).mul_add(t1_122, t1_29);
-        let t1_124 = t1_111.mul_add(t1_117, t1_123);
-        let pivot_6 = t1_112.mul_add(t1_120, t1_124);
+        let t2_101 = (-cos_q1).mul_add(t2_95, sin_q1);
+        let t2_102 = (-t2_101).mul_add(t2_100, sin_q1);
+        let t2_103 = (-t2_76).mul_add(t2_94, t2_67);
+        let t2_104 = (-t2_103).mul_add(t2_95, t2_50);
+        let t2_105 = like.lift(-0.5773502691896257).mul_add(t2_76, t2_104);
+        let t2_106 = (-t2_105).mul_add(t2_100, t2_12);
+        let t2_107 = like.lift(0.5773502691896257).mul_add(t2_36, t2_106);
+        let t2_108 = like.lift(1.0) / t2_13;
+        let t2_109 = t2_29 * t2_108;
+        let t2_110 = like.lift(1.1547005383792515) * t2_109;
+        let t2_111 = (-t2_33).mul_add(t2_110, t2_22);
+        let t2_112 = t2_111 * inv_pivot_4;
+        let t2_113 = (-t2_96).mul_add(t2_112, t2_20);
+        let t2_114 = t2_113 * inv_pivot_5;
+        let t2_115 = t2_102.mul_add(t2_114, cos_q1);
+        let t2_116 = t2_101.mul_add(t2_112, t2_115);
+        let t2_117 = t2_107.mul_add(t2_114, t2_27);
+        let t2_118 = t2_105.mul_add(t2_112, t2_117);
+        let pivot_6 = t2_36.mul_add(t2_110, t2_118);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t1_125 = t1_121 * inv_pivot_6;
-        let t1_126 = (-t1_112).mul_add(t1_125, t1_106);
-        let t1_127 = inv_pivot_5 * t1_126;
-        let t1_128 = sin_q6.mul_add(t1_114, cos_q6);
-        let t1_129 = t1_128 * inv_pivot_6;
-        let t1_130 = t1_112 * t1_129;
-        let t1_131 = inv_pivot_5 * t1_130;
-        let t1_132 = sin_q8.mul_add(t1_96, cos_q8);
-        let t1_133 = t1_132 * t1_98;
-        let t1_134 = t1_133 * t1_104;
-        let t1_135 = t1_133 * t1_117;
-        let t1_136 = (-t1_134).mul_add(t1_120, t1_135);
-        let t1_137 = t1_136 * inv_pivot_6;
-        let t1_138 = t1_112.mul_add(t1_137, t1_134);
-        let t1_139 = inv_pivot_5 * t1_138;
-        let t1_140 = -t1_139;
-        let t1_141 = (-t1_99).mul_add(t1_127, t1_105);
-        let t1_142 = (-t1_111).mul_add(t1_125, t1_141);
-        let t1_143 = inv_pivot_4 * t1_142;
-        let t1_144 = -t1_143;
-        let t1_145 = t1_99 * t1_131;
-        let t1_146 = (-t1_111).mul_add(t1_129, t1_145);
-        let t1_147 = inv_pivot_4 * t1_146;
-        let t1_148 = t1_99.mul_add(t1_139, t1_133);
-        let t1_149 = (-t1_111).mul_add(t1_137, t1_148);
-        let t1_150 = inv_pivot_4 * t1_149;
-        let t1_151 = -t1_150;
-        let t1_152 = -t1_125;
-        let t1_153 = -t1_137;
-        let t1_154 = t1_103.mul_add(t1_143, cos_q1);
-        let t1_155 = (-t1_66).mul_add(t1_127, t1_154);
-        let t1_156 = (-t1_110).mul_add(t1_125, t1_155);
-        let t1_157 = inv_pivot_3 * t1_156;
-        let t1_158 = -t1_157;
-        let t1_159 = t1_103 * t1_147;
-        let t1_160 = t1_66.mul_add(t1_131, t1_159);
-        let t1_161 = (-t1_110).mul_add(t1_129, t1_160);
-        let t1_162 = inv_pivot_3 * t1_161;
-        let t1_163 = (-t1_103).mul_add(t1_150, t1_132);
-        let t1_164 = (-t1_66).mul_add(t1_139, t1_163);
-        let t1_165 = t1_110.mul_add(t1_137, t1_164);
-        let t1_166 = inv_pivot_3 * t1_165;
-        let t1_167 = t1_35 * t1_143;
-        let t1_168 = t1_39.mul_add(t1_125, t1_167);
-        let t1_169 = t1_113 * t1_168;
-        let t1_170 = like.lift(1.1547005383792515) * t1_169;
-        let t1_171 = (-t1_35).mul_add(t1_147, t1_88);
-        let t1_172 = (-t1_39).mul_add(t1_129, t1_171);
-        let t1_173 = t1_113 * t1_172;
-        let t1_174 = like.lift(1.1547005383792515) * t1_173;
-        let t1_175 = t1_35 * t1_150;
-        let t1_176 = t1_39.mul_add(t1_137, t1_175);
-        let t1_177 = t1_113 * t1_176;
-        let t1_178 = like.lift(1.1547005383792515) * t1_177;
-        let t1_179 = t1_81 * t1_157;
-        let t1_180 = (-t1_77).mul_add(t1_143, t1_179);
-        let t1_181 = (-t1_79).mul_add(t1_125, t1_180);
-        let t1_182 = t1_95 * t1_181;
-        let t1_183 = like.lift(1.1547005383792515) * t1_182;
-        let t1_184 = t1_81 * t1_162;
-        let t1_185 = (-t1_77).mul_add(t1_147, t1_184);
-        let t1_186 = (-t1_79).mul_add(t1_129, t1_185);
-        let t1_187 = t1_95 * t1_186;
-        let t1_188 = like.lift(1.1547005383792515) * t1_187;
-        let t1_189 = -t1_188;
-        let t1_190 = (-t1_81).mul_add(t1_166, t1_92);
-        let t1_191 = (-t1_77).mul_add(t1_150, t1_190);
-        let t1_192 = (-t1_79).mul_add(t1_137, t1_191);
-        let t1_193 = t1_95 * t1_192;
-        let t1_194 = like.lift(1.1547005383792515) * t1_193;
-        let t1_195 = -pivot_3;
-        let t1_196 = -pivot_5;
-        let t1_197 = -pivot_6;
+        let t2_119 = t2_116 * inv_pivot_6;
+        let t2_120 = (-t2_107).mul_add(t2_119, t2_102);
+        let t2_121 = inv_pivot_5 * t2_120;
+        let t2_122 = sin_q6.mul_add(t2_109, cos_q6);
+        let t2_123 = t2_122 * inv_pivot_6;
+        let t2_124 = inv_pivot_5 * t2_107;
+        let t2_125 = t2_124 * t2_123;
+        let t2_126 = sin_q8.mul_add(t2_93, cos_q8);
+        let t2_127 = t2_126 * t2_95;
+        let t2_128 = t2_127 * t2_100;
+        let t2_129 = t2_127 * t2_112;
+        let t2_130 = (-t2_128).mul_add(t2_114, t2_129);
+        let t2_131 = t2_130 * inv_pivot_6;
+        let t2_132 = t2_107.mul_add(t2_131, t2_128);
+        let t2_133 = inv_pivot_5 * t2_132;
+        let t2_134 = -t2_133;
+        let t2_135 = (-t2_105).mul_add(t2_119, t2_101);
+        let t2_136 = (-t2_96).mul_add(t2_121, t2_135);
+        let t2_137 = inv_pivot_4 * t2_136;
+        let t2_138 = -t2_137;
+        let t2_139 = t2_96 * t2_125;
+        let t2_140 = (-t2_105).mul_add(t2_123, t2_139);
+        let t2_141 = inv_pivot_4 * t2_140;
+        let t2_142 = (-t2_105).mul_add(t2_131, t2_127);
+        let t2_143 = t2_96.mul_add(t2_133, t2_142);
+        let t2_144 = inv_pivot_4 * t2_143;
+        let t2_145 = -t2_144;
+        let t2_146 = -t2_119;
+        let t2_147 = -t2_131;
+        let t2_148 = (-t2_103).mul_add(t2_119, cos_q1);
+        let t2_149 = (-t2_63).mul_add(t2_121, t2_148);
+        let t2_150 = t2_98.mul_add(t2_137, t2_149);
+        let t2_151 = inv_pivot_3 * t2_150;
+        let t2_152 = -t2_151;
+        let t2_153 = t2_63 * t2_125;
+        let t2_154 = (-t2_103).mul_add(t2_123, t2_153);
+        let t2_155 = t2_98.mul_add(t2_141, t2_154);
+        let t2_156 = inv_pivot_3 * t2_155;
+        let t2_157 = t2_103.mul_add(t2_131, t2_126);
+        let t2_158 = (-t2_63).mul_add(t2_133, t2_157);
+        let t2_159 = (-t2_98).mul_add(t2_144, t2_158);
+        let t2_160 = inv_pivot_3 * t2_159;
+        let t2_161 = t2_36 * t2_119;
+        let t2_162 = t2_33.mul_add(t2_137, t2_161);
+        let t2_163 = like.lift(1.1547005383792515) * t2_108;
+        let t2_164 = t2_162 * t2_163;
+        let t2_165 = (-t2_36).mul_add(t2_123, t2_85);
+        let t2_166 = (-t2_33).mul_add(t2_141, t2_165);
+        let t2_167 = t2_166 * t2_163;
+        let t2_168 = t2_36 * t2_131;
+        let t2_169 = t2_33.mul_add(t2_144, t2_168);
+        let t2_170 = t2_169 * t2_163;
+        let t2_171 = t2_78 * t2_151;
+        let t2_172 = (-t2_76).mul_add(t2_119, t2_171);
+        let t2_173 = (-t2_74).mul_add(t2_137, t2_172);
+        let t2_174 = like.lift(1.1547005383792515) * t2_92;
+        let t2_175 = t2_173 * t2_174;
+        let t2_176 = t2_78 * t2_156;
+        let t2_177 = (-t2_76).mul_add(t2_123, t2_176);
+        let t2_178 = (-t2_74).mul_add(t2_141, t2_177);
+        let t2_179 = t2_178 * t2_174;
+        let t2_180 = -t2_179;
+        let t2_181 = (-t2_76).mul_add(t2_131, t2_89);
+        let t2_182 = (-t2_74).mul_add(t2_144, t2_181);
+        let t2_183 = (-t2_78).mul_add(t2_160, t2_182);
+        let t2_184 = t2_183 * t2_174;
+        let t2_185 = -pivot_3;
+        let t2_186 = -pivot_5;
+        let t2_187 = -pivot_6;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t1_83 * like.lift(1.8955297449982944)).abs())
-            .min((t1_195 * like.lift(2.6463477742948585)).abs())
+            .min((t2_80 * like.lift(1.8955297449982944)).abs())
+            .min((t2_185 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t1_196 * like.lift(0.8284577646309275)).abs())
-            .min((t1_197 * like.lift(2.1915406530791146)).abs());
+            .min((t2_186 * like.lift(0.8284577646309275)).abs())
+            .min((t2_187 * like.lift(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [t1_127, t1_131, t1_140], [t1_144, t1_147, t1_151], [t1_152, t1_129, t1_153],
-                [t1_158, t1_162, t1_166], [t1_170, t1_174, t1_178], [t1_183, t1_189, t1_194],
+                [t2_121, t2_125, t2_134], [t2_138, t2_141, t2_145], [t2_146, t2_123, t2_147],
+                [t2_152, t2_156, t2_160], [t2_164, t2_167, t2_170], [t2_175, t2_180, t2_184],
             ],
             margin,
             || (
                 [
-                    [t1_6, t1_8, t1_13, like.lift(0.0), t1_16, like.lift(0.0)],
-                    [t1_22, t1_24, t1_30, like.lift(0.0), t1_31, like.lift(0.0)],
-                    [like.lift(0.0), t1_35, t1_39, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t1_47, t1_51, t1_53, t1_55, like.lift(0.0), t1_58],
-                    [t1_66, t1_67, t1_71, t1_74, like.lift(0.0), t1_75],
-                    [like.lift(0.0), t1_77, t1_79, t1_82, like.lift(0.0), t1_83],
+                    [t2_6, t2_8, t2_12, like.lift(0.0), t2_15, like.lift(0.0)],
+                    [t2_21, t2_22, t2_28, like.lift(0.0), t2_29, like.lift(0.0)],
+                    [like.lift(0.0), t2_33, t2_36, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_44, t2_48, t2_50, t2_52, like.lift(0.0), t2_55],
+                    [t2_63, t2_64, t2_68, t2_71, like.lift(0.0), t2_72],
+                    [like.lift(0.0), t2_74, t2_76, t2_79, like.lift(0.0), t2_80],
                 ],
                 [
-                    [t1_84, t1_86, like.lift(0.0)], [cos_q1, t1_87, like.lift(0.0)],
-                    [like.lift(0.0), t1_88, like.lift(0.0)], [t1_84, like.lift(0.0), t1_90],
-                    [cos_q1, like.lift(0.0), t1_91], [like.lift(0.0), like.lift(0.0), t1_93],
+                    [t2_81, t2_83, like.lift(0.0)], [cos_q1, t2_84, like.lift(0.0)],
+                    [like.lift(0.0), t2_85, like.lift(0.0)], [t2_81, like.lift(0.0), t2_87],
+                    [cos_q1, like.lift(0.0), t2_88], [like.lift(0.0), like.lift(0.0), t2_90],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, e_s1_2_q1x, sin_q6, cos_q6,
-            sin_s1_3, cos_s1_3, e_s1_2_q1z, e_3_q1y, sin_q8, cos_q8, x_q1_q2, x_q1_q7, x_q1_q9,
-            x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2,
-            x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
+            e_s1_2_q1x, e_s1_2_q1z, e_3_q1y, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7,
+            x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9,
+            x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
         ]
     };
     // body 1
-    {
+    let [a_1y, t3_4] = {
         let w_izz_1_q2 = dd_q1 * x_q1_q2;
-        let t2_1 = -w_izz_1_q2;
+        let t3_1 = -w_izz_1_q2;
         let w_izz_1_q7 = dd_q1 * x_q1_q7;
-        let t2_2 = -w_izz_1_q7;
+        let t3_2 = -w_izz_1_q7;
         let w_izz_1_q9 = dd_q1 * x_q1_q9;
-        let t2_3 = -w_izz_1_q9;
-        w[0] = [t2_1, t2_2, t2_3];
-        let t2_4 = cos_q1 * x_q1_q2;
-        let w_mx_1_q2 = like.lift(9.81) * t2_4;
-        let t2_5 = cos_q1 * x_q1_q7;
-        let w_mx_1_q7 = like.lift(9.81) * t2_5;
-        let t2_6 = cos_q1 * x_q1_q9;
-        let w_mx_1_q9 = like.lift(9.81) * t2_6;
-        w[1] = [w_mx_1_q2, w_mx_1_q7, w_mx_1_q9];
-        let t2_7 = sin_q1 * x_q1_q2;
-        let w_my_1_q2 = like.lift(9.81) * t2_7;
-        let t2_8 = -w_my_1_q2;
-        let t2_9 = sin_q1 * x_q1_q7;
-        let w_my_1_q7 = like.lift(9.81) * t2_9;
-        let t2_10 = -w_my_1_q7;
-        let t2_11 = sin_q1 * x_q1_q9;
-        let w_my_1_q9 = like.lift(9.81) * t2_11;
-        let t2_12 = -w_my_1_q9;
-        w[2] = [t2_8, t2_10, t2_12];
-    }
-    // body 2
-    let [a_2z_2, a_2x] = {
+        let t3_3 = -w_izz_1_q9;
+        w[0] = [t3_1, t3_2, t3_3];
         let a_1y = like.lift(9.81) * cos_q1;
-        let t3_1 = d_q1 * d_q1;
-        let a_2z = q2 * t3_1;
-        let t3_2 = a_1y - a_2z;
-        let a_2z_2 = dd_q2 + t3_2;
-        let t3_3 = q2 * x_q1_q2;
-        let t3_4 = (-t3_1).mul_add(t3_3, dd_q1);
-        let w_mx_2_q2 = a_2z_2.mul_add(x_q1_q2, -t3_4);
-        let t3_5 = dd_q2 + a_1y;
-        let w_mx_2_q7 = t3_5 * x_q1_q7;
-        let w_mx_2_q9 = t3_5 * x_q1_q9;
+        let w_mx_1_q2 = x_q1_q2 * a_1y;
+        let w_mx_1_q7 = x_q1_q7 * a_1y;
+        let w_mx_1_q9 = x_q1_q9 * a_1y;
+        w[1] = [w_mx_1_q2, w_mx_1_q7, w_mx_1_q9];
+        let t3_4 = like.lift(9.81) * sin_q1;
+        let w_my_1_q2 = x_q1_q2 * t3_4;
+        let t3_5 = -w_my_1_q2;
+        let w_my_1_q7 = x_q1_q7 * t3_4;
+        let t3_6 = -w_my_1_q7;
+        let w_my_1_q9 = x_q1_q9 * t3_4;
+        let t3_7 = -w_my_1_q9;
+        w[2] = [t3_5, t3_6, t3_7];
+        [a_1y, t3_4]
+    };
+    // body 2
+    let [a_2z, a_2x] = {
+        let t4_1 = d_q1 * d_q1;
+        let t4_2 = dd_q2 + a_1y;
+        let a_2z = (-q2).mul_add(t4_1, t4_2);
+        let t4_3 = q2 * x_q1_q2;
+        let t4_4 = a_2z.mul_add(x_q1_q2, -dd_q1);
+        let w_mx_2_q2 = t4_1.mul_add(t4_3, t4_4);
+        let t4_5 = dd_q2 + a_1y;
+        let w_mx_2_q7 = t4_5 * x_q1_q7;
+        let w_mx_2_q9 = t4_5 * x_q1_q9;
         w[3] = [w_mx_2_q2, w_mx_2_q7, w_mx_2_q9];
-        let a_1x = like.lift(9.81) * sin_q1;
-        let t3_6 = q2 * dd_q1;
-        let t3_7 = a_1x - t3_6;
-        let t3_8 = d_q1 * d_q2;
-        let a_2x = like.lift(-2.0).mul_add(t3_8, t3_7);
-        let t3_9 = dd_q1.mul_add(t3_3, t3_1);
-        let w_mz_2_q2 = a_2x.mul_add(x_q1_q2, -t3_9);
-        let t3_10 = t3_6 - a_2x;
-        let w_mz_2_q7 = t3_10 * x_q1_q7;
-        let t3_11 = -w_mz_2_q7;
-        let w_mz_2_q9 = t3_10 * x_q1_q9;
-        let t3_12 = -w_mz_2_q9;
-        w[4] = [w_mz_2_q2, t3_11, t3_12];
-        [a_2z_2, a_2x]
+        let t4_6 = q2 * dd_q1;
+        let t4_7 = like.lift(2.0) * d_q1;
+        let t4_8 = (-t4_7).mul_add(d_q2, t3_4);
+        let a_2x = t4_8 - t4_6;
+        let t4_9 = a_2x.mul_add(x_q1_q2, -t4_1);
+        let w_mz_2_q2 = (-dd_q1).mul_add(t4_3, t4_9);
+        let t4_10 = t4_6 - a_2x;
+        let w_mz_2_q7 = t4_10 * x_q1_q7;
+        let t4_11 = -w_mz_2_q7;
+        let w_mz_2_q9 = t4_10 * x_q1_q9;
+        let t4_12 = -w_mz_2_q9;
+        w[4] = [w_mz_2_q2, t4_11, t4_12];
+        [a_2z, a_2x]
     };
     // body 3
     {
-        let t4_1 = sin_s1_2 * dd_s1_1;
-        let t4_2 = sin_s1_1 * dd_q1;
         let w_s1_1y = cos_s1_1 * d_q1;
-        let al_s1_1x = d_s1_1.mul_add(w_s1_1y, t4_2);
-        let t4_3 = (-cos_s1_2).mul_add(al_s1_1x, t4_1);
-        let t4_4 = cos_s1_2 * d_s1_1;
+        let t5_1 = d_s1_1 * w_s1_1y;
+        let al_s1_1x = sin_s1_1.mul_add(dd_q1, t5_1);
         let w_s1_1x = sin_s1_1 * d_q1;
-        let w_s1_2z = sin_s1_2.mul_add(w_s1_1x, t4_4);
-        let al_s1_2x = d_s1_2.mul_add(w_s1_2z, t4_3);
-        let al_3x = dd_s1_3 - al_s1_2x;
-        let t4_5 = e_s1_2_q1x * x_q1_q2;
-        let t4_6 = (-sin_s1_2).mul_add(x_s1_1_q2, t4_5);
-        let t4_7 = x_s1_3_q2 + t4_6;
+        let t5_2 = sin_s1_2 * w_s1_1x;
+        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t5_2);
+        let t5_3 = (-d_s1_2).mul_add(w_s1_2z, dd_s1_3);
+        let t5_4 = cos_s1_2.mul_add(al_s1_1x, t5_3);
+        let al_3x = (-sin_s1_2).mul_add(dd_s1_1, t5_4);
+        let t5_5 = (-sin_s1_2).mul_add(x_s1_1_q2, x_s1_3_q2);
+        let t5_6 = e_s1_2_q1x.mul_add(x_q1_q2, t5_5);
         let w_s1_2y = d_s1_2 + w_s1_1y;
-        let t4_8 = sin_s1_3 * w_s1_2y;
-        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t4_8);
-        let t4_9 = sin_s1_2 * d_s1_1;
-        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t4_9);
+        let t5_7 = sin_s1_3 * w_s1_2y;
+        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t5_7);
+        let t5_8 = sin_s1_2 * d_s1_1;
+        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t5_8);
         let w_3x = d_s1_3 - w_s1_2x;
-        let t4_10 = w_3z * w_3x;
-        let t4_11 = e_3_q1y * x_q1_q2;
+        let t5_9 = w_3z * w_3x;
         let u_3_q2y = cos_s1_2 * sin_s1_3;
-        let t4_12 = u_3_q2y.mul_add(x_s1_1_q2, t4_11);
-        let t4_13 = cos_s1_3.mul_add(x_s1_2_q2, t4_12);
-        let t4_14 = t4_10 * t4_13;
-        let t4_15 = al_3x.mul_add(t4_7, -t4_14);
-        let t4_16 = cos_s1_3 * w_s1_2y;
-        let w_3y = sin_s1_3.mul_add(w_s1_2z, t4_16);
-        let t4_17 = w_3y * w_3x;
-        let t4_18 = cos_s1_1 * sin_s1_3;
-        let e_3_q1z = (-cos_s1_3).mul_add(e_s1_2_q1z, t4_18);
-        let t4_19 = e_3_q1z * x_q1_q2;
+        let t5_10 = cos_s1_3 * x_s1_2_q2;
+        let t5_11 = u_3_q2y.mul_add(x_s1_1_q2, t5_10);
+        let t5_12 = e_3_q1y.mul_add(x_q1_q2, t5_11);
+        let t5_13 = t5_9 * t5_12;
+        let t5_14 = sin_s1_3 * w_s1_2z;
+        let w_3y = cos_s1_3.mul_add(w_s1_2y, t5_14);
+        let t5_15 = w_3y * w_3x;
+        let t5_16 = cos_s1_1 * sin_s1_3;
+        let e_3_q1z = (-cos_s1_3).mul_add(e_s1_2_q1z, t5_16);
         let u_3_q2z = cos_s1_2 * cos_s1_3;
-        let t4_20 = (-u_3_q2z).mul_add(x_s1_1_q2, t4_19);
-        let t4_21 = sin_s1_3.mul_add(x_s1_2_q2, t4_20);
-        let t4_22 = t4_17 * t4_21;
-        let w_ixx_3_q2 = t4_15 + t4_22;
-        let t4_23 = -w_ixx_3_q2;
-        let t4_24 = e_s1_2_q1x * x_q1_q7;
-        let t4_25 = (-sin_s1_2).mul_add(x_s1_1_q7, t4_24);
-        let t4_26 = x_s1_3_q7 + t4_25;
-        let t4_27 = e_3_q1y * x_q1_q7;
-        let t4_28 = u_3_q2y.mul_add(x_s1_1_q7, t4_27);
-        let t4_29 = cos_s1_3.mul_add(x_s1_2_q7, t4_28);
-        let t4_30 = t4_10 * t4_29;
-        let t4_31 = al_3x.mul_add(t4_26, -t4_30);
-        let t4_32 = e_3_q1z * x_q1_q7;
-        let t4_33 = (-u_3_q2z).mul_add(x_s1_1_q7, t4_32);
-        let t4_34 = sin_s1_3.mul_add(x_s1_2_q7, t4_33);
-        let t4_35 = t4_17 * t4_34;
-        let w_ixx_3_q7 = t4_31 + t4_35;
-        let t4_36 = -w_ixx_3_q7;
-        let t4_37 = e_s1_2_q1x * x_q1_q9;
-        let t4_38 = (-sin_s1_2).mul_add(x_s1_1_q9, t4_37);
-        let t4_39 = x_s1_3_q9 + t4_38;
-        let t4_40 = e_3_q1y * x_q1_q9;
-        let t4_41 = u_3_q2y.mul_add(x_s1_1_q9, t4_40);
-        let t4_42 = cos_s1_3.mul_add(x_s1_2_q9, t4_41);
-        let t4_43 = t4_10 * t4_42;
-        let t4_44 = al_3x.mul_add(t4_39, -t4_43);
-        let t4_45 = e_3_q1z * x_q1_q9;
-        let t4_46 = (-u_3_q2z).mul_add(x_s1_1_q9, t4_45);
-        let t4_47 = sin_s1_3.mul_add(x_s1_2_q9, t4_46);
-        let t4_48 = t4_17 * t4_47;
-        let w_ixx_3_q9 = t4_44 + t4_48;
-        let t4_49 = -w_ixx_3_q9;
-        w[5] = [t4_23, t4_36, t4_49];
-        let t4_50 = cos_s1_1 * dd_q1;
-        let al_s1_1y = (-d_s1_1).mul_add(w_s1_1x, t4_50);
-        let al_s1_2y = dd_s1_2 + al_s1_1y;
-        let t4_51 = cos_s1_3 * al_s1_2y;
-        let t4_52 = cos_s1_2 * dd_s1_1;
-        let t4_53 = sin_s1_2.mul_add(al_s1_1x, t4_52);
-        let al_s1_2z = (-d_s1_2).mul_add(w_s1_2x, t4_53);
-        let t4_54 = sin_s1_3.mul_add(al_s1_2z, t4_51);
-        let al_3y = (-d_s1_3).mul_add(w_3z, t4_54);
-        let t4_55 = al_3y + t4_10;
-        let t4_56 = t4_55 * t4_7;
-        let t4_57 = w_3y * w_3z;
-        let t4_58 = al_3x - t4_57;
-        let t4_59 = t4_58.mul_add(t4_13, t4_56);
-        let t4_60 = w_3x * w_3x;
-        let t4_61 = w_3y * w_3y;
-        let t4_62 = t4_60 - t4_61;
-        let w_ixy_3_q2 = (-t4_62).mul_add(t4_21, t4_59);
-        let t4_63 = -w_ixy_3_q2;
-        let t4_64 = t4_55 * t4_26;
-        let t4_65 = t4_58.mul_add(t4_29, t4_64);
-        let w_ixy_3_q7 = (-t4_62).mul_add(t4_34, t4_65);
-        let t4_66 = -w_ixy_3_q7;
-        let t4_67 = t4_55 * t4_39;
-        let t4_68 = t4_58.mul_add(t4_42, t4_67);
-        let w_ixy_3_q9 = (-t4_62).mul_add(t4_47, t4_68);
-        let t4_69 = -w_ixy_3_q9;
-        w[6] = [t4_63, t4_66, t4_69];
-        let t4_70 = sin_s1_3 * al_s1_2y;
-        let t4_71 = (-cos_s1_3).mul_add(al_s1_2z, t4_70);
-        let al_3z = d_s1_3.mul_add(w_3y, t4_71);
-        let t4_72 = al_3z - t4_17;
-        let t4_73 = t4_72 * t4_7;
-        let t4_74 = w_3z * w_3z;
-        let t4_75 = t4_60 - t4_74;
-        let t4_76 = t4_75.mul_add(t4_13, t4_73);
-        let t4_77 = al_3x + t4_57;
-        let w_ixz_3_q2 = t4_77.mul_add(t4_21, t4_76);
-        let t4_78 = t4_72 * t4_26;
-        let t4_79 = t4_75.mul_add(t4_29, t4_78);
-        let w_ixz_3_q7 = t4_77.mul_add(t4_34, t4_79);
-        let t4_80 = t4_72 * t4_39;
-        let t4_81 = t4_75.mul_add(t4_42, t4_80);
-        let w_ixz_3_q9 = t4_77.mul_add(t4_47, t4_81);
+        let t5_17 = sin_s1_3 * x_s1_2_q2;
+        let t5_18 = (-u_3_q2z).mul_add(x_s1_1_q2, t5_17);
+        let t5_19 = e_3_q1z.mul_add(x_q1_q2, t5_18);
+        let t5_20 = t5_15 * t5_19;
+        let t5_21 = al_3x.mul_add(t5_6, t5_20);
+        let w_ixx_3_q2 = t5_21 - t5_13;
+        let t5_22 = -w_ixx_3_q2;
+        let t5_23 = (-sin_s1_2).mul_add(x_s1_1_q7, x_s1_3_q7);
+        let t5_24 = e_s1_2_q1x.mul_add(x_q1_q7, t5_23);
+        let t5_25 = cos_s1_3 * x_s1_2_q7;
+        let t5_26 = u_3_q2y.mul_add(x_s1_1_q7, t5_25);
+        let t5_27 = e_3_q1y.mul_add(x_q1_q7, t5_26);
+        let t5_28 = t5_9 * t5_27;
+        let t5_29 = sin_s1_3 * x_s1_2_q7;
+        let t5_30 = (-u_3_q2z).mul_add(x_s1_1_q7, t5_29);
+        let t5_31 = e_3_q1z.mul_add(x_q1_q7, t5_30);
+        let t5_32 = t5_15 * t5_31;
+        let t5_33 = al_3x.mul_add(t5_24, t5_32);
+        let w_ixx_3_q7 = t5_33 - t5_28;
+        let t5_34 = -w_ixx_3_q7;
+        let t5_35 = (-sin_s1_2).mul_add(x_s1_1_q9, x_s1_3_q9);
+        let t5_36 = e_s1_2_q1x.mul_add(x_q1_q9, t5_35);
+        let t5_37 = cos_s1_3 * x_s1_2_q9;
+        let t5_38 = u_3_q2y.mul_add(x_s1_1_q9, t5_37);
+        let t5_39 = e_3_q1y.mul_add(x_q1_q9, t5_38);
+        let t5_40 = t5_9 * t5_39;
+        let t5_41 = sin_s1_3 * x_s1_2_q9;
+        let t5_42 = (-u_3_q2z).mul_add(x_s1_1_q9, t5_41);
+        let t5_43 = e_3_q1z.mul_add(x_q1_q9, t5_42);
+        let t5_44 = t5_15 * t5_43;
+        let t5_45 = al_3x.mul_add(t5_36, t5_44);
+        let w_ixx_3_q9 = t5_45 - t5_40;
+        let t5_46 = -w_ixx_3_q9;
+        w[5] = [t5_22, t5_34, t5_46];
+        let t5_47 = (-d_s1_1).mul_add(w_s1_1x, dd_s1_2);
+        let al_s1_2y = cos_s1_1.mul_add(dd_q1, t5_47);
+        let t5_48 = sin_s1_2 * al_s1_1x;
+        let t5_49 = (-d_s1_2).mul_add(w_s1_2x, t5_48);
+        let al_s1_2z = cos_s1_2.mul_add(dd_s1_1, t5_49);
+        let t5_50 = sin_s1_3 * al_s1_2z;
+        let t5_51 = (-d_s1_3).mul_add(w_3z, t5_50);
+        let al_3y = cos_s1_3.mul_add(al_s1_2y, t5_51);
+        let t5_52 = al_3y + t5_9;
+        let t5_53 = w_3y * w_3z;
+        let t5_54 = al_3x - t5_53;
+        let t5_55 = w_3x * w_3x;
+        let t5_56 = w_3y * w_3y;
+        let t5_57 = t5_55 - t5_56;
+        let t5_58 = t5_54 * t5_12;
+        let t5_59 = (-t5_57).mul_add(t5_19, t5_58);
+        let w_ixy_3_q2 = t5_52.mul_add(t5_6, t5_59);
+        let t5_60 = -w_ixy_3_q2;
+        let t5_61 = t5_54 * t5_27;
+        let t5_62 = (-t5_57).mul_add(t5_31, t5_61);
+        let w_ixy_3_q7 = t5_52.mul_add(t5_24, t5_62);
+        let t5_63 = -w_ixy_3_q7;
+        let t5_64 = t5_54 * t5_39;
+        let t5_65 = (-t5_57).mul_add(t5_43, t5_64);
+        let w_ixy_3_q9 = t5_52.mul_add(t5_36, t5_65);
+        let t5_66 = -w_ixy_3_q9;
+        w[6] = [t5_60, t5_63, t5_66];
+        let t5_67 = d_s1_3 * w_3y;
+        let t5_68 = (-cos_s1_3).mul_add(al_s1_2z, t5_67);
+        let al_3z = sin_s1_3.mul_add(al_s1_2y, t5_68);
+        let t5_69 = al_3z - t5_15;
+        let t5_70 = w_3z * w_3z;
+        let t5_71 = t5_55 - t5_70;
+        let t5_72 = al_3x + t5_53;
+        let t5_73 = t5_72 * t5_19;
+        let t5_74 = t5_71.mul_add(t5_12, t5_73);
+        let w_ixz_3_q2 = t5_69.mul_add(t5_6, t5_74);
+        let t5_75 = t5_72 * t5_31;
+        let t5_76 = t5_71.mul_add(t5_27, t5_75);
+        let w_ixz_3_q7 = t5_69.mul_add(t5_24, t5_76);
+        let t5_77 = t5_72 * t5_43;
+        let t5_78 = t5_71.mul_add(t5_39, t5_77);
+        let w_ixz_3_q9 = t5_69.mul_add(t5_36, t5_78);
         w[7] = [w_ixz_3_q2, w_ixz_3_q7, w_ixz_3_q9];
-        let t4_82 = t4_57 * t4_7;
-        let t4_83 = al_3y.mul_add(t4_13, t4_82);
-        let w_iyy_3_q2 = t4_22 - t4_83;
-        let t4_84 = t4_57 * t4_26;
-        let t4_85 = al_3y.mul_add(t4_29, t4_84);
-        let w_iyy_3_q7 = t4_35 - t4_85;
-        let t4_86 = t4_57 * t4_39;
-        let t4_87 = al_3y.mul_add(t4_42, t4_86);
-        let w_iyy_3_q9 = t4_48 - t4_87;
+        let t5_79 = t5_53 * t5_6;
+        let t5_80 = (-al_3y).mul_add(t5_12, t5_20);
+        let w_iyy_3_q2 = t5_80 - t5_79;
+        let t5_81 = t5_53 * t5_24;
+        let t5_82 = (-al_3y).mul_add(t5_27, t5_32);
+        let w_iyy_3_q7 = t5_82 - t5_81;
+        let t5_83 = t5_53 * t5_36;
+        let t5_84 = (-al_3y).mul_add(t5_39, t5_44);
+        let w_iyy_3_q9 = t5_84 - t5_83;
         w[8] = [w_iyy_3_q2, w_iyy_3_q7, w_iyy_3_q9];
-        let t4_88 = t4_61 - t4_74;
-        let t4_89 = t4_88 * t4_7;
-        let t4_90 = al_3z + t4_17;
-        let t4_91 = (-t4_90).mul_add(t4_13, t4_89);
-        let t4_92 = al_3y - t4_10;
-        let w_iyz_3_q2 = (-t4_92).mul_add(t4_21, t4_91);
-        let t4_93 = -w_iyz_3_q2;
-        let t4_94 = t4_88 * t4_26;
-        let t4_95 = (-t4_90).mul_add(t4_29, t4_94);
-        let w_iyz_3_q7 = (-t4_92).mul_add(t4_34, t4_95);
-        let t4_96 = -w_iyz_3_q7;
-        let t4_97 = t4_88 * t4_39;
-        let t4_98 = (-t4_90).mul_add(t4_42, t4_97);
-        let w_iyz_3_q9 = (-t4_92).mul_add(t4_47, t4_98);
-        let t4_99 = -w_iyz_3_q9;
-        w[9] = [t4_93, t4_96, t4_99];
-        let t4_100 = t4_14 - t4_82;
-        let w_izz_3_q2 = al_3z.mul_add(t4_21, t4_100);
-        let t4_101 = -w_izz_3_q2;
-        let t4_102 = t4_30 - t4_84;
-        let w_izz_3_q7 = al_3z.mul_add(t4_34, t4_102);
-        let t4_103 = -w_izz_3_q7;
-        let t4_104 = t4_43 - t4_86;
-        let w_izz_3_q9 = al_3z.mul_add(t4_47, t4_104);
-        let t4_105 = -w_izz_3_q9;
-        w[10] = [t4_101, t4_103, t4_105];
+        let t5_85 = t5_56 - t5_70;
+        let t5_86 = al_3z + t5_15;
+        let t5_87 = al_3y - t5_9;
+        let t5_88 = t5_85 * t5_6;
+        let t5_89 = (-t5_87).mul_add(t5_19, t5_88);
+        let w_iyz_3_q2 = (-t5_86).mul_add(t5_12, t5_89);
+        let t5_90 = -w_iyz_3_q2;
+        let t5_91 = t5_85 * t5_24;
+        let t5_92 = (-t5_87).mul_add(t5_31, t5_91);
+        let w_iyz_3_q7 = (-t5_86).mul_add(t5_27, t5_92);
+        let t5_93 = -w_iyz_3_q7;
+        let t5_94 = t5_85 * t5_36;
+        let t5_95 = (-t5_87).mul_add(t5_43, t5_94);
+        let w_iyz_3_q9 = (-t5_86).mul_add(t5_39, t5_95);
+        let t5_96 = -w_iyz_3_q9;
+        w[9] = [t5_90, t5_93, t5_96];
+        let t5_97 = al_3z.mul_add(t5_19, t5_13);
+        let w_izz_3_q2 = t5_97 - t5_79;
+        let t5_98 = -w_izz_3_q2;
+        let t5_99 = al_3z.mul_add(t5_31, t5_28);
+        let w_izz_3_q7 = t5_99 - t5_81;
+        let t5_100 = -w_izz_3_q7;
+        let t5_101 = al_3z.mul_add(t5_43, t5_40);
+        let w_izz_3_q9 = t5_101 - t5_83;
+        let t5_102 = -w_izz_3_q9;
+        w[10] = [t5_98, t5_100, t5_102];
         let a_s1_1y = sin_s1_1 * a_2x;
-        let t4_106 = cos_s1_3 * a_s1_1y;
-        let t4_107 = cos_s1_2 * a_2z_2;
         let a_s1_1x = cos_s1_1 * a_2x;
-        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t4_107);
-        let a_3y = sin_s1_3.mul_add(a_s1_2z, t4_106);
-        let t4_108 = a_3y * t4_21;
-        let t4_109 = sin_s1_3 * a_s1_1y;
-        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t4_109);
-        let t4_110 = (-a_3z).mul_add(t4_13, t4_108);
-        let t4_111 = t4_61 + t4_74;
+        let t5_103 = cos_s1_2 * a_2z;
+        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t5_103);
+        let t5_104 = sin_s1_3 * a_s1_2z;
+        let a_3y = cos_s1_3.mul_add(a_s1_1y, t5_104);
+        let t5_105 = sin_s1_3 * a_s1_1y;
+        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t5_105);
+        let t5_106 = t5_56 + t5_70;
         let u_s1_1_q1x = q2 * cos_s1_1;
         let u_s1_2_q1x = cos_s1_2 * u_s1_1_q1x;
-        let t4_112 = u_s1_2_q1x.mul_add(x_q1_q2, sin_s1_2);
-        let t4_113 = t4_111 * t4_112;
+        let t5_107 = u_s1_2_q1x.mul_add(x_q1_q2, sin_s1_2);
         let u_s1_1_q1y = q2 * sin_s1_1;
-        let t4_114 = cos_s1_3 * u_s1_1_q1y;
         let u_s1_2_q1z = sin_s1_2 * u_s1_1_q1x;
-        let u_3_q1y = (-sin_s1_3).mul_add(u_s1_2_q1z, t4_114);
-        let t4_115 = u_3_q1y.mul_add(x_q1_q2, u_3_q2y);
-        let t4_116 = (-t4_72).mul_add(t4_115, t4_113);
-        let t4_117 = sin_s1_3 * u_s1_1_q1y;
-        let u_3_q1z = cos_s1_3.mul_add(u_s1_2_q1z, t4_117);
-        let t4_118 = (-u_3_q1z).mul_add(x_q1_q2, u_3_q2z);
-        let t4_119 = (-t4_55).mul_add(t4_118, t4_116);
-        let w_mx_3_q2 = t4_110 + t4_119;
-        let t4_120 = a_3y * t4_34;
-        let t4_121 = (-a_3z).mul_add(t4_29, t4_120);
-        let t4_122 = u_s1_2_q1x * x_q1_q7;
-        let t4_123 = t4_111 * t4_122;
-        let t4_124 = u_3_q1y * x_q1_q7;
-        let t4_125 = (-t4_72).mul_add(t4_124, t4_123);
-        let t4_126 = u_3_q1z * x_q1_q7;
-        let t4_127 = t4_55.mul_add(t4_126, t4_125);
-        let w_mx_3_q7 = t4_121 + t4_127;
-        let t4_128 = a_3y * t4_47;
-        let t4_129 = (-a_3z).mul_add(t4_42, t4_128);
-        let t4_130 = u_s1_2_q1x * x_q1_q9;
-        let t4_131 = t4_111 * t4_130;
-        let t4_132 = u_3_q1y * x_q1_q9;
-        let t4_133 = (-t4_72).mul_add(t4_132, t4_131);
-        let t4_134 = u_3_q1z * x_q1_q9;
-        let t4_135 = t4_55.mul_add(t4_134, t4_133);
-        let w_mx_3_q9 = t4_129 + t4_135;
+        let t5_108 = cos_s1_3 * u_s1_1_q1y;
+        let u_3_q1y = (-sin_s1_3).mul_add(u_s1_2_q1z, t5_108);
+        let t5_109 = u_3_q1y.mul_add(x_q1_q2, u_3_q2y);
+        let t5_110 = cos_s1_3 * u_s1_2_q1z;
+        let u_3_q1z = sin_s1_3.mul_add(u_s1_1_q1y, t5_110);
+        let t5_111 = (-u_3_q1z).mul_add(x_q1_q2, u_3_q2z);
+        let t5_112 = a_3y * t5_19;
+        let t5_113 = (-a_3z).mul_add(t5_12, t5_112);
+        let t5_114 = (-t5_52).mul_add(t5_111, t5_113);
+        let t5_115 = (-t5_69).mul_add(t5_109, t5_114);
+        let w_mx_3_q2 = t5_106.mul_add(t5_107, t5_115);
+        let t5_116 = u_s1_2_q1x * x_q1_q7;
+        let t5_117 = u_3_q1y * x_q1_q7;
+        let t5_118 = u_3_q1z * x_q1_q7;
+        let t5_119 = a_3y * t5_31;
+        let t5_120 = (-a_3z).mul_add(t5_27, t5_119);
+        let t5_121 = t5_52.mul_add(t5_118, t5_120);
+        let t5_122 = (-t5_69).mul_add(t5_117, t5_121);
+        let w_mx_3_q7 = t5_106.mul_add(t5_116, t5_122);
+        let t5_123 = u_s1_2_q1x * x_q1_q9;
+        let t5_124 = u_3_q1y * x_q1_q9;
+        let t5_125 = u_3_q1z * x_q1_q9;
+        let t5_126 = a_3y * t5_43;
+        let t5_127 = (-a_3z).mul_add(t5_39, t5_126);
+        let t5_128 = t5_52.mul_add(t5_125, t5_127);
+        let t5_129 = (-t5_69).mul_add(t5_124, t5_128);
+        let w_mx_3_q9 = t5_106.mul_add(t5_123, t5_129);
         w[11] = [w_mx_3_q2, w_mx_3_q7, w_mx_3_q9];
-        let t4_136 = sin_s1_2 * a_2z_2;
-        let a_s1_2x = cos_s1_2.mul_add(a_s1_1x, t4_136);
-        let t4_137 = a_s1_2x * t4_13;
-        let t4_138 = a_3y.mul_add(t4_7, t4_137);
-        let t4_139 = t4_92 * t4_112;
-        let t4_140 = t4_77.mul_add(t4_115, t4_139);
-        let t4_141 = t4_60 + t4_61;
-        let t4_142 = t4_141.mul_add(t4_118, t4_140);
-        let w_mz_3_q2 = t4_138 - t4_142;
-        let t4_143 = a_s1_2x * t4_29;
-        let t4_144 = a_3y.mul_add(t4_26, t4_143);
-        let t4_145 = t4_92 * t4_122;
-        let t4_146 = t4_77.mul_add(t4_124, t4_145);
-        let t4_147 = (-t4_141).mul_add(t4_126, t4_146);
-        let w_mz_3_q7 = t4_144 - t4_147;
-        let t4_148 = a_s1_2x * t4_42;
-        let t4_149 = a_3y.mul_add(t4_39, t4_148);
-        let t4_150 = t4_92 * t4_130;
-        let t4_151 = t4_77.mul_add(t4_132, t4_150);
-        let t4_152 = (-t4_141).mul_add(t4_134, t4_151);
-        let w_mz_3_q9 = t4_149 - t4_152;
+        let t5_130 = cos_s1_2 * a_s1_1x;
+        let a_s1_2x = sin_s1_2.mul_add(a_2z, t5_130);
+        let t5_131 = t5_55 + t5_56;
+        let t5_132 = a_3y * t5_6;
+        let t5_133 = a_s1_2x.mul_add(t5_12, t5_132);
+        let t5_134 = (-t5_131).mul_add(t5_111, t5_133);
+        let t5_135 = (-t5_72).mul_add(t5_109, t5_134);
+        let w_mz_3_q2 = (-t5_87).mul_add(t5_107, t5_135);
+        let t5_136 = a_3y * t5_24;
+        let t5_137 = a_s1_2x.mul_add(t5_27, t5_136);
+        let t5_138 = t5_131.mul_add(t5_118, t5_137);
+        let t5_139 = (-t5_72).mul_add(t5_117, t5_138);
+        let w_mz_3_q7 = (-t5_87).mul_add(t5_116, t5_139);
+        let t5_140 = a_3y * t5_36;
+        let t5_141 = a_s1_2x.mul_add(t5_39, t5_140);
+        let t5_142 = t5_131.mul_add(t5_125, t5_141);
+        let t5_143 = (-t5_72).mul_add(t5_124, t5_142);
+        let w_mz_3_q9 = (-t5_87).mul_add(t5_123, t5_143);
         w[12] = [w_mz_3_q2, w_mz_3_q7, w_mz_3_q9];
     }
     // body 4
-    {
+    let [a_4y, t6_4] = {
         let w_izz_4_q2 = dd_q6 * x_q6_q2;
-        let t5_1 = -w_izz_4_q2;
+        let t6_1 = -w_izz_4_q2;
         let w_izz_4_q7 = dd_q6 * x_q6_q7;
-        let t5_2 = -w_izz_4_q7;
+        let t6_2 = -w_izz_4_q7;
         let w_izz_4_q9 = dd_q6 * x_q6_q9;
-        let t5_3 = -w_izz_4_q9;
-        w[13] = [t5_1, t5_2, t5_3];
-        let t5_4 = cos_q6 * x_q6_q2;
-        let w_mx_4_q2 = like.lift(9.81) * t5_4;
-        let t5_5 = cos_q6 * x_q6_q7;
-        let w_mx_4_q7 = like.lift(9.81) * t5_5;
-        let t5_6 = cos_q6 * x_q6_q9;
-        let w_mx_4_q9 = like.lift(9.81) * t5_6;
+        let t6_3 = -w_izz_4_q9;
+        w[13] = [t6_1, t6_2, t6_3];
+        let a_4y = like.lift(9.81) * cos_q6;
+        let w_mx_4_q2 = x_q6_q2 * a_4y;
+        let w_mx_4_q7 = x_q6_q7 * a_4y;
+        let w_mx_4_q9 = x_q6_q9 * a_4y;
         w[14] = [w_mx_4_q2, w_mx_4_q7, w_mx_4_q9];
-        let t5_7 = sin_q6 * x_q6_q2;
-        let w_my_4_q2 = like.lift(9.81) * t5_7;
-        let t5_8 = -w_my_4_q2;
-        let t5_9 = sin_q6 * x_q6_q7;
-        let w_my_4_q7 = like.lift(9.81) * t5_9;
-        let t5_10 = -w_my_4_q7;
-        let t5_11 = sin_q6 * x_q6_q9;
-        let w_my_4_q9 = like.lift(9.81) * t5_11;
-        let t5_12 = -w_my_4_q9;
-        w[15] = [t5_8, t5_10, t5_12];
-    }
+        let t6_4 = like.lift(9.81) * sin_q6;
+        let w_my_4_q2 = x_q6_q2 * t6_4;
+        let t6_5 = -w_my_4_q2;
+        let w_my_4_q7 = x_q6_q7 * t6_4;
+        let t6_6 = -w_my_4_q7;
+        let w_my_4_q9 = x_q6_q9 * t6_4;
+        let t6_7 = -w_my_4_q9;
+        w[15] = [t6_5, t6_6, t6_7];
+        [a_4y, t6_4]
+    };
     // body 5
     {
-        let a_4y = like.lift(9.81) * cos_q6;
-        let t6_1 = dd_q7 + a_4y;
-        let w_mx_5_q2 = t6_1 * x_q6_q2;
-        let t6_2 = d_q6 * d_q6;
-        let a_5z = q7 * t6_2;
-        let t6_3 = a_4y - a_5z;
-        let a_5z_2 = dd_q7 + t6_3;
-        let t6_4 = q7 * x_q6_q7;
-        let t6_5 = (-t6_2).mul_add(t6_4, dd_q6);
-        let w_mx_5_q7 = a_5z_2.mul_add(x_q6_q7, -t6_5);
-        let w_mx_5_q9 = t6_1 * x_q6_q9;
+        let t7_1 = dd_q7 + a_4y;
+        let w_mx_5_q2 = t7_1 * x_q6_q2;
+        let t7_2 = d_q6 * d_q6;
+        let t7_3 = dd_q7 + a_4y;
+        let a_5z = (-q7).mul_add(t7_2, t7_3);
+        let t7_4 = q7 * x_q6_q7;
+        let t7_5 = a_5z.mul_add(x_q6_q7, -dd_q6);
+        let w_mx_5_q7 = t7_2.mul_add(t7_4, t7_5);
+        let w_mx_5_q9 = t7_1 * x_q6_q9;
         w[16] = [w_mx_5_q2, w_mx_5_q7, w_mx_5_q9];
-        let t6_6 = q7 * dd_q6;
-        let a_4x = like.lift(9.81) * sin_q6;
-        let t6_7 = a_4x - t6_6;
-        let t6_8 = d_q6 * d_q7;
-        let a_5x = like.lift(-2.0).mul_add(t6_8, t6_7);
-        let t6_9 = t6_6 - a_5x;
-        let w_mz_5_q2 = t6_9 * x_q6_q2;
-        let t6_10 = -w_mz_5_q2;
-        let t6_11 = dd_q6.mul_add(t6_4, t6_2);
-        let w_mz_5_q7 = a_5x.mul_add(x_q6_q7, -t6_11);
-        let w_mz_5_q9 = t6_9 * x_q6_q9;
-        let t6_12 = -w_mz_5_q9;
-        w[17] = [t6_10, w_mz_5_q7, t6_12];
-        let t6_13 = q7 * a_5x;
-        let w_m_5_q2 = t6_13 * x_q6_q2;
-        let w_m_5_q7 = a_5x.mul_add(t6_4, a_5z_2);
-        let w_m_5_q9 = t6_13 * x_q6_q9;
+        let t7_6 = q7 * dd_q6;
+        let t7_7 = like.lift(2.0) * d_q6;
+        let t7_8 = (-t7_7).mul_add(d_q7, t6_4);
+        let a_5x = t7_8 - t7_6;
+        let t7_9 = t7_6 - a_5x;
+        let w_mz_5_q2 = t7_9 * x_q6_q2;
+        let t7_10 = -w_mz_5_q2;
+        let t7_11 = a_5x.mul_add(x_q6_q7, -t7_2);
+        let w_mz_5_q7 = (-dd_q6).mul_add(t7_4, t7_11);
+        let w_mz_5_q9 = t7_9 * x_q6_q9;
+        let t7_12 = -w_mz_5_q9;
+        w[17] = [t7_10, w_mz_5_q7, t7_12];
+        let t7_13 = q7 * a_5x;
+        let w_m_5_q2 = t7_13 * x_q6_q2;
+        let w_m_5_q7 = a_5x.mul_add(t7_4, a_5z);
+        let w_m_5_q9 = t7_13 * x_q6_q9;
         w[18] = [w_m_5_q2, w_m_5_q7, w_m_5_q9];
     }
     // body 6
-    {
+    let [a_6y, t8_4] = {
         let w_izz_6_q2 = dd_q8 * x_q8_q2;
-        let t7_1 = -w_izz_6_q2;
+        let t8_1 = -w_izz_6_q2;
         let w_izz_6_q7 = dd_q8 * x_q8_q7;
-        let t7_2 = -w_izz_6_q7;
+        let t8_2 = -w_izz_6_q7;
         let w_izz_6_q9 = dd_q8 * x_q8_q9;
-        let t7_3 = -w_izz_6_q9;
-        w[19] = [t7_1, t7_2, t7_3];
-        let t7_4 = cos_q8 * x_q8_q2;
-        let w_mx_6_q2 = like.lift(9.81) * t7_4;
-        let t7_5 = cos_q8 * x_q8_q7;
-        let w_mx_6_q7 = like.lift(9.81) * t7_5;
-        let t7_6 = cos_q8 * x_q8_q9;
-        let w_mx_6_q9 = like.lift(9.81) * t7_6;
+        let t8_3 = -w_izz_6_q9;
+        w[19] = [t8_1, t8_2, t8_3];
+        let a_6y = like.lift(9.81) * cos_q8;
+        let w_mx_6_q2 = x_q8_q2 * a_6y;
+        let w_mx_6_q7 = x_q8_q7 * a_6y;
+        let w_mx_6_q9 = x_q8_q9 * a_6y;
         w[20] = [w_mx_6_q2, w_mx_6_q7, w_mx_6_q9];
-        let t7_7 = sin_q8 * x_q8_q2;
-        let w_my_6_q2 = like.lift(9.81) * t7_7;
-        let t7_8 = -w_my_6_q2;
-        let t7_9 = sin_q8 * x_q8_q7;
-        let w_my_6_q7 = like.lift(9.81) * t7_9;
-        let t7_10 = -w_my_6_q7;
-        let t7_11 = sin_q8 * x_q8_q9;
-        let w_my_6_q9 = like.lift(9.81) * t7_11;
-        let t7_12 = -w_my_6_q9;
-        w[21] = [t7_8, t7_10, t7_12];
-    }
+        let t8_4 = like.lift(9.81) * sin_q8;
+        let w_my_6_q2 = x_q8_q2 * t8_4;
+        let t8_5 = -w_my_6_q2;
+        let w_my_6_q7 = x_q8_q7 * t8_4;
+        let t8_6 = -w_my_6_q7;
+        let w_my_6_q9 = x_q8_q9 * t8_4;
+        let t8_7 = -w_my_6_q9;
+        w[21] = [t8_5, t8_6, t8_7];
+        [a_6y, t8_4]
+    };
     // body 7
     {
-        let a_6y = like.lift(9.81) * cos_q8;
-        let t8_1 = dd_q9 + a_6y;
-        let w_mx_7_q2 = t8_1 * x_q8_q2;
-        let w_mx_7_q7 = t8_1 * x_q8_q7;
-        let t8_2 = d_q8 * d_q8;
-        let a_7z = q9 * t8_2;
-        let t8_3 = a_6y - a_7z;
-        let a_7z_2 = dd_q9 + t8_3;
-        let t8_4 = q9 * x_q8_q9;
-        let t8_5 = (-t8_2).mul_add(t8_4, dd_q8);
-        let w_mx_7_q9 = a_7z_2.mul_add(x_q8_q9, -t8_5);
+        let t9_1 = dd_q9 + a_6y;
+        let w_mx_7_q2 = t9_1 * x_q8_q2;
+        let w_mx_7_q7 = t9_1 * x_q8_q7;
+        let t9_2 = d_q8 * d_q8;
+        let t9_3 = dd_q9 + a_6y;
+        let a_7z = (-q9).mul_add(t9_2, t9_3);
+        let t9_4 = q9 * x_q8_q9;
+        let t9_5 = a_7z.mul_add(x_q8_q9, -dd_q8);
+        let w_mx_7_q9 = t9_2.mul_add(t9_4, t9_5);
         w[22] = [w_mx_7_q2, w_mx_7_q7, w_mx_7_q9];
-        let t8_6 = q9 * dd_q8;
-        let a_6x = like.lift(9.81) * sin_q8;
-        let t8_7 = a_6x - t8_6;
-        let t8_8 = d_q8 * d_q9;
-        let a_7x = like.lift(-2.0).mul_add(t8_8, t8_7);
-        let t8_9 = t8_6 - a_7x;
-        let w_mz_7_q2 = t8_9 * x_q8_q2;
-        let t8_10 = -w_mz_7_q2;
-        let w_mz_7_q7 = t8_9 * x_q8_q7;
-        let t8_11 = -w_mz_7_q7;
-        let t8_12 = dd_q8.mul_add(t8_4, t8_2);
-        let w_mz_7_q9 = a_7x.mul_add(x_q8_q9, -t8_12);
-        w[23] = [t8_10, t8_11, w_mz_7_q9];
-        let t8_13 = q9 * a_7x;
-        let w_m_7_q2 = t8_13 * x_q8_q2;
-        let w_m_7_q7 = t8_13 * x_q8_q7;
-        let w_m_7_q9 = a_7x.mul_add(t8_4, a_7z_2);
+        let t9_6 = q9 * dd_q8;
+        let t9_7 = like.lift(2.0) * d_q8;
+        let t9_8 = (-t9_7).mul_add(d_q9, t8_4);
+        let a_7x = t9_8 - t9_6;
+        let t9_9 = t9_6 - a_7x;
+        let w_mz_7_q2 = t9_9 * x_q8_q2;
+        let t9_10 = -w_mz_7_q2;
+        let w_mz_7_q7 = t9_9 * x_q8_q7;
+        let t9_11 = -w_mz_7_q7;
+        let t9_12 = a_7x.mul_add(x_q8_q9, -t9_2);
+        let w_mz_7_q9 = (-dd_q8).mul_add(t9_4, t9_12);
+        w[23] = [t9_10, t9_11, w_mz_7_q9];
+        let t9_13 = q9 * a_7x;
+        let w_m_7_q2 = t9_13 * x_q8_q2;
+        let w_m_7_q7 = t9_13 * x_q8_q7;
+        let w_m_7_q9 = a_7x.mul_add(t9_4, a_7z);
         w[24] = [w_m_7_q2, w_m_7_q7, w_m_7_q9];
     }
     Condition { pivot: condition }
@@ -6654,7 +6317,7 @@ pub fn base_regressor<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &mut 
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `beta`: base parameters, in the order of `BASE`
 ///
-/// 17 additions, 8 multiplications, 0 divisions, 0 sines and cosines.
+/// 17 additions, 7 multiplications, 0 divisions, 0 sines and cosines.
 pub fn to_base<T: Scalar>(phi: &[T; 70]) -> [T; 25] {
     let like = phi[0];
     let mut beta = [like.lift(0.0); 25];
@@ -6674,30 +6337,30 @@ pub fn to_base<T: Scalar>(phi: &[T; 70]) -> [T; 25] {
         beta[5] = t1_3;
         let t1_4 = like.lift(0.22815).mul_add(p_my_3, p_ixy_3);
         beta[6] = t1_4;
-        let t1_5 = p_iyy_3 + t1_2;
-        let t1_6 = like.lift(0.20820969) * p_m_3;
-        let t1_7 = t1_5 - t1_6;
-        let t1_8 = like.lift(0.20820969) * p_m_2;
-        let t1_9 = t1_7 - t1_8;
+        let t1_5 = like.lift(0.20820969) * p_m_3;
+        let t1_6 = like.lift(0.20820969) * p_m_2;
+        let t1_7 = p_iyy_3 + t1_2;
+        let t1_8 = t1_7 - t1_5;
+        let t1_9 = t1_8 - t1_6;
         beta[8] = t1_9;
-        let t1_10 = p_izz_3 - t1_6;
-        let t1_11 = t1_8 - t1_10;
+        let t1_10 = t1_6 - p_izz_3;
+        let t1_11 = t1_10 + t1_5;
         let t1_12 = -t1_11;
         beta[10] = t1_12;
-        let t1_13 = like.lift(0.5773502691896257).mul_add(p_my_3, p_mx_3);
-        let t1_14 = like.lift(-0.4563).mul_add(p_m_3, t1_13);
-        let t1_15 = like.lift(-0.4563).mul_add(p_m_2, t1_14);
+        let t1_13 = p_m_2 + p_m_3;
+        let t1_14 = like.lift(-0.4563).mul_add(t1_13, p_mx_3);
+        let t1_15 = like.lift(0.5773502691896257).mul_add(p_my_3, t1_14);
         beta[11] = t1_15;
         let t1_16 = p_izz_4 + p_iyy_5;
         beta[13] = t1_16;
-        let t1_17 = p_m_3 + p_m_5;
-        let t1_18 = p_m_2 + t1_17;
-        let t1_19 = like.lift(2.5305731719904703) * p_my_3;
-        let t1_20 = t1_18 - t1_19;
+        let t1_17 = like.lift(2.5305731719904703) * p_my_3;
+        let t1_18 = p_m_2 + p_m_3;
+        let t1_19 = t1_18 + p_m_5;
+        let t1_20 = t1_19 - t1_17;
         beta[18] = t1_20;
         let t1_21 = p_izz_6 + p_iyy_7;
         beta[19] = t1_21;
-        let t1_22 = p_m_7 + t1_19;
+        let t1_22 = p_m_7 + t1_17;
         beta[24] = t1_22;
         beta[1] = p_mx_1;
         beta[2] = p_my_1;
@@ -6724,7 +6387,7 @@ pub fn to_base<T: Scalar>(phi: &[T; 70]) -> [T; 25] {
 /// - `free`: values of the eliminated parameters, in the order of `FREE`
 /// - `phi`: dynamic parameters, in the order of `PARAMETERS`
 ///
-/// 17 additions, 8 multiplications, 0 divisions, 0 sines and cosines.
+/// 17 additions, 7 multiplications, 0 divisions, 0 sines and cosines.
 pub fn parameters_from_base<T: Scalar>(beta: &[T; 25], free: &[T; 45]) -> [T; 70] {
     let like = beta[0];
     let mut phi = [like.lift(0.0); 70];
@@ -6750,30 +6413,29 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 25], free: &[T; 45]) -> [T; 70
         let t1_4 = like.lift(-0.22815).mul_add(p_my_3, p_ixy_3);
         phi[21] = t1_4;
         let t1_5 = like.lift(0.20820969) * p_m_3;
-        let t1_6 = t1_2 - t1_5;
-        let t1_7 = like.lift(0.20820969) * p_m_2;
-        let t1_8 = t1_6 - t1_7;
-        let t1_9 = p_iyy_3 - t1_8;
+        let t1_6 = like.lift(0.20820969) * p_m_2;
+        let t1_7 = p_iyy_3 - t1_2;
+        let t1_8 = t1_7 + t1_5;
+        let t1_9 = t1_8 + t1_6;
         phi[23] = t1_9;
-        let t1_10 = t1_5 + t1_7;
-        let t1_11 = p_izz_3 + t1_10;
+        let t1_10 = p_izz_3 + t1_5;
+        let t1_11 = t1_10 + t1_6;
         phi[25] = t1_11;
-        let t1_12 = like.lift(0.5773502691896257) * p_my_3;
-        let t1_13 = like.lift(-0.4563).mul_add(p_m_3, t1_12);
-        let t1_14 = like.lift(-0.4563).mul_add(p_m_2, t1_13);
-        let t1_15 = p_mx_3 - t1_14;
-        phi[26] = t1_15;
-        let t1_16 = p_izz_4 - p_iyy_5;
-        phi[35] = t1_16;
-        let t1_17 = p_m_2 + p_m_3;
-        let t1_18 = like.lift(2.5305731719904703) * p_my_3;
-        let t1_19 = t1_17 - t1_18;
-        let t1_20 = p_m_5 - t1_19;
-        phi[49] = t1_20;
-        let t1_21 = p_izz_6 - p_iyy_7;
-        phi[55] = t1_21;
-        let t1_22 = p_m_7 - t1_18;
-        phi[69] = t1_22;
+        let t1_12 = p_m_2 + p_m_3;
+        let t1_13 = like.lift(0.4563).mul_add(t1_12, p_mx_3);
+        let t1_14 = like.lift(-0.5773502691896257).mul_add(p_my_3, t1_13);
+        phi[26] = t1_14;
+        let t1_15 = p_izz_4 - p_iyy_5;
+        phi[35] = t1_15;
+        let t1_16 = like.lift(2.5305731719904703) * p_my_3;
+        let t1_17 = p_m_5 - p_m_2;
+        let t1_18 = t1_17 - p_m_3;
+        let t1_19 = t1_18 + t1_16;
+        phi[49] = t1_19;
+        let t1_20 = p_izz_6 - p_iyy_7;
+        phi[55] = t1_20;
+        let t1_21 = p_m_7 - t1_16;
+        phi[69] = t1_21;
         phi[0] = p_ixx_1;
         phi[1] = p_ixy_1;
         phi[2] = p_ixz_1;
@@ -6846,7 +6508,7 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 25], free: &[T; 45]) -> [T; 70
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
 ///
-/// 204 additions, 346 multiplications, 6 divisions, 6 sines and cosines.
+/// 204 additions, 325 multiplications, 6 divisions, 6 sines and cosines.
 pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], beta: &[T; 25]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -6859,273 +6521,289 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
         p_mx_6, p_my_6, p_mx_7, p_mz_7, p_m_7,
     ] = *beta;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, sin_s1_1, cos_s1_1, sin_q1, cos_q1, sin_q6,
+        cos_q6, sin_q8, cos_q8,
+    ] = {
+        let [
+            (sin_s1_2, cos_s1_2), (sin_s1_3, cos_s1_3), (sin_s1_1, cos_s1_1), (sin_q1, cos_q1),
+            (sin_q6, cos_q6), (sin_q8, cos_q8),
+        ] =
+            T::sin_cos_all([s1_2, s1_3, s1_1, q1, q6, q8]);
+        [
+            sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, sin_s1_1, cos_s1_1, sin_q1, cos_q1, sin_q6,
+            cos_q6, sin_q8, cos_q8,
+        ]
+    };
     // tau, part 1
     let [
-        sin_s1_2, cos_s1_2, t1_40, sin_q1, cos_q1, t1_80, t1_92, t1_96, t1_109, t1_114, t1_115,
-        t1_117, t1_122, sin_q6, cos_q6, t1_123, t1_125, t1_130, t1_131, t1_133, t1_138, t1_139,
-        t1_140, t1_144, t1_148, pivot_1, t1_156, t1_160, t1_162, t1_164, sin_q8, cos_q8,
-        t1_167, t1_175, t1_176, t1_179, t1_180, t1_183, t1_184, t1_186, t1_188, t1_190, t1_191,
-        t1_192, t1_193, t1_195, t1_196, t1_197, t1_199, t1_200, t1_201, t1_202, t1_204, t1_205,
-        pivot_3, inv_pivot_3, t1_207, t1_208, t1_209, t1_210,
+        t2_1, t2_30, t2_35, t2_66, t2_76, t2_80, t2_97, t2_103, t2_105, t2_109, t2_112, t2_118,
+        t2_119, t2_125, t2_126, t2_130, t2_133, pivot_1, t2_141, t2_146, t2_148, t2_150,
+        t2_153, t2_161, t2_162, t2_166, t2_169, t2_170, t2_172, t2_174, t2_176, t2_177, t2_178,
+        t2_179, t2_181, t2_182, t2_183, t2_185, t2_186, t2_187, t2_188, t2_190, t2_191,
+        pivot_3, inv_pivot_3, t2_193, t2_194, t2_196, pivot_4, inv_pivot_4, t2_198, pivot_5,
+        inv_pivot_5, t2_199, t2_200, t2_201, t2_203, t2_205, t2_206, t2_207, t2_210, t2_212,
+        t2_214, pivot_6, inv_pivot_6,
     ] = {
-        let t1_1 = dd_q1 * p_mx_2;
-        let t1_2 = d_q1 * d_q1;
-        let t1_3 = t1_2.mul_add(p_mz_2, t1_1);
-        let (sin_s1_2, cos_s1_2) = s1_2.sin_cos();
-        let (sin_s1_3, cos_s1_3) = s1_3.sin_cos();
-        let (sin_s1_1, cos_s1_1) = s1_1.sin_cos();
-        let t1_4 = cos_s1_1 * dd_q1;
+        let t2_1 = d_q1 * d_q1;
         let w_s1_1x = sin_s1_1 * d_q1;
-        let al_s1_1y = (-d_s1_1).mul_add(w_s1_1x, t1_4);
-        let al_s1_2y = dd_s1_2 + al_s1_1y;
-        let t1_5 = sin_s1_3 * al_s1_2y;
-        let t1_6 = cos_s1_2 * dd_s1_1;
-        let t1_7 = sin_s1_1 * dd_q1;
+        let t2_2 = (-d_s1_1).mul_add(w_s1_1x, dd_s1_2);
+        let al_s1_2y = cos_s1_1.mul_add(dd_q1, t2_2);
         let w_s1_1y = cos_s1_1 * d_q1;
-        let al_s1_1x = d_s1_1.mul_add(w_s1_1y, t1_7);
-        let t1_8 = sin_s1_2.mul_add(al_s1_1x, t1_6);
-        let t1_9 = sin_s1_2 * d_s1_1;
-        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t1_9);
-        let al_s1_2z = (-d_s1_2).mul_add(w_s1_2x, t1_8);
-        let t1_10 = (-cos_s1_3).mul_add(al_s1_2z, t1_5);
+        let t2_3 = d_s1_1 * w_s1_1y;
+        let al_s1_1x = sin_s1_1.mul_add(dd_q1, t2_3);
+        let t2_4 = sin_s1_2 * d_s1_1;
+        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t2_4);
+        let t2_5 = sin_s1_2 * al_s1_1x;
+        let t2_6 = (-d_s1_2).mul_add(w_s1_2x, t2_5);
+        let al_s1_2z = cos_s1_2.mul_add(dd_s1_1, t2_6);
         let w_s1_2y = d_s1_2 + w_s1_1y;
-        let t1_11 = cos_s1_3 * w_s1_2y;
-        let t1_12 = cos_s1_2 * d_s1_1;
-        let w_s1_2z = sin_s1_2.mul_add(w_s1_1x, t1_12);
-        let w_3y = sin_s1_3.mul_add(w_s1_2z, t1_11);
-        let al_3z = d_s1_3.mul_add(w_3y, t1_10);
+        let t2_7 = sin_s1_2 * w_s1_1x;
+        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t2_7);
+        let t2_8 = sin_s1_3 * w_s1_2z;
+        let w_3y = cos_s1_3.mul_add(w_s1_2y, t2_8);
+        let t2_9 = d_s1_3 * w_3y;
+        let t2_10 = (-cos_s1_3).mul_add(al_s1_2z, t2_9);
+        let al_3z = sin_s1_3.mul_add(al_s1_2y, t2_10);
         let w_3x = d_s1_3 - w_s1_2x;
-        let t1_13 = w_3y * w_3x;
-        let t1_14 = al_3z - t1_13;
-        let t1_15 = t1_14 * p_mx_3;
-        let t1_16 = sin_s1_2 * dd_s1_1;
-        let t1_17 = (-cos_s1_2).mul_add(al_s1_1x, t1_16);
-        let al_s1_2x = d_s1_2.mul_add(w_s1_2z, t1_17);
-        let al_3x = dd_s1_3 - al_s1_2x;
-        let t1_18 = sin_s1_3 * w_s1_2y;
-        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t1_18);
-        let t1_19 = w_3y * w_3z;
-        let t1_20 = al_3x + t1_19;
-        let t1_21 = t1_20.mul_add(p_mz_3, t1_15);
-        let t1_22 = sin_s1_3 * t1_21;
-        let t1_23 = cos_s1_3 * al_s1_2y;
-        let t1_24 = sin_s1_3.mul_add(al_s1_2z, t1_23);
-        let al_3y = (-d_s1_3).mul_add(w_3z, t1_24);
-        let t1_25 = w_3z * w_3x;
-        let t1_26 = al_3y + t1_25;
-        let t1_27 = t1_26 * p_mx_3;
-        let t1_28 = w_3x * w_3x;
-        let t1_29 = w_3y * w_3y;
-        let t1_30 = t1_28 + t1_29;
-        let t1_31 = t1_30.mul_add(p_mz_3, t1_27);
-        let t1_32 = cos_s1_3.mul_add(t1_31, t1_22);
-        let t1_33 = cos_s1_2 * t1_32;
-        let t1_34 = w_3z * w_3z;
-        let t1_35 = t1_29 + t1_34;
-        let t1_36 = t1_35 * p_mx_3;
-        let t1_37 = al_3y - t1_25;
-        let t1_38 = (-t1_37).mul_add(p_mz_3, t1_36);
-        let t1_39 = (-sin_s1_2).mul_add(t1_38, t1_33);
-        let t1_40 = t1_3 + t1_39;
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_41 = cos_q1 * p_mx_1;
-        let t1_42 = like.lift(9.81) * t1_41;
-        let t1_43 = sin_q1 * p_my_1;
-        let t1_44 = like.lift(-9.81).mul_add(t1_43, t1_42);
-        let t1_45 = dd_q1.mul_add(p_izz_1, -t1_44);
-        let a_1x = like.lift(9.81) * sin_q1;
-        let t1_46 = (-q2).mul_add(dd_q1, a_1x);
-        let t1_47 = d_q1 * d_q2;
-        let a_2x = like.lift(-2.0).mul_add(t1_47, t1_46);
-        let t1_48 = a_2x * p_mz_2;
-        let a_1y = like.lift(9.81) * cos_q1;
-        let a_2z = q2 * t1_2;
-        let t1_49 = a_1y - a_2z;
-        let a_2z_2 = dd_q2 + t1_49;
-        let t1_50 = a_2z_2.mul_add(p_mx_2, t1_48);
-        let t1_51 = al_3x * p_ixy_3;
-        let t1_52 = al_3y.mul_add(p_iyy_3, t1_51);
-        let t1_53 = (-al_3z).mul_add(p_iyz_3, t1_52);
-        let t1_54 = p_ixx_3 - p_izz_3;
-        let t1_55 = t1_25 * t1_54;
-        let t1_56 = t1_28 - t1_34;
-        let t1_57 = t1_56.mul_add(p_ixz_3, t1_55);
-        let t1_58 = t1_19.mul_add(p_ixy_3, t1_57);
-        let t1_59 = t1_13.mul_add(p_iyz_3, t1_58);
-        let t1_60 = t1_53 - t1_59;
-        let t1_61 = sin_s1_2 * a_2z_2;
+        let t2_11 = w_3y * w_3x;
+        let t2_12 = al_3z - t2_11;
+        let t2_13 = (-d_s1_2).mul_add(w_s1_2z, dd_s1_3);
+        let t2_14 = cos_s1_2.mul_add(al_s1_1x, t2_13);
+        let al_3x = (-sin_s1_2).mul_add(dd_s1_1, t2_14);
+        let t2_15 = sin_s1_3 * w_s1_2y;
+        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t2_15);
+        let t2_16 = w_3y * w_3z;
+        let t2_17 = al_3x + t2_16;
+        let t2_18 = t2_17 * p_mz_3;
+        let t2_19 = t2_12.mul_add(p_mx_3, t2_18);
+        let t2_20 = sin_s1_3 * al_s1_2z;
+        let t2_21 = (-d_s1_3).mul_add(w_3z, t2_20);
+        let al_3y = cos_s1_3.mul_add(al_s1_2y, t2_21);
+        let t2_22 = w_3z * w_3x;
+        let t2_23 = al_3y + t2_22;
+        let t2_24 = w_3x * w_3x;
+        let t2_25 = w_3y * w_3y;
+        let t2_26 = t2_24 + t2_25;
+        let t2_27 = t2_26 * p_mz_3;
+        let t2_28 = t2_23.mul_add(p_mx_3, t2_27);
+        let t2_29 = cos_s1_3 * t2_28;
+        let t2_30 = sin_s1_3.mul_add(t2_19, t2_29);
+        let t2_31 = w_3z * w_3z;
+        let t2_32 = t2_25 + t2_31;
+        let t2_33 = al_3y - t2_22;
+        let t2_34 = t2_32 * p_mx_3;
+        let t2_35 = (-t2_33).mul_add(p_mz_3, t2_34);
+        let t2_36 = like.lift(9.81) * sin_q1;
+        let t2_37 = like.lift(2.0) * d_q1;
+        let t2_38 = (-t2_37).mul_add(d_q2, t2_36);
+        let a_2x = (-q2).mul_add(dd_q1, t2_38);
+        let t2_39 = like.lift(9.81).mul_add(cos_q1, dd_q2);
+        let a_2z = (-q2).mul_add(t2_1, t2_39);
+        let t2_40 = p_ixx_3 - p_izz_3;
+        let t2_41 = t2_24 - t2_31;
         let a_s1_1x = cos_s1_1 * a_2x;
-        let a_s1_2x = cos_s1_2.mul_add(a_s1_1x, t1_61);
-        let t1_62 = a_s1_2x * p_mz_3;
+        let t2_42 = cos_s1_2 * a_s1_1x;
+        let a_s1_2x = sin_s1_2.mul_add(a_2z, t2_42);
         let a_s1_1y = sin_s1_1 * a_2x;
-        let t1_63 = sin_s1_3 * a_s1_1y;
-        let t1_64 = cos_s1_2 * a_2z_2;
-        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t1_64);
-        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t1_63);
-        let t1_65 = (-a_3z).mul_add(p_mx_3, t1_62);
-        let t1_66 = t1_60 - t1_65;
-        let t1_67 = sin_s1_3 * t1_66;
-        let t1_68 = al_3x * p_ixz_3;
-        let t1_69 = al_3y.mul_add(p_iyz_3, t1_68);
-        let t1_70 = (-al_3z).mul_add(p_izz_3, t1_69);
-        let t1_71 = p_ixx_3 - p_iyy_3;
-        let t1_72 = t1_13 * t1_71;
-        let t1_73 = t1_28 - t1_29;
-        let t1_74 = (-t1_73).mul_add(p_ixy_3, t1_72);
-        let t1_75 = t1_25.mul_add(p_iyz_3, t1_74);
-        let t1_76 = t1_19.mul_add(p_ixz_3, -t1_75);
-        let t1_77 = t1_70 + t1_76;
-        let t1_78 = cos_s1_3 * a_s1_1y;
-        let a_3y = sin_s1_3.mul_add(a_s1_2z, t1_78);
-        let t1_79 = a_3y.mul_add(p_mx_3, t1_77);
-        let t1_80 = cos_s1_3.mul_add(t1_79, t1_67);
-        let t1_81 = sin_s1_2 * t1_80;
-        let t1_82 = al_3x * p_ixx_3;
-        let t1_83 = al_3y.mul_add(p_ixy_3, t1_82);
-        let t1_84 = (-al_3z).mul_add(p_ixz_3, t1_83);
-        let t1_85 = p_iyy_3 - p_izz_3;
-        let t1_86 = t1_19 * t1_85;
-        let t1_87 = t1_29 - t1_34;
-        let t1_88 = t1_87.mul_add(p_iyz_3, t1_86);
-        let t1_89 = t1_13.mul_add(p_ixz_3, t1_88);
-        let t1_90 = t1_25.mul_add(p_ixy_3, t1_89);
-        let t1_91 = t1_84 + t1_90;
-        let t1_92 = (-a_3y).mul_add(p_mz_3, t1_91);
-        let t1_93 = cos_s1_2.mul_add(t1_92, t1_81);
-        let t1_94 = sin_s1_1 * t1_93;
-        let t1_95 = cos_s1_3 * t1_66;
-        let t1_96 = (-sin_s1_3).mul_add(t1_79, t1_95);
-        let t1_97 = cos_s1_1.mul_add(t1_96, t1_94);
-        let t1_98 = t1_50 - t1_97;
-        let t1_99 = t1_2 * p_mx_2;
-        let t1_100 = (-dd_q1).mul_add(p_mz_2, t1_99);
-        let t1_101 = sin_s1_2 * t1_32;
-        let t1_102 = cos_s1_2.mul_add(t1_38, t1_101);
-        let t1_103 = cos_s1_1 * t1_102;
-        let t1_104 = cos_s1_3 * t1_21;
-        let t1_105 = (-sin_s1_3).mul_add(t1_31, t1_104);
-        let t1_106 = (-sin_s1_1).mul_add(t1_105, t1_103);
-        let t1_107 = t1_100 + t1_106;
-        let t1_108 = q2.mul_add(t1_107, t1_98);
-        let t1_109 = t1_45 - t1_108;
-        let t1_110 = cos_q1 * q2;
-        let t1_111 = cos_q1 * sin_s1_2;
-        let t1_112 = sin_q1 * cos_s1_1;
-        let t1_113 = cos_s1_2.mul_add(t1_112, t1_111);
-        let t1_114 = like.lift(-0.4563).mul_add(t1_113, t1_110);
-        let t1_115 = -t1_114;
+        let t2_43 = cos_s1_2 * a_2z;
+        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t2_43);
+        let t2_44 = sin_s1_3 * a_s1_1y;
+        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t2_44);
+        let t2_45 = al_3x - t2_16;
+        let t2_46 = al_3z + t2_11;
+        let t2_47 = al_3y * p_iyy_3;
+        let t2_48 = (-p_iyz_3).mul_add(t2_46, t2_47);
+        let t2_49 = p_ixy_3.mul_add(t2_45, t2_48);
+        let t2_50 = (-t2_41).mul_add(p_ixz_3, t2_49);
+        let t2_51 = (-t2_22).mul_add(t2_40, t2_50);
+        let t2_52 = a_3z.mul_add(p_mx_3, t2_51);
+        let t2_53 = (-a_s1_2x).mul_add(p_mz_3, t2_52);
+        let t2_54 = p_ixx_3 - p_iyy_3;
+        let t2_55 = t2_24 - t2_25;
+        let t2_56 = sin_s1_3 * a_s1_2z;
+        let a_3y = cos_s1_3.mul_add(a_s1_1y, t2_56);
+        let t2_57 = al_3x + t2_16;
+        let t2_58 = al_3y - t2_22;
+        let t2_59 = a_3y * p_mx_3;
+        let t2_60 = (-al_3z).mul_add(p_izz_3, t2_59);
+        let t2_61 = p_iyz_3.mul_add(t2_58, t2_60);
+        let t2_62 = p_ixz_3.mul_add(t2_57, t2_61);
+        let t2_63 = t2_55.mul_add(p_ixy_3, t2_62);
+        let t2_64 = (-t2_11).mul_add(t2_54, t2_63);
+        let t2_65 = cos_s1_3 * t2_64;
+        let t2_66 = sin_s1_3.mul_add(t2_53, t2_65);
+        let t2_67 = p_iyy_3 - p_izz_3;
+        let t2_68 = t2_25 - t2_31;
+        let t2_69 = al_3y + t2_22;
+        let t2_70 = al_3z - t2_11;
+        let t2_71 = p_ixy_3 * t2_69;
+        let t2_72 = (-a_3y).mul_add(p_mz_3, t2_71);
+        let t2_73 = (-p_ixz_3).mul_add(t2_70, t2_72);
+        let t2_74 = al_3x.mul_add(p_ixx_3, t2_73);
+        let t2_75 = t2_68.mul_add(p_iyz_3, t2_74);
+        let t2_76 = t2_16.mul_add(t2_67, t2_75);
+        let t2_77 = cos_s1_2 * t2_76;
+        let t2_78 = sin_s1_2.mul_add(t2_66, t2_77);
+        let t2_79 = cos_s1_3 * t2_53;
+        let t2_80 = (-sin_s1_3).mul_add(t2_64, t2_79);
+        let t2_81 = cos_s1_2 * t2_35;
+        let t2_82 = sin_s1_2.mul_add(t2_30, t2_81);
+        let t2_83 = cos_s1_3 * t2_19;
+        let t2_84 = (-sin_s1_3).mul_add(t2_28, t2_83);
+        let t2_85 = t2_1 * p_mx_2;
+        let t2_86 = (-dd_q1).mul_add(p_mz_2, t2_85);
+        let t2_87 = (-sin_s1_1).mul_add(t2_84, t2_86);
+        let t2_88 = cos_s1_1.mul_add(t2_82, t2_87);
+        let t2_89 = sin_q1 * p_my_1;
+        let t2_90 = (-cos_q1).mul_add(p_mx_1, t2_89);
+        let t2_91 = dd_q1 * p_izz_1;
+        let t2_92 = like.lift(9.81).mul_add(t2_90, t2_91);
+        let t2_93 = (-q2).mul_add(t2_88, t2_92);
+        let t2_94 = (-a_2z).mul_add(p_mx_2, t2_93);
+        let t2_95 = (-a_2x).mul_add(p_mz_2, t2_94);
+        let t2_96 = cos_s1_1.mul_add(t2_80, t2_95);
+        let t2_97 = sin_s1_1.mul_add(t2_78, t2_96);
+        let t2_98 = cos_q1 * q2;
+        let t2_99 = sin_q1 * cos_s1_1;
+        let t2_100 = cos_s1_2 * t2_99;
+        let t2_101 = cos_q1.mul_add(sin_s1_2, t2_100);
+        let t2_102 = like.lift(-0.4563).mul_add(t2_101, t2_98);
+        let t2_103 = -t2_102;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t1_116 = cos_q1 * e_s1_2_q1x;
-        let t1_117 = like.lift(0.4563) * t1_116;
-        let t1_118 = cos_s1_1 * t1_113;
-        let t1_119 = like.lift(0.4563) * t1_118;
-        let t1_120 = sin_q1 * sin_s1_1;
-        let t1_121 = t1_120 * e_s1_2_q1x;
-        let t1_122 = like.lift(0.4563).mul_add(t1_121, t1_119);
-        let (sin_q6, cos_q6) = q6.sin_cos();
-        let t1_123 = cos_q6 * q7;
-        let t1_124 = like.lift(0.5) * t1_123;
-        let t1_125 = -t1_124;
-        let t1_126 = sin_q1 * q2;
-        let t1_127 = sin_q1 * sin_s1_2;
-        let t1_128 = cos_q1 * cos_s1_1;
-        let t1_129 = (-cos_s1_2).mul_add(t1_128, t1_127);
-        let t1_130 = like.lift(-0.4563).mul_add(t1_129, t1_126);
-        let t1_131 = -t1_130;
-        let t1_132 = sin_q1 * e_s1_2_q1x;
-        let t1_133 = like.lift(0.4563) * t1_132;
-        let t1_134 = cos_q1 * sin_s1_1;
-        let t1_135 = t1_134 * e_s1_2_q1x;
-        let t1_136 = like.lift(0.4563) * t1_135;
-        let t1_137 = cos_s1_1 * t1_129;
-        let t1_138 = like.lift(-0.4563).mul_add(t1_137, t1_136);
-        let t1_139 = -t1_138;
-        let t1_140 = sin_q6 * q7;
-        let t1_141 = cos_q1 * t1_129;
-        let t1_142 = like.lift(0.4563) * t1_141;
-        let t1_143 = sin_q1 * t1_113;
-        let t1_144 = like.lift(-0.4563).mul_add(t1_143, t1_142);
-        let t1_145 = t1_120 * t1_129;
-        let t1_146 = like.lift(0.4563) * t1_145;
-        let t1_147 = t1_134 * t1_113;
-        let t1_148 = like.lift(0.4563).mul_add(t1_147, t1_146);
-        let pivot_1 = like.lift(0.8660254037844386) * t1_123;
-        let t1_149 = like.lift(0.22815) * t1_113;
-        let t1_150 = cos_s1_3 * t1_120;
-        let t1_151 = cos_q1 * cos_s1_2;
-        let t1_152 = (-sin_s1_2).mul_add(t1_112, t1_151);
-        let t1_153 = sin_s1_3.mul_add(t1_152, t1_150);
-        let t1_154 = like.lift(-0.39516739174683935).mul_add(t1_153, t1_149);
-        let t1_155 = t1_110 - t1_154;
-        let t1_156 = -t1_155;
-        let t1_157 = like.lift(0.22815) * e_s1_2_q1x;
-        let t1_158 = cos_s1_1 * cos_s1_3;
-        let e_s1_2_q1z = sin_s1_1 * sin_s1_2;
-        let e_3_q1y = sin_s1_3.mul_add(e_s1_2_q1z, t1_158);
-        let t1_159 = like.lift(0.39516739174683935).mul_add(e_3_q1y, t1_157);
-        let t1_160 = cos_q1 * t1_159;
-        let t1_161 = cos_s1_1 * t1_154;
-        let t1_162 = t1_120.mul_add(t1_159, t1_161);
-        let t1_163 = e_s1_2_q1x * t1_154;
-        let t1_164 = (-t1_113).mul_add(t1_159, t1_163);
-        let (sin_q8, cos_q8) = q8.sin_cos();
-        let t1_165 = cos_q8 * q9;
-        let t1_166 = like.lift(0.5) * t1_165;
-        let t1_167 = -t1_166;
-        let t1_168 = cos_s1_3 * t1_134;
-        let t1_169 = sin_q1 * cos_s1_2;
-        let t1_170 = sin_s1_2.mul_add(t1_128, t1_169);
-        let t1_171 = (-sin_s1_3).mul_add(t1_170, t1_168);
-        let t1_172 = like.lift(0.39516739174683935) * t1_171;
-        let t1_173 = like.lift(0.22815) * t1_129;
-        let t1_174 = t1_126 - t1_173;
-        let t1_175 = t1_172 - t1_174;
-        let t1_176 = sin_q1 * t1_159;
-        let t1_177 = t1_134 * t1_159;
-        let t1_178 = t1_173 + t1_172;
-        let t1_179 = (-cos_s1_1).mul_add(t1_178, t1_177);
-        let t1_180 = -t1_179;
-        let t1_181 = t1_129 * t1_159;
-        let t1_182 = (-e_s1_2_q1x).mul_add(t1_178, t1_181);
-        let t1_183 = -t1_182;
-        let t1_184 = sin_q8 * q9;
-        let t1_185 = cos_q1 * t1_178;
-        let t1_186 = (-sin_q1).mul_add(t1_154, t1_185);
-        let t1_187 = t1_120 * t1_178;
-        let t1_188 = t1_134.mul_add(t1_154, t1_187);
-        let t1_189 = t1_113 * t1_178;
-        let t1_190 = (-t1_129).mul_add(t1_154, t1_189);
-        let t1_191 = -t1_190;
-        let pivot_2 = like.lift(0.8660254037844386) * t1_165;
-        let t1_192 = -pivot_2;
-        let t1_193 = -sin_q1;
-        let t1_194 = like.lift(0.5) * sin_q6;
-        let t1_195 = -t1_194;
-        let t1_196 = -cos_q6;
-        let t1_197 = like.lift(0.8660254037844386) * sin_q6;
-        let t1_198 = like.lift(0.5) * sin_q8;
-        let t1_199 = -t1_198;
-        let t1_200 = -cos_q8;
-        let t1_201 = like.lift(0.8660254037844386) * sin_q8;
-        let t1_202 = -t1_201;
-        let t1_203 = like.lift(0.5773502691896257).mul_add(t1_190, t1_164);
-        let t1_204 = like.lift(1.0) / t1_165;
-        let t1_205 = t1_184 * t1_204;
-        let t1_206 = t1_190 * t1_205;
-        let pivot_3 = like.lift(1.1547005383792515).mul_add(t1_206, t1_182);
+        let t2_104 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_105 = cos_q1 * t2_104;
+        let t2_106 = sin_q1 * sin_s1_1;
+        let t2_107 = t2_106 * e_s1_2_q1x;
+        let t2_108 = cos_s1_1.mul_add(t2_101, t2_107);
+        let t2_109 = like.lift(0.4563) * t2_108;
+        let t2_110 = cos_q6 * q7;
+        let t2_111 = like.lift(0.5) * t2_110;
+        let t2_112 = -t2_111;
+        let t2_113 = sin_q1 * q2;
+        let t2_114 = cos_q1 * cos_s1_1;
+        let t2_115 = sin_q1 * sin_s1_2;
+        let t2_116 = (-cos_s1_2).mul_add(t2_114, t2_115);
+        let t2_117 = like.lift(-0.4563).mul_add(t2_116, t2_113);
+        let t2_118 = -t2_117;
+        let t2_119 = sin_q1 * t2_104;
+        let t2_120 = cos_q1 * sin_s1_1;
+        let t2_121 = cos_s1_1 * t2_116;
+        let t2_122 = (-t2_120).mul_add(e_s1_2_q1x, t2_121);
+        let t2_123 = like.lift(0.4563) * t2_122;
+        let t2_124 = -t2_123;
+        let t2_125 = -t2_124;
+        let t2_126 = sin_q6 * q7;
+        let t2_127 = sin_q1 * t2_101;
+        let t2_128 = (-cos_q1).mul_add(t2_116, t2_127);
+        let t2_129 = like.lift(0.4563) * t2_128;
+        let t2_130 = -t2_129;
+        let t2_131 = t2_120 * t2_101;
+        let t2_132 = t2_106.mul_add(t2_116, t2_131);
+        let t2_133 = like.lift(0.4563) * t2_132;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_110;
+        let t2_134 = cos_q1 * cos_s1_2;
+        let t2_135 = (-sin_s1_2).mul_add(t2_99, t2_134);
+        let t2_136 = sin_s1_3 * t2_135;
+        let t2_137 = cos_s1_3.mul_add(t2_106, t2_136);
+        let t2_138 = like.lift(0.22815) * t2_101;
+        let t2_139 = like.lift(-0.39516739174683935).mul_add(t2_137, t2_138);
+        let t2_140 = t2_98 - t2_139;
+        let t2_141 = -t2_140;
+        let t2_142 = sin_s1_3 * sin_s1_1;
+        let t2_143 = t2_142 * sin_s1_2;
+        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_143);
+        let t2_144 = like.lift(0.39516739174683935) * e_3_q1y;
+        let t2_145 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_144);
+        let t2_146 = cos_q1 * t2_145;
+        let t2_147 = t2_106 * t2_145;
+        let t2_148 = cos_s1_1.mul_add(t2_139, t2_147);
+        let t2_149 = e_s1_2_q1x * t2_139;
+        let t2_150 = (-t2_101).mul_add(t2_145, t2_149);
+        let t2_151 = cos_q8 * q9;
+        let t2_152 = like.lift(0.5) * t2_151;
+        let t2_153 = -t2_152;
+        let t2_154 = sin_s1_2 * t2_114;
+        let t2_155 = sin_q1.mul_add(cos_s1_2, t2_154);
+        let t2_156 = cos_s1_3 * t2_120;
+        let t2_157 = (-sin_s1_3).mul_add(t2_155, t2_156);
+        let t2_158 = like.lift(0.39516739174683935) * t2_157;
+        let t2_159 = like.lift(0.22815) * t2_116;
+        let t2_160 = t2_158 - t2_113;
+        let t2_161 = t2_160 + t2_159;
+        let t2_162 = sin_q1 * t2_145;
+        let t2_163 = t2_159 + t2_158;
+        let t2_164 = t2_120 * t2_145;
+        let t2_165 = (-cos_s1_1).mul_add(t2_163, t2_164);
+        let t2_166 = -t2_165;
+        let t2_167 = t2_116 * t2_145;
+        let t2_168 = (-e_s1_2_q1x).mul_add(t2_163, t2_167);
+        let t2_169 = -t2_168;
+        let t2_170 = sin_q8 * q9;
+        let t2_171 = cos_q1 * t2_163;
+        let t2_172 = (-sin_q1).mul_add(t2_139, t2_171);
+        let t2_173 = t2_120 * t2_139;
+        let t2_174 = t2_106.mul_add(t2_163, t2_173);
+        let t2_175 = t2_101 * t2_163;
+        let t2_176 = (-t2_116).mul_add(t2_139, t2_175);
+        let t2_177 = -t2_176;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_151;
+        let t2_178 = -pivot_2;
+        let t2_179 = -sin_q1;
+        let t2_180 = like.lift(0.5) * sin_q6;
+        let t2_181 = -t2_180;
+        let t2_182 = -cos_q6;
+        let t2_183 = like.lift(0.8660254037844386) * sin_q6;
+        let t2_184 = like.lift(0.5) * sin_q8;
+        let t2_185 = -t2_184;
+        let t2_186 = -cos_q8;
+        let t2_187 = like.lift(0.8660254037844386) * sin_q8;
+        let t2_188 = -t2_187;
+        let t2_189 = like.lift(0.5773502691896257).mul_add(t2_176, t2_150);
+        let t2_190 = like.lift(1.0) / t2_151;
+        let t2_191 = t2_170 * t2_190;
+        let t2_192 = like.lift(1.1547005383792515) * t2_191;
+        let pivot_3 = t2_176.mul_add(t2_192, t2_168);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_207 = t1_203 * inv_pivot_3;
-        let t1_208 = (-t1_175).mul_add(t1_207, t1_155);
-        let t1_209 = like.lift(0.5773502691896257).mul_add(t1_144, t1_117);
-        let t1_210 = like.lift(-0.5773502691896257).mul_add(t1_186, t1_160);
+        let t2_193 = t2_189 * inv_pivot_3;
+        let t2_194 = (-t2_161).mul_add(t2_193, t2_140);
+        let t2_195 = like.lift(0.5773502691896257).mul_add(t2_130, t2_105);
+        let t2_196 = t2_172.mul_add(t2_192, t2_162);
+        let t2_197 = t2_196.mul_add(t2_193, t2_146);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_172, t2_197);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t2_198 = t2_195 * inv_pivot_4;
+        let pivot_5 = (-t2_194).mul_add(t2_198, t2_102);
+        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let t2_199 = (-cos_q1).mul_add(t2_193, sin_q1);
+        let t2_200 = (-t2_199).mul_add(t2_198, sin_q1);
+        let t2_201 = (-t2_174).mul_add(t2_192, t2_165);
+        let t2_202 = (-t2_201).mul_add(t2_193, t2_148);
+        let t2_203 = like.lift(-0.5773502691896257).mul_add(t2_174, t2_202);
+        let t2_204 = (-t2_203).mul_add(t2_198, t2_109);
+        let t2_205 = like.lift(0.5773502691896257).mul_add(t2_133, t2_204);
+        let t2_206 = like.lift(1.0) / t2_110;
+        let t2_207 = t2_126 * t2_206;
+        let t2_208 = like.lift(1.1547005383792515) * t2_207;
+        let t2_209 = (-t2_130).mul_add(t2_208, t2_119);
+        let t2_210 = t2_209 * inv_pivot_4;
+        let t2_211 = (-t2_194).mul_add(t2_210, t2_117);
+        let t2_212 = t2_211 * inv_pivot_5;
+        let t2_213 = t2_200.mul_add(t2_212, cos_q1);
+        let t2_214 = t2_199.mul_add(t2_210, t2_213);
+        let t2_215 = t2_205.mul_add(t2_212, t2_124);
+        let t2_216 = t2_203.mul_add(t2_210, t2_215);
+        let pivot_6 = t2_133.mul_add(t2_208, t2_216);
+        let inv_pivot_6 = like.lift(1.0) / pivot_6;
         [
-            sin_s1_2, cos_s1_2, t1_40, sin_q1, cos_q1, t1_80, t1_92, t1_96, t1_109, t1_114,
-            t1_115, t1_117, t1_122, sin_q6, cos_q6, t1_123, t1_125, t1_130, t1_131, t1_133,
-            t1_138, t1_139, t1_140, t1_144, t1_148, pivot_1, t1_156, t1_160, t1_162, t1_164,
-            sin_q8, cos_q8, t1_167, t1_175, t1_176, t1_179, t1_180, t1_183, t1_184, t1_186,
-            t1_188, t1_190, t1_191, t1_192, t1_193, t1_195, t1_196, t1_197, t1_199, t1_200,
-            t1_201, t1_202, t1_204, t1_205, pivot_3, inv_pivot_3, t1_207, t1_208, t1_209,
-            t1_210,
+            t2_1, t2_30, t2_35, t2_66, t2_76, t2_80, t2_97, t2_103, t2_105, t2_109, t2_112,
+            t2_118, t2_119, t2_125, t2_126, t2_130, t2_133, pivot_1, t2_141, t2_146, t2_148,
+            t2_150, t2_153, t2_161, t2_162, t2_166, t2_169, t2_170, t2_172, t2_174, t2_176,
+            t2_177, t2_178, t2_179, t2_181, t2_182, t2_183, t2_185, t2_186, t2_187, t2_188,
+            t2_190, t2_191, pivot_3, inv_pivot_3, t2_193, t2_194, t2_196, pivot_4, inv_pivot_4,
+            t2_198, pivot_5, inv_pivot_5, t2_199, t2_200, t2_201, t2_203, t2_205, t2_206,
+            t2_207, t2_210, t2_212, t2_214, pivot_6, inv_pivot_6,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -7134,138 +6812,105 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
         x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2,
         x_q8_q7, x_q8_q9,
     ] = {
-        let t2_1 = t1_186 * t1_205;
-        let t2_2 = like.lift(1.1547005383792515).mul_add(t2_1, t1_176);
-        let pivot_4 = t2_2.mul_add(t1_207, t1_210);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_3 = t1_209 * inv_pivot_4;
-        let pivot_5 = (-t1_208).mul_add(t2_3, t1_114);
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_4 = (-cos_q1).mul_add(t1_207, sin_q1);
-        let t2_5 = (-t2_4).mul_add(t2_3, sin_q1);
-        let t2_6 = like.lift(0.5773502691896257).mul_add(t1_148, t1_122);
-        let t2_7 = like.lift(-0.5773502691896257).mul_add(t1_188, t1_162);
-        let t2_8 = t1_188 * t1_205;
-        let t2_9 = like.lift(-1.1547005383792515).mul_add(t2_8, t1_179);
-        let t2_10 = (-t2_9).mul_add(t1_207, t2_7);
-        let t2_11 = (-t2_10).mul_add(t2_3, t2_6);
-        let t2_12 = like.lift(1.0) / t1_123;
-        let t2_13 = t1_140 * t2_12;
-        let t2_14 = t1_144 * t2_13;
-        let t2_15 = like.lift(-1.1547005383792515).mul_add(t2_14, t1_133);
-        let t2_16 = t2_15 * inv_pivot_4;
-        let t2_17 = t2_4.mul_add(t2_16, cos_q1);
-        let t2_18 = (-t1_208).mul_add(t2_16, t1_130);
-        let t2_19 = t2_18 * inv_pivot_5;
-        let t2_20 = t2_5.mul_add(t2_19, t2_17);
-        let t2_21 = t1_148 * t2_13;
-        let t2_22 = like.lift(1.1547005383792515).mul_add(t2_21, t1_138);
-        let t2_23 = t2_10.mul_add(t2_16, t2_22);
-        let pivot_6 = t2_11.mul_add(t2_19, t2_23);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_24 = t2_20 * inv_pivot_6;
-        let t2_25 = (-t2_11).mul_add(t2_24, t2_5);
-        let t2_26 = inv_pivot_5 * t2_25;
-        let t2_27 = sin_q6.mul_add(t2_13, cos_q6);
-        let t2_28 = t2_27 * inv_pivot_6;
-        let t2_29 = t2_11 * t2_28;
-        let t2_30 = inv_pivot_5 * t2_29;
-        let t2_31 = sin_q8.mul_add(t1_205, cos_q8);
-        let t2_32 = t2_31 * t1_207;
-        let t2_33 = t2_32 * t2_3;
-        let t2_34 = t2_32 * t2_16;
-        let t2_35 = (-t2_33).mul_add(t2_19, t2_34);
-        let t2_36 = t2_35 * inv_pivot_6;
-        let t2_37 = t2_11.mul_add(t2_36, t2_33);
-        let t2_38 = inv_pivot_5 * t2_37;
-        let t2_39 = -t2_38;
-        let t2_40 = (-t1_208).mul_add(t2_26, t2_4);
-        let t2_41 = (-t2_10).mul_add(t2_24, t2_40);
-        let t2_42 = inv_pivot_4 * t2_41;
-        let t2_43 = -t2_42;
-        let t2_44 = t1_208 * t2_30;
-        let t2_45 = (-t2_10).mul_add(t2_28, t2_44);
-        let t2_46 = inv_pivot_4 * t2_45;
-        let t2_47 = t1_208.mul_add(t2_38, t2_32);
-        let t2_48 = (-t2_10).mul_add(t2_36, t2_47);
-        let t2_49 = inv_pivot_4 * t2_48;
-        let t2_50 = -t2_49;
-        let t2_51 = -t2_24;
-        let t2_52 = -t2_36;
-        let t2_53 = t2_2.mul_add(t2_42, cos_q1);
-        let t2_54 = (-t1_175).mul_add(t2_26, t2_53);
-        let t2_55 = (-t2_9).mul_add(t2_24, t2_54);
-        let t2_56 = inv_pivot_3 * t2_55;
-        let t2_57 = -t2_56;
-        let t2_58 = t2_2 * t2_46;
-        let t2_59 = t1_175.mul_add(t2_30, t2_58);
-        let t2_60 = (-t2_9).mul_add(t2_28, t2_59);
-        let t2_61 = inv_pivot_3 * t2_60;
-        let t2_62 = (-t2_2).mul_add(t2_49, t2_31);
-        let t2_63 = (-t1_175).mul_add(t2_38, t2_62);
-        let t2_64 = t2_9.mul_add(t2_36, t2_63);
-        let t2_65 = inv_pivot_3 * t2_64;
-        let t2_66 = t1_144 * t2_42;
-        let t2_67 = t1_148.mul_add(t2_24, t2_66);
-        let t2_68 = t2_12 * t2_67;
-        let t2_69 = like.lift(1.1547005383792515) * t2_68;
-        let t2_70 = (-t1_144).mul_add(t2_46, t1_197);
-        let t2_71 = (-t1_148).mul_add(t2_28, t2_70);
-        let t2_72 = t2_12 * t2_71;
-        let t2_73 = like.lift(1.1547005383792515) * t2_72;
-        let t2_74 = t1_144 * t2_49;
-        let t2_75 = t1_148.mul_add(t2_36, t2_74);
-        let t2_76 = t2_12 * t2_75;
-        let t2_77 = like.lift(1.1547005383792515) * t2_76;
-        let t2_78 = t1_190 * t2_56;
-        let t2_79 = (-t1_186).mul_add(t2_42, t2_78);
-        let t2_80 = (-t1_188).mul_add(t2_24, t2_79);
-        let t2_81 = t1_204 * t2_80;
-        let t2_82 = like.lift(1.1547005383792515) * t2_81;
-        let t2_83 = t1_190 * t2_61;
-        let t2_84 = (-t1_186).mul_add(t2_46, t2_83);
-        let t2_85 = (-t1_188).mul_add(t2_28, t2_84);
-        let t2_86 = t1_204 * t2_85;
-        let t2_87 = like.lift(1.1547005383792515) * t2_86;
-        let t2_88 = -t2_87;
-        let t2_89 = (-t1_190).mul_add(t2_65, t1_201);
-        let t2_90 = (-t1_186).mul_add(t2_49, t2_89);
-        let t2_91 = (-t1_188).mul_add(t2_36, t2_90);
-        let t2_92 = t1_204 * t2_91;
-        let t2_93 = like.lift(1.1547005383792515) * t2_92;
-        let t2_94 = -pivot_3;
-        let t2_95 = -pivot_5;
-        let t2_96 = -pivot_6;
+        let t3_1 = t2_214 * inv_pivot_6;
+        let t3_2 = (-t2_205).mul_add(t3_1, t2_200);
+        let t3_3 = inv_pivot_5 * t3_2;
+        let t3_4 = sin_q6.mul_add(t2_207, cos_q6);
+        let t3_5 = t3_4 * inv_pivot_6;
+        let t3_6 = inv_pivot_5 * t2_205;
+        let t3_7 = t3_6 * t3_5;
+        let t3_8 = sin_q8.mul_add(t2_191, cos_q8);
+        let t3_9 = t3_8 * t2_193;
+        let t3_10 = t3_9 * t2_198;
+        let t3_11 = t3_9 * t2_210;
+        let t3_12 = (-t3_10).mul_add(t2_212, t3_11);
+        let t3_13 = t3_12 * inv_pivot_6;
+        let t3_14 = t2_205.mul_add(t3_13, t3_10);
+        let t3_15 = inv_pivot_5 * t3_14;
+        let t3_16 = -t3_15;
+        let t3_17 = (-t2_203).mul_add(t3_1, t2_199);
+        let t3_18 = (-t2_194).mul_add(t3_3, t3_17);
+        let t3_19 = inv_pivot_4 * t3_18;
+        let t3_20 = -t3_19;
+        let t3_21 = t2_194 * t3_7;
+        let t3_22 = (-t2_203).mul_add(t3_5, t3_21);
+        let t3_23 = inv_pivot_4 * t3_22;
+        let t3_24 = (-t2_203).mul_add(t3_13, t3_9);
+        let t3_25 = t2_194.mul_add(t3_15, t3_24);
+        let t3_26 = inv_pivot_4 * t3_25;
+        let t3_27 = -t3_26;
+        let t3_28 = -t3_1;
+        let t3_29 = -t3_13;
+        let t3_30 = (-t2_201).mul_add(t3_1, cos_q1);
+        let t3_31 = (-t2_161).mul_add(t3_3, t3_30);
+        let t3_32 = t2_196.mul_add(t3_19, t3_31);
+        let t3_33 = inv_pivot_3 * t3_32;
+        let t3_34 = -t3_33;
+        let t3_35 = t2_161 * t3_7;
+        let t3_36 = (-t2_201).mul_add(t3_5, t3_35);
+        let t3_37 = t2_196.mul_add(t3_23, t3_36);
+        let t3_38 = inv_pivot_3 * t3_37;
+        let t3_39 = t2_201.mul_add(t3_13, t3_8);
+        let t3_40 = (-t2_161).mul_add(t3_15, t3_39);
+        let t3_41 = (-t2_196).mul_add(t3_26, t3_40);
+        let t3_42 = inv_pivot_3 * t3_41;
+        let t3_43 = t2_133 * t3_1;
+        let t3_44 = t2_130.mul_add(t3_19, t3_43);
+        let t3_45 = like.lift(1.1547005383792515) * t2_206;
+        let t3_46 = t3_44 * t3_45;
+        let t3_47 = (-t2_133).mul_add(t3_5, t2_183);
+        let t3_48 = (-t2_130).mul_add(t3_23, t3_47);
+        let t3_49 = t3_48 * t3_45;
+        let t3_50 = t2_133 * t3_13;
+        let t3_51 = t2_130.mul_add(t3_26, t3_50);
+        let t3_52 = t3_51 * t3_45;
+        let t3_53 = t2_176 * t3_33;
+        let t3_54 = (-t2_174).mul_add(t3_1, t3_53);
+        let t3_55 = (-t2_172).mul_add(t3_19, t3_54);
+        let t3_56 = like.lift(1.1547005383792515) * t2_190;
+        let t3_57 = t3_55 * t3_56;
+        let t3_58 = t2_176 * t3_38;
+        let t3_59 = (-t2_174).mul_add(t3_5, t3_58);
+        let t3_60 = (-t2_172).mul_add(t3_23, t3_59);
+        let t3_61 = t3_60 * t3_56;
+        let t3_62 = -t3_61;
+        let t3_63 = (-t2_174).mul_add(t3_13, t2_187);
+        let t3_64 = (-t2_172).mul_add(t3_26, t3_63);
+        let t3_65 = (-t2_176).mul_add(t3_42, t3_64);
+        let t3_66 = t3_65 * t3_56;
+        let t3_67 = -pivot_3;
+        let t3_68 = -pivot_5;
+        let t3_69 = -pivot_6;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t1_192 * like.lift(1.8955297449982944)).abs())
-            .min((t2_94 * like.lift(2.6463477742948585)).abs())
+            .min((t2_178 * like.lift(1.8955297449982944)).abs())
+            .min((t3_67 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_95 * like.lift(0.8284577646309275)).abs())
-            .min((t2_96 * like.lift(2.1915406530791146)).abs());
+            .min((t3_68 * like.lift(0.8284577646309275)).abs())
+            .min((t3_69 * like.lift(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_26, t2_30, t2_39], [t2_43, t2_46, t2_50], [t2_51, t2_28, t2_52],
-                [t2_57, t2_61, t2_65], [t2_69, t2_73, t2_77], [t2_82, t2_88, t2_93],
+                [t3_3, t3_7, t3_16], [t3_20, t3_23, t3_27], [t3_28, t3_5, t3_29],
+                [t3_34, t3_38, t3_42], [t3_46, t3_49, t3_52], [t3_57, t3_62, t3_66],
             ],
             margin,
             || (
                 [
-                    [t1_115, t1_117, t1_122, like.lift(0.0), t1_125, like.lift(0.0)],
-                    [t1_131, t1_133, t1_139, like.lift(0.0), t1_140, like.lift(0.0)],
-                    [like.lift(0.0), t1_144, t1_148, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t1_156, t1_160, t1_162, t1_164, like.lift(0.0), t1_167],
-                    [t1_175, t1_176, t1_180, t1_183, like.lift(0.0), t1_184],
-                    [like.lift(0.0), t1_186, t1_188, t1_191, like.lift(0.0), t1_192],
+                    [t2_103, t2_105, t2_109, like.lift(0.0), t2_112, like.lift(0.0)],
+                    [t2_118, t2_119, t2_125, like.lift(0.0), t2_126, like.lift(0.0)],
+                    [like.lift(0.0), t2_130, t2_133, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_141, t2_146, t2_148, t2_150, like.lift(0.0), t2_153],
+                    [t2_161, t2_162, t2_166, t2_169, like.lift(0.0), t2_170],
+                    [like.lift(0.0), t2_172, t2_174, t2_177, like.lift(0.0), t2_178],
                 ],
                 [
-                    [t1_193, t1_195, like.lift(0.0)], [cos_q1, t1_196, like.lift(0.0)],
-                    [like.lift(0.0), t1_197, like.lift(0.0)], [t1_193, like.lift(0.0), t1_199],
-                    [cos_q1, like.lift(0.0), t1_200], [like.lift(0.0), like.lift(0.0), t1_202],
+                    [t2_179, t2_181, like.lift(0.0)], [cos_q1, t2_182, like.lift(0.0)],
+                    [like.lift(0.0), t2_183, like.lift(0.0)], [t2_179, like.lift(0.0), t2_185],
+                    [cos_q1, like.lift(0.0), t2_186], [like.lift(0.0), like.lift(0.0), t2_188],
                 ],
             ),
         );
@@ -7278,80 +6923,74 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
     };
     // tau
     {
-        let t3_1 = t1_109.mul_add(x_q1_q2, t1_40);
-        let t3_2 = cos_s1_2 * t1_80;
-        let t3_3 = (-sin_s1_2).mul_add(t1_92, t3_2);
-        let t3_4 = t3_3.mul_add(x_s1_1_q2, t3_1);
-        let t3_5 = t1_96.mul_add(x_s1_2_q2, t3_4);
-        let t3_6 = t1_92.mul_add(x_s1_3_q2, t3_5);
-        let t3_7 = cos_q6 * p_mx_4;
-        let t3_8 = like.lift(9.81) * t3_7;
-        let t3_9 = sin_q6 * p_my_4;
-        let t3_10 = like.lift(-9.81).mul_add(t3_9, t3_8);
-        let t3_11 = dd_q6.mul_add(p_izz_4, -t3_10);
-        let a_4x = like.lift(9.81) * sin_q6;
-        let t3_12 = (-q7).mul_add(dd_q6, a_4x);
-        let t3_13 = d_q6 * d_q7;
-        let a_5x = like.lift(-2.0).mul_add(t3_13, t3_12);
-        let t3_14 = a_5x * p_mz_5;
-        let a_4y = like.lift(9.81) * cos_q6;
-        let t3_15 = d_q6 * d_q6;
-        let a_5z = q7 * t3_15;
-        let t3_16 = a_4y - a_5z;
-        let a_5z_2 = dd_q7 + t3_16;
-        let t3_17 = a_5z_2.mul_add(p_mx_5, t3_14);
-        let t3_18 = t3_15 * p_mx_5;
-        let t3_19 = (-dd_q6).mul_add(p_mz_5, t3_18);
-        let t3_20 = a_5x.mul_add(p_m_5, t3_19);
-        let t3_21 = q7.mul_add(t3_20, t3_17);
-        let t3_22 = t3_11 - t3_21;
-        let t3_23 = t3_22.mul_add(x_q6_q2, t3_6);
-        let t3_24 = cos_q8 * p_mx_6;
-        let t3_25 = like.lift(9.81) * t3_24;
-        let t3_26 = sin_q8 * p_my_6;
-        let t3_27 = like.lift(-9.81).mul_add(t3_26, t3_25);
-        let t3_28 = dd_q8.mul_add(p_izz_6, -t3_27);
-        let a_6x = like.lift(9.81) * sin_q8;
-        let t3_29 = (-q9).mul_add(dd_q8, a_6x);
-        let t3_30 = d_q8 * d_q9;
-        let a_7x = like.lift(-2.0).mul_add(t3_30, t3_29);
-        let t3_31 = a_7x * p_mz_7;
-        let a_6y = like.lift(9.81) * cos_q8;
-        let t3_32 = d_q8 * d_q8;
-        let a_7z = q9 * t3_32;
-        let t3_33 = a_6y - a_7z;
-        let a_7z_2 = dd_q9 + t3_33;
-        let t3_34 = a_7z_2.mul_add(p_mx_7, t3_31);
-        let t3_35 = t3_32 * p_mx_7;
-        let t3_36 = (-dd_q8).mul_add(p_mz_7, t3_35);
-        let t3_37 = a_7x.mul_add(p_m_7, t3_36);
-        let t3_38 = q9.mul_add(t3_37, t3_34);
-        let t3_39 = t3_28 - t3_38;
-        let t3_40 = t3_39.mul_add(x_q8_q2, t3_23);
-        let t3_41 = -t3_40;
-        tau[0] = t3_41;
-        let t3_42 = dd_q6 * p_mx_5;
-        let t3_43 = t3_15.mul_add(p_mz_5, t3_42);
-        let t3_44 = a_5z_2.mul_add(p_m_5, -t3_43);
-        let t3_45 = t1_109 * x_q1_q7;
-        let t3_46 = t3_3.mul_add(x_s1_1_q7, t3_45);
-        let t3_47 = t1_96.mul_add(x_s1_2_q7, t3_46);
-        let t3_48 = t1_92.mul_add(x_s1_3_q7, t3_47);
-        let t3_49 = t3_22.mul_add(x_q6_q7, t3_48);
-        let t3_50 = t3_44 - t3_49;
-        let t3_51 = (-t3_39).mul_add(x_q8_q7, t3_50);
-        tau[1] = t3_51;
-        let t3_52 = dd_q8 * p_mx_7;
-        let t3_53 = t3_32.mul_add(p_mz_7, t3_52);
-        let t3_54 = a_7z_2.mul_add(p_m_7, -t3_53);
-        let t3_55 = t1_109 * x_q1_q9;
-        let t3_56 = t3_3.mul_add(x_s1_1_q9, t3_55);
-        let t3_57 = t1_96.mul_add(x_s1_2_q9, t3_56);
-        let t3_58 = t1_92.mul_add(x_s1_3_q9, t3_57);
-        let t3_59 = t3_22.mul_add(x_q6_q9, t3_58);
-        let t3_60 = t3_39.mul_add(x_q8_q9, t3_59);
-        let t3_61 = t3_54 - t3_60;
-        tau[2] = t3_61;
+        let t4_1 = cos_s1_2 * t2_66;
+        let t4_2 = (-sin_s1_2).mul_add(t2_76, t4_1);
+        let t4_3 = like.lift(9.81) * sin_q6;
+        let t4_4 = like.lift(2.0) * d_q6;
+        let t4_5 = (-t4_4).mul_add(d_q7, t4_3);
+        let a_5x = (-q7).mul_add(dd_q6, t4_5);
+        let t4_6 = d_q6 * d_q6;
+        let t4_7 = like.lift(9.81).mul_add(cos_q6, dd_q7);
+        let a_5z = (-q7).mul_add(t4_6, t4_7);
+        let t4_8 = a_5x * p_m_5;
+        let t4_9 = (-dd_q6).mul_add(p_mz_5, t4_8);
+        let t4_10 = t4_6.mul_add(p_mx_5, t4_9);
+        let t4_11 = sin_q6 * p_my_4;
+        let t4_12 = (-cos_q6).mul_add(p_mx_4, t4_11);
+        let t4_13 = dd_q6 * p_izz_4;
+        let t4_14 = like.lift(9.81).mul_add(t4_12, t4_13);
+        let t4_15 = (-q7).mul_add(t4_10, t4_14);
+        let t4_16 = (-a_5z).mul_add(p_mx_5, t4_15);
+        let t4_17 = (-a_5x).mul_add(p_mz_5, t4_16);
+        let t4_18 = like.lift(9.81) * sin_q8;
+        let t4_19 = like.lift(2.0) * d_q8;
+        let t4_20 = (-t4_19).mul_add(d_q9, t4_18);
+        let a_7x = (-q9).mul_add(dd_q8, t4_20);
+        let t4_21 = d_q8 * d_q8;
+        let t4_22 = like.lift(9.81).mul_add(cos_q8, dd_q9);
+        let a_7z = (-q9).mul_add(t4_21, t4_22);
+        let t4_23 = a_7x * p_m_7;
+        let t4_24 = (-dd_q8).mul_add(p_mz_7, t4_23);
+        let t4_25 = t4_21.mul_add(p_mx_7, t4_24);
+        let t4_26 = sin_q8 * p_my_6;
+        let t4_27 = (-cos_q8).mul_add(p_mx_6, t4_26);
+        let t4_28 = dd_q8 * p_izz_6;
+        let t4_29 = like.lift(9.81).mul_add(t4_27, t4_28);
+        let t4_30 = (-q9).mul_add(t4_25, t4_29);
+        let t4_31 = (-a_7z).mul_add(p_mx_7, t4_30);
+        let t4_32 = (-a_7x).mul_add(p_mz_7, t4_31);
+        let t4_33 = t4_32 * x_q8_q2;
+        let t4_34 = t4_17.mul_add(x_q6_q2, t4_33);
+        let t4_35 = t2_76.mul_add(x_s1_3_q2, t4_34);
+        let t4_36 = t2_80.mul_add(x_s1_2_q2, t4_35);
+        let t4_37 = t4_2.mul_add(x_s1_1_q2, t4_36);
+        let t4_38 = t2_97.mul_add(x_q1_q2, t4_37);
+        let t4_39 = t2_1.mul_add(p_mz_2, t4_38);
+        let t4_40 = dd_q1.mul_add(p_mx_2, t4_39);
+        let t4_41 = (-sin_s1_2).mul_add(t2_35, t4_40);
+        let t4_42 = cos_s1_2.mul_add(t2_30, t4_41);
+        let t4_43 = -t4_42;
+        tau[0] = t4_43;
+        let t4_44 = a_5z * p_m_5;
+        let t4_45 = (-t4_32).mul_add(x_q8_q7, t4_44);
+        let t4_46 = (-t4_6).mul_add(p_mz_5, t4_45);
+        let t4_47 = (-dd_q6).mul_add(p_mx_5, t4_46);
+        let t4_48 = (-t4_17).mul_add(x_q6_q7, t4_47);
+        let t4_49 = (-t2_76).mul_add(x_s1_3_q7, t4_48);
+        let t4_50 = (-t2_80).mul_add(x_s1_2_q7, t4_49);
+        let t4_51 = (-t4_2).mul_add(x_s1_1_q7, t4_50);
+        let t4_52 = (-t2_97).mul_add(x_q1_q7, t4_51);
+        tau[1] = t4_52;
+        let t4_53 = a_7z * p_m_7;
+        let t4_54 = (-t4_21).mul_add(p_mz_7, t4_53);
+        let t4_55 = (-dd_q8).mul_add(p_mx_7, t4_54);
+        let t4_56 = (-t4_32).mul_add(x_q8_q9, t4_55);
+        let t4_57 = (-t4_17).mul_add(x_q6_q9, t4_56);
+        let t4_58 = (-t2_76).mul_add(x_s1_3_q9, t4_57);
+        let t4_59 = (-t2_80).mul_add(x_s1_2_q9, t4_58);
+        let t4_60 = (-t4_2).mul_add(x_s1_1_q9, t4_59);
+        let t4_61 = (-t2_97).mul_add(x_q1_q9, t4_60);
+        tau[2] = t4_61;
     }
     (tau, Condition { pivot: condition })
 }
@@ -7362,7 +7001,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: the efforts that hold the mechanism at rest
 ///
-/// 116 additions, 249 multiplications, 6 divisions, 6 sines and cosines.
+/// 116 additions, 222 multiplications, 6 divisions, 6 sines and cosines.
 pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 25]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -7372,356 +7011,339 @@ pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 25]) -> ([T; 3], Condition
         p_mx_5, p_mz_5, p_m_5, _, p_mx_6, p_my_6, p_mx_7, p_mz_7, p_m_7,
     ] = *beta;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_q1, cos_q1, sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, sin_q6,
+        cos_q6, sin_q8, cos_q8,
+    ] = {
+        let [
+            (sin_q1, cos_q1), (sin_s1_1, cos_s1_1), (sin_s1_2, cos_s1_2), (sin_s1_3, cos_s1_3),
+            (sin_q6, cos_q6), (sin_q8, cos_q8),
+        ] =
+            T::sin_cos_all([q1, s1_1, s1_2, s1_3, q6, q8]);
+        [
+            sin_q1, cos_q1, sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, sin_q6,
+            cos_q6, sin_q8, cos_q8,
+        ]
+    };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        sin_s1_2, cos_s1_2, t1_25, t1_27, t1_31, t1_34, sin_q6, cos_q6, sin_q8, cos_q8,
-        x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7,
-        x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2,
-        x_q8_q7, x_q8_q9,
+        t2_18, t2_19, t2_23, t2_30, t2_56, t2_98, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2,
+        x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9,
+        x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
     ] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = cos_q1 * p_mx_1;
-        let t1_2 = like.lift(9.81) * t1_1;
-        let t1_3 = sin_q1 * p_my_1;
-        let t1_4 = like.lift(-9.81).mul_add(t1_3, t1_2);
-        let t1_5 = sin_q1 * p_mz_2;
-        let t1_6 = like.lift(9.81) * t1_5;
-        let t1_7 = cos_q1 * p_mx_2;
-        let t1_8 = like.lift(9.81).mul_add(t1_7, t1_6);
-        let (sin_s1_1, cos_s1_1) = s1_1.sin_cos();
-        let (sin_s1_2, cos_s1_2) = s1_2.sin_cos();
-        let (sin_s1_3, cos_s1_3) = s1_3.sin_cos();
-        let t1_9 = cos_q1 * sin_s1_2;
-        let t1_10 = like.lift(9.81) * t1_9;
-        let t1_11 = sin_q1 * cos_s1_1;
-        let t1_12 = cos_s1_2 * t1_11;
-        let a_s1_2x = like.lift(9.81).mul_add(t1_12, t1_10);
-        let t1_13 = a_s1_2x * p_mz_3;
-        let t1_14 = sin_q1 * sin_s1_1;
-        let t1_15 = sin_s1_3 * t1_14;
-        let t1_16 = like.lift(9.81) * t1_15;
-        let t1_17 = cos_q1 * cos_s1_2;
-        let t1_18 = like.lift(9.81) * t1_17;
-        let t1_19 = sin_s1_2 * t1_11;
-        let a_s1_2z = like.lift(-9.81).mul_add(t1_19, t1_18);
-        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t1_16);
-        let t1_20 = (-a_3z).mul_add(p_mx_3, t1_13);
-        let t1_21 = sin_s1_3 * t1_20;
-        let t1_22 = cos_s1_3 * t1_14;
-        let t1_23 = like.lift(9.81) * t1_22;
-        let a_3y = sin_s1_3.mul_add(a_s1_2z, t1_23);
-        let t1_24 = a_3y * p_mx_3;
-        let t1_25 = (-cos_s1_3).mul_add(t1_24, t1_21);
-        let t1_26 = sin_s1_2 * t1_25;
-        let t1_27 = a_3y * p_mz_3;
-        let t1_28 = cos_s1_2.mul_add(t1_27, t1_26);
-        let t1_29 = sin_s1_1 * t1_28;
-        let t1_30 = cos_s1_3 * t1_20;
-        let t1_31 = sin_s1_3.mul_add(t1_24, t1_30);
-        let t1_32 = cos_s1_1.mul_add(t1_31, t1_29);
-        let t1_33 = t1_8 + t1_32;
-        let t1_34 = t1_4 + t1_33;
-        let t1_35 = cos_q1 * q2;
-        let t1_36 = t1_9 + t1_12;
-        let t1_37 = like.lift(-0.4563).mul_add(t1_36, t1_35);
-        let t1_38 = -t1_37;
+        let t2_1 = cos_q1 * sin_s1_2;
+        let t2_2 = sin_q1 * cos_s1_1;
+        let t2_3 = cos_s1_2 * t2_2;
+        let t2_4 = t2_3 + t2_1;
+        let a_s1_2x = like.lift(9.81) * t2_4;
+        let t2_5 = sin_q1 * sin_s1_1;
+        let t2_6 = cos_q1 * cos_s1_2;
+        let t2_7 = sin_s1_2 * t2_2;
+        let t2_8 = t2_7 - t2_6;
+        let t2_9 = like.lift(9.81) * t2_8;
+        let a_s1_2z = -t2_9;
+        let t2_10 = like.lift(9.81) * sin_s1_3;
+        let t2_11 = t2_10 * t2_5;
+        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t2_11);
+        let t2_12 = a_s1_2x * p_mz_3;
+        let t2_13 = (-a_3z).mul_add(p_mx_3, t2_12);
+        let t2_14 = cos_s1_3 * t2_5;
+        let t2_15 = sin_s1_3 * a_s1_2z;
+        let a_3y = like.lift(9.81).mul_add(t2_14, t2_15);
+        let t2_16 = a_3y * p_mx_3;
+        let t2_17 = sin_s1_3 * t2_13;
+        let t2_18 = (-cos_s1_3).mul_add(t2_16, t2_17);
+        let t2_19 = a_3y * p_mz_3;
+        let t2_20 = cos_s1_2 * t2_19;
+        let t2_21 = sin_s1_2.mul_add(t2_18, t2_20);
+        let t2_22 = sin_s1_3 * t2_16;
+        let t2_23 = cos_s1_3.mul_add(t2_13, t2_22);
+        let t2_24 = sin_q1 * p_my_1;
+        let t2_25 = (-cos_q1).mul_add(p_mx_1, t2_24);
+        let t2_26 = (-cos_q1).mul_add(p_mx_2, t2_25);
+        let t2_27 = (-sin_q1).mul_add(p_mz_2, t2_26);
+        let t2_28 = cos_s1_1 * t2_23;
+        let t2_29 = like.lift(-9.81).mul_add(t2_27, t2_28);
+        let t2_30 = sin_s1_1.mul_add(t2_21, t2_29);
+        let t2_31 = cos_q1 * q2;
+        let t2_32 = t2_1 + t2_3;
+        let t2_33 = like.lift(-0.4563).mul_add(t2_32, t2_31);
+        let t2_34 = -t2_33;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t1_39 = cos_q1 * e_s1_2_q1x;
-        let t1_40 = like.lift(0.4563) * t1_39;
-        let t1_41 = cos_s1_1 * t1_36;
-        let t1_42 = like.lift(0.4563) * t1_41;
-        let t1_43 = t1_14 * e_s1_2_q1x;
-        let t1_44 = like.lift(0.4563).mul_add(t1_43, t1_42);
-        let (sin_q6, cos_q6) = q6.sin_cos();
-        let t1_45 = cos_q6 * q7;
-        let t1_46 = like.lift(0.5) * t1_45;
-        let t1_47 = -t1_46;
-        let t1_48 = sin_q1 * q2;
-        let t1_49 = sin_q1 * sin_s1_2;
-        let t1_50 = cos_q1 * cos_s1_1;
-        let t1_51 = (-cos_s1_2).mul_add(t1_50, t1_49);
-        let t1_52 = like.lift(-0.4563).mul_add(t1_51, t1_48);
-        let t1_53 = -t1_52;
-        let t1_54 = sin_q1 * e_s1_2_q1x;
-        let t1_55 = like.lift(0.4563) * t1_54;
-        let t1_56 = cos_q1 * sin_s1_1;
-        let t1_57 = t1_56 * e_s1_2_q1x;
-        let t1_58 = like.lift(0.4563) * t1_57;
-        let t1_59 = cos_s1_1 * t1_51;
-        let t1_60 = like.lift(-0.4563).mul_add(t1_59, t1_58);
-        let t1_61 = -t1_60;
-        let t1_62 = sin_q6 * q7;
-        let t1_63 = cos_q1 * t1_51;
-        let t1_64 = like.lift(0.4563) * t1_63;
-        let t1_65 = sin_q1 * t1_36;
-        let t1_66 = like.lift(-0.4563).mul_add(t1_65, t1_64);
-        let t1_67 = t1_14 * t1_51;
-        let t1_68 = like.lift(0.4563) * t1_67;
-        let t1_69 = t1_56 * t1_36;
-        let t1_70 = like.lift(0.4563).mul_add(t1_69, t1_68);
-        let pivot_1 = like.lift(0.8660254037844386) * t1_45;
-        let t1_71 = like.lift(0.22815) * t1_36;
-        let t1_72 = t1_17 - t1_19;
-        let t1_73 = sin_s1_3.mul_add(t1_72, t1_22);
-        let t1_74 = like.lift(-0.39516739174683935).mul_add(t1_73, t1_71);
-        let t1_75 = t1_35 - t1_74;
-        let t1_76 = -t1_75;
-        let t1_77 = like.lift(0.22815) * e_s1_2_q1x;
-        let t1_78 = cos_s1_1 * cos_s1_3;
-        let e_s1_2_q1z = sin_s1_1 * sin_s1_2;
-        let e_3_q1y = sin_s1_3.mul_add(e_s1_2_q1z, t1_78);
-        let t1_79 = like.lift(0.39516739174683935).mul_add(e_3_q1y, t1_77);
-        let t1_80 = cos_q1 * t1_79;
-        let t1_81 = cos_s1_1 * t1_74;
-        let t1_82 = t1_14.mul_add(t1_79, t1_81);
-        let t1_83 = e_s1_2_q1x * t1_74;
-        let t1_84 = (-t1_36).mul_add(t1_79, t1_83);
-        let (sin_q8, cos_q8) = q8.sin_cos();
-        let t1_85 = cos_q8 * q9;
-        let t1_86 = like.lift(0.5) * t1_85;
-        let t1_87 = -t1_86;
-        let t1_88 = cos_s1_3 * t1_56;
-        let t1_89 = sin_q1 * cos_s1_2;
-        let t1_90 = sin_s1_2.mul_add(t1_50, t1_89);
-        let t1_91 = (-sin_s1_3).mul_add(t1_90, t1_88);
-        let t1_92 = like.lift(0.39516739174683935) * t1_91;
-        let t1_93 = like.lift(0.22815) * t1_51;
-        let t1_94 = t1_48 - t1_93;
-        let t1_95 = t1_92 - t1_94;
-        let t1_96 = sin_q1 * t1_79;
-        let t1_97 = t1_56 * t1_79;
-        let t1_98 = t1_93 + t1_92;
-        let t1_99 = (-cos_s1_1).mul_add(t1_98, t1_97);
-        let t1_100 = -t1_99;
-        let t1_101 = t1_51 * t1_79;
-        let t1_102 = (-e_s1_2_q1x).mul_add(t1_98, t1_101);
-        let t1_103 = -t1_102;
-        let t1_104 = sin_q8 * q9;
-        let t1_105 = cos_q1 * t1_98;
-        let t1_106 = (-sin_q1).mul_add(t1_74, t1_105);
-        let t1_107 = t1_14 * t1_98;
-        let t1_108 = t1_56.mul_add(t1_74, t1_107);
-        let t1_109 = t1_36 * t1_98;
-        let t1_110 = (-t1_51).mul_add(t1_74, t1_109);
-        let t1_111 = -t1_110;
-        let pivot_2 = like.lift(0.8660254037844386) * t1_85;
-        let t1_112 = -pivot_2;
-        let t1_113 = -sin_q1;
-        let t1_114 = like.lift(0.5) * sin_q6;
-        let t1_115 = -t1_114;
-        let t1_116 = -cos_q6;
-        let t1_117 = like.lift(0.8660254037844386) * sin_q6;
-        let t1_118 = like.lift(0.5) * sin_q8;
-        let t1_119 = -t1_118;
-        let t1_120 = -cos_q8;
-        let t1_121 = like.lift(0.8660254037844386) * sin_q8;
-        let t1_122 = -t1_121;
-        let t1_123 = like.lift(0.5773502691896257).mul_add(t1_110, t1_84);
-        let t1_124 = like.lift(1.0) / t1_85;
-        let t1_125 = t1_104 * t1_124;
-        let t1_126 = t1_110 * t1_125;
-        let pivot_3 = like.lift(1.1547005383792515).mul_add(t1_126, t1_102);
+        let t2_35 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_36 = cos_q1 * t2_35;
+        let t2_37 = t2_5 * e_s1_2_q1x;
+        let t2_38 = cos_s1_1.mul_add(t2_32, t2_37);
+        let t2_39 = like.lift(0.4563) * t2_38;
+        let t2_40 = cos_q6 * q7;
+        let t2_41 = like.lift(0.5) * t2_40;
+        let t2_42 = -t2_41;
+        let t2_43 = sin_q1 * q2;
+        let t2_44 = cos_q1 * cos_s1_1;
+        let t2_45 = sin_q1 * sin_s1_2;
+        let t2_46 = (-cos_s1_2).mul_add(t2_44, t2_45);
+        let t2_47 = like.lift(-0.4563).mul_add(t2_46, t2_43);
+        let t2_48 = -t2_47;
+        let t2_49 = sin_q1 * t2_35;
+        let t2_50 = cos_q1 * sin_s1_1;
+        let t2_51 = cos_s1_1 * t2_46;
+        let t2_52 = (-t2_50).mul_add(e_s1_2_q1x, t2_51);
+        let t2_53 = like.lift(0.4563) * t2_52;
+        let t2_54 = -t2_53;
+        let t2_55 = -t2_54;
+        let t2_56 = q7 * sin_q6;
+        let t2_57 = sin_q1 * t2_32;
+        let t2_58 = (-cos_q1).mul_add(t2_46, t2_57);
+        let t2_59 = like.lift(0.4563) * t2_58;
+        let t2_60 = -t2_59;
+        let t2_61 = t2_50 * t2_32;
+        let t2_62 = t2_5.mul_add(t2_46, t2_61);
+        let t2_63 = like.lift(0.4563) * t2_62;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_40;
+        let t2_64 = t2_6 - t2_7;
+        let t2_65 = sin_s1_3.mul_add(t2_64, t2_14);
+        let t2_66 = like.lift(0.22815) * t2_32;
+        let t2_67 = like.lift(-0.39516739174683935).mul_add(t2_65, t2_66);
+        let t2_68 = t2_31 - t2_67;
+        let t2_69 = -t2_68;
+        let t2_70 = sin_s1_3 * sin_s1_1;
+        let t2_71 = t2_70 * sin_s1_2;
+        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_71);
+        let t2_72 = like.lift(0.39516739174683935) * e_3_q1y;
+        let t2_73 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_72);
+        let t2_74 = cos_q1 * t2_73;
+        let t2_75 = t2_5 * t2_73;
+        let t2_76 = cos_s1_1.mul_add(t2_67, t2_75);
+        let t2_77 = e_s1_2_q1x * t2_67;
+        let t2_78 = (-t2_32).mul_add(t2_73, t2_77);
+        let t2_79 = cos_q8 * q9;
+        let t2_80 = like.lift(0.5) * t2_79;
+        let t2_81 = -t2_80;
+        let t2_82 = sin_s1_2 * t2_44;
+        let t2_83 = sin_q1.mul_add(cos_s1_2, t2_82);
+        let t2_84 = cos_s1_3 * t2_50;
+        let t2_85 = (-sin_s1_3).mul_add(t2_83, t2_84);
+        let t2_86 = like.lift(0.39516739174683935) * t2_85;
+        let t2_87 = like.lift(0.22815) * t2_46;
+        let t2_88 = t2_86 - t2_43;
+        let t2_89 = t2_88 + t2_87;
+        let t2_90 = sin_q1 * t2_73;
+        let t2_91 = t2_87 + t2_86;
+        let t2_92 = t2_50 * t2_73;
+        let t2_93 = (-cos_s1_1).mul_add(t2_91, t2_92);
+        let t2_94 = -t2_93;
+        let t2_95 = t2_46 * t2_73;
+        let t2_96 = (-e_s1_2_q1x).mul_add(t2_91, t2_95);
+        let t2_97 = -t2_96;
+        let t2_98 = q9 * sin_q8;
+        let t2_99 = cos_q1 * t2_91;
+        let t2_100 = (-sin_q1).mul_add(t2_67, t2_99);
+        let t2_101 = t2_50 * t2_67;
+        let t2_102 = t2_5.mul_add(t2_91, t2_101);
+        let t2_103 = t2_32 * t2_91;
+        let t2_104 = (-t2_46).mul_add(t2_67, t2_103);
+        let t2_105 = -t2_104;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_79;
+        let t2_106 = -pivot_2;
+        let t2_107 = -sin_q1;
+        let t2_108 = like.lift(0.5) * sin_q6;
+        let t2_109 = -t2_108;
+        let t2_110 = -cos_q6;
+        let t2_111 = like.lift(0.8660254037844386) * sin_q6;
+        let t2_112 = like.lift(0.5) * sin_q8;
+        let t2_113 = -t2_112;
+        let t2_114 = -cos_q8;
+        let t2_115 = like.lift(0.8660254037844386) * sin_q8;
+        let t2_116 = -t2_115;
+        let t2_117 = like.lift(0.5773502691896257).mul_add(t2_104, t2_78);
+        let t2_118 = like.lift(1.0) / t2_79;
+        let t2_119 = t2_98 * t2_118;
+        let t2_120 = like.lift(1.1547005383792515) * t2_119;
+        let pivot_3 = t2_104.mul_add(t2_120, t2_96);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_127 = t1_123 * inv_pivot_3;
-        let t1_128 = (-t1_95).mul_add(t1_127, t1_75);
-        let t1_129 = like.lift(0.5773502691896257).mul_add(t1_66, t1_40);
-        let t1_130 = like.lift(-0.5773502691896257).mul_add(t1_106, t1_80);
-        let t1_131 = t1_106 * t1_125;
-        let t1_132 = like.lift(1.1547005383792515).mul_add(t1_131, t1_96);
-        let pivot_4 = t1_132.mul_add(t1_127, t1_130);
+        let t2_121 = t2_117 * inv_pivot_3;
+        let t2_122 = (-t2_89).mul_add(t2_121, t2_68);
+        let t2_123 = like.lift(0.5773502691896257).mul_add(t2_60, t2_36);
+        let t2_124 = t2_100.mul_add(t2_120, t2_90);
+        let t2_125 = t2_124.mul_add(t2_121, t2_74);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_100, t2_125);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t1_133 = t1_129 * inv_pivot_4;
-        let pivot_5 = (-t1_128).mul_add(t1_133, t1_37);
+        let t2_126 = t2_123 * inv_pivot_4;
+        let pivot_5 = (-t2_122).mul_add(t2_126, t2_33);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t1_134 = (-cos_q1).mul_add(t1_127, sin_q1);
-        let t1_135 = (-t1_134).mul_add(t1_133, sin_q1);
-        let t1_136 = like.lift(0.5773502691896257).mul_add(t1_70, t1_44);
-        let t1_137 = like.lift(-0.5773502691896257).mul_add(t1_108, t1_82);
-        let t1_138 = t1_108 * t1_125;
-        let t1_139 = like.lift(-1.1547005383792515).mul_add(t1_138, t1_99);
-        let t1_140 = (-t1_139).mul_add(t1_127, t1_137);
-        let t1_141 = (-t1_140).mul_add(t1_133, t1_136);
-        let t1_142 = like.lift(1.0) / t1_45;
-        let t1_143 = t1_62 * t1_142;
-        let t1_144 = t1_66 * t1_143;
-        let t1_145 = like.lift(-1.1547005383792515).mul_add(t1_144, t1_55);
-        let t1_146 = t1_145 * inv_pivot_4;
-        let t1_147 = t1_134.mul_add(t1_146, cos_q1);
-        let t1_148 = (-t1_128).mul_add(t1_146, t1_52);
-        let t1_149 = t1_148 * inv_pivot_5;
-        let t1_150 = t1_135.mul_add(t1_149, t1_147);
-        let t1_151 = t1_70 * t1_143;
-        let t1_152 = like.lift(1.1547005383792515).mul_add(t1_151, t1_60);
-        let t1_153 = t1_140.mul_add(t1_146, t1_152);
-        let pivot_6 = t1_141.mul_add(t1_149, t1_153);
+        let t2_127 = (-cos_q1).mul_add(t2_121, sin_q1);
+        let t2_128 = (-t2_127).mul_add(t2_126, sin_q1);
+        let t2_129 = (-t2_102).mul_add(t2_120, t2_93);
+        let t2_130 = (-t2_129).mul_add(t2_121, t2_76);
+        let t2_131 = like.lift(-0.5773502691896257).mul_add(t2_102, t2_130);
+        let t2_132 = (-t2_131).mul_add(t2_126, t2_39);
+        let t2_133 = like.lift(0.5773502691896257).mul_add(t2_63, t2_132);
+        let t2_134 = like.lift(1.0) / t2_40;
+        let t2_135 = t2_56 * t2_134;
+        let t2_136 = like.lift(1.1547005383792515) * t2_135;
+        let t2_137 = (-t2_60).mul_add(t2_136, t2_49);
+        let t2_138 = t2_137 * inv_pivot_4;
+        let t2_139 = (-t2_122).mul_add(t2_138, t2_47);
+        let t2_140 = t2_139 * inv_pivot_5;
+        let t2_141 = t2_128.mul_add(t2_140, cos_q1);
+        let t2_142 = t2_127.mul_add(t2_138, t2_141);
+        let t2_143 = t2_133.mul_add(t2_140, t2_54);
+        let t2_144 = t2_131.mul_add(t2_138, t2_143);
+        let pivot_6 = t2_63.mul_add(t2_136, t2_144);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t1_154 = t1_150 * inv_pivot_6;
-        let t1_155 = (-t1_141).mul_add(t1_154, t1_135);
-        let t1_156 = inv_pivot_5 * t1_155;
-        let t1_157 = sin_q6.mul_add(t1_143, cos_q6);
-        let t1_158 = t1_157 * inv_pivot_6;
-        let t1_159 = t1_141 * t1_158;
-        let t1_160 = inv_pivot_5 * t1_159;
-        let t1_161 = sin_q8.mul_add(t1_125, cos_q8);
-        let t1_162 = t1_161 * t1_127;
-        let t1_163 = t1_162 * t1_133;
-        let t1_164 = t1_162 * t1_146;
-        let t1_165 = (-t1_163).mul_add(t1_149, t1_164);
-        let t1_166 = t1_165 * inv_pivot_6;
-        let t1_167 = t1_141.mul_add(t1_166, t1_163);
-        let t1_168 = inv_pivot_5 * t1_167;
-        let t1_169 = -t1_168;
-        let t1_170 = (-t1_128).mul_add(t1_156, t1_134);
-        let t1_171 = (-t1_140).mul_add(t1_154, t1_170);
-        let t1_172 = inv_pivot_4 * t1_171;
-        let t1_173 = -t1_172;
-        let t1_174 = t1_128 * t1_160;
-        let t1_175 = (-t1_140).mul_add(t1_158, t1_174);
-        let t1_176 = inv_pivot_4 * t1_175;
-        let t1_177 = t1_128.mul_add(t1_168, t1_162);
-        let t1_178 = (-t1_140).mul_add(t1_166, t1_177);
-        let t1_179 = inv_pivot_4 * t1_178;
-        let t1_180 = -t1_179;
-        let t1_181 = -t1_154;
-        let t1_182 = -t1_166;
-        let t1_183 = t1_132.mul_add(t1_172, cos_q1);
-        let t1_184 = (-t1_95).mul_add(t1_156, t1_183);
-        let t1_185 = (-t1_139).mul_add(t1_154, t1_184);
-        let t1_186 = inv_pivot_3 * t1_185;
-        let t1_187 = -t1_186;
-        let t1_188 = t1_132 * t1_176;
-        let t1_189 = t1_95.mul_add(t1_160, t1_188);
-        let t1_190 = (-t1_139).mul_add(t1_158, t1_189);
-        let t1_191 = inv_pivot_3 * t1_190;
-        let t1_192 = (-t1_132).mul_add(t1_179, t1_161);
-        let t1_193 = (-t1_95).mul_add(t1_168, t1_192);
-        let t1_194 = t1_139.mul_add(t1_166, t1_193);
-        let t1_195 = inv_pivot_3 * t1_194;
-        let t1_196 = t1_66 * t1_172;
-        let t1_197 = t1_70.mul_add(t1_154, t1_196);
-        let t1_198 = t1_142 * t1_197;
-        let t1_199 = like.lift(1.1547005383792515) * t1_198;
-        let t1_200 = (-t1_66).mul_add(t1_176, t1_117);
-        let t1_201 = (-t1_70).mul_add(t1_158, t1_200);
-        let t1_202 = t1_142 * t1_201;
-        let t1_203 = like.lift(1.1547005383792515) * t1_202;
-        let t1_204 = t1_66 * t1_179;
-        let t1_205 = t1_70.mul_add(t1_166, t1_204);
-        let t1_206 = t1_142 * t1_205;
-        let t1_207 = like.lift(1.1547005383792515) * t1_206;
-        let t1_208 = t1_110 * t1_186;
-        let t1_209 = (-t1_106).mul_add(t1_172, t1_208);
-        let t1_210 = (-t1_108).mul_add(t1_154, t1_209);
-        let t1_211 = t1_124 * t1_210;
-        let t1_212 = like.lift(1.1547005383792515) * t1_211;
-        let t1_213 = t1_110 * t1_191;
-        let t1_214 = (-t1_106).mul_add(t1_176, t1_213);
-        let t1_215 = (-t1_108).mul_add(t1_158, t1_214);
-        let t1_216 = t1_124 * t1_215;
-        let t1_217 = like.lift(1.1547005383792515) * t1_216;
-        let t1_218 = -t1_217;
-        let t1_219 = (-t1_110).mul_add(t1_195, t1_121);
-        let t1_220 = (-t1_106).mul_add(t1_179, t1_219);
-        let t1_221 = (-t1_108).mul_add(t1_166, t1_220);
-        let t1_222 = t1_124 * t1_221;
-        let t1_223 = like.lift(1.1547005383792515) * t1_222;
-        let t1_224 = -pivot_3;
-        let t1_225 = -pivot_5;
-        let t1_226 = -pivot_6;
+        let t2_145 = t2_142 * inv_pivot_6;
+        let t2_146 = (-t2_133).mul_add(t2_145, t2_128);
+        let t2_147 = inv_pivot_5 * t2_146;
+        let t2_148 = sin_q6.mul_add(t2_135, cos_q6);
+        let t2_149 = t2_148 * inv_pivot_6;
+        let t2_150 = inv_pivot_5 * t2_133;
+        let t2_151 = t2_150 * t2_149;
+        let t2_152 = sin_q8.mul_add(t2_119, cos_q8);
+        let t2_153 = t2_152 * t2_121;
+        let t2_154 = t2_153 * t2_126;
+        let t2_155 = t2_153 * t2_138;
+        let t2_156 = (-t2_154).mul_add(t2_140, t2_155);
+        let t2_157 = t2_156 * inv_pivot_6;
+        let t2_158 = t2_133.mul_add(t2_157, t2_154);
+        let t2_159 = inv_pivot_5 * t2_158;
+        let t2_160 = -t2_159;
+        let t2_161 = (-t2_131).mul_add(t2_145, t2_127);
+        let t2_162 = (-t2_122).mul_add(t2_147, t2_161);
+        let t2_163 = inv_pivot_4 * t2_162;
+        let t2_164 = -t2_163;
+        let t2_165 = t2_122 * t2_151;
+        let t2_166 = (-t2_131).mul_add(t2_149, t2_165);
+        let t2_167 = inv_pivot_4 * t2_166;
+        let t2_168 = (-t2_131).mul_add(t2_157, t2_153);
+        let t2_169 = t2_122.mul_add(t2_159, t2_168);
+        let t2_170 = inv_pivot_4 * t2_169;
+        let t2_171 = -t2_170;
+        let t2_172 = -t2_145;
+        let t2_173 = -t2_157;
+        let t2_174 = (-t2_129).mul_add(t2_145, cos_q1);
+        let t2_175 = (-t2_89).mul_add(t2_147, t2_174);
+        let t2_176 = t2_124.mul_add(t2_163, t2_175);
+        let t2_177 = inv_pivot_3 * t2_176;
+        let t2_178 = -t2_177;
+        let t2_179 = t2_89 * t2_151;
+        let t2_180 = (-t2_129).mul_add(t2_149, t2_179);
+        let t2_181 = t2_124.mul_add(t2_167, t2_180);
+        let t2_182 = inv_pivot_3 * t2_181;
+        let t2_183 = t2_129.mul_add(t2_157, t2_152);
+        let t2_184 = (-t2_89).mul_add(t2_159, t2_183);
+        let t2_185 = (-t2_124).mul_add(t2_170, t2_184);
+        let t2_186 = inv_pivot_3 * t2_185;
+        let t2_187 = t2_63 * t2_145;
+        let t2_188 = t2_60.mul_add(t2_163, t2_187);
+        let t2_189 = like.lift(1.1547005383792515) * t2_134;
+        let t2_190 = t2_188 * t2_189;
+        let t2_191 = (-t2_63).mul_add(t2_149, t2_111);
+        let t2_192 = (-t2_60).mul_add(t2_167, t2_191);
+        let t2_193 = t2_192 * t2_189;
+        let t2_194 = t2_63 * t2_157;
+        let t2_195 = t2_60.mul_add(t2_170, t2_194);
+        let t2_196 = t2_195 * t2_189;
+        let t2_197 = t2_104 * t2_177;
+        let t2_198 = (-t2_102).mul_add(t2_145, t2_197);
+        let t2_199 = (-t2_100).mul_add(t2_163, t2_198);
+        let t2_200 = like.lift(1.1547005383792515) * t2_118;
+        let t2_201 = t2_199 * t2_200;
+        let t2_202 = t2_104 * t2_182;
+        let t2_203 = (-t2_102).mul_add(t2_149, t2_202);
+        let t2_204 = (-t2_100).mul_add(t2_167, t2_203);
+        let t2_205 = t2_204 * t2_200;
+        let t2_206 = -t2_205;
+        let t2_207 = (-t2_102).mul_add(t2_157, t2_115);
+        let t2_208 = (-t2_100).mul_add(t2_170, t2_207);
+        let t2_209 = (-t2_104).mul_add(t2_186, t2_208);
+        let t2_210 = t2_209 * t2_200;
+        let t2_211 = -pivot_3;
+        let t2_212 = -pivot_5;
+        let t2_213 = -pivot_6;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t1_112 * like.lift(1.8955297449982944)).abs())
-            .min((t1_224 * like.lift(2.6463477742948585)).abs())
+            .min((t2_106 * like.lift(1.8955297449982944)).abs())
+            .min((t2_211 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t1_225 * like.lift(0.8284577646309275)).abs())
-            .min((t1_226 * like.lift(2.1915406530791146)).abs());
+            .min((t2_212 * like.lift(0.8284577646309275)).abs())
+            .min((t2_213 * like.lift(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [t1_156, t1_160, t1_169], [t1_173, t1_176, t1_180], [t1_181, t1_158, t1_182],
-                [t1_187, t1_191, t1_195], [t1_199, t1_203, t1_207], [t1_212, t1_218, t1_223],
+                [t2_147, t2_151, t2_160], [t2_164, t2_167, t2_171], [t2_172, t2_149, t2_173],
+                [t2_178, t2_182, t2_186], [t2_190, t2_193, t2_196], [t2_201, t2_206, t2_210],
             ],
             margin,
             || (
                 [
-                    [t1_38, t1_40, t1_44, like.lift(0.0), t1_47, like.lift(0.0)],
-                    [t1_53, t1_55, t1_61, like.lift(0.0), t1_62, like.lift(0.0)],
-                    [like.lift(0.0), t1_66, t1_70, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t1_76, t1_80, t1_82, t1_84, like.lift(0.0), t1_87],
-                    [t1_95, t1_96, t1_100, t1_103, like.lift(0.0), t1_104],
-                    [like.lift(0.0), t1_106, t1_108, t1_111, like.lift(0.0), t1_112],
+                    [t2_34, t2_36, t2_39, like.lift(0.0), t2_42, like.lift(0.0)],
+                    [t2_48, t2_49, t2_55, like.lift(0.0), t2_56, like.lift(0.0)],
+                    [like.lift(0.0), t2_60, t2_63, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_69, t2_74, t2_76, t2_78, like.lift(0.0), t2_81],
+                    [t2_89, t2_90, t2_94, t2_97, like.lift(0.0), t2_98],
+                    [like.lift(0.0), t2_100, t2_102, t2_105, like.lift(0.0), t2_106],
                 ],
                 [
-                    [t1_113, t1_115, like.lift(0.0)], [cos_q1, t1_116, like.lift(0.0)],
-                    [like.lift(0.0), t1_117, like.lift(0.0)], [t1_113, like.lift(0.0), t1_119],
-                    [cos_q1, like.lift(0.0), t1_120], [like.lift(0.0), like.lift(0.0), t1_122],
+                    [t2_107, t2_109, like.lift(0.0)], [cos_q1, t2_110, like.lift(0.0)],
+                    [like.lift(0.0), t2_111, like.lift(0.0)], [t2_107, like.lift(0.0), t2_113],
+                    [cos_q1, like.lift(0.0), t2_114], [like.lift(0.0), like.lift(0.0), t2_116],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            sin_s1_2, cos_s1_2, t1_25, t1_27, t1_31, t1_34, sin_q6, cos_q6, sin_q8, cos_q8,
-            x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7,
-            x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2,
-            x_q8_q7, x_q8_q9,
+            t2_18, t2_19, t2_23, t2_30, t2_56, t2_98, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2,
+            x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7,
+            x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
         ]
     };
     // tau
     {
-        let t2_1 = t1_34 * x_q1_q2;
-        let t2_2 = cos_s1_2 * t1_25;
-        let t2_3 = (-sin_s1_2).mul_add(t1_27, t2_2);
-        let t2_4 = t2_3.mul_add(x_s1_1_q2, t2_1);
-        let t2_5 = t1_31.mul_add(x_s1_2_q2, t2_4);
-        let t2_6 = t1_27.mul_add(x_s1_3_q2, t2_5);
-        let t2_7 = cos_q6 * p_mx_4;
-        let t2_8 = like.lift(9.81) * t2_7;
-        let t2_9 = sin_q6 * p_my_4;
-        let t2_10 = like.lift(-9.81).mul_add(t2_9, t2_8);
-        let t2_11 = sin_q6 * p_mz_5;
-        let t2_12 = like.lift(9.81) * t2_11;
-        let t2_13 = cos_q6 * p_mx_5;
-        let t2_14 = like.lift(9.81).mul_add(t2_13, t2_12);
-        let t2_15 = sin_q6 * p_m_5;
-        let t2_16 = q7 * t2_15;
-        let t2_17 = like.lift(9.81).mul_add(t2_16, t2_14);
-        let t2_18 = t2_10 + t2_17;
-        let t2_19 = t2_18.mul_add(x_q6_q2, t2_6);
-        let t2_20 = cos_q8 * p_mx_6;
-        let t2_21 = like.lift(9.81) * t2_20;
-        let t2_22 = sin_q8 * p_my_6;
-        let t2_23 = like.lift(-9.81).mul_add(t2_22, t2_21);
-        let t2_24 = sin_q8 * p_mz_7;
-        let t2_25 = like.lift(9.81) * t2_24;
-        let t2_26 = cos_q8 * p_mx_7;
-        let t2_27 = like.lift(9.81).mul_add(t2_26, t2_25);
-        let t2_28 = sin_q8 * p_m_7;
-        let t2_29 = q9 * t2_28;
-        let t2_30 = like.lift(9.81).mul_add(t2_29, t2_27);
-        let t2_31 = t2_23 + t2_30;
-        let t2_32 = t2_31.mul_add(x_q8_q2, t2_19);
-        tau[0] = t2_32;
-        let t2_33 = cos_q6 * p_m_5;
-        let t2_34 = t1_34 * x_q1_q7;
-        let t2_35 = t2_3.mul_add(x_s1_1_q7, t2_34);
-        let t2_36 = t1_31.mul_add(x_s1_2_q7, t2_35);
-        let t2_37 = t1_27.mul_add(x_s1_3_q7, t2_36);
-        let t2_38 = t2_18.mul_add(x_q6_q7, t2_37);
-        let t2_39 = like.lift(9.81).mul_add(t2_33, t2_38);
-        let t2_40 = t2_31.mul_add(x_q8_q7, t2_39);
-        tau[1] = t2_40;
-        let t2_41 = cos_q8 * p_m_7;
-        let t2_42 = t1_34 * x_q1_q9;
-        let t2_43 = t2_3.mul_add(x_s1_1_q9, t2_42);
-        let t2_44 = t1_31.mul_add(x_s1_2_q9, t2_43);
-        let t2_45 = t1_27.mul_add(x_s1_3_q9, t2_44);
-        let t2_46 = t2_18.mul_add(x_q6_q9, t2_45);
-        let t2_47 = t2_31.mul_add(x_q8_q9, t2_46);
-        let t2_48 = like.lift(9.81).mul_add(t2_41, t2_47);
-        tau[2] = t2_48;
+        let t3_1 = cos_s1_2 * t2_18;
+        let t3_2 = (-sin_s1_2).mul_add(t2_19, t3_1);
+        let t3_3 = sin_q6 * p_my_4;
+        let t3_4 = (-cos_q6).mul_add(p_mx_4, t3_3);
+        let t3_5 = (-p_m_5).mul_add(t2_56, t3_4);
+        let t3_6 = (-cos_q6).mul_add(p_mx_5, t3_5);
+        let t3_7 = (-sin_q6).mul_add(p_mz_5, t3_6);
+        let t3_8 = like.lift(9.81) * t3_7;
+        let t3_9 = -t3_8;
+        let t3_10 = sin_q8 * p_my_6;
+        let t3_11 = (-cos_q8).mul_add(p_mx_6, t3_10);
+        let t3_12 = (-p_m_7).mul_add(t2_98, t3_11);
+        let t3_13 = (-cos_q8).mul_add(p_mx_7, t3_12);
+        let t3_14 = (-sin_q8).mul_add(p_mz_7, t3_13);
+        let t3_15 = like.lift(9.81) * t3_14;
+        let t3_16 = -t3_15;
+        let t3_17 = t3_16 * x_q8_q2;
+        let t3_18 = t3_9.mul_add(x_q6_q2, t3_17);
+        let t3_19 = t2_19.mul_add(x_s1_3_q2, t3_18);
+        let t3_20 = t2_23.mul_add(x_s1_2_q2, t3_19);
+        let t3_21 = t3_2.mul_add(x_s1_1_q2, t3_20);
+        let t3_22 = t2_30.mul_add(x_q1_q2, t3_21);
+        tau[0] = t3_22;
+        let t3_23 = t3_16 * x_q8_q7;
+        let t3_24 = like.lift(9.81) * cos_q6;
+        let t3_25 = t3_24.mul_add(p_m_5, t3_23);
+        let t3_26 = t3_9.mul_add(x_q6_q7, t3_25);
+        let t3_27 = t2_19.mul_add(x_s1_3_q7, t3_26);
+        let t3_28 = t2_23.mul_add(x_s1_2_q7, t3_27);
+        let t3_29 = t3_2.mul_add(x_s1_1_q7, t3_28);
+        let t3_30 = t2_30.mul_add(x_q1_q7, t3_29);
+        tau[1] = t3_30;
+        let t3_31 = like.lift(9.81) * cos_q8;
+        let t3_32 = t3_31 * p_m_7;
+        let t3_33 = t3_16.mul_add(x_q8_q9, t3_32);
+        let t3_34 = t3_9.mul_add(x_q6_q9, t3_33);
+        let t3_35 = t2_19.mul_add(x_s1_3_q9, t3_34);
+        let t3_36 = t2_23.mul_add(x_s1_2_q9, t3_35);
+        let t3_37 = t3_2.mul_add(x_s1_1_q9, t3_36);
+        let t3_38 = t2_30.mul_add(x_q1_q9, t3_37);
+        tau[2] = t3_38;
     }
     (tau, Condition { pivot: condition })
 }
@@ -7733,7 +7355,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 25]) -> ([T; 3], Condition
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
 ///
-/// 266 additions, 466 multiplications, 6 divisions, 6 sines and cosines.
+/// 266 additions, 428 multiplications, 6 divisions, 6 sines and cosines.
 pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 25]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -7745,668 +7367,617 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 25]) -> (
         p_m_7,
     ] = *beta;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, sin_q6, cos_q6, sin_s1_3,
+        cos_s1_3, sin_q8, cos_q8,
+    ] = {
+        let [
+            (sin_q1, cos_q1), (sin_s1_2, cos_s1_2), (sin_s1_1, cos_s1_1), (sin_q6, cos_q6),
+            (sin_s1_3, cos_s1_3), (sin_q8, cos_q8),
+        ] =
+            T::sin_cos_all([q1, s1_2, s1_1, q6, s1_3, q8]);
+        [
+            sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, sin_q6, cos_q6, sin_s1_3,
+            cos_s1_3, sin_q8, cos_q8,
+        ]
+    };
     // tau, part 1
     let [
-        t1_1, t1_2, sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, t1_8, t1_10, t1_15,
-        sin_q6, cos_q6, t1_16, t1_18, t1_23, t1_24, t1_26, t1_31, t1_32, t1_33, t1_37, t1_41,
-        pivot_1, sin_s1_3, cos_s1_3, t1_49, t1_53, t1_55, t1_57, sin_q8, cos_q8, t1_60, t1_68,
-        t1_69, t1_73, t1_76, t1_77, t1_79, t1_81, t1_83, t1_84, t1_85, t1_134, t1_163, t1_173,
-        t1_190, t1_204, t1_212, t1_214, t1_215, pivot_3, inv_pivot_3, t1_217, t1_218, t1_222,
-        pivot_4, inv_pivot_4, t1_223, pivot_5, inv_pivot_5, t1_227, t1_228, t1_229, t1_230,
-        t1_231, t1_233,
+        t2_1, t2_7, t2_9, t2_13, t2_16, t2_22, t2_23, t2_29, t2_30, t2_34, t2_37, pivot_1,
+        t2_45, t2_50, t2_52, t2_54, t2_57, t2_65, t2_66, t2_70, t2_73, t2_74, t2_76, t2_78,
+        t2_80, t2_81, t2_82, t2_84, t2_115, t2_126, t2_139, t2_147, t2_154, t2_159, t2_169,
+        t2_172, t2_179, t2_185, t2_188, pivot_3, inv_pivot_3, t2_190, t2_191, t2_193, pivot_4,
+        inv_pivot_4, t2_195, pivot_5, inv_pivot_5, t2_201, t2_203, t2_205, t2_207, t2_210,
+        t2_212, pivot_6, inv_pivot_6, t2_220, t2_224, t2_225, t2_230, t2_233, t2_234, t2_237,
+        t2_238,
     ] = {
-        let t1_1 = d_q1 * d_q1;
-        let t1_2 = t1_1 * p_mz_2;
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_3 = cos_q1 * q2;
-        let (sin_s1_2, cos_s1_2) = s1_2.sin_cos();
-        let t1_4 = cos_q1 * sin_s1_2;
-        let (sin_s1_1, cos_s1_1) = s1_1.sin_cos();
-        let t1_5 = sin_q1 * cos_s1_1;
-        let t1_6 = cos_s1_2.mul_add(t1_5, t1_4);
-        let t1_7 = like.lift(-0.4563).mul_add(t1_6, t1_3);
-        let t1_8 = -t1_7;
+        let t2_1 = d_q1 * d_q1;
+        let t2_2 = cos_q1 * q2;
+        let t2_3 = sin_q1 * cos_s1_1;
+        let t2_4 = cos_s1_2 * t2_3;
+        let t2_5 = cos_q1.mul_add(sin_s1_2, t2_4);
+        let t2_6 = like.lift(-0.4563).mul_add(t2_5, t2_2);
+        let t2_7 = -t2_6;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t1_9 = cos_q1 * e_s1_2_q1x;
-        let t1_10 = like.lift(0.4563) * t1_9;
-        let t1_11 = cos_s1_1 * t1_6;
-        let t1_12 = like.lift(0.4563) * t1_11;
-        let t1_13 = sin_q1 * sin_s1_1;
-        let t1_14 = t1_13 * e_s1_2_q1x;
-        let t1_15 = like.lift(0.4563).mul_add(t1_14, t1_12);
-        let (sin_q6, cos_q6) = q6.sin_cos();
-        let t1_16 = cos_q6 * q7;
-        let t1_17 = like.lift(0.5) * t1_16;
-        let t1_18 = -t1_17;
-        let t1_19 = sin_q1 * q2;
-        let t1_20 = sin_q1 * sin_s1_2;
-        let t1_21 = cos_q1 * cos_s1_1;
-        let t1_22 = (-cos_s1_2).mul_add(t1_21, t1_20);
-        let t1_23 = like.lift(-0.4563).mul_add(t1_22, t1_19);
-        let t1_24 = -t1_23;
-        let t1_25 = sin_q1 * e_s1_2_q1x;
-        let t1_26 = like.lift(0.4563) * t1_25;
-        let t1_27 = cos_q1 * sin_s1_1;
-        let t1_28 = t1_27 * e_s1_2_q1x;
-        let t1_29 = like.lift(0.4563) * t1_28;
-        let t1_30 = cos_s1_1 * t1_22;
-        let t1_31 = like.lift(-0.4563).mul_add(t1_30, t1_29);
-        let t1_32 = -t1_31;
-        let t1_33 = sin_q6 * q7;
-        let t1_34 = cos_q1 * t1_22;
-        let t1_35 = like.lift(0.4563) * t1_34;
-        let t1_36 = sin_q1 * t1_6;
-        let t1_37 = like.lift(-0.4563).mul_add(t1_36, t1_35);
-        let t1_38 = t1_13 * t1_22;
-        let t1_39 = like.lift(0.4563) * t1_38;
-        let t1_40 = t1_27 * t1_6;
-        let t1_41 = like.lift(0.4563).mul_add(t1_40, t1_39);
-        let pivot_1 = like.lift(0.8660254037844386) * t1_16;
-        let t1_42 = like.lift(0.22815) * t1_6;
-        let (sin_s1_3, cos_s1_3) = s1_3.sin_cos();
-        let t1_43 = cos_s1_3 * t1_13;
-        let t1_44 = cos_q1 * cos_s1_2;
-        let t1_45 = (-sin_s1_2).mul_add(t1_5, t1_44);
-        let t1_46 = sin_s1_3.mul_add(t1_45, t1_43);
-        let t1_47 = like.lift(-0.39516739174683935).mul_add(t1_46, t1_42);
-        let t1_48 = t1_3 - t1_47;
-        let t1_49 = -t1_48;
-        let t1_50 = like.lift(0.22815) * e_s1_2_q1x;
-        let t1_51 = cos_s1_1 * cos_s1_3;
-        let e_s1_2_q1z = sin_s1_1 * sin_s1_2;
-        let e_3_q1y = sin_s1_3.mul_add(e_s1_2_q1z, t1_51);
-        let t1_52 = like.lift(0.39516739174683935).mul_add(e_3_q1y, t1_50);
-        let t1_53 = cos_q1 * t1_52;
-        let t1_54 = cos_s1_1 * t1_47;
-        let t1_55 = t1_13.mul_add(t1_52, t1_54);
-        let t1_56 = e_s1_2_q1x * t1_47;
-        let t1_57 = (-t1_6).mul_add(t1_52, t1_56);
-        let (sin_q8, cos_q8) = q8.sin_cos();
-        let t1_58 = cos_q8 * q9;
-        let t1_59 = like.lift(0.5) * t1_58;
-        let t1_60 = -t1_59;
-        let t1_61 = cos_s1_3 * t1_27;
-        let t1_62 = sin_q1 * cos_s1_2;
-        let t1_63 = sin_s1_2.mul_add(t1_21, t1_62);
-        let t1_64 = (-sin_s1_3).mul_add(t1_63, t1_61);
-        let t1_65 = like.lift(0.39516739174683935) * t1_64;
-        let t1_66 = like.lift(0.22815) * t1_22;
-        let t1_67 = t1_19 - t1_66;
-        let t1_68 = t1_65 - t1_67;
-        let t1_69 = sin_q1 * t1_52;
-        let t1_70 = t1_27 * t1_52;
-        let t1_71 = t1_66 + t1_65;
-        let t1_72 = (-cos_s1_1).mul_add(t1_71, t1_70);
-        let t1_73 = -t1_72;
-        let t1_74 = t1_22 * t1_52;
-        let t1_75 = (-e_s1_2_q1x).mul_add(t1_71, t1_74);
-        let t1_76 = -t1_75;
-        let t1_77 = sin_q8 * q9;
-        let t1_78 = cos_q1 * t1_71;
-        let t1_79 = (-sin_q1).mul_add(t1_47, t1_78);
-        let t1_80 = t1_13 * t1_71;
-        let t1_81 = t1_27.mul_add(t1_47, t1_80);
-        let t1_82 = t1_6 * t1_71;
-        let t1_83 = (-t1_22).mul_add(t1_47, t1_82);
-        let t1_84 = -t1_83;
-        let pivot_2 = like.lift(0.8660254037844386) * t1_58;
-        let t1_85 = -pivot_2;
-        let t1_86 = t1_19 * d_q1;
-        let t1_87 = d_q1 * t1_86;
-        let t1_88 = cos_q1 * d_q1;
-        let t1_89 = d_q2 * t1_88;
-        let t1_90 = like.lift(-2.0).mul_add(t1_89, t1_87);
-        let t1_91 = sin_s1_1 * d_s1_1;
-        let t1_92 = d_s1_2 * t1_91;
-        let t1_93 = cos_q1 * d_s1_1;
-        let t1_94 = t1_13.mul_add(d_s1_2, t1_93);
-        let t1_95 = t1_22 * t1_94;
-        let t1_96 = sin_q1 * d_s1_1;
-        let t1_97 = (-t1_27).mul_add(d_s1_2, t1_96);
-        let t1_98 = (-t1_6).mul_add(t1_97, t1_95);
-        let t1_99 = d_s1_3.mul_add(t1_98, t1_92);
-        let t1_100 = t1_6 * t1_99;
-        let t1_101 = like.lift(0.4563) * t1_100;
-        let t1_102 = sin_q1 * d_q1;
-        let t1_103 = d_s1_1 * t1_102;
-        let t1_104 = cos_s1_1 * t1_96;
-        let t1_105 = t1_27.mul_add(d_q1, t1_104);
-        let t1_106 = (-d_s1_2).mul_add(t1_105, t1_103);
-        let t1_107 = e_s1_2_q1x * t1_97;
-        let t1_108 = cos_s1_1.mul_add(d_s1_2, d_q1);
-        let t1_109 = t1_22.mul_add(t1_108, t1_107);
-        let t1_110 = (-d_s1_3).mul_add(t1_109, t1_106);
-        let t1_111 = e_s1_2_q1x * t1_110;
-        let t1_112 = like.lift(0.4563).mul_add(t1_111, t1_101);
-        let t1_113 = t1_90 - t1_112;
-        let t1_114 = e_s1_2_q1x.mul_add(d_s1_3, t1_108);
-        let t1_115 = (-t1_22).mul_add(d_s1_3, t1_97);
-        let t1_116 = e_s1_2_q1x * t1_115;
-        let t1_117 = like.lift(0.4563) * t1_116;
-        let t1_118 = t1_22 * t1_114;
-        let t1_119 = like.lift(0.4563).mul_add(t1_118, t1_117);
-        let t1_120 = t1_114 * t1_119;
-        let t1_121 = (-t1_6).mul_add(d_s1_3, t1_94);
-        let t1_122 = t1_22 * t1_121;
-        let t1_123 = like.lift(0.4563) * t1_122;
-        let t1_124 = t1_6 * t1_115;
-        let t1_125 = like.lift(-0.4563).mul_add(t1_124, t1_123);
-        let t1_126 = t1_121.mul_add(t1_125, t1_120);
-        let t1_127 = t1_113 - t1_126;
-        let t1_128 = t1_33 * d_q6;
-        let t1_129 = d_q6 * t1_128;
-        let t1_130 = cos_q6 * d_q6;
-        let t1_131 = d_q7 * t1_130;
-        let t1_132 = like.lift(0.5).mul_add(t1_129, -t1_131);
-        let t1_133 = t1_127 + t1_132;
-        let t1_134 = -t1_133;
-        let t1_135 = t1_3 * d_q1;
-        let t1_136 = d_q1 * t1_135;
-        let t1_137 = d_q2 * t1_102;
-        let t1_138 = like.lift(2.0).mul_add(t1_137, t1_136);
-        let t1_139 = d_s1_1 * t1_88;
-        let t1_140 = t1_13 * d_q1;
-        let t1_141 = (-cos_s1_1).mul_add(t1_93, t1_140);
-        let t1_142 = d_s1_2.mul_add(t1_141, t1_139);
-        let t1_143 = t1_6 * t1_108;
-        let t1_144 = e_s1_2_q1x.mul_add(t1_94, t1_143);
-        let t1_145 = (-d_s1_3).mul_add(t1_144, t1_142);
-        let t1_146 = e_s1_2_q1x * t1_145;
-        let t1_147 = like.lift(0.4563) * t1_146;
-        let t1_148 = t1_22 * t1_99;
-        let t1_149 = like.lift(-0.4563).mul_add(t1_148, t1_147);
-        let t1_150 = t1_138 - t1_149;
-        let t1_151 = t1_115 * t1_125;
-        let t1_152 = t1_6 * t1_114;
-        let t1_153 = like.lift(0.4563) * t1_152;
-        let t1_154 = e_s1_2_q1x * t1_121;
-        let t1_155 = like.lift(0.4563).mul_add(t1_154, t1_153);
-        let t1_156 = (-t1_114).mul_add(t1_155, t1_151);
-        let t1_157 = t1_150 + t1_156;
-        let t1_158 = t1_16 * d_q6;
-        let t1_159 = d_q6 * t1_158;
-        let t1_160 = sin_q6 * d_q6;
-        let t1_161 = d_q7 * t1_160;
-        let t1_162 = like.lift(2.0).mul_add(t1_161, t1_159);
-        let t1_163 = t1_157 - t1_162;
-        let t1_164 = t1_22 * t1_110;
-        let t1_165 = like.lift(0.4563) * t1_164;
-        let t1_166 = t1_6 * t1_145;
-        let t1_167 = like.lift(0.4563).mul_add(t1_166, t1_165);
-        let t1_168 = t1_121 * t1_155;
-        let t1_169 = t1_115.mul_add(t1_119, t1_168);
-        let t1_170 = t1_167 - t1_169;
-        let t1_171 = like.lift(0.8660254037844386) * t1_129;
-        let t1_172 = like.lift(-1.7320508075688772).mul_add(t1_131, t1_171);
-        let t1_173 = t1_170 + t1_172;
-        let t1_174 = t1_47 * t1_99;
-        let t1_175 = t1_52.mul_add(t1_110, t1_174);
-        let t1_176 = t1_90 - t1_175;
-        let t1_177 = t1_52 * t1_115;
-        let t1_178 = t1_71.mul_add(t1_114, t1_177);
-        let t1_179 = t1_114 * t1_178;
-        let t1_180 = t1_71 * t1_121;
-        let t1_181 = (-t1_47).mul_add(t1_115, t1_180);
-        let t1_182 = t1_121.mul_add(t1_181, t1_179);
-        let t1_183 = t1_176 - t1_182;
-        let t1_184 = t1_77 * d_q8;
-        let t1_185 = d_q8 * t1_184;
-        let t1_186 = cos_q8 * d_q8;
-        let t1_187 = d_q9 * t1_186;
-        let t1_188 = like.lift(0.5).mul_add(t1_185, -t1_187);
-        let t1_189 = t1_183 + t1_188;
-        let t1_190 = -t1_189;
-        let t1_191 = t1_52 * t1_145;
-        let t1_192 = (-t1_71).mul_add(t1_99, t1_191);
-        let t1_193 = t1_138 - t1_192;
-        let t1_194 = t1_115 * t1_181;
-        let t1_195 = t1_47 * t1_114;
-        let t1_196 = t1_52.mul_add(t1_121, t1_195);
-        let t1_197 = (-t1_114).mul_add(t1_196, t1_194);
-        let t1_198 = t1_193 + t1_197;
-        let t1_199 = t1_58 * d_q8;
-        let t1_200 = d_q8 * t1_199;
-        let t1_201 = sin_q8 * d_q8;
-        let t1_202 = d_q9 * t1_201;
-        let t1_203 = like.lift(2.0).mul_add(t1_202, t1_200);
-        let t1_204 = t1_198 - t1_203;
-        let t1_205 = t1_71 * t1_110;
-        let t1_206 = t1_47.mul_add(t1_145, t1_205);
-        let t1_207 = t1_121 * t1_196;
-        let t1_208 = t1_115.mul_add(t1_178, t1_207);
-        let t1_209 = t1_206 - t1_208;
-        let t1_210 = like.lift(0.8660254037844386) * t1_185;
-        let t1_211 = like.lift(-1.7320508075688772).mul_add(t1_187, t1_210);
-        let t1_212 = t1_209 - t1_211;
-        let t1_213 = like.lift(0.5773502691896257).mul_add(t1_83, t1_57);
-        let t1_214 = like.lift(1.0) / t1_58;
-        let t1_215 = t1_77 * t1_214;
-        let t1_216 = t1_83 * t1_215;
-        let pivot_3 = like.lift(1.1547005383792515).mul_add(t1_216, t1_75);
+        let t2_8 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_9 = cos_q1 * t2_8;
+        let t2_10 = sin_q1 * sin_s1_1;
+        let t2_11 = t2_10 * e_s1_2_q1x;
+        let t2_12 = cos_s1_1.mul_add(t2_5, t2_11);
+        let t2_13 = like.lift(0.4563) * t2_12;
+        let t2_14 = cos_q6 * q7;
+        let t2_15 = like.lift(0.5) * t2_14;
+        let t2_16 = -t2_15;
+        let t2_17 = sin_q1 * q2;
+        let t2_18 = cos_q1 * cos_s1_1;
+        let t2_19 = sin_q1 * sin_s1_2;
+        let t2_20 = (-cos_s1_2).mul_add(t2_18, t2_19);
+        let t2_21 = like.lift(-0.4563).mul_add(t2_20, t2_17);
+        let t2_22 = -t2_21;
+        let t2_23 = sin_q1 * t2_8;
+        let t2_24 = cos_q1 * sin_s1_1;
+        let t2_25 = cos_s1_1 * t2_20;
+        let t2_26 = (-t2_24).mul_add(e_s1_2_q1x, t2_25);
+        let t2_27 = like.lift(0.4563) * t2_26;
+        let t2_28 = -t2_27;
+        let t2_29 = -t2_28;
+        let t2_30 = sin_q6 * q7;
+        let t2_31 = sin_q1 * t2_5;
+        let t2_32 = (-cos_q1).mul_add(t2_20, t2_31);
+        let t2_33 = like.lift(0.4563) * t2_32;
+        let t2_34 = -t2_33;
+        let t2_35 = t2_24 * t2_5;
+        let t2_36 = t2_10.mul_add(t2_20, t2_35);
+        let t2_37 = like.lift(0.4563) * t2_36;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_14;
+        let t2_38 = cos_q1 * cos_s1_2;
+        let t2_39 = (-sin_s1_2).mul_add(t2_3, t2_38);
+        let t2_40 = sin_s1_3 * t2_39;
+        let t2_41 = cos_s1_3.mul_add(t2_10, t2_40);
+        let t2_42 = like.lift(0.22815) * t2_5;
+        let t2_43 = like.lift(-0.39516739174683935).mul_add(t2_41, t2_42);
+        let t2_44 = t2_2 - t2_43;
+        let t2_45 = -t2_44;
+        let t2_46 = sin_s1_3 * sin_s1_1;
+        let t2_47 = t2_46 * sin_s1_2;
+        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_47);
+        let t2_48 = like.lift(0.39516739174683935) * e_3_q1y;
+        let t2_49 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_48);
+        let t2_50 = cos_q1 * t2_49;
+        let t2_51 = t2_10 * t2_49;
+        let t2_52 = cos_s1_1.mul_add(t2_43, t2_51);
+        let t2_53 = e_s1_2_q1x * t2_43;
+        let t2_54 = (-t2_5).mul_add(t2_49, t2_53);
+        let t2_55 = cos_q8 * q9;
+        let t2_56 = like.lift(0.5) * t2_55;
+        let t2_57 = -t2_56;
+        let t2_58 = sin_s1_2 * t2_18;
+        let t2_59 = sin_q1.mul_add(cos_s1_2, t2_58);
+        let t2_60 = cos_s1_3 * t2_24;
+        let t2_61 = (-sin_s1_3).mul_add(t2_59, t2_60);
+        let t2_62 = like.lift(0.39516739174683935) * t2_61;
+        let t2_63 = like.lift(0.22815) * t2_20;
+        let t2_64 = t2_62 - t2_17;
+        let t2_65 = t2_64 + t2_63;
+        let t2_66 = sin_q1 * t2_49;
+        let t2_67 = t2_63 + t2_62;
+        let t2_68 = t2_24 * t2_49;
+        let t2_69 = (-cos_s1_1).mul_add(t2_67, t2_68);
+        let t2_70 = -t2_69;
+        let t2_71 = t2_20 * t2_49;
+        let t2_72 = (-e_s1_2_q1x).mul_add(t2_67, t2_71);
+        let t2_73 = -t2_72;
+        let t2_74 = sin_q8 * q9;
+        let t2_75 = cos_q1 * t2_67;
+        let t2_76 = (-sin_q1).mul_add(t2_43, t2_75);
+        let t2_77 = t2_24 * t2_43;
+        let t2_78 = t2_10.mul_add(t2_67, t2_77);
+        let t2_79 = t2_5 * t2_67;
+        let t2_80 = (-t2_20).mul_add(t2_43, t2_79);
+        let t2_81 = -t2_80;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_55;
+        let t2_82 = -pivot_2;
+        let t2_83 = cos_q1 * d_q1;
+        let t2_84 = like.lift(2.0) * d_q2;
+        let t2_85 = t2_17 * t2_1;
+        let t2_86 = (-t2_83).mul_add(t2_84, t2_85);
+        let t2_87 = cos_q1 * d_s1_1;
+        let t2_88 = t2_10.mul_add(d_s1_2, t2_87);
+        let t2_89 = sin_q1 * d_s1_1;
+        let t2_90 = (-t2_24).mul_add(d_s1_2, t2_89);
+        let t2_91 = t2_20 * t2_88;
+        let t2_92 = (-t2_5).mul_add(t2_90, t2_91);
+        let t2_93 = d_s1_3 * t2_92;
+        let t2_94 = d_s1_2 * sin_s1_1;
+        let t2_95 = t2_94.mul_add(d_s1_1, t2_93);
+        let t2_96 = sin_q1 * d_q1;
+        let t2_97 = t2_24 * d_q1;
+        let t2_98 = cos_s1_1.mul_add(t2_89, t2_97);
+        let t2_99 = cos_s1_1.mul_add(d_s1_2, d_q1);
+        let t2_100 = t2_20 * t2_99;
+        let t2_101 = e_s1_2_q1x.mul_add(t2_90, t2_100);
+        let t2_102 = d_s1_1 * t2_96;
+        let t2_103 = (-d_s1_3).mul_add(t2_101, t2_102);
+        let t2_104 = (-d_s1_2).mul_add(t2_98, t2_103);
+        let t2_105 = e_s1_2_q1x.mul_add(d_s1_3, t2_99);
+        let t2_106 = (-t2_20).mul_add(d_s1_3, t2_90);
+        let t2_107 = t2_20 * t2_105;
+        let t2_108 = e_s1_2_q1x.mul_add(t2_106, t2_107);
+        let t2_109 = like.lift(0.4563) * t2_108;
+        let t2_110 = (-t2_5).mul_add(d_s1_3, t2_88);
+        let t2_111 = t2_5 * t2_106;
+        let t2_112 = (-t2_20).mul_add(t2_110, t2_111);
+        let t2_113 = like.lift(0.4563) * t2_112;
+        let t2_114 = -t2_113;
+        let t2_115 = d_q6 * d_q6;
+        let t2_116 = t2_30 * t2_115;
+        let t2_117 = d_q7 * cos_q6;
+        let t2_118 = t2_117 * d_q6;
+        let t2_119 = e_s1_2_q1x * t2_104;
+        let t2_120 = t2_5.mul_add(t2_95, t2_119);
+        let t2_121 = like.lift(-0.4563).mul_add(t2_120, t2_86);
+        let t2_122 = (-t2_110).mul_add(t2_114, t2_121);
+        let t2_123 = (-t2_105).mul_add(t2_109, t2_122);
+        let t2_124 = like.lift(0.5).mul_add(t2_116, t2_123);
+        let t2_125 = t2_124 - t2_118;
+        let t2_126 = -t2_125;
+        let t2_127 = t2_96 * t2_84;
+        let t2_128 = t2_2.mul_add(t2_1, t2_127);
+        let t2_129 = t2_10 * d_q1;
+        let t2_130 = (-cos_s1_1).mul_add(t2_87, t2_129);
+        let t2_131 = e_s1_2_q1x * t2_88;
+        let t2_132 = t2_5.mul_add(t2_99, t2_131);
+        let t2_133 = d_s1_2 * t2_130;
+        let t2_134 = (-d_s1_3).mul_add(t2_132, t2_133);
+        let t2_135 = d_s1_1.mul_add(t2_83, t2_134);
+        let t2_136 = e_s1_2_q1x * t2_110;
+        let t2_137 = t2_5.mul_add(t2_105, t2_136);
+        let t2_138 = like.lift(0.4563) * t2_137;
+        let t2_139 = like.lift(2.0) * d_q7;
+        let t2_140 = t2_20 * t2_95;
+        let t2_141 = (-e_s1_2_q1x).mul_add(t2_135, t2_140);
+        let t2_142 = sin_q6 * t2_139;
+        let t2_143 = t2_14.mul_add(d_q6, t2_142);
+        let t2_144 = like.lift(0.4563).mul_add(t2_141, t2_128);
+        let t2_145 = (-t2_105).mul_add(t2_138, t2_144);
+        let t2_146 = t2_106.mul_add(t2_114, t2_145);
+        let t2_147 = (-d_q6).mul_add(t2_143, t2_146);
+        let t2_148 = t2_5 * t2_135;
+        let t2_149 = t2_20.mul_add(t2_104, t2_148);
+        let t2_150 = like.lift(0.4563) * t2_149;
+        let t2_151 = (-t2_106).mul_add(t2_109, t2_150);
+        let t2_152 = (-t2_110).mul_add(t2_138, t2_151);
+        let t2_153 = like.lift(-1.7320508075688772).mul_add(t2_118, t2_152);
+        let t2_154 = like.lift(0.8660254037844386).mul_add(t2_116, t2_153);
+        let t2_155 = t2_67 * t2_105;
+        let t2_156 = t2_49.mul_add(t2_106, t2_155);
+        let t2_157 = t2_67 * t2_110;
+        let t2_158 = (-t2_43).mul_add(t2_106, t2_157);
+        let t2_159 = d_q8 * d_q8;
+        let t2_160 = t2_74 * t2_159;
+        let t2_161 = d_q9 * cos_q8;
+        let t2_162 = t2_161 * d_q8;
+        let t2_163 = (-t2_49).mul_add(t2_104, t2_86);
+        let t2_164 = (-t2_43).mul_add(t2_95, t2_163);
+        let t2_165 = (-t2_110).mul_add(t2_158, t2_164);
+        let t2_166 = (-t2_105).mul_add(t2_156, t2_165);
+        let t2_167 = like.lift(0.5).mul_add(t2_160, t2_166);
+        let t2_168 = t2_167 - t2_162;
+        let t2_169 = -t2_168;
+        let t2_170 = t2_49 * t2_110;
+        let t2_171 = t2_43.mul_add(t2_105, t2_170);
+        let t2_172 = like.lift(2.0) * d_q9;
+        let t2_173 = sin_q8 * t2_172;
+        let t2_174 = t2_55.mul_add(d_q8, t2_173);
+        let t2_175 = t2_67.mul_add(t2_95, t2_128);
+        let t2_176 = (-t2_49).mul_add(t2_135, t2_175);
+        let t2_177 = (-t2_105).mul_add(t2_171, t2_176);
+        let t2_178 = t2_106.mul_add(t2_158, t2_177);
+        let t2_179 = (-d_q8).mul_add(t2_174, t2_178);
+        let t2_180 = t2_43 * t2_135;
+        let t2_181 = t2_67.mul_add(t2_104, t2_180);
+        let t2_182 = (-t2_106).mul_add(t2_156, t2_181);
+        let t2_183 = (-t2_110).mul_add(t2_171, t2_182);
+        let t2_184 = like.lift(1.7320508075688772).mul_add(t2_162, t2_183);
+        let t2_185 = like.lift(-0.8660254037844386).mul_add(t2_160, t2_184);
+        let t2_186 = like.lift(0.5773502691896257).mul_add(t2_80, t2_54);
+        let t2_187 = like.lift(1.0) / t2_55;
+        let t2_188 = t2_74 * t2_187;
+        let t2_189 = like.lift(1.1547005383792515) * t2_188;
+        let pivot_3 = t2_80.mul_add(t2_189, t2_72);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_217 = t1_213 * inv_pivot_3;
-        let t1_218 = (-t1_68).mul_add(t1_217, t1_48);
-        let t1_219 = like.lift(0.5773502691896257).mul_add(t1_37, t1_10);
-        let t1_220 = like.lift(-0.5773502691896257).mul_add(t1_79, t1_53);
-        let t1_221 = t1_79 * t1_215;
-        let t1_222 = like.lift(1.1547005383792515).mul_add(t1_221, t1_69);
-        let pivot_4 = t1_222.mul_add(t1_217, t1_220);
+        let t2_190 = t2_186 * inv_pivot_3;
+        let t2_191 = (-t2_65).mul_add(t2_190, t2_44);
+        let t2_192 = like.lift(0.5773502691896257).mul_add(t2_34, t2_9);
+        let t2_193 = t2_76.mul_add(t2_189, t2_66);
+        let t2_194 = t2_193.mul_add(t2_190, t2_50);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_76, t2_194);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t1_223 = t1_219 * inv_pivot_4;
-        let pivot_5 = (-t1_218).mul_add(t1_223, t1_7);
+        let t2_195 = t2_192 * inv_pivot_4;
+        let pivot_5 = (-t2_191).mul_add(t2_195, t2_6);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t1_224 = like.lift(-0.5773502691896257).mul_add(t1_173, t1_133);
-        let t1_225 = like.lift(0.5773502691896257).mul_add(t1_212, t1_189);
-        let t1_226 = t1_215 * t1_212;
-        let t1_227 = like.lift(1.1547005383792515).mul_add(t1_226, t1_204);
-        let t1_228 = (-t1_217).mul_add(t1_227, t1_225);
-        let t1_229 = (-t1_223).mul_add(t1_228, t1_224);
-        let t1_230 = like.lift(0.5773502691896257).mul_add(t1_41, t1_15);
-        let t1_231 = like.lift(-0.5773502691896257).mul_add(t1_81, t1_55);
-        let t1_232 = t1_81 * t1_215;
-        let t1_233 = like.lift(-1.1547005383792515).mul_add(t1_232, t1_72);
+        let t2_196 = t2_185.mul_add(t2_189, t2_179);
+        let t2_197 = (-t2_190).mul_add(t2_196, t2_168);
+        let t2_198 = like.lift(0.5773502691896257).mul_add(t2_185, t2_197);
+        let t2_199 = (-t2_195).mul_add(t2_198, t2_125);
+        let t2_200 = like.lift(-0.5773502691896257).mul_add(t2_154, t2_199);
+        let t2_201 = (-t2_78).mul_add(t2_189, t2_69);
+        let t2_202 = (-t2_201).mul_add(t2_190, t2_52);
+        let t2_203 = like.lift(-0.5773502691896257).mul_add(t2_78, t2_202);
+        let t2_204 = (-t2_203).mul_add(t2_195, t2_13);
+        let t2_205 = like.lift(0.5773502691896257).mul_add(t2_37, t2_204);
+        let t2_206 = like.lift(1.0) / t2_14;
+        let t2_207 = t2_30 * t2_206;
+        let t2_208 = like.lift(1.1547005383792515) * t2_207;
+        let t2_209 = (-t2_34).mul_add(t2_208, t2_23);
+        let t2_210 = t2_209 * inv_pivot_4;
+        let t2_211 = (-t2_191).mul_add(t2_210, t2_21);
+        let t2_212 = t2_211 * inv_pivot_5;
+        let t2_213 = t2_205.mul_add(t2_212, t2_28);
+        let t2_214 = t2_203.mul_add(t2_210, t2_213);
+        let pivot_6 = t2_37.mul_add(t2_208, t2_214);
+        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let t2_215 = t2_212.mul_add(t2_200, t2_147);
+        let t2_216 = t2_210.mul_add(t2_198, t2_215);
+        let t2_217 = (-t2_154).mul_add(t2_208, t2_216);
+        let t2_218 = inv_pivot_6 * t2_217;
+        let t2_219 = (-t2_205).mul_add(t2_218, t2_200);
+        let t2_220 = inv_pivot_5 * t2_219;
+        let t2_221 = (-t2_203).mul_add(t2_218, t2_198);
+        let t2_222 = (-t2_191).mul_add(t2_220, t2_221);
+        let t2_223 = inv_pivot_4 * t2_222;
+        let t2_224 = -t2_223;
+        let t2_225 = -t2_218;
+        let t2_226 = (-t2_201).mul_add(t2_218, t2_196);
+        let t2_227 = (-t2_65).mul_add(t2_220, t2_226);
+        let t2_228 = t2_193.mul_add(t2_223, t2_227);
+        let t2_229 = inv_pivot_3 * t2_228;
+        let t2_230 = -t2_229;
+        let t2_231 = t2_37.mul_add(t2_218, t2_154);
+        let t2_232 = t2_34.mul_add(t2_223, t2_231);
+        let t2_233 = like.lift(1.1547005383792515) * t2_206;
+        let t2_234 = t2_232 * t2_233;
+        let t2_235 = t2_78.mul_add(t2_218, t2_185);
+        let t2_236 = t2_76.mul_add(t2_223, t2_235);
+        let t2_237 = (-t2_80).mul_add(t2_229, t2_236);
+        let t2_238 = like.lift(1.1547005383792515) * t2_187;
         [
-            t1_1, t1_2, sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, t1_8, t1_10,
-            t1_15, sin_q6, cos_q6, t1_16, t1_18, t1_23, t1_24, t1_26, t1_31, t1_32, t1_33,
-            t1_37, t1_41, pivot_1, sin_s1_3, cos_s1_3, t1_49, t1_53, t1_55, t1_57, sin_q8,
-            cos_q8, t1_60, t1_68, t1_69, t1_73, t1_76, t1_77, t1_79, t1_81, t1_83, t1_84,
-            t1_85, t1_134, t1_163, t1_173, t1_190, t1_204, t1_212, t1_214, t1_215, pivot_3,
-            inv_pivot_3, t1_217, t1_218, t1_222, pivot_4, inv_pivot_4, t1_223, pivot_5,
-            inv_pivot_5, t1_227, t1_228, t1_229, t1_230, t1_231, t1_233,
+            t2_1, t2_7, t2_9, t2_13, t2_16, t2_22, t2_23, t2_29, t2_30, t2_34, t2_37, pivot_1,
+            t2_45, t2_50, t2_52, t2_54, t2_57, t2_65, t2_66, t2_70, t2_73, t2_74, t2_76, t2_78,
+            t2_80, t2_81, t2_82, t2_84, t2_115, t2_126, t2_139, t2_147, t2_154, t2_159, t2_169,
+            t2_172, t2_179, t2_185, t2_188, pivot_3, inv_pivot_3, t2_190, t2_191, t2_193,
+            pivot_4, inv_pivot_4, t2_195, pivot_5, inv_pivot_5, t2_201, t2_203, t2_205, t2_207,
+            t2_210, t2_212, pivot_6, inv_pivot_6, t2_220, t2_224, t2_225, t2_230, t2_233,
+            t2_234, t2_237, t2_238,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
-    let [
-        t2_1, t2_2, t2_3, t2_4, t2_9, t2_12, inv_pivot_6, t2_40, t2_41, t2_42, al_1z, al_s1_1z,
-        t2_43, t2_44, al_4z, al_6z,
-    ] = {
-        let t2_1 = (-t1_233).mul_add(t1_217, t1_231);
-        let t2_2 = (-t2_1).mul_add(t1_223, t1_230);
-        let t2_3 = like.lift(1.0) / t1_16;
-        let t2_4 = t1_33 * t2_3;
-        let t2_5 = t1_41 * t2_4;
-        let t2_6 = like.lift(1.1547005383792515).mul_add(t2_5, t1_31);
-        let t2_7 = t1_37 * t2_4;
-        let t2_8 = like.lift(-1.1547005383792515).mul_add(t2_7, t1_26);
-        let t2_9 = t2_8 * inv_pivot_4;
-        let t2_10 = t2_1.mul_add(t2_9, t2_6);
-        let t2_11 = (-t1_218).mul_add(t2_9, t1_23);
-        let t2_12 = t2_11 * inv_pivot_5;
-        let pivot_6 = t2_2.mul_add(t2_12, t2_10);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_13 = t2_4 * t1_173;
-        let t2_14 = like.lift(-1.1547005383792515).mul_add(t2_13, t1_163);
-        let t2_15 = t2_9.mul_add(t1_228, t2_14);
-        let t2_16 = t2_12.mul_add(t1_229, t2_15);
-        let t2_17 = inv_pivot_6 * t2_16;
-        let t2_18 = (-t2_2).mul_add(t2_17, t1_229);
-        let t2_19 = inv_pivot_5 * t2_18;
-        let t2_20 = (-t1_218).mul_add(t2_19, t1_228);
-        let t2_21 = (-t2_1).mul_add(t2_17, t2_20);
-        let t2_22 = inv_pivot_4 * t2_21;
-        let t2_23 = -t2_22;
-        let t2_24 = -t2_17;
-        let t2_25 = t1_222.mul_add(t2_22, t1_227);
-        let t2_26 = (-t1_68).mul_add(t2_19, t2_25);
-        let t2_27 = (-t1_233).mul_add(t2_17, t2_26);
-        let t2_28 = inv_pivot_3 * t2_27;
-        let t2_29 = -t2_28;
-        let t2_30 = t1_37.mul_add(t2_22, t1_173);
-        let t2_31 = t1_41.mul_add(t2_17, t2_30);
-        let t2_32 = t2_3 * t2_31;
-        let t2_33 = like.lift(1.1547005383792515) * t2_32;
-        let t2_34 = (-t1_83).mul_add(t2_28, t1_212);
-        let t2_35 = t1_79.mul_add(t2_22, t2_34);
-        let t2_36 = t1_81.mul_add(t2_17, t2_35);
-        let t2_37 = t1_214 * t2_36;
-        let t2_38 = like.lift(1.1547005383792515) * t2_37;
-        let t2_39 = -t2_38;
-        let t2_40 = -pivot_3;
-        let t2_41 = -pivot_5;
-        let t2_42 = -pivot_6;
+    let [t3_3, t3_4, t3_5, al_1z, al_s1_1z, t3_6, t3_7, al_4z, al_6z] = {
+        let t3_1 = t2_237 * t2_238;
+        let t3_2 = -t3_1;
+        let t3_3 = -pivot_3;
+        let t3_4 = -pivot_5;
+        let t3_5 = -pivot_6;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t1_85 * like.lift(1.8955297449982944)).abs())
-            .min((t2_40 * like.lift(2.6463477742948585)).abs())
+            .min((t2_82 * like.lift(1.8955297449982944)).abs())
+            .min((t3_3 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_41 * like.lift(0.8284577646309275)).abs())
-            .min((t2_42 * like.lift(2.1915406530791146)).abs());
-        let ([[al_1z], [al_s1_1z], [t2_43], [t2_44], [al_4z], [al_6z]], found) = ::regen_runtime::guarded(
-            [[t2_19], [t2_23], [t2_24], [t2_29], [t2_33], [t2_39]],
+            .min((t3_4 * like.lift(0.8284577646309275)).abs())
+            .min((t3_5 * like.lift(2.1915406530791146)).abs());
+        let ([[al_1z], [al_s1_1z], [t3_6], [t3_7], [al_4z], [al_6z]], found) = ::regen_runtime::guarded(
+            [[t2_220], [t2_224], [t2_225], [t2_230], [t2_234], [t3_2]],
             margin,
             || (
                 [
-                    [t1_8, t1_10, t1_15, like.lift(0.0), t1_18, like.lift(0.0)],
-                    [t1_24, t1_26, t1_32, like.lift(0.0), t1_33, like.lift(0.0)],
-                    [like.lift(0.0), t1_37, t1_41, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t1_49, t1_53, t1_55, t1_57, like.lift(0.0), t1_60],
-                    [t1_68, t1_69, t1_73, t1_76, like.lift(0.0), t1_77],
-                    [like.lift(0.0), t1_79, t1_81, t1_84, like.lift(0.0), t1_85],
+                    [t2_7, t2_9, t2_13, like.lift(0.0), t2_16, like.lift(0.0)],
+                    [t2_22, t2_23, t2_29, like.lift(0.0), t2_30, like.lift(0.0)],
+                    [like.lift(0.0), t2_34, t2_37, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_45, t2_50, t2_52, t2_54, like.lift(0.0), t2_57],
+                    [t2_65, t2_66, t2_70, t2_73, like.lift(0.0), t2_74],
+                    [like.lift(0.0), t2_76, t2_78, t2_81, like.lift(0.0), t2_82],
                 ],
-                [[t1_134], [t1_163], [t1_173], [t1_190], [t1_204], [t1_212]],
+                [[t2_126], [t2_147], [t2_154], [t2_169], [t2_179], [t2_185]],
             ),
         );
         condition = condition.min(found);
-        [
-            t2_1, t2_2, t2_3, t2_4, t2_9, t2_12, inv_pivot_6, t2_40, t2_41, t2_42, al_1z,
-            al_s1_1z, t2_43, t2_44, al_4z, al_6z,
-        ]
+        [t3_3, t3_4, t3_5, al_1z, al_s1_1z, t3_6, t3_7, al_4z, al_6z]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t3_38, t3_72, t3_84, t3_88, t3_101, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7,
-        x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2,
-        x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
+        t4_29, t4_34, t4_62, t4_72, t4_76, t4_90, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2,
+        x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9,
+        x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
     ] = {
-        let t3_1 = p_mx_2.mul_add(al_1z, t1_2);
         let w_s1_1y = cos_s1_1 * d_q1;
         let w_s1_2y = d_s1_2 + w_s1_1y;
-        let t3_2 = cos_s1_3 * w_s1_2y;
-        let t3_3 = cos_s1_2 * d_s1_1;
         let w_s1_1x = sin_s1_1 * d_q1;
-        let w_s1_2z = sin_s1_2.mul_add(w_s1_1x, t3_3);
-        let w_3y = sin_s1_3.mul_add(w_s1_2z, t3_2);
-        let t3_4 = sin_s1_2 * d_s1_1;
-        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t3_4);
+        let t4_1 = sin_s1_2 * w_s1_1x;
+        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t4_1);
+        let t4_2 = sin_s1_3 * w_s1_2z;
+        let w_3y = cos_s1_3.mul_add(w_s1_2y, t4_2);
+        let t4_3 = sin_s1_2 * d_s1_1;
+        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t4_3);
         let w_3x = d_s1_3 - w_s1_2x;
-        let t3_5 = w_3y * w_3x;
-        let t3_6 = d_s1_1 * w_s1_1x;
-        let al_s1_1y = (-cos_s1_1).mul_add(al_1z, t3_6);
-        let al_s1_2y = t2_43 - al_s1_1y;
-        let t3_7 = sin_s1_3 * al_s1_2y;
-        let t3_8 = cos_s1_2 * al_s1_1z;
-        let t3_9 = d_s1_1 * w_s1_1y;
-        let al_s1_1x = sin_s1_1.mul_add(al_1z, t3_9);
-        let t3_10 = sin_s1_2.mul_add(al_s1_1x, t3_8);
-        let al_s1_2z = d_s1_2.mul_add(w_s1_2x, -t3_10);
-        let t3_11 = cos_s1_3.mul_add(al_s1_2z, t3_7);
-        let al_3z = d_s1_3.mul_add(w_3y, t3_11);
-        let t3_12 = t3_5 - al_3z;
-        let t3_13 = p_mx_3 * t3_12;
-        let t3_14 = sin_s1_3 * w_s1_2y;
-        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t3_14);
-        let t3_15 = w_3y * w_3z;
-        let t3_16 = sin_s1_2 * al_s1_1z;
-        let t3_17 = (-cos_s1_2).mul_add(al_s1_1x, t3_16);
-        let al_s1_2x = d_s1_2.mul_add(w_s1_2z, t3_17);
-        let al_3x = t2_44 - al_s1_2x;
-        let t3_18 = t3_15 + al_3x;
-        let t3_19 = (-p_mz_3).mul_add(t3_18, t3_13);
-        let t3_20 = sin_s1_3 * t3_19;
-        let t3_21 = w_3x * w_3x;
-        let t3_22 = w_3y * w_3y;
-        let t3_23 = t3_21 + t3_22;
-        let t3_24 = t3_23 * p_mz_3;
-        let t3_25 = w_3z * w_3x;
-        let t3_26 = cos_s1_3 * al_s1_2y;
-        let t3_27 = (-sin_s1_3).mul_add(al_s1_2z, t3_26);
-        let al_3y = d_s1_3.mul_add(w_3z, -t3_27);
-        let t3_28 = t3_25 - al_3y;
-        let t3_29 = p_mx_3.mul_add(t3_28, t3_24);
-        let t3_30 = (-cos_s1_3).mul_add(t3_29, t3_20);
-        let t3_31 = cos_s1_2 * t3_30;
-        let t3_32 = w_3z * w_3z;
-        let t3_33 = t3_22 + t3_32;
-        let t3_34 = t3_33 * p_mx_3;
-        let t3_35 = t3_25 + al_3y;
-        let t3_36 = p_mz_3.mul_add(t3_35, t3_34);
-        let t3_37 = sin_s1_2.mul_add(t3_36, t3_31);
-        let t3_38 = t3_1 - t3_37;
-        let t3_39 = d_q1 * d_q2;
-        let t3_40 = like.lift(2.0) * t3_39;
-        let a_2x = q2.mul_add(al_1z, t3_40);
-        let t3_41 = p_mz_2 * a_2x;
-        let a_2z = q2 * t1_1;
-        let t3_42 = a_2z.mul_add(p_mx_2, t3_41);
-        let t3_43 = p_ixx_3 - p_izz_3;
-        let t3_44 = t3_25 * t3_43;
-        let t3_45 = t3_21 - t3_32;
-        let t3_46 = t3_45.mul_add(p_ixz_3, t3_44);
-        let t3_47 = t3_15.mul_add(p_ixy_3, t3_46);
-        let t3_48 = t3_5.mul_add(p_iyz_3, t3_47);
-        let t3_49 = p_ixy_3 * al_3x;
-        let t3_50 = (-p_iyy_3).mul_add(al_3y, t3_49);
-        let t3_51 = (-p_iyz_3).mul_add(al_3z, t3_50);
-        let t3_52 = t3_48 - t3_51;
-        let t3_53 = sin_s1_2 * a_2z;
+        let t4_4 = w_3y * w_3x;
+        let t4_5 = cos_s1_1.mul_add(al_1z, t3_6);
+        let al_s1_2y = (-d_s1_1).mul_add(w_s1_1x, t4_5);
+        let t4_6 = sin_s1_1 * al_1z;
+        let al_s1_1x = d_s1_1.mul_add(w_s1_1y, t4_6);
+        let t4_7 = d_s1_2 * w_s1_2x;
+        let t4_8 = (-sin_s1_2).mul_add(al_s1_1x, t4_7);
+        let al_s1_2z = (-cos_s1_2).mul_add(al_s1_1z, t4_8);
+        let t4_9 = d_s1_3 * w_3y;
+        let t4_10 = cos_s1_3.mul_add(al_s1_2z, t4_9);
+        let al_3z = sin_s1_3.mul_add(al_s1_2y, t4_10);
+        let t4_11 = t4_4 - al_3z;
+        let t4_12 = sin_s1_3 * w_s1_2y;
+        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t4_12);
+        let t4_13 = w_3y * w_3z;
+        let t4_14 = (-d_s1_2).mul_add(w_s1_2z, t3_7);
+        let t4_15 = cos_s1_2.mul_add(al_s1_1x, t4_14);
+        let al_3x = (-sin_s1_2).mul_add(al_s1_1z, t4_15);
+        let t4_16 = t4_13 + al_3x;
+        let t4_17 = p_mx_3 * t4_11;
+        let t4_18 = (-p_mz_3).mul_add(t4_16, t4_17);
+        let t4_19 = w_3x * w_3x;
+        let t4_20 = w_3y * w_3y;
+        let t4_21 = t4_19 + t4_20;
+        let t4_22 = w_3z * w_3x;
+        let t4_23 = d_s1_3 * w_3z;
+        let t4_24 = sin_s1_3.mul_add(al_s1_2z, t4_23);
+        let al_3y = (-cos_s1_3).mul_add(al_s1_2y, t4_24);
+        let t4_25 = t4_22 - al_3y;
+        let t4_26 = p_mx_3 * t4_25;
+        let t4_27 = t4_21.mul_add(p_mz_3, t4_26);
+        let t4_28 = sin_s1_3 * t4_18;
+        let t4_29 = (-cos_s1_3).mul_add(t4_27, t4_28);
+        let t4_30 = w_3z * w_3z;
+        let t4_31 = t4_20 + t4_30;
+        let t4_32 = t4_22 + al_3y;
+        let t4_33 = p_mz_3 * t4_32;
+        let t4_34 = t4_31.mul_add(p_mx_3, t4_33);
+        let t4_35 = q2 * al_1z;
+        let a_2x = d_q1.mul_add(t2_84, t4_35);
+        let a_2z = q2 * t2_1;
+        let t4_36 = p_ixx_3 - p_izz_3;
+        let t4_37 = t4_19 - t4_30;
         let a_s1_1x = cos_s1_1 * a_2x;
-        let a_s1_2x = cos_s1_2.mul_add(a_s1_1x, t3_53);
-        let t3_54 = p_mz_3 * a_s1_2x;
+        let t4_38 = cos_s1_2 * a_s1_1x;
+        let a_s1_2x = sin_s1_2.mul_add(a_2z, t4_38);
         let a_s1_1y = sin_s1_1 * a_2x;
-        let t3_55 = sin_s1_3 * a_s1_1y;
-        let t3_56 = cos_s1_2 * a_2z;
-        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t3_56);
-        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t3_55);
-        let t3_57 = (-p_mx_3).mul_add(a_3z, t3_54);
-        let t3_58 = t3_52 - t3_57;
-        let t3_59 = sin_s1_3 * t3_58;
-        let t3_60 = p_ixx_3 - p_iyy_3;
-        let t3_61 = t3_5 * t3_60;
-        let t3_62 = t3_21 - t3_22;
-        let t3_63 = (-t3_62).mul_add(p_ixy_3, t3_61);
-        let t3_64 = t3_25.mul_add(p_iyz_3, t3_63);
-        let t3_65 = t3_15.mul_add(p_ixz_3, -t3_64);
-        let t3_66 = p_ixz_3 * al_3x;
-        let t3_67 = (-p_iyz_3).mul_add(al_3y, t3_66);
-        let t3_68 = (-p_izz_3).mul_add(al_3z, t3_67);
-        let t3_69 = t3_65 + t3_68;
-        let t3_70 = cos_s1_3 * a_s1_1y;
-        let a_3y = sin_s1_3.mul_add(a_s1_2z, t3_70);
-        let t3_71 = (-p_mx_3).mul_add(a_3y, t3_69);
-        let t3_72 = (-cos_s1_3).mul_add(t3_71, t3_59);
-        let t3_73 = sin_s1_2 * t3_72;
-        let t3_74 = p_iyy_3 - p_izz_3;
-        let t3_75 = t3_15 * t3_74;
-        let t3_76 = t3_22 - t3_32;
-        let t3_77 = t3_76.mul_add(p_iyz_3, t3_75);
-        let t3_78 = t3_5.mul_add(p_ixz_3, t3_77);
-        let t3_79 = t3_25.mul_add(p_ixy_3, t3_78);
-        let t3_80 = p_ixx_3 * al_3x;
-        let t3_81 = (-p_ixy_3).mul_add(al_3y, t3_80);
-        let t3_82 = (-p_ixz_3).mul_add(al_3z, t3_81);
-        let t3_83 = t3_79 + t3_82;
-        let t3_84 = p_mz_3.mul_add(a_3y, t3_83);
-        let t3_85 = (-cos_s1_2).mul_add(t3_84, t3_73);
-        let t3_86 = sin_s1_1 * t3_85;
-        let t3_87 = cos_s1_3 * t3_58;
-        let t3_88 = sin_s1_3.mul_add(t3_71, t3_87);
-        let t3_89 = cos_s1_1.mul_add(t3_88, t3_86);
-        let t3_90 = t3_42 - t3_89;
-        let t3_91 = t1_1 * p_mx_2;
-        let t3_92 = (-p_mz_2).mul_add(al_1z, t3_91);
-        let t3_93 = sin_s1_2 * t3_30;
-        let t3_94 = (-cos_s1_2).mul_add(t3_36, t3_93);
-        let t3_95 = cos_s1_1 * t3_94;
-        let t3_96 = cos_s1_3 * t3_19;
-        let t3_97 = sin_s1_3.mul_add(t3_29, t3_96);
-        let t3_98 = (-sin_s1_1).mul_add(t3_97, t3_95);
-        let t3_99 = t3_92 - t3_98;
-        let t3_100 = (-q2).mul_add(t3_99, t3_90);
-        let t3_101 = p_izz_1.mul_add(al_1z, t3_100);
-        let t3_102 = -sin_q1;
-        let t3_103 = like.lift(0.5) * sin_q6;
-        let t3_104 = -t3_103;
-        let t3_105 = -cos_q6;
-        let t3_106 = like.lift(0.8660254037844386) * sin_q6;
-        let t3_107 = like.lift(0.5) * sin_q8;
-        let t3_108 = -t3_107;
-        let t3_109 = -cos_q8;
-        let t3_110 = like.lift(0.8660254037844386) * sin_q8;
-        let t3_111 = -t3_110;
-        let t3_112 = (-cos_q1).mul_add(t1_217, sin_q1);
-        let t3_113 = (-t3_112).mul_add(t1_223, sin_q1);
-        let t3_114 = t3_112.mul_add(t2_9, cos_q1);
-        let t3_115 = t3_113.mul_add(t2_12, t3_114);
-        let t3_116 = t3_115 * inv_pivot_6;
-        let t3_117 = (-t2_2).mul_add(t3_116, t3_113);
-        let t3_118 = inv_pivot_5 * t3_117;
-        let t3_119 = sin_q6.mul_add(t2_4, cos_q6);
-        let t3_120 = t3_119 * inv_pivot_6;
-        let t3_121 = t2_2 * t3_120;
-        let t3_122 = inv_pivot_5 * t3_121;
-        let t3_123 = sin_q8.mul_add(t1_215, cos_q8);
-        let t3_124 = t3_123 * t1_217;
-        let t3_125 = t3_124 * t1_223;
-        let t3_126 = t3_124 * t2_9;
-        let t3_127 = (-t3_125).mul_add(t2_12, t3_126);
-        let t3_128 = t3_127 * inv_pivot_6;
-        let t3_129 = t2_2.mul_add(t3_128, t3_125);
-        let t3_130 = inv_pivot_5 * t3_129;
-        let t3_131 = -t3_130;
-        let t3_132 = (-t1_218).mul_add(t3_118, t3_112);
-        let t3_133 = (-t2_1).mul_add(t3_116, t3_132);
-        let t3_134 = inv_pivot_4 * t3_133;
-        let t3_135 = -t3_134;
-        let t3_136 = t1_218 * t3_122;
-        let t3_137 = (-t2_1).mul_add(t3_120, t3_136);
-        let t3_138 = inv_pivot_4 * t3_137;
-        let t3_139 = t1_218.mul_add(t3_130, t3_124);
-        let t3_140 = (-t2_1).mul_add(t3_128, t3_139);
-        let t3_141 = inv_pivot_4 * t3_140;
-        let t3_142 = -t3_141;
-        let t3_143 = -t3_116;
-        let t3_144 = -t3_128;
-        let t3_145 = t1_222.mul_add(t3_134, cos_q1);
-        let t3_146 = (-t1_68).mul_add(t3_118, t3_145);
-        let t3_147 = (-t1_233).mul_add(t3_116, t3_146);
-        let t3_148 = inv_pivot_3 * t3_147;
-        let t3_149 = -t3_148;
-        let t3_150 = t1_222 * t3_138;
-        let t3_151 = t1_68.mul_add(t3_122, t3_150);
-        let t3_152 = (-t1_233).mul_add(t3_120, t3_151);
-        let t3_153 = inv_pivot_3 * t3_152;
-        let t3_154 = (-t1_222).mul_add(t3_141, t3_123);
-        let t3_155 = (-t1_68).mul_add(t3_130, t3_154);
-        let t3_156 = t1_233.mul_add(t3_128, t3_155);
-        let t3_157 = inv_pivot_3 * t3_156;
-        let t3_158 = t1_37 * t3_134;
-        let t3_159 = t1_41.mul_add(t3_116, t3_158);
-        let t3_160 = t2_3 * t3_159;
-        let t3_161 = like.lift(1.1547005383792515) * t3_160;
-        let t3_162 = (-t1_37).mul_add(t3_138, t3_106);
-        let t3_163 = (-t1_41).mul_add(t3_120, t3_162);
-        let t3_164 = t2_3 * t3_163;
-        let t3_165 = like.lift(1.1547005383792515) * t3_164;
-        let t3_166 = t1_37 * t3_141;
-        let t3_167 = t1_41.mul_add(t3_128, t3_166);
-        let t3_168 = t2_3 * t3_167;
-        let t3_169 = like.lift(1.1547005383792515) * t3_168;
-        let t3_170 = t1_83 * t3_148;
-        let t3_171 = (-t1_79).mul_add(t3_134, t3_170);
-        let t3_172 = (-t1_81).mul_add(t3_116, t3_171);
-        let t3_173 = t1_214 * t3_172;
-        let t3_174 = like.lift(1.1547005383792515) * t3_173;
-        let t3_175 = t1_83 * t3_153;
-        let t3_176 = (-t1_79).mul_add(t3_138, t3_175);
-        let t3_177 = (-t1_81).mul_add(t3_120, t3_176);
-        let t3_178 = t1_214 * t3_177;
-        let t3_179 = like.lift(1.1547005383792515) * t3_178;
-        let t3_180 = -t3_179;
-        let t3_181 = (-t1_83).mul_add(t3_157, t3_110);
-        let t3_182 = (-t1_79).mul_add(t3_141, t3_181);
-        let t3_183 = (-t1_81).mul_add(t3_128, t3_182);
-        let t3_184 = t1_214 * t3_183;
-        let t3_185 = like.lift(1.1547005383792515) * t3_184;
+        let t4_39 = cos_s1_2 * a_2z;
+        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t4_39);
+        let t4_40 = sin_s1_3 * a_s1_1y;
+        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t4_40);
+        let t4_41 = t4_13 - al_3x;
+        let t4_42 = t4_4 + al_3z;
+        let t4_43 = p_iyz_3 * t4_42;
+        let t4_44 = p_ixy_3.mul_add(t4_41, t4_43);
+        let t4_45 = t4_37.mul_add(p_ixz_3, t4_44);
+        let t4_46 = t4_22.mul_add(t4_36, t4_45);
+        let t4_47 = p_iyy_3.mul_add(al_3y, t4_46);
+        let t4_48 = p_mx_3.mul_add(a_3z, t4_47);
+        let t4_49 = (-p_mz_3).mul_add(a_s1_2x, t4_48);
+        let t4_50 = p_ixx_3 - p_iyy_3;
+        let t4_51 = t4_19 - t4_20;
+        let t4_52 = sin_s1_3 * a_s1_2z;
+        let a_3y = cos_s1_3.mul_add(a_s1_1y, t4_52);
+        let t4_53 = t4_13 + al_3x;
+        let t4_54 = t4_22 + al_3y;
+        let t4_55 = p_ixz_3 * t4_53;
+        let t4_56 = (-p_mx_3).mul_add(a_3y, t4_55);
+        let t4_57 = (-p_iyz_3).mul_add(t4_54, t4_56);
+        let t4_58 = t4_51.mul_add(p_ixy_3, t4_57);
+        let t4_59 = (-t4_4).mul_add(t4_50, t4_58);
+        let t4_60 = (-p_izz_3).mul_add(al_3z, t4_59);
+        let t4_61 = sin_s1_3 * t4_49;
+        let t4_62 = (-cos_s1_3).mul_add(t4_60, t4_61);
+        let t4_63 = p_iyy_3 - p_izz_3;
+        let t4_64 = t4_20 - t4_30;
+        let t4_65 = t4_22 - al_3y;
+        let t4_66 = t4_4 - al_3z;
+        let t4_67 = p_mz_3 * a_3y;
+        let t4_68 = p_ixy_3.mul_add(t4_65, t4_67);
+        let t4_69 = p_ixz_3.mul_add(t4_66, t4_68);
+        let t4_70 = t4_64.mul_add(p_iyz_3, t4_69);
+        let t4_71 = t4_13.mul_add(t4_63, t4_70);
+        let t4_72 = p_ixx_3.mul_add(al_3x, t4_71);
+        let t4_73 = sin_s1_2 * t4_62;
+        let t4_74 = (-cos_s1_2).mul_add(t4_72, t4_73);
+        let t4_75 = sin_s1_3 * t4_60;
+        let t4_76 = cos_s1_3.mul_add(t4_49, t4_75);
+        let t4_77 = sin_s1_2 * t4_29;
+        let t4_78 = (-cos_s1_2).mul_add(t4_34, t4_77);
+        let t4_79 = sin_s1_3 * t4_27;
+        let t4_80 = cos_s1_3.mul_add(t4_18, t4_79);
+        let t4_81 = t2_1 * p_mx_2;
+        let t4_82 = (-p_mz_2).mul_add(al_1z, t4_81);
+        let t4_83 = sin_s1_1.mul_add(t4_80, t4_82);
+        let t4_84 = (-cos_s1_1).mul_add(t4_78, t4_83);
+        let t4_85 = p_izz_1 * al_1z;
+        let t4_86 = (-q2).mul_add(t4_84, t4_85);
+        let t4_87 = a_2z.mul_add(p_mx_2, t4_86);
+        let t4_88 = p_mz_2.mul_add(a_2x, t4_87);
+        let t4_89 = (-cos_s1_1).mul_add(t4_76, t4_88);
+        let t4_90 = (-sin_s1_1).mul_add(t4_74, t4_89);
+        let t4_91 = -sin_q1;
+        let t4_92 = like.lift(0.5) * sin_q6;
+        let t4_93 = -t4_92;
+        let t4_94 = -cos_q6;
+        let t4_95 = like.lift(0.8660254037844386) * sin_q6;
+        let t4_96 = like.lift(0.5) * sin_q8;
+        let t4_97 = -t4_96;
+        let t4_98 = -cos_q8;
+        let t4_99 = like.lift(0.8660254037844386) * sin_q8;
+        let t4_100 = -t4_99;
+        let t4_101 = (-cos_q1).mul_add(t2_190, sin_q1);
+        let t4_102 = (-t4_101).mul_add(t2_195, sin_q1);
+        let t4_103 = t4_102.mul_add(t2_212, cos_q1);
+        let t4_104 = t4_101.mul_add(t2_210, t4_103);
+        let t4_105 = t4_104 * inv_pivot_6;
+        let t4_106 = (-t2_205).mul_add(t4_105, t4_102);
+        let t4_107 = inv_pivot_5 * t4_106;
+        let t4_108 = sin_q6.mul_add(t2_207, cos_q6);
+        let t4_109 = t4_108 * inv_pivot_6;
+        let t4_110 = inv_pivot_5 * t2_205;
+        let t4_111 = t4_110 * t4_109;
+        let t4_112 = sin_q8.mul_add(t2_188, cos_q8);
+        let t4_113 = t4_112 * t2_190;
+        let t4_114 = t4_113 * t2_195;
+        let t4_115 = t4_113 * t2_210;
+        let t4_116 = (-t4_114).mul_add(t2_212, t4_115);
+        let t4_117 = t4_116 * inv_pivot_6;
+        let t4_118 = t2_205.mul_add(t4_117, t4_114);
+        let t4_119 = inv_pivot_5 * t4_118;
+        let t4_120 = -t4_119;
+        let t4_121 = (-t2_203).mul_add(t4_105, t4_101);
+        let t4_122 = (-t2_191).mul_add(t4_107, t4_121);
+        let t4_123 = inv_pivot_4 * t4_122;
+        let t4_124 = -t4_123;
+        let t4_125 = t2_191 * t4_111;
+        let t4_126 = (-t2_203).mul_add(t4_109, t4_125);
+        let t4_127 = inv_pivot_4 * t4_126;
+        let t4_128 = (-t2_203).mul_add(t4_117, t4_113);
+        let t4_129 = t2_191.mul_add(t4_119, t4_128);
+        let t4_130 = inv_pivot_4 * t4_129;
+        let t4_131 = -t4_130;
+        let t4_132 = -t4_105;
+        let t4_133 = -t4_117;
+        let t4_134 = (-t2_201).mul_add(t4_105, cos_q1);
+        let t4_135 = (-t2_65).mul_add(t4_107, t4_134);
+        let t4_136 = t2_193.mul_add(t4_123, t4_135);
+        let t4_137 = inv_pivot_3 * t4_136;
+        let t4_138 = -t4_137;
+        let t4_139 = t2_65 * t4_111;
+        let t4_140 = (-t2_201).mul_add(t4_109, t4_139);
+        let t4_141 = t2_193.mul_add(t4_127, t4_140);
+        let t4_142 = inv_pivot_3 * t4_141;
+        let t4_143 = t2_201.mul_add(t4_117, t4_112);
+        let t4_144 = (-t2_65).mul_add(t4_119, t4_143);
+        let t4_145 = (-t2_193).mul_add(t4_130, t4_144);
+        let t4_146 = inv_pivot_3 * t4_145;
+        let t4_147 = t2_37 * t4_105;
+        let t4_148 = t2_34.mul_add(t4_123, t4_147);
+        let t4_149 = t4_148 * t2_233;
+        let t4_150 = (-t2_37).mul_add(t4_109, t4_95);
+        let t4_151 = (-t2_34).mul_add(t4_127, t4_150);
+        let t4_152 = t4_151 * t2_233;
+        let t4_153 = t2_37 * t4_117;
+        let t4_154 = t2_34.mul_add(t4_130, t4_153);
+        let t4_155 = t4_154 * t2_233;
+        let t4_156 = t2_80 * t4_137;
+        let t4_157 = (-t2_78).mul_add(t4_105, t4_156);
+        let t4_158 = (-t2_76).mul_add(t4_123, t4_157);
+        let t4_159 = t4_158 * t2_238;
+        let t4_160 = t2_80 * t4_142;
+        let t4_161 = (-t2_78).mul_add(t4_109, t4_160);
+        let t4_162 = (-t2_76).mul_add(t4_127, t4_161);
+        let t4_163 = t4_162 * t2_238;
+        let t4_164 = -t4_163;
+        let t4_165 = (-t2_78).mul_add(t4_117, t4_99);
+        let t4_166 = (-t2_76).mul_add(t4_130, t4_165);
+        let t4_167 = (-t2_80).mul_add(t4_146, t4_166);
+        let t4_168 = t4_167 * t2_238;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t1_85 * like.lift(1.8955297449982944)).abs())
-            .min((t2_40 * like.lift(2.6463477742948585)).abs())
+            .min((t2_82 * like.lift(1.8955297449982944)).abs())
+            .min((t3_3 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_41 * like.lift(0.8284577646309275)).abs())
-            .min((t2_42 * like.lift(2.1915406530791146)).abs());
+            .min((t3_4 * like.lift(0.8284577646309275)).abs())
+            .min((t3_5 * like.lift(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [t3_118, t3_122, t3_131], [t3_135, t3_138, t3_142], [t3_143, t3_120, t3_144],
-                [t3_149, t3_153, t3_157], [t3_161, t3_165, t3_169], [t3_174, t3_180, t3_185],
+                [t4_107, t4_111, t4_120], [t4_124, t4_127, t4_131], [t4_132, t4_109, t4_133],
+                [t4_138, t4_142, t4_146], [t4_149, t4_152, t4_155], [t4_159, t4_164, t4_168],
             ],
             margin,
             || (
                 [
-                    [t1_8, t1_10, t1_15, like.lift(0.0), t1_18, like.lift(0.0)],
-                    [t1_24, t1_26, t1_32, like.lift(0.0), t1_33, like.lift(0.0)],
-                    [like.lift(0.0), t1_37, t1_41, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t1_49, t1_53, t1_55, t1_57, like.lift(0.0), t1_60],
-                    [t1_68, t1_69, t1_73, t1_76, like.lift(0.0), t1_77],
-                    [like.lift(0.0), t1_79, t1_81, t1_84, like.lift(0.0), t1_85],
+                    [t2_7, t2_9, t2_13, like.lift(0.0), t2_16, like.lift(0.0)],
+                    [t2_22, t2_23, t2_29, like.lift(0.0), t2_30, like.lift(0.0)],
+                    [like.lift(0.0), t2_34, t2_37, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_45, t2_50, t2_52, t2_54, like.lift(0.0), t2_57],
+                    [t2_65, t2_66, t2_70, t2_73, like.lift(0.0), t2_74],
+                    [like.lift(0.0), t2_76, t2_78, t2_81, like.lift(0.0), t2_82],
                 ],
                 [
-                    [t3_102, t3_104, like.lift(0.0)], [cos_q1, t3_105, like.lift(0.0)],
-                    [like.lift(0.0), t3_106, like.lift(0.0)], [t3_102, like.lift(0.0), t3_108],
-                    [cos_q1, like.lift(0.0), t3_109], [like.lift(0.0), like.lift(0.0), t3_111],
+                    [t4_91, t4_93, like.lift(0.0)], [cos_q1, t4_94, like.lift(0.0)],
+                    [like.lift(0.0), t4_95, like.lift(0.0)], [t4_91, like.lift(0.0), t4_97],
+                    [cos_q1, like.lift(0.0), t4_98], [like.lift(0.0), like.lift(0.0), t4_100],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            t3_38, t3_72, t3_84, t3_88, t3_101, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2,
+            t4_29, t4_34, t4_62, t4_72, t4_76, t4_90, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2,
             x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7,
             x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
         ]
     };
     // tau
     {
-        let t4_1 = t3_101.mul_add(x_q1_q2, t3_38);
-        let t4_2 = cos_s1_2 * t3_72;
-        let t4_3 = sin_s1_2.mul_add(t3_84, t4_2);
-        let t4_4 = (-t4_3).mul_add(x_s1_1_q2, t4_1);
-        let t4_5 = (-t3_88).mul_add(x_s1_2_q2, t4_4);
-        let t4_6 = t3_84.mul_add(x_s1_3_q2, t4_5);
-        let t4_7 = d_q6 * d_q7;
-        let t4_8 = like.lift(2.0) * t4_7;
-        let a_5x = q7.mul_add(al_4z, t4_8);
-        let t4_9 = p_mz_5 * a_5x;
-        let t4_10 = d_q6 * d_q6;
-        let a_5z = q7 * t4_10;
-        let t4_11 = a_5z.mul_add(p_mx_5, t4_9);
-        let t4_12 = t4_10 * p_mx_5;
-        let t4_13 = (-p_mz_5).mul_add(al_4z, t4_12);
-        let t4_14 = p_m_5.mul_add(a_5x, -t4_13);
-        let t4_15 = q7.mul_add(t4_14, t4_11);
-        let t4_16 = p_izz_4.mul_add(al_4z, t4_15);
-        let t4_17 = t4_16.mul_add(x_q6_q2, t4_6);
-        let t4_18 = d_q8 * d_q9;
-        let t4_19 = like.lift(2.0) * t4_18;
-        let a_7x = q9.mul_add(al_6z, t4_19);
-        let t4_20 = p_mz_7 * a_7x;
-        let t4_21 = d_q8 * d_q8;
-        let a_7z = q9 * t4_21;
-        let t4_22 = a_7z.mul_add(p_mx_7, t4_20);
-        let t4_23 = t4_21 * p_mx_7;
-        let t4_24 = (-p_mz_7).mul_add(al_6z, t4_23);
-        let t4_25 = p_m_7.mul_add(a_7x, -t4_24);
-        let t4_26 = q9.mul_add(t4_25, t4_22);
-        let t4_27 = p_izz_6.mul_add(al_6z, t4_26);
-        let t4_28 = t4_27.mul_add(x_q8_q2, t4_17);
-        let t4_29 = -t4_28;
-        tau[0] = t4_29;
-        let t4_30 = t4_10 * p_mz_5;
-        let t4_31 = p_mx_5.mul_add(al_4z, t4_30);
-        let t4_32 = a_5z.mul_add(p_m_5, t4_31);
-        let t4_33 = t3_101 * x_q1_q7;
-        let t4_34 = (-t4_3).mul_add(x_s1_1_q7, t4_33);
-        let t4_35 = (-t3_88).mul_add(x_s1_2_q7, t4_34);
-        let t4_36 = t3_84.mul_add(x_s1_3_q7, t4_35);
-        let t4_37 = t4_16.mul_add(x_q6_q7, t4_36);
-        let t4_38 = t4_32 + t4_37;
-        let t4_39 = t4_27.mul_add(x_q8_q7, t4_38);
-        let t4_40 = -t4_39;
-        tau[1] = t4_40;
-        let t4_41 = t4_21 * p_mz_7;
-        let t4_42 = p_mx_7.mul_add(al_6z, t4_41);
-        let t4_43 = a_7z.mul_add(p_m_7, t4_42);
-        let t4_44 = t3_101 * x_q1_q9;
-        let t4_45 = (-t4_3).mul_add(x_s1_1_q9, t4_44);
-        let t4_46 = (-t3_88).mul_add(x_s1_2_q9, t4_45);
-        let t4_47 = t3_84.mul_add(x_s1_3_q9, t4_46);
-        let t4_48 = t4_16.mul_add(x_q6_q9, t4_47);
-        let t4_49 = t4_27.mul_add(x_q8_q9, t4_48);
-        let t4_50 = t4_43 + t4_49;
-        let t4_51 = -t4_50;
-        tau[2] = t4_51;
+        let t5_1 = sin_s1_2 * t4_72;
+        let t5_2 = cos_s1_2.mul_add(t4_62, t5_1);
+        let t5_3 = q7 * al_4z;
+        let a_5x = d_q6.mul_add(t2_139, t5_3);
+        let a_5z = q7 * t2_115;
+        let t5_4 = p_m_5 * a_5x;
+        let t5_5 = p_mz_5.mul_add(al_4z, t5_4);
+        let t5_6 = (-t2_115).mul_add(p_mx_5, t5_5);
+        let t5_7 = p_izz_4 * al_4z;
+        let t5_8 = q7.mul_add(t5_6, t5_7);
+        let t5_9 = a_5z.mul_add(p_mx_5, t5_8);
+        let t5_10 = p_mz_5.mul_add(a_5x, t5_9);
+        let t5_11 = q9 * al_6z;
+        let a_7x = d_q8.mul_add(t2_172, t5_11);
+        let a_7z = q9 * t2_159;
+        let t5_12 = p_m_7 * a_7x;
+        let t5_13 = p_mz_7.mul_add(al_6z, t5_12);
+        let t5_14 = (-t2_159).mul_add(p_mx_7, t5_13);
+        let t5_15 = p_izz_6 * al_6z;
+        let t5_16 = q9.mul_add(t5_14, t5_15);
+        let t5_17 = a_7z.mul_add(p_mx_7, t5_16);
+        let t5_18 = p_mz_7.mul_add(a_7x, t5_17);
+        let t5_19 = t5_18 * x_q8_q2;
+        let t5_20 = t5_10.mul_add(x_q6_q2, t5_19);
+        let t5_21 = t4_72.mul_add(x_s1_3_q2, t5_20);
+        let t5_22 = (-t4_76).mul_add(x_s1_2_q2, t5_21);
+        let t5_23 = (-t5_2).mul_add(x_s1_1_q2, t5_22);
+        let t5_24 = t4_90.mul_add(x_q1_q2, t5_23);
+        let t5_25 = p_mx_2.mul_add(al_1z, t5_24);
+        let t5_26 = t2_1.mul_add(p_mz_2, t5_25);
+        let t5_27 = (-sin_s1_2).mul_add(t4_34, t5_26);
+        let t5_28 = (-cos_s1_2).mul_add(t4_29, t5_27);
+        let t5_29 = -t5_28;
+        tau[0] = t5_29;
+        let t5_30 = t5_18 * x_q8_q7;
+        let t5_31 = a_5z.mul_add(p_m_5, t5_30);
+        let t5_32 = p_mx_5.mul_add(al_4z, t5_31);
+        let t5_33 = t2_115.mul_add(p_mz_5, t5_32);
+        let t5_34 = t5_10.mul_add(x_q6_q7, t5_33);
+        let t5_35 = t4_72.mul_add(x_s1_3_q7, t5_34);
+        let t5_36 = (-t4_76).mul_add(x_s1_2_q7, t5_35);
+        let t5_37 = (-t5_2).mul_add(x_s1_1_q7, t5_36);
+        let t5_38 = t4_90.mul_add(x_q1_q7, t5_37);
+        let t5_39 = -t5_38;
+        tau[1] = t5_39;
+        let t5_40 = a_7z * p_m_7;
+        let t5_41 = p_mx_7.mul_add(al_6z, t5_40);
+        let t5_42 = t2_159.mul_add(p_mz_7, t5_41);
+        let t5_43 = t5_18.mul_add(x_q8_q9, t5_42);
+        let t5_44 = t5_10.mul_add(x_q6_q9, t5_43);
+        let t5_45 = t4_72.mul_add(x_s1_3_q9, t5_44);
+        let t5_46 = (-t4_76).mul_add(x_s1_2_q9, t5_45);
+        let t5_47 = (-t5_2).mul_add(x_s1_1_q9, t5_46);
+        let t5_48 = t4_90.mul_add(x_q1_q9, t5_47);
+        let t5_49 = -t5_48;
+        tau[2] = t5_49;
     }
     (tau, Condition { pivot: condition })
 }
@@ -8417,7 +7988,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 25]) -> (
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
 ///
-/// 203 additions, 344 multiplications, 6 divisions, 6 sines and cosines.
+/// 203 additions, 324 multiplications, 6 divisions, 6 sines and cosines.
 pub fn base_mass_matrix<T: Scalar>(q: &[T; 9], beta: &[T; 25]) -> ([[T; 3]; 3], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 3]; 3];
@@ -8428,452 +7999,442 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 9], beta: &[T; 25]) -> ([[T; 3]; 3], 
         p_m_7,
     ] = *beta;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, sin_q1, cos_q1, sin_q6,
+        cos_q6, sin_q8, cos_q8,
+    ] = {
+        let [
+            (sin_s1_1, cos_s1_1), (sin_s1_2, cos_s1_2), (sin_s1_3, cos_s1_3), (sin_q1, cos_q1),
+            (sin_q6, cos_q6), (sin_q8, cos_q8),
+        ] =
+            T::sin_cos_all([s1_1, s1_2, s1_3, q1, q6, q8]);
+        [
+            sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, sin_q1, cos_q1, sin_q6,
+            cos_q6, sin_q8, cos_q8,
+        ]
+    };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, t1_1, t1_3, t1_5, t1_7,
-        x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7,
-        x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2,
-        x_q8_q7, x_q8_q9,
+        t2_1, t2_3, t2_4, t2_6, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9,
+        x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7,
+        x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
     ] = {
-        let (sin_s1_1, cos_s1_1) = s1_1.sin_cos();
-        let (sin_s1_2, cos_s1_2) = s1_2.sin_cos();
-        let (sin_s1_3, cos_s1_3) = s1_3.sin_cos();
-        let t1_1 = cos_s1_3 * p_mz_3;
-        let t1_2 = sin_s1_2 * t1_1;
-        let t1_3 = cos_s1_2.mul_add(p_mx_3, t1_2);
-        let t1_4 = cos_s1_1 * t1_3;
-        let t1_5 = sin_s1_3 * p_mz_3;
-        let t1_6 = sin_s1_1.mul_add(t1_5, t1_4);
-        let t1_7 = p_mx_2 + t1_6;
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_8 = cos_q1 * q2;
-        let t1_9 = cos_q1 * sin_s1_2;
-        let t1_10 = sin_q1 * cos_s1_1;
-        let t1_11 = cos_s1_2.mul_add(t1_10, t1_9);
-        let t1_12 = like.lift(-0.4563).mul_add(t1_11, t1_8);
-        let t1_13 = -t1_12;
+        let t2_1 = cos_s1_3 * p_mz_3;
+        let t2_2 = cos_s1_2 * p_mx_3;
+        let t2_3 = sin_s1_2.mul_add(t2_1, t2_2);
+        let t2_4 = sin_s1_3 * p_mz_3;
+        let t2_5 = sin_s1_1.mul_add(t2_4, p_mx_2);
+        let t2_6 = cos_s1_1.mul_add(t2_3, t2_5);
+        let t2_7 = cos_q1 * q2;
+        let t2_8 = sin_q1 * cos_s1_1;
+        let t2_9 = cos_s1_2 * t2_8;
+        let t2_10 = cos_q1.mul_add(sin_s1_2, t2_9);
+        let t2_11 = like.lift(-0.4563).mul_add(t2_10, t2_7);
+        let t2_12 = -t2_11;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t1_14 = cos_q1 * e_s1_2_q1x;
-        let t1_15 = like.lift(0.4563) * t1_14;
-        let t1_16 = cos_s1_1 * t1_11;
-        let t1_17 = like.lift(0.4563) * t1_16;
-        let t1_18 = sin_q1 * sin_s1_1;
-        let t1_19 = t1_18 * e_s1_2_q1x;
-        let t1_20 = like.lift(0.4563).mul_add(t1_19, t1_17);
-        let (sin_q6, cos_q6) = q6.sin_cos();
-        let t1_21 = cos_q6 * q7;
-        let t1_22 = like.lift(0.5) * t1_21;
-        let t1_23 = -t1_22;
-        let t1_24 = sin_q1 * q2;
-        let t1_25 = sin_q1 * sin_s1_2;
-        let t1_26 = cos_q1 * cos_s1_1;
-        let t1_27 = (-cos_s1_2).mul_add(t1_26, t1_25);
-        let t1_28 = like.lift(-0.4563).mul_add(t1_27, t1_24);
-        let t1_29 = -t1_28;
-        let t1_30 = sin_q1 * e_s1_2_q1x;
-        let t1_31 = like.lift(0.4563) * t1_30;
-        let t1_32 = cos_q1 * sin_s1_1;
-        let t1_33 = t1_32 * e_s1_2_q1x;
-        let t1_34 = like.lift(0.4563) * t1_33;
-        let t1_35 = cos_s1_1 * t1_27;
-        let t1_36 = like.lift(-0.4563).mul_add(t1_35, t1_34);
-        let t1_37 = -t1_36;
-        let t1_38 = sin_q6 * q7;
-        let t1_39 = cos_q1 * t1_27;
-        let t1_40 = like.lift(0.4563) * t1_39;
-        let t1_41 = sin_q1 * t1_11;
-        let t1_42 = like.lift(-0.4563).mul_add(t1_41, t1_40);
-        let t1_43 = t1_18 * t1_27;
-        let t1_44 = like.lift(0.4563) * t1_43;
-        let t1_45 = t1_32 * t1_11;
-        let t1_46 = like.lift(0.4563).mul_add(t1_45, t1_44);
-        let pivot_1 = like.lift(0.8660254037844386) * t1_21;
-        let t1_47 = like.lift(0.22815) * t1_11;
-        let t1_48 = cos_s1_3 * t1_18;
-        let t1_49 = cos_q1 * cos_s1_2;
-        let t1_50 = (-sin_s1_2).mul_add(t1_10, t1_49);
-        let t1_51 = sin_s1_3.mul_add(t1_50, t1_48);
-        let t1_52 = like.lift(-0.39516739174683935).mul_add(t1_51, t1_47);
-        let t1_53 = t1_8 - t1_52;
-        let t1_54 = -t1_53;
-        let t1_55 = like.lift(0.22815) * e_s1_2_q1x;
-        let t1_56 = cos_s1_1 * cos_s1_3;
-        let e_s1_2_q1z = sin_s1_1 * sin_s1_2;
-        let e_3_q1y = sin_s1_3.mul_add(e_s1_2_q1z, t1_56);
-        let t1_57 = like.lift(0.39516739174683935).mul_add(e_3_q1y, t1_55);
-        let t1_58 = cos_q1 * t1_57;
-        let t1_59 = cos_s1_1 * t1_52;
-        let t1_60 = t1_18.mul_add(t1_57, t1_59);
-        let t1_61 = e_s1_2_q1x * t1_52;
-        let t1_62 = (-t1_11).mul_add(t1_57, t1_61);
-        let (sin_q8, cos_q8) = q8.sin_cos();
-        let t1_63 = cos_q8 * q9;
-        let t1_64 = like.lift(0.5) * t1_63;
-        let t1_65 = -t1_64;
-        let t1_66 = cos_s1_3 * t1_32;
-        let t1_67 = sin_q1 * cos_s1_2;
-        let t1_68 = sin_s1_2.mul_add(t1_26, t1_67);
-        let t1_69 = (-sin_s1_3).mul_add(t1_68, t1_66);
-        let t1_70 = like.lift(0.39516739174683935) * t1_69;
-        let t1_71 = like.lift(0.22815) * t1_27;
-        let t1_72 = t1_24 - t1_71;
-        let t1_73 = t1_70 - t1_72;
-        let t1_74 = sin_q1 * t1_57;
-        let t1_75 = t1_32 * t1_57;
-        let t1_76 = t1_71 + t1_70;
-        let t1_77 = (-cos_s1_1).mul_add(t1_76, t1_75);
-        let t1_78 = -t1_77;
-        let t1_79 = t1_27 * t1_57;
-        let t1_80 = (-e_s1_2_q1x).mul_add(t1_76, t1_79);
-        let t1_81 = -t1_80;
-        let t1_82 = sin_q8 * q9;
-        let t1_83 = cos_q1 * t1_76;
-        let t1_84 = (-sin_q1).mul_add(t1_52, t1_83);
-        let t1_85 = t1_18 * t1_76;
-        let t1_86 = t1_32.mul_add(t1_52, t1_85);
-        let t1_87 = t1_11 * t1_76;
-        let t1_88 = (-t1_27).mul_add(t1_52, t1_87);
-        let t1_89 = -t1_88;
-        let pivot_2 = like.lift(0.8660254037844386) * t1_63;
-        let t1_90 = -pivot_2;
-        let t1_91 = -sin_q1;
-        let t1_92 = like.lift(0.5) * sin_q6;
-        let t1_93 = -t1_92;
-        let t1_94 = -cos_q6;
-        let t1_95 = like.lift(0.8660254037844386) * sin_q6;
-        let t1_96 = like.lift(0.5) * sin_q8;
-        let t1_97 = -t1_96;
-        let t1_98 = -cos_q8;
-        let t1_99 = like.lift(0.8660254037844386) * sin_q8;
-        let t1_100 = -t1_99;
-        let t1_101 = like.lift(0.5773502691896257).mul_add(t1_88, t1_62);
-        let t1_102 = like.lift(1.0) / t1_63;
-        let t1_103 = t1_82 * t1_102;
-        let t1_104 = t1_88 * t1_103;
-        let pivot_3 = like.lift(1.1547005383792515).mul_add(t1_104, t1_80);
+        let t2_13 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_14 = cos_q1 * t2_13;
+        let t2_15 = sin_q1 * sin_s1_1;
+        let t2_16 = t2_15 * e_s1_2_q1x;
+        let t2_17 = cos_s1_1.mul_add(t2_10, t2_16);
+        let t2_18 = like.lift(0.4563) * t2_17;
+        let t2_19 = cos_q6 * q7;
+        let t2_20 = like.lift(0.5) * t2_19;
+        let t2_21 = -t2_20;
+        let t2_22 = sin_q1 * q2;
+        let t2_23 = cos_q1 * cos_s1_1;
+        let t2_24 = sin_q1 * sin_s1_2;
+        let t2_25 = (-cos_s1_2).mul_add(t2_23, t2_24);
+        let t2_26 = like.lift(-0.4563).mul_add(t2_25, t2_22);
+        let t2_27 = -t2_26;
+        let t2_28 = sin_q1 * t2_13;
+        let t2_29 = cos_q1 * sin_s1_1;
+        let t2_30 = cos_s1_1 * t2_25;
+        let t2_31 = (-t2_29).mul_add(e_s1_2_q1x, t2_30);
+        let t2_32 = like.lift(0.4563) * t2_31;
+        let t2_33 = -t2_32;
+        let t2_34 = -t2_33;
+        let t2_35 = sin_q6 * q7;
+        let t2_36 = sin_q1 * t2_10;
+        let t2_37 = (-cos_q1).mul_add(t2_25, t2_36);
+        let t2_38 = like.lift(0.4563) * t2_37;
+        let t2_39 = -t2_38;
+        let t2_40 = t2_29 * t2_10;
+        let t2_41 = t2_15.mul_add(t2_25, t2_40);
+        let t2_42 = like.lift(0.4563) * t2_41;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_19;
+        let t2_43 = cos_q1 * cos_s1_2;
+        let t2_44 = (-sin_s1_2).mul_add(t2_8, t2_43);
+        let t2_45 = sin_s1_3 * t2_44;
+        let t2_46 = cos_s1_3.mul_add(t2_15, t2_45);
+        let t2_47 = like.lift(0.22815) * t2_10;
+        let t2_48 = like.lift(-0.39516739174683935).mul_add(t2_46, t2_47);
+        let t2_49 = t2_7 - t2_48;
+        let t2_50 = -t2_49;
+        let t2_51 = sin_s1_3 * sin_s1_1;
+        let t2_52 = t2_51 * sin_s1_2;
+        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_52);
+        let t2_53 = like.lift(0.39516739174683935) * e_3_q1y;
+        let t2_54 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_53);
+        let t2_55 = cos_q1 * t2_54;
+        let t2_56 = t2_15 * t2_54;
+        let t2_57 = cos_s1_1.mul_add(t2_48, t2_56);
+        let t2_58 = e_s1_2_q1x * t2_48;
+        let t2_59 = (-t2_10).mul_add(t2_54, t2_58);
+        let t2_60 = cos_q8 * q9;
+        let t2_61 = like.lift(0.5) * t2_60;
+        let t2_62 = -t2_61;
+        let t2_63 = sin_s1_2 * t2_23;
+        let t2_64 = sin_q1.mul_add(cos_s1_2, t2_63);
+        let t2_65 = cos_s1_3 * t2_29;
+        let t2_66 = (-sin_s1_3).mul_add(t2_64, t2_65);
+        let t2_67 = like.lift(0.39516739174683935) * t2_66;
+        let t2_68 = like.lift(0.22815) * t2_25;
+        let t2_69 = t2_67 - t2_22;
+        let t2_70 = t2_69 + t2_68;
+        let t2_71 = sin_q1 * t2_54;
+        let t2_72 = t2_68 + t2_67;
+        let t2_73 = t2_29 * t2_54;
+        let t2_74 = (-cos_s1_1).mul_add(t2_72, t2_73);
+        let t2_75 = -t2_74;
+        let t2_76 = t2_25 * t2_54;
+        let t2_77 = (-e_s1_2_q1x).mul_add(t2_72, t2_76);
+        let t2_78 = -t2_77;
+        let t2_79 = sin_q8 * q9;
+        let t2_80 = cos_q1 * t2_72;
+        let t2_81 = (-sin_q1).mul_add(t2_48, t2_80);
+        let t2_82 = t2_29 * t2_48;
+        let t2_83 = t2_15.mul_add(t2_72, t2_82);
+        let t2_84 = t2_10 * t2_72;
+        let t2_85 = (-t2_25).mul_add(t2_48, t2_84);
+        let t2_86 = -t2_85;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_60;
+        let t2_87 = -pivot_2;
+        let t2_88 = -sin_q1;
+        let t2_89 = like.lift(0.5) * sin_q6;
+        let t2_90 = -t2_89;
+        let t2_91 = -cos_q6;
+        let t2_92 = like.lift(0.8660254037844386) * sin_q6;
+        let t2_93 = like.lift(0.5) * sin_q8;
+        let t2_94 = -t2_93;
+        let t2_95 = -cos_q8;
+        let t2_96 = like.lift(0.8660254037844386) * sin_q8;
+        let t2_97 = -t2_96;
+        let t2_98 = like.lift(0.5773502691896257).mul_add(t2_85, t2_59);
+        let t2_99 = like.lift(1.0) / t2_60;
+        let t2_100 = t2_79 * t2_99;
+        let t2_101 = like.lift(1.1547005383792515) * t2_100;
+        let pivot_3 = t2_85.mul_add(t2_101, t2_77);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_105 = t1_101 * inv_pivot_3;
-        let t1_106 = (-t1_73).mul_add(t1_105, t1_53);
-        let t1_107 = like.lift(0.5773502691896257).mul_add(t1_42, t1_15);
-        let t1_108 = like.lift(-0.5773502691896257).mul_add(t1_84, t1_58);
-        let t1_109 = t1_84 * t1_103;
-        let t1_110 = like.lift(1.1547005383792515).mul_add(t1_109, t1_74);
-        let pivot_4 = t1_110.mul_add(t1_105, t1_108);
+        let t2_102 = t2_98 * inv_pivot_3;
+        let t2_103 = (-t2_70).mul_add(t2_102, t2_49);
+        let t2_104 = like.lift(0.5773502691896257).mul_add(t2_39, t2_14);
+        let t2_105 = t2_81.mul_add(t2_101, t2_71);
+        let t2_106 = t2_105.mul_add(t2_102, t2_55);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_81, t2_106);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t1_111 = t1_107 * inv_pivot_4;
-        let pivot_5 = (-t1_106).mul_add(t1_111, t1_12);
+        let t2_107 = t2_104 * inv_pivot_4;
+        let pivot_5 = (-t2_103).mul_add(t2_107, t2_11);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t1_112 = (-cos_q1).mul_add(t1_105, sin_q1);
-        let t1_113 = (-t1_112).mul_add(t1_111, sin_q1);
-        let t1_114 = like.lift(0.5773502691896257).mul_add(t1_46, t1_20);
-        let t1_115 = like.lift(-0.5773502691896257).mul_add(t1_86, t1_60);
-        let t1_116 = t1_86 * t1_103;
-        let t1_117 = like.lift(-1.1547005383792515).mul_add(t1_116, t1_77);
-        let t1_118 = (-t1_117).mul_add(t1_105, t1_115);
-        let t1_119 = (-t1_118).mul_add(t1_111, t1_114);
-        let t1_120 = like.lift(1.0) / t1_21;
-        let t1_121 = t1_38 * t1_120;
-        let t1_122 = t1_42 * t1_121;
-        let t1_123 = like.lift(-1.1547005383792515).mul_add(t1_122, t1_31);
-        let t1_124 = t1_123 * inv_pivot_4;
-        let t1_125 = t1_112.mul_add(t1_124, cos_q1);
-        let t1_126 = (-t1_106).mul_add(t1_124, t1_28);
-        let t1_127 = t1_126 * inv_pivot_5;
-        let t1_128 = t1_113.mul_add(t1_127, t1_125);
-        let t1_129 = t1_46 * t1_121;
-        let t1_130 = like.lift(1.1547005383792515).mul_add(t1_129, t1_36);
-        let t1_131 = t1_118.mul_add(t1_124, t1_130);
-        let pivot_6 = t1_119.mul_add(t1_127, t1_131);
+        let t2_108 = (-cos_q1).mul_add(t2_102, sin_q1);
+        let t2_109 = (-t2_108).mul_add(t2_107, sin_q1);
+        let t2_110 = (-t2_83).mul_add(t2_101, t2_74);
+        let t2_111 = (-t2_110).mul_add(t2_102, t2_57);
+        let t2_112 = like.lift(-0.5773502691896257).mul_add(t2_83, t2_111);
+        let t2_113 = (-t2_112).mul_add(t2_107, t2_18);
+        let t2_114 = like.lift(0.5773502691896257).mul_add(t2_42, t2_113);
+        let t2_115 = like.lift(1.0) / t2_19;
+        let t2_116 = t2_35 * t2_115;
+        let t2_117 = like.lift(1.1547005383792515) * t2_116;
+        let t2_118 = (-t2_39).mul_add(t2_117, t2_28);
+        let t2_119 = t2_118 * inv_pivot_4;
+        let t2_120 = (-t2_103).mul_add(t2_119, t2_26);
+        let t2_121 = t2_120 * inv_pivot_5;
+        let t2_122 = t2_109.mul_add(t2_121, cos_q1);
+        let t2_123 = t2_108.mul_add(t2_119, t2_122);
+        let t2_124 = t2_114.mul_add(t2_121, t2_33);
+        let t2_125 = t2_112.mul_add(t2_119, t2_124);
+        let pivot_6 = t2_42.mul_add(t2_117, t2_125);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t1_132 = t1_128 * inv_pivot_6;
-        let t1_133 = (-t1_119).mul_add(t1_132, t1_113);
-        let t1_134 = inv_pivot_5 * t1_133;
-        let t1_135 = sin_q6.mul_add(t1_121, cos_q6);
-        let t1_136 = t1_135 * inv_pivot_6;
-        let t1_137 = t1_119 * t1_136;
-        let t1_138 = inv_pivot_5 * t1_137;
-        let t1_139 = sin_q8.mul_add(t1_103, cos_q8);
-        let t1_140 = t1_139 * t1_105;
-        let t1_141 = t1_140 * t1_111;
-        let t1_142 = t1_140 * t1_124;
-        let t1_143 = (-t1_141).mul_add(t1_127, t1_142);
-        let t1_144 = t1_143 * inv_pivot_6;
-        let t1_145 = t1_119.mul_add(t1_144, t1_141);
-        let t1_146 = inv_pivot_5 * t1_145;
-        let t1_147 = -t1_146;
-        let t1_148 = (-t1_106).mul_add(t1_134, t1_112);
-        let t1_149 = (-t1_118).mul_add(t1_132, t1_148);
-        let t1_150 = inv_pivot_4 * t1_149;
-        let t1_151 = -t1_150;
-        let t1_152 = t1_106 * t1_138;
-        let t1_153 = (-t1_118).mul_add(t1_136, t1_152);
-        let t1_154 = inv_pivot_4 * t1_153;
-        let t1_155 = t1_106.mul_add(t1_146, t1_140);
-        let t1_156 = (-t1_118).mul_add(t1_144, t1_155);
-        let t1_157 = inv_pivot_4 * t1_156;
-        let t1_158 = -t1_157;
-        let t1_159 = -t1_132;
-        let t1_160 = -t1_144;
-        let t1_161 = t1_110.mul_add(t1_150, cos_q1);
-        let t1_162 = (-t1_73).mul_add(t1_134, t1_161);
-        let t1_163 = (-t1_117).mul_add(t1_132, t1_162);
-        let t1_164 = inv_pivot_3 * t1_163;
-        let t1_165 = -t1_164;
-        let t1_166 = t1_110 * t1_154;
-        let t1_167 = t1_73.mul_add(t1_138, t1_166);
-        let t1_168 = (-t1_117).mul_add(t1_136, t1_167);
-        let t1_169 = inv_pivot_3 * t1_168;
-        let t1_170 = (-t1_110).mul_add(t1_157, t1_139);
-        let t1_171 = (-t1_73).mul_add(t1_146, t1_170);
-        let t1_172 = t1_117.mul_add(t1_144, t1_171);
-        let t1_173 = inv_pivot_3 * t1_172;
-        let t1_174 = t1_42 * t1_150;
-        let t1_175 = t1_46.mul_add(t1_132, t1_174);
-        let t1_176 = t1_120 * t1_175;
-        let t1_177 = like.lift(1.1547005383792515) * t1_176;
-        let t1_178 = (-t1_42).mul_add(t1_154, t1_95);
-        let t1_179 = (-t1_46).mul_add(t1_136, t1_178);
-        let t1_180 = t1_120 * t1_179;
-        let t1_181 = like.lift(1.1547005383792515) * t1_180;
-        let t1_182 = t1_42 * t1_157;
-        let t1_183 = t1_46.mul_add(t1_144, t1_182);
-        let t1_184 = t1_120 * t1_183;
-        let t1_185 = like.lift(1.1547005383792515) * t1_184;
-        let t1_186 = t1_88 * t1_164;
-        let t1_187 = (-t1_84).mul_add(t1_150, t1_186);
-        let t1_188 = (-t1_86).mul_add(t1_132, t1_187);
-        let t1_189 = t1_102 * t1_188;
-        let t1_190 = like.lift(1.1547005383792515) * t1_189;
-        let t1_191 = t1_88 * t1_169;
-        let t1_192 = (-t1_84).mul_add(t1_154, t1_191);
-        let t1_193 = (-t1_86).mul_add(t1_136, t1_192);
-        let t1_194 = t1_102 * t1_193;
-        let t1_195 = like.lift(1.1547005383792515) * t1_194;
-        let t1_196 = -t1_195;
-        let t1_197 = (-t1_88).mul_add(t1_173, t1_99);
-        let t1_198 = (-t1_84).mul_add(t1_157, t1_197);
-        let t1_199 = (-t1_86).mul_add(t1_144, t1_198);
-        let t1_200 = t1_102 * t1_199;
-        let t1_201 = like.lift(1.1547005383792515) * t1_200;
-        let t1_202 = -pivot_3;
-        let t1_203 = -pivot_5;
-        let t1_204 = -pivot_6;
+        let t2_126 = t2_123 * inv_pivot_6;
+        let t2_127 = (-t2_114).mul_add(t2_126, t2_109);
+        let t2_128 = inv_pivot_5 * t2_127;
+        let t2_129 = sin_q6.mul_add(t2_116, cos_q6);
+        let t2_130 = t2_129 * inv_pivot_6;
+        let t2_131 = inv_pivot_5 * t2_114;
+        let t2_132 = t2_131 * t2_130;
+        let t2_133 = sin_q8.mul_add(t2_100, cos_q8);
+        let t2_134 = t2_133 * t2_102;
+        let t2_135 = t2_134 * t2_107;
+        let t2_136 = t2_134 * t2_119;
+        let t2_137 = (-t2_135).mul_add(t2_121, t2_136);
+        let t2_138 = t2_137 * inv_pivot_6;
+        let t2_139 = t2_114.mul_add(t2_138, t2_135);
+        let t2_140 = inv_pivot_5 * t2_139;
+        let t2_141 = -t2_140;
+        let t2_142 = (-t2_112).mul_add(t2_126, t2_108);
+        let t2_143 = (-t2_103).mul_add(t2_128, t2_142);
+        let t2_144 = inv_pivot_4 * t2_143;
+        let t2_145 = -t2_144;
+        let t2_146 = t2_103 * t2_132;
+        let t2_147 = (-t2_112).mul_add(t2_130, t2_146);
+        let t2_148 = inv_pivot_4 * t2_147;
+        let t2_149 = (-t2_112).mul_add(t2_138, t2_134);
+        let t2_150 = t2_103.mul_add(t2_140, t2_149);
+        let t2_151 = inv_pivot_4 * t2_150;
+        let t2_152 = -t2_151;
+        let t2_153 = -t2_126;
+        let t2_154 = -t2_138;
+        let t2_155 = (-t2_110).mul_add(t2_126, cos_q1);
+        let t2_156 = (-t2_70).mul_add(t2_128, t2_155);
+        let t2_157 = t2_105.mul_add(t2_144, t2_156);
+        let t2_158 = inv_pivot_3 * t2_157;
+        let t2_159 = -t2_158;
+        let t2_160 = t2_70 * t2_132;
+        let t2_161 = (-t2_110).mul_add(t2_130, t2_160);
+        let t2_162 = t2_105.mul_add(t2_148, t2_161);
+        let t2_163 = inv_pivot_3 * t2_162;
+        let t2_164 = t2_110.mul_add(t2_138, t2_133);
+        let t2_165 = (-t2_70).mul_add(t2_140, t2_164);
+        let t2_166 = (-t2_105).mul_add(t2_151, t2_165);
+        let t2_167 = inv_pivot_3 * t2_166;
+        let t2_168 = t2_42 * t2_126;
+        let t2_169 = t2_39.mul_add(t2_144, t2_168);
+        let t2_170 = like.lift(1.1547005383792515) * t2_115;
+        let t2_171 = t2_169 * t2_170;
+        let t2_172 = (-t2_42).mul_add(t2_130, t2_92);
+        let t2_173 = (-t2_39).mul_add(t2_148, t2_172);
+        let t2_174 = t2_173 * t2_170;
+        let t2_175 = t2_42 * t2_138;
+        let t2_176 = t2_39.mul_add(t2_151, t2_175);
+        let t2_177 = t2_176 * t2_170;
+        let t2_178 = t2_85 * t2_158;
+        let t2_179 = (-t2_83).mul_add(t2_126, t2_178);
+        let t2_180 = (-t2_81).mul_add(t2_144, t2_179);
+        let t2_181 = like.lift(1.1547005383792515) * t2_99;
+        let t2_182 = t2_180 * t2_181;
+        let t2_183 = t2_85 * t2_163;
+        let t2_184 = (-t2_83).mul_add(t2_130, t2_183);
+        let t2_185 = (-t2_81).mul_add(t2_148, t2_184);
+        let t2_186 = t2_185 * t2_181;
+        let t2_187 = -t2_186;
+        let t2_188 = (-t2_83).mul_add(t2_138, t2_96);
+        let t2_189 = (-t2_81).mul_add(t2_151, t2_188);
+        let t2_190 = (-t2_85).mul_add(t2_167, t2_189);
+        let t2_191 = t2_190 * t2_181;
+        let t2_192 = -pivot_3;
+        let t2_193 = -pivot_5;
+        let t2_194 = -pivot_6;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t1_90 * like.lift(1.8955297449982944)).abs())
-            .min((t1_202 * like.lift(2.6463477742948585)).abs())
+            .min((t2_87 * like.lift(1.8955297449982944)).abs())
+            .min((t2_192 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t1_203 * like.lift(0.8284577646309275)).abs())
-            .min((t1_204 * like.lift(2.1915406530791146)).abs());
+            .min((t2_193 * like.lift(0.8284577646309275)).abs())
+            .min((t2_194 * like.lift(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [t1_134, t1_138, t1_147], [t1_151, t1_154, t1_158], [t1_159, t1_136, t1_160],
-                [t1_165, t1_169, t1_173], [t1_177, t1_181, t1_185], [t1_190, t1_196, t1_201],
+                [t2_128, t2_132, t2_141], [t2_145, t2_148, t2_152], [t2_153, t2_130, t2_154],
+                [t2_159, t2_163, t2_167], [t2_171, t2_174, t2_177], [t2_182, t2_187, t2_191],
             ],
             margin,
             || (
                 [
-                    [t1_13, t1_15, t1_20, like.lift(0.0), t1_23, like.lift(0.0)],
-                    [t1_29, t1_31, t1_37, like.lift(0.0), t1_38, like.lift(0.0)],
-                    [like.lift(0.0), t1_42, t1_46, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t1_54, t1_58, t1_60, t1_62, like.lift(0.0), t1_65],
-                    [t1_73, t1_74, t1_78, t1_81, like.lift(0.0), t1_82],
-                    [like.lift(0.0), t1_84, t1_86, t1_89, like.lift(0.0), t1_90],
+                    [t2_12, t2_14, t2_18, like.lift(0.0), t2_21, like.lift(0.0)],
+                    [t2_27, t2_28, t2_34, like.lift(0.0), t2_35, like.lift(0.0)],
+                    [like.lift(0.0), t2_39, t2_42, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_50, t2_55, t2_57, t2_59, like.lift(0.0), t2_62],
+                    [t2_70, t2_71, t2_75, t2_78, like.lift(0.0), t2_79],
+                    [like.lift(0.0), t2_81, t2_83, t2_86, like.lift(0.0), t2_87],
                 ],
                 [
-                    [t1_91, t1_93, like.lift(0.0)], [cos_q1, t1_94, like.lift(0.0)],
-                    [like.lift(0.0), t1_95, like.lift(0.0)], [t1_91, like.lift(0.0), t1_97],
-                    [cos_q1, like.lift(0.0), t1_98], [like.lift(0.0), like.lift(0.0), t1_100],
+                    [t2_88, t2_90, like.lift(0.0)], [cos_q1, t2_91, like.lift(0.0)],
+                    [like.lift(0.0), t2_92, like.lift(0.0)], [t2_88, like.lift(0.0), t2_94],
+                    [cos_q1, like.lift(0.0), t2_95], [like.lift(0.0), like.lift(0.0), t2_97],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, t1_1, t1_3, t1_5, t1_7,
-            x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7,
-            x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2,
-            x_q8_q7, x_q8_q9,
+            t2_1, t2_3, t2_4, t2_6, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9,
+            x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7,
+            x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
         ]
     };
     // M
     {
-        let t2_1 = t1_7 * x_q1_q2;
-        let t2_2 = t1_3.mul_add(x_s1_2_q2, t2_1);
-        let t2_3 = cos_s1_2 * t1_5;
-        let t2_4 = t2_3.mul_add(x_s1_3_q2, t2_2);
-        let t2_5 = sin_s1_3 * p_ixy_3;
-        let t2_6 = cos_s1_3.mul_add(p_ixz_3, t2_5);
-        let t2_7 = cos_s1_2 * t2_6;
-        let t2_8 = cos_s1_3 * p_iyz_3;
-        let t2_9 = sin_s1_3.mul_add(p_iyy_3, t2_8);
-        let t2_10 = sin_s1_3 * t2_9;
-        let t2_11 = sin_s1_3 * p_iyz_3;
-        let t2_12 = cos_s1_3.mul_add(p_izz_3, t2_11);
-        let t2_13 = cos_s1_3.mul_add(t2_12, t2_10);
-        let t2_14 = sin_s1_2.mul_add(t2_13, t2_7);
-        let t2_15 = sin_s1_2 * t2_14;
-        let t2_16 = sin_s1_2 * t2_6;
-        let t2_17 = cos_s1_2.mul_add(p_ixx_3, t2_16);
-        let t2_18 = cos_s1_2.mul_add(t2_17, t2_15);
-        let t2_19 = sin_s1_1 * t2_18;
-        let t2_20 = cos_s1_3.mul_add(p_iyy_3, -t2_11);
-        let t2_21 = sin_s1_3 * t2_20;
-        let t2_22 = (-sin_s1_3).mul_add(p_izz_3, t2_8);
-        let t2_23 = cos_s1_3.mul_add(t2_22, t2_21);
-        let t2_24 = sin_s1_2 * t2_23;
-        let t2_25 = cos_s1_3 * p_ixy_3;
-        let t2_26 = (-sin_s1_3).mul_add(p_ixz_3, t2_25);
-        let t2_27 = cos_s1_2.mul_add(t2_26, t2_24);
-        let t2_28 = cos_s1_1.mul_add(t2_27, t2_19);
-        let t2_29 = sin_s1_1 * t2_28;
-        let t2_30 = sin_s1_1 * t2_27;
-        let t2_31 = cos_s1_3 * t2_20;
-        let t2_32 = (-sin_s1_3).mul_add(t2_22, t2_31);
-        let t2_33 = cos_s1_1.mul_add(t2_32, t2_30);
-        let t2_34 = cos_s1_1.mul_add(t2_33, t2_29);
-        let t2_35 = cos_s1_2 * t1_1;
-        let t2_36 = (-sin_s1_2).mul_add(p_mx_3, t2_35);
-        let t2_37 = p_mz_2 + t2_36;
-        let t2_38 = q2 * t2_37;
-        let t2_39 = like.lift(2.0).mul_add(t2_38, t2_34);
-        let t2_40 = p_izz_1 + t2_39;
-        let t2_41 = t2_40.mul_add(x_q1_q2, t1_7);
-        let t2_42 = cos_s1_2 * t2_14;
-        let t2_43 = (-sin_s1_2).mul_add(t2_17, t2_42);
-        let t2_44 = sin_s1_1 * t2_43;
-        let t2_45 = cos_s1_2 * t2_23;
-        let t2_46 = (-sin_s1_2).mul_add(t2_26, t2_45);
-        let t2_47 = cos_s1_1.mul_add(t2_46, t2_44);
-        let t2_48 = sin_s1_1 * t1_3;
-        let t2_49 = (-cos_s1_1).mul_add(t1_5, t2_48);
-        let t2_50 = (-q2).mul_add(t2_49, t2_47);
-        let t2_51 = t2_50.mul_add(x_s1_1_q2, t2_41);
-        let t2_52 = cos_s1_1 * t2_36;
-        let t2_53 = q2.mul_add(t2_52, t2_33);
-        let t2_54 = t2_53.mul_add(x_s1_2_q2, t2_51);
-        let t2_55 = sin_s1_1 * t2_17;
-        let t2_56 = cos_s1_1.mul_add(t2_26, t2_55);
-        let t2_57 = sin_s1_2 * t1_5;
-        let t2_58 = cos_s1_1 * t2_57;
-        let t2_59 = (-sin_s1_1).mul_add(t1_1, t2_58);
-        let t2_60 = (-q2).mul_add(t2_59, t2_56);
-        let t2_61 = t2_60.mul_add(x_s1_3_q2, t2_54);
-        let t2_62 = x_q1_q2.mul_add(t2_61, t2_4);
-        let t2_63 = t2_50 * x_q1_q2;
-        let t2_64 = (-cos_s1_2).mul_add(t2_13, t2_16);
-        let t2_65 = cos_s1_2 * t2_64;
-        let t2_66 = (-sin_s1_2).mul_add(p_ixx_3, t2_7);
-        let t2_67 = sin_s1_2.mul_add(t2_66, t2_65);
-        let t2_68 = (-t2_67).mul_add(x_s1_1_q2, t2_63);
-        let t2_69 = t2_46.mul_add(x_s1_2_q2, t2_68);
-        let t2_70 = t2_66.mul_add(x_s1_3_q2, t2_69);
-        let t2_71 = x_s1_1_q2.mul_add(t2_70, t2_62);
-        let t2_72 = t2_53.mul_add(x_q1_q2, t1_3);
-        let t2_73 = t2_46.mul_add(x_s1_1_q2, t2_72);
-        let t2_74 = t2_32.mul_add(x_s1_2_q2, t2_73);
-        let t2_75 = t2_26.mul_add(x_s1_3_q2, t2_74);
-        let t2_76 = x_s1_2_q2.mul_add(t2_75, t2_71);
-        let t2_77 = t2_60.mul_add(x_q1_q2, t2_3);
-        let t2_78 = t2_66.mul_add(x_s1_1_q2, t2_77);
-        let t2_79 = t2_26.mul_add(x_s1_2_q2, t2_78);
-        let t2_80 = p_ixx_3.mul_add(x_s1_3_q2, t2_79);
-        let t2_81 = x_s1_3_q2.mul_add(t2_80, t2_76);
-        let t2_82 = q7.mul_add(p_m_5, p_mz_5);
-        let t2_83 = q7 * t2_82;
-        let t2_84 = q7.mul_add(p_mz_5, t2_83);
-        let t2_85 = p_izz_4 + t2_84;
-        let t2_86 = t2_85 * x_q6_q2;
-        let t2_87 = x_q6_q2.mul_add(t2_86, t2_81);
-        let t2_88 = q9.mul_add(p_m_7, p_mz_7);
-        let t2_89 = q9 * t2_88;
-        let t2_90 = q9.mul_add(p_mz_7, t2_89);
-        let t2_91 = p_izz_6 + t2_90;
-        let t2_92 = t2_91 * x_q8_q2;
-        let t2_93 = x_q8_q2.mul_add(t2_92, t2_87);
-        let t2_94 = t1_7 * x_q1_q7;
-        let t2_95 = t1_3.mul_add(x_s1_2_q7, t2_94);
-        let t2_96 = t2_3.mul_add(x_s1_3_q7, t2_95);
-        let t2_97 = t2_40 * x_q1_q7;
-        let t2_98 = t2_50.mul_add(x_s1_1_q7, t2_97);
-        let t2_99 = t2_53.mul_add(x_s1_2_q7, t2_98);
-        let t2_100 = t2_60.mul_add(x_s1_3_q7, t2_99);
-        let t2_101 = x_q1_q2.mul_add(t2_100, t2_96);
-        let t2_102 = t2_50 * x_q1_q7;
-        let t2_103 = (-t2_67).mul_add(x_s1_1_q7, t2_102);
-        let t2_104 = t2_46.mul_add(x_s1_2_q7, t2_103);
-        let t2_105 = t2_66.mul_add(x_s1_3_q7, t2_104);
-        let t2_106 = x_s1_1_q2.mul_add(t2_105, t2_101);
-        let t2_107 = t2_53 * x_q1_q7;
-        let t2_108 = t2_46.mul_add(x_s1_1_q7, t2_107);
-        let t2_109 = t2_32.mul_add(x_s1_2_q7, t2_108);
-        let t2_110 = t2_26.mul_add(x_s1_3_q7, t2_109);
-        let t2_111 = x_s1_2_q2.mul_add(t2_110, t2_106);
-        let t2_112 = t2_60 * x_q1_q7;
-        let t2_113 = t2_66.mul_add(x_s1_1_q7, t2_112);
-        let t2_114 = t2_26.mul_add(x_s1_2_q7, t2_113);
-        let t2_115 = p_ixx_3.mul_add(x_s1_3_q7, t2_114);
-        let t2_116 = x_s1_3_q2.mul_add(t2_115, t2_111);
-        let t2_117 = t2_85.mul_add(x_q6_q7, p_mx_5);
-        let t2_118 = x_q6_q2.mul_add(t2_117, t2_116);
-        let t2_119 = t2_91 * x_q8_q7;
-        let t2_120 = x_q8_q2.mul_add(t2_119, t2_118);
-        let t2_121 = t1_7 * x_q1_q9;
-        let t2_122 = t1_3.mul_add(x_s1_2_q9, t2_121);
-        let t2_123 = t2_3.mul_add(x_s1_3_q9, t2_122);
-        let t2_124 = t2_40 * x_q1_q9;
-        let t2_125 = t2_50.mul_add(x_s1_1_q9, t2_124);
-        let t2_126 = t2_53.mul_add(x_s1_2_q9, t2_125);
-        let t2_127 = t2_60.mul_add(x_s1_3_q9, t2_126);
-        let t2_128 = x_q1_q2.mul_add(t2_127, t2_123);
-        let t2_129 = t2_50 * x_q1_q9;
-        let t2_130 = (-t2_67).mul_add(x_s1_1_q9, t2_129);
-        let t2_131 = t2_46.mul_add(x_s1_2_q9, t2_130);
-        let t2_132 = t2_66.mul_add(x_s1_3_q9, t2_131);
-        let t2_133 = x_s1_1_q2.mul_add(t2_132, t2_128);
-        let t2_134 = t2_53 * x_q1_q9;
-        let t2_135 = t2_46.mul_add(x_s1_1_q9, t2_134);
-        let t2_136 = t2_32.mul_add(x_s1_2_q9, t2_135);
-        let t2_137 = t2_26.mul_add(x_s1_3_q9, t2_136);
-        let t2_138 = x_s1_2_q2.mul_add(t2_137, t2_133);
-        let t2_139 = t2_60 * x_q1_q9;
-        let t2_140 = t2_66.mul_add(x_s1_1_q9, t2_139);
-        let t2_141 = t2_26.mul_add(x_s1_2_q9, t2_140);
-        let t2_142 = p_ixx_3.mul_add(x_s1_3_q9, t2_141);
-        let t2_143 = x_s1_3_q2.mul_add(t2_142, t2_138);
-        let t2_144 = t2_85 * x_q6_q9;
-        let t2_145 = x_q6_q2.mul_add(t2_144, t2_143);
-        let t2_146 = t2_91.mul_add(x_q8_q9, p_mx_7);
-        let t2_147 = x_q8_q2.mul_add(t2_146, t2_145);
-        m[0] = [t2_93, t2_120, t2_147];
-        let t2_148 = p_mx_5.mul_add(x_q6_q7, p_m_5);
-        let t2_149 = x_q1_q7 * t2_100;
-        let t2_150 = x_s1_1_q7.mul_add(t2_105, t2_149);
-        let t2_151 = x_s1_2_q7.mul_add(t2_110, t2_150);
-        let t2_152 = x_s1_3_q7.mul_add(t2_115, t2_151);
-        let t2_153 = x_q6_q7.mul_add(t2_117, t2_152);
-        let t2_154 = t2_148 + t2_153;
-        let t2_155 = x_q8_q7.mul_add(t2_119, t2_154);
-        let t2_156 = x_q1_q7 * t2_127;
-        let t2_157 = x_s1_1_q7.mul_add(t2_132, t2_156);
-        let t2_158 = x_s1_2_q7.mul_add(t2_137, t2_157);
-        let t2_159 = x_s1_3_q7.mul_add(t2_142, t2_158);
-        let t2_160 = x_q6_q7.mul_add(t2_144, t2_159);
-        let t2_161 = p_mx_5.mul_add(x_q6_q9, t2_160);
-        let t2_162 = x_q8_q7.mul_add(t2_146, t2_161);
-        m[1] = [t2_120, t2_155, t2_162];
-        let t2_163 = p_mx_7.mul_add(x_q8_q9, p_m_7);
-        let t2_164 = x_q1_q9 * t2_127;
-        let t2_165 = x_s1_1_q9.mul_add(t2_132, t2_164);
-        let t2_166 = x_s1_2_q9.mul_add(t2_137, t2_165);
-        let t2_167 = x_s1_3_q9.mul_add(t2_142, t2_166);
-        let t2_168 = x_q6_q9.mul_add(t2_144, t2_167);
-        let t2_169 = x_q8_q9.mul_add(t2_146, t2_168);
-        let t2_170 = t2_163 + t2_169;
-        m[2] = [t2_147, t2_162, t2_170];
+        let t3_1 = cos_s1_2 * t2_4;
+        let t3_2 = cos_s1_3 * p_ixz_3;
+        let t3_3 = sin_s1_3.mul_add(p_ixy_3, t3_2);
+        let t3_4 = cos_s1_2 * t3_3;
+        let t3_5 = cos_s1_3 * p_iyz_3;
+        let t3_6 = sin_s1_3.mul_add(p_iyy_3, t3_5);
+        let t3_7 = sin_s1_3 * p_iyz_3;
+        let t3_8 = cos_s1_3.mul_add(p_izz_3, t3_7);
+        let t3_9 = cos_s1_3 * t3_8;
+        let t3_10 = sin_s1_3.mul_add(t3_6, t3_9);
+        let t3_11 = sin_s1_2.mul_add(t3_10, t3_4);
+        let t3_12 = sin_s1_2 * t3_3;
+        let t3_13 = cos_s1_2.mul_add(p_ixx_3, t3_12);
+        let t3_14 = cos_s1_2 * t3_13;
+        let t3_15 = sin_s1_2.mul_add(t3_11, t3_14);
+        let t3_16 = cos_s1_3.mul_add(p_iyy_3, -t3_7);
+        let t3_17 = (-sin_s1_3).mul_add(p_izz_3, t3_5);
+        let t3_18 = cos_s1_3 * t3_17;
+        let t3_19 = sin_s1_3.mul_add(t3_16, t3_18);
+        let t3_20 = cos_s1_3 * p_ixy_3;
+        let t3_21 = (-sin_s1_3).mul_add(p_ixz_3, t3_20);
+        let t3_22 = cos_s1_2 * t3_21;
+        let t3_23 = sin_s1_2.mul_add(t3_19, t3_22);
+        let t3_24 = cos_s1_1 * t3_23;
+        let t3_25 = sin_s1_1.mul_add(t3_15, t3_24);
+        let t3_26 = cos_s1_3 * t3_16;
+        let t3_27 = (-sin_s1_3).mul_add(t3_17, t3_26);
+        let t3_28 = cos_s1_1 * t3_27;
+        let t3_29 = sin_s1_1.mul_add(t3_23, t3_28);
+        let t3_30 = cos_s1_2 * t2_1;
+        let t3_31 = (-sin_s1_2).mul_add(p_mx_3, t3_30);
+        let t3_32 = p_mz_2 + t3_31;
+        let t3_33 = like.lift(2.0) * q2;
+        let t3_34 = t3_33.mul_add(t3_32, p_izz_1);
+        let t3_35 = cos_s1_1.mul_add(t3_29, t3_34);
+        let t3_36 = sin_s1_1.mul_add(t3_25, t3_35);
+        let t3_37 = cos_s1_2 * t3_11;
+        let t3_38 = (-sin_s1_2).mul_add(t3_13, t3_37);
+        let t3_39 = cos_s1_2 * t3_19;
+        let t3_40 = (-sin_s1_2).mul_add(t3_21, t3_39);
+        let t3_41 = cos_s1_1 * t2_4;
+        let t3_42 = sin_s1_1.mul_add(t2_3, -t3_41);
+        let t3_43 = cos_s1_1 * t3_40;
+        let t3_44 = (-q2).mul_add(t3_42, t3_43);
+        let t3_45 = sin_s1_1.mul_add(t3_38, t3_44);
+        let t3_46 = q2 * cos_s1_1;
+        let t3_47 = t3_46.mul_add(t3_31, t3_29);
+        let t3_48 = sin_s1_2 * t3_41;
+        let t3_49 = (-sin_s1_1).mul_add(t2_1, t3_48);
+        let t3_50 = cos_s1_1 * t3_21;
+        let t3_51 = (-q2).mul_add(t3_49, t3_50);
+        let t3_52 = sin_s1_1.mul_add(t3_13, t3_51);
+        let t3_53 = t3_52.mul_add(x_s1_3_q2, t2_6);
+        let t3_54 = t3_47.mul_add(x_s1_2_q2, t3_53);
+        let t3_55 = t3_45.mul_add(x_s1_1_q2, t3_54);
+        let t3_56 = t3_36.mul_add(x_q1_q2, t3_55);
+        let t3_57 = (-cos_s1_2).mul_add(t3_10, t3_12);
+        let t3_58 = (-sin_s1_2).mul_add(p_ixx_3, t3_4);
+        let t3_59 = sin_s1_2 * t3_58;
+        let t3_60 = cos_s1_2.mul_add(t3_57, t3_59);
+        let t3_61 = t3_58 * x_s1_3_q2;
+        let t3_62 = t3_40.mul_add(x_s1_2_q2, t3_61);
+        let t3_63 = (-t3_60).mul_add(x_s1_1_q2, t3_62);
+        let t3_64 = t3_45.mul_add(x_q1_q2, t3_63);
+        let t3_65 = t3_21.mul_add(x_s1_3_q2, t2_3);
+        let t3_66 = t3_27.mul_add(x_s1_2_q2, t3_65);
+        let t3_67 = t3_40.mul_add(x_s1_1_q2, t3_66);
+        let t3_68 = t3_47.mul_add(x_q1_q2, t3_67);
+        let t3_69 = p_ixx_3.mul_add(x_s1_3_q2, t3_1);
+        let t3_70 = t3_21.mul_add(x_s1_2_q2, t3_69);
+        let t3_71 = t3_58.mul_add(x_s1_1_q2, t3_70);
+        let t3_72 = t3_52.mul_add(x_q1_q2, t3_71);
+        let t3_73 = q7.mul_add(p_m_5, p_mz_5);
+        let t3_74 = p_mz_5 + t3_73;
+        let t3_75 = q7.mul_add(t3_74, p_izz_4);
+        let t3_76 = q9.mul_add(p_m_7, p_mz_7);
+        let t3_77 = p_mz_7 + t3_76;
+        let t3_78 = q9.mul_add(t3_77, p_izz_6);
+        let t3_79 = t3_56 + t2_6;
+        let t3_80 = t3_68 + t2_3;
+        let t3_81 = t3_72 + t3_1;
+        let t3_82 = x_q8_q2 * t3_78;
+        let t3_83 = t3_82 * x_q8_q2;
+        let t3_84 = x_q6_q2 * t3_75;
+        let t3_85 = t3_84.mul_add(x_q6_q2, t3_83);
+        let t3_86 = x_s1_3_q2.mul_add(t3_81, t3_85);
+        let t3_87 = x_s1_2_q2.mul_add(t3_80, t3_86);
+        let t3_88 = x_s1_1_q2.mul_add(t3_64, t3_87);
+        let t3_89 = x_q1_q2.mul_add(t3_79, t3_88);
+        let t3_90 = t3_52 * x_s1_3_q7;
+        let t3_91 = t3_47.mul_add(x_s1_2_q7, t3_90);
+        let t3_92 = t3_45.mul_add(x_s1_1_q7, t3_91);
+        let t3_93 = t3_36.mul_add(x_q1_q7, t3_92);
+        let t3_94 = t3_58 * x_s1_3_q7;
+        let t3_95 = t3_40.mul_add(x_s1_2_q7, t3_94);
+        let t3_96 = (-t3_60).mul_add(x_s1_1_q7, t3_95);
+        let t3_97 = t3_45.mul_add(x_q1_q7, t3_96);
+        let t3_98 = t3_21 * x_s1_3_q7;
+        let t3_99 = t3_27.mul_add(x_s1_2_q7, t3_98);
+        let t3_100 = t3_40.mul_add(x_s1_1_q7, t3_99);
+        let t3_101 = t3_47.mul_add(x_q1_q7, t3_100);
+        let t3_102 = p_ixx_3 * x_s1_3_q7;
+        let t3_103 = t3_21.mul_add(x_s1_2_q7, t3_102);
+        let t3_104 = t3_58.mul_add(x_s1_1_q7, t3_103);
+        let t3_105 = t3_52.mul_add(x_q1_q7, t3_104);
+        let t3_106 = t3_75.mul_add(x_q6_q7, p_mx_5);
+        let t3_107 = t3_78 * x_q8_q7;
+        let t3_108 = x_q8_q2 * t3_107;
+        let t3_109 = x_q6_q2.mul_add(t3_106, t3_108);
+        let t3_110 = x_s1_3_q2.mul_add(t3_105, t3_109);
+        let t3_111 = x_s1_2_q2.mul_add(t3_101, t3_110);
+        let t3_112 = x_s1_1_q2.mul_add(t3_97, t3_111);
+        let t3_113 = x_q1_q2.mul_add(t3_93, t3_112);
+        let t3_114 = t3_1.mul_add(x_s1_3_q7, t3_113);
+        let t3_115 = t2_3.mul_add(x_s1_2_q7, t3_114);
+        let t3_116 = t2_6.mul_add(x_q1_q7, t3_115);
+        let t3_117 = t3_52 * x_s1_3_q9;
+        let t3_118 = t3_47.mul_add(x_s1_2_q9, t3_117);
+        let t3_119 = t3_45.mul_add(x_s1_1_q9, t3_118);
+        let t3_120 = t3_36.mul_add(x_q1_q9, t3_119);
+        let t3_121 = t3_58 * x_s1_3_q9;
+        let t3_122 = t3_40.mul_add(x_s1_2_q9, t3_121);
+        let t3_123 = (-t3_60).mul_add(x_s1_1_q9, t3_122);
+        let t3_124 = t3_45.mul_add(x_q1_q9, t3_123);
+        let t3_125 = t3_21 * x_s1_3_q9;
+        let t3_126 = t3_27.mul_add(x_s1_2_q9, t3_125);
+        let t3_127 = t3_40.mul_add(x_s1_1_q9, t3_126);
+        let t3_128 = t3_47.mul_add(x_q1_q9, t3_127);
+        let t3_129 = p_ixx_3 * x_s1_3_q9;
+        let t3_130 = t3_21.mul_add(x_s1_2_q9, t3_129);
+        let t3_131 = t3_58.mul_add(x_s1_1_q9, t3_130);
+        let t3_132 = t3_52.mul_add(x_q1_q9, t3_131);
+        let t3_133 = t3_75 * x_q6_q9;
+        let t3_134 = t3_78.mul_add(x_q8_q9, p_mx_7);
+        let t3_135 = x_q8_q2 * t3_134;
+        let t3_136 = x_q6_q2.mul_add(t3_133, t3_135);
+        let t3_137 = x_s1_3_q2.mul_add(t3_132, t3_136);
+        let t3_138 = x_s1_2_q2.mul_add(t3_128, t3_137);
+        let t3_139 = x_s1_1_q2.mul_add(t3_124, t3_138);
+        let t3_140 = x_q1_q2.mul_add(t3_120, t3_139);
+        let t3_141 = t3_1.mul_add(x_s1_3_q9, t3_140);
+        let t3_142 = t2_3.mul_add(x_s1_2_q9, t3_141);
+        let t3_143 = t2_6.mul_add(x_q1_q9, t3_142);
+        m[0] = [t3_89, t3_116, t3_143];
+        let t3_144 = p_mx_5 + t3_106;
+        let t3_145 = x_q8_q7.mul_add(t3_107, p_m_5);
+        let t3_146 = x_q6_q7.mul_add(t3_144, t3_145);
+        let t3_147 = x_s1_3_q7.mul_add(t3_105, t3_146);
+        let t3_148 = x_s1_2_q7.mul_add(t3_101, t3_147);
+        let t3_149 = x_s1_1_q7.mul_add(t3_97, t3_148);
+        let t3_150 = x_q1_q7.mul_add(t3_93, t3_149);
+        let t3_151 = x_q8_q7 * t3_134;
+        let t3_152 = p_mx_5.mul_add(x_q6_q9, t3_151);
+        let t3_153 = x_q6_q7.mul_add(t3_133, t3_152);
+        let t3_154 = x_s1_3_q7.mul_add(t3_132, t3_153);
+        let t3_155 = x_s1_2_q7.mul_add(t3_128, t3_154);
+        let t3_156 = x_s1_1_q7.mul_add(t3_124, t3_155);
+        let t3_157 = x_q1_q7.mul_add(t3_120, t3_156);
+        m[1] = [t3_116, t3_150, t3_157];
+        let t3_158 = p_mx_7 + t3_134;
+        let t3_159 = x_q8_q9.mul_add(t3_158, p_m_7);
+        let t3_160 = x_q6_q9.mul_add(t3_133, t3_159);
+        let t3_161 = x_s1_3_q9.mul_add(t3_132, t3_160);
+        let t3_162 = x_s1_2_q9.mul_add(t3_128, t3_161);
+        let t3_163 = x_s1_1_q9.mul_add(t3_124, t3_162);
+        let t3_164 = x_q1_q9.mul_add(t3_120, t3_163);
+        m[2] = [t3_143, t3_157, t3_164];
     }
     (m, Condition { pivot: condition })
 }
@@ -9088,5 +8649,12 @@ impl<T: Scalar> BaseModel<T> for Rps3 {
         let (value, condition) = base_mass_matrix(q, beta);
         *out = value;
         Ok(condition)
+    }
+}
+
+impl BaseKernel<9, 3, 25> for Rps3 {
+    #[inline(always)]
+    fn base_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &mut [[T; 3]; 25]) -> Condition<T> {
+        base_regressor_entries(q, qd, qdd, w)
     }
 }

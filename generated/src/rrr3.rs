@@ -9,34 +9,34 @@
 //!
 //! | function | add | mul | div | sin and cos |
 //! |---|---|---|---|---|
-//! | [`constraints`] | 28 | 16 | 0 | 7 |
+//! | [`constraints`] | 28 | 10 | 0 | 7 |
 //! | [`jacobian`] | 27 | 16 | 0 | 7 |
-//! | [`bias`] | 27 | 48 | 0 | 7 |
-//! | [`newton_step`] | 58 | 50 | 4 | 7 |
+//! | [`bias`] | 27 | 33 | 0 | 7 |
+//! | [`newton_step`] | 58 | 46 | 4 | 7 |
 //! | [`dependent_jacobian`] | 11 | 6 | 0 | 3 |
-//! | [`velocities`] | 44 | 48 | 4 | 6 |
-//! | [`accelerations`] | 66 | 87 | 4 | 6 |
-//! | [`regressor`] | 109 | 237 | 4 | 7 |
-//! | [`inverse_dynamics`] | 128 | 204 | 4 | 7 |
-//! | [`gravity`] | 83 | 138 | 4 | 9 |
-//! | [`bias_forces`] | 123 | 213 | 4 | 6 |
-//! | [`mass_matrix`] | 115 | 150 | 4 | 6 |
-//! | [`slotine_li`] | 155 | 314 | 4 | 7 |
+//! | [`velocities`] | 44 | 44 | 4 | 6 |
+//! | [`accelerations`] | 66 | 72 | 4 | 6 |
+//! | [`regressor`] | 109 | 212 | 4 | 7 |
+//! | [`inverse_dynamics`] | 128 | 194 | 4 | 7 |
+//! | [`gravity`] | 83 | 122 | 4 | 9 |
+//! | [`bias_forces`] | 123 | 180 | 4 | 6 |
+//! | [`mass_matrix`] | 115 | 138 | 4 | 6 |
+//! | [`slotine_li`] | 155 | 270 | 4 | 7 |
 //! | [`efforts`] | 0 | 0 | 0 | 0 |
 //! | [`poses`] | 12 | 8 | 0 | 7 |
-//! | [`base_regressor`] | 93 | 191 | 4 | 7 |
+//! | [`base_regressor`] | 93 | 172 | 4 | 7 |
 //! | [`to_base`] | 33 | 17 | 0 | 0 |
 //! | [`parameters_from_base`] | 31 | 17 | 0 | 0 |
-//! | [`base_inverse_dynamics`] | 112 | 186 | 4 | 7 |
-//! | [`base_gravity`] | 74 | 124 | 4 | 9 |
-//! | [`base_bias_forces`] | 108 | 190 | 4 | 6 |
-//! | [`base_mass_matrix`] | 103 | 144 | 4 | 6 |
+//! | [`base_inverse_dynamics`] | 112 | 175 | 4 | 7 |
+//! | [`base_gravity`] | 74 | 104 | 4 | 9 |
+//! | [`base_bias_forces`] | 108 | 160 | 4 | 6 |
+//! | [`base_mass_matrix`] | 103 | 132 | 4 | 6 |
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
 use ::regen_runtime::{
  Condition, Cone, Cut, Info, Joint, Limits, Model, Scalar, SizeError, };
-use ::regen_runtime::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
+use ::regen_runtime::{BaseInfo, BaseKernel, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
 pub const COORDINATES: [&str; 7] = [
@@ -341,67 +341,69 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
 /// - `f`: closure residual f, zero when closed (Eq. 6)
 ///
-/// 28 additions, 16 multiplications, 0 divisions, 7 sines and cosines.
+/// 28 additions, 10 multiplications, 0 divisions, 7 sines and cosines.
 pub fn constraints<T: Scalar>(q: &[T; 7]) -> [T; 10] {
     let like = q[0];
     let mut f = [like.lift(0.0); 10];
     let [q1, q2, q3, q4, q5, q6, q7] = *q;
+    // sines and cosines
+    let [
+        sin_q1, cos_q1, sin_q1_q2, cos_q1_q2, sin_q1_q2_q3, cos_q1_q2_q3, sin_q4, cos_q4,
+        sin_q4_q5, cos_q4_q5, sin_q6, cos_q6, sin_q6_q7, cos_q6_q7,
+    ] = {
+        let t1_1 = q2 + q1;
+        let t1_2 = q3 + q2;
+        let t1_3 = t1_2 + q1;
+        let t1_4 = q5 + q4;
+        let t1_5 = q7 + q6;
+        let [
+            (sin_q1, cos_q1), (sin_q1_q2, cos_q1_q2), (sin_q1_q2_q3, cos_q1_q2_q3),
+            (sin_q4, cos_q4), (sin_q4_q5, cos_q4_q5), (sin_q6, cos_q6), (sin_q6_q7, cos_q6_q7),
+        ] =
+            T::sin_cos_all([q1, t1_1, t1_3, q4, t1_4, q6, t1_5]);
+        [
+            sin_q1, cos_q1, sin_q1_q2, cos_q1_q2, sin_q1_q2_q3, cos_q1_q2_q3, sin_q4, cos_q4,
+            sin_q4_q5, cos_q4_q5, sin_q6, cos_q6, sin_q6_q7, cos_q6_q7,
+        ]
+    };
     // f (Eq. 6)
     {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = like.lift(0.4) * cos_q1;
-        let t1_2 = q2 + q1;
-        let (sin_q1_q2, cos_q1_q2) = t1_2.sin_cos();
-        let t1_3 = like.lift(0.4).mul_add(cos_q1_q2, t1_1);
-        let t1_4 = q2 + q1;
-        let t1_5 = q3 + t1_4;
-        let (sin_q1_q2_q3, cos_q1_q2_q3) = t1_5.sin_cos();
-        let t1_6 = like.lift(0.04) * cos_q1_q2_q3;
-        let t1_7 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
-        let t1_8 = t1_6 - t1_7;
-        let t1_9 = t1_3 - t1_8;
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t1_10 = like.lift(-0.4).mul_add(cos_q4, like.lift(0.45));
-        let t1_11 = q5 + q4;
-        let (sin_q4_q5, cos_q4_q5) = t1_11.sin_cos();
-        let t1_12 = like.lift(-0.4).mul_add(cos_q4_q5, t1_10);
-        let t1_13 = t1_9 + t1_12;
-        let t1_14 = -t1_13;
-        f[0] = t1_14;
-        let t1_15 = like.lift(0.4).mul_add(sin_q1, like.lift(0.5196152422706631));
-        let t1_16 = like.lift(0.4).mul_add(sin_q1_q2, t1_15);
-        let t1_17 = like.lift(0.04) * sin_q1_q2_q3;
-        let t1_18 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
-        let t1_19 = t1_17 + t1_18;
-        let t1_20 = t1_16 - t1_19;
-        let t1_21 = like.lift(-0.4).mul_add(sin_q4, like.lift(0.25980762113533157));
-        let t1_22 = like.lift(-0.4).mul_add(sin_q4_q5, t1_21);
-        let t1_23 = t1_20 + t1_22;
-        let t1_24 = -t1_23;
-        f[2] = t1_24;
-        let t1_25 = t1_6 + t1_7;
-        let t1_26 = t1_3 + t1_25;
-        let (sin_q6, cos_q6) = q6.sin_cos();
-        let t1_27 = like.lift(0.4).mul_add(cos_q6, like.lift(0.45));
-        let t1_28 = q7 + q6;
-        let (sin_q6_q7, cos_q6_q7) = t1_28.sin_cos();
-        let t1_29 = like.lift(0.4).mul_add(cos_q6_q7, t1_27);
-        let t1_30 = t1_26 - t1_29;
-        let t1_31 = -t1_30;
-        f[5] = t1_31;
-        let t1_32 = t1_17 - t1_18;
-        let t1_33 = t1_16 + t1_32;
-        let t1_34 = like.lift(-0.4).mul_add(sin_q6, like.lift(0.25980762113533157));
-        let t1_35 = like.lift(-0.4).mul_add(sin_q6_q7, t1_34);
-        let t1_36 = t1_33 + t1_35;
-        let t1_37 = -t1_36;
-        f[7] = t1_37;
-        f[1] = like.lift(0.0);
-        f[3] = like.lift(0.0);
-        f[4] = like.lift(0.0);
-        f[6] = like.lift(0.0);
-        f[8] = like.lift(0.0);
-        f[9] = like.lift(0.0);
+        let t2_1 = cos_q1_q2 + cos_q1;
+        let t2_2 = like.lift(0.4) * t2_1;
+        let t2_3 = like.lift(0.04) * cos_q1_q2_q3;
+        let t2_4 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
+        let t2_5 = cos_q4_q5 + cos_q4;
+        let t2_6 = t2_2 - t2_3;
+        let t2_7 = t2_6 + t2_4;
+        let t2_8 = like.lift(-0.4).mul_add(t2_5, t2_7);
+        let t2_9 = t2_8 + like.lift(0.45);
+        let t2_10 = -t2_9;
+        f[0] = t2_10;
+        let t2_11 = sin_q1_q2 + sin_q1;
+        let t2_12 = like.lift(0.4).mul_add(t2_11, like.lift(0.5196152422706631));
+        let t2_13 = like.lift(0.04) * sin_q1_q2_q3;
+        let t2_14 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
+        let t2_15 = sin_q4_q5 + sin_q4;
+        let t2_16 = t2_12 - t2_13;
+        let t2_17 = t2_16 - t2_14;
+        let t2_18 = like.lift(-0.4).mul_add(t2_15, t2_17);
+        let t2_19 = t2_18 + like.lift(0.25980762113533157);
+        let t2_20 = -t2_19;
+        f[2] = t2_20;
+        let t2_21 = cos_q6_q7 + cos_q6;
+        let t2_22 = t2_2 + t2_3;
+        let t2_23 = t2_22 + t2_4;
+        let t2_24 = like.lift(-0.4).mul_add(t2_21, t2_23);
+        let t2_25 = t2_24 - like.lift(0.45);
+        let t2_26 = -t2_25;
+        f[5] = t2_26;
+        let t2_27 = sin_q6_q7 + sin_q6;
+        let t2_28 = t2_12 + t2_13;
+        let t2_29 = t2_28 - t2_14;
+        let t2_30 = like.lift(-0.4).mul_add(t2_27, t2_29);
+        let t2_31 = t2_30 + like.lift(0.25980762113533157);
+        let t2_32 = -t2_31;
+        f[7] = t2_32;
     }
     f
 }
@@ -416,110 +418,105 @@ pub fn jacobian<T: Scalar>(q: &[T; 7]) -> [[T; 7]; 10] {
     let like = q[0];
     let mut a = [[like.lift(0.0); 7]; 10];
     let [q1, q2, q3, q4, q5, q6, q7] = *q;
-    // row 1
+    // sines and cosines
     let [
-        sin_q1_q2_q3, cos_q1_q2_q3, t1_3, t1_4, cos_q1, cos_q1_q2, t1_6, t1_7, cos_q4,
-        cos_q4_q5,
+        sin_q1_q2_q3, cos_q1_q2_q3, sin_q1, cos_q1, sin_q1_q2, cos_q1_q2, sin_q4, cos_q4,
+        sin_q4_q5, cos_q4_q5, sin_q6, cos_q6, sin_q6_q7, cos_q6_q7,
     ] = {
-        let t1_1 = q2 + q1;
-        let t1_2 = q3 + t1_1;
-        let (sin_q1_q2_q3, cos_q1_q2_q3) = t1_2.sin_cos();
-        let t1_3 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
-        let t1_4 = like.lift(0.04) * sin_q1_q2_q3;
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_5 = q2 + q1;
-        let (sin_q1_q2, cos_q1_q2) = t1_5.sin_cos();
-        let t1_6 = like.lift(0.4) * sin_q1_q2;
-        let t1_7 = like.lift(0.4).mul_add(sin_q1, t1_6);
-        let t1_8 = t1_4 - t1_7;
-        let t1_9 = t1_3 + t1_8;
-        let t1_10 = -t1_9;
-        let t1_11 = t1_4 + t1_3;
-        let t1_12 = t1_6 - t1_11;
-        let t1_13 = -t1_11;
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t1_14 = q5 + q4;
-        let (sin_q4_q5, cos_q4_q5) = t1_14.sin_cos();
-        let t1_15 = like.lift(0.4) * sin_q4_q5;
-        let t1_16 = like.lift(0.4).mul_add(sin_q4, t1_15);
-        let t1_17 = -t1_16;
-        let t1_18 = -t1_15;
-        a[0] = [t1_10, t1_12, t1_13, t1_17, t1_18, like.lift(0.0), like.lift(0.0)];
+        let t1_1 = q3 + q2;
+        let t1_2 = t1_1 + q1;
+        let t1_3 = q2 + q1;
+        let t1_4 = q5 + q4;
+        let t1_5 = q7 + q6;
+        let [
+            (sin_q1_q2_q3, cos_q1_q2_q3), (sin_q1, cos_q1), (sin_q1_q2, cos_q1_q2),
+            (sin_q4, cos_q4), (sin_q4_q5, cos_q4_q5), (sin_q6, cos_q6), (sin_q6_q7, cos_q6_q7),
+        ] =
+            T::sin_cos_all([t1_2, q1, t1_3, q4, t1_4, q6, t1_5]);
         [
-            sin_q1_q2_q3, cos_q1_q2_q3, t1_3, t1_4, cos_q1, cos_q1_q2, t1_6, t1_7, cos_q4,
-            cos_q4_q5,
+            sin_q1_q2_q3, cos_q1_q2_q3, sin_q1, cos_q1, sin_q1_q2, cos_q1_q2, sin_q4, cos_q4,
+            sin_q4_q5, cos_q4_q5, sin_q6, cos_q6, sin_q6_q7, cos_q6_q7,
         ]
+    };
+    // row 1
+    let [t2_1, t2_2, t2_3, t2_4] = {
+        let t2_1 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
+        let t2_2 = like.lift(0.04) * sin_q1_q2_q3;
+        let t2_3 = like.lift(0.4) * sin_q1_q2;
+        let t2_4 = like.lift(0.4).mul_add(sin_q1, t2_3);
+        let t2_5 = t2_1 + t2_2;
+        let t2_6 = t2_5 - t2_4;
+        let t2_7 = -t2_6;
+        let t2_8 = t2_2 + t2_1;
+        let t2_9 = t2_3 - t2_8;
+        let t2_10 = -t2_8;
+        let t2_11 = like.lift(0.4) * sin_q4_q5;
+        let t2_12 = like.lift(0.4).mul_add(sin_q4, t2_11);
+        let t2_13 = -t2_12;
+        let t2_14 = -t2_11;
+        a[0][0] = t2_7; a[0][1] = t2_9; a[0][2] = t2_10; a[0][3] = t2_13; a[0][4] = t2_14;
+        [t2_1, t2_2, t2_3, t2_4]
     };
     // row 2
     {
-        a[1] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
     }
     // row 3
-    let [t3_1, t3_2, t3_3, t3_4] = {
-        let t3_1 = like.lift(0.4) * cos_q1_q2;
-        let t3_2 = like.lift(0.4).mul_add(cos_q1, t3_1);
-        let t3_3 = like.lift(0.04) * cos_q1_q2_q3;
-        let t3_4 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
-        let t3_5 = t3_3 - t3_4;
-        let t3_6 = t3_2 - t3_5;
-        let t3_7 = -t3_6;
-        let t3_8 = t3_1 - t3_3;
-        let t3_9 = t3_4 + t3_8;
-        let t3_10 = -t3_9;
-        let t3_11 = like.lift(0.4) * cos_q4_q5;
-        let t3_12 = like.lift(0.4).mul_add(cos_q4, t3_11);
-        a[2] = [t3_7, t3_10, t3_5, t3_12, t3_11, like.lift(0.0), like.lift(0.0)];
-        [t3_1, t3_2, t3_3, t3_4]
+    let [t4_1, t4_2, t4_3, t4_4] = {
+        let t4_1 = like.lift(0.4) * cos_q1_q2;
+        let t4_2 = like.lift(0.4).mul_add(cos_q1, t4_1);
+        let t4_3 = like.lift(0.04) * cos_q1_q2_q3;
+        let t4_4 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
+        let t4_5 = t4_3 - t4_4;
+        let t4_6 = t4_2 - t4_5;
+        let t4_7 = -t4_6;
+        let t4_8 = t4_4 + t4_1;
+        let t4_9 = t4_8 - t4_3;
+        let t4_10 = -t4_9;
+        let t4_11 = like.lift(0.4) * cos_q4_q5;
+        let t4_12 = like.lift(0.4).mul_add(cos_q4, t4_11);
+        a[2][0] = t4_7; a[2][1] = t4_10; a[2][2] = t4_5; a[2][3] = t4_12; a[2][4] = t4_11;
+        [t4_1, t4_2, t4_3, t4_4]
     };
     // row 4
     {
-        a[3] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
     }
     // row 5
     {
-        a[4] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
     }
     // row 6
-    let [cos_q6, cos_q6_q7] = {
-        let t6_1 = t1_4 + t1_7;
-        let t6_2 = t1_3 - t6_1;
-        let t6_3 = -t6_2;
-        let t6_4 = t1_4 - t1_3;
-        let t6_5 = t1_6 + t6_4;
-        let (sin_q6, cos_q6) = q6.sin_cos();
-        let t6_6 = q7 + q6;
-        let (sin_q6_q7, cos_q6_q7) = t6_6.sin_cos();
-        let t6_7 = like.lift(0.4) * sin_q6_q7;
-        let t6_8 = like.lift(0.4).mul_add(sin_q6, t6_7);
-        let t6_9 = -t6_8;
-        let t6_10 = -t6_7;
-        a[5] = [t6_3, t6_5, t6_4, like.lift(0.0), like.lift(0.0), t6_9, t6_10];
-        [cos_q6, cos_q6_q7]
-    };
+    {
+        let t7_1 = t2_1 - t2_2;
+        let t7_2 = t7_1 - t2_4;
+        let t7_3 = -t7_2;
+        let t7_4 = t2_2 - t2_1;
+        let t7_5 = t2_3 + t7_4;
+        let t7_6 = like.lift(0.4) * sin_q6_q7;
+        let t7_7 = like.lift(0.4).mul_add(sin_q6, t7_6);
+        let t7_8 = -t7_7;
+        let t7_9 = -t7_6;
+        a[5][0] = t7_3; a[5][1] = t7_5; a[5][2] = t7_4; a[5][5] = t7_8; a[5][6] = t7_9;
+    }
     // row 7
     {
-        a[6] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
     }
     // row 8
     {
-        let t8_1 = t3_3 + t3_4;
-        let t8_2 = t3_2 + t8_1;
-        let t8_3 = -t8_2;
-        let t8_4 = t3_1 + t3_3;
-        let t8_5 = t3_4 + t8_4;
-        let t8_6 = -t8_5;
-        let t8_7 = -t8_1;
-        let t8_8 = like.lift(0.4) * cos_q6_q7;
-        let t8_9 = like.lift(0.4).mul_add(cos_q6, t8_8);
-        a[7] = [t8_3, t8_6, t8_7, like.lift(0.0), like.lift(0.0), t8_9, t8_8];
+        let t9_1 = t4_3 + t4_4;
+        let t9_2 = t4_2 + t9_1;
+        let t9_3 = -t9_2;
+        let t9_4 = t4_4 + t4_1;
+        let t9_5 = t9_4 + t4_3;
+        let t9_6 = -t9_5;
+        let t9_7 = -t9_1;
+        let t9_8 = like.lift(0.4) * cos_q6_q7;
+        let t9_9 = like.lift(0.4).mul_add(cos_q6, t9_8);
+        a[7][0] = t9_3; a[7][1] = t9_6; a[7][2] = t9_7; a[7][5] = t9_9; a[7][6] = t9_8;
     }
     // row 9
     {
-        a[8] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
     }
     // row 10
     {
-        a[9] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
     }
     a
 }
@@ -530,100 +527,83 @@ pub fn jacobian<T: Scalar>(q: &[T; 7]) -> [[T; 7]; 10] {
 /// - `qd`: velocities of all coordinates
 /// - `b`: b = -(dA/dt) qd, so that A qdd = b (Eq. 7)
 ///
-/// 27 additions, 48 multiplications, 0 divisions, 7 sines and cosines.
+/// 27 additions, 33 multiplications, 0 divisions, 7 sines and cosines.
 pub fn bias<T: Scalar>(q: &[T; 7], qd: &[T; 7]) -> [T; 10] {
     let like = q[0];
     let mut b = [like.lift(0.0); 10];
     let [q1, q2, q3, q4, q5, q6, q7] = *q;
     let [d_q1, d_q2, d_q3, d_q4, d_q5, d_q6, d_q7] = *qd;
+    // sines and cosines
+    let [
+        sin_q1, cos_q1, sin_q1_q2, cos_q1_q2, sin_q1_q2_q3, cos_q1_q2_q3, sin_q4, cos_q4,
+        sin_q4_q5, cos_q4_q5, sin_q6, cos_q6, sin_q6_q7, cos_q6_q7,
+    ] = {
+        let t1_1 = q2 + q1;
+        let t1_2 = q3 + q2;
+        let t1_3 = t1_2 + q1;
+        let t1_4 = q5 + q4;
+        let t1_5 = q7 + q6;
+        let [
+            (sin_q1, cos_q1), (sin_q1_q2, cos_q1_q2), (sin_q1_q2_q3, cos_q1_q2_q3),
+            (sin_q4, cos_q4), (sin_q4_q5, cos_q4_q5), (sin_q6, cos_q6), (sin_q6_q7, cos_q6_q7),
+        ] =
+            T::sin_cos_all([q1, t1_1, t1_3, q4, t1_4, q6, t1_5]);
+        [
+            sin_q1, cos_q1, sin_q1_q2, cos_q1_q2, sin_q1_q2_q3, cos_q1_q2_q3, sin_q4, cos_q4,
+            sin_q4_q5, cos_q4_q5, sin_q6, cos_q6, sin_q6_q7, cos_q6_q7,
+        ]
+    };
     // b (Eq. 7)
     {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = cos_q1 * d_q1;
-        let t1_2 = d_q1 * t1_1;
-        let t1_3 = like.lift(0.4) * t1_2;
-        let t1_4 = d_q1 + d_q2;
-        let t1_5 = q2 + q1;
-        let (sin_q1_q2, cos_q1_q2) = t1_5.sin_cos();
-        let t1_6 = cos_q1_q2 * t1_4;
-        let t1_7 = t1_4 * t1_6;
-        let t1_8 = like.lift(0.4).mul_add(t1_7, t1_3);
-        let t1_9 = d_q3 + t1_4;
-        let t1_10 = q2 + q1;
-        let t1_11 = q3 + t1_10;
-        let (sin_q1_q2_q3, cos_q1_q2_q3) = t1_11.sin_cos();
-        let t1_12 = like.lift(0.04) * cos_q1_q2_q3;
-        let t1_13 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
-        let t1_14 = t1_12 - t1_13;
-        let t1_15 = t1_14 * t1_9;
-        let t1_16 = (-t1_9).mul_add(t1_15, t1_8);
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t1_17 = cos_q4 * d_q4;
-        let t1_18 = d_q4 * t1_17;
-        let t1_19 = like.lift(0.4) * t1_18;
-        let t1_20 = d_q4 + d_q5;
-        let t1_21 = q5 + q4;
-        let (sin_q4_q5, cos_q4_q5) = t1_21.sin_cos();
-        let t1_22 = cos_q4_q5 * t1_20;
-        let t1_23 = t1_20 * t1_22;
-        let t1_24 = like.lift(0.4).mul_add(t1_23, t1_19);
-        let t1_25 = t1_16 - t1_24;
-        let t1_26 = -t1_25;
-        b[0] = t1_26;
-        let t1_27 = sin_q1 * d_q1;
-        let t1_28 = d_q1 * t1_27;
-        let t1_29 = like.lift(0.4) * t1_28;
-        let t1_30 = sin_q1_q2 * t1_4;
-        let t1_31 = t1_4 * t1_30;
-        let t1_32 = like.lift(0.4).mul_add(t1_31, t1_29);
-        let t1_33 = like.lift(0.04) * sin_q1_q2_q3;
-        let t1_34 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
-        let t1_35 = t1_33 + t1_34;
-        let t1_36 = t1_35 * t1_9;
-        let t1_37 = (-t1_9).mul_add(t1_36, t1_32);
-        let t1_38 = sin_q4 * d_q4;
-        let t1_39 = d_q4 * t1_38;
-        let t1_40 = like.lift(0.4) * t1_39;
-        let t1_41 = sin_q4_q5 * t1_20;
-        let t1_42 = t1_20 * t1_41;
-        let t1_43 = like.lift(0.4).mul_add(t1_42, t1_40);
-        let t1_44 = t1_37 - t1_43;
-        let t1_45 = -t1_44;
-        b[2] = t1_45;
-        let t1_46 = t1_12 + t1_13;
-        let t1_47 = t1_46 * t1_9;
-        let t1_48 = t1_9.mul_add(t1_47, t1_8);
-        let (sin_q6, cos_q6) = q6.sin_cos();
-        let t1_49 = cos_q6 * d_q6;
-        let t1_50 = d_q6 * t1_49;
-        let t1_51 = like.lift(0.4) * t1_50;
-        let t1_52 = d_q6 + d_q7;
-        let t1_53 = q7 + q6;
-        let (sin_q6_q7, cos_q6_q7) = t1_53.sin_cos();
-        let t1_54 = cos_q6_q7 * t1_52;
-        let t1_55 = t1_52 * t1_54;
-        let t1_56 = like.lift(0.4).mul_add(t1_55, t1_51);
-        let t1_57 = t1_48 - t1_56;
-        let t1_58 = -t1_57;
-        b[5] = t1_58;
-        let t1_59 = t1_33 - t1_34;
-        let t1_60 = t1_59 * t1_9;
-        let t1_61 = t1_9.mul_add(t1_60, t1_32);
-        let t1_62 = sin_q6 * d_q6;
-        let t1_63 = d_q6 * t1_62;
-        let t1_64 = like.lift(0.4) * t1_63;
-        let t1_65 = sin_q6_q7 * t1_52;
-        let t1_66 = t1_52 * t1_65;
-        let t1_67 = like.lift(0.4).mul_add(t1_66, t1_64);
-        let t1_68 = t1_61 - t1_67;
-        let t1_69 = -t1_68;
-        b[7] = t1_69;
-        b[1] = like.lift(0.0);
-        b[3] = like.lift(0.0);
-        b[4] = like.lift(0.0);
-        b[6] = like.lift(0.0);
-        b[8] = like.lift(0.0);
-        b[9] = like.lift(0.0);
+        let t2_1 = d_q1 + d_q2;
+        let t2_2 = t2_1 * t2_1;
+        let t2_3 = d_q1 * d_q1;
+        let t2_4 = cos_q1_q2 * t2_2;
+        let t2_5 = cos_q1.mul_add(t2_3, t2_4);
+        let t2_6 = like.lift(0.4) * t2_5;
+        let t2_7 = d_q3 + t2_1;
+        let t2_8 = like.lift(0.04) * cos_q1_q2_q3;
+        let t2_9 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
+        let t2_10 = t2_8 - t2_9;
+        let t2_11 = d_q4 + d_q5;
+        let t2_12 = t2_11 * t2_11;
+        let t2_13 = d_q4 * d_q4;
+        let t2_14 = t2_7 * t2_7;
+        let t2_15 = cos_q4_q5 * t2_12;
+        let t2_16 = cos_q4.mul_add(t2_13, t2_15);
+        let t2_17 = (-t2_10).mul_add(t2_14, t2_6);
+        let t2_18 = like.lift(-0.4).mul_add(t2_16, t2_17);
+        let t2_19 = -t2_18;
+        b[0] = t2_19;
+        let t2_20 = sin_q1_q2 * t2_2;
+        let t2_21 = sin_q1.mul_add(t2_3, t2_20);
+        let t2_22 = like.lift(0.4) * t2_21;
+        let t2_23 = like.lift(0.04) * sin_q1_q2_q3;
+        let t2_24 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
+        let t2_25 = t2_23 + t2_24;
+        let t2_26 = sin_q4_q5 * t2_12;
+        let t2_27 = sin_q4.mul_add(t2_13, t2_26);
+        let t2_28 = (-t2_25).mul_add(t2_14, t2_22);
+        let t2_29 = like.lift(-0.4).mul_add(t2_27, t2_28);
+        let t2_30 = -t2_29;
+        b[2] = t2_30;
+        let t2_31 = t2_8 + t2_9;
+        let t2_32 = d_q6 + d_q7;
+        let t2_33 = t2_32 * t2_32;
+        let t2_34 = d_q6 * d_q6;
+        let t2_35 = cos_q6_q7 * t2_33;
+        let t2_36 = cos_q6.mul_add(t2_34, t2_35);
+        let t2_37 = t2_31.mul_add(t2_14, t2_6);
+        let t2_38 = like.lift(-0.4).mul_add(t2_36, t2_37);
+        let t2_39 = -t2_38;
+        b[5] = t2_39;
+        let t2_40 = t2_23 - t2_24;
+        let t2_41 = sin_q6_q7 * t2_33;
+        let t2_42 = sin_q6.mul_add(t2_34, t2_41);
+        let t2_43 = t2_40.mul_add(t2_14, t2_22);
+        let t2_44 = like.lift(-0.4).mul_add(t2_42, t2_43);
+        let t2_45 = -t2_44;
+        b[7] = t2_45;
     }
     b
 }
@@ -633,148 +613,160 @@ pub fn bias<T: Scalar>(q: &[T; 7], qd: &[T; 7]) -> [T; 10] {
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
 /// - `dq_e`: step of the dependent coordinates in the order of `DEPENDENT`: A_e dq_e = -f
 ///
-/// 58 additions, 50 multiplications, 4 divisions, 7 sines and cosines.
+/// 58 additions, 46 multiplications, 4 divisions, 7 sines and cosines.
 pub fn newton_step<T: Scalar>(q: &[T; 7]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut dq_e = [like.lift(0.0); 4];
     let [q1, q2, q3, q4, q5, q6, q7] = *q;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_q3, cos_q3, sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5,
+        sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7, sin_q1, cos_q1,
+        sin_q1_q2, cos_q1_q2, sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4,
+        sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6,
+    ] = {
+        let t1_1 = q3 + q2;
+        let t1_2 = t1_1 + q1;
+        let t1_3 = t1_2 - q4;
+        let t1_4 = t1_3 - q5;
+        let t1_5 = q3 + q2;
+        let t1_6 = t1_5 + q1;
+        let t1_7 = t1_6 - q6;
+        let t1_8 = t1_7 - q7;
+        let t1_9 = q2 + q1;
+        let t1_10 = q3 + q2;
+        let t1_11 = t1_10 + q1;
+        let t1_12 = t1_11 - q4;
+        let t1_13 = q3 + q2;
+        let t1_14 = t1_13 + q1;
+        let t1_15 = t1_14 - q6;
+        let [
+            (sin_q3, cos_q3), (sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5),
+            (sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7), (sin_q1, cos_q1),
+            (sin_q1_q2, cos_q1_q2), (sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4),
+            (sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6),
+        ] =
+            T::sin_cos_all([q3, t1_4, t1_8, q1, t1_9, t1_12, t1_15]);
+        [
+            sin_q3, cos_q3, sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5,
+            sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7, sin_q1, cos_q1,
+            sin_q1_q2, cos_q1_q2, sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4,
+            sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6,
+        ]
+    };
     // A_e dq_e = -f
     {
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_1 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
-        let t1_2 = -t1_1;
-        let t1_3 = q2 + q1;
-        let t1_4 = q3 + t1_3;
-        let t1_5 = t1_4 - q4;
-        let t1_6 = t1_5 - q5;
-        let (sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5) = t1_6.sin_cos();
-        let t1_7 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
-        let t1_8 = like.lift(0.4) * cos_q3;
-        let t1_9 = like.lift(0.04) - t1_8;
-        let t1_10 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let t1_11 = q2 + q1;
-        let t1_12 = q3 + t1_11;
-        let t1_13 = t1_12 - q6;
-        let t1_14 = t1_13 - q7;
-        let (sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7) = t1_14.sin_cos();
+        let t2_1 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
+        let t2_2 = -t2_1;
+        let t2_3 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
+        let t2_4 = like.lift(0.4) * cos_q3;
+        let t2_5 = like.lift(0.04) - t2_4;
+        let t2_6 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
         let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t1_15 = like.lift(0.04) + t1_8;
-        let t1_16 = -t1_15;
-        let t1_17 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_18 = like.lift(0.4) * cos_q1;
-        let t1_19 = q2 + q1;
-        let (sin_q1_q2, cos_q1_q2) = t1_19.sin_cos();
-        let t1_20 = like.lift(0.4).mul_add(cos_q1_q2, t1_18);
-        let t1_21 = cos_q1_q2 * sin_q3;
-        let t1_22 = sin_q1_q2 * sin_q3;
-        let sin_q1_q2_q3 = sin_q1_q2.mul_add(cos_q3, t1_21);
-        let cos_q1_q2_q3 = cos_q1_q2.mul_add(cos_q3, -t1_22);
-        let t1_23 = t1_20 * cos_q1_q2_q3;
-        let t1_24 = like.lift(0.4).mul_add(sin_q1, like.lift(0.5196152422706631));
-        let t1_25 = like.lift(0.4).mul_add(sin_q1_q2, t1_24);
-        let t1_26 = t1_25.mul_add(sin_q1_q2_q3, t1_23);
-        let t1_27 = like.lift(0.45) * cos_q1_q2_q3;
-        let t1_28 = like.lift(0.25980762113533157) * sin_q1_q2_q3;
-        let t1_29 = t1_27 + t1_28;
-        let t1_30 = t1_26 + t1_29;
-        let t1_31 = q2 + q1;
-        let t1_32 = q3 + t1_31;
-        let t1_33 = t1_32 - q4;
-        let (sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4) = t1_33.sin_cos();
-        let t1_34 = like.lift(-0.4).mul_add(cos_q1_q2_q3_minus_q4, t1_30);
-        let t1_35 = t1_34 - t1_10;
-        let t1_36 = like.lift(0.04) - t1_35;
-        let t1_37 = -t1_36;
-        let t1_38 = t1_20 * sin_q1_q2_q3;
-        let t1_39 = (-t1_25).mul_add(cos_q1_q2_q3, t1_38);
-        let t1_40 = like.lift(0.45) * sin_q1_q2_q3;
-        let t1_41 = like.lift(0.25980762113533157) * cos_q1_q2_q3;
-        let t1_42 = t1_40 - t1_41;
-        let t1_43 = t1_39 + t1_42;
-        let t1_44 = like.lift(-0.4).mul_add(sin_q1_q2_q3_minus_q4, t1_43);
-        let t1_45 = t1_44 - t1_7;
-        let t1_46 = like.lift(0.06928203230275509) + t1_45;
-        let t1_47 = -t1_46;
-        let t1_48 = t1_27 - t1_28;
-        let t1_49 = t1_26 - t1_48;
-        let t1_50 = q2 + q1;
-        let t1_51 = q3 + t1_50;
-        let t1_52 = t1_51 - q6;
-        let (sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6) = t1_52.sin_cos();
-        let t1_53 = like.lift(-0.4).mul_add(cos_q1_q2_q3_minus_q6, t1_49);
-        let t1_54 = t1_53 - t1_17;
-        let t1_55 = like.lift(0.04) + t1_54;
-        let t1_56 = t1_40 + t1_41;
-        let t1_57 = t1_39 - t1_56;
-        let t1_58 = like.lift(-0.4).mul_add(sin_q1_q2_q3_minus_q6, t1_57);
-        let t1_59 = t1_58 - pivot_1;
-        let t1_60 = like.lift(0.06928203230275509) + t1_59;
-        let t1_61 = -t1_60;
-        let t1_62 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
-        let t1_63 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_62;
-        let pivot_2 = (-t1_1).mul_add(t1_63, t1_15);
+        let t2_7 = like.lift(0.04) + t2_4;
+        let t2_8 = -t2_7;
+        let t2_9 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t2_10 = cos_q1_q2 + cos_q1;
+        let t2_11 = like.lift(0.4) * t2_10;
+        let t2_12 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t2_12);
+        let t2_13 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_13);
+        let t2_14 = sin_q1_q2 + sin_q1;
+        let t2_15 = like.lift(0.4).mul_add(t2_14, like.lift(0.5196152422706631));
+        let t2_16 = t2_15 * sin_q1_q2_q3;
+        let t2_17 = t2_11.mul_add(cos_q1_q2_q3, t2_16);
+        let t2_18 = like.lift(0.45) * cos_q1_q2_q3;
+        let t2_19 = like.lift(0.25980762113533157) * sin_q1_q2_q3;
+        let t2_20 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, like.lift(0.04));
+        let t2_21 = t2_20 - t2_17;
+        let t2_22 = t2_21 - t2_18;
+        let t2_23 = t2_22 - t2_19;
+        let t2_24 = t2_23 + t2_6;
+        let t2_25 = -t2_24;
+        let t2_26 = t2_11 * sin_q1_q2_q3;
+        let t2_27 = (-t2_15).mul_add(cos_q1_q2_q3, t2_26);
+        let t2_28 = like.lift(0.45) * sin_q1_q2_q3;
+        let t2_29 = like.lift(0.25980762113533157) * cos_q1_q2_q3;
+        let t2_30 = like.lift(-0.4).mul_add(sin_q1_q2_q3_minus_q4, like.lift(0.06928203230275509));
+        let t2_31 = t2_30 + t2_27;
+        let t2_32 = t2_31 + t2_28;
+        let t2_33 = t2_32 - t2_29;
+        let t2_34 = t2_33 - t2_3;
+        let t2_35 = -t2_34;
+        let t2_36 = like.lift(-0.4).mul_add(cos_q1_q2_q3_minus_q6, like.lift(0.04));
+        let t2_37 = t2_36 + t2_17;
+        let t2_38 = t2_37 - t2_18;
+        let t2_39 = t2_38 + t2_19;
+        let t2_40 = t2_39 - t2_9;
+        let t2_41 = like.lift(-0.4).mul_add(sin_q1_q2_q3_minus_q6, like.lift(0.06928203230275509));
+        let t2_42 = t2_41 + t2_27;
+        let t2_43 = t2_42 - t2_28;
+        let t2_44 = t2_43 - t2_29;
+        let t2_45 = t2_44 - pivot_1;
+        let t2_46 = -t2_45;
+        let t2_47 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_48 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_47;
+        let pivot_2 = (-t2_1).mul_add(t2_48, t2_7);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t1_64 = t1_55.mul_add(t1_63, t1_60);
-        let t1_65 = like.lift(-0.06928203230275509).mul_add(t1_63, like.lift(0.04));
-        let t1_66 = t1_9 * inv_pivot_2;
-        let pivot_3 = (-t1_65).mul_add(t1_66, like.lift(0.04));
+        let t2_49 = t2_40.mul_add(t2_48, t2_45);
+        let t2_50 = like.lift(-0.06928203230275509).mul_add(t2_48, like.lift(0.04));
+        let t2_51 = t2_5 * inv_pivot_2;
+        let pivot_3 = (-t2_50).mul_add(t2_51, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_67 = t1_66.mul_add(t1_64, t1_46);
-        let t1_68 = t1_1 * inv_pivot_2;
-        let t1_69 = (-t1_65).mul_add(t1_68, like.lift(0.06928203230275509));
-        let t1_70 = t1_69 * inv_pivot_3;
-        let t1_71 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_70;
-        let pivot_4 = like.lift(0.4).mul_add(t1_71, t1_7);
+        let t2_52 = t2_51.mul_add(t2_49, t2_34);
+        let t2_53 = t2_1 * inv_pivot_2;
+        let t2_54 = (-t2_50).mul_add(t2_53, like.lift(0.06928203230275509));
+        let t2_55 = t2_54 * inv_pivot_3;
+        let pivot_4 = t2_55.mul_add(t2_6, t2_3);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t1_72 = (-t1_68).mul_add(t1_64, t1_36);
-        let t1_73 = t1_70.mul_add(t1_67, t1_72);
-        let t1_74 = inv_pivot_4 * t1_73;
-        let t1_75 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_74;
-        let t1_76 = like.lift(-0.4).mul_add(t1_75, t1_67);
-        let t1_77 = inv_pivot_3 * t1_76;
-        let t1_78 = t1_65.mul_add(t1_77, t1_64);
-        let t1_79 = inv_pivot_2 * t1_78;
-        let t1_80 = -t1_77;
-        let t1_81 = -t1_74;
-        let t1_82 = t1_1.mul_add(t1_79, t1_55);
-        let t1_83 = like.lift(-0.06928203230275509).mul_add(t1_77, t1_82);
-        let t1_84 = t1_62 * t1_83;
-        let t1_85 = like.lift(2.5) * t1_84;
-        let t1_86 = -pivot_2;
+        let t2_56 = t2_55.mul_add(t2_52, t2_24);
+        let t2_57 = (-t2_53).mul_add(t2_49, t2_56);
+        let t2_58 = inv_pivot_4 * t2_57;
+        let t2_59 = (-t2_58).mul_add(t2_6, t2_52);
+        let t2_60 = inv_pivot_3 * t2_59;
+        let t2_61 = t2_50.mul_add(t2_60, t2_49);
+        let t2_62 = inv_pivot_2 * t2_61;
+        let t2_63 = -t2_60;
+        let t2_64 = -t2_58;
+        let t2_65 = like.lift(-0.06928203230275509).mul_add(t2_60, t2_40);
+        let t2_66 = t2_1.mul_add(t2_62, t2_65);
+        let t2_67 = like.lift(2.5) * t2_47;
+        let t2_68 = t2_67 * t2_66;
+        let t2_69 = -pivot_2;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
-            .min((t1_86 * like.lift(2.7080930926705737)).abs())
+            .min((t2_69 * like.lift(2.7080930926705737)).abs())
             .min((pivot_3 * like.lift(19.82662604894746)).abs())
             .min((pivot_4 * like.lift(2.203476117557732)).abs());
-        let ([[t1_87], [t1_88], [t1_89], [t1_90]], found) = ::regen_runtime::guarded(
-            [[t1_79], [t1_80], [t1_81], [t1_85]],
+        let ([[t2_70], [t2_71], [t2_72], [t2_73]], found) = ::regen_runtime::guarded(
+            [[t2_62], [t2_63], [t2_64], [t2_68]],
             margin,
             || (
                 [
-                    [t1_2, like.lift(-0.06928203230275509), t1_7, like.lift(0.0)],
-                    [t1_9, like.lift(0.04), t1_10, like.lift(0.0)],
+                    [t2_2, like.lift(-0.06928203230275509), t2_3, like.lift(0.0)],
+                    [t2_5, like.lift(0.04), t2_6, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t1_2, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
-                    [t1_16, like.lift(-0.04), like.lift(0.0), t1_17],
+                    [t2_2, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
+                    [t2_8, like.lift(-0.04), like.lift(0.0), t2_9],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t1_37], [t1_47], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
-                    [t1_55], [t1_61], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_25], [t2_35], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_40], [t2_46], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
-        dq_e[0] = t1_87;
-        dq_e[1] = t1_88;
-        dq_e[2] = t1_89;
-        dq_e[3] = t1_90;
+        dq_e[0] = t2_70;
+        dq_e[1] = t2_71;
+        dq_e[2] = t2_72;
+        dq_e[3] = t2_73;
     }
     (dq_e, Condition { pivot: condition })
 }
@@ -789,33 +781,45 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 7]) -> [[T; 4]; 4] {
     let like = q[0];
     let mut a_e = [[like.lift(0.0); 4]; 4];
     let [q1, q2, q3, q4, q5, q6, q7] = *q;
+    // sines and cosines
+    let [
+        sin_q3, cos_q3, sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7,
+        sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5,
+    ] = {
+        let t1_1 = q3 + q2;
+        let t1_2 = t1_1 + q1;
+        let t1_3 = t1_2 - q6;
+        let t1_4 = t1_3 - q7;
+        let t1_5 = q3 + q2;
+        let t1_6 = t1_5 + q1;
+        let t1_7 = t1_6 - q4;
+        let t1_8 = t1_7 - q5;
+        let [
+            (sin_q3, cos_q3), (sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7),
+            (sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5),
+        ] =
+            T::sin_cos_all([q3, t1_4, t1_8]);
+        [
+            sin_q3, cos_q3, sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7,
+            sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5,
+        ]
+    };
     // A_e (Eq. 8)
     {
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_1 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
-        let t1_2 = -t1_1;
-        let t1_3 = q2 + q1;
-        let t1_4 = q3 + t1_3;
-        let t1_5 = t1_4 - q6;
-        let t1_6 = t1_5 - q7;
-        let (sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7) = t1_6.sin_cos();
+        let t2_1 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
+        let t2_2 = -t2_1;
         let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        a_e[0] = [t1_2, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1];
-        let t1_7 = like.lift(0.4) * cos_q3;
-        let t1_8 = like.lift(0.04) + t1_7;
-        let t1_9 = -t1_8;
-        let t1_10 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        a_e[1] = [t1_9, like.lift(-0.04), like.lift(0.0), t1_10];
-        let t1_11 = like.lift(0.04) - t1_7;
-        let t1_12 = q2 + q1;
-        let t1_13 = q3 + t1_12;
-        let t1_14 = t1_13 - q4;
-        let t1_15 = t1_14 - q5;
-        let (sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5) = t1_15.sin_cos();
-        let t1_16 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
-        a_e[2] = [t1_11, like.lift(0.04), t1_16, like.lift(0.0)];
-        let t1_17 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
-        a_e[3] = [t1_2, like.lift(-0.06928203230275509), t1_17, like.lift(0.0)];
+        a_e[0][0] = t2_2; a_e[0][1] = like.lift(-0.06928203230275509); a_e[0][3] = pivot_1;
+        let t2_3 = like.lift(0.4) * cos_q3;
+        let t2_4 = like.lift(0.04) + t2_3;
+        let t2_5 = -t2_4;
+        let t2_6 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        a_e[1][0] = t2_5; a_e[1][1] = like.lift(-0.04); a_e[1][3] = t2_6;
+        let t2_7 = like.lift(0.04) - t2_3;
+        let t2_8 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
+        a_e[2][0] = t2_7; a_e[2][1] = like.lift(0.04); a_e[2][2] = t2_8;
+        let t2_9 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
+        a_e[3][0] = t2_2; a_e[3][1] = like.lift(-0.06928203230275509); a_e[3][2] = t2_9;
     }
     a_e
 }
@@ -826,130 +830,141 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 7]) -> [[T; 4]; 4] {
 /// - `qd_i`: velocities of the independent coordinates, in the order of `INDEPENDENT`
 /// - `qd`: velocities of all coordinates
 ///
-/// 44 additions, 48 multiplications, 4 divisions, 6 sines and cosines.
+/// 44 additions, 44 multiplications, 4 divisions, 6 sines and cosines.
 pub fn velocities<T: Scalar>(q: &[T; 7], qd_i: &[T; 3]) -> ([T; 7], Condition<T>) {
     let like = q[0];
     let mut qd = [like.lift(0.0); 7];
     let [q1, q2, q3, q4, q5, q6, q7] = *q;
     let [d_q1, d_q4, d_q6] = *qd_i;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_q3, cos_q3, sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5,
+        sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7, sin_q2, cos_q2,
+        sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4, sin_q1_q2_q3_minus_q6,
+        cos_q1_q2_q3_minus_q6,
+    ] = {
+        let t1_1 = q3 + q2;
+        let t1_2 = t1_1 + q1;
+        let t1_3 = t1_2 - q4;
+        let t1_4 = t1_3 - q5;
+        let t1_5 = q3 + q2;
+        let t1_6 = t1_5 + q1;
+        let t1_7 = t1_6 - q6;
+        let t1_8 = t1_7 - q7;
+        let t1_9 = q3 + q2;
+        let t1_10 = t1_9 + q1;
+        let t1_11 = t1_10 - q4;
+        let t1_12 = q3 + q2;
+        let t1_13 = t1_12 + q1;
+        let t1_14 = t1_13 - q6;
+        let [
+            (sin_q3, cos_q3), (sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5),
+            (sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7), (sin_q2, cos_q2),
+            (sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4),
+            (sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6),
+        ] =
+            T::sin_cos_all([q3, t1_4, t1_8, q2, t1_11, t1_14]);
+        [
+            sin_q3, cos_q3, sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5,
+            sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7, sin_q2, cos_q2,
+            sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4, sin_q1_q2_q3_minus_q6,
+            cos_q1_q2_q3_minus_q6,
+        ]
+    };
     // A_e qd_e = -A_i qd_i (Eq. 8)
     {
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_1 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
-        let t1_2 = -t1_1;
-        let t1_3 = q2 + q1;
-        let t1_4 = q3 + t1_3;
-        let t1_5 = t1_4 - q4;
-        let t1_6 = t1_5 - q5;
-        let (sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5) = t1_6.sin_cos();
-        let t1_7 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
-        let t1_8 = like.lift(0.4) * cos_q3;
-        let t1_9 = like.lift(0.04) - t1_8;
-        let t1_10 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let t1_11 = q2 + q1;
-        let t1_12 = q3 + t1_11;
-        let t1_13 = t1_12 - q6;
-        let t1_14 = t1_13 - q7;
-        let (sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7) = t1_14.sin_cos();
+        let t2_1 = like.lift(0.4) * sin_q3;
+        let t2_2 = t2_1 + like.lift(0.06928203230275509);
+        let t2_3 = -t2_2;
+        let t2_4 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
+        let t2_5 = like.lift(0.4) * cos_q3;
+        let t2_6 = like.lift(0.04) - t2_5;
+        let t2_7 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
         let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t1_15 = like.lift(0.04) + t1_8;
-        let t1_16 = -t1_15;
-        let t1_17 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_18 = sin_q2 * cos_q3;
-        let t1_19 = like.lift(0.4) * t1_18;
-        let t1_20 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
-        let t1_21 = sin_q3.mul_add(t1_20, t1_19);
-        let t1_22 = like.lift(0.06928203230275509) + t1_21;
-        let t1_23 = t1_22 * d_q1;
-        let t1_24 = q2 + q1;
-        let t1_25 = q3 + t1_24;
-        let t1_26 = t1_25 - q4;
-        let (sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4) = t1_26.sin_cos();
-        let t1_27 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t1_7);
-        let t1_28 = (-t1_27).mul_add(d_q4, t1_23);
-        let t1_29 = sin_q2 * sin_q3;
-        let t1_30 = like.lift(0.4) * t1_29;
-        let t1_31 = (-cos_q3).mul_add(t1_20, t1_30);
-        let t1_32 = like.lift(0.04) + t1_31;
-        let t1_33 = t1_32 * d_q1;
-        let t1_34 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t1_10);
-        let t1_35 = t1_34.mul_add(d_q4, t1_33);
-        let t1_36 = -t1_35;
-        let t1_37 = q2 + q1;
-        let t1_38 = q3 + t1_37;
-        let t1_39 = t1_38 - q6;
-        let (sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6) = t1_39.sin_cos();
-        let t1_40 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
-        let t1_41 = (-t1_40).mul_add(d_q6, t1_23);
-        let t1_42 = like.lift(0.04) - t1_31;
-        let t1_43 = t1_42 * d_q1;
-        let t1_44 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t1_17);
-        let t1_45 = (-t1_44).mul_add(d_q6, t1_43);
-        let t1_46 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
-        let t1_47 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_46;
-        let pivot_2 = (-t1_1).mul_add(t1_47, t1_15);
+        let t2_8 = like.lift(0.04) + t2_5;
+        let t2_9 = -t2_8;
+        let t2_10 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t2_11 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
+        let t2_12 = sin_q3.mul_add(t2_11, like.lift(0.06928203230275509));
+        let t2_13 = sin_q2.mul_add(t2_5, t2_12);
+        let t2_14 = t2_13 * d_q1;
+        let t2_15 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t2_4);
+        let t2_16 = (-t2_15).mul_add(d_q4, t2_14);
+        let t2_17 = sin_q2 * t2_1;
+        let t2_18 = (-cos_q3).mul_add(t2_11, t2_17);
+        let t2_19 = like.lift(0.04) + t2_18;
+        let t2_20 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t2_7);
+        let t2_21 = t2_20 * d_q4;
+        let t2_22 = t2_19.mul_add(d_q1, t2_21);
+        let t2_23 = -t2_22;
+        let t2_24 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
+        let t2_25 = (-t2_24).mul_add(d_q6, t2_14);
+        let t2_26 = like.lift(0.04) - t2_18;
+        let t2_27 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_10);
+        let t2_28 = t2_26 * d_q1;
+        let t2_29 = (-t2_27).mul_add(d_q6, t2_28);
+        let t2_30 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_31 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_30;
+        let pivot_2 = (-t2_2).mul_add(t2_31, t2_8);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t1_48 = (-t1_47).mul_add(t1_41, t1_45);
-        let t1_49 = like.lift(-0.06928203230275509).mul_add(t1_47, like.lift(0.04));
-        let t1_50 = t1_9 * inv_pivot_2;
-        let pivot_3 = (-t1_49).mul_add(t1_50, like.lift(0.04));
+        let t2_32 = (-t2_31).mul_add(t2_25, t2_29);
+        let t2_33 = like.lift(-0.06928203230275509).mul_add(t2_31, like.lift(0.04));
+        let t2_34 = t2_6 * inv_pivot_2;
+        let pivot_3 = (-t2_33).mul_add(t2_34, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_51 = (-t1_50).mul_add(t1_48, t1_35);
-        let t1_52 = t1_1 * inv_pivot_2;
-        let t1_53 = (-t1_49).mul_add(t1_52, like.lift(0.06928203230275509));
-        let t1_54 = t1_53 * inv_pivot_3;
-        let t1_55 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_54;
-        let pivot_4 = like.lift(0.4).mul_add(t1_55, t1_7);
+        let t2_35 = (-t2_34).mul_add(t2_32, t2_22);
+        let t2_36 = t2_2 * inv_pivot_2;
+        let t2_37 = (-t2_33).mul_add(t2_36, like.lift(0.06928203230275509));
+        let t2_38 = t2_37 * inv_pivot_3;
+        let pivot_4 = t2_38.mul_add(t2_7, t2_4);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t1_56 = (-t1_52).mul_add(t1_48, t1_28);
-        let t1_57 = (-t1_54).mul_add(t1_51, t1_56);
-        let t1_58 = inv_pivot_4 * t1_57;
-        let t1_59 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_58;
-        let t1_60 = like.lift(0.4).mul_add(t1_59, t1_51);
-        let t1_61 = inv_pivot_3 * t1_60;
-        let t1_62 = (-t1_49).mul_add(t1_61, t1_48);
-        let t1_63 = inv_pivot_2 * t1_62;
-        let t1_64 = -t1_63;
-        let t1_65 = -t1_61;
-        let t1_66 = (-t1_1).mul_add(t1_63, t1_41);
-        let t1_67 = like.lift(-0.06928203230275509).mul_add(t1_61, t1_66);
-        let t1_68 = t1_46 * t1_67;
-        let t1_69 = like.lift(2.5) * t1_68;
-        let t1_70 = -pivot_2;
+        let t2_39 = (-t2_38).mul_add(t2_35, t2_16);
+        let t2_40 = (-t2_36).mul_add(t2_32, t2_39);
+        let t2_41 = inv_pivot_4 * t2_40;
+        let t2_42 = t2_41.mul_add(t2_7, t2_35);
+        let t2_43 = inv_pivot_3 * t2_42;
+        let t2_44 = (-t2_33).mul_add(t2_43, t2_32);
+        let t2_45 = inv_pivot_2 * t2_44;
+        let t2_46 = -t2_45;
+        let t2_47 = -t2_43;
+        let t2_48 = like.lift(-0.06928203230275509).mul_add(t2_43, t2_25);
+        let t2_49 = (-t2_2).mul_add(t2_45, t2_48);
+        let t2_50 = like.lift(2.5) * t2_30;
+        let t2_51 = t2_50 * t2_49;
+        let t2_52 = -pivot_2;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
-            .min((t1_70 * like.lift(2.7080930926705737)).abs())
+            .min((t2_52 * like.lift(2.7080930926705737)).abs())
             .min((pivot_3 * like.lift(19.82662604894746)).abs())
             .min((pivot_4 * like.lift(2.203476117557732)).abs());
-        let ([[t1_71], [t1_72], [t1_73], [t1_74]], found) = ::regen_runtime::guarded(
-            [[t1_64], [t1_65], [t1_58], [t1_69]],
+        let ([[t2_53], [t2_54], [t2_55], [t2_56]], found) = ::regen_runtime::guarded(
+            [[t2_46], [t2_47], [t2_41], [t2_51]],
             margin,
             || (
                 [
-                    [t1_2, like.lift(-0.06928203230275509), t1_7, like.lift(0.0)],
-                    [t1_9, like.lift(0.04), t1_10, like.lift(0.0)],
+                    [t2_3, like.lift(-0.06928203230275509), t2_4, like.lift(0.0)],
+                    [t2_6, like.lift(0.04), t2_7, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t1_2, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
-                    [t1_16, like.lift(-0.04), like.lift(0.0), t1_17],
+                    [t2_3, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
+                    [t2_9, like.lift(-0.04), like.lift(0.0), t2_10],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t1_28], [t1_36], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
-                    [t1_41], [t1_45], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_16], [t2_23], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_25], [t2_29], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
-        qd[1] = t1_71;
-        qd[2] = t1_72;
-        qd[4] = t1_73;
-        qd[6] = t1_74;
+        qd[1] = t2_53;
+        qd[2] = t2_54;
+        qd[4] = t2_55;
+        qd[6] = t2_56;
         qd[0] = d_q1;
         qd[3] = d_q4;
         qd[5] = d_q6;
@@ -964,7 +979,7 @@ pub fn velocities<T: Scalar>(q: &[T; 7], qd_i: &[T; 3]) -> ([T; 7], Condition<T>
 /// - `qdd_i`: accelerations of the independent coordinates
 /// - `qdd`: accelerations of all coordinates
 ///
-/// 66 additions, 87 multiplications, 4 divisions, 6 sines and cosines.
+/// 66 additions, 72 multiplications, 4 divisions, 6 sines and cosines.
 pub fn accelerations<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd_i: &[T; 3]) -> ([T; 7], Condition<T>) {
     let like = q[0];
     let mut qdd = [like.lift(0.0); 7];
@@ -972,176 +987,170 @@ pub fn accelerations<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd_i: &[T; 3]) -> ([T;
     let [d_q1, d_q2, d_q3, d_q4, d_q5, d_q6, d_q7] = *qd;
     let [dd_q1, dd_q4, dd_q6] = *qdd_i;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_q3, cos_q3, sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5,
+        sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7, sin_q2, cos_q2,
+        sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4, sin_q1_q2_q3_minus_q6,
+        cos_q1_q2_q3_minus_q6,
+    ] = {
+        let t1_1 = q3 + q2;
+        let t1_2 = t1_1 + q1;
+        let t1_3 = t1_2 - q4;
+        let t1_4 = t1_3 - q5;
+        let t1_5 = q3 + q2;
+        let t1_6 = t1_5 + q1;
+        let t1_7 = t1_6 - q6;
+        let t1_8 = t1_7 - q7;
+        let t1_9 = q3 + q2;
+        let t1_10 = t1_9 + q1;
+        let t1_11 = t1_10 - q4;
+        let t1_12 = q3 + q2;
+        let t1_13 = t1_12 + q1;
+        let t1_14 = t1_13 - q6;
+        let [
+            (sin_q3, cos_q3), (sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5),
+            (sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7), (sin_q2, cos_q2),
+            (sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4),
+            (sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6),
+        ] =
+            T::sin_cos_all([q3, t1_4, t1_8, q2, t1_11, t1_14]);
+        [
+            sin_q3, cos_q3, sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5,
+            sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7, sin_q2, cos_q2,
+            sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4, sin_q1_q2_q3_minus_q6,
+            cos_q1_q2_q3_minus_q6,
+        ]
+    };
     // A_e qdd_e = b - A_i qdd_i (Eq. 8)
     {
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_1 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
-        let t1_2 = -t1_1;
-        let t1_3 = q2 + q1;
-        let t1_4 = q3 + t1_3;
-        let t1_5 = t1_4 - q4;
-        let t1_6 = t1_5 - q5;
-        let (sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5) = t1_6.sin_cos();
-        let t1_7 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
-        let t1_8 = like.lift(0.4) * cos_q3;
-        let t1_9 = like.lift(0.04) - t1_8;
-        let t1_10 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let t1_11 = q2 + q1;
-        let t1_12 = q3 + t1_11;
-        let t1_13 = t1_12 - q6;
-        let t1_14 = t1_13 - q7;
-        let (sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7) = t1_14.sin_cos();
+        let t2_1 = like.lift(0.4) * sin_q3;
+        let t2_2 = t2_1 + like.lift(0.06928203230275509);
+        let t2_3 = -t2_2;
+        let t2_4 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
+        let t2_5 = like.lift(0.4) * cos_q3;
+        let t2_6 = like.lift(0.04) - t2_5;
+        let t2_7 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
         let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t1_15 = like.lift(0.04) + t1_8;
-        let t1_16 = -t1_15;
-        let t1_17 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_18 = sin_q2 * cos_q3;
-        let t1_19 = like.lift(0.4) * t1_18;
-        let t1_20 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
-        let t1_21 = sin_q3.mul_add(t1_20, t1_19);
-        let t1_22 = like.lift(0.06928203230275509) + t1_21;
-        let t1_23 = t1_22 * dd_q1;
-        let t1_24 = q2 + q1;
-        let t1_25 = q3 + t1_24;
-        let t1_26 = t1_25 - q4;
-        let (sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4) = t1_26.sin_cos();
-        let t1_27 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t1_7);
-        let t1_28 = (-t1_27).mul_add(dd_q4, t1_23);
-        let t1_29 = d_q1 * d_q1;
-        let t1_30 = cos_q2 * t1_29;
-        let t1_31 = like.lift(0.4) * t1_30;
-        let t1_32 = d_q1 + d_q2;
-        let t1_33 = t1_32 * t1_32;
-        let t1_34 = like.lift(0.4).mul_add(t1_33, t1_31);
-        let t1_35 = cos_q3 * t1_34;
-        let t1_36 = sin_q2 * t1_29;
-        let t1_37 = sin_q3 * t1_36;
-        let t1_38 = like.lift(-0.4).mul_add(t1_37, t1_35);
-        let t1_39 = d_q3 + t1_32;
-        let t1_40 = t1_39 * t1_39;
-        let t1_41 = like.lift(0.04) * t1_40;
-        let t1_42 = t1_38 - t1_41;
-        let t1_43 = cos_q1_q2_q3_minus_q4 * d_q4;
-        let t1_44 = d_q4 * t1_43;
-        let t1_45 = like.lift(0.4) * t1_44;
-        let t1_46 = d_q4 + d_q5;
-        let t1_47 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_46;
-        let t1_48 = t1_46 * t1_47;
-        let t1_49 = like.lift(0.4).mul_add(t1_48, t1_45);
-        let t1_50 = t1_42 - t1_49;
-        let t1_51 = t1_28 - t1_50;
-        let t1_52 = sin_q2 * sin_q3;
-        let t1_53 = like.lift(0.4) * t1_52;
-        let t1_54 = (-cos_q3).mul_add(t1_20, t1_53);
-        let t1_55 = like.lift(0.04) + t1_54;
-        let t1_56 = t1_55 * dd_q1;
-        let t1_57 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t1_10);
-        let t1_58 = t1_57.mul_add(dd_q4, t1_56);
-        let t1_59 = sin_q3 * t1_34;
-        let t1_60 = cos_q3 * t1_36;
-        let t1_61 = like.lift(0.4).mul_add(t1_60, t1_59);
-        let t1_62 = like.lift(0.06928203230275509).mul_add(t1_40, t1_61);
-        let t1_63 = sin_q1_q2_q3_minus_q4 * d_q4;
-        let t1_64 = d_q4 * t1_63;
-        let t1_65 = like.lift(0.4) * t1_64;
-        let t1_66 = sin_q1_q2_q3_minus_q4_minus_q5 * t1_46;
-        let t1_67 = t1_46 * t1_66;
-        let t1_68 = like.lift(0.4).mul_add(t1_67, t1_65);
-        let t1_69 = t1_62 - t1_68;
-        let t1_70 = t1_58 - t1_69;
-        let t1_71 = -t1_70;
-        let t1_72 = q2 + q1;
-        let t1_73 = q3 + t1_72;
-        let t1_74 = t1_73 - q6;
-        let (sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6) = t1_74.sin_cos();
-        let t1_75 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
-        let t1_76 = (-t1_75).mul_add(dd_q6, t1_23);
-        let t1_77 = t1_38 + t1_41;
-        let t1_78 = cos_q1_q2_q3_minus_q6 * d_q6;
-        let t1_79 = d_q6 * t1_78;
-        let t1_80 = like.lift(0.4) * t1_79;
-        let t1_81 = d_q6 + d_q7;
-        let t1_82 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_81;
-        let t1_83 = t1_81 * t1_82;
-        let t1_84 = like.lift(0.4).mul_add(t1_83, t1_80);
-        let t1_85 = t1_77 - t1_84;
-        let t1_86 = t1_76 - t1_85;
-        let t1_87 = like.lift(0.04) - t1_54;
-        let t1_88 = t1_87 * dd_q1;
-        let t1_89 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t1_17);
-        let t1_90 = (-t1_89).mul_add(dd_q6, t1_88);
-        let t1_91 = sin_q1_q2_q3_minus_q6 * d_q6;
-        let t1_92 = d_q6 * t1_91;
-        let t1_93 = like.lift(0.4) * t1_92;
-        let t1_94 = sin_q1_q2_q3_minus_q6_minus_q7 * t1_81;
-        let t1_95 = t1_81 * t1_94;
-        let t1_96 = like.lift(0.4).mul_add(t1_95, t1_93);
-        let t1_97 = t1_62 - t1_96;
-        let t1_98 = t1_90 + t1_97;
-        let t1_99 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
-        let t1_100 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_99;
-        let pivot_2 = (-t1_1).mul_add(t1_100, t1_15);
+        let t2_8 = like.lift(0.04) + t2_5;
+        let t2_9 = -t2_8;
+        let t2_10 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t2_11 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
+        let t2_12 = sin_q3.mul_add(t2_11, like.lift(0.06928203230275509));
+        let t2_13 = sin_q2.mul_add(t2_5, t2_12);
+        let t2_14 = t2_13 * dd_q1;
+        let t2_15 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t2_4);
+        let t2_16 = d_q1 * d_q1;
+        let t2_17 = d_q1 + d_q2;
+        let t2_18 = t2_17 * t2_17;
+        let t2_19 = cos_q2.mul_add(t2_16, t2_18);
+        let t2_20 = like.lift(0.4) * t2_19;
+        let t2_21 = sin_q2 * t2_16;
+        let t2_22 = cos_q3 * t2_20;
+        let t2_23 = (-t2_21).mul_add(t2_1, t2_22);
+        let t2_24 = d_q3 + t2_17;
+        let t2_25 = t2_24 * t2_24;
+        let t2_26 = like.lift(0.04) * t2_25;
+        let t2_27 = d_q4 + d_q5;
+        let t2_28 = t2_27 * t2_27;
+        let t2_29 = d_q4 * d_q4;
+        let t2_30 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_28;
+        let t2_31 = cos_q1_q2_q3_minus_q4.mul_add(t2_29, t2_30);
+        let t2_32 = (-t2_15).mul_add(dd_q4, t2_14);
+        let t2_33 = t2_32 - t2_23;
+        let t2_34 = t2_33 + t2_26;
+        let t2_35 = like.lift(0.4).mul_add(t2_31, t2_34);
+        let t2_36 = sin_q2 * t2_1;
+        let t2_37 = (-cos_q3).mul_add(t2_11, t2_36);
+        let t2_38 = like.lift(0.04) + t2_37;
+        let t2_39 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t2_7);
+        let t2_40 = like.lift(0.06928203230275509) * t2_25;
+        let t2_41 = t2_21.mul_add(t2_5, t2_40);
+        let t2_42 = sin_q3.mul_add(t2_20, t2_41);
+        let t2_43 = sin_q1_q2_q3_minus_q4_minus_q5 * t2_28;
+        let t2_44 = sin_q1_q2_q3_minus_q4.mul_add(t2_29, t2_43);
+        let t2_45 = t2_39.mul_add(dd_q4, -t2_42);
+        let t2_46 = t2_38.mul_add(dd_q1, t2_45);
+        let t2_47 = like.lift(0.4).mul_add(t2_44, t2_46);
+        let t2_48 = -t2_47;
+        let t2_49 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
+        let t2_50 = d_q6 + d_q7;
+        let t2_51 = t2_50 * t2_50;
+        let t2_52 = d_q6 * d_q6;
+        let t2_53 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_51;
+        let t2_54 = cos_q1_q2_q3_minus_q6.mul_add(t2_52, t2_53);
+        let t2_55 = (-t2_49).mul_add(dd_q6, t2_14);
+        let t2_56 = t2_55 - t2_23;
+        let t2_57 = t2_56 - t2_26;
+        let t2_58 = like.lift(0.4).mul_add(t2_54, t2_57);
+        let t2_59 = like.lift(0.04) - t2_37;
+        let t2_60 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_10);
+        let t2_61 = sin_q1_q2_q3_minus_q6_minus_q7 * t2_51;
+        let t2_62 = sin_q1_q2_q3_minus_q6.mul_add(t2_52, t2_61);
+        let t2_63 = (-t2_60).mul_add(dd_q6, t2_42);
+        let t2_64 = t2_59.mul_add(dd_q1, t2_63);
+        let t2_65 = like.lift(-0.4).mul_add(t2_62, t2_64);
+        let t2_66 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_67 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_66;
+        let pivot_2 = (-t2_2).mul_add(t2_67, t2_8);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t1_101 = (-t1_100).mul_add(t1_86, t1_98);
-        let t1_102 = like.lift(-0.06928203230275509).mul_add(t1_100, like.lift(0.04));
-        let t1_103 = t1_9 * inv_pivot_2;
-        let pivot_3 = (-t1_102).mul_add(t1_103, like.lift(0.04));
+        let t2_68 = (-t2_67).mul_add(t2_58, t2_65);
+        let t2_69 = like.lift(-0.06928203230275509).mul_add(t2_67, like.lift(0.04));
+        let t2_70 = t2_6 * inv_pivot_2;
+        let pivot_3 = (-t2_69).mul_add(t2_70, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_104 = (-t1_103).mul_add(t1_101, t1_70);
-        let t1_105 = t1_1 * inv_pivot_2;
-        let t1_106 = (-t1_102).mul_add(t1_105, like.lift(0.06928203230275509));
-        let t1_107 = t1_106 * inv_pivot_3;
-        let t1_108 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_107;
-        let pivot_4 = like.lift(0.4).mul_add(t1_108, t1_7);
+        let t2_71 = (-t2_70).mul_add(t2_68, t2_47);
+        let t2_72 = t2_2 * inv_pivot_2;
+        let t2_73 = (-t2_69).mul_add(t2_72, like.lift(0.06928203230275509));
+        let t2_74 = t2_73 * inv_pivot_3;
+        let pivot_4 = t2_74.mul_add(t2_7, t2_4);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t1_109 = (-t1_105).mul_add(t1_101, t1_51);
-        let t1_110 = (-t1_107).mul_add(t1_104, t1_109);
-        let t1_111 = inv_pivot_4 * t1_110;
-        let t1_112 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_111;
-        let t1_113 = like.lift(0.4).mul_add(t1_112, t1_104);
-        let t1_114 = inv_pivot_3 * t1_113;
-        let t1_115 = (-t1_102).mul_add(t1_114, t1_101);
-        let t1_116 = inv_pivot_2 * t1_115;
-        let t1_117 = -t1_116;
-        let t1_118 = -t1_114;
-        let t1_119 = (-t1_1).mul_add(t1_116, t1_86);
-        let t1_120 = like.lift(-0.06928203230275509).mul_add(t1_114, t1_119);
-        let t1_121 = t1_99 * t1_120;
-        let t1_122 = like.lift(2.5) * t1_121;
-        let t1_123 = -pivot_2;
+        let t2_75 = (-t2_74).mul_add(t2_71, t2_35);
+        let t2_76 = (-t2_72).mul_add(t2_68, t2_75);
+        let t2_77 = inv_pivot_4 * t2_76;
+        let t2_78 = t2_77.mul_add(t2_7, t2_71);
+        let t2_79 = inv_pivot_3 * t2_78;
+        let t2_80 = (-t2_69).mul_add(t2_79, t2_68);
+        let t2_81 = inv_pivot_2 * t2_80;
+        let t2_82 = -t2_81;
+        let t2_83 = -t2_79;
+        let t2_84 = like.lift(-0.06928203230275509).mul_add(t2_79, t2_58);
+        let t2_85 = (-t2_2).mul_add(t2_81, t2_84);
+        let t2_86 = like.lift(2.5) * t2_66;
+        let t2_87 = t2_86 * t2_85;
+        let t2_88 = -pivot_2;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
-            .min((t1_123 * like.lift(2.7080930926705737)).abs())
+            .min((t2_88 * like.lift(2.7080930926705737)).abs())
             .min((pivot_3 * like.lift(19.82662604894746)).abs())
             .min((pivot_4 * like.lift(2.203476117557732)).abs());
-        let ([[t1_124], [t1_125], [t1_126], [t1_127]], found) = ::regen_runtime::guarded(
-            [[t1_117], [t1_118], [t1_111], [t1_122]],
+        let ([[t2_89], [t2_90], [t2_91], [t2_92]], found) = ::regen_runtime::guarded(
+            [[t2_82], [t2_83], [t2_77], [t2_87]],
             margin,
             || (
                 [
-                    [t1_2, like.lift(-0.06928203230275509), t1_7, like.lift(0.0)],
-                    [t1_9, like.lift(0.04), t1_10, like.lift(0.0)],
+                    [t2_3, like.lift(-0.06928203230275509), t2_4, like.lift(0.0)],
+                    [t2_6, like.lift(0.04), t2_7, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t1_2, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
-                    [t1_16, like.lift(-0.04), like.lift(0.0), t1_17],
+                    [t2_3, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
+                    [t2_9, like.lift(-0.04), like.lift(0.0), t2_10],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t1_51], [t1_71], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
-                    [t1_86], [t1_98], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_35], [t2_48], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_58], [t2_65], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
-        qdd[1] = t1_124;
-        qdd[2] = t1_125;
-        qdd[4] = t1_126;
-        qdd[6] = t1_127;
+        qdd[1] = t2_89;
+        qdd[2] = t2_90;
+        qdd[4] = t2_91;
+        qdd[6] = t2_92;
         qdd[0] = dd_q1;
         qdd[3] = dd_q4;
         qdd[5] = dd_q6;
@@ -1156,159 +1165,160 @@ pub fn accelerations<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd_i: &[T; 3]) -> ([T;
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: column by column: `w[c][r]` multiplies `PARAMETERS[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 109 additions, 237 multiplications, 4 divisions, 7 sines and cosines.
+/// 109 additions, 212 multiplications, 4 divisions, 7 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 3]; 70]) -> Condition<T> {
+    *w = [[q[0].lift(0.0); 3]; 70];
+    regressor_entries(q, qd, qdd, w)
+}
+
+/// The entries of [`regressor`] that are not zero at every state; the others are left as they are.
+///
+/// Inlined where it is called, so that lanes keep the caller's instruction set.
+#[inline(always)]
+pub fn regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 3]; 70]) -> Condition<T> {
     let like = q[0];
     let [q1, q2, q3, q4, q5, q6, q7] = *q;
     let [d_q1, d_q2, d_q3, d_q4, d_q5, d_q6, d_q7] = *qd;
     let [dd_q1, dd_q2, dd_q3, dd_q4, dd_q5, dd_q6, dd_q7] = *qdd;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_q1, cos_q1, sin_q3, cos_q3, sin_q2, cos_q2, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6,
+        cos_q6, sin_q7, cos_q7,
+    ] = {
+        let [
+            (sin_q1, cos_q1), (sin_q3, cos_q3), (sin_q2, cos_q2), (sin_q4, cos_q4),
+            (sin_q5, cos_q5), (sin_q6, cos_q6), (sin_q7, cos_q7),
+        ] =
+            T::sin_cos_all([q1, q3, q2, q4, q5, q6, q7]);
+        [
+            sin_q1, cos_q1, sin_q3, cos_q3, sin_q2, cos_q2, sin_q4, cos_q4, sin_q5, cos_q5,
+            sin_q6, cos_q6, sin_q7, cos_q7,
+        ]
+    };
     // body crank1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [sin_q1, cos_q1, a_crank1y, a_crank1x] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
+    let [a_crank1y, a_crank1x] = {
         let a_crank1y = like.lift(9.81) * cos_q1;
-        w[6] = [a_crank1y, like.lift(0.0), like.lift(0.0)];
+        w[6][0] = a_crank1y;
         let a_crank1x = like.lift(9.81) * sin_q1;
-        let t1_1 = -a_crank1x;
-        w[7] = [t1_1, like.lift(0.0), like.lift(0.0)];
-        w[0] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[1] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[2] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[3] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[4] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[5] = [dd_q1, like.lift(0.0), like.lift(0.0)];
-        w[8] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[9] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        [sin_q1, cos_q1, a_crank1y, a_crank1x]
+        let t2_1 = -a_crank1x;
+        w[7][0] = t2_1;
+        w[5][0] = dd_q1;
+        [a_crank1y, a_crank1x]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        al_rod1z, sin_q3, cos_q3, sin_q2, cos_q2, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6,
-        cos_q6, sin_q7, cos_q7, u_platform_q1x, u_platform_q1y, x_q2_q1, x_q2_q4, x_q2_q6,
-        x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
+        al_rod1z, t3_1, u_platform_q2y, u_platform_q1x, u_platform_q1y, x_q2_q1, x_q2_q4,
+        x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4,
+        x_q7_q6,
     ] = {
         let al_rod1z = dd_q1 + dd_q2;
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let u_platform_q2x = like.lift(0.4) * sin_q3;
-        let t2_1 = like.lift(0.06928203230275509) + u_platform_q2x;
-        let t2_2 = -t2_1;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t2_3 = cos_q1 * sin_q2;
-        let t2_4 = sin_q1 * sin_q2;
-        let sin_q1_q2 = sin_q1.mul_add(cos_q2, t2_3);
-        let cos_q1_q2 = cos_q1.mul_add(cos_q2, -t2_4);
-        let t2_5 = cos_q1_q2 * sin_q3;
-        let t2_6 = sin_q1_q2 * sin_q3;
-        let sin_q1_q2_q3 = sin_q1_q2.mul_add(cos_q3, t2_5);
-        let cos_q1_q2_q3 = cos_q1_q2.mul_add(cos_q3, -t2_6);
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t2_7 = cos_q1_q2_q3 * sin_q4;
-        let t2_8 = sin_q1_q2_q3 * sin_q4;
-        let sin_q1_q2_q3_minus_q4 = sin_q1_q2_q3.mul_add(cos_q4, -t2_7);
-        let cos_q1_q2_q3_minus_q4 = cos_q1_q2_q3.mul_add(cos_q4, t2_8);
-        let (sin_q5, cos_q5) = q5.sin_cos();
-        let t2_9 = cos_q1_q2_q3_minus_q4 * sin_q5;
-        let t2_10 = sin_q1_q2_q3_minus_q4 * sin_q5;
-        let sin_q1_q2_q3_minus_q4_minus_q5 = sin_q1_q2_q3_minus_q4.mul_add(cos_q5, -t2_9);
-        let cos_q1_q2_q3_minus_q4_minus_q5 = cos_q1_q2_q3_minus_q4.mul_add(cos_q5, t2_10);
-        let t2_11 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
+        let t3_1 = like.lift(0.4) * sin_q3;
+        let t3_2 = like.lift(0.06928203230275509) + t3_1;
+        let t3_3 = -t3_2;
+        let t3_4 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_4);
+        let t3_5 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_5);
+        let t3_6 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t3_6);
+        let t3_7 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t3_7);
+        let t3_8 = sin_q1_q2_q3 * cos_q4;
+        let sin_q1_q2_q3_minus_q4 = (-cos_q1_q2_q3).mul_add(sin_q4, t3_8);
+        let t3_9 = cos_q1_q2_q3 * cos_q4;
+        let cos_q1_q2_q3_minus_q4 = sin_q1_q2_q3.mul_add(sin_q4, t3_9);
+        let t3_10 = sin_q1_q2_q3_minus_q4 * cos_q5;
+        let sin_q1_q2_q3_minus_q4_minus_q5 = (-cos_q1_q2_q3_minus_q4).mul_add(sin_q5, t3_10);
+        let t3_11 = cos_q1_q2_q3_minus_q4 * cos_q5;
+        let cos_q1_q2_q3_minus_q4_minus_q5 = sin_q1_q2_q3_minus_q4.mul_add(sin_q5, t3_11);
+        let t3_12 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
         let u_platform_q2y = like.lift(0.4) * cos_q3;
-        let t2_12 = like.lift(0.04) - u_platform_q2y;
-        let t2_13 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let (sin_q6, cos_q6) = q6.sin_cos();
-        let t2_14 = cos_q1_q2_q3 * sin_q6;
-        let t2_15 = sin_q1_q2_q3 * sin_q6;
-        let sin_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(cos_q6, -t2_14);
-        let cos_q1_q2_q3_minus_q6 = cos_q1_q2_q3.mul_add(cos_q6, t2_15);
-        let (sin_q7, cos_q7) = q7.sin_cos();
-        let t2_16 = cos_q1_q2_q3_minus_q6 * sin_q7;
-        let t2_17 = sin_q1_q2_q3_minus_q6 * sin_q7;
-        let sin_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(cos_q7, -t2_16);
-        let cos_q1_q2_q3_minus_q6_minus_q7 = cos_q1_q2_q3_minus_q6.mul_add(cos_q7, t2_17);
+        let t3_13 = like.lift(0.04) - u_platform_q2y;
+        let t3_14 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
+        let t3_15 = sin_q1_q2_q3 * cos_q6;
+        let sin_q1_q2_q3_minus_q6 = (-cos_q1_q2_q3).mul_add(sin_q6, t3_15);
+        let t3_16 = cos_q1_q2_q3 * cos_q6;
+        let cos_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(sin_q6, t3_16);
+        let t3_17 = sin_q1_q2_q3_minus_q6 * cos_q7;
+        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t3_17);
+        let t3_18 = cos_q1_q2_q3_minus_q6 * cos_q7;
+        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t3_18);
         let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_18 = like.lift(0.04) + u_platform_q2y;
-        let t2_19 = -t2_18;
-        let t2_20 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let t2_21 = sin_q2 * cos_q3;
-        let t2_22 = like.lift(0.4) * t2_21;
-        let u_rod1_q1y = like.lift(0.4) * cos_q2;
-        let t2_23 = like.lift(0.4) + u_rod1_q1y;
-        let u_platform_q1x = sin_q3.mul_add(t2_23, t2_22);
-        let t2_24 = like.lift(0.06928203230275509) + u_platform_q1x;
-        let t2_25 = -t2_24;
-        let t2_26 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t2_11);
-        let t2_27 = sin_q2 * sin_q3;
-        let t2_28 = like.lift(0.4) * t2_27;
-        let u_platform_q1y = (-cos_q3).mul_add(t2_23, t2_28);
-        let t2_29 = like.lift(0.04) + u_platform_q1y;
-        let t2_30 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t2_13);
-        let t2_31 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
-        let t2_32 = like.lift(0.04) - u_platform_q1y;
-        let t2_33 = -t2_32;
-        let t2_34 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_20);
-        let t2_35 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_36 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_35;
-        let pivot_2 = (-t2_1).mul_add(t2_36, t2_18);
+        let t3_19 = like.lift(0.04) + u_platform_q2y;
+        let t3_20 = -t3_19;
+        let t3_21 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t3_22 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
+        let t3_23 = sin_q3 * t3_22;
+        let u_platform_q1x = sin_q2.mul_add(u_platform_q2y, t3_23);
+        let t3_24 = like.lift(0.06928203230275509) + u_platform_q1x;
+        let t3_25 = -t3_24;
+        let t3_26 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t3_12);
+        let t3_27 = sin_q2 * t3_1;
+        let u_platform_q1y = (-cos_q3).mul_add(t3_22, t3_27);
+        let t3_28 = like.lift(0.04) + u_platform_q1y;
+        let t3_29 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t3_14);
+        let t3_30 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
+        let t3_31 = like.lift(0.04) - u_platform_q1y;
+        let t3_32 = -t3_31;
+        let t3_33 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t3_21);
+        let t3_34 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
+        let t3_35 = cos_q1_q2_q3_minus_q6_minus_q7 * t3_34;
+        let pivot_2 = (-t3_2).mul_add(t3_35, t3_19);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_37 = (-t2_24).mul_add(t2_36, t2_32);
-        let t2_38 = like.lift(-0.06928203230275509).mul_add(t2_36, like.lift(0.04));
-        let t2_39 = t2_12 * inv_pivot_2;
-        let pivot_3 = (-t2_38).mul_add(t2_39, like.lift(0.04));
+        let t3_36 = (-t3_24).mul_add(t3_35, t3_31);
+        let t3_37 = like.lift(-0.06928203230275509).mul_add(t3_35, like.lift(0.04));
+        let t3_38 = t3_13 * inv_pivot_2;
+        let pivot_3 = (-t3_37).mul_add(t3_38, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_40 = (-t2_37).mul_add(t2_39, t2_29);
-        let t2_41 = t2_1 * inv_pivot_2;
-        let t2_42 = (-t2_37).mul_add(t2_41, t2_24);
-        let t2_43 = (-t2_38).mul_add(t2_41, like.lift(0.06928203230275509));
-        let t2_44 = t2_43 * inv_pivot_3;
-        let t2_45 = (-t2_40).mul_add(t2_44, t2_42);
-        let t2_46 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_44;
-        let pivot_4 = like.lift(0.4).mul_add(t2_46, t2_11);
+        let t3_39 = (-t3_36).mul_add(t3_38, t3_28);
+        let t3_40 = t3_2 * inv_pivot_2;
+        let t3_41 = (-t3_37).mul_add(t3_40, like.lift(0.06928203230275509));
+        let t3_42 = t3_41 * inv_pivot_3;
+        let t3_43 = (-t3_39).mul_add(t3_42, t3_24);
+        let t3_44 = (-t3_36).mul_add(t3_40, t3_43);
+        let pivot_4 = t3_42.mul_add(t3_14, t3_12);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_47 = t2_45 * inv_pivot_4;
-        let t2_48 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_47;
-        let t2_49 = like.lift(0.4).mul_add(t2_48, t2_40);
-        let t2_50 = inv_pivot_3 * t2_49;
-        let t2_51 = (-t2_38).mul_add(t2_50, t2_37);
-        let t2_52 = inv_pivot_2 * t2_51;
-        let t2_53 = t2_30.mul_add(t2_44, t2_26);
-        let t2_54 = t2_53 * inv_pivot_4;
-        let t2_55 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_54;
-        let t2_56 = like.lift(-0.4).mul_add(t2_55, t2_30);
-        let t2_57 = inv_pivot_3 * t2_56;
-        let t2_58 = t2_38 * t2_57;
-        let t2_59 = inv_pivot_2 * t2_58;
-        let t2_60 = -t2_59;
-        let t2_61 = (-t2_31).mul_add(t2_36, t2_34);
-        let t2_62 = t2_61 * t2_39;
-        let t2_63 = t2_61 * t2_41;
-        let t2_64 = (-t2_62).mul_add(t2_44, t2_63);
-        let t2_65 = t2_64 * inv_pivot_4;
-        let t2_66 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_65;
-        let t2_67 = like.lift(0.4).mul_add(t2_66, t2_62);
-        let t2_68 = inv_pivot_3 * t2_67;
-        let t2_69 = t2_38.mul_add(t2_68, t2_61);
-        let t2_70 = inv_pivot_2 * t2_69;
-        let t2_71 = -t2_70;
-        let t2_72 = -t2_47;
-        let t2_73 = -t2_65;
-        let t2_74 = (-t2_1).mul_add(t2_52, t2_24);
-        let t2_75 = like.lift(-0.06928203230275509).mul_add(t2_50, t2_74);
-        let t2_76 = t2_35 * t2_75;
-        let t2_77 = like.lift(2.5) * t2_76;
-        let t2_78 = -t2_77;
-        let t2_79 = t2_1 * t2_59;
-        let t2_80 = like.lift(-0.06928203230275509).mul_add(t2_57, t2_79);
-        let t2_81 = t2_35 * t2_80;
-        let t2_82 = like.lift(2.5) * t2_81;
-        let t2_83 = -t2_82;
-        let t2_84 = (-t2_1).mul_add(t2_70, t2_31);
-        let t2_85 = like.lift(0.06928203230275509).mul_add(t2_68, t2_84);
-        let t2_86 = t2_35 * t2_85;
-        let t2_87 = like.lift(2.5) * t2_86;
-        let t2_88 = -pivot_2;
+        let t3_45 = t3_44 * inv_pivot_4;
+        let t3_46 = t3_45.mul_add(t3_14, t3_39);
+        let t3_47 = inv_pivot_3 * t3_46;
+        let t3_48 = (-t3_37).mul_add(t3_47, t3_36);
+        let t3_49 = inv_pivot_2 * t3_48;
+        let t3_50 = t3_29.mul_add(t3_42, t3_26);
+        let t3_51 = t3_50 * inv_pivot_4;
+        let t3_52 = (-t3_51).mul_add(t3_14, t3_29);
+        let t3_53 = inv_pivot_3 * t3_52;
+        let t3_54 = inv_pivot_2 * t3_37;
+        let t3_55 = t3_54 * t3_53;
+        let t3_56 = -t3_55;
+        let t3_57 = (-t3_30).mul_add(t3_35, t3_33);
+        let t3_58 = t3_57 * t3_38;
+        let t3_59 = t3_57 * t3_40;
+        let t3_60 = (-t3_58).mul_add(t3_42, t3_59);
+        let t3_61 = t3_60 * inv_pivot_4;
+        let t3_62 = t3_61.mul_add(t3_14, t3_58);
+        let t3_63 = inv_pivot_3 * t3_62;
+        let t3_64 = t3_37.mul_add(t3_63, t3_57);
+        let t3_65 = inv_pivot_2 * t3_64;
+        let t3_66 = -t3_65;
+        let t3_67 = -t3_45;
+        let t3_68 = -t3_61;
+        let t3_69 = like.lift(-0.06928203230275509).mul_add(t3_47, t3_24);
+        let t3_70 = (-t3_2).mul_add(t3_49, t3_69);
+        let t3_71 = like.lift(2.5) * t3_34;
+        let t3_72 = t3_70 * t3_71;
+        let t3_73 = -t3_72;
+        let t3_74 = t3_2 * t3_55;
+        let t3_75 = like.lift(-0.06928203230275509).mul_add(t3_53, t3_74);
+        let t3_76 = t3_75 * t3_71;
+        let t3_77 = -t3_76;
+        let t3_78 = like.lift(0.06928203230275509).mul_add(t3_63, t3_30);
+        let t3_79 = (-t3_2).mul_add(t3_65, t3_78);
+        let t3_80 = t3_79 * t3_71;
+        let t3_81 = -pivot_2;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
-            .min((t2_88 * like.lift(2.7080930926705737)).abs())
+            .min((t3_81 * like.lift(2.7080930926705737)).abs())
             .min((pivot_3 * like.lift(19.82662604894746)).abs())
             .min((pivot_4 * like.lift(2.203476117557732)).abs());
         let ([
@@ -1316,29 +1326,29 @@ pub fn regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_52, t2_60, t2_71], [t2_50, t2_57, t2_68], [t2_72, t2_54, t2_73],
-                [t2_78, t2_83, t2_87],
+                [t3_49, t3_56, t3_66], [t3_47, t3_53, t3_63], [t3_67, t3_51, t3_68],
+                [t3_73, t3_77, t3_80],
             ],
             margin,
             || (
                 [
-                    [t2_2, like.lift(-0.06928203230275509), t2_11, like.lift(0.0)],
-                    [t2_12, like.lift(0.04), t2_13, like.lift(0.0)],
+                    [t3_3, like.lift(-0.06928203230275509), t3_12, like.lift(0.0)],
+                    [t3_13, like.lift(0.04), t3_14, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_2, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
-                    [t2_19, like.lift(-0.04), like.lift(0.0), t2_20],
+                    [t3_3, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
+                    [t3_20, like.lift(-0.04), like.lift(0.0), t3_21],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_25, t2_26, like.lift(0.0)], [t2_29, t2_30, like.lift(0.0)],
+                    [t3_25, t3_26, like.lift(0.0)], [t3_28, t3_29, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_25, like.lift(0.0), t2_31], [t2_33, like.lift(0.0), t2_34],
+                    [t3_25, like.lift(0.0), t3_30], [t3_32, like.lift(0.0), t3_33],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -1347,276 +1357,226 @@ pub fn regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 
         );
         condition = condition.min(found);
         [
-            al_rod1z, sin_q3, cos_q3, sin_q2, cos_q2, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6,
-            cos_q6, sin_q7, cos_q7, u_platform_q1x, u_platform_q1y, x_q2_q1, x_q2_q4, x_q2_q6,
-            x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
+            al_rod1z, t3_1, u_platform_q2y, u_platform_q1x, u_platform_q1y, x_q2_q1, x_q2_q4,
+            x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4,
+            x_q7_q6,
         ]
     };
     // body rod1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [t3_1, a_rod1y, w_rod1z, t3_8, a_rod1x] = {
-        let t3_1 = like.lift(1.0) - x_q2_q1;
-        let w_izz_rod1_q1 = al_rod1z * t3_1;
+    let [t4_1, a_rod1y, w_rod1z, t4_8, a_rod1x] = {
+        let t4_1 = like.lift(1.0) - x_q2_q1;
+        let w_izz_rod1_q1 = al_rod1z * t4_1;
         let w_izz_rod1_q4 = x_q2_q4 * al_rod1z;
-        let t3_2 = -w_izz_rod1_q4;
+        let t4_2 = -w_izz_rod1_q4;
         let w_izz_rod1_q6 = x_q2_q6 * al_rod1z;
-        let t3_3 = -w_izz_rod1_q6;
-        w[15] = [w_izz_rod1_q1, t3_2, t3_3];
-        let t3_4 = d_q1 * d_q1;
-        let t3_5 = like.lift(0.4).mul_add(t3_4, -a_crank1x);
-        let t3_6 = sin_q2 * t3_5;
-        let t3_7 = like.lift(0.4).mul_add(dd_q1, a_crank1y);
-        let a_rod1y = cos_q2.mul_add(t3_7, t3_6);
+        let t4_3 = -w_izz_rod1_q6;
+        w[15] = [w_izz_rod1_q1, t4_2, t4_3];
+        let t4_4 = like.lift(0.4) * d_q1;
+        let t4_5 = t4_4.mul_add(d_q1, -a_crank1x);
+        let t4_6 = like.lift(0.4).mul_add(dd_q1, a_crank1y);
+        let t4_7 = cos_q2 * t4_6;
+        let a_rod1y = sin_q2.mul_add(t4_5, t4_7);
         let w_rod1z = d_q1 + d_q2;
-        let t3_8 = w_rod1z * w_rod1z;
-        let t3_9 = sin_q2 * t3_8;
-        let t3_10 = like.lift(0.4) * t3_9;
-        let t3_11 = cos_q2 * al_rod1z;
-        let t3_12 = like.lift(-0.4).mul_add(t3_11, t3_10);
-        let w_mx_rod1_q1 = a_rod1y.mul_add(t3_1, -t3_12);
+        let t4_8 = w_rod1z * w_rod1z;
+        let t4_9 = cos_q2 * al_rod1z;
+        let t4_10 = (-sin_q2).mul_add(t4_8, t4_9);
+        let t4_11 = a_rod1y * t4_1;
+        let w_mx_rod1_q1 = like.lift(0.4).mul_add(t4_10, t4_11);
         let w_mx_rod1_q4 = x_q2_q4 * a_rod1y;
-        let t3_13 = -w_mx_rod1_q4;
+        let t4_12 = -w_mx_rod1_q4;
         let w_mx_rod1_q6 = x_q2_q6 * a_rod1y;
-        let t3_14 = -w_mx_rod1_q6;
-        w[16] = [w_mx_rod1_q1, t3_13, t3_14];
-        let t3_15 = cos_q2 * t3_5;
-        let a_rod1x = (-sin_q2).mul_add(t3_7, t3_15);
-        let t3_16 = sin_q2 * al_rod1z;
-        let t3_17 = like.lift(0.4) * t3_16;
-        let t3_18 = cos_q2 * t3_8;
-        let t3_19 = like.lift(0.4).mul_add(t3_18, t3_17);
-        let w_my_rod1_q1 = a_rod1x.mul_add(t3_1, -t3_19);
+        let t4_13 = -w_mx_rod1_q6;
+        w[16] = [w_mx_rod1_q1, t4_12, t4_13];
+        let t4_14 = cos_q2 * t4_5;
+        let a_rod1x = (-sin_q2).mul_add(t4_6, t4_14);
+        let t4_15 = cos_q2 * t4_8;
+        let t4_16 = sin_q2.mul_add(al_rod1z, t4_15);
+        let t4_17 = a_rod1x * t4_1;
+        let w_my_rod1_q1 = like.lift(-0.4).mul_add(t4_16, t4_17);
         let w_my_rod1_q4 = x_q2_q4 * a_rod1x;
-        let t3_20 = -w_my_rod1_q4;
+        let t4_18 = -w_my_rod1_q4;
         let w_my_rod1_q6 = x_q2_q6 * a_rod1x;
-        let t3_21 = -w_my_rod1_q6;
-        w[17] = [w_my_rod1_q1, t3_20, t3_21];
-        let t3_22 = sin_q2 * a_rod1x;
-        let t3_23 = like.lift(0.4) * t3_22;
-        let t3_24 = cos_q2 * a_rod1y;
-        let w_m_rod1_q1 = like.lift(-0.4).mul_add(t3_24, t3_23);
-        let t3_25 = -w_m_rod1_q1;
-        w[19] = [t3_25, like.lift(0.0), like.lift(0.0)];
-        w[10] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[11] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[12] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[13] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[14] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[18] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        [t3_1, a_rod1y, w_rod1z, t3_8, a_rod1x]
+        let t4_19 = -w_my_rod1_q6;
+        w[17] = [w_my_rod1_q1, t4_18, t4_19];
+        let t4_20 = cos_q2 * a_rod1y;
+        let t4_21 = (-sin_q2).mul_add(a_rod1x, t4_20);
+        let t4_22 = like.lift(0.4) * t4_21;
+        let w_m_rod1_q1 = -t4_22;
+        let t4_23 = -w_m_rod1_q1;
+        w[19][0] = t4_23;
+        [t4_1, a_rod1y, w_rod1z, t4_8, a_rod1x]
     };
     // body platform: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
         let al_platformz = dd_q3 + al_rod1z;
-        let t4_1 = x_q3_q1 - t3_1;
-        let w_izz_platform_q1 = al_platformz * t4_1;
-        let t4_2 = -w_izz_platform_q1;
-        let t4_3 = x_q2_q4 + x_q3_q4;
-        let w_izz_platform_q4 = al_platformz * t4_3;
-        let t4_4 = -w_izz_platform_q4;
-        let t4_5 = x_q2_q6 + x_q3_q6;
-        let w_izz_platform_q6 = al_platformz * t4_5;
-        let t4_6 = -w_izz_platform_q6;
-        w[25] = [t4_2, t4_4, t4_6];
-        let t4_7 = like.lift(0.4).mul_add(t3_8, a_rod1x);
-        let t4_8 = sin_q3 * t4_7;
-        let t4_9 = like.lift(0.4).mul_add(al_rod1z, a_rod1y);
-        let a_platformy = cos_q3.mul_add(t4_9, t4_8);
+        let t5_1 = x_q3_q1 - t4_1;
+        let w_izz_platform_q1 = al_platformz * t5_1;
+        let t5_2 = -w_izz_platform_q1;
+        let t5_3 = x_q2_q4 + x_q3_q4;
+        let w_izz_platform_q4 = al_platformz * t5_3;
+        let t5_4 = -w_izz_platform_q4;
+        let t5_5 = x_q2_q6 + x_q3_q6;
+        let w_izz_platform_q6 = al_platformz * t5_5;
+        let t5_6 = -w_izz_platform_q6;
+        w[25] = [t5_2, t5_4, t5_6];
+        let t5_7 = like.lift(0.4).mul_add(t4_8, a_rod1x);
+        let t5_8 = like.lift(0.4).mul_add(al_rod1z, a_rod1y);
+        let t5_9 = cos_q3 * t5_8;
+        let a_platformy = sin_q3.mul_add(t5_7, t5_9);
         let w_platformz = d_q3 + w_rod1z;
-        let t4_10 = w_platformz * w_platformz;
-        let t4_11 = sin_q3 * x_q2_q1;
-        let t4_12 = like.lift(-0.4).mul_add(t4_11, u_platform_q1x);
-        let t4_13 = t4_10 * t4_12;
-        let t4_14 = cos_q3 * x_q2_q1;
-        let t4_15 = like.lift(0.4).mul_add(t4_14, u_platform_q1y);
-        let t4_16 = al_platformz.mul_add(t4_15, t4_13);
-        let w_mx_platform_q1 = a_platformy.mul_add(t4_1, t4_16);
-        let t4_17 = -w_mx_platform_q1;
-        let t4_18 = sin_q3 * x_q2_q4;
-        let t4_19 = t4_10 * t4_18;
-        let t4_20 = like.lift(0.4) * t4_19;
-        let t4_21 = cos_q3 * x_q2_q4;
-        let t4_22 = al_platformz * t4_21;
-        let t4_23 = like.lift(-0.4).mul_add(t4_22, t4_20);
-        let w_mx_platform_q4 = a_platformy.mul_add(t4_3, -t4_23);
-        let t4_24 = -w_mx_platform_q4;
-        let t4_25 = sin_q3 * x_q2_q6;
-        let t4_26 = t4_10 * t4_25;
-        let t4_27 = like.lift(0.4) * t4_26;
-        let t4_28 = cos_q3 * x_q2_q6;
-        let t4_29 = al_platformz * t4_28;
-        let t4_30 = like.lift(-0.4).mul_add(t4_29, t4_27);
-        let w_mx_platform_q6 = a_platformy.mul_add(t4_5, -t4_30);
-        let t4_31 = -w_mx_platform_q6;
-        w[26] = [t4_17, t4_24, t4_31];
-        let t4_32 = cos_q3 * t4_7;
-        let a_platformx = (-sin_q3).mul_add(t4_9, t4_32);
-        let t4_33 = al_platformz * t4_12;
-        let t4_34 = (-t4_10).mul_add(t4_15, t4_33);
-        let w_my_platform_q1 = a_platformx.mul_add(t4_1, t4_34);
-        let t4_35 = -w_my_platform_q1;
-        let t4_36 = al_platformz * t4_18;
-        let t4_37 = like.lift(0.4) * t4_36;
-        let t4_38 = t4_10 * t4_21;
-        let t4_39 = like.lift(0.4).mul_add(t4_38, t4_37);
-        let w_my_platform_q4 = a_platformx.mul_add(t4_3, -t4_39);
-        let t4_40 = -w_my_platform_q4;
-        let t4_41 = al_platformz * t4_25;
-        let t4_42 = like.lift(0.4) * t4_41;
-        let t4_43 = t4_10 * t4_28;
-        let t4_44 = like.lift(0.4).mul_add(t4_43, t4_42);
-        let w_my_platform_q6 = a_platformx.mul_add(t4_5, -t4_44);
-        let t4_45 = -w_my_platform_q6;
-        w[27] = [t4_35, t4_40, t4_45];
-        let t4_46 = a_platformx * t4_12;
-        let w_m_platform_q1 = a_platformy.mul_add(t4_15, t4_46);
-        let t4_47 = -w_m_platform_q1;
-        let t4_48 = a_platformx * t4_18;
-        let t4_49 = like.lift(0.4) * t4_48;
-        let t4_50 = a_platformy * t4_21;
-        let w_m_platform_q4 = like.lift(-0.4).mul_add(t4_50, t4_49);
-        let t4_51 = a_platformx * t4_25;
-        let t4_52 = like.lift(0.4) * t4_51;
-        let t4_53 = a_platformy * t4_28;
-        let w_m_platform_q6 = like.lift(-0.4).mul_add(t4_53, t4_52);
-        w[29] = [t4_47, w_m_platform_q4, w_m_platform_q6];
-        w[20] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[21] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[22] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[23] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[24] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[28] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t5_10 = w_platformz * w_platformz;
+        let t5_11 = (-x_q2_q1).mul_add(t3_1, u_platform_q1x);
+        let t5_12 = x_q2_q1.mul_add(u_platform_q2y, u_platform_q1y);
+        let t5_13 = a_platformy * t5_1;
+        let t5_14 = al_platformz.mul_add(t5_12, t5_13);
+        let w_mx_platform_q1 = t5_10.mul_add(t5_11, t5_14);
+        let t5_15 = -w_mx_platform_q1;
+        let t5_16 = sin_q3 * x_q2_q4;
+        let t5_17 = cos_q3 * x_q2_q4;
+        let t5_18 = al_platformz * t5_17;
+        let t5_19 = (-t5_10).mul_add(t5_16, t5_18);
+        let t5_20 = a_platformy * t5_3;
+        let w_mx_platform_q4 = like.lift(0.4).mul_add(t5_19, t5_20);
+        let t5_21 = -w_mx_platform_q4;
+        let t5_22 = sin_q3 * x_q2_q6;
+        let t5_23 = cos_q3 * x_q2_q6;
+        let t5_24 = al_platformz * t5_23;
+        let t5_25 = (-t5_10).mul_add(t5_22, t5_24);
+        let t5_26 = a_platformy * t5_5;
+        let w_mx_platform_q6 = like.lift(0.4).mul_add(t5_25, t5_26);
+        let t5_27 = -w_mx_platform_q6;
+        w[26] = [t5_15, t5_21, t5_27];
+        let t5_28 = cos_q3 * t5_7;
+        let a_platformx = (-sin_q3).mul_add(t5_8, t5_28);
+        let t5_29 = a_platformx * t5_1;
+        let t5_30 = (-t5_10).mul_add(t5_12, t5_29);
+        let w_my_platform_q1 = al_platformz.mul_add(t5_11, t5_30);
+        let t5_31 = -w_my_platform_q1;
+        let t5_32 = t5_10 * t5_17;
+        let t5_33 = al_platformz.mul_add(t5_16, t5_32);
+        let t5_34 = a_platformx * t5_3;
+        let w_my_platform_q4 = like.lift(-0.4).mul_add(t5_33, t5_34);
+        let t5_35 = -w_my_platform_q4;
+        let t5_36 = t5_10 * t5_23;
+        let t5_37 = al_platformz.mul_add(t5_22, t5_36);
+        let t5_38 = a_platformx * t5_5;
+        let w_my_platform_q6 = like.lift(-0.4).mul_add(t5_37, t5_38);
+        let t5_39 = -w_my_platform_q6;
+        w[27] = [t5_31, t5_35, t5_39];
+        let t5_40 = a_platformy * t5_12;
+        let w_m_platform_q1 = a_platformx.mul_add(t5_11, t5_40);
+        let t5_41 = -w_m_platform_q1;
+        let t5_42 = a_platformy * t5_17;
+        let t5_43 = (-a_platformx).mul_add(t5_16, t5_42);
+        let t5_44 = like.lift(0.4) * t5_43;
+        let w_m_platform_q4 = -t5_44;
+        let t5_45 = a_platformy * t5_23;
+        let t5_46 = (-a_platformx).mul_add(t5_22, t5_45);
+        let t5_47 = like.lift(0.4) * t5_46;
+        let w_m_platform_q6 = -t5_47;
+        w[29] = [t5_41, w_m_platform_q4, w_m_platform_q6];
     }
     // body crank2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_crank2y, a_crank2x] = {
         let a_crank2y = like.lift(9.81) * cos_q4;
-        w[36] = [like.lift(0.0), a_crank2y, like.lift(0.0)];
+        w[36][1] = a_crank2y;
         let a_crank2x = like.lift(9.81) * sin_q4;
-        let t5_1 = -a_crank2x;
-        w[37] = [like.lift(0.0), t5_1, like.lift(0.0)];
-        w[30] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[31] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[32] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[33] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[34] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[35] = [like.lift(0.0), dd_q4, like.lift(0.0)];
-        w[38] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[39] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t6_1 = -a_crank2x;
+        w[37][1] = t6_1;
+        w[35][1] = dd_q4;
         [a_crank2y, a_crank2x]
     };
     // body rod2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
         let al_rod2z = dd_q4 + dd_q5;
         let w_izz_rod2_q1 = x_q5_q1 * al_rod2z;
-        let t6_1 = -w_izz_rod2_q1;
-        let t6_2 = like.lift(1.0) - x_q5_q4;
-        let w_izz_rod2_q4 = al_rod2z * t6_2;
+        let t7_1 = -w_izz_rod2_q1;
+        let t7_2 = like.lift(1.0) - x_q5_q4;
+        let w_izz_rod2_q4 = al_rod2z * t7_2;
         let w_izz_rod2_q6 = x_q5_q6 * al_rod2z;
-        let t6_3 = -w_izz_rod2_q6;
-        w[45] = [t6_1, w_izz_rod2_q4, t6_3];
-        let t6_4 = d_q4 * d_q4;
-        let t6_5 = like.lift(-0.4).mul_add(t6_4, a_crank2x);
-        let t6_6 = sin_q5 * t6_5;
-        let t6_7 = like.lift(0.4).mul_add(dd_q4, a_crank2y);
-        let a_rod2y = (-cos_q5).mul_add(t6_7, t6_6);
+        let t7_3 = -w_izz_rod2_q6;
+        w[45] = [t7_1, w_izz_rod2_q4, t7_3];
+        let t7_4 = like.lift(0.4) * d_q4;
+        let t7_5 = (-t7_4).mul_add(d_q4, a_crank2x);
+        let t7_6 = like.lift(0.4).mul_add(dd_q4, a_crank2y);
+        let t7_7 = sin_q5 * t7_5;
+        let a_rod2y = (-cos_q5).mul_add(t7_6, t7_7);
         let w_mx_rod2_q1 = x_q5_q1 * a_rod2y;
         let w_rod2z = d_q4 + d_q5;
-        let t6_8 = w_rod2z * w_rod2z;
-        let t6_9 = sin_q5 * t6_8;
-        let t6_10 = like.lift(0.4) * t6_9;
-        let t6_11 = cos_q5 * al_rod2z;
-        let t6_12 = like.lift(-0.4).mul_add(t6_11, t6_10);
-        let w_mx_rod2_q4 = a_rod2y.mul_add(t6_2, t6_12);
-        let t6_13 = -w_mx_rod2_q4;
+        let t7_8 = w_rod2z * w_rod2z;
+        let t7_9 = cos_q5 * al_rod2z;
+        let t7_10 = (-sin_q5).mul_add(t7_8, t7_9);
+        let t7_11 = a_rod2y * t7_2;
+        let w_mx_rod2_q4 = like.lift(-0.4).mul_add(t7_10, t7_11);
+        let t7_12 = -w_mx_rod2_q4;
         let w_mx_rod2_q6 = x_q5_q6 * a_rod2y;
-        w[46] = [w_mx_rod2_q1, t6_13, w_mx_rod2_q6];
-        let t6_14 = cos_q5 * t6_5;
-        let a_rod2x = sin_q5.mul_add(t6_7, t6_14);
+        w[46] = [w_mx_rod2_q1, t7_12, w_mx_rod2_q6];
+        let t7_13 = sin_q5 * t7_6;
+        let a_rod2x = cos_q5.mul_add(t7_5, t7_13);
         let w_my_rod2_q1 = x_q5_q1 * a_rod2x;
-        let t6_15 = sin_q5 * al_rod2z;
-        let t6_16 = like.lift(0.4) * t6_15;
-        let t6_17 = cos_q5 * t6_8;
-        let t6_18 = like.lift(0.4).mul_add(t6_17, t6_16);
-        let w_my_rod2_q4 = a_rod2x.mul_add(t6_2, t6_18);
-        let t6_19 = -w_my_rod2_q4;
+        let t7_14 = cos_q5 * t7_8;
+        let t7_15 = sin_q5.mul_add(al_rod2z, t7_14);
+        let t7_16 = a_rod2x * t7_2;
+        let w_my_rod2_q4 = like.lift(0.4).mul_add(t7_15, t7_16);
+        let t7_17 = -w_my_rod2_q4;
         let w_my_rod2_q6 = x_q5_q6 * a_rod2x;
-        w[47] = [w_my_rod2_q1, t6_19, w_my_rod2_q6];
-        let t6_20 = sin_q5 * a_rod2x;
-        let t6_21 = like.lift(0.4) * t6_20;
-        let t6_22 = cos_q5 * a_rod2y;
-        let w_m_rod2_q4 = like.lift(-0.4).mul_add(t6_22, t6_21);
-        w[49] = [like.lift(0.0), w_m_rod2_q4, like.lift(0.0)];
-        w[40] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[41] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[42] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[43] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[44] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[48] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        w[47] = [w_my_rod2_q1, t7_17, w_my_rod2_q6];
+        let t7_18 = cos_q5 * a_rod2y;
+        let t7_19 = (-sin_q5).mul_add(a_rod2x, t7_18);
+        let t7_20 = like.lift(0.4) * t7_19;
+        let w_m_rod2_q4 = -t7_20;
+        w[49][1] = w_m_rod2_q4;
     }
     // body crank3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_crank3y, a_crank3x] = {
         let a_crank3y = like.lift(9.81) * cos_q6;
-        w[56] = [like.lift(0.0), like.lift(0.0), a_crank3y];
+        w[56][2] = a_crank3y;
         let a_crank3x = like.lift(9.81) * sin_q6;
-        let t7_1 = -a_crank3x;
-        w[57] = [like.lift(0.0), like.lift(0.0), t7_1];
-        w[50] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[51] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[52] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[53] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[54] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[55] = [like.lift(0.0), like.lift(0.0), dd_q6];
-        w[58] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[59] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t8_1 = -a_crank3x;
+        w[57][2] = t8_1;
+        w[55][2] = dd_q6;
         [a_crank3y, a_crank3x]
     };
     // body rod3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
         let al_rod3z = dd_q6 + dd_q7;
         let w_izz_rod3_q1 = x_q7_q1 * al_rod3z;
-        let t8_1 = -w_izz_rod3_q1;
+        let t9_1 = -w_izz_rod3_q1;
         let w_izz_rod3_q4 = x_q7_q4 * al_rod3z;
-        let t8_2 = -w_izz_rod3_q4;
-        let t8_3 = like.lift(1.0) - x_q7_q6;
-        let w_izz_rod3_q6 = al_rod3z * t8_3;
-        w[65] = [t8_1, t8_2, w_izz_rod3_q6];
-        let t8_4 = d_q6 * d_q6;
-        let t8_5 = like.lift(-0.4).mul_add(t8_4, a_crank3x);
-        let t8_6 = sin_q7 * t8_5;
-        let t8_7 = like.lift(0.4).mul_add(dd_q6, a_crank3y);
-        let a_rod3y = (-cos_q7).mul_add(t8_7, t8_6);
+        let t9_2 = -w_izz_rod3_q4;
+        let t9_3 = like.lift(1.0) - x_q7_q6;
+        let w_izz_rod3_q6 = al_rod3z * t9_3;
+        w[65] = [t9_1, t9_2, w_izz_rod3_q6];
+        let t9_4 = like.lift(0.4) * d_q6;
+        let t9_5 = (-t9_4).mul_add(d_q6, a_crank3x);
+        let t9_6 = like.lift(0.4).mul_add(dd_q6, a_crank3y);
+        let t9_7 = sin_q7 * t9_5;
+        let a_rod3y = (-cos_q7).mul_add(t9_6, t9_7);
         let w_mx_rod3_q1 = x_q7_q1 * a_rod3y;
         let w_mx_rod3_q4 = x_q7_q4 * a_rod3y;
         let w_rod3z = d_q6 + d_q7;
-        let t8_8 = w_rod3z * w_rod3z;
-        let t8_9 = sin_q7 * t8_8;
-        let t8_10 = like.lift(0.4) * t8_9;
-        let t8_11 = cos_q7 * al_rod3z;
-        let t8_12 = like.lift(-0.4).mul_add(t8_11, t8_10);
-        let w_mx_rod3_q6 = a_rod3y.mul_add(t8_3, t8_12);
-        let t8_13 = -w_mx_rod3_q6;
-        w[66] = [w_mx_rod3_q1, w_mx_rod3_q4, t8_13];
-        let t8_14 = cos_q7 * t8_5;
-        let a_rod3x = sin_q7.mul_add(t8_7, t8_14);
+        let t9_8 = w_rod3z * w_rod3z;
+        let t9_9 = cos_q7 * al_rod3z;
+        let t9_10 = (-sin_q7).mul_add(t9_8, t9_9);
+        let t9_11 = a_rod3y * t9_3;
+        let w_mx_rod3_q6 = like.lift(-0.4).mul_add(t9_10, t9_11);
+        let t9_12 = -w_mx_rod3_q6;
+        w[66] = [w_mx_rod3_q1, w_mx_rod3_q4, t9_12];
+        let t9_13 = sin_q7 * t9_6;
+        let a_rod3x = cos_q7.mul_add(t9_5, t9_13);
         let w_my_rod3_q1 = x_q7_q1 * a_rod3x;
         let w_my_rod3_q4 = x_q7_q4 * a_rod3x;
-        let t8_15 = sin_q7 * al_rod3z;
-        let t8_16 = like.lift(0.4) * t8_15;
-        let t8_17 = cos_q7 * t8_8;
-        let t8_18 = like.lift(0.4).mul_add(t8_17, t8_16);
-        let w_my_rod3_q6 = a_rod3x.mul_add(t8_3, t8_18);
-        let t8_19 = -w_my_rod3_q6;
-        w[67] = [w_my_rod3_q1, w_my_rod3_q4, t8_19];
-        let t8_20 = sin_q7 * a_rod3x;
-        let t8_21 = like.lift(0.4) * t8_20;
-        let t8_22 = cos_q7 * a_rod3y;
-        let w_m_rod3_q6 = like.lift(-0.4).mul_add(t8_22, t8_21);
-        w[69] = [like.lift(0.0), like.lift(0.0), w_m_rod3_q6];
-        w[60] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[61] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[62] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[63] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[64] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[68] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t9_14 = cos_q7 * t9_8;
+        let t9_15 = sin_q7.mul_add(al_rod3z, t9_14);
+        let t9_16 = a_rod3x * t9_3;
+        let w_my_rod3_q6 = like.lift(0.4).mul_add(t9_15, t9_16);
+        let t9_17 = -w_my_rod3_q6;
+        w[67] = [w_my_rod3_q1, w_my_rod3_q4, t9_17];
+        let t9_18 = cos_q7 * a_rod3y;
+        let t9_19 = (-sin_q7).mul_add(a_rod3x, t9_18);
+        let t9_20 = like.lift(0.4) * t9_19;
+        let w_m_rod3_q6 = -t9_20;
+        w[69][2] = w_m_rod3_q6;
     }
     Condition { pivot: condition }
 }
@@ -1629,7 +1589,7 @@ pub fn regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
 ///
-/// 128 additions, 204 multiplications, 4 divisions, 7 sines and cosines.
+/// 128 additions, 194 multiplications, 4 divisions, 7 sines and cosines.
 pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -1645,190 +1605,177 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
         p_my_rod3, _, p_m_rod3,
     ] = *phi;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6,
+        cos_q6, sin_q7, cos_q7,
+    ] = {
+        let [
+            (sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q3, cos_q3), (sin_q4, cos_q4),
+            (sin_q5, cos_q5), (sin_q6, cos_q6), (sin_q7, cos_q7),
+        ] =
+            T::sin_cos_all([q1, q2, q3, q4, q5, q6, q7]);
+        [
+            sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5,
+            sin_q6, cos_q6, sin_q7, cos_q7,
+        ]
+    };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t1_21, t1_32, t1_46, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6, cos_q6, sin_q7, cos_q7,
-        x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6,
-        x_q7_q1, x_q7_q4, x_q7_q6,
+        t2_15, t2_28, t2_38, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1,
+        x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
     ] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = cos_q1 * p_mx_crank1;
-        let t1_2 = like.lift(9.81) * t1_1;
-        let t1_3 = sin_q1 * p_my_crank1;
-        let t1_4 = like.lift(-9.81).mul_add(t1_3, t1_2);
-        let t1_5 = dd_q1.mul_add(p_izz_crank1, t1_4);
         let al_rod1z = dd_q1 + dd_q2;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_6 = d_q1 * d_q1;
-        let a_crank1x = like.lift(9.81) * sin_q1;
-        let t1_7 = like.lift(0.4).mul_add(t1_6, -a_crank1x);
-        let t1_8 = sin_q2 * t1_7;
-        let a_crank1y = like.lift(9.81) * cos_q1;
-        let t1_9 = like.lift(0.4).mul_add(dd_q1, a_crank1y);
-        let a_rod1y = cos_q2.mul_add(t1_9, t1_8);
-        let t1_10 = a_rod1y * p_mx_rod1;
-        let t1_11 = cos_q2 * t1_7;
-        let a_rod1x = (-sin_q2).mul_add(t1_9, t1_11);
-        let t1_12 = a_rod1x.mul_add(p_my_rod1, t1_10);
-        let t1_13 = al_rod1z.mul_add(p_izz_rod1, t1_12);
+        let t2_1 = like.lift(0.4) * d_q1;
+        let t2_2 = t2_1 * d_q1;
+        let t2_3 = like.lift(-9.81).mul_add(sin_q1, t2_2);
+        let t2_4 = like.lift(0.4) * dd_q1;
+        let t2_5 = like.lift(9.81).mul_add(cos_q1, t2_4);
+        let t2_6 = cos_q2 * t2_5;
+        let a_rod1y = sin_q2.mul_add(t2_3, t2_6);
+        let t2_7 = cos_q2 * t2_3;
+        let a_rod1x = (-sin_q2).mul_add(t2_5, t2_7);
         let al_platformz = dd_q3 + al_rod1z;
-        let (sin_q3, cos_q3) = q3.sin_cos();
         let w_rod1z = d_q1 + d_q2;
-        let t1_14 = w_rod1z * w_rod1z;
-        let t1_15 = like.lift(0.4).mul_add(t1_14, a_rod1x);
-        let t1_16 = sin_q3 * t1_15;
-        let t1_17 = like.lift(0.4).mul_add(al_rod1z, a_rod1y);
-        let a_platformy = cos_q3.mul_add(t1_17, t1_16);
-        let t1_18 = a_platformy * p_mx_platform;
-        let t1_19 = cos_q3 * t1_15;
-        let a_platformx = (-sin_q3).mul_add(t1_17, t1_19);
-        let t1_20 = a_platformx.mul_add(p_my_platform, t1_18);
-        let t1_21 = al_platformz.mul_add(p_izz_platform, t1_20);
+        let t2_8 = w_rod1z * w_rod1z;
+        let t2_9 = like.lift(0.4).mul_add(t2_8, a_rod1x);
+        let t2_10 = like.lift(0.4).mul_add(al_rod1z, a_rod1y);
+        let t2_11 = cos_q3 * t2_10;
+        let a_platformy = sin_q3.mul_add(t2_9, t2_11);
+        let t2_12 = cos_q3 * t2_9;
+        let a_platformx = (-sin_q3).mul_add(t2_10, t2_12);
+        let t2_13 = al_platformz * p_izz_platform;
+        let t2_14 = a_platformx.mul_add(p_my_platform, t2_13);
+        let t2_15 = a_platformy.mul_add(p_mx_platform, t2_14);
         let w_platformz = d_q3 + w_rod1z;
-        let t1_22 = w_platformz * w_platformz;
-        let t1_23 = t1_22 * p_mx_platform;
-        let t1_24 = al_platformz.mul_add(p_my_platform, t1_23);
-        let t1_25 = a_platformx.mul_add(p_m_platform, t1_24);
-        let t1_26 = sin_q3 * t1_25;
-        let t1_27 = al_platformz * p_mx_platform;
-        let t1_28 = (-t1_22).mul_add(p_my_platform, t1_27);
-        let t1_29 = a_platformy.mul_add(p_m_platform, t1_28);
-        let t1_30 = (-cos_q3).mul_add(t1_29, t1_26);
-        let t1_31 = like.lift(-0.4).mul_add(t1_30, t1_21);
-        let t1_32 = t1_13 + t1_31;
-        let t1_33 = t1_14 * p_mx_rod1;
-        let t1_34 = al_rod1z.mul_add(p_my_rod1, t1_33);
-        let t1_35 = a_rod1x.mul_add(p_m_rod1, t1_34);
-        let t1_36 = cos_q3 * t1_25;
-        let t1_37 = sin_q3.mul_add(t1_29, t1_36);
-        let t1_38 = t1_35 + t1_37;
-        let t1_39 = sin_q2 * t1_38;
-        let t1_40 = al_rod1z * p_mx_rod1;
-        let t1_41 = (-t1_14).mul_add(p_my_rod1, t1_40);
-        let t1_42 = a_rod1y.mul_add(p_m_rod1, t1_41);
-        let t1_43 = t1_42 - t1_30;
-        let t1_44 = (-cos_q2).mul_add(t1_43, t1_39);
-        let t1_45 = like.lift(-0.4).mul_add(t1_44, t1_32);
-        let t1_46 = t1_5 + t1_45;
-        let u_platform_q2x = like.lift(0.4) * sin_q3;
-        let t1_47 = like.lift(0.06928203230275509) + u_platform_q2x;
-        let t1_48 = -t1_47;
-        let t1_49 = cos_q1 * sin_q2;
-        let t1_50 = sin_q1 * sin_q2;
-        let sin_q1_q2 = sin_q1.mul_add(cos_q2, t1_49);
-        let cos_q1_q2 = cos_q1.mul_add(cos_q2, -t1_50);
-        let t1_51 = cos_q1_q2 * sin_q3;
-        let t1_52 = sin_q1_q2 * sin_q3;
-        let sin_q1_q2_q3 = sin_q1_q2.mul_add(cos_q3, t1_51);
-        let cos_q1_q2_q3 = cos_q1_q2.mul_add(cos_q3, -t1_52);
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t1_53 = cos_q1_q2_q3 * sin_q4;
-        let t1_54 = sin_q1_q2_q3 * sin_q4;
-        let sin_q1_q2_q3_minus_q4 = sin_q1_q2_q3.mul_add(cos_q4, -t1_53);
-        let cos_q1_q2_q3_minus_q4 = cos_q1_q2_q3.mul_add(cos_q4, t1_54);
-        let (sin_q5, cos_q5) = q5.sin_cos();
-        let t1_55 = cos_q1_q2_q3_minus_q4 * sin_q5;
-        let t1_56 = sin_q1_q2_q3_minus_q4 * sin_q5;
-        let sin_q1_q2_q3_minus_q4_minus_q5 = sin_q1_q2_q3_minus_q4.mul_add(cos_q5, -t1_55);
-        let cos_q1_q2_q3_minus_q4_minus_q5 = cos_q1_q2_q3_minus_q4.mul_add(cos_q5, t1_56);
-        let t1_57 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
+        let t2_16 = w_platformz * w_platformz;
+        let t2_17 = a_platformx * p_m_platform;
+        let t2_18 = al_platformz.mul_add(p_my_platform, t2_17);
+        let t2_19 = t2_16.mul_add(p_mx_platform, t2_18);
+        let t2_20 = a_platformy * p_m_platform;
+        let t2_21 = (-t2_16).mul_add(p_my_platform, t2_20);
+        let t2_22 = al_platformz.mul_add(p_mx_platform, t2_21);
+        let t2_23 = sin_q3 * t2_19;
+        let t2_24 = (-cos_q3).mul_add(t2_22, t2_23);
+        let t2_25 = al_rod1z.mul_add(p_izz_rod1, t2_15);
+        let t2_26 = a_rod1x.mul_add(p_my_rod1, t2_25);
+        let t2_27 = a_rod1y.mul_add(p_mx_rod1, t2_26);
+        let t2_28 = like.lift(-0.4).mul_add(t2_24, t2_27);
+        let t2_29 = a_rod1x * p_m_rod1;
+        let t2_30 = al_rod1z.mul_add(p_my_rod1, t2_29);
+        let t2_31 = t2_8.mul_add(p_mx_rod1, t2_30);
+        let t2_32 = sin_q3.mul_add(t2_22, t2_31);
+        let t2_33 = cos_q3.mul_add(t2_19, t2_32);
+        let t2_34 = a_rod1y.mul_add(p_m_rod1, -t2_24);
+        let t2_35 = (-t2_8).mul_add(p_my_rod1, t2_34);
+        let t2_36 = al_rod1z.mul_add(p_mx_rod1, t2_35);
+        let t2_37 = sin_q2 * t2_33;
+        let t2_38 = (-cos_q2).mul_add(t2_36, t2_37);
+        let t2_39 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
+        let t2_40 = -t2_39;
+        let t2_41 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_41);
+        let t2_42 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_42);
+        let t2_43 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t2_43);
+        let t2_44 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_44);
+        let t2_45 = sin_q1_q2_q3 * cos_q4;
+        let sin_q1_q2_q3_minus_q4 = (-cos_q1_q2_q3).mul_add(sin_q4, t2_45);
+        let t2_46 = cos_q1_q2_q3 * cos_q4;
+        let cos_q1_q2_q3_minus_q4 = sin_q1_q2_q3.mul_add(sin_q4, t2_46);
+        let t2_47 = sin_q1_q2_q3_minus_q4 * cos_q5;
+        let sin_q1_q2_q3_minus_q4_minus_q5 = (-cos_q1_q2_q3_minus_q4).mul_add(sin_q5, t2_47);
+        let t2_48 = cos_q1_q2_q3_minus_q4 * cos_q5;
+        let cos_q1_q2_q3_minus_q4_minus_q5 = sin_q1_q2_q3_minus_q4.mul_add(sin_q5, t2_48);
+        let t2_49 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
         let u_platform_q2y = like.lift(0.4) * cos_q3;
-        let t1_58 = like.lift(0.04) - u_platform_q2y;
-        let t1_59 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let (sin_q6, cos_q6) = q6.sin_cos();
-        let t1_60 = cos_q1_q2_q3 * sin_q6;
-        let t1_61 = sin_q1_q2_q3 * sin_q6;
-        let sin_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(cos_q6, -t1_60);
-        let cos_q1_q2_q3_minus_q6 = cos_q1_q2_q3.mul_add(cos_q6, t1_61);
-        let (sin_q7, cos_q7) = q7.sin_cos();
-        let t1_62 = cos_q1_q2_q3_minus_q6 * sin_q7;
-        let t1_63 = sin_q1_q2_q3_minus_q6 * sin_q7;
-        let sin_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(cos_q7, -t1_62);
-        let cos_q1_q2_q3_minus_q6_minus_q7 = cos_q1_q2_q3_minus_q6.mul_add(cos_q7, t1_63);
+        let t2_50 = like.lift(0.04) - u_platform_q2y;
+        let t2_51 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
+        let t2_52 = sin_q1_q2_q3 * cos_q6;
+        let sin_q1_q2_q3_minus_q6 = (-cos_q1_q2_q3).mul_add(sin_q6, t2_52);
+        let t2_53 = cos_q1_q2_q3 * cos_q6;
+        let cos_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(sin_q6, t2_53);
+        let t2_54 = sin_q1_q2_q3_minus_q6 * cos_q7;
+        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t2_54);
+        let t2_55 = cos_q1_q2_q3_minus_q6 * cos_q7;
+        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t2_55);
         let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t1_64 = like.lift(0.04) + u_platform_q2y;
-        let t1_65 = -t1_64;
-        let t1_66 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let t1_67 = sin_q2 * cos_q3;
-        let t1_68 = like.lift(0.4) * t1_67;
-        let u_rod1_q1y = like.lift(0.4) * cos_q2;
-        let t1_69 = like.lift(0.4) + u_rod1_q1y;
-        let u_platform_q1x = sin_q3.mul_add(t1_69, t1_68);
-        let t1_70 = like.lift(0.06928203230275509) + u_platform_q1x;
-        let t1_71 = -t1_70;
-        let t1_72 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t1_57);
-        let t1_73 = sin_q2 * sin_q3;
-        let t1_74 = like.lift(0.4) * t1_73;
-        let u_platform_q1y = (-cos_q3).mul_add(t1_69, t1_74);
-        let t1_75 = like.lift(0.04) + u_platform_q1y;
-        let t1_76 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t1_59);
-        let t1_77 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
-        let t1_78 = like.lift(0.04) - u_platform_q1y;
-        let t1_79 = -t1_78;
-        let t1_80 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t1_66);
-        let t1_81 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
-        let t1_82 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_81;
-        let pivot_2 = (-t1_47).mul_add(t1_82, t1_64);
+        let t2_56 = like.lift(0.04) + u_platform_q2y;
+        let t2_57 = -t2_56;
+        let t2_58 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t2_59 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
+        let t2_60 = like.lift(0.4) * sin_q2;
+        let t2_61 = sin_q3.mul_add(t2_59, like.lift(0.06928203230275509));
+        let t2_62 = cos_q3.mul_add(t2_60, t2_61);
+        let t2_63 = -t2_62;
+        let t2_64 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t2_49);
+        let t2_65 = sin_q3 * t2_60;
+        let u_platform_q1y = (-cos_q3).mul_add(t2_59, t2_65);
+        let t2_66 = like.lift(0.04) + u_platform_q1y;
+        let t2_67 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t2_51);
+        let t2_68 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
+        let t2_69 = like.lift(0.04) - u_platform_q1y;
+        let t2_70 = -t2_69;
+        let t2_71 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_58);
+        let t2_72 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_73 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_72;
+        let pivot_2 = (-t2_39).mul_add(t2_73, t2_56);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t1_83 = (-t1_70).mul_add(t1_82, t1_78);
-        let t1_84 = like.lift(-0.06928203230275509).mul_add(t1_82, like.lift(0.04));
-        let t1_85 = t1_58 * inv_pivot_2;
-        let pivot_3 = (-t1_84).mul_add(t1_85, like.lift(0.04));
+        let t2_74 = (-t2_62).mul_add(t2_73, t2_69);
+        let t2_75 = like.lift(-0.06928203230275509).mul_add(t2_73, like.lift(0.04));
+        let t2_76 = t2_50 * inv_pivot_2;
+        let pivot_3 = (-t2_75).mul_add(t2_76, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_86 = (-t1_83).mul_add(t1_85, t1_75);
-        let t1_87 = t1_47 * inv_pivot_2;
-        let t1_88 = (-t1_83).mul_add(t1_87, t1_70);
-        let t1_89 = (-t1_84).mul_add(t1_87, like.lift(0.06928203230275509));
-        let t1_90 = t1_89 * inv_pivot_3;
-        let t1_91 = (-t1_86).mul_add(t1_90, t1_88);
-        let t1_92 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_90;
-        let pivot_4 = like.lift(0.4).mul_add(t1_92, t1_57);
+        let t2_77 = (-t2_74).mul_add(t2_76, t2_66);
+        let t2_78 = t2_39 * inv_pivot_2;
+        let t2_79 = (-t2_75).mul_add(t2_78, like.lift(0.06928203230275509));
+        let t2_80 = t2_79 * inv_pivot_3;
+        let t2_81 = (-t2_77).mul_add(t2_80, t2_62);
+        let t2_82 = (-t2_74).mul_add(t2_78, t2_81);
+        let pivot_4 = t2_80.mul_add(t2_51, t2_49);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t1_93 = t1_91 * inv_pivot_4;
-        let t1_94 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_93;
-        let t1_95 = like.lift(0.4).mul_add(t1_94, t1_86);
-        let t1_96 = inv_pivot_3 * t1_95;
-        let t1_97 = (-t1_84).mul_add(t1_96, t1_83);
-        let t1_98 = inv_pivot_2 * t1_97;
-        let t1_99 = t1_76.mul_add(t1_90, t1_72);
-        let t1_100 = t1_99 * inv_pivot_4;
-        let t1_101 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_100;
-        let t1_102 = like.lift(-0.4).mul_add(t1_101, t1_76);
-        let t1_103 = inv_pivot_3 * t1_102;
-        let t1_104 = t1_84 * t1_103;
-        let t1_105 = inv_pivot_2 * t1_104;
-        let t1_106 = -t1_105;
-        let t1_107 = (-t1_77).mul_add(t1_82, t1_80);
-        let t1_108 = t1_107 * t1_85;
-        let t1_109 = t1_107 * t1_87;
-        let t1_110 = (-t1_108).mul_add(t1_90, t1_109);
-        let t1_111 = t1_110 * inv_pivot_4;
-        let t1_112 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_111;
-        let t1_113 = like.lift(0.4).mul_add(t1_112, t1_108);
-        let t1_114 = inv_pivot_3 * t1_113;
-        let t1_115 = t1_84.mul_add(t1_114, t1_107);
-        let t1_116 = inv_pivot_2 * t1_115;
-        let t1_117 = -t1_116;
-        let t1_118 = -t1_93;
-        let t1_119 = -t1_111;
-        let t1_120 = (-t1_47).mul_add(t1_98, t1_70);
-        let t1_121 = like.lift(-0.06928203230275509).mul_add(t1_96, t1_120);
-        let t1_122 = t1_81 * t1_121;
-        let t1_123 = like.lift(2.5) * t1_122;
-        let t1_124 = -t1_123;
-        let t1_125 = t1_47 * t1_105;
-        let t1_126 = like.lift(-0.06928203230275509).mul_add(t1_103, t1_125);
-        let t1_127 = t1_81 * t1_126;
-        let t1_128 = like.lift(2.5) * t1_127;
-        let t1_129 = -t1_128;
-        let t1_130 = (-t1_47).mul_add(t1_116, t1_77);
-        let t1_131 = like.lift(0.06928203230275509).mul_add(t1_114, t1_130);
-        let t1_132 = t1_81 * t1_131;
-        let t1_133 = like.lift(2.5) * t1_132;
-        let t1_134 = -pivot_2;
+        let t2_83 = t2_82 * inv_pivot_4;
+        let t2_84 = t2_83.mul_add(t2_51, t2_77);
+        let t2_85 = inv_pivot_3 * t2_84;
+        let t2_86 = (-t2_75).mul_add(t2_85, t2_74);
+        let t2_87 = inv_pivot_2 * t2_86;
+        let t2_88 = t2_67.mul_add(t2_80, t2_64);
+        let t2_89 = t2_88 * inv_pivot_4;
+        let t2_90 = (-t2_89).mul_add(t2_51, t2_67);
+        let t2_91 = inv_pivot_3 * t2_90;
+        let t2_92 = inv_pivot_2 * t2_75;
+        let t2_93 = t2_92 * t2_91;
+        let t2_94 = -t2_93;
+        let t2_95 = (-t2_68).mul_add(t2_73, t2_71);
+        let t2_96 = t2_95 * t2_76;
+        let t2_97 = t2_95 * t2_78;
+        let t2_98 = (-t2_96).mul_add(t2_80, t2_97);
+        let t2_99 = t2_98 * inv_pivot_4;
+        let t2_100 = t2_99.mul_add(t2_51, t2_96);
+        let t2_101 = inv_pivot_3 * t2_100;
+        let t2_102 = t2_75.mul_add(t2_101, t2_95);
+        let t2_103 = inv_pivot_2 * t2_102;
+        let t2_104 = -t2_103;
+        let t2_105 = -t2_83;
+        let t2_106 = -t2_99;
+        let t2_107 = like.lift(-0.06928203230275509).mul_add(t2_85, t2_62);
+        let t2_108 = (-t2_39).mul_add(t2_87, t2_107);
+        let t2_109 = like.lift(2.5) * t2_72;
+        let t2_110 = t2_108 * t2_109;
+        let t2_111 = -t2_110;
+        let t2_112 = t2_39 * t2_93;
+        let t2_113 = like.lift(-0.06928203230275509).mul_add(t2_91, t2_112);
+        let t2_114 = t2_113 * t2_109;
+        let t2_115 = -t2_114;
+        let t2_116 = like.lift(0.06928203230275509).mul_add(t2_101, t2_68);
+        let t2_117 = (-t2_39).mul_add(t2_103, t2_116);
+        let t2_118 = t2_117 * t2_109;
+        let t2_119 = -pivot_2;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
-            .min((t1_134 * like.lift(2.7080930926705737)).abs())
+            .min((t2_119 * like.lift(2.7080930926705737)).abs())
             .min((pivot_3 * like.lift(19.82662604894746)).abs())
             .min((pivot_4 * like.lift(2.203476117557732)).abs());
         let ([
@@ -1836,29 +1783,29 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t1_98, t1_106, t1_117], [t1_96, t1_103, t1_114], [t1_118, t1_100, t1_119],
-                [t1_124, t1_129, t1_133],
+                [t2_87, t2_94, t2_104], [t2_85, t2_91, t2_101], [t2_105, t2_89, t2_106],
+                [t2_111, t2_115, t2_118],
             ],
             margin,
             || (
                 [
-                    [t1_48, like.lift(-0.06928203230275509), t1_57, like.lift(0.0)],
-                    [t1_58, like.lift(0.04), t1_59, like.lift(0.0)],
+                    [t2_40, like.lift(-0.06928203230275509), t2_49, like.lift(0.0)],
+                    [t2_50, like.lift(0.04), t2_51, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t1_48, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
-                    [t1_65, like.lift(-0.04), like.lift(0.0), t1_66],
+                    [t2_40, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
+                    [t2_57, like.lift(-0.04), like.lift(0.0), t2_58],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t1_71, t1_72, like.lift(0.0)], [t1_75, t1_76, like.lift(0.0)],
+                    [t2_63, t2_64, like.lift(0.0)], [t2_66, t2_67, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t1_71, like.lift(0.0), t1_77], [t1_79, like.lift(0.0), t1_80],
+                    [t2_63, like.lift(0.0), t2_68], [t2_70, like.lift(0.0), t2_71],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -1867,90 +1814,88 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
         );
         condition = condition.min(found);
         [
-            t1_21, t1_32, t1_46, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6, cos_q6, sin_q7,
-            cos_q7, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4,
-            x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
+            t2_15, t2_28, t2_38, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1,
+            x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
         ]
     };
     // tau
     {
-        let t2_1 = (-t1_32).mul_add(x_q2_q1, t1_46);
-        let t2_2 = (-t1_21).mul_add(x_q3_q1, t2_1);
         let al_rod2z = dd_q4 + dd_q5;
-        let a_crank2x = like.lift(9.81) * sin_q4;
-        let t2_3 = d_q4 * d_q4;
-        let t2_4 = like.lift(-0.4).mul_add(t2_3, a_crank2x);
-        let t2_5 = sin_q5 * t2_4;
-        let a_crank2y = like.lift(9.81) * cos_q4;
-        let t2_6 = like.lift(0.4).mul_add(dd_q4, a_crank2y);
-        let a_rod2y = (-cos_q5).mul_add(t2_6, t2_5);
-        let t2_7 = a_rod2y * p_mx_rod2;
-        let t2_8 = cos_q5 * t2_4;
-        let a_rod2x = sin_q5.mul_add(t2_6, t2_8);
-        let t2_9 = a_rod2x.mul_add(p_my_rod2, t2_7);
-        let t2_10 = al_rod2z.mul_add(p_izz_rod2, -t2_9);
-        let t2_11 = (-t2_10).mul_add(x_q5_q1, t2_2);
+        let t3_1 = like.lift(9.81) * sin_q4;
+        let t3_2 = like.lift(0.4) * d_q4;
+        let t3_3 = (-t3_2).mul_add(d_q4, t3_1);
+        let t3_4 = like.lift(0.4) * dd_q4;
+        let t3_5 = like.lift(9.81).mul_add(cos_q4, t3_4);
+        let t3_6 = sin_q5 * t3_3;
+        let a_rod2y = (-cos_q5).mul_add(t3_5, t3_6);
+        let t3_7 = sin_q5 * t3_5;
+        let a_rod2x = cos_q5.mul_add(t3_3, t3_7);
+        let t3_8 = al_rod2z * p_izz_rod2;
+        let t3_9 = (-a_rod2x).mul_add(p_my_rod2, t3_8);
+        let t3_10 = (-a_rod2y).mul_add(p_mx_rod2, t3_9);
         let al_rod3z = dd_q6 + dd_q7;
-        let a_crank3x = like.lift(9.81) * sin_q6;
-        let t2_12 = d_q6 * d_q6;
-        let t2_13 = like.lift(-0.4).mul_add(t2_12, a_crank3x);
-        let t2_14 = sin_q7 * t2_13;
-        let a_crank3y = like.lift(9.81) * cos_q6;
-        let t2_15 = like.lift(0.4).mul_add(dd_q6, a_crank3y);
-        let a_rod3y = (-cos_q7).mul_add(t2_15, t2_14);
-        let t2_16 = a_rod3y * p_mx_rod3;
-        let t2_17 = cos_q7 * t2_13;
-        let a_rod3x = sin_q7.mul_add(t2_15, t2_17);
-        let t2_18 = a_rod3x.mul_add(p_my_rod3, t2_16);
-        let t2_19 = al_rod3z.mul_add(p_izz_rod3, -t2_18);
-        let t2_20 = (-t2_19).mul_add(x_q7_q1, t2_11);
-        tau[0] = t2_20;
-        let t2_21 = cos_q4 * p_mx_crank2;
-        let t2_22 = like.lift(9.81) * t2_21;
-        let t2_23 = sin_q4 * p_my_crank2;
-        let t2_24 = like.lift(-9.81).mul_add(t2_23, t2_22);
-        let t2_25 = dd_q4.mul_add(p_izz_crank2, t2_24);
+        let t3_11 = like.lift(9.81) * sin_q6;
+        let t3_12 = like.lift(0.4) * d_q6;
+        let t3_13 = (-t3_12).mul_add(d_q6, t3_11);
+        let t3_14 = like.lift(0.4) * dd_q6;
+        let t3_15 = like.lift(9.81).mul_add(cos_q6, t3_14);
+        let t3_16 = sin_q7 * t3_13;
+        let a_rod3y = (-cos_q7).mul_add(t3_15, t3_16);
+        let t3_17 = sin_q7 * t3_15;
+        let a_rod3x = cos_q7.mul_add(t3_13, t3_17);
+        let t3_18 = al_rod3z * p_izz_rod3;
+        let t3_19 = (-a_rod3x).mul_add(p_my_rod3, t3_18);
+        let t3_20 = (-a_rod3y).mul_add(p_mx_rod3, t3_19);
+        let t3_21 = sin_q1 * p_my_crank1;
+        let t3_22 = (-cos_q1).mul_add(p_mx_crank1, t3_21);
+        let t3_23 = (-t3_20).mul_add(x_q7_q1, t2_28);
+        let t3_24 = (-t3_10).mul_add(x_q5_q1, t3_23);
+        let t3_25 = (-t2_15).mul_add(x_q3_q1, t3_24);
+        let t3_26 = (-t2_28).mul_add(x_q2_q1, t3_25);
+        let t3_27 = dd_q1.mul_add(p_izz_crank1, t3_26);
+        let t3_28 = like.lift(-9.81).mul_add(t3_22, t3_27);
+        let t3_29 = like.lift(-0.4).mul_add(t2_38, t3_28);
+        tau[0] = t3_29;
         let w_rod2z = d_q4 + d_q5;
-        let t2_26 = w_rod2z * w_rod2z;
-        let t2_27 = t2_26 * p_mx_rod2;
-        let t2_28 = al_rod2z.mul_add(p_my_rod2, t2_27);
-        let t2_29 = a_rod2x.mul_add(p_m_rod2, -t2_28);
-        let t2_30 = sin_q5 * t2_29;
-        let t2_31 = al_rod2z * p_mx_rod2;
-        let t2_32 = (-t2_26).mul_add(p_my_rod2, t2_31);
-        let t2_33 = a_rod2y.mul_add(p_m_rod2, -t2_32);
-        let t2_34 = (-cos_q5).mul_add(t2_33, t2_30);
-        let t2_35 = like.lift(0.4).mul_add(t2_34, t2_10);
-        let t2_36 = t2_25 + t2_35;
-        let t2_37 = t1_32 * x_q2_q4;
-        let t2_38 = t1_21.mul_add(x_q3_q4, t2_37);
-        let t2_39 = t2_36 - t2_38;
-        let t2_40 = (-t2_10).mul_add(x_q5_q4, t2_39);
-        let t2_41 = (-t2_19).mul_add(x_q7_q4, t2_40);
-        tau[1] = t2_41;
-        let t2_42 = cos_q6 * p_mx_crank3;
-        let t2_43 = like.lift(9.81) * t2_42;
-        let t2_44 = sin_q6 * p_my_crank3;
-        let t2_45 = like.lift(-9.81).mul_add(t2_44, t2_43);
-        let t2_46 = dd_q6.mul_add(p_izz_crank3, t2_45);
+        let t3_30 = w_rod2z * w_rod2z;
+        let t3_31 = a_rod2x * p_m_rod2;
+        let t3_32 = (-al_rod2z).mul_add(p_my_rod2, t3_31);
+        let t3_33 = (-t3_30).mul_add(p_mx_rod2, t3_32);
+        let t3_34 = a_rod2y * p_m_rod2;
+        let t3_35 = t3_30.mul_add(p_my_rod2, t3_34);
+        let t3_36 = (-al_rod2z).mul_add(p_mx_rod2, t3_35);
+        let t3_37 = sin_q5 * t3_33;
+        let t3_38 = (-cos_q5).mul_add(t3_36, t3_37);
+        let t3_39 = sin_q4 * p_my_crank2;
+        let t3_40 = (-cos_q4).mul_add(p_mx_crank2, t3_39);
+        let t3_41 = (-t3_20).mul_add(x_q7_q4, t3_10);
+        let t3_42 = (-t3_10).mul_add(x_q5_q4, t3_41);
+        let t3_43 = dd_q4.mul_add(p_izz_crank2, t3_42);
+        let t3_44 = like.lift(-9.81).mul_add(t3_40, t3_43);
+        let t3_45 = like.lift(0.4).mul_add(t3_38, t3_44);
+        let t3_46 = (-t2_15).mul_add(x_q3_q4, t3_45);
+        let t3_47 = (-t2_28).mul_add(x_q2_q4, t3_46);
+        tau[1] = t3_47;
         let w_rod3z = d_q6 + d_q7;
-        let t2_47 = w_rod3z * w_rod3z;
-        let t2_48 = t2_47 * p_mx_rod3;
-        let t2_49 = al_rod3z.mul_add(p_my_rod3, t2_48);
-        let t2_50 = a_rod3x.mul_add(p_m_rod3, -t2_49);
-        let t2_51 = sin_q7 * t2_50;
-        let t2_52 = al_rod3z * p_mx_rod3;
-        let t2_53 = (-t2_47).mul_add(p_my_rod3, t2_52);
-        let t2_54 = a_rod3y.mul_add(p_m_rod3, -t2_53);
-        let t2_55 = (-cos_q7).mul_add(t2_54, t2_51);
-        let t2_56 = like.lift(0.4).mul_add(t2_55, t2_19);
-        let t2_57 = t2_46 + t2_56;
-        let t2_58 = t1_32 * x_q2_q6;
-        let t2_59 = t1_21.mul_add(x_q3_q6, t2_58);
-        let t2_60 = t2_10.mul_add(x_q5_q6, t2_59);
-        let t2_61 = t2_57 - t2_60;
-        let t2_62 = (-t2_19).mul_add(x_q7_q6, t2_61);
-        tau[2] = t2_62;
+        let t3_48 = w_rod3z * w_rod3z;
+        let t3_49 = a_rod3x * p_m_rod3;
+        let t3_50 = (-al_rod3z).mul_add(p_my_rod3, t3_49);
+        let t3_51 = (-t3_48).mul_add(p_mx_rod3, t3_50);
+        let t3_52 = a_rod3y * p_m_rod3;
+        let t3_53 = t3_48.mul_add(p_my_rod3, t3_52);
+        let t3_54 = (-al_rod3z).mul_add(p_mx_rod3, t3_53);
+        let t3_55 = sin_q7 * t3_51;
+        let t3_56 = (-cos_q7).mul_add(t3_54, t3_55);
+        let t3_57 = sin_q6 * p_my_crank3;
+        let t3_58 = (-cos_q6).mul_add(p_mx_crank3, t3_57);
+        let t3_59 = (-t3_20).mul_add(x_q7_q6, t3_20);
+        let t3_60 = dd_q6.mul_add(p_izz_crank3, t3_59);
+        let t3_61 = like.lift(-9.81).mul_add(t3_58, t3_60);
+        let t3_62 = like.lift(0.4).mul_add(t3_56, t3_61);
+        let t3_63 = (-t3_10).mul_add(x_q5_q6, t3_62);
+        let t3_64 = (-t2_15).mul_add(x_q3_q6, t3_63);
+        let t3_65 = (-t2_28).mul_add(x_q2_q6, t3_64);
+        tau[2] = t3_65;
     }
     (tau, Condition { pivot: condition })
 }
@@ -1961,7 +1906,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: the efforts that hold the mechanism at rest
 ///
-/// 83 additions, 138 multiplications, 4 divisions, 9 sines and cosines.
+/// 83 additions, 122 multiplications, 4 divisions, 9 sines and cosines.
 pub fn gravity<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -1974,159 +1919,155 @@ pub fn gravity<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
         _, _, _, _, _, p_mx_rod3, p_my_rod3, _, p_m_rod3,
     ] = *phi;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q1_q2_q3_minus_q4_minus_q5,
+        cos_q1_q2_q3_minus_q4_minus_q5, sin_q1_q2_q3_minus_q6_minus_q7,
+        cos_q1_q2_q3_minus_q6_minus_q7, sin_q4, cos_q4, sin_q6, cos_q6, sin_q4_q5, cos_q4_q5,
+        sin_q6_q7, cos_q6_q7,
+    ] = {
+        let t1_1 = q3 + q2;
+        let t1_2 = t1_1 + q1;
+        let t1_3 = t1_2 - q4;
+        let t1_4 = t1_3 - q5;
+        let t1_5 = q3 + q2;
+        let t1_6 = t1_5 + q1;
+        let t1_7 = t1_6 - q6;
+        let t1_8 = t1_7 - q7;
+        let t1_9 = q5 + q4;
+        let t1_10 = q7 + q6;
+        let [
+            (sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q3, cos_q3),
+            (sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5),
+            (sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7), (sin_q4, cos_q4),
+            (sin_q6, cos_q6), (sin_q4_q5, cos_q4_q5), (sin_q6_q7, cos_q6_q7),
+        ] =
+            T::sin_cos_all([q1, q2, q3, t1_4, t1_8, q4, q6, t1_9, t1_10]);
+        [
+            sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q1_q2_q3_minus_q4_minus_q5,
+            cos_q1_q2_q3_minus_q4_minus_q5, sin_q1_q2_q3_minus_q6_minus_q7,
+            cos_q1_q2_q3_minus_q6_minus_q7, sin_q4, cos_q4, sin_q6, cos_q6, sin_q4_q5,
+            cos_q4_q5, sin_q6_q7, cos_q6_q7,
+        ]
+    };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t1_16, t1_19, t1_30, sin_q4, cos_q4, sin_q6, cos_q6, x_q2_q1, x_q2_q4, x_q2_q6,
-        x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
+        t2_8, t2_13, t2_20, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1,
+        x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
     ] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = cos_q1 * p_mx_crank1;
-        let t1_2 = like.lift(9.81) * t1_1;
-        let t1_3 = sin_q1 * p_my_crank1;
-        let t1_4 = like.lift(-9.81).mul_add(t1_3, t1_2);
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_5 = cos_q1 * sin_q2;
-        let t1_6 = sin_q1 * sin_q2;
-        let sin_q1_q2 = sin_q1.mul_add(cos_q2, t1_5);
-        let cos_q1_q2 = cos_q1.mul_add(cos_q2, -t1_6);
-        let t1_7 = cos_q1_q2 * p_mx_rod1;
-        let t1_8 = like.lift(9.81) * t1_7;
-        let t1_9 = sin_q1_q2 * p_my_rod1;
-        let t1_10 = like.lift(-9.81).mul_add(t1_9, t1_8);
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_11 = cos_q1_q2 * sin_q3;
-        let t1_12 = sin_q1_q2 * sin_q3;
-        let sin_q1_q2_q3 = sin_q1_q2.mul_add(cos_q3, t1_11);
-        let cos_q1_q2_q3 = cos_q1_q2.mul_add(cos_q3, -t1_12);
-        let t1_13 = cos_q1_q2_q3 * p_mx_platform;
-        let t1_14 = like.lift(9.81) * t1_13;
-        let t1_15 = sin_q1_q2_q3 * p_my_platform;
-        let t1_16 = like.lift(-9.81).mul_add(t1_15, t1_14);
-        let t1_17 = cos_q1_q2 * p_m_platform;
-        let t1_18 = like.lift(3.924).mul_add(t1_17, t1_16);
-        let t1_19 = t1_10 + t1_18;
-        let t1_20 = sin_q1_q2 * p_m_rod1;
-        let t1_21 = like.lift(9.81) * t1_20;
-        let t1_22 = sin_q1_q2 * p_m_platform;
-        let t1_23 = like.lift(9.81).mul_add(t1_22, t1_21);
-        let t1_24 = sin_q2 * t1_23;
-        let t1_25 = cos_q1_q2 * p_m_rod1;
-        let t1_26 = like.lift(9.81) * t1_25;
-        let t1_27 = like.lift(9.81).mul_add(t1_17, t1_26);
-        let t1_28 = cos_q2.mul_add(t1_27, t1_24);
-        let t1_29 = like.lift(0.4).mul_add(t1_28, t1_19);
-        let t1_30 = t1_4 + t1_29;
-        let u_platform_q2x = like.lift(0.4) * sin_q3;
-        let t1_31 = like.lift(0.06928203230275509) + u_platform_q2x;
-        let t1_32 = -t1_31;
-        let t1_33 = q2 + q1;
-        let t1_34 = q3 + t1_33;
-        let t1_35 = t1_34 - q4;
-        let t1_36 = t1_35 - q5;
-        let (sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5) = t1_36.sin_cos();
-        let t1_37 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
+        let t2_1 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_1);
+        let t2_2 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_2);
+        let t2_3 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t2_3);
+        let t2_4 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_4);
+        let t2_5 = sin_q1_q2_q3 * p_my_platform;
+        let t2_6 = (-cos_q1_q2_q3).mul_add(p_mx_platform, t2_5);
+        let t2_7 = like.lift(9.81) * t2_6;
+        let t2_8 = -t2_7;
+        let t2_9 = cos_q1_q2 * p_m_platform;
+        let t2_10 = sin_q1_q2 * p_my_rod1;
+        let t2_11 = (-cos_q1_q2).mul_add(p_mx_rod1, t2_10);
+        let t2_12 = like.lift(-9.81).mul_add(t2_11, t2_8);
+        let t2_13 = like.lift(3.924).mul_add(t2_9, t2_12);
+        let t2_14 = sin_q1_q2 * p_m_platform;
+        let t2_15 = sin_q1_q2.mul_add(p_m_rod1, t2_14);
+        let t2_16 = like.lift(9.81) * t2_15;
+        let t2_17 = cos_q1_q2.mul_add(p_m_rod1, t2_9);
+        let t2_18 = like.lift(9.81) * t2_17;
+        let t2_19 = cos_q2 * t2_18;
+        let t2_20 = sin_q2.mul_add(t2_16, t2_19);
+        let t2_21 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
+        let t2_22 = -t2_21;
+        let t2_23 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
         let u_platform_q2y = like.lift(0.4) * cos_q3;
-        let t1_38 = like.lift(0.04) - u_platform_q2y;
-        let t1_39 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let t1_40 = q2 + q1;
-        let t1_41 = q3 + t1_40;
-        let t1_42 = t1_41 - q6;
-        let t1_43 = t1_42 - q7;
-        let (sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7) = t1_43.sin_cos();
+        let t2_24 = like.lift(0.04) - u_platform_q2y;
+        let t2_25 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
         let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t1_44 = like.lift(0.04) + u_platform_q2y;
-        let t1_45 = -t1_44;
-        let t1_46 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let t1_47 = sin_q2 * cos_q3;
-        let t1_48 = like.lift(0.4) * t1_47;
-        let u_rod1_q1y = like.lift(0.4) * cos_q2;
-        let t1_49 = like.lift(0.4) + u_rod1_q1y;
-        let u_platform_q1x = sin_q3.mul_add(t1_49, t1_48);
-        let t1_50 = like.lift(0.06928203230275509) + u_platform_q1x;
-        let t1_51 = -t1_50;
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t1_52 = cos_q1_q2_q3 * sin_q4;
-        let t1_53 = sin_q1_q2_q3 * sin_q4;
-        let sin_q1_q2_q3_minus_q4 = sin_q1_q2_q3.mul_add(cos_q4, -t1_52);
-        let cos_q1_q2_q3_minus_q4 = cos_q1_q2_q3.mul_add(cos_q4, t1_53);
-        let t1_54 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t1_37);
-        let t1_55 = sin_q2 * sin_q3;
-        let t1_56 = like.lift(0.4) * t1_55;
-        let u_platform_q1y = (-cos_q3).mul_add(t1_49, t1_56);
-        let t1_57 = like.lift(0.04) + u_platform_q1y;
-        let t1_58 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t1_39);
-        let (sin_q6, cos_q6) = q6.sin_cos();
-        let t1_59 = cos_q1_q2_q3 * sin_q6;
-        let t1_60 = sin_q1_q2_q3 * sin_q6;
-        let sin_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(cos_q6, -t1_59);
-        let cos_q1_q2_q3_minus_q6 = cos_q1_q2_q3.mul_add(cos_q6, t1_60);
-        let t1_61 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
-        let t1_62 = like.lift(0.04) - u_platform_q1y;
-        let t1_63 = -t1_62;
-        let t1_64 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t1_46);
-        let t1_65 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
-        let t1_66 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_65;
-        let pivot_2 = (-t1_31).mul_add(t1_66, t1_44);
+        let t2_26 = like.lift(0.04) + u_platform_q2y;
+        let t2_27 = -t2_26;
+        let t2_28 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t2_29 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
+        let t2_30 = like.lift(0.4) * sin_q2;
+        let t2_31 = sin_q3.mul_add(t2_29, like.lift(0.06928203230275509));
+        let t2_32 = cos_q3.mul_add(t2_30, t2_31);
+        let t2_33 = -t2_32;
+        let t2_34 = sin_q1_q2_q3 * cos_q4;
+        let sin_q1_q2_q3_minus_q4 = (-cos_q1_q2_q3).mul_add(sin_q4, t2_34);
+        let t2_35 = cos_q1_q2_q3 * cos_q4;
+        let cos_q1_q2_q3_minus_q4 = sin_q1_q2_q3.mul_add(sin_q4, t2_35);
+        let t2_36 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t2_23);
+        let t2_37 = sin_q3 * t2_30;
+        let u_platform_q1y = (-cos_q3).mul_add(t2_29, t2_37);
+        let t2_38 = like.lift(0.04) + u_platform_q1y;
+        let t2_39 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t2_25);
+        let t2_40 = sin_q1_q2_q3 * cos_q6;
+        let sin_q1_q2_q3_minus_q6 = (-cos_q1_q2_q3).mul_add(sin_q6, t2_40);
+        let t2_41 = cos_q1_q2_q3 * cos_q6;
+        let cos_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(sin_q6, t2_41);
+        let t2_42 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
+        let t2_43 = like.lift(0.04) - u_platform_q1y;
+        let t2_44 = -t2_43;
+        let t2_45 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_28);
+        let t2_46 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_47 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_46;
+        let pivot_2 = (-t2_21).mul_add(t2_47, t2_26);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t1_67 = (-t1_50).mul_add(t1_66, t1_62);
-        let t1_68 = like.lift(-0.06928203230275509).mul_add(t1_66, like.lift(0.04));
-        let t1_69 = t1_38 * inv_pivot_2;
-        let pivot_3 = (-t1_68).mul_add(t1_69, like.lift(0.04));
+        let t2_48 = (-t2_32).mul_add(t2_47, t2_43);
+        let t2_49 = like.lift(-0.06928203230275509).mul_add(t2_47, like.lift(0.04));
+        let t2_50 = t2_24 * inv_pivot_2;
+        let pivot_3 = (-t2_49).mul_add(t2_50, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_70 = (-t1_67).mul_add(t1_69, t1_57);
-        let t1_71 = t1_31 * inv_pivot_2;
-        let t1_72 = (-t1_67).mul_add(t1_71, t1_50);
-        let t1_73 = (-t1_68).mul_add(t1_71, like.lift(0.06928203230275509));
-        let t1_74 = t1_73 * inv_pivot_3;
-        let t1_75 = (-t1_70).mul_add(t1_74, t1_72);
-        let t1_76 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_74;
-        let pivot_4 = like.lift(0.4).mul_add(t1_76, t1_37);
+        let t2_51 = (-t2_48).mul_add(t2_50, t2_38);
+        let t2_52 = t2_21 * inv_pivot_2;
+        let t2_53 = (-t2_49).mul_add(t2_52, like.lift(0.06928203230275509));
+        let t2_54 = t2_53 * inv_pivot_3;
+        let t2_55 = (-t2_51).mul_add(t2_54, t2_32);
+        let t2_56 = (-t2_48).mul_add(t2_52, t2_55);
+        let pivot_4 = t2_54.mul_add(t2_25, t2_23);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t1_77 = t1_75 * inv_pivot_4;
-        let t1_78 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_77;
-        let t1_79 = like.lift(0.4).mul_add(t1_78, t1_70);
-        let t1_80 = inv_pivot_3 * t1_79;
-        let t1_81 = (-t1_68).mul_add(t1_80, t1_67);
-        let t1_82 = inv_pivot_2 * t1_81;
-        let t1_83 = t1_58.mul_add(t1_74, t1_54);
-        let t1_84 = t1_83 * inv_pivot_4;
-        let t1_85 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_84;
-        let t1_86 = like.lift(-0.4).mul_add(t1_85, t1_58);
-        let t1_87 = inv_pivot_3 * t1_86;
-        let t1_88 = t1_68 * t1_87;
-        let t1_89 = inv_pivot_2 * t1_88;
-        let t1_90 = -t1_89;
-        let t1_91 = (-t1_61).mul_add(t1_66, t1_64);
-        let t1_92 = t1_91 * t1_69;
-        let t1_93 = t1_91 * t1_71;
-        let t1_94 = (-t1_92).mul_add(t1_74, t1_93);
-        let t1_95 = t1_94 * inv_pivot_4;
-        let t1_96 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_95;
-        let t1_97 = like.lift(0.4).mul_add(t1_96, t1_92);
-        let t1_98 = inv_pivot_3 * t1_97;
-        let t1_99 = t1_68.mul_add(t1_98, t1_91);
-        let t1_100 = inv_pivot_2 * t1_99;
-        let t1_101 = -t1_100;
-        let t1_102 = -t1_77;
-        let t1_103 = -t1_95;
-        let t1_104 = (-t1_31).mul_add(t1_82, t1_50);
-        let t1_105 = like.lift(-0.06928203230275509).mul_add(t1_80, t1_104);
-        let t1_106 = t1_65 * t1_105;
-        let t1_107 = like.lift(2.5) * t1_106;
-        let t1_108 = -t1_107;
-        let t1_109 = t1_31 * t1_89;
-        let t1_110 = like.lift(-0.06928203230275509).mul_add(t1_87, t1_109);
-        let t1_111 = t1_65 * t1_110;
-        let t1_112 = like.lift(2.5) * t1_111;
-        let t1_113 = -t1_112;
-        let t1_114 = (-t1_31).mul_add(t1_100, t1_61);
-        let t1_115 = like.lift(0.06928203230275509).mul_add(t1_98, t1_114);
-        let t1_116 = t1_65 * t1_115;
-        let t1_117 = like.lift(2.5) * t1_116;
-        let t1_118 = -pivot_2;
+        let t2_57 = t2_56 * inv_pivot_4;
+        let t2_58 = t2_57.mul_add(t2_25, t2_51);
+        let t2_59 = inv_pivot_3 * t2_58;
+        let t2_60 = (-t2_49).mul_add(t2_59, t2_48);
+        let t2_61 = inv_pivot_2 * t2_60;
+        let t2_62 = t2_39.mul_add(t2_54, t2_36);
+        let t2_63 = t2_62 * inv_pivot_4;
+        let t2_64 = (-t2_63).mul_add(t2_25, t2_39);
+        let t2_65 = inv_pivot_3 * t2_64;
+        let t2_66 = inv_pivot_2 * t2_49;
+        let t2_67 = t2_66 * t2_65;
+        let t2_68 = -t2_67;
+        let t2_69 = (-t2_42).mul_add(t2_47, t2_45);
+        let t2_70 = t2_69 * t2_50;
+        let t2_71 = t2_69 * t2_52;
+        let t2_72 = (-t2_70).mul_add(t2_54, t2_71);
+        let t2_73 = t2_72 * inv_pivot_4;
+        let t2_74 = t2_73.mul_add(t2_25, t2_70);
+        let t2_75 = inv_pivot_3 * t2_74;
+        let t2_76 = t2_49.mul_add(t2_75, t2_69);
+        let t2_77 = inv_pivot_2 * t2_76;
+        let t2_78 = -t2_77;
+        let t2_79 = -t2_57;
+        let t2_80 = -t2_73;
+        let t2_81 = like.lift(-0.06928203230275509).mul_add(t2_59, t2_32);
+        let t2_82 = (-t2_21).mul_add(t2_61, t2_81);
+        let t2_83 = like.lift(2.5) * t2_46;
+        let t2_84 = t2_82 * t2_83;
+        let t2_85 = -t2_84;
+        let t2_86 = t2_21 * t2_67;
+        let t2_87 = like.lift(-0.06928203230275509).mul_add(t2_65, t2_86);
+        let t2_88 = t2_87 * t2_83;
+        let t2_89 = -t2_88;
+        let t2_90 = like.lift(0.06928203230275509).mul_add(t2_75, t2_42);
+        let t2_91 = (-t2_21).mul_add(t2_77, t2_90);
+        let t2_92 = t2_91 * t2_83;
+        let t2_93 = -pivot_2;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
-            .min((t1_118 * like.lift(2.7080930926705737)).abs())
+            .min((t2_93 * like.lift(2.7080930926705737)).abs())
             .min((pivot_3 * like.lift(19.82662604894746)).abs())
             .min((pivot_4 * like.lift(2.203476117557732)).abs());
         let ([
@@ -2134,29 +2075,29 @@ pub fn gravity<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t1_82, t1_90, t1_101], [t1_80, t1_87, t1_98], [t1_102, t1_84, t1_103],
-                [t1_108, t1_113, t1_117],
+                [t2_61, t2_68, t2_78], [t2_59, t2_65, t2_75], [t2_79, t2_63, t2_80],
+                [t2_85, t2_89, t2_92],
             ],
             margin,
             || (
                 [
-                    [t1_32, like.lift(-0.06928203230275509), t1_37, like.lift(0.0)],
-                    [t1_38, like.lift(0.04), t1_39, like.lift(0.0)],
+                    [t2_22, like.lift(-0.06928203230275509), t2_23, like.lift(0.0)],
+                    [t2_24, like.lift(0.04), t2_25, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t1_32, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
-                    [t1_45, like.lift(-0.04), like.lift(0.0), t1_46],
+                    [t2_22, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
+                    [t2_27, like.lift(-0.04), like.lift(0.0), t2_28],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t1_51, t1_54, like.lift(0.0)], [t1_57, t1_58, like.lift(0.0)],
+                    [t2_33, t2_36, like.lift(0.0)], [t2_38, t2_39, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t1_51, like.lift(0.0), t1_61], [t1_63, like.lift(0.0), t1_64],
+                    [t2_33, like.lift(0.0), t2_42], [t2_44, like.lift(0.0), t2_45],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -2165,55 +2106,49 @@ pub fn gravity<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
         );
         condition = condition.min(found);
         [
-            t1_16, t1_19, t1_30, sin_q4, cos_q4, sin_q6, cos_q6, x_q2_q1, x_q2_q4, x_q2_q6,
-            x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
+            t2_8, t2_13, t2_20, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1,
+            x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
         ]
     };
     // tau
     {
-        let t2_1 = (-t1_19).mul_add(x_q2_q1, t1_30);
-        let t2_2 = (-t1_16).mul_add(x_q3_q1, t2_1);
-        let t2_3 = q5 + q4;
-        let (sin_q4_q5, cos_q4_q5) = t2_3.sin_cos();
-        let t2_4 = cos_q4_q5 * p_mx_rod2;
-        let t2_5 = like.lift(9.81) * t2_4;
-        let t2_6 = sin_q4_q5 * p_my_rod2;
-        let t2_7 = like.lift(-9.81).mul_add(t2_6, t2_5);
-        let t2_8 = (-t2_7).mul_add(x_q5_q1, t2_2);
-        let t2_9 = q7 + q6;
-        let (sin_q6_q7, cos_q6_q7) = t2_9.sin_cos();
-        let t2_10 = cos_q6_q7 * p_mx_rod3;
-        let t2_11 = like.lift(9.81) * t2_10;
-        let t2_12 = sin_q6_q7 * p_my_rod3;
-        let t2_13 = like.lift(-9.81).mul_add(t2_12, t2_11);
-        let t2_14 = (-t2_13).mul_add(x_q7_q1, t2_8);
-        tau[0] = t2_14;
-        let t2_15 = cos_q4 * p_mx_crank2;
-        let t2_16 = like.lift(9.81) * t2_15;
-        let t2_17 = sin_q4 * p_my_crank2;
-        let t2_18 = like.lift(-9.81).mul_add(t2_17, t2_16);
-        let t2_19 = cos_q4 * p_m_rod2;
-        let t2_20 = like.lift(3.924).mul_add(t2_19, t2_7);
-        let t2_21 = t2_18 + t2_20;
-        let t2_22 = t1_19 * x_q2_q4;
-        let t2_23 = t1_16.mul_add(x_q3_q4, t2_22);
-        let t2_24 = t2_21 - t2_23;
-        let t2_25 = (-t2_7).mul_add(x_q5_q4, t2_24);
-        let t2_26 = (-t2_13).mul_add(x_q7_q4, t2_25);
-        tau[1] = t2_26;
-        let t2_27 = cos_q6 * p_mx_crank3;
-        let t2_28 = like.lift(9.81) * t2_27;
-        let t2_29 = sin_q6 * p_my_crank3;
-        let t2_30 = like.lift(-9.81).mul_add(t2_29, t2_28);
-        let t2_31 = cos_q6 * p_m_rod3;
-        let t2_32 = like.lift(3.924).mul_add(t2_31, t2_13);
-        let t2_33 = t2_30 + t2_32;
-        let t2_34 = t1_19 * x_q2_q6;
-        let t2_35 = t1_16.mul_add(x_q3_q6, t2_34);
-        let t2_36 = t2_7.mul_add(x_q5_q6, t2_35);
-        let t2_37 = t2_33 - t2_36;
-        let t2_38 = (-t2_13).mul_add(x_q7_q6, t2_37);
-        tau[2] = t2_38;
+        let t3_1 = sin_q4_q5 * p_my_rod2;
+        let t3_2 = (-cos_q4_q5).mul_add(p_mx_rod2, t3_1);
+        let t3_3 = like.lift(9.81) * t3_2;
+        let t3_4 = -t3_3;
+        let t3_5 = sin_q6_q7 * p_my_rod3;
+        let t3_6 = (-cos_q6_q7).mul_add(p_mx_rod3, t3_5);
+        let t3_7 = like.lift(9.81) * t3_6;
+        let t3_8 = -t3_7;
+        let t3_9 = sin_q1 * p_my_crank1;
+        let t3_10 = (-cos_q1).mul_add(p_mx_crank1, t3_9);
+        let t3_11 = (-t3_8).mul_add(x_q7_q1, t2_13);
+        let t3_12 = (-t3_4).mul_add(x_q5_q1, t3_11);
+        let t3_13 = (-t2_8).mul_add(x_q3_q1, t3_12);
+        let t3_14 = (-t2_13).mul_add(x_q2_q1, t3_13);
+        let t3_15 = like.lift(-9.81).mul_add(t3_10, t3_14);
+        let t3_16 = like.lift(0.4).mul_add(t2_20, t3_15);
+        tau[0] = t3_16;
+        let t3_17 = sin_q4 * p_my_crank2;
+        let t3_18 = (-cos_q4).mul_add(p_mx_crank2, t3_17);
+        let t3_19 = (-t3_8).mul_add(x_q7_q4, t3_4);
+        let t3_20 = (-t3_4).mul_add(x_q5_q4, t3_19);
+        let t3_21 = like.lift(-9.81).mul_add(t3_18, t3_20);
+        let t3_22 = like.lift(3.924) * cos_q4;
+        let t3_23 = t3_22.mul_add(p_m_rod2, t3_21);
+        let t3_24 = (-t2_8).mul_add(x_q3_q4, t3_23);
+        let t3_25 = (-t2_13).mul_add(x_q2_q4, t3_24);
+        tau[1] = t3_25;
+        let t3_26 = sin_q6 * p_my_crank3;
+        let t3_27 = (-cos_q6).mul_add(p_mx_crank3, t3_26);
+        let t3_28 = (-t3_8).mul_add(x_q7_q6, t3_8);
+        let t3_29 = like.lift(-9.81).mul_add(t3_27, t3_28);
+        let t3_30 = like.lift(3.924) * cos_q6;
+        let t3_31 = t3_30.mul_add(p_m_rod3, t3_29);
+        let t3_32 = (-t3_4).mul_add(x_q5_q6, t3_31);
+        let t3_33 = (-t2_8).mul_add(x_q3_q6, t3_32);
+        let t3_34 = (-t2_13).mul_add(x_q2_q6, t3_33);
+        tau[2] = t3_34;
     }
     (tau, Condition { pivot: condition })
 }
@@ -2225,7 +2160,7 @@ pub fn gravity<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
 ///
-/// 123 additions, 213 multiplications, 4 divisions, 6 sines and cosines.
+/// 123 additions, 180 multiplications, 4 divisions, 6 sines and cosines.
 pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -2239,274 +2174,246 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 3]
         p_my_rod3, _, p_m_rod3,
     ] = *phi;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_q3, cos_q3, sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4, sin_q5, cos_q5,
+        sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6, sin_q7, cos_q7, sin_q2, cos_q2,
+    ] = {
+        let t1_1 = q3 + q2;
+        let t1_2 = t1_1 + q1;
+        let t1_3 = t1_2 - q4;
+        let t1_4 = q3 + q2;
+        let t1_5 = t1_4 + q1;
+        let t1_6 = t1_5 - q6;
+        let [
+            (sin_q3, cos_q3), (sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4), (sin_q5, cos_q5),
+            (sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6), (sin_q7, cos_q7), (sin_q2, cos_q2),
+        ] =
+            T::sin_cos_all([q3, t1_3, q5, t1_6, q7, q2]);
+        [
+            sin_q3, cos_q3, sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4, sin_q5, cos_q5,
+            sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6, sin_q7, cos_q7, sin_q2, cos_q2,
+        ]
+    };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        sin_q3, cos_q3, t1_1, t1_2, sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4, sin_q5,
-        cos_q5, cos_q1_q2_q3_minus_q4_minus_q5, t1_8, t1_9, t1_10, sin_q1_q2_q3_minus_q6,
-        cos_q1_q2_q3_minus_q6, sin_q7, cos_q7, pivot_1, t1_17, t1_18, sin_q2, cos_q2, t1_20,
-        t1_21, t1_23, t1_24, t1_27, w_rod2z, t1_38, w_rod3z, t1_65, t1_66, inv_pivot_2, t1_68,
-        t1_69, pivot_3, inv_pivot_3, t1_71, t1_73, pivot_4, inv_pivot_4, t1_90, al_rod1z,
-        t1_91, al_rod2z, al_rod3z,
+        t2_1, t2_2, t2_3, t2_6, u_platform_q2y, t2_7, t2_8, pivot_1, t2_12, t2_13, t2_15,
+        t2_16, t2_19, t2_20, t2_22, t2_24, t2_25, t2_31, t2_37, t2_38, t2_48, inv_pivot_2,
+        t2_50, t2_51, pivot_3, inv_pivot_3, t2_53, t2_55, pivot_4, inv_pivot_4, t2_67, t2_70,
+        al_rod1z, t2_71, al_rod2z, al_rod3z,
     ] = {
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let u_platform_q2x = like.lift(0.4) * sin_q3;
-        let t1_1 = like.lift(0.06928203230275509) + u_platform_q2x;
-        let t1_2 = -t1_1;
-        let t1_3 = q2 + q1;
-        let t1_4 = q3 + t1_3;
-        let t1_5 = t1_4 - q4;
-        let (sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4) = t1_5.sin_cos();
-        let (sin_q5, cos_q5) = q5.sin_cos();
-        let t1_6 = cos_q1_q2_q3_minus_q4 * sin_q5;
-        let t1_7 = sin_q1_q2_q3_minus_q4 * sin_q5;
-        let sin_q1_q2_q3_minus_q4_minus_q5 = sin_q1_q2_q3_minus_q4.mul_add(cos_q5, -t1_6);
-        let cos_q1_q2_q3_minus_q4_minus_q5 = cos_q1_q2_q3_minus_q4.mul_add(cos_q5, t1_7);
-        let t1_8 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
+        let t2_1 = like.lift(0.4) * sin_q3;
+        let t2_2 = like.lift(0.06928203230275509) + t2_1;
+        let t2_3 = -t2_2;
+        let t2_4 = sin_q1_q2_q3_minus_q4 * cos_q5;
+        let sin_q1_q2_q3_minus_q4_minus_q5 = (-cos_q1_q2_q3_minus_q4).mul_add(sin_q5, t2_4);
+        let t2_5 = cos_q1_q2_q3_minus_q4 * cos_q5;
+        let cos_q1_q2_q3_minus_q4_minus_q5 = sin_q1_q2_q3_minus_q4.mul_add(sin_q5, t2_5);
+        let t2_6 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
         let u_platform_q2y = like.lift(0.4) * cos_q3;
-        let t1_9 = like.lift(0.04) - u_platform_q2y;
-        let t1_10 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let t1_11 = q2 + q1;
-        let t1_12 = q3 + t1_11;
-        let t1_13 = t1_12 - q6;
-        let (sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6) = t1_13.sin_cos();
-        let (sin_q7, cos_q7) = q7.sin_cos();
-        let t1_14 = cos_q1_q2_q3_minus_q6 * sin_q7;
-        let t1_15 = sin_q1_q2_q3_minus_q6 * sin_q7;
-        let sin_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(cos_q7, -t1_14);
-        let cos_q1_q2_q3_minus_q6_minus_q7 = cos_q1_q2_q3_minus_q6.mul_add(cos_q7, t1_15);
+        let t2_7 = like.lift(0.04) - u_platform_q2y;
+        let t2_8 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
+        let t2_9 = sin_q1_q2_q3_minus_q6 * cos_q7;
+        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t2_9);
+        let t2_10 = cos_q1_q2_q3_minus_q6 * cos_q7;
+        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t2_10);
         let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t1_16 = like.lift(0.04) + u_platform_q2y;
-        let t1_17 = -t1_16;
-        let t1_18 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_19 = d_q1 * d_q1;
-        let t1_20 = cos_q2 * t1_19;
-        let a_rod1x = like.lift(0.4) * t1_20;
+        let t2_11 = like.lift(0.04) + u_platform_q2y;
+        let t2_12 = -t2_11;
+        let t2_13 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t2_14 = d_q1 * d_q1;
+        let t2_15 = cos_q2 * t2_14;
         let w_rod1z = d_q1 + d_q2;
-        let t1_21 = w_rod1z * w_rod1z;
-        let t1_22 = like.lift(0.4).mul_add(t1_21, a_rod1x);
-        let t1_23 = cos_q3 * t1_22;
-        let t1_24 = sin_q2 * t1_19;
-        let t1_25 = sin_q3 * t1_24;
-        let t1_26 = like.lift(-0.4).mul_add(t1_25, t1_23);
+        let t2_16 = w_rod1z * w_rod1z;
+        let t2_17 = t2_16 + t2_15;
+        let t2_18 = like.lift(0.4) * t2_17;
+        let t2_19 = cos_q3 * t2_18;
+        let t2_20 = sin_q2 * t2_14;
+        let t2_21 = (-t2_20).mul_add(t2_1, t2_19);
         let w_platformz = d_q3 + w_rod1z;
-        let t1_27 = w_platformz * w_platformz;
-        let t1_28 = like.lift(0.04) * t1_27;
-        let t1_29 = t1_26 - t1_28;
-        let t1_30 = cos_q1_q2_q3_minus_q4 * d_q4;
-        let t1_31 = d_q4 * t1_30;
-        let t1_32 = like.lift(0.4) * t1_31;
+        let t2_22 = w_platformz * w_platformz;
+        let t2_23 = like.lift(0.04) * t2_22;
         let w_rod2z = d_q4 + d_q5;
-        let t1_33 = cos_q1_q2_q3_minus_q4_minus_q5 * w_rod2z;
-        let t1_34 = w_rod2z * t1_33;
-        let t1_35 = like.lift(0.4).mul_add(t1_34, t1_32);
-        let t1_36 = t1_29 - t1_35;
-        let t1_37 = -t1_36;
-        let t1_38 = sin_q3 * t1_22;
-        let t1_39 = cos_q3 * t1_24;
-        let t1_40 = like.lift(0.4).mul_add(t1_39, t1_38);
-        let t1_41 = like.lift(0.06928203230275509).mul_add(t1_27, t1_40);
-        let t1_42 = sin_q1_q2_q3_minus_q4 * d_q4;
-        let t1_43 = d_q4 * t1_42;
-        let t1_44 = like.lift(0.4) * t1_43;
-        let t1_45 = sin_q1_q2_q3_minus_q4_minus_q5 * w_rod2z;
-        let t1_46 = w_rod2z * t1_45;
-        let t1_47 = like.lift(0.4).mul_add(t1_46, t1_44);
-        let t1_48 = t1_41 - t1_47;
-        let t1_49 = t1_26 + t1_28;
-        let t1_50 = cos_q1_q2_q3_minus_q6 * d_q6;
-        let t1_51 = d_q6 * t1_50;
-        let t1_52 = like.lift(0.4) * t1_51;
+        let t2_24 = w_rod2z * w_rod2z;
+        let t2_25 = d_q4 * d_q4;
+        let t2_26 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_24;
+        let t2_27 = cos_q1_q2_q3_minus_q4.mul_add(t2_25, t2_26);
+        let t2_28 = t2_21 - t2_23;
+        let t2_29 = like.lift(-0.4).mul_add(t2_27, t2_28);
+        let t2_30 = -t2_29;
+        let t2_31 = sin_q3 * t2_18;
+        let t2_32 = like.lift(0.06928203230275509).mul_add(t2_22, t2_31);
+        let t2_33 = t2_20.mul_add(u_platform_q2y, t2_32);
+        let t2_34 = sin_q1_q2_q3_minus_q4_minus_q5 * t2_24;
+        let t2_35 = sin_q1_q2_q3_minus_q4.mul_add(t2_25, t2_34);
+        let t2_36 = like.lift(-0.4).mul_add(t2_35, t2_33);
         let w_rod3z = d_q6 + d_q7;
-        let t1_53 = cos_q1_q2_q3_minus_q6_minus_q7 * w_rod3z;
-        let t1_54 = w_rod3z * t1_53;
-        let t1_55 = like.lift(0.4).mul_add(t1_54, t1_52);
-        let t1_56 = t1_49 - t1_55;
-        let t1_57 = -t1_56;
-        let t1_58 = sin_q1_q2_q3_minus_q6 * d_q6;
-        let t1_59 = d_q6 * t1_58;
-        let t1_60 = like.lift(0.4) * t1_59;
-        let t1_61 = sin_q1_q2_q3_minus_q6_minus_q7 * w_rod3z;
-        let t1_62 = w_rod3z * t1_61;
-        let t1_63 = like.lift(0.4).mul_add(t1_62, t1_60);
-        let t1_64 = t1_41 - t1_63;
-        let t1_65 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
-        let t1_66 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_65;
-        let pivot_2 = (-t1_1).mul_add(t1_66, t1_16);
+        let t2_37 = w_rod3z * w_rod3z;
+        let t2_38 = d_q6 * d_q6;
+        let t2_39 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_37;
+        let t2_40 = cos_q1_q2_q3_minus_q6.mul_add(t2_38, t2_39);
+        let t2_41 = t2_21 + t2_23;
+        let t2_42 = like.lift(-0.4).mul_add(t2_40, t2_41);
+        let t2_43 = -t2_42;
+        let t2_44 = sin_q1_q2_q3_minus_q6_minus_q7 * t2_37;
+        let t2_45 = sin_q1_q2_q3_minus_q6.mul_add(t2_38, t2_44);
+        let t2_46 = like.lift(-0.4).mul_add(t2_45, t2_33);
+        let t2_47 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_48 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_47;
+        let pivot_2 = (-t2_2).mul_add(t2_48, t2_11);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t1_67 = t1_66.mul_add(t1_56, t1_64);
-        let t1_68 = like.lift(-0.06928203230275509).mul_add(t1_66, like.lift(0.04));
-        let t1_69 = t1_9 * inv_pivot_2;
-        let pivot_3 = (-t1_68).mul_add(t1_69, like.lift(0.04));
+        let t2_49 = t2_48.mul_add(t2_42, t2_46);
+        let t2_50 = like.lift(-0.06928203230275509).mul_add(t2_48, like.lift(0.04));
+        let t2_51 = t2_7 * inv_pivot_2;
+        let pivot_3 = (-t2_50).mul_add(t2_51, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_70 = t1_69.mul_add(t1_67, t1_48);
-        let t1_71 = t1_1 * inv_pivot_2;
-        let t1_72 = (-t1_68).mul_add(t1_71, like.lift(0.06928203230275509));
-        let t1_73 = t1_72 * inv_pivot_3;
-        let t1_74 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_73;
-        let pivot_4 = like.lift(0.4).mul_add(t1_74, t1_8);
+        let t2_52 = t2_51.mul_add(t2_49, t2_36);
+        let t2_53 = t2_2 * inv_pivot_2;
+        let t2_54 = (-t2_50).mul_add(t2_53, like.lift(0.06928203230275509));
+        let t2_55 = t2_54 * inv_pivot_3;
+        let pivot_4 = t2_55.mul_add(t2_8, t2_6);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t1_75 = t1_71.mul_add(t1_67, t1_36);
-        let t1_76 = (-t1_73).mul_add(t1_70, t1_75);
-        let t1_77 = inv_pivot_4 * t1_76;
-        let t1_78 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_77;
-        let t1_79 = like.lift(0.4).mul_add(t1_78, t1_70);
-        let t1_80 = inv_pivot_3 * t1_79;
-        let t1_81 = t1_68.mul_add(t1_80, t1_67);
-        let t1_82 = inv_pivot_2 * t1_81;
-        let t1_83 = -t1_82;
-        let t1_84 = -t1_77;
-        let t1_85 = t1_1.mul_add(t1_82, t1_56);
-        let t1_86 = like.lift(-0.06928203230275509).mul_add(t1_80, t1_85);
-        let t1_87 = t1_65 * t1_86;
-        let t1_88 = like.lift(2.5) * t1_87;
-        let t1_89 = -t1_88;
-        let t1_90 = -pivot_2;
+        let t2_56 = (-t2_55).mul_add(t2_52, t2_29);
+        let t2_57 = t2_53.mul_add(t2_49, t2_56);
+        let t2_58 = inv_pivot_4 * t2_57;
+        let t2_59 = t2_58.mul_add(t2_8, t2_52);
+        let t2_60 = inv_pivot_3 * t2_59;
+        let t2_61 = t2_50.mul_add(t2_60, t2_49);
+        let t2_62 = inv_pivot_2 * t2_61;
+        let t2_63 = -t2_62;
+        let t2_64 = -t2_58;
+        let t2_65 = like.lift(-0.06928203230275509).mul_add(t2_60, t2_42);
+        let t2_66 = t2_2.mul_add(t2_62, t2_65);
+        let t2_67 = like.lift(2.5) * t2_47;
+        let t2_68 = t2_66 * t2_67;
+        let t2_69 = -t2_68;
+        let t2_70 = -pivot_2;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
-            .min((t1_90 * like.lift(2.7080930926705737)).abs())
+            .min((t2_70 * like.lift(2.7080930926705737)).abs())
             .min((pivot_3 * like.lift(19.82662604894746)).abs())
             .min((pivot_4 * like.lift(2.203476117557732)).abs());
-        let ([[al_rod1z], [t1_91], [al_rod2z], [al_rod3z]], found) = ::regen_runtime::guarded(
-            [[t1_83], [t1_80], [t1_84], [t1_89]],
+        let ([[al_rod1z], [t2_71], [al_rod2z], [al_rod3z]], found) = ::regen_runtime::guarded(
+            [[t2_63], [t2_60], [t2_64], [t2_69]],
             margin,
             || (
                 [
-                    [t1_2, like.lift(-0.06928203230275509), t1_8, like.lift(0.0)],
-                    [t1_9, like.lift(0.04), t1_10, like.lift(0.0)],
+                    [t2_3, like.lift(-0.06928203230275509), t2_6, like.lift(0.0)],
+                    [t2_7, like.lift(0.04), t2_8, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t1_2, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
-                    [t1_17, like.lift(-0.04), like.lift(0.0), t1_18],
+                    [t2_3, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
+                    [t2_12, like.lift(-0.04), like.lift(0.0), t2_13],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t1_37], [t1_48], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
-                    [t1_57], [t1_64], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_30], [t2_36], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_43], [t2_46], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            sin_q3, cos_q3, t1_1, t1_2, sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4, sin_q5,
-            cos_q5, cos_q1_q2_q3_minus_q4_minus_q5, t1_8, t1_9, t1_10, sin_q1_q2_q3_minus_q6,
-            cos_q1_q2_q3_minus_q6, sin_q7, cos_q7, pivot_1, t1_17, t1_18, sin_q2, cos_q2,
-            t1_20, t1_21, t1_23, t1_24, t1_27, w_rod2z, t1_38, w_rod3z, t1_65, t1_66,
-            inv_pivot_2, t1_68, t1_69, pivot_3, inv_pivot_3, t1_71, t1_73, pivot_4,
-            inv_pivot_4, t1_90, al_rod1z, t1_91, al_rod2z, al_rod3z,
+            t2_1, t2_2, t2_3, t2_6, u_platform_q2y, t2_7, t2_8, pivot_1, t2_12, t2_13, t2_15,
+            t2_16, t2_19, t2_20, t2_22, t2_24, t2_25, t2_31, t2_37, t2_38, t2_48, inv_pivot_2,
+            t2_50, t2_51, pivot_3, inv_pivot_3, t2_53, t2_55, pivot_4, inv_pivot_4, t2_67,
+            t2_70, al_rod1z, t2_71, al_rod2z, al_rod3z,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t2_9, t2_19, t2_34, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1,
+        t3_5, t3_17, t3_28, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1,
         x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
     ] = {
-        let t2_1 = t1_24 * p_mx_rod1;
-        let t2_2 = like.lift(0.4) * t2_1;
-        let t2_3 = t1_20 * p_my_rod1;
-        let t2_4 = like.lift(0.4).mul_add(t2_3, t2_2);
-        let t2_5 = p_izz_rod1.mul_add(al_rod1z, t2_4);
-        let al_platformz = al_rod1z + t1_91;
-        let a_rod1y = like.lift(0.4) * t1_24;
-        let t2_6 = like.lift(0.4).mul_add(al_rod1z, a_rod1y);
-        let a_platformy = cos_q3.mul_add(t2_6, t1_38);
-        let t2_7 = p_mx_platform * a_platformy;
-        let a_platformx = (-sin_q3).mul_add(t2_6, t1_23);
-        let t2_8 = p_my_platform.mul_add(a_platformx, t2_7);
-        let t2_9 = p_izz_platform.mul_add(al_platformz, t2_8);
-        let t2_10 = t1_27 * p_mx_platform;
-        let t2_11 = p_my_platform.mul_add(al_platformz, t2_10);
-        let t2_12 = p_m_platform.mul_add(a_platformx, t2_11);
-        let t2_13 = sin_q3 * t2_12;
-        let t2_14 = t1_27 * p_my_platform;
-        let t2_15 = (-p_mx_platform).mul_add(al_platformz, t2_14);
-        let t2_16 = p_m_platform.mul_add(a_platformy, -t2_15);
-        let t2_17 = (-cos_q3).mul_add(t2_16, t2_13);
-        let t2_18 = like.lift(-0.4).mul_add(t2_17, t2_9);
-        let t2_19 = t2_5 + t2_18;
-        let t2_20 = t1_20 * p_m_rod1;
-        let t2_21 = t1_21 * p_mx_rod1;
-        let t2_22 = p_my_rod1.mul_add(al_rod1z, t2_21);
-        let t2_23 = like.lift(0.4).mul_add(t2_20, t2_22);
-        let t2_24 = cos_q3 * t2_12;
-        let t2_25 = sin_q3.mul_add(t2_16, t2_24);
-        let t2_26 = t2_23 + t2_25;
-        let t2_27 = sin_q2 * t2_26;
-        let t2_28 = t1_24 * p_m_rod1;
-        let t2_29 = t1_21 * p_my_rod1;
-        let t2_30 = (-p_mx_rod1).mul_add(al_rod1z, t2_29);
-        let t2_31 = like.lift(0.4).mul_add(t2_28, -t2_30);
-        let t2_32 = t2_31 - t2_17;
-        let t2_33 = (-cos_q2).mul_add(t2_32, t2_27);
-        let t2_34 = like.lift(-0.4).mul_add(t2_33, t2_19);
-        let t2_35 = sin_q2 * cos_q3;
-        let t2_36 = like.lift(0.4) * t2_35;
-        let u_rod1_q1y = like.lift(0.4) * cos_q2;
-        let t2_37 = like.lift(0.4) + u_rod1_q1y;
-        let u_platform_q1x = sin_q3.mul_add(t2_37, t2_36);
-        let t2_38 = like.lift(0.06928203230275509) + u_platform_q1x;
-        let t2_39 = -t2_38;
-        let t2_40 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t1_8);
-        let t2_41 = sin_q2 * sin_q3;
-        let t2_42 = like.lift(0.4) * t2_41;
-        let u_platform_q1y = (-cos_q3).mul_add(t2_37, t2_42);
-        let t2_43 = like.lift(0.04) + u_platform_q1y;
-        let t2_44 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t1_10);
-        let t2_45 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
-        let t2_46 = like.lift(0.04) - u_platform_q1y;
-        let t2_47 = -t2_46;
-        let t2_48 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t1_18);
-        let t2_49 = (-t2_38).mul_add(t1_66, t2_46);
-        let t2_50 = (-t2_49).mul_add(t1_69, t2_43);
-        let t2_51 = (-t2_49).mul_add(t1_71, t2_38);
-        let t2_52 = (-t2_50).mul_add(t1_73, t2_51);
-        let t2_53 = t2_52 * inv_pivot_4;
-        let t2_54 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_53;
-        let t2_55 = like.lift(0.4).mul_add(t2_54, t2_50);
-        let t2_56 = inv_pivot_3 * t2_55;
-        let t2_57 = (-t1_68).mul_add(t2_56, t2_49);
-        let t2_58 = inv_pivot_2 * t2_57;
-        let t2_59 = t2_44.mul_add(t1_73, t2_40);
-        let t2_60 = t2_59 * inv_pivot_4;
-        let t2_61 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_60;
-        let t2_62 = like.lift(-0.4).mul_add(t2_61, t2_44);
-        let t2_63 = inv_pivot_3 * t2_62;
-        let t2_64 = t1_68 * t2_63;
-        let t2_65 = inv_pivot_2 * t2_64;
-        let t2_66 = -t2_65;
-        let t2_67 = (-t2_45).mul_add(t1_66, t2_48);
-        let t2_68 = t2_67 * t1_69;
-        let t2_69 = t2_67 * t1_71;
-        let t2_70 = (-t2_68).mul_add(t1_73, t2_69);
-        let t2_71 = t2_70 * inv_pivot_4;
-        let t2_72 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_71;
-        let t2_73 = like.lift(0.4).mul_add(t2_72, t2_68);
-        let t2_74 = inv_pivot_3 * t2_73;
-        let t2_75 = t1_68.mul_add(t2_74, t2_67);
-        let t2_76 = inv_pivot_2 * t2_75;
-        let t2_77 = -t2_76;
-        let t2_78 = -t2_53;
-        let t2_79 = -t2_71;
-        let t2_80 = (-t1_1).mul_add(t2_58, t2_38);
-        let t2_81 = like.lift(-0.06928203230275509).mul_add(t2_56, t2_80);
-        let t2_82 = t1_65 * t2_81;
-        let t2_83 = like.lift(2.5) * t2_82;
-        let t2_84 = -t2_83;
-        let t2_85 = t1_1 * t2_65;
-        let t2_86 = like.lift(-0.06928203230275509).mul_add(t2_63, t2_85);
-        let t2_87 = t1_65 * t2_86;
-        let t2_88 = like.lift(2.5) * t2_87;
-        let t2_89 = -t2_88;
-        let t2_90 = (-t1_1).mul_add(t2_76, t2_45);
-        let t2_91 = like.lift(0.06928203230275509).mul_add(t2_74, t2_90);
-        let t2_92 = t1_65 * t2_91;
-        let t2_93 = like.lift(2.5) * t2_92;
+        let al_platformz = al_rod1z + t2_71;
+        let t3_1 = al_rod1z + t2_20;
+        let t3_2 = like.lift(0.4) * t3_1;
+        let a_platformy = cos_q3.mul_add(t3_2, t2_31);
+        let a_platformx = (-sin_q3).mul_add(t3_2, t2_19);
+        let t3_3 = p_izz_platform * al_platformz;
+        let t3_4 = p_my_platform.mul_add(a_platformx, t3_3);
+        let t3_5 = p_mx_platform.mul_add(a_platformy, t3_4);
+        let t3_6 = p_m_platform * a_platformx;
+        let t3_7 = p_my_platform.mul_add(al_platformz, t3_6);
+        let t3_8 = t2_22.mul_add(p_mx_platform, t3_7);
+        let t3_9 = p_m_platform * a_platformy;
+        let t3_10 = p_mx_platform.mul_add(al_platformz, t3_9);
+        let t3_11 = (-t2_22).mul_add(p_my_platform, t3_10);
+        let t3_12 = sin_q3 * t3_8;
+        let t3_13 = (-cos_q3).mul_add(t3_11, t3_12);
+        let t3_14 = t2_15.mul_add(p_my_rod1, -t3_13);
+        let t3_15 = t2_20.mul_add(p_mx_rod1, t3_14);
+        let t3_16 = p_izz_rod1.mul_add(al_rod1z, t3_5);
+        let t3_17 = like.lift(0.4).mul_add(t3_15, t3_16);
+        let t3_18 = like.lift(0.4) * p_m_rod1;
+        let t3_19 = t2_15 * t3_18;
+        let t3_20 = p_my_rod1.mul_add(al_rod1z, t3_19);
+        let t3_21 = t2_16.mul_add(p_mx_rod1, t3_20);
+        let t3_22 = sin_q3.mul_add(t3_11, t3_21);
+        let t3_23 = cos_q3.mul_add(t3_8, t3_22);
+        let t3_24 = t2_20.mul_add(t3_18, -t3_13);
+        let t3_25 = p_mx_rod1.mul_add(al_rod1z, t3_24);
+        let t3_26 = (-t2_16).mul_add(p_my_rod1, t3_25);
+        let t3_27 = sin_q2 * t3_23;
+        let t3_28 = (-cos_q2).mul_add(t3_26, t3_27);
+        let t3_29 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
+        let t3_30 = sin_q3.mul_add(t3_29, like.lift(0.06928203230275509));
+        let t3_31 = sin_q2.mul_add(u_platform_q2y, t3_30);
+        let t3_32 = -t3_31;
+        let t3_33 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t2_6);
+        let t3_34 = sin_q2 * t2_1;
+        let u_platform_q1y = (-cos_q3).mul_add(t3_29, t3_34);
+        let t3_35 = like.lift(0.04) + u_platform_q1y;
+        let t3_36 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t2_8);
+        let t3_37 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
+        let t3_38 = like.lift(0.04) - u_platform_q1y;
+        let t3_39 = -t3_38;
+        let t3_40 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_13);
+        let t3_41 = (-t3_31).mul_add(t2_48, t3_38);
+        let t3_42 = (-t3_41).mul_add(t2_51, t3_35);
+        let t3_43 = (-t3_42).mul_add(t2_55, t3_31);
+        let t3_44 = (-t3_41).mul_add(t2_53, t3_43);
+        let t3_45 = t3_44 * inv_pivot_4;
+        let t3_46 = t3_45.mul_add(t2_8, t3_42);
+        let t3_47 = inv_pivot_3 * t3_46;
+        let t3_48 = (-t2_50).mul_add(t3_47, t3_41);
+        let t3_49 = inv_pivot_2 * t3_48;
+        let t3_50 = t3_36.mul_add(t2_55, t3_33);
+        let t3_51 = t3_50 * inv_pivot_4;
+        let t3_52 = (-t3_51).mul_add(t2_8, t3_36);
+        let t3_53 = inv_pivot_3 * t3_52;
+        let t3_54 = inv_pivot_2 * t2_50;
+        let t3_55 = t3_54 * t3_53;
+        let t3_56 = -t3_55;
+        let t3_57 = (-t3_37).mul_add(t2_48, t3_40);
+        let t3_58 = t3_57 * t2_51;
+        let t3_59 = t3_57 * t2_53;
+        let t3_60 = (-t3_58).mul_add(t2_55, t3_59);
+        let t3_61 = t3_60 * inv_pivot_4;
+        let t3_62 = t3_61.mul_add(t2_8, t3_58);
+        let t3_63 = inv_pivot_3 * t3_62;
+        let t3_64 = t2_50.mul_add(t3_63, t3_57);
+        let t3_65 = inv_pivot_2 * t3_64;
+        let t3_66 = -t3_65;
+        let t3_67 = -t3_45;
+        let t3_68 = -t3_61;
+        let t3_69 = like.lift(-0.06928203230275509).mul_add(t3_47, t3_31);
+        let t3_70 = (-t2_2).mul_add(t3_49, t3_69);
+        let t3_71 = t3_70 * t2_67;
+        let t3_72 = -t3_71;
+        let t3_73 = t2_2 * t3_55;
+        let t3_74 = like.lift(-0.06928203230275509).mul_add(t3_53, t3_73);
+        let t3_75 = t3_74 * t2_67;
+        let t3_76 = -t3_75;
+        let t3_77 = like.lift(0.06928203230275509).mul_add(t3_63, t3_37);
+        let t3_78 = (-t2_2).mul_add(t3_65, t3_77);
+        let t3_79 = t3_78 * t2_67;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
-            .min((t1_90 * like.lift(2.7080930926705737)).abs())
+            .min((t2_70 * like.lift(2.7080930926705737)).abs())
             .min((pivot_3 * like.lift(19.82662604894746)).abs())
             .min((pivot_4 * like.lift(2.203476117557732)).abs());
         let ([
@@ -2514,29 +2421,29 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 3]
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_58, t2_66, t2_77], [t2_56, t2_63, t2_74], [t2_78, t2_60, t2_79],
-                [t2_84, t2_89, t2_93],
+                [t3_49, t3_56, t3_66], [t3_47, t3_53, t3_63], [t3_67, t3_51, t3_68],
+                [t3_72, t3_76, t3_79],
             ],
             margin,
             || (
                 [
-                    [t1_2, like.lift(-0.06928203230275509), t1_8, like.lift(0.0)],
-                    [t1_9, like.lift(0.04), t1_10, like.lift(0.0)],
+                    [t2_3, like.lift(-0.06928203230275509), t2_6, like.lift(0.0)],
+                    [t2_7, like.lift(0.04), t2_8, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t1_2, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
-                    [t1_17, like.lift(-0.04), like.lift(0.0), t1_18],
+                    [t2_3, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
+                    [t2_12, like.lift(-0.04), like.lift(0.0), t2_13],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_39, t2_40, like.lift(0.0)], [t2_43, t2_44, like.lift(0.0)],
+                    [t3_32, t3_33, like.lift(0.0)], [t3_35, t3_36, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_39, like.lift(0.0), t2_45], [t2_47, like.lift(0.0), t2_48],
+                    [t3_32, like.lift(0.0), t3_37], [t3_39, like.lift(0.0), t3_40],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -2545,69 +2452,60 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 3]
         );
         condition = condition.min(found);
         [
-            t2_9, t2_19, t2_34, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1,
+            t3_5, t3_17, t3_28, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1,
             x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
         ]
     };
     // tau
     {
-        let t3_1 = (-t2_19).mul_add(x_q2_q1, t2_34);
-        let t3_2 = (-t2_9).mul_add(x_q3_q1, t3_1);
-        let t3_3 = d_q4 * d_q4;
-        let t3_4 = sin_q5 * t3_3;
-        let t3_5 = p_mx_rod2 * t3_4;
-        let t3_6 = like.lift(0.4) * t3_5;
-        let t3_7 = cos_q5 * t3_3;
-        let t3_8 = p_my_rod2 * t3_7;
-        let t3_9 = like.lift(0.4).mul_add(t3_8, t3_6);
-        let t3_10 = p_izz_rod2.mul_add(al_rod2z, t3_9);
-        let t3_11 = (-t3_10).mul_add(x_q5_q1, t3_2);
-        let t3_12 = d_q6 * d_q6;
-        let t3_13 = sin_q7 * t3_12;
-        let t3_14 = p_mx_rod3 * t3_13;
-        let t3_15 = like.lift(0.4) * t3_14;
-        let t3_16 = cos_q7 * t3_12;
-        let t3_17 = p_my_rod3 * t3_16;
-        let t3_18 = like.lift(0.4).mul_add(t3_17, t3_15);
-        let t3_19 = p_izz_rod3.mul_add(al_rod3z, t3_18);
-        let t3_20 = (-t3_19).mul_add(x_q7_q1, t3_11);
-        tau[0] = t3_20;
-        let t3_21 = p_m_rod2 * t3_7;
-        let t3_22 = w_rod2z * w_rod2z;
-        let t3_23 = t3_22 * p_mx_rod2;
-        let t3_24 = p_my_rod2.mul_add(al_rod2z, t3_23);
-        let t3_25 = like.lift(0.4).mul_add(t3_21, t3_24);
-        let t3_26 = sin_q5 * t3_25;
-        let t3_27 = p_m_rod2 * t3_4;
-        let t3_28 = t3_22 * p_my_rod2;
-        let t3_29 = (-p_mx_rod2).mul_add(al_rod2z, t3_28);
-        let t3_30 = like.lift(0.4).mul_add(t3_27, -t3_29);
-        let t3_31 = (-cos_q5).mul_add(t3_30, t3_26);
-        let t3_32 = like.lift(-0.4).mul_add(t3_31, t3_10);
-        let t3_33 = t2_19 * x_q2_q4;
-        let t3_34 = t2_9.mul_add(x_q3_q4, t3_33);
-        let t3_35 = t3_32 - t3_34;
-        let t3_36 = (-t3_10).mul_add(x_q5_q4, t3_35);
-        let t3_37 = (-t3_19).mul_add(x_q7_q4, t3_36);
-        tau[1] = t3_37;
-        let t3_38 = p_m_rod3 * t3_16;
-        let t3_39 = w_rod3z * w_rod3z;
-        let t3_40 = t3_39 * p_mx_rod3;
-        let t3_41 = p_my_rod3.mul_add(al_rod3z, t3_40);
-        let t3_42 = like.lift(0.4).mul_add(t3_38, t3_41);
-        let t3_43 = sin_q7 * t3_42;
-        let t3_44 = p_m_rod3 * t3_13;
-        let t3_45 = t3_39 * p_my_rod3;
-        let t3_46 = (-p_mx_rod3).mul_add(al_rod3z, t3_45);
-        let t3_47 = like.lift(0.4).mul_add(t3_44, -t3_46);
-        let t3_48 = (-cos_q7).mul_add(t3_47, t3_43);
-        let t3_49 = like.lift(-0.4).mul_add(t3_48, t3_19);
-        let t3_50 = t2_19 * x_q2_q6;
-        let t3_51 = t2_9.mul_add(x_q3_q6, t3_50);
-        let t3_52 = t3_10.mul_add(x_q5_q6, t3_51);
-        let t3_53 = t3_49 - t3_52;
-        let t3_54 = (-t3_19).mul_add(x_q7_q6, t3_53);
-        tau[2] = t3_54;
+        let t4_1 = sin_q5 * t2_25;
+        let t4_2 = cos_q5 * t2_25;
+        let t4_3 = p_my_rod2 * t4_2;
+        let t4_4 = p_mx_rod2.mul_add(t4_1, t4_3);
+        let t4_5 = p_izz_rod2 * al_rod2z;
+        let t4_6 = like.lift(0.4).mul_add(t4_4, t4_5);
+        let t4_7 = sin_q7 * t2_38;
+        let t4_8 = cos_q7 * t2_38;
+        let t4_9 = p_my_rod3 * t4_8;
+        let t4_10 = p_mx_rod3.mul_add(t4_7, t4_9);
+        let t4_11 = p_izz_rod3 * al_rod3z;
+        let t4_12 = like.lift(0.4).mul_add(t4_10, t4_11);
+        let t4_13 = (-t4_12).mul_add(x_q7_q1, t3_17);
+        let t4_14 = (-t4_6).mul_add(x_q5_q1, t4_13);
+        let t4_15 = (-t3_5).mul_add(x_q3_q1, t4_14);
+        let t4_16 = (-t3_17).mul_add(x_q2_q1, t4_15);
+        let t4_17 = like.lift(-0.4).mul_add(t3_28, t4_16);
+        tau[0] = t4_17;
+        let t4_18 = like.lift(0.4) * p_m_rod2;
+        let t4_19 = t4_2 * t4_18;
+        let t4_20 = p_my_rod2.mul_add(al_rod2z, t4_19);
+        let t4_21 = t2_24.mul_add(p_mx_rod2, t4_20);
+        let t4_22 = t4_1 * t4_18;
+        let t4_23 = p_mx_rod2.mul_add(al_rod2z, t4_22);
+        let t4_24 = (-t2_24).mul_add(p_my_rod2, t4_23);
+        let t4_25 = sin_q5 * t4_21;
+        let t4_26 = (-cos_q5).mul_add(t4_24, t4_25);
+        let t4_27 = (-t4_12).mul_add(x_q7_q4, t4_6);
+        let t4_28 = (-t4_6).mul_add(x_q5_q4, t4_27);
+        let t4_29 = like.lift(-0.4).mul_add(t4_26, t4_28);
+        let t4_30 = (-t3_5).mul_add(x_q3_q4, t4_29);
+        let t4_31 = (-t3_17).mul_add(x_q2_q4, t4_30);
+        tau[1] = t4_31;
+        let t4_32 = like.lift(0.4) * p_m_rod3;
+        let t4_33 = t4_8 * t4_32;
+        let t4_34 = p_my_rod3.mul_add(al_rod3z, t4_33);
+        let t4_35 = t2_37.mul_add(p_mx_rod3, t4_34);
+        let t4_36 = t4_7 * t4_32;
+        let t4_37 = p_mx_rod3.mul_add(al_rod3z, t4_36);
+        let t4_38 = (-t2_37).mul_add(p_my_rod3, t4_37);
+        let t4_39 = sin_q7 * t4_35;
+        let t4_40 = (-cos_q7).mul_add(t4_38, t4_39);
+        let t4_41 = (-t4_12).mul_add(x_q7_q6, t4_12);
+        let t4_42 = like.lift(-0.4).mul_add(t4_40, t4_41);
+        let t4_43 = (-t4_6).mul_add(x_q5_q6, t4_42);
+        let t4_44 = (-t3_5).mul_add(x_q3_q6, t4_43);
+        let t4_45 = (-t3_17).mul_add(x_q2_q6, t4_44);
+        tau[2] = t4_45;
     }
     (tau, Condition { pivot: condition })
 }
@@ -2618,7 +2516,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 3]
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
 ///
-/// 115 additions, 150 multiplications, 4 divisions, 6 sines and cosines.
+/// 115 additions, 138 multiplications, 4 divisions, 6 sines and cosines.
 pub fn mass_matrix<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([[T; 3]; 3], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 3]; 3];
@@ -2631,143 +2529,138 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
         _, p_izz_rod3, p_mx_rod3, p_my_rod3, _, p_m_rod3,
     ] = *phi;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_q3, cos_q3, sin_q2, cos_q2, sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4, sin_q5,
+        cos_q5, sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6, sin_q7, cos_q7,
+    ] = {
+        let t1_1 = q3 + q2;
+        let t1_2 = t1_1 + q1;
+        let t1_3 = t1_2 - q4;
+        let t1_4 = q3 + q2;
+        let t1_5 = t1_4 + q1;
+        let t1_6 = t1_5 - q6;
+        let [
+            (sin_q3, cos_q3), (sin_q2, cos_q2), (sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4),
+            (sin_q5, cos_q5), (sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6), (sin_q7, cos_q7),
+        ] =
+            T::sin_cos_all([q3, q2, t1_3, q5, t1_6, q7]);
+        [
+            sin_q3, cos_q3, sin_q2, cos_q2, sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4,
+            sin_q5, cos_q5, sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6, sin_q7, cos_q7,
+        ]
+    };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t1_2, t1_4, t1_7, sin_q2, cos_q2, t1_11, t1_19, t1_20, sin_q5, cos_q5, sin_q7, cos_q7,
-        x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6,
-        x_q7_q1, x_q7_q4, x_q7_q6,
+        t2_2, t2_4, t2_7, t2_10, t2_15, t2_16, t2_17, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1,
+        x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
     ] = {
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_1 = cos_q3 * p_mx_platform;
-        let t1_2 = (-sin_q3).mul_add(p_my_platform, t1_1);
-        let t1_3 = like.lift(0.4).mul_add(p_m_platform, t1_2);
-        let t1_4 = like.lift(0.4) * t1_2;
-        let t1_5 = like.lift(0.4).mul_add(t1_3, t1_4);
-        let t1_6 = p_izz_platform + t1_5;
-        let t1_7 = p_izz_rod1 + t1_6;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_8 = p_mx_rod1 + t1_3;
-        let t1_9 = cos_q2 * t1_8;
-        let t1_10 = sin_q3 * p_mx_platform;
-        let t1_11 = cos_q3.mul_add(p_my_platform, t1_10);
-        let t1_12 = p_my_rod1 + t1_11;
-        let t1_13 = (-sin_q2).mul_add(t1_12, t1_9);
-        let t1_14 = p_m_rod1 + p_m_platform;
-        let t1_15 = like.lift(0.4).mul_add(t1_14, t1_13);
-        let t1_16 = like.lift(0.4) * t1_13;
-        let t1_17 = like.lift(0.4).mul_add(t1_15, t1_16);
-        let t1_18 = t1_7 + t1_17;
-        let t1_19 = p_izz_crank1 + t1_18;
-        let t1_20 = t1_7 + t1_16;
-        let u_platform_q2x = like.lift(0.4) * sin_q3;
-        let t1_21 = like.lift(0.06928203230275509) + u_platform_q2x;
-        let t1_22 = -t1_21;
-        let t1_23 = q2 + q1;
-        let t1_24 = q3 + t1_23;
-        let t1_25 = t1_24 - q4;
-        let (sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4) = t1_25.sin_cos();
-        let (sin_q5, cos_q5) = q5.sin_cos();
-        let t1_26 = cos_q1_q2_q3_minus_q4 * sin_q5;
-        let t1_27 = sin_q1_q2_q3_minus_q4 * sin_q5;
-        let sin_q1_q2_q3_minus_q4_minus_q5 = sin_q1_q2_q3_minus_q4.mul_add(cos_q5, -t1_26);
-        let cos_q1_q2_q3_minus_q4_minus_q5 = cos_q1_q2_q3_minus_q4.mul_add(cos_q5, t1_27);
-        let t1_28 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
+        let t2_1 = cos_q3 * p_mx_platform;
+        let t2_2 = (-sin_q3).mul_add(p_my_platform, t2_1);
+        let t2_3 = like.lift(0.4).mul_add(p_m_platform, t2_2);
+        let t2_4 = like.lift(0.4) * t2_2;
+        let t2_5 = p_izz_rod1 + p_izz_platform;
+        let t2_6 = like.lift(0.4).mul_add(t2_3, t2_5);
+        let t2_7 = t2_6 + t2_4;
+        let t2_8 = p_mx_rod1 + t2_3;
+        let t2_9 = cos_q3 * p_my_platform;
+        let t2_10 = sin_q3.mul_add(p_mx_platform, t2_9);
+        let t2_11 = p_my_rod1 + t2_10;
+        let t2_12 = cos_q2 * t2_8;
+        let t2_13 = (-sin_q2).mul_add(t2_11, t2_12);
+        let t2_14 = p_m_rod1 + p_m_platform;
+        let t2_15 = like.lift(0.4).mul_add(t2_14, t2_13);
+        let t2_16 = like.lift(0.4) * t2_13;
+        let t2_17 = t2_7 + t2_16;
+        let t2_18 = like.lift(0.4) * sin_q3;
+        let t2_19 = like.lift(0.06928203230275509) + t2_18;
+        let t2_20 = -t2_19;
+        let t2_21 = sin_q1_q2_q3_minus_q4 * cos_q5;
+        let sin_q1_q2_q3_minus_q4_minus_q5 = (-cos_q1_q2_q3_minus_q4).mul_add(sin_q5, t2_21);
+        let t2_22 = cos_q1_q2_q3_minus_q4 * cos_q5;
+        let cos_q1_q2_q3_minus_q4_minus_q5 = sin_q1_q2_q3_minus_q4.mul_add(sin_q5, t2_22);
+        let t2_23 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
         let u_platform_q2y = like.lift(0.4) * cos_q3;
-        let t1_29 = like.lift(0.04) - u_platform_q2y;
-        let t1_30 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let t1_31 = q2 + q1;
-        let t1_32 = q3 + t1_31;
-        let t1_33 = t1_32 - q6;
-        let (sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6) = t1_33.sin_cos();
-        let (sin_q7, cos_q7) = q7.sin_cos();
-        let t1_34 = cos_q1_q2_q3_minus_q6 * sin_q7;
-        let t1_35 = sin_q1_q2_q3_minus_q6 * sin_q7;
-        let sin_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(cos_q7, -t1_34);
-        let cos_q1_q2_q3_minus_q6_minus_q7 = cos_q1_q2_q3_minus_q6.mul_add(cos_q7, t1_35);
+        let t2_24 = like.lift(0.04) - u_platform_q2y;
+        let t2_25 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
+        let t2_26 = sin_q1_q2_q3_minus_q6 * cos_q7;
+        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t2_26);
+        let t2_27 = cos_q1_q2_q3_minus_q6 * cos_q7;
+        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t2_27);
         let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t1_36 = like.lift(0.04) + u_platform_q2y;
-        let t1_37 = -t1_36;
-        let t1_38 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let t1_39 = sin_q2 * cos_q3;
-        let t1_40 = like.lift(0.4) * t1_39;
-        let u_rod1_q1y = like.lift(0.4) * cos_q2;
-        let t1_41 = like.lift(0.4) + u_rod1_q1y;
-        let u_platform_q1x = sin_q3.mul_add(t1_41, t1_40);
-        let t1_42 = like.lift(0.06928203230275509) + u_platform_q1x;
-        let t1_43 = -t1_42;
-        let t1_44 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t1_28);
-        let t1_45 = sin_q2 * sin_q3;
-        let t1_46 = like.lift(0.4) * t1_45;
-        let u_platform_q1y = (-cos_q3).mul_add(t1_41, t1_46);
-        let t1_47 = like.lift(0.04) + u_platform_q1y;
-        let t1_48 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t1_30);
-        let t1_49 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
-        let t1_50 = like.lift(0.04) - u_platform_q1y;
-        let t1_51 = -t1_50;
-        let t1_52 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t1_38);
-        let t1_53 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
-        let t1_54 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_53;
-        let pivot_2 = (-t1_21).mul_add(t1_54, t1_36);
+        let t2_28 = like.lift(0.04) + u_platform_q2y;
+        let t2_29 = -t2_28;
+        let t2_30 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t2_31 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
+        let t2_32 = sin_q3.mul_add(t2_31, like.lift(0.06928203230275509));
+        let t2_33 = sin_q2.mul_add(u_platform_q2y, t2_32);
+        let t2_34 = -t2_33;
+        let t2_35 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t2_23);
+        let t2_36 = sin_q2 * t2_18;
+        let u_platform_q1y = (-cos_q3).mul_add(t2_31, t2_36);
+        let t2_37 = like.lift(0.04) + u_platform_q1y;
+        let t2_38 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t2_25);
+        let t2_39 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
+        let t2_40 = like.lift(0.04) - u_platform_q1y;
+        let t2_41 = -t2_40;
+        let t2_42 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_30);
+        let t2_43 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_44 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_43;
+        let pivot_2 = (-t2_19).mul_add(t2_44, t2_28);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t1_55 = (-t1_42).mul_add(t1_54, t1_50);
-        let t1_56 = like.lift(-0.06928203230275509).mul_add(t1_54, like.lift(0.04));
-        let t1_57 = t1_29 * inv_pivot_2;
-        let pivot_3 = (-t1_56).mul_add(t1_57, like.lift(0.04));
+        let t2_45 = (-t2_33).mul_add(t2_44, t2_40);
+        let t2_46 = like.lift(-0.06928203230275509).mul_add(t2_44, like.lift(0.04));
+        let t2_47 = t2_24 * inv_pivot_2;
+        let pivot_3 = (-t2_46).mul_add(t2_47, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_58 = (-t1_55).mul_add(t1_57, t1_47);
-        let t1_59 = t1_21 * inv_pivot_2;
-        let t1_60 = (-t1_55).mul_add(t1_59, t1_42);
-        let t1_61 = (-t1_56).mul_add(t1_59, like.lift(0.06928203230275509));
-        let t1_62 = t1_61 * inv_pivot_3;
-        let t1_63 = (-t1_58).mul_add(t1_62, t1_60);
-        let t1_64 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_62;
-        let pivot_4 = like.lift(0.4).mul_add(t1_64, t1_28);
+        let t2_48 = (-t2_45).mul_add(t2_47, t2_37);
+        let t2_49 = t2_19 * inv_pivot_2;
+        let t2_50 = (-t2_46).mul_add(t2_49, like.lift(0.06928203230275509));
+        let t2_51 = t2_50 * inv_pivot_3;
+        let t2_52 = (-t2_48).mul_add(t2_51, t2_33);
+        let t2_53 = (-t2_45).mul_add(t2_49, t2_52);
+        let pivot_4 = t2_51.mul_add(t2_25, t2_23);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t1_65 = t1_63 * inv_pivot_4;
-        let t1_66 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_65;
-        let t1_67 = like.lift(0.4).mul_add(t1_66, t1_58);
-        let t1_68 = inv_pivot_3 * t1_67;
-        let t1_69 = (-t1_56).mul_add(t1_68, t1_55);
-        let t1_70 = inv_pivot_2 * t1_69;
-        let t1_71 = t1_48.mul_add(t1_62, t1_44);
-        let t1_72 = t1_71 * inv_pivot_4;
-        let t1_73 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_72;
-        let t1_74 = like.lift(-0.4).mul_add(t1_73, t1_48);
-        let t1_75 = inv_pivot_3 * t1_74;
-        let t1_76 = t1_56 * t1_75;
-        let t1_77 = inv_pivot_2 * t1_76;
-        let t1_78 = -t1_77;
-        let t1_79 = (-t1_49).mul_add(t1_54, t1_52);
-        let t1_80 = t1_79 * t1_57;
-        let t1_81 = t1_79 * t1_59;
-        let t1_82 = (-t1_80).mul_add(t1_62, t1_81);
-        let t1_83 = t1_82 * inv_pivot_4;
-        let t1_84 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_83;
-        let t1_85 = like.lift(0.4).mul_add(t1_84, t1_80);
-        let t1_86 = inv_pivot_3 * t1_85;
-        let t1_87 = t1_56.mul_add(t1_86, t1_79);
-        let t1_88 = inv_pivot_2 * t1_87;
-        let t1_89 = -t1_88;
-        let t1_90 = -t1_65;
-        let t1_91 = -t1_83;
-        let t1_92 = (-t1_21).mul_add(t1_70, t1_42);
-        let t1_93 = like.lift(-0.06928203230275509).mul_add(t1_68, t1_92);
-        let t1_94 = t1_53 * t1_93;
-        let t1_95 = like.lift(2.5) * t1_94;
-        let t1_96 = -t1_95;
-        let t1_97 = t1_21 * t1_77;
-        let t1_98 = like.lift(-0.06928203230275509).mul_add(t1_75, t1_97);
-        let t1_99 = t1_53 * t1_98;
-        let t1_100 = like.lift(2.5) * t1_99;
-        let t1_101 = -t1_100;
-        let t1_102 = (-t1_21).mul_add(t1_88, t1_49);
-        let t1_103 = like.lift(0.06928203230275509).mul_add(t1_86, t1_102);
-        let t1_104 = t1_53 * t1_103;
-        let t1_105 = like.lift(2.5) * t1_104;
-        let t1_106 = -pivot_2;
+        let t2_54 = t2_53 * inv_pivot_4;
+        let t2_55 = t2_54.mul_add(t2_25, t2_48);
+        let t2_56 = inv_pivot_3 * t2_55;
+        let t2_57 = (-t2_46).mul_add(t2_56, t2_45);
+        let t2_58 = inv_pivot_2 * t2_57;
+        let t2_59 = t2_38.mul_add(t2_51, t2_35);
+        let t2_60 = t2_59 * inv_pivot_4;
+        let t2_61 = (-t2_60).mul_add(t2_25, t2_38);
+        let t2_62 = inv_pivot_3 * t2_61;
+        let t2_63 = inv_pivot_2 * t2_46;
+        let t2_64 = t2_63 * t2_62;
+        let t2_65 = -t2_64;
+        let t2_66 = (-t2_39).mul_add(t2_44, t2_42);
+        let t2_67 = t2_66 * t2_47;
+        let t2_68 = t2_66 * t2_49;
+        let t2_69 = (-t2_67).mul_add(t2_51, t2_68);
+        let t2_70 = t2_69 * inv_pivot_4;
+        let t2_71 = t2_70.mul_add(t2_25, t2_67);
+        let t2_72 = inv_pivot_3 * t2_71;
+        let t2_73 = t2_46.mul_add(t2_72, t2_66);
+        let t2_74 = inv_pivot_2 * t2_73;
+        let t2_75 = -t2_74;
+        let t2_76 = -t2_54;
+        let t2_77 = -t2_70;
+        let t2_78 = like.lift(-0.06928203230275509).mul_add(t2_56, t2_33);
+        let t2_79 = (-t2_19).mul_add(t2_58, t2_78);
+        let t2_80 = like.lift(2.5) * t2_43;
+        let t2_81 = t2_79 * t2_80;
+        let t2_82 = -t2_81;
+        let t2_83 = t2_19 * t2_64;
+        let t2_84 = like.lift(-0.06928203230275509).mul_add(t2_62, t2_83);
+        let t2_85 = t2_84 * t2_80;
+        let t2_86 = -t2_85;
+        let t2_87 = like.lift(0.06928203230275509).mul_add(t2_72, t2_39);
+        let t2_88 = (-t2_19).mul_add(t2_74, t2_87);
+        let t2_89 = t2_88 * t2_80;
+        let t2_90 = -pivot_2;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
-            .min((t1_106 * like.lift(2.7080930926705737)).abs())
+            .min((t2_90 * like.lift(2.7080930926705737)).abs())
             .min((pivot_3 * like.lift(19.82662604894746)).abs())
             .min((pivot_4 * like.lift(2.203476117557732)).abs());
         let ([
@@ -2775,29 +2668,29 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t1_70, t1_78, t1_89], [t1_68, t1_75, t1_86], [t1_90, t1_72, t1_91],
-                [t1_96, t1_101, t1_105],
+                [t2_58, t2_65, t2_75], [t2_56, t2_62, t2_72], [t2_76, t2_60, t2_77],
+                [t2_82, t2_86, t2_89],
             ],
             margin,
             || (
                 [
-                    [t1_22, like.lift(-0.06928203230275509), t1_28, like.lift(0.0)],
-                    [t1_29, like.lift(0.04), t1_30, like.lift(0.0)],
+                    [t2_20, like.lift(-0.06928203230275509), t2_23, like.lift(0.0)],
+                    [t2_24, like.lift(0.04), t2_25, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t1_22, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
-                    [t1_37, like.lift(-0.04), like.lift(0.0), t1_38],
+                    [t2_20, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
+                    [t2_29, like.lift(-0.04), like.lift(0.0), t2_30],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t1_43, t1_44, like.lift(0.0)], [t1_47, t1_48, like.lift(0.0)],
+                    [t2_34, t2_35, like.lift(0.0)], [t2_37, t2_38, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t1_43, like.lift(0.0), t1_49], [t1_51, like.lift(0.0), t1_52],
+                    [t2_34, like.lift(0.0), t2_39], [t2_41, like.lift(0.0), t2_42],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -2806,92 +2699,92 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
         );
         condition = condition.min(found);
         [
-            t1_2, t1_4, t1_7, sin_q2, cos_q2, t1_11, t1_19, t1_20, sin_q5, cos_q5, sin_q7,
-            cos_q7, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4,
-            x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
+            t2_2, t2_4, t2_7, t2_10, t2_15, t2_16, t2_17, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1,
+            x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
         ]
     };
     // M
     {
-        let t2_1 = (-t1_20).mul_add(x_q2_q1, t1_19);
-        let t2_2 = p_izz_platform + t1_4;
-        let t2_3 = sin_q2 * t1_11;
-        let t2_4 = (-cos_q2).mul_add(t1_2, t2_3);
-        let t2_5 = like.lift(-0.4).mul_add(t2_4, t2_2);
-        let t2_6 = (-t2_5).mul_add(x_q3_q1, t2_1);
-        let t2_7 = (-t1_7).mul_add(x_q2_q1, t1_20);
-        let t2_8 = (-t2_2).mul_add(x_q3_q1, t2_7);
-        let t2_9 = (-x_q2_q1).mul_add(t2_8, t2_6);
-        let t2_10 = (-t2_2).mul_add(x_q2_q1, t2_5);
-        let t2_11 = (-p_izz_platform).mul_add(x_q3_q1, t2_10);
-        let t2_12 = (-x_q3_q1).mul_add(t2_11, t2_9);
-        let t2_13 = p_izz_rod2 * x_q5_q1;
-        let t2_14 = x_q5_q1.mul_add(t2_13, t2_12);
-        let t2_15 = p_izz_rod3 * x_q7_q1;
-        let t2_16 = x_q7_q1.mul_add(t2_15, t2_14);
-        let t2_17 = t1_20 * x_q2_q4;
-        let t2_18 = t2_5.mul_add(x_q3_q4, t2_17);
-        let t2_19 = t1_7 * x_q2_q4;
-        let t2_20 = t2_2.mul_add(x_q3_q4, t2_19);
-        let t2_21 = (-x_q2_q1).mul_add(t2_20, t2_18);
-        let t2_22 = t2_2 * x_q2_q4;
-        let t2_23 = p_izz_platform.mul_add(x_q3_q4, t2_22);
-        let t2_24 = (-x_q3_q1).mul_add(t2_23, t2_21);
-        let t2_25 = cos_q5 * p_mx_rod2;
-        let t2_26 = (-sin_q5).mul_add(p_my_rod2, t2_25);
-        let t2_27 = like.lift(0.4) * t2_26;
-        let t2_28 = p_izz_rod2 + t2_27;
-        let t2_29 = (-p_izz_rod2).mul_add(x_q5_q4, t2_28);
-        let t2_30 = x_q5_q1.mul_add(t2_29, t2_24);
-        let t2_31 = p_izz_rod3 * x_q7_q4;
-        let t2_32 = (-x_q7_q1).mul_add(t2_31, t2_30);
-        let t2_33 = -t2_32;
-        let t2_34 = t1_20 * x_q2_q6;
-        let t2_35 = t2_5.mul_add(x_q3_q6, t2_34);
-        let t2_36 = t1_7 * x_q2_q6;
-        let t2_37 = t2_2.mul_add(x_q3_q6, t2_36);
-        let t2_38 = (-x_q2_q1).mul_add(t2_37, t2_35);
-        let t2_39 = t2_2 * x_q2_q6;
-        let t2_40 = p_izz_platform.mul_add(x_q3_q6, t2_39);
-        let t2_41 = (-x_q3_q1).mul_add(t2_40, t2_38);
-        let t2_42 = p_izz_rod2 * x_q5_q6;
-        let t2_43 = (-x_q5_q1).mul_add(t2_42, t2_41);
-        let t2_44 = cos_q7 * p_mx_rod3;
-        let t2_45 = (-sin_q7).mul_add(p_my_rod3, t2_44);
-        let t2_46 = like.lift(0.4) * t2_45;
-        let t2_47 = p_izz_rod3 + t2_46;
-        let t2_48 = (-p_izz_rod3).mul_add(x_q7_q6, t2_47);
-        let t2_49 = x_q7_q1.mul_add(t2_48, t2_43);
-        let t2_50 = -t2_49;
-        m[0] = [t2_16, t2_33, t2_50];
-        let t2_51 = like.lift(0.4).mul_add(p_m_rod2, t2_26);
-        let t2_52 = like.lift(0.4).mul_add(t2_51, t2_27);
-        let t2_53 = p_izz_rod2 + t2_52;
-        let t2_54 = p_izz_crank2 + t2_53;
-        let t2_55 = (-t2_28).mul_add(x_q5_q4, t2_54);
-        let t2_56 = x_q2_q4 * t2_20;
-        let t2_57 = x_q3_q4.mul_add(t2_23, t2_56);
-        let t2_58 = t2_55 + t2_57;
-        let t2_59 = (-x_q5_q4).mul_add(t2_29, t2_58);
-        let t2_60 = x_q7_q4.mul_add(t2_31, t2_59);
-        let t2_61 = x_q2_q4 * t2_37;
-        let t2_62 = x_q3_q4.mul_add(t2_40, t2_61);
-        let t2_63 = t2_28.mul_add(x_q5_q6, -t2_62);
-        let t2_64 = (-x_q5_q4).mul_add(t2_42, t2_63);
-        let t2_65 = x_q7_q4.mul_add(t2_48, t2_64);
-        let t2_66 = -t2_65;
-        m[1] = [t2_33, t2_60, t2_66];
-        let t2_67 = like.lift(0.4).mul_add(p_m_rod3, t2_45);
-        let t2_68 = like.lift(0.4).mul_add(t2_67, t2_46);
-        let t2_69 = p_izz_rod3 + t2_68;
-        let t2_70 = p_izz_crank3 + t2_69;
-        let t2_71 = (-t2_47).mul_add(x_q7_q6, t2_70);
-        let t2_72 = x_q2_q6 * t2_37;
-        let t2_73 = x_q3_q6.mul_add(t2_40, t2_72);
-        let t2_74 = x_q5_q6.mul_add(t2_42, t2_73);
-        let t2_75 = t2_71 + t2_74;
-        let t2_76 = (-x_q7_q6).mul_add(t2_48, t2_75);
-        m[2] = [t2_50, t2_66, t2_76];
+        let t3_1 = p_izz_platform + t2_4;
+        let t3_2 = sin_q2 * t2_10;
+        let t3_3 = (-cos_q2).mul_add(t2_2, t3_2);
+        let t3_4 = like.lift(-0.4).mul_add(t3_3, t3_1);
+        let t3_5 = (-t3_1).mul_add(x_q3_q1, t2_17);
+        let t3_6 = (-t2_7).mul_add(x_q2_q1, t3_5);
+        let t3_7 = (-p_izz_platform).mul_add(x_q3_q1, t3_4);
+        let t3_8 = (-t3_1).mul_add(x_q2_q1, t3_7);
+        let t3_9 = t3_6 + t2_17;
+        let t3_10 = t3_8 + t3_4;
+        let t3_11 = x_q7_q1 * p_izz_rod3;
+        let t3_12 = t3_11.mul_add(x_q7_q1, p_izz_crank1);
+        let t3_13 = x_q5_q1 * p_izz_rod2;
+        let t3_14 = t3_13.mul_add(x_q5_q1, t3_12);
+        let t3_15 = (-x_q3_q1).mul_add(t3_10, t3_14);
+        let t3_16 = (-x_q2_q1).mul_add(t3_9, t3_15);
+        let t3_17 = t3_16 + t2_7;
+        let t3_18 = like.lift(0.4).mul_add(t2_15, t3_17);
+        let t3_19 = t3_18 + t2_16;
+        let t3_20 = t3_1 * x_q3_q4;
+        let t3_21 = t2_7.mul_add(x_q2_q4, t3_20);
+        let t3_22 = p_izz_platform * x_q3_q4;
+        let t3_23 = t3_1.mul_add(x_q2_q4, t3_22);
+        let t3_24 = cos_q5 * p_mx_rod2;
+        let t3_25 = (-sin_q5).mul_add(p_my_rod2, t3_24);
+        let t3_26 = like.lift(0.4) * t3_25;
+        let t3_27 = p_izz_rod2 + t3_26;
+        let t3_28 = (-p_izz_rod2).mul_add(x_q5_q4, t3_27);
+        let t3_29 = p_izz_rod3 * x_q7_q4;
+        let t3_30 = x_q5_q1 * t3_28;
+        let t3_31 = (-x_q7_q1).mul_add(t3_29, t3_30);
+        let t3_32 = (-x_q3_q1).mul_add(t3_23, t3_31);
+        let t3_33 = (-x_q2_q1).mul_add(t3_21, t3_32);
+        let t3_34 = t3_4.mul_add(x_q3_q4, t3_33);
+        let t3_35 = t2_17.mul_add(x_q2_q4, t3_34);
+        let t3_36 = -t3_35;
+        let t3_37 = t3_1 * x_q3_q6;
+        let t3_38 = t2_7.mul_add(x_q2_q6, t3_37);
+        let t3_39 = p_izz_platform * x_q3_q6;
+        let t3_40 = t3_1.mul_add(x_q2_q6, t3_39);
+        let t3_41 = p_izz_rod2 * x_q5_q6;
+        let t3_42 = cos_q7 * p_mx_rod3;
+        let t3_43 = (-sin_q7).mul_add(p_my_rod3, t3_42);
+        let t3_44 = like.lift(0.4) * t3_43;
+        let t3_45 = p_izz_rod3 + t3_44;
+        let t3_46 = (-p_izz_rod3).mul_add(x_q7_q6, t3_45);
+        let t3_47 = x_q7_q1 * t3_46;
+        let t3_48 = (-x_q5_q1).mul_add(t3_41, t3_47);
+        let t3_49 = (-x_q3_q1).mul_add(t3_40, t3_48);
+        let t3_50 = (-x_q2_q1).mul_add(t3_38, t3_49);
+        let t3_51 = t3_4.mul_add(x_q3_q6, t3_50);
+        let t3_52 = t2_17.mul_add(x_q2_q6, t3_51);
+        let t3_53 = -t3_52;
+        m[0] = [t3_19, t3_36, t3_53];
+        let t3_54 = like.lift(0.4).mul_add(p_m_rod2, t3_25);
+        let t3_55 = t3_28 + t3_27;
+        let t3_56 = x_q7_q4.mul_add(t3_29, p_izz_crank2);
+        let t3_57 = (-x_q5_q4).mul_add(t3_55, t3_56);
+        let t3_58 = t3_57 + p_izz_rod2;
+        let t3_59 = like.lift(0.4).mul_add(t3_54, t3_58);
+        let t3_60 = t3_59 + t3_26;
+        let t3_61 = x_q3_q4.mul_add(t3_23, t3_60);
+        let t3_62 = x_q2_q4.mul_add(t3_21, t3_61);
+        let t3_63 = x_q7_q4 * t3_46;
+        let t3_64 = (-x_q5_q4).mul_add(t3_41, t3_63);
+        let t3_65 = t3_27.mul_add(x_q5_q6, t3_64);
+        let t3_66 = (-x_q3_q4).mul_add(t3_40, t3_65);
+        let t3_67 = (-x_q2_q4).mul_add(t3_38, t3_66);
+        let t3_68 = -t3_67;
+        m[1] = [t3_36, t3_62, t3_68];
+        let t3_69 = like.lift(0.4).mul_add(p_m_rod3, t3_43);
+        let t3_70 = t3_46 + t3_45;
+        let t3_71 = (-x_q7_q6).mul_add(t3_70, p_izz_crank3);
+        let t3_72 = t3_71 + p_izz_rod3;
+        let t3_73 = like.lift(0.4).mul_add(t3_69, t3_72);
+        let t3_74 = t3_73 + t3_44;
+        let t3_75 = x_q5_q6.mul_add(t3_41, t3_74);
+        let t3_76 = x_q3_q6.mul_add(t3_40, t3_75);
+        let t3_77 = x_q2_q6.mul_add(t3_38, t3_76);
+        m[2] = [t3_53, t3_68, t3_77];
     }
     (m, Condition { pivot: condition })
 }
@@ -2904,347 +2797,326 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
 /// - `qdd_r`: reference accelerations of the independent coordinates
 /// - `y`: column by column: Y phi = M qdd_r + C(q, qd) qd_r + g, with dM/dt - 2 C skew
 ///
-/// 155 additions, 314 multiplications, 4 divisions, 7 sines and cosines.
+/// 155 additions, 270 multiplications, 4 divisions, 7 sines and cosines.
 pub fn slotine_li<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd_r: &[T; 3], y: &mut [[T; 3]; 70]) -> Condition<T> {
+    *y = [[q[0].lift(0.0); 3]; 70];
+    slotine_li_entries(q, qd, qd_r, qdd_r, y)
+}
+
+/// The entries of [`slotine_li`] that are not zero at every state; the others are left as they are.
+///
+/// Inlined where it is called, so that lanes keep the caller's instruction set.
+#[inline(always)]
+pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd_r: &[T; 3], y: &mut [[T; 3]; 70]) -> Condition<T> {
     let like = q[0];
     let [q1, q2, q3, q4, q5, q6, q7] = *q;
     let [d_q1, d_q2, d_q3, d_q4, d_q5, d_q6, d_q7] = *qd;
     let [r_q1, r_q4, r_q6] = *qd_r;
     let [dr_q1, dr_q4, dr_q6] = *qdd_r;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_q1, cos_q1, sin_q3, cos_q3, sin_q2, cos_q2, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6,
+        cos_q6, sin_q7, cos_q7,
+    ] = {
+        let [
+            (sin_q1, cos_q1), (sin_q3, cos_q3), (sin_q2, cos_q2), (sin_q4, cos_q4),
+            (sin_q5, cos_q5), (sin_q6, cos_q6), (sin_q7, cos_q7),
+        ] =
+            T::sin_cos_all([q1, q3, q2, q4, q5, q6, q7]);
+        [
+            sin_q1, cos_q1, sin_q3, cos_q3, sin_q2, cos_q2, sin_q4, cos_q4, sin_q5, cos_q5,
+            sin_q6, cos_q6, sin_q7, cos_q7,
+        ]
+    };
     // body crank1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [sin_q1, cos_q1, a_crank1y, a_crank1x] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
+    let [a_crank1y, a_crank1x] = {
         let a_crank1y = like.lift(9.81) * cos_q1;
-        y[6] = [a_crank1y, like.lift(0.0), like.lift(0.0)];
+        y[6][0] = a_crank1y;
         let a_crank1x = like.lift(9.81) * sin_q1;
-        let t1_1 = -a_crank1x;
-        y[7] = [t1_1, like.lift(0.0), like.lift(0.0)];
-        y[0] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[1] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[2] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[3] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[4] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[5] = [dr_q1, like.lift(0.0), like.lift(0.0)];
-        y[8] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[9] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        [sin_q1, cos_q1, a_crank1y, a_crank1x]
+        let t2_1 = -a_crank1x;
+        y[7][0] = t2_1;
+        y[5][0] = dr_q1;
+        [a_crank1y, a_crank1x]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        sin_q3, cos_q3, t2_1, t2_2, sin_q2, cos_q2, sin_q4, cos_q4, sin_q1_q2_q3_minus_q4,
-        cos_q1_q2_q3_minus_q4, sin_q5, cos_q5, sin_q1_q2_q3_minus_q4_minus_q5,
-        cos_q1_q2_q3_minus_q4_minus_q5, t2_11, t2_12, t2_13, sin_q6, cos_q6,
-        sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6, sin_q7, cos_q7,
-        sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7, pivot_1, t2_19, t2_20,
-        u_platform_q1x, t2_24, t2_25, t2_26, t2_27, t2_28, t2_29, w_rod1z, u_platform_q1y,
-        t2_34, t2_36, t2_39, t2_41, t2_43, t2_45, t2_46, inv_pivot_2, t2_48, t2_49, pivot_3,
-        inv_pivot_3, t2_51, t2_53, pivot_4, inv_pivot_4, t2_69, t2_70, t2_71, t2_72, t2_73,
+        t3_1, t3_2, t3_3, sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4,
+        sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5, t3_12, u_platform_q2y,
+        t3_13, t3_14, sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6,
+        sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7, pivot_1, t3_20, t3_21,
+        t3_22, u_platform_q1x, t3_25, t3_26, t3_27, t3_28, w_rod1z, u_platform_q1y, t3_32,
+        t3_33, t3_37, t3_39, t3_40, t3_44, inv_pivot_2, t3_46, t3_47, pivot_3, inv_pivot_3,
+        t3_49, t3_51, pivot_4, inv_pivot_4, t3_63, t3_65, t3_66, t3_67, t3_68, t3_69,
     ] = {
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let u_platform_q2x = like.lift(0.4) * sin_q3;
-        let t2_1 = like.lift(0.06928203230275509) + u_platform_q2x;
-        let t2_2 = -t2_1;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t2_3 = cos_q1 * sin_q2;
-        let t2_4 = sin_q1 * sin_q2;
-        let sin_q1_q2 = sin_q1.mul_add(cos_q2, t2_3);
-        let cos_q1_q2 = cos_q1.mul_add(cos_q2, -t2_4);
-        let t2_5 = cos_q1_q2 * sin_q3;
-        let t2_6 = sin_q1_q2 * sin_q3;
-        let sin_q1_q2_q3 = sin_q1_q2.mul_add(cos_q3, t2_5);
-        let cos_q1_q2_q3 = cos_q1_q2.mul_add(cos_q3, -t2_6);
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t2_7 = cos_q1_q2_q3 * sin_q4;
-        let t2_8 = sin_q1_q2_q3 * sin_q4;
-        let sin_q1_q2_q3_minus_q4 = sin_q1_q2_q3.mul_add(cos_q4, -t2_7);
-        let cos_q1_q2_q3_minus_q4 = cos_q1_q2_q3.mul_add(cos_q4, t2_8);
-        let (sin_q5, cos_q5) = q5.sin_cos();
-        let t2_9 = cos_q1_q2_q3_minus_q4 * sin_q5;
-        let t2_10 = sin_q1_q2_q3_minus_q4 * sin_q5;
-        let sin_q1_q2_q3_minus_q4_minus_q5 = sin_q1_q2_q3_minus_q4.mul_add(cos_q5, -t2_9);
-        let cos_q1_q2_q3_minus_q4_minus_q5 = cos_q1_q2_q3_minus_q4.mul_add(cos_q5, t2_10);
-        let t2_11 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
+        let t3_1 = like.lift(0.4) * sin_q3;
+        let t3_2 = like.lift(0.06928203230275509) + t3_1;
+        let t3_3 = -t3_2;
+        let t3_4 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_4);
+        let t3_5 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_5);
+        let t3_6 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t3_6);
+        let t3_7 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t3_7);
+        let t3_8 = sin_q1_q2_q3 * cos_q4;
+        let sin_q1_q2_q3_minus_q4 = (-cos_q1_q2_q3).mul_add(sin_q4, t3_8);
+        let t3_9 = cos_q1_q2_q3 * cos_q4;
+        let cos_q1_q2_q3_minus_q4 = sin_q1_q2_q3.mul_add(sin_q4, t3_9);
+        let t3_10 = sin_q1_q2_q3_minus_q4 * cos_q5;
+        let sin_q1_q2_q3_minus_q4_minus_q5 = (-cos_q1_q2_q3_minus_q4).mul_add(sin_q5, t3_10);
+        let t3_11 = cos_q1_q2_q3_minus_q4 * cos_q5;
+        let cos_q1_q2_q3_minus_q4_minus_q5 = sin_q1_q2_q3_minus_q4.mul_add(sin_q5, t3_11);
+        let t3_12 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
         let u_platform_q2y = like.lift(0.4) * cos_q3;
-        let t2_12 = like.lift(0.04) - u_platform_q2y;
-        let t2_13 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let (sin_q6, cos_q6) = q6.sin_cos();
-        let t2_14 = cos_q1_q2_q3 * sin_q6;
-        let t2_15 = sin_q1_q2_q3 * sin_q6;
-        let sin_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(cos_q6, -t2_14);
-        let cos_q1_q2_q3_minus_q6 = cos_q1_q2_q3.mul_add(cos_q6, t2_15);
-        let (sin_q7, cos_q7) = q7.sin_cos();
-        let t2_16 = cos_q1_q2_q3_minus_q6 * sin_q7;
-        let t2_17 = sin_q1_q2_q3_minus_q6 * sin_q7;
-        let sin_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(cos_q7, -t2_16);
-        let cos_q1_q2_q3_minus_q6_minus_q7 = cos_q1_q2_q3_minus_q6.mul_add(cos_q7, t2_17);
+        let t3_13 = like.lift(0.04) - u_platform_q2y;
+        let t3_14 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
+        let t3_15 = sin_q1_q2_q3 * cos_q6;
+        let sin_q1_q2_q3_minus_q6 = (-cos_q1_q2_q3).mul_add(sin_q6, t3_15);
+        let t3_16 = cos_q1_q2_q3 * cos_q6;
+        let cos_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(sin_q6, t3_16);
+        let t3_17 = sin_q1_q2_q3_minus_q6 * cos_q7;
+        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t3_17);
+        let t3_18 = cos_q1_q2_q3_minus_q6 * cos_q7;
+        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t3_18);
         let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_18 = like.lift(0.04) + u_platform_q2y;
-        let t2_19 = -t2_18;
-        let t2_20 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let t2_21 = sin_q2 * cos_q3;
-        let t2_22 = like.lift(0.4) * t2_21;
-        let u_rod1_q1y = like.lift(0.4) * cos_q2;
-        let t2_23 = like.lift(0.4) + u_rod1_q1y;
-        let u_platform_q1x = sin_q3.mul_add(t2_23, t2_22);
-        let t2_24 = like.lift(0.06928203230275509) + u_platform_q1x;
-        let t2_25 = t2_24 * dr_q1;
-        let t2_26 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t2_11);
-        let t2_27 = (-t2_26).mul_add(dr_q4, t2_25);
-        let t2_28 = d_q1 * r_q1;
-        let t2_29 = cos_q2 * t2_28;
+        let t3_19 = like.lift(0.04) + u_platform_q2y;
+        let t3_20 = -t3_19;
+        let t3_21 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t3_22 = like.lift(0.4) * cos_q2;
+        let t3_23 = like.lift(0.4) + t3_22;
+        let t3_24 = sin_q3 * t3_23;
+        let u_platform_q1x = sin_q2.mul_add(u_platform_q2y, t3_24);
+        let t3_25 = like.lift(0.06928203230275509) + u_platform_q1x;
+        let t3_26 = t3_25 * dr_q1;
+        let t3_27 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t3_12);
+        let t3_28 = d_q1 * r_q1;
         let w_rod1z = d_q1 + d_q2;
-        let t2_30 = t2_24 * r_q1;
-        let t2_31 = (-t2_26).mul_add(r_q4, t2_30);
-        let t2_32 = sin_q2 * sin_q3;
-        let t2_33 = like.lift(0.4) * t2_32;
-        let u_platform_q1y = (-cos_q3).mul_add(t2_23, t2_33);
-        let t2_34 = like.lift(0.04) + u_platform_q1y;
-        let t2_35 = t2_34 * r_q1;
-        let t2_36 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t2_13);
-        let t2_37 = t2_36.mul_add(r_q4, t2_35);
-        let t2_38 = -t2_37;
-        let t2_39 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
-        let t2_40 = (-t2_39).mul_add(r_q6, t2_30);
-        let t2_41 = like.lift(0.04) - u_platform_q1y;
-        let t2_42 = t2_41 * r_q1;
-        let t2_43 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_20);
-        let t2_44 = (-t2_43).mul_add(r_q6, t2_42);
-        let t2_45 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_46 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_45;
-        let pivot_2 = (-t2_1).mul_add(t2_46, t2_18);
+        let t3_29 = t3_25 * r_q1;
+        let t3_30 = (-t3_27).mul_add(r_q4, t3_29);
+        let t3_31 = sin_q2 * t3_1;
+        let u_platform_q1y = (-cos_q3).mul_add(t3_23, t3_31);
+        let t3_32 = like.lift(0.04) + u_platform_q1y;
+        let t3_33 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t3_14);
+        let t3_34 = t3_33 * r_q4;
+        let t3_35 = t3_32.mul_add(r_q1, t3_34);
+        let t3_36 = -t3_35;
+        let t3_37 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
+        let t3_38 = (-t3_37).mul_add(r_q6, t3_29);
+        let t3_39 = like.lift(0.04) - u_platform_q1y;
+        let t3_40 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t3_21);
+        let t3_41 = t3_39 * r_q1;
+        let t3_42 = (-t3_40).mul_add(r_q6, t3_41);
+        let t3_43 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
+        let t3_44 = cos_q1_q2_q3_minus_q6_minus_q7 * t3_43;
+        let pivot_2 = (-t3_2).mul_add(t3_44, t3_19);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_47 = (-t2_46).mul_add(t2_40, t2_44);
-        let t2_48 = like.lift(-0.06928203230275509).mul_add(t2_46, like.lift(0.04));
-        let t2_49 = t2_12 * inv_pivot_2;
-        let pivot_3 = (-t2_48).mul_add(t2_49, like.lift(0.04));
+        let t3_45 = (-t3_44).mul_add(t3_38, t3_42);
+        let t3_46 = like.lift(-0.06928203230275509).mul_add(t3_44, like.lift(0.04));
+        let t3_47 = t3_13 * inv_pivot_2;
+        let pivot_3 = (-t3_46).mul_add(t3_47, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_50 = (-t2_49).mul_add(t2_47, t2_37);
-        let t2_51 = t2_1 * inv_pivot_2;
-        let t2_52 = (-t2_48).mul_add(t2_51, like.lift(0.06928203230275509));
-        let t2_53 = t2_52 * inv_pivot_3;
-        let t2_54 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_53;
-        let pivot_4 = like.lift(0.4).mul_add(t2_54, t2_11);
+        let t3_48 = (-t3_47).mul_add(t3_45, t3_35);
+        let t3_49 = t3_2 * inv_pivot_2;
+        let t3_50 = (-t3_46).mul_add(t3_49, like.lift(0.06928203230275509));
+        let t3_51 = t3_50 * inv_pivot_3;
+        let pivot_4 = t3_51.mul_add(t3_14, t3_12);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_55 = (-t2_51).mul_add(t2_47, t2_31);
-        let t2_56 = (-t2_53).mul_add(t2_50, t2_55);
-        let t2_57 = inv_pivot_4 * t2_56;
-        let t2_58 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_57;
-        let t2_59 = like.lift(0.4).mul_add(t2_58, t2_50);
-        let t2_60 = inv_pivot_3 * t2_59;
-        let t2_61 = (-t2_48).mul_add(t2_60, t2_47);
-        let t2_62 = inv_pivot_2 * t2_61;
-        let t2_63 = -t2_62;
-        let t2_64 = -t2_60;
-        let t2_65 = (-t2_1).mul_add(t2_62, t2_40);
-        let t2_66 = like.lift(-0.06928203230275509).mul_add(t2_60, t2_65);
-        let t2_67 = t2_45 * t2_66;
-        let t2_68 = like.lift(2.5) * t2_67;
-        let t2_69 = -pivot_2;
+        let t3_52 = (-t3_51).mul_add(t3_48, t3_30);
+        let t3_53 = (-t3_49).mul_add(t3_45, t3_52);
+        let t3_54 = inv_pivot_4 * t3_53;
+        let t3_55 = t3_54.mul_add(t3_14, t3_48);
+        let t3_56 = inv_pivot_3 * t3_55;
+        let t3_57 = (-t3_46).mul_add(t3_56, t3_45);
+        let t3_58 = inv_pivot_2 * t3_57;
+        let t3_59 = -t3_58;
+        let t3_60 = -t3_56;
+        let t3_61 = like.lift(-0.06928203230275509).mul_add(t3_56, t3_38);
+        let t3_62 = (-t3_2).mul_add(t3_58, t3_61);
+        let t3_63 = like.lift(2.5) * t3_43;
+        let t3_64 = t3_62 * t3_63;
+        let t3_65 = -pivot_2;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
-            .min((t2_69 * like.lift(2.7080930926705737)).abs())
+            .min((t3_65 * like.lift(2.7080930926705737)).abs())
             .min((pivot_3 * like.lift(19.82662604894746)).abs())
             .min((pivot_4 * like.lift(2.203476117557732)).abs());
-        let ([[t2_70], [t2_71], [t2_72], [t2_73]], found) = ::regen_runtime::guarded(
-            [[t2_63], [t2_64], [t2_57], [t2_68]],
+        let ([[t3_66], [t3_67], [t3_68], [t3_69]], found) = ::regen_runtime::guarded(
+            [[t3_59], [t3_60], [t3_54], [t3_64]],
             margin,
             || (
                 [
-                    [t2_2, like.lift(-0.06928203230275509), t2_11, like.lift(0.0)],
-                    [t2_12, like.lift(0.04), t2_13, like.lift(0.0)],
+                    [t3_3, like.lift(-0.06928203230275509), t3_12, like.lift(0.0)],
+                    [t3_13, like.lift(0.04), t3_14, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_2, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
-                    [t2_19, like.lift(-0.04), like.lift(0.0), t2_20],
+                    [t3_3, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
+                    [t3_20, like.lift(-0.04), like.lift(0.0), t3_21],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_31], [t2_38], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
-                    [t2_40], [t2_44], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t3_30], [t3_36], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t3_38], [t3_42], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            sin_q3, cos_q3, t2_1, t2_2, sin_q2, cos_q2, sin_q4, cos_q4, sin_q1_q2_q3_minus_q4,
-            cos_q1_q2_q3_minus_q4, sin_q5, cos_q5, sin_q1_q2_q3_minus_q4_minus_q5,
-            cos_q1_q2_q3_minus_q4_minus_q5, t2_11, t2_12, t2_13, sin_q6, cos_q6,
-            sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6, sin_q7, cos_q7,
-            sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7, pivot_1, t2_19,
-            t2_20, u_platform_q1x, t2_24, t2_25, t2_26, t2_27, t2_28, t2_29, w_rod1z,
-            u_platform_q1y, t2_34, t2_36, t2_39, t2_41, t2_43, t2_45, t2_46, inv_pivot_2,
-            t2_48, t2_49, pivot_3, inv_pivot_3, t2_51, t2_53, pivot_4, inv_pivot_4, t2_69,
-            t2_70, t2_71, t2_72, t2_73,
+            t3_1, t3_2, t3_3, sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4,
+            sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5, t3_12,
+            u_platform_q2y, t3_13, t3_14, sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6,
+            sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7, pivot_1, t3_20,
+            t3_21, t3_22, u_platform_q1x, t3_25, t3_26, t3_27, t3_28, w_rod1z, u_platform_q1y,
+            t3_32, t3_33, t3_37, t3_39, t3_40, t3_44, inv_pivot_2, t3_46, t3_47, pivot_3,
+            inv_pivot_3, t3_49, t3_51, pivot_4, inv_pivot_4, t3_63, t3_65, t3_66, t3_67, t3_68,
+            t3_69,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
-    let [t3_2, t3_3, t3_10, w_rod2z, t3_16, w_rod3z, t3_42, t3_74, t3_75, t3_76, t3_77] = {
-        let t3_1 = r_q1 + t2_70;
-        let t3_2 = w_rod1z * t3_1;
-        let t3_3 = like.lift(0.4) * t3_2;
-        let t3_4 = like.lift(0.4).mul_add(t2_29, t3_3);
-        let t3_5 = cos_q3 * t3_4;
-        let t3_6 = sin_q2 * t2_28;
-        let t3_7 = sin_q3 * t3_6;
-        let t3_8 = like.lift(-0.4).mul_add(t3_7, t3_5);
+    let [t4_2, t4_3, t4_9, t4_12, t4_13, t4_30, t4_31, t4_57, t4_58, t4_59, t4_60] = {
+        let t4_1 = r_q1 + t3_66;
+        let t4_2 = w_rod1z * t4_1;
+        let t4_3 = like.lift(0.4) * t4_2;
+        let t4_4 = t3_28.mul_add(t3_22, t4_3);
+        let t4_5 = sin_q2 * t3_28;
+        let t4_6 = cos_q3 * t4_4;
+        let t4_7 = (-t4_5).mul_add(t3_1, t4_6);
         let w_platformz = d_q3 + w_rod1z;
-        let t3_9 = t2_71 + t3_1;
-        let t3_10 = w_platformz * t3_9;
-        let t3_11 = like.lift(0.04) * t3_10;
-        let t3_12 = t3_8 - t3_11;
-        let t3_13 = cos_q1_q2_q3_minus_q4 * r_q4;
-        let t3_14 = d_q4 * t3_13;
-        let t3_15 = like.lift(0.4) * t3_14;
+        let t4_8 = t3_67 + t4_1;
+        let t4_9 = w_platformz * t4_8;
+        let t4_10 = like.lift(0.04) * t4_9;
         let w_rod2z = d_q4 + d_q5;
-        let t3_16 = r_q4 + t2_72;
-        let t3_17 = cos_q1_q2_q3_minus_q4_minus_q5 * t3_16;
-        let t3_18 = w_rod2z * t3_17;
-        let t3_19 = like.lift(0.4).mul_add(t3_18, t3_15);
-        let t3_20 = t3_12 - t3_19;
-        let t3_21 = t2_27 - t3_20;
-        let t3_22 = t2_34 * dr_q1;
-        let t3_23 = t2_36.mul_add(dr_q4, t3_22);
-        let t3_24 = sin_q3 * t3_4;
-        let t3_25 = cos_q3 * t3_6;
-        let t3_26 = like.lift(0.4).mul_add(t3_25, t3_24);
-        let t3_27 = like.lift(0.06928203230275509).mul_add(t3_10, t3_26);
-        let t3_28 = sin_q1_q2_q3_minus_q4 * r_q4;
-        let t3_29 = d_q4 * t3_28;
-        let t3_30 = like.lift(0.4) * t3_29;
-        let t3_31 = sin_q1_q2_q3_minus_q4_minus_q5 * t3_16;
-        let t3_32 = w_rod2z * t3_31;
-        let t3_33 = like.lift(0.4).mul_add(t3_32, t3_30);
-        let t3_34 = t3_27 - t3_33;
-        let t3_35 = t3_23 - t3_34;
-        let t3_36 = -t3_35;
-        let t3_37 = (-t2_39).mul_add(dr_q6, t2_25);
-        let t3_38 = t3_8 + t3_11;
-        let t3_39 = cos_q1_q2_q3_minus_q6 * r_q6;
-        let t3_40 = d_q6 * t3_39;
-        let t3_41 = like.lift(0.4) * t3_40;
+        let t4_11 = r_q4 + t3_68;
+        let t4_12 = w_rod2z * t4_11;
+        let t4_13 = d_q4 * r_q4;
+        let t4_14 = cos_q1_q2_q3_minus_q4_minus_q5 * t4_12;
+        let t4_15 = cos_q1_q2_q3_minus_q4.mul_add(t4_13, t4_14);
+        let t4_16 = (-t3_27).mul_add(dr_q4, t3_26);
+        let t4_17 = t4_16 - t4_7;
+        let t4_18 = t4_17 + t4_10;
+        let t4_19 = like.lift(0.4).mul_add(t4_15, t4_18);
+        let t4_20 = like.lift(0.06928203230275509) * t4_9;
+        let t4_21 = t4_5.mul_add(u_platform_q2y, t4_20);
+        let t4_22 = sin_q3.mul_add(t4_4, t4_21);
+        let t4_23 = sin_q1_q2_q3_minus_q4_minus_q5 * t4_12;
+        let t4_24 = sin_q1_q2_q3_minus_q4.mul_add(t4_13, t4_23);
+        let t4_25 = t3_33.mul_add(dr_q4, -t4_22);
+        let t4_26 = t3_32.mul_add(dr_q1, t4_25);
+        let t4_27 = like.lift(0.4).mul_add(t4_24, t4_26);
+        let t4_28 = -t4_27;
         let w_rod3z = d_q6 + d_q7;
-        let t3_42 = r_q6 + t2_73;
-        let t3_43 = cos_q1_q2_q3_minus_q6_minus_q7 * t3_42;
-        let t3_44 = w_rod3z * t3_43;
-        let t3_45 = like.lift(0.4).mul_add(t3_44, t3_41);
-        let t3_46 = t3_38 - t3_45;
-        let t3_47 = t3_37 - t3_46;
-        let t3_48 = t2_41 * dr_q1;
-        let t3_49 = (-t2_43).mul_add(dr_q6, t3_48);
-        let t3_50 = sin_q1_q2_q3_minus_q6 * r_q6;
-        let t3_51 = d_q6 * t3_50;
-        let t3_52 = like.lift(0.4) * t3_51;
-        let t3_53 = sin_q1_q2_q3_minus_q6_minus_q7 * t3_42;
-        let t3_54 = w_rod3z * t3_53;
-        let t3_55 = like.lift(0.4).mul_add(t3_54, t3_52);
-        let t3_56 = t3_27 - t3_55;
-        let t3_57 = t3_49 + t3_56;
-        let t3_58 = (-t2_46).mul_add(t3_47, t3_57);
-        let t3_59 = (-t2_49).mul_add(t3_58, t3_35);
-        let t3_60 = (-t2_51).mul_add(t3_58, t3_21);
-        let t3_61 = (-t2_53).mul_add(t3_59, t3_60);
-        let t3_62 = inv_pivot_4 * t3_61;
-        let t3_63 = cos_q1_q2_q3_minus_q4_minus_q5 * t3_62;
-        let t3_64 = like.lift(0.4).mul_add(t3_63, t3_59);
-        let t3_65 = inv_pivot_3 * t3_64;
-        let t3_66 = (-t2_48).mul_add(t3_65, t3_58);
-        let t3_67 = inv_pivot_2 * t3_66;
-        let t3_68 = -t3_67;
-        let t3_69 = -t3_65;
-        let t3_70 = (-t2_1).mul_add(t3_67, t3_47);
-        let t3_71 = like.lift(-0.06928203230275509).mul_add(t3_65, t3_70);
-        let t3_72 = t2_45 * t3_71;
-        let t3_73 = like.lift(2.5) * t3_72;
+        let t4_29 = r_q6 + t3_69;
+        let t4_30 = w_rod3z * t4_29;
+        let t4_31 = d_q6 * r_q6;
+        let t4_32 = cos_q1_q2_q3_minus_q6_minus_q7 * t4_30;
+        let t4_33 = cos_q1_q2_q3_minus_q6.mul_add(t4_31, t4_32);
+        let t4_34 = (-t3_37).mul_add(dr_q6, t3_26);
+        let t4_35 = t4_34 - t4_7;
+        let t4_36 = t4_35 - t4_10;
+        let t4_37 = like.lift(0.4).mul_add(t4_33, t4_36);
+        let t4_38 = sin_q1_q2_q3_minus_q6_minus_q7 * t4_30;
+        let t4_39 = sin_q1_q2_q3_minus_q6.mul_add(t4_31, t4_38);
+        let t4_40 = (-t3_40).mul_add(dr_q6, t4_22);
+        let t4_41 = t3_39.mul_add(dr_q1, t4_40);
+        let t4_42 = like.lift(-0.4).mul_add(t4_39, t4_41);
+        let t4_43 = (-t3_44).mul_add(t4_37, t4_42);
+        let t4_44 = (-t3_47).mul_add(t4_43, t4_27);
+        let t4_45 = (-t3_51).mul_add(t4_44, t4_19);
+        let t4_46 = (-t3_49).mul_add(t4_43, t4_45);
+        let t4_47 = inv_pivot_4 * t4_46;
+        let t4_48 = t4_47.mul_add(t3_14, t4_44);
+        let t4_49 = inv_pivot_3 * t4_48;
+        let t4_50 = (-t3_46).mul_add(t4_49, t4_43);
+        let t4_51 = inv_pivot_2 * t4_50;
+        let t4_52 = -t4_51;
+        let t4_53 = -t4_49;
+        let t4_54 = like.lift(-0.06928203230275509).mul_add(t4_49, t4_37);
+        let t4_55 = (-t3_2).mul_add(t4_51, t4_54);
+        let t4_56 = t4_55 * t3_63;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
-            .min((t2_69 * like.lift(2.7080930926705737)).abs())
+            .min((t3_65 * like.lift(2.7080930926705737)).abs())
             .min((pivot_3 * like.lift(19.82662604894746)).abs())
             .min((pivot_4 * like.lift(2.203476117557732)).abs());
-        let ([[t3_74], [t3_75], [t3_76], [t3_77]], found) = ::regen_runtime::guarded(
-            [[t3_68], [t3_69], [t3_62], [t3_73]],
+        let ([[t4_57], [t4_58], [t4_59], [t4_60]], found) = ::regen_runtime::guarded(
+            [[t4_52], [t4_53], [t4_47], [t4_56]],
             margin,
             || (
                 [
-                    [t2_2, like.lift(-0.06928203230275509), t2_11, like.lift(0.0)],
-                    [t2_12, like.lift(0.04), t2_13, like.lift(0.0)],
+                    [t3_3, like.lift(-0.06928203230275509), t3_12, like.lift(0.0)],
+                    [t3_13, like.lift(0.04), t3_14, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_2, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
-                    [t2_19, like.lift(-0.04), like.lift(0.0), t2_20],
+                    [t3_3, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
+                    [t3_20, like.lift(-0.04), like.lift(0.0), t3_21],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t3_21], [t3_36], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
-                    [t3_47], [t3_57], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t4_19], [t4_28], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t4_37], [t4_42], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
-        [t3_2, t3_3, t3_10, w_rod2z, t3_16, w_rod3z, t3_42, t3_74, t3_75, t3_76, t3_77]
+        [t4_2, t4_3, t4_9, t4_12, t4_13, t4_30, t4_31, t4_57, t4_58, t4_59, t4_60]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
         al_rod1z, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4,
         x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
     ] = {
-        let al_rod1z = dr_q1 + t3_74;
-        let t4_1 = -t2_24;
-        let t4_2 = -t2_41;
-        let t4_3 = (-t2_24).mul_add(t2_46, t2_41);
-        let t4_4 = (-t4_3).mul_add(t2_49, t2_34);
-        let t4_5 = (-t4_3).mul_add(t2_51, t2_24);
-        let t4_6 = (-t4_4).mul_add(t2_53, t4_5);
-        let t4_7 = t4_6 * inv_pivot_4;
-        let t4_8 = cos_q1_q2_q3_minus_q4_minus_q5 * t4_7;
-        let t4_9 = like.lift(0.4).mul_add(t4_8, t4_4);
-        let t4_10 = inv_pivot_3 * t4_9;
-        let t4_11 = (-t2_48).mul_add(t4_10, t4_3);
-        let t4_12 = inv_pivot_2 * t4_11;
-        let t4_13 = t2_36.mul_add(t2_53, t2_26);
-        let t4_14 = t4_13 * inv_pivot_4;
-        let t4_15 = cos_q1_q2_q3_minus_q4_minus_q5 * t4_14;
-        let t4_16 = like.lift(-0.4).mul_add(t4_15, t2_36);
-        let t4_17 = inv_pivot_3 * t4_16;
-        let t4_18 = t2_48 * t4_17;
-        let t4_19 = inv_pivot_2 * t4_18;
-        let t4_20 = -t4_19;
-        let t4_21 = (-t2_39).mul_add(t2_46, t2_43);
-        let t4_22 = t4_21 * t2_49;
-        let t4_23 = t4_21 * t2_51;
-        let t4_24 = (-t4_22).mul_add(t2_53, t4_23);
-        let t4_25 = t4_24 * inv_pivot_4;
-        let t4_26 = cos_q1_q2_q3_minus_q4_minus_q5 * t4_25;
-        let t4_27 = like.lift(0.4).mul_add(t4_26, t4_22);
-        let t4_28 = inv_pivot_3 * t4_27;
-        let t4_29 = t2_48.mul_add(t4_28, t4_21);
-        let t4_30 = inv_pivot_2 * t4_29;
-        let t4_31 = -t4_30;
-        let t4_32 = -t4_7;
-        let t4_33 = -t4_25;
-        let t4_34 = (-t2_1).mul_add(t4_12, t2_24);
-        let t4_35 = like.lift(-0.06928203230275509).mul_add(t4_10, t4_34);
-        let t4_36 = t2_45 * t4_35;
-        let t4_37 = like.lift(2.5) * t4_36;
-        let t4_38 = -t4_37;
-        let t4_39 = t2_1 * t4_19;
-        let t4_40 = like.lift(-0.06928203230275509).mul_add(t4_17, t4_39);
-        let t4_41 = t2_45 * t4_40;
-        let t4_42 = like.lift(2.5) * t4_41;
-        let t4_43 = -t4_42;
-        let t4_44 = (-t2_1).mul_add(t4_30, t2_39);
-        let t4_45 = like.lift(0.06928203230275509).mul_add(t4_28, t4_44);
-        let t4_46 = t2_45 * t4_45;
-        let t4_47 = like.lift(2.5) * t4_46;
+        let al_rod1z = dr_q1 + t4_57;
+        let t5_1 = -t3_25;
+        let t5_2 = -t3_39;
+        let t5_3 = (-t3_25).mul_add(t3_44, t3_39);
+        let t5_4 = (-t5_3).mul_add(t3_47, t3_32);
+        let t5_5 = (-t5_4).mul_add(t3_51, t3_25);
+        let t5_6 = (-t5_3).mul_add(t3_49, t5_5);
+        let t5_7 = t5_6 * inv_pivot_4;
+        let t5_8 = t5_7.mul_add(t3_14, t5_4);
+        let t5_9 = inv_pivot_3 * t5_8;
+        let t5_10 = (-t3_46).mul_add(t5_9, t5_3);
+        let t5_11 = inv_pivot_2 * t5_10;
+        let t5_12 = t3_33.mul_add(t3_51, t3_27);
+        let t5_13 = t5_12 * inv_pivot_4;
+        let t5_14 = (-t5_13).mul_add(t3_14, t3_33);
+        let t5_15 = inv_pivot_3 * t5_14;
+        let t5_16 = inv_pivot_2 * t3_46;
+        let t5_17 = t5_16 * t5_15;
+        let t5_18 = -t5_17;
+        let t5_19 = (-t3_37).mul_add(t3_44, t3_40);
+        let t5_20 = t5_19 * t3_47;
+        let t5_21 = t5_19 * t3_49;
+        let t5_22 = (-t5_20).mul_add(t3_51, t5_21);
+        let t5_23 = t5_22 * inv_pivot_4;
+        let t5_24 = t5_23.mul_add(t3_14, t5_20);
+        let t5_25 = inv_pivot_3 * t5_24;
+        let t5_26 = t3_46.mul_add(t5_25, t5_19);
+        let t5_27 = inv_pivot_2 * t5_26;
+        let t5_28 = -t5_27;
+        let t5_29 = -t5_7;
+        let t5_30 = -t5_23;
+        let t5_31 = like.lift(-0.06928203230275509).mul_add(t5_9, t3_25);
+        let t5_32 = (-t3_2).mul_add(t5_11, t5_31);
+        let t5_33 = t5_32 * t3_63;
+        let t5_34 = -t5_33;
+        let t5_35 = t3_2 * t5_17;
+        let t5_36 = like.lift(-0.06928203230275509).mul_add(t5_15, t5_35);
+        let t5_37 = t5_36 * t3_63;
+        let t5_38 = -t5_37;
+        let t5_39 = like.lift(0.06928203230275509).mul_add(t5_25, t3_37);
+        let t5_40 = (-t3_2).mul_add(t5_27, t5_39);
+        let t5_41 = t5_40 * t3_63;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
-            .min((t2_69 * like.lift(2.7080930926705737)).abs())
+            .min((t3_65 * like.lift(2.7080930926705737)).abs())
             .min((pivot_3 * like.lift(19.82662604894746)).abs())
             .min((pivot_4 * like.lift(2.203476117557732)).abs());
         let ([
@@ -3252,29 +3124,29 @@ pub fn slotine_li<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd_r: &[T;
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t4_12, t4_20, t4_31], [t4_10, t4_17, t4_28], [t4_32, t4_14, t4_33],
-                [t4_38, t4_43, t4_47],
+                [t5_11, t5_18, t5_28], [t5_9, t5_15, t5_25], [t5_29, t5_13, t5_30],
+                [t5_34, t5_38, t5_41],
             ],
             margin,
             || (
                 [
-                    [t2_2, like.lift(-0.06928203230275509), t2_11, like.lift(0.0)],
-                    [t2_12, like.lift(0.04), t2_13, like.lift(0.0)],
+                    [t3_3, like.lift(-0.06928203230275509), t3_12, like.lift(0.0)],
+                    [t3_13, like.lift(0.04), t3_14, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_2, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
-                    [t2_19, like.lift(-0.04), like.lift(0.0), t2_20],
+                    [t3_3, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
+                    [t3_20, like.lift(-0.04), like.lift(0.0), t3_21],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t4_1, t2_26, like.lift(0.0)], [t2_34, t2_36, like.lift(0.0)],
+                    [t5_1, t3_27, like.lift(0.0)], [t3_32, t3_33, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t4_1, like.lift(0.0), t2_39], [t4_2, like.lift(0.0), t2_43],
+                    [t5_1, like.lift(0.0), t3_37], [t5_2, like.lift(0.0), t3_40],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -3288,260 +3160,206 @@ pub fn slotine_li<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd_r: &[T;
         ]
     };
     // body rod1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [t5_1, a_rod1y, a_rod1x] = {
-        let t5_1 = like.lift(1.0) - x_q2_q1;
-        let w_izz_rod1_q1 = al_rod1z * t5_1;
+    let [t6_1, a_rod1y, a_rod1x] = {
+        let t6_1 = like.lift(1.0) - x_q2_q1;
+        let w_izz_rod1_q1 = al_rod1z * t6_1;
         let w_izz_rod1_q4 = x_q2_q4 * al_rod1z;
-        let t5_2 = -w_izz_rod1_q4;
+        let t6_2 = -w_izz_rod1_q4;
         let w_izz_rod1_q6 = x_q2_q6 * al_rod1z;
-        let t5_3 = -w_izz_rod1_q6;
-        y[15] = [w_izz_rod1_q1, t5_2, t5_3];
-        let t5_4 = like.lift(-0.4).mul_add(t2_28, a_crank1x);
-        let t5_5 = sin_q2 * t5_4;
-        let t5_6 = like.lift(0.4).mul_add(dr_q1, a_crank1y);
-        let a_rod1y = (-cos_q2).mul_add(t5_6, t5_5);
-        let t5_7 = sin_q2 * t3_2;
-        let t5_8 = like.lift(0.4) * t5_7;
-        let t5_9 = cos_q2 * al_rod1z;
-        let t5_10 = like.lift(-0.4).mul_add(t5_9, t5_8);
-        let w_mx_rod1_q1 = a_rod1y.mul_add(t5_1, t5_10);
-        let t5_11 = -w_mx_rod1_q1;
+        let t6_3 = -w_izz_rod1_q6;
+        y[15] = [w_izz_rod1_q1, t6_2, t6_3];
+        let t6_4 = like.lift(-0.4).mul_add(t3_28, a_crank1x);
+        let t6_5 = like.lift(0.4).mul_add(dr_q1, a_crank1y);
+        let t6_6 = sin_q2 * t6_4;
+        let a_rod1y = (-cos_q2).mul_add(t6_5, t6_6);
+        let t6_7 = cos_q2 * al_rod1z;
+        let t6_8 = (-sin_q2).mul_add(t4_2, t6_7);
+        let t6_9 = a_rod1y * t6_1;
+        let w_mx_rod1_q1 = like.lift(-0.4).mul_add(t6_8, t6_9);
+        let t6_10 = -w_mx_rod1_q1;
         let w_mx_rod1_q4 = x_q2_q4 * a_rod1y;
         let w_mx_rod1_q6 = x_q2_q6 * a_rod1y;
-        y[16] = [t5_11, w_mx_rod1_q4, w_mx_rod1_q6];
-        let t5_12 = cos_q2 * t5_4;
-        let a_rod1x = sin_q2.mul_add(t5_6, t5_12);
-        let t5_13 = sin_q2 * al_rod1z;
-        let t5_14 = like.lift(0.4) * t5_13;
-        let t5_15 = cos_q2 * t3_2;
-        let t5_16 = like.lift(0.4).mul_add(t5_15, t5_14);
-        let w_my_rod1_q1 = a_rod1x.mul_add(t5_1, t5_16);
-        let t5_17 = -w_my_rod1_q1;
+        y[16] = [t6_10, w_mx_rod1_q4, w_mx_rod1_q6];
+        let t6_11 = sin_q2 * t6_5;
+        let a_rod1x = cos_q2.mul_add(t6_4, t6_11);
+        let t6_12 = cos_q2 * t4_2;
+        let t6_13 = sin_q2.mul_add(al_rod1z, t6_12);
+        let t6_14 = a_rod1x * t6_1;
+        let w_my_rod1_q1 = like.lift(0.4).mul_add(t6_13, t6_14);
+        let t6_15 = -w_my_rod1_q1;
         let w_my_rod1_q4 = x_q2_q4 * a_rod1x;
         let w_my_rod1_q6 = x_q2_q6 * a_rod1x;
-        y[17] = [t5_17, w_my_rod1_q4, w_my_rod1_q6];
-        let t5_18 = sin_q2 * a_rod1x;
-        let t5_19 = like.lift(0.4) * t5_18;
-        let t5_20 = cos_q2 * a_rod1y;
-        let w_m_rod1_q1 = like.lift(-0.4).mul_add(t5_20, t5_19);
-        y[19] = [w_m_rod1_q1, like.lift(0.0), like.lift(0.0)];
-        y[10] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[11] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[12] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[13] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[14] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[18] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        [t5_1, a_rod1y, a_rod1x]
+        y[17] = [t6_15, w_my_rod1_q4, w_my_rod1_q6];
+        let t6_16 = cos_q2 * a_rod1y;
+        let t6_17 = (-sin_q2).mul_add(a_rod1x, t6_16);
+        let t6_18 = like.lift(0.4) * t6_17;
+        let w_m_rod1_q1 = -t6_18;
+        y[19][0] = w_m_rod1_q1;
+        [t6_1, a_rod1y, a_rod1x]
     };
     // body platform: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let al_platformz = t3_75 + al_rod1z;
-        let t6_1 = x_q3_q1 - t5_1;
-        let w_izz_platform_q1 = al_platformz * t6_1;
-        let t6_2 = -w_izz_platform_q1;
-        let t6_3 = x_q2_q4 + x_q3_q4;
-        let w_izz_platform_q4 = al_platformz * t6_3;
-        let t6_4 = -w_izz_platform_q4;
-        let t6_5 = x_q2_q6 + x_q3_q6;
-        let w_izz_platform_q6 = al_platformz * t6_5;
-        let t6_6 = -w_izz_platform_q6;
-        y[25] = [t6_2, t6_4, t6_6];
-        let t6_7 = t3_3 - a_rod1x;
-        let t6_8 = sin_q3 * t6_7;
-        let t6_9 = like.lift(-0.4).mul_add(al_rod1z, a_rod1y);
-        let a_platformy = (-cos_q3).mul_add(t6_9, t6_8);
-        let t6_10 = sin_q3 * x_q2_q1;
-        let t6_11 = like.lift(-0.4).mul_add(t6_10, u_platform_q1x);
-        let t6_12 = t3_10 * t6_11;
-        let t6_13 = cos_q3 * x_q2_q1;
-        let t6_14 = like.lift(0.4).mul_add(t6_13, u_platform_q1y);
-        let t6_15 = al_platformz.mul_add(t6_14, t6_12);
-        let w_mx_platform_q1 = a_platformy.mul_add(t6_1, t6_15);
-        let t6_16 = -w_mx_platform_q1;
-        let t6_17 = sin_q3 * x_q2_q4;
-        let t6_18 = t3_10 * t6_17;
-        let t6_19 = like.lift(0.4) * t6_18;
-        let t6_20 = cos_q3 * x_q2_q4;
-        let t6_21 = al_platformz * t6_20;
-        let t6_22 = like.lift(-0.4).mul_add(t6_21, t6_19);
-        let w_mx_platform_q4 = a_platformy.mul_add(t6_3, -t6_22);
-        let t6_23 = -w_mx_platform_q4;
-        let t6_24 = sin_q3 * x_q2_q6;
-        let t6_25 = t3_10 * t6_24;
-        let t6_26 = like.lift(0.4) * t6_25;
-        let t6_27 = cos_q3 * x_q2_q6;
-        let t6_28 = al_platformz * t6_27;
-        let t6_29 = like.lift(-0.4).mul_add(t6_28, t6_26);
-        let w_mx_platform_q6 = a_platformy.mul_add(t6_5, -t6_29);
-        let t6_30 = -w_mx_platform_q6;
-        y[26] = [t6_16, t6_23, t6_30];
-        let t6_31 = cos_q3 * t6_7;
-        let a_platformx = sin_q3.mul_add(t6_9, t6_31);
-        let t6_32 = al_platformz * t6_11;
-        let t6_33 = (-t3_10).mul_add(t6_14, t6_32);
-        let w_my_platform_q1 = a_platformx.mul_add(t6_1, t6_33);
-        let t6_34 = -w_my_platform_q1;
-        let t6_35 = al_platformz * t6_17;
-        let t6_36 = like.lift(0.4) * t6_35;
-        let t6_37 = t3_10 * t6_20;
-        let t6_38 = like.lift(0.4).mul_add(t6_37, t6_36);
-        let w_my_platform_q4 = a_platformx.mul_add(t6_3, -t6_38);
-        let t6_39 = -w_my_platform_q4;
-        let t6_40 = al_platformz * t6_24;
-        let t6_41 = like.lift(0.4) * t6_40;
-        let t6_42 = t3_10 * t6_27;
-        let t6_43 = like.lift(0.4).mul_add(t6_42, t6_41);
-        let w_my_platform_q6 = a_platformx.mul_add(t6_5, -t6_43);
-        let t6_44 = -w_my_platform_q6;
-        y[27] = [t6_34, t6_39, t6_44];
-        let t6_45 = a_platformx * t6_11;
-        let w_m_platform_q1 = a_platformy.mul_add(t6_14, t6_45);
-        let t6_46 = -w_m_platform_q1;
-        let t6_47 = a_platformx * t6_17;
-        let t6_48 = like.lift(0.4) * t6_47;
-        let t6_49 = a_platformy * t6_20;
-        let w_m_platform_q4 = like.lift(-0.4).mul_add(t6_49, t6_48);
-        let t6_50 = a_platformx * t6_24;
-        let t6_51 = like.lift(0.4) * t6_50;
-        let t6_52 = a_platformy * t6_27;
-        let w_m_platform_q6 = like.lift(-0.4).mul_add(t6_52, t6_51);
-        y[29] = [t6_46, w_m_platform_q4, w_m_platform_q6];
-        y[20] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[21] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[22] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[23] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[24] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[28] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let al_platformz = t4_58 + al_rod1z;
+        let t7_1 = x_q3_q1 - t6_1;
+        let w_izz_platform_q1 = al_platformz * t7_1;
+        let t7_2 = -w_izz_platform_q1;
+        let t7_3 = x_q2_q4 + x_q3_q4;
+        let w_izz_platform_q4 = al_platformz * t7_3;
+        let t7_4 = -w_izz_platform_q4;
+        let t7_5 = x_q2_q6 + x_q3_q6;
+        let w_izz_platform_q6 = al_platformz * t7_5;
+        let t7_6 = -w_izz_platform_q6;
+        y[25] = [t7_2, t7_4, t7_6];
+        let t7_7 = t4_3 - a_rod1x;
+        let t7_8 = like.lift(-0.4).mul_add(al_rod1z, a_rod1y);
+        let t7_9 = sin_q3 * t7_7;
+        let a_platformy = (-cos_q3).mul_add(t7_8, t7_9);
+        let t7_10 = (-x_q2_q1).mul_add(t3_1, u_platform_q1x);
+        let t7_11 = x_q2_q1.mul_add(u_platform_q2y, u_platform_q1y);
+        let t7_12 = a_platformy * t7_1;
+        let t7_13 = al_platformz.mul_add(t7_11, t7_12);
+        let w_mx_platform_q1 = t4_9.mul_add(t7_10, t7_13);
+        let t7_14 = -w_mx_platform_q1;
+        let t7_15 = sin_q3 * x_q2_q4;
+        let t7_16 = cos_q3 * x_q2_q4;
+        let t7_17 = al_platformz * t7_16;
+        let t7_18 = (-t4_9).mul_add(t7_15, t7_17);
+        let t7_19 = a_platformy * t7_3;
+        let w_mx_platform_q4 = like.lift(0.4).mul_add(t7_18, t7_19);
+        let t7_20 = -w_mx_platform_q4;
+        let t7_21 = sin_q3 * x_q2_q6;
+        let t7_22 = cos_q3 * x_q2_q6;
+        let t7_23 = al_platformz * t7_22;
+        let t7_24 = (-t4_9).mul_add(t7_21, t7_23);
+        let t7_25 = a_platformy * t7_5;
+        let w_mx_platform_q6 = like.lift(0.4).mul_add(t7_24, t7_25);
+        let t7_26 = -w_mx_platform_q6;
+        y[26] = [t7_14, t7_20, t7_26];
+        let t7_27 = sin_q3 * t7_8;
+        let a_platformx = cos_q3.mul_add(t7_7, t7_27);
+        let t7_28 = a_platformx * t7_1;
+        let t7_29 = (-t4_9).mul_add(t7_11, t7_28);
+        let w_my_platform_q1 = al_platformz.mul_add(t7_10, t7_29);
+        let t7_30 = -w_my_platform_q1;
+        let t7_31 = t4_9 * t7_16;
+        let t7_32 = al_platformz.mul_add(t7_15, t7_31);
+        let t7_33 = a_platformx * t7_3;
+        let w_my_platform_q4 = like.lift(-0.4).mul_add(t7_32, t7_33);
+        let t7_34 = -w_my_platform_q4;
+        let t7_35 = t4_9 * t7_22;
+        let t7_36 = al_platformz.mul_add(t7_21, t7_35);
+        let t7_37 = a_platformx * t7_5;
+        let w_my_platform_q6 = like.lift(-0.4).mul_add(t7_36, t7_37);
+        let t7_38 = -w_my_platform_q6;
+        y[27] = [t7_30, t7_34, t7_38];
+        let t7_39 = a_platformy * t7_11;
+        let w_m_platform_q1 = a_platformx.mul_add(t7_10, t7_39);
+        let t7_40 = -w_m_platform_q1;
+        let t7_41 = a_platformy * t7_16;
+        let t7_42 = (-a_platformx).mul_add(t7_15, t7_41);
+        let t7_43 = like.lift(0.4) * t7_42;
+        let w_m_platform_q4 = -t7_43;
+        let t7_44 = a_platformy * t7_22;
+        let t7_45 = (-a_platformx).mul_add(t7_21, t7_44);
+        let t7_46 = like.lift(0.4) * t7_45;
+        let w_m_platform_q6 = -t7_46;
+        y[29] = [t7_40, w_m_platform_q4, w_m_platform_q6];
     }
     // body crank2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_crank2y, a_crank2x] = {
         let a_crank2y = like.lift(9.81) * cos_q4;
-        y[36] = [like.lift(0.0), a_crank2y, like.lift(0.0)];
+        y[36][1] = a_crank2y;
         let a_crank2x = like.lift(9.81) * sin_q4;
-        let t7_1 = -a_crank2x;
-        y[37] = [like.lift(0.0), t7_1, like.lift(0.0)];
-        y[30] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[31] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[32] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[33] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[34] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[35] = [like.lift(0.0), dr_q4, like.lift(0.0)];
-        y[38] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[39] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t8_1 = -a_crank2x;
+        y[37][1] = t8_1;
+        y[35][1] = dr_q4;
         [a_crank2y, a_crank2x]
     };
     // body rod2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let al_rod2z = dr_q4 + t3_76;
+        let al_rod2z = dr_q4 + t4_59;
         let w_izz_rod2_q1 = x_q5_q1 * al_rod2z;
-        let t8_1 = -w_izz_rod2_q1;
-        let t8_2 = like.lift(1.0) - x_q5_q4;
-        let w_izz_rod2_q4 = al_rod2z * t8_2;
+        let t9_1 = -w_izz_rod2_q1;
+        let t9_2 = like.lift(1.0) - x_q5_q4;
+        let w_izz_rod2_q4 = al_rod2z * t9_2;
         let w_izz_rod2_q6 = x_q5_q6 * al_rod2z;
-        let t8_3 = -w_izz_rod2_q6;
-        y[45] = [t8_1, w_izz_rod2_q4, t8_3];
-        let t8_4 = d_q4 * r_q4;
-        let t8_5 = like.lift(-0.4).mul_add(t8_4, a_crank2x);
-        let t8_6 = sin_q5 * t8_5;
-        let t8_7 = like.lift(0.4).mul_add(dr_q4, a_crank2y);
-        let a_rod2y = (-cos_q5).mul_add(t8_7, t8_6);
+        let t9_3 = -w_izz_rod2_q6;
+        y[45] = [t9_1, w_izz_rod2_q4, t9_3];
+        let t9_4 = like.lift(-0.4).mul_add(t4_13, a_crank2x);
+        let t9_5 = like.lift(0.4).mul_add(dr_q4, a_crank2y);
+        let t9_6 = sin_q5 * t9_4;
+        let a_rod2y = (-cos_q5).mul_add(t9_5, t9_6);
         let w_mx_rod2_q1 = x_q5_q1 * a_rod2y;
-        let t8_8 = w_rod2z * t3_16;
-        let t8_9 = sin_q5 * t8_8;
-        let t8_10 = like.lift(0.4) * t8_9;
-        let t8_11 = cos_q5 * al_rod2z;
-        let t8_12 = like.lift(-0.4).mul_add(t8_11, t8_10);
-        let w_mx_rod2_q4 = a_rod2y.mul_add(t8_2, t8_12);
-        let t8_13 = -w_mx_rod2_q4;
+        let t9_7 = cos_q5 * al_rod2z;
+        let t9_8 = (-sin_q5).mul_add(t4_12, t9_7);
+        let t9_9 = a_rod2y * t9_2;
+        let w_mx_rod2_q4 = like.lift(-0.4).mul_add(t9_8, t9_9);
+        let t9_10 = -w_mx_rod2_q4;
         let w_mx_rod2_q6 = x_q5_q6 * a_rod2y;
-        y[46] = [w_mx_rod2_q1, t8_13, w_mx_rod2_q6];
-        let t8_14 = cos_q5 * t8_5;
-        let a_rod2x = sin_q5.mul_add(t8_7, t8_14);
+        y[46] = [w_mx_rod2_q1, t9_10, w_mx_rod2_q6];
+        let t9_11 = sin_q5 * t9_5;
+        let a_rod2x = cos_q5.mul_add(t9_4, t9_11);
         let w_my_rod2_q1 = x_q5_q1 * a_rod2x;
-        let t8_15 = sin_q5 * al_rod2z;
-        let t8_16 = like.lift(0.4) * t8_15;
-        let t8_17 = cos_q5 * t8_8;
-        let t8_18 = like.lift(0.4).mul_add(t8_17, t8_16);
-        let w_my_rod2_q4 = a_rod2x.mul_add(t8_2, t8_18);
-        let t8_19 = -w_my_rod2_q4;
+        let t9_12 = cos_q5 * t4_12;
+        let t9_13 = sin_q5.mul_add(al_rod2z, t9_12);
+        let t9_14 = a_rod2x * t9_2;
+        let w_my_rod2_q4 = like.lift(0.4).mul_add(t9_13, t9_14);
+        let t9_15 = -w_my_rod2_q4;
         let w_my_rod2_q6 = x_q5_q6 * a_rod2x;
-        y[47] = [w_my_rod2_q1, t8_19, w_my_rod2_q6];
-        let t8_20 = sin_q5 * a_rod2x;
-        let t8_21 = like.lift(0.4) * t8_20;
-        let t8_22 = cos_q5 * a_rod2y;
-        let w_m_rod2_q4 = like.lift(-0.4).mul_add(t8_22, t8_21);
-        y[49] = [like.lift(0.0), w_m_rod2_q4, like.lift(0.0)];
-        y[40] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[41] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[42] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[43] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[44] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[48] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        y[47] = [w_my_rod2_q1, t9_15, w_my_rod2_q6];
+        let t9_16 = cos_q5 * a_rod2y;
+        let t9_17 = (-sin_q5).mul_add(a_rod2x, t9_16);
+        let t9_18 = like.lift(0.4) * t9_17;
+        let w_m_rod2_q4 = -t9_18;
+        y[49][1] = w_m_rod2_q4;
     }
     // body crank3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_crank3y, a_crank3x] = {
         let a_crank3y = like.lift(9.81) * cos_q6;
-        y[56] = [like.lift(0.0), like.lift(0.0), a_crank3y];
+        y[56][2] = a_crank3y;
         let a_crank3x = like.lift(9.81) * sin_q6;
-        let t9_1 = -a_crank3x;
-        y[57] = [like.lift(0.0), like.lift(0.0), t9_1];
-        y[50] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[51] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[52] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[53] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[54] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[55] = [like.lift(0.0), like.lift(0.0), dr_q6];
-        y[58] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[59] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t10_1 = -a_crank3x;
+        y[57][2] = t10_1;
+        y[55][2] = dr_q6;
         [a_crank3y, a_crank3x]
     };
     // body rod3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let al_rod3z = dr_q6 + t3_77;
+        let al_rod3z = dr_q6 + t4_60;
         let w_izz_rod3_q1 = x_q7_q1 * al_rod3z;
-        let t10_1 = -w_izz_rod3_q1;
+        let t11_1 = -w_izz_rod3_q1;
         let w_izz_rod3_q4 = x_q7_q4 * al_rod3z;
-        let t10_2 = -w_izz_rod3_q4;
-        let t10_3 = like.lift(1.0) - x_q7_q6;
-        let w_izz_rod3_q6 = al_rod3z * t10_3;
-        y[65] = [t10_1, t10_2, w_izz_rod3_q6];
-        let t10_4 = d_q6 * r_q6;
-        let t10_5 = like.lift(-0.4).mul_add(t10_4, a_crank3x);
-        let t10_6 = sin_q7 * t10_5;
-        let t10_7 = like.lift(0.4).mul_add(dr_q6, a_crank3y);
-        let a_rod3y = (-cos_q7).mul_add(t10_7, t10_6);
+        let t11_2 = -w_izz_rod3_q4;
+        let t11_3 = like.lift(1.0) - x_q7_q6;
+        let w_izz_rod3_q6 = al_rod3z * t11_3;
+        y[65] = [t11_1, t11_2, w_izz_rod3_q6];
+        let t11_4 = like.lift(-0.4).mul_add(t4_31, a_crank3x);
+        let t11_5 = like.lift(0.4).mul_add(dr_q6, a_crank3y);
+        let t11_6 = sin_q7 * t11_4;
+        let a_rod3y = (-cos_q7).mul_add(t11_5, t11_6);
         let w_mx_rod3_q1 = x_q7_q1 * a_rod3y;
         let w_mx_rod3_q4 = x_q7_q4 * a_rod3y;
-        let t10_8 = w_rod3z * t3_42;
-        let t10_9 = sin_q7 * t10_8;
-        let t10_10 = like.lift(0.4) * t10_9;
-        let t10_11 = cos_q7 * al_rod3z;
-        let t10_12 = like.lift(-0.4).mul_add(t10_11, t10_10);
-        let w_mx_rod3_q6 = a_rod3y.mul_add(t10_3, t10_12);
-        let t10_13 = -w_mx_rod3_q6;
-        y[66] = [w_mx_rod3_q1, w_mx_rod3_q4, t10_13];
-        let t10_14 = cos_q7 * t10_5;
-        let a_rod3x = sin_q7.mul_add(t10_7, t10_14);
+        let t11_7 = cos_q7 * al_rod3z;
+        let t11_8 = (-sin_q7).mul_add(t4_30, t11_7);
+        let t11_9 = a_rod3y * t11_3;
+        let w_mx_rod3_q6 = like.lift(-0.4).mul_add(t11_8, t11_9);
+        let t11_10 = -w_mx_rod3_q6;
+        y[66] = [w_mx_rod3_q1, w_mx_rod3_q4, t11_10];
+        let t11_11 = sin_q7 * t11_5;
+        let a_rod3x = cos_q7.mul_add(t11_4, t11_11);
         let w_my_rod3_q1 = x_q7_q1 * a_rod3x;
         let w_my_rod3_q4 = x_q7_q4 * a_rod3x;
-        let t10_15 = sin_q7 * al_rod3z;
-        let t10_16 = like.lift(0.4) * t10_15;
-        let t10_17 = cos_q7 * t10_8;
-        let t10_18 = like.lift(0.4).mul_add(t10_17, t10_16);
-        let w_my_rod3_q6 = a_rod3x.mul_add(t10_3, t10_18);
-        let t10_19 = -w_my_rod3_q6;
-        y[67] = [w_my_rod3_q1, w_my_rod3_q4, t10_19];
-        let t10_20 = sin_q7 * a_rod3x;
-        let t10_21 = like.lift(0.4) * t10_20;
-        let t10_22 = cos_q7 * a_rod3y;
-        let w_m_rod3_q6 = like.lift(-0.4).mul_add(t10_22, t10_21);
-        y[69] = [like.lift(0.0), like.lift(0.0), w_m_rod3_q6];
-        y[60] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[61] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[62] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[63] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[64] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[68] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t11_12 = cos_q7 * t4_30;
+        let t11_13 = sin_q7.mul_add(al_rod3z, t11_12);
+        let t11_14 = a_rod3x * t11_3;
+        let w_my_rod3_q6 = like.lift(0.4).mul_add(t11_13, t11_14);
+        let t11_15 = -w_my_rod3_q6;
+        y[67] = [w_my_rod3_q1, w_my_rod3_q4, t11_15];
+        let t11_16 = cos_q7 * a_rod3y;
+        let t11_17 = (-sin_q7).mul_add(a_rod3x, t11_16);
+        let t11_18 = like.lift(0.4) * t11_17;
+        let w_m_rod3_q6 = -t11_18;
+        y[69][2] = w_m_rod3_q6;
     }
     Condition { pivot: condition }
 }
@@ -3576,67 +3394,72 @@ pub fn poses<T: Scalar>(q: &[T; 7]) -> [[T; 12]; 7] {
     let like = q[0];
     let mut poses = [[like.lift(0.0); 12]; 7];
     let [q1, q2, q3, q4, q5, q6, q7] = *q;
-    // body crank1
-    let [sin_q1, cos_q1] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = -sin_q1;
-        poses[0] = [cos_q1, t1_1, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(-1.0), sin_q1, cos_q1, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.5196152422706631)];
-        [sin_q1, cos_q1]
+    // sines and cosines
+    let [
+        sin_q1, cos_q1, sin_q1_q2, cos_q1_q2, sin_q1_q2_q3, cos_q1_q2_q3, sin_q4, cos_q4,
+        sin_q4_q5, cos_q4_q5, sin_q6, cos_q6, sin_q6_q7, cos_q6_q7,
+    ] = {
+        let t1_1 = q2 + q1;
+        let t1_2 = q3 + q2;
+        let t1_3 = t1_2 + q1;
+        let t1_4 = q5 + q4;
+        let t1_5 = q7 + q6;
+        let [
+            (sin_q1, cos_q1), (sin_q1_q2, cos_q1_q2), (sin_q1_q2_q3, cos_q1_q2_q3),
+            (sin_q4, cos_q4), (sin_q4_q5, cos_q4_q5), (sin_q6, cos_q6), (sin_q6_q7, cos_q6_q7),
+        ] =
+            T::sin_cos_all([q1, t1_1, t1_3, q4, t1_4, q6, t1_5]);
+        [
+            sin_q1, cos_q1, sin_q1_q2, cos_q1_q2, sin_q1_q2_q3, cos_q1_q2_q3, sin_q4, cos_q4,
+            sin_q4_q5, cos_q4_q5, sin_q6, cos_q6, sin_q6_q7, cos_q6_q7,
+        ]
     };
+    // body crank1
+    {
+        let t2_1 = -sin_q1;
+        poses[0][0] = cos_q1; poses[0][1] = t2_1; poses[0][5] = like.lift(-1.0); poses[0][6] = sin_q1; poses[0][7] = cos_q1; poses[0][11] = like.lift(0.5196152422706631);
+    }
     // body rod1
-    let [sin_q1_q2, cos_q1_q2, t2_3, t2_4] = {
-        let t2_1 = q2 + q1;
-        let (sin_q1_q2, cos_q1_q2) = t2_1.sin_cos();
-        let t2_2 = -sin_q1_q2;
-        let t2_3 = like.lift(0.4) * cos_q1;
-        let t2_4 = like.lift(0.4).mul_add(sin_q1, like.lift(0.5196152422706631));
-        poses[1] = [cos_q1_q2, t2_2, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(-1.0), sin_q1_q2, cos_q1_q2, like.lift(0.0), t2_3, like.lift(0.0), t2_4];
-        [sin_q1_q2, cos_q1_q2, t2_3, t2_4]
+    let [t3_2, t3_3] = {
+        let t3_1 = -sin_q1_q2;
+        let t3_2 = like.lift(0.4) * cos_q1;
+        let t3_3 = like.lift(0.4).mul_add(sin_q1, like.lift(0.5196152422706631));
+        poses[1][0] = cos_q1_q2; poses[1][1] = t3_1; poses[1][5] = like.lift(-1.0); poses[1][6] = sin_q1_q2; poses[1][7] = cos_q1_q2; poses[1][9] = t3_2; poses[1][11] = t3_3;
+        [t3_2, t3_3]
     };
     // body platform
     {
-        let t3_1 = q2 + q1;
-        let t3_2 = q3 + t3_1;
-        let (sin_q1_q2_q3, cos_q1_q2_q3) = t3_2.sin_cos();
-        let t3_3 = -sin_q1_q2_q3;
-        let t3_4 = like.lift(0.4).mul_add(cos_q1_q2, t2_3);
-        let t3_5 = like.lift(0.4).mul_add(sin_q1_q2, t2_4);
-        poses[2] = [cos_q1_q2_q3, t3_3, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(-1.0), sin_q1_q2_q3, cos_q1_q2_q3, like.lift(0.0), t3_4, like.lift(0.0), t3_5];
+        let t4_1 = -sin_q1_q2_q3;
+        let t4_2 = like.lift(0.4).mul_add(cos_q1_q2, t3_2);
+        let t4_3 = like.lift(0.4).mul_add(sin_q1_q2, t3_3);
+        poses[2][0] = cos_q1_q2_q3; poses[2][1] = t4_1; poses[2][5] = like.lift(-1.0); poses[2][6] = sin_q1_q2_q3; poses[2][7] = cos_q1_q2_q3; poses[2][9] = t4_2; poses[2][11] = t4_3;
     }
     // body crank2
-    let [sin_q4, cos_q4] = {
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t4_1 = -sin_q4;
-        poses[3] = [cos_q4, t4_1, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(-1.0), sin_q4, cos_q4, like.lift(0.0), like.lift(-0.45), like.lift(0.0), like.lift(-0.25980762113533157)];
-        [sin_q4, cos_q4]
-    };
+    {
+        let t5_1 = -sin_q4;
+        poses[3][0] = cos_q4; poses[3][1] = t5_1; poses[3][5] = like.lift(-1.0); poses[3][6] = sin_q4; poses[3][7] = cos_q4; poses[3][9] = like.lift(-0.45); poses[3][11] = like.lift(-0.25980762113533157);
+    }
     // body rod2
     {
-        let t5_1 = q5 + q4;
-        let (sin_q4_q5, cos_q4_q5) = t5_1.sin_cos();
-        let t5_2 = -sin_q4_q5;
-        let t5_3 = like.lift(-0.4).mul_add(cos_q4, like.lift(0.45));
-        let t5_4 = -t5_3;
-        let t5_5 = like.lift(-0.4).mul_add(sin_q4, like.lift(0.25980762113533157));
-        let t5_6 = -t5_5;
-        poses[4] = [cos_q4_q5, t5_2, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(-1.0), sin_q4_q5, cos_q4_q5, like.lift(0.0), t5_4, like.lift(0.0), t5_6];
+        let t6_1 = -sin_q4_q5;
+        let t6_2 = like.lift(-0.4).mul_add(cos_q4, like.lift(0.45));
+        let t6_3 = -t6_2;
+        let t6_4 = like.lift(-0.4).mul_add(sin_q4, like.lift(0.25980762113533157));
+        let t6_5 = -t6_4;
+        poses[4][0] = cos_q4_q5; poses[4][1] = t6_1; poses[4][5] = like.lift(-1.0); poses[4][6] = sin_q4_q5; poses[4][7] = cos_q4_q5; poses[4][9] = t6_3; poses[4][11] = t6_5;
     }
     // body crank3
-    let [sin_q6, cos_q6] = {
-        let (sin_q6, cos_q6) = q6.sin_cos();
-        let t6_1 = -sin_q6;
-        poses[5] = [cos_q6, t6_1, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(-1.0), sin_q6, cos_q6, like.lift(0.0), like.lift(0.45), like.lift(0.0), like.lift(-0.25980762113533157)];
-        [sin_q6, cos_q6]
-    };
+    {
+        let t7_1 = -sin_q6;
+        poses[5][0] = cos_q6; poses[5][1] = t7_1; poses[5][5] = like.lift(-1.0); poses[5][6] = sin_q6; poses[5][7] = cos_q6; poses[5][9] = like.lift(0.45); poses[5][11] = like.lift(-0.25980762113533157);
+    }
     // body rod3
     {
-        let t7_1 = q7 + q6;
-        let (sin_q6_q7, cos_q6_q7) = t7_1.sin_cos();
-        let t7_2 = -sin_q6_q7;
-        let t7_3 = like.lift(0.4).mul_add(cos_q6, like.lift(0.45));
-        let t7_4 = like.lift(-0.4).mul_add(sin_q6, like.lift(0.25980762113533157));
-        let t7_5 = -t7_4;
-        poses[6] = [cos_q6_q7, t7_2, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(-1.0), sin_q6_q7, cos_q6_q7, like.lift(0.0), t7_3, like.lift(0.0), t7_5];
+        let t8_1 = -sin_q6_q7;
+        let t8_2 = like.lift(0.4).mul_add(cos_q6, like.lift(0.45));
+        let t8_3 = like.lift(-0.4).mul_add(sin_q6, like.lift(0.25980762113533157));
+        let t8_4 = -t8_3;
+        poses[6][0] = cos_q6_q7; poses[6][1] = t8_1; poses[6][5] = like.lift(-1.0); poses[6][6] = sin_q6_q7; poses[6][7] = cos_q6_q7; poses[6][9] = t8_2; poses[6][11] = t8_4;
     }
     poses
 }
@@ -3648,152 +3471,160 @@ pub fn poses<T: Scalar>(q: &[T; 7]) -> [[T; 12]; 7] {
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: W_red (Eq. 23), column by column: `w[c][r]` multiplies `BASE[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 93 additions, 191 multiplications, 4 divisions, 7 sines and cosines.
+/// 93 additions, 172 multiplications, 4 divisions, 7 sines and cosines.
 pub fn base_regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 3]; 19]) -> Condition<T> {
+    *w = [[q[0].lift(0.0); 3]; 19];
+    base_regressor_entries(q, qd, qdd, w)
+}
+
+/// The entries of [`base_regressor`] that are not zero at every state; the others are left as they are.
+///
+/// Inlined where it is called, so that lanes keep the caller's instruction set.
+#[inline(always)]
+pub fn base_regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 3]; 19]) -> Condition<T> {
     let like = q[0];
     let [q1, q2, q3, q4, q5, q6, q7] = *q;
     let [d_q1, d_q2, d_q3, d_q4, d_q5, d_q6, d_q7] = *qd;
     let [dd_q1, dd_q2, dd_q3, dd_q4, dd_q5, dd_q6, dd_q7] = *qdd;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_q1, cos_q1, sin_q3, cos_q3, sin_q2, cos_q2, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6,
+        cos_q6, sin_q7, cos_q7,
+    ] = {
+        let [
+            (sin_q1, cos_q1), (sin_q3, cos_q3), (sin_q2, cos_q2), (sin_q4, cos_q4),
+            (sin_q5, cos_q5), (sin_q6, cos_q6), (sin_q7, cos_q7),
+        ] =
+            T::sin_cos_all([q1, q3, q2, q4, q5, q6, q7]);
+        [
+            sin_q1, cos_q1, sin_q3, cos_q3, sin_q2, cos_q2, sin_q4, cos_q4, sin_q5, cos_q5,
+            sin_q6, cos_q6, sin_q7, cos_q7,
+        ]
+    };
     // body crank1
-    let [sin_q1, cos_q1, a_crank1y, a_crank1x] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
+    let [a_crank1y, a_crank1x] = {
         let a_crank1y = like.lift(9.81) * cos_q1;
-        w[1] = [a_crank1y, like.lift(0.0), like.lift(0.0)];
+        w[1][0] = a_crank1y;
         let a_crank1x = like.lift(9.81) * sin_q1;
-        let t1_1 = -a_crank1x;
-        w[2] = [t1_1, like.lift(0.0), like.lift(0.0)];
-        w[0] = [dd_q1, like.lift(0.0), like.lift(0.0)];
-        [sin_q1, cos_q1, a_crank1y, a_crank1x]
+        let t2_1 = -a_crank1x;
+        w[2][0] = t2_1;
+        w[0][0] = dd_q1;
+        [a_crank1y, a_crank1x]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        al_rod1z, sin_q3, cos_q3, sin_q2, cos_q2, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6,
-        cos_q6, sin_q7, cos_q7, u_platform_q1x, u_platform_q1y, x_q2_q1, x_q2_q4, x_q2_q6,
-        x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
+        al_rod1z, t3_1, u_platform_q2y, u_platform_q1x, u_platform_q1y, x_q2_q1, x_q2_q4,
+        x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4,
+        x_q7_q6,
     ] = {
         let al_rod1z = dd_q1 + dd_q2;
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let u_platform_q2x = like.lift(0.4) * sin_q3;
-        let t2_1 = like.lift(0.06928203230275509) + u_platform_q2x;
-        let t2_2 = -t2_1;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t2_3 = cos_q1 * sin_q2;
-        let t2_4 = sin_q1 * sin_q2;
-        let sin_q1_q2 = sin_q1.mul_add(cos_q2, t2_3);
-        let cos_q1_q2 = cos_q1.mul_add(cos_q2, -t2_4);
-        let t2_5 = cos_q1_q2 * sin_q3;
-        let t2_6 = sin_q1_q2 * sin_q3;
-        let sin_q1_q2_q3 = sin_q1_q2.mul_add(cos_q3, t2_5);
-        let cos_q1_q2_q3 = cos_q1_q2.mul_add(cos_q3, -t2_6);
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t2_7 = cos_q1_q2_q3 * sin_q4;
-        let t2_8 = sin_q1_q2_q3 * sin_q4;
-        let sin_q1_q2_q3_minus_q4 = sin_q1_q2_q3.mul_add(cos_q4, -t2_7);
-        let cos_q1_q2_q3_minus_q4 = cos_q1_q2_q3.mul_add(cos_q4, t2_8);
-        let (sin_q5, cos_q5) = q5.sin_cos();
-        let t2_9 = cos_q1_q2_q3_minus_q4 * sin_q5;
-        let t2_10 = sin_q1_q2_q3_minus_q4 * sin_q5;
-        let sin_q1_q2_q3_minus_q4_minus_q5 = sin_q1_q2_q3_minus_q4.mul_add(cos_q5, -t2_9);
-        let cos_q1_q2_q3_minus_q4_minus_q5 = cos_q1_q2_q3_minus_q4.mul_add(cos_q5, t2_10);
-        let t2_11 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
+        let t3_1 = like.lift(0.4) * sin_q3;
+        let t3_2 = like.lift(0.06928203230275509) + t3_1;
+        let t3_3 = -t3_2;
+        let t3_4 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_4);
+        let t3_5 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_5);
+        let t3_6 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t3_6);
+        let t3_7 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t3_7);
+        let t3_8 = sin_q1_q2_q3 * cos_q4;
+        let sin_q1_q2_q3_minus_q4 = (-cos_q1_q2_q3).mul_add(sin_q4, t3_8);
+        let t3_9 = cos_q1_q2_q3 * cos_q4;
+        let cos_q1_q2_q3_minus_q4 = sin_q1_q2_q3.mul_add(sin_q4, t3_9);
+        let t3_10 = sin_q1_q2_q3_minus_q4 * cos_q5;
+        let sin_q1_q2_q3_minus_q4_minus_q5 = (-cos_q1_q2_q3_minus_q4).mul_add(sin_q5, t3_10);
+        let t3_11 = cos_q1_q2_q3_minus_q4 * cos_q5;
+        let cos_q1_q2_q3_minus_q4_minus_q5 = sin_q1_q2_q3_minus_q4.mul_add(sin_q5, t3_11);
+        let t3_12 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
         let u_platform_q2y = like.lift(0.4) * cos_q3;
-        let t2_12 = like.lift(0.04) - u_platform_q2y;
-        let t2_13 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let (sin_q6, cos_q6) = q6.sin_cos();
-        let t2_14 = cos_q1_q2_q3 * sin_q6;
-        let t2_15 = sin_q1_q2_q3 * sin_q6;
-        let sin_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(cos_q6, -t2_14);
-        let cos_q1_q2_q3_minus_q6 = cos_q1_q2_q3.mul_add(cos_q6, t2_15);
-        let (sin_q7, cos_q7) = q7.sin_cos();
-        let t2_16 = cos_q1_q2_q3_minus_q6 * sin_q7;
-        let t2_17 = sin_q1_q2_q3_minus_q6 * sin_q7;
-        let sin_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(cos_q7, -t2_16);
-        let cos_q1_q2_q3_minus_q6_minus_q7 = cos_q1_q2_q3_minus_q6.mul_add(cos_q7, t2_17);
+        let t3_13 = like.lift(0.04) - u_platform_q2y;
+        let t3_14 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
+        let t3_15 = sin_q1_q2_q3 * cos_q6;
+        let sin_q1_q2_q3_minus_q6 = (-cos_q1_q2_q3).mul_add(sin_q6, t3_15);
+        let t3_16 = cos_q1_q2_q3 * cos_q6;
+        let cos_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(sin_q6, t3_16);
+        let t3_17 = sin_q1_q2_q3_minus_q6 * cos_q7;
+        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t3_17);
+        let t3_18 = cos_q1_q2_q3_minus_q6 * cos_q7;
+        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t3_18);
         let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_18 = like.lift(0.04) + u_platform_q2y;
-        let t2_19 = -t2_18;
-        let t2_20 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let t2_21 = sin_q2 * cos_q3;
-        let t2_22 = like.lift(0.4) * t2_21;
-        let u_rod1_q1y = like.lift(0.4) * cos_q2;
-        let t2_23 = like.lift(0.4) + u_rod1_q1y;
-        let u_platform_q1x = sin_q3.mul_add(t2_23, t2_22);
-        let t2_24 = like.lift(0.06928203230275509) + u_platform_q1x;
-        let t2_25 = -t2_24;
-        let t2_26 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t2_11);
-        let t2_27 = sin_q2 * sin_q3;
-        let t2_28 = like.lift(0.4) * t2_27;
-        let u_platform_q1y = (-cos_q3).mul_add(t2_23, t2_28);
-        let t2_29 = like.lift(0.04) + u_platform_q1y;
-        let t2_30 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t2_13);
-        let t2_31 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
-        let t2_32 = like.lift(0.04) - u_platform_q1y;
-        let t2_33 = -t2_32;
-        let t2_34 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_20);
-        let t2_35 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_36 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_35;
-        let pivot_2 = (-t2_1).mul_add(t2_36, t2_18);
+        let t3_19 = like.lift(0.04) + u_platform_q2y;
+        let t3_20 = -t3_19;
+        let t3_21 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t3_22 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
+        let t3_23 = sin_q3 * t3_22;
+        let u_platform_q1x = sin_q2.mul_add(u_platform_q2y, t3_23);
+        let t3_24 = like.lift(0.06928203230275509) + u_platform_q1x;
+        let t3_25 = -t3_24;
+        let t3_26 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t3_12);
+        let t3_27 = sin_q2 * t3_1;
+        let u_platform_q1y = (-cos_q3).mul_add(t3_22, t3_27);
+        let t3_28 = like.lift(0.04) + u_platform_q1y;
+        let t3_29 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t3_14);
+        let t3_30 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
+        let t3_31 = like.lift(0.04) - u_platform_q1y;
+        let t3_32 = -t3_31;
+        let t3_33 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t3_21);
+        let t3_34 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
+        let t3_35 = cos_q1_q2_q3_minus_q6_minus_q7 * t3_34;
+        let pivot_2 = (-t3_2).mul_add(t3_35, t3_19);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_37 = (-t2_24).mul_add(t2_36, t2_32);
-        let t2_38 = like.lift(-0.06928203230275509).mul_add(t2_36, like.lift(0.04));
-        let t2_39 = t2_12 * inv_pivot_2;
-        let pivot_3 = (-t2_38).mul_add(t2_39, like.lift(0.04));
+        let t3_36 = (-t3_24).mul_add(t3_35, t3_31);
+        let t3_37 = like.lift(-0.06928203230275509).mul_add(t3_35, like.lift(0.04));
+        let t3_38 = t3_13 * inv_pivot_2;
+        let pivot_3 = (-t3_37).mul_add(t3_38, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_40 = (-t2_37).mul_add(t2_39, t2_29);
-        let t2_41 = t2_1 * inv_pivot_2;
-        let t2_42 = (-t2_37).mul_add(t2_41, t2_24);
-        let t2_43 = (-t2_38).mul_add(t2_41, like.lift(0.06928203230275509));
-        let t2_44 = t2_43 * inv_pivot_3;
-        let t2_45 = (-t2_40).mul_add(t2_44, t2_42);
-        let t2_46 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_44;
-        let pivot_4 = like.lift(0.4).mul_add(t2_46, t2_11);
+        let t3_39 = (-t3_36).mul_add(t3_38, t3_28);
+        let t3_40 = t3_2 * inv_pivot_2;
+        let t3_41 = (-t3_37).mul_add(t3_40, like.lift(0.06928203230275509));
+        let t3_42 = t3_41 * inv_pivot_3;
+        let t3_43 = (-t3_39).mul_add(t3_42, t3_24);
+        let t3_44 = (-t3_36).mul_add(t3_40, t3_43);
+        let pivot_4 = t3_42.mul_add(t3_14, t3_12);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_47 = t2_45 * inv_pivot_4;
-        let t2_48 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_47;
-        let t2_49 = like.lift(0.4).mul_add(t2_48, t2_40);
-        let t2_50 = inv_pivot_3 * t2_49;
-        let t2_51 = (-t2_38).mul_add(t2_50, t2_37);
-        let t2_52 = inv_pivot_2 * t2_51;
-        let t2_53 = t2_30.mul_add(t2_44, t2_26);
-        let t2_54 = t2_53 * inv_pivot_4;
-        let t2_55 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_54;
-        let t2_56 = like.lift(-0.4).mul_add(t2_55, t2_30);
-        let t2_57 = inv_pivot_3 * t2_56;
-        let t2_58 = t2_38 * t2_57;
-        let t2_59 = inv_pivot_2 * t2_58;
-        let t2_60 = -t2_59;
-        let t2_61 = (-t2_31).mul_add(t2_36, t2_34);
-        let t2_62 = t2_61 * t2_39;
-        let t2_63 = t2_61 * t2_41;
-        let t2_64 = (-t2_62).mul_add(t2_44, t2_63);
-        let t2_65 = t2_64 * inv_pivot_4;
-        let t2_66 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_65;
-        let t2_67 = like.lift(0.4).mul_add(t2_66, t2_62);
-        let t2_68 = inv_pivot_3 * t2_67;
-        let t2_69 = t2_38.mul_add(t2_68, t2_61);
-        let t2_70 = inv_pivot_2 * t2_69;
-        let t2_71 = -t2_70;
-        let t2_72 = -t2_47;
-        let t2_73 = -t2_65;
-        let t2_74 = (-t2_1).mul_add(t2_52, t2_24);
-        let t2_75 = like.lift(-0.06928203230275509).mul_add(t2_50, t2_74);
-        let t2_76 = t2_35 * t2_75;
-        let t2_77 = like.lift(2.5) * t2_76;
-        let t2_78 = -t2_77;
-        let t2_79 = t2_1 * t2_59;
-        let t2_80 = like.lift(-0.06928203230275509).mul_add(t2_57, t2_79);
-        let t2_81 = t2_35 * t2_80;
-        let t2_82 = like.lift(2.5) * t2_81;
-        let t2_83 = -t2_82;
-        let t2_84 = (-t2_1).mul_add(t2_70, t2_31);
-        let t2_85 = like.lift(0.06928203230275509).mul_add(t2_68, t2_84);
-        let t2_86 = t2_35 * t2_85;
-        let t2_87 = like.lift(2.5) * t2_86;
-        let t2_88 = -pivot_2;
+        let t3_45 = t3_44 * inv_pivot_4;
+        let t3_46 = t3_45.mul_add(t3_14, t3_39);
+        let t3_47 = inv_pivot_3 * t3_46;
+        let t3_48 = (-t3_37).mul_add(t3_47, t3_36);
+        let t3_49 = inv_pivot_2 * t3_48;
+        let t3_50 = t3_29.mul_add(t3_42, t3_26);
+        let t3_51 = t3_50 * inv_pivot_4;
+        let t3_52 = (-t3_51).mul_add(t3_14, t3_29);
+        let t3_53 = inv_pivot_3 * t3_52;
+        let t3_54 = inv_pivot_2 * t3_37;
+        let t3_55 = t3_54 * t3_53;
+        let t3_56 = -t3_55;
+        let t3_57 = (-t3_30).mul_add(t3_35, t3_33);
+        let t3_58 = t3_57 * t3_38;
+        let t3_59 = t3_57 * t3_40;
+        let t3_60 = (-t3_58).mul_add(t3_42, t3_59);
+        let t3_61 = t3_60 * inv_pivot_4;
+        let t3_62 = t3_61.mul_add(t3_14, t3_58);
+        let t3_63 = inv_pivot_3 * t3_62;
+        let t3_64 = t3_37.mul_add(t3_63, t3_57);
+        let t3_65 = inv_pivot_2 * t3_64;
+        let t3_66 = -t3_65;
+        let t3_67 = -t3_45;
+        let t3_68 = -t3_61;
+        let t3_69 = like.lift(-0.06928203230275509).mul_add(t3_47, t3_24);
+        let t3_70 = (-t3_2).mul_add(t3_49, t3_69);
+        let t3_71 = like.lift(2.5) * t3_34;
+        let t3_72 = t3_70 * t3_71;
+        let t3_73 = -t3_72;
+        let t3_74 = t3_2 * t3_55;
+        let t3_75 = like.lift(-0.06928203230275509).mul_add(t3_53, t3_74);
+        let t3_76 = t3_75 * t3_71;
+        let t3_77 = -t3_76;
+        let t3_78 = like.lift(0.06928203230275509).mul_add(t3_63, t3_30);
+        let t3_79 = (-t3_2).mul_add(t3_65, t3_78);
+        let t3_80 = t3_79 * t3_71;
+        let t3_81 = -pivot_2;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
-            .min((t2_88 * like.lift(2.7080930926705737)).abs())
+            .min((t3_81 * like.lift(2.7080930926705737)).abs())
             .min((pivot_3 * like.lift(19.82662604894746)).abs())
             .min((pivot_4 * like.lift(2.203476117557732)).abs());
         let ([
@@ -3801,29 +3632,29 @@ pub fn base_regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut 
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_52, t2_60, t2_71], [t2_50, t2_57, t2_68], [t2_72, t2_54, t2_73],
-                [t2_78, t2_83, t2_87],
+                [t3_49, t3_56, t3_66], [t3_47, t3_53, t3_63], [t3_67, t3_51, t3_68],
+                [t3_73, t3_77, t3_80],
             ],
             margin,
             || (
                 [
-                    [t2_2, like.lift(-0.06928203230275509), t2_11, like.lift(0.0)],
-                    [t2_12, like.lift(0.04), t2_13, like.lift(0.0)],
+                    [t3_3, like.lift(-0.06928203230275509), t3_12, like.lift(0.0)],
+                    [t3_13, like.lift(0.04), t3_14, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_2, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
-                    [t2_19, like.lift(-0.04), like.lift(0.0), t2_20],
+                    [t3_3, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
+                    [t3_20, like.lift(-0.04), like.lift(0.0), t3_21],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_25, t2_26, like.lift(0.0)], [t2_29, t2_30, like.lift(0.0)],
+                    [t3_25, t3_26, like.lift(0.0)], [t3_28, t3_29, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_25, like.lift(0.0), t2_31], [t2_33, like.lift(0.0), t2_34],
+                    [t3_25, like.lift(0.0), t3_30], [t3_32, like.lift(0.0), t3_33],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -3832,182 +3663,172 @@ pub fn base_regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut 
         );
         condition = condition.min(found);
         [
-            al_rod1z, sin_q3, cos_q3, sin_q2, cos_q2, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6,
-            cos_q6, sin_q7, cos_q7, u_platform_q1x, u_platform_q1y, x_q2_q1, x_q2_q4, x_q2_q6,
-            x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
+            al_rod1z, t3_1, u_platform_q2y, u_platform_q1x, u_platform_q1y, x_q2_q1, x_q2_q4,
+            x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4,
+            x_q7_q6,
         ]
     };
     // body rod1
-    let [t3_1, w_rod1z, t3_4, a_rod1y, a_rod1x] = {
-        let t3_1 = like.lift(1.0) - x_q2_q1;
-        let w_izz_rod1_q1 = al_rod1z * t3_1;
+    let [t4_1, w_rod1z, t4_4, a_rod1y, a_rod1x] = {
+        let t4_1 = like.lift(1.0) - x_q2_q1;
+        let w_izz_rod1_q1 = al_rod1z * t4_1;
         let w_izz_rod1_q4 = al_rod1z * x_q2_q4;
-        let t3_2 = -w_izz_rod1_q4;
+        let t4_2 = -w_izz_rod1_q4;
         let w_izz_rod1_q6 = al_rod1z * x_q2_q6;
-        let t3_3 = -w_izz_rod1_q6;
-        w[3] = [w_izz_rod1_q1, t3_2, t3_3];
+        let t4_3 = -w_izz_rod1_q6;
+        w[3] = [w_izz_rod1_q1, t4_2, t4_3];
         let w_rod1z = d_q1 + d_q2;
-        let t3_4 = w_rod1z * w_rod1z;
-        let t3_5 = sin_q2 * t3_4;
-        let t3_6 = like.lift(0.4) * t3_5;
-        let t3_7 = cos_q2 * al_rod1z;
-        let t3_8 = like.lift(-0.4).mul_add(t3_7, t3_6);
-        let t3_9 = d_q1 * d_q1;
-        let t3_10 = like.lift(0.4).mul_add(t3_9, -a_crank1x);
-        let t3_11 = sin_q2 * t3_10;
-        let t3_12 = like.lift(0.4).mul_add(dd_q1, a_crank1y);
-        let a_rod1y = cos_q2.mul_add(t3_12, t3_11);
-        let w_mx_rod1_q1 = (-a_rod1y).mul_add(t3_1, t3_8);
-        let t3_13 = -w_mx_rod1_q1;
+        let t4_4 = w_rod1z * w_rod1z;
+        let t4_5 = like.lift(0.4) * d_q1;
+        let t4_6 = t4_5.mul_add(d_q1, -a_crank1x);
+        let t4_7 = like.lift(0.4).mul_add(dd_q1, a_crank1y);
+        let t4_8 = cos_q2 * t4_7;
+        let a_rod1y = sin_q2.mul_add(t4_6, t4_8);
+        let t4_9 = cos_q2 * al_rod1z;
+        let t4_10 = (-sin_q2).mul_add(t4_4, t4_9);
+        let t4_11 = a_rod1y * t4_1;
+        let t4_12 = like.lift(0.4).mul_add(t4_10, t4_11);
+        let w_mx_rod1_q1 = -t4_12;
+        let t4_13 = -w_mx_rod1_q1;
         let w_mx_rod1_q4 = a_rod1y * x_q2_q4;
-        let t3_14 = -w_mx_rod1_q4;
+        let t4_14 = -w_mx_rod1_q4;
         let w_mx_rod1_q6 = a_rod1y * x_q2_q6;
-        let t3_15 = -w_mx_rod1_q6;
-        w[4] = [t3_13, t3_14, t3_15];
-        let t3_16 = sin_q2 * al_rod1z;
-        let t3_17 = like.lift(0.4) * t3_16;
-        let t3_18 = cos_q2 * t3_4;
-        let t3_19 = like.lift(0.4).mul_add(t3_18, t3_17);
-        let t3_20 = cos_q2 * t3_10;
-        let a_rod1x = (-sin_q2).mul_add(t3_12, t3_20);
-        let w_my_rod1_q1 = (-a_rod1x).mul_add(t3_1, t3_19);
-        let t3_21 = -w_my_rod1_q1;
+        let t4_15 = -w_mx_rod1_q6;
+        w[4] = [t4_13, t4_14, t4_15];
+        let t4_16 = cos_q2 * t4_6;
+        let a_rod1x = (-sin_q2).mul_add(t4_7, t4_16);
+        let t4_17 = cos_q2 * t4_4;
+        let t4_18 = sin_q2.mul_add(al_rod1z, t4_17);
+        let t4_19 = like.lift(0.4) * t4_18;
+        let w_my_rod1_q1 = (-a_rod1x).mul_add(t4_1, t4_19);
+        let t4_20 = -w_my_rod1_q1;
         let w_my_rod1_q4 = a_rod1x * x_q2_q4;
-        let t3_22 = -w_my_rod1_q4;
+        let t4_21 = -w_my_rod1_q4;
         let w_my_rod1_q6 = a_rod1x * x_q2_q6;
-        let t3_23 = -w_my_rod1_q6;
-        w[5] = [t3_21, t3_22, t3_23];
-        [t3_1, w_rod1z, t3_4, a_rod1y, a_rod1x]
+        let t4_22 = -w_my_rod1_q6;
+        w[5] = [t4_20, t4_21, t4_22];
+        [t4_1, w_rod1z, t4_4, a_rod1y, a_rod1x]
     };
     // body platform
     {
         let al_platformz = dd_q3 + al_rod1z;
-        let t4_1 = x_q3_q1 - t3_1;
-        let w_izz_platform_q1 = al_platformz * t4_1;
-        let t4_2 = -w_izz_platform_q1;
-        let t4_3 = x_q2_q4 + x_q3_q4;
-        let w_izz_platform_q4 = al_platformz * t4_3;
-        let t4_4 = -w_izz_platform_q4;
-        let t4_5 = x_q2_q6 + x_q3_q6;
-        let w_izz_platform_q6 = al_platformz * t4_5;
-        let t4_6 = -w_izz_platform_q6;
-        w[6] = [t4_2, t4_4, t4_6];
-        let t4_7 = like.lift(0.4).mul_add(t3_4, a_rod1x);
-        let t4_8 = cos_q3 * t4_7;
-        let t4_9 = like.lift(0.4).mul_add(al_rod1z, a_rod1y);
-        let a_platformx = (-sin_q3).mul_add(t4_9, t4_8);
-        let t4_10 = sin_q3 * x_q2_q1;
-        let t4_11 = like.lift(-0.4).mul_add(t4_10, u_platform_q1x);
-        let t4_12 = al_platformz * t4_11;
+        let t5_1 = x_q3_q1 - t4_1;
+        let w_izz_platform_q1 = al_platformz * t5_1;
+        let t5_2 = -w_izz_platform_q1;
+        let t5_3 = x_q2_q4 + x_q3_q4;
+        let w_izz_platform_q4 = al_platformz * t5_3;
+        let t5_4 = -w_izz_platform_q4;
+        let t5_5 = x_q2_q6 + x_q3_q6;
+        let w_izz_platform_q6 = al_platformz * t5_5;
+        let t5_6 = -w_izz_platform_q6;
+        w[6] = [t5_2, t5_4, t5_6];
+        let t5_7 = like.lift(0.4).mul_add(t4_4, a_rod1x);
+        let t5_8 = like.lift(0.4).mul_add(al_rod1z, a_rod1y);
+        let t5_9 = cos_q3 * t5_7;
+        let a_platformx = (-sin_q3).mul_add(t5_8, t5_9);
+        let t5_10 = (-x_q2_q1).mul_add(t3_1, u_platform_q1x);
         let w_platformz = d_q3 + w_rod1z;
-        let t4_13 = w_platformz * w_platformz;
-        let t4_14 = cos_q3 * x_q2_q1;
-        let t4_15 = like.lift(0.4).mul_add(t4_14, u_platform_q1y);
-        let t4_16 = (-t4_13).mul_add(t4_15, t4_12);
-        let w_my_platform_q1 = a_platformx.mul_add(t4_1, t4_16);
-        let t4_17 = -w_my_platform_q1;
-        let t4_18 = sin_q3 * x_q2_q4;
-        let t4_19 = al_platformz * t4_18;
-        let t4_20 = like.lift(0.4) * t4_19;
-        let t4_21 = cos_q3 * x_q2_q4;
-        let t4_22 = t4_13 * t4_21;
-        let t4_23 = like.lift(0.4).mul_add(t4_22, t4_20);
-        let w_my_platform_q4 = a_platformx.mul_add(t4_3, -t4_23);
-        let t4_24 = -w_my_platform_q4;
-        let t4_25 = sin_q3 * x_q2_q6;
-        let t4_26 = al_platformz * t4_25;
-        let t4_27 = like.lift(0.4) * t4_26;
-        let t4_28 = cos_q3 * x_q2_q6;
-        let t4_29 = t4_13 * t4_28;
-        let t4_30 = like.lift(0.4).mul_add(t4_29, t4_27);
-        let w_my_platform_q6 = a_platformx.mul_add(t4_5, -t4_30);
-        let t4_31 = -w_my_platform_q6;
-        w[7] = [t4_17, t4_24, t4_31];
+        let t5_11 = w_platformz * w_platformz;
+        let t5_12 = x_q2_q1.mul_add(u_platform_q2y, u_platform_q1y);
+        let t5_13 = a_platformx * t5_1;
+        let t5_14 = (-t5_11).mul_add(t5_12, t5_13);
+        let w_my_platform_q1 = al_platformz.mul_add(t5_10, t5_14);
+        let t5_15 = -w_my_platform_q1;
+        let t5_16 = cos_q3 * t5_11;
+        let t5_17 = sin_q3 * al_platformz;
+        let t5_18 = x_q2_q4 * t5_16;
+        let t5_19 = x_q2_q4.mul_add(t5_17, t5_18);
+        let t5_20 = a_platformx * t5_3;
+        let w_my_platform_q4 = like.lift(-0.4).mul_add(t5_19, t5_20);
+        let t5_21 = -w_my_platform_q4;
+        let t5_22 = x_q2_q6 * t5_16;
+        let t5_23 = x_q2_q6.mul_add(t5_17, t5_22);
+        let t5_24 = a_platformx * t5_5;
+        let w_my_platform_q6 = like.lift(-0.4).mul_add(t5_23, t5_24);
+        let t5_25 = -w_my_platform_q6;
+        w[7] = [t5_15, t5_21, t5_25];
     }
     // body crank2
     let [a_crank2y, a_crank2x] = {
         let a_crank2y = like.lift(9.81) * cos_q4;
-        w[9] = [like.lift(0.0), a_crank2y, like.lift(0.0)];
+        w[9][1] = a_crank2y;
         let a_crank2x = like.lift(9.81) * sin_q4;
-        let t5_1 = -a_crank2x;
-        w[10] = [like.lift(0.0), t5_1, like.lift(0.0)];
-        w[8] = [like.lift(0.0), dd_q4, like.lift(0.0)];
+        let t6_1 = -a_crank2x;
+        w[10][1] = t6_1;
+        w[8][1] = dd_q4;
         [a_crank2y, a_crank2x]
     };
     // body rod2
     {
         let al_rod2z = dd_q4 + dd_q5;
         let w_izz_rod2_q1 = al_rod2z * x_q5_q1;
-        let t6_1 = -w_izz_rod2_q1;
-        let t6_2 = like.lift(1.0) - x_q5_q4;
-        let w_izz_rod2_q4 = al_rod2z * t6_2;
+        let t7_1 = -w_izz_rod2_q1;
+        let t7_2 = like.lift(1.0) - x_q5_q4;
+        let w_izz_rod2_q4 = al_rod2z * t7_2;
         let w_izz_rod2_q6 = al_rod2z * x_q5_q6;
-        let t6_3 = -w_izz_rod2_q6;
-        w[11] = [t6_1, w_izz_rod2_q4, t6_3];
-        let t6_4 = d_q4 * d_q4;
-        let t6_5 = like.lift(-0.4).mul_add(t6_4, a_crank2x);
-        let t6_6 = sin_q5 * t6_5;
-        let t6_7 = like.lift(0.4).mul_add(dd_q4, a_crank2y);
-        let a_rod2y = (-cos_q5).mul_add(t6_7, t6_6);
+        let t7_3 = -w_izz_rod2_q6;
+        w[11] = [t7_1, w_izz_rod2_q4, t7_3];
+        let t7_4 = like.lift(0.4) * d_q4;
+        let t7_5 = (-t7_4).mul_add(d_q4, a_crank2x);
+        let t7_6 = like.lift(0.4).mul_add(dd_q4, a_crank2y);
+        let t7_7 = sin_q5 * t7_5;
+        let a_rod2y = (-cos_q5).mul_add(t7_6, t7_7);
         let w_mx_rod2_q1 = a_rod2y * x_q5_q1;
         let w_rod2z = d_q4 + d_q5;
-        let t6_8 = w_rod2z * w_rod2z;
-        let t6_9 = sin_q5 * t6_8;
-        let t6_10 = like.lift(0.4) * t6_9;
-        let t6_11 = cos_q5 * al_rod2z;
-        let t6_12 = like.lift(-0.4).mul_add(t6_11, t6_10);
-        let w_mx_rod2_q4 = a_rod2y.mul_add(t6_2, t6_12);
-        let t6_13 = -w_mx_rod2_q4;
+        let t7_8 = w_rod2z * w_rod2z;
+        let t7_9 = cos_q5 * al_rod2z;
+        let t7_10 = (-sin_q5).mul_add(t7_8, t7_9);
+        let t7_11 = a_rod2y * t7_2;
+        let w_mx_rod2_q4 = like.lift(-0.4).mul_add(t7_10, t7_11);
+        let t7_12 = -w_mx_rod2_q4;
         let w_mx_rod2_q6 = a_rod2y * x_q5_q6;
-        w[12] = [w_mx_rod2_q1, t6_13, w_mx_rod2_q6];
-        let t6_14 = cos_q5 * t6_5;
-        let a_rod2x = sin_q5.mul_add(t6_7, t6_14);
+        w[12] = [w_mx_rod2_q1, t7_12, w_mx_rod2_q6];
+        let t7_13 = sin_q5 * t7_6;
+        let a_rod2x = cos_q5.mul_add(t7_5, t7_13);
         let w_my_rod2_q1 = a_rod2x * x_q5_q1;
-        let t6_15 = sin_q5 * al_rod2z;
-        let t6_16 = like.lift(0.4) * t6_15;
-        let t6_17 = cos_q5 * t6_8;
-        let t6_18 = like.lift(0.4).mul_add(t6_17, t6_16);
-        let w_my_rod2_q4 = a_rod2x.mul_add(t6_2, t6_18);
-        let t6_19 = -w_my_rod2_q4;
+        let t7_14 = cos_q5 * t7_8;
+        let t7_15 = sin_q5.mul_add(al_rod2z, t7_14);
+        let t7_16 = a_rod2x * t7_2;
+        let w_my_rod2_q4 = like.lift(0.4).mul_add(t7_15, t7_16);
+        let t7_17 = -w_my_rod2_q4;
         let w_my_rod2_q6 = a_rod2x * x_q5_q6;
-        w[13] = [w_my_rod2_q1, t6_19, w_my_rod2_q6];
+        w[13] = [w_my_rod2_q1, t7_17, w_my_rod2_q6];
     }
     // body crank3
     let [a_crank3y, a_crank3x] = {
         let a_crank3y = like.lift(9.81) * cos_q6;
-        w[15] = [like.lift(0.0), like.lift(0.0), a_crank3y];
+        w[15][2] = a_crank3y;
         let a_crank3x = like.lift(9.81) * sin_q6;
-        let t7_1 = -a_crank3x;
-        w[16] = [like.lift(0.0), like.lift(0.0), t7_1];
-        w[14] = [like.lift(0.0), like.lift(0.0), dd_q6];
+        let t8_1 = -a_crank3x;
+        w[16][2] = t8_1;
+        w[14][2] = dd_q6;
         [a_crank3y, a_crank3x]
     };
     // body rod3
     {
         let al_rod3z = dd_q6 + dd_q7;
         let w_izz_rod3_q1 = al_rod3z * x_q7_q1;
-        let t8_1 = -w_izz_rod3_q1;
+        let t9_1 = -w_izz_rod3_q1;
         let w_izz_rod3_q4 = al_rod3z * x_q7_q4;
-        let t8_2 = -w_izz_rod3_q4;
-        let t8_3 = like.lift(1.0) - x_q7_q6;
-        let w_izz_rod3_q6 = al_rod3z * t8_3;
-        w[17] = [t8_1, t8_2, w_izz_rod3_q6];
-        let t8_4 = d_q6 * d_q6;
-        let t8_5 = like.lift(-0.4).mul_add(t8_4, a_crank3x);
-        let t8_6 = cos_q7 * t8_5;
-        let t8_7 = like.lift(0.4).mul_add(dd_q6, a_crank3y);
-        let a_rod3x = sin_q7.mul_add(t8_7, t8_6);
+        let t9_2 = -w_izz_rod3_q4;
+        let t9_3 = like.lift(1.0) - x_q7_q6;
+        let w_izz_rod3_q6 = al_rod3z * t9_3;
+        w[17] = [t9_1, t9_2, w_izz_rod3_q6];
+        let t9_4 = like.lift(0.4) * d_q6;
+        let t9_5 = (-t9_4).mul_add(d_q6, a_crank3x);
+        let t9_6 = like.lift(0.4).mul_add(dd_q6, a_crank3y);
+        let t9_7 = sin_q7 * t9_6;
+        let a_rod3x = cos_q7.mul_add(t9_5, t9_7);
         let w_my_rod3_q1 = a_rod3x * x_q7_q1;
         let w_my_rod3_q4 = a_rod3x * x_q7_q4;
-        let t8_8 = sin_q7 * al_rod3z;
-        let t8_9 = like.lift(0.4) * t8_8;
         let w_rod3z = d_q6 + d_q7;
-        let t8_10 = w_rod3z * w_rod3z;
-        let t8_11 = cos_q7 * t8_10;
-        let t8_12 = like.lift(0.4).mul_add(t8_11, t8_9);
-        let w_my_rod3_q6 = a_rod3x.mul_add(t8_3, t8_12);
-        let t8_13 = -w_my_rod3_q6;
-        w[18] = [w_my_rod3_q1, w_my_rod3_q4, t8_13];
+        let t9_8 = cos_q7 * w_rod3z;
+        let t9_9 = t9_8 * w_rod3z;
+        let t9_10 = sin_q7.mul_add(al_rod3z, t9_9);
+        let t9_11 = a_rod3x * t9_3;
+        let w_my_rod3_q6 = like.lift(0.4).mul_add(t9_10, t9_11);
+        let t9_12 = -w_my_rod3_q6;
+        w[18] = [w_my_rod3_q1, w_my_rod3_q4, t9_12];
     }
     Condition { pivot: condition }
 }
@@ -4032,59 +3853,59 @@ pub fn to_base<T: Scalar>(phi: &[T; 70]) -> [T; 19] {
     // combinations
     {
         let t1_1 = like.lift(0.8) * p_mx_rod3;
-        let t1_2 = p_izz_crank1 + t1_1;
-        let t1_3 = like.lift(0.16) * p_m_platform;
-        let t1_4 = t1_2 + t1_3;
-        let t1_5 = like.lift(0.16).mul_add(p_m_rod1, t1_4);
-        let t1_6 = like.lift(4.0) * p_mx_platform;
-        let t1_7 = t1_5 + t1_6;
+        let t1_2 = like.lift(0.16) * p_m_platform;
+        let t1_3 = like.lift(4.0) * p_mx_platform;
+        let t1_4 = like.lift(0.16).mul_add(p_m_rod1, p_izz_crank1);
+        let t1_5 = t1_4 + t1_1;
+        let t1_6 = t1_5 + t1_2;
+        let t1_7 = t1_6 + t1_3;
         beta[0] = t1_7;
         let t1_8 = like.lift(0.4) * p_m_platform;
         let t1_9 = like.lift(2.0) * p_mx_rod3;
-        let t1_10 = p_mx_crank1 + t1_9;
-        let t1_11 = t1_8 + t1_10;
-        let t1_12 = like.lift(0.4).mul_add(p_m_rod1, t1_11);
-        let t1_13 = like.lift(10.0) * p_mx_platform;
-        let t1_14 = t1_12 + t1_13;
+        let t1_10 = like.lift(10.0) * p_mx_platform;
+        let t1_11 = like.lift(0.4).mul_add(p_m_rod1, t1_8);
+        let t1_12 = t1_11 + p_mx_crank1;
+        let t1_13 = t1_12 + t1_9;
+        let t1_14 = t1_13 + t1_10;
         beta[1] = t1_14;
-        let t1_15 = p_izz_rod1 + t1_1;
-        let t1_16 = t1_3 + t1_15;
-        let t1_17 = t1_6 + t1_16;
+        let t1_15 = t1_3 + t1_2;
+        let t1_16 = t1_15 + p_izz_rod1;
+        let t1_17 = t1_16 + t1_1;
         beta[3] = t1_17;
-        let t1_18 = p_mx_rod1 + t1_9;
-        let t1_19 = t1_8 + t1_18;
-        let t1_20 = t1_13 + t1_19;
+        let t1_18 = t1_10 + t1_8;
+        let t1_19 = t1_18 + p_mx_rod1;
+        let t1_20 = t1_19 + t1_9;
         beta[4] = t1_20;
-        let t1_21 = like.lift(0.16).mul_add(p_mx_platform, p_izz_platform);
-        let t1_22 = like.lift(0.032).mul_add(p_mx_rod3, t1_21);
+        let t1_21 = like.lift(0.032).mul_add(p_mx_rod3, p_izz_platform);
+        let t1_22 = like.lift(0.16).mul_add(p_mx_platform, t1_21);
         beta[6] = t1_22;
-        let t1_23 = like.lift(-1.7320508075688772).mul_add(p_mx_platform, p_my_platform);
-        let t1_24 = like.lift(-0.34641016151377546).mul_add(p_mx_rod3, t1_23);
+        let t1_23 = like.lift(-0.34641016151377546).mul_add(p_mx_rod3, p_my_platform);
+        let t1_24 = like.lift(-1.7320508075688772).mul_add(p_mx_platform, t1_23);
         beta[7] = t1_24;
         let t1_25 = like.lift(0.4) * p_mx_rod3;
-        let t1_26 = p_izz_crank2 - t1_25;
-        let t1_27 = like.lift(0.16).mul_add(p_m_rod2, t1_26);
-        let t1_28 = t1_6 - t1_27;
+        let t1_26 = like.lift(-0.16).mul_add(p_m_rod2, t1_3);
+        let t1_27 = t1_26 - p_izz_crank2;
+        let t1_28 = t1_27 + t1_25;
         let t1_29 = -t1_28;
         beta[8] = t1_29;
-        let t1_30 = p_mx_crank2 - p_mx_rod3;
-        let t1_31 = like.lift(0.4).mul_add(p_m_rod2, t1_30);
-        let t1_32 = t1_13 - t1_31;
+        let t1_30 = like.lift(-0.4).mul_add(p_m_rod2, t1_10);
+        let t1_31 = t1_30 - p_mx_crank2;
+        let t1_32 = t1_31 + p_mx_rod3;
         let t1_33 = -t1_32;
         beta[9] = t1_33;
-        let t1_34 = p_izz_rod2 - t1_25;
-        let t1_35 = t1_6 - t1_34;
+        let t1_34 = t1_3 - p_izz_rod2;
+        let t1_35 = t1_34 + t1_25;
         let t1_36 = -t1_35;
         beta[11] = t1_36;
-        let t1_37 = p_mx_rod2 - p_mx_rod3;
-        let t1_38 = t1_13 - t1_37;
+        let t1_37 = t1_10 - p_mx_rod2;
+        let t1_38 = t1_37 + p_mx_rod3;
         let t1_39 = -t1_38;
         beta[12] = t1_39;
-        let t1_40 = p_izz_crank3 - t1_25;
-        let t1_41 = like.lift(0.16).mul_add(p_m_rod3, t1_40);
+        let t1_40 = like.lift(0.16).mul_add(p_m_rod3, p_izz_crank3);
+        let t1_41 = t1_40 - t1_25;
         beta[14] = t1_41;
-        let t1_42 = p_mx_crank3 - p_mx_rod3;
-        let t1_43 = like.lift(0.4).mul_add(p_m_rod3, t1_42);
+        let t1_42 = like.lift(0.4).mul_add(p_m_rod3, p_mx_crank3);
+        let t1_43 = t1_42 - p_mx_rod3;
         beta[15] = t1_43;
         let t1_44 = p_izz_rod3 - t1_25;
         beta[17] = t1_44;
@@ -4126,57 +3947,55 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 19], free: &[T; 51]) -> [T; 70
     ] = *free;
     // phi
     {
-        let t1_1 = like.lift(0.8) * p_mx_rod3;
-        let t1_2 = like.lift(0.16).mul_add(p_m_platform, t1_1);
-        let t1_3 = like.lift(0.16).mul_add(p_m_rod1, t1_2);
-        let t1_4 = like.lift(4.0) * p_mx_platform;
-        let t1_5 = t1_3 + t1_4;
-        let t1_6 = p_izz_crank1 - t1_5;
+        let t1_1 = like.lift(0.16) * p_m_platform;
+        let t1_2 = like.lift(0.8).mul_add(p_mx_rod3, t1_1);
+        let t1_3 = like.lift(4.0) * p_mx_platform;
+        let t1_4 = like.lift(-0.16).mul_add(p_m_rod1, p_izz_crank1);
+        let t1_5 = t1_4 - t1_2;
+        let t1_6 = t1_5 - t1_3;
         phi[5] = t1_6;
-        let t1_7 = like.lift(2.0) * p_mx_rod3;
-        let t1_8 = like.lift(0.4).mul_add(p_m_platform, t1_7);
-        let t1_9 = like.lift(0.4).mul_add(p_m_rod1, t1_8);
-        let t1_10 = like.lift(10.0) * p_mx_platform;
-        let t1_11 = t1_9 + t1_10;
-        let t1_12 = p_mx_crank1 - t1_11;
+        let t1_7 = like.lift(0.4) * p_m_platform;
+        let t1_8 = like.lift(2.0).mul_add(p_mx_rod3, t1_7);
+        let t1_9 = like.lift(10.0) * p_mx_platform;
+        let t1_10 = like.lift(-0.4).mul_add(p_m_rod1, p_mx_crank1);
+        let t1_11 = t1_10 - t1_8;
+        let t1_12 = t1_11 - t1_9;
         phi[6] = t1_12;
-        let t1_13 = t1_2 + t1_4;
-        let t1_14 = p_izz_rod1 - t1_13;
+        let t1_13 = p_izz_rod1 - t1_2;
+        let t1_14 = t1_13 - t1_3;
         phi[15] = t1_14;
-        let t1_15 = t1_8 + t1_10;
-        let t1_16 = p_mx_rod1 - t1_15;
+        let t1_15 = p_mx_rod1 - t1_8;
+        let t1_16 = t1_15 - t1_9;
         phi[16] = t1_16;
-        let t1_17 = like.lift(0.16) * p_mx_platform;
-        let t1_18 = like.lift(0.032).mul_add(p_mx_rod3, t1_17);
-        let t1_19 = p_izz_platform - t1_18;
-        phi[25] = t1_19;
-        let t1_20 = like.lift(1.7320508075688772) * p_mx_platform;
-        let t1_21 = like.lift(0.34641016151377546).mul_add(p_mx_rod3, t1_20);
-        let t1_22 = p_my_platform + t1_21;
-        phi[27] = t1_22;
-        let t1_23 = like.lift(0.4) * p_mx_rod3;
-        let t1_24 = like.lift(-0.16).mul_add(p_m_rod2, t1_23);
-        let t1_25 = t1_4 + t1_24;
-        let t1_26 = p_izz_crank2 + t1_25;
-        phi[35] = t1_26;
-        let t1_27 = like.lift(-0.4).mul_add(p_m_rod2, p_mx_rod3);
-        let t1_28 = t1_10 + t1_27;
-        let t1_29 = p_mx_crank2 + t1_28;
-        phi[36] = t1_29;
-        let t1_30 = t1_4 + t1_23;
-        let t1_31 = p_izz_rod2 + t1_30;
-        phi[45] = t1_31;
-        let t1_32 = p_mx_rod3 + t1_10;
-        let t1_33 = p_mx_rod2 + t1_32;
-        phi[46] = t1_33;
-        let t1_34 = like.lift(-0.16).mul_add(p_m_rod3, t1_23);
-        let t1_35 = p_izz_crank3 + t1_34;
-        phi[55] = t1_35;
-        let t1_36 = like.lift(-0.4).mul_add(p_m_rod3, p_mx_rod3);
-        let t1_37 = p_mx_crank3 + t1_36;
-        phi[56] = t1_37;
-        let t1_38 = p_izz_rod3 + t1_23;
-        phi[65] = t1_38;
+        let t1_17 = like.lift(-0.032).mul_add(p_mx_rod3, p_izz_platform);
+        let t1_18 = like.lift(-0.16).mul_add(p_mx_platform, t1_17);
+        phi[25] = t1_18;
+        let t1_19 = like.lift(0.34641016151377546).mul_add(p_mx_rod3, p_my_platform);
+        let t1_20 = like.lift(1.7320508075688772).mul_add(p_mx_platform, t1_19);
+        phi[27] = t1_20;
+        let t1_21 = like.lift(0.4) * p_mx_rod3;
+        let t1_22 = p_izz_crank2 + t1_3;
+        let t1_23 = like.lift(-0.16).mul_add(p_m_rod2, t1_22);
+        let t1_24 = t1_23 + t1_21;
+        phi[35] = t1_24;
+        let t1_25 = p_mx_crank2 + t1_9;
+        let t1_26 = like.lift(-0.4).mul_add(p_m_rod2, t1_25);
+        let t1_27 = t1_26 + p_mx_rod3;
+        phi[36] = t1_27;
+        let t1_28 = p_izz_rod2 + t1_3;
+        let t1_29 = t1_28 + t1_21;
+        phi[45] = t1_29;
+        let t1_30 = p_mx_rod2 + p_mx_rod3;
+        let t1_31 = t1_30 + t1_9;
+        phi[46] = t1_31;
+        let t1_32 = like.lift(-0.16).mul_add(p_m_rod3, p_izz_crank3);
+        let t1_33 = t1_32 + t1_21;
+        phi[55] = t1_33;
+        let t1_34 = like.lift(-0.4).mul_add(p_m_rod3, p_mx_crank3);
+        let t1_35 = t1_34 + p_mx_rod3;
+        phi[56] = t1_35;
+        let t1_36 = p_izz_rod3 + t1_21;
+        phi[65] = t1_36;
         phi[0] = p_ixx_crank1;
         phi[1] = p_ixy_crank1;
         phi[2] = p_ixz_crank1;
@@ -4246,7 +4065,7 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 19], free: &[T; 51]) -> [T; 70
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
 ///
-/// 112 additions, 186 multiplications, 4 divisions, 7 sines and cosines.
+/// 112 additions, 175 multiplications, 4 divisions, 7 sines and cosines.
 pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], beta: &[T; 19]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -4259,181 +4078,168 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
         p_mx_rod2, p_my_rod2, p_izz_crank3, p_mx_crank3, p_my_crank3, p_izz_rod3, p_my_rod3,
     ] = *beta;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6,
+        cos_q6, sin_q7, cos_q7,
+    ] = {
+        let [
+            (sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q3, cos_q3), (sin_q4, cos_q4),
+            (sin_q5, cos_q5), (sin_q6, cos_q6), (sin_q7, cos_q7),
+        ] =
+            T::sin_cos_all([q1, q2, q3, q4, q5, q6, q7]);
+        [
+            sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5,
+            sin_q6, cos_q6, sin_q7, cos_q7,
+        ]
+    };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t1_19, t1_26, t1_38, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6, cos_q6, sin_q7, cos_q7,
-        x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6,
-        x_q7_q1, x_q7_q4, x_q7_q6,
+        t2_13, t2_22, t2_30, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1,
+        x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
     ] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = cos_q1 * p_mx_crank1;
-        let t1_2 = like.lift(9.81) * t1_1;
-        let t1_3 = sin_q1 * p_my_crank1;
-        let t1_4 = like.lift(-9.81).mul_add(t1_3, t1_2);
-        let t1_5 = dd_q1.mul_add(p_izz_crank1, t1_4);
         let al_rod1z = dd_q1 + dd_q2;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_6 = d_q1 * d_q1;
-        let a_crank1x = like.lift(9.81) * sin_q1;
-        let t1_7 = like.lift(0.4).mul_add(t1_6, -a_crank1x);
-        let t1_8 = sin_q2 * t1_7;
-        let a_crank1y = like.lift(9.81) * cos_q1;
-        let t1_9 = like.lift(0.4).mul_add(dd_q1, a_crank1y);
-        let a_rod1y = cos_q2.mul_add(t1_9, t1_8);
-        let t1_10 = a_rod1y * p_mx_rod1;
-        let t1_11 = cos_q2 * t1_7;
-        let a_rod1x = (-sin_q2).mul_add(t1_9, t1_11);
-        let t1_12 = a_rod1x.mul_add(p_my_rod1, t1_10);
-        let t1_13 = al_rod1z.mul_add(p_izz_rod1, t1_12);
+        let t2_1 = like.lift(0.4) * d_q1;
+        let t2_2 = t2_1 * d_q1;
+        let t2_3 = like.lift(-9.81).mul_add(sin_q1, t2_2);
+        let t2_4 = like.lift(0.4) * dd_q1;
+        let t2_5 = like.lift(9.81).mul_add(cos_q1, t2_4);
+        let t2_6 = cos_q2 * t2_5;
+        let a_rod1y = sin_q2.mul_add(t2_3, t2_6);
+        let t2_7 = cos_q2 * t2_3;
+        let a_rod1x = (-sin_q2).mul_add(t2_5, t2_7);
         let al_platformz = dd_q3 + al_rod1z;
-        let t1_14 = al_platformz * p_izz_platform;
-        let (sin_q3, cos_q3) = q3.sin_cos();
         let w_rod1z = d_q1 + d_q2;
-        let t1_15 = w_rod1z * w_rod1z;
-        let t1_16 = like.lift(0.4).mul_add(t1_15, a_rod1x);
-        let t1_17 = cos_q3 * t1_16;
-        let t1_18 = like.lift(0.4).mul_add(al_rod1z, a_rod1y);
-        let a_platformx = (-sin_q3).mul_add(t1_18, t1_17);
-        let t1_19 = a_platformx.mul_add(p_my_platform, t1_14);
-        let t1_20 = al_platformz * p_my_platform;
-        let t1_21 = sin_q3 * t1_20;
+        let t2_8 = w_rod1z * w_rod1z;
+        let t2_9 = like.lift(0.4).mul_add(t2_8, a_rod1x);
+        let t2_10 = like.lift(0.4).mul_add(al_rod1z, a_rod1y);
+        let t2_11 = cos_q3 * t2_9;
+        let a_platformx = (-sin_q3).mul_add(t2_10, t2_11);
+        let t2_12 = a_platformx * p_my_platform;
+        let t2_13 = al_platformz.mul_add(p_izz_platform, t2_12);
+        let t2_14 = al_platformz * p_my_platform;
         let w_platformz = d_q3 + w_rod1z;
-        let t1_22 = w_platformz * w_platformz;
-        let t1_23 = t1_22 * p_my_platform;
-        let t1_24 = cos_q3.mul_add(t1_23, t1_21);
-        let t1_25 = like.lift(-0.4).mul_add(t1_24, t1_19);
-        let t1_26 = t1_13 + t1_25;
-        let t1_27 = t1_15 * p_mx_rod1;
-        let t1_28 = al_rod1z.mul_add(p_my_rod1, t1_27);
-        let t1_29 = cos_q3 * t1_20;
-        let t1_30 = (-sin_q3).mul_add(t1_23, t1_29);
-        let t1_31 = t1_28 + t1_30;
-        let t1_32 = sin_q2 * t1_31;
-        let t1_33 = al_rod1z * p_mx_rod1;
-        let t1_34 = (-t1_15).mul_add(p_my_rod1, t1_33);
-        let t1_35 = t1_34 - t1_24;
-        let t1_36 = (-cos_q2).mul_add(t1_35, t1_32);
-        let t1_37 = like.lift(-0.4).mul_add(t1_36, t1_26);
-        let t1_38 = t1_5 + t1_37;
-        let u_platform_q2x = like.lift(0.4) * sin_q3;
-        let t1_39 = like.lift(0.06928203230275509) + u_platform_q2x;
-        let t1_40 = -t1_39;
-        let t1_41 = cos_q1 * sin_q2;
-        let t1_42 = sin_q1 * sin_q2;
-        let sin_q1_q2 = sin_q1.mul_add(cos_q2, t1_41);
-        let cos_q1_q2 = cos_q1.mul_add(cos_q2, -t1_42);
-        let t1_43 = cos_q1_q2 * sin_q3;
-        let t1_44 = sin_q1_q2 * sin_q3;
-        let sin_q1_q2_q3 = sin_q1_q2.mul_add(cos_q3, t1_43);
-        let cos_q1_q2_q3 = cos_q1_q2.mul_add(cos_q3, -t1_44);
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t1_45 = cos_q1_q2_q3 * sin_q4;
-        let t1_46 = sin_q1_q2_q3 * sin_q4;
-        let sin_q1_q2_q3_minus_q4 = sin_q1_q2_q3.mul_add(cos_q4, -t1_45);
-        let cos_q1_q2_q3_minus_q4 = cos_q1_q2_q3.mul_add(cos_q4, t1_46);
-        let (sin_q5, cos_q5) = q5.sin_cos();
-        let t1_47 = cos_q1_q2_q3_minus_q4 * sin_q5;
-        let t1_48 = sin_q1_q2_q3_minus_q4 * sin_q5;
-        let sin_q1_q2_q3_minus_q4_minus_q5 = sin_q1_q2_q3_minus_q4.mul_add(cos_q5, -t1_47);
-        let cos_q1_q2_q3_minus_q4_minus_q5 = cos_q1_q2_q3_minus_q4.mul_add(cos_q5, t1_48);
-        let t1_49 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
+        let t2_15 = w_platformz * w_platformz;
+        let t2_16 = t2_15 * p_my_platform;
+        let t2_17 = cos_q3 * t2_16;
+        let t2_18 = sin_q3.mul_add(t2_14, t2_17);
+        let t2_19 = al_rod1z.mul_add(p_izz_rod1, t2_13);
+        let t2_20 = a_rod1x.mul_add(p_my_rod1, t2_19);
+        let t2_21 = a_rod1y.mul_add(p_mx_rod1, t2_20);
+        let t2_22 = like.lift(-0.4).mul_add(t2_18, t2_21);
+        let t2_23 = al_rod1z * p_my_rod1;
+        let t2_24 = t2_8.mul_add(p_mx_rod1, t2_23);
+        let t2_25 = (-sin_q3).mul_add(t2_16, t2_24);
+        let t2_26 = cos_q3.mul_add(t2_14, t2_25);
+        let t2_27 = al_rod1z.mul_add(p_mx_rod1, -t2_18);
+        let t2_28 = (-t2_8).mul_add(p_my_rod1, t2_27);
+        let t2_29 = sin_q2 * t2_26;
+        let t2_30 = (-cos_q2).mul_add(t2_28, t2_29);
+        let t2_31 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
+        let t2_32 = -t2_31;
+        let t2_33 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_33);
+        let t2_34 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_34);
+        let t2_35 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t2_35);
+        let t2_36 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_36);
+        let t2_37 = sin_q1_q2_q3 * cos_q4;
+        let sin_q1_q2_q3_minus_q4 = (-cos_q1_q2_q3).mul_add(sin_q4, t2_37);
+        let t2_38 = cos_q1_q2_q3 * cos_q4;
+        let cos_q1_q2_q3_minus_q4 = sin_q1_q2_q3.mul_add(sin_q4, t2_38);
+        let t2_39 = sin_q1_q2_q3_minus_q4 * cos_q5;
+        let sin_q1_q2_q3_minus_q4_minus_q5 = (-cos_q1_q2_q3_minus_q4).mul_add(sin_q5, t2_39);
+        let t2_40 = cos_q1_q2_q3_minus_q4 * cos_q5;
+        let cos_q1_q2_q3_minus_q4_minus_q5 = sin_q1_q2_q3_minus_q4.mul_add(sin_q5, t2_40);
+        let t2_41 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
         let u_platform_q2y = like.lift(0.4) * cos_q3;
-        let t1_50 = like.lift(0.04) - u_platform_q2y;
-        let t1_51 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let (sin_q6, cos_q6) = q6.sin_cos();
-        let t1_52 = cos_q1_q2_q3 * sin_q6;
-        let t1_53 = sin_q1_q2_q3 * sin_q6;
-        let sin_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(cos_q6, -t1_52);
-        let cos_q1_q2_q3_minus_q6 = cos_q1_q2_q3.mul_add(cos_q6, t1_53);
-        let (sin_q7, cos_q7) = q7.sin_cos();
-        let t1_54 = cos_q1_q2_q3_minus_q6 * sin_q7;
-        let t1_55 = sin_q1_q2_q3_minus_q6 * sin_q7;
-        let sin_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(cos_q7, -t1_54);
-        let cos_q1_q2_q3_minus_q6_minus_q7 = cos_q1_q2_q3_minus_q6.mul_add(cos_q7, t1_55);
+        let t2_42 = like.lift(0.04) - u_platform_q2y;
+        let t2_43 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
+        let t2_44 = sin_q1_q2_q3 * cos_q6;
+        let sin_q1_q2_q3_minus_q6 = (-cos_q1_q2_q3).mul_add(sin_q6, t2_44);
+        let t2_45 = cos_q1_q2_q3 * cos_q6;
+        let cos_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(sin_q6, t2_45);
+        let t2_46 = sin_q1_q2_q3_minus_q6 * cos_q7;
+        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t2_46);
+        let t2_47 = cos_q1_q2_q3_minus_q6 * cos_q7;
+        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t2_47);
         let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t1_56 = like.lift(0.04) + u_platform_q2y;
-        let t1_57 = -t1_56;
-        let t1_58 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let t1_59 = sin_q2 * cos_q3;
-        let t1_60 = like.lift(0.4) * t1_59;
-        let u_rod1_q1y = like.lift(0.4) * cos_q2;
-        let t1_61 = like.lift(0.4) + u_rod1_q1y;
-        let u_platform_q1x = sin_q3.mul_add(t1_61, t1_60);
-        let t1_62 = like.lift(0.06928203230275509) + u_platform_q1x;
-        let t1_63 = -t1_62;
-        let t1_64 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t1_49);
-        let t1_65 = sin_q2 * sin_q3;
-        let t1_66 = like.lift(0.4) * t1_65;
-        let u_platform_q1y = (-cos_q3).mul_add(t1_61, t1_66);
-        let t1_67 = like.lift(0.04) + u_platform_q1y;
-        let t1_68 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t1_51);
-        let t1_69 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
-        let t1_70 = like.lift(0.04) - u_platform_q1y;
-        let t1_71 = -t1_70;
-        let t1_72 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t1_58);
-        let t1_73 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
-        let t1_74 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_73;
-        let pivot_2 = (-t1_39).mul_add(t1_74, t1_56);
+        let t2_48 = like.lift(0.04) + u_platform_q2y;
+        let t2_49 = -t2_48;
+        let t2_50 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t2_51 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
+        let t2_52 = like.lift(0.4) * sin_q2;
+        let t2_53 = sin_q3.mul_add(t2_51, like.lift(0.06928203230275509));
+        let t2_54 = cos_q3.mul_add(t2_52, t2_53);
+        let t2_55 = -t2_54;
+        let t2_56 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t2_41);
+        let t2_57 = sin_q3 * t2_52;
+        let u_platform_q1y = (-cos_q3).mul_add(t2_51, t2_57);
+        let t2_58 = like.lift(0.04) + u_platform_q1y;
+        let t2_59 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t2_43);
+        let t2_60 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
+        let t2_61 = like.lift(0.04) - u_platform_q1y;
+        let t2_62 = -t2_61;
+        let t2_63 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_50);
+        let t2_64 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_65 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_64;
+        let pivot_2 = (-t2_31).mul_add(t2_65, t2_48);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t1_75 = (-t1_62).mul_add(t1_74, t1_70);
-        let t1_76 = like.lift(-0.06928203230275509).mul_add(t1_74, like.lift(0.04));
-        let t1_77 = t1_50 * inv_pivot_2;
-        let pivot_3 = (-t1_76).mul_add(t1_77, like.lift(0.04));
+        let t2_66 = (-t2_54).mul_add(t2_65, t2_61);
+        let t2_67 = like.lift(-0.06928203230275509).mul_add(t2_65, like.lift(0.04));
+        let t2_68 = t2_42 * inv_pivot_2;
+        let pivot_3 = (-t2_67).mul_add(t2_68, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_78 = (-t1_75).mul_add(t1_77, t1_67);
-        let t1_79 = t1_39 * inv_pivot_2;
-        let t1_80 = (-t1_75).mul_add(t1_79, t1_62);
-        let t1_81 = (-t1_76).mul_add(t1_79, like.lift(0.06928203230275509));
-        let t1_82 = t1_81 * inv_pivot_3;
-        let t1_83 = (-t1_78).mul_add(t1_82, t1_80);
-        let t1_84 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_82;
-        let pivot_4 = like.lift(0.4).mul_add(t1_84, t1_49);
+        let t2_69 = (-t2_66).mul_add(t2_68, t2_58);
+        let t2_70 = t2_31 * inv_pivot_2;
+        let t2_71 = (-t2_67).mul_add(t2_70, like.lift(0.06928203230275509));
+        let t2_72 = t2_71 * inv_pivot_3;
+        let t2_73 = (-t2_69).mul_add(t2_72, t2_54);
+        let t2_74 = (-t2_66).mul_add(t2_70, t2_73);
+        let pivot_4 = t2_72.mul_add(t2_43, t2_41);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t1_85 = t1_83 * inv_pivot_4;
-        let t1_86 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_85;
-        let t1_87 = like.lift(0.4).mul_add(t1_86, t1_78);
-        let t1_88 = inv_pivot_3 * t1_87;
-        let t1_89 = (-t1_76).mul_add(t1_88, t1_75);
-        let t1_90 = inv_pivot_2 * t1_89;
-        let t1_91 = t1_68.mul_add(t1_82, t1_64);
-        let t1_92 = t1_91 * inv_pivot_4;
-        let t1_93 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_92;
-        let t1_94 = like.lift(-0.4).mul_add(t1_93, t1_68);
-        let t1_95 = inv_pivot_3 * t1_94;
-        let t1_96 = t1_76 * t1_95;
-        let t1_97 = inv_pivot_2 * t1_96;
-        let t1_98 = -t1_97;
-        let t1_99 = (-t1_69).mul_add(t1_74, t1_72);
-        let t1_100 = t1_99 * t1_77;
-        let t1_101 = t1_99 * t1_79;
-        let t1_102 = (-t1_100).mul_add(t1_82, t1_101);
-        let t1_103 = t1_102 * inv_pivot_4;
-        let t1_104 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_103;
-        let t1_105 = like.lift(0.4).mul_add(t1_104, t1_100);
-        let t1_106 = inv_pivot_3 * t1_105;
-        let t1_107 = t1_76.mul_add(t1_106, t1_99);
-        let t1_108 = inv_pivot_2 * t1_107;
-        let t1_109 = -t1_108;
-        let t1_110 = -t1_85;
-        let t1_111 = -t1_103;
-        let t1_112 = (-t1_39).mul_add(t1_90, t1_62);
-        let t1_113 = like.lift(-0.06928203230275509).mul_add(t1_88, t1_112);
-        let t1_114 = t1_73 * t1_113;
-        let t1_115 = like.lift(2.5) * t1_114;
-        let t1_116 = -t1_115;
-        let t1_117 = t1_39 * t1_97;
-        let t1_118 = like.lift(-0.06928203230275509).mul_add(t1_95, t1_117);
-        let t1_119 = t1_73 * t1_118;
-        let t1_120 = like.lift(2.5) * t1_119;
-        let t1_121 = -t1_120;
-        let t1_122 = (-t1_39).mul_add(t1_108, t1_69);
-        let t1_123 = like.lift(0.06928203230275509).mul_add(t1_106, t1_122);
-        let t1_124 = t1_73 * t1_123;
-        let t1_125 = like.lift(2.5) * t1_124;
-        let t1_126 = -pivot_2;
+        let t2_75 = t2_74 * inv_pivot_4;
+        let t2_76 = t2_75.mul_add(t2_43, t2_69);
+        let t2_77 = inv_pivot_3 * t2_76;
+        let t2_78 = (-t2_67).mul_add(t2_77, t2_66);
+        let t2_79 = inv_pivot_2 * t2_78;
+        let t2_80 = t2_59.mul_add(t2_72, t2_56);
+        let t2_81 = t2_80 * inv_pivot_4;
+        let t2_82 = (-t2_81).mul_add(t2_43, t2_59);
+        let t2_83 = inv_pivot_3 * t2_82;
+        let t2_84 = inv_pivot_2 * t2_67;
+        let t2_85 = t2_84 * t2_83;
+        let t2_86 = -t2_85;
+        let t2_87 = (-t2_60).mul_add(t2_65, t2_63);
+        let t2_88 = t2_87 * t2_68;
+        let t2_89 = t2_87 * t2_70;
+        let t2_90 = (-t2_88).mul_add(t2_72, t2_89);
+        let t2_91 = t2_90 * inv_pivot_4;
+        let t2_92 = t2_91.mul_add(t2_43, t2_88);
+        let t2_93 = inv_pivot_3 * t2_92;
+        let t2_94 = t2_67.mul_add(t2_93, t2_87);
+        let t2_95 = inv_pivot_2 * t2_94;
+        let t2_96 = -t2_95;
+        let t2_97 = -t2_75;
+        let t2_98 = -t2_91;
+        let t2_99 = like.lift(-0.06928203230275509).mul_add(t2_77, t2_54);
+        let t2_100 = (-t2_31).mul_add(t2_79, t2_99);
+        let t2_101 = like.lift(2.5) * t2_64;
+        let t2_102 = t2_100 * t2_101;
+        let t2_103 = -t2_102;
+        let t2_104 = t2_31 * t2_85;
+        let t2_105 = like.lift(-0.06928203230275509).mul_add(t2_83, t2_104);
+        let t2_106 = t2_105 * t2_101;
+        let t2_107 = -t2_106;
+        let t2_108 = like.lift(0.06928203230275509).mul_add(t2_93, t2_60);
+        let t2_109 = (-t2_31).mul_add(t2_95, t2_108);
+        let t2_110 = t2_109 * t2_101;
+        let t2_111 = -pivot_2;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
-            .min((t1_126 * like.lift(2.7080930926705737)).abs())
+            .min((t2_111 * like.lift(2.7080930926705737)).abs())
             .min((pivot_3 * like.lift(19.82662604894746)).abs())
             .min((pivot_4 * like.lift(2.203476117557732)).abs());
         let ([
@@ -4441,29 +4247,29 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t1_90, t1_98, t1_109], [t1_88, t1_95, t1_106], [t1_110, t1_92, t1_111],
-                [t1_116, t1_121, t1_125],
+                [t2_79, t2_86, t2_96], [t2_77, t2_83, t2_93], [t2_97, t2_81, t2_98],
+                [t2_103, t2_107, t2_110],
             ],
             margin,
             || (
                 [
-                    [t1_40, like.lift(-0.06928203230275509), t1_49, like.lift(0.0)],
-                    [t1_50, like.lift(0.04), t1_51, like.lift(0.0)],
+                    [t2_32, like.lift(-0.06928203230275509), t2_41, like.lift(0.0)],
+                    [t2_42, like.lift(0.04), t2_43, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t1_40, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
-                    [t1_57, like.lift(-0.04), like.lift(0.0), t1_58],
+                    [t2_32, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
+                    [t2_49, like.lift(-0.04), like.lift(0.0), t2_50],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t1_63, t1_64, like.lift(0.0)], [t1_67, t1_68, like.lift(0.0)],
+                    [t2_55, t2_56, like.lift(0.0)], [t2_58, t2_59, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t1_63, like.lift(0.0), t1_69], [t1_71, like.lift(0.0), t1_72],
+                    [t2_55, like.lift(0.0), t2_60], [t2_62, like.lift(0.0), t2_63],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -4472,81 +4278,78 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
         );
         condition = condition.min(found);
         [
-            t1_19, t1_26, t1_38, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6, cos_q6, sin_q7,
-            cos_q7, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4,
-            x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
+            t2_13, t2_22, t2_30, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1,
+            x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
         ]
     };
     // tau
     {
-        let t2_1 = (-t1_26).mul_add(x_q2_q1, t1_38);
-        let t2_2 = (-t1_19).mul_add(x_q3_q1, t2_1);
         let al_rod2z = dd_q4 + dd_q5;
-        let a_crank2x = like.lift(9.81) * sin_q4;
-        let t2_3 = d_q4 * d_q4;
-        let t2_4 = like.lift(-0.4).mul_add(t2_3, a_crank2x);
-        let t2_5 = sin_q5 * t2_4;
-        let a_crank2y = like.lift(9.81) * cos_q4;
-        let t2_6 = like.lift(0.4).mul_add(dd_q4, a_crank2y);
-        let a_rod2y = (-cos_q5).mul_add(t2_6, t2_5);
-        let t2_7 = a_rod2y * p_mx_rod2;
-        let t2_8 = cos_q5 * t2_4;
-        let a_rod2x = sin_q5.mul_add(t2_6, t2_8);
-        let t2_9 = a_rod2x.mul_add(p_my_rod2, t2_7);
-        let t2_10 = al_rod2z.mul_add(p_izz_rod2, -t2_9);
-        let t2_11 = (-t2_10).mul_add(x_q5_q1, t2_2);
+        let t3_1 = like.lift(9.81) * sin_q4;
+        let t3_2 = like.lift(0.4) * d_q4;
+        let t3_3 = (-t3_2).mul_add(d_q4, t3_1);
+        let t3_4 = like.lift(0.4) * dd_q4;
+        let t3_5 = like.lift(9.81).mul_add(cos_q4, t3_4);
+        let t3_6 = sin_q5 * t3_3;
+        let a_rod2y = (-cos_q5).mul_add(t3_5, t3_6);
+        let t3_7 = sin_q5 * t3_5;
+        let a_rod2x = cos_q5.mul_add(t3_3, t3_7);
+        let t3_8 = al_rod2z * p_izz_rod2;
+        let t3_9 = (-a_rod2x).mul_add(p_my_rod2, t3_8);
+        let t3_10 = (-a_rod2y).mul_add(p_mx_rod2, t3_9);
         let al_rod3z = dd_q6 + dd_q7;
-        let t2_12 = al_rod3z * p_izz_rod3;
-        let a_crank3x = like.lift(9.81) * sin_q6;
-        let t2_13 = d_q6 * d_q6;
-        let t2_14 = like.lift(-0.4).mul_add(t2_13, a_crank3x);
-        let t2_15 = cos_q7 * t2_14;
-        let a_crank3y = like.lift(9.81) * cos_q6;
-        let t2_16 = like.lift(0.4).mul_add(dd_q6, a_crank3y);
-        let a_rod3x = sin_q7.mul_add(t2_16, t2_15);
-        let t2_17 = (-a_rod3x).mul_add(p_my_rod3, t2_12);
-        let t2_18 = (-t2_17).mul_add(x_q7_q1, t2_11);
-        tau[0] = t2_18;
-        let t2_19 = cos_q4 * p_mx_crank2;
-        let t2_20 = like.lift(9.81) * t2_19;
-        let t2_21 = sin_q4 * p_my_crank2;
-        let t2_22 = like.lift(-9.81).mul_add(t2_21, t2_20);
-        let t2_23 = dd_q4.mul_add(p_izz_crank2, t2_22);
+        let t3_11 = like.lift(9.81) * sin_q6;
+        let t3_12 = like.lift(0.4) * d_q6;
+        let t3_13 = (-t3_12).mul_add(d_q6, t3_11);
+        let t3_14 = like.lift(0.4) * dd_q6;
+        let t3_15 = like.lift(9.81).mul_add(cos_q6, t3_14);
+        let t3_16 = sin_q7 * t3_15;
+        let a_rod3x = cos_q7.mul_add(t3_13, t3_16);
+        let t3_17 = al_rod3z * p_izz_rod3;
+        let t3_18 = (-a_rod3x).mul_add(p_my_rod3, t3_17);
+        let t3_19 = sin_q1 * p_my_crank1;
+        let t3_20 = (-cos_q1).mul_add(p_mx_crank1, t3_19);
+        let t3_21 = (-t3_18).mul_add(x_q7_q1, t2_22);
+        let t3_22 = (-t3_10).mul_add(x_q5_q1, t3_21);
+        let t3_23 = (-t2_13).mul_add(x_q3_q1, t3_22);
+        let t3_24 = (-t2_22).mul_add(x_q2_q1, t3_23);
+        let t3_25 = dd_q1.mul_add(p_izz_crank1, t3_24);
+        let t3_26 = like.lift(-9.81).mul_add(t3_20, t3_25);
+        let t3_27 = like.lift(-0.4).mul_add(t2_30, t3_26);
+        tau[0] = t3_27;
         let w_rod2z = d_q4 + d_q5;
-        let t2_24 = w_rod2z * w_rod2z;
-        let t2_25 = t2_24 * p_mx_rod2;
-        let t2_26 = al_rod2z.mul_add(p_my_rod2, t2_25);
-        let t2_27 = sin_q5 * t2_26;
-        let t2_28 = al_rod2z * p_mx_rod2;
-        let t2_29 = (-t2_24).mul_add(p_my_rod2, t2_28);
-        let t2_30 = (-cos_q5).mul_add(t2_29, t2_27);
-        let t2_31 = like.lift(-0.4).mul_add(t2_30, t2_10);
-        let t2_32 = t2_23 + t2_31;
-        let t2_33 = t1_26 * x_q2_q4;
-        let t2_34 = t1_19.mul_add(x_q3_q4, t2_33);
-        let t2_35 = t2_32 - t2_34;
-        let t2_36 = (-t2_10).mul_add(x_q5_q4, t2_35);
-        let t2_37 = (-t2_17).mul_add(x_q7_q4, t2_36);
-        tau[1] = t2_37;
-        let t2_38 = cos_q6 * p_mx_crank3;
-        let t2_39 = like.lift(9.81) * t2_38;
-        let t2_40 = sin_q6 * p_my_crank3;
-        let t2_41 = like.lift(-9.81).mul_add(t2_40, t2_39);
-        let t2_42 = dd_q6.mul_add(p_izz_crank3, t2_41);
-        let t2_43 = al_rod3z * p_my_rod3;
-        let t2_44 = sin_q7 * t2_43;
+        let t3_28 = w_rod2z * w_rod2z;
+        let t3_29 = al_rod2z * p_my_rod2;
+        let t3_30 = t3_28.mul_add(p_mx_rod2, t3_29);
+        let t3_31 = al_rod2z * p_mx_rod2;
+        let t3_32 = (-t3_28).mul_add(p_my_rod2, t3_31);
+        let t3_33 = sin_q5 * t3_30;
+        let t3_34 = (-cos_q5).mul_add(t3_32, t3_33);
+        let t3_35 = sin_q4 * p_my_crank2;
+        let t3_36 = (-cos_q4).mul_add(p_mx_crank2, t3_35);
+        let t3_37 = (-t3_18).mul_add(x_q7_q4, t3_10);
+        let t3_38 = (-t3_10).mul_add(x_q5_q4, t3_37);
+        let t3_39 = dd_q4.mul_add(p_izz_crank2, t3_38);
+        let t3_40 = like.lift(-9.81).mul_add(t3_36, t3_39);
+        let t3_41 = like.lift(-0.4).mul_add(t3_34, t3_40);
+        let t3_42 = (-t2_13).mul_add(x_q3_q4, t3_41);
+        let t3_43 = (-t2_22).mul_add(x_q2_q4, t3_42);
+        tau[1] = t3_43;
         let w_rod3z = d_q6 + d_q7;
-        let t2_45 = w_rod3z * w_rod3z;
-        let t2_46 = t2_45 * p_my_rod3;
-        let t2_47 = cos_q7.mul_add(t2_46, t2_44);
-        let t2_48 = like.lift(-0.4).mul_add(t2_47, t2_17);
-        let t2_49 = t2_42 + t2_48;
-        let t2_50 = t1_26 * x_q2_q6;
-        let t2_51 = t1_19.mul_add(x_q3_q6, t2_50);
-        let t2_52 = t2_10.mul_add(x_q5_q6, t2_51);
-        let t2_53 = t2_49 - t2_52;
-        let t2_54 = (-t2_17).mul_add(x_q7_q6, t2_53);
-        tau[2] = t2_54;
+        let t3_44 = cos_q7 * w_rod3z;
+        let t3_45 = t3_44 * w_rod3z;
+        let t3_46 = sin_q7.mul_add(al_rod3z, t3_45);
+        let t3_47 = p_my_rod3 * t3_46;
+        let t3_48 = sin_q6 * p_my_crank3;
+        let t3_49 = (-cos_q6).mul_add(p_mx_crank3, t3_48);
+        let t3_50 = (-t3_18).mul_add(x_q7_q6, t3_18);
+        let t3_51 = dd_q6.mul_add(p_izz_crank3, t3_50);
+        let t3_52 = like.lift(-9.81).mul_add(t3_49, t3_51);
+        let t3_53 = like.lift(-0.4).mul_add(t3_47, t3_52);
+        let t3_54 = (-t3_10).mul_add(x_q5_q6, t3_53);
+        let t3_55 = (-t2_13).mul_add(x_q3_q6, t3_54);
+        let t3_56 = (-t2_22).mul_add(x_q2_q6, t3_55);
+        tau[2] = t3_56;
     }
     (tau, Condition { pivot: condition })
 }
@@ -4557,7 +4360,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: the efforts that hold the mechanism at rest
 ///
-/// 74 additions, 124 multiplications, 4 divisions, 9 sines and cosines.
+/// 74 additions, 104 multiplications, 4 divisions, 9 sines and cosines.
 pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 19]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -4567,144 +4370,144 @@ pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 19]) -> ([T; 3], Condition
         p_my_crank2, _, p_mx_rod2, p_my_rod2, _, p_mx_crank3, p_my_crank3, _, p_my_rod3,
     ] = *beta;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q1_q2_q3_minus_q4_minus_q5,
+        cos_q1_q2_q3_minus_q4_minus_q5, sin_q1_q2_q3_minus_q6_minus_q7,
+        cos_q1_q2_q3_minus_q6_minus_q7, sin_q4, cos_q4, sin_q6, cos_q6, sin_q4_q5, cos_q4_q5,
+        sin_q6_q7,
+    ] = {
+        let t1_1 = q3 + q2;
+        let t1_2 = t1_1 + q1;
+        let t1_3 = t1_2 - q4;
+        let t1_4 = t1_3 - q5;
+        let t1_5 = q3 + q2;
+        let t1_6 = t1_5 + q1;
+        let t1_7 = t1_6 - q6;
+        let t1_8 = t1_7 - q7;
+        let t1_9 = q5 + q4;
+        let t1_10 = q7 + q6;
+        let [
+            (sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q3, cos_q3),
+            (sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5),
+            (sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7), (sin_q4, cos_q4),
+            (sin_q6, cos_q6), (sin_q4_q5, cos_q4_q5), (sin_q6_q7, _),
+        ] =
+            T::sin_cos_all([q1, q2, q3, t1_4, t1_8, q4, q6, t1_9, t1_10]);
+        [
+            sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q1_q2_q3_minus_q4_minus_q5,
+            cos_q1_q2_q3_minus_q4_minus_q5, sin_q1_q2_q3_minus_q6_minus_q7,
+            cos_q1_q2_q3_minus_q6_minus_q7, sin_q4, cos_q4, sin_q6, cos_q6, sin_q4_q5,
+            cos_q4_q5, sin_q6_q7,
+        ]
+    };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t1_13, t1_14, t1_15, sin_q4, cos_q4, sin_q6, cos_q6, x_q2_q1, x_q2_q4, x_q2_q6,
-        x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
+        t2_5, t2_9, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4,
+        x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
     ] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = cos_q1 * p_mx_crank1;
-        let t1_2 = like.lift(9.81) * t1_1;
-        let t1_3 = sin_q1 * p_my_crank1;
-        let t1_4 = like.lift(-9.81).mul_add(t1_3, t1_2);
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_5 = cos_q1 * sin_q2;
-        let t1_6 = sin_q1 * sin_q2;
-        let sin_q1_q2 = sin_q1.mul_add(cos_q2, t1_5);
-        let cos_q1_q2 = cos_q1.mul_add(cos_q2, -t1_6);
-        let t1_7 = cos_q1_q2 * p_mx_rod1;
-        let t1_8 = like.lift(9.81) * t1_7;
-        let t1_9 = sin_q1_q2 * p_my_rod1;
-        let t1_10 = like.lift(-9.81).mul_add(t1_9, t1_8);
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_11 = cos_q1_q2 * sin_q3;
-        let t1_12 = sin_q1_q2 * sin_q3;
-        let sin_q1_q2_q3 = sin_q1_q2.mul_add(cos_q3, t1_11);
-        let cos_q1_q2_q3 = cos_q1_q2.mul_add(cos_q3, -t1_12);
-        let t1_13 = sin_q1_q2_q3 * p_my_platform;
-        let t1_14 = like.lift(-9.81).mul_add(t1_13, t1_10);
-        let t1_15 = t1_4 + t1_14;
-        let u_platform_q2x = like.lift(0.4) * sin_q3;
-        let t1_16 = like.lift(0.06928203230275509) + u_platform_q2x;
-        let t1_17 = -t1_16;
-        let t1_18 = q2 + q1;
-        let t1_19 = q3 + t1_18;
-        let t1_20 = t1_19 - q4;
-        let t1_21 = t1_20 - q5;
-        let (sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5) = t1_21.sin_cos();
-        let t1_22 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
+        let t2_1 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_1);
+        let t2_2 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_2);
+        let t2_3 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t2_3);
+        let t2_4 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_4);
+        let t2_5 = sin_q1_q2_q3 * p_my_platform;
+        let t2_6 = sin_q1_q2.mul_add(p_my_rod1, t2_5);
+        let t2_7 = (-cos_q1_q2).mul_add(p_mx_rod1, t2_6);
+        let t2_8 = like.lift(9.81) * t2_7;
+        let t2_9 = -t2_8;
+        let t2_10 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
+        let t2_11 = -t2_10;
+        let t2_12 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
         let u_platform_q2y = like.lift(0.4) * cos_q3;
-        let t1_23 = like.lift(0.04) - u_platform_q2y;
-        let t1_24 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let t1_25 = q2 + q1;
-        let t1_26 = q3 + t1_25;
-        let t1_27 = t1_26 - q6;
-        let t1_28 = t1_27 - q7;
-        let (sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7) = t1_28.sin_cos();
+        let t2_13 = like.lift(0.04) - u_platform_q2y;
+        let t2_14 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
         let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t1_29 = like.lift(0.04) + u_platform_q2y;
-        let t1_30 = -t1_29;
-        let t1_31 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let t1_32 = sin_q2 * cos_q3;
-        let t1_33 = like.lift(0.4) * t1_32;
-        let u_rod1_q1y = like.lift(0.4) * cos_q2;
-        let t1_34 = like.lift(0.4) + u_rod1_q1y;
-        let u_platform_q1x = sin_q3.mul_add(t1_34, t1_33);
-        let t1_35 = like.lift(0.06928203230275509) + u_platform_q1x;
-        let t1_36 = -t1_35;
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t1_37 = cos_q1_q2_q3 * sin_q4;
-        let t1_38 = sin_q1_q2_q3 * sin_q4;
-        let sin_q1_q2_q3_minus_q4 = sin_q1_q2_q3.mul_add(cos_q4, -t1_37);
-        let cos_q1_q2_q3_minus_q4 = cos_q1_q2_q3.mul_add(cos_q4, t1_38);
-        let t1_39 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t1_22);
-        let t1_40 = sin_q2 * sin_q3;
-        let t1_41 = like.lift(0.4) * t1_40;
-        let u_platform_q1y = (-cos_q3).mul_add(t1_34, t1_41);
-        let t1_42 = like.lift(0.04) + u_platform_q1y;
-        let t1_43 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t1_24);
-        let (sin_q6, cos_q6) = q6.sin_cos();
-        let t1_44 = cos_q1_q2_q3 * sin_q6;
-        let t1_45 = sin_q1_q2_q3 * sin_q6;
-        let sin_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(cos_q6, -t1_44);
-        let cos_q1_q2_q3_minus_q6 = cos_q1_q2_q3.mul_add(cos_q6, t1_45);
-        let t1_46 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
-        let t1_47 = like.lift(0.04) - u_platform_q1y;
-        let t1_48 = -t1_47;
-        let t1_49 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t1_31);
-        let t1_50 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
-        let t1_51 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_50;
-        let pivot_2 = (-t1_16).mul_add(t1_51, t1_29);
+        let t2_15 = like.lift(0.04) + u_platform_q2y;
+        let t2_16 = -t2_15;
+        let t2_17 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t2_18 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
+        let t2_19 = like.lift(0.4) * sin_q2;
+        let t2_20 = sin_q3.mul_add(t2_18, like.lift(0.06928203230275509));
+        let t2_21 = cos_q3.mul_add(t2_19, t2_20);
+        let t2_22 = -t2_21;
+        let t2_23 = sin_q1_q2_q3 * cos_q4;
+        let sin_q1_q2_q3_minus_q4 = (-cos_q1_q2_q3).mul_add(sin_q4, t2_23);
+        let t2_24 = cos_q1_q2_q3 * cos_q4;
+        let cos_q1_q2_q3_minus_q4 = sin_q1_q2_q3.mul_add(sin_q4, t2_24);
+        let t2_25 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t2_12);
+        let t2_26 = sin_q3 * t2_19;
+        let u_platform_q1y = (-cos_q3).mul_add(t2_18, t2_26);
+        let t2_27 = like.lift(0.04) + u_platform_q1y;
+        let t2_28 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t2_14);
+        let t2_29 = sin_q1_q2_q3 * cos_q6;
+        let sin_q1_q2_q3_minus_q6 = (-cos_q1_q2_q3).mul_add(sin_q6, t2_29);
+        let t2_30 = cos_q1_q2_q3 * cos_q6;
+        let cos_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(sin_q6, t2_30);
+        let t2_31 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
+        let t2_32 = like.lift(0.04) - u_platform_q1y;
+        let t2_33 = -t2_32;
+        let t2_34 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_17);
+        let t2_35 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_36 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_35;
+        let pivot_2 = (-t2_10).mul_add(t2_36, t2_15);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t1_52 = (-t1_35).mul_add(t1_51, t1_47);
-        let t1_53 = like.lift(-0.06928203230275509).mul_add(t1_51, like.lift(0.04));
-        let t1_54 = t1_23 * inv_pivot_2;
-        let pivot_3 = (-t1_53).mul_add(t1_54, like.lift(0.04));
+        let t2_37 = (-t2_21).mul_add(t2_36, t2_32);
+        let t2_38 = like.lift(-0.06928203230275509).mul_add(t2_36, like.lift(0.04));
+        let t2_39 = t2_13 * inv_pivot_2;
+        let pivot_3 = (-t2_38).mul_add(t2_39, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_55 = (-t1_52).mul_add(t1_54, t1_42);
-        let t1_56 = t1_16 * inv_pivot_2;
-        let t1_57 = (-t1_52).mul_add(t1_56, t1_35);
-        let t1_58 = (-t1_53).mul_add(t1_56, like.lift(0.06928203230275509));
-        let t1_59 = t1_58 * inv_pivot_3;
-        let t1_60 = (-t1_55).mul_add(t1_59, t1_57);
-        let t1_61 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_59;
-        let pivot_4 = like.lift(0.4).mul_add(t1_61, t1_22);
+        let t2_40 = (-t2_37).mul_add(t2_39, t2_27);
+        let t2_41 = t2_10 * inv_pivot_2;
+        let t2_42 = (-t2_38).mul_add(t2_41, like.lift(0.06928203230275509));
+        let t2_43 = t2_42 * inv_pivot_3;
+        let t2_44 = (-t2_40).mul_add(t2_43, t2_21);
+        let t2_45 = (-t2_37).mul_add(t2_41, t2_44);
+        let pivot_4 = t2_43.mul_add(t2_14, t2_12);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t1_62 = t1_60 * inv_pivot_4;
-        let t1_63 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_62;
-        let t1_64 = like.lift(0.4).mul_add(t1_63, t1_55);
-        let t1_65 = inv_pivot_3 * t1_64;
-        let t1_66 = (-t1_53).mul_add(t1_65, t1_52);
-        let t1_67 = inv_pivot_2 * t1_66;
-        let t1_68 = t1_43.mul_add(t1_59, t1_39);
-        let t1_69 = t1_68 * inv_pivot_4;
-        let t1_70 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_69;
-        let t1_71 = like.lift(-0.4).mul_add(t1_70, t1_43);
-        let t1_72 = inv_pivot_3 * t1_71;
-        let t1_73 = t1_53 * t1_72;
-        let t1_74 = inv_pivot_2 * t1_73;
-        let t1_75 = -t1_74;
-        let t1_76 = (-t1_46).mul_add(t1_51, t1_49);
-        let t1_77 = t1_76 * t1_54;
-        let t1_78 = t1_76 * t1_56;
-        let t1_79 = (-t1_77).mul_add(t1_59, t1_78);
-        let t1_80 = t1_79 * inv_pivot_4;
-        let t1_81 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_80;
-        let t1_82 = like.lift(0.4).mul_add(t1_81, t1_77);
-        let t1_83 = inv_pivot_3 * t1_82;
-        let t1_84 = t1_53.mul_add(t1_83, t1_76);
-        let t1_85 = inv_pivot_2 * t1_84;
-        let t1_86 = -t1_85;
-        let t1_87 = -t1_62;
-        let t1_88 = -t1_80;
-        let t1_89 = (-t1_16).mul_add(t1_67, t1_35);
-        let t1_90 = like.lift(-0.06928203230275509).mul_add(t1_65, t1_89);
-        let t1_91 = t1_50 * t1_90;
-        let t1_92 = like.lift(2.5) * t1_91;
-        let t1_93 = -t1_92;
-        let t1_94 = t1_16 * t1_74;
-        let t1_95 = like.lift(-0.06928203230275509).mul_add(t1_72, t1_94);
-        let t1_96 = t1_50 * t1_95;
-        let t1_97 = like.lift(2.5) * t1_96;
-        let t1_98 = -t1_97;
-        let t1_99 = (-t1_16).mul_add(t1_85, t1_46);
-        let t1_100 = like.lift(0.06928203230275509).mul_add(t1_83, t1_99);
-        let t1_101 = t1_50 * t1_100;
-        let t1_102 = like.lift(2.5) * t1_101;
-        let t1_103 = -pivot_2;
+        let t2_46 = t2_45 * inv_pivot_4;
+        let t2_47 = t2_46.mul_add(t2_14, t2_40);
+        let t2_48 = inv_pivot_3 * t2_47;
+        let t2_49 = (-t2_38).mul_add(t2_48, t2_37);
+        let t2_50 = inv_pivot_2 * t2_49;
+        let t2_51 = t2_28.mul_add(t2_43, t2_25);
+        let t2_52 = t2_51 * inv_pivot_4;
+        let t2_53 = (-t2_52).mul_add(t2_14, t2_28);
+        let t2_54 = inv_pivot_3 * t2_53;
+        let t2_55 = inv_pivot_2 * t2_38;
+        let t2_56 = t2_55 * t2_54;
+        let t2_57 = -t2_56;
+        let t2_58 = (-t2_31).mul_add(t2_36, t2_34);
+        let t2_59 = t2_58 * t2_39;
+        let t2_60 = t2_58 * t2_41;
+        let t2_61 = (-t2_59).mul_add(t2_43, t2_60);
+        let t2_62 = t2_61 * inv_pivot_4;
+        let t2_63 = t2_62.mul_add(t2_14, t2_59);
+        let t2_64 = inv_pivot_3 * t2_63;
+        let t2_65 = t2_38.mul_add(t2_64, t2_58);
+        let t2_66 = inv_pivot_2 * t2_65;
+        let t2_67 = -t2_66;
+        let t2_68 = -t2_46;
+        let t2_69 = -t2_62;
+        let t2_70 = like.lift(-0.06928203230275509).mul_add(t2_48, t2_21);
+        let t2_71 = (-t2_10).mul_add(t2_50, t2_70);
+        let t2_72 = like.lift(2.5) * t2_35;
+        let t2_73 = t2_71 * t2_72;
+        let t2_74 = -t2_73;
+        let t2_75 = t2_10 * t2_56;
+        let t2_76 = like.lift(-0.06928203230275509).mul_add(t2_54, t2_75);
+        let t2_77 = t2_76 * t2_72;
+        let t2_78 = -t2_77;
+        let t2_79 = like.lift(0.06928203230275509).mul_add(t2_64, t2_31);
+        let t2_80 = (-t2_10).mul_add(t2_66, t2_79);
+        let t2_81 = t2_80 * t2_72;
+        let t2_82 = -pivot_2;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
-            .min((t1_103 * like.lift(2.7080930926705737)).abs())
+            .min((t2_82 * like.lift(2.7080930926705737)).abs())
             .min((pivot_3 * like.lift(19.82662604894746)).abs())
             .min((pivot_4 * like.lift(2.203476117557732)).abs());
         let ([
@@ -4712,29 +4515,29 @@ pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 19]) -> ([T; 3], Condition
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t1_67, t1_75, t1_86], [t1_65, t1_72, t1_83], [t1_87, t1_69, t1_88],
-                [t1_93, t1_98, t1_102],
+                [t2_50, t2_57, t2_67], [t2_48, t2_54, t2_64], [t2_68, t2_52, t2_69],
+                [t2_74, t2_78, t2_81],
             ],
             margin,
             || (
                 [
-                    [t1_17, like.lift(-0.06928203230275509), t1_22, like.lift(0.0)],
-                    [t1_23, like.lift(0.04), t1_24, like.lift(0.0)],
+                    [t2_11, like.lift(-0.06928203230275509), t2_12, like.lift(0.0)],
+                    [t2_13, like.lift(0.04), t2_14, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t1_17, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
-                    [t1_30, like.lift(-0.04), like.lift(0.0), t1_31],
+                    [t2_11, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
+                    [t2_16, like.lift(-0.04), like.lift(0.0), t2_17],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t1_36, t1_39, like.lift(0.0)], [t1_42, t1_43, like.lift(0.0)],
+                    [t2_22, t2_25, like.lift(0.0)], [t2_27, t2_28, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t1_36, like.lift(0.0), t1_46], [t1_48, like.lift(0.0), t1_49],
+                    [t2_22, like.lift(0.0), t2_31], [t2_33, like.lift(0.0), t2_34],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -4743,54 +4546,41 @@ pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 19]) -> ([T; 3], Condition
         );
         condition = condition.min(found);
         [
-            t1_13, t1_14, t1_15, sin_q4, cos_q4, sin_q6, cos_q6, x_q2_q1, x_q2_q4, x_q2_q6,
-            x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
+            t2_5, t2_9, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4,
+            x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
         ]
     };
     // tau
     {
-        let t2_1 = (-t1_14).mul_add(x_q2_q1, t1_15);
-        let t2_2 = t1_13 * x_q3_q1;
-        let t2_3 = like.lift(9.81).mul_add(t2_2, t2_1);
-        let t2_4 = q5 + q4;
-        let (sin_q4_q5, cos_q4_q5) = t2_4.sin_cos();
-        let t2_5 = cos_q4_q5 * p_mx_rod2;
-        let t2_6 = like.lift(9.81) * t2_5;
-        let t2_7 = sin_q4_q5 * p_my_rod2;
-        let t2_8 = like.lift(-9.81).mul_add(t2_7, t2_6);
-        let t2_9 = (-t2_8).mul_add(x_q5_q1, t2_3);
-        let t2_10 = q7 + q6;
-        let (sin_q6_q7, _) = t2_10.sin_cos();
-        let t2_11 = sin_q6_q7 * p_my_rod3;
-        let t2_12 = t2_11 * x_q7_q1;
-        let t2_13 = like.lift(9.81).mul_add(t2_12, t2_9);
-        tau[0] = t2_13;
-        let t2_14 = cos_q4 * p_mx_crank2;
-        let t2_15 = like.lift(9.81) * t2_14;
-        let t2_16 = sin_q4 * p_my_crank2;
-        let t2_17 = like.lift(-9.81).mul_add(t2_16, t2_15);
-        let t2_18 = t2_17 + t2_8;
-        let t2_19 = t1_14 * x_q2_q4;
-        let t2_20 = t1_13 * x_q3_q4;
-        let t2_21 = like.lift(-9.81).mul_add(t2_20, t2_19);
-        let t2_22 = t2_18 - t2_21;
-        let t2_23 = (-t2_8).mul_add(x_q5_q4, t2_22);
-        let t2_24 = t2_11 * x_q7_q4;
-        let t2_25 = like.lift(9.81).mul_add(t2_24, t2_23);
-        tau[1] = t2_25;
-        let t2_26 = cos_q6 * p_mx_crank3;
-        let t2_27 = like.lift(9.81) * t2_26;
-        let t2_28 = sin_q6 * p_my_crank3;
-        let t2_29 = like.lift(-9.81).mul_add(t2_28, t2_27);
-        let t2_30 = like.lift(-9.81).mul_add(t2_11, t2_29);
-        let t2_31 = t1_14 * x_q2_q6;
-        let t2_32 = t1_13 * x_q3_q6;
-        let t2_33 = like.lift(-9.81).mul_add(t2_32, t2_31);
-        let t2_34 = t2_8.mul_add(x_q5_q6, t2_33);
-        let t2_35 = t2_30 - t2_34;
-        let t2_36 = t2_11 * x_q7_q6;
-        let t2_37 = like.lift(9.81).mul_add(t2_36, t2_35);
-        tau[2] = t2_37;
+        let t3_1 = sin_q4_q5 * p_my_rod2;
+        let t3_2 = (-cos_q4_q5).mul_add(p_mx_rod2, t3_1);
+        let t3_3 = like.lift(9.81) * t3_2;
+        let t3_4 = -t3_3;
+        let t3_5 = sin_q6_q7 * p_my_rod3;
+        let t3_6 = t3_5 * x_q7_q1;
+        let t3_7 = t2_5.mul_add(x_q3_q1, t3_6);
+        let t3_8 = (-sin_q1).mul_add(p_my_crank1, t3_7);
+        let t3_9 = cos_q1.mul_add(p_mx_crank1, t3_8);
+        let t3_10 = like.lift(9.81).mul_add(t3_9, t2_9);
+        let t3_11 = (-t3_4).mul_add(x_q5_q1, t3_10);
+        let t3_12 = (-t2_9).mul_add(x_q2_q1, t3_11);
+        tau[0] = t3_12;
+        let t3_13 = t3_5 * x_q7_q4;
+        let t3_14 = (-sin_q4).mul_add(p_my_crank2, t3_13);
+        let t3_15 = cos_q4.mul_add(p_mx_crank2, t3_14);
+        let t3_16 = t2_5.mul_add(x_q3_q4, t3_15);
+        let t3_17 = like.lift(9.81).mul_add(t3_16, t3_4);
+        let t3_18 = (-t3_4).mul_add(x_q5_q4, t3_17);
+        let t3_19 = (-t2_9).mul_add(x_q2_q4, t3_18);
+        tau[1] = t3_19;
+        let t3_20 = t3_5.mul_add(x_q7_q6, -t3_5);
+        let t3_21 = (-sin_q6).mul_add(p_my_crank3, t3_20);
+        let t3_22 = cos_q6.mul_add(p_mx_crank3, t3_21);
+        let t3_23 = t2_5.mul_add(x_q3_q6, t3_22);
+        let t3_24 = like.lift(9.81) * t3_23;
+        let t3_25 = (-t3_4).mul_add(x_q5_q6, t3_24);
+        let t3_26 = (-t2_9).mul_add(x_q2_q6, t3_25);
+        tau[2] = t3_26;
     }
     (tau, Condition { pivot: condition })
 }
@@ -4802,7 +4592,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 19]) -> ([T; 3], Condition
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
 ///
-/// 108 additions, 190 multiplications, 4 divisions, 6 sines and cosines.
+/// 108 additions, 160 multiplications, 4 divisions, 6 sines and cosines.
 pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 19]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -4813,264 +4603,237 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 19]) -> (
         p_izz_rod2, p_mx_rod2, p_my_rod2, _, _, _, p_izz_rod3, p_my_rod3,
     ] = *beta;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_q3, cos_q3, sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4, sin_q5, cos_q5,
+        sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6, sin_q7, cos_q7, sin_q2, cos_q2,
+    ] = {
+        let t1_1 = q3 + q2;
+        let t1_2 = t1_1 + q1;
+        let t1_3 = t1_2 - q4;
+        let t1_4 = q3 + q2;
+        let t1_5 = t1_4 + q1;
+        let t1_6 = t1_5 - q6;
+        let [
+            (sin_q3, cos_q3), (sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4), (sin_q5, cos_q5),
+            (sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6), (sin_q7, cos_q7), (sin_q2, cos_q2),
+        ] =
+            T::sin_cos_all([q3, t1_3, q5, t1_6, q7, q2]);
+        [
+            sin_q3, cos_q3, sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4, sin_q5, cos_q5,
+            sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6, sin_q7, cos_q7, sin_q2, cos_q2,
+        ]
+    };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        sin_q3, cos_q3, t1_1, t1_2, sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4, sin_q5,
-        cos_q5, cos_q1_q2_q3_minus_q4_minus_q5, t1_8, t1_9, t1_10, sin_q1_q2_q3_minus_q6,
-        cos_q1_q2_q3_minus_q6, sin_q7, cos_q7, pivot_1, t1_17, t1_18, sin_q2, cos_q2, t1_20,
-        t1_21, t1_23, t1_24, t1_27, w_rod2z, w_rod3z, t1_65, t1_66, inv_pivot_2, t1_68, t1_69,
-        pivot_3, inv_pivot_3, t1_71, t1_73, pivot_4, inv_pivot_4, t1_90, al_rod1z, t1_91,
-        al_rod2z, al_rod3z,
+        t2_1, t2_2, t2_3, t2_6, u_platform_q2y, t2_7, t2_8, pivot_1, t2_12, t2_13, t2_15,
+        t2_16, t2_19, t2_20, t2_22, t2_24, t2_25, t2_37, t2_38, t2_48, inv_pivot_2, t2_50,
+        t2_51, pivot_3, inv_pivot_3, t2_53, t2_55, pivot_4, inv_pivot_4, t2_67, t2_70,
+        al_rod1z, t2_71, al_rod2z, al_rod3z,
     ] = {
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let u_platform_q2x = like.lift(0.4) * sin_q3;
-        let t1_1 = like.lift(0.06928203230275509) + u_platform_q2x;
-        let t1_2 = -t1_1;
-        let t1_3 = q2 + q1;
-        let t1_4 = q3 + t1_3;
-        let t1_5 = t1_4 - q4;
-        let (sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4) = t1_5.sin_cos();
-        let (sin_q5, cos_q5) = q5.sin_cos();
-        let t1_6 = cos_q1_q2_q3_minus_q4 * sin_q5;
-        let t1_7 = sin_q1_q2_q3_minus_q4 * sin_q5;
-        let sin_q1_q2_q3_minus_q4_minus_q5 = sin_q1_q2_q3_minus_q4.mul_add(cos_q5, -t1_6);
-        let cos_q1_q2_q3_minus_q4_minus_q5 = cos_q1_q2_q3_minus_q4.mul_add(cos_q5, t1_7);
-        let t1_8 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
+        let t2_1 = like.lift(0.4) * sin_q3;
+        let t2_2 = like.lift(0.06928203230275509) + t2_1;
+        let t2_3 = -t2_2;
+        let t2_4 = sin_q1_q2_q3_minus_q4 * cos_q5;
+        let sin_q1_q2_q3_minus_q4_minus_q5 = (-cos_q1_q2_q3_minus_q4).mul_add(sin_q5, t2_4);
+        let t2_5 = cos_q1_q2_q3_minus_q4 * cos_q5;
+        let cos_q1_q2_q3_minus_q4_minus_q5 = sin_q1_q2_q3_minus_q4.mul_add(sin_q5, t2_5);
+        let t2_6 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
         let u_platform_q2y = like.lift(0.4) * cos_q3;
-        let t1_9 = like.lift(0.04) - u_platform_q2y;
-        let t1_10 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let t1_11 = q2 + q1;
-        let t1_12 = q3 + t1_11;
-        let t1_13 = t1_12 - q6;
-        let (sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6) = t1_13.sin_cos();
-        let (sin_q7, cos_q7) = q7.sin_cos();
-        let t1_14 = cos_q1_q2_q3_minus_q6 * sin_q7;
-        let t1_15 = sin_q1_q2_q3_minus_q6 * sin_q7;
-        let sin_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(cos_q7, -t1_14);
-        let cos_q1_q2_q3_minus_q6_minus_q7 = cos_q1_q2_q3_minus_q6.mul_add(cos_q7, t1_15);
+        let t2_7 = like.lift(0.04) - u_platform_q2y;
+        let t2_8 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
+        let t2_9 = sin_q1_q2_q3_minus_q6 * cos_q7;
+        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t2_9);
+        let t2_10 = cos_q1_q2_q3_minus_q6 * cos_q7;
+        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t2_10);
         let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t1_16 = like.lift(0.04) + u_platform_q2y;
-        let t1_17 = -t1_16;
-        let t1_18 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_19 = d_q1 * d_q1;
-        let t1_20 = cos_q2 * t1_19;
-        let a_rod1x = like.lift(0.4) * t1_20;
+        let t2_11 = like.lift(0.04) + u_platform_q2y;
+        let t2_12 = -t2_11;
+        let t2_13 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t2_14 = d_q1 * d_q1;
+        let t2_15 = cos_q2 * t2_14;
         let w_rod1z = d_q1 + d_q2;
-        let t1_21 = w_rod1z * w_rod1z;
-        let t1_22 = like.lift(0.4).mul_add(t1_21, a_rod1x);
-        let t1_23 = cos_q3 * t1_22;
-        let t1_24 = sin_q2 * t1_19;
-        let t1_25 = sin_q3 * t1_24;
-        let t1_26 = like.lift(-0.4).mul_add(t1_25, t1_23);
+        let t2_16 = w_rod1z * w_rod1z;
+        let t2_17 = t2_16 + t2_15;
+        let t2_18 = like.lift(0.4) * t2_17;
+        let t2_19 = cos_q3 * t2_18;
+        let t2_20 = sin_q2 * t2_14;
+        let t2_21 = (-t2_20).mul_add(t2_1, t2_19);
         let w_platformz = d_q3 + w_rod1z;
-        let t1_27 = w_platformz * w_platformz;
-        let t1_28 = like.lift(0.04) * t1_27;
-        let t1_29 = t1_26 - t1_28;
-        let t1_30 = cos_q1_q2_q3_minus_q4 * d_q4;
-        let t1_31 = d_q4 * t1_30;
-        let t1_32 = like.lift(0.4) * t1_31;
+        let t2_22 = w_platformz * w_platformz;
+        let t2_23 = like.lift(0.04) * t2_22;
         let w_rod2z = d_q4 + d_q5;
-        let t1_33 = cos_q1_q2_q3_minus_q4_minus_q5 * w_rod2z;
-        let t1_34 = w_rod2z * t1_33;
-        let t1_35 = like.lift(0.4).mul_add(t1_34, t1_32);
-        let t1_36 = t1_29 - t1_35;
-        let t1_37 = -t1_36;
-        let t1_38 = sin_q3 * t1_22;
-        let t1_39 = cos_q3 * t1_24;
-        let t1_40 = like.lift(0.4).mul_add(t1_39, t1_38);
-        let t1_41 = like.lift(0.06928203230275509).mul_add(t1_27, t1_40);
-        let t1_42 = sin_q1_q2_q3_minus_q4 * d_q4;
-        let t1_43 = d_q4 * t1_42;
-        let t1_44 = like.lift(0.4) * t1_43;
-        let t1_45 = sin_q1_q2_q3_minus_q4_minus_q5 * w_rod2z;
-        let t1_46 = w_rod2z * t1_45;
-        let t1_47 = like.lift(0.4).mul_add(t1_46, t1_44);
-        let t1_48 = t1_41 - t1_47;
-        let t1_49 = t1_26 + t1_28;
-        let t1_50 = cos_q1_q2_q3_minus_q6 * d_q6;
-        let t1_51 = d_q6 * t1_50;
-        let t1_52 = like.lift(0.4) * t1_51;
+        let t2_24 = w_rod2z * w_rod2z;
+        let t2_25 = d_q4 * d_q4;
+        let t2_26 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_24;
+        let t2_27 = cos_q1_q2_q3_minus_q4.mul_add(t2_25, t2_26);
+        let t2_28 = t2_21 - t2_23;
+        let t2_29 = like.lift(-0.4).mul_add(t2_27, t2_28);
+        let t2_30 = -t2_29;
+        let t2_31 = like.lift(0.06928203230275509) * t2_22;
+        let t2_32 = t2_20.mul_add(u_platform_q2y, t2_31);
+        let t2_33 = sin_q3.mul_add(t2_18, t2_32);
+        let t2_34 = sin_q1_q2_q3_minus_q4_minus_q5 * t2_24;
+        let t2_35 = sin_q1_q2_q3_minus_q4.mul_add(t2_25, t2_34);
+        let t2_36 = like.lift(-0.4).mul_add(t2_35, t2_33);
         let w_rod3z = d_q6 + d_q7;
-        let t1_53 = cos_q1_q2_q3_minus_q6_minus_q7 * w_rod3z;
-        let t1_54 = w_rod3z * t1_53;
-        let t1_55 = like.lift(0.4).mul_add(t1_54, t1_52);
-        let t1_56 = t1_49 - t1_55;
-        let t1_57 = -t1_56;
-        let t1_58 = sin_q1_q2_q3_minus_q6 * d_q6;
-        let t1_59 = d_q6 * t1_58;
-        let t1_60 = like.lift(0.4) * t1_59;
-        let t1_61 = sin_q1_q2_q3_minus_q6_minus_q7 * w_rod3z;
-        let t1_62 = w_rod3z * t1_61;
-        let t1_63 = like.lift(0.4).mul_add(t1_62, t1_60);
-        let t1_64 = t1_41 - t1_63;
-        let t1_65 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
-        let t1_66 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_65;
-        let pivot_2 = (-t1_1).mul_add(t1_66, t1_16);
+        let t2_37 = w_rod3z * w_rod3z;
+        let t2_38 = d_q6 * d_q6;
+        let t2_39 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_37;
+        let t2_40 = cos_q1_q2_q3_minus_q6.mul_add(t2_38, t2_39);
+        let t2_41 = t2_21 + t2_23;
+        let t2_42 = like.lift(-0.4).mul_add(t2_40, t2_41);
+        let t2_43 = -t2_42;
+        let t2_44 = sin_q1_q2_q3_minus_q6_minus_q7 * t2_37;
+        let t2_45 = sin_q1_q2_q3_minus_q6.mul_add(t2_38, t2_44);
+        let t2_46 = like.lift(-0.4).mul_add(t2_45, t2_33);
+        let t2_47 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_48 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_47;
+        let pivot_2 = (-t2_2).mul_add(t2_48, t2_11);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t1_67 = t1_66.mul_add(t1_56, t1_64);
-        let t1_68 = like.lift(-0.06928203230275509).mul_add(t1_66, like.lift(0.04));
-        let t1_69 = t1_9 * inv_pivot_2;
-        let pivot_3 = (-t1_68).mul_add(t1_69, like.lift(0.04));
+        let t2_49 = t2_48.mul_add(t2_42, t2_46);
+        let t2_50 = like.lift(-0.06928203230275509).mul_add(t2_48, like.lift(0.04));
+        let t2_51 = t2_7 * inv_pivot_2;
+        let pivot_3 = (-t2_50).mul_add(t2_51, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_70 = t1_69.mul_add(t1_67, t1_48);
-        let t1_71 = t1_1 * inv_pivot_2;
-        let t1_72 = (-t1_68).mul_add(t1_71, like.lift(0.06928203230275509));
-        let t1_73 = t1_72 * inv_pivot_3;
-        let t1_74 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_73;
-        let pivot_4 = like.lift(0.4).mul_add(t1_74, t1_8);
+        let t2_52 = t2_51.mul_add(t2_49, t2_36);
+        let t2_53 = t2_2 * inv_pivot_2;
+        let t2_54 = (-t2_50).mul_add(t2_53, like.lift(0.06928203230275509));
+        let t2_55 = t2_54 * inv_pivot_3;
+        let pivot_4 = t2_55.mul_add(t2_8, t2_6);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t1_75 = t1_71.mul_add(t1_67, t1_36);
-        let t1_76 = (-t1_73).mul_add(t1_70, t1_75);
-        let t1_77 = inv_pivot_4 * t1_76;
-        let t1_78 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_77;
-        let t1_79 = like.lift(0.4).mul_add(t1_78, t1_70);
-        let t1_80 = inv_pivot_3 * t1_79;
-        let t1_81 = t1_68.mul_add(t1_80, t1_67);
-        let t1_82 = inv_pivot_2 * t1_81;
-        let t1_83 = -t1_82;
-        let t1_84 = -t1_77;
-        let t1_85 = t1_1.mul_add(t1_82, t1_56);
-        let t1_86 = like.lift(-0.06928203230275509).mul_add(t1_80, t1_85);
-        let t1_87 = t1_65 * t1_86;
-        let t1_88 = like.lift(2.5) * t1_87;
-        let t1_89 = -t1_88;
-        let t1_90 = -pivot_2;
+        let t2_56 = (-t2_55).mul_add(t2_52, t2_29);
+        let t2_57 = t2_53.mul_add(t2_49, t2_56);
+        let t2_58 = inv_pivot_4 * t2_57;
+        let t2_59 = t2_58.mul_add(t2_8, t2_52);
+        let t2_60 = inv_pivot_3 * t2_59;
+        let t2_61 = t2_50.mul_add(t2_60, t2_49);
+        let t2_62 = inv_pivot_2 * t2_61;
+        let t2_63 = -t2_62;
+        let t2_64 = -t2_58;
+        let t2_65 = like.lift(-0.06928203230275509).mul_add(t2_60, t2_42);
+        let t2_66 = t2_2.mul_add(t2_62, t2_65);
+        let t2_67 = like.lift(2.5) * t2_47;
+        let t2_68 = t2_66 * t2_67;
+        let t2_69 = -t2_68;
+        let t2_70 = -pivot_2;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
-            .min((t1_90 * like.lift(2.7080930926705737)).abs())
+            .min((t2_70 * like.lift(2.7080930926705737)).abs())
             .min((pivot_3 * like.lift(19.82662604894746)).abs())
             .min((pivot_4 * like.lift(2.203476117557732)).abs());
-        let ([[al_rod1z], [t1_91], [al_rod2z], [al_rod3z]], found) = ::regen_runtime::guarded(
-            [[t1_83], [t1_80], [t1_84], [t1_89]],
+        let ([[al_rod1z], [t2_71], [al_rod2z], [al_rod3z]], found) = ::regen_runtime::guarded(
+            [[t2_63], [t2_60], [t2_64], [t2_69]],
             margin,
             || (
                 [
-                    [t1_2, like.lift(-0.06928203230275509), t1_8, like.lift(0.0)],
-                    [t1_9, like.lift(0.04), t1_10, like.lift(0.0)],
+                    [t2_3, like.lift(-0.06928203230275509), t2_6, like.lift(0.0)],
+                    [t2_7, like.lift(0.04), t2_8, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t1_2, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
-                    [t1_17, like.lift(-0.04), like.lift(0.0), t1_18],
+                    [t2_3, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
+                    [t2_12, like.lift(-0.04), like.lift(0.0), t2_13],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t1_37], [t1_48], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
-                    [t1_57], [t1_64], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_30], [t2_36], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_43], [t2_46], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            sin_q3, cos_q3, t1_1, t1_2, sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4, sin_q5,
-            cos_q5, cos_q1_q2_q3_minus_q4_minus_q5, t1_8, t1_9, t1_10, sin_q1_q2_q3_minus_q6,
-            cos_q1_q2_q3_minus_q6, sin_q7, cos_q7, pivot_1, t1_17, t1_18, sin_q2, cos_q2,
-            t1_20, t1_21, t1_23, t1_24, t1_27, w_rod2z, w_rod3z, t1_65, t1_66, inv_pivot_2,
-            t1_68, t1_69, pivot_3, inv_pivot_3, t1_71, t1_73, pivot_4, inv_pivot_4, t1_90,
-            al_rod1z, t1_91, al_rod2z, al_rod3z,
+            t2_1, t2_2, t2_3, t2_6, u_platform_q2y, t2_7, t2_8, pivot_1, t2_12, t2_13, t2_15,
+            t2_16, t2_19, t2_20, t2_22, t2_24, t2_25, t2_37, t2_38, t2_48, inv_pivot_2, t2_50,
+            t2_51, pivot_3, inv_pivot_3, t2_53, t2_55, pivot_4, inv_pivot_4, t2_67, t2_70,
+            al_rod1z, t2_71, al_rod2z, al_rod3z,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t2_8, t2_14, t2_25, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1,
+        t3_4, t3_12, t3_20, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1,
         x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
     ] = {
-        let t2_1 = t1_24 * p_mx_rod1;
-        let t2_2 = like.lift(0.4) * t2_1;
-        let t2_3 = t1_20 * p_my_rod1;
-        let t2_4 = like.lift(0.4).mul_add(t2_3, t2_2);
-        let t2_5 = p_izz_rod1.mul_add(al_rod1z, t2_4);
-        let al_platformz = al_rod1z + t1_91;
-        let t2_6 = p_izz_platform * al_platformz;
-        let a_rod1y = like.lift(0.4) * t1_24;
-        let t2_7 = like.lift(0.4).mul_add(al_rod1z, a_rod1y);
-        let a_platformx = (-sin_q3).mul_add(t2_7, t1_23);
-        let t2_8 = p_my_platform.mul_add(a_platformx, t2_6);
-        let t2_9 = t1_27 * p_my_platform;
-        let t2_10 = cos_q3 * t2_9;
-        let t2_11 = p_my_platform * al_platformz;
-        let t2_12 = sin_q3.mul_add(t2_11, t2_10);
-        let t2_13 = like.lift(-0.4).mul_add(t2_12, t2_8);
-        let t2_14 = t2_5 + t2_13;
-        let t2_15 = t1_21 * p_mx_rod1;
-        let t2_16 = p_my_rod1.mul_add(al_rod1z, t2_15);
-        let t2_17 = sin_q3 * t2_9;
-        let t2_18 = (-cos_q3).mul_add(t2_11, t2_17);
-        let t2_19 = t2_16 - t2_18;
-        let t2_20 = sin_q2 * t2_19;
-        let t2_21 = t1_21 * p_my_rod1;
-        let t2_22 = (-p_mx_rod1).mul_add(al_rod1z, t2_21);
-        let t2_23 = t2_22 + t2_12;
-        let t2_24 = cos_q2.mul_add(t2_23, t2_20);
-        let t2_25 = like.lift(-0.4).mul_add(t2_24, t2_14);
-        let t2_26 = sin_q2 * cos_q3;
-        let t2_27 = like.lift(0.4) * t2_26;
-        let u_rod1_q1y = like.lift(0.4) * cos_q2;
-        let t2_28 = like.lift(0.4) + u_rod1_q1y;
-        let u_platform_q1x = sin_q3.mul_add(t2_28, t2_27);
-        let t2_29 = like.lift(0.06928203230275509) + u_platform_q1x;
-        let t2_30 = -t2_29;
-        let t2_31 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t1_8);
-        let t2_32 = sin_q2 * sin_q3;
-        let t2_33 = like.lift(0.4) * t2_32;
-        let u_platform_q1y = (-cos_q3).mul_add(t2_28, t2_33);
-        let t2_34 = like.lift(0.04) + u_platform_q1y;
-        let t2_35 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t1_10);
-        let t2_36 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
-        let t2_37 = like.lift(0.04) - u_platform_q1y;
-        let t2_38 = -t2_37;
-        let t2_39 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t1_18);
-        let t2_40 = (-t2_29).mul_add(t1_66, t2_37);
-        let t2_41 = (-t2_40).mul_add(t1_69, t2_34);
-        let t2_42 = (-t2_40).mul_add(t1_71, t2_29);
-        let t2_43 = (-t2_41).mul_add(t1_73, t2_42);
-        let t2_44 = t2_43 * inv_pivot_4;
-        let t2_45 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_44;
-        let t2_46 = like.lift(0.4).mul_add(t2_45, t2_41);
-        let t2_47 = inv_pivot_3 * t2_46;
-        let t2_48 = (-t1_68).mul_add(t2_47, t2_40);
-        let t2_49 = inv_pivot_2 * t2_48;
-        let t2_50 = t2_35.mul_add(t1_73, t2_31);
-        let t2_51 = t2_50 * inv_pivot_4;
-        let t2_52 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_51;
-        let t2_53 = like.lift(-0.4).mul_add(t2_52, t2_35);
-        let t2_54 = inv_pivot_3 * t2_53;
-        let t2_55 = t1_68 * t2_54;
-        let t2_56 = inv_pivot_2 * t2_55;
-        let t2_57 = -t2_56;
-        let t2_58 = (-t2_36).mul_add(t1_66, t2_39);
-        let t2_59 = t2_58 * t1_69;
-        let t2_60 = t2_58 * t1_71;
-        let t2_61 = (-t2_59).mul_add(t1_73, t2_60);
-        let t2_62 = t2_61 * inv_pivot_4;
-        let t2_63 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_62;
-        let t2_64 = like.lift(0.4).mul_add(t2_63, t2_59);
-        let t2_65 = inv_pivot_3 * t2_64;
-        let t2_66 = t1_68.mul_add(t2_65, t2_58);
-        let t2_67 = inv_pivot_2 * t2_66;
-        let t2_68 = -t2_67;
-        let t2_69 = -t2_44;
-        let t2_70 = -t2_62;
-        let t2_71 = (-t1_1).mul_add(t2_49, t2_29);
-        let t2_72 = like.lift(-0.06928203230275509).mul_add(t2_47, t2_71);
-        let t2_73 = t1_65 * t2_72;
-        let t2_74 = like.lift(2.5) * t2_73;
-        let t2_75 = -t2_74;
-        let t2_76 = t1_1 * t2_56;
-        let t2_77 = like.lift(-0.06928203230275509).mul_add(t2_54, t2_76);
-        let t2_78 = t1_65 * t2_77;
-        let t2_79 = like.lift(2.5) * t2_78;
-        let t2_80 = -t2_79;
-        let t2_81 = (-t1_1).mul_add(t2_67, t2_36);
-        let t2_82 = like.lift(0.06928203230275509).mul_add(t2_65, t2_81);
-        let t2_83 = t1_65 * t2_82;
-        let t2_84 = like.lift(2.5) * t2_83;
+        let al_platformz = al_rod1z + t2_71;
+        let t3_1 = al_rod1z + t2_20;
+        let t3_2 = like.lift(0.4) * t3_1;
+        let a_platformx = (-sin_q3).mul_add(t3_2, t2_19);
+        let t3_3 = p_my_platform * a_platformx;
+        let t3_4 = p_izz_platform.mul_add(al_platformz, t3_3);
+        let t3_5 = t2_22 * p_my_platform;
+        let t3_6 = p_my_platform * al_platformz;
+        let t3_7 = sin_q3 * t3_6;
+        let t3_8 = cos_q3.mul_add(t3_5, t3_7);
+        let t3_9 = t2_15.mul_add(p_my_rod1, -t3_8);
+        let t3_10 = t2_20.mul_add(p_mx_rod1, t3_9);
+        let t3_11 = p_izz_rod1.mul_add(al_rod1z, t3_4);
+        let t3_12 = like.lift(0.4).mul_add(t3_10, t3_11);
+        let t3_13 = p_my_rod1 * al_rod1z;
+        let t3_14 = t2_16.mul_add(p_mx_rod1, t3_13);
+        let t3_15 = cos_q3.mul_add(t3_6, t3_14);
+        let t3_16 = (-sin_q3).mul_add(t3_5, t3_15);
+        let t3_17 = (-p_mx_rod1).mul_add(al_rod1z, t3_8);
+        let t3_18 = t2_16.mul_add(p_my_rod1, t3_17);
+        let t3_19 = cos_q2 * t3_18;
+        let t3_20 = sin_q2.mul_add(t3_16, t3_19);
+        let t3_21 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
+        let t3_22 = sin_q3.mul_add(t3_21, like.lift(0.06928203230275509));
+        let t3_23 = sin_q2.mul_add(u_platform_q2y, t3_22);
+        let t3_24 = -t3_23;
+        let t3_25 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t2_6);
+        let t3_26 = sin_q2 * t2_1;
+        let u_platform_q1y = (-cos_q3).mul_add(t3_21, t3_26);
+        let t3_27 = like.lift(0.04) + u_platform_q1y;
+        let t3_28 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t2_8);
+        let t3_29 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
+        let t3_30 = like.lift(0.04) - u_platform_q1y;
+        let t3_31 = -t3_30;
+        let t3_32 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_13);
+        let t3_33 = (-t3_23).mul_add(t2_48, t3_30);
+        let t3_34 = (-t3_33).mul_add(t2_51, t3_27);
+        let t3_35 = (-t3_34).mul_add(t2_55, t3_23);
+        let t3_36 = (-t3_33).mul_add(t2_53, t3_35);
+        let t3_37 = t3_36 * inv_pivot_4;
+        let t3_38 = t3_37.mul_add(t2_8, t3_34);
+        let t3_39 = inv_pivot_3 * t3_38;
+        let t3_40 = (-t2_50).mul_add(t3_39, t3_33);
+        let t3_41 = inv_pivot_2 * t3_40;
+        let t3_42 = t3_28.mul_add(t2_55, t3_25);
+        let t3_43 = t3_42 * inv_pivot_4;
+        let t3_44 = (-t3_43).mul_add(t2_8, t3_28);
+        let t3_45 = inv_pivot_3 * t3_44;
+        let t3_46 = inv_pivot_2 * t2_50;
+        let t3_47 = t3_46 * t3_45;
+        let t3_48 = -t3_47;
+        let t3_49 = (-t3_29).mul_add(t2_48, t3_32);
+        let t3_50 = t3_49 * t2_51;
+        let t3_51 = t3_49 * t2_53;
+        let t3_52 = (-t3_50).mul_add(t2_55, t3_51);
+        let t3_53 = t3_52 * inv_pivot_4;
+        let t3_54 = t3_53.mul_add(t2_8, t3_50);
+        let t3_55 = inv_pivot_3 * t3_54;
+        let t3_56 = t2_50.mul_add(t3_55, t3_49);
+        let t3_57 = inv_pivot_2 * t3_56;
+        let t3_58 = -t3_57;
+        let t3_59 = -t3_37;
+        let t3_60 = -t3_53;
+        let t3_61 = like.lift(-0.06928203230275509).mul_add(t3_39, t3_23);
+        let t3_62 = (-t2_2).mul_add(t3_41, t3_61);
+        let t3_63 = t3_62 * t2_67;
+        let t3_64 = -t3_63;
+        let t3_65 = t2_2 * t3_47;
+        let t3_66 = like.lift(-0.06928203230275509).mul_add(t3_45, t3_65);
+        let t3_67 = t3_66 * t2_67;
+        let t3_68 = -t3_67;
+        let t3_69 = like.lift(0.06928203230275509).mul_add(t3_55, t3_29);
+        let t3_70 = (-t2_2).mul_add(t3_57, t3_69);
+        let t3_71 = t3_70 * t2_67;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
-            .min((t1_90 * like.lift(2.7080930926705737)).abs())
+            .min((t2_70 * like.lift(2.7080930926705737)).abs())
             .min((pivot_3 * like.lift(19.82662604894746)).abs())
             .min((pivot_4 * like.lift(2.203476117557732)).abs());
         let ([
@@ -5078,29 +4841,29 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 19]) -> (
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_49, t2_57, t2_68], [t2_47, t2_54, t2_65], [t2_69, t2_51, t2_70],
-                [t2_75, t2_80, t2_84],
+                [t3_41, t3_48, t3_58], [t3_39, t3_45, t3_55], [t3_59, t3_43, t3_60],
+                [t3_64, t3_68, t3_71],
             ],
             margin,
             || (
                 [
-                    [t1_2, like.lift(-0.06928203230275509), t1_8, like.lift(0.0)],
-                    [t1_9, like.lift(0.04), t1_10, like.lift(0.0)],
+                    [t2_3, like.lift(-0.06928203230275509), t2_6, like.lift(0.0)],
+                    [t2_7, like.lift(0.04), t2_8, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t1_2, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
-                    [t1_17, like.lift(-0.04), like.lift(0.0), t1_18],
+                    [t2_3, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
+                    [t2_12, like.lift(-0.04), like.lift(0.0), t2_13],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_30, t2_31, like.lift(0.0)], [t2_34, t2_35, like.lift(0.0)],
+                    [t3_24, t3_25, like.lift(0.0)], [t3_27, t3_28, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_30, like.lift(0.0), t2_36], [t2_38, like.lift(0.0), t2_39],
+                    [t3_24, like.lift(0.0), t3_29], [t3_31, like.lift(0.0), t3_32],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -5109,56 +4872,49 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 19]) -> (
         );
         condition = condition.min(found);
         [
-            t2_8, t2_14, t2_25, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1,
+            t3_4, t3_12, t3_20, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1,
             x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
         ]
     };
     // tau
     {
-        let t3_1 = (-t2_14).mul_add(x_q2_q1, t2_25);
-        let t3_2 = (-t2_8).mul_add(x_q3_q1, t3_1);
-        let t3_3 = d_q4 * d_q4;
-        let t3_4 = sin_q5 * t3_3;
-        let t3_5 = t3_4 * p_mx_rod2;
-        let t3_6 = like.lift(0.4) * t3_5;
-        let t3_7 = cos_q5 * t3_3;
-        let t3_8 = t3_7 * p_my_rod2;
-        let t3_9 = like.lift(0.4).mul_add(t3_8, t3_6);
-        let t3_10 = p_izz_rod2.mul_add(al_rod2z, t3_9);
-        let t3_11 = (-t3_10).mul_add(x_q5_q1, t3_2);
-        let t3_12 = p_izz_rod3 * al_rod3z;
-        let t3_13 = d_q6 * d_q6;
-        let t3_14 = cos_q7 * t3_13;
-        let t3_15 = t3_14 * p_my_rod3;
-        let t3_16 = like.lift(0.4).mul_add(t3_15, t3_12);
-        let t3_17 = (-t3_16).mul_add(x_q7_q1, t3_11);
-        tau[0] = t3_17;
-        let t3_18 = w_rod2z * w_rod2z;
-        let t3_19 = t3_18 * p_mx_rod2;
-        let t3_20 = p_my_rod2.mul_add(al_rod2z, t3_19);
-        let t3_21 = sin_q5 * t3_20;
-        let t3_22 = t3_18 * p_my_rod2;
-        let t3_23 = (-p_mx_rod2).mul_add(al_rod2z, t3_22);
-        let t3_24 = cos_q5.mul_add(t3_23, t3_21);
-        let t3_25 = like.lift(-0.4).mul_add(t3_24, t3_10);
-        let t3_26 = t2_14 * x_q2_q4;
-        let t3_27 = t2_8.mul_add(x_q3_q4, t3_26);
-        let t3_28 = t3_25 - t3_27;
-        let t3_29 = (-t3_10).mul_add(x_q5_q4, t3_28);
-        let t3_30 = (-t3_16).mul_add(x_q7_q4, t3_29);
-        tau[1] = t3_30;
-        let t3_31 = w_rod3z * w_rod3z;
-        let t3_32 = t3_31 * p_my_rod3;
-        let t3_33 = cos_q7 * t3_32;
-        let t3_34 = p_my_rod3 * al_rod3z;
-        let t3_35 = sin_q7.mul_add(t3_34, t3_33);
-        let t3_36 = like.lift(-0.4).mul_add(t3_35, t3_16);
-        let t3_37 = t2_14 * x_q2_q6;
-        let t3_38 = t2_8.mul_add(x_q3_q6, t3_37);
-        let t3_39 = t3_10.mul_add(x_q5_q6, t3_38);
-        let t3_40 = t3_36 - t3_39;
-        let t3_41 = (-t3_16).mul_add(x_q7_q6, t3_40);
-        tau[2] = t3_41;
+        let t4_1 = cos_q5 * t2_25;
+        let t4_2 = t4_1 * p_my_rod2;
+        let t4_3 = sin_q5 * t2_25;
+        let t4_4 = t4_3.mul_add(p_mx_rod2, t4_2);
+        let t4_5 = p_izz_rod2 * al_rod2z;
+        let t4_6 = like.lift(0.4).mul_add(t4_4, t4_5);
+        let t4_7 = like.lift(0.4) * cos_q7;
+        let t4_8 = t4_7 * p_my_rod3;
+        let t4_9 = t4_8 * t2_38;
+        let t4_10 = p_izz_rod3.mul_add(al_rod3z, t4_9);
+        let t4_11 = (-t4_10).mul_add(x_q7_q1, t3_12);
+        let t4_12 = (-t4_6).mul_add(x_q5_q1, t4_11);
+        let t4_13 = (-t3_4).mul_add(x_q3_q1, t4_12);
+        let t4_14 = (-t3_12).mul_add(x_q2_q1, t4_13);
+        let t4_15 = like.lift(-0.4).mul_add(t3_20, t4_14);
+        tau[0] = t4_15;
+        let t4_16 = p_my_rod2 * al_rod2z;
+        let t4_17 = t2_24.mul_add(p_mx_rod2, t4_16);
+        let t4_18 = t2_24 * p_my_rod2;
+        let t4_19 = (-p_mx_rod2).mul_add(al_rod2z, t4_18);
+        let t4_20 = cos_q5 * t4_19;
+        let t4_21 = sin_q5.mul_add(t4_17, t4_20);
+        let t4_22 = (-t4_10).mul_add(x_q7_q4, t4_6);
+        let t4_23 = (-t4_6).mul_add(x_q5_q4, t4_22);
+        let t4_24 = like.lift(-0.4).mul_add(t4_21, t4_23);
+        let t4_25 = (-t3_4).mul_add(x_q3_q4, t4_24);
+        let t4_26 = (-t3_12).mul_add(x_q2_q4, t4_25);
+        tau[1] = t4_26;
+        let t4_27 = sin_q7 * al_rod3z;
+        let t4_28 = cos_q7.mul_add(t2_37, t4_27);
+        let t4_29 = p_my_rod3 * t4_28;
+        let t4_30 = (-t4_10).mul_add(x_q7_q6, t4_10);
+        let t4_31 = like.lift(-0.4).mul_add(t4_29, t4_30);
+        let t4_32 = (-t4_6).mul_add(x_q5_q6, t4_31);
+        let t4_33 = (-t3_4).mul_add(x_q3_q6, t4_32);
+        let t4_34 = (-t3_12).mul_add(x_q2_q6, t4_33);
+        tau[2] = t4_34;
     }
     (tau, Condition { pivot: condition })
 }
@@ -5169,7 +4925,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 19]) -> (
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
 ///
-/// 103 additions, 144 multiplications, 4 divisions, 6 sines and cosines.
+/// 103 additions, 132 multiplications, 4 divisions, 6 sines and cosines.
 pub fn base_mass_matrix<T: Scalar>(q: &[T; 7], beta: &[T; 19]) -> ([[T; 3]; 3], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 3]; 3];
@@ -5180,133 +4936,129 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 7], beta: &[T; 19]) -> ([[T; 3]; 3], 
         p_my_rod3,
     ] = *beta;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [
+        sin_q3, cos_q3, sin_q2, cos_q2, sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4, sin_q5,
+        cos_q5, sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6, sin_q7, cos_q7,
+    ] = {
+        let t1_1 = q3 + q2;
+        let t1_2 = t1_1 + q1;
+        let t1_3 = t1_2 - q4;
+        let t1_4 = q3 + q2;
+        let t1_5 = t1_4 + q1;
+        let t1_6 = t1_5 - q6;
+        let [
+            (sin_q3, cos_q3), (sin_q2, cos_q2), (sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4),
+            (sin_q5, cos_q5), (sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6), (sin_q7, cos_q7),
+        ] =
+            T::sin_cos_all([q3, q2, t1_3, q5, t1_6, q7]);
+        [
+            sin_q3, cos_q3, sin_q2, cos_q2, sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4,
+            sin_q5, cos_q5, sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6, sin_q7, cos_q7,
+        ]
+    };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        sin_q3, cos_q3, t1_1, t1_3, sin_q2, cos_q2, t1_9, t1_10, sin_q5, cos_q5, sin_q7,
-        x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6,
-        x_q7_q1, x_q7_q4, x_q7_q6,
+        t2_1, t2_3, t2_7, t2_8, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1,
+        x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
     ] = {
-        let (sin_q3, cos_q3) = q3.sin_cos();
-        let t1_1 = sin_q3 * p_my_platform;
-        let t1_2 = like.lift(-0.8).mul_add(t1_1, p_izz_platform);
-        let t1_3 = p_izz_rod1 + t1_2;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_4 = p_mx_rod1 - t1_1;
-        let t1_5 = cos_q2 * t1_4;
-        let t1_6 = cos_q3.mul_add(p_my_platform, p_my_rod1);
-        let t1_7 = (-sin_q2).mul_add(t1_6, t1_5);
-        let t1_8 = like.lift(0.8).mul_add(t1_7, t1_3);
-        let t1_9 = p_izz_crank1 + t1_8;
-        let t1_10 = like.lift(0.4).mul_add(t1_7, t1_3);
-        let u_platform_q2x = like.lift(0.4) * sin_q3;
-        let t1_11 = like.lift(0.06928203230275509) + u_platform_q2x;
-        let t1_12 = -t1_11;
-        let t1_13 = q2 + q1;
-        let t1_14 = q3 + t1_13;
-        let t1_15 = t1_14 - q4;
-        let (sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4) = t1_15.sin_cos();
-        let (sin_q5, cos_q5) = q5.sin_cos();
-        let t1_16 = cos_q1_q2_q3_minus_q4 * sin_q5;
-        let t1_17 = sin_q1_q2_q3_minus_q4 * sin_q5;
-        let sin_q1_q2_q3_minus_q4_minus_q5 = sin_q1_q2_q3_minus_q4.mul_add(cos_q5, -t1_16);
-        let cos_q1_q2_q3_minus_q4_minus_q5 = cos_q1_q2_q3_minus_q4.mul_add(cos_q5, t1_17);
-        let t1_18 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
+        let t2_1 = sin_q3 * p_my_platform;
+        let t2_2 = like.lift(-0.8).mul_add(t2_1, p_izz_rod1);
+        let t2_3 = t2_2 + p_izz_platform;
+        let t2_4 = p_mx_rod1 - t2_1;
+        let t2_5 = cos_q3.mul_add(p_my_platform, p_my_rod1);
+        let t2_6 = cos_q2 * t2_4;
+        let t2_7 = (-sin_q2).mul_add(t2_5, t2_6);
+        let t2_8 = like.lift(0.4).mul_add(t2_7, t2_3);
+        let t2_9 = like.lift(0.4) * sin_q3;
+        let t2_10 = like.lift(0.06928203230275509) + t2_9;
+        let t2_11 = -t2_10;
+        let t2_12 = sin_q1_q2_q3_minus_q4 * cos_q5;
+        let sin_q1_q2_q3_minus_q4_minus_q5 = (-cos_q1_q2_q3_minus_q4).mul_add(sin_q5, t2_12);
+        let t2_13 = cos_q1_q2_q3_minus_q4 * cos_q5;
+        let cos_q1_q2_q3_minus_q4_minus_q5 = sin_q1_q2_q3_minus_q4.mul_add(sin_q5, t2_13);
+        let t2_14 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
         let u_platform_q2y = like.lift(0.4) * cos_q3;
-        let t1_19 = like.lift(0.04) - u_platform_q2y;
-        let t1_20 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let t1_21 = q2 + q1;
-        let t1_22 = q3 + t1_21;
-        let t1_23 = t1_22 - q6;
-        let (sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6) = t1_23.sin_cos();
-        let (sin_q7, cos_q7) = q7.sin_cos();
-        let t1_24 = cos_q1_q2_q3_minus_q6 * sin_q7;
-        let t1_25 = sin_q1_q2_q3_minus_q6 * sin_q7;
-        let sin_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(cos_q7, -t1_24);
-        let cos_q1_q2_q3_minus_q6_minus_q7 = cos_q1_q2_q3_minus_q6.mul_add(cos_q7, t1_25);
+        let t2_15 = like.lift(0.04) - u_platform_q2y;
+        let t2_16 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
+        let t2_17 = sin_q1_q2_q3_minus_q6 * cos_q7;
+        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t2_17);
+        let t2_18 = cos_q1_q2_q3_minus_q6 * cos_q7;
+        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t2_18);
         let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t1_26 = like.lift(0.04) + u_platform_q2y;
-        let t1_27 = -t1_26;
-        let t1_28 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let t1_29 = sin_q2 * cos_q3;
-        let t1_30 = like.lift(0.4) * t1_29;
-        let u_rod1_q1y = like.lift(0.4) * cos_q2;
-        let t1_31 = like.lift(0.4) + u_rod1_q1y;
-        let u_platform_q1x = sin_q3.mul_add(t1_31, t1_30);
-        let t1_32 = like.lift(0.06928203230275509) + u_platform_q1x;
-        let t1_33 = -t1_32;
-        let t1_34 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t1_18);
-        let t1_35 = sin_q2 * sin_q3;
-        let t1_36 = like.lift(0.4) * t1_35;
-        let u_platform_q1y = (-cos_q3).mul_add(t1_31, t1_36);
-        let t1_37 = like.lift(0.04) + u_platform_q1y;
-        let t1_38 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t1_20);
-        let t1_39 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
-        let t1_40 = like.lift(0.04) - u_platform_q1y;
-        let t1_41 = -t1_40;
-        let t1_42 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t1_28);
-        let t1_43 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
-        let t1_44 = cos_q1_q2_q3_minus_q6_minus_q7 * t1_43;
-        let pivot_2 = (-t1_11).mul_add(t1_44, t1_26);
+        let t2_19 = like.lift(0.04) + u_platform_q2y;
+        let t2_20 = -t2_19;
+        let t2_21 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t2_22 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
+        let t2_23 = sin_q3.mul_add(t2_22, like.lift(0.06928203230275509));
+        let t2_24 = sin_q2.mul_add(u_platform_q2y, t2_23);
+        let t2_25 = -t2_24;
+        let t2_26 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t2_14);
+        let t2_27 = sin_q2 * t2_9;
+        let u_platform_q1y = (-cos_q3).mul_add(t2_22, t2_27);
+        let t2_28 = like.lift(0.04) + u_platform_q1y;
+        let t2_29 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t2_16);
+        let t2_30 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
+        let t2_31 = like.lift(0.04) - u_platform_q1y;
+        let t2_32 = -t2_31;
+        let t2_33 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_21);
+        let t2_34 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_35 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_34;
+        let pivot_2 = (-t2_10).mul_add(t2_35, t2_19);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t1_45 = (-t1_32).mul_add(t1_44, t1_40);
-        let t1_46 = like.lift(-0.06928203230275509).mul_add(t1_44, like.lift(0.04));
-        let t1_47 = t1_19 * inv_pivot_2;
-        let pivot_3 = (-t1_46).mul_add(t1_47, like.lift(0.04));
+        let t2_36 = (-t2_24).mul_add(t2_35, t2_31);
+        let t2_37 = like.lift(-0.06928203230275509).mul_add(t2_35, like.lift(0.04));
+        let t2_38 = t2_15 * inv_pivot_2;
+        let pivot_3 = (-t2_37).mul_add(t2_38, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t1_48 = (-t1_45).mul_add(t1_47, t1_37);
-        let t1_49 = t1_11 * inv_pivot_2;
-        let t1_50 = (-t1_45).mul_add(t1_49, t1_32);
-        let t1_51 = (-t1_46).mul_add(t1_49, like.lift(0.06928203230275509));
-        let t1_52 = t1_51 * inv_pivot_3;
-        let t1_53 = (-t1_48).mul_add(t1_52, t1_50);
-        let t1_54 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_52;
-        let pivot_4 = like.lift(0.4).mul_add(t1_54, t1_18);
+        let t2_39 = (-t2_36).mul_add(t2_38, t2_28);
+        let t2_40 = t2_10 * inv_pivot_2;
+        let t2_41 = (-t2_37).mul_add(t2_40, like.lift(0.06928203230275509));
+        let t2_42 = t2_41 * inv_pivot_3;
+        let t2_43 = (-t2_39).mul_add(t2_42, t2_24);
+        let t2_44 = (-t2_36).mul_add(t2_40, t2_43);
+        let pivot_4 = t2_42.mul_add(t2_16, t2_14);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t1_55 = t1_53 * inv_pivot_4;
-        let t1_56 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_55;
-        let t1_57 = like.lift(0.4).mul_add(t1_56, t1_48);
-        let t1_58 = inv_pivot_3 * t1_57;
-        let t1_59 = (-t1_46).mul_add(t1_58, t1_45);
-        let t1_60 = inv_pivot_2 * t1_59;
-        let t1_61 = t1_38.mul_add(t1_52, t1_34);
-        let t1_62 = t1_61 * inv_pivot_4;
-        let t1_63 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_62;
-        let t1_64 = like.lift(-0.4).mul_add(t1_63, t1_38);
-        let t1_65 = inv_pivot_3 * t1_64;
-        let t1_66 = t1_46 * t1_65;
-        let t1_67 = inv_pivot_2 * t1_66;
-        let t1_68 = -t1_67;
-        let t1_69 = (-t1_39).mul_add(t1_44, t1_42);
-        let t1_70 = t1_69 * t1_47;
-        let t1_71 = t1_69 * t1_49;
-        let t1_72 = (-t1_70).mul_add(t1_52, t1_71);
-        let t1_73 = t1_72 * inv_pivot_4;
-        let t1_74 = cos_q1_q2_q3_minus_q4_minus_q5 * t1_73;
-        let t1_75 = like.lift(0.4).mul_add(t1_74, t1_70);
-        let t1_76 = inv_pivot_3 * t1_75;
-        let t1_77 = t1_46.mul_add(t1_76, t1_69);
-        let t1_78 = inv_pivot_2 * t1_77;
-        let t1_79 = -t1_78;
-        let t1_80 = -t1_55;
-        let t1_81 = -t1_73;
-        let t1_82 = (-t1_11).mul_add(t1_60, t1_32);
-        let t1_83 = like.lift(-0.06928203230275509).mul_add(t1_58, t1_82);
-        let t1_84 = t1_43 * t1_83;
-        let t1_85 = like.lift(2.5) * t1_84;
-        let t1_86 = -t1_85;
-        let t1_87 = t1_11 * t1_67;
-        let t1_88 = like.lift(-0.06928203230275509).mul_add(t1_65, t1_87);
-        let t1_89 = t1_43 * t1_88;
-        let t1_90 = like.lift(2.5) * t1_89;
-        let t1_91 = -t1_90;
-        let t1_92 = (-t1_11).mul_add(t1_78, t1_39);
-        let t1_93 = like.lift(0.06928203230275509).mul_add(t1_76, t1_92);
-        let t1_94 = t1_43 * t1_93;
-        let t1_95 = like.lift(2.5) * t1_94;
-        let t1_96 = -pivot_2;
+        let t2_45 = t2_44 * inv_pivot_4;
+        let t2_46 = t2_45.mul_add(t2_16, t2_39);
+        let t2_47 = inv_pivot_3 * t2_46;
+        let t2_48 = (-t2_37).mul_add(t2_47, t2_36);
+        let t2_49 = inv_pivot_2 * t2_48;
+        let t2_50 = t2_29.mul_add(t2_42, t2_26);
+        let t2_51 = t2_50 * inv_pivot_4;
+        let t2_52 = (-t2_51).mul_add(t2_16, t2_29);
+        let t2_53 = inv_pivot_3 * t2_52;
+        let t2_54 = inv_pivot_2 * t2_37;
+        let t2_55 = t2_54 * t2_53;
+        let t2_56 = -t2_55;
+        let t2_57 = (-t2_30).mul_add(t2_35, t2_33);
+        let t2_58 = t2_57 * t2_38;
+        let t2_59 = t2_57 * t2_40;
+        let t2_60 = (-t2_58).mul_add(t2_42, t2_59);
+        let t2_61 = t2_60 * inv_pivot_4;
+        let t2_62 = t2_61.mul_add(t2_16, t2_58);
+        let t2_63 = inv_pivot_3 * t2_62;
+        let t2_64 = t2_37.mul_add(t2_63, t2_57);
+        let t2_65 = inv_pivot_2 * t2_64;
+        let t2_66 = -t2_65;
+        let t2_67 = -t2_45;
+        let t2_68 = -t2_61;
+        let t2_69 = like.lift(-0.06928203230275509).mul_add(t2_47, t2_24);
+        let t2_70 = (-t2_10).mul_add(t2_49, t2_69);
+        let t2_71 = like.lift(2.5) * t2_34;
+        let t2_72 = t2_70 * t2_71;
+        let t2_73 = -t2_72;
+        let t2_74 = t2_10 * t2_55;
+        let t2_75 = like.lift(-0.06928203230275509).mul_add(t2_53, t2_74);
+        let t2_76 = t2_75 * t2_71;
+        let t2_77 = -t2_76;
+        let t2_78 = like.lift(0.06928203230275509).mul_add(t2_63, t2_30);
+        let t2_79 = (-t2_10).mul_add(t2_65, t2_78);
+        let t2_80 = t2_79 * t2_71;
+        let t2_81 = -pivot_2;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
-            .min((t1_96 * like.lift(2.7080930926705737)).abs())
+            .min((t2_81 * like.lift(2.7080930926705737)).abs())
             .min((pivot_3 * like.lift(19.82662604894746)).abs())
             .min((pivot_4 * like.lift(2.203476117557732)).abs());
         let ([
@@ -5314,29 +5066,29 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 7], beta: &[T; 19]) -> ([[T; 3]; 3], 
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t1_60, t1_68, t1_79], [t1_58, t1_65, t1_76], [t1_80, t1_62, t1_81],
-                [t1_86, t1_91, t1_95],
+                [t2_49, t2_56, t2_66], [t2_47, t2_53, t2_63], [t2_67, t2_51, t2_68],
+                [t2_73, t2_77, t2_80],
             ],
             margin,
             || (
                 [
-                    [t1_12, like.lift(-0.06928203230275509), t1_18, like.lift(0.0)],
-                    [t1_19, like.lift(0.04), t1_20, like.lift(0.0)],
+                    [t2_11, like.lift(-0.06928203230275509), t2_14, like.lift(0.0)],
+                    [t2_15, like.lift(0.04), t2_16, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t1_12, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
-                    [t1_27, like.lift(-0.04), like.lift(0.0), t1_28],
+                    [t2_11, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
+                    [t2_20, like.lift(-0.04), like.lift(0.0), t2_21],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t1_33, t1_34, like.lift(0.0)], [t1_37, t1_38, like.lift(0.0)],
+                    [t2_25, t2_26, like.lift(0.0)], [t2_28, t2_29, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t1_33, like.lift(0.0), t1_39], [t1_41, like.lift(0.0), t1_42],
+                    [t2_25, like.lift(0.0), t2_30], [t2_32, like.lift(0.0), t2_33],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -5345,86 +5097,85 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 7], beta: &[T; 19]) -> ([[T; 3]; 3], 
         );
         condition = condition.min(found);
         [
-            sin_q3, cos_q3, t1_1, t1_3, sin_q2, cos_q2, t1_9, t1_10, sin_q5, cos_q5, sin_q7,
-            x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6,
-            x_q7_q1, x_q7_q4, x_q7_q6,
+            t2_1, t2_3, t2_7, t2_8, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6,
+            x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
         ]
     };
     // M
     {
-        let t2_1 = (-t1_10).mul_add(x_q2_q1, t1_9);
-        let t2_2 = like.lift(-0.4).mul_add(t1_1, p_izz_platform);
-        let t2_3 = cos_q2 * sin_q3;
-        let sin_q2_q3 = sin_q2.mul_add(cos_q3, t2_3);
-        let t2_4 = p_my_platform * sin_q2_q3;
-        let t2_5 = like.lift(-0.4).mul_add(t2_4, t2_2);
-        let t2_6 = (-t2_5).mul_add(x_q3_q1, t2_1);
-        let t2_7 = (-t1_3).mul_add(x_q2_q1, t1_10);
-        let t2_8 = (-t2_2).mul_add(x_q3_q1, t2_7);
-        let t2_9 = (-x_q2_q1).mul_add(t2_8, t2_6);
-        let t2_10 = (-t2_2).mul_add(x_q2_q1, t2_5);
-        let t2_11 = (-p_izz_platform).mul_add(x_q3_q1, t2_10);
-        let t2_12 = (-x_q3_q1).mul_add(t2_11, t2_9);
-        let t2_13 = p_izz_rod2 * x_q5_q1;
-        let t2_14 = x_q5_q1.mul_add(t2_13, t2_12);
-        let t2_15 = p_izz_rod3 * x_q7_q1;
-        let t2_16 = x_q7_q1.mul_add(t2_15, t2_14);
-        let t2_17 = t1_10 * x_q2_q4;
-        let t2_18 = t2_5.mul_add(x_q3_q4, t2_17);
-        let t2_19 = t1_3 * x_q2_q4;
-        let t2_20 = t2_2.mul_add(x_q3_q4, t2_19);
-        let t2_21 = (-x_q2_q1).mul_add(t2_20, t2_18);
-        let t2_22 = t2_2 * x_q2_q4;
-        let t2_23 = p_izz_platform.mul_add(x_q3_q4, t2_22);
-        let t2_24 = (-x_q3_q1).mul_add(t2_23, t2_21);
-        let t2_25 = cos_q5 * p_mx_rod2;
-        let t2_26 = (-sin_q5).mul_add(p_my_rod2, t2_25);
-        let t2_27 = like.lift(0.4).mul_add(t2_26, p_izz_rod2);
-        let t2_28 = (-p_izz_rod2).mul_add(x_q5_q4, t2_27);
-        let t2_29 = x_q5_q1.mul_add(t2_28, t2_24);
-        let t2_30 = p_izz_rod3 * x_q7_q4;
-        let t2_31 = (-x_q7_q1).mul_add(t2_30, t2_29);
-        let t2_32 = -t2_31;
-        let t2_33 = t1_10 * x_q2_q6;
-        let t2_34 = t2_5.mul_add(x_q3_q6, t2_33);
-        let t2_35 = t1_3 * x_q2_q6;
-        let t2_36 = t2_2.mul_add(x_q3_q6, t2_35);
-        let t2_37 = (-x_q2_q1).mul_add(t2_36, t2_34);
-        let t2_38 = t2_2 * x_q2_q6;
-        let t2_39 = p_izz_platform.mul_add(x_q3_q6, t2_38);
-        let t2_40 = (-x_q3_q1).mul_add(t2_39, t2_37);
-        let t2_41 = p_izz_rod2 * x_q5_q6;
-        let t2_42 = (-x_q5_q1).mul_add(t2_41, t2_40);
-        let t2_43 = sin_q7 * p_my_rod3;
-        let t2_44 = like.lift(-0.4).mul_add(t2_43, p_izz_rod3);
-        let t2_45 = (-p_izz_rod3).mul_add(x_q7_q6, t2_44);
-        let t2_46 = x_q7_q1.mul_add(t2_45, t2_42);
-        let t2_47 = -t2_46;
-        m[0] = [t2_16, t2_32, t2_47];
-        let t2_48 = like.lift(0.8).mul_add(t2_26, p_izz_rod2);
-        let t2_49 = p_izz_crank2 + t2_48;
-        let t2_50 = (-t2_27).mul_add(x_q5_q4, t2_49);
-        let t2_51 = x_q2_q4 * t2_20;
-        let t2_52 = x_q3_q4.mul_add(t2_23, t2_51);
-        let t2_53 = t2_50 + t2_52;
-        let t2_54 = (-x_q5_q4).mul_add(t2_28, t2_53);
-        let t2_55 = x_q7_q4.mul_add(t2_30, t2_54);
-        let t2_56 = x_q2_q4 * t2_36;
-        let t2_57 = x_q3_q4.mul_add(t2_39, t2_56);
-        let t2_58 = t2_27.mul_add(x_q5_q6, -t2_57);
-        let t2_59 = (-x_q5_q4).mul_add(t2_41, t2_58);
-        let t2_60 = x_q7_q4.mul_add(t2_45, t2_59);
-        let t2_61 = -t2_60;
-        m[1] = [t2_32, t2_55, t2_61];
-        let t2_62 = like.lift(-0.8).mul_add(t2_43, p_izz_rod3);
-        let t2_63 = p_izz_crank3 + t2_62;
-        let t2_64 = (-t2_44).mul_add(x_q7_q6, t2_63);
-        let t2_65 = x_q2_q6 * t2_36;
-        let t2_66 = x_q3_q6.mul_add(t2_39, t2_65);
-        let t2_67 = x_q5_q6.mul_add(t2_41, t2_66);
-        let t2_68 = t2_64 + t2_67;
-        let t2_69 = (-x_q7_q6).mul_add(t2_45, t2_68);
-        m[2] = [t2_47, t2_61, t2_69];
+        let t3_1 = like.lift(-0.4).mul_add(t2_1, p_izz_platform);
+        let t3_2 = sin_q2 * cos_q3;
+        let sin_q2_q3 = cos_q2.mul_add(sin_q3, t3_2);
+        let t3_3 = like.lift(0.4) * p_my_platform;
+        let t3_4 = (-t3_3).mul_add(sin_q2_q3, t3_1);
+        let t3_5 = (-t3_1).mul_add(x_q3_q1, t2_8);
+        let t3_6 = (-t2_3).mul_add(x_q2_q1, t3_5);
+        let t3_7 = (-p_izz_platform).mul_add(x_q3_q1, t3_4);
+        let t3_8 = (-t3_1).mul_add(x_q2_q1, t3_7);
+        let t3_9 = t3_6 + t2_8;
+        let t3_10 = t3_8 + t3_4;
+        let t3_11 = x_q7_q1 * p_izz_rod3;
+        let t3_12 = t3_11.mul_add(x_q7_q1, p_izz_crank1);
+        let t3_13 = x_q5_q1 * p_izz_rod2;
+        let t3_14 = t3_13.mul_add(x_q5_q1, t3_12);
+        let t3_15 = (-x_q3_q1).mul_add(t3_10, t3_14);
+        let t3_16 = (-x_q2_q1).mul_add(t3_9, t3_15);
+        let t3_17 = like.lift(0.8).mul_add(t2_7, t3_16);
+        let t3_18 = t3_17 + t2_3;
+        let t3_19 = t3_1 * x_q3_q4;
+        let t3_20 = t2_3.mul_add(x_q2_q4, t3_19);
+        let t3_21 = p_izz_platform * x_q3_q4;
+        let t3_22 = t3_1.mul_add(x_q2_q4, t3_21);
+        let t3_23 = cos_q5 * p_mx_rod2;
+        let t3_24 = (-sin_q5).mul_add(p_my_rod2, t3_23);
+        let t3_25 = like.lift(0.4).mul_add(t3_24, p_izz_rod2);
+        let t3_26 = (-p_izz_rod2).mul_add(x_q5_q4, t3_25);
+        let t3_27 = p_izz_rod3 * x_q7_q4;
+        let t3_28 = x_q5_q1 * t3_26;
+        let t3_29 = (-x_q7_q1).mul_add(t3_27, t3_28);
+        let t3_30 = (-x_q3_q1).mul_add(t3_22, t3_29);
+        let t3_31 = (-x_q2_q1).mul_add(t3_20, t3_30);
+        let t3_32 = t3_4.mul_add(x_q3_q4, t3_31);
+        let t3_33 = t2_8.mul_add(x_q2_q4, t3_32);
+        let t3_34 = -t3_33;
+        let t3_35 = t3_1 * x_q3_q6;
+        let t3_36 = t2_3.mul_add(x_q2_q6, t3_35);
+        let t3_37 = p_izz_platform * x_q3_q6;
+        let t3_38 = t3_1.mul_add(x_q2_q6, t3_37);
+        let t3_39 = p_izz_rod2 * x_q5_q6;
+        let t3_40 = sin_q7 * p_my_rod3;
+        let t3_41 = like.lift(-0.4).mul_add(t3_40, p_izz_rod3);
+        let t3_42 = (-p_izz_rod3).mul_add(x_q7_q6, t3_41);
+        let t3_43 = x_q7_q1 * t3_42;
+        let t3_44 = (-x_q5_q1).mul_add(t3_39, t3_43);
+        let t3_45 = (-x_q3_q1).mul_add(t3_38, t3_44);
+        let t3_46 = (-x_q2_q1).mul_add(t3_36, t3_45);
+        let t3_47 = t3_4.mul_add(x_q3_q6, t3_46);
+        let t3_48 = t2_8.mul_add(x_q2_q6, t3_47);
+        let t3_49 = -t3_48;
+        m[0] = [t3_18, t3_34, t3_49];
+        let t3_50 = t3_26 + t3_25;
+        let t3_51 = x_q7_q4.mul_add(t3_27, p_izz_crank2);
+        let t3_52 = (-x_q5_q4).mul_add(t3_50, t3_51);
+        let t3_53 = like.lift(0.8).mul_add(t3_24, t3_52);
+        let t3_54 = t3_53 + p_izz_rod2;
+        let t3_55 = x_q3_q4.mul_add(t3_22, t3_54);
+        let t3_56 = x_q2_q4.mul_add(t3_20, t3_55);
+        let t3_57 = x_q7_q4 * t3_42;
+        let t3_58 = (-x_q5_q4).mul_add(t3_39, t3_57);
+        let t3_59 = t3_25.mul_add(x_q5_q6, t3_58);
+        let t3_60 = (-x_q3_q4).mul_add(t3_38, t3_59);
+        let t3_61 = (-x_q2_q4).mul_add(t3_36, t3_60);
+        let t3_62 = -t3_61;
+        m[1] = [t3_34, t3_56, t3_62];
+        let t3_63 = t3_42 + t3_41;
+        let t3_64 = (-x_q7_q6).mul_add(t3_63, p_izz_crank3);
+        let t3_65 = like.lift(-0.8).mul_add(t3_40, t3_64);
+        let t3_66 = t3_65 + p_izz_rod3;
+        let t3_67 = x_q5_q6.mul_add(t3_39, t3_66);
+        let t3_68 = x_q3_q6.mul_add(t3_38, t3_67);
+        let t3_69 = x_q2_q6.mul_add(t3_36, t3_68);
+        m[2] = [t3_49, t3_62, t3_69];
     }
     (m, Condition { pivot: condition })
 }
@@ -5632,5 +5383,12 @@ impl<T: Scalar> BaseModel<T> for Rrr3 {
         let (value, condition) = base_mass_matrix(q, beta);
         *out = value;
         Ok(condition)
+    }
+}
+
+impl BaseKernel<7, 3, 19> for Rrr3 {
+    #[inline(always)]
+    fn base_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 3]; 19]) -> Condition<T> {
+        base_regressor_entries(q, qd, qdd, w)
     }
 }

@@ -11,27 +11,27 @@
 //! |---|---|---|---|---|
 //! | [`velocities`] | 0 | 0 | 0 | 0 |
 //! | [`accelerations`] | 0 | 0 | 0 | 0 |
-//! | [`regressor`] | 35 | 60 | 0 | 2 |
-//! | [`inverse_dynamics`] | 42 | 55 | 0 | 2 |
-//! | [`gravity`] | 1 | 2 | 0 | 0 |
-//! | [`bias_forces`] | 25 | 45 | 0 | 2 |
-//! | [`mass_matrix`] | 22 | 16 | 0 | 2 |
-//! | [`slotine_li`] | 37 | 60 | 0 | 2 |
+//! | [`regressor`] | 35 | 48 | 0 | 2 |
+//! | [`inverse_dynamics`] | 42 | 49 | 0 | 2 |
+//! | [`gravity`] | 1 | 1 | 0 | 0 |
+//! | [`bias_forces`] | 25 | 38 | 0 | 2 |
+//! | [`mass_matrix`] | 22 | 15 | 0 | 2 |
+//! | [`slotine_li`] | 37 | 48 | 0 | 2 |
 //! | [`efforts`] | 0 | 0 | 0 | 0 |
 //! | [`poses`] | 6 | 4 | 0 | 3 |
-//! | [`base_regressor`] | 27 | 48 | 0 | 2 |
+//! | [`base_regressor`] | 27 | 40 | 0 | 2 |
 //! | [`to_base`] | 6 | 2 | 0 | 0 |
 //! | [`parameters_from_base`] | 6 | 2 | 0 | 0 |
-//! | [`base_inverse_dynamics`] | 30 | 43 | 0 | 2 |
+//! | [`base_inverse_dynamics`] | 30 | 41 | 0 | 2 |
 //! | [`base_gravity`] | 0 | 1 | 0 | 0 |
-//! | [`base_bias_forces`] | 17 | 34 | 0 | 2 |
+//! | [`base_bias_forces`] | 17 | 31 | 0 | 2 |
 //! | [`base_mass_matrix`] | 16 | 15 | 0 | 2 |
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
 use ::regen_runtime::{
  Condition, Cone, Info, Joint, Limits, Model, Scalar, SizeError, };
-use ::regen_runtime::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
+use ::regen_runtime::{BaseInfo, BaseKernel, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
 pub const COORDINATES: [&str; 4] = [
@@ -254,154 +254,127 @@ pub fn accelerations<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd_i: &[T; 4]) -> ([T;
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: column by column: `w[c][r]` multiplies `PARAMETERS[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 35 additions, 60 multiplications, 0 divisions, 2 sines and cosines.
+/// 35 additions, 48 multiplications, 0 divisions, 2 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut [[T; 4]; 40]) -> Condition<T> {
+    *w = [[q[0].lift(0.0); 4]; 40];
+    regressor_entries(q, qd, qdd, w)
+}
+
+/// The entries of [`regressor`] that are not zero at every state; the others are left as they are.
+///
+/// Inlined where it is called, so that lanes keep the caller's instruction set.
+#[inline(always)]
+pub fn regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut [[T; 4]; 40]) -> Condition<T> {
     let like = q[0];
     let [_, q2, _, q4] = *q;
     let [d_q1, d_q2, _, d_q4] = *qd;
     let [dd_q1, dd_q2, dd_q3, dd_q4] = *qdd;
+    // sines and cosines
+    let [sin_q2, cos_q2, sin_q4, cos_q4] = {
+        let [(sin_q2, cos_q2), (sin_q4, cos_q4)] =
+            T::sin_cos_all([q2, q4]);
+        [sin_q2, cos_q2, sin_q4, cos_q4]
+    };
     // body 1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        w[0] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[1] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[2] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[3] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[4] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[5] = [dd_q1, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[6] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[7] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[8] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[9] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        w[5][0] = dd_q1;
     }
     // body 2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [al_2z, sin_q2, cos_q2, a_2y, w_2z, t2_5, t2_7, a_2x, t2_14] = {
+    let [al_2z, a_2y, w_2z, t3_4, t3_5, t3_6, t3_7, a_2x, t3_12] = {
         let al_2z = dd_q1 + dd_q2;
-        w[15] = [al_2z, al_2z, like.lift(0.0), like.lift(0.0)];
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t2_1 = d_q1 * d_q1;
-        let t2_2 = sin_q2 * t2_1;
-        let t2_3 = like.lift(0.325) * t2_2;
-        let t2_4 = cos_q2 * dd_q1;
-        let a_2y = like.lift(0.325).mul_add(t2_4, t2_3);
+        w[15][0] = al_2z; w[15][1] = al_2z;
+        let t3_1 = d_q1 * d_q1;
+        let t3_2 = cos_q2 * dd_q1;
+        let t3_3 = sin_q2.mul_add(t3_1, t3_2);
+        let a_2y = like.lift(0.325) * t3_3;
         let w_2z = d_q1 + d_q2;
-        let t2_5 = w_2z * w_2z;
-        let t2_6 = sin_q2 * t2_5;
-        let t2_7 = like.lift(0.325) * t2_6;
-        let t2_8 = cos_q2 * al_2z;
-        let t2_9 = like.lift(-0.325).mul_add(t2_8, t2_7);
-        let w_mx_2_q1 = a_2y - t2_9;
-        w[16] = [w_mx_2_q1, a_2y, like.lift(0.0), like.lift(0.0)];
-        let t2_10 = cos_q2 * t2_1;
-        let t2_11 = like.lift(0.325) * t2_10;
-        let t2_12 = sin_q2 * dd_q1;
-        let a_2x = like.lift(-0.325).mul_add(t2_12, t2_11);
-        let t2_13 = sin_q2 * al_2z;
-        let t2_14 = like.lift(0.325) * t2_13;
-        let t2_15 = cos_q2 * t2_5;
-        let t2_16 = like.lift(0.325).mul_add(t2_15, t2_14);
-        let w_my_2_q1 = a_2x - t2_16;
-        w[17] = [w_my_2_q1, a_2x, like.lift(0.0), like.lift(0.0)];
-        let t2_17 = sin_q2 * a_2x;
-        let t2_18 = like.lift(0.325) * t2_17;
-        let t2_19 = cos_q2 * a_2y;
-        let w_m_2_q1 = like.lift(-0.325).mul_add(t2_19, t2_18);
-        let t2_20 = -w_m_2_q1;
-        w[19] = [t2_20, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[10] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[11] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[12] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[13] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[14] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[18] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        [al_2z, sin_q2, cos_q2, a_2y, w_2z, t2_5, t2_7, a_2x, t2_14]
+        let t3_4 = w_2z * w_2z;
+        let t3_5 = like.lift(0.325) * sin_q2;
+        let t3_6 = t3_4 * t3_5;
+        let t3_7 = like.lift(0.325) * cos_q2;
+        let t3_8 = al_2z.mul_add(t3_7, a_2y);
+        let w_mx_2_q1 = t3_8 - t3_6;
+        w[16][0] = w_mx_2_q1; w[16][1] = a_2y;
+        let t3_9 = sin_q2 * dd_q1;
+        let t3_10 = (-cos_q2).mul_add(t3_1, t3_9);
+        let t3_11 = like.lift(0.325) * t3_10;
+        let a_2x = -t3_11;
+        let t3_12 = al_2z * t3_5;
+        let t3_13 = (-t3_4).mul_add(t3_7, a_2x);
+        let w_my_2_q1 = t3_13 - t3_12;
+        w[17][0] = w_my_2_q1; w[17][1] = a_2x;
+        let t3_14 = cos_q2 * a_2y;
+        let t3_15 = (-sin_q2).mul_add(a_2x, t3_14);
+        let t3_16 = like.lift(0.325) * t3_15;
+        let w_m_2_q1 = -t3_16;
+        let t3_17 = -w_m_2_q1;
+        w[19][0] = t3_17;
+        [al_2z, a_2y, w_2z, t3_4, t3_5, t3_6, t3_7, a_2x, t3_12]
     };
     // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [a_3y, u_3_q1y, a_3x, t3_9] = {
-        let t3_1 = like.lift(0.275) * al_2z;
-        let a_3y = a_2y + t3_1;
-        let u_2_q1y = like.lift(0.325) * cos_q2;
-        let u_3_q1y = like.lift(0.275) + u_2_q1y;
-        let t3_2 = (-al_2z).mul_add(u_3_q1y, t2_7);
-        let w_mx_3_q1 = a_3y - t3_2;
-        let w_mx_3_q2 = t3_1 + a_3y;
-        w[26] = [w_mx_3_q1, w_mx_3_q2, like.lift(0.0), like.lift(0.0)];
-        let a_3x = like.lift(0.275).mul_add(t2_5, a_2x);
-        let t3_3 = t2_5.mul_add(u_3_q1y, t2_14);
-        let w_my_3_q1 = a_3x - t3_3;
-        let t3_4 = -w_my_3_q1;
-        let t3_5 = -a_2x;
-        w[27] = [t3_4, t3_5, like.lift(0.0), like.lift(0.0)];
-        let t3_6 = sin_q2 * a_3x;
-        let t3_7 = like.lift(0.325) * t3_6;
-        let w_m_3_q1 = (-a_3y).mul_add(u_3_q1y, t3_7);
-        let t3_8 = -w_m_3_q1;
+    let [a_3y, u_3_q1y, a_3x, t4_8] = {
+        let t4_1 = like.lift(0.275) * al_2z;
+        let a_3y = a_2y + t4_1;
+        let u_3_q1y = like.lift(0.275) + t3_7;
+        let t4_2 = al_2z.mul_add(u_3_q1y, a_3y);
+        let w_mx_3_q1 = t4_2 - t3_6;
+        let w_mx_3_q2 = t4_1 + a_3y;
+        w[26][0] = w_mx_3_q1; w[26][1] = w_mx_3_q2;
+        let a_3x = like.lift(0.275).mul_add(t3_4, a_2x);
+        let t4_3 = (-t3_4).mul_add(u_3_q1y, a_3x);
+        let w_my_3_q1 = t4_3 - t3_12;
+        let t4_4 = -w_my_3_q1;
+        let t4_5 = -a_2x;
+        w[27][0] = t4_4; w[27][1] = t4_5;
+        let t4_6 = a_3x * t3_5;
+        let w_m_3_q1 = (-a_3y).mul_add(u_3_q1y, t4_6);
+        let t4_7 = -w_m_3_q1;
         let w_m_3_q2 = like.lift(0.275) * a_3y;
         let a_3z = like.lift(9.81) - dd_q3;
-        let t3_9 = -a_3z;
-        w[29] = [t3_8, w_m_3_q2, t3_9, like.lift(0.0)];
-        w[20] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[21] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[22] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[23] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[24] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[25] = [al_2z, al_2z, like.lift(0.0), like.lift(0.0)];
-        w[28] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        [a_3y, u_3_q1y, a_3x, t3_9]
+        let t4_8 = -a_3z;
+        w[29][0] = t4_7; w[29][1] = w_m_3_q2; w[29][2] = t4_8;
+        w[25][0] = al_2z; w[25][1] = al_2z;
+        [a_3y, u_3_q1y, a_3x, t4_8]
     };
     // body 4: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
         let al_4z = dd_q4 - al_2z;
-        let t4_1 = -al_4z;
-        w[35] = [t4_1, t4_1, like.lift(0.0), al_4z];
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t4_2 = sin_q4 * a_3x;
-        let a_4y = (-cos_q4).mul_add(a_3y, t4_2);
+        let t5_1 = -al_4z;
+        w[35][0] = t5_1; w[35][1] = t5_1; w[35][3] = al_4z;
+        let t5_2 = sin_q4 * a_3x;
+        let a_4y = (-cos_q4).mul_add(a_3y, t5_2);
         let w_4z = d_q4 - w_2z;
-        let t4_3 = w_4z * w_4z;
-        let t4_4 = sin_q2 * cos_q4;
-        let t4_5 = like.lift(0.325) * t4_4;
-        let u_4_q1x = (-sin_q4).mul_add(u_3_q1y, t4_5);
-        let t4_6 = t4_3 * u_4_q1x;
-        let t4_7 = sin_q2 * sin_q4;
-        let t4_8 = like.lift(0.325) * t4_7;
-        let u_4_q1y = cos_q4.mul_add(u_3_q1y, t4_8);
-        let t4_9 = al_4z.mul_add(u_4_q1y, t4_6);
-        let w_mx_4_q1 = a_4y + t4_9;
-        let t4_10 = -w_mx_4_q1;
-        let t4_11 = sin_q4 * t4_3;
-        let t4_12 = like.lift(0.275) * t4_11;
-        let t4_13 = cos_q4 * al_4z;
-        let t4_14 = like.lift(-0.275).mul_add(t4_13, t4_12);
-        let w_mx_4_q2 = a_4y - t4_14;
-        let t4_15 = -w_mx_4_q2;
-        w[36] = [t4_10, t4_15, like.lift(0.0), a_4y];
-        let t4_16 = cos_q4 * a_3x;
-        let a_4x = sin_q4.mul_add(a_3y, t4_16);
-        let t4_17 = al_4z * u_4_q1x;
-        let t4_18 = (-t4_3).mul_add(u_4_q1y, t4_17);
-        let w_my_4_q1 = a_4x + t4_18;
-        let t4_19 = -w_my_4_q1;
-        let t4_20 = sin_q4 * al_4z;
-        let t4_21 = like.lift(0.275) * t4_20;
-        let t4_22 = cos_q4 * t4_3;
-        let t4_23 = like.lift(0.275).mul_add(t4_22, t4_21);
-        let w_my_4_q2 = a_4x - t4_23;
-        let t4_24 = -w_my_4_q2;
-        w[37] = [t4_19, t4_24, like.lift(0.0), a_4x];
-        let t4_25 = a_4x * u_4_q1x;
-        let w_m_4_q1 = a_4y.mul_add(u_4_q1y, t4_25);
-        let t4_26 = -w_m_4_q1;
-        let t4_27 = sin_q4 * a_4x;
-        let t4_28 = like.lift(0.275) * t4_27;
-        let t4_29 = cos_q4 * a_4y;
-        let w_m_4_q2 = like.lift(-0.275).mul_add(t4_29, t4_28);
-        w[39] = [t4_26, w_m_4_q2, t3_9, like.lift(0.0)];
-        w[30] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[31] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[32] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[33] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[34] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        w[38] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t5_3 = w_4z * w_4z;
+        let t5_4 = cos_q4 * t3_5;
+        let u_4_q1x = (-sin_q4).mul_add(u_3_q1y, t5_4);
+        let t5_5 = cos_q4 * u_3_q1y;
+        let u_4_q1y = sin_q4.mul_add(t3_5, t5_5);
+        let t5_6 = al_4z.mul_add(u_4_q1y, a_4y);
+        let w_mx_4_q1 = t5_3.mul_add(u_4_q1x, t5_6);
+        let t5_7 = -w_mx_4_q1;
+        let t5_8 = cos_q4 * al_4z;
+        let t5_9 = (-sin_q4).mul_add(t5_3, t5_8);
+        let w_mx_4_q2 = like.lift(0.275).mul_add(t5_9, a_4y);
+        let t5_10 = -w_mx_4_q2;
+        w[36][0] = t5_7; w[36][1] = t5_10; w[36][3] = a_4y;
+        let t5_11 = sin_q4 * a_3y;
+        let a_4x = cos_q4.mul_add(a_3x, t5_11);
+        let t5_12 = (-t5_3).mul_add(u_4_q1y, a_4x);
+        let w_my_4_q1 = al_4z.mul_add(u_4_q1x, t5_12);
+        let t5_13 = -w_my_4_q1;
+        let t5_14 = cos_q4 * t5_3;
+        let t5_15 = sin_q4.mul_add(al_4z, t5_14);
+        let w_my_4_q2 = like.lift(-0.275).mul_add(t5_15, a_4x);
+        let t5_16 = -w_my_4_q2;
+        w[37][0] = t5_13; w[37][1] = t5_16; w[37][3] = a_4x;
+        let t5_17 = a_4y * u_4_q1y;
+        let w_m_4_q1 = a_4x.mul_add(u_4_q1x, t5_17);
+        let t5_18 = -w_m_4_q1;
+        let t5_19 = cos_q4 * a_4y;
+        let t5_20 = (-sin_q4).mul_add(a_4x, t5_19);
+        let t5_21 = like.lift(0.275) * t5_20;
+        let w_m_4_q2 = -t5_21;
+        w[39][0] = t5_18; w[39][1] = w_m_4_q2; w[39][2] = t4_8;
     }
     Condition::regular(like)
 }
@@ -414,7 +387,7 @@ pub fn regressor<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut [[T; 
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
 ///
-/// 42 additions, 55 multiplications, 0 divisions, 2 sines and cosines.
+/// 42 additions, 49 multiplications, 0 divisions, 2 sines and cosines.
 pub fn inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], phi: &[T; 40]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 4];
@@ -426,81 +399,78 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], phi: &
         _, _, _, _, _, p_izz_3, p_mx_3, p_my_3, _, p_m_3, _, _, _, _, _, p_izz_4, p_mx_4,
         p_my_4, _, p_m_4,
     ] = *phi;
+    // sines and cosines
+    let [sin_q2, cos_q2, sin_q4, cos_q4] = {
+        let [(sin_q2, cos_q2), (sin_q4, cos_q4)] =
+            T::sin_cos_all([q2, q4]);
+        [sin_q2, cos_q2, sin_q4, cos_q4]
+    };
     // tau
     {
         let al_2z = dd_q1 + dd_q2;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_1 = d_q1 * d_q1;
-        let t1_2 = sin_q2 * t1_1;
-        let t1_3 = like.lift(0.325) * t1_2;
-        let t1_4 = cos_q2 * dd_q1;
-        let a_2y = like.lift(0.325).mul_add(t1_4, t1_3);
-        let t1_5 = a_2y * p_mx_2;
-        let t1_6 = cos_q2 * t1_1;
-        let t1_7 = like.lift(0.325) * t1_6;
-        let t1_8 = sin_q2 * dd_q1;
-        let a_2x = like.lift(-0.325).mul_add(t1_8, t1_7);
-        let t1_9 = a_2x.mul_add(p_my_2, t1_5);
-        let t1_10 = al_2z.mul_add(p_izz_2, t1_9);
+        let t2_1 = d_q1 * d_q1;
+        let t2_2 = cos_q2 * dd_q1;
+        let t2_3 = sin_q2.mul_add(t2_1, t2_2);
+        let a_2y = like.lift(0.325) * t2_3;
+        let t2_4 = sin_q2 * dd_q1;
+        let t2_5 = (-cos_q2).mul_add(t2_1, t2_4);
+        let t2_6 = like.lift(0.325) * t2_5;
+        let a_2x = -t2_6;
         let a_3y = like.lift(0.275).mul_add(al_2z, a_2y);
-        let t1_11 = a_3y * p_mx_3;
         let w_2z = d_q1 + d_q2;
-        let t1_12 = w_2z * w_2z;
-        let a_3x = like.lift(0.275).mul_add(t1_12, a_2x);
-        let t1_13 = (-a_3x).mul_add(p_my_3, t1_11);
-        let t1_14 = al_2z.mul_add(p_izz_3, t1_13);
+        let t2_7 = w_2z * w_2z;
+        let a_3x = like.lift(0.275).mul_add(t2_7, a_2x);
         let al_4z = dd_q4 - al_2z;
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t1_15 = sin_q4 * a_3x;
-        let a_4y = (-cos_q4).mul_add(a_3y, t1_15);
-        let t1_16 = a_4y * p_mx_4;
-        let t1_17 = cos_q4 * a_3x;
-        let a_4x = sin_q4.mul_add(a_3y, t1_17);
-        let t1_18 = a_4x.mul_add(p_my_4, t1_16);
-        let t1_19 = al_4z.mul_add(p_izz_4, t1_18);
-        tau[3] = t1_19;
-        let t1_20 = t1_14 - t1_19;
-        let t1_21 = al_2z * p_mx_3;
-        let t1_22 = t1_12.mul_add(p_my_3, t1_21);
-        let t1_23 = a_3y.mul_add(p_m_3, t1_22);
+        let t2_8 = sin_q4 * a_3x;
+        let a_4y = (-cos_q4).mul_add(a_3y, t2_8);
+        let t2_9 = sin_q4 * a_3y;
+        let a_4x = cos_q4.mul_add(a_3x, t2_9);
+        let t2_10 = al_4z * p_izz_4;
+        let t2_11 = a_4x.mul_add(p_my_4, t2_10);
+        let t2_12 = a_4y.mul_add(p_mx_4, t2_11);
+        tau[3] = t2_12;
         let w_4z = d_q4 - w_2z;
-        let t1_24 = w_4z * w_4z;
-        let t1_25 = t1_24 * p_mx_4;
-        let t1_26 = al_4z.mul_add(p_my_4, t1_25);
-        let t1_27 = a_4x.mul_add(p_m_4, t1_26);
-        let t1_28 = sin_q4 * t1_27;
-        let t1_29 = al_4z * p_mx_4;
-        let t1_30 = (-t1_24).mul_add(p_my_4, t1_29);
-        let t1_31 = a_4y.mul_add(p_m_4, t1_30);
-        let t1_32 = (-cos_q4).mul_add(t1_31, t1_28);
-        let t1_33 = t1_23 + t1_32;
-        let t1_34 = like.lift(0.275).mul_add(t1_33, t1_20);
-        let t1_35 = t1_10 + t1_34;
-        tau[1] = t1_35;
-        let t1_36 = t1_12 * p_mx_2;
-        let t1_37 = al_2z.mul_add(p_my_2, t1_36);
-        let t1_38 = a_2x.mul_add(p_m_2, t1_37);
-        let t1_39 = t1_12 * p_mx_3;
-        let t1_40 = (-al_2z).mul_add(p_my_3, t1_39);
-        let t1_41 = a_3x.mul_add(p_m_3, t1_40);
-        let t1_42 = cos_q4 * t1_27;
-        let t1_43 = sin_q4.mul_add(t1_31, t1_42);
-        let t1_44 = t1_41 + t1_43;
-        let t1_45 = t1_38 + t1_44;
-        let t1_46 = sin_q2 * t1_45;
-        let t1_47 = al_2z * p_mx_2;
-        let t1_48 = (-t1_12).mul_add(p_my_2, t1_47);
-        let t1_49 = a_2y.mul_add(p_m_2, t1_48);
-        let t1_50 = t1_49 + t1_33;
-        let t1_51 = (-cos_q2).mul_add(t1_50, t1_46);
-        let t1_52 = like.lift(-0.325).mul_add(t1_51, t1_35);
-        let t1_53 = dd_q1.mul_add(p_izz_1, t1_52);
-        tau[0] = t1_53;
+        let t2_13 = w_4z * w_4z;
+        let t2_14 = a_4x * p_m_4;
+        let t2_15 = al_4z.mul_add(p_my_4, t2_14);
+        let t2_16 = t2_13.mul_add(p_mx_4, t2_15);
+        let t2_17 = a_4y * p_m_4;
+        let t2_18 = (-t2_13).mul_add(p_my_4, t2_17);
+        let t2_19 = al_4z.mul_add(p_mx_4, t2_18);
+        let t2_20 = a_3y * p_m_3;
+        let t2_21 = t2_7.mul_add(p_my_3, t2_20);
+        let t2_22 = al_2z.mul_add(p_mx_3, t2_21);
+        let t2_23 = (-cos_q4).mul_add(t2_19, t2_22);
+        let t2_24 = sin_q4.mul_add(t2_16, t2_23);
+        let t2_25 = p_izz_2 + p_izz_3;
+        let t2_26 = al_2z.mul_add(t2_25, -t2_12);
+        let t2_27 = a_2x.mul_add(p_my_2, t2_26);
+        let t2_28 = a_2y.mul_add(p_mx_2, t2_27);
+        let t2_29 = like.lift(0.275).mul_add(t2_24, t2_28);
+        let t2_30 = (-a_3x).mul_add(p_my_3, t2_29);
+        let t2_31 = a_3y.mul_add(p_mx_3, t2_30);
+        tau[1] = t2_31;
+        let t2_32 = p_my_2 - p_my_3;
+        let t2_33 = p_mx_2 + p_mx_3;
+        let t2_34 = a_2x * p_m_2;
+        let t2_35 = al_2z.mul_add(t2_32, t2_34);
+        let t2_36 = t2_7.mul_add(t2_33, t2_35);
+        let t2_37 = a_3x.mul_add(p_m_3, t2_36);
+        let t2_38 = sin_q4.mul_add(t2_19, t2_37);
+        let t2_39 = cos_q4.mul_add(t2_16, t2_38);
+        let t2_40 = a_2y.mul_add(p_m_2, t2_24);
+        let t2_41 = (-t2_7).mul_add(p_my_2, t2_40);
+        let t2_42 = al_2z.mul_add(p_mx_2, t2_41);
+        let t2_43 = sin_q2 * t2_39;
+        let t2_44 = (-cos_q2).mul_add(t2_42, t2_43);
+        let t2_45 = dd_q1.mul_add(p_izz_1, t2_31);
+        let t2_46 = like.lift(-0.325).mul_add(t2_44, t2_45);
+        tau[0] = t2_46;
         let a_3z = like.lift(9.81) - dd_q3;
-        let t1_54 = a_3z * p_m_3;
-        let t1_55 = a_3z.mul_add(p_m_4, t1_54);
-        let t1_56 = -t1_55;
-        tau[2] = t1_56;
+        let t2_47 = p_m_4 + p_m_3;
+        let t2_48 = a_3z * t2_47;
+        let t2_49 = -t2_48;
+        tau[2] = t2_49;
     }
     (tau, Condition::regular(like))
 }
@@ -511,7 +481,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], phi: &
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: the efforts that hold the mechanism at rest
 ///
-/// 1 additions, 2 multiplications, 0 divisions, 0 sines and cosines.
+/// 1 additions, 1 multiplications, 0 divisions, 0 sines and cosines.
 pub fn gravity<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 4];
@@ -521,13 +491,10 @@ pub fn gravity<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([T; 4], Condition<T>) {
     ] = *phi;
     // tau
     {
-        let t1_1 = like.lift(9.81) * p_m_3;
-        let t1_2 = like.lift(9.81).mul_add(p_m_4, t1_1);
+        let t1_1 = p_m_4 + p_m_3;
+        let t1_2 = like.lift(9.81) * t1_1;
         let t1_3 = -t1_2;
         tau[2] = t1_3;
-        tau[0] = like.lift(0.0);
-        tau[1] = like.lift(0.0);
-        tau[3] = like.lift(0.0);
     }
     (tau, Condition::regular(like))
 }
@@ -539,7 +506,7 @@ pub fn gravity<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([T; 4], Condition<T>) {
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
 ///
-/// 25 additions, 45 multiplications, 0 divisions, 2 sines and cosines.
+/// 25 additions, 38 multiplications, 0 divisions, 2 sines and cosines.
 pub fn bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], phi: &[T; 40]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 4];
@@ -549,67 +516,58 @@ pub fn bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], phi: &[T; 40]) -> ([T; 4]
         _, _, _, _, _, _, _, _, _, _, _, _, _, _, _, _, p_mx_2, p_my_2, _, p_m_2, _, _, _, _,
         _, _, p_mx_3, p_my_3, _, p_m_3, _, _, _, _, _, _, p_mx_4, p_my_4, _, p_m_4,
     ] = *phi;
+    // sines and cosines
+    let [sin_q2, cos_q2, sin_q4, cos_q4] = {
+        let [(sin_q2, cos_q2), (sin_q4, cos_q4)] =
+            T::sin_cos_all([q2, q4]);
+        [sin_q2, cos_q2, sin_q4, cos_q4]
+    };
     // tau
     {
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_1 = d_q1 * d_q1;
-        let t1_2 = sin_q2 * t1_1;
-        let t1_3 = t1_2 * p_mx_2;
-        let t1_4 = like.lift(0.325) * t1_3;
-        let t1_5 = cos_q2 * t1_1;
-        let t1_6 = t1_5 * p_my_2;
-        let t1_7 = like.lift(0.325).mul_add(t1_6, t1_4);
-        let t1_8 = t1_2 * p_mx_3;
-        let t1_9 = like.lift(0.325) * t1_8;
-        let a_2x = like.lift(0.325) * t1_5;
+        let t2_1 = d_q1 * d_q1;
+        let t2_2 = sin_q2 * t2_1;
+        let t2_3 = cos_q2 * t2_1;
         let w_2z = d_q1 + d_q2;
-        let t1_10 = w_2z * w_2z;
-        let a_3x = like.lift(0.275).mul_add(t1_10, a_2x);
-        let t1_11 = (-p_my_3).mul_add(a_3x, t1_9);
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t1_12 = sin_q4 * a_3x;
-        let t1_13 = cos_q4 * t1_2;
-        let a_4y = like.lift(-0.325).mul_add(t1_13, t1_12);
-        let t1_14 = p_mx_4 * a_4y;
-        let t1_15 = cos_q4 * a_3x;
-        let t1_16 = sin_q4 * t1_2;
-        let a_4x = like.lift(0.325).mul_add(t1_16, t1_15);
-        let t1_17 = p_my_4.mul_add(a_4x, t1_14);
-        tau[3] = t1_17;
-        let t1_18 = t1_11 - t1_17;
-        let t1_19 = t1_10 * p_my_3;
-        let t1_20 = t1_2 * p_m_3;
-        let t1_21 = like.lift(0.325).mul_add(t1_20, t1_19);
+        let t2_4 = w_2z * w_2z;
+        let t2_5 = like.lift(0.325) * t2_3;
+        let a_3x = like.lift(0.275).mul_add(t2_4, t2_5);
+        let t2_6 = like.lift(0.325) * t2_2;
+        let t2_7 = sin_q4 * a_3x;
+        let a_4y = (-cos_q4).mul_add(t2_6, t2_7);
+        let t2_8 = sin_q4 * t2_6;
+        let a_4x = cos_q4.mul_add(a_3x, t2_8);
+        let t2_9 = p_my_4 * a_4x;
+        let t2_10 = p_mx_4.mul_add(a_4y, t2_9);
+        tau[3] = t2_10;
         let w_4z = d_q4 - w_2z;
-        let t1_22 = w_4z * w_4z;
-        let t1_23 = t1_22 * p_mx_4;
-        let t1_24 = p_m_4.mul_add(a_4x, t1_23);
-        let t1_25 = sin_q4 * t1_24;
-        let t1_26 = t1_22 * p_my_4;
-        let t1_27 = (-p_m_4).mul_add(a_4y, t1_26);
-        let t1_28 = cos_q4.mul_add(t1_27, t1_25);
-        let t1_29 = t1_21 + t1_28;
-        let t1_30 = like.lift(0.275).mul_add(t1_29, t1_18);
-        let t1_31 = t1_7 + t1_30;
-        tau[1] = t1_31;
-        let t1_32 = t1_10 * p_mx_2;
-        let t1_33 = t1_5 * p_m_2;
-        let t1_34 = like.lift(0.325).mul_add(t1_33, t1_32);
-        let t1_35 = t1_10 * p_mx_3;
-        let t1_36 = p_m_3.mul_add(a_3x, t1_35);
-        let t1_37 = cos_q4 * t1_24;
-        let t1_38 = (-sin_q4).mul_add(t1_27, t1_37);
-        let t1_39 = t1_36 + t1_38;
-        let t1_40 = t1_34 + t1_39;
-        let t1_41 = sin_q2 * t1_40;
-        let t1_42 = t1_10 * p_my_2;
-        let t1_43 = t1_2 * p_m_2;
-        let t1_44 = like.lift(-0.325).mul_add(t1_43, t1_42);
-        let t1_45 = t1_44 - t1_29;
-        let t1_46 = cos_q2.mul_add(t1_45, t1_41);
-        let t1_47 = like.lift(-0.325).mul_add(t1_46, t1_31);
-        tau[0] = t1_47;
-        tau[2] = like.lift(0.0);
+        let t2_11 = w_4z * w_4z;
+        let t2_12 = p_m_4 * a_4x;
+        let t2_13 = t2_11.mul_add(p_mx_4, t2_12);
+        let t2_14 = t2_11 * p_my_4;
+        let t2_15 = (-p_m_4).mul_add(a_4y, t2_14);
+        let t2_16 = p_m_3 * t2_6;
+        let t2_17 = t2_4.mul_add(p_my_3, t2_16);
+        let t2_18 = cos_q4.mul_add(t2_15, t2_17);
+        let t2_19 = sin_q4.mul_add(t2_13, t2_18);
+        let t2_20 = t2_3 * p_my_2;
+        let t2_21 = t2_2.mul_add(p_mx_2, t2_20);
+        let t2_22 = t2_2.mul_add(p_mx_3, t2_21);
+        let t2_23 = like.lift(0.325).mul_add(t2_22, -t2_10);
+        let t2_24 = like.lift(0.275).mul_add(t2_19, t2_23);
+        let t2_25 = (-p_my_3).mul_add(a_3x, t2_24);
+        tau[1] = t2_25;
+        let t2_26 = p_mx_2 + p_mx_3;
+        let t2_27 = p_m_2 * t2_5;
+        let t2_28 = t2_4.mul_add(t2_26, t2_27);
+        let t2_29 = p_m_3.mul_add(a_3x, t2_28);
+        let t2_30 = (-sin_q4).mul_add(t2_15, t2_29);
+        let t2_31 = cos_q4.mul_add(t2_13, t2_30);
+        let t2_32 = t2_4.mul_add(p_my_2, -t2_19);
+        let t2_33 = (-p_m_2).mul_add(t2_6, t2_32);
+        let t2_34 = cos_q2 * t2_33;
+        let t2_35 = sin_q2.mul_add(t2_31, t2_34);
+        let t2_36 = like.lift(-0.325).mul_add(t2_35, t2_25);
+        tau[0] = t2_36;
     }
     (tau, Condition::regular(like))
 }
@@ -620,7 +578,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], phi: &[T; 40]) -> ([T; 4]
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
 ///
-/// 22 additions, 16 multiplications, 0 divisions, 2 sines and cosines.
+/// 22 additions, 15 multiplications, 0 divisions, 2 sines and cosines.
 pub fn mass_matrix<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([[T; 4]; 4], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 4]; 4];
@@ -630,44 +588,47 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([[T; 4]; 4], Condit
         _, _, _, _, _, p_izz_3, p_mx_3, p_my_3, _, p_m_3, _, _, _, _, _, p_izz_4, p_mx_4,
         p_my_4, _, p_m_4,
     ] = *phi;
+    // sines and cosines
+    let [sin_q4, cos_q4, sin_q2, cos_q2] = {
+        let [(sin_q4, cos_q4), (sin_q2, cos_q2)] =
+            T::sin_cos_all([q4, q2]);
+        [sin_q4, cos_q4, sin_q2, cos_q2]
+    };
     // M
     {
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t1_1 = sin_q4 * p_my_4;
-        let t1_2 = (-cos_q4).mul_add(p_mx_4, t1_1);
-        let t1_3 = p_mx_3 - t1_2;
-        let t1_4 = p_m_3 + p_m_4;
-        m[2] = [like.lift(0.0), like.lift(0.0), t1_4, like.lift(0.0)];
-        let t1_5 = like.lift(0.275).mul_add(t1_4, t1_3);
-        let t1_6 = like.lift(0.275) * t1_5;
-        let t1_7 = like.lift(0.275).mul_add(t1_3, t1_6);
-        let t1_8 = p_izz_3 + t1_7;
-        let t1_9 = p_izz_4 + t1_8;
-        let t1_10 = p_izz_2 + t1_9;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_11 = p_mx_2 + t1_5;
-        let t1_12 = cos_q2 * t1_11;
-        let t1_13 = cos_q4 * p_my_4;
-        let t1_14 = sin_q4.mul_add(p_mx_4, t1_13);
-        let t1_15 = p_my_3 + t1_14;
-        let t1_16 = p_my_2 - t1_15;
-        let t1_17 = (-sin_q2).mul_add(t1_16, t1_12);
-        let t1_18 = p_m_2 + t1_4;
-        let t1_19 = like.lift(0.325).mul_add(t1_18, t1_17);
-        let t1_20 = like.lift(0.325) * t1_17;
-        let t1_21 = like.lift(0.325).mul_add(t1_19, t1_20);
-        let t1_22 = t1_10 + t1_21;
-        let t1_23 = p_izz_1 + t1_22;
-        let t1_24 = t1_10 + t1_20;
-        let t1_25 = like.lift(-0.275).mul_add(t1_2, p_izz_4);
-        let t1_26 = sin_q2 * t1_14;
-        let t1_27 = (-cos_q2).mul_add(t1_2, t1_26);
-        let t1_28 = like.lift(0.325).mul_add(t1_27, t1_25);
-        let t1_29 = -t1_28;
-        m[0] = [t1_23, t1_24, like.lift(0.0), t1_29];
-        let t1_30 = -t1_25;
-        m[1] = [t1_24, t1_10, like.lift(0.0), t1_30];
-        m[3] = [t1_29, t1_30, like.lift(0.0), p_izz_4];
+        let t2_1 = sin_q4 * p_my_4;
+        let t2_2 = (-cos_q4).mul_add(p_mx_4, t2_1);
+        let t2_3 = p_mx_3 - t2_2;
+        let t2_4 = p_m_3 + p_m_4;
+        m[2][2] = t2_4;
+        let t2_5 = like.lift(0.275).mul_add(t2_4, t2_3);
+        let t2_6 = t2_3 + t2_5;
+        let t2_7 = p_izz_2 + p_izz_4;
+        let t2_8 = t2_7 + p_izz_3;
+        let t2_9 = like.lift(0.275).mul_add(t2_6, t2_8);
+        let t2_10 = p_mx_2 + t2_5;
+        let t2_11 = sin_q4 * p_mx_4;
+        let t2_12 = cos_q4.mul_add(p_my_4, t2_11);
+        let t2_13 = p_my_2 - p_my_3;
+        let t2_14 = t2_13 - t2_12;
+        let t2_15 = cos_q2 * t2_10;
+        let t2_16 = (-sin_q2).mul_add(t2_14, t2_15);
+        let t2_17 = p_m_2 + t2_4;
+        let t2_18 = like.lift(0.325).mul_add(t2_17, t2_16);
+        let t2_19 = like.lift(0.325) * t2_16;
+        let t2_20 = p_izz_1 + t2_9;
+        let t2_21 = like.lift(0.325).mul_add(t2_18, t2_20);
+        let t2_22 = t2_21 + t2_19;
+        let t2_23 = t2_9 + t2_19;
+        let t2_24 = like.lift(-0.275).mul_add(t2_2, p_izz_4);
+        let t2_25 = sin_q2 * t2_12;
+        let t2_26 = (-cos_q2).mul_add(t2_2, t2_25);
+        let t2_27 = like.lift(0.325).mul_add(t2_26, t2_24);
+        let t2_28 = -t2_27;
+        m[0][0] = t2_22; m[0][1] = t2_23; m[0][3] = t2_28;
+        let t2_29 = -t2_24;
+        m[1][0] = t2_23; m[1][1] = t2_9; m[1][3] = t2_29;
+        m[3][0] = t2_28; m[3][1] = t2_29; m[3][3] = p_izz_4;
     }
     (m, Condition::regular(like))
 }
@@ -680,157 +641,130 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([[T; 4]; 4], Condit
 /// - `qdd_r`: reference accelerations of the independent coordinates
 /// - `y`: column by column: Y phi = M qdd_r + C(q, qd) qd_r + g, with dM/dt - 2 C skew
 ///
-/// 37 additions, 60 multiplications, 0 divisions, 2 sines and cosines.
+/// 37 additions, 48 multiplications, 0 divisions, 2 sines and cosines.
 pub fn slotine_li<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 4], qdd_r: &[T; 4], y: &mut [[T; 4]; 40]) -> Condition<T> {
+    *y = [[q[0].lift(0.0); 4]; 40];
+    slotine_li_entries(q, qd, qd_r, qdd_r, y)
+}
+
+/// The entries of [`slotine_li`] that are not zero at every state; the others are left as they are.
+///
+/// Inlined where it is called, so that lanes keep the caller's instruction set.
+#[inline(always)]
+pub fn slotine_li_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 4], qdd_r: &[T; 4], y: &mut [[T; 4]; 40]) -> Condition<T> {
     let like = q[0];
     let [_, q2, _, q4] = *q;
     let [d_q1, d_q2, _, d_q4] = *qd;
     let [r_q1, r_q2, _, r_q4] = *qd_r;
     let [dr_q1, dr_q2, dr_q3, dr_q4] = *qdd_r;
+    // sines and cosines
+    let [sin_q2, cos_q2, sin_q4, cos_q4] = {
+        let [(sin_q2, cos_q2), (sin_q4, cos_q4)] =
+            T::sin_cos_all([q2, q4]);
+        [sin_q2, cos_q2, sin_q4, cos_q4]
+    };
     // body 1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        y[0] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[1] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[2] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[3] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[4] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[5] = [dr_q1, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[6] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[7] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[8] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[9] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        y[5][0] = dr_q1;
     }
     // body 2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [al_2z, sin_q2, cos_q2, a_2y, w_2z, t2_5, t2_6, t2_8, a_2x, t2_15] = {
+    let [al_2z, a_2y, w_2z, t3_4, t3_5, t3_6, t3_7, t3_8, a_2x, t3_13] = {
         let al_2z = dr_q1 + dr_q2;
-        y[15] = [al_2z, al_2z, like.lift(0.0), like.lift(0.0)];
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t2_1 = d_q1 * r_q1;
-        let t2_2 = sin_q2 * t2_1;
-        let t2_3 = like.lift(0.325) * t2_2;
-        let t2_4 = cos_q2 * dr_q1;
-        let a_2y = like.lift(0.325).mul_add(t2_4, t2_3);
+        y[15][0] = al_2z; y[15][1] = al_2z;
+        let t3_1 = d_q1 * r_q1;
+        let t3_2 = cos_q2 * dr_q1;
+        let t3_3 = sin_q2.mul_add(t3_1, t3_2);
+        let a_2y = like.lift(0.325) * t3_3;
         let w_2z = d_q1 + d_q2;
-        let t2_5 = r_q1 + r_q2;
-        let t2_6 = w_2z * t2_5;
-        let t2_7 = sin_q2 * t2_6;
-        let t2_8 = like.lift(0.325) * t2_7;
-        let t2_9 = cos_q2 * al_2z;
-        let t2_10 = like.lift(-0.325).mul_add(t2_9, t2_8);
-        let w_mx_2_q1 = a_2y - t2_10;
-        y[16] = [w_mx_2_q1, a_2y, like.lift(0.0), like.lift(0.0)];
-        let t2_11 = cos_q2 * t2_1;
-        let t2_12 = like.lift(0.325) * t2_11;
-        let t2_13 = sin_q2 * dr_q1;
-        let a_2x = like.lift(-0.325).mul_add(t2_13, t2_12);
-        let t2_14 = sin_q2 * al_2z;
-        let t2_15 = like.lift(0.325) * t2_14;
-        let t2_16 = cos_q2 * t2_6;
-        let t2_17 = like.lift(0.325).mul_add(t2_16, t2_15);
-        let w_my_2_q1 = a_2x - t2_17;
-        y[17] = [w_my_2_q1, a_2x, like.lift(0.0), like.lift(0.0)];
-        let t2_18 = sin_q2 * a_2x;
-        let t2_19 = like.lift(0.325) * t2_18;
-        let t2_20 = cos_q2 * a_2y;
-        let w_m_2_q1 = like.lift(-0.325).mul_add(t2_20, t2_19);
-        let t2_21 = -w_m_2_q1;
-        y[19] = [t2_21, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[10] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[11] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[12] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[13] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[14] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[18] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        [al_2z, sin_q2, cos_q2, a_2y, w_2z, t2_5, t2_6, t2_8, a_2x, t2_15]
+        let t3_4 = r_q1 + r_q2;
+        let t3_5 = w_2z * t3_4;
+        let t3_6 = like.lift(0.325) * sin_q2;
+        let t3_7 = t3_5 * t3_6;
+        let t3_8 = like.lift(0.325) * cos_q2;
+        let t3_9 = al_2z.mul_add(t3_8, a_2y);
+        let w_mx_2_q1 = t3_9 - t3_7;
+        y[16][0] = w_mx_2_q1; y[16][1] = a_2y;
+        let t3_10 = sin_q2 * dr_q1;
+        let t3_11 = (-cos_q2).mul_add(t3_1, t3_10);
+        let t3_12 = like.lift(0.325) * t3_11;
+        let a_2x = -t3_12;
+        let t3_13 = al_2z * t3_6;
+        let t3_14 = (-t3_5).mul_add(t3_8, a_2x);
+        let w_my_2_q1 = t3_14 - t3_13;
+        y[17][0] = w_my_2_q1; y[17][1] = a_2x;
+        let t3_15 = cos_q2 * a_2y;
+        let t3_16 = (-sin_q2).mul_add(a_2x, t3_15);
+        let t3_17 = like.lift(0.325) * t3_16;
+        let w_m_2_q1 = -t3_17;
+        let t3_18 = -w_m_2_q1;
+        y[19][0] = t3_18;
+        [al_2z, a_2y, w_2z, t3_4, t3_5, t3_6, t3_7, t3_8, a_2x, t3_13]
     };
     // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [a_3y, u_3_q1y, a_3x, t3_9] = {
-        let t3_1 = like.lift(0.275) * al_2z;
-        let a_3y = a_2y + t3_1;
-        let u_2_q1y = like.lift(0.325) * cos_q2;
-        let u_3_q1y = like.lift(0.275) + u_2_q1y;
-        let t3_2 = (-u_3_q1y).mul_add(al_2z, t2_8);
-        let w_mx_3_q1 = a_3y - t3_2;
-        let w_mx_3_q2 = t3_1 + a_3y;
-        y[26] = [w_mx_3_q1, w_mx_3_q2, like.lift(0.0), like.lift(0.0)];
-        let a_3x = like.lift(0.275).mul_add(t2_6, a_2x);
-        let t3_3 = u_3_q1y.mul_add(t2_6, t2_15);
-        let w_my_3_q1 = a_3x - t3_3;
-        let t3_4 = -w_my_3_q1;
-        let t3_5 = -a_2x;
-        y[27] = [t3_4, t3_5, like.lift(0.0), like.lift(0.0)];
-        let t3_6 = sin_q2 * a_3x;
-        let t3_7 = like.lift(0.325) * t3_6;
-        let w_m_3_q1 = (-u_3_q1y).mul_add(a_3y, t3_7);
-        let t3_8 = -w_m_3_q1;
+    let [a_3y, u_3_q1y, a_3x, t4_8] = {
+        let t4_1 = like.lift(0.275) * al_2z;
+        let a_3y = a_2y + t4_1;
+        let u_3_q1y = like.lift(0.275) + t3_8;
+        let t4_2 = u_3_q1y.mul_add(al_2z, a_3y);
+        let w_mx_3_q1 = t4_2 - t3_7;
+        let w_mx_3_q2 = t4_1 + a_3y;
+        y[26][0] = w_mx_3_q1; y[26][1] = w_mx_3_q2;
+        let a_3x = like.lift(0.275).mul_add(t3_5, a_2x);
+        let t4_3 = (-u_3_q1y).mul_add(t3_5, a_3x);
+        let w_my_3_q1 = t4_3 - t3_13;
+        let t4_4 = -w_my_3_q1;
+        let t4_5 = -a_2x;
+        y[27][0] = t4_4; y[27][1] = t4_5;
+        let t4_6 = a_3x * t3_6;
+        let w_m_3_q1 = (-u_3_q1y).mul_add(a_3y, t4_6);
+        let t4_7 = -w_m_3_q1;
         let w_m_3_q2 = like.lift(0.275) * a_3y;
         let a_3z = like.lift(9.81) - dr_q3;
-        let t3_9 = -a_3z;
-        y[29] = [t3_8, w_m_3_q2, t3_9, like.lift(0.0)];
-        y[20] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[21] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[22] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[23] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[24] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[25] = [al_2z, al_2z, like.lift(0.0), like.lift(0.0)];
-        y[28] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        [a_3y, u_3_q1y, a_3x, t3_9]
+        let t4_8 = -a_3z;
+        y[29][0] = t4_7; y[29][1] = w_m_3_q2; y[29][2] = t4_8;
+        y[25][0] = al_2z; y[25][1] = al_2z;
+        [a_3y, u_3_q1y, a_3x, t4_8]
     };
     // body 4: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
         let al_4z = dr_q4 - al_2z;
-        let t4_1 = -al_4z;
-        y[35] = [t4_1, t4_1, like.lift(0.0), al_4z];
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t4_2 = sin_q4 * a_3x;
-        let a_4y = (-cos_q4).mul_add(a_3y, t4_2);
-        let t4_3 = sin_q2 * cos_q4;
-        let t4_4 = like.lift(0.325) * t4_3;
-        let u_4_q1x = (-sin_q4).mul_add(u_3_q1y, t4_4);
+        let t5_1 = -al_4z;
+        y[35][0] = t5_1; y[35][1] = t5_1; y[35][3] = al_4z;
+        let t5_2 = sin_q4 * a_3x;
+        let a_4y = (-cos_q4).mul_add(a_3y, t5_2);
+        let t5_3 = cos_q4 * t3_6;
+        let u_4_q1x = (-sin_q4).mul_add(u_3_q1y, t5_3);
         let w_4z = d_q4 - w_2z;
-        let t4_5 = r_q4 - t2_5;
-        let t4_6 = w_4z * t4_5;
-        let t4_7 = u_4_q1x * t4_6;
-        let t4_8 = sin_q2 * sin_q4;
-        let t4_9 = like.lift(0.325) * t4_8;
-        let u_4_q1y = cos_q4.mul_add(u_3_q1y, t4_9);
-        let t4_10 = u_4_q1y.mul_add(al_4z, t4_7);
-        let w_mx_4_q1 = a_4y + t4_10;
-        let t4_11 = -w_mx_4_q1;
-        let t4_12 = sin_q4 * t4_6;
-        let t4_13 = like.lift(0.275) * t4_12;
-        let t4_14 = cos_q4 * al_4z;
-        let t4_15 = like.lift(-0.275).mul_add(t4_14, t4_13);
-        let w_mx_4_q2 = a_4y - t4_15;
-        let t4_16 = -w_mx_4_q2;
-        y[36] = [t4_11, t4_16, like.lift(0.0), a_4y];
-        let t4_17 = cos_q4 * a_3x;
-        let a_4x = sin_q4.mul_add(a_3y, t4_17);
-        let t4_18 = u_4_q1x * al_4z;
-        let t4_19 = (-u_4_q1y).mul_add(t4_6, t4_18);
-        let w_my_4_q1 = a_4x + t4_19;
-        let t4_20 = -w_my_4_q1;
-        let t4_21 = sin_q4 * al_4z;
-        let t4_22 = like.lift(0.275) * t4_21;
-        let t4_23 = cos_q4 * t4_6;
-        let t4_24 = like.lift(0.275).mul_add(t4_23, t4_22);
-        let w_my_4_q2 = a_4x - t4_24;
-        let t4_25 = -w_my_4_q2;
-        y[37] = [t4_20, t4_25, like.lift(0.0), a_4x];
-        let t4_26 = u_4_q1x * a_4x;
-        let w_m_4_q1 = u_4_q1y.mul_add(a_4y, t4_26);
-        let t4_27 = -w_m_4_q1;
-        let t4_28 = sin_q4 * a_4x;
-        let t4_29 = like.lift(0.275) * t4_28;
-        let t4_30 = cos_q4 * a_4y;
-        let w_m_4_q2 = like.lift(-0.275).mul_add(t4_30, t4_29);
-        y[39] = [t4_27, w_m_4_q2, t3_9, like.lift(0.0)];
-        y[30] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[31] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[32] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[33] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[34] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        y[38] = [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        let t5_4 = r_q4 - t3_4;
+        let t5_5 = w_4z * t5_4;
+        let t5_6 = cos_q4 * u_3_q1y;
+        let u_4_q1y = sin_q4.mul_add(t3_6, t5_6);
+        let t5_7 = u_4_q1y.mul_add(al_4z, a_4y);
+        let w_mx_4_q1 = u_4_q1x.mul_add(t5_5, t5_7);
+        let t5_8 = -w_mx_4_q1;
+        let t5_9 = cos_q4 * al_4z;
+        let t5_10 = (-sin_q4).mul_add(t5_5, t5_9);
+        let w_mx_4_q2 = like.lift(0.275).mul_add(t5_10, a_4y);
+        let t5_11 = -w_mx_4_q2;
+        y[36][0] = t5_8; y[36][1] = t5_11; y[36][3] = a_4y;
+        let t5_12 = sin_q4 * a_3y;
+        let a_4x = cos_q4.mul_add(a_3x, t5_12);
+        let t5_13 = (-u_4_q1y).mul_add(t5_5, a_4x);
+        let w_my_4_q1 = u_4_q1x.mul_add(al_4z, t5_13);
+        let t5_14 = -w_my_4_q1;
+        let t5_15 = cos_q4 * t5_5;
+        let t5_16 = sin_q4.mul_add(al_4z, t5_15);
+        let w_my_4_q2 = like.lift(-0.275).mul_add(t5_16, a_4x);
+        let t5_17 = -w_my_4_q2;
+        y[37][0] = t5_14; y[37][1] = t5_17; y[37][3] = a_4x;
+        let t5_18 = u_4_q1y * a_4y;
+        let w_m_4_q1 = u_4_q1x.mul_add(a_4x, t5_18);
+        let t5_19 = -w_m_4_q1;
+        let t5_20 = cos_q4 * a_4y;
+        let t5_21 = (-sin_q4).mul_add(a_4x, t5_20);
+        let t5_22 = like.lift(0.275) * t5_21;
+        let w_m_4_q2 = -t5_22;
+        y[39][0] = t5_19; y[39][1] = w_m_4_q2; y[39][2] = t4_8;
     }
     Condition::regular(like)
 }
@@ -866,39 +800,43 @@ pub fn poses<T: Scalar>(q: &[T; 4]) -> [[T; 12]; 4] {
     let like = q[0];
     let mut poses = [[like.lift(0.0); 12]; 4];
     let [q1, q2, q3, q4] = *q;
-    // body 1
-    let [sin_q1, cos_q1] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = -sin_q1;
-        poses[0] = [cos_q1, t1_1, like.lift(0.0), sin_q1, cos_q1, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(1.0), like.lift(0.0), like.lift(0.0), like.lift(0.387)];
-        [sin_q1, cos_q1]
+    // sines and cosines
+    let [sin_q1, cos_q1, sin_q1_q2, cos_q1_q2, sin_q1_q2_minus_q4, cos_q1_q2_minus_q4] = {
+        let t1_1 = q2 + q1;
+        let t1_2 = q2 + q1;
+        let t1_3 = t1_2 - q4;
+        let [
+            (sin_q1, cos_q1), (sin_q1_q2, cos_q1_q2), (sin_q1_q2_minus_q4, cos_q1_q2_minus_q4),
+        ] =
+            T::sin_cos_all([q1, t1_1, t1_3]);
+        [sin_q1, cos_q1, sin_q1_q2, cos_q1_q2, sin_q1_q2_minus_q4, cos_q1_q2_minus_q4]
     };
+    // body 1
+    {
+        let t2_1 = -sin_q1;
+        poses[0][0] = cos_q1; poses[0][1] = t2_1; poses[0][3] = sin_q1; poses[0][4] = cos_q1; poses[0][8] = like.lift(1.0); poses[0][11] = like.lift(0.387);
+    }
     // body 2
-    let [sin_q1_q2, cos_q1_q2, t2_3, t2_4] = {
-        let t2_1 = q2 + q1;
-        let (sin_q1_q2, cos_q1_q2) = t2_1.sin_cos();
-        let t2_2 = -sin_q1_q2;
-        let t2_3 = like.lift(0.325) * cos_q1;
-        let t2_4 = like.lift(0.325) * sin_q1;
-        poses[1] = [cos_q1_q2, t2_2, like.lift(0.0), sin_q1_q2, cos_q1_q2, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(1.0), t2_3, t2_4, like.lift(0.387)];
-        [sin_q1_q2, cos_q1_q2, t2_3, t2_4]
+    let [t3_2, t3_3] = {
+        let t3_1 = -sin_q1_q2;
+        let t3_2 = like.lift(0.325) * cos_q1;
+        let t3_3 = like.lift(0.325) * sin_q1;
+        poses[1][0] = cos_q1_q2; poses[1][1] = t3_1; poses[1][3] = sin_q1_q2; poses[1][4] = cos_q1_q2; poses[1][8] = like.lift(1.0); poses[1][9] = t3_2; poses[1][10] = t3_3; poses[1][11] = like.lift(0.387);
+        [t3_2, t3_3]
     };
     // body 3
-    let [t3_2, t3_3, t3_4] = {
-        let t3_1 = -cos_q1_q2;
-        let t3_2 = like.lift(0.275).mul_add(cos_q1_q2, t2_3);
-        let t3_3 = like.lift(0.275).mul_add(sin_q1_q2, t2_4);
-        let t3_4 = like.lift(0.387) - q3;
-        poses[2] = [cos_q1_q2, sin_q1_q2, like.lift(0.0), sin_q1_q2, t3_1, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(-1.0), t3_2, t3_3, t3_4];
-        [t3_2, t3_3, t3_4]
+    let [t4_2, t4_3, t4_4] = {
+        let t4_1 = -cos_q1_q2;
+        let t4_2 = like.lift(0.275).mul_add(cos_q1_q2, t3_2);
+        let t4_3 = like.lift(0.275).mul_add(sin_q1_q2, t3_3);
+        let t4_4 = like.lift(0.387) - q3;
+        poses[2][0] = cos_q1_q2; poses[2][1] = sin_q1_q2; poses[2][3] = sin_q1_q2; poses[2][4] = t4_1; poses[2][8] = like.lift(-1.0); poses[2][9] = t4_2; poses[2][10] = t4_3; poses[2][11] = t4_4;
+        [t4_2, t4_3, t4_4]
     };
     // body 4
     {
-        let t4_1 = q2 + q1;
-        let t4_2 = t4_1 - q4;
-        let (sin_q1_q2_minus_q4, cos_q1_q2_minus_q4) = t4_2.sin_cos();
-        let t4_3 = -cos_q1_q2_minus_q4;
-        poses[3] = [cos_q1_q2_minus_q4, sin_q1_q2_minus_q4, like.lift(0.0), sin_q1_q2_minus_q4, t4_3, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(-1.0), t3_2, t3_3, t3_4];
+        let t5_1 = -cos_q1_q2_minus_q4;
+        poses[3][0] = cos_q1_q2_minus_q4; poses[3][1] = sin_q1_q2_minus_q4; poses[3][3] = sin_q1_q2_minus_q4; poses[3][4] = t5_1; poses[3][8] = like.lift(-1.0); poses[3][9] = t4_2; poses[3][10] = t4_3; poses[3][11] = t4_4;
     }
     poses
 }
@@ -910,102 +848,101 @@ pub fn poses<T: Scalar>(q: &[T; 4]) -> [[T; 12]; 4] {
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: W_red (Eq. 23), column by column: `w[c][r]` multiplies `BASE[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 27 additions, 48 multiplications, 0 divisions, 2 sines and cosines.
+/// 27 additions, 40 multiplications, 0 divisions, 2 sines and cosines.
 pub fn base_regressor<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut [[T; 4]; 8]) -> Condition<T> {
+    *w = [[q[0].lift(0.0); 4]; 8];
+    base_regressor_entries(q, qd, qdd, w)
+}
+
+/// The entries of [`base_regressor`] that are not zero at every state; the others are left as they are.
+///
+/// Inlined where it is called, so that lanes keep the caller's instruction set.
+#[inline(always)]
+pub fn base_regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut [[T; 4]; 8]) -> Condition<T> {
     let like = q[0];
     let [_, q2, _, q4] = *q;
     let [d_q1, d_q2, _, d_q4] = *qd;
     let [dd_q1, dd_q2, dd_q3, dd_q4] = *qdd;
+    // sines and cosines
+    let [sin_q2, cos_q2, sin_q4, cos_q4] = {
+        let [(sin_q2, cos_q2), (sin_q4, cos_q4)] =
+            T::sin_cos_all([q2, q4]);
+        [sin_q2, cos_q2, sin_q4, cos_q4]
+    };
     // body 1
     {
-        w[0] = [dd_q1, like.lift(0.0), like.lift(0.0), like.lift(0.0)];
+        w[0][0] = dd_q1;
     }
     // body 2
-    let [al_2z, sin_q2, cos_q2, a_2y_2, w_2z, t2_4, a_2x_2] = {
+    let [al_2z, a_2y, w_2z, t3_4, a_2x] = {
         let al_2z = dd_q1 + dd_q2;
-        w[1] = [al_2z, al_2z, like.lift(0.0), like.lift(0.0)];
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t2_1 = d_q1 * d_q1;
-        let t2_2 = sin_q2 * t2_1;
-        let a_2y = like.lift(0.325) * t2_2;
-        let t2_3 = cos_q2 * dd_q1;
-        let a_2y_2 = like.lift(0.325).mul_add(t2_3, a_2y);
+        w[1][0] = al_2z; w[1][1] = al_2z;
+        let t3_1 = d_q1 * d_q1;
+        let t3_2 = cos_q2 * dd_q1;
+        let t3_3 = sin_q2.mul_add(t3_1, t3_2);
+        let a_2y = like.lift(0.325) * t3_3;
         let w_2z = d_q1 + d_q2;
-        let t2_4 = w_2z * w_2z;
-        let t2_5 = sin_q2 * t2_4;
-        let t2_6 = like.lift(0.325) * t2_5;
-        let t2_7 = cos_q2 * al_2z;
-        let t2_8 = like.lift(-0.325).mul_add(t2_7, t2_6);
-        let w_mx_2_q1 = a_2y_2 - t2_8;
-        w[2] = [w_mx_2_q1, a_2y_2, like.lift(0.0), like.lift(0.0)];
-        let t2_9 = cos_q2 * t2_1;
-        let a_2x = like.lift(0.325) * t2_9;
-        let t2_10 = sin_q2 * dd_q1;
-        let a_2x_2 = like.lift(-0.325).mul_add(t2_10, a_2x);
-        let t2_11 = sin_q2 * al_2z;
-        let t2_12 = like.lift(0.325) * t2_11;
-        let t2_13 = cos_q2 * t2_4;
-        let t2_14 = like.lift(0.325).mul_add(t2_13, t2_12);
-        let w_my_2_q1 = a_2x_2 - t2_14;
-        w[3] = [w_my_2_q1, a_2x_2, like.lift(0.0), like.lift(0.0)];
-        [al_2z, sin_q2, cos_q2, a_2y_2, w_2z, t2_4, a_2x_2]
+        let t3_4 = w_2z * w_2z;
+        let t3_5 = cos_q2 * al_2z;
+        let t3_6 = (-sin_q2).mul_add(t3_4, t3_5);
+        let w_mx_2_q1 = like.lift(0.325).mul_add(t3_6, a_2y);
+        w[2][0] = w_mx_2_q1; w[2][1] = a_2y;
+        let t3_7 = sin_q2 * dd_q1;
+        let t3_8 = (-cos_q2).mul_add(t3_1, t3_7);
+        let t3_9 = like.lift(0.325) * t3_8;
+        let a_2x = -t3_9;
+        let t3_10 = cos_q2 * t3_4;
+        let t3_11 = sin_q2.mul_add(al_2z, t3_10);
+        let w_my_2_q1 = like.lift(-0.325).mul_add(t3_11, a_2x);
+        w[3][0] = w_my_2_q1; w[3][1] = a_2x;
+        [al_2z, a_2y, w_2z, t3_4, a_2x]
     };
     // body 3
-    let [a_3x, a_3y, u_3_q1y] = {
-        let a_3x = like.lift(0.275).mul_add(t2_4, a_2x_2);
-        let t3_1 = sin_q2 * a_3x;
-        let t3_2 = like.lift(0.325) * t3_1;
-        let a_3y = like.lift(0.275).mul_add(al_2z, a_2y_2);
-        let u_2_q1y = like.lift(0.325) * cos_q2;
-        let u_3_q1y = like.lift(0.275) + u_2_q1y;
-        let w_m_3_q1 = (-a_3y).mul_add(u_3_q1y, t3_2);
-        let t3_3 = -w_m_3_q1;
+    let [a_3x, a_3y, u_3_q1y, t4_1] = {
+        let a_3x = like.lift(0.275).mul_add(t3_4, a_2x);
+        let a_3y = like.lift(0.275).mul_add(al_2z, a_2y);
+        let u_3_q1y = like.lift(0.325).mul_add(cos_q2, like.lift(0.275));
+        let t4_1 = like.lift(0.325) * sin_q2;
+        let t4_2 = a_3x * t4_1;
+        let w_m_3_q1 = (-a_3y).mul_add(u_3_q1y, t4_2);
+        let t4_3 = -w_m_3_q1;
         let w_m_3_q2 = like.lift(0.275) * a_3y;
         let a_3z = like.lift(9.81) - dd_q3;
-        let t3_4 = -a_3z;
-        w[4] = [t3_3, w_m_3_q2, t3_4, like.lift(0.0)];
-        [a_3x, a_3y, u_3_q1y]
+        let t4_4 = -a_3z;
+        w[4][0] = t4_3; w[4][1] = w_m_3_q2; w[4][2] = t4_4;
+        [a_3x, a_3y, u_3_q1y, t4_1]
     };
     // body 4
     {
         let al_4z = dd_q4 - al_2z;
-        let t4_1 = -al_4z;
-        w[5] = [t4_1, t4_1, like.lift(0.0), al_4z];
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t4_2 = sin_q4 * a_3x;
-        let a_4y = (-cos_q4).mul_add(a_3y, t4_2);
+        let t5_1 = -al_4z;
+        w[5][0] = t5_1; w[5][1] = t5_1; w[5][3] = al_4z;
+        let t5_2 = sin_q4 * a_3x;
+        let a_4y = (-cos_q4).mul_add(a_3y, t5_2);
         let w_4z = d_q4 - w_2z;
-        let t4_3 = w_4z * w_4z;
-        let t4_4 = sin_q2 * cos_q4;
-        let t4_5 = like.lift(0.325) * t4_4;
-        let u_4_q1x = (-sin_q4).mul_add(u_3_q1y, t4_5);
-        let t4_6 = t4_3 * u_4_q1x;
-        let t4_7 = sin_q2 * sin_q4;
-        let t4_8 = like.lift(0.325) * t4_7;
-        let u_4_q1y = cos_q4.mul_add(u_3_q1y, t4_8);
-        let t4_9 = al_4z.mul_add(u_4_q1y, t4_6);
-        let w_mx_4_q1 = a_4y + t4_9;
-        let t4_10 = -w_mx_4_q1;
-        let t4_11 = sin_q4 * t4_3;
-        let t4_12 = like.lift(0.275) * t4_11;
-        let t4_13 = cos_q4 * al_4z;
-        let t4_14 = like.lift(-0.275).mul_add(t4_13, t4_12);
-        let w_mx_4_q2 = a_4y - t4_14;
-        let t4_15 = -w_mx_4_q2;
-        w[6] = [t4_10, t4_15, like.lift(0.0), a_4y];
-        let t4_16 = cos_q4 * a_3x;
-        let a_4x = sin_q4.mul_add(a_3y, t4_16);
-        let t4_17 = al_4z * u_4_q1x;
-        let t4_18 = (-t4_3).mul_add(u_4_q1y, t4_17);
-        let w_my_4_q1 = a_4x + t4_18;
-        let t4_19 = -w_my_4_q1;
-        let t4_20 = sin_q4 * al_4z;
-        let t4_21 = like.lift(0.275) * t4_20;
-        let t4_22 = cos_q4 * t4_3;
-        let t4_23 = like.lift(0.275).mul_add(t4_22, t4_21);
-        let w_my_4_q2 = a_4x - t4_23;
-        let t4_24 = -w_my_4_q2;
-        w[7] = [t4_19, t4_24, like.lift(0.0), a_4x];
+        let t5_3 = w_4z * w_4z;
+        let t5_4 = cos_q4 * t4_1;
+        let u_4_q1x = (-sin_q4).mul_add(u_3_q1y, t5_4);
+        let t5_5 = cos_q4 * u_3_q1y;
+        let u_4_q1y = sin_q4.mul_add(t4_1, t5_5);
+        let t5_6 = al_4z.mul_add(u_4_q1y, a_4y);
+        let w_mx_4_q1 = t5_3.mul_add(u_4_q1x, t5_6);
+        let t5_7 = -w_mx_4_q1;
+        let t5_8 = cos_q4 * al_4z;
+        let t5_9 = (-sin_q4).mul_add(t5_3, t5_8);
+        let w_mx_4_q2 = like.lift(0.275).mul_add(t5_9, a_4y);
+        let t5_10 = -w_mx_4_q2;
+        w[6][0] = t5_7; w[6][1] = t5_10; w[6][3] = a_4y;
+        let t5_11 = sin_q4 * a_3y;
+        let a_4x = cos_q4.mul_add(a_3x, t5_11);
+        let t5_12 = (-t5_3).mul_add(u_4_q1y, a_4x);
+        let w_my_4_q1 = al_4z.mul_add(u_4_q1x, t5_12);
+        let t5_13 = -w_my_4_q1;
+        let t5_14 = cos_q4 * t5_3;
+        let t5_15 = sin_q4.mul_add(al_4z, t5_14);
+        let w_my_4_q2 = like.lift(-0.275).mul_add(t5_15, a_4x);
+        let t5_16 = -w_my_4_q2;
+        w[7][0] = t5_13; w[7][1] = t5_16; w[7][3] = a_4x;
     }
     Condition::regular(like)
 }
@@ -1028,8 +965,8 @@ pub fn to_base<T: Scalar>(phi: &[T; 40]) -> [T; 8] {
     {
         let t1_1 = like.lift(0.105625).mul_add(p_m_2, p_izz_1);
         beta[0] = t1_1;
-        let t1_2 = p_izz_2 + p_izz_3;
-        let t1_3 = like.lift(0.55).mul_add(p_mx_3, t1_2);
+        let t1_2 = like.lift(0.55).mul_add(p_mx_3, p_izz_2);
+        let t1_3 = t1_2 + p_izz_3;
         beta[1] = t1_3;
         let t1_4 = p_mx_2 + p_mx_3;
         beta[2] = t1_4;
@@ -1065,8 +1002,8 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 8], free: &[T; 32]) -> [T; 40]
     {
         let t1_1 = like.lift(-0.105625).mul_add(p_m_2, p_izz_1);
         phi[5] = t1_1;
-        let t1_2 = like.lift(0.55).mul_add(p_mx_3, p_izz_3);
-        let t1_3 = p_izz_2 - t1_2;
+        let t1_2 = like.lift(-0.55).mul_add(p_mx_3, p_izz_2);
+        let t1_3 = t1_2 - p_izz_3;
         phi[15] = t1_3;
         let t1_4 = p_mx_2 - p_mx_3;
         phi[16] = t1_4;
@@ -1121,7 +1058,7 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 8], free: &[T; 32]) -> [T; 40]
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
 ///
-/// 30 additions, 43 multiplications, 0 divisions, 2 sines and cosines.
+/// 30 additions, 41 multiplications, 0 divisions, 2 sines and cosines.
 pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], beta: &[T; 8]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 4];
@@ -1129,66 +1066,66 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], b
     let [d_q1, d_q2, _, d_q4] = *qd;
     let [dd_q1, dd_q2, dd_q3, dd_q4] = *qdd;
     let [p_izz_1, p_izz_2, p_mx_2, p_my_2, p_m_3, p_izz_4, p_mx_4, p_my_4] = *beta;
+    // sines and cosines
+    let [sin_q2, cos_q2, sin_q4, cos_q4] = {
+        let [(sin_q2, cos_q2), (sin_q4, cos_q4)] =
+            T::sin_cos_all([q2, q4]);
+        [sin_q2, cos_q2, sin_q4, cos_q4]
+    };
     // tau
     {
         let al_2z = dd_q1 + dd_q2;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_1 = d_q1 * d_q1;
-        let t1_2 = sin_q2 * t1_1;
-        let a_2y = like.lift(0.325) * t1_2;
-        let t1_3 = cos_q2 * dd_q1;
-        let a_2y_2 = like.lift(0.325).mul_add(t1_3, a_2y);
-        let t1_4 = a_2y_2 * p_mx_2;
-        let t1_5 = cos_q2 * t1_1;
-        let a_2x = like.lift(0.325) * t1_5;
-        let t1_6 = sin_q2 * dd_q1;
-        let a_2x_2 = like.lift(-0.325).mul_add(t1_6, a_2x);
-        let t1_7 = a_2x_2.mul_add(p_my_2, t1_4);
-        let t1_8 = al_2z.mul_add(p_izz_2, t1_7);
+        let t2_1 = d_q1 * d_q1;
+        let t2_2 = cos_q2 * dd_q1;
+        let t2_3 = sin_q2.mul_add(t2_1, t2_2);
+        let a_2y = like.lift(0.325) * t2_3;
+        let t2_4 = sin_q2 * dd_q1;
+        let t2_5 = (-cos_q2).mul_add(t2_1, t2_4);
+        let t2_6 = like.lift(0.325) * t2_5;
+        let a_2x = -t2_6;
         let al_4z = dd_q4 - al_2z;
-        let (sin_q4, cos_q4) = q4.sin_cos();
         let w_2z = d_q1 + d_q2;
-        let t1_9 = w_2z * w_2z;
-        let a_3x = like.lift(0.275).mul_add(t1_9, a_2x_2);
-        let t1_10 = sin_q4 * a_3x;
-        let a_3y = like.lift(0.275).mul_add(al_2z, a_2y_2);
-        let a_4y = (-cos_q4).mul_add(a_3y, t1_10);
-        let t1_11 = a_4y * p_mx_4;
-        let t1_12 = cos_q4 * a_3x;
-        let a_4x = sin_q4.mul_add(a_3y, t1_12);
-        let t1_13 = a_4x.mul_add(p_my_4, t1_11);
-        let t1_14 = al_4z.mul_add(p_izz_4, t1_13);
-        tau[3] = t1_14;
+        let t2_7 = w_2z * w_2z;
+        let a_3x = like.lift(0.275).mul_add(t2_7, a_2x);
+        let a_3y = like.lift(0.275).mul_add(al_2z, a_2y);
+        let t2_8 = sin_q4 * a_3x;
+        let a_4y = (-cos_q4).mul_add(a_3y, t2_8);
+        let t2_9 = sin_q4 * a_3y;
+        let a_4x = cos_q4.mul_add(a_3x, t2_9);
+        let t2_10 = al_4z * p_izz_4;
+        let t2_11 = a_4x.mul_add(p_my_4, t2_10);
+        let t2_12 = a_4y.mul_add(p_mx_4, t2_11);
+        tau[3] = t2_12;
         let w_4z = d_q4 - w_2z;
-        let t1_15 = w_4z * w_4z;
-        let t1_16 = t1_15 * p_mx_4;
-        let t1_17 = al_4z.mul_add(p_my_4, t1_16);
-        let t1_18 = sin_q4 * t1_17;
-        let t1_19 = al_4z * p_mx_4;
-        let t1_20 = (-t1_15).mul_add(p_my_4, t1_19);
-        let t1_21 = (-cos_q4).mul_add(t1_20, t1_18);
-        let t1_22 = a_3y.mul_add(p_m_3, t1_21);
-        let t1_23 = like.lift(-0.275).mul_add(t1_22, t1_14);
-        let t1_24 = t1_8 - t1_23;
-        tau[1] = t1_24;
-        let t1_25 = t1_9 * p_mx_2;
-        let t1_26 = al_2z.mul_add(p_my_2, t1_25);
-        let t1_27 = cos_q4 * t1_17;
-        let t1_28 = sin_q4.mul_add(t1_20, t1_27);
-        let t1_29 = a_3x.mul_add(p_m_3, t1_28);
-        let t1_30 = t1_26 + t1_29;
-        let t1_31 = sin_q2 * t1_30;
-        let t1_32 = al_2z * p_mx_2;
-        let t1_33 = (-t1_9).mul_add(p_my_2, t1_32);
-        let t1_34 = t1_33 + t1_22;
-        let t1_35 = (-cos_q2).mul_add(t1_34, t1_31);
-        let t1_36 = like.lift(-0.325).mul_add(t1_35, t1_24);
-        let t1_37 = dd_q1.mul_add(p_izz_1, t1_36);
-        tau[0] = t1_37;
+        let t2_13 = w_4z * w_4z;
+        let t2_14 = al_4z * p_my_4;
+        let t2_15 = t2_13.mul_add(p_mx_4, t2_14);
+        let t2_16 = al_4z * p_mx_4;
+        let t2_17 = (-t2_13).mul_add(p_my_4, t2_16);
+        let t2_18 = a_3y * p_m_3;
+        let t2_19 = (-cos_q4).mul_add(t2_17, t2_18);
+        let t2_20 = sin_q4.mul_add(t2_15, t2_19);
+        let t2_21 = al_2z.mul_add(p_izz_2, -t2_12);
+        let t2_22 = a_2x.mul_add(p_my_2, t2_21);
+        let t2_23 = a_2y.mul_add(p_mx_2, t2_22);
+        let t2_24 = like.lift(0.275).mul_add(t2_20, t2_23);
+        tau[1] = t2_24;
+        let t2_25 = al_2z * p_my_2;
+        let t2_26 = t2_7.mul_add(p_mx_2, t2_25);
+        let t2_27 = a_3x.mul_add(p_m_3, t2_26);
+        let t2_28 = sin_q4.mul_add(t2_17, t2_27);
+        let t2_29 = cos_q4.mul_add(t2_15, t2_28);
+        let t2_30 = (-t2_7).mul_add(p_my_2, t2_20);
+        let t2_31 = al_2z.mul_add(p_mx_2, t2_30);
+        let t2_32 = sin_q2 * t2_29;
+        let t2_33 = (-cos_q2).mul_add(t2_31, t2_32);
+        let t2_34 = dd_q1.mul_add(p_izz_1, t2_24);
+        let t2_35 = like.lift(-0.325).mul_add(t2_33, t2_34);
+        tau[0] = t2_35;
         let a_3z = like.lift(9.81) - dd_q3;
-        let t1_38 = a_3z * p_m_3;
-        let t1_39 = -t1_38;
-        tau[2] = t1_39;
+        let t2_36 = a_3z * p_m_3;
+        let t2_37 = -t2_36;
+        tau[2] = t2_37;
     }
     (tau, Condition::regular(like))
 }
@@ -1209,9 +1146,6 @@ pub fn base_gravity<T: Scalar>(q: &[T; 4], beta: &[T; 8]) -> ([T; 4], Condition<
         let t1_1 = like.lift(9.81) * p_m_3;
         let t1_2 = -t1_1;
         tau[2] = t1_2;
-        tau[0] = like.lift(0.0);
-        tau[1] = like.lift(0.0);
-        tau[3] = like.lift(0.0);
     }
     (tau, Condition::regular(like))
 }
@@ -1223,58 +1157,57 @@ pub fn base_gravity<T: Scalar>(q: &[T; 4], beta: &[T; 8]) -> ([T; 4], Condition<
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
 ///
-/// 17 additions, 34 multiplications, 0 divisions, 2 sines and cosines.
+/// 17 additions, 31 multiplications, 0 divisions, 2 sines and cosines.
 pub fn base_bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], beta: &[T; 8]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 4];
     let [_, q2, _, q4] = *q;
     let [d_q1, d_q2, _, d_q4] = *qd;
     let [_, _, p_mx_2, p_my_2, p_m_3, _, p_mx_4, p_my_4] = *beta;
+    // sines and cosines
+    let [sin_q2, cos_q2, sin_q4, cos_q4] = {
+        let [(sin_q2, cos_q2), (sin_q4, cos_q4)] =
+            T::sin_cos_all([q2, q4]);
+        [sin_q2, cos_q2, sin_q4, cos_q4]
+    };
     // tau
     {
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_1 = d_q1 * d_q1;
-        let t1_2 = sin_q2 * t1_1;
-        let t1_3 = t1_2 * p_mx_2;
-        let t1_4 = like.lift(0.325) * t1_3;
-        let t1_5 = cos_q2 * t1_1;
-        let t1_6 = t1_5 * p_my_2;
-        let t1_7 = like.lift(0.325).mul_add(t1_6, t1_4);
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let a_2x = like.lift(0.325) * t1_5;
+        let t2_1 = d_q1 * d_q1;
+        let t2_2 = sin_q2 * t2_1;
+        let t2_3 = cos_q2 * t2_1;
         let w_2z = d_q1 + d_q2;
-        let t1_8 = w_2z * w_2z;
-        let a_3x = like.lift(0.275).mul_add(t1_8, a_2x);
-        let t1_9 = sin_q4 * a_3x;
-        let t1_10 = cos_q4 * t1_2;
-        let a_4y = like.lift(-0.325).mul_add(t1_10, t1_9);
-        let t1_11 = a_4y * p_mx_4;
-        let t1_12 = cos_q4 * a_3x;
-        let t1_13 = sin_q4 * t1_2;
-        let a_4x = like.lift(0.325).mul_add(t1_13, t1_12);
-        let t1_14 = a_4x.mul_add(p_my_4, t1_11);
-        tau[3] = t1_14;
-        let t1_15 = t1_2 * p_m_3;
+        let t2_4 = w_2z * w_2z;
+        let t2_5 = like.lift(0.275) * t2_4;
+        let a_3x = like.lift(0.325).mul_add(t2_3, t2_5);
+        let t2_6 = like.lift(0.325) * t2_2;
+        let t2_7 = sin_q4 * a_3x;
+        let a_4y = (-cos_q4).mul_add(t2_6, t2_7);
+        let t2_8 = sin_q4 * t2_6;
+        let a_4x = cos_q4.mul_add(a_3x, t2_8);
+        let t2_9 = a_4x * p_my_4;
+        let t2_10 = a_4y.mul_add(p_mx_4, t2_9);
+        tau[3] = t2_10;
         let w_4z = d_q4 - w_2z;
-        let t1_16 = w_4z * w_4z;
-        let t1_17 = t1_16 * p_mx_4;
-        let t1_18 = sin_q4 * t1_17;
-        let t1_19 = t1_16 * p_my_4;
-        let t1_20 = cos_q4.mul_add(t1_19, t1_18);
-        let t1_21 = like.lift(0.325).mul_add(t1_15, t1_20);
-        let t1_22 = like.lift(-0.275).mul_add(t1_21, t1_14);
-        let t1_23 = t1_7 - t1_22;
-        tau[1] = t1_23;
-        let t1_24 = cos_q4 * t1_17;
-        let t1_25 = (-sin_q4).mul_add(t1_19, t1_24);
-        let t1_26 = a_3x.mul_add(p_m_3, t1_25);
-        let t1_27 = t1_8.mul_add(p_mx_2, t1_26);
-        let t1_28 = sin_q2 * t1_27;
-        let t1_29 = t1_8.mul_add(p_my_2, -t1_21);
-        let t1_30 = cos_q2.mul_add(t1_29, t1_28);
-        let t1_31 = like.lift(-0.325).mul_add(t1_30, t1_23);
-        tau[0] = t1_31;
-        tau[2] = like.lift(0.0);
+        let t2_11 = w_4z * w_4z;
+        let t2_12 = t2_11 * p_mx_4;
+        let t2_13 = t2_11 * p_my_4;
+        let t2_14 = p_m_3 * t2_6;
+        let t2_15 = cos_q4.mul_add(t2_13, t2_14);
+        let t2_16 = sin_q4.mul_add(t2_12, t2_15);
+        let t2_17 = t2_3 * p_my_2;
+        let t2_18 = t2_2.mul_add(p_mx_2, t2_17);
+        let t2_19 = like.lift(0.325).mul_add(t2_18, -t2_10);
+        let t2_20 = like.lift(0.275).mul_add(t2_16, t2_19);
+        tau[1] = t2_20;
+        let t2_21 = t2_4 * p_mx_2;
+        let t2_22 = a_3x.mul_add(p_m_3, t2_21);
+        let t2_23 = (-sin_q4).mul_add(t2_13, t2_22);
+        let t2_24 = cos_q4.mul_add(t2_12, t2_23);
+        let t2_25 = t2_4.mul_add(p_my_2, -t2_16);
+        let t2_26 = cos_q2 * t2_25;
+        let t2_27 = sin_q2.mul_add(t2_24, t2_26);
+        let t2_28 = like.lift(-0.325).mul_add(t2_27, t2_20);
+        tau[0] = t2_28;
     }
     (tau, Condition::regular(like))
 }
@@ -1291,37 +1224,41 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 4], beta: &[T; 8]) -> ([[T; 4]; 4], C
     let mut m = [[like.lift(0.0); 4]; 4];
     let [_, q2, _, q4] = *q;
     let [p_izz_1, p_izz_2, p_mx_2, p_my_2, p_m_3, p_izz_4, p_mx_4, p_my_4] = *beta;
+    // sines and cosines
+    let [sin_q4, cos_q4, sin_q2, cos_q2] = {
+        let [(sin_q4, cos_q4), (sin_q2, cos_q2)] =
+            T::sin_cos_all([q4, q2]);
+        [sin_q4, cos_q4, sin_q2, cos_q2]
+    };
     // M
     {
-        let (sin_q4, cos_q4) = q4.sin_cos();
-        let t1_1 = sin_q4 * p_my_4;
-        let t1_2 = (-cos_q4).mul_add(p_mx_4, t1_1);
-        let t1_3 = like.lift(-0.275).mul_add(p_m_3, t1_2);
-        let t1_4 = like.lift(-0.275).mul_add(t1_2, p_izz_4);
-        let t1_5 = like.lift(0.275).mul_add(t1_3, -t1_4);
-        let t1_6 = p_izz_2 - t1_5;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_7 = p_mx_2 - t1_3;
-        let t1_8 = cos_q2 * t1_7;
-        let t1_9 = cos_q4 * p_my_4;
-        let t1_10 = sin_q4.mul_add(p_mx_4, t1_9);
-        let t1_11 = p_my_2 - t1_10;
-        let t1_12 = (-sin_q2).mul_add(t1_11, t1_8);
-        let t1_13 = like.lift(0.325).mul_add(p_m_3, t1_12);
-        let t1_14 = like.lift(0.325) * t1_12;
-        let t1_15 = like.lift(0.325).mul_add(t1_13, t1_14);
-        let t1_16 = t1_6 + t1_15;
-        let t1_17 = p_izz_1 + t1_16;
-        let t1_18 = t1_6 + t1_14;
-        let t1_19 = sin_q2 * t1_10;
-        let t1_20 = (-cos_q2).mul_add(t1_2, t1_19);
-        let t1_21 = like.lift(0.325).mul_add(t1_20, t1_4);
-        let t1_22 = -t1_21;
-        m[0] = [t1_17, t1_18, like.lift(0.0), t1_22];
-        let t1_23 = -t1_4;
-        m[1] = [t1_18, t1_6, like.lift(0.0), t1_23];
-        m[3] = [t1_22, t1_23, like.lift(0.0), p_izz_4];
-        m[2] = [like.lift(0.0), like.lift(0.0), p_m_3, like.lift(0.0)];
+        let t2_1 = sin_q4 * p_my_4;
+        let t2_2 = (-cos_q4).mul_add(p_mx_4, t2_1);
+        let t2_3 = like.lift(-0.275).mul_add(p_m_3, t2_2);
+        let t2_4 = like.lift(-0.275).mul_add(t2_2, p_izz_4);
+        let t2_5 = like.lift(-0.275).mul_add(t2_3, p_izz_2);
+        let t2_6 = t2_5 + t2_4;
+        let t2_7 = p_mx_2 - t2_3;
+        let t2_8 = sin_q4 * p_mx_4;
+        let t2_9 = cos_q4.mul_add(p_my_4, t2_8);
+        let t2_10 = p_my_2 - t2_9;
+        let t2_11 = cos_q2 * t2_7;
+        let t2_12 = (-sin_q2).mul_add(t2_10, t2_11);
+        let t2_13 = like.lift(0.325).mul_add(p_m_3, t2_12);
+        let t2_14 = like.lift(0.325) * t2_12;
+        let t2_15 = p_izz_1 + t2_6;
+        let t2_16 = like.lift(0.325).mul_add(t2_13, t2_15);
+        let t2_17 = t2_16 + t2_14;
+        let t2_18 = t2_6 + t2_14;
+        let t2_19 = sin_q2 * t2_9;
+        let t2_20 = (-cos_q2).mul_add(t2_2, t2_19);
+        let t2_21 = like.lift(0.325).mul_add(t2_20, t2_4);
+        let t2_22 = -t2_21;
+        m[0][0] = t2_17; m[0][1] = t2_18; m[0][3] = t2_22;
+        let t2_23 = -t2_4;
+        m[1][0] = t2_18; m[1][1] = t2_6; m[1][3] = t2_23;
+        m[3][0] = t2_22; m[3][1] = t2_23; m[3][3] = p_izz_4;
+        m[2][2] = p_m_3;
     }
     (m, Condition::regular(like))
 }
@@ -1523,5 +1460,12 @@ impl<T: Scalar> BaseModel<T> for Scara {
         let (value, condition) = base_mass_matrix(q, beta);
         *out = value;
         Ok(condition)
+    }
+}
+
+impl BaseKernel<4, 4, 8> for Scara {
+    #[inline(always)]
+    fn base_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut [[T; 4]; 8]) -> Condition<T> {
+        base_regressor_entries(q, qd, qdd, w)
     }
 }

@@ -11,32 +11,32 @@
 //! |---|---|---|---|---|
 //! | [`constraints`] | 4 | 4 | 0 | 2 |
 //! | [`jacobian`] | 3 | 4 | 0 | 2 |
-//! | [`bias`] | 4 | 12 | 0 | 2 |
+//! | [`bias`] | 4 | 8 | 0 | 2 |
 //! | [`newton_step`] | 5 | 7 | 1 | 2 |
 //! | [`dependent_jacobian`] | 1 | 0 | 0 | 1 |
-//! | [`velocities`] | 3 | 9 | 1 | 2 |
-//! | [`accelerations`] | 7 | 14 | 1 | 2 |
-//! | [`regressor`] | 16 | 37 | 1 | 2 |
-//! | [`inverse_dynamics`] | 23 | 41 | 1 | 2 |
-//! | [`gravity`] | 9 | 22 | 1 | 2 |
-//! | [`bias_forces`] | 16 | 36 | 1 | 2 |
-//! | [`mass_matrix`] | 13 | 17 | 1 | 2 |
-//! | [`slotine_li`] | 22 | 56 | 1 | 2 |
+//! | [`velocities`] | 3 | 8 | 1 | 2 |
+//! | [`accelerations`] | 7 | 13 | 1 | 2 |
+//! | [`regressor`] | 16 | 33 | 1 | 2 |
+//! | [`inverse_dynamics`] | 23 | 39 | 1 | 2 |
+//! | [`gravity`] | 9 | 19 | 1 | 2 |
+//! | [`bias_forces`] | 16 | 33 | 1 | 2 |
+//! | [`mass_matrix`] | 13 | 15 | 1 | 2 |
+//! | [`slotine_li`] | 22 | 50 | 1 | 2 |
 //! | [`efforts`] | 0 | 0 | 0 | 0 |
 //! | [`poses`] | 1 | 2 | 0 | 2 |
-//! | [`base_regressor`] | 15 | 32 | 1 | 2 |
-//! | [`to_base`] | 6 | 6 | 0 | 0 |
-//! | [`parameters_from_base`] | 6 | 6 | 0 | 0 |
-//! | [`base_inverse_dynamics`] | 20 | 37 | 1 | 2 |
-//! | [`base_gravity`] | 8 | 20 | 1 | 2 |
-//! | [`base_bias_forces`] | 13 | 30 | 1 | 2 |
-//! | [`base_mass_matrix`] | 10 | 14 | 1 | 2 |
+//! | [`base_regressor`] | 15 | 29 | 1 | 2 |
+//! | [`to_base`] | 6 | 4 | 0 | 0 |
+//! | [`parameters_from_base`] | 6 | 4 | 0 | 0 |
+//! | [`base_inverse_dynamics`] | 20 | 35 | 1 | 2 |
+//! | [`base_gravity`] | 8 | 17 | 1 | 2 |
+//! | [`base_bias_forces`] | 13 | 28 | 1 | 2 |
+//! | [`base_mass_matrix`] | 10 | 12 | 1 | 2 |
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
 use ::regen_runtime::{
  Condition, Cone, Cut, Info, Joint, Limits, Model, Scalar, SizeError, };
-use ::regen_runtime::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
+use ::regen_runtime::{BaseInfo, BaseKernel, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
 pub const COORDINATES: [&str; 3] = [
@@ -196,22 +196,22 @@ pub fn constraints<T: Scalar>(q: &[T; 3]) -> [T; 5] {
     let like = q[0];
     let mut f = [like.lift(0.0); 5];
     let [q1, q2, x] = *q;
+    // sines and cosines
+    let [sin_q1, cos_q1, sin_q1_q2, cos_q1_q2] = {
+        let t1_1 = q2 + q1;
+        let [(sin_q1, cos_q1), (sin_q1_q2, cos_q1_q2)] =
+            T::sin_cos_all([q1, t1_1]);
+        [sin_q1, cos_q1, sin_q1_q2, cos_q1_q2]
+    };
     // f (Eq. 6)
     {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = like.lift(0.1) * cos_q1;
-        let t1_2 = q2 + q1;
-        let (sin_q1_q2, cos_q1_q2) = t1_2.sin_cos();
-        let t1_3 = like.lift(0.2).mul_add(cos_q1_q2, t1_1);
-        let t1_4 = x - t1_3;
-        f[0] = t1_4;
-        let t1_5 = like.lift(0.1) * sin_q1;
-        let t1_6 = like.lift(0.2).mul_add(sin_q1_q2, t1_5);
-        let t1_7 = -t1_6;
-        f[2] = t1_7;
-        f[1] = like.lift(0.0);
-        f[3] = like.lift(0.0);
-        f[4] = like.lift(0.0);
+        let t2_1 = like.lift(-0.2).mul_add(cos_q1_q2, x);
+        let t2_2 = like.lift(-0.1).mul_add(cos_q1, t2_1);
+        f[0] = t2_2;
+        let t2_3 = like.lift(0.2) * sin_q1_q2;
+        let t2_4 = like.lift(0.1).mul_add(sin_q1, t2_3);
+        let t2_5 = -t2_4;
+        f[2] = t2_5;
     }
     f
 }
@@ -226,35 +226,35 @@ pub fn jacobian<T: Scalar>(q: &[T; 3]) -> [[T; 3]; 5] {
     let like = q[0];
     let mut a = [[like.lift(0.0); 3]; 5];
     let [q1, q2, _] = *q;
-    // row 1
-    let [cos_q1, cos_q1_q2] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
+    // sines and cosines
+    let [sin_q1, cos_q1, sin_q1_q2, cos_q1_q2] = {
         let t1_1 = q2 + q1;
-        let (sin_q1_q2, cos_q1_q2) = t1_1.sin_cos();
-        let t1_2 = like.lift(0.2) * sin_q1_q2;
-        let t1_3 = like.lift(0.1).mul_add(sin_q1, t1_2);
-        a[0] = [t1_3, t1_2, like.lift(1.0)];
-        [cos_q1, cos_q1_q2]
+        let [(sin_q1, cos_q1), (sin_q1_q2, cos_q1_q2)] =
+            T::sin_cos_all([q1, t1_1]);
+        [sin_q1, cos_q1, sin_q1_q2, cos_q1_q2]
     };
+    // row 1
+    {
+        let t2_1 = like.lift(0.2) * sin_q1_q2;
+        let t2_2 = like.lift(0.1).mul_add(sin_q1, t2_1);
+        a[0] = [t2_2, t2_1, like.lift(1.0)];
+    }
     // row 2
     {
-        a[1] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
     }
     // row 3
     {
-        let t3_1 = like.lift(0.2) * cos_q1_q2;
-        let t3_2 = like.lift(0.1).mul_add(cos_q1, t3_1);
-        let t3_3 = -t3_2;
-        let t3_4 = -t3_1;
-        a[2] = [t3_3, t3_4, like.lift(0.0)];
+        let t4_1 = like.lift(0.2) * cos_q1_q2;
+        let t4_2 = like.lift(0.1).mul_add(cos_q1, t4_1);
+        let t4_3 = -t4_2;
+        let t4_4 = -t4_1;
+        a[2][0] = t4_3; a[2][1] = t4_4;
     }
     // row 4
     {
-        a[3] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
     }
     // row 5
     {
-        a[4] = [like.lift(0.0), like.lift(0.0), like.lift(0.0)];
     }
     a
 }
@@ -265,37 +265,34 @@ pub fn jacobian<T: Scalar>(q: &[T; 3]) -> [[T; 3]; 5] {
 /// - `qd`: velocities of all coordinates
 /// - `b`: b = -(dA/dt) qd, so that A qdd = b (Eq. 7)
 ///
-/// 4 additions, 12 multiplications, 0 divisions, 2 sines and cosines.
+/// 4 additions, 8 multiplications, 0 divisions, 2 sines and cosines.
 pub fn bias<T: Scalar>(q: &[T; 3], qd: &[T; 3]) -> [T; 5] {
     let like = q[0];
     let mut b = [like.lift(0.0); 5];
     let [q1, q2, _] = *q;
     let [d_q1, d_q2, _] = *qd;
+    // sines and cosines
+    let [sin_q1, cos_q1, sin_q1_q2, cos_q1_q2] = {
+        let t1_1 = q2 + q1;
+        let [(sin_q1, cos_q1), (sin_q1_q2, cos_q1_q2)] =
+            T::sin_cos_all([q1, t1_1]);
+        [sin_q1, cos_q1, sin_q1_q2, cos_q1_q2]
+    };
     // b (Eq. 7)
     {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = cos_q1 * d_q1;
-        let t1_2 = d_q1 * t1_1;
-        let t1_3 = like.lift(0.1) * t1_2;
-        let t1_4 = d_q1 + d_q2;
-        let t1_5 = q2 + q1;
-        let (sin_q1_q2, cos_q1_q2) = t1_5.sin_cos();
-        let t1_6 = cos_q1_q2 * t1_4;
-        let t1_7 = t1_4 * t1_6;
-        let t1_8 = like.lift(0.2).mul_add(t1_7, t1_3);
-        let t1_9 = -t1_8;
-        b[0] = t1_9;
-        let t1_10 = sin_q1 * d_q1;
-        let t1_11 = d_q1 * t1_10;
-        let t1_12 = like.lift(0.1) * t1_11;
-        let t1_13 = sin_q1_q2 * t1_4;
-        let t1_14 = t1_4 * t1_13;
-        let t1_15 = like.lift(0.2).mul_add(t1_14, t1_12);
-        let t1_16 = -t1_15;
-        b[2] = t1_16;
-        b[1] = like.lift(0.0);
-        b[3] = like.lift(0.0);
-        b[4] = like.lift(0.0);
+        let t2_1 = d_q1 + d_q2;
+        let t2_2 = like.lift(0.2) * t2_1;
+        let t2_3 = t2_1 * t2_2;
+        let t2_4 = like.lift(0.1) * d_q1;
+        let t2_5 = d_q1 * t2_4;
+        let t2_6 = cos_q1_q2 * t2_3;
+        let t2_7 = cos_q1.mul_add(t2_5, t2_6);
+        let t2_8 = -t2_7;
+        b[0] = t2_8;
+        let t2_9 = sin_q1_q2 * t2_3;
+        let t2_10 = sin_q1.mul_add(t2_5, t2_9);
+        let t2_11 = -t2_10;
+        b[2] = t2_11;
     }
     b
 }
@@ -311,39 +308,42 @@ pub fn newton_step<T: Scalar>(q: &[T; 3]) -> ([T; 2], Condition<T>) {
     let mut dq_e = [like.lift(0.0); 2];
     let [q1, q2, x] = *q;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [sin_q1_q2, cos_q1_q2, sin_q2, cos_q2] = {
+        let t1_1 = q2 + q1;
+        let [(sin_q1_q2, cos_q1_q2), (sin_q2, cos_q2)] =
+            T::sin_cos_all([t1_1, q2]);
+        [sin_q1_q2, cos_q1_q2, sin_q2, cos_q2]
+    };
     // A_e dq_e = -f
     {
-        let t1_1 = q2 + q1;
-        let (sin_q1_q2, cos_q1_q2) = t1_1.sin_cos();
-        let t1_2 = -sin_q1_q2;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_3 = like.lift(0.1) * cos_q2;
-        let t1_4 = (-x).mul_add(cos_q1_q2, t1_3);
-        let t1_5 = like.lift(0.2) + t1_4;
-        let t1_6 = like.lift(0.1) * sin_q2;
-        let t1_7 = (-x).mul_add(sin_q1_q2, t1_6);
-        let t1_8 = -t1_7;
+        let t2_1 = -sin_q1_q2;
+        let t2_2 = (-x).mul_add(cos_q1_q2, like.lift(0.2));
+        let t2_3 = like.lift(0.1).mul_add(cos_q2, t2_2);
+        let t2_4 = like.lift(0.1) * sin_q2;
+        let t2_5 = (-x).mul_add(sin_q1_q2, t2_4);
+        let t2_6 = -t2_5;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
-        let t1_9 = t1_5 * inv_pivot_2;
-        let t1_10 = (-sin_q1_q2).mul_add(t1_9, t1_7);
-        let t1_11 = like.lift(5.0) * t1_10;
+        let t2_7 = t2_3 * inv_pivot_2;
+        let t2_8 = (-sin_q1_q2).mul_add(t2_7, t2_5);
+        let t2_9 = like.lift(5.0) * t2_8;
         // the smallest pivot relative to its usual size
         let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
-        let ([[t1_12], [t1_13]], found) = ::regen_runtime::guarded(
-            [[t1_11], [t1_9]],
+        let ([[t2_10], [t2_11]], found) = ::regen_runtime::guarded(
+            [[t2_9], [t2_7]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t1_2],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t2_1],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t1_5], [t1_8], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_3], [t2_6], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        dq_e[0] = t1_12;
-        dq_e[1] = t1_13;
+        dq_e[0] = t2_10;
+        dq_e[1] = t2_11;
     }
     (dq_e, Condition { pivot: condition })
 }
@@ -362,7 +362,7 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 3]) -> [[T; 2]; 2] {
     {
         let t1_1 = q2 + q1;
         let (sin_q1_q2, cos_q1_q2) = t1_1.sin_cos();
-        a_e[1] = [like.lift(0.0), cos_q1_q2];
+        a_e[1][1] = cos_q1_q2;
         let t1_2 = -sin_q1_q2;
         a_e[0] = [like.lift(-0.2), t1_2];
     }
@@ -375,47 +375,50 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 3]) -> [[T; 2]; 2] {
 /// - `qd_i`: velocities of the independent coordinates, in the order of `INDEPENDENT`
 /// - `qd`: velocities of all coordinates
 ///
-/// 3 additions, 9 multiplications, 1 divisions, 2 sines and cosines.
+/// 3 additions, 8 multiplications, 1 divisions, 2 sines and cosines.
 pub fn velocities<T: Scalar>(q: &[T; 3], qd_i: &[T; 1]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut qd = [like.lift(0.0); 3];
     let [q1, q2, _] = *q;
     let [d_q1] = *qd_i;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [sin_q1_q2, cos_q1_q2, sin_q2, cos_q2] = {
+        let t1_1 = q2 + q1;
+        let [(sin_q1_q2, cos_q1_q2), (sin_q2, cos_q2)] =
+            T::sin_cos_all([t1_1, q2]);
+        [sin_q1_q2, cos_q1_q2, sin_q2, cos_q2]
+    };
     // A_e qd_e = -A_i qd_i (Eq. 8)
     {
-        let t1_1 = q2 + q1;
-        let (sin_q1_q2, cos_q1_q2) = t1_1.sin_cos();
-        let t1_2 = -sin_q1_q2;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_3 = sin_q2 * d_q1;
-        let t1_4 = like.lift(0.1) * t1_3;
-        let t1_5 = like.lift(0.1).mul_add(cos_q2, like.lift(0.2));
-        let t1_6 = t1_5 * d_q1;
+        let t2_1 = -sin_q1_q2;
+        let t2_2 = sin_q2 * d_q1;
+        let t2_3 = like.lift(0.1) * t2_2;
+        let t2_4 = like.lift(0.1).mul_add(cos_q2, like.lift(0.2));
+        let t2_5 = t2_4 * d_q1;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
-        let t1_7 = inv_pivot_2 * t1_3;
-        let t1_8 = sin_q1_q2 * t1_7;
-        let t1_9 = like.lift(0.1).mul_add(t1_8, t1_6);
-        let t1_10 = like.lift(5.0) * t1_9;
-        let t1_11 = -t1_10;
-        let t1_12 = like.lift(0.1) * t1_7;
+        let t2_6 = inv_pivot_2 * t2_2;
+        let t2_7 = like.lift(0.1) * t2_6;
+        let t2_8 = sin_q1_q2.mul_add(t2_7, t2_5);
+        let t2_9 = like.lift(5.0) * t2_8;
+        let t2_10 = -t2_9;
         // the smallest pivot relative to its usual size
         let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
-        let ([[t1_13], [t1_14]], found) = ::regen_runtime::guarded(
-            [[t1_11], [t1_12]],
+        let ([[t2_11], [t2_12]], found) = ::regen_runtime::guarded(
+            [[t2_10], [t2_7]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t1_2],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t2_1],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t1_4], [t1_6], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_3], [t2_5], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        qd[1] = t1_13;
-        qd[2] = t1_14;
+        qd[1] = t2_11;
+        qd[2] = t2_12;
         qd[0] = d_q1;
     }
     (qd, Condition { pivot: condition })
@@ -428,7 +431,7 @@ pub fn velocities<T: Scalar>(q: &[T; 3], qd_i: &[T; 1]) -> ([T; 3], Condition<T>
 /// - `qdd_i`: accelerations of the independent coordinates
 /// - `qdd`: accelerations of all coordinates
 ///
-/// 7 additions, 14 multiplications, 1 divisions, 2 sines and cosines.
+/// 7 additions, 13 multiplications, 1 divisions, 2 sines and cosines.
 pub fn accelerations<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd_i: &[T; 1]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut qdd = [like.lift(0.0); 3];
@@ -436,46 +439,49 @@ pub fn accelerations<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd_i: &[T; 1]) -> ([T;
     let [d_q1, d_q2, _] = *qd;
     let [dd_q1] = *qdd_i;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [sin_q1_q2, cos_q1_q2, sin_q2, cos_q2] = {
+        let t1_1 = q2 + q1;
+        let [(sin_q1_q2, cos_q1_q2), (sin_q2, cos_q2)] =
+            T::sin_cos_all([t1_1, q2]);
+        [sin_q1_q2, cos_q1_q2, sin_q2, cos_q2]
+    };
     // A_e qdd_e = b - A_i qdd_i (Eq. 8)
     {
-        let t1_1 = q2 + q1;
-        let (sin_q1_q2, cos_q1_q2) = t1_1.sin_cos();
-        let t1_2 = -sin_q1_q2;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_3 = sin_q2 * dd_q1;
-        let t1_4 = d_q1 * d_q1;
-        let t1_5 = cos_q2 * t1_4;
-        let t1_6 = like.lift(0.1) * t1_5;
-        let t1_7 = d_q1 + d_q2;
-        let t1_8 = t1_7 * t1_7;
-        let t1_9 = like.lift(0.2).mul_add(t1_8, t1_6);
-        let t1_10 = like.lift(0.1).mul_add(t1_3, -t1_9);
-        let t1_11 = like.lift(0.1).mul_add(cos_q2, like.lift(0.2));
-        let t1_12 = t1_11 * dd_q1;
-        let t1_13 = sin_q2 * t1_4;
-        let t1_14 = like.lift(0.1).mul_add(t1_13, t1_12);
+        let t2_1 = -sin_q1_q2;
+        let t2_2 = d_q1 * d_q1;
+        let t2_3 = d_q1 + d_q2;
+        let t2_4 = sin_q2 * dd_q1;
+        let t2_5 = (-cos_q2).mul_add(t2_2, t2_4);
+        let t2_6 = like.lift(0.1) * t2_5;
+        let t2_7 = like.lift(0.2) * t2_3;
+        let t2_8 = (-t2_7).mul_add(t2_3, t2_6);
+        let t2_9 = like.lift(0.1).mul_add(cos_q2, like.lift(0.2));
+        let t2_10 = like.lift(0.1) * sin_q2;
+        let t2_11 = t2_10 * t2_2;
+        let t2_12 = t2_9.mul_add(dd_q1, t2_11);
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
-        let t1_15 = inv_pivot_2 * t1_10;
-        let t1_16 = sin_q1_q2.mul_add(t1_15, t1_14);
-        let t1_17 = like.lift(5.0) * t1_16;
-        let t1_18 = -t1_17;
+        let t2_13 = inv_pivot_2 * t2_8;
+        let t2_14 = sin_q1_q2.mul_add(t2_13, t2_12);
+        let t2_15 = like.lift(5.0) * t2_14;
+        let t2_16 = -t2_15;
         // the smallest pivot relative to its usual size
         let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
-        let ([[t1_19], [t1_20]], found) = ::regen_runtime::guarded(
-            [[t1_18], [t1_15]],
+        let ([[t2_17], [t2_18]], found) = ::regen_runtime::guarded(
+            [[t2_16], [t2_13]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t1_2],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t2_1],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t1_10], [t1_14], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_8], [t2_12], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        qdd[1] = t1_19;
-        qdd[2] = t1_20;
+        qdd[1] = t2_17;
+        qdd[2] = t2_18;
         qdd[0] = dd_q1;
     }
     (qdd, Condition { pivot: condition })
@@ -488,122 +494,109 @@ pub fn accelerations<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd_i: &[T; 1]) -> ([T;
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: column by column: `w[c][r]` multiplies `PARAMETERS[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 16 additions, 37 multiplications, 1 divisions, 2 sines and cosines.
+/// 16 additions, 33 multiplications, 1 divisions, 2 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &mut [[T; 1]; 30]) -> Condition<T> {
+    *w = [[q[0].lift(0.0); 1]; 30];
+    regressor_entries(q, qd, qdd, w)
+}
+
+/// The entries of [`regressor`] that are not zero at every state; the others are left as they are.
+///
+/// Inlined where it is called, so that lanes keep the caller's instruction set.
+#[inline(always)]
+pub fn regressor_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &mut [[T; 1]; 30]) -> Condition<T> {
     let like = q[0];
     let [q1, q2, _] = *q;
     let [d_q1, d_q2, _] = *qd;
     let [dd_q1, dd_q2, dd_x] = *qdd;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [sin_q1, cos_q1, sin_q2, cos_q2] = {
+        let [(sin_q1, cos_q1), (sin_q2, cos_q2)] =
+            T::sin_cos_all([q1, q2]);
+        [sin_q1, cos_q1, sin_q2, cos_q2]
+    };
     // body 1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [sin_q1, cos_q1, a_1y, a_1x] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
+    let [a_1y, a_1x] = {
         let a_1y = like.lift(9.81) * cos_q1;
         w[6] = [a_1y];
         let a_1x = like.lift(9.81) * sin_q1;
-        let t1_1 = -a_1x;
-        w[7] = [t1_1];
-        w[0] = [like.lift(0.0)];
-        w[1] = [like.lift(0.0)];
-        w[2] = [like.lift(0.0)];
-        w[3] = [like.lift(0.0)];
-        w[4] = [like.lift(0.0)];
+        let t2_1 = -a_1x;
+        w[7] = [t2_1];
         w[5] = [dd_q1];
-        w[8] = [like.lift(0.0)];
-        w[9] = [like.lift(0.0)];
-        [sin_q1, cos_q1, a_1y, a_1x]
+        [a_1y, a_1x]
     };
     // loops: solve with A_e (Eq. 8, 10)
-    let [al_2z, sin_q2, cos_q2, x_q2_q1, x_x_q1] = {
+    let [al_2z, x_q2_q1, x_x_q1] = {
         let al_2z = dd_q1 + dd_q2;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t2_1 = cos_q1 * sin_q2;
-        let t2_2 = sin_q1 * sin_q2;
-        let sin_q1_q2 = sin_q1.mul_add(cos_q2, t2_1);
-        let cos_q1_q2 = cos_q1.mul_add(cos_q2, -t2_2);
-        let t2_3 = -sin_q1_q2;
+        let t3_1 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_1);
+        let t3_2 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_2);
+        let t3_3 = -sin_q1_q2;
         let u_2_q1x = like.lift(0.1) * sin_q2;
-        let t2_4 = -u_2_q1x;
-        let u_2_q1y = like.lift(0.1) * cos_q2;
-        let t2_5 = like.lift(0.2) + u_2_q1y;
-        let t2_6 = -t2_5;
+        let t3_4 = -u_2_q1x;
+        let t3_5 = like.lift(0.1).mul_add(cos_q2, like.lift(0.2));
+        let t3_6 = -t3_5;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
-        let t2_7 = sin_q2 * inv_pivot_2;
-        let t2_8 = sin_q1_q2 * t2_7;
-        let t2_9 = like.lift(0.1).mul_add(t2_8, t2_5);
-        let t2_10 = like.lift(5.0) * t2_9;
-        let t2_11 = like.lift(0.1) * t2_7;
-        let t2_12 = -t2_11;
+        let t3_7 = sin_q2 * inv_pivot_2;
+        let t3_8 = like.lift(0.1) * t3_7;
+        let t3_9 = sin_q1_q2.mul_add(t3_8, t3_5);
+        let t3_10 = like.lift(5.0) * t3_9;
+        let t3_11 = -t3_8;
         // the smallest pivot relative to its usual size
         let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[x_q2_q1], [x_x_q1]], found) = ::regen_runtime::guarded(
-            [[t2_10], [t2_12]],
+            [[t3_10], [t3_11]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t2_3],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t3_3],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t2_4], [t2_6], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t3_4], [t3_6], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        [al_2z, sin_q2, cos_q2, x_q2_q1, x_x_q1]
+        [al_2z, x_q2_q1, x_x_q1]
     };
     // body 2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let t3_1 = like.lift(1.0) - x_q2_q1;
-        let w_izz_2_q1 = al_2z * t3_1;
+        let t4_1 = like.lift(1.0) - x_q2_q1;
+        let w_izz_2_q1 = al_2z * t4_1;
         w[15] = [w_izz_2_q1];
-        let t3_2 = d_q1 * d_q1;
-        let t3_3 = like.lift(0.1).mul_add(t3_2, -a_1x);
-        let t3_4 = sin_q2 * t3_3;
-        let t3_5 = like.lift(0.1).mul_add(dd_q1, a_1y);
-        let a_2y = cos_q2.mul_add(t3_5, t3_4);
+        let t4_2 = like.lift(0.1) * d_q1;
+        let t4_3 = t4_2.mul_add(d_q1, -a_1x);
+        let t4_4 = like.lift(0.1).mul_add(dd_q1, a_1y);
+        let t4_5 = cos_q2 * t4_4;
+        let a_2y = sin_q2.mul_add(t4_3, t4_5);
         let w_2z = d_q1 + d_q2;
-        let t3_6 = w_2z * w_2z;
-        let t3_7 = sin_q2 * t3_6;
-        let t3_8 = like.lift(0.1) * t3_7;
-        let t3_9 = cos_q2 * al_2z;
-        let t3_10 = like.lift(-0.1).mul_add(t3_9, t3_8);
-        let w_mx_2_q1 = a_2y.mul_add(t3_1, -t3_10);
+        let t4_6 = w_2z * w_2z;
+        let t4_7 = cos_q2 * al_2z;
+        let t4_8 = (-sin_q2).mul_add(t4_6, t4_7);
+        let t4_9 = a_2y * t4_1;
+        let w_mx_2_q1 = like.lift(0.1).mul_add(t4_8, t4_9);
         w[16] = [w_mx_2_q1];
-        let t3_11 = cos_q2 * t3_3;
-        let a_2x = (-sin_q2).mul_add(t3_5, t3_11);
-        let t3_12 = sin_q2 * al_2z;
-        let t3_13 = like.lift(0.1) * t3_12;
-        let t3_14 = cos_q2 * t3_6;
-        let t3_15 = like.lift(0.1).mul_add(t3_14, t3_13);
-        let w_my_2_q1 = a_2x.mul_add(t3_1, -t3_15);
+        let t4_10 = cos_q2 * t4_3;
+        let a_2x = (-sin_q2).mul_add(t4_4, t4_10);
+        let t4_11 = cos_q2 * t4_6;
+        let t4_12 = sin_q2.mul_add(al_2z, t4_11);
+        let t4_13 = a_2x * t4_1;
+        let w_my_2_q1 = like.lift(-0.1).mul_add(t4_12, t4_13);
         w[17] = [w_my_2_q1];
-        let t3_16 = sin_q2 * a_2x;
-        let t3_17 = like.lift(0.1) * t3_16;
-        let t3_18 = cos_q2 * a_2y;
-        let w_m_2_q1 = like.lift(-0.1).mul_add(t3_18, t3_17);
-        let t3_19 = -w_m_2_q1;
-        w[19] = [t3_19];
-        w[10] = [like.lift(0.0)];
-        w[11] = [like.lift(0.0)];
-        w[12] = [like.lift(0.0)];
-        w[13] = [like.lift(0.0)];
-        w[14] = [like.lift(0.0)];
-        w[18] = [like.lift(0.0)];
+        let t4_14 = cos_q2 * a_2y;
+        let t4_15 = (-sin_q2).mul_add(a_2x, t4_14);
+        let t4_16 = like.lift(0.1) * t4_15;
+        let w_m_2_q1 = -t4_16;
+        let t4_17 = -w_m_2_q1;
+        w[19] = [t4_17];
     }
     // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
         let w_m_3_q1 = dd_x * x_x_q1;
-        let t4_1 = -w_m_3_q1;
-        w[29] = [t4_1];
-        w[20] = [like.lift(0.0)];
-        w[21] = [like.lift(0.0)];
-        w[22] = [like.lift(0.0)];
-        w[23] = [like.lift(0.0)];
-        w[24] = [like.lift(0.0)];
-        w[25] = [like.lift(0.0)];
-        w[26] = [like.lift(0.0)];
-        w[27] = [like.lift(0.0)];
-        w[28] = [like.lift(0.0)];
+        let t5_1 = -w_m_3_q1;
+        w[29] = [t5_1];
     }
     Condition { pivot: condition }
 }
@@ -616,7 +609,7 @@ pub fn regressor<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &mut [[T; 
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
 ///
-/// 23 additions, 41 multiplications, 1 divisions, 2 sines and cosines.
+/// 23 additions, 39 multiplications, 1 divisions, 2 sines and cosines.
 pub fn inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], phi: &[T; 30]) -> ([T; 1], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 1];
@@ -628,80 +621,80 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], phi: &
         _, p_m_2, _, _, _, _, _, _, _, _, _, p_m_3,
     ] = *phi;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [sin_q1, cos_q1, sin_q2, cos_q2] = {
+        let [(sin_q1, cos_q1), (sin_q2, cos_q2)] =
+            T::sin_cos_all([q1, q2]);
+        [sin_q1, cos_q1, sin_q2, cos_q2]
+    };
     // loops: solve with A_e (Eq. 8, 10)
-    let [t1_13, t1_24, x_q2_q1, x_x_q1] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = cos_q1 * p_mx_1;
-        let t1_2 = like.lift(9.81) * t1_1;
-        let t1_3 = sin_q1 * p_my_1;
-        let t1_4 = like.lift(-9.81).mul_add(t1_3, t1_2);
-        let t1_5 = dd_q1.mul_add(p_izz_1, t1_4);
+    let [t2_10, t2_19, x_q2_q1, x_x_q1] = {
         let al_2z = dd_q1 + dd_q2;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_6 = d_q1 * d_q1;
-        let a_1x = like.lift(9.81) * sin_q1;
-        let t1_7 = like.lift(0.1).mul_add(t1_6, -a_1x);
-        let t1_8 = sin_q2 * t1_7;
-        let a_1y = like.lift(9.81) * cos_q1;
-        let t1_9 = like.lift(0.1).mul_add(dd_q1, a_1y);
-        let a_2y = cos_q2.mul_add(t1_9, t1_8);
-        let t1_10 = a_2y * p_mx_2;
-        let t1_11 = cos_q2 * t1_7;
-        let a_2x = (-sin_q2).mul_add(t1_9, t1_11);
-        let t1_12 = a_2x.mul_add(p_my_2, t1_10);
-        let t1_13 = al_2z.mul_add(p_izz_2, t1_12);
+        let t2_1 = like.lift(0.1) * d_q1;
+        let t2_2 = t2_1 * d_q1;
+        let t2_3 = like.lift(-9.81).mul_add(sin_q1, t2_2);
+        let t2_4 = like.lift(0.1) * dd_q1;
+        let t2_5 = like.lift(9.81).mul_add(cos_q1, t2_4);
+        let t2_6 = cos_q2 * t2_5;
+        let a_2y = sin_q2.mul_add(t2_3, t2_6);
+        let t2_7 = cos_q2 * t2_3;
+        let a_2x = (-sin_q2).mul_add(t2_5, t2_7);
+        let t2_8 = al_2z * p_izz_2;
+        let t2_9 = a_2x.mul_add(p_my_2, t2_8);
+        let t2_10 = a_2y.mul_add(p_mx_2, t2_9);
         let w_2z = d_q1 + d_q2;
-        let t1_14 = w_2z * w_2z;
-        let t1_15 = t1_14 * p_mx_2;
-        let t1_16 = al_2z.mul_add(p_my_2, t1_15);
-        let t1_17 = a_2x.mul_add(p_m_2, t1_16);
-        let t1_18 = sin_q2 * t1_17;
-        let t1_19 = al_2z * p_mx_2;
-        let t1_20 = (-t1_14).mul_add(p_my_2, t1_19);
-        let t1_21 = a_2y.mul_add(p_m_2, t1_20);
-        let t1_22 = (-cos_q2).mul_add(t1_21, t1_18);
-        let t1_23 = like.lift(-0.1).mul_add(t1_22, t1_13);
-        let t1_24 = t1_5 + t1_23;
-        let t1_25 = cos_q1 * sin_q2;
-        let t1_26 = sin_q1 * sin_q2;
-        let sin_q1_q2 = sin_q1.mul_add(cos_q2, t1_25);
-        let cos_q1_q2 = cos_q1.mul_add(cos_q2, -t1_26);
-        let t1_27 = -sin_q1_q2;
+        let t2_11 = w_2z * w_2z;
+        let t2_12 = a_2x * p_m_2;
+        let t2_13 = al_2z.mul_add(p_my_2, t2_12);
+        let t2_14 = t2_11.mul_add(p_mx_2, t2_13);
+        let t2_15 = a_2y * p_m_2;
+        let t2_16 = (-t2_11).mul_add(p_my_2, t2_15);
+        let t2_17 = al_2z.mul_add(p_mx_2, t2_16);
+        let t2_18 = sin_q2 * t2_14;
+        let t2_19 = (-cos_q2).mul_add(t2_17, t2_18);
+        let t2_20 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_20);
+        let t2_21 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_21);
+        let t2_22 = -sin_q1_q2;
         let u_2_q1x = like.lift(0.1) * sin_q2;
-        let t1_28 = -u_2_q1x;
-        let u_2_q1y = like.lift(0.1) * cos_q2;
-        let t1_29 = like.lift(0.2) + u_2_q1y;
-        let t1_30 = -t1_29;
+        let t2_23 = -u_2_q1x;
+        let t2_24 = like.lift(0.1).mul_add(cos_q2, like.lift(0.2));
+        let t2_25 = -t2_24;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
-        let t1_31 = sin_q2 * inv_pivot_2;
-        let t1_32 = sin_q1_q2 * t1_31;
-        let t1_33 = like.lift(0.1).mul_add(t1_32, t1_29);
-        let t1_34 = like.lift(5.0) * t1_33;
-        let t1_35 = like.lift(0.1) * t1_31;
-        let t1_36 = -t1_35;
+        let t2_26 = sin_q2 * inv_pivot_2;
+        let t2_27 = like.lift(0.1) * t2_26;
+        let t2_28 = sin_q1_q2.mul_add(t2_27, t2_24);
+        let t2_29 = like.lift(5.0) * t2_28;
+        let t2_30 = -t2_27;
         // the smallest pivot relative to its usual size
         let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[x_q2_q1], [x_x_q1]], found) = ::regen_runtime::guarded(
-            [[t1_34], [t1_36]],
+            [[t2_29], [t2_30]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t1_27],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t2_22],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t1_28], [t1_30], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_23], [t2_25], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        [t1_13, t1_24, x_q2_q1, x_x_q1]
+        [t2_10, t2_19, x_q2_q1, x_x_q1]
     };
     // tau
     {
-        let t2_1 = (-t1_13).mul_add(x_q2_q1, t1_24);
-        let t2_2 = dd_x * p_m_3;
-        let t2_3 = (-t2_2).mul_add(x_x_q1, t2_1);
-        tau[0] = t2_3;
+        let t3_1 = sin_q1 * p_my_1;
+        let t3_2 = (-cos_q1).mul_add(p_mx_1, t3_1);
+        let t3_3 = dd_x * p_m_3;
+        let t3_4 = (-t3_3).mul_add(x_x_q1, t2_10);
+        let t3_5 = (-t2_10).mul_add(x_q2_q1, t3_4);
+        let t3_6 = dd_q1.mul_add(p_izz_1, t3_5);
+        let t3_7 = like.lift(-9.81).mul_add(t3_2, t3_6);
+        let t3_8 = like.lift(-0.1).mul_add(t2_19, t3_7);
+        tau[0] = t3_8;
     }
     (tau, Condition { pivot: condition })
 }
@@ -712,7 +705,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], phi: &
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: the efforts that hold the mechanism at rest
 ///
-/// 9 additions, 22 multiplications, 1 divisions, 2 sines and cosines.
+/// 9 additions, 19 multiplications, 1 divisions, 2 sines and cosines.
 pub fn gravity<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([T; 1], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 1];
@@ -722,59 +715,59 @@ pub fn gravity<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([T; 1], Condition<T>) {
         _, _, _, _, _, _, _, _, _,
     ] = *phi;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [sin_q1, cos_q1, sin_q2, cos_q2] = {
+        let [(sin_q1, cos_q1), (sin_q2, cos_q2)] =
+            T::sin_cos_all([q1, q2]);
+        [sin_q1, cos_q1, sin_q2, cos_q2]
+    };
     // loops: solve with A_e (Eq. 8, 10)
-    let [t1_10, t1_13, x_q2_q1] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = cos_q1 * p_mx_1;
-        let t1_2 = like.lift(9.81) * t1_1;
-        let t1_3 = sin_q1 * p_my_1;
-        let t1_4 = like.lift(-9.81).mul_add(t1_3, t1_2);
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_5 = cos_q1 * sin_q2;
-        let t1_6 = sin_q1 * sin_q2;
-        let sin_q1_q2 = sin_q1.mul_add(cos_q2, t1_5);
-        let cos_q1_q2 = cos_q1.mul_add(cos_q2, -t1_6);
-        let t1_7 = cos_q1_q2 * p_mx_2;
-        let t1_8 = like.lift(9.81) * t1_7;
-        let t1_9 = sin_q1_q2 * p_my_2;
-        let t1_10 = like.lift(-9.81).mul_add(t1_9, t1_8);
-        let t1_11 = cos_q1 * p_m_2;
-        let t1_12 = like.lift(0.981).mul_add(t1_11, t1_10);
-        let t1_13 = t1_4 + t1_12;
-        let t1_14 = -sin_q1_q2;
+    let [t2_6, x_q2_q1] = {
+        let t2_1 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_1);
+        let t2_2 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_2);
+        let t2_3 = sin_q1_q2 * p_my_2;
+        let t2_4 = (-cos_q1_q2).mul_add(p_mx_2, t2_3);
+        let t2_5 = like.lift(9.81) * t2_4;
+        let t2_6 = -t2_5;
+        let t2_7 = -sin_q1_q2;
         let u_2_q1x = like.lift(0.1) * sin_q2;
-        let t1_15 = -u_2_q1x;
-        let u_2_q1y = like.lift(0.1) * cos_q2;
-        let t1_16 = like.lift(0.2) + u_2_q1y;
-        let t1_17 = -t1_16;
+        let t2_8 = -u_2_q1x;
+        let t2_9 = like.lift(0.1).mul_add(cos_q2, like.lift(0.2));
+        let t2_10 = -t2_9;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
-        let t1_18 = sin_q2 * inv_pivot_2;
-        let t1_19 = sin_q1_q2 * t1_18;
-        let t1_20 = like.lift(0.1).mul_add(t1_19, t1_16);
-        let t1_21 = like.lift(5.0) * t1_20;
-        let t1_22 = like.lift(0.1) * t1_18;
-        let t1_23 = -t1_22;
+        let t2_11 = sin_q2 * inv_pivot_2;
+        let t2_12 = like.lift(0.1) * t2_11;
+        let t2_13 = sin_q1_q2.mul_add(t2_12, t2_9);
+        let t2_14 = like.lift(5.0) * t2_13;
+        let t2_15 = -t2_12;
         // the smallest pivot relative to its usual size
         let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[x_q2_q1], [_]], found) = ::regen_runtime::guarded(
-            [[t1_21], [t1_23]],
+            [[t2_14], [t2_15]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t1_14],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t2_7],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t1_15], [t1_17], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_8], [t2_10], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        [t1_10, t1_13, x_q2_q1]
+        [t2_6, x_q2_q1]
     };
     // tau
     {
-        let t2_1 = (-t1_10).mul_add(x_q2_q1, t1_13);
-        tau[0] = t2_1;
+        let t3_1 = sin_q1 * p_my_1;
+        let t3_2 = (-cos_q1).mul_add(p_mx_1, t3_1);
+        let t3_3 = (-t2_6).mul_add(x_q2_q1, t2_6);
+        let t3_4 = like.lift(-9.81).mul_add(t3_2, t3_3);
+        let t3_5 = like.lift(0.981) * cos_q1;
+        let t3_6 = t3_5.mul_add(p_m_2, t3_4);
+        tau[0] = t3_6;
     }
     (tau, Condition { pivot: condition })
 }
@@ -786,7 +779,7 @@ pub fn gravity<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([T; 1], Condition<T>) {
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
 ///
-/// 16 additions, 36 multiplications, 1 divisions, 2 sines and cosines.
+/// 16 additions, 33 multiplications, 1 divisions, 2 sines and cosines.
 pub fn bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], phi: &[T; 30]) -> ([T; 1], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 1];
@@ -797,98 +790,96 @@ pub fn bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], phi: &[T; 30]) -> ([T; 1]
         _, _, _, _, _, _, _, p_m_3,
     ] = *phi;
     let mut condition = like.lift(1.0);
-    // loops: solve with A_e (Eq. 8, 10)
-    let [
-        sin_q1_q2, cos_q1_q2, t1_2, sin_q2, cos_q2, t1_4, t1_5, t1_8, inv_pivot_2, al_2z, a_3x,
-    ] = {
+    // sines and cosines
+    let [sin_q1_q2, cos_q1_q2, sin_q2, cos_q2] = {
         let t1_1 = q2 + q1;
-        let (sin_q1_q2, cos_q1_q2) = t1_1.sin_cos();
-        let t1_2 = -sin_q1_q2;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_3 = d_q1 * d_q1;
-        let t1_4 = cos_q2 * t1_3;
-        let a_2x = like.lift(0.1) * t1_4;
+        let [(sin_q1_q2, cos_q1_q2), (sin_q2, cos_q2)] =
+            T::sin_cos_all([t1_1, q2]);
+        [sin_q1_q2, cos_q1_q2, sin_q2, cos_q2]
+    };
+    // loops: solve with A_e (Eq. 8, 10)
+    let [t2_1, t2_3, t2_4, t2_8, inv_pivot_2, al_2z, a_3x] = {
+        let t2_1 = -sin_q1_q2;
+        let t2_2 = d_q1 * d_q1;
+        let t2_3 = cos_q2 * t2_2;
         let w_2z = d_q1 + d_q2;
-        let t1_5 = w_2z * w_2z;
-        let t1_6 = like.lift(0.2).mul_add(t1_5, a_2x);
-        let t1_7 = -t1_6;
-        let t1_8 = sin_q2 * t1_3;
-        let a_2y = like.lift(0.1) * t1_8;
+        let t2_4 = w_2z * w_2z;
+        let t2_5 = like.lift(0.2) * t2_4;
+        let t2_6 = like.lift(0.1).mul_add(t2_3, t2_5);
+        let t2_7 = -t2_6;
+        let t2_8 = sin_q2 * t2_2;
+        let a_2y = like.lift(0.1) * t2_8;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
-        let t1_9 = inv_pivot_2 * t1_6;
-        let t1_10 = (-sin_q1_q2).mul_add(t1_9, a_2y);
-        let t1_11 = like.lift(5.0) * t1_10;
-        let t1_12 = -t1_11;
-        let t1_13 = -t1_9;
+        let t2_9 = inv_pivot_2 * t2_6;
+        let t2_10 = (-sin_q1_q2).mul_add(t2_9, a_2y);
+        let t2_11 = like.lift(5.0) * t2_10;
+        let t2_12 = -t2_11;
+        let t2_13 = -t2_9;
         // the smallest pivot relative to its usual size
         let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[al_2z], [a_3x]], found) = ::regen_runtime::guarded(
-            [[t1_12], [t1_13]],
+            [[t2_12], [t2_13]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t1_2],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t2_1],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t1_7], [a_2y], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_7], [a_2y], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        [sin_q1_q2, cos_q1_q2, t1_2, sin_q2, cos_q2, t1_4, t1_5, t1_8, inv_pivot_2, al_2z, a_3x]
+        [t2_1, t2_3, t2_4, t2_8, inv_pivot_2, al_2z, a_3x]
     };
     // loops: solve with A_e (Eq. 8, 10)
-    let [t2_5, t2_16, x_q2_q1, x_x_q1] = {
-        let t2_1 = t1_8 * p_mx_2;
-        let t2_2 = like.lift(0.1) * t2_1;
-        let t2_3 = t1_4 * p_my_2;
-        let t2_4 = like.lift(0.1).mul_add(t2_3, t2_2);
-        let t2_5 = p_izz_2.mul_add(al_2z, t2_4);
-        let t2_6 = t1_4 * p_m_2;
-        let t2_7 = t1_5 * p_mx_2;
-        let t2_8 = p_my_2.mul_add(al_2z, t2_7);
-        let t2_9 = like.lift(0.1).mul_add(t2_6, t2_8);
-        let t2_10 = sin_q2 * t2_9;
-        let t2_11 = t1_8 * p_m_2;
-        let t2_12 = t1_5 * p_my_2;
-        let t2_13 = (-p_mx_2).mul_add(al_2z, t2_12);
-        let t2_14 = like.lift(0.1).mul_add(t2_11, -t2_13);
-        let t2_15 = (-cos_q2).mul_add(t2_14, t2_10);
-        let t2_16 = like.lift(-0.1).mul_add(t2_15, t2_5);
+    let [t3_4, t3_13, x_q2_q1, x_x_q1] = {
+        let t3_1 = t2_3 * p_my_2;
+        let t3_2 = t2_8.mul_add(p_mx_2, t3_1);
+        let t3_3 = p_izz_2 * al_2z;
+        let t3_4 = like.lift(0.1).mul_add(t3_2, t3_3);
+        let t3_5 = like.lift(0.1) * p_m_2;
+        let t3_6 = t2_3 * t3_5;
+        let t3_7 = p_my_2.mul_add(al_2z, t3_6);
+        let t3_8 = t2_4.mul_add(p_mx_2, t3_7);
+        let t3_9 = t2_8 * t3_5;
+        let t3_10 = p_mx_2.mul_add(al_2z, t3_9);
+        let t3_11 = (-t2_4).mul_add(p_my_2, t3_10);
+        let t3_12 = sin_q2 * t3_8;
+        let t3_13 = (-cos_q2).mul_add(t3_11, t3_12);
         let u_2_q1x = like.lift(0.1) * sin_q2;
-        let t2_17 = -u_2_q1x;
-        let u_2_q1y = like.lift(0.1) * cos_q2;
-        let t2_18 = like.lift(0.2) + u_2_q1y;
-        let t2_19 = -t2_18;
-        let t2_20 = sin_q2 * inv_pivot_2;
-        let t2_21 = sin_q1_q2 * t2_20;
-        let t2_22 = like.lift(0.1).mul_add(t2_21, t2_18);
-        let t2_23 = like.lift(5.0) * t2_22;
-        let t2_24 = like.lift(0.1) * t2_20;
-        let t2_25 = -t2_24;
+        let t3_14 = -u_2_q1x;
+        let t3_15 = like.lift(0.1).mul_add(cos_q2, like.lift(0.2));
+        let t3_16 = -t3_15;
+        let t3_17 = sin_q2 * inv_pivot_2;
+        let t3_18 = like.lift(0.1) * t3_17;
+        let t3_19 = sin_q1_q2.mul_add(t3_18, t3_15);
+        let t3_20 = like.lift(5.0) * t3_19;
+        let t3_21 = -t3_18;
         // the smallest pivot relative to its usual size
         let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[x_q2_q1], [x_x_q1]], found) = ::regen_runtime::guarded(
-            [[t2_23], [t2_25]],
+            [[t3_20], [t3_21]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t1_2],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t2_1],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t2_17], [t2_19], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t3_14], [t3_16], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        [t2_5, t2_16, x_q2_q1, x_x_q1]
+        [t3_4, t3_13, x_q2_q1, x_x_q1]
     };
     // tau
     {
-        let t3_1 = (-t2_5).mul_add(x_q2_q1, t2_16);
-        let t3_2 = p_m_3 * a_3x;
-        let t3_3 = (-t3_2).mul_add(x_x_q1, t3_1);
-        tau[0] = t3_3;
+        let t4_1 = p_m_3 * a_3x;
+        let t4_2 = (-t4_1).mul_add(x_x_q1, t3_4);
+        let t4_3 = (-t3_4).mul_add(x_q2_q1, t4_2);
+        let t4_4 = like.lift(-0.1).mul_add(t3_13, t4_3);
+        tau[0] = t4_4;
     }
     (tau, Condition { pivot: condition })
 }
@@ -899,7 +890,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], phi: &[T; 30]) -> ([T; 1]
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
 ///
-/// 13 additions, 17 multiplications, 1 divisions, 2 sines and cosines.
+/// 13 additions, 15 multiplications, 1 divisions, 2 sines and cosines.
 pub fn mass_matrix<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([[T; 1]; 1], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 1]; 1];
@@ -909,57 +900,59 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([[T; 1]; 1], Condit
         _, _, _, _, _, _, _, _, _, p_m_3,
     ] = *phi;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [sin_q2, cos_q2, sin_q1_q2, cos_q1_q2] = {
+        let t1_1 = q2 + q1;
+        let [(sin_q2, cos_q2), (sin_q1_q2, cos_q1_q2)] =
+            T::sin_cos_all([q2, t1_1]);
+        [sin_q2, cos_q2, sin_q1_q2, cos_q1_q2]
+    };
     // loops: solve with A_e (Eq. 8, 10)
-    let [t1_7, t1_8, x_q2_q1, x_x_q1] = {
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_1 = cos_q2 * p_mx_2;
-        let t1_2 = (-sin_q2).mul_add(p_my_2, t1_1);
-        let t1_3 = like.lift(0.1).mul_add(p_m_2, t1_2);
-        let t1_4 = like.lift(0.1) * t1_2;
-        let t1_5 = like.lift(0.1).mul_add(t1_3, t1_4);
-        let t1_6 = p_izz_2 + t1_5;
-        let t1_7 = p_izz_1 + t1_6;
-        let t1_8 = p_izz_2 + t1_4;
-        let t1_9 = q2 + q1;
-        let (sin_q1_q2, cos_q1_q2) = t1_9.sin_cos();
-        let t1_10 = -sin_q1_q2;
+    let [t2_3, t2_4, t2_5, x_q2_q1, x_x_q1] = {
+        let t2_1 = cos_q2 * p_mx_2;
+        let t2_2 = (-sin_q2).mul_add(p_my_2, t2_1);
+        let t2_3 = like.lift(0.1).mul_add(p_m_2, t2_2);
+        let t2_4 = like.lift(0.1) * t2_2;
+        let t2_5 = p_izz_2 + t2_4;
+        let t2_6 = -sin_q1_q2;
         let u_2_q1x = like.lift(0.1) * sin_q2;
-        let t1_11 = -u_2_q1x;
-        let u_2_q1y = like.lift(0.1) * cos_q2;
-        let t1_12 = like.lift(0.2) + u_2_q1y;
-        let t1_13 = -t1_12;
+        let t2_7 = -u_2_q1x;
+        let t2_8 = like.lift(0.1).mul_add(cos_q2, like.lift(0.2));
+        let t2_9 = -t2_8;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
-        let t1_14 = sin_q2 * inv_pivot_2;
-        let t1_15 = sin_q1_q2 * t1_14;
-        let t1_16 = like.lift(0.1).mul_add(t1_15, t1_12);
-        let t1_17 = like.lift(5.0) * t1_16;
-        let t1_18 = like.lift(0.1) * t1_14;
-        let t1_19 = -t1_18;
+        let t2_10 = sin_q2 * inv_pivot_2;
+        let t2_11 = like.lift(0.1) * t2_10;
+        let t2_12 = sin_q1_q2.mul_add(t2_11, t2_8);
+        let t2_13 = like.lift(5.0) * t2_12;
+        let t2_14 = -t2_11;
         // the smallest pivot relative to its usual size
         let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[x_q2_q1], [x_x_q1]], found) = ::regen_runtime::guarded(
-            [[t1_17], [t1_19]],
+            [[t2_13], [t2_14]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t1_10],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t2_6],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t1_11], [t1_13], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_7], [t2_9], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        [t1_7, t1_8, x_q2_q1, x_x_q1]
+        [t2_3, t2_4, t2_5, x_q2_q1, x_x_q1]
     };
     // M
     {
-        let t2_1 = (-t1_8).mul_add(x_q2_q1, t1_7);
-        let t2_2 = (-p_izz_2).mul_add(x_q2_q1, t1_8);
-        let t2_3 = (-x_q2_q1).mul_add(t2_2, t2_1);
-        let t2_4 = p_m_3 * x_x_q1;
-        let t2_5 = x_x_q1.mul_add(t2_4, t2_3);
-        m[0] = [t2_5];
+        let t3_1 = (-p_izz_2).mul_add(x_q2_q1, t2_5);
+        let t3_2 = t3_1 + t2_5;
+        let t3_3 = x_x_q1 * p_m_3;
+        let t3_4 = t3_3.mul_add(x_x_q1, p_izz_1);
+        let t3_5 = (-x_q2_q1).mul_add(t3_2, t3_4);
+        let t3_6 = t3_5 + p_izz_2;
+        let t3_7 = like.lift(0.1).mul_add(t2_3, t3_6);
+        let t3_8 = t3_7 + t2_4;
+        m[0] = [t3_8];
     }
     (m, Condition { pivot: condition })
 }
@@ -972,134 +965,130 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([[T; 1]; 1], Condit
 /// - `qdd_r`: reference accelerations of the independent coordinates
 /// - `y`: column by column: Y phi = M qdd_r + C(q, qd) qd_r + g, with dM/dt - 2 C skew
 ///
-/// 22 additions, 56 multiplications, 1 divisions, 2 sines and cosines.
+/// 22 additions, 50 multiplications, 1 divisions, 2 sines and cosines.
 pub fn slotine_li<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd_r: &[T; 1], y: &mut [[T; 1]; 30]) -> Condition<T> {
+    *y = [[q[0].lift(0.0); 1]; 30];
+    slotine_li_entries(q, qd, qd_r, qdd_r, y)
+}
+
+/// The entries of [`slotine_li`] that are not zero at every state; the others are left as they are.
+///
+/// Inlined where it is called, so that lanes keep the caller's instruction set.
+#[inline(always)]
+pub fn slotine_li_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd_r: &[T; 1], y: &mut [[T; 1]; 30]) -> Condition<T> {
     let like = q[0];
     let [q1, q2, _] = *q;
     let [d_q1, d_q2, _] = *qd;
     let [r_q1] = *qd_r;
     let [dr_q1] = *qdd_r;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [sin_q1, cos_q1, sin_q2, cos_q2] = {
+        let [(sin_q1, cos_q1), (sin_q2, cos_q2)] =
+            T::sin_cos_all([q1, q2]);
+        [sin_q1, cos_q1, sin_q2, cos_q2]
+    };
     // body 1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [sin_q1, cos_q1, a_1y, a_1x] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
+    let [a_1y, a_1x] = {
         let a_1y = like.lift(9.81) * cos_q1;
         y[6] = [a_1y];
         let a_1x = like.lift(9.81) * sin_q1;
-        let t1_1 = -a_1x;
-        y[7] = [t1_1];
-        y[0] = [like.lift(0.0)];
-        y[1] = [like.lift(0.0)];
-        y[2] = [like.lift(0.0)];
-        y[3] = [like.lift(0.0)];
-        y[4] = [like.lift(0.0)];
+        let t2_1 = -a_1x;
+        y[7] = [t2_1];
         y[5] = [dr_q1];
-        y[8] = [like.lift(0.0)];
-        y[9] = [like.lift(0.0)];
-        [sin_q1, cos_q1, a_1y, a_1x]
+        [a_1y, a_1x]
     };
     // loops: solve with A_e (Eq. 8, 10)
-    let [
-        sin_q2, cos_q2, sin_q1_q2, cos_q1_q2, t2_3, t2_4, t2_5, t2_7, w_2z, t2_10, inv_pivot_2,
-        t2_18,
-    ] = {
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t2_1 = cos_q1 * sin_q2;
-        let t2_2 = sin_q1 * sin_q2;
-        let sin_q1_q2 = sin_q1.mul_add(cos_q2, t2_1);
-        let cos_q1_q2 = cos_q1.mul_add(cos_q2, -t2_2);
-        let t2_3 = -sin_q1_q2;
-        let t2_4 = sin_q2 * dr_q1;
-        let t2_5 = d_q1 * r_q1;
-        let t2_6 = cos_q2 * t2_5;
-        let t2_7 = like.lift(0.1) * t2_6;
+    let [sin_q1_q2, cos_q1_q2, t3_3, t3_4, w_2z, t3_7, inv_pivot_2, t3_10, t3_15] = {
+        let t3_1 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_1);
+        let t3_2 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_2);
+        let t3_3 = -sin_q1_q2;
+        let t3_4 = d_q1 * r_q1;
         let w_2z = d_q1 + d_q2;
-        let t2_8 = sin_q2 * r_q1;
-        let t2_9 = like.lift(0.1) * t2_8;
-        let u_2_q1y = like.lift(0.1) * cos_q2;
-        let t2_10 = like.lift(0.2) + u_2_q1y;
-        let t2_11 = t2_10 * r_q1;
+        let t3_5 = sin_q2 * r_q1;
+        let t3_6 = like.lift(0.1) * t3_5;
+        let t3_7 = like.lift(0.1).mul_add(cos_q2, like.lift(0.2));
+        let t3_8 = t3_7 * r_q1;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
-        let t2_12 = inv_pivot_2 * t2_8;
-        let t2_13 = sin_q1_q2 * t2_12;
-        let t2_14 = like.lift(0.1).mul_add(t2_13, t2_11);
-        let t2_15 = like.lift(5.0) * t2_14;
-        let t2_16 = -t2_15;
-        let t2_17 = like.lift(0.1) * t2_12;
+        let t3_9 = inv_pivot_2 * t3_5;
+        let t3_10 = like.lift(0.1) * sin_q1_q2;
+        let t3_11 = t3_9.mul_add(t3_10, t3_8);
+        let t3_12 = like.lift(5.0) * t3_11;
+        let t3_13 = -t3_12;
+        let t3_14 = like.lift(0.1) * t3_9;
         // the smallest pivot relative to its usual size
         let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
-        let ([[t2_18], [_]], found) = ::regen_runtime::guarded(
-            [[t2_16], [t2_17]],
+        let ([[t3_15], [_]], found) = ::regen_runtime::guarded(
+            [[t3_13], [t3_14]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t2_3],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t3_3],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t2_9], [t2_11], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t3_6], [t3_8], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        [
-            sin_q2, cos_q2, sin_q1_q2, cos_q1_q2, t2_3, t2_4, t2_5, t2_7, w_2z, t2_10,
-            inv_pivot_2, t2_18,
-        ]
+        [sin_q1_q2, cos_q1_q2, t3_3, t3_4, w_2z, t3_7, inv_pivot_2, t3_10, t3_15]
     };
     // loops: solve with A_e (Eq. 8, 10)
-    let [t3_2, t3_12, a_3x] = {
-        let t3_1 = r_q1 + t2_18;
-        let t3_2 = w_2z * t3_1;
-        let t3_3 = like.lift(0.2).mul_add(t3_2, t2_7);
-        let t3_4 = like.lift(0.1).mul_add(t2_4, -t3_3);
-        let t3_5 = t2_10 * dr_q1;
-        let t3_6 = sin_q2 * t2_5;
-        let t3_7 = like.lift(0.1).mul_add(t3_6, t3_5);
-        let t3_8 = inv_pivot_2 * t3_4;
-        let t3_9 = sin_q1_q2.mul_add(t3_8, t3_7);
-        let t3_10 = like.lift(5.0) * t3_9;
-        let t3_11 = -t3_10;
+    let [t4_2, u_2_q1x, t4_13, a_3x] = {
+        let t4_1 = r_q1 + t3_15;
+        let t4_2 = w_2z * t4_1;
+        let t4_3 = sin_q2 * dr_q1;
+        let t4_4 = (-cos_q2).mul_add(t3_4, t4_3);
+        let t4_5 = like.lift(0.1) * t4_4;
+        let t4_6 = like.lift(-0.2).mul_add(t4_2, t4_5);
+        let u_2_q1x = like.lift(0.1) * sin_q2;
+        let t4_7 = t3_4 * u_2_q1x;
+        let t4_8 = t3_7.mul_add(dr_q1, t4_7);
+        let t4_9 = inv_pivot_2 * t4_6;
+        let t4_10 = sin_q1_q2.mul_add(t4_9, t4_8);
+        let t4_11 = like.lift(5.0) * t4_10;
+        let t4_12 = -t4_11;
         // the smallest pivot relative to its usual size
         let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
-        let ([[t3_12], [a_3x]], found) = ::regen_runtime::guarded(
-            [[t3_11], [t3_8]],
+        let ([[t4_13], [a_3x]], found) = ::regen_runtime::guarded(
+            [[t4_12], [t4_9]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t2_3],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t3_3],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t3_4], [t3_7], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t4_6], [t4_8], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        [t3_2, t3_12, a_3x]
+        [t4_2, u_2_q1x, t4_13, a_3x]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [al_2z, x_q2_q1, x_x_q1] = {
-        let al_2z = dr_q1 + t3_12;
-        let u_2_q1x = like.lift(0.1) * sin_q2;
-        let t4_1 = -u_2_q1x;
-        let t4_2 = -t2_10;
-        let t4_3 = sin_q2 * inv_pivot_2;
-        let t4_4 = sin_q1_q2 * t4_3;
-        let t4_5 = like.lift(0.1).mul_add(t4_4, t2_10);
-        let t4_6 = like.lift(5.0) * t4_5;
-        let t4_7 = like.lift(0.1) * t4_3;
-        let t4_8 = -t4_7;
+        let al_2z = dr_q1 + t4_13;
+        let t5_1 = -u_2_q1x;
+        let t5_2 = -t3_7;
+        let t5_3 = sin_q2 * inv_pivot_2;
+        let t5_4 = t5_3.mul_add(t3_10, t3_7);
+        let t5_5 = like.lift(5.0) * t5_4;
+        let t5_6 = like.lift(0.1) * t5_3;
+        let t5_7 = -t5_6;
         // the smallest pivot relative to its usual size
         let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[x_q2_q1], [x_x_q1]], found) = ::regen_runtime::guarded(
-            [[t4_6], [t4_8]],
+            [[t5_5], [t5_7]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t2_3],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t3_3],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t4_1], [t4_2], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t5_1], [t5_2], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -1107,55 +1096,38 @@ pub fn slotine_li<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd_r: &[T;
     };
     // body 2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let t5_1 = like.lift(1.0) - x_q2_q1;
-        let w_izz_2_q1 = al_2z * t5_1;
+        let t6_1 = like.lift(1.0) - x_q2_q1;
+        let w_izz_2_q1 = al_2z * t6_1;
         y[15] = [w_izz_2_q1];
-        let t5_2 = like.lift(-0.1).mul_add(t2_5, a_1x);
-        let t5_3 = sin_q2 * t5_2;
-        let t5_4 = like.lift(0.1).mul_add(dr_q1, a_1y);
-        let a_2y = (-cos_q2).mul_add(t5_4, t5_3);
-        let t5_5 = sin_q2 * t3_2;
-        let t5_6 = like.lift(0.1) * t5_5;
-        let t5_7 = cos_q2 * al_2z;
-        let t5_8 = like.lift(-0.1).mul_add(t5_7, t5_6);
-        let w_mx_2_q1 = a_2y.mul_add(t5_1, t5_8);
-        let t5_9 = -w_mx_2_q1;
-        y[16] = [t5_9];
-        let t5_10 = cos_q2 * t5_2;
-        let a_2x = sin_q2.mul_add(t5_4, t5_10);
-        let t5_11 = sin_q2 * al_2z;
-        let t5_12 = like.lift(0.1) * t5_11;
-        let t5_13 = cos_q2 * t3_2;
-        let t5_14 = like.lift(0.1).mul_add(t5_13, t5_12);
-        let w_my_2_q1 = a_2x.mul_add(t5_1, t5_14);
-        let t5_15 = -w_my_2_q1;
-        y[17] = [t5_15];
-        let t5_16 = sin_q2 * a_2x;
-        let t5_17 = like.lift(0.1) * t5_16;
-        let t5_18 = cos_q2 * a_2y;
-        let w_m_2_q1 = like.lift(-0.1).mul_add(t5_18, t5_17);
+        let t6_2 = like.lift(-0.1).mul_add(t3_4, a_1x);
+        let t6_3 = like.lift(0.1).mul_add(dr_q1, a_1y);
+        let t6_4 = sin_q2 * t6_2;
+        let a_2y = (-cos_q2).mul_add(t6_3, t6_4);
+        let t6_5 = cos_q2 * al_2z;
+        let t6_6 = (-sin_q2).mul_add(t4_2, t6_5);
+        let t6_7 = a_2y * t6_1;
+        let w_mx_2_q1 = like.lift(-0.1).mul_add(t6_6, t6_7);
+        let t6_8 = -w_mx_2_q1;
+        y[16] = [t6_8];
+        let t6_9 = sin_q2 * t6_3;
+        let a_2x = cos_q2.mul_add(t6_2, t6_9);
+        let t6_10 = cos_q2 * t4_2;
+        let t6_11 = sin_q2.mul_add(al_2z, t6_10);
+        let t6_12 = a_2x * t6_1;
+        let w_my_2_q1 = like.lift(0.1).mul_add(t6_11, t6_12);
+        let t6_13 = -w_my_2_q1;
+        y[17] = [t6_13];
+        let t6_14 = cos_q2 * a_2y;
+        let t6_15 = (-sin_q2).mul_add(a_2x, t6_14);
+        let t6_16 = like.lift(0.1) * t6_15;
+        let w_m_2_q1 = -t6_16;
         y[19] = [w_m_2_q1];
-        y[10] = [like.lift(0.0)];
-        y[11] = [like.lift(0.0)];
-        y[12] = [like.lift(0.0)];
-        y[13] = [like.lift(0.0)];
-        y[14] = [like.lift(0.0)];
-        y[18] = [like.lift(0.0)];
     }
     // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
         let w_m_3_q1 = a_3x * x_x_q1;
-        let t6_1 = -w_m_3_q1;
-        y[29] = [t6_1];
-        y[20] = [like.lift(0.0)];
-        y[21] = [like.lift(0.0)];
-        y[22] = [like.lift(0.0)];
-        y[23] = [like.lift(0.0)];
-        y[24] = [like.lift(0.0)];
-        y[25] = [like.lift(0.0)];
-        y[26] = [like.lift(0.0)];
-        y[27] = [like.lift(0.0)];
-        y[28] = [like.lift(0.0)];
+        let t7_1 = -w_m_3_q1;
+        y[29] = [t7_1];
     }
     Condition { pivot: condition }
 }
@@ -1188,25 +1160,28 @@ pub fn poses<T: Scalar>(q: &[T; 3]) -> [[T; 12]; 3] {
     let like = q[0];
     let mut poses = [[like.lift(0.0); 12]; 3];
     let [q1, q2, x] = *q;
-    // body 1
-    let [sin_q1, cos_q1] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = -sin_q1;
-        poses[0] = [cos_q1, t1_1, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(-1.0), sin_q1, cos_q1, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)];
-        [sin_q1, cos_q1]
+    // sines and cosines
+    let [sin_q1, cos_q1, sin_q1_q2, cos_q1_q2] = {
+        let t1_1 = q2 + q1;
+        let [(sin_q1, cos_q1), (sin_q1_q2, cos_q1_q2)] =
+            T::sin_cos_all([q1, t1_1]);
+        [sin_q1, cos_q1, sin_q1_q2, cos_q1_q2]
     };
+    // body 1
+    {
+        let t2_1 = -sin_q1;
+        poses[0][0] = cos_q1; poses[0][1] = t2_1; poses[0][5] = like.lift(-1.0); poses[0][6] = sin_q1; poses[0][7] = cos_q1;
+    }
     // body 2
     {
-        let t2_1 = q2 + q1;
-        let (sin_q1_q2, cos_q1_q2) = t2_1.sin_cos();
-        let t2_2 = -sin_q1_q2;
-        let t2_3 = like.lift(0.1) * cos_q1;
-        let t2_4 = like.lift(0.1) * sin_q1;
-        poses[1] = [cos_q1_q2, t2_2, like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(-1.0), sin_q1_q2, cos_q1_q2, like.lift(0.0), t2_3, like.lift(0.0), t2_4];
+        let t3_1 = -sin_q1_q2;
+        let t3_2 = like.lift(0.1) * cos_q1;
+        let t3_3 = like.lift(0.1) * sin_q1;
+        poses[1][0] = cos_q1_q2; poses[1][1] = t3_1; poses[1][5] = like.lift(-1.0); poses[1][6] = sin_q1_q2; poses[1][7] = cos_q1_q2; poses[1][9] = t3_2; poses[1][11] = t3_3;
     }
     // body 3
     {
-        poses[2] = [like.lift(1.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(-1.0), like.lift(0.0), like.lift(1.0), like.lift(0.0), x, like.lift(0.0), like.lift(0.0)];
+        poses[2][0] = like.lift(1.0); poses[2][5] = like.lift(-1.0); poses[2][7] = like.lift(1.0); poses[2][9] = x;
     }
     poses
 }
@@ -1218,90 +1193,100 @@ pub fn poses<T: Scalar>(q: &[T; 3]) -> [[T; 12]; 3] {
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: W_red (Eq. 23), column by column: `w[c][r]` multiplies `BASE[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 15 additions, 32 multiplications, 1 divisions, 2 sines and cosines.
+/// 15 additions, 29 multiplications, 1 divisions, 2 sines and cosines.
 pub fn base_regressor<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &mut [[T; 1]; 6]) -> Condition<T> {
+    *w = [[q[0].lift(0.0); 1]; 6];
+    base_regressor_entries(q, qd, qdd, w)
+}
+
+/// The entries of [`base_regressor`] that are not zero at every state; the others are left as they are.
+///
+/// Inlined where it is called, so that lanes keep the caller's instruction set.
+#[inline(always)]
+pub fn base_regressor_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &mut [[T; 1]; 6]) -> Condition<T> {
     let like = q[0];
     let [q1, q2, _] = *q;
     let [d_q1, d_q2, _] = *qd;
     let [dd_q1, dd_q2, _] = *qdd;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [sin_q1, cos_q1, sin_q2, cos_q2] = {
+        let [(sin_q1, cos_q1), (sin_q2, cos_q2)] =
+            T::sin_cos_all([q1, q2]);
+        [sin_q1, cos_q1, sin_q2, cos_q2]
+    };
     // body 1
-    let [sin_q1, cos_q1, a_1y, a_1x] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
+    let [a_1y, a_1x] = {
         let a_1y = like.lift(9.81) * cos_q1;
         w[1] = [a_1y];
         let a_1x = like.lift(9.81) * sin_q1;
-        let t1_1 = -a_1x;
-        w[2] = [t1_1];
+        let t2_1 = -a_1x;
+        w[2] = [t2_1];
         w[0] = [dd_q1];
-        [sin_q1, cos_q1, a_1y, a_1x]
+        [a_1y, a_1x]
     };
     // loops: solve with A_e (Eq. 8, 10)
-    let [al_2z, sin_q2, cos_q2, x_q2_q1] = {
+    let [al_2z, x_q2_q1] = {
         let al_2z = dd_q1 + dd_q2;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t2_1 = cos_q1 * sin_q2;
-        let t2_2 = sin_q1 * sin_q2;
-        let sin_q1_q2 = sin_q1.mul_add(cos_q2, t2_1);
-        let cos_q1_q2 = cos_q1.mul_add(cos_q2, -t2_2);
-        let t2_3 = -sin_q1_q2;
+        let t3_1 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_1);
+        let t3_2 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_2);
+        let t3_3 = -sin_q1_q2;
         let u_2_q1x = like.lift(0.1) * sin_q2;
-        let t2_4 = -u_2_q1x;
-        let u_2_q1y = like.lift(0.1) * cos_q2;
-        let t2_5 = like.lift(0.2) + u_2_q1y;
-        let t2_6 = -t2_5;
+        let t3_4 = -u_2_q1x;
+        let t3_5 = like.lift(0.1).mul_add(cos_q2, like.lift(0.2));
+        let t3_6 = -t3_5;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
-        let t2_7 = sin_q2 * inv_pivot_2;
-        let t2_8 = sin_q1_q2 * t2_7;
-        let t2_9 = like.lift(0.1).mul_add(t2_8, t2_5);
-        let t2_10 = like.lift(5.0) * t2_9;
-        let t2_11 = like.lift(0.1) * t2_7;
-        let t2_12 = -t2_11;
+        let t3_7 = sin_q2 * inv_pivot_2;
+        let t3_8 = like.lift(0.1) * t3_7;
+        let t3_9 = sin_q1_q2.mul_add(t3_8, t3_5);
+        let t3_10 = like.lift(5.0) * t3_9;
+        let t3_11 = -t3_8;
         // the smallest pivot relative to its usual size
         let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[x_q2_q1], [_]], found) = ::regen_runtime::guarded(
-            [[t2_10], [t2_12]],
+            [[t3_10], [t3_11]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t2_3],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t3_3],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t2_4], [t2_6], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t3_4], [t3_6], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        [al_2z, sin_q2, cos_q2, x_q2_q1]
+        [al_2z, x_q2_q1]
     };
     // body 2
     {
-        let t3_1 = like.lift(1.0) - x_q2_q1;
-        let w_izz_2_q1 = al_2z * t3_1;
+        let t4_1 = like.lift(1.0) - x_q2_q1;
+        let w_izz_2_q1 = al_2z * t4_1;
         w[3] = [w_izz_2_q1];
         let w_2z = d_q1 + d_q2;
-        let t3_2 = w_2z * w_2z;
-        let t3_3 = sin_q2 * t3_2;
-        let t3_4 = like.lift(0.1) * t3_3;
-        let t3_5 = cos_q2 * al_2z;
-        let t3_6 = like.lift(-0.1).mul_add(t3_5, t3_4);
-        let t3_7 = d_q1 * d_q1;
-        let t3_8 = like.lift(0.1).mul_add(t3_7, -a_1x);
-        let t3_9 = sin_q2 * t3_8;
-        let t3_10 = like.lift(0.1).mul_add(dd_q1, a_1y);
-        let a_2y = cos_q2.mul_add(t3_10, t3_9);
-        let w_mx_2_q1 = (-a_2y).mul_add(t3_1, t3_6);
-        let t3_11 = -w_mx_2_q1;
-        w[4] = [t3_11];
-        let t3_12 = sin_q2 * al_2z;
-        let t3_13 = like.lift(0.1) * t3_12;
-        let t3_14 = cos_q2 * t3_2;
-        let t3_15 = like.lift(0.1).mul_add(t3_14, t3_13);
-        let t3_16 = cos_q2 * t3_8;
-        let a_2x = (-sin_q2).mul_add(t3_10, t3_16);
-        let w_my_2_q1 = (-a_2x).mul_add(t3_1, t3_15);
-        let t3_17 = -w_my_2_q1;
-        w[5] = [t3_17];
+        let t4_2 = w_2z * w_2z;
+        let t4_3 = like.lift(0.1) * d_q1;
+        let t4_4 = t4_3.mul_add(d_q1, -a_1x);
+        let t4_5 = like.lift(0.1).mul_add(dd_q1, a_1y);
+        let t4_6 = cos_q2 * t4_5;
+        let a_2y = sin_q2.mul_add(t4_4, t4_6);
+        let t4_7 = cos_q2 * al_2z;
+        let t4_8 = (-sin_q2).mul_add(t4_2, t4_7);
+        let t4_9 = a_2y * t4_1;
+        let t4_10 = like.lift(0.1).mul_add(t4_8, t4_9);
+        let w_mx_2_q1 = -t4_10;
+        let t4_11 = -w_mx_2_q1;
+        w[4] = [t4_11];
+        let t4_12 = cos_q2 * t4_4;
+        let a_2x = (-sin_q2).mul_add(t4_5, t4_12);
+        let t4_13 = cos_q2 * t4_2;
+        let t4_14 = sin_q2.mul_add(al_2z, t4_13);
+        let t4_15 = like.lift(0.1) * t4_14;
+        let w_my_2_q1 = (-a_2x).mul_add(t4_1, t4_15);
+        let t4_16 = -w_my_2_q1;
+        w[5] = [t4_16];
     }
     Condition { pivot: condition }
 }
@@ -1311,7 +1296,7 @@ pub fn base_regressor<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &mut 
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `beta`: base parameters, in the order of `BASE`
 ///
-/// 6 additions, 6 multiplications, 0 divisions, 0 sines and cosines.
+/// 6 additions, 4 multiplications, 0 divisions, 0 sines and cosines.
 pub fn to_base<T: Scalar>(phi: &[T; 30]) -> [T; 6] {
     let like = phi[0];
     let mut beta = [like.lift(0.0); 6];
@@ -1321,11 +1306,11 @@ pub fn to_base<T: Scalar>(phi: &[T; 30]) -> [T; 6] {
     ] = *phi;
     // combinations
     {
-        let t1_1 = like.lift(0.01).mul_add(p_m_3, p_izz_1);
-        let t1_2 = like.lift(0.01).mul_add(p_m_2, t1_1);
+        let t1_1 = p_m_2 + p_m_3;
+        let t1_2 = like.lift(0.01).mul_add(t1_1, p_izz_1);
         beta[0] = t1_2;
-        let t1_3 = like.lift(0.1).mul_add(p_m_3, p_mx_1);
-        let t1_4 = like.lift(0.1).mul_add(p_m_2, t1_3);
+        let t1_3 = p_m_2 + p_m_3;
+        let t1_4 = like.lift(0.1).mul_add(t1_3, p_mx_1);
         beta[1] = t1_4;
         let t1_5 = like.lift(0.04).mul_add(p_m_3, p_izz_2);
         beta[3] = t1_5;
@@ -1343,7 +1328,7 @@ pub fn to_base<T: Scalar>(phi: &[T; 30]) -> [T; 6] {
 /// - `free`: values of the eliminated parameters, in the order of `FREE`
 /// - `phi`: dynamic parameters, in the order of `PARAMETERS`
 ///
-/// 6 additions, 6 multiplications, 0 divisions, 0 sines and cosines.
+/// 6 additions, 4 multiplications, 0 divisions, 0 sines and cosines.
 pub fn parameters_from_base<T: Scalar>(beta: &[T; 6], free: &[T; 24]) -> [T; 30] {
     let like = beta[0];
     let mut phi = [like.lift(0.0); 30];
@@ -1355,18 +1340,16 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 6], free: &[T; 24]) -> [T; 30]
     ] = *free;
     // phi
     {
-        let t1_1 = like.lift(0.01) * p_m_3;
-        let t1_2 = like.lift(0.01).mul_add(p_m_2, t1_1);
-        let t1_3 = p_izz_1 - t1_2;
-        phi[5] = t1_3;
-        let t1_4 = like.lift(0.1) * p_m_3;
-        let t1_5 = like.lift(0.1).mul_add(p_m_2, t1_4);
-        let t1_6 = p_mx_1 - t1_5;
-        phi[6] = t1_6;
-        let t1_7 = like.lift(-0.04).mul_add(p_m_3, p_izz_2);
-        phi[15] = t1_7;
-        let t1_8 = like.lift(-0.2).mul_add(p_m_3, p_mx_2);
-        phi[16] = t1_8;
+        let t1_1 = p_m_2 + p_m_3;
+        let t1_2 = like.lift(-0.01).mul_add(t1_1, p_izz_1);
+        phi[5] = t1_2;
+        let t1_3 = p_m_2 + p_m_3;
+        let t1_4 = like.lift(-0.1).mul_add(t1_3, p_mx_1);
+        phi[6] = t1_4;
+        let t1_5 = like.lift(-0.04).mul_add(p_m_3, p_izz_2);
+        phi[15] = t1_5;
+        let t1_6 = like.lift(-0.2).mul_add(p_m_3, p_mx_2);
+        phi[16] = t1_6;
         phi[0] = p_ixx_1;
         phi[1] = p_ixy_1;
         phi[2] = p_ixz_1;
@@ -1405,7 +1388,7 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 6], free: &[T; 24]) -> [T; 30]
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
 ///
-/// 20 additions, 37 multiplications, 1 divisions, 2 sines and cosines.
+/// 20 additions, 35 multiplications, 1 divisions, 2 sines and cosines.
 pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], beta: &[T; 6]) -> ([T; 1], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 1];
@@ -1414,76 +1397,76 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], b
     let [dd_q1, dd_q2, _] = *qdd;
     let [p_izz_1, p_mx_1, p_my_1, p_izz_2, p_mx_2, p_my_2] = *beta;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [sin_q1, cos_q1, sin_q2, cos_q2] = {
+        let [(sin_q1, cos_q1), (sin_q2, cos_q2)] =
+            T::sin_cos_all([q1, q2]);
+        [sin_q1, cos_q1, sin_q2, cos_q2]
+    };
     // loops: solve with A_e (Eq. 8, 10)
-    let [t1_13, t1_22, x_q2_q1] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = cos_q1 * p_mx_1;
-        let t1_2 = like.lift(9.81) * t1_1;
-        let t1_3 = sin_q1 * p_my_1;
-        let t1_4 = like.lift(-9.81).mul_add(t1_3, t1_2);
-        let t1_5 = dd_q1.mul_add(p_izz_1, t1_4);
+    let [t2_10, t2_17, x_q2_q1] = {
         let al_2z = dd_q1 + dd_q2;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_6 = d_q1 * d_q1;
-        let a_1x = like.lift(9.81) * sin_q1;
-        let t1_7 = like.lift(0.1).mul_add(t1_6, -a_1x);
-        let t1_8 = sin_q2 * t1_7;
-        let a_1y = like.lift(9.81) * cos_q1;
-        let t1_9 = like.lift(0.1).mul_add(dd_q1, a_1y);
-        let a_2y = cos_q2.mul_add(t1_9, t1_8);
-        let t1_10 = a_2y * p_mx_2;
-        let t1_11 = cos_q2 * t1_7;
-        let a_2x = (-sin_q2).mul_add(t1_9, t1_11);
-        let t1_12 = a_2x.mul_add(p_my_2, t1_10);
-        let t1_13 = al_2z.mul_add(p_izz_2, t1_12);
+        let t2_1 = like.lift(0.1) * d_q1;
+        let t2_2 = t2_1 * d_q1;
+        let t2_3 = like.lift(-9.81).mul_add(sin_q1, t2_2);
+        let t2_4 = like.lift(0.1) * dd_q1;
+        let t2_5 = like.lift(9.81).mul_add(cos_q1, t2_4);
+        let t2_6 = cos_q2 * t2_5;
+        let a_2y = sin_q2.mul_add(t2_3, t2_6);
+        let t2_7 = cos_q2 * t2_3;
+        let a_2x = (-sin_q2).mul_add(t2_5, t2_7);
+        let t2_8 = al_2z * p_izz_2;
+        let t2_9 = a_2x.mul_add(p_my_2, t2_8);
+        let t2_10 = a_2y.mul_add(p_mx_2, t2_9);
         let w_2z = d_q1 + d_q2;
-        let t1_14 = w_2z * w_2z;
-        let t1_15 = t1_14 * p_mx_2;
-        let t1_16 = al_2z.mul_add(p_my_2, t1_15);
-        let t1_17 = sin_q2 * t1_16;
-        let t1_18 = al_2z * p_mx_2;
-        let t1_19 = (-t1_14).mul_add(p_my_2, t1_18);
-        let t1_20 = (-cos_q2).mul_add(t1_19, t1_17);
-        let t1_21 = like.lift(-0.1).mul_add(t1_20, t1_13);
-        let t1_22 = t1_5 + t1_21;
-        let t1_23 = cos_q1 * sin_q2;
-        let t1_24 = sin_q1 * sin_q2;
-        let sin_q1_q2 = sin_q1.mul_add(cos_q2, t1_23);
-        let cos_q1_q2 = cos_q1.mul_add(cos_q2, -t1_24);
-        let t1_25 = -sin_q1_q2;
+        let t2_11 = w_2z * w_2z;
+        let t2_12 = al_2z * p_my_2;
+        let t2_13 = t2_11.mul_add(p_mx_2, t2_12);
+        let t2_14 = al_2z * p_mx_2;
+        let t2_15 = (-t2_11).mul_add(p_my_2, t2_14);
+        let t2_16 = sin_q2 * t2_13;
+        let t2_17 = (-cos_q2).mul_add(t2_15, t2_16);
+        let t2_18 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_18);
+        let t2_19 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_19);
+        let t2_20 = -sin_q1_q2;
         let u_2_q1x = like.lift(0.1) * sin_q2;
-        let t1_26 = -u_2_q1x;
-        let u_2_q1y = like.lift(0.1) * cos_q2;
-        let t1_27 = like.lift(0.2) + u_2_q1y;
-        let t1_28 = -t1_27;
+        let t2_21 = -u_2_q1x;
+        let t2_22 = like.lift(0.1).mul_add(cos_q2, like.lift(0.2));
+        let t2_23 = -t2_22;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
-        let t1_29 = sin_q2 * inv_pivot_2;
-        let t1_30 = sin_q1_q2 * t1_29;
-        let t1_31 = like.lift(0.1).mul_add(t1_30, t1_27);
-        let t1_32 = like.lift(5.0) * t1_31;
-        let t1_33 = like.lift(0.1) * t1_29;
-        let t1_34 = -t1_33;
+        let t2_24 = sin_q2 * inv_pivot_2;
+        let t2_25 = like.lift(0.1) * t2_24;
+        let t2_26 = sin_q1_q2.mul_add(t2_25, t2_22);
+        let t2_27 = like.lift(5.0) * t2_26;
+        let t2_28 = -t2_25;
         // the smallest pivot relative to its usual size
         let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[x_q2_q1], [_]], found) = ::regen_runtime::guarded(
-            [[t1_32], [t1_34]],
+            [[t2_27], [t2_28]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t1_25],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t2_20],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t1_26], [t1_28], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_21], [t2_23], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        [t1_13, t1_22, x_q2_q1]
+        [t2_10, t2_17, x_q2_q1]
     };
     // tau
     {
-        let t2_1 = (-t1_13).mul_add(x_q2_q1, t1_22);
-        tau[0] = t2_1;
+        let t3_1 = sin_q1 * p_my_1;
+        let t3_2 = (-cos_q1).mul_add(p_mx_1, t3_1);
+        let t3_3 = (-t2_10).mul_add(x_q2_q1, t2_10);
+        let t3_4 = dd_q1.mul_add(p_izz_1, t3_3);
+        let t3_5 = like.lift(-9.81).mul_add(t3_2, t3_4);
+        let t3_6 = like.lift(-0.1).mul_add(t2_17, t3_5);
+        tau[0] = t3_6;
     }
     (tau, Condition { pivot: condition })
 }
@@ -1494,64 +1477,64 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], b
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: the efforts that hold the mechanism at rest
 ///
-/// 8 additions, 20 multiplications, 1 divisions, 2 sines and cosines.
+/// 8 additions, 17 multiplications, 1 divisions, 2 sines and cosines.
 pub fn base_gravity<T: Scalar>(q: &[T; 3], beta: &[T; 6]) -> ([T; 1], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 1];
     let [q1, q2, _] = *q;
     let [_, p_mx_1, p_my_1, _, p_mx_2, p_my_2] = *beta;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [sin_q1, cos_q1, sin_q2, cos_q2] = {
+        let [(sin_q1, cos_q1), (sin_q2, cos_q2)] =
+            T::sin_cos_all([q1, q2]);
+        [sin_q1, cos_q1, sin_q2, cos_q2]
+    };
     // loops: solve with A_e (Eq. 8, 10)
-    let [t1_10, t1_11, x_q2_q1] = {
-        let (sin_q1, cos_q1) = q1.sin_cos();
-        let t1_1 = cos_q1 * p_mx_1;
-        let t1_2 = like.lift(9.81) * t1_1;
-        let t1_3 = sin_q1 * p_my_1;
-        let t1_4 = like.lift(-9.81).mul_add(t1_3, t1_2);
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_5 = cos_q1 * sin_q2;
-        let t1_6 = sin_q1 * sin_q2;
-        let sin_q1_q2 = sin_q1.mul_add(cos_q2, t1_5);
-        let cos_q1_q2 = cos_q1.mul_add(cos_q2, -t1_6);
-        let t1_7 = cos_q1_q2 * p_mx_2;
-        let t1_8 = like.lift(9.81) * t1_7;
-        let t1_9 = sin_q1_q2 * p_my_2;
-        let t1_10 = like.lift(-9.81).mul_add(t1_9, t1_8);
-        let t1_11 = t1_4 + t1_10;
-        let t1_12 = -sin_q1_q2;
+    let [t2_6, x_q2_q1] = {
+        let t2_1 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_1);
+        let t2_2 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_2);
+        let t2_3 = sin_q1_q2 * p_my_2;
+        let t2_4 = (-cos_q1_q2).mul_add(p_mx_2, t2_3);
+        let t2_5 = like.lift(9.81) * t2_4;
+        let t2_6 = -t2_5;
+        let t2_7 = -sin_q1_q2;
         let u_2_q1x = like.lift(0.1) * sin_q2;
-        let t1_13 = -u_2_q1x;
-        let u_2_q1y = like.lift(0.1) * cos_q2;
-        let t1_14 = like.lift(0.2) + u_2_q1y;
-        let t1_15 = -t1_14;
+        let t2_8 = -u_2_q1x;
+        let t2_9 = like.lift(0.1).mul_add(cos_q2, like.lift(0.2));
+        let t2_10 = -t2_9;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
-        let t1_16 = sin_q2 * inv_pivot_2;
-        let t1_17 = sin_q1_q2 * t1_16;
-        let t1_18 = like.lift(0.1).mul_add(t1_17, t1_14);
-        let t1_19 = like.lift(5.0) * t1_18;
-        let t1_20 = like.lift(0.1) * t1_16;
-        let t1_21 = -t1_20;
+        let t2_11 = sin_q2 * inv_pivot_2;
+        let t2_12 = like.lift(0.1) * t2_11;
+        let t2_13 = sin_q1_q2.mul_add(t2_12, t2_9);
+        let t2_14 = like.lift(5.0) * t2_13;
+        let t2_15 = -t2_12;
         // the smallest pivot relative to its usual size
         let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[x_q2_q1], [_]], found) = ::regen_runtime::guarded(
-            [[t1_19], [t1_21]],
+            [[t2_14], [t2_15]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t1_12],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t2_7],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t1_13], [t1_15], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_8], [t2_10], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        [t1_10, t1_11, x_q2_q1]
+        [t2_6, x_q2_q1]
     };
     // tau
     {
-        let t2_1 = (-t1_10).mul_add(x_q2_q1, t1_11);
-        tau[0] = t2_1;
+        let t3_1 = sin_q1 * p_my_1;
+        let t3_2 = (-cos_q1).mul_add(p_mx_1, t3_1);
+        let t3_3 = (-t2_6).mul_add(x_q2_q1, t2_6);
+        let t3_4 = like.lift(-9.81).mul_add(t3_2, t3_3);
+        tau[0] = t3_4;
     }
     (tau, Condition { pivot: condition })
 }
@@ -1563,7 +1546,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 3], beta: &[T; 6]) -> ([T; 1], Condition<
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
 ///
-/// 13 additions, 30 multiplications, 1 divisions, 2 sines and cosines.
+/// 13 additions, 28 multiplications, 1 divisions, 2 sines and cosines.
 pub fn base_bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], beta: &[T; 6]) -> ([T; 1], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 1];
@@ -1571,90 +1554,91 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], beta: &[T; 6]) -> ([
     let [d_q1, d_q2, _] = *qd;
     let [_, _, _, p_izz_2, p_mx_2, p_my_2] = *beta;
     let mut condition = like.lift(1.0);
-    // loops: solve with A_e (Eq. 8, 10)
-    let [sin_q1_q2, cos_q1_q2, t1_2, sin_q2, cos_q2, t1_4, t1_5, t1_8, inv_pivot_2, al_2z] = {
+    // sines and cosines
+    let [sin_q1_q2, cos_q1_q2, sin_q2, cos_q2] = {
         let t1_1 = q2 + q1;
-        let (sin_q1_q2, cos_q1_q2) = t1_1.sin_cos();
-        let t1_2 = -sin_q1_q2;
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_3 = d_q1 * d_q1;
-        let t1_4 = cos_q2 * t1_3;
-        let a_2x = like.lift(0.1) * t1_4;
+        let [(sin_q1_q2, cos_q1_q2), (sin_q2, cos_q2)] =
+            T::sin_cos_all([t1_1, q2]);
+        [sin_q1_q2, cos_q1_q2, sin_q2, cos_q2]
+    };
+    // loops: solve with A_e (Eq. 8, 10)
+    let [t2_1, t2_3, t2_4, t2_8, inv_pivot_2, al_2z] = {
+        let t2_1 = -sin_q1_q2;
+        let t2_2 = d_q1 * d_q1;
+        let t2_3 = cos_q2 * t2_2;
         let w_2z = d_q1 + d_q2;
-        let t1_5 = w_2z * w_2z;
-        let t1_6 = like.lift(0.2).mul_add(t1_5, a_2x);
-        let t1_7 = -t1_6;
-        let t1_8 = sin_q2 * t1_3;
-        let a_2y = like.lift(0.1) * t1_8;
+        let t2_4 = w_2z * w_2z;
+        let t2_5 = like.lift(0.2) * t2_4;
+        let t2_6 = like.lift(0.1).mul_add(t2_3, t2_5);
+        let t2_7 = -t2_6;
+        let t2_8 = sin_q2 * t2_2;
+        let a_2y = like.lift(0.1) * t2_8;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
-        let t1_9 = inv_pivot_2 * t1_6;
-        let t1_10 = (-sin_q1_q2).mul_add(t1_9, a_2y);
-        let t1_11 = like.lift(5.0) * t1_10;
-        let t1_12 = -t1_11;
-        let t1_13 = -t1_9;
+        let t2_9 = inv_pivot_2 * t2_6;
+        let t2_10 = (-sin_q1_q2).mul_add(t2_9, a_2y);
+        let t2_11 = like.lift(5.0) * t2_10;
+        let t2_12 = -t2_11;
+        let t2_13 = -t2_9;
         // the smallest pivot relative to its usual size
         let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[al_2z], [_]], found) = ::regen_runtime::guarded(
-            [[t1_12], [t1_13]],
+            [[t2_12], [t2_13]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t1_2],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t2_1],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t1_7], [a_2y], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_7], [a_2y], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        [sin_q1_q2, cos_q1_q2, t1_2, sin_q2, cos_q2, t1_4, t1_5, t1_8, inv_pivot_2, al_2z]
+        [t2_1, t2_3, t2_4, t2_8, inv_pivot_2, al_2z]
     };
     // loops: solve with A_e (Eq. 8, 10)
-    let [t2_5, t2_12, x_q2_q1] = {
-        let t2_1 = t1_8 * p_mx_2;
-        let t2_2 = like.lift(0.1) * t2_1;
-        let t2_3 = t1_4 * p_my_2;
-        let t2_4 = like.lift(0.1).mul_add(t2_3, t2_2);
-        let t2_5 = p_izz_2.mul_add(al_2z, t2_4);
-        let t2_6 = t1_5 * p_mx_2;
-        let t2_7 = p_my_2.mul_add(al_2z, t2_6);
-        let t2_8 = sin_q2 * t2_7;
-        let t2_9 = t1_5 * p_my_2;
-        let t2_10 = (-p_mx_2).mul_add(al_2z, t2_9);
-        let t2_11 = cos_q2.mul_add(t2_10, t2_8);
-        let t2_12 = like.lift(-0.1).mul_add(t2_11, t2_5);
+    let [t3_4, t3_10, x_q2_q1] = {
+        let t3_1 = t2_3 * p_my_2;
+        let t3_2 = t2_8.mul_add(p_mx_2, t3_1);
+        let t3_3 = p_izz_2 * al_2z;
+        let t3_4 = like.lift(0.1).mul_add(t3_2, t3_3);
+        let t3_5 = p_my_2 * al_2z;
+        let t3_6 = t2_4.mul_add(p_mx_2, t3_5);
+        let t3_7 = t2_4 * p_my_2;
+        let t3_8 = (-p_mx_2).mul_add(al_2z, t3_7);
+        let t3_9 = cos_q2 * t3_8;
+        let t3_10 = sin_q2.mul_add(t3_6, t3_9);
         let u_2_q1x = like.lift(0.1) * sin_q2;
-        let t2_13 = -u_2_q1x;
-        let u_2_q1y = like.lift(0.1) * cos_q2;
-        let t2_14 = like.lift(0.2) + u_2_q1y;
-        let t2_15 = -t2_14;
-        let t2_16 = sin_q2 * inv_pivot_2;
-        let t2_17 = sin_q1_q2 * t2_16;
-        let t2_18 = like.lift(0.1).mul_add(t2_17, t2_14);
-        let t2_19 = like.lift(5.0) * t2_18;
-        let t2_20 = like.lift(0.1) * t2_16;
-        let t2_21 = -t2_20;
+        let t3_11 = -u_2_q1x;
+        let t3_12 = like.lift(0.1).mul_add(cos_q2, like.lift(0.2));
+        let t3_13 = -t3_12;
+        let t3_14 = sin_q2 * inv_pivot_2;
+        let t3_15 = like.lift(0.1) * t3_14;
+        let t3_16 = sin_q1_q2.mul_add(t3_15, t3_12);
+        let t3_17 = like.lift(5.0) * t3_16;
+        let t3_18 = -t3_15;
         // the smallest pivot relative to its usual size
         let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[x_q2_q1], [_]], found) = ::regen_runtime::guarded(
-            [[t2_19], [t2_21]],
+            [[t3_17], [t3_18]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t1_2],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t2_1],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t2_13], [t2_15], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t3_11], [t3_13], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        [t2_5, t2_12, x_q2_q1]
+        [t3_4, t3_10, x_q2_q1]
     };
     // tau
     {
-        let t3_1 = (-t2_5).mul_add(x_q2_q1, t2_12);
-        tau[0] = t3_1;
+        let t4_1 = (-t3_4).mul_add(x_q2_q1, t3_4);
+        let t4_2 = like.lift(-0.1).mul_add(t3_10, t4_1);
+        tau[0] = t4_2;
     }
     (tau, Condition { pivot: condition })
 }
@@ -1665,59 +1649,61 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], beta: &[T; 6]) -> ([
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
 ///
-/// 10 additions, 14 multiplications, 1 divisions, 2 sines and cosines.
+/// 10 additions, 12 multiplications, 1 divisions, 2 sines and cosines.
 pub fn base_mass_matrix<T: Scalar>(q: &[T; 3], beta: &[T; 6]) -> ([[T; 1]; 1], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 1]; 1];
     let [q1, q2, _] = *q;
     let [p_izz_1, _, _, p_izz_2, p_mx_2, p_my_2] = *beta;
     let mut condition = like.lift(1.0);
+    // sines and cosines
+    let [sin_q2, cos_q2, sin_q1_q2, cos_q1_q2] = {
+        let t1_1 = q2 + q1;
+        let [(sin_q2, cos_q2), (sin_q1_q2, cos_q1_q2)] =
+            T::sin_cos_all([q2, t1_1]);
+        [sin_q2, cos_q2, sin_q1_q2, cos_q1_q2]
+    };
     // loops: solve with A_e (Eq. 8, 10)
-    let [t1_4, t1_5, x_q2_q1] = {
-        let (sin_q2, cos_q2) = q2.sin_cos();
-        let t1_1 = cos_q2 * p_mx_2;
-        let t1_2 = (-sin_q2).mul_add(p_my_2, t1_1);
-        let t1_3 = like.lift(0.2).mul_add(t1_2, p_izz_2);
-        let t1_4 = p_izz_1 + t1_3;
-        let t1_5 = like.lift(0.1).mul_add(t1_2, p_izz_2);
-        let t1_6 = q2 + q1;
-        let (sin_q1_q2, cos_q1_q2) = t1_6.sin_cos();
-        let t1_7 = -sin_q1_q2;
+    let [t2_2, t2_3, x_q2_q1] = {
+        let t2_1 = cos_q2 * p_mx_2;
+        let t2_2 = (-sin_q2).mul_add(p_my_2, t2_1);
+        let t2_3 = like.lift(0.1).mul_add(t2_2, p_izz_2);
+        let t2_4 = -sin_q1_q2;
         let u_2_q1x = like.lift(0.1) * sin_q2;
-        let t1_8 = -u_2_q1x;
-        let u_2_q1y = like.lift(0.1) * cos_q2;
-        let t1_9 = like.lift(0.2) + u_2_q1y;
-        let t1_10 = -t1_9;
+        let t2_5 = -u_2_q1x;
+        let t2_6 = like.lift(0.1).mul_add(cos_q2, like.lift(0.2));
+        let t2_7 = -t2_6;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
-        let t1_11 = sin_q2 * inv_pivot_2;
-        let t1_12 = sin_q1_q2 * t1_11;
-        let t1_13 = like.lift(0.1).mul_add(t1_12, t1_9);
-        let t1_14 = like.lift(5.0) * t1_13;
-        let t1_15 = like.lift(0.1) * t1_11;
-        let t1_16 = -t1_15;
+        let t2_8 = sin_q2 * inv_pivot_2;
+        let t2_9 = like.lift(0.1) * t2_8;
+        let t2_10 = sin_q1_q2.mul_add(t2_9, t2_6);
+        let t2_11 = like.lift(5.0) * t2_10;
+        let t2_12 = -t2_9;
         // the smallest pivot relative to its usual size
         let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[x_q2_q1], [_]], found) = ::regen_runtime::guarded(
-            [[t1_14], [t1_16]],
+            [[t2_11], [t2_12]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t1_7],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t2_4],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t1_8], [t1_10], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_5], [t2_7], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        [t1_4, t1_5, x_q2_q1]
+        [t2_2, t2_3, x_q2_q1]
     };
     // M
     {
-        let t2_1 = (-t1_5).mul_add(x_q2_q1, t1_4);
-        let t2_2 = (-p_izz_2).mul_add(x_q2_q1, t1_5);
-        let t2_3 = (-x_q2_q1).mul_add(t2_2, t2_1);
-        m[0] = [t2_3];
+        let t3_1 = (-p_izz_2).mul_add(x_q2_q1, t2_3);
+        let t3_2 = t3_1 + t2_3;
+        let t3_3 = (-x_q2_q1).mul_add(t3_2, p_izz_1);
+        let t3_4 = like.lift(0.2).mul_add(t2_2, t3_3);
+        let t3_5 = t3_4 + p_izz_2;
+        m[0] = [t3_5];
     }
     (m, Condition { pivot: condition })
 }
@@ -1925,5 +1911,12 @@ impl<T: Scalar> BaseModel<T> for SliderCrank {
         let (value, condition) = base_mass_matrix(q, beta);
         *out = value;
         Ok(condition)
+    }
+}
+
+impl BaseKernel<3, 1, 6> for SliderCrank {
+    #[inline(always)]
+    fn base_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &mut [[T; 1]; 6]) -> Condition<T> {
+        base_regressor_entries(q, qd, qdd, w)
     }
 }

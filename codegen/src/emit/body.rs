@@ -43,6 +43,8 @@ pub(super) struct Body<'p> {
     /// Where each temporary is computed.
     block_of: Vec<usize>,
     blocks: Vec<Block>,
+    /// Where the blocks begin.
+    block_starts: Vec<usize>,
     /// Where each temporary stands in the array `kept`, if blocks hand on in one.
     kept: BTreeMap<Temp, usize>,
     out: String,
@@ -81,6 +83,7 @@ pub(super) fn statements(program: &Program, runtime: &str, elements: &[Vec<Strin
         read: read(program),
         block_of: vec![0; program.names.len()],
         blocks: Vec::new(),
+        block_starts: Vec::new(),
         kept: BTreeMap::new(),
         out: String::new(),
     };
@@ -143,6 +146,7 @@ impl Body<'_> {
             let Group { title, outputs, .. } = group;
             self.push_block(title.clone(), start..group.steps.end, outputs.clone());
         }
+        self.block_starts = self.blocks.iter().map(|b| b.steps.start).collect();
         // outputs may be stored only where their steps are done
         for (index, block) in self.blocks.iter().enumerate() {
             for step in &self.program.steps[block.steps.clone()] {
@@ -321,8 +325,14 @@ impl Body<'_> {
         }
         let renamed = self.take_from_array(index);
         let mut stores = self.stores(index, outputs);
+        let last = steps.end;
         for at in steps {
-            self.write_step(at);
+            let angles = self.angles_at(at, last);
+            if angles > 1 {
+                self.write_angles(at..at + angles);
+            } else if angles == 1 || !matches!(self.program.steps[at].op, Op::SinCos(_)) {
+                self.write_step(at);
+            }
             for store in stores.remove(&Some(at)).unwrap_or_default() {
                 self.line(2, &store);
             }
@@ -412,12 +422,26 @@ impl Body<'_> {
                     _ => None,
                 })
                 .max();
-            let values: Vec<String> = operands.iter().map(|o| self.operand(o)).collect();
             let name = &output.name;
-            let text = if output.shape.len() == 2 {
-                format!("{name}[{}] = [{}];", start / inner, values.join(", "))
+            // zeros are there already
+            let is_zero = |o: &Operand| matches!(o, Operand::Constant(c) if *c == 0.0);
+            let text = if output.shape.len() != 2 {
+                let value = operands.first().filter(|o| !is_zero(o));
+                let Some(value) = value else { continue };
+                format!("{name}[{start}] = {};", self.operand(value))
+            } else if operands.iter().any(is_zero) {
+                let outer = start / inner;
+                let entries = operands.iter().enumerate().filter(|(_, o)| !is_zero(o));
+                let entries = entries
+                    .map(|(at, o)| format!("{name}[{outer}][{at}] = {};", self.operand(o)))
+                    .collect::<Vec<_>>();
+                if entries.is_empty() {
+                    continue;
+                }
+                entries.join(" ")
             } else {
-                format!("{name}[{start}] = {};", values.join(", "))
+                let values: Vec<String> = operands.iter().map(|o| self.operand(o)).collect();
+                format!("{name}[{}] = [{}];", start / inner, values.join(", "))
             };
             // before any step: the first block's first line would do, the end as well
             stores.entry(after).or_default().push(text);
@@ -483,6 +507,32 @@ impl Body<'_> {
             .map_or("_", |t| self.names[t.0 as usize].as_str());
         let text = format!("let {name} = {text};");
         self.line(2, &text);
+    }
+
+    /// How many sines and cosines are taken in a row, where such a row begins; else 0.
+    fn angles_at(&self, at: usize, end: usize) -> usize {
+        let is_angle = |step: &Step| matches!(step.op, Op::SinCos(_));
+        let steps = &self.program.steps;
+        // a row that began before this block begins anew in it
+        let begins = self.block_starts.contains(&at) || !is_angle(&steps[at - 1]);
+        if !begins {
+            return 0;
+        }
+        steps[at..end].iter().take_while(|s| is_angle(s)).count()
+    }
+
+    /// Sines and cosines of several angles at once.
+    fn write_angles(&mut self, row: std::ops::Range<usize>) {
+        let (mut names, mut angles) = (Vec::new(), Vec::new());
+        for step in &self.program.steps[row] {
+            if let Op::SinCos(angle) = &step.op {
+                let pair: Vec<&str> = step.results.iter().map(|t| self.bound(*t)).collect();
+                names.push(format!("({})", pair.join(", ")));
+                angles.push(self.operand(angle));
+            }
+        }
+        self.list(2, "let ", &names, " =");
+        self.list(3, "T::sin_cos_all(", &angles, ");");
     }
 
     /// The system solved in the fixed order, guarded by its pivots.

@@ -70,7 +70,7 @@ pub fn module(robot: &Robot, options: &Options) -> String {
         };
         let _ = writeln!(
             out,
-            "use {runtime}::{{BaseInfo, BaseModel, BaseParameter, BaseTerm{certificate}}};"
+            "use {runtime}::{{BaseInfo, BaseKernel, BaseModel, BaseParameter, BaseTerm{certificate}}};"
         );
     }
     let _ = writeln!(out);
@@ -374,11 +374,33 @@ fn write_function(robot: &Robot, function: &Function, options: &Options, out: &m
         (true, false) => format!("({result}, Condition<T>)"),
         (false, _) => result.clone(),
     };
+    let parameters = parameters.join(", ");
     let _ = writeln!(
         out,
-        "pub fn {name}<T: Scalar>({}) -> {returned} {{",
-        parameters.join(", ")
+        "pub fn {name}<T: Scalar>({parameters}) -> {returned} {{"
     );
+    if through {
+        let mut calls: Vec<&str> = program.arguments.iter().map(|a| a.name.as_str()).collect();
+        calls.push(&output.name);
+        let like = calls[0];
+        let zeros = zeros(program).replace("like", &format!("{like}[0]"));
+        let _ = writeln!(out, "    *{} = {zeros};", output.name);
+        let _ = writeln!(out, "    {name}_entries({})\n}}\n", calls.join(", "));
+        let _ = writeln!(
+            out,
+            "/// The entries of [`{name}`] that are not zero at every state; the others are left as they are."
+        );
+        let _ = writeln!(out, "///");
+        let _ = writeln!(
+            out,
+            "/// Inlined where it is called, so that lanes keep the caller's instruction set."
+        );
+        let _ = writeln!(out, "#[inline(always)]");
+        let _ = writeln!(
+            out,
+            "pub fn {name}_entries<T: Scalar>({parameters}) -> {returned} {{"
+        );
+    }
     let elements: Vec<Vec<String>> = program
         .arguments
         .iter()

@@ -76,6 +76,26 @@ pub(super) fn write(robot: &Robot, options: &Options, out: &mut String) {
         trait_method(robot, kind, runtime, out);
     }
     let _ = writeln!(out, "}}");
+    if let Some(function) = robot.function(FunctionKind::BaseRegressor) {
+        kernel(robot, function, &name, out);
+    }
+}
+
+/// The base regressor over arrays, for samples in lanes.
+fn kernel(robot: &Robot, function: &Function, name: &str, out: &mut String) {
+    let n = robot.coordinates.len();
+    let [columns, dof] = function.program.output.shape[..] else {
+        return;
+    };
+    let _ = writeln!(out);
+    let _ = writeln!(out, "impl BaseKernel<{n}, {dof}, {columns}> for {name} {{");
+    let _ = writeln!(out, "    #[inline(always)]");
+    let _ = writeln!(
+        out,
+        "    fn base_entries<T: Scalar>(q: &[T; {n}], qd: &[T; {n}], qdd: &[T; {n}], w: &mut [[T; {dof}]; {columns}]) -> Condition<T> {{"
+    );
+    let _ = writeln!(out, "        base_regressor_entries(q, qd, qdd, w)");
+    let _ = writeln!(out, "    }}\n}}");
 }
 
 fn trait_method(robot: &Robot, kind: FunctionKind, runtime: &str, out: &mut String) {

@@ -6,6 +6,7 @@ use rustc_hash::FxHashMap;
 use crate::sym::{Ex, Graph, Node, SymbolId, SystemId};
 
 use super::angles::Angles;
+use super::factor::factor;
 use super::program::{Argument, Group, Op, Operand, Output, Program, SolveStep, Step, Temp};
 
 /// What a program shall compute.
@@ -67,6 +68,8 @@ pub fn lower(g: &Graph, request: Request) -> Program {
         names: lowering.names,
     };
     program.drop_unused();
+    factor(&mut program);
+    program.angles_first();
     program
 }
 

@@ -2,6 +2,7 @@
 //! related angles, multiply-add, cost.
 
 mod angles;
+mod factor;
 mod lower;
 mod program;
 

@@ -158,6 +158,32 @@ impl Op {
     }
 }
 
+impl Op {
+    /// Puts other operands in the place of its own.
+    pub(super) fn change_operands(&mut self, to: impl Fn(&Operand) -> Operand) {
+        let change = |o: &mut Operand| *o = to(o);
+        match self {
+            Op::Neg(a) | Op::SinCos(a) | Op::Sign(a) | Op::Positive(a) | Op::Negative(a) => {
+                change(a);
+            }
+            Op::Add(a, b) | Op::Sub(a, b) | Op::Mul(a, b) | Op::Div(a, b) => {
+                change(a);
+                change(b);
+            }
+            Op::MulAdd(a, b, c) | Op::NegMulAdd(a, b, c) | Op::MulSub(a, b, c) => {
+                change(a);
+                change(b);
+                change(c);
+            }
+            Op::Solve(s) => {
+                let rows = s.matrix.iter_mut().chain(&mut s.rhs).chain(&mut s.fixed);
+                rows.flatten().for_each(&change);
+                s.pivots.iter_mut().for_each(|p| change(&mut p.0));
+            }
+        }
+    }
+}
+
 impl Program {
     /// Operation counts. The second way of solving a system, rarely taken, is
     /// not counted; neither are sign changes and comparisons.
@@ -209,6 +235,52 @@ impl Program {
         }
         let mut kept = keep.iter();
         self.steps.retain(|_| kept.next().copied().unwrap_or(false));
+    }
+
+    /// Moves sines and cosines, with what their angles take, in front of all else: there they
+    /// can be computed at once. Angles are linear forms in the arguments, so nothing else moves.
+    pub(super) fn angles_first(&mut self) {
+        let is_angle = |step: &Step| matches!(step.op, Op::SinCos(_));
+        if self.steps.iter().filter(|s| is_angle(s)).count() < 2 {
+            return;
+        }
+        let mut needed = vec![false; self.names.len()];
+        let mut early = vec![0_u8; self.steps.len()];
+        for (index, step) in self.steps.iter().enumerate().rev() {
+            if is_angle(step) {
+                early[index] = 2;
+            } else if step.results.iter().any(|t| needed[t.0 as usize]) {
+                early[index] = 1;
+            }
+            if early[index] > 0 {
+                for operand in step.op.operands() {
+                    if let Operand::Temp(t) = operand {
+                        needed[t.0 as usize] = true;
+                    }
+                }
+            }
+        }
+        let mut moved: [Vec<Step>; 3] = Default::default();
+        // the places of the steps that stay: how many of them are before each
+        let mut number = Vec::with_capacity(self.steps.len() + 1);
+        for (step, kind) in self.steps.drain(..).zip(&early) {
+            number.push(moved[0].len());
+            moved[usize::from(*kind)].push(step);
+        }
+        number.push(moved[0].len());
+        let [rest, arguments, angles] = moved;
+        let first = arguments.len() + angles.len();
+        self.steps = arguments.into_iter().chain(angles).chain(rest).collect();
+        for group in &mut self.groups {
+            group.steps = first + number[group.steps.start]..first + number[group.steps.end];
+        }
+        let start = self.groups.first().map_or(0, |g| g.outputs.start);
+        let all = Group {
+            title: "sines and cosines".to_owned(),
+            steps: 0..first,
+            outputs: start..start,
+        };
+        self.groups.insert(0, all);
     }
 
     /// Whether the program solves linear systems, so that it has a condition.
