@@ -332,7 +332,8 @@ def compile_pinocchio(models):
     libraries = [f for f in ("pinocchio_default", "pinocchio") if (lib / f"lib{f}.so").exists()][:1]
     run(["g++", "-std=c++17", "-O3", "-march=native", "-DNDEBUG",
          # as its package file says
-         "-DBOOST_MPL_LIMIT_LIST_SIZE=30", "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS", "-fno-builtin-sin", "-fno-builtin-cos",
+         "-DBOOST_MPL_LIMIT_LIST_SIZE=30", "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS", "-DBOOST_FUSION_INVOKE_MAX_ARITY=10",
+         "-fno-builtin-sin", "-fno-builtin-cos",
          "pin.cpp", "-o", program, f"-I{prefix}/include", f"-I{prefix}/include/eigen3",
          f"-L{lib}", f"-Wl,-rpath,{lib}", *[f"-l{x}" for x in libraries]], cwd=WORK)
     return program

@@ -455,15 +455,17 @@ impl Writer<'_> {
             left -= 1;
             let op = if single(term) {
                 let value = self.now(term.factors[0]);
-                match negative(term) {
-                    true => Op::Sub(so_far, value),
-                    false => Op::Add(so_far, value),
+                if negative(term) {
+                    Op::Sub(so_far, value)
+                } else {
+                    Op::Add(so_far, value)
                 }
             } else {
                 let (a, b) = self.pair(&term.factors);
-                match negative(term) {
-                    true => Op::NegMulAdd(a, b, so_far),
-                    false => Op::MulAdd(a, b, so_far),
+                if negative(term) {
+                    Op::NegMulAdd(a, b, so_far)
+                } else {
+                    Op::MulAdd(a, b, so_far)
                 }
             };
             so_far = self.push(op, own(left));
