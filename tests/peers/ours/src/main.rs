@@ -11,31 +11,30 @@ use std::time::{Duration, Instant};
 
 use pulp::{Simd, WithSimd};
 use regen_runtime::batch::{
-    Block, Consumer, Normal, Samples, base_regressors, base_regressors_on_threads,
-    task,
+    Block, Consumer, Normal, Samples, base_regressors, base_regressors_on_threads, task,
 };
 
-#[path = "../../../../generated/src/puma560.rs"]
-#[allow(dead_code)]
-mod puma560;
-#[path = "../../../../generated/src/ur5e.rs"]
-#[allow(dead_code)]
-mod ur5e;
-#[path = "../../../../generated/src/rx90.rs"]
-#[allow(dead_code)]
-mod rx90;
-#[path = "../../../../generated/src/panda.rs"]
-#[allow(dead_code)]
-mod panda;
 #[path = "../../../../generated/src/iiwa14.rs"]
 #[allow(dead_code)]
 mod iiwa14;
+#[path = "../../../../generated/src/panda.rs"]
+#[allow(dead_code)]
+mod panda;
+#[path = "../../../../generated/src/puma560.rs"]
+#[allow(dead_code)]
+mod puma560;
 #[path = "../../../../generated/src/rps3.rs"]
 #[allow(dead_code)]
 mod rps3;
+#[path = "../../../../generated/src/rx90.rs"]
+#[allow(dead_code)]
+mod rx90;
 #[path = "../../../../generated/src/stewart.rs"]
 #[allow(dead_code)]
 mod stewart;
+#[path = "../../../../generated/src/ur5e.rs"]
+#[allow(dead_code)]
+mod ur5e;
 
 /// Coordinates, velocities and accelerations without pattern, near home.
 fn state<const N: usize>(home: &[f64; N], k: f64) -> [[f64; N]; 3] {
@@ -91,20 +90,30 @@ macro_rules! one_by_one {
         const P: usize = BASE.len();
         let one = state(&HOME, 0.3);
         let mut w = [[0.0; DOF]; P];
-        figure(&mut $all, format!("{} base", stringify!($robot)), CALLS, move || {
-            for _ in 0..CALLS {
-                let [q, qd, qdd] = black_box(&one);
-                black_box($robot::base_regressor(q, qd, qdd, &mut w)).pivot;
-                black_box(&w);
-            }
-        });
+        figure(
+            &mut $all,
+            format!("{} base", stringify!($robot)),
+            CALLS,
+            move || {
+                for _ in 0..CALLS {
+                    let [q, qd, qdd] = black_box(&one);
+                    black_box($robot::base_regressor(q, qd, qdd, &mut w)).pivot;
+                    black_box(&w);
+                }
+            },
+        );
         let beta: [f64; P] = std::array::from_fn(|i| 0.1 + i as f64);
-        figure(&mut $all, format!("{} inverse dynamics", stringify!($robot)), CALLS, move || {
-            for _ in 0..CALLS {
-                let [q, qd, qdd] = black_box(&one);
-                black_box($robot::base_inverse_dynamics(q, qd, qdd, black_box(&beta)).0);
-            }
-        });
+        figure(
+            &mut $all,
+            format!("{} inverse dynamics", stringify!($robot)),
+            CALLS,
+            move || {
+                for _ in 0..CALLS {
+                    let [q, qd, qdd] = black_box(&one);
+                    black_box($robot::base_inverse_dynamics(q, qd, qdd, black_box(&beta)).0);
+                }
+            },
+        );
     }};
 }
 
@@ -114,27 +123,52 @@ macro_rules! together {
         const N: usize = COORDINATES.len();
         const DOF: usize = INDEPENDENT.len();
         const P: usize = BASE.len();
-        let states: Vec<_> = (0..SAMPLES).map(|i| state(&HOME, 0.01 * i as f64)).collect();
+        let states: Vec<_> = (0..SAMPLES)
+            .map(|i| state(&HOME, 0.01 * i as f64))
+            .collect();
         let part = |k: usize| -> [&'static [f64]; N] {
-            std::array::from_fn(|c| &*Box::leak(states.iter().map(|s| s[k][c]).collect::<Box<[_]>>()))
+            std::array::from_fn(|c| {
+                &*Box::leak(states.iter().map(|s| s[k][c]).collect::<Box<[_]>>())
+            })
         };
         let samples = Samples::new(part(0), part(1), part(2)).expect("as many of each");
-        figure(&mut $all, format!("{} batch", stringify!($robot)), SAMPLES, move || {
-            base_regressors::<$model, _, N, DOF, P>(black_box(&samples), &mut Keep);
-        });
+        figure(
+            &mut $all,
+            format!("{} batch", stringify!($robot)),
+            SAMPLES,
+            move || {
+                base_regressors::<$model, _, N, DOF, P>(black_box(&samples), &mut Keep);
+            },
+        );
         #[cfg(target_arch = "x86_64")]
-        figure(&mut $all, format!("{} batch avx2", stringify!($robot)), SAMPLES, move || {
-            on_avx2(task::<$model, _, N, DOF, P>(black_box(&samples), &mut Keep));
-        });
-        figure(&mut $all, format!("{} batch portable", stringify!($robot)), SAMPLES, move || {
-            task::<$model, _, N, DOF, P>(black_box(&samples), &mut Keep).with_simd(pulp::Scalar);
-        });
+        figure(
+            &mut $all,
+            format!("{} batch avx2", stringify!($robot)),
+            SAMPLES,
+            move || {
+                on_avx2(task::<$model, _, N, DOF, P>(black_box(&samples), &mut Keep));
+            },
+        );
+        figure(
+            &mut $all,
+            format!("{} batch portable", stringify!($robot)),
+            SAMPLES,
+            move || {
+                task::<$model, _, N, DOF, P>(black_box(&samples), &mut Keep)
+                    .with_simd(pulp::Scalar);
+            },
+        );
         let tau: &'static [f64] = Box::leak(vec![1.0; SAMPLES].into_boxed_slice());
-        figure(&mut $all, format!("{} normal equations", stringify!($robot)), SAMPLES, move || {
-            let mut normal = Normal::<DOF, P>::new([tau; DOF], [1.0; DOF]);
-            base_regressors::<$model, _, N, DOF, P>(black_box(&samples), &mut normal);
-            black_box(&normal);
-        });
+        figure(
+            &mut $all,
+            format!("{} normal equations", stringify!($robot)),
+            SAMPLES,
+            move || {
+                let mut normal = Normal::<DOF, P>::new([tau; DOF], [1.0; DOF]);
+                base_regressors::<$model, _, N, DOF, P>(black_box(&samples), &mut normal);
+                black_box(&normal);
+            },
+        );
     }};
 }
 
@@ -151,7 +185,10 @@ macro_rules! printed {
 
 fn columns(robot: &str) {
     for line in std::io::stdin().lock().lines().map_while(Result::ok) {
-        let state: Vec<f64> = line.split_whitespace().filter_map(|x| x.parse().ok()).collect();
+        let state: Vec<f64> = line
+            .split_whitespace()
+            .filter_map(|x| x.parse().ok())
+            .collect();
         match robot {
             "puma560" => printed!(puma560, state),
             "ur5e" => printed!(ur5e, state),
@@ -193,7 +230,9 @@ fn calls(robot: &str, count: usize) {
 
 fn growth() {
     println!("samples seconds");
-    let states: Vec<_> = (0..1 << 16).map(|i| state(&puma560::HOME, 1e-3 * i as f64)).collect();
+    let states: Vec<_> = (0..1 << 16)
+        .map(|i| state(&puma560::HOME, 1e-3 * i as f64))
+        .collect();
     let part = |k: usize| -> [Vec<f64>; 6] {
         std::array::from_fn(|c| states.iter().map(|s| s[k][c]).collect())
     };
@@ -201,7 +240,8 @@ fn growth() {
     let first = |all: &'static [Vec<f64>; 6], count: usize| all.each_ref().map(|s| &s[..count]);
     let [q, qd, qdd] = [q, qd, qdd].map(|all| &*Box::leak(Box::new(all)));
     for count in (8..=16).map(|e| 1_usize << e) {
-        let samples = Samples::new(first(q, count), first(qd, count), first(qdd, count)).expect("as many of each");
+        let samples = Samples::new(first(q, count), first(qd, count), first(qdd, count))
+            .expect("as many of each");
         let mut least = Duration::MAX;
         for _ in 0..30 {
             let start = Instant::now();
@@ -210,7 +250,8 @@ fn growth() {
         }
         println!("{count} {:.6e}", least.as_secs_f64());
     }
-    let samples = Samples::new(first(q, 1 << 16), first(qd, 1 << 16), first(qdd, 1 << 16)).expect("as many of each");
+    let samples = Samples::new(first(q, 1 << 16), first(qd, 1 << 16), first(qdd, 1 << 16))
+        .expect("as many of each");
     for threads in 1..=2 {
         let mut least = Duration::MAX;
         for _ in 0..30 {
@@ -265,6 +306,10 @@ fn main() {
         }
     }
     for (least, figure) in least.iter().zip(&all) {
-        println!("{}\t{:.2}", figure.name, least.as_secs_f64() * 1e9 / figure.calls as f64);
+        println!(
+            "{}\t{:.2}",
+            figure.name,
+            least.as_secs_f64() * 1e9 / figure.calls as f64
+        );
     }
 }
