@@ -18,7 +18,7 @@ use super::angles::{COS, HALF_PI, MAGIC, SIN};
 /// compiled for the instruction set; a function that is not still gives the right values, but
 /// each of its operations becomes a call.
 ///
-/// Sine and cosine are polynomials within 1 ulp where all lanes are up to [`Lane::REACH`] in
+/// Sine and cosine are polynomials within 2 ulp where all lanes are up to [`Lane::REACH`] in
 /// size; beyond, and for `atan`, `exp` and `powf`, each lane is computed on its own.
 ///
 /// ```
@@ -95,10 +95,11 @@ impl<S: Simd> Lane<S> {
     /// Sine and cosine for |x| up to [`Lane::REACH`].
     #[inline(always)]
     fn sin_cos_near(self) -> (Self, Self) {
-        // the sum rounds to an integer of quarter turns, which then stands in its last bits
+        // the sum rounds to an integer of quarter turns
         let magic = self.lift(MAGIC);
         let shifted = self.mul_add(self.lift(TWO_OVER_PI), magic);
-        let (y, tail) = self.reduce(shifted - magic);
+        let quarters = shifted - magic;
+        let (y, tail) = self.reduce(quarters);
         let z = y * y;
 
         // sin(y + tail) = y + (y^3 S(y^2) + tail cos y)
@@ -111,28 +112,29 @@ impl<S: Simd> Lane<S> {
         let lost = (self.lift(1.0) - leading) - half;
         let cos = leading + (lost + (z * z).mul_add(polynomial(z, &COS), -(y * tail)));
 
-        // odd quarter turns swap the two, and each has its signs
-        let swap = shifted.last_bit_as_sign(63);
+        // Quarter turns, from -2 to 2: odd ones swap, and each has its signs.
+        let turn = quarters - (quarters * self.lift(0.25)).round() * self.lift(4.0);
+        let (size, half) = (turn.abs(), self.lift(0.5));
+        let even = Self::select(
+            size.less(half),
+            self.lift(1.0),
+            (size - self.lift(1.0)).abs(),
+        );
+        let swap = even.less(half);
         let (s, c) = (Self::select(swap, cos, sin), Self::select(swap, sin, cos));
-        let s_negative = shifted.last_bit_as_sign(62);
-        let c_negative = (shifted + self.lift(1.0)).last_bit_as_sign(62);
+        let s_negative = Self::select(turn.less(-half), self.lift(1.0), size - self.lift(1.0));
+        let c_negative = Self::select(turn.less(half), -turn - self.lift(1.0), turn);
         (
-            Self::select(s_negative, -s, s),
-            Self::select(c_negative, -c, c),
+            Self::select(half.less(s_negative), -s, s),
+            Self::select(half.less(c_negative), -c, c),
         )
     }
 
-    /// Whether a bit of the number is set: the last one turned left by 63, the one before by 62,
-    /// becomes the sign. Of a sum with [`MAGIC`], what comes after the sign is never infinite.
+    /// To the nearest integer, for |x| below 2^51.
     #[inline(always)]
-    fn last_bit_as_sign(self, left: usize) -> LaneMask<S> {
-        let bits = self.simd.transmute_u64s_f64s(self.v);
-        let turned = self.simd.rotate_left_u64s(bits, left);
-        let turned = Self {
-            v: self.simd.transmute_f64s_u64s(turned),
-            ..self
-        };
-        turned.less(self.lift(0.0))
+    fn round(self) -> Self {
+        let magic = self.lift(6_755_399_441_055_744.0);
+        (self + magic) - magic
     }
 
     /// `self - quarters * pi/2` as a value and its rounding error (Cody and Waite).
