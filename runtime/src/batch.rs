@@ -308,15 +308,18 @@ impl<const DOF: usize, const COLUMNS: usize> Consumer<DOF, COLUMNS> for Normal<'
         for value in values.iter_mut().take(end - block.first) {
             *value = 1.0;
         }
+        let on = counts.lift(0.5).less(counts);
         for (a, column) in block.w.iter().enumerate() {
             let mut weighted = *column;
             for (entry, weight) in weighted.iter_mut().zip(self.weights) {
-                *entry = *entry * counts * counts.lift(weight);
+                *entry = *entry * counts.lift(weight);
             }
             let dot = |other: &[Lane<S>; DOF]| {
                 let products = weighted.iter().zip(other);
                 let sum = products.fold(counts.lift(0.0), |sum, (x, y)| x.mul_add(*y, sum));
-                simd.reduce_sum_f64s(sum.v)
+                // a state of zeros may be singular: nothing of it may be added, not even times zero
+                let counted = Lane::select(on, sum, counts.lift(0.0));
+                simd.reduce_sum_f64s(counted.v)
             };
             for (b, other) in block.w[..=a].iter().enumerate() {
                 self.gram[a][b] += dot(other);

@@ -123,10 +123,13 @@ fn normal_equations_are_the_sums_of_products_of_columns() {
     let mut found = Normal::new(tau.each_ref().map(Vec::as_slice), weights);
     base_regressors::<Rps3, _, N, DOF, P>(&samples(&states), &mut found);
     let all = alone(&states);
+    // entries that all but vanish are right to the rounding of the largest ones
+    let entries = all.iter().flat_map(|(w, _)| w.iter().flatten());
+    let largest = entries.fold(1.0_f64, |m, x| m.max(x.abs()));
     for a in 0..P {
-        let mut right = (0.0, 0.0);
+        let mut right = (0.0, largest);
         for b in 0..=a {
-            let (mut sum, mut size) = (0.0, 0.0);
+            let (mut sum, mut size) = (0.0, largest * largest);
             for (w, _) in &all {
                 for r in 0..DOF {
                     let product = weights[r] * w[a][r] * w[b][r];
