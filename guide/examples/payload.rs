@@ -66,7 +66,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         .map(|s| (*s).to_owned());
     let mut factor = Factor::new(labels.collect());
     let mut w = vec![0.0; n * p];
-    let mut torque = |q: &[f64], qd: &[f64], qdd: &[f64], phi: &[f64], noise: &mut Noise| {
+    let torque = |q: &[f64], qd: &[f64], qdd: &[f64], phi: &[f64], noise: &mut Noise| {
         let mut tau = vec![0.0; n];
         let _condition = arm().inverse_dynamics(q, qd, qdd, phi, &mut tau)?;
         for tau in &mut tau {

@@ -37,9 +37,9 @@ fn seek(settings: &Settings, stop: bool) -> Outcome {
     excite(&Rps3, &Rps3, settings, watch).unwrap()
 }
 
-fn found(outcome: Outcome) -> Box<Excitation> {
+fn found(outcome: Outcome) -> Excitation {
     match outcome {
-        Outcome::Found(found) => found,
+        Outcome::Found(found) => *found,
         other => panic!("{other:?}"),
     }
 }
@@ -121,7 +121,7 @@ fn a_trajectory_keeps_every_limit_between_samples_too_and_starts_at_rest() {
     let info = Model::<f64>::info(&Rps3);
     let phi = settings.nominal.clone().unwrap();
     let mut closure = Closure::new(&Rps3).unwrap();
-    let (mut nearest, steps) = (f64::INFINITY, 3001);
+    let (mut nearest, steps) = (f64::INFINITY, 3001_u16);
     let mut inside = |value: f64, range: Option<[f64; 2]>| {
         if let Some([lowest, highest]) = range {
             let left = (value - lowest).min(highest - value) / (0.5 * (highest - lowest));
@@ -130,7 +130,7 @@ fn a_trajectory_keeps_every_limit_between_samples_too_and_starts_at_rest() {
         }
     };
     for step in 0..steps {
-        let time = step as f64 / steps as f64 / settings.frequency;
+        let time = f64::from(step) / f64::from(steps) / settings.frequency;
         let motion = [0, 1, 2].map(|c| found.series.at(c, time));
         let part = |order: usize| motion.map(|m| m[order]);
         let state = closure

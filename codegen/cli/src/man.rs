@@ -12,17 +12,17 @@ pub(crate) fn run(command: Option<&str>) -> Result<(), Failure> {
     regen.build();
     let page = match command {
         None => regen,
-        Some(name) => match regen.find_subcommand(name) {
-            Some(found) => found.clone(),
-            None => {
-                let names = regen.get_subcommands().map(clap::Command::get_name);
-                let names: Vec<_> = names.collect();
-                return Err(Failure::Input(format!(
+        Some(name) => {
+            let names = regen.get_subcommands().map(clap::Command::get_name);
+            let names: Vec<_> = names.collect();
+            let found = regen.find_subcommand(name).ok_or_else(|| {
+                Failure::Input(format!(
                     "there is no command '{name}'; there are {}",
                     names.join(", ")
-                )));
-            }
-        },
+                ))
+            })?;
+            found.clone()
+        }
     };
     let mut text = Vec::new();
     clap_mangen::Man::new(page)

@@ -121,7 +121,7 @@ mod tests {
         let seen = values.iter().copied().fold(0.0, f64::max);
         let bound = bounds(&values, 1)[0].value;
         assert!(
-            seen < 0.99 && bound >= 1.0 && bound < 1.03,
+            seen < 0.99 && (1.0..1.03).contains(&bound),
             "{seen} {bound}"
         );
     }

@@ -256,8 +256,8 @@ mod tests {
                 let at = space.row(step, 7).at(&y);
                 for c in 0..2 {
                     let known = series.at(c, step as f64 / 7.0 / 0.2);
-                    for i in 0..3 {
-                        assert!((at[i][c] - known[i]).abs() < 1e-12, "{step} {c} {i}");
+                    for (found, known) in at.iter().zip(known) {
+                        assert!((found[c] - known).abs() < 1e-12, "{step} {c}");
                     }
                 }
             }

@@ -70,6 +70,7 @@ pub(crate) fn measure(reference: &Fourier, seed: u64) -> Measured {
     };
     let log = simulate(&Rps3Friction, &phi, &follow, &settings).expect("settings that fit");
     assert_eq!(log.ended, Ended::Complete);
+    #[allow(clippy::cast_sign_loss, reason = "both are positive")]
     let rows = (period / settings.period).round() as usize;
     let mean = |values: &[f64], k: usize, i: usize| {
         let runs = (1..=RUNS).map(|run| values[3 * (run * rows + k) + i]);
@@ -95,7 +96,11 @@ pub(crate) fn measure(reference: &Fourier, seed: u64) -> Measured {
         let thrice = [once.as_slice(), &once, &once].concat();
         filter.zero_phase(&thrice).expect("enough")[rows..2 * rows].to_vec()
     });
-    let points = if rows % POINTS == 0 { POINTS } else { rows };
+    let points = if rows.is_multiple_of(POINTS) {
+        POINTS
+    } else {
+        rows
+    };
     let forces = (0..points).flat_map(|p| [0, 1, 2].map(|i: usize| smooth[i][p * rows / points]));
     Measured {
         forces: forces.collect(),

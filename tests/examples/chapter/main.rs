@@ -158,7 +158,9 @@ fn pivots(steps: usize) -> Vec<(f64, f64, usize)> {
             .fold(1.0_f64, |m, c| m.min(*c))
             .acos()
             .to_degrees();
-        if let Some(class) = classes.get_mut((angle / 15.0) as usize) {
+        #[allow(clippy::cast_sign_loss, reason = "an arc cosine")]
+        let class = (angle / 15.0) as usize;
+        if let Some(class) = classes.get_mut(class) {
             class.1 = class.1.min(closed.condition.pivot);
             class.2 += 1;
         }
@@ -289,7 +291,7 @@ fn table6(states: &[State], others: &[State], seeds: u64) {
     table6_rows(&more);
     for (name, first) in [("37", 0), ("34", 1)] {
         let count = |holds: &dyn Fn(&Row, &Row) -> bool| {
-            let pairs = all.iter().map(|t| t.rows());
+            let pairs = all.iter().map(models::Table6::rows);
             pairs.filter(|rows| holds(rows[first].1, rows[2].1)).count()
         };
         println!(
