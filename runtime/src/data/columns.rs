@@ -195,17 +195,29 @@ impl Layout {
                 ));
             }
         }
+        if header.iter().all(String::is_empty) {
+            return Err("it is empty; its first row must name the columns".to_owned());
+        }
         let place = |name: &str| header.iter().position(|h| h == name);
+        // Which of two columns of the same name is meant, nobody knows.
+        let once = |index: usize| -> Result<usize, String> {
+            let name = header.get(index).map_or("", String::as_str);
+            if header.iter().skip(index + 1).any(|h| h == name) {
+                return Err(format!("the header names two columns `{name}`: rename one"));
+            }
+            Ok(index)
+        };
         let find = |quantity: &Quantity, alias: Option<&str>| -> Result<Option<Channel>, String> {
             if let Some(given) = assignments.iter().find(|a| a.quantity == *quantity) {
                 let index = place(&given.column).ok_or_else(|| {
                     let (column, all) = (&given.column, header.join(", "));
                     format!("there is no column `{column}` for {quantity}; there are: {all}")
                 })?;
-                let factor = given.factor;
+                let (index, factor) = (once(index)?, given.factor);
                 return Ok(Some(Channel { index, factor }));
             }
             let found = place(&format!("{quantity}")).or_else(|| alias.and_then(place));
+            let found = found.map(once).transpose()?;
             Ok(found.map(|index| Channel { index, factor: 1.0 }))
         };
         let missing = |quantity: &Quantity, what: &str| {
@@ -239,8 +251,8 @@ impl Layout {
                 .filter_map(|&k| info.coordinates.get(k).copied())
                 .collect();
             return Err(format!(
-                "positions of {} coordinates where {} are needed; missing: {}; columns: {}. Name \
-                 them with --column COORDINATE=COLUMN",
+                "{} of {} positions that are needed; missing: {}; columns: {}. Name them with \
+                 --column COORDINATE=COLUMN",
                 measured.len(),
                 info.dof(),
                 wanted.join(" "),

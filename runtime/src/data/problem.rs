@@ -244,8 +244,9 @@ impl fmt::Display for DataError {
             Self::Layout { file, why } => write!(f, "{file}: {why}"),
             Self::Problems { file, problems } => write!(
                 f,
-                "{file}: {} rows cannot be used\n{problems}  leave them out with --problems drop",
-                problems.total()
+                "{file}: {} {} cannot be used\n{problems}  leave them out with --problems drop",
+                problems.total(),
+                if problems.total() == 1 { "row" } else { "rows" }
             ),
             Self::Signal { file, why } => write!(f, "{file}: {why}"),
             Self::Model(why) => write!(f, "{why}"),

@@ -80,10 +80,13 @@ impl LogFile {
         let parquet = is_parquet(path);
         let header = if parquet {
             #[cfg(feature = "parquet")]
-            let header = super::parquet::header(path)?;
+            {
+                super::parquet::header(path)?
+            }
             #[cfg(not(feature = "parquet"))]
-            let header: Vec<String> = return Err(unsupported(path));
-            header
+            {
+                return Err(unsupported(path));
+            }
         } else {
             let mut reader = reader(path)?;
             let titles = reader.headers().map_err(|error| failed(path, &error))?;

@@ -48,9 +48,10 @@ impl Butterworth {
             return Err(SignalError::Setting("the filter's order must be 1 to 20"));
         }
         if !(cutoff > 0.0 && step > 0.0 && cutoff * step < 0.5) {
-            return Err(SignalError::Setting(
-                "the cutoff must be above 0 and below half the sampling rate",
-            ));
+            return Err(SignalError::Cutoff {
+                cutoff,
+                most: 0.5 / step,
+            });
         }
         // analogue poles w (-sin, +-cos)(angle), z = (2 + s) / (2 - s) with s in units of 1/step
         let w = 2.0 * (PI * cutoff * step).tan();

@@ -93,6 +93,13 @@ pub enum SignalError {
         /// Samples the method needs there.
         needed: usize,
     },
+    /// A filter's cutoff that the sampling does not allow.
+    Cutoff {
+        /// The cutoff, Hz.
+        cutoff: f64,
+        /// Half the sampling rate, Hz.
+        most: f64,
+    },
     /// A setting that cannot be.
     Setting(&'static str),
 }
@@ -117,6 +124,11 @@ impl fmt::Display for SignalError {
                 f,
                 "{samples} samples where the method needs {needed}: give a longer log or a wider \
                  window"
+            ),
+            Self::Cutoff { cutoff, most } => write!(
+                f,
+                "the cutoff of {cutoff} Hz must be above 0 and below half the sampling rate, \
+                 {most:.6} Hz"
             ),
             Self::Setting(what) => f.write_str(what),
         }

@@ -1,0 +1,144 @@
+//! Mistakes that people make, in descriptions, logs and command lines: what each is answered. The
+//! table is a snapshot, to be read by a person.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod common;
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+
+use common::{regen, root, scratch};
+
+/// What is told of the first error: its message, its place and the remedy.
+fn told(name: &str, code: i32, err: &str) -> String {
+    let mut text = format!("## {name} (exit {code})\n");
+    let mut errors = 0;
+    for line in err.lines() {
+        let line = line.trim_end();
+        errors += usize::from(line.starts_with("error"));
+        let place = line.trim_start().starts_with("--> ");
+        let help = line.trim_start().starts_with("= ");
+        let source = line.contains(" | ") || line.trim_start() == "|" || line.ends_with(" |");
+        if errors <= 1 && !line.is_empty() && (place || help || !source) {
+            let _ = writeln!(text, "{line}");
+        }
+    }
+    if errors > 1 {
+        let _ = writeln!(text, "and {} more", errors - 1);
+    }
+    text
+}
+
+#[test]
+fn every_mistake_in_a_description_is_answered_with_its_place() {
+    let dir = scratch("mistakes_specs");
+    let mut table = String::new();
+    let mut files: Vec<_> = fs::read_dir(root().join("robots/invalid"))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .filter(|name| name.ends_with(".yaml"))
+        .collect();
+    files.sort();
+    assert!(files.len() >= 50, "{}", files.len());
+    for name in files {
+        fs::copy(root().join("robots/invalid").join(&name), dir.join(&name)).unwrap();
+        let run = regen(&dir, &["info", &name]).ended(3);
+        assert!(run.out.is_empty(), "{}", run.out);
+        assert!(run.err.contains(&format!("--> {name}:")), "{}", run.err);
+        table += &told(&name, run.code, &run.err);
+    }
+    insta::assert_snapshot!("specs", table);
+}
+
+/// The log of the guide with its rows changed.
+fn log(dir: &Path, change: impl FnOnce(&mut Vec<String>)) {
+    let text = fs::read_to_string(root().join("guide/fivebar/run1.csv")).unwrap();
+    let mut lines: Vec<String> = text.lines().take(801).map(str::to_owned).collect();
+    change(&mut lines);
+    fs::write(dir.join("log.csv"), lines.join("\n") + "\n").unwrap();
+}
+
+/// Replaces a cell.
+fn cell(lines: &mut [String], row: usize, column: usize, with: &str) {
+    let mut cells: Vec<&str> = lines[row].split(',').collect();
+    cells[column] = with;
+    lines[row] = cells.join(",");
+}
+
+/// A name, what is done to the log, and arguments beside it.
+type Mistake = (&'static str, fn(&mut Vec<String>), &'static [&'static str]);
+
+const LOGS: [Mistake; 20] = [
+    (
+        "no time",
+        |l| l[0] = l[0].replacen("t,", "seconds,", 1),
+        &[],
+    ),
+    (
+        "no position of a motor",
+        |l| l[0] = l[0].replace("q3", "motor2"),
+        &[],
+    ),
+    (
+        "no effort of a motor",
+        |l| l[0] = l[0].replace("tau_q3", "current"),
+        &[],
+    ),
+    (
+        "a column twice",
+        |l| l[0] = "t,q1,q1,tau_q1,tau_q3".to_owned(),
+        &[],
+    ),
+    ("text for a number", |l| cell(l, 7, 1, "n/a"), &[]),
+    ("NaN", |l| cell(l, 7, 3, "nan"), &[]),
+    ("decimal commas", |l| l[3] = l[3].replace('.', ","), &[]),
+    ("a row cut short", |l| l[800] = l[800][..20].to_owned(), &[]),
+    ("times out of order", |l| l.swap(30, 31), &[]),
+    ("the same time twice", |l| l[31] = l[30].clone(), &[]),
+    ("a gap", |l| drop(l.drain(100..160)), &[]),
+    (
+        "the clock jumps back",
+        |l| (400..420).for_each(|k| cell(l, k, 0, "0.5")),
+        &[],
+    ),
+    ("an encoder jumps a turn", |l| cell(l, 200, 1, "8.4"), &[]),
+    ("only a header", |l| l.truncate(1), &[]),
+    ("nothing", Vec::clear, &[]),
+    ("ten rows", |l| l.truncate(11), &[]),
+    (
+        "an assignment of no column",
+        |_| {},
+        &["--column", "q1=motor 1:deg"],
+    ),
+    ("an unknown unit", |_| {}, &["--column", "q1=q3:inch"]),
+    ("an assignment to nothing", |_| {}, &["--column", "q9=q3"]),
+    (
+        "a filter above half the sampling",
+        |_| {},
+        &["--butterworth", "4,500"],
+    ),
+];
+
+#[test]
+fn every_mistake_in_a_log_is_answered_with_its_rows() {
+    let dir = scratch("mistakes_logs");
+    let spec = root().join("guide/fivebar/fivebar.yaml");
+    fs::copy(spec, dir.join("fivebar.yaml")).unwrap();
+    let mut table = String::new();
+    for (name, change, more) in LOGS {
+        log(&dir, change);
+        let mut args = vec!["identify", "fivebar.yaml", "log.csv", "--out", "p.json"];
+        args.extend(more);
+        let run = regen(&dir, &args);
+        assert!(
+            run.code != 0 && run.code != 101,
+            "{name}\n{}\n{}",
+            run.out,
+            run.err
+        );
+        assert!(!dir.join("p.json").exists(), "{name}");
+        table += &told(name, run.code, &run.err);
+    }
+    insta::assert_snapshot!("logs", table);
+}
