@@ -131,14 +131,14 @@ impl Tree {
             Tree::Power(base, exponent) => {
                 let text = match **base {
                     Tree::Number(_) | Tree::Name(_) => base.text(),
-                    _ => format!("\\left({}\\right)", base.text()),
+                    _ => format!("\\bigl({}\\bigr)", base.text()),
                 };
                 format!("{text}^{{{}}}", exponent.text())
             }
             Tree::Call(function, inner) => match function.as_str() {
                 "sqrt" => format!("\\sqrt{{{}}}", inner.text()),
                 "deg" => format!("{}^{{\\circ}}", inner.factor()),
-                _ => format!("\\{function}\\left({}\\right)", inner.text()),
+                _ => format!("\\{function}\\bigl({}\\bigr)", inner.text()),
             },
         }
     }
@@ -146,7 +146,7 @@ impl Tree {
     /// As a factor: sums and signs in parentheses.
     fn factor(&self) -> String {
         match self {
-            Tree::Sum(_) | Tree::Neg(_) => format!("\\left({}\\right)", self.text()),
+            Tree::Sum(_) | Tree::Neg(_) => format!("\\bigl({}\\bigr)", self.text()),
             _ => self.text(),
         }
     }
@@ -306,16 +306,16 @@ mod tests {
             ("d4^2 + a3^2", "d_{4}^{2} + a_{3}^{2}"),
             ("sqrt(3)*a/2", r"\frac{\sqrt{3} a}{2}"),
             ("sqrt(3)/2*a", r"\frac{\sqrt{3}}{2} a"),
-            ("a*(b - c)", r"a \left(b - c\right)"),
+            ("a*(b - c)", r"a \bigl(b - c\bigr)"),
             ("(a - b)/(a + b)", r"\frac{a - b}{a + b}"),
             ("1 - -a", "1 + a"),
-            ("a - (b + c)", r"a - \left(b + c\right)"),
+            ("a - (b + c)", r"a - \bigl(b + c\bigr)"),
             ("a*2*3", r"a \cdot 2 \cdot 3"),
-            ("(a + b)^2", r"\left(a + b\right)^{2}"),
+            ("(a + b)^2", r"\bigl(a + b\bigr)^{2}"),
             ("2^-1", "2^{-1}"),
             (
                 "cos(0.3)*sin(3/10)",
-                r"\cos\left(0.3\right) \sin\left(\frac{3}{10}\right)",
+                r"\cos\bigl(0.3\bigr) \sin\bigl(\frac{3}{10}\bigr)",
             ),
             ("1.5e-3", r"1.5 \cdot 10^{-3}"),
             ("5*pi/6", r"\frac{5 \pi}{6}"),

@@ -15,6 +15,9 @@ use crate::table::{self, WIDTH};
 /// The kinds of a body's parameters, in their order.
 const PER_BODY: usize = 10;
 
+/// Rows that a printed page takes, if they are short.
+const ROWS_OF_A_PAGE: usize = 40;
+
 /// A factor and the label of a parameter.
 struct Part {
     signed: Signed,
@@ -133,12 +136,19 @@ impl Table {
         out
     }
 
-    /// A LaTeX table.
+    /// A LaTeX table; over several pages where it is too long for one.
     pub(crate) fn latex(&self) -> String {
         let mut out = format!("% {}\n", self.title());
-        out.push_str(
-            "% needs \\usepackage{booktabs}\n\
-             \\begin{tabular}{r p{0.75\\linewidth} l}\n\\toprule\n",
+        let long = self.rows.len() > ROWS_OF_A_PAGE;
+        let (environment, packages) = if long {
+            ("longtable", "booktabs,longtable")
+        } else {
+            ("tabular", "booktabs")
+        };
+        let _ = writeln!(
+            out,
+            "% needs \\usepackage{{{packages}}}\n\
+             \\begin{{{environment}}}{{r p{{0.75\\linewidth}} l}}\n\\toprule"
         );
         if self.doubt.is_some() {
             let title = latex::escaped(&self.title());
@@ -148,6 +158,9 @@ impl Table {
             );
         }
         out.push_str("No & Base parameter & Rests on \\\\\n\\midrule\n");
+        if long {
+            out.push_str("\\endhead\n");
+        }
         for (k, row) in self.rows.iter().enumerate() {
             let text: String = row
                 .parts
@@ -155,9 +168,12 @@ impl Table {
                 .enumerate()
                 .map(|(k, p)| p.latex(k))
                 .collect();
-            let _ = writeln!(out, "{} & ${text}$ & {} \\\\", k + 1, row.rests_on());
+            let _ = writeln!(out, "{} & \\raggedright ${text}$ & {} \\\\", k + 1, row.rests_on());
         }
-        out.push_str("\\bottomrule\n\\end{tabular}\n\n{\\footnotesize\\noindent\n");
+        let _ = write!(
+            out,
+            "\\bottomrule\n\\end{{{environment}}}\n\n\\medskip\n{{\\footnotesize\\noindent\n"
+        );
         for (name, text) in &self.facts {
             let (name, text) = (latex::escaped(name), latex::escaped(text));
             let _ = writeln!(out, "{name}: {text}.\\\\");
@@ -192,7 +208,7 @@ impl Part {
         let factor = match &self.signed.factor {
             Factor::One => String::new(),
             Factor::Expression(text, true) => {
-                format!("\\left({}\\right) \\, ", latex::expression(text))
+                format!("\\bigl({}\\bigr) \\, ", latex::expression(text))
             }
             Factor::Expression(text, false) | Factor::Number(text) => {
                 format!("{} \\, ", latex::expression(text))

@@ -78,6 +78,28 @@ fn the_table_and_what_makes_it_certain_print_as_told() {
 }
 
 #[test]
+fn the_stewart_platforms_table_is_a_latex_document() {
+    let dir = scratch("guide_latex");
+    clone(&dir);
+    let regen = Path::new(env!("CARGO_BIN_EXE_regen")).parent().unwrap();
+    let paths = std::env::var_os("PATH").unwrap_or_default();
+    let paths = [regen.to_path_buf()]
+        .into_iter()
+        .chain(std::env::split_paths(&paths));
+    let ended = std::process::Command::new("sh")
+        .arg(root().join("guide/examples/stewart_table.sh"))
+        .arg("stewart.tex")
+        .current_dir(&dir)
+        .env("PATH", std::env::join_paths(paths).unwrap())
+        .status()
+        .unwrap();
+    assert!(ended.success());
+    let text = fs::read_to_string(dir.join("stewart.tex")).unwrap();
+    assert!(text.starts_with("\\documentclass") && text.ends_with("\\end{document}\n"));
+    assert!(text.contains("\\begin{longtable}") && text.contains("\n82 & "));
+}
+
+#[test]
 fn the_five_bars_log_becomes_a_report_in_under_ten_commands() {
     assert!(follow("experiment").len() < 10);
     assert!(follow("identify").len() < 10);
