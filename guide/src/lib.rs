@@ -10,12 +10,15 @@ pub mod table {}
 pub mod controller {}
 
 #[doc = include_str!("../pages/experiment.md")]
+#[doc = include_str!("../pages/figures/position-turns.svg")]
 pub mod experiment {}
 
 #[doc = include_str!("../pages/identify.md")]
+#[doc = include_str!("../pages/figures/deviations.svg")]
 pub mod identify {}
 
 #[doc = include_str!("../pages/trust.md")]
+#[doc = include_str!("../pages/figures/singular-values.svg")]
 pub mod trust {}
 
 #[doc = include_str!("../pages/contribute.md")]

@@ -168,7 +168,12 @@ impl Table {
                 .enumerate()
                 .map(|(k, p)| p.latex(k))
                 .collect();
-            let _ = writeln!(out, "{} & \\raggedright ${text}$ & {} \\\\", k + 1, row.rests_on());
+            let _ = writeln!(
+                out,
+                "{} & \\raggedright ${text}$ & {} \\\\",
+                k + 1,
+                row.rests_on()
+            );
         }
         let _ = write!(
             out,
