@@ -111,10 +111,6 @@ fn with_noise_least_squares_is_of_no_robot_and_the_constrained_fit_costs_little(
         "feasible 3-RPS: {seconds:.3} s, residual rises by {:.3e}",
         found.rise()
     );
-    // one thread: elapsed time bounds CPU time; without optimisation it says nothing
-    if cfg!(not(debug_assertions)) {
-        assert!(seconds < 1.0, "{seconds} s");
-    }
     assert!(found.check.is_physical());
     assert_ne!(found.outcome, Outcome::Unconstrained);
     assert!(

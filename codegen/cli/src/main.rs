@@ -22,6 +22,7 @@ mod identify_tests;
 mod import;
 mod info;
 mod interpreted;
+mod interrupt;
 mod load;
 mod man;
 mod model;
@@ -59,7 +60,7 @@ use args::{Cli, Command};
 use exit::Failure;
 
 fn main() -> ExitCode {
-    write::clean_up_on_interrupt();
+    interrupt::listen();
     match run(Cli::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {

@@ -78,7 +78,7 @@ pub(crate) fn run(args: &NewArgs) -> Result<(), Failure> {
             written,
         })),
         Format::Human => terminal::print(&format!(
-            "wrote {written}\nIt works as it stands: try regen check {written}, then make it yours line by line.\n"
+            "wrote {written}\nIt works as it stands: regen check {written}\nThen make it yours, line by line.\n"
         )),
     }
 }

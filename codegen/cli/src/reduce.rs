@@ -199,8 +199,6 @@ pub(crate) fn human(steps: &[StepJson]) -> String {
         .collect();
     let head = ["step", "kept", "well", "physical", "cond", "rms", "eps_RA"];
     let mut out = crate::table::columns(&head, &lines);
-    out.push_str(
-        "  rms in standard deviations of the noise; eps_RA in percent, on the logs of --against\n",
-    );
+    out.push_str("  rms in standard deviations of the noise; eps_RA in percent, on --against\n");
     out
 }

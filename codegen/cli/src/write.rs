@@ -2,35 +2,10 @@
 
 use std::fs;
 use std::io::{self, Write};
-use std::path::{Path, PathBuf};
-use std::sync::Mutex;
+use std::path::Path;
 
 use crate::exit::Failure;
-
-/// The temporary file that is being written, if one is.
-static UNFINISHED: Mutex<Option<PathBuf>> = Mutex::new(None);
-
-/// The exit code of a program that was interrupted: 128 and the signal's number.
-const INTERRUPTED: i32 = 130;
-
-/// Lets an interrupt remove what was half written, and end the run as a failure.
-pub(crate) fn clean_up_on_interrupt() {
-    // where there is no such handler, the run ends at the signal itself
-    let _ = ctrlc::set_handler(|| {
-        if let Ok(unfinished) = UNFINISHED.lock()
-            && let Some(path) = unfinished.as_ref()
-        {
-            let _ = fs::remove_file(path);
-        }
-        std::process::exit(INTERRUPTED);
-    });
-}
-
-fn note_unfinished(path: Option<&Path>) {
-    if let Ok(mut unfinished) = UNFINISHED.lock() {
-        *unfinished = path.map(Path::to_path_buf);
-    }
-}
+use crate::interrupt;
 
 /// Replaces a file's content through a temporary file beside it.
 pub(crate) fn atomically(path: &Path, text: &str) -> Result<(), Failure> {
@@ -44,7 +19,7 @@ fn replace(path: &Path, text: &str) -> io::Result<()> {
     }
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let temporary = dir.join(format!(".{name}.{}.tmp", std::process::id()));
-    note_unfinished(Some(&temporary));
+    interrupt::unfinished(Some(&temporary));
     let written = fs::File::create(&temporary)
         .and_then(|mut file| {
             file.write_all(text.as_bytes())?;
@@ -55,6 +30,6 @@ fn replace(path: &Path, text: &str) -> io::Result<()> {
         // The first error is the one worth telling.
         let _ = fs::remove_file(&temporary);
     }
-    note_unfinished(None);
+    interrupt::unfinished(None);
     written
 }

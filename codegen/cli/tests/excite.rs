@@ -87,3 +87,54 @@ fn what_stands_in_the_way_is_named_with_its_exit_code() {
         none.err
     );
 }
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_search_ends_by_itself_and_keeps_what_it_found() {
+    let dir = common::scratch("excite_interrupted");
+    let spec = robots().join("../guide/fivebar/fivebar.yaml");
+    let spec = spec.to_str().unwrap();
+    // Far more starts than anybody waits for.
+    let args = [
+        "excite",
+        spec,
+        "--harmonics",
+        "2",
+        "--samples",
+        "20",
+        "--frequency",
+        "0.5",
+    ];
+    let more = [
+        "--steps",
+        "3",
+        "--starts",
+        "100000",
+        "--threads",
+        "1",
+        "--out",
+        "t.json",
+    ];
+    let child = common::command(&dir, &[&args[..], &more[..]].concat())
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    std::thread::sleep(std::time::Duration::from_secs(3));
+    let asked = std::process::Command::new("kill")
+        .args(["-INT", &child.id().to_string()])
+        .status()
+        .unwrap();
+    assert!(asked.success());
+    let output = child.wait_with_output().unwrap();
+    let told = String::from_utf8(output.stderr).unwrap();
+    match output.status.code() {
+        Some(0) => {
+            assert!(told.contains("best so far"), "{told}");
+            assert!(dir.join("t.json").exists());
+        }
+        // On a very busy machine it has found nothing yet, and says so.
+        Some(4) => assert!(told.contains("before a trajectory was found"), "{told}"),
+        code => panic!("{code:?}: {told}"),
+    }
+}

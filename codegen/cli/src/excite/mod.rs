@@ -6,8 +6,7 @@ mod tangents;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::io::IsTerminal;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 
 use indicatif::{ProgressBar, ProgressStyle};
 use regen_runtime::excite::{
@@ -24,7 +23,7 @@ use crate::args::Format;
 use crate::exit::Failure;
 use crate::interpreted::{BaseTerms, Interpreted};
 use crate::trajectory::Trajectory;
-use crate::{load, observe, table, terminal};
+use crate::{interrupt, load, observe, table, terminal};
 
 /// The JSON of `regen excite`.
 #[derive(Serialize)]
@@ -61,18 +60,11 @@ pub(crate) fn run(args: &ExciteArgs) -> Result<(), Failure> {
             "efforts are not limited: actuators share them, for there are more than one each",
         );
     }
-    let stop = Arc::new(AtomicBool::new(false));
-    let asked = Arc::clone(&stop);
-    // without a handler Ctrl-C ends the command, and nothing is lost but the search
-    let _ = ctrlc::set_handler(move || {
-        if asked.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
-        }
-    });
+    let stop = interrupt::asks();
     let bar = bar();
     let report = |progress: Progress| show(&bar, progress);
     let watch = Watch {
-        stop: &stop,
+        stop,
         report: &report,
     };
     let outcome = excite(&model, &Differentiable(&robot), &settings, watch);
