@@ -25,7 +25,7 @@ const WORLD: Pose = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
 ///   - name: arm
 ///     joints:
 ///       - {name: q1, type: revolute, axis: z, body: 1, actuated: true}
-///       - {name: q2, type: prismatic, xyz: [2, 0, 0], axis: x, body: 2, actuated: true}
+///       - {name: q2, type: prismatic, origin: {xyz: [2, 0, 0]}, axis: x, body: 2, actuated: true}
 /// ";
 /// let scene = Scene::new(&Source::new("arm.yaml", text)).unwrap();
 /// // A quarter turn, then 0.5 m: the second body's origin stands at (0, 2.5, 0).

@@ -46,6 +46,7 @@ const ROOMS: &[(&str, &[&str])] = &[
         ],
     ),
     ("interpret", &["numeric", "optimize"]),
+    ("scene", &["diag", "model", "spec", "sym"]),
     ("emit", &["base", "optimize", "robot"]),
     (
         "checks",

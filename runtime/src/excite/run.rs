@@ -284,6 +284,9 @@ where
     }
 
     fn start(&self, start: usize) -> Result<Ended, ExciteError> {
+        if self.watch.stop.load(Ordering::Relaxed) {
+            return Ok(Ended::Stopped);
+        }
         let stages = Search::<M, D>::stages();
         let steps = self.settings.steps;
         let [middle, home] = self.poses();
