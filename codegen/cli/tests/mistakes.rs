@@ -36,8 +36,9 @@ fn every_mistake_in_a_description_is_answered_with_its_place() {
     let mut table = String::new();
     let mut files: Vec<_> = fs::read_dir(root().join("robots/invalid"))
         .unwrap()
-        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-        .filter(|name| name.ends_with(".yaml"))
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| path.extension().is_some_and(|e| e == "yaml"))
+        .map(|path| path.file_name().unwrap().to_str().unwrap().to_owned())
         .collect();
     files.sort();
     assert!(files.len() >= 50, "{}", files.len());
@@ -87,7 +88,7 @@ const LOGS: [Mistake; 20] = [
     ),
     (
         "a column twice",
-        |l| l[0] = "t,q1,q1,tau_q1,tau_q3".to_owned(),
+        |l| l[0] = l[0].replace("q3,tau_q1", "q1,tau_q1"),
         &[],
     ),
     ("text for a number", |l| cell(l, 7, 1, "n/a"), &[]),
