@@ -59,6 +59,21 @@ impl Law {
         }
     }
 
+    /// Coefficients and shape with which the law is linear friction of these Fc and Fv.
+    #[cfg(feature = "feasibility")]
+    pub(crate) fn of_linear(
+        self,
+        [fc, fv]: [f64; 2],
+        shape: [f64; SHAPES],
+    ) -> (std::vec::Vec<f64>, [f64; SHAPES]) {
+        match self {
+            Self::Linear => (std::vec![fc, fv], shape),
+            Self::Stribeck => (std::vec![fc, 0.0, fv], shape),
+            Self::Atan => (std::vec![fc, fv, 0.0], shape),
+            Self::Power => (std::vec![fc, fc, fv], [1.0, shape[1]]),
+        }
+    }
+
     /// The columns at a velocity; `sign` is sgn(v), or what stands for it.
     pub(crate) fn values(self, v: f64, sign: f64, shape: [f64; SHAPES]) -> [f64; COLUMNS] {
         match self {
@@ -131,6 +146,22 @@ mod tests {
 
     fn sign(v: f64) -> f64 {
         if v == 0.0 { 0.0 } else { v.signum() }
+    }
+
+    #[cfg(feature = "feasibility")]
+    #[test]
+    fn every_law_contains_linear_friction() {
+        for law in LAWS {
+            let (coefficients, shape) = law.of_linear([0.7, 2.5], [0.3, 1.4]);
+            for v in VELOCITIES {
+                let columns = law.values(v, sign(v), shape);
+                let effort: f64 = columns.iter().zip(&coefficients).map(|(c, x)| c * x).sum();
+                assert!(
+                    (effort - (0.7 * sign(v) + 2.5 * v)).abs() < 1e-14,
+                    "{law:?} {v}"
+                );
+            }
+        }
     }
 
     #[cfg(feature = "feasibility")]

@@ -300,16 +300,26 @@ pub fn fit(
     };
     let (best, converged) = search.descend(best, MANY);
 
+    // Programmes are solved to a tolerance: where nothing is gained, linear friction stays, which
+    // every law contains.
     let inertial = layout.len();
+    let gained = best.solution.squared_residual <= linear.squared_residual;
+    let taken = if gained { &best.solution } else { &linear };
     let mut next = inertial;
     let mut joints = Vec::with_capacity(data.joints.len());
     for ((joint, law), shape) in data.joints.iter().zip(&data.laws).zip(&best.shapes) {
         let symbols = joint.friction.symbols();
         let mut values = vec![0.0; symbols.len()];
         let place = |symbol: &str| symbols.iter().position(|s| *s == symbol);
-        let own = &best.solution.phi[next..next + law.linear().len()];
+        let found = if gained { *law } else { Law::Linear };
+        let own = &taken.phi[next..next + found.linear().len()];
         next += own.len();
-        for (symbol, value) in law.linear().iter().zip(own) {
+        let (own, shape) = if gained {
+            (own.to_vec(), *shape)
+        } else {
+            law.of_linear([own[0], own[1]], *shape)
+        };
+        for (symbol, value) in law.linear().iter().zip(&own) {
             // static friction is what is found above Coulomb's
             let (symbol, value) = match *symbol {
                 "Fs-Fc" => ("Fs", own[0] + value),
@@ -319,7 +329,7 @@ pub fn fit(
                 values[k] = value;
             }
         }
-        for (symbol, value) in law.shape().iter().zip(shape) {
+        for (symbol, value) in law.shape().iter().zip(&shape) {
             if let Some(k) = place(symbol) {
                 values[k] = *value;
             }
@@ -333,9 +343,9 @@ pub fn fit(
     let observed = combinations.labels().len();
     Ok(FrictionFit {
         joints,
-        phi: best.solution.phi[..inertial].to_vec(),
-        beta: best.solution.beta[..observed].to_vec(),
-        squared_residual: best.solution.squared_residual,
+        phi: taken.phi[..inertial].to_vec(),
+        beta: taken.beta[..observed].to_vec(),
+        squared_residual: taken.squared_residual,
         linear: linear.squared_residual,
         converged,
         programmes: search.programmes,
