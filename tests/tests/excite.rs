@@ -184,7 +184,7 @@ fn the_result_is_the_same_on_any_number_of_threads_and_better_than_its_start() {
         ..settings()
     };
     assert_ne!(searched.series, found(seek(&other, false)).series);
-    // asked to stop at once, it gives the best of the starts
+    // asked to stop at once, it gives the first start
     let start = found(seek(&one, true));
     let (before, after) = (start.figures, searched.figures);
     assert!(

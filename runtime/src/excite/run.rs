@@ -284,7 +284,8 @@ where
     }
 
     fn start(&self, start: usize) -> Result<Ended, ExciteError> {
-        if self.watch.stop.load(Ordering::Relaxed) {
+        // The first start gives its trajectory even then.
+        if start > 0 && self.watch.stop.load(Ordering::Relaxed) {
             return Ok(Ended::Stopped);
         }
         let stages = Search::<M, D>::stages();
