@@ -88,53 +88,42 @@ fn what_stands_in_the_way_is_named_with_its_exit_code() {
     );
 }
 
+/// A search of far more starts than anybody waits for, interrupted after so many seconds.
 #[cfg(unix)]
-#[test]
-fn an_interrupted_search_ends_by_itself_and_keeps_what_it_found() {
-    let dir = common::scratch("excite_interrupted");
+fn interrupted(dir: &Path, seconds: u64) -> (Option<i32>, String) {
     let spec = robots().join("../guide/fivebar/fivebar.yaml");
     let spec = spec.to_str().unwrap();
-    // Far more starts than anybody waits for.
-    let args = [
-        "excite",
-        spec,
-        "--harmonics",
-        "2",
-        "--samples",
-        "20",
-        "--frequency",
-        "0.5",
-    ];
-    let more = [
-        "--steps",
-        "3",
-        "--starts",
-        "100000",
-        "--threads",
-        "1",
-        "--out",
-        "t.json",
-    ];
-    let child = common::command(&dir, &[&args[..], &more[..]].concat())
+    let args = "--harmonics 2 --samples 20 --frequency 0.5 --steps 3 --starts 100000 --threads 1 \
+                --out t.json";
+    let args = ["excite", spec].into_iter().chain(args.split_whitespace());
+    let child = common::command(dir, &args.collect::<Vec<_>>())
         .stdout(std::process::Stdio::piped())
         .stderr(std::process::Stdio::piped())
         .spawn()
         .unwrap();
-    std::thread::sleep(std::time::Duration::from_secs(3));
+    std::thread::sleep(std::time::Duration::from_secs(seconds));
     let asked = std::process::Command::new("kill")
         .args(["-INT", &child.id().to_string()])
         .status()
         .unwrap();
     assert!(asked.success());
     let output = child.wait_with_output().unwrap();
-    let told = String::from_utf8(output.stderr).unwrap();
-    match output.status.code() {
-        Some(0) => {
-            assert!(told.contains("best so far"), "{told}");
-            assert!(dir.join("t.json").exists());
-        }
-        // On a very busy machine it has found nothing yet, and says so.
-        Some(4) => assert!(told.contains("before a trajectory was found"), "{told}"),
-        code => panic!("{code:?}: {told}"),
-    }
+    (
+        output.status.code(),
+        String::from_utf8(output.stderr).unwrap(),
+    )
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_search_ends_by_itself_and_keeps_what_it_found() {
+    let dir = common::scratch("excite_interrupted");
+    // On a busy machine the search may not have begun: it is given longer then.
+    let ended = [2, 8, 32]
+        .into_iter()
+        .map(|seconds| interrupted(&dir, seconds))
+        .find(|(code, _)| *code == Some(0));
+    let (_, told) = ended.expect("a search that winds down");
+    assert!(told.contains("best so far"), "{told}");
+    assert!(dir.join("t.json").exists());
 }

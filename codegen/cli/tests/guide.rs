@@ -129,12 +129,8 @@ fn the_five_bars_log_becomes_a_report_in_under_ten_commands() {
         let entry = entry.unwrap();
         let made = fs::read_to_string(dir.join("figures").join(entry.file_name())).unwrap();
         let kept = fs::read_to_string(entry.path()).unwrap();
-        // What singular values are of rounding is nobody's: the rest is the same on any machine.
-        assert_eq!(
-            made.lines().count(),
-            kept.lines().count(),
-            "{}",
-            entry.path().display()
-        );
+        // Labels, curves and bars are the same; a coordinate may be rounded otherwise elsewhere.
+        let shape = |text: &str| text.replace(|c: char| c.is_ascii_digit(), "");
+        assert_eq!(shape(&made), shape(&kept), "{}", entry.path().display());
     }
 }
