@@ -23,6 +23,7 @@ mod import;
 mod info;
 mod interpreted;
 mod interrupt;
+mod json_place;
 mod load;
 mod man;
 mod model;

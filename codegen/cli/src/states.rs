@@ -1,9 +1,11 @@
 //! The states of `regen eval`: from JSON to numbers, errors with their places.
 
-use regen_codegen::diag::{Diagnostic, Report, Source, Span};
+use regen_codegen::diag::{Diagnostic, Report, Source};
 use regen_codegen::robot::Robot;
 use serde::Deserialize;
 use serde_json::value::RawValue;
+
+use crate::json_place;
 
 /// Position, velocity and acceleration of some coordinates.
 #[derive(Clone, Debug, PartialEq)]
@@ -152,34 +154,14 @@ impl<'a> Reader<'a> {
             .ok()
     }
 
-    /// Where a part of the source's text starts in it.
-    fn offset(&self, part: &str) -> usize {
-        let start = self.source.text.as_ptr() as usize;
-        (part.as_ptr() as usize).saturating_sub(start)
-    }
-
     fn error(&mut self, raw: &RawValue, path: &str, message: &str) {
-        let start = self.offset(raw.get());
         let hint = format!("coordinates: {}", self.robot.coordinates.join(" "));
-        self.errors.push(
-            Diagnostic::new(Span::new(start, start + 1), message)
-                .path(path)
-                .hint(hint),
-        );
+        let mistake = json_place::mistake(self.source, raw, path, message, &hint);
+        self.errors.push(mistake);
     }
 
-    /// An error of the JSON parser in a part of the text, with its place in the whole.
     fn json_error(&mut self, part: &str, error: &serde_json::Error, path: &str) {
-        let line_start: usize = part
-            .split_inclusive('\n')
-            .take(error.line().saturating_sub(1))
-            .map(str::len)
-            .sum();
-        let at = self.offset(part) + line_start + error.column().saturating_sub(1);
-        // Without its own " at line 1 column 2", which counts from the part.
-        let whole = error.to_string();
-        let message = whole.rsplit_once(" at line ").map_or(&*whole, |(m, _)| m);
-        self.errors
-            .push(Diagnostic::new(Span::new(at, at + 1), message).path(path));
+        let mistake = json_place::unparsed(self.source, part, error, path);
+        self.errors.push(mistake);
     }
 }

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 
 use crate::exit::Failure;
-use crate::{load, table, write};
+use crate::{json_place, load, table, write};
 
 /// What the key `format` says.
 const FORMAT: &str = "regen-trajectory";
@@ -304,34 +304,14 @@ impl<'a> Reader<'a> {
             .ok()
     }
 
-    /// Where a part of the source's text starts in it.
-    fn offset(&self, part: &str) -> usize {
-        let start = self.source.text.as_ptr() as usize;
-        (part.as_ptr() as usize).saturating_sub(start)
-    }
-
     fn error(&mut self, raw: &RawValue, path: &str, message: &str, hint: &str) {
-        let start = self.offset(raw.get());
-        self.errors.push(
-            Diagnostic::new(Span::new(start, start + 1), message)
-                .path(path)
-                .hint(hint),
-        );
+        let mistake = json_place::mistake(self.source, raw, path, message, hint);
+        self.errors.push(mistake);
     }
 
-    /// An error of the JSON parser in a part of the text, with its place in the whole.
     fn json_error(&mut self, part: &str, error: &serde_json::Error, path: &str) {
-        let line_start: usize = part
-            .split_inclusive('\n')
-            .take(error.line().saturating_sub(1))
-            .map(str::len)
-            .sum();
-        let at = self.offset(part) + line_start + error.column().saturating_sub(1);
-        // Without its own " at line 1 column 2", which counts from the part.
-        let whole = error.to_string();
-        let message = whole.rsplit_once(" at line ").map_or(&*whole, |(m, _)| m);
-        self.errors
-            .push(Diagnostic::new(Span::new(at, at + 1), message).path(path));
+        let mistake = json_place::unparsed(self.source, part, error, path);
+        self.errors.push(mistake);
     }
 }
 
