@@ -449,4 +449,5 @@
   dyes();
   if (moment) { part = Math.min(Math.max(parseFloat(moment[1]) || 0, 0), 1); by("time").value = Math.round(part * 1000); play(false); }
   else play(samples > 1 && !matchMedia("(prefers-reduced-motion: reduce)").matches);
+  draw(part); // at once: whoever loads the page need not wait for the first frame
 })();
