@@ -12,25 +12,25 @@
 //! | [`constraints`] | 28 | 10 | 0 | 7 |
 //! | [`jacobian`] | 27 | 16 | 0 | 7 |
 //! | [`bias`] | 27 | 33 | 0 | 7 |
-//! | [`newton_step`] | 58 | 46 | 4 | 7 |
-//! | [`dependent_jacobian`] | 11 | 6 | 0 | 3 |
-//! | [`velocities`] | 44 | 44 | 4 | 6 |
-//! | [`accelerations`] | 66 | 72 | 4 | 6 |
-//! | [`regressor`] | 109 | 212 | 4 | 7 |
-//! | [`inverse_dynamics`] | 128 | 194 | 4 | 7 |
-//! | [`gravity`] | 83 | 122 | 4 | 9 |
-//! | [`bias_forces`] | 123 | 180 | 4 | 6 |
-//! | [`mass_matrix`] | 115 | 138 | 4 | 6 |
-//! | [`slotine_li`] | 155 | 270 | 4 | 7 |
+//! | [`newton_step`] | 54 | 48 | 4 | 7 |
+//! | [`dependent_jacobian`] | 15 | 16 | 0 | 4 |
+//! | [`velocities`] | 50 | 62 | 4 | 7 |
+//! | [`accelerations`] | 75 | 96 | 4 | 7 |
+//! | [`regressor`] | 115 | 216 | 4 | 7 |
+//! | [`inverse_dynamics`] | 134 | 198 | 4 | 7 |
+//! | [`gravity`] | 85 | 126 | 4 | 8 |
+//! | [`bias_forces`] | 135 | 203 | 4 | 7 |
+//! | [`mass_matrix`] | 124 | 154 | 4 | 7 |
+//! | [`slotine_li`] | 164 | 282 | 4 | 7 |
 //! | [`efforts`] | 0 | 0 | 0 | 0 |
 //! | [`poses`] | 12 | 8 | 0 | 7 |
-//! | [`base_regressor`] | 93 | 172 | 4 | 7 |
+//! | [`base_regressor`] | 99 | 176 | 4 | 7 |
 //! | [`to_base`] | 33 | 17 | 0 | 0 |
 //! | [`parameters_from_base`] | 31 | 17 | 0 | 0 |
-//! | [`base_inverse_dynamics`] | 112 | 175 | 4 | 7 |
-//! | [`base_gravity`] | 74 | 104 | 4 | 9 |
-//! | [`base_bias_forces`] | 108 | 160 | 4 | 6 |
-//! | [`base_mass_matrix`] | 103 | 132 | 4 | 6 |
+//! | [`base_inverse_dynamics`] | 118 | 179 | 4 | 7 |
+//! | [`base_gravity`] | 76 | 108 | 4 | 8 |
+//! | [`base_bias_forces`] | 120 | 183 | 4 | 7 |
+//! | [`base_mass_matrix`] | 112 | 148 | 4 | 7 |
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
@@ -613,7 +613,7 @@ pub fn bias<T: Scalar>(q: &[T; 7], qd: &[T; 7]) -> [T; 10] {
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
 /// - `dq_e`: step of the dependent coordinates in the order of `DEPENDENT`: A_e dq_e = -f
 ///
-/// 58 additions, 46 multiplications, 4 divisions, 7 sines and cosines.
+/// 54 additions, 48 multiplications, 4 divisions, 7 sines and cosines.
 pub fn newton_step<T: Scalar>(q: &[T; 7]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut dq_e = [like.lift(0.0); 4];
@@ -621,152 +621,141 @@ pub fn newton_step<T: Scalar>(q: &[T; 7]) -> ([T; 4], Condition<T>) {
     let mut condition = like.lift(1.0);
     // sines and cosines
     let [
-        sin_q3, cos_q3, sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5,
-        sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7, sin_q1, cos_q1,
-        sin_q1_q2, cos_q1_q2, sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4,
-        sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6,
+        sin_q1_q2, cos_q1_q2, sin_q3, cos_q3, sin_q4_q5, cos_q4_q5,
+        sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7, sin_q1, cos_q1, sin_q4,
+        cos_q4, sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6,
     ] = {
-        let t1_1 = q3 + q2;
-        let t1_2 = t1_1 + q1;
-        let t1_3 = t1_2 - q4;
-        let t1_4 = t1_3 - q5;
-        let t1_5 = q3 + q2;
-        let t1_6 = t1_5 + q1;
-        let t1_7 = t1_6 - q6;
-        let t1_8 = t1_7 - q7;
-        let t1_9 = q2 + q1;
-        let t1_10 = q3 + q2;
-        let t1_11 = t1_10 + q1;
-        let t1_12 = t1_11 - q4;
-        let t1_13 = q3 + q2;
-        let t1_14 = t1_13 + q1;
-        let t1_15 = t1_14 - q6;
+        let t1_1 = q2 + q1;
+        let t1_2 = q5 + q4;
+        let t1_3 = q3 + q2;
+        let t1_4 = t1_3 + q1;
+        let t1_5 = t1_4 - q6;
+        let t1_6 = t1_5 - q7;
+        let t1_7 = q3 + q2;
+        let t1_8 = t1_7 + q1;
+        let t1_9 = t1_8 - q6;
         let [
-            (sin_q3, cos_q3), (sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5),
+            (sin_q1_q2, cos_q1_q2), (sin_q3, cos_q3), (sin_q4_q5, cos_q4_q5),
             (sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7), (sin_q1, cos_q1),
-            (sin_q1_q2, cos_q1_q2), (sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4),
-            (sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6),
+            (sin_q4, cos_q4), (sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6),
         ] =
-            T::sin_cos_all([q3, t1_4, t1_8, q1, t1_9, t1_12, t1_15]);
+            T::sin_cos_all([t1_1, q3, t1_2, t1_6, q1, q4, t1_9]);
         [
-            sin_q3, cos_q3, sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5,
+            sin_q1_q2, cos_q1_q2, sin_q3, cos_q3, sin_q4_q5, cos_q4_q5,
             sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7, sin_q1, cos_q1,
-            sin_q1_q2, cos_q1_q2, sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4,
-            sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6,
+            sin_q4, cos_q4, sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6,
         ]
     };
     // A_e dq_e = -f
     {
-        let t2_1 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
-        let t2_2 = -t2_1;
-        let t2_3 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
-        let t2_4 = like.lift(0.4) * cos_q3;
-        let t2_5 = like.lift(0.04) - t2_4;
-        let t2_6 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_7 = like.lift(0.04) + t2_4;
-        let t2_8 = -t2_7;
-        let t2_9 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let t2_10 = cos_q1_q2 + cos_q1;
-        let t2_11 = like.lift(0.4) * t2_10;
-        let t2_12 = sin_q1_q2 * cos_q3;
-        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t2_12);
-        let t2_13 = cos_q1_q2 * cos_q3;
-        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_13);
-        let t2_14 = sin_q1_q2 + sin_q1;
-        let t2_15 = like.lift(0.4).mul_add(t2_14, like.lift(0.5196152422706631));
-        let t2_16 = t2_15 * sin_q1_q2_q3;
-        let t2_17 = t2_11.mul_add(cos_q1_q2_q3, t2_16);
-        let t2_18 = like.lift(0.45) * cos_q1_q2_q3;
-        let t2_19 = like.lift(0.25980762113533157) * sin_q1_q2_q3;
-        let t2_20 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, like.lift(0.04));
-        let t2_21 = t2_20 - t2_17;
-        let t2_22 = t2_21 - t2_18;
-        let t2_23 = t2_22 - t2_19;
-        let t2_24 = t2_23 + t2_6;
-        let t2_25 = -t2_24;
-        let t2_26 = t2_11 * sin_q1_q2_q3;
-        let t2_27 = (-t2_15).mul_add(cos_q1_q2_q3, t2_26);
-        let t2_28 = like.lift(0.45) * sin_q1_q2_q3;
-        let t2_29 = like.lift(0.25980762113533157) * cos_q1_q2_q3;
-        let t2_30 = like.lift(-0.4).mul_add(sin_q1_q2_q3_minus_q4, like.lift(0.06928203230275509));
-        let t2_31 = t2_30 + t2_27;
-        let t2_32 = t2_31 + t2_28;
-        let t2_33 = t2_32 - t2_29;
-        let t2_34 = t2_33 - t2_3;
-        let t2_35 = -t2_34;
+        let t2_1 = like.lift(0.4) * sin_q1_q2;
+        let t2_2 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t2_2);
+        let t2_3 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_3);
+        let t2_4 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
+        let t2_5 = like.lift(0.04).mul_add(sin_q1_q2_q3, t2_4);
+        let t2_6 = t2_1 - t2_5;
+        let t2_7 = -t2_5;
+        let t2_8 = like.lift(0.4) * sin_q4_q5;
+        let t2_9 = -t2_8;
+        let t2_10 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
+        let t2_11 = like.lift(0.4) * cos_q1_q2;
+        let t2_12 = like.lift(0.04) * cos_q1_q2_q3;
+        let t2_13 = t2_10 + t2_11;
+        let t2_14 = t2_13 - t2_12;
+        let t2_15 = -t2_14;
+        let t2_16 = t2_12 - t2_10;
+        let pivot_1 = like.lift(0.4) * cos_q4_q5;
+        let t2_17 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
+        let t2_18 = -t2_17;
+        let t2_19 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_20 = like.lift(0.4).mul_add(cos_q3, like.lift(0.04));
+        let t2_21 = -t2_20;
+        let t2_22 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t2_23 = like.lift(0.4).mul_add(cos_q1, t2_11);
+        let t2_24 = t2_23 - t2_16;
+        let t2_25 = like.lift(-0.4).mul_add(cos_q4, t2_24);
+        let t2_26 = t2_25 + like.lift(0.45);
+        let t2_27 = t2_26 - pivot_1;
+        let t2_28 = like.lift(0.4).mul_add(sin_q1, like.lift(0.5196152422706631));
+        let t2_29 = t2_28 + t2_1;
+        let t2_30 = t2_29 - t2_5;
+        let t2_31 = like.lift(-0.4).mul_add(sin_q4, t2_30);
+        let t2_32 = t2_31 + like.lift(0.25980762113533157);
+        let t2_33 = t2_32 - t2_8;
+        let t2_34 = t2_29 + like.lift(0.25980762113533157);
+        let t2_35 = t2_23 - like.lift(0.45);
         let t2_36 = like.lift(-0.4).mul_add(cos_q1_q2_q3_minus_q6, like.lift(0.04));
-        let t2_37 = t2_36 + t2_17;
-        let t2_38 = t2_37 - t2_18;
-        let t2_39 = t2_38 + t2_19;
-        let t2_40 = t2_39 - t2_9;
-        let t2_41 = like.lift(-0.4).mul_add(sin_q1_q2_q3_minus_q6, like.lift(0.06928203230275509));
-        let t2_42 = t2_41 + t2_27;
-        let t2_43 = t2_42 - t2_28;
-        let t2_44 = t2_43 - t2_29;
-        let t2_45 = t2_44 - pivot_1;
+        let t2_37 = sin_q1_q2_q3.mul_add(t2_34, t2_36);
+        let t2_38 = cos_q1_q2_q3.mul_add(t2_35, t2_37);
+        let t2_39 = t2_38 - t2_22;
+        let t2_40 = t2_23 - like.lift(0.45);
+        let t2_41 = t2_29 + like.lift(0.25980762113533157);
+        let t2_42 = like.lift(-0.4).mul_add(sin_q1_q2_q3_minus_q6, like.lift(0.06928203230275509));
+        let t2_43 = (-cos_q1_q2_q3).mul_add(t2_41, t2_42);
+        let t2_44 = sin_q1_q2_q3.mul_add(t2_40, t2_43);
+        let t2_45 = t2_44 - t2_19;
         let t2_46 = -t2_45;
-        let t2_47 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_48 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_47;
-        let pivot_2 = (-t2_1).mul_add(t2_48, t2_7);
+        let t2_47 = like.lift(1.0) / cos_q4_q5;
+        let t2_48 = sin_q4_q5 * t2_47;
+        let pivot_2 = (-t2_14).mul_add(t2_48, t2_6);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_49 = t2_40.mul_add(t2_48, t2_45);
-        let t2_50 = like.lift(-0.06928203230275509).mul_add(t2_48, like.lift(0.04));
-        let t2_51 = t2_5 * inv_pivot_2;
-        let pivot_3 = (-t2_50).mul_add(t2_51, like.lift(0.04));
+        let t2_49 = t2_33.mul_add(t2_48, t2_27);
+        let t2_50 = (-t2_16).mul_add(t2_48, t2_5);
+        let t2_51 = t2_20 * inv_pivot_2;
+        let pivot_3 = t2_50.mul_add(t2_51, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_52 = t2_51.mul_add(t2_49, t2_34);
-        let t2_53 = t2_1 * inv_pivot_2;
-        let t2_54 = (-t2_50).mul_add(t2_53, like.lift(0.06928203230275509));
+        let t2_52 = (-t2_51).mul_add(t2_49, t2_45);
+        let t2_53 = t2_17 * inv_pivot_2;
+        let t2_54 = t2_50.mul_add(t2_53, like.lift(0.06928203230275509));
         let t2_55 = t2_54 * inv_pivot_3;
-        let pivot_4 = t2_55.mul_add(t2_6, t2_3);
+        let pivot_4 = (-t2_55).mul_add(t2_22, t2_19);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_56 = t2_55.mul_add(t2_52, t2_24);
-        let t2_57 = (-t2_53).mul_add(t2_49, t2_56);
+        let t2_56 = t2_55.mul_add(t2_52, t2_39);
+        let t2_57 = t2_53.mul_add(t2_49, t2_56);
         let t2_58 = inv_pivot_4 * t2_57;
-        let t2_59 = (-t2_58).mul_add(t2_6, t2_52);
+        let t2_59 = t2_58.mul_add(t2_22, t2_52);
         let t2_60 = inv_pivot_3 * t2_59;
         let t2_61 = t2_50.mul_add(t2_60, t2_49);
         let t2_62 = inv_pivot_2 * t2_61;
-        let t2_63 = -t2_60;
-        let t2_64 = -t2_58;
-        let t2_65 = like.lift(-0.06928203230275509).mul_add(t2_60, t2_40);
-        let t2_66 = t2_1.mul_add(t2_62, t2_65);
-        let t2_67 = like.lift(2.5) * t2_47;
-        let t2_68 = t2_67 * t2_66;
-        let t2_69 = -pivot_2;
+        let t2_63 = (-t2_16).mul_add(t2_60, t2_33);
+        let t2_64 = t2_14.mul_add(t2_62, t2_63);
+        let t2_65 = like.lift(2.5) * t2_47;
+        let t2_66 = t2_65 * t2_64;
+        let t2_67 = -pivot_3;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
-            .min((t2_69 * like.lift(2.7080930926705737)).abs())
-            .min((pivot_3 * like.lift(19.82662604894746)).abs())
-            .min((pivot_4 * like.lift(2.203476117557732)).abs());
-        let ([[t2_70], [t2_71], [t2_72], [t2_73]], found) = ::regen_runtime::guarded(
-            [[t2_62], [t2_63], [t2_64], [t2_68]],
+        let margin = (pivot_1 * like.lift(2.6563845995423425)).abs()
+            .min((pivot_2 * like.lift(2.2678159988964297)).abs())
+            .min((t2_67 * like.lift(17.496940338012887)).abs())
+            .min((pivot_4 * like.lift(2.6702462158418983)).abs());
+        let ([[t2_68], [t2_69], [t2_70], [t2_71]], found) = ::regen_runtime::guarded(
+            [[t2_62], [t2_60], [t2_66], [t2_58]],
             margin,
             || (
                 [
-                    [t2_2, like.lift(-0.06928203230275509), t2_3, like.lift(0.0)],
-                    [t2_5, like.lift(0.04), t2_6, like.lift(0.0)],
+                    [t2_6, t2_7, t2_9, like.lift(0.0)],
+                    [t2_15, t2_16, pivot_1, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_2, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
-                    [t2_8, like.lift(-0.04), like.lift(0.0), t2_9],
+                    [t2_18, like.lift(-0.06928203230275509), like.lift(0.0), t2_19],
+                    [t2_21, like.lift(-0.04), like.lift(0.0), t2_22],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_25], [t2_35], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
-                    [t2_40], [t2_46], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_27], [t2_33], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_39], [t2_46], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
-        dq_e[0] = t2_70;
-        dq_e[1] = t2_71;
-        dq_e[2] = t2_72;
-        dq_e[3] = t2_73;
+        dq_e[0] = t2_68;
+        dq_e[1] = t2_69;
+        dq_e[2] = t2_70;
+        dq_e[3] = t2_71;
     }
     (dq_e, Condition { pivot: condition })
 }
@@ -776,50 +765,61 @@ pub fn newton_step<T: Scalar>(q: &[T; 7]) -> ([T; 4], Condition<T>) {
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
 /// - `a_e`: the square A_e on the rows that are kept, each loop seen from one of its own frames (Eq. 8)
 ///
-/// 11 additions, 6 multiplications, 0 divisions, 3 sines and cosines.
+/// 15 additions, 16 multiplications, 0 divisions, 4 sines and cosines.
 pub fn dependent_jacobian<T: Scalar>(q: &[T; 7]) -> [[T; 4]; 4] {
     let like = q[0];
     let mut a_e = [[like.lift(0.0); 4]; 4];
     let [q1, q2, q3, q4, q5, q6, q7] = *q;
     // sines and cosines
     let [
-        sin_q3, cos_q3, sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7,
-        sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5,
+        sin_q1_q2, cos_q1_q2, sin_q3, cos_q3, sin_q4_q5, cos_q4_q5,
+        sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7,
     ] = {
-        let t1_1 = q3 + q2;
-        let t1_2 = t1_1 + q1;
-        let t1_3 = t1_2 - q6;
-        let t1_4 = t1_3 - q7;
-        let t1_5 = q3 + q2;
-        let t1_6 = t1_5 + q1;
-        let t1_7 = t1_6 - q4;
-        let t1_8 = t1_7 - q5;
+        let t1_1 = q2 + q1;
+        let t1_2 = q5 + q4;
+        let t1_3 = q3 + q2;
+        let t1_4 = t1_3 + q1;
+        let t1_5 = t1_4 - q6;
+        let t1_6 = t1_5 - q7;
         let [
-            (sin_q3, cos_q3), (sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7),
-            (sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5),
+            (sin_q1_q2, cos_q1_q2), (sin_q3, cos_q3), (sin_q4_q5, cos_q4_q5),
+            (sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7),
         ] =
-            T::sin_cos_all([q3, t1_4, t1_8]);
+            T::sin_cos_all([t1_1, q3, t1_2, t1_6]);
         [
-            sin_q3, cos_q3, sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7,
-            sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5,
+            sin_q1_q2, cos_q1_q2, sin_q3, cos_q3, sin_q4_q5, cos_q4_q5,
+            sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7,
         ]
     };
     // A_e (Eq. 8)
     {
-        let t2_1 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
-        let t2_2 = -t2_1;
-        let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        a_e[0][0] = t2_2; a_e[0][1] = like.lift(-0.06928203230275509); a_e[0][3] = pivot_1;
-        let t2_3 = like.lift(0.4) * cos_q3;
-        let t2_4 = like.lift(0.04) + t2_3;
-        let t2_5 = -t2_4;
-        let t2_6 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        a_e[1][0] = t2_5; a_e[1][1] = like.lift(-0.04); a_e[1][3] = t2_6;
-        let t2_7 = like.lift(0.04) - t2_3;
-        let t2_8 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
-        a_e[2][0] = t2_7; a_e[2][1] = like.lift(0.04); a_e[2][2] = t2_8;
-        let t2_9 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
-        a_e[3][0] = t2_2; a_e[3][1] = like.lift(-0.06928203230275509); a_e[3][2] = t2_9;
+        let t2_1 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t2_1);
+        let t2_2 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_2);
+        let t2_3 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
+        let t2_4 = like.lift(0.04) * cos_q1_q2_q3;
+        let t2_5 = like.lift(0.4).mul_add(cos_q1_q2, t2_3);
+        let t2_6 = t2_5 - t2_4;
+        let t2_7 = -t2_6;
+        let t2_8 = t2_4 - t2_3;
+        let pivot_1 = like.lift(0.4) * cos_q4_q5;
+        a_e[0][0] = t2_7; a_e[0][1] = t2_8; a_e[0][2] = pivot_1;
+        let t2_9 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
+        let t2_10 = like.lift(0.04).mul_add(sin_q1_q2_q3, t2_9);
+        let t2_11 = like.lift(0.4).mul_add(sin_q1_q2, -t2_10);
+        let t2_12 = -t2_10;
+        let t2_13 = like.lift(0.4) * sin_q4_q5;
+        let t2_14 = -t2_13;
+        a_e[1][0] = t2_11; a_e[1][1] = t2_12; a_e[1][2] = t2_14;
+        let t2_15 = like.lift(0.4).mul_add(cos_q3, like.lift(0.04));
+        let t2_16 = -t2_15;
+        let t2_17 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        a_e[2][0] = t2_16; a_e[2][1] = like.lift(-0.04); a_e[2][3] = t2_17;
+        let t2_18 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
+        let t2_19 = -t2_18;
+        let t2_20 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        a_e[3][0] = t2_19; a_e[3][1] = like.lift(-0.06928203230275509); a_e[3][3] = t2_20;
     }
     a_e
 }
@@ -830,7 +830,7 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 7]) -> [[T; 4]; 4] {
 /// - `qd_i`: velocities of the independent coordinates, in the order of `INDEPENDENT`
 /// - `qd`: velocities of all coordinates
 ///
-/// 44 additions, 44 multiplications, 4 divisions, 6 sines and cosines.
+/// 50 additions, 62 multiplications, 4 divisions, 7 sines and cosines.
 pub fn velocities<T: Scalar>(q: &[T; 7], qd_i: &[T; 3]) -> ([T; 7], Condition<T>) {
     let like = q[0];
     let mut qd = [like.lift(0.0); 7];
@@ -839,132 +839,145 @@ pub fn velocities<T: Scalar>(q: &[T; 7], qd_i: &[T; 3]) -> ([T; 7], Condition<T>
     let mut condition = like.lift(1.0);
     // sines and cosines
     let [
-        sin_q3, cos_q3, sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5,
-        sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7, sin_q2, cos_q2,
-        sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4, sin_q1_q2_q3_minus_q6,
-        cos_q1_q2_q3_minus_q6,
+        sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4_q5, cos_q4_q5,
+        sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7, sin_q4, cos_q4,
+        sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6,
     ] = {
-        let t1_1 = q3 + q2;
-        let t1_2 = t1_1 + q1;
-        let t1_3 = t1_2 - q4;
-        let t1_4 = t1_3 - q5;
-        let t1_5 = q3 + q2;
-        let t1_6 = t1_5 + q1;
-        let t1_7 = t1_6 - q6;
-        let t1_8 = t1_7 - q7;
-        let t1_9 = q3 + q2;
-        let t1_10 = t1_9 + q1;
-        let t1_11 = t1_10 - q4;
-        let t1_12 = q3 + q2;
-        let t1_13 = t1_12 + q1;
-        let t1_14 = t1_13 - q6;
+        let t1_1 = q5 + q4;
+        let t1_2 = q3 + q2;
+        let t1_3 = t1_2 + q1;
+        let t1_4 = t1_3 - q6;
+        let t1_5 = t1_4 - q7;
+        let t1_6 = q3 + q2;
+        let t1_7 = t1_6 + q1;
+        let t1_8 = t1_7 - q6;
         let [
-            (sin_q3, cos_q3), (sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5),
-            (sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7), (sin_q2, cos_q2),
-            (sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4),
+            (sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q3, cos_q3), (sin_q4_q5, cos_q4_q5),
+            (sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7), (sin_q4, cos_q4),
             (sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6),
         ] =
-            T::sin_cos_all([q3, t1_4, t1_8, q2, t1_11, t1_14]);
+            T::sin_cos_all([q1, q2, q3, t1_1, t1_5, q4, t1_8]);
         [
-            sin_q3, cos_q3, sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5,
-            sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7, sin_q2, cos_q2,
-            sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4, sin_q1_q2_q3_minus_q6,
-            cos_q1_q2_q3_minus_q6,
+            sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4_q5, cos_q4_q5,
+            sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7, sin_q4, cos_q4,
+            sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6,
         ]
     };
     // A_e qd_e = -A_i qd_i (Eq. 8)
     {
-        let t2_1 = like.lift(0.4) * sin_q3;
-        let t2_2 = t2_1 + like.lift(0.06928203230275509);
-        let t2_3 = -t2_2;
-        let t2_4 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
-        let t2_5 = like.lift(0.4) * cos_q3;
-        let t2_6 = like.lift(0.04) - t2_5;
-        let t2_7 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_8 = like.lift(0.04) + t2_5;
-        let t2_9 = -t2_8;
-        let t2_10 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let t2_11 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
-        let t2_12 = sin_q3.mul_add(t2_11, like.lift(0.06928203230275509));
-        let t2_13 = sin_q2.mul_add(t2_5, t2_12);
-        let t2_14 = t2_13 * d_q1;
-        let t2_15 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t2_4);
-        let t2_16 = (-t2_15).mul_add(d_q4, t2_14);
-        let t2_17 = sin_q2 * t2_1;
-        let t2_18 = (-cos_q3).mul_add(t2_11, t2_17);
-        let t2_19 = like.lift(0.04) + t2_18;
-        let t2_20 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t2_7);
-        let t2_21 = t2_20 * d_q4;
-        let t2_22 = t2_19.mul_add(d_q1, t2_21);
-        let t2_23 = -t2_22;
-        let t2_24 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
-        let t2_25 = (-t2_24).mul_add(d_q6, t2_14);
-        let t2_26 = like.lift(0.04) - t2_18;
-        let t2_27 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_10);
-        let t2_28 = t2_26 * d_q1;
-        let t2_29 = (-t2_27).mul_add(d_q6, t2_28);
-        let t2_30 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_31 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_30;
-        let pivot_2 = (-t2_2).mul_add(t2_31, t2_8);
+        let t2_1 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_1);
+        let t2_2 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_2);
+        let t2_3 = like.lift(0.4) * sin_q1_q2;
+        let t2_4 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t2_4);
+        let t2_5 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_5);
+        let t2_6 = like.lift(0.04) * sin_q1_q2_q3;
+        let t2_7 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
+        let t2_8 = t2_6 + t2_7;
+        let t2_9 = t2_3 - t2_8;
+        let t2_10 = -t2_8;
+        let t2_11 = like.lift(0.4) * sin_q4_q5;
+        let t2_12 = -t2_11;
+        let t2_13 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
+        let t2_14 = like.lift(0.4) * cos_q1_q2;
+        let t2_15 = like.lift(0.04) * cos_q1_q2_q3;
+        let t2_16 = t2_13 + t2_14;
+        let t2_17 = t2_16 - t2_15;
+        let t2_18 = -t2_17;
+        let t2_19 = t2_15 - t2_13;
+        let pivot_1 = like.lift(0.4) * cos_q4_q5;
+        let t2_20 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
+        let t2_21 = -t2_20;
+        let t2_22 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_23 = like.lift(0.4).mul_add(cos_q3, like.lift(0.04));
+        let t2_24 = -t2_23;
+        let t2_25 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t2_26 = t2_7 + t2_6;
+        let t2_27 = like.lift(-0.4).mul_add(sin_q1, t2_26);
+        let t2_28 = t2_27 - t2_3;
+        let t2_29 = like.lift(0.4).mul_add(sin_q4, t2_11);
+        let t2_30 = t2_29 * d_q4;
+        let t2_31 = t2_28.mul_add(d_q1, t2_30);
+        let t2_32 = like.lift(0.4).mul_add(cos_q1, t2_14);
+        let t2_33 = t2_32 - t2_19;
+        let t2_34 = like.lift(0.4).mul_add(cos_q4, pivot_1);
+        let t2_35 = t2_33 * d_q1;
+        let t2_36 = (-t2_34).mul_add(d_q4, t2_35);
+        let t2_37 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
+        let t2_38 = like.lift(0.4) * sin_q2;
+        let t2_39 = sin_q3.mul_add(t2_37, like.lift(0.06928203230275509));
+        let t2_40 = cos_q3.mul_add(t2_38, t2_39);
+        let t2_41 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t2_22);
+        let t2_42 = t2_40 * d_q1;
+        let t2_43 = (-t2_41).mul_add(d_q6, t2_42);
+        let t2_44 = cos_q3.mul_add(t2_37, like.lift(0.04));
+        let t2_45 = (-sin_q3).mul_add(t2_38, t2_44);
+        let t2_46 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_25);
+        let t2_47 = t2_45 * d_q1;
+        let t2_48 = (-t2_46).mul_add(d_q6, t2_47);
+        let t2_49 = like.lift(1.0) / cos_q4_q5;
+        let t2_50 = sin_q4_q5 * t2_49;
+        let pivot_2 = (-t2_17).mul_add(t2_50, t2_9);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_32 = (-t2_31).mul_add(t2_25, t2_29);
-        let t2_33 = like.lift(-0.06928203230275509).mul_add(t2_31, like.lift(0.04));
-        let t2_34 = t2_6 * inv_pivot_2;
-        let pivot_3 = (-t2_33).mul_add(t2_34, like.lift(0.04));
+        let t2_51 = t2_50.mul_add(t2_36, t2_31);
+        let t2_52 = (-t2_19).mul_add(t2_50, t2_8);
+        let t2_53 = t2_23 * inv_pivot_2;
+        let pivot_3 = t2_52.mul_add(t2_53, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_35 = (-t2_34).mul_add(t2_32, t2_22);
-        let t2_36 = t2_2 * inv_pivot_2;
-        let t2_37 = (-t2_33).mul_add(t2_36, like.lift(0.06928203230275509));
-        let t2_38 = t2_37 * inv_pivot_3;
-        let pivot_4 = t2_38.mul_add(t2_7, t2_4);
+        let t2_54 = t2_53.mul_add(t2_51, t2_48);
+        let t2_55 = t2_20 * inv_pivot_2;
+        let t2_56 = t2_52.mul_add(t2_55, like.lift(0.06928203230275509));
+        let t2_57 = t2_56 * inv_pivot_3;
+        let pivot_4 = (-t2_57).mul_add(t2_25, t2_22);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_39 = (-t2_38).mul_add(t2_35, t2_16);
-        let t2_40 = (-t2_36).mul_add(t2_32, t2_39);
-        let t2_41 = inv_pivot_4 * t2_40;
-        let t2_42 = t2_41.mul_add(t2_7, t2_35);
-        let t2_43 = inv_pivot_3 * t2_42;
-        let t2_44 = (-t2_33).mul_add(t2_43, t2_32);
-        let t2_45 = inv_pivot_2 * t2_44;
-        let t2_46 = -t2_45;
-        let t2_47 = -t2_43;
-        let t2_48 = like.lift(-0.06928203230275509).mul_add(t2_43, t2_25);
-        let t2_49 = (-t2_2).mul_add(t2_45, t2_48);
-        let t2_50 = like.lift(2.5) * t2_30;
-        let t2_51 = t2_50 * t2_49;
-        let t2_52 = -pivot_2;
+        let t2_58 = (-t2_57).mul_add(t2_54, t2_43);
+        let t2_59 = t2_55.mul_add(t2_51, t2_58);
+        let t2_60 = inv_pivot_4 * t2_59;
+        let t2_61 = (-t2_60).mul_add(t2_25, t2_54);
+        let t2_62 = inv_pivot_3 * t2_61;
+        let t2_63 = (-t2_52).mul_add(t2_62, t2_51);
+        let t2_64 = inv_pivot_2 * t2_63;
+        let t2_65 = -t2_62;
+        let t2_66 = t2_19.mul_add(t2_62, t2_36);
+        let t2_67 = t2_17.mul_add(t2_64, t2_66);
+        let t2_68 = like.lift(2.5) * t2_49;
+        let t2_69 = t2_68 * t2_67;
+        let t2_70 = -pivot_3;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
-            .min((t2_52 * like.lift(2.7080930926705737)).abs())
-            .min((pivot_3 * like.lift(19.82662604894746)).abs())
-            .min((pivot_4 * like.lift(2.203476117557732)).abs());
-        let ([[t2_53], [t2_54], [t2_55], [t2_56]], found) = ::regen_runtime::guarded(
-            [[t2_46], [t2_47], [t2_41], [t2_51]],
+        let margin = (pivot_1 * like.lift(2.6563845995423425)).abs()
+            .min((pivot_2 * like.lift(2.2678159988964297)).abs())
+            .min((t2_70 * like.lift(17.496940338012887)).abs())
+            .min((pivot_4 * like.lift(2.6702462158418983)).abs());
+        let ([[t2_71], [t2_72], [t2_73], [t2_74]], found) = ::regen_runtime::guarded(
+            [[t2_64], [t2_65], [t2_69], [t2_60]],
             margin,
             || (
                 [
-                    [t2_3, like.lift(-0.06928203230275509), t2_4, like.lift(0.0)],
-                    [t2_6, like.lift(0.04), t2_7, like.lift(0.0)],
+                    [t2_9, t2_10, t2_12, like.lift(0.0)],
+                    [t2_18, t2_19, pivot_1, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_3, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
-                    [t2_9, like.lift(-0.04), like.lift(0.0), t2_10],
+                    [t2_21, like.lift(-0.06928203230275509), like.lift(0.0), t2_22],
+                    [t2_24, like.lift(-0.04), like.lift(0.0), t2_25],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_16], [t2_23], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
-                    [t2_25], [t2_29], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_31], [t2_36], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_43], [t2_48], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
-        qd[1] = t2_53;
-        qd[2] = t2_54;
-        qd[4] = t2_55;
-        qd[6] = t2_56;
+        qd[1] = t2_71;
+        qd[2] = t2_72;
+        qd[4] = t2_73;
+        qd[6] = t2_74;
         qd[0] = d_q1;
         qd[3] = d_q4;
         qd[5] = d_q6;
@@ -979,7 +992,7 @@ pub fn velocities<T: Scalar>(q: &[T; 7], qd_i: &[T; 3]) -> ([T; 7], Condition<T>
 /// - `qdd_i`: accelerations of the independent coordinates
 /// - `qdd`: accelerations of all coordinates
 ///
-/// 66 additions, 72 multiplications, 4 divisions, 6 sines and cosines.
+/// 75 additions, 96 multiplications, 4 divisions, 7 sines and cosines.
 pub fn accelerations<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd_i: &[T; 3]) -> ([T; 7], Condition<T>) {
     let like = q[0];
     let mut qdd = [like.lift(0.0); 7];
@@ -989,168 +1002,187 @@ pub fn accelerations<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd_i: &[T; 3]) -> ([T;
     let mut condition = like.lift(1.0);
     // sines and cosines
     let [
-        sin_q3, cos_q3, sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5,
-        sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7, sin_q2, cos_q2,
-        sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4, sin_q1_q2_q3_minus_q6,
-        cos_q1_q2_q3_minus_q6,
+        sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4_q5, cos_q4_q5,
+        sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7, sin_q4, cos_q4,
+        sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6,
     ] = {
-        let t1_1 = q3 + q2;
-        let t1_2 = t1_1 + q1;
-        let t1_3 = t1_2 - q4;
-        let t1_4 = t1_3 - q5;
-        let t1_5 = q3 + q2;
-        let t1_6 = t1_5 + q1;
-        let t1_7 = t1_6 - q6;
-        let t1_8 = t1_7 - q7;
-        let t1_9 = q3 + q2;
-        let t1_10 = t1_9 + q1;
-        let t1_11 = t1_10 - q4;
-        let t1_12 = q3 + q2;
-        let t1_13 = t1_12 + q1;
-        let t1_14 = t1_13 - q6;
+        let t1_1 = q5 + q4;
+        let t1_2 = q3 + q2;
+        let t1_3 = t1_2 + q1;
+        let t1_4 = t1_3 - q6;
+        let t1_5 = t1_4 - q7;
+        let t1_6 = q3 + q2;
+        let t1_7 = t1_6 + q1;
+        let t1_8 = t1_7 - q6;
         let [
-            (sin_q3, cos_q3), (sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5),
-            (sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7), (sin_q2, cos_q2),
-            (sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4),
+            (sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q3, cos_q3), (sin_q4_q5, cos_q4_q5),
+            (sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7), (sin_q4, cos_q4),
             (sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6),
         ] =
-            T::sin_cos_all([q3, t1_4, t1_8, q2, t1_11, t1_14]);
+            T::sin_cos_all([q1, q2, q3, t1_1, t1_5, q4, t1_8]);
         [
-            sin_q3, cos_q3, sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5,
-            sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7, sin_q2, cos_q2,
-            sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4, sin_q1_q2_q3_minus_q6,
-            cos_q1_q2_q3_minus_q6,
+            sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4_q5, cos_q4_q5,
+            sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7, sin_q4, cos_q4,
+            sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6,
         ]
     };
     // A_e qdd_e = b - A_i qdd_i (Eq. 8)
     {
-        let t2_1 = like.lift(0.4) * sin_q3;
-        let t2_2 = t2_1 + like.lift(0.06928203230275509);
-        let t2_3 = -t2_2;
-        let t2_4 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
-        let t2_5 = like.lift(0.4) * cos_q3;
-        let t2_6 = like.lift(0.04) - t2_5;
-        let t2_7 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_8 = like.lift(0.04) + t2_5;
-        let t2_9 = -t2_8;
-        let t2_10 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let t2_11 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
-        let t2_12 = sin_q3.mul_add(t2_11, like.lift(0.06928203230275509));
-        let t2_13 = sin_q2.mul_add(t2_5, t2_12);
-        let t2_14 = t2_13 * dd_q1;
-        let t2_15 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t2_4);
-        let t2_16 = d_q1 * d_q1;
-        let t2_17 = d_q1 + d_q2;
-        let t2_18 = t2_17 * t2_17;
-        let t2_19 = cos_q2.mul_add(t2_16, t2_18);
-        let t2_20 = like.lift(0.4) * t2_19;
-        let t2_21 = sin_q2 * t2_16;
-        let t2_22 = cos_q3 * t2_20;
-        let t2_23 = (-t2_21).mul_add(t2_1, t2_22);
-        let t2_24 = d_q3 + t2_17;
-        let t2_25 = t2_24 * t2_24;
-        let t2_26 = like.lift(0.04) * t2_25;
-        let t2_27 = d_q4 + d_q5;
-        let t2_28 = t2_27 * t2_27;
-        let t2_29 = d_q4 * d_q4;
-        let t2_30 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_28;
-        let t2_31 = cos_q1_q2_q3_minus_q4.mul_add(t2_29, t2_30);
-        let t2_32 = (-t2_15).mul_add(dd_q4, t2_14);
-        let t2_33 = t2_32 - t2_23;
-        let t2_34 = t2_33 + t2_26;
-        let t2_35 = like.lift(0.4).mul_add(t2_31, t2_34);
-        let t2_36 = sin_q2 * t2_1;
-        let t2_37 = (-cos_q3).mul_add(t2_11, t2_36);
-        let t2_38 = like.lift(0.04) + t2_37;
-        let t2_39 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t2_7);
-        let t2_40 = like.lift(0.06928203230275509) * t2_25;
-        let t2_41 = t2_21.mul_add(t2_5, t2_40);
-        let t2_42 = sin_q3.mul_add(t2_20, t2_41);
-        let t2_43 = sin_q1_q2_q3_minus_q4_minus_q5 * t2_28;
-        let t2_44 = sin_q1_q2_q3_minus_q4.mul_add(t2_29, t2_43);
-        let t2_45 = t2_39.mul_add(dd_q4, -t2_42);
-        let t2_46 = t2_38.mul_add(dd_q1, t2_45);
-        let t2_47 = like.lift(0.4).mul_add(t2_44, t2_46);
-        let t2_48 = -t2_47;
-        let t2_49 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
-        let t2_50 = d_q6 + d_q7;
-        let t2_51 = t2_50 * t2_50;
-        let t2_52 = d_q6 * d_q6;
-        let t2_53 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_51;
-        let t2_54 = cos_q1_q2_q3_minus_q6.mul_add(t2_52, t2_53);
-        let t2_55 = (-t2_49).mul_add(dd_q6, t2_14);
-        let t2_56 = t2_55 - t2_23;
-        let t2_57 = t2_56 - t2_26;
-        let t2_58 = like.lift(0.4).mul_add(t2_54, t2_57);
-        let t2_59 = like.lift(0.04) - t2_37;
-        let t2_60 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_10);
-        let t2_61 = sin_q1_q2_q3_minus_q6_minus_q7 * t2_51;
-        let t2_62 = sin_q1_q2_q3_minus_q6.mul_add(t2_52, t2_61);
-        let t2_63 = (-t2_60).mul_add(dd_q6, t2_42);
-        let t2_64 = t2_59.mul_add(dd_q1, t2_63);
-        let t2_65 = like.lift(-0.4).mul_add(t2_62, t2_64);
-        let t2_66 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_67 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_66;
-        let pivot_2 = (-t2_2).mul_add(t2_67, t2_8);
+        let t2_1 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_1);
+        let t2_2 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_2);
+        let t2_3 = like.lift(0.4) * sin_q1_q2;
+        let t2_4 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t2_4);
+        let t2_5 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_5);
+        let t2_6 = like.lift(0.04) * sin_q1_q2_q3;
+        let t2_7 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
+        let t2_8 = t2_6 + t2_7;
+        let t2_9 = t2_3 - t2_8;
+        let t2_10 = -t2_8;
+        let t2_11 = like.lift(0.4) * sin_q4_q5;
+        let t2_12 = -t2_11;
+        let t2_13 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
+        let t2_14 = like.lift(0.4) * cos_q1_q2;
+        let t2_15 = like.lift(0.04) * cos_q1_q2_q3;
+        let t2_16 = t2_13 + t2_14;
+        let t2_17 = t2_16 - t2_15;
+        let t2_18 = -t2_17;
+        let t2_19 = t2_15 - t2_13;
+        let pivot_1 = like.lift(0.4) * cos_q4_q5;
+        let t2_20 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
+        let t2_21 = -t2_20;
+        let t2_22 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_23 = like.lift(0.4).mul_add(cos_q3, like.lift(0.04));
+        let t2_24 = -t2_23;
+        let t2_25 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t2_26 = d_q1 + d_q2;
+        let t2_27 = d_q3 + t2_26;
+        let t2_28 = d_q4 + d_q5;
+        let t2_29 = t2_7 + t2_6;
+        let t2_30 = like.lift(-0.4).mul_add(sin_q1, t2_29);
+        let t2_31 = t2_30 - t2_3;
+        let t2_32 = like.lift(0.4).mul_add(sin_q4, t2_11);
+        let t2_33 = t2_28 * t2_28;
+        let t2_34 = d_q4 * d_q4;
+        let t2_35 = t2_27 * t2_27;
+        let t2_36 = t2_26 * t2_26;
+        let t2_37 = d_q1 * d_q1;
+        let t2_38 = cos_q1_q2 * t2_36;
+        let t2_39 = cos_q1.mul_add(t2_37, t2_38);
+        let t2_40 = (-cos_q4_q5).mul_add(t2_33, t2_39);
+        let t2_41 = (-cos_q4).mul_add(t2_34, t2_40);
+        let t2_42 = like.lift(0.4) * t2_41;
+        let t2_43 = (-t2_19).mul_add(t2_35, t2_42);
+        let t2_44 = (-t2_32).mul_add(dd_q4, t2_43);
+        let t2_45 = (-t2_31).mul_add(dd_q1, t2_44);
+        let t2_46 = -t2_45;
+        let t2_47 = like.lift(0.4).mul_add(cos_q1, t2_14);
+        let t2_48 = t2_47 - t2_19;
+        let t2_49 = like.lift(0.4).mul_add(cos_q4, pivot_1);
+        let t2_50 = sin_q1_q2 * t2_36;
+        let t2_51 = sin_q1.mul_add(t2_37, t2_50);
+        let t2_52 = (-sin_q4_q5).mul_add(t2_33, t2_51);
+        let t2_53 = (-sin_q4).mul_add(t2_34, t2_52);
+        let t2_54 = like.lift(0.4) * t2_53;
+        let t2_55 = (-t2_8).mul_add(t2_35, t2_54);
+        let t2_56 = t2_49.mul_add(dd_q4, t2_55);
+        let t2_57 = (-t2_48).mul_add(dd_q1, t2_56);
+        let t2_58 = -t2_57;
+        let t2_59 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
+        let t2_60 = like.lift(0.4) * sin_q2;
+        let t2_61 = sin_q3.mul_add(t2_59, like.lift(0.06928203230275509));
+        let t2_62 = cos_q3.mul_add(t2_60, t2_61);
+        let t2_63 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t2_22);
+        let t2_64 = cos_q2.mul_add(t2_37, t2_36);
+        let t2_65 = like.lift(0.4) * t2_64;
+        let t2_66 = sin_q2 * t2_37;
+        let t2_67 = d_q6 + d_q7;
+        let t2_68 = t2_67 * t2_67;
+        let t2_69 = d_q6 * d_q6;
+        let t2_70 = sin_q3 * t2_66;
+        let t2_71 = cos_q1_q2_q3_minus_q6_minus_q7.mul_add(t2_68, t2_70);
+        let t2_72 = cos_q1_q2_q3_minus_q6.mul_add(t2_69, t2_71);
+        let t2_73 = t2_62 * dd_q1;
+        let t2_74 = (-t2_63).mul_add(dd_q6, t2_73);
+        let t2_75 = like.lift(-0.04).mul_add(t2_35, t2_74);
+        let t2_76 = like.lift(0.4).mul_add(t2_72, t2_75);
+        let t2_77 = (-cos_q3).mul_add(t2_65, t2_76);
+        let t2_78 = cos_q3.mul_add(t2_59, like.lift(0.04));
+        let t2_79 = (-sin_q3).mul_add(t2_60, t2_78);
+        let t2_80 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_25);
+        let t2_81 = cos_q3 * t2_66;
+        let t2_82 = (-sin_q1_q2_q3_minus_q6_minus_q7).mul_add(t2_68, t2_81);
+        let t2_83 = (-sin_q1_q2_q3_minus_q6).mul_add(t2_69, t2_82);
+        let t2_84 = t2_79 * dd_q1;
+        let t2_85 = (-t2_80).mul_add(dd_q6, t2_84);
+        let t2_86 = like.lift(0.06928203230275509).mul_add(t2_35, t2_85);
+        let t2_87 = like.lift(0.4).mul_add(t2_83, t2_86);
+        let t2_88 = sin_q3.mul_add(t2_65, t2_87);
+        let t2_89 = like.lift(1.0) / cos_q4_q5;
+        let t2_90 = sin_q4_q5 * t2_89;
+        let pivot_2 = (-t2_17).mul_add(t2_90, t2_9);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_68 = (-t2_67).mul_add(t2_58, t2_65);
-        let t2_69 = like.lift(-0.06928203230275509).mul_add(t2_67, like.lift(0.04));
-        let t2_70 = t2_6 * inv_pivot_2;
-        let pivot_3 = (-t2_69).mul_add(t2_70, like.lift(0.04));
+        let t2_91 = t2_90.mul_add(t2_57, t2_45);
+        let t2_92 = (-t2_19).mul_add(t2_90, t2_8);
+        let t2_93 = t2_23 * inv_pivot_2;
+        let pivot_3 = t2_92.mul_add(t2_93, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_71 = (-t2_70).mul_add(t2_68, t2_47);
-        let t2_72 = t2_2 * inv_pivot_2;
-        let t2_73 = (-t2_69).mul_add(t2_72, like.lift(0.06928203230275509));
-        let t2_74 = t2_73 * inv_pivot_3;
-        let pivot_4 = t2_74.mul_add(t2_7, t2_4);
+        let t2_94 = (-t2_93).mul_add(t2_91, t2_88);
+        let t2_95 = t2_20 * inv_pivot_2;
+        let t2_96 = t2_92.mul_add(t2_95, like.lift(0.06928203230275509));
+        let t2_97 = t2_96 * inv_pivot_3;
+        let pivot_4 = (-t2_97).mul_add(t2_25, t2_22);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_75 = (-t2_74).mul_add(t2_71, t2_35);
-        let t2_76 = (-t2_72).mul_add(t2_68, t2_75);
-        let t2_77 = inv_pivot_4 * t2_76;
-        let t2_78 = t2_77.mul_add(t2_7, t2_71);
-        let t2_79 = inv_pivot_3 * t2_78;
-        let t2_80 = (-t2_69).mul_add(t2_79, t2_68);
-        let t2_81 = inv_pivot_2 * t2_80;
-        let t2_82 = -t2_81;
-        let t2_83 = -t2_79;
-        let t2_84 = like.lift(-0.06928203230275509).mul_add(t2_79, t2_58);
-        let t2_85 = (-t2_2).mul_add(t2_81, t2_84);
-        let t2_86 = like.lift(2.5) * t2_66;
-        let t2_87 = t2_86 * t2_85;
-        let t2_88 = -pivot_2;
+        let t2_98 = (-t2_97).mul_add(t2_94, t2_77);
+        let t2_99 = (-t2_95).mul_add(t2_91, t2_98);
+        let t2_100 = inv_pivot_4 * t2_99;
+        let t2_101 = (-t2_100).mul_add(t2_25, t2_94);
+        let t2_102 = inv_pivot_3 * t2_101;
+        let t2_103 = t2_92.mul_add(t2_102, t2_91);
+        let t2_104 = inv_pivot_2 * t2_103;
+        let t2_105 = -t2_104;
+        let t2_106 = -t2_102;
+        let t2_107 = (-t2_19).mul_add(t2_102, t2_57);
+        let t2_108 = t2_17.mul_add(t2_104, t2_107);
+        let t2_109 = like.lift(2.5) * t2_89;
+        let t2_110 = t2_109 * t2_108;
+        let t2_111 = -t2_110;
+        let t2_112 = -pivot_3;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
-            .min((t2_88 * like.lift(2.7080930926705737)).abs())
-            .min((pivot_3 * like.lift(19.82662604894746)).abs())
-            .min((pivot_4 * like.lift(2.203476117557732)).abs());
-        let ([[t2_89], [t2_90], [t2_91], [t2_92]], found) = ::regen_runtime::guarded(
-            [[t2_82], [t2_83], [t2_77], [t2_87]],
+        let margin = (pivot_1 * like.lift(2.6563845995423425)).abs()
+            .min((pivot_2 * like.lift(2.2678159988964297)).abs())
+            .min((t2_112 * like.lift(17.496940338012887)).abs())
+            .min((pivot_4 * like.lift(2.6702462158418983)).abs());
+        let ([[t2_113], [t2_114], [t2_115], [t2_116]], found) = ::regen_runtime::guarded(
+            [[t2_105], [t2_106], [t2_111], [t2_100]],
             margin,
             || (
                 [
-                    [t2_3, like.lift(-0.06928203230275509), t2_4, like.lift(0.0)],
-                    [t2_6, like.lift(0.04), t2_7, like.lift(0.0)],
+                    [t2_9, t2_10, t2_12, like.lift(0.0)],
+                    [t2_18, t2_19, pivot_1, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_3, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
-                    [t2_9, like.lift(-0.04), like.lift(0.0), t2_10],
+                    [t2_21, like.lift(-0.06928203230275509), like.lift(0.0), t2_22],
+                    [t2_24, like.lift(-0.04), like.lift(0.0), t2_25],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_35], [t2_48], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
-                    [t2_58], [t2_65], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_46], [t2_58], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_77], [t2_88], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
-        qdd[1] = t2_89;
-        qdd[2] = t2_90;
-        qdd[4] = t2_91;
-        qdd[6] = t2_92;
+        qdd[1] = t2_113;
+        qdd[2] = t2_114;
+        qdd[4] = t2_115;
+        qdd[6] = t2_116;
         qdd[0] = dd_q1;
         qdd[3] = dd_q4;
         qdd[5] = dd_q6;
@@ -1165,7 +1197,7 @@ pub fn accelerations<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd_i: &[T; 3]) -> ([T;
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: column by column: `w[c][r]` multiplies `PARAMETERS[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 109 additions, 212 multiplications, 4 divisions, 7 sines and cosines.
+/// 115 additions, 216 multiplications, 4 divisions, 7 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 3]; 70]) -> Condition<T> {
     *w = [[q[0].lift(0.0); 3]; 70];
     regressor_entries(q, qd, qdd, w)
@@ -1183,16 +1215,16 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &m
     let mut condition = like.lift(1.0);
     // sines and cosines
     let [
-        sin_q1, cos_q1, sin_q3, cos_q3, sin_q2, cos_q2, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6,
+        sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6,
         cos_q6, sin_q7, cos_q7,
     ] = {
         let [
-            (sin_q1, cos_q1), (sin_q3, cos_q3), (sin_q2, cos_q2), (sin_q4, cos_q4),
+            (sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q3, cos_q3), (sin_q4, cos_q4),
             (sin_q5, cos_q5), (sin_q6, cos_q6), (sin_q7, cos_q7),
         ] =
-            T::sin_cos_all([q1, q3, q2, q4, q5, q6, q7]);
+            T::sin_cos_all([q1, q2, q3, q4, q5, q6, q7]);
         [
-            sin_q1, cos_q1, sin_q3, cos_q3, sin_q2, cos_q2, sin_q4, cos_q4, sin_q5, cos_q5,
+            sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5,
             sin_q6, cos_q6, sin_q7, cos_q7,
         ]
     };
@@ -1208,147 +1240,164 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &m
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        al_rod1z, t3_1, u_platform_q2y, u_platform_q1x, u_platform_q1y, x_q2_q1, x_q2_q4,
-        x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4,
-        x_q7_q6,
+        al_rod1z, t3_22, t3_30, u_platform_q1x, u_platform_q1y, x_q2_q1, x_q2_q4, x_q2_q6,
+        x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
     ] = {
         let al_rod1z = dd_q1 + dd_q2;
-        let t3_1 = like.lift(0.4) * sin_q3;
-        let t3_2 = like.lift(0.06928203230275509) + t3_1;
-        let t3_3 = -t3_2;
-        let t3_4 = sin_q1 * cos_q2;
-        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_4);
-        let t3_5 = cos_q1 * cos_q2;
-        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_5);
-        let t3_6 = sin_q1_q2 * cos_q3;
-        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t3_6);
-        let t3_7 = cos_q1_q2 * cos_q3;
-        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t3_7);
-        let t3_8 = sin_q1_q2_q3 * cos_q4;
-        let sin_q1_q2_q3_minus_q4 = (-cos_q1_q2_q3).mul_add(sin_q4, t3_8);
-        let t3_9 = cos_q1_q2_q3 * cos_q4;
-        let cos_q1_q2_q3_minus_q4 = sin_q1_q2_q3.mul_add(sin_q4, t3_9);
-        let t3_10 = sin_q1_q2_q3_minus_q4 * cos_q5;
-        let sin_q1_q2_q3_minus_q4_minus_q5 = (-cos_q1_q2_q3_minus_q4).mul_add(sin_q5, t3_10);
-        let t3_11 = cos_q1_q2_q3_minus_q4 * cos_q5;
-        let cos_q1_q2_q3_minus_q4_minus_q5 = sin_q1_q2_q3_minus_q4.mul_add(sin_q5, t3_11);
-        let t3_12 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
-        let u_platform_q2y = like.lift(0.4) * cos_q3;
-        let t3_13 = like.lift(0.04) - u_platform_q2y;
-        let t3_14 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let t3_15 = sin_q1_q2_q3 * cos_q6;
-        let sin_q1_q2_q3_minus_q6 = (-cos_q1_q2_q3).mul_add(sin_q6, t3_15);
-        let t3_16 = cos_q1_q2_q3 * cos_q6;
-        let cos_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(sin_q6, t3_16);
-        let t3_17 = sin_q1_q2_q3_minus_q6 * cos_q7;
-        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t3_17);
-        let t3_18 = cos_q1_q2_q3_minus_q6 * cos_q7;
-        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t3_18);
-        let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t3_19 = like.lift(0.04) + u_platform_q2y;
+        let t3_1 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_1);
+        let t3_2 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_2);
+        let t3_3 = like.lift(0.4) * sin_q1_q2;
+        let t3_4 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t3_4);
+        let t3_5 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t3_5);
+        let t3_6 = like.lift(0.04) * sin_q1_q2_q3;
+        let t3_7 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
+        let t3_8 = t3_6 + t3_7;
+        let t3_9 = t3_3 - t3_8;
+        let t3_10 = -t3_8;
+        let t3_11 = sin_q4 * cos_q5;
+        let sin_q4_q5 = cos_q4.mul_add(sin_q5, t3_11);
+        let t3_12 = cos_q4 * cos_q5;
+        let cos_q4_q5 = (-sin_q4).mul_add(sin_q5, t3_12);
+        let t3_13 = like.lift(0.4) * sin_q4_q5;
+        let t3_14 = -t3_13;
+        let t3_15 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
+        let t3_16 = like.lift(0.4) * cos_q1_q2;
+        let t3_17 = like.lift(0.04) * cos_q1_q2_q3;
+        let t3_18 = t3_15 + t3_16;
+        let t3_19 = t3_18 - t3_17;
         let t3_20 = -t3_19;
-        let t3_21 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let t3_22 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
-        let t3_23 = sin_q3 * t3_22;
-        let u_platform_q1x = sin_q2.mul_add(u_platform_q2y, t3_23);
-        let t3_24 = like.lift(0.06928203230275509) + u_platform_q1x;
-        let t3_25 = -t3_24;
-        let t3_26 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t3_12);
-        let t3_27 = sin_q2 * t3_1;
-        let u_platform_q1y = (-cos_q3).mul_add(t3_22, t3_27);
-        let t3_28 = like.lift(0.04) + u_platform_q1y;
-        let t3_29 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t3_14);
-        let t3_30 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
-        let t3_31 = like.lift(0.04) - u_platform_q1y;
+        let t3_21 = t3_17 - t3_15;
+        let pivot_1 = like.lift(0.4) * cos_q4_q5;
+        let t3_22 = like.lift(0.4) * sin_q3;
+        let t3_23 = like.lift(0.06928203230275509) + t3_22;
+        let t3_24 = -t3_23;
+        let t3_25 = sin_q1_q2_q3 * cos_q6;
+        let sin_q1_q2_q3_minus_q6 = (-cos_q1_q2_q3).mul_add(sin_q6, t3_25);
+        let t3_26 = cos_q1_q2_q3 * cos_q6;
+        let cos_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(sin_q6, t3_26);
+        let t3_27 = sin_q1_q2_q3_minus_q6 * cos_q7;
+        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t3_27);
+        let t3_28 = cos_q1_q2_q3_minus_q6 * cos_q7;
+        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t3_28);
+        let t3_29 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t3_30 = like.lift(0.4) * cos_q3;
+        let t3_31 = like.lift(0.04) + t3_30;
         let t3_32 = -t3_31;
-        let t3_33 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t3_21);
-        let t3_34 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
-        let t3_35 = cos_q1_q2_q3_minus_q6_minus_q7 * t3_34;
-        let pivot_2 = (-t3_2).mul_add(t3_35, t3_19);
+        let t3_33 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t3_34 = t3_7 + t3_6;
+        let t3_35 = like.lift(-0.4).mul_add(sin_q1, t3_34);
+        let t3_36 = t3_35 - t3_3;
+        let t3_37 = -t3_36;
+        let t3_38 = like.lift(0.4).mul_add(sin_q4, t3_13);
+        let t3_39 = -t3_38;
+        let t3_40 = like.lift(0.4).mul_add(cos_q1, t3_16);
+        let t3_41 = t3_40 - t3_21;
+        let t3_42 = -t3_41;
+        let t3_43 = like.lift(0.4).mul_add(cos_q4, pivot_1);
+        let t3_44 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
+        let t3_45 = sin_q3 * t3_44;
+        let u_platform_q1x = sin_q2.mul_add(t3_30, t3_45);
+        let t3_46 = like.lift(0.06928203230275509) + u_platform_q1x;
+        let t3_47 = -t3_46;
+        let t3_48 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t3_29);
+        let t3_49 = sin_q2 * t3_22;
+        let u_platform_q1y = (-cos_q3).mul_add(t3_44, t3_49);
+        let t3_50 = like.lift(0.04) - u_platform_q1y;
+        let t3_51 = -t3_50;
+        let t3_52 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t3_33);
+        let t3_53 = like.lift(1.0) / cos_q4_q5;
+        let t3_54 = sin_q4_q5 * t3_53;
+        let pivot_2 = (-t3_19).mul_add(t3_54, t3_9);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t3_36 = (-t3_24).mul_add(t3_35, t3_31);
-        let t3_37 = like.lift(-0.06928203230275509).mul_add(t3_35, like.lift(0.04));
-        let t3_38 = t3_13 * inv_pivot_2;
-        let pivot_3 = (-t3_37).mul_add(t3_38, like.lift(0.04));
+        let t3_55 = t3_41.mul_add(t3_54, t3_36);
+        let t3_56 = (-t3_21).mul_add(t3_54, t3_8);
+        let t3_57 = t3_31 * inv_pivot_2;
+        let pivot_3 = t3_56.mul_add(t3_57, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t3_39 = (-t3_36).mul_add(t3_38, t3_28);
-        let t3_40 = t3_2 * inv_pivot_2;
-        let t3_41 = (-t3_37).mul_add(t3_40, like.lift(0.06928203230275509));
-        let t3_42 = t3_41 * inv_pivot_3;
-        let t3_43 = (-t3_39).mul_add(t3_42, t3_24);
-        let t3_44 = (-t3_36).mul_add(t3_40, t3_43);
-        let pivot_4 = t3_42.mul_add(t3_14, t3_12);
+        let t3_58 = t3_55.mul_add(t3_57, t3_50);
+        let t3_59 = t3_23 * inv_pivot_2;
+        let t3_60 = t3_56.mul_add(t3_59, like.lift(0.06928203230275509));
+        let t3_61 = t3_60 * inv_pivot_3;
+        let t3_62 = (-t3_58).mul_add(t3_61, t3_46);
+        let t3_63 = t3_55.mul_add(t3_59, t3_62);
+        let pivot_4 = (-t3_61).mul_add(t3_33, t3_29);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t3_45 = t3_44 * inv_pivot_4;
-        let t3_46 = t3_45.mul_add(t3_14, t3_39);
-        let t3_47 = inv_pivot_3 * t3_46;
-        let t3_48 = (-t3_37).mul_add(t3_47, t3_36);
-        let t3_49 = inv_pivot_2 * t3_48;
-        let t3_50 = t3_29.mul_add(t3_42, t3_26);
-        let t3_51 = t3_50 * inv_pivot_4;
-        let t3_52 = (-t3_51).mul_add(t3_14, t3_29);
-        let t3_53 = inv_pivot_3 * t3_52;
-        let t3_54 = inv_pivot_2 * t3_37;
-        let t3_55 = t3_54 * t3_53;
-        let t3_56 = -t3_55;
-        let t3_57 = (-t3_30).mul_add(t3_35, t3_33);
-        let t3_58 = t3_57 * t3_38;
-        let t3_59 = t3_57 * t3_40;
-        let t3_60 = (-t3_58).mul_add(t3_42, t3_59);
-        let t3_61 = t3_60 * inv_pivot_4;
-        let t3_62 = t3_61.mul_add(t3_14, t3_58);
-        let t3_63 = inv_pivot_3 * t3_62;
-        let t3_64 = t3_37.mul_add(t3_63, t3_57);
-        let t3_65 = inv_pivot_2 * t3_64;
-        let t3_66 = -t3_65;
-        let t3_67 = -t3_45;
-        let t3_68 = -t3_61;
-        let t3_69 = like.lift(-0.06928203230275509).mul_add(t3_47, t3_24);
-        let t3_70 = (-t3_2).mul_add(t3_49, t3_69);
-        let t3_71 = like.lift(2.5) * t3_34;
-        let t3_72 = t3_70 * t3_71;
-        let t3_73 = -t3_72;
-        let t3_74 = t3_2 * t3_55;
-        let t3_75 = like.lift(-0.06928203230275509).mul_add(t3_53, t3_74);
-        let t3_76 = t3_75 * t3_71;
-        let t3_77 = -t3_76;
-        let t3_78 = like.lift(0.06928203230275509).mul_add(t3_63, t3_30);
-        let t3_79 = (-t3_2).mul_add(t3_65, t3_78);
-        let t3_80 = t3_79 * t3_71;
-        let t3_81 = -pivot_2;
+        let t3_64 = t3_63 * inv_pivot_4;
+        let t3_65 = (-t3_64).mul_add(t3_33, t3_58);
+        let t3_66 = inv_pivot_3 * t3_65;
+        let t3_67 = (-t3_56).mul_add(t3_66, t3_55);
+        let t3_68 = inv_pivot_2 * t3_67;
+        let t3_69 = -t3_68;
+        let t3_70 = (-t3_43).mul_add(t3_54, t3_38);
+        let t3_71 = t3_70 * t3_57;
+        let t3_72 = t3_70 * t3_59;
+        let t3_73 = (-t3_71).mul_add(t3_61, t3_72);
+        let t3_74 = t3_73 * inv_pivot_4;
+        let t3_75 = (-t3_74).mul_add(t3_33, t3_71);
+        let t3_76 = inv_pivot_3 * t3_75;
+        let t3_77 = (-t3_56).mul_add(t3_76, t3_70);
+        let t3_78 = inv_pivot_2 * t3_77;
+        let t3_79 = -t3_78;
+        let t3_80 = (-t3_52).mul_add(t3_61, t3_48);
+        let t3_81 = t3_80 * inv_pivot_4;
+        let t3_82 = (-t3_81).mul_add(t3_33, t3_52);
+        let t3_83 = inv_pivot_3 * t3_82;
+        let t3_84 = inv_pivot_2 * t3_56;
+        let t3_85 = t3_84 * t3_83;
+        let t3_86 = -t3_85;
+        let t3_87 = -t3_83;
+        let t3_88 = t3_21.mul_add(t3_66, t3_41);
+        let t3_89 = t3_19.mul_add(t3_68, t3_88);
+        let t3_90 = like.lift(2.5) * t3_53;
+        let t3_91 = t3_89 * t3_90;
+        let t3_92 = -t3_91;
+        let t3_93 = (-t3_21).mul_add(t3_76, t3_43);
+        let t3_94 = (-t3_19).mul_add(t3_78, t3_93);
+        let t3_95 = t3_94 * t3_90;
+        let t3_96 = t3_19 * t3_85;
+        let t3_97 = (-t3_21).mul_add(t3_83, t3_96);
+        let t3_98 = t3_97 * t3_90;
+        let t3_99 = -t3_98;
+        let t3_100 = -t3_64;
+        let t3_101 = -t3_74;
+        let t3_102 = -pivot_3;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
-            .min((t3_81 * like.lift(2.7080930926705737)).abs())
-            .min((pivot_3 * like.lift(19.82662604894746)).abs())
-            .min((pivot_4 * like.lift(2.203476117557732)).abs());
+        let margin = (pivot_1 * like.lift(2.6563845995423425)).abs()
+            .min((pivot_2 * like.lift(2.2678159988964297)).abs())
+            .min((t3_102 * like.lift(17.496940338012887)).abs())
+            .min((pivot_4 * like.lift(2.6702462158418983)).abs());
         let ([
             [x_q2_q1, x_q2_q4, x_q2_q6], [x_q3_q1, x_q3_q4, x_q3_q6],
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t3_49, t3_56, t3_66], [t3_47, t3_53, t3_63], [t3_67, t3_51, t3_68],
-                [t3_73, t3_77, t3_80],
+                [t3_69, t3_79, t3_86], [t3_66, t3_76, t3_87], [t3_92, t3_95, t3_99],
+                [t3_100, t3_101, t3_81],
             ],
             margin,
             || (
                 [
-                    [t3_3, like.lift(-0.06928203230275509), t3_12, like.lift(0.0)],
-                    [t3_13, like.lift(0.04), t3_14, like.lift(0.0)],
+                    [t3_9, t3_10, t3_14, like.lift(0.0)],
+                    [t3_20, t3_21, pivot_1, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t3_3, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
-                    [t3_20, like.lift(-0.04), like.lift(0.0), t3_21],
+                    [t3_24, like.lift(-0.06928203230275509), like.lift(0.0), t3_29],
+                    [t3_32, like.lift(-0.04), like.lift(0.0), t3_33],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t3_25, t3_26, like.lift(0.0)], [t3_28, t3_29, like.lift(0.0)],
+                    [t3_37, t3_39, like.lift(0.0)], [t3_42, t3_43, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t3_25, like.lift(0.0), t3_30], [t3_32, like.lift(0.0), t3_33],
+                    [t3_47, like.lift(0.0), t3_48], [t3_51, like.lift(0.0), t3_52],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -1357,9 +1406,8 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &m
         );
         condition = condition.min(found);
         [
-            al_rod1z, t3_1, u_platform_q2y, u_platform_q1x, u_platform_q1y, x_q2_q1, x_q2_q4,
-            x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4,
-            x_q7_q6,
+            al_rod1z, t3_22, t3_30, u_platform_q1x, u_platform_q1y, x_q2_q1, x_q2_q4, x_q2_q6,
+            x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
         ]
     };
     // body rod1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
@@ -1425,8 +1473,8 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &m
         let a_platformy = sin_q3.mul_add(t5_7, t5_9);
         let w_platformz = d_q3 + w_rod1z;
         let t5_10 = w_platformz * w_platformz;
-        let t5_11 = (-x_q2_q1).mul_add(t3_1, u_platform_q1x);
-        let t5_12 = x_q2_q1.mul_add(u_platform_q2y, u_platform_q1y);
+        let t5_11 = (-x_q2_q1).mul_add(t3_22, u_platform_q1x);
+        let t5_12 = x_q2_q1.mul_add(t3_30, u_platform_q1y);
         let t5_13 = a_platformy * t5_1;
         let t5_14 = al_platformz.mul_add(t5_12, t5_13);
         let w_mx_platform_q1 = t5_10.mul_add(t5_11, t5_14);
@@ -1589,7 +1637,7 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &m
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
 ///
-/// 128 additions, 194 multiplications, 4 divisions, 7 sines and cosines.
+/// 134 additions, 198 multiplications, 4 divisions, 7 sines and cosines.
 pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -1671,141 +1719,157 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
         let t2_36 = al_rod1z.mul_add(p_mx_rod1, t2_35);
         let t2_37 = sin_q2 * t2_33;
         let t2_38 = (-cos_q2).mul_add(t2_36, t2_37);
-        let t2_39 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
-        let t2_40 = -t2_39;
-        let t2_41 = sin_q1 * cos_q2;
-        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_41);
-        let t2_42 = cos_q1 * cos_q2;
-        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_42);
-        let t2_43 = sin_q1_q2 * cos_q3;
-        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t2_43);
-        let t2_44 = cos_q1_q2 * cos_q3;
-        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_44);
-        let t2_45 = sin_q1_q2_q3 * cos_q4;
-        let sin_q1_q2_q3_minus_q4 = (-cos_q1_q2_q3).mul_add(sin_q4, t2_45);
-        let t2_46 = cos_q1_q2_q3 * cos_q4;
-        let cos_q1_q2_q3_minus_q4 = sin_q1_q2_q3.mul_add(sin_q4, t2_46);
-        let t2_47 = sin_q1_q2_q3_minus_q4 * cos_q5;
-        let sin_q1_q2_q3_minus_q4_minus_q5 = (-cos_q1_q2_q3_minus_q4).mul_add(sin_q5, t2_47);
-        let t2_48 = cos_q1_q2_q3_minus_q4 * cos_q5;
-        let cos_q1_q2_q3_minus_q4_minus_q5 = sin_q1_q2_q3_minus_q4.mul_add(sin_q5, t2_48);
-        let t2_49 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
-        let u_platform_q2y = like.lift(0.4) * cos_q3;
-        let t2_50 = like.lift(0.04) - u_platform_q2y;
-        let t2_51 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let t2_52 = sin_q1_q2_q3 * cos_q6;
-        let sin_q1_q2_q3_minus_q6 = (-cos_q1_q2_q3).mul_add(sin_q6, t2_52);
-        let t2_53 = cos_q1_q2_q3 * cos_q6;
-        let cos_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(sin_q6, t2_53);
-        let t2_54 = sin_q1_q2_q3_minus_q6 * cos_q7;
-        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t2_54);
-        let t2_55 = cos_q1_q2_q3_minus_q6 * cos_q7;
-        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t2_55);
-        let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_56 = like.lift(0.04) + u_platform_q2y;
-        let t2_57 = -t2_56;
-        let t2_58 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let t2_59 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
-        let t2_60 = like.lift(0.4) * sin_q2;
-        let t2_61 = sin_q3.mul_add(t2_59, like.lift(0.06928203230275509));
-        let t2_62 = cos_q3.mul_add(t2_60, t2_61);
-        let t2_63 = -t2_62;
-        let t2_64 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t2_49);
-        let t2_65 = sin_q3 * t2_60;
-        let u_platform_q1y = (-cos_q3).mul_add(t2_59, t2_65);
-        let t2_66 = like.lift(0.04) + u_platform_q1y;
-        let t2_67 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t2_51);
-        let t2_68 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
-        let t2_69 = like.lift(0.04) - u_platform_q1y;
-        let t2_70 = -t2_69;
-        let t2_71 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_58);
-        let t2_72 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_73 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_72;
-        let pivot_2 = (-t2_39).mul_add(t2_73, t2_56);
+        let t2_39 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_39);
+        let t2_40 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_40);
+        let t2_41 = like.lift(0.4) * sin_q1_q2;
+        let t2_42 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t2_42);
+        let t2_43 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_43);
+        let t2_44 = like.lift(0.04) * sin_q1_q2_q3;
+        let t2_45 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
+        let t2_46 = t2_44 + t2_45;
+        let t2_47 = t2_41 - t2_46;
+        let t2_48 = -t2_46;
+        let t2_49 = sin_q4 * cos_q5;
+        let sin_q4_q5 = cos_q4.mul_add(sin_q5, t2_49);
+        let t2_50 = cos_q4 * cos_q5;
+        let cos_q4_q5 = (-sin_q4).mul_add(sin_q5, t2_50);
+        let t2_51 = like.lift(0.4) * sin_q4_q5;
+        let t2_52 = -t2_51;
+        let t2_53 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
+        let t2_54 = like.lift(0.4) * cos_q1_q2;
+        let t2_55 = like.lift(0.04) * cos_q1_q2_q3;
+        let t2_56 = t2_53 + t2_54;
+        let t2_57 = t2_56 - t2_55;
+        let t2_58 = -t2_57;
+        let t2_59 = t2_55 - t2_53;
+        let pivot_1 = like.lift(0.4) * cos_q4_q5;
+        let t2_60 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
+        let t2_61 = -t2_60;
+        let t2_62 = sin_q1_q2_q3 * cos_q6;
+        let sin_q1_q2_q3_minus_q6 = (-cos_q1_q2_q3).mul_add(sin_q6, t2_62);
+        let t2_63 = cos_q1_q2_q3 * cos_q6;
+        let cos_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(sin_q6, t2_63);
+        let t2_64 = sin_q1_q2_q3_minus_q6 * cos_q7;
+        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t2_64);
+        let t2_65 = cos_q1_q2_q3_minus_q6 * cos_q7;
+        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t2_65);
+        let t2_66 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_67 = like.lift(0.4).mul_add(cos_q3, like.lift(0.04));
+        let t2_68 = -t2_67;
+        let t2_69 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t2_70 = t2_45 + t2_44;
+        let t2_71 = like.lift(-0.4).mul_add(sin_q1, t2_70);
+        let t2_72 = t2_71 - t2_41;
+        let t2_73 = -t2_72;
+        let t2_74 = like.lift(0.4).mul_add(sin_q4, t2_51);
+        let t2_75 = -t2_74;
+        let t2_76 = like.lift(0.4).mul_add(cos_q1, t2_54);
+        let t2_77 = t2_76 - t2_59;
+        let t2_78 = -t2_77;
+        let t2_79 = like.lift(0.4).mul_add(cos_q4, pivot_1);
+        let t2_80 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
+        let t2_81 = like.lift(0.4) * sin_q2;
+        let t2_82 = sin_q3.mul_add(t2_80, like.lift(0.06928203230275509));
+        let t2_83 = cos_q3.mul_add(t2_81, t2_82);
+        let t2_84 = -t2_83;
+        let t2_85 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t2_66);
+        let t2_86 = cos_q3.mul_add(t2_80, like.lift(0.04));
+        let t2_87 = (-sin_q3).mul_add(t2_81, t2_86);
+        let t2_88 = -t2_87;
+        let t2_89 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_69);
+        let t2_90 = like.lift(1.0) / cos_q4_q5;
+        let t2_91 = sin_q4_q5 * t2_90;
+        let pivot_2 = (-t2_57).mul_add(t2_91, t2_47);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_74 = (-t2_62).mul_add(t2_73, t2_69);
-        let t2_75 = like.lift(-0.06928203230275509).mul_add(t2_73, like.lift(0.04));
-        let t2_76 = t2_50 * inv_pivot_2;
-        let pivot_3 = (-t2_75).mul_add(t2_76, like.lift(0.04));
+        let t2_92 = t2_77.mul_add(t2_91, t2_72);
+        let t2_93 = (-t2_59).mul_add(t2_91, t2_46);
+        let t2_94 = t2_67 * inv_pivot_2;
+        let pivot_3 = t2_93.mul_add(t2_94, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_77 = (-t2_74).mul_add(t2_76, t2_66);
-        let t2_78 = t2_39 * inv_pivot_2;
-        let t2_79 = (-t2_75).mul_add(t2_78, like.lift(0.06928203230275509));
-        let t2_80 = t2_79 * inv_pivot_3;
-        let t2_81 = (-t2_77).mul_add(t2_80, t2_62);
-        let t2_82 = (-t2_74).mul_add(t2_78, t2_81);
-        let pivot_4 = t2_80.mul_add(t2_51, t2_49);
+        let t2_95 = t2_92.mul_add(t2_94, t2_87);
+        let t2_96 = t2_60 * inv_pivot_2;
+        let t2_97 = t2_93.mul_add(t2_96, like.lift(0.06928203230275509));
+        let t2_98 = t2_97 * inv_pivot_3;
+        let t2_99 = (-t2_95).mul_add(t2_98, t2_83);
+        let t2_100 = t2_92.mul_add(t2_96, t2_99);
+        let pivot_4 = (-t2_98).mul_add(t2_69, t2_66);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_83 = t2_82 * inv_pivot_4;
-        let t2_84 = t2_83.mul_add(t2_51, t2_77);
-        let t2_85 = inv_pivot_3 * t2_84;
-        let t2_86 = (-t2_75).mul_add(t2_85, t2_74);
-        let t2_87 = inv_pivot_2 * t2_86;
-        let t2_88 = t2_67.mul_add(t2_80, t2_64);
-        let t2_89 = t2_88 * inv_pivot_4;
-        let t2_90 = (-t2_89).mul_add(t2_51, t2_67);
-        let t2_91 = inv_pivot_3 * t2_90;
-        let t2_92 = inv_pivot_2 * t2_75;
-        let t2_93 = t2_92 * t2_91;
-        let t2_94 = -t2_93;
-        let t2_95 = (-t2_68).mul_add(t2_73, t2_71);
-        let t2_96 = t2_95 * t2_76;
-        let t2_97 = t2_95 * t2_78;
-        let t2_98 = (-t2_96).mul_add(t2_80, t2_97);
-        let t2_99 = t2_98 * inv_pivot_4;
-        let t2_100 = t2_99.mul_add(t2_51, t2_96);
-        let t2_101 = inv_pivot_3 * t2_100;
-        let t2_102 = t2_75.mul_add(t2_101, t2_95);
-        let t2_103 = inv_pivot_2 * t2_102;
-        let t2_104 = -t2_103;
-        let t2_105 = -t2_83;
-        let t2_106 = -t2_99;
-        let t2_107 = like.lift(-0.06928203230275509).mul_add(t2_85, t2_62);
-        let t2_108 = (-t2_39).mul_add(t2_87, t2_107);
-        let t2_109 = like.lift(2.5) * t2_72;
-        let t2_110 = t2_108 * t2_109;
-        let t2_111 = -t2_110;
-        let t2_112 = t2_39 * t2_93;
-        let t2_113 = like.lift(-0.06928203230275509).mul_add(t2_91, t2_112);
-        let t2_114 = t2_113 * t2_109;
-        let t2_115 = -t2_114;
-        let t2_116 = like.lift(0.06928203230275509).mul_add(t2_101, t2_68);
-        let t2_117 = (-t2_39).mul_add(t2_103, t2_116);
-        let t2_118 = t2_117 * t2_109;
-        let t2_119 = -pivot_2;
+        let t2_101 = t2_100 * inv_pivot_4;
+        let t2_102 = (-t2_101).mul_add(t2_69, t2_95);
+        let t2_103 = inv_pivot_3 * t2_102;
+        let t2_104 = (-t2_93).mul_add(t2_103, t2_92);
+        let t2_105 = inv_pivot_2 * t2_104;
+        let t2_106 = -t2_105;
+        let t2_107 = (-t2_79).mul_add(t2_91, t2_74);
+        let t2_108 = t2_107 * t2_94;
+        let t2_109 = t2_107 * t2_96;
+        let t2_110 = (-t2_108).mul_add(t2_98, t2_109);
+        let t2_111 = t2_110 * inv_pivot_4;
+        let t2_112 = (-t2_111).mul_add(t2_69, t2_108);
+        let t2_113 = inv_pivot_3 * t2_112;
+        let t2_114 = (-t2_93).mul_add(t2_113, t2_107);
+        let t2_115 = inv_pivot_2 * t2_114;
+        let t2_116 = -t2_115;
+        let t2_117 = (-t2_89).mul_add(t2_98, t2_85);
+        let t2_118 = t2_117 * inv_pivot_4;
+        let t2_119 = (-t2_118).mul_add(t2_69, t2_89);
+        let t2_120 = inv_pivot_3 * t2_119;
+        let t2_121 = inv_pivot_2 * t2_93;
+        let t2_122 = t2_121 * t2_120;
+        let t2_123 = -t2_122;
+        let t2_124 = -t2_120;
+        let t2_125 = t2_59.mul_add(t2_103, t2_77);
+        let t2_126 = t2_57.mul_add(t2_105, t2_125);
+        let t2_127 = like.lift(2.5) * t2_90;
+        let t2_128 = t2_126 * t2_127;
+        let t2_129 = -t2_128;
+        let t2_130 = (-t2_59).mul_add(t2_113, t2_79);
+        let t2_131 = (-t2_57).mul_add(t2_115, t2_130);
+        let t2_132 = t2_131 * t2_127;
+        let t2_133 = t2_57 * t2_122;
+        let t2_134 = (-t2_59).mul_add(t2_120, t2_133);
+        let t2_135 = t2_134 * t2_127;
+        let t2_136 = -t2_135;
+        let t2_137 = -t2_101;
+        let t2_138 = -t2_111;
+        let t2_139 = -pivot_3;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
-            .min((t2_119 * like.lift(2.7080930926705737)).abs())
-            .min((pivot_3 * like.lift(19.82662604894746)).abs())
-            .min((pivot_4 * like.lift(2.203476117557732)).abs());
+        let margin = (pivot_1 * like.lift(2.6563845995423425)).abs()
+            .min((pivot_2 * like.lift(2.2678159988964297)).abs())
+            .min((t2_139 * like.lift(17.496940338012887)).abs())
+            .min((pivot_4 * like.lift(2.6702462158418983)).abs());
         let ([
             [x_q2_q1, x_q2_q4, x_q2_q6], [x_q3_q1, x_q3_q4, x_q3_q6],
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_87, t2_94, t2_104], [t2_85, t2_91, t2_101], [t2_105, t2_89, t2_106],
-                [t2_111, t2_115, t2_118],
+                [t2_106, t2_116, t2_123], [t2_103, t2_113, t2_124], [t2_129, t2_132, t2_136],
+                [t2_137, t2_138, t2_118],
             ],
             margin,
             || (
                 [
-                    [t2_40, like.lift(-0.06928203230275509), t2_49, like.lift(0.0)],
-                    [t2_50, like.lift(0.04), t2_51, like.lift(0.0)],
+                    [t2_47, t2_48, t2_52, like.lift(0.0)],
+                    [t2_58, t2_59, pivot_1, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_40, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
-                    [t2_57, like.lift(-0.04), like.lift(0.0), t2_58],
+                    [t2_61, like.lift(-0.06928203230275509), like.lift(0.0), t2_66],
+                    [t2_68, like.lift(-0.04), like.lift(0.0), t2_69],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_63, t2_64, like.lift(0.0)], [t2_66, t2_67, like.lift(0.0)],
+                    [t2_73, t2_75, like.lift(0.0)], [t2_78, t2_79, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_63, like.lift(0.0), t2_68], [t2_70, like.lift(0.0), t2_71],
+                    [t2_84, like.lift(0.0), t2_85], [t2_88, like.lift(0.0), t2_89],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -1906,7 +1970,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: the efforts that hold the mechanism at rest
 ///
-/// 83 additions, 122 multiplications, 4 divisions, 9 sines and cosines.
+/// 85 additions, 126 multiplications, 4 divisions, 8 sines and cosines.
 pub fn gravity<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -1921,33 +1985,26 @@ pub fn gravity<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
     let mut condition = like.lift(1.0);
     // sines and cosines
     let [
-        sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q1_q2_q3_minus_q4_minus_q5,
-        cos_q1_q2_q3_minus_q4_minus_q5, sin_q1_q2_q3_minus_q6_minus_q7,
-        cos_q1_q2_q3_minus_q6_minus_q7, sin_q4, cos_q4, sin_q6, cos_q6, sin_q4_q5, cos_q4_q5,
-        sin_q6_q7, cos_q6_q7,
+        sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4_q5, cos_q4_q5,
+        sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7, sin_q4, cos_q4, sin_q6,
+        cos_q6, sin_q6_q7, cos_q6_q7,
     ] = {
-        let t1_1 = q3 + q2;
-        let t1_2 = t1_1 + q1;
-        let t1_3 = t1_2 - q4;
-        let t1_4 = t1_3 - q5;
-        let t1_5 = q3 + q2;
-        let t1_6 = t1_5 + q1;
-        let t1_7 = t1_6 - q6;
-        let t1_8 = t1_7 - q7;
-        let t1_9 = q5 + q4;
-        let t1_10 = q7 + q6;
+        let t1_1 = q5 + q4;
+        let t1_2 = q3 + q2;
+        let t1_3 = t1_2 + q1;
+        let t1_4 = t1_3 - q6;
+        let t1_5 = t1_4 - q7;
+        let t1_6 = q7 + q6;
         let [
-            (sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q3, cos_q3),
-            (sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5),
+            (sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q3, cos_q3), (sin_q4_q5, cos_q4_q5),
             (sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7), (sin_q4, cos_q4),
-            (sin_q6, cos_q6), (sin_q4_q5, cos_q4_q5), (sin_q6_q7, cos_q6_q7),
+            (sin_q6, cos_q6), (sin_q6_q7, cos_q6_q7),
         ] =
-            T::sin_cos_all([q1, q2, q3, t1_4, t1_8, q4, q6, t1_9, t1_10]);
+            T::sin_cos_all([q1, q2, q3, t1_1, t1_5, q4, q6, t1_6]);
         [
-            sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q1_q2_q3_minus_q4_minus_q5,
-            cos_q1_q2_q3_minus_q4_minus_q5, sin_q1_q2_q3_minus_q6_minus_q7,
-            cos_q1_q2_q3_minus_q6_minus_q7, sin_q4, cos_q4, sin_q6, cos_q6, sin_q4_q5,
-            cos_q4_q5, sin_q6_q7, cos_q6_q7,
+            sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4_q5, cos_q4_q5,
+            sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7, sin_q4, cos_q4,
+            sin_q6, cos_q6, sin_q6_q7, cos_q6_q7,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -1979,125 +2036,141 @@ pub fn gravity<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
         let t2_18 = like.lift(9.81) * t2_17;
         let t2_19 = cos_q2 * t2_18;
         let t2_20 = sin_q2.mul_add(t2_16, t2_19);
-        let t2_21 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
-        let t2_22 = -t2_21;
-        let t2_23 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
-        let u_platform_q2y = like.lift(0.4) * cos_q3;
-        let t2_24 = like.lift(0.04) - u_platform_q2y;
-        let t2_25 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_26 = like.lift(0.04) + u_platform_q2y;
-        let t2_27 = -t2_26;
-        let t2_28 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let t2_29 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
-        let t2_30 = like.lift(0.4) * sin_q2;
-        let t2_31 = sin_q3.mul_add(t2_29, like.lift(0.06928203230275509));
-        let t2_32 = cos_q3.mul_add(t2_30, t2_31);
-        let t2_33 = -t2_32;
-        let t2_34 = sin_q1_q2_q3 * cos_q4;
-        let sin_q1_q2_q3_minus_q4 = (-cos_q1_q2_q3).mul_add(sin_q4, t2_34);
-        let t2_35 = cos_q1_q2_q3 * cos_q4;
-        let cos_q1_q2_q3_minus_q4 = sin_q1_q2_q3.mul_add(sin_q4, t2_35);
-        let t2_36 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t2_23);
-        let t2_37 = sin_q3 * t2_30;
-        let u_platform_q1y = (-cos_q3).mul_add(t2_29, t2_37);
-        let t2_38 = like.lift(0.04) + u_platform_q1y;
-        let t2_39 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t2_25);
-        let t2_40 = sin_q1_q2_q3 * cos_q6;
-        let sin_q1_q2_q3_minus_q6 = (-cos_q1_q2_q3).mul_add(sin_q6, t2_40);
-        let t2_41 = cos_q1_q2_q3 * cos_q6;
-        let cos_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(sin_q6, t2_41);
-        let t2_42 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
-        let t2_43 = like.lift(0.04) - u_platform_q1y;
-        let t2_44 = -t2_43;
-        let t2_45 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_28);
-        let t2_46 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_47 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_46;
-        let pivot_2 = (-t2_21).mul_add(t2_47, t2_26);
+        let t2_21 = like.lift(0.4) * sin_q1_q2;
+        let t2_22 = like.lift(0.04) * sin_q1_q2_q3;
+        let t2_23 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
+        let t2_24 = t2_22 + t2_23;
+        let t2_25 = t2_21 - t2_24;
+        let t2_26 = -t2_24;
+        let t2_27 = like.lift(0.4) * sin_q4_q5;
+        let t2_28 = -t2_27;
+        let t2_29 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
+        let t2_30 = like.lift(0.4) * cos_q1_q2;
+        let t2_31 = like.lift(0.04) * cos_q1_q2_q3;
+        let t2_32 = t2_29 + t2_30;
+        let t2_33 = t2_32 - t2_31;
+        let t2_34 = -t2_33;
+        let t2_35 = t2_31 - t2_29;
+        let pivot_1 = like.lift(0.4) * cos_q4_q5;
+        let t2_36 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
+        let t2_37 = -t2_36;
+        let t2_38 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_39 = like.lift(0.4).mul_add(cos_q3, like.lift(0.04));
+        let t2_40 = -t2_39;
+        let t2_41 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t2_42 = t2_23 + t2_22;
+        let t2_43 = like.lift(-0.4).mul_add(sin_q1, t2_42);
+        let t2_44 = t2_43 - t2_21;
+        let t2_45 = -t2_44;
+        let t2_46 = like.lift(0.4).mul_add(sin_q4, t2_27);
+        let t2_47 = -t2_46;
+        let t2_48 = like.lift(0.4).mul_add(cos_q1, t2_30);
+        let t2_49 = t2_48 - t2_35;
+        let t2_50 = -t2_49;
+        let t2_51 = like.lift(0.4).mul_add(cos_q4, pivot_1);
+        let t2_52 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
+        let t2_53 = like.lift(0.4) * sin_q2;
+        let t2_54 = sin_q3.mul_add(t2_52, like.lift(0.06928203230275509));
+        let t2_55 = cos_q3.mul_add(t2_53, t2_54);
+        let t2_56 = -t2_55;
+        let t2_57 = sin_q1_q2_q3 * cos_q6;
+        let sin_q1_q2_q3_minus_q6 = (-cos_q1_q2_q3).mul_add(sin_q6, t2_57);
+        let t2_58 = cos_q1_q2_q3 * cos_q6;
+        let cos_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(sin_q6, t2_58);
+        let t2_59 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t2_38);
+        let t2_60 = cos_q3.mul_add(t2_52, like.lift(0.04));
+        let t2_61 = (-sin_q3).mul_add(t2_53, t2_60);
+        let t2_62 = -t2_61;
+        let t2_63 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_41);
+        let t2_64 = like.lift(1.0) / cos_q4_q5;
+        let t2_65 = sin_q4_q5 * t2_64;
+        let pivot_2 = (-t2_33).mul_add(t2_65, t2_25);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_48 = (-t2_32).mul_add(t2_47, t2_43);
-        let t2_49 = like.lift(-0.06928203230275509).mul_add(t2_47, like.lift(0.04));
-        let t2_50 = t2_24 * inv_pivot_2;
-        let pivot_3 = (-t2_49).mul_add(t2_50, like.lift(0.04));
+        let t2_66 = t2_49.mul_add(t2_65, t2_44);
+        let t2_67 = (-t2_35).mul_add(t2_65, t2_24);
+        let t2_68 = t2_39 * inv_pivot_2;
+        let pivot_3 = t2_67.mul_add(t2_68, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_51 = (-t2_48).mul_add(t2_50, t2_38);
-        let t2_52 = t2_21 * inv_pivot_2;
-        let t2_53 = (-t2_49).mul_add(t2_52, like.lift(0.06928203230275509));
-        let t2_54 = t2_53 * inv_pivot_3;
-        let t2_55 = (-t2_51).mul_add(t2_54, t2_32);
-        let t2_56 = (-t2_48).mul_add(t2_52, t2_55);
-        let pivot_4 = t2_54.mul_add(t2_25, t2_23);
+        let t2_69 = t2_66.mul_add(t2_68, t2_61);
+        let t2_70 = t2_36 * inv_pivot_2;
+        let t2_71 = t2_67.mul_add(t2_70, like.lift(0.06928203230275509));
+        let t2_72 = t2_71 * inv_pivot_3;
+        let t2_73 = (-t2_69).mul_add(t2_72, t2_55);
+        let t2_74 = t2_66.mul_add(t2_70, t2_73);
+        let pivot_4 = (-t2_72).mul_add(t2_41, t2_38);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_57 = t2_56 * inv_pivot_4;
-        let t2_58 = t2_57.mul_add(t2_25, t2_51);
-        let t2_59 = inv_pivot_3 * t2_58;
-        let t2_60 = (-t2_49).mul_add(t2_59, t2_48);
-        let t2_61 = inv_pivot_2 * t2_60;
-        let t2_62 = t2_39.mul_add(t2_54, t2_36);
-        let t2_63 = t2_62 * inv_pivot_4;
-        let t2_64 = (-t2_63).mul_add(t2_25, t2_39);
-        let t2_65 = inv_pivot_3 * t2_64;
-        let t2_66 = inv_pivot_2 * t2_49;
-        let t2_67 = t2_66 * t2_65;
-        let t2_68 = -t2_67;
-        let t2_69 = (-t2_42).mul_add(t2_47, t2_45);
-        let t2_70 = t2_69 * t2_50;
-        let t2_71 = t2_69 * t2_52;
-        let t2_72 = (-t2_70).mul_add(t2_54, t2_71);
-        let t2_73 = t2_72 * inv_pivot_4;
-        let t2_74 = t2_73.mul_add(t2_25, t2_70);
-        let t2_75 = inv_pivot_3 * t2_74;
-        let t2_76 = t2_49.mul_add(t2_75, t2_69);
-        let t2_77 = inv_pivot_2 * t2_76;
-        let t2_78 = -t2_77;
-        let t2_79 = -t2_57;
-        let t2_80 = -t2_73;
-        let t2_81 = like.lift(-0.06928203230275509).mul_add(t2_59, t2_32);
-        let t2_82 = (-t2_21).mul_add(t2_61, t2_81);
-        let t2_83 = like.lift(2.5) * t2_46;
-        let t2_84 = t2_82 * t2_83;
-        let t2_85 = -t2_84;
-        let t2_86 = t2_21 * t2_67;
-        let t2_87 = like.lift(-0.06928203230275509).mul_add(t2_65, t2_86);
-        let t2_88 = t2_87 * t2_83;
-        let t2_89 = -t2_88;
-        let t2_90 = like.lift(0.06928203230275509).mul_add(t2_75, t2_42);
-        let t2_91 = (-t2_21).mul_add(t2_77, t2_90);
-        let t2_92 = t2_91 * t2_83;
-        let t2_93 = -pivot_2;
+        let t2_75 = t2_74 * inv_pivot_4;
+        let t2_76 = (-t2_75).mul_add(t2_41, t2_69);
+        let t2_77 = inv_pivot_3 * t2_76;
+        let t2_78 = (-t2_67).mul_add(t2_77, t2_66);
+        let t2_79 = inv_pivot_2 * t2_78;
+        let t2_80 = -t2_79;
+        let t2_81 = (-t2_51).mul_add(t2_65, t2_46);
+        let t2_82 = t2_81 * t2_68;
+        let t2_83 = t2_81 * t2_70;
+        let t2_84 = (-t2_82).mul_add(t2_72, t2_83);
+        let t2_85 = t2_84 * inv_pivot_4;
+        let t2_86 = (-t2_85).mul_add(t2_41, t2_82);
+        let t2_87 = inv_pivot_3 * t2_86;
+        let t2_88 = (-t2_67).mul_add(t2_87, t2_81);
+        let t2_89 = inv_pivot_2 * t2_88;
+        let t2_90 = -t2_89;
+        let t2_91 = (-t2_63).mul_add(t2_72, t2_59);
+        let t2_92 = t2_91 * inv_pivot_4;
+        let t2_93 = (-t2_92).mul_add(t2_41, t2_63);
+        let t2_94 = inv_pivot_3 * t2_93;
+        let t2_95 = inv_pivot_2 * t2_67;
+        let t2_96 = t2_95 * t2_94;
+        let t2_97 = -t2_96;
+        let t2_98 = -t2_94;
+        let t2_99 = t2_35.mul_add(t2_77, t2_49);
+        let t2_100 = t2_33.mul_add(t2_79, t2_99);
+        let t2_101 = like.lift(2.5) * t2_64;
+        let t2_102 = t2_100 * t2_101;
+        let t2_103 = -t2_102;
+        let t2_104 = (-t2_35).mul_add(t2_87, t2_51);
+        let t2_105 = (-t2_33).mul_add(t2_89, t2_104);
+        let t2_106 = t2_105 * t2_101;
+        let t2_107 = t2_33 * t2_96;
+        let t2_108 = (-t2_35).mul_add(t2_94, t2_107);
+        let t2_109 = t2_108 * t2_101;
+        let t2_110 = -t2_109;
+        let t2_111 = -t2_75;
+        let t2_112 = -t2_85;
+        let t2_113 = -pivot_3;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
-            .min((t2_93 * like.lift(2.7080930926705737)).abs())
-            .min((pivot_3 * like.lift(19.82662604894746)).abs())
-            .min((pivot_4 * like.lift(2.203476117557732)).abs());
+        let margin = (pivot_1 * like.lift(2.6563845995423425)).abs()
+            .min((pivot_2 * like.lift(2.2678159988964297)).abs())
+            .min((t2_113 * like.lift(17.496940338012887)).abs())
+            .min((pivot_4 * like.lift(2.6702462158418983)).abs());
         let ([
             [x_q2_q1, x_q2_q4, x_q2_q6], [x_q3_q1, x_q3_q4, x_q3_q6],
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_61, t2_68, t2_78], [t2_59, t2_65, t2_75], [t2_79, t2_63, t2_80],
-                [t2_85, t2_89, t2_92],
+                [t2_80, t2_90, t2_97], [t2_77, t2_87, t2_98], [t2_103, t2_106, t2_110],
+                [t2_111, t2_112, t2_92],
             ],
             margin,
             || (
                 [
-                    [t2_22, like.lift(-0.06928203230275509), t2_23, like.lift(0.0)],
-                    [t2_24, like.lift(0.04), t2_25, like.lift(0.0)],
+                    [t2_25, t2_26, t2_28, like.lift(0.0)],
+                    [t2_34, t2_35, pivot_1, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_22, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
-                    [t2_27, like.lift(-0.04), like.lift(0.0), t2_28],
+                    [t2_37, like.lift(-0.06928203230275509), like.lift(0.0), t2_38],
+                    [t2_40, like.lift(-0.04), like.lift(0.0), t2_41],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_33, t2_36, like.lift(0.0)], [t2_38, t2_39, like.lift(0.0)],
+                    [t2_45, t2_47, like.lift(0.0)], [t2_50, t2_51, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_33, like.lift(0.0), t2_42], [t2_44, like.lift(0.0), t2_45],
+                    [t2_56, like.lift(0.0), t2_59], [t2_62, like.lift(0.0), t2_63],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -2160,7 +2233,7 @@ pub fn gravity<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
 ///
-/// 123 additions, 180 multiplications, 4 divisions, 6 sines and cosines.
+/// 135 additions, 203 multiplications, 4 divisions, 7 sines and cosines.
 pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -2176,151 +2249,173 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 3]
     let mut condition = like.lift(1.0);
     // sines and cosines
     let [
-        sin_q3, cos_q3, sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4, sin_q5, cos_q5,
-        sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6, sin_q7, cos_q7, sin_q2, cos_q2,
+        sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5,
+        sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6, sin_q7, cos_q7,
     ] = {
         let t1_1 = q3 + q2;
         let t1_2 = t1_1 + q1;
-        let t1_3 = t1_2 - q4;
-        let t1_4 = q3 + q2;
-        let t1_5 = t1_4 + q1;
-        let t1_6 = t1_5 - q6;
+        let t1_3 = t1_2 - q6;
         let [
-            (sin_q3, cos_q3), (sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4), (sin_q5, cos_q5),
-            (sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6), (sin_q7, cos_q7), (sin_q2, cos_q2),
+            (sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q3, cos_q3), (sin_q4, cos_q4),
+            (sin_q5, cos_q5), (sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6), (sin_q7, cos_q7),
         ] =
-            T::sin_cos_all([q3, t1_3, q5, t1_6, q7, q2]);
+            T::sin_cos_all([q1, q2, q3, q4, q5, t1_3, q7]);
         [
-            sin_q3, cos_q3, sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4, sin_q5, cos_q5,
-            sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6, sin_q7, cos_q7, sin_q2, cos_q2,
+            sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5,
+            sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6, sin_q7, cos_q7,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t2_1, t2_2, t2_3, t2_6, u_platform_q2y, t2_7, t2_8, pivot_1, t2_12, t2_13, t2_15,
-        t2_16, t2_19, t2_20, t2_22, t2_24, t2_25, t2_31, t2_37, t2_38, t2_48, inv_pivot_2,
-        t2_50, t2_51, pivot_3, inv_pivot_3, t2_53, t2_55, pivot_4, inv_pivot_4, t2_67, t2_70,
-        al_rod1z, t2_71, al_rod2z, al_rod3z,
+        t2_3, t2_6, t2_7, t2_9, t2_10, t2_13, t2_14, t2_16, t2_19, t2_20, t2_21, pivot_1,
+        t2_23, t2_26, t2_28, t2_29, t2_30, t2_31, t2_32, t2_33, t2_49, t2_52, t2_53, t2_54,
+        t2_55, t2_62, t2_69, pivot_2, inv_pivot_2, t2_71, t2_72, inv_pivot_3, t2_74, t2_76,
+        pivot_4, inv_pivot_4, t2_88, t2_92, al_rod1z, t2_93, al_rod2z, al_rod3z,
     ] = {
-        let t2_1 = like.lift(0.4) * sin_q3;
-        let t2_2 = like.lift(0.06928203230275509) + t2_1;
-        let t2_3 = -t2_2;
-        let t2_4 = sin_q1_q2_q3_minus_q4 * cos_q5;
-        let sin_q1_q2_q3_minus_q4_minus_q5 = (-cos_q1_q2_q3_minus_q4).mul_add(sin_q5, t2_4);
-        let t2_5 = cos_q1_q2_q3_minus_q4 * cos_q5;
-        let cos_q1_q2_q3_minus_q4_minus_q5 = sin_q1_q2_q3_minus_q4.mul_add(sin_q5, t2_5);
-        let t2_6 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
-        let u_platform_q2y = like.lift(0.4) * cos_q3;
-        let t2_7 = like.lift(0.04) - u_platform_q2y;
-        let t2_8 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let t2_9 = sin_q1_q2_q3_minus_q6 * cos_q7;
-        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t2_9);
-        let t2_10 = cos_q1_q2_q3_minus_q6 * cos_q7;
-        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t2_10);
-        let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_11 = like.lift(0.04) + u_platform_q2y;
-        let t2_12 = -t2_11;
-        let t2_13 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let t2_14 = d_q1 * d_q1;
-        let t2_15 = cos_q2 * t2_14;
+        let t2_1 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_1);
+        let t2_2 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_2);
+        let t2_3 = like.lift(0.4) * sin_q1_q2;
+        let t2_4 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t2_4);
+        let t2_5 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_5);
+        let t2_6 = like.lift(0.04) * sin_q1_q2_q3;
+        let t2_7 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
+        let t2_8 = t2_6 + t2_7;
+        let t2_9 = t2_3 - t2_8;
+        let t2_10 = -t2_8;
+        let t2_11 = sin_q4 * cos_q5;
+        let sin_q4_q5 = cos_q4.mul_add(sin_q5, t2_11);
+        let t2_12 = cos_q4 * cos_q5;
+        let cos_q4_q5 = (-sin_q4).mul_add(sin_q5, t2_12);
+        let t2_13 = like.lift(0.4) * sin_q4_q5;
+        let t2_14 = -t2_13;
+        let t2_15 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
+        let t2_16 = like.lift(0.4) * cos_q1_q2;
+        let t2_17 = like.lift(0.04) * cos_q1_q2_q3;
+        let t2_18 = t2_15 + t2_16;
+        let t2_19 = t2_18 - t2_17;
+        let t2_20 = -t2_19;
+        let t2_21 = t2_17 - t2_15;
+        let pivot_1 = like.lift(0.4) * cos_q4_q5;
+        let t2_22 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
+        let t2_23 = -t2_22;
+        let t2_24 = sin_q1_q2_q3_minus_q6 * cos_q7;
+        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t2_24);
+        let t2_25 = cos_q1_q2_q3_minus_q6 * cos_q7;
+        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t2_25);
+        let t2_26 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_27 = like.lift(0.4).mul_add(cos_q3, like.lift(0.04));
+        let t2_28 = -t2_27;
+        let t2_29 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
         let w_rod1z = d_q1 + d_q2;
-        let t2_16 = w_rod1z * w_rod1z;
-        let t2_17 = t2_16 + t2_15;
-        let t2_18 = like.lift(0.4) * t2_17;
-        let t2_19 = cos_q3 * t2_18;
-        let t2_20 = sin_q2 * t2_14;
-        let t2_21 = (-t2_20).mul_add(t2_1, t2_19);
         let w_platformz = d_q3 + w_rod1z;
-        let t2_22 = w_platformz * w_platformz;
-        let t2_23 = like.lift(0.04) * t2_22;
         let w_rod2z = d_q4 + d_q5;
-        let t2_24 = w_rod2z * w_rod2z;
-        let t2_25 = d_q4 * d_q4;
-        let t2_26 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_24;
-        let t2_27 = cos_q1_q2_q3_minus_q4.mul_add(t2_25, t2_26);
-        let t2_28 = t2_21 - t2_23;
-        let t2_29 = like.lift(-0.4).mul_add(t2_27, t2_28);
-        let t2_30 = -t2_29;
-        let t2_31 = sin_q3 * t2_18;
-        let t2_32 = like.lift(0.06928203230275509).mul_add(t2_22, t2_31);
-        let t2_33 = t2_20.mul_add(u_platform_q2y, t2_32);
-        let t2_34 = sin_q1_q2_q3_minus_q4_minus_q5 * t2_24;
-        let t2_35 = sin_q1_q2_q3_minus_q4.mul_add(t2_25, t2_34);
-        let t2_36 = like.lift(-0.4).mul_add(t2_35, t2_33);
+        let t2_30 = w_rod2z * w_rod2z;
+        let t2_31 = w_platformz * w_platformz;
+        let t2_32 = w_rod1z * w_rod1z;
+        let t2_33 = d_q4 * d_q4;
+        let t2_34 = d_q1 * d_q1;
+        let t2_35 = cos_q1_q2 * t2_32;
+        let t2_36 = cos_q1.mul_add(t2_34, t2_35);
+        let t2_37 = (-cos_q4_q5).mul_add(t2_30, t2_36);
+        let t2_38 = (-cos_q4).mul_add(t2_33, t2_37);
+        let t2_39 = like.lift(0.4) * t2_38;
+        let t2_40 = (-t2_21).mul_add(t2_31, t2_39);
+        let t2_41 = -t2_40;
+        let t2_42 = sin_q1_q2 * t2_32;
+        let t2_43 = sin_q1.mul_add(t2_34, t2_42);
+        let t2_44 = (-sin_q4_q5).mul_add(t2_30, t2_43);
+        let t2_45 = (-sin_q4).mul_add(t2_33, t2_44);
+        let t2_46 = like.lift(0.4) * t2_45;
+        let t2_47 = (-t2_8).mul_add(t2_31, t2_46);
+        let t2_48 = -t2_47;
+        let t2_49 = cos_q2 * t2_34;
+        let t2_50 = t2_32 + t2_49;
+        let t2_51 = like.lift(0.4) * t2_50;
+        let t2_52 = cos_q3 * t2_51;
+        let t2_53 = sin_q2 * t2_34;
         let w_rod3z = d_q6 + d_q7;
-        let t2_37 = w_rod3z * w_rod3z;
-        let t2_38 = d_q6 * d_q6;
-        let t2_39 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_37;
-        let t2_40 = cos_q1_q2_q3_minus_q6.mul_add(t2_38, t2_39);
-        let t2_41 = t2_21 + t2_23;
-        let t2_42 = like.lift(-0.4).mul_add(t2_40, t2_41);
-        let t2_43 = -t2_42;
-        let t2_44 = sin_q1_q2_q3_minus_q6_minus_q7 * t2_37;
-        let t2_45 = sin_q1_q2_q3_minus_q6.mul_add(t2_38, t2_44);
-        let t2_46 = like.lift(-0.4).mul_add(t2_45, t2_33);
-        let t2_47 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_48 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_47;
-        let pivot_2 = (-t2_2).mul_add(t2_48, t2_11);
+        let t2_54 = w_rod3z * w_rod3z;
+        let t2_55 = d_q6 * d_q6;
+        let t2_56 = sin_q3 * t2_53;
+        let t2_57 = cos_q1_q2_q3_minus_q6_minus_q7.mul_add(t2_54, t2_56);
+        let t2_58 = cos_q1_q2_q3_minus_q6.mul_add(t2_55, t2_57);
+        let t2_59 = like.lift(0.04).mul_add(t2_31, t2_52);
+        let t2_60 = like.lift(-0.4).mul_add(t2_58, t2_59);
+        let t2_61 = -t2_60;
+        let t2_62 = sin_q3 * t2_51;
+        let t2_63 = cos_q3 * t2_53;
+        let t2_64 = (-sin_q1_q2_q3_minus_q6_minus_q7).mul_add(t2_54, t2_63);
+        let t2_65 = (-sin_q1_q2_q3_minus_q6).mul_add(t2_55, t2_64);
+        let t2_66 = like.lift(0.06928203230275509).mul_add(t2_31, t2_62);
+        let t2_67 = like.lift(0.4).mul_add(t2_65, t2_66);
+        let t2_68 = like.lift(1.0) / cos_q4_q5;
+        let t2_69 = sin_q4_q5 * t2_68;
+        let pivot_2 = (-t2_19).mul_add(t2_69, t2_9);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_49 = t2_48.mul_add(t2_42, t2_46);
-        let t2_50 = like.lift(-0.06928203230275509).mul_add(t2_48, like.lift(0.04));
-        let t2_51 = t2_7 * inv_pivot_2;
-        let pivot_3 = (-t2_50).mul_add(t2_51, like.lift(0.04));
+        let t2_70 = t2_69.mul_add(t2_47, t2_40);
+        let t2_71 = (-t2_21).mul_add(t2_69, t2_8);
+        let t2_72 = t2_27 * inv_pivot_2;
+        let pivot_3 = t2_71.mul_add(t2_72, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_52 = t2_51.mul_add(t2_49, t2_36);
-        let t2_53 = t2_2 * inv_pivot_2;
-        let t2_54 = (-t2_50).mul_add(t2_53, like.lift(0.06928203230275509));
-        let t2_55 = t2_54 * inv_pivot_3;
-        let pivot_4 = t2_55.mul_add(t2_8, t2_6);
+        let t2_73 = (-t2_72).mul_add(t2_70, t2_67);
+        let t2_74 = t2_22 * inv_pivot_2;
+        let t2_75 = t2_71.mul_add(t2_74, like.lift(0.06928203230275509));
+        let t2_76 = t2_75 * inv_pivot_3;
+        let pivot_4 = (-t2_76).mul_add(t2_29, t2_26);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_56 = (-t2_55).mul_add(t2_52, t2_29);
-        let t2_57 = t2_53.mul_add(t2_49, t2_56);
-        let t2_58 = inv_pivot_4 * t2_57;
-        let t2_59 = t2_58.mul_add(t2_8, t2_52);
-        let t2_60 = inv_pivot_3 * t2_59;
-        let t2_61 = t2_50.mul_add(t2_60, t2_49);
-        let t2_62 = inv_pivot_2 * t2_61;
-        let t2_63 = -t2_62;
-        let t2_64 = -t2_58;
-        let t2_65 = like.lift(-0.06928203230275509).mul_add(t2_60, t2_42);
-        let t2_66 = t2_2.mul_add(t2_62, t2_65);
-        let t2_67 = like.lift(2.5) * t2_47;
-        let t2_68 = t2_66 * t2_67;
-        let t2_69 = -t2_68;
-        let t2_70 = -pivot_2;
+        let t2_77 = t2_76.mul_add(t2_73, t2_60);
+        let t2_78 = t2_74.mul_add(t2_70, t2_77);
+        let t2_79 = inv_pivot_4 * t2_78;
+        let t2_80 = t2_79.mul_add(t2_29, t2_73);
+        let t2_81 = inv_pivot_3 * t2_80;
+        let t2_82 = t2_71.mul_add(t2_81, t2_70);
+        let t2_83 = inv_pivot_2 * t2_82;
+        let t2_84 = -t2_83;
+        let t2_85 = -t2_81;
+        let t2_86 = (-t2_21).mul_add(t2_81, t2_47);
+        let t2_87 = t2_19.mul_add(t2_83, t2_86);
+        let t2_88 = like.lift(2.5) * t2_68;
+        let t2_89 = t2_87 * t2_88;
+        let t2_90 = -t2_89;
+        let t2_91 = -t2_79;
+        let t2_92 = -pivot_3;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
-            .min((t2_70 * like.lift(2.7080930926705737)).abs())
-            .min((pivot_3 * like.lift(19.82662604894746)).abs())
-            .min((pivot_4 * like.lift(2.203476117557732)).abs());
-        let ([[al_rod1z], [t2_71], [al_rod2z], [al_rod3z]], found) = ::regen_runtime::guarded(
-            [[t2_63], [t2_60], [t2_64], [t2_69]],
+        let margin = (pivot_1 * like.lift(2.6563845995423425)).abs()
+            .min((pivot_2 * like.lift(2.2678159988964297)).abs())
+            .min((t2_92 * like.lift(17.496940338012887)).abs())
+            .min((pivot_4 * like.lift(2.6702462158418983)).abs());
+        let ([[al_rod1z], [t2_93], [al_rod2z], [al_rod3z]], found) = ::regen_runtime::guarded(
+            [[t2_84], [t2_85], [t2_90], [t2_91]],
             margin,
             || (
                 [
-                    [t2_3, like.lift(-0.06928203230275509), t2_6, like.lift(0.0)],
-                    [t2_7, like.lift(0.04), t2_8, like.lift(0.0)],
+                    [t2_9, t2_10, t2_14, like.lift(0.0)],
+                    [t2_20, t2_21, pivot_1, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_3, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
-                    [t2_12, like.lift(-0.04), like.lift(0.0), t2_13],
+                    [t2_23, like.lift(-0.06928203230275509), like.lift(0.0), t2_26],
+                    [t2_28, like.lift(-0.04), like.lift(0.0), t2_29],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_30], [t2_36], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
-                    [t2_43], [t2_46], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_41], [t2_48], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_61], [t2_67], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            t2_1, t2_2, t2_3, t2_6, u_platform_q2y, t2_7, t2_8, pivot_1, t2_12, t2_13, t2_15,
-            t2_16, t2_19, t2_20, t2_22, t2_24, t2_25, t2_31, t2_37, t2_38, t2_48, inv_pivot_2,
-            t2_50, t2_51, pivot_3, inv_pivot_3, t2_53, t2_55, pivot_4, inv_pivot_4, t2_67,
-            t2_70, al_rod1z, t2_71, al_rod2z, al_rod3z,
+            t2_3, t2_6, t2_7, t2_9, t2_10, t2_13, t2_14, t2_16, t2_19, t2_20, t2_21, pivot_1,
+            t2_23, t2_26, t2_28, t2_29, t2_30, t2_31, t2_32, t2_33, t2_49, t2_52, t2_53, t2_54,
+            t2_55, t2_62, t2_69, pivot_2, inv_pivot_2, t2_71, t2_72, inv_pivot_3, t2_74, t2_76,
+            pivot_4, inv_pivot_4, t2_88, t2_92, al_rod1z, t2_93, al_rod2z, al_rod3z,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -2328,122 +2423,131 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 3]
         t3_5, t3_17, t3_28, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1,
         x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
     ] = {
-        let al_platformz = al_rod1z + t2_71;
-        let t3_1 = al_rod1z + t2_20;
+        let al_platformz = al_rod1z + t2_93;
+        let t3_1 = al_rod1z + t2_53;
         let t3_2 = like.lift(0.4) * t3_1;
-        let a_platformy = cos_q3.mul_add(t3_2, t2_31);
-        let a_platformx = (-sin_q3).mul_add(t3_2, t2_19);
+        let a_platformy = cos_q3.mul_add(t3_2, t2_62);
+        let a_platformx = (-sin_q3).mul_add(t3_2, t2_52);
         let t3_3 = p_izz_platform * al_platformz;
         let t3_4 = p_my_platform.mul_add(a_platformx, t3_3);
         let t3_5 = p_mx_platform.mul_add(a_platformy, t3_4);
         let t3_6 = p_m_platform * a_platformx;
         let t3_7 = p_my_platform.mul_add(al_platformz, t3_6);
-        let t3_8 = t2_22.mul_add(p_mx_platform, t3_7);
+        let t3_8 = t2_31.mul_add(p_mx_platform, t3_7);
         let t3_9 = p_m_platform * a_platformy;
         let t3_10 = p_mx_platform.mul_add(al_platformz, t3_9);
-        let t3_11 = (-t2_22).mul_add(p_my_platform, t3_10);
+        let t3_11 = (-t2_31).mul_add(p_my_platform, t3_10);
         let t3_12 = sin_q3 * t3_8;
         let t3_13 = (-cos_q3).mul_add(t3_11, t3_12);
-        let t3_14 = t2_15.mul_add(p_my_rod1, -t3_13);
-        let t3_15 = t2_20.mul_add(p_mx_rod1, t3_14);
+        let t3_14 = t2_49.mul_add(p_my_rod1, -t3_13);
+        let t3_15 = t2_53.mul_add(p_mx_rod1, t3_14);
         let t3_16 = p_izz_rod1.mul_add(al_rod1z, t3_5);
         let t3_17 = like.lift(0.4).mul_add(t3_15, t3_16);
         let t3_18 = like.lift(0.4) * p_m_rod1;
-        let t3_19 = t2_15 * t3_18;
+        let t3_19 = t2_49 * t3_18;
         let t3_20 = p_my_rod1.mul_add(al_rod1z, t3_19);
-        let t3_21 = t2_16.mul_add(p_mx_rod1, t3_20);
+        let t3_21 = t2_32.mul_add(p_mx_rod1, t3_20);
         let t3_22 = sin_q3.mul_add(t3_11, t3_21);
         let t3_23 = cos_q3.mul_add(t3_8, t3_22);
-        let t3_24 = t2_20.mul_add(t3_18, -t3_13);
+        let t3_24 = t2_53.mul_add(t3_18, -t3_13);
         let t3_25 = p_mx_rod1.mul_add(al_rod1z, t3_24);
-        let t3_26 = (-t2_16).mul_add(p_my_rod1, t3_25);
+        let t3_26 = (-t2_32).mul_add(p_my_rod1, t3_25);
         let t3_27 = sin_q2 * t3_23;
         let t3_28 = (-cos_q2).mul_add(t3_26, t3_27);
-        let t3_29 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
-        let t3_30 = sin_q3.mul_add(t3_29, like.lift(0.06928203230275509));
-        let t3_31 = sin_q2.mul_add(u_platform_q2y, t3_30);
+        let t3_29 = t2_7 + t2_6;
+        let t3_30 = like.lift(-0.4).mul_add(sin_q1, t3_29);
+        let t3_31 = t3_30 - t2_3;
         let t3_32 = -t3_31;
-        let t3_33 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t2_6);
-        let t3_34 = sin_q2 * t2_1;
-        let u_platform_q1y = (-cos_q3).mul_add(t3_29, t3_34);
-        let t3_35 = like.lift(0.04) + u_platform_q1y;
-        let t3_36 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t2_8);
-        let t3_37 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
-        let t3_38 = like.lift(0.04) - u_platform_q1y;
-        let t3_39 = -t3_38;
-        let t3_40 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_13);
-        let t3_41 = (-t3_31).mul_add(t2_48, t3_38);
-        let t3_42 = (-t3_41).mul_add(t2_51, t3_35);
-        let t3_43 = (-t3_42).mul_add(t2_55, t3_31);
-        let t3_44 = (-t3_41).mul_add(t2_53, t3_43);
-        let t3_45 = t3_44 * inv_pivot_4;
-        let t3_46 = t3_45.mul_add(t2_8, t3_42);
-        let t3_47 = inv_pivot_3 * t3_46;
-        let t3_48 = (-t2_50).mul_add(t3_47, t3_41);
-        let t3_49 = inv_pivot_2 * t3_48;
-        let t3_50 = t3_36.mul_add(t2_55, t3_33);
-        let t3_51 = t3_50 * inv_pivot_4;
-        let t3_52 = (-t3_51).mul_add(t2_8, t3_36);
-        let t3_53 = inv_pivot_3 * t3_52;
-        let t3_54 = inv_pivot_2 * t2_50;
-        let t3_55 = t3_54 * t3_53;
-        let t3_56 = -t3_55;
-        let t3_57 = (-t3_37).mul_add(t2_48, t3_40);
-        let t3_58 = t3_57 * t2_51;
-        let t3_59 = t3_57 * t2_53;
-        let t3_60 = (-t3_58).mul_add(t2_55, t3_59);
-        let t3_61 = t3_60 * inv_pivot_4;
-        let t3_62 = t3_61.mul_add(t2_8, t3_58);
-        let t3_63 = inv_pivot_3 * t3_62;
-        let t3_64 = t2_50.mul_add(t3_63, t3_57);
-        let t3_65 = inv_pivot_2 * t3_64;
-        let t3_66 = -t3_65;
-        let t3_67 = -t3_45;
-        let t3_68 = -t3_61;
-        let t3_69 = like.lift(-0.06928203230275509).mul_add(t3_47, t3_31);
-        let t3_70 = (-t2_2).mul_add(t3_49, t3_69);
-        let t3_71 = t3_70 * t2_67;
-        let t3_72 = -t3_71;
-        let t3_73 = t2_2 * t3_55;
-        let t3_74 = like.lift(-0.06928203230275509).mul_add(t3_53, t3_73);
-        let t3_75 = t3_74 * t2_67;
-        let t3_76 = -t3_75;
-        let t3_77 = like.lift(0.06928203230275509).mul_add(t3_63, t3_37);
-        let t3_78 = (-t2_2).mul_add(t3_65, t3_77);
-        let t3_79 = t3_78 * t2_67;
+        let t3_33 = like.lift(0.4).mul_add(sin_q4, t2_13);
+        let t3_34 = -t3_33;
+        let t3_35 = like.lift(0.4).mul_add(cos_q1, t2_16);
+        let t3_36 = t3_35 - t2_21;
+        let t3_37 = -t3_36;
+        let t3_38 = like.lift(0.4).mul_add(cos_q4, pivot_1);
+        let t3_39 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
+        let t3_40 = like.lift(0.4) * sin_q2;
+        let t3_41 = sin_q3.mul_add(t3_39, like.lift(0.06928203230275509));
+        let t3_42 = cos_q3.mul_add(t3_40, t3_41);
+        let t3_43 = -t3_42;
+        let t3_44 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t2_26);
+        let t3_45 = cos_q3.mul_add(t3_39, like.lift(0.04));
+        let t3_46 = (-sin_q3).mul_add(t3_40, t3_45);
+        let t3_47 = -t3_46;
+        let t3_48 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_29);
+        let t3_49 = t3_36.mul_add(t2_69, t3_31);
+        let t3_50 = t3_49.mul_add(t2_72, t3_46);
+        let t3_51 = (-t3_50).mul_add(t2_76, t3_42);
+        let t3_52 = t3_49.mul_add(t2_74, t3_51);
+        let t3_53 = t3_52 * inv_pivot_4;
+        let t3_54 = (-t3_53).mul_add(t2_29, t3_50);
+        let t3_55 = inv_pivot_3 * t3_54;
+        let t3_56 = (-t2_71).mul_add(t3_55, t3_49);
+        let t3_57 = inv_pivot_2 * t3_56;
+        let t3_58 = -t3_57;
+        let t3_59 = (-t3_38).mul_add(t2_69, t3_33);
+        let t3_60 = t3_59 * t2_72;
+        let t3_61 = t3_59 * t2_74;
+        let t3_62 = (-t3_60).mul_add(t2_76, t3_61);
+        let t3_63 = t3_62 * inv_pivot_4;
+        let t3_64 = (-t3_63).mul_add(t2_29, t3_60);
+        let t3_65 = inv_pivot_3 * t3_64;
+        let t3_66 = (-t2_71).mul_add(t3_65, t3_59);
+        let t3_67 = inv_pivot_2 * t3_66;
+        let t3_68 = -t3_67;
+        let t3_69 = (-t3_48).mul_add(t2_76, t3_44);
+        let t3_70 = t3_69 * inv_pivot_4;
+        let t3_71 = (-t3_70).mul_add(t2_29, t3_48);
+        let t3_72 = inv_pivot_3 * t3_71;
+        let t3_73 = inv_pivot_2 * t2_71;
+        let t3_74 = t3_73 * t3_72;
+        let t3_75 = -t3_74;
+        let t3_76 = -t3_72;
+        let t3_77 = t2_21.mul_add(t3_55, t3_36);
+        let t3_78 = t2_19.mul_add(t3_57, t3_77);
+        let t3_79 = t3_78 * t2_88;
+        let t3_80 = -t3_79;
+        let t3_81 = (-t2_21).mul_add(t3_65, t3_38);
+        let t3_82 = (-t2_19).mul_add(t3_67, t3_81);
+        let t3_83 = t3_82 * t2_88;
+        let t3_84 = t2_19 * t3_74;
+        let t3_85 = (-t2_21).mul_add(t3_72, t3_84);
+        let t3_86 = t3_85 * t2_88;
+        let t3_87 = -t3_86;
+        let t3_88 = -t3_53;
+        let t3_89 = -t3_63;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
-            .min((t2_70 * like.lift(2.7080930926705737)).abs())
-            .min((pivot_3 * like.lift(19.82662604894746)).abs())
-            .min((pivot_4 * like.lift(2.203476117557732)).abs());
+        let margin = (pivot_1 * like.lift(2.6563845995423425)).abs()
+            .min((pivot_2 * like.lift(2.2678159988964297)).abs())
+            .min((t2_92 * like.lift(17.496940338012887)).abs())
+            .min((pivot_4 * like.lift(2.6702462158418983)).abs());
         let ([
             [x_q2_q1, x_q2_q4, x_q2_q6], [x_q3_q1, x_q3_q4, x_q3_q6],
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t3_49, t3_56, t3_66], [t3_47, t3_53, t3_63], [t3_67, t3_51, t3_68],
-                [t3_72, t3_76, t3_79],
+                [t3_58, t3_68, t3_75], [t3_55, t3_65, t3_76], [t3_80, t3_83, t3_87],
+                [t3_88, t3_89, t3_70],
             ],
             margin,
             || (
                 [
-                    [t2_3, like.lift(-0.06928203230275509), t2_6, like.lift(0.0)],
-                    [t2_7, like.lift(0.04), t2_8, like.lift(0.0)],
+                    [t2_9, t2_10, t2_14, like.lift(0.0)],
+                    [t2_20, t2_21, pivot_1, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_3, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
-                    [t2_12, like.lift(-0.04), like.lift(0.0), t2_13],
+                    [t2_23, like.lift(-0.06928203230275509), like.lift(0.0), t2_26],
+                    [t2_28, like.lift(-0.04), like.lift(0.0), t2_29],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t3_32, t3_33, like.lift(0.0)], [t3_35, t3_36, like.lift(0.0)],
+                    [t3_32, t3_34, like.lift(0.0)], [t3_37, t3_38, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t3_32, like.lift(0.0), t3_37], [t3_39, like.lift(0.0), t3_40],
+                    [t3_43, like.lift(0.0), t3_44], [t3_47, like.lift(0.0), t3_48],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -2458,14 +2562,14 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 3]
     };
     // tau
     {
-        let t4_1 = sin_q5 * t2_25;
-        let t4_2 = cos_q5 * t2_25;
+        let t4_1 = sin_q5 * t2_33;
+        let t4_2 = cos_q5 * t2_33;
         let t4_3 = p_my_rod2 * t4_2;
         let t4_4 = p_mx_rod2.mul_add(t4_1, t4_3);
         let t4_5 = p_izz_rod2 * al_rod2z;
         let t4_6 = like.lift(0.4).mul_add(t4_4, t4_5);
-        let t4_7 = sin_q7 * t2_38;
-        let t4_8 = cos_q7 * t2_38;
+        let t4_7 = sin_q7 * t2_55;
+        let t4_8 = cos_q7 * t2_55;
         let t4_9 = p_my_rod3 * t4_8;
         let t4_10 = p_mx_rod3.mul_add(t4_7, t4_9);
         let t4_11 = p_izz_rod3 * al_rod3z;
@@ -2479,10 +2583,10 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 3]
         let t4_18 = like.lift(0.4) * p_m_rod2;
         let t4_19 = t4_2 * t4_18;
         let t4_20 = p_my_rod2.mul_add(al_rod2z, t4_19);
-        let t4_21 = t2_24.mul_add(p_mx_rod2, t4_20);
+        let t4_21 = t2_30.mul_add(p_mx_rod2, t4_20);
         let t4_22 = t4_1 * t4_18;
         let t4_23 = p_mx_rod2.mul_add(al_rod2z, t4_22);
-        let t4_24 = (-t2_24).mul_add(p_my_rod2, t4_23);
+        let t4_24 = (-t2_30).mul_add(p_my_rod2, t4_23);
         let t4_25 = sin_q5 * t4_21;
         let t4_26 = (-cos_q5).mul_add(t4_24, t4_25);
         let t4_27 = (-t4_12).mul_add(x_q7_q4, t4_6);
@@ -2494,10 +2598,10 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 3]
         let t4_32 = like.lift(0.4) * p_m_rod3;
         let t4_33 = t4_8 * t4_32;
         let t4_34 = p_my_rod3.mul_add(al_rod3z, t4_33);
-        let t4_35 = t2_37.mul_add(p_mx_rod3, t4_34);
+        let t4_35 = t2_54.mul_add(p_mx_rod3, t4_34);
         let t4_36 = t4_7 * t4_32;
         let t4_37 = p_mx_rod3.mul_add(al_rod3z, t4_36);
-        let t4_38 = (-t2_37).mul_add(p_my_rod3, t4_37);
+        let t4_38 = (-t2_54).mul_add(p_my_rod3, t4_37);
         let t4_39 = sin_q7 * t4_35;
         let t4_40 = (-cos_q7).mul_add(t4_38, t4_39);
         let t4_41 = (-t4_12).mul_add(x_q7_q6, t4_12);
@@ -2516,7 +2620,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 3]
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
 ///
-/// 115 additions, 138 multiplications, 4 divisions, 6 sines and cosines.
+/// 124 additions, 154 multiplications, 4 divisions, 7 sines and cosines.
 pub fn mass_matrix<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([[T; 3]; 3], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 3]; 3];
@@ -2531,23 +2635,20 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
     let mut condition = like.lift(1.0);
     // sines and cosines
     let [
-        sin_q3, cos_q3, sin_q2, cos_q2, sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4, sin_q5,
-        cos_q5, sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6, sin_q7, cos_q7,
+        sin_q3, cos_q3, sin_q2, cos_q2, sin_q1, cos_q1, sin_q4, cos_q4, sin_q5, cos_q5,
+        sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6, sin_q7, cos_q7,
     ] = {
         let t1_1 = q3 + q2;
         let t1_2 = t1_1 + q1;
-        let t1_3 = t1_2 - q4;
-        let t1_4 = q3 + q2;
-        let t1_5 = t1_4 + q1;
-        let t1_6 = t1_5 - q6;
+        let t1_3 = t1_2 - q6;
         let [
-            (sin_q3, cos_q3), (sin_q2, cos_q2), (sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4),
+            (sin_q3, cos_q3), (sin_q2, cos_q2), (sin_q1, cos_q1), (sin_q4, cos_q4),
             (sin_q5, cos_q5), (sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6), (sin_q7, cos_q7),
         ] =
-            T::sin_cos_all([q3, q2, t1_3, q5, t1_6, q7]);
+            T::sin_cos_all([q3, q2, q1, q4, q5, t1_3, q7]);
         [
-            sin_q3, cos_q3, sin_q2, cos_q2, sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4,
-            sin_q5, cos_q5, sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6, sin_q7, cos_q7,
+            sin_q3, cos_q3, sin_q2, cos_q2, sin_q1, cos_q1, sin_q4, cos_q4, sin_q5, cos_q5,
+            sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6, sin_q7, cos_q7,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -2572,125 +2673,154 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
         let t2_15 = like.lift(0.4).mul_add(t2_14, t2_13);
         let t2_16 = like.lift(0.4) * t2_13;
         let t2_17 = t2_7 + t2_16;
-        let t2_18 = like.lift(0.4) * sin_q3;
-        let t2_19 = like.lift(0.06928203230275509) + t2_18;
-        let t2_20 = -t2_19;
-        let t2_21 = sin_q1_q2_q3_minus_q4 * cos_q5;
-        let sin_q1_q2_q3_minus_q4_minus_q5 = (-cos_q1_q2_q3_minus_q4).mul_add(sin_q5, t2_21);
-        let t2_22 = cos_q1_q2_q3_minus_q4 * cos_q5;
-        let cos_q1_q2_q3_minus_q4_minus_q5 = sin_q1_q2_q3_minus_q4.mul_add(sin_q5, t2_22);
-        let t2_23 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
-        let u_platform_q2y = like.lift(0.4) * cos_q3;
-        let t2_24 = like.lift(0.04) - u_platform_q2y;
-        let t2_25 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let t2_26 = sin_q1_q2_q3_minus_q6 * cos_q7;
-        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t2_26);
-        let t2_27 = cos_q1_q2_q3_minus_q6 * cos_q7;
-        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t2_27);
-        let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_28 = like.lift(0.04) + u_platform_q2y;
-        let t2_29 = -t2_28;
-        let t2_30 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let t2_31 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
-        let t2_32 = sin_q3.mul_add(t2_31, like.lift(0.06928203230275509));
-        let t2_33 = sin_q2.mul_add(u_platform_q2y, t2_32);
-        let t2_34 = -t2_33;
-        let t2_35 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t2_23);
-        let t2_36 = sin_q2 * t2_18;
-        let u_platform_q1y = (-cos_q3).mul_add(t2_31, t2_36);
-        let t2_37 = like.lift(0.04) + u_platform_q1y;
-        let t2_38 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t2_25);
-        let t2_39 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
-        let t2_40 = like.lift(0.04) - u_platform_q1y;
+        let t2_18 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_18);
+        let t2_19 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_19);
+        let t2_20 = like.lift(0.4) * sin_q1_q2;
+        let t2_21 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t2_21);
+        let t2_22 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_22);
+        let t2_23 = like.lift(0.04) * sin_q1_q2_q3;
+        let t2_24 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
+        let t2_25 = t2_23 + t2_24;
+        let t2_26 = t2_20 - t2_25;
+        let t2_27 = -t2_25;
+        let t2_28 = sin_q4 * cos_q5;
+        let sin_q4_q5 = cos_q4.mul_add(sin_q5, t2_28);
+        let t2_29 = cos_q4 * cos_q5;
+        let cos_q4_q5 = (-sin_q4).mul_add(sin_q5, t2_29);
+        let t2_30 = like.lift(0.4) * sin_q4_q5;
+        let t2_31 = -t2_30;
+        let t2_32 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
+        let t2_33 = like.lift(0.4) * cos_q1_q2;
+        let t2_34 = like.lift(0.04) * cos_q1_q2_q3;
+        let t2_35 = t2_32 + t2_33;
+        let t2_36 = t2_35 - t2_34;
+        let t2_37 = -t2_36;
+        let t2_38 = t2_34 - t2_32;
+        let pivot_1 = like.lift(0.4) * cos_q4_q5;
+        let t2_39 = like.lift(0.4) * sin_q3;
+        let t2_40 = like.lift(0.06928203230275509) + t2_39;
         let t2_41 = -t2_40;
-        let t2_42 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_30);
-        let t2_43 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_44 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_43;
-        let pivot_2 = (-t2_19).mul_add(t2_44, t2_28);
+        let t2_42 = sin_q1_q2_q3_minus_q6 * cos_q7;
+        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t2_42);
+        let t2_43 = cos_q1_q2_q3_minus_q6 * cos_q7;
+        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t2_43);
+        let t2_44 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_45 = like.lift(0.4) * cos_q3;
+        let t2_46 = like.lift(0.04) + t2_45;
+        let t2_47 = -t2_46;
+        let t2_48 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t2_49 = t2_24 + t2_23;
+        let t2_50 = like.lift(-0.4).mul_add(sin_q1, t2_49);
+        let t2_51 = t2_50 - t2_20;
+        let t2_52 = -t2_51;
+        let t2_53 = like.lift(0.4).mul_add(sin_q4, t2_30);
+        let t2_54 = -t2_53;
+        let t2_55 = like.lift(0.4).mul_add(cos_q1, t2_33);
+        let t2_56 = t2_55 - t2_38;
+        let t2_57 = -t2_56;
+        let t2_58 = like.lift(0.4).mul_add(cos_q4, pivot_1);
+        let t2_59 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
+        let t2_60 = sin_q3.mul_add(t2_59, like.lift(0.06928203230275509));
+        let t2_61 = sin_q2.mul_add(t2_45, t2_60);
+        let t2_62 = -t2_61;
+        let t2_63 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t2_44);
+        let t2_64 = cos_q3.mul_add(t2_59, like.lift(0.04));
+        let t2_65 = (-sin_q2).mul_add(t2_39, t2_64);
+        let t2_66 = -t2_65;
+        let t2_67 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_48);
+        let t2_68 = like.lift(1.0) / cos_q4_q5;
+        let t2_69 = sin_q4_q5 * t2_68;
+        let pivot_2 = (-t2_36).mul_add(t2_69, t2_26);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_45 = (-t2_33).mul_add(t2_44, t2_40);
-        let t2_46 = like.lift(-0.06928203230275509).mul_add(t2_44, like.lift(0.04));
-        let t2_47 = t2_24 * inv_pivot_2;
-        let pivot_3 = (-t2_46).mul_add(t2_47, like.lift(0.04));
+        let t2_70 = t2_56.mul_add(t2_69, t2_51);
+        let t2_71 = (-t2_38).mul_add(t2_69, t2_25);
+        let t2_72 = t2_46 * inv_pivot_2;
+        let pivot_3 = t2_71.mul_add(t2_72, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_48 = (-t2_45).mul_add(t2_47, t2_37);
-        let t2_49 = t2_19 * inv_pivot_2;
-        let t2_50 = (-t2_46).mul_add(t2_49, like.lift(0.06928203230275509));
-        let t2_51 = t2_50 * inv_pivot_3;
-        let t2_52 = (-t2_48).mul_add(t2_51, t2_33);
-        let t2_53 = (-t2_45).mul_add(t2_49, t2_52);
-        let pivot_4 = t2_51.mul_add(t2_25, t2_23);
+        let t2_73 = t2_70.mul_add(t2_72, t2_65);
+        let t2_74 = t2_40 * inv_pivot_2;
+        let t2_75 = t2_71.mul_add(t2_74, like.lift(0.06928203230275509));
+        let t2_76 = t2_75 * inv_pivot_3;
+        let t2_77 = (-t2_73).mul_add(t2_76, t2_61);
+        let t2_78 = t2_70.mul_add(t2_74, t2_77);
+        let pivot_4 = (-t2_76).mul_add(t2_48, t2_44);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_54 = t2_53 * inv_pivot_4;
-        let t2_55 = t2_54.mul_add(t2_25, t2_48);
-        let t2_56 = inv_pivot_3 * t2_55;
-        let t2_57 = (-t2_46).mul_add(t2_56, t2_45);
-        let t2_58 = inv_pivot_2 * t2_57;
-        let t2_59 = t2_38.mul_add(t2_51, t2_35);
-        let t2_60 = t2_59 * inv_pivot_4;
-        let t2_61 = (-t2_60).mul_add(t2_25, t2_38);
-        let t2_62 = inv_pivot_3 * t2_61;
-        let t2_63 = inv_pivot_2 * t2_46;
-        let t2_64 = t2_63 * t2_62;
-        let t2_65 = -t2_64;
-        let t2_66 = (-t2_39).mul_add(t2_44, t2_42);
-        let t2_67 = t2_66 * t2_47;
-        let t2_68 = t2_66 * t2_49;
-        let t2_69 = (-t2_67).mul_add(t2_51, t2_68);
-        let t2_70 = t2_69 * inv_pivot_4;
-        let t2_71 = t2_70.mul_add(t2_25, t2_67);
-        let t2_72 = inv_pivot_3 * t2_71;
-        let t2_73 = t2_46.mul_add(t2_72, t2_66);
-        let t2_74 = inv_pivot_2 * t2_73;
-        let t2_75 = -t2_74;
-        let t2_76 = -t2_54;
-        let t2_77 = -t2_70;
-        let t2_78 = like.lift(-0.06928203230275509).mul_add(t2_56, t2_33);
-        let t2_79 = (-t2_19).mul_add(t2_58, t2_78);
-        let t2_80 = like.lift(2.5) * t2_43;
-        let t2_81 = t2_79 * t2_80;
-        let t2_82 = -t2_81;
-        let t2_83 = t2_19 * t2_64;
-        let t2_84 = like.lift(-0.06928203230275509).mul_add(t2_62, t2_83);
-        let t2_85 = t2_84 * t2_80;
-        let t2_86 = -t2_85;
-        let t2_87 = like.lift(0.06928203230275509).mul_add(t2_72, t2_39);
-        let t2_88 = (-t2_19).mul_add(t2_74, t2_87);
-        let t2_89 = t2_88 * t2_80;
-        let t2_90 = -pivot_2;
+        let t2_79 = t2_78 * inv_pivot_4;
+        let t2_80 = (-t2_79).mul_add(t2_48, t2_73);
+        let t2_81 = inv_pivot_3 * t2_80;
+        let t2_82 = (-t2_71).mul_add(t2_81, t2_70);
+        let t2_83 = inv_pivot_2 * t2_82;
+        let t2_84 = -t2_83;
+        let t2_85 = (-t2_58).mul_add(t2_69, t2_53);
+        let t2_86 = t2_85 * t2_72;
+        let t2_87 = t2_85 * t2_74;
+        let t2_88 = (-t2_86).mul_add(t2_76, t2_87);
+        let t2_89 = t2_88 * inv_pivot_4;
+        let t2_90 = (-t2_89).mul_add(t2_48, t2_86);
+        let t2_91 = inv_pivot_3 * t2_90;
+        let t2_92 = (-t2_71).mul_add(t2_91, t2_85);
+        let t2_93 = inv_pivot_2 * t2_92;
+        let t2_94 = -t2_93;
+        let t2_95 = (-t2_67).mul_add(t2_76, t2_63);
+        let t2_96 = t2_95 * inv_pivot_4;
+        let t2_97 = (-t2_96).mul_add(t2_48, t2_67);
+        let t2_98 = inv_pivot_3 * t2_97;
+        let t2_99 = inv_pivot_2 * t2_71;
+        let t2_100 = t2_99 * t2_98;
+        let t2_101 = -t2_100;
+        let t2_102 = -t2_98;
+        let t2_103 = t2_38.mul_add(t2_81, t2_56);
+        let t2_104 = t2_36.mul_add(t2_83, t2_103);
+        let t2_105 = like.lift(2.5) * t2_68;
+        let t2_106 = t2_104 * t2_105;
+        let t2_107 = -t2_106;
+        let t2_108 = (-t2_38).mul_add(t2_91, t2_58);
+        let t2_109 = (-t2_36).mul_add(t2_93, t2_108);
+        let t2_110 = t2_109 * t2_105;
+        let t2_111 = t2_36 * t2_100;
+        let t2_112 = (-t2_38).mul_add(t2_98, t2_111);
+        let t2_113 = t2_112 * t2_105;
+        let t2_114 = -t2_113;
+        let t2_115 = -t2_79;
+        let t2_116 = -t2_89;
+        let t2_117 = -pivot_3;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
-            .min((t2_90 * like.lift(2.7080930926705737)).abs())
-            .min((pivot_3 * like.lift(19.82662604894746)).abs())
-            .min((pivot_4 * like.lift(2.203476117557732)).abs());
+        let margin = (pivot_1 * like.lift(2.6563845995423425)).abs()
+            .min((pivot_2 * like.lift(2.2678159988964297)).abs())
+            .min((t2_117 * like.lift(17.496940338012887)).abs())
+            .min((pivot_4 * like.lift(2.6702462158418983)).abs());
         let ([
             [x_q2_q1, x_q2_q4, x_q2_q6], [x_q3_q1, x_q3_q4, x_q3_q6],
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_58, t2_65, t2_75], [t2_56, t2_62, t2_72], [t2_76, t2_60, t2_77],
-                [t2_82, t2_86, t2_89],
+                [t2_84, t2_94, t2_101], [t2_81, t2_91, t2_102], [t2_107, t2_110, t2_114],
+                [t2_115, t2_116, t2_96],
             ],
             margin,
             || (
                 [
-                    [t2_20, like.lift(-0.06928203230275509), t2_23, like.lift(0.0)],
-                    [t2_24, like.lift(0.04), t2_25, like.lift(0.0)],
+                    [t2_26, t2_27, t2_31, like.lift(0.0)],
+                    [t2_37, t2_38, pivot_1, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_20, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
-                    [t2_29, like.lift(-0.04), like.lift(0.0), t2_30],
+                    [t2_41, like.lift(-0.06928203230275509), like.lift(0.0), t2_44],
+                    [t2_47, like.lift(-0.04), like.lift(0.0), t2_48],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_34, t2_35, like.lift(0.0)], [t2_37, t2_38, like.lift(0.0)],
+                    [t2_52, t2_54, like.lift(0.0)], [t2_57, t2_58, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_34, like.lift(0.0), t2_39], [t2_41, like.lift(0.0), t2_42],
+                    [t2_62, like.lift(0.0), t2_63], [t2_66, like.lift(0.0), t2_67],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -2797,7 +2927,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
 /// - `qdd_r`: reference accelerations of the independent coordinates
 /// - `y`: column by column: Y phi = M qdd_r + C(q, qd) qd_r + g, with dM/dt - 2 C skew
 ///
-/// 155 additions, 270 multiplications, 4 divisions, 7 sines and cosines.
+/// 164 additions, 282 multiplications, 4 divisions, 7 sines and cosines.
 pub fn slotine_li<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd_r: &[T; 3], y: &mut [[T; 3]; 70]) -> Condition<T> {
     *y = [[q[0].lift(0.0); 3]; 70];
     slotine_li_entries(q, qd, qd_r, qdd_r, y)
@@ -2816,16 +2946,16 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd
     let mut condition = like.lift(1.0);
     // sines and cosines
     let [
-        sin_q1, cos_q1, sin_q3, cos_q3, sin_q2, cos_q2, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6,
+        sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6,
         cos_q6, sin_q7, cos_q7,
     ] = {
         let [
-            (sin_q1, cos_q1), (sin_q3, cos_q3), (sin_q2, cos_q2), (sin_q4, cos_q4),
+            (sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q3, cos_q3), (sin_q4, cos_q4),
             (sin_q5, cos_q5), (sin_q6, cos_q6), (sin_q7, cos_q7),
         ] =
-            T::sin_cos_all([q1, q3, q2, q4, q5, q6, q7]);
+            T::sin_cos_all([q1, q2, q3, q4, q5, q6, q7]);
         [
-            sin_q1, cos_q1, sin_q3, cos_q3, sin_q2, cos_q2, sin_q4, cos_q4, sin_q5, cos_q5,
+            sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5,
             sin_q6, cos_q6, sin_q7, cos_q7,
         ]
     };
@@ -2841,312 +2971,328 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t3_1, t3_2, t3_3, sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4,
-        sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5, t3_12, u_platform_q2y,
-        t3_13, t3_14, sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6,
-        sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7, pivot_1, t3_20, t3_21,
-        t3_22, u_platform_q1x, t3_25, t3_26, t3_27, t3_28, w_rod1z, u_platform_q1y, t3_32,
-        t3_33, t3_37, t3_39, t3_40, t3_44, inv_pivot_2, t3_46, t3_47, pivot_3, inv_pivot_3,
-        t3_49, t3_51, pivot_4, inv_pivot_4, t3_63, t3_65, t3_66, t3_67, t3_68, t3_69,
+        sin_q1_q2, cos_q1_q2, t3_8, t3_9, t3_10, sin_q4_q5, cos_q4_q5, t3_14, t3_19, t3_20,
+        t3_21, pivot_1, t3_22, t3_24, sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6,
+        sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7, t3_29, t3_30, t3_32,
+        t3_33, t3_36, t3_37, w_rod1z, t3_41, t3_42, t3_45, u_platform_q1x, t3_48, t3_49,
+        u_platform_q1y, t3_53, t3_54, t3_58, pivot_2, inv_pivot_2, t3_60, t3_61, inv_pivot_3,
+        t3_63, t3_65, pivot_4, inv_pivot_4, t3_76, t3_78, t3_79, t3_80, t3_81, t3_82,
     ] = {
-        let t3_1 = like.lift(0.4) * sin_q3;
-        let t3_2 = like.lift(0.06928203230275509) + t3_1;
-        let t3_3 = -t3_2;
-        let t3_4 = sin_q1 * cos_q2;
-        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_4);
-        let t3_5 = cos_q1 * cos_q2;
-        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_5);
-        let t3_6 = sin_q1_q2 * cos_q3;
-        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t3_6);
-        let t3_7 = cos_q1_q2 * cos_q3;
-        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t3_7);
-        let t3_8 = sin_q1_q2_q3 * cos_q4;
-        let sin_q1_q2_q3_minus_q4 = (-cos_q1_q2_q3).mul_add(sin_q4, t3_8);
-        let t3_9 = cos_q1_q2_q3 * cos_q4;
-        let cos_q1_q2_q3_minus_q4 = sin_q1_q2_q3.mul_add(sin_q4, t3_9);
-        let t3_10 = sin_q1_q2_q3_minus_q4 * cos_q5;
-        let sin_q1_q2_q3_minus_q4_minus_q5 = (-cos_q1_q2_q3_minus_q4).mul_add(sin_q5, t3_10);
-        let t3_11 = cos_q1_q2_q3_minus_q4 * cos_q5;
-        let cos_q1_q2_q3_minus_q4_minus_q5 = sin_q1_q2_q3_minus_q4.mul_add(sin_q5, t3_11);
-        let t3_12 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
-        let u_platform_q2y = like.lift(0.4) * cos_q3;
-        let t3_13 = like.lift(0.04) - u_platform_q2y;
-        let t3_14 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let t3_15 = sin_q1_q2_q3 * cos_q6;
-        let sin_q1_q2_q3_minus_q6 = (-cos_q1_q2_q3).mul_add(sin_q6, t3_15);
-        let t3_16 = cos_q1_q2_q3 * cos_q6;
-        let cos_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(sin_q6, t3_16);
-        let t3_17 = sin_q1_q2_q3_minus_q6 * cos_q7;
-        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t3_17);
-        let t3_18 = cos_q1_q2_q3_minus_q6 * cos_q7;
-        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t3_18);
-        let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t3_19 = like.lift(0.04) + u_platform_q2y;
+        let t3_1 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_1);
+        let t3_2 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_2);
+        let t3_3 = like.lift(0.4) * sin_q1_q2;
+        let t3_4 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t3_4);
+        let t3_5 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t3_5);
+        let t3_6 = like.lift(0.04) * sin_q1_q2_q3;
+        let t3_7 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
+        let t3_8 = t3_6 + t3_7;
+        let t3_9 = t3_3 - t3_8;
+        let t3_10 = -t3_8;
+        let t3_11 = sin_q4 * cos_q5;
+        let sin_q4_q5 = cos_q4.mul_add(sin_q5, t3_11);
+        let t3_12 = cos_q4 * cos_q5;
+        let cos_q4_q5 = (-sin_q4).mul_add(sin_q5, t3_12);
+        let t3_13 = like.lift(0.4) * sin_q4_q5;
+        let t3_14 = -t3_13;
+        let t3_15 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
+        let t3_16 = like.lift(0.4) * cos_q1_q2;
+        let t3_17 = like.lift(0.04) * cos_q1_q2_q3;
+        let t3_18 = t3_15 + t3_16;
+        let t3_19 = t3_18 - t3_17;
         let t3_20 = -t3_19;
-        let t3_21 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let t3_22 = like.lift(0.4) * cos_q2;
-        let t3_23 = like.lift(0.4) + t3_22;
-        let t3_24 = sin_q3 * t3_23;
-        let u_platform_q1x = sin_q2.mul_add(u_platform_q2y, t3_24);
-        let t3_25 = like.lift(0.06928203230275509) + u_platform_q1x;
-        let t3_26 = t3_25 * dr_q1;
-        let t3_27 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t3_12);
-        let t3_28 = d_q1 * r_q1;
+        let t3_21 = t3_17 - t3_15;
+        let pivot_1 = like.lift(0.4) * cos_q4_q5;
+        let t3_22 = like.lift(0.4) * sin_q3;
+        let t3_23 = like.lift(0.06928203230275509) + t3_22;
+        let t3_24 = -t3_23;
+        let t3_25 = sin_q1_q2_q3 * cos_q6;
+        let sin_q1_q2_q3_minus_q6 = (-cos_q1_q2_q3).mul_add(sin_q6, t3_25);
+        let t3_26 = cos_q1_q2_q3 * cos_q6;
+        let cos_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(sin_q6, t3_26);
+        let t3_27 = sin_q1_q2_q3_minus_q6 * cos_q7;
+        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t3_27);
+        let t3_28 = cos_q1_q2_q3_minus_q6 * cos_q7;
+        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t3_28);
+        let t3_29 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t3_30 = like.lift(0.4) * cos_q3;
+        let t3_31 = like.lift(0.04) + t3_30;
+        let t3_32 = -t3_31;
+        let t3_33 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t3_34 = t3_7 + t3_6;
+        let t3_35 = like.lift(-0.4).mul_add(sin_q1, t3_34);
+        let t3_36 = t3_35 - t3_3;
+        let t3_37 = like.lift(0.4).mul_add(sin_q4, t3_13);
         let w_rod1z = d_q1 + d_q2;
-        let t3_29 = t3_25 * r_q1;
-        let t3_30 = (-t3_27).mul_add(r_q4, t3_29);
-        let t3_31 = sin_q2 * t3_1;
-        let u_platform_q1y = (-cos_q3).mul_add(t3_23, t3_31);
-        let t3_32 = like.lift(0.04) + u_platform_q1y;
-        let t3_33 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t3_14);
-        let t3_34 = t3_33 * r_q4;
-        let t3_35 = t3_32.mul_add(r_q1, t3_34);
-        let t3_36 = -t3_35;
-        let t3_37 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
-        let t3_38 = (-t3_37).mul_add(r_q6, t3_29);
-        let t3_39 = like.lift(0.04) - u_platform_q1y;
-        let t3_40 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t3_21);
-        let t3_41 = t3_39 * r_q1;
-        let t3_42 = (-t3_40).mul_add(r_q6, t3_41);
-        let t3_43 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
-        let t3_44 = cos_q1_q2_q3_minus_q6_minus_q7 * t3_43;
-        let pivot_2 = (-t3_2).mul_add(t3_44, t3_19);
+        let t3_38 = t3_37 * r_q4;
+        let t3_39 = t3_36.mul_add(r_q1, t3_38);
+        let t3_40 = like.lift(0.4).mul_add(cos_q1, t3_16);
+        let t3_41 = t3_40 - t3_21;
+        let t3_42 = like.lift(0.4).mul_add(cos_q4, pivot_1);
+        let t3_43 = t3_41 * r_q1;
+        let t3_44 = (-t3_42).mul_add(r_q4, t3_43);
+        let t3_45 = like.lift(0.4) * cos_q2;
+        let t3_46 = like.lift(0.4) + t3_45;
+        let t3_47 = sin_q3 * t3_46;
+        let u_platform_q1x = sin_q2.mul_add(t3_30, t3_47);
+        let t3_48 = like.lift(0.06928203230275509) + u_platform_q1x;
+        let t3_49 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t3_29);
+        let t3_50 = t3_48 * r_q1;
+        let t3_51 = (-t3_49).mul_add(r_q6, t3_50);
+        let t3_52 = sin_q2 * t3_22;
+        let u_platform_q1y = (-cos_q3).mul_add(t3_46, t3_52);
+        let t3_53 = like.lift(0.04) - u_platform_q1y;
+        let t3_54 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t3_33);
+        let t3_55 = t3_53 * r_q1;
+        let t3_56 = (-t3_54).mul_add(r_q6, t3_55);
+        let t3_57 = like.lift(1.0) / cos_q4_q5;
+        let t3_58 = sin_q4_q5 * t3_57;
+        let pivot_2 = (-t3_19).mul_add(t3_58, t3_9);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t3_45 = (-t3_44).mul_add(t3_38, t3_42);
-        let t3_46 = like.lift(-0.06928203230275509).mul_add(t3_44, like.lift(0.04));
-        let t3_47 = t3_13 * inv_pivot_2;
-        let pivot_3 = (-t3_46).mul_add(t3_47, like.lift(0.04));
+        let t3_59 = t3_58.mul_add(t3_44, t3_39);
+        let t3_60 = (-t3_21).mul_add(t3_58, t3_8);
+        let t3_61 = t3_31 * inv_pivot_2;
+        let pivot_3 = t3_60.mul_add(t3_61, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t3_48 = (-t3_47).mul_add(t3_45, t3_35);
-        let t3_49 = t3_2 * inv_pivot_2;
-        let t3_50 = (-t3_46).mul_add(t3_49, like.lift(0.06928203230275509));
-        let t3_51 = t3_50 * inv_pivot_3;
-        let pivot_4 = t3_51.mul_add(t3_14, t3_12);
+        let t3_62 = t3_61.mul_add(t3_59, t3_56);
+        let t3_63 = t3_23 * inv_pivot_2;
+        let t3_64 = t3_60.mul_add(t3_63, like.lift(0.06928203230275509));
+        let t3_65 = t3_64 * inv_pivot_3;
+        let pivot_4 = (-t3_65).mul_add(t3_33, t3_29);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t3_52 = (-t3_51).mul_add(t3_48, t3_30);
-        let t3_53 = (-t3_49).mul_add(t3_45, t3_52);
-        let t3_54 = inv_pivot_4 * t3_53;
-        let t3_55 = t3_54.mul_add(t3_14, t3_48);
-        let t3_56 = inv_pivot_3 * t3_55;
-        let t3_57 = (-t3_46).mul_add(t3_56, t3_45);
-        let t3_58 = inv_pivot_2 * t3_57;
-        let t3_59 = -t3_58;
-        let t3_60 = -t3_56;
-        let t3_61 = like.lift(-0.06928203230275509).mul_add(t3_56, t3_38);
-        let t3_62 = (-t3_2).mul_add(t3_58, t3_61);
-        let t3_63 = like.lift(2.5) * t3_43;
-        let t3_64 = t3_62 * t3_63;
-        let t3_65 = -pivot_2;
+        let t3_66 = (-t3_65).mul_add(t3_62, t3_51);
+        let t3_67 = t3_63.mul_add(t3_59, t3_66);
+        let t3_68 = inv_pivot_4 * t3_67;
+        let t3_69 = (-t3_68).mul_add(t3_33, t3_62);
+        let t3_70 = inv_pivot_3 * t3_69;
+        let t3_71 = (-t3_60).mul_add(t3_70, t3_59);
+        let t3_72 = inv_pivot_2 * t3_71;
+        let t3_73 = -t3_70;
+        let t3_74 = t3_21.mul_add(t3_70, t3_44);
+        let t3_75 = t3_19.mul_add(t3_72, t3_74);
+        let t3_76 = like.lift(2.5) * t3_57;
+        let t3_77 = t3_75 * t3_76;
+        let t3_78 = -pivot_3;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
-            .min((t3_65 * like.lift(2.7080930926705737)).abs())
-            .min((pivot_3 * like.lift(19.82662604894746)).abs())
-            .min((pivot_4 * like.lift(2.203476117557732)).abs());
-        let ([[t3_66], [t3_67], [t3_68], [t3_69]], found) = ::regen_runtime::guarded(
-            [[t3_59], [t3_60], [t3_54], [t3_64]],
+        let margin = (pivot_1 * like.lift(2.6563845995423425)).abs()
+            .min((pivot_2 * like.lift(2.2678159988964297)).abs())
+            .min((t3_78 * like.lift(17.496940338012887)).abs())
+            .min((pivot_4 * like.lift(2.6702462158418983)).abs());
+        let ([[t3_79], [t3_80], [t3_81], [t3_82]], found) = ::regen_runtime::guarded(
+            [[t3_72], [t3_73], [t3_77], [t3_68]],
             margin,
             || (
                 [
-                    [t3_3, like.lift(-0.06928203230275509), t3_12, like.lift(0.0)],
-                    [t3_13, like.lift(0.04), t3_14, like.lift(0.0)],
+                    [t3_9, t3_10, t3_14, like.lift(0.0)],
+                    [t3_20, t3_21, pivot_1, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t3_3, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
-                    [t3_20, like.lift(-0.04), like.lift(0.0), t3_21],
+                    [t3_24, like.lift(-0.06928203230275509), like.lift(0.0), t3_29],
+                    [t3_32, like.lift(-0.04), like.lift(0.0), t3_33],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t3_30], [t3_36], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
-                    [t3_38], [t3_42], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t3_39], [t3_44], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t3_51], [t3_56], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            t3_1, t3_2, t3_3, sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4,
-            sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5, t3_12,
-            u_platform_q2y, t3_13, t3_14, sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6,
-            sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7, pivot_1, t3_20,
-            t3_21, t3_22, u_platform_q1x, t3_25, t3_26, t3_27, t3_28, w_rod1z, u_platform_q1y,
-            t3_32, t3_33, t3_37, t3_39, t3_40, t3_44, inv_pivot_2, t3_46, t3_47, pivot_3,
-            inv_pivot_3, t3_49, t3_51, pivot_4, inv_pivot_4, t3_63, t3_65, t3_66, t3_67, t3_68,
-            t3_69,
+            sin_q1_q2, cos_q1_q2, t3_8, t3_9, t3_10, sin_q4_q5, cos_q4_q5, t3_14, t3_19, t3_20,
+            t3_21, pivot_1, t3_22, t3_24, sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6,
+            sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7, t3_29, t3_30,
+            t3_32, t3_33, t3_36, t3_37, w_rod1z, t3_41, t3_42, t3_45, u_platform_q1x, t3_48,
+            t3_49, u_platform_q1y, t3_53, t3_54, t3_58, pivot_2, inv_pivot_2, t3_60, t3_61,
+            inv_pivot_3, t3_63, t3_65, pivot_4, inv_pivot_4, t3_76, t3_78, t3_79, t3_80, t3_81,
+            t3_82,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
-    let [t4_2, t4_3, t4_9, t4_12, t4_13, t4_30, t4_31, t4_57, t4_58, t4_59, t4_60] = {
-        let t4_1 = r_q1 + t3_66;
-        let t4_2 = w_rod1z * t4_1;
-        let t4_3 = like.lift(0.4) * t4_2;
-        let t4_4 = t3_28.mul_add(t3_22, t4_3);
-        let t4_5 = sin_q2 * t3_28;
-        let t4_6 = cos_q3 * t4_4;
-        let t4_7 = (-t4_5).mul_add(t3_1, t4_6);
+    let [t4_4, t4_5, t4_6, t4_7, t4_8, t4_25, t4_29, t4_30, t4_60, t4_61, t4_62, t4_63] = {
+        let t4_1 = r_q1 + t3_79;
         let w_platformz = d_q3 + w_rod1z;
-        let t4_8 = t3_67 + t4_1;
-        let t4_9 = w_platformz * t4_8;
-        let t4_10 = like.lift(0.04) * t4_9;
+        let t4_2 = t3_80 + t4_1;
         let w_rod2z = d_q4 + d_q5;
-        let t4_11 = r_q4 + t3_68;
-        let t4_12 = w_rod2z * t4_11;
-        let t4_13 = d_q4 * r_q4;
-        let t4_14 = cos_q1_q2_q3_minus_q4_minus_q5 * t4_12;
-        let t4_15 = cos_q1_q2_q3_minus_q4.mul_add(t4_13, t4_14);
-        let t4_16 = (-t3_27).mul_add(dr_q4, t3_26);
-        let t4_17 = t4_16 - t4_7;
-        let t4_18 = t4_17 + t4_10;
-        let t4_19 = like.lift(0.4).mul_add(t4_15, t4_18);
-        let t4_20 = like.lift(0.06928203230275509) * t4_9;
-        let t4_21 = t4_5.mul_add(u_platform_q2y, t4_20);
-        let t4_22 = sin_q3.mul_add(t4_4, t4_21);
-        let t4_23 = sin_q1_q2_q3_minus_q4_minus_q5 * t4_12;
-        let t4_24 = sin_q1_q2_q3_minus_q4.mul_add(t4_13, t4_23);
-        let t4_25 = t3_33.mul_add(dr_q4, -t4_22);
-        let t4_26 = t3_32.mul_add(dr_q1, t4_25);
-        let t4_27 = like.lift(0.4).mul_add(t4_24, t4_26);
-        let t4_28 = -t4_27;
+        let t4_3 = r_q4 + t3_81;
+        let t4_4 = w_rod2z * t4_3;
+        let t4_5 = w_platformz * t4_2;
+        let t4_6 = w_rod1z * t4_1;
+        let t4_7 = d_q4 * r_q4;
+        let t4_8 = d_q1 * r_q1;
+        let t4_9 = cos_q1_q2 * t4_6;
+        let t4_10 = cos_q1.mul_add(t4_8, t4_9);
+        let t4_11 = (-cos_q4_q5).mul_add(t4_4, t4_10);
+        let t4_12 = (-cos_q4).mul_add(t4_7, t4_11);
+        let t4_13 = t3_37 * dr_q4;
+        let t4_14 = t3_36.mul_add(dr_q1, t4_13);
+        let t4_15 = t3_21.mul_add(t4_5, t4_14);
+        let t4_16 = like.lift(-0.4).mul_add(t4_12, t4_15);
+        let t4_17 = sin_q1_q2 * t4_6;
+        let t4_18 = sin_q1.mul_add(t4_8, t4_17);
+        let t4_19 = (-sin_q4_q5).mul_add(t4_4, t4_18);
+        let t4_20 = (-sin_q4).mul_add(t4_7, t4_19);
+        let t4_21 = t3_41 * dr_q1;
+        let t4_22 = (-t3_42).mul_add(dr_q4, t4_21);
+        let t4_23 = t3_8.mul_add(t4_5, t4_22);
+        let t4_24 = like.lift(-0.4).mul_add(t4_20, t4_23);
+        let t4_25 = like.lift(0.4) * t4_6;
+        let t4_26 = t4_8.mul_add(t3_45, t4_25);
+        let t4_27 = sin_q2 * t4_8;
         let w_rod3z = d_q6 + d_q7;
-        let t4_29 = r_q6 + t3_69;
-        let t4_30 = w_rod3z * t4_29;
-        let t4_31 = d_q6 * r_q6;
-        let t4_32 = cos_q1_q2_q3_minus_q6_minus_q7 * t4_30;
-        let t4_33 = cos_q1_q2_q3_minus_q6.mul_add(t4_31, t4_32);
-        let t4_34 = (-t3_37).mul_add(dr_q6, t3_26);
-        let t4_35 = t4_34 - t4_7;
-        let t4_36 = t4_35 - t4_10;
+        let t4_28 = r_q6 + t3_82;
+        let t4_29 = w_rod3z * t4_28;
+        let t4_30 = d_q6 * r_q6;
+        let t4_31 = sin_q3 * t4_27;
+        let t4_32 = cos_q1_q2_q3_minus_q6_minus_q7.mul_add(t4_29, t4_31);
+        let t4_33 = cos_q1_q2_q3_minus_q6.mul_add(t4_30, t4_32);
+        let t4_34 = t3_48 * dr_q1;
+        let t4_35 = (-t3_49).mul_add(dr_q6, t4_34);
+        let t4_36 = like.lift(-0.04).mul_add(t4_5, t4_35);
         let t4_37 = like.lift(0.4).mul_add(t4_33, t4_36);
-        let t4_38 = sin_q1_q2_q3_minus_q6_minus_q7 * t4_30;
-        let t4_39 = sin_q1_q2_q3_minus_q6.mul_add(t4_31, t4_38);
-        let t4_40 = (-t3_40).mul_add(dr_q6, t4_22);
-        let t4_41 = t3_39.mul_add(dr_q1, t4_40);
-        let t4_42 = like.lift(-0.4).mul_add(t4_39, t4_41);
-        let t4_43 = (-t3_44).mul_add(t4_37, t4_42);
-        let t4_44 = (-t3_47).mul_add(t4_43, t4_27);
-        let t4_45 = (-t3_51).mul_add(t4_44, t4_19);
-        let t4_46 = (-t3_49).mul_add(t4_43, t4_45);
-        let t4_47 = inv_pivot_4 * t4_46;
-        let t4_48 = t4_47.mul_add(t3_14, t4_44);
-        let t4_49 = inv_pivot_3 * t4_48;
-        let t4_50 = (-t3_46).mul_add(t4_49, t4_43);
-        let t4_51 = inv_pivot_2 * t4_50;
-        let t4_52 = -t4_51;
-        let t4_53 = -t4_49;
-        let t4_54 = like.lift(-0.06928203230275509).mul_add(t4_49, t4_37);
-        let t4_55 = (-t3_2).mul_add(t4_51, t4_54);
-        let t4_56 = t4_55 * t3_63;
+        let t4_38 = (-cos_q3).mul_add(t4_26, t4_37);
+        let t4_39 = cos_q3 * t4_27;
+        let t4_40 = (-sin_q1_q2_q3_minus_q6_minus_q7).mul_add(t4_29, t4_39);
+        let t4_41 = (-sin_q1_q2_q3_minus_q6).mul_add(t4_30, t4_40);
+        let t4_42 = t3_53 * dr_q1;
+        let t4_43 = (-t3_54).mul_add(dr_q6, t4_42);
+        let t4_44 = like.lift(0.06928203230275509).mul_add(t4_5, t4_43);
+        let t4_45 = like.lift(0.4).mul_add(t4_41, t4_44);
+        let t4_46 = sin_q3.mul_add(t4_26, t4_45);
+        let t4_47 = t3_58.mul_add(t4_24, t4_16);
+        let t4_48 = t3_61.mul_add(t4_47, t4_46);
+        let t4_49 = (-t3_65).mul_add(t4_48, t4_38);
+        let t4_50 = t3_63.mul_add(t4_47, t4_49);
+        let t4_51 = inv_pivot_4 * t4_50;
+        let t4_52 = (-t4_51).mul_add(t3_33, t4_48);
+        let t4_53 = inv_pivot_3 * t4_52;
+        let t4_54 = (-t3_60).mul_add(t4_53, t4_47);
+        let t4_55 = inv_pivot_2 * t4_54;
+        let t4_56 = -t4_53;
+        let t4_57 = t3_21.mul_add(t4_53, t4_24);
+        let t4_58 = t3_19.mul_add(t4_55, t4_57);
+        let t4_59 = t4_58 * t3_76;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
-            .min((t3_65 * like.lift(2.7080930926705737)).abs())
-            .min((pivot_3 * like.lift(19.82662604894746)).abs())
-            .min((pivot_4 * like.lift(2.203476117557732)).abs());
-        let ([[t4_57], [t4_58], [t4_59], [t4_60]], found) = ::regen_runtime::guarded(
-            [[t4_52], [t4_53], [t4_47], [t4_56]],
+        let margin = (pivot_1 * like.lift(2.6563845995423425)).abs()
+            .min((pivot_2 * like.lift(2.2678159988964297)).abs())
+            .min((t3_78 * like.lift(17.496940338012887)).abs())
+            .min((pivot_4 * like.lift(2.6702462158418983)).abs());
+        let ([[t4_60], [t4_61], [t4_62], [t4_63]], found) = ::regen_runtime::guarded(
+            [[t4_55], [t4_56], [t4_59], [t4_51]],
             margin,
             || (
                 [
-                    [t3_3, like.lift(-0.06928203230275509), t3_12, like.lift(0.0)],
-                    [t3_13, like.lift(0.04), t3_14, like.lift(0.0)],
+                    [t3_9, t3_10, t3_14, like.lift(0.0)],
+                    [t3_20, t3_21, pivot_1, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t3_3, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
-                    [t3_20, like.lift(-0.04), like.lift(0.0), t3_21],
+                    [t3_24, like.lift(-0.06928203230275509), like.lift(0.0), t3_29],
+                    [t3_32, like.lift(-0.04), like.lift(0.0), t3_33],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t4_19], [t4_28], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
-                    [t4_37], [t4_42], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t4_16], [t4_24], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t4_38], [t4_46], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
-        [t4_2, t4_3, t4_9, t4_12, t4_13, t4_30, t4_31, t4_57, t4_58, t4_59, t4_60]
+        [t4_4, t4_5, t4_6, t4_7, t4_8, t4_25, t4_29, t4_30, t4_60, t4_61, t4_62, t4_63]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
         al_rod1z, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4,
         x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
     ] = {
-        let al_rod1z = dr_q1 + t4_57;
-        let t5_1 = -t3_25;
-        let t5_2 = -t3_39;
-        let t5_3 = (-t3_25).mul_add(t3_44, t3_39);
-        let t5_4 = (-t5_3).mul_add(t3_47, t3_32);
-        let t5_5 = (-t5_4).mul_add(t3_51, t3_25);
-        let t5_6 = (-t5_3).mul_add(t3_49, t5_5);
-        let t5_7 = t5_6 * inv_pivot_4;
-        let t5_8 = t5_7.mul_add(t3_14, t5_4);
-        let t5_9 = inv_pivot_3 * t5_8;
-        let t5_10 = (-t3_46).mul_add(t5_9, t5_3);
-        let t5_11 = inv_pivot_2 * t5_10;
-        let t5_12 = t3_33.mul_add(t3_51, t3_27);
-        let t5_13 = t5_12 * inv_pivot_4;
-        let t5_14 = (-t5_13).mul_add(t3_14, t3_33);
-        let t5_15 = inv_pivot_3 * t5_14;
-        let t5_16 = inv_pivot_2 * t3_46;
-        let t5_17 = t5_16 * t5_15;
-        let t5_18 = -t5_17;
-        let t5_19 = (-t3_37).mul_add(t3_44, t3_40);
-        let t5_20 = t5_19 * t3_47;
-        let t5_21 = t5_19 * t3_49;
-        let t5_22 = (-t5_20).mul_add(t3_51, t5_21);
-        let t5_23 = t5_22 * inv_pivot_4;
-        let t5_24 = t5_23.mul_add(t3_14, t5_20);
-        let t5_25 = inv_pivot_3 * t5_24;
-        let t5_26 = t3_46.mul_add(t5_25, t5_19);
-        let t5_27 = inv_pivot_2 * t5_26;
-        let t5_28 = -t5_27;
-        let t5_29 = -t5_7;
-        let t5_30 = -t5_23;
-        let t5_31 = like.lift(-0.06928203230275509).mul_add(t5_9, t3_25);
-        let t5_32 = (-t3_2).mul_add(t5_11, t5_31);
-        let t5_33 = t5_32 * t3_63;
-        let t5_34 = -t5_33;
-        let t5_35 = t3_2 * t5_17;
-        let t5_36 = like.lift(-0.06928203230275509).mul_add(t5_15, t5_35);
-        let t5_37 = t5_36 * t3_63;
-        let t5_38 = -t5_37;
-        let t5_39 = like.lift(0.06928203230275509).mul_add(t5_25, t3_37);
-        let t5_40 = (-t3_2).mul_add(t5_27, t5_39);
-        let t5_41 = t5_40 * t3_63;
+        let al_rod1z = dr_q1 + t4_60;
+        let t5_1 = -t3_36;
+        let t5_2 = -t3_37;
+        let t5_3 = -t3_41;
+        let t5_4 = -t3_48;
+        let t5_5 = -t3_53;
+        let t5_6 = t3_41.mul_add(t3_58, t3_36);
+        let t5_7 = t5_6.mul_add(t3_61, t3_53);
+        let t5_8 = (-t5_7).mul_add(t3_65, t3_48);
+        let t5_9 = t5_6.mul_add(t3_63, t5_8);
+        let t5_10 = t5_9 * inv_pivot_4;
+        let t5_11 = (-t5_10).mul_add(t3_33, t5_7);
+        let t5_12 = inv_pivot_3 * t5_11;
+        let t5_13 = (-t3_60).mul_add(t5_12, t5_6);
+        let t5_14 = inv_pivot_2 * t5_13;
+        let t5_15 = -t5_14;
+        let t5_16 = (-t3_42).mul_add(t3_58, t3_37);
+        let t5_17 = t5_16 * t3_61;
+        let t5_18 = t5_16 * t3_63;
+        let t5_19 = (-t5_17).mul_add(t3_65, t5_18);
+        let t5_20 = t5_19 * inv_pivot_4;
+        let t5_21 = (-t5_20).mul_add(t3_33, t5_17);
+        let t5_22 = inv_pivot_3 * t5_21;
+        let t5_23 = (-t3_60).mul_add(t5_22, t5_16);
+        let t5_24 = inv_pivot_2 * t5_23;
+        let t5_25 = -t5_24;
+        let t5_26 = (-t3_54).mul_add(t3_65, t3_49);
+        let t5_27 = t5_26 * inv_pivot_4;
+        let t5_28 = (-t5_27).mul_add(t3_33, t3_54);
+        let t5_29 = inv_pivot_3 * t5_28;
+        let t5_30 = inv_pivot_2 * t3_60;
+        let t5_31 = t5_30 * t5_29;
+        let t5_32 = -t5_31;
+        let t5_33 = -t5_29;
+        let t5_34 = t3_21.mul_add(t5_12, t3_41);
+        let t5_35 = t3_19.mul_add(t5_14, t5_34);
+        let t5_36 = t5_35 * t3_76;
+        let t5_37 = -t5_36;
+        let t5_38 = (-t3_21).mul_add(t5_22, t3_42);
+        let t5_39 = (-t3_19).mul_add(t5_24, t5_38);
+        let t5_40 = t5_39 * t3_76;
+        let t5_41 = t3_19 * t5_31;
+        let t5_42 = (-t3_21).mul_add(t5_29, t5_41);
+        let t5_43 = t5_42 * t3_76;
+        let t5_44 = -t5_43;
+        let t5_45 = -t5_10;
+        let t5_46 = -t5_20;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
-            .min((t3_65 * like.lift(2.7080930926705737)).abs())
-            .min((pivot_3 * like.lift(19.82662604894746)).abs())
-            .min((pivot_4 * like.lift(2.203476117557732)).abs());
+        let margin = (pivot_1 * like.lift(2.6563845995423425)).abs()
+            .min((pivot_2 * like.lift(2.2678159988964297)).abs())
+            .min((t3_78 * like.lift(17.496940338012887)).abs())
+            .min((pivot_4 * like.lift(2.6702462158418983)).abs());
         let ([
             [x_q2_q1, x_q2_q4, x_q2_q6], [x_q3_q1, x_q3_q4, x_q3_q6],
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t5_11, t5_18, t5_28], [t5_9, t5_15, t5_25], [t5_29, t5_13, t5_30],
-                [t5_34, t5_38, t5_41],
+                [t5_15, t5_25, t5_32], [t5_12, t5_22, t5_33], [t5_37, t5_40, t5_44],
+                [t5_45, t5_46, t5_27],
             ],
             margin,
             || (
                 [
-                    [t3_3, like.lift(-0.06928203230275509), t3_12, like.lift(0.0)],
-                    [t3_13, like.lift(0.04), t3_14, like.lift(0.0)],
+                    [t3_9, t3_10, t3_14, like.lift(0.0)],
+                    [t3_20, t3_21, pivot_1, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t3_3, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
-                    [t3_20, like.lift(-0.04), like.lift(0.0), t3_21],
+                    [t3_24, like.lift(-0.06928203230275509), like.lift(0.0), t3_29],
+                    [t3_32, like.lift(-0.04), like.lift(0.0), t3_33],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t5_1, t3_27, like.lift(0.0)], [t3_32, t3_33, like.lift(0.0)],
+                    [t5_1, t5_2, like.lift(0.0)], [t5_3, t3_42, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t5_1, like.lift(0.0), t3_37], [t5_2, like.lift(0.0), t3_40],
+                    [t5_4, like.lift(0.0), t3_49], [t5_5, like.lift(0.0), t3_54],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -3168,12 +3314,12 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd
         let w_izz_rod1_q6 = x_q2_q6 * al_rod1z;
         let t6_3 = -w_izz_rod1_q6;
         y[15] = [w_izz_rod1_q1, t6_2, t6_3];
-        let t6_4 = like.lift(-0.4).mul_add(t3_28, a_crank1x);
+        let t6_4 = like.lift(-0.4).mul_add(t4_8, a_crank1x);
         let t6_5 = like.lift(0.4).mul_add(dr_q1, a_crank1y);
         let t6_6 = sin_q2 * t6_4;
         let a_rod1y = (-cos_q2).mul_add(t6_5, t6_6);
         let t6_7 = cos_q2 * al_rod1z;
-        let t6_8 = (-sin_q2).mul_add(t4_2, t6_7);
+        let t6_8 = (-sin_q2).mul_add(t4_6, t6_7);
         let t6_9 = a_rod1y * t6_1;
         let w_mx_rod1_q1 = like.lift(-0.4).mul_add(t6_8, t6_9);
         let t6_10 = -w_mx_rod1_q1;
@@ -3182,7 +3328,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd
         y[16] = [t6_10, w_mx_rod1_q4, w_mx_rod1_q6];
         let t6_11 = sin_q2 * t6_5;
         let a_rod1x = cos_q2.mul_add(t6_4, t6_11);
-        let t6_12 = cos_q2 * t4_2;
+        let t6_12 = cos_q2 * t4_6;
         let t6_13 = sin_q2.mul_add(al_rod1z, t6_12);
         let t6_14 = a_rod1x * t6_1;
         let w_my_rod1_q1 = like.lift(0.4).mul_add(t6_13, t6_14);
@@ -3199,7 +3345,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd
     };
     // body platform: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let al_platformz = t4_58 + al_rod1z;
+        let al_platformz = t4_61 + al_rod1z;
         let t7_1 = x_q3_q1 - t6_1;
         let w_izz_platform_q1 = al_platformz * t7_1;
         let t7_2 = -w_izz_platform_q1;
@@ -3210,27 +3356,27 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd
         let w_izz_platform_q6 = al_platformz * t7_5;
         let t7_6 = -w_izz_platform_q6;
         y[25] = [t7_2, t7_4, t7_6];
-        let t7_7 = t4_3 - a_rod1x;
+        let t7_7 = t4_25 - a_rod1x;
         let t7_8 = like.lift(-0.4).mul_add(al_rod1z, a_rod1y);
         let t7_9 = sin_q3 * t7_7;
         let a_platformy = (-cos_q3).mul_add(t7_8, t7_9);
-        let t7_10 = (-x_q2_q1).mul_add(t3_1, u_platform_q1x);
-        let t7_11 = x_q2_q1.mul_add(u_platform_q2y, u_platform_q1y);
+        let t7_10 = (-x_q2_q1).mul_add(t3_22, u_platform_q1x);
+        let t7_11 = x_q2_q1.mul_add(t3_30, u_platform_q1y);
         let t7_12 = a_platformy * t7_1;
         let t7_13 = al_platformz.mul_add(t7_11, t7_12);
-        let w_mx_platform_q1 = t4_9.mul_add(t7_10, t7_13);
+        let w_mx_platform_q1 = t4_5.mul_add(t7_10, t7_13);
         let t7_14 = -w_mx_platform_q1;
         let t7_15 = sin_q3 * x_q2_q4;
         let t7_16 = cos_q3 * x_q2_q4;
         let t7_17 = al_platformz * t7_16;
-        let t7_18 = (-t4_9).mul_add(t7_15, t7_17);
+        let t7_18 = (-t4_5).mul_add(t7_15, t7_17);
         let t7_19 = a_platformy * t7_3;
         let w_mx_platform_q4 = like.lift(0.4).mul_add(t7_18, t7_19);
         let t7_20 = -w_mx_platform_q4;
         let t7_21 = sin_q3 * x_q2_q6;
         let t7_22 = cos_q3 * x_q2_q6;
         let t7_23 = al_platformz * t7_22;
-        let t7_24 = (-t4_9).mul_add(t7_21, t7_23);
+        let t7_24 = (-t4_5).mul_add(t7_21, t7_23);
         let t7_25 = a_platformy * t7_5;
         let w_mx_platform_q6 = like.lift(0.4).mul_add(t7_24, t7_25);
         let t7_26 = -w_mx_platform_q6;
@@ -3238,15 +3384,15 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd
         let t7_27 = sin_q3 * t7_8;
         let a_platformx = cos_q3.mul_add(t7_7, t7_27);
         let t7_28 = a_platformx * t7_1;
-        let t7_29 = (-t4_9).mul_add(t7_11, t7_28);
+        let t7_29 = (-t4_5).mul_add(t7_11, t7_28);
         let w_my_platform_q1 = al_platformz.mul_add(t7_10, t7_29);
         let t7_30 = -w_my_platform_q1;
-        let t7_31 = t4_9 * t7_16;
+        let t7_31 = t4_5 * t7_16;
         let t7_32 = al_platformz.mul_add(t7_15, t7_31);
         let t7_33 = a_platformx * t7_3;
         let w_my_platform_q4 = like.lift(-0.4).mul_add(t7_32, t7_33);
         let t7_34 = -w_my_platform_q4;
-        let t7_35 = t4_9 * t7_22;
+        let t7_35 = t4_5 * t7_22;
         let t7_36 = al_platformz.mul_add(t7_21, t7_35);
         let t7_37 = a_platformx * t7_5;
         let w_my_platform_q6 = like.lift(-0.4).mul_add(t7_36, t7_37);
@@ -3277,7 +3423,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd
     };
     // body rod2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let al_rod2z = dr_q4 + t4_59;
+        let al_rod2z = dr_q4 + t4_62;
         let w_izz_rod2_q1 = x_q5_q1 * al_rod2z;
         let t9_1 = -w_izz_rod2_q1;
         let t9_2 = like.lift(1.0) - x_q5_q4;
@@ -3285,13 +3431,13 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd
         let w_izz_rod2_q6 = x_q5_q6 * al_rod2z;
         let t9_3 = -w_izz_rod2_q6;
         y[45] = [t9_1, w_izz_rod2_q4, t9_3];
-        let t9_4 = like.lift(-0.4).mul_add(t4_13, a_crank2x);
+        let t9_4 = like.lift(-0.4).mul_add(t4_7, a_crank2x);
         let t9_5 = like.lift(0.4).mul_add(dr_q4, a_crank2y);
         let t9_6 = sin_q5 * t9_4;
         let a_rod2y = (-cos_q5).mul_add(t9_5, t9_6);
         let w_mx_rod2_q1 = x_q5_q1 * a_rod2y;
         let t9_7 = cos_q5 * al_rod2z;
-        let t9_8 = (-sin_q5).mul_add(t4_12, t9_7);
+        let t9_8 = (-sin_q5).mul_add(t4_4, t9_7);
         let t9_9 = a_rod2y * t9_2;
         let w_mx_rod2_q4 = like.lift(-0.4).mul_add(t9_8, t9_9);
         let t9_10 = -w_mx_rod2_q4;
@@ -3300,7 +3446,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd
         let t9_11 = sin_q5 * t9_5;
         let a_rod2x = cos_q5.mul_add(t9_4, t9_11);
         let w_my_rod2_q1 = x_q5_q1 * a_rod2x;
-        let t9_12 = cos_q5 * t4_12;
+        let t9_12 = cos_q5 * t4_4;
         let t9_13 = sin_q5.mul_add(al_rod2z, t9_12);
         let t9_14 = a_rod2x * t9_2;
         let w_my_rod2_q4 = like.lift(0.4).mul_add(t9_13, t9_14);
@@ -3325,7 +3471,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd
     };
     // body rod3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let al_rod3z = dr_q6 + t4_60;
+        let al_rod3z = dr_q6 + t4_63;
         let w_izz_rod3_q1 = x_q7_q1 * al_rod3z;
         let t11_1 = -w_izz_rod3_q1;
         let w_izz_rod3_q4 = x_q7_q4 * al_rod3z;
@@ -3333,14 +3479,14 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd
         let t11_3 = like.lift(1.0) - x_q7_q6;
         let w_izz_rod3_q6 = al_rod3z * t11_3;
         y[65] = [t11_1, t11_2, w_izz_rod3_q6];
-        let t11_4 = like.lift(-0.4).mul_add(t4_31, a_crank3x);
+        let t11_4 = like.lift(-0.4).mul_add(t4_30, a_crank3x);
         let t11_5 = like.lift(0.4).mul_add(dr_q6, a_crank3y);
         let t11_6 = sin_q7 * t11_4;
         let a_rod3y = (-cos_q7).mul_add(t11_5, t11_6);
         let w_mx_rod3_q1 = x_q7_q1 * a_rod3y;
         let w_mx_rod3_q4 = x_q7_q4 * a_rod3y;
         let t11_7 = cos_q7 * al_rod3z;
-        let t11_8 = (-sin_q7).mul_add(t4_30, t11_7);
+        let t11_8 = (-sin_q7).mul_add(t4_29, t11_7);
         let t11_9 = a_rod3y * t11_3;
         let w_mx_rod3_q6 = like.lift(-0.4).mul_add(t11_8, t11_9);
         let t11_10 = -w_mx_rod3_q6;
@@ -3349,7 +3495,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd
         let a_rod3x = cos_q7.mul_add(t11_4, t11_11);
         let w_my_rod3_q1 = x_q7_q1 * a_rod3x;
         let w_my_rod3_q4 = x_q7_q4 * a_rod3x;
-        let t11_12 = cos_q7 * t4_30;
+        let t11_12 = cos_q7 * t4_29;
         let t11_13 = sin_q7.mul_add(al_rod3z, t11_12);
         let t11_14 = a_rod3x * t11_3;
         let w_my_rod3_q6 = like.lift(0.4).mul_add(t11_13, t11_14);
@@ -3471,7 +3617,7 @@ pub fn poses<T: Scalar>(q: &[T; 7]) -> [[T; 12]; 7] {
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: W_red (Eq. 23), column by column: `w[c][r]` multiplies `BASE[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 93 additions, 172 multiplications, 4 divisions, 7 sines and cosines.
+/// 99 additions, 176 multiplications, 4 divisions, 7 sines and cosines.
 pub fn base_regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 3]; 19]) -> Condition<T> {
     *w = [[q[0].lift(0.0); 3]; 19];
     base_regressor_entries(q, qd, qdd, w)
@@ -3489,16 +3635,16 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], 
     let mut condition = like.lift(1.0);
     // sines and cosines
     let [
-        sin_q1, cos_q1, sin_q3, cos_q3, sin_q2, cos_q2, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6,
+        sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6,
         cos_q6, sin_q7, cos_q7,
     ] = {
         let [
-            (sin_q1, cos_q1), (sin_q3, cos_q3), (sin_q2, cos_q2), (sin_q4, cos_q4),
+            (sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q3, cos_q3), (sin_q4, cos_q4),
             (sin_q5, cos_q5), (sin_q6, cos_q6), (sin_q7, cos_q7),
         ] =
-            T::sin_cos_all([q1, q3, q2, q4, q5, q6, q7]);
+            T::sin_cos_all([q1, q2, q3, q4, q5, q6, q7]);
         [
-            sin_q1, cos_q1, sin_q3, cos_q3, sin_q2, cos_q2, sin_q4, cos_q4, sin_q5, cos_q5,
+            sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5,
             sin_q6, cos_q6, sin_q7, cos_q7,
         ]
     };
@@ -3514,147 +3660,164 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], 
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        al_rod1z, t3_1, u_platform_q2y, u_platform_q1x, u_platform_q1y, x_q2_q1, x_q2_q4,
-        x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4,
-        x_q7_q6,
+        al_rod1z, t3_22, t3_30, u_platform_q1x, u_platform_q1y, x_q2_q1, x_q2_q4, x_q2_q6,
+        x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
     ] = {
         let al_rod1z = dd_q1 + dd_q2;
-        let t3_1 = like.lift(0.4) * sin_q3;
-        let t3_2 = like.lift(0.06928203230275509) + t3_1;
-        let t3_3 = -t3_2;
-        let t3_4 = sin_q1 * cos_q2;
-        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_4);
-        let t3_5 = cos_q1 * cos_q2;
-        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_5);
-        let t3_6 = sin_q1_q2 * cos_q3;
-        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t3_6);
-        let t3_7 = cos_q1_q2 * cos_q3;
-        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t3_7);
-        let t3_8 = sin_q1_q2_q3 * cos_q4;
-        let sin_q1_q2_q3_minus_q4 = (-cos_q1_q2_q3).mul_add(sin_q4, t3_8);
-        let t3_9 = cos_q1_q2_q3 * cos_q4;
-        let cos_q1_q2_q3_minus_q4 = sin_q1_q2_q3.mul_add(sin_q4, t3_9);
-        let t3_10 = sin_q1_q2_q3_minus_q4 * cos_q5;
-        let sin_q1_q2_q3_minus_q4_minus_q5 = (-cos_q1_q2_q3_minus_q4).mul_add(sin_q5, t3_10);
-        let t3_11 = cos_q1_q2_q3_minus_q4 * cos_q5;
-        let cos_q1_q2_q3_minus_q4_minus_q5 = sin_q1_q2_q3_minus_q4.mul_add(sin_q5, t3_11);
-        let t3_12 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
-        let u_platform_q2y = like.lift(0.4) * cos_q3;
-        let t3_13 = like.lift(0.04) - u_platform_q2y;
-        let t3_14 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let t3_15 = sin_q1_q2_q3 * cos_q6;
-        let sin_q1_q2_q3_minus_q6 = (-cos_q1_q2_q3).mul_add(sin_q6, t3_15);
-        let t3_16 = cos_q1_q2_q3 * cos_q6;
-        let cos_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(sin_q6, t3_16);
-        let t3_17 = sin_q1_q2_q3_minus_q6 * cos_q7;
-        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t3_17);
-        let t3_18 = cos_q1_q2_q3_minus_q6 * cos_q7;
-        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t3_18);
-        let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t3_19 = like.lift(0.04) + u_platform_q2y;
+        let t3_1 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_1);
+        let t3_2 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_2);
+        let t3_3 = like.lift(0.4) * sin_q1_q2;
+        let t3_4 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t3_4);
+        let t3_5 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t3_5);
+        let t3_6 = like.lift(0.04) * sin_q1_q2_q3;
+        let t3_7 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
+        let t3_8 = t3_6 + t3_7;
+        let t3_9 = t3_3 - t3_8;
+        let t3_10 = -t3_8;
+        let t3_11 = sin_q4 * cos_q5;
+        let sin_q4_q5 = cos_q4.mul_add(sin_q5, t3_11);
+        let t3_12 = cos_q4 * cos_q5;
+        let cos_q4_q5 = (-sin_q4).mul_add(sin_q5, t3_12);
+        let t3_13 = like.lift(0.4) * sin_q4_q5;
+        let t3_14 = -t3_13;
+        let t3_15 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
+        let t3_16 = like.lift(0.4) * cos_q1_q2;
+        let t3_17 = like.lift(0.04) * cos_q1_q2_q3;
+        let t3_18 = t3_15 + t3_16;
+        let t3_19 = t3_18 - t3_17;
         let t3_20 = -t3_19;
-        let t3_21 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let t3_22 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
-        let t3_23 = sin_q3 * t3_22;
-        let u_platform_q1x = sin_q2.mul_add(u_platform_q2y, t3_23);
-        let t3_24 = like.lift(0.06928203230275509) + u_platform_q1x;
-        let t3_25 = -t3_24;
-        let t3_26 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t3_12);
-        let t3_27 = sin_q2 * t3_1;
-        let u_platform_q1y = (-cos_q3).mul_add(t3_22, t3_27);
-        let t3_28 = like.lift(0.04) + u_platform_q1y;
-        let t3_29 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t3_14);
-        let t3_30 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
-        let t3_31 = like.lift(0.04) - u_platform_q1y;
+        let t3_21 = t3_17 - t3_15;
+        let pivot_1 = like.lift(0.4) * cos_q4_q5;
+        let t3_22 = like.lift(0.4) * sin_q3;
+        let t3_23 = like.lift(0.06928203230275509) + t3_22;
+        let t3_24 = -t3_23;
+        let t3_25 = sin_q1_q2_q3 * cos_q6;
+        let sin_q1_q2_q3_minus_q6 = (-cos_q1_q2_q3).mul_add(sin_q6, t3_25);
+        let t3_26 = cos_q1_q2_q3 * cos_q6;
+        let cos_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(sin_q6, t3_26);
+        let t3_27 = sin_q1_q2_q3_minus_q6 * cos_q7;
+        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t3_27);
+        let t3_28 = cos_q1_q2_q3_minus_q6 * cos_q7;
+        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t3_28);
+        let t3_29 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t3_30 = like.lift(0.4) * cos_q3;
+        let t3_31 = like.lift(0.04) + t3_30;
         let t3_32 = -t3_31;
-        let t3_33 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t3_21);
-        let t3_34 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
-        let t3_35 = cos_q1_q2_q3_minus_q6_minus_q7 * t3_34;
-        let pivot_2 = (-t3_2).mul_add(t3_35, t3_19);
+        let t3_33 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t3_34 = t3_7 + t3_6;
+        let t3_35 = like.lift(-0.4).mul_add(sin_q1, t3_34);
+        let t3_36 = t3_35 - t3_3;
+        let t3_37 = -t3_36;
+        let t3_38 = like.lift(0.4).mul_add(sin_q4, t3_13);
+        let t3_39 = -t3_38;
+        let t3_40 = like.lift(0.4).mul_add(cos_q1, t3_16);
+        let t3_41 = t3_40 - t3_21;
+        let t3_42 = -t3_41;
+        let t3_43 = like.lift(0.4).mul_add(cos_q4, pivot_1);
+        let t3_44 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
+        let t3_45 = sin_q3 * t3_44;
+        let u_platform_q1x = sin_q2.mul_add(t3_30, t3_45);
+        let t3_46 = like.lift(0.06928203230275509) + u_platform_q1x;
+        let t3_47 = -t3_46;
+        let t3_48 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t3_29);
+        let t3_49 = sin_q2 * t3_22;
+        let u_platform_q1y = (-cos_q3).mul_add(t3_44, t3_49);
+        let t3_50 = like.lift(0.04) - u_platform_q1y;
+        let t3_51 = -t3_50;
+        let t3_52 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t3_33);
+        let t3_53 = like.lift(1.0) / cos_q4_q5;
+        let t3_54 = sin_q4_q5 * t3_53;
+        let pivot_2 = (-t3_19).mul_add(t3_54, t3_9);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t3_36 = (-t3_24).mul_add(t3_35, t3_31);
-        let t3_37 = like.lift(-0.06928203230275509).mul_add(t3_35, like.lift(0.04));
-        let t3_38 = t3_13 * inv_pivot_2;
-        let pivot_3 = (-t3_37).mul_add(t3_38, like.lift(0.04));
+        let t3_55 = t3_41.mul_add(t3_54, t3_36);
+        let t3_56 = (-t3_21).mul_add(t3_54, t3_8);
+        let t3_57 = t3_31 * inv_pivot_2;
+        let pivot_3 = t3_56.mul_add(t3_57, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t3_39 = (-t3_36).mul_add(t3_38, t3_28);
-        let t3_40 = t3_2 * inv_pivot_2;
-        let t3_41 = (-t3_37).mul_add(t3_40, like.lift(0.06928203230275509));
-        let t3_42 = t3_41 * inv_pivot_3;
-        let t3_43 = (-t3_39).mul_add(t3_42, t3_24);
-        let t3_44 = (-t3_36).mul_add(t3_40, t3_43);
-        let pivot_4 = t3_42.mul_add(t3_14, t3_12);
+        let t3_58 = t3_55.mul_add(t3_57, t3_50);
+        let t3_59 = t3_23 * inv_pivot_2;
+        let t3_60 = t3_56.mul_add(t3_59, like.lift(0.06928203230275509));
+        let t3_61 = t3_60 * inv_pivot_3;
+        let t3_62 = (-t3_58).mul_add(t3_61, t3_46);
+        let t3_63 = t3_55.mul_add(t3_59, t3_62);
+        let pivot_4 = (-t3_61).mul_add(t3_33, t3_29);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t3_45 = t3_44 * inv_pivot_4;
-        let t3_46 = t3_45.mul_add(t3_14, t3_39);
-        let t3_47 = inv_pivot_3 * t3_46;
-        let t3_48 = (-t3_37).mul_add(t3_47, t3_36);
-        let t3_49 = inv_pivot_2 * t3_48;
-        let t3_50 = t3_29.mul_add(t3_42, t3_26);
-        let t3_51 = t3_50 * inv_pivot_4;
-        let t3_52 = (-t3_51).mul_add(t3_14, t3_29);
-        let t3_53 = inv_pivot_3 * t3_52;
-        let t3_54 = inv_pivot_2 * t3_37;
-        let t3_55 = t3_54 * t3_53;
-        let t3_56 = -t3_55;
-        let t3_57 = (-t3_30).mul_add(t3_35, t3_33);
-        let t3_58 = t3_57 * t3_38;
-        let t3_59 = t3_57 * t3_40;
-        let t3_60 = (-t3_58).mul_add(t3_42, t3_59);
-        let t3_61 = t3_60 * inv_pivot_4;
-        let t3_62 = t3_61.mul_add(t3_14, t3_58);
-        let t3_63 = inv_pivot_3 * t3_62;
-        let t3_64 = t3_37.mul_add(t3_63, t3_57);
-        let t3_65 = inv_pivot_2 * t3_64;
-        let t3_66 = -t3_65;
-        let t3_67 = -t3_45;
-        let t3_68 = -t3_61;
-        let t3_69 = like.lift(-0.06928203230275509).mul_add(t3_47, t3_24);
-        let t3_70 = (-t3_2).mul_add(t3_49, t3_69);
-        let t3_71 = like.lift(2.5) * t3_34;
-        let t3_72 = t3_70 * t3_71;
-        let t3_73 = -t3_72;
-        let t3_74 = t3_2 * t3_55;
-        let t3_75 = like.lift(-0.06928203230275509).mul_add(t3_53, t3_74);
-        let t3_76 = t3_75 * t3_71;
-        let t3_77 = -t3_76;
-        let t3_78 = like.lift(0.06928203230275509).mul_add(t3_63, t3_30);
-        let t3_79 = (-t3_2).mul_add(t3_65, t3_78);
-        let t3_80 = t3_79 * t3_71;
-        let t3_81 = -pivot_2;
+        let t3_64 = t3_63 * inv_pivot_4;
+        let t3_65 = (-t3_64).mul_add(t3_33, t3_58);
+        let t3_66 = inv_pivot_3 * t3_65;
+        let t3_67 = (-t3_56).mul_add(t3_66, t3_55);
+        let t3_68 = inv_pivot_2 * t3_67;
+        let t3_69 = -t3_68;
+        let t3_70 = (-t3_43).mul_add(t3_54, t3_38);
+        let t3_71 = t3_70 * t3_57;
+        let t3_72 = t3_70 * t3_59;
+        let t3_73 = (-t3_71).mul_add(t3_61, t3_72);
+        let t3_74 = t3_73 * inv_pivot_4;
+        let t3_75 = (-t3_74).mul_add(t3_33, t3_71);
+        let t3_76 = inv_pivot_3 * t3_75;
+        let t3_77 = (-t3_56).mul_add(t3_76, t3_70);
+        let t3_78 = inv_pivot_2 * t3_77;
+        let t3_79 = -t3_78;
+        let t3_80 = (-t3_52).mul_add(t3_61, t3_48);
+        let t3_81 = t3_80 * inv_pivot_4;
+        let t3_82 = (-t3_81).mul_add(t3_33, t3_52);
+        let t3_83 = inv_pivot_3 * t3_82;
+        let t3_84 = inv_pivot_2 * t3_56;
+        let t3_85 = t3_84 * t3_83;
+        let t3_86 = -t3_85;
+        let t3_87 = -t3_83;
+        let t3_88 = t3_21.mul_add(t3_66, t3_41);
+        let t3_89 = t3_19.mul_add(t3_68, t3_88);
+        let t3_90 = like.lift(2.5) * t3_53;
+        let t3_91 = t3_89 * t3_90;
+        let t3_92 = -t3_91;
+        let t3_93 = (-t3_21).mul_add(t3_76, t3_43);
+        let t3_94 = (-t3_19).mul_add(t3_78, t3_93);
+        let t3_95 = t3_94 * t3_90;
+        let t3_96 = t3_19 * t3_85;
+        let t3_97 = (-t3_21).mul_add(t3_83, t3_96);
+        let t3_98 = t3_97 * t3_90;
+        let t3_99 = -t3_98;
+        let t3_100 = -t3_64;
+        let t3_101 = -t3_74;
+        let t3_102 = -pivot_3;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
-            .min((t3_81 * like.lift(2.7080930926705737)).abs())
-            .min((pivot_3 * like.lift(19.82662604894746)).abs())
-            .min((pivot_4 * like.lift(2.203476117557732)).abs());
+        let margin = (pivot_1 * like.lift(2.6563845995423425)).abs()
+            .min((pivot_2 * like.lift(2.2678159988964297)).abs())
+            .min((t3_102 * like.lift(17.496940338012887)).abs())
+            .min((pivot_4 * like.lift(2.6702462158418983)).abs());
         let ([
             [x_q2_q1, x_q2_q4, x_q2_q6], [x_q3_q1, x_q3_q4, x_q3_q6],
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t3_49, t3_56, t3_66], [t3_47, t3_53, t3_63], [t3_67, t3_51, t3_68],
-                [t3_73, t3_77, t3_80],
+                [t3_69, t3_79, t3_86], [t3_66, t3_76, t3_87], [t3_92, t3_95, t3_99],
+                [t3_100, t3_101, t3_81],
             ],
             margin,
             || (
                 [
-                    [t3_3, like.lift(-0.06928203230275509), t3_12, like.lift(0.0)],
-                    [t3_13, like.lift(0.04), t3_14, like.lift(0.0)],
+                    [t3_9, t3_10, t3_14, like.lift(0.0)],
+                    [t3_20, t3_21, pivot_1, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t3_3, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
-                    [t3_20, like.lift(-0.04), like.lift(0.0), t3_21],
+                    [t3_24, like.lift(-0.06928203230275509), like.lift(0.0), t3_29],
+                    [t3_32, like.lift(-0.04), like.lift(0.0), t3_33],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t3_25, t3_26, like.lift(0.0)], [t3_28, t3_29, like.lift(0.0)],
+                    [t3_37, t3_39, like.lift(0.0)], [t3_42, t3_43, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t3_25, like.lift(0.0), t3_30], [t3_32, like.lift(0.0), t3_33],
+                    [t3_47, like.lift(0.0), t3_48], [t3_51, like.lift(0.0), t3_52],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -3663,9 +3826,8 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], 
         );
         condition = condition.min(found);
         [
-            al_rod1z, t3_1, u_platform_q2y, u_platform_q1x, u_platform_q1y, x_q2_q1, x_q2_q4,
-            x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4,
-            x_q7_q6,
+            al_rod1z, t3_22, t3_30, u_platform_q1x, u_platform_q1y, x_q2_q1, x_q2_q4, x_q2_q6,
+            x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
         ]
     };
     // body rod1
@@ -3726,10 +3888,10 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], 
         let t5_8 = like.lift(0.4).mul_add(al_rod1z, a_rod1y);
         let t5_9 = cos_q3 * t5_7;
         let a_platformx = (-sin_q3).mul_add(t5_8, t5_9);
-        let t5_10 = (-x_q2_q1).mul_add(t3_1, u_platform_q1x);
+        let t5_10 = (-x_q2_q1).mul_add(t3_22, u_platform_q1x);
         let w_platformz = d_q3 + w_rod1z;
         let t5_11 = w_platformz * w_platformz;
-        let t5_12 = x_q2_q1.mul_add(u_platform_q2y, u_platform_q1y);
+        let t5_12 = x_q2_q1.mul_add(t3_30, u_platform_q1y);
         let t5_13 = a_platformx * t5_1;
         let t5_14 = (-t5_11).mul_add(t5_12, t5_13);
         let w_my_platform_q1 = al_platformz.mul_add(t5_10, t5_14);
@@ -4065,7 +4227,7 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 19], free: &[T; 51]) -> [T; 70
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
 ///
-/// 112 additions, 175 multiplications, 4 divisions, 7 sines and cosines.
+/// 118 additions, 179 multiplications, 4 divisions, 7 sines and cosines.
 pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], beta: &[T; 19]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -4135,141 +4297,157 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
         let t2_28 = (-t2_8).mul_add(p_my_rod1, t2_27);
         let t2_29 = sin_q2 * t2_26;
         let t2_30 = (-cos_q2).mul_add(t2_28, t2_29);
-        let t2_31 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
-        let t2_32 = -t2_31;
-        let t2_33 = sin_q1 * cos_q2;
-        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_33);
-        let t2_34 = cos_q1 * cos_q2;
-        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_34);
-        let t2_35 = sin_q1_q2 * cos_q3;
-        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t2_35);
-        let t2_36 = cos_q1_q2 * cos_q3;
-        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_36);
-        let t2_37 = sin_q1_q2_q3 * cos_q4;
-        let sin_q1_q2_q3_minus_q4 = (-cos_q1_q2_q3).mul_add(sin_q4, t2_37);
-        let t2_38 = cos_q1_q2_q3 * cos_q4;
-        let cos_q1_q2_q3_minus_q4 = sin_q1_q2_q3.mul_add(sin_q4, t2_38);
-        let t2_39 = sin_q1_q2_q3_minus_q4 * cos_q5;
-        let sin_q1_q2_q3_minus_q4_minus_q5 = (-cos_q1_q2_q3_minus_q4).mul_add(sin_q5, t2_39);
-        let t2_40 = cos_q1_q2_q3_minus_q4 * cos_q5;
-        let cos_q1_q2_q3_minus_q4_minus_q5 = sin_q1_q2_q3_minus_q4.mul_add(sin_q5, t2_40);
-        let t2_41 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
-        let u_platform_q2y = like.lift(0.4) * cos_q3;
-        let t2_42 = like.lift(0.04) - u_platform_q2y;
-        let t2_43 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let t2_44 = sin_q1_q2_q3 * cos_q6;
-        let sin_q1_q2_q3_minus_q6 = (-cos_q1_q2_q3).mul_add(sin_q6, t2_44);
-        let t2_45 = cos_q1_q2_q3 * cos_q6;
-        let cos_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(sin_q6, t2_45);
-        let t2_46 = sin_q1_q2_q3_minus_q6 * cos_q7;
-        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t2_46);
-        let t2_47 = cos_q1_q2_q3_minus_q6 * cos_q7;
-        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t2_47);
-        let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_48 = like.lift(0.04) + u_platform_q2y;
-        let t2_49 = -t2_48;
-        let t2_50 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let t2_51 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
-        let t2_52 = like.lift(0.4) * sin_q2;
-        let t2_53 = sin_q3.mul_add(t2_51, like.lift(0.06928203230275509));
-        let t2_54 = cos_q3.mul_add(t2_52, t2_53);
-        let t2_55 = -t2_54;
-        let t2_56 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t2_41);
-        let t2_57 = sin_q3 * t2_52;
-        let u_platform_q1y = (-cos_q3).mul_add(t2_51, t2_57);
-        let t2_58 = like.lift(0.04) + u_platform_q1y;
-        let t2_59 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t2_43);
-        let t2_60 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
-        let t2_61 = like.lift(0.04) - u_platform_q1y;
-        let t2_62 = -t2_61;
-        let t2_63 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_50);
-        let t2_64 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_65 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_64;
-        let pivot_2 = (-t2_31).mul_add(t2_65, t2_48);
+        let t2_31 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_31);
+        let t2_32 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_32);
+        let t2_33 = like.lift(0.4) * sin_q1_q2;
+        let t2_34 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t2_34);
+        let t2_35 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_35);
+        let t2_36 = like.lift(0.04) * sin_q1_q2_q3;
+        let t2_37 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
+        let t2_38 = t2_36 + t2_37;
+        let t2_39 = t2_33 - t2_38;
+        let t2_40 = -t2_38;
+        let t2_41 = sin_q4 * cos_q5;
+        let sin_q4_q5 = cos_q4.mul_add(sin_q5, t2_41);
+        let t2_42 = cos_q4 * cos_q5;
+        let cos_q4_q5 = (-sin_q4).mul_add(sin_q5, t2_42);
+        let t2_43 = like.lift(0.4) * sin_q4_q5;
+        let t2_44 = -t2_43;
+        let t2_45 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
+        let t2_46 = like.lift(0.4) * cos_q1_q2;
+        let t2_47 = like.lift(0.04) * cos_q1_q2_q3;
+        let t2_48 = t2_45 + t2_46;
+        let t2_49 = t2_48 - t2_47;
+        let t2_50 = -t2_49;
+        let t2_51 = t2_47 - t2_45;
+        let pivot_1 = like.lift(0.4) * cos_q4_q5;
+        let t2_52 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
+        let t2_53 = -t2_52;
+        let t2_54 = sin_q1_q2_q3 * cos_q6;
+        let sin_q1_q2_q3_minus_q6 = (-cos_q1_q2_q3).mul_add(sin_q6, t2_54);
+        let t2_55 = cos_q1_q2_q3 * cos_q6;
+        let cos_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(sin_q6, t2_55);
+        let t2_56 = sin_q1_q2_q3_minus_q6 * cos_q7;
+        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t2_56);
+        let t2_57 = cos_q1_q2_q3_minus_q6 * cos_q7;
+        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t2_57);
+        let t2_58 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_59 = like.lift(0.4).mul_add(cos_q3, like.lift(0.04));
+        let t2_60 = -t2_59;
+        let t2_61 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t2_62 = t2_37 + t2_36;
+        let t2_63 = like.lift(-0.4).mul_add(sin_q1, t2_62);
+        let t2_64 = t2_63 - t2_33;
+        let t2_65 = -t2_64;
+        let t2_66 = like.lift(0.4).mul_add(sin_q4, t2_43);
+        let t2_67 = -t2_66;
+        let t2_68 = like.lift(0.4).mul_add(cos_q1, t2_46);
+        let t2_69 = t2_68 - t2_51;
+        let t2_70 = -t2_69;
+        let t2_71 = like.lift(0.4).mul_add(cos_q4, pivot_1);
+        let t2_72 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
+        let t2_73 = like.lift(0.4) * sin_q2;
+        let t2_74 = sin_q3.mul_add(t2_72, like.lift(0.06928203230275509));
+        let t2_75 = cos_q3.mul_add(t2_73, t2_74);
+        let t2_76 = -t2_75;
+        let t2_77 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t2_58);
+        let t2_78 = cos_q3.mul_add(t2_72, like.lift(0.04));
+        let t2_79 = (-sin_q3).mul_add(t2_73, t2_78);
+        let t2_80 = -t2_79;
+        let t2_81 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_61);
+        let t2_82 = like.lift(1.0) / cos_q4_q5;
+        let t2_83 = sin_q4_q5 * t2_82;
+        let pivot_2 = (-t2_49).mul_add(t2_83, t2_39);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_66 = (-t2_54).mul_add(t2_65, t2_61);
-        let t2_67 = like.lift(-0.06928203230275509).mul_add(t2_65, like.lift(0.04));
-        let t2_68 = t2_42 * inv_pivot_2;
-        let pivot_3 = (-t2_67).mul_add(t2_68, like.lift(0.04));
+        let t2_84 = t2_69.mul_add(t2_83, t2_64);
+        let t2_85 = (-t2_51).mul_add(t2_83, t2_38);
+        let t2_86 = t2_59 * inv_pivot_2;
+        let pivot_3 = t2_85.mul_add(t2_86, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_69 = (-t2_66).mul_add(t2_68, t2_58);
-        let t2_70 = t2_31 * inv_pivot_2;
-        let t2_71 = (-t2_67).mul_add(t2_70, like.lift(0.06928203230275509));
-        let t2_72 = t2_71 * inv_pivot_3;
-        let t2_73 = (-t2_69).mul_add(t2_72, t2_54);
-        let t2_74 = (-t2_66).mul_add(t2_70, t2_73);
-        let pivot_4 = t2_72.mul_add(t2_43, t2_41);
+        let t2_87 = t2_84.mul_add(t2_86, t2_79);
+        let t2_88 = t2_52 * inv_pivot_2;
+        let t2_89 = t2_85.mul_add(t2_88, like.lift(0.06928203230275509));
+        let t2_90 = t2_89 * inv_pivot_3;
+        let t2_91 = (-t2_87).mul_add(t2_90, t2_75);
+        let t2_92 = t2_84.mul_add(t2_88, t2_91);
+        let pivot_4 = (-t2_90).mul_add(t2_61, t2_58);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_75 = t2_74 * inv_pivot_4;
-        let t2_76 = t2_75.mul_add(t2_43, t2_69);
-        let t2_77 = inv_pivot_3 * t2_76;
-        let t2_78 = (-t2_67).mul_add(t2_77, t2_66);
-        let t2_79 = inv_pivot_2 * t2_78;
-        let t2_80 = t2_59.mul_add(t2_72, t2_56);
-        let t2_81 = t2_80 * inv_pivot_4;
-        let t2_82 = (-t2_81).mul_add(t2_43, t2_59);
-        let t2_83 = inv_pivot_3 * t2_82;
-        let t2_84 = inv_pivot_2 * t2_67;
-        let t2_85 = t2_84 * t2_83;
-        let t2_86 = -t2_85;
-        let t2_87 = (-t2_60).mul_add(t2_65, t2_63);
-        let t2_88 = t2_87 * t2_68;
-        let t2_89 = t2_87 * t2_70;
-        let t2_90 = (-t2_88).mul_add(t2_72, t2_89);
-        let t2_91 = t2_90 * inv_pivot_4;
-        let t2_92 = t2_91.mul_add(t2_43, t2_88);
-        let t2_93 = inv_pivot_3 * t2_92;
-        let t2_94 = t2_67.mul_add(t2_93, t2_87);
-        let t2_95 = inv_pivot_2 * t2_94;
-        let t2_96 = -t2_95;
-        let t2_97 = -t2_75;
-        let t2_98 = -t2_91;
-        let t2_99 = like.lift(-0.06928203230275509).mul_add(t2_77, t2_54);
-        let t2_100 = (-t2_31).mul_add(t2_79, t2_99);
-        let t2_101 = like.lift(2.5) * t2_64;
-        let t2_102 = t2_100 * t2_101;
-        let t2_103 = -t2_102;
-        let t2_104 = t2_31 * t2_85;
-        let t2_105 = like.lift(-0.06928203230275509).mul_add(t2_83, t2_104);
-        let t2_106 = t2_105 * t2_101;
-        let t2_107 = -t2_106;
-        let t2_108 = like.lift(0.06928203230275509).mul_add(t2_93, t2_60);
-        let t2_109 = (-t2_31).mul_add(t2_95, t2_108);
-        let t2_110 = t2_109 * t2_101;
-        let t2_111 = -pivot_2;
+        let t2_93 = t2_92 * inv_pivot_4;
+        let t2_94 = (-t2_93).mul_add(t2_61, t2_87);
+        let t2_95 = inv_pivot_3 * t2_94;
+        let t2_96 = (-t2_85).mul_add(t2_95, t2_84);
+        let t2_97 = inv_pivot_2 * t2_96;
+        let t2_98 = -t2_97;
+        let t2_99 = (-t2_71).mul_add(t2_83, t2_66);
+        let t2_100 = t2_99 * t2_86;
+        let t2_101 = t2_99 * t2_88;
+        let t2_102 = (-t2_100).mul_add(t2_90, t2_101);
+        let t2_103 = t2_102 * inv_pivot_4;
+        let t2_104 = (-t2_103).mul_add(t2_61, t2_100);
+        let t2_105 = inv_pivot_3 * t2_104;
+        let t2_106 = (-t2_85).mul_add(t2_105, t2_99);
+        let t2_107 = inv_pivot_2 * t2_106;
+        let t2_108 = -t2_107;
+        let t2_109 = (-t2_81).mul_add(t2_90, t2_77);
+        let t2_110 = t2_109 * inv_pivot_4;
+        let t2_111 = (-t2_110).mul_add(t2_61, t2_81);
+        let t2_112 = inv_pivot_3 * t2_111;
+        let t2_113 = inv_pivot_2 * t2_85;
+        let t2_114 = t2_113 * t2_112;
+        let t2_115 = -t2_114;
+        let t2_116 = -t2_112;
+        let t2_117 = t2_51.mul_add(t2_95, t2_69);
+        let t2_118 = t2_49.mul_add(t2_97, t2_117);
+        let t2_119 = like.lift(2.5) * t2_82;
+        let t2_120 = t2_118 * t2_119;
+        let t2_121 = -t2_120;
+        let t2_122 = (-t2_51).mul_add(t2_105, t2_71);
+        let t2_123 = (-t2_49).mul_add(t2_107, t2_122);
+        let t2_124 = t2_123 * t2_119;
+        let t2_125 = t2_49 * t2_114;
+        let t2_126 = (-t2_51).mul_add(t2_112, t2_125);
+        let t2_127 = t2_126 * t2_119;
+        let t2_128 = -t2_127;
+        let t2_129 = -t2_93;
+        let t2_130 = -t2_103;
+        let t2_131 = -pivot_3;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
-            .min((t2_111 * like.lift(2.7080930926705737)).abs())
-            .min((pivot_3 * like.lift(19.82662604894746)).abs())
-            .min((pivot_4 * like.lift(2.203476117557732)).abs());
+        let margin = (pivot_1 * like.lift(2.6563845995423425)).abs()
+            .min((pivot_2 * like.lift(2.2678159988964297)).abs())
+            .min((t2_131 * like.lift(17.496940338012887)).abs())
+            .min((pivot_4 * like.lift(2.6702462158418983)).abs());
         let ([
             [x_q2_q1, x_q2_q4, x_q2_q6], [x_q3_q1, x_q3_q4, x_q3_q6],
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_79, t2_86, t2_96], [t2_77, t2_83, t2_93], [t2_97, t2_81, t2_98],
-                [t2_103, t2_107, t2_110],
+                [t2_98, t2_108, t2_115], [t2_95, t2_105, t2_116], [t2_121, t2_124, t2_128],
+                [t2_129, t2_130, t2_110],
             ],
             margin,
             || (
                 [
-                    [t2_32, like.lift(-0.06928203230275509), t2_41, like.lift(0.0)],
-                    [t2_42, like.lift(0.04), t2_43, like.lift(0.0)],
+                    [t2_39, t2_40, t2_44, like.lift(0.0)],
+                    [t2_50, t2_51, pivot_1, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_32, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
-                    [t2_49, like.lift(-0.04), like.lift(0.0), t2_50],
+                    [t2_53, like.lift(-0.06928203230275509), like.lift(0.0), t2_58],
+                    [t2_60, like.lift(-0.04), like.lift(0.0), t2_61],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_55, t2_56, like.lift(0.0)], [t2_58, t2_59, like.lift(0.0)],
+                    [t2_65, t2_67, like.lift(0.0)], [t2_70, t2_71, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_55, like.lift(0.0), t2_60], [t2_62, like.lift(0.0), t2_63],
+                    [t2_76, like.lift(0.0), t2_77], [t2_80, like.lift(0.0), t2_81],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -4360,7 +4538,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: the efforts that hold the mechanism at rest
 ///
-/// 74 additions, 104 multiplications, 4 divisions, 9 sines and cosines.
+/// 76 additions, 108 multiplications, 4 divisions, 8 sines and cosines.
 pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 19]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -4372,33 +4550,26 @@ pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 19]) -> ([T; 3], Condition
     let mut condition = like.lift(1.0);
     // sines and cosines
     let [
-        sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q1_q2_q3_minus_q4_minus_q5,
-        cos_q1_q2_q3_minus_q4_minus_q5, sin_q1_q2_q3_minus_q6_minus_q7,
-        cos_q1_q2_q3_minus_q6_minus_q7, sin_q4, cos_q4, sin_q6, cos_q6, sin_q4_q5, cos_q4_q5,
-        sin_q6_q7,
+        sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4_q5, cos_q4_q5,
+        sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7, sin_q4, cos_q4, sin_q6,
+        cos_q6, sin_q6_q7,
     ] = {
-        let t1_1 = q3 + q2;
-        let t1_2 = t1_1 + q1;
-        let t1_3 = t1_2 - q4;
-        let t1_4 = t1_3 - q5;
-        let t1_5 = q3 + q2;
-        let t1_6 = t1_5 + q1;
-        let t1_7 = t1_6 - q6;
-        let t1_8 = t1_7 - q7;
-        let t1_9 = q5 + q4;
-        let t1_10 = q7 + q6;
+        let t1_1 = q5 + q4;
+        let t1_2 = q3 + q2;
+        let t1_3 = t1_2 + q1;
+        let t1_4 = t1_3 - q6;
+        let t1_5 = t1_4 - q7;
+        let t1_6 = q7 + q6;
         let [
-            (sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q3, cos_q3),
-            (sin_q1_q2_q3_minus_q4_minus_q5, cos_q1_q2_q3_minus_q4_minus_q5),
+            (sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q3, cos_q3), (sin_q4_q5, cos_q4_q5),
             (sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7), (sin_q4, cos_q4),
-            (sin_q6, cos_q6), (sin_q4_q5, cos_q4_q5), (sin_q6_q7, _),
+            (sin_q6, cos_q6), (sin_q6_q7, _),
         ] =
-            T::sin_cos_all([q1, q2, q3, t1_4, t1_8, q4, q6, t1_9, t1_10]);
+            T::sin_cos_all([q1, q2, q3, t1_1, t1_5, q4, q6, t1_6]);
         [
-            sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q1_q2_q3_minus_q4_minus_q5,
-            cos_q1_q2_q3_minus_q4_minus_q5, sin_q1_q2_q3_minus_q6_minus_q7,
-            cos_q1_q2_q3_minus_q6_minus_q7, sin_q4, cos_q4, sin_q6, cos_q6, sin_q4_q5,
-            cos_q4_q5, sin_q6_q7,
+            sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4_q5, cos_q4_q5,
+            sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7, sin_q4, cos_q4,
+            sin_q6, cos_q6, sin_q6_q7,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -4419,125 +4590,141 @@ pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 19]) -> ([T; 3], Condition
         let t2_7 = (-cos_q1_q2).mul_add(p_mx_rod1, t2_6);
         let t2_8 = like.lift(9.81) * t2_7;
         let t2_9 = -t2_8;
-        let t2_10 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
-        let t2_11 = -t2_10;
-        let t2_12 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
-        let u_platform_q2y = like.lift(0.4) * cos_q3;
-        let t2_13 = like.lift(0.04) - u_platform_q2y;
-        let t2_14 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_15 = like.lift(0.04) + u_platform_q2y;
-        let t2_16 = -t2_15;
-        let t2_17 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let t2_18 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
-        let t2_19 = like.lift(0.4) * sin_q2;
-        let t2_20 = sin_q3.mul_add(t2_18, like.lift(0.06928203230275509));
-        let t2_21 = cos_q3.mul_add(t2_19, t2_20);
-        let t2_22 = -t2_21;
-        let t2_23 = sin_q1_q2_q3 * cos_q4;
-        let sin_q1_q2_q3_minus_q4 = (-cos_q1_q2_q3).mul_add(sin_q4, t2_23);
-        let t2_24 = cos_q1_q2_q3 * cos_q4;
-        let cos_q1_q2_q3_minus_q4 = sin_q1_q2_q3.mul_add(sin_q4, t2_24);
-        let t2_25 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t2_12);
-        let t2_26 = sin_q3 * t2_19;
-        let u_platform_q1y = (-cos_q3).mul_add(t2_18, t2_26);
-        let t2_27 = like.lift(0.04) + u_platform_q1y;
-        let t2_28 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t2_14);
-        let t2_29 = sin_q1_q2_q3 * cos_q6;
-        let sin_q1_q2_q3_minus_q6 = (-cos_q1_q2_q3).mul_add(sin_q6, t2_29);
-        let t2_30 = cos_q1_q2_q3 * cos_q6;
-        let cos_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(sin_q6, t2_30);
-        let t2_31 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
-        let t2_32 = like.lift(0.04) - u_platform_q1y;
-        let t2_33 = -t2_32;
-        let t2_34 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_17);
-        let t2_35 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_36 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_35;
-        let pivot_2 = (-t2_10).mul_add(t2_36, t2_15);
+        let t2_10 = like.lift(0.4) * sin_q1_q2;
+        let t2_11 = like.lift(0.04) * sin_q1_q2_q3;
+        let t2_12 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
+        let t2_13 = t2_11 + t2_12;
+        let t2_14 = t2_10 - t2_13;
+        let t2_15 = -t2_13;
+        let t2_16 = like.lift(0.4) * sin_q4_q5;
+        let t2_17 = -t2_16;
+        let t2_18 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
+        let t2_19 = like.lift(0.4) * cos_q1_q2;
+        let t2_20 = like.lift(0.04) * cos_q1_q2_q3;
+        let t2_21 = t2_18 + t2_19;
+        let t2_22 = t2_21 - t2_20;
+        let t2_23 = -t2_22;
+        let t2_24 = t2_20 - t2_18;
+        let pivot_1 = like.lift(0.4) * cos_q4_q5;
+        let t2_25 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
+        let t2_26 = -t2_25;
+        let t2_27 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_28 = like.lift(0.4).mul_add(cos_q3, like.lift(0.04));
+        let t2_29 = -t2_28;
+        let t2_30 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t2_31 = t2_12 + t2_11;
+        let t2_32 = like.lift(-0.4).mul_add(sin_q1, t2_31);
+        let t2_33 = t2_32 - t2_10;
+        let t2_34 = -t2_33;
+        let t2_35 = like.lift(0.4).mul_add(sin_q4, t2_16);
+        let t2_36 = -t2_35;
+        let t2_37 = like.lift(0.4).mul_add(cos_q1, t2_19);
+        let t2_38 = t2_37 - t2_24;
+        let t2_39 = -t2_38;
+        let t2_40 = like.lift(0.4).mul_add(cos_q4, pivot_1);
+        let t2_41 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
+        let t2_42 = like.lift(0.4) * sin_q2;
+        let t2_43 = sin_q3.mul_add(t2_41, like.lift(0.06928203230275509));
+        let t2_44 = cos_q3.mul_add(t2_42, t2_43);
+        let t2_45 = -t2_44;
+        let t2_46 = sin_q1_q2_q3 * cos_q6;
+        let sin_q1_q2_q3_minus_q6 = (-cos_q1_q2_q3).mul_add(sin_q6, t2_46);
+        let t2_47 = cos_q1_q2_q3 * cos_q6;
+        let cos_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(sin_q6, t2_47);
+        let t2_48 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t2_27);
+        let t2_49 = cos_q3.mul_add(t2_41, like.lift(0.04));
+        let t2_50 = (-sin_q3).mul_add(t2_42, t2_49);
+        let t2_51 = -t2_50;
+        let t2_52 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_30);
+        let t2_53 = like.lift(1.0) / cos_q4_q5;
+        let t2_54 = sin_q4_q5 * t2_53;
+        let pivot_2 = (-t2_22).mul_add(t2_54, t2_14);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_37 = (-t2_21).mul_add(t2_36, t2_32);
-        let t2_38 = like.lift(-0.06928203230275509).mul_add(t2_36, like.lift(0.04));
-        let t2_39 = t2_13 * inv_pivot_2;
-        let pivot_3 = (-t2_38).mul_add(t2_39, like.lift(0.04));
+        let t2_55 = t2_38.mul_add(t2_54, t2_33);
+        let t2_56 = (-t2_24).mul_add(t2_54, t2_13);
+        let t2_57 = t2_28 * inv_pivot_2;
+        let pivot_3 = t2_56.mul_add(t2_57, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_40 = (-t2_37).mul_add(t2_39, t2_27);
-        let t2_41 = t2_10 * inv_pivot_2;
-        let t2_42 = (-t2_38).mul_add(t2_41, like.lift(0.06928203230275509));
-        let t2_43 = t2_42 * inv_pivot_3;
-        let t2_44 = (-t2_40).mul_add(t2_43, t2_21);
-        let t2_45 = (-t2_37).mul_add(t2_41, t2_44);
-        let pivot_4 = t2_43.mul_add(t2_14, t2_12);
+        let t2_58 = t2_55.mul_add(t2_57, t2_50);
+        let t2_59 = t2_25 * inv_pivot_2;
+        let t2_60 = t2_56.mul_add(t2_59, like.lift(0.06928203230275509));
+        let t2_61 = t2_60 * inv_pivot_3;
+        let t2_62 = (-t2_58).mul_add(t2_61, t2_44);
+        let t2_63 = t2_55.mul_add(t2_59, t2_62);
+        let pivot_4 = (-t2_61).mul_add(t2_30, t2_27);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_46 = t2_45 * inv_pivot_4;
-        let t2_47 = t2_46.mul_add(t2_14, t2_40);
-        let t2_48 = inv_pivot_3 * t2_47;
-        let t2_49 = (-t2_38).mul_add(t2_48, t2_37);
-        let t2_50 = inv_pivot_2 * t2_49;
-        let t2_51 = t2_28.mul_add(t2_43, t2_25);
-        let t2_52 = t2_51 * inv_pivot_4;
-        let t2_53 = (-t2_52).mul_add(t2_14, t2_28);
-        let t2_54 = inv_pivot_3 * t2_53;
-        let t2_55 = inv_pivot_2 * t2_38;
-        let t2_56 = t2_55 * t2_54;
-        let t2_57 = -t2_56;
-        let t2_58 = (-t2_31).mul_add(t2_36, t2_34);
-        let t2_59 = t2_58 * t2_39;
-        let t2_60 = t2_58 * t2_41;
-        let t2_61 = (-t2_59).mul_add(t2_43, t2_60);
-        let t2_62 = t2_61 * inv_pivot_4;
-        let t2_63 = t2_62.mul_add(t2_14, t2_59);
-        let t2_64 = inv_pivot_3 * t2_63;
-        let t2_65 = t2_38.mul_add(t2_64, t2_58);
-        let t2_66 = inv_pivot_2 * t2_65;
-        let t2_67 = -t2_66;
-        let t2_68 = -t2_46;
-        let t2_69 = -t2_62;
-        let t2_70 = like.lift(-0.06928203230275509).mul_add(t2_48, t2_21);
-        let t2_71 = (-t2_10).mul_add(t2_50, t2_70);
-        let t2_72 = like.lift(2.5) * t2_35;
-        let t2_73 = t2_71 * t2_72;
-        let t2_74 = -t2_73;
-        let t2_75 = t2_10 * t2_56;
-        let t2_76 = like.lift(-0.06928203230275509).mul_add(t2_54, t2_75);
-        let t2_77 = t2_76 * t2_72;
-        let t2_78 = -t2_77;
-        let t2_79 = like.lift(0.06928203230275509).mul_add(t2_64, t2_31);
-        let t2_80 = (-t2_10).mul_add(t2_66, t2_79);
-        let t2_81 = t2_80 * t2_72;
-        let t2_82 = -pivot_2;
+        let t2_64 = t2_63 * inv_pivot_4;
+        let t2_65 = (-t2_64).mul_add(t2_30, t2_58);
+        let t2_66 = inv_pivot_3 * t2_65;
+        let t2_67 = (-t2_56).mul_add(t2_66, t2_55);
+        let t2_68 = inv_pivot_2 * t2_67;
+        let t2_69 = -t2_68;
+        let t2_70 = (-t2_40).mul_add(t2_54, t2_35);
+        let t2_71 = t2_70 * t2_57;
+        let t2_72 = t2_70 * t2_59;
+        let t2_73 = (-t2_71).mul_add(t2_61, t2_72);
+        let t2_74 = t2_73 * inv_pivot_4;
+        let t2_75 = (-t2_74).mul_add(t2_30, t2_71);
+        let t2_76 = inv_pivot_3 * t2_75;
+        let t2_77 = (-t2_56).mul_add(t2_76, t2_70);
+        let t2_78 = inv_pivot_2 * t2_77;
+        let t2_79 = -t2_78;
+        let t2_80 = (-t2_52).mul_add(t2_61, t2_48);
+        let t2_81 = t2_80 * inv_pivot_4;
+        let t2_82 = (-t2_81).mul_add(t2_30, t2_52);
+        let t2_83 = inv_pivot_3 * t2_82;
+        let t2_84 = inv_pivot_2 * t2_56;
+        let t2_85 = t2_84 * t2_83;
+        let t2_86 = -t2_85;
+        let t2_87 = -t2_83;
+        let t2_88 = t2_24.mul_add(t2_66, t2_38);
+        let t2_89 = t2_22.mul_add(t2_68, t2_88);
+        let t2_90 = like.lift(2.5) * t2_53;
+        let t2_91 = t2_89 * t2_90;
+        let t2_92 = -t2_91;
+        let t2_93 = (-t2_24).mul_add(t2_76, t2_40);
+        let t2_94 = (-t2_22).mul_add(t2_78, t2_93);
+        let t2_95 = t2_94 * t2_90;
+        let t2_96 = t2_22 * t2_85;
+        let t2_97 = (-t2_24).mul_add(t2_83, t2_96);
+        let t2_98 = t2_97 * t2_90;
+        let t2_99 = -t2_98;
+        let t2_100 = -t2_64;
+        let t2_101 = -t2_74;
+        let t2_102 = -pivot_3;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
-            .min((t2_82 * like.lift(2.7080930926705737)).abs())
-            .min((pivot_3 * like.lift(19.82662604894746)).abs())
-            .min((pivot_4 * like.lift(2.203476117557732)).abs());
+        let margin = (pivot_1 * like.lift(2.6563845995423425)).abs()
+            .min((pivot_2 * like.lift(2.2678159988964297)).abs())
+            .min((t2_102 * like.lift(17.496940338012887)).abs())
+            .min((pivot_4 * like.lift(2.6702462158418983)).abs());
         let ([
             [x_q2_q1, x_q2_q4, x_q2_q6], [x_q3_q1, x_q3_q4, x_q3_q6],
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_50, t2_57, t2_67], [t2_48, t2_54, t2_64], [t2_68, t2_52, t2_69],
-                [t2_74, t2_78, t2_81],
+                [t2_69, t2_79, t2_86], [t2_66, t2_76, t2_87], [t2_92, t2_95, t2_99],
+                [t2_100, t2_101, t2_81],
             ],
             margin,
             || (
                 [
-                    [t2_11, like.lift(-0.06928203230275509), t2_12, like.lift(0.0)],
-                    [t2_13, like.lift(0.04), t2_14, like.lift(0.0)],
+                    [t2_14, t2_15, t2_17, like.lift(0.0)],
+                    [t2_23, t2_24, pivot_1, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_11, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
-                    [t2_16, like.lift(-0.04), like.lift(0.0), t2_17],
+                    [t2_26, like.lift(-0.06928203230275509), like.lift(0.0), t2_27],
+                    [t2_29, like.lift(-0.04), like.lift(0.0), t2_30],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_22, t2_25, like.lift(0.0)], [t2_27, t2_28, like.lift(0.0)],
+                    [t2_34, t2_36, like.lift(0.0)], [t2_39, t2_40, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_22, like.lift(0.0), t2_31], [t2_33, like.lift(0.0), t2_34],
+                    [t2_45, like.lift(0.0), t2_48], [t2_51, like.lift(0.0), t2_52],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -4592,7 +4779,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 19]) -> ([T; 3], Condition
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
 ///
-/// 108 additions, 160 multiplications, 4 divisions, 6 sines and cosines.
+/// 120 additions, 183 multiplications, 4 divisions, 7 sines and cosines.
 pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 19]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -4605,151 +4792,173 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 19]) -> (
     let mut condition = like.lift(1.0);
     // sines and cosines
     let [
-        sin_q3, cos_q3, sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4, sin_q5, cos_q5,
-        sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6, sin_q7, cos_q7, sin_q2, cos_q2,
+        sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5,
+        sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6, sin_q7, cos_q7,
     ] = {
         let t1_1 = q3 + q2;
         let t1_2 = t1_1 + q1;
-        let t1_3 = t1_2 - q4;
-        let t1_4 = q3 + q2;
-        let t1_5 = t1_4 + q1;
-        let t1_6 = t1_5 - q6;
+        let t1_3 = t1_2 - q6;
         let [
-            (sin_q3, cos_q3), (sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4), (sin_q5, cos_q5),
-            (sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6), (sin_q7, cos_q7), (sin_q2, cos_q2),
+            (sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q3, cos_q3), (sin_q4, cos_q4),
+            (sin_q5, cos_q5), (sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6), (sin_q7, cos_q7),
         ] =
-            T::sin_cos_all([q3, t1_3, q5, t1_6, q7, q2]);
+            T::sin_cos_all([q1, q2, q3, q4, q5, t1_3, q7]);
         [
-            sin_q3, cos_q3, sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4, sin_q5, cos_q5,
-            sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6, sin_q7, cos_q7, sin_q2, cos_q2,
+            sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5,
+            sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6, sin_q7, cos_q7,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t2_1, t2_2, t2_3, t2_6, u_platform_q2y, t2_7, t2_8, pivot_1, t2_12, t2_13, t2_15,
-        t2_16, t2_19, t2_20, t2_22, t2_24, t2_25, t2_37, t2_38, t2_48, inv_pivot_2, t2_50,
-        t2_51, pivot_3, inv_pivot_3, t2_53, t2_55, pivot_4, inv_pivot_4, t2_67, t2_70,
-        al_rod1z, t2_71, al_rod2z, al_rod3z,
+        t2_3, t2_6, t2_7, t2_9, t2_10, t2_13, t2_14, t2_16, t2_19, t2_20, t2_21, pivot_1,
+        t2_23, t2_26, t2_28, t2_29, t2_30, t2_31, t2_32, t2_33, t2_49, t2_52, t2_53, t2_54,
+        t2_55, t2_69, pivot_2, inv_pivot_2, t2_71, t2_72, inv_pivot_3, t2_74, t2_76, pivot_4,
+        inv_pivot_4, t2_88, t2_92, al_rod1z, t2_93, al_rod2z, al_rod3z,
     ] = {
-        let t2_1 = like.lift(0.4) * sin_q3;
-        let t2_2 = like.lift(0.06928203230275509) + t2_1;
-        let t2_3 = -t2_2;
-        let t2_4 = sin_q1_q2_q3_minus_q4 * cos_q5;
-        let sin_q1_q2_q3_minus_q4_minus_q5 = (-cos_q1_q2_q3_minus_q4).mul_add(sin_q5, t2_4);
-        let t2_5 = cos_q1_q2_q3_minus_q4 * cos_q5;
-        let cos_q1_q2_q3_minus_q4_minus_q5 = sin_q1_q2_q3_minus_q4.mul_add(sin_q5, t2_5);
-        let t2_6 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
-        let u_platform_q2y = like.lift(0.4) * cos_q3;
-        let t2_7 = like.lift(0.04) - u_platform_q2y;
-        let t2_8 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let t2_9 = sin_q1_q2_q3_minus_q6 * cos_q7;
-        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t2_9);
-        let t2_10 = cos_q1_q2_q3_minus_q6 * cos_q7;
-        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t2_10);
-        let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_11 = like.lift(0.04) + u_platform_q2y;
-        let t2_12 = -t2_11;
-        let t2_13 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let t2_14 = d_q1 * d_q1;
-        let t2_15 = cos_q2 * t2_14;
+        let t2_1 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_1);
+        let t2_2 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_2);
+        let t2_3 = like.lift(0.4) * sin_q1_q2;
+        let t2_4 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t2_4);
+        let t2_5 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_5);
+        let t2_6 = like.lift(0.04) * sin_q1_q2_q3;
+        let t2_7 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
+        let t2_8 = t2_6 + t2_7;
+        let t2_9 = t2_3 - t2_8;
+        let t2_10 = -t2_8;
+        let t2_11 = sin_q4 * cos_q5;
+        let sin_q4_q5 = cos_q4.mul_add(sin_q5, t2_11);
+        let t2_12 = cos_q4 * cos_q5;
+        let cos_q4_q5 = (-sin_q4).mul_add(sin_q5, t2_12);
+        let t2_13 = like.lift(0.4) * sin_q4_q5;
+        let t2_14 = -t2_13;
+        let t2_15 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
+        let t2_16 = like.lift(0.4) * cos_q1_q2;
+        let t2_17 = like.lift(0.04) * cos_q1_q2_q3;
+        let t2_18 = t2_15 + t2_16;
+        let t2_19 = t2_18 - t2_17;
+        let t2_20 = -t2_19;
+        let t2_21 = t2_17 - t2_15;
+        let pivot_1 = like.lift(0.4) * cos_q4_q5;
+        let t2_22 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
+        let t2_23 = -t2_22;
+        let t2_24 = sin_q1_q2_q3_minus_q6 * cos_q7;
+        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t2_24);
+        let t2_25 = cos_q1_q2_q3_minus_q6 * cos_q7;
+        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t2_25);
+        let t2_26 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_27 = like.lift(0.4).mul_add(cos_q3, like.lift(0.04));
+        let t2_28 = -t2_27;
+        let t2_29 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
         let w_rod1z = d_q1 + d_q2;
-        let t2_16 = w_rod1z * w_rod1z;
-        let t2_17 = t2_16 + t2_15;
-        let t2_18 = like.lift(0.4) * t2_17;
-        let t2_19 = cos_q3 * t2_18;
-        let t2_20 = sin_q2 * t2_14;
-        let t2_21 = (-t2_20).mul_add(t2_1, t2_19);
         let w_platformz = d_q3 + w_rod1z;
-        let t2_22 = w_platformz * w_platformz;
-        let t2_23 = like.lift(0.04) * t2_22;
         let w_rod2z = d_q4 + d_q5;
-        let t2_24 = w_rod2z * w_rod2z;
-        let t2_25 = d_q4 * d_q4;
-        let t2_26 = cos_q1_q2_q3_minus_q4_minus_q5 * t2_24;
-        let t2_27 = cos_q1_q2_q3_minus_q4.mul_add(t2_25, t2_26);
-        let t2_28 = t2_21 - t2_23;
-        let t2_29 = like.lift(-0.4).mul_add(t2_27, t2_28);
-        let t2_30 = -t2_29;
-        let t2_31 = like.lift(0.06928203230275509) * t2_22;
-        let t2_32 = t2_20.mul_add(u_platform_q2y, t2_31);
-        let t2_33 = sin_q3.mul_add(t2_18, t2_32);
-        let t2_34 = sin_q1_q2_q3_minus_q4_minus_q5 * t2_24;
-        let t2_35 = sin_q1_q2_q3_minus_q4.mul_add(t2_25, t2_34);
-        let t2_36 = like.lift(-0.4).mul_add(t2_35, t2_33);
+        let t2_30 = w_rod2z * w_rod2z;
+        let t2_31 = w_platformz * w_platformz;
+        let t2_32 = w_rod1z * w_rod1z;
+        let t2_33 = d_q4 * d_q4;
+        let t2_34 = d_q1 * d_q1;
+        let t2_35 = cos_q1_q2 * t2_32;
+        let t2_36 = cos_q1.mul_add(t2_34, t2_35);
+        let t2_37 = (-cos_q4_q5).mul_add(t2_30, t2_36);
+        let t2_38 = (-cos_q4).mul_add(t2_33, t2_37);
+        let t2_39 = like.lift(0.4) * t2_38;
+        let t2_40 = (-t2_21).mul_add(t2_31, t2_39);
+        let t2_41 = -t2_40;
+        let t2_42 = sin_q1_q2 * t2_32;
+        let t2_43 = sin_q1.mul_add(t2_34, t2_42);
+        let t2_44 = (-sin_q4_q5).mul_add(t2_30, t2_43);
+        let t2_45 = (-sin_q4).mul_add(t2_33, t2_44);
+        let t2_46 = like.lift(0.4) * t2_45;
+        let t2_47 = (-t2_8).mul_add(t2_31, t2_46);
+        let t2_48 = -t2_47;
+        let t2_49 = cos_q2 * t2_34;
+        let t2_50 = t2_32 + t2_49;
+        let t2_51 = like.lift(0.4) * t2_50;
+        let t2_52 = cos_q3 * t2_51;
+        let t2_53 = sin_q2 * t2_34;
         let w_rod3z = d_q6 + d_q7;
-        let t2_37 = w_rod3z * w_rod3z;
-        let t2_38 = d_q6 * d_q6;
-        let t2_39 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_37;
-        let t2_40 = cos_q1_q2_q3_minus_q6.mul_add(t2_38, t2_39);
-        let t2_41 = t2_21 + t2_23;
-        let t2_42 = like.lift(-0.4).mul_add(t2_40, t2_41);
-        let t2_43 = -t2_42;
-        let t2_44 = sin_q1_q2_q3_minus_q6_minus_q7 * t2_37;
-        let t2_45 = sin_q1_q2_q3_minus_q6.mul_add(t2_38, t2_44);
-        let t2_46 = like.lift(-0.4).mul_add(t2_45, t2_33);
-        let t2_47 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_48 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_47;
-        let pivot_2 = (-t2_2).mul_add(t2_48, t2_11);
+        let t2_54 = w_rod3z * w_rod3z;
+        let t2_55 = d_q6 * d_q6;
+        let t2_56 = sin_q3 * t2_53;
+        let t2_57 = cos_q1_q2_q3_minus_q6_minus_q7.mul_add(t2_54, t2_56);
+        let t2_58 = cos_q1_q2_q3_minus_q6.mul_add(t2_55, t2_57);
+        let t2_59 = like.lift(0.04).mul_add(t2_31, t2_52);
+        let t2_60 = like.lift(-0.4).mul_add(t2_58, t2_59);
+        let t2_61 = -t2_60;
+        let t2_62 = cos_q3 * t2_53;
+        let t2_63 = (-sin_q1_q2_q3_minus_q6_minus_q7).mul_add(t2_54, t2_62);
+        let t2_64 = (-sin_q1_q2_q3_minus_q6).mul_add(t2_55, t2_63);
+        let t2_65 = like.lift(0.06928203230275509) * t2_31;
+        let t2_66 = like.lift(0.4).mul_add(t2_64, t2_65);
+        let t2_67 = sin_q3.mul_add(t2_51, t2_66);
+        let t2_68 = like.lift(1.0) / cos_q4_q5;
+        let t2_69 = sin_q4_q5 * t2_68;
+        let pivot_2 = (-t2_19).mul_add(t2_69, t2_9);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_49 = t2_48.mul_add(t2_42, t2_46);
-        let t2_50 = like.lift(-0.06928203230275509).mul_add(t2_48, like.lift(0.04));
-        let t2_51 = t2_7 * inv_pivot_2;
-        let pivot_3 = (-t2_50).mul_add(t2_51, like.lift(0.04));
+        let t2_70 = t2_69.mul_add(t2_47, t2_40);
+        let t2_71 = (-t2_21).mul_add(t2_69, t2_8);
+        let t2_72 = t2_27 * inv_pivot_2;
+        let pivot_3 = t2_71.mul_add(t2_72, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_52 = t2_51.mul_add(t2_49, t2_36);
-        let t2_53 = t2_2 * inv_pivot_2;
-        let t2_54 = (-t2_50).mul_add(t2_53, like.lift(0.06928203230275509));
-        let t2_55 = t2_54 * inv_pivot_3;
-        let pivot_4 = t2_55.mul_add(t2_8, t2_6);
+        let t2_73 = (-t2_72).mul_add(t2_70, t2_67);
+        let t2_74 = t2_22 * inv_pivot_2;
+        let t2_75 = t2_71.mul_add(t2_74, like.lift(0.06928203230275509));
+        let t2_76 = t2_75 * inv_pivot_3;
+        let pivot_4 = (-t2_76).mul_add(t2_29, t2_26);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_56 = (-t2_55).mul_add(t2_52, t2_29);
-        let t2_57 = t2_53.mul_add(t2_49, t2_56);
-        let t2_58 = inv_pivot_4 * t2_57;
-        let t2_59 = t2_58.mul_add(t2_8, t2_52);
-        let t2_60 = inv_pivot_3 * t2_59;
-        let t2_61 = t2_50.mul_add(t2_60, t2_49);
-        let t2_62 = inv_pivot_2 * t2_61;
-        let t2_63 = -t2_62;
-        let t2_64 = -t2_58;
-        let t2_65 = like.lift(-0.06928203230275509).mul_add(t2_60, t2_42);
-        let t2_66 = t2_2.mul_add(t2_62, t2_65);
-        let t2_67 = like.lift(2.5) * t2_47;
-        let t2_68 = t2_66 * t2_67;
-        let t2_69 = -t2_68;
-        let t2_70 = -pivot_2;
+        let t2_77 = t2_76.mul_add(t2_73, t2_60);
+        let t2_78 = t2_74.mul_add(t2_70, t2_77);
+        let t2_79 = inv_pivot_4 * t2_78;
+        let t2_80 = t2_79.mul_add(t2_29, t2_73);
+        let t2_81 = inv_pivot_3 * t2_80;
+        let t2_82 = t2_71.mul_add(t2_81, t2_70);
+        let t2_83 = inv_pivot_2 * t2_82;
+        let t2_84 = -t2_83;
+        let t2_85 = -t2_81;
+        let t2_86 = (-t2_21).mul_add(t2_81, t2_47);
+        let t2_87 = t2_19.mul_add(t2_83, t2_86);
+        let t2_88 = like.lift(2.5) * t2_68;
+        let t2_89 = t2_87 * t2_88;
+        let t2_90 = -t2_89;
+        let t2_91 = -t2_79;
+        let t2_92 = -pivot_3;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
-            .min((t2_70 * like.lift(2.7080930926705737)).abs())
-            .min((pivot_3 * like.lift(19.82662604894746)).abs())
-            .min((pivot_4 * like.lift(2.203476117557732)).abs());
-        let ([[al_rod1z], [t2_71], [al_rod2z], [al_rod3z]], found) = ::regen_runtime::guarded(
-            [[t2_63], [t2_60], [t2_64], [t2_69]],
+        let margin = (pivot_1 * like.lift(2.6563845995423425)).abs()
+            .min((pivot_2 * like.lift(2.2678159988964297)).abs())
+            .min((t2_92 * like.lift(17.496940338012887)).abs())
+            .min((pivot_4 * like.lift(2.6702462158418983)).abs());
+        let ([[al_rod1z], [t2_93], [al_rod2z], [al_rod3z]], found) = ::regen_runtime::guarded(
+            [[t2_84], [t2_85], [t2_90], [t2_91]],
             margin,
             || (
                 [
-                    [t2_3, like.lift(-0.06928203230275509), t2_6, like.lift(0.0)],
-                    [t2_7, like.lift(0.04), t2_8, like.lift(0.0)],
+                    [t2_9, t2_10, t2_14, like.lift(0.0)],
+                    [t2_20, t2_21, pivot_1, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_3, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
-                    [t2_12, like.lift(-0.04), like.lift(0.0), t2_13],
+                    [t2_23, like.lift(-0.06928203230275509), like.lift(0.0), t2_26],
+                    [t2_28, like.lift(-0.04), like.lift(0.0), t2_29],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_30], [t2_36], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
-                    [t2_43], [t2_46], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_41], [t2_48], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_61], [t2_67], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            t2_1, t2_2, t2_3, t2_6, u_platform_q2y, t2_7, t2_8, pivot_1, t2_12, t2_13, t2_15,
-            t2_16, t2_19, t2_20, t2_22, t2_24, t2_25, t2_37, t2_38, t2_48, inv_pivot_2, t2_50,
-            t2_51, pivot_3, inv_pivot_3, t2_53, t2_55, pivot_4, inv_pivot_4, t2_67, t2_70,
-            al_rod1z, t2_71, al_rod2z, al_rod3z,
+            t2_3, t2_6, t2_7, t2_9, t2_10, t2_13, t2_14, t2_16, t2_19, t2_20, t2_21, pivot_1,
+            t2_23, t2_26, t2_28, t2_29, t2_30, t2_31, t2_32, t2_33, t2_49, t2_52, t2_53, t2_54,
+            t2_55, t2_69, pivot_2, inv_pivot_2, t2_71, t2_72, inv_pivot_3, t2_74, t2_76,
+            pivot_4, inv_pivot_4, t2_88, t2_92, al_rod1z, t2_93, al_rod2z, al_rod3z,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -4757,113 +4966,122 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 19]) -> (
         t3_4, t3_12, t3_20, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1,
         x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
     ] = {
-        let al_platformz = al_rod1z + t2_71;
-        let t3_1 = al_rod1z + t2_20;
+        let al_platformz = al_rod1z + t2_93;
+        let t3_1 = al_rod1z + t2_53;
         let t3_2 = like.lift(0.4) * t3_1;
-        let a_platformx = (-sin_q3).mul_add(t3_2, t2_19);
+        let a_platformx = (-sin_q3).mul_add(t3_2, t2_52);
         let t3_3 = p_my_platform * a_platformx;
         let t3_4 = p_izz_platform.mul_add(al_platformz, t3_3);
-        let t3_5 = t2_22 * p_my_platform;
+        let t3_5 = t2_31 * p_my_platform;
         let t3_6 = p_my_platform * al_platformz;
         let t3_7 = sin_q3 * t3_6;
         let t3_8 = cos_q3.mul_add(t3_5, t3_7);
-        let t3_9 = t2_15.mul_add(p_my_rod1, -t3_8);
-        let t3_10 = t2_20.mul_add(p_mx_rod1, t3_9);
+        let t3_9 = t2_49.mul_add(p_my_rod1, -t3_8);
+        let t3_10 = t2_53.mul_add(p_mx_rod1, t3_9);
         let t3_11 = p_izz_rod1.mul_add(al_rod1z, t3_4);
         let t3_12 = like.lift(0.4).mul_add(t3_10, t3_11);
         let t3_13 = p_my_rod1 * al_rod1z;
-        let t3_14 = t2_16.mul_add(p_mx_rod1, t3_13);
+        let t3_14 = t2_32.mul_add(p_mx_rod1, t3_13);
         let t3_15 = cos_q3.mul_add(t3_6, t3_14);
         let t3_16 = (-sin_q3).mul_add(t3_5, t3_15);
         let t3_17 = (-p_mx_rod1).mul_add(al_rod1z, t3_8);
-        let t3_18 = t2_16.mul_add(p_my_rod1, t3_17);
+        let t3_18 = t2_32.mul_add(p_my_rod1, t3_17);
         let t3_19 = cos_q2 * t3_18;
         let t3_20 = sin_q2.mul_add(t3_16, t3_19);
-        let t3_21 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
-        let t3_22 = sin_q3.mul_add(t3_21, like.lift(0.06928203230275509));
-        let t3_23 = sin_q2.mul_add(u_platform_q2y, t3_22);
+        let t3_21 = t2_7 + t2_6;
+        let t3_22 = like.lift(-0.4).mul_add(sin_q1, t3_21);
+        let t3_23 = t3_22 - t2_3;
         let t3_24 = -t3_23;
-        let t3_25 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t2_6);
-        let t3_26 = sin_q2 * t2_1;
-        let u_platform_q1y = (-cos_q3).mul_add(t3_21, t3_26);
-        let t3_27 = like.lift(0.04) + u_platform_q1y;
-        let t3_28 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t2_8);
-        let t3_29 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
-        let t3_30 = like.lift(0.04) - u_platform_q1y;
-        let t3_31 = -t3_30;
-        let t3_32 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_13);
-        let t3_33 = (-t3_23).mul_add(t2_48, t3_30);
-        let t3_34 = (-t3_33).mul_add(t2_51, t3_27);
-        let t3_35 = (-t3_34).mul_add(t2_55, t3_23);
-        let t3_36 = (-t3_33).mul_add(t2_53, t3_35);
-        let t3_37 = t3_36 * inv_pivot_4;
-        let t3_38 = t3_37.mul_add(t2_8, t3_34);
-        let t3_39 = inv_pivot_3 * t3_38;
-        let t3_40 = (-t2_50).mul_add(t3_39, t3_33);
-        let t3_41 = inv_pivot_2 * t3_40;
-        let t3_42 = t3_28.mul_add(t2_55, t3_25);
-        let t3_43 = t3_42 * inv_pivot_4;
-        let t3_44 = (-t3_43).mul_add(t2_8, t3_28);
-        let t3_45 = inv_pivot_3 * t3_44;
-        let t3_46 = inv_pivot_2 * t2_50;
-        let t3_47 = t3_46 * t3_45;
-        let t3_48 = -t3_47;
-        let t3_49 = (-t3_29).mul_add(t2_48, t3_32);
-        let t3_50 = t3_49 * t2_51;
-        let t3_51 = t3_49 * t2_53;
-        let t3_52 = (-t3_50).mul_add(t2_55, t3_51);
-        let t3_53 = t3_52 * inv_pivot_4;
-        let t3_54 = t3_53.mul_add(t2_8, t3_50);
-        let t3_55 = inv_pivot_3 * t3_54;
-        let t3_56 = t2_50.mul_add(t3_55, t3_49);
-        let t3_57 = inv_pivot_2 * t3_56;
-        let t3_58 = -t3_57;
-        let t3_59 = -t3_37;
-        let t3_60 = -t3_53;
-        let t3_61 = like.lift(-0.06928203230275509).mul_add(t3_39, t3_23);
-        let t3_62 = (-t2_2).mul_add(t3_41, t3_61);
-        let t3_63 = t3_62 * t2_67;
-        let t3_64 = -t3_63;
-        let t3_65 = t2_2 * t3_47;
-        let t3_66 = like.lift(-0.06928203230275509).mul_add(t3_45, t3_65);
-        let t3_67 = t3_66 * t2_67;
-        let t3_68 = -t3_67;
-        let t3_69 = like.lift(0.06928203230275509).mul_add(t3_55, t3_29);
-        let t3_70 = (-t2_2).mul_add(t3_57, t3_69);
-        let t3_71 = t3_70 * t2_67;
+        let t3_25 = like.lift(0.4).mul_add(sin_q4, t2_13);
+        let t3_26 = -t3_25;
+        let t3_27 = like.lift(0.4).mul_add(cos_q1, t2_16);
+        let t3_28 = t3_27 - t2_21;
+        let t3_29 = -t3_28;
+        let t3_30 = like.lift(0.4).mul_add(cos_q4, pivot_1);
+        let t3_31 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
+        let t3_32 = like.lift(0.4) * sin_q2;
+        let t3_33 = sin_q3.mul_add(t3_31, like.lift(0.06928203230275509));
+        let t3_34 = cos_q3.mul_add(t3_32, t3_33);
+        let t3_35 = -t3_34;
+        let t3_36 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t2_26);
+        let t3_37 = cos_q3.mul_add(t3_31, like.lift(0.04));
+        let t3_38 = (-sin_q3).mul_add(t3_32, t3_37);
+        let t3_39 = -t3_38;
+        let t3_40 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_29);
+        let t3_41 = t3_28.mul_add(t2_69, t3_23);
+        let t3_42 = t3_41.mul_add(t2_72, t3_38);
+        let t3_43 = (-t3_42).mul_add(t2_76, t3_34);
+        let t3_44 = t3_41.mul_add(t2_74, t3_43);
+        let t3_45 = t3_44 * inv_pivot_4;
+        let t3_46 = (-t3_45).mul_add(t2_29, t3_42);
+        let t3_47 = inv_pivot_3 * t3_46;
+        let t3_48 = (-t2_71).mul_add(t3_47, t3_41);
+        let t3_49 = inv_pivot_2 * t3_48;
+        let t3_50 = -t3_49;
+        let t3_51 = (-t3_30).mul_add(t2_69, t3_25);
+        let t3_52 = t3_51 * t2_72;
+        let t3_53 = t3_51 * t2_74;
+        let t3_54 = (-t3_52).mul_add(t2_76, t3_53);
+        let t3_55 = t3_54 * inv_pivot_4;
+        let t3_56 = (-t3_55).mul_add(t2_29, t3_52);
+        let t3_57 = inv_pivot_3 * t3_56;
+        let t3_58 = (-t2_71).mul_add(t3_57, t3_51);
+        let t3_59 = inv_pivot_2 * t3_58;
+        let t3_60 = -t3_59;
+        let t3_61 = (-t3_40).mul_add(t2_76, t3_36);
+        let t3_62 = t3_61 * inv_pivot_4;
+        let t3_63 = (-t3_62).mul_add(t2_29, t3_40);
+        let t3_64 = inv_pivot_3 * t3_63;
+        let t3_65 = inv_pivot_2 * t2_71;
+        let t3_66 = t3_65 * t3_64;
+        let t3_67 = -t3_66;
+        let t3_68 = -t3_64;
+        let t3_69 = t2_21.mul_add(t3_47, t3_28);
+        let t3_70 = t2_19.mul_add(t3_49, t3_69);
+        let t3_71 = t3_70 * t2_88;
+        let t3_72 = -t3_71;
+        let t3_73 = (-t2_21).mul_add(t3_57, t3_30);
+        let t3_74 = (-t2_19).mul_add(t3_59, t3_73);
+        let t3_75 = t3_74 * t2_88;
+        let t3_76 = t2_19 * t3_66;
+        let t3_77 = (-t2_21).mul_add(t3_64, t3_76);
+        let t3_78 = t3_77 * t2_88;
+        let t3_79 = -t3_78;
+        let t3_80 = -t3_45;
+        let t3_81 = -t3_55;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
-            .min((t2_70 * like.lift(2.7080930926705737)).abs())
-            .min((pivot_3 * like.lift(19.82662604894746)).abs())
-            .min((pivot_4 * like.lift(2.203476117557732)).abs());
+        let margin = (pivot_1 * like.lift(2.6563845995423425)).abs()
+            .min((pivot_2 * like.lift(2.2678159988964297)).abs())
+            .min((t2_92 * like.lift(17.496940338012887)).abs())
+            .min((pivot_4 * like.lift(2.6702462158418983)).abs());
         let ([
             [x_q2_q1, x_q2_q4, x_q2_q6], [x_q3_q1, x_q3_q4, x_q3_q6],
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t3_41, t3_48, t3_58], [t3_39, t3_45, t3_55], [t3_59, t3_43, t3_60],
-                [t3_64, t3_68, t3_71],
+                [t3_50, t3_60, t3_67], [t3_47, t3_57, t3_68], [t3_72, t3_75, t3_79],
+                [t3_80, t3_81, t3_62],
             ],
             margin,
             || (
                 [
-                    [t2_3, like.lift(-0.06928203230275509), t2_6, like.lift(0.0)],
-                    [t2_7, like.lift(0.04), t2_8, like.lift(0.0)],
+                    [t2_9, t2_10, t2_14, like.lift(0.0)],
+                    [t2_20, t2_21, pivot_1, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_3, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
-                    [t2_12, like.lift(-0.04), like.lift(0.0), t2_13],
+                    [t2_23, like.lift(-0.06928203230275509), like.lift(0.0), t2_26],
+                    [t2_28, like.lift(-0.04), like.lift(0.0), t2_29],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t3_24, t3_25, like.lift(0.0)], [t3_27, t3_28, like.lift(0.0)],
+                    [t3_24, t3_26, like.lift(0.0)], [t3_29, t3_30, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t3_24, like.lift(0.0), t3_29], [t3_31, like.lift(0.0), t3_32],
+                    [t3_35, like.lift(0.0), t3_36], [t3_39, like.lift(0.0), t3_40],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -4878,15 +5096,15 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 19]) -> (
     };
     // tau
     {
-        let t4_1 = cos_q5 * t2_25;
+        let t4_1 = cos_q5 * t2_33;
         let t4_2 = t4_1 * p_my_rod2;
-        let t4_3 = sin_q5 * t2_25;
+        let t4_3 = sin_q5 * t2_33;
         let t4_4 = t4_3.mul_add(p_mx_rod2, t4_2);
         let t4_5 = p_izz_rod2 * al_rod2z;
         let t4_6 = like.lift(0.4).mul_add(t4_4, t4_5);
         let t4_7 = like.lift(0.4) * cos_q7;
         let t4_8 = t4_7 * p_my_rod3;
-        let t4_9 = t4_8 * t2_38;
+        let t4_9 = t4_8 * t2_55;
         let t4_10 = p_izz_rod3.mul_add(al_rod3z, t4_9);
         let t4_11 = (-t4_10).mul_add(x_q7_q1, t3_12);
         let t4_12 = (-t4_6).mul_add(x_q5_q1, t4_11);
@@ -4895,8 +5113,8 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 19]) -> (
         let t4_15 = like.lift(-0.4).mul_add(t3_20, t4_14);
         tau[0] = t4_15;
         let t4_16 = p_my_rod2 * al_rod2z;
-        let t4_17 = t2_24.mul_add(p_mx_rod2, t4_16);
-        let t4_18 = t2_24 * p_my_rod2;
+        let t4_17 = t2_30.mul_add(p_mx_rod2, t4_16);
+        let t4_18 = t2_30 * p_my_rod2;
         let t4_19 = (-p_mx_rod2).mul_add(al_rod2z, t4_18);
         let t4_20 = cos_q5 * t4_19;
         let t4_21 = sin_q5.mul_add(t4_17, t4_20);
@@ -4907,7 +5125,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 19]) -> (
         let t4_26 = (-t3_12).mul_add(x_q2_q4, t4_25);
         tau[1] = t4_26;
         let t4_27 = sin_q7 * al_rod3z;
-        let t4_28 = cos_q7.mul_add(t2_37, t4_27);
+        let t4_28 = cos_q7.mul_add(t2_54, t4_27);
         let t4_29 = p_my_rod3 * t4_28;
         let t4_30 = (-t4_10).mul_add(x_q7_q6, t4_10);
         let t4_31 = like.lift(-0.4).mul_add(t4_29, t4_30);
@@ -4925,7 +5143,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 19]) -> (
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
 ///
-/// 103 additions, 132 multiplications, 4 divisions, 6 sines and cosines.
+/// 112 additions, 148 multiplications, 4 divisions, 7 sines and cosines.
 pub fn base_mass_matrix<T: Scalar>(q: &[T; 7], beta: &[T; 19]) -> ([[T; 3]; 3], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 3]; 3];
@@ -4938,23 +5156,20 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 7], beta: &[T; 19]) -> ([[T; 3]; 3], 
     let mut condition = like.lift(1.0);
     // sines and cosines
     let [
-        sin_q3, cos_q3, sin_q2, cos_q2, sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4, sin_q5,
-        cos_q5, sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6, sin_q7, cos_q7,
+        sin_q3, cos_q3, sin_q2, cos_q2, sin_q1, cos_q1, sin_q4, cos_q4, sin_q5, cos_q5,
+        sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6, sin_q7, cos_q7,
     ] = {
         let t1_1 = q3 + q2;
         let t1_2 = t1_1 + q1;
-        let t1_3 = t1_2 - q4;
-        let t1_4 = q3 + q2;
-        let t1_5 = t1_4 + q1;
-        let t1_6 = t1_5 - q6;
+        let t1_3 = t1_2 - q6;
         let [
-            (sin_q3, cos_q3), (sin_q2, cos_q2), (sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4),
+            (sin_q3, cos_q3), (sin_q2, cos_q2), (sin_q1, cos_q1), (sin_q4, cos_q4),
             (sin_q5, cos_q5), (sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6), (sin_q7, cos_q7),
         ] =
-            T::sin_cos_all([q3, q2, t1_3, q5, t1_6, q7]);
+            T::sin_cos_all([q3, q2, q1, q4, q5, t1_3, q7]);
         [
-            sin_q3, cos_q3, sin_q2, cos_q2, sin_q1_q2_q3_minus_q4, cos_q1_q2_q3_minus_q4,
-            sin_q5, cos_q5, sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6, sin_q7, cos_q7,
+            sin_q3, cos_q3, sin_q2, cos_q2, sin_q1, cos_q1, sin_q4, cos_q4, sin_q5, cos_q5,
+            sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6, sin_q7, cos_q7,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -4970,125 +5185,154 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 7], beta: &[T; 19]) -> ([[T; 3]; 3], 
         let t2_6 = cos_q2 * t2_4;
         let t2_7 = (-sin_q2).mul_add(t2_5, t2_6);
         let t2_8 = like.lift(0.4).mul_add(t2_7, t2_3);
-        let t2_9 = like.lift(0.4) * sin_q3;
-        let t2_10 = like.lift(0.06928203230275509) + t2_9;
-        let t2_11 = -t2_10;
-        let t2_12 = sin_q1_q2_q3_minus_q4 * cos_q5;
-        let sin_q1_q2_q3_minus_q4_minus_q5 = (-cos_q1_q2_q3_minus_q4).mul_add(sin_q5, t2_12);
-        let t2_13 = cos_q1_q2_q3_minus_q4 * cos_q5;
-        let cos_q1_q2_q3_minus_q4_minus_q5 = sin_q1_q2_q3_minus_q4.mul_add(sin_q5, t2_13);
-        let t2_14 = like.lift(0.4) * sin_q1_q2_q3_minus_q4_minus_q5;
-        let u_platform_q2y = like.lift(0.4) * cos_q3;
-        let t2_15 = like.lift(0.04) - u_platform_q2y;
-        let t2_16 = like.lift(0.4) * cos_q1_q2_q3_minus_q4_minus_q5;
-        let t2_17 = sin_q1_q2_q3_minus_q6 * cos_q7;
-        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t2_17);
-        let t2_18 = cos_q1_q2_q3_minus_q6 * cos_q7;
-        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t2_18);
-        let pivot_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_19 = like.lift(0.04) + u_platform_q2y;
-        let t2_20 = -t2_19;
-        let t2_21 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let t2_22 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
-        let t2_23 = sin_q3.mul_add(t2_22, like.lift(0.06928203230275509));
-        let t2_24 = sin_q2.mul_add(u_platform_q2y, t2_23);
-        let t2_25 = -t2_24;
-        let t2_26 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q4, t2_14);
-        let t2_27 = sin_q2 * t2_9;
-        let u_platform_q1y = (-cos_q3).mul_add(t2_22, t2_27);
-        let t2_28 = like.lift(0.04) + u_platform_q1y;
-        let t2_29 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q4, t2_16);
-        let t2_30 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, pivot_1);
-        let t2_31 = like.lift(0.04) - u_platform_q1y;
+        let t2_9 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_9);
+        let t2_10 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_10);
+        let t2_11 = like.lift(0.4) * sin_q1_q2;
+        let t2_12 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t2_12);
+        let t2_13 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_13);
+        let t2_14 = like.lift(0.04) * sin_q1_q2_q3;
+        let t2_15 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
+        let t2_16 = t2_14 + t2_15;
+        let t2_17 = t2_11 - t2_16;
+        let t2_18 = -t2_16;
+        let t2_19 = sin_q4 * cos_q5;
+        let sin_q4_q5 = cos_q4.mul_add(sin_q5, t2_19);
+        let t2_20 = cos_q4 * cos_q5;
+        let cos_q4_q5 = (-sin_q4).mul_add(sin_q5, t2_20);
+        let t2_21 = like.lift(0.4) * sin_q4_q5;
+        let t2_22 = -t2_21;
+        let t2_23 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
+        let t2_24 = like.lift(0.4) * cos_q1_q2;
+        let t2_25 = like.lift(0.04) * cos_q1_q2_q3;
+        let t2_26 = t2_23 + t2_24;
+        let t2_27 = t2_26 - t2_25;
+        let t2_28 = -t2_27;
+        let t2_29 = t2_25 - t2_23;
+        let pivot_1 = like.lift(0.4) * cos_q4_q5;
+        let t2_30 = like.lift(0.4) * sin_q3;
+        let t2_31 = like.lift(0.06928203230275509) + t2_30;
         let t2_32 = -t2_31;
-        let t2_33 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_21);
-        let t2_34 = like.lift(1.0) / sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_35 = cos_q1_q2_q3_minus_q6_minus_q7 * t2_34;
-        let pivot_2 = (-t2_10).mul_add(t2_35, t2_19);
+        let t2_33 = sin_q1_q2_q3_minus_q6 * cos_q7;
+        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t2_33);
+        let t2_34 = cos_q1_q2_q3_minus_q6 * cos_q7;
+        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t2_34);
+        let t2_35 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_36 = like.lift(0.4) * cos_q3;
+        let t2_37 = like.lift(0.04) + t2_36;
+        let t2_38 = -t2_37;
+        let t2_39 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t2_40 = t2_15 + t2_14;
+        let t2_41 = like.lift(-0.4).mul_add(sin_q1, t2_40);
+        let t2_42 = t2_41 - t2_11;
+        let t2_43 = -t2_42;
+        let t2_44 = like.lift(0.4).mul_add(sin_q4, t2_21);
+        let t2_45 = -t2_44;
+        let t2_46 = like.lift(0.4).mul_add(cos_q1, t2_24);
+        let t2_47 = t2_46 - t2_29;
+        let t2_48 = -t2_47;
+        let t2_49 = like.lift(0.4).mul_add(cos_q4, pivot_1);
+        let t2_50 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
+        let t2_51 = sin_q3.mul_add(t2_50, like.lift(0.06928203230275509));
+        let t2_52 = sin_q2.mul_add(t2_36, t2_51);
+        let t2_53 = -t2_52;
+        let t2_54 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t2_35);
+        let t2_55 = cos_q3.mul_add(t2_50, like.lift(0.04));
+        let t2_56 = (-sin_q2).mul_add(t2_30, t2_55);
+        let t2_57 = -t2_56;
+        let t2_58 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_39);
+        let t2_59 = like.lift(1.0) / cos_q4_q5;
+        let t2_60 = sin_q4_q5 * t2_59;
+        let pivot_2 = (-t2_27).mul_add(t2_60, t2_17);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_36 = (-t2_24).mul_add(t2_35, t2_31);
-        let t2_37 = like.lift(-0.06928203230275509).mul_add(t2_35, like.lift(0.04));
-        let t2_38 = t2_15 * inv_pivot_2;
-        let pivot_3 = (-t2_37).mul_add(t2_38, like.lift(0.04));
+        let t2_61 = t2_47.mul_add(t2_60, t2_42);
+        let t2_62 = (-t2_29).mul_add(t2_60, t2_16);
+        let t2_63 = t2_37 * inv_pivot_2;
+        let pivot_3 = t2_62.mul_add(t2_63, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_39 = (-t2_36).mul_add(t2_38, t2_28);
-        let t2_40 = t2_10 * inv_pivot_2;
-        let t2_41 = (-t2_37).mul_add(t2_40, like.lift(0.06928203230275509));
-        let t2_42 = t2_41 * inv_pivot_3;
-        let t2_43 = (-t2_39).mul_add(t2_42, t2_24);
-        let t2_44 = (-t2_36).mul_add(t2_40, t2_43);
-        let pivot_4 = t2_42.mul_add(t2_16, t2_14);
+        let t2_64 = t2_61.mul_add(t2_63, t2_56);
+        let t2_65 = t2_31 * inv_pivot_2;
+        let t2_66 = t2_62.mul_add(t2_65, like.lift(0.06928203230275509));
+        let t2_67 = t2_66 * inv_pivot_3;
+        let t2_68 = (-t2_64).mul_add(t2_67, t2_52);
+        let t2_69 = t2_61.mul_add(t2_65, t2_68);
+        let pivot_4 = (-t2_67).mul_add(t2_39, t2_35);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_45 = t2_44 * inv_pivot_4;
-        let t2_46 = t2_45.mul_add(t2_16, t2_39);
-        let t2_47 = inv_pivot_3 * t2_46;
-        let t2_48 = (-t2_37).mul_add(t2_47, t2_36);
-        let t2_49 = inv_pivot_2 * t2_48;
-        let t2_50 = t2_29.mul_add(t2_42, t2_26);
-        let t2_51 = t2_50 * inv_pivot_4;
-        let t2_52 = (-t2_51).mul_add(t2_16, t2_29);
-        let t2_53 = inv_pivot_3 * t2_52;
-        let t2_54 = inv_pivot_2 * t2_37;
-        let t2_55 = t2_54 * t2_53;
-        let t2_56 = -t2_55;
-        let t2_57 = (-t2_30).mul_add(t2_35, t2_33);
-        let t2_58 = t2_57 * t2_38;
-        let t2_59 = t2_57 * t2_40;
-        let t2_60 = (-t2_58).mul_add(t2_42, t2_59);
-        let t2_61 = t2_60 * inv_pivot_4;
-        let t2_62 = t2_61.mul_add(t2_16, t2_58);
-        let t2_63 = inv_pivot_3 * t2_62;
-        let t2_64 = t2_37.mul_add(t2_63, t2_57);
-        let t2_65 = inv_pivot_2 * t2_64;
-        let t2_66 = -t2_65;
-        let t2_67 = -t2_45;
-        let t2_68 = -t2_61;
-        let t2_69 = like.lift(-0.06928203230275509).mul_add(t2_47, t2_24);
-        let t2_70 = (-t2_10).mul_add(t2_49, t2_69);
-        let t2_71 = like.lift(2.5) * t2_34;
-        let t2_72 = t2_70 * t2_71;
-        let t2_73 = -t2_72;
-        let t2_74 = t2_10 * t2_55;
-        let t2_75 = like.lift(-0.06928203230275509).mul_add(t2_53, t2_74);
-        let t2_76 = t2_75 * t2_71;
-        let t2_77 = -t2_76;
-        let t2_78 = like.lift(0.06928203230275509).mul_add(t2_63, t2_30);
-        let t2_79 = (-t2_10).mul_add(t2_65, t2_78);
-        let t2_80 = t2_79 * t2_71;
-        let t2_81 = -pivot_2;
+        let t2_70 = t2_69 * inv_pivot_4;
+        let t2_71 = (-t2_70).mul_add(t2_39, t2_64);
+        let t2_72 = inv_pivot_3 * t2_71;
+        let t2_73 = (-t2_62).mul_add(t2_72, t2_61);
+        let t2_74 = inv_pivot_2 * t2_73;
+        let t2_75 = -t2_74;
+        let t2_76 = (-t2_49).mul_add(t2_60, t2_44);
+        let t2_77 = t2_76 * t2_63;
+        let t2_78 = t2_76 * t2_65;
+        let t2_79 = (-t2_77).mul_add(t2_67, t2_78);
+        let t2_80 = t2_79 * inv_pivot_4;
+        let t2_81 = (-t2_80).mul_add(t2_39, t2_77);
+        let t2_82 = inv_pivot_3 * t2_81;
+        let t2_83 = (-t2_62).mul_add(t2_82, t2_76);
+        let t2_84 = inv_pivot_2 * t2_83;
+        let t2_85 = -t2_84;
+        let t2_86 = (-t2_58).mul_add(t2_67, t2_54);
+        let t2_87 = t2_86 * inv_pivot_4;
+        let t2_88 = (-t2_87).mul_add(t2_39, t2_58);
+        let t2_89 = inv_pivot_3 * t2_88;
+        let t2_90 = inv_pivot_2 * t2_62;
+        let t2_91 = t2_90 * t2_89;
+        let t2_92 = -t2_91;
+        let t2_93 = -t2_89;
+        let t2_94 = t2_29.mul_add(t2_72, t2_47);
+        let t2_95 = t2_27.mul_add(t2_74, t2_94);
+        let t2_96 = like.lift(2.5) * t2_59;
+        let t2_97 = t2_95 * t2_96;
+        let t2_98 = -t2_97;
+        let t2_99 = (-t2_29).mul_add(t2_82, t2_49);
+        let t2_100 = (-t2_27).mul_add(t2_84, t2_99);
+        let t2_101 = t2_100 * t2_96;
+        let t2_102 = t2_27 * t2_91;
+        let t2_103 = (-t2_29).mul_add(t2_89, t2_102);
+        let t2_104 = t2_103 * t2_96;
+        let t2_105 = -t2_104;
+        let t2_106 = -t2_70;
+        let t2_107 = -t2_80;
+        let t2_108 = -pivot_3;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(2.922303535533518)).abs()
-            .min((t2_81 * like.lift(2.7080930926705737)).abs())
-            .min((pivot_3 * like.lift(19.82662604894746)).abs())
-            .min((pivot_4 * like.lift(2.203476117557732)).abs());
+        let margin = (pivot_1 * like.lift(2.6563845995423425)).abs()
+            .min((pivot_2 * like.lift(2.2678159988964297)).abs())
+            .min((t2_108 * like.lift(17.496940338012887)).abs())
+            .min((pivot_4 * like.lift(2.6702462158418983)).abs());
         let ([
             [x_q2_q1, x_q2_q4, x_q2_q6], [x_q3_q1, x_q3_q4, x_q3_q6],
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_49, t2_56, t2_66], [t2_47, t2_53, t2_63], [t2_67, t2_51, t2_68],
-                [t2_73, t2_77, t2_80],
+                [t2_75, t2_85, t2_92], [t2_72, t2_82, t2_93], [t2_98, t2_101, t2_105],
+                [t2_106, t2_107, t2_87],
             ],
             margin,
             || (
                 [
-                    [t2_11, like.lift(-0.06928203230275509), t2_14, like.lift(0.0)],
-                    [t2_15, like.lift(0.04), t2_16, like.lift(0.0)],
+                    [t2_17, t2_18, t2_22, like.lift(0.0)],
+                    [t2_28, t2_29, pivot_1, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_11, like.lift(-0.06928203230275509), like.lift(0.0), pivot_1],
-                    [t2_20, like.lift(-0.04), like.lift(0.0), t2_21],
+                    [t2_32, like.lift(-0.06928203230275509), like.lift(0.0), t2_35],
+                    [t2_38, like.lift(-0.04), like.lift(0.0), t2_39],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_25, t2_26, like.lift(0.0)], [t2_28, t2_29, like.lift(0.0)],
+                    [t2_43, t2_45, like.lift(0.0)], [t2_48, t2_49, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_25, like.lift(0.0), t2_30], [t2_32, like.lift(0.0), t2_33],
+                    [t2_53, like.lift(0.0), t2_54], [t2_57, like.lift(0.0), t2_58],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],

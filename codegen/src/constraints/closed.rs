@@ -5,7 +5,8 @@ use crate::model::Model;
 use crate::sym::eval::Evaluator;
 use crate::sym::{Ex, Graph, System};
 
-use super::elimination::{Plan, eliminate, plan};
+use super::choice;
+use super::elimination::{Eliminated, Plan, eliminate, plan, structure};
 use super::home::{HomeProblem, NumericLoops, close_home};
 use super::loops::{LoopEquations, Viewpoint};
 use super::rows::{Equations, coupling_equations, world_equations};
@@ -50,9 +51,10 @@ impl Closed {
         let states = closed_states(&loops, model, &home);
         drop(loops);
         g.set_naming(false);
-        let chosen = choose(g, frames, model, &states);
+        let viewpoints = choice::viewpoints(g, frames, model, &states);
+        let closure = Closure::build(g, frames, model, &viewpoints, &states);
         g.set_naming(true);
-        let closure = chosen.ok_or_else(|| HomeProblem::NotIndependent {
+        let closure = closure.ok_or_else(|| HomeProblem::NotIndependent {
             choice: model.independent.clone(),
         })?;
         Ok(Closed {
@@ -84,46 +86,6 @@ fn columns(rows: &[Vec<Ex>], which: &[usize]) -> Vec<Vec<Ex>> {
         .collect()
 }
 
-/// Chooses the viewpoints that make X cheapest, one loop after the other, by
-/// building X and counting its operations.
-fn choose(g: &mut Graph, frames: &Frames, model: &Model, states: &[Vec<f64>]) -> Option<Closure> {
-    let choices: Vec<Vec<Viewpoint>> = model
-        .cuts
-        .iter()
-        .map(|cut| LoopEquations::new(model, cut).viewpoints())
-        .collect();
-    let mut chosen: Vec<Viewpoint> = choices.iter().filter_map(|c| c.first().copied()).collect();
-    let mut best: Option<((usize, usize), Closure)> = None;
-    for cut in 0..chosen.len().max(1) {
-        let options = choices.get(cut).cloned().unwrap_or_default();
-        let mut options_or_none = options.into_iter().map(Some).collect::<Vec<_>>();
-        if options_or_none.is_empty() {
-            options_or_none.push(None);
-        }
-        for option in options_or_none {
-            let mut tried = chosen.clone();
-            if let Some(option) = option {
-                // the choice made so far has been built already
-                if best.is_some() && tried[cut] == option {
-                    continue;
-                }
-                tried[cut] = option;
-            }
-            let Some(closure) = Closure::build(g, frames, model, &tried, states) else {
-                continue;
-            };
-            let price = g.price(closure.x.iter().flatten().copied(), &mut Vec::new());
-            // where an order of pivots is unfit, it is not cheap but solved anew
-            let price = (closure.plan.unfit, price);
-            if best.as_ref().is_none_or(|(least, _)| price < *least) {
-                chosen = tried;
-                best = Some((price, closure));
-            }
-        }
-    }
-    best.map(|b| b.1)
-}
-
 impl Closure {
     fn build(
         g: &mut Graph,
@@ -148,16 +110,8 @@ impl Closure {
             })
             .collect();
         drop(evaluator);
-        let structure: Vec<Vec<Option<bool>>> = a_e
-            .iter()
-            .map(|row| {
-                row.iter()
-                    .map(|e| (!e.is_zero()).then(|| g.value(*e).is_some()))
-                    .collect()
-            })
-            .collect();
-        let plan = plan(&structure, &samples)?;
-        let (x, _) = eliminate(g, &a_e, &a_i, &plan);
+        let plan = plan(&structure(g, &a_e), &samples)?;
+        let x = eliminate(g, &a_e, &a_i, &plan).solution;
         Some(Closure {
             viewpoints: viewpoints.to_vec(),
             plan,
@@ -192,7 +146,11 @@ impl Closure {
     /// solved anew where the fixed order of pivots is unfit.
     pub fn solve(&self, g: &mut Graph, model: &Model, rhs: &[Vec<Ex>]) -> Vec<Vec<Ex>> {
         let a_e = columns(&self.jacobian, &model.dependent);
-        let (fixed, pivots) = eliminate(g, &a_e, rhs, &self.plan);
+        let Eliminated {
+            solution: fixed,
+            pivots,
+            ..
+        } = eliminate(g, &a_e, rhs, &self.plan);
         // pivots that are constants never need a second thought
         let pivots: Vec<(Ex, f64)> = pivots
             .into_iter()

@@ -58,16 +58,30 @@ pub fn plan(structure: &[Vec<Option<bool>>], samples: &[Vec<Vec<f64>>]) -> Optio
     let mut unfit = 0;
     while !free_columns.is_empty() {
         let mut best: Option<(bool, usize, bool, f64, usize, usize)> = None;
+        let in_rows: Vec<usize> = filled
+            .iter()
+            .map(|row| free_columns.iter().filter(|&&j| row[j]).count())
+            .collect();
         for &c in &free_columns {
-            for &r in free_rows.iter().filter(|&&r| filled[r][c]) {
-                let quality = quality(&work, &scale, &free_rows, r, c);
+            let in_column: Vec<usize> = free_rows
+                .iter()
+                .copied()
+                .filter(|&r| filled[r][c])
+                .collect();
+            let largest: Vec<f64> = work
+                .iter()
+                .map(|sample| {
+                    let sizes = in_column.iter().map(|&i| sample[i][c].abs() / scale[i]);
+                    sizes.fold(0.0, f64::max)
+                })
+                .collect();
+            for &r in &in_column {
+                let quality = quality(&work, scale[r], &largest, r, c);
                 if quality <= 0.0 {
                     continue;
                 }
                 let good = quality >= THRESHOLD;
-                let in_row = free_columns.iter().filter(|&&j| filled[r][j]).count();
-                let in_column = free_rows.iter().filter(|&&i| filled[i][c]).count();
-                let fill = (in_row - 1) * (in_column - 1);
+                let fill = (in_rows[r] - 1) * (in_column.len() - 1);
                 let candidate = (good, fill, constant[r][c], quality, r, c);
                 if best.is_none_or(|b| better(&candidate, &b)) {
                     best = Some(candidate);
@@ -95,9 +109,9 @@ pub fn plan(structure: &[Vec<Option<bool>>], samples: &[Vec<Vec<f64>>]) -> Optio
         }
         for sample in &mut work {
             let pivot = sample[r].clone();
-            for &i in &free_rows {
+            for &i in free_rows.iter().filter(|&&i| filled[i][c]) {
                 let factor = sample[i][c] / pivot[c];
-                for &j in &free_columns {
+                for &j in free_columns.iter().filter(|&&j| filled[r][j]) {
                     sample[i][j] -= factor * pivot[j];
                 }
             }
@@ -113,14 +127,13 @@ pub fn plan(structure: &[Vec<Option<bool>>], samples: &[Vec<Vec<f64>>]) -> Optio
 /// The least part, over the samples, of its column's largest entry that a
 /// pivot reaches; 0 where the pivot vanishes. A pivot with both signs vanishes
 /// somewhere between the samples, and is taken only if there is no other.
-fn quality(work: &[Vec<Vec<f64>>], scale: &[f64], rows: &[usize], r: usize, c: usize) -> f64 {
-    let parts = work.iter().map(|sample| {
-        let size = |i: usize| sample[i][c].abs() / scale[i];
-        if size(r) < NOTHING {
+fn quality(work: &[Vec<Vec<f64>>], scale: f64, largest: &[f64], r: usize, c: usize) -> f64 {
+    let parts = work.iter().zip(largest).map(|(sample, largest)| {
+        let size = sample[r][c].abs() / scale;
+        if size < NOTHING {
             return 0.0;
         }
-        let largest = rows.iter().fold(0.0_f64, |m, &i| m.max(size(i)));
-        size(r) / largest
+        size / largest
     });
     let least = parts.fold(f64::INFINITY, f64::min);
     let positive = work.iter().filter(|s| s[r][c] > 0.0).count();
@@ -153,15 +166,29 @@ fn better(a: &Candidate, b: &Candidate) -> bool {
     a.3 > 1.25 * b.3
 }
 
+/// Which entries of a matrix are not identically zero, and whether those are constant.
+pub fn structure(g: &Graph, matrix: &[Vec<Ex>]) -> Vec<Vec<Option<bool>>> {
+    let entry = |e: &Ex| (!e.is_zero()).then(|| g.value(*e).is_some());
+    matrix
+        .iter()
+        .map(|row| row.iter().map(entry).collect())
+        .collect()
+}
+
+/// What an elimination leaves.
+#[derive(Clone, Debug)]
+pub struct Eliminated {
+    /// Unknowns by right-hand sides.
+    pub solution: Vec<Vec<Ex>>,
+    /// The pivots with their usual sizes.
+    pub pivots: Vec<(Ex, f64)>,
+    /// The right-hand sides of the rows that the order leaves out.
+    pub left: Vec<Vec<Ex>>,
+}
+
 /// The solution of `A Z = B` by elimination in the plan's order, on
-/// expressions: unknowns by right-hand sides, and the pivots with their sizes.
-/// One division per pivot, no square roots.
-pub fn eliminate(
-    g: &mut Graph,
-    matrix: &[Vec<Ex>],
-    rhs: &[Vec<Ex>],
-    plan: &Plan,
-) -> (Vec<Vec<Ex>>, Vec<(Ex, f64)>) {
+/// expressions. One division per pivot, no square roots.
+pub fn eliminate(g: &mut Graph, matrix: &[Vec<Ex>], rhs: &[Vec<Ex>], plan: &Plan) -> Eliminated {
     let sides = rhs.first().map_or(0, Vec::len);
     let columns = matrix.first().map_or(0, Vec::len);
     let mut a = matrix.to_vec();
@@ -205,5 +232,10 @@ pub fn eliminate(
             solution[c][s] = g.mul(value, inverses[k]);
         }
     }
-    (solution, pivots)
+    let left = rows.into_iter().map(|i| b[i].clone()).collect();
+    Eliminated {
+        solution,
+        pivots,
+        left,
+    }
 }

@@ -2,6 +2,7 @@
 //! partition into independent and dependent coordinates (Eq. 8-9), and
 //! X = A_e^-1 A_i (Eq. 10) by an elimination laid out for the structure.
 
+mod choice;
 mod closed;
 mod elimination;
 mod home;
@@ -11,7 +12,7 @@ mod samples;
 mod view;
 
 pub use closed::{Closed, Closure};
-pub use elimination::{Plan, eliminate, plan};
+pub use elimination::{Eliminated, Plan, eliminate, plan, structure};
 pub use home::{HomeProblem, NumericLoops, close_home};
 pub use loops::{LoopEquations, Viewpoint};
 pub use rows::{Equations, Form, world_equations, world_views};
