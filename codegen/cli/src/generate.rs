@@ -6,13 +6,13 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 use serde::Serialize;
 
 use crate::args::{Format, GenerateArgs};
 use crate::exit::Failure;
 use crate::workspace::{self, Workspace};
-use crate::{load, modules, table, terminal, write};
+use crate::{load, modules, progress, table, terminal, write};
 
 /// How a file stands to what it should be.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -117,11 +117,14 @@ fn mending(args: &GenerateArgs) -> String {
 
 /// The text of each robot's module by its name; the errors of all files at once.
 fn derive(files: &[PathBuf]) -> Result<BTreeMap<String, String>, Failure> {
-    let progress = progress(files.len());
+    let bar = match files.len() {
+        0 | 1 => ProgressBar::hidden(),
+        many => progress::bar(many as u64, "{bar:24} {pos}/{len} {msg}"),
+    };
     let mut texts = BTreeMap::new();
     let mut reports = Vec::new();
     for file in files {
-        progress.set_message(file.display().to_string());
+        bar.set_message(file.display().to_string());
         match load::robot(file) {
             Ok(robot) => {
                 let text = modules::text(&robot, file)?;
@@ -137,26 +140,14 @@ fn derive(files: &[PathBuf]) -> Result<BTreeMap<String, String>, Failure> {
             Err(Failure::Spec(more)) => reports.extend(more),
             Err(other) => return Err(other),
         }
-        progress.inc(1);
+        bar.inc(1);
     }
-    progress.finish_and_clear();
+    bar.finish_and_clear();
     if reports.is_empty() {
         Ok(texts)
     } else {
         Err(Failure::Spec(reports))
     }
-}
-
-/// A bar on a terminal's standard error, nothing elsewhere or for a single file.
-fn progress(files: usize) -> ProgressBar {
-    if files < 2 {
-        return ProgressBar::hidden();
-    }
-    let bar = ProgressBar::new(files as u64);
-    if let Ok(style) = ProgressStyle::with_template("{bar:24} {pos}/{len} {msg}") {
-        bar.set_style(style);
-    }
-    bar
 }
 
 /// How the directory's files stand to these modules. `whole`: no other modules belong there.

@@ -16,7 +16,7 @@ use crate::parameters::{FrictionRow, ParameterFile, ParameterRow, PhysicalRow};
 use crate::physical::{self, Found};
 use crate::predicted::{self, OnLog};
 use crate::reduce::{self, StepJson};
-use crate::{identify_friction, load, outputs, table, terminal, watch, write};
+use crate::{identify_friction, load, outputs, progress, table, terminal, write};
 
 /// The JSON of `regen identify`.
 #[derive(Serialize)]
@@ -157,7 +157,7 @@ fn models(
         feasibility: "not judged: --feasible does".to_owned(),
     }];
     if args.physical.wanted() {
-        let working = watch::spinner("solving for physical parameters".to_owned());
+        let working = progress::spinner("solving for physical parameters".to_owned());
         let result = physical::models(
             model,
             &args.physical,

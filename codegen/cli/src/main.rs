@@ -2,7 +2,6 @@
 //! evaluates and verifies them.
 
 mod args;
-mod args_physical;
 mod base;
 mod base_factor;
 mod base_latex;
@@ -36,6 +35,7 @@ mod parameters;
 mod path;
 mod physical;
 mod predicted;
+mod progress;
 mod reduce;
 mod report;
 mod simulate;

@@ -12,7 +12,8 @@ use serde::Serialize;
 use crate::args::{Format, ObserveArgs, ProblemsArg, ReadingArgs};
 use crate::exit::Failure;
 use crate::interpreted::{BaseTerms, Interpreted};
-use crate::watch::{Watched, spinner};
+use crate::progress::spinner;
+use crate::watch::Watched;
 use crate::{load, table, terminal, write};
 
 /// The JSON of `regen observe`.

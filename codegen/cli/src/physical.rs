@@ -8,7 +8,7 @@ use regen_runtime::feasibility::{
 use regen_runtime::friction::{FrictionData, FrictionJoint, JointFit, fit};
 use regen_runtime::{BaseModel, Friction, Model};
 
-use crate::args_physical::{PhysicalArgs, PriorArg};
+use crate::args::{PhysicalArgs, PriorArg};
 use crate::exit::Failure;
 use crate::interpreted::Interpreted;
 use crate::terminal;

@@ -1,14 +1,12 @@
 //! A bar on a terminal's standard error while logs are read.
 
-use std::io::IsTerminal;
-use std::time::Duration;
-
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 use regen_runtime::data::{DataError, Logs};
 use regen_runtime::estimate::EstimateError;
 use regen_runtime::identify::{Row, Source};
 
 use crate::interpreted::Interpreted;
+use crate::progress;
 
 /// Rows between two steps of a bar.
 const EVERY: u64 = 64;
@@ -24,7 +22,8 @@ impl<'m> Watched<'m> {
     /// Watches logs whose states are taken with this decimation.
     pub(crate) fn new(logs: Logs<'m, Interpreted<'m>>, decimation: usize) -> Self {
         let rows: usize = logs.reports().iter().map(|report| report.rows).sum();
-        let bar = bar((rows / decimation.max(1)) as u64);
+        let length = (rows / decimation.max(1)) as u64;
+        let bar = progress::bar(length, "{msg} {bar:24} {pos}/{len} rows, {eta} left");
         Self {
             logs,
             bar,
@@ -64,26 +63,4 @@ impl Drop for Watched<'_> {
     fn drop(&mut self) {
         self.bar.finish_and_clear();
     }
-}
-
-fn bar(rows: u64) -> ProgressBar {
-    if !std::io::stderr().is_terminal() {
-        return ProgressBar::hidden();
-    }
-    let bar = ProgressBar::new(rows);
-    let style = "{msg} {bar:24} {pos}/{len} rows, {eta} left";
-    if let Ok(style) = ProgressStyle::with_template(style) {
-        bar.set_style(style);
-    }
-    bar
-}
-
-/// A sign of life while something of unknown length runs.
-pub(crate) fn spinner(message: String) -> ProgressBar {
-    if !std::io::stderr().is_terminal() {
-        return ProgressBar::hidden();
-    }
-    let bar = ProgressBar::new_spinner().with_message(message);
-    bar.enable_steady_tick(Duration::from_millis(120));
-    bar
 }

@@ -29,7 +29,7 @@ impl Seen {
 }
 
 /// A viewpoint for each cut, by price over sampled states of the closed mechanism.
-pub fn viewpoints(
+pub(super) fn viewpoints(
     g: &mut Graph,
     frames: &Frames,
     model: &Model,

@@ -14,15 +14,17 @@ mod control;
 mod forward;
 mod friction;
 mod integrate;
+mod log;
 mod noise;
+mod robot;
 mod run;
+mod settings;
 
 pub use audit::Energy;
 pub use control::{Controller, Drive, Now, Pid};
 pub use forward::{Forward, Freed};
 pub use friction::{FrictionLaw, friction_laws};
+pub use log::{Ended, Log};
 pub use noise::{Noise, perturbed};
-pub use run::{
-    Ended, Log, Reference, Sensors, Settings, SimulationError, simulate, simulate_controlled,
-    simulate_watched,
-};
+pub use run::{simulate, simulate_controlled, simulate_watched};
+pub use settings::{Reference, Sensors, Settings, SimulationError};

@@ -5,10 +5,9 @@ mod tangents;
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::io::IsTerminal;
 use std::sync::atomic::Ordering;
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 use regen_runtime::excite::{
     Criterion, Excitation, ExciteError, Margin, Outcome, Progress, Settings, Watch, excite,
 };
@@ -23,7 +22,7 @@ use crate::args::Format;
 use crate::exit::Failure;
 use crate::interpreted::{BaseTerms, Interpreted};
 use crate::trajectory::Trajectory;
-use crate::{interrupt, load, observe, table, terminal};
+use crate::{interrupt, load, observe, progress, table, terminal};
 
 /// The JSON of `regen excite`.
 #[derive(Serialize)]
@@ -61,7 +60,7 @@ pub(crate) fn run(args: &ExciteArgs) -> Result<(), Failure> {
         );
     }
     let stop = interrupt::asks();
-    let bar = bar();
+    let bar = progress::bar(1, "{bar:24} {percent} %, {eta} left{msg}");
     let report = |progress: Progress| show(&bar, progress);
     let watch = Watch {
         stop,
@@ -222,17 +221,6 @@ fn human(trajectory: &Trajectory, found: &Excitation) -> String {
         let _ = writeln!(out, "  and {} more, all kept", margins.len() - rows.len());
     }
     out
-}
-
-fn bar() -> ProgressBar {
-    if !std::io::stderr().is_terminal() {
-        return ProgressBar::hidden();
-    }
-    let bar = ProgressBar::new(1);
-    if let Ok(style) = ProgressStyle::with_template("{bar:24} {percent} %, {eta} left{msg}") {
-        bar.set_style(style);
-    }
-    bar
 }
 
 fn show(bar: &ProgressBar, progress: Progress) {

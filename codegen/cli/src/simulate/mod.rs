@@ -5,12 +5,10 @@ mod control;
 mod log;
 mod parameters;
 
-use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
 pub(crate) use args::SimulateArgs;
 
-use indicatif::{ProgressBar, ProgressStyle};
 use regen_runtime::Model;
 use regen_runtime::simulate::{
     Drive, Ended, Log, Noise, Reference, Sensors, Settings, SimulationError, perturbed,
@@ -22,7 +20,7 @@ use crate::args::Format;
 use crate::exit::Failure;
 use crate::interpreted::Interpreted;
 use crate::path::Path as Motion;
-use crate::{load, table, terminal, write};
+use crate::{load, progress, table, terminal, write};
 
 /// The JSON of `regen simulate`.
 #[derive(Serialize)]
@@ -119,7 +117,8 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
         .collect();
 
     // all runs before any file: an interrupt leaves all or none
-    let bar = progress(args.runs, settings.duration);
+    let length = thousandths(args.runs as f64 * settings.duration);
+    let bar = progress::bar(length, "{bar:24} {percent:>3} %, {eta} left");
     let mut texts = Vec::with_capacity(args.runs);
     let mut runs = Vec::with_capacity(args.runs);
     for number in 0..args.runs {
@@ -250,19 +249,6 @@ fn summary(model: &Interpreted<'_>, log: &Log, motion: &Motion) -> Run {
         kinetic: log.energy.iter().fold(0.0, |m, e| m.max(e.kinetic)),
         tracking,
     }
-}
-
-/// A bar with the time left, on a terminal.
-fn progress(runs: usize, duration: f64) -> ProgressBar {
-    if !std::io::stderr().is_terminal() {
-        return ProgressBar::hidden();
-    }
-    let bar = ProgressBar::new(thousandths(runs as f64 * duration));
-    let style = ProgressStyle::with_template("{bar:24} {percent:>3} %, {eta} left");
-    if let Ok(style) = style {
-        bar.set_style(style);
-    }
-    bar
 }
 
 /// Milliseconds for a bar.
