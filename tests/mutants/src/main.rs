@@ -1,0 +1,52 @@
+//! Mutation testing in hours instead of days: the faults that cargo-mutants lists are planted
+//! together in one copy of the sources, each behind a switch that an environment variable sets,
+//! so that the tests are built once and only run for each of them.
+//!
+//! ```sh
+//! cargo mutants --list --json -f 'codegen/src/base/**' ... > all.json
+//! regen-mutants draw all.json SEED COUNT > drawn.json
+//! regen-mutants plant COPY drawn.json          # rewrites the copy's sources
+//! regen-mutants check COPY drawn.json CRATE... # which of them compile
+//! regen-mutants run COPY drawn.json CRATE...   # tests each, one line of JSON a mutant
+//! ```
+
+mod check;
+mod draw;
+mod plant;
+mod run;
+
+use std::path::Path;
+use std::process::ExitCode;
+
+/// Whatever goes wrong here, told in words.
+type Told<T> = Result<T, String>;
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let done = match words[..] {
+        ["draw", list, seed, count] => draw::draw(Path::new(list), seed, count),
+        ["plant", copy, drawn] => plant::plant(Path::new(copy), Path::new(drawn)),
+        ["check", copy, drawn, ref crates @ ..] => check::check(Path::new(copy), Path::new(drawn), crates),
+        ["run", copy, drawn, ref crates @ ..] => {
+            run::run(Path::new(copy), Path::new(drawn), crates)
+        }
+        _ => Err(
+            "draw LIST SEED COUNT | plant COPY DRAWN | check COPY DRAWN CRATE... | run COPY DRAWN CRATE..."
+                .into(),
+        ),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(told) => {
+            eprintln!("error: {told}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// A file's JSON.
+fn read(path: &Path) -> Told<Vec<serde_json::Value>> {
+    let text = std::fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;
+    serde_json::from_str(&text).map_err(|e| format!("{}: {e}", path.display()))
+}
