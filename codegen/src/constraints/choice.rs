@@ -51,8 +51,8 @@ pub(super) fn viewpoints(
             let values: Vec<Vec<Vec<f64>>> = samples
                 .iter()
                 .map(|s| {
-                    let rows = s[at..at + rows.len() * width].chunks(width.max(1));
-                    rows.map(|row| row[..seen.own.len()].to_vec()).collect()
+                    let row = |k: usize| s[at + k * width..][..seen.own.len()].to_vec();
+                    (0..rows.len()).map(row).collect()
                 })
                 .collect();
             at += rows.len() * width;
