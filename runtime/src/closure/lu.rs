@@ -26,7 +26,7 @@ impl Lu {
     /// Factors a row-major matrix of `size` columns and at least as many rows.
     pub(super) fn new(matrix: &[f64], size: usize) -> Self {
         let mut scale = vec![0.0_f64; size];
-        for row in matrix.chunks_exact(size.max(1)) {
+        for row in rows(matrix, size) {
             for (largest, entry) in scale.iter_mut().zip(row) {
                 *largest = largest.max(entry.abs());
             }
@@ -34,7 +34,7 @@ impl Lu {
         let mut lu = Self {
             size,
             factors: scaled(matrix, &scale),
-            rows: (0..matrix.len() / size.max(1)).collect(),
+            rows: (0..rows(matrix, size).count()).collect(),
             scale,
         };
         for k in 0..size {
@@ -45,39 +45,56 @@ impl Lu {
         lu
     }
 
+    /// An entry of the factors. There are as many as asked for; what is not there is no number.
+    fn at(&self, i: usize, j: usize) -> f64 {
+        entry(&self.factors, i * self.size + j)
+    }
+
     fn pivot(&mut self, k: usize) {
         let n = self.size;
         let best = (k..self.rows.len()).fold(k, |best, i| {
-            let larger = self.factors[i * n + k].abs() > self.factors[best * n + k].abs();
+            let larger = self.at(i, k).abs() > self.at(best, k).abs();
             if larger { i } else { best }
         });
-        if best != k {
+        if best > k {
             for j in 0..n {
-                self.factors.swap(k * n + j, best * n + j);
+                exchange(&mut self.factors, k * n + j, best * n + j);
             }
-            self.rows.swap(k, best);
+            exchange(&mut self.rows, k, best);
         }
-        let pivot = self.factors[k * n + k];
-        for i in k + 1..self.rows.len() {
-            let factor = self.factors[i * n + k] / pivot;
-            self.factors[i * n + k] = factor;
-            for j in k + 1..n {
-                self.factors[i * n + j] -= factor * self.factors[k * n + j];
+        let pivot = self.at(k, k);
+        let Some((done, open)) = self.factors.split_at_mut_checked((k + 1) * n) else {
+            return;
+        };
+        let first = done.get(k * n..).unwrap_or_default();
+        for row in rows_mut(open, n) {
+            let (Some(head), Some(top)) = (row.get_mut(k..), first.get(k..)) else {
+                return;
+            };
+            let (Some((entry, rest)), Some((_, top))) = (head.split_first_mut(), top.split_first())
+            else {
+                return;
+            };
+            *entry /= pivot;
+            for (x, y) in rest.iter_mut().zip(top) {
+                *x -= *entry * y;
             }
         }
     }
 
     /// The smallest over the largest pivot; 1 without any, NaN where the matrix is not finite.
     pub(super) fn ratio(&self) -> f64 {
-        let pivots = || (0..self.size).map(|k| self.factors[k * self.size + k].abs());
+        let pivots = || (0..self.size).map(|k| self.at(k, k).abs());
         let largest = pivots().fold(0.0, f64::max);
         pivots().fold(1.0, |m, pivot| Scalar::min(m, pivot / largest))
     }
 
     /// Replaces b by the solution of A x = b, where A is square.
     pub(super) fn solve(&self, b: &mut [f64]) {
-        let ordered: Vec<f64> = self.rows.iter().map(|row| b[*row]).collect();
-        b.copy_from_slice(&ordered);
+        let ordered: Vec<f64> = self.rows.iter().map(|row| entry(b, *row)).collect();
+        for (b, ordered) in b.iter_mut().zip(&ordered) {
+            *b = *ordered;
+        }
         self.substitute(b);
         for (x, scale) in b.iter_mut().zip(&self.scale) {
             if *scale > 0.0 {
@@ -89,15 +106,28 @@ impl Lu {
     /// Replaces b by the solution of L U x = b.
     fn substitute(&self, b: &mut [f64]) {
         let n = self.size;
-        for i in 0..n {
-            let known = (0..i).map(|j| self.factors[i * n + j] * b[j]).sum::<f64>();
-            b[i] -= known;
+        for (i, row) in rows(&self.factors, n).enumerate() {
+            let known = row
+                .iter()
+                .zip(b.iter())
+                .take(i)
+                .map(|(l, x)| l * x)
+                .sum::<f64>();
+            if let Some(x) = b.get_mut(i) {
+                *x -= known;
+            }
         }
         for i in (0..n).rev() {
-            let known = (i + 1..n)
-                .map(|j| self.factors[i * n + j] * b[j])
+            let row = self.factors.iter().skip(i * n).take(n);
+            let known = row
+                .zip(b.iter())
+                .skip(i + 1)
+                .map(|(u, x)| u * x)
                 .sum::<f64>();
-            b[i] = (b[i] - known) / self.factors[i * n + i];
+            let pivot = self.at(i, i);
+            if let Some(x) = b.get_mut(i) {
+                *x = (*x - known) / pivot;
+            }
         }
     }
 
@@ -110,10 +140,12 @@ impl Lu {
         let mut x = vec![0.0; n];
         for column in 0..n {
             for (x, row) in x.iter_mut().zip(&self.rows) {
-                *x = other[row * n + column];
+                *x = entry(&other, row * n + column);
             }
             self.substitute(&mut x);
-            x[column] -= 1.0;
+            if let Some(x) = x.get_mut(column) {
+                *x -= 1.0;
+            }
             for (sum, x) in sums.iter_mut().zip(&x) {
                 *sum += x.abs();
             }
@@ -127,7 +159,7 @@ impl Lu {
 /// The matrix with its columns divided by a scale; zero columns are left.
 fn scaled(matrix: &[f64], scale: &[f64]) -> Vec<f64> {
     let mut scaled = matrix.to_vec();
-    for row in scaled.chunks_exact_mut(scale.len().max(1)) {
+    for row in rows_mut(&mut scaled, scale.len()) {
         for (entry, scale) in row.iter_mut().zip(scale) {
             if *scale > 0.0 {
                 *entry /= scale;
@@ -135,6 +167,43 @@ fn scaled(matrix: &[f64], scale: &[f64]) -> Vec<f64> {
         }
     }
     scaled
+}
+
+/// An entry by its place; NaN where there is none, which no status takes for a solution.
+pub(super) fn entry(values: &[f64], at: usize) -> f64 {
+    values.get(at).copied().unwrap_or(f64::NAN)
+}
+
+/// The rows of a row-major matrix; none where they are empty.
+///
+/// As `chunks_exact`, which keeps a check of its size in some controllers' code.
+pub(super) fn rows(matrix: &[f64], size: usize) -> impl Iterator<Item = &[f64]> {
+    let mut rest = matrix;
+    core::iter::from_fn(move || {
+        let (row, below) = rest
+            .split_at_checked(size)
+            .filter(|(row, _)| !row.is_empty())?;
+        rest = below;
+        Some(row)
+    })
+}
+
+fn rows_mut(matrix: &mut [f64], size: usize) -> impl Iterator<Item = &mut [f64]> {
+    let mut rest = matrix;
+    core::iter::from_fn(move || {
+        let all = core::mem::take(&mut rest);
+        let (row, below) = all
+            .split_at_mut_checked(size)
+            .filter(|(row, _)| !row.is_empty())?;
+        rest = below;
+        Some(row)
+    })
+}
+
+fn exchange<T>(values: &mut [T], i: usize, j: usize) {
+    if i < values.len() && j < values.len() {
+        values.swap(i, j);
+    }
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::lu::Lu;
+use super::lu::{Lu, entry, rows};
 use crate::{Condition, Model, SizeError};
 
 /// The residual of a closed state, in units of what the constraint rows are made of.
@@ -73,9 +73,7 @@ impl<'m, M: Model<f64> + ?Sized> Newton<'m, M> {
     /// for all, since redundant rows may have nothing but rounding in them.
     pub(super) fn tolerance(&mut self, q: &[f64]) -> Result<f64, SizeError> {
         self.model.jacobian(q, &mut self.jacobian)?;
-        let size = self
-            .jacobian
-            .chunks_exact(q.len().max(1))
+        let size = rows(&self.jacobian, q.len())
             .map(|row| {
                 row.iter()
                     .zip(q)
@@ -111,10 +109,11 @@ impl<'m, M: Model<f64> + ?Sized> Newton<'m, M> {
     /// The rows of A in the dependent coordinates' columns, row-major, at `q`.
     pub(super) fn dependent_columns(&mut self, q: &[f64]) -> Result<Vec<f64>, SizeError> {
         self.model.jacobian(q, &mut self.jacobian)?;
-        let rows = self.jacobian.chunks_exact(q.len().max(1));
-        Ok(rows
-            .flat_map(|row| self.dependent.iter().map(|at| row[*at]))
-            .collect())
+        let mut columns = Vec::with_capacity(self.f.len() * self.dependent.len());
+        for row in rows(&self.jacobian, q.len()) {
+            columns.extend(self.dependent.iter().map(|at| entry(row, *at)));
+        }
+        Ok(columns)
     }
 
     /// Fills `step` with the solution of A^T A step = -A^T f: it is repeated until f vanishes, so
@@ -125,12 +124,13 @@ impl<'m, M: Model<f64> + ?Sized> Newton<'m, M> {
         self.model.constraints(q, &mut self.f)?;
         let mut normal = vec![0.0; size * size];
         self.step.fill(0.0);
-        for (row, f) in a.chunks_exact(size.max(1)).zip(&self.f) {
-            for (i, x) in row.iter().enumerate() {
-                self.step[i] -= x * f;
-                for (sum, y) in normal[i * size..].iter_mut().zip(row) {
-                    *sum += x * y;
-                }
+        for (row, f) in rows(&a, size).zip(&self.f) {
+            for (step, x) in self.step.iter_mut().zip(row) {
+                *step -= x * f;
+            }
+            let products = row.iter().flat_map(|x| row.iter().map(move |y| x * y));
+            for (sum, product) in normal.iter_mut().zip(products) {
+                *sum += product;
             }
         }
         Lu::new(&normal, size).solve(&mut self.step);
@@ -144,7 +144,9 @@ impl<'m, M: Model<f64> + ?Sized> Newton<'m, M> {
     /// Adds a part of the step to the dependent coordinates.
     fn advance(&self, q: &mut [f64], part: f64) {
         for (at, step) in self.dependent.iter().zip(&self.step) {
-            q[*at] += part * step;
+            if let Some(q) = q.get_mut(*at) {
+                *q += part * step;
+            }
         }
     }
 
@@ -163,7 +165,7 @@ impl<'m, M: Model<f64> + ?Sized> Newton<'m, M> {
         {
             return Ok(chosen);
         }
-        q.copy_from_slice(&start);
+        copy(q, &start);
         self.correct_by(Way::All, q, reach)
     }
 
@@ -207,7 +209,7 @@ impl<'m, M: Model<f64> + ?Sized> Newton<'m, M> {
             let residual = self.residual(&trial)?;
             if residual < best {
                 best = residual;
-                q.copy_from_slice(&trial);
+                copy(q, &trial);
             } else {
                 break;
             }
@@ -231,7 +233,7 @@ impl<'m, M: Model<f64> + ?Sized> Newton<'m, M> {
                 let reached = self.residual(&trial)?;
                 if reached < (1.0 - 0.1 * part) * residual {
                     residual = reached;
-                    q.copy_from_slice(&trial);
+                    copy(q, &trial);
                     break;
                 }
                 part *= 0.5;
@@ -244,6 +246,13 @@ impl<'m, M: Model<f64> + ?Sized> Newton<'m, M> {
     }
 }
 
+/// Both are all coordinates.
+fn copy(q: &mut [f64], from: &[f64]) {
+    for (q, from) in q.iter_mut().zip(from) {
+        *q = *from;
+    }
+}
+
 /// The largest absolute value; NaN if any is.
 pub(super) fn largest(values: &[f64]) -> f64 {
     values
@@ -253,5 +262,8 @@ pub(super) fn largest(values: &[f64]) -> f64 {
 }
 
 fn largest_at(q: &[f64], places: &[usize]) -> f64 {
-    places.iter().map(|at| q[*at].abs()).fold(0.0, f64::max)
+    places
+        .iter()
+        .map(|at| entry(q, *at).abs())
+        .fold(0.0, f64::max)
 }

@@ -3,7 +3,7 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::lu::Lu;
+use super::lu::{Lu, entry};
 use super::newton::{Correction, NEARLY, Newton, largest};
 use super::{Misuse, Outcome};
 use crate::{Condition, Model, Status};
@@ -92,7 +92,11 @@ pub(super) fn follow<M: Model<f64> + ?Sized>(
     start: &Point,
     target: &[f64],
 ) -> Result<(Point, Outcome, usize), Misuse> {
-    let origin: Vec<f64> = newton.independent.iter().map(|at| start.q[*at]).collect();
+    let origin: Vec<f64> = newton
+        .independent
+        .iter()
+        .map(|at| entry(&start.q, *at))
+        .collect();
     let line: Vec<f64> = target
         .iter()
         .zip(&origin)
@@ -191,7 +195,9 @@ fn step<M: Model<f64> + ?Sized>(
         *q += part * tangent;
     }
     for (at, x) in newton.independent.iter().zip(to) {
-        q[*at] = *x;
+        if let Some(q) = q.get_mut(*at) {
+            *q = *x;
+        }
     }
     let reach = CORRECTION * part * largest(tangent);
     match newton.correct(&mut q, reach)? {

@@ -1,0 +1,92 @@
+//! What every generated function makes of numbers that are none: they are seen in its results.
+//!
+//! `tests/objects/tests/image.rs` runs these in release, with the robots that it built.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod robot;
+
+use regen_image::robots::all;
+use robot::{Argument, FUNCTIONS, Function, Inputs, Output};
+
+/// The output with one entry of an argument set anew.
+fn with(
+    function: &Function,
+    robot: regen_image::robots::Robot<f64>,
+    inputs: &Inputs,
+    place: (Argument, usize),
+    value: f64,
+) -> Output {
+    let mut inputs = inputs.clone();
+    inputs.of(place.0)[place.1] = value;
+    function.call(robot, &inputs)
+}
+
+/// Whether the status says that nothing of the result means anything.
+fn refused(output: &Output) -> bool {
+    output
+        .pivot
+        .is_some_and(|pivot| pivot.is_nan() || pivot < regen_runtime::SINGULAR)
+}
+
+/// Every entry of every argument of every function that has an influence on a result: which is
+/// found by changing it. Where nothing changes, nothing can be asked for.
+fn check(ok: impl Fn(f64, &dyn Fn(f64) -> f64) -> bool, bad: f64) {
+    let mut asked = 0;
+    for (name, robot) in all() {
+        let inputs = Inputs::near_home(robot);
+        for function in FUNCTIONS {
+            let plain = function.call(robot, &inputs);
+            assert!(
+                plain.values.iter().all(|x| x.is_finite()),
+                "{name} {}",
+                function.name
+            );
+            assert!(!refused(&plain), "{name} {}", function.name);
+            for argument in function.takes {
+                for k in 0..inputs.clone().of(*argument).len() {
+                    let place = (*argument, k);
+                    let at = |value| with(function, robot, &inputs, place, value);
+                    let spoilt = at(bad);
+                    let old = inputs.clone().of(*argument)[k];
+                    let moved = [at(old + 0.37), at(-1.9 * old - 0.01)];
+                    for (i, before) in plain.values.iter().enumerate() {
+                        // Beyond rounding.
+                        let differs = |other: &Output| {
+                            (other.values[i] - before).abs() > 1e-9 * (1.0 + before.abs())
+                        };
+                        if !moved.iter().any(differs) {
+                            continue;
+                        }
+                        asked += 1;
+                        let seen =
+                            refused(&spoilt) || ok(spoilt.values[i], &|value| at(value).values[i]);
+                        assert!(
+                            seen,
+                            "{name}: {}, {argument:?}[{k}] = {bad}: entry {i} is {}, pivot {:?}",
+                            function.name, spoilt.values[i], spoilt.pivot
+                        );
+                    }
+                }
+            }
+        }
+    }
+    // All robots, functions and arguments take part.
+    assert!(asked > 20_000, "{asked}");
+}
+
+#[test]
+fn nan_is_passed_on_or_refused_by_every_function_of_every_robot() {
+    check(|value, _| value.is_nan(), f64::NAN);
+}
+
+/// What is bounded in an argument has the value that it tends to: Coulomb's friction.
+#[test]
+fn infinity_leaves_no_finite_number_but_a_limit() {
+    for bad in [f64::INFINITY, f64::NEG_INFINITY] {
+        let ok = |value: f64, at: &dyn Fn(f64) -> f64| {
+            let limit = at(1e60_f64.copysign(bad));
+            !value.is_finite() || (value == limit && limit == at(1e30_f64.copysign(bad)))
+        };
+        check(ok, bad);
+    }
+}

@@ -1,0 +1,57 @@
+//! The object files to read: the image of all robots, and fixtures.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// The workspace.
+pub fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+/// Builds `regen-image` with some features, in release or in the profile that
+/// `REGEN_IMAGE_PROFILE` names, and returns the libraries of it and of what it depends on.
+pub fn image(features: &str) -> Vec<PathBuf> {
+    let profile = std::env::var("REGEN_IMAGE_PROFILE").unwrap_or_else(|_| "release".to_owned());
+    let output = Command::new(env!("CARGO"))
+        .args(["build", "--package", "regen-image", "--features", features])
+        .args(["--message-format", "json-render-diagnostics", "--profile"])
+        .arg(profile)
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .output()
+        .unwrap();
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{errors}");
+    let text = String::from_utf8(output.stdout).unwrap();
+    // One message a line; names of files stand in quotes, with no need to escape them here.
+    let libraries: Vec<PathBuf> = text
+        .split('"')
+        .map(PathBuf::from)
+        .filter(|path| path.extension().is_some_and(|e| e == "rlib"))
+        .collect();
+    for part in ["regen_image", "regen_generated", "regen_runtime", "libm"] {
+        let named = |path: &PathBuf| path.to_string_lossy().contains(part);
+        assert!(
+            libraries.iter().any(named),
+            "no library of {part} in {text}"
+        );
+    }
+    libraries
+}
+
+/// A library made of one file's text, optimised, in a directory for such things.
+pub fn fixture(dir: &Path, name: &str, source: &str) -> PathBuf {
+    let (file, library) = (
+        dir.join(format!("{name}.rs")),
+        dir.join(format!("lib{name}.rlib")),
+    );
+    std::fs::write(&file, source).unwrap();
+    let output = Command::new(std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into()))
+        .args(["--edition", "2024", "--crate-type", "rlib"])
+        .args(["--crate-name", name, "-O", "-o"])
+        .args([&library, &file])
+        .output()
+        .unwrap();
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{errors}");
+    library
+}

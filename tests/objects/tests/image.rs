@@ -1,0 +1,236 @@
+//! What the machine runs when a controller calls a robot's functions, read from object files:
+//! they cannot panic, never call themselves, and need no more stack than stated.
+//!
+//! `REGEN_IMAGE_PROFILE=dev` reads what another profile makes of them; see `RECORD.md`.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+#![cfg(all(target_arch = "x86_64", target_os = "linux"))]
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::Path;
+use std::sync::LazyLock;
+
+use regen_objects::{Graph, cycle, deepest, fixture, image, root};
+
+/// What a compiler may call on its own accord; every target has them.
+const MEMORY: [&str; 4] = ["memcpy", "memmove", "memset", "memcmp"];
+
+/// What `Vec` calls, with the two ends of a program that is out of memory; and what frees vectors
+/// if a model that somebody else wrote unwinds, which `panic = "abort"` leaves out.
+const ALLOCATOR: [&str; 8] = [
+    "_Unwind_Resume",
+    "__rustc::__rust_alloc",
+    "__rustc::__rust_alloc_zeroed",
+    "__rustc::__rust_dealloc",
+    "__rustc::__rust_realloc",
+    "__rustc::__rust_no_alloc_shim_is_unstable_v2",
+    "alloc::raw_vec::handle_error",
+    "alloc::alloc::handle_alloc_error",
+];
+
+/// All robots and the closure, in release.
+static IMAGE: LazyLock<Graph> = LazyLock::new(|| {
+    let libraries = image("robots,closure");
+    let paths: Vec<&Path> = libraries.iter().map(AsRef::as_ref).collect();
+    Graph::read(&paths)
+});
+
+/// The modules of `regen-generated`, in order.
+fn modules() -> Vec<String> {
+    let file = root().join("generated/src/lib.rs");
+    let text = std::fs::read_to_string(file).unwrap();
+    text.lines()
+        .filter_map(|line| line.strip_prefix("pub mod ")?.strip_suffix(';'))
+        .map(str::to_owned)
+        .collect()
+}
+
+/// The table of methods of each robot; its module's name.
+fn robots() -> BTreeMap<String, Vec<usize>> {
+    let table = |module: &String| {
+        let name = format!("regen_image::robots::{}", module.to_uppercase());
+        let found = IMAGE.find(|n| n == name);
+        assert_eq!(found.len(), 1, "tests/image/src/robots.rs names {module}");
+        (module.clone(), found)
+    };
+    let mut robots: BTreeMap<_, _> = modules().iter().map(table).collect();
+    let single = IMAGE.find(|n| n == "regen_image::robots::FIVEBAR_F32");
+    assert_eq!(single.len(), 1);
+    robots.insert("fivebar as f32".to_owned(), single);
+    robots
+}
+
+/// What is called that no object file of ours has, beyond `known`, and by what way.
+fn externals(graph: &Graph, roots: &[usize], known: &[&str]) -> BTreeMap<String, String> {
+    let seen = graph.reach(roots);
+    let mut found = BTreeMap::new();
+    for at in seen.keys() {
+        for name in &graph.sections[*at].externals {
+            if !known.contains(&name.as_str()) {
+                found.insert(name.clone(), graph.path(&seen, *at));
+            }
+        }
+    }
+    found
+}
+
+/// Panics, formatting, allocation and unwinding are all in `core`, `alloc` and beyond: code that
+/// calls nothing there has no way to any of them.
+#[test]
+fn robots_call_nothing_but_each_other_and_copies_of_memory() {
+    for (robot, roots) in robots() {
+        let functions = methods(&roots).len();
+        assert!(
+            functions >= 22,
+            "{robot}: only {functions} methods are in the image"
+        );
+        let found = externals(&IMAGE, &roots, &MEMORY);
+        assert!(found.is_empty(), "{robot}: {found:#?}");
+    }
+}
+
+/// The methods of the traits in a robot's table.
+fn methods(roots: &[usize]) -> Vec<usize> {
+    let seen = IMAGE.reach(roots);
+    let is_method = |at: &&usize| {
+        let section = &IMAGE.sections[**at];
+        let name = &section.name;
+        let of = |what| name.contains(what) && name.starts_with('<');
+        section.code.is_some()
+            && (of(" as regen_runtime::model::Model") || of(" as regen_runtime::base::BaseModel"))
+    };
+    seen.keys().filter(is_method).copied().collect()
+}
+
+#[test]
+fn the_closure_ends_early_only_where_memory_does() {
+    let roots = IMAGE.find(|name| name.starts_with("regen_image::closure::"));
+    assert_eq!(roots.len(), 6);
+    let known = [&MEMORY[..], &ALLOCATOR].concat();
+    let found = externals(&IMAGE, &roots, &known);
+    assert!(found.is_empty(), "{found:#?}");
+    // It does allocate: what it may call is not there by mistake.
+    assert!(!externals(&IMAGE, &roots, &MEMORY).is_empty());
+}
+
+#[test]
+fn neither_robots_nor_the_closure_recurse() {
+    for (robot, roots) in robots() {
+        assert_eq!(cycle(&IMAGE, &roots), None, "{robot}");
+    }
+    let closure = IMAGE.find(|name| name.starts_with("regen_image::closure::"));
+    assert_eq!(cycle(&IMAGE, &closure), None);
+}
+
+/// Bytes that `generated/README.md` states, by robot.
+fn stated() -> BTreeMap<String, u64> {
+    let file = root().join("generated/README.md");
+    let text = std::fs::read_to_string(file).unwrap();
+    let rows = text.lines().filter_map(|line| line.strip_prefix("| `"));
+    rows.map(|row| {
+        let (robot, rest) = row.split_once("` | ").unwrap();
+        let bytes = rest.trim_end_matches([' ', '|']).replace(',', "");
+        (robot.to_owned(), bytes.parse().unwrap())
+    })
+    .collect()
+}
+
+/// The figure is the machine's and the compiler's: what is stated leaves room for others.
+#[test]
+fn the_stack_of_each_robot_is_within_what_is_stated() {
+    let stated = stated();
+    let mut rows = String::new();
+    let mut fits = stated.len() == modules().len();
+    for (robot, roots) in robots() {
+        let depths = methods(&roots)
+            .into_iter()
+            .map(|at| deepest(&IMAGE, at).unwrap());
+        let (bytes, chain) = depths.max().unwrap();
+        let Some(&bound) = stated.get(&robot) else {
+            fits &= robot == "fivebar as f32";
+            let _ = writeln!(rows, "{robot}: {bytes} by {chain}");
+            continue;
+        };
+        // A bound that is far off states nothing.
+        fits &= bytes <= bound && bound <= 2 * bytes + 4096;
+        let _ = writeln!(rows, "{robot}: {bytes} of {bound} by {chain}");
+    }
+    println!("{rows}");
+    assert!(
+        fits,
+        "generated/README.md states other sizes, or other robots:\n{rows}"
+    );
+}
+
+/// In release, and with the robots built above: what `tests/image/tests/` says about numbers.
+#[test]
+fn results_show_what_is_no_number_and_what_is_singular() {
+    let output = std::process::Command::new(env!("CARGO"))
+        .args(["test", "--release", "--package", "regen-image"])
+        .args(["--features", "robots,closure", "--test", "*"])
+        .current_dir(root())
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&output.stdout);
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{said}{errors}");
+    let tests = said
+        .lines()
+        .filter(|line| line.starts_with("test ") && line.ends_with(" ok"));
+    assert!(tests.count() >= 2, "{said}");
+}
+
+/// What must be found is found, where it is.
+#[test]
+fn a_panic_a_circle_and_a_large_frame_are_seen() {
+    let library = fixture(
+        Path::new(env!("CARGO_TARGET_TMPDIR")),
+        "seen",
+        "#![no_std]
+        pub fn index(values: &[f64], at: usize) -> f64 { values[at] }
+        pub fn total(values: &[f64]) -> f64 { values.iter().sum() }
+        #[inline(never)]
+        fn odd(n: u64, f: fn(u64) -> u64) -> u64 { if n == 0 { 0 } else { f(n) ^ even(n - 1, f).rotate_left(3) } }
+        #[inline(never)]
+        fn even(n: u64, f: fn(u64) -> u64) -> u64 { if n == 0 { 1 } else { f(n) ^ odd(n - 1, f).rotate_left(5) } }
+        pub fn parity(n: u64, f: fn(u64) -> u64) -> u64 { odd(n, f) }
+        pub fn again(n: u64, f: fn(u64) -> u64) -> u64 { if n == 0 { 0 } else { f(n) ^ again(n - 1, f).rotate_left(3) } }
+        pub fn small(f: fn(&mut [u8])) { let mut a = [0; 1000]; f(&mut a); }
+        pub fn pages(f: fn(&mut [u8])) { let mut a = [0; 50_000]; f(&mut a); small(f); }
+        pub static TABLE: [fn(&[f64], usize) -> f64; 1] = [index];",
+    );
+    let graph = Graph::read(&[&library]);
+    let named = |name: &str| {
+        let found = graph.find(|n| n == format!("seen::{name}"));
+        assert_eq!(found.len(), 1, "{name}");
+        found
+    };
+    let panics = |name| {
+        externals(&graph, &named(name), &MEMORY)
+            .into_keys()
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(panics("index"), ["core::panicking::panic_bounds_check"]);
+    assert_eq!(
+        panics("TABLE"),
+        ["core::panicking::panic_bounds_check"],
+        "by way of a constant"
+    );
+    assert!(panics("total").is_empty());
+
+    let circle = cycle(&graph, &named("parity")).unwrap();
+    assert!(
+        circle.contains("odd") && circle.contains("even"),
+        "{circle}"
+    );
+    assert_eq!(
+        cycle(&graph, &named("again")).as_deref(),
+        Some("seen::again")
+    );
+    assert_eq!(cycle(&graph, &named("pages")), None);
+
+    let bytes = |name: &str| deepest(&graph, named(name)[0]).unwrap().0;
+    let (small, pages) = (bytes("small"), bytes("pages"));
+    assert!((1000..1100).contains(&small), "{small}");
+    assert!((51_000..51_300).contains(&pages), "{pages}");
+}
