@@ -52,6 +52,7 @@ mod view;
 mod watch;
 mod workspace;
 mod write;
+mod yaml;
 
 use std::process::ExitCode;
 

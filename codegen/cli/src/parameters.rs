@@ -16,6 +16,7 @@ use crate::exit::Failure;
 use crate::interpreted::Interpreted;
 use crate::load;
 use crate::physical::Found;
+use crate::yaml;
 
 /// Relative deviations below this, in percent, are of well identified parameters (section 5.3).
 pub(crate) const WELL: f64 = regen_runtime::identifiability::WELL;
@@ -237,8 +238,7 @@ impl ParameterFile {
         if !is_yaml(path) {
             return Ok(crate::table::json(self));
         }
-        serde_yaml::to_string(self)
-            .map_err(|error| Failure::Input(format!("{}: {error}", path.display())))
+        yaml::text(self).map_err(|error| Failure::Input(format!("{}: {error}", path.display())))
     }
 }
 
@@ -301,7 +301,7 @@ pub(crate) fn value(path: &Path) -> Result<Value, Failure> {
     let text = load::text(path)?;
     let wrong = |why: String| Failure::Input(format!("{}: {why}", path.display()));
     if is_yaml(path) {
-        return serde_yaml::from_str(&text).map_err(|error| wrong(error.to_string()));
+        return yaml::value(&text).map_err(wrong);
     }
     serde_json::from_str(&text).map_err(|error| wrong(error.to_string()))
 }

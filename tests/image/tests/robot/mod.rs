@@ -43,11 +43,13 @@ pub(crate) struct Function {
     pub(crate) name: &'static str,
     pub(crate) takes: &'static [Argument],
     size: fn(&Sizes) -> usize,
-    call: fn(Robot<f64>, &Inputs, &mut [f64]) -> Result<Pivot, SizeError>,
+    call: Call,
 }
 
 /// The pivot of a function that solves.
 type Pivot = Option<f64>;
+
+type Call = fn(Robot<f64>, &Inputs, &mut [f64]) -> Result<Pivot, SizeError>;
 
 struct Sizes {
     n: usize,
