@@ -146,7 +146,9 @@ pub struct State {
     pub qdd: Vec<f64>,
     /// The largest |f| (Eq. 6) at `q`, in m or without unit.
     pub residual: f64,
-    /// The condition of A_e at `q`.
+    /// The condition of A_e at `q`; where its pivot is below 0.1, not above the reciprocal
+    /// condition number of A_e with scaled columns. Rates carry the rounding of `q`, amplified
+    /// by up to its inverse for velocities and the cube of it for accelerations.
     pub condition: Condition<f64>,
     /// What became of the solve.
     pub outcome: Outcome,
@@ -311,7 +313,7 @@ impl<'m, M: Model<f64> + ?Sized> Closure<'m, M> {
         check("qdd_i", qdd_i, self.newton.independent.len())
     }
 
-    fn motion(&self, solution: Solution, qd_i: &[f64], qdd_i: &[f64]) -> Result<State, Misuse> {
+    fn motion(&mut self, solution: Solution, qd_i: &[f64], qdd_i: &[f64]) -> Result<State, Misuse> {
         let Solution {
             q,
             residual,
@@ -325,6 +327,7 @@ impl<'m, M: Model<f64> + ?Sized> Closure<'m, M> {
         if outcome.is_closed() {
             worst = worst.worst(self.newton.model.velocities(&q, qd_i, &mut qd)?);
             worst = worst.worst(self.newton.model.accelerations(&q, &qd, qdd_i, &mut qdd)?);
+            worst = path::doubted(&mut self.newton, &q, worst)?;
         }
         Ok(State {
             q,

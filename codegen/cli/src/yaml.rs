@@ -60,7 +60,7 @@ mod tests {
     #[test]
     fn mistakes_are_told_with_their_place_and_bombs_are_refused() {
         let error = value("a: 1\nb: [1, 2\n").unwrap_err();
-        assert!(error.contains("line 2 column 4"), "{error}");
+        assert!(error.contains("line 2, column 4"), "{error}");
         assert!(value("a: 1\na: 2\n").unwrap_err().contains("line 2"));
         assert!(value("a: 1\n---\nb: 2\n").is_err());
         let mut bomb = "a0: &a0 [x]\n".to_owned();

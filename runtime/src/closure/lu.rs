@@ -89,6 +89,33 @@ impl Lu {
         pivots().fold(1.0, |m, pivot| Scalar::min(m, pivot / largest))
     }
 
+    /// The reciprocal condition number, in the largest row sum, of the chosen rows with columns
+    /// scaled: 1 at best, 0 or NaN where they are singular. Pivots may all be larger.
+    pub(super) fn reciprocal_condition(&self) -> f64 {
+        let n = self.size;
+        let (mut sums, mut sizes) = (vec![0.0; n], vec![0.0; n]);
+        let mut x = vec![0.0; n];
+        for column in 0..n {
+            // A D^-1 e, as L U e, and its inverse
+            for (i, size) in sizes.iter_mut().enumerate() {
+                let known = (0..i.min(column + 1)).map(|k| self.at(i, k) * self.at(k, column));
+                let own = if i <= column { self.at(i, column) } else { 0.0 };
+                *size += (known.sum::<f64>() + own).abs();
+            }
+            x.fill(0.0);
+            if let Some(x) = x.get_mut(column) {
+                *x = 1.0;
+            }
+            self.substitute(&mut x);
+            for (sum, x) in sums.iter_mut().zip(&x) {
+                *sum += x.abs();
+            }
+        }
+        let largest = |m: f64, x: f64| if x <= m { m } else { x };
+        let norms = sums.into_iter().fold(0.0, largest) * sizes.into_iter().fold(0.0, largest);
+        if n == 0 { 1.0 } else { 1.0 / norms }
+    }
+
     /// Replaces b by the solution of A x = b, where A is square.
     pub(super) fn solve(&self, b: &mut [f64]) {
         let ordered: Vec<f64> = self.rows.iter().map(|row| entry(b, *row)).collect();
@@ -208,6 +235,8 @@ fn exchange<T>(values: &mut [T], i: usize, j: usize) {
 
 #[cfg(test)]
 mod tests {
+    use alloc::vec::Vec;
+
     use super::Lu;
 
     #[test]
@@ -238,6 +267,31 @@ mod tests {
         assert!(ratio(&[0.0; 4]).is_nan());
         assert!(ratio(&[f64::NAN, 1.0, 1.0, 0.0]).is_nan());
         assert!((Lu::new(&[], 0).ratio() - 1.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn the_condition_sees_what_no_single_pivot_shows() {
+        let of = |matrix: &[f64], size| Lu::new(matrix, size).reciprocal_condition();
+        assert!((of(&[0.0, 3.0, 2.0, 0.0], 2) - 1.0).abs() < 1e-15);
+        assert!((of(&[], 0) - 1.0).abs() < 1e-15);
+        // Scaled, [1 1; 1 -0.5]: norms 2 and 4/3.
+        assert!((of(&[2.0, 3.0, 2.0, -1.5], 2) - 0.375).abs() < 1e-15);
+        assert!(of(&[1.0, 2.0, 2.0, 4.0], 2).abs() < 1e-15);
+        assert!(of(&[f64::NAN, 1.0, 1.0, 0.0], 2).is_nan());
+        // Kahan's example: a triangle whose pivots are all 1, and which is nearly singular.
+        let n = 20;
+        let entry = |i: usize, j: usize| {
+            if i == j {
+                1.0
+            } else if i < j {
+                -1.0
+            } else {
+                0.0
+            }
+        };
+        let triangle: Vec<f64> = (0..n * n).map(|k| entry(k / n, k % n)).collect();
+        assert!(Lu::new(&triangle, n).ratio() > 0.9);
+        assert!(of(&triangle, n) < 1e-6);
     }
 
     #[test]

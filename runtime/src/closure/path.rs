@@ -59,6 +59,25 @@ impl Point {
     }
 }
 
+/// Below this pivot the condition is looked at more closely: in the middle of a workspace it is
+/// not worth its time.
+const DOUBTFUL: f64 = 0.1;
+
+/// The model's condition and, where its pivot is doubtful, the condition number of A_e if that is
+/// worse: several pivots that are only small may make a matrix that is nearly singular, where
+/// rates are not those of the independent coordinates any more.
+pub(super) fn doubted<M: Model<f64> + ?Sized>(
+    newton: &mut Newton<'_, M>,
+    q: &[f64],
+    condition: Condition<f64>,
+) -> Result<Condition<f64>, Misuse> {
+    if newton.dependent.is_empty() || condition.pivot >= DOUBTFUL {
+        return Ok(condition);
+    }
+    let pivot = factored(newton, q)?.0.reciprocal_condition();
+    Ok(condition.worst(Condition { pivot }))
+}
+
 /// The factored rows at `q`, and the model's condition there.
 fn factored<M: Model<f64> + ?Sized>(
     newton: &mut Newton<'_, M>,

@@ -25,7 +25,7 @@ pub(crate) struct Inputs {
     pub(crate) qdd: Vec<f64>,
     pub(crate) qd_i: Vec<f64>,
     pub(crate) qdd_i: Vec<f64>,
-    phi: Vec<f64>,
+    pub(crate) phi: Vec<f64>,
     beta: Vec<f64>,
     free: Vec<f64>,
     tau: Vec<f64>,

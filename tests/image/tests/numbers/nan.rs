@@ -1,12 +1,7 @@
 //! What every generated function makes of numbers that are none: they are seen in its results.
-//!
-//! `tests/objects/tests/image.rs` runs these in release, with the robots that it built.
-#![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod robot;
-
+use crate::robot::{Argument, FUNCTIONS, Function, Inputs, Output};
 use regen_image::robots::all;
-use robot::{Argument, FUNCTIONS, Function, Inputs, Output};
 
 /// The output with one entry of an argument set anew.
 fn with(
