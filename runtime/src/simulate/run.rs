@@ -159,7 +159,10 @@ fn run<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
             };
             controller.efforts(&now, &mut robot.command);
             for (drive, command) in settings.drives.iter().zip(&mut robot.command) {
-                if let Some([lo, hi]) = drive.limit {
+                if let Some([lo, hi]) = drive.limit
+                    && !command.is_nan()
+                {
+                    // `max` and `min` would make a limit of NaN
                     *command = command.max(lo).min(hi);
                 }
             }
