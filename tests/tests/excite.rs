@@ -213,6 +213,21 @@ fn a_limit_that_no_motion_keeps_is_named() {
 }
 
 #[test]
+fn a_variable_that_is_no_number_is_an_error_wherever_it_stands() {
+    let settings = settings();
+    let mut landscape = Landscape::new(&Rps3, &Rps3, &settings).unwrap();
+    let good = landscape.still(&[0.6, 0.61, 0.59]);
+    assert!(landscape.at(&good, 8.0).is_ok());
+    for bad in [f64::NAN, f64::INFINITY] {
+        for k in 0..good.len() {
+            let mut y = good.clone();
+            y[k] = bad;
+            assert!(landscape.at(&y, 8.0).is_err(), "variable {k} is {bad}");
+        }
+    }
+}
+
+#[test]
 fn misuse_is_an_error_that_says_what_to_do() {
     let fails = |settings: &Settings| match Landscape::new(&Rps3, &Rps3, settings) {
         Err(error) => error,

@@ -255,8 +255,8 @@ fn at_the_coordinates_that_are_given_a_status_comes_before_errors() {
         let mut tally = Tally::default();
         for (_, _, q) in singular(robot).into_iter().take(6) {
             let direction = free_motion(robot, &q);
-            for k in -48..=48_i32 {
-                let size = 10_f64.powf(f64::from(k.abs()) / 4.0 - 12.0);
+            for k in -24..=24_i32 {
+                let size = 10_f64.powf(f64::from(k.abs()) / 2.0 - 12.0);
                 let t = size * f64::from(k.signum());
                 let moved: Vec<f64> = q.iter().zip(&direction).map(|(q, d)| q + t * d).collect();
                 if let Some(q) = closed(robot, &moved) {
@@ -295,8 +295,8 @@ fn at_independent_coordinates_a_status_comes_before_errors() {
             .collect();
         let mut tally = Tally::default();
         for (target, at, _) in singular(robot).into_iter().take(8) {
-            for k in 0..=48_i32 {
-                let part = at * (1.0 - 10_f64.powf(-f64::from(k) / 4.0));
+            for k in 0..=24_i32 {
+                let part = at * (1.0 - 10_f64.powf(-f64::from(k) / 2.0));
                 let q_i: Vec<f64> = home
                     .iter()
                     .zip(&target)
