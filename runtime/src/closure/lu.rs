@@ -236,6 +236,7 @@ fn exchange<T>(values: &mut [T], i: usize, j: usize) {
 #[cfg(test)]
 mod tests {
     use alloc::vec::Vec;
+    use core::cmp::Ordering;
 
     use super::Lu;
 
@@ -280,14 +281,10 @@ mod tests {
         assert!(of(&[f64::NAN, 1.0, 1.0, 0.0], 2).is_nan());
         // Kahan's example: a triangle whose pivots are all 1, and which is nearly singular.
         let n = 20;
-        let entry = |i: usize, j: usize| {
-            if i == j {
-                1.0
-            } else if i < j {
-                -1.0
-            } else {
-                0.0
-            }
+        let entry = |i: usize, j: usize| match i.cmp(&j) {
+            Ordering::Equal => 1.0,
+            Ordering::Less => -1.0,
+            Ordering::Greater => 0.0,
         };
         let triangle: Vec<f64> = (0..n * n).map(|k| entry(k / n, k % n)).collect();
         assert!(Lu::new(&triangle, n).ratio() > 0.9);
