@@ -21,5 +21,12 @@ pub mod identify {}
 #[doc = include_str!("../pages/figures/singular-values.svg")]
 pub mod trust {}
 
+#[doc = include_str!("../pages/evidence.md")]
+#[doc = include_str!("../pages/evidence-table.md")]
+pub mod evidence {}
+
+#[doc = include_str!("../pages/numbers.md")]
+pub mod numbers {}
+
 #[doc = include_str!("../pages/contribute.md")]
 pub mod contribute {}

@@ -19,4 +19,4 @@ pub mod files;
 pub mod platform;
 pub mod random;
 pub mod random_spec;
-pub mod reference;
+pub use regen_reference as reference;

@@ -13,6 +13,8 @@ pub(crate) enum Failure {
     /// Generated source is not up to date, or a figure is beyond its bound; the details are on
     /// standard output.
     Check(String),
+    /// Arguments that do not go together.
+    Usage(String),
     /// Errors in specs.
     Spec(Vec<Report>),
     /// Input that is wrong otherwise: states, names.
@@ -36,6 +38,7 @@ impl Failure {
         match self {
             Self::BrokenPipe => 0,
             Self::Check(_) => 1,
+            Self::Usage(_) => 2,
             Self::Spec(_) | Self::Input(_) => 3,
             Self::Numeric(_) => 4,
             Self::Io(_) => 5,
@@ -46,9 +49,11 @@ impl Failure {
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Check(text) | Self::Input(text) | Self::Numeric(text) | Self::Io(text) => {
-                f.write_str(text)
-            }
+            Self::Check(text)
+            | Self::Usage(text)
+            | Self::Input(text)
+            | Self::Numeric(text)
+            | Self::Io(text) => f.write_str(text),
             Self::Spec(reports) => reports.iter().try_for_each(|report| write!(f, "{report}")),
             Self::BrokenPipe => Ok(()),
         }

@@ -9,6 +9,7 @@ mod base_table;
 mod check;
 mod closed;
 mod eval;
+mod evidence;
 mod excite;
 mod exit;
 mod export;

@@ -8,13 +8,13 @@ use regen_codegen::robot::Robot;
 use regen_runtime::{Closure, Model};
 use serde::Serialize;
 
-use crate::args::{Format, VerifyArgs};
+use crate::args::{VerifyArgs, VerifyFormat};
 use crate::exit::Failure;
 use crate::interpreted::Interpreted;
 use crate::numeric::{Numeric, Rank};
 use crate::verify::{self, Check, Random, Reach, fill, larger};
 use crate::workspace::Workspace;
-use crate::{base, load, model, modules, table, terminal};
+use crate::{base, evidence, load, model, modules, table, terminal};
 
 /// Rows of the observation matrix per column.
 const ROWS_PER_COLUMN: usize = 4;
@@ -33,21 +33,27 @@ const PROJECTION: f64 = 1e-9;
 
 /// The numeric path beside the analytic one.
 #[derive(Serialize)]
-struct Beside {
+pub(crate) struct Beside {
     states: usize,
     rows: usize,
     columns: usize,
     /// Over all columns.
     certificate: Option<usize>,
     /// What the derived directions leave of the columns that the spec's `base` leaves.
-    analytic: usize,
-    svd: Rank,
+    pub(crate) analytic: usize,
+    pub(crate) svd: Rank,
     qr: Rank,
     /// The same where the spec's `base` takes columns out.
     reduced: Option<Reduced>,
     /// Whether double precision leaves the rank open.
-    doubt: bool,
-    checks: Vec<Check>,
+    pub(crate) doubt: bool,
+    pub(crate) checks: Vec<Check>,
+    /// Between the null spaces, rad.
+    #[serde(skip)]
+    pub(crate) angle: f64,
+    /// What the angle was found by.
+    #[serde(skip)]
+    pub(crate) found_by: Rank,
 }
 
 #[derive(Serialize)]
@@ -69,10 +75,18 @@ struct Json<'a> {
 
 /// Runs the command.
 pub(crate) fn run(args: &VerifyArgs) -> Result<(), Failure> {
-    let robot = load::robot(&args.file)?;
+    if args.all {
+        return evidence::run(args);
+    }
+    let [file] = args.files.as_slice() else {
+        return Err(Failure::Usage(
+            "several specs are verified with --all".to_owned(),
+        ));
+    };
+    let robot = load::robot(file)?;
     let analysis = base::analysis(&robot)?;
     let states = states(&robot, args.states)?;
-    let same = same_source(&robot, &args.file)?;
+    let same = same_source(&robot, file)?;
     let verified = verify::all(&robot, same)?;
     let beside = beside(&robot, analysis, states)?;
     let failed: Vec<&str> = verified
@@ -80,13 +94,16 @@ pub(crate) fn run(args: &VerifyArgs) -> Result<(), Failure> {
         .chain(beside.checks.iter().filter(|c| !c.ok).map(|c| c.name))
         .collect();
     terminal::print(&match args.format {
-        Format::Human => format!(
+        VerifyFormat::Markdown => {
+            return Err(Failure::Usage("--format markdown needs --all".to_owned()));
+        }
+        VerifyFormat::Human => format!(
             "{}\n{}\n{}",
             table::paragraph(&robot.name),
             verify::human(&verified),
             human(&beside, analysis)
         ),
-        Format::Json => table::json(&Json {
+        VerifyFormat::Json => table::json(&Json {
             robot: &robot.name,
             ok: failed.is_empty(),
             failed: &failed,
@@ -107,7 +124,7 @@ pub(crate) fn run(args: &VerifyArgs) -> Result<(), Failure> {
 }
 
 /// How many states give enough rows.
-fn states(robot: &Robot, asked: Option<usize>) -> Result<usize, Failure> {
+pub(crate) fn states(robot: &Robot, asked: Option<usize>) -> Result<usize, Failure> {
     let (columns, dof) = (robot.parameters.len(), robot.independent.len().max(1));
     let least = columns.div_ceil(dof).max(1);
     match asked {
@@ -162,7 +179,7 @@ fn observe(robot: &Robot, states: usize, random: &mut Random) -> Result<DMatrix<
     Ok(w)
 }
 
-fn beside(robot: &Robot, analysis: &Analysis, states: usize) -> Result<Beside, Failure> {
+pub(crate) fn beside(robot: &Robot, analysis: &Analysis, states: usize) -> Result<Beside, Failure> {
     let base = &analysis.base;
     let mut random = Random(verify::SEED);
     let w = observe(robot, states, &mut random)?;
@@ -235,6 +252,8 @@ fn beside(robot: &Robot, analysis: &Analysis, states: usize) -> Result<Beside, F
         reduced: extra,
         doubt,
         checks,
+        angle,
+        found_by: numeric.svd,
     })
 }
 

@@ -8,19 +8,10 @@ use std::fs;
 use common::{mechanism, oracle, regen, root, scratch, workspace};
 
 #[test]
-fn every_robot_is_verified_beside_the_numeric_path() {
+fn the_oracles_robots_are_verified_beside_the_numeric_path() {
     let dir = scratch("verify-robots");
-    let robots = fs::read_dir(root().join("robots")).unwrap();
-    let mut files: Vec<String> = robots
-        .map(|entry| entry.unwrap().path())
-        .filter(|path| path.extension().is_some_and(|e| e == "yaml"))
-        .map(|path| path.display().to_string())
-        .collect();
     for name in ["3rps", "fivebar", "puma560", "tree_branch"] {
-        files.push(oracle(&format!("{name}.yaml")));
-    }
-    assert!(files.len() >= 10, "{files:?}");
-    for file in files {
+        let file = oracle(&format!("{name}.yaml"));
         // away from the workspace: whether generated/ is up to date is the gate's question
         fs::copy(&file, dir.join("robot.yaml")).unwrap();
         let run = regen(&dir, &["verify", "robot.yaml", "--format", "json"]).ended(0);
@@ -35,6 +26,79 @@ fn every_robot_is_verified_beside_the_numeric_path() {
         assert_eq!(checks.len(), 7, "{file}: {checks:?}");
         assert!(report["checks"].as_array().unwrap().len() >= 15, "{file}");
     }
+}
+
+/// Every robot, and the guide's page: what the command prints now, byte for byte.
+#[test]
+fn the_guide_shows_the_evidence_for_every_robot() {
+    let run = regen(&root(), &["verify", "--all", "--format", "markdown"]).ended(0);
+    let page = root().join("guide/pages/evidence-table.md");
+    let kept = fs::read_to_string(page).unwrap();
+    assert_eq!(
+        run.out, kept,
+        "mend it with: regen verify --all --format markdown > guide/pages/evidence-table.md"
+    );
+    let robots = fs::read_dir(root().join("robots")).unwrap();
+    let is_spec = |e: &fs::DirEntry| e.path().extension().is_some_and(|e| e == "yaml");
+    let count = robots.filter(|e| is_spec(e.as_ref().unwrap())).count();
+    assert_eq!(kept.lines().count(), count + 2);
+    assert!(!kept.contains("open") && !kept.contains("none"), "{kept}");
+}
+
+#[test]
+fn the_evidence_of_ones_own_spec_fits_80_columns_and_is_json_too() {
+    let dir = scratch("verify-evidence");
+    for name in ["fivebar", "tree_branch"] {
+        fs::copy(
+            oracle(&format!("{name}.yaml")),
+            dir.join(format!("{name}.yaml")),
+        )
+        .unwrap();
+    }
+    let one = regen(&dir, &["verify", "--all", "fivebar.yaml"]).ended(0);
+    let all = regen(&dir, &["verify", "--all", "."]).ended(0);
+    for run in [&one, &all] {
+        for line in run.out.lines() {
+            assert!(line.chars().count() <= 80, "{line}");
+        }
+    }
+    assert!(all.out.contains("fivebar") && all.out.contains("tree_branch"));
+    let json = regen(&dir, &["verify", "--all", ".", "--format", "json"])
+        .ended(0)
+        .json();
+    let robots = json.as_array().unwrap();
+    assert_eq!(robots.len(), 2);
+    for robot in robots {
+        assert_eq!(robot["ok"], true);
+        for check in robot["checks"].as_array().unwrap() {
+            // no vectors are kept beside these, and the tree has no loop
+            let absent = check["verdict"] == "absent";
+            assert!(absent || check["verdict"] == "holds", "{check}");
+            assert_eq!(absent, check["figure"].is_null(), "{check}");
+        }
+    }
+}
+
+#[test]
+fn evidence_that_fails_ends_with_1_and_says_what() {
+    let dir = scratch("verify-evidence-fails");
+    fs::create_dir(dir.join("vectors")).unwrap();
+    let text = fs::read_to_string(root().join("robots/fivebar.yaml")).unwrap();
+    fs::write(
+        dir.join("fivebar.yaml"),
+        text.replace("l1: 0.30", "l1: 0.31"),
+    )
+    .unwrap();
+    let vectors = root().join("robots/vectors/fivebar.json");
+    fs::copy(vectors, dir.join("vectors/fivebar.json")).unwrap();
+    let run = regen(&dir, &["verify", "--all", "fivebar.yaml"]).ended(1);
+    assert!(run.out.contains("FAILED"), "{}", run.out);
+    assert!(run.err.contains("another program"), "{}", run.err);
+    fs::write(dir.join("vectors/fivebar.json"), "{}").unwrap();
+    let run = regen(&dir, &["verify", "--all", "fivebar.yaml"]).ended(3);
+    assert!(run.err.contains("vectors.py"), "{}", run.err);
+    let run = regen(&dir, &["verify", "fivebar.yaml", "--format", "markdown"]).ended(2);
+    assert!(run.err.contains("--all"), "{}", run.err);
 }
 
 #[test]

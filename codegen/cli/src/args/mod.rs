@@ -37,6 +37,7 @@ Examples:
   regen base robots/3rps.yaml        base parameters with their certificate
   regen check robots/3rps.yaml       the mechanism in words
   regen verify robots/3rps.yaml      every check, and the numeric path beside it
+  regen verify --all                 the evidence for every robot, as a table
   regen generate                     every robot of the workspace
   regen generate --check             is generated/ what regen would write?
   regen eval robots/3rps.yaml --states states.json --format json
@@ -335,19 +336,44 @@ states, its columns scaled to unit length, by singular values and by a QR
 decomposition with pivoting. The numeric rank is where the numbers drop most;
 where double precision leaves a doubt, that is said and does not count.
 
+With --all, the evidence: checks that share no code with what they check, each
+with a bound that is computed from roundoff, operations and condition numbers.
+FILES may then be several, or directories of *.yaml; without any, robots/*.yaml
+of the workspace. Vectors of another program are looked for beside each spec, as
+vectors/NAME.json; tests/evidence/vectors.py makes them with Pinocchio.
+
 Examples:
   regen verify robots/3rps.yaml
-  regen verify robots/3rps.yaml --states 200 --format json")]
+  regen verify robots/3rps.yaml --states 200 --format json
+  regen verify --all
+  regen verify --all my_arm.yaml
+  regen verify --all robots --format markdown")]
 pub(crate) struct VerifyArgs {
-    /// The robot's spec
-    pub(crate) file: PathBuf,
+    /// The robot's spec; with --all any number of specs and directories
+    #[arg(required_unless_present = "all")]
+    pub(crate) files: Vec<PathBuf>,
+    /// Every independent check, as a table with figures
+    #[arg(long)]
+    pub(crate) all: bool,
     /// Random closed states of the observation matrix [default: enough for
     /// four rows per column]
     #[arg(long, value_name = "N")]
     pub(crate) states: Option<usize>,
-    /// How the result is printed
+    /// How the result is printed; markdown with --all
     #[arg(long, value_enum, default_value_t)]
-    pub(crate) format: Format,
+    pub(crate) format: VerifyFormat,
+}
+
+/// How checks are printed
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum VerifyFormat {
+    /// Tables of at most 80 columns
+    #[default]
+    Human,
+    /// A Markdown table of the bounds kept, the same on every machine
+    Markdown,
+    /// JSON
+    Json,
 }
 
 #[derive(Debug, Args)]

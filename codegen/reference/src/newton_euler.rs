@@ -2,8 +2,8 @@
 
 use nalgebra::DMatrix;
 
-use super::mechanism::{JointMotion, Mechanism, Parameter};
-use super::scalar::{
+use crate::mechanism::{JointMotion, Mechanism, Parameter};
+use crate::scalar::{
     Mat4, Vec3, add, axis, cross, dot, identity, mul, position, rotate, scale, sub,
 };
 
@@ -91,7 +91,7 @@ impl Mechanism {
                     }
                 }
                 Parameter::Friction(j, symbol) => {
-                    out[(*j, column)] = super::joints::friction_column(symbol, qd[*j]);
+                    out[(*j, column)] = crate::joints::friction_column(symbol, qd[*j]);
                 }
                 Parameter::Rotor(j) => out[(*j, column)] = qdd[*j],
             }

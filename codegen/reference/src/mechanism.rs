@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::scalar::Mat4;
+use crate::scalar::Mat4;
 
 /// `Ixx Ixy Ixz Iyy Iyz Izz mx my mz m` about the body frame's origin in its axes.
 pub const PARAMETERS_PER_BODY: usize = 10;

@@ -1,7 +1,7 @@
 //! Seeded random numbers and bodies that could exist.
 
-use super::mechanism::PARAMETERS_PER_BODY;
-use super::scalar::{identity, mul, turn};
+use crate::mechanism::PARAMETERS_PER_BODY;
+use crate::scalar::{identity, mul, turn};
 
 /// A small deterministic generator (splitmix64).
 #[derive(Clone, Debug)]

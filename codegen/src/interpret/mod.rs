@@ -1,11 +1,15 @@
-//! Programs run without being compiled, in double precision or in numbers that carry
-//! derivatives. The same result on every machine: plain arithmetic, and sines and cosines from
+//! Programs run without being compiled, in double precision, in numbers that carry derivatives,
+//! or in numbers that carry a bound of their rounding error. The same result on every machine: plain arithmetic, and sines and cosines from
 //! a software library.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use crate::numeric::solve_pivoted;
 use crate::optimize::{Op, Operand, Program, SolveStep, Temp};
+
+mod rounding;
+
+pub use rounding::{Double, Precision, Rounded, Single};
 
 /// Below this part of their usual size the fixed pivots are not trusted, and
 /// the system is solved anew with pivoting.
@@ -50,6 +54,34 @@ impl Number for f64 {
     fn solve(matrix: &[Vec<Self>], rhs: &[Vec<Self>]) -> (Vec<Vec<Self>>, f64) {
         let anew = solve_pivoted(matrix.to_vec(), rhs.to_vec());
         (anew.solution, anew.pivot_ratio)
+    }
+}
+
+/// Single precision, as generated code runs in it but for the system that is solved where planned
+/// pivots fail, which is solved in double precision here.
+impl Number for f32 {
+    fn constant(value: f64) -> Self {
+        value as f32
+    }
+
+    fn value(self) -> f64 {
+        f64::from(self)
+    }
+
+    fn sin_cos(self) -> (Self, Self) {
+        (libm::sinf(self), libm::cosf(self))
+    }
+
+    fn solve(matrix: &[Vec<Self>], rhs: &[Vec<Self>]) -> (Vec<Vec<Self>>, f64) {
+        let double = |rows: &[Vec<Self>]| -> Vec<Vec<f64>> {
+            let rows = rows.iter();
+            rows.map(|row| row.iter().map(|x| f64::from(*x)).collect())
+                .collect()
+        };
+        let (solution, ratio) = <f64 as Number>::solve(&double(matrix), &double(rhs));
+        let rows = solution.iter();
+        let single = rows.map(|row| row.iter().map(|x| *x as f32).collect());
+        (single.collect(), ratio)
     }
 }
 

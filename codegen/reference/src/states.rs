@@ -1,7 +1,7 @@
 //! Random closed states, the same for the same seed.
 
-use super::mechanism::Mechanism;
-use super::random::Random;
+use crate::mechanism::Mechanism;
+use crate::random::Random;
 
 /// Positions, velocities and accelerations of all coordinates that satisfy the closure.
 #[derive(Clone, Debug, PartialEq)]

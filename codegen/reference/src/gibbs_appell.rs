@@ -1,10 +1,10 @@
 //! Eq. 1 of the chapter as it stands, for given bodies: masses, centres of mass and central
 //! inertias. Angular and centre-of-mass accelerations come from second-order duals.
 
-use super::kinematics::Motion;
-use super::mechanism::Mechanism;
-use super::random::PhysicalBody;
-use super::scalar::{Mat4, Vec3, add, cross, dot};
+use crate::kinematics::Motion;
+use crate::mechanism::Mechanism;
+use crate::random::PhysicalBody;
+use crate::scalar::{Mat4, Vec3, add, cross, dot};
 
 impl Mechanism {
     /// The efforts tau_k of the tree's coordinates by Eq. 1, gravity added as an upward

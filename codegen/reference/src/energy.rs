@@ -4,8 +4,8 @@
 use nalgebra::DMatrix;
 use num_dual::{Dual, Dual64, HyperDual, HyperDual64};
 
-use super::mechanism::{Mechanism, Parameter};
-use super::scalar::{Mat4, Scalar};
+use crate::mechanism::{Mechanism, Parameter};
+use crate::scalar::{Mat4, Scalar};
 
 impl Mechanism {
     /// The 4x4 pseudo-inertia of each body: second moments, first moments, mass.

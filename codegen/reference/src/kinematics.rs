@@ -2,8 +2,8 @@
 
 use num_dual::{Dual2, Dual2_64};
 
-use super::mechanism::{Cone, CutSide, JointMotion, Mechanism};
-use super::scalar::{Mat4, Scalar, lift, mul, shift, turn};
+use crate::mechanism::{Cone, CutSide, JointMotion, Mechanism};
+use crate::scalar::{Mat4, Scalar, lift, mul, shift, turn};
 
 /// The frame of a node with its first and second time derivatives.
 #[derive(Clone, Debug)]

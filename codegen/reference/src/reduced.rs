@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::mechanism::Mechanism;
+use crate::mechanism::Mechanism;
 
 /// Singular values below this part of the largest count as zero.
 const SINGULAR: f64 = 1e-9;

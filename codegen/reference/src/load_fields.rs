@@ -4,14 +4,14 @@ use std::collections::BTreeMap;
 
 use serde_yaml::Value;
 
-use super::expr::evaluate;
-use super::scalar::{Mat4, identity, mul, shift, turn};
+use crate::expr::evaluate;
+use crate::scalar::{Mat4, identity, mul, shift, turn};
 
 /// The geometry names and their values.
-pub(super) type Names = BTreeMap<String, f64>;
+pub(crate) type Names = BTreeMap<String, f64>;
 
 /// A label or name as text: integers and identifiers are the same thing.
-pub(super) fn text(value: &Value) -> Result<String, String> {
+pub(crate) fn text(value: &Value) -> Result<String, String> {
     match value {
         Value::String(s) => Ok(s.clone()),
         Value::Number(n) => Ok(n.to_string()),
@@ -20,7 +20,7 @@ pub(super) fn text(value: &Value) -> Result<String, String> {
 }
 
 /// A number or an expression in the geometry names.
-pub(super) fn scalar(value: &Value, names: &Names) -> Result<f64, String> {
+pub(crate) fn scalar(value: &Value, names: &Names) -> Result<f64, String> {
     match value {
         Value::Number(n) => n.as_f64().ok_or_else(|| format!("{n} is no number")),
         Value::String(s) => evaluate(s, &|name| names.get(name).copied()),
@@ -29,12 +29,12 @@ pub(super) fn scalar(value: &Value, names: &Names) -> Result<f64, String> {
 }
 
 /// The scalar at a key, 0 if it is missing.
-pub(super) fn scalar_at(value: &Value, key: &str, names: &Names) -> Result<f64, String> {
+pub(crate) fn scalar_at(value: &Value, key: &str, names: &Names) -> Result<f64, String> {
     value.get(key).map_or(Ok(0.0), |v| scalar(v, names))
 }
 
 /// A list of `N` scalars.
-pub(super) fn vector<const N: usize>(value: &Value, names: &Names) -> Result<[f64; N], String> {
+pub(crate) fn vector<const N: usize>(value: &Value, names: &Names) -> Result<[f64; N], String> {
     let items = value.as_sequence().ok_or("expected a list")?;
     let values: Vec<f64> = items
         .iter()
@@ -46,7 +46,7 @@ pub(super) fn vector<const N: usize>(value: &Value, names: &Names) -> Result<[f6
 }
 
 /// `{xyz, rpy}`: the translation, then Rz(y) Ry(p) Rx(r).
-pub(super) fn placement(value: &Value, names: &Names) -> Result<Mat4<f64>, String> {
+pub(crate) fn placement(value: &Value, names: &Names) -> Result<Mat4<f64>, String> {
     let get = |key: &str| value.get(key).map_or(Ok([0.0; 3]), |v| vector(v, names));
     let (xyz, rpy) = (get("xyz")?, get("rpy")?);
     let mut out = identity();
@@ -60,7 +60,7 @@ pub(super) fn placement(value: &Value, names: &Names) -> Result<Mat4<f64>, Strin
 }
 
 /// A modified Denavit-Hartenberg row: Rx(alpha) Tx(a) Rz(theta) Tz(d).
-pub(super) fn dh(value: &Value, names: &Names) -> Result<Mat4<f64>, String> {
+pub(crate) fn dh(value: &Value, names: &Names) -> Result<Mat4<f64>, String> {
     let get = |key: &str| scalar_at(value, key, names);
     let steps = [
         turn(0, get("alpha")?),
@@ -72,7 +72,7 @@ pub(super) fn dh(value: &Value, names: &Names) -> Result<Mat4<f64>, String> {
 }
 
 /// The list at a key, empty if it is missing.
-pub(super) fn list<'a>(value: &'a Value, key: &str) -> Result<&'a [Value], String> {
+pub(crate) fn list<'a>(value: &'a Value, key: &str) -> Result<&'a [Value], String> {
     match value.get(key) {
         None => Ok(&[]),
         Some(v) => v
@@ -83,7 +83,7 @@ pub(super) fn list<'a>(value: &'a Value, key: &str) -> Result<&'a [Value], Strin
 }
 
 /// The entries of the mapping at a key, in order, empty if it is missing.
-pub(super) fn entries<'a>(value: &'a Value, key: &str) -> Result<Vec<(String, &'a Value)>, String> {
+pub(crate) fn entries<'a>(value: &'a Value, key: &str) -> Result<Vec<(String, &'a Value)>, String> {
     let Some(found) = value.get(key) else {
         return Ok(Vec::new());
     };

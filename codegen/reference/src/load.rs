@@ -5,14 +5,14 @@ use std::collections::BTreeMap;
 
 use serde_yaml::Value;
 
-use super::expr::evaluate;
-use super::load_fields::{Names, dh, entries, list, placement, scalar, text, vector};
-use super::mechanism::{
+use crate::expr::evaluate;
+use crate::load_fields::{Names, dh, entries, list, placement, scalar, text, vector};
+use crate::mechanism::{
     Axis, Body, Cone, Coupling, Cut, CutKind, CutSide, Friction, JointMotion, Mechanism, Node,
     PARAMETERS_PER_BODY, Parameter,
 };
-use super::random::PhysicalBody;
-use super::scalar::identity;
+use crate::random::PhysicalBody;
+use crate::scalar::identity;
 
 impl Mechanism {
     /// Reads a spec.

@@ -1,7 +1,7 @@
 //! Friction of a joint.
 
 /// The entry of a friction parameter in the row of its joint.
-pub(super) fn friction_column(symbol: &str, qd: f64) -> f64 {
+pub(crate) fn friction_column(symbol: &str, qd: f64) -> f64 {
     let positive = f64::from(u8::from(qd > 0.0));
     let negative = f64::from(u8::from(qd < 0.0));
     match symbol {
@@ -16,7 +16,7 @@ pub(super) fn friction_column(symbol: &str, qd: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::friction_column;
+    use crate::friction_column;
 
     #[test]
     fn every_friction_parameter_opposes_the_motion_and_vanishes_at_rest() {

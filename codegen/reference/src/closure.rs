@@ -3,8 +3,8 @@
 use nalgebra::{DMatrix, DVector};
 use num_dual::{Dual, Dual2, Dual2_64, Dual64};
 
-use super::mechanism::{CutKind, CutSide, Mechanism};
-use super::scalar::{Mat4, Scalar, axis, dot, lift, mul, position, sub};
+use crate::mechanism::{CutKind, CutSide, Mechanism};
+use crate::scalar::{Mat4, Scalar, axis, dot, lift, mul, position, sub};
 
 impl Mechanism {
     /// The rows of f (Eq. 6): cuts in order, then couplings.

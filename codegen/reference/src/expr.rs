@@ -167,7 +167,7 @@ impl Parser<'_> {
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
-    use super::evaluate;
+    use crate::evaluate;
 
     #[test]
     fn powers_bind_tighter_than_signs_and_associate_to_the_right() {

@@ -1,0 +1,170 @@
+//! Base parameters against the numeric path, their certificate, and the way there and back.
+
+use regen_codegen::base::Analysis;
+use regen_codegen::interpret::{self, Double, Rounded};
+use regen_codegen::robot::FunctionKind;
+
+use crate::exit::Failure;
+use crate::states::Motion;
+use crate::verify::{Random, larger};
+use crate::{base, verify_run};
+
+use super::Subject;
+use super::finding::{Finding, Verdict, Worst};
+use super::rounding::{self, Compared};
+
+impl Subject<'_> {
+    /// Rank, span, gap and the way back.
+    pub(super) fn base(
+        &self,
+        states: &[Motion],
+        random: &mut Random,
+    ) -> Result<[Finding; 4], Failure> {
+        let analysis = base::analysis(self.robot)?;
+        let count = verify_run::states(self.robot, None)?;
+        let beside = verify_run::beside(self.robot, analysis, count)?;
+        let wrong = beside
+            .checks
+            .iter()
+            .filter(|c| !c.ok && c.bound == 0.0)
+            .count();
+        let mut rank = Finding::of(wrong as f64, 0.0).with(beside.analytic.to_string());
+        if rank.verdict == Verdict::Holds && beside.doubt {
+            rank.verdict = Verdict::Open;
+        }
+
+        // Wedin: the sine of the angle is at most the error over the smallest singular value that
+        // is kept. Columns have unit length, so that the error is a sum over columns.
+        let error = self.column_errors(states)?;
+        let mut span = Finding::of(beside.angle, error / beside.found_by.last_kept);
+        if !beside.found_by.certain {
+            span.verdict = Verdict::Open;
+        }
+        let gap = gap(analysis);
+        let back = self.back(states, analysis, random)?;
+        Ok([rank, span, gap, back])
+    }
+
+    /// The norm of the error of an observation matrix with columns of unit length, relative to
+    /// its largest singular value, which is at least 1.
+    fn column_errors(&self, states: &[Motion]) -> Result<f64, Failure> {
+        let dof = self.robot.independent.len();
+        let columns = self.robot.parameters.len();
+        let mut sums = vec![(0.0, 0.0); columns];
+        for motion in states {
+            let theirs = Compared::at(self.reference, motion)?;
+            let w = rounding::regressor::<Double>(self.robot, motion);
+            for (k, entry) in w.iter().enumerate() {
+                let (column, row) = (k / dof.max(1), k % dof.max(1));
+                let error = entry.error + theirs.unit * theirs.term(row, column);
+                if let Some((error_sum, sum)) = sums.get_mut(column) {
+                    *error_sum += error * error;
+                    *sum += entry.value * entry.value;
+                }
+            }
+        }
+        let whole = sums.iter().map(|s| s.1).fold(0.0, larger);
+        let mut total = 0.0;
+        for (error, sum) in sums {
+            // columns that are rounding are not scaled up
+            let size = if sum > 1e-24 * whole { sum } else { whole };
+            if size > 0.0 {
+                total += error / size;
+            }
+        }
+        // the matrix is multiplied by orthogonal ones, of as many reflections as columns
+        Ok(total.sqrt() + (columns * columns) as f64 * f64::EPSILON)
+    }
+
+    /// Parameters, their base parameters, and other parameters that have the same ones: the second
+    /// derivation must find the same forces.
+    fn back(
+        &self,
+        states: &[Motion],
+        analysis: &Analysis,
+        random: &mut Random,
+    ) -> Result<Finding, Failure> {
+        if analysis.base.rank() == 0 {
+            return Ok(Finding::absent("no base"));
+        }
+        let free = |random: &mut Random| -> Vec<Rounded<Double>> {
+            let free = analysis.base.null.iter();
+            free.map(|_| Rounded::exact(random.signed())).collect()
+        };
+        let mut worst = Worst::default();
+        for motion in states {
+            let theirs = Compared::at(self.reference, motion)?;
+            // any parameters, or where some are known, parameters for which that holds
+            let any = analysis.base.known.is_empty()
+                && analysis.base.parameters.iter().all(|p| !p.dropped);
+            let phi = if any {
+                self.robot
+                    .parameters
+                    .iter()
+                    .map(|_| Rounded::exact(random.signed()))
+                    .collect()
+            } else {
+                let beta: Vec<_> = (0..analysis.base.rank())
+                    .map(|_| Rounded::exact(random.signed()))
+                    .collect();
+                self.run(FunctionKind::FromBase, &[&beta, &free(random)])
+            };
+            let beta = self.run(FunctionKind::ToBase, &[&phi]);
+            let other = self.run(FunctionKind::FromBase, &[&beta, &free(random)]);
+            let values =
+                |v: &[Rounded<Double>]| -> Vec<f64> { v.iter().map(|x| x.value).collect() };
+            let (before, after) = (values(&phi), values(&other));
+            if before.len() != after.len() {
+                worst.note(f64::NAN, 0.0);
+                continue;
+            }
+            let forces = rounding::reference_forces(&theirs, &before);
+            let again = rounding::reference_forces(&theirs, &after);
+            let sizes = rounding::terms(&theirs, &before);
+            let others = rounding::terms(&theirs, &after);
+            for row in 0..forces.len() {
+                let scale = sizes[row] + others[row];
+                if scale == 0.0 {
+                    continue;
+                }
+                let errors: f64 = other
+                    .iter()
+                    .zip(&phi)
+                    .enumerate()
+                    .map(|(column, (x, y))| theirs.term(row, column) * (x.error + y.error))
+                    .sum();
+                let missed = (forces[row] - again[row]).abs();
+                worst.note(missed / scale, errors / scale + theirs.unit);
+            }
+        }
+        Ok(worst.finding())
+    }
+
+    fn run(&self, kind: FunctionKind, inputs: &[&[Rounded<Double>]]) -> Vec<Rounded<Double>> {
+        self.robot
+            .function(kind)
+            .map_or_else(Vec::new, |f| interpret::run(&f.program, inputs).0)
+    }
+}
+
+/// Kept and dropped numbers further apart than double precision reaches: what no choice of a
+/// tolerance in it could fake.
+fn gap(analysis: &Analysis) -> Finding {
+    let Ok(certificate) = &analysis.certificate else {
+        let mut found = Finding::of(f64::NAN, f64::EPSILON);
+        found.word = "no certificate".to_owned();
+        return found;
+    };
+    let mut found = Finding::of(
+        certificate.largest_dropped / certificate.smallest_kept,
+        f64::EPSILON,
+    );
+    if certificate.largest_dropped == 0.0 {
+        found = Finding::of(0.0, f64::EPSILON);
+    }
+    if !analysis.complete {
+        found.verdict = Verdict::Fails;
+        found.word = "incomplete".to_owned();
+    }
+    found
+}

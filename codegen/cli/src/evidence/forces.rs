@@ -1,0 +1,164 @@
+//! The regressor against derivations that share no code with it.
+
+use regen_codegen::interpret::{self, Double, Precision, Single};
+use regen_codegen::robot::FunctionKind;
+
+use crate::exit::Failure;
+use crate::states::Motion;
+use crate::verify::{Random, size};
+
+use super::Subject;
+use super::finding::{Finding, Worst};
+use super::rounding::{self, Compared};
+
+impl Subject<'_> {
+    fn dof(&self) -> usize {
+        self.robot.independent.len()
+    }
+
+    /// K_i - X^T K_e entry by entry: Newton-Euler in the world frame, X by singular values.
+    pub(super) fn second(&self, states: &[Motion]) -> Result<Finding, Failure> {
+        let dof = self.dof();
+        let mut worst = Worst::default();
+        for motion in states {
+            let theirs = Compared::at(self.reference, motion)?;
+            let ours = rounding::regressor::<Double>(self.robot, motion);
+            for row in 0..dof {
+                let scale = theirs.row(row);
+                if scale == 0.0 {
+                    continue;
+                }
+                for column in 0..self.robot.parameters.len() {
+                    let Some(entry) = ours.get(column * dof + row) else {
+                        worst.note(f64::NAN, 0.0);
+                        continue;
+                    };
+                    let missed = (entry.value - theirs.reduced[(row, column)]).abs();
+                    worst.note(missed / scale, entry.error / scale + theirs.unit);
+                }
+            }
+        }
+        Ok(worst.finding())
+    }
+
+    /// Forces of random parameters by another program.
+    pub(super) fn peer(&self) -> Finding {
+        let Some(vectors) = self.vectors else {
+            return Finding::absent("none");
+        };
+        if let Err(why) = vectors.fit(self.robot) {
+            let mut found = Finding::of(f64::NAN, 0.0);
+            found.word = why;
+            return found;
+        }
+        let mut worst = Worst::default();
+        for state in &vectors.states {
+            let motion = Motion {
+                q: state.q.clone(),
+                qd: state.qd.clone(),
+                qdd: state.qdd.clone(),
+            };
+            let Ok(theirs) = Compared::at(self.reference, &motion) else {
+                worst.note(f64::NAN, 0.0);
+                continue;
+            };
+            // vectors of another geometry are not closed here
+            let open = rounding::openness(self.reference, &motion.q);
+            worst.note(open, rounding::closed(self.reference));
+            let w = rounding::regressor::<Double>(self.robot, &motion);
+            let ours = rounding::forces(&w, &state.phi, self.dof());
+            let sizes = rounding::terms(&theirs, &state.phi);
+            for ((ours, tau), size) in ours.iter().zip(&state.tau).zip(&sizes) {
+                if *size > 0.0 {
+                    // their program rounds as the second derivation does
+                    worst.note((ours.0 - tau).abs() / size, ours.1 / size + theirs.unit);
+                } else {
+                    worst.note((ours.0 - tau).abs(), 0.0);
+                }
+            }
+        }
+        worst.finding().with(vectors.by.clone())
+    }
+
+    /// qd_i . W phi without friction against the rate of kinetic and potential energy, which
+    /// dual numbers take from the bodies' poses alone.
+    pub(super) fn power(&self, states: &[Motion], random: &mut Random) -> Result<Finding, Failure> {
+        let dof = self.dof();
+        let mut worst = Worst::default();
+        for motion in states {
+            let Motion { q, qd, qdd } = motion;
+            let theirs = Compared::at(self.reference, motion)?;
+            let phi = self.without_friction(random);
+            let w = rounding::regressor::<Double>(self.robot, motion);
+            let ours = rounding::forces(&w, &phi, dof);
+            let rates: Vec<f64> = self.robot.independent.iter().map(|k| qd[*k]).collect();
+            let (mut power, mut error) = (0.0, 0.0);
+            for ((force, bound), rate) in ours.iter().zip(&rates) {
+                power += force * rate;
+                error += bound * rate.abs();
+            }
+            // the energy's terms are the tree's: forces of all coordinates on their rates
+            let terms: f64 = (0..theirs.tree.nrows())
+                .map(|k| {
+                    let row = theirs.tree.row(k);
+                    let sum: f64 = row.iter().zip(&phi).map(|(k, phi)| (k * phi).abs()).sum();
+                    sum * qd.get(k).map_or(0.0, |v| v.abs())
+                })
+                .sum();
+            let rate = self.reference.energy_rate(q, qd, qdd, &phi);
+            if terms > 0.0 {
+                let missed = (power - rate).abs();
+                worst.note(missed / terms, error / terms + theirs.unit);
+            }
+        }
+        Ok(worst.finding())
+    }
+
+    /// Random parameters; energies know nothing of friction.
+    pub(super) fn without_friction(&self, random: &mut Random) -> Vec<f64> {
+        let labels = self.robot.parameters.iter();
+        labels
+            .map(|label| match random.signed() {
+                _ if label.starts_with('F') => 0.0,
+                value => value,
+            })
+            .collect()
+    }
+
+    /// The regressor in single precision at states that it holds, against double precision.
+    pub(super) fn single(&self, states: &[Motion]) -> Finding {
+        let Some(function) = self.robot.function(FunctionKind::Regressor) else {
+            return Finding::absent("none");
+        };
+        let dof = self.dof();
+        let mut worst = Worst::default();
+        for motion in states {
+            let narrow = |v: &[f64]| -> Vec<f32> { v.iter().map(|x| *x as f32).collect() };
+            let [q, qd, qdd] = [&motion.q, &motion.qd, &motion.qdd].map(|v| narrow(v));
+            let (single, _) = interpret::run(&function.program, &[&q, &qd, &qdd]);
+            let wide = |v: &[f32]| -> Vec<f64> { v.iter().map(|x| f64::from(*x)).collect() };
+            let held = Motion {
+                q: wide(&q),
+                qd: wide(&qd),
+                qdd: wide(&qdd),
+            };
+            let bounds = rounding::regressor::<Single>(self.robot, &held);
+            for row in 0..dof {
+                let places = (row..bounds.len()).step_by(dof);
+                let values: Vec<f64> = places.clone().map(|k| bounds[k].value).collect();
+                let scale = size(&values);
+                if scale == 0.0 {
+                    continue;
+                }
+                for k in places {
+                    let found = single.get(k).map_or(f64::NAN, |x| f64::from(*x));
+                    let bound = &bounds[k];
+                    // what double precision itself misses is a roundoff of this bound
+                    let error = bound.error * (1.0 + Single::UNIT);
+                    worst.note((found - bound.value).abs() / scale, error / scale);
+                }
+            }
+        }
+        worst.finding()
+    }
+}

@@ -1,0 +1,196 @@
+//! Every check can fail: a fault of the kind that it is there for makes it fail.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+use std::path::PathBuf;
+
+use regen_codegen::diag::Source;
+use regen_codegen::optimize::{Op, Operand, Step, Temp};
+use regen_codegen::pipeline;
+use regen_codegen::robot::{FunctionKind, Robot};
+use regen_codegen::sym::Number;
+use regen_reference::Mechanism;
+
+use super::Subject;
+use super::finding::{CHECKS, Verdict};
+use super::vectors::Vectors;
+
+fn path(name: &str) -> PathBuf {
+    PathBuf::from(format!(
+        "{}/../../robots/{name}.yaml",
+        env!("CARGO_MANIFEST_DIR")
+    ))
+}
+
+fn text(name: &str) -> String {
+    std::fs::read_to_string(path(name)).unwrap()
+}
+
+fn derived(text: &str) -> Robot {
+    pipeline::derive(&Source::new("robot.yaml", text)).unwrap()
+}
+
+/// A robot, and the text and vectors that it is held against.
+struct Case {
+    robot: Robot,
+    text: String,
+    vectors: Option<Vectors>,
+}
+
+impl Case {
+    fn new(name: &str) -> Self {
+        let text = text(name);
+        Self {
+            robot: derived(&text),
+            text,
+            vectors: Vectors::beside(&path(name)).unwrap(),
+        }
+    }
+
+    /// The checks with this verdict.
+    fn with(&self, verdict: Verdict) -> Vec<&'static str> {
+        let reference = Mechanism::from_yaml(&self.text).unwrap();
+        let subject = Subject {
+            robot: &self.robot,
+            reference: &reference,
+            vectors: self.vectors.as_ref(),
+        };
+        let findings = subject.check().unwrap();
+        assert_eq!(findings.len(), CHECKS.len());
+        let both = CHECKS.iter().zip(&findings);
+        both.filter(|(_, f)| f.verdict == verdict)
+            .map(|(check, _)| check.key)
+            .collect()
+    }
+
+    fn failing(&self) -> Vec<&'static str> {
+        self.with(Verdict::Fails)
+    }
+
+    /// These checks fail, and perhaps others.
+    #[track_caller]
+    fn fails(&self, keys: &[&str]) {
+        let failing = self.failing();
+        for key in keys {
+            assert!(failing.contains(key), "{key}: {failing:?}");
+        }
+    }
+
+    /// Turns the sign of the last entry of a function that is computed.
+    fn turn(&mut self, kind: FunctionKind) {
+        let functions = &mut self.robot.functions;
+        let function = functions.iter_mut().find(|f| f.kind == kind).unwrap();
+        let program = &mut function.program;
+        let is_computed = |o: &Operand| !matches!(o, Operand::Constant(_));
+        let k = program.outputs.iter().rposition(is_computed).unwrap();
+        let result = Temp(u32::try_from(program.names.len()).unwrap());
+        program.names.push(None);
+        program.steps.push(Step {
+            op: Op::Neg(program.outputs[k]),
+            results: vec![result],
+        });
+        program.outputs[k] = Operand::Temp(result);
+    }
+}
+
+#[test]
+fn sound_robots_pass_every_check() {
+    for name in ["fivebar", "3rps_friction", "tree_branch"] {
+        let case = Case::new(name);
+        assert_eq!(case.failing(), [""; 0], "{name}");
+        assert!(case.with(Verdict::Holds).len() >= 8, "{name}");
+    }
+}
+
+#[test]
+fn a_wrong_sign_in_one_entry_of_the_regressor_is_seen_by_every_derivation() {
+    let mut case = Case::new("fivebar");
+    case.turn(FunctionKind::Regressor);
+    case.fails(&["second_derivation", "peer", "power"]);
+}
+
+#[test]
+fn a_wrong_length_is_seen_by_every_derivation_and_opens_the_loop() {
+    let mut case = Case::new("fivebar");
+    let wrong = case.text.replace("l1: 0.30", "l1: 0.301");
+    assert_ne!(wrong, case.text);
+    case.robot = derived(&wrong);
+    case.fails(&["second_derivation", "peer", "power", "drift"]);
+}
+
+#[test]
+fn a_wrong_acceleration_opens_the_loop() {
+    let mut case = Case::new("fivebar");
+    case.turn(FunctionKind::Accelerations);
+    case.fails(&["drift"]);
+}
+
+#[test]
+fn vectors_with_a_wrong_force_or_of_another_robot_are_seen() {
+    let mut case = Case::new("fivebar");
+    case.vectors.as_mut().unwrap().states[1].tau[0] *= 1.0 + 1e-9;
+    assert_eq!(case.failing(), ["peer"]);
+    case.vectors = Vectors::beside(&path("fourbar")).unwrap();
+    assert_eq!(case.failing(), ["peer"]);
+    case.vectors = None;
+    assert!(case.failing().is_empty());
+    assert_eq!(case.with(Verdict::Absent), ["peer"]);
+}
+
+#[test]
+fn a_wrong_factor_in_a_combination_turns_the_null_space() {
+    let mut case = Case::new("fivebar");
+    let base = &mut case.robot.analysis.as_mut().unwrap().base;
+    let direction = base.null.iter_mut().find(|d| d.terms.len() > 1).unwrap();
+    let term = &mut direction.terms[1];
+    // off by a millionth
+    let factor = Number::ratio(1_000_001, 1_000_000).unwrap();
+    term.value = term.value.mul(&factor);
+    assert_eq!(case.failing(), ["span"]);
+}
+
+#[test]
+fn a_wrong_way_to_or_from_base_parameters_changes_forces() {
+    for kind in [FunctionKind::ToBase, FunctionKind::FromBase] {
+        let mut case = Case::new("fivebar");
+        case.turn(kind);
+        assert_eq!(case.failing(), ["way_back"], "{kind:?}");
+    }
+}
+
+#[test]
+fn a_base_parameter_too_many_or_too_few_is_a_wrong_rank() {
+    let mut case = Case::new("fivebar");
+    let analysis = case.robot.analysis.as_mut().unwrap();
+    analysis.certificate.as_mut().unwrap().rank += 1;
+    assert_eq!(case.failing(), ["rank"]);
+}
+
+#[test]
+fn numbers_dropped_near_those_kept_and_a_certificate_that_is_not_there_are_seen() {
+    let mut case = Case::new("fivebar");
+    let analysis = case.robot.analysis.as_mut().unwrap();
+    let certificate = analysis.certificate.as_mut().unwrap();
+    certificate.largest_dropped = 1e-15 * certificate.smallest_kept;
+    assert_eq!(case.failing(), ["gap"]);
+    case.robot.analysis.as_mut().unwrap().complete = false;
+    case.fails(&["gap", "rank"]);
+}
+
+/// Lengths whose square single precision cannot hold, although double precision can.
+#[test]
+fn what_single_precision_cannot_hold_is_seen() {
+    let text = "\
+name: long
+limbs:
+  - name: arm
+    joints:
+      - {name: q1, type: revolute, body: 1, actuated: true}
+      - {name: q2, type: revolute, dh: {a: 1e25}, body: 2, actuated: true}
+";
+    let case = Case {
+        robot: derived(text),
+        text: text.to_owned(),
+        vectors: None,
+    };
+    case.fails(&["single_precision"]);
+}
