@@ -28,7 +28,7 @@ fn mechanism(text: &str) -> (Model, Vec<f64>) {
     }
     let frames = Frames::new(&mut g, &model, Geometry::Values);
     let equations = world_equations(&mut g, &frames, &model, None);
-    let loops = NumericLoops::new(&g, &equations, model.coordinates.len());
+    let loops = NumericLoops::new(&g, &equations, &model);
     let home = close_home(&loops, &model).unwrap();
     (model, home)
 }

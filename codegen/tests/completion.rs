@@ -27,7 +27,7 @@ fn analysed(text: &str) -> (Model, Vec<f64>, Analysis) {
     }
     let frames = Frames::new(&mut g, &model, Geometry::Values);
     let equations = world_equations(&mut g, &frames, &model, None);
-    let loops = NumericLoops::new(&g, &equations, model.coordinates.len());
+    let loops = NumericLoops::new(&g, &equations, &model);
     let home = close_home(&loops, &model).unwrap();
     let analysis = analyse(&spec, &model, &home);
     (model, home, analysis)

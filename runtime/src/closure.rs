@@ -22,6 +22,7 @@ use crate::{Condition, Info, Model, SizeError, Status};
 mod lu;
 mod newton;
 mod path;
+mod scaled;
 
 use newton::Newton;
 use path::Point;
@@ -35,7 +36,8 @@ pub enum Outcome {
     NotClosed {
         /// The fraction of the line that was reached, from 0 to 1.
         at: f64,
-        /// The largest |f| where it stopped, in m or without unit.
+        /// The largest |f| where it stopped, in m or without unit; on the way, lengths are in
+        /// [`Closure::length_unit`].
         residual: f64,
     },
     /// The line meets a singularity of A_e: a fold, where the branch ends, or a crossing of
@@ -192,12 +194,14 @@ impl<'m, M: Model<f64> + ?Sized> Closure<'m, M> {
     pub fn new(model: &'m M) -> Result<Self, Misuse> {
         let info = model.info();
         check_info(&info)?;
-        let mut newton = Newton::new(model);
-        let mut q = info.home.to_vec();
+        let mut newton = Newton::new(model)?;
+        let mut q = newton.model.own(info.home);
         let steps = newton.close(&mut q)?;
-        let residual = newton.polish(&mut q)?;
+        let open = newton.polish(&mut q)?;
         let point = Point::new(&mut newton, q)?;
-        let closes = residual <= newton.tolerance(&point.q)?;
+        let closes = open <= newton.tolerance(&point.q)?;
+        let q = newton.model.given(&point.q);
+        let residual = newton.open(&q)?;
         let condition = point.worst();
         let outcome = if !closes {
             Outcome::NotClosed { at: 0.0, residual }
@@ -207,7 +211,7 @@ impl<'m, M: Model<f64> + ?Sized> Closure<'m, M> {
             Outcome::Closed
         };
         let home = Solution {
-            q: point.q.clone(),
+            q,
             residual,
             condition: point.condition,
             outcome,
@@ -215,6 +219,15 @@ impl<'m, M: Model<f64> + ?Sized> Closure<'m, M> {
         };
         let ends = outcome.is_closed().then(|| (point.clone(), point));
         Ok(Self { newton, home, ends })
+    }
+
+    /// The unit of length in which states are judged, m: a power of 2^8 within a factor of
+    /// sixteen of the mechanism's size, so 1 for mechanisms of usual size, and for trees.
+    ///
+    /// A state counts as closed where f is below 1e-12 times the size of its terms in this unit,
+    /// so that a mechanism of micrometres is closed as well as one of metres.
+    pub fn length_unit(&self) -> f64 {
+        self.newton.model.length
     }
 
     /// The closed home, or what kept it from closing.
@@ -292,14 +305,17 @@ impl<'m, M: Model<f64> + ?Sized> Closure<'m, M> {
             return Ok((self.home.clone(), None));
         };
         let start = if from_last { last } else { home };
-        let (mut point, mut outcome, steps) = path::follow(&mut self.newton, start, q_i)?;
-        let residual = self.newton.polish(&mut point.q)?;
-        let closes = residual <= self.newton.tolerance(&point.q)?;
+        let own = self.newton.model.own_of(&self.newton.independent, q_i);
+        let (mut point, mut outcome, steps) = path::follow(&mut self.newton, start, &own)?;
+        let open = self.newton.polish(&mut point.q)?;
+        let closes = open <= self.newton.tolerance(&point.q)?;
+        let q = self.newton.model.given(&point.q);
+        let residual = self.newton.open(&q)?;
         if outcome.is_closed() && !closes {
             outcome = Outcome::NotClosed { at: 1.0, residual };
         }
         let solution = Solution {
-            q: point.q.clone(),
+            q,
             residual,
             condition: point.condition,
             outcome,
@@ -324,10 +340,12 @@ impl<'m, M: Model<f64> + ?Sized> Closure<'m, M> {
         let mut qd = vec![f64::NAN; q.len()];
         let mut qdd = vec![f64::NAN; q.len()];
         let mut worst = condition;
+        let model = self.newton.model.model;
         if outcome.is_closed() {
-            worst = worst.worst(self.newton.model.velocities(&q, qd_i, &mut qd)?);
-            worst = worst.worst(self.newton.model.accelerations(&q, &qd, qdd_i, &mut qdd)?);
-            worst = path::doubted(&mut self.newton, &q, worst)?;
+            worst = worst.worst(model.velocities(&q, qd_i, &mut qd)?);
+            worst = worst.worst(model.accelerations(&q, &qd, qdd_i, &mut qdd)?);
+            let own = self.newton.model.own(&q);
+            worst = path::doubted(&mut self.newton, &own, worst)?;
         }
         Ok(State {
             q,

@@ -221,7 +221,7 @@ pub fn analysed(text: &str) -> Result<Analysis, String> {
     }
     let frames = Frames::new(&mut g, &model, Geometry::Values);
     let equations = world_equations(&mut g, &frames, &model, None);
-    let loops = NumericLoops::new(&g, &equations, model.coordinates.len());
+    let loops = NumericLoops::new(&g, &equations, &model);
     let home = close_home(&loops, &model).map_err(|e| format!("home: {e:?}"))?;
     Ok(analyse(&spec, &model, &home))
 }

@@ -8,8 +8,6 @@ use serde::Serialize;
 const LEAST_GAP: f64 = 1e4;
 /// By how much the widest gap must exceed the next.
 const LEAST_LEAD: f64 = 1e2;
-/// Columns this much shorter than the longest are rounding: scaled up, they would count.
-const ROUNDING: f64 = 1e-12;
 
 /// A rank by the widest gap in a row of numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -69,13 +67,15 @@ pub(crate) struct Numeric {
 
 impl Numeric {
     /// Decomposes a matrix; `None` where the iteration does not end or its result is wrong.
+    ///
+    /// Columns are scaled to unit length, however short: what is nothing but rounding must be 0.
     pub(crate) fn new(w: &DMatrix<f64>) -> Option<Self> {
         let norms: Vec<f64> = w.column_iter().map(|c| c.norm()).collect();
         let longest = norms.iter().copied().fold(0.0, f64::max);
         let scale: Vec<f64> = norms
             .iter()
             .map(|&norm| match norm {
-                _ if norm > ROUNDING * longest => norm,
+                _ if norm > 0.0 => norm,
                 _ if longest > 0.0 => longest,
                 _ => 1.0,
             })
@@ -189,12 +189,12 @@ mod tests {
 
     #[test]
     fn the_null_space_is_found_whatever_the_columns_scales() {
-        // third column = 1e6 first - 1e-3 second; fourth is rounding
+        // third column = 1e6 first - 1e-3 second; the fourth says nothing
         let a = DVector::from_fn(9, |r, _| (r as f64).sin());
         let b = DVector::from_fn(9, |r, _| (r as f64 * 0.7).cos());
         let c = &a * 1e6 - &b * 1e-3;
-        let noise = DVector::from_fn(9, |r, _| 1e-15 * (r as f64).cos());
-        let found = Numeric::new(&DMatrix::from_columns(&[a, b, c, noise])).unwrap();
+        let nothing = DVector::zeros(9);
+        let found = Numeric::new(&DMatrix::from_columns(&[a, b, c, nothing])).unwrap();
         assert_eq!((found.svd.count, found.qr.count), (2, 2));
         assert!(found.svd.certain && found.qr.certain);
         let right = DVector::from_vec(vec![1e6, -1e-3, -1.0, 0.0]);

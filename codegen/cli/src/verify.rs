@@ -231,6 +231,15 @@ pub(crate) fn closed_state(
         .iter()
         .filter_map(|&k| info.home.get(k).copied())
         .collect();
+    // slides are as long as the mechanism is large
+    let units: Vec<f64> = info
+        .independent
+        .iter()
+        .map(|&k| match info.joints.get(k).map(|j| j.motion) {
+            Some(regen_runtime::Motion::Shift) => closure.length_unit(),
+            _ => 1.0,
+        })
+        .collect();
     let mut reach = if info.rows == 0 {
         reach.tree
     } else {
@@ -238,10 +247,16 @@ pub(crate) fn closed_state(
     };
     let mut reason = String::new();
     for _ in 0..8 {
+        let mut about = |middle: &[f64], reach: f64| -> Vec<f64> {
+            let both = middle.iter().zip(&units);
+            both.map(|(x, unit)| x + reach * unit * random.signed())
+                .collect()
+        };
+        let still = vec![0.0; home.len()];
         let wanted = Motion {
-            q: home.iter().map(|q| q + reach * random.signed()).collect(),
-            qd: home.iter().map(|_| random.signed()).collect(),
-            qdd: home.iter().map(|_| random.signed()).collect(),
+            q: about(&home, reach),
+            qd: about(&still, 1.0),
+            qdd: about(&still, 1.0),
         };
         match close(closure, &wanted)? {
             Ok(motion) => return Ok(motion),

@@ -12,7 +12,7 @@ use crate::args::{VerifyArgs, VerifyFormat};
 use crate::exit::Failure;
 use crate::interpreted::Interpreted;
 use crate::numeric::{Numeric, Rank};
-use crate::verify::{self, Check, Random, Reach, fill, larger};
+use crate::verify::{self, Check, Random, Reach, larger};
 use crate::workspace::Workspace;
 use crate::{base, evidence, load, model, modules, table, terminal};
 
@@ -164,9 +164,7 @@ fn observe(robot: &Robot, states: usize, random: &mut Random) -> Result<DMatrix<
     let mut w = DMatrix::zeros(dof * states, columns);
     for k in 0..states {
         let m = verify::closed_state(&model, &mut closure, random, REACH)?;
-        let entries = fill(dof * columns, |out| {
-            model.regressor(&m.q, &m.qd, &m.qdd, out)
-        })?;
+        let entries: Vec<f64> = evidence::regressor(robot, &m);
         if entries.iter().any(|x| !x.is_finite()) {
             return Err(Failure::Numeric(format!(
                 "{}: the regressor is not finite at a random closed state",

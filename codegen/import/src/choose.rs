@@ -28,7 +28,7 @@ pub(crate) fn judge(text: &str) -> Result<Verdict, Report> {
     let _ = Symbols::new(&mut g, &model);
     let frames = Frames::new(&mut g, &model, Geometry::Values);
     let world = world_equations(&mut g, &frames, &model, None);
-    let loops = NumericLoops::new(&g, &world, model.coordinates.len());
+    let loops = NumericLoops::new(&g, &world, &model);
     let names = |which: Vec<usize>| -> Vec<String> {
         let coordinates = which.into_iter().filter_map(|c| model.coordinates.get(c));
         coordinates.map(|c| c.name.clone()).collect()

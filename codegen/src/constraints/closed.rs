@@ -40,7 +40,7 @@ impl Closed {
     /// Where home does not close or the independent coordinates do not fit.
     pub fn new(g: &mut Graph, frames: &Frames, model: &Model) -> Result<Closed, HomeProblem> {
         let world = world_equations(g, frames, model, None);
-        let loops = NumericLoops::new(g, &world, model.coordinates.len());
+        let loops = NumericLoops::new(g, &world, model);
         let home = close_home(&loops, model)?;
         if model.dependent.is_empty() {
             return Ok(Closed {

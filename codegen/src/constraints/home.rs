@@ -6,14 +6,15 @@ use crate::sym::eval::Evaluator;
 use crate::sym::{Ex, Graph};
 
 use super::rows::Equations;
+use super::units::Units;
 
-/// Closed: no residual above this times the mechanism's size.
+/// Closed: no residual above this, in the mechanism's units.
 const CLOSED: f64 = 1e-12;
 /// Pivots below this part of the largest are rank deficiencies.
 const RANK_TOLERANCE: f64 = 1e-8;
 /// How far columns should be from those chosen before, as a part of them.
 const APART: [f64; 4] = [0.1, 0.01, 1e-4, RANK_TOLERANCE];
-/// Entries of A, in metres or without unit, that are nothing but rounding.
+/// Entries of A, in the mechanism's units, that are nothing but rounding.
 const ROUNDING: f64 = 1e-13;
 const MAX_STEPS: usize = 100;
 
@@ -45,19 +46,38 @@ pub struct NumericLoops<'g> {
     evaluator: Evaluator<'g>,
     rows: usize,
     coordinates: usize,
+    units: Units,
 }
 
 impl<'g> NumericLoops<'g> {
     /// From the equations in the world. The coordinates must be the graph's
     /// first symbols, in order.
-    pub fn new(g: &'g Graph, equations: &Equations, coordinates: usize) -> Self {
+    pub fn new(g: &'g Graph, equations: &Equations, model: &Model) -> Self {
         let jacobian = equations.jacobian.iter().flatten();
         let roots: Vec<Ex> = equations.residual.iter().chain(jacobian).copied().collect();
         NumericLoops {
             evaluator: Evaluator::new(g, roots),
             rows: equations.residual.len(),
-            coordinates,
+            coordinates: model.coordinates.len(),
+            units: Units::of(model),
         }
+    }
+
+    /// The units of [`NumericLoops::normal`].
+    pub fn units(&self) -> &Units {
+        &self.units
+    }
+
+    /// f and A at a state, in the mechanism's units.
+    pub fn normal(&self, q: &[f64]) -> (Vec<f64>, Vec<Vec<f64>>) {
+        let (mut f, mut a) = self.at(q);
+        for ((f, row), unit) in f.iter_mut().zip(&mut a).zip(&self.units.rows) {
+            *f /= unit;
+            for (x, coordinate) in row.iter_mut().zip(&self.units.coordinates) {
+                *x *= coordinate / unit;
+            }
+        }
+        (f, a)
     }
 
     /// f and A at a state.
@@ -69,10 +89,10 @@ impl<'g> NumericLoops<'g> {
     }
 
     /// Newton's method over the coordinates in `free`, damped where the
-    /// residual would grow. Returns the largest residual that is left and the
-    /// pivot ratio of the last step.
+    /// residual would grow. Returns the largest residual that is left, in the mechanism's units,
+    /// and the pivot ratio of the last step.
     pub fn close(&self, q: &mut Vec<f64>, free: &[usize]) -> (f64, f64) {
-        let (mut f, mut a) = self.at(q);
+        let (mut f, mut a) = self.normal(q);
         let mut ratio = 1.0;
         for _ in 0..MAX_STEPS {
             let before = largest(&f);
@@ -96,9 +116,9 @@ impl<'g> NumericLoops<'g> {
             for _ in 0..12 {
                 let mut next = q.clone();
                 for (c, step) in free.iter().zip(&solved.solution) {
-                    next[*c] += scale * step[0];
+                    next[*c] += scale * step[0] * self.units.coordinates[*c];
                 }
-                let (nf, na) = self.at(&next);
+                let (nf, na) = self.normal(&next);
                 let after = largest(&nf);
                 // a full step close to the solution may leave rounding only
                 if after < before || (before < CLOSED && after <= 2.0 * before) {
@@ -143,10 +163,10 @@ fn largest(f: &[f64]) -> f64 {
 /// mobility.
 pub fn close_home(loops: &NumericLoops<'_>, model: &Model) -> Result<Vec<f64>, HomeProblem> {
     let start: Vec<f64> = model.home.iter().map(crate::sym::Number::to_f64).collect();
-    let size = 1.0 + largest(&loops.at(&start).0);
+    let size = 1.0 + largest(&loops.normal(&start).0);
     let mut q = start.clone();
-    let (residual, _) = loops.close(&mut q, &model.dependent);
-    if residual <= CLOSED * size {
+    let (open, _) = loops.close(&mut q, &model.dependent);
+    if open <= CLOSED * size {
         check_mobility(loops, model, &q)?;
         return Ok(q);
     }
@@ -157,6 +177,8 @@ pub fn close_home(loops: &NumericLoops<'_>, model: &Model) -> Result<Vec<f64>, H
     if any_residual <= 1e-9 * size {
         check_mobility(loops, model, &all)?;
     }
+    // what is told is in the spec's units
+    let residual = largest(&loops.at(&q).0);
     Err(HomeProblem::NotClosed { residual })
 }
 
@@ -164,7 +186,7 @@ pub fn close_home(loops: &NumericLoops<'_>, model: &Model) -> Result<Vec<f64>, H
 fn close_least(loops: &NumericLoops<'_>, q: &mut Vec<f64>, free: &[usize]) -> (f64, f64) {
     let mut last = (f64::INFINITY, 0.0);
     for _ in 0..4 {
-        let (_, a) = loops.at(q);
+        let (_, a) = loops.normal(q);
         let (rank, columns) = rank_and_columns(select(&a, free), RANK_TOLERANCE);
         if rank == 0 {
             break;
@@ -179,7 +201,7 @@ fn close_least(loops: &NumericLoops<'_>, q: &mut Vec<f64>, free: &[usize]) -> (f
 }
 
 fn check_mobility(loops: &NumericLoops<'_>, model: &Model, q: &[f64]) -> Result<(), HomeProblem> {
-    let (_, mut a) = loops.at(q);
+    let (_, mut a) = loops.normal(q);
     // cuts that hold by themselves leave rows of rounding, and no rank
     if a.iter().flatten().all(|x| x.abs() < ROUNDING) {
         for row in &mut a {

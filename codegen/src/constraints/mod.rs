@@ -9,6 +9,7 @@ mod home;
 mod loops;
 mod rows;
 mod samples;
+mod units;
 mod view;
 
 pub use closed::{Closed, Closure};
@@ -17,4 +18,5 @@ pub use home::{HomeProblem, NumericLoops, close_home};
 pub use loops::{LoopEquations, Viewpoint};
 pub use rows::{Equations, Form, world_equations, world_views};
 pub use samples::closed_states;
+pub use units::Units;
 pub use view::{Column, View};

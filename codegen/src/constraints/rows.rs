@@ -47,6 +47,13 @@ fn rows_of(kind: CutKind) -> &'static [Row] {
     }
 }
 
+/// Which rows of a cut are lengths; the others are cosines.
+pub(super) fn lengths_of(kind: CutKind) -> impl Iterator<Item = bool> {
+    rows_of(kind)
+        .iter()
+        .map(|row| !matches!(row, Row::Axes(..)))
+}
+
 /// Which form of the rows is meant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {

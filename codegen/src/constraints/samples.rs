@@ -31,7 +31,7 @@ pub fn closed_states(loops: &NumericLoops<'_>, model: &Model, home: &[f64]) -> V
     let ranges: Vec<f64> = model
         .independent
         .iter()
-        .map(|&c| range(model, home, c))
+        .map(|&c| range(loops, model, home, c))
         .collect();
     let mut states = vec![home.to_vec()];
     for _ in 1..STATES {
@@ -44,7 +44,7 @@ pub fn closed_states(loops: &NumericLoops<'_>, model: &Model, home: &[f64]) -> V
             }
             predict(loops, model, &q, &mut next);
             let (residual, _) = loops.close(&mut next, &model.dependent);
-            let (_, a) = loops.at(&next);
+            let (_, a) = loops.normal(&next);
             let rhs = vec![vec![]; a.len()];
             let ratio = solve_pivoted(select(&a, &model.dependent), rhs).pivot_ratio;
             // also true for NaN
@@ -64,31 +64,32 @@ fn predict(loops: &NumericLoops<'_>, model: &Model, from: &[f64], to: &mut [f64]
     if model.dependent.is_empty() {
         return;
     }
-    let (_, a) = loops.at(from);
+    let (_, a) = loops.normal(from);
+    let unit = &loops.units().coordinates;
     let rhs = a.iter().map(|row| {
         let moved = model
             .independent
             .iter()
-            .map(|&c| row[c] * (to[c] - from[c]));
+            .map(|&c| row[c] * ((to[c] - from[c]) / unit[c]));
         vec![-moved.sum::<f64>()]
     });
     let solved = solve_pivoted(select(&a, &model.dependent), rhs.collect());
     if solved.pivot_ratio > 0.0 {
         for (c, d) in model.dependent.iter().zip(&solved.solution) {
-            to[*c] += d[0];
+            to[*c] += d[0] * unit[*c];
         }
     }
 }
 
 /// How far a coordinate is moved from home: a third of a radian, or a fifth of
 /// its length, or within its limits.
-fn range(model: &Model, home: &[f64], c: usize) -> f64 {
+fn range(loops: &NumericLoops<'_>, model: &Model, home: &[f64], c: usize) -> f64 {
     let link = &model.links[model.coordinates[c].link];
     let sliding = link
         .motion
         .is_some_and(|m| m.kind == MotionKind::Translation);
     let usual = if sliding {
-        0.2 * home[c].abs().max(0.25)
+        0.2 * home[c].abs().max(0.25 * loops.units().length)
     } else {
         0.35
     };

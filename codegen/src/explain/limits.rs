@@ -56,8 +56,8 @@ pub(super) fn facts(spec: &Spec, model: &Model, home: &[f64]) -> Vec<Fact> {
     }
     let equations = world_equations(&mut g, &frames, model, None);
     if !model.dependent.is_empty() {
-        let loops = NumericLoops::new(&g, &equations, model.coordinates.len());
-        let (_, a) = loops.at(home);
+        let loops = NumericLoops::new(&g, &equations, model);
+        let (_, a) = loops.normal(home);
         let dependent: Vec<Vec<f64>> = a
             .iter()
             .map(|row| model.dependent.iter().map(|&c| row[c]).collect())

@@ -4,6 +4,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::lu::{Lu, entry, rows};
+use super::scaled::Scaled;
 use crate::{Condition, Model, SizeError};
 
 /// The residual of a closed state, in units of what the constraint rows are made of.
@@ -13,10 +14,10 @@ const TOLERANCE: f64 = 1e-12;
 /// the square of it.
 const CONVERGED: f64 = 1e-9;
 
-/// A model with the memory that the iterations need.
+/// A model with the memory that the iterations need. All states are in the model's units.
 #[derive(Debug)]
 pub(super) struct Newton<'m, M: ?Sized> {
-    pub(super) model: &'m M,
+    pub(super) model: Scaled<'m, M>,
     pub(super) independent: Vec<usize>,
     pub(super) dependent: Vec<usize>,
     f: Vec<f64>,
@@ -49,16 +50,22 @@ pub(super) enum Correction {
 }
 
 impl<'m, M: Model<f64> + ?Sized> Newton<'m, M> {
-    pub(super) fn new(model: &'m M) -> Self {
+    pub(super) fn new(model: &'m M) -> Result<Self, SizeError> {
         let info = model.info();
-        Self {
-            model,
+        Ok(Self {
+            model: Scaled::new(model)?,
             independent: info.independent.to_vec(),
             dependent: info.dependent.to_vec(),
             f: vec![0.0; info.rows],
             step: vec![0.0; info.dependent.len()],
             jacobian: vec![0.0; info.rows * info.coordinates.len()],
-        }
+        })
+    }
+
+    /// The largest |f| at a state as the model has it, in the model's own units.
+    pub(super) fn open(&mut self, given: &[f64]) -> Result<f64, SizeError> {
+        self.model.model.constraints(given, &mut self.f)?;
+        Ok(largest(&self.f))
     }
 
     /// The largest |f| over all constraint rows, redundant ones included; NaN if any is.

@@ -8,7 +8,7 @@ use super::newton::{Correction, NEARLY, Newton, largest};
 use super::{Misuse, Outcome};
 use crate::{Condition, Model, Status};
 
-/// The most that any coordinate moves in one step, rad or m.
+/// The most that any coordinate moves in one step, rad or units of length.
 const LONGEST: f64 = 0.25;
 
 /// The corrector's move, relative to the predictor's.
@@ -135,7 +135,10 @@ pub(super) fn follow<M: Model<f64> + ?Sized>(
     let mut steps = 0;
     while done < 1.0 {
         let mut tangent = vec![0.0; point.q.len()];
-        let _ = newton.model.velocities(&point.q, &line, &mut tangent)?;
+        let Newton {
+            model, independent, ..
+        } = newton;
+        let _ = model.velocities(&point.q, independent, &line, &mut tangent)?;
         let speed = largest(&tangent);
         let mut part = f64::min(wish, LONGEST / speed.max(LONGEST)).min(1.0 - done);
         // A rest shorter than the shortest step would not be seen by the corrector.

@@ -5,6 +5,10 @@ use std::vec::Vec;
 
 use crate::{Condition, Model, SizeError};
 
+/// Pivots are rounding below this part of the diagonal, for each row: entries of M carry some
+/// roundings of their own.
+const ROUNDING: f64 = 8.0 * f64::EPSILON;
+
 /// The accelerations that efforts cause, by the mass matrix and the inverse dynamics of one
 /// model: M qdd_i = tau_i - X^T tau_e - (bias + gravity).
 #[derive(Debug)]
@@ -24,7 +28,8 @@ pub struct Forward<'m, M: ?Sized> {
 pub enum Freed {
     /// The accelerations are in place; the condition is that of A_e.
     Moves(Condition<f64>),
-    /// The mass matrix is not positive definite: the parameters are not those of bodies.
+    /// The mass matrix is not positive definite, or not beyond what roundoff may have made of it:
+    /// the parameters are not those of bodies, or a coordinate moves next to none.
     NoMass,
 }
 
@@ -112,9 +117,15 @@ impl<'m, M: Model<f64> + ?Sized> Forward<'m, M> {
 }
 
 /// Solves M x = b in place by the Cholesky factor; false where M is not positive definite.
+///
+/// A pivot below [`ROUNDING`] times n of its diagonal entry may be nothing but the rounding of M
+/// (Higham, *Accuracy and Stability of Numerical Algorithms*, theorem 10.7, which holds for M
+/// scaled to a unit diagonal): then no digit of x is certain. Units play no part in this.
 fn solve_symmetric(m: &mut [f64], b: &mut [f64]) -> bool {
     let n = b.len();
+    let floor = ROUNDING * n as f64;
     for j in 0..n {
+        let whole = m[j * n + j].abs();
         for k in 0..j {
             for i in j..n {
                 m[i * n + j] -= m[i * n + k] * m[j * n + k];
@@ -122,7 +133,7 @@ fn solve_symmetric(m: &mut [f64], b: &mut [f64]) -> bool {
         }
         let pivot = m[j * n + j];
         // NaN too
-        if pivot.is_nan() || pivot <= 0.0 {
+        if pivot.is_nan() || pivot <= floor * whole {
             return false;
         }
         let root = pivot.sqrt();
@@ -164,5 +175,42 @@ mod tests {
         }
         assert!(!solve_symmetric(&mut [1.0, 2.0, 2.0, 1.0], &mut [1.0, 1.0]));
         assert!(!solve_symmetric(&mut [f64::NAN], &mut [1.0]));
+    }
+
+    /// Whatever the units of its coordinates, a system is solved as well, and one that is singular
+    /// but for rounding is refused.
+    #[test]
+    fn units_do_not_decide_what_is_singular() {
+        for scale in [1e-12, 1e-6, 1.0, 1e6] {
+            let unit = [1.0, scale, 1.0 / scale];
+            let scaled = |m: &[f64; 9]| -> Vec<f64> {
+                let entry = |k: usize| m[k] * unit[k / 3] * unit[k % 3];
+                (0..9).map(entry).collect()
+            };
+            let mut good = scaled(&[4.0, 2.0, 0.6, 2.0, 3.0, 0.4, 0.6, 0.4, 1.0]);
+            let mut b: Vec<f64> = (0..3)
+                .map(|i| good[3 * i] + good[3 * i + 1] / scale)
+                .collect();
+            assert!(solve_symmetric(&mut good, &mut b), "{scale}");
+            for (b, x) in b.iter().zip([1.0, 1.0 / scale, 0.0]) {
+                assert!(
+                    (b - x).abs() < 1e-13 * (1.0 + x.abs()).max(scale),
+                    "{scale} {b} {x}"
+                );
+            }
+            // the third row is a third of the others' sum, rounded
+            let third = 1.0 / 3.0;
+            let rows = [[4.0, 2.0], [2.0, 3.0]];
+            let last = [(4.0 + 2.0) * third, (2.0 + 3.0) * third];
+            let corner = (last[0] + last[1]) * third;
+            let singular = [
+                rows[0][0], rows[0][1], last[0], rows[1][0], rows[1][1], last[1], last[0], last[1],
+                corner,
+            ];
+            assert!(
+                !solve_symmetric(&mut scaled(&singular), &mut [1.0; 3]),
+                "{scale}"
+            );
+        }
     }
 }

@@ -35,6 +35,8 @@ use crate::verify::{self, Random, Reach};
 use crate::workspace::{self, Workspace};
 use crate::{load, progress, terminal};
 
+pub(crate) use rounding::certain as regressor;
+
 use finding::Finding;
 use vectors::Vectors;
 

@@ -109,6 +109,21 @@ pub(crate) fn regressor<P: Precision>(robot: &Robot, motion: &Motion) -> Vec<Rou
         })
 }
 
+/// The same in double precision, with 0 for what is nothing but rounding: columns may then be
+/// scaled up however short they are, as in millimetres beside tonnes.
+pub(crate) fn certain(robot: &Robot, motion: &Motion) -> Vec<f64> {
+    regressor::<Double>(robot, motion)
+        .iter()
+        .map(|x| {
+            if x.value.abs() <= x.error {
+                0.0
+            } else {
+                x.value
+            }
+        })
+        .collect()
+}
+
 /// The forces of parameters by the program, and the bound of their error.
 pub(crate) fn forces(w: &[Rounded<Double>], phi: &[f64], dof: usize) -> Vec<(f64, f64)> {
     (0..dof)

@@ -105,7 +105,7 @@ impl<'a> Walk<'a> {
     ) -> Result<Walk<'a>, CertificateError> {
         let jacobian = equations.jacobian.iter().flatten();
         let roots = equations.residual.iter().chain(jacobian).copied();
-        let loops = NumericLoops::new(g, equations, model.coordinates.len());
+        let loops = NumericLoops::new(g, equations, model);
         let mut size = 1.0;
         let mut ratio = 1.0;
         if !model.dependent.is_empty() {

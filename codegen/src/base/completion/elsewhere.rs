@@ -95,7 +95,7 @@ fn home(model: &Model) -> Option<Vec<f64>> {
     g.set_naming(false);
     let frames = Frames::new(&mut g, model, Geometry::Values);
     let equations = world_equations(&mut g, &frames, model, None);
-    let loops = NumericLoops::new(&g, &equations, model.coordinates.len());
+    let loops = NumericLoops::new(&g, &equations, model);
     close_home(&loops, model).ok()
 }
 

@@ -17,7 +17,7 @@ fn states(path: &str, count: usize) -> (Model, Vec<State>) {
     }
     let frames = Frames::new(&mut g, &model, Geometry::Values);
     let equations = world_equations(&mut g, &frames, &model, None);
-    let loops = NumericLoops::new(&g, &equations, model.coordinates.len());
+    let loops = NumericLoops::new(&g, &equations, &model);
     let home = close_home(&loops, &model).unwrap();
     let mut walk = Walk::new(&g, &equations, &model, &home, 3, Units::default()).unwrap();
     let states = (0..count).map(|_| walk.next().unwrap()).collect();
