@@ -222,7 +222,7 @@ impl<'m, M: Model<f64> + ?Sized> Closure<'m, M> {
     }
 
     /// The unit of length in which states are judged, m: a power of 2^8 within a factor of
-    /// sixteen of the mechanism's size, so 1 for mechanisms of usual size, and for trees.
+    /// sixteen of the mechanism's size, so 1 for mechanisms of usual size.
     ///
     /// A state counts as closed where f is below 1e-12 times the size of its terms in this unit,
     /// so that a mechanism of micrometres is closed as well as one of metres.

@@ -10,7 +10,7 @@ use std::f64::consts::FRAC_PI_2;
 use num_dual::Dual64;
 use pulp::{Arch, Simd, WithSimd, bytemuck};
 use regen_codegen::diag::Source;
-use regen_codegen::interpret;
+use regen_codegen::interpret::{self, Rounded, Single};
 use regen_codegen::optimize::{Op, Program};
 use regen_codegen::pipeline::derive;
 use regen_codegen::robot::FunctionKind;
@@ -191,6 +191,36 @@ fn single_precision_keeps_five_digits() {
         assert!(error < 1e-5, "{error:e}");
         assert!(error > 0.0);
     }
+}
+
+/// The bound follows from the program's operations at each state; compiled code, whatever it
+/// fuses, stays within it, and it is no more than some thousand times what is measured.
+#[test]
+fn single_precision_stays_within_its_computed_bound() {
+    let path = files::robots().join("3rps.yaml");
+    let source = Source::new("3rps.yaml", std::fs::read_to_string(path).unwrap());
+    let robot = derive(&source).unwrap();
+    let program = &robot.function(FunctionKind::Regressor).unwrap().program;
+    let (mut largest, mut widest) = (0.0_f64, 0.0_f64);
+    for state in states(20) {
+        let narrow = state.map(|values| values.map(|x| x as f32));
+        let found = ask(&narrow);
+        let exact = |k: usize| narrow[k].map(|x| Rounded::<Single>::exact(f64::from(x)));
+        let arguments = [exact(0), exact(1), exact(2)];
+        let (bounds, _) = interpret::run(program, &[&arguments[0], &arguments[1], &arguments[2]]);
+        let entries = found.regressor.iter().flatten();
+        assert_eq!(bounds.len(), P * DOF);
+        for (entry, bound) in entries.zip(&bounds) {
+            let missed = (f64::from(*entry) - bound.value).abs();
+            assert!(missed <= bound.error * (1.0 + 1e-6), "{missed:e} {bound:?}");
+            largest = largest.max(missed);
+            widest = widest.max(bound.error);
+        }
+    }
+    assert!(
+        largest > 0.0 && widest < 1e4 * largest,
+        "{largest:e} {widest:e}"
+    );
 }
 
 #[test]

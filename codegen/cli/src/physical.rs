@@ -6,7 +6,7 @@ use regen_runtime::feasibility::{
     Scale, Total, Verdict, identify, verdict,
 };
 use regen_runtime::friction::{FrictionData, FrictionJoint, JointFit, fit};
-use regen_runtime::{BaseModel, Friction, Model};
+use regen_runtime::{BaseModel, Closure, Friction, Model};
 
 use crate::args::{PhysicalArgs, PriorArg};
 use crate::exit::Failure;
@@ -52,8 +52,12 @@ pub(crate) fn models(
     let joints = data.map_or(&[][..], FrictionData::joints);
     let layout = plain_layout.extended(more)?;
     let combinations = plain.extended(more);
-    let options = options(model, args, &layout)?;
-    let judged = verdict(&layout, &combinations, values, Scale::default())?;
+    let scale = scale(model, &layout, &combinations, values)?;
+    let options = Options {
+        scale,
+        ..options(model, args, &layout)?
+    };
+    let judged = verdict(&layout, &combinations, values, scale)?;
     let mut out = vec![Found {
         name: if data.is_some() {
             "linear, least squares"
@@ -79,7 +83,10 @@ pub(crate) fn models(
         feasibility: cost(&linear_fit),
     });
     if let Some(data) = data {
-        let own = self::options(model, args, &plain_layout)?;
+        let own = Options {
+            scale,
+            ..self::options(model, args, &plain_layout)?
+        };
         let found = fit(data, &plain, &plain_layout, &own)?;
         let mut text = format!(
             "physical; {:.3} % of the linear model's squared residuals",
@@ -97,6 +104,17 @@ pub(crate) fn models(
         });
     }
     Ok(out)
+}
+
+/// Units near those of the robot, by its size and its base parameters.
+pub(crate) fn scale(
+    model: &Interpreted<'_>,
+    layout: &Layout,
+    combinations: &Combinations,
+    beta: &[f64],
+) -> Result<Scale, Failure> {
+    let length = Closure::new(model)?.length_unit();
+    Ok(Scale::near(layout, combinations, beta, length))
 }
 
 /// A verdict in words.

@@ -74,6 +74,7 @@ pub(crate) fn run(
     let checks = Checks {
         other: against.as_ref().map(|(factor, _)| factor),
         relative_absolute: predict.as_ref().map(|f| f as _),
+        scale: physical::scale(model, &layout, &combinations, &factor.solve()?)?,
         ..Checks::default()
     };
     Ok(reduce(factor, &combinations, &layout, &checks)?)

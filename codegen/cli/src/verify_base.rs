@@ -5,7 +5,7 @@ use regen_runtime::{BaseModel, Model, SizeError};
 
 use crate::interpreted::Interpreted;
 use crate::states::Motion;
-use crate::verify::{ROUNDING, Random, Worst, fill, product};
+use crate::verify::{ROUNDING, Random, Worst, fill, larger, product};
 
 /// Every set of parameters with the same base parameters has the same forces, which the functions
 /// over base parameters compute.
@@ -24,12 +24,18 @@ pub(crate) fn functions(
     let phi = fill(info.parameters.len(), |out| {
         model.parameters_from_base(&beta, &free, out)
     })?;
-    let mut compare = |name, a: &[f64], b: &[f64]| worst.compare(name, a, b, 1.0, ROUNDING);
-    compare(
+    // the sums cancel: lengths of a thousand millimetres stand in them squared
+    let terms = base.parameters.iter().flat_map(|p| &p.terms);
+    let terms = terms.filter_map(|t| Some((t.value.to_f64() * phi.get(t.column)?).abs()));
+    let scale = terms.fold(1.0, larger);
+    worst.compare(
         "to_base(parameters_from_base) = beta",
         &fill(beta.len(), |out| model.to_base(&phi, out))?,
         &beta,
+        scale,
+        ROUNDING,
     );
+    let mut compare = |name, a: &[f64], b: &[f64]| worst.compare(name, a, b, 1.0, ROUNDING);
 
     let w = fill(dof * phi.len(), |out| model.regressor(q, qd, qdd, out))?;
     let w_phi = product(&w, &phi, dof);

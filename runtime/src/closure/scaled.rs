@@ -59,15 +59,14 @@ impl<'m, M: Model<f64> + ?Sized> Scaled<'m, M> {
             .filter_map(|k| info.home.get(k));
         let size = places.chain(slides).fold(0.0_f64, |m, x| m.max(x.abs()));
         scaled.length = coarse(size);
-        // trees, and mechanisms of usual size
-        if info.rows == 0 || scaled.length == 1.0 {
-            scaled.length = 1.0;
-            return Ok(scaled);
-        }
         for (k, unit) in scaled.coordinates.iter_mut().enumerate() {
             if shifts(k) {
                 *unit = scaled.length;
             }
+        }
+        // mechanisms of usual size stay in metres, row by row
+        if info.rows == 0 || (scaled.length - 1.0).abs() < f64::EPSILON {
+            return Ok(scaled);
         }
         let mut a = vec![0.0; info.rows * n];
         model.jacobian(info.home, &mut a)?;

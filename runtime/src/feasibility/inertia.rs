@@ -2,6 +2,12 @@
 
 use nalgebra::{Matrix4, SymmetricEigen};
 
+use super::{Combinations, Layout};
+
+/// Robots up to this many kilograms, or one over it, are measured in kilograms.
+const USUAL_MASS: f64 = 256.0;
+const MASS_STEP: f64 = 65536.0;
+
 /// A body's ten parameters: `Ixx Ixy Ixz Iyy Iyz Izz mx my mz m` about its frame's origin, SI.
 pub type Ten = [f64; 10];
 
@@ -139,6 +145,67 @@ impl Scale {
         [self.mass, self.length]
             .iter()
             .all(|x| x.is_finite() && *x > 0.0)
+    }
+
+    /// Units near those of a robot, so that neither millimetres and tonnes nor a mechanism of
+    /// milligrams leave a semidefinite programme whose numbers are all beside its tolerances.
+    ///
+    /// - `length`: the size of the mechanism, in the description's unit of length, within a factor
+    ///   of sixteen: `Closure::length_unit`.
+    /// - `beta`: base parameters of these combinations. Each of a body is a mass at a length of
+    ///   the mechanism's; the largest is the robot's, within a factor of 2^8.
+    ///
+    /// For robots of usual size and mass this is the default. Where a value is not finite or
+    /// nothing is known of masses, their unit is 1.
+    ///
+    /// ```
+    /// use regen_runtime::feasibility::{Combinations, Layout, SYMBOLS, Scale};
+    ///
+    /// let labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}(1)")).collect();
+    /// let (layout, all) = (Layout::new(&labels)?, Combinations::identity(&labels));
+    /// let seen = all.select(&[5, 6])?;
+    /// assert_eq!(Scale::near(&layout, &seen, &[0.2, 1.5], 1.0), Scale::default());
+    /// // the same in millimetres and tonnes: t mm^2 and t mm
+    /// let scale = Scale::near(&layout, &seen, &[0.2e3, 1.5], 256.0);
+    /// assert!(scale.length > 50.0 && scale.mass < 1e-2);
+    /// # Ok::<(), regen_runtime::feasibility::FeasibilityError>(())
+    /// ```
+    pub fn near(layout: &Layout, combinations: &Combinations, beta: &[f64], length: f64) -> Self {
+        let usual = Self::default();
+        if !(length.is_finite() && length > 0.0) {
+            return usual;
+        }
+        let mut scale = Self {
+            length: usual.length * length,
+            ..usual
+        };
+        let units = layout.units(scale);
+        let mut mass = 0.0_f64;
+        for (label, value) in combinations.labels().iter().zip(beta) {
+            // friction and rotors say nothing of the bodies
+            let Ok(column) = layout.find(label) else {
+                continue;
+            };
+            if !layout.single().contains(&column) && value.is_finite() {
+                mass = mass.max((value / units[column]).abs());
+            }
+        }
+        if mass > 0.0 {
+            while mass > USUAL_MASS * scale.mass && scale.mass < 1e200 {
+                scale.mass *= MASS_STEP;
+            }
+            while mass < scale.mass / USUAL_MASS && scale.mass > 1e-200 {
+                scale.mass /= MASS_STEP;
+            }
+        }
+        scale
+    }
+
+    /// The unit of parameters that are of no body, friction and rotors: of a moment of inertia,
+    /// and 1 by default.
+    pub(super) fn single(self) -> f64 {
+        let usual = Self::default();
+        self.mass / usual.mass * (self.length / usual.length).powi(2)
     }
 
     /// The unit of each of the ten parameters.

@@ -195,9 +195,9 @@ impl Layout {
         })
     }
 
-    /// The unit of each parameter: the scale's for bodies', 1 for single ones.
+    /// The unit of each parameter in the scale.
     pub(super) fn units(&self, scale: Scale) -> Vec<f64> {
-        let mut units = vec![1.0; self.len()];
+        let mut units = vec![scale.single(); self.len()];
         let ten: Ten = scale.units();
         for body in &self.bodies {
             for (column, unit) in body.columns.iter().zip(ten) {

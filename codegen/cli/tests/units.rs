@@ -1,0 +1,244 @@
+//! The same robot in other units: metres, millimetres and tonnes, or a millionth of its size. What
+//! is found must be the same when it is scaled back.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod common;
+
+use std::fs;
+use std::path::Path;
+
+use common::{regen, root, scratch};
+use serde_json::Value as Json;
+use serde_yaml::Value;
+
+/// A scalar of the file times a power of ten, still exact.
+fn times(value: &mut Value, exponent: i32) {
+    let text = match &*value {
+        Value::String(text) => text.clone(),
+        Value::Number(number) => number.to_string(),
+        other => panic!("{other:?} is no scalar"),
+    };
+    *value = Value::String(format!("10^({exponent})*({text})"));
+}
+
+fn each(value: Option<&mut Value>, exponent: i32) {
+    if let Some(list) = value.and_then(Value::as_sequence_mut) {
+        list.iter_mut().for_each(|v| times(v, exponent));
+    }
+}
+
+/// The spec with lengths in units of 10^-`length` m and masses in 10^-`mass` kg, seconds kept.
+/// Limits go; friction and rotors of turning joints are torques, and scale with mass length^2.
+fn rescaled(text: &str, length: i32, mass: i32) -> String {
+    let mut spec: Value = serde_yaml::from_str(text).unwrap();
+    if spec.get("gravity").is_none() {
+        spec["gravity"] = serde_yaml::from_str("[0, 0, -9.81]").unwrap();
+    }
+    each(spec.get_mut("gravity"), length);
+    let mut slides = Vec::new();
+    for limb in spec["limbs"].as_sequence_mut().unwrap() {
+        each(limb.get_mut("base").and_then(|b| b.get_mut("xyz")), length);
+        for joint in limb["joints"].as_sequence_mut().unwrap() {
+            for key in ["a", "d"] {
+                if let Some(value) = joint.get_mut("dh").and_then(|dh| dh.get_mut(key)) {
+                    times(value, length);
+                }
+            }
+            each(
+                joint.get_mut("origin").and_then(|o| o.get_mut("xyz")),
+                length,
+            );
+            let sliding = joint["type"] == "prismatic";
+            if sliding {
+                slides.push(joint["name"].as_str().unwrap().to_owned());
+            }
+            let force = if sliding { mass } else { mass + 2 * length };
+            if let Some(nominal) = joint.get_mut("nominal").and_then(Value::as_mapping_mut) {
+                nominal.values_mut().for_each(|v| times(v, force));
+            }
+            let joint = joint.as_mapping_mut().unwrap();
+            joint.remove("limits");
+        }
+    }
+    if let Some(cuts) = spec.get_mut("cuts").and_then(Value::as_sequence_mut) {
+        for side in cuts
+            .iter_mut()
+            .flat_map(|c| c["between"].as_sequence_mut().unwrap())
+        {
+            each(side.get_mut("xyz"), length);
+        }
+    }
+    for name in slides {
+        if let Some(value) = spec.get_mut("home").and_then(|h| h.get_mut(&name)) {
+            times(value, length);
+        }
+    }
+    if let Some(bodies) = spec.get_mut("bodies").and_then(Value::as_mapping_mut) {
+        for body in bodies.values_mut() {
+            times(&mut body["mass"], mass);
+            each(body.get_mut("com"), length);
+            each(body.get_mut("inertia"), mass + 2 * length);
+        }
+    }
+    serde_yaml::to_string(&spec).unwrap()
+}
+
+/// The unit of a parameter in the new units, by its label.
+fn unit(label: &str, length: i32, mass: i32) -> f64 {
+    let (symbol, _) = label.split_once('(').unwrap();
+    let lengths = match symbol {
+        "m" => 0,
+        "mx" | "my" | "mz" => 1,
+        // of turning joints, too
+        _ => 2,
+    };
+    10_f64.powi(mass + lengths * length)
+}
+
+fn read(robot: &str) -> String {
+    fs::read_to_string(root().join("robots").join(robot)).unwrap()
+}
+
+fn base(dir: &Path, text: &str) -> Json {
+    fs::write(dir.join("robot.yaml"), text).unwrap();
+    regen(dir, &["base", "robot.yaml", "--format", "json"])
+        .ended(0)
+        .json()
+}
+
+/// Exponents drawn by a fixed seed: from nanometres to thousands of kilometres beside everything
+/// from a metre's point of view.
+fn exponents(count: usize) -> Vec<i32> {
+    let mut state = 11_u64;
+    (0..count)
+        .map(|_| {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
+            (state >> 33) as i32 % 7
+        })
+        .zip([1, -1].into_iter().cycle())
+        .map(|(k, sign)| sign * (k + 1))
+        .collect()
+}
+
+#[test]
+fn base_parameters_are_the_same_combinations_in_any_units() {
+    let dir = scratch("units-base");
+    let robots = [
+        "3rps.yaml",
+        "fivebar.yaml",
+        "scara.yaml",
+        "delta.yaml",
+        "slider_crank.yaml",
+    ];
+    for (robot, length) in robots.iter().cycle().zip(exponents(10)) {
+        let usual = base(&dir, &rescaled(&read(robot), 0, 0));
+        let other = base(&dir, &rescaled(&read(robot), length, 0));
+        assert_eq!(usual["rank"], other["rank"], "{robot} 10^{length}");
+        let rows = |json: &Json| json["base"].as_array().unwrap().clone();
+        for (a, b) in rows(&usual).iter().zip(rows(&other)) {
+            let label = a["label"].as_str().unwrap();
+            assert_eq!(a["label"], b["label"], "{robot} 10^{length}");
+            let terms = |row: &Json| row["terms"].as_array().unwrap().clone();
+            let (ours, theirs) = (terms(a), terms(&b));
+            assert_eq!(ours.len(), theirs.len(), "{robot} 10^{length} {label}");
+            for (x, y) in ours.iter().zip(&theirs) {
+                assert_eq!(x["parameter"], y["parameter"]);
+                let parameter = x["parameter"].as_str().unwrap();
+                let factor = unit(label, length, 0) / unit(parameter, length, 0);
+                let (x, y) = (x["value"].as_f64().unwrap(), y["value"].as_f64().unwrap());
+                // exact values, rounded once; powers of ten are rounded too
+                assert!(
+                    (y - x * factor).abs() <= 1e-14 * y.abs(),
+                    "{robot} {label} {x} {y}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn every_check_holds_in_any_units() {
+    let dir = scratch("units-verify");
+    let robots = [
+        "3rps.yaml",
+        "3rrr.yaml",
+        "slider_crank.yaml",
+        "tree_branch.yaml",
+        "3prs.yaml",
+    ];
+    for (robot, length) in robots.iter().cycle().zip(exponents(10)) {
+        fs::write(
+            dir.join("robot.yaml"),
+            rescaled(&read(robot), length.clamp(-6, 6), 0),
+        )
+        .unwrap();
+        let run = regen(&dir, &["verify", "--all", "robot.yaml"]);
+        assert_eq!(run.code, 0, "{robot} 10^{length}\n{}{}", run.out, run.err);
+        assert!(
+            !run.out.contains("open"),
+            "{robot} 10^{length}\n{}",
+            run.out
+        );
+        let run = regen(&dir, &["verify", "robot.yaml"]);
+        assert_eq!(run.code, 0, "{robot} 10^{length}\n{}{}", run.out, run.err);
+    }
+}
+
+/// The guide's five-bar and its log, torques scaled with mass length^2: millimetres and tonnes, a
+/// toy of a millimetre and a milligram whose inertias are 1e-15 kg m^2, and a crane.
+#[test]
+fn identified_parameters_are_the_same_in_any_units() {
+    let dir = scratch("units-identify");
+    let guide = root().join("guide/fivebar");
+    let text = fs::read_to_string(guide.join("fivebar.yaml")).unwrap();
+    let log = fs::read_to_string(guide.join("run1.csv")).unwrap();
+    let mut found: Vec<(Vec<(String, f64)>, String)> = Vec::new();
+    for (length, mass) in [(0, 0), (3, -3), (-3, -6), (3, 6)] {
+        fs::write(dir.join("robot.yaml"), rescaled(&text, length, mass)).unwrap();
+        let force = 10_f64.powi(mass + 2 * length);
+        let mut scaled = String::new();
+        for (k, line) in log.lines().enumerate() {
+            let cells = line.split(',').enumerate().map(|(column, cell)| {
+                if k == 0 || column < 3 {
+                    return cell.to_owned();
+                }
+                (cell.parse::<f64>().unwrap() * force).to_string()
+            });
+            scaled.push_str(&cells.collect::<Vec<_>>().join(","));
+            scaled.push('\n');
+        }
+        fs::write(dir.join("run.csv"), scaled).unwrap();
+        let args = "identify robot.yaml run.csv --butterworth 4,20 --feasible --format json";
+        let args: Vec<&str> = args.split(' ').collect();
+        let json = regen(&dir, &args).ended(0).json();
+        let mut values = Vec::new();
+        for list in ["parameters", "physical"] {
+            for row in json[list].as_array().unwrap() {
+                let label = row["label"].as_str().unwrap();
+                let value = row["value"].as_f64().unwrap() / unit(label, length, mass);
+                values.push((format!("{list} {label}"), value));
+            }
+        }
+        let feasibility = json["models"][0]["feasibility"].as_str().unwrap();
+        found.push((values, feasibility[..8].to_owned()));
+    }
+    let (usual, verdict) = &found[0];
+    assert_eq!(verdict, "feasible");
+    for (other, said) in &found[1..] {
+        assert_eq!(said, verdict);
+        assert_eq!(usual.len(), other.len());
+        for ((label, x), (same, y)) in usual.iter().zip(other) {
+            assert_eq!(label, same);
+            // least squares loses condition times epsilon; the solver of the semidefinite
+            // programme is asked for 1e-9, of parameters of about a kilogram
+            let tolerance = if label.starts_with("parameters") {
+                1e-9 * x.abs()
+            } else {
+                1e-3 * x.abs() + 1e-4
+            };
+            assert!((x - y).abs() <= tolerance, "{label}: {x} {y}");
+        }
+    }
+}
