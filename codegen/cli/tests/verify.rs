@@ -139,8 +139,8 @@ limbs:
   - name: arm
     joints:
       - {name: q1, type: revolute, body: 1, actuated: true}
-      - {name: q2, type: revolute, dh: {alpha: 1e-6, a: 0.1}, body: 2, actuated: true}
-      - {name: q3, type: revolute, dh: {alpha: 1e-3, a: 0.1}, body: 3, actuated: true}
+      - {name: q2, type: revolute, dh: {alpha: 1e-9, a: 0.1}, body: 2, actuated: true}
+      - {name: q3, type: revolute, dh: {alpha: 1e-9, a: 0.1}, body: 3, actuated: true}
 ";
     fs::write(dir.join("skewed.yaml"), spec).unwrap();
     let run = regen(&dir, &["verify", "skewed.yaml"]).ended(0);
