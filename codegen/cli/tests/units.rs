@@ -23,7 +23,9 @@ fn times(value: &mut Value, exponent: i32) {
 
 fn each(value: Option<&mut Value>, exponent: i32) {
     if let Some(list) = value.and_then(Value::as_sequence_mut) {
-        list.iter_mut().for_each(|v| times(v, exponent));
+        for value in list {
+            times(value, exponent);
+        }
     }
 }
 
@@ -54,7 +56,9 @@ fn rescaled(text: &str, length: i32, mass: i32) -> String {
             }
             let force = if sliding { mass } else { mass + 2 * length };
             if let Some(nominal) = joint.get_mut("nominal").and_then(Value::as_mapping_mut) {
-                nominal.values_mut().for_each(|v| times(v, force));
+                for value in nominal.values_mut() {
+                    times(value, force);
+                }
             }
             let joint = joint.as_mapping_mut().unwrap();
             joint.remove("limits");

@@ -16,7 +16,7 @@ pub(crate) fn friction_column(symbol: &str, qd: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use crate::friction_column;
+    use super::friction_column;
 
     #[test]
     fn every_friction_parameter_opposes_the_motion_and_vanishes_at_rest() {

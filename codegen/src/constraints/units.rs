@@ -45,7 +45,7 @@ impl Units {
             Step::Rotate(..) => None,
         });
         let homes = model.home.iter().zip(&slides);
-        let homes = homes.filter_map(|(q, slides)| slides.then(|| q.to_f64()));
+        let homes = homes.filter(|h| *h.1).map(|h| h.0.to_f64());
         let size = offsets.chain(homes).fold(0.0_f64, |m, x| m.max(x.abs()));
         let length = coarse(size);
         let unit = |is_length: bool| if is_length { length } else { 1.0 };

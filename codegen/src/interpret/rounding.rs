@@ -56,8 +56,8 @@ const SINE: f64 = 2.0;
 /// use regen_codegen::interpret::{Rounded, Single};
 ///
 /// // (1/3 + 1e-8) - 1/3: single precision loses the small number, and the bound says so.
-/// let third = Rounded::<Single>::rounded(1.0 / 3.0);
-/// let rest = (third + Rounded::rounded(1e-8)) - third;
+/// let third = Rounded::<Single>::nearest(1.0 / 3.0);
+/// let rest = (third + Rounded::nearest(1e-8)) - third;
 /// let single = ((1.0_f32 / 3.0 + 1e-8) - 1.0 / 3.0) as f64;
 /// assert!((single - rest.value).abs() <= rest.error);
 /// assert!(rest.error > 1e-8 && rest.error < 1e-6);
@@ -86,8 +86,8 @@ impl<P: Precision> Rounded<P> {
         Self::new(value, 0.0)
     }
 
-    /// A number that is rounded to the format.
-    pub fn rounded(value: f64) -> Self {
+    /// The format's number nearest to this one.
+    pub fn nearest(value: f64) -> Self {
         Self::new(value, value.abs() * P::UNIT)
     }
 
@@ -148,7 +148,7 @@ impl<P: Precision> Number for Rounded<P> {
         if P::holds(value) {
             Self::exact(value)
         } else {
-            Self::rounded(value)
+            Self::nearest(value)
         }
     }
 
@@ -210,7 +210,9 @@ fn eliminate<P: Precision>(
         };
         a.swap(k, row);
         b.swap(k, row);
-        a.iter_mut().for_each(|r| r.swap(k, column));
+        for row in &mut a {
+            row.swap(k, column);
+        }
         columns.swap(k, column);
         let (pivot_a, pivot_b) = (a[k].clone(), b[k].clone());
         for i in k + 1..rows {
@@ -278,7 +280,7 @@ mod tests {
 
     #[test]
     fn a_divisor_that_may_be_zero_leaves_no_bound() {
-        let tiny = Rounded::<Single>::rounded(1.0) - Rounded::rounded(1.0 - 1e-8);
+        let tiny = Rounded::<Single>::nearest(1.0) - Rounded::nearest(1.0 - 1e-8);
         let quotient = Rounded::exact(1.0) / tiny;
         assert!(quotient.error.is_infinite());
         assert!((quotient * Rounded::exact(2.0)).error.is_infinite());

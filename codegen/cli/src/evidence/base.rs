@@ -151,9 +151,7 @@ impl Subject<'_> {
 /// tolerance in it could fake.
 fn gap(analysis: &Analysis) -> Finding {
     let Ok(certificate) = &analysis.certificate else {
-        let mut found = Finding::of(f64::NAN, f64::EPSILON);
-        found.word = "no certificate".to_owned();
-        return found;
+        return Finding::of(f64::NAN, f64::EPSILON).with("no certificate");
     };
     let mut found = Finding::of(
         certificate.largest_dropped / certificate.smallest_kept,
@@ -164,7 +162,7 @@ fn gap(analysis: &Analysis) -> Finding {
     }
     if !analysis.complete {
         found.verdict = Verdict::Fails;
-        found.word = "incomplete".to_owned();
+        found = found.with("incomplete");
     }
     found
 }

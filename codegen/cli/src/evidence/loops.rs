@@ -3,7 +3,6 @@
 use regen_codegen::interpret;
 use regen_codegen::robot::FunctionKind;
 
-use crate::exit::Failure;
 use crate::states::Motion;
 use crate::verify::{larger, size};
 
@@ -24,9 +23,9 @@ impl Subject<'_> {
     /// Coordinates, all of them, integrated from A qdd = b alone by the classical Runge-Kutta
     /// method, without ever closing the loops: f and A qd of the second derivation must vanish at
     /// the end but for an error that falls as the step's fourth power.
-    pub(super) fn drift(&self, states: &[Motion]) -> Result<Finding, Failure> {
+    pub(super) fn drift(&self, states: &[Motion]) -> Finding {
         if self.reference.rows() == 0 {
-            return Ok(Finding::absent("no loop"));
+            return Finding::absent("no loop");
         }
         let mut worst = Worst::default();
         for motion in states.iter().take(MOTIONS) {
@@ -38,7 +37,7 @@ impl Subject<'_> {
             let rounding = rounding::unit(self.reference, &motion.q) * (2 * STEPS) as f64;
             worst.note(fine, coarse / SMALLER + rounding);
         }
-        Ok(worst.finding())
+        worst.finding()
     }
 
     /// How far open the loops and their rates are after the motion, relative to their terms.

@@ -165,7 +165,7 @@ impl Subject<'_> {
             self.second(&states)?,
             self.peer(),
             self.power(&states, &mut random)?,
-            self.drift(&states)?,
+            self.drift(&states),
         ];
         findings.extend(self.base(&states, &mut random)?);
         findings.push(self.single(&states));
