@@ -53,7 +53,7 @@ impl<'m, M: Model<f64> + ?Sized> Scaled<'m, M> {
         };
         let mut poses = vec![0.0; 12 * info.bodies.len()];
         model.poses(info.home, &mut poses)?;
-        let places = poses.chunks_exact(12).flat_map(|pose| &pose[9..]);
+        let places = poses.chunks_exact(12).flat_map(|pose| pose.iter().skip(9));
         let slides = (0..n)
             .filter(|k| shifts(*k))
             .filter_map(|k| info.home.get(k));
@@ -74,7 +74,7 @@ impl<'m, M: Model<f64> + ?Sized> Scaled<'m, M> {
         let columns: Vec<f64> = info
             .dependent
             .iter()
-            .map(|k| scaled.coordinates[*k])
+            .map(|k| unit_at(&scaled.coordinates, *k))
             .collect();
         let mut a_e = vec![0.0; columns.len() * columns.len()];
         model.dependent_jacobian(info.home, &mut a_e)?;
@@ -120,9 +120,9 @@ impl<'m, M: Model<f64> + ?Sized> Scaled<'m, M> {
 
     /// Values of some coordinates in these units.
     pub(super) fn own_of(&self, which: &[usize], given: &[f64]) -> Vec<f64> {
-        let unit = |k: &usize| self.coordinates.get(*k).copied().unwrap_or(1.0);
         let both = given.iter().zip(which);
-        both.map(|(q, k)| q / unit(k)).collect()
+        both.map(|(q, k)| q / unit_at(&self.coordinates, *k))
+            .collect()
     }
 
     fn take(&mut self, q: &[f64]) {
@@ -159,7 +159,7 @@ impl<'m, M: Model<f64> + ?Sized> Scaled<'m, M> {
         self.take(q);
         let condition = self.model.newton_step(&self.q, out)?;
         for (step, at) in out.iter_mut().zip(&self.dependent) {
-            *step /= self.coordinates[*at];
+            *step /= unit_at(&self.coordinates, *at);
         }
         Ok(condition)
     }
@@ -174,7 +174,7 @@ impl<'m, M: Model<f64> + ?Sized> Scaled<'m, M> {
         let rows = out.chunks_exact_mut(self.dependent.len().max(1));
         for (row, unit) in rows.zip(&self.square) {
             for (a, at) in row.iter_mut().zip(&self.dependent) {
-                *a *= self.coordinates[*at] / unit;
+                *a *= unit_at(&self.coordinates, *at) / unit;
             }
         }
         Ok(())
@@ -191,7 +191,7 @@ impl<'m, M: Model<f64> + ?Sized> Scaled<'m, M> {
         let rates: Vec<f64> = qd_i
             .iter()
             .zip(independent)
-            .map(|(rate, at)| rate * self.coordinates[*at])
+            .map(|(rate, at)| rate * unit_at(&self.coordinates, *at))
             .collect();
         let condition = self.model.velocities(&self.q, &rates, out)?;
         for (rate, unit) in out.iter_mut().zip(&self.coordinates) {
@@ -199,6 +199,11 @@ impl<'m, M: Model<f64> + ?Sized> Scaled<'m, M> {
         }
         Ok(condition)
     }
+}
+
+/// The unit of a coordinate; 1 where there is none.
+fn unit_at(units: &[f64], at: usize) -> f64 {
+    units.get(at).copied().unwrap_or(1.0)
 }
 
 /// By what factor two sizes differ.
