@@ -163,10 +163,10 @@ fn actuators_can_hold_every_robot_at_home() {
         let phi = DVector::from_vec(m.nominal_parameters().unwrap());
         let still = m.regressor(&home, &zero, &zero).unwrap() * phi;
         let text = std::fs::read_to_string(&file).unwrap();
-        let spec: serde_yaml::Value = serde_yaml::from_str(&text).unwrap();
-        for limb in spec["limbs"].as_sequence().unwrap() {
-            for joint in limb["joints"].as_sequence().unwrap() {
-                let Some(efforts) = joint["limits"]["effort"].as_sequence() else {
+        let spec: serde_json::Value = serde_saphyr::from_str(&text).unwrap();
+        for limb in spec["limbs"].as_array().unwrap() {
+            for joint in limb["joints"].as_array().unwrap() {
+                let Some(efforts) = joint["limits"]["effort"].as_array() else {
                     continue;
                 };
                 let name = joint["name"].as_str().unwrap();

@@ -8,8 +8,7 @@ use std::fs;
 use std::path::Path;
 
 use common::{regen, root, scratch};
-use serde_json::Value as Json;
-use serde_yaml::Value;
+use serde_json::{Value, json};
 
 /// A scalar of the file times a power of ten, still exact.
 fn times(value: &mut Value, exponent: i32) {
@@ -22,7 +21,7 @@ fn times(value: &mut Value, exponent: i32) {
 }
 
 fn each(value: Option<&mut Value>, exponent: i32) {
-    if let Some(list) = value.and_then(Value::as_sequence_mut) {
+    if let Some(list) = value.and_then(Value::as_array_mut) {
         for value in list {
             times(value, exponent);
         }
@@ -32,15 +31,15 @@ fn each(value: Option<&mut Value>, exponent: i32) {
 /// The spec with lengths in units of 10^-`length` m and masses in 10^-`mass` kg, seconds kept.
 /// Limits go; friction and rotors of turning joints are torques, and scale with mass length^2.
 fn rescaled(text: &str, length: i32, mass: i32) -> String {
-    let mut spec: Value = serde_yaml::from_str(text).unwrap();
+    let mut spec: Value = serde_saphyr::from_str(text).unwrap();
     if spec.get("gravity").is_none() {
-        spec["gravity"] = serde_yaml::from_str("[0, 0, -9.81]").unwrap();
+        spec["gravity"] = json!([0, 0, -9.81]);
     }
     each(spec.get_mut("gravity"), length);
     let mut slides = Vec::new();
-    for limb in spec["limbs"].as_sequence_mut().unwrap() {
+    for limb in spec["limbs"].as_array_mut().unwrap() {
         each(limb.get_mut("base").and_then(|b| b.get_mut("xyz")), length);
-        for joint in limb["joints"].as_sequence_mut().unwrap() {
+        for joint in limb["joints"].as_array_mut().unwrap() {
             for key in ["a", "d"] {
                 if let Some(value) = joint.get_mut("dh").and_then(|dh| dh.get_mut(key)) {
                     times(value, length);
@@ -55,19 +54,19 @@ fn rescaled(text: &str, length: i32, mass: i32) -> String {
                 slides.push(joint["name"].as_str().unwrap().to_owned());
             }
             let force = if sliding { mass } else { mass + 2 * length };
-            if let Some(nominal) = joint.get_mut("nominal").and_then(Value::as_mapping_mut) {
+            if let Some(nominal) = joint.get_mut("nominal").and_then(Value::as_object_mut) {
                 for value in nominal.values_mut() {
                     times(value, force);
                 }
             }
-            let joint = joint.as_mapping_mut().unwrap();
+            let joint = joint.as_object_mut().unwrap();
             joint.remove("limits");
         }
     }
-    if let Some(cuts) = spec.get_mut("cuts").and_then(Value::as_sequence_mut) {
+    if let Some(cuts) = spec.get_mut("cuts").and_then(Value::as_array_mut) {
         for side in cuts
             .iter_mut()
-            .flat_map(|c| c["between"].as_sequence_mut().unwrap())
+            .flat_map(|c| c["between"].as_array_mut().unwrap())
         {
             each(side.get_mut("xyz"), length);
         }
@@ -77,14 +76,14 @@ fn rescaled(text: &str, length: i32, mass: i32) -> String {
             times(value, length);
         }
     }
-    if let Some(bodies) = spec.get_mut("bodies").and_then(Value::as_mapping_mut) {
+    if let Some(bodies) = spec.get_mut("bodies").and_then(Value::as_object_mut) {
         for body in bodies.values_mut() {
             times(&mut body["mass"], mass);
             each(body.get_mut("com"), length);
             each(body.get_mut("inertia"), mass + 2 * length);
         }
     }
-    serde_yaml::to_string(&spec).unwrap()
+    serde_saphyr::to_string(&spec).unwrap()
 }
 
 /// The unit of a parameter in the new units, by its label.
@@ -103,7 +102,7 @@ fn read(robot: &str) -> String {
     fs::read_to_string(root().join("robots").join(robot)).unwrap()
 }
 
-fn base(dir: &Path, text: &str) -> Json {
+fn base(dir: &Path, text: &str) -> Value {
     fs::write(dir.join("robot.yaml"), text).unwrap();
     regen(dir, &["base", "robot.yaml", "--format", "json"])
         .ended(0)
@@ -140,11 +139,11 @@ fn base_parameters_are_the_same_combinations_in_any_units() {
         let usual = base(&dir, &rescaled(&read(robot), 0, 0));
         let other = base(&dir, &rescaled(&read(robot), length, 0));
         assert_eq!(usual["rank"], other["rank"], "{robot} 10^{length}");
-        let rows = |json: &Json| json["base"].as_array().unwrap().clone();
+        let rows = |json: &Value| json["base"].as_array().unwrap().clone();
         for (a, b) in rows(&usual).iter().zip(rows(&other)) {
             let label = a["label"].as_str().unwrap();
             assert_eq!(a["label"], b["label"], "{robot} 10^{length}");
-            let terms = |row: &Json| row["terms"].as_array().unwrap().clone();
+            let terms = |row: &Value| row["terms"].as_array().unwrap().clone();
             let (ours, theirs) = (terms(a), terms(&b));
             assert_eq!(ours.len(), theirs.len(), "{robot} 10^{length} {label}");
             for (x, y) in ours.iter().zip(&theirs) {

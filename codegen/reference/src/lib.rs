@@ -24,6 +24,7 @@ mod random;
 mod reduced;
 mod scalar;
 mod states;
+mod yaml;
 
 pub use expr::evaluate;
 pub use kinematics::Motion;

@@ -3,8 +3,6 @@
 
 use std::collections::BTreeMap;
 
-use serde_yaml::Value;
-
 use crate::expr::evaluate;
 use crate::load_fields::{Names, dh, entries, list, placement, scalar, text, vector};
 use crate::mechanism::{
@@ -13,6 +11,7 @@ use crate::mechanism::{
 };
 use crate::random::PhysicalBody;
 use crate::scalar::identity;
+use crate::yaml::Value;
 
 impl Mechanism {
     /// Reads a spec.
@@ -20,7 +19,7 @@ impl Mechanism {
     /// # Errors
     /// When the text is no spec.
     pub fn from_yaml(yaml: &str) -> Result<Mechanism, String> {
-        let spec: Value = serde_yaml::from_str(yaml).map_err(|e| e.to_string())?;
+        let spec = Value::read(yaml)?;
         let mut names = Names::new();
         for (name, value) in entries(&spec, "geometry")? {
             let value = scalar(value, &names)?;
@@ -293,7 +292,7 @@ impl Tree {
         names: &Names,
     ) -> Result<usize, String> {
         let index = self.coordinates.len();
-        let flag = |key: &str| joint.get(key).and_then(Value::as_bool).unwrap_or(false);
+        let flag = |key: &str| joint.get(key).is_some_and(Value::is_true);
         if flag("actuated") {
             self.actuated.push(index);
         }

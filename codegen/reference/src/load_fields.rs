@@ -2,10 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use serde_yaml::Value;
-
 use crate::expr::evaluate;
 use crate::scalar::{Mat4, identity, mul, shift, turn};
+use crate::yaml::Value;
 
 /// The geometry names and their values.
 pub(crate) type Names = BTreeMap<String, f64>;
@@ -13,8 +12,8 @@ pub(crate) type Names = BTreeMap<String, f64>;
 /// A label or name as text: integers and identifiers are the same thing.
 pub(crate) fn text(value: &Value) -> Result<String, String> {
     match value {
-        Value::String(s) => Ok(s.clone()),
-        Value::Number(n) => Ok(n.to_string()),
+        Value::Text(s) => Ok(s.clone()),
+        Value::Integer(n) => Ok(n.to_string()),
         _ => Err(format!("{value:?} is no label")),
     }
 }
@@ -22,8 +21,9 @@ pub(crate) fn text(value: &Value) -> Result<String, String> {
 /// A number or an expression in the geometry names.
 pub(crate) fn scalar(value: &Value, names: &Names) -> Result<f64, String> {
     match value {
-        Value::Number(n) => n.as_f64().ok_or_else(|| format!("{n} is no number")),
-        Value::String(s) => evaluate(s, &|name| names.get(name).copied()),
+        Value::Integer(n) => Ok(*n as f64),
+        Value::Float(x) => Ok(*x),
+        Value::Text(s) => evaluate(s, &|name| names.get(name).copied()),
         _ => Err(format!("{value:?} is no scalar")),
     }
 }
@@ -35,7 +35,7 @@ pub(crate) fn scalar_at(value: &Value, key: &str, names: &Names) -> Result<f64, 
 
 /// A list of `N` scalars.
 pub(crate) fn vector<const N: usize>(value: &Value, names: &Names) -> Result<[f64; N], String> {
-    let items = value.as_sequence().ok_or("expected a list")?;
+    let items = value.list().ok_or("expected a list")?;
     let values: Vec<f64> = items
         .iter()
         .map(|v| scalar(v, names))
@@ -75,10 +75,7 @@ pub(crate) fn dh(value: &Value, names: &Names) -> Result<Mat4<f64>, String> {
 pub(crate) fn list<'a>(value: &'a Value, key: &str) -> Result<&'a [Value], String> {
     match value.get(key) {
         None => Ok(&[]),
-        Some(v) => v
-            .as_sequence()
-            .map(Vec::as_slice)
-            .ok_or_else(|| format!("`{key}` is no list")),
+        Some(v) => v.list().ok_or_else(|| format!("`{key}` is no list")),
     }
 }
 
@@ -88,7 +85,7 @@ pub(crate) fn entries<'a>(value: &'a Value, key: &str) -> Result<Vec<(String, &'
         return Ok(Vec::new());
     };
     let mapping = found
-        .as_mapping()
+        .entries()
         .ok_or_else(|| format!("`{key}` is no mapping"))?;
     mapping.iter().map(|(k, v)| Ok((text(k)?, v))).collect()
 }
