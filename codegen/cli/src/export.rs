@@ -60,9 +60,9 @@ struct Exported<'a> {
 
 /// Runs the command.
 pub(crate) fn run(args: &ExportArgs) -> Result<(), Failure> {
-    let urdf = load::source(&args.urdf)?;
+    let urdf = load::file(&args.urdf)?;
     let spec = load::source(&args.spec)?;
-    let given = load::source(&args.parameters)?;
+    let given = load::file(&args.parameters)?;
     let parameters = match identified(&args.parameters, &given)? {
         Some(given) => checked(given),
         None => placed(&given)?,

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use regen_runtime::data::DataError;
 use regen_runtime::estimate::{EffortError, Estimate, Factor, FactorSet, Weighting};
 use regen_runtime::friction::FrictionData;
 use regen_runtime::identify::{self, Kind, Options, digest};
@@ -16,6 +17,7 @@ use crate::parameters::{FrictionRow, ParameterFile, ParameterRow, PhysicalRow};
 use crate::physical::{self, Found};
 use crate::predicted::{self, OnLog};
 use crate::reduce::{self, StepJson};
+use crate::suspect::{self, Suspicion};
 use crate::{identify_friction, load, outputs, progress, table, terminal, write};
 
 /// The JSON of `regen identify`.
@@ -45,6 +47,9 @@ pub(crate) struct Json {
     /// were asked for.
     pub(crate) models: Vec<ModelJson>,
     pub(crate) files: Vec<FileJson>,
+    /// Columns that look swapped or turned round.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(crate) suspicions: Vec<Suspicion>,
 }
 
 /// An effort's noise and, where logs are known, its residuals.
@@ -257,7 +262,12 @@ fn from_factors(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Start, F
 fn from_logs(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Start, Failure> {
     let kind = observe::kind(&args.reading);
     let mut logs = observe::open(model, &args.logs, &args.reading)?;
-    let found = identify::identify(model, kind, &options(args), &mut logs)?;
+    let found = identify::identify(model, kind, &options(args), &mut logs).inspect_err(|error| {
+        // loops that do not close may be two columns that are swapped
+        if matches!(error, DataError::Problems { .. }) {
+            suspicions(args, model);
+        }
+    })?;
     observe::note_problems(logs.logs().reports());
     let used = found
         .estimate
@@ -270,6 +280,15 @@ fn from_logs(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Start, Fail
     json.relative_absolute = Some(found.relative_absolute);
     json.bandwidth = Some(found.bandwidth);
     json.singular = found.singular;
+    if found.relative_absolute > suspect::BAD {
+        json.suspicions = suspicions(args, model);
+    }
+    if suspect::upside_down(model, &found.estimate.values) {
+        terminal::note(
+            "warning: these parameters make every inertia negative: the signs of all efforts, or of \
+             all positions, look flipped. If so, read them with --column 'tau_NAME=COLUMN*-1'",
+        );
+    }
     json.files = logs.logs().reports().iter().map(FileJson::new).collect();
     if args.cross {
         json.cross = cross(args, model, kind)?;
@@ -310,7 +329,24 @@ pub(crate) fn json(estimate: &Estimate, file: &ParameterFile, kind: &str) -> Jso
         reduction: Vec::new(),
         models: Vec::new(),
         files: Vec::new(),
+        suspicions: Vec::new(),
     }
+}
+
+/// What may be wrong with the columns of logs that do not fit the model; it is told at once.
+fn suspicions(args: &IdentifyArgs, model: &Interpreted<'_>) -> Vec<Suspicion> {
+    let working = progress::spinner("the fit is bad: looking for swapped columns".to_owned());
+    let settings = observe::settings(&args.reading);
+    let kind = observe::kind(&args.reading);
+    let logs = args.logs.iter();
+    let found: Vec<Suspicion> = logs
+        .filter_map(|path| suspect::look(model, kind, &settings, path))
+        .collect();
+    working.finish_and_clear();
+    for suspicion in &found {
+        terminal::note(&format!("warning: {suspicion}"));
+    }
+    found
 }
 
 /// Each log predicted by parameters from all others.

@@ -30,7 +30,7 @@ struct NoteJson<'a> {
 
 /// Runs the command.
 pub(crate) fn run(args: &ImportArgs) -> Result<(), Failure> {
-    let source = load::source(&args.file)?;
+    let source = load::file(&args.file)?;
     let beside = args.file.parent().unwrap_or(Path::new(""));
     let mut reader = |name: &str| {
         let bytes = fs::read(beside.join(name)).map_err(|error| error.to_string())?;

@@ -1,17 +1,36 @@
 //! From a file to a derived robot.
 
-use std::fs;
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 
 use regen_codegen::diag::Source;
 use regen_codegen::pipeline::{self, BaseFrom, DeriveError};
 use regen_codegen::robot::Robot;
+use regen_codegen::spec;
 
 use crate::exit::Failure;
 
+/// Largest file of states, factors or trajectories, in bytes: some million states.
+const MAX_BYTES: usize = 1 << 28;
+
 /// Reads a text file.
 pub(crate) fn text(path: &Path) -> Result<String, Failure> {
-    let bytes = fs::read(path).map_err(|error| Failure::io("read", path, &error))?;
+    up_to(MAX_BYTES, path)
+}
+
+/// Reads a text file of so many bytes at most: a device may never end.
+fn up_to(limit: usize, path: &Path) -> Result<String, Failure> {
+    let mut bytes = Vec::new();
+    File::open(path)
+        .and_then(|file| file.take(limit as u64 + 1).read_to_end(&mut bytes))
+        .map_err(|error| Failure::io("read", path, &error))?;
+    if bytes.len() > limit {
+        let path = path.display();
+        return Err(Failure::Input(format!(
+            "{path} has more than {limit} bytes, the limit"
+        )));
+    }
     String::from_utf8(bytes).map_err(|error| {
         let at = error.utf8_error().valid_up_to();
         Failure::Input(format!(
@@ -24,6 +43,14 @@ pub(crate) fn text(path: &Path) -> Result<String, Failure> {
 
 /// Reads a spec's text.
 pub(crate) fn source(path: &Path) -> Result<Source, Failure> {
+    Ok(Source {
+        name: path.display().to_string(),
+        text: up_to(spec::MAX_BYTES, path)?,
+    })
+}
+
+/// Reads a file that may be longer than a description, for messages with its places.
+pub(crate) fn file(path: &Path) -> Result<Source, Failure> {
     Ok(Source {
         name: path.display().to_string(),
         text: text(path)?,

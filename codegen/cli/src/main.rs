@@ -41,6 +41,7 @@ mod reduce;
 mod report;
 mod simulate;
 mod states;
+mod suspect;
 mod sweep;
 mod table;
 mod terminal;

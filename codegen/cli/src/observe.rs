@@ -137,7 +137,7 @@ pub(crate) fn open<'m>(
 }
 
 /// What the options say of reading.
-fn settings(reading: &ReadingArgs) -> Settings {
+pub(crate) fn settings(reading: &ReadingArgs) -> Settings {
     let method = if let Some((frequency, harmonics)) = reading.fourier {
         Method::Fourier {
             frequency,

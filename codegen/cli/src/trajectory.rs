@@ -94,7 +94,7 @@ impl Trajectory {
     /// Every mistake in it with its place; a file that cannot be read.
     #[allow(dead_code, reason = "for the commands that follow trajectories")]
     pub(crate) fn read(path: &Path, info: &Info<'_>) -> Result<Self, Failure> {
-        let source = load::source(path)?;
+        let source = load::file(path)?;
         parse(&source, info).map_err(|report| Failure::Spec(vec![report]))
     }
 }

@@ -1,30 +1,45 @@
 //! Writing files so that a reader never sees half of one.
 
-use std::fs;
-use std::io::{self, Write};
-use std::path::Path;
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, ErrorKind, Write};
+use std::path::{Path, PathBuf};
 
 use crate::exit::Failure;
 use crate::interrupt;
 
-/// Replaces a file's content through a temporary file beside it.
+/// Temporary files of others with the same name, at most.
+const TRIES: u32 = 1000;
+/// Characters of the file's name in the temporary one's: names are 255 bytes long at most.
+const NAMED: usize = 50;
+
+/// Replaces a file's content through a temporary file beside it, so that at every moment the file
+/// is the old one or the new one, also when several runs write it. Where a link stands, the file
+/// behind it is replaced; what is no file, such as a pipe or a device, is written to.
 pub(crate) fn atomically(path: &Path, text: &str) -> Result<(), Failure> {
     replace(path, text).map_err(|error| Failure::io("write", path, &error))
 }
 
 fn replace(path: &Path, text: &str) -> io::Result<()> {
+    let before = fs::metadata(path).ok();
+    if before.as_ref().is_some_and(|found| !found.is_file()) {
+        let mut place = OpenOptions::new().write(true).open(path)?;
+        place.write_all(text.as_bytes())?;
+        return place.flush();
+    }
+    let behind = before.as_ref().and_then(|_| fs::canonicalize(path).ok());
+    let path = behind.as_deref().unwrap_or(path);
     let dir = path.parent().unwrap_or(Path::new(""));
     if !dir.as_os_str().is_empty() {
         fs::create_dir_all(dir)?;
     }
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let temporary = dir.join(format!(".{name}.{}.tmp", std::process::id()));
-    interrupt::unfinished(Some(&temporary));
-    let written = fs::File::create(&temporary)
-        .and_then(|mut file| {
-            file.write_all(text.as_bytes())?;
-            file.sync_all()
+    let (temporary, mut file) = temporary(dir, path)?;
+    let written = file
+        .write_all(text.as_bytes())
+        .and_then(|()| match &before {
+            Some(before) => file.set_permissions(before.permissions()),
+            None => Ok(()),
         })
+        .and_then(|()| file.sync_all())
         .and_then(|()| fs::rename(&temporary, path));
     if written.is_err() {
         // The first error is the one worth telling.
@@ -32,4 +47,23 @@ fn replace(path: &Path, text: &str) -> io::Result<()> {
     }
     interrupt::unfinished(None);
     written
+}
+
+/// A new file that no other run has: one that was killed may have left its own, and another
+/// machine may run a process of the same number.
+fn temporary(dir: &Path, path: &Path) -> io::Result<(PathBuf, File)> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let name: String = name.chars().take(NAMED).collect();
+    let mut number = 0;
+    loop {
+        let temporary = dir.join(format!(".{name}.{}.{number}.tmp", std::process::id()));
+        match File::create_new(&temporary) {
+            Ok(file) => {
+                interrupt::unfinished(Some(&temporary));
+                return Ok((temporary, file));
+            }
+            Err(error) if error.kind() == ErrorKind::AlreadyExists && number < TRIES => number += 1,
+            Err(error) => return Err(error),
+        }
+    }
 }

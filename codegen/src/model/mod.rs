@@ -180,10 +180,5 @@ impl Model {
 
 /// How many equations a cut of this kind has.
 pub fn rows_of(kind: CutKind) -> usize {
-    match kind {
-        CutKind::Spherical => 3,
-        CutKind::Universal | CutKind::Cylindrical => 4,
-        CutKind::Revolute | CutKind::Prismatic => 5,
-        CutKind::Fixed => 6,
-    }
+    kind.equations()
 }

@@ -16,6 +16,7 @@ mod yaml;
 
 pub use schema::schema;
 pub use types::*;
+pub use yaml::MAX_BYTES;
 
 use crate::diag::{Diagnostic, Report, Sink, Source, Span};
 use shape::{Reader, Shape};

@@ -10,8 +10,8 @@ use saphyr_parser::{Event, Marker, Parser, ScalarStyle, Tag};
 use super::shape::json::Json;
 use crate::diag::{Diagnostic, Report, Sink, Source, Span};
 
-/// Largest file.
-const MAX_BYTES: usize = 1 << 20;
+/// Largest file, in bytes.
+pub const MAX_BYTES: usize = 1 << 20;
 /// Deepest nesting of lists and mappings.
 const MAX_DEPTH: usize = 64;
 /// Most nodes, with aliases expanded.
@@ -172,6 +172,9 @@ pub(super) fn shorten(text: &str) -> String {
 /// # Errors
 /// Everything that keeps the file from being one YAML document within the limits.
 pub(super) fn load(source: &Source) -> Result<Node, Report> {
+    if source.text.len() > MAX_BYTES {
+        return Err(too_large(source));
+    }
     let mut sink = Sink::new();
     let root = match Loader::new(source, &mut sink).run() {
         Ok(root) => root,
@@ -192,6 +195,14 @@ pub(super) fn load(source: &Source) -> Result<Node, Report> {
         kind: Kind::Map(Vec::new()),
         span: Span::default(),
     }))
+}
+
+/// The error about a file that is too large, without its text, which may be a line of any length.
+fn too_large(source: &Source) -> Report {
+    let bytes = source.text.len();
+    let message = format!("the file has {bytes} bytes; the limit is {MAX_BYTES}");
+    let source = Source::new(source.name.as_str(), "");
+    Report::new(source, vec![Diagnostic::new(Span::default(), message)])
 }
 
 /// A collection that is still being read.
@@ -238,13 +249,6 @@ impl<'a> Loader<'a> {
 
     fn run(mut self) -> Result<Option<Node>, Fatal> {
         let text = self.source.text.as_str();
-        if text.len() > MAX_BYTES {
-            let message = format!(
-                "the file has {} bytes; the limit is {MAX_BYTES}",
-                text.len()
-            );
-            return Err(Diagnostic::new(Span::default(), message).into());
-        }
         if !text.is_ascii() {
             self.offsets = Some(text.char_indices().map(|(at, _)| at).collect());
         }

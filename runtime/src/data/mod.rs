@@ -6,7 +6,9 @@ mod logs;
 #[cfg(feature = "parquet")]
 mod parquet;
 mod problem;
+mod rates;
 mod reader;
+mod stuck;
 
 pub use columns::{Assignment, AssignmentError, Quantity};
 pub use logs::{FileReport, Logs, Settings};

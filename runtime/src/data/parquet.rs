@@ -1,7 +1,11 @@
 //! Rows of a Parquet file, a row group's pages at a time.
 
+mod guard;
+mod pages;
+
 use std::format;
 use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 use std::prelude::v1::*;
 use std::vec;
@@ -11,22 +15,58 @@ use parquet::data_type::DataType;
 use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 
+use self::guard::guarded;
 use super::columns::Layout;
 use super::problem::{DataError, Fault, Problem};
 use super::reader::Kept;
 
 /// Rows read at a time.
 const BATCH: usize = 4096;
+/// Longest footer: that of hundreds of columns in thousands of row groups.
+const FOOTER: u64 = 1 << 24;
+/// Groups of columns within groups, at most.
+const NESTED: usize = 32;
+/// Rows that a byte of a file may stand for, at most: equal numbers and equal steps are written
+/// in a few bytes, but time and forces differ from row to row.
+const DENSEST: u64 = 1000;
 
 /// What a row becomes.
 pub(super) type Each<'a> = dyn FnMut(Result<Kept, Problem>) -> Result<(), DataError> + 'a;
 
 fn open(path: &Path) -> Result<SerializedFileReader<File>, DataError> {
-    let file = File::open(path).map_err(|error| DataError::Io {
+    let io = |error: std::io::Error| DataError::Io {
         file: path.display().to_string(),
         why: format!("{error}"),
-    })?;
-    SerializedFileReader::new(file).map_err(|error| failed(path, &error))
+    };
+    let mut file = File::open(path).map_err(io)?;
+    let mut tail = [0; 8];
+    let size = file.metadata().map_err(io)?.len();
+    if size >= 12 {
+        file.seek(SeekFrom::End(-8)).map_err(io)?;
+        file.read_exact(&mut tail).map_err(io)?;
+        let footer = u64::from(u32::from_le_bytes([tail[0], tail[1], tail[2], tail[3]]));
+        if footer > FOOTER {
+            return Err(broken(path, format!("its footer claims {footer} bytes")));
+        }
+        if let Some(start) = (size - 8).checked_sub(footer) {
+            let mut bytes = Vec::new();
+            file.seek(SeekFrom::Start(start)).map_err(io)?;
+            let mut text = file.by_ref().take(footer);
+            text.read_to_end(&mut bytes).map_err(io)?;
+            if pages::nesting(&bytes).is_none_or(|deep| deep > NESTED) {
+                let why = format!("its footer has no schema, or one nested deeper than {NESTED}");
+                return Err(broken(path, why));
+            }
+        }
+    }
+    guarded(|| SerializedFileReader::new(file)).map_err(|error| failed(path, &error))
+}
+
+fn broken(path: &Path, why: String) -> DataError {
+    DataError::Io {
+        file: path.display().to_string(),
+        why: format!("this is a broken Parquet file: {why}"),
+    }
 }
 
 fn failed(path: &Path, error: &ParquetError) -> DataError {
@@ -59,7 +99,8 @@ fn typed<T: DataType>(
         levels.clear();
         values.clear();
         let wanted = rows - out.len();
-        let (records, ..) = reader.read_records(wanted, Some(&mut levels), None, &mut values)?;
+        let (records, ..) =
+            guarded(|| reader.read_records(wanted, Some(&mut levels), None, &mut values))?;
         if records == 0 {
             break;
         }
@@ -94,6 +135,50 @@ fn batch(
     }))
 }
 
+/// The rows of each group, once its pages claim nothing that cannot be.
+fn rows(
+    path: &Path,
+    reader: &SerializedFileReader<File>,
+    layout: &Layout,
+) -> Result<Vec<usize>, DataError> {
+    let io = |error: std::io::Error| DataError::Io {
+        file: path.display().to_string(),
+        why: format!("{error}"),
+    };
+    let mut file = File::open(path).map_err(io)?;
+    let size = file.metadata().map_err(io)?.len();
+    let mut out = Vec::new();
+    let mut total = 0_u64;
+    for group in reader.metadata().row_groups() {
+        let rows = u64::try_from(group.num_rows())
+            .map_err(|_| broken(path, "it claims less than no rows".to_owned()))?;
+        total = total.saturating_add(rows);
+        if total > size.saturating_mul(DENSEST) {
+            return Err(broken(
+                path,
+                format!("{size} bytes claim {total} rows; the limit is {DENSEST} rows a byte"),
+            ));
+        }
+        for (entry, channel) in layout.channels.iter().enumerate() {
+            let title = layout.title(entry);
+            let chunk = group.columns().get(channel.index);
+            let chunk = chunk.ok_or_else(|| {
+                broken(path, format!("a row group has no column `{title}`"))
+            })?;
+            let values = pages::values(&mut file, size, chunk)
+                .map_err(|why| broken(path, format!("column `{title}`: {why}")))?;
+            if values < rows {
+                return Err(DataError::Layout {
+                    file: path.display().to_string(),
+                    why: format!("column `{title}` ends before the others"),
+                });
+            }
+        }
+        out.push(usize::try_from(rows).unwrap_or_default());
+    }
+    Ok(out)
+}
+
 /// Hands over all rows in order, counted from 1.
 pub(super) fn records(path: &Path, layout: &Layout, each: &mut Each<'_>) -> Result<(), DataError> {
     let wrong = |error: ParquetError| failed(path, &error);
@@ -103,9 +188,10 @@ pub(super) fn records(path: &Path, layout: &Layout, each: &mut Each<'_>) -> Resu
     };
     let reader = open(path)?;
     let schema = reader.metadata().file_metadata().schema_descr_ptr();
+    let rows = rows(path, &reader, layout)?;
     let mut line = 0;
-    for group in 0..reader.num_row_groups() {
-        let group = reader.get_row_group(group).map_err(wrong)?;
+    for (group, rows) in rows.into_iter().enumerate() {
+        let group = guarded(|| reader.get_row_group(group)).map_err(wrong)?;
         let mut columns = Vec::with_capacity(layout.channels.len());
         for (entry, channel) in layout.channels.iter().enumerate() {
             let column = schema.column(channel.index);
@@ -113,11 +199,10 @@ pub(super) fn records(path: &Path, layout: &Layout, each: &mut Each<'_>) -> Resu
                 let title = layout.title(entry);
                 return Err(unfit(format!("column `{title}` holds lists, not numbers")));
             }
-            let own = group.get_column_reader(channel.index).map_err(wrong)?;
+            let own = guarded(|| group.get_column_reader(channel.index)).map_err(wrong)?;
             columns.push((own, column.max_def_level()));
         }
-        let rows = group.metadata().num_rows();
-        let mut left = usize::try_from(rows).unwrap_or_default();
+        let mut left = rows;
         while left > 0 {
             let count = left.min(BATCH);
             left -= count;

@@ -47,6 +47,11 @@ pub enum Fault {
         /// The time, s.
         time: f64,
     },
+    /// A time far before that of the row before: a clock that was set.
+    ClockBack {
+        /// How far, s.
+        step: f64,
+    },
     /// A step much longer than usual before this row.
     Gap {
         /// The step, s.
@@ -70,6 +75,23 @@ pub enum Fault {
         /// The value in SI.
         value: f64,
     },
+    /// The first of several rows in which a position stands exactly still though it was moving
+    /// before, or moves on in a jump: the encoder was stuck.
+    Stuck {
+        /// The column.
+        column: String,
+        /// The value in SI.
+        value: f64,
+        /// The last of the rows.
+        until: u64,
+    },
+    /// A last row that ends without an end of line within its last number.
+    Cut {
+        /// The column.
+        column: String,
+        /// What stands there.
+        text: String,
+    },
     /// A state that does not close the loops or is singular.
     Open {
         /// Why.
@@ -89,6 +111,10 @@ impl fmt::Display for Problem {
             }
             Fault::Duplicate { time } => write!(f, "time {time} s is that of the row before"),
             Fault::Unsorted { time } => write!(f, "time {time} s is before the row before"),
+            Fault::ClockBack { step } => write!(
+                f,
+                "the clock jumps back by {step:.6} s; rows are of no use until it has caught up"
+            ),
             Fault::Gap { step, usual } => {
                 write!(
                     f,
@@ -109,7 +135,33 @@ impl fmt::Display for Problem {
                     "column `{column}` stands still at its extreme {value}: saturated"
                 )
             }
+            Fault::Stuck {
+                column,
+                value,
+                until,
+            } => write!(
+                f,
+                "column `{column}` stands still at {value} until row {until}, while the motion \
+                 before or after does not: a stuck encoder"
+            ),
+            Fault::Cut { column, text } => write!(
+                f,
+                "the file ends without an end of line in `{text}` of column `{column}`: the row \
+                 was cut short"
+            ),
             Fault::Open { why } => write!(f, "{why}"),
+        }
+    }
+}
+
+impl Problem {
+    /// How many rows it is about.
+    pub fn rows(&self) -> usize {
+        match &self.what {
+            Fault::Stuck { until, .. } => {
+                usize::try_from(until.saturating_sub(self.row)).map_or(1, |rows| rows + 1)
+            }
+            _ => 1,
         }
     }
 }
@@ -122,9 +174,12 @@ impl Fault {
             Self::NotANumber { .. } => "not a number",
             Self::Duplicate { .. } => "duplicate time",
             Self::Unsorted { .. } => "unsorted time",
+            Self::ClockBack { .. } => "clock set back",
             Self::Gap { .. } => "gap",
             Self::Outlier { .. } => "outlier",
             Self::Saturated { .. } => "saturation",
+            Self::Stuck { .. } => "stuck encoder",
+            Self::Cut { .. } => "cut short",
             Self::Open { .. } => "not closed",
         }
     }
@@ -156,8 +211,8 @@ impl Problems {
     pub(super) fn add(&mut self, problem: Problem) {
         let kind = problem.what.kind();
         match self.counts.iter_mut().find(|(k, _)| k == kind) {
-            Some((_, count)) => *count += 1,
-            None => self.counts.push((kind.to_owned(), 1)),
+            Some((_, count)) => *count += problem.rows(),
+            None => self.counts.push((kind.to_owned(), problem.rows())),
         }
         if self.first.len() < TOLD {
             self.first.push(problem);

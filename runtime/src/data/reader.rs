@@ -1,8 +1,8 @@
 //! Rows of one file, checked as they pass.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::fs::File;
-use std::io::Read;
+use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::prelude::v1::*;
 
@@ -10,6 +10,8 @@ use csv::{ByteRecord, Reader};
 
 use super::columns::{Assignment, Layout};
 use super::problem::{DataError, Fault, Problem, median};
+use super::rates::Rates;
+use super::stuck::{Stuck, Watch};
 use crate::Info;
 
 /// A row in SI, in the order of [`Layout::channels`].
@@ -25,6 +27,8 @@ pub(super) struct Survey {
     step: f64,
     /// The smallest and largest value of each effort.
     extremes: Vec<(f64, f64)>,
+    /// Where encoders were stuck, by the first row.
+    stuck: BTreeMap<u64, Vec<Stuck>>,
 }
 
 impl Survey {
@@ -52,6 +56,8 @@ pub(super) struct LogFile {
     pub(super) path: PathBuf,
     pub(super) layout: Layout,
     parquet: bool,
+    /// The length in bytes of a text whose last line has no end.
+    unended: Option<u64>,
 }
 
 /// What a Parquet file starts with.
@@ -61,6 +67,16 @@ const MAGIC: [u8; 4] = *b"PAR1";
 fn is_parquet(path: &Path) -> bool {
     let mut start = [0; 4];
     File::open(path).is_ok_and(|mut file| file.read_exact(&mut start).is_ok()) && start == MAGIC
+}
+
+/// The length of a file whose last line has no end; what cannot be read is told later.
+fn unended(path: &Path) -> Option<u64> {
+    let mut file = File::open(path).ok()?;
+    let length = file.seek(SeekFrom::End(0)).ok()?;
+    let mut last = [0];
+    file.seek(SeekFrom::End(-1)).ok()?;
+    file.read_exact(&mut last).ok()?;
+    (!b"\r\n".contains(&last[0])).then_some(length)
 }
 
 #[cfg(not(feature = "parquet"))]
@@ -100,6 +116,7 @@ impl LogFile {
             path: path.to_path_buf(),
             layout,
             parquet,
+            unended: if parquet { None } else { unended(path) },
         })
     }
 
@@ -107,8 +124,16 @@ impl LogFile {
     pub(super) fn survey(&self) -> Result<Survey, DataError> {
         let mut times: Vec<f64> = Vec::new();
         let mut extremes = std::vec![(f64::INFINITY, f64::NEG_INFINITY); self.layout.efforts];
+        let positions = self.layout.positions();
+        let mut watches = std::vec![Watch::default(); positions.len()];
+        let mut rates = Rates::default();
+        let mut last = None;
         self.records(&mut |row| {
-            if let Ok(row) = row {
+            let Ok(row) = row else {
+                last = None;
+                return Ok(());
+            };
+            {
                 if let (true, Some(&time)) = (times.len() < STEPS, row.values.first()) {
                     times.push(time);
                 }
@@ -116,14 +141,39 @@ impl LogFile {
                 {
                     *extreme = (extreme.0.min(*value), extreme.1.max(*value));
                 }
+                let time = row.values[0];
+                if last.is_none_or(|last| time <= last) {
+                    watches.iter_mut().for_each(Watch::pause);
+                    rates.pause();
+                }
+                last = Some(time);
+                for (watch, value) in watches.iter_mut().zip(&row.values[positions.clone()]) {
+                    watch.push(row.line, *value);
+                }
+                if self.layout.derivatives {
+                    rates.push(positions.len(), &row.values);
+                }
             }
             Ok(())
         })?;
+        if let Some(why) = rates.judge(&|entry| self.layout.title(entry)) {
+            return Err(DataError::Layout {
+                file: self.path.display().to_string(),
+                why,
+            });
+        }
+        let mut stuck = BTreeMap::<u64, Vec<Stuck>>::new();
+        for (watch, entry) in watches.into_iter().zip(positions) {
+            for found in watch.finish(entry) {
+                stuck.entry(found.first).or_default().push(found);
+            }
+        }
         let steps = times.windows(2).map(|pair| pair[1] - pair[0]);
         let steps: Vec<f64> = steps.filter(|step| *step > 0.0).collect();
         Ok(Survey {
             step: median(&steps),
             extremes,
+            stuck,
         })
     }
 
@@ -139,14 +189,32 @@ impl LogFile {
         }
         let mut reader = reader(&self.path)?;
         let mut record = ByteRecord::new();
+        let mut last = LastColumn::default();
         while reader
             .read_byte_record(&mut record)
             .map_err(|error| failed(&self.path, &error))?
         {
             let line = record.position().map_or(0, csv::Position::line);
-            each(self.parse(line, &record))?;
+            let ends = self.unended.is_some_and(|end| reader.position().byte() >= end);
+            let cut = ends && last.cut(&record);
+            last.push(&record);
+            each(match self.parse(line, &record) {
+                Ok(_) if cut => Err(self.cut(line, &record)),
+                row => row,
+            })?;
         }
         Ok(())
+    }
+
+    fn cut(&self, line: u64, record: &ByteRecord) -> Problem {
+        let text = record.get(record.len().saturating_sub(1)).unwrap_or_default();
+        Problem {
+            row: line,
+            what: Fault::Cut {
+                column: self.layout.header.last().cloned().unwrap_or_default(),
+                text: String::from_utf8_lossy(text).into_owned(),
+            },
+        }
     }
 
     fn parse(&self, line: u64, record: &ByteRecord) -> Result<Kept, Problem> {
@@ -195,6 +263,10 @@ impl LogFile {
             last: None,
             broken: true,
             known: true,
+            raw: None,
+            jumped: false,
+            until: 0,
+            lost: false,
             stuck: std::vec![0; self.layout.efforts],
         };
         self.records(&mut |row| {
@@ -237,6 +309,14 @@ struct Cleaner<'a> {
     broken: bool,
     /// Whether a gap before the next row is due to one that was told already.
     known: bool,
+    /// The time of the row before, kept or not.
+    raw: Option<f64>,
+    /// The last row in which an encoder is stuck.
+    until: u64,
+    /// Whether rows before this one were left out.
+    lost: bool,
+    /// Whether the clock has been set back and has not caught up.
+    jumped: bool,
     /// Rows since which each effort has stood at an extreme.
     stuck: Vec<usize>,
 }
@@ -251,14 +331,22 @@ impl Cleaner<'_> {
             });
         };
         let mut follows = true;
+        let raw = self.raw.replace(time).unwrap_or(time);
         if let Some(before) = self.last {
             let step = time - before;
             if step <= 0.0 {
-                tell(if step < 0.0 {
-                    Fault::Unsorted { time }
-                } else {
-                    Fault::Duplicate { time }
-                });
+                let far = GAP * self.survey.step;
+                // a clock that was set goes on from there, and that was told
+                if !(self.jumped && (0.0..=far).contains(&(time - raw))) {
+                    self.jumped = -step > far;
+                    tell(if self.jumped {
+                        Fault::ClockBack { step: -step }
+                    } else if step < 0.0 {
+                        Fault::Unsorted { time }
+                    } else {
+                        Fault::Duplicate { time }
+                    });
+                }
                 // a row that should have stood here is not missed again
                 self.known = true;
                 return;
@@ -271,7 +359,26 @@ impl Cleaner<'_> {
                 }
             }
         }
+        for stuck in self.survey.stuck.get(&row.line).into_iter().flatten() {
+            self.until = self.until.max(stuck.last);
+            tell(Fault::Stuck {
+                column: self.layout.title(stuck.entry),
+                value: row.values[stuck.entry],
+                until: stuck.last,
+            });
+        }
+        if row.line <= self.until {
+            // a gap is told no more, and the rows after it start anew
+            self.known = true;
+            self.last = Some(time);
+            self.lost = true;
+            return;
+        }
+        if core::mem::take(&mut self.lost) {
+            follows = false;
+        }
         self.known = false;
+        self.jumped = false;
         self.last = Some(time);
         let efforts = self.layout.efforts();
         let standing = self.standing(&row.values[efforts.clone()]);
@@ -362,6 +469,33 @@ impl Cleaner<'_> {
         let follows = waiting.follows && !self.broken;
         self.broken = false;
         each(waiting.row, follows)
+    }
+}
+
+/// Rows before an unended one that tell how long its last entry should be.
+const ROWS: usize = 20;
+
+/// The lengths of the last column's entries.
+#[derive(Default)]
+struct LastColumn {
+    rows: usize,
+    shortest: usize,
+}
+
+impl LastColumn {
+    fn length(record: &ByteRecord) -> usize {
+        record.get(record.len().saturating_sub(1)).map_or(0, <[u8]>::len)
+    }
+
+    fn push(&mut self, record: &ByteRecord) {
+        let length = Self::length(record);
+        self.shortest = if self.rows == 0 { length } else { self.shortest.min(length) };
+        self.rows += 1;
+    }
+
+    /// Whether an entry that nothing ends is shorter than all before it.
+    fn cut(&self, record: &ByteRecord) -> bool {
+        self.rows >= ROWS && Self::length(record) < self.shortest
     }
 }
 

@@ -3,6 +3,7 @@
 mod constants;
 mod cycles;
 mod joints;
+mod limits;
 mod references;
 
 pub(super) use references::canonical;
@@ -32,6 +33,9 @@ pub(super) fn check(raw: &RawSpec, sink: &mut Sink) {
         inventory,
         sink,
     };
+    if !checker.limits() {
+        return;
+    }
     checker.constants();
     checker.limbs();
     checker.cuts();

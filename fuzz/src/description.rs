@@ -1,0 +1,122 @@
+//! Descriptions: YAML, the expressions in it, and the derivation.
+
+use std::fmt::Write as _;
+
+use regen_codegen::diag::{Report, Source};
+use regen_codegen::interpret;
+use regen_codegen::pipeline::{BaseFrom, DeriveError, derive_with};
+use regen_codegen::spec::{Spec, parse};
+
+/// Text as a file's reader makes it of bytes; others are refused there.
+fn text(bytes: &[u8]) -> Option<&str> {
+    std::str::from_utf8(bytes).ok()
+}
+
+/// Errors have places inside the text, and can be shown.
+pub(crate) fn shown(text: &str, report: &Report) {
+    assert!(!report.diagnostics.is_empty(), "an error without a word");
+    for shown in report.shown() {
+        let diagnostic = shown.diagnostic();
+        let places = diagnostic.secondary.iter().map(|(span, _)| *span);
+        for span in places.chain([diagnostic.span]) {
+            assert!(text.get(span.start..span.end).is_some(), "{diagnostic:?}");
+        }
+        assert!(shown.line() <= text.split('\n').count(), "{diagnostic:?}");
+        assert!(!diagnostic.headline().contains('\n'), "{diagnostic:?}");
+    }
+    assert!(report.render(false).contains("error"));
+    // what a terminal obeys never comes from a file
+    let all = report.to_string();
+    assert!(!all.is_empty() && !all.contains('\u{1b}'), "{all}");
+}
+
+/// The spec of a text, or errors that hold what errors must.
+fn read(text: &str) -> Option<Spec> {
+    match parse(&Source::new("input.yaml", text)) {
+        Ok(spec) => Some(spec),
+        Err(report) => {
+            shown(text, &report);
+            None
+        }
+    }
+}
+
+/// A description is read or refused.
+///
+/// # Panics
+/// When it is neither.
+pub fn yaml(bytes: &[u8]) {
+    if let Some(text) = text(bytes) {
+        let _ = read(text);
+    }
+}
+
+/// A robot with the text wherever an expression may stand; `\"` and `\\` as YAML wants them.
+fn with_expression(text: &str) -> String {
+    let mut quoted = String::with_capacity(text.len() + 2);
+    for c in text.chars() {
+        match c {
+            '"' | '\\' => quoted.extend(['\\', c]),
+            c if (c as u32) < 0x20 || c == '\u{7f}' => {
+                let _ = write!(quoted, "\\x{:02x}", c as u32);
+            }
+            c => quoted.push(c),
+        }
+    }
+    format!(
+        "name: r\ngeometry: {{a: 3, b: -1/2, c: \"{quoted}\"}}\n\
+         limbs: [{{name: l, joints: [{{name: q1, type: revolute, dh: {{alpha: \"{quoted}\"}}, \
+         body: 1, actuated: true, friction: linear}}, {{name: q2, type: revolute, body: 2}}]}}]\n\
+         couplings: {{q2: \"{quoted}\"}}\nbase: {{zero: [\"{quoted}\"]}}\n"
+    )
+}
+
+/// An expression has an exact value or a fault, as a constant, as a coupling and as a form of
+/// parameters.
+///
+/// # Panics
+/// When it has neither.
+pub fn expression(bytes: &[u8]) {
+    let Some(text) = text(bytes) else { return };
+    let robot = "name: r\ngeometry: {a: 3, b: -1/2}\n\
+                 limbs: [{name: l, joints: [{name: q1, type: revolute, body: 1, actuated: true}]}]\n";
+    let value = read(robot).and_then(|spec| spec.evaluate(text));
+    if let Some(value) = value {
+        let number = value.to_f64();
+        assert!(number.is_finite(), "{text} is {number}");
+        assert!(number != 0.0 || value.is_zero(), "{text} is too small");
+    }
+    let _ = read(&with_expression(text));
+}
+
+/// Largest text that is derived: longer ones take the time that long robots take.
+const DERIVED: usize = 1500;
+
+/// A description becomes a robot whose functions can be run, or is refused.
+///
+/// # Panics
+/// When it is neither.
+pub fn derive(bytes: &[u8]) {
+    let Some(text) = text(bytes).filter(|text| text.len() <= DERIVED) else {
+        return;
+    };
+    let source = Source::new("input.yaml", text);
+    // with base parameters where they are quick, as the macro has it
+    let robot = match derive_with(&source, BaseFrom::Store(None)) {
+        Err(DeriveError::NotStored) => derive_with(&source, BaseFrom::Nowhere),
+        other => other,
+    };
+    let robot = match robot {
+        Ok(robot) => robot,
+        Err(DeriveError::Spec(report)) => return shown(text, &report),
+        Err(problem) => unreachable!("nothing was stored: {problem:?}"),
+    };
+    for function in &robot.functions {
+        let arguments = function.program.arguments.iter();
+        let arguments: Vec<Vec<f64>> = arguments.map(|a| vec![0.3; a.len]).collect();
+        let arguments: Vec<&[f64]> = arguments.iter().map(Vec::as_slice).collect();
+        let (values, _) = interpret::run(&function.program, &arguments);
+        let size = function.program.output.shape.iter().product::<usize>();
+        assert_eq!(values.len(), size);
+    }
+}

@@ -1,0 +1,56 @@
+//! Robot files of others, and factors.
+
+use regen_codegen::diag::Source;
+use regen_codegen::spec::parse;
+use regen_import::{Options, import as of};
+use regen_runtime::estimate::{Estimate, FactorSet, Weighting};
+
+use crate::description::shown;
+
+/// A URDF or MJCF file becomes a description that can be read, or is refused.
+///
+/// # Panics
+/// When it is neither.
+pub fn import(bytes: &[u8]) {
+    let Ok(text) = std::str::from_utf8(bytes) else {
+        return;
+    };
+    let source = Source::new("input.xml", text);
+    let mut nothing = |_: &str| Err("there is none".to_owned());
+    for exact in [false, true] {
+        let options = Options {
+            exact,
+            ..Options::default()
+        };
+        match of(&source, &mut nothing, &options) {
+            Ok(imported) => {
+                let spec = Source::new("import.yaml", imported.spec.as_str());
+                assert!(parse(&spec).is_ok(), "{}", imported.spec);
+            }
+            Err(reports) => {
+                assert!(!reports.is_empty());
+                for report in reports {
+                    shown(&report.source.text.clone(), &report);
+                }
+            }
+        }
+    }
+}
+
+/// A file of factors gives an estimate, or is refused; what was read is written again alike.
+///
+/// # Panics
+/// When it does not.
+pub fn factors(bytes: &[u8]) {
+    let Ok(text) = std::str::from_utf8(bytes) else {
+        return;
+    };
+    match FactorSet::from_text(text) {
+        Ok(set) => {
+            let _ = Estimate::new(&set, Weighting::PerEffort).map_err(|e| e.to_string());
+            let again = FactorSet::from_text(&set.to_text());
+            assert_eq!(again.map(|s| s.to_text()), Ok(set.to_text()));
+        }
+        Err(error) => assert!(!error.to_string().is_empty()),
+    }
+}
