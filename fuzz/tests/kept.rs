@@ -44,9 +44,34 @@ impl Random {
 
 /// Pieces that mean something to one of the readers.
 const PIECES: [&[u8]; 28] = [
-    b"{", b"}", b"[", b"]", b": ", b"\n", b",", b"\"", b"&a ", b"*a", b"<<: ", b"(", b")", b"^",
-    b"sqrt(", b"1e999", b"1e-400", b"nan", b"-1", b"0", b"pi", b"\0", b"\xff\xff\xff\xff\x7f",
-    b"\xef\xbb\xbf", b"<", b"/>", b"&#0;", b"9999999999999999999",
+    b"{",
+    b"}",
+    b"[",
+    b"]",
+    b": ",
+    b"\n",
+    b",",
+    b"\"",
+    b"&a ",
+    b"*a",
+    b"<<: ",
+    b"(",
+    b")",
+    b"^",
+    b"sqrt(",
+    b"1e999",
+    b"1e-400",
+    b"nan",
+    b"-1",
+    b"0",
+    b"pi",
+    b"\0",
+    b"\xff\xff\xff\xff\x7f",
+    b"\xef\xbb\xbf",
+    b"<",
+    b"/>",
+    b"&#0;",
+    b"9999999999999999999",
 ];
 
 fn mutated(seeds: &[Vec<u8>], random: &mut Random) -> Vec<u8> {
@@ -129,7 +154,11 @@ fn every_parquet_log_gives_equations_or_an_error() {
 
 #[test]
 fn every_robot_file_of_others_is_imported_or_refused() {
-    answers("import", &[("tests/import/gymnasium-robotics", &["xml"])], 300);
+    answers(
+        "import",
+        &[("tests/import/gymnasium-robotics", &["xml"])],
+        300,
+    );
 }
 
 #[test]
@@ -141,6 +170,9 @@ fn every_factor_file_is_read_or_refused() {
 fn each_target_of_cargo_fuzz_calls_its_reader() {
     for (name, _) in regen_fuzz::TARGETS {
         let text = fs::read_to_string(root().join(format!("fuzz/fuzz_targets/{name}.rs"))).unwrap();
-        assert!(text.contains(&format!("regen_fuzz::{name}(input)")), "{text}");
+        assert!(
+            text.contains(&format!("regen_fuzz::{name}(input)")),
+            "{text}"
+        );
     }
 }

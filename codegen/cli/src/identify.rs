@@ -262,12 +262,13 @@ fn from_factors(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Start, F
 fn from_logs(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Start, Failure> {
     let kind = observe::kind(&args.reading);
     let mut logs = observe::open(model, &args.logs, &args.reading)?;
-    let found = identify::identify(model, kind, &options(args), &mut logs).inspect_err(|error| {
-        // loops that do not close may be two columns that are swapped
-        if matches!(error, DataError::Problems { .. }) {
-            suspicions(args, model);
-        }
-    })?;
+    let found =
+        identify::identify(model, kind, &options(args), &mut logs).inspect_err(|error| {
+            // loops that do not close may be two columns that are swapped
+            if matches!(error, DataError::Problems { .. }) {
+                suspicions(args, model);
+            }
+        })?;
     observe::note_problems(logs.logs().reports());
     let used = found
         .estimate
@@ -283,7 +284,10 @@ fn from_logs(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Start, Fail
     if found.relative_absolute > suspect::BAD {
         json.suspicions = suspicions(args, model);
     }
-    if suspect::upside_down(model, &found.estimate.values) {
+    let sigmas: Vec<f64> = (0..found.estimate.values.len())
+        .map(|k| found.estimate.sigma(k))
+        .collect();
+    if json.suspicions.is_empty() && suspect::upside_down(model, &found.estimate.values, &sigmas) {
         terminal::note(
             "warning: these parameters make every inertia negative: the signs of all efforts, or of \
              all positions, look flipped. If so, read them with --column 'tau_NAME=COLUMN*-1'",

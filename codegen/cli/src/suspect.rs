@@ -129,32 +129,29 @@ fn fit(model: &Interpreted<'_>, kind: Kind, settings: &Settings, path: &PathBuf)
 /// The diagonal of the mass matrix at home, kg m^2 or kg, with these base parameters.
 fn inertia(model: &Interpreted<'_>, values: &[f64]) -> Option<Vec<f64>> {
     let info = model.info();
-    let (n, dof, rank) = (info.coordinates.len(), info.dof(), values.len());
-    let still = vec![0.0; n];
-    let rows = |qdd: &[f64]| -> Option<Vec<f64>> {
-        let mut w = vec![0.0; dof * rank];
-        let _ = model.base_regressor(info.home, &still, qdd, &mut w).ok()?;
-        Some(w)
-    };
-    let rest = rows(&still)?;
-    let mut all = vec![0.0; n];
-    (0..dof)
-        .map(|k| {
-            let mut unit = vec![0.0; dof];
-            unit[k] = 1.0;
-            let _ = model.accelerations(info.home, &still, &unit, &mut all).ok()?;
-            let w = rows(&all)?;
-            let row = k * rank..(k + 1) * rank;
-            let moved = w[row.clone()].iter().zip(&rest[row]).zip(values);
-            Some(moved.map(|((w, r), x)| (w - r) * x).sum())
-        })
-        .collect()
+    let dof = info.dof();
+    let mut mass = vec![0.0; dof * dof];
+    let _ = model.base_mass_matrix(info.home, values, &mut mass).ok()?;
+    Some(mass.into_iter().step_by(dof + 1).collect())
 }
 
-/// Whether a fit makes the inertia of every coordinate negative: then the signs of all efforts,
-/// or of all positions, are flipped.
-pub(crate) fn upside_down(model: &Interpreted<'_>, values: &[f64]) -> bool {
-    inertia(model, values).is_some_and(|m| !m.is_empty() && m.iter().all(|m| *m < 0.0))
+/// Whether a fit makes the inertia of every coordinate negative, by more than the deviations of
+/// the parameters explain: then the signs of all efforts, or of all positions, are flipped.
+pub(crate) fn upside_down(model: &Interpreted<'_>, values: &[f64], sigmas: &[f64]) -> bool {
+    let Some(mut inertia) = inertia(model, values) else {
+        return false;
+    };
+    for (k, sigma) in sigmas.iter().enumerate() {
+        let mut unit = vec![0.0; values.len()];
+        unit[k] = *sigma;
+        let Some(part) = self::inertia(model, &unit) else {
+            return false;
+        };
+        for (m, part) in inertia.iter_mut().zip(part) {
+            *m += part.abs();
+        }
+    }
+    !inertia.is_empty() && inertia.iter().all(|m| *m < 0.0)
 }
 
 /// What may have happened to the columns of one or two joints.
@@ -166,7 +163,10 @@ enum Change {
 /// Every change of one column's sign, of two columns' places, and of two joints' places.
 fn changes(model: &Interpreted<'_>) -> Vec<Change> {
     let info = model.info();
-    let names = info.actuated.iter().filter_map(|&k| info.coordinates.get(k));
+    let names = info
+        .actuated
+        .iter()
+        .filter_map(|&k| info.coordinates.get(k));
     let names: Vec<String> = names.map(|name| (*name).to_owned()).collect();
     let kinds = [Quantity::Effort, Quantity::Position];
     let mut out = Vec::new();
@@ -218,7 +218,9 @@ impl Change {
 
     fn columns(&self, given: &[Assignment]) -> Vec<Assignment> {
         let mut out = self.assignments(given);
-        let rest = given.iter().filter(|a| out.iter().all(|o| o.quantity != a.quantity));
+        let rest = given
+            .iter()
+            .filter(|a| out.iter().all(|o| o.quantity != a.quantity));
         let rest: Vec<Assignment> = rest.cloned().collect();
         out.extend(rest);
         out
@@ -228,7 +230,10 @@ impl Change {
         let column = |quantity: &Quantity| source(quantity, given).column;
         match self {
             Self::Turned(quantity) => {
-                format!("column `{}` looks as if its sign were flipped", column(quantity))
+                format!(
+                    "column `{}` looks as if its sign were flipped",
+                    column(quantity)
+                )
             }
             Self::Swapped(pairs) => {
                 let pairs = pairs

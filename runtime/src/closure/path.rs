@@ -129,6 +129,12 @@ pub(super) fn follow<M: Model<f64> + ?Sized>(
         1.0
     };
 
+    // that far is more steps than are taken: a measured value of 1e300 need not try them
+    if length > LONGEST * MOST_STEPS as f64 {
+        let residual = newton.residual(&start.q)?;
+        let outcome = Outcome::NotClosed { at: 0.0, residual };
+        return Ok((start.clone(), outcome, 0));
+    }
     let mut point = start.clone();
     let mut done = 0.0;
     let mut wish = 1.0;

@@ -54,7 +54,7 @@ fn open(path: &Path) -> Result<SerializedFileReader<File>, DataError> {
             let mut text = file.by_ref().take(footer);
             text.read_to_end(&mut bytes).map_err(io)?;
             if pages::nesting(&bytes).is_none_or(|deep| deep > NESTED) {
-                let why = format!("its footer has no schema, or one nested deeper than {NESTED}");
+                let why = format!("its footer is none, or has groups nested deeper than {NESTED}");
                 return Err(broken(path, why));
             }
         }
@@ -162,9 +162,8 @@ fn rows(
         for (entry, channel) in layout.channels.iter().enumerate() {
             let title = layout.title(entry);
             let chunk = group.columns().get(channel.index);
-            let chunk = chunk.ok_or_else(|| {
-                broken(path, format!("a row group has no column `{title}`"))
-            })?;
+            let chunk = chunk
+                .ok_or_else(|| broken(path, format!("a row group has no column `{title}`")))?;
             let values = pages::values(&mut file, size, chunk)
                 .map_err(|why| broken(path, format!("column `{title}`: {why}")))?;
             if values < rows {

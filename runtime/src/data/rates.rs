@@ -72,9 +72,8 @@ impl Rates {
         if self.stretches < FEWEST {
             return None;
         }
-        let alike = |k: usize, j: usize| {
-            self.products[k * m + j] / (self.moved[k] * self.said[j]).sqrt()
-        };
+        let alike =
+            |k: usize, j: usize| self.products[k * m + j] / (self.moved[k] * self.said[j]).sqrt();
         for k in 0..m {
             let own = alike(k, k);
             // a position or a velocity that is always 0 says nothing
@@ -87,13 +86,18 @@ impl Rates {
                  its integral has the correlation {own:.2} with what that moved"
             );
             if own < -ALIKE {
-                return Some(format!("{head}; its sign is flipped, give it the factor -1"));
+                return Some(format!(
+                    "{head}; its sign is flipped, give it the factor -1"
+                ));
             }
             if own < ALIKE {
                 let other = (0..m).find(|j| *j != k && alike(*j, k) > ALIKE);
                 return Some(match other {
                     Some(j) => {
-                        format!("{head}; it fits column `{}`: the two are swapped", titles(1 + j))
+                        format!(
+                            "{head}; it fits column `{}`: the two are swapped",
+                            titles(1 + j)
+                        )
                     }
                     None => format!("{head}; at least {ALIKE} is expected"),
                 });
@@ -137,11 +141,17 @@ mod tests {
     fn velocities_of_others_are_told() {
         assert_eq!(told(|row| row), None);
         let flipped = told(|[a, b, c, d]| [a, b, c, -d]).unwrap_or_default();
-        assert!(flipped.contains("`qd_q2`") && flipped.contains("factor -1"), "{flipped}");
+        assert!(
+            flipped.contains("`qd_q2`") && flipped.contains("factor -1"),
+            "{flipped}"
+        );
         let swapped = told(|[a, b, c, d]| [a, b, d, c]).unwrap_or_default();
         assert!(swapped.contains("fits column `q2`"), "{swapped}");
         let degrees = told(|[a, b, c, d]| [a, b, c.to_degrees(), d]).unwrap_or_default();
-        assert!(degrees.contains("57.") && degrees.contains("units"), "{degrees}");
+        assert!(
+            degrees.contains("57.") && degrees.contains("units"),
+            "{degrees}"
+        );
         let other = told(|[a, b, _, d]| [a, b, a, d]).unwrap_or_default();
         assert!(other.contains("at least 0.7"), "{other}");
         // a joint that is held

@@ -195,7 +195,9 @@ impl LogFile {
             .map_err(|error| failed(&self.path, &error))?
         {
             let line = record.position().map_or(0, csv::Position::line);
-            let ends = self.unended.is_some_and(|end| reader.position().byte() >= end);
+            let ends = self
+                .unended
+                .is_some_and(|end| reader.position().byte() >= end);
             let cut = ends && last.cut(&record);
             last.push(&record);
             each(match self.parse(line, &record) {
@@ -207,7 +209,9 @@ impl LogFile {
     }
 
     fn cut(&self, line: u64, record: &ByteRecord) -> Problem {
-        let text = record.get(record.len().saturating_sub(1)).unwrap_or_default();
+        let text = record
+            .get(record.len().saturating_sub(1))
+            .unwrap_or_default();
         Problem {
             row: line,
             what: Fault::Cut {
@@ -484,12 +488,18 @@ struct LastColumn {
 
 impl LastColumn {
     fn length(record: &ByteRecord) -> usize {
-        record.get(record.len().saturating_sub(1)).map_or(0, <[u8]>::len)
+        record
+            .get(record.len().saturating_sub(1))
+            .map_or(0, <[u8]>::len)
     }
 
     fn push(&mut self, record: &ByteRecord) {
         let length = Self::length(record);
-        self.shortest = if self.rows == 0 { length } else { self.shortest.min(length) };
+        self.shortest = if self.rows == 0 {
+            length
+        } else {
+            self.shortest.min(length)
+        };
         self.rows += 1;
     }
 

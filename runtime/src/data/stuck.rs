@@ -65,8 +65,8 @@ impl Watch {
         if change == 0.0 {
             if self.alike == 0 {
                 self.span.0 = line;
-                let one_way = self.recent.iter().all(|c| *c > 0.0)
-                    || self.recent.iter().all(|c| *c < 0.0);
+                let one_way =
+                    self.recent.iter().all(|c| *c > 0.0) || self.recent.iter().all(|c| *c < 0.0);
                 let mean = self.recent.iter().sum::<f64>() / BEFORE as f64;
                 let [first, .., last] = self.recent;
                 let next = last + (last - first) / (BEFORE - 1) as f64;
@@ -150,7 +150,13 @@ mod tests {
     fn a_frozen_value_is_found_wherever_it_begins() {
         for start in [1, 40, 50, 97, 180] {
             for rows in [15, 60, 300] {
-                let value = |row: usize| swing(if row < start + rows { row.min(start) } else { row });
+                let value = |row: usize| {
+                    swing(if row < start + rows {
+                        row.min(start)
+                    } else {
+                        row
+                    })
+                };
                 let told = found((0..500).map(value));
                 let lost = (swing(start + rows) - swing(start)).abs();
                 // nothing was lost where the swing comes back to the place

@@ -25,7 +25,12 @@ impl Checker<'_> {
         let found = [
             (coordinates, COORDINATES, "coordinates", limb),
             (bodies, BODIES, "bodies", limb),
-            (equations(raw), EQUATIONS, "equations of cuts and couplings", cut),
+            (
+                equations(raw),
+                EQUATIONS,
+                "equations of cuts and couplings",
+                cut,
+            ),
         ];
         let mut within = true;
         for (count, limit, what, span) in found {
@@ -45,5 +50,8 @@ impl Checker<'_> {
 fn equations(raw: &RawSpec) -> usize {
     let cuts = raw.cuts.iter().flatten();
     let rows: usize = cuts.map(|cut| cut.joint.value.equations()).sum();
-    rows + raw.couplings.as_ref().map_or(0, |couplings| couplings.0.len())
+    rows + raw
+        .couplings
+        .as_ref()
+        .map_or(0, |couplings| couplings.0.len())
 }

@@ -20,8 +20,8 @@ const RATIO: i64 = 32;
 const SMALL: i64 = 1 << 10;
 /// Bytes of the smallest number.
 const NUMBER: i64 = 4;
-/// Structures within structures in a header; the format has three.
-const DEEPEST: usize = 8;
+/// Structures within structures; the format has eight.
+const DEEPEST: usize = 16;
 
 /// How many values the pages of a column have, once they claim nothing that cannot be.
 pub(super) fn values(
@@ -76,7 +76,8 @@ pub(super) fn values(
 
 /// How deep groups of columns are nested; none of what is no footer.
 ///
-/// The library builds the tree of groups, and forgets it, by recursion.
+/// The library builds the tree of groups, and forgets it, by recursion; and it passes over fields
+/// that it does not know without asking whether their elements are there.
 pub(super) fn nesting(footer: &[u8]) -> Option<usize> {
     let mut input = Compact {
         bytes: footer,
@@ -118,7 +119,15 @@ pub(super) fn nesting(footer: &[u8]) -> Option<usize> {
         }
         deepest = deepest.max(open.len());
     }
-    Some(deepest)
+    loop {
+        let head = input.byte()?;
+        match (head >> 4, head & 0x0f) {
+            (_, 0) => return Some(deepest),
+            (0, _) => drop(input.integer()?),
+            _ => {}
+        }
+        input.value(head & 0x0f, DEEPEST, &mut Vec::new(), &mut |_, _| {})?;
+    }
 }
 
 /// What a page's header says.
@@ -193,7 +202,10 @@ impl Compact<'_> {
             15 => self.varint()?,
             count => u64::from(count),
         };
-        Some((head & 0x0f, count))
+        let left = self.bytes.len().saturating_sub(self.at) as u64;
+        // an element has a byte or more; of truths, which the format has none of in lists, some
+        // readers say that they have none
+        (count <= left && (count == 0 || head & 0x0f > 2)).then_some((head & 0x0f, count))
     }
 
     /// Reads a structure, telling its integers by the numbers of the fields that lead to them.
@@ -254,8 +266,6 @@ impl Compact<'_> {
                     return None;
                 }
                 for _ in 0..count {
-                    // in a list, a truth is a byte
-                    let kind = if kind <= 2 { 3 } else { kind };
                     self.value(kind, deepest, path, tell)?;
                 }
             }
@@ -301,11 +311,20 @@ mod tests {
             }
         };
         let elements = [element(2), element(1), element(0), element(0)].concat();
-        let footer = [&[0x15, 2, 0x19, 0x4c][..], &elements, &[0]].concat();
+        let footer = [&[0x15, 2, 0x19, 0x4c][..], &elements, &[0x16, 20, 0]].concat();
         assert_eq!(nesting(&footer), Some(2));
         assert_eq!(nesting(&footer[..footer.len() - 3]), None);
-        let chain = [&[0x15, 2, 0x19, 0xfc, 100][..], &element(1).repeat(100)].concat();
+        let chain = [
+            &[0x15, 2, 0x19, 0xfc, 100][..],
+            &element(1).repeat(100),
+            &[0],
+        ]
+        .concat();
         assert_eq!(nesting(&chain), Some(100));
+        // a field that nobody knows, of billions of truths
+        let bomb = [0xf9, 0xf1, 0xff, 0xff, 0xff, 0xff, 0x07, 0];
+        let footer = [&footer[..footer.len() - 1], &bomb].concat();
+        assert_eq!(nesting(&footer), None);
     }
 
     #[test]

@@ -1,0 +1,252 @@
+//! Faults of measurement, injected into logs of simulated robots: each is found, with its rows and
+//! columns, and logs without any are read without a word.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod common;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use common::{Run, regen, root, scratch};
+
+/// A log as cells; the header is the first row.
+#[derive(Clone)]
+struct Log(Vec<Vec<String>>);
+
+impl Log {
+    fn read(path: &Path) -> Self {
+        let text = fs::read_to_string(path).unwrap();
+        let row = |line: &str| line.split(',').map(str::to_owned).collect();
+        Self(text.lines().map(row).collect())
+    }
+
+    fn text(&self) -> String {
+        let lines = self.0.iter().map(|row| row.join(",") + "\n");
+        lines.collect()
+    }
+
+    fn column(&self, name: &str) -> usize {
+        self.0[0].iter().position(|c| c == name).unwrap()
+    }
+
+    /// Changes the numbers of a column; rows are counted from 0 behind the header.
+    fn each(&self, name: &str, change: impl Fn(usize, f64) -> f64) -> Self {
+        let mut out = self.clone();
+        let column = self.column(name);
+        for (k, row) in out.0.iter_mut().skip(1).enumerate() {
+            row[column] = change(k, row[column].parse().unwrap()).to_string();
+        }
+        out
+    }
+
+    fn swapped(&self, a: &str, b: &str) -> Self {
+        let mut out = self.clone();
+        let (a, b) = (self.column(a), self.column(b));
+        out.0[0].swap(a, b);
+        out
+    }
+
+    fn value(&self, name: &str, row: usize) -> f64 {
+        self.0[row + 1][self.column(name)].parse().unwrap()
+    }
+}
+
+/// The five-bar of the guide with its logs.
+fn bench(test: &str) -> (PathBuf, Log) {
+    let dir = scratch(test);
+    let guide = root().join("guide/fivebar");
+    fs::copy(guide.join("fivebar.yaml"), dir.join("r.yaml")).unwrap();
+    (dir, Log::read(&guide.join("run1.csv")))
+}
+
+fn identify(dir: &Path, text: &str, more: &[&str]) -> Run {
+    fs::write(dir.join("log.csv"), text).unwrap();
+    let args = ["identify", "r.yaml", "log.csv", "--butterworth", "4,20"];
+    regen(dir, &[&args[..], more].concat())
+}
+
+/// Where a fault begins: places that a seed draws.
+fn places() -> Vec<usize> {
+    let draw = |seed: u64| {
+        let mixed = (seed + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        100 + (mixed >> 40) as usize % 1700
+    };
+    (0..4).map(draw).collect()
+}
+
+#[test]
+fn logs_without_a_fault_are_read_without_a_word() {
+    let (dir, log) = bench("clean_logs");
+    let other = Log::read(&root().join("guide/fivebar/run2.csv"));
+    for log in [log, other] {
+        let run = identify(&dir, &log.text(), &[]).ended(0);
+        assert_eq!(run.err, "");
+        // no end of the last line is no fault
+        assert_eq!(identify(&dir, log.text().trim_end(), &[]).ended(0).err, "");
+    }
+    // other robots, with coarse encoders and noise, at rest at both ends
+    for (robot, quantum, noise, seed) in [
+        ("fourbar", "1e-4", "0,0.01", "1"),
+        ("slider_crank", "0", "1e-5,0.01", "2"),
+        ("scara", "1e-3", "1e-5,0.1", "3"),
+    ] {
+        let spec = root().join(format!("robots/{robot}.yaml"));
+        fs::copy(spec, dir.join("r.yaml")).unwrap();
+        let args = ["simulate", "r.yaml", "--perturb", "0.2", "--out", "s.csv"];
+        let noise = ["--quantum", quantum, "--noise", noise, "--seed", seed];
+        regen(&dir, &[&args[..], &noise].concat()).ended(0);
+        let text = fs::read_to_string(dir.join("s.csv")).unwrap();
+        let run = identify(&dir, &text, &[]);
+        for word in ["stuck", "swapped", "flipped", "clock", "saturated", "cut"] {
+            assert!(!run.err.contains(word), "{robot}: {}", run.err);
+        }
+    }
+}
+
+#[test]
+fn stuck_encoders_are_found_with_their_rows() {
+    let (dir, log) = bench("stuck_encoders");
+    for (k, start) in places().into_iter().enumerate() {
+        let name = ["q1", "q3"][k % 2];
+        let rows = 80 + 40 * k;
+        let held = log.value(name, start);
+        let freeze = |row: usize, x: f64| {
+            if (start..start + rows).contains(&row) {
+                held
+            } else {
+                x
+            }
+        };
+        let run = identify(&dir, &log.each(name, freeze).text(), &[]).ended(3);
+        // the row that is repeated first stands in line start + 2
+        let (first, last) = (start + 3, (start + rows + 1).min(2002));
+        let told = format!("row {first}: column `{name}` stands still at {held} until row {last}");
+        assert!(run.err.contains(&told), "{told}\n{}", run.err);
+        assert!(run.err.contains("stuck encoder"), "{}", run.err);
+        let drop = ["--problems", "drop"];
+        let run = identify(&dir, &log.each(name, freeze).text(), &drop).ended(0);
+        assert!(
+            run.err
+                .contains(&format!("{} rows or gaps", last - first + 1)),
+            "{}",
+            run.err
+        );
+    }
+}
+
+#[test]
+fn a_clock_that_is_set_is_found_with_its_row() {
+    let (dir, log) = bench("clocks");
+    for start in places() {
+        for jump in [-0.4, 0.4] {
+            let set = log.each("t", |row, t| if row < start { t } else { t + jump });
+            let run = identify(&dir, &set.text(), &[]).ended(3);
+            let told = if jump < 0.0 {
+                format!("row {}: the clock jumps back by 0.3975", start + 2)
+            } else {
+                format!("row {}: a gap of 0.4025", start + 2)
+            };
+            assert!(run.err.contains("1 row cannot be used"), "{}", run.err);
+            assert!(run.err.contains(&told), "{told}\n{}", run.err);
+        }
+    }
+}
+
+#[test]
+fn saturated_efforts_are_found_with_their_rows() {
+    let (dir, log) = bench("saturation");
+    for name in ["tau_q1", "tau_q3"] {
+        let largest = (0..2001)
+            .map(|k| log.value(name, k).abs())
+            .fold(0.0, f64::max);
+        let flat = 0.7 * largest;
+        let cut = log.each(name, |_, x| x.clamp(-flat, flat));
+        let run = identify(&dir, &cut.text(), &[]).ended(3);
+        let told = format!("column `{name}` stands still at its extreme");
+        assert!(run.err.contains(&told), "{}", run.err);
+        // the first stretch of four rows
+        let first = (0..1998)
+            .find(|k| (0..4).all(|d| log.value(name, k + d).abs() >= flat))
+            .unwrap();
+        assert!(
+            run.err.contains(&format!("row {}: {told}", first + 2)),
+            "{}",
+            run.err
+        );
+    }
+}
+
+#[test]
+fn a_last_row_that_is_cut_anywhere_is_found() {
+    let (dir, mut log) = bench("cut_rows");
+    log.0.truncate(602);
+    let mut found = 0;
+    let text = log.text();
+    let row = text.trim_end().lines().last().unwrap().len();
+    for kept in (1..row).step_by(7) {
+        let cut = &text[..text.len() - 1 - row + kept];
+        let run = identify(&dir, cut, &[]);
+        // the last digits of a number are missed by nobody
+        let end = |text: &str| -> f64 {
+            let number = text.trim_end().rsplit(',').next().unwrap();
+            number.parse().unwrap_or(f64::NAN)
+        };
+        if run.code == 0 && (end(cut) - end(&text)).abs() < 1e-9 {
+            continue;
+        }
+        let run = run.ended(3);
+        assert!(run.err.contains("row 602: "), "{kept}\n{}", run.err);
+        found += 1;
+    }
+    assert!(found > row / 7 - 3, "{found}");
+}
+
+#[test]
+fn swapped_and_turned_columns_are_named_with_the_remedy() {
+    let (dir, mut log) = bench("swapped_columns");
+    log.0.truncate(602);
+    let clean = identify(&dir, &log.text(), &[]).ended(0).out;
+    let turned = |name: &str| log.each(name, |_, x| -x);
+    let both = log.swapped("q1", "q3").swapped("tau_q1", "tau_q3");
+    for (changed, columns) in [
+        (
+            log.swapped("tau_q1", "tau_q3"),
+            &["`tau_q1`", "`tau_q3`", "swapped"][..],
+        ),
+        (log.swapped("q1", "q3"), &["`q1`", "`q3`", "swapped"]),
+        (both, &["`q1`", "`q3`", "`tau_q1`", "`tau_q3`", "swapped"]),
+        (turned("tau_q1"), &["`tau_q1`", "flipped"]),
+        (turned("tau_q3"), &["`tau_q3`", "flipped"]),
+        (turned("q1"), &["`q1`", "flipped"]),
+    ] {
+        let run = identify(&dir, &changed.text(), &[]);
+        let warning = run.err.lines().next().unwrap_or_default();
+        for word in columns {
+            assert!(warning.contains(word), "{columns:?}\n{}", run.err);
+        }
+        // so read, the log is as good as the one that was not changed
+        let (_, remedy) = warning.split_once("read it with ").unwrap();
+        let options: Vec<&str> = remedy.split(' ').map(|x| x.trim_matches('\'')).collect();
+        let run = identify(&dir, &changed.text(), &options).ended(0);
+        assert_eq!(run.err, "");
+        assert_eq!(run.out, clean);
+    }
+    let upside = turned("tau_q1").each("tau_q3", |_, x| -x);
+    let run = identify(&dir, &upside.text(), &[]).ended(0);
+    assert!(run.err.contains("the signs of all efforts"), "{}", run.err);
+}
+
+#[test]
+fn json_has_the_suspicion_too() {
+    let (dir, mut log) = bench("swapped_json");
+    log.0.truncate(602);
+    let text = log.swapped("tau_q1", "tau_q3").text();
+    let json = identify(&dir, &text, &["--format", "json"]).ended(0).json();
+    let found = &json["suspicions"][0];
+    assert_eq!(found["file"], "log.csv");
+    assert!(found["changed"].as_f64().unwrap() < 0.5 * found["error"].as_f64().unwrap());
+    let json = identify(&dir, &log.text(), &["--format", "json"])
+        .ended(0)
+        .json();
+    assert!(json.get("suspicions").is_none());
+}

@@ -1,0 +1,256 @@
+//! Whatever ends a run, an output is the old one, the new one, or absent: killed at any moment,
+//! a full disk, a directory that cannot be written, two runs at once.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod common;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::thread::sleep;
+use std::time::Instant;
+
+use common::{command, pendulum, regen, root, scratch, workspace};
+
+/// A robot of one joint that can be simulated.
+fn weighed(name: &str) -> String {
+    let inertia = "{mass: 1, com: [0.1, 0, 0], inertia: [1, 0, 0, 1, 0, 1]}";
+    format!("{}bodies: {{1: {inertia}}}\n", pendulum(name))
+}
+
+/// Starts a run that says nothing.
+fn start(dir: &Path, args: &[&str]) -> Child {
+    let mut command = command(dir, args);
+    command
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null());
+    command.spawn().unwrap()
+}
+
+/// The files that a run left in the making.
+fn unfinished(dir: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(dir).unwrap().map(|e| e.unwrap().path());
+    entries
+        .filter(|p| p.extension().is_some_and(|e| e == "tmp"))
+        .collect()
+}
+
+/// Kills runs at moments that a seed draws over their whole length; after each, the output is
+/// what it was before or what a whole run writes. A run after all of them is not disturbed.
+#[track_caller]
+fn killed_at_any_moment(dir: &Path, args: &[&str], out: &str, old: Option<&str>, kills: u32) {
+    let path = dir.join(out);
+    let begin = Instant::now();
+    assert!(start(dir, args).wait().unwrap().success(), "{args:?}");
+    let length = begin.elapsed();
+    let new = fs::read(&path).unwrap();
+    let reset = || match old {
+        Some(text) => fs::write(&path, text).unwrap(),
+        None => drop(fs::remove_file(&path)),
+    };
+    let mut state = 7_u64;
+    for kill in 0..kills {
+        reset();
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1);
+        // most towards the end, where files are written
+        let part = 1.0 - ((state >> 40) as f64 / (1_u64 << 24) as f64).powi(2);
+        let mut child = start(dir, args);
+        sleep(length.mul_f64(1.1 * part));
+        let _ = child.kill();
+        let _ = child.wait();
+        let found = fs::read(&path).ok();
+        let whole =
+            found.as_deref() == Some(&new[..]) || found.as_deref() == old.map(str::as_bytes);
+        assert!(whole, "{args:?}, killed the {kill}th time: {found:?}");
+    }
+    // what killed runs left behind disturbs no other
+    reset();
+    assert!(start(dir, args).wait().unwrap().success());
+    assert!(
+        fs::read(&path).unwrap() == new,
+        "{args:?} after being killed"
+    );
+}
+
+#[test]
+fn killed_runs_leave_the_old_file_or_the_new_one() {
+    let dir = workspace("killed", &["one", "two"]);
+    regen(&dir, &["generate"]).ended(0);
+    let module = "generated/src/one.rs";
+    let old = fs::read_to_string(dir.join(module)).unwrap();
+    // a robot that has changed since its module was written
+    let text = pendulum("one").replace("revolute", "prismatic");
+    fs::write(dir.join("robots/one.yaml"), text).unwrap();
+    killed_at_any_moment(&dir, &["generate"], module, Some(&old), 25);
+    let single = ["robots/one.yaml", "--out", "."];
+    killed_at_any_moment(&dir, &single, "one.rs", Some(&old), 15);
+    let store = ["base", "robots/one.yaml", "--store"];
+    killed_at_any_moment(&dir, &store, "robots/one.base", None, 15);
+    let guide = root().join("guide/fivebar");
+    fs::copy(guide.join("fivebar.yaml"), dir.join("fivebar.yaml")).unwrap();
+    let log = fs::read_to_string(guide.join("run1.csv")).unwrap();
+    let log: Vec<&str> = log.lines().take(201).collect();
+    fs::write(dir.join("log.csv"), log.join("\n")).unwrap();
+    let identify = ["identify", "fivebar.yaml", "log.csv", "--out", "p.json"];
+    killed_at_any_moment(&dir, &identify, "p.json", Some("{}"), 15);
+    fs::write(dir.join("robots/two.yaml"), weighed("two")).unwrap();
+    let simulate = [
+        "simulate",
+        "robots/two.yaml",
+        "--duration",
+        "1",
+        "--out",
+        "s.csv",
+    ];
+    killed_at_any_moment(&dir, &simulate, "s.csv", Some("t\n"), 15);
+}
+
+#[test]
+fn two_runs_at_once_leave_the_file_of_one() {
+    let dir = scratch("at_once");
+    fs::write(dir.join("a.yaml"), pendulum("a")).unwrap();
+    fs::write(
+        dir.join("b.yaml"),
+        pendulum("b").replace("revolute", "prismatic"),
+    )
+    .unwrap();
+    let whole = |robot: &str| {
+        let spec = format!("{robot}.yaml");
+        regen(&dir, &["view", &spec, "--out", "whole.html"]).ended(0);
+        fs::read_to_string(dir.join("whole.html")).unwrap()
+    };
+    let texts = [whole("a"), whole("b")];
+    for _ in 0..10 {
+        let mut runs: Vec<Child> = ["a.yaml", "b.yaml", "a.yaml", "b.yaml"]
+            .iter()
+            .map(|spec| start(&dir, &["view", spec, "--out", "m.html"]))
+            .collect();
+        while runs.iter_mut().any(|run| run.try_wait().unwrap().is_none()) {
+            if let Ok(found) = fs::read_to_string(dir.join("m.html")) {
+                assert!(texts.contains(&found), "a mixture");
+            }
+        }
+        for run in &mut runs {
+            assert!(run.wait().unwrap().success());
+        }
+        assert!(texts.contains(&fs::read_to_string(dir.join("m.html")).unwrap()));
+        assert_eq!(unfinished(&dir), Vec::<PathBuf>::new());
+    }
+}
+
+/// A run whose files may not grow beyond so many blocks of 512 bytes: a full disk, from the
+/// program's point of view. Nothing where the shell has no such limit.
+#[cfg(unix)]
+fn limited(dir: &Path, blocks: u32, args: &[&str]) -> Option<(i32, String)> {
+    // the signal for a file that is too large is ignored, so that writing fails instead
+    let script = format!("trap '' XFSZ; ulimit -f {blocks} || exit 99; exec \"$@\"");
+    let output = Command::new("sh")
+        .current_dir(dir)
+        .args(["-c", &script, "sh", env!("CARGO_BIN_EXE_regen")])
+        .args(args)
+        .output()
+        .ok()?;
+    let code = output.status.code().unwrap_or(-1);
+    (code != 99).then(|| (code, String::from_utf8_lossy(&output.stderr).into_owned()))
+}
+
+#[cfg(unix)]
+#[test]
+fn a_full_disk_is_told_and_leaves_the_old_file() {
+    let dir = scratch("full");
+    fs::write(dir.join("a.yaml"), weighed("a")).unwrap();
+    for (args, out) in [
+        (
+            &["simulate", "a.yaml", "--duration", "5", "--out", "s.csv"][..],
+            "s.csv",
+        ),
+        (&["view", "a.yaml", "--out", "v.html"], "v.html"),
+    ] {
+        fs::write(dir.join(out), "old").unwrap();
+        let Some((code, err)) = limited(&dir, 2, args) else {
+            eprintln!("left out: this shell limits no files");
+            return;
+        };
+        assert_eq!(code, 5, "{args:?}\n{err}");
+        assert!(err.contains(&format!("cannot write {out}: ")), "{err}");
+        assert_eq!(fs::read_to_string(dir.join(out)).unwrap(), "old");
+        assert_eq!(unfinished(&dir), Vec::<PathBuf>::new());
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn what_is_no_file_is_written_to_and_stays_what_it_is() {
+    let dir = scratch("devices");
+    fs::write(dir.join("a.yaml"), pendulum("a")).unwrap();
+    let full = Path::new("/dev/full");
+    if full.exists() {
+        let run = regen(&dir, &["view", "a.yaml", "--out", "/dev/full"]).ended(5);
+        assert!(run.err.contains("cannot write /dev/full: "), "{}", run.err);
+        assert!(!fs::metadata(full).unwrap().is_file());
+    } else {
+        eprintln!("left out: there is no /dev/full");
+    }
+    regen(&dir, &["view", "a.yaml", "--out", "/dev/null"]).ended(0);
+    assert!(!fs::metadata("/dev/null").unwrap().is_file());
+    // a link stays a link, and a private file private
+    use std::os::unix::fs::{PermissionsExt, symlink};
+    fs::write(dir.join("real.html"), "old").unwrap();
+    fs::set_permissions(dir.join("real.html"), fs::Permissions::from_mode(0o600)).unwrap();
+    symlink("real.html", dir.join("link.html")).unwrap();
+    regen(&dir, &["view", "a.yaml", "--out", "link.html"]).ended(0);
+    assert!(
+        fs::symlink_metadata(dir.join("link.html"))
+            .unwrap()
+            .is_symlink()
+    );
+    assert!(
+        fs::read_to_string(dir.join("real.html"))
+            .unwrap()
+            .contains("</html>")
+    );
+    let mode = fs::metadata(dir.join("real.html"))
+        .unwrap()
+        .permissions()
+        .mode();
+    assert_eq!(mode & 0o777, 0o600);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_place_that_cannot_be_written_is_told() {
+    let dir = scratch("unwritable");
+    fs::write(dir.join("a.yaml"), pendulum("a")).unwrap();
+    fs::write(dir.join("file"), "old").unwrap();
+    fs::create_dir(dir.join("taken.html")).unwrap();
+    let told = |out: &str| {
+        let run = regen(&dir, &["view", "a.yaml", "--out", out]).ended(5);
+        assert!(
+            run.err.contains(&format!("cannot write {out}: ")),
+            "{}",
+            run.err
+        );
+    };
+    // beneath a file, where a directory stands, where nobody may write
+    told("file/m.html");
+    told("taken.html");
+    assert_eq!(fs::read_to_string(dir.join("file")).unwrap(), "old");
+    if Path::new("/proc/self").exists() {
+        told("/proc/m.html");
+    }
+    use std::os::unix::fs::PermissionsExt;
+    let closed = dir.join("closed");
+    fs::create_dir(&closed).unwrap();
+    fs::write(closed.join("m.html"), "old").unwrap();
+    fs::set_permissions(&closed, fs::Permissions::from_mode(0o555)).unwrap();
+    if fs::write(closed.join("probe"), "").is_ok() {
+        eprintln!("left out: permissions do not bind this user");
+    } else {
+        told("closed/m.html");
+    }
+    assert_eq!(fs::read_to_string(closed.join("m.html")).unwrap(), "old");
+    fs::set_permissions(&closed, fs::Permissions::from_mode(0o755)).unwrap();
+}
