@@ -172,6 +172,29 @@ pub(super) struct Layout {
     pub(super) efforts: usize,
 }
 
+/// Titles that are listed in a message, and characters of each.
+const LISTED: usize = 40;
+
+/// A text that fits into a message.
+pub(super) fn shortened(text: &str) -> String {
+    match text.char_indices().nth(LISTED) {
+        Some((end, _)) => format!("{}...", &text[..end]),
+        None => text.to_owned(),
+    }
+}
+
+/// The titles of a header, as many as can be looked through.
+fn listed(header: &[String]) -> String {
+    let titles: Vec<String> = header.iter().take(LISTED).map(|t| shortened(t)).collect();
+    let more = header.len().saturating_sub(LISTED);
+    let tail = if more > 0 {
+        format!(" and {more} more")
+    } else {
+        String::new()
+    };
+    format!("{}{tail}", titles.join(", "))
+}
+
 impl Layout {
     /// Finds the columns of a header; the error is a sentence.
     pub(super) fn new(
@@ -210,7 +233,7 @@ impl Layout {
         let find = |quantity: &Quantity, alias: Option<&str>| -> Result<Option<Channel>, String> {
             if let Some(given) = assignments.iter().find(|a| a.quantity == *quantity) {
                 let index = place(&given.column).ok_or_else(|| {
-                    let (column, all) = (&given.column, header.join(", "));
+                    let (column, all) = (&given.column, listed(&header));
                     format!("there is no column `{column}` for {quantity}; there are: {all}")
                 })?;
                 let (index, factor) = (once(index)?, given.factor);
@@ -221,7 +244,7 @@ impl Layout {
             Ok(found.map(|index| Channel { index, factor: 1.0 }))
         };
         let missing = |quantity: &Quantity, what: &str| {
-            let all = header.join(", ");
+            let all = listed(&header);
             format!(
                 "there is no column `{quantity}` ({what}); there are: {all}. Name it with \
                  --column {quantity}=COLUMN"
@@ -256,7 +279,7 @@ impl Layout {
                 measured.len(),
                 info.dof(),
                 wanted.join(" "),
-                header.join(", ")
+                listed(&header)
             ));
         }
         let mut channels = Vec::from([time]);

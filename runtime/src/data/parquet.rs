@@ -1,5 +1,6 @@
 //! Rows of a Parquet file, a row group's pages at a time.
 
+mod format;
 mod guard;
 mod pages;
 

@@ -8,7 +8,7 @@ use std::prelude::v1::*;
 
 use csv::{ByteRecord, Reader};
 
-use super::columns::{Assignment, Layout};
+use super::columns::{Assignment, Layout, shortened};
 use super::problem::{DataError, Fault, Problem, median};
 use super::rates::Rates;
 use super::stuck::{Stuck, Watch};
@@ -216,7 +216,7 @@ impl LogFile {
             row: line,
             what: Fault::Cut {
                 column: self.layout.header.last().cloned().unwrap_or_default(),
-                text: String::from_utf8_lossy(text).into_owned(),
+                text: shortened(&String::from_utf8_lossy(text)),
             },
         }
     }
@@ -243,7 +243,7 @@ impl LogFile {
                         row: line,
                         what: Fault::NotANumber {
                             column: self.layout.title(entry),
-                            text: text.to_owned(),
+                            text: shortened(text),
                         },
                     });
                 }

@@ -12,6 +12,8 @@ use std::prelude::v1::*;
 
 use parquet::file::metadata::ColumnChunkMetaData;
 
+use super::format::{BYTE, LIST, Root, STRUCTURE};
+
 /// Longest header of a page: some numbers, and statistics of two values.
 const HEADER: u64 = 1 << 16;
 /// Snappy makes at most 64 bytes of 3.
@@ -20,6 +22,8 @@ const RATIO: i64 = 32;
 const SMALL: i64 = 1 << 10;
 /// Bytes of the smallest number.
 const NUMBER: i64 = 4;
+/// Largest number of a field: readers count in 16 bits and may begin anew.
+const MOST: i64 = 1000;
 /// Structures within structures; the format has eight.
 const DEEPEST: usize = 16;
 
@@ -82,52 +86,31 @@ pub(super) fn nesting(footer: &[u8]) -> Option<usize> {
     let mut input = Compact {
         bytes: footer,
         at: 0,
+        root: Root::Footer,
     };
-    let mut field = 0_i64;
-    loop {
-        let head = input.byte()?;
-        field = match head >> 4 {
-            0 => input.integer()?,
-            step => field.checked_add(i64::from(step))?,
-        };
-        match (field, head & 0x0f) {
-            (_, 0) => return None,
-            // the elements of the schema, each group before its children
-            (2, 9) => break,
-            (_, kind) => input.value(kind, DEEPEST, &mut Vec::new(), &mut |_, _| {})?,
-        }
-    }
-    let (_, count) = input.list()?;
     // children that are still to come, from the root inwards
     let mut open: Vec<i64> = Vec::new();
     let mut deepest = 0;
-    for _ in 0..count {
-        let mut children = 0;
-        input.structure(DEEPEST, &mut |path, value| {
-            if path == [5] {
-                children = value;
+    let mut children = 0;
+    input.fields(&mut Vec::new(), &mut |path, value| match path {
+        // elements of the schema, each group before its children
+        [2, 5] => children = value,
+        [2, END] => {
+            while open.last().is_some_and(|left| *left <= 0) {
+                open.pop();
             }
-        })?;
-        while open.last().is_some_and(|left| *left <= 0) {
-            open.pop();
+            if let Some(left) = open.last_mut() {
+                *left -= 1;
+            }
+            if children > 0 {
+                open.push(children);
+            }
+            children = 0;
+            deepest = deepest.max(open.len());
         }
-        if let Some(left) = open.last_mut() {
-            *left -= 1;
-        }
-        if children > 0 {
-            open.push(children);
-        }
-        deepest = deepest.max(open.len());
-    }
-    loop {
-        let head = input.byte()?;
-        match (head >> 4, head & 0x0f) {
-            (_, 0) => return Some(deepest),
-            (0, _) => drop(input.integer()?),
-            _ => {}
-        }
-        input.value(head & 0x0f, DEEPEST, &mut Vec::new(), &mut |_, _| {})?;
-    }
+        _ => {}
+    })?;
+    Some(deepest)
 }
 
 /// What a page's header says.
@@ -145,8 +128,12 @@ impl Page {
     /// A header and its length in bytes; none of what is no header.
     fn read(bytes: &[u8]) -> Option<(Self, u64)> {
         let mut page = Self::default();
-        let mut input = Compact { bytes, at: 0 };
-        input.structure(DEEPEST, &mut |path, value| match path {
+        let mut input = Compact {
+            bytes,
+            at: 0,
+            root: Root::Page,
+        };
+        input.fields(&mut Vec::new(), &mut |path, value| match path {
             [2] => page.decompressed = value,
             [3] => page.compressed = value,
             // data pages of either version
@@ -158,11 +145,15 @@ impl Page {
     }
 }
 
+/// Stands for the end of a structure among the numbers of its fields, which are never negative.
+const END: i64 = -1;
+
 /// Thrift's compact protocol: every integer is a varint, every structure a list of fields that
 /// ends with 0.
 struct Compact<'a> {
     bytes: &'a [u8],
     at: usize,
+    root: Root,
 }
 
 impl Compact<'_> {
@@ -203,30 +194,26 @@ impl Compact<'_> {
             count => u64::from(count),
         };
         let left = self.bytes.len().saturating_sub(self.at) as u64;
-        // an element has a byte or more; of truths, which the format has none of in lists, some
-        // readers say that they have none
-        (count <= left && (count == 0 || head & 0x0f > 2)).then_some((head & 0x0f, count))
+        let kind = head & 0x0f;
+        // An element has a byte or more. The format has no lists of truths, of which some readers
+        // say that they have no byte, and none of lists, which could be nested without end.
+        let known = (BYTE..LIST).contains(&kind) || kind == STRUCTURE;
+        (count == 0 || (known && count <= left)).then_some((kind, count))
     }
 
-    /// Reads a structure, telling its integers by the numbers of the fields that lead to them.
-    fn structure(&mut self, deepest: usize, tell: &mut dyn FnMut(&[i64], i64)) -> Option<()> {
-        let mut path = Vec::with_capacity(deepest);
-        self.fields(deepest, &mut path, tell)
-    }
-
-    fn fields(
-        &mut self,
-        deepest: usize,
-        path: &mut Vec<i64>,
-        tell: &mut dyn FnMut(&[i64], i64),
-    ) -> Option<()> {
-        if path.len() >= deepest {
+    /// Reads a structure, telling its integers by the numbers of the fields that lead to them,
+    /// and where it ends.
+    fn fields(&mut self, path: &mut Vec<i64>, tell: &mut dyn FnMut(&[i64], i64)) -> Option<()> {
+        if path.len() >= DEEPEST {
             return None;
         }
         let mut field = 0_i64;
         loop {
             let head = self.byte()?;
-            if head == 0 {
+            if head & 0x0f == 0 {
+                path.push(END);
+                tell(path, 0);
+                path.pop();
                 return Some(());
             }
             field = match head >> 4 {
@@ -234,7 +221,10 @@ impl Compact<'_> {
                 step => field.checked_add(i64::from(step))?,
             };
             path.push(field);
-            self.value(head & 0x0f, deepest, path, tell)?;
+            if !(0..=MOST).contains(&field) || !self.root.fits(path, head & 0x0f) {
+                return None;
+            }
+            self.value(head & 0x0f, path, tell)?;
             path.pop();
         }
     }
@@ -242,7 +232,6 @@ impl Compact<'_> {
     fn value(
         &mut self,
         kind: u8,
-        deepest: usize,
         path: &mut Vec<i64>,
         tell: &mut dyn FnMut(&[i64], i64),
     ) -> Option<()> {
@@ -259,14 +248,14 @@ impl Compact<'_> {
                 let length = self.varint()?;
                 self.pass(length)?;
             }
-            12 => self.fields(deepest, path, tell)?,
-            9 | 10 => {
+            12 => self.fields(path, tell)?,
+            LIST | 10 => {
                 let (kind, count) = self.list()?;
-                if path.len() >= deepest {
+                if count > 0 && !self.root.lists(path, kind) {
                     return None;
                 }
                 for _ in 0..count {
-                    self.value(kind, deepest, path, tell)?;
+                    self.value(kind, path, tell)?;
                 }
             }
             // the format has no maps
@@ -330,7 +319,7 @@ mod tests {
     #[test]
     fn what_never_ends_is_no_header() {
         // structures in structures, a varint without end, a text longer than the file
-        assert_eq!(Page::read(&[0x1c; 100]), None);
+        assert_eq!(Page::read(&[&[0xcc][..], &[0x1c; 100]].concat()), None);
         assert_eq!(Page::read(&[&[0x15][..], &[0xff; 100]].concat()), None);
         let long = [0x18, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0x7f, 0];
         assert_eq!(Page::read(&long), None);

@@ -1,0 +1,334 @@
+//! Descriptions and logs made to break a reader: each is answered within a second or so and within
+//! a bound of memory, never by a panic, an overflow of the stack or a hang.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod common;
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use common::{root, scratch};
+
+/// Time for an answer. A second on a machine that does nothing else; tests run beside others.
+const ANSWER: Duration = Duration::from_secs(10);
+/// Memory of a run in kilobytes of address space, where the shell limits it.
+const MEMORY: u32 = 1_000_000;
+
+/// A run within a bound of memory, or as it is where the shell has no such limit.
+fn bounded(dir: &Path, args: &[&str]) -> Child {
+    let script = format!("ulimit -v {MEMORY} 2>/dev/null; exec \"$@\"");
+    Command::new("sh")
+        .current_dir(dir)
+        .args(["-c", &script, "sh", env!("CARGO_BIN_EXE_regen")])
+        .args(args)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(fs::File::create(dir.join("err")).unwrap())
+        .spawn()
+        .unwrap()
+}
+
+/// The exit code and what was said.
+#[track_caller]
+fn answer(dir: &Path, name: &str, args: &[&str]) -> (i32, String) {
+    let start = Instant::now();
+    let mut child = bounded(dir, args);
+    let code = loop {
+        if let Some(status) = child.try_wait().unwrap() {
+            break status.code().unwrap_or(-1);
+        }
+        if start.elapsed() > ANSWER {
+            let _ = child.kill();
+            panic!("{name}: no answer within {ANSWER:?}");
+        }
+        sleep(Duration::from_millis(5));
+    };
+    let err = String::from_utf8_lossy(&fs::read(dir.join("err")).unwrap()).into_owned();
+    assert!(matches!(code, 0 | 3 | 4 | 5), "{name}: exit {code}\n{err}");
+    assert!(!err.contains("panicked"), "{name}\n{err}");
+    assert!(code == 0 || err.starts_with("error"), "{name}\n{err}");
+    (code, err)
+}
+
+const JOINT: &str = "joints: [{name: q, type: revolute, body: 1, actuated: true}]";
+
+/// A robot with an expression as a length.
+fn with(expression: &str) -> String {
+    format!("name: r\ngeometry: {{a: \"{expression}\"}}\nlimbs: [{{name: l, {JOINT}}}]\n")
+}
+
+/// A chain of joints.
+fn chain(joints: usize, kind: &str) -> String {
+    let mut text = "name: r\nlimbs:\n- name: l\n  joints:\n".to_owned();
+    for k in 0..joints {
+        let dh = format!(
+            "{{alpha: {}, a: 0.1}}",
+            if k % 2 == 0 { "0" } else { "pi/2" }
+        );
+        let _ = writeln!(
+            text,
+            "  - {{name: q{k}, type: {kind}, dh: {dh}, body: b{k}, actuated: true}}"
+        );
+    }
+    text
+}
+
+fn bomb() -> String {
+    let mut text = "a: &a [x,x,x,x,x,x,x,x,x]\n".to_owned();
+    for (before, name) in ('a'..'y').zip('b'..) {
+        let aliases = [format!("*{before}")].into_iter().cycle().take(9);
+        let _ = writeln!(
+            text,
+            "{name}: &{name} [{}]",
+            aliases.collect::<Vec<_>>().join(",")
+        );
+    }
+    text
+}
+
+/// Many limbs of one joint with as many couplings or cuts.
+fn crowd(limbs: usize, couplings: bool) -> String {
+    let mut text = "name: r\nlimbs:\n".to_owned();
+    for k in 0..limbs {
+        let actuated = !couplings || k < limbs / 2;
+        let _ = writeln!(
+            text,
+            "- {{name: l{k}, joints: [{{name: q{k}, type: revolute, body: b{k}, actuated: {actuated}}}]}}"
+        );
+    }
+    if couplings {
+        text += "couplings:\n";
+        for k in limbs / 2..limbs {
+            let _ = writeln!(text, "  q{k}: 2*q{} + pi", k - limbs / 2);
+        }
+    } else {
+        text += "cuts:\n";
+        for k in 1..limbs {
+            let between = format!("[{{body: b0}}, {{body: b{k}}}]");
+            let _ = writeln!(text, "- {{name: c{k}, joint: fixed, between: {between}}}");
+        }
+    }
+    text
+}
+
+#[test]
+fn descriptions_made_to_break_the_reader_are_answered() {
+    let roots = |most: u32| {
+        let all: Vec<String> = (2..most).map(|k| format!("sqrt({k})")).collect();
+        all.join("+")
+    };
+    let fixed = "  - {type: fixed, dh: {a: 1}, body: ".to_owned();
+    let bodies: String = (0..900).map(|k| format!("{fixed}b{k}}}\n")).collect();
+    let cases: Vec<(&str, Vec<u8>, &str)> = vec![
+        ("exponent", with("1e999999999").into(), "out of range"),
+        (
+            "small exponent",
+            with("1e-999999999").into(),
+            "out of range",
+        ),
+        (
+            "exponent of digits",
+            with(&format!("1e{}", "9".repeat(9000))).into(),
+            "out of range",
+        ),
+        (
+            "a million digits",
+            with(&"7".repeat(1_000_000)).into(),
+            "the limit",
+        ),
+        (
+            "nine thousand digits",
+            with(&"7".repeat(9000)).into(),
+            "out of range",
+        ),
+        (
+            "decimals",
+            with(&format!("0.{}", "7".repeat(9000))).into(),
+            "out of range",
+        ),
+        ("tower", with("9^9^9^9^9^9").into(), "exponent"),
+        ("power", with("(1+1e-300)^1000^3").into(), "exponent"),
+        (
+            "parentheses",
+            with(&("(".repeat(4000) + "1" + &")".repeat(4000))).into(),
+            "nested",
+        ),
+        ("signs", with(&("-".repeat(9999) + "1")).into(), "nested"),
+        (
+            "calls",
+            with(&("sqrt(".repeat(1600) + "2" + &")".repeat(1600))).into(),
+            "nested",
+        ),
+        ("roots", with(&roots(480)).into(), ""),
+        (
+            "a quotient of roots",
+            with(&format!("1/({})", roots(40))).into(),
+            "",
+        ),
+        ("aliases", bomb().into(), "nodes"),
+        (
+            "lists",
+            ("name: ".to_owned() + &"[".repeat(100_000)).into(),
+            "recursion",
+        ),
+        ("lists of lines", "- ".repeat(100_000).into(), "nested"),
+        ("mappings", "{a: ".repeat(50_000).into(), "recursion"),
+        ("keys of keys", "? ".repeat(100_000).into(), "a key"),
+        (
+            "a name",
+            format!(
+                "name: {}\nlimbs: [{{name: l, {JOINT}}}]",
+                "r".repeat(900_000)
+            )
+            .into(),
+            "",
+        ),
+        (
+            "keys",
+            (0..60_000)
+                .map(|k| format!("k{k}: 1\n"))
+                .collect::<String>()
+                .into(),
+            "nodes",
+        ),
+        (
+            "anchors",
+            (0..9000)
+                .map(|k| format!("k{k}: &a{k} 1\n"))
+                .collect::<String>()
+                .into(),
+            "unknown",
+        ),
+        ("NUL", b"name: r\0\nlimbs: []\n".to_vec(), "not YAML"),
+        ("no text", (0..=255).collect(), "not UTF-8"),
+        ("a large file", vec![b'#'; 3 << 20], "the limit"),
+        (
+            "thousand joints",
+            chain(1000, "revolute").into(),
+            "the limit is 256",
+        ),
+        (
+            "hundred balls",
+            chain(100, "spherical").into(),
+            "the limit is 256",
+        ),
+        (
+            "two hundred cuts",
+            crowd(200, false).into(),
+            "the limit is 640",
+        ),
+        (
+            "thousand couplings",
+            crowd(600, true).into(),
+            "the limit is 256",
+        ),
+        (
+            "thousand bodies",
+            (chain(1, "revolute") + &bodies).into(),
+            "the limit is 384",
+        ),
+        (
+            "lengths of 1e300",
+            chain(3, "revolute")
+                .replace("a: 0.1", "a: 1e300, d: 1e-300")
+                .into(),
+            "",
+        ),
+    ];
+    let dir = scratch("hostile_specs");
+    for (name, text, told) in cases {
+        fs::write(dir.join("r.yaml"), text).unwrap();
+        let (_, err) = answer(&dir, name, &["info", "r.yaml"]);
+        assert!(err.contains(told), "{name}: {told}\n{err}");
+        assert!(err.len() < 60_000, "{name}: {} bytes", err.len());
+    }
+    if Path::new("/dev/zero").exists() {
+        answer(&dir, "a file without end", &["info", "/dev/zero"]);
+    }
+}
+
+#[test]
+fn logs_made_to_break_the_reader_are_answered() {
+    let dir = scratch("hostile_logs");
+    let spec = root().join("guide/fivebar/fivebar.yaml");
+    fs::copy(spec, dir.join("r.yaml")).unwrap();
+    let head = "t,q1,q3,tau_q1,tau_q3\n";
+    let rows = |row: &dyn Fn(usize) -> String| (0..2000).map(row).collect::<String>();
+    let time = |k: usize| k as f64 * 1e-3;
+    let wide = ["0,".repeat(1_000_000), "0\n".to_owned()].concat();
+    let cases: Vec<(&str, Vec<u8>)> = vec![
+        ("a million columns", [head, &wide, &wide].concat().into()),
+        (
+            "a header of a million columns",
+            [&wide[..], &wide].concat().into(),
+        ),
+        (
+            "a quote that never ends",
+            [head, "0,2.2,0.9,0,0\n\"", &wide.repeat(3)].concat().into(),
+        ),
+        (
+            "far away",
+            (head.to_owned() + &rows(&|k| format!("{},1e300,-1e300,0,0\n", time(k)))).into(),
+        ),
+        (
+            "there and back",
+            (head.to_owned()
+                + &rows(&|k| format!("{},{}e9,1,0,0\n", time(k), if k % 4 < 2 { 1 } else { -1 })))
+                .into(),
+        ),
+        (
+            "huge times",
+            (head.to_owned() + &rows(&|k| format!("{k}e300,2.2,0.94,0,0\n"))).into(),
+        ),
+        (
+            "tiny steps",
+            (head.to_owned() + &rows(&|k| format!("{k}e-320,2.2,0.94,0,0\n"))).into(),
+        ),
+        (
+            "huge efforts",
+            (head.to_owned()
+                + &rows(&|k| {
+                    format!(
+                        "{},{},0.94,1e308,-1e308\n",
+                        time(k),
+                        2.2 + 0.1 * time(k).sin()
+                    )
+                }))
+                .into(),
+        ),
+        (
+            "digits",
+            [head, "0.", &"7".repeat(1_000_000), ",1,1,1,1\n"]
+                .concat()
+                .into(),
+        ),
+        ("NUL", vec![0; 1 << 20]),
+        ("no text", (0..=255).cycle().take(1 << 20).collect()),
+        (
+            "a Parquet footer of 4 GB",
+            b"PAR1\xff\xff\xff\xffPAR1".to_vec(),
+        ),
+        ("a Parquet file of nothing", b"PAR1\0\0\0\0PAR1".to_vec()),
+        (
+            "a broken column",
+            fs::read(root().join("fuzz/kept/parquet/column_of_negative_length")).unwrap(),
+        ),
+        (
+            "billions of truths",
+            fs::read(root().join("fuzz/kept/parquet/billions_of_truths")).unwrap(),
+        ),
+    ];
+    for (name, text) in cases {
+        fs::write(dir.join("log.csv"), text).unwrap();
+        for more in [&[][..], &["--problems", "drop"], &["--local", "0.01"]] {
+            let args = [&["identify", "r.yaml", "log.csv"][..], more].concat();
+            let (code, err) = answer(&dir, name, &args);
+            assert!(code != 0, "{name} identifies a robot");
+            assert!(err.len() < 60_000, "{name}: {} bytes", err.len());
+        }
+    }
+}
