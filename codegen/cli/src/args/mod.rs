@@ -49,6 +49,8 @@ Examples:
   regen view robots/3rps.yaml --out 3rps.html   the mechanism in 3D
 
 A spec that does not parse is explained with line, column and what is allowed.
+It has at most 256 coordinates, 384 bodies, 640 equations of cuts and couplings,
+and 1 MiB of text.
 Results go to standard output, messages to standard error. Colour is used only
 on a terminal, and never when NO_COLOR is set.";
 
