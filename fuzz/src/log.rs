@@ -64,7 +64,7 @@ fn read(path: &Path, way: u64) {
             harmonics: 2,
         },
     };
-    let policy = if way / 4 % 2 == 0 {
+    let policy = if (way / 4).is_multiple_of(2) {
         Policy::Fail
     } else {
         Policy::Drop

@@ -56,6 +56,15 @@ fn answer(dir: &Path, name: &str, args: &[&str]) -> (i32, String) {
 
 const JOINT: &str = "joints: [{name: q, type: revolute, body: 1, actuated: true}]";
 
+/// One line after the other.
+fn lines(count: usize, line: impl Fn(usize) -> String) -> String {
+    let mut text = String::new();
+    for k in 0..count {
+        text += &line(k);
+    }
+    text
+}
+
 /// A robot with an expression as a length.
 fn with(expression: &str) -> String {
     format!("name: r\ngeometry: {{a: \"{expression}\"}}\nlimbs: [{{name: l, {JOINT}}}]\n")
@@ -122,7 +131,7 @@ fn descriptions_made_to_break_the_reader_are_answered() {
         all.join("+")
     };
     let fixed = "  - {type: fixed, dh: {a: 1}, body: ".to_owned();
-    let bodies: String = (0..900).map(|k| format!("{fixed}b{k}}}\n")).collect();
+    let bodies: String = lines(900, |k| format!("{fixed}b{k}}}\n"));
     let cases: Vec<(&str, Vec<u8>, &str)> = vec![
         ("exponent", with("1e999999999").into(), "out of range"),
         (
@@ -189,18 +198,12 @@ fn descriptions_made_to_break_the_reader_are_answered() {
         ),
         (
             "keys",
-            (0..60_000)
-                .map(|k| format!("k{k}: 1\n"))
-                .collect::<String>()
-                .into(),
+            lines(60_000, |k| format!("k{k}: 1\n")).into(),
             "nodes",
         ),
         (
             "anchors",
-            (0..9000)
-                .map(|k| format!("k{k}: &a{k} 1\n"))
-                .collect::<String>()
-                .into(),
+            lines(9000, |k| format!("k{k}: &a{k} 1\n")).into(),
             "unknown",
         ),
         ("NUL", b"name: r\0\nlimbs: []\n".to_vec(), "not YAML"),

@@ -47,7 +47,7 @@ fn open(path: &Path) -> Result<SerializedFileReader<File>, DataError> {
         file.read_exact(&mut tail).map_err(io)?;
         let footer = u64::from(u32::from_le_bytes([tail[0], tail[1], tail[2], tail[3]]));
         if footer > FOOTER {
-            return Err(broken(path, format!("its footer claims {footer} bytes")));
+            return Err(broken(path, &format!("its footer claims {footer} bytes")));
         }
         if let Some(start) = (size - 8).checked_sub(footer) {
             let mut bytes = Vec::new();
@@ -56,14 +56,14 @@ fn open(path: &Path) -> Result<SerializedFileReader<File>, DataError> {
             text.read_to_end(&mut bytes).map_err(io)?;
             if pages::nesting(&bytes).is_none_or(|deep| deep > NESTED) {
                 let why = format!("its footer is none, or has groups nested deeper than {NESTED}");
-                return Err(broken(path, why));
+                return Err(broken(path, &why));
             }
         }
     }
     guarded(|| SerializedFileReader::new(file)).map_err(|error| failed(path, &error))
 }
 
-fn broken(path: &Path, why: String) -> DataError {
+fn broken(path: &Path, why: &str) -> DataError {
     DataError::Io {
         file: path.display().to_string(),
         why: format!("this is a broken Parquet file: {why}"),
@@ -152,21 +152,21 @@ fn rows(
     let mut total = 0_u64;
     for group in reader.metadata().row_groups() {
         let rows = u64::try_from(group.num_rows())
-            .map_err(|_| broken(path, "it claims less than no rows".to_owned()))?;
+            .map_err(|_| broken(path, "it claims less than no rows"))?;
         total = total.saturating_add(rows);
         if total > size.saturating_mul(DENSEST) {
             return Err(broken(
                 path,
-                format!("{size} bytes claim {total} rows; the limit is {DENSEST} rows a byte"),
+                &format!("{size} bytes claim {total} rows; the limit is {DENSEST} rows a byte"),
             ));
         }
         for (entry, channel) in layout.channels.iter().enumerate() {
             let title = layout.title(entry);
             let chunk = group.columns().get(channel.index);
             let chunk = chunk
-                .ok_or_else(|| broken(path, format!("a row group has no column `{title}`")))?;
+                .ok_or_else(|| broken(path, &format!("a row group has no column `{title}`")))?;
             let values = pages::values(&mut file, size, chunk)
-                .map_err(|why| broken(path, format!("column `{title}`: {why}")))?;
+                .map_err(|why| broken(path, &format!("column `{title}`: {why}")))?;
             if values < rows {
                 return Err(DataError::Layout {
                     file: path.display().to_string(),

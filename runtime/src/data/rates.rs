@@ -122,7 +122,7 @@ mod tests {
     fn told(change: impl Fn([f64; 4]) -> [f64; 4]) -> Option<String> {
         let mut rates = Rates::default();
         for k in 0..3000 {
-            let t = k as f64 * 2e-3;
+            let t = f64::from(k) * 2e-3;
             // noise of an encoder, the same in every run
             let noise = |seed: f64| 1e-4 * (1e4 * (t + seed)).sin();
             let row = [

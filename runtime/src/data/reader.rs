@@ -304,6 +304,10 @@ struct Waiting {
     fault: Option<Fault>,
 }
 
+#[allow(
+    clippy::struct_excessive_bools,
+    reason = "each is about one thing and any may hold with any"
+)]
 struct Cleaner<'a> {
     layout: &'a Layout,
     survey: &'a Survey,

@@ -27,6 +27,7 @@ pub(super) const STRUCTURE: u8 = 12;
 impl Root {
     /// The kind of the field that these numbers lead to, and of its elements if it is a list;
     /// none of fields that the format does not have.
+    #[allow(clippy::match_same_arms, reason = "in the order of the format")]
     fn kind(self, path: &[i64]) -> Option<(u8, u8)> {
         let list = |of: u8| Some((LIST, of));
         let plain = |kind: u8| Some((kind, 0));

@@ -210,7 +210,8 @@ impl Compact<'_> {
         let mut field = 0_i64;
         loop {
             let head = self.byte()?;
-            if head & 0x0f == 0 {
+            let kind = head & 0x0f;
+            if kind == 0 {
                 path.push(END);
                 tell(path, 0);
                 path.pop();
@@ -221,10 +222,10 @@ impl Compact<'_> {
                 step => field.checked_add(i64::from(step))?,
             };
             path.push(field);
-            if !(0..=MOST).contains(&field) || !self.root.fits(path, head & 0x0f) {
+            if !(0..=MOST).contains(&field) || !self.root.fits(path, kind) {
                 return None;
             }
-            self.value(head & 0x0f, path, tell)?;
+            self.value(kind, path, tell)?;
             path.pop();
         }
     }
