@@ -3214,7 +3214,40 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
 ///
 /// 598 additions, 876 multiplications, 8 divisions, 11 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[T; 3]; 70]) -> Condition<T> {
-    *w = [[q[0].lift(0.0); 3]; 70];
+    let zero = q[0].lift(0.0);
+    w[0][1] = zero; w[0][2] = zero;
+    w[1] = [zero; 3];
+    w[2] = [zero; 3];
+    w[3] = [zero; 3];
+    w[4] = [zero; 3];
+    w[5] = [zero; 3];
+    w[6] = [zero; 3];
+    w[7][1] = zero; w[7][2] = zero;
+    w[8][1] = zero; w[8][2] = zero;
+    w[9] = [zero; 3];
+    w[19][1] = zero; w[19][2] = zero;
+    w[30][0] = zero; w[30][2] = zero;
+    w[31] = [zero; 3];
+    w[32] = [zero; 3];
+    w[33] = [zero; 3];
+    w[34] = [zero; 3];
+    w[35] = [zero; 3];
+    w[36] = [zero; 3];
+    w[37][0] = zero; w[37][2] = zero;
+    w[38][0] = zero; w[38][2] = zero;
+    w[39] = [zero; 3];
+    w[49][0] = zero; w[49][2] = zero;
+    w[50][0] = zero; w[50][1] = zero;
+    w[51] = [zero; 3];
+    w[52] = [zero; 3];
+    w[53] = [zero; 3];
+    w[54] = [zero; 3];
+    w[55] = [zero; 3];
+    w[56] = [zero; 3];
+    w[57][0] = zero; w[57][1] = zero;
+    w[58][0] = zero; w[58][1] = zero;
+    w[59] = [zero; 3];
+    w[69][0] = zero; w[69][1] = zero;
     regressor_entries(q, qd, qdd, w)
 }
 
@@ -8508,7 +8541,40 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
 ///
 /// 1029 additions, 1534 multiplications, 8 divisions, 11 sines and cosines.
 pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[T; 3], y: &mut [[T; 3]; 70]) -> Condition<T> {
-    *y = [[q[0].lift(0.0); 3]; 70];
+    let zero = q[0].lift(0.0);
+    y[0][1] = zero; y[0][2] = zero;
+    y[1] = [zero; 3];
+    y[2] = [zero; 3];
+    y[3] = [zero; 3];
+    y[4] = [zero; 3];
+    y[5] = [zero; 3];
+    y[6] = [zero; 3];
+    y[7][1] = zero; y[7][2] = zero;
+    y[8][1] = zero; y[8][2] = zero;
+    y[9] = [zero; 3];
+    y[19][1] = zero; y[19][2] = zero;
+    y[30][0] = zero; y[30][2] = zero;
+    y[31] = [zero; 3];
+    y[32] = [zero; 3];
+    y[33] = [zero; 3];
+    y[34] = [zero; 3];
+    y[35] = [zero; 3];
+    y[36] = [zero; 3];
+    y[37][0] = zero; y[37][2] = zero;
+    y[38][0] = zero; y[38][2] = zero;
+    y[39] = [zero; 3];
+    y[49][0] = zero; y[49][2] = zero;
+    y[50][0] = zero; y[50][1] = zero;
+    y[51] = [zero; 3];
+    y[52] = [zero; 3];
+    y[53] = [zero; 3];
+    y[54] = [zero; 3];
+    y[55] = [zero; 3];
+    y[56] = [zero; 3];
+    y[57][0] = zero; y[57][1] = zero;
+    y[58][0] = zero; y[58][1] = zero;
+    y[59] = [zero; 3];
+    y[69][0] = zero; y[69][1] = zero;
     slotine_li_entries(q, qd, qd_r, qdd_r, y)
 }
 
@@ -11700,7 +11766,15 @@ pub fn poses<T: Scalar>(q: &[T; 11]) -> [[T; 12]; 7] {
 ///
 /// 430 additions, 656 multiplications, 8 divisions, 11 sines and cosines.
 pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[T; 3]; 34]) -> Condition<T> {
-    *w = [[q[0].lift(0.0); 3]; 34];
+    let zero = q[0].lift(0.0);
+    w[0][1] = zero; w[0][2] = zero;
+    w[1][1] = zero; w[1][2] = zero;
+    w[2][1] = zero; w[2][2] = zero;
+    w[12][0] = zero; w[12][2] = zero;
+    w[13][0] = zero; w[13][2] = zero;
+    w[14][0] = zero; w[14][2] = zero;
+    w[23][0] = zero; w[23][1] = zero;
+    w[24][0] = zero; w[24][1] = zero;
     base_regressor_entries(q, qd, qdd, w)
 }
 

@@ -640,7 +640,41 @@ pub fn accelerations<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd_i: &[T; 2]) -> ([T;
 ///
 /// 35 additions, 77 multiplications, 1 divisions, 4 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut [[T; 2]; 40]) -> Condition<T> {
-    *w = [[q[0].lift(0.0); 2]; 40];
+    let zero = q[0].lift(0.0);
+    w[0] = [zero; 2];
+    w[1] = [zero; 2];
+    w[2] = [zero; 2];
+    w[3] = [zero; 2];
+    w[4] = [zero; 2];
+    w[5][1] = zero;
+    w[6][1] = zero;
+    w[7][1] = zero;
+    w[8] = [zero; 2];
+    w[9] = [zero; 2];
+    w[10] = [zero; 2];
+    w[11] = [zero; 2];
+    w[12] = [zero; 2];
+    w[13] = [zero; 2];
+    w[14] = [zero; 2];
+    w[18] = [zero; 2];
+    w[19][1] = zero;
+    w[20] = [zero; 2];
+    w[21] = [zero; 2];
+    w[22] = [zero; 2];
+    w[23] = [zero; 2];
+    w[24] = [zero; 2];
+    w[25][0] = zero;
+    w[26][0] = zero;
+    w[27][0] = zero;
+    w[28] = [zero; 2];
+    w[29] = [zero; 2];
+    w[30] = [zero; 2];
+    w[31] = [zero; 2];
+    w[32] = [zero; 2];
+    w[33] = [zero; 2];
+    w[34] = [zero; 2];
+    w[38] = [zero; 2];
+    w[39][0] = zero;
     regressor_entries(q, qd, qdd, w)
 }
 
@@ -1356,7 +1390,41 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([[T; 2]; 2], Condit
 ///
 /// 50 additions, 102 multiplications, 1 divisions, 4 sines and cosines.
 pub fn slotine_li<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd_r: &[T; 2], y: &mut [[T; 2]; 40]) -> Condition<T> {
-    *y = [[q[0].lift(0.0); 2]; 40];
+    let zero = q[0].lift(0.0);
+    y[0] = [zero; 2];
+    y[1] = [zero; 2];
+    y[2] = [zero; 2];
+    y[3] = [zero; 2];
+    y[4] = [zero; 2];
+    y[5][1] = zero;
+    y[6][1] = zero;
+    y[7][1] = zero;
+    y[8] = [zero; 2];
+    y[9] = [zero; 2];
+    y[10] = [zero; 2];
+    y[11] = [zero; 2];
+    y[12] = [zero; 2];
+    y[13] = [zero; 2];
+    y[14] = [zero; 2];
+    y[18] = [zero; 2];
+    y[19][1] = zero;
+    y[20] = [zero; 2];
+    y[21] = [zero; 2];
+    y[22] = [zero; 2];
+    y[23] = [zero; 2];
+    y[24] = [zero; 2];
+    y[25][0] = zero;
+    y[26][0] = zero;
+    y[27][0] = zero;
+    y[28] = [zero; 2];
+    y[29] = [zero; 2];
+    y[30] = [zero; 2];
+    y[31] = [zero; 2];
+    y[32] = [zero; 2];
+    y[33] = [zero; 2];
+    y[34] = [zero; 2];
+    y[38] = [zero; 2];
+    y[39][0] = zero;
     slotine_li_entries(q, qd, qd_r, qdd_r, y)
 }
 
@@ -1676,7 +1744,12 @@ pub fn poses<T: Scalar>(q: &[T; 4]) -> [[T; 12]; 4] {
 ///
 /// 33 additions, 71 multiplications, 1 divisions, 4 sines and cosines.
 pub fn base_regressor<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut [[T; 2]; 11]) -> Condition<T> {
-    *w = [[q[0].lift(0.0); 2]; 11];
+    let zero = q[0].lift(0.0);
+    w[0][1] = zero;
+    w[1][1] = zero;
+    w[2][1] = zero;
+    w[6][0] = zero;
+    w[7][0] = zero;
     base_regressor_entries(q, qd, qdd, w)
 }
 

@@ -537,7 +537,27 @@ pub fn accelerations<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd_i: &[T; 1]) -> ([T;
 ///
 /// 18 additions, 43 multiplications, 1 divisions, 3 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &mut [[T; 1]; 30]) -> Condition<T> {
-    *w = [[q[0].lift(0.0); 1]; 30];
+    let zero = q[0].lift(0.0);
+    w[0] = [zero; 1];
+    w[1] = [zero; 1];
+    w[2] = [zero; 1];
+    w[3] = [zero; 1];
+    w[4] = [zero; 1];
+    w[8] = [zero; 1];
+    w[9] = [zero; 1];
+    w[10] = [zero; 1];
+    w[11] = [zero; 1];
+    w[12] = [zero; 1];
+    w[13] = [zero; 1];
+    w[14] = [zero; 1];
+    w[18] = [zero; 1];
+    w[20] = [zero; 1];
+    w[21] = [zero; 1];
+    w[22] = [zero; 1];
+    w[23] = [zero; 1];
+    w[24] = [zero; 1];
+    w[28] = [zero; 1];
+    w[29] = [zero; 1];
     regressor_entries(q, qd, qdd, w)
 }
 
@@ -1051,7 +1071,27 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([[T; 1]; 1], Condit
 ///
 /// 26 additions, 64 multiplications, 1 divisions, 3 sines and cosines.
 pub fn slotine_li<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd_r: &[T; 1], y: &mut [[T; 1]; 30]) -> Condition<T> {
-    *y = [[q[0].lift(0.0); 1]; 30];
+    let zero = q[0].lift(0.0);
+    y[0] = [zero; 1];
+    y[1] = [zero; 1];
+    y[2] = [zero; 1];
+    y[3] = [zero; 1];
+    y[4] = [zero; 1];
+    y[8] = [zero; 1];
+    y[9] = [zero; 1];
+    y[10] = [zero; 1];
+    y[11] = [zero; 1];
+    y[12] = [zero; 1];
+    y[13] = [zero; 1];
+    y[14] = [zero; 1];
+    y[18] = [zero; 1];
+    y[20] = [zero; 1];
+    y[21] = [zero; 1];
+    y[22] = [zero; 1];
+    y[23] = [zero; 1];
+    y[24] = [zero; 1];
+    y[28] = [zero; 1];
+    y[29] = [zero; 1];
     slotine_li_entries(q, qd, qd_r, qdd_r, y)
 }
 
@@ -1302,7 +1342,6 @@ pub fn poses<T: Scalar>(q: &[T; 3]) -> [[T; 12]; 3] {
 ///
 /// 17 additions, 40 multiplications, 1 divisions, 3 sines and cosines.
 pub fn base_regressor<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &mut [[T; 1]; 8]) -> Condition<T> {
-    *w = [[q[0].lift(0.0); 1]; 8];
     base_regressor_entries(q, qd, qdd, w)
 }
 

@@ -2444,7 +2444,43 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 5]) -> ([
 ///
 /// 758 additions, 1043 multiplications, 6 divisions, 7 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[T; 5]; 100]) -> Condition<T> {
-    *w = [[q[0].lift(0.0); 5]; 100];
+    let zero = q[0].lift(0.0);
+    w[0] = [zero; 5];
+    w[1] = [zero; 5];
+    w[2] = [zero; 5];
+    w[3] = [zero; 5];
+    w[4] = [zero; 5];
+    w[5][1] = zero; w[5][2] = zero; w[5][3] = zero; w[5][4] = zero;
+    w[6] = [zero; 5];
+    w[7] = [zero; 5];
+    w[8] = [zero; 5];
+    w[9] = [zero; 5];
+    w[10][2] = zero; w[10][3] = zero; w[10][4] = zero;
+    w[11][2] = zero; w[11][3] = zero; w[11][4] = zero;
+    w[12][2] = zero; w[12][3] = zero; w[12][4] = zero;
+    w[13][2] = zero; w[13][3] = zero; w[13][4] = zero;
+    w[14][2] = zero; w[14][3] = zero; w[14][4] = zero;
+    w[15][0] = zero; w[15][2] = zero; w[15][3] = zero; w[15][4] = zero;
+    w[16][2] = zero; w[16][3] = zero; w[16][4] = zero;
+    w[17][2] = zero; w[17][3] = zero; w[17][4] = zero;
+    w[18][1] = zero; w[18][2] = zero; w[18][3] = zero; w[18][4] = zero;
+    w[19][1] = zero; w[19][2] = zero; w[19][3] = zero; w[19][4] = zero;
+    w[20][0] = zero; w[20][2] = zero; w[20][3] = zero; w[20][4] = zero;
+    w[21][2] = zero; w[21][3] = zero; w[21][4] = zero;
+    w[22][2] = zero; w[22][3] = zero; w[22][4] = zero;
+    w[23][2] = zero; w[23][3] = zero; w[23][4] = zero;
+    w[24][2] = zero; w[24][3] = zero; w[24][4] = zero;
+    w[25][2] = zero; w[25][3] = zero; w[25][4] = zero;
+    w[26][2] = zero; w[26][3] = zero; w[26][4] = zero;
+    w[27][2] = zero; w[27][3] = zero; w[27][4] = zero;
+    w[28][2] = zero; w[28][3] = zero; w[28][4] = zero;
+    w[29][2] = zero; w[29][3] = zero; w[29][4] = zero;
+    w[38][2] = zero; w[38][3] = zero; w[38][4] = zero;
+    w[39][2] = zero; w[39][3] = zero; w[39][4] = zero;
+    w[68][2] = zero; w[68][3] = zero; w[68][4] = zero;
+    w[69][2] = zero; w[69][3] = zero; w[69][4] = zero;
+    w[88][2] = zero; w[88][3] = zero; w[88][4] = zero;
+    w[89][2] = zero; w[89][3] = zero; w[89][4] = zero;
     regressor_entries(q, qd, qdd, w)
 }
 
@@ -8754,7 +8790,43 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 100]) -> ([[T; 5]; 5], Cond
 ///
 /// 970 additions, 1363 multiplications, 6 divisions, 7 sines and cosines.
 pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], qdd_r: &[T; 5], y: &mut [[T; 5]; 100]) -> Condition<T> {
-    *y = [[q[0].lift(0.0); 5]; 100];
+    let zero = q[0].lift(0.0);
+    y[0] = [zero; 5];
+    y[1] = [zero; 5];
+    y[2] = [zero; 5];
+    y[3] = [zero; 5];
+    y[4] = [zero; 5];
+    y[5][1] = zero; y[5][2] = zero; y[5][3] = zero; y[5][4] = zero;
+    y[6] = [zero; 5];
+    y[7] = [zero; 5];
+    y[8] = [zero; 5];
+    y[9] = [zero; 5];
+    y[10][2] = zero; y[10][3] = zero; y[10][4] = zero;
+    y[11][2] = zero; y[11][3] = zero; y[11][4] = zero;
+    y[12][2] = zero; y[12][3] = zero; y[12][4] = zero;
+    y[13][2] = zero; y[13][3] = zero; y[13][4] = zero;
+    y[14][2] = zero; y[14][3] = zero; y[14][4] = zero;
+    y[15][2] = zero; y[15][3] = zero; y[15][4] = zero;
+    y[16][2] = zero; y[16][3] = zero; y[16][4] = zero;
+    y[17][2] = zero; y[17][3] = zero; y[17][4] = zero;
+    y[18][1] = zero; y[18][2] = zero; y[18][3] = zero; y[18][4] = zero;
+    y[19][1] = zero; y[19][2] = zero; y[19][3] = zero; y[19][4] = zero;
+    y[20][2] = zero; y[20][3] = zero; y[20][4] = zero;
+    y[21][2] = zero; y[21][3] = zero; y[21][4] = zero;
+    y[22][2] = zero; y[22][3] = zero; y[22][4] = zero;
+    y[23][2] = zero; y[23][3] = zero; y[23][4] = zero;
+    y[24][2] = zero; y[24][3] = zero; y[24][4] = zero;
+    y[25][2] = zero; y[25][3] = zero; y[25][4] = zero;
+    y[26][2] = zero; y[26][3] = zero; y[26][4] = zero;
+    y[27][2] = zero; y[27][3] = zero; y[27][4] = zero;
+    y[28][2] = zero; y[28][3] = zero; y[28][4] = zero;
+    y[29][2] = zero; y[29][3] = zero; y[29][4] = zero;
+    y[38][2] = zero; y[38][3] = zero; y[38][4] = zero;
+    y[39][2] = zero; y[39][3] = zero; y[39][4] = zero;
+    y[68][2] = zero; y[68][3] = zero; y[68][4] = zero;
+    y[69][2] = zero; y[69][3] = zero; y[69][4] = zero;
+    y[88][2] = zero; y[88][3] = zero; y[88][4] = zero;
+    y[89][2] = zero; y[89][3] = zero; y[89][4] = zero;
     slotine_li_entries(q, qd, qd_r, qdd_r, y)
 }
 
@@ -12302,7 +12374,15 @@ pub fn poses<T: Scalar>(q: &[T; 11]) -> [[T; 12]; 10] {
 ///
 /// 626 additions, 951 multiplications, 6 divisions, 7 sines and cosines.
 pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[T; 5]; 48]) -> Condition<T> {
-    *w = [[q[0].lift(0.0); 5]; 48];
+    let zero = q[0].lift(0.0);
+    w[0][1] = zero; w[0][2] = zero; w[0][3] = zero; w[0][4] = zero;
+    w[1][2] = zero; w[1][3] = zero; w[1][4] = zero;
+    w[2][2] = zero; w[2][3] = zero; w[2][4] = zero;
+    w[3][2] = zero; w[3][3] = zero; w[3][4] = zero;
+    w[4][2] = zero; w[4][3] = zero; w[4][4] = zero;
+    w[5][2] = zero; w[5][3] = zero; w[5][4] = zero;
+    w[6][0] = zero; w[6][2] = zero; w[6][3] = zero; w[6][4] = zero;
+    w[7][2] = zero; w[7][3] = zero; w[7][4] = zero;
     base_regressor_entries(q, qd, qdd, w)
 }
 

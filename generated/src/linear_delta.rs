@@ -2907,7 +2907,40 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
 ///
 /// 510 additions, 761 multiplications, 8 divisions, 8 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[T; 3]; 70]) -> Condition<T> {
-    *w = [[q[0].lift(0.0); 3]; 70];
+    let zero = q[0].lift(0.0);
+    w[0] = [zero; 3];
+    w[1] = [zero; 3];
+    w[2] = [zero; 3];
+    w[3] = [zero; 3];
+    w[4] = [zero; 3];
+    w[5] = [zero; 3];
+    w[6] = [zero; 3];
+    w[7] = [zero; 3];
+    w[8] = [zero; 3];
+    w[9][1] = zero; w[9][2] = zero;
+    w[19][1] = zero; w[19][2] = zero;
+    w[30] = [zero; 3];
+    w[31] = [zero; 3];
+    w[32] = [zero; 3];
+    w[33] = [zero; 3];
+    w[34] = [zero; 3];
+    w[35] = [zero; 3];
+    w[36] = [zero; 3];
+    w[37] = [zero; 3];
+    w[38] = [zero; 3];
+    w[39][0] = zero; w[39][2] = zero;
+    w[49][0] = zero; w[49][2] = zero;
+    w[50] = [zero; 3];
+    w[51] = [zero; 3];
+    w[52] = [zero; 3];
+    w[53] = [zero; 3];
+    w[54] = [zero; 3];
+    w[55] = [zero; 3];
+    w[56] = [zero; 3];
+    w[57] = [zero; 3];
+    w[58] = [zero; 3];
+    w[59][0] = zero; w[59][1] = zero;
+    w[69][0] = zero; w[69][1] = zero;
     regressor_entries(q, qd, qdd, w)
 }
 
@@ -7593,7 +7626,40 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
 ///
 /// 900 additions, 1358 multiplications, 8 divisions, 8 sines and cosines.
 pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[T; 3], y: &mut [[T; 3]; 70]) -> Condition<T> {
-    *y = [[q[0].lift(0.0); 3]; 70];
+    let zero = q[0].lift(0.0);
+    y[0] = [zero; 3];
+    y[1] = [zero; 3];
+    y[2] = [zero; 3];
+    y[3] = [zero; 3];
+    y[4] = [zero; 3];
+    y[5] = [zero; 3];
+    y[6] = [zero; 3];
+    y[7] = [zero; 3];
+    y[8] = [zero; 3];
+    y[9][1] = zero; y[9][2] = zero;
+    y[19][1] = zero; y[19][2] = zero;
+    y[30] = [zero; 3];
+    y[31] = [zero; 3];
+    y[32] = [zero; 3];
+    y[33] = [zero; 3];
+    y[34] = [zero; 3];
+    y[35] = [zero; 3];
+    y[36] = [zero; 3];
+    y[37] = [zero; 3];
+    y[38] = [zero; 3];
+    y[39][0] = zero; y[39][2] = zero;
+    y[49][0] = zero; y[49][2] = zero;
+    y[50] = [zero; 3];
+    y[51] = [zero; 3];
+    y[52] = [zero; 3];
+    y[53] = [zero; 3];
+    y[54] = [zero; 3];
+    y[55] = [zero; 3];
+    y[56] = [zero; 3];
+    y[57] = [zero; 3];
+    y[58] = [zero; 3];
+    y[59][0] = zero; y[59][1] = zero;
+    y[69][0] = zero; y[69][1] = zero;
     slotine_li_entries(q, qd, qd_r, qdd_r, y)
 }
 
@@ -10468,7 +10534,8 @@ pub fn poses<T: Scalar>(q: &[T; 11]) -> [[T; 12]; 7] {
 ///
 /// 359 additions, 567 multiplications, 8 divisions, 8 sines and cosines.
 pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[T; 3]; 28]) -> Condition<T> {
-    *w = [[q[0].lift(0.0); 3]; 28];
+    let zero = q[0].lift(0.0);
+    w[0][1] = zero; w[0][2] = zero;
     base_regressor_entries(q, qd, qdd, w)
 }
 

@@ -1037,7 +1037,69 @@ pub fn accelerations<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd_i: &[T; 4]) -> ([T;
 ///
 /// 288 additions, 448 multiplications, 1 divisions, 6 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 4]; 70]) -> Condition<T> {
-    *w = [[q[0].lift(0.0); 4]; 70];
+    let zero = q[0].lift(0.0);
+    w[0] = [zero; 4];
+    w[1] = [zero; 4];
+    w[2] = [zero; 4];
+    w[3] = [zero; 4];
+    w[4] = [zero; 4];
+    w[5][1] = zero; w[5][2] = zero; w[5][3] = zero;
+    w[6] = [zero; 4];
+    w[7] = [zero; 4];
+    w[8] = [zero; 4];
+    w[9] = [zero; 4];
+    w[10][2] = zero; w[10][3] = zero;
+    w[11][2] = zero; w[11][3] = zero;
+    w[12][2] = zero; w[12][3] = zero;
+    w[13][2] = zero; w[13][3] = zero;
+    w[14][2] = zero; w[14][3] = zero;
+    w[15][0] = zero; w[15][2] = zero; w[15][3] = zero;
+    w[16][2] = zero; w[16][3] = zero;
+    w[17][2] = zero; w[17][3] = zero;
+    w[18][1] = zero; w[18][2] = zero; w[18][3] = zero;
+    w[19][1] = zero; w[19][2] = zero; w[19][3] = zero;
+    w[20][2] = zero;
+    w[21][2] = zero;
+    w[22][2] = zero;
+    w[23][2] = zero;
+    w[24][2] = zero;
+    w[25][0] = zero; w[25][2] = zero;
+    w[26][2] = zero;
+    w[27][2] = zero;
+    w[28][2] = zero; w[28][3] = zero;
+    w[29][2] = zero; w[29][3] = zero;
+    w[30][2] = zero;
+    w[31][2] = zero;
+    w[32][2] = zero;
+    w[33][2] = zero;
+    w[34][2] = zero;
+    w[35][0] = zero; w[35][2] = zero;
+    w[36][2] = zero;
+    w[37][2] = zero;
+    w[38][2] = zero;
+    w[39][2] = zero;
+    w[48][2] = zero;
+    w[49][2] = zero;
+    w[50][1] = zero; w[50][2] = zero;
+    w[51][1] = zero; w[51][2] = zero;
+    w[52][1] = zero; w[52][2] = zero;
+    w[53][1] = zero; w[53][2] = zero;
+    w[54][1] = zero; w[54][2] = zero;
+    w[55][0] = zero; w[55][1] = zero; w[55][2] = zero;
+    w[56][1] = zero; w[56][2] = zero;
+    w[57][1] = zero; w[57][2] = zero;
+    w[58][1] = zero; w[58][2] = zero; w[58][3] = zero;
+    w[59][1] = zero; w[59][2] = zero; w[59][3] = zero;
+    w[60][2] = zero;
+    w[61][2] = zero;
+    w[62][2] = zero;
+    w[63][2] = zero;
+    w[64][2] = zero;
+    w[65][0] = zero; w[65][2] = zero;
+    w[66][2] = zero;
+    w[67][2] = zero;
+    w[68][1] = zero; w[68][2] = zero;
+    w[69][1] = zero; w[69][2] = zero;
     regressor_entries(q, qd, qdd, w)
 }
 
@@ -3737,7 +3799,69 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([[T; 4]; 4], Condit
 ///
 /// 335 additions, 530 multiplications, 1 divisions, 6 sines and cosines.
 pub fn slotine_li<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 4], qdd_r: &[T; 4], y: &mut [[T; 4]; 70]) -> Condition<T> {
-    *y = [[q[0].lift(0.0); 4]; 70];
+    let zero = q[0].lift(0.0);
+    y[0] = [zero; 4];
+    y[1] = [zero; 4];
+    y[2] = [zero; 4];
+    y[3] = [zero; 4];
+    y[4] = [zero; 4];
+    y[5][1] = zero; y[5][2] = zero; y[5][3] = zero;
+    y[6] = [zero; 4];
+    y[7] = [zero; 4];
+    y[8] = [zero; 4];
+    y[9] = [zero; 4];
+    y[10][2] = zero; y[10][3] = zero;
+    y[11][2] = zero; y[11][3] = zero;
+    y[12][2] = zero; y[12][3] = zero;
+    y[13][2] = zero; y[13][3] = zero;
+    y[14][2] = zero; y[14][3] = zero;
+    y[15][2] = zero; y[15][3] = zero;
+    y[16][2] = zero; y[16][3] = zero;
+    y[17][2] = zero; y[17][3] = zero;
+    y[18][1] = zero; y[18][2] = zero; y[18][3] = zero;
+    y[19][1] = zero; y[19][2] = zero; y[19][3] = zero;
+    y[20][2] = zero;
+    y[21][2] = zero;
+    y[22][2] = zero;
+    y[23][2] = zero;
+    y[24][2] = zero;
+    y[25][2] = zero;
+    y[26][2] = zero;
+    y[27][2] = zero;
+    y[28][2] = zero; y[28][3] = zero;
+    y[29][2] = zero; y[29][3] = zero;
+    y[30][2] = zero;
+    y[31][2] = zero;
+    y[32][2] = zero;
+    y[33][2] = zero;
+    y[34][2] = zero;
+    y[35][2] = zero;
+    y[36][2] = zero;
+    y[37][2] = zero;
+    y[38][2] = zero;
+    y[39][2] = zero;
+    y[48][2] = zero;
+    y[49][2] = zero;
+    y[50][1] = zero; y[50][2] = zero;
+    y[51][1] = zero; y[51][2] = zero;
+    y[52][1] = zero; y[52][2] = zero;
+    y[53][1] = zero; y[53][2] = zero;
+    y[54][1] = zero; y[54][2] = zero;
+    y[55][1] = zero; y[55][2] = zero;
+    y[56][1] = zero; y[56][2] = zero;
+    y[57][1] = zero; y[57][2] = zero;
+    y[58][1] = zero; y[58][2] = zero; y[58][3] = zero;
+    y[59][1] = zero; y[59][2] = zero; y[59][3] = zero;
+    y[60][2] = zero;
+    y[61][2] = zero;
+    y[62][2] = zero;
+    y[63][2] = zero;
+    y[64][2] = zero;
+    y[65][2] = zero;
+    y[66][2] = zero;
+    y[67][2] = zero;
+    y[68][1] = zero; y[68][2] = zero;
+    y[69][1] = zero; y[69][2] = zero;
     slotine_li_entries(q, qd, qd_r, qdd_r, y)
 }
 
@@ -4856,7 +4980,26 @@ pub fn poses<T: Scalar>(q: &[T; 7]) -> [[T; 12]; 7] {
 ///
 /// 180 additions, 276 multiplications, 1 divisions, 6 sines and cosines.
 pub fn base_regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 4]; 22]) -> Condition<T> {
-    *w = [[q[0].lift(0.0); 4]; 22];
+    let zero = q[0].lift(0.0);
+    w[0][1] = zero; w[0][2] = zero; w[0][3] = zero;
+    w[1][2] = zero; w[1][3] = zero;
+    w[2][2] = zero; w[2][3] = zero;
+    w[3][2] = zero; w[3][3] = zero;
+    w[4][2] = zero; w[4][3] = zero;
+    w[5][0] = zero; w[5][2] = zero; w[5][3] = zero;
+    w[6][2] = zero; w[6][3] = zero;
+    w[7][2] = zero; w[7][3] = zero;
+    w[8][2] = zero;
+    w[9][2] = zero;
+    w[10][2] = zero;
+    w[11][2] = zero;
+    w[12][0] = zero; w[12][2] = zero;
+    w[13][2] = zero;
+    w[14][2] = zero;
+    w[15][2] = zero;
+    w[19][1] = zero; w[19][2] = zero;
+    w[20][1] = zero; w[20][2] = zero;
+    w[21][2] = zero;
     base_regressor_entries(q, qd, qdd, w)
 }
 

@@ -1829,7 +1829,58 @@ pub fn accelerations<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd_i: &[T; 3]) -> ([T;
 ///
 /// 278 additions, 427 multiplications, 6 divisions, 6 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &mut [[T; 3]; 70]) -> Condition<T> {
-    *w = [[q[0].lift(0.0); 3]; 70];
+    let zero = q[0].lift(0.0);
+    w[0] = [zero; 3];
+    w[1] = [zero; 3];
+    w[2] = [zero; 3];
+    w[3] = [zero; 3];
+    w[4] = [zero; 3];
+    w[5] = [zero; 3];
+    w[6] = [zero; 3];
+    w[7] = [zero; 3];
+    w[8] = [zero; 3];
+    w[9][1] = zero; w[9][2] = zero;
+    w[11] = [zero; 3];
+    w[12] = [zero; 3];
+    w[13] = [zero; 3];
+    w[14] = [zero; 3];
+    w[15] = [zero; 3];
+    w[16] = [zero; 3];
+    w[19][1] = zero; w[19][2] = zero;
+    w[30] = [zero; 3];
+    w[31] = [zero; 3];
+    w[32] = [zero; 3];
+    w[33] = [zero; 3];
+    w[34] = [zero; 3];
+    w[35] = [zero; 3];
+    w[36] = [zero; 3];
+    w[37] = [zero; 3];
+    w[38] = [zero; 3];
+    w[39][0] = zero; w[39][2] = zero;
+    w[41] = [zero; 3];
+    w[42] = [zero; 3];
+    w[43] = [zero; 3];
+    w[44] = [zero; 3];
+    w[45] = [zero; 3];
+    w[46] = [zero; 3];
+    w[49][0] = zero; w[49][2] = zero;
+    w[50] = [zero; 3];
+    w[51] = [zero; 3];
+    w[52] = [zero; 3];
+    w[53] = [zero; 3];
+    w[54] = [zero; 3];
+    w[55] = [zero; 3];
+    w[56] = [zero; 3];
+    w[57] = [zero; 3];
+    w[58] = [zero; 3];
+    w[59][0] = zero; w[59][1] = zero;
+    w[61] = [zero; 3];
+    w[62] = [zero; 3];
+    w[63] = [zero; 3];
+    w[64] = [zero; 3];
+    w[65] = [zero; 3];
+    w[66] = [zero; 3];
+    w[69][0] = zero; w[69][1] = zero;
     regressor_entries(q, qd, qdd, w)
 }
 
@@ -4624,7 +4675,58 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
 ///
 /// 453 additions, 692 multiplications, 6 divisions, 6 sines and cosines.
 pub fn slotine_li<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd_r: &[T; 3], y: &mut [[T; 3]; 70]) -> Condition<T> {
-    *y = [[q[0].lift(0.0); 3]; 70];
+    let zero = q[0].lift(0.0);
+    y[0] = [zero; 3];
+    y[1] = [zero; 3];
+    y[2] = [zero; 3];
+    y[3] = [zero; 3];
+    y[4] = [zero; 3];
+    y[5] = [zero; 3];
+    y[6] = [zero; 3];
+    y[7] = [zero; 3];
+    y[8] = [zero; 3];
+    y[9][1] = zero; y[9][2] = zero;
+    y[11] = [zero; 3];
+    y[12] = [zero; 3];
+    y[13] = [zero; 3];
+    y[14] = [zero; 3];
+    y[15] = [zero; 3];
+    y[16] = [zero; 3];
+    y[19][1] = zero; y[19][2] = zero;
+    y[30] = [zero; 3];
+    y[31] = [zero; 3];
+    y[32] = [zero; 3];
+    y[33] = [zero; 3];
+    y[34] = [zero; 3];
+    y[35] = [zero; 3];
+    y[36] = [zero; 3];
+    y[37] = [zero; 3];
+    y[38] = [zero; 3];
+    y[39][0] = zero; y[39][2] = zero;
+    y[41] = [zero; 3];
+    y[42] = [zero; 3];
+    y[43] = [zero; 3];
+    y[44] = [zero; 3];
+    y[45] = [zero; 3];
+    y[46] = [zero; 3];
+    y[49][0] = zero; y[49][2] = zero;
+    y[50] = [zero; 3];
+    y[51] = [zero; 3];
+    y[52] = [zero; 3];
+    y[53] = [zero; 3];
+    y[54] = [zero; 3];
+    y[55] = [zero; 3];
+    y[56] = [zero; 3];
+    y[57] = [zero; 3];
+    y[58] = [zero; 3];
+    y[59][0] = zero; y[59][1] = zero;
+    y[61] = [zero; 3];
+    y[62] = [zero; 3];
+    y[63] = [zero; 3];
+    y[64] = [zero; 3];
+    y[65] = [zero; 3];
+    y[66] = [zero; 3];
+    y[69][0] = zero; y[69][1] = zero;
     slotine_li_entries(q, qd, qd_r, qdd_r, y)
 }
 
@@ -5828,7 +5930,8 @@ pub fn poses<T: Scalar>(q: &[T; 9]) -> [[T; 12]; 7] {
 ///
 /// 269 additions, 412 multiplications, 6 divisions, 6 sines and cosines.
 pub fn base_regressor<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &mut [[T; 3]; 19]) -> Condition<T> {
-    *w = [[q[0].lift(0.0); 3]; 19];
+    let zero = q[0].lift(0.0);
+    w[0][1] = zero; w[0][2] = zero;
     base_regressor_entries(q, qd, qdd, w)
 }
 

@@ -1753,7 +1753,55 @@ pub fn accelerations<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd_i: &[T; 3]) -> ([T;
 ///
 /// 246 additions, 435 multiplications, 6 divisions, 6 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &mut [[T; 3]; 79]) -> Condition<T> {
-    *w = [[q[0].lift(0.0); 3]; 79];
+    let zero = q[0].lift(0.0);
+    w[0] = [zero; 3];
+    w[1] = [zero; 3];
+    w[2] = [zero; 3];
+    w[3] = [zero; 3];
+    w[4] = [zero; 3];
+    w[8] = [zero; 3];
+    w[9] = [zero; 3];
+    w[10] = [zero; 3];
+    w[11] = [zero; 3];
+    w[12] = [zero; 3];
+    w[14] = [zero; 3];
+    w[15] = [zero; 3];
+    w[17] = [zero; 3];
+    w[30] = [zero; 3];
+    w[31] = [zero; 3];
+    w[32] = [zero; 3];
+    w[33] = [zero; 3];
+    w[34] = [zero; 3];
+    w[38] = [zero; 3];
+    w[39] = [zero; 3];
+    w[40] = [zero; 3];
+    w[41] = [zero; 3];
+    w[42] = [zero; 3];
+    w[44] = [zero; 3];
+    w[45] = [zero; 3];
+    w[47] = [zero; 3];
+    w[50] = [zero; 3];
+    w[51] = [zero; 3];
+    w[52] = [zero; 3];
+    w[53] = [zero; 3];
+    w[54] = [zero; 3];
+    w[58] = [zero; 3];
+    w[59] = [zero; 3];
+    w[60] = [zero; 3];
+    w[61] = [zero; 3];
+    w[62] = [zero; 3];
+    w[64] = [zero; 3];
+    w[65] = [zero; 3];
+    w[67] = [zero; 3];
+    w[70][1] = zero; w[70][2] = zero;
+    w[71][1] = zero; w[71][2] = zero;
+    w[72][0] = zero; w[72][2] = zero;
+    w[73][0] = zero; w[73][2] = zero;
+    w[74][0] = zero; w[74][1] = zero;
+    w[75][0] = zero; w[75][1] = zero;
+    w[76][1] = zero; w[76][2] = zero;
+    w[77][0] = zero; w[77][2] = zero;
+    w[78][0] = zero; w[78][1] = zero;
     regressor_entries(q, qd, qdd, w)
 }
 
@@ -4483,7 +4531,55 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 9], phi: &[T; 79]) -> ([[T; 3]; 3], Condit
 ///
 /// 417 additions, 684 multiplications, 6 divisions, 6 sines and cosines.
 pub fn slotine_li<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd_r: &[T; 3], y: &mut [[T; 3]; 79]) -> Condition<T> {
-    *y = [[q[0].lift(0.0); 3]; 79];
+    let zero = q[0].lift(0.0);
+    y[0] = [zero; 3];
+    y[1] = [zero; 3];
+    y[2] = [zero; 3];
+    y[3] = [zero; 3];
+    y[4] = [zero; 3];
+    y[8] = [zero; 3];
+    y[9] = [zero; 3];
+    y[10] = [zero; 3];
+    y[11] = [zero; 3];
+    y[12] = [zero; 3];
+    y[14] = [zero; 3];
+    y[15] = [zero; 3];
+    y[17] = [zero; 3];
+    y[30] = [zero; 3];
+    y[31] = [zero; 3];
+    y[32] = [zero; 3];
+    y[33] = [zero; 3];
+    y[34] = [zero; 3];
+    y[38] = [zero; 3];
+    y[39] = [zero; 3];
+    y[40] = [zero; 3];
+    y[41] = [zero; 3];
+    y[42] = [zero; 3];
+    y[44] = [zero; 3];
+    y[45] = [zero; 3];
+    y[47] = [zero; 3];
+    y[50] = [zero; 3];
+    y[51] = [zero; 3];
+    y[52] = [zero; 3];
+    y[53] = [zero; 3];
+    y[54] = [zero; 3];
+    y[58] = [zero; 3];
+    y[59] = [zero; 3];
+    y[60] = [zero; 3];
+    y[61] = [zero; 3];
+    y[62] = [zero; 3];
+    y[64] = [zero; 3];
+    y[65] = [zero; 3];
+    y[67] = [zero; 3];
+    y[70][1] = zero; y[70][2] = zero;
+    y[71][1] = zero; y[71][2] = zero;
+    y[72][0] = zero; y[72][2] = zero;
+    y[73][0] = zero; y[73][2] = zero;
+    y[74][0] = zero; y[74][1] = zero;
+    y[75][0] = zero; y[75][1] = zero;
+    y[76][1] = zero; y[76][2] = zero;
+    y[77][0] = zero; y[77][2] = zero;
+    y[78][0] = zero; y[78][1] = zero;
     slotine_li_entries(q, qd, qd_r, qdd_r, y)
 }
 
@@ -5780,7 +5876,16 @@ pub fn cones<T: Scalar>(q: &[T; 9]) -> [T; 3] {
 ///
 /// 226 additions, 407 multiplications, 6 divisions, 6 sines and cosines.
 pub fn base_regressor<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &mut [[T; 3]; 34]) -> Condition<T> {
-    *w = [[q[0].lift(0.0); 3]; 34];
+    let zero = q[0].lift(0.0);
+    w[25][1] = zero; w[25][2] = zero;
+    w[26][1] = zero; w[26][2] = zero;
+    w[27][0] = zero; w[27][2] = zero;
+    w[28][0] = zero; w[28][2] = zero;
+    w[29][0] = zero; w[29][1] = zero;
+    w[30][0] = zero; w[30][1] = zero;
+    w[31][1] = zero; w[31][2] = zero;
+    w[32][0] = zero; w[32][2] = zero;
+    w[33][0] = zero; w[33][1] = zero;
     base_regressor_entries(q, qd, qdd, w)
 }
 

@@ -1199,7 +1199,64 @@ pub fn accelerations<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd_i: &[T; 3]) -> ([T;
 ///
 /// 115 additions, 216 multiplications, 4 divisions, 7 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 3]; 70]) -> Condition<T> {
-    *w = [[q[0].lift(0.0); 3]; 70];
+    let zero = q[0].lift(0.0);
+    w[0] = [zero; 3];
+    w[1] = [zero; 3];
+    w[2] = [zero; 3];
+    w[3] = [zero; 3];
+    w[4] = [zero; 3];
+    w[5][1] = zero; w[5][2] = zero;
+    w[6][1] = zero; w[6][2] = zero;
+    w[7][1] = zero; w[7][2] = zero;
+    w[8] = [zero; 3];
+    w[9] = [zero; 3];
+    w[10] = [zero; 3];
+    w[11] = [zero; 3];
+    w[12] = [zero; 3];
+    w[13] = [zero; 3];
+    w[14] = [zero; 3];
+    w[18] = [zero; 3];
+    w[19][1] = zero; w[19][2] = zero;
+    w[20] = [zero; 3];
+    w[21] = [zero; 3];
+    w[22] = [zero; 3];
+    w[23] = [zero; 3];
+    w[24] = [zero; 3];
+    w[28] = [zero; 3];
+    w[30] = [zero; 3];
+    w[31] = [zero; 3];
+    w[32] = [zero; 3];
+    w[33] = [zero; 3];
+    w[34] = [zero; 3];
+    w[35][0] = zero; w[35][2] = zero;
+    w[36][0] = zero; w[36][2] = zero;
+    w[37][0] = zero; w[37][2] = zero;
+    w[38] = [zero; 3];
+    w[39] = [zero; 3];
+    w[40] = [zero; 3];
+    w[41] = [zero; 3];
+    w[42] = [zero; 3];
+    w[43] = [zero; 3];
+    w[44] = [zero; 3];
+    w[48] = [zero; 3];
+    w[49][0] = zero; w[49][2] = zero;
+    w[50] = [zero; 3];
+    w[51] = [zero; 3];
+    w[52] = [zero; 3];
+    w[53] = [zero; 3];
+    w[54] = [zero; 3];
+    w[55][0] = zero; w[55][1] = zero;
+    w[56][0] = zero; w[56][1] = zero;
+    w[57][0] = zero; w[57][1] = zero;
+    w[58] = [zero; 3];
+    w[59] = [zero; 3];
+    w[60] = [zero; 3];
+    w[61] = [zero; 3];
+    w[62] = [zero; 3];
+    w[63] = [zero; 3];
+    w[64] = [zero; 3];
+    w[68] = [zero; 3];
+    w[69][0] = zero; w[69][1] = zero;
     regressor_entries(q, qd, qdd, w)
 }
 
@@ -2929,7 +2986,64 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
 ///
 /// 164 additions, 282 multiplications, 4 divisions, 7 sines and cosines.
 pub fn slotine_li<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd_r: &[T; 3], y: &mut [[T; 3]; 70]) -> Condition<T> {
-    *y = [[q[0].lift(0.0); 3]; 70];
+    let zero = q[0].lift(0.0);
+    y[0] = [zero; 3];
+    y[1] = [zero; 3];
+    y[2] = [zero; 3];
+    y[3] = [zero; 3];
+    y[4] = [zero; 3];
+    y[5][1] = zero; y[5][2] = zero;
+    y[6][1] = zero; y[6][2] = zero;
+    y[7][1] = zero; y[7][2] = zero;
+    y[8] = [zero; 3];
+    y[9] = [zero; 3];
+    y[10] = [zero; 3];
+    y[11] = [zero; 3];
+    y[12] = [zero; 3];
+    y[13] = [zero; 3];
+    y[14] = [zero; 3];
+    y[18] = [zero; 3];
+    y[19][1] = zero; y[19][2] = zero;
+    y[20] = [zero; 3];
+    y[21] = [zero; 3];
+    y[22] = [zero; 3];
+    y[23] = [zero; 3];
+    y[24] = [zero; 3];
+    y[28] = [zero; 3];
+    y[30] = [zero; 3];
+    y[31] = [zero; 3];
+    y[32] = [zero; 3];
+    y[33] = [zero; 3];
+    y[34] = [zero; 3];
+    y[35][0] = zero; y[35][2] = zero;
+    y[36][0] = zero; y[36][2] = zero;
+    y[37][0] = zero; y[37][2] = zero;
+    y[38] = [zero; 3];
+    y[39] = [zero; 3];
+    y[40] = [zero; 3];
+    y[41] = [zero; 3];
+    y[42] = [zero; 3];
+    y[43] = [zero; 3];
+    y[44] = [zero; 3];
+    y[48] = [zero; 3];
+    y[49][0] = zero; y[49][2] = zero;
+    y[50] = [zero; 3];
+    y[51] = [zero; 3];
+    y[52] = [zero; 3];
+    y[53] = [zero; 3];
+    y[54] = [zero; 3];
+    y[55][0] = zero; y[55][1] = zero;
+    y[56][0] = zero; y[56][1] = zero;
+    y[57][0] = zero; y[57][1] = zero;
+    y[58] = [zero; 3];
+    y[59] = [zero; 3];
+    y[60] = [zero; 3];
+    y[61] = [zero; 3];
+    y[62] = [zero; 3];
+    y[63] = [zero; 3];
+    y[64] = [zero; 3];
+    y[68] = [zero; 3];
+    y[69][0] = zero; y[69][1] = zero;
     slotine_li_entries(q, qd, qd_r, qdd_r, y)
 }
 
@@ -3619,7 +3733,16 @@ pub fn poses<T: Scalar>(q: &[T; 7]) -> [[T; 12]; 7] {
 ///
 /// 99 additions, 176 multiplications, 4 divisions, 7 sines and cosines.
 pub fn base_regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 3]; 19]) -> Condition<T> {
-    *w = [[q[0].lift(0.0); 3]; 19];
+    let zero = q[0].lift(0.0);
+    w[0][1] = zero; w[0][2] = zero;
+    w[1][1] = zero; w[1][2] = zero;
+    w[2][1] = zero; w[2][2] = zero;
+    w[8][0] = zero; w[8][2] = zero;
+    w[9][0] = zero; w[9][2] = zero;
+    w[10][0] = zero; w[10][2] = zero;
+    w[14][0] = zero; w[14][1] = zero;
+    w[15][0] = zero; w[15][1] = zero;
+    w[16][0] = zero; w[16][1] = zero;
     base_regressor_entries(q, qd, qdd, w)
 }
 

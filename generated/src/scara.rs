@@ -256,7 +256,47 @@ pub fn accelerations<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd_i: &[T; 4]) -> ([T;
 ///
 /// 35 additions, 48 multiplications, 0 divisions, 2 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut [[T; 4]; 40]) -> Condition<T> {
-    *w = [[q[0].lift(0.0); 4]; 40];
+    let zero = q[0].lift(0.0);
+    w[0] = [zero; 4];
+    w[1] = [zero; 4];
+    w[2] = [zero; 4];
+    w[3] = [zero; 4];
+    w[4] = [zero; 4];
+    w[5][1] = zero; w[5][2] = zero; w[5][3] = zero;
+    w[6] = [zero; 4];
+    w[7] = [zero; 4];
+    w[8] = [zero; 4];
+    w[9] = [zero; 4];
+    w[10] = [zero; 4];
+    w[11] = [zero; 4];
+    w[12] = [zero; 4];
+    w[13] = [zero; 4];
+    w[14] = [zero; 4];
+    w[15][2] = zero; w[15][3] = zero;
+    w[16][2] = zero; w[16][3] = zero;
+    w[17][2] = zero; w[17][3] = zero;
+    w[18] = [zero; 4];
+    w[19][1] = zero; w[19][2] = zero; w[19][3] = zero;
+    w[20] = [zero; 4];
+    w[21] = [zero; 4];
+    w[22] = [zero; 4];
+    w[23] = [zero; 4];
+    w[24] = [zero; 4];
+    w[25][2] = zero; w[25][3] = zero;
+    w[26][2] = zero; w[26][3] = zero;
+    w[27][2] = zero; w[27][3] = zero;
+    w[28] = [zero; 4];
+    w[29][3] = zero;
+    w[30] = [zero; 4];
+    w[31] = [zero; 4];
+    w[32] = [zero; 4];
+    w[33] = [zero; 4];
+    w[34] = [zero; 4];
+    w[35][2] = zero;
+    w[36][2] = zero;
+    w[37][2] = zero;
+    w[38] = [zero; 4];
+    w[39][3] = zero;
     regressor_entries(q, qd, qdd, w)
 }
 
@@ -643,7 +683,47 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([[T; 4]; 4], Condit
 ///
 /// 37 additions, 48 multiplications, 0 divisions, 2 sines and cosines.
 pub fn slotine_li<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 4], qdd_r: &[T; 4], y: &mut [[T; 4]; 40]) -> Condition<T> {
-    *y = [[q[0].lift(0.0); 4]; 40];
+    let zero = q[0].lift(0.0);
+    y[0] = [zero; 4];
+    y[1] = [zero; 4];
+    y[2] = [zero; 4];
+    y[3] = [zero; 4];
+    y[4] = [zero; 4];
+    y[5][1] = zero; y[5][2] = zero; y[5][3] = zero;
+    y[6] = [zero; 4];
+    y[7] = [zero; 4];
+    y[8] = [zero; 4];
+    y[9] = [zero; 4];
+    y[10] = [zero; 4];
+    y[11] = [zero; 4];
+    y[12] = [zero; 4];
+    y[13] = [zero; 4];
+    y[14] = [zero; 4];
+    y[15][2] = zero; y[15][3] = zero;
+    y[16][2] = zero; y[16][3] = zero;
+    y[17][2] = zero; y[17][3] = zero;
+    y[18] = [zero; 4];
+    y[19][1] = zero; y[19][2] = zero; y[19][3] = zero;
+    y[20] = [zero; 4];
+    y[21] = [zero; 4];
+    y[22] = [zero; 4];
+    y[23] = [zero; 4];
+    y[24] = [zero; 4];
+    y[25][2] = zero; y[25][3] = zero;
+    y[26][2] = zero; y[26][3] = zero;
+    y[27][2] = zero; y[27][3] = zero;
+    y[28] = [zero; 4];
+    y[29][3] = zero;
+    y[30] = [zero; 4];
+    y[31] = [zero; 4];
+    y[32] = [zero; 4];
+    y[33] = [zero; 4];
+    y[34] = [zero; 4];
+    y[35][2] = zero;
+    y[36][2] = zero;
+    y[37][2] = zero;
+    y[38] = [zero; 4];
+    y[39][3] = zero;
     slotine_li_entries(q, qd, qd_r, qdd_r, y)
 }
 
@@ -850,7 +930,15 @@ pub fn poses<T: Scalar>(q: &[T; 4]) -> [[T; 12]; 4] {
 ///
 /// 27 additions, 40 multiplications, 0 divisions, 2 sines and cosines.
 pub fn base_regressor<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut [[T; 4]; 8]) -> Condition<T> {
-    *w = [[q[0].lift(0.0); 4]; 8];
+    let zero = q[0].lift(0.0);
+    w[0][1] = zero; w[0][2] = zero; w[0][3] = zero;
+    w[1][2] = zero; w[1][3] = zero;
+    w[2][2] = zero; w[2][3] = zero;
+    w[3][2] = zero; w[3][3] = zero;
+    w[4][3] = zero;
+    w[5][2] = zero;
+    w[6][2] = zero;
+    w[7][2] = zero;
     base_regressor_entries(q, qd, qdd, w)
 }
 

@@ -5504,7 +5504,13 @@ pub fn accelerations<T: Scalar>(q: &[T; 21], qd: &[T; 21], qdd_i: &[T; 6]) -> ([
 ///
 /// 1806 additions, 2806 multiplications, 15 divisions, 15 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 21], qd: &[T; 21], qdd: &[T; 21], w: &mut [[T; 6]; 130]) -> Condition<T> {
-    *w = [[q[0].lift(0.0); 6]; 130];
+    let zero = q[0].lift(0.0);
+    w[9] = [zero; 6];
+    w[39] = [zero; 6];
+    w[59] = [zero; 6];
+    w[79] = [zero; 6];
+    w[99] = [zero; 6];
+    w[119] = [zero; 6];
     regressor_entries(q, qd, qdd, w)
 }
 
@@ -23735,7 +23741,13 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 21], phi: &[T; 130]) -> ([[T; 6]; 6], Cond
 ///
 /// 2514 additions, 3672 multiplications, 15 divisions, 15 sines and cosines.
 pub fn slotine_li<T: Scalar>(q: &[T; 21], qd: &[T; 21], qd_r: &[T; 6], qdd_r: &[T; 6], y: &mut [[T; 6]; 130]) -> Condition<T> {
-    *y = [[q[0].lift(0.0); 6]; 130];
+    let zero = q[0].lift(0.0);
+    y[9] = [zero; 6];
+    y[39] = [zero; 6];
+    y[59] = [zero; 6];
+    y[79] = [zero; 6];
+    y[99] = [zero; 6];
+    y[119] = [zero; 6];
     slotine_li_entries(q, qd, qd_r, qdd_r, y)
 }
 
@@ -31440,7 +31452,6 @@ pub fn poses<T: Scalar>(q: &[T; 21]) -> [[T; 12]; 13] {
 ///
 /// 1759 additions, 2728 multiplications, 15 divisions, 15 sines and cosines.
 pub fn base_regressor<T: Scalar>(q: &[T; 21], qd: &[T; 21], qdd: &[T; 21], w: &mut [[T; 6]; 82]) -> Condition<T> {
-    *w = [[q[0].lift(0.0); 6]; 82];
     base_regressor_entries(q, qd, qdd, w)
 }
 

@@ -402,7 +402,57 @@ pub fn accelerations<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd_i: &[T; 6]) -> ([T;
 ///
 /// 258 additions, 365 multiplications, 0 divisions, 5 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &mut [[T; 6]; 50]) -> Condition<T> {
-    *w = [[q[0].lift(0.0); 6]; 50];
+    let zero = q[0].lift(0.0);
+    w[0] = [zero; 6];
+    w[1] = [zero; 6];
+    w[2] = [zero; 6];
+    w[3] = [zero; 6];
+    w[4] = [zero; 6];
+    w[5][1] = zero; w[5][2] = zero; w[5][3] = zero; w[5][4] = zero; w[5][5] = zero;
+    w[6][1] = zero; w[6][2] = zero; w[6][3] = zero; w[6][4] = zero; w[6][5] = zero;
+    w[7][1] = zero; w[7][2] = zero; w[7][3] = zero; w[7][4] = zero; w[7][5] = zero;
+    w[8] = [zero; 6];
+    w[9] = [zero; 6];
+    w[10] = [zero; 6];
+    w[11] = [zero; 6];
+    w[12] = [zero; 6];
+    w[13][1] = zero; w[13][2] = zero; w[13][3] = zero; w[13][4] = zero; w[13][5] = zero;
+    w[14][1] = zero; w[14][2] = zero; w[14][3] = zero; w[14][4] = zero; w[14][5] = zero;
+    w[15][1] = zero; w[15][2] = zero; w[15][3] = zero; w[15][4] = zero; w[15][5] = zero;
+    w[16][2] = zero; w[16][3] = zero; w[16][4] = zero; w[16][5] = zero;
+    w[17][2] = zero; w[17][3] = zero; w[17][4] = zero; w[17][5] = zero;
+    w[18][2] = zero; w[18][3] = zero; w[18][4] = zero; w[18][5] = zero;
+    w[19][2] = zero; w[19][3] = zero; w[19][4] = zero; w[19][5] = zero;
+    w[20][1] = zero; w[20][4] = zero; w[20][5] = zero;
+    w[21][1] = zero; w[21][4] = zero; w[21][5] = zero;
+    w[22][1] = zero; w[22][4] = zero; w[22][5] = zero;
+    w[23][1] = zero; w[23][4] = zero; w[23][5] = zero;
+    w[24][1] = zero; w[24][4] = zero; w[24][5] = zero;
+    w[25][1] = zero; w[25][4] = zero; w[25][5] = zero;
+    w[26][4] = zero; w[26][5] = zero;
+    w[27][3] = zero; w[27][4] = zero; w[27][5] = zero;
+    w[28][4] = zero; w[28][5] = zero;
+    w[29][2] = zero; w[29][3] = zero; w[29][4] = zero; w[29][5] = zero;
+    w[30][1] = zero; w[30][5] = zero;
+    w[31][1] = zero; w[31][5] = zero;
+    w[32][1] = zero; w[32][5] = zero;
+    w[33][1] = zero; w[33][5] = zero;
+    w[34][1] = zero; w[34][5] = zero;
+    w[35][1] = zero; w[35][5] = zero;
+    w[36][5] = zero;
+    w[37][5] = zero;
+    w[38][4] = zero; w[38][5] = zero;
+    w[39][4] = zero; w[39][5] = zero;
+    w[40][1] = zero; w[40][2] = zero; w[40][3] = zero; w[40][4] = zero;
+    w[41][1] = zero; w[41][2] = zero; w[41][3] = zero; w[41][4] = zero;
+    w[42][1] = zero; w[42][2] = zero; w[42][3] = zero; w[42][4] = zero;
+    w[43][1] = zero; w[43][2] = zero; w[43][3] = zero; w[43][4] = zero;
+    w[44][1] = zero; w[44][2] = zero; w[44][3] = zero; w[44][4] = zero;
+    w[45][1] = zero; w[45][2] = zero; w[45][3] = zero; w[45][4] = zero;
+    w[46][2] = zero; w[46][3] = zero; w[46][4] = zero;
+    w[47][2] = zero; w[47][3] = zero; w[47][4] = zero;
+    w[48][2] = zero; w[48][3] = zero; w[48][4] = zero; w[48][5] = zero;
+    w[49][2] = zero; w[49][3] = zero; w[49][4] = zero; w[49][5] = zero;
     regressor_entries(q, qd, qdd, w)
 }
 
@@ -2289,7 +2339,57 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 6], phi: &[T; 50]) -> ([[T; 6]; 6], Condit
 ///
 /// 287 additions, 416 multiplications, 0 divisions, 5 sines and cosines.
 pub fn slotine_li<T: Scalar>(q: &[T; 6], qd: &[T; 6], qd_r: &[T; 6], qdd_r: &[T; 6], y: &mut [[T; 6]; 50]) -> Condition<T> {
-    *y = [[q[0].lift(0.0); 6]; 50];
+    let zero = q[0].lift(0.0);
+    y[0] = [zero; 6];
+    y[1] = [zero; 6];
+    y[2] = [zero; 6];
+    y[3] = [zero; 6];
+    y[4] = [zero; 6];
+    y[5][1] = zero; y[5][2] = zero; y[5][3] = zero; y[5][4] = zero; y[5][5] = zero;
+    y[6][1] = zero; y[6][2] = zero; y[6][3] = zero; y[6][4] = zero; y[6][5] = zero;
+    y[7][1] = zero; y[7][2] = zero; y[7][3] = zero; y[7][4] = zero; y[7][5] = zero;
+    y[8] = [zero; 6];
+    y[9] = [zero; 6];
+    y[10] = [zero; 6];
+    y[11] = [zero; 6];
+    y[12] = [zero; 6];
+    y[13][1] = zero; y[13][2] = zero; y[13][3] = zero; y[13][4] = zero; y[13][5] = zero;
+    y[14][1] = zero; y[14][2] = zero; y[14][3] = zero; y[14][4] = zero; y[14][5] = zero;
+    y[15][1] = zero; y[15][2] = zero; y[15][3] = zero; y[15][4] = zero; y[15][5] = zero;
+    y[16][2] = zero; y[16][3] = zero; y[16][4] = zero; y[16][5] = zero;
+    y[17][2] = zero; y[17][3] = zero; y[17][4] = zero; y[17][5] = zero;
+    y[18][2] = zero; y[18][3] = zero; y[18][4] = zero; y[18][5] = zero;
+    y[19][2] = zero; y[19][3] = zero; y[19][4] = zero; y[19][5] = zero;
+    y[20][1] = zero; y[20][4] = zero; y[20][5] = zero;
+    y[21][1] = zero; y[21][4] = zero; y[21][5] = zero;
+    y[22][1] = zero; y[22][4] = zero; y[22][5] = zero;
+    y[23][1] = zero; y[23][4] = zero; y[23][5] = zero;
+    y[24][1] = zero; y[24][4] = zero; y[24][5] = zero;
+    y[25][1] = zero; y[25][4] = zero; y[25][5] = zero;
+    y[26][4] = zero; y[26][5] = zero;
+    y[27][3] = zero; y[27][4] = zero; y[27][5] = zero;
+    y[28][4] = zero; y[28][5] = zero;
+    y[29][2] = zero; y[29][3] = zero; y[29][4] = zero; y[29][5] = zero;
+    y[30][1] = zero; y[30][5] = zero;
+    y[31][1] = zero; y[31][5] = zero;
+    y[32][1] = zero; y[32][5] = zero;
+    y[33][1] = zero; y[33][5] = zero;
+    y[34][1] = zero; y[34][5] = zero;
+    y[35][1] = zero; y[35][5] = zero;
+    y[36][5] = zero;
+    y[37][5] = zero;
+    y[38][4] = zero; y[38][5] = zero;
+    y[39][4] = zero; y[39][5] = zero;
+    y[40][1] = zero; y[40][2] = zero; y[40][3] = zero; y[40][4] = zero;
+    y[41][1] = zero; y[41][2] = zero; y[41][3] = zero; y[41][4] = zero;
+    y[42][1] = zero; y[42][2] = zero; y[42][3] = zero; y[42][4] = zero;
+    y[43][1] = zero; y[43][2] = zero; y[43][3] = zero; y[43][4] = zero;
+    y[44][1] = zero; y[44][2] = zero; y[44][3] = zero; y[44][4] = zero;
+    y[45][1] = zero; y[45][2] = zero; y[45][3] = zero; y[45][4] = zero;
+    y[46][2] = zero; y[46][3] = zero; y[46][4] = zero;
+    y[47][2] = zero; y[47][3] = zero; y[47][4] = zero;
+    y[48][2] = zero; y[48][3] = zero; y[48][4] = zero; y[48][5] = zero;
+    y[49][2] = zero; y[49][3] = zero; y[49][4] = zero; y[49][5] = zero;
     slotine_li_entries(q, qd, qd_r, qdd_r, y)
 }
 
@@ -3093,7 +3193,36 @@ pub fn poses<T: Scalar>(q: &[T; 6]) -> [[T; 12]; 5] {
 ///
 /// 221 additions, 307 multiplications, 0 divisions, 5 sines and cosines.
 pub fn base_regressor<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &mut [[T; 6]; 29]) -> Condition<T> {
-    *w = [[q[0].lift(0.0); 6]; 29];
+    let zero = q[0].lift(0.0);
+    w[0][1] = zero; w[0][2] = zero; w[0][3] = zero; w[0][4] = zero; w[0][5] = zero;
+    w[1][1] = zero; w[1][2] = zero; w[1][3] = zero; w[1][4] = zero; w[1][5] = zero;
+    w[2][1] = zero; w[2][2] = zero; w[2][3] = zero; w[2][4] = zero; w[2][5] = zero;
+    w[3][2] = zero; w[3][3] = zero; w[3][4] = zero; w[3][5] = zero;
+    w[4][2] = zero; w[4][3] = zero; w[4][4] = zero; w[4][5] = zero;
+    w[5][2] = zero; w[5][3] = zero; w[5][4] = zero; w[5][5] = zero;
+    w[6][1] = zero; w[6][4] = zero; w[6][5] = zero;
+    w[7][1] = zero; w[7][4] = zero; w[7][5] = zero;
+    w[8][1] = zero; w[8][4] = zero; w[8][5] = zero;
+    w[9][1] = zero; w[9][4] = zero; w[9][5] = zero;
+    w[10][1] = zero; w[10][4] = zero; w[10][5] = zero;
+    w[11][1] = zero; w[11][4] = zero; w[11][5] = zero;
+    w[12][4] = zero; w[12][5] = zero;
+    w[13][3] = zero; w[13][4] = zero; w[13][5] = zero;
+    w[14][4] = zero; w[14][5] = zero;
+    w[15][1] = zero; w[15][5] = zero;
+    w[16][1] = zero; w[16][5] = zero;
+    w[17][1] = zero; w[17][5] = zero;
+    w[18][1] = zero; w[18][5] = zero;
+    w[19][1] = zero; w[19][5] = zero;
+    w[20][5] = zero;
+    w[21][5] = zero;
+    w[22][1] = zero; w[22][2] = zero; w[22][3] = zero; w[22][4] = zero;
+    w[23][1] = zero; w[23][2] = zero; w[23][3] = zero; w[23][4] = zero;
+    w[24][1] = zero; w[24][2] = zero; w[24][3] = zero; w[24][4] = zero;
+    w[25][1] = zero; w[25][2] = zero; w[25][3] = zero; w[25][4] = zero;
+    w[26][1] = zero; w[26][2] = zero; w[26][3] = zero; w[26][4] = zero;
+    w[27][2] = zero; w[27][3] = zero; w[27][4] = zero;
+    w[28][2] = zero; w[28][3] = zero; w[28][4] = zero;
     base_regressor_entries(q, qd, qdd, w)
 }
 

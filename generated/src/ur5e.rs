@@ -488,7 +488,59 @@ pub fn accelerations<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd_i: &[T; 6]) -> ([T;
 ///
 /// 332 additions, 442 multiplications, 0 divisions, 5 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &mut [[T; 6]; 60]) -> Condition<T> {
-    *w = [[q[0].lift(0.0); 6]; 60];
+    let zero = q[0].lift(0.0);
+    w[0] = [zero; 6];
+    w[1] = [zero; 6];
+    w[2] = [zero; 6];
+    w[3] = [zero; 6];
+    w[4] = [zero; 6];
+    w[5][1] = zero; w[5][2] = zero; w[5][3] = zero; w[5][4] = zero; w[5][5] = zero;
+    w[6] = [zero; 6];
+    w[7] = [zero; 6];
+    w[8] = [zero; 6];
+    w[9] = [zero; 6];
+    w[10][2] = zero; w[10][3] = zero; w[10][4] = zero; w[10][5] = zero;
+    w[11][2] = zero; w[11][3] = zero; w[11][4] = zero; w[11][5] = zero;
+    w[12][2] = zero; w[12][3] = zero; w[12][4] = zero; w[12][5] = zero;
+    w[13][2] = zero; w[13][3] = zero; w[13][4] = zero; w[13][5] = zero;
+    w[14][2] = zero; w[14][3] = zero; w[14][4] = zero; w[14][5] = zero;
+    w[15][0] = zero; w[15][2] = zero; w[15][3] = zero; w[15][4] = zero; w[15][5] = zero;
+    w[16][0] = zero; w[16][2] = zero; w[16][3] = zero; w[16][4] = zero; w[16][5] = zero;
+    w[17][0] = zero; w[17][2] = zero; w[17][3] = zero; w[17][4] = zero; w[17][5] = zero;
+    w[18] = [zero; 6];
+    w[19] = [zero; 6];
+    w[20][3] = zero; w[20][4] = zero; w[20][5] = zero;
+    w[21][3] = zero; w[21][4] = zero; w[21][5] = zero;
+    w[22][3] = zero; w[22][4] = zero; w[22][5] = zero;
+    w[23][3] = zero; w[23][4] = zero; w[23][5] = zero;
+    w[24][3] = zero; w[24][4] = zero; w[24][5] = zero;
+    w[25][0] = zero; w[25][3] = zero; w[25][4] = zero; w[25][5] = zero;
+    w[26][3] = zero; w[26][4] = zero; w[26][5] = zero;
+    w[27][3] = zero; w[27][4] = zero; w[27][5] = zero;
+    w[28][2] = zero; w[28][3] = zero; w[28][4] = zero; w[28][5] = zero;
+    w[29][2] = zero; w[29][3] = zero; w[29][4] = zero; w[29][5] = zero;
+    w[30][4] = zero; w[30][5] = zero;
+    w[31][4] = zero; w[31][5] = zero;
+    w[32][4] = zero; w[32][5] = zero;
+    w[33][4] = zero; w[33][5] = zero;
+    w[34][4] = zero; w[34][5] = zero;
+    w[35][0] = zero; w[35][4] = zero; w[35][5] = zero;
+    w[36][4] = zero; w[36][5] = zero;
+    w[37][4] = zero; w[37][5] = zero;
+    w[38][3] = zero; w[38][4] = zero; w[38][5] = zero;
+    w[39][3] = zero; w[39][4] = zero; w[39][5] = zero;
+    w[40][5] = zero;
+    w[41][5] = zero;
+    w[42][5] = zero;
+    w[43][5] = zero;
+    w[44][5] = zero;
+    w[45][5] = zero;
+    w[46][5] = zero;
+    w[47][5] = zero;
+    w[48][4] = zero; w[48][5] = zero;
+    w[49][4] = zero; w[49][5] = zero;
+    w[58][5] = zero;
+    w[59][5] = zero;
     regressor_entries(q, qd, qdd, w)
 }
 
@@ -2567,7 +2619,59 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 6], phi: &[T; 60]) -> ([[T; 6]; 6], Condit
 ///
 /// 363 additions, 497 multiplications, 0 divisions, 5 sines and cosines.
 pub fn slotine_li<T: Scalar>(q: &[T; 6], qd: &[T; 6], qd_r: &[T; 6], qdd_r: &[T; 6], y: &mut [[T; 6]; 60]) -> Condition<T> {
-    *y = [[q[0].lift(0.0); 6]; 60];
+    let zero = q[0].lift(0.0);
+    y[0] = [zero; 6];
+    y[1] = [zero; 6];
+    y[2] = [zero; 6];
+    y[3] = [zero; 6];
+    y[4] = [zero; 6];
+    y[5][1] = zero; y[5][2] = zero; y[5][3] = zero; y[5][4] = zero; y[5][5] = zero;
+    y[6] = [zero; 6];
+    y[7] = [zero; 6];
+    y[8] = [zero; 6];
+    y[9] = [zero; 6];
+    y[10][2] = zero; y[10][3] = zero; y[10][4] = zero; y[10][5] = zero;
+    y[11][2] = zero; y[11][3] = zero; y[11][4] = zero; y[11][5] = zero;
+    y[12][2] = zero; y[12][3] = zero; y[12][4] = zero; y[12][5] = zero;
+    y[13][2] = zero; y[13][3] = zero; y[13][4] = zero; y[13][5] = zero;
+    y[14][2] = zero; y[14][3] = zero; y[14][4] = zero; y[14][5] = zero;
+    y[15][2] = zero; y[15][3] = zero; y[15][4] = zero; y[15][5] = zero;
+    y[16][0] = zero; y[16][2] = zero; y[16][3] = zero; y[16][4] = zero; y[16][5] = zero;
+    y[17][0] = zero; y[17][2] = zero; y[17][3] = zero; y[17][4] = zero; y[17][5] = zero;
+    y[18] = [zero; 6];
+    y[19] = [zero; 6];
+    y[20][3] = zero; y[20][4] = zero; y[20][5] = zero;
+    y[21][3] = zero; y[21][4] = zero; y[21][5] = zero;
+    y[22][3] = zero; y[22][4] = zero; y[22][5] = zero;
+    y[23][3] = zero; y[23][4] = zero; y[23][5] = zero;
+    y[24][3] = zero; y[24][4] = zero; y[24][5] = zero;
+    y[25][3] = zero; y[25][4] = zero; y[25][5] = zero;
+    y[26][3] = zero; y[26][4] = zero; y[26][5] = zero;
+    y[27][3] = zero; y[27][4] = zero; y[27][5] = zero;
+    y[28][2] = zero; y[28][3] = zero; y[28][4] = zero; y[28][5] = zero;
+    y[29][2] = zero; y[29][3] = zero; y[29][4] = zero; y[29][5] = zero;
+    y[30][4] = zero; y[30][5] = zero;
+    y[31][4] = zero; y[31][5] = zero;
+    y[32][4] = zero; y[32][5] = zero;
+    y[33][4] = zero; y[33][5] = zero;
+    y[34][4] = zero; y[34][5] = zero;
+    y[35][4] = zero; y[35][5] = zero;
+    y[36][4] = zero; y[36][5] = zero;
+    y[37][4] = zero; y[37][5] = zero;
+    y[38][3] = zero; y[38][4] = zero; y[38][5] = zero;
+    y[39][3] = zero; y[39][4] = zero; y[39][5] = zero;
+    y[40][5] = zero;
+    y[41][5] = zero;
+    y[42][5] = zero;
+    y[43][5] = zero;
+    y[44][5] = zero;
+    y[45][5] = zero;
+    y[46][5] = zero;
+    y[47][5] = zero;
+    y[48][4] = zero; y[48][5] = zero;
+    y[49][4] = zero; y[49][5] = zero;
+    y[58][5] = zero;
+    y[59][5] = zero;
     slotine_li_entries(q, qd, qd_r, qdd_r, y)
 }
 
@@ -3527,7 +3631,36 @@ pub fn poses<T: Scalar>(q: &[T; 6]) -> [[T; 12]; 6] {
 ///
 /// 259 additions, 342 multiplications, 0 divisions, 5 sines and cosines.
 pub fn base_regressor<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &mut [[T; 6]; 36]) -> Condition<T> {
-    *w = [[q[0].lift(0.0); 6]; 36];
+    let zero = q[0].lift(0.0);
+    w[0][1] = zero; w[0][2] = zero; w[0][3] = zero; w[0][4] = zero; w[0][5] = zero;
+    w[1][2] = zero; w[1][3] = zero; w[1][4] = zero; w[1][5] = zero;
+    w[2][2] = zero; w[2][3] = zero; w[2][4] = zero; w[2][5] = zero;
+    w[3][2] = zero; w[3][3] = zero; w[3][4] = zero; w[3][5] = zero;
+    w[4][2] = zero; w[4][3] = zero; w[4][4] = zero; w[4][5] = zero;
+    w[5][0] = zero; w[5][2] = zero; w[5][3] = zero; w[5][4] = zero; w[5][5] = zero;
+    w[6][0] = zero; w[6][2] = zero; w[6][3] = zero; w[6][4] = zero; w[6][5] = zero;
+    w[7][0] = zero; w[7][2] = zero; w[7][3] = zero; w[7][4] = zero; w[7][5] = zero;
+    w[8][3] = zero; w[8][4] = zero; w[8][5] = zero;
+    w[9][3] = zero; w[9][4] = zero; w[9][5] = zero;
+    w[10][3] = zero; w[10][4] = zero; w[10][5] = zero;
+    w[11][3] = zero; w[11][4] = zero; w[11][5] = zero;
+    w[12][0] = zero; w[12][3] = zero; w[12][4] = zero; w[12][5] = zero;
+    w[13][3] = zero; w[13][4] = zero; w[13][5] = zero;
+    w[14][3] = zero; w[14][4] = zero; w[14][5] = zero;
+    w[15][4] = zero; w[15][5] = zero;
+    w[16][4] = zero; w[16][5] = zero;
+    w[17][4] = zero; w[17][5] = zero;
+    w[18][4] = zero; w[18][5] = zero;
+    w[19][0] = zero; w[19][4] = zero; w[19][5] = zero;
+    w[20][4] = zero; w[20][5] = zero;
+    w[21][4] = zero; w[21][5] = zero;
+    w[22][5] = zero;
+    w[23][5] = zero;
+    w[24][5] = zero;
+    w[25][5] = zero;
+    w[26][5] = zero;
+    w[27][5] = zero;
+    w[28][5] = zero;
     base_regressor_entries(q, qd, qdd, w)
 }
 

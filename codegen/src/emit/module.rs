@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use crate::base::Analysis;
-use crate::optimize::{Operand, Operations, Program};
+use crate::optimize::{Operand, Operations, Output, Program};
 use crate::robot::{Function, FunctionKind, Robot};
 
 use super::body::statements;
@@ -382,9 +382,7 @@ fn write_function(robot: &Robot, function: &Function, options: &Options, out: &m
     if through {
         let mut calls: Vec<&str> = program.arguments.iter().map(|a| a.name.as_str()).collect();
         calls.push(&output.name);
-        let like = calls[0];
-        let zeros = zeros(program).replace("like", &format!("{like}[0]"));
-        let _ = writeln!(out, "    *{} = {zeros};", output.name);
+        write_zeros(program, calls[0], out);
         let _ = writeln!(out, "    {name}_entries({})\n}}\n", calls.join(", "));
         let _ = writeln!(
             out,
@@ -443,6 +441,31 @@ fn mark_unused(program: &Program, mut body: String) -> String {
         }
     }
     body
+}
+
+/// Stores the entries that are zero at every state, one by one: next to one another, they are
+/// stored together, and in most columns they are few.
+fn write_zeros(program: &Program, like: &str, out: &mut String) {
+    let Output { name, shape, .. } = &program.output;
+    let inner = shape.get(1).copied().unwrap_or(1).max(1);
+    let is_zero = |o: &Operand| matches!(o, Operand::Constant(c) if *c == 0.0);
+    if !program.outputs.iter().any(is_zero) {
+        return;
+    }
+    let _ = writeln!(out, "    let zero = {like}[0].lift(0.0);");
+    for (outer, entries) in program.outputs.chunks(inner).enumerate() {
+        if entries.iter().all(is_zero) {
+            let _ = writeln!(out, "    {name}[{outer}] = [zero; {inner}];");
+            continue;
+        }
+        let zeros = entries.iter().enumerate().filter(|(_, o)| is_zero(o));
+        let zeros: Vec<String> = zeros
+            .map(|(at, _)| format!("{name}[{outer}][{at}] = zero;"))
+            .collect();
+        if !zeros.is_empty() {
+            let _ = writeln!(out, "    {}", zeros.join(" "));
+        }
+    }
 }
 
 fn zeros(program: &Program) -> String {

@@ -48,25 +48,58 @@ pub(super) fn sin_cos_all<const N: usize>(angles: &[f64; N]) -> Option<[(f64, f6
     if !within {
         return None;
     }
-    #[cfg(all(feature = "std", target_feature = "fma"))]
-    if let Some(all) = quick_all(angles) {
-        return Some(all);
+    let mut all = [(0.0, 0.0); N];
+    // registers are filled up with zeros: five angles in two full ones take half as long as four
+    // in a register and one by itself
+    let whole = N - N % 8;
+    let (head, rest) = angles.split_at(whole);
+    let (out, out_rest) = all.split_at_mut(whole);
+    for (angles, out) in head.chunks_exact(8).zip(out.chunks_exact_mut(8)) {
+        together::<8>(angles, out);
     }
-    let (mut sines, mut cosines) = ([0.0; N], [0.0; N]);
-    for ((x, s), c) in angles.iter().zip(&mut sines).zip(&mut cosines) {
-        (*s, *c) = near(*x);
+    match rest.len() {
+        0 => {}
+        1..=4 => together::<4>(rest, out_rest),
+        _ => together::<8>(rest, out_rest),
     }
-    Some(core::array::from_fn(|i| (sines[i], cosines[i])))
+    Some(all)
 }
 
-/// As [`near`], with a shorter reduction by fused products; `None` where an angle is closer than
+/// Sine and cosine of up to L angles within [`REACH`], as many at once.
+#[inline(always)]
+#[allow(clippy::inline_always, reason = "as for `near`")]
+fn together<const L: usize>(angles: &[f64], out: &mut [(f64, f64)]) {
+    let mut all = [0.0; L];
+    for (x, angle) in all.iter_mut().zip(angles) {
+        *x = *angle;
+    }
+    let (mut sines, mut cosines) = ([0.0; L], [0.0; L]);
+    #[cfg(all(feature = "std", target_feature = "fma"))]
+    let done = quick_all(&all, &mut sines, &mut cosines);
+    #[cfg(not(all(feature = "std", target_feature = "fma")))]
+    let done = false;
+    if !done {
+        for ((x, s), c) in all.iter().zip(&mut sines).zip(&mut cosines) {
+            (*s, *c) = near(*x);
+        }
+    }
+    for ((pair, s), c) in out.iter_mut().zip(sines).zip(cosines) {
+        *pair = (s, c);
+    }
+}
+
+/// As [`near`], with a shorter reduction by fused products; false where an angle is closer than
 /// [`APART`] to a multiple of a quarter turn other than zero.
 #[cfg(all(feature = "std", target_feature = "fma"))]
-#[inline]
-fn quick_all<const N: usize>(angles: &[f64; N]) -> Option<[(f64, f64); N]> {
-    let (mut sines, mut cosines) = ([0.0; N], [0.0; N]);
+#[inline(always)]
+#[allow(clippy::inline_always, reason = "as for `near`")]
+fn quick_all<const L: usize>(
+    angles: &[f64; L],
+    sines: &mut [f64; L],
+    cosines: &mut [f64; L],
+) -> bool {
     let mut good = true;
-    for ((x, s), c) in angles.iter().zip(&mut sines).zip(&mut cosines) {
+    for ((x, s), c) in angles.iter().zip(sines).zip(cosines) {
         let shifted = fused(*x, core::f64::consts::FRAC_2_PI, MAGIC);
         let quarters = shifted - MAGIC;
         // exact: a multiple of the last place of x or of pi/2, and below one
@@ -77,7 +110,7 @@ fn quick_all<const N: usize>(angles: &[f64; N]) -> Option<[(f64, f64); N]> {
         good &= (y.abs() >= APART) | (quarters == 0.0);
         (*s, *c) = turned(y, tail, shifted.to_bits());
     }
-    good.then(|| core::array::from_fn(|i| (sines[i], cosines[i])))
+    good
 }
 
 /// What is left of pi/2 beside its double.
