@@ -6,9 +6,9 @@ use std::path::Path;
 
 use regen_codegen::constraints::{Closed, world_equations};
 use regen_codegen::diag::Source;
-use regen_codegen::dynamics::{Reduction, reduced_regressor};
+use regen_codegen::dynamics::{Reduction, Ways, reduced_regressor};
 use regen_codegen::functions::Symbols;
-use regen_codegen::kinematics::{Frames, Geometry, Rates, motions, twists};
+use regen_codegen::kinematics::{centres, Frames, Geometry, Rates, motions, twists};
 use regen_codegen::model::{self, Model};
 use regen_codegen::spec::parse;
 use regen_codegen::sym::{Ex, Graph, print::text};
@@ -106,7 +106,13 @@ fn columns_of_a_planar_arm_are_those_of_equation_4() {
     let motions = motions(&mut g, &frames, &rates, None);
     let twists = twists(&mut g, &frames, &model);
     let j = Reduction::new(&mut g, &model, &[]);
-    let columns = reduced_regressor(&mut g, &model, &motions, &twists, &rates, &j);
+    let centres = centres(&mut g, &frames, &model);
+    let ways = Ways {
+        twists: &twists,
+        centres: &centres,
+    };
+    let wanted = vec![true; model.parameters.len()];
+    let columns = reduced_regressor(&mut g, &model, &motions, &ways, &rates, &j, &wanted);
     let parameters: Vec<String> = model.parameters.iter().map(|p| p.label.clone()).collect();
     let shown = entries(&g, "K", &coordinates(&model), &parameters, |i, j| {
         columns[j][i]

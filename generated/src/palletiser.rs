@@ -16,20 +16,20 @@
 //! | [`dependent_jacobian`] | 3 | 2 | 0 | 1 |
 //! | [`velocities`] | 12 | 14 | 1 | 3 |
 //! | [`accelerations`] | 21 | 26 | 1 | 3 |
-//! | [`regressor`] | 288 | 448 | 1 | 6 |
-//! | [`inverse_dynamics`] | 391 | 388 | 1 | 6 |
+//! | [`regressor`] | 271 | 428 | 1 | 6 |
+//! | [`inverse_dynamics`] | 377 | 374 | 1 | 6 |
 //! | [`gravity`] | 66 | 124 | 1 | 6 |
-//! | [`bias_forces`] | 353 | 382 | 1 | 6 |
+//! | [`bias_forces`] | 313 | 350 | 1 | 6 |
 //! | [`mass_matrix`] | 191 | 219 | 1 | 6 |
-//! | [`slotine_li`] | 335 | 530 | 1 | 6 |
+//! | [`slotine_li`] | 310 | 494 | 1 | 6 |
 //! | [`efforts`] | 0 | 0 | 0 | 0 |
 //! | [`poses`] | 20 | 44 | 0 | 7 |
-//! | [`base_regressor`] | 180 | 276 | 1 | 6 |
+//! | [`base_regressor`] | 175 | 266 | 1 | 6 |
 //! | [`to_base`] | 51 | 19 | 0 | 0 |
 //! | [`parameters_from_base`] | 51 | 19 | 0 | 0 |
-//! | [`base_inverse_dynamics`] | 211 | 265 | 1 | 6 |
+//! | [`base_inverse_dynamics`] | 208 | 255 | 1 | 6 |
 //! | [`base_gravity`] | 40 | 79 | 1 | 6 |
-//! | [`base_bias_forces`] | 183 | 264 | 1 | 6 |
+//! | [`base_bias_forces`] | 169 | 251 | 1 | 6 |
 //! | [`base_mass_matrix`] | 104 | 149 | 1 | 6 |
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
@@ -1035,7 +1035,7 @@ pub fn accelerations<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd_i: &[T; 4]) -> ([T;
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: column by column: `w[c][r]` multiplies `PARAMETERS[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 288 additions, 448 multiplications, 1 divisions, 6 sines and cosines.
+/// 271 additions, 428 multiplications, 1 divisions, 6 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 4]; 70]) -> Condition<T> {
     let zero = q[0].lift(0.0);
     w[0] = [zero; 4];
@@ -1133,9 +1133,7 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &m
         w[5][0] = dd_q1;
     }
     // body arm: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [
-        al_armx, al_army, t3_5, t3_10, t3_11, t3_12, t3_22, t3_23, a_army, a_armx, w_m_arm_q1,
-    ] = {
+    let [w_ixz_arm_q2, t3_5, t3_10, t3_11, t3_12, t3_22, t3_23, a_army, a_armx, w_m_arm_q1] = {
         let w_ixz_arm_q2 = sin_q2 * dd_q1;
         let w_army = cos_q2 * d_q1;
         let t3_1 = d_q2 * w_army;
@@ -1193,23 +1191,23 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &m
         let w_m_arm_q1 = like.lift(0.00017424) * dd_q1;
         w[19][0] = w_m_arm_q1;
         w[15][1] = dd_q2;
-        [al_armx, al_army, t3_5, t3_10, t3_11, t3_12, t3_22, t3_23, a_army, a_armx, w_m_arm_q1]
+        [w_ixz_arm_q2, t3_5, t3_10, t3_11, t3_12, t3_22, t3_23, a_army, a_armx, w_m_arm_q1]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        sin_q2_elbow, cos_q2_elbow, w_forearmy, al_forearmx, w_forearmz, w_forearmx, t4_5,
-        w_ixx_forearm_q1, t4_7, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2,
-        x_pin_q3,
+        sin_q2_elbow, cos_q2_elbow, w_forearmz, w_forearmy, t4_3, t4_4, al_forearmx,
+        w_forearmx, t4_5, w_ixx_forearm_q1, t4_7, x_elbow_q2, x_elbow_q3, x_wrist_q2,
+        x_wrist_q3, x_pin_q2, x_pin_q3,
     ] = {
         let t4_1 = sin_q2 * cos_elbow;
         let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t4_1);
         let t4_2 = cos_q2 * cos_elbow;
         let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t4_2);
-        let w_forearmy = cos_q2_elbow * d_q1;
-        let t4_3 = d_elbow * w_forearmy;
-        let t4_4 = sin_elbow.mul_add(al_army, t4_3);
-        let al_forearmx = cos_elbow.mul_add(al_armx, t4_4);
         let w_forearmz = d_q2 + d_elbow;
+        let w_forearmy = cos_q2_elbow * d_q1;
+        let t4_3 = w_forearmz * w_forearmy;
+        let t4_4 = sin_q2_elbow * dd_q1;
+        let al_forearmx = t4_3 + t4_4;
         let w_forearmx = sin_q2_elbow * d_q1;
         let t4_5 = w_forearmz * w_forearmx;
         let t4_6 = cos_q2_elbow * t4_5;
@@ -1286,134 +1284,128 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &m
         );
         condition = condition.min(found);
         [
-            sin_q2_elbow, cos_q2_elbow, w_forearmy, al_forearmx, w_forearmz, w_forearmx, t4_5,
-            w_ixx_forearm_q1, t4_7, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2,
-            x_pin_q3,
+            sin_q2_elbow, cos_q2_elbow, w_forearmz, w_forearmy, t4_3, t4_4, al_forearmx,
+            w_forearmx, t4_5, w_ixx_forearm_q1, t4_7, x_elbow_q2, x_elbow_q3, x_wrist_q2,
+            x_wrist_q3, x_pin_q2, x_pin_q3,
         ]
     };
     // body forearm: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [
-        t5_1, al_forearmy, t5_5, al_forearmz, t5_14, a_armz, a_forearmz, u_forearm_q1z,
-        a_forearmy, t5_34, a_forearmx,
+        t5_1, t5_4, al_forearmz, t5_12, w_ixz_forearm_q3, a_armz, a_forearmz, u_forearm_q1z,
+        a_forearmy, t5_30, a_forearmx,
     ] = {
         let t5_1 = like.lift(1.0) - x_elbow_q2;
         let w_ixx_forearm_q2 = t4_7 * t5_1;
         let t5_2 = -w_ixx_forearm_q2;
         let w_ixx_forearm_q3 = x_elbow_q3 * t4_7;
         w[20][0] = w_ixx_forearm_q1; w[20][1] = t5_2; w[20][3] = w_ixx_forearm_q3;
-        let t5_3 = d_elbow * w_forearmx;
-        let t5_4 = (-cos_elbow).mul_add(al_army, t5_3);
-        let al_forearmy = sin_elbow.mul_add(al_armx, t5_4);
-        let t5_5 = al_forearmy + t4_5;
-        let t5_6 = w_forearmz * w_forearmy;
-        let t5_7 = al_forearmx + t5_6;
-        let t5_8 = sin_q2_elbow * t5_5;
-        let w_ixy_forearm_q1 = (-cos_q2_elbow).mul_add(t5_7, t5_8);
-        let t5_9 = -w_ixy_forearm_q1;
-        let t5_10 = w_forearmx * w_forearmx;
-        let t5_11 = w_forearmy * w_forearmy;
-        let t5_12 = t5_10 - t5_11;
-        let w_ixy_forearm_q2 = t5_12 * t5_1;
-        let w_ixy_forearm_q3 = x_elbow_q3 * t5_12;
-        let t5_13 = -w_ixy_forearm_q3;
-        w[21][0] = t5_9; w[21][1] = w_ixy_forearm_q2; w[21][3] = t5_13;
+        let t5_3 = cos_q2_elbow * dd_q1;
+        let al_forearmy = t4_5 - t5_3;
+        let t5_4 = t4_5 + al_forearmy;
+        let t5_5 = t4_3 + al_forearmx;
+        let t5_6 = sin_q2_elbow * t5_4;
+        let w_ixy_forearm_q1 = (-cos_q2_elbow).mul_add(t5_5, t5_6);
+        let t5_7 = -w_ixy_forearm_q1;
+        let t5_8 = w_forearmx * w_forearmx;
+        let t5_9 = w_forearmy * w_forearmy;
+        let t5_10 = t5_8 - t5_9;
+        let w_ixy_forearm_q2 = t5_10 * t5_1;
+        let w_ixy_forearm_q3 = x_elbow_q3 * t5_10;
+        let t5_11 = -w_ixy_forearm_q3;
+        w[21][0] = t5_7; w[21][1] = w_ixy_forearm_q2; w[21][3] = t5_11;
         let al_forearmz = dd_q2 + dd_elbow;
-        let t5_14 = al_forearmz + t4_7;
-        let t5_15 = w_forearmz * w_forearmz;
-        let t5_16 = t5_10 - t5_15;
-        let t5_17 = sin_q2_elbow * t5_14;
-        let w_ixz_forearm_q1 = (-cos_q2_elbow).mul_add(t5_16, t5_17);
-        let t5_18 = al_forearmx - t5_6;
-        let w_ixz_forearm_q2 = t5_18 * t5_1;
-        let w_ixz_forearm_q3 = x_elbow_q3 * t5_18;
-        let t5_19 = -w_ixz_forearm_q3;
-        w[22][0] = w_ixz_forearm_q1; w[22][1] = w_ixz_forearm_q2; w[22][3] = t5_19;
-        let t5_20 = cos_q2_elbow * al_forearmy;
-        let w_iyy_forearm_q1 = sin_q2_elbow.mul_add(t5_6, t5_20);
-        let t5_21 = -w_iyy_forearm_q1;
-        let t5_22 = -w_ixx_forearm_q3;
-        w[23][0] = t5_21; w[23][1] = w_ixx_forearm_q2; w[23][3] = t5_22;
-        let t5_23 = t5_11 - t5_15;
-        let t5_24 = al_forearmz - t4_7;
-        let t5_25 = cos_q2_elbow * t5_24;
-        let w_iyz_forearm_q1 = sin_q2_elbow.mul_add(t5_23, t5_25);
-        let t5_26 = al_forearmy - t4_5;
-        let w_iyz_forearm_q2 = t5_26 * t5_1;
-        let t5_27 = -w_iyz_forearm_q2;
-        let w_iyz_forearm_q3 = x_elbow_q3 * t5_26;
-        w[24][0] = w_iyz_forearm_q1; w[24][1] = t5_27; w[24][3] = w_iyz_forearm_q3;
+        let t5_12 = al_forearmz + t4_7;
+        let t5_13 = w_forearmz * w_forearmz;
+        let t5_14 = t5_8 - t5_13;
+        let t5_15 = sin_q2_elbow * t5_12;
+        let w_ixz_forearm_q1 = (-cos_q2_elbow).mul_add(t5_14, t5_15);
+        let w_ixz_forearm_q2 = t4_4 * t5_1;
+        let w_ixz_forearm_q3 = x_elbow_q3 * t4_4;
+        let t5_16 = -w_ixz_forearm_q3;
+        w[22][0] = w_ixz_forearm_q1; w[22][1] = w_ixz_forearm_q2; w[22][3] = t5_16;
+        let t5_17 = cos_q2_elbow * al_forearmy;
+        let w_iyy_forearm_q1 = sin_q2_elbow.mul_add(t4_3, t5_17);
+        let t5_18 = -w_iyy_forearm_q1;
+        let t5_19 = -w_ixx_forearm_q3;
+        w[23][0] = t5_18; w[23][1] = w_ixx_forearm_q2; w[23][3] = t5_19;
+        let t5_20 = t5_9 - t5_13;
+        let t5_21 = al_forearmz - t4_7;
+        let t5_22 = cos_q2_elbow * t5_21;
+        let w_iyz_forearm_q1 = sin_q2_elbow.mul_add(t5_20, t5_22);
+        let w_iyz_forearm_q2 = t5_3 * t5_1;
+        let w_iyz_forearm_q3 = x_elbow_q3 * t5_3;
+        let t5_23 = -w_iyz_forearm_q3;
+        w[24][0] = w_iyz_forearm_q1; w[24][1] = w_iyz_forearm_q2; w[24][3] = t5_23;
         let w_izz_forearm_q2 = al_forearmz * t5_1;
         let w_izz_forearm_q3 = x_elbow_q3 * al_forearmz;
-        let t5_28 = -w_izz_forearm_q3;
-        w[25][1] = w_izz_forearm_q2; w[25][3] = t5_28;
+        let t5_24 = -w_izz_forearm_q3;
+        w[25][1] = w_izz_forearm_q2; w[25][3] = t5_24;
         let a_armz = like.lift(0.0132) * dd_q1;
         let a_forearmz = like.lift(-0.14207).mul_add(t3_5, a_armz);
         let u_forearm_q1z = like.lift(0.14207).mul_add(cos_q2, like.lift(0.0132));
-        let t5_29 = cos_q2_elbow * a_forearmz;
-        let w_mx_forearm_q1 = (-u_forearm_q1z).mul_add(t5_5, t5_29);
-        let t5_30 = t3_10 + t3_12;
-        let t5_31 = like.lift(0.14207).mul_add(t5_30, a_armx);
-        let t5_32 = like.lift(0.14207).mul_add(t3_11, a_army);
-        let t5_33 = cos_elbow * t5_32;
-        let a_forearmy = sin_elbow.mul_add(t5_31, t5_33);
-        let t5_34 = t5_11 + t5_15;
-        let t5_35 = cos_elbow * t5_14;
-        let t5_36 = (-sin_elbow).mul_add(t5_34, t5_35);
-        let t5_37 = a_forearmy * t5_1;
-        let w_mx_forearm_q2 = like.lift(0.14207).mul_add(t5_36, t5_37);
+        let t5_25 = cos_q2_elbow * a_forearmz;
+        let w_mx_forearm_q1 = (-u_forearm_q1z).mul_add(t5_4, t5_25);
+        let t5_26 = t3_10 + t3_12;
+        let t5_27 = like.lift(0.14207).mul_add(t5_26, a_armx);
+        let t5_28 = like.lift(0.14207).mul_add(t3_11, a_army);
+        let t5_29 = cos_elbow * t5_28;
+        let a_forearmy = sin_elbow.mul_add(t5_27, t5_29);
+        let t5_30 = t5_9 + t5_13;
+        let t5_31 = cos_elbow * t5_12;
+        let t5_32 = (-sin_elbow).mul_add(t5_30, t5_31);
+        let t5_33 = a_forearmy * t5_1;
+        let w_mx_forearm_q2 = like.lift(0.14207).mul_add(t5_32, t5_33);
         let w_mx_forearm_q3 = x_elbow_q3 * a_forearmy;
-        let t5_38 = -w_mx_forearm_q3;
-        w[26][0] = w_mx_forearm_q1; w[26][1] = w_mx_forearm_q2; w[26][3] = t5_38;
-        let t5_39 = u_forearm_q1z * t5_7;
-        let w_my_forearm_q1 = sin_q2_elbow.mul_add(a_forearmz, t5_39);
-        let t5_40 = -w_my_forearm_q1;
-        let t5_41 = cos_elbow * t5_31;
-        let a_forearmx = (-sin_elbow).mul_add(t5_32, t5_41);
-        let t5_42 = t5_10 + t5_15;
-        let t5_43 = cos_elbow * t5_42;
-        let t5_44 = sin_elbow.mul_add(t5_24, t5_43);
-        let t5_45 = a_forearmx * t5_1;
-        let w_my_forearm_q2 = like.lift(-0.14207).mul_add(t5_44, t5_45);
+        let t5_34 = -w_mx_forearm_q3;
+        w[26][0] = w_mx_forearm_q1; w[26][1] = w_mx_forearm_q2; w[26][3] = t5_34;
+        let t5_35 = u_forearm_q1z * t5_5;
+        let w_my_forearm_q1 = sin_q2_elbow.mul_add(a_forearmz, t5_35);
+        let t5_36 = -w_my_forearm_q1;
+        let t5_37 = cos_elbow * t5_27;
+        let a_forearmx = (-sin_elbow).mul_add(t5_28, t5_37);
+        let t5_38 = t5_8 + t5_13;
+        let t5_39 = cos_elbow * t5_38;
+        let t5_40 = sin_elbow.mul_add(t5_21, t5_39);
+        let t5_41 = a_forearmx * t5_1;
+        let w_my_forearm_q2 = like.lift(-0.14207).mul_add(t5_40, t5_41);
         let w_my_forearm_q3 = x_elbow_q3 * a_forearmx;
-        let t5_46 = -w_my_forearm_q3;
-        w[27][0] = t5_40; w[27][1] = w_my_forearm_q2; w[27][3] = t5_46;
-        let t5_47 = sin_q2_elbow * a_forearmy;
-        let t5_48 = (-u_forearm_q1z).mul_add(t3_22, t5_47);
-        let w_mz_forearm_q1 = cos_q2_elbow.mul_add(a_forearmx, t5_48);
-        let t5_49 = -w_mz_forearm_q1;
-        let t5_50 = cos_elbow * t5_18;
-        let t5_51 = sin_elbow.mul_add(t5_26, t5_50);
-        let w_mz_forearm_q2 = like.lift(0.14207) * t5_51;
-        let t5_52 = -w_mz_forearm_q2;
-        w[28][0] = t5_49; w[28][1] = t5_52;
+        let t5_42 = -w_my_forearm_q3;
+        w[27][0] = t5_36; w[27][1] = w_my_forearm_q2; w[27][3] = t5_42;
+        let t5_43 = sin_q2_elbow * a_forearmy;
+        let t5_44 = (-u_forearm_q1z).mul_add(t3_22, t5_43);
+        let w_mz_forearm_q1 = cos_q2_elbow.mul_add(a_forearmx, t5_44);
+        let t5_45 = -w_mz_forearm_q1;
+        let w_mz_forearm_q2 = like.lift(0.14207) * w_ixz_arm_q2;
+        let t5_46 = -w_mz_forearm_q2;
+        w[28][0] = t5_45; w[28][1] = t5_46;
         let w_m_forearm_q1 = u_forearm_q1z * a_forearmz;
-        let t5_53 = cos_elbow * a_forearmy;
-        let t5_54 = (-sin_elbow).mul_add(a_forearmx, t5_53);
-        let t5_55 = like.lift(0.14207) * t5_54;
-        let w_m_forearm_q2 = -t5_55;
-        let t5_56 = -w_m_forearm_q2;
-        w[29][0] = w_m_forearm_q1; w[29][1] = t5_56;
+        let t5_47 = cos_elbow * a_forearmy;
+        let t5_48 = (-sin_elbow).mul_add(a_forearmx, t5_47);
+        let t5_49 = like.lift(0.14207) * t5_48;
+        let w_m_forearm_q2 = -t5_49;
+        let t5_50 = -w_m_forearm_q2;
+        w[29][0] = w_m_forearm_q1; w[29][1] = t5_50;
         [
-            t5_1, al_forearmy, t5_5, al_forearmz, t5_14, a_armz, a_forearmz, u_forearm_q1z,
-            a_forearmy, t5_34, a_forearmx,
+            t5_1, t5_4, al_forearmz, t5_12, w_ixz_forearm_q3, a_armz, a_forearmz,
+            u_forearm_q1z, a_forearmy, t5_30, a_forearmx,
         ]
     };
     // body wrist: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [
-        sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristy, al_wristx, w_wristx, w_wristz,
-        al_wristy, t6_12, al_wristz, t6_22, a_wristz, u_wrist_q1z, a_wristy, t6_43,
-        u_wrist_q2x, t6_47, u_wrist_q2y, a_wristx,
+        sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristy, w_wristz, w_wristx, al_wristy, t6_11,
+        t6_12, t6_20, t6_31, a_wristz, u_wrist_q1z, a_wristy, t6_41, u_wrist_q2x, t6_45,
+        u_wrist_q2y, a_wristx,
     ] = {
         let t6_1 = sin_q2_elbow * cos_wrist;
         let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t6_1);
         let t6_2 = cos_q2_elbow * cos_wrist;
         let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t6_2);
         let w_wristy = d_q1 * cos_q2_elbow_wrist;
-        let t6_3 = d_wrist * w_wristy;
-        let t6_4 = (-sin_wrist).mul_add(al_forearmy, t6_3);
-        let al_wristx = cos_wrist.mul_add(al_forearmx, t6_4);
-        let w_wristx = d_q1 * sin_q2_elbow_wrist;
         let w_wristz = d_wrist + w_forearmz;
+        let t6_3 = w_wristy * w_wristz;
+        let t6_4 = dd_q1 * sin_q2_elbow_wrist;
+        let al_wristx = t6_3 + t6_4;
+        let w_wristx = d_q1 * sin_q2_elbow_wrist;
         let t6_5 = w_wristx * w_wristz;
         let t6_6 = cos_q2_elbow_wrist * t6_5;
         let w_ixx_wrist_q1 = sin_q2_elbow_wrist.mul_add(al_wristx, t6_6);
@@ -1423,310 +1415,303 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &m
         let t6_9 = x_elbow_q3 + x_wrist_q3;
         let w_ixx_wrist_q3 = t6_7 * t6_9;
         w[30][0] = w_ixx_wrist_q1; w[30][1] = w_ixx_wrist_q2; w[30][3] = w_ixx_wrist_q3;
-        let t6_10 = d_wrist * w_wristx;
-        let t6_11 = cos_wrist.mul_add(al_forearmy, t6_10);
-        let al_wristy = sin_wrist.mul_add(al_forearmx, t6_11);
-        let t6_12 = al_wristy + t6_5;
-        let t6_13 = w_wristy * w_wristz;
-        let t6_14 = al_wristx + t6_13;
-        let t6_15 = sin_q2_elbow_wrist * t6_12;
-        let w_ixy_wrist_q1 = (-cos_q2_elbow_wrist).mul_add(t6_14, t6_15);
-        let t6_16 = -w_ixy_wrist_q1;
-        let t6_17 = w_wristx * w_wristx;
-        let t6_18 = w_wristy * w_wristy;
-        let t6_19 = t6_17 - t6_18;
-        let w_ixy_wrist_q2 = t6_19 * t6_8;
-        let t6_20 = -w_ixy_wrist_q2;
-        let w_ixy_wrist_q3 = t6_19 * t6_9;
-        let t6_21 = -w_ixy_wrist_q3;
-        w[31][0] = t6_16; w[31][1] = t6_20; w[31][3] = t6_21;
+        let t6_10 = dd_q1 * cos_q2_elbow_wrist;
+        let al_wristy = t6_5 - t6_10;
+        let t6_11 = t6_5 + al_wristy;
+        let t6_12 = t6_3 + al_wristx;
+        let t6_13 = sin_q2_elbow_wrist * t6_11;
+        let w_ixy_wrist_q1 = (-cos_q2_elbow_wrist).mul_add(t6_12, t6_13);
+        let t6_14 = -w_ixy_wrist_q1;
+        let t6_15 = w_wristx * w_wristx;
+        let t6_16 = w_wristy * w_wristy;
+        let t6_17 = t6_15 - t6_16;
+        let w_ixy_wrist_q2 = t6_17 * t6_8;
+        let t6_18 = -w_ixy_wrist_q2;
+        let w_ixy_wrist_q3 = t6_17 * t6_9;
+        let t6_19 = -w_ixy_wrist_q3;
+        w[31][0] = t6_14; w[31][1] = t6_18; w[31][3] = t6_19;
         let al_wristz = dd_wrist + al_forearmz;
-        let t6_22 = al_wristz + t6_7;
-        let t6_23 = w_wristz * w_wristz;
-        let t6_24 = t6_17 - t6_23;
-        let t6_25 = sin_q2_elbow_wrist * t6_22;
-        let w_ixz_wrist_q1 = (-cos_q2_elbow_wrist).mul_add(t6_24, t6_25);
-        let t6_26 = al_wristx - t6_13;
-        let w_ixz_wrist_q2 = t6_26 * t6_8;
-        let t6_27 = -w_ixz_wrist_q2;
-        let w_ixz_wrist_q3 = t6_26 * t6_9;
-        let t6_28 = -w_ixz_wrist_q3;
-        w[32][0] = w_ixz_wrist_q1; w[32][1] = t6_27; w[32][3] = t6_28;
-        let t6_29 = cos_q2_elbow_wrist * al_wristy;
-        let w_iyy_wrist_q1 = sin_q2_elbow_wrist.mul_add(t6_13, t6_29);
-        let t6_30 = -w_iyy_wrist_q1;
-        let t6_31 = -w_ixx_wrist_q2;
-        let t6_32 = -w_ixx_wrist_q3;
-        w[33][0] = t6_30; w[33][1] = t6_31; w[33][3] = t6_32;
-        let t6_33 = t6_18 - t6_23;
-        let t6_34 = al_wristz - t6_7;
-        let t6_35 = cos_q2_elbow_wrist * t6_34;
-        let w_iyz_wrist_q1 = sin_q2_elbow_wrist.mul_add(t6_33, t6_35);
-        let t6_36 = al_wristy - t6_5;
-        let w_iyz_wrist_q2 = t6_36 * t6_8;
-        let w_iyz_wrist_q3 = t6_36 * t6_9;
-        w[34][0] = w_iyz_wrist_q1; w[34][1] = w_iyz_wrist_q2; w[34][3] = w_iyz_wrist_q3;
+        let t6_20 = al_wristz + t6_7;
+        let t6_21 = w_wristz * w_wristz;
+        let t6_22 = t6_15 - t6_21;
+        let t6_23 = sin_q2_elbow_wrist * t6_20;
+        let w_ixz_wrist_q1 = (-cos_q2_elbow_wrist).mul_add(t6_22, t6_23);
+        let w_ixz_wrist_q2 = t6_4 * t6_8;
+        let t6_24 = -w_ixz_wrist_q2;
+        let w_ixz_wrist_q3 = t6_4 * t6_9;
+        let t6_25 = -w_ixz_wrist_q3;
+        w[32][0] = w_ixz_wrist_q1; w[32][1] = t6_24; w[32][3] = t6_25;
+        let t6_26 = cos_q2_elbow_wrist * al_wristy;
+        let w_iyy_wrist_q1 = sin_q2_elbow_wrist.mul_add(t6_3, t6_26);
+        let t6_27 = -w_iyy_wrist_q1;
+        let t6_28 = -w_ixx_wrist_q2;
+        let t6_29 = -w_ixx_wrist_q3;
+        w[33][0] = t6_27; w[33][1] = t6_28; w[33][3] = t6_29;
+        let t6_30 = t6_16 - t6_21;
+        let t6_31 = al_wristz - t6_7;
+        let t6_32 = cos_q2_elbow_wrist * t6_31;
+        let w_iyz_wrist_q1 = sin_q2_elbow_wrist.mul_add(t6_30, t6_32);
+        let w_iyz_wrist_q2 = t6_10 * t6_8;
+        let t6_33 = -w_iyz_wrist_q2;
+        let w_iyz_wrist_q3 = t6_10 * t6_9;
+        let t6_34 = -w_iyz_wrist_q3;
+        w[34][0] = w_iyz_wrist_q1; w[34][1] = t6_33; w[34][3] = t6_34;
         let w_izz_wrist_q2 = al_wristz * t6_8;
-        let t6_37 = -w_izz_wrist_q2;
+        let t6_35 = -w_izz_wrist_q2;
         let w_izz_wrist_q3 = al_wristz * t6_9;
-        let t6_38 = -w_izz_wrist_q3;
-        w[35][1] = t6_37; w[35][3] = t6_38;
-        let a_wristz = like.lift(-0.15852).mul_add(t5_5, a_forearmz);
+        let t6_36 = -w_izz_wrist_q3;
+        w[35][1] = t6_35; w[35][3] = t6_36;
+        let a_wristz = like.lift(-0.15852).mul_add(t5_4, a_forearmz);
         let u_wrist_q1z = like.lift(0.15852).mul_add(cos_q2_elbow, u_forearm_q1z);
-        let t6_39 = a_wristz * cos_q2_elbow_wrist;
-        let w_mx_wrist_q1 = (-t6_12).mul_add(u_wrist_q1z, t6_39);
-        let t6_40 = like.lift(0.15852).mul_add(t5_34, a_forearmx);
-        let t6_41 = like.lift(0.15852).mul_add(t5_14, a_forearmy);
-        let t6_42 = cos_wrist * t6_41;
-        let a_wristy = sin_wrist.mul_add(t6_40, t6_42);
-        let t6_43 = t6_18 + t6_23;
-        let t6_44 = like.lift(0.14207).mul_add(cos_elbow, like.lift(0.15852));
-        let t6_45 = like.lift(0.14207) * sin_elbow;
-        let t6_46 = sin_wrist * t6_44;
-        let u_wrist_q2x = cos_wrist.mul_add(t6_45, t6_46);
-        let t6_47 = like.lift(0.15852) * x_elbow_q2;
-        let t6_48 = (-sin_wrist).mul_add(t6_47, u_wrist_q2x);
-        let t6_49 = sin_wrist * t6_45;
-        let u_wrist_q2y = (-cos_wrist).mul_add(t6_44, t6_49);
-        let t6_50 = cos_wrist.mul_add(t6_47, u_wrist_q2y);
-        let t6_51 = a_wristy * t6_8;
-        let t6_52 = t6_22.mul_add(t6_50, t6_51);
-        let w_mx_wrist_q2 = t6_43.mul_add(t6_48, t6_52);
-        let t6_53 = -w_mx_wrist_q2;
-        let t6_54 = sin_wrist * x_elbow_q3;
-        let t6_55 = cos_wrist * x_elbow_q3;
-        let t6_56 = t6_22 * t6_55;
-        let t6_57 = (-t6_43).mul_add(t6_54, t6_56);
-        let t6_58 = a_wristy * t6_9;
-        let w_mx_wrist_q3 = like.lift(0.15852).mul_add(t6_57, t6_58);
-        let t6_59 = -w_mx_wrist_q3;
-        w[36][0] = w_mx_wrist_q1; w[36][1] = t6_53; w[36][3] = t6_59;
-        let t6_60 = t6_14 * u_wrist_q1z;
-        let w_my_wrist_q1 = a_wristz.mul_add(sin_q2_elbow_wrist, t6_60);
-        let t6_61 = -w_my_wrist_q1;
-        let t6_62 = cos_wrist * t6_40;
-        let a_wristx = (-sin_wrist).mul_add(t6_41, t6_62);
-        let t6_63 = t6_17 + t6_23;
-        let t6_64 = a_wristx * t6_8;
-        let t6_65 = (-t6_63).mul_add(t6_50, t6_64);
-        let w_my_wrist_q2 = t6_34.mul_add(t6_48, t6_65);
-        let t6_66 = -w_my_wrist_q2;
-        let t6_67 = t6_63 * t6_55;
-        let t6_68 = t6_34.mul_add(t6_54, t6_67);
-        let t6_69 = a_wristx * t6_9;
-        let w_my_wrist_q3 = like.lift(-0.15852).mul_add(t6_68, t6_69);
-        let t6_70 = -w_my_wrist_q3;
-        w[37][0] = t6_61; w[37][1] = t6_66; w[37][3] = t6_70;
-        let t6_71 = sin_q2_elbow_wrist * a_wristy;
-        let t6_72 = (-t3_22).mul_add(u_wrist_q1z, t6_71);
-        let w_mz_wrist_q1 = cos_q2_elbow_wrist.mul_add(a_wristx, t6_72);
-        let t6_73 = -w_mz_wrist_q1;
-        let t6_74 = t6_36 * t6_48;
-        let w_mz_wrist_q2 = (-t6_26).mul_add(t6_50, t6_74);
-        let t6_75 = -w_mz_wrist_q2;
-        let t6_76 = t6_26 * t6_55;
-        let t6_77 = t6_36.mul_add(t6_54, t6_76);
-        let w_mz_wrist_q3 = like.lift(0.15852) * t6_77;
-        w[38][0] = t6_73; w[38][1] = t6_75; w[38][3] = w_mz_wrist_q3;
+        let t6_37 = a_wristz * cos_q2_elbow_wrist;
+        let w_mx_wrist_q1 = (-t6_11).mul_add(u_wrist_q1z, t6_37);
+        let t6_38 = like.lift(0.15852).mul_add(t5_30, a_forearmx);
+        let t6_39 = like.lift(0.15852).mul_add(t5_12, a_forearmy);
+        let t6_40 = cos_wrist * t6_39;
+        let a_wristy = sin_wrist.mul_add(t6_38, t6_40);
+        let t6_41 = t6_16 + t6_21;
+        let t6_42 = like.lift(0.14207).mul_add(cos_elbow, like.lift(0.15852));
+        let t6_43 = like.lift(0.14207) * sin_elbow;
+        let t6_44 = sin_wrist * t6_42;
+        let u_wrist_q2x = cos_wrist.mul_add(t6_43, t6_44);
+        let t6_45 = like.lift(0.15852) * x_elbow_q2;
+        let t6_46 = (-sin_wrist).mul_add(t6_45, u_wrist_q2x);
+        let t6_47 = sin_wrist * t6_43;
+        let u_wrist_q2y = (-cos_wrist).mul_add(t6_42, t6_47);
+        let t6_48 = cos_wrist.mul_add(t6_45, u_wrist_q2y);
+        let t6_49 = a_wristy * t6_8;
+        let t6_50 = t6_20.mul_add(t6_48, t6_49);
+        let w_mx_wrist_q2 = t6_41.mul_add(t6_46, t6_50);
+        let t6_51 = -w_mx_wrist_q2;
+        let t6_52 = sin_wrist * x_elbow_q3;
+        let t6_53 = cos_wrist * x_elbow_q3;
+        let t6_54 = t6_20 * t6_53;
+        let t6_55 = (-t6_41).mul_add(t6_52, t6_54);
+        let t6_56 = a_wristy * t6_9;
+        let w_mx_wrist_q3 = like.lift(0.15852).mul_add(t6_55, t6_56);
+        let t6_57 = -w_mx_wrist_q3;
+        w[36][0] = w_mx_wrist_q1; w[36][1] = t6_51; w[36][3] = t6_57;
+        let t6_58 = t6_12 * u_wrist_q1z;
+        let w_my_wrist_q1 = a_wristz.mul_add(sin_q2_elbow_wrist, t6_58);
+        let t6_59 = -w_my_wrist_q1;
+        let t6_60 = cos_wrist * t6_38;
+        let a_wristx = (-sin_wrist).mul_add(t6_39, t6_60);
+        let t6_61 = t6_15 + t6_21;
+        let t6_62 = a_wristx * t6_8;
+        let t6_63 = (-t6_61).mul_add(t6_48, t6_62);
+        let w_my_wrist_q2 = t6_31.mul_add(t6_46, t6_63);
+        let t6_64 = -w_my_wrist_q2;
+        let t6_65 = t6_61 * t6_53;
+        let t6_66 = t6_31.mul_add(t6_52, t6_65);
+        let t6_67 = a_wristx * t6_9;
+        let w_my_wrist_q3 = like.lift(-0.15852).mul_add(t6_66, t6_67);
+        let t6_68 = -w_my_wrist_q3;
+        w[37][0] = t6_59; w[37][1] = t6_64; w[37][3] = t6_68;
+        let t6_69 = sin_q2_elbow_wrist * a_wristy;
+        let t6_70 = (-t3_22).mul_add(u_wrist_q1z, t6_69);
+        let w_mz_wrist_q1 = cos_q2_elbow_wrist.mul_add(a_wristx, t6_70);
+        let t6_71 = -w_mz_wrist_q1;
+        let t6_72 = t6_4 * t6_48;
+        let w_mz_wrist_q2 = t6_10.mul_add(t6_46, t6_72);
+        let w_mz_wrist_q3 = like.lift(0.15852) * w_ixz_forearm_q3;
+        w[38][0] = t6_71; w[38][1] = w_mz_wrist_q2; w[38][3] = w_mz_wrist_q3;
         let w_m_wrist_q1 = a_wristz * u_wrist_q1z;
-        let t6_78 = a_wristy * t6_50;
-        let w_m_wrist_q2 = a_wristx.mul_add(t6_48, t6_78);
-        let t6_79 = -w_m_wrist_q2;
-        let t6_80 = a_wristy * t6_55;
-        let t6_81 = (-a_wristx).mul_add(t6_54, t6_80);
-        let t6_82 = like.lift(0.15852) * t6_81;
-        let w_m_wrist_q3 = -t6_82;
-        w[39][0] = w_m_wrist_q1; w[39][1] = t6_79; w[39][3] = w_m_wrist_q3;
+        let t6_73 = a_wristy * t6_48;
+        let w_m_wrist_q2 = a_wristx.mul_add(t6_46, t6_73);
+        let t6_74 = -w_m_wrist_q2;
+        let t6_75 = a_wristy * t6_53;
+        let t6_76 = (-a_wristx).mul_add(t6_52, t6_75);
+        let t6_77 = like.lift(0.15852) * t6_76;
+        let w_m_wrist_q3 = -t6_77;
+        w[39][0] = w_m_wrist_q1; w[39][1] = t6_74; w[39][3] = w_m_wrist_q3;
         [
-            sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristy, al_wristx, w_wristx, w_wristz,
-            al_wristy, t6_12, al_wristz, t6_22, a_wristz, u_wrist_q1z, a_wristy, t6_43,
-            u_wrist_q2x, t6_47, u_wrist_q2y, a_wristx,
+            sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristy, w_wristz, w_wristx, al_wristy,
+            t6_11, t6_12, t6_20, t6_31, a_wristz, u_wrist_q1z, a_wristy, t6_41, u_wrist_q2x,
+            t6_45, u_wrist_q2y, a_wristx,
         ]
     };
     // body flange: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
         let t7_1 = sin_q4 * w_wristx;
         let w_flangey = (-cos_q4).mul_add(w_wristz, t7_1);
-        let t7_2 = sin_q4 * al_wristz;
-        let t7_3 = (-d_q4).mul_add(w_flangey, t7_2);
-        let al_flangex = cos_q4.mul_add(al_wristx, t7_3);
+        let w_flangez = d_q4 - w_wristy;
+        let t7_2 = w_flangey * w_flangez;
+        let t7_3 = cos_q4 * t6_12;
+        let w_ixz_flange_q4 = sin_q4.mul_add(t6_31, t7_3);
+        let al_flangex = t7_2 - w_ixz_flange_q4;
         let e_flange_q1x = cos_q4 * sin_q2_elbow_wrist;
         let t7_4 = sin_q4 * w_wristz;
         let w_flangex = cos_q4.mul_add(w_wristx, t7_4);
-        let w_flangez = d_q4 - w_wristy;
         let t7_5 = w_flangex * w_flangez;
         let e_flange_q1y = sin_q4 * sin_q2_elbow_wrist;
         let t7_6 = t7_5 * e_flange_q1y;
         let w_ixx_flange_q4 = w_flangex * w_flangey;
         let t7_7 = cos_q2_elbow_wrist * w_ixx_flange_q4;
-        let t7_8 = al_flangex.mul_add(e_flange_q1x, -t7_6);
-        let w_ixx_flange_q1 = t7_8 - t7_7;
-        let t7_9 = x_wrist_q2 + x_elbow_q2;
-        let t7_10 = (-sin_q4).mul_add(t7_9, sin_q4);
-        let t7_11 = x_wrist_q2 + x_elbow_q2;
-        let t7_12 = (-cos_q4).mul_add(t7_11, cos_q4);
-        let t7_13 = t7_5 * t7_12;
-        let w_ixx_flange_q2 = al_flangex.mul_add(t7_10, t7_13);
-        let t7_14 = x_wrist_q3 + x_elbow_q3;
-        let t7_15 = sin_q4 * t7_14;
+        let t7_8 = al_flangex.mul_add(e_flange_q1x, t7_6);
+        let w_ixx_flange_q1 = t7_8 + t7_7;
+        let t7_9 = -w_ixx_flange_q1;
+        let t7_10 = x_wrist_q2 + x_elbow_q2;
+        let t7_11 = (-sin_q4).mul_add(t7_10, sin_q4);
+        let t7_12 = x_wrist_q2 + x_elbow_q2;
+        let t7_13 = (-cos_q4).mul_add(t7_12, cos_q4);
+        let t7_14 = t7_5 * t7_13;
+        let w_ixx_flange_q2 = al_flangex.mul_add(t7_11, -t7_14);
+        let t7_15 = -w_ixx_flange_q2;
         let t7_16 = x_wrist_q3 + x_elbow_q3;
-        let t7_17 = cos_q4 * t7_16;
-        let t7_18 = t7_5 * t7_17;
-        let w_ixx_flange_q3 = al_flangex.mul_add(t7_15, t7_18);
-        let t7_19 = -w_ixx_flange_q3;
-        w[40] = [w_ixx_flange_q1, w_ixx_flange_q2, w_ixx_flange_q4, t7_19];
-        let t7_20 = d_q4 * w_flangex;
-        let t7_21 = (-cos_q4).mul_add(al_wristz, t7_20);
-        let al_flangey = sin_q4.mul_add(al_wristx, t7_21);
-        let t7_22 = al_flangey + t7_5;
-        let t7_23 = w_flangey * w_flangez;
-        let t7_24 = al_flangex - t7_23;
-        let t7_25 = w_flangex * w_flangex;
-        let t7_26 = w_flangey * w_flangey;
-        let w_ixy_flange_q4 = t7_25 - t7_26;
-        let t7_27 = cos_q2_elbow_wrist * w_ixy_flange_q4;
-        let t7_28 = t7_24.mul_add(e_flange_q1y, t7_27);
-        let w_ixy_flange_q1 = t7_22.mul_add(e_flange_q1x, t7_28);
-        let t7_29 = -w_ixy_flange_q1;
-        let t7_30 = t7_22 * t7_10;
-        let w_ixy_flange_q2 = (-t7_24).mul_add(t7_12, t7_30);
-        let t7_31 = -w_ixy_flange_q2;
-        let t7_32 = t7_22 * t7_15;
-        let w_ixy_flange_q3 = (-t7_24).mul_add(t7_17, t7_32);
-        w[41] = [t7_29, t7_31, w_ixy_flange_q4, w_ixy_flange_q3];
+        let t7_17 = sin_q4 * t7_16;
+        let t7_18 = x_wrist_q3 + x_elbow_q3;
+        let t7_19 = cos_q4 * t7_18;
+        let t7_20 = t7_5 * t7_19;
+        let w_ixx_flange_q3 = al_flangex.mul_add(t7_17, -t7_20);
+        w[40] = [t7_9, t7_15, w_ixx_flange_q4, w_ixx_flange_q3];
+        let t7_21 = cos_q4 * t6_31;
+        let w_iyz_flange_q4 = (-sin_q4).mul_add(t6_12, t7_21);
+        let al_flangey = t7_5 - w_iyz_flange_q4;
+        let t7_22 = t7_5 + al_flangey;
+        let t7_23 = t7_2 + al_flangex;
+        let t7_24 = w_flangex * w_flangex;
+        let t7_25 = w_flangey * w_flangey;
+        let w_ixy_flange_q4 = t7_24 - t7_25;
+        let t7_26 = cos_q2_elbow_wrist * w_ixy_flange_q4;
+        let t7_27 = (-t7_23).mul_add(e_flange_q1y, t7_26);
+        let w_ixy_flange_q1 = t7_22.mul_add(e_flange_q1x, t7_27);
+        let t7_28 = -w_ixy_flange_q1;
+        let t7_29 = t7_23 * t7_13;
+        let w_ixy_flange_q2 = t7_22.mul_add(t7_11, t7_29);
+        let t7_30 = -w_ixy_flange_q2;
+        let t7_31 = t7_23 * t7_19;
+        let w_ixy_flange_q3 = t7_22.mul_add(t7_17, t7_31);
+        w[41] = [t7_28, t7_30, w_ixy_flange_q4, w_ixy_flange_q3];
         let al_flangez = dd_q4 + al_wristy;
-        let t7_33 = al_flangez - w_ixx_flange_q4;
-        let t7_34 = w_flangez * w_flangez;
-        let t7_35 = t7_25 - t7_34;
-        let w_ixz_flange_q4 = al_flangex + t7_23;
-        let t7_36 = e_flange_q1y * t7_35;
-        let t7_37 = (-cos_q2_elbow_wrist).mul_add(w_ixz_flange_q4, t7_36);
-        let w_ixz_flange_q1 = t7_33.mul_add(e_flange_q1x, t7_37);
-        let t7_38 = t7_33 * t7_10;
-        let w_ixz_flange_q2 = (-t7_35).mul_add(t7_12, t7_38);
-        let t7_39 = t7_33 * t7_15;
-        let w_ixz_flange_q3 = (-t7_35).mul_add(t7_17, t7_39);
-        let t7_40 = -w_ixz_flange_q3;
-        w[42] = [w_ixz_flange_q1, w_ixz_flange_q2, w_ixz_flange_q4, t7_40];
-        let t7_41 = t7_23 * e_flange_q1x;
-        let t7_42 = al_flangey.mul_add(e_flange_q1y, t7_7);
-        let w_iyy_flange_q1 = t7_42 + t7_41;
-        let t7_43 = t7_23 * t7_10;
-        let w_iyy_flange_q2 = (-al_flangey).mul_add(t7_12, t7_43);
-        let t7_44 = -w_ixx_flange_q4;
-        let t7_45 = t7_23 * t7_15;
-        let w_iyy_flange_q3 = (-al_flangey).mul_add(t7_17, t7_45);
-        let t7_46 = -w_iyy_flange_q3;
-        w[43] = [w_iyy_flange_q1, w_iyy_flange_q2, t7_44, t7_46];
-        let t7_47 = t7_26 - t7_34;
-        let t7_48 = al_flangez + w_ixx_flange_q4;
-        let w_iyz_flange_q4 = al_flangey - t7_5;
-        let t7_49 = cos_q2_elbow_wrist * w_iyz_flange_q4;
-        let t7_50 = (-t7_48).mul_add(e_flange_q1y, t7_49);
-        let w_iyz_flange_q1 = e_flange_q1x.mul_add(t7_47, t7_50);
-        let t7_51 = t7_48 * t7_12;
-        let w_iyz_flange_q2 = t7_47.mul_add(t7_10, t7_51);
-        let t7_52 = -w_iyz_flange_q4;
-        let t7_53 = t7_48 * t7_17;
-        let w_iyz_flange_q3 = t7_47.mul_add(t7_15, t7_53);
-        let t7_54 = -w_iyz_flange_q3;
-        w[44] = [w_iyz_flange_q1, w_iyz_flange_q2, t7_52, t7_54];
-        let t7_55 = (-cos_q2_elbow_wrist).mul_add(al_flangez, t7_6);
-        let w_izz_flange_q1 = t7_55 - t7_41;
-        let w_izz_flange_q2 = t7_13 + t7_43;
-        let t7_56 = -w_izz_flange_q2;
-        let w_izz_flange_q3 = t7_18 + t7_45;
-        w[45] = [w_izz_flange_q1, t7_56, al_flangez, w_izz_flange_q3];
-        let t7_57 = like.lift(0.05).mul_add(t6_43, a_wristx);
-        let t7_58 = like.lift(-0.05).mul_add(t6_12, a_wristz);
-        let t7_59 = sin_q4 * t7_57;
-        let a_flangey = (-cos_q4).mul_add(t7_58, t7_59);
-        let a_flangez = like.lift(0.05).mul_add(t6_22, a_wristy);
-        let t7_60 = t7_26 + t7_34;
-        let t7_61 = like.lift(0.05).mul_add(cos_q2_elbow_wrist, u_wrist_q1z);
-        let u_flange_q1x = sin_q4 * t7_61;
-        let u_flange_q1y = cos_q4 * t7_61;
-        let t7_62 = a_flangez * e_flange_q1y;
-        let t7_63 = cos_q2_elbow_wrist.mul_add(a_flangey, t7_62);
-        let t7_64 = t7_33.mul_add(u_flange_q1y, t7_63);
-        let w_mx_flange_q1 = (-t7_60).mul_add(u_flange_q1x, t7_64);
-        let t7_65 = -w_mx_flange_q1;
-        let t7_66 = sin_wrist * cos_q4;
-        let t7_67 = cos_q4 * u_wrist_q2x;
-        let t7_68 = (-t7_66).mul_add(t6_47, t7_67);
-        let t7_69 = sin_wrist * sin_q4;
-        let t7_70 = sin_q4 * u_wrist_q2x;
-        let t7_71 = (-t7_69).mul_add(t6_47, t7_70);
+        let t7_32 = al_flangez - w_ixx_flange_q4;
+        let t7_33 = w_flangez * w_flangez;
+        let t7_34 = t7_24 - t7_33;
+        let t7_35 = e_flange_q1y * t7_34;
+        let t7_36 = (-cos_q2_elbow_wrist).mul_add(w_ixz_flange_q4, t7_35);
+        let w_ixz_flange_q1 = t7_32.mul_add(e_flange_q1x, t7_36);
+        let t7_37 = t7_32 * t7_11;
+        let w_ixz_flange_q2 = (-t7_34).mul_add(t7_13, t7_37);
+        let t7_38 = t7_32 * t7_17;
+        let w_ixz_flange_q3 = (-t7_34).mul_add(t7_19, t7_38);
+        let t7_39 = -w_ixz_flange_q3;
+        w[42] = [w_ixz_flange_q1, w_ixz_flange_q2, w_ixz_flange_q4, t7_39];
+        let t7_40 = t7_2 * e_flange_q1x;
+        let t7_41 = al_flangey.mul_add(e_flange_q1y, t7_7);
+        let w_iyy_flange_q1 = t7_41 + t7_40;
+        let t7_42 = t7_2 * t7_11;
+        let w_iyy_flange_q2 = (-al_flangey).mul_add(t7_13, t7_42);
+        let t7_43 = -w_ixx_flange_q4;
+        let t7_44 = t7_2 * t7_17;
+        let w_iyy_flange_q3 = (-al_flangey).mul_add(t7_19, t7_44);
+        let t7_45 = -w_iyy_flange_q3;
+        w[43] = [w_iyy_flange_q1, w_iyy_flange_q2, t7_43, t7_45];
+        let t7_46 = t7_25 - t7_33;
+        let t7_47 = al_flangez + w_ixx_flange_q4;
+        let t7_48 = e_flange_q1x * t7_46;
+        let t7_49 = (-cos_q2_elbow_wrist).mul_add(w_iyz_flange_q4, t7_48);
+        let w_iyz_flange_q1 = (-t7_47).mul_add(e_flange_q1y, t7_49);
+        let t7_50 = t7_47 * t7_13;
+        let w_iyz_flange_q2 = t7_46.mul_add(t7_11, t7_50);
+        let t7_51 = t7_47 * t7_19;
+        let w_iyz_flange_q3 = t7_46.mul_add(t7_17, t7_51);
+        let t7_52 = -w_iyz_flange_q3;
+        w[44] = [w_iyz_flange_q1, w_iyz_flange_q2, w_iyz_flange_q4, t7_52];
+        let t7_53 = (-cos_q2_elbow_wrist).mul_add(al_flangez, t7_6);
+        let w_izz_flange_q1 = t7_53 - t7_40;
+        let w_izz_flange_q2 = t7_14 + t7_42;
+        let t7_54 = -w_izz_flange_q2;
+        let w_izz_flange_q3 = t7_20 + t7_44;
+        w[45] = [w_izz_flange_q1, t7_54, al_flangez, w_izz_flange_q3];
+        let t7_55 = like.lift(0.05).mul_add(t6_41, a_wristx);
+        let t7_56 = like.lift(-0.05).mul_add(t6_11, a_wristz);
+        let t7_57 = sin_q4 * t7_55;
+        let a_flangey = (-cos_q4).mul_add(t7_56, t7_57);
+        let a_flangez = like.lift(0.05).mul_add(t6_20, a_wristy);
+        let t7_58 = t7_25 + t7_33;
+        let t7_59 = like.lift(0.05).mul_add(cos_q2_elbow_wrist, u_wrist_q1z);
+        let u_flange_q1x = sin_q4 * t7_59;
+        let u_flange_q1y = cos_q4 * t7_59;
+        let t7_60 = a_flangez * e_flange_q1y;
+        let t7_61 = cos_q2_elbow_wrist.mul_add(a_flangey, t7_60);
+        let t7_62 = t7_32.mul_add(u_flange_q1y, t7_61);
+        let w_mx_flange_q1 = (-t7_58).mul_add(u_flange_q1x, t7_62);
+        let t7_63 = -w_mx_flange_q1;
+        let t7_64 = sin_wrist * cos_q4;
+        let t7_65 = cos_q4 * u_wrist_q2x;
+        let t7_66 = (-t7_64).mul_add(t6_45, t7_65);
+        let t7_67 = sin_wrist * sin_q4;
+        let t7_68 = sin_q4 * u_wrist_q2x;
+        let t7_69 = (-t7_67).mul_add(t6_45, t7_68);
         let u_flange_elbowz = like.lift(0.15852).mul_add(cos_wrist, like.lift(0.05));
-        let t7_72 = like.lift(-0.05).mul_add(x_wrist_q2, like.lift(0.05));
-        let t7_73 = (-x_elbow_q2).mul_add(u_flange_elbowz, t7_72);
-        let t7_74 = t7_73 - u_wrist_q2y;
-        let t7_75 = a_flangez * t7_12;
-        let t7_76 = (-t7_22).mul_add(t7_74, t7_75);
-        let t7_77 = (-t7_33).mul_add(t7_71, t7_76);
-        let w_mx_flange_q2 = (-t7_60).mul_add(t7_68, t7_77);
-        let t7_78 = x_elbow_q3 * t7_66;
-        let t7_79 = x_elbow_q3 * t7_69;
-        let t7_80 = like.lift(0.05) * x_wrist_q3;
-        let t7_81 = x_elbow_q3.mul_add(u_flange_elbowz, t7_80);
-        let t7_82 = t7_33 * t7_79;
-        let t7_83 = t7_60.mul_add(t7_78, t7_82);
-        let t7_84 = a_flangez * t7_17;
-        let t7_85 = (-t7_22).mul_add(t7_81, t7_84);
-        let w_mx_flange_q3 = like.lift(-0.15852).mul_add(t7_83, t7_85);
-        let t7_86 = -w_mx_flange_q3;
-        w[46] = [t7_65, w_mx_flange_q2, a_flangey, t7_86];
-        let t7_87 = sin_q4 * t7_58;
-        let a_flangex = cos_q4.mul_add(t7_57, t7_87);
-        let t7_88 = t7_25 + t7_34;
-        let t7_89 = cos_q2_elbow_wrist * a_flangex;
-        let t7_90 = a_flangez.mul_add(e_flange_q1x, t7_89);
-        let t7_91 = (-t7_88).mul_add(u_flange_q1y, t7_90);
-        let w_my_flange_q1 = (-t7_48).mul_add(u_flange_q1x, t7_91);
-        let t7_92 = -w_my_flange_q1;
-        let t7_93 = a_flangez * t7_10;
-        let t7_94 = t7_24.mul_add(t7_74, t7_93);
-        let t7_95 = (-t7_88).mul_add(t7_71, t7_94);
-        let w_my_flange_q2 = t7_48.mul_add(t7_68, t7_95);
-        let t7_96 = -w_my_flange_q2;
-        let t7_97 = t7_88 * t7_79;
-        let t7_98 = (-t7_48).mul_add(t7_78, t7_97);
-        let t7_99 = a_flangez * t7_15;
-        let t7_100 = t7_24.mul_add(t7_81, t7_99);
-        let w_my_flange_q3 = like.lift(-0.15852).mul_add(t7_98, t7_100);
-        w[47] = [t7_92, t7_96, a_flangex, w_my_flange_q3];
-        let t7_101 = a_flangex * e_flange_q1y;
-        let t7_102 = (-a_flangey).mul_add(e_flange_q1x, t7_101);
-        let t7_103 = w_ixz_flange_q4.mul_add(u_flange_q1y, t7_102);
-        let w_mz_flange_q1 = w_iyz_flange_q4.mul_add(u_flange_q1x, t7_103);
-        let t7_104 = t7_25 + t7_26;
-        let t7_105 = a_flangey * t7_10;
-        let t7_106 = a_flangex.mul_add(t7_12, t7_105);
-        let t7_107 = (-t7_104).mul_add(t7_74, t7_106);
-        let t7_108 = (-w_ixz_flange_q4).mul_add(t7_71, t7_107);
-        let w_mz_flange_q2 = w_iyz_flange_q4.mul_add(t7_68, t7_108);
-        let t7_109 = -w_mz_flange_q2;
-        let t7_110 = w_ixz_flange_q4 * t7_79;
-        let t7_111 = (-w_iyz_flange_q4).mul_add(t7_78, t7_110);
-        let t7_112 = a_flangey * t7_15;
-        let t7_113 = a_flangex.mul_add(t7_17, t7_112);
-        let t7_114 = (-t7_104).mul_add(t7_81, t7_113);
-        let w_mz_flange_q3 = like.lift(-0.15852).mul_add(t7_111, t7_114);
-        w[48][0] = w_mz_flange_q1; w[48][1] = t7_109; w[48][3] = w_mz_flange_q3;
-        let t7_115 = a_flangex * u_flange_q1x;
-        let w_m_flange_q1 = (-a_flangey).mul_add(u_flange_q1y, t7_115);
-        let t7_116 = a_flangey * t7_71;
-        let t7_117 = (-a_flangez).mul_add(t7_74, t7_116);
-        let w_m_flange_q2 = a_flangex.mul_add(t7_68, t7_117);
-        let t7_118 = -w_m_flange_q2;
-        let t7_119 = a_flangey * t7_79;
-        let t7_120 = a_flangex.mul_add(t7_78, t7_119);
-        let t7_121 = like.lift(0.15852) * t7_120;
-        let w_m_flange_q3 = (-a_flangez).mul_add(t7_81, t7_121);
-        w[49][0] = w_m_flange_q1; w[49][1] = t7_118; w[49][3] = w_m_flange_q3;
+        let t7_70 = like.lift(-0.05).mul_add(x_wrist_q2, like.lift(0.05));
+        let t7_71 = (-x_elbow_q2).mul_add(u_flange_elbowz, t7_70);
+        let t7_72 = t7_71 - u_wrist_q2y;
+        let t7_73 = a_flangez * t7_13;
+        let t7_74 = (-t7_22).mul_add(t7_72, t7_73);
+        let t7_75 = (-t7_32).mul_add(t7_69, t7_74);
+        let w_mx_flange_q2 = (-t7_58).mul_add(t7_66, t7_75);
+        let t7_76 = x_elbow_q3 * t7_64;
+        let t7_77 = x_elbow_q3 * t7_67;
+        let t7_78 = like.lift(0.05) * x_wrist_q3;
+        let t7_79 = x_elbow_q3.mul_add(u_flange_elbowz, t7_78);
+        let t7_80 = t7_32 * t7_77;
+        let t7_81 = t7_58.mul_add(t7_76, t7_80);
+        let t7_82 = a_flangez * t7_19;
+        let t7_83 = (-t7_22).mul_add(t7_79, t7_82);
+        let w_mx_flange_q3 = like.lift(-0.15852).mul_add(t7_81, t7_83);
+        let t7_84 = -w_mx_flange_q3;
+        w[46] = [t7_63, w_mx_flange_q2, a_flangey, t7_84];
+        let t7_85 = sin_q4 * t7_56;
+        let a_flangex = cos_q4.mul_add(t7_55, t7_85);
+        let t7_86 = t7_24 + t7_33;
+        let t7_87 = cos_q2_elbow_wrist * a_flangex;
+        let t7_88 = a_flangez.mul_add(e_flange_q1x, t7_87);
+        let t7_89 = (-t7_86).mul_add(u_flange_q1y, t7_88);
+        let w_my_flange_q1 = (-t7_47).mul_add(u_flange_q1x, t7_89);
+        let t7_90 = -w_my_flange_q1;
+        let t7_91 = a_flangez * t7_11;
+        let t7_92 = (-t7_23).mul_add(t7_72, t7_91);
+        let t7_93 = (-t7_86).mul_add(t7_69, t7_92);
+        let w_my_flange_q2 = t7_47.mul_add(t7_66, t7_93);
+        let t7_94 = -w_my_flange_q2;
+        let t7_95 = t7_86 * t7_77;
+        let t7_96 = (-t7_47).mul_add(t7_76, t7_95);
+        let t7_97 = a_flangez * t7_17;
+        let t7_98 = (-t7_23).mul_add(t7_79, t7_97);
+        let w_my_flange_q3 = like.lift(-0.15852).mul_add(t7_96, t7_98);
+        w[47] = [t7_90, t7_94, a_flangex, w_my_flange_q3];
+        let t7_99 = a_flangex * e_flange_q1y;
+        let t7_100 = (-a_flangey).mul_add(e_flange_q1x, t7_99);
+        let t7_101 = w_ixz_flange_q4.mul_add(u_flange_q1y, t7_100);
+        let w_mz_flange_q1 = (-w_iyz_flange_q4).mul_add(u_flange_q1x, t7_101);
+        let t7_102 = t7_24 + t7_25;
+        let t7_103 = a_flangey * t7_11;
+        let t7_104 = a_flangex.mul_add(t7_13, t7_103);
+        let t7_105 = (-t7_102).mul_add(t7_72, t7_104);
+        let t7_106 = (-w_ixz_flange_q4).mul_add(t7_69, t7_105);
+        let w_mz_flange_q2 = (-w_iyz_flange_q4).mul_add(t7_66, t7_106);
+        let t7_107 = -w_mz_flange_q2;
+        let t7_108 = w_ixz_flange_q4 * t7_77;
+        let t7_109 = w_iyz_flange_q4.mul_add(t7_76, t7_108);
+        let t7_110 = a_flangey * t7_17;
+        let t7_111 = a_flangex.mul_add(t7_19, t7_110);
+        let t7_112 = (-t7_102).mul_add(t7_79, t7_111);
+        let w_mz_flange_q3 = like.lift(-0.15852).mul_add(t7_109, t7_112);
+        w[48][0] = w_mz_flange_q1; w[48][1] = t7_107; w[48][3] = w_mz_flange_q3;
+        let t7_113 = a_flangex * u_flange_q1x;
+        let w_m_flange_q1 = (-a_flangey).mul_add(u_flange_q1y, t7_113);
+        let t7_114 = a_flangey * t7_69;
+        let t7_115 = (-a_flangez).mul_add(t7_72, t7_114);
+        let w_m_flange_q2 = a_flangex.mul_add(t7_66, t7_115);
+        let t7_116 = -w_m_flange_q2;
+        let t7_117 = a_flangey * t7_77;
+        let t7_118 = a_flangex.mul_add(t7_76, t7_117);
+        let t7_119 = like.lift(0.15852) * t7_118;
+        let w_m_flange_q3 = (-a_flangez).mul_add(t7_79, t7_119);
+        w[49][0] = w_m_flange_q1; w[49][1] = t7_116; w[49][3] = w_m_flange_q3;
     }
     // body crank: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [al_crankx, al_cranky, t8_5, t8_10, t8_11, t8_12, a_cranky, a_crankx] = {
+    let [w_ixz_crank_q3, t8_5, t8_10, t8_11, t8_12, a_cranky, a_crankx] = {
         let w_ixz_crank_q3 = sin_q3 * dd_q1;
         let w_cranky = cos_q3 * d_q1;
         let t8_1 = d_q3 * w_cranky;
@@ -1782,7 +1767,7 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &m
         w[58][0] = w_mz_crank_q1;
         w[55][3] = dd_q3;
         w[59][0] = w_m_arm_q1;
-        [al_crankx, al_cranky, t8_5, t8_10, t8_11, t8_12, a_cranky, a_crankx]
+        [w_ixz_crank_q3, t8_5, t8_10, t8_11, t8_12, a_cranky, a_crankx]
     };
     // body rod: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
@@ -1790,11 +1775,11 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &m
         let sin_q3_pin = cos_q3.mul_add(sin_pin, t9_1);
         let t9_2 = cos_q3 * cos_pin;
         let cos_q3_pin = (-sin_q3).mul_add(sin_pin, t9_2);
-        let w_rody = cos_q3_pin * d_q1;
-        let t9_3 = d_pin * w_rody;
-        let t9_4 = sin_pin.mul_add(al_cranky, t9_3);
-        let al_rodx = cos_pin.mul_add(al_crankx, t9_4);
         let w_rodz = d_q3 + d_pin;
+        let w_rody = cos_q3_pin * d_q1;
+        let t9_3 = w_rodz * w_rody;
+        let t9_4 = sin_q3_pin * dd_q1;
+        let al_rodx = t9_3 + t9_4;
         let w_rodx = sin_q3_pin * d_q1;
         let t9_5 = w_rodz * w_rodx;
         let t9_6 = cos_q3_pin * t9_5;
@@ -1805,98 +1790,92 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &m
         let w_ixx_rod_q3 = t9_7 * t9_8;
         let t9_9 = -w_ixx_rod_q3;
         w[60][0] = w_ixx_rod_q1; w[60][1] = w_ixx_rod_q2; w[60][3] = t9_9;
-        let t9_10 = d_pin * w_rodx;
-        let t9_11 = (-cos_pin).mul_add(al_cranky, t9_10);
-        let al_rody = sin_pin.mul_add(al_crankx, t9_11);
-        let t9_12 = al_rody + t9_5;
-        let t9_13 = w_rodz * w_rody;
-        let t9_14 = al_rodx + t9_13;
-        let t9_15 = sin_q3_pin * t9_12;
-        let w_ixy_rod_q1 = (-cos_q3_pin).mul_add(t9_14, t9_15);
-        let t9_16 = -w_ixy_rod_q1;
-        let t9_17 = w_rodx * w_rodx;
-        let t9_18 = w_rody * w_rody;
-        let t9_19 = t9_17 - t9_18;
-        let w_ixy_rod_q2 = x_pin_q2 * t9_19;
-        let t9_20 = -w_ixy_rod_q2;
-        let w_ixy_rod_q3 = t9_19 * t9_8;
-        w[61][0] = t9_16; w[61][1] = t9_20; w[61][3] = w_ixy_rod_q3;
+        let t9_10 = cos_q3_pin * dd_q1;
+        let al_rody = t9_5 - t9_10;
+        let t9_11 = t9_5 + al_rody;
+        let t9_12 = t9_3 + al_rodx;
+        let t9_13 = sin_q3_pin * t9_11;
+        let w_ixy_rod_q1 = (-cos_q3_pin).mul_add(t9_12, t9_13);
+        let t9_14 = -w_ixy_rod_q1;
+        let t9_15 = w_rodx * w_rodx;
+        let t9_16 = w_rody * w_rody;
+        let t9_17 = t9_15 - t9_16;
+        let w_ixy_rod_q2 = x_pin_q2 * t9_17;
+        let t9_18 = -w_ixy_rod_q2;
+        let w_ixy_rod_q3 = t9_17 * t9_8;
+        w[61][0] = t9_14; w[61][1] = t9_18; w[61][3] = w_ixy_rod_q3;
         let al_rodz = dd_q3 + dd_pin;
-        let t9_21 = al_rodz + t9_7;
-        let t9_22 = w_rodz * w_rodz;
-        let t9_23 = t9_22 - t9_17;
-        let t9_24 = cos_q3_pin * t9_23;
-        let w_ixz_rod_q1 = sin_q3_pin.mul_add(t9_21, t9_24);
-        let t9_25 = al_rodx - t9_13;
-        let w_ixz_rod_q2 = x_pin_q2 * t9_25;
-        let t9_26 = -w_ixz_rod_q2;
-        let w_ixz_rod_q3 = t9_25 * t9_8;
-        w[62][0] = w_ixz_rod_q1; w[62][1] = t9_26; w[62][3] = w_ixz_rod_q3;
-        let t9_27 = cos_q3_pin * al_rody;
-        let w_iyy_rod_q1 = sin_q3_pin.mul_add(t9_13, t9_27);
-        let t9_28 = -w_iyy_rod_q1;
-        let t9_29 = -w_ixx_rod_q2;
-        w[63][0] = t9_28; w[63][1] = t9_29; w[63][3] = w_ixx_rod_q3;
-        let t9_30 = t9_22 - t9_18;
-        let t9_31 = al_rodz - t9_7;
-        let t9_32 = sin_q3_pin * t9_30;
-        let w_iyz_rod_q1 = (-cos_q3_pin).mul_add(t9_31, t9_32);
-        let t9_33 = -w_iyz_rod_q1;
-        let t9_34 = al_rody - t9_5;
-        let w_iyz_rod_q2 = x_pin_q2 * t9_34;
-        let w_iyz_rod_q3 = t9_34 * t9_8;
-        let t9_35 = -w_iyz_rod_q3;
-        w[64][0] = t9_33; w[64][1] = w_iyz_rod_q2; w[64][3] = t9_35;
+        let t9_19 = al_rodz + t9_7;
+        let t9_20 = w_rodz * w_rodz;
+        let t9_21 = t9_20 - t9_15;
+        let t9_22 = cos_q3_pin * t9_21;
+        let w_ixz_rod_q1 = sin_q3_pin.mul_add(t9_19, t9_22);
+        let w_ixz_rod_q2 = x_pin_q2 * t9_4;
+        let t9_23 = -w_ixz_rod_q2;
+        let w_ixz_rod_q3 = t9_4 * t9_8;
+        w[62][0] = w_ixz_rod_q1; w[62][1] = t9_23; w[62][3] = w_ixz_rod_q3;
+        let t9_24 = cos_q3_pin * al_rody;
+        let w_iyy_rod_q1 = sin_q3_pin.mul_add(t9_3, t9_24);
+        let t9_25 = -w_iyy_rod_q1;
+        let t9_26 = -w_ixx_rod_q2;
+        w[63][0] = t9_25; w[63][1] = t9_26; w[63][3] = w_ixx_rod_q3;
+        let t9_27 = t9_20 - t9_16;
+        let t9_28 = al_rodz - t9_7;
+        let t9_29 = sin_q3_pin * t9_27;
+        let w_iyz_rod_q1 = (-cos_q3_pin).mul_add(t9_28, t9_29);
+        let t9_30 = -w_iyz_rod_q1;
+        let w_iyz_rod_q2 = x_pin_q2 * t9_10;
+        let t9_31 = -w_iyz_rod_q2;
+        let w_iyz_rod_q3 = t9_10 * t9_8;
+        w[64][0] = t9_30; w[64][1] = t9_31; w[64][3] = w_iyz_rod_q3;
         let w_izz_rod_q2 = x_pin_q2 * al_rodz;
-        let t9_36 = -w_izz_rod_q2;
+        let t9_32 = -w_izz_rod_q2;
         let w_izz_rod_q3 = al_rodz * t9_8;
-        w[65][1] = t9_36; w[65][3] = w_izz_rod_q3;
+        w[65][1] = t9_32; w[65][3] = w_izz_rod_q3;
         let a_rodz = like.lift(-0.0456).mul_add(t8_5, a_armz);
         let u_rod_q1z = like.lift(0.0456).mul_add(cos_q3, like.lift(0.0132));
-        let t9_37 = cos_q3_pin * a_rodz;
-        let w_mx_rod_q1 = (-u_rod_q1z).mul_add(t9_12, t9_37);
-        let t9_38 = t8_12 + t8_10;
-        let t9_39 = like.lift(0.0456).mul_add(t9_38, a_crankx);
-        let t9_40 = like.lift(0.0456).mul_add(t8_11, a_cranky);
-        let t9_41 = cos_pin * t9_40;
-        let a_rody = sin_pin.mul_add(t9_39, t9_41);
+        let t9_33 = cos_q3_pin * a_rodz;
+        let w_mx_rod_q1 = (-u_rod_q1z).mul_add(t9_11, t9_33);
+        let t9_34 = t8_12 + t8_10;
+        let t9_35 = like.lift(0.0456).mul_add(t9_34, a_crankx);
+        let t9_36 = like.lift(0.0456).mul_add(t8_11, a_cranky);
+        let t9_37 = cos_pin * t9_36;
+        let a_rody = sin_pin.mul_add(t9_35, t9_37);
         let w_mx_rod_q2 = x_pin_q2 * a_rody;
-        let t9_42 = -w_mx_rod_q2;
-        let t9_43 = t9_22 + t9_18;
-        let t9_44 = cos_pin * t9_21;
-        let t9_45 = (-sin_pin).mul_add(t9_43, t9_44);
-        let t9_46 = a_rody * t9_8;
-        let w_mx_rod_q3 = like.lift(0.0456).mul_add(t9_45, t9_46);
-        w[66][0] = w_mx_rod_q1; w[66][1] = t9_42; w[66][3] = w_mx_rod_q3;
-        let t9_47 = u_rod_q1z * t9_14;
-        let w_my_rod_q1 = sin_q3_pin.mul_add(a_rodz, t9_47);
-        let t9_48 = -w_my_rod_q1;
-        let t9_49 = cos_pin * t9_39;
-        let a_rodx = (-sin_pin).mul_add(t9_40, t9_49);
+        let t9_38 = -w_mx_rod_q2;
+        let t9_39 = t9_20 + t9_16;
+        let t9_40 = cos_pin * t9_19;
+        let t9_41 = (-sin_pin).mul_add(t9_39, t9_40);
+        let t9_42 = a_rody * t9_8;
+        let w_mx_rod_q3 = like.lift(0.0456).mul_add(t9_41, t9_42);
+        w[66][0] = w_mx_rod_q1; w[66][1] = t9_38; w[66][3] = w_mx_rod_q3;
+        let t9_43 = u_rod_q1z * t9_12;
+        let w_my_rod_q1 = sin_q3_pin.mul_add(a_rodz, t9_43);
+        let t9_44 = -w_my_rod_q1;
+        let t9_45 = cos_pin * t9_35;
+        let a_rodx = (-sin_pin).mul_add(t9_36, t9_45);
         let w_my_rod_q2 = x_pin_q2 * a_rodx;
-        let t9_50 = -w_my_rod_q2;
-        let t9_51 = t9_22 + t9_17;
-        let t9_52 = cos_pin * t9_51;
-        let t9_53 = sin_pin.mul_add(t9_31, t9_52);
-        let t9_54 = a_rodx * t9_8;
-        let w_my_rod_q3 = like.lift(-0.0456).mul_add(t9_53, t9_54);
-        w[67][0] = t9_48; w[67][1] = t9_50; w[67][3] = w_my_rod_q3;
-        let t9_55 = sin_q3_pin * a_rody;
-        let t9_56 = (-u_rod_q1z).mul_add(t3_22, t9_55);
-        let w_mz_rod_q1 = cos_q3_pin.mul_add(a_rodx, t9_56);
-        let t9_57 = -w_mz_rod_q1;
-        let t9_58 = cos_pin * t9_25;
-        let t9_59 = sin_pin.mul_add(t9_34, t9_58);
-        let w_mz_rod_q3 = like.lift(0.0456) * t9_59;
-        let t9_60 = -w_mz_rod_q3;
-        w[68][0] = t9_57; w[68][3] = t9_60;
+        let t9_46 = -w_my_rod_q2;
+        let t9_47 = t9_20 + t9_15;
+        let t9_48 = cos_pin * t9_47;
+        let t9_49 = sin_pin.mul_add(t9_28, t9_48);
+        let t9_50 = a_rodx * t9_8;
+        let w_my_rod_q3 = like.lift(-0.0456).mul_add(t9_49, t9_50);
+        w[67][0] = t9_44; w[67][1] = t9_46; w[67][3] = w_my_rod_q3;
+        let t9_51 = sin_q3_pin * a_rody;
+        let t9_52 = (-u_rod_q1z).mul_add(t3_22, t9_51);
+        let w_mz_rod_q1 = cos_q3_pin.mul_add(a_rodx, t9_52);
+        let t9_53 = -w_mz_rod_q1;
+        let w_mz_rod_q3 = like.lift(0.0456) * w_ixz_crank_q3;
+        let t9_54 = -w_mz_rod_q3;
+        w[68][0] = t9_53; w[68][3] = t9_54;
         let w_m_rod_q1 = u_rod_q1z * a_rodz;
-        let t9_61 = cos_pin * a_rody;
-        let t9_62 = (-sin_pin).mul_add(a_rodx, t9_61);
-        let t9_63 = like.lift(0.0456) * t9_62;
-        let w_m_rod_q3 = -t9_63;
-        let t9_64 = -w_m_rod_q3;
-        w[69][0] = w_m_rod_q1; w[69][3] = t9_64;
+        let t9_55 = cos_pin * a_rody;
+        let t9_56 = (-sin_pin).mul_add(a_rodx, t9_55);
+        let t9_57 = like.lift(0.0456) * t9_56;
+        let w_m_rod_q3 = -t9_57;
+        let t9_58 = -w_m_rod_q3;
+        w[69][0] = w_m_rod_q1; w[69][3] = t9_58;
     }
     Condition { pivot: condition }
 }
@@ -1909,7 +1888,7 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &m
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
 ///
-/// 391 additions, 388 multiplications, 1 divisions, 6 sines and cosines.
+/// 377 additions, 374 multiplications, 1 divisions, 6 sines and cosines.
 pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &[T; 70]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 4];
@@ -1946,16 +1925,18 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
     };
     // tau, part 1
     let [
-        t2_1, al_crankx, t2_2, al_cranky, w_ixx_crank_q3, t2_5, t2_7, a_cranky, al_rodx,
-        al_rody, al_rodz, t2_16, t2_17, t2_18, t2_20, t2_21, a_armz, a_crankx, a_rody, t2_40,
-        a_rodx, t2_62, t2_64, t2_83, t2_88, t2_89, al_armx, w_armx, t2_90, al_army,
-        w_ixx_arm_q2, t2_91, t2_92, t2_93, t2_94, a_army, sin_q2_elbow, cos_q2_elbow,
-        al_forearmx, w_forearmx, al_forearmy, al_forearmz, t2_102, t2_103, t2_104, t2_105,
-        t2_106, t2_107, t2_108, t2_109, a_forearmz, a_armx, a_forearmy, al_wristx, al_wristy,
-        al_wristz, t2_122, t2_123, t2_124, t2_126, t2_127, t2_129, a_wristz, a_forearmx,
-        t2_131, t2_133, a_wristy, al_flangex, al_flangey, al_flangez, t2_142, w_ixx_flange_q4,
-        t2_143, t2_145, t2_146, t2_148, a_flangez, a_wristx, t2_150, t2_152, a_flangey, t2_163,
-        t2_165, a_flangex, t2_176, t2_187, t2_188, t2_189, t2_190, t2_191, w_ixy_flange_q4,
+        t2_1, al_crankx, t2_2, al_cranky, w_ixx_crank_q3, t2_5, t2_7, a_cranky, t2_12, t2_13,
+        al_rodx, t2_14, t2_15, al_rody, al_rodz, t2_16, t2_18, t2_19, a_armz, a_crankx, a_rody,
+        t2_38, a_rodx, t2_60, t2_62, t2_81, t2_86, t2_87, al_armx, w_armx, t2_88, al_army,
+        w_ixx_arm_q2, t2_89, t2_90, t2_91, t2_92, a_army, sin_q2_elbow, cos_q2_elbow, t2_96,
+        t2_97, al_forearmx, w_forearmx, t2_98, t2_99, al_forearmy, al_forearmz, t2_100, t2_101,
+        t2_102, t2_103, t2_104, t2_105, a_forearmz, a_armx, a_forearmy, t2_114, t2_115,
+        al_wristx, t2_116, t2_117, al_wristy, al_wristz, t2_118, t2_120, t2_121, t2_123,
+        a_wristz, a_forearmx, t2_125, t2_127, a_wristy, t2_131, t2_132, t2_133,
+        w_ixz_flange_q4, al_flangex, t2_136, w_iyz_flange_q4, al_flangey, al_flangez,
+        w_ixx_flange_q4, t2_139, t2_140, t2_142, a_flangez, a_wristx, t2_144, t2_146,
+        a_flangey, t2_157, t2_159, a_flangex, t2_170, t2_181, t2_182, t2_183, t2_184, t2_185,
+        w_ixy_flange_q4, t2_186, t2_189,
     ] = {
         let w_cranky = cos_q3 * d_q1;
         let t2_1 = d_q3 * w_cranky;
@@ -1972,474 +1953,463 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
         let t2_8 = like.lift(0.0132) * t2_7;
         let t2_9 = like.lift(9.81) * cos_q3;
         let a_cranky = sin_q3.mul_add(t2_8, t2_9);
+        let w_rodz = d_q3 + d_pin;
         let t2_10 = sin_q3 * cos_pin;
         let sin_q3_pin = cos_q3.mul_add(sin_pin, t2_10);
         let t2_11 = cos_q3 * cos_pin;
         let cos_q3_pin = (-sin_q3).mul_add(sin_pin, t2_11);
         let w_rody = cos_q3_pin * d_q1;
-        let t2_12 = d_pin * w_rody;
-        let t2_13 = sin_pin.mul_add(al_cranky, t2_12);
-        let al_rodx = cos_pin.mul_add(al_crankx, t2_13);
+        let t2_12 = w_rodz * w_rody;
+        let t2_13 = sin_q3_pin * dd_q1;
+        let al_rodx = t2_12 + t2_13;
         let w_rodx = sin_q3_pin * d_q1;
-        let t2_14 = d_pin * w_rodx;
-        let t2_15 = (-cos_pin).mul_add(al_cranky, t2_14);
-        let al_rody = sin_pin.mul_add(al_crankx, t2_15);
+        let t2_14 = w_rodz * w_rodx;
+        let t2_15 = cos_q3_pin * dd_q1;
+        let al_rody = t2_14 - t2_15;
         let al_rodz = dd_q3 + dd_pin;
-        let w_rodz = d_q3 + d_pin;
-        let t2_16 = w_rodz * w_rodx;
-        let t2_17 = w_rodx * w_rody;
-        let t2_18 = w_rodz * w_rody;
-        let t2_19 = p_iyy_rod - p_izz_rod;
-        let t2_20 = w_rodz * w_rodz;
-        let t2_21 = w_rody * w_rody;
-        let t2_22 = t2_20 - t2_21;
+        let t2_16 = w_rodx * w_rody;
+        let t2_17 = p_iyy_rod - p_izz_rod;
+        let t2_18 = w_rodz * w_rodz;
+        let t2_19 = w_rody * w_rody;
+        let t2_20 = t2_18 - t2_19;
         let a_armz = like.lift(0.0132) * dd_q1;
-        let t2_23 = t2_2 - al_cranky;
-        let a_rodz = like.lift(-0.0456).mul_add(t2_23, a_armz);
-        let t2_24 = cos_q3 * t2_8;
-        let a_crankx = like.lift(-9.81).mul_add(sin_q3, t2_24);
-        let t2_25 = t2_4 + t2_5;
-        let t2_26 = like.lift(0.0456).mul_add(t2_25, a_crankx);
-        let t2_27 = dd_q3 + w_ixx_crank_q3;
-        let t2_28 = like.lift(0.0456).mul_add(t2_27, a_cranky);
-        let t2_29 = cos_pin * t2_28;
-        let a_rody = sin_pin.mul_add(t2_26, t2_29);
-        let t2_30 = al_rody + t2_16;
-        let t2_31 = al_rodz + t2_17;
-        let t2_32 = p_ixz_rod * t2_31;
-        let t2_33 = (-p_ixy_rod).mul_add(t2_30, t2_32);
-        let t2_34 = al_rodx.mul_add(p_ixx_rod, t2_33);
-        let t2_35 = (-t2_22).mul_add(p_iyz_rod, t2_34);
-        let t2_36 = (-t2_18).mul_add(t2_19, t2_35);
-        let t2_37 = (-a_rody).mul_add(p_mz_rod, t2_36);
-        let t2_38 = (-a_rodz).mul_add(p_my_rod, t2_37);
-        let t2_39 = p_ixx_rod - p_izz_rod;
-        let t2_40 = w_rodx * w_rodx;
-        let t2_41 = t2_20 - t2_40;
-        let t2_42 = cos_pin * t2_26;
-        let a_rodx = (-sin_pin).mul_add(t2_28, t2_42);
-        let t2_43 = al_rodx + t2_18;
-        let t2_44 = al_rodz - t2_17;
-        let t2_45 = p_iyz_rod * t2_44;
-        let t2_46 = (-al_rody).mul_add(p_iyy_rod, t2_45);
-        let t2_47 = p_ixy_rod.mul_add(t2_43, t2_46);
-        let t2_48 = t2_41.mul_add(p_ixz_rod, t2_47);
-        let t2_49 = t2_16.mul_add(t2_39, t2_48);
-        let t2_50 = a_rodz.mul_add(p_mx_rod, t2_49);
-        let t2_51 = (-a_rodx).mul_add(p_mz_rod, t2_50);
-        let t2_52 = al_cranky - t2_2;
-        let t2_53 = dd_q3 + w_ixx_crank_q3;
-        let t2_54 = p_ixz_crank * t2_53;
-        let t2_55 = p_ixy_crank.mul_add(t2_52, t2_54);
-        let t2_56 = al_crankx.mul_add(p_ixx_crank, t2_55);
-        let t2_57 = (-t2_6).mul_add(p_iyz_crank, t2_56);
-        let t2_58 = (-t2_1).mul_add(t2_3, t2_57);
-        let t2_59 = (-a_cranky).mul_add(p_mz_crank, t2_58);
-        let t2_60 = (-p_my_crank).mul_add(a_armz, t2_59);
-        let t2_61 = (-sin_pin).mul_add(t2_51, t2_60);
-        let t2_62 = cos_pin.mul_add(t2_38, t2_61);
-        let t2_63 = p_ixx_crank - p_izz_crank;
-        let t2_64 = w_crankx * w_crankx;
-        let t2_65 = t2_4 - t2_64;
-        let t2_66 = al_rody + t2_16;
-        let t2_67 = al_rodx + t2_18;
-        let t2_68 = a_rodz * p_m_rod;
-        let t2_69 = t2_7.mul_add(p_mz_rod, t2_68);
-        let t2_70 = (-t2_67).mul_add(p_my_rod, t2_69);
-        let t2_71 = (-t2_66).mul_add(p_mx_rod, t2_70);
-        let t2_72 = al_crankx + t2_1;
-        let t2_73 = dd_q3 - w_ixx_crank_q3;
-        let t2_74 = p_iyz_crank * t2_73;
-        let t2_75 = al_cranky.mul_add(p_iyy_crank, t2_74);
-        let t2_76 = p_ixy_crank.mul_add(t2_72, t2_75);
-        let t2_77 = t2_65.mul_add(p_ixz_crank, t2_76);
-        let t2_78 = t2_2.mul_add(t2_63, t2_77);
-        let t2_79 = p_mx_crank.mul_add(a_armz, t2_78);
-        let t2_80 = (-a_crankx).mul_add(p_mz_crank, t2_79);
-        let t2_81 = like.lift(0.0456).mul_add(t2_71, t2_80);
-        let t2_82 = cos_pin.mul_add(t2_51, t2_81);
-        let t2_83 = sin_pin.mul_add(t2_38, t2_82);
-        let t2_84 = t2_1 + al_crankx;
-        let t2_85 = p_m_crank.mul_add(a_armz, t2_71);
-        let t2_86 = t2_7.mul_add(p_mz_crank, t2_85);
-        let t2_87 = (-t2_84).mul_add(p_my_crank, t2_86);
-        let t2_88 = (-t2_23).mul_add(p_mx_crank, t2_87);
+        let t2_21 = t2_2 - al_cranky;
+        let a_rodz = like.lift(-0.0456).mul_add(t2_21, a_armz);
+        let t2_22 = cos_q3 * t2_8;
+        let a_crankx = like.lift(-9.81).mul_add(sin_q3, t2_22);
+        let t2_23 = t2_4 + t2_5;
+        let t2_24 = like.lift(0.0456).mul_add(t2_23, a_crankx);
+        let t2_25 = dd_q3 + w_ixx_crank_q3;
+        let t2_26 = like.lift(0.0456).mul_add(t2_25, a_cranky);
+        let t2_27 = cos_pin * t2_26;
+        let a_rody = sin_pin.mul_add(t2_24, t2_27);
+        let t2_28 = al_rody + t2_14;
+        let t2_29 = al_rodz + t2_16;
+        let t2_30 = p_ixz_rod * t2_29;
+        let t2_31 = (-p_ixy_rod).mul_add(t2_28, t2_30);
+        let t2_32 = al_rodx.mul_add(p_ixx_rod, t2_31);
+        let t2_33 = (-t2_20).mul_add(p_iyz_rod, t2_32);
+        let t2_34 = (-t2_12).mul_add(t2_17, t2_33);
+        let t2_35 = (-a_rody).mul_add(p_mz_rod, t2_34);
+        let t2_36 = (-a_rodz).mul_add(p_my_rod, t2_35);
+        let t2_37 = p_ixx_rod - p_izz_rod;
+        let t2_38 = w_rodx * w_rodx;
+        let t2_39 = t2_18 - t2_38;
+        let t2_40 = cos_pin * t2_24;
+        let a_rodx = (-sin_pin).mul_add(t2_26, t2_40);
+        let t2_41 = al_rodx + t2_12;
+        let t2_42 = al_rodz - t2_16;
+        let t2_43 = p_iyz_rod * t2_42;
+        let t2_44 = (-al_rody).mul_add(p_iyy_rod, t2_43);
+        let t2_45 = p_ixy_rod.mul_add(t2_41, t2_44);
+        let t2_46 = t2_39.mul_add(p_ixz_rod, t2_45);
+        let t2_47 = t2_14.mul_add(t2_37, t2_46);
+        let t2_48 = a_rodz.mul_add(p_mx_rod, t2_47);
+        let t2_49 = (-a_rodx).mul_add(p_mz_rod, t2_48);
+        let t2_50 = al_cranky - t2_2;
+        let t2_51 = dd_q3 + w_ixx_crank_q3;
+        let t2_52 = p_ixz_crank * t2_51;
+        let t2_53 = p_ixy_crank.mul_add(t2_50, t2_52);
+        let t2_54 = al_crankx.mul_add(p_ixx_crank, t2_53);
+        let t2_55 = (-t2_6).mul_add(p_iyz_crank, t2_54);
+        let t2_56 = (-t2_1).mul_add(t2_3, t2_55);
+        let t2_57 = (-a_cranky).mul_add(p_mz_crank, t2_56);
+        let t2_58 = (-p_my_crank).mul_add(a_armz, t2_57);
+        let t2_59 = (-sin_pin).mul_add(t2_49, t2_58);
+        let t2_60 = cos_pin.mul_add(t2_36, t2_59);
+        let t2_61 = p_ixx_crank - p_izz_crank;
+        let t2_62 = w_crankx * w_crankx;
+        let t2_63 = t2_4 - t2_62;
+        let t2_64 = t2_14 + al_rody;
+        let t2_65 = t2_12 + al_rodx;
+        let t2_66 = a_rodz * p_m_rod;
+        let t2_67 = t2_7.mul_add(p_mz_rod, t2_66);
+        let t2_68 = (-t2_65).mul_add(p_my_rod, t2_67);
+        let t2_69 = (-t2_64).mul_add(p_mx_rod, t2_68);
+        let t2_70 = al_crankx + t2_1;
+        let t2_71 = dd_q3 - w_ixx_crank_q3;
+        let t2_72 = p_iyz_crank * t2_71;
+        let t2_73 = al_cranky.mul_add(p_iyy_crank, t2_72);
+        let t2_74 = p_ixy_crank.mul_add(t2_70, t2_73);
+        let t2_75 = t2_63.mul_add(p_ixz_crank, t2_74);
+        let t2_76 = t2_2.mul_add(t2_61, t2_75);
+        let t2_77 = p_mx_crank.mul_add(a_armz, t2_76);
+        let t2_78 = (-a_crankx).mul_add(p_mz_crank, t2_77);
+        let t2_79 = like.lift(0.0456).mul_add(t2_69, t2_78);
+        let t2_80 = cos_pin.mul_add(t2_49, t2_79);
+        let t2_81 = sin_pin.mul_add(t2_36, t2_80);
+        let t2_82 = t2_1 + al_crankx;
+        let t2_83 = p_m_crank.mul_add(a_armz, t2_69);
+        let t2_84 = t2_7.mul_add(p_mz_crank, t2_83);
+        let t2_85 = (-t2_82).mul_add(p_my_crank, t2_84);
+        let t2_86 = (-t2_21).mul_add(p_mx_crank, t2_85);
         let w_army = cos_q2 * d_q1;
-        let t2_89 = d_q2 * w_army;
-        let al_armx = sin_q2.mul_add(dd_q1, t2_89);
+        let t2_87 = d_q2 * w_army;
+        let al_armx = sin_q2.mul_add(dd_q1, t2_87);
         let w_armx = sin_q2 * d_q1;
-        let t2_90 = d_q2 * w_armx;
-        let al_army = cos_q2.mul_add(dd_q1, -t2_90);
+        let t2_88 = d_q2 * w_armx;
+        let al_army = cos_q2.mul_add(dd_q1, -t2_88);
         let w_ixx_arm_q2 = w_armx * w_army;
-        let t2_91 = p_iyy_arm - p_izz_arm;
-        let t2_92 = w_army * w_army;
-        let t2_93 = d_q2 * d_q2;
-        let t2_94 = t2_92 - t2_93;
-        let t2_95 = like.lift(9.81) * cos_q2;
-        let a_army = sin_q2.mul_add(t2_8, t2_95);
-        let t2_96 = sin_q2 * cos_elbow;
-        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t2_96);
-        let t2_97 = cos_q2 * cos_elbow;
-        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t2_97);
-        let w_forearmy = cos_q2_elbow * d_q1;
-        let t2_98 = d_elbow * w_forearmy;
-        let t2_99 = sin_elbow.mul_add(al_army, t2_98);
-        let al_forearmx = cos_elbow.mul_add(al_armx, t2_99);
-        let w_forearmx = sin_q2_elbow * d_q1;
-        let t2_100 = d_elbow * w_forearmx;
-        let t2_101 = (-cos_elbow).mul_add(al_army, t2_100);
-        let al_forearmy = sin_elbow.mul_add(al_armx, t2_101);
-        let al_forearmz = dd_q2 + dd_elbow;
+        let t2_89 = p_iyy_arm - p_izz_arm;
+        let t2_90 = w_army * w_army;
+        let t2_91 = d_q2 * d_q2;
+        let t2_92 = t2_90 - t2_91;
+        let t2_93 = like.lift(9.81) * cos_q2;
+        let a_army = sin_q2.mul_add(t2_8, t2_93);
         let w_forearmz = d_q2 + d_elbow;
-        let t2_102 = w_forearmz * w_forearmx;
-        let t2_103 = w_forearmx * w_forearmy;
-        let t2_104 = w_forearmz * w_forearmy;
-        let t2_105 = p_iyy_forearm - p_izz_forearm;
-        let t2_106 = w_forearmy * w_forearmy;
-        let t2_107 = w_forearmz * w_forearmz;
-        let t2_108 = t2_106 - t2_107;
-        let t2_109 = t2_90 - al_army;
-        let a_forearmz = like.lift(-0.14207).mul_add(t2_109, a_armz);
-        let t2_110 = cos_q2 * t2_8;
-        let a_armx = like.lift(-9.81).mul_add(sin_q2, t2_110);
-        let t2_111 = t2_92 + t2_93;
-        let t2_112 = like.lift(0.14207).mul_add(t2_111, a_armx);
-        let t2_113 = dd_q2 + w_ixx_arm_q2;
-        let t2_114 = like.lift(0.14207).mul_add(t2_113, a_army);
-        let t2_115 = cos_elbow * t2_114;
-        let a_forearmy = sin_elbow.mul_add(t2_112, t2_115);
-        let t2_116 = sin_q2_elbow * cos_wrist;
-        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t2_116);
-        let t2_117 = cos_q2_elbow * cos_wrist;
-        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t2_117);
+        let t2_94 = sin_q2 * cos_elbow;
+        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t2_94);
+        let t2_95 = cos_q2 * cos_elbow;
+        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t2_95);
+        let w_forearmy = cos_q2_elbow * d_q1;
+        let t2_96 = w_forearmz * w_forearmy;
+        let t2_97 = sin_q2_elbow * dd_q1;
+        let al_forearmx = t2_96 + t2_97;
+        let w_forearmx = sin_q2_elbow * d_q1;
+        let t2_98 = w_forearmz * w_forearmx;
+        let t2_99 = cos_q2_elbow * dd_q1;
+        let al_forearmy = t2_98 - t2_99;
+        let al_forearmz = dd_q2 + dd_elbow;
+        let t2_100 = w_forearmx * w_forearmy;
+        let t2_101 = p_iyy_forearm - p_izz_forearm;
+        let t2_102 = w_forearmy * w_forearmy;
+        let t2_103 = w_forearmz * w_forearmz;
+        let t2_104 = t2_102 - t2_103;
+        let t2_105 = t2_88 - al_army;
+        let a_forearmz = like.lift(-0.14207).mul_add(t2_105, a_armz);
+        let t2_106 = cos_q2 * t2_8;
+        let a_armx = like.lift(-9.81).mul_add(sin_q2, t2_106);
+        let t2_107 = t2_90 + t2_91;
+        let t2_108 = like.lift(0.14207).mul_add(t2_107, a_armx);
+        let t2_109 = dd_q2 + w_ixx_arm_q2;
+        let t2_110 = like.lift(0.14207).mul_add(t2_109, a_army);
+        let t2_111 = cos_elbow * t2_110;
+        let a_forearmy = sin_elbow.mul_add(t2_108, t2_111);
+        let t2_112 = sin_q2_elbow * cos_wrist;
+        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t2_112);
+        let t2_113 = cos_q2_elbow * cos_wrist;
+        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t2_113);
         let w_wristy = d_q1 * cos_q2_elbow_wrist;
-        let t2_118 = d_wrist * w_wristy;
-        let t2_119 = (-sin_wrist).mul_add(al_forearmy, t2_118);
-        let al_wristx = cos_wrist.mul_add(al_forearmx, t2_119);
-        let w_wristx = d_q1 * sin_q2_elbow_wrist;
-        let t2_120 = d_wrist * w_wristx;
-        let t2_121 = cos_wrist.mul_add(al_forearmy, t2_120);
-        let al_wristy = sin_wrist.mul_add(al_forearmx, t2_121);
-        let al_wristz = dd_wrist + al_forearmz;
         let w_wristz = d_wrist + w_forearmz;
-        let t2_122 = w_wristx * w_wristz;
-        let t2_123 = w_wristx * w_wristy;
-        let t2_124 = w_wristy * w_wristz;
-        let t2_125 = p_iyy_wrist - p_izz_wrist;
-        let t2_126 = w_wristy * w_wristy;
-        let t2_127 = w_wristz * w_wristz;
-        let t2_128 = t2_126 - t2_127;
-        let t2_129 = al_forearmy + t2_102;
-        let a_wristz = like.lift(-0.15852).mul_add(t2_129, a_forearmz);
-        let t2_130 = cos_elbow * t2_112;
-        let a_forearmx = (-sin_elbow).mul_add(t2_114, t2_130);
-        let t2_131 = t2_106 + t2_107;
-        let t2_132 = like.lift(0.15852).mul_add(t2_131, a_forearmx);
-        let t2_133 = al_forearmz + t2_103;
-        let t2_134 = like.lift(0.15852).mul_add(t2_133, a_forearmy);
-        let t2_135 = cos_wrist * t2_134;
-        let a_wristy = sin_wrist.mul_add(t2_132, t2_135);
-        let t2_136 = sin_q4 * w_wristx;
-        let w_flangey = (-cos_q4).mul_add(w_wristz, t2_136);
-        let t2_137 = sin_q4 * al_wristz;
-        let t2_138 = (-d_q4).mul_add(w_flangey, t2_137);
-        let al_flangex = cos_q4.mul_add(al_wristx, t2_138);
-        let t2_139 = sin_q4 * w_wristz;
-        let w_flangex = cos_q4.mul_add(w_wristx, t2_139);
-        let t2_140 = d_q4 * w_flangex;
-        let t2_141 = (-cos_q4).mul_add(al_wristz, t2_140);
-        let al_flangey = sin_q4.mul_add(al_wristx, t2_141);
-        let al_flangez = dd_q4 + al_wristy;
+        let t2_114 = w_wristy * w_wristz;
+        let t2_115 = dd_q1 * sin_q2_elbow_wrist;
+        let al_wristx = t2_114 + t2_115;
+        let w_wristx = d_q1 * sin_q2_elbow_wrist;
+        let t2_116 = w_wristx * w_wristz;
+        let t2_117 = dd_q1 * cos_q2_elbow_wrist;
+        let al_wristy = t2_116 - t2_117;
+        let al_wristz = dd_wrist + al_forearmz;
+        let t2_118 = w_wristx * w_wristy;
+        let t2_119 = p_iyy_wrist - p_izz_wrist;
+        let t2_120 = w_wristy * w_wristy;
+        let t2_121 = w_wristz * w_wristz;
+        let t2_122 = t2_120 - t2_121;
+        let t2_123 = t2_98 + al_forearmy;
+        let a_wristz = like.lift(-0.15852).mul_add(t2_123, a_forearmz);
+        let t2_124 = cos_elbow * t2_108;
+        let a_forearmx = (-sin_elbow).mul_add(t2_110, t2_124);
+        let t2_125 = t2_102 + t2_103;
+        let t2_126 = like.lift(0.15852).mul_add(t2_125, a_forearmx);
+        let t2_127 = al_forearmz + t2_100;
+        let t2_128 = like.lift(0.15852).mul_add(t2_127, a_forearmy);
+        let t2_129 = cos_wrist * t2_128;
+        let a_wristy = sin_wrist.mul_add(t2_126, t2_129);
+        let t2_130 = sin_q4 * w_wristx;
+        let w_flangey = (-cos_q4).mul_add(w_wristz, t2_130);
         let w_flangez = d_q4 - w_wristy;
-        let t2_142 = w_flangex * w_flangez;
+        let t2_131 = w_flangey * w_flangez;
+        let t2_132 = al_wristz - t2_118;
+        let t2_133 = t2_114 + al_wristx;
+        let t2_134 = cos_q4 * t2_133;
+        let w_ixz_flange_q4 = sin_q4.mul_add(t2_132, t2_134);
+        let al_flangex = t2_131 - w_ixz_flange_q4;
+        let t2_135 = sin_q4 * w_wristz;
+        let w_flangex = cos_q4.mul_add(w_wristx, t2_135);
+        let t2_136 = w_flangex * w_flangez;
+        let t2_137 = cos_q4 * t2_132;
+        let w_iyz_flange_q4 = (-sin_q4).mul_add(t2_133, t2_137);
+        let al_flangey = t2_136 - w_iyz_flange_q4;
+        let al_flangez = dd_q4 + al_wristy;
         let w_ixx_flange_q4 = w_flangex * w_flangey;
-        let t2_143 = w_flangey * w_flangez;
-        let t2_144 = p_iyy_flange - p_izz_flange;
-        let t2_145 = w_flangey * w_flangey;
-        let t2_146 = w_flangez * w_flangez;
-        let t2_147 = t2_145 - t2_146;
-        let t2_148 = al_wristz + t2_123;
-        let a_flangez = like.lift(0.05).mul_add(t2_148, a_wristy);
-        let t2_149 = cos_wrist * t2_132;
-        let a_wristx = (-sin_wrist).mul_add(t2_134, t2_149);
-        let t2_150 = t2_126 + t2_127;
-        let t2_151 = like.lift(0.05).mul_add(t2_150, a_wristx);
-        let t2_152 = al_wristy + t2_122;
-        let t2_153 = like.lift(-0.05).mul_add(t2_152, a_wristz);
-        let t2_154 = sin_q4 * t2_151;
-        let a_flangey = (-cos_q4).mul_add(t2_153, t2_154);
-        let t2_155 = al_flangey + t2_142;
-        let t2_156 = al_flangez - w_ixx_flange_q4;
-        let t2_157 = p_ixz_flange * t2_156;
-        let t2_158 = (-p_ixy_flange).mul_add(t2_155, t2_157);
-        let t2_159 = al_flangex.mul_add(p_ixx_flange, t2_158);
-        let t2_160 = t2_147.mul_add(p_iyz_flange, t2_159);
-        let t2_161 = t2_143.mul_add(t2_144, t2_160);
-        let t2_162 = (-a_flangey).mul_add(p_mz_flange, t2_161);
-        let t2_163 = (-a_flangez).mul_add(p_my_flange, t2_162);
-        let t2_164 = p_ixx_flange - p_izz_flange;
-        let t2_165 = w_flangex * w_flangex;
-        let t2_166 = t2_165 - t2_146;
-        let t2_167 = sin_q4 * t2_153;
-        let a_flangex = cos_q4.mul_add(t2_151, t2_167);
-        let t2_168 = al_flangex - t2_143;
-        let t2_169 = al_flangez + w_ixx_flange_q4;
-        let t2_170 = p_iyz_flange * t2_169;
-        let t2_171 = (-al_flangey).mul_add(p_iyy_flange, t2_170);
-        let t2_172 = p_ixy_flange.mul_add(t2_168, t2_171);
-        let t2_173 = (-t2_166).mul_add(p_ixz_flange, t2_172);
-        let t2_174 = t2_142.mul_add(t2_164, t2_173);
-        let t2_175 = a_flangez.mul_add(p_mx_flange, t2_174);
-        let t2_176 = (-a_flangex).mul_add(p_mz_flange, t2_175);
-        let t2_177 = al_wristy + t2_122;
-        let t2_178 = al_wristz + t2_123;
-        let t2_179 = p_ixz_wrist * t2_178;
-        let t2_180 = (-p_ixy_wrist).mul_add(t2_177, t2_179);
-        let t2_181 = al_wristx.mul_add(p_ixx_wrist, t2_180);
-        let t2_182 = t2_128.mul_add(p_iyz_wrist, t2_181);
-        let t2_183 = (-t2_124).mul_add(t2_125, t2_182);
-        let t2_184 = (-a_wristy).mul_add(p_mz_wrist, t2_183);
-        let t2_185 = (-a_wristz).mul_add(p_my_wrist, t2_184);
-        let t2_186 = (-sin_q4).mul_add(t2_176, t2_185);
-        let t2_187 = cos_q4.mul_add(t2_163, t2_186);
-        let t2_188 = p_ixx_wrist - p_izz_wrist;
-        let t2_189 = w_wristx * w_wristx;
-        let t2_190 = t2_189 - t2_127;
-        let t2_191 = p_ixx_flange - p_iyy_flange;
-        let w_ixy_flange_q4 = t2_165 - t2_145;
+        let t2_138 = p_iyy_flange - p_izz_flange;
+        let t2_139 = w_flangey * w_flangey;
+        let t2_140 = w_flangez * w_flangez;
+        let t2_141 = t2_139 - t2_140;
+        let t2_142 = al_wristz + t2_118;
+        let a_flangez = like.lift(0.05).mul_add(t2_142, a_wristy);
+        let t2_143 = cos_wrist * t2_126;
+        let a_wristx = (-sin_wrist).mul_add(t2_128, t2_143);
+        let t2_144 = t2_120 + t2_121;
+        let t2_145 = like.lift(0.05).mul_add(t2_144, a_wristx);
+        let t2_146 = t2_116 + al_wristy;
+        let t2_147 = like.lift(-0.05).mul_add(t2_146, a_wristz);
+        let t2_148 = sin_q4 * t2_145;
+        let a_flangey = (-cos_q4).mul_add(t2_147, t2_148);
+        let t2_149 = al_flangey + t2_136;
+        let t2_150 = al_flangez - w_ixx_flange_q4;
+        let t2_151 = p_ixy_flange * t2_149;
+        let t2_152 = (-p_ixz_flange).mul_add(t2_150, t2_151);
+        let t2_153 = al_flangex.mul_add(p_ixx_flange, t2_152);
+        let t2_154 = (-t2_141).mul_add(p_iyz_flange, t2_153);
+        let t2_155 = (-t2_131).mul_add(t2_138, t2_154);
+        let t2_156 = a_flangey.mul_add(p_mz_flange, t2_155);
+        let t2_157 = a_flangez.mul_add(p_my_flange, t2_156);
+        let t2_158 = p_ixx_flange - p_izz_flange;
+        let t2_159 = w_flangex * w_flangex;
+        let t2_160 = t2_159 - t2_140;
+        let t2_161 = sin_q4 * t2_147;
+        let a_flangex = cos_q4.mul_add(t2_145, t2_161);
+        let t2_162 = al_flangex + t2_131;
+        let t2_163 = al_flangez + w_ixx_flange_q4;
+        let t2_164 = al_flangey * p_iyy_flange;
+        let t2_165 = (-p_iyz_flange).mul_add(t2_163, t2_164);
+        let t2_166 = p_ixy_flange.mul_add(t2_162, t2_165);
+        let t2_167 = t2_160.mul_add(p_ixz_flange, t2_166);
+        let t2_168 = (-t2_136).mul_add(t2_158, t2_167);
+        let t2_169 = (-a_flangez).mul_add(p_mx_flange, t2_168);
+        let t2_170 = a_flangex.mul_add(p_mz_flange, t2_169);
+        let t2_171 = al_wristy + t2_116;
+        let t2_172 = al_wristz + t2_118;
+        let t2_173 = p_ixz_wrist * t2_172;
+        let t2_174 = (-p_ixy_wrist).mul_add(t2_171, t2_173);
+        let t2_175 = al_wristx.mul_add(p_ixx_wrist, t2_174);
+        let t2_176 = t2_122.mul_add(p_iyz_wrist, t2_175);
+        let t2_177 = (-t2_114).mul_add(t2_119, t2_176);
+        let t2_178 = (-a_wristy).mul_add(p_mz_wrist, t2_177);
+        let t2_179 = (-a_wristz).mul_add(p_my_wrist, t2_178);
+        let t2_180 = sin_q4.mul_add(t2_170, t2_179);
+        let t2_181 = (-cos_q4).mul_add(t2_157, t2_180);
+        let t2_182 = p_ixx_wrist - p_izz_wrist;
+        let t2_183 = w_wristx * w_wristx;
+        let t2_184 = t2_183 - t2_121;
+        let t2_185 = p_ixx_flange - p_iyy_flange;
+        let w_ixy_flange_q4 = t2_159 - t2_139;
+        let t2_186 = al_flangex - t2_131;
+        let t2_187 = al_flangey - t2_136;
+        let t2_188 = p_iyz_flange * t2_187;
+        let t2_189 = (-al_flangez).mul_add(p_izz_flange, t2_188);
         [
-            t2_1, al_crankx, t2_2, al_cranky, w_ixx_crank_q3, t2_5, t2_7, a_cranky, al_rodx,
-            al_rody, al_rodz, t2_16, t2_17, t2_18, t2_20, t2_21, a_armz, a_crankx, a_rody,
-            t2_40, a_rodx, t2_62, t2_64, t2_83, t2_88, t2_89, al_armx, w_armx, t2_90, al_army,
-            w_ixx_arm_q2, t2_91, t2_92, t2_93, t2_94, a_army, sin_q2_elbow, cos_q2_elbow,
-            al_forearmx, w_forearmx, al_forearmy, al_forearmz, t2_102, t2_103, t2_104, t2_105,
-            t2_106, t2_107, t2_108, t2_109, a_forearmz, a_armx, a_forearmy, al_wristx,
-            al_wristy, al_wristz, t2_122, t2_123, t2_124, t2_126, t2_127, t2_129, a_wristz,
-            a_forearmx, t2_131, t2_133, a_wristy, al_flangex, al_flangey, al_flangez, t2_142,
-            w_ixx_flange_q4, t2_143, t2_145, t2_146, t2_148, a_flangez, a_wristx, t2_150,
-            t2_152, a_flangey, t2_163, t2_165, a_flangex, t2_176, t2_187, t2_188, t2_189,
-            t2_190, t2_191, w_ixy_flange_q4,
+            t2_1, al_crankx, t2_2, al_cranky, w_ixx_crank_q3, t2_5, t2_7, a_cranky, t2_12,
+            t2_13, al_rodx, t2_14, t2_15, al_rody, al_rodz, t2_16, t2_18, t2_19, a_armz,
+            a_crankx, a_rody, t2_38, a_rodx, t2_60, t2_62, t2_81, t2_86, t2_87, al_armx,
+            w_armx, t2_88, al_army, w_ixx_arm_q2, t2_89, t2_90, t2_91, t2_92, a_army,
+            sin_q2_elbow, cos_q2_elbow, t2_96, t2_97, al_forearmx, w_forearmx, t2_98, t2_99,
+            al_forearmy, al_forearmz, t2_100, t2_101, t2_102, t2_103, t2_104, t2_105,
+            a_forearmz, a_armx, a_forearmy, t2_114, t2_115, al_wristx, t2_116, t2_117,
+            al_wristy, al_wristz, t2_118, t2_120, t2_121, t2_123, a_wristz, a_forearmx, t2_125,
+            t2_127, a_wristy, t2_131, t2_132, t2_133, w_ixz_flange_q4, al_flangex, t2_136,
+            w_iyz_flange_q4, al_flangey, al_flangez, w_ixx_flange_q4, t2_139, t2_140, t2_142,
+            a_flangez, a_wristx, t2_144, t2_146, a_flangey, t2_157, t2_159, a_flangex, t2_170,
+            t2_181, t2_182, t2_183, t2_184, t2_185, w_ixy_flange_q4, t2_186, t2_189,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t3_9, t3_107, t3_108, w_ixy_arm_q2, t3_131, t3_157, t3_173, x_elbow_q2, x_elbow_q3,
+        t3_5, t3_102, t3_103, w_ixy_arm_q2, t3_126, t3_149, t3_163, x_elbow_q2, x_elbow_q3,
         x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
     ] = {
-        let t3_1 = al_flangex + t2_143;
-        let t3_2 = al_flangey - t2_142;
-        let t3_3 = al_flangez * p_izz_flange;
-        let t3_4 = (-p_iyz_flange).mul_add(t3_2, t3_3);
-        let t3_5 = p_ixz_flange.mul_add(t3_1, t3_4);
-        let t3_6 = w_ixy_flange_q4.mul_add(p_ixy_flange, t3_5);
-        let t3_7 = w_ixx_flange_q4.mul_add(t2_191, t3_6);
-        let t3_8 = a_flangex.mul_add(p_my_flange, t3_7);
-        let t3_9 = a_flangey.mul_add(p_mx_flange, t3_8);
-        let t3_10 = t2_145 + t2_146;
-        let t3_11 = al_flangez + w_ixx_flange_q4;
-        let w_iyz_flange_q4 = al_flangey - t2_142;
-        let t3_12 = a_flangex * p_m_flange;
-        let t3_13 = w_iyz_flange_q4.mul_add(p_mz_flange, t3_12);
-        let t3_14 = t3_11.mul_add(p_my_flange, t3_13);
-        let t3_15 = t3_10.mul_add(p_mx_flange, t3_14);
-        let t3_16 = al_flangez - w_ixx_flange_q4;
-        let t3_17 = t2_165 + t2_146;
-        let w_ixz_flange_q4 = al_flangex + t2_143;
-        let t3_18 = a_flangey * p_m_flange;
-        let t3_19 = (-w_ixz_flange_q4).mul_add(p_mz_flange, t3_18);
-        let t3_20 = (-t3_17).mul_add(p_my_flange, t3_19);
-        let t3_21 = t3_16.mul_add(p_mx_flange, t3_20);
-        let t3_22 = sin_q4 * t3_15;
-        let t3_23 = (-cos_q4).mul_add(t3_21, t3_22);
-        let t3_24 = al_wristx + t2_124;
-        let t3_25 = al_wristz - t2_123;
-        let t3_26 = p_iyz_wrist.mul_add(t3_25, -t3_9);
-        let t3_27 = (-al_wristy).mul_add(p_iyy_wrist, t3_26);
-        let t3_28 = p_ixy_wrist.mul_add(t3_24, t3_27);
-        let t3_29 = (-t2_190).mul_add(p_ixz_wrist, t3_28);
-        let t3_30 = t2_122.mul_add(t2_188, t3_29);
-        let t3_31 = a_wristz.mul_add(p_mx_wrist, t3_30);
-        let t3_32 = (-a_wristx).mul_add(p_mz_wrist, t3_31);
-        let t3_33 = like.lift(0.05).mul_add(t3_23, t3_32);
-        let t3_34 = al_forearmy + t2_102;
-        let t3_35 = al_forearmz + t2_103;
-        let t3_36 = p_ixz_forearm * t3_35;
-        let t3_37 = (-p_ixy_forearm).mul_add(t3_34, t3_36);
-        let t3_38 = al_forearmx.mul_add(p_ixx_forearm, t3_37);
-        let t3_39 = t2_108.mul_add(p_iyz_forearm, t3_38);
-        let t3_40 = (-t2_104).mul_add(t2_105, t3_39);
-        let t3_41 = (-a_forearmy).mul_add(p_mz_forearm, t3_40);
-        let t3_42 = (-a_forearmz).mul_add(p_my_forearm, t3_41);
-        let t3_43 = (-sin_wrist).mul_add(t3_33, t3_42);
-        let t3_44 = cos_wrist.mul_add(t2_187, t3_43);
-        let t3_45 = p_ixx_forearm - p_izz_forearm;
-        let t3_46 = w_forearmx * w_forearmx;
-        let t3_47 = t3_46 - t2_107;
-        let t3_48 = al_wristx + t2_124;
-        let t3_49 = a_wristz.mul_add(p_m_wrist, t3_23);
-        let t3_50 = t2_7.mul_add(p_mz_wrist, t3_49);
-        let t3_51 = (-t3_48).mul_add(p_my_wrist, t3_50);
-        let t3_52 = (-t2_152).mul_add(p_mx_wrist, t3_51);
-        let t3_53 = al_forearmx + t2_104;
-        let t3_54 = al_forearmz - t2_103;
-        let t3_55 = p_iyz_forearm * t3_54;
-        let t3_56 = (-al_forearmy).mul_add(p_iyy_forearm, t3_55);
-        let t3_57 = p_ixy_forearm.mul_add(t3_53, t3_56);
-        let t3_58 = (-t3_47).mul_add(p_ixz_forearm, t3_57);
-        let t3_59 = t2_102.mul_add(t3_45, t3_58);
-        let t3_60 = a_forearmz.mul_add(p_mx_forearm, t3_59);
-        let t3_61 = (-a_forearmx).mul_add(p_mz_forearm, t3_60);
-        let t3_62 = like.lift(0.15852).mul_add(t3_52, t3_61);
-        let t3_63 = cos_wrist.mul_add(t3_33, t3_62);
-        let t3_64 = sin_wrist.mul_add(t2_187, t3_63);
-        let t3_65 = al_army - t2_90;
-        let t3_66 = dd_q2 + w_ixx_arm_q2;
-        let t3_67 = p_ixz_arm * t3_66;
-        let t3_68 = p_ixy_arm.mul_add(t3_65, t3_67);
-        let t3_69 = al_armx.mul_add(p_ixx_arm, t3_68);
-        let t3_70 = t2_94.mul_add(p_iyz_arm, t3_69);
-        let t3_71 = (-t2_89).mul_add(t2_91, t3_70);
-        let t3_72 = (-a_army).mul_add(p_mz_arm, t3_71);
-        let t3_73 = (-p_my_arm).mul_add(a_armz, t3_72);
-        let t3_74 = (-sin_elbow).mul_add(t3_64, t3_73);
-        let t3_75 = cos_elbow.mul_add(t3_44, t3_74);
-        let t3_76 = p_ixx_arm - p_izz_arm;
-        let t3_77 = w_armx * w_armx;
-        let t3_78 = t3_77 - t2_93;
-        let t3_79 = al_forearmx + t2_104;
-        let t3_80 = a_forearmz.mul_add(p_m_forearm, t3_52);
-        let t3_81 = t2_7.mul_add(p_mz_forearm, t3_80);
-        let t3_82 = (-t3_79).mul_add(p_my_forearm, t3_81);
-        let t3_83 = (-t2_129).mul_add(p_mx_forearm, t3_82);
-        let t3_84 = al_armx + t2_89;
-        let t3_85 = dd_q2 - w_ixx_arm_q2;
-        let t3_86 = p_iyz_arm * t3_85;
-        let t3_87 = al_army.mul_add(p_iyy_arm, t3_86);
-        let t3_88 = p_ixy_arm.mul_add(t3_84, t3_87);
-        let t3_89 = (-t3_78).mul_add(p_ixz_arm, t3_88);
-        let t3_90 = t2_90.mul_add(t3_76, t3_89);
-        let t3_91 = p_mx_arm.mul_add(a_armz, t3_90);
-        let t3_92 = (-a_armx).mul_add(p_mz_arm, t3_91);
-        let t3_93 = like.lift(0.14207).mul_add(t3_83, t3_92);
-        let t3_94 = cos_elbow.mul_add(t3_64, t3_93);
-        let t3_95 = sin_elbow.mul_add(t3_44, t3_94);
-        let t3_96 = t2_89 + al_armx;
-        let t3_97 = p_m_arm.mul_add(a_armz, t3_83);
-        let t3_98 = t2_7.mul_add(p_mz_arm, t3_97);
-        let t3_99 = (-t3_96).mul_add(p_my_arm, t3_98);
-        let t3_100 = (-t2_109).mul_add(p_mx_arm, t3_99);
-        let t3_101 = t2_88 + t3_100;
-        let t3_102 = dd_q1 * p_izz_column;
-        let t3_103 = like.lift(0.0132).mul_add(t3_101, t3_102);
-        let t3_104 = cos_q3.mul_add(t2_83, t3_103);
-        let t3_105 = sin_q3.mul_add(t2_62, t3_104);
-        let t3_106 = cos_q2.mul_add(t3_95, t3_105);
-        let t3_107 = sin_q2.mul_add(t3_75, t3_106);
-        let t3_108 = p_ixx_arm - p_iyy_arm;
-        let w_ixy_arm_q2 = t3_77 - t2_92;
-        let t3_109 = p_ixx_forearm - p_iyy_forearm;
-        let t3_110 = t3_46 - t2_106;
-        let t3_111 = p_ixx_wrist - p_iyy_wrist;
-        let t3_112 = t2_189 - t2_126;
-        let t3_113 = al_flangey + t2_142;
-        let t3_114 = al_flangex - t2_143;
-        let t3_115 = t2_165 + t2_145;
-        let t3_116 = a_flangez * p_m_flange;
-        let t3_117 = t3_115.mul_add(p_mz_flange, t3_116);
-        let t3_118 = (-t3_114).mul_add(p_my_flange, t3_117);
-        let t3_119 = (-t3_113).mul_add(p_mx_flange, t3_118);
-        let t3_120 = al_wristx - t2_124;
-        let t3_121 = al_wristy - t2_122;
-        let t3_122 = al_wristz * p_izz_wrist;
-        let t3_123 = (-p_iyz_wrist).mul_add(t3_121, t3_122);
-        let t3_124 = p_ixz_wrist.mul_add(t3_120, t3_123);
-        let t3_125 = t3_112.mul_add(p_ixy_wrist, t3_124);
-        let t3_126 = (-t2_123).mul_add(t3_111, t3_125);
-        let t3_127 = a_wristx.mul_add(p_my_wrist, t3_126);
-        let t3_128 = a_wristy.mul_add(p_mx_wrist, t3_127);
-        let t3_129 = like.lift(0.05).mul_add(t3_119, t3_128);
-        let t3_130 = cos_q4.mul_add(t2_176, t3_129);
-        let t3_131 = sin_q4.mul_add(t2_163, t3_130);
-        let t3_132 = al_wristz - t2_123;
-        let t3_133 = al_wristy - t2_122;
-        let t3_134 = a_wristx * p_m_wrist;
-        let t3_135 = t3_133.mul_add(p_mz_wrist, t3_134);
-        let t3_136 = t3_132.mul_add(p_my_wrist, t3_135);
-        let t3_137 = t2_150.mul_add(p_mx_wrist, t3_136);
-        let t3_138 = sin_q4.mul_add(t3_21, t3_137);
-        let t3_139 = cos_q4.mul_add(t3_15, t3_138);
-        let t3_140 = t2_189 + t2_127;
-        let t3_141 = al_wristx - t2_124;
-        let t3_142 = a_wristy.mul_add(p_m_wrist, t3_119);
-        let t3_143 = (-t3_141).mul_add(p_mz_wrist, t3_142);
-        let t3_144 = (-t3_140).mul_add(p_my_wrist, t3_143);
-        let t3_145 = t2_148.mul_add(p_mx_wrist, t3_144);
-        let t3_146 = sin_wrist * t3_139;
-        let t3_147 = (-cos_wrist).mul_add(t3_145, t3_146);
-        let t3_148 = al_forearmx - t2_104;
-        let t3_149 = al_forearmy - t2_102;
-        let t3_150 = al_forearmz.mul_add(p_izz_forearm, t3_131);
-        let t3_151 = (-p_iyz_forearm).mul_add(t3_149, t3_150);
-        let t3_152 = p_ixz_forearm.mul_add(t3_148, t3_151);
-        let t3_153 = t3_110.mul_add(p_ixy_forearm, t3_152);
-        let t3_154 = (-t2_103).mul_add(t3_109, t3_153);
-        let t3_155 = a_forearmx.mul_add(p_my_forearm, t3_154);
-        let t3_156 = a_forearmy.mul_add(p_mx_forearm, t3_155);
-        let t3_157 = like.lift(-0.15852).mul_add(t3_147, t3_156);
-        let t3_158 = al_forearmz - t2_103;
-        let t3_159 = al_forearmy - t2_102;
-        let t3_160 = a_forearmx * p_m_forearm;
-        let t3_161 = t3_159.mul_add(p_mz_forearm, t3_160);
-        let t3_162 = t3_158.mul_add(p_my_forearm, t3_161);
-        let t3_163 = t2_131.mul_add(p_mx_forearm, t3_162);
-        let t3_164 = sin_wrist.mul_add(t3_145, t3_163);
-        let t3_165 = cos_wrist.mul_add(t3_139, t3_164);
-        let t3_166 = t3_46 + t2_107;
-        let t3_167 = al_forearmx - t2_104;
-        let t3_168 = a_forearmy.mul_add(p_m_forearm, -t3_147);
-        let t3_169 = (-t3_167).mul_add(p_mz_forearm, t3_168);
-        let t3_170 = (-t3_166).mul_add(p_my_forearm, t3_169);
-        let t3_171 = t2_133.mul_add(p_mx_forearm, t3_170);
-        let t3_172 = sin_elbow * t3_165;
-        let t3_173 = (-cos_elbow).mul_add(t3_171, t3_172);
-        let t3_174 = sin_q2_elbow * cos_q3;
-        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t3_174);
-        let t3_175 = cos_q2_elbow * cos_q3;
-        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t3_175);
-        let t3_176 = sin_q2_elbow_minus_q3 * cos_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t3_176);
-        let t3_177 = cos_q2_elbow_minus_q3 * cos_pin;
-        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t3_177);
+        let t3_1 = p_ixz_flange.mul_add(t2_186, t2_189);
+        let t3_2 = (-w_ixy_flange_q4).mul_add(p_ixy_flange, t3_1);
+        let t3_3 = (-w_ixx_flange_q4).mul_add(t2_185, t3_2);
+        let t3_4 = (-a_flangex).mul_add(p_my_flange, t3_3);
+        let t3_5 = (-a_flangey).mul_add(p_mx_flange, t3_4);
+        let t3_6 = t2_139 + t2_140;
+        let t3_7 = al_flangez + w_ixx_flange_q4;
+        let t3_8 = a_flangex * p_m_flange;
+        let t3_9 = (-w_iyz_flange_q4).mul_add(p_mz_flange, t3_8);
+        let t3_10 = t3_7.mul_add(p_my_flange, t3_9);
+        let t3_11 = t3_6.mul_add(p_mx_flange, t3_10);
+        let t3_12 = al_flangez - w_ixx_flange_q4;
+        let t3_13 = t2_159 + t2_140;
+        let t3_14 = a_flangey * p_m_flange;
+        let t3_15 = (-w_ixz_flange_q4).mul_add(p_mz_flange, t3_14);
+        let t3_16 = (-t3_13).mul_add(p_my_flange, t3_15);
+        let t3_17 = t3_12.mul_add(p_mx_flange, t3_16);
+        let t3_18 = sin_q4 * t3_11;
+        let t3_19 = (-cos_q4).mul_add(t3_17, t3_18);
+        let t3_20 = al_wristx + t2_114;
+        let t3_21 = al_wristz - t2_118;
+        let t3_22 = p_iyz_wrist.mul_add(t3_21, t3_5);
+        let t3_23 = (-al_wristy).mul_add(p_iyy_wrist, t3_22);
+        let t3_24 = p_ixy_wrist.mul_add(t3_20, t3_23);
+        let t3_25 = (-t2_184).mul_add(p_ixz_wrist, t3_24);
+        let t3_26 = t2_116.mul_add(t2_182, t3_25);
+        let t3_27 = a_wristz.mul_add(p_mx_wrist, t3_26);
+        let t3_28 = (-a_wristx).mul_add(p_mz_wrist, t3_27);
+        let t3_29 = like.lift(0.05).mul_add(t3_19, t3_28);
+        let t3_30 = al_forearmy + t2_98;
+        let t3_31 = al_forearmz + t2_100;
+        let t3_32 = p_ixz_forearm * t3_31;
+        let t3_33 = (-p_ixy_forearm).mul_add(t3_30, t3_32);
+        let t3_34 = al_forearmx.mul_add(p_ixx_forearm, t3_33);
+        let t3_35 = t2_104.mul_add(p_iyz_forearm, t3_34);
+        let t3_36 = (-t2_96).mul_add(t2_101, t3_35);
+        let t3_37 = (-a_forearmy).mul_add(p_mz_forearm, t3_36);
+        let t3_38 = (-a_forearmz).mul_add(p_my_forearm, t3_37);
+        let t3_39 = (-sin_wrist).mul_add(t3_29, t3_38);
+        let t3_40 = cos_wrist.mul_add(t2_181, t3_39);
+        let t3_41 = p_ixx_forearm - p_izz_forearm;
+        let t3_42 = w_forearmx * w_forearmx;
+        let t3_43 = t3_42 - t2_103;
+        let t3_44 = a_wristz.mul_add(p_m_wrist, t3_19);
+        let t3_45 = t2_7.mul_add(p_mz_wrist, t3_44);
+        let t3_46 = (-t2_133).mul_add(p_my_wrist, t3_45);
+        let t3_47 = (-t2_146).mul_add(p_mx_wrist, t3_46);
+        let t3_48 = al_forearmx + t2_96;
+        let t3_49 = al_forearmz - t2_100;
+        let t3_50 = p_iyz_forearm * t3_49;
+        let t3_51 = (-al_forearmy).mul_add(p_iyy_forearm, t3_50);
+        let t3_52 = p_ixy_forearm.mul_add(t3_48, t3_51);
+        let t3_53 = (-t3_43).mul_add(p_ixz_forearm, t3_52);
+        let t3_54 = t2_98.mul_add(t3_41, t3_53);
+        let t3_55 = a_forearmz.mul_add(p_mx_forearm, t3_54);
+        let t3_56 = (-a_forearmx).mul_add(p_mz_forearm, t3_55);
+        let t3_57 = like.lift(0.15852).mul_add(t3_47, t3_56);
+        let t3_58 = cos_wrist.mul_add(t3_29, t3_57);
+        let t3_59 = sin_wrist.mul_add(t2_181, t3_58);
+        let t3_60 = al_army - t2_88;
+        let t3_61 = dd_q2 + w_ixx_arm_q2;
+        let t3_62 = p_ixz_arm * t3_61;
+        let t3_63 = p_ixy_arm.mul_add(t3_60, t3_62);
+        let t3_64 = al_armx.mul_add(p_ixx_arm, t3_63);
+        let t3_65 = t2_92.mul_add(p_iyz_arm, t3_64);
+        let t3_66 = (-t2_87).mul_add(t2_89, t3_65);
+        let t3_67 = (-a_army).mul_add(p_mz_arm, t3_66);
+        let t3_68 = (-p_my_arm).mul_add(a_armz, t3_67);
+        let t3_69 = (-sin_elbow).mul_add(t3_59, t3_68);
+        let t3_70 = cos_elbow.mul_add(t3_40, t3_69);
+        let t3_71 = p_ixx_arm - p_izz_arm;
+        let t3_72 = w_armx * w_armx;
+        let t3_73 = t3_72 - t2_91;
+        let t3_74 = t2_96 + al_forearmx;
+        let t3_75 = a_forearmz.mul_add(p_m_forearm, t3_47);
+        let t3_76 = t2_7.mul_add(p_mz_forearm, t3_75);
+        let t3_77 = (-t3_74).mul_add(p_my_forearm, t3_76);
+        let t3_78 = (-t2_123).mul_add(p_mx_forearm, t3_77);
+        let t3_79 = al_armx + t2_87;
+        let t3_80 = dd_q2 - w_ixx_arm_q2;
+        let t3_81 = p_iyz_arm * t3_80;
+        let t3_82 = al_army.mul_add(p_iyy_arm, t3_81);
+        let t3_83 = p_ixy_arm.mul_add(t3_79, t3_82);
+        let t3_84 = (-t3_73).mul_add(p_ixz_arm, t3_83);
+        let t3_85 = t2_88.mul_add(t3_71, t3_84);
+        let t3_86 = p_mx_arm.mul_add(a_armz, t3_85);
+        let t3_87 = (-a_armx).mul_add(p_mz_arm, t3_86);
+        let t3_88 = like.lift(0.14207).mul_add(t3_78, t3_87);
+        let t3_89 = cos_elbow.mul_add(t3_59, t3_88);
+        let t3_90 = sin_elbow.mul_add(t3_40, t3_89);
+        let t3_91 = t2_87 + al_armx;
+        let t3_92 = p_m_arm.mul_add(a_armz, t3_78);
+        let t3_93 = t2_7.mul_add(p_mz_arm, t3_92);
+        let t3_94 = (-t3_91).mul_add(p_my_arm, t3_93);
+        let t3_95 = (-t2_105).mul_add(p_mx_arm, t3_94);
+        let t3_96 = t2_86 + t3_95;
+        let t3_97 = dd_q1 * p_izz_column;
+        let t3_98 = like.lift(0.0132).mul_add(t3_96, t3_97);
+        let t3_99 = cos_q3.mul_add(t2_81, t3_98);
+        let t3_100 = sin_q3.mul_add(t2_60, t3_99);
+        let t3_101 = cos_q2.mul_add(t3_90, t3_100);
+        let t3_102 = sin_q2.mul_add(t3_70, t3_101);
+        let t3_103 = p_ixx_arm - p_iyy_arm;
+        let w_ixy_arm_q2 = t3_72 - t2_90;
+        let t3_104 = p_ixx_forearm - p_iyy_forearm;
+        let t3_105 = t3_42 - t2_102;
+        let t3_106 = p_ixx_wrist - p_iyy_wrist;
+        let t3_107 = t2_183 - t2_120;
+        let t3_108 = t2_136 + al_flangey;
+        let t3_109 = t2_131 + al_flangex;
+        let t3_110 = t2_159 + t2_139;
+        let t3_111 = a_flangez * p_m_flange;
+        let t3_112 = t3_110.mul_add(p_mz_flange, t3_111);
+        let t3_113 = t3_109.mul_add(p_my_flange, t3_112);
+        let t3_114 = (-t3_108).mul_add(p_mx_flange, t3_113);
+        let t3_115 = al_wristx - t2_114;
+        let t3_116 = al_wristy - t2_116;
+        let t3_117 = al_wristz * p_izz_wrist;
+        let t3_118 = (-p_iyz_wrist).mul_add(t3_116, t3_117);
+        let t3_119 = p_ixz_wrist.mul_add(t3_115, t3_118);
+        let t3_120 = t3_107.mul_add(p_ixy_wrist, t3_119);
+        let t3_121 = (-t2_118).mul_add(t3_106, t3_120);
+        let t3_122 = a_wristx.mul_add(p_my_wrist, t3_121);
+        let t3_123 = a_wristy.mul_add(p_mx_wrist, t3_122);
+        let t3_124 = like.lift(0.05).mul_add(t3_114, t3_123);
+        let t3_125 = (-cos_q4).mul_add(t2_170, t3_124);
+        let t3_126 = (-sin_q4).mul_add(t2_157, t3_125);
+        let t3_127 = a_wristx * p_m_wrist;
+        let t3_128 = (-t2_117).mul_add(p_mz_wrist, t3_127);
+        let t3_129 = t2_132.mul_add(p_my_wrist, t3_128);
+        let t3_130 = t2_144.mul_add(p_mx_wrist, t3_129);
+        let t3_131 = sin_q4.mul_add(t3_17, t3_130);
+        let t3_132 = cos_q4.mul_add(t3_11, t3_131);
+        let t3_133 = t2_183 + t2_121;
+        let t3_134 = a_wristy.mul_add(p_m_wrist, t3_114);
+        let t3_135 = (-t2_115).mul_add(p_mz_wrist, t3_134);
+        let t3_136 = (-t3_133).mul_add(p_my_wrist, t3_135);
+        let t3_137 = t2_142.mul_add(p_mx_wrist, t3_136);
+        let t3_138 = sin_wrist * t3_132;
+        let t3_139 = (-cos_wrist).mul_add(t3_137, t3_138);
+        let t3_140 = al_forearmx - t2_96;
+        let t3_141 = al_forearmy - t2_98;
+        let t3_142 = al_forearmz.mul_add(p_izz_forearm, t3_126);
+        let t3_143 = (-p_iyz_forearm).mul_add(t3_141, t3_142);
+        let t3_144 = p_ixz_forearm.mul_add(t3_140, t3_143);
+        let t3_145 = t3_105.mul_add(p_ixy_forearm, t3_144);
+        let t3_146 = (-t2_100).mul_add(t3_104, t3_145);
+        let t3_147 = a_forearmx.mul_add(p_my_forearm, t3_146);
+        let t3_148 = a_forearmy.mul_add(p_mx_forearm, t3_147);
+        let t3_149 = like.lift(-0.15852).mul_add(t3_139, t3_148);
+        let t3_150 = al_forearmz - t2_100;
+        let t3_151 = a_forearmx * p_m_forearm;
+        let t3_152 = (-t2_99).mul_add(p_mz_forearm, t3_151);
+        let t3_153 = t3_150.mul_add(p_my_forearm, t3_152);
+        let t3_154 = t2_125.mul_add(p_mx_forearm, t3_153);
+        let t3_155 = sin_wrist.mul_add(t3_137, t3_154);
+        let t3_156 = cos_wrist.mul_add(t3_132, t3_155);
+        let t3_157 = t3_42 + t2_103;
+        let t3_158 = a_forearmy.mul_add(p_m_forearm, -t3_139);
+        let t3_159 = (-t2_97).mul_add(p_mz_forearm, t3_158);
+        let t3_160 = (-t3_157).mul_add(p_my_forearm, t3_159);
+        let t3_161 = t2_127.mul_add(p_mx_forearm, t3_160);
+        let t3_162 = sin_elbow * t3_156;
+        let t3_163 = (-cos_elbow).mul_add(t3_161, t3_162);
+        let t3_164 = sin_q2_elbow * cos_q3;
+        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t3_164);
+        let t3_165 = cos_q2_elbow * cos_q3;
+        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t3_165);
+        let t3_166 = sin_q2_elbow_minus_q3 * cos_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t3_166);
+        let t3_167 = cos_q2_elbow_minus_q3 * cos_pin;
+        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t3_167);
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t3_178 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t3_179 = -t3_178;
-        let t3_180 = sin_q2 * cos_q3;
-        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t3_180);
-        let t3_181 = cos_q2 * cos_q3;
-        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t3_181);
-        let t3_182 = sin_q2_minus_q3 * cos_pin;
-        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t3_182);
-        let t3_183 = cos_q2_minus_q3 * cos_pin;
-        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t3_183);
-        let t3_184 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t3_185 = -t3_184;
+        let t3_168 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t3_169 = -t3_168;
+        let t3_170 = sin_q2 * cos_q3;
+        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t3_170);
+        let t3_171 = cos_q2 * cos_q3;
+        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t3_171);
+        let t3_172 = sin_q2_minus_q3 * cos_pin;
+        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t3_172);
+        let t3_173 = cos_q2_minus_q3 * cos_pin;
+        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t3_173);
+        let t3_174 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
+        let t3_175 = -t3_174;
         let u_rod_q3x = like.lift(0.0456) * sin_pin;
-        let t3_186 = -u_rod_q3x;
-        let t3_187 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t3_178);
-        let t3_188 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t3_176 = -u_rod_q3x;
+        let t3_177 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t3_168);
+        let t3_178 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t3_179 = -t3_178;
+        let t3_180 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t3_181 = t3_174 * t3_180;
+        let t3_182 = like.lift(21.92982456140351) * t3_181;
+        let t3_183 = -t3_182;
+        let t3_184 = sin_pin * t3_180;
+        let t3_185 = -t3_184;
+        let t3_186 = like.lift(1.0) + t3_182;
+        let t3_187 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t3_181, t3_177);
+        let t3_188 = like.lift(7.038783698176955) * t3_187;
         let t3_189 = -t3_188;
-        let t3_190 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t3_191 = t3_184 * t3_190;
-        let t3_192 = like.lift(21.92982456140351) * t3_191;
-        let t3_193 = -t3_192;
-        let t3_194 = sin_pin * t3_190;
-        let t3_195 = -t3_194;
-        let t3_196 = like.lift(1.0) + t3_192;
-        let t3_197 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t3_191, t3_187);
-        let t3_198 = like.lift(7.038783698176955) * t3_197;
-        let t3_199 = -t3_198;
-        let t3_200 = t3_194.mul_add(t3_178, t3_188);
-        let t3_201 = like.lift(7.038783698176955) * t3_200;
+        let t3_190 = t3_184.mul_add(t3_168, t3_178);
+        let t3_191 = like.lift(7.038783698176955) * t3_190;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([
@@ -2447,23 +2417,23 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t3_193, like.lift(0.0), t3_195],
-                [like.lift(0.0), t3_196, like.lift(0.0), t3_194],
-                [like.lift(0.0), t3_199, like.lift(0.0), t3_201],
+                [like.lift(0.0), t3_183, like.lift(0.0), t3_185],
+                [like.lift(0.0), t3_186, like.lift(0.0), t3_184],
+                [like.lift(0.0), t3_189, like.lift(0.0), t3_191],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t3_179, like.lift(0.0), like.lift(-0.14207)],
+                    [t3_169, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t3_185, like.lift(0.0), t3_186],
-                    [like.lift(0.0), t3_187, like.lift(0.0), t3_189],
+                    [like.lift(0.0), t3_175, like.lift(0.0), t3_176],
+                    [like.lift(0.0), t3_177, like.lift(0.0), t3_179],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -2473,71 +2443,70 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
         );
         condition = condition.min(found);
         [
-            t3_9, t3_107, t3_108, w_ixy_arm_q2, t3_131, t3_157, t3_173, x_elbow_q2, x_elbow_q3,
+            t3_5, t3_102, t3_103, w_ixy_arm_q2, t3_126, t3_149, t3_163, x_elbow_q2, x_elbow_q3,
             x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
         ]
     };
     // tau
     {
         let t4_1 = p_ixx_rod - p_iyy_rod;
-        let t4_2 = t2_40 - t2_21;
-        let t4_3 = al_rodx - t2_18;
-        let t4_4 = al_rody - t2_16;
+        let t4_2 = t2_38 - t2_19;
+        let t4_3 = al_rodx - t2_12;
+        let t4_4 = al_rody - t2_14;
         let t4_5 = al_rodz * p_izz_rod;
         let t4_6 = (-p_iyz_rod).mul_add(t4_4, t4_5);
         let t4_7 = p_ixz_rod.mul_add(t4_3, t4_6);
         let t4_8 = t4_2.mul_add(p_ixy_rod, t4_7);
-        let t4_9 = (-t2_17).mul_add(t4_1, t4_8);
+        let t4_9 = (-t2_16).mul_add(t4_1, t4_8);
         let t4_10 = a_rodx.mul_add(p_my_rod, t4_9);
         let t4_11 = a_rody.mul_add(p_mx_rod, t4_10);
-        let t4_12 = al_armx - t2_89;
-        let t4_13 = al_army + t2_90;
-        let t4_14 = (-t4_11).mul_add(x_pin_q2, t3_157);
-        let t4_15 = (-t3_131).mul_add(x_wrist_q2, t4_14);
-        let t4_16 = (-t3_157).mul_add(x_elbow_q2, t4_15);
+        let t4_12 = al_armx - t2_87;
+        let t4_13 = al_army + t2_88;
+        let t4_14 = (-t4_11).mul_add(x_pin_q2, t3_149);
+        let t4_15 = (-t3_126).mul_add(x_wrist_q2, t4_14);
+        let t4_16 = (-t3_149).mul_add(x_elbow_q2, t4_15);
         let t4_17 = dd_q2.mul_add(p_izz_arm, t4_16);
         let t4_18 = p_iyz_arm.mul_add(t4_13, t4_17);
         let t4_19 = p_ixz_arm.mul_add(t4_12, t4_18);
         let t4_20 = w_ixy_arm_q2.mul_add(p_ixy_arm, t4_19);
-        let t4_21 = (-w_ixx_arm_q2).mul_add(t3_108, t4_20);
+        let t4_21 = (-w_ixx_arm_q2).mul_add(t3_103, t4_20);
         let t4_22 = a_armx.mul_add(p_my_arm, t4_21);
         let t4_23 = a_army.mul_add(p_mx_arm, t4_22);
-        let t4_24 = like.lift(-0.14207).mul_add(t3_173, t4_23);
+        let t4_24 = like.lift(-0.14207).mul_add(t3_163, t4_23);
         tau[1] = t4_24;
-        let t4_25 = p_ixx_crank - p_iyy_crank;
-        let w_ixy_crank_q3 = t2_64 - t2_5;
-        let t4_26 = t2_20 + t2_21;
-        let t4_27 = al_rodz - t2_17;
-        let t4_28 = al_rody - t2_16;
+        let t4_25 = -t3_5;
+        tau[2] = t4_25;
+        let t4_26 = p_ixx_crank - p_iyy_crank;
+        let w_ixy_crank_q3 = t2_62 - t2_5;
+        let t4_27 = t2_18 + t2_19;
+        let t4_28 = al_rodz - t2_16;
         let t4_29 = a_rodx * p_m_rod;
-        let t4_30 = t4_28.mul_add(p_mz_rod, t4_29);
-        let t4_31 = t4_27.mul_add(p_my_rod, t4_30);
-        let t4_32 = t4_26.mul_add(p_mx_rod, t4_31);
-        let t4_33 = al_rodz + t2_17;
-        let t4_34 = t2_20 + t2_40;
-        let t4_35 = al_rodx - t2_18;
-        let t4_36 = a_rody * p_m_rod;
-        let t4_37 = (-t4_35).mul_add(p_mz_rod, t4_36);
-        let t4_38 = (-t4_34).mul_add(p_my_rod, t4_37);
-        let t4_39 = t4_33.mul_add(p_mx_rod, t4_38);
-        let t4_40 = sin_pin * t4_32;
-        let t4_41 = (-cos_pin).mul_add(t4_39, t4_40);
-        let t4_42 = al_crankx - t2_1;
-        let t4_43 = al_cranky + t2_2;
-        let t4_44 = (-t4_11).mul_add(x_pin_q3, t4_11);
-        let t4_45 = dd_q3.mul_add(p_izz_crank, t4_44);
-        let t4_46 = p_iyz_crank.mul_add(t4_43, t4_45);
-        let t4_47 = p_ixz_crank.mul_add(t4_42, t4_46);
-        let t4_48 = w_ixy_crank_q3.mul_add(p_ixy_crank, t4_47);
-        let t4_49 = (-w_ixx_crank_q3).mul_add(t4_25, t4_48);
-        let t4_50 = a_crankx.mul_add(p_my_crank, t4_49);
-        let t4_51 = a_cranky.mul_add(p_mx_crank, t4_50);
-        let t4_52 = like.lift(-0.0456).mul_add(t4_41, t4_51);
-        let t4_53 = (-t3_131).mul_add(x_wrist_q3, t4_52);
-        let t4_54 = (-t3_157).mul_add(x_elbow_q3, t4_53);
-        tau[3] = t4_54;
-        tau[0] = t3_107;
-        tau[2] = t3_9;
+        let t4_30 = (-t2_15).mul_add(p_mz_rod, t4_29);
+        let t4_31 = t4_28.mul_add(p_my_rod, t4_30);
+        let t4_32 = t4_27.mul_add(p_mx_rod, t4_31);
+        let t4_33 = al_rodz + t2_16;
+        let t4_34 = t2_18 + t2_38;
+        let t4_35 = a_rody * p_m_rod;
+        let t4_36 = (-t2_13).mul_add(p_mz_rod, t4_35);
+        let t4_37 = (-t4_34).mul_add(p_my_rod, t4_36);
+        let t4_38 = t4_33.mul_add(p_mx_rod, t4_37);
+        let t4_39 = sin_pin * t4_32;
+        let t4_40 = (-cos_pin).mul_add(t4_38, t4_39);
+        let t4_41 = al_crankx - t2_1;
+        let t4_42 = al_cranky + t2_2;
+        let t4_43 = (-t4_11).mul_add(x_pin_q3, t4_11);
+        let t4_44 = dd_q3.mul_add(p_izz_crank, t4_43);
+        let t4_45 = p_iyz_crank.mul_add(t4_42, t4_44);
+        let t4_46 = p_ixz_crank.mul_add(t4_41, t4_45);
+        let t4_47 = w_ixy_crank_q3.mul_add(p_ixy_crank, t4_46);
+        let t4_48 = (-w_ixx_crank_q3).mul_add(t4_26, t4_47);
+        let t4_49 = a_crankx.mul_add(p_my_crank, t4_48);
+        let t4_50 = a_cranky.mul_add(p_mx_crank, t4_49);
+        let t4_51 = like.lift(-0.0456).mul_add(t4_40, t4_50);
+        let t4_52 = (-t3_126).mul_add(x_wrist_q3, t4_51);
+        let t4_53 = (-t3_149).mul_add(x_elbow_q3, t4_52);
+        tau[3] = t4_53;
+        tau[0] = t3_102;
     }
     (tau, Condition { pivot: condition })
 }
@@ -2772,7 +2741,7 @@ pub fn gravity<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([T; 4], Condition<T>) {
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
 ///
-/// 353 additions, 382 multiplications, 1 divisions, 6 sines and cosines.
+/// 313 additions, 350 multiplications, 1 divisions, 6 sines and cosines.
 pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 4];
@@ -2809,9 +2778,9 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 4]
     // loops: solve with A_e (Eq. 8, 10)
     let [
         w_crankx, al_cranky, t2_1, w_ixx_crank_q3, al_crankx, t2_2, t2_3, t2_4, t2_5, t2_6,
-        t2_7, w_rodx, t2_10, t2_11, t2_12, t2_13, t2_14, t2_15, t2_16, al_rodx, al_rody,
-        sin_q2_elbow, cos_q2_elbow, cos_q2_elbow_minus_q3_minus_pin, pivot_3, t2_26, t2_27,
-        cos_q2_minus_q3_minus_pin, w_forearmz, t2_32, t2_33, t2_40, t2_45, al_forearmz, t2_52,
+        t2_7, w_rodx, al_rody, t2_10, t2_11, al_rodx, t2_12, t2_13, t2_14, t2_15, sin_q2_elbow,
+        cos_q2_elbow, cos_q2_elbow_minus_q3_minus_pin, pivot_3, t2_22, t2_23,
+        cos_q2_minus_q3_minus_pin, w_forearmz, t2_28, t2_29, t2_36, t2_41, al_forearmz, t2_48,
         al_rodz,
     ] = {
         let w_crankx = sin_q3 * d_q1;
@@ -2832,79 +2801,75 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 4]
         let t2_9 = cos_q3 * cos_pin;
         let cos_q3_pin = (-sin_q3).mul_add(sin_pin, t2_9);
         let w_rodx = sin_q3_pin * d_q1;
-        let t2_10 = w_rodz * w_rodx;
+        let al_rody = w_rodz * w_rodx;
+        let t2_10 = al_rody * p_ixy_rod;
         let w_rody = cos_q3_pin * d_q1;
         let t2_11 = w_rodx * w_rody;
-        let t2_12 = w_rodz * w_rody;
-        let t2_13 = p_iyy_rod - p_izz_rod;
-        let t2_14 = w_rodz * w_rodz;
-        let t2_15 = w_rody * w_rody;
-        let t2_16 = t2_14 - t2_15;
-        let t2_17 = d_q1 * d_q3;
-        let t2_18 = cos_q3_pin * t2_17;
-        let al_rodx = d_pin.mul_add(w_rody, t2_18);
-        let t2_19 = sin_q3_pin * t2_17;
-        let al_rody = d_pin.mul_add(w_rodx, t2_19);
-        let t2_20 = sin_q2 * cos_elbow;
-        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t2_20);
-        let t2_21 = cos_q2 * cos_elbow;
-        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t2_21);
-        let t2_22 = sin_q2_elbow * cos_q3;
-        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t2_22);
-        let t2_23 = cos_q2_elbow * cos_q3;
-        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t2_23);
-        let t2_24 = sin_q2_elbow_minus_q3 * cos_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t2_24);
-        let t2_25 = cos_q2_elbow_minus_q3 * cos_pin;
-        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t2_25);
+        let al_rodx = w_rodz * w_rody;
+        let t2_12 = p_iyy_rod - p_izz_rod;
+        let t2_13 = w_rodz * w_rodz;
+        let t2_14 = w_rody * w_rody;
+        let t2_15 = t2_13 - t2_14;
+        let t2_16 = sin_q2 * cos_elbow;
+        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t2_16);
+        let t2_17 = cos_q2 * cos_elbow;
+        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t2_17);
+        let t2_18 = sin_q2_elbow * cos_q3;
+        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t2_18);
+        let t2_19 = cos_q2_elbow * cos_q3;
+        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t2_19);
+        let t2_20 = sin_q2_elbow_minus_q3 * cos_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t2_20);
+        let t2_21 = cos_q2_elbow_minus_q3 * cos_pin;
+        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t2_21);
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t2_26 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t2_27 = -t2_26;
-        let t2_28 = sin_q2 * cos_q3;
-        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t2_28);
-        let t2_29 = cos_q2 * cos_q3;
-        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t2_29);
-        let t2_30 = sin_q2_minus_q3 * cos_pin;
-        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t2_30);
-        let t2_31 = cos_q2_minus_q3 * cos_pin;
-        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t2_31);
+        let t2_22 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t2_23 = -t2_22;
+        let t2_24 = sin_q2 * cos_q3;
+        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t2_24);
+        let t2_25 = cos_q2 * cos_q3;
+        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t2_25);
+        let t2_26 = sin_q2_minus_q3 * cos_pin;
+        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t2_26);
+        let t2_27 = cos_q2_minus_q3 * cos_pin;
+        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t2_27);
         let w_forearmz = d_q2 + d_elbow;
-        let t2_32 = w_forearmz * w_forearmz;
-        let t2_33 = d_q2 * d_q2;
-        let t2_34 = cos_pin * t2_3;
-        let t2_35 = cos_q2_elbow_minus_q3_minus_pin.mul_add(t2_32, t2_34);
-        let t2_36 = (-cos_q2_minus_q3_minus_pin).mul_add(t2_33, t2_14);
-        let t2_37 = like.lift(0.14207) * t2_36;
-        let t2_38 = like.lift(0.0456).mul_add(t2_35, t2_37);
-        let t2_39 = -t2_38;
-        let t2_40 = like.lift(0.14207) * sin_q2_minus_q3_minus_pin;
-        let t2_41 = sin_pin * t2_3;
-        let t2_42 = (-sin_q2_elbow_minus_q3_minus_pin).mul_add(t2_32, t2_41);
-        let t2_43 = like.lift(0.0456) * t2_42;
-        let t2_44 = t2_33.mul_add(t2_40, t2_43);
-        let t2_45 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t2_46 = t2_45 * t2_38;
-        let t2_47 = like.lift(21.92982456140351) * t2_46;
-        let t2_48 = -t2_47;
-        let t2_49 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_46, t2_44);
-        let t2_50 = like.lift(7.038783698176955) * t2_49;
-        let t2_51 = -t2_50;
+        let t2_28 = w_forearmz * w_forearmz;
+        let t2_29 = d_q2 * d_q2;
+        let t2_30 = cos_pin * t2_3;
+        let t2_31 = cos_q2_elbow_minus_q3_minus_pin.mul_add(t2_28, t2_30);
+        let t2_32 = (-cos_q2_minus_q3_minus_pin).mul_add(t2_29, t2_13);
+        let t2_33 = like.lift(0.14207) * t2_32;
+        let t2_34 = like.lift(0.0456).mul_add(t2_31, t2_33);
+        let t2_35 = -t2_34;
+        let t2_36 = like.lift(0.14207) * sin_q2_minus_q3_minus_pin;
+        let t2_37 = sin_pin * t2_3;
+        let t2_38 = (-sin_q2_elbow_minus_q3_minus_pin).mul_add(t2_28, t2_37);
+        let t2_39 = like.lift(0.0456) * t2_38;
+        let t2_40 = t2_29.mul_add(t2_36, t2_39);
+        let t2_41 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t2_42 = t2_41 * t2_34;
+        let t2_43 = like.lift(21.92982456140351) * t2_42;
+        let t2_44 = -t2_43;
+        let t2_45 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_42, t2_40);
+        let t2_46 = like.lift(7.038783698176955) * t2_45;
+        let t2_47 = -t2_46;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
-        let ([[al_forearmz], [t2_52], [al_rodz]], found) = ::regen_runtime::guarded(
-            [[t2_48], [t2_47], [t2_51]],
+        let ([[al_forearmz], [t2_48], [al_rodz]], found) = ::regen_runtime::guarded(
+            [[t2_44], [t2_43], [t2_47]],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t2_27, like.lift(0.0), like.lift(-0.14207)],
+                    [t2_23, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_39], [t2_44], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_35], [t2_40], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
                     [like.lift(0.0)],
                 ],
             ),
@@ -2912,21 +2877,20 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 4]
         condition = condition.min(found);
         [
             w_crankx, al_cranky, t2_1, w_ixx_crank_q3, al_crankx, t2_2, t2_3, t2_4, t2_5, t2_6,
-            t2_7, w_rodx, t2_10, t2_11, t2_12, t2_13, t2_14, t2_15, t2_16, al_rodx, al_rody,
-            sin_q2_elbow, cos_q2_elbow, cos_q2_elbow_minus_q3_minus_pin, pivot_3, t2_26, t2_27,
-            cos_q2_minus_q3_minus_pin, w_forearmz, t2_32, t2_33, t2_40, t2_45, al_forearmz,
-            t2_52, al_rodz,
+            t2_7, w_rodx, al_rody, t2_10, t2_11, al_rodx, t2_12, t2_13, t2_14, t2_15,
+            sin_q2_elbow, cos_q2_elbow, cos_q2_elbow_minus_q3_minus_pin, pivot_3, t2_22, t2_23,
+            cos_q2_minus_q3_minus_pin, w_forearmz, t2_28, t2_29, t2_36, t2_41, al_forearmz,
+            t2_48, al_rodz,
         ]
     };
     // tau, part 2
     let [
-        t3_1, a_rody, t3_19, a_rodx, t3_39, t3_42, t3_58, t3_62, w_armx, al_army, t3_63,
-        w_ixx_arm_q2, al_armx, t3_64, t3_65, t3_66, t3_67, t3_68, t3_69, t3_70, t3_72,
-        al_forearmx, al_forearmy, t3_77, a_forearmy, t3_86, t3_87, t3_88, t3_90, t3_91,
-        al_wristx, al_wristy, al_wristz, t3_97, t3_98, t3_99, a_forearmx, t3_102, a_wristy,
-        t3_106, t3_108, t3_110, al_flangex, al_flangey, t3_117, a_flangez, t3_118, a_wristx,
-        t3_132, t3_134, t3_145, t3_156, t3_158, t3_169, t3_176, t3_183, t3_195, t3_206, t3_207,
-        t3_208, t3_209, t3_214, t3_215, t3_216,
+        t3_1, a_rody, t3_19, a_rodx, t3_38, t3_41, t3_56, t3_60, w_armx, al_army, t3_61,
+        w_ixx_arm_q2, al_armx, t3_63, t3_64, t3_65, al_forearmy, t3_67, al_forearmx, t3_69,
+        t3_71, a_forearmy, t3_81, t3_83, t3_84, al_wristz, t3_86, t3_87, a_forearmx, t3_90,
+        a_wristy, t3_94, t3_96, t3_98, t3_101, al_flangex, al_flangey, t3_107, a_flangez,
+        t3_108, a_wristx, t3_121, t3_123, t3_134, t3_147, t3_158, t3_164, t3_170, t3_192,
+        t3_195, t3_201, t3_212, t3_213, t3_214, t3_216,
     ] = {
         let t3_1 = cos_q3 * t2_6;
         let t3_2 = t2_3 + t2_4;
@@ -2937,395 +2901,363 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 4]
         let t3_7 = cos_pin * t3_6;
         let a_rody = sin_pin.mul_add(t3_4, t3_7);
         let t3_8 = like.lift(0.0912) * al_cranky;
-        let t3_9 = t2_10 + al_rody;
-        let t3_10 = t2_11 + al_rodz;
-        let t3_11 = p_ixy_rod * t3_9;
-        let t3_12 = (-p_ixz_rod).mul_add(t3_10, t3_11);
-        let t3_13 = t2_16.mul_add(p_iyz_rod, t3_12);
-        let t3_14 = t2_12.mul_add(t2_13, t3_13);
-        let t3_15 = (-p_ixx_rod).mul_add(al_rodx, t3_14);
-        let t3_16 = p_mz_rod.mul_add(a_rody, t3_15);
-        let t3_17 = (-p_my_rod).mul_add(t3_8, t3_16);
+        let t3_9 = t2_11 + al_rodz;
+        let t3_10 = t2_12 - p_ixx_rod;
+        let t3_11 = (-p_ixz_rod).mul_add(t3_9, t2_10);
+        let t3_12 = t2_15.mul_add(p_iyz_rod, t3_11);
+        let t3_13 = al_rodx.mul_add(t3_10, t3_12);
+        let t3_14 = t3_13 + t2_10;
+        let t3_15 = p_mz_rod.mul_add(a_rody, t3_14);
+        let t3_16 = (-p_my_rod).mul_add(t3_8, t3_15);
+        let t3_17 = al_rodx * p_ixy_rod;
         let t3_18 = p_ixx_rod - p_izz_rod;
         let t3_19 = w_rodx * w_rodx;
-        let t3_20 = t2_14 - t3_19;
+        let t3_20 = t2_13 - t3_19;
         let t3_21 = cos_pin * t3_4;
         let a_rodx = (-sin_pin).mul_add(t3_6, t3_21);
-        let t3_22 = t2_12 + al_rodx;
-        let t3_23 = t2_11 - al_rodz;
-        let t3_24 = p_iyz_rod * t3_23;
-        let t3_25 = (-p_ixy_rod).mul_add(t3_22, t3_24);
-        let t3_26 = (-t3_20).mul_add(p_ixz_rod, t3_25);
-        let t3_27 = (-t2_10).mul_add(t3_18, t3_26);
-        let t3_28 = p_iyy_rod.mul_add(al_rody, t3_27);
-        let t3_29 = p_mx_rod.mul_add(t3_8, t3_28);
-        let t3_30 = p_mz_rod.mul_add(a_rodx, t3_29);
-        let t3_31 = like.lift(0.0132) * p_mz_crank;
-        let t3_32 = t2_2 - p_ixx_crank;
-        let t3_33 = t2_7.mul_add(t3_31, t2_1);
-        let t3_34 = (-w_ixx_crank_q3).mul_add(p_ixz_crank, t3_33);
-        let t3_35 = t2_5.mul_add(p_iyz_crank, t3_34);
-        let t3_36 = al_crankx.mul_add(t3_32, t3_35);
-        let t3_37 = t3_36 + t2_1;
-        let t3_38 = (-sin_pin).mul_add(t3_30, t3_37);
-        let t3_39 = cos_pin.mul_add(t3_17, t3_38);
-        let t3_40 = al_crankx * p_ixy_crank;
-        let t3_41 = p_ixx_crank - p_izz_crank;
-        let t3_42 = w_crankx * w_crankx;
-        let t3_43 = t2_3 - t3_42;
-        let t3_44 = t2_10 + al_rody;
-        let t3_45 = t2_12 + al_rodx;
-        let t3_46 = p_m_rod * t3_8;
-        let t3_47 = (-t2_6).mul_add(p_mz_rod, t3_46);
-        let t3_48 = p_my_rod.mul_add(t3_45, t3_47);
-        let t3_49 = p_mx_rod.mul_add(t3_44, t3_48);
-        let t3_50 = t3_41 - p_iyy_crank;
-        let t3_51 = t3_1.mul_add(t3_31, -t3_40);
-        let t3_52 = w_ixx_crank_q3.mul_add(p_iyz_crank, t3_51);
-        let t3_53 = (-t3_43).mul_add(p_ixz_crank, t3_52);
-        let t3_54 = (-al_cranky).mul_add(t3_50, t3_53);
-        let t3_55 = t3_54 - t3_40;
-        let t3_56 = like.lift(0.0456).mul_add(t3_49, t3_55);
-        let t3_57 = cos_pin.mul_add(t3_30, t3_56);
-        let t3_58 = sin_pin.mul_add(t3_17, t3_57);
-        let t3_59 = al_crankx * p_my_crank;
-        let t3_60 = al_cranky.mul_add(p_mx_crank, t3_59);
-        let t3_61 = t2_6.mul_add(p_mz_crank, -t3_49);
-        let t3_62 = like.lift(-2.0).mul_add(t3_60, t3_61);
+        let t3_22 = t2_11 - al_rodz;
+        let t3_23 = t3_18 - p_iyy_rod;
+        let t3_24 = p_iyz_rod.mul_add(t3_22, -t3_17);
+        let t3_25 = (-t3_20).mul_add(p_ixz_rod, t3_24);
+        let t3_26 = (-al_rody).mul_add(t3_23, t3_25);
+        let t3_27 = t3_26 - t3_17;
+        let t3_28 = p_mx_rod.mul_add(t3_8, t3_27);
+        let t3_29 = p_mz_rod.mul_add(a_rodx, t3_28);
+        let t3_30 = like.lift(0.0132) * p_mz_crank;
+        let t3_31 = t2_2 - p_ixx_crank;
+        let t3_32 = t2_7.mul_add(t3_30, t2_1);
+        let t3_33 = (-w_ixx_crank_q3).mul_add(p_ixz_crank, t3_32);
+        let t3_34 = t2_5.mul_add(p_iyz_crank, t3_33);
+        let t3_35 = al_crankx.mul_add(t3_31, t3_34);
+        let t3_36 = t3_35 + t2_1;
+        let t3_37 = (-sin_pin).mul_add(t3_29, t3_36);
+        let t3_38 = cos_pin.mul_add(t3_16, t3_37);
+        let t3_39 = al_crankx * p_ixy_crank;
+        let t3_40 = p_ixx_crank - p_izz_crank;
+        let t3_41 = w_crankx * w_crankx;
+        let t3_42 = t2_3 - t3_41;
+        let t3_43 = al_rodx * p_my_rod;
+        let t3_44 = al_rody.mul_add(p_mx_rod, t3_43);
+        let t3_45 = p_m_rod * t3_8;
+        let t3_46 = (-t2_6).mul_add(p_mz_rod, t3_45);
+        let t3_47 = like.lift(2.0).mul_add(t3_44, t3_46);
+        let t3_48 = t3_40 - p_iyy_crank;
+        let t3_49 = t3_1.mul_add(t3_30, -t3_39);
+        let t3_50 = w_ixx_crank_q3.mul_add(p_iyz_crank, t3_49);
+        let t3_51 = (-t3_42).mul_add(p_ixz_crank, t3_50);
+        let t3_52 = (-al_cranky).mul_add(t3_48, t3_51);
+        let t3_53 = t3_52 - t3_39;
+        let t3_54 = like.lift(0.0456).mul_add(t3_47, t3_53);
+        let t3_55 = cos_pin.mul_add(t3_29, t3_54);
+        let t3_56 = sin_pin.mul_add(t3_16, t3_55);
+        let t3_57 = al_crankx * p_my_crank;
+        let t3_58 = al_cranky.mul_add(p_mx_crank, t3_57);
+        let t3_59 = t2_6.mul_add(p_mz_crank, -t3_47);
+        let t3_60 = like.lift(-2.0).mul_add(t3_58, t3_59);
         let w_armx = sin_q2 * d_q1;
         let al_army = d_q2 * w_armx;
-        let t3_63 = al_army * p_ixy_arm;
+        let t3_61 = al_army * p_ixy_arm;
         let w_army = cos_q2 * d_q1;
         let w_ixx_arm_q2 = w_armx * w_army;
         let al_armx = d_q2 * w_army;
-        let t3_64 = p_iyy_arm - p_izz_arm;
-        let t3_65 = w_army * w_army;
-        let t3_66 = t3_65 - t2_33;
-        let t3_67 = sin_q2 * t2_6;
+        let t3_62 = p_iyy_arm - p_izz_arm;
+        let t3_63 = w_army * w_army;
+        let t3_64 = t3_63 - t2_29;
+        let t3_65 = sin_q2 * t2_6;
         let w_forearmx = sin_q2_elbow * d_q1;
-        let t3_68 = w_forearmz * w_forearmx;
+        let al_forearmy = w_forearmz * w_forearmx;
+        let t3_66 = al_forearmy * p_ixy_forearm;
         let w_forearmy = cos_q2_elbow * d_q1;
-        let t3_69 = w_forearmx * w_forearmy;
-        let t3_70 = w_forearmz * w_forearmy;
-        let t3_71 = p_iyy_forearm - p_izz_forearm;
-        let t3_72 = w_forearmy * w_forearmy;
-        let t3_73 = t3_72 - t2_32;
-        let t3_74 = d_q1 * d_q2;
-        let t3_75 = cos_q2_elbow * t3_74;
-        let al_forearmx = d_elbow.mul_add(w_forearmy, t3_75);
-        let t3_76 = sin_q2_elbow * t3_74;
-        let al_forearmy = d_elbow.mul_add(w_forearmx, t3_76);
-        let t3_77 = cos_q2 * t2_6;
-        let t3_78 = t3_65 + t2_33;
-        let t3_79 = like.lift(0.14207) * t3_78;
-        let t3_80 = like.lift(0.0132).mul_add(t3_77, t3_79);
-        let t3_81 = like.lift(0.14207) * w_ixx_arm_q2;
-        let t3_82 = like.lift(0.0132).mul_add(t3_67, t3_81);
-        let t3_83 = cos_elbow * t3_82;
-        let a_forearmy = sin_elbow.mul_add(t3_80, t3_83);
-        let t3_84 = sin_q2_elbow * cos_wrist;
-        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t3_84);
-        let t3_85 = cos_q2_elbow * cos_wrist;
-        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t3_85);
+        let t3_67 = w_forearmx * w_forearmy;
+        let al_forearmx = w_forearmz * w_forearmy;
+        let t3_68 = p_iyy_forearm - p_izz_forearm;
+        let t3_69 = w_forearmy * w_forearmy;
+        let t3_70 = t3_69 - t2_28;
+        let t3_71 = cos_q2 * t2_6;
+        let t3_72 = t3_63 + t2_29;
+        let t3_73 = like.lift(0.14207) * t3_72;
+        let t3_74 = like.lift(0.0132).mul_add(t3_71, t3_73);
+        let t3_75 = like.lift(0.14207) * w_ixx_arm_q2;
+        let t3_76 = like.lift(0.0132).mul_add(t3_65, t3_75);
+        let t3_77 = cos_elbow * t3_76;
+        let a_forearmy = sin_elbow.mul_add(t3_74, t3_77);
+        let t3_78 = sin_q2_elbow * cos_wrist;
+        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t3_78);
+        let t3_79 = cos_q2_elbow * cos_wrist;
+        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t3_79);
         let w_wristx = d_q1 * sin_q2_elbow_wrist;
         let w_wristz = d_wrist + w_forearmz;
-        let t3_86 = w_wristx * w_wristz;
+        let al_wristy = w_wristx * w_wristz;
+        let t3_80 = al_wristy * p_ixy_wrist;
         let w_wristy = d_q1 * cos_q2_elbow_wrist;
-        let t3_87 = w_wristx * w_wristy;
-        let t3_88 = w_wristy * w_wristz;
-        let t3_89 = p_iyy_wrist - p_izz_wrist;
-        let t3_90 = w_wristy * w_wristy;
-        let t3_91 = w_wristz * w_wristz;
-        let t3_92 = t3_90 - t3_91;
-        let t3_93 = d_wrist * w_wristy;
-        let t3_94 = (-sin_wrist).mul_add(al_forearmy, t3_93);
-        let al_wristx = cos_wrist.mul_add(al_forearmx, t3_94);
-        let t3_95 = d_wrist * w_wristx;
-        let t3_96 = cos_wrist.mul_add(al_forearmy, t3_95);
-        let al_wristy = sin_wrist.mul_add(al_forearmx, t3_96);
-        let al_wristz = al_forearmz + t2_52;
-        let t3_97 = t3_68 + al_forearmy;
-        let t3_98 = like.lift(0.28414) * al_army;
-        let a_wristz = like.lift(0.15852).mul_add(t3_97, t3_98);
-        let t3_99 = t3_72 + t2_32;
-        let t3_100 = cos_elbow * t3_80;
-        let a_forearmx = (-sin_elbow).mul_add(t3_82, t3_100);
-        let t3_101 = like.lift(0.15852).mul_add(t3_99, a_forearmx);
-        let t3_102 = t3_69 + al_forearmz;
-        let t3_103 = like.lift(0.15852).mul_add(t3_102, a_forearmy);
-        let t3_104 = cos_wrist * t3_103;
-        let a_wristy = sin_wrist.mul_add(t3_101, t3_104);
-        let t3_105 = sin_q4 * w_wristz;
-        let w_flangex = cos_q4.mul_add(w_wristx, t3_105);
+        let t3_81 = w_wristx * w_wristy;
+        let al_wristx = w_wristy * w_wristz;
+        let t3_82 = p_iyy_wrist - p_izz_wrist;
+        let t3_83 = w_wristy * w_wristy;
+        let t3_84 = w_wristz * w_wristz;
+        let t3_85 = t3_83 - t3_84;
+        let al_wristz = al_forearmz + t2_48;
+        let t3_86 = like.lift(0.28414) * al_army;
+        let a_wristz = like.lift(0.31704).mul_add(al_forearmy, t3_86);
+        let t3_87 = t3_69 + t2_28;
+        let t3_88 = cos_elbow * t3_74;
+        let a_forearmx = (-sin_elbow).mul_add(t3_76, t3_88);
+        let t3_89 = like.lift(0.15852).mul_add(t3_87, a_forearmx);
+        let t3_90 = t3_67 + al_forearmz;
+        let t3_91 = like.lift(0.15852).mul_add(t3_90, a_forearmy);
+        let t3_92 = cos_wrist * t3_91;
+        let a_wristy = sin_wrist.mul_add(t3_89, t3_92);
+        let t3_93 = sin_q4 * w_wristz;
+        let w_flangex = cos_q4.mul_add(w_wristx, t3_93);
         let w_flangez = d_q4 - w_wristy;
-        let t3_106 = w_flangex * w_flangez;
-        let t3_107 = sin_q4 * w_wristx;
-        let w_flangey = (-cos_q4).mul_add(w_wristz, t3_107);
+        let t3_94 = w_flangex * w_flangez;
+        let t3_95 = sin_q4 * w_wristx;
+        let w_flangey = (-cos_q4).mul_add(w_wristz, t3_95);
         let w_ixx_flange_q4 = w_flangex * w_flangey;
-        let t3_108 = w_flangey * w_flangez;
-        let t3_109 = p_iyy_flange - p_izz_flange;
-        let t3_110 = w_flangey * w_flangey;
-        let t3_111 = w_flangez * w_flangez;
-        let t3_112 = t3_110 - t3_111;
-        let t3_113 = d_q4 * w_flangey;
-        let t3_114 = (-sin_q4).mul_add(al_wristz, t3_113);
-        let al_flangex = (-cos_q4).mul_add(al_wristx, t3_114);
-        let t3_115 = d_q4 * w_flangex;
-        let t3_116 = (-cos_q4).mul_add(al_wristz, t3_115);
-        let al_flangey = sin_q4.mul_add(al_wristx, t3_116);
-        let t3_117 = t3_87 + al_wristz;
-        let a_flangez = like.lift(0.05).mul_add(t3_117, a_wristy);
-        let t3_118 = t3_90 + t3_91;
-        let t3_119 = cos_wrist * t3_101;
-        let a_wristx = (-sin_wrist).mul_add(t3_103, t3_119);
-        let t3_120 = like.lift(0.05).mul_add(t3_118, a_wristx);
-        let t3_121 = t3_86 + al_wristy;
-        let t3_122 = like.lift(0.05).mul_add(t3_121, a_wristz);
-        let t3_123 = cos_q4 * t3_122;
-        let a_flangey = sin_q4.mul_add(t3_120, t3_123);
-        let t3_124 = t3_106 + al_flangey;
-        let t3_125 = w_ixx_flange_q4 - al_wristy;
-        let t3_126 = p_ixy_flange * t3_124;
-        let t3_127 = p_ixz_flange.mul_add(t3_125, t3_126);
-        let t3_128 = (-t3_112).mul_add(p_iyz_flange, t3_127);
-        let t3_129 = (-t3_108).mul_add(t3_109, t3_128);
-        let t3_130 = p_ixx_flange.mul_add(al_flangex, t3_129);
-        let t3_131 = p_mz_flange.mul_add(a_flangey, t3_130);
-        let t3_132 = p_my_flange.mul_add(a_flangez, t3_131);
-        let t3_133 = p_ixx_flange - p_izz_flange;
-        let t3_134 = w_flangex * w_flangex;
-        let t3_135 = t3_134 - t3_111;
-        let t3_136 = cos_q4 * t3_120;
-        let a_flangex = (-sin_q4).mul_add(t3_122, t3_136);
-        let t3_137 = t3_108 + al_flangex;
-        let t3_138 = w_ixx_flange_q4 + al_wristy;
-        let t3_139 = p_iyz_flange * t3_138;
-        let t3_140 = (-p_ixy_flange).mul_add(t3_137, t3_139);
-        let t3_141 = (-t3_135).mul_add(p_ixz_flange, t3_140);
-        let t3_142 = t3_106.mul_add(t3_133, t3_141);
-        let t3_143 = (-p_iyy_flange).mul_add(al_flangey, t3_142);
-        let t3_144 = p_mx_flange.mul_add(a_flangez, t3_143);
-        let t3_145 = (-p_mz_flange).mul_add(a_flangex, t3_144);
-        let t3_146 = t3_86 + al_wristy;
-        let t3_147 = t3_87 + al_wristz;
-        let t3_148 = p_ixy_wrist * t3_146;
-        let t3_149 = (-p_ixz_wrist).mul_add(t3_147, t3_148);
-        let t3_150 = (-t3_92).mul_add(p_iyz_wrist, t3_149);
-        let t3_151 = t3_88.mul_add(t3_89, t3_150);
-        let t3_152 = (-p_ixx_wrist).mul_add(al_wristx, t3_151);
-        let t3_153 = p_mz_wrist.mul_add(a_wristy, t3_152);
-        let t3_154 = (-p_my_wrist).mul_add(a_wristz, t3_153);
-        let t3_155 = sin_q4.mul_add(t3_145, t3_154);
-        let t3_156 = cos_q4.mul_add(t3_132, t3_155);
-        let t3_157 = p_ixx_wrist - p_izz_wrist;
-        let t3_158 = w_wristx * w_wristx;
-        let t3_159 = t3_158 - t3_91;
-        let t3_160 = p_ixx_flange - p_iyy_flange;
-        let w_ixy_flange_q4 = t3_134 - t3_110;
-        let t3_161 = t3_108 - al_flangex;
-        let t3_162 = t3_106 - al_flangey;
-        let t3_163 = p_ixz_flange * t3_161;
-        let t3_164 = p_iyz_flange.mul_add(t3_162, t3_163);
-        let t3_165 = w_ixy_flange_q4.mul_add(p_ixy_flange, t3_164);
-        let t3_166 = w_ixx_flange_q4.mul_add(t3_160, t3_165);
-        let t3_167 = p_izz_flange.mul_add(al_wristy, t3_166);
-        let t3_168 = p_my_flange.mul_add(a_flangex, t3_167);
-        let t3_169 = p_mx_flange.mul_add(a_flangey, t3_168);
-        let t3_170 = t3_110 + t3_111;
-        let t3_171 = w_ixx_flange_q4 + al_wristy;
-        let t3_172 = t3_106 - al_flangey;
-        let t3_173 = p_m_flange * a_flangex;
-        let t3_174 = (-p_mz_flange).mul_add(t3_172, t3_173);
-        let t3_175 = p_my_flange.mul_add(t3_171, t3_174);
-        let t3_176 = t3_170.mul_add(p_mx_flange, t3_175);
-        let t3_177 = t3_134 + t3_111;
-        let t3_178 = w_ixx_flange_q4 - al_wristy;
-        let t3_179 = t3_108 - al_flangex;
-        let t3_180 = p_m_flange * a_flangey;
-        let t3_181 = (-p_mz_flange).mul_add(t3_179, t3_180);
-        let t3_182 = (-p_mx_flange).mul_add(t3_178, t3_181);
-        let t3_183 = (-t3_177).mul_add(p_my_flange, t3_182);
-        let t3_184 = sin_q4 * t3_176;
-        let t3_185 = (-cos_q4).mul_add(t3_183, t3_184);
-        let t3_186 = t3_88 + al_wristx;
-        let t3_187 = t3_87 - al_wristz;
-        let t3_188 = p_iyz_wrist.mul_add(t3_187, t3_169);
-        let t3_189 = (-p_ixy_wrist).mul_add(t3_186, t3_188);
-        let t3_190 = t3_159.mul_add(p_ixz_wrist, t3_189);
-        let t3_191 = (-t3_86).mul_add(t3_157, t3_190);
-        let t3_192 = p_iyy_wrist.mul_add(al_wristy, t3_191);
-        let t3_193 = p_mx_wrist.mul_add(a_wristz, t3_192);
-        let t3_194 = p_mz_wrist.mul_add(a_wristx, t3_193);
-        let t3_195 = like.lift(-0.05).mul_add(t3_185, t3_194);
-        let t3_196 = t3_68 + al_forearmy;
-        let t3_197 = t3_69 + al_forearmz;
-        let t3_198 = p_ixy_forearm * t3_196;
-        let t3_199 = (-p_ixz_forearm).mul_add(t3_197, t3_198);
-        let t3_200 = (-t3_73).mul_add(p_iyz_forearm, t3_199);
-        let t3_201 = t3_70.mul_add(t3_71, t3_200);
-        let t3_202 = (-p_ixx_forearm).mul_add(al_forearmx, t3_201);
-        let t3_203 = p_mz_forearm.mul_add(a_forearmy, t3_202);
-        let t3_204 = (-p_my_forearm).mul_add(t3_98, t3_203);
-        let t3_205 = (-sin_wrist).mul_add(t3_195, t3_204);
-        let t3_206 = cos_wrist.mul_add(t3_156, t3_205);
-        let t3_207 = p_ixx_forearm - p_izz_forearm;
-        let t3_208 = w_forearmx * w_forearmx;
-        let t3_209 = t3_208 - t2_32;
-        let t3_210 = t3_88 + al_wristx;
-        let t3_211 = p_m_wrist.mul_add(a_wristz, -t3_185);
-        let t3_212 = (-t2_6).mul_add(p_mz_wrist, t3_211);
-        let t3_213 = p_my_wrist.mul_add(t3_210, t3_212);
-        let t3_214 = p_mx_wrist.mul_add(t3_121, t3_213);
-        let t3_215 = t3_70 + al_forearmx;
-        let t3_216 = t3_69 - al_forearmz;
+        let t3_96 = w_flangey * w_flangez;
+        let t3_97 = p_iyy_flange - p_izz_flange;
+        let t3_98 = w_flangey * w_flangey;
+        let t3_99 = w_flangez * w_flangez;
+        let t3_100 = t3_98 - t3_99;
+        let t3_101 = t3_81 - al_wristz;
+        let t3_102 = like.lift(2.0) * al_wristx;
+        let t3_103 = sin_q4 * t3_101;
+        let t3_104 = (-cos_q4).mul_add(t3_102, t3_103);
+        let al_flangex = t3_96 + t3_104;
+        let t3_105 = sin_q4 * t3_102;
+        let t3_106 = cos_q4.mul_add(t3_101, t3_105);
+        let al_flangey = t3_94 + t3_106;
+        let t3_107 = t3_81 + al_wristz;
+        let a_flangez = like.lift(0.05).mul_add(t3_107, a_wristy);
+        let t3_108 = t3_83 + t3_84;
+        let t3_109 = cos_wrist * t3_89;
+        let a_wristx = (-sin_wrist).mul_add(t3_91, t3_109);
+        let t3_110 = like.lift(0.05).mul_add(t3_108, a_wristx);
+        let t3_111 = like.lift(0.1).mul_add(al_wristy, a_wristz);
+        let t3_112 = cos_q4 * t3_111;
+        let a_flangey = sin_q4.mul_add(t3_110, t3_112);
+        let t3_113 = t3_94 + al_flangey;
+        let t3_114 = w_ixx_flange_q4 - al_wristy;
+        let t3_115 = p_ixy_flange * t3_113;
+        let t3_116 = p_ixz_flange.mul_add(t3_114, t3_115);
+        let t3_117 = (-t3_100).mul_add(p_iyz_flange, t3_116);
+        let t3_118 = (-t3_96).mul_add(t3_97, t3_117);
+        let t3_119 = p_ixx_flange.mul_add(al_flangex, t3_118);
+        let t3_120 = p_mz_flange.mul_add(a_flangey, t3_119);
+        let t3_121 = p_my_flange.mul_add(a_flangez, t3_120);
+        let t3_122 = p_ixx_flange - p_izz_flange;
+        let t3_123 = w_flangex * w_flangex;
+        let t3_124 = t3_123 - t3_99;
+        let t3_125 = cos_q4 * t3_110;
+        let a_flangex = (-sin_q4).mul_add(t3_111, t3_125);
+        let t3_126 = t3_96 + al_flangex;
+        let t3_127 = w_ixx_flange_q4 + al_wristy;
+        let t3_128 = p_iyz_flange * t3_127;
+        let t3_129 = (-p_ixy_flange).mul_add(t3_126, t3_128);
+        let t3_130 = (-t3_124).mul_add(p_ixz_flange, t3_129);
+        let t3_131 = t3_94.mul_add(t3_122, t3_130);
+        let t3_132 = (-p_iyy_flange).mul_add(al_flangey, t3_131);
+        let t3_133 = p_mx_flange.mul_add(a_flangez, t3_132);
+        let t3_134 = (-p_mz_flange).mul_add(a_flangex, t3_133);
+        let t3_135 = t3_81 + al_wristz;
+        let t3_136 = t3_82 - p_ixx_wrist;
+        let t3_137 = (-p_ixz_wrist).mul_add(t3_135, t3_80);
+        let t3_138 = (-t3_85).mul_add(p_iyz_wrist, t3_137);
+        let t3_139 = al_wristx.mul_add(t3_136, t3_138);
+        let t3_140 = t3_139 + t3_80;
+        let t3_141 = p_mz_wrist.mul_add(a_wristy, t3_140);
+        let t3_142 = (-p_my_wrist).mul_add(a_wristz, t3_141);
+        let t3_143 = sin_q4.mul_add(t3_134, t3_142);
+        let t3_144 = cos_q4.mul_add(t3_121, t3_143);
+        let t3_145 = al_wristx * p_ixy_wrist;
+        let t3_146 = p_ixx_wrist - p_izz_wrist;
+        let t3_147 = w_wristx * w_wristx;
+        let t3_148 = t3_147 - t3_84;
+        let t3_149 = p_ixx_flange - p_iyy_flange;
+        let w_ixy_flange_q4 = t3_123 - t3_98;
+        let t3_150 = t3_96 - al_flangex;
+        let t3_151 = t3_94 - al_flangey;
+        let t3_152 = p_ixz_flange * t3_150;
+        let t3_153 = p_iyz_flange.mul_add(t3_151, t3_152);
+        let t3_154 = w_ixy_flange_q4.mul_add(p_ixy_flange, t3_153);
+        let t3_155 = w_ixx_flange_q4.mul_add(t3_149, t3_154);
+        let t3_156 = al_wristy.mul_add(p_izz_flange, t3_155);
+        let t3_157 = p_my_flange.mul_add(a_flangex, t3_156);
+        let t3_158 = p_mx_flange.mul_add(a_flangey, t3_157);
+        let t3_159 = t3_98 + t3_99;
+        let t3_160 = al_wristy + w_ixx_flange_q4;
+        let t3_161 = p_m_flange * a_flangex;
+        let t3_162 = p_mz_flange.mul_add(t3_106, t3_161);
+        let t3_163 = p_my_flange.mul_add(t3_160, t3_162);
+        let t3_164 = t3_159.mul_add(p_mx_flange, t3_163);
+        let t3_165 = t3_123 + t3_99;
+        let t3_166 = al_wristy - w_ixx_flange_q4;
+        let t3_167 = p_m_flange * a_flangey;
+        let t3_168 = p_mz_flange.mul_add(t3_104, t3_167);
+        let t3_169 = p_mx_flange.mul_add(t3_166, t3_168);
+        let t3_170 = (-t3_165).mul_add(p_my_flange, t3_169);
+        let t3_171 = sin_q4 * t3_164;
+        let t3_172 = (-cos_q4).mul_add(t3_170, t3_171);
+        let t3_173 = t3_81 - al_wristz;
+        let t3_174 = t3_146 - p_iyy_wrist;
+        let t3_175 = p_iyz_wrist.mul_add(t3_173, t3_158);
+        let t3_176 = t3_175 - t3_145;
+        let t3_177 = t3_148.mul_add(p_ixz_wrist, t3_176);
+        let t3_178 = (-al_wristy).mul_add(t3_174, t3_177);
+        let t3_179 = t3_178 - t3_145;
+        let t3_180 = p_mx_wrist.mul_add(a_wristz, t3_179);
+        let t3_181 = p_mz_wrist.mul_add(a_wristx, t3_180);
+        let t3_182 = like.lift(-0.05).mul_add(t3_172, t3_181);
+        let t3_183 = t3_67 + al_forearmz;
+        let t3_184 = t3_68 - p_ixx_forearm;
+        let t3_185 = (-p_ixz_forearm).mul_add(t3_183, t3_66);
+        let t3_186 = (-t3_70).mul_add(p_iyz_forearm, t3_185);
+        let t3_187 = al_forearmx.mul_add(t3_184, t3_186);
+        let t3_188 = t3_187 + t3_66;
+        let t3_189 = p_mz_forearm.mul_add(a_forearmy, t3_188);
+        let t3_190 = (-p_my_forearm).mul_add(t3_86, t3_189);
+        let t3_191 = (-sin_wrist).mul_add(t3_182, t3_190);
+        let t3_192 = cos_wrist.mul_add(t3_144, t3_191);
+        let t3_193 = al_forearmx * p_ixy_forearm;
+        let t3_194 = p_ixx_forearm - p_izz_forearm;
+        let t3_195 = w_forearmx * w_forearmx;
+        let t3_196 = t3_195 - t2_28;
+        let t3_197 = al_wristx * p_my_wrist;
+        let t3_198 = al_wristy.mul_add(p_mx_wrist, t3_197);
+        let t3_199 = p_m_wrist.mul_add(a_wristz, -t3_172);
+        let t3_200 = (-t2_6).mul_add(p_mz_wrist, t3_199);
+        let t3_201 = like.lift(2.0).mul_add(t3_198, t3_200);
+        let t3_202 = t3_67 - al_forearmz;
+        let t3_203 = t3_194 - p_iyy_forearm;
+        let t3_204 = p_iyz_forearm.mul_add(t3_202, -t3_193);
+        let t3_205 = t3_196.mul_add(p_ixz_forearm, t3_204);
+        let t3_206 = (-al_forearmy).mul_add(t3_203, t3_205);
+        let t3_207 = t3_206 - t3_193;
+        let t3_208 = p_mx_forearm.mul_add(t3_86, t3_207);
+        let t3_209 = p_mz_forearm.mul_add(a_forearmx, t3_208);
+        let t3_210 = like.lift(0.15852).mul_add(t3_201, t3_209);
+        let t3_211 = cos_wrist.mul_add(t3_182, t3_210);
+        let t3_212 = sin_wrist.mul_add(t3_144, t3_211);
+        let t3_213 = like.lift(0.0132) * p_mz_arm;
+        let t3_214 = t3_62 - p_ixx_arm;
+        let t3_215 = t3_65.mul_add(t3_213, t3_61);
+        let t3_216 = (-w_ixx_arm_q2).mul_add(p_ixz_arm, t3_215);
         [
-            t3_1, a_rody, t3_19, a_rodx, t3_39, t3_42, t3_58, t3_62, w_armx, al_army, t3_63,
-            w_ixx_arm_q2, al_armx, t3_64, t3_65, t3_66, t3_67, t3_68, t3_69, t3_70, t3_72,
-            al_forearmx, al_forearmy, t3_77, a_forearmy, t3_86, t3_87, t3_88, t3_90, t3_91,
-            al_wristx, al_wristy, al_wristz, t3_97, t3_98, t3_99, a_forearmx, t3_102, a_wristy,
-            t3_106, t3_108, t3_110, al_flangex, al_flangey, t3_117, a_flangez, t3_118,
-            a_wristx, t3_132, t3_134, t3_145, t3_156, t3_158, t3_169, t3_176, t3_183, t3_195,
-            t3_206, t3_207, t3_208, t3_209, t3_214, t3_215, t3_216,
+            t3_1, a_rody, t3_19, a_rodx, t3_38, t3_41, t3_56, t3_60, w_armx, al_army, t3_61,
+            w_ixx_arm_q2, al_armx, t3_63, t3_64, t3_65, al_forearmy, t3_67, al_forearmx, t3_69,
+            t3_71, a_forearmy, t3_81, t3_83, t3_84, al_wristz, t3_86, t3_87, a_forearmx, t3_90,
+            a_wristy, t3_94, t3_96, t3_98, t3_101, al_flangex, al_flangey, t3_107, a_flangez,
+            t3_108, a_wristx, t3_121, t3_123, t3_134, t3_147, t3_158, t3_164, t3_170, t3_192,
+            t3_195, t3_201, t3_212, t3_213, t3_214, t3_216,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t4_48, t4_49, w_ixy_arm_q2, t4_72, t4_98, t4_114, x_elbow_q2, x_elbow_q3, x_wrist_q2,
+        t4_34, t4_35, w_ixy_arm_q2, t4_54, t4_71, t4_83, x_elbow_q2, x_elbow_q3, x_wrist_q2,
         x_wrist_q3, x_pin_q2, x_pin_q3,
     ] = {
-        let t4_1 = p_iyz_forearm * t3_216;
-        let t4_2 = (-p_ixy_forearm).mul_add(t3_215, t4_1);
-        let t4_3 = t3_209.mul_add(p_ixz_forearm, t4_2);
-        let t4_4 = (-t3_68).mul_add(t3_207, t4_3);
-        let t4_5 = p_iyy_forearm.mul_add(al_forearmy, t4_4);
-        let t4_6 = p_mx_forearm.mul_add(t3_98, t4_5);
-        let t4_7 = p_mz_forearm.mul_add(a_forearmx, t4_6);
-        let t4_8 = like.lift(0.15852).mul_add(t3_214, t4_7);
-        let t4_9 = cos_wrist.mul_add(t3_195, t4_8);
-        let t4_10 = sin_wrist.mul_add(t3_156, t4_9);
-        let t4_11 = like.lift(0.0132) * p_mz_arm;
-        let t4_12 = t3_64 - p_ixx_arm;
-        let t4_13 = t3_67.mul_add(t4_11, t3_63);
-        let t4_14 = (-w_ixx_arm_q2).mul_add(p_ixz_arm, t4_13);
-        let t4_15 = (-t3_66).mul_add(p_iyz_arm, t4_14);
-        let t4_16 = al_armx.mul_add(t4_12, t4_15);
-        let t4_17 = t4_16 + t3_63;
-        let t4_18 = (-sin_elbow).mul_add(t4_10, t4_17);
-        let t4_19 = cos_elbow.mul_add(t3_206, t4_18);
-        let t4_20 = al_armx * p_ixy_arm;
-        let t4_21 = p_ixx_arm - p_izz_arm;
-        let t4_22 = w_armx * w_armx;
-        let t4_23 = t4_22 - t2_33;
-        let t4_24 = t3_70 + al_forearmx;
-        let t4_25 = p_m_forearm.mul_add(t3_98, t3_214);
-        let t4_26 = (-t2_6).mul_add(p_mz_forearm, t4_25);
-        let t4_27 = p_my_forearm.mul_add(t4_24, t4_26);
-        let t4_28 = p_mx_forearm.mul_add(t3_97, t4_27);
-        let t4_29 = t4_21 - p_iyy_arm;
-        let t4_30 = t3_77.mul_add(t4_11, -t4_20);
-        let t4_31 = w_ixx_arm_q2.mul_add(p_iyz_arm, t4_30);
-        let t4_32 = t4_23.mul_add(p_ixz_arm, t4_31);
-        let t4_33 = (-al_army).mul_add(t4_29, t4_32);
-        let t4_34 = t4_33 - t4_20;
-        let t4_35 = like.lift(0.14207).mul_add(t4_28, t4_34);
-        let t4_36 = cos_elbow.mul_add(t4_10, t4_35);
-        let t4_37 = sin_elbow.mul_add(t3_206, t4_36);
-        let t4_38 = al_armx * p_my_arm;
-        let t4_39 = al_army.mul_add(p_mx_arm, t4_38);
-        let t4_40 = t2_6.mul_add(p_mz_arm, -t4_28);
-        let t4_41 = like.lift(-2.0).mul_add(t4_39, t4_40);
-        let t4_42 = t3_62 + t4_41;
-        let t4_43 = cos_q3 * t3_58;
-        let t4_44 = like.lift(-0.0132).mul_add(t4_42, t4_43);
-        let t4_45 = sin_q3.mul_add(t3_39, t4_44);
-        let t4_46 = cos_q2.mul_add(t4_37, t4_45);
-        let t4_47 = sin_q2.mul_add(t4_19, t4_46);
-        let t4_48 = -t4_47;
-        let t4_49 = p_ixx_arm - p_iyy_arm;
-        let w_ixy_arm_q2 = t4_22 - t3_65;
-        let t4_50 = p_ixx_forearm - p_iyy_forearm;
-        let t4_51 = t3_208 - t3_72;
-        let t4_52 = p_ixx_wrist - p_iyy_wrist;
-        let t4_53 = t3_158 - t3_90;
-        let t4_54 = t3_134 + t3_110;
-        let t4_55 = t3_106 + al_flangey;
-        let t4_56 = t3_108 + al_flangex;
-        let t4_57 = p_m_flange * a_flangez;
-        let t4_58 = t4_54.mul_add(p_mz_flange, t4_57);
-        let t4_59 = p_my_flange.mul_add(t4_56, t4_58);
-        let t4_60 = (-p_mx_flange).mul_add(t4_55, t4_59);
-        let t4_61 = t3_88 - al_wristx;
-        let t4_62 = t3_86 - al_wristy;
-        let t4_63 = p_ixz_wrist * t4_61;
-        let t4_64 = (-p_iyz_wrist).mul_add(t4_62, t4_63);
-        let t4_65 = (-t4_53).mul_add(p_ixy_wrist, t4_64);
-        let t4_66 = t3_87.mul_add(t4_52, t4_65);
-        let t4_67 = (-p_izz_wrist).mul_add(al_wristz, t4_66);
-        let t4_68 = (-p_my_wrist).mul_add(a_wristx, t4_67);
-        let t4_69 = (-p_mx_wrist).mul_add(a_wristy, t4_68);
-        let t4_70 = like.lift(-0.05).mul_add(t4_60, t4_69);
-        let t4_71 = (-cos_q4).mul_add(t3_145, t4_70);
-        let t4_72 = sin_q4.mul_add(t3_132, t4_71);
-        let t4_73 = t3_87 - al_wristz;
-        let t4_74 = t3_86 - al_wristy;
-        let t4_75 = p_m_wrist * a_wristx;
-        let t4_76 = (-p_mz_wrist).mul_add(t4_74, t4_75);
-        let t4_77 = (-p_my_wrist).mul_add(t4_73, t4_76);
-        let t4_78 = t3_118.mul_add(p_mx_wrist, t4_77);
-        let t4_79 = sin_q4.mul_add(t3_183, t4_78);
-        let t4_80 = cos_q4.mul_add(t3_176, t4_79);
-        let t4_81 = t3_158 + t3_91;
-        let t4_82 = t3_88 - al_wristx;
-        let t4_83 = p_m_wrist.mul_add(a_wristy, t4_60);
-        let t4_84 = p_mz_wrist.mul_add(t4_82, t4_83);
-        let t4_85 = p_mx_wrist.mul_add(t3_117, t4_84);
-        let t4_86 = (-t4_81).mul_add(p_my_wrist, t4_85);
-        let t4_87 = sin_wrist * t4_80;
-        let t4_88 = (-cos_wrist).mul_add(t4_86, t4_87);
-        let t4_89 = t3_70 - al_forearmx;
-        let t4_90 = t3_68 - al_forearmy;
-        let t4_91 = p_ixz_forearm.mul_add(t4_89, t4_72);
-        let t4_92 = (-p_iyz_forearm).mul_add(t4_90, t4_91);
-        let t4_93 = (-t4_51).mul_add(p_ixy_forearm, t4_92);
-        let t4_94 = t3_69.mul_add(t4_50, t4_93);
-        let t4_95 = (-p_izz_forearm).mul_add(al_forearmz, t4_94);
-        let t4_96 = (-p_my_forearm).mul_add(a_forearmx, t4_95);
-        let t4_97 = (-p_mx_forearm).mul_add(a_forearmy, t4_96);
-        let t4_98 = like.lift(0.15852).mul_add(t4_88, t4_97);
-        let t4_99 = t3_69 - al_forearmz;
-        let t4_100 = t3_68 - al_forearmy;
-        let t4_101 = p_m_forearm * a_forearmx;
-        let t4_102 = (-p_mz_forearm).mul_add(t4_100, t4_101);
-        let t4_103 = (-p_my_forearm).mul_add(t4_99, t4_102);
-        let t4_104 = t3_99.mul_add(p_mx_forearm, t4_103);
-        let t4_105 = sin_wrist.mul_add(t4_86, t4_104);
-        let t4_106 = cos_wrist.mul_add(t4_80, t4_105);
-        let t4_107 = t3_208 + t2_32;
-        let t4_108 = t3_70 - al_forearmx;
-        let t4_109 = p_m_forearm.mul_add(a_forearmy, -t4_88);
-        let t4_110 = p_mz_forearm.mul_add(t4_108, t4_109);
-        let t4_111 = p_mx_forearm.mul_add(t3_102, t4_110);
-        let t4_112 = (-t4_107).mul_add(p_my_forearm, t4_111);
-        let t4_113 = sin_elbow * t4_106;
-        let t4_114 = (-cos_elbow).mul_add(t4_112, t4_113);
-        let t4_115 = t2_40 - pivot_3;
-        let t4_116 = -t4_115;
+        let t4_1 = (-t3_64).mul_add(p_iyz_arm, t3_216);
+        let t4_2 = al_armx.mul_add(t3_214, t4_1);
+        let t4_3 = t4_2 + t3_61;
+        let t4_4 = (-sin_elbow).mul_add(t3_212, t4_3);
+        let t4_5 = cos_elbow.mul_add(t3_192, t4_4);
+        let t4_6 = al_armx * p_ixy_arm;
+        let t4_7 = p_ixx_arm - p_izz_arm;
+        let t4_8 = w_armx * w_armx;
+        let t4_9 = t4_8 - t2_29;
+        let t4_10 = al_forearmx * p_my_forearm;
+        let t4_11 = al_forearmy.mul_add(p_mx_forearm, t4_10);
+        let t4_12 = p_m_forearm.mul_add(t3_86, t3_201);
+        let t4_13 = (-t2_6).mul_add(p_mz_forearm, t4_12);
+        let t4_14 = like.lift(2.0).mul_add(t4_11, t4_13);
+        let t4_15 = t4_7 - p_iyy_arm;
+        let t4_16 = t3_71.mul_add(t3_213, -t4_6);
+        let t4_17 = w_ixx_arm_q2.mul_add(p_iyz_arm, t4_16);
+        let t4_18 = t4_9.mul_add(p_ixz_arm, t4_17);
+        let t4_19 = (-al_army).mul_add(t4_15, t4_18);
+        let t4_20 = t4_19 - t4_6;
+        let t4_21 = like.lift(0.14207).mul_add(t4_14, t4_20);
+        let t4_22 = cos_elbow.mul_add(t3_212, t4_21);
+        let t4_23 = sin_elbow.mul_add(t3_192, t4_22);
+        let t4_24 = al_armx * p_my_arm;
+        let t4_25 = al_army.mul_add(p_mx_arm, t4_24);
+        let t4_26 = t2_6.mul_add(p_mz_arm, -t4_14);
+        let t4_27 = like.lift(-2.0).mul_add(t4_25, t4_26);
+        let t4_28 = t3_60 + t4_27;
+        let t4_29 = cos_q3 * t3_56;
+        let t4_30 = like.lift(-0.0132).mul_add(t4_28, t4_29);
+        let t4_31 = sin_q3.mul_add(t3_38, t4_30);
+        let t4_32 = cos_q2.mul_add(t4_23, t4_31);
+        let t4_33 = sin_q2.mul_add(t4_5, t4_32);
+        let t4_34 = -t4_33;
+        let t4_35 = p_ixx_arm - p_iyy_arm;
+        let w_ixy_arm_q2 = t4_8 - t3_63;
+        let t4_36 = t3_195 - t3_69;
+        let t4_37 = p_ixx_forearm - p_iyy_forearm;
+        let t4_38 = t3_147 - t3_83;
+        let t4_39 = p_ixx_wrist - p_iyy_wrist;
+        let t4_40 = t3_123 + t3_98;
+        let t4_41 = t3_94 + al_flangey;
+        let t4_42 = t3_96 + al_flangex;
+        let t4_43 = p_m_flange * a_flangez;
+        let t4_44 = t4_40.mul_add(p_mz_flange, t4_43);
+        let t4_45 = p_my_flange.mul_add(t4_42, t4_44);
+        let t4_46 = (-p_mx_flange).mul_add(t4_41, t4_45);
+        let t4_47 = t4_38 * p_ixy_wrist;
+        let t4_48 = p_izz_wrist.mul_add(al_wristz, t4_47);
+        let t4_49 = (-t3_81).mul_add(t4_39, t4_48);
+        let t4_50 = p_my_wrist.mul_add(a_wristx, t4_49);
+        let t4_51 = p_mx_wrist.mul_add(a_wristy, t4_50);
+        let t4_52 = like.lift(0.05).mul_add(t4_46, t4_51);
+        let t4_53 = cos_q4.mul_add(t3_134, t4_52);
+        let t4_54 = (-sin_q4).mul_add(t3_121, t4_53);
+        let t4_55 = p_m_wrist * a_wristx;
+        let t4_56 = (-p_my_wrist).mul_add(t3_101, t4_55);
+        let t4_57 = t3_108.mul_add(p_mx_wrist, t4_56);
+        let t4_58 = sin_q4.mul_add(t3_170, t4_57);
+        let t4_59 = cos_q4.mul_add(t3_164, t4_58);
+        let t4_60 = t3_147 + t3_84;
+        let t4_61 = p_m_wrist.mul_add(a_wristy, t4_46);
+        let t4_62 = p_mx_wrist.mul_add(t3_107, t4_61);
+        let t4_63 = (-t4_60).mul_add(p_my_wrist, t4_62);
+        let t4_64 = sin_wrist * t4_59;
+        let t4_65 = (-cos_wrist).mul_add(t4_63, t4_64);
+        let t4_66 = t4_36.mul_add(p_ixy_forearm, t4_54);
+        let t4_67 = p_izz_forearm.mul_add(al_forearmz, t4_66);
+        let t4_68 = (-t3_67).mul_add(t4_37, t4_67);
+        let t4_69 = p_my_forearm.mul_add(a_forearmx, t4_68);
+        let t4_70 = p_mx_forearm.mul_add(a_forearmy, t4_69);
+        let t4_71 = like.lift(-0.15852).mul_add(t4_65, t4_70);
+        let t4_72 = t3_67 - al_forearmz;
+        let t4_73 = p_m_forearm * a_forearmx;
+        let t4_74 = (-p_my_forearm).mul_add(t4_72, t4_73);
+        let t4_75 = t3_87.mul_add(p_mx_forearm, t4_74);
+        let t4_76 = sin_wrist.mul_add(t4_63, t4_75);
+        let t4_77 = cos_wrist.mul_add(t4_59, t4_76);
+        let t4_78 = t3_195 + t2_28;
+        let t4_79 = p_m_forearm.mul_add(a_forearmy, -t4_65);
+        let t4_80 = p_mx_forearm.mul_add(t3_90, t4_79);
+        let t4_81 = (-t4_78).mul_add(p_my_forearm, t4_80);
+        let t4_82 = sin_elbow * t4_77;
+        let t4_83 = (-cos_elbow).mul_add(t4_81, t4_82);
+        let t4_84 = t2_36 - pivot_3;
+        let t4_85 = -t4_84;
         let u_rod_q3x = like.lift(0.0456) * sin_pin;
-        let t4_117 = -u_rod_q3x;
-        let t4_118 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t2_26);
-        let t4_119 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
-        let t4_120 = -t4_119;
-        let t4_121 = t4_115 * t2_45;
-        let t4_122 = like.lift(21.92982456140351) * t4_121;
-        let t4_123 = -t4_122;
-        let t4_124 = sin_pin * t2_45;
-        let t4_125 = -t4_124;
-        let t4_126 = like.lift(1.0) + t4_122;
-        let t4_127 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t4_121, t4_118);
-        let t4_128 = like.lift(7.038783698176955) * t4_127;
-        let t4_129 = -t4_128;
-        let t4_130 = t4_124.mul_add(t2_26, t4_119);
-        let t4_131 = like.lift(7.038783698176955) * t4_130;
+        let t4_86 = -u_rod_q3x;
+        let t4_87 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t2_22);
+        let t4_88 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t4_89 = -t4_88;
+        let t4_90 = t4_84 * t2_41;
+        let t4_91 = like.lift(21.92982456140351) * t4_90;
+        let t4_92 = -t4_91;
+        let t4_93 = sin_pin * t2_41;
+        let t4_94 = -t4_93;
+        let t4_95 = like.lift(1.0) + t4_91;
+        let t4_96 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t4_90, t4_87);
+        let t4_97 = like.lift(7.038783698176955) * t4_96;
+        let t4_98 = -t4_97;
+        let t4_99 = t4_93.mul_add(t2_22, t4_88);
+        let t4_100 = like.lift(7.038783698176955) * t4_99;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([
@@ -3333,23 +3265,23 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 4]
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t4_123, like.lift(0.0), t4_125],
-                [like.lift(0.0), t4_126, like.lift(0.0), t4_124],
-                [like.lift(0.0), t4_129, like.lift(0.0), t4_131],
+                [like.lift(0.0), t4_92, like.lift(0.0), t4_94],
+                [like.lift(0.0), t4_95, like.lift(0.0), t4_93],
+                [like.lift(0.0), t4_98, like.lift(0.0), t4_100],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t2_27, like.lift(0.0), like.lift(-0.14207)],
+                    [t2_23, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t4_116, like.lift(0.0), t4_117],
-                    [like.lift(0.0), t4_118, like.lift(0.0), t4_120],
+                    [like.lift(0.0), t4_85, like.lift(0.0), t4_86],
+                    [like.lift(0.0), t4_87, like.lift(0.0), t4_89],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -3359,65 +3291,57 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 4]
         );
         condition = condition.min(found);
         [
-            t4_48, t4_49, w_ixy_arm_q2, t4_72, t4_98, t4_114, x_elbow_q2, x_elbow_q3,
+            t4_34, t4_35, w_ixy_arm_q2, t4_54, t4_71, t4_83, x_elbow_q2, x_elbow_q3,
             x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
         ]
     };
     // tau
     {
-        let t5_1 = p_ixx_rod - p_iyy_rod;
-        let t5_2 = t3_19 - t2_15;
-        let t5_3 = t2_12 - al_rodx;
-        let t5_4 = t2_10 - al_rody;
-        let t5_5 = p_ixz_rod * t5_3;
-        let t5_6 = (-p_iyz_rod).mul_add(t5_4, t5_5);
-        let t5_7 = (-t5_2).mul_add(p_ixy_rod, t5_6);
-        let t5_8 = t2_11.mul_add(t5_1, t5_7);
-        let t5_9 = (-p_izz_rod).mul_add(al_rodz, t5_8);
-        let t5_10 = (-p_my_rod).mul_add(a_rodx, t5_9);
-        let t5_11 = (-p_mx_rod).mul_add(a_rody, t5_10);
-        let t5_12 = t3_77 * p_my_arm;
-        let t5_13 = t3_67.mul_add(p_mx_arm, t5_12);
-        let t5_14 = (-t5_11).mul_add(x_pin_q2, t4_98);
-        let t5_15 = (-t4_72).mul_add(x_wrist_q2, t5_14);
-        let t5_16 = (-t4_98).mul_add(x_elbow_q2, t5_15);
-        let t5_17 = (-w_ixy_arm_q2).mul_add(p_ixy_arm, t5_16);
-        let t5_18 = w_ixx_arm_q2.mul_add(t4_49, t5_17);
-        let t5_19 = like.lift(-0.0132).mul_add(t5_13, t5_18);
-        let t5_20 = like.lift(0.14207).mul_add(t4_114, t5_19);
-        let t5_21 = -t5_20;
-        tau[1] = t5_21;
-        let t5_22 = p_ixx_crank - p_iyy_crank;
-        let w_ixy_crank_q3 = t3_42 - t2_4;
-        let t5_23 = t2_14 + t2_15;
-        let t5_24 = t2_11 - al_rodz;
-        let t5_25 = t2_10 - al_rody;
-        let t5_26 = p_m_rod * a_rodx;
-        let t5_27 = (-p_mz_rod).mul_add(t5_25, t5_26);
-        let t5_28 = (-p_my_rod).mul_add(t5_24, t5_27);
-        let t5_29 = t5_23.mul_add(p_mx_rod, t5_28);
-        let t5_30 = t2_14 + t3_19;
-        let t5_31 = t2_11 + al_rodz;
-        let t5_32 = t2_12 - al_rodx;
-        let t5_33 = p_m_rod * a_rody;
-        let t5_34 = p_mz_rod.mul_add(t5_32, t5_33);
-        let t5_35 = p_mx_rod.mul_add(t5_31, t5_34);
-        let t5_36 = (-t5_30).mul_add(p_my_rod, t5_35);
-        let t5_37 = sin_pin * t5_29;
-        let t5_38 = (-cos_pin).mul_add(t5_36, t5_37);
-        let t5_39 = t3_1 * p_my_crank;
-        let t5_40 = t2_7.mul_add(p_mx_crank, t5_39);
-        let t5_41 = (-t5_11).mul_add(x_pin_q3, t5_11);
-        let t5_42 = (-w_ixy_crank_q3).mul_add(p_ixy_crank, t5_41);
-        let t5_43 = w_ixx_crank_q3.mul_add(t5_22, t5_42);
-        let t5_44 = like.lift(-0.0132).mul_add(t5_40, t5_43);
-        let t5_45 = like.lift(0.0456).mul_add(t5_38, t5_44);
-        let t5_46 = (-t4_72).mul_add(x_wrist_q3, t5_45);
-        let t5_47 = (-t4_98).mul_add(x_elbow_q3, t5_46);
-        let t5_48 = -t5_47;
-        tau[3] = t5_48;
-        tau[0] = t4_48;
-        tau[2] = t3_169;
+        let t5_1 = t3_19 - t2_14;
+        let t5_2 = p_ixx_rod - p_iyy_rod;
+        let t5_3 = t5_1 * p_ixy_rod;
+        let t5_4 = p_izz_rod.mul_add(al_rodz, t5_3);
+        let t5_5 = (-t2_11).mul_add(t5_2, t5_4);
+        let t5_6 = p_my_rod.mul_add(a_rodx, t5_5);
+        let t5_7 = p_mx_rod.mul_add(a_rody, t5_6);
+        let t5_8 = t3_71 * p_my_arm;
+        let t5_9 = t3_65.mul_add(p_mx_arm, t5_8);
+        let t5_10 = t5_7.mul_add(x_pin_q2, -t4_71);
+        let t5_11 = t4_54.mul_add(x_wrist_q2, t5_10);
+        let t5_12 = t4_71.mul_add(x_elbow_q2, t5_11);
+        let t5_13 = (-w_ixy_arm_q2).mul_add(p_ixy_arm, t5_12);
+        let t5_14 = w_ixx_arm_q2.mul_add(t4_35, t5_13);
+        let t5_15 = like.lift(-0.0132).mul_add(t5_9, t5_14);
+        let t5_16 = like.lift(0.14207).mul_add(t4_83, t5_15);
+        let t5_17 = -t5_16;
+        tau[1] = t5_17;
+        let t5_18 = p_ixx_crank - p_iyy_crank;
+        let w_ixy_crank_q3 = t3_41 - t2_4;
+        let t5_19 = t2_13 + t2_14;
+        let t5_20 = t2_11 - al_rodz;
+        let t5_21 = p_m_rod * a_rodx;
+        let t5_22 = (-p_my_rod).mul_add(t5_20, t5_21);
+        let t5_23 = t5_19.mul_add(p_mx_rod, t5_22);
+        let t5_24 = t2_13 + t3_19;
+        let t5_25 = t2_11 + al_rodz;
+        let t5_26 = p_m_rod * a_rody;
+        let t5_27 = p_mx_rod.mul_add(t5_25, t5_26);
+        let t5_28 = (-t5_24).mul_add(p_my_rod, t5_27);
+        let t5_29 = sin_pin * t5_23;
+        let t5_30 = (-cos_pin).mul_add(t5_28, t5_29);
+        let t5_31 = t3_1 * p_my_crank;
+        let t5_32 = t2_7.mul_add(p_mx_crank, t5_31);
+        let t5_33 = t5_7.mul_add(x_pin_q3, -t5_7);
+        let t5_34 = (-w_ixy_crank_q3).mul_add(p_ixy_crank, t5_33);
+        let t5_35 = w_ixx_crank_q3.mul_add(t5_18, t5_34);
+        let t5_36 = like.lift(-0.0132).mul_add(t5_32, t5_35);
+        let t5_37 = like.lift(0.0456).mul_add(t5_30, t5_36);
+        let t5_38 = t4_54.mul_add(x_wrist_q3, t5_37);
+        let t5_39 = t4_71.mul_add(x_elbow_q3, t5_38);
+        let t5_40 = -t5_39;
+        tau[3] = t5_40;
+        tau[0] = t4_34;
+        tau[2] = t3_158;
     }
     (tau, Condition { pivot: condition })
 }
@@ -3797,7 +3721,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([[T; 4]; 4], Condit
 /// - `qdd_r`: reference accelerations of the independent coordinates
 /// - `y`: column by column: Y phi = M qdd_r + C(q, qd) qd_r + g, with dM/dt - 2 C skew
 ///
-/// 335 additions, 530 multiplications, 1 divisions, 6 sines and cosines.
+/// 310 additions, 494 multiplications, 1 divisions, 6 sines and cosines.
 pub fn slotine_li<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 4], qdd_r: &[T; 4], y: &mut [[T; 4]; 70]) -> Condition<T> {
     let zero = q[0].lift(0.0);
     y[0] = [zero; 4];
@@ -3896,9 +3820,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 4], qdd
         y[5][0] = dr_q1;
     }
     // body arm: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [
-        al_armx, al_army, t3_11, t3_16, t3_17, t3_18, t3_29, t3_30, a_army, a_armx, w_m_arm_q1,
-    ] = {
+    let [w_ixz_arm_q2, t3_11, t3_16, t3_17, t3_18, t3_29, t3_30, a_army, a_armx, w_m_arm_q1] = {
         let w_ixz_arm_q2 = sin_q2 * dr_q1;
         let w_army = cos_q2 * d_q1;
         let t3_1 = cos_q2 * r_q1;
@@ -3965,7 +3887,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 4], qdd
         y[18][0] = w_mz_arm_q1;
         let w_m_arm_q1 = like.lift(0.00017424) * dr_q1;
         y[19][0] = w_m_arm_q1;
-        [al_armx, al_army, t3_11, t3_16, t3_17, t3_18, t3_29, t3_30, a_army, a_armx, w_m_arm_q1]
+        [w_ixz_arm_q2, t3_11, t3_16, t3_17, t3_18, t3_29, t3_30, a_army, a_armx, w_m_arm_q1]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
@@ -4044,25 +3966,26 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 4], qdd
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t5_1, al_forearmx, w_forearmx, t5_6, w_forearmz, t5_7, t5_10, t5_11, w_ixx_forearm_q1,
-        t5_12, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
+        t5_1, w_forearmz, t5_2, t5_5, t5_6, al_forearmx, w_forearmx, t5_7, t5_10, t5_11,
+        w_ixx_forearm_q1, t5_12, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2,
+        x_pin_q3,
     ] = {
-        let t5_1 = cos_q2_elbow * r_q1;
-        let t5_2 = d_elbow * t5_1;
-        let t5_3 = w_forearmy.mul_add(t4_30, t5_2);
-        let t5_4 = like.lift(0.5) * t5_3;
-        let t5_5 = sin_elbow.mul_add(al_army, t5_4);
-        let al_forearmx = cos_elbow.mul_add(al_armx, t5_5);
-        let w_forearmx = sin_q2_elbow * d_q1;
-        let t5_6 = r_q2 + t4_30;
+        let t5_1 = r_q2 + t4_30;
         let w_forearmz = d_q2 + d_elbow;
+        let t5_2 = cos_q2_elbow * r_q1;
+        let t5_3 = w_forearmz * t5_2;
+        let t5_4 = w_forearmy.mul_add(t5_1, t5_3);
+        let t5_5 = like.lift(0.5) * t5_4;
+        let t5_6 = sin_q2_elbow * dr_q1;
+        let al_forearmx = t5_5 + t5_6;
+        let w_forearmx = sin_q2_elbow * d_q1;
         let t5_7 = sin_q2_elbow * r_q1;
         let t5_8 = w_forearmz * t5_7;
-        let t5_9 = w_forearmx.mul_add(t5_6, t5_8);
+        let t5_9 = w_forearmx.mul_add(t5_1, t5_8);
         let t5_10 = like.lift(0.5) * t5_9;
         let t5_11 = cos_q2_elbow * t5_10;
         let w_ixx_forearm_q1 = sin_q2_elbow.mul_add(al_forearmx, t5_11);
-        let t5_12 = w_forearmx * t5_1;
+        let t5_12 = w_forearmx * t5_2;
         let t5_13 = -t4_14;
         let t5_14 = -u_rod_q3x;
         let t5_15 = -t4_18;
@@ -4110,70 +4033,64 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 4], qdd
         );
         condition = condition.min(found);
         [
-            t5_1, al_forearmx, w_forearmx, t5_6, w_forearmz, t5_7, t5_10, t5_11,
+            t5_1, w_forearmz, t5_2, t5_5, t5_6, al_forearmx, w_forearmx, t5_7, t5_10, t5_11,
             w_ixx_forearm_q1, t5_12, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2,
             x_pin_q3,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t6_1, w_ixx_forearm_q2, t6_2, w_ixx_forearm_q3, al_forearmy, t6_7, t6_10, t6_11, t6_13,
-        t6_14, t6_15, w_ixy_forearm_q2, t6_17, t6_18, w_rodz, t6_19, t6_20, t6_21, t6_43,
-        t6_44, t6_45,
+        t6_1, w_ixx_forearm_q2, t6_2, w_ixx_forearm_q3, t6_3, al_forearmy, t6_4, t6_5, t6_7,
+        t6_8, t6_9, w_ixy_forearm_q2, t6_11, t6_12, w_rodz, t6_13, t6_14, t6_15, t6_37, t6_38,
+        t6_39,
     ] = {
         let t6_1 = like.lift(1.0) - x_elbow_q2;
         let w_ixx_forearm_q2 = t5_12 * t6_1;
         let t6_2 = -w_ixx_forearm_q2;
         let w_ixx_forearm_q3 = x_elbow_q3 * t5_12;
-        let t6_3 = d_elbow * t5_7;
-        let t6_4 = w_forearmx.mul_add(t4_30, t6_3);
-        let t6_5 = like.lift(0.5) * t6_4;
-        let t6_6 = (-cos_elbow).mul_add(al_army, t6_5);
-        let al_forearmy = sin_elbow.mul_add(al_armx, t6_6);
-        let t6_7 = al_forearmy + t5_10;
-        let t6_8 = w_forearmz * t5_1;
-        let t6_9 = w_forearmy.mul_add(t5_6, t6_8);
-        let t6_10 = like.lift(0.5) * t6_9;
-        let t6_11 = al_forearmx + t6_10;
-        let t6_12 = sin_q2_elbow * t6_7;
-        let w_ixy_forearm_q1 = (-cos_q2_elbow).mul_add(t6_11, t6_12);
-        let t6_13 = -w_ixy_forearm_q1;
-        let t6_14 = w_forearmx * t5_7;
-        let t6_15 = w_forearmy * t5_1;
-        let t6_16 = t6_14 - t6_15;
-        let w_ixy_forearm_q2 = t6_16 * t6_1;
-        let w_ixy_forearm_q3 = x_elbow_q3 * t6_16;
-        let t6_17 = -w_ixy_forearm_q3;
-        let t6_18 = d_q3 * r_q3;
+        let t6_3 = cos_q2_elbow * dr_q1;
+        let al_forearmy = t5_10 - t6_3;
+        let t6_4 = t5_10 + al_forearmy;
+        let t6_5 = t5_5 + al_forearmx;
+        let t6_6 = sin_q2_elbow * t6_4;
+        let w_ixy_forearm_q1 = (-cos_q2_elbow).mul_add(t6_5, t6_6);
+        let t6_7 = -w_ixy_forearm_q1;
+        let t6_8 = w_forearmx * t5_7;
+        let t6_9 = w_forearmy * t5_2;
+        let t6_10 = t6_8 - t6_9;
+        let w_ixy_forearm_q2 = t6_10 * t6_1;
+        let w_ixy_forearm_q3 = x_elbow_q3 * t6_10;
+        let t6_11 = -w_ixy_forearm_q3;
+        let t6_12 = d_q3 * r_q3;
         let w_rodz = d_q3 + d_pin;
-        let t6_19 = r_q3 + t4_32;
-        let t6_20 = w_rodz * t6_19;
-        let t6_21 = t5_6 * w_forearmz;
-        let t6_22 = sin_pin * dr_q3;
-        let t6_23 = (-cos_pin).mul_add(t6_18, t6_22);
-        let t6_24 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t6_21, t6_23);
-        let t6_25 = (-cos_q2_minus_q3_minus_pin).mul_add(t3_18, t6_20);
-        let t6_26 = like.lift(0.0456) * t6_24;
-        let t6_27 = t4_14.mul_add(dr_q2, t6_26);
-        let t6_28 = like.lift(-0.14207).mul_add(t6_25, t6_27);
-        let t6_29 = sin_pin * t6_18;
-        let t6_30 = (-sin_q2_elbow_minus_q3_minus_pin).mul_add(t6_21, t6_29);
-        let t6_31 = t4_17 * dr_q2;
-        let t6_32 = (-t4_18).mul_add(dr_q3, t6_31);
-        let t6_33 = like.lift(-0.0456).mul_add(t6_30, t6_32);
-        let t6_34 = (-t3_18).mul_add(t4_13, t6_33);
-        let t6_35 = -t6_34;
-        let t6_36 = -dr_q2;
-        let t6_37 = t4_23 * t6_28;
-        let t6_38 = like.lift(21.92982456140351) * t6_37;
-        let t6_39 = dr_q2 + t6_38;
-        let t6_40 = -t6_39;
-        let t6_41 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t6_37, t6_34);
-        let t6_42 = like.lift(7.038783698176955) * t6_41;
+        let t6_13 = r_q3 + t4_32;
+        let t6_14 = w_rodz * t6_13;
+        let t6_15 = t5_1 * w_forearmz;
+        let t6_16 = sin_pin * dr_q3;
+        let t6_17 = (-cos_pin).mul_add(t6_12, t6_16);
+        let t6_18 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t6_15, t6_17);
+        let t6_19 = (-cos_q2_minus_q3_minus_pin).mul_add(t3_18, t6_14);
+        let t6_20 = like.lift(0.0456) * t6_18;
+        let t6_21 = t4_14.mul_add(dr_q2, t6_20);
+        let t6_22 = like.lift(-0.14207).mul_add(t6_19, t6_21);
+        let t6_23 = sin_pin * t6_12;
+        let t6_24 = (-sin_q2_elbow_minus_q3_minus_pin).mul_add(t6_15, t6_23);
+        let t6_25 = t4_17 * dr_q2;
+        let t6_26 = (-t4_18).mul_add(dr_q3, t6_25);
+        let t6_27 = like.lift(-0.0456).mul_add(t6_24, t6_26);
+        let t6_28 = (-t3_18).mul_add(t4_13, t6_27);
+        let t6_29 = -t6_28;
+        let t6_30 = -dr_q2;
+        let t6_31 = t4_23 * t6_22;
+        let t6_32 = like.lift(21.92982456140351) * t6_31;
+        let t6_33 = dr_q2 + t6_32;
+        let t6_34 = -t6_33;
+        let t6_35 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t6_31, t6_28);
+        let t6_36 = like.lift(7.038783698176955) * t6_35;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
-        let ([[t6_43], [t6_44], [t6_45]], found) = ::regen_runtime::guarded(
-            [[t6_38], [t6_40], [t6_42]],
+        let ([[t6_37], [t6_38], [t6_39]], found) = ::regen_runtime::guarded(
+            [[t6_32], [t6_34], [t6_36]],
             margin,
             || (
                 [
@@ -4185,253 +4102,244 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 4], qdd
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [t6_28], [t6_35], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
-                    [t6_36],
+                    [t6_22], [t6_29], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t6_30],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            t6_1, w_ixx_forearm_q2, t6_2, w_ixx_forearm_q3, al_forearmy, t6_7, t6_10, t6_11,
-            t6_13, t6_14, t6_15, w_ixy_forearm_q2, t6_17, t6_18, w_rodz, t6_19, t6_20, t6_21,
-            t6_43, t6_44, t6_45,
+            t6_1, w_ixx_forearm_q2, t6_2, w_ixx_forearm_q3, t6_3, al_forearmy, t6_4, t6_5,
+            t6_7, t6_8, t6_9, w_ixy_forearm_q2, t6_11, t6_12, w_rodz, t6_13, t6_14, t6_15,
+            t6_37, t6_38, t6_39,
         ]
     };
     // body forearm: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [
-        al_forearmz, t7_1, a_armz, a_forearmz, u_forearm_q1z, a_forearmy, t7_21, a_forearmx,
+        al_forearmz, t7_1, w_ixz_forearm_q3, a_armz, a_forearmz, u_forearm_q1z, a_forearmy,
+        t7_19, a_forearmx,
     ] = {
-        let al_forearmz = dr_q2 + t6_43;
+        let al_forearmz = dr_q2 + t6_37;
         let t7_1 = al_forearmz + t5_12;
-        let t7_2 = t6_14 - t6_21;
+        let t7_2 = t6_8 - t6_15;
         let t7_3 = sin_q2_elbow * t7_1;
         let w_ixz_forearm_q1 = (-cos_q2_elbow).mul_add(t7_2, t7_3);
-        let t7_4 = al_forearmx - t6_10;
-        let w_ixz_forearm_q2 = t7_4 * t6_1;
-        let w_ixz_forearm_q3 = x_elbow_q3 * t7_4;
-        let t7_5 = -w_ixz_forearm_q3;
-        y[22][0] = w_ixz_forearm_q1; y[22][1] = w_ixz_forearm_q2; y[22][3] = t7_5;
-        let t7_6 = sin_q2_elbow * t6_10;
-        let w_iyy_forearm_q1 = cos_q2_elbow.mul_add(al_forearmy, t7_6);
-        let t7_7 = -w_iyy_forearm_q1;
-        let t7_8 = -w_ixx_forearm_q3;
-        y[23][0] = t7_7; y[23][1] = w_ixx_forearm_q2; y[23][3] = t7_8;
-        let t7_9 = t6_15 - t6_21;
-        let t7_10 = al_forearmz - t5_12;
-        let t7_11 = cos_q2_elbow * t7_10;
-        let w_iyz_forearm_q1 = sin_q2_elbow.mul_add(t7_9, t7_11);
-        let t7_12 = al_forearmy - t5_10;
-        let w_iyz_forearm_q2 = t7_12 * t6_1;
-        let t7_13 = -w_iyz_forearm_q2;
-        let w_iyz_forearm_q3 = x_elbow_q3 * t7_12;
-        y[24][0] = w_iyz_forearm_q1; y[24][1] = t7_13; y[24][3] = w_iyz_forearm_q3;
-        let w_izz_forearm_q1 = t5_11 - t7_6;
-        let t7_14 = -w_izz_forearm_q1;
+        let w_ixz_forearm_q2 = t5_6 * t6_1;
+        let w_ixz_forearm_q3 = x_elbow_q3 * t5_6;
+        let t7_4 = -w_ixz_forearm_q3;
+        y[22][0] = w_ixz_forearm_q1; y[22][1] = w_ixz_forearm_q2; y[22][3] = t7_4;
+        let t7_5 = sin_q2_elbow * t5_5;
+        let w_iyy_forearm_q1 = cos_q2_elbow.mul_add(al_forearmy, t7_5);
+        let t7_6 = -w_iyy_forearm_q1;
+        let t7_7 = -w_ixx_forearm_q3;
+        y[23][0] = t7_6; y[23][1] = w_ixx_forearm_q2; y[23][3] = t7_7;
+        let t7_8 = t6_9 - t6_15;
+        let t7_9 = al_forearmz - t5_12;
+        let t7_10 = cos_q2_elbow * t7_9;
+        let w_iyz_forearm_q1 = sin_q2_elbow.mul_add(t7_8, t7_10);
+        let w_iyz_forearm_q2 = t6_3 * t6_1;
+        let w_iyz_forearm_q3 = x_elbow_q3 * t6_3;
+        let t7_11 = -w_iyz_forearm_q3;
+        y[24][0] = w_iyz_forearm_q1; y[24][1] = w_iyz_forearm_q2; y[24][3] = t7_11;
+        let w_izz_forearm_q1 = t5_11 - t7_5;
+        let t7_12 = -w_izz_forearm_q1;
         let w_izz_forearm_q2 = al_forearmz * t6_1;
         let w_izz_forearm_q3 = x_elbow_q3 * al_forearmz;
-        let t7_15 = -w_izz_forearm_q3;
-        y[25][0] = t7_14; y[25][1] = w_izz_forearm_q2; y[25][3] = t7_15;
+        let t7_13 = -w_izz_forearm_q3;
+        y[25][0] = t7_12; y[25][1] = w_izz_forearm_q2; y[25][3] = t7_13;
         let a_armz = like.lift(0.0132) * dr_q1;
         let a_forearmz = like.lift(-0.14207).mul_add(t3_11, a_armz);
         let u_forearm_q1z = like.lift(0.14207).mul_add(cos_q2, like.lift(0.0132));
-        let t7_16 = cos_q2_elbow * a_forearmz;
-        let w_mx_forearm_q1 = (-u_forearm_q1z).mul_add(t6_7, t7_16);
-        let t7_17 = t3_16 + t3_18;
-        let t7_18 = like.lift(-0.14207).mul_add(t7_17, a_armx);
-        let t7_19 = like.lift(0.14207).mul_add(t3_17, a_army);
-        let t7_20 = sin_elbow * t7_18;
-        let a_forearmy = (-cos_elbow).mul_add(t7_19, t7_20);
-        let t7_21 = t6_15 + t6_21;
-        let t7_22 = cos_elbow * t7_1;
-        let t7_23 = (-sin_elbow).mul_add(t7_21, t7_22);
-        let t7_24 = a_forearmy * t6_1;
-        let w_mx_forearm_q2 = like.lift(-0.14207).mul_add(t7_23, t7_24);
-        let t7_25 = -w_mx_forearm_q2;
+        let t7_14 = cos_q2_elbow * a_forearmz;
+        let w_mx_forearm_q1 = (-u_forearm_q1z).mul_add(t6_4, t7_14);
+        let t7_15 = t3_16 + t3_18;
+        let t7_16 = like.lift(-0.14207).mul_add(t7_15, a_armx);
+        let t7_17 = like.lift(0.14207).mul_add(t3_17, a_army);
+        let t7_18 = sin_elbow * t7_16;
+        let a_forearmy = (-cos_elbow).mul_add(t7_17, t7_18);
+        let t7_19 = t6_9 + t6_15;
+        let t7_20 = cos_elbow * t7_1;
+        let t7_21 = (-sin_elbow).mul_add(t7_19, t7_20);
+        let t7_22 = a_forearmy * t6_1;
+        let w_mx_forearm_q2 = like.lift(-0.14207).mul_add(t7_21, t7_22);
+        let t7_23 = -w_mx_forearm_q2;
         let w_mx_forearm_q3 = x_elbow_q3 * a_forearmy;
-        y[26][0] = w_mx_forearm_q1; y[26][1] = t7_25; y[26][3] = w_mx_forearm_q3;
-        let t7_26 = u_forearm_q1z * t6_11;
-        let w_my_forearm_q1 = sin_q2_elbow.mul_add(a_forearmz, t7_26);
-        let t7_27 = -w_my_forearm_q1;
-        let t7_28 = sin_elbow * t7_19;
-        let a_forearmx = cos_elbow.mul_add(t7_18, t7_28);
-        let t7_29 = t6_14 + t6_21;
-        let t7_30 = cos_elbow * t7_29;
-        let t7_31 = sin_elbow.mul_add(t7_10, t7_30);
-        let t7_32 = a_forearmx * t6_1;
-        let w_my_forearm_q2 = like.lift(0.14207).mul_add(t7_31, t7_32);
-        let t7_33 = -w_my_forearm_q2;
+        y[26][0] = w_mx_forearm_q1; y[26][1] = t7_23; y[26][3] = w_mx_forearm_q3;
+        let t7_24 = u_forearm_q1z * t6_5;
+        let w_my_forearm_q1 = sin_q2_elbow.mul_add(a_forearmz, t7_24);
+        let t7_25 = -w_my_forearm_q1;
+        let t7_26 = sin_elbow * t7_17;
+        let a_forearmx = cos_elbow.mul_add(t7_16, t7_26);
+        let t7_27 = t6_8 + t6_15;
+        let t7_28 = cos_elbow * t7_27;
+        let t7_29 = sin_elbow.mul_add(t7_9, t7_28);
+        let t7_30 = a_forearmx * t6_1;
+        let w_my_forearm_q2 = like.lift(0.14207).mul_add(t7_29, t7_30);
+        let t7_31 = -w_my_forearm_q2;
         let w_my_forearm_q3 = x_elbow_q3 * a_forearmx;
-        y[27][0] = t7_27; y[27][1] = t7_33; y[27][3] = w_my_forearm_q3;
-        let t7_34 = u_forearm_q1z * t3_29;
-        let t7_35 = sin_q2_elbow.mul_add(a_forearmy, t7_34);
-        let w_mz_forearm_q1 = cos_q2_elbow.mul_add(a_forearmx, t7_35);
-        let t7_36 = cos_elbow * t7_4;
-        let t7_37 = sin_elbow.mul_add(t7_12, t7_36);
-        let w_mz_forearm_q2 = like.lift(0.14207) * t7_37;
-        let t7_38 = -w_mz_forearm_q2;
-        y[28][0] = w_mz_forearm_q1; y[28][1] = t7_38;
+        y[27][0] = t7_25; y[27][1] = t7_31; y[27][3] = w_my_forearm_q3;
+        let t7_32 = u_forearm_q1z * t3_29;
+        let t7_33 = sin_q2_elbow.mul_add(a_forearmy, t7_32);
+        let w_mz_forearm_q1 = cos_q2_elbow.mul_add(a_forearmx, t7_33);
+        let w_mz_forearm_q2 = like.lift(0.14207) * w_ixz_arm_q2;
+        let t7_34 = -w_mz_forearm_q2;
+        y[28][0] = w_mz_forearm_q1; y[28][1] = t7_34;
         let w_m_forearm_q1 = u_forearm_q1z * a_forearmz;
-        let t7_39 = cos_elbow * a_forearmy;
-        let t7_40 = (-sin_elbow).mul_add(a_forearmx, t7_39);
-        let t7_41 = like.lift(0.14207) * t7_40;
-        let w_m_forearm_q2 = -t7_41;
+        let t7_35 = cos_elbow * a_forearmy;
+        let t7_36 = (-sin_elbow).mul_add(a_forearmx, t7_35);
+        let t7_37 = like.lift(0.14207) * t7_36;
+        let w_m_forearm_q2 = -t7_37;
         y[29][0] = w_m_forearm_q1; y[29][1] = w_m_forearm_q2;
         y[20][0] = w_ixx_forearm_q1; y[20][1] = t6_2; y[20][3] = w_ixx_forearm_q3;
-        y[21][0] = t6_13; y[21][1] = w_ixy_forearm_q2; y[21][3] = t6_17;
-        [al_forearmz, t7_1, a_armz, a_forearmz, u_forearm_q1z, a_forearmy, t7_21, a_forearmx]
+        y[21][0] = t6_7; y[21][1] = w_ixy_forearm_q2; y[21][3] = t6_11;
+        [
+            al_forearmz, t7_1, w_ixz_forearm_q3, a_armz, a_forearmz, u_forearm_q1z, a_forearmy,
+            t7_19, a_forearmx,
+        ]
     };
     // body wrist: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [
-        sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristy, t8_3, al_wristx, w_wristx, t8_8,
-        w_wristz, t8_9, t8_12, al_wristy, t8_22, al_wristz, t8_34, a_wristz, u_wrist_q1z,
-        a_wristy, t8_56, u_wrist_q2x, t8_60, u_wrist_q2y, a_wristx,
+        sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristy, t8_3, w_wristz, t8_4, w_wristx, t8_9,
+        t8_12, al_wristy, t8_19, t8_20, t8_28, t8_39, a_wristz, u_wrist_q1z, a_wristy, t8_50,
+        u_wrist_q2x, t8_54, u_wrist_q2y, a_wristx,
     ] = {
         let t8_1 = sin_q2_elbow * cos_wrist;
         let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t8_1);
         let t8_2 = cos_q2_elbow * cos_wrist;
         let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t8_2);
         let w_wristy = d_q1 * cos_q2_elbow_wrist;
-        let t8_3 = cos_q2_elbow_wrist * r_q1;
-        let t8_4 = d_wrist * t8_3;
-        let t8_5 = w_wristy.mul_add(t4_31, t8_4);
-        let t8_6 = like.lift(0.5) * t8_5;
-        let t8_7 = (-sin_wrist).mul_add(al_forearmy, t8_6);
-        let al_wristx = cos_wrist.mul_add(al_forearmx, t8_7);
-        let w_wristx = d_q1 * sin_q2_elbow_wrist;
-        let t8_8 = t4_31 + t5_6;
+        let t8_3 = t4_31 + t5_1;
         let w_wristz = d_wrist + w_forearmz;
+        let t8_4 = cos_q2_elbow_wrist * r_q1;
+        let t8_5 = w_wristz * t8_4;
+        let t8_6 = w_wristy.mul_add(t8_3, t8_5);
+        let t8_7 = like.lift(0.5) * t8_6;
+        let t8_8 = sin_q2_elbow_wrist * dr_q1;
+        let al_wristx = t8_7 + t8_8;
+        let w_wristx = d_q1 * sin_q2_elbow_wrist;
         let t8_9 = sin_q2_elbow_wrist * r_q1;
         let t8_10 = w_wristz * t8_9;
-        let t8_11 = w_wristx.mul_add(t8_8, t8_10);
+        let t8_11 = w_wristx.mul_add(t8_3, t8_10);
         let t8_12 = like.lift(0.5) * cos_q2_elbow_wrist;
         let t8_13 = t8_11 * t8_12;
         let w_ixx_wrist_q1 = sin_q2_elbow_wrist.mul_add(al_wristx, t8_13);
-        let t8_14 = w_wristx * t8_3;
+        let t8_14 = w_wristx * t8_4;
         let t8_15 = x_wrist_q2 - t6_1;
         let w_ixx_wrist_q2 = t8_14 * t8_15;
         let t8_16 = x_elbow_q3 + x_wrist_q3;
         let w_ixx_wrist_q3 = t8_14 * t8_16;
         y[30][0] = w_ixx_wrist_q1; y[30][1] = w_ixx_wrist_q2; y[30][3] = w_ixx_wrist_q3;
-        let t8_17 = d_wrist * t8_9;
-        let t8_18 = w_wristx.mul_add(t4_31, t8_17);
-        let t8_19 = like.lift(0.5) * t8_18;
-        let t8_20 = cos_wrist.mul_add(al_forearmy, t8_19);
-        let al_wristy = sin_wrist.mul_add(al_forearmx, t8_20);
-        let t8_21 = like.lift(0.5) * t8_11;
-        let t8_22 = al_wristy + t8_21;
-        let t8_23 = w_wristz * t8_3;
-        let t8_24 = w_wristy.mul_add(t8_8, t8_23);
-        let t8_25 = like.lift(0.5) * t8_24;
-        let t8_26 = al_wristx + t8_25;
-        let t8_27 = sin_q2_elbow_wrist * t8_22;
-        let w_ixy_wrist_q1 = (-cos_q2_elbow_wrist).mul_add(t8_26, t8_27);
-        let t8_28 = -w_ixy_wrist_q1;
-        let t8_29 = w_wristx * t8_9;
-        let t8_30 = w_wristy * t8_3;
-        let t8_31 = t8_29 - t8_30;
-        let w_ixy_wrist_q2 = t8_31 * t8_15;
-        let t8_32 = -w_ixy_wrist_q2;
-        let w_ixy_wrist_q3 = t8_31 * t8_16;
-        let t8_33 = -w_ixy_wrist_q3;
-        y[31][0] = t8_28; y[31][1] = t8_32; y[31][3] = t8_33;
-        let al_wristz = t6_44 + al_forearmz;
-        let t8_34 = al_wristz + t8_14;
-        let t8_35 = w_wristz * t8_8;
-        let t8_36 = t8_29 - t8_35;
-        let t8_37 = sin_q2_elbow_wrist * t8_34;
-        let w_ixz_wrist_q1 = (-cos_q2_elbow_wrist).mul_add(t8_36, t8_37);
-        let t8_38 = al_wristx - t8_25;
-        let w_ixz_wrist_q2 = t8_38 * t8_15;
-        let t8_39 = -w_ixz_wrist_q2;
-        let w_ixz_wrist_q3 = t8_38 * t8_16;
-        let t8_40 = -w_ixz_wrist_q3;
-        y[32][0] = w_ixz_wrist_q1; y[32][1] = t8_39; y[32][3] = t8_40;
-        let t8_41 = sin_q2_elbow_wrist * t8_25;
-        let w_iyy_wrist_q1 = cos_q2_elbow_wrist.mul_add(al_wristy, t8_41);
-        let t8_42 = -w_iyy_wrist_q1;
-        let t8_43 = -w_ixx_wrist_q2;
-        let t8_44 = -w_ixx_wrist_q3;
-        y[33][0] = t8_42; y[33][1] = t8_43; y[33][3] = t8_44;
-        let t8_45 = t8_30 - t8_35;
-        let t8_46 = al_wristz - t8_14;
-        let t8_47 = cos_q2_elbow_wrist * t8_46;
-        let w_iyz_wrist_q1 = sin_q2_elbow_wrist.mul_add(t8_45, t8_47);
-        let t8_48 = al_wristy - t8_21;
-        let w_iyz_wrist_q2 = t8_48 * t8_15;
-        let w_iyz_wrist_q3 = t8_48 * t8_16;
-        y[34][0] = w_iyz_wrist_q1; y[34][1] = w_iyz_wrist_q2; y[34][3] = w_iyz_wrist_q3;
-        let w_izz_wrist_q1 = t8_13 - t8_41;
-        let t8_49 = -w_izz_wrist_q1;
+        let t8_17 = like.lift(0.5) * t8_11;
+        let t8_18 = cos_q2_elbow_wrist * dr_q1;
+        let al_wristy = t8_17 - t8_18;
+        let t8_19 = t8_17 + al_wristy;
+        let t8_20 = t8_7 + al_wristx;
+        let t8_21 = sin_q2_elbow_wrist * t8_19;
+        let w_ixy_wrist_q1 = (-cos_q2_elbow_wrist).mul_add(t8_20, t8_21);
+        let t8_22 = -w_ixy_wrist_q1;
+        let t8_23 = w_wristx * t8_9;
+        let t8_24 = w_wristy * t8_4;
+        let t8_25 = t8_23 - t8_24;
+        let w_ixy_wrist_q2 = t8_25 * t8_15;
+        let t8_26 = -w_ixy_wrist_q2;
+        let w_ixy_wrist_q3 = t8_25 * t8_16;
+        let t8_27 = -w_ixy_wrist_q3;
+        y[31][0] = t8_22; y[31][1] = t8_26; y[31][3] = t8_27;
+        let al_wristz = t6_38 + al_forearmz;
+        let t8_28 = al_wristz + t8_14;
+        let t8_29 = w_wristz * t8_3;
+        let t8_30 = t8_23 - t8_29;
+        let t8_31 = sin_q2_elbow_wrist * t8_28;
+        let w_ixz_wrist_q1 = (-cos_q2_elbow_wrist).mul_add(t8_30, t8_31);
+        let w_ixz_wrist_q2 = t8_8 * t8_15;
+        let t8_32 = -w_ixz_wrist_q2;
+        let w_ixz_wrist_q3 = t8_8 * t8_16;
+        let t8_33 = -w_ixz_wrist_q3;
+        y[32][0] = w_ixz_wrist_q1; y[32][1] = t8_32; y[32][3] = t8_33;
+        let t8_34 = sin_q2_elbow_wrist * t8_7;
+        let w_iyy_wrist_q1 = cos_q2_elbow_wrist.mul_add(al_wristy, t8_34);
+        let t8_35 = -w_iyy_wrist_q1;
+        let t8_36 = -w_ixx_wrist_q2;
+        let t8_37 = -w_ixx_wrist_q3;
+        y[33][0] = t8_35; y[33][1] = t8_36; y[33][3] = t8_37;
+        let t8_38 = t8_24 - t8_29;
+        let t8_39 = al_wristz - t8_14;
+        let t8_40 = cos_q2_elbow_wrist * t8_39;
+        let w_iyz_wrist_q1 = sin_q2_elbow_wrist.mul_add(t8_38, t8_40);
+        let w_iyz_wrist_q2 = t8_18 * t8_15;
+        let t8_41 = -w_iyz_wrist_q2;
+        let w_iyz_wrist_q3 = t8_18 * t8_16;
+        let t8_42 = -w_iyz_wrist_q3;
+        y[34][0] = w_iyz_wrist_q1; y[34][1] = t8_41; y[34][3] = t8_42;
+        let w_izz_wrist_q1 = t8_13 - t8_34;
+        let t8_43 = -w_izz_wrist_q1;
         let w_izz_wrist_q2 = al_wristz * t8_15;
-        let t8_50 = -w_izz_wrist_q2;
+        let t8_44 = -w_izz_wrist_q2;
         let w_izz_wrist_q3 = al_wristz * t8_16;
-        let t8_51 = -w_izz_wrist_q3;
-        y[35][0] = t8_49; y[35][1] = t8_50; y[35][3] = t8_51;
-        let a_wristz = like.lift(-0.15852).mul_add(t6_7, a_forearmz);
+        let t8_45 = -w_izz_wrist_q3;
+        y[35][0] = t8_43; y[35][1] = t8_44; y[35][3] = t8_45;
+        let a_wristz = like.lift(-0.15852).mul_add(t6_4, a_forearmz);
         let u_wrist_q1z = like.lift(0.15852).mul_add(cos_q2_elbow, u_forearm_q1z);
-        let t8_52 = cos_q2_elbow_wrist * a_wristz;
-        let w_mx_wrist_q1 = (-u_wrist_q1z).mul_add(t8_22, t8_52);
-        let t8_53 = like.lift(-0.15852).mul_add(t7_21, a_forearmx);
-        let t8_54 = like.lift(-0.15852).mul_add(t7_1, a_forearmy);
-        let t8_55 = cos_wrist * t8_54;
-        let a_wristy = sin_wrist.mul_add(t8_53, t8_55);
-        let t8_56 = t8_30 + t8_35;
-        let t8_57 = like.lift(0.14207).mul_add(cos_elbow, like.lift(0.15852));
-        let t8_58 = like.lift(0.14207) * sin_elbow;
-        let t8_59 = sin_wrist * t8_57;
-        let u_wrist_q2x = cos_wrist.mul_add(t8_58, t8_59);
-        let t8_60 = like.lift(0.15852) * x_elbow_q2;
-        let t8_61 = (-sin_wrist).mul_add(t8_60, u_wrist_q2x);
-        let t8_62 = sin_wrist * t8_58;
-        let u_wrist_q2y = (-cos_wrist).mul_add(t8_57, t8_62);
-        let t8_63 = cos_wrist.mul_add(t8_60, u_wrist_q2y);
-        let t8_64 = a_wristy * t8_15;
-        let t8_65 = (-t8_34).mul_add(t8_63, t8_64);
-        let w_mx_wrist_q2 = (-t8_56).mul_add(t8_61, t8_65);
-        let t8_66 = sin_wrist * x_elbow_q3;
-        let t8_67 = cos_wrist * x_elbow_q3;
-        let t8_68 = t8_34 * t8_67;
-        let t8_69 = (-t8_56).mul_add(t8_66, t8_68);
-        let t8_70 = a_wristy * t8_16;
-        let w_mx_wrist_q3 = like.lift(-0.15852).mul_add(t8_69, t8_70);
+        let t8_46 = cos_q2_elbow_wrist * a_wristz;
+        let w_mx_wrist_q1 = (-u_wrist_q1z).mul_add(t8_19, t8_46);
+        let t8_47 = like.lift(-0.15852).mul_add(t7_19, a_forearmx);
+        let t8_48 = like.lift(-0.15852).mul_add(t7_1, a_forearmy);
+        let t8_49 = cos_wrist * t8_48;
+        let a_wristy = sin_wrist.mul_add(t8_47, t8_49);
+        let t8_50 = t8_24 + t8_29;
+        let t8_51 = like.lift(0.14207).mul_add(cos_elbow, like.lift(0.15852));
+        let t8_52 = like.lift(0.14207) * sin_elbow;
+        let t8_53 = sin_wrist * t8_51;
+        let u_wrist_q2x = cos_wrist.mul_add(t8_52, t8_53);
+        let t8_54 = like.lift(0.15852) * x_elbow_q2;
+        let t8_55 = (-sin_wrist).mul_add(t8_54, u_wrist_q2x);
+        let t8_56 = sin_wrist * t8_52;
+        let u_wrist_q2y = (-cos_wrist).mul_add(t8_51, t8_56);
+        let t8_57 = cos_wrist.mul_add(t8_54, u_wrist_q2y);
+        let t8_58 = a_wristy * t8_15;
+        let t8_59 = (-t8_28).mul_add(t8_57, t8_58);
+        let w_mx_wrist_q2 = (-t8_50).mul_add(t8_55, t8_59);
+        let t8_60 = sin_wrist * x_elbow_q3;
+        let t8_61 = cos_wrist * x_elbow_q3;
+        let t8_62 = t8_28 * t8_61;
+        let t8_63 = (-t8_50).mul_add(t8_60, t8_62);
+        let t8_64 = a_wristy * t8_16;
+        let w_mx_wrist_q3 = like.lift(-0.15852).mul_add(t8_63, t8_64);
         y[36][0] = w_mx_wrist_q1; y[36][1] = w_mx_wrist_q2; y[36][3] = w_mx_wrist_q3;
-        let t8_71 = u_wrist_q1z * t8_26;
-        let w_my_wrist_q1 = sin_q2_elbow_wrist.mul_add(a_wristz, t8_71);
-        let t8_72 = -w_my_wrist_q1;
-        let t8_73 = cos_wrist * t8_53;
-        let a_wristx = (-sin_wrist).mul_add(t8_54, t8_73);
-        let t8_74 = t8_29 + t8_35;
-        let t8_75 = a_wristx * t8_15;
-        let t8_76 = t8_74.mul_add(t8_63, t8_75);
-        let w_my_wrist_q2 = (-t8_46).mul_add(t8_61, t8_76);
-        let t8_77 = t8_74 * t8_67;
-        let t8_78 = t8_46.mul_add(t8_66, t8_77);
-        let t8_79 = a_wristx * t8_16;
-        let w_my_wrist_q3 = like.lift(0.15852).mul_add(t8_78, t8_79);
-        y[37][0] = t8_72; y[37][1] = w_my_wrist_q2; y[37][3] = w_my_wrist_q3;
-        let t8_80 = u_wrist_q1z * t3_29;
-        let t8_81 = sin_q2_elbow_wrist.mul_add(a_wristy, t8_80);
-        let w_mz_wrist_q1 = cos_q2_elbow_wrist.mul_add(a_wristx, t8_81);
-        let t8_82 = t8_48 * t8_61;
-        let w_mz_wrist_q2 = (-t8_38).mul_add(t8_63, t8_82);
-        let t8_83 = -w_mz_wrist_q2;
-        let t8_84 = t8_38 * t8_67;
-        let t8_85 = t8_48.mul_add(t8_66, t8_84);
-        let w_mz_wrist_q3 = like.lift(0.15852) * t8_85;
-        y[38][0] = w_mz_wrist_q1; y[38][1] = t8_83; y[38][3] = w_mz_wrist_q3;
+        let t8_65 = u_wrist_q1z * t8_20;
+        let w_my_wrist_q1 = sin_q2_elbow_wrist.mul_add(a_wristz, t8_65);
+        let t8_66 = -w_my_wrist_q1;
+        let t8_67 = cos_wrist * t8_47;
+        let a_wristx = (-sin_wrist).mul_add(t8_48, t8_67);
+        let t8_68 = t8_23 + t8_29;
+        let t8_69 = a_wristx * t8_15;
+        let t8_70 = t8_68.mul_add(t8_57, t8_69);
+        let w_my_wrist_q2 = (-t8_39).mul_add(t8_55, t8_70);
+        let t8_71 = t8_68 * t8_61;
+        let t8_72 = t8_39.mul_add(t8_60, t8_71);
+        let t8_73 = a_wristx * t8_16;
+        let w_my_wrist_q3 = like.lift(0.15852).mul_add(t8_72, t8_73);
+        y[37][0] = t8_66; y[37][1] = w_my_wrist_q2; y[37][3] = w_my_wrist_q3;
+        let t8_74 = u_wrist_q1z * t3_29;
+        let t8_75 = sin_q2_elbow_wrist.mul_add(a_wristy, t8_74);
+        let w_mz_wrist_q1 = cos_q2_elbow_wrist.mul_add(a_wristx, t8_75);
+        let t8_76 = t8_8 * t8_57;
+        let w_mz_wrist_q2 = t8_18.mul_add(t8_55, t8_76);
+        let w_mz_wrist_q3 = like.lift(0.15852) * w_ixz_forearm_q3;
+        y[38][0] = w_mz_wrist_q1; y[38][1] = w_mz_wrist_q2; y[38][3] = w_mz_wrist_q3;
         let w_m_wrist_q1 = u_wrist_q1z * a_wristz;
-        let t8_86 = a_wristy * t8_63;
-        let w_m_wrist_q2 = a_wristx.mul_add(t8_61, t8_86);
-        let t8_87 = a_wristy * t8_67;
-        let t8_88 = (-a_wristx).mul_add(t8_66, t8_87);
-        let t8_89 = like.lift(0.15852) * t8_88;
-        let w_m_wrist_q3 = -t8_89;
-        let t8_90 = -w_m_wrist_q3;
-        y[39][0] = w_m_wrist_q1; y[39][1] = w_m_wrist_q2; y[39][3] = t8_90;
+        let t8_77 = a_wristy * t8_57;
+        let w_m_wrist_q2 = a_wristx.mul_add(t8_55, t8_77);
+        let t8_78 = a_wristy * t8_61;
+        let t8_79 = (-a_wristx).mul_add(t8_60, t8_78);
+        let t8_80 = like.lift(0.15852) * t8_79;
+        let w_m_wrist_q3 = -t8_80;
+        let t8_81 = -w_m_wrist_q3;
+        y[39][0] = w_m_wrist_q1; y[39][1] = w_m_wrist_q2; y[39][3] = t8_81;
         [
-            sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristy, t8_3, al_wristx, w_wristx, t8_8,
-            w_wristz, t8_9, t8_12, al_wristy, t8_22, al_wristz, t8_34, a_wristz, u_wrist_q1z,
-            a_wristy, t8_56, u_wrist_q2x, t8_60, u_wrist_q2y, a_wristx,
+            sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristy, t8_3, w_wristz, t8_4, w_wristx,
+            t8_9, t8_12, al_wristy, t8_19, t8_20, t8_28, t8_39, a_wristz, u_wrist_q1z,
+            a_wristy, t8_50, u_wrist_q2x, t8_54, u_wrist_q2y, a_wristx,
         ]
     };
     // body flange: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
@@ -4439,202 +4347,196 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 4], qdd
         let e_flange_q1x = cos_q4 * sin_q2_elbow_wrist;
         let t9_1 = sin_q4 * w_wristx;
         let w_flangey = (-cos_q4).mul_add(w_wristz, t9_1);
-        let t9_2 = sin_q4 * t8_9;
-        let t9_3 = (-cos_q4).mul_add(t8_8, t9_2);
-        let t9_4 = d_q4 * t9_3;
-        let t9_5 = w_flangey.mul_add(r_q4, t9_4);
-        let t9_6 = sin_q4 * al_wristz;
-        let t9_7 = like.lift(-0.5).mul_add(t9_5, t9_6);
-        let al_flangex = cos_q4.mul_add(al_wristx, t9_7);
-        let e_flange_q1y = sin_q4 * sin_q2_elbow_wrist;
-        let t9_8 = sin_q4 * w_wristz;
-        let w_flangex = cos_q4.mul_add(w_wristx, t9_8);
-        let t9_9 = r_q4 - t8_3;
+        let t9_2 = r_q4 - t8_4;
         let w_flangez = d_q4 - w_wristy;
-        let t9_10 = sin_q4 * t8_8;
+        let t9_3 = sin_q4 * t8_9;
+        let t9_4 = (-cos_q4).mul_add(t8_3, t9_3);
+        let t9_5 = w_flangez * t9_4;
+        let t9_6 = w_flangey.mul_add(t9_2, t9_5);
+        let t9_7 = like.lift(0.5) * t9_6;
+        let t9_8 = cos_q4 * t8_20;
+        let w_ixz_flange_q4 = sin_q4.mul_add(t8_39, t9_8);
+        let al_flangex = t9_7 - w_ixz_flange_q4;
+        let e_flange_q1y = sin_q4 * sin_q2_elbow_wrist;
+        let t9_9 = sin_q4 * w_wristz;
+        let w_flangex = cos_q4.mul_add(w_wristx, t9_9);
+        let t9_10 = sin_q4 * t8_3;
         let t9_11 = cos_q4.mul_add(t8_9, t9_10);
         let t9_12 = w_flangez * t9_11;
-        let t9_13 = w_flangex.mul_add(t9_9, t9_12);
+        let t9_13 = w_flangex.mul_add(t9_2, t9_12);
         let t9_14 = like.lift(0.5) * t9_13;
         let t9_15 = e_flange_q1y * t9_14;
         let t9_16 = w_flangey * t9_11;
-        let t9_17 = w_flangex.mul_add(t9_3, t9_16);
+        let t9_17 = w_flangex.mul_add(t9_4, t9_16);
         let t9_18 = t9_17 * t8_12;
-        let t9_19 = e_flange_q1x.mul_add(al_flangex, -t9_15);
-        let w_ixx_flange_q1 = t9_19 - t9_18;
-        let t9_20 = x_wrist_q2 + x_elbow_q2;
-        let t9_21 = (-sin_q4).mul_add(t9_20, sin_q4);
-        let t9_22 = x_wrist_q2 + x_elbow_q2;
-        let t9_23 = (-cos_q4).mul_add(t9_22, cos_q4);
-        let t9_24 = t9_23 * t9_14;
-        let w_ixx_flange_q2 = al_flangex.mul_add(t9_21, t9_24);
+        let t9_19 = e_flange_q1x.mul_add(al_flangex, t9_15);
+        let w_ixx_flange_q1 = t9_19 + t9_18;
+        let t9_20 = -w_ixx_flange_q1;
+        let t9_21 = x_wrist_q2 + x_elbow_q2;
+        let t9_22 = (-sin_q4).mul_add(t9_21, sin_q4);
+        let t9_23 = x_wrist_q2 + x_elbow_q2;
+        let t9_24 = (-cos_q4).mul_add(t9_23, cos_q4);
+        let t9_25 = t9_24 * t9_14;
+        let w_ixx_flange_q2 = al_flangex.mul_add(t9_22, -t9_25);
+        let t9_26 = -w_ixx_flange_q2;
         let w_ixx_flange_q4 = like.lift(0.5) * t9_17;
-        let t9_25 = x_wrist_q3 + x_elbow_q3;
-        let t9_26 = sin_q4 * t9_25;
         let t9_27 = x_wrist_q3 + x_elbow_q3;
-        let t9_28 = cos_q4 * t9_27;
-        let t9_29 = t9_28 * t9_14;
-        let w_ixx_flange_q3 = al_flangex.mul_add(t9_26, t9_29);
-        let t9_30 = -w_ixx_flange_q3;
-        y[40] = [w_ixx_flange_q1, w_ixx_flange_q2, w_ixx_flange_q4, t9_30];
-        let t9_31 = d_q4 * t9_11;
-        let t9_32 = w_flangex.mul_add(r_q4, t9_31);
-        let t9_33 = like.lift(0.5) * t9_32;
-        let t9_34 = (-cos_q4).mul_add(al_wristz, t9_33);
-        let al_flangey = sin_q4.mul_add(al_wristx, t9_34);
-        let t9_35 = al_flangey + t9_14;
-        let t9_36 = w_flangez * t9_3;
-        let t9_37 = w_flangey.mul_add(t9_9, t9_36);
-        let t9_38 = like.lift(0.5) * t9_37;
-        let t9_39 = al_flangex - t9_38;
-        let t9_40 = w_flangex * t9_11;
-        let t9_41 = w_flangey * t9_3;
-        let w_ixy_flange_q4 = t9_40 - t9_41;
-        let t9_42 = cos_q2_elbow_wrist * w_ixy_flange_q4;
-        let t9_43 = e_flange_q1y.mul_add(t9_39, t9_42);
-        let w_ixy_flange_q1 = e_flange_q1x.mul_add(t9_35, t9_43);
-        let t9_44 = -w_ixy_flange_q1;
-        let t9_45 = t9_35 * t9_21;
-        let w_ixy_flange_q2 = (-t9_39).mul_add(t9_23, t9_45);
-        let t9_46 = -w_ixy_flange_q2;
-        let t9_47 = t9_35 * t9_26;
-        let w_ixy_flange_q3 = (-t9_39).mul_add(t9_28, t9_47);
-        y[41] = [t9_44, t9_46, w_ixy_flange_q4, w_ixy_flange_q3];
+        let t9_28 = sin_q4 * t9_27;
+        let t9_29 = x_wrist_q3 + x_elbow_q3;
+        let t9_30 = cos_q4 * t9_29;
+        let t9_31 = t9_30 * t9_14;
+        let w_ixx_flange_q3 = al_flangex.mul_add(t9_28, -t9_31);
+        y[40] = [t9_20, t9_26, w_ixx_flange_q4, w_ixx_flange_q3];
+        let t9_32 = cos_q4 * t8_39;
+        let w_iyz_flange_q4 = (-sin_q4).mul_add(t8_20, t9_32);
+        let al_flangey = t9_14 - w_iyz_flange_q4;
+        let t9_33 = t9_14 + al_flangey;
+        let t9_34 = t9_7 + al_flangex;
+        let t9_35 = w_flangex * t9_11;
+        let t9_36 = w_flangey * t9_4;
+        let w_ixy_flange_q4 = t9_35 - t9_36;
+        let t9_37 = cos_q2_elbow_wrist * w_ixy_flange_q4;
+        let t9_38 = (-e_flange_q1y).mul_add(t9_34, t9_37);
+        let w_ixy_flange_q1 = e_flange_q1x.mul_add(t9_33, t9_38);
+        let t9_39 = -w_ixy_flange_q1;
+        let t9_40 = t9_34 * t9_24;
+        let w_ixy_flange_q2 = t9_33.mul_add(t9_22, t9_40);
+        let t9_41 = -w_ixy_flange_q2;
+        let t9_42 = t9_34 * t9_30;
+        let w_ixy_flange_q3 = t9_33.mul_add(t9_28, t9_42);
+        y[41] = [t9_39, t9_41, w_ixy_flange_q4, w_ixy_flange_q3];
         let al_flangez = dr_q4 + al_wristy;
-        let t9_48 = al_flangez - w_ixx_flange_q4;
-        let t9_49 = w_flangez * t9_9;
-        let t9_50 = t9_40 - t9_49;
-        let w_ixz_flange_q4 = al_flangex + t9_38;
-        let t9_51 = e_flange_q1y * t9_50;
-        let t9_52 = (-cos_q2_elbow_wrist).mul_add(w_ixz_flange_q4, t9_51);
-        let w_ixz_flange_q1 = e_flange_q1x.mul_add(t9_48, t9_52);
-        let t9_53 = t9_48 * t9_21;
-        let w_ixz_flange_q2 = (-t9_50).mul_add(t9_23, t9_53);
-        let t9_54 = t9_48 * t9_26;
-        let w_ixz_flange_q3 = (-t9_50).mul_add(t9_28, t9_54);
-        let t9_55 = -w_ixz_flange_q3;
-        y[42] = [w_ixz_flange_q1, w_ixz_flange_q2, w_ixz_flange_q4, t9_55];
-        let t9_56 = e_flange_q1x * t9_38;
-        let t9_57 = e_flange_q1y.mul_add(al_flangey, t9_18);
-        let w_iyy_flange_q1 = t9_57 + t9_56;
-        let t9_58 = t9_21 * t9_38;
-        let w_iyy_flange_q2 = (-al_flangey).mul_add(t9_23, t9_58);
-        let t9_59 = -w_ixx_flange_q4;
-        let t9_60 = t9_26 * t9_38;
-        let w_iyy_flange_q3 = (-al_flangey).mul_add(t9_28, t9_60);
-        let t9_61 = -w_iyy_flange_q3;
-        y[43] = [w_iyy_flange_q1, w_iyy_flange_q2, t9_59, t9_61];
-        let t9_62 = t9_41 - t9_49;
-        let t9_63 = al_flangez + w_ixx_flange_q4;
-        let w_iyz_flange_q4 = al_flangey - t9_14;
-        let t9_64 = cos_q2_elbow_wrist * w_iyz_flange_q4;
-        let t9_65 = (-e_flange_q1y).mul_add(t9_63, t9_64);
-        let w_iyz_flange_q1 = e_flange_q1x.mul_add(t9_62, t9_65);
-        let t9_66 = t9_63 * t9_23;
-        let w_iyz_flange_q2 = t9_62.mul_add(t9_21, t9_66);
-        let t9_67 = -w_iyz_flange_q4;
-        let t9_68 = t9_63 * t9_28;
-        let w_iyz_flange_q3 = t9_62.mul_add(t9_26, t9_68);
-        let t9_69 = -w_iyz_flange_q3;
-        y[44] = [w_iyz_flange_q1, w_iyz_flange_q2, t9_67, t9_69];
-        let t9_70 = (-cos_q2_elbow_wrist).mul_add(al_flangez, t9_15);
-        let w_izz_flange_q1 = t9_70 - t9_56;
-        let w_izz_flange_q2 = t9_24 + t9_58;
-        let t9_71 = -w_izz_flange_q2;
-        let w_izz_flange_q3 = t9_29 + t9_60;
-        y[45] = [w_izz_flange_q1, t9_71, al_flangez, w_izz_flange_q3];
-        let t9_72 = like.lift(-0.05).mul_add(t8_56, a_wristx);
-        let t9_73 = like.lift(-0.05).mul_add(t8_22, a_wristz);
-        let t9_74 = cos_q4 * t9_73;
-        let a_flangey = sin_q4.mul_add(t9_72, t9_74);
-        let a_flangez = like.lift(-0.05).mul_add(t8_34, a_wristy);
-        let t9_75 = like.lift(0.05).mul_add(cos_q2_elbow_wrist, u_wrist_q1z);
-        let u_flange_q1x = sin_q4 * t9_75;
-        let t9_76 = t9_41 + t9_49;
-        let u_flange_q1y = cos_q4 * t9_75;
-        let t9_77 = e_flange_q1y * a_flangez;
-        let t9_78 = cos_q2_elbow_wrist.mul_add(a_flangey, t9_77);
-        let t9_79 = (-u_flange_q1y).mul_add(t9_48, t9_78);
-        let w_mx_flange_q1 = u_flange_q1x.mul_add(t9_76, t9_79);
-        let t9_80 = sin_wrist * cos_q4;
-        let t9_81 = cos_q4 * u_wrist_q2x;
-        let t9_82 = (-t9_80).mul_add(t8_60, t9_81);
-        let t9_83 = sin_wrist * sin_q4;
-        let t9_84 = sin_q4 * u_wrist_q2x;
-        let t9_85 = (-t9_83).mul_add(t8_60, t9_84);
+        let t9_43 = al_flangez - w_ixx_flange_q4;
+        let t9_44 = w_flangez * t9_2;
+        let t9_45 = t9_35 - t9_44;
+        let t9_46 = e_flange_q1y * t9_45;
+        let t9_47 = (-cos_q2_elbow_wrist).mul_add(w_ixz_flange_q4, t9_46);
+        let w_ixz_flange_q1 = e_flange_q1x.mul_add(t9_43, t9_47);
+        let t9_48 = t9_43 * t9_22;
+        let w_ixz_flange_q2 = (-t9_45).mul_add(t9_24, t9_48);
+        let t9_49 = t9_43 * t9_28;
+        let w_ixz_flange_q3 = (-t9_45).mul_add(t9_30, t9_49);
+        let t9_50 = -w_ixz_flange_q3;
+        y[42] = [w_ixz_flange_q1, w_ixz_flange_q2, w_ixz_flange_q4, t9_50];
+        let t9_51 = e_flange_q1x * t9_7;
+        let t9_52 = e_flange_q1y.mul_add(al_flangey, t9_18);
+        let w_iyy_flange_q1 = t9_52 + t9_51;
+        let t9_53 = t9_22 * t9_7;
+        let w_iyy_flange_q2 = (-al_flangey).mul_add(t9_24, t9_53);
+        let t9_54 = -w_ixx_flange_q4;
+        let t9_55 = t9_28 * t9_7;
+        let w_iyy_flange_q3 = (-al_flangey).mul_add(t9_30, t9_55);
+        let t9_56 = -w_iyy_flange_q3;
+        y[43] = [w_iyy_flange_q1, w_iyy_flange_q2, t9_54, t9_56];
+        let t9_57 = t9_36 - t9_44;
+        let t9_58 = al_flangez + w_ixx_flange_q4;
+        let t9_59 = e_flange_q1x * t9_57;
+        let t9_60 = (-cos_q2_elbow_wrist).mul_add(w_iyz_flange_q4, t9_59);
+        let w_iyz_flange_q1 = (-e_flange_q1y).mul_add(t9_58, t9_60);
+        let t9_61 = t9_58 * t9_24;
+        let w_iyz_flange_q2 = t9_57.mul_add(t9_22, t9_61);
+        let t9_62 = t9_58 * t9_30;
+        let w_iyz_flange_q3 = t9_57.mul_add(t9_28, t9_62);
+        let t9_63 = -w_iyz_flange_q3;
+        y[44] = [w_iyz_flange_q1, w_iyz_flange_q2, w_iyz_flange_q4, t9_63];
+        let t9_64 = (-cos_q2_elbow_wrist).mul_add(al_flangez, t9_15);
+        let w_izz_flange_q1 = t9_64 - t9_51;
+        let w_izz_flange_q2 = t9_25 + t9_53;
+        let t9_65 = -w_izz_flange_q2;
+        let w_izz_flange_q3 = t9_31 + t9_55;
+        y[45] = [w_izz_flange_q1, t9_65, al_flangez, w_izz_flange_q3];
+        let t9_66 = like.lift(-0.05).mul_add(t8_50, a_wristx);
+        let t9_67 = like.lift(-0.05).mul_add(t8_19, a_wristz);
+        let t9_68 = cos_q4 * t9_67;
+        let a_flangey = sin_q4.mul_add(t9_66, t9_68);
+        let a_flangez = like.lift(-0.05).mul_add(t8_28, a_wristy);
+        let t9_69 = like.lift(0.05).mul_add(cos_q2_elbow_wrist, u_wrist_q1z);
+        let u_flange_q1x = sin_q4 * t9_69;
+        let t9_70 = t9_36 + t9_44;
+        let u_flange_q1y = cos_q4 * t9_69;
+        let t9_71 = e_flange_q1y * a_flangez;
+        let t9_72 = cos_q2_elbow_wrist.mul_add(a_flangey, t9_71);
+        let t9_73 = (-u_flange_q1y).mul_add(t9_43, t9_72);
+        let w_mx_flange_q1 = u_flange_q1x.mul_add(t9_70, t9_73);
+        let t9_74 = sin_wrist * cos_q4;
+        let t9_75 = cos_q4 * u_wrist_q2x;
+        let t9_76 = (-t9_74).mul_add(t8_54, t9_75);
+        let t9_77 = sin_wrist * sin_q4;
+        let t9_78 = sin_q4 * u_wrist_q2x;
+        let t9_79 = (-t9_77).mul_add(t8_54, t9_78);
         let u_flange_elbowz = like.lift(0.15852).mul_add(cos_wrist, like.lift(0.05));
-        let t9_86 = like.lift(-0.05).mul_add(x_wrist_q2, like.lift(0.05));
-        let t9_87 = (-u_flange_elbowz).mul_add(x_elbow_q2, t9_86);
-        let t9_88 = t9_87 - u_wrist_q2y;
-        let t9_89 = a_flangez * t9_23;
-        let t9_90 = t9_35.mul_add(t9_88, t9_89);
-        let t9_91 = t9_48.mul_add(t9_85, t9_90);
-        let w_mx_flange_q2 = t9_76.mul_add(t9_82, t9_91);
-        let t9_92 = -w_mx_flange_q2;
-        let t9_93 = -a_flangey;
-        let t9_94 = t9_80 * x_elbow_q3;
-        let t9_95 = t9_83 * x_elbow_q3;
-        let t9_96 = like.lift(0.05) * x_wrist_q3;
-        let t9_97 = u_flange_elbowz.mul_add(x_elbow_q3, t9_96);
-        let t9_98 = t9_48 * t9_95;
-        let t9_99 = t9_76.mul_add(t9_94, t9_98);
-        let t9_100 = a_flangez * t9_28;
-        let t9_101 = t9_35.mul_add(t9_97, t9_100);
-        let w_mx_flange_q3 = like.lift(0.15852).mul_add(t9_99, t9_101);
-        y[46] = [w_mx_flange_q1, t9_92, t9_93, w_mx_flange_q3];
-        let t9_102 = cos_q4 * t9_72;
-        let a_flangex = (-sin_q4).mul_add(t9_73, t9_102);
-        let t9_103 = t9_40 + t9_49;
-        let t9_104 = cos_q2_elbow_wrist * a_flangex;
-        let t9_105 = e_flange_q1x.mul_add(a_flangez, t9_104);
-        let t9_106 = u_flange_q1y.mul_add(t9_103, t9_105);
-        let w_my_flange_q1 = u_flange_q1x.mul_add(t9_63, t9_106);
-        let t9_107 = a_flangez * t9_21;
-        let t9_108 = (-t9_39).mul_add(t9_88, t9_107);
-        let t9_109 = t9_103.mul_add(t9_85, t9_108);
-        let w_my_flange_q2 = (-t9_63).mul_add(t9_82, t9_109);
-        let t9_110 = -a_flangex;
-        let t9_111 = t9_103 * t9_95;
-        let t9_112 = (-t9_63).mul_add(t9_94, t9_111);
-        let t9_113 = a_flangez * t9_26;
-        let t9_114 = (-t9_39).mul_add(t9_97, t9_113);
-        let w_my_flange_q3 = like.lift(0.15852).mul_add(t9_112, t9_114);
-        let t9_115 = -w_my_flange_q3;
-        y[47] = [w_my_flange_q1, w_my_flange_q2, t9_110, t9_115];
-        let t9_116 = e_flange_q1y * a_flangex;
-        let t9_117 = (-e_flange_q1x).mul_add(a_flangey, t9_116);
-        let t9_118 = (-u_flange_q1y).mul_add(w_ixz_flange_q4, t9_117);
-        let w_mz_flange_q1 = (-u_flange_q1x).mul_add(w_iyz_flange_q4, t9_118);
-        let t9_119 = -w_mz_flange_q1;
-        let t9_120 = t9_40 + t9_41;
-        let t9_121 = a_flangey * t9_21;
-        let t9_122 = a_flangex.mul_add(t9_23, t9_121);
-        let t9_123 = t9_120.mul_add(t9_88, t9_122);
-        let t9_124 = w_ixz_flange_q4.mul_add(t9_85, t9_123);
-        let w_mz_flange_q2 = (-w_iyz_flange_q4).mul_add(t9_82, t9_124);
-        let t9_125 = w_ixz_flange_q4 * t9_95;
-        let t9_126 = (-w_iyz_flange_q4).mul_add(t9_94, t9_125);
-        let t9_127 = a_flangey * t9_26;
-        let t9_128 = a_flangex.mul_add(t9_28, t9_127);
-        let t9_129 = t9_120.mul_add(t9_97, t9_128);
-        let w_mz_flange_q3 = like.lift(0.15852).mul_add(t9_126, t9_129);
-        let t9_130 = -w_mz_flange_q3;
-        y[48][0] = t9_119; y[48][1] = w_mz_flange_q2; y[48][3] = t9_130;
-        let t9_131 = u_flange_q1x * a_flangex;
-        let w_m_flange_q1 = (-u_flange_q1y).mul_add(a_flangey, t9_131);
-        let t9_132 = -w_m_flange_q1;
-        let t9_133 = a_flangey * t9_85;
-        let t9_134 = (-a_flangez).mul_add(t9_88, t9_133);
-        let w_m_flange_q2 = a_flangex.mul_add(t9_82, t9_134);
-        let t9_135 = a_flangey * t9_95;
-        let t9_136 = a_flangex.mul_add(t9_94, t9_135);
-        let t9_137 = like.lift(0.15852) * t9_136;
-        let w_m_flange_q3 = (-a_flangez).mul_add(t9_97, t9_137);
-        let t9_138 = -w_m_flange_q3;
-        y[49][0] = t9_132; y[49][1] = w_m_flange_q2; y[49][3] = t9_138;
+        let t9_80 = like.lift(-0.05).mul_add(x_wrist_q2, like.lift(0.05));
+        let t9_81 = (-u_flange_elbowz).mul_add(x_elbow_q2, t9_80);
+        let t9_82 = t9_81 - u_wrist_q2y;
+        let t9_83 = a_flangez * t9_24;
+        let t9_84 = t9_33.mul_add(t9_82, t9_83);
+        let t9_85 = t9_43.mul_add(t9_79, t9_84);
+        let w_mx_flange_q2 = t9_70.mul_add(t9_76, t9_85);
+        let t9_86 = -w_mx_flange_q2;
+        let t9_87 = -a_flangey;
+        let t9_88 = t9_74 * x_elbow_q3;
+        let t9_89 = t9_77 * x_elbow_q3;
+        let t9_90 = like.lift(0.05) * x_wrist_q3;
+        let t9_91 = u_flange_elbowz.mul_add(x_elbow_q3, t9_90);
+        let t9_92 = t9_43 * t9_89;
+        let t9_93 = t9_70.mul_add(t9_88, t9_92);
+        let t9_94 = a_flangez * t9_30;
+        let t9_95 = t9_33.mul_add(t9_91, t9_94);
+        let w_mx_flange_q3 = like.lift(0.15852).mul_add(t9_93, t9_95);
+        y[46] = [w_mx_flange_q1, t9_86, t9_87, w_mx_flange_q3];
+        let t9_96 = cos_q4 * t9_66;
+        let a_flangex = (-sin_q4).mul_add(t9_67, t9_96);
+        let t9_97 = t9_35 + t9_44;
+        let t9_98 = cos_q2_elbow_wrist * a_flangex;
+        let t9_99 = e_flange_q1x.mul_add(a_flangez, t9_98);
+        let t9_100 = u_flange_q1y.mul_add(t9_97, t9_99);
+        let w_my_flange_q1 = u_flange_q1x.mul_add(t9_58, t9_100);
+        let t9_101 = a_flangez * t9_22;
+        let t9_102 = t9_34.mul_add(t9_82, t9_101);
+        let t9_103 = t9_97.mul_add(t9_79, t9_102);
+        let w_my_flange_q2 = (-t9_58).mul_add(t9_76, t9_103);
+        let t9_104 = -a_flangex;
+        let t9_105 = t9_97 * t9_89;
+        let t9_106 = (-t9_58).mul_add(t9_88, t9_105);
+        let t9_107 = a_flangez * t9_28;
+        let t9_108 = t9_34.mul_add(t9_91, t9_107);
+        let w_my_flange_q3 = like.lift(0.15852).mul_add(t9_106, t9_108);
+        let t9_109 = -w_my_flange_q3;
+        y[47] = [w_my_flange_q1, w_my_flange_q2, t9_104, t9_109];
+        let t9_110 = e_flange_q1y * a_flangex;
+        let t9_111 = (-e_flange_q1x).mul_add(a_flangey, t9_110);
+        let t9_112 = (-u_flange_q1y).mul_add(w_ixz_flange_q4, t9_111);
+        let w_mz_flange_q1 = u_flange_q1x.mul_add(w_iyz_flange_q4, t9_112);
+        let t9_113 = -w_mz_flange_q1;
+        let t9_114 = t9_35 + t9_36;
+        let t9_115 = a_flangey * t9_22;
+        let t9_116 = a_flangex.mul_add(t9_24, t9_115);
+        let t9_117 = t9_114.mul_add(t9_82, t9_116);
+        let t9_118 = w_ixz_flange_q4.mul_add(t9_79, t9_117);
+        let w_mz_flange_q2 = w_iyz_flange_q4.mul_add(t9_76, t9_118);
+        let t9_119 = w_ixz_flange_q4 * t9_89;
+        let t9_120 = w_iyz_flange_q4.mul_add(t9_88, t9_119);
+        let t9_121 = a_flangey * t9_28;
+        let t9_122 = a_flangex.mul_add(t9_30, t9_121);
+        let t9_123 = t9_114.mul_add(t9_91, t9_122);
+        let w_mz_flange_q3 = like.lift(0.15852).mul_add(t9_120, t9_123);
+        let t9_124 = -w_mz_flange_q3;
+        y[48][0] = t9_113; y[48][1] = w_mz_flange_q2; y[48][3] = t9_124;
+        let t9_125 = u_flange_q1x * a_flangex;
+        let w_m_flange_q1 = (-u_flange_q1y).mul_add(a_flangey, t9_125);
+        let t9_126 = -w_m_flange_q1;
+        let t9_127 = a_flangey * t9_79;
+        let t9_128 = (-a_flangez).mul_add(t9_82, t9_127);
+        let w_m_flange_q2 = a_flangex.mul_add(t9_76, t9_128);
+        let t9_129 = a_flangey * t9_89;
+        let t9_130 = a_flangex.mul_add(t9_88, t9_129);
+        let t9_131 = like.lift(0.15852) * t9_130;
+        let w_m_flange_q3 = (-a_flangez).mul_add(t9_91, t9_131);
+        let t9_132 = -w_m_flange_q3;
+        y[49][0] = t9_126; y[49][1] = w_m_flange_q2; y[49][3] = t9_132;
     }
     // body crank: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [al_crankx, al_cranky, t10_11, t10_16, t10_17, a_cranky, a_crankx] = {
+    let [w_ixz_crank_q3, t10_11, t10_16, t10_17, a_cranky, a_crankx] = {
         let w_ixz_crank_q3 = sin_q3 * dr_q1;
         let w_cranky = cos_q3 * d_q1;
         let t10_1 = cos_q3 * r_q1;
@@ -4664,7 +4566,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 4], qdd
         let w_ixy_crank_q3 = t10_15 - t10_16;
         y[51][0] = t10_14; y[51][3] = w_ixy_crank_q3;
         let t10_17 = dr_q3 + w_ixx_crank_q3;
-        let t10_18 = t6_18 - t10_15;
+        let t10_18 = t6_12 - t10_15;
         let t10_19 = cos_q3 * t10_18;
         let w_ixz_crank_q1 = sin_q3.mul_add(t10_17, t10_19);
         y[52][0] = w_ixz_crank_q1; y[52][3] = w_ixz_crank_q3;
@@ -4672,7 +4574,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 4], qdd
         let w_iyy_crank_q1 = (-cos_q3).mul_add(al_cranky, t10_20);
         let t10_21 = -w_iyy_crank_q1;
         y[53][0] = t10_21; y[53][3] = w_ixx_crank_q3;
-        let t10_22 = t6_18 - t10_16;
+        let t10_22 = t6_12 - t10_16;
         let t10_23 = dr_q3 - w_ixx_crank_q3;
         let t10_24 = sin_q3 * t10_22;
         let w_iyz_crank_q1 = (-cos_q3).mul_add(t10_23, t10_24);
@@ -4698,7 +4600,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 4], qdd
         let w_mz_crank_q1 = cos_q3.mul_add(a_crankx, t10_34);
         y[58][0] = w_mz_crank_q1;
         y[59][0] = w_m_arm_q1;
-        [al_crankx, al_cranky, t10_11, t10_16, t10_17, a_cranky, a_crankx]
+        [w_ixz_crank_q3, t10_11, t10_16, t10_17, a_cranky, a_crankx]
     };
     // body rod: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
@@ -4708,15 +4610,15 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 4], qdd
         let cos_q3_pin = (-sin_q3).mul_add(sin_pin, t11_2);
         let w_rody = cos_q3_pin * d_q1;
         let t11_3 = cos_q3_pin * r_q1;
-        let t11_4 = d_pin * t11_3;
-        let t11_5 = w_rody.mul_add(t4_32, t11_4);
+        let t11_4 = w_rodz * t11_3;
+        let t11_5 = w_rody.mul_add(t6_13, t11_4);
         let t11_6 = like.lift(0.5) * t11_5;
-        let t11_7 = sin_pin.mul_add(al_cranky, t11_6);
-        let al_rodx = cos_pin.mul_add(al_crankx, t11_7);
+        let t11_7 = sin_q3_pin * dr_q1;
+        let al_rodx = t11_6 + t11_7;
         let w_rodx = sin_q3_pin * d_q1;
         let t11_8 = sin_q3_pin * r_q1;
         let t11_9 = w_rodz * t11_8;
-        let t11_10 = w_rodx.mul_add(t6_19, t11_9);
+        let t11_10 = w_rodx.mul_add(t6_13, t11_9);
         let t11_11 = like.lift(0.5) * t11_10;
         let t11_12 = cos_q3_pin * t11_11;
         let w_ixx_rod_q1 = sin_q3_pin.mul_add(al_rodx, t11_12);
@@ -4726,100 +4628,90 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 4], qdd
         let w_ixx_rod_q3 = t11_13 * t11_14;
         let t11_15 = -w_ixx_rod_q3;
         y[60][0] = w_ixx_rod_q1; y[60][1] = w_ixx_rod_q2; y[60][3] = t11_15;
-        let t11_16 = d_pin * t11_8;
-        let t11_17 = w_rodx.mul_add(t4_32, t11_16);
-        let t11_18 = like.lift(0.5) * t11_17;
-        let t11_19 = (-cos_pin).mul_add(al_cranky, t11_18);
-        let al_rody = sin_pin.mul_add(al_crankx, t11_19);
-        let t11_20 = al_rody + t11_11;
-        let t11_21 = w_rodz * t11_3;
-        let t11_22 = w_rody.mul_add(t6_19, t11_21);
-        let t11_23 = like.lift(0.5) * t11_22;
-        let t11_24 = al_rodx + t11_23;
-        let t11_25 = sin_q3_pin * t11_20;
-        let w_ixy_rod_q1 = (-cos_q3_pin).mul_add(t11_24, t11_25);
-        let t11_26 = -w_ixy_rod_q1;
-        let t11_27 = w_rodx * t11_8;
-        let t11_28 = w_rody * t11_3;
-        let t11_29 = t11_27 - t11_28;
-        let w_ixy_rod_q2 = x_pin_q2 * t11_29;
-        let t11_30 = -w_ixy_rod_q2;
-        let w_ixy_rod_q3 = t11_29 * t11_14;
-        y[61][0] = t11_26; y[61][1] = t11_30; y[61][3] = w_ixy_rod_q3;
-        let al_rodz = dr_q3 + t6_45;
-        let t11_31 = al_rodz + t11_13;
-        let t11_32 = t6_20 - t11_27;
-        let t11_33 = cos_q3_pin * t11_32;
-        let w_ixz_rod_q1 = sin_q3_pin.mul_add(t11_31, t11_33);
-        let t11_34 = al_rodx - t11_23;
-        let w_ixz_rod_q2 = x_pin_q2 * t11_34;
-        let t11_35 = -w_ixz_rod_q2;
-        let w_ixz_rod_q3 = t11_34 * t11_14;
-        y[62][0] = w_ixz_rod_q1; y[62][1] = t11_35; y[62][3] = w_ixz_rod_q3;
-        let t11_36 = sin_q3_pin * t11_23;
-        let w_iyy_rod_q1 = cos_q3_pin.mul_add(al_rody, t11_36);
-        let t11_37 = -w_iyy_rod_q1;
-        let t11_38 = -w_ixx_rod_q2;
-        y[63][0] = t11_37; y[63][1] = t11_38; y[63][3] = w_ixx_rod_q3;
-        let t11_39 = t6_20 - t11_28;
-        let t11_40 = al_rodz - t11_13;
-        let t11_41 = sin_q3_pin * t11_39;
-        let w_iyz_rod_q1 = (-cos_q3_pin).mul_add(t11_40, t11_41);
-        let t11_42 = -w_iyz_rod_q1;
-        let t11_43 = al_rody - t11_11;
-        let w_iyz_rod_q2 = x_pin_q2 * t11_43;
-        let w_iyz_rod_q3 = t11_43 * t11_14;
-        let t11_44 = -w_iyz_rod_q3;
-        y[64][0] = t11_42; y[64][1] = w_iyz_rod_q2; y[64][3] = t11_44;
-        let w_izz_rod_q1 = t11_12 - t11_36;
-        let t11_45 = -w_izz_rod_q1;
+        let t11_16 = cos_q3_pin * dr_q1;
+        let al_rody = t11_11 - t11_16;
+        let t11_17 = t11_11 + al_rody;
+        let t11_18 = t11_6 + al_rodx;
+        let t11_19 = sin_q3_pin * t11_17;
+        let w_ixy_rod_q1 = (-cos_q3_pin).mul_add(t11_18, t11_19);
+        let t11_20 = -w_ixy_rod_q1;
+        let t11_21 = w_rodx * t11_8;
+        let t11_22 = w_rody * t11_3;
+        let t11_23 = t11_21 - t11_22;
+        let w_ixy_rod_q2 = x_pin_q2 * t11_23;
+        let t11_24 = -w_ixy_rod_q2;
+        let w_ixy_rod_q3 = t11_23 * t11_14;
+        y[61][0] = t11_20; y[61][1] = t11_24; y[61][3] = w_ixy_rod_q3;
+        let al_rodz = dr_q3 + t6_39;
+        let t11_25 = al_rodz + t11_13;
+        let t11_26 = t6_14 - t11_21;
+        let t11_27 = cos_q3_pin * t11_26;
+        let w_ixz_rod_q1 = sin_q3_pin.mul_add(t11_25, t11_27);
+        let w_ixz_rod_q2 = x_pin_q2 * t11_7;
+        let t11_28 = -w_ixz_rod_q2;
+        let w_ixz_rod_q3 = t11_7 * t11_14;
+        y[62][0] = w_ixz_rod_q1; y[62][1] = t11_28; y[62][3] = w_ixz_rod_q3;
+        let t11_29 = sin_q3_pin * t11_6;
+        let w_iyy_rod_q1 = cos_q3_pin.mul_add(al_rody, t11_29);
+        let t11_30 = -w_iyy_rod_q1;
+        let t11_31 = -w_ixx_rod_q2;
+        y[63][0] = t11_30; y[63][1] = t11_31; y[63][3] = w_ixx_rod_q3;
+        let t11_32 = t6_14 - t11_22;
+        let t11_33 = al_rodz - t11_13;
+        let t11_34 = sin_q3_pin * t11_32;
+        let w_iyz_rod_q1 = (-cos_q3_pin).mul_add(t11_33, t11_34);
+        let t11_35 = -w_iyz_rod_q1;
+        let w_iyz_rod_q2 = x_pin_q2 * t11_16;
+        let t11_36 = -w_iyz_rod_q2;
+        let w_iyz_rod_q3 = t11_16 * t11_14;
+        y[64][0] = t11_35; y[64][1] = t11_36; y[64][3] = w_iyz_rod_q3;
+        let w_izz_rod_q1 = t11_12 - t11_29;
+        let t11_37 = -w_izz_rod_q1;
         let w_izz_rod_q2 = x_pin_q2 * al_rodz;
-        let t11_46 = -w_izz_rod_q2;
+        let t11_38 = -w_izz_rod_q2;
         let w_izz_rod_q3 = al_rodz * t11_14;
-        y[65][0] = t11_45; y[65][1] = t11_46; y[65][3] = w_izz_rod_q3;
+        y[65][0] = t11_37; y[65][1] = t11_38; y[65][3] = w_izz_rod_q3;
         let a_rodz = like.lift(-0.0456).mul_add(t10_11, a_armz);
         let u_rod_q1z = like.lift(0.0456).mul_add(cos_q3, like.lift(0.0132));
-        let t11_47 = cos_q3_pin * a_rodz;
-        let w_mx_rod_q1 = (-u_rod_q1z).mul_add(t11_20, t11_47);
-        let t11_48 = t6_18 + t10_16;
-        let t11_49 = like.lift(-0.0456).mul_add(t11_48, a_crankx);
-        let t11_50 = like.lift(0.0456).mul_add(t10_17, a_cranky);
-        let t11_51 = sin_pin * t11_49;
-        let a_rody = (-cos_pin).mul_add(t11_50, t11_51);
+        let t11_39 = cos_q3_pin * a_rodz;
+        let w_mx_rod_q1 = (-u_rod_q1z).mul_add(t11_17, t11_39);
+        let t11_40 = t6_12 + t10_16;
+        let t11_41 = like.lift(-0.0456).mul_add(t11_40, a_crankx);
+        let t11_42 = like.lift(0.0456).mul_add(t10_17, a_cranky);
+        let t11_43 = sin_pin * t11_41;
+        let a_rody = (-cos_pin).mul_add(t11_42, t11_43);
         let w_mx_rod_q2 = x_pin_q2 * a_rody;
-        let t11_52 = t6_20 + t11_28;
-        let t11_53 = cos_pin * t11_31;
-        let t11_54 = (-sin_pin).mul_add(t11_52, t11_53);
-        let t11_55 = a_rody * t11_14;
-        let w_mx_rod_q3 = like.lift(-0.0456).mul_add(t11_54, t11_55);
-        let t11_56 = -w_mx_rod_q3;
-        y[66][0] = w_mx_rod_q1; y[66][1] = w_mx_rod_q2; y[66][3] = t11_56;
-        let t11_57 = u_rod_q1z * t11_24;
-        let w_my_rod_q1 = sin_q3_pin.mul_add(a_rodz, t11_57);
-        let t11_58 = -w_my_rod_q1;
-        let t11_59 = sin_pin * t11_50;
-        let a_rodx = cos_pin.mul_add(t11_49, t11_59);
+        let t11_44 = t6_14 + t11_22;
+        let t11_45 = cos_pin * t11_25;
+        let t11_46 = (-sin_pin).mul_add(t11_44, t11_45);
+        let t11_47 = a_rody * t11_14;
+        let w_mx_rod_q3 = like.lift(-0.0456).mul_add(t11_46, t11_47);
+        let t11_48 = -w_mx_rod_q3;
+        y[66][0] = w_mx_rod_q1; y[66][1] = w_mx_rod_q2; y[66][3] = t11_48;
+        let t11_49 = u_rod_q1z * t11_18;
+        let w_my_rod_q1 = sin_q3_pin.mul_add(a_rodz, t11_49);
+        let t11_50 = -w_my_rod_q1;
+        let t11_51 = sin_pin * t11_42;
+        let a_rodx = cos_pin.mul_add(t11_41, t11_51);
         let w_my_rod_q2 = x_pin_q2 * a_rodx;
-        let t11_60 = t6_20 + t11_27;
-        let t11_61 = cos_pin * t11_60;
-        let t11_62 = sin_pin.mul_add(t11_40, t11_61);
-        let t11_63 = a_rodx * t11_14;
-        let w_my_rod_q3 = like.lift(0.0456).mul_add(t11_62, t11_63);
-        let t11_64 = -w_my_rod_q3;
-        y[67][0] = t11_58; y[67][1] = w_my_rod_q2; y[67][3] = t11_64;
-        let t11_65 = u_rod_q1z * t3_29;
-        let t11_66 = sin_q3_pin.mul_add(a_rody, t11_65);
-        let w_mz_rod_q1 = cos_q3_pin.mul_add(a_rodx, t11_66);
-        let t11_67 = cos_pin * t11_34;
-        let t11_68 = sin_pin.mul_add(t11_43, t11_67);
-        let w_mz_rod_q3 = like.lift(0.0456) * t11_68;
-        let t11_69 = -w_mz_rod_q3;
-        y[68][0] = w_mz_rod_q1; y[68][3] = t11_69;
+        let t11_52 = t6_14 + t11_21;
+        let t11_53 = cos_pin * t11_52;
+        let t11_54 = sin_pin.mul_add(t11_33, t11_53);
+        let t11_55 = a_rodx * t11_14;
+        let w_my_rod_q3 = like.lift(0.0456).mul_add(t11_54, t11_55);
+        let t11_56 = -w_my_rod_q3;
+        y[67][0] = t11_50; y[67][1] = w_my_rod_q2; y[67][3] = t11_56;
+        let t11_57 = u_rod_q1z * t3_29;
+        let t11_58 = sin_q3_pin.mul_add(a_rody, t11_57);
+        let w_mz_rod_q1 = cos_q3_pin.mul_add(a_rodx, t11_58);
+        let w_mz_rod_q3 = like.lift(0.0456) * w_ixz_crank_q3;
+        let t11_59 = -w_mz_rod_q3;
+        y[68][0] = w_mz_rod_q1; y[68][3] = t11_59;
         let w_m_rod_q1 = u_rod_q1z * a_rodz;
-        let t11_70 = cos_pin * a_rody;
-        let t11_71 = (-sin_pin).mul_add(a_rodx, t11_70);
-        let t11_72 = like.lift(0.0456) * t11_71;
-        let w_m_rod_q3 = -t11_72;
+        let t11_60 = cos_pin * a_rody;
+        let t11_61 = (-sin_pin).mul_add(a_rodx, t11_60);
+        let t11_62 = like.lift(0.0456) * t11_61;
+        let w_m_rod_q3 = -t11_62;
         y[69][0] = w_m_rod_q1; y[69][3] = w_m_rod_q3;
     }
     Condition { pivot: condition }
@@ -4978,7 +4870,7 @@ pub fn poses<T: Scalar>(q: &[T; 7]) -> [[T; 12]; 7] {
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: W_red (Eq. 23), column by column: `w[c][r]` multiplies `BASE[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 180 additions, 276 multiplications, 1 divisions, 6 sines and cosines.
+/// 175 additions, 266 multiplications, 1 divisions, 6 sines and cosines.
 pub fn base_regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 4]; 22]) -> Condition<T> {
     let zero = q[0].lift(0.0);
     w[0][1] = zero; w[0][2] = zero; w[0][3] = zero;
@@ -5033,7 +4925,7 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], 
         w[0][0] = dd_q1;
     }
     // body arm
-    let [al_armx_2, al_army_2, t3_3, t3_8, t3_9, t3_10, t3_19, a_army, a_armx] = {
+    let [t3_4, t3_9, t3_10, t3_11, t3_20, a_army, a_armx] = {
         let w_ixz_arm_q2 = sin_q2 * dd_q1;
         let w_army = cos_q2 * d_q1;
         let al_armx = d_q2 * w_army;
@@ -5046,102 +4938,102 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], 
         let t3_2 = -w_ixx_arm_q2;
         w[1][0] = w_ixx_arm_q1; w[1][1] = t3_2;
         let w_iyz_arm_q2 = cos_q2 * dd_q1;
-        let al_army_2 = w_iyz_arm_q2 - al_army;
-        let t3_3 = al_army - al_army_2;
-        let t3_4 = al_armx + al_armx_2;
-        let t3_5 = sin_q2 * t3_3;
-        let w_ixy_arm_q1 = (-cos_q2).mul_add(t3_4, t3_5);
-        let t3_6 = -w_ixy_arm_q1;
-        let t3_7 = w_armx * w_armx;
-        let t3_8 = w_army * w_army;
-        let w_ixy_arm_q2 = t3_7 - t3_8;
-        w[2][0] = t3_6; w[2][1] = w_ixy_arm_q2;
-        let t3_9 = dd_q2 + w_ixx_arm_q2;
-        let t3_10 = d_q2 * d_q2;
-        let t3_11 = t3_7 - t3_10;
-        let t3_12 = sin_q2 * t3_9;
-        let w_ixz_arm_q1 = (-cos_q2).mul_add(t3_11, t3_12);
+        let t3_3 = al_army - w_iyz_arm_q2;
+        let t3_4 = t3_3 + al_army;
+        let t3_5 = al_armx + al_armx_2;
+        let t3_6 = sin_q2 * t3_4;
+        let w_ixy_arm_q1 = (-cos_q2).mul_add(t3_5, t3_6);
+        let t3_7 = -w_ixy_arm_q1;
+        let t3_8 = w_armx * w_armx;
+        let t3_9 = w_army * w_army;
+        let w_ixy_arm_q2 = t3_8 - t3_9;
+        w[2][0] = t3_7; w[2][1] = w_ixy_arm_q2;
+        let t3_10 = dd_q2 + w_ixx_arm_q2;
+        let t3_11 = d_q2 * d_q2;
+        let t3_12 = t3_8 - t3_11;
+        let t3_13 = sin_q2 * t3_10;
+        let w_ixz_arm_q1 = (-cos_q2).mul_add(t3_12, t3_13);
         w[3][0] = w_ixz_arm_q1; w[3][1] = w_ixz_arm_q2;
-        let t3_13 = t3_8 - t3_10;
-        let t3_14 = dd_q2 - w_ixx_arm_q2;
-        let t3_15 = cos_q2 * t3_14;
-        let w_iyz_arm_q1 = sin_q2.mul_add(t3_13, t3_15);
+        let t3_14 = t3_9 - t3_11;
+        let t3_15 = dd_q2 - w_ixx_arm_q2;
+        let t3_16 = cos_q2 * t3_15;
+        let w_iyz_arm_q1 = sin_q2.mul_add(t3_14, t3_16);
         w[4][0] = w_iyz_arm_q1; w[4][1] = w_iyz_arm_q2;
-        let t3_16 = t3_3 - w_iyz_arm_q2;
-        let t3_17 = like.lift(0.0132) * t3_16;
-        let w_mx_arm_q1 = -t3_17;
-        let t3_18 = d_q1 * d_q1;
-        let t3_19 = like.lift(0.0132) * t3_18;
-        let t3_20 = sin_q2 * t3_19;
-        let a_army = like.lift(9.81).mul_add(cos_q2, t3_20);
+        let t3_17 = t3_4 - w_iyz_arm_q2;
+        let t3_18 = like.lift(0.0132) * t3_17;
+        let w_mx_arm_q1 = -t3_18;
+        let t3_19 = d_q1 * d_q1;
+        let t3_20 = like.lift(0.0132) * t3_19;
+        let t3_21 = sin_q2 * t3_20;
+        let a_army = like.lift(9.81).mul_add(cos_q2, t3_21);
         w[6][0] = w_mx_arm_q1; w[6][1] = a_army;
-        let t3_21 = t3_4 + w_ixz_arm_q2;
-        let w_my_arm_q1 = like.lift(0.0132) * t3_21;
-        let t3_22 = -w_my_arm_q1;
-        let t3_23 = cos_q2 * t3_19;
-        let a_armx = like.lift(-9.81).mul_add(sin_q2, t3_23);
-        w[7][0] = t3_22; w[7][1] = a_armx;
+        let t3_22 = t3_5 + w_ixz_arm_q2;
+        let w_my_arm_q1 = like.lift(0.0132) * t3_22;
+        let t3_23 = -w_my_arm_q1;
+        let t3_24 = cos_q2 * t3_20;
+        let a_armx = like.lift(-9.81).mul_add(sin_q2, t3_24);
+        w[7][0] = t3_23; w[7][1] = a_armx;
         w[5][1] = dd_q2;
-        [al_armx_2, al_army_2, t3_3, t3_8, t3_9, t3_10, t3_19, a_army, a_armx]
+        [t3_4, t3_9, t3_10, t3_11, t3_20, a_army, a_armx]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        sin_q2_elbow, cos_q2_elbow, w_forearmy, al_forearmx, w_forearmz, w_forearmx, t4_5,
-        w_ixx_forearm_q1, t4_7, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2,
-        x_pin_q3,
+        sin_q2_elbow, cos_q2_elbow, w_forearmz, w_forearmy, al_forearmx, t4_3, al_forearmx_2,
+        w_forearmx, al_forearmy, w_ixx_forearm_q1, t4_5, x_elbow_q2, x_elbow_q3, x_wrist_q2,
+        x_wrist_q3, x_pin_q2, x_pin_q3,
     ] = {
         let t4_1 = sin_q2 * cos_elbow;
         let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t4_1);
         let t4_2 = cos_q2 * cos_elbow;
         let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t4_2);
-        let w_forearmy = cos_q2_elbow * d_q1;
-        let t4_3 = d_elbow * w_forearmy;
-        let t4_4 = sin_elbow.mul_add(al_army_2, t4_3);
-        let al_forearmx = cos_elbow.mul_add(al_armx_2, t4_4);
         let w_forearmz = d_q2 + d_elbow;
+        let w_forearmy = cos_q2_elbow * d_q1;
+        let al_forearmx = w_forearmz * w_forearmy;
+        let t4_3 = sin_q2_elbow * dd_q1;
+        let al_forearmx_2 = al_forearmx + t4_3;
         let w_forearmx = sin_q2_elbow * d_q1;
-        let t4_5 = w_forearmz * w_forearmx;
-        let t4_6 = cos_q2_elbow * t4_5;
-        let w_ixx_forearm_q1 = sin_q2_elbow.mul_add(al_forearmx, t4_6);
-        let t4_7 = w_forearmx * w_forearmy;
-        let t4_8 = sin_q2_elbow * cos_q3;
-        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t4_8);
-        let t4_9 = cos_q2_elbow * cos_q3;
-        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t4_9);
-        let t4_10 = sin_q2_elbow_minus_q3 * cos_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t4_10);
-        let t4_11 = cos_q2_elbow_minus_q3 * cos_pin;
-        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t4_11);
+        let al_forearmy = w_forearmz * w_forearmx;
+        let t4_4 = cos_q2_elbow * al_forearmy;
+        let w_ixx_forearm_q1 = sin_q2_elbow.mul_add(al_forearmx_2, t4_4);
+        let t4_5 = w_forearmx * w_forearmy;
+        let t4_6 = sin_q2_elbow * cos_q3;
+        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t4_6);
+        let t4_7 = cos_q2_elbow * cos_q3;
+        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t4_7);
+        let t4_8 = sin_q2_elbow_minus_q3 * cos_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t4_8);
+        let t4_9 = cos_q2_elbow_minus_q3 * cos_pin;
+        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t4_9);
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t4_12 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t4_13 = -t4_12;
-        let t4_14 = sin_q2 * cos_q3;
-        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t4_14);
-        let t4_15 = cos_q2 * cos_q3;
-        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t4_15);
-        let t4_16 = sin_q2_minus_q3 * cos_pin;
-        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t4_16);
-        let t4_17 = cos_q2_minus_q3 * cos_pin;
-        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t4_17);
-        let t4_18 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t4_19 = -t4_18;
+        let t4_10 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t4_11 = -t4_10;
+        let t4_12 = sin_q2 * cos_q3;
+        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t4_12);
+        let t4_13 = cos_q2 * cos_q3;
+        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t4_13);
+        let t4_14 = sin_q2_minus_q3 * cos_pin;
+        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t4_14);
+        let t4_15 = cos_q2_minus_q3 * cos_pin;
+        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t4_15);
+        let t4_16 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
+        let t4_17 = -t4_16;
         let u_rod_q3x = like.lift(0.0456) * sin_pin;
-        let t4_20 = -u_rod_q3x;
-        let t4_21 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t4_12);
-        let t4_22 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
-        let t4_23 = -t4_22;
-        let t4_24 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t4_25 = t4_18 * t4_24;
-        let t4_26 = like.lift(21.92982456140351) * t4_25;
+        let t4_18 = -u_rod_q3x;
+        let t4_19 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t4_10);
+        let t4_20 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t4_21 = -t4_20;
+        let t4_22 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t4_23 = t4_16 * t4_22;
+        let t4_24 = like.lift(21.92982456140351) * t4_23;
+        let t4_25 = -t4_24;
+        let t4_26 = sin_pin * t4_22;
         let t4_27 = -t4_26;
-        let t4_28 = sin_pin * t4_24;
-        let t4_29 = -t4_28;
-        let t4_30 = like.lift(1.0) + t4_26;
-        let t4_31 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t4_25, t4_21);
-        let t4_32 = like.lift(7.038783698176955) * t4_31;
-        let t4_33 = -t4_32;
-        let t4_34 = t4_28.mul_add(t4_12, t4_22);
-        let t4_35 = like.lift(7.038783698176955) * t4_34;
+        let t4_28 = like.lift(1.0) + t4_24;
+        let t4_29 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t4_23, t4_19);
+        let t4_30 = like.lift(7.038783698176955) * t4_29;
+        let t4_31 = -t4_30;
+        let t4_32 = t4_26.mul_add(t4_10, t4_20);
+        let t4_33 = like.lift(7.038783698176955) * t4_32;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([
@@ -5149,23 +5041,23 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], 
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t4_27, like.lift(0.0), t4_29],
-                [like.lift(0.0), t4_30, like.lift(0.0), t4_28],
-                [like.lift(0.0), t4_33, like.lift(0.0), t4_35],
+                [like.lift(0.0), t4_25, like.lift(0.0), t4_27],
+                [like.lift(0.0), t4_28, like.lift(0.0), t4_26],
+                [like.lift(0.0), t4_31, like.lift(0.0), t4_33],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t4_13, like.lift(0.0), like.lift(-0.14207)],
+                    [t4_11, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t4_19, like.lift(0.0), t4_20],
-                    [like.lift(0.0), t4_21, like.lift(0.0), t4_23],
+                    [like.lift(0.0), t4_17, like.lift(0.0), t4_18],
+                    [like.lift(0.0), t4_19, like.lift(0.0), t4_21],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -5175,105 +5067,101 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], 
         );
         condition = condition.min(found);
         [
-            sin_q2_elbow, cos_q2_elbow, w_forearmy, al_forearmx, w_forearmz, w_forearmx, t4_5,
-            w_ixx_forearm_q1, t4_7, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2,
-            x_pin_q3,
+            sin_q2_elbow, cos_q2_elbow, w_forearmz, w_forearmy, al_forearmx, t4_3,
+            al_forearmx_2, w_forearmx, al_forearmy, w_ixx_forearm_q1, t4_5, x_elbow_q2,
+            x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
         ]
     };
     // body forearm
     let [
-        t5_1, al_forearmy, t5_5, al_forearmz, t5_14, a_armz, a_forearmz, u_forearm_q1z, t5_27,
-        a_forearmy, a_forearmx,
+        t5_1, t5_5, al_forearmz, t5_13, a_armz, a_forearmz, u_forearm_q1z, t5_24, a_forearmy,
+        a_forearmx,
     ] = {
         let t5_1 = like.lift(1.0) - x_elbow_q2;
-        let w_ixx_forearm_q2 = t4_7 * t5_1;
+        let w_ixx_forearm_q2 = t4_5 * t5_1;
         let t5_2 = -w_ixx_forearm_q2;
-        let w_ixx_forearm_q3 = t4_7 * x_elbow_q3;
+        let w_ixx_forearm_q3 = t4_5 * x_elbow_q3;
         w[8][0] = w_ixx_forearm_q1; w[8][1] = t5_2; w[8][3] = w_ixx_forearm_q3;
-        let t5_3 = d_elbow * w_forearmx;
-        let t5_4 = (-cos_elbow).mul_add(al_army_2, t5_3);
-        let al_forearmy = sin_elbow.mul_add(al_armx_2, t5_4);
-        let t5_5 = al_forearmy + t4_5;
-        let t5_6 = w_forearmz * w_forearmy;
-        let t5_7 = al_forearmx + t5_6;
-        let t5_8 = sin_q2_elbow * t5_5;
-        let w_ixy_forearm_q1 = (-cos_q2_elbow).mul_add(t5_7, t5_8);
-        let t5_9 = -w_ixy_forearm_q1;
-        let t5_10 = w_forearmx * w_forearmx;
-        let t5_11 = w_forearmy * w_forearmy;
-        let t5_12 = t5_10 - t5_11;
-        let w_ixy_forearm_q2 = t5_12 * t5_1;
-        let w_ixy_forearm_q3 = t5_12 * x_elbow_q3;
-        let t5_13 = -w_ixy_forearm_q3;
-        w[9][0] = t5_9; w[9][1] = w_ixy_forearm_q2; w[9][3] = t5_13;
+        let t5_3 = cos_q2_elbow * dd_q1;
+        let t5_4 = al_forearmy + al_forearmy;
+        let t5_5 = t5_4 - t5_3;
+        let t5_6 = al_forearmx + al_forearmx_2;
+        let t5_7 = sin_q2_elbow * t5_5;
+        let w_ixy_forearm_q1 = (-cos_q2_elbow).mul_add(t5_6, t5_7);
+        let t5_8 = -w_ixy_forearm_q1;
+        let t5_9 = w_forearmx * w_forearmx;
+        let t5_10 = w_forearmy * w_forearmy;
+        let t5_11 = t5_9 - t5_10;
+        let w_ixy_forearm_q2 = t5_11 * t5_1;
+        let w_ixy_forearm_q3 = t5_11 * x_elbow_q3;
+        let t5_12 = -w_ixy_forearm_q3;
+        w[9][0] = t5_8; w[9][1] = w_ixy_forearm_q2; w[9][3] = t5_12;
         let al_forearmz = dd_q2 + dd_elbow;
-        let t5_14 = al_forearmz + t4_7;
-        let t5_15 = w_forearmz * w_forearmz;
-        let t5_16 = t5_10 - t5_15;
-        let t5_17 = sin_q2_elbow * t5_14;
-        let w_ixz_forearm_q1 = (-cos_q2_elbow).mul_add(t5_16, t5_17);
-        let t5_18 = al_forearmx - t5_6;
-        let w_ixz_forearm_q2 = t5_18 * t5_1;
-        let w_ixz_forearm_q3 = t5_18 * x_elbow_q3;
-        let t5_19 = -w_ixz_forearm_q3;
-        w[10][0] = w_ixz_forearm_q1; w[10][1] = w_ixz_forearm_q2; w[10][3] = t5_19;
-        let t5_20 = t5_11 - t5_15;
-        let t5_21 = al_forearmz - t4_7;
-        let t5_22 = cos_q2_elbow * t5_21;
-        let w_iyz_forearm_q1 = sin_q2_elbow.mul_add(t5_20, t5_22);
-        let t5_23 = al_forearmy - t4_5;
-        let w_iyz_forearm_q2 = t5_23 * t5_1;
-        let t5_24 = -w_iyz_forearm_q2;
-        let w_iyz_forearm_q3 = t5_23 * x_elbow_q3;
-        w[11][0] = w_iyz_forearm_q1; w[11][1] = t5_24; w[11][3] = w_iyz_forearm_q3;
+        let t5_13 = al_forearmz + t4_5;
+        let t5_14 = w_forearmz * w_forearmz;
+        let t5_15 = t5_9 - t5_14;
+        let t5_16 = sin_q2_elbow * t5_13;
+        let w_ixz_forearm_q1 = (-cos_q2_elbow).mul_add(t5_15, t5_16);
+        let w_ixz_forearm_q2 = t4_3 * t5_1;
+        let w_ixz_forearm_q3 = t4_3 * x_elbow_q3;
+        let t5_17 = -w_ixz_forearm_q3;
+        w[10][0] = w_ixz_forearm_q1; w[10][1] = w_ixz_forearm_q2; w[10][3] = t5_17;
+        let t5_18 = t5_10 - t5_14;
+        let t5_19 = al_forearmz - t4_5;
+        let t5_20 = cos_q2_elbow * t5_19;
+        let w_iyz_forearm_q1 = sin_q2_elbow.mul_add(t5_18, t5_20);
+        let w_iyz_forearm_q2 = t5_3 * t5_1;
+        let w_iyz_forearm_q3 = t5_3 * x_elbow_q3;
+        let t5_21 = -w_iyz_forearm_q3;
+        w[11][0] = w_iyz_forearm_q1; w[11][1] = w_iyz_forearm_q2; w[11][3] = t5_21;
         let w_izz_forearm_q2 = al_forearmz * t5_1;
         let w_izz_forearm_q3 = al_forearmz * x_elbow_q3;
-        let t5_25 = -w_izz_forearm_q3;
-        w[12][1] = w_izz_forearm_q2; w[12][3] = t5_25;
+        let t5_22 = -w_izz_forearm_q3;
+        w[12][1] = w_izz_forearm_q2; w[12][3] = t5_22;
         let a_armz = like.lift(0.0132) * dd_q1;
-        let a_forearmz = like.lift(-0.14207).mul_add(t3_3, a_armz);
+        let a_forearmz = like.lift(-0.14207).mul_add(t3_4, a_armz);
         let u_forearm_q1z = like.lift(0.14207).mul_add(cos_q2, like.lift(0.0132));
-        let t5_26 = cos_q2_elbow * a_forearmz;
-        let w_mx_forearm_q1 = (-u_forearm_q1z).mul_add(t5_5, t5_26);
-        let t5_27 = t5_11 + t5_15;
-        let t5_28 = t3_8 + t3_10;
-        let t5_29 = like.lift(0.14207).mul_add(t5_28, a_armx);
-        let t5_30 = like.lift(0.14207).mul_add(t3_9, a_army);
-        let t5_31 = cos_elbow * t5_30;
-        let a_forearmy = sin_elbow.mul_add(t5_29, t5_31);
-        let t5_32 = cos_elbow * t5_14;
-        let t5_33 = (-sin_elbow).mul_add(t5_27, t5_32);
-        let t5_34 = a_forearmy * t5_1;
-        let t5_35 = like.lift(0.14207).mul_add(t5_33, t5_34);
-        let w_mx_forearm_q2 = -t5_35;
-        let t5_36 = -w_mx_forearm_q2;
+        let t5_23 = cos_q2_elbow * a_forearmz;
+        let w_mx_forearm_q1 = (-u_forearm_q1z).mul_add(t5_5, t5_23);
+        let t5_24 = t5_10 + t5_14;
+        let t5_25 = t3_9 + t3_11;
+        let t5_26 = like.lift(0.14207).mul_add(t5_25, a_armx);
+        let t5_27 = like.lift(0.14207).mul_add(t3_10, a_army);
+        let t5_28 = cos_elbow * t5_27;
+        let a_forearmy = sin_elbow.mul_add(t5_26, t5_28);
+        let t5_29 = cos_elbow * t5_13;
+        let t5_30 = (-sin_elbow).mul_add(t5_24, t5_29);
+        let t5_31 = a_forearmy * t5_1;
+        let t5_32 = like.lift(0.14207).mul_add(t5_30, t5_31);
+        let w_mx_forearm_q2 = -t5_32;
+        let t5_33 = -w_mx_forearm_q2;
         let w_mx_forearm_q3 = a_forearmy * x_elbow_q3;
-        let t5_37 = -w_mx_forearm_q3;
-        w[13][0] = w_mx_forearm_q1; w[13][1] = t5_36; w[13][3] = t5_37;
-        let t5_38 = u_forearm_q1z * t5_7;
-        let w_my_forearm_q1 = sin_q2_elbow.mul_add(a_forearmz, t5_38);
-        let t5_39 = -w_my_forearm_q1;
-        let t5_40 = t5_10 + t5_15;
-        let t5_41 = cos_elbow * t5_29;
-        let a_forearmx = (-sin_elbow).mul_add(t5_30, t5_41);
-        let t5_42 = cos_elbow * t5_40;
-        let t5_43 = sin_elbow.mul_add(t5_21, t5_42);
-        let t5_44 = like.lift(0.14207) * t5_43;
-        let w_my_forearm_q2 = (-a_forearmx).mul_add(t5_1, t5_44);
-        let t5_45 = -w_my_forearm_q2;
+        let t5_34 = -w_mx_forearm_q3;
+        w[13][0] = w_mx_forearm_q1; w[13][1] = t5_33; w[13][3] = t5_34;
+        let t5_35 = u_forearm_q1z * t5_6;
+        let w_my_forearm_q1 = sin_q2_elbow.mul_add(a_forearmz, t5_35);
+        let t5_36 = -w_my_forearm_q1;
+        let t5_37 = t5_9 + t5_14;
+        let t5_38 = cos_elbow * t5_26;
+        let a_forearmx = (-sin_elbow).mul_add(t5_27, t5_38);
+        let t5_39 = cos_elbow * t5_37;
+        let t5_40 = sin_elbow.mul_add(t5_19, t5_39);
+        let t5_41 = like.lift(0.14207) * t5_40;
+        let w_my_forearm_q2 = (-a_forearmx).mul_add(t5_1, t5_41);
+        let t5_42 = -w_my_forearm_q2;
         let w_my_forearm_q3 = a_forearmx * x_elbow_q3;
-        let t5_46 = -w_my_forearm_q3;
-        w[14][0] = t5_39; w[14][1] = t5_45; w[14][3] = t5_46;
+        let t5_43 = -w_my_forearm_q3;
+        w[14][0] = t5_36; w[14][1] = t5_42; w[14][3] = t5_43;
         [
-            t5_1, al_forearmy, t5_5, al_forearmz, t5_14, a_armz, a_forearmz, u_forearm_q1z,
-            t5_27, a_forearmy, a_forearmx,
+            t5_1, t5_5, al_forearmz, t5_13, a_armz, a_forearmz, u_forearm_q1z, t5_24,
+            a_forearmy, a_forearmx,
         ]
     };
     // body wrist
     let [
-        a_wristz, sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristx, al_wristy, w_wristz, t6_5,
-        u_wrist_q1z, t6_7, t6_8, a_wristy, w_wristy, t6_12, u_wrist_q2x, t6_16, al_wristz,
-        t6_18, u_wrist_q2y,
+        a_wristz, sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristx, w_wristz, al_wristy_2,
+        t6_3, u_wrist_q1z, t6_5, t6_6, a_wristy, w_wristy, t6_10, u_wrist_q2x, t6_14,
+        al_wristz, t6_16, t6_17, u_wrist_q2y,
     ] = {
         let a_wristz = like.lift(-0.15852).mul_add(t5_5, a_forearmz);
         let t6_1 = sin_q2_elbow * cos_wrist;
@@ -5281,50 +5169,50 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], 
         let t6_2 = cos_q2_elbow * cos_wrist;
         let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t6_2);
         let w_wristx = d_q1 * sin_q2_elbow_wrist;
-        let t6_3 = d_wrist * w_wristx;
-        let t6_4 = cos_wrist.mul_add(al_forearmy, t6_3);
-        let al_wristy = sin_wrist.mul_add(al_forearmx, t6_4);
         let w_wristz = d_wrist + w_forearmz;
-        let t6_5 = w_wristx.mul_add(w_wristz, al_wristy);
+        let al_wristy = w_wristx * w_wristz;
+        let al_wristy_2 = (-dd_q1).mul_add(cos_q2_elbow_wrist, al_wristy);
+        let t6_3 = al_wristy + al_wristy_2;
         let u_wrist_q1z = like.lift(0.15852).mul_add(cos_q2_elbow, u_forearm_q1z);
-        let t6_6 = a_wristz * cos_q2_elbow_wrist;
-        let w_mx_wrist_q1 = (-t6_5).mul_add(u_wrist_q1z, t6_6);
-        let t6_7 = like.lift(0.15852).mul_add(t5_27, a_forearmx);
-        let t6_8 = like.lift(0.15852).mul_add(t5_14, a_forearmy);
-        let t6_9 = cos_wrist * t6_8;
-        let a_wristy = sin_wrist.mul_add(t6_7, t6_9);
-        let t6_10 = x_wrist_q2 - t5_1;
+        let t6_4 = a_wristz * cos_q2_elbow_wrist;
+        let w_mx_wrist_q1 = (-t6_3).mul_add(u_wrist_q1z, t6_4);
+        let t6_5 = like.lift(0.15852).mul_add(t5_24, a_forearmx);
+        let t6_6 = like.lift(0.15852).mul_add(t5_13, a_forearmy);
+        let t6_7 = cos_wrist * t6_6;
+        let a_wristy = sin_wrist.mul_add(t6_5, t6_7);
+        let t6_8 = x_wrist_q2 - t5_1;
         let w_wristy = d_q1 * cos_q2_elbow_wrist;
-        let t6_11 = w_wristz * w_wristz;
-        let t6_12 = w_wristy.mul_add(w_wristy, t6_11);
-        let t6_13 = like.lift(0.14207).mul_add(cos_elbow, like.lift(0.15852));
-        let t6_14 = like.lift(0.14207) * sin_elbow;
-        let t6_15 = sin_wrist * t6_13;
-        let u_wrist_q2x = cos_wrist.mul_add(t6_14, t6_15);
-        let t6_16 = like.lift(0.15852) * x_elbow_q2;
-        let t6_17 = (-sin_wrist).mul_add(t6_16, u_wrist_q2x);
+        let t6_9 = w_wristz * w_wristz;
+        let t6_10 = w_wristy.mul_add(w_wristy, t6_9);
+        let t6_11 = like.lift(0.14207).mul_add(cos_elbow, like.lift(0.15852));
+        let t6_12 = like.lift(0.14207) * sin_elbow;
+        let t6_13 = sin_wrist * t6_11;
+        let u_wrist_q2x = cos_wrist.mul_add(t6_12, t6_13);
+        let t6_14 = like.lift(0.15852) * x_elbow_q2;
+        let t6_15 = (-sin_wrist).mul_add(t6_14, u_wrist_q2x);
         let al_wristz = dd_wrist + al_forearmz;
-        let t6_18 = w_wristx.mul_add(w_wristy, al_wristz);
-        let t6_19 = sin_wrist * t6_14;
-        let u_wrist_q2y = (-cos_wrist).mul_add(t6_13, t6_19);
-        let t6_20 = cos_wrist.mul_add(t6_16, u_wrist_q2y);
-        let t6_21 = a_wristy * t6_10;
-        let t6_22 = t6_18.mul_add(t6_20, t6_21);
-        let w_mx_wrist_q2 = t6_12.mul_add(t6_17, t6_22);
-        let t6_23 = -w_mx_wrist_q2;
-        let t6_24 = x_elbow_q3 + x_wrist_q3;
-        let t6_25 = t6_18 * cos_wrist;
-        let t6_26 = t6_25 * x_elbow_q3;
-        let t6_27 = t6_12 * sin_wrist;
-        let t6_28 = (-t6_27).mul_add(x_elbow_q3, t6_26);
-        let t6_29 = a_wristy * t6_24;
-        let w_mx_wrist_q3 = like.lift(0.15852).mul_add(t6_28, t6_29);
-        let t6_30 = -w_mx_wrist_q3;
-        w[15][0] = w_mx_wrist_q1; w[15][1] = t6_23; w[15][3] = t6_30;
+        let t6_16 = w_wristx * w_wristy;
+        let t6_17 = al_wristz + t6_16;
+        let t6_18 = sin_wrist * t6_12;
+        let u_wrist_q2y = (-cos_wrist).mul_add(t6_11, t6_18);
+        let t6_19 = cos_wrist.mul_add(t6_14, u_wrist_q2y);
+        let t6_20 = a_wristy * t6_8;
+        let t6_21 = t6_17.mul_add(t6_19, t6_20);
+        let w_mx_wrist_q2 = t6_10.mul_add(t6_15, t6_21);
+        let t6_22 = -w_mx_wrist_q2;
+        let t6_23 = x_elbow_q3 + x_wrist_q3;
+        let t6_24 = t6_17 * cos_wrist;
+        let t6_25 = t6_24 * x_elbow_q3;
+        let t6_26 = t6_10 * sin_wrist;
+        let t6_27 = (-t6_26).mul_add(x_elbow_q3, t6_25);
+        let t6_28 = a_wristy * t6_23;
+        let w_mx_wrist_q3 = like.lift(0.15852).mul_add(t6_27, t6_28);
+        let t6_29 = -w_mx_wrist_q3;
+        w[15][0] = w_mx_wrist_q1; w[15][1] = t6_22; w[15][3] = t6_29;
         [
-            a_wristz, sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristx, al_wristy, w_wristz,
-            t6_5, u_wrist_q1z, t6_7, t6_8, a_wristy, w_wristy, t6_12, u_wrist_q2x, t6_16,
-            al_wristz, t6_18, u_wrist_q2y,
+            a_wristz, sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristx, w_wristz, al_wristy_2,
+            t6_3, u_wrist_q1z, t6_5, t6_6, a_wristy, w_wristy, t6_10, u_wrist_q2x, t6_14,
+            al_wristz, t6_16, t6_17, u_wrist_q2y,
         ]
     };
     // body flange
@@ -5338,7 +5226,7 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], 
         let w_flangey = (-cos_q4).mul_add(w_wristz, t7_3);
         let t7_4 = w_flangey * w_flangez;
         let e_flange_q1x = cos_q4 * sin_q2_elbow_wrist;
-        let al_flangez = dd_q4 + al_wristy;
+        let al_flangez = dd_q4 + al_wristy_2;
         let t7_5 = t7_2 * e_flange_q1y;
         let t7_6 = (-cos_q2_elbow_wrist).mul_add(al_flangez, t7_5);
         let w_izz_flange_q1 = (-t7_4).mul_add(e_flange_q1x, t7_6);
@@ -5356,13 +5244,13 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], 
         let t7_17 = t7_4 * t7_16;
         let w_izz_flange_q3 = t7_2.mul_add(t7_14, t7_17);
         w[16] = [w_izz_flange_q1, t7_12, al_flangez, w_izz_flange_q3];
-        let t7_18 = like.lift(0.05) * t6_12;
-        let t7_19 = (-sin_wrist).mul_add(t6_8, t7_18);
-        let t7_20 = cos_wrist.mul_add(t6_7, t7_19);
-        let t7_21 = like.lift(-0.05).mul_add(t6_5, a_wristz);
+        let t7_18 = like.lift(0.05) * t6_10;
+        let t7_19 = (-sin_wrist).mul_add(t6_6, t7_18);
+        let t7_20 = cos_wrist.mul_add(t6_5, t7_19);
+        let t7_21 = like.lift(-0.05).mul_add(t6_3, a_wristz);
         let t7_22 = sin_q4 * t7_20;
         let a_flangey = (-cos_q4).mul_add(t7_21, t7_22);
-        let a_flangez = like.lift(0.05).mul_add(t6_18, a_wristy);
+        let a_flangez = like.lift(0.05).mul_add(t6_17, a_wristy);
         let t7_23 = w_flangez * w_flangez;
         let t7_24 = w_flangey.mul_add(w_flangey, t7_23);
         let t7_25 = like.lift(0.05).mul_add(cos_q2_elbow_wrist, u_wrist_q1z);
@@ -5377,84 +5265,85 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], 
         let t7_30 = -w_mx_flange_q1;
         let t7_31 = sin_wrist * cos_q4;
         let t7_32 = cos_q4 * u_wrist_q2x;
-        let t7_33 = (-t7_31).mul_add(t6_16, t7_32);
+        let t7_33 = (-t7_31).mul_add(t6_14, t7_32);
         let t7_34 = sin_wrist * sin_q4;
         let t7_35 = sin_q4 * u_wrist_q2x;
-        let t7_36 = (-t7_34).mul_add(t6_16, t7_35);
-        let t7_37 = d_wrist * w_wristy;
-        let t7_38 = (-sin_wrist).mul_add(al_forearmy, t7_37);
-        let al_wristx = cos_wrist.mul_add(al_forearmx, t7_38);
-        let t7_39 = d_q4.mul_add(w_flangex, t7_2);
-        let t7_40 = (-cos_q4).mul_add(al_wristz, t7_39);
-        let t7_41 = sin_q4.mul_add(al_wristx, t7_40);
+        let t7_36 = (-t7_34).mul_add(t6_14, t7_35);
+        let t7_37 = al_wristz - t6_16;
+        let al_wristx = w_wristy * w_wristz;
+        let t7_38 = dd_q1.mul_add(sin_q2_elbow_wrist, al_wristx);
+        let t7_39 = t7_38 + al_wristx;
+        let t7_40 = t7_2 + t7_2;
+        let t7_41 = sin_q4.mul_add(t7_39, t7_40);
+        let t7_42 = (-cos_q4).mul_add(t7_37, t7_41);
         let u_flange_elbowz = like.lift(0.15852).mul_add(cos_wrist, like.lift(0.05));
-        let t7_42 = like.lift(-0.05).mul_add(x_wrist_q2, like.lift(0.05));
-        let t7_43 = (-u_flange_elbowz).mul_add(x_elbow_q2, t7_42);
-        let t7_44 = t7_43 - u_wrist_q2y;
-        let t7_45 = a_flangez * t7_8;
-        let t7_46 = (-t7_41).mul_add(t7_44, t7_45);
-        let t7_47 = (-t7_26).mul_add(t7_36, t7_46);
-        let w_mx_flange_q2 = (-t7_24).mul_add(t7_33, t7_47);
-        let t7_48 = t7_31 * x_elbow_q3;
-        let t7_49 = t7_34 * x_elbow_q3;
-        let t7_50 = like.lift(0.05) * x_wrist_q3;
-        let t7_51 = u_flange_elbowz.mul_add(x_elbow_q3, t7_50);
-        let t7_52 = t7_26 * t7_49;
-        let t7_53 = t7_24.mul_add(t7_48, t7_52);
-        let t7_54 = a_flangez * t7_14;
-        let t7_55 = (-t7_41).mul_add(t7_51, t7_54);
-        let w_mx_flange_q3 = like.lift(-0.15852).mul_add(t7_53, t7_55);
-        let t7_56 = -w_mx_flange_q3;
-        w[17] = [t7_30, w_mx_flange_q2, a_flangey, t7_56];
-        let t7_57 = sin_q4 * t7_21;
-        let a_flangex = cos_q4.mul_add(t7_20, t7_57);
-        let t7_58 = al_flangez + w_ixx_flange_q4;
-        let t7_59 = w_flangex.mul_add(w_flangex, t7_23);
-        let t7_60 = cos_q2_elbow_wrist * a_flangex;
-        let t7_61 = a_flangez.mul_add(e_flange_q1x, t7_60);
-        let t7_62 = (-t7_59).mul_add(u_flange_q1y, t7_61);
-        let w_my_flange_q1 = (-t7_58).mul_add(u_flange_q1x, t7_62);
-        let t7_63 = -w_my_flange_q1;
-        let t7_64 = sin_q4.mul_add(al_wristz, -t7_4);
-        let t7_65 = (-d_q4).mul_add(w_flangey, t7_64);
-        let t7_66 = cos_q4.mul_add(al_wristx, t7_65);
-        let t7_67 = a_flangez * t7_10;
-        let t7_68 = t7_66.mul_add(t7_44, t7_67);
-        let t7_69 = (-t7_59).mul_add(t7_36, t7_68);
-        let w_my_flange_q2 = t7_58.mul_add(t7_33, t7_69);
-        let t7_70 = -w_my_flange_q2;
-        let t7_71 = t7_59 * t7_49;
-        let t7_72 = (-t7_58).mul_add(t7_48, t7_71);
-        let t7_73 = a_flangez * t7_16;
-        let t7_74 = t7_66.mul_add(t7_51, t7_73);
-        let w_my_flange_q3 = like.lift(-0.15852).mul_add(t7_72, t7_74);
-        w[18] = [t7_63, t7_70, a_flangex, w_my_flange_q3];
+        let t7_43 = like.lift(-0.05).mul_add(x_wrist_q2, like.lift(0.05));
+        let t7_44 = (-u_flange_elbowz).mul_add(x_elbow_q2, t7_43);
+        let t7_45 = t7_44 - u_wrist_q2y;
+        let t7_46 = a_flangez * t7_8;
+        let t7_47 = (-t7_42).mul_add(t7_45, t7_46);
+        let t7_48 = (-t7_26).mul_add(t7_36, t7_47);
+        let w_mx_flange_q2 = (-t7_24).mul_add(t7_33, t7_48);
+        let t7_49 = t7_31 * x_elbow_q3;
+        let t7_50 = t7_34 * x_elbow_q3;
+        let t7_51 = like.lift(0.05) * x_wrist_q3;
+        let t7_52 = u_flange_elbowz.mul_add(x_elbow_q3, t7_51);
+        let t7_53 = t7_26 * t7_50;
+        let t7_54 = t7_24.mul_add(t7_49, t7_53);
+        let t7_55 = a_flangez * t7_14;
+        let t7_56 = (-t7_42).mul_add(t7_52, t7_55);
+        let w_mx_flange_q3 = like.lift(-0.15852).mul_add(t7_54, t7_56);
+        let t7_57 = -w_mx_flange_q3;
+        w[17] = [t7_30, w_mx_flange_q2, a_flangey, t7_57];
+        let t7_58 = sin_q4 * t7_21;
+        let a_flangex = cos_q4.mul_add(t7_20, t7_58);
+        let t7_59 = al_flangez + w_ixx_flange_q4;
+        let t7_60 = w_flangex.mul_add(w_flangex, t7_23);
+        let t7_61 = cos_q2_elbow_wrist * a_flangex;
+        let t7_62 = a_flangez.mul_add(e_flange_q1x, t7_61);
+        let t7_63 = (-t7_60).mul_add(u_flange_q1y, t7_62);
+        let w_my_flange_q1 = (-t7_59).mul_add(u_flange_q1x, t7_63);
+        let t7_64 = -w_my_flange_q1;
+        let t7_65 = t7_4 + t7_4;
+        let t7_66 = (-cos_q4).mul_add(t7_39, t7_65);
+        let t7_67 = (-sin_q4).mul_add(t7_37, t7_66);
+        let t7_68 = a_flangez * t7_10;
+        let t7_69 = (-t7_67).mul_add(t7_45, t7_68);
+        let t7_70 = (-t7_60).mul_add(t7_36, t7_69);
+        let w_my_flange_q2 = t7_59.mul_add(t7_33, t7_70);
+        let t7_71 = -w_my_flange_q2;
+        let t7_72 = t7_60 * t7_50;
+        let t7_73 = (-t7_59).mul_add(t7_49, t7_72);
+        let t7_74 = a_flangez * t7_16;
+        let t7_75 = (-t7_67).mul_add(t7_52, t7_74);
+        let w_my_flange_q3 = like.lift(-0.15852).mul_add(t7_73, t7_75);
+        w[18] = [t7_64, t7_71, a_flangex, w_my_flange_q3];
     }
     // body crank
-    let [w_crankx, al_cranky_2, t8_1, a_cranky, w_cranky, al_crankx_2, a_crankx] = {
+    let [w_crankx, t8_2, a_cranky, w_cranky, a_crankx] = {
         let w_iyz_crank_q3 = cos_q3 * dd_q1;
         let w_crankx = sin_q3 * d_q1;
         let al_cranky = d_q3 * w_crankx;
-        let al_cranky_2 = w_iyz_crank_q3 - al_cranky;
-        let t8_1 = al_cranky - al_cranky_2;
-        let t8_2 = t8_1 - w_iyz_crank_q3;
-        let t8_3 = like.lift(0.0132) * t8_2;
-        let w_mx_crank_q1 = -t8_3;
-        let t8_4 = sin_q3 * t3_19;
-        let a_cranky = like.lift(9.81).mul_add(cos_q3, t8_4);
+        let t8_1 = al_cranky - w_iyz_crank_q3;
+        let t8_2 = t8_1 + al_cranky;
+        let t8_3 = t8_2 - w_iyz_crank_q3;
+        let t8_4 = like.lift(0.0132) * t8_3;
+        let w_mx_crank_q1 = -t8_4;
+        let t8_5 = sin_q3 * t3_20;
+        let a_cranky = like.lift(9.81).mul_add(cos_q3, t8_5);
         w[19][0] = w_mx_crank_q1; w[19][3] = a_cranky;
         let w_ixz_crank_q3 = sin_q3 * dd_q1;
         let w_cranky = cos_q3 * d_q1;
         let al_crankx = d_q3 * w_cranky;
-        let al_crankx_2 = w_ixz_crank_q3 + al_crankx;
-        let t8_5 = al_crankx + al_crankx_2;
-        let t8_6 = t8_5 + w_ixz_crank_q3;
-        let w_my_crank_q1 = like.lift(0.0132) * t8_6;
-        let t8_7 = -w_my_crank_q1;
-        let t8_8 = cos_q3 * t3_19;
-        let a_crankx = like.lift(-9.81).mul_add(sin_q3, t8_8);
-        w[20][0] = t8_7; w[20][3] = a_crankx;
-        [w_crankx, al_cranky_2, t8_1, a_cranky, w_cranky, al_crankx_2, a_crankx]
+        let t8_6 = al_crankx + w_ixz_crank_q3;
+        let t8_7 = t8_6 + al_crankx;
+        let t8_8 = t8_7 + w_ixz_crank_q3;
+        let w_my_crank_q1 = like.lift(0.0132) * t8_8;
+        let t8_9 = -w_my_crank_q1;
+        let t8_10 = cos_q3 * t3_20;
+        let a_crankx = like.lift(-9.81).mul_add(sin_q3, t8_10);
+        w[20][0] = t8_9; w[20][3] = a_crankx;
+        [w_crankx, t8_2, a_cranky, w_cranky, a_crankx]
     };
     // body rod
     {
@@ -5462,38 +5351,37 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], 
         let sin_q3_pin = cos_q3.mul_add(sin_pin, t9_1);
         let t9_2 = cos_q3 * cos_pin;
         let cos_q3_pin = (-sin_q3).mul_add(sin_pin, t9_2);
-        let a_rodz = like.lift(-0.0456).mul_add(t8_1, a_armz);
+        let a_rodz = like.lift(-0.0456).mul_add(t8_2, a_armz);
         let u_rod_q1z = like.lift(0.0456).mul_add(cos_q3, like.lift(0.0132));
-        let w_rody = cos_q3_pin * d_q1;
         let w_rodz = d_q3 + d_pin;
-        let t9_3 = w_rodz + d_pin;
-        let t9_4 = w_rody * t9_3;
-        let t9_5 = sin_pin.mul_add(al_cranky_2, t9_4);
-        let t9_6 = cos_pin.mul_add(al_crankx_2, t9_5);
-        let t9_7 = u_rod_q1z * t9_6;
-        let w_my_rod_q1 = sin_q3_pin.mul_add(a_rodz, t9_7);
-        let t9_8 = -w_my_rod_q1;
-        let t9_9 = w_cranky * w_cranky;
-        let t9_10 = d_q3.mul_add(d_q3, t9_9);
-        let t9_11 = like.lift(0.0456).mul_add(t9_10, a_crankx);
-        let t9_12 = w_crankx.mul_add(w_cranky, dd_q3);
-        let t9_13 = like.lift(0.0456).mul_add(t9_12, a_cranky);
-        let t9_14 = cos_pin * t9_11;
-        let a_rodx = (-sin_pin).mul_add(t9_13, t9_14);
+        let w_rody = cos_q3_pin * d_q1;
+        let al_rodx = w_rodz * w_rody;
+        let t9_3 = sin_q3_pin.mul_add(dd_q1, al_rodx);
+        let t9_4 = t9_3 + al_rodx;
+        let t9_5 = u_rod_q1z * t9_4;
+        let w_my_rod_q1 = sin_q3_pin.mul_add(a_rodz, t9_5);
+        let t9_6 = -w_my_rod_q1;
+        let t9_7 = w_cranky * w_cranky;
+        let t9_8 = d_q3.mul_add(d_q3, t9_7);
+        let t9_9 = like.lift(0.0456).mul_add(t9_8, a_crankx);
+        let t9_10 = w_crankx.mul_add(w_cranky, dd_q3);
+        let t9_11 = like.lift(0.0456).mul_add(t9_10, a_cranky);
+        let t9_12 = cos_pin * t9_9;
+        let a_rodx = (-sin_pin).mul_add(t9_11, t9_12);
         let w_my_rod_q2 = a_rodx * x_pin_q2;
-        let t9_15 = -w_my_rod_q2;
+        let t9_13 = -w_my_rod_q2;
         let w_rodx = sin_q3_pin * d_q1;
-        let t9_16 = (-w_rodx).mul_add(w_rody, dd_q3);
-        let t9_17 = t9_16 + dd_pin;
-        let t9_18 = w_rodx * w_rodx;
-        let t9_19 = w_rodz.mul_add(w_rodz, t9_18);
-        let t9_20 = like.lift(1.0) - x_pin_q3;
-        let t9_21 = cos_pin * t9_19;
-        let t9_22 = sin_pin.mul_add(t9_17, t9_21);
-        let t9_23 = like.lift(0.0456) * t9_22;
-        let w_my_rod_q3 = (-a_rodx).mul_add(t9_20, t9_23);
-        let t9_24 = -w_my_rod_q3;
-        w[21][0] = t9_8; w[21][1] = t9_15; w[21][3] = t9_24;
+        let t9_14 = (-w_rodx).mul_add(w_rody, dd_q3);
+        let t9_15 = t9_14 + dd_pin;
+        let t9_16 = w_rodx * w_rodx;
+        let t9_17 = w_rodz.mul_add(w_rodz, t9_16);
+        let t9_18 = like.lift(1.0) - x_pin_q3;
+        let t9_19 = cos_pin * t9_17;
+        let t9_20 = sin_pin.mul_add(t9_15, t9_19);
+        let t9_21 = like.lift(0.0456) * t9_20;
+        let w_my_rod_q3 = (-a_rodx).mul_add(t9_18, t9_21);
+        let t9_22 = -w_my_rod_q3;
+        w[21][0] = t9_6; w[21][1] = t9_13; w[21][3] = t9_22;
     }
     Condition { pivot: condition }
 }
@@ -5774,7 +5662,7 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 22], free: &[T; 48]) -> [T; 70
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
 ///
-/// 211 additions, 265 multiplications, 1 divisions, 6 sines and cosines.
+/// 208 additions, 255 multiplications, 1 divisions, 6 sines and cosines.
 pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], beta: &[T; 22]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 4];
@@ -5805,39 +5693,39 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
     };
     // tau, part 1
     let [
-        w_crankx, w_cranky, sin_q3_pin, w_rody, w_rodz, al_armx, al_armx_2, al_army, al_army_2,
-        w_ixx_arm_q2, t2_39, a_armx, a_army, t2_76, t2_149, w_ixy_arm_q2, t2_164, t2_180,
-        t2_190, sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin, pivot_3,
+        w_crankx, w_rodz, sin_q3_pin, w_rody, w_cranky, al_armx, al_armx_2, al_army, al_army_2,
+        w_ixx_arm_q2, t2_33, a_armx, a_army, t2_69, t2_142, w_ixy_arm_q2, t2_158, t2_174,
+        t2_184, sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin, pivot_3,
+        t2_189, t2_190, sin_q2_minus_q3,
     ] = {
         let a_armz = like.lift(0.0132) * dd_q1;
         let w_crankx = sin_q3 * d_q1;
         let al_cranky = d_q3 * w_crankx;
-        let al_cranky_2 = cos_q3.mul_add(dd_q1, -al_cranky);
-        let t2_1 = al_cranky - al_cranky_2;
-        let a_rodz = like.lift(-0.0456).mul_add(t2_1, a_armz);
-        let t2_2 = a_rodz * p_my_rod;
-        let t2_3 = cos_pin * t2_2;
-        let t2_4 = p_my_crank.mul_add(a_armz, t2_3);
+        let t2_1 = (-cos_q3).mul_add(dd_q1, al_cranky);
+        let t2_2 = t2_1 + al_cranky;
+        let a_rodz = like.lift(-0.0456).mul_add(t2_2, a_armz);
+        let t2_3 = a_rodz * p_my_rod;
+        let t2_4 = cos_pin * t2_3;
+        let t2_5 = p_my_crank.mul_add(a_armz, t2_4);
+        let w_rodz = d_q3 + d_pin;
+        let t2_6 = sin_q3 * cos_pin;
+        let sin_q3_pin = cos_q3.mul_add(sin_pin, t2_6);
+        let t2_7 = cos_q3 * cos_pin;
+        let cos_q3_pin = (-sin_q3).mul_add(sin_pin, t2_7);
+        let w_rody = cos_q3_pin * d_q1;
+        let al_rodx = w_rodz * w_rody;
+        let t2_8 = sin_q3_pin.mul_add(dd_q1, al_rodx);
+        let t2_9 = t2_8 + al_rodx;
+        let t2_10 = t2_9 * p_my_rod;
+        let t2_11 = p_mx_crank * a_armz;
+        let t2_12 = like.lift(-0.0456).mul_add(t2_10, t2_11);
+        let t2_13 = (-sin_pin).mul_add(t2_3, t2_12);
         let w_cranky = cos_q3 * d_q1;
         let al_crankx = d_q3 * w_cranky;
-        let al_crankx_2 = sin_q3.mul_add(dd_q1, al_crankx);
-        let t2_5 = sin_q3 * cos_pin;
-        let sin_q3_pin = cos_q3.mul_add(sin_pin, t2_5);
-        let t2_6 = cos_q3 * cos_pin;
-        let cos_q3_pin = (-sin_q3).mul_add(sin_pin, t2_6);
-        let w_rody = cos_q3_pin * d_q1;
-        let w_rodz = d_q3 + d_pin;
-        let t2_7 = w_rodz + d_pin;
-        let t2_8 = w_rody * t2_7;
-        let t2_9 = sin_pin.mul_add(al_cranky_2, t2_8);
-        let t2_10 = cos_pin.mul_add(al_crankx_2, t2_9);
-        let t2_11 = t2_10 * p_my_rod;
-        let t2_12 = p_mx_crank * a_armz;
-        let t2_13 = like.lift(-0.0456).mul_add(t2_11, t2_12);
-        let t2_14 = (-sin_pin).mul_add(t2_2, t2_13);
-        let t2_15 = al_crankx + al_crankx_2;
-        let t2_16 = t2_15.mul_add(p_my_crank, t2_11);
-        let t2_17 = t2_1.mul_add(p_mx_crank, t2_16);
+        let t2_14 = sin_q3.mul_add(dd_q1, al_crankx);
+        let t2_15 = t2_14 + al_crankx;
+        let t2_16 = t2_15.mul_add(p_my_crank, t2_10);
+        let t2_17 = t2_2.mul_add(p_mx_crank, t2_16);
         let w_army = cos_q2 * d_q1;
         let al_armx = d_q2 * w_army;
         let al_armx_2 = sin_q2.mul_add(dd_q1, al_armx);
@@ -5848,255 +5736,252 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
         let t2_18 = w_army * w_army;
         let t2_19 = d_q2 * d_q2;
         let t2_20 = t2_18 - t2_19;
+        let w_forearmz = d_q2 + d_elbow;
         let t2_21 = sin_q2 * cos_elbow;
         let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t2_21);
         let t2_22 = cos_q2 * cos_elbow;
         let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t2_22);
         let w_forearmy = cos_q2_elbow * d_q1;
-        let t2_23 = d_elbow * w_forearmy;
-        let t2_24 = sin_elbow.mul_add(al_army_2, t2_23);
-        let al_forearmx = cos_elbow.mul_add(al_armx_2, t2_24);
+        let al_forearmx = w_forearmz * w_forearmy;
+        let al_forearmx_2 = sin_q2_elbow.mul_add(dd_q1, al_forearmx);
         let w_forearmx = sin_q2_elbow * d_q1;
-        let t2_25 = d_elbow * w_forearmx;
-        let t2_26 = (-cos_elbow).mul_add(al_army_2, t2_25);
-        let al_forearmy = sin_elbow.mul_add(al_armx_2, t2_26);
+        let al_forearmy = w_forearmz * w_forearmx;
+        let al_forearmy_2 = (-cos_q2_elbow).mul_add(dd_q1, al_forearmy);
         let al_forearmz = dd_q2 + dd_elbow;
-        let w_forearmz = d_q2 + d_elbow;
-        let t2_27 = w_forearmz * w_forearmx;
-        let t2_28 = w_forearmx * w_forearmy;
-        let t2_29 = w_forearmz * w_forearmy;
-        let t2_30 = w_forearmy * w_forearmy;
-        let t2_31 = w_forearmz * w_forearmz;
-        let t2_32 = t2_30 - t2_31;
-        let t2_33 = al_army - al_army_2;
-        let a_forearmz = like.lift(-0.14207).mul_add(t2_33, a_armz);
-        let t2_34 = sin_q2_elbow * cos_wrist;
-        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t2_34);
-        let t2_35 = cos_q2_elbow * cos_wrist;
-        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t2_35);
+        let t2_23 = w_forearmx * w_forearmy;
+        let t2_24 = w_forearmy * w_forearmy;
+        let t2_25 = w_forearmz * w_forearmz;
+        let t2_26 = t2_24 - t2_25;
+        let t2_27 = al_army - al_army_2;
+        let a_forearmz = like.lift(-0.14207).mul_add(t2_27, a_armz);
+        let t2_28 = sin_q2_elbow * cos_wrist;
+        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t2_28);
+        let t2_29 = cos_q2_elbow * cos_wrist;
+        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t2_29);
         let w_wristx = d_q1 * sin_q2_elbow_wrist;
         let w_wristz = d_wrist + w_forearmz;
-        let t2_36 = sin_q4 * w_wristx;
-        let w_flangey = (-cos_q4).mul_add(w_wristz, t2_36);
+        let t2_30 = sin_q4 * w_wristx;
+        let w_flangey = (-cos_q4).mul_add(w_wristz, t2_30);
         let w_wristy = d_q1 * cos_q2_elbow_wrist;
         let w_flangez = d_q4 - w_wristy;
-        let t2_37 = w_flangey * w_flangez;
-        let t2_38 = d_q1 * d_q1;
-        let t2_39 = like.lift(0.0132) * t2_38;
-        let t2_40 = cos_q2 * t2_39;
-        let a_armx = like.lift(-9.81).mul_add(sin_q2, t2_40);
-        let t2_41 = t2_18 + t2_19;
-        let t2_42 = like.lift(0.14207).mul_add(t2_41, a_armx);
-        let t2_43 = sin_q2 * t2_39;
-        let a_army = like.lift(9.81).mul_add(cos_q2, t2_43);
-        let t2_44 = dd_q2 + w_ixx_arm_q2;
-        let t2_45 = like.lift(0.14207).mul_add(t2_44, a_army);
-        let t2_46 = cos_elbow * t2_42;
-        let a_forearmx = (-sin_elbow).mul_add(t2_45, t2_46);
-        let t2_47 = t2_30 + t2_31;
-        let t2_48 = like.lift(0.15852).mul_add(t2_47, a_forearmx);
-        let t2_49 = cos_elbow * t2_45;
-        let a_forearmy = sin_elbow.mul_add(t2_42, t2_49);
-        let t2_50 = al_forearmz + t2_28;
-        let t2_51 = like.lift(0.15852).mul_add(t2_50, a_forearmy);
-        let t2_52 = cos_wrist * t2_51;
-        let a_wristy = sin_wrist.mul_add(t2_48, t2_52);
+        let t2_31 = w_flangey * w_flangez;
+        let t2_32 = d_q1 * d_q1;
+        let t2_33 = like.lift(0.0132) * t2_32;
+        let t2_34 = cos_q2 * t2_33;
+        let a_armx = like.lift(-9.81).mul_add(sin_q2, t2_34);
+        let t2_35 = t2_18 + t2_19;
+        let t2_36 = like.lift(0.14207).mul_add(t2_35, a_armx);
+        let t2_37 = sin_q2 * t2_33;
+        let a_army = like.lift(9.81).mul_add(cos_q2, t2_37);
+        let t2_38 = dd_q2 + w_ixx_arm_q2;
+        let t2_39 = like.lift(0.14207).mul_add(t2_38, a_army);
+        let t2_40 = cos_elbow * t2_36;
+        let a_forearmx = (-sin_elbow).mul_add(t2_39, t2_40);
+        let t2_41 = t2_24 + t2_25;
+        let t2_42 = like.lift(0.15852).mul_add(t2_41, a_forearmx);
+        let t2_43 = cos_elbow * t2_39;
+        let a_forearmy = sin_elbow.mul_add(t2_36, t2_43);
+        let t2_44 = al_forearmz + t2_23;
+        let t2_45 = like.lift(0.15852).mul_add(t2_44, a_forearmy);
+        let t2_46 = cos_wrist * t2_45;
+        let a_wristy = sin_wrist.mul_add(t2_42, t2_46);
         let al_wristz = dd_wrist + al_forearmz;
-        let t2_53 = w_wristx.mul_add(w_wristy, al_wristz);
-        let a_flangez = like.lift(0.05).mul_add(t2_53, a_wristy);
-        let t2_54 = a_flangez * p_my_flange;
-        let t2_55 = t2_37.mul_add(p_izz_flange, t2_54);
-        let t2_56 = sin_q4 * w_wristz;
-        let w_flangex = cos_q4.mul_add(w_wristx, t2_56);
-        let t2_57 = w_flangex * w_flangez;
-        let t2_58 = t2_57 * p_izz_flange;
-        let t2_59 = (-a_flangez).mul_add(p_mx_flange, t2_58);
-        let t2_60 = cos_q4 * t2_55;
-        let t2_61 = (-sin_q4).mul_add(t2_59, t2_60);
-        let t2_62 = al_forearmy + t2_27;
-        let a_wristz = like.lift(-0.15852).mul_add(t2_62, a_forearmz);
-        let t2_63 = d_wrist * w_wristx;
-        let t2_64 = cos_wrist.mul_add(al_forearmy, t2_63);
-        let al_wristy = sin_wrist.mul_add(al_forearmx, t2_64);
-        let al_flangez = dd_q4 + al_wristy;
-        let t2_65 = w_wristz * w_wristz;
-        let t2_66 = w_wristy.mul_add(w_wristy, t2_65);
-        let t2_67 = like.lift(0.05) * t2_66;
-        let t2_68 = (-sin_wrist).mul_add(t2_51, t2_67);
-        let t2_69 = cos_wrist.mul_add(t2_48, t2_68);
-        let t2_70 = w_wristx.mul_add(w_wristz, al_wristy);
-        let t2_71 = like.lift(-0.05).mul_add(t2_70, a_wristz);
-        let t2_72 = sin_q4 * t2_69;
-        let a_flangey = (-cos_q4).mul_add(t2_71, t2_72);
-        let t2_73 = sin_q4 * t2_71;
-        let a_flangex = cos_q4.mul_add(t2_69, t2_73);
-        let t2_74 = al_flangez * p_izz_flange;
-        let t2_75 = a_flangex.mul_add(p_my_flange, t2_74);
-        let t2_76 = a_flangey.mul_add(p_mx_flange, t2_75);
-        let t2_77 = w_flangez * w_flangez;
-        let t2_78 = w_flangey.mul_add(w_flangey, t2_77);
+        let t2_47 = w_wristx * w_wristy;
+        let t2_48 = al_wristz + t2_47;
+        let a_flangez = like.lift(0.05).mul_add(t2_48, a_wristy);
+        let t2_49 = a_flangez * p_my_flange;
+        let t2_50 = t2_31.mul_add(p_izz_flange, t2_49);
+        let t2_51 = sin_q4 * w_wristz;
+        let w_flangex = cos_q4.mul_add(w_wristx, t2_51);
+        let t2_52 = w_flangex * w_flangez;
+        let t2_53 = t2_52 * p_izz_flange;
+        let t2_54 = (-a_flangez).mul_add(p_mx_flange, t2_53);
+        let t2_55 = cos_q4 * t2_50;
+        let t2_56 = (-sin_q4).mul_add(t2_54, t2_55);
+        let t2_57 = al_forearmy + al_forearmy_2;
+        let a_wristz = like.lift(-0.15852).mul_add(t2_57, a_forearmz);
+        let al_wristy = w_wristx * w_wristz;
+        let al_wristy_2 = (-dd_q1).mul_add(cos_q2_elbow_wrist, al_wristy);
+        let al_flangez = dd_q4 + al_wristy_2;
+        let t2_58 = w_wristz * w_wristz;
+        let t2_59 = w_wristy.mul_add(w_wristy, t2_58);
+        let t2_60 = like.lift(0.05) * t2_59;
+        let t2_61 = (-sin_wrist).mul_add(t2_45, t2_60);
+        let t2_62 = cos_wrist.mul_add(t2_42, t2_61);
+        let t2_63 = al_wristy + al_wristy_2;
+        let t2_64 = like.lift(-0.05).mul_add(t2_63, a_wristz);
+        let t2_65 = sin_q4 * t2_62;
+        let a_flangey = (-cos_q4).mul_add(t2_64, t2_65);
+        let t2_66 = sin_q4 * t2_64;
+        let a_flangex = cos_q4.mul_add(t2_62, t2_66);
+        let t2_67 = al_flangez * p_izz_flange;
+        let t2_68 = a_flangex.mul_add(p_my_flange, t2_67);
+        let t2_69 = a_flangey.mul_add(p_mx_flange, t2_68);
+        let t2_70 = w_flangez * w_flangez;
+        let t2_71 = w_flangey.mul_add(w_flangey, t2_70);
         let w_ixx_flange_q4 = w_flangex * w_flangey;
-        let t2_79 = al_flangez + w_ixx_flange_q4;
-        let t2_80 = t2_79 * p_my_flange;
-        let t2_81 = t2_78.mul_add(p_mx_flange, t2_80);
-        let t2_82 = al_flangez - w_ixx_flange_q4;
-        let t2_83 = w_flangex.mul_add(w_flangex, t2_77);
-        let t2_84 = t2_82 * p_mx_flange;
-        let t2_85 = (-t2_83).mul_add(p_my_flange, t2_84);
-        let t2_86 = sin_q4 * t2_81;
-        let t2_87 = (-cos_q4).mul_add(t2_85, t2_86);
-        let t2_88 = a_wristz.mul_add(p_mx_wrist, -t2_76);
-        let t2_89 = like.lift(0.05).mul_add(t2_87, t2_88);
-        let t2_90 = al_forearmy + t2_27;
-        let t2_91 = al_forearmz + t2_28;
-        let t2_92 = p_ixz_forearm * t2_91;
-        let t2_93 = (-a_forearmz).mul_add(p_my_forearm, t2_92);
-        let t2_94 = (-p_ixy_forearm).mul_add(t2_90, t2_93);
-        let t2_95 = al_forearmx.mul_add(p_ixx_forearm, t2_94);
-        let t2_96 = t2_32.mul_add(p_iyz_forearm, t2_95);
-        let t2_97 = t2_29.mul_add(p_izz_forearm, t2_96);
-        let t2_98 = (-sin_wrist).mul_add(t2_89, t2_97);
-        let t2_99 = (-cos_wrist).mul_add(t2_61, t2_98);
-        let t2_100 = p_ixx_forearm - p_izz_forearm;
-        let t2_101 = w_forearmx * w_forearmx;
-        let t2_102 = t2_101 - t2_31;
-        let t2_103 = t2_70.mul_add(p_mx_wrist, -t2_87);
-        let t2_104 = al_forearmx + t2_29;
-        let t2_105 = al_forearmz - t2_28;
-        let t2_106 = a_forearmz * p_mx_forearm;
-        let t2_107 = p_iyz_forearm.mul_add(t2_105, t2_106);
-        let t2_108 = p_ixy_forearm.mul_add(t2_104, t2_107);
-        let t2_109 = (-t2_102).mul_add(p_ixz_forearm, t2_108);
-        let t2_110 = t2_27.mul_add(t2_100, t2_109);
-        let t2_111 = like.lift(-0.15852).mul_add(t2_103, t2_110);
-        let t2_112 = cos_wrist.mul_add(t2_89, t2_111);
-        let t2_113 = (-sin_wrist).mul_add(t2_61, t2_112);
-        let t2_114 = al_army_2 - al_army;
-        let t2_115 = dd_q2 + w_ixx_arm_q2;
-        let t2_116 = p_ixz_arm * t2_115;
-        let t2_117 = (-p_my_arm).mul_add(a_armz, t2_116);
-        let t2_118 = p_ixy_arm.mul_add(t2_114, t2_117);
-        let t2_119 = al_armx_2.mul_add(p_ixx_arm, t2_118);
-        let t2_120 = t2_20.mul_add(p_iyz_arm, t2_119);
-        let t2_121 = al_armx.mul_add(p_izz_arm, t2_120);
-        let t2_122 = (-sin_elbow).mul_add(t2_113, t2_121);
-        let t2_123 = cos_elbow.mul_add(t2_99, t2_122);
-        let t2_124 = p_ixx_arm - p_izz_arm;
-        let t2_125 = w_armx * w_armx;
-        let t2_126 = t2_125 - t2_19;
-        let t2_127 = al_forearmx + t2_29;
-        let t2_128 = t2_127.mul_add(p_my_forearm, t2_103);
-        let t2_129 = t2_62.mul_add(p_mx_forearm, t2_128);
-        let t2_130 = al_armx_2 + al_armx;
-        let t2_131 = dd_q2 - w_ixx_arm_q2;
-        let t2_132 = p_mx_arm * a_armz;
-        let t2_133 = p_iyz_arm.mul_add(t2_131, t2_132);
-        let t2_134 = p_ixy_arm.mul_add(t2_130, t2_133);
-        let t2_135 = (-t2_126).mul_add(p_ixz_arm, t2_134);
-        let t2_136 = al_army.mul_add(t2_124, t2_135);
-        let t2_137 = like.lift(-0.14207).mul_add(t2_129, t2_136);
-        let t2_138 = cos_elbow.mul_add(t2_113, t2_137);
-        let t2_139 = sin_elbow.mul_add(t2_99, t2_138);
-        let t2_140 = al_armx + al_armx_2;
-        let t2_141 = t2_140.mul_add(p_my_arm, t2_129);
-        let t2_142 = t2_33.mul_add(p_mx_arm, t2_141);
-        let t2_143 = t2_17 + t2_142;
-        let t2_144 = dd_q1 * p_izz_column;
-        let t2_145 = like.lift(-0.0132).mul_add(t2_143, t2_144);
-        let t2_146 = cos_q3.mul_add(t2_14, t2_145);
-        let t2_147 = (-sin_q3).mul_add(t2_4, t2_146);
-        let t2_148 = cos_q2.mul_add(t2_139, t2_147);
-        let t2_149 = sin_q2.mul_add(t2_123, t2_148);
-        let w_ixy_arm_q2 = t2_125 - t2_18;
-        let t2_150 = t2_101 - t2_30;
-        let t2_151 = d_wrist * w_wristy;
-        let t2_152 = (-sin_wrist).mul_add(al_forearmy, t2_151);
-        let al_wristx = cos_wrist.mul_add(al_forearmx, t2_152);
-        let t2_153 = d_q4.mul_add(w_flangex, t2_57);
-        let t2_154 = (-cos_q4).mul_add(al_wristz, t2_153);
-        let t2_155 = sin_q4.mul_add(al_wristx, t2_154);
-        let t2_156 = sin_q4.mul_add(al_wristz, -t2_37);
-        let t2_157 = (-d_q4).mul_add(w_flangey, t2_156);
-        let t2_158 = cos_q4.mul_add(al_wristx, t2_157);
-        let t2_159 = t2_158 * p_my_flange;
-        let t2_160 = t2_155.mul_add(p_mx_flange, t2_159);
-        let t2_161 = a_wristy * p_mx_wrist;
-        let t2_162 = like.lift(-0.05).mul_add(t2_160, t2_161);
-        let t2_163 = (-cos_q4).mul_add(t2_59, t2_162);
-        let t2_164 = (-sin_q4).mul_add(t2_55, t2_163);
-        let t2_165 = t2_66 * p_mx_wrist;
-        let t2_166 = sin_q4.mul_add(t2_85, t2_165);
-        let t2_167 = cos_q4.mul_add(t2_81, t2_166);
-        let t2_168 = t2_53.mul_add(p_mx_wrist, -t2_160);
-        let t2_169 = sin_wrist * t2_167;
-        let t2_170 = (-cos_wrist).mul_add(t2_168, t2_169);
-        let t2_171 = al_forearmx - t2_29;
-        let t2_172 = al_forearmy - t2_27;
-        let t2_173 = al_forearmz.mul_add(p_izz_forearm, t2_164);
-        let t2_174 = (-p_iyz_forearm).mul_add(t2_172, t2_173);
-        let t2_175 = p_ixz_forearm.mul_add(t2_171, t2_174);
-        let t2_176 = t2_150.mul_add(p_ixy_forearm, t2_175);
-        let t2_177 = (-t2_28).mul_add(p_ixx_forearm, t2_176);
-        let t2_178 = a_forearmx.mul_add(p_my_forearm, t2_177);
-        let t2_179 = a_forearmy.mul_add(p_mx_forearm, t2_178);
-        let t2_180 = like.lift(-0.15852).mul_add(t2_170, t2_179);
-        let t2_181 = al_forearmz - t2_28;
-        let t2_182 = t2_181 * p_my_forearm;
-        let t2_183 = t2_47.mul_add(p_mx_forearm, t2_182);
-        let t2_184 = sin_wrist.mul_add(t2_168, t2_183);
-        let t2_185 = cos_wrist.mul_add(t2_167, t2_184);
-        let t2_186 = t2_101 + t2_31;
-        let t2_187 = t2_50.mul_add(p_mx_forearm, -t2_170);
-        let t2_188 = (-t2_186).mul_add(p_my_forearm, t2_187);
-        let t2_189 = sin_elbow * t2_185;
-        let t2_190 = (-cos_elbow).mul_add(t2_188, t2_189);
-        let t2_191 = sin_q2_elbow * cos_q3;
-        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t2_191);
-        let t2_192 = cos_q2_elbow * cos_q3;
-        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t2_192);
-        let t2_193 = sin_q2_elbow_minus_q3 * cos_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t2_193);
-        let t2_194 = cos_q2_elbow_minus_q3 * cos_pin;
-        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t2_194);
+        let t2_72 = al_flangez + w_ixx_flange_q4;
+        let t2_73 = t2_72 * p_my_flange;
+        let t2_74 = t2_71.mul_add(p_mx_flange, t2_73);
+        let t2_75 = al_flangez - w_ixx_flange_q4;
+        let t2_76 = w_flangex.mul_add(w_flangex, t2_70);
+        let t2_77 = t2_75 * p_mx_flange;
+        let t2_78 = (-t2_76).mul_add(p_my_flange, t2_77);
+        let t2_79 = sin_q4 * t2_74;
+        let t2_80 = (-cos_q4).mul_add(t2_78, t2_79);
+        let t2_81 = a_wristz.mul_add(p_mx_wrist, -t2_69);
+        let t2_82 = like.lift(0.05).mul_add(t2_80, t2_81);
+        let t2_83 = al_forearmy_2 + al_forearmy;
+        let t2_84 = al_forearmz + t2_23;
+        let t2_85 = p_ixz_forearm * t2_84;
+        let t2_86 = (-a_forearmz).mul_add(p_my_forearm, t2_85);
+        let t2_87 = (-p_ixy_forearm).mul_add(t2_83, t2_86);
+        let t2_88 = al_forearmx_2.mul_add(p_ixx_forearm, t2_87);
+        let t2_89 = t2_26.mul_add(p_iyz_forearm, t2_88);
+        let t2_90 = al_forearmx.mul_add(p_izz_forearm, t2_89);
+        let t2_91 = (-sin_wrist).mul_add(t2_82, t2_90);
+        let t2_92 = (-cos_wrist).mul_add(t2_56, t2_91);
+        let t2_93 = p_ixx_forearm - p_izz_forearm;
+        let t2_94 = w_forearmx * w_forearmx;
+        let t2_95 = t2_94 - t2_25;
+        let t2_96 = t2_63.mul_add(p_mx_wrist, -t2_80);
+        let t2_97 = al_forearmx_2 + al_forearmx;
+        let t2_98 = al_forearmz - t2_23;
+        let t2_99 = a_forearmz * p_mx_forearm;
+        let t2_100 = p_iyz_forearm.mul_add(t2_98, t2_99);
+        let t2_101 = p_ixy_forearm.mul_add(t2_97, t2_100);
+        let t2_102 = (-t2_95).mul_add(p_ixz_forearm, t2_101);
+        let t2_103 = al_forearmy.mul_add(t2_93, t2_102);
+        let t2_104 = like.lift(-0.15852).mul_add(t2_96, t2_103);
+        let t2_105 = cos_wrist.mul_add(t2_82, t2_104);
+        let t2_106 = (-sin_wrist).mul_add(t2_56, t2_105);
+        let t2_107 = al_army_2 - al_army;
+        let t2_108 = dd_q2 + w_ixx_arm_q2;
+        let t2_109 = p_ixz_arm * t2_108;
+        let t2_110 = (-p_my_arm).mul_add(a_armz, t2_109);
+        let t2_111 = p_ixy_arm.mul_add(t2_107, t2_110);
+        let t2_112 = al_armx_2.mul_add(p_ixx_arm, t2_111);
+        let t2_113 = t2_20.mul_add(p_iyz_arm, t2_112);
+        let t2_114 = al_armx.mul_add(p_izz_arm, t2_113);
+        let t2_115 = (-sin_elbow).mul_add(t2_106, t2_114);
+        let t2_116 = cos_elbow.mul_add(t2_92, t2_115);
+        let t2_117 = p_ixx_arm - p_izz_arm;
+        let t2_118 = w_armx * w_armx;
+        let t2_119 = t2_118 - t2_19;
+        let t2_120 = al_forearmx + al_forearmx_2;
+        let t2_121 = t2_120.mul_add(p_my_forearm, t2_96);
+        let t2_122 = t2_57.mul_add(p_mx_forearm, t2_121);
+        let t2_123 = al_armx_2 + al_armx;
+        let t2_124 = dd_q2 - w_ixx_arm_q2;
+        let t2_125 = p_mx_arm * a_armz;
+        let t2_126 = p_iyz_arm.mul_add(t2_124, t2_125);
+        let t2_127 = p_ixy_arm.mul_add(t2_123, t2_126);
+        let t2_128 = (-t2_119).mul_add(p_ixz_arm, t2_127);
+        let t2_129 = al_army.mul_add(t2_117, t2_128);
+        let t2_130 = like.lift(-0.14207).mul_add(t2_122, t2_129);
+        let t2_131 = cos_elbow.mul_add(t2_106, t2_130);
+        let t2_132 = sin_elbow.mul_add(t2_92, t2_131);
+        let t2_133 = al_armx + al_armx_2;
+        let t2_134 = t2_133.mul_add(p_my_arm, t2_122);
+        let t2_135 = t2_27.mul_add(p_mx_arm, t2_134);
+        let t2_136 = t2_17 + t2_135;
+        let t2_137 = dd_q1 * p_izz_column;
+        let t2_138 = like.lift(-0.0132).mul_add(t2_136, t2_137);
+        let t2_139 = cos_q3.mul_add(t2_13, t2_138);
+        let t2_140 = (-sin_q3).mul_add(t2_5, t2_139);
+        let t2_141 = cos_q2.mul_add(t2_132, t2_140);
+        let t2_142 = sin_q2.mul_add(t2_116, t2_141);
+        let w_ixy_arm_q2 = t2_118 - t2_18;
+        let t2_143 = t2_94 - t2_24;
+        let t2_144 = al_wristz - t2_47;
+        let al_wristx = w_wristy * w_wristz;
+        let t2_145 = dd_q1.mul_add(sin_q2_elbow_wrist, al_wristx);
+        let t2_146 = t2_145 + al_wristx;
+        let t2_147 = t2_52 + t2_52;
+        let t2_148 = sin_q4.mul_add(t2_146, t2_147);
+        let t2_149 = (-cos_q4).mul_add(t2_144, t2_148);
+        let t2_150 = t2_31 + t2_31;
+        let t2_151 = (-cos_q4).mul_add(t2_146, t2_150);
+        let t2_152 = (-sin_q4).mul_add(t2_144, t2_151);
+        let t2_153 = t2_149 * p_mx_flange;
+        let t2_154 = (-t2_152).mul_add(p_my_flange, t2_153);
+        let t2_155 = a_wristy * p_mx_wrist;
+        let t2_156 = like.lift(-0.05).mul_add(t2_154, t2_155);
+        let t2_157 = (-cos_q4).mul_add(t2_54, t2_156);
+        let t2_158 = (-sin_q4).mul_add(t2_50, t2_157);
+        let t2_159 = t2_59 * p_mx_wrist;
+        let t2_160 = sin_q4.mul_add(t2_78, t2_159);
+        let t2_161 = cos_q4.mul_add(t2_74, t2_160);
+        let t2_162 = t2_48.mul_add(p_mx_wrist, -t2_154);
+        let t2_163 = sin_wrist * t2_161;
+        let t2_164 = (-cos_wrist).mul_add(t2_162, t2_163);
+        let t2_165 = al_forearmx_2 - al_forearmx;
+        let t2_166 = al_forearmy_2 - al_forearmy;
+        let t2_167 = al_forearmz.mul_add(p_izz_forearm, t2_158);
+        let t2_168 = (-p_iyz_forearm).mul_add(t2_166, t2_167);
+        let t2_169 = p_ixz_forearm.mul_add(t2_165, t2_168);
+        let t2_170 = t2_143.mul_add(p_ixy_forearm, t2_169);
+        let t2_171 = (-t2_23).mul_add(p_ixx_forearm, t2_170);
+        let t2_172 = a_forearmx.mul_add(p_my_forearm, t2_171);
+        let t2_173 = a_forearmy.mul_add(p_mx_forearm, t2_172);
+        let t2_174 = like.lift(-0.15852).mul_add(t2_164, t2_173);
+        let t2_175 = al_forearmz - t2_23;
+        let t2_176 = t2_175 * p_my_forearm;
+        let t2_177 = t2_41.mul_add(p_mx_forearm, t2_176);
+        let t2_178 = sin_wrist.mul_add(t2_162, t2_177);
+        let t2_179 = cos_wrist.mul_add(t2_161, t2_178);
+        let t2_180 = t2_94 + t2_25;
+        let t2_181 = t2_44.mul_add(p_mx_forearm, -t2_164);
+        let t2_182 = (-t2_180).mul_add(p_my_forearm, t2_181);
+        let t2_183 = sin_elbow * t2_179;
+        let t2_184 = (-cos_elbow).mul_add(t2_182, t2_183);
+        let t2_185 = sin_q2_elbow * cos_q3;
+        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t2_185);
+        let t2_186 = cos_q2_elbow * cos_q3;
+        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t2_186);
+        let t2_187 = sin_q2_elbow_minus_q3 * cos_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t2_187);
+        let t2_188 = cos_q2_elbow_minus_q3 * cos_pin;
+        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t2_188);
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
+        let t2_189 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t2_190 = -t2_189;
+        let t2_191 = sin_q2 * cos_q3;
+        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t2_191);
         [
-            w_crankx, w_cranky, sin_q3_pin, w_rody, w_rodz, al_armx, al_armx_2, al_army,
-            al_army_2, w_ixx_arm_q2, t2_39, a_armx, a_army, t2_76, t2_149, w_ixy_arm_q2,
-            t2_164, t2_180, t2_190, sin_q2_elbow_minus_q3_minus_pin,
-            cos_q2_elbow_minus_q3_minus_pin, pivot_3,
+            w_crankx, w_rodz, sin_q3_pin, w_rody, w_cranky, al_armx, al_armx_2, al_army,
+            al_army_2, w_ixx_arm_q2, t2_33, a_armx, a_army, t2_69, t2_142, w_ixy_arm_q2,
+            t2_158, t2_174, t2_184, sin_q2_elbow_minus_q3_minus_pin,
+            cos_q2_elbow_minus_q3_minus_pin, pivot_3, t2_189, t2_190, sin_q2_minus_q3,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3] = {
-        let t3_1 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t3_2 = -t3_1;
-        let t3_3 = sin_q2 * cos_q3;
-        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t3_3);
-        let t3_4 = cos_q2 * cos_q3;
-        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t3_4);
-        let t3_5 = sin_q2_minus_q3 * cos_pin;
-        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t3_5);
-        let t3_6 = cos_q2_minus_q3 * cos_pin;
-        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t3_6);
-        let t3_7 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t3_8 = -t3_7;
+        let t3_1 = cos_q2 * cos_q3;
+        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t3_1);
+        let t3_2 = sin_q2_minus_q3 * cos_pin;
+        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t3_2);
+        let t3_3 = cos_q2_minus_q3 * cos_pin;
+        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t3_3);
+        let t3_4 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
+        let t3_5 = -t3_4;
         let u_rod_q3x = like.lift(0.0456) * sin_pin;
-        let t3_9 = -u_rod_q3x;
-        let t3_10 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t3_1);
-        let t3_11 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
-        let t3_12 = -t3_11;
-        let t3_13 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t3_14 = t3_7 * t3_13;
-        let t3_15 = like.lift(21.92982456140351) * t3_14;
-        let t3_16 = -t3_15;
-        let t3_17 = sin_pin * t3_13;
-        let t3_18 = -t3_17;
-        let t3_19 = like.lift(1.0) + t3_15;
-        let t3_20 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t3_14, t3_10);
+        let t3_6 = -u_rod_q3x;
+        let t3_7 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t2_189);
+        let t3_8 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t3_9 = -t3_8;
+        let t3_10 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t3_11 = t3_4 * t3_10;
+        let t3_12 = like.lift(21.92982456140351) * t3_11;
+        let t3_13 = -t3_12;
+        let t3_14 = sin_pin * t3_10;
+        let t3_15 = -t3_14;
+        let t3_16 = like.lift(1.0) + t3_12;
+        let t3_17 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t3_11, t3_7);
+        let t3_18 = like.lift(7.038783698176955) * t3_17;
+        let t3_19 = -t3_18;
+        let t3_20 = t3_14.mul_add(t2_189, t3_8);
         let t3_21 = like.lift(7.038783698176955) * t3_20;
-        let t3_22 = -t3_21;
-        let t3_23 = t3_17.mul_add(t3_1, t3_11);
-        let t3_24 = like.lift(7.038783698176955) * t3_23;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([
@@ -6104,23 +5989,23 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t3_16, like.lift(0.0), t3_18],
-                [like.lift(0.0), t3_19, like.lift(0.0), t3_17],
-                [like.lift(0.0), t3_22, like.lift(0.0), t3_24],
+                [like.lift(0.0), t3_13, like.lift(0.0), t3_15],
+                [like.lift(0.0), t3_16, like.lift(0.0), t3_14],
+                [like.lift(0.0), t3_19, like.lift(0.0), t3_21],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t3_2, like.lift(0.0), like.lift(-0.14207)],
+                    [t2_190, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t3_8, like.lift(0.0), t3_9],
-                    [like.lift(0.0), t3_10, like.lift(0.0), t3_12],
+                    [like.lift(0.0), t3_5, like.lift(0.0), t3_6],
+                    [like.lift(0.0), t3_7, like.lift(0.0), t3_9],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -6133,12 +6018,12 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
     };
     // tau
     {
-        let t4_1 = cos_q3 * t2_39;
+        let t4_1 = cos_q3 * t2_33;
         let a_crankx = like.lift(-9.81).mul_add(sin_q3, t4_1);
         let t4_2 = w_cranky * w_cranky;
         let t4_3 = d_q3.mul_add(d_q3, t4_2);
         let t4_4 = like.lift(0.0456).mul_add(t4_3, a_crankx);
-        let t4_5 = sin_q3 * t2_39;
+        let t4_5 = sin_q3 * t2_33;
         let a_cranky = like.lift(9.81).mul_add(cos_q3, t4_5);
         let t4_6 = w_crankx.mul_add(w_cranky, dd_q3);
         let t4_7 = like.lift(0.0456).mul_add(t4_6, a_cranky);
@@ -6147,9 +6032,9 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
         let t4_9 = a_rodx * p_my_rod;
         let t4_10 = al_armx_2 - al_armx;
         let t4_11 = al_army_2 + al_army;
-        let t4_12 = (-t4_9).mul_add(x_pin_q2, t2_180);
-        let t4_13 = (-t2_164).mul_add(x_wrist_q2, t4_12);
-        let t4_14 = (-t2_180).mul_add(x_elbow_q2, t4_13);
+        let t4_12 = (-t4_9).mul_add(x_pin_q2, t2_174);
+        let t4_13 = (-t2_158).mul_add(x_wrist_q2, t4_12);
+        let t4_14 = (-t2_174).mul_add(x_elbow_q2, t4_13);
         let t4_15 = dd_q2.mul_add(p_izz_arm, t4_14);
         let t4_16 = p_iyz_arm.mul_add(t4_11, t4_15);
         let t4_17 = p_ixz_arm.mul_add(t4_10, t4_16);
@@ -6157,7 +6042,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
         let t4_19 = (-w_ixx_arm_q2).mul_add(p_ixx_arm, t4_18);
         let t4_20 = a_armx.mul_add(p_my_arm, t4_19);
         let t4_21 = a_army.mul_add(p_mx_arm, t4_20);
-        let t4_22 = like.lift(-0.14207).mul_add(t2_190, t4_21);
+        let t4_22 = like.lift(-0.14207).mul_add(t2_184, t4_21);
         tau[1] = t4_22;
         let w_rodx = sin_q3_pin * d_q1;
         let t4_23 = (-w_rodx).mul_add(w_rody, dd_q3);
@@ -6171,11 +6056,11 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
         let t4_31 = a_crankx.mul_add(p_my_crank, t4_30);
         let t4_32 = a_cranky.mul_add(p_mx_crank, t4_31);
         let t4_33 = like.lift(-0.0456).mul_add(t4_29, t4_32);
-        let t4_34 = (-t2_164).mul_add(x_wrist_q3, t4_33);
-        let t4_35 = (-t2_180).mul_add(x_elbow_q3, t4_34);
+        let t4_34 = (-t2_158).mul_add(x_wrist_q3, t4_33);
+        let t4_35 = (-t2_174).mul_add(x_elbow_q3, t4_34);
         tau[3] = t4_35;
-        tau[0] = t2_149;
-        tau[2] = t2_76;
+        tau[0] = t2_142;
+        tau[2] = t2_69;
     }
     (tau, Condition { pivot: condition })
 }
@@ -6360,7 +6245,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 22]) -> ([T; 4], Condition
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
 ///
-/// 183 additions, 264 multiplications, 1 divisions, 6 sines and cosines.
+/// 169 additions, 251 multiplications, 1 divisions, 6 sines and cosines.
 pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 22]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 4];
@@ -6390,11 +6275,11 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 22]) -> (
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        w_crankx, t2_2, sin_q3_pin, w_rody, t2_8, t2_10, w_cranky, t2_14, w_armx, al_army,
-        t2_15, w_ixx_arm_q2, al_armx, t2_16, t2_17, t2_18, w_forearmz, sin_q2_elbow,
-        cos_q2_elbow, w_forearmx, t2_21, t2_22, t2_23, t2_24, t2_25, t2_26, al_forearmx,
-        al_forearmy, cos_q2_elbow_minus_q3_minus_pin, pivot_3, t2_34, t2_35, t2_36, t2_37,
-        cos_q2_minus_q3_minus_pin, t2_48, t2_53, al_forearmz, t2_60, al_rodz,
+        w_crankx, t2_1, t2_2, sin_q3_pin, w_rody, t2_8, w_cranky, t2_12, w_armx, al_army,
+        t2_13, w_ixx_arm_q2, al_armx, t2_14, t2_15, t2_16, w_forearmz, sin_q2_elbow,
+        cos_q2_elbow, w_forearmx, al_forearmy, t2_19, t2_20, al_forearmx, t2_21, t2_22, t2_23,
+        cos_q2_elbow_minus_q3_minus_pin, pivot_3, t2_28, t2_29, t2_30, t2_31,
+        cos_q2_minus_q3_minus_pin, t2_42, t2_47, al_forearmz, t2_54, al_rodz,
     ] = {
         let w_crankx = sin_q3 * d_q1;
         let al_cranky = d_q3 * w_crankx;
@@ -6404,117 +6289,111 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 22]) -> (
         let sin_q3_pin = cos_q3.mul_add(sin_pin, t2_2);
         let t2_3 = cos_q3 * cos_pin;
         let cos_q3_pin = (-sin_q3).mul_add(sin_pin, t2_3);
-        let w_rody = d_q1 * cos_q3_pin;
-        let t2_4 = w_rodz + d_pin;
-        let t2_5 = w_rody * t2_4;
-        let t2_6 = d_q3.mul_add(w_rody, t2_5);
-        let t2_7 = t2_6 * p_my_rod;
-        let t2_8 = like.lift(0.0912) * t2_1;
-        let t2_9 = sin_pin * t2_8;
-        let t2_10 = like.lift(-0.0456).mul_add(t2_7, t2_9);
+        let w_rody = cos_q3_pin * d_q1;
+        let t2_4 = w_rodz * w_rody;
+        let t2_5 = t2_4 * p_my_rod;
+        let t2_6 = (-sin_pin).mul_add(t2_1, t2_5);
+        let t2_7 = like.lift(0.0912) * t2_6;
+        let t2_8 = -t2_7;
         let w_cranky = cos_q3 * d_q1;
-        let t2_11 = d_q3 * w_cranky;
-        let t2_12 = t2_11 * p_my_crank;
-        let t2_13 = al_cranky.mul_add(p_mx_crank, t2_12);
-        let t2_14 = like.lift(2.0).mul_add(t2_13, t2_7);
+        let t2_9 = d_q3 * w_cranky;
+        let t2_10 = t2_9.mul_add(p_my_crank, t2_5);
+        let t2_11 = al_cranky.mul_add(p_mx_crank, t2_10);
+        let t2_12 = like.lift(2.0) * t2_11;
         let w_armx = sin_q2 * d_q1;
         let al_army = d_q2 * w_armx;
-        let t2_15 = al_army * p_ixy_arm;
+        let t2_13 = al_army * p_ixy_arm;
         let w_army = cos_q2 * d_q1;
         let w_ixx_arm_q2 = w_armx * w_army;
         let al_armx = d_q2 * w_army;
-        let t2_16 = w_army * w_army;
-        let t2_17 = d_q2 * d_q2;
-        let t2_18 = t2_16 - t2_17;
+        let t2_14 = w_army * w_army;
+        let t2_15 = d_q2 * d_q2;
+        let t2_16 = t2_14 - t2_15;
         let w_forearmz = d_q2 + d_elbow;
-        let t2_19 = sin_q2 * cos_elbow;
-        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t2_19);
-        let t2_20 = cos_q2 * cos_elbow;
-        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t2_20);
+        let t2_17 = sin_q2 * cos_elbow;
+        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t2_17);
+        let t2_18 = cos_q2 * cos_elbow;
+        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t2_18);
         let w_forearmx = sin_q2_elbow * d_q1;
-        let t2_21 = w_forearmz * w_forearmx;
+        let al_forearmy = w_forearmz * w_forearmx;
+        let t2_19 = al_forearmy * p_ixy_forearm;
         let w_forearmy = cos_q2_elbow * d_q1;
-        let t2_22 = w_forearmx * w_forearmy;
-        let t2_23 = w_forearmz * w_forearmy;
-        let t2_24 = w_forearmy * w_forearmy;
-        let t2_25 = w_forearmz * w_forearmz;
-        let t2_26 = t2_24 - t2_25;
-        let t2_27 = d_q1 * d_q2;
-        let t2_28 = cos_q2_elbow * t2_27;
-        let al_forearmx = d_elbow.mul_add(w_forearmy, t2_28);
-        let t2_29 = sin_q2_elbow * t2_27;
-        let al_forearmy = d_elbow.mul_add(w_forearmx, t2_29);
-        let t2_30 = sin_q2_elbow * cos_q3;
-        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t2_30);
-        let t2_31 = cos_q2_elbow * cos_q3;
-        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t2_31);
-        let t2_32 = sin_q2_elbow_minus_q3 * cos_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t2_32);
-        let t2_33 = cos_q2_elbow_minus_q3 * cos_pin;
-        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t2_33);
+        let t2_20 = w_forearmx * w_forearmy;
+        let al_forearmx = w_forearmz * w_forearmy;
+        let t2_21 = w_forearmy * w_forearmy;
+        let t2_22 = w_forearmz * w_forearmz;
+        let t2_23 = t2_21 - t2_22;
+        let t2_24 = sin_q2_elbow * cos_q3;
+        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t2_24);
+        let t2_25 = cos_q2_elbow * cos_q3;
+        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t2_25);
+        let t2_26 = sin_q2_elbow_minus_q3 * cos_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t2_26);
+        let t2_27 = cos_q2_elbow_minus_q3 * cos_pin;
+        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t2_27);
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t2_34 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t2_35 = -t2_34;
-        let t2_36 = d_q3 * d_q3;
-        let t2_37 = w_rodz * w_rodz;
-        let t2_38 = sin_q2 * cos_q3;
-        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t2_38);
-        let t2_39 = cos_q2 * cos_q3;
-        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t2_39);
-        let t2_40 = sin_q2_minus_q3 * cos_pin;
-        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t2_40);
-        let t2_41 = cos_q2_minus_q3 * cos_pin;
-        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t2_41);
-        let t2_42 = cos_pin * t2_36;
-        let t2_43 = cos_q2_elbow_minus_q3_minus_pin.mul_add(t2_25, t2_42);
-        let t2_44 = (-cos_q2_minus_q3_minus_pin).mul_add(t2_17, t2_37);
-        let t2_45 = like.lift(0.14207) * t2_44;
-        let t2_46 = like.lift(0.0456).mul_add(t2_43, t2_45);
-        let t2_47 = -t2_46;
-        let t2_48 = like.lift(0.14207) * sin_q2_minus_q3_minus_pin;
-        let t2_49 = sin_pin * t2_36;
-        let t2_50 = (-sin_q2_elbow_minus_q3_minus_pin).mul_add(t2_25, t2_49);
-        let t2_51 = like.lift(0.0456) * t2_50;
-        let t2_52 = t2_17.mul_add(t2_48, t2_51);
-        let t2_53 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t2_54 = t2_53 * t2_46;
-        let t2_55 = like.lift(21.92982456140351) * t2_54;
-        let t2_56 = -t2_55;
-        let t2_57 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_54, t2_52);
-        let t2_58 = like.lift(7.038783698176955) * t2_57;
-        let t2_59 = -t2_58;
+        let t2_28 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t2_29 = -t2_28;
+        let t2_30 = d_q3 * d_q3;
+        let t2_31 = w_rodz * w_rodz;
+        let t2_32 = sin_q2 * cos_q3;
+        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t2_32);
+        let t2_33 = cos_q2 * cos_q3;
+        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t2_33);
+        let t2_34 = sin_q2_minus_q3 * cos_pin;
+        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t2_34);
+        let t2_35 = cos_q2_minus_q3 * cos_pin;
+        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t2_35);
+        let t2_36 = cos_pin * t2_30;
+        let t2_37 = cos_q2_elbow_minus_q3_minus_pin.mul_add(t2_22, t2_36);
+        let t2_38 = (-cos_q2_minus_q3_minus_pin).mul_add(t2_15, t2_31);
+        let t2_39 = like.lift(0.14207) * t2_38;
+        let t2_40 = like.lift(0.0456).mul_add(t2_37, t2_39);
+        let t2_41 = -t2_40;
+        let t2_42 = like.lift(0.14207) * sin_q2_minus_q3_minus_pin;
+        let t2_43 = sin_pin * t2_30;
+        let t2_44 = (-sin_q2_elbow_minus_q3_minus_pin).mul_add(t2_22, t2_43);
+        let t2_45 = like.lift(0.0456) * t2_44;
+        let t2_46 = t2_15.mul_add(t2_42, t2_45);
+        let t2_47 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t2_48 = t2_47 * t2_40;
+        let t2_49 = like.lift(21.92982456140351) * t2_48;
+        let t2_50 = -t2_49;
+        let t2_51 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_48, t2_46);
+        let t2_52 = like.lift(7.038783698176955) * t2_51;
+        let t2_53 = -t2_52;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
-        let ([[al_forearmz], [t2_60], [al_rodz]], found) = ::regen_runtime::guarded(
-            [[t2_56], [t2_55], [t2_59]],
+        let ([[al_forearmz], [t2_54], [al_rodz]], found) = ::regen_runtime::guarded(
+            [[t2_50], [t2_49], [t2_53]],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t2_35, like.lift(0.0), like.lift(-0.14207)],
+                    [t2_29, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_47], [t2_52], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_41], [t2_46], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
                     [like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            w_crankx, t2_2, sin_q3_pin, w_rody, t2_8, t2_10, w_cranky, t2_14, w_armx, al_army,
-            t2_15, w_ixx_arm_q2, al_armx, t2_16, t2_17, t2_18, w_forearmz, sin_q2_elbow,
-            cos_q2_elbow, w_forearmx, t2_21, t2_22, t2_23, t2_24, t2_25, t2_26, al_forearmx,
-            al_forearmy, cos_q2_elbow_minus_q3_minus_pin, pivot_3, t2_34, t2_35, t2_36, t2_37,
-            cos_q2_minus_q3_minus_pin, t2_48, t2_53, al_forearmz, t2_60, al_rodz,
+            w_crankx, t2_1, t2_2, sin_q3_pin, w_rody, t2_8, w_cranky, t2_12, w_armx, al_army,
+            t2_13, w_ixx_arm_q2, al_armx, t2_14, t2_15, t2_16, w_forearmz, sin_q2_elbow,
+            cos_q2_elbow, w_forearmx, al_forearmy, t2_19, t2_20, al_forearmx, t2_21, t2_22,
+            t2_23, cos_q2_elbow_minus_q3_minus_pin, pivot_3, t2_28, t2_29, t2_30, t2_31,
+            cos_q2_minus_q3_minus_pin, t2_42, t2_47, al_forearmz, t2_54, al_rodz,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t3_6, t3_7, t3_11, t3_44, t3_111, w_ixy_arm_q2, t3_126, t3_142, t3_152, x_elbow_q2,
+        t3_6, t3_7, t3_11, t3_41, t3_109, w_ixy_arm_q2, t3_124, t3_136, t3_146, x_elbow_q2,
         x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
     ] = {
         let t3_1 = sin_q2_elbow * cos_wrist;
@@ -6528,10 +6407,10 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 22]) -> (
         let w_wristy = d_q1 * cos_q2_elbow_wrist;
         let w_flangez = d_q4 - w_wristy;
         let t3_4 = w_flangey * w_flangez;
-        let t3_5 = t2_24 + t2_25;
+        let t3_5 = t2_21 + t2_22;
         let t3_6 = d_q1 * d_q1;
         let t3_7 = cos_q2 * t3_6;
-        let t3_8 = t2_16 + t2_17;
+        let t3_8 = t2_14 + t2_15;
         let t3_9 = like.lift(0.14207) * t3_8;
         let t3_10 = like.lift(0.0132).mul_add(t3_7, t3_9);
         let t3_11 = sin_q2 * t3_6;
@@ -6542,171 +6421,165 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 22]) -> (
         let t3_15 = like.lift(0.15852).mul_add(t3_5, a_forearmx);
         let t3_16 = cos_elbow * t3_13;
         let a_forearmy = sin_elbow.mul_add(t3_10, t3_16);
-        let t3_17 = t2_22 + al_forearmz;
+        let t3_17 = t2_20 + al_forearmz;
         let t3_18 = like.lift(0.15852).mul_add(t3_17, a_forearmy);
         let t3_19 = cos_wrist * t3_18;
         let a_wristy = sin_wrist.mul_add(t3_15, t3_19);
-        let al_wristz = al_forearmz + t2_60;
-        let t3_20 = w_wristx.mul_add(w_wristy, al_wristz);
-        let a_flangez = like.lift(0.05).mul_add(t3_20, a_wristy);
-        let t3_21 = p_my_flange * a_flangez;
-        let t3_22 = t3_4.mul_add(p_izz_flange, t3_21);
-        let t3_23 = sin_q4 * w_wristz;
-        let w_flangex = cos_q4.mul_add(w_wristx, t3_23);
-        let t3_24 = w_flangex * w_flangez;
-        let t3_25 = t3_24 * p_izz_flange;
-        let t3_26 = (-p_mx_flange).mul_add(a_flangez, t3_25);
-        let t3_27 = cos_q4 * t3_22;
-        let t3_28 = (-sin_q4).mul_add(t3_26, t3_27);
-        let t3_29 = t2_21 + al_forearmy;
+        let t3_20 = w_wristx * w_wristy;
+        let al_wristz = al_forearmz + t2_54;
+        let t3_21 = t3_20 + al_wristz;
+        let a_flangez = like.lift(0.05).mul_add(t3_21, a_wristy);
+        let t3_22 = p_my_flange * a_flangez;
+        let t3_23 = t3_4.mul_add(p_izz_flange, t3_22);
+        let t3_24 = sin_q4 * w_wristz;
+        let w_flangex = cos_q4.mul_add(w_wristx, t3_24);
+        let t3_25 = w_flangex * w_flangez;
+        let t3_26 = t3_25 * p_izz_flange;
+        let t3_27 = (-p_mx_flange).mul_add(a_flangez, t3_26);
+        let t3_28 = cos_q4 * t3_23;
+        let t3_29 = (-sin_q4).mul_add(t3_27, t3_28);
         let t3_30 = like.lift(0.28414) * al_army;
-        let a_wristz = like.lift(0.15852).mul_add(t3_29, t3_30);
-        let t3_31 = d_wrist * w_wristx;
-        let t3_32 = cos_wrist.mul_add(al_forearmy, t3_31);
-        let al_wristy = sin_wrist.mul_add(al_forearmx, t3_32);
-        let t3_33 = w_wristx.mul_add(w_wristz, al_wristy);
-        let t3_34 = like.lift(0.05).mul_add(t3_33, a_wristz);
-        let t3_35 = w_wristz * w_wristz;
-        let t3_36 = w_wristy.mul_add(w_wristy, t3_35);
-        let t3_37 = like.lift(0.05) * t3_36;
-        let t3_38 = (-sin_wrist).mul_add(t3_18, t3_37);
-        let t3_39 = cos_wrist.mul_add(t3_15, t3_38);
-        let t3_40 = sin_q4 * t3_39;
-        let a_flangey = cos_q4.mul_add(t3_34, t3_40);
-        let t3_41 = sin_q4 * t3_34;
-        let a_flangex = (-cos_q4).mul_add(t3_39, t3_41);
-        let t3_42 = al_wristy * p_izz_flange;
-        let t3_43 = (-p_my_flange).mul_add(a_flangex, t3_42);
-        let t3_44 = p_mx_flange.mul_add(a_flangey, t3_43);
-        let t3_45 = w_flangez * w_flangez;
-        let t3_46 = w_flangey.mul_add(w_flangey, t3_45);
+        let a_wristz = like.lift(0.31704).mul_add(al_forearmy, t3_30);
+        let al_wristy = w_wristx * w_wristz;
+        let t3_31 = like.lift(0.1).mul_add(al_wristy, a_wristz);
+        let t3_32 = w_wristz * w_wristz;
+        let t3_33 = w_wristy.mul_add(w_wristy, t3_32);
+        let t3_34 = like.lift(0.05) * t3_33;
+        let t3_35 = (-sin_wrist).mul_add(t3_18, t3_34);
+        let t3_36 = cos_wrist.mul_add(t3_15, t3_35);
+        let t3_37 = sin_q4 * t3_36;
+        let a_flangey = cos_q4.mul_add(t3_31, t3_37);
+        let t3_38 = sin_q4 * t3_31;
+        let a_flangex = (-cos_q4).mul_add(t3_36, t3_38);
+        let t3_39 = al_wristy * p_izz_flange;
+        let t3_40 = (-p_my_flange).mul_add(a_flangex, t3_39);
+        let t3_41 = p_mx_flange.mul_add(a_flangey, t3_40);
+        let t3_42 = w_flangez * w_flangez;
+        let t3_43 = w_flangey.mul_add(w_flangey, t3_42);
         let w_ixx_flange_q4 = w_flangex * w_flangey;
-        let t3_47 = w_ixx_flange_q4 + al_wristy;
-        let t3_48 = t3_47 * p_my_flange;
-        let t3_49 = t3_46.mul_add(p_mx_flange, t3_48);
-        let t3_50 = w_flangex.mul_add(w_flangex, t3_45);
-        let t3_51 = w_ixx_flange_q4 - al_wristy;
-        let t3_52 = t3_51 * p_mx_flange;
-        let t3_53 = t3_50.mul_add(p_my_flange, t3_52);
-        let t3_54 = cos_q4 * t3_53;
-        let t3_55 = sin_q4.mul_add(t3_49, t3_54);
-        let t3_56 = a_wristz.mul_add(p_mx_wrist, t3_44);
-        let t3_57 = like.lift(-0.05).mul_add(t3_55, t3_56);
-        let t3_58 = t2_21 + al_forearmy;
-        let t3_59 = t2_22 + al_forearmz;
-        let t3_60 = p_ixy_forearm * t3_58;
-        let t3_61 = (-p_my_forearm).mul_add(t3_30, t3_60);
-        let t3_62 = (-p_ixz_forearm).mul_add(t3_59, t3_61);
-        let t3_63 = (-t2_26).mul_add(p_iyz_forearm, t3_62);
-        let t3_64 = (-t2_23).mul_add(p_izz_forearm, t3_63);
-        let t3_65 = (-al_forearmx).mul_add(p_ixx_forearm, t3_64);
-        let t3_66 = (-sin_wrist).mul_add(t3_57, t3_65);
-        let t3_67 = cos_wrist.mul_add(t3_28, t3_66);
-        let t3_68 = p_ixx_forearm - p_izz_forearm;
-        let t3_69 = w_forearmx * w_forearmx;
-        let t3_70 = t3_69 - t2_25;
-        let t3_71 = t3_33.mul_add(p_mx_wrist, -t3_55);
-        let t3_72 = t2_23 + al_forearmx;
-        let t3_73 = t2_22 - al_forearmz;
-        let t3_74 = p_mx_forearm * t3_30;
-        let t3_75 = p_iyz_forearm.mul_add(t3_73, t3_74);
-        let t3_76 = (-p_ixy_forearm).mul_add(t3_72, t3_75);
-        let t3_77 = t3_70.mul_add(p_ixz_forearm, t3_76);
-        let t3_78 = (-t2_21).mul_add(t3_68, t3_77);
-        let t3_79 = like.lift(0.15852).mul_add(t3_71, t3_78);
-        let t3_80 = cos_wrist.mul_add(t3_57, t3_79);
-        let t3_81 = sin_wrist.mul_add(t3_28, t3_80);
-        let t3_82 = p_izz_arm + p_ixx_arm;
-        let t3_83 = (-w_ixx_arm_q2).mul_add(p_ixz_arm, t2_15);
-        let t3_84 = (-t2_18).mul_add(p_iyz_arm, t3_83);
-        let t3_85 = (-al_armx).mul_add(t3_82, t3_84);
-        let t3_86 = t3_85 + t2_15;
-        let t3_87 = (-sin_elbow).mul_add(t3_81, t3_86);
-        let t3_88 = cos_elbow.mul_add(t3_67, t3_87);
-        let t3_89 = al_armx * p_ixy_arm;
-        let t3_90 = p_ixx_arm - p_izz_arm;
-        let t3_91 = w_armx * w_armx;
-        let t3_92 = t3_91 - t2_17;
-        let t3_93 = t2_23 + al_forearmx;
-        let t3_94 = t3_93.mul_add(p_my_forearm, t3_71);
-        let t3_95 = t3_29.mul_add(p_mx_forearm, t3_94);
-        let t3_96 = (-w_ixx_arm_q2).mul_add(p_iyz_arm, t3_89);
-        let t3_97 = t3_96 + t3_89;
-        let t3_98 = (-t3_92).mul_add(p_ixz_arm, t3_97);
-        let t3_99 = al_army.mul_add(t3_90, t3_98);
-        let t3_100 = like.lift(-0.14207).mul_add(t3_95, t3_99);
-        let t3_101 = (-cos_elbow).mul_add(t3_81, t3_100);
-        let t3_102 = (-sin_elbow).mul_add(t3_67, t3_101);
-        let t3_103 = al_armx * p_my_arm;
-        let t3_104 = al_army.mul_add(p_mx_arm, t3_103);
-        let t3_105 = like.lift(2.0).mul_add(t3_104, t3_95);
-        let t3_106 = t2_14 + t3_105;
-        let t3_107 = cos_q3 * t2_10;
-        let t3_108 = like.lift(-0.0132).mul_add(t3_106, t3_107);
-        let t3_109 = t2_8.mul_add(t2_2, t3_108);
-        let t3_110 = cos_q2.mul_add(t3_102, t3_109);
-        let t3_111 = (-sin_q2).mul_add(t3_88, t3_110);
-        let w_ixy_arm_q2 = t3_91 - t2_16;
-        let t3_112 = t3_69 - t2_24;
-        let t3_113 = d_wrist * w_wristy;
-        let t3_114 = (-sin_wrist).mul_add(al_forearmy, t3_113);
-        let al_wristx = cos_wrist.mul_add(al_forearmx, t3_114);
-        let t3_115 = d_q4.mul_add(w_flangex, t3_24);
-        let t3_116 = (-cos_q4).mul_add(al_wristz, t3_115);
-        let t3_117 = sin_q4.mul_add(al_wristx, t3_116);
-        let t3_118 = d_q4.mul_add(w_flangey, t3_4);
-        let t3_119 = (-sin_q4).mul_add(al_wristz, t3_118);
-        let t3_120 = (-cos_q4).mul_add(al_wristx, t3_119);
-        let t3_121 = p_mx_flange * t3_117;
-        let t3_122 = (-p_my_flange).mul_add(t3_120, t3_121);
-        let t3_123 = p_mx_wrist * a_wristy;
-        let t3_124 = like.lift(-0.05).mul_add(t3_122, t3_123);
-        let t3_125 = (-cos_q4).mul_add(t3_26, t3_124);
-        let t3_126 = (-sin_q4).mul_add(t3_22, t3_125);
-        let t3_127 = t3_36 * p_mx_wrist;
-        let t3_128 = (-sin_q4).mul_add(t3_53, t3_127);
-        let t3_129 = cos_q4.mul_add(t3_49, t3_128);
-        let t3_130 = p_mx_wrist.mul_add(t3_20, -t3_122);
-        let t3_131 = sin_wrist * t3_129;
-        let t3_132 = (-cos_wrist).mul_add(t3_130, t3_131);
-        let t3_133 = t2_23 - al_forearmx;
-        let t3_134 = t2_21 - al_forearmy;
-        let t3_135 = p_ixz_forearm.mul_add(t3_133, -t3_126);
-        let t3_136 = (-p_iyz_forearm).mul_add(t3_134, t3_135);
-        let t3_137 = (-t3_112).mul_add(p_ixy_forearm, t3_136);
-        let t3_138 = t2_22.mul_add(p_ixx_forearm, t3_137);
-        let t3_139 = (-p_izz_forearm).mul_add(al_forearmz, t3_138);
-        let t3_140 = (-a_forearmx).mul_add(p_my_forearm, t3_139);
-        let t3_141 = (-a_forearmy).mul_add(p_mx_forearm, t3_140);
-        let t3_142 = like.lift(0.15852).mul_add(t3_132, t3_141);
-        let t3_143 = t2_22 - al_forearmz;
-        let t3_144 = t3_5 * p_mx_forearm;
-        let t3_145 = (-p_my_forearm).mul_add(t3_143, t3_144);
-        let t3_146 = sin_wrist.mul_add(t3_130, t3_145);
-        let t3_147 = cos_wrist.mul_add(t3_129, t3_146);
-        let t3_148 = t3_69 + t2_25;
-        let t3_149 = (-p_mx_forearm).mul_add(t3_17, t3_132);
-        let t3_150 = t3_148.mul_add(p_my_forearm, t3_149);
-        let t3_151 = cos_elbow * t3_150;
-        let t3_152 = sin_elbow.mul_add(t3_147, t3_151);
-        let t3_153 = t2_48 - pivot_3;
-        let t3_154 = -t3_153;
+        let t3_44 = al_wristy + w_ixx_flange_q4;
+        let t3_45 = t3_44 * p_my_flange;
+        let t3_46 = t3_43.mul_add(p_mx_flange, t3_45);
+        let t3_47 = w_flangex.mul_add(w_flangex, t3_42);
+        let t3_48 = al_wristy - w_ixx_flange_q4;
+        let t3_49 = t3_47 * p_my_flange;
+        let t3_50 = (-t3_48).mul_add(p_mx_flange, t3_49);
+        let t3_51 = cos_q4 * t3_50;
+        let t3_52 = sin_q4.mul_add(t3_46, t3_51);
+        let t3_53 = a_wristz.mul_add(p_mx_wrist, t3_41);
+        let t3_54 = like.lift(-0.05).mul_add(t3_52, t3_53);
+        let t3_55 = t2_20 + al_forearmz;
+        let t3_56 = p_izz_forearm + p_ixx_forearm;
+        let t3_57 = (-p_my_forearm).mul_add(t3_30, t2_19);
+        let t3_58 = (-p_ixz_forearm).mul_add(t3_55, t3_57);
+        let t3_59 = (-t2_23).mul_add(p_iyz_forearm, t3_58);
+        let t3_60 = (-al_forearmx).mul_add(t3_56, t3_59);
+        let t3_61 = t3_60 + t2_19;
+        let t3_62 = (-sin_wrist).mul_add(t3_54, t3_61);
+        let t3_63 = cos_wrist.mul_add(t3_29, t3_62);
+        let t3_64 = al_forearmx * p_ixy_forearm;
+        let t3_65 = p_ixx_forearm - p_izz_forearm;
+        let t3_66 = w_forearmx * w_forearmx;
+        let t3_67 = t3_66 - t2_22;
+        let t3_68 = like.lift(2.0) * al_wristy;
+        let t3_69 = t3_68.mul_add(p_mx_wrist, -t3_52);
+        let t3_70 = t2_20 - al_forearmz;
+        let t3_71 = p_mx_forearm.mul_add(t3_30, -t3_64);
+        let t3_72 = p_iyz_forearm.mul_add(t3_70, t3_71);
+        let t3_73 = t3_67.mul_add(p_ixz_forearm, t3_72);
+        let t3_74 = (-al_forearmy).mul_add(t3_65, t3_73);
+        let t3_75 = t3_74 - t3_64;
+        let t3_76 = like.lift(0.15852).mul_add(t3_69, t3_75);
+        let t3_77 = cos_wrist.mul_add(t3_54, t3_76);
+        let t3_78 = sin_wrist.mul_add(t3_29, t3_77);
+        let t3_79 = p_izz_arm + p_ixx_arm;
+        let t3_80 = (-w_ixx_arm_q2).mul_add(p_ixz_arm, t2_13);
+        let t3_81 = (-t2_16).mul_add(p_iyz_arm, t3_80);
+        let t3_82 = (-al_armx).mul_add(t3_79, t3_81);
+        let t3_83 = t3_82 + t2_13;
+        let t3_84 = (-sin_elbow).mul_add(t3_78, t3_83);
+        let t3_85 = cos_elbow.mul_add(t3_63, t3_84);
+        let t3_86 = al_armx * p_ixy_arm;
+        let t3_87 = p_ixx_arm - p_izz_arm;
+        let t3_88 = w_armx * w_armx;
+        let t3_89 = t3_88 - t2_15;
+        let t3_90 = al_forearmx * p_my_forearm;
+        let t3_91 = al_forearmy.mul_add(p_mx_forearm, t3_90);
+        let t3_92 = like.lift(2.0).mul_add(t3_91, t3_69);
+        let t3_93 = (-w_ixx_arm_q2).mul_add(p_iyz_arm, t3_86);
+        let t3_94 = t3_93 + t3_86;
+        let t3_95 = (-t3_89).mul_add(p_ixz_arm, t3_94);
+        let t3_96 = al_army.mul_add(t3_87, t3_95);
+        let t3_97 = like.lift(-0.14207).mul_add(t3_92, t3_96);
+        let t3_98 = (-cos_elbow).mul_add(t3_78, t3_97);
+        let t3_99 = (-sin_elbow).mul_add(t3_63, t3_98);
+        let t3_100 = al_armx * p_my_arm;
+        let t3_101 = al_army.mul_add(p_mx_arm, t3_100);
+        let t3_102 = like.lift(2.0).mul_add(t3_101, t3_92);
+        let t3_103 = t2_12 + t3_102;
+        let t3_104 = cos_q3 * t2_8;
+        let t3_105 = like.lift(-0.0132).mul_add(t3_103, t3_104);
+        let t3_106 = like.lift(0.0912) * t2_1;
+        let t3_107 = t3_106.mul_add(t2_2, t3_105);
+        let t3_108 = cos_q2.mul_add(t3_99, t3_107);
+        let t3_109 = (-sin_q2).mul_add(t3_85, t3_108);
+        let w_ixy_arm_q2 = t3_88 - t2_14;
+        let t3_110 = t3_66 - t2_21;
+        let al_wristx = w_wristy * w_wristz;
+        let t3_111 = t3_20 - al_wristz;
+        let t3_112 = like.lift(2.0) * al_wristx;
+        let t3_113 = t3_25 + t3_25;
+        let t3_114 = cos_q4.mul_add(t3_111, t3_113);
+        let t3_115 = sin_q4.mul_add(t3_112, t3_114);
+        let t3_116 = t3_4 + t3_4;
+        let t3_117 = sin_q4.mul_add(t3_111, t3_116);
+        let t3_118 = (-cos_q4).mul_add(t3_112, t3_117);
+        let t3_119 = p_mx_flange * t3_115;
+        let t3_120 = (-p_my_flange).mul_add(t3_118, t3_119);
+        let t3_121 = p_mx_wrist * a_wristy;
+        let t3_122 = like.lift(-0.05).mul_add(t3_120, t3_121);
+        let t3_123 = (-cos_q4).mul_add(t3_27, t3_122);
+        let t3_124 = (-sin_q4).mul_add(t3_23, t3_123);
+        let t3_125 = t3_33 * p_mx_wrist;
+        let t3_126 = (-sin_q4).mul_add(t3_50, t3_125);
+        let t3_127 = cos_q4.mul_add(t3_46, t3_126);
+        let t3_128 = p_mx_wrist.mul_add(t3_21, -t3_120);
+        let t3_129 = sin_wrist * t3_127;
+        let t3_130 = (-cos_wrist).mul_add(t3_128, t3_129);
+        let t3_131 = t3_110.mul_add(p_ixy_forearm, t3_124);
+        let t3_132 = p_izz_forearm.mul_add(al_forearmz, t3_131);
+        let t3_133 = (-t2_20).mul_add(p_ixx_forearm, t3_132);
+        let t3_134 = a_forearmx.mul_add(p_my_forearm, t3_133);
+        let t3_135 = a_forearmy.mul_add(p_mx_forearm, t3_134);
+        let t3_136 = like.lift(-0.15852).mul_add(t3_130, t3_135);
+        let t3_137 = t2_20 - al_forearmz;
+        let t3_138 = t3_5 * p_mx_forearm;
+        let t3_139 = (-p_my_forearm).mul_add(t3_137, t3_138);
+        let t3_140 = sin_wrist.mul_add(t3_128, t3_139);
+        let t3_141 = cos_wrist.mul_add(t3_127, t3_140);
+        let t3_142 = t3_66 + t2_22;
+        let t3_143 = (-p_mx_forearm).mul_add(t3_17, t3_130);
+        let t3_144 = t3_142.mul_add(p_my_forearm, t3_143);
+        let t3_145 = cos_elbow * t3_144;
+        let t3_146 = sin_elbow.mul_add(t3_141, t3_145);
+        let t3_147 = t2_42 - pivot_3;
+        let t3_148 = -t3_147;
         let u_rod_q3x = like.lift(0.0456) * sin_pin;
-        let t3_155 = -u_rod_q3x;
-        let t3_156 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t2_34);
-        let t3_157 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
-        let t3_158 = -t3_157;
-        let t3_159 = t3_153 * t2_53;
-        let t3_160 = like.lift(21.92982456140351) * t3_159;
+        let t3_149 = -u_rod_q3x;
+        let t3_150 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t2_28);
+        let t3_151 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t3_152 = -t3_151;
+        let t3_153 = t3_147 * t2_47;
+        let t3_154 = like.lift(21.92982456140351) * t3_153;
+        let t3_155 = -t3_154;
+        let t3_156 = sin_pin * t2_47;
+        let t3_157 = -t3_156;
+        let t3_158 = like.lift(1.0) + t3_154;
+        let t3_159 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t3_153, t3_150);
+        let t3_160 = like.lift(7.038783698176955) * t3_159;
         let t3_161 = -t3_160;
-        let t3_162 = sin_pin * t2_53;
-        let t3_163 = -t3_162;
-        let t3_164 = like.lift(1.0) + t3_160;
-        let t3_165 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t3_159, t3_156);
-        let t3_166 = like.lift(7.038783698176955) * t3_165;
-        let t3_167 = -t3_166;
-        let t3_168 = t3_162.mul_add(t2_34, t3_157);
-        let t3_169 = like.lift(7.038783698176955) * t3_168;
+        let t3_162 = t3_156.mul_add(t2_28, t3_151);
+        let t3_163 = like.lift(7.038783698176955) * t3_162;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([
@@ -6714,23 +6587,23 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 22]) -> (
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
+                [like.lift(0.0), t3_155, like.lift(0.0), t3_157],
+                [like.lift(0.0), t3_158, like.lift(0.0), t3_156],
                 [like.lift(0.0), t3_161, like.lift(0.0), t3_163],
-                [like.lift(0.0), t3_164, like.lift(0.0), t3_162],
-                [like.lift(0.0), t3_167, like.lift(0.0), t3_169],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t2_35, like.lift(0.0), like.lift(-0.14207)],
+                    [t2_29, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t3_154, like.lift(0.0), t3_155],
-                    [like.lift(0.0), t3_156, like.lift(0.0), t3_158],
+                    [like.lift(0.0), t3_148, like.lift(0.0), t3_149],
+                    [like.lift(0.0), t3_150, like.lift(0.0), t3_152],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -6740,14 +6613,14 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 22]) -> (
         );
         condition = condition.min(found);
         [
-            t3_6, t3_7, t3_11, t3_44, t3_111, w_ixy_arm_q2, t3_126, t3_142, t3_152, x_elbow_q2,
+            t3_6, t3_7, t3_11, t3_41, t3_109, w_ixy_arm_q2, t3_124, t3_136, t3_146, x_elbow_q2,
             x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
         ]
     };
     // tau
     {
         let t4_1 = cos_q3 * t3_6;
-        let t4_2 = w_cranky.mul_add(w_cranky, t2_36);
+        let t4_2 = w_cranky.mul_add(w_cranky, t2_30);
         let t4_3 = like.lift(0.0456) * t4_2;
         let t4_4 = like.lift(0.0132).mul_add(t4_1, t4_3);
         let t4_5 = sin_q3 * t3_6;
@@ -6759,17 +6632,17 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 22]) -> (
         let t4_10 = a_rodx * p_my_rod;
         let t4_11 = t3_7 * p_my_arm;
         let t4_12 = t3_11.mul_add(p_mx_arm, t4_11);
-        let t4_13 = t4_10.mul_add(x_pin_q2, t3_142);
-        let t4_14 = t3_126.mul_add(x_wrist_q2, t4_13);
-        let t4_15 = (-t3_142).mul_add(x_elbow_q2, t4_14);
+        let t4_13 = t4_10.mul_add(x_pin_q2, -t3_136);
+        let t4_14 = t3_124.mul_add(x_wrist_q2, t4_13);
+        let t4_15 = t3_136.mul_add(x_elbow_q2, t4_14);
         let t4_16 = (-w_ixy_arm_q2).mul_add(p_ixy_arm, t4_15);
         let t4_17 = w_ixx_arm_q2.mul_add(p_ixx_arm, t4_16);
         let t4_18 = like.lift(-0.0132).mul_add(t4_12, t4_17);
-        let t4_19 = like.lift(0.14207).mul_add(t3_152, t4_18);
+        let t4_19 = like.lift(0.14207).mul_add(t3_146, t4_18);
         let t4_20 = -t4_19;
         tau[1] = t4_20;
         let w_rodx = sin_q3_pin * d_q1;
-        let t4_21 = w_rodx.mul_add(w_rodx, t2_37);
+        let t4_21 = w_rodx.mul_add(w_rodx, t2_31);
         let t4_22 = w_rodx.mul_add(w_rody, -al_rodz);
         let t4_23 = sin_pin * t4_22;
         let t4_24 = (-cos_pin).mul_add(t4_21, t4_23);
@@ -6780,11 +6653,11 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 22]) -> (
         let t4_29 = (-t4_10).mul_add(x_pin_q3, t4_10);
         let t4_30 = like.lift(0.0132).mul_add(t4_28, t4_29);
         let t4_31 = like.lift(-0.0456).mul_add(t4_26, t4_30);
-        let t4_32 = (-t3_126).mul_add(x_wrist_q3, t4_31);
-        let t4_33 = t3_142.mul_add(x_elbow_q3, t4_32);
+        let t4_32 = (-t3_124).mul_add(x_wrist_q3, t4_31);
+        let t4_33 = (-t3_136).mul_add(x_elbow_q3, t4_32);
         tau[3] = t4_33;
-        tau[0] = t3_111;
-        tau[2] = t3_44;
+        tau[0] = t3_109;
+        tau[2] = t3_41;
     }
     (tau, Condition { pivot: condition })
 }

@@ -1,6 +1,7 @@
 //! The linear model of Eq. 4-5 and its reduction (Eq. 8-11), the recursions
 //! with given parameters, and friction and rotor columns (Eq. 14-20).
 
+mod choice;
 mod forces;
 mod inertia;
 mod reduction;
@@ -9,4 +10,4 @@ mod regressor;
 pub use forces::{Inertial, joint_efforts};
 pub use inertia::mass_matrix;
 pub use reduction::Reduction;
-pub use regressor::{Projection, friction_factor, inertial_row, reduced_regressor};
+pub use regressor::{Projection, Ways, friction_factor, inertial_row, reduced_regressor};

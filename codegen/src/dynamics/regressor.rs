@@ -7,10 +7,11 @@
 //! `[e^T eta_hat | a x e + eta_tilde^T u | u . a]`. For a revolute joint
 //! u = e x r_OkOi, which gives Eq. 4; for a prismatic one e = 0.
 
-use crate::kinematics::{LinkMotion, Rates, Twist};
+use crate::kinematics::{Centre, LinkMotion, Rates, Twist};
 use crate::model::{FrictionColumn, Model, ParameterKind};
 use crate::sym::{Ex, Graph, V3, ZERO3};
 
+use super::choice::{self, Block};
 use super::Reduction;
 
 /// The link's inertial forces, linear in its ten parameters.
@@ -48,9 +49,36 @@ impl Projection {
 
     /// The ten entries of a row for a twist.
     pub fn row(&self, g: &mut Graph, twist: &Twist) -> [Ex; 10] {
+        self.split_row(g, None, &ZERO3, twist)
+    }
+
+    /// The moments of first moments and mass about a point: `v x a + arm x eta_tilde v` for each
+    /// axis v, and `arm x a`.
+    fn about(&self, g: &mut Graph, arm: &V3) -> About {
+        let first = [0, 1, 2].map(|axis| {
+            let mut unit = ZERO3;
+            unit[axis] = Ex::ONE;
+            let own = g.cross(&unit, &self.a);
+            let lever = g.cross(arm, &self.eta_tilde[axis]);
+            g.add3(&own, &lever)
+        });
+        let mass = g.cross(arm, &self.a);
+        About { first, mass }
+    }
+
+    /// A row for the twist `(turn + twist.e, turn x arm + twist.u)`, the turn being about the
+    /// point that the moments are taken about.
+    fn split_row(
+        &self,
+        g: &mut Graph,
+        about: Option<&About>,
+        turn: &V3,
+        twist: &Twist,
+    ) -> [Ex; 10] {
         let mut row = [Ex::ZERO; 10];
+        let e = g.add3(turn, &twist.e);
         for (entry, column) in row.iter_mut().zip(&self.eta_hat) {
-            *entry = g.dot3(&twist.e, column);
+            *entry = g.dot3(&e, column);
         }
         let moment = g.cross(&self.a, &twist.e);
         for axis in 0..3 {
@@ -58,7 +86,25 @@ impl Projection {
             row[6 + axis] = g.add(moment[axis], force);
         }
         row[9] = g.dot3(&twist.u, &self.a);
+        if let Some(about) = about {
+            for (entry, moment) in row[6..].iter_mut().zip(about.columns()) {
+                let power = g.dot3(turn, moment);
+                *entry = g.add(*entry, power);
+            }
+        }
         row
+    }
+}
+
+/// Moments about a point where axes meet.
+struct About {
+    first: [V3; 3],
+    mass: V3,
+}
+
+impl About {
+    fn columns(&self) -> impl Iterator<Item = &V3> {
+        self.first.iter().chain([&self.mass])
     }
 }
 
@@ -88,22 +134,48 @@ pub fn friction_factor(g: &mut Graph, column: FrictionColumn, qd: Ex, rd: Ex) ->
     }
 }
 
+/// How the coordinates move the links.
+#[derive(Debug)]
+pub struct Ways<'a> {
+    /// Unit twists, link by link.
+    pub twists: &'a [Vec<(usize, Twist)>],
+    /// Points where axes meet, link by link.
+    pub centres: &'a [Vec<Centre>],
+}
+
 /// W, one column per parameter, each with a row per independent coordinate:
 /// K_i - X^T K_e (Eq. 11) with friction and rotor columns (Eq. 20), the ones of
 /// dependent joints projected by -X^T.
+///
+/// Each body's block is built about its origin, and about each point where axes before it meet;
+/// of all combinations one stays that takes few operations in the `wanted` columns.
 pub fn reduced_regressor(
     g: &mut Graph,
     model: &Model,
     motions: &[LinkMotion],
-    twists: &[Vec<(usize, Twist)>],
+    ways: &Ways<'_>,
     rates: &Rates,
     j: &Reduction,
+    wanted: &[bool],
 ) -> Vec<Vec<Ex>> {
     let mut columns = Vec::with_capacity(model.parameters.len());
-    for body in &model.bodies {
-        let rows = body_rows(g, &motions[body.link], &twists[body.link], j);
+    let blocks: Vec<Block> = model
+        .bodies
+        .iter()
+        .map(|body| {
+            let projection = Projection::new(g, &motions[body.link]);
+            let twists = &ways.twists[body.link];
+            let centres = ways.centres[body.link].iter().map(Some);
+            let points = [None].into_iter().chain(centres);
+            points
+                .map(|centre| body_rows(g, &projection, twists, centre, j))
+                .collect()
+        })
+        .collect();
+    let chosen = choice::cheapest(g, &blocks, wanted);
+    for (block, choice) in blocks.iter().zip(chosen) {
         for entry in 0..10 {
-            columns.push(rows.iter().map(|row| row[entry]).collect());
+            columns.push(block[choice].iter().map(|row| row[entry]).collect());
         }
     }
     for parameter in &model.parameters {
@@ -125,34 +197,47 @@ pub fn reduced_regressor(
 ///
 /// Where several of the coordinates that move the body follow one independent
 /// coordinate, their unit twists are added up first and the body's forces are
-/// projected once; where it is a single one, its row of K is scaled.
+/// projected once; where it is a single one, its row of K is scaled. Of coordinates whose axes
+/// pass through the centre only the turns count, with moments about it.
 fn body_rows(
     g: &mut Graph,
-    motion: &LinkMotion,
+    projection: &Projection,
     twists: &[(usize, Twist)],
+    centre: Option<&Centre>,
     j: &Reduction,
 ) -> Vec<[Ex; 10]> {
-    let projection = Projection::new(g, motion);
+    let about = centre.map(|centre| projection.about(g, &centre.arm));
+    let about = about.as_ref();
     let mut rows = Vec::new();
     for i in 0..j.width() {
-        let moving: Vec<(Ex, &Twist)> = twists
+        let moving: Vec<(Ex, usize, &Twist)> = twists
             .iter()
-            .map(|(c, t)| (j.at(*c, i), t))
-            .filter(|(weight, _)| !weight.is_zero())
+            .map(|(c, t)| (j.at(*c, i), *c, t))
+            .filter(|(weight, ..)| !weight.is_zero())
             .collect();
+        let inside = |c: usize| centre.is_some_and(|centre| centre.coordinates.contains(&c));
+        let nothing = Twist { e: ZERO3, u: ZERO3 };
         let row = match moving.as_slice() {
             [] => [Ex::ZERO; 10],
-            [(weight, twist)] => {
-                let row = projection.row(g, twist);
+            [(weight, c, twist)] => {
+                let row = if inside(*c) {
+                    projection.split_row(g, about, &twist.e, &nothing)
+                } else {
+                    projection.row(g, twist)
+                };
                 row.map(|entry| g.mul(*weight, entry))
             }
             several => {
-                let mut sum = Twist { e: ZERO3, u: ZERO3 };
-                for (weight, twist) in several {
-                    sum.e = g.add_scaled3(&sum.e, *weight, &twist.e);
-                    sum.u = g.add_scaled3(&sum.u, *weight, &twist.u);
+                let (mut turn, mut sum) = (ZERO3, nothing);
+                for (weight, c, twist) in several {
+                    if inside(*c) {
+                        turn = g.add_scaled3(&turn, *weight, &twist.e);
+                    } else {
+                        sum.e = g.add_scaled3(&sum.e, *weight, &twist.e);
+                        sum.u = g.add_scaled3(&sum.u, *weight, &twist.u);
+                    }
                 }
-                projection.row(g, &sum)
+                projection.split_row(g, about, &turn, &sum)
             }
         };
         rows.push(row);

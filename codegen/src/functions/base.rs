@@ -73,7 +73,12 @@ fn particular(cx: &mut Context<'_>, base: &Base, beta: &[Ex]) -> Vec<Ex> {
 /// W at the kept columns; known parameters add theirs to those they are
 /// written with.
 pub(super) fn base_regressor(cx: &mut Context<'_>, base: &Base) -> Request {
-    let columns = dynamics::regressor_columns(cx);
+    let mut wanted = vec![false; cx.model.parameters.len()];
+    let known = base.known.iter().map(|known| known.column);
+    for column in kept(base).chain(known) {
+        wanted[column] = true;
+    }
+    let columns = dynamics::regressor_columns(cx, &wanted);
     let mut groups: Vec<(String, Vec<Ex>)> = Vec::new();
     for column in kept(base) {
         let mut entries = columns[column].clone();

@@ -1,7 +1,7 @@
 //! Dynamic functions: regressors, forces, mass matrix.
 
-use crate::dynamics::{self, Reduction};
-use crate::kinematics::{LinkMotion, Rates, motions, twists};
+use crate::dynamics::{self, Reduction, Ways};
+use crate::kinematics::{LinkMotion, Rates, centres, motions, twists};
 use crate::optimize::Request;
 use crate::sym::Ex;
 
@@ -32,12 +32,17 @@ fn given_rates(cx: &mut Context<'_>) -> Rates {
     }
 }
 
-/// The columns of W for a motion.
-fn columns_of(cx: &mut Context<'_>, rates: &Rates) -> Vec<Vec<Ex>> {
+/// The columns of W for a motion; those that are not wanted may take more operations.
+fn columns_of(cx: &mut Context<'_>, rates: &Rates, wanted: &[bool]) -> Vec<Vec<Ex>> {
     let j = reduction(cx);
     let motions = link_motions(cx, rates);
     let twists = twists(cx.g, cx.frames, cx.model);
-    let columns = dynamics::reduced_regressor(cx.g, cx.model, &motions, &twists, rates, &j);
+    let ways = Ways {
+        twists: &twists,
+        centres: &centres(cx.g, cx.frames, cx.model),
+    };
+    let columns =
+        dynamics::reduced_regressor(cx.g, cx.model, &motions, &ways, rates, &j, wanted);
     for (column, parameter) in columns.iter().zip(&cx.model.parameters) {
         for (entry, i) in column.iter().zip(&cx.model.independent) {
             let row = &cx.model.coordinates[*i].name;
@@ -47,15 +52,15 @@ fn columns_of(cx: &mut Context<'_>, rates: &Rates) -> Vec<Vec<Ex>> {
     columns
 }
 
-/// The columns of W for the motion given.
-pub(super) fn regressor_columns(cx: &mut Context<'_>) -> Vec<Vec<Ex>> {
+/// The columns of W for the motion given; those that are not wanted may take more operations.
+pub(super) fn regressor_columns(cx: &mut Context<'_>, wanted: &[bool]) -> Vec<Vec<Ex>> {
     let rates = given_rates(cx);
-    columns_of(cx, &rates)
+    columns_of(cx, &rates, wanted)
 }
 
 /// The columns of W in groups: one per body, one for friction and rotors.
 fn regressor_groups(cx: &mut Context<'_>, rates: &Rates) -> Vec<(String, Vec<Ex>)> {
-    let columns = columns_of(cx, rates);
+    let columns = columns_of(cx, rates, &vec![true; cx.model.parameters.len()]);
     let mut groups = Vec::new();
     let (inertial, rest) = columns.split_at(10 * cx.model.bodies.len());
     for (body, columns) in cx.model.bodies.iter().zip(inertial.chunks(10)) {

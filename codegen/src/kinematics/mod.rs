@@ -1,10 +1,12 @@
 //! Frames, motions and twists of the links, as expressions.
 
+mod centre;
 mod chain;
 mod frames;
 mod motion;
 mod twist;
 
+pub use centre::{Centre, centres};
 pub use chain::{Chain, ChainJoint, Start, turned_twice};
 pub use frames::{Frames, Geometry, LinkFrame, Turn, unit};
 pub use motion::{LinkMotion, Rates, motions};

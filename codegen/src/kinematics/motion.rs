@@ -138,6 +138,9 @@ impl LinkMotion {
             product(1, 2),
             product(2, 2),
         ];
+        if let Some(held) = self.field_on_axis(g, frames, link) {
+            alpha = alpha_beside_axis(g, &held, &ww, &alpha);
+        }
         let eta = eta_tilde(g, &ww, &alpha);
         LinkMotion {
             w,
@@ -148,6 +151,44 @@ impl LinkMotion {
             eta,
         }
     }
+
+    /// The acceleration, relative to the link's origin, of the point one length along the axis
+    /// about which a link turns on this one, in that link's frame: the column of eta tilde that
+    /// belongs to the axis. Both links have it, so it need only be turned. `None` where the link
+    /// does not turn, or about an axis along none of this link's.
+    fn field_on_axis(&self, g: &mut Graph, frames: &Frames, link: usize) -> Option<OnAxis> {
+        let (_, kind, axis) = frames.links[link].joint?;
+        let before = frames.into_parent(g, link, &axis);
+        let moves = before.iter().filter(|e| !e.is_zero()).count() == 1;
+        // a link that turns about an axis of the base has little to share
+        if kind != MotionKind::Rotation || !moves || self.w.iter().any(|e| e.is_zero()) {
+            return None;
+        }
+        let k = axis.iter().position(|e| *e == Ex::ONE)?;
+        let field = g.mul_mv(&self.eta, &before);
+        let field = frames.into_link(g, link, &field);
+        Some(OnAxis { k, field })
+    }
+}
+
+/// A column of eta tilde that is known before the angular acceleration is.
+struct OnAxis {
+    /// Which column.
+    k: usize,
+    field: V3,
+}
+
+/// The angular acceleration from the column: its part along the axis as it is.
+fn alpha_beside_axis(g: &mut Graph, held: &OnAxis, ww: &[Ex; 6], alpha: &V3) -> V3 {
+    let [_, xy, xz, _, yz, _] = *ww;
+    let (i, j) = ((held.k + 1) % 3, (held.k + 2) % 3);
+    // w_i w_k and w_j w_k
+    let (ik, jk) = [(xy, xz), (yz, xy), (xz, yz)][held.k];
+    let mut beside = *alpha;
+    // the column is w_i w_k + alpha_j, w_j w_k - alpha_i
+    beside[j] = g.sub(held.field[i], ik);
+    beside[i] = g.sub(jk, held.field[j]);
+    beside
 }
 
 /// (alpha x) + (w x)(w x), from the polar products of w.

@@ -1,0 +1,106 @@
+//! Which way of building each body's columns takes the fewest operations.
+
+use crate::sym::{Ex, Graph};
+
+/// A body's rows, ten entries each, once for every way of building them: the first is about the
+/// link's origin.
+pub(super) type Block = Vec<Vec<[Ex; 10]>>;
+
+/// How often all bodies are gone through.
+const SWEEPS: usize = 4;
+
+/// The way for each body, priced over all bodies together in the `wanted` columns: what the
+/// bodies share is paid once, so that a way may pay for some bodies only when more take it.
+///
+/// From the same way everywhere, as far as bodies have it, one body after the other takes the way
+/// that is best with the others as they are, until nothing changes. Of the results the cheapest
+/// stays, of equal ones the first.
+pub(super) fn cheapest(g: &Graph, blocks: &[Block], wanted: &[bool]) -> Vec<usize> {
+    let roots = |body: usize, way: usize| {
+        let wanted = &wanted[10 * body..10 * body + 10];
+        let entries = blocks[body][way].iter();
+        let entries = entries.flat_map(move |row| row.iter().zip(wanted));
+        entries.filter(|(_, wanted)| **wanted).map(|(e, _)| *e)
+    };
+    let price = |ways: &[usize]| {
+        let all = ways.iter().enumerate().flat_map(|(body, way)| roots(body, *way));
+        g.price(all, &mut Vec::new())
+    };
+    let most = blocks.iter().map(Vec::len).max().unwrap_or(1);
+    let mut best: Option<(usize, Vec<usize>)> = None;
+    for start in 0..most {
+        let has = |block: &Block| if start < block.len() { start } else { 0 };
+        let mut ways: Vec<usize> = blocks.iter().map(has).collect();
+        let mut least = price(&ways);
+        for _ in 0..SWEEPS {
+            let before = least;
+            for body in 0..blocks.len() {
+                for way in 0..blocks[body].len() {
+                    let old = std::mem::replace(&mut ways[body], way);
+                    let new = price(&ways);
+                    if new < least {
+                        least = new;
+                    } else {
+                        ways[body] = old;
+                    }
+                }
+            }
+            if least == before {
+                break;
+            }
+        }
+        if best.as_ref().is_none_or(|(other, _)| least < *other) {
+            best = Some((least, ways));
+        }
+    }
+    best.map(|(_, ways)| ways).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn block(ways: [Ex; 2]) -> Block {
+        ways.map(|entry| {
+            let mut row = [Ex::ZERO; 10];
+            row[5] = entry;
+            vec![row]
+        })
+        .to_vec()
+    }
+
+    #[test]
+    fn a_way_that_pays_only_for_several_bodies_is_found() {
+        let mut g = Graph::new();
+        let [a, b, c, d] = ["a", "b", "c", "d"].map(|name| g.symbol(name));
+        // six operations that two bodies share, or four for each
+        let product = |g: &mut Graph, factors: &[Ex]| {
+            let first = factors[0];
+            factors[1..].iter().fold(first, |p, f| g.mul(p, *f))
+        };
+        let shared = product(&mut g, &[a, a, a, a, a]);
+        let [x, y] = [b, c].map(|f| {
+            let own = product(&mut g, &[f, f, d, d]);
+            [own, g.add(shared, f)]
+        });
+        let blocks = [block(x), block(y)];
+        let alone = cheapest(&g, &blocks[..1], &[true; 10]);
+        assert_eq!(alone, [0]);
+        let mut third = product(&mut g, &[d, d, d, d]);
+        third = g.mul(third, a);
+        let with = g.add(shared, d);
+        let blocks = [block(x), block(y), block([third, with])];
+        assert_eq!(cheapest(&g, &blocks, &[true; 30]), [1, 1, 1]);
+    }
+
+    #[test]
+    fn columns_that_are_not_wanted_do_not_count() {
+        let mut g = Graph::new();
+        let [a, b] = ["a", "b"].map(|name| g.symbol(name));
+        let (ab, sum) = (g.mul(a, b), g.add(a, b));
+        let dear = g.mul(ab, sum);
+        let blocks = [block([dear, ab])];
+        assert_eq!(cheapest(&g, &blocks, &[true; 10]), [1]);
+        assert_eq!(cheapest(&g, &blocks, &[false; 10]), [0]);
+    }
+}

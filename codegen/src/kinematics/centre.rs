@@ -1,0 +1,69 @@
+//! Points that axes share: the shoulder or the wrist of an arm, a universal joint.
+//!
+//! All joints whose axes meet in a point move a link's origin by `e x arm`, with one arm for all
+//! of them, so that what they do to the link can be taken about that point at once.
+
+use crate::model::{Model, MotionKind};
+use crate::sym::{Ex, Graph, V3};
+
+use super::Frames;
+
+/// A point where axes meet, seen from a link that their joints move.
+#[derive(Clone, Debug)]
+pub struct Centre {
+    /// From the point to the link's origin, in the link's frame.
+    pub arm: V3,
+    /// The coordinates about whose axes the point stays, from the base outward.
+    pub coordinates: Vec<usize>,
+}
+
+/// For each link, the points where axes of two or more joints before it meet. A point is found
+/// where the axes of two neighbours meet; joints further out join in as they pass through it.
+/// Axes must lie along their frames' axes exactly.
+pub fn centres(g: &mut Graph, frames: &Frames, model: &Model) -> Vec<Vec<Centre>> {
+    let mut all: Vec<Vec<Centre>> = Vec::new();
+    for (link, frame) in frames.links.iter().enumerate() {
+        let mut own = frame.parent.map_or_else(Vec::new, |p| all[p].clone());
+        for centre in &mut own {
+            let arm = g.add3(&centre.arm, &frame.offset);
+            centre.arm = frames.into_link(g, link, &arm);
+        }
+        let turn = |link: usize| {
+            let (coordinate, kind, axis) = frames.links[link].joint?;
+            (kind == MotionKind::Rotation).then_some((coordinate, axis))
+        };
+        if let Some((coordinate, axis)) = turn(link) {
+            let through = |arm: &V3| {
+                let beside = arm.iter().zip(&axis).filter(|(_, on)| on.is_zero());
+                beside.into_iter().all(|(length, _)| length.is_zero())
+            };
+            for centre in own.iter_mut().filter(|c| through(&c.arm)) {
+                centre.coordinates.push(coordinate);
+            }
+            if let Some((before, along)) = frame.parent.and_then(turn) {
+                // the point of the axis before that is nearest: what is along it does not count
+                let mut arm = frame.offset;
+                for (length, on) in arm.iter_mut().zip(&along) {
+                    if !on.is_zero() {
+                        *length = Ex::ZERO;
+                    }
+                }
+                let arm = frames.into_link(g, link, &arm);
+                let pair = [before, coordinate];
+                let known = |c: &Centre| pair.iter().all(|p| c.coordinates.contains(p));
+                if through(&arm) && !own.iter().any(known) {
+                    let coordinates = pair.to_vec();
+                    own.push(Centre { arm, coordinates });
+                }
+            }
+        }
+        let name = &model.links[link].name;
+        for (number, centre) in own.iter().enumerate() {
+            for (axis, letter) in ["x", "y", "z"].iter().enumerate() {
+                g.name(centre.arm[axis], || format!("arm{number}_{name}{letter}"));
+            }
+        }
+        all.push(own);
+    }
+    all
+}
