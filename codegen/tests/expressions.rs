@@ -8,7 +8,7 @@ use regen_codegen::constraints::{Closed, world_equations};
 use regen_codegen::diag::Source;
 use regen_codegen::dynamics::{Reduction, Ways, reduced_regressor};
 use regen_codegen::functions::Symbols;
-use regen_codegen::kinematics::{centres, Frames, Geometry, Rates, motions, twists};
+use regen_codegen::kinematics::{Frames, Geometry, Rates, centres, motions, twists};
 use regen_codegen::model::{self, Model};
 use regen_codegen::spec::parse;
 use regen_codegen::sym::{Ex, Graph, print::text};

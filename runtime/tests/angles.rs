@@ -126,6 +126,28 @@ fn beyond_its_reach_it_is_the_standard_library() {
     assert!((other - 1.0_f64.sin()).abs() < 1e-15);
 }
 
+/// Registers are filled up with zeros where angles are left over: what an angle gives does not
+/// depend on how many there are, or on its place.
+#[test]
+fn an_angle_gives_the_same_among_any_number_of_others() {
+    fn check<const N: usize>() {
+        let angles: [f64; N] = std::array::from_fn(|i| 0.37 * (i as f64 + 1.0) - 2.0);
+        for (x, found) in angles.iter().zip(f64::sin_cos_all(angles)) {
+            assert_eq!(found, f64::sin_cos_all([*x])[0], "{x} among {N}");
+            assert!((found.0 - x.sin()).abs() < 1e-15 && (found.1 - x.cos()).abs() < 1e-15);
+        }
+    }
+    check::<2>();
+    check::<4>();
+    check::<5>();
+    check::<7>();
+    check::<8>();
+    check::<9>();
+    check::<13>();
+    check::<17>();
+    assert_eq!(f64::sin_cos_all([]), []);
+}
+
 #[test]
 #[ignore = "two million angles; prints the largest error seen"]
 fn largest_error() {

@@ -276,6 +276,91 @@ static double now(void) { struct timespec t; clock_gettime(CLOCK_MONOTONIC, &t);
 """
 
 
+# The 3-RPS as its users would: the regressor of the tree, the Jacobians of both sides of each cut in
+# the world's axes, X by Eigen's LU with partial pivoting, K_i - X^T K_e with all 70 columns.
+PINOCCHIO_RPS3 = r"""
+#include <pinocchio/algorithm/frames.hpp>
+#include <pinocchio/algorithm/jacobian.hpp>
+#include <Eigen/LU>
+#include <iostream>
+#include <vector>
+static const double side = 0.4563;
+static const int independent[3] = {1, 6, 8}, dependent[6] = {0, 2, 3, 4, 5, 7};
+static const int columns[][2] = {COLUMNS};
+struct Closed {
+  Model m; Data d; Eigen::VectorXd q, v, a; FrameIndex sides[2][2];
+  Eigen::Matrix<double, 6, 9> J[2]; Eigen::Matrix<double, 6, 9> A; Eigen::Matrix<double, 3, Eigen::Dynamic> W;
+  static Model build(FrameIndex sides[2][2]) {
+    Model m; const double r = side / sqrt(3.0), turn = 2 * M_PI / 3; JointIndex ends[3] = {};
+    for (int leg = 0; leg < 3; leg++) {
+      const double t = leg == 0 ? 0 : leg == 1 ? turn : -turn;
+      Eigen::Matrix3d R = (Eigen::AngleAxisd(t, Eigen::Vector3d::UnitZ()) * Eigen::AngleAxisd(-M_PI / 2, Eigen::Vector3d::UnitX())).toRotationMatrix();
+      SE3 ground(R, Eigen::Vector3d(r * cos(t), r * sin(t), 0));
+      JointIndex j = m.addJoint(0, JointModelRZ(), ground, "r" + std::to_string(leg));
+      m.appendBodyToJoint(j, Inertia::Random(), SE3::Identity());
+      SE3 slide(Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitX()).toRotationMatrix(), Eigen::Vector3d::Zero());
+      j = m.addJoint(j, JointModelPZ(), slide, "p" + std::to_string(leg));
+      m.appendBodyToJoint(j, Inertia::Random(), SE3::Identity());
+      if (leg == 0) {
+        j = m.addJoint(j, JointModelRZ(), SE3::Identity(), "s1");
+        j = m.addJoint(j, JointModelRY(), SE3::Identity(), "s2");
+        j = m.addJoint(j, JointModelRX(), SE3::Identity(), "s3");
+        m.appendBodyToJoint(j, Inertia::Random(), SE3::Identity());
+      }
+      ends[leg] = j;
+    }
+    const double height = side * sqrt(3.0) / 2;
+    const Eigen::Vector3d corners[2] = {{side, 0, 0}, {side / 2, height, 0}};
+    for (int cut = 0; cut < 2; cut++) {
+      sides[cut][0] = m.addFrame(Frame("c" + std::to_string(cut), ends[0], 0, SE3(Eigen::Matrix3d::Identity(), corners[cut]), OP_FRAME));
+      sides[cut][1] = m.addFrame(Frame("e" + std::to_string(cut), ends[cut + 1], 0, SE3::Identity(), OP_FRAME));
+    }
+    return m;
+  }
+  Closed() : m(build(sides)), d(m), q(9), v(9), a(9), W(3, 70) { J[0].setZero(); J[1].setZero(); }
+  void set(double k) { for (int i = 0; i < 9; i++) { q[i] = 0.6 + 0.1 * sin(k + i); v[i] = sin(2 * k + i); a[i] = cos(k - i); } }
+  void evaluate() {
+    computeJointTorqueRegressor(m, d, q, v, a);
+    computeJointJacobians(m, d, q);
+    updateFramePlacements(m, d);
+    for (int cut = 0; cut < 2; cut++) {
+      for (int s = 0; s < 2; s++) { J[s].setZero(); getFrameJacobian(m, d, sides[cut][s], LOCAL_WORLD_ALIGNED, J[s]); }
+      A.middleRows<3>(3 * cut) = J[0].topRows<3>() - J[1].topRows<3>();
+    }
+    Eigen::Matrix<double, 6, 6> Ae; Eigen::Matrix<double, 6, 3> Ai;
+    for (int k = 0; k < 6; k++) Ae.col(k) = A.col(dependent[k]);
+    for (int k = 0; k < 3; k++) Ai.col(k) = A.col(independent[k]);
+    const Eigen::Matrix<double, 6, 3> X = Ae.partialPivLu().solve(Ai);
+    // links without a body have columns of zeros that count for nothing
+    static const int joints[7] = {0, 1, 4, 5, 6, 7, 8};
+    for (int b = 0; b < 7; b++) {
+      const auto K = d.jointTorqueRegressor.middleCols<10>(10 * joints[b]);
+      Eigen::Matrix<double, 6, 10> Ke; Eigen::Matrix<double, 3, 10> Ki;
+      for (int k = 0; k < 6; k++) Ke.row(k) = K.row(dependent[k]);
+      for (int k = 0; k < 3; k++) Ki.row(k) = K.row(independent[k]);
+      W.middleCols<10>(10 * b).noalias() = Ki - X.transpose() * Ke;
+    }
+  }
+};
+static void printed() {
+  Closed c;
+  while (true) {
+    for (int i = 0; i < 27; i++) if (!(std::cin >> (i < 9 ? c.q[i] : i < 18 ? c.v[i - 9] : c.a[i - 18]))) return;
+    c.evaluate();
+    for (const auto& column : columns) for (int k = 0; k < 3; k++) printf("%.17g ", c.W(k, 10 * column[0] + column[1]));
+    printf("\n");
+  }
+}
+"""
+
+
+def pinocchio_columns():
+    """Body and entry of each base column of the 3-RPS, in Pinocchio's order of a body's ten."""
+    order = ["m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"]
+    pairs = (re.fullmatch(r"(\w+)\((\d+)\)", label).groups() for label in kept("rps3"))
+    return ", ".join(f"{{{int(body) - 1}, {order.index(name)}}}" for name, body in pairs)
+
+
 def run(command, **more):
     return subprocess.run(command, check=True, text=True, capture_output=True, **more).stdout
 
@@ -317,7 +402,8 @@ def compile_pinocchio(models):
     code += " double ca = cos(t[i][0]), sa = sin(t[i][0]); Eigen::Matrix3d R; R << 1, 0, 0, 0, ca, -sa, 0, sa, ca;\n"
     code += " SE3 p(R, Eigen::Vector3d(t[i][1], -sa * t[i][2], ca * t[i][2]));\n"
     code += " JointIndex j = m.addJoint(i, JointModelRZ(), p, \"j\" + std::to_string(i)); m.appendBodyToJoint(j, Inertia::Random(), SE3::Identity()); }\n return m; }\n"
-    code += "int main() {\n double best_s = 1e30; double x[8] = {.3, -.4, .5, 1.1, -.7, .2, .9}, y[16];\n"
+    code += PINOCCHIO_RPS3.replace("COLUMNS", pinocchio_columns())
+    code += "int main(int argc, char**) {\n if (argc > 1) { printed(); return 0; }\n double best_s = 1e30; double x[8] = {.3, -.4, .5, 1.1, -.7, .2, .9}, y[16];\n"
     for name, (rows, _) in models.items():
         table = ", ".join("{" + ", ".join(repr(v) for v in row) + "}" for row in rows)
         n = len(rows)
@@ -325,6 +411,8 @@ def compile_pinocchio(models):
         code += "  for (int r = 0; r < 200; r++) { double s = now(); for (int k = 0; k < CALLS; k++) { KEEP(&q); computeJointTorqueRegressor(m, d, q, v, a); KEEP(d.jointTorqueRegressor.data()); } s = (now() - s) / CALLS; if (s < best) best = s;\n"
         code += "   s = now(); for (int k = 0; k < CALLS; k++) { KEEP(x); for (int j = 0; j < 6; j++) { y[j] = sin(x[j]); y[8 + j] = cos(x[j]); } KEEP(y); } s = (now() - s) / CALLS; if (s < best_s) best_s = s; }\n"
         code += f'  printf("{name}_full\\t%.2f\\n", best); }}\n'
+    code += " { Closed c; c.set(.6); double best = 1e30; for (int r = 0; r < 200; r++) { double s = now(); for (int k = 0; k < CALLS; k++) { KEEP(&c); c.evaluate(); KEEP(c.W.data()); } s = (now() - s) / CALLS; if (s < best) best = s; }\n"
+    code += '  printf("rps3_full\\t%.2f\\n", best); }\n'
     code += ' printf("sincos6\\t%.2f\\n", best_s);\n}\n'
     (WORK / "pin.cpp").write_text(code)
     program = WORK / "pin"
@@ -362,6 +450,21 @@ def agree(ours, functions):
             worst = max(worst, np.abs(mine - theirs).max() / np.abs(mine).max())
         print(f"{robot}: {f.n_instructions()} instructions of CasADi; columns agree to {worst:.1e}")
         assert worst < 1e-10, robot
+
+
+def agree_pinocchio(ours, pin):
+    import numpy as np
+
+    rng = random.Random(2)
+    states = [[rng.uniform(-1, 1) + (0.6 if i < 9 else 0) for i in range(27)] for _ in range(20)]
+    text = "\n".join(" ".join(map(repr, s)) for s in states)
+    both = zip(run([ours, "columns", "rps3"], input=text).splitlines(), run([pin, "columns"], input=text).splitlines())
+    worst = 0.0
+    for mine, theirs in both:
+        mine, theirs = (np.array([float(x) for x in line.split()]) for line in (mine, theirs))
+        worst = max(worst, np.abs(mine - theirs).max() / np.abs(mine).max())
+    print(f"rps3: columns agree with Pinocchio's and Eigen's to {worst:.1e}")
+    assert worst < 1e-9
 
 
 def figures(program):
@@ -407,6 +510,7 @@ def main():
     fast = compile_casadi(ca, functions, ["-O3", "-march=native", "-ffast-math"], "fast")
     plain = compile_casadi(ca, functions, ["-O3", "-march=native"], "plain")
     pin = compile_pinocchio({robot: links(robot) for robot in SERIAL})
+    agree_pinocchio(ours_program, pin)
     ours, fast, plain, pin = (figures(p) for p in (ours_program, fast, plain, pin))
     import pinocchio
 

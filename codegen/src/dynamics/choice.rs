@@ -23,7 +23,10 @@ pub(super) fn cheapest(g: &Graph, blocks: &[Block], wanted: &[bool]) -> Vec<usiz
         entries.filter(|(_, wanted)| **wanted).map(|(e, _)| *e)
     };
     let price = |ways: &[usize]| {
-        let all = ways.iter().enumerate().flat_map(|(body, way)| roots(body, *way));
+        let all = ways
+            .iter()
+            .enumerate()
+            .flat_map(|(body, way)| roots(body, *way));
         g.price(all, &mut Vec::new())
     };
     let most = blocks.iter().map(Vec::len).max().unwrap_or(1);

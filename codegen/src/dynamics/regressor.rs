@@ -11,8 +11,8 @@ use crate::kinematics::{Centre, LinkMotion, Rates, Twist};
 use crate::model::{FrictionColumn, Model, ParameterKind};
 use crate::sym::{Ex, Graph, V3, ZERO3};
 
-use super::choice::{self, Block};
 use super::Reduction;
+use super::choice::{self, Block};
 
 /// The link's inertial forces, linear in its ten parameters.
 #[derive(Clone, Debug)]

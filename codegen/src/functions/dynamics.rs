@@ -41,8 +41,7 @@ fn columns_of(cx: &mut Context<'_>, rates: &Rates, wanted: &[bool]) -> Vec<Vec<E
         twists: &twists,
         centres: &centres(cx.g, cx.frames, cx.model),
     };
-    let columns =
-        dynamics::reduced_regressor(cx.g, cx.model, &motions, &ways, rates, &j, wanted);
+    let columns = dynamics::reduced_regressor(cx.g, cx.model, &motions, &ways, rates, &j, wanted);
     for (column, parameter) in columns.iter().zip(&cx.model.parameters) {
         for (entry, i) in column.iter().zip(&cx.model.independent) {
             let row = &cx.model.coordinates[*i].name;

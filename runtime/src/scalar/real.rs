@@ -125,6 +125,7 @@ macro_rules! scalar {
 
 scalar!(f64, sqrt, sincos, atan, exp, pow, {
     #[inline(always)]
+    #[allow(clippy::inline_always, reason = "the results shall stay in registers")]
     fn sin_cos_all<const N: usize>(angles: [Self; N]) -> [(Self, Self); N] {
         match super::angles::sin_cos_all(&angles) {
             Some(all) => all,
